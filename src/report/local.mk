@@ -9,6 +9,7 @@ librextract_la_SOURCES += \
 	src/report/qa_figures.c src/report/qa_figures.h \
 	src/report/qa_page.c src/report/qa_page.h \
 	src/report/qa_psf_figures.c \
+	src/report/qa_tables.c src/report/qa_tables.h \
 	src/report/report.c src/report/report.h \
 	src/report/report_file.c src/report/report_file.h \
 	src/report/report_table.c src/report/report_table.h

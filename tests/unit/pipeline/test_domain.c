@@ -791,10 +791,12 @@ static void test_outputs_inside(void **state)
     static const char *const pages[] = {"qa/report.html", "check/report.html"};
     for (int i = 0; i < 2; i++) {
         holds(pages[i], "What the model promises here", 1);
-        holds(pages[i], "NET: model toy, digest", 1);
-        holds(pages[i], "It promises nothing here", 0);
-        holds(pages[i], "done by", 0);
-        holds(pages[i], "<td>2 &ndash; 5</td>", 1);
+        holds(pages[i], "<b>model</b></td><td class=\"t\">name</td><td class=\"t\">toy</td>", 1);
+        holds(pages[i], "promises nothing here", 0);
+        holds(pages[i], "<b>done by</b>", 0);
+        holds(pages[i], "<b>FWHM from</b> [pix]</td><td class=\"t\">bin of the model, from</td><td>2</td>",
+              1);
+        holds(pages[i], "<b>FWHM to</b> [pix]</td><td class=\"t\">to</td><td>5</td>", 1);
     }
     holds("qa/summary.json", "\"bias_percent\": -1.25", 1);
 }
@@ -814,13 +816,14 @@ static void test_outputs_rl(void **state)
     card_is("out_RL.cat", 1, "RXWHY", NULL);
     static const char *const pages[] = {"qa/report.html", "check/report.html"};
     for (int i = 0; i < 2; i++) {
-        holds(pages[i], "NET: done by RL</b>: FWHM 12.00 pixels is above 8. All numbers of this run", 1);
-        holds(pages[i], "NET (by RL)", 1);
-        holds(pages[i], "RL: done by", 0);
-        holds(pages[i], "It promises nothing here: FWHM 12.00 pixels is above 8.", 1);
+        holds(pages[i],
+              "NET: restored by RL instead</b> (FWHM 12.00 pixels is above 8). All numbers of this run", 1);
+        holds(pages[i], "<b>done by</b></td><td class=\"t\">restorer that did it</td>", 1);
+        holds(pages[i], "RL: restored by", 0);
+        holds(pages[i], "then nothing is promised</td><td class=\"t\">FWHM 12.00 pixels is above 8</td>", 1);
     }
-    holds("qa/summary.json", "\"done_by\": \"RL\",\n", 1);
-    holds("qa/summary.json", "\"why\": \"FWHM 12.00 pixels is above 8\"", 1);
+    holds("qa/summary.json",
+          "\"run\": \"NET\", \"done_by\": \"RL\", \"why\": \"FWHM 12.00 pixels is above 8\"", 1);
 }
 
 static void test_outputs_fail(void **state)

@@ -1,0 +1,551 @@
+/* The tables of the QA report: their columns, and their rows. */
+#include "report/qa_tables.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "base/memory.h"
+#include "report/escape.h"
+
+#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
+
+/* --- the columns --- */
+
+/* Every metric over all magnitudes comes behind these. */
+static const rx_report_column RUNS[] = {
+    {.name = "run", .help = "restorer", .heading = ""},
+    {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
+    {.name = "why", .help = "why that was another one"},
+    {.name = "settings"},
+    {.name = "psf", .help = "of the restoration", .heading = "PSF"},
+    {"noise_law_scale", RX_REPORT_NUMBER, 3, "",
+     "c: noise of an aperture of A pixels is c sigma A^power, sigma that of a pixel", "noise, scale"},
+    {"noise_law_power", RX_REPORT_NUMBER, 3, "",
+     "0.5: independent pixels; what is restored is correlated, its errors grow faster with the aperture",
+     "noise, power"},
+    {.name = "pull_from", .help = "whether pulls are of fluxes or magnitudes", .heading = "pulls of"},
+    {.name = "matches", .kind = RX_REPORT_FILE, .help = "every source, matched, missed or false"},
+    {.name = "curve", .kind = RX_REPORT_FILE, .help = "precision against recall"},
+    {"references", RX_REPORT_COUNT, 0, "", "that count", NULL},
+    {"references_ignored", RX_REPORT_COUNT, 0, "", "outside the tile, masked or without a magnitude",
+     "references ignored"},
+    {"detections", RX_REPORT_COUNT, 0, "", "that count", NULL},
+    {"detections_ignored", RX_REPORT_COUNT, 0, "", "outside, masked or on such a reference",
+     "detections ignored"},
+    {"matched", RX_REPORT_COUNT, 0, "", "one to one, nearest pairs first", NULL},
+    {"chance_matches", RX_REPORT_NUMBER, 1, "",
+     "matches if positions were unrelated: mean of 8 shifted lists", "matched by chance"},
+    {"common", RX_REPORT_COUNT, 0, "", "references that every run has matched", NULL},
+    {"common_magerr", RX_REPORT_NUMBER, 2, "%", "magerr of these alone", NULL},
+    {"spurious", RX_REPORT_NUMBER, 0, "", "detections marked by FLAGS_RESTORE, P_REAL below 0.5", NULL},
+    {"spurious_matched", RX_REPORT_NUMBER, 0, "", "of these matched all the same", "matched all the same"},
+    {"spurious_per_mpixel", RX_REPORT_NUMBER, 1, "1/Mpix", "marked, those included that were dropped",
+     "spurious"},
+    {"precision_without", RX_REPORT_NUMBER, 3, "", "precision of the list without them", "precision without"},
+    {"blank_realisations", RX_REPORT_NUMBER, 0, "", "of the tile's noise (BLANK_CHECK)", "realisations"},
+    {"blank_mpixels", RX_REPORT_NUMBER, 3, "Mpix", "searched in them", "searched"},
+    {"false_per_mpixel", RX_REPORT_ESTIMATE, 3, "1/Mpix", "false detections on the tile's noise",
+     "false detections"},
+    {"threshold_raised", RX_REPORT_NUMBER, 3, "", "DETECT_THRESH was multiplied by this for them",
+     "threshold raised"},
+    {"false_per_mpixel_as_asked", RX_REPORT_NUMBER, 3, "1/Mpix", "false detections without that",
+     "at DETECT_THRESH"},
+    {"no_noise_peak", RX_REPORT_ESTIMATE, 3, "", "share of the tile's own detections that is no noise peak",
+     "no noise peak"},
+    {"flux_sources", RX_REPORT_NUMBER, 0, "", "isolated sources of FLAGS 0 and S/N above 30", "sources"},
+    {"flux_aperture_pixels", RX_REPORT_NUMBER, 2, "pix", "diameter of one wide aperture", "aperture"},
+    {"flux_aperture", RX_REPORT_MEASURED, 4, "", "restored over original flux in this aperture",
+     "flux ratio"},
+    {"flux_auto", RX_REPORT_MEASURED, 4, "", "restored FLUX_AUTO over the original flux in it", "FLUX_AUTO"},
+    {.name = "flux_scale_is", .kind = RX_REPORT_VERDICT, .help = "right or off", .heading = "flux scale"},
+};
+static const rx_report_column BINS[] = {
+    {.name = "run", .help = "restorer"},
+    {"mag_low", RX_REPORT_NUMBER, -4, "mag", "bin, inclusive; nan in both: all magnitudes", "from"},
+    {"mag_high", RX_REPORT_NUMBER, -4, "mag", "bin, exclusive", "to"},
+};
+enum { STEM = 48, NRUNS = RX_QA_RUN_COLUMNS, NBINS = RX_QA_BIN_COLUMNS };
+_Static_assert(COUNT(RUNS) == NRUNS && COUNT(BINS) == NBINS, "rx_qa_tables has room for them");
+
+static const rx_report_column MODELS[] = {
+    {.name = "run", .help = "restorer", .heading = ""},
+    {.name = "model", .help = "name"},
+    {.name = "digest", .help = "of its file"},
+    {.name = "outside", .help = "what this tile has that its training had not: then nothing is promised"},
+    {.name = "training", .help = "whether it has ended"},
+    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the tile", "FWHM"},
+    {"fwhm_low", RX_REPORT_NUMBER, -4, "pix", "bin of the model, from", "FWHM from"},
+    {"fwhm_high", RX_REPORT_NUMBER, -4, "pix", "to", "FWHM to"},
+    {"noise", RX_REPORT_NUMBER, 2, "", "of the tile: 255 noise / value that 0.1 % of the pixels exceed",
+     NULL},
+    {"noise_low", RX_REPORT_NUMBER, -4, "", "bin of the model, from", "noise from"},
+    {"noise_high", RX_REPORT_NUMBER, -4, "", "to", "noise to"},
+    {"recall", RX_REPORT_NUMBER, 3, "", "promised: of test stars of S/N above 5", NULL},
+    {"recall_here", RX_REPORT_ESTIMATE, 3, "", "all references, of all magnitudes and kinds", "recall here"},
+    {"bias_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12", "flux bias"},
+    {"bias_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux bias here"},
+    {"scatter_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12",
+     "flux scatter"},
+    {"scatter_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux scatter here"},
+    {"loss", RX_REPORT_NUMBER, 4, "", "mean over test images of this seeing and noise", "test loss"},
+};
+
+static const rx_report_column METRICS[] = {{.name = "metric"}, {.name = "unit"}, {.name = "meaning"}};
+
+static const rx_report_column GATES[] = {
+    {"line", RX_REPORT_COUNT, 0, "", "of the gates file", NULL},
+    {.name = "gate"},
+    {.name = "run"},
+    {.name = "metric"},
+    {"mag_low", RX_REPORT_NUMBER, -4, "mag", "none: all magnitudes", NULL},
+    {"mag_high", RX_REPORT_NUMBER, -4, "mag", "", NULL},
+    {.name = "operator"},
+    {"limit", RX_REPORT_NUMBER, -4, "", "", NULL},
+    {"limit_high", RX_REPORT_NUMBER, -4, "", "", NULL},
+    {"level", RX_REPORT_NUMBER, -4, "", "of the interval", NULL},
+    {"measured", RX_REPORT_ESTIMATE, -4, "", "", NULL},
+    {.name = "verdict", .kind = RX_REPORT_VERDICT},
+};
+
+static const rx_report_column COMPARISONS[] = {
+    {.name = "first"},
+    {.name = "second"},
+    {"found_by_first_only", RX_REPORT_COUNT, 0, "", "references", "found by the first only"},
+    {"found_by_second_only", RX_REPORT_COUNT, 0, "", "references", "found by the second only"},
+    {"mcnemar_p", RX_REPORT_P, 0, "", "two-sided, McNemar's exact test", "p"},
+};
+
+static const rx_report_column PSF[] = {
+    {.name = "how", .help = "how it came about", .heading = "RXPSFHOW"},
+    {.name = "library", .help = "file of PSF_LIBRARY"},
+    {"fwhm", RX_REPORT_MEASURED, 3, "pix", "at the centre", "FWHM"},
+    {"stars", RX_REPORT_NUMBER, 0, "", "that it was fitted to", NULL},
+    {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from it", "error of fluxes"},
+    {"reserved", RX_REPORT_NUMBER, 0, "", "stars that were not fitted, to judge it", NULL},
+    {"dt", RX_REPORT_MEASURED, 5, "", "their mean (T - T of PSF) / T, T = <x²> + <y²>", "dT/T"},
+    {"de1", RX_REPORT_MEASURED, 5, "", "their mean e1 - e1 of PSF, e1 = (<x²> - <y²>) / T", NULL},
+    {"de2", RX_REPORT_MEASURED, 5, "", "their mean e2 - e2 of PSF, e2 = 2 <xy> / T", NULL},
+    {"residual", RX_REPORT_NUMBER, 4, "", "stacked stars - PSF, largest, share of the peak", NULL},
+    {"growth", RX_REPORT_MEASURED, 4, "", "curve of growth, largest stars - PSF", NULL},
+    {"growth_radius", RX_REPORT_NUMBER, 1, "pix", "where that is", "at radius"},
+};
+
+static const rx_report_column PSF_BINS[] = {
+    {"mag", RX_REPORT_NUMBER, 2, "mag", "middle of the range", "magnitude"},
+    {"stars", RX_REPORT_COUNT, 0, "", "reserved ones", NULL},
+    {"dt", RX_REPORT_MEASURED, 4, "", "mean (T - T of PSF) / T", "dT/T"},
+    {"de1", RX_REPORT_MEASURED, 4, "", "mean e1 - e1 of PSF", NULL},
+    {"de2", RX_REPORT_MEASURED, 4, "", "mean e2 - e2 of PSF", NULL},
+};
+
+static const rx_report_column PSF_STARS[] = {
+    {"x", RX_REPORT_NUMBER, 2, "pix", "reserved star, first pixel is 1", NULL},
+    {"y", RX_REPORT_NUMBER, 2, "pix", "first pixel is 1", NULL},
+    {"mag", RX_REPORT_NUMBER, 3, "mag", "by the PSF", NULL},
+    {"dt", RX_REPORT_NUMBER, 4, "", "(T - T of PSF) / T", NULL},
+    {"de1", RX_REPORT_NUMBER, 4, "", "e1 - e1 of PSF", NULL},
+    {"de2", RX_REPORT_NUMBER, 4, "", "e2 - e2 of PSF", NULL},
+    {"error", RX_REPORT_NUMBER, 4, "", "1 sigma of each from the pixels' noise", NULL},
+};
+
+static const rx_report_column PSF_GROWTH[] = {
+    {"radius", RX_REPORT_NUMBER, 1, "pix", "light within", NULL},
+    {"stars", RX_REPORT_NUMBER, 4, "", "share of a star's", NULL},
+    {"psf", RX_REPORT_NUMBER, 4, "", "of the PSF", NULL},
+    {"error", RX_REPORT_NUMBER, 4, "", "1 sigma of the difference", NULL},
+};
+
+static const rx_report_column MATCHES[] = {
+    {.name = "state",
+     .help = "matched, missed, false, reference_ignored (masked or outside), detection_ignored"},
+    {"reference", RX_REPORT_COUNT, 0, "", "row of the reference from 1, 0 none", NULL},
+    {"detection", RX_REPORT_COUNT, 0, "", "row of the catalogue from 1, 0 none", NULL},
+    {"x_ref", RX_REPORT_NUMBER, 2, "pix", "reference, first pixel is 1", NULL},
+    {"y_ref", RX_REPORT_NUMBER, 2, "pix", "reference, first pixel is 1", NULL},
+    {"x", RX_REPORT_NUMBER, 2, "pix", "detection, first pixel is 1", NULL},
+    {"y", RX_REPORT_NUMBER, 2, "pix", "detection, first pixel is 1", NULL},
+    {"ra", RX_REPORT_NUMBER, 6, "deg", "of the reference where there is one, J2000", NULL},
+    {"dec", RX_REPORT_NUMBER, 6, "deg", "of the reference where there is one, J2000", NULL},
+    {"mag_ref", RX_REPORT_NUMBER, 3, "mag", "reference", NULL},
+    {"mag", RX_REPORT_NUMBER, 3, "mag", "detection", NULL},
+    {"mag_error", RX_REPORT_NUMBER, 3, "mag", "detection", NULL},
+    {"flux", RX_REPORT_NUMBER, 3, "adu", "detection", NULL},
+    {"flux_error", RX_REPORT_NUMBER, 3, "adu", "detection", NULL},
+    {"score", RX_REPORT_NUMBER, 3, "", "ranking of the precision-recall curve", NULL},
+    {"flags", RX_REPORT_COUNT, 0, "", "FLAGS of the detection", NULL},
+    {"spurious", RX_REPORT_COUNT, 0, "", "1: not significant in the original pixels (FLAGS_RESTORE)", NULL},
+    {"separation", RX_REPORT_NUMBER, 3, "pix", "of the pair", NULL},
+    {"dx", RX_REPORT_NUMBER, 3, "pix", "detection - reference", NULL},
+    {"dy", RX_REPORT_NUMBER, 3, "pix", "detection - reference", NULL},
+    {"dmag", RX_REPORT_NUMBER, 3, "mag", "detection - reference", NULL},
+    {"flux_error_percent", RX_REPORT_NUMBER, 2, "%", "100 (F - F0) / F0", NULL},
+    {"pull", RX_REPORT_NUMBER, 2, "", "(F - F0) / error", NULL},
+};
+
+static const rx_report_column CURVE[] = {
+    {"score", RX_REPORT_NUMBER, 3, "", "threshold, this score and higher", NULL},
+    {"recall", RX_REPORT_NUMBER, 3, "", "matched / counted references", NULL},
+    {"precision", RX_REPORT_NUMBER, 3, "", "matched / detections", NULL},
+    {"detections", RX_REPORT_COUNT, 0, "", "with this score or a higher one", NULL},
+    {"matched", RX_REPORT_COUNT, 0, "", "with this score or a higher one", NULL},
+};
+
+typedef struct builder {
+    const rx_qa_numbers *q;
+    rx_report *report;
+    rx_qa_tables *to;
+} builder;
+
+/* --- the rows --- */
+
+static int digits_of(rx_metric metric)
+{
+    if (metric >= RX_METRIC_FLUX_SCALE && metric <= RX_METRIC_PSF_GROWTH)
+        return 4;
+    return strcmp(rx_metric_get(metric)->unit, "%") == 0 || metric == RX_METRIC_PULL_MEDIAN ||
+                   metric == RX_METRIC_PULL_WIDTH || metric == RX_METRIC_MAG50 || metric == RX_METRIC_MAG90
+               ? 2
+               : 3;
+}
+
+rx_report_column rx_qa_metric_column(const rx_qa_input *input, rx_metric metric)
+{
+    const rx_metric_row *row = rx_metric_get(metric);
+    const bool otherwise = metric == RX_METRIC_PRECISION && input->precision_is != NULL;
+    return (rx_report_column){row->name,
+                              RX_REPORT_ESTIMATE,
+                              digits_of(metric),
+                              row->unit,
+                              otherwise ? input->precision_is : row->help,
+                              NULL};
+}
+
+static rx_cell known(bool is, double value)
+{
+    return rx_cell_number(is ? value : NAN);
+}
+
+static rx_cell known_to(bool is, double value, double error)
+{
+    return rx_cell_measured(is ? value : NAN, is ? error : NAN);
+}
+
+static void add_run(builder *p, int run, const char *matches, const char *curve)
+{
+    const rx_evaluation *e = &p->q->evaluation[run];
+    const rx_qa_run *r = e->run;
+    const bool checked = r->blank.n > 0, fluxes = r->flux.n > 0;
+    const rx_estimate none = {NAN, NAN, NAN, 0};
+    rx_cell row[NRUNS + RX_METRIC_COUNT] = {
+        rx_cell_words(r->name),
+        rx_cell_words(r->by != NULL ? r->by : r->name),
+        rx_cell_words(r->by != NULL ? r->why : NULL),
+        rx_cell_words(r->settings),
+        rx_cell_words(r->psf),
+        rx_cell_number(r->law_scale),
+        rx_cell_number(r->law_power),
+        rx_cell_words(e->pull_in_flux ? "flux" : "magnitude"),
+        rx_cell_words(matches),
+        rx_cell_words(curve),
+        rx_cell_number((double)e->references),
+        rx_cell_number((double)e->references_ignored),
+        rx_cell_number((double)e->detections),
+        rx_cell_number((double)e->detections_ignored),
+        rx_cell_number((double)e->matched),
+        rx_cell_number(e->chance),
+        rx_cell_number((double)p->q->ncommon),
+        rx_cell_number(p->q->common[run]),
+        known(r->tested, (double)e->made_up),
+        known(r->tested, (double)e->made_up_matched),
+        known(r->tested, r->made_up_per_mpixel),
+        known(r->tested, rx_evaluation_precision_without(e)),
+        known(checked, r->blank.n),
+        known(checked, r->blank.mpixels),
+        rx_cell_estimate(checked ? r->blank.rate : none),
+        known(checked, r->blank.raised),
+        known(checked && r->blank.raised > 1.0, r->blank.asked),
+        rx_cell_estimate(r->real.n > 0 ? r->real : none),
+        known(fluxes, (double)r->flux.n),
+        known(fluxes, r->flux.diameter),
+        known_to(fluxes, r->flux.wide, r->flux.wide_error),
+        known_to(fluxes, r->flux.automatic, r->flux.automatic_error),
+        rx_cell_words(!fluxes       ? ""
+                      : r->flux.off ? "off"
+                                    : "right"),
+    };
+    for (int m = 0; m < RX_METRIC_COUNT; m++)
+        row[NRUNS + m] = rx_cell_estimate(p->q->whole[run][m]);
+    rx_report_row(p->to->runs, row);
+    if (r->promise == NULL)
+        return;
+    const rx_qa_promise *promise = r->promise;
+    const bool inside = promise->inside;
+    rx_report_row(
+        p->to->models,
+        (rx_cell[]){
+            rx_cell_words(r->name), rx_cell_words(promise->model), rx_cell_words(promise->digest),
+            rx_cell_words(promise->why), rx_cell_words(promise->unfinished ? "has not ended" : "has ended"),
+            rx_cell_number(promise->fwhm), known(inside, promise->fwhm_bin[0]),
+            known(inside, promise->fwhm_bin[1]), rx_cell_number(promise->noise),
+            known(inside, promise->noise_bin[0]), known(inside, promise->noise_bin[1]),
+            rx_cell_number(promise->recall), rx_cell_estimate(p->q->whole[run][RX_METRIC_RECALL]),
+            rx_cell_number(promise->bias), rx_cell_estimate(p->q->whole[run][RX_METRIC_BIAS_PERCENT]),
+            rx_cell_number(promise->scatter), rx_cell_estimate(p->q->whole[run][RX_METRIC_SCATTER_PERCENT]),
+            rx_cell_number(promise->loss)});
+}
+
+/* A run over all magnitudes (bin -1) or in one bin: what exists for both. */
+static void add_bin(builder *p, int run, int bin)
+{
+    const rx_estimate *found = bin < 0 ? p->q->whole[run] : rx_qa_binned(p->q, run, bin);
+    rx_cell row[NBINS + RX_METRIC_COUNT] = {rx_cell_words(p->q->input->runs[run].name),
+                                            known(bin >= 0, p->q->bins.edge[bin >= 0 ? bin : 0]),
+                                            known(bin >= 0, p->q->bins.edge[bin + 1])};
+    int n = NBINS;
+    for (int m = 0; m < RX_METRIC_COUNT; m++)
+        if (!rx_metric_get((rx_metric)m)->whole)
+            row[n++] = rx_cell_estimate(found[m]);
+    rx_report_row(p->to->bins, row);
+}
+
+static double at(const double *column, long i)
+{
+    return i >= 0 && column != NULL ? column[i] : NAN;
+}
+
+/* Reference i (-1 none) and detection j (-1 none) as one row. Rows and pixels of files count from 1. */
+static void add_match(rx_report_table *t, const rx_evaluation *e, const char *state, long i, long j)
+{
+    const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
+    const bool of_truth = i >= 0 && truth->alpha != NULL && truth->delta != NULL;
+    rx_report_numbers(t, state,
+                      (double[]){(double)i + 1,
+                                 (double)j + 1,
+                                 at(truth->x, i) + 1,
+                                 at(truth->y, i) + 1,
+                                 at(list->x, j) + 1,
+                                 at(list->y, j) + 1,
+                                 of_truth ? truth->alpha[i] : at(list->alpha, j),
+                                 of_truth ? truth->delta[i] : at(list->delta, j),
+                                 at(e->truth_mag, i),
+                                 at(e->run_mag, j),
+                                 at(list->mag_error, j),
+                                 at(list->flux, j),
+                                 at(list->flux_error, j),
+                                 at(list->score, j),
+                                 j >= 0 && list->flags != NULL ? list->flags[j] : 0,
+                                 j >= 0 && list->made_up != NULL ? list->made_up[j] != 0 : 0,
+                                 hypot(at(e->dx, j), at(e->dy, j)),
+                                 at(e->dx, j),
+                                 at(e->dy, j),
+                                 at(e->dmag, j),
+                                 100 * (at(e->ratio, j) - 1),
+                                 at(e->pull, j)});
+}
+
+/* The files of one run: matches_<stem>.ecsv, pr_<stem>.ecsv. */
+static void add_sources(builder *p, int run, const char *stem)
+{
+    static const char *const states[] = {"missed", "matched", "reference_ignored"};
+    const rx_evaluation *e = &p->q->evaluation[run];
+    char name[2][STEM + 16];
+    snprintf(name[0], sizeof name[0], "matches_%s", stem);
+    snprintf(name[1], sizeof name[1], "pr_%s", stem);
+    rx_report_table *matches =
+        rx_report_table_add(p->report, name[0], COUNT(MATCHES), MATCHES, RX_REPORT_IN_FILE);
+    rx_report_table *curve = rx_report_table_add(p->report, name[1], COUNT(CURVE), CURVE, RX_REPORT_IN_FILE);
+    rx_report_table_fact(matches, "run", e->run->name);
+    rx_report_table_fact(curve, "run", e->run->name);
+    for (long i = 0; i < e->input->truth.n; i++)
+        add_match(matches, e, states[e->truth_role[i]], i, e->partner[i]);
+    for (long j = 0; j < e->run->list.n; j++)
+        if (e->run_role[j] != RX_ROLE_MATCHED)
+            add_match(matches, e, e->run_role[j] == RX_ROLE_IGNORED ? "detection_ignored" : "false", -1, j);
+    for (long k = 0; k < e->pr.n; k++) {
+        const rx_pr_point *point = &e->pr.point[k];
+        rx_report_numbers(curve, NULL,
+                          (double[]){point->score, point->recall, point->precision, (double)point->detections,
+                                     (double)point->matched});
+    }
+    strcat(name[0], ".ecsv");
+    strcat(name[1], ".ecsv");
+    add_run(p, run, name[0], name[1]);
+}
+
+/* File-name stems that differ also where the file system ignores case. */
+static void name_stems(const rx_qa_input *input, char (*stem)[STEM])
+{
+    for (int run = 0; run < input->nruns; run++) {
+        rx_escape_stem(stem[run], STEM - 16, input->runs[run].name);
+        const size_t length = strlen(stem[run]);
+        for (int i = 0, k = 2; i < run; i++)
+            if (strcasecmp(stem[i], stem[run]) == 0) {
+                snprintf(stem[run] + length, STEM - length, "-%d", k++);
+                i = -1; /* the new name against all */
+            }
+    }
+}
+
+static void add_runs(builder *p)
+{
+    const rx_qa_input *input = p->q->input;
+    char(*stem)[STEM] = rx_alloc((size_t)input->nruns, sizeof *stem);
+    rx_report_column *of_runs = p->to->run_column, *of_bins = p->to->bin_column;
+    int nbins = NBINS;
+    memcpy(of_runs, RUNS, sizeof RUNS);
+    memcpy(of_bins, BINS, sizeof BINS);
+    rx_report_table *metrics =
+        rx_report_table_add(p->report, "metrics", COUNT(METRICS), METRICS, RX_REPORT_IN_JSON);
+    for (int m = 0; m < RX_METRIC_COUNT; m++) {
+        const rx_report_column column = rx_qa_metric_column(input, (rx_metric)m);
+        of_runs[NRUNS + m] = column;
+        if (!rx_metric_get((rx_metric)m)->whole)
+            of_bins[nbins++] = column;
+        rx_report_row(metrics, (rx_cell[]){rx_cell_words(column.name), rx_cell_words(column.unit),
+                                           rx_cell_words(column.help)});
+    }
+    p->to->runs = rx_report_table_add(p->report, "runs", NRUNS + RX_METRIC_COUNT, of_runs, RX_REPORT_IN_JSON);
+    p->to->models = rx_report_table_add(p->report, "models", COUNT(MODELS), MODELS, RX_REPORT_IN_JSON);
+    p->to->bins = rx_report_table_add(p->report, "bins", nbins, of_bins, RX_REPORT_EVERYWHERE);
+    if (stem == NULL) {
+        rx_report_brief_of(p->report)->failed = true;
+        return;
+    }
+    name_stems(input, stem);
+    for (int run = 0; run < input->nruns; run++) {
+        add_sources(p, run, stem[run]);
+        add_bin(p, run, -1);
+    }
+    for (int run = 0; run < input->nruns; run++)
+        for (int b = 0; b < p->q->bins.n; b++)
+            add_bin(p, run, b);
+    free(stem);
+}
+
+static void add_gates(builder *p)
+{
+    const rx_qa_numbers *q = p->q;
+    rx_report_table *t = rx_report_table_add(p->report, "gates", COUNT(GATES), GATES, RX_REPORT_IN_JSON);
+    for (long i = 0; i < q->nresults; i++) {
+        const rx_gate_result *r = &q->result[i];
+        const rx_gate *gate = r->gate;
+        rx_report_row(
+            t, (rx_cell[]){rx_cell_number((double)gate->line), rx_cell_words(gate->text),
+                           rx_cell_words(r->run >= 0 ? q->input->runs[r->run].name : NULL),
+                           rx_cell_words(rx_metric_get(gate->metric)->name), known(!gate->whole, gate->low),
+                           known(!gate->whole, gate->high), rx_cell_words(rx_gate_operator_name(gate->op)),
+                           rx_cell_number(gate->value), known(gate->op == RX_GATE_IN, gate->value_high),
+                           rx_cell_number(gate->level), rx_cell_estimate(r->estimate),
+                           rx_cell_words(rx_verdict_name(r->verdict))});
+    }
+    p->to->gates = t;
+}
+
+static void add_comparisons(builder *p)
+{
+    const rx_qa_numbers *q = p->q;
+    rx_report_table *t =
+        rx_report_table_add(p->report, "comparisons", COUNT(COMPARISONS), COMPARISONS, RX_REPORT_IN_JSON);
+    for (int i = 0; i < q->ncomparisons; i++) {
+        const rx_qa_comparison *c = &q->comparison[i];
+        rx_report_row(t, (rx_cell[]){rx_cell_words(q->input->runs[c->first].name),
+                                     rx_cell_words(q->input->runs[c->second].name),
+                                     rx_cell_number((double)c->only_first),
+                                     rx_cell_number((double)c->only_second), rx_cell_p(c->p, log(c->p))});
+    }
+    p->to->comparisons = t;
+}
+
+/* The PSF of the tile, what stars say of it by magnitude, and the stars. */
+static void add_psf(builder *p)
+{
+    const rx_qa_numbers *q = p->q;
+    const rx_psf *psf = q->input->psf.psf;
+    const rx_psf_quality *quality = &psf->quality;
+    const rx_psf_judged *judged = psf->judged;
+    const bool is_judged = judged != NULL;
+    rx_report_table *t = rx_report_table_add(p->report, "psf", COUNT(PSF), PSF, RX_REPORT_IN_JSON);
+    rx_report_row(t, (rx_cell[]){rx_cell_words(quality->how), rx_cell_words(quality->library),
+                                 known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN),
+                                 rx_cell_number(psf->nstars),
+                                 known(quality->radius > 0.0, rx_psf_flux_error_mean(psf)),
+                                 known(is_judged, quality->reserved),
+                                 known_to(is_judged, quality->trace[0], quality->trace[1]),
+                                 known_to(is_judged, quality->shape[0][0], quality->shape[0][1]),
+                                 known_to(is_judged, quality->shape[1][0], quality->shape[1][1]),
+                                 known(is_judged, quality->residual),
+                                 known_to(is_judged, quality->growth, quality->growth_error),
+                                 known(is_judged, quality->growth_radius)});
+    p->to->psf = t;
+    if (!is_judged)
+        return;
+    p->to->psf_bins =
+        rx_report_table_add(p->report, "psf_bins", COUNT(PSF_BINS), PSF_BINS, RX_REPORT_IN_JSON);
+    for (int b = 0; b < q->npsf_bins; b++) {
+        const rx_qa_psf_bin *bin = &q->psf_bin[b];
+        rx_report_row(p->to->psf_bins, (rx_cell[]){rx_cell_number(bin->mag), rx_cell_number((double)bin->n),
+                                                   rx_cell_measured(bin->mean[0], bin->error[0]),
+                                                   rx_cell_measured(bin->mean[1], bin->error[1]),
+                                                   rx_cell_measured(bin->mean[2], bin->error[2])});
+    }
+    rx_report_table *stars =
+        rx_report_table_add(p->report, "psf_stars", COUNT(PSF_STARS), PSF_STARS, RX_REPORT_IN_FILE);
+    for (int i = 0; i < judged->nstars; i++) {
+        const rx_psf_star *s = &judged->star[i];
+        rx_report_numbers(stars, NULL,
+                          (double[]){s->x + 1.0, s->y + 1.0, rx_qa_star_mag(&q->input->psf, s), s->off[0],
+                                     s->off[1], s->off[2], s->error});
+    }
+    rx_report_table *growth =
+        rx_report_table_add(p->report, "psf_growth", COUNT(PSF_GROWTH), PSF_GROWTH, RX_REPORT_IN_FILE);
+    for (int i = 0; i < judged->nradii; i++) {
+        const rx_psf_growth *g = &judged->growth[i];
+        rx_report_numbers(growth, NULL, (double[]){g->radius, g->stars, g->psf, g->error});
+    }
+}
+
+static void fact_above_0(rx_report *report, const char *name, double value)
+{
+    if (value > 0)
+        rx_report_fact_number(report, name, value);
+    else
+        rx_report_fact(report, name, NULL);
+}
+
+static void add_facts(rx_report *report, const rx_qa_numbers *q)
+{
+    char seed[32];
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)q->par->by.seed);
+    rx_report_fact(report, "format", "rextract-qa 2");
+    rx_report_fact(report, "tile", q->input->tile);
+    rx_report_fact(report, "reference", q->input->reference);
+    rx_report_fact(report, "verdict", rx_verdict_name(q->verdict));
+    rx_report_fact(report, "gates_file", q->par->gates != NULL ? q->par->gates->path : NULL);
+    rx_report_fact_number(report, "width", q->input->width);
+    rx_report_fact_number(report, "height", q->input->height);
+    fact_above_0(report, "pixel_scale_arcsec", q->input->pixel_scale);
+    rx_report_fact_number(report, "match_radius_pixels", q->par->match_radius);
+    fact_above_0(report, "match_radius_arcsec", q->par->match_radius_arcsec);
+    rx_report_fact(report, "score", q->input->score_name);
+    rx_report_fact_number(report, "interval_level", q->level);
+    rx_report_fact(report, "intervals",
+                   "shares: Clopper-Pearson; medians and sigma_MAD: order statistics; means, ap and "
+                   "completeness magnitudes: bootstrap; null: not bounded or not known");
+    rx_report_fact(report, "seed", seed);
+}
+
+void rx_qa_tables_add(rx_report *report, const rx_qa_numbers *numbers, rx_qa_tables *dst)
+{
+    builder p = {.q = numbers, .report = report, .to = dst};
+    *dst = (rx_qa_tables){0};
+    add_facts(report, numbers);
+    add_runs(&p);
+    add_gates(&p);
+    add_comparisons(&p);
+    if (numbers->input->psf.psf != NULL)
+        add_psf(&p);
+}
