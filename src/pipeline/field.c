@@ -359,9 +359,9 @@ static double header_fwhm(const rx_tile *tile, double scale, const char **key)
 }
 
 static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
-/* Of fluxes, relative, with a FWHM that was stated: what is called FWHM, or was the seeing, is 10 % off, and a flux as
- * much; the profile is another one for 5 %, as where few stars are fitted. */
-static const double STATED_ERROR = 0.11;
+/* Of fluxes, relative, with a FWHM that was stated: rms where it is 10 % off (1 sigma), as what is called FWHM, or was the
+ * seeing, is, and the profile one of six kinds: validation/results/psf (few stars). */
+static const double STATED_ERROR = 0.08;
 
 /* The PSF file beside the image, to be freed; NULL: there is none, or no memory (*failed). */
 static char *beside(const rx_field *field, bool *failed)

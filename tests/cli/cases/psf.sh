@@ -45,7 +45,7 @@ rung '' 'RXPSFHOW = WIDTH' 'RXPSFNST = 1'
 
 begin 'PSF of one star, and a stated seeing'
 stars tile.fits 1
-rung '-SEEING_FWHM 1.2' 'RXPSFHOW = STATED' 'RXPSF = .*FWHM 3\.030.*from SEEING_FWHM' 'RXPSFERR = 0\.11.*'
+rung '-SEEING_FWHM 1.2' 'RXPSFHOW = STATED' 'RXPSF = .*FWHM 3\.030.*from SEEING_FWHM' 'RXPSFERR = 0\.08.*'
 
 begin 'PSF of one star, and a file beside it that is no PSF'
 stars tile.fits 1
