@@ -36,8 +36,8 @@ enum {
 static const double MOST_GAIN = 5.0;    /* chi2 of a star that counts for more as its logarithm only */
 static const double WIDEST = 20.0;      /* FWHM, pixels, of a core of pixels */
 static const double RESERVED = 0.2;     /* share of the stars */
-static const double LOCUS = 0.22;       /* half-width in ln(half-light radius): blends are wider */
-static const double POINT = 1.35;       /* wider than a star by this: masked, not subtracted */
+static const double LOCUS = 0.2;        /* narrower than a star by this share: a speck */
+static const double POINT = 1.35;       /* wider than a star by this: no candidate, masked, not subtracted */
 static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
 static const double BEYOND = 1e-3;      /* light that may be left out */
@@ -99,7 +99,7 @@ static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, d
     RX_TRY(rx_stars_flattened(&search, radius, dst, err)); /* the caller frees dst */
     int n = 0;
     for (int i = 0; i < dst->n; i++)
-        if (fabs(log(dst->list[i].radius / radius)) < LOCUS)
+        if (dst->list[i].radius > (1.0 - LOCUS) * radius && dst->list[i].radius < POINT * radius)
             dst->list[n++] = dst->list[i];
     qsort(dst->list, (size_t)n, sizeof *dst->list, by_brightness);
     dst->n = n < MOST_STARS ? n : MOST_STARS;

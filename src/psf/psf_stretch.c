@@ -10,12 +10,14 @@
 #include "base/random.h"
 #include "num/stats.h"
 
-enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5 };
+enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5, CORNER = 4 };
 static const double MOST = 0.6;        /* of a stretch */
 static const double LEAST_AREA = 0.04; /* that a stretch may leave of the profile's */
 static const double OUTLIER = 3.0;     /* sigmas from which a star's weight falls */
 static const double MOST_GAIN = 10.0;  /* chi2 of a star that counts for more as its logarithm only */
 static const double MOST_ERROR = 0.05; /* of s, of a star that says how wrong the polynomial is */
+static const double FREE = 1.0,
+                    HELD = 0.02; /* 1 sigma of coefficients, but the constant one; of degree CORNER */
 static const uint64_t SEED = 20, FOLD = 2;
 
 double rx_psf_spline_at(const float *c, int side, double x, double y)
@@ -144,6 +146,7 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
 typedef struct stars_of {
     star *list;
     int n;
+    double prior;           /* 1 sigma of coefficients but the constant one */
     double *weights;        /* [n] of outliers less than 1 */
     double *normal, *first; /* work [TERMS][TERMS], [TERMS] */
 } stars_of;
@@ -170,8 +173,8 @@ static int fit(const stars_of *s, int q, int nterms, int fold, double *c)
                 s->normal[k * nterms + l] += w * t->terms[k] * t->terms[l];
         }
     }
-    for (int k = 0; k < nterms; k++) /* a stretch of 1 is unlikely */
-        s->normal[k * nterms + k] += 1.0;
+    for (int k = 0; k < nterms; k++)
+        s->normal[k * nterms + k] += 1.0 / pow(k > 0 ? s->prior : FREE, 2.0);
     if (!factorise(s->normal, nterms))
         return 0;
     substitute(s->normal, c, nterms);
@@ -308,10 +311,15 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
         s.list[i].fold = (int)(FOLDS * rx_random_uniform(SEED, FOLD, (uint64_t)p->source));
         measure(job, p, &s.list[i]);
     }
-    for (int degree = 0; degree <= highest; degree++) {
+    double prior = FREE;
+    for (int trial = 0; trial <= highest + 1;
+         trial++) { /* at last one that follows a bad corner's few stars */
+        const int held = trial > highest, degree = held ? CORNER : trial;
         next = (rx_psf_variation){.degree = degree, .nterms = (degree + 1) * (degree + 2) / 2};
-        if (degree > best.degree + 2 || n < 2 * next.nterms + 2 || !fit_all(&s, next.nterms, next.c))
-            break;
+        s.prior = held ? HELD : FREE;
+        if (degree > highest || (!held && degree > best.degree + 2) || n < (held ? 1 : 2) * next.nterms + 2 ||
+            !fit_all(&s, next.nterms, next.c))
+            continue;
         rx_psf_variation part = next;
         hold_out(&s, next.nterms, part.c, chi2);
         double mean = 0.0, square = 0.0;
@@ -324,15 +332,17 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
         }
         const double error = sqrt(fmax(square - mean * mean, 0.0) / n);
         if (degree > 0)
-            rx_log_detail(
-                log,
-                "PSF_TYPE AUTO: degree %d: stars held out are predicted better by %.3g +- %.2g than with %d",
-                degree, mean, error, best.degree);
+            rx_log_detail(log,
+                          "PSF_TYPE AUTO: degree %d%s: stars held out are predicted better by %.3g +- %.2g "
+                          "than with %d",
+                          degree, held ? ", small terms" : "", mean, error, best.degree);
         if (degree == 0 || mean > error) {
             best = next;
+            prior = s.prior;
             memcpy(least, chi2, (size_t)s.n * sizeof *least);
         }
     }
+    s.prior = prior;
     if (fit_all(&s, best.nterms, best.c))
         judge(job, &s, work, &best);
     job->variation = best;

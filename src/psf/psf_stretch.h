@@ -15,8 +15,9 @@ double rx_psf_spline_at(const float *c, int side, double x, double y);
 /* Value of the profile stretched by a. */
 double rx_psf_stretched(const float *c, int side, double x, double y, const double a[RX_PSF_STRETCH]);
 
-/* job->variation from the stars that are kept and not reserved, of that degree at most: a higher one is taken where stars that were held out are
- * predicted better, by more than the scatter of that from star to star. */
+/* job->variation from the stars that are kept and not reserved, of that degree at most: a higher one is taken where stars that were
+ * held out are predicted better, by more than the scatter of that from star to star. The last one tried has terms that are small unless
+ * stars insist: of few stars, it alone can follow a bad corner. */
 rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err);
 
 #endif

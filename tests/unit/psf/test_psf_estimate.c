@@ -24,10 +24,11 @@ typedef struct field {
     double fwhm, beta, ratio, angle;
     double halo;   /* share of a star's light in an exponential of scale 1.5 FWHM */
     double varies; /* share by which the FWHM grows from the left to the right */
-    double corner; /* share by which it grows towards the upper right corner, within 110 pixels */
+    double corner; /* share by which it grows towards the upper right corner, within corner_pixels */
 } field;
 
 static double steep = 1.0; /* the more, the more faint ones */
+static double corner_pixels = 110.0;
 
 static double uniform(uint64_t stream, uint64_t i)
 {
@@ -88,7 +89,7 @@ static void measure_source(const field *f, rx_source *s, double radius, double r
 
 static double width_at(const field *f, double x, double y)
 {
-    const double u = (x - SIDE) / 110.0, v = (y - SIDE) / 110.0;
+    const double u = (x - SIDE) / corner_pixels, v = (y - SIDE) / corner_pixels;
     return f->fwhm * (1.0 + f->varies * (x / SIDE - 0.5)) * (1.0 + f->corner * exp(-0.5 * (u * u + v * v)));
 }
 
@@ -462,6 +463,28 @@ static void test_bad_corner(void **state)
     free_field(&f);
 }
 
+/* A larger one is followed, though its few stars are 60 % wider than those of the rest of the tile. */
+static void test_followed_corner(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf, *truth;
+    corner_pixels = 160.0;
+    make_varied(&f, 3.0, 4.0, 1.0, 0.0, 55, 0, 0.0, 0.0, 0.6);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    for (int k = 0; k < 2; k++) {
+        const double x = k == 0 ? 200.0 : SIDE - 40.0;
+        assert_int_equal(rx_psf_moffat(width_at(&f, x, x), 4.0, 1.0, 0.0, psf->size, &truth, NULL), RX_OK);
+        print_message("%s: at %g %.4f %.4f\n", psf->description, x, encircled(psf, x, x, 2.5),
+                      encircled(truth, 0.0, 0.0, 2.5));
+        assert_near(encircled(psf, x, x, 2.5) / encircled(truth, 0.0, 0.0, 2.5), 1.0, k == 0 ? 0.01 : 0.1);
+        rx_psf_free(truth);
+    }
+    corner_pixels = 110.0;
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
 static void test_threads(void **state)
 {
     (void)state;
@@ -817,6 +840,7 @@ int main(void)
         cmocka_unit_test(test_varies_much),
         cmocka_unit_test(test_bright_stars),
         cmocka_unit_test(test_bad_corner),
+        cmocka_unit_test(test_followed_corner),
         cmocka_unit_test(test_narrow),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
