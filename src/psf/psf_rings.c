@@ -12,8 +12,9 @@
 enum { RINGS = 64, BRIGHT = 60 };
 static const double RATIO = 1.12; /* of the radii of rings */
 static const double SKY_RING =
-    1.3;                         /* outer radius of the ring for the sky, in units of the outermost ring's */
-static const double CLEAR = 3.0; /* sigmas of a ring that stands out of the noise */
+    1.3;                          /* outer radius of the ring for the sky, in units of the outermost ring's */
+static const double CLEAR = 3.0;  /* sigmas of a ring that stands out of the noise */
+static const double SPIKE = 15.0; /* times the mean of its ring that a star may have along spikes */
 
 typedef struct ring {
     double mean, error;
@@ -38,8 +39,8 @@ static rings rings_of(const rx_psf_job *job)
     return r;
 }
 
-/* Means of the residual around a star, pixels that stick out by three sigmas of the sky left out; level: the model's means,
- * of whose tenfold spikes of the star itself stay. values [side of the sky's ring]^2: work. */
+/* Means of the residual around a star, pixels left out that stick out by three sigmas of the sky and by fifteen times the
+ * star's own light in the ring (level: the model's means), which spikes do not. values [side of the sky's ring]^2: work. */
 static void look_around(const rx_psf_job *job, const rx_psf_point *p, const rings *r, const double *level,
                         double *values, ring *dst)
 {
@@ -87,7 +88,7 @@ static void look_around(const rx_psf_job *job, const rx_psf_point *p, const ring
                 noise = fmax(1.25 * square / (double)all, 0.5 * image->global_noise);
                 square = 0.0;
             }
-            room = 3.0 * noise + 10.0 * fmax(light - noise, 0.0);
+            room = 3.0 * noise + SPIKE * light;
         }
         int n = 0;
         for (size_t k = 0; k < all; k++)

@@ -29,6 +29,7 @@ typedef struct field {
 
 static double steep = 1.0; /* the more, the more faint ones */
 static double corner_pixels = 110.0;
+static int cross = 0; /* the halo is a cross of spikes along the axes, of scale 3 FWHM */
 
 static double uniform(uint64_t stream, uint64_t i)
 {
@@ -46,12 +47,16 @@ static void add_profile(field *f, double x, double y, double peak, double fwhm, 
     const double scale = 1.5 * fwhm,
                  light = peak * M_PI * profile.hwhm * profile.hwhm / (profile.k * (profile.beta - 1.0));
     const double level = f->halo * light / (2.0 * M_PI * scale * scale);
+    const double along = 3.0 * fwhm, across = 0.21 * fwhm,
+                 spike = f->halo * light / (4.0 * along * sqrt(2.0 * M_PI) * across);
     for (int j = (int)y - reach; j <= (int)y + reach; j++)
         for (int i = (int)x - reach; i <= (int)x + reach; i++)
             if (i >= 0 && j >= 0 && i < SIDE && j < SIDE)
                 f->tile.pixels[j * SIDE + i] +=
                     (float)(peak * (1.0 - f->halo) * rx_moffat_pixel(&profile, i - x, j - y, NULL) +
-                            level * exp(-hypot(i - x, j - y) / scale));
+                            (cross ? spike * (exp(-fabs(i - x) / along - 0.5 * pow((j - y) / across, 2.0)) +
+                                              exp(-fabs(j - y) / along - 0.5 * pow((i - x) / across, 2.0)))
+                                   : level * exp(-hypot(i - x, j - y) / scale)));
 }
 
 static int by_radius(const void *a, const void *b)
@@ -353,6 +358,30 @@ static void test_halo(void **state)
     rx_psf_free(psf);
     assert_int_equal(estimate_as(&f, RX_PSF_MOFFAT_FIT, 1, &psf, NULL), RX_OK);
     assert_true(encircled(psf, 320.0, 320.0, 6.0) > 0.9 * core + 0.1 * halo + 0.03);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
+/* Spikes stand far above the mean of their ring, and are light all the same. */
+static void test_spikes(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf;
+    double inner = 0.0, whole = 0.0;
+    cross = 1;
+    make_field_of(&f, 3.0, 4.765, 1.0, 0.0, 90, 0, 0.1, 0.0);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    memset(f.tile.pixels, 0, sizeof(float) * SIDE * SIDE);
+    add_profile(&f, 320.0, 320.0, 1000.0, 3.0, 1.0, 0.0);
+    for (int j = 0; j < SIDE; j++)
+        for (int i = 0; i < SIDE; i++) {
+            whole += (double)f.tile.pixels[j * SIDE + i];
+            inner += hypot(i - 320, j - 320) <= 6.0 ? (double)f.tile.pixels[j * SIDE + i] : 0.0;
+        }
+    print_message("%s: %.4f, %.4f\n", psf->description, encircled(psf, 320.0, 320.0, 6.0), inner / whole);
+    assert_near(encircled(psf, 320.0, 320.0, 6.0), inner / whole, 0.004);
+    cross = 0;
     rx_psf_free(psf);
     free_field(&f);
 }
@@ -836,6 +865,7 @@ int main(void)
         cmocka_unit_test(test_masked_pixels),
         cmocka_unit_test(test_saturated_stars),
         cmocka_unit_test(test_halo),
+        cmocka_unit_test(test_spikes),
         cmocka_unit_test(test_varies),
         cmocka_unit_test(test_varies_much),
         cmocka_unit_test(test_bright_stars),
