@@ -13,6 +13,9 @@
  * sources the few false ones are rare; below, peaks of noise would be added by the hundred. */
 static const double CROWD_SNR = 3.2;
 
+/* Residuals above that many times a noise that is only a floor say that there is none to test sources against. */
+static const double UNTESTABLE = 5.0;
+
 /* What one call works on. */
 typedef struct work {
     const rx_pipeline_params *params;
@@ -144,8 +147,10 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
     for (int i = 0; i < sources->n; i++) {
         rx_source_template *t = &sources->list[i].fit;
         t->restore &= ~(RX_RESTORE_UNTESTED | RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED);
-        if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr)) {
+        if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr) ||
+            fit->unknown_noise) {
             t->restore |= RX_RESTORE_UNTESTED;
+            t->preal = NAN;
         } else {
             t->preal = rx_preal_of(&fit->preal, t->evidence);
             if (rx_preal_doubtful(&fit->preal, t->evidence))
@@ -215,7 +220,8 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     const rx_image measured = rx_field_restorable(fields.measure);
     if (status != RX_OK && err != NULL && err->where[0] == '\0')
         snprintf(err->where, sizeof err->where, "%s", measured.name), err->hdu = measured.hdu;
-    if (status == RX_OK && dst->tphot->least > measured.global_noise)
+    const int noiseless = status == RX_OK && dst->tphot->least > measured.global_noise;
+    if (noiseless)
         rx_log_warning(
             log,
             "%s[%d]: its noise, %.3g ADU a pixel, is less than its rounding or two millionths of its "
@@ -226,7 +232,14 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     if (status == RX_OK) {
         tell_sources(&w, sources);
         status = tell_tile(&w, err);
+        dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);
     }
+    if (status == RX_OK && dst->unknown_noise)
+        rx_log_warning(
+            log,
+            "%s[%d]: templates leave %.3g times that noise, so fluxes may be far off and no source can be "
+            "tested: P_REAL is not known, FLAGS_RESTORE 4",
+            measured.name, measured.hdu, sqrt(dst->chi2));
     if (status == RX_OK)
         status = rx_template_fit_judge(&params->templates, dst, sources, err);
     rx_template_extra_clear(&w.extra);

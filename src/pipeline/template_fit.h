@@ -31,6 +31,7 @@ typedef struct rx_template_fit {
     double chi2;       /* reduced, of the residual over usable pixels: noise of sky and photons */
     double fwhm;       /* of the PSF that was fitted, pixels */
     rx_preal preal;
+    int unknown_noise; /* pixels have next to none, and models do not explain them to that: no source can be tested */
 } rx_template_fit;
 
 /* Fill `fit` of every source of the list, detected on `restored`, from the pixels of fields.measure. The PSF is restored->blur, else that of the field; without one

@@ -26,6 +26,8 @@
 #include "template/windows.h"
 
 static const double SMALL = 1e-4; /* pixels: no source moves for less */
+static const double MOST = 2.0,
+                    MOST_NOISE = 10.0; /* times light and noise of its pixels: no source is brighter */
 static const double RUNAWAY =
     1e3;                  /* times the brightest light that is seen no star is, not even a saturated one */
 enum { SHIFTS = 2 };      /* joint moves of the positions in groups after each fit */
@@ -220,6 +222,34 @@ static rx_status regroup(work *w, rx_error *err)
     return status == RX_OK && w->par->covariance ? place_covariances(w, err) : status;
 }
 
+/* Where the noise is next to nothing the faintest wings tie all groups together, and fits of all of them against the same model run
+ * away. There no flux is above the light of the pixels that the template is on, and no point's peak above the light around it;
+ * RX_TPHOT_SINGULAR where it would have been. */
+static double within_light(const work *w, const rx_fit_source *s, double flux, int *flags)
+{
+    const rx_fit_image *c = &w->canvas;
+    const rx_footprint *f = &s->footprint;
+    double light = 0, share = 0, most = HUGE_VAL;
+    if (!((double)c->floor > w->input->image.global_noise) || !isfinite(flux))
+        return flux;
+    for (int v = 0; v < f->height; v++)
+        for (int u = 0; u < f->width; u++) {
+            const size_t k = rx_fit_image_row(c, f->y0 + v) + (size_t)(f->x0 + u);
+            const double t = f->values[(size_t)v * (size_t)f->width + (size_t)u],
+                         own = fabs((double)c->data[k]) + MOST_NOISE * (double)c->sigma[k];
+            if (!(c->weight[k] > 0))
+                continue;
+            light += own;
+            share += t;
+            if (s->kind == RX_TPHOT_POINT && hypot(f->x0 + u - s->x, f->y0 + v - s->y) < 1 && t > 0)
+                most = fmin(most, MOST * own / t);
+        }
+    most = fmin(most, MOST * light / fmax(share, 0.01));
+    if (fabs(flux) > most)
+        *flags |= RX_TPHOT_SINGULAR;
+    return fmin(fmax(flux, -most), most);
+}
+
 /* One group: members gathered, fitted, put back; nthreads work on it. */
 static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
 {
@@ -240,8 +270,11 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
                                        .shift_centre = {s->x0 - s->x, s->y0 - s->y}};
     }
     rx_status status = rx_joint_fit(&par, &w->canvas, m, members, &w->backgrounds[group], covariance, err);
-    for (int i = 0; i < m && status == RX_OK; i++)
-        w->members[w->blends.member[first + i]] = members[i];
+    for (int i = 0; i < m && status == RX_OK; i++) {
+        const int k = w->blends.member[first + i];
+        members[i].flux = within_light(w, &w->subjects[k], members[i].flux, &members[i].flags);
+        w->members[k] = members[i];
+    }
     free(members);
     return status;
 }

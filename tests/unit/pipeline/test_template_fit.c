@@ -172,6 +172,37 @@ static int found_stars(const scene *s, const rx_sources *list, int *others)
     return found;
 }
 
+/* 2300 stars per Mpixel on pixels without noise, where a floor stands in for it: fits of all groups at once ran away to 1e19. Now
+ * no flux is above what the pixels hold, and as no model is exact to that floor every source says that it could not be tested. */
+static void a_crowd_without_noise_is_bounded_and_marked(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"CROWDING", "Y"}, {"TEMPLATE_PASSES", "4"}, {NULL, NULL}};
+    scene s;
+    desk d;
+    double brightest = 0;
+    scene_make(&s, SIDE, SIDE, 0, 1);
+    for (int i = 0; i < AREA; i++)
+        s.pixels[i] = 1000;
+    for (int k = 0; k < 110; k++) {
+        const double flux = pow(10, 2.8 + 2.5 * rx_random_uniform(9, 3, (uint64_t)k));
+        scene_star(&s, SIDE * rx_random_uniform(9, 1, (uint64_t)k),
+                   SIDE * rx_random_uniform(9, 2, (uint64_t)k), flux, FWHM);
+        brightest = fmax(brightest, flux);
+    }
+    desk_open(&d, "NONE", &s, NULL, 0, settings);
+    desk_fit(&d, NULL);
+    const rx_sources *list = d.result.sources;
+    assert_true(list->n > 30);
+    assert_int_equal(d.fit.unknown_noise, 1);
+    for (int i = 0; i < list->n; i++) {
+        assert_false(fabs(list->list[i].fit.flux) > 1e3 * brightest);
+        assert_true((list->list[i].fit.restore & RX_RESTORE_UNTESTED) != 0 && isnan(list->list[i].fit.preal));
+    }
+    desk_close(&d);
+    scene_free(&s);
+}
+
 /* By how much fluxes of points that are fitted with a PSF are off where the truth is that Moffat, relative. */
 static double flux_off(const rx_psf *psf, double fwhm)
 {
@@ -539,6 +570,7 @@ int main(void)
         cmocka_unit_test(what_the_list_lacks_is_added),
         cmocka_unit_test(a_merged_neighbour_is_added),
         cmocka_unit_test(a_crowd_is_looked_at_again),
+        cmocka_unit_test(a_crowd_without_noise_is_bounded_and_marked),
         cmocka_unit_test(the_psf_of_a_crowd_is_measured_between_its_stars),
         cmocka_unit_test(what_is_resolved_stays),
         cmocka_unit_test(where_nothing_is_added),
