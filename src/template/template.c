@@ -598,9 +598,11 @@ static rx_status look_again(work *w, rx_error *err)
                 w->subjects[i].x0 = w->subjects[i].x;
                 w->subjects[i].y0 = w->subjects[i].y;
             }
-        RX_TRY(fit_on_sky(w, err));
-        if (movable(w))
+        if (movable(w)) { /* positions and shapes need fluxes that are roughly right */
+            RX_TRY(regroup(w, err));
+            RX_TRY(fit_groups(w, err));
             RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
+        }
         RX_TRY(fit_on_sky(w, err));
         RX_TRY(drop_weak(w, &dropped, err));
     } while (w->crowd.n > 0 && w->passes < w->par->passes && dropped < count);
