@@ -49,8 +49,8 @@ const rx_detection_duel *rx_detection_duel_of(const rx_detection_numbers *number
 /* "NONE", "RL" (at its best), "RL 20 0.5" ... */
 const char *rx_detection_column_name(const rx_detection_numbers *numbers, int column);
 
-/* One verdict for each goal; verdicts[RX_CLAIM_COUNT], *n used. rx_claim_verdicts_free(). */
-void rx_detection_verdicts(const rx_detection_numbers *numbers, rx_claim_verdict *verdicts, int *n);
+/* One verdict for each claim that it is asked about. rx_claim_verdicts_free(). */
+void rx_detection_verdicts(const rx_detection_numbers *numbers, rx_claim_verdicts *verdicts);
 
 rx_status rx_detection_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
 

@@ -162,16 +162,15 @@ static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
 rx_status rx_detection_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_detection_numbers m = {0};
-    rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
-    int nverdicts = 0;
+    rx_claim_verdicts verdicts;
     rx_findings f;
     rx_status status = rx_detection_numbers_make(lab, output->record->seed, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&f, "detection", lab->about, output, err);
+        status = rx_findings_begin(&f, "detection", lab->about, 0, output, err);
     if (status != RX_OK)
         goto exit;
-    rx_detection_verdicts(&m, verdicts, &nverdicts);
-    rx_findings_claims(&f, nverdicts, verdicts);
+    rx_detection_verdicts(&m, &verdicts);
+    rx_findings_claims(&f, &verdicts, NULL);
     rx_report_sentence(f.report, lab->about);
     for (int kind = 0; kind < RX_SCENE_IDS; kind++)
         for (int s = 0; s < lab->nscenes; s++) {

@@ -14,6 +14,13 @@ static const rx_estimate *value(const rx_detection_numbers *m, int condition, in
     return &rx_detection_cell_of(m, condition, scene, column)->value[q];
 }
 
+static int is_absent(const rx_detection_numbers *m, rx_claim_verdict *v)
+{
+    if (m->net < 0)
+        rx_text_add(&v->said, "NET did not take part. ");
+    return m->net < 0;
+}
+
 /* ap and the recall at the first precision of both lists, against one rival. */
 static int above(const rx_detection_numbers *m, int rival, rx_claim_verdict *v)
 {
@@ -51,8 +58,11 @@ static int above(const rx_detection_numbers *m, int rival, rx_claim_verdict *v)
     return all > 0 ? wins == all : -1;
 }
 
-static void judge_lists(const rx_detection_numbers *m, rx_claim_verdict *v)
+static void judge_lists(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_detection_numbers *m = numbers;
+    if (is_absent(m, v))
+        return;
     int holds = 1, judged = 0;
     for (int k = 0; k < m->nrivals; k++) {
         const int one = above(m, k, v);
@@ -63,8 +73,11 @@ static void judge_lists(const rx_detection_numbers *m, rx_claim_verdict *v)
         v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
 }
 
-static void judge_pairs(const rx_detection_numbers *m, rx_claim_verdict *v)
+static void judge_pairs(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_detection_numbers *m = numbers;
+    if (is_absent(m, v))
+        return;
     const int rival = m->matched >= 0 ? m->matched : m->none;
     int holds = 1, judged = 0;
     for (int c = 0; c < m->lab->nconditions && rival >= 0; c++)
@@ -83,8 +96,11 @@ static void judge_pairs(const rx_detection_numbers *m, rx_claim_verdict *v)
         v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
 }
 
-static void judge_plateau(const rx_detection_numbers *m, rx_claim_verdict *v)
+static void judge_plateau(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_detection_numbers *m = numbers;
+    if (is_absent(m, v))
+        return;
     const double limit = 0.01;
     int holds = 1, judged = 0;
     for (int c = 0; c < m->lab->nconditions; c++)
@@ -100,20 +116,9 @@ static void judge_plateau(const rx_detection_numbers *m, rx_claim_verdict *v)
         v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
 }
 
-void rx_detection_verdicts(const rx_detection_numbers *m, rx_claim_verdict *verdicts, int *n)
+void rx_detection_verdicts(const rx_detection_numbers *m, rx_claim_verdicts *verdicts)
 {
-    static const rx_claim_id asked[] = {RX_CLAIM_LISTS, RX_CLAIM_PAIRS, RX_CLAIM_PLATEAU};
-    *n = (int)(sizeof asked / sizeof *asked);
-    for (int i = 0; i < *n; i++) {
-        rx_claim_verdict *v = &verdicts[i];
-        *v = (rx_claim_verdict){asked[i], RX_NOT_YET_TESTABLE, {0}};
-        if (m->net < 0)
-            rx_text_add(&v->said, "NET did not take part. ");
-        else if (v->claim == RX_CLAIM_LISTS)
-            judge_lists(m, v);
-        else if (v->claim == RX_CLAIM_PAIRS)
-            judge_pairs(m, v);
-        else
-            judge_plateau(m, v);
-    }
+    static const rx_claim_judge judges[] = {
+        {RX_CLAIM_LISTS, judge_lists}, {RX_CLAIM_PAIRS, judge_pairs}, {RX_CLAIM_PLATEAU, judge_plateau}};
+    rx_claims_judge(sizeof judges / sizeof *judges, judges, 0, m, verdicts);
 }

@@ -49,7 +49,7 @@ enum {
     NCLAIMS = sizeof CLAIMS / sizeof *CLAIMS
 };
 
-rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about,
+rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about, int own_cells,
                             const rx_lab_output *output, rx_error *err)
 {
     const rx_campaign_record *record = output->record;
@@ -67,54 +67,63 @@ rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *abou
     rx_report_fact_number(r, "interval_level", 0.95);
     rx_report_fact(r, "about", about);
     dst->claims = rx_report_table_add(r, "claims", NCLAIMS, CLAIMS, RX_REPORT_IN_JSON);
+    if (!own_cells) {
+        dst->cells = rx_report_table_add(r, "cells", NCELLS, CELLS, RX_REPORT_EVERYWHERE);
+        dst->contests = rx_report_table_add(r, "contests", NCONTESTS, CONTESTS, RX_REPORT_EVERYWHERE);
+    }
     return RX_OK;
 }
 
-void rx_findings_claim(rx_findings *f, const rx_finding_claim *c)
-{
-    rx_report_row(f->claims,
-                  (rx_cell[]){rx_cell_words(c->name), rx_cell_words(c->words), rx_cell_words(c->place),
-                              rx_cell_words(c->when), rx_cell_words(c->run), rx_cell_words(c->verdict),
-                              rx_cell_words(c->found)});
-    rx_text_printf(&f->brief, "%-24s %-8s %-18s %s\n", c->name, c->run != NULL ? c->run : "", c->verdict,
-                   c->run != NULL && c->found != NULL ? c->found : "");
-}
-
-void rx_findings_claims(rx_findings *f, int n, rx_claim_verdict *verdicts)
-{
-    static const char *const columns[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found"};
-    int count[4] = {0};
-    char word[32], sentence[160];
-    for (int i = 0; i < n; i++) {
-        const rx_claim *claim = rx_claim_get(verdicts[i].claim);
-        count[verdicts[i].state]++;
-        rx_findings_claim(f,
-                          &(rx_finding_claim){claim->name, claim->words, claim->place, claim->test, NULL,
-                                              rx_claim_state_name(verdicts[i].state), verdicts[i].said.data});
-    }
-    snprintf(word, sizeof word, "%d reproduced", count[RX_REPRODUCED]);
-    snprintf(sentence, sizeof sentence, "of %d claims and goals; %d are not, %d could not be tested.", n,
-             count[RX_NOT_REPRODUCED], count[RX_NOT_YET_TESTABLE] + count[RX_NOT_TESTED]);
-    rx_report_verdict(f->report, count[RX_NOT_REPRODUCED] > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
-    rx_report_section(f->report, "claims", "The paper's claims, and our goals");
-    rx_findings_show_claims(f, 2, columns);
-    rx_report_fold(f->report, "What was found");
-    rx_findings_show_claims(f, 3, found);
-    rx_report_unfold(f->report);
-    rx_report_note(f->report,
-                   "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, "
-                   "RL is Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in "
-                   "summary.json.");
-    f->cells = rx_report_table_add(f->report, "cells", NCELLS, CELLS, RX_REPORT_EVERYWHERE);
-    f->contests = rx_report_table_add(f->report, "contests", NCONTESTS, CONTESTS, RX_REPORT_EVERYWHERE);
-    rx_claim_verdicts_free(n, verdicts);
-}
-
-void rx_findings_show_claims(rx_findings *f, int ncolumns, const char *const *columns)
+static void show_claims(rx_findings *f, int ncolumns, const char *const *columns)
 {
     rx_report_show(
         f->report, f->claims,
         &(rx_report_view){.to = rx_report_rows(f->claims), .ncolumns = ncolumns, .columns = columns});
+}
+
+void rx_findings_claims(rx_findings *f, rx_claim_verdicts *verdicts, const rx_lab_run *runs)
+{
+    static const char *const claimed[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found"};
+    static const char *const goals[] = {"words", "run", "verdict", "found"};
+    int count[RX_CLAIM_STATES] = {0};
+    char word[32], sentence[160];
+    for (int i = 0; i < verdicts->n; i++) {
+        const rx_claim_verdict *v = &verdicts->list[i];
+        const rx_claim *claim = rx_claim_get(v->claim);
+        const char *run = v->run >= 0 ? runs[v->run].name : NULL, *state = rx_claim_state_name(v->state);
+        count[v->state]++;
+        rx_report_row(f->claims,
+                      (rx_cell[]){rx_cell_words(claim->name), rx_cell_words(claim->words),
+                                  rx_cell_words(claim->place), rx_cell_words(claim->test), rx_cell_words(run),
+                                  rx_cell_words(state), rx_cell_words(v->said.data)});
+        rx_text_printf(&f->brief, "%-24s %-8s %-18s %s\n", claim->name, run != NULL ? run : "", state,
+                       run != NULL && v->said.data != NULL ? v->said.data : "");
+    }
+    const int each = verdicts->n > 0 && verdicts->list[0].run >= 0;
+    const int broken = count[RX_NOT_REPRODUCED] + count[RX_GOAL_NOT_HELD];
+    if (each) {
+        snprintf(word, sizeof word, "%d held", count[RX_GOAL_HELD]);
+        snprintf(sentence, sizeof sentence, "of %d goals, each for each restorer; %d are not.", verdicts->n,
+                 broken);
+    } else {
+        snprintf(word, sizeof word, "%d reproduced", count[RX_REPRODUCED]);
+        snprintf(sentence, sizeof sentence, "of %d claims and goals; %d are not, %d could not be tested.",
+                 verdicts->n, broken, count[RX_NOT_YET_TESTABLE] + count[RX_NOT_TESTED]);
+    }
+    rx_report_verdict(f->report, broken > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
+    rx_report_section(f->report, each ? "goals" : "claims",
+                      each ? "Goals" : "The paper's claims, and our goals");
+    show_claims(f, each ? 3 : 2, each ? goals : claimed);
+    rx_report_fold(f->report, "What was found");
+    show_claims(f, each ? 4 : 3, each ? goals : found);
+    rx_report_unfold(f->report);
+    if (!each)
+        rx_report_note(
+            f->report,
+            "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, "
+            "RL is Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in "
+            "summary.json.");
+    rx_claim_verdicts_free(verdicts);
 }
 
 void rx_findings_cell(rx_findings *f, const rx_finding *where, const rx_quantity *quantity,

@@ -3,8 +3,8 @@
 #ifndef RX_LAB_FINDINGS_H
 #define RX_LAB_FINDINGS_H
 
-#include "lab/paper.h"
-#include "lab/record.h"
+#include "lab/claims.h"
+#include "lab/lab.h"
 #include "report/report.h"
 
 /* A quantity, as tables and figures name it. */
@@ -41,21 +41,14 @@ typedef struct rx_contest {
     int ntests; /* that holm adjusts for: where it is below the smallest double, its logarithm is from ln_p */
 } rx_contest;
 
-/* Head of the report: type ("detection"), title, command, seed. Errors: RX_SYSTEM (memory). */
-rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about,
+/* Head of the report: type ("detection"), title, command, seed; tables of claims and, unless a campaign has its own,
+ * of cells and contests. Errors: RX_SYSTEM (memory). */
+rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about, int own_cells,
                             const rx_lab_output *output, rx_error *err);
 
-/* A claim or goal: in words, where in the paper, when it counts as reproduced, whose numbers (NULL: not one
- * run's), the verdict and what it is made of. */
-typedef struct rx_finding_claim {
-    const char *name, *words, *place, *when, *run, *verdict, *found;
-} rx_finding_claim;
-void rx_findings_claim(rx_findings *findings, const rx_finding_claim *claim);
-void rx_findings_show_claims(rx_findings *findings, int ncolumns, const char *const *columns);
-
-/* Those of the paper: a section, and the count of them as the page's verdict; then the tables of cells and
- * contests, empty. The words of the verdicts are freed. */
-void rx_findings_claims(rx_findings *findings, int n, rx_claim_verdict *verdicts);
+/* The claims: a section, and the count of them as the page's verdict; runs: those that verdicts speak of (NULL
+ * where they speak of none). The words of the verdicts are freed. */
+void rx_findings_claims(rx_findings *findings, rx_claim_verdicts *verdicts, const rx_lab_run *runs);
 
 /* Adds cells; those from row `from` on, all of one scene and quantity, become a table of conditions against
  * runs, and lines of the terminal where `brief`. */

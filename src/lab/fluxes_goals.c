@@ -1,4 +1,4 @@
-/* What template photometry is held against: limits, and whether the numbers keep them. */
+/* Whether the numbers of template photometry keep the limits of the goals. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,73 +8,19 @@
 /* Fewer objects decide nothing. */
 enum { FEWEST = 20 };
 
-typedef struct goal {
-    const char *name;
-    const char *words;
-    double low, high; /* of the number */
-} goal;
-
-static const goal GOALS[RX_FLUXES_GOALS] = {
-    [RX_GOAL_BIAS_ISOLATED] =
-        {"bias, isolated",
-         "Isolated stars and galaxies of S/N above 10: median error of MAG_TEMPLATE within "
-         "0.01 mag, each kind at each seeing",
-         -0.01, 0.01},
-    [RX_GOAL_BIAS_BINS] = {"bias, by S/N", "The same in every single bin of S/N above 10", -0.01, 0.01},
-    [RX_GOAL_BIAS_APART] =
-        {"bias, told apart",
-         "Blended ones (a neighbour within 1.5 FWHM and 2 mag) of S/N above 10 that are told "
-         "apart from it: within 0.02 mag",
-         -0.02, 0.02},
-    [RX_GOAL_BIAS_BLENDED] = {"bias, blended", "The same whether or not they are told apart: within 0.02 mag",
-                              -0.02, 0.02},
-    [RX_GOAL_PULL] = {"pulls, median", "Isolated stars of S/N 5 to 100: median pull within 0.1", -0.1, 0.1},
-    [RX_GOAL_WIDTH] = {"pulls, width",
-                       "Isolated stars of S/N 5 to 100: robust width of the pulls 0.95 to 1.05", 0.95, 1.05},
-    [RX_GOAL_BOUND] = {"scatter",
-                       "Isolated stars of S/N above 10: scatter at most 1.1 times that of a matched filter",
-                       0, 1.1},
-    [RX_GOAL_MAGERR] =
-        {"MagErr",
-         "Isolated stars that all restorers found: mean |error| in percent at or below the least of "
-         "AUTO and apertures of any restorer, in every bin of S/N (number: its ratio)",
-         0, 1},
-    [RX_GOAL_PAIRS] =
-        {"pairs",
-         "Close pairs told apart: median |error| of the flux ratio at or below that of AUTO on NONE "
-         "and on RL, at every separation (number: its ratio to the lower one)",
-         0, 1},
-};
-
-const char *rx_goal_name(rx_fluxes_goal goal)
-{
-    return GOALS[goal].name;
-}
-
-const char *rx_goal_words(rx_fluxes_goal goal)
-{
-    return GOALS[goal].words;
-}
-
-const char *rx_goal_state_name(rx_goal_state state)
-{
-    static const char *const names[] = {"held", "not held", "undecided", "not measured"};
-    return names[state];
-}
-
 /* --- one number --- */
 
-typedef struct judge {
-    rx_goal_verdict *verdict;
+typedef struct judging {
+    rx_claim_verdict *verdict;
     double worst; /* how far beyond (or within: negative) its limit the worst number is */
     char where[256];
     rx_estimate value;
     int broken; /* numbers beyond a limit by more than their error */
-} judge;
+} judging;
 
-static void hold(judge *j, const rx_estimate *e, const char *where)
+static void hold(judging *j, const rx_estimate *e, const char *where)
 {
-    const goal *g = &GOALS[j->verdict->goal];
+    const rx_claim *g = rx_claim_get(j->verdict->claim);
     if (e->n < FEWEST || !isfinite(e->value))
         return;
     const double beyond = fmax(e->value - g->high, g->low - e->value);
@@ -88,9 +34,9 @@ static void hold(judge *j, const rx_estimate *e, const char *where)
     }
 }
 
-static void finish(judge *j)
+static void finish(judging *j)
 {
-    rx_goal_verdict *v = j->verdict;
+    rx_claim_verdict *v = j->verdict;
     v->state = v->all == 0         ? RX_GOAL_NOT_MEASURED
                : v->held == v->all ? RX_GOAL_HELD
                : j->broken > 0     ? RX_GOAL_NOT_HELD
@@ -124,7 +70,7 @@ static int counts(const rx_lab *r, int condition, int scene)
 }
 
 /* One number of TEMPLATE's cell of every scene and seeing. */
-static void judge_cells(const rx_fluxes_numbers *m, judge *j, rx_fluxes_place p, int kinds,
+static void judge_cells(const rx_fluxes_numbers *m, judging *j, rx_fluxes_place p, int kinds,
                         const rx_estimate *(*number)(const rx_fluxes_cell *))
 {
     char where[160];
@@ -167,7 +113,7 @@ static rx_estimate over(const rx_estimate *e, double other)
 }
 
 /* Against the least of all other fluxes in the same bin, on the same stars. */
-static void judge_magerr(const rx_fluxes_numbers *m, judge *j)
+static void judge_magerr(const rx_fluxes_numbers *m, judging *j)
 {
     const rx_lab *r = m->lab;
     char where[160], name[64];
@@ -214,7 +160,7 @@ static double best_auto(const rx_fluxes_numbers *m, rx_pair_place p)
     return best;
 }
 
-static void judge_pairs(const rx_fluxes_numbers *m, judge *j)
+static void judge_pairs(const rx_fluxes_numbers *m, judging *j)
 {
     const rx_lab *r = m->lab;
     char where[160], condition[96];
@@ -233,29 +179,20 @@ static void judge_pairs(const rx_fluxes_numbers *m, judge *j)
             }
 }
 
-static void judge_goal(const rx_fluxes_numbers *m, judge *j)
+static void judge(const void *numbers, rx_claim_verdict *verdict)
 {
+    const rx_fluxes_numbers *m = numbers;
+    judging own = {.verdict = verdict}, *j = &own;
     rx_fluxes_place p = {.sample = RX_SAMPLE_ALL, .crowd = RX_CROWD_ISOLATED, .bin = RX_SNR_ABOVE_10};
-    switch (j->verdict->goal) {
-    case RX_GOAL_BIAS_ISOLATED:
-        judge_cells(m, j, p, 2, bias_of);
-        break;
+    switch (verdict->claim) {
     case RX_GOAL_BIAS_BINS:
         for (p.bin = 1; p.bin < RX_SNR_SINGLE; p.bin++) /* the first one is below 10 */
             judge_cells(m, j, p, 2, bias_of);
         break;
-    case RX_GOAL_BIAS_APART:
-        p.crowd = RX_CROWD_APART;
-        judge_cells(m, j, p, 2, bias_of);
-        break;
-    case RX_GOAL_BIAS_BLENDED:
-        p.crowd = RX_CROWD_BLENDED;
-        judge_cells(m, j, p, 2, bias_of);
-        break;
     case RX_GOAL_PULL:
     case RX_GOAL_WIDTH:
         p.bin = RX_SNR_5_100;
-        judge_cells(m, j, p, 1, j->verdict->goal == RX_GOAL_PULL ? pull_of : width_of);
+        judge_cells(m, j, p, 1, verdict->claim == RX_GOAL_PULL ? pull_of : width_of);
         break;
     case RX_GOAL_BOUND:
         judge_cells(m, j, p, 1, bound_of);
@@ -266,24 +203,20 @@ static void judge_goal(const rx_fluxes_numbers *m, judge *j)
     case RX_GOAL_PAIRS:
         judge_pairs(m, j);
         break;
-    case RX_FLUXES_GOALS:
-        break;
+    default: /* the biases of all from S/N 10 on */
+        p.crowd = verdict->claim == RX_GOAL_BIAS_APART     ? RX_CROWD_APART
+                  : verdict->claim == RX_GOAL_BIAS_BLENDED ? RX_CROWD_BLENDED
+                                                           : RX_CROWD_ISOLATED;
+        judge_cells(m, j, p, 2, bias_of);
     }
+    finish(j);
 }
 
-void rx_fluxes_verdicts(const rx_fluxes_numbers *m, rx_goal_verdict *verdicts)
+void rx_fluxes_verdicts(const rx_fluxes_numbers *m, rx_claim_verdicts *verdicts)
 {
-    const int runs = m->lab->nruns;
-    for (int i = 0; i < RX_FLUXES_GOALS * runs; i++) {
-        judge j = {.verdict = &verdicts[i]};
-        verdicts[i] = (rx_goal_verdict){.goal = (rx_fluxes_goal)(i / runs), .run = i % runs};
-        judge_goal(m, &j);
-        finish(&j);
-    }
-}
-
-void rx_goal_verdicts_free(int n, rx_goal_verdict *verdicts)
-{
-    for (int i = 0; i < n; i++)
-        rx_text_free(&verdicts[i].said);
+    static const rx_claim_judge judges[] = {
+        {RX_GOAL_BIAS_ISOLATED, judge}, {RX_GOAL_BIAS_BINS, judge}, {RX_GOAL_BIAS_APART, judge},
+        {RX_GOAL_BIAS_BLENDED, judge},  {RX_GOAL_PULL, judge},      {RX_GOAL_WIDTH, judge},
+        {RX_GOAL_BOUND, judge},         {RX_GOAL_MAGERR, judge},    {RX_GOAL_PAIRS, judge}};
+    rx_claims_judge(sizeof judges / sizeof *judges, judges, m->lab->nruns, m, verdicts);
 }

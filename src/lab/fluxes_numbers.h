@@ -21,8 +21,8 @@
 #ifndef RX_LAB_FLUXES_NUMBERS_H
 #define RX_LAB_FLUXES_NUMBERS_H
 
+#include "lab/claims.h"
 #include "lab/fluxes.h"
-#include "lab/record.h"
 #include "quality/binomial.h"
 
 /* Bins of true S/N; those from RX_SNR_SINGLE on hold several others. */
@@ -110,42 +110,8 @@ const rx_pair_cell *rx_pair_cell_of(const rx_fluxes_numbers *numbers, const rx_p
 const rx_estimate *rx_pair_share(const rx_fluxes_numbers *numbers, const rx_pair_place *place);
 const rx_invented_cell *rx_invented_of(const rx_fluxes_numbers *numbers, int condition, int scene, int run);
 
-/* What is held against a number: in FIELD, PAIRS and INJECTED, where restorers are told the truth. */
-typedef enum rx_fluxes_goal {
-    RX_GOAL_BIAS_ISOLATED,
-    RX_GOAL_BIAS_BINS,
-    RX_GOAL_BIAS_APART,
-    RX_GOAL_BIAS_BLENDED,
-    RX_GOAL_PULL,
-    RX_GOAL_WIDTH,
-    RX_GOAL_BOUND,
-    RX_GOAL_MAGERR,
-    RX_GOAL_PAIRS,
-    RX_FLUXES_GOALS
-} rx_fluxes_goal;
-
-/* UNDECIDED: beyond a limit, but nowhere by more than the error of the number. */
-typedef enum rx_goal_state {
-    RX_GOAL_HELD,
-    RX_GOAL_NOT_HELD,
-    RX_GOAL_UNDECIDED,
-    RX_GOAL_NOT_MEASURED
-} rx_goal_state;
-const char *rx_goal_state_name(rx_goal_state state); /* "held" ... */
-const char *rx_goal_name(rx_fluxes_goal goal);
-const char *rx_goal_words(rx_fluxes_goal goal);
-
-typedef struct rx_goal_verdict {
-    rx_fluxes_goal goal;
-    int run;
-    rx_goal_state state;
-    int held, all; /* numbers that were held against the limit */
-    rx_text said;  /* the worst of them */
-} rx_goal_verdict;
-
-/* Of every goal for every restorer: verdicts[RX_FLUXES_GOALS * nruns]. rx_goal_verdicts_free(). */
-void rx_fluxes_verdicts(const rx_fluxes_numbers *numbers, rx_goal_verdict *verdicts);
-void rx_goal_verdicts_free(int n, rx_goal_verdict *verdicts); /* content only */
+/* Of every goal for every restorer: in FIELD, PAIRS and INJECTED, where restorers are given the truth. */
+void rx_fluxes_verdicts(const rx_fluxes_numbers *numbers, rx_claim_verdicts *verdicts);
 
 rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
 

@@ -254,33 +254,6 @@ static void add_scene(page *g, int s)
     add_invented(g, s);
 }
 
-static void add_goals(page *g, const rx_goal_verdict *verdicts)
-{
-    static const char *const columns[] = {"words", "run", "verdict"}, *const found[] = {"words", "run",
-                                                                                        "verdict", "found"};
-    const int n = RX_FLUXES_GOALS * g->m->lab->nruns;
-    int held = 0, broken = 0;
-    char word[32], sentence[96];
-    for (int i = 0; i < n; i++) {
-        const rx_goal_verdict *v = &verdicts[i];
-        held += v->state == RX_GOAL_HELD;
-        broken += v->state == RX_GOAL_NOT_HELD;
-        rx_findings_claim(&g->f, &(rx_finding_claim){.name = rx_goal_name(v->goal),
-                                                     .words = rx_goal_words(v->goal),
-                                                     .run = g->m->lab->run[v->run].name,
-                                                     .verdict = rx_goal_state_name(v->state),
-                                                     .found = v->said.data});
-    }
-    snprintf(word, sizeof word, "%d held", held);
-    snprintf(sentence, sizeof sentence, "of %d goals, each for each restorer; %d are not.", n, broken);
-    rx_report_verdict(g->f.report, broken > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
-    rx_report_section(g->f.report, "goals", "Goals");
-    rx_findings_show_claims(&g->f, 3, columns);
-    rx_report_fold(g->f.report, "What was found");
-    rx_findings_show_claims(&g->f, 4, found);
-    rx_report_unfold(g->f.report);
-}
-
 static const char READING[] =
     "Every number is followed by its 95 % interval and by how many objects are behind it. The tables here "
     "are of the "
@@ -373,11 +346,11 @@ static void add_figures(rx_figures *dst, const rx_fluxes_numbers *m)
 rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_fluxes_numbers m = {0};
-    rx_goal_verdict verdicts[RX_FLUXES_GOALS * RX_FLUXES_RUNS] = {0};
+    rx_claim_verdicts verdicts;
     page g = {.m = &m};
     rx_status status = rx_fluxes_numbers_make(lab, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&g.f, "fluxes", lab->about, output, err);
+        status = rx_findings_begin(&g.f, "fluxes", lab->about, 1, output, err);
     if (status != RX_OK)
         goto exit;
     g.sets = rx_report_table_add(g.f.report, "sets", NSETS, SETS, RX_REPORT_IN_JSON);
@@ -391,8 +364,8 @@ rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_er
     }
     g.pairs = rx_report_table_add(g.f.report, "pairs", NPAIRS, PAIRS, RX_REPORT_EVERYWHERE);
     g.invented = rx_report_table_add(g.f.report, "invented", NINVENTED, INVENTED, RX_REPORT_EVERYWHERE);
-    rx_fluxes_verdicts(&m, verdicts);
-    add_goals(&g, verdicts);
+    rx_fluxes_verdicts(&m, &verdicts);
+    rx_findings_claims(&g.f, &verdicts, lab->run);
     rx_report_sentence(g.f.report, lab->about);
     add_figures(rx_report_figures_of(g.f.report), &m);
     for (int s = 0; s < lab->nscenes; s++)
@@ -401,7 +374,6 @@ rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_er
     rx_report_paragraph(g.f.report, READING);
     status = rx_findings_end(&g.f, err);
 exit:
-    rx_goal_verdicts_free(RX_FLUXES_GOALS * lab->nruns, verdicts);
     rx_fluxes_numbers_free(&m);
     return status;
 }

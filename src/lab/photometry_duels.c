@@ -284,8 +284,9 @@ static void tell(rx_text *dst, const rx_photometry_numbers *m, int a, int b, int
     }
 }
 
-static void judge_restored(const rx_photometry_numbers *m, rx_claim_verdict *v)
+static void judge_restored(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_photometry_numbers *m = numbers;
     int others = 0, holds = 1;
     for (int run = 0; run < m->lab->nruns && m->none >= 0; run++) {
         if (run == m->none || m->lab->run[run].templates) /* the same list */
@@ -347,8 +348,9 @@ static int fluxes_hold(const rx_photometry_numbers *m, int f, int rl, rx_text *s
     return holds;
 }
 
-static void judge_fluxes(const rx_photometry_numbers *m, rx_claim_verdict *v)
+static void judge_fluxes(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_photometry_numbers *m = numbers;
     int rl = -1, holds = 1, fields = 0;
     for (int run = 0; run < m->lab->nruns; run++)
         if (strcmp(m->lab->run[run].name, "RL") == 0)
@@ -412,8 +414,9 @@ static int templates_hold(const rx_photometry_numbers *m, int f, int k, int run,
     return holds;
 }
 
-static void judge_templates(const rx_photometry_numbers *m, rx_claim_verdict *v)
+static void judge_templates(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_photometry_numbers *m = numbers;
     const rx_lab *r = m->lab;
     int held = 0, all = 0;
     for (int run = 0; run < r->nruns; run++)
@@ -430,24 +433,19 @@ static void judge_templates(const rx_photometry_numbers *m, rx_claim_verdict *v)
         rx_text_add(&v->said, "No run had the fluxes of template photometry. ");
 }
 
-void rx_photometry_verdicts(const rx_photometry_numbers *m, rx_claim_verdict *verdicts, int *n)
+static void judge_best(const void *numbers, rx_claim_verdict *v)
 {
-    static const rx_claim_id asked[] = {RX_CLAIM_RESTORED_BETTER, RX_CLAIM_NET_BEST, RX_CLAIM_LOW_SNR,
-                                        RX_CLAIM_ACCURACY,        RX_CLAIM_SPEED,    RX_CLAIM_FLUXES,
-                                        RX_CLAIM_TEMPLATES};
-    *n = (int)(sizeof asked / sizeof *asked);
-    for (int i = 0; i < *n; i++) {
-        rx_claim_verdict *v = &verdicts[i];
-        *v = (rx_claim_verdict){asked[i], RX_NOT_YET_TESTABLE, {0}};
-        if (v->claim == RX_CLAIM_RESTORED_BETTER)
-            judge_restored(m, v);
-        else if (v->claim == RX_CLAIM_SPEED)
-            v->state = RX_NOT_TESTED;
-        else if (v->claim == RX_CLAIM_FLUXES)
-            judge_fluxes(m, v);
-        else if (v->claim == RX_CLAIM_TEMPLATES)
-            judge_templates(m, v);
-        else
-            judge_net(m, v->claim == RX_CLAIM_LOW_SNR, v->claim == RX_CLAIM_ACCURACY, v);
-    }
+    judge_net(numbers, v->claim == RX_CLAIM_LOW_SNR, v->claim == RX_CLAIM_ACCURACY, v);
+}
+
+void rx_photometry_verdicts(const rx_photometry_numbers *m, rx_claim_verdicts *verdicts)
+{
+    static const rx_claim_judge judges[] = {{RX_CLAIM_RESTORED_BETTER, judge_restored},
+                                            {RX_CLAIM_NET_BEST, judge_best},
+                                            {RX_CLAIM_LOW_SNR, judge_best},
+                                            {RX_CLAIM_ACCURACY, judge_best},
+                                            {RX_CLAIM_SPEED, NULL},
+                                            {RX_CLAIM_FLUXES, judge_fluxes},
+                                            {RX_CLAIM_TEMPLATES, judge_templates}};
+    rx_claims_judge(sizeof judges / sizeof *judges, judges, 0, m, verdicts);
 }

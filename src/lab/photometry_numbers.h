@@ -135,9 +135,8 @@ const rx_photometry_duel *rx_photometry_duel_of(const rx_photometry_numbers *num
 /* Figures of the fields: "field0-...", precision-recall curves "curve0-..." */
 void rx_photometry_figures(rx_figures *dst, const rx_photometry_numbers *numbers);
 
-/* One verdict for each claim that a photometry campaign is asked about; verdicts[RX_CLAIM_COUNT], *n used.
- * Free with rx_claim_verdicts_free(). */
-void rx_photometry_verdicts(const rx_photometry_numbers *numbers, rx_claim_verdict *verdicts, int *n);
+/* One verdict for each claim that it is asked about. rx_claim_verdicts_free(). */
+void rx_photometry_verdicts(const rx_photometry_numbers *numbers, rx_claim_verdicts *verdicts);
 
 /* Plain sentences about one pair on one field: where the first finds more or fewer stars, with smaller or
  * larger errors. */

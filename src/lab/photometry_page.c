@@ -328,18 +328,17 @@ static void write_reading(rx_report *report)
 rx_status rx_photometry_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_photometry_numbers m = {0};
-    rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
-    int nverdicts = 0;
+    rx_claim_verdicts verdicts;
     page g = {.m = &m};
     rx_status status = rx_photometry_numbers_make(lab, output->record->seed, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&g.f, "photometry", NULL, output, err);
+        status = rx_findings_begin(&g.f, "photometry", NULL, 0, output, err);
     if (status != RX_OK)
         goto exit;
     rx_report *report = g.f.report;
     rx_report_fact_numbers(report, "precisions", m.nprecisions, m.precision);
-    rx_photometry_verdicts(&m, verdicts, &nverdicts);
-    rx_findings_claims(&g.f, nverdicts, verdicts);
+    rx_photometry_verdicts(&m, &verdicts);
+    rx_findings_claims(&g.f, &verdicts, NULL);
     rx_report_table *runs = rx_report_table_add(report, "runs", LENGTH(RUNS), RUNS, RX_REPORT_IN_JSON);
     g.sets = rx_report_table_add(report, "sets", LENGTH(SETS), SETS, RX_REPORT_EVERYWHERE);
     g.cuts = rx_report_table_add(report, "cuts", LENGTH(CUTS), CUTS, RX_REPORT_EVERYWHERE);

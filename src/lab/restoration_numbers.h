@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "lab/claims.h"
 #include "lab/paper.h"
 #include "lab/results.h"
 #include "quality/hypothesis.h"
@@ -70,9 +71,8 @@ int rx_bin_is_beyond(const rx_restoration_numbers *numbers, int bin);
 const char *rx_quality_name(rx_quality quality); /* "PSNR" */
 const char *rx_quality_unit(rx_quality quality); /* "dB", "" */
 
-/* One verdict for each claim that a restoration campaign is asked about; verdicts[RX_CLAIM_COUNT], *n used.
- * Free with rx_claim_verdicts_free(). */
-void rx_restoration_verdicts(const rx_restoration_numbers *numbers, rx_claim_verdict *verdicts, int *n);
+/* One verdict for each claim that it is asked about. rx_claim_verdicts_free(). */
+void rx_restoration_verdicts(const rx_restoration_numbers *numbers, rx_claim_verdicts *verdicts);
 
 /* Figures, ids by what is binned: "fwhm-...", "sigma-...", and "example0-..." */
 void rx_restoration_figures(rx_figures *dst, const rx_restoration_numbers *numbers);

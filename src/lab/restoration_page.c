@@ -415,12 +415,12 @@ rx_status rx_restoration_report(const rx_restoration_results *results, const rx_
                                 rx_error *err)
 {
     rx_restoration_numbers m = {0};
-    rx_claim_verdict verdicts[RX_CLAIM_COUNT] = {0};
-    int nverdicts = 0, ends, choices;
+    rx_claim_verdicts verdicts;
+    int ends, choices;
     rx_findings f;
     rx_status status = rx_restoration_numbers_make(results, output->record->seed, &m, err);
     if (status == RX_OK)
-        status = rx_findings_begin(&f, "restoration", results->about, output, err);
+        status = rx_findings_begin(&f, "restoration", results->about, 0, output, err);
     if (status != RX_OK)
         goto exit;
     rx_tuning_ends(results, &ends, &choices);
@@ -432,8 +432,8 @@ rx_status rx_restoration_report(const rx_restoration_results *results, const rx_
     rx_report_fact_number(f.report, "tune_scenes", (double)results->tune_scenes);
     rx_report_fact_number(f.report, "tune_choices", choices);
     rx_report_fact_number(f.report, "tune_choices_at_end", ends);
-    rx_restoration_verdicts(&m, verdicts, &nverdicts);
-    rx_findings_claims(&f, nverdicts, verdicts);
+    rx_restoration_verdicts(&m, &verdicts);
+    rx_findings_claims(&f, &verdicts, NULL);
     rx_restoration_figures(rx_report_figures_of(f.report), &m);
     rx_report_table *boxes =
         rx_report_table_add(f.report, "boxes", LENGTH(BOXES), BOXES, RX_REPORT_EVERYWHERE);

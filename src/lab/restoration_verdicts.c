@@ -186,8 +186,9 @@ static void two_sample_count(const rx_restoration_numbers *m, int pair, int *bel
     }
 }
 
-static void judge_every_bin(const rx_restoration_numbers *m, rx_claim_verdict *v)
+static void judge_every_bin(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_restoration_numbers *m = numbers;
     int pair = m->net >= 0 ? rx_method_pair_find(m, m->net, m->rl) : -1;
     if (pair < 0) {
         rx_text_add(&v->said, ABSENT);
@@ -197,8 +198,9 @@ static void judge_every_bin(const rx_restoration_numbers *m, rx_claim_verdict *v
     sentences(&v->said, m, pair, -1, ANYWHERE);
 }
 
-static void judge_all_p(const rx_restoration_numbers *m, rx_claim_verdict *v)
+static void judge_all_p(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_restoration_numbers *m = numbers;
     int pair = m->net >= 0 ? rx_method_pair_find(m, m->net, m->rl) : -1, shown = pair >= 0 ? pair : m->chief;
     int below = 0, tested = 0;
     if (shown >= 0)
@@ -230,8 +232,9 @@ static double fall_with_noise(const rx_restoration_numbers *m, int method)
            rx_quality_mean(m, last, RX_PSNR, method)->value;
 }
 
-static void judge_noise(const rx_restoration_numbers *m, rx_claim_verdict *v)
+static void judge_noise(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_restoration_numbers *m = numbers;
     int pair = m->net >= 0 ? rx_method_pair_find(m, m->net, m->rl) : -1;
     if (pair >= 0) {
         v->state = state_of(wins_all(m, pair, 1, ANYWHERE) &&
@@ -248,8 +251,10 @@ static void judge_noise(const rx_restoration_numbers *m, rx_claim_verdict *v)
     rx_text_add(&v->said, ".");
 }
 
-static void judge_range(const rx_restoration_numbers *m, region where, rx_claim_verdict *v)
+static void judge_range(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_restoration_numbers *m = numbers;
+    const region where = v->claim == RX_CLAIM_INSIDE ? INSIDE : BEYOND;
     int blurred = m->net >= 0 ? rx_method_pair_find(m, m->net, m->blurred) : -1;
     int rl = m->net >= 0 ? rx_method_pair_find(m, m->net, m->rl) : -1;
     if (blurred < 0) {
@@ -265,8 +270,10 @@ static void judge_range(const rx_restoration_numbers *m, region where, rx_claim_
 }
 
 /* Above `rival` beyond doubt inside the training, and in most bins that are not. */
-static void judge_goal(const rx_restoration_numbers *m, int rival, rx_claim_verdict *v)
+static void judge_goal(const void *numbers, rx_claim_verdict *v)
 {
+    const rx_restoration_numbers *m = numbers;
+    const int rival = v->claim == RX_CLAIM_ABOVE_RL ? m->rl : m->flat;
     const double beyond_doubt = 0.001;
     const int pair = m->net >= 0 ? rx_method_pair_find(m, m->net, rival) : -1;
     int sure = 0, inside = 0, wins = 0, beyond = 0;
@@ -290,26 +297,16 @@ static void judge_goal(const rx_restoration_numbers *m, int rival, rx_claim_verd
     sentences(&v->said, m, pair, -1, ANYWHERE);
 }
 
-void rx_restoration_verdicts(const rx_restoration_numbers *m, rx_claim_verdict *verdicts, int *n)
+void rx_restoration_verdicts(const rx_restoration_numbers *m, rx_claim_verdicts *verdicts)
 {
-    static const rx_claim_id asked[] = {RX_CLAIM_EVERY_BIN, RX_CLAIM_ALL_P,    RX_CLAIM_NOISE,
-                                        RX_CLAIM_INSIDE,    RX_CLAIM_BEYOND,   RX_CLAIM_SPEED,
-                                        RX_CLAIM_NO_FAKES,  RX_CLAIM_ABOVE_RL, RX_CLAIM_ABOVE_FLAT};
-    *n = (int)(sizeof asked / sizeof *asked);
-    for (int i = 0; i < *n; i++) {
-        rx_claim_verdict *v = &verdicts[i];
-        *v = (rx_claim_verdict){asked[i], RX_NOT_YET_TESTABLE, {0}};
-        if (v->claim == RX_CLAIM_EVERY_BIN)
-            judge_every_bin(m, v);
-        else if (v->claim == RX_CLAIM_ALL_P)
-            judge_all_p(m, v);
-        else if (v->claim == RX_CLAIM_NOISE)
-            judge_noise(m, v);
-        else if (v->claim == RX_CLAIM_INSIDE || v->claim == RX_CLAIM_BEYOND)
-            judge_range(m, v->claim == RX_CLAIM_INSIDE ? INSIDE : BEYOND, v);
-        else if (v->claim == RX_CLAIM_ABOVE_RL || v->claim == RX_CLAIM_ABOVE_FLAT)
-            judge_goal(m, v->claim == RX_CLAIM_ABOVE_RL ? m->rl : m->flat, v);
-        else
-            v->state = RX_NOT_TESTED;
-    }
+    static const rx_claim_judge judges[] = {{RX_CLAIM_EVERY_BIN, judge_every_bin},
+                                            {RX_CLAIM_ALL_P, judge_all_p},
+                                            {RX_CLAIM_NOISE, judge_noise},
+                                            {RX_CLAIM_INSIDE, judge_range},
+                                            {RX_CLAIM_BEYOND, judge_range},
+                                            {RX_CLAIM_SPEED, NULL},
+                                            {RX_CLAIM_NO_FAKES, NULL},
+                                            {RX_CLAIM_ABOVE_RL, judge_goal},
+                                            {RX_CLAIM_ABOVE_FLAT, judge_goal}};
+    rx_claims_judge(sizeof judges / sizeof *judges, judges, 0, m, verdicts);
 }

@@ -183,17 +183,13 @@ static void who_meets_whom(void **state)
 
 static rx_claim_state restoration_state(const made_restoration *how, rx_claim_id claim)
 {
-    rx_claim_verdict verdict[RX_CLAIM_COUNT];
-    rx_claim_state state = RX_NOT_TESTED;
-    int n = 0;
+    rx_claim_verdicts verdicts;
     rx_restoration_numbers m;
     rx_restoration_results *r = make_restoration(how);
     assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
-    rx_restoration_verdicts(&m, verdict, &n);
-    for (int i = 0; i < n; i++)
-        if (verdict[i].claim == claim)
-            state = verdict[i].state;
-    rx_claim_verdicts_free(n, verdict);
+    rx_restoration_verdicts(&m, &verdicts);
+    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
+    rx_claim_verdicts_free(&verdicts);
     rx_restoration_numbers_free(&m);
     rx_restoration_results_free(r);
     return state;
@@ -305,8 +301,8 @@ static void logarithm_of_a_vanished_holm(void **state)
     rx_findings f;
     (void)state;
     make_folder(folder);
-    assert_int_equal(rx_findings_begin(&f, "photometry", NULL, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
-    rx_findings_claims(&f, 0, NULL);
+    assert_int_equal(rx_findings_begin(&f, "photometry", NULL, 0, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
+    rx_findings_claims(&f, &(rx_claim_verdicts){0}, NULL);
     rx_findings_contest(&f, &(rx_contest){.test = "paired t", .p = 0, .ln_p = -800, .holm = 0, .ntests = 4});
     assert_int_equal(rx_findings_end(&f, NULL), RX_OK);
     char *json = slurp(folder, "summary.json");
@@ -486,17 +482,13 @@ static void thresholds_by_hand(void **state)
 
 static rx_claim_state photometry_state(const made_photometry *how, rx_claim_id claim)
 {
-    rx_claim_verdict verdict[RX_CLAIM_COUNT];
-    rx_claim_state state = RX_NOT_TESTED;
-    int n = 0;
+    rx_claim_verdicts verdicts;
     rx_photometry_numbers m;
     rx_lab *r = make_photometry(how);
     assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
-    rx_photometry_verdicts(&m, verdict, &n);
-    for (int i = 0; i < n; i++)
-        if (verdict[i].claim == claim)
-            state = verdict[i].state;
-    rx_claim_verdicts_free(n, verdict);
+    rx_photometry_verdicts(&m, &verdicts);
+    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
+    rx_claim_verdicts_free(&verdicts);
     rx_photometry_numbers_free(&m);
     rx_lab_close(r);
     return state;
@@ -508,10 +500,8 @@ static void claim_of_templates(void **state)
     static const made_photometry two = {2, 1, 4, 4, 50, 0.4};
     (void)state;
     for (int better = 0; better < 2; better++) {
-        rx_claim_verdict verdict[RX_CLAIM_COUNT];
-        rx_claim_state found = RX_NOT_TESTED, restored = RX_NOT_TESTED;
+        rx_claim_verdicts verdicts;
         rx_photometry_numbers m;
-        int n = 0;
         rx_lab *r = make_photometry(&two);
         r->run[1].templates = 1;
         for (int s = 0; s < 4; s++)
@@ -523,18 +513,13 @@ static void claim_of_templates(void **state)
                 b[RX_STAR_RATIO] = 1 - error * (better || s != 3 ? 0.5 : 1.5);
             }
         assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
-        rx_photometry_verdicts(&m, verdict, &n);
-        for (int i = 0; i < n; i++) {
-            if (verdict[i].claim == RX_CLAIM_TEMPLATES)
-                found = verdict[i].state;
-            if (verdict[i].claim == RX_CLAIM_TEMPLATES)
-                assert_non_null(strstr(verdict[i].said.data, better ? "4 of 4 sets" : "3 of 4 sets"));
-            if (verdict[i].claim == RX_CLAIM_RESTORED_BETTER)
-                restored = verdict[i].state;
-        }
-        assert_int_equal(found, better ? RX_REPRODUCED : RX_NOT_REPRODUCED);
-        assert_int_equal(restored, RX_NOT_YET_TESTABLE); /* templates restore nothing */
-        rx_claim_verdicts_free(n, verdict);
+        rx_photometry_verdicts(&m, &verdicts);
+        const rx_claim_verdict *templates = rx_claim_verdict_of(&verdicts, RX_CLAIM_TEMPLATES, -1);
+        assert_non_null(strstr(templates->said.data, better ? "4 of 4 sets" : "3 of 4 sets"));
+        assert_int_equal(templates->state, better ? RX_REPRODUCED : RX_NOT_REPRODUCED);
+        assert_int_equal(rx_claim_verdict_of(&verdicts, RX_CLAIM_RESTORED_BETTER, -1)->state,
+                         RX_NOT_YET_TESTABLE); /* templates restore nothing */
+        rx_claim_verdicts_free(&verdicts);
         rx_photometry_numbers_free(&m);
         rx_lab_close(r);
     }

@@ -242,17 +242,13 @@ static void numbers_by_hand(void **state)
 
 static rx_claim_state state_of(int better, rx_claim_id claim)
 {
-    rx_claim_verdict verdict[RX_CLAIM_COUNT];
-    rx_claim_state state = RX_NOT_TESTED;
+    rx_claim_verdicts verdicts;
     rx_detection_numbers m;
-    int n = 0;
     rx_lab *r = make_results(better);
     assert_int_equal(rx_detection_numbers_make(r, 1, &m, NULL), RX_OK);
-    rx_detection_verdicts(&m, verdict, &n);
-    for (int i = 0; i < n; i++)
-        if (verdict[i].claim == claim)
-            state = verdict[i].state;
-    rx_claim_verdicts_free(n, verdict);
+    rx_detection_verdicts(&m, &verdicts);
+    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
+    rx_claim_verdicts_free(&verdicts);
     rx_detection_numbers_free(&m);
     rx_lab_close(r);
     return state;

@@ -351,27 +351,27 @@ static void verdicts_follow_the_numbers(void **state)
     (void)state;
     rx_lab *r = make_results();
     rx_fluxes_numbers m;
-    rx_goal_verdict v[RX_FLUXES_GOALS * 2];
+    rx_claim_verdicts all;
     assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
-    rx_fluxes_verdicts(&m, v);
-    assert_int_equal(v[2 * RX_GOAL_BIAS_ISOLATED].state, RX_GOAL_UNDECIDED);
-    assert_int_equal(v[2 * RX_GOAL_BIAS_ISOLATED + 1].state, RX_GOAL_NOT_HELD);
-    assert_int_equal(v[2 * RX_GOAL_BIAS_BINS + 1].state, RX_GOAL_NOT_HELD);
-    assert_int_equal(v[2 * RX_GOAL_BIAS_BINS + 1].all, 1);
-    assert_int_equal(v[2 * RX_GOAL_BIAS_APART].state, RX_GOAL_HELD);
-    assert_int_equal(v[2 * RX_GOAL_BIAS_APART + 1].state, RX_GOAL_NOT_MEASURED);
-    assert_int_equal(v[2 * RX_GOAL_BOUND].state, RX_GOAL_NOT_HELD); /* 2.97 */
-    assert_int_equal(v[2 * RX_GOAL_MAGERR].state, RX_GOAL_HELD);
-    assert_int_equal(v[2 * RX_GOAL_PAIRS].state, RX_GOAL_HELD);
-    assert_int_equal(v[2 * RX_GOAL_PAIRS + 1].state, RX_GOAL_NOT_MEASURED);
-    assert_non_null(strstr(v[2 * RX_GOAL_BIAS_ISOLATED + 1].said.data, "stars of FIELD"));
-    rx_goal_verdicts_free(RX_FLUXES_GOALS * 2, v);
+    rx_fluxes_verdicts(&m, &all);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 0)->state, RX_GOAL_UNDECIDED);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->state, RX_GOAL_NOT_HELD);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->state, RX_GOAL_NOT_HELD);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->all, 1);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_APART, 0)->state, RX_GOAL_HELD);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_APART, 1)->state, RX_GOAL_NOT_MEASURED);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BOUND, 0)->state, RX_GOAL_NOT_HELD); /* 2.97 */
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_MAGERR, 0)->state, RX_GOAL_HELD);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_PAIRS, 0)->state, RX_GOAL_HELD);
+    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_PAIRS, 1)->state, RX_GOAL_NOT_MEASURED);
+    assert_non_null(strstr(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->said.data, "stars of FIELD"));
+    rx_claim_verdicts_free(&all);
     /* what restorers are told wrongly is no matter of the goals */
     r->sky[0].condition.psf_error = 0.05;
-    rx_fluxes_verdicts(&m, v);
-    for (int i = 0; i < RX_FLUXES_GOALS * 2; i++)
-        assert_int_equal(v[i].state, RX_GOAL_NOT_MEASURED);
-    rx_goal_verdicts_free(RX_FLUXES_GOALS * 2, v);
+    rx_fluxes_verdicts(&m, &all);
+    for (int i = 0; i < all.n; i++)
+        assert_int_equal(all.list[i].state, RX_GOAL_NOT_MEASURED);
+    rx_claim_verdicts_free(&all);
     rx_fluxes_numbers_free(&m);
     rx_lab_close(r);
 }
