@@ -52,6 +52,4 @@ const char *rx_detection_column_name(const rx_detection_numbers *numbers, int co
 /* One verdict for each claim that it is asked about. rx_claim_verdicts_free(). */
 void rx_detection_verdicts(const rx_detection_numbers *numbers, rx_claim_verdicts *verdicts);
 
-rx_status rx_detection_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
-
 #endif

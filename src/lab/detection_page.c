@@ -159,7 +159,7 @@ static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
     free(data);
 }
 
-rx_status rx_detection_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
+static rx_status report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_detection_numbers m = {0};
     rx_claim_verdicts verdicts;
@@ -197,4 +197,4 @@ const rx_lab_kind rx_kind_detection = {.name = "DETECTION",
                                        .open = rx_detection_open,
                                        .unit = rx_detection_unit,
                                        .describe = rx_detection_describe,
-                                       .report = rx_detection_report};
+                                       .report = report};

@@ -113,6 +113,4 @@ const rx_invented_cell *rx_invented_of(const rx_fluxes_numbers *numbers, int con
 /* Of every goal for every restorer: in FIELD, PAIRS and INJECTED, where restorers are given the truth. */
 void rx_fluxes_verdicts(const rx_fluxes_numbers *numbers, rx_claim_verdicts *verdicts);
 
-rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
-
 #endif

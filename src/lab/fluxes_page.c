@@ -343,7 +343,7 @@ static void add_figures(rx_figures *dst, const rx_fluxes_numbers *m)
                 }
 }
 
-rx_status rx_fluxes_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
+static rx_status report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     rx_fluxes_numbers m = {0};
     rx_claim_verdicts verdicts;
@@ -389,4 +389,4 @@ const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
                                     .prepare = rx_fluxes_prepare,
                                     .unit = rx_fluxes_unit,
                                     .describe = rx_fluxes_describe,
-                                    .report = rx_fluxes_report};
+                                    .report = report};

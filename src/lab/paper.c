@@ -64,14 +64,6 @@ const rx_paper_table *rx_paper_table_get(int i)
     return &tables[i];
 }
 
-const rx_paper_table *rx_paper_table_of(int by_sigma, int ssim)
-{
-    for (int i = 0; i < RX_PAPER_TABLES; i++)
-        if (!tables[i].by_sigma == !by_sigma && !tables[i].ssim == !ssim)
-            return &tables[i];
-    return NULL;
-}
-
 const rx_paper_column *rx_paper_column_at(const rx_paper_table *table, double centre)
 {
     for (int i = 0; i < table->n; i++)

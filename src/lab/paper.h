@@ -21,9 +21,8 @@ typedef struct rx_paper_table {
     rx_paper_column column[RX_PAPER_COLUMNS];
 } rx_paper_table;
 
-/* i = 0..RX_PAPER_TABLES - 1; and the one for a quantity and a metric. */
+/* i = 0..RX_PAPER_TABLES - 1. */
 const rx_paper_table *rx_paper_table_get(int i);
-const rx_paper_table *rx_paper_table_of(int by_sigma, int ssim);
 
 /* The column of the bin around `centre`, NULL where the paper prints none. */
 const rx_paper_column *rx_paper_column_at(const rx_paper_table *table, double centre);

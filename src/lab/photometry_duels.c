@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "lab/compare.h"
 #include "lab/photometry_numbers.h"
 
 static const double SIGNIFICANT = 0.05, LOW_SNR = 10;
@@ -29,18 +30,9 @@ static void compare_found(const rx_photometry_set *set, rx_run_pair pair, double
     dst->p = rx_mcnemar(dst->only_first, dst->only_second);
 }
 
-static int differ(long n, const double *a, const double *b)
-{
-    for (long i = 1; i < n; i++)
-        if (a[i] - b[i] != a[0] - b[0])
-            return 1;
-    return 0;
-}
-
 static rx_status compare_errors(const rx_photometry_set *set, rx_run_pair pair, double *a, double *b,
                                 rx_photometry_duel *dst, rx_error *err)
 {
-    const rx_test none = {NAN, NAN, NAN, NAN, NAN, {NAN, NAN, NAN, 0}};
     long n = 0;
     for (long i = 0; i < set->nstars; i++) {
         double first = 100 * fabs(rx_star_of(set, pair.first, i)[RX_STAR_RATIO] - 1);
@@ -50,61 +42,23 @@ static rx_status compare_errors(const rx_photometry_set *set, rx_run_pair pair, 
             b[n++] = second;
         }
     }
-    dst->paired = dst->wilcoxon = none;
-    if (!differ(n, a, b))
+    return rx_compare_paired(n, a, b, &dst->paired, &dst->wilcoxon, err);
+}
+
+/* By Holm for the sets of a field. */
+static rx_status adjust(rx_photometry_numbers *m, int field, int pair, rx_error *err)
+{
+    if (m->lab->nscenes == 0)
         return RX_OK;
-    rx_status status = rx_test_paired(n, a, b, &dst->paired, err);
-    return status != RX_OK ? status : rx_test_wilcoxon(n, a, b, &dst->wilcoxon, err);
-}
-
-/* The p-values that Holm adjusts over the sets of a field. */
-enum { FOUND, PAIRED, WILCOXON, COMPLETE };
-
-static const double *p_of(const rx_photometry_duel *d, int which)
-{
-    switch (which) {
-    case FOUND:
-        return &d->found.p;
-    case PAIRED:
-        return &d->paired.p;
-    case WILCOXON:
-        return &d->wilcoxon.p;
-    default:
-        return &d->complete[which - COMPLETE].p;
-    }
-}
-
-static double *holm_of(rx_photometry_duel *d, int which)
-{
-    switch (which) {
-    case FOUND:
-        return &d->found.holm;
-    case PAIRED:
-        return &d->holm;
-    case WILCOXON:
-        return &d->holm_wilcoxon;
-    default:
-        return &d->complete[which - COMPLETE].holm;
-    }
-}
-
-static rx_status adjust(rx_photometry_numbers *m, int field, int pair, int which, double *p, double *adjusted,
-                        rx_error *err)
-{
-    long n = 0;
-    const int nsets = m->lab->nscenes;
-    rx_status status = RX_OK;
-    for (int k = 0; k < nsets; k++)
-        if (!isnan(*p_of(duel_at(m, field, k, pair), which)))
-            p[n++] = *p_of(duel_at(m, field, k, pair), which);
-    if (n > 0)
-        status = rx_holm(n, p, adjusted, err);
-    n = 0;
-    for (int k = 0; k < nsets && status == RX_OK; k++) {
-        rx_photometry_duel *d = duel_at(m, field, k, pair);
-        *holm_of(d, which) = isnan(*p_of(d, which)) ? NAN : adjusted[n++];
-    }
-    return status;
+    rx_photometry_duel *d = duel_at(m, field, 0, pair);
+    const size_t stride = (size_t)m->npairs * sizeof *d;
+    const long n = m->lab->nscenes;
+    RX_TRY(rx_compare_holm(n, stride, &d->found.p, &d->found.holm, err));
+    RX_TRY(rx_compare_holm(n, stride, &d->paired.p, &d->holm, err));
+    RX_TRY(rx_compare_holm(n, stride, &d->wilcoxon.p, &d->holm_wilcoxon, err));
+    for (int p = 0; p < m->nprecisions; p++)
+        RX_TRY(rx_compare_holm(n, stride, &d->complete[p].p, &d->complete[p].holm, err));
+    return RX_OK;
 }
 
 static void decide_found(rx_found_duel *d)
@@ -127,8 +81,8 @@ static rx_status compare_pair(rx_photometry_numbers *m, int f, int pair, double 
             compare_found(&set, two, first[p].score, second[p].score, &d->complete[p]);
         status = compare_errors(&set, two, a, b, d, err);
     }
-    for (int which = 0; which < COMPLETE + m->nprecisions && status == RX_OK; which++)
-        status = adjust(m, f, pair, which, a, b, err);
+    if (status == RX_OK)
+        status = adjust(m, f, pair, err);
     for (int k = 0; k < m->lab->nscenes && status == RX_OK; k++) {
         rx_photometry_duel *d = duel_at(m, f, k, pair);
         decide_found(&d->found);

@@ -67,8 +67,6 @@ typedef enum rx_cell_quantity {
     RX_CELL_QUANTITIES
 } rx_cell_quantity;
 
-/* Name, unit, digits and meaning of a quantity, and its number in a cell. */
-const rx_quantity *rx_photometry_quantity(rx_cell_quantity quantity);
 const rx_estimate *rx_cell_get(const rx_photometry_cell *cell, rx_cell_quantity quantity);
 
 /* A threshold of one restorer on one field, for one precision. */

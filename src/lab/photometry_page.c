@@ -24,11 +24,6 @@ static const rx_quantity QUANTITIES[RX_CELL_QUANTITIES] = {
     [RX_CELL_PULL_WIDTH] = {"pull_width", "", "sigma_MAD of (F - F0) / error, 1 when errors are true", 2, 0},
 };
 
-const rx_quantity *rx_photometry_quantity(rx_cell_quantity quantity)
-{
-    return &QUANTITIES[quantity];
-}
-
 const rx_estimate *rx_cell_get(const rx_photometry_cell *cell, rx_cell_quantity quantity)
 {
     const rx_estimate *const all[RX_CELL_QUANTITIES] = {

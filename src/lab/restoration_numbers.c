@@ -7,6 +7,7 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "lab/compare.h"
 
 static const double LEVEL = 0.95, SIGNIFICANT = 0.05;
 
@@ -20,7 +21,7 @@ static size_t duel_slot(const rx_restoration_numbers *m, int bin, rx_quality qua
     return ((size_t)bin * RX_QUALITIES + (size_t)quality) * (size_t)m->npairs + (size_t)pair;
 }
 
-const double *rx_quality_values(const rx_restoration_bin *bin, rx_quality quality, int method)
+static const double *values_of(const rx_restoration_bin *bin, rx_quality quality, int method)
 {
     return quality == RX_PSNR ? bin->method[method].psnr : bin->method[method].ssim;
 }
@@ -155,15 +156,6 @@ static long finite_values(long n, const double *values, double *dst)
     return kept;
 }
 
-/* Student's t needs two values that differ. */
-static int has_spread(long n, const double *a, const double *b)
-{
-    for (long i = 1; i < n; i++)
-        if (a[i] - b[i] != a[0] - b[0])
-            return 1;
-    return 0;
-}
-
 static rx_status summarise(const rx_restoration_bin *bin, const double *values, columns *c,
                            rx_five_numbers *box, rx_estimate *mean, rx_error *err)
 {
@@ -175,17 +167,12 @@ static rx_status summarise(const rx_restoration_bin *bin, const double *values, 
         return RX_OK;
     rx_status status = rx_five_numbers_of(n, c->a, box, err);
     mean->value = box->mean;
-    if (status == RX_OK && has_spread(n, c->a, c->zero)) {
+    if (status == RX_OK && rx_has_spread(n, c->a, c->zero)) {
         status = rx_test_paired(n, c->a, c->zero, &test, err);
         mean->low = test.difference.low;
         mean->high = test.difference.high;
     }
     return status;
-}
-
-static rx_test no_test(void)
-{
-    return (rx_test){NAN, NAN, NAN, NAN, NAN, {NAN, NAN, NAN, 0}};
 }
 
 static rx_status fight(const rx_restoration_bin *bin, const double *first, const double *second,
@@ -198,13 +185,11 @@ static rx_status fight(const rx_restoration_bin *bin, const double *first, const
             c->b[n++] = second[i];
         }
     *dst = (rx_quality_duel){.n = n, .holm = NAN, .holm_wilcoxon = NAN};
-    dst->paired = dst->wilcoxon = dst->two_sample = no_test();
+    dst->paired = dst->wilcoxon = dst->two_sample = rx_no_test();
     dst->bootstrap = (rx_estimate){NAN, NAN, NAN, n};
-    if (!has_spread(n, c->a, c->b) || !has_spread(n, c->a, c->zero))
+    if (!rx_has_spread(n, c->a, c->b) || !rx_has_spread(n, c->a, c->zero))
         return RX_OK;
-    rx_status status = rx_test_paired(n, c->a, c->b, &dst->paired, err);
-    if (status == RX_OK)
-        status = rx_test_wilcoxon(n, c->a, c->b, &dst->wilcoxon, err);
+    rx_status status = rx_compare_paired(n, c->a, c->b, &dst->paired, &dst->wilcoxon, err);
     if (status == RX_OK)
         status = rx_test_two_sample(n, c->a, n, c->b, &dst->two_sample, err);
     if (status == RX_OK)
@@ -219,59 +204,36 @@ static rx_status measure_bin(rx_restoration_numbers *m, int b, uint64_t seed, co
     for (int q = 0; q < RX_QUALITIES && status == RX_OK; q++) {
         rx_quality quality = (rx_quality)q;
         for (int k = 0; k < m->results->nmethods && status == RX_OK; k++)
-            status = summarise(bin, rx_quality_values(bin, quality, k), c, &m->box[slot(m, b, quality, k)],
+            status = summarise(bin, values_of(bin, quality, k), c, &m->box[slot(m, b, quality, k)],
                                &m->mean[slot(m, b, quality, k)], err);
         for (int p = 0; p < m->npairs && status == RX_OK; p++)
-            status = fight(bin, rx_quality_values(bin, quality, m->pair[p].first),
-                           rx_quality_values(bin, quality, m->pair[p].second), seed, c,
+            status = fight(bin, values_of(bin, quality, m->pair[p].first),
+                           values_of(bin, quality, m->pair[p].second), seed, c,
                            &m->duel[duel_slot(m, b, quality, p)], err);
     }
     return status;
 }
 
-/* Holm over the bins of one quantity that have a p. */
-static rx_status adjust(rx_restoration_numbers *m, int by_sigma, rx_quality quality, int pair, double *p,
-                        double *adjusted, rx_error *err)
+/* By Holm over the bins of one quantity, FWHM or noise; the former come first. */
+static rx_status adjust(rx_restoration_numbers *m, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int which = 0; which < 2 && status == RX_OK; which++) {
-        long n = 0;
-        for (int b = 0; b < m->results->nbins; b++) {
-            const rx_quality_duel *d = rx_quality_duel_of(m, b, quality, pair);
-            if (m->results->bins[b].by_sigma == by_sigma && !isnan(which ? d->wilcoxon.p : d->paired.p))
-                p[n++] = which ? d->wilcoxon.p : d->paired.p;
-        }
-        if (n > 0)
-            status = rx_holm(n, p, adjusted, err);
-        n = 0;
-        for (int b = 0; b < m->results->nbins && status == RX_OK; b++) {
-            rx_quality_duel *d = &m->duel[duel_slot(m, b, quality, pair)];
-            if (m->results->bins[b].by_sigma == by_sigma && !isnan(which ? d->wilcoxon.p : d->paired.p))
-                *(which ? &d->holm_wilcoxon : &d->holm) = adjusted[n++];
-        }
+    const rx_restoration_results *r = m->results;
+    const size_t stride = RX_QUALITIES * (size_t)m->npairs * sizeof *m->duel;
+    int nfwhm = 0;
+    while (nfwhm < r->nbins && !r->bins[nfwhm].by_sigma)
+        nfwhm++;
+    for (int k = 0; k < 2 * RX_QUALITIES * m->npairs; k++) {
+        const int by_sigma = k % 2, first = by_sigma ? nfwhm : 0, n = by_sigma ? r->nbins - nfwhm : nfwhm;
+        if (n == 0)
+            continue;
+        rx_quality_duel *d = &m->duel[(size_t)first * RX_QUALITIES * (size_t)m->npairs + (size_t)k / 2];
+        RX_TRY(rx_compare_holm(n, stride, &d->paired.p, &d->holm, err));
+        RX_TRY(rx_compare_holm(n, stride, &d->wilcoxon.p, &d->holm_wilcoxon, err));
     }
-    return status;
-}
-
-static rx_status adjust_all(rx_restoration_numbers *m, rx_error *err)
-{
-    size_t nbins = (size_t)m->results->nbins;
-    rx_status status = RX_OK;
-    double *p = RX_NEW(double, nbins), *adjusted = RX_NEW(double, nbins);
-    if (p == NULL || adjusted == NULL)
-        status = rx_error_memory(err, nbins * sizeof *p);
-    for (int kind = 0; kind < 2; kind++)
-        for (int q = 0; q < RX_QUALITIES; q++)
-            for (int pair = 0; pair < m->npairs && status == RX_OK; pair++)
-                status = adjust(m, kind, (rx_quality)q, pair, p, adjusted, err);
-    for (size_t i = 0; i < nbins * RX_QUALITIES * (size_t)m->npairs && status == RX_OK; i++) {
-        rx_quality_duel *d = &m->duel[i];
-        if (d->holm < SIGNIFICANT)
-            d->winner = d->paired.difference.value > 0 ? 1 : -1;
-    }
-    free(p);
-    free(adjusted);
-    return status;
+    for (int i = 0; i < r->nbins * RX_QUALITIES * m->npairs; i++)
+        if (m->duel[i].holm < SIGNIFICANT)
+            m->duel[i].winner = m->duel[i].paired.difference.value > 0 ? 1 : -1;
+    return RX_OK;
 }
 
 rx_status rx_restoration_numbers_make(const rx_restoration_results *results, uint64_t seed,
@@ -301,7 +263,7 @@ rx_status rx_restoration_numbers_make(const rx_restoration_results *results, uin
             status = measure_bin(dst, b, seed, &c, err);
     }
     if (status == RX_OK)
-        status = adjust_all(dst, err);
+        status = adjust(dst, err);
     free(c.a);
     free(c.b);
     free(c.zero);

@@ -52,7 +52,6 @@ rx_status rx_restoration_numbers_make(const rx_restoration_results *results, uin
                                       rx_restoration_numbers *dst, rx_error *err);
 void rx_restoration_numbers_free(rx_restoration_numbers *numbers); /* content only */
 
-const double *rx_quality_values(const rx_restoration_bin *bin, rx_quality quality, int method);
 const rx_five_numbers *rx_quality_box(const rx_restoration_numbers *numbers, int bin, rx_quality quality,
                                       int method);
 const rx_estimate *rx_quality_mean(const rx_restoration_numbers *numbers, int bin, rx_quality quality,
