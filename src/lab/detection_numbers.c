@@ -194,10 +194,11 @@ const char *rx_detection_column_name(const rx_detection_numbers *m, int column)
 
 /* --- precision and recall --- */
 
-/* The curve of scenes first .. last of a condition that are lists; *objects of them. */
-static rx_status curve_of(const rx_lab *r, int condition, int first, int last, int method, long *objects,
-                          rx_pr *dst, rx_error *err)
+/* The curve of a scene of a condition, or (scene -1) of all that are lists; *objects of them. */
+static rx_status curve_of(const rx_lab *r, int condition, int scene, int method, long *objects, rx_pr *dst,
+                          rx_error *err)
 {
+    const int first = scene < 0 ? 0 : scene, last = scene < 0 ? r->nscenes - 1 : scene;
     size_t room = 1;
     long n = 0;
     *objects = 0;
@@ -260,7 +261,7 @@ static rx_status measure_list(const rx_lab *r, int condition, int scene, int met
     const set own = set_of(r, condition, scene), *set = &own;
     rx_pr pr = {0};
     long objects = 0;
-    rx_status status = curve_of(r, condition, scene, scene, method, &objects, &pr, err);
+    rx_status status = curve_of(r, condition, scene, method, &objects, &pr, err);
     if (status == RX_OK)
         status = rx_pr_interval(&pr, objects, LEVEL, (rx_resampling){seed, 1}, dst++, err);
     double first = -HUGE_VAL;
@@ -321,9 +322,11 @@ static void measure_plateau(const set *set, int method, rx_estimate *dst)
 }
 
 /* Mean of the measured over the mean of the true flux, bootstrap over galaxies. */
-static rx_status stacked(const set *set, int method, int part, double low, double high, uint64_t seed,
-                         double *work, rx_estimate *dst, rx_error *err)
+static rx_status stacked(const set *set, int method, int q, uint64_t seed, double *work, rx_estimate *dst,
+                         rx_error *err)
 {
+    const int part = q % 4;
+    const double low = FAINT_EDGE[q / 4], high = FAINT_EDGE[q / 4 + 1];
     double truth = 0, *zero = work + set->n;
     long n = 0;
     *dst = (rx_estimate){NAN, NAN, NAN, 0};
@@ -348,8 +351,7 @@ static rx_status measure_outskirts(const set *set, int method, uint64_t seed, rx
     double *work = RX_NEW(double, 2 * (size_t)set->n + 1);
     rx_status status = work == NULL ? rx_error_memory(err, (size_t)set->n * sizeof *work) : RX_OK;
     for (int q = 0; q < 4 * FAINT_BINS && status == RX_OK; q++)
-        status =
-            stacked(set, method, q % 4, FAINT_EDGE[q / 4], FAINT_EDGE[q / 4 + 1], seed, work, &dst[q], err);
+        status = stacked(set, method, q, seed, work, &dst[q], err);
     free(work);
     return status;
 }
@@ -361,7 +363,7 @@ static rx_status cuts_of(const rx_lab *r, int condition, int method, double *cut
 {
     rx_pr pr = {0};
     long objects = 0;
-    rx_status status = curve_of(r, condition, 0, r->nscenes - 1, method, &objects, &pr, err);
+    rx_status status = curve_of(r, condition, -1, method, &objects, &pr, err);
     for (int p = 0; p < r->nprecisions && status == RX_OK; p++)
         cuts[p] = objects > 0 ? cut_of(&pr, r->precision[p]) : -HUGE_VAL;
     *ap = objects > 0 ? pr.ap.value : NAN;
@@ -463,7 +465,7 @@ static rx_status fight(rx_detection_numbers *m, int condition, int scene, int ri
     for (int k = 0; k < 2 && status == RX_OK; k++) {
         rx_pr pr = {0};
         long objects;
-        status = curve_of(r, condition, scene, scene, method[k], &objects, &pr, err);
+        status = curve_of(r, condition, scene, method[k], &objects, &pr, err);
         cut[k] = cut_of(&pr, r->precision[0]);
         rx_pr_free(&pr);
     }

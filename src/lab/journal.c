@@ -140,6 +140,15 @@ static rx_status check_header(const char *path, const char *text, size_t length,
 
 /* --- lines of units --- */
 
+/* What is read. */
+typedef struct reading {
+    const char *path;
+    const rx_text *header;
+    const char *digest; /* of the header */
+    long nunits;
+    rx_unit_values *values; /* [nunits] */
+} reading;
+
 static void add_number(rx_text *dst, double value)
 {
     char text[40];
@@ -215,25 +224,23 @@ static int same_values(const rx_unit_values *a, const rx_unit_values *b)
 }
 
 /* Put a line's values in place; a unit may be there twice, with the same values. */
-static rx_status keep(const char *path, long number, long unit, rx_unit_values *found, rx_unit_values *values,
-                      rx_error *err)
+static rx_status keep(const reading *r, long number, long unit, rx_unit_values *found, rx_error *err)
 {
-    if (values[unit].v == NULL) {
-        values[unit] = *found;
+    if (r->values[unit].v == NULL) {
+        r->values[unit] = *found;
         return RX_OK;
     }
-    const int same = same_values(&values[unit], found);
+    const int same = same_values(&r->values[unit], found);
     free(found->v);
     if (same)
         return RX_OK;
-    return rx_error_at(err, RX_INPUT, path, -1, number,
+    return rx_error_at(err, RX_INPUT, r->path, -1, number,
                        "has other values for unit %ld than another line or journal; delete one of them",
                        unit);
 }
 
 /* All lines from `text` on, line `number` of the file; *whole = bytes up to the end of the last good line. */
-static rx_status parse_lines(const char *path, const char *header, char *text, long number, long nunits,
-                             rx_unit_values *values, size_t *whole, rx_error *err)
+static rx_status parse_lines(const reading *r, char *text, long number, size_t *whole, rx_error *err)
 {
     const char *begin = text;
     long bad = 0;
@@ -242,7 +249,7 @@ static rx_status parse_lines(const char *path, const char *header, char *text, l
         *end = '\0';
         long unit = 0;
         rx_unit_values found = {0};
-        rx_status status = parse_line(header, text, (size_t)(end - text), nunits, &unit, &found, err);
+        rx_status status = parse_line(r->digest, text, (size_t)(end - text), r->nunits, &unit, &found, err);
         if (status == RX_SYSTEM)
             return status;
         if (status != RX_OK) {
@@ -252,10 +259,10 @@ static rx_status parse_lines(const char *path, const char *header, char *text, l
         if (bad > 0) {
             free(found.v);
             return rx_error_at(
-                err, RX_INPUT, path, -1, bad,
+                err, RX_INPUT, r->path, -1, bad,
                 "is damaged, and whole lines follow; delete this line, its unit is done again");
         }
-        status = keep(path, number, unit, &found, values, err);
+        status = keep(r, number, unit, &found, err);
         if (status != RX_OK)
             return status;
         *whole = (size_t)(end + 1 - begin);
@@ -305,17 +312,15 @@ static long count_lines(const char *text, size_t length)
 }
 
 /* Read an open journal: *whole = bytes that are good, 0 when even the header is to be written. */
-static rx_status load(int file, const char *path, const rx_text *header, const char *digest, long nunits,
-                      rx_unit_values *values, size_t *whole, rx_error *err)
+static rx_status load(const reading *r, int file, size_t *whole, rx_error *err)
 {
     char *text = NULL;
     size_t length = 0, lines = 0;
-    rx_status status = read_all(file, path, &text, &length, err);
+    rx_status status = read_all(file, r->path, &text, &length, err);
     if (status == RX_OK)
-        status = check_header(path, text, length, header, whole, err);
+        status = check_header(r->path, text, length, r->header, whole, err);
     if (status == RX_OK && *whole > 0) {
-        status = parse_lines(path, digest, text + *whole, count_lines(text, *whole) + 1, nunits, values,
-                             &lines, err);
+        status = parse_lines(r, text + *whole, count_lines(text, *whole) + 1, &lines, err);
         *whole += lines;
     }
     free(text);
@@ -372,7 +377,7 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
     journal->file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     status = journal->file < 0 ? cannot(path, "opened", err) : lock(path, journal->file, err);
     if (status == RX_OK)
-        status = load(journal->file, path, &header, journal->digest, nunits, values, &whole, err);
+        status = load(&(reading){path, &header, journal->digest, nunits, values}, journal->file, &whole, err);
     if (status != RX_OK)
         goto exit;
     journal->size = (off_t)whole;
@@ -422,7 +427,7 @@ rx_status rx_journal_read(const char *path, const rx_journal_facts *facts, long 
     *found = 1;
     rx_status status = make_header(facts, &header, digest, err);
     if (status == RX_OK)
-        status = load(file, path, &header, digest, nunits, values, &whole, err);
+        status = load(&(reading){path, &header, digest, nunits, values}, file, &whole, err);
     rx_text_free(&header);
     close(file);
     return status;

@@ -77,7 +77,7 @@ typedef struct rx_lab_sky {
     rx_simulation *simulation; /* NULL: PHOTOMETRY on a real tile; owned */
     rx_field *field;           /* the untouched real tile, NULL: none; owned */
     rx_psf *psf;               /* the true one on the pixels; owned */
-    rx_psf *told;              /* the one that restorers are given, NULL: the stage finds it; owned */
+    rx_psf *given;             /* the one that restorers are given, NULL: the stage finds it; owned */
     int width, height;
     double fwhm, power, area; /* of the true PSF: pixels, sum of PSF^2 over pixels, 1 / power */
     double sigma;             /* noise of the sky, ADU */

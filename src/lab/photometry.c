@@ -292,7 +292,7 @@ rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx
                      ? injected_tile(lab, sky, stars, number_of(lab, unit), &tile, err)
                      : simulated_tile(lab, sky, stars, number_of(lab, unit), &tile, &others, err);
     if (status == RX_OK) {
-        status = rx_field_prepare(&lab->options->pipeline, needs_psf ? RX_FIELD_PSF : 0, tile, sky->told,
+        status = rx_field_prepare(&lab->options->pipeline, needs_psf ? RX_FIELD_PSF : 0, tile, sky->given,
                                   NULL, &dst->field, err);
         tile = NULL; /* the field's */
     }
@@ -534,7 +534,7 @@ static void describe_sky(const rx_lab *lab, rx_lab_sky *sky)
         "%d x %d pixels, PSF %s, %s%s; noise %s (sky %g ADU, sigma %g), per Mpixel %g stars of %g to %g mag "
         "and %g galaxies of %g to %g mag besides the test stars, another sky on each tile",
         sky->width, sky->height, sky->simulation->optics->description,
-        sky->told != NULL ? "known to the restorers" : "found by the stage",
+        sky->given != NULL ? "known to the restorers" : "found by the stage",
         !rx_condition_true(&sky->condition) ? " (or what is told of PSF, sky and noise, with the error named)"
                                             : "",
         sim->noise_type, sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0],

@@ -74,6 +74,7 @@ static long found_above(const rx_photometry_set *set, int run, double score)
 typedef struct scratch {
     double *value, *zero;
     unsigned char *mark;
+    uint64_t seed; /* of bootstraps */
 } scratch;
 
 /* Detections of sets first..last of one run: score and whether it is a star. */
@@ -127,12 +128,12 @@ static long gather(const rx_photometry_set *set, int run, star_value kind, doubl
     return n;
 }
 
-static rx_status mean_of(const rx_photometry_set *set, int run, star_value kind, uint64_t seed, scratch *s,
-                         rx_estimate *dst, rx_error *err)
+static rx_status mean_of(const rx_photometry_set *set, int run, star_value kind, scratch *s, rx_estimate *dst,
+                         rx_error *err)
 {
     long n = gather(set, run, kind, s->value);
     *dst = (rx_estimate){NAN, NAN, NAN, 0};
-    return n > 0 ? rx_paired_bootstrap(n, s->value, s->zero, LEVEL, seed, dst, err) : RX_OK;
+    return n > 0 ? rx_paired_bootstrap(n, s->value, s->zero, LEVEL, s->seed, dst, err) : RX_OK;
 }
 
 static void robust_of(const rx_photometry_set *set, int run, star_value kind, scratch *s, rx_estimate *median,
@@ -142,8 +143,7 @@ static void robust_of(const rx_photometry_set *set, int run, star_value kind, sc
     rx_robust_estimates(s->value, n, LEVEL, median, sigma);
 }
 
-static rx_status measure_cell(rx_photometry_numbers *m, int f, int k, int run, uint64_t seed, scratch *s,
-                              rx_error *err)
+static rx_status measure_cell(rx_photometry_numbers *m, int f, int k, int run, scratch *s, rx_error *err)
 {
     const rx_photometry_set own = rx_photometry_set_of(m->lab, f, k), *set = &own;
     rx_photometry_cell *dst = &m->cell[cell_slot(m, f, k, run)];
@@ -158,14 +158,14 @@ static rx_status measure_cell(rx_photometry_numbers *m, int f, int k, int run, u
     robust_of(set, run, SIGNED_PERCENT, s, &dst->bias_percent, &dst->scatter_percent);
     robust_of(set, run, SIGNED_MAG, s, &dst->bias_mag, &dst->scatter_mag);
     robust_of(set, run, PULL, s, &dst->pull_median, &dst->pull_width);
-    rx_status status = mean_of(set, run, ERROR_PERCENT, seed, s, &dst->magerr, err);
+    rx_status status = mean_of(set, run, ERROR_PERCENT, s, &dst->magerr, err);
     if (status == RX_OK)
-        status = mean_of(set, run, ERROR_CLEAN, seed, s, &dst->magerr_clean, err);
+        status = mean_of(set, run, ERROR_CLEAN, s, &dst->magerr_clean, err);
     if (status == RX_OK)
         status =
             rx_pr_make(detections(m->lab, f, k, k, run, s), s->value, s->mark, set->nstars, &dst->pr, err);
     if (status == RX_OK)
-        status = rx_pr_interval(&dst->pr, set->nstars, LEVEL, (rx_resampling){seed, 1}, &dst->ap, err);
+        status = rx_pr_interval(&dst->pr, set->nstars, LEVEL, (rx_resampling){s->seed, 1}, &dst->ap, err);
     return status;
 }
 
@@ -185,8 +185,7 @@ typedef struct depths {
     rx_estimate *mag50, *mag90;
 } depths;
 
-static rx_status depth(const rx_lab *lab, int f, int run, double score, uint64_t seed, scratch *s, depths dst,
-                       rx_error *err)
+static rx_status depth(const rx_lab *lab, int f, int run, double score, scratch *s, depths dst, rx_error *err)
 {
     const rx_bins bins = range_of(lab);
     long n = 0;
@@ -198,10 +197,10 @@ static rx_status depth(const rx_lab *lab, int f, int run, double score, uint64_t
         }
     }
     rx_status status =
-        rx_completeness(&bins, n, s->value, s->mark, 0.5, LEVEL, (rx_resampling){seed, 1}, dst.mag50, err);
+        rx_completeness(&bins, n, s->value, s->mark, 0.5, LEVEL, (rx_resampling){s->seed, 1}, dst.mag50, err);
     if (status == RX_OK)
-        status = rx_completeness(&bins, n, s->value, s->mark, 0.9, LEVEL, (rx_resampling){seed, 1}, dst.mag90,
-                                 err);
+        status = rx_completeness(&bins, n, s->value, s->mark, 0.9, LEVEL, (rx_resampling){s->seed, 1},
+                                 dst.mag90, err);
     return status;
 }
 
@@ -221,8 +220,7 @@ static void choose_cut(const rx_pr *pr, long nstars, double wanted, rx_photometr
         }
 }
 
-static rx_status measure_whole(rx_photometry_numbers *m, int f, int run, uint64_t seed, scratch *s,
-                               rx_error *err)
+static rx_status measure_whole(rx_photometry_numbers *m, int f, int run, scratch *s, rx_error *err)
 {
     rx_photometry_whole *dst = &m->whole[(size_t)f * (size_t)m->lab->nruns + (size_t)run];
     long nstars = 0, nfound = 0, nfalse = 0;
@@ -238,14 +236,14 @@ static rx_status measure_whole(rx_photometry_numbers *m, int f, int run, uint64_
     dst->recall = rx_binomial_interval(nfound, nstars, LEVEL);
     dst->precision = rx_binomial_interval(nfound, nfound + nfalse, LEVEL);
     dst->false_per_mpixel = rx_poisson_rate(nfalse, mpixels, LEVEL);
-    rx_status status = depth(m->lab, f, run, -INFINITY, seed, s, (depths){&dst->mag50, &dst->mag90}, err);
+    rx_status status = depth(m->lab, f, run, -INFINITY, s, (depths){&dst->mag50, &dst->mag90}, err);
     if (status == RX_OK)
         status = rx_pr_make(detections(m->lab, f, 0, m->lab->nscenes - 1, run, s), s->value, s->mark, nstars,
                             &pr, err);
     for (int p = 0; p < m->nprecisions && status == RX_OK; p++) {
         rx_photometry_cut *cut = &dst->cut[p];
         choose_cut(&pr, nstars, m->precision[p], cut);
-        status = depth(m->lab, f, run, cut->score, seed, s, (depths){&cut->mag50, &cut->mag90}, err);
+        status = depth(m->lab, f, run, cut->score, s, (depths){&cut->mag50, &cut->mag90}, err);
         for (int k = 0; k < m->lab->nscenes; k++) {
             const rx_photometry_set set = rx_photometry_set_of(m->lab, f, k);
             m->cell[cell_slot(m, f, k, run)].complete[p] =
@@ -264,17 +262,17 @@ static rx_status measure_field(rx_photometry_numbers *m, int f, uint64_t seed, r
         const rx_photometry_set set = rx_photometry_set_of(m->lab, f, k);
         most += (size_t)(set.nstars + set.wrong->n);
     }
-    scratch s = {RX_NEW(double, most), RX_NEW(double, most), RX_NEW(unsigned char, most)};
+    scratch s = {RX_NEW(double, most), RX_NEW(double, most), RX_NEW(unsigned char, most), seed};
     if (!s.value || !s.zero || !s.mark)
         status = rx_error_memory(err, most * sizeof *s.value);
     for (int run = 0; run < m->lab->nruns && status == RX_OK; run++) {
         for (int k = 0; k < m->lab->nscenes && status == RX_OK; k++) {
             status = rx_interrupt_check(err);
             if (status == RX_OK)
-                status = measure_cell(m, f, k, run, seed, &s, err);
+                status = measure_cell(m, f, k, run, &s, err);
         }
         if (status == RX_OK)
-            status = measure_whole(m, f, run, seed, &s, err);
+            status = measure_whole(m, f, run, &s, err);
     }
     free(s.value);
     free(s.zero);

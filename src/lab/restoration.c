@@ -246,7 +246,8 @@ static rx_status make_example(const rx_lab *lab, int bin, long index, const rx_u
     for (int m = 0; status == RX_OK && plane != NULL && m < lab->nruns; m++)
         if (strcmp(lab->run[m].name, "BLURRED") != 0 &&
             (plane = add_plane(lab, dst, lab->run[m].name)) != NULL)
-            status = rx_restoration_picture(lab, bin, &trial, &lab->run[m], 0, all, plane, err);
+            status =
+                rx_restoration_picture(lab, &(rx_picture){bin, &trial, &lab->run[m], 0, all}, plane, err);
     if (status == RX_OK && plane != NULL && (plane = add_plane(lab, dst, "SHARP")) != NULL)
         memcpy(plane, trial.sharp, bytes);
     rx_trial_free(&trial);

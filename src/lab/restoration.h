@@ -85,9 +85,15 @@ rx_status rx_restoration_tune(const rx_lab *lab, const rx_trial *trial, rx_lab_t
 rx_status rx_restoration_score(const rx_lab *lab, int bin, const rx_trial *trial, const rx_unit_values *done,
                                rx_lab_table *dst, rx_error *err);
 
-/* A method's picture of a scene with the settings tuned for a metric. */
-rx_status rx_restoration_picture(const rx_lab *lab, int bin, const rx_trial *trial, const rx_lab_run *method,
-                                 int metric, const rx_unit_values *done, float *plane, rx_error *err);
+/* A method's picture of a scene of a bin with the settings tuned for a metric. */
+typedef struct rx_picture {
+    int bin;
+    const rx_trial *trial;
+    const rx_lab_run *method;
+    int metric;
+    const rx_unit_values *done; /* values of all units */
+} rx_picture;
+rx_status rx_restoration_picture(const rx_lab *lab, const rx_picture *what, float *plane, rx_error *err);
 
 /* For rx_lab_kind; describe() makes lab->restored, to be freed by rx_restoration_results_free(). */
 rx_status rx_restoration_open(rx_lab *lab, rx_log *log, rx_error *err);

@@ -198,13 +198,15 @@ typedef struct memory {
     float *plane;
 } memory;
 
-static rx_status picture(const rx_lab *lab, int bin, const rx_trial *trial, const rx_lab_run *method,
-                         int metric, const rx_unit_values *done, memory *last, float *plane, rx_error *err)
+static rx_status picture(const rx_lab *lab, const rx_picture *what, memory *last, float *plane, rx_error *err)
 {
     const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
+    const rx_lab_run *method = what->method;
+    const rx_trial *trial = what->trial;
     rx_tuning tuning = {.niter = 0, .threshold = -1.0};
     if (method->tuned)
-        rx_tuning_get(lab, trial->fwhm, rx_tuning_choose(lab, bin, method, metric, done), &tuning);
+        rx_tuning_get(lab, trial->fwhm, rx_tuning_choose(lab, what->bin, method, what->metric, what->done),
+                      &tuning);
     rx_status status = RX_OK;
     if (last->restorer != method->restorer || last->niter != tuning.niter) {
         last->restorer = NULL;
@@ -223,13 +225,12 @@ static rx_status picture(const rx_lab *lab, int bin, const rx_trial *trial, cons
     return RX_OK;
 }
 
-rx_status rx_restoration_picture(const rx_lab *lab, int bin, const rx_trial *trial, const rx_lab_run *method,
-                                 int metric, const rx_unit_values *done, float *plane, rx_error *err)
+rx_status rx_restoration_picture(const rx_lab *lab, const rx_picture *what, float *plane, rx_error *err)
 {
     const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
     memory last = {.plane = RX_NEW(float, n)};
-    rx_status status = last.plane == NULL ? rx_error_memory(err, n * sizeof *plane)
-                                          : picture(lab, bin, trial, method, metric, done, &last, plane, err);
+    rx_status status =
+        last.plane == NULL ? rx_error_memory(err, n * sizeof *plane) : picture(lab, what, &last, plane, err);
     free(last.plane);
     return status;
 }
@@ -254,7 +255,8 @@ rx_status rx_restoration_score(const rx_lab *lab, int bin, const rx_trial *trial
             double values[2];
             if (metric == 1 && !lab->run[m].tuned)
                 continue; /* both were measured on the same picture */
-            status = picture(lab, bin, trial, &lab->run[m], metric, done, &last, planes + n, err);
+            status =
+                picture(lab, &(rx_picture){bin, trial, &lab->run[m], metric, done}, &last, planes + n, err);
             if (status == RX_OK)
                 status = measure(trial, planes + n, values, err);
             if (status != RX_OK)

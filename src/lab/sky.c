@@ -72,7 +72,7 @@ rx_status rx_lab_sky_simulate(const rx_lab *lab, const rx_condition *condition, 
     if (status == RX_OK)
         status = measure_psf(dst, err);
     if (status == RX_OK && !find)
-        status = rx_condition_psf(condition, sim, dst->simulation, &dst->told, err);
+        status = rx_condition_psf(condition, sim, dst->simulation, &dst->given, err);
     return status;
 }
 
@@ -119,8 +119,8 @@ rx_status rx_lab_sky_read(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_er
     dst->fwhm = dst->field->psf->fwhm;
     dst->sigma = dst->field->plain->global_sigma;
     dst->psf = rx_psf_copy(dst->field->psf);
-    dst->told = rx_psf_copy(dst->field->psf);
-    return dst->psf != NULL && dst->told != NULL ? measure_psf(dst, err) : rx_error_memory(err, 0);
+    dst->given = rx_psf_copy(dst->field->psf);
+    return dst->psf != NULL && dst->given != NULL ? measure_psf(dst, err) : rx_error_memory(err, 0);
 }
 
 void rx_lab_sky_close(rx_lab_sky *sky)
@@ -130,7 +130,7 @@ void rx_lab_sky_close(rx_lab_sky *sky)
     rx_simulation_free(sky->simulation);
     rx_field_free(sky->field);
     rx_psf_free(sky->psf);
-    rx_psf_free(sky->told);
+    rx_psf_free(sky->given);
     rx_optics_free(sky->optics);
     free(sky->kernel);
     free(sky->allowed);

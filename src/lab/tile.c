@@ -395,7 +395,7 @@ rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_ti
                                 : simulate(lab, sky, id, stream, &tile, dst, err);
     if (status == RX_OK) {
         status =
-            rx_field_prepare(&lab->options->pipeline, RX_FIELD_PSF, tile, sky->told, NULL, &dst->field, err);
+            rx_field_prepare(&lab->options->pipeline, RX_FIELD_PSF, tile, sky->given, NULL, &dst->field, err);
         tile = NULL; /* the field's */
     }
     if (status == RX_OK && injected) {

@@ -243,9 +243,10 @@ static void results_are_the_scores(void **state)
         for (int m = 0; m < 4; m++) {
             double ssim;
             for (int metric = 0; metric < 2; metric++) {
-                assert_int_equal(rx_restoration_picture(campaign, b, &trial, &campaign->run[m], metric,
-                                                        values, plane, &err),
-                                 RX_OK);
+                assert_int_equal(
+                    rx_restoration_picture(
+                        campaign, &(rx_picture){b, &trial, &campaign->run[m], metric, values}, plane, &err),
+                    RX_OK);
                 if (m == 1) { /* SMOOTHED: the filter, and nothing else */
                     rx_tuning tuning;
                     rx_tuning_get(campaign, trial.fwhm,
