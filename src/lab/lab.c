@@ -42,6 +42,11 @@ rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, 
     return RX_OK;
 }
 
+long rx_lab_size(const rx_lab *lab, const rx_ints *list)
+{
+    return strcmp(lab->config->size, "PAPER") == 0 ? list->v[list->n - 1] : list->v[0];
+}
+
 static long tiles_of(const rx_lab *lab, int condition, int scene)
 {
     if (lab->bin == NULL)
@@ -73,11 +78,10 @@ rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config,
     rx_lab *lab = RX_NEW(rx_lab, 1);
     if (lab == NULL)
         return rx_error_memory(err, sizeof *lab);
-    const rx_ints *tiles = strcmp(kind->name, "PHOTOMETRY") == 0 ? &config->tiles : &config->scene_tiles;
     lab->kind = kind;
     lab->config = config;
     lab->nthreads = nthreads;
-    lab->ntiles = strcmp(config->size, "PAPER") == 0 ? tiles->v[tiles->n - 1] : tiles->v[0];
+    lab->ntiles = rx_lab_size(lab, &config->scene_tiles);
     lab->truth_snr = config->truth_snr;
     for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
         lab->precision[lab->nprecisions++] = config->precisions.v[i];

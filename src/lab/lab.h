@@ -166,6 +166,7 @@ void rx_lab_close(rx_lab *lab); /* NULL is fine */
 
 /* For open(): */
 rx_status rx_lab_add_run(rx_lab *lab, int most, const rx_lab_run *run, rx_error *err);
+long rx_lab_size(const rx_lab *lab, const rx_ints *list); /* as SIZE says: the first number, or the last */
 rx_status rx_lab_restorer(const char *word, const rx_restorer **dst, rx_error *err);
 rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
 

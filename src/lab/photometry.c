@@ -138,6 +138,7 @@ static rx_status add_fields(rx_lab *lab, rx_log *log, rx_error *err)
 
 rx_status rx_photometry_open(rx_lab *lab, rx_log *log, rx_error *err)
 {
+    lab->ntiles = rx_lab_size(lab, &lab->config->tiles);
     RX_TRY(add_runs(lab, err));
     RX_TRY(add_magnitudes(lab, err));
     return add_fields(lab, log, err);

@@ -78,11 +78,6 @@ static int bin_count(const rx_reals *range)
     return (int)floor(range->v[1] - range->v[0] + 1e-6) + 1;
 }
 
-static long scene_count(const rx_campaign_config *config, const rx_ints *list)
-{
-    return strcmp(config->size, "PAPER") == 0 ? list->v[list->n - 1] : list->v[0];
-}
-
 /* Bins of one quantity, 1 wide, one centre per unit from the first to the last. */
 static void add_bins(rx_lab *lab, int by_sigma, const rx_reals *range, const rx_reals *other,
                      const rx_ints *scenes)
@@ -93,7 +88,7 @@ static void add_bins(rx_lab *lab, int by_sigma, const rx_reals *range, const rx_
                                                     .high = range->v[0] + i + 0.5,
                                                     .other_low = other->v[0],
                                                     .other_high = other->v[1],
-                                                    .nscenes = scene_count(lab->config, scenes)};
+                                                    .nscenes = rx_lab_size(lab, scenes)};
 }
 
 static rx_status set_bins(rx_lab *lab, rx_error *err)
