@@ -1,4 +1,5 @@
 librextract_la_SOURCES += \
+	src/report/curves.c src/report/curves.h \
 	src/report/ecsv.c src/report/ecsv.h \
 	src/report/escape.c src/report/escape.h \
 	src/report/figure.c src/report/figure.h \

@@ -7,56 +7,30 @@
 
 #include "base/memory.h"
 #include "num/stats.h"
+#include "report/curves.h"
 
 enum { FEW = 5, PULL_BINS = 48, CIRCLE = 96, PICTURE_SIDE = 300 };
 static const double PULL_REACH = 6;
 
-/* The curves of one figure as they grow; each owns its numbers. */
+/* One figure of the numbers; -1 for a run: a line to compare with. */
 typedef struct drawing {
     const rx_qa_numbers *q;
-    rx_curve *curve;
-    int n;
-    long room, points; /* of the last curve; of all curves of runs */
-    bool failed;
+    rx_curves curves;
 } drawing;
-
-/* A curve of at most `room` points, of a run (-1: a line to compare with) and, where named, in the key. */
-static void begin(drawing *d, rx_curve_kind kind, int run, const char *name, long room)
-{
-    rx_curve *grown = rx_regrow(d->curve, (size_t)d->n + 1, sizeof *grown);
-    double *data = RX_NEW(double, 4 * (size_t)room + 1);
-    d->curve = grown != NULL ? grown : d->curve;
-    d->failed = d->failed || grown == NULL || data == NULL;
-    if (d->failed) {
-        free(data);
-        return;
-    }
-    d->room = room;
-    d->curve[d->n++] = (rx_curve){.name = name,
-                                  .kind = kind,
-                                  .color = run < 0 ? -1 : rx_method_color(d->q->input->runs[run].name),
-                                  .x = data,
-                                  .y = data + room,
-                                  .low = data + 2 * room,
-                                  .high = data + 3 * room};
-}
-
-static void put(drawing *d, double x, double y, double low, double high)
-{
-    if (d->failed)
-        return;
-    rx_curve *c = &d->curve[d->n - 1];
-    double *data = (double *)c->x + c->n++;
-    data[0] = x;
-    data[d->room] = y;
-    data[2 * d->room] = low;
-    data[3 * d->room] = high;
-    d->points += c->color >= 0 && isfinite(y);
-}
 
 static const char *name_of(const drawing *d, int run)
 {
     return d->q->input->runs[run].name;
+}
+
+static void begin(drawing *d, rx_curve_kind kind, int run, const char *name)
+{
+    rx_curves_add(&d->curves, kind, run < 0 ? -1 : rx_method_color(name_of(d, run)), name);
+}
+
+static void put(drawing *d, double x, double y, double low, double high)
+{
+    rx_curves_put(&d->curves, x, y, low, high);
 }
 
 /* Position of a run's point beside those of the others in its bin. */
@@ -71,12 +45,12 @@ static double beside(const rx_qa_numbers *q, int run, int bin)
 static void put_bins(drawing *d, rx_metric metric, bool few)
 {
     for (int run = 0; run < d->q->input->nruns; run++) {
-        begin(d, RX_CURVE_BARS, run, name_of(d, run), d->q->bins.n);
+        begin(d, RX_CURVE_BARS, run, name_of(d, run));
         for (int b = 0; b < d->q->bins.n; b++) {
             const rx_estimate *e = &rx_qa_binned(d->q, run, b)[metric];
             put(d, beside(d->q, run, b), e->n >= FEW ? e->value : NAN, e->low, e->high);
         }
-        begin(d, RX_CURVE_POINTS, run, NULL, d->q->bins.n);
+        begin(d, RX_CURVE_POINTS, run, NULL);
         for (int b = 0; b < d->q->bins.n && few; b++) {
             const rx_estimate *e = &rx_qa_binned(d->q, run, b)[metric];
             if (e->n > 0 && e->n < FEW)
@@ -102,10 +76,10 @@ static void draw_curve(drawing *d, rx_axes *axes)
 {
     for (int run = 0; run < d->q->input->nruns; run++) {
         const rx_pr *pr = &d->q->evaluation[run].pr;
-        begin(d, RX_CURVE_LINE, run, name_of(d, run), pr->n);
+        begin(d, RX_CURVE_LINE, run, name_of(d, run));
         for (long k = 0; k < pr->n; k++)
             put(d, pr->point[k].recall, pr->point[k].precision, NAN, NAN);
-        begin(d, RX_CURVE_POINTS, run, NULL, 1);
+        begin(d, RX_CURVE_POINTS, run, NULL);
         if (pr->n > 0)
             put(d, pr->point[pr->n - 1].recall, pr->point[pr->n - 1].precision, NAN, NAN);
     }
@@ -116,7 +90,7 @@ static void draw_curve(drawing *d, rx_axes *axes)
 static void put_dots(drawing *d, int run, const double *x, bool of_truth, const double *y)
 {
     const rx_evaluation *e = &d->q->evaluation[run];
-    begin(d, RX_CURVE_DOTS, run, NULL, e->matched);
+    begin(d, RX_CURVE_DOTS, run, NULL);
     for (long j = 0; j < e->run->list.n; j++)
         if (e->run_role[j] == RX_ROLE_MATCHED)
             put(d, x[of_truth ? e->origin[j] : j], y[j], NAN, NAN);
@@ -127,11 +101,11 @@ static void draw_error(drawing *d, rx_axes *axes)
     double reach = 0, farthest = 0; /* all medians and most scatters fit, without any all dots */
     for (int run = 0; run < d->q->input->nruns; run++)
         put_dots(d, run, d->q->evaluation[run].truth_mag, true, d->q->evaluation[run].dmag);
-    begin(d, RX_CURVE_LINE, -1, NULL, 2);
+    begin(d, RX_CURVE_LINE, -1, NULL);
     put(d, axes->x0, 0, NAN, NAN);
     put(d, axes->x1, 0, NAN, NAN);
     for (int run = 0; run < d->q->input->nruns; run++) {
-        begin(d, RX_CURVE_BAND, run, name_of(d, run), d->q->bins.n);
+        begin(d, RX_CURVE_BAND, run, name_of(d, run));
         for (int b = 0; b < d->q->bins.n; b++) {
             const rx_estimate *e = rx_qa_binned(d->q, run, b);
             const double bias = e[RX_METRIC_BIAS_MAG].value, scatter = e[RX_METRIC_SCATTER_MAG].value;
@@ -142,9 +116,9 @@ static void draw_error(drawing *d, rx_axes *axes)
         }
     }
     axes->ylabel = "m - m0  [mag]";
-    for (int k = 0; k < d->q->input->nruns && !d->failed; k++)
-        for (long i = 0; i < d->curve[k].n; i++)
-            farthest = fmax(farthest, fabs(d->curve[k].y[i]));
+    for (int k = 0; k < d->q->input->nruns && !d->curves.failed; k++)
+        for (long i = 0; i < d->curves.curve[k].n; i++)
+            farthest = fmax(farthest, fabs(d->curves.curve[k].y[i]));
     axes->y1 = fmin(fmax(reach > 0 ? reach : 1.2 * farthest, 0.1), 2);
     axes->y0 = -axes->y1;
 }
@@ -153,11 +127,11 @@ static void draw_magerr(drawing *d, rx_axes *axes)
 {
     double low = 10, high = 0;
     put_bins(d, RX_METRIC_MAGERR, false);
-    for (int k = 0; k < d->n; k++)
-        for (long i = 0; i < d->curve[k].n; i++)
-            if (d->curve[k].y[i] > 0) {
-                low = fmin(low, d->curve[k].y[i]);
-                high = fmax(high, d->curve[k].y[i]);
+    for (int k = 0; k < d->curves.n; k++)
+        for (long i = 0; i < d->curves.curve[k].n; i++)
+            if (d->curves.curve[k].y[i] > 0) {
+                low = fmin(low, d->curves.curve[k].y[i]);
+                high = fmax(high, d->curves.curve[k].y[i]);
             }
     axes->ylabel = "MagErr  [%]";
     axes->y0 = fmax(0.5 * low, 0.01);
@@ -168,13 +142,13 @@ static void draw_magerr(drawing *d, rx_axes *axes)
 static void draw_offsets(drawing *d, rx_axes *axes)
 {
     const double radius = d->q->par->match_radius, reach = 1.05 * radius;
-    begin(d, RX_CURVE_LINE, -1, "match radius", CIRCLE + 1);
+    begin(d, RX_CURVE_LINE, -1, "match radius");
     for (int i = 0; i <= CIRCLE; i++)
         put(d, radius * cos(2 * M_PI * i / CIRCLE), radius * sin(2 * M_PI * i / CIRCLE), NAN, NAN);
     for (int run = 0; run < d->q->input->nruns; run++)
         put_dots(d, run, d->q->evaluation[run].dx, false, d->q->evaluation[run].dy);
     for (int run = 0; run < d->q->input->nruns; run++) {
-        begin(d, RX_CURVE_POINTS, run, name_of(d, run), 1);
+        begin(d, RX_CURVE_POINTS, run, name_of(d, run));
         put(d, d->q->whole[run][RX_METRIC_DX].value, d->q->whole[run][RX_METRIC_DY].value, NAN, NAN);
     }
     *axes = (rx_axes){.xlabel = "x - x0  [pixels]",
@@ -189,7 +163,7 @@ static void draw_pulls(drawing *d, rx_axes *axes)
 {
     const double width = 2 * PULL_REACH / PULL_BINS;
     double highest = 0.45;
-    begin(d, RX_CURVE_LINE, -1, "unit normal", 4 * PULL_BINS + 1);
+    begin(d, RX_CURVE_LINE, -1, "unit normal");
     for (int i = -2 * PULL_BINS; i <= 2 * PULL_BINS; i++) {
         const double x = PULL_REACH * i / (2 * PULL_BINS);
         put(d, x, exp(-0.5 * x * x) / sqrt(2 * M_PI), NAN, NAN);
@@ -203,7 +177,7 @@ static void draw_pulls(drawing *d, rx_axes *axes)
             if (k >= 0 && k < PULL_BINS)
                 bin[(int)k]++;
         }
-        begin(d, RX_CURVE_STEPS, run, name_of(d, run), PULL_BINS + 1);
+        begin(d, RX_CURVE_STEPS, run, name_of(d, run));
         for (int k = -1; k < PULL_BINS && n > 0; k++) { /* a step ends at its point */
             const double density = k < 0 ? 0 : (double)bin[k] / ((double)n * width);
             highest = fmax(highest, 1.05 * density);
@@ -293,17 +267,9 @@ void rx_qa_figures(rx_figures *dst, const rx_qa_numbers *q)
                         .x0 = q->bins.edge[0],
                         .x1 = q->bins.edge[q->bins.n],
                         .y1 = 1.02};
+        d.curves.equal = FIGURES[i].equal;
         FIGURES[i].draw(&d, &axes);
-        if (d.points > 0) {
-            rx_figure_add(dst, FIGURES[i].id, FIGURES[i].title, FIGURES[i].reading, RX_FIGURE_CHART);
-            rx_text_add(&dst->script, FIGURES[i].equal ? "set size ratio -1\n" : "");
-            rx_plot_curves(dst, &axes, d.n, d.curve);
-            rx_text_add(&dst->script, FIGURES[i].equal ? "set size noratio\n" : "");
-        }
-        dst->script.failed = dst->script.failed || d.failed;
-        for (int k = 0; k < d.n; k++)
-            free((double *)d.curve[k].x);
-        free(d.curve);
+        rx_curves_figure(dst, FIGURES[i].id, FIGURES[i].title, FIGURES[i].reading, &axes, &d.curves);
     }
     rx_qa_psf_figures(dst, q);
     draw_pictures(dst, q->input);

@@ -82,8 +82,12 @@ static void add_verdicts(page *p)
         }
         if (r->flux.n > 0 && r->flux.off) {
             snprintf(title, sizeof title, "%s: the flux scale is off.", r->name);
-            snprintf(sentence, sizeof sentence, "Restored over original flux of %ld isolated sources: %.4f.",
-                     r->flux.n, r->flux.wide);
+            const int n =
+                snprintf(sentence, sizeof sentence,
+                         "Restored over original flux of %ld isolated sources: %.4f in a wide aperture",
+                         r->flux.n, r->flux.wide);
+            snprintf(sentence + n, sizeof sentence - (size_t)n,
+                     isfinite(r->flux.automatic) ? ", %.4f by FLUX_AUTO." : ".", r->flux.automatic);
             rx_report_verdict(p->report, RX_MARK_BAD, title, sentence);
         }
     }

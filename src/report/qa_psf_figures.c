@@ -6,6 +6,7 @@
 #include "base/memory.h"
 #include "data/psf.h"
 #include "num/stats.h"
+#include "report/curves.h"
 #include "report/qa_figures.h"
 
 enum { PICTURE_SIDE = 300, FEW = 5, SHAPES = 3 };
@@ -31,67 +32,41 @@ static double reach_of(const rx_psf_judged *judged, bool ellipse)
 static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellipse)
 {
     const rx_psf_judged *judged = q->input->psf.psf->judged;
-    const size_t n = (size_t)judged->nstars;
-    const int from = ellipse ? 1 : 0, to = ellipse ? SHAPES : 1;
-    double *mag = RX_NEW(double, (SHAPES + 1) * n + 1), first = HUGE_VAL, last = -HUGE_VAL;
-    double at[SHAPES][RX_QA_PSF_BINS], mean[SHAPES][RX_QA_PSF_BINS], low[SHAPES][RX_QA_PSF_BINS],
-        high[SHAPES][RX_QA_PSF_BINS];
-    rx_curve curves[1 + 2 * SHAPES];
-    int ncurves = 1;
-    if (mag == NULL) {
-        dst->script.failed = true;
-        return;
-    }
-    for (size_t i = 0; i < n; i++) {
-        mag[i] = rx_qa_star_mag(&q->input->psf, &judged->star[i]);
-        first = fmin(first, mag[i]);
-        last = fmax(last, mag[i]);
-        for (int k = from; k < to; k++)
-            mag[(size_t)(k + 1) * n + i] = judged->star[i].off[k];
-    }
-    const double reach = reach_of(judged, ellipse), ends[2] = {first - 0.3, last + 0.3}, zero[2] = {0.0, 0.0};
-    curves[0] = (rx_curve){.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = zero};
-    for (int k = from; k < to; k++) {
-        int shown = 0;
+    const double reach = reach_of(judged, ellipse);
+    rx_axes axes = {.xlabel = "magnitude",
+                    .ylabel = ellipse ? "de1, de2" : "dT/T",
+                    .x0 = HUGE_VAL,
+                    .x1 = -HUGE_VAL,
+                    .y0 = -reach,
+                    .y1 = reach};
+    rx_curves c = {0};
+    for (int k = ellipse ? 1 : 0; k < (ellipse ? SHAPES : 1); k++) {
+        const int color = k > 1;
+        rx_curves_add(&c, RX_CURVE_POINTS, color, NAMES[k]);
+        for (int i = 0; i < judged->nstars; i++) {
+            const double mag = rx_qa_star_mag(&q->input->psf, &judged->star[i]);
+            rx_curves_put(&c, mag, judged->star[i].off[k], NAN, NAN);
+            axes.x0 = fmin(axes.x0, mag - 0.3);
+            axes.x1 = fmax(axes.x1, mag + 0.3);
+        }
+        rx_curves_add(&c, RX_CURVE_BARS, color, NULL);
         for (int b = 0; b < q->npsf_bins; b++) {
             const rx_qa_psf_bin *bin = &q->psf_bin[b];
-            if (bin->n < FEW)
-                continue;
-            at[k][shown] = bin->mag + 0.02 * (k - from);
-            mean[k][shown] = bin->mean[k];
-            low[k][shown] = bin->mean[k] - bin->error[k];
-            high[k][shown++] = bin->mean[k] + bin->error[k];
+            if (bin->n >= FEW)
+                rx_curves_put(&c, bin->mag + 0.02 * color, bin->mean[k], bin->mean[k] - bin->error[k],
+                              bin->mean[k] + bin->error[k]);
         }
-        curves[ncurves++] = (rx_curve){.name = NAMES[k],
-                                       .kind = RX_CURVE_POINTS,
-                                       .color = k - from,
-                                       .n = (long)n,
-                                       .x = mag,
-                                       .y = mag + (size_t)(k + 1) * n};
-        curves[ncurves++] = (rx_curve){.kind = RX_CURVE_BARS,
-                                       .color = k - from,
-                                       .n = shown,
-                                       .x = at[k],
-                                       .y = mean[k],
-                                       .low = low[k],
-                                       .high = high[k]};
     }
-    rx_figure_add(dst, ellipse ? "psf-mag-ellipse" : "psf-mag-size",
-                  ellipse ? "Ellipse, stars - PSF, by magnitude" : "Size, stars - PSF, by magnitude",
-                  ellipse
-                      ? "The same of e1 and e2."
-                      : "Reserved stars, and means of 5 and more with 1 sigma. A slope is a detector whose "
-                        "stars grow with brightness, or a sky that is wrong.",
-                  RX_FIGURE_CHART);
-    rx_plot_curves(dst,
-                   &(rx_axes){.xlabel = "magnitude",
-                              .ylabel = ellipse ? "de1, de2" : "dT/T",
-                              .x0 = ends[0],
-                              .x1 = ends[1],
-                              .y0 = -reach,
-                              .y1 = reach},
-                   ncurves, curves);
-    free(mag);
+    rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
+    rx_curves_put(&c, axes.x0, 0, NAN, NAN);
+    rx_curves_put(&c, axes.x1, 0, NAN, NAN);
+    rx_curves_figure(
+        dst, ellipse ? "psf-mag-ellipse" : "psf-mag-size",
+        ellipse ? "Ellipse, stars - PSF, by magnitude" : "Size, stars - PSF, by magnitude",
+        ellipse ? "The same of e1 and e2."
+                : "Reserved stars, and means of 5 and more with 1 sigma. A slope is a detector whose "
+                  "stars grow with brightness, or a sky that is wrong.",
+        &axes, &c);
 }
 
 /* Residuals over the tile: the colour is that of the size, the whisker that of the ellipse: as long as
@@ -134,46 +109,30 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
 
 static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
 {
-    const double wrong = 0.01;
-    const size_t n = (size_t)judged->nradii;
-    double *x = RX_NEW(double, 4 * n + 1), *y = x + n, *low = y + n, *high = low + n, most = 2.0 * wrong,
-           last = 1.0;
-    if (x == NULL) {
-        dst->script.failed = true;
-        return;
+    const double wrong = 0.01, last = judged->growth[judged->nradii - 1].radius;
+    double most = 2.0 * wrong;
+    rx_curves c = {0};
+    for (int side = -1; side <= 1; side += 2) {
+        rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
+        rx_curves_put(&c, 0.0, side * wrong, NAN, NAN);
+        rx_curves_put(&c, last, side * wrong, NAN, NAN);
     }
-    for (size_t i = 0; i < n; i++) {
+    rx_curves_add(&c, RX_CURVE_BAND, 0, "stars - PSF");
+    for (int i = 0; i < judged->nradii; i++) {
         const rx_psf_growth *g = &judged->growth[i];
-        x[i] = last = g->radius;
-        y[i] = g->stars - g->psf;
-        low[i] = y[i] - g->error;
-        high[i] = y[i] + g->error;
+        const double off = g->stars - g->psf;
+        rx_curves_put(&c, g->radius, off, off - g->error, off + g->error);
         if (g->error < wrong)
-            most = fmax(most, 1.5 * fabs(y[i]));
+            most = fmax(most, 1.5 * fabs(off));
     }
-    const double ends[2] = {0.0, last}, up[2] = {wrong, wrong}, down[2] = {-wrong, -wrong};
-    const rx_curve curves[] = {{.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = up},
-                               {.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = down},
-                               {.name = "stars - PSF",
-                                .kind = RX_CURVE_BAND,
-                                .color = 0,
-                                .n = (long)n,
-                                .x = x,
-                                .y = y,
-                                .low = low,
-                                .high = high}};
-    rx_figure_add(
+    rx_curves_figure(
         dst, "psf-growth", "Curve of growth, stars - PSF",
-        "Light within a radius, shares of a star's, with 1 sigma: out to 20 FWHM, or to where the sky's "
-        "error is 10 %. Beyond the dotted lines fluxes of templates are wrong by as much; the largest "
-        "difference of the table is from radii with errors below 1 %.",
-        RX_FIGURE_CHART);
-    rx_plot_curves(
-        dst,
+        "Light within a radius, shares of a star's, with 1 sigma: out to 20 FWHM, or to where the "
+        "sky's error is 10 %. Beyond the dotted lines fluxes of templates are wrong by as much; the "
+        "largest difference of the table is from radii with errors below 1 %.",
         &(rx_axes){
             .xlabel = "radius [pixels]", .ylabel = "share of the light", .x1 = last, .y0 = -most, .y1 = most},
-        3, curves);
-    free(x);
+        &c);
 }
 
 void rx_qa_psf_figures(rx_figures *dst, const rx_qa_numbers *q)

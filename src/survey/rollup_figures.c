@@ -1,8 +1,7 @@
 /* Figures of a survey: by magnitude, and of the PSFs. */
 #include <math.h>
-#include <stdlib.h>
 
-#include "base/memory.h"
+#include "report/curves.h"
 #include "survey/rollup_report.h"
 
 enum { FEW = 5 };
@@ -19,90 +18,56 @@ static rx_estimate drawn(const rx_rollup_cell *cell, int what)
 
 static void by_magnitude(rx_figures *dst, const rx_rollup *r, int what, const rx_axes *axes)
 {
-    double *data = RX_NEW(double, 4 * (size_t)RX_TALLY_BINS * (size_t)r->nruns);
-    rx_curve *curves = RX_NEW(rx_curve, (size_t)r->nruns);
-    for (int i = 0; i < r->nruns && data != NULL && curves != NULL; i++) {
-        double *x = data + 4 * (size_t)RX_TALLY_BINS * (size_t)i, *y = x + RX_TALLY_BINS,
-               *low = y + RX_TALLY_BINS, *high = low + RX_TALLY_BINS;
-        long n = 0;
+    static const char *const ids[] = {"all-recall", "all-precision", "all-bias"}, *const titles[] = {
+                                                                                      "Completeness",
+                                                                                      "Purity",
+                                                                                      "Magnitude errors"};
+    rx_curves c = {0};
+    for (int i = 0; i < r->nruns; i++) {
+        rx_curves_add(&c, RX_CURVE_BARS, rx_method_color(r->run[i].name), r->run[i].name);
         for (int b = r->run[i].first; b <= r->run[i].last; b++) {
             const rx_estimate e = drawn(&r->run[i].bin[b], what);
-            if (e.n < FEW)
-                continue;
-            x[n] = 0.5 * (b + RX_TALLY_LOW) + 0.25 + 0.03 * (i - 0.5 * (r->nruns - 1));
-            y[n] = e.value;
-            low[n] = e.low;
-            high[n++] = e.high;
+            if (e.n >= FEW)
+                rx_curves_put(&c, 0.5 * (b + RX_TALLY_LOW) + 0.25 + 0.03 * (i - 0.5 * (r->nruns - 1)),
+                              e.value, e.low, e.high);
         }
-        curves[i] = (rx_curve){.name = r->run[i].name,
-                               .kind = RX_CURVE_BARS,
-                               .color = rx_method_color(r->run[i].name),
-                               .n = n,
-                               .x = x,
-                               .y = y,
-                               .low = low,
-                               .high = high};
     }
-    if (data == NULL || curves == NULL)
-        dst->script.failed = true;
-    else
-        rx_plot_curves(dst, axes, r->nruns, curves);
-    free(curves);
-    free(data);
+    rx_curves_figure(dst, ids[what], titles[what],
+                     what == 2 ? "Medians over all tiles with their errors."
+                               : "All tiles together; bars are 95 % intervals.",
+                     axes, &c);
 }
 
 /* Correlation of the PSFs' residuals by angle. */
 static void rho_figure(rx_figures *dst, const rx_rollup *r)
 {
-    double x[RX_RHO_BINS], y[2][RX_RHO_BINS], low[2][RX_RHO_BINS], high[2][RX_RHO_BINS];
-    double most = 1e-6, first = HUGE_VAL, last = 0.0;
-    int n = 0;
-    for (int k = 0; k < RX_RHO_BINS; k++) {
-        const rx_rho_bin *b = &r->rho[k];
-        if (!(b->pairs > 0.0) || !isfinite(b->e_error) || !isfinite(b->t_error))
-            continue;
-        const double value[2] = {b->e, b->t}, error[2] = {b->e_error, b->t_error};
-        first = fmin(first, rx_rho_edge(k));
-        last = fmax(last, rx_rho_edge(k + 1));
-        x[n] = sqrt(rx_rho_edge(k) * rx_rho_edge(k + 1));
-        for (int q = 0; q < 2; q++) {
-            y[q][n] = value[q];
-            low[q][n] = value[q] - error[q];
-            high[q][n] = value[q] + error[q];
-            most = fmax(most, 1.1 * fmax(fabs(low[q][n]), fabs(high[q][n])));
+    rx_axes axes = {.xlabel = "angle between stars [arcmin]",
+                    .ylabel = "mean product of residuals",
+                    .x0 = HUGE_VAL,
+                    .x1 = 0.0,
+                    .log_x = true};
+    double most = 1e-6;
+    rx_curves c = {0};
+    for (int size = 0; size < 2; size++) {
+        rx_curves_add(&c, RX_CURVE_BARS, size, size ? "of T" : "rho1 of e");
+        for (int k = 0; k < RX_RHO_BINS; k++) {
+            const rx_rho_bin *b = &r->rho[k];
+            const double value = size ? b->t : b->e, error = size ? b->t_error : b->e_error;
+            if (!(b->pairs > 0.0) || !isfinite(b->e_error) || !isfinite(b->t_error))
+                continue;
+            rx_curves_put(&c, sqrt(rx_rho_edge(k) * rx_rho_edge(k + 1)), value, value - error, value + error);
+            axes.x0 = fmin(axes.x0, rx_rho_edge(k));
+            axes.x1 = fmax(axes.x1, rx_rho_edge(k + 1));
+            most = fmax(most, 1.1 * (fabs(value) + error));
         }
-        n++;
     }
-    if (n == 0)
-        return;
-    const double zero[2] = {0.0, 0.0}, ends[2] = {first, last};
-    const rx_curve curves[] = {{.kind = RX_CURVE_LINE, .color = -1, .n = 2, .x = ends, .y = zero},
-                               {.name = "rho1 of e",
-                                .kind = RX_CURVE_BARS,
-                                .color = 0,
-                                .n = n,
-                                .x = x,
-                                .y = y[0],
-                                .low = low[0],
-                                .high = high[0]},
-                               {.name = "of T",
-                                .kind = RX_CURVE_BARS,
-                                .color = 1,
-                                .n = n,
-                                .x = x,
-                                .y = y[1],
-                                .low = low[1],
-                                .high = high[1]}};
-    const rx_axes axes = {.xlabel = "angle between stars [arcmin]",
-                          .ylabel = "mean product of residuals",
-                          .x0 = first,
-                          .x1 = last,
-                          .y0 = -most,
-                          .y1 = most,
-                          .log_x = true};
-    rx_figure_add(dst, "psf-rho", "Correlation of PSF residuals",
-                  "Stars - PSF of pairs of reserved stars; bars are 1 sigma.", RX_FIGURE_CHART);
-    rx_plot_curves(dst, &axes, 3, curves);
+    rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
+    rx_curves_put(&c, axes.x0, 0, NAN, NAN);
+    rx_curves_put(&c, axes.x1, 0, NAN, NAN);
+    axes.y0 = -most;
+    axes.y1 = most;
+    rx_curves_figure(dst, "psf-rho", "Correlation of PSF residuals",
+                     "Stars - PSF of pairs of reserved stars; bars are 1 sigma.", &axes, &c);
 }
 
 static void by_magnitudes(rx_figures *dst, const rx_rollup *r, double first, double last, double widest)
@@ -113,20 +78,14 @@ static void by_magnitudes(rx_figures *dst, const rx_rollup *r, double first, dou
                     .x1 = last,
                     .y0 = 0,
                     .y1 = 1.02};
-    rx_figure_add(dst, "all-recall", "Completeness", "All tiles together; bars are 95 % intervals.",
-                  RX_FIGURE_CHART);
     by_magnitude(dst, r, 0, &axes);
     axes.xlabel = "measured magnitude";
     axes.ylabel = "precision";
-    rx_figure_add(dst, "all-precision", "Purity", "All tiles together; bars are 95 % intervals.",
-                  RX_FIGURE_CHART);
     by_magnitude(dst, r, 1, &axes);
     axes.xlabel = "magnitude of the reference";
     axes.ylabel = "median of m - m0 [mag]";
     axes.y0 = -widest;
     axes.y1 = widest;
-    rx_figure_add(dst, "all-bias", "Magnitude errors", "Medians over all tiles with their errors.",
-                  RX_FIGURE_CHART);
     by_magnitude(dst, r, 2, &axes);
     rx_rollup_sky(dst, r);
 }

@@ -12,6 +12,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../near.h"
+#include "report/curves.h"
 #include "report/ecsv.h"
 #include "report/figure.h"
 #include "report/json.h"
@@ -169,6 +171,38 @@ static void pages_are_whole(void **state)
     assert_int_equal(rx_report_file(folder, "the report", "page.html", &page, &err), RX_SYSTEM);
     assert_string_equal(err.where, "the report/page.html");
     assert_null(page.data);
+    rx_figures_free(&figures);
+}
+
+/* Points beyond the room of a curve move with it; lines to compare with alone are no figure. */
+static void curves_grow(void **state)
+{
+    (void)state;
+    rx_figures figures;
+    rx_curves c = {0};
+    const rx_axes axes = {.x1 = 1, .y1 = 1};
+    rx_figures_begin(&figures);
+    rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
+    rx_curves_put(&c, 0, 0, NAN, NAN);
+    rx_curves_figure(&figures, "none", "", "", &axes, &c);
+    assert_int_equal(figures.n, 0);
+    for (int k = 0; k < 2; k++) {
+        rx_curves_add(&c, RX_CURVE_BARS, k, "x");
+        for (int i = 0; i < 100; i++)
+            rx_curves_put(&c, i, k, i - 1, i + 1);
+    }
+    assert_int_equal(c.points, 200);
+    for (int k = 0; k < 2; k++)
+        for (int i = 0; i < 100; i++) {
+            assert_near(c.curve[k].x[i], i, 0);
+            assert_near(c.curve[k].y[i], k, 0);
+            assert_near(c.curve[k].low[i], i - 1, 0);
+            assert_near(c.curve[k].high[i], i + 1, 0);
+        }
+    rx_curves_figure(&figures, "two", "", "", &axes, &c);
+    assert_int_equal(figures.n, 1);
+    assert_int_equal(c.n, 0);
+    assert_false(figures.script.failed);
     rx_figures_free(&figures);
 }
 
@@ -408,6 +442,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(numbers_as_readers_want_them),
         cmocka_unit_test(pages_are_whole),
+        cmocka_unit_test(curves_grow),
         cmocka_unit_test(figures_are_drawn),
         cmocka_unit_test(figures_that_cannot_be),
         cmocka_unit_test(json_to_the_byte),
