@@ -47,7 +47,6 @@ cat >"$scratch/libraries" <<'END'
 ^mpi\.h      MPI       par
 ^expat       expat     catalog
 ^xxhash      xxHash    base
-dnnl         oneDNN    nn
 END
 
 find src -type f \( -name '*.c' -o -name '*.h' -o -name '*.def' \) | LC_ALL=C sort >"$scratch/files"

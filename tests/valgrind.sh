@@ -18,9 +18,6 @@ trap 'exit 2' INT TERM HUP
 log=$build/valgrind.log
 passed=0 failed=0 skipped=0
 export srcdir="$top" RX_BUILD_DIR="$build" RX_SHARED_DATA="${RX_SHARED_DATA-}" CMOCKA_MESSAGE_OUTPUT=TAP OMP_WAIT_POLICY=passive OMP_NUM_THREADS=2
-# Of code that oneDNN makes as it trains valgrind's translator bears short pieces only, and SSE over twice as fast as AVX. The
-# network's own kernels (nn/direct) go by what valgrind says of the processor: AVX2.
-export DNNL_MAX_CPU_ISA=SSE41 ONEDNN_MAX_CPU_ISA=SSE41
 : >"$log"
 
 # sep_extract() 1.2.1 loses two arrays a call (tests/lsan.supp).
@@ -46,7 +43,7 @@ ${CC:-cc} -shared -fPIC -o "$scratch/only.so" "$scratch/only.c" -lcmocka || exit
 
 # watched COMMAND...: its exit code; what it says goes to $scratch/out, a line at a time
 watched() {
-    timeout -k 10 "${RX_TIMEOUT:-600}" stdbuf -oL valgrind -q --vex-guest-max-insns=25 --error-exitcode=67 --leak-check=full --show-leak-kinds=definite \
+    timeout -k 10 "${RX_TIMEOUT:-600}" stdbuf -oL valgrind -q --error-exitcode=67 --leak-check=full --show-leak-kinds=definite \
         --errors-for-leak-kinds=definite --suppressions="$scratch/known" --log-file="$scratch/%p.log" "$@" >"$scratch/out" 2>&1
 }
 

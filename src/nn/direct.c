@@ -56,7 +56,27 @@ static void run_plain(const rx_direct *d, const rx_plane *x, const rx_plane *add
             }
 }
 
-static const rx_direct_kernels plain = {.name = "plain C", .lanes = 1, .bf16 = 1, .wide = run_plain};
+static void plain_weights(const rx_conv_shape *s, const rx_plane *x, const rx_plane *dy, float *dweights)
+{
+    const size_t in = (size_t)s->in, out = (size_t)s->out, width = (size_t)x->width;
+    for (int place = 0; place < s->kernel * s->kernel; place++)
+        for (size_t i = 0; i < in; i++)
+            for (size_t o = 0; o < out; o++, dweights++) {
+                double sum = 0;
+                for (int v = 0; v < dy->height; v++) {
+                    const float *to = (const float *)dy->data + (size_t)v * (size_t)dy->width * out + o;
+                    const size_t row = (size_t)(v * s->stride + place / s->kernel),
+                                 column = (size_t)(place % s->kernel);
+                    const float *from = (const float *)x->data + (row * width + column) * in + i;
+                    for (int u = 0; u < dy->width; u++)
+                        sum += (double)from[(size_t)(u * s->stride) * in] * to[(size_t)u * out];
+                }
+                *dweights += (float)sum;
+            }
+}
+
+static const rx_direct_kernels plain = {
+    .name = "plain C", .lanes = 1, .bf16 = 1, .wide = run_plain, .weights = plain_weights};
 
 static int has_bf16(const rx_direct_kernels *kernels)
 {
@@ -68,15 +88,21 @@ int rx_direct_has_bf16(void)
     return has_bf16(rx_direct_avx512());
 }
 
-/* The widest of at most `lanes` (0: any) for planes of those reals of which `count` numbers fill vectors. */
+/* Those of at most `lanes` (0: any) that need the fewest vectors for `count` numbers, of two the narrower. A vector
+ * is filled by bfloat16, or it is the plain kernel's. */
 static const rx_direct_kernels *kernels_for(rx_real x, rx_real y, int count, int lanes)
 {
-    const rx_direct_kernels *all[] = {rx_direct_avx512(), rx_direct_avx2(), rx_direct_vector()};
-    for (size_t i = 0; i < sizeof all / sizeof all[0]; i++)
-        if (all[i] != NULL && (lanes == 0 || all[i]->lanes <= lanes) && count % all[i]->lanes == 0 &&
-            ((x == RX_REAL_F32 && y == RX_REAL_F32) || all[i]->bf16))
-            return all[i];
-    return &plain;
+    const rx_direct_kernels *all[] = {rx_direct_avx512(), rx_direct_avx2(), rx_direct_vector()},
+                            *best = &plain;
+    const int floats = x == RX_REAL_F32 && y == RX_REAL_F32;
+    for (size_t i = 0; i < sizeof all / sizeof all[0]; i++) {
+        const rx_direct_kernels *k = all[i];
+        if (k == NULL || (lanes > 0 && k->lanes > lanes) || (!floats && (!k->bf16 || count % k->lanes != 0)))
+            continue;
+        if (best == &plain || (count + k->lanes - 1) / k->lanes == (count + best->lanes - 1) / best->lanes)
+            best = k;
+    }
+    return best;
 }
 
 const char *rx_direct_name(void)
@@ -95,7 +121,8 @@ static void measure(const rx_conv_shape *s, rx_direct_options options, rx_direct
     d->step = s->stride * d->words;
     d->winograd = options.winograd && d->kernels->lanes > 1 && !d->fine && s->kernel == 3 && s->stride == 1 &&
                   s->x == RX_REAL_F32 && s->in <= MOST_IN && s->height % 2 == 0;
-    d->blocks = d->kernels->lanes > 1 && s->out % (2 * d->kernels->lanes) == 0 ? 2 : 1;
+    d->padded = (s->out + d->kernels->lanes - 1) / d->kernels->lanes * d->kernels->lanes;
+    d->blocks = d->kernels->lanes > 1 && d->padded % (2 * d->kernels->lanes) == 0 ? 2 : 1;
 }
 
 int rx_direct_can_fine(const rx_conv_shape *shape)
@@ -151,8 +178,8 @@ static void transform_weights(const float *kernel, double *points)
 static void load_winograd(rx_direct *d, const float *weights)
 {
     const int in = d->shape.in, out = d->shape.out, group = d->kernels->lanes * d->blocks;
-    for (int o = 0; o < out; o++)
-        for (int i = 0; i < in; i++) {
+    for (int i = 0; i < in; i++)
+        for (int o = 0; o < out; o++) {
             double points[POINTS];
             transform_weights(weights + 9 * ((size_t)o * (size_t)in + (size_t)i), points);
             float *to =
@@ -162,7 +189,7 @@ static void load_winograd(rx_direct *d, const float *weights)
         }
 }
 
-static void load(rx_direct *d, const float *weights, const float *bias)
+void rx_direct_load(rx_direct *d, const float *weights, const float *bias)
 {
     const rx_conv_shape *s = &d->shape;
     const int per_word = s->in / d->words;
@@ -185,18 +212,18 @@ rx_status rx_direct_new(const rx_conv_shape *shape, rx_direct_options options, c
     if (d == NULL)
         return rx_error_memory(err, sizeof *d);
     measure(shape, options, d);
-    /* the lanes that a row of the kernel does not fill are 0 */
+    /* the lanes that a row of the kernel or the outputs do not fill are 0 */
     const size_t span = (size_t)(shape->kernel * d->words) + MOST_LANES;
-    const size_t words = d->winograd ? (size_t)(POINTS * shape->in) * (size_t)shape->out
-                                     : (size_t)shape->kernel * span * (size_t)shape->out;
+    const size_t words = d->winograd ? (size_t)(POINTS * shape->in) * (size_t)d->padded
+                                     : (size_t)shape->kernel * span * (size_t)d->padded;
     d->weights = RX_NEW(float, words);
-    d->bias = RX_NEW(float, (size_t)shape->out);
+    d->bias = RX_NEW(float, (size_t)d->padded);
     if (d->weights == NULL || d->bias == NULL) {
         rx_direct_free(d);
         *dst = NULL;
         return rx_error_memory(err, words * sizeof(float));
     }
-    load(d, weights, bias);
+    rx_direct_load(d, weights, bias);
     return RX_OK;
 }
 
@@ -230,9 +257,16 @@ void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *a
         direct->kernels->wide(direct, x, add, y, area);
 }
 
+void rx_direct_weights(const rx_conv_shape *shape, int lanes, const rx_plane *x, const rx_plane *dy,
+                       float *dweights)
+{
+    kernels_for(RX_REAL_F32, RX_REAL_F32, shape->out, lanes)->weights(shape, x, dy, dweights);
+}
+
 int rx_direct_can_up2(const rx_plane *src, const rx_plane *dst)
 {
-    return kernels_for(src->real, dst->real, src->channels, 0) != &plain;
+    const rx_direct_kernels *kernels = kernels_for(src->real, dst->real, src->channels, 0);
+    return kernels->lanes > 1 && src->channels % kernels->lanes == 0;
 }
 
 void rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,

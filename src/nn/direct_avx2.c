@@ -24,12 +24,23 @@ typedef float word;
 #define v_multiply_add _mm256_fmadd_ps
 
 /* The first n numbers, then zeros; all where n is that many. */
-PART vector v_load_first(int n, const float *from)
+PART __m256i mask_of(int n)
 {
     static const int32_t masks[2 * LANES] = {-1, -1, -1, -1, -1, -1, -1, -1};
+    return _mm256_loadu_si256((const __m256i *)(const void *)(masks + LANES - n));
+}
+
+PART vector v_load_first(int n, const float *from)
+{
+    return n >= LANES ? v_load(from) : _mm256_maskload_ps(from, mask_of(n));
+}
+
+PART void v_store_first(int n, float *to, vector value)
+{
     if (n >= LANES)
-        return v_load(from);
-    return _mm256_maskload_ps(from, _mm256_loadu_si256((const __m256i *)(const void *)(masks + LANES - n)));
+        v_store(to, value);
+    else
+        _mm256_maskstore_ps(to, mask_of(n), value);
 }
 
 PART vector load_reals(rx_real real, const void *plane, size_t at)

@@ -35,6 +35,11 @@ PART vector v_load_first(int n, const float *from)
     return _mm512_maskz_loadu_ps((__mmask16)(n < LANES ? (1 << n) - 1 : 0xffff), from);
 }
 
+PART void v_store_first(int n, float *to, vector value)
+{
+    _mm512_mask_storeu_ps(to, (__mmask16)(n < LANES ? (1 << n) - 1 : 0xffff), value);
+}
+
 PART vector load_reals(rx_real real, const void *plane, size_t at)
 {
     if (real == RX_REAL_F32)

@@ -20,11 +20,13 @@ struct rx_direct {
     const rx_direct_kernels *kernels;
     rx_conv_shape shape;
     int fine, winograd;
-    int words;     /* 32-bit words of a pixel of x; plain: its channels */
-    int step;      /* words from the first one of an output to that of the next */
-    int blocks;    /* vectors of outputs that run together: 2 where these are even */
-    float *bias;   /* [out] */
-    void *weights; /* Winograd: [out / (lanes blocks)][point][in][blocks][lanes] floats; wide: [out / (lanes
+    int words;   /* 32-bit words of a pixel of x; plain: its channels */
+    int step;    /* words from the first one of an output to that of the next */
+    int padded;  /* outputs, and zeros that fill the last vector */
+    int blocks;  /* vectors of outputs that run together: 2 where these are even */
+    float *bias; /* [padded] */
+    void *
+        weights; /* Winograd: [padded / (lanes blocks)][point][in][blocks][lanes] floats; wide: [padded / (lanes
                       blocks)][k][k][words][blocks][lanes] words, of the plain one floats; fine: [k][vectors][4][lanes] words */
 };
 
@@ -39,6 +41,7 @@ struct rx_direct_kernels {
     /* By Winograd's algorithm; the rows in pairs. */
     void (*winograd)(const rx_direct *direct, const rx_plane *x, const rx_plane *add, const rx_plane *y,
                      rx_direct_area area, float *scratch);
+    void (*weights)(const rx_conv_shape *shape, const rx_plane *x, const rx_plane *dy, float *dweights);
     void (*up2)(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst, rx_direct_area area);
 };
 

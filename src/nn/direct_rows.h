@@ -3,15 +3,19 @@
 #ifndef RX_NN_DIRECT_ROWS_H
 #define RX_NN_DIRECT_ROWS_H
 
-/* Adds, cuts and stores a vector of outputs of the plane y, which begin `at` numbers after its first; add
- * NULL: none. */
-PART void finish(const rx_direct *d, const rx_plane *add, void *y, size_t at, vector value)
+/* Adds, cuts and stores the first `lanes` of a vector of outputs of the plane y, which begin `at` numbers after its
+ * first; add NULL: none. Fewer than all lanes only of floats. */
+PART void finish(const rx_direct *d, const rx_plane *add, void *y, size_t at, vector value, int lanes)
 {
     if (add != NULL)
-        value = v_add(value, load_reals(add->real, add->data, at));
+        value = v_add(value, lanes < LANES ? v_load_first(lanes, (const float *)add->data + at)
+                                           : load_reals(add->real, add->data, at));
     if (d->shape.relu)
         value = v_max(value, v_zero());
-    store_reals(d->shape.y, value, y, at);
+    if (lanes < LANES)
+        v_store_first(lanes, (float *)y + at, value);
+    else
+        store_reals(d->shape.y, value, y, at);
 }
 
 /* ---- wide ---- */
@@ -24,6 +28,7 @@ typedef struct run {
     void *y;
     size_t at; /* of the first one in the planes y and add */
     const float *weights, *bias;
+    int last; /* lanes of the last vector */
 } run;
 
 /* How a row is made: vectors of outputs side by side, words from one output's input to the next one's, reals of x.
@@ -86,7 +91,7 @@ PART void wide_pixels(const rx_direct *d, const run *r, size_t pixel, int n, way
 #pragma GCC unroll 24
     for (int k = 0; k < n * blocks; k++)
         finish(d, r->add, r->y, r->at + (pixel + (size_t)(k / blocks)) * out + (size_t)(LANES * (k % blocks)),
-               sum[k]);
+               sum[k], k % blocks == blocks - 1 ? r->last : LANES);
 }
 
 /* The last pixels of a row are made with some before them once more: the same bits. */
@@ -171,7 +176,9 @@ static void run_wide(const rx_direct *d, const rx_plane *x, const rx_plane *add,
     const size_t all = (size_t)(s->kernel * s->kernel * d->words) * block;
     for (int v = area.first; v < area.last; v++)
         for (size_t b = 0; b * block < (size_t)s->out; b++) {
-            const run r = {.x = (const word *)x->data + (size_t)(v * s->stride) * line,
+            const int rest = s->out - (int)((b + 1) * block) + LANES;
+            const run r = {.last = rest < LANES ? rest : LANES,
+                           .x = (const word *)x->data + (size_t)(v * s->stride) * line,
                            .row = line,
                            .before = (size_t)(s->before * d->words),
                            .add = add,
@@ -234,6 +241,84 @@ WIDE static void run_up2(const rx_plane *src, const rx_plane *add, int relu, con
                 store_reals(dst->real, value, dst->data, to);
             }
     }
+}
+
+/* ---- gradient by the weights ---- */
+
+enum { INPUTS = ACCUMULATORS / 3 }; /* whose gradients by two vectors of outputs stay in registers */
+
+/* Of one place of the kernel, from a row of n outputs: dw[inputs][out] += sum x dy. */
+typedef struct gradient {
+    const float *x, *dy;
+    size_t step, out; /* floats from an output's x, and dy, to the next one's */
+    int n, last;      /* last: lanes of the last vector */
+    float *dw;
+} gradient;
+
+PART void add_gradient(gradient g, int inputs, int blocks, int last)
+{
+    vector sum[2 * INPUTS];
+#pragma GCC unroll 16
+    for (int k = 0; k < inputs * blocks; k++)
+        sum[k] = v_zero();
+    for (int p = 0; p < g.n; p++, g.x += g.step, g.dy += g.out) {
+        const vector d1 = v_load_first(last, g.dy + LANES * (blocks - 1)),
+                     d0 = blocks == 2 ? v_load(g.dy) : d1;
+#pragma GCC unroll 8
+        for (int i = 0; i < inputs; i++) {
+            const vector same = v_same(g.x[i]);
+            sum[i * blocks] = v_multiply_add(same, d0, sum[i * blocks]);
+            if (blocks == 2)
+                sum[i * blocks + 1] = v_multiply_add(same, d1, sum[i * blocks + 1]);
+        }
+    }
+#pragma GCC unroll 16
+    for (int k = 0; k < inputs * blocks; k++) {
+        float *to = g.dw + (size_t)(k / blocks) * g.out + (size_t)(LANES * (k % blocks));
+        if (k % blocks == blocks - 1)
+            v_store_first(last, to, v_add(v_load_first(last, to), sum[k]));
+        else
+            v_store(to, v_add(v_load(to), sum[k]));
+    }
+}
+
+/* Full vectors are constants to the compiler. */
+#define ADD_GRADIENT(inputs, blocks)                                                                         \
+    (g.last < LANES ? add_gradient(g, inputs, blocks, g.last) : add_gradient(g, inputs, blocks, LANES))
+
+WIDE static void run_weights(const rx_conv_shape *s, const rx_plane *x, const rx_plane *dy, float *dw)
+{
+    const size_t in = (size_t)s->in, out = (size_t)s->out, line = (size_t)x->width * in;
+    for (int v = 0; v < dy->height; v++)
+        for (int place = 0; place < s->kernel * s->kernel; place++)
+            for (size_t i = 0, inputs; i < in; i += inputs) {
+                inputs = in - i >= INPUTS ? INPUTS : in - i >= INPUTS / 2 ? INPUTS / 2 : 1;
+                for (size_t o = 0, blocks; o < out; o += blocks * LANES) {
+                    blocks = out - o > LANES ? 2 : 1;
+                    const size_t row = (size_t)(v * s->stride + place / s->kernel) * line,
+                                 column = (size_t)(place % s->kernel) * in;
+                    const gradient g = {
+                        .x = (const float *)x->data + row + column + i,
+                        .dy = (const float *)dy->data + (size_t)v * (size_t)dy->width * out + o,
+                        .step = (size_t)s->stride * in,
+                        .out = out,
+                        .n = dy->width,
+                        .last = (int)(out - o < blocks * LANES ? out - o - (blocks - 1) * LANES : LANES),
+                        .dw = dw + ((size_t)place * in + i) * out + o};
+                    if (inputs == INPUTS && blocks == 2)
+                        ADD_GRADIENT(INPUTS, 2);
+                    else if (inputs == INPUTS)
+                        ADD_GRADIENT(INPUTS, 1);
+                    else if (inputs == INPUTS / 2 && blocks == 2)
+                        ADD_GRADIENT(INPUTS / 2, 2);
+                    else if (inputs == INPUTS / 2)
+                        ADD_GRADIENT(INPUTS / 2, 1);
+                    else if (blocks == 2)
+                        ADD_GRADIENT(1, 2);
+                    else
+                        ADD_GRADIENT(1, 1);
+                }
+            }
 }
 
 #endif

@@ -70,6 +70,11 @@ PART vector v_load_first(int n, const float *from)
     return v;
 }
 
+PART void v_store_first(int n, float *to, vector value)
+{
+    memcpy(to, &value, (n < LANES ? (size_t)n : LANES) * sizeof *to);
+}
+
 PART vector load_reals(rx_real real, const void *plane, size_t at)
 {
     (void)real;

@@ -40,7 +40,7 @@ PART void transform_in(const vector *d, int step, vector *t)
 
 PART void points_of(const strip *s, int k, int tiles, int room)
 {
-    const int in = s->d->shape.in, last = s->x->width - 1;
+    const int in = s->d->shape.in, before = s->d->shape.before, last = s->x->width - 1;
     const size_t line = (size_t)s->x->width * (size_t)in;
     int x, y;
     square_at(s, k, &x, &y);
@@ -49,7 +49,7 @@ PART void points_of(const strip *s, int k, int tiles, int room)
 #pragma GCC unroll 4
         for (int u = 0; u < 4; u++) {
             /* the last column may be missing where the second output is not wanted, and is not used then */
-            const int column = x - 1 + u < last ? x - 1 + u : last;
+            const int column = x - before + u < last ? x - before + u : last;
             const float *from = (const float *)s->x->data + (size_t)y * line + (size_t)(column * in + c);
 #pragma GCC unroll 4
             for (int v = 0; v < 4; v++)
@@ -103,6 +103,7 @@ PART void outputs_of(const strip *s, int k, int block, int blocks, int from)
     const rx_direct *d = s->d;
     const float *products = s->products + (k * blocks + block) * LANES;
     const int channel = from + LANES * block;
+    const int lanes = d->shape.out - channel < LANES ? d->shape.out - channel : LANES;
     const vector bias = v_load(d->bias + channel);
     vector m[4], t[4][2], out[2];
     int x, y;
@@ -118,10 +119,11 @@ PART void outputs_of(const strip *s, int k, int block, int blocks, int from)
     for (int v = 0; v < 2; v++) {
         const size_t at = (size_t)(y + v) * (size_t)s->y->width + (size_t)x;
         transform_out(&t[0][v], 2, out);
-        finish(d, s->add, s->y->data, at * (size_t)d->shape.out + (size_t)channel, v_add(out[0], bias));
+        finish(d, s->add, s->y->data, at * (size_t)d->shape.out + (size_t)channel, v_add(out[0], bias),
+               lanes);
         if (x + 1 < s->area.right)
             finish(d, s->add, s->y->data, (at + 1) * (size_t)d->shape.out + (size_t)channel,
-                   v_add(out[1], bias));
+                   v_add(out[1], bias), lanes);
     }
 }
 
@@ -174,7 +176,7 @@ static void run_winograd(const rx_direct *d, const rx_plane *x, const rx_plane *
 #define KERNELS(word, with_bf16)                                                                             \
     {                                                                                                        \
         .name = (word), .lanes = LANES, .bf16 = (with_bf16), .wide = run_wide, .fine = run_fine,             \
-        .winograd = run_winograd, .up2 = run_up2                                                             \
+        .winograd = run_winograd, .up2 = run_up2, .weights = run_weights                                     \
     }
 
 #endif

@@ -15,7 +15,7 @@ librextract_la_SOURCES += src/nn/noise_level.c
 librextract_la_SOURCES += src/nn/peak.c src/nn/peak.h
 
 # Of training alone.
-librextract_train_la_SOURCES += src/nn/dnn.c src/nn/dnn.h
+librextract_train_la_SOURCES += src/nn/conv.c src/nn/conv.h
 librextract_train_la_SOURCES += src/nn/runner.c src/nn/runner.h
 
 rx_nndir = $(pkgincludedir)/nn

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "nn/dnn.h"
+#include "nn/conv.h"
 #include "nn/layers.h"
 #include "nn/net_planes.h"
 
@@ -25,14 +25,14 @@ typedef struct slot {
 
 struct rx_runner {
     const rx_net *net;
-    rx_dnn *dnn;                     /* owned, like all below */
-    rx_node_planes at[RX_NET_NODES]; /* with memory */
+    rx_node_planes at[RX_NET_NODES]; /* with memory; owned, like all below */
     node node[RX_NET_NODES];
     slot slot[RX_NET_NODES]; /* memory of gradients */
     int nslots;
-    float *row;    /* scratch of the layers */
-    float *folded; /* weights, then biases, of a folded node */
-    float *spare;  /* a gradient that is to be added to another */
+    float *row;     /* scratch of the layers */
+    float *folded;  /* weights, then biases, of a folded node */
+    float *spare;   /* a gradient that is to be added to another */
+    float *scratch; /* of the convolutions */
 };
 
 /* ---- plan ---- */
@@ -111,12 +111,21 @@ static rx_status plan(rx_runner *r, int height, int width, rx_error *err)
     }
     share_gradients(r);
     RX_TRY(allocate(r, err));
+    size_t scratch = 1;
     for (int i = 1; i < net->nnodes; i++) {
-        const rx_conv_shape shape = rx_net_conv(net, i, r->at);
-        if (net->node[i].weight >= 0)
-            RX_TRY(rx_conv_new(r->dnn, &shape, &r->node[i].conv, err));
+        const rx_node *n = &net->node[i];
+        if (n->weight < 0)
+            continue;
+        rx_conv_shape shape = rx_net_conv(net, i, r->at);
+        const int fine = n->op == RX_OP_UPCONV && n->add < 0;
+        if (fine)
+            shape.relu = n->relu;
+        RX_TRY(rx_conv_new(&shape, fine, &r->node[i].conv, err));
+        const size_t mine = rx_conv_scratch(r->node[i].conv);
+        scratch = mine > scratch ? mine : scratch;
     }
-    return RX_OK;
+    r->scratch = RX_NEW(float, scratch);
+    return r->scratch != NULL ? RX_OK : rx_error_memory(err, scratch * sizeof(float));
 }
 
 /* ---- making ---- */
@@ -135,16 +144,14 @@ rx_status rx_runner_new(const rx_net *net, int height, int width, rx_runner **ds
     if (r == NULL)
         return rx_error_memory(err, sizeof *r);
     r->net = net;
-    rx_status status = rx_dnn_new(&r->dnn, err);
-    if (!status)
-        status = plan(r, height, width, err);
-    if (!status)
-        status = rx_runner_load(r, net->params, err);
-    if (status)
+    rx_status status = plan(r, height, width, err);
+    if (status != RX_OK) {
         rx_runner_free(r);
-    else
-        *dst = r;
-    return status;
+        return status;
+    }
+    rx_runner_load(r, net->params);
+    *dst = r;
+    return RX_OK;
 }
 
 void rx_runner_free(rx_runner *runner)
@@ -160,20 +167,19 @@ void rx_runner_free(rx_runner *runner)
     free(runner->row);
     free(runner->folded);
     free(runner->spare);
-    rx_dnn_free(runner->dnn);
+    free(runner->scratch);
     free(runner);
 }
 
-rx_status rx_runner_load(rx_runner *runner, const float *params, rx_error *err)
+void rx_runner_load(rx_runner *runner, const float *params)
 {
     const float *weights, *bias;
     for (int i = 1; i < runner->net->nnodes; i++) {
         if (runner->node[i].conv == NULL)
             continue;
         rx_net_conv_params(runner->net, i, params, runner->folded, &weights, &bias);
-        RX_TRY(rx_conv_load(runner->node[i].conv, weights, bias, err));
+        rx_conv_load(runner->node[i].conv, weights, bias);
     }
-    return RX_OK;
 }
 
 float *rx_runner_input(rx_runner *runner)
@@ -198,21 +204,21 @@ const float *rx_runner_input_gradient(const rx_runner *runner)
 
 /* ---- forward ---- */
 
-rx_status rx_runner_forward(rx_runner *runner, rx_error *err)
+void rx_runner_forward(rx_runner *runner)
 {
     for (int i = 1; i < runner->net->nnodes; i++) {
         const rx_node *n = &runner->net->node[i];
         const rx_plane *src = &runner->at[n->src].value,
                        *add = n->add >= 0 ? &runner->at[n->add].value : NULL;
         rx_plane *value = &runner->at[i].value, *raw = &runner->at[i].raw;
-        rx_conv *conv = runner->node[i].conv;
+        const rx_conv *conv = runner->node[i].conv;
         if (n->op == RX_OP_UP2) {
             rx_layer_up2(src, value, add, n->relu, runner->row);
-        } else if (n->op == RX_OP_CONV) {
-            RX_TRY(rx_conv_run(conv, src->data, add != NULL ? add->data : NULL, value->data, err));
+        } else if (conv != NULL && (n->op == RX_OP_CONV || rx_conv_is_fine(conv))) {
+            rx_conv_run(conv, src->data, add != NULL ? add->data : NULL, value->data, runner->scratch);
         } else {
             if (conv != NULL)
-                RX_TRY(rx_conv_run(conv, src->data, NULL, raw->data, err));
+                rx_conv_run(conv, src->data, NULL, raw->data, runner->scratch);
             if (n->op == RX_OP_UNSHUFFLE)
                 rx_layer_unshuffle(src, value);
             else
@@ -221,59 +227,49 @@ rx_status rx_runner_forward(rx_runner *runner, rx_error *err)
                 rx_layer_finish(value, add, n->relu, runner->row);
         }
     }
-    return RX_OK;
 }
 
 /* ---- backward ---- */
 
 /* Parameters of a convolution: gradient += . */
-static rx_status learn(rx_runner *r, int i, const rx_plane *gradient, float *params, rx_error *err)
+static void learn(rx_runner *r, int i, const rx_plane *gradient, float *params)
 {
     const rx_node *n = &r->net->node[i];
     const rx_plane *src = &r->at[n->src].value;
     const float *weights, *bias;
     float *to = params + n->weight, *to_bias = params + n->bias;
     size_t out = (size_t)n->channels;
-    rx_status status = rx_conv_weights(r->node[i].conv, src->data, gradient->data, &weights, &bias, err);
-    if (status)
-        return status;
+    rx_conv_weights(r->node[i].conv, src->data, gradient->data, r->scratch, &weights, &bias);
     if (rx_node_folds(n)) {
         rx_layer_unfold(n, src->channels, weights, to);
         for (size_t phase = 0; phase < 4; phase++)
             rx_layer_add(bias + phase * out, to_bias, out);
-        return RX_OK;
+        return;
     }
     rx_layer_add(weights, to, (size_t)n->nweights);
     rx_layer_add(bias, to_bias, out);
-    return RX_OK;
 }
 
 /* Gradient by the source of node i, into `to`. */
-static rx_status pass_back(rx_runner *r, int i, const rx_plane *gradient, rx_plane *to, rx_error *err)
+static void pass_back(rx_runner *r, int i, const rx_plane *gradient, rx_plane *to)
 {
-    switch (r->net->node[i].op) {
-    case RX_OP_UNSHUFFLE:
+    const rx_op op = r->net->node[i].op;
+    if (op == RX_OP_UNSHUFFLE)
         rx_layer_shuffle(gradient, to);
-        return RX_OK;
-    case RX_OP_SHUFFLE:
+    else if (op == RX_OP_SHUFFLE)
         rx_layer_unshuffle(gradient, to);
-        return RX_OK;
-    case RX_OP_UP2:
+    else if (op == RX_OP_UP2)
         rx_layer_up2_back(gradient, to, r->row);
-        return RX_OK;
-    default:
-        return rx_conv_data(r->node[i].conv, gradient->data, to->data, err);
-    }
+    else
+        rx_conv_data(r->node[i].conv, gradient->data, to->data, r->scratch);
 }
 
 /* filled[k]: the gradient of node k holds something already. */
-static rx_status backward_node(rx_runner *r, int i, float *params, const int *wanted, int *filled,
-                               rx_error *err)
+static void backward_node(rx_runner *r, int i, float *params, const int *wanted, int *filled)
 {
     const rx_node *n = &r->net->node[i];
     node *me = &r->node[i];
     rx_plane *gradient = &me->gradient;
-    rx_status status = RX_OK;
     if (n->relu)
         rx_layer_relu_back(r->at[i].value.data, gradient->data, rx_plane_size(gradient));
     if (n->add >= 0 && wanted[n->add]) {
@@ -290,27 +286,24 @@ static rx_status backward_node(rx_runner *r, int i, float *params, const int *wa
         gradient = &r->at[i].raw;
     }
     if (me->conv != NULL && params != NULL)
-        status = learn(r, i, gradient, params, err);
-    if (status || !wanted[n->src])
-        return status;
+        learn(r, i, gradient, params);
+    if (!wanted[n->src])
+        return;
     rx_plane to = r->node[n->src].gradient;
     if (filled[n->src])
         to.data = r->spare;
-    status = pass_back(r, i, gradient, &to, err);
+    pass_back(r, i, gradient, &to);
     if (filled[n->src])
         rx_layer_add(r->spare, r->node[n->src].gradient.data, rx_plane_size(&to));
     filled[n->src] = 1;
-    return status;
 }
 
-rx_status rx_runner_backward(rx_runner *runner, float *param_gradient, int want_input, rx_error *err)
+void rx_runner_backward(rx_runner *runner, float *param_gradient, int want_input)
 {
     int wanted[RX_NET_NODES], filled[RX_NET_NODES] = {0};
     for (int i = 0; i < runner->net->nnodes; i++)
         wanted[i] = want_input || runner->node[i].learns;
-    rx_status status = RX_OK;
-    for (int i = runner->net->nnodes - 1; !status && i > 0; i--)
+    for (int i = runner->net->nnodes - 1; i > 0; i--)
         if (wanted[i])
-            status = backward_node(runner, i, param_gradient, wanted, filled, err);
-    return status;
+            backward_node(runner, i, param_gradient, wanted, filled);
 }

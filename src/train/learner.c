@@ -105,15 +105,12 @@ void rx_learner_free(rx_learner *l)
     free(l);
 }
 
-rx_status rx_learner_load(rx_learner *l, rx_error *err)
+void rx_learner_load(rx_learner *l)
 {
-    rx_status status = RX_OK;
-    for (int t = 0; t < l->nthreads && status == RX_OK; t++) {
-        status = rx_step_load(l->step[t], err);
-        if (status == RX_OK)
-            status = rx_step_load(l->test[t], err);
+    for (int t = 0; t < l->nthreads; t++) {
+        rx_step_load(l->step[t]);
+        rx_step_load(l->test[t]);
     }
-    return status;
 }
 
 /* One sample on one thread. */

@@ -25,7 +25,7 @@ rx_status rx_learner_new(const rx_model *model, const rx_step_params *par, int s
 void rx_learner_free(rx_learner *learner); /* NULL is fine */
 
 /* Take the model's parameters into use. */
-rx_status rx_learner_load(rx_learner *learner, rx_error *err);
+void rx_learner_load(rx_learner *learner);
 
 /* gradient[k][n of network k] = sums over the n <= most samples; values[i]: terms of each sample. */
 rx_status rx_learner_gradients(rx_learner *learner, rx_sample *const *samples, int n,

@@ -81,9 +81,9 @@ void rx_step_free(rx_step *step)
     free(step);
 }
 
-rx_status rx_step_load(rx_step *step, rx_error *err)
+void rx_step_load(rx_step *step)
 {
-    return rx_pass_load(step->pass, err);
+    rx_pass_load(step->pass);
 }
 
 const float *rx_step_restored(const rx_step *step)
@@ -120,13 +120,11 @@ static void add_back(const rx_step *step)
 }
 
 /* RESTORE(x) against y, and PSF(RESTORE(x)) against x. */
-static rx_status run_blurred(rx_step *step, const rx_sample *sample, float *restore_gradient,
-                             float *psf_gradient, int back, rx_step_values *values, rx_error *err)
+static void run_blurred(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
+                        int back, rx_step_values *values)
 {
     const rx_step_params *par = &step->par;
-    rx_status status = rx_pass_restore(step->pass, sample->x, sample->w, step->restored, err);
-    if (status != RX_OK)
-        return status;
+    rx_pass_restore(step->pass, sample->x, sample->w, step->restored);
     if (par->idt_restore > 0 || par->rec_psf > 0)
         set_weights(step, sample->x);
     clear(step, step->gradient);
@@ -140,49 +138,41 @@ static rx_status run_blurred(rx_step *step, const rx_sample *sample, float *rest
         values->total += value;
     }
     if (par->rec_psf > 0) {
-        status = rx_pass_blur(step->pass, step->restored, step->first, err);
-        if (status != RX_OK)
-            return status;
+        rx_pass_blur(step->pass, step->restored, step->first);
         clear(step, step->inner);
         add_pixels(step, par->rec_psf, step->first, sample->x, &values->rec_psf, &values->total, step->inner);
         if (back) {
-            status = rx_pass_blur_back(step->pass, step->inner, psf_gradient, step->back, err);
-            if (status != RX_OK)
-                return status;
+            rx_pass_blur_back(step->pass, step->inner, psf_gradient, step->back);
             add_back(step);
         }
     }
-    return back ? rx_pass_restore_back(step->pass, step->gradient, restore_gradient, NULL, err) : RX_OK;
+    if (back)
+        rx_pass_restore_back(step->pass, step->gradient, restore_gradient, NULL);
 }
 
 /* PSF(y) against x, and RESTORE(PSF(y)) against y. */
-static rx_status run_sharp(rx_step *step, const rx_sample *sample, float *restore_gradient,
-                           float *psf_gradient, int back, rx_step_values *values, rx_error *err)
+static void run_sharp(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
+                      int back, rx_step_values *values)
 {
     const rx_step_params *par = &step->par;
-    rx_status status = rx_pass_blur(step->pass, sample->y, step->first, err);
-    if (status != RX_OK)
-        return status;
+    rx_pass_blur(step->pass, sample->y, step->first);
     set_weights(step, sample->y);
     clear(step, step->gradient);
     if (par->idt_psf > 0)
         add_pixels(step, par->idt_psf, step->first, sample->x, &values->idt_psf, &values->total,
                    step->gradient);
     if (par->rec_restore > 0) {
-        status = rx_pass_restore(step->pass, step->first, NULL, step->second, err);
-        if (status != RX_OK)
-            return status;
+        rx_pass_restore(step->pass, step->first, NULL, step->second);
         clear(step, step->inner);
         add_pixels(step, par->rec_restore, step->second, sample->y, &values->rec_restore, &values->total,
                    step->inner);
         if (back) {
-            status = rx_pass_restore_back(step->pass, step->inner, restore_gradient, step->back, err);
-            if (status != RX_OK)
-                return status;
+            rx_pass_restore_back(step->pass, step->inner, restore_gradient, step->back);
             add_back(step);
         }
     }
-    return back ? rx_pass_blur_back(step->pass, step->gradient, psf_gradient, NULL, err) : RX_OK;
+    if (back)
+        rx_pass_blur_back(step->pass, step->gradient, psf_gradient, NULL);
 }
 
 rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
@@ -197,10 +187,10 @@ rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gra
         ((step->uses_restore && restore_gradient == NULL) || (step->uses_psf && psf_gradient == NULL)))
         return rx_error_set(err, RX_INPUT,
                             "a network of the loss without a place for its gradient; give one");
-    rx_status status = rx_pass_optics(step->pass, sample, step->par.rec_restore > 0, err);
-    if (status == RX_OK && step->from_blurred)
-        status = run_blurred(step, sample, restore_gradient, psf_gradient, back, values, err);
-    if (status == RX_OK && step->from_sharp)
-        status = run_sharp(step, sample, restore_gradient, psf_gradient, back, values, err);
-    return status;
+    RX_TRY(rx_pass_optics(step->pass, sample, step->par.rec_restore > 0, err));
+    if (step->from_blurred)
+        run_blurred(step, sample, restore_gradient, psf_gradient, back, values);
+    if (step->from_sharp)
+        run_sharp(step, sample, restore_gradient, psf_gradient, back, values);
+    return RX_OK;
 }

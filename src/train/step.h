@@ -33,12 +33,11 @@ typedef struct rx_step rx_step;
 rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side, rx_step **dst,
                       rx_error *err);
 void rx_step_free(rx_step *step); /* NULL is fine */
-rx_status rx_step_load(rx_step *step, rx_error *err);
+void rx_step_load(rx_step *step);
 
 /* Gradients [nparams] += ; both NULL: only values are wanted; psf_gradient NULL when no term needs the PSF
- * network, restore_gradient when none needs RESTORE. Allocates
- * nothing itself (oneDNN keeps books on the heap while its primitives run). Errors: RX_INPUT (a sample of
- * another side, a kernel that is not finite), RX_SYSTEM. */
+ * network, restore_gradient when none needs RESTORE. Errors: RX_INPUT (a sample of another side, a kernel that is not
+ * finite), RX_SYSTEM. */
 rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
                       rx_step_values *values, rx_error *err);
 

@@ -143,12 +143,11 @@ void rx_pass_free(rx_pass *pass)
     free(pass);
 }
 
-rx_status rx_pass_load(rx_pass *pass, rx_error *err)
+void rx_pass_load(rx_pass *pass)
 {
-    rx_status status = rx_runner_load(pass->restore, pass->model->restore->params, err);
-    if (status == RX_OK && pass->psf != NULL)
-        status = rx_runner_load(pass->psf, pass->model->psf->params, err);
-    return status;
+    rx_runner_load(pass->restore, pass->model->restore->params);
+    if (pass->psf != NULL)
+        rx_runner_load(pass->psf, pass->model->psf->params);
 }
 
 /* ---- planes ---- */
@@ -244,13 +243,11 @@ static void set_inputs(rx_pass *pass, const float *x, const float *w)
     pass->w = pass->filtered;
 }
 
-rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out, rx_error *err)
+void rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out)
 {
     set_inputs(pass, x, w);
     fill_restore(pass);
-    rx_status status = rx_runner_forward(pass->restore, err);
-    if (status != RX_OK)
-        return status;
+    rx_runner_forward(pass->restore);
     const float *net = rx_runner_output(pass->restore);
     const float *base = pass->model->front.mode == RX_MODE_INFORMED ? pass->w : pass->x;
     for (size_t k = 0; k < pass->pixels; k++) {
@@ -258,7 +255,7 @@ rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *
         out[k] = rx_unstretch(pass->restore_sum[k]);
     }
     if (pass->steps == 0)
-        return RX_OK;
+        return;
     pass->weight = w != NULL ? pass->inside : NULL;
     to_plane(pass, x, pass->data);
     to_plane(pass, out, pass->sharp[0]);
@@ -266,7 +263,6 @@ rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *
         rx_rl_step_forward(pass->rl[i], pass->sharp[i], pass->data, pass->weight, pass->model->front.pedestal,
                            i + 1 < pass->steps ? pass->sharp[i + 1] : pass->work);
     from_plane(pass, pass->work, out);
-    return RX_OK;
 }
 
 /* slope = gradient by v; *dx += gradient by the data of the steps, NULL: not wanted. */
@@ -315,7 +311,7 @@ static void collect_restore(rx_pass *pass, float *dx)
     }
 }
 
-rx_status rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx, rx_error *err)
+void rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx)
 {
     if (dx != NULL)
         memset(dx, 0, pass->pixels * sizeof *dx);
@@ -325,15 +321,14 @@ rx_status rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient
         pass->slope[k] *= rx_unstretch_slope(pass->restore_sum[k]);
         dnet[k] = pass->slope[k];
     }
-    rx_status status = rx_runner_backward(pass->restore, gradient, dx != NULL, err);
-    if (status == RX_OK && dx != NULL)
+    rx_runner_backward(pass->restore, gradient, dx != NULL);
+    if (dx != NULL)
         collect_restore(pass, dx);
-    return status;
 }
 
 /* ---- PSF ---- */
 
-rx_status rx_pass_blur(rx_pass *pass, const float *y, float *out, rx_error *err)
+void rx_pass_blur(rx_pass *pass, const float *y, float *out)
 {
     pass->y = y;
     float *input = rx_runner_input(pass->psf);
@@ -341,29 +336,25 @@ rx_status rx_pass_blur(rx_pass *pass, const float *y, float *out, rx_error *err)
         input[RX_PSF_CHANNELS * k] = rx_stretch(y[k]);
         input[RX_PSF_CHANNELS * k + 1] = pass->fwhm;
     }
-    rx_status status = rx_runner_forward(pass->psf, err);
-    if (status != RX_OK)
-        return status;
+    rx_runner_forward(pass->psf);
     const float *net = rx_runner_output(pass->psf);
     for (size_t k = 0; k < pass->pixels; k++) {
         pass->psf_sum[k] = rx_stretch(y[k]) + net[k];
         out[k] = rx_unstretch(pass->psf_sum[k]);
     }
-    return RX_OK;
 }
 
-rx_status rx_pass_blur_back(rx_pass *pass, const float *dout, float *gradient, float *dy, rx_error *err)
+void rx_pass_blur_back(rx_pass *pass, const float *dout, float *gradient, float *dy)
 {
     float *dnet = rx_runner_output_gradient(pass->psf);
     for (size_t k = 0; k < pass->pixels; k++) {
         pass->slope[k] = dout[k] * rx_unstretch_slope(pass->psf_sum[k]);
         dnet[k] = pass->slope[k];
     }
-    rx_status status = rx_runner_backward(pass->psf, gradient, dy != NULL, err);
-    if (status != RX_OK || dy == NULL)
-        return status;
+    rx_runner_backward(pass->psf, gradient, dy != NULL);
+    if (dy == NULL)
+        return;
     const float *input = rx_runner_input_gradient(pass->psf);
     for (size_t k = 0; k < pass->pixels; k++)
         dy[k] = (input[RX_PSF_CHANNELS * k] + pass->slope[k]) * rx_stretch_slope(pass->y[k]);
-    return RX_OK;
 }

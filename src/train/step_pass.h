@@ -15,7 +15,7 @@ rx_status rx_pass_new(const rx_model *model, int side, int with_psf, rx_pass **d
 void rx_pass_free(rx_pass *pass); /* NULL is fine */
 
 /* The model's parameters as they are now. */
-rx_status rx_pass_load(rx_pass *pass, rx_error *err);
+void rx_pass_load(rx_pass *pass);
 
 /* The PSF of the sample: width, K' (cut to the patch and of sum 1 where it is larger), and, where
  * rx_pass_restore() will make `w`, the Tikhonov filter, O = K' * (target PSF). And which of its pixels the
@@ -26,13 +26,13 @@ rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter
 /* out = RESTORE(x). w: Tikhonov copy of x (not used by BLIND networks), which was cut from a larger field, as
  * x was; NULL: x is complete in itself, w is made here, on the patch's cyclic domain. x, w must stay until
  * the gradient. */
-rx_status rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out, rx_error *err);
+void rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out);
 /* gradient [nparams of RESTORE] += from dout; dx (NULL: not wanted) = gradient by x, through the Tikhonov
  * copy too when that was made here. */
-rx_status rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx, rx_error *err);
+void rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx);
 
 /* out = PSF(y); y must stay until the gradient. */
-rx_status rx_pass_blur(rx_pass *pass, const float *y, float *out, rx_error *err);
-rx_status rx_pass_blur_back(rx_pass *pass, const float *dout, float *gradient, float *dy, rx_error *err);
+void rx_pass_blur(rx_pass *pass, const float *y, float *out);
+void rx_pass_blur_back(rx_pass *pass, const float *dout, float *gradient, float *dy);
 
 #endif

@@ -303,20 +303,60 @@ static void up2(void **state)
     assert_false(rx_direct_can_up2(&odd, &odd));
 }
 
-/* Shapes that fill no vector are the plain kernel's, with any number of inputs and outputs. */
+/* Any number of inputs and outputs. */
 static void odd_shapes(void **state)
 {
     (void)state;
-    for (int k = 0; k < 16; k++) {
+    for (int k = 0; k < 96; k++) {
         const rx_conv_shape s = {.in = 1 + 2 * (k % 4),
-                                 .out = 1 + k % 3,
+                                 .out = 1 + 3 * (k % 14),
                                  .kernel = 1 + 2 * (k % 3),
-                                 .stride = 1 + k / 8,
-                                 .x = reals[k / 4 % 2],
-                                 .y = reals[k % 2],
+                                 .stride = 1 + k / 8 % 2,
+                                 .x = reals[k / 4 % 4 == 3],
+                                 .y = reals[k % 4 == 3],
                                  .sum = k % 5 < 2,
                                  .relu = k % 7 < 3};
-        check(s, 0, k % 2);
+        check(s, 0, k % 2 && s.kernel == 3 && s.stride == 1 && s.x == RX_REAL_F32);
+    }
+}
+
+/* The gradient by the weights, from a plane with a border, against its definition and the plain kernel's. */
+static void gradients(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 60; k++) {
+        const int kernel = 1 + 2 * (k % 3), stride = 1 + k / 3 % 2, in = 1 + 5 * (k % 7),
+                  out = 1 + 3 * (k % 13);
+        const rx_conv_shape s = {.in = in, .out = out, .kernel = kernel, .stride = stride};
+        const rx_plane x = plane(kernel + stride * (ROWS - 1), kernel + stride * 10, in, RX_REAL_F32, 1);
+        const rx_plane dy = plane(ROWS, 11, out, RX_REAL_F32, 2);
+        const size_t n = (size_t)(kernel * kernel * in * out);
+        float *plain = calloc(n, sizeof *plain), *got = calloc(n, sizeof *got);
+        rx_direct_weights(&s, 1, &x, &dy, plain);
+        for (size_t w = 0; w < n; w++) {
+            const int o = (int)w % out, i = (int)w / out % in, place = (int)w / out / in;
+            double sum = 0;
+            for (int v = 0; v < ROWS; v++)
+                for (int u = 0; u < 11; u++) {
+                    const int row = v * stride + place / kernel, column = u * stride + place % kernel;
+                    sum += (double)value_of(&x, (size_t)((row * x.width + column) * in + i)) *
+                           (double)value_of(&dy, (size_t)((v * 11 + u) * out + o));
+                }
+            assert_true(fabs(plain[w] - sum) <= 1e-6 * (1 + fabs(sum)));
+        }
+        for (int l = 0; l <= KERNELS; l++) { /* and without a limit */
+            for (size_t w = 0; w < n; w++)
+                got[w] = 1; /* what is there is added to */
+            rx_direct_weights(&s, l < KERNELS ? LANES[l] : 0, &x, &dy, got);
+            for (size_t w = 0; w < n; w++)
+                if (!(fabs((double)got[w] - 1 - (double)plain[w]) <= 2e-5))
+                    fail_msg("%d -> %d, kernel %d, stride %d, %d lanes: %g, not %g", in, out, kernel, stride,
+                             l < KERNELS ? LANES[l] : 0, (double)got[w] - 1, (double)plain[w]);
+        }
+        free(x.data);
+        free(dy.data);
+        free(plain);
+        free(got);
     }
 }
 
@@ -330,7 +370,7 @@ static int lanes_of(rx_conv_shape s)
     return lanes;
 }
 
-/* The widest vectors that outputs fill; each kind that this machine has was tried above. */
+/* Those of which outputs need the fewest vectors, of two the narrower; each kind that this machine has was tried above. */
 static void which_kernel(void **state)
 {
     (void)state;
@@ -343,9 +383,14 @@ static void which_kernel(void **state)
     s.out = 8;
     assert_int_equal(lanes_of(s), widest < 8 ? widest : 8);
     s.out = 12;
-    assert_int_equal(lanes_of(s), 4);
+    assert_int_equal(lanes_of(s), widest);
     s.out = 7;
+    assert_int_equal(lanes_of(s), widest < 8 ? widest : 8);
+    s.out = 3;
+    assert_int_equal(lanes_of(s), 4);
+    s.x = s.y = RX_REAL_BF16;
     assert_int_equal(lanes_of(s), 1);
+    s.x = s.y = RX_REAL_F32;
     s = (rx_conv_shape){.height = 6, .in = 8, .out = 4, .kernel = 3, .stride = 1};
     assert_true(rx_direct_can_fine(&s));
     s.in = 12;
@@ -357,8 +402,9 @@ static void which_kernel(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(wide),       cmocka_unit_test(winograd),
-                                       cmocka_unit_test(fine),       cmocka_unit_test(up2),
-                                       cmocka_unit_test(odd_shapes), cmocka_unit_test(which_kernel)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(wide),        cmocka_unit_test(winograd),
+                                       cmocka_unit_test(fine),        cmocka_unit_test(up2),
+                                       cmocka_unit_test(odd_shapes),  cmocka_unit_test(gradients),
+                                       cmocka_unit_test(which_kernel)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

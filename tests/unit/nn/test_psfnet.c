@@ -116,7 +116,7 @@ static void test_definition(void **state)
                     ref->node[0].value[i] = (double)rx_runner_input(r)[i];
                 }
                 reference_forward(ref, params);
-                assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
+                rx_runner_forward(r);
                 for (long i = 0; i < H * W * 1L; i++) {
                     double want = reference_output(ref)->value[i];
                     most = fmax(most, fabs(want));
@@ -151,7 +151,7 @@ static void test_reach(void **state)
                 for (int y = 0; y < side && turn > 0; y++)
                     for (int x = from - halo - 4; x < from - halo + 4 * (turn - 1); x++)
                         rx_runner_input(r)[y * side + x] = 1000;
-                assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
+                rx_runner_forward(r);
                 for (int k = 0; k < 16; k++) {
                     float value = rx_runner_output(r)[(from + k / 4) * side + from + k % 4];
                     if (turn == 0)

@@ -58,7 +58,7 @@ static field field_new(const rx_net *net, rx_precision precision)
         f.in[i] = (float)rx_random_normal(6, 6, i);
     assert_int_equal(rx_runner_new(net, SIDE, SIDE, &r, NULL), RX_OK);
     memcpy(rx_runner_input(r), f.in, 2 * n * sizeof(float));
-    assert_int_equal(rx_runner_forward(r, NULL), RX_OK);
+    rx_runner_forward(r);
     memcpy(f.want, rx_runner_output(r), n * sizeof(float));
     rx_runner_free(r);
     return f;

@@ -191,7 +191,7 @@ static void bench_free(rx_bench *b)
 static double loss(rx_bench *b)
 {
     rx_step_values values;
-    assert_int_equal(rx_step_load(b->step, NULL), RX_OK);
+    rx_step_load(b->step);
     assert_int_equal(rx_step_run(b->step, b->sample, NULL, NULL, &values, NULL), RX_OK);
     if (!(b->par.ffl > 0))
         return values.total;
