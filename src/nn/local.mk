@@ -1,7 +1,5 @@
-librextract_la_SOURCES += src/nn/model.c src/nn/model_parts.h
+librextract_la_SOURCES += src/nn/model.c src/nn/model_file.c
 librextract_la_SOURCES += src/nn/model_describe.c
-librextract_la_SOURCES += src/nn/model_read.c
-librextract_la_SOURCES += src/nn/model_write.c
 librextract_la_SOURCES += src/nn/deblur.c src/nn/deblur.h
 librextract_la_SOURCES += src/nn/rl_step.c src/nn/rl_step.h
 librextract_la_SOURCES += src/nn/direct.c src/nn/direct.h src/nn/direct_kernels.h src/nn/direct_vector.c

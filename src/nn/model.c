@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "nn/model_parts.h"
 
 rx_model *rx_model_new(void)
 {
@@ -81,39 +80,6 @@ void rx_model_digest(const rx_model *model, char dst[RX_MODEL_DIGEST])
 }
 
 /* --- does it hang together --- */
-
-static const char *net_fault(const rx_net *net, const char *name, int inputs, char *text, size_t size)
-{
-    const rx_node *first = &net->node[0], *last = &net->node[net->nnodes - 1];
-    if (first->channels != inputs)
-        snprintf(text, size, "its %s network takes %d channels, the mode gives %d", name, first->channels,
-                 inputs);
-    else if (last->channels != 1 || last->level != 0)
-        snprintf(text, size,
-                 "its %s network ends in %d channels at 1/%d of the resolution, one at full is needed", name,
-                 last->channels, 1 << last->level);
-    else
-        return NULL;
-    return text;
-}
-
-const char *rx_model_fault(const rx_model *model, char *text, size_t size)
-{
-    const rx_front *f = &model->front;
-    if (!(f->target_fwhm >= 0.5 && f->target_fwhm <= 100))
-        snprintf(text, size, "the FWHM of its output, %g pixels, is not within 0.5 to 100", f->target_fwhm);
-    else if (!(f->tikhonov > 0 && f->tikhonov <= 1e3))
-        snprintf(text, size, "its regularisation, %g, is not within 0 to 1000", f->tikhonov);
-    else if (!(f->pedestal > 0 && f->pedestal <= 1e6))
-        snprintf(text, size, "its pedestal, %g, is not within 0 to 1e6", f->pedestal);
-    else if (f->rl_steps < 0 || f->rl_steps > RX_FRONT_STEPS || (f->rl_steps > 0 && f->mode == RX_MODE_BLIND))
-        snprintf(text, size, "%d Richardson-Lucy steps after a network of mode %s are not possible",
-                 f->rl_steps, rx_mode_name(f->mode));
-    else if (net_fault(model->restore, "RESTORE", rx_front_channels(f->mode), text, size) == NULL &&
-             (model->psf == NULL || net_fault(model->psf, "PSF", RX_PSF_CHANNELS, text, size) == NULL))
-        return NULL;
-    return text;
-}
 
 const char *rx_mode_name(rx_mode mode)
 {

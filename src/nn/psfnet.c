@@ -6,36 +6,47 @@ typedef struct builder {
     int n;
 } builder;
 
-/* Appends a node, returns its number. */
-static int put(builder *b, rx_op op, int src, int channels, int kernel, int stride, int add, int relu)
+/* Appends a node, returns its number. Of convolutions to twice the size: as all networks have them. */
+static int put(builder *b, rx_op op, int src, int channels, int add, int relu)
 {
+    const int transposed = op == RX_OP_TRANSPOSED;
     b->node[b->n] = (rx_node){.op = op,
                               .src = src,
                               .add = add,
                               .relu = relu,
                               .channels = channels,
-                              .kernel = kernel,
-                              .stride = stride};
+                              .kernel = transposed           ? 4
+                                        : op == RX_OP_UPCONV ? 3
+                                                             : 0,
+                              .stride = transposed ? 2 : op == RX_OP_UPCONV};
     return b->n++;
+}
+
+static int conv(builder *b, int src, int channels, int kernel, int stride, int add, int relu)
+{
+    const int i = put(b, RX_OP_CONV, src, channels, add, relu);
+    b->node[i].kernel = kernel;
+    b->node[i].stride = stride;
+    return i;
 }
 
 /* conv ReLU conv + input */
 static int residual(builder *b, int src, int channels, int kernel)
 {
-    int inner = put(b, RX_OP_CONV, src, channels, kernel, 1, -1, 1);
-    return put(b, RX_OP_CONV, inner, channels, kernel, 1, src, 0);
+    int inner = conv(b, src, channels, kernel, 1, -1, 1);
+    return conv(b, inner, channels, kernel, 1, src, 0);
 }
 
 /* To half resolution with 2w channels; returns the node that the decoder adds again. */
 static int stem(builder *b, const rx_psfnet_shape *s, int inputs)
 {
-    int w = s->width, input = put(b, RX_OP_INPUT, -1, inputs, 0, 0, -1, 0);
+    int w = s->width, input = put(b, RX_OP_INPUT, -1, inputs, -1, 0);
     if (s->stem == RX_STEM_UNSHUFFLE) {
-        int cells = put(b, RX_OP_UNSHUFFLE, input, 4 * inputs, 0, 0, -1, 0);
-        return put(b, RX_OP_CONV, cells, 2 * w, s->stem_kernel, 1, -1, 1);
+        int cells = put(b, RX_OP_UNSHUFFLE, input, 4 * inputs, -1, 0);
+        return conv(b, cells, 2 * w, s->stem_kernel, 1, -1, 1);
     }
-    int full = put(b, RX_OP_CONV, input, w, s->stem_kernel, 1, -1, 1);
-    return put(b, RX_OP_CONV, full, 2 * w, s->kernel, 2, -1, 1);
+    int full = conv(b, input, w, s->stem_kernel, 1, -1, 1);
+    return conv(b, full, 2 * w, s->kernel, 2, -1, 1);
 }
 
 /* From quarter resolution with 4w channels to one plane at full resolution. */
@@ -44,22 +55,22 @@ static void decoder(builder *b, const rx_psfnet_shape *s, int src, int skip)
     int w = s->width, k = s->kernel, half;
     switch (s->decoder) {
     case RX_DECODER_TRANSPOSED:
-        half = put(b, RX_OP_TRANSPOSED, src, 2 * w, 4, 2, skip, 1);
+        half = put(b, RX_OP_TRANSPOSED, src, 2 * w, skip, 1);
         half = residual(b, half, 2 * w, k);
-        put(b, RX_OP_TRANSPOSED, half, 1, 4, 2, -1, 0);
+        put(b, RX_OP_TRANSPOSED, half, 1, -1, 0);
         return;
     case RX_DECODER_SUBPIXEL:
-        half = put(b, RX_OP_CONV, src, 8 * w, k, 1, -1, 0);
-        half = put(b, RX_OP_SHUFFLE, half, 2 * w, 0, 0, skip, 1);
+        half = conv(b, src, 8 * w, k, 1, -1, 0);
+        half = put(b, RX_OP_SHUFFLE, half, 2 * w, skip, 1);
         half = residual(b, half, 2 * w, k);
-        half = put(b, RX_OP_CONV, half, 4, k, 1, -1, 0);
-        put(b, RX_OP_SHUFFLE, half, 1, 0, 0, -1, 0);
+        half = conv(b, half, 4, k, 1, -1, 0);
+        put(b, RX_OP_SHUFFLE, half, 1, -1, 0);
         return;
     case RX_DECODER_BILINEAR:
-        half = put(b, RX_OP_CONV, src, 2 * w, 1, 1, -1, 0);
-        half = put(b, RX_OP_UP2, half, 2 * w, 0, 0, skip, 1);
+        half = conv(b, src, 2 * w, 1, 1, -1, 0);
+        half = put(b, RX_OP_UP2, half, 2 * w, skip, 1);
         half = residual(b, half, 2 * w, k);
-        put(b, RX_OP_UPCONV, half, 1, 3, 1, -1, 0);
+        put(b, RX_OP_UPCONV, half, 1, -1, 0);
         return;
     }
 }
@@ -86,7 +97,7 @@ rx_status rx_psfnet_new(const rx_psfnet_shape *shape, int inputs, rx_net **dst, 
                             shape->stem_kernel, shape->kernel, RX_NET_KERNEL);
     builder b = {.n = 0};
     int skip = stem(&b, shape, inputs);
-    int trunk = put(&b, RX_OP_CONV, skip, 4 * shape->width, shape->kernel, 2, -1, 1);
+    int trunk = conv(&b, skip, 4 * shape->width, shape->kernel, 2, -1, 1);
     for (int i = 0; i < shape->blocks; i++)
         trunk = residual(&b, trunk, 4 * shape->width, shape->kernel);
     decoder(&b, shape, trunk, skip);

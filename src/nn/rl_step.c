@@ -15,7 +15,9 @@ struct rx_rl_step {
     float *back;          /* c = K'^T r */
     float *share;         /* q = K'^T W; unused without weights */
     float *work;
-    float sum; /* of K': q without weights */
+    float sum;                   /* of K': q without weights */
+    const float *f, *x, *weight; /* of the last forward */
+    float pedestal;
 };
 
 rx_status rx_rl_step_new(const rx_fft *fft, rx_rl_step **dst, rx_error *err)
@@ -75,6 +77,10 @@ void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const 
                         double pedestal, float *out)
 {
     const float p = (float)pedestal;
+    step->f = f;
+    step->x = x;
+    step->weight = weight;
+    step->pedestal = p;
     for (int v = 0; v < step->height; v++) {
         const size_t row = (size_t)v * step->stride;
         for (size_t k = row; k < row + (size_t)step->width; k++)
@@ -96,26 +102,21 @@ void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const 
     }
 }
 
-/* work = dout f / q, df = dout c / q */
-static void begin_backward(rx_rl_step *step, const float *f, int weighted, const float *dout, float *df)
+void rx_rl_step_backward(rx_rl_step *step, const float *dout, float *df, float *dx)
 {
+    const float *f = step->f, *x = step->x, *weight = step->weight;
+    const float p = step->pedestal;
+    /* work = dout f / q, df = dout c / q */
     for (int v = 0; v < step->height; v++) {
         const size_t row = (size_t)v * step->stride;
         for (size_t k = row; k < row + (size_t)step->width; k++) {
-            const float q = weighted ? step->share[k] : step->sum;
+            const float q = weight != NULL ? step->share[k] : step->sum;
             const int made = f[k] > 0 && q >= RX_RL_SHARE, most = !(step->back[k] < RX_RL_MOST * q);
             step->work[k] = made && !most ? dout[k] * f[k] / q : 0;
             if (df != NULL)
                 df[k] = dout[k] * (!made ? 1 : most ? RX_RL_MOST : step->back[k] / q);
         }
     }
-}
-
-void rx_rl_step_backward(rx_rl_step *step, const float *f, const float *x, const float *weight,
-                         double pedestal, const float *dout, float *df, float *dx)
-{
-    const float p = (float)pedestal;
-    begin_backward(step, f, weight != NULL, dout, df);
     rx_convolve(step->fft, step->kernel, step->work, step->half, step->work);
     for (int v = 0; v < step->height; v++) {
         const size_t row = (size_t)v * step->stride;

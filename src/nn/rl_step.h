@@ -69,13 +69,13 @@ void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size);
 /* out = K' f; out may be f. */
 void rx_rl_step_blur(rx_rl_step *step, const float *f, float *out);
 
-/* out = f'; keeps m, K'^T r and K'^T W for the gradient. out may not be f. Allocates nothing. */
+/* out = f'; keeps m, K'^T r and K'^T W for the gradient, until which f, x and weight must stay. out may not be f.
+ * Allocates nothing. */
 void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const float *weight,
                         double pedestal, float *out);
 
-/* After forward, with the same f, x, weight, pedestal: gradients df by f and dx by x (planes, set; NULL: not
- * wanted) from dout = gradient by f'. df, dx may not be dout, nor each other. */
-void rx_rl_step_backward(rx_rl_step *step, const float *f, const float *x, const float *weight,
-                         double pedestal, const float *dout, float *df, float *dx);
+/* Of the last forward: gradients df by f and dx by x (planes, set; NULL: not requested) from dout = gradient by f'.
+ * df, dx may not be dout, nor each other. */
+void rx_rl_step_backward(rx_rl_step *step, const float *dout, float *df, float *dx);
 
 #endif

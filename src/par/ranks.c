@@ -1,5 +1,5 @@
 /* Messages and sums, whatever carries them. */
-#include "par/ranks_parts.h"
+#include "par/transport.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -4,7 +4,7 @@
  * process, sent by rx_par_end() and read by rx_par_end() alone: until then it can be probed, which shows
  * that its sender is gone. No send and no receive blocks, so that computing ranks hold no other up, and waiting
  * sleeps between looks: MPI's own waiting would take a core from those that compute. */
-#include "par/ranks_parts.h"
+#include "par/transport.h"
 
 #if RX_MPI
 

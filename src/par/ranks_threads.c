@@ -7,7 +7,7 @@
 #include <time.h>
 
 #include "base/memory.h"
-#include "par/ranks_parts.h"
+#include "par/transport.h"
 
 typedef struct box {
     rx_parcels parcels;

@@ -137,7 +137,7 @@ static rx_status finish(network *n, double fwhm, rx_error *err)
 {
     rx_restored *restored = n->restored;
     const size_t area = (size_t)n->image->width * (size_t)n->image->height;
-    double chi2 = NAN;
+    rx_network_adu adu = {n->v, restored->reblurred, NAN};
     rx_coarse sky = {0};
     free(n->spare);
     n->spare = NULL;
@@ -148,11 +148,10 @@ static rx_status finish(network *n, double fwhm, rx_error *err)
     if (status == RX_OK)
         status = rx_network_sky(&n->input, n->input.x, fwhm, n->nthreads, &sky, err);
     if (status == RX_OK)
-        status = rx_network_sky_add(&n->input, n->input.x, &sky, n->nthreads, n->v, restored->reblurred,
-                                    &chi2, err);
+        status = rx_network_sky_add(&n->input, n->input.x, &sky, n->nthreads, &adu, err);
     rx_coarse_free(&sky);
     restored->pixels = n->v;
-    restored->chi2 = n->optics != NULL ? chi2 : NAN;
+    restored->chi2 = n->optics != NULL ? adu.chi2 : NAN;
     return status;
 }
 

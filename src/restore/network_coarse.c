@@ -110,9 +110,10 @@ static inline void coarse_cell(const float *low, const float *high, int i, int c
 }
 
 /* The row between the cells' rows low and high. */
-RX_SIMD static void coarse_row(const float *low, const float *high, int nx, int cell, float fy, int x, int n,
-                               float *dst)
+RX_SIMD static void coarse_row(const rx_coarse *coarse, int row, float fy, int x, int n, float *dst)
 {
+    const int nx = coarse->nx, cell = coarse->cell;
+    const float *low = coarse->value + (size_t)row * (size_t)nx, *high = coarse->ny > 1 ? low + nx : low;
     float fx = 0;
     for (int k = 0; k < n;) {
         const int i = place(x + k, cell, nx, &fx), next = nx > 1 ? i + 1 : i, centre = cell * i + cell / 2;
@@ -137,6 +138,5 @@ void rx_coarse_row(const rx_coarse *coarse, int y, int x, int n, float *dst)
 {
     float fy = 0;
     const int j = place(y, coarse->cell, coarse->ny, &fy);
-    const float *low = coarse->value + (size_t)j * coarse->nx;
-    coarse_row(low, coarse->ny > 1 ? low + coarse->nx : low, coarse->nx, coarse->cell, fy, x, n, dst);
+    coarse_row(coarse, j, fy, x, n, dst);
 }

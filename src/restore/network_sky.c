@@ -167,9 +167,10 @@ static double row_chi2(int n, const uint8_t *restrict mask, const float *restric
 }
 
 /* Where a row of the result goes. room: 5 rows of the tile. */
-static double add_row(const frame *f, const rx_coarse *sky, int y, float *room, float *pixels,
-                      float *reblurred, long *good)
+static double add_row(const frame *f, const rx_coarse *sky, int y, float *room, const rx_network_adu *dst,
+                      long *good)
 {
+    float *pixels = dst->pixels, *reblurred = dst->reblurred;
     const int n = f->width;
     const size_t row = (size_t)y * (size_t)n;
     const uint8_t *mask = f->input->mask + row;
@@ -189,7 +190,7 @@ static double add_row(const frame *f, const rx_coarse *sky, int y, float *room, 
 }
 
 rx_status rx_network_sky_add(const rx_network_input *input, const float *m, const rx_coarse *sky,
-                             int nthreads, float *pixels, float *reblurred, double *chi2, rx_error *err)
+                             int nthreads, rx_network_adu *dst, rx_error *err)
 {
     const int height = input->image->height;
     const size_t room = 5 * (size_t)input->image->width;
@@ -204,10 +205,10 @@ rx_status rx_network_sky_add(const rx_network_input *input, const float *m, cons
     }
 #pragma omp parallel for schedule(static) num_threads(nthreads) reduction(+ : good)
     for (int y = 0; y < height; y++)
-        sums[y] = add_row(&f, sky, y, rows + room * (size_t)omp_get_thread_num(), pixels, reblurred, &good);
+        sums[y] = add_row(&f, sky, y, rows + room * (size_t)omp_get_thread_num(), dst, &good);
     for (int y = 0; y < height; y++)
         sum += sums[y];
-    *chi2 = good > 0 ? sum / (double)good : NAN;
+    dst->chi2 = good > 0 ? sum / (double)good : NAN;
     free(rows);
     free(sums);
     return RX_OK;

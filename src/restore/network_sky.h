@@ -22,10 +22,14 @@
 rx_status rx_network_sky(const rx_network_input *input, const float *m, double fwhm, int nthreads,
                          rx_coarse *dst, rx_error *err);
 
-/* Noise units become ADU: pixels = scale (pixels + L), 0 under the mask; reblurred (NULL: not wanted) =
- * scale (m + L). *chi2 = mean over good pixels of (x - m - L)^2 / variance, that of the sky and of the model's
+/* Noise units become ADU: pixels = scale (pixels + L), 0 under the mask; reblurred (NULL: not requested) =
+ * scale (m + L). chi2 = mean over good pixels of (x - m - L)^2 / variance, that of the sky and of the model's
  * photons (image->gain); NAN without good pixels. Errors: RX_SYSTEM. */
+typedef struct rx_network_adu {
+    float *pixels, *reblurred;
+    double chi2;
+} rx_network_adu;
 rx_status rx_network_sky_add(const rx_network_input *input, const float *m, const rx_coarse *sky,
-                             int nthreads, float *pixels, float *reblurred, double *chi2, rx_error *err);
+                             int nthreads, rx_network_adu *dst, rx_error *err);
 
 #endif

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "train/feed_parts.h"
+#include "train/feed_protocol.h"
 
 enum { TELL_EVERY = 16 }; /* images between two messages that say how far the trainer is */
 

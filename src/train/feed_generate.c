@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "train/feed_parts.h"
+#include "train/feed_protocol.h"
 
 typedef struct job {
     long key; /* position of the first of its run that the trainer needs */

@@ -137,8 +137,8 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
         return status;
     images[i].loss = values.idt_restore;
     rx_loss_weights(sample->x, l->side, l->par.floor, weight + pixels, weight);
-    rx_loss_pixels(l->par.kind, sample->x, sample->y, weight, l->side, l->par.margin, 1, &images[i].input,
-                   NULL);
+    rx_loss_pixels(&(rx_loss){l->par.kind, l->side, l->par.margin, weight}, sample->x, sample->y, 1,
+                   &images[i].input, NULL);
     memcpy(shown, rx_step_restored(l->test[thread]), pixels * sizeof *shown);
     for (size_t k = 0; k < pixels; k++)
         shown[k] = rx_front_shown(shown[k]);

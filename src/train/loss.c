@@ -78,17 +78,17 @@ void rx_loss_weights(const float *input, int side, double floor, float *work, fl
         weight[k] = square / (square + weight[k] * weight[k]);
 }
 
-void rx_loss_pixels(rx_loss_kind kind, const float *out, const float *truth, const float *weight, int side,
-                    int margin, double scale, double *value, float *gradient)
+void rx_loss_pixels(const rx_loss *loss, const float *out, const float *truth, double scale, double *value,
+                    float *gradient)
 {
-    const int inner = side - 2 * margin;
+    const int side = loss->side, margin = loss->margin, inner = side - 2 * margin;
+    const int stretched = loss->kind == RX_LOSS_STRETCHED, linear = loss->kind == RX_LOSS_LINEAR;
     const double unit = scale / ((double)inner * inner);
     double sum = 0;
     for (int y = margin; y < side - margin; y++)
         for (int x = margin; x < side - margin; x++) {
             const size_t k = (size_t)y * (size_t)side + (size_t)x;
-            const int stretched = kind == RX_LOSS_STRETCHED;
-            const float w = kind == RX_LOSS_LINEAR ? weight[k] : 1;
+            const float w = linear ? loss->weight[k] : 1;
             const float d = stretched ? rx_stretch(out[k]) - rx_stretch(truth[k]) : out[k] - truth[k];
             sum += (double)w * d * d;
             if (gradient != NULL)

@@ -21,10 +21,15 @@ typedef enum rx_loss_kind { RX_LOSS_LINEAR, RX_LOSS_PLAIN, RX_LOSS_STRETCHED } r
  * minimum stays the conditional mean of the flux. work[2 side^2] is overwritten; weight may not be input. */
 void rx_loss_weights(const float *input, int side, double floor, float *work, float *weight);
 
-/* value += scale * term; gradient[side][side] += its gradient by out (NULL: not wanted). weight is used by
- * LINEAR only. */
-void rx_loss_pixels(rx_loss_kind kind, const float *out, const float *truth, const float *weight, int side,
-                    int margin, double scale, double *value, float *gradient);
+typedef struct rx_loss {
+    rx_loss_kind kind;
+    int side, margin;
+    const float *weight; /* [side][side], of LINEAR only */
+} rx_loss;
+
+/* value += scale * term; gradient[side][side] += its gradient by out (NULL: not requested). */
+void rx_loss_pixels(const rx_loss *loss, const float *out, const float *truth, double scale, double *value,
+                    float *gradient);
 
 /* Plans and scratch; one caller at a time. Errors: RX_USAGE (a margin that leaves nothing), RX_SYSTEM. */
 typedef struct rx_ffl rx_ffl;

@@ -10,7 +10,7 @@
 #include "num/convolve.h"
 #include "psf/psf.h"
 #include "simulate/noise.h"
-#include "train/scenes_parts.h"
+#include "train/scenes_survey.h"
 
 /* Independent sets of random numbers. */
 #define SAMPLE_SEED 0x73616d706c650000u

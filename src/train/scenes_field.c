@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "psf/moffat.h"
 #include "simulate/render.h"
-#include "train/scenes_parts.h"
+#include "train/scenes_field.h"
 
 /* What is drawn for a field: its slot. */
 enum {

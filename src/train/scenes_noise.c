@@ -1,7 +1,7 @@
 /* Correlated noise: what smoothing and resampling make of white noise. */
 #include <math.h>
 
-#include "train/scenes_parts.h"
+#include "train/scenes_survey.h"
 
 /* --- power --- */
 

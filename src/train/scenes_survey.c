@@ -4,7 +4,7 @@
 #include "base/random.h"
 #include "simulate/cosmic_rays.h"
 #include "simulate/noise.h"
-#include "train/scenes_parts.h"
+#include "train/scenes_survey.h"
 
 /* Slots of a sample's key, beyond those of scenes.c. */
 enum {

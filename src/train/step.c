@@ -96,8 +96,8 @@ static void add_pixels(const rx_step *step, double scale, const float *out, cons
                        double *total, float *gradient)
 {
     double value = 0;
-    rx_loss_pixels(step->par.kind, out, truth, step->weight, step->side, step->par.margin, scale, &value,
-                   gradient);
+    rx_loss_pixels(&(rx_loss){step->par.kind, step->side, step->par.margin, step->weight}, out, truth, scale,
+                   &value, gradient);
     *term = value / scale;
     *total += value;
 }

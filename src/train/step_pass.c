@@ -274,9 +274,7 @@ static void back_through_steps(rx_pass *pass, const float *dout, float *dx)
     }
     to_plane(pass, dout, pass->work);
     for (int i = pass->steps - 1; i >= 0; i--) {
-        rx_rl_step_backward(pass->rl[i], pass->sharp[i], pass->data, pass->weight,
-                            pass->model->front.pedestal, pass->work, pass->back,
-                            dx != NULL ? pass->other : NULL);
+        rx_rl_step_backward(pass->rl[i], pass->work, pass->back, dx != NULL ? pass->other : NULL);
         if (dx != NULL) {
             from_plane(pass, pass->other, pass->slope);
             for (size_t k = 0; k < pass->pixels; k++)

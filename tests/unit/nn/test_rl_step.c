@@ -188,7 +188,7 @@ static void check_case_of(int weighted)
     load(&s, &b, dout);
     const float *weight = weighted ? b.weight : NULL;
     rx_rl_step_forward(b.step, b.f, b.x, weight, PEDESTAL, b.out);
-    rx_rl_step_backward(b.step, b.f, b.x, weight, PEDESTAL, b.dout, b.df, b.dx);
+    rx_rl_step_backward(b.step, b.dout, b.df, b.dx);
     step_reference(&s, out);
     for (int p = 0; p < PIXELS; p++)
         hold("step", p, out[p], *pixel(&b, b.out, p), 10);
@@ -228,11 +228,11 @@ static void one_gradient_alone(void **state)
         dout[p] = rx_random_normal(3, 9, (uint64_t)p);
     load(&s, &b, dout);
     rx_rl_step_forward(b.step, b.f, b.x, NULL, PEDESTAL, b.out);
-    rx_rl_step_backward(b.step, b.f, b.x, NULL, PEDESTAL, b.dout, b.df, b.dx);
+    rx_rl_step_backward(b.step, b.dout, b.df, b.dx);
     float both[2] = {*pixel(&b, b.df, 77), *pixel(&b, b.dx, 77)};
     *pixel(&b, b.df, 77) = *pixel(&b, b.dx, 77) = 0;
-    rx_rl_step_backward(b.step, b.f, b.x, NULL, PEDESTAL, b.dout, b.df, NULL);
-    rx_rl_step_backward(b.step, b.f, b.x, NULL, PEDESTAL, b.dout, NULL, b.dx);
+    rx_rl_step_backward(b.step, b.dout, b.df, NULL);
+    rx_rl_step_backward(b.step, b.dout, NULL, b.dx);
     assert_true(both[0] == *pixel(&b, b.df, 77) && both[1] == *pixel(&b, b.dx, 77));
     assert_true(both[0] != 0 && both[1] != 0);
     bench_free(&b);

@@ -15,7 +15,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "scenes_test.h"
-#include "train/feed_parts.h"
+#include "train/feed_protocol.h"
 
 enum { SIDE = 8, FIELD = 16, USES = 2, TOTAL = 20, NFWHM = 3, NSIGMA = 2, BINS = 6, EPOCHS = 8 };
 

@@ -159,17 +159,18 @@ static void squares_of_pixels(void **state)
         weight[k] = (float)rx_random_uniform(2, 1, (uint64_t)k);
     for (int kind = 0; kind < 3; kind++) {
         const rx_pixels_case c = {(rx_loss_kind)kind, SIDE, MARGIN, truth, weight};
+        const rx_loss loss = {c.kind, SIDE, MARGIN, weight};
         double plane[SIDE * SIDE], value = 7, alone = 0;
         for (int k = 0; k < SIDE * SIDE; k++)
             plane[k] = out[k];
         memset(gradient, 0, sizeof gradient);
-        rx_loss_pixels(c.kind, out, truth, weight, SIDE, MARGIN, 0.4, &value, gradient);
+        rx_loss_pixels(&loss, out, truth, 0.4, &value, gradient);
         near(name[kind], 7 + 0.4 * pixels_term(plane, &c), value, 1e-6);
         check_gradient(name[kind], pixels_term, &c, out, SIDE, MARGIN, 0.4, gradient);
-        rx_loss_pixels(c.kind, out, truth, weight, SIDE, MARGIN, 0.4, &alone, NULL);
+        rx_loss_pixels(&loss, out, truth, 0.4, &alone, NULL);
         near("without gradient", value - 7, alone, 1e-12);
         const float before = gradient[5 * SIDE + 6];
-        rx_loss_pixels(c.kind, out, truth, weight, SIDE, MARGIN, 0.4, &value, gradient);
+        rx_loss_pixels(&loss, out, truth, 0.4, &value, gradient);
         near("gradients add up", 2 * before, gradient[5 * SIDE + 6], 1e-6);
     }
 }

@@ -10,7 +10,7 @@
 #include "num/convolve.h"
 #include "psf/psf.h"
 #include "scenes_test.h"
-#include "train/scenes_parts.h"
+#include "train/scenes_field.h"
 
 enum { P = 64, N = P * P, WINDOW = 160, FRAME = (WINDOW - P) / 2, K = RX_SAMPLE_KERNEL };
 

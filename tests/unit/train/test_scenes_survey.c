@@ -7,7 +7,7 @@
 #include "data/noise_correlation.h"
 #include "psf/psf.h"
 #include "scenes_test.h"
-#include "train/scenes_parts.h"
+#include "train/scenes_survey.h"
 
 enum { P = 64, N = P * P };
 

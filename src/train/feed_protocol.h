@@ -1,6 +1,6 @@
 /* What the two sides of the feed say to each other, and how an epoch is laid out. */
-#ifndef RX_TRAIN_FEED_PARTS_H
-#define RX_TRAIN_FEED_PARTS_H
+#ifndef RX_TRAIN_FEED_PROTOCOL_H
+#define RX_TRAIN_FEED_PROTOCOL_H
 
 #include "train/feed.h"
 

@@ -1,6 +1,6 @@
 /* What the two kinds of ranks share. A transport moves messages; ranks.c gives them their meaning. */
-#ifndef RX_PAR_RANKS_PARTS_H
-#define RX_PAR_RANKS_PARTS_H
+#ifndef RX_PAR_TRANSPORT_H
+#define RX_PAR_TRANSPORT_H
 
 #include "par/ranks.h"
 

@@ -1,4 +1,4 @@
-/* Models from FITS files; nothing in them is trusted. */
+/* A model as one FITS file: writing and reading. */
 #include <inttypes.h>
 #include <limits.h>
 #include <math.h>
@@ -9,7 +9,238 @@
 #include "base/memory.h"
 #include "io/fits_read.h"
 #include "io/fits_verify.h"
-#include "nn/model_parts.h"
+#include "io/fits_write.h"
+#include "nn/model.h"
+
+enum { VERSION = 1 };
+
+/* Columns of the tables, in order. */
+static const char *const node_columns[] = {"OP", "SRC", "ADD", "RELU", "CHANNELS", "KERNEL", "STRIDE"};
+enum { NNODE_COLUMNS = 7, OP_WIDTH = 17 };
+
+static const char *const bin_columns[] = {"FWHM_LOW", "FWHM_HIGH", "SIGMA_LOW", "SIGMA_HIGH", "LOSS",
+                                          "LIST",     "RECALL",    "BIAS",      "SCATTER",    "IMAGES"};
+enum { NBIN_COLUMNS = 10 };
+
+static const char *net_fault(const rx_net *net, const char *name, int inputs, char *text, size_t size)
+{
+    const rx_node *first = &net->node[0], *last = &net->node[net->nnodes - 1];
+    if (first->channels != inputs)
+        snprintf(text, size, "its %s network takes %d channels, the mode gives %d", name, first->channels,
+                 inputs);
+    else if (last->channels != 1 || last->level != 0)
+        snprintf(text, size,
+                 "its %s network ends in %d channels at 1/%d of the resolution, one at full is needed", name,
+                 last->channels, 1 << last->level);
+    else
+        return NULL;
+    return text;
+}
+
+/* Why the numbers before the networks make no sense (into text), or NULL when they do: front parameters,
+ * channels of the networks' ends. */
+static const char *model_fault(const rx_model *model, char *text, size_t size)
+{
+    const rx_front *f = &model->front;
+    if (!(f->target_fwhm >= 0.5 && f->target_fwhm <= 100))
+        snprintf(text, size, "the FWHM of its output, %g pixels, is not within 0.5 to 100", f->target_fwhm);
+    else if (!(f->tikhonov > 0 && f->tikhonov <= 1e3))
+        snprintf(text, size, "its regularisation, %g, is not within 0 to 1000", f->tikhonov);
+    else if (!(f->pedestal > 0 && f->pedestal <= 1e6))
+        snprintf(text, size, "its pedestal, %g, is not within 0 to 1e6", f->pedestal);
+    else if (f->rl_steps < 0 || f->rl_steps > RX_FRONT_STEPS || (f->rl_steps > 0 && f->mode == RX_MODE_BLIND))
+        snprintf(text, size, "%d Richardson-Lucy steps after a network of mode %s are not possible",
+                 f->rl_steps, rx_mode_name(f->mode));
+    else if (net_fault(model->restore, "RESTORE", rx_front_channels(f->mode), text, size) == NULL &&
+             (model->psf == NULL || net_fault(model->psf, "PSF", RX_PSF_CHANNELS, text, size) == NULL))
+        return NULL;
+    return text;
+}
+
+/* ---- writing ---- */
+
+enum { CARD = 80 };
+
+static rx_status new_table(const char *name, long rows, int ncolumns, rx_table **dst, rx_error *err)
+{
+    rx_table *table = rx_table_new(ncolumns);
+    if (table == NULL)
+        return rx_error_memory(err, 0);
+    free(table->name);
+    table->name = rx_strdup(name);
+    table->nrows = rows;
+    *dst = table;
+    return table->name != NULL ? RX_OK : rx_error_memory(err, 0);
+}
+
+static rx_status set_column(rx_table *table, int i, const char *name, rx_cell_type type, int text_width,
+                            rx_error *err)
+{
+    rx_column *column = &table->columns[i];
+    column->type = type;
+    column->text_width = text_width;
+    snprintf(column->name, sizeof column->name, "%s", name);
+    size_t size = (size_t)rx_column_element_size(column);
+    column->data = rx_alloc((size_t)table->nrows, size);
+    return column->data != NULL ? RX_OK : rx_error_memory(err, (size_t)table->nrows * size);
+}
+
+/* --- networks --- */
+
+static rx_status nodes_table(const rx_net *net, const char *name, rx_table **dst, rx_error *err)
+{
+    rx_status status = new_table(name, net->nnodes, NNODE_COLUMNS, dst, err);
+    for (int c = 0; c < NNODE_COLUMNS && status == RX_OK; c++)
+        status = set_column(*dst, c, node_columns[c], c == 0 ? RX_CELL_TEXT : RX_CELL_INT32,
+                            c == 0 ? OP_WIDTH : 0, err);
+    for (int i = 0; i < net->nnodes && status == RX_OK; i++) {
+        const rx_node *n = &net->node[i];
+        const int values[] = {0, n->src, n->add, n->relu, n->channels, n->kernel, n->stride};
+        snprintf((char *)(*dst)->columns[0].data + (size_t)i * OP_WIDTH, OP_WIDTH, "%s", rx_op_name(n->op));
+        for (int c = 1; c < NNODE_COLUMNS; c++)
+            ((int32_t *)(*dst)->columns[c].data)[i] = values[c];
+    }
+    return status;
+}
+
+static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char *name, rx_error *err)
+{
+    char extname[40];
+    rx_table *nodes = NULL, *params = NULL;
+    snprintf(extname, sizeof extname, "%s_NODES", name);
+    rx_status status = nodes_table(net, extname, &nodes, err);
+    if (status == RX_OK)
+        status = rx_fits_table(writer, nodes, NULL, 0, err);
+    snprintf(extname, sizeof extname, "%s_PARAMS", name);
+    if (status == RX_OK)
+        status = new_table(extname, net->nparams, 1, &params, err);
+    if (status == RX_OK)
+        status = set_column(params, 0, "VALUE", RX_CELL_FLOAT, 0, err);
+    if (status == RX_OK) {
+        memcpy(params->columns[0].data, net->params, (size_t)net->nparams * sizeof(float));
+        status = rx_fits_table(writer, params, NULL, 0, err);
+    }
+    rx_table_free(nodes);
+    rx_table_free(params);
+    return status;
+}
+
+/* --- dictionary, provenance --- */
+
+static rx_status write_bins(rx_fits_writer *writer, const rx_model *model, rx_error *err)
+{
+    rx_table *table = NULL;
+    long n = (long)model->nfwhm * model->nsigma;
+    rx_status status = new_table("DICTIONARY", n, NBIN_COLUMNS, &table, err);
+    for (int c = 0; c < NBIN_COLUMNS && status == RX_OK; c++)
+        status = set_column(table, c, bin_columns[c], c == NBIN_COLUMNS - 1 ? RX_CELL_INT64 : RX_CELL_DOUBLE,
+                            0, err);
+    for (long i = 0; i < n && status == RX_OK; i++) {
+        const rx_model_bin *b = &model->bins[i];
+        const double values[] = {b->fwhm[0], b->fwhm[1], b->sigma[0], b->sigma[1], b->loss,
+                                 b->list,    b->recall,  b->bias,     b->scatter};
+        for (int c = 0; c < NBIN_COLUMNS - 1; c++)
+            ((double *)table->columns[c].data)[i] = values[c];
+        ((int64_t *)table->columns[NBIN_COLUMNS - 1].data)[i] = b->images;
+    }
+    if (status == RX_OK)
+        status = rx_fits_table(writer, table, NULL, 0, err);
+    rx_table_free(table);
+    return status;
+}
+
+/* One row for each line, printable ASCII. */
+static rx_status write_provenance(rx_fits_writer *writer, const char *text, rx_error *err)
+{
+    size_t longest = 1;
+    long lines = 0;
+    rx_table *table = NULL;
+    for (const char *c = text; *c != '\0'; lines++) {
+        size_t n = strcspn(c, "\n");
+        longest = n > longest ? n : longest;
+        c += n + (c[n] == '\n');
+    }
+    rx_status status = new_table("PROVENANCE", lines, 1, &table, err);
+    if (status == RX_OK)
+        status = set_column(table, 0, "LINE", RX_CELL_TEXT, (int)longest + 1, err);
+    for (long i = 0; i < lines && status == RX_OK; i++) {
+        char *cell = (char *)table->columns[0].data + (size_t)i * (longest + 1);
+        size_t n = strcspn(text, "\n");
+        for (size_t k = 0; k < n; k++)
+            cell[k] = text[k] >= 0x20 && text[k] <= 0x7e ? text[k] : '?';
+        text += n + (text[n] == '\n');
+    }
+    if (status == RX_OK)
+        status = rx_fits_table(writer, table, NULL, 0, err);
+    rx_table_free(table);
+    return status;
+}
+
+/* --- header --- */
+
+static int has_provenance(const rx_model *model)
+{
+    return model->provenance != NULL && model->provenance[0] != '\0';
+}
+
+static void add_cards(const rx_model *model, rx_text *dst)
+{
+    const rx_front *f = &model->front;
+    char digest[RX_MODEL_DIGEST], seed[24];
+    int tables = 2 + 2 * (model->psf != NULL) + (model->bins != NULL) + has_provenance(model);
+    rx_model_digest(model, digest);
+    snprintf(seed, sizeof seed, "%" PRIu64, model->seed);
+    rx_card_integer(dst, "RXMODEL", VERSION, "version of the model format");
+    rx_card_integer(dst, "NEXTEND", tables, "number of tables that follow");
+    rx_card_text(dst, "RXNAME", model->name, "name");
+    rx_card_text(dst, "RXDIGEST", digest, "of front, nodes and parameters");
+    rx_card_text(dst, "RXMODE", rx_mode_name(f->mode), "what the network is given");
+    rx_card_number(dst, "RXTFWHM", f->target_fwhm, "[pix] FWHM of the output's Gaussian PSF");
+    rx_card_number(dst, "RXTIKH", f->tikhonov, "regularisation of the deconvolved copy");
+    rx_card_integer(dst, "RXRLSTEP", f->rl_steps, "Richardson-Lucy steps after the network");
+    rx_card_number(dst, "RXPEDST", f->pedestal, "pedestal of that step, noise sigmas");
+    rx_card_integer(dst, "RXNFWHM", model->bins != NULL ? model->nfwhm : 0, "bins of FWHM");
+    rx_card_integer(dst, "RXNSIGMA", model->bins != NULL ? model->nsigma : 0, "bins of noise");
+    rx_card_integer(dst, "RXEPOCHS", model->epochs, "epochs of training");
+    rx_card_integer(dst, "RXBEST", model->best, "epoch of these parameters, the best one");
+    rx_card_integer(dst, "RXENDED", model->ended, "1: the training has ended");
+    rx_card_number(dst, "RXNFMAX", model->factor, "largest noise factor of the training");
+    rx_card_number(dst, "RXTDARK", model->dark, "share of its images with dark structure");
+    rx_card_integer(dst, "RXPATCHS", model->patches, "images seen in training");
+    rx_card_text(dst, "RXSEED", seed, "seed of the training");
+}
+
+rx_status rx_model_write(const rx_model *model, const char *path, const char *shown, rx_error *err)
+{
+    rx_fits_writer *writer = NULL;
+    rx_text cards = {0};
+    char fault[200];
+    if (model->restore == NULL || model_fault(model, fault, sizeof fault) != NULL)
+        return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "the model cannot be written: %s",
+                           model->restore == NULL ? "it has no network" : fault);
+    add_cards(model, &cards);
+    rx_status status = cards.failed ? rx_error_memory(err, cards.length) : RX_OK;
+    if (status == RX_OK)
+        status = rx_fits_create(path, shown, &writer, err);
+    if (status == RX_OK)
+        status = rx_fits_primary(writer, cards.data, cards.length / CARD, err);
+    if (status == RX_OK)
+        status = write_net(writer, model->restore, "RESTORE", err);
+    if (status == RX_OK && model->psf != NULL)
+        status = write_net(writer, model->psf, "PSF", err);
+    if (status == RX_OK && model->bins != NULL)
+        status = write_bins(writer, model, err);
+    if (status == RX_OK && has_provenance(model))
+        status = write_provenance(writer, model->provenance, err);
+    rx_text_free(&cards);
+    if (status != RX_OK) {
+        rx_fits_abort(writer);
+        return status;
+    }
+    return rx_fits_close(writer, err);
+}
+
+/* ---- reading ---- */
 
 enum { MAX_BINS = 10000, MAX_HDUS = 1000 };
 
@@ -125,11 +356,11 @@ static rx_status check_file(reader *r, rx_error *err)
                            "is no model: its header has no RXMODEL; give a file made by rextract-train");
     int known = rx_cards_number(r->cards, r->ncards, "NEXTEND", &tables) && tables >= 0 && tables < MAX_HDUS;
     status = rx_fits_verify(r->path, known ? (int)tables + 1 : 0, err);
-    if (status == RX_OK && version != RX_MODEL_VERSION)
+    if (status == RX_OK && version != VERSION)
         status = rx_error_at(err, RX_INPUT, r->path, 0, 0,
                              "is a model of format version %g, this program reads version %d; use the "
                              "program that belongs to it, or train again",
-                             version, RX_MODEL_VERSION);
+                             version, VERSION);
     if (status == RX_OK && !known)
         status = rx_error_at(err, RX_INPUT, r->path, 0, 0,
                              "NEXTEND, the number of its tables, is missing; make the model again");
@@ -138,31 +369,38 @@ static rx_status check_file(reader *r, rx_error *err)
 
 /* --- tables --- */
 
-/* Table of n named columns, numbers or text as the first letter of `kinds` says (T, I: integer, F: float, D:
- * any number); *dst NULL when it is not there and may be absent. */
-static rx_status read_columns(const reader *r, const char *extname, const char *const *names,
-                              const char *kinds, int n, int needed, rx_table **dst, int *hdu, rx_error *err)
+/* A table of named columns, numbers or text as each letter of `kinds` says: T, I: integer, F: float, D: any number. */
+typedef struct columns {
+    const char *extname;
+    const char *const *names;
+    const char *kinds;
+    int needed; /* 0: may be absent */
+} columns;
+
+/* *dst NULL when it is not there and may be absent. */
+static rx_status read_columns(const reader *r, columns c, rx_table **dst, int *hdu, rx_error *err)
 {
+    const char *extname = c.extname;
     rx_status status = rx_fits_read_named(r->path, extname, dst, hdu, err);
-    if (status != RX_OK || (*dst == NULL && !needed))
+    if (status != RX_OK || (*dst == NULL && !c.needed))
         return status;
     if (*dst == NULL)
         return rx_error_at(err, RX_INPUT, r->path, -1, 0, "has no table %s; make the model again", extname);
-    for (int c = 0; c < n; c++) {
-        const rx_column *column = c < (*dst)->ncolumns ? &(*dst)->columns[c] : NULL;
-        int fits = column != NULL && strcmp(column->name, names[c]) == 0 && column->ndim == 0;
-        if (fits && kinds[c] == 'T')
+    for (int i = 0; c.kinds[i] != '\0'; i++) {
+        const rx_column *column = i < (*dst)->ncolumns ? &(*dst)->columns[i] : NULL;
+        int fits = column != NULL && strcmp(column->name, c.names[i]) == 0 && column->ndim == 0;
+        if (fits && c.kinds[i] == 'T')
             fits = column->type == RX_CELL_TEXT;
-        else if (fits && kinds[c] == 'I')
+        else if (fits && c.kinds[i] == 'I')
             fits = column->type == RX_CELL_INT32;
-        else if (fits && kinds[c] == 'F')
+        else if (fits && c.kinds[i] == 'F')
             fits = column->type == RX_CELL_FLOAT;
         else if (fits)
             fits = column->type == RX_CELL_DOUBLE || column->type == RX_CELL_INT64;
         if (!fits)
             return rx_error_at(err, RX_INPUT, r->path, *hdu, 0,
                                "column %d of %s is not what a model has there (%s); make the model again",
-                               c + 1, extname, names[c]);
+                               i + 1, extname, c.names[i]);
     }
     return RX_OK;
 }
@@ -252,16 +490,16 @@ static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const
 
 static rx_status read_net(const reader *r, const char *name, int needed, rx_net **dst, rx_error *err)
 {
-    static const char *const columns[] = RX_MODEL_NODE_COLUMNS, *const value[] = {"VALUE"};
+    static const char *const value[] = {"VALUE"};
     char extname[40];
     rx_table *nodes = NULL, *params = NULL;
     int hdu = -1, params_hdu = -1;
     snprintf(extname, sizeof extname, "%s_NODES", name);
     rx_status status =
-        read_columns(r, extname, columns, "TIIIIII", RX_MODEL_NNODE_COLUMNS, needed, &nodes, &hdu, err);
+        read_columns(r, (columns){extname, node_columns, "TIIIIII", needed}, &nodes, &hdu, err);
     if (status == RX_OK && nodes != NULL) {
         snprintf(extname, sizeof extname, "%s_PARAMS", name);
-        status = read_columns(r, extname, value, "F", 1, 1, &params, &params_hdu, err);
+        status = read_columns(r, (columns){extname, value, "F", 1}, &params, &params_hdu, err);
         if (status == RX_OK)
             status = make_net(r, nodes, hdu, params, params_hdu, dst, err);
     }
@@ -298,12 +536,11 @@ static int is_grid(const rx_model *m)
 
 static rx_status read_bins(const reader *r, rx_error *err)
 {
-    static const char *const names[] = RX_MODEL_BIN_COLUMNS;
     rx_model *m = r->model;
     rx_table *table = NULL;
     int hdu = -1, needed = m->nfwhm > 0 && m->nsigma > 0;
     rx_status status =
-        read_columns(r, "DICTIONARY", names, "DDDDDDDDDD", RX_MODEL_NBIN_COLUMNS, needed, &table, &hdu, err);
+        read_columns(r, (columns){"DICTIONARY", bin_columns, "DDDDDDDDDD", needed}, &table, &hdu, err);
     if (status != RX_OK || table == NULL)
         goto exit;
     if (table->nrows != (long)m->nfwhm * m->nsigma) {
@@ -318,8 +555,8 @@ static rx_status read_bins(const reader *r, rx_error *err)
         goto exit;
     }
     for (long i = 0; i < table->nrows; i++) {
-        double v[RX_MODEL_NBIN_COLUMNS];
-        for (int c = 0; c < RX_MODEL_NBIN_COLUMNS; c++)
+        double v[NBIN_COLUMNS];
+        for (int c = 0; c < NBIN_COLUMNS; c++)
             v[c] = rx_column_value(&table->columns[c], i, 0);
         m->bins[i] = (rx_model_bin){.fwhm = {v[0], v[1]},
                                     .sigma = {v[2], v[3]},
@@ -345,7 +582,7 @@ static rx_status read_provenance(const reader *r, rx_error *err)
     rx_table *table = NULL;
     rx_text text = {0};
     int hdu = -1;
-    rx_status status = read_columns(r, "PROVENANCE", name, "T", 1, 0, &table, &hdu, err);
+    rx_status status = read_columns(r, (columns){"PROVENANCE", name, "T", 0}, &table, &hdu, err);
     for (long i = 0; status == RX_OK && table != NULL && i < table->nrows; i++) {
         const rx_column *column = &table->columns[0];
         const char *line = (const char *)column->data + (size_t)i * (size_t)column->text_width;
@@ -371,7 +608,7 @@ static rx_status read_provenance(const reader *r, rx_error *err)
 static rx_status check_model(const reader *r, rx_error *err)
 {
     char fault[200], text[RX_MODEL_DIGEST];
-    if (rx_model_fault(r->model, fault, sizeof fault) != NULL)
+    if (model_fault(r->model, fault, sizeof fault) != NULL)
         return rx_error_at(err, RX_INPUT, r->path, -1, 0, "%s; make the model again", fault);
     rx_model_digest(r->model, r->model->digest);
     rx_cards_text(r->cards, r->ncards, "RXDIGEST", text, sizeof text);
