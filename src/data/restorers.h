@@ -5,7 +5,7 @@
  * NAME      word of RESTORE_TYPE
  * function  what does it, an rx_status function(...) of restore/ as restore/runs.h declares them all
  * psf       1 where it needs the PSF of the tile or makes use of it, else 0
- * cost      row of stage/plan_costs.def by which -PLAN reckons memory and time; NET only for the network
+ * cost      row of stage/plan_costs.def for its memory and time in -PLAN; NET only for the network
  * help      one line
  *
  * The restorers of restore/restore.c, the words of RESTORE_TYPE (config/keys.def, config/campaign.def) and what

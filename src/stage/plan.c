@@ -14,9 +14,7 @@
 #include "data/restorers.h"
 #include "data/table.h"
 #include "io/tile.h"
-#include "nn/stream.h"
 #include "psf/psf.h"
-#include "restore/richardson_lucy.h"
 #include "stage/inputs.h"
 #include "stage/options.h"
 #include "stage/provenance.h"
@@ -205,8 +203,9 @@ static rx_status plan_outputs(const rx_plan_job *job, rx_plan *plan, rx_error *e
     return status;
 }
 
-/* The table of what steps take (plan_costs.def). */
-#define COST(name, fixed, pixel, source, thread, mpixel_seconds, source_seconds) RX_COST_##name,
+/* --- memory and time, by the table of what steps take (plan_costs.def) --- */
+
+#define COST(name, ...) RX_COST_##name,
 typedef enum rx_cost_name {
 #include "stage/plan_costs.def"
     RX_NCOSTS
@@ -214,165 +213,25 @@ typedef enum rx_cost_name {
 #undef COST
 
 typedef struct rx_cost {
-    double fixed, pixel, source, thread; /* bytes */
+    double fixed, pixel, large, source, many, thread; /* bytes */
     double mpixel_seconds, source_seconds;
 } rx_cost;
 
-static const rx_cost *cost_of(rx_cost_name name)
-{
-#define COST(name, fixed, pixel, source, thread, mpixel_seconds, source_seconds)                             \
-    [RX_COST_##name] = {fixed, pixel, source, thread, mpixel_seconds, source_seconds},
-    static const rx_cost costs[RX_NCOSTS] = {
+#define COST(name, ...) [RX_COST_##name] = {__VA_ARGS__},
+static const rx_cost costs[RX_NCOSTS] = {
 #include "stage/plan_costs.def"
-    };
+};
 #undef COST
-    return &costs[name];
-}
-
-/* --- memory --- */
-
-/* One image while it is worked on. */
-typedef struct load {
-    const rx_plan_job *job;
-    const rx_tile_shape *shape;
-    double pixels, sources, threads; /* threads beyond the first */
-    int terms;                       /* of the PSF; 1: it is the same everywhere */
-} load;
-
-/* Spectra of a PSF that varies, and the planes that its terms are summed in, on one domain of the Fourier
- * transforms. */
-static double terms_memory(const load *l)
-{
-    const rx_cost *cost = cost_of(RX_COST_PSF_TERM);
-    const double domain = fmin(cost->fixed, cost->pixel * l->pixels);
-    return l->terms > 1 ? (l->terms + 1 + 2 * l->threads) * domain : 0;
-}
-
-static double take(const load *l, rx_cost_name name)
-{
-    const rx_cost *cost = cost_of(name);
-    return cost->fixed + cost->pixel * l->pixels + cost->source * l->sources + cost->thread * l->threads;
-}
 
 static rx_cost_name cost_of_kind(const rx_restorer *kind)
 {
 /* clang-format off */
 #define RESTORER(name, run, psf, cost, help) RX_COST_##cost,
-    static const rx_cost_name costs[] = {RX_RESTORERS(RESTORER)};
+    static const rx_cost_name names[] = {RX_RESTORERS(RESTORER)};
 #undef RESTORER
     /* clang-format on */
     int n;
-    return costs[kind - rx_restorers(&n)];
-}
-
-/* As the pipeline has it: pixels as they were observed. */
-static int plain(const rx_restorer *kind)
-{
-    return strcmp(kind->name, "NONE") == 0;
-}
-
-/* Of NET's threads: the network's planes and the Fourier transforms around it, in domains
- * (restore/network.c). */
-static double network_scratch(const load *l)
-{
-    enum { DOMAIN_SIDE = 1024, LARGE = 2048, HALO = 100 };
-    const double budget = 1073741824.0; /* restore/network_forward.c */
-    const rx_restore_params *par = &l->job->options->pipeline.restore;
-    const int width = l->shape->width, height = l->shape->height;
-    const int high = height > LARGE ? DOMAIN_SIDE : DOMAIN_SIDE / 2;
-    const int block = width < par->net_block ? width : par->net_block;
-    const double stream = rx_stream_bytes(par->model->restore, block, par->precision);
-    const double domains = ceil((double)width / DOMAIN_SIDE) * ceil((double)height / high);
-    const double area = (fmin(width, DOMAIN_SIDE) + HALO) * (fmin(height, high) + HALO);
-    return fmax(stream, fmin(stream * (1 + l->threads), budget)) +
-           fmin(1 + l->threads, domains) * area * cost_of(RX_COST_NET_DOMAIN)->pixel;
-}
-
-/* Of a large tile data, weights and model are made again instead of being kept. */
-static double richardson_lucy(const load *l)
-{
-    const rx_restore_params *par = &l->job->options->pipeline.restore;
-    const int whole = par->keep_reblurred || par->rl_stop_discrepancy;
-    double bytes = take(l, RX_COST_RL);
-    if (l->pixels <= (double)RX_PREPARED_KEPT)
-        bytes += take(l, RX_COST_RL_DATA);
-    if (l->pixels <= (double)RX_RL_WHOLE || whole)
-        bytes += take(l, RX_COST_RL_MODEL);
-    return bytes;
-}
-
-/* As far down as the network is, what it has read of one plane is gone: all but a row of blocks
- * (restore/network_forward.c). */
-static double network_planes(const load *l)
-{
-    enum { HIGHEST = 4096 };
-    const double rows = ceil((double)l->shape->height / HIGHEST);
-    return take(l, RX_COST_NET) - sizeof(float) * l->pixels * (1 - 1 / fmax(rows, 1));
-}
-
-/* Cells are looked at for what NET does not explain (RXUNEX). */
-static int judged(const load *l, const rx_restorer *kind)
-{
-    return cost_of_kind(kind) == RX_COST_NET && l->job->options->pipeline.judge_residual;
-}
-
-/* NET may hand a tile over to RL (OUT_OF_DOMAIN). */
-static double restoration(const load *l, const rx_restorer *kind)
-{
-    const rx_cost_name name = cost_of_kind(kind);
-    double bytes = name == RX_COST_RL    ? richardson_lucy(l)
-                   : name == RX_COST_NET ? network_planes(l) + network_scratch(l)
-                                         : take(l, name);
-    if (name == RX_COST_NET && l->job->options->pipeline.restore.out_of_domain == RX_DOMAIN_RL)
-        bytes = fmax(bytes, richardson_lucy(l));
-    if (name == RX_COST_NET && l->job->options->pipeline.restore.verify_seams)
-        bytes += take(l, RX_COST_SEAMS);
-    if (judged(l, kind))
-        bytes += take(l, RX_COST_CELLS);
-    return name == RX_COST_NONE ? bytes : bytes + terms_memory(l);
-}
-
-/* Grows with the sources up to a limit. */
-static double limited(const load *l, rx_cost_name name)
-{
-    const rx_cost *cost = cost_of(name);
-    return fmin(cost->fixed, cost->source * l->sources);
-}
-
-/* Objects are drawn in blocks (simulate/render.h). */
-static double injection(const load *l)
-{
-    const rx_cost *cost = cost_of(RX_COST_INJECT);
-    return fmin(cost->fixed, cost->pixel * l->pixels);
-}
-
-/* So much of a large tile is on the canvas at a time (template/tphot.c); the data of up to four times as many
- * pixels are kept beside it. */
-static double template_fit(const load *l)
-{
-    const double shown = 1 << 24;
-    double bytes = take(l, RX_COST_TEMPLATES) + cost_of(RX_COST_CANVAS)->pixel * fmin(l->pixels, shown);
-    if (l->pixels > shown && l->pixels <= 4 * shown)
-        bytes += sizeof(float) * l->pixels;
-    return bytes;
-}
-
-static double extraction(const load *l, const rx_restorer *kind, int templates)
-{
-    const rx_options *options = l->job->options;
-    double bytes = take(l, plain(kind) ? RX_COST_EXTRACT : RX_COST_EXTRACT_RESTORED);
-    bytes += l->threads * limited(l, RX_COST_EXTRACT_THREAD);
-    if (!plain(kind))
-        bytes += limited(l, RX_COST_BLENDS);
-    if (cost_of_kind(kind) == RX_COST_NET)
-        bytes += network_scratch(l); /* of other threads' heaps, which keep it */
-    if (options->pipeline.detect.matched && (plain(kind) || options->pipeline.filter_restored))
-        bytes += take(l, RX_COST_MATCHED);
-    if (templates)
-        bytes += template_fit(l);
-    bytes += 2 * sizeof(float) * l->sources * options->pipeline.measure.vignet_width *
-             options->pipeline.measure.vignet_height;
-    return bytes;
+    return names[kind - rx_restorers(&n)];
 }
 
 /* A PSF will be measured from stars. */
@@ -384,176 +243,130 @@ static int measures_psf(const rx_options *options)
     return needed && rx_psf_type_measured(options->pipeline.psf.type);
 }
 
-/* What a map of meshes takes beyond the usual one. */
-static double meshes(const load *l, const rx_background_params *par)
-{
-    return cost_of(RX_COST_MESH)->fixed * l->pixels / ((double)par->mesh_width * par->mesh_height);
-}
-
-static double open_tile(const load *l, int role, const rx_tile_shape *shape)
-{
-    const rx_options *options = l->job->options;
-    const rx_tile_params *par = &options->tile[role];
-    double bytes = take(l, RX_COST_TILE) + (double)shape->held + 2 * 80.0 * (double)shape->ncards +
-                   meshes(l, &options->pipeline.background[role]);
-    if (shape->compressed)
-        bytes += take(l, RX_COST_COMPRESSED);
-    if (par->weight_type != RX_WEIGHT_NONE)
-        bytes += take(l, RX_COST_WEIGHT);
-    return bytes + par->nflags * take(l, RX_COST_FLAG_MAP);
-}
-
-/* BLANK_CHECK before NET looks at the tile: noise in a window of it goes the same way (check/blankcheck.h). */
-static int guarded(const load *l, const rx_restorer *kind)
-{
-    return cost_of_kind(kind) == RX_COST_NET && l->job->options->check.blank_check != 0;
-}
-
-static double guard(const load *l, const rx_restorer *kind)
-{
-    enum { SIDE = 1024 };
-    rx_tile_shape shape = *l->shape;
-    load window = *l;
-    shape.width = rx_min_int(shape.width, SIDE);
-    shape.height = rx_min_int(shape.height, SIDE);
-    window.shape = &shape;
-    window.pixels = plan_pixels(&shape);
-    window.sources = l->sources * window.pixels / fmax(l->pixels, 1);
-    return take(&window, RX_COST_CHECKS) +
-           fmax(restoration(&window, kind), extraction(&window, kind, 0) + take(&window, RX_COST_CHECKIMAGE));
-}
-
-static double one_restorer(const load *l, const rx_restorer *kind)
-{
-    const rx_options *options = l->job->options;
-    const int more = options->pipeline.restore.keep_reblurred + options->pipeline.restore.keep_support +
-                     options->pipeline.keep_filtered + (options->nchecks > 0);
-    const double restored = restoration(l, kind);
-    double bytes = fmax(restored, extraction(l, kind, options->pipeline.templates.wanted));
-    bytes += more * take(l, RX_COST_CHECKIMAGE);
-    if (l->job->measure != NULL)
-        bytes += take(l, plain(kind) ? RX_COST_SECOND : RX_COST_SECOND_RESTORED);
-    if (options->check.self_check)
-        bytes += injection(l);
-    if (options->check.self_check || options->check.blank_check > 0)
-        bytes += fmax(restored, extraction(l, kind, options->check.templates)) + take(l, RX_COST_CHECKS);
-    if (guarded(l, kind)) /* over before the rest begins */
-        bytes = fmax(bytes, guard(l, kind));
-    return bytes;
-}
-
-static double image_memory(const rx_plan_job *job, int i)
+/* How often each row counts for the way of image i through that restorer. */
+static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, double times[RX_NCOSTS])
 {
     const rx_options *options = job->options;
-    const rx_tile_shape *shape = &job->detect[i];
-    load l = {.job = job,
-              .shape = shape,
-              .pixels = plan_pixels(shape),
-              .sources = plan_sources(job, shape),
-              .threads = options->pipeline.nthreads - 1,
-              .terms = job->terms[i]};
-    double open = open_tile(&l, 0, shape), peak = 0;
-    if (job->measure != NULL)
-        open += open_tile(&l, 1, &job->measure[i]);
-    if (measures_psf(options))
-        peak = take(&l, RX_COST_PSF_AUTO) + l.threads * limited(&l, RX_COST_EXTRACT_THREAD);
-    for (int k = 0; k < options->nrestorers; k++)
-        peak = fmax(peak, k * take(&l, RX_COST_KEPT) + one_restorer(&l, options->restorers[k]));
-    if (options->reference.name != NULL)
-        peak = fmax(peak, options->nrestorers * (take(&l, RX_COST_KEPT) + take(&l, RX_COST_REPORT)));
-    return open + peak;
+    const rx_pipeline_params *par = &options->pipeline;
+    const rx_cost_name name = cost_of_kind(kind);
+    const int net = name == RX_COST_NET, plain = name == RX_COST_NONE, dual = job->measure != NULL;
+    memset(times, 0, RX_NCOSTS * sizeof *times);
+    times[name] = 1;
+    if (net)
+        times[RX_COST_NET_BLOCK] =
+            (double)par->nthreads * rx_min_int(job->detect[i].width, par->restore.net_block) / 2048;
+    times[RX_COST_RL_INSTEAD] = net && par->restore.out_of_domain == RX_DOMAIN_RL;
+    times[RX_COST_SEAMS] = net && par->restore.verify_seams;
+    times[RX_COST_GUARD] = net && options->check.blank_check != 0; /* noise goes the same way first */
+    if (!plain && job->terms[i] > 1) /* spectra of the terms, and the planes that they are summed in */
+        times[RX_COST_PSF_TERM] = job->terms[i] - 1 + 2 * par->nthreads;
+    times[RX_COST_PSF_AUTO] = plain && measures_psf(options);
+    times[RX_COST_TEMPLATES] = par->templates.wanted;
+    times[RX_COST_MATCHED] = par->detect.matched && (plain || par->filter_restored);
+    times[RX_COST_CHECKIMAGE] =
+        par->restore.keep_reblurred + par->restore.keep_support + par->keep_filtered + (options->nchecks > 0);
+    times[RX_COST_SECOND] = dual && plain;
+    times[RX_COST_SECOND_RESTORED] = dual && !plain;
+    times[RX_COST_SELF_CHECK] = options->check.self_check;
+    times[RX_COST_CHECK] = options->check.self_check || options->check.blank_check > 0;
+    times[RX_COST_CHECK_TEMPLATES] = times[RX_COST_CHECK] > 0 && options->check.templates;
+    times[RX_COST_FURTHER] = options->nrestorers - 1;
+    times[RX_COST_REPORT] = options->reference.name != NULL ? options->nrestorers : 0;
+    for (int role = 0; role <= dual; role++) {
+        times[RX_COST_TILE]++;
+        times[RX_COST_WEIGHT] += options->tile[role].weight_type != RX_WEIGHT_NONE;
+        times[RX_COST_FLAG_MAP] += options->tile[role].nflags;
+        times[RX_COST_COMPRESSED] += (role == 0 ? job->detect : job->measure)[i].compressed;
+    }
+}
+
+/* What one image takes while it is worked on: rows of the table, and what headers and keywords say to the byte: pixels held
+ * in memory, meshes, vignets. */
+static double image_memory(const rx_plan_job *job, int i)
+{
+    enum { PIXELS = 1 << 20, SOURCES = 1 << 14, MESH = 64 };
+    const rx_options *options = job->options;
+    const rx_measure_params *measure = &options->pipeline.measure;
+    const double pixels = plan_pixels(&job->detect[i]), sources = plan_sources(job, &job->detect[i]);
+    double times[RX_NCOSTS], most = 0, open = 0;
+    for (int role = 0; role <= (job->measure != NULL); role++) {
+        const rx_background_params *back = &options->pipeline.background[role];
+        const rx_tile_shape *shape = &(role == 0 ? job->detect : job->measure)[i];
+        open += (double)shape->held + 2.0 * CARD * (double)shape->ncards +
+                MESH * pixels / ((double)back->mesh_width * back->mesh_height);
+    }
+    for (int k = 0; k < options->nrestorers; k++) {
+        double bytes = 0;
+        count_rows(job, i, options->restorers[k], times);
+        for (int r = 0; r < RX_NCOSTS; r++)
+            bytes += times[r] *
+                     (costs[r].fixed + costs[r].pixel * fmin(pixels, PIXELS) +
+                      costs[r].large * fmax(pixels - PIXELS, 0) + costs[r].source * fmin(sources, SOURCES) +
+                      costs[r].many * fmax(sources - SOURCES, 0) +
+                      costs[r].thread * (options->pipeline.nthreads - 1));
+        most = fmax(most, bytes);
+    }
+    return open + most + 2 * sizeof(float) * sources * (double)measure->vignet_width * measure->vignet_height;
 }
 
 static double plan_memory(const rx_plan_job *job)
 {
-    const rx_options *options = job->options;
-    const load none = {.job = job, .threads = options->pipeline.nthreads - 1};
+    const double reference = 2.5; /* bytes of memory for one of its file */
     double most = 0, sources = 0;
     for (int i = 0; i < job->n; i++) {
         most = fmax(most, image_memory(job, i));
         sources += plan_sources(job, &job->detect[i]);
     }
-    double bytes = take(&none, RX_COST_PROGRAM) + most;
-    if (options->model != NULL)
-        bytes += take(&none, RX_COST_MODEL);
-    bytes += options->nrestorers * plan_row_bytes(job->row) * sources;
-    return bytes + cost_of(RX_COST_REFERENCE)->fixed * job->reference_bytes;
-}
-
-/* --- time --- */
-
-static double seconds(const load *l, rx_cost_name name)
-{
-    const rx_cost *cost = cost_of(name);
-    return 1e-6 * l->pixels * cost->mpixel_seconds + l->sources * cost->source_seconds;
-}
-
-static double restoration_seconds(const load *l, const rx_restorer *kind)
-{
-    const rx_restore_params *par = &l->job->options->pipeline.restore;
-    const rx_cost_name name = cost_of_kind(kind);
-    const double once = seconds(l, name), varies = l->terms > 1;
-    if (name == RX_COST_RL) /* of 4 transforms 2 are made for each term */
-        return once * par->rl_niter * (l->terms + 1) / 2;
-    if (name == RX_COST_RL_BLIND)
-        return once * par->blind_cycles * par->blind_psf_niter * (1 + 0.7 * varies);
-    const double cells = judged(l, kind) ? seconds(l, RX_COST_CELLS) : 0;
-    const double net = once + varies * (l->terms + 6) * seconds(l, RX_COST_PSF_TERM);
-    return name == RX_COST_NET ? net * (1 + par->verify_seams) + cells : once;
-}
-
-/* The more crowded, the more neighbours a template has: at so many sources per Mpixel it takes twice as long.
- */
-static const double CROWDED = 5000;
-
-static double template_seconds(const load *l)
-{
-    const double density = 1e6 * l->sources / fmax(l->pixels, 1);
-    const double once = seconds(l, RX_COST_TEMPLATES) * (1 + density / CROWDED);
-    return l->job->options->pipeline.templates.wanted ? once * (l->terms > 1 ? 1.8 : 1)
-                                                      : 0; /* the PSF at each place */
-}
-
-/* How often the checks send a copy the same way; the guard's windows, 512 pixels wide and at worst 1024 too. */
-static double rounds(const load *l, const rx_restorer *kind)
-{
-    const rx_options *options = l->job->options;
-    double n = rx_max_int(options->check.blank_check, 0);
-    if (guarded(l, kind))
-        n += fmin(5.0 * 512 * 512 / fmax(l->pixels, 1), 2.0);
-    if (options->check.self_check)
-        n += ceil((double)options->check.count / ceil(options->check.density * fmax(1e-6 * l->pixels, 1e-6)));
-    return n;
+    return costs[RX_COST_PROGRAM].fixed +
+           costs[RX_COST_PROGRAM].thread * (job->options->pipeline.nthreads - 1) + most +
+           job->options->nrestorers * plan_row_bytes(job->row) * sources + reference * job->reference_bytes;
 }
 
 static double image_seconds(const rx_plan_job *job, int i)
 {
+    enum { CROWDED = 5000, WINDOW = 512 }; /* sources per Mpixel at which templates take twice as long */
     const rx_options *options = job->options;
-    const int dual = job->measure != NULL;
-    const load l = {.job = job,
-                    .pixels = plan_pixels(&job->detect[i]),
-                    .sources = plan_sources(job, &job->detect[i]),
-                    .terms = job->terms[i]};
-    double sum = (1 + dual) * seconds(&l, RX_COST_TILE);
+    const rx_restore_params *par = &options->pipeline.restore;
+    const double mpixels = 1e-6 * plan_pixels(&job->detect[i]), sources = plan_sources(job, &job->detect[i]);
+    const int terms = job->terms[i], varies = terms > 1, dual = job->measure != NULL;
+    double times[RX_NCOSTS], sum = 0;
+#define SECONDS(name) (mpixels * costs[name].mpixel_seconds + sources * costs[name].source_seconds)
     if (measures_psf(options))
-        sum += (1 + dual) * seconds(&l, RX_COST_PSF_AUTO);
+        sum += (1 + dual) * SECONDS(RX_COST_PSF_AUTO);
     for (int k = 0; k < options->nrestorers; k++) {
-        const rx_restorer *kind = options->restorers[k];
-        const double way = restoration_seconds(&l, kind) +
-                           seconds(&l, plain(kind) ? RX_COST_EXTRACT : RX_COST_EXTRACT_RESTORED);
-        sum += way * (1 + rounds(&l, kind)) + template_seconds(&l);
-        sum += options->check.templates ? template_seconds(&l) * rounds(&l, kind) : 0;
-        sum +=
-            dual && !plain(kind) && !options->pipeline.measure_original ? restoration_seconds(&l, kind) : 0;
-        sum += options->nchecks * seconds(&l, RX_COST_CHECKIMAGE);
-        sum += options->reference.name != NULL ? seconds(&l, RX_COST_REPORT) : 0;
+        const rx_cost_name name = cost_of_kind(options->restorers[k]);
+        count_rows(job, i, options->restorers[k], times);
+        double restoration = 0;
+        if (name == RX_COST_RL) /* of 4 transforms 2 are made for each term */
+            restoration = SECONDS(RX_COST_RL_ITERATION) * par->rl_niter * (terms + 1) / 2;
+        else if (name == RX_COST_RL_BLIND)
+            restoration = SECONDS(RX_COST_BLIND_ITERATION) * par->blind_cycles * par->blind_psf_niter *
+                          (1 + 0.7 * varies);
+        else if (name == RX_COST_NET)
+            restoration = (SECONDS(RX_COST_NET_FORWARD) + varies * (terms + 6) * SECONDS(RX_COST_PSF_TERM)) *
+                          (1 + par->verify_seams);
+        const double templates =
+            SECONDS(RX_COST_TEMPLATES) * (1 + sources / fmax(mpixels, 1e-6) / CROWDED) * (varies ? 1.8 : 1);
+        /* how often the checks send a copy the same way; the guard's windows, 512 pixels wide and at worst 1024 too */
+        double rounds = rx_max_int(options->check.blank_check, 0);
+        if (times[RX_COST_GUARD] > 0)
+            rounds += fmin(5e-6 * WINDOW * WINDOW / fmax(mpixels, 1e-6), 2);
+        if (options->check.self_check)
+            rounds += ceil((double)options->check.count / ceil(options->check.density * fmax(mpixels, 1e-6)));
+        sum += (restoration + SECONDS(name)) * (1 + rounds) +
+               templates * (options->pipeline.templates.wanted + rounds * options->check.templates);
+        if (times[RX_COST_SECOND_RESTORED] > 0 && !options->pipeline.measure_original)
+            sum += restoration;
+        sum += options->nchecks * SECONDS(RX_COST_CHECKIMAGE) +
+               SECONDS(RX_COST_REPORT) * (options->reference.name != NULL);
     }
-    return sum;
+    return sum + (1 + dual) * SECONDS(RX_COST_TILE);
+#undef SECONDS
 }
 
 static double plan_seconds(const rx_plan_job *job)
 {
-    double sum = cost_of(RX_COST_PROGRAM)->mpixel_seconds; /* its start */
+    double sum = costs[RX_COST_PROGRAM].mpixel_seconds; /* its start */
     for (int i = 0; i < job->n; i++)
         sum += image_seconds(job, i);
     return sum;

@@ -2,17 +2,21 @@
 """Does rextract -PLAN Y hold? Runs of all kinds, the peak memory of each beside its plan.
 
     validation/bench/plan.py [small|full] [CASE...]
+    validation/bench/plan.py measure RUNS.json [small|full] [CASE...]   the same, and each run into a file
+    validation/bench/plan.py fit RUNS.json [MARGIN]                     src/stage/plan_costs.def anew, from such a file
 
 small: tiles of 128, 256 and 700 pixels, some seconds; full: up to 4096 pixels and 16 threads, ordinary and crowded tiles,
 up to half an hour on two cores. CASE: only those whose line has one of these words.
 
 A line per run: peak resident memory, the plan at the default PLAN_DENSITY (at what was found, where that is more) and at 1000
 sources per Mpixel, each over what was measured; CPU seconds, and the estimate for as many sources as were found, over them; largest size of an output over its
-plan. Exit status 1 when memory or an output was above the plan. RX_BUILD_DIR is the build (default: build/). Needs nothing but Python and
+plan. Exit status 1 when memory or an output was above the plan. fit (numpy, scipy) makes the least table that is above every
+run by MARGIN (1.1); run it on what `measure` of full gave on a quiet machine, then `full` again. RX_BUILD_DIR is the build (default: build/). Needs nothing else but Python and
 the build; fpack (Debian: libcfitsio-bin) for a compressed tile.
 """
 import gzip
 import json
+import math
 import os
 import re
 import shutil
@@ -221,8 +225,8 @@ def plan_of(words, density=None):
     return json.loads(done.stdout)["tiles"][0]
 
 
-def hold(title, name, image, more, threads):
-    """One run beside its plan; 1 where it is above it."""
+def hold(title, name, image, more, threads, runs):
+    """One run beside its plan, appended to `runs`; 1 where it is above it."""
     words = [os.path.join(BUILD, "rextract"), image, "-NET_MODEL", os.path.join(TOP, "config", "psfnet.fits"),
              "-NTHREADS", str(threads), "-CATALOG_NAME", "out.cat"]
     words += ([] if "-CATALOG_TYPE" in more else ["-CATALOG_TYPE", "FITS_1.0"]) + more
@@ -232,6 +236,9 @@ def hold(title, name, image, more, threads):
         print(f"{name:6} {threads:2} {title:28} ended with {run.status}: {run.text.strip().splitlines()[-1]}")
         return 1
     like = plan_of(words, 1e6 * run.found / (plan["pixels"] / plan["images"]))
+    if title in KINDS and plan["images"] == 1:
+        runs.append({"title": title, "pixels": plan["pixels"], "width": math.isqrt(plan["pixels"]), "sources": run.found,
+                     "threads": threads, "memory": run.memory, "seconds": run.seconds})
     if run.found > plan["sources"]:
         plan = like
     sizes = {one["name"]: one["bytes"] for one in plan["outputs"]}
@@ -258,10 +265,109 @@ def matrix(size):
             ("o", 4096, 1, some, ())]
 
 
+# --- fitting the table ---
+
+PIXELS, SOURCES, BLOCK = 1 << 20, 1 << 14, 2048  # where slopes change, as in src/stage/plan.c; the default NET_BLOCK
+COLUMNS = ["fixed", "pixel", "large", "source", "many", "thread"]
+ONLY = {"PROGRAM": ["fixed", "thread"], "NET_BLOCK": ["fixed"], "GUARD": ["fixed", "pixel"], "REPORT": ["fixed", "source", "many"],
+        "WEIGHT": ["fixed", "pixel", "large"], "FLAG_MAP": ["fixed", "pixel", "large"], "CHECKIMAGE": ["fixed", "pixel", "large"],
+        "SECOND": ["fixed", "pixel", "large"], "SECOND_RESTORED": ["fixed", "pixel", "large", "thread"],
+        "SEAMS": ["fixed", "pixel", "large", "thread"]}  # what else there is to a row does not depend on it
+
+
+def rows_of(title, width, threads):
+    """How often each row of plan_costs.def counts, for each restorer: count_rows() of src/stage/plan.c."""
+    words = KINDS[title]
+    kinds, on = words[0].split(","), set(words[1:])
+    checked, dual = "-SELF_CHECK" in on or title.endswith(" blank check"), "DUAL" in on
+    ways = []
+    for kind in kinds:
+        row = {"PROGRAM": 1, kind: 1, "TILE": 1 + dual, "FURTHER": len(kinds) - 1}
+        if kind == "NET":
+            row["NET_BLOCK"] = threads * min(width, BLOCK) / BLOCK
+            row["GUARD"] = int(title != "NET without guard")
+            row["SEAMS"] = int("-VERIFY_SEAMS" in on)
+            row["RL_INSTEAD"] = int("-OUT_OF_DOMAIN" in on)
+        row["PSF_AUTO"] = int(kind == "NONE" and ("TEMPLATES" in on or "-SELF_CHECK" in on or len(kinds) > 1))
+        row["TEMPLATES"], row["MATCHED"] = int("TEMPLATES" in on), int("-FILTER_TYPE" in on)
+        row["CHECKIMAGE"] = 4 if "IMAGES" in on else 0
+        row["SECOND" if kind == "NONE" else "SECOND_RESTORED"] = int(dual)
+        row["SELF_CHECK"], row["CHECK"] = int("-SELF_CHECK" in on), int(checked)
+        row["CHECK_TEMPLATES"] = int(checked and "TEMPLATES" in on)
+        row["REPORT"] = len(kinds) if "REPORT" in on else 0
+        row["WEIGHT"], row["FLAG_MAP"] = (1 + dual) * int("WEIGHTS" in on), int("FLAGS" in on)
+        ways.append({name: n for name, n in row.items() if n})
+    return ways
+
+
+def terms_of(run, row):
+    """Coefficients of the table's entries in the memory of one way."""
+    size = {"fixed": 1, "pixel": min(run["pixels"], PIXELS), "large": max(run["pixels"] - PIXELS, 0),
+            "source": min(run["sources"], SOURCES), "many": max(run["sources"] - SOURCES, 0), "thread": run["threads"] - 1}
+    return {(name, column): n * size[column] for name, n in row.items() for column in COLUMNS}
+
+
+def fit(runs, margin):
+    """The table that is above every run by the margin, and by no more than it must: a linear program. Of several restorers
+    the way that takes most is the one that must be above; which that is comes from the round before."""
+    import numpy as np
+    from scipy.optimize import linprog
+    ways = [rows_of(run["title"], run["width"], run["threads"]) for run in runs]
+    names = list(dict.fromkeys(name for way in ways for row in way for name in row))
+    place = {(name, column): i for i, (name, column) in enumerate((n, c) for n in names for c in COLUMNS)}
+    table = np.ones(len(place))
+    most = [(0, None if column in ONLY.get(name, COLUMNS) else 0) for name, column in place]
+    for _ in range(4):
+        lines = []
+        for run, way in zip(runs, ways):
+            candidates = []
+            for row in way:
+                line = np.zeros(len(place))
+                for entry, n in terms_of(run, row).items():
+                    line[place[entry]] = n / run["memory"]
+                candidates.append(line)
+            lines.append(max(candidates, key=lambda line: float(line @ table)))
+        matrix = np.array(lines)
+        scale = np.maximum(matrix.max(axis=0), 1e-30)
+        done = linprog(matrix.sum(axis=0) / scale, A_ub=-matrix / scale, b_ub=-np.full(len(runs), margin), bounds=most)
+        if done.status != 0:
+            raise SystemExit(f"plan.py: no table: {done.message}")
+        table = done.x / scale
+    return names, {entry: table[i] for entry, i in place.items()}, matrix @ table
+
+
+def fit_command(path, margin=1.1):
+    """Writes the lines of src/stage/plan_costs.def anew, with the seconds that stand there."""
+    with open(path, encoding="utf-8") as file:
+        runs = [run for run in json.load(file) if run["title"] in KINDS and run["title"] not in ("RL vignets", "RL small meshes")]
+    names, table, ratios = fit(runs, margin)
+    ratios.sort()
+    print(f"{len(runs)} runs, the table over them: {ratios[0]:.2f} to {ratios[-1]:.2f}, median {ratios[len(ratios) // 2]:.2f}, "
+          f"a tenth above {ratios[9 * len(ratios) // 10]:.2f}", file=sys.stderr)
+    target = os.path.join(TOP, "src", "stage", "plan_costs.def")
+    with open(target, encoding="utf-8") as file:
+        lines = file.read().splitlines()
+    for i, line in enumerate(lines):
+        found = re.match(r"COST\((\w+),([^)]*)\)(.*)", line)
+        if not found or found[1] not in names:
+            continue
+        old = [cell.strip() for cell in found[2].split(",")]
+        new = [f"{table[found[1], 'fixed'] / 1e6 + 0.005:.2f}e6"] + [f"{max(1.001 * table[found[1], column], 0):.4g}" for column in COLUMNS[1:5]]
+        new += [f"{max(table[found[1], 'thread'], 0) / 1e6:.2f}e6"] + old[6:]
+        lines[i] = f"COST({found[1] + ',':17}" + ",".join(f"{cell:>9}" for cell in new) + ")" + found[3]
+    with open(target, "w", encoding="utf-8") as file:
+        file.write("\n".join(lines) + "\n")
+
+
 def main():
     words = sys.argv[1:]
+    if words[:1] == ["fit"]:
+        fit_command(words[1], float(words[2]) if len(words) > 2 else 1.1)
+        return 0
+    target = os.path.realpath(words[1]) if words[:1] == ["measure"] else None
+    words = words[2:] if target else words
     size = words.pop(0) if words[:1] and words[0] in ("small", "full") else "full"
-    above = runs = 0
+    above, runs, measured = 0, 0, []
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         for name, line in (("flags", "IMAFLAGS_ISO(1)"), ("vignets", "VIGNET(25,25)")):
@@ -278,8 +384,11 @@ def main():
                 if title in forms:
                     image = in_form(title, name)
                 if image is not None:
-                    above += hold(title, name, image, more, threads)
+                    above += hold(title, name, image, more, threads, measured)
                     runs += 1
+    if target:
+        with open(target, "w", encoding="utf-8") as file:
+            json.dump(measured, file, indent=0)
     print(f"{runs} runs, {above} above the plan")
     return 1 if above else 0
 
