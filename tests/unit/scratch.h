@@ -36,6 +36,13 @@ static int remove_scratch(void **state)
     return gone ? 0 : -1;
 }
 
+/* Write a file into the folder; its path goes to dst. */
+static inline void put(void **state, const char *name, const char *text, char dst[1024])
+{
+    snprintf(dst, 1024, "%s/%s", (char *)*state, name);
+    write_text(dst, text);
+}
+
 static inline void path_in(void **state, const char *name, char dst[1024])
 {
     snprintf(dst, 1024, "%s/%s", (char *)*state, name);

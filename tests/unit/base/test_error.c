@@ -65,8 +65,10 @@ static void control_characters_are_shown_as_question_marks(void **state)
     rx_error_at(&err, RX_INPUT, "a\033[2J\nb\x7f.fits", -1, 0, "bad\tvalue\r");
     rx_error_format(&err, "rextract", line, sizeof line);
     assert_string_equal(line, "rextract: a?[2J?b?.fits: bad?value?");
-    for (const char *c = line; *c != '\0'; c++)
-        assert_true((unsigned char)*c >= 0x20 && (unsigned char)*c != 0x7f);
+    for (const char *c = line; *c != '\0'; c++) {
+        assert_true((unsigned char)*c >= 0x20);
+        assert_true((unsigned char)*c != 0x7f);
+    }
 }
 
 /* UTF-8 in file names is text, not control. */

@@ -44,8 +44,10 @@ static void the_rest_is_escaped(void **state)
     every[255] = '\0';
     rx_text t = {0};
     rx_printable_add(&t, every);
-    for (size_t i = 0; i < t.length; i++)
-        assert_true(t.data[i] >= ' ' && t.data[i] <= '~');
+    for (size_t i = 0; i < t.length; i++) {
+        assert_true(t.data[i] >= ' ');
+        assert_true(t.data[i] <= '~');
+    }
     assert_int_equal(rx_printable_read(t.data), 1);
     assert_string_equal(t.data, every);
     rx_text_free(&t);

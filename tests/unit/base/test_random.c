@@ -47,7 +47,8 @@ static void uniform_has_its_moments(void **state)
     double s1 = 0, s2 = 0, s4 = 0;
     for (uint64_t i = 0; i < N; i++) {
         double u = rx_random_uniform(7, 1, i);
-        assert_true(u > 0.0 && u < 1.0);
+        assert_true(u > 0.0);
+        assert_true(u < 1.0);
         u -= 0.5;
         s1 += u;
         s2 += u * u;
@@ -68,7 +69,8 @@ static void two_at_once_are_independent(void **state)
         double both[2];
         rx_random_two(7, 1, i, both);
         assert_true(both[0] == rx_random_uniform(7, 1, i));
-        assert_true(both[1] > 0.0 && both[1] < 1.0);
+        assert_true(both[1] > 0.0);
+        assert_true(both[1] < 1.0);
         sum += both[1] - 0.5;
         product += (both[0] - 0.5) * (both[1] - 0.5);
     }

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "../files.h"
+#include "../scratch.h"
 #include "base/text.h"
 
 static void text_grows(void **state)
@@ -29,25 +29,6 @@ static void text_grows(void **state)
     assert_string_equal(text.data + 4995, "0999,endx");
     rx_text_free(&text);
     assert_null(text.data);
-}
-
-/* A scratch folder for each test. */
-static int make_folder(void **state)
-{
-    const char *base = getenv("TMPDIR");
-    char *folder = malloc(512);
-    if (folder == NULL)
-        return -1;
-    snprintf(folder, 512, "%s/rextract-text-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
-    *state = folder;
-    return mkdtemp(folder) != NULL ? 0 : -1;
-}
-
-static int remove_folder(void **state)
-{
-    int status = rmdir(*state);
-    free(*state);
-    return status;
 }
 
 /* Reads `size` bytes through a file, then removes it. */
@@ -138,8 +119,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(text_grows),
-        cmocka_unit_test_setup_teardown(files_come_whole, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(bad_files_are_refused, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(files_come_whole, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(bad_files_are_refused, make_scratch, remove_scratch),
         cmocka_unit_test(the_nearest_word_is_found),
         cmocka_unit_test(endless_words_are_near_to_nothing),
         cmocka_unit_test(lines_from_outside_are_tamed),

@@ -6,9 +6,9 @@
 
 #include <cmocka.h>
 
+#include "../scratch.h"
 #include "config/arguments.h"
 #include "config/campaign_config.h"
-#include "folder.h"
 
 enum { MAX_WORDS = 16 };
 
@@ -247,7 +247,7 @@ static void outputs_are_no_inputs(void **state)
     rx_arguments_free(&arguments);
 }
 
-#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
+#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_scratch, remove_scratch)
 
 int main(void)
 {

@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
+#include "../scratch.h"
 #include "config/config_fields.h"
-#include "folder.h"
 
 static rx_config *defaults(void)
 {
@@ -356,7 +356,7 @@ static void visitor_sees_every_keyword(void **state)
     rx_config_free(c);
 }
 
-#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
+#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_scratch, remove_scratch)
 
 int main(void)
 {

@@ -1,4 +1,5 @@
 /* Detection filters from .conv files. */
+#include <dirent.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -6,8 +7,8 @@
 
 #include <cmocka.h>
 
+#include "../scratch.h"
 #include "config/kernel.h"
-#include "folder.h"
 
 static rx_status read_text(void **state, const char *text, rx_kernel **dst, rx_error *err)
 {
@@ -99,7 +100,9 @@ static void built_in_equals_the_file(void **state)
     assert_int_equal(a->height, b->height);
     assert_int_equal(a->normalise, b->normalise);
     assert_memory_equal(a->values, b->values, 9 * sizeof *a->values);
-    assert_true(b->values[4] == 4.0f && b->values[1] == 2.0f && b->values[8] == 1.0f);
+    assert_true(b->values[4] == 4.0f);
+    assert_true(b->values[1] == 2.0f);
+    assert_true(b->values[8] == 1.0f);
     rx_kernel_free(a);
     rx_kernel_free(b);
 }
@@ -120,7 +123,8 @@ static void filters_of_sextractor_are_read(void **state)
         snprintf(path, sizeof path, "%s/%s", folder, entry->d_name);
         if (rx_kernel_read(path, &k, &err) != RX_OK)
             fail_msg("%s:%ld: %s", path, err.line, err.text);
-        assert_true(k->width == k->height && k->width % 2 == 1);
+        assert_true(k->width == k->height);
+        assert_true(k->width % 2 == 1);
         rx_kernel_free(k);
         n++;
     }
@@ -132,7 +136,7 @@ static void filters_of_sextractor_are_read(void **state)
     }
 }
 
-#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
+#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_scratch, remove_scratch)
 
 int main(void)
 {

@@ -120,7 +120,8 @@ static void check_row(const rx_keyword *key)
     assert_int_equal(word, key->words != NULL);
     assert_int_equal(number, key->low < key->high);
     if (key->kind == RX_KIND_INT || key->kind == RX_KIND_INTS) {
-        assert_true(key->low >= -2147483648.0 && key->high <= 2147483647.0);
+        assert_true(key->low >= -2147483648.0);
+        assert_true(key->high <= 2147483647.0);
     }
     assert_in_range(key->nmax, 1, key->kind >= RX_KIND_STRINGS ? RX_LIST : 1);
     assert_in_range(key->nmin, 0, key->nmax);
@@ -193,13 +194,18 @@ static void defaults_are_those_of_sextractor(void **state)
     assert_string_equal(c->catalog_type, "ASCII_HEAD");
     assert_int_equal(c->detect_minarea, 5);
     assert_int_equal(c->detect_thresh.n, 1);
-    assert_true(c->detect_thresh.v[0] == 1.5 && c->analysis_thresh.v[0] == 1.5);
-    assert_true(c->filter && c->clean && c->weight_gain);
+    assert_true(c->detect_thresh.v[0] == 1.5);
+    assert_true(c->analysis_thresh.v[0] == 1.5);
+    assert_true(c->filter);
+    assert_true(c->clean);
+    assert_true(c->weight_gain);
     assert_int_equal(c->filter_thresh.n, 0);
-    assert_true(c->phot_autoparams.v[0] == 2.5 && c->phot_autoparams.v[1] == 3.5);
+    assert_true(c->phot_autoparams.v[0] == 2.5);
+    assert_true(c->phot_autoparams.v[1] == 3.5);
     assert_int_equal(c->assoc_data.n, 3);
     assert_int_equal(c->assoc_data.v[2], 4);
-    assert_true(c->satur_level == 50000.0 && c->deblend_mincont == 0.005);
+    assert_true(c->satur_level == 50000.0);
+    assert_true(c->deblend_mincont == 0.005);
     assert_int_equal(c->back_size.v[0], 64);
     assert_string_equal(c->checkimage_type.v[0], "NONE");
     assert_string_equal(c->restore_type.v[0], "RL"); /* ours */

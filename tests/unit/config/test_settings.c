@@ -6,10 +6,10 @@
 
 #include <cmocka.h>
 
+#include "../scratch.h"
 #include "config/arguments.h"
 #include "config/campaign_config.h"
 #include "config/train_config.h"
-#include "folder.h"
 
 static rx_campaign_config *campaign(void)
 {
@@ -63,7 +63,8 @@ static void prefixed_names_reach_the_parts(void **state)
     assert_string_equal(c->stage->weight_image.v[1], "v.fits");
     assert_int_equal(rx_settings_set(&c->settings, "SIM.GAIN", "2.5", NULL, &err), RX_OK);
     assert_int_equal(rx_settings_set(&c->settings, "stage.CATALOG_NAME", "a b.cat", NULL, &err), RX_OK);
-    assert_true(c->sim->gain == 2.5 && c->stage->gain == 0.0);
+    assert_true(c->sim->gain == 2.5);
+    assert_true(c->stage->gain == 0.0);
     assert_string_equal(c->stage->catalog_name, "a b.cat");
     assert_int_equal(rx_settings_was_set(&c->settings, "SIM.GAIN"), RX_FROM_COMMAND);
     assert_int_equal(rx_settings_was_set(&c->settings, "SIM.SEED"), RX_FROM_FILE);
@@ -309,10 +310,12 @@ static void shards_are_read(void **state)
     int k = 0, n = 0;
     rx_campaign_config *c = campaign();
     assert_int_equal(rx_campaign_config_shard(c, &k, &n, NULL), RX_OK);
-    assert_true(k == 1 && n == 1);
+    assert_true(k == 1);
+    assert_true(n == 1);
     assert_int_equal(rx_settings_set(&c->settings, "SHARD", "17/10000", NULL, NULL), RX_OK);
     assert_int_equal(rx_campaign_config_shard(c, &k, &n, NULL), RX_OK);
-    assert_true(k == 17 && n == 10000);
+    assert_true(k == 17);
+    assert_true(n == 10000);
     rx_campaign_config_free(c);
 }
 
@@ -418,7 +421,7 @@ static void visitor_sees_every_keyword(void **state)
     rx_campaign_config_free(c);
 }
 
-#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_folder, remove_folder)
+#define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_scratch, remove_scratch)
 
 int main(void)
 {

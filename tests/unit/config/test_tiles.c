@@ -7,9 +7,9 @@
 #include <cmocka.h>
 
 #include "../near.h"
+#include "../scratch.h"
 #include "config/config_fields.h"
 #include "config/tiles.h"
-#include "folder.h"
 
 static rx_settings *defaults(void)
 {
@@ -136,5 +136,5 @@ int main(void)
         cmocka_unit_test(files_of_tiles_are_kept_apart), cmocka_unit_test(the_same_tile_may_be_read_twice),
         cmocka_unit_test(empty_and_missing_lists),
     };
-    return cmocka_run_group_tests(tests, make_folder, remove_folder);
+    return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
 }
