@@ -72,7 +72,8 @@ static void selection_renumbers_everything(void **state)
         sources->segments = RX_NEW(int32_t, 4);
         sources->vignet_width = sources->vignet_height = 1;
         sources->vignets = RX_NEW(float, 3);
-        assert_true(sources->segments != NULL && sources->vignets != NULL);
+        assert_true(sources->segments != NULL);
+        assert_true(sources->vignets != NULL);
         for (int i = 0; i < 3; i++) {
             sources->segments[i + 1] = i + 1;
             sources->vignets[i] = (float)(i + 1);

@@ -177,7 +177,8 @@ static void scamp_solves_our_field(void **state)
     scene_file(path, folder, "field.head", NULL);
     assert_int_equal(rx_text_read_file(path, 1 << 20, &head, NULL, NULL), RX_OK);
     char *pixel = strstr(head, "CRPIX1"), *sky = strstr(head, "CRVAL1");
-    assert_true(pixel != NULL && sky != NULL);
+    assert_true(pixel != NULL);
+    assert_true(sky != NULL);
     double x = strtod(strchr(pixel, '=') + 1, NULL), alpha = strtod(strchr(sky, '=') + 1, NULL);
     /* the sky at pixel 0.5 * SIDE * STEP + 2.5 is CRVAL, to 0.1 px */
     double at = x + (CRVAL[0] - alpha) * cos(CRVAL[1] / 57.29578) / -SCALE;

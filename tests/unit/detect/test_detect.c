@@ -317,7 +317,8 @@ static void finds_what_sep_finds(void **state)
         assert_near(o->cyy, cat->cyy[i], 1e-6);
         assert_near(o->cxy, cat->cxy[i], 1e-6);
     }
-    assert_true(merged > 5 && merged < s->n);
+    assert_true(merged > 5);
+    assert_true(merged < s->n);
     sep_catalog_free(cat);
     rx_sources_free(s);
     field_free(&f);
@@ -763,7 +764,8 @@ static void noise_map_deblends_everywhere(void **state)
         assert_true((o->flags & RX_FLAG_MERGED) != 0);
         if (border)
             assert_true((o->flags & RX_FLAG_TRUNCATED) != 0);
-        assert_true(o->x < W && o->y < H);
+        assert_true(o->x < W);
+        assert_true(o->y < H);
     }
     rx_sources_free(s);
     field_free(&f);

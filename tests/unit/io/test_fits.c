@@ -96,7 +96,8 @@ static void test_image(void **state)
     assert_int_equal(rx_fits_read_image(in(state, "i.fits[SEGMENTATION]"), &back, &width, &height, NULL),
                      RX_OK);
     assert_int_equal(width, 2);
-    assert_true(back[3] == -1 && back[5] == 7);
+    assert_true(back[3] == -1);
+    assert_true(back[5] == 7);
     free(back);
     static const char *const kept[] = {"CRPIX1  = 10.5",
                                        "OBJECT  = 'M 31'",
@@ -134,7 +135,9 @@ static void test_read_image(void **state)
             data, 3);
     write_bytes(in(state, "line.fits"), file.data, file.length);
     assert_int_equal(rx_fits_read_image(in(state, "line.fits"), &pixels, &width, &height, &err), RX_OK);
-    assert_true(width == 3 && height == 1 && pixels[2] == 7);
+    assert_true(width == 3);
+    assert_true(height == 1);
+    assert_true(pixels[2] == 7);
     free(pixels);
     add_hdu(&file,
             "XTENSION= 'IMAGE   '\nBITPIX  =                    8\nNAXIS   =                    2\n"
@@ -142,7 +145,9 @@ static void test_read_image(void **state)
             data, 4);
     write_bytes(in(state, "two.fits"), file.data, file.length);
     assert_int_equal(rx_fits_read_image(in(state, "two.fits"), &pixels, &width, &height, &err), RX_OK);
-    assert_true(width == 2 && height == 2 && pixels[1] == 8);
+    assert_true(width == 2);
+    assert_true(height == 2);
+    assert_true(pixels[1] == 8);
     free(pixels);
     rx_text_free(&file);
     assert_int_equal(rx_fits_read_image(in(state, "two.fits[1][1:3,1:1]"), &pixels, &width, &height, &err),
@@ -460,18 +465,22 @@ static void test_column_types(void **state)
     assert_int_equal(rx_fits_read_table(in(state, "c.fits"), 0, &t, NULL), RX_OK);
     assert_int_equal(t->ncolumns, 9); /* variable length is left out */
     assert_int_equal(t->nrows, 2);
-    assert_true(rx_column_value(&t->columns[0], 0, 0) == 1 && rx_column_value(&t->columns[0], 0, 1) == 0);
-    assert_true(rx_column_value(&t->columns[1], 0, 0) == 1 && rx_column_value(&t->columns[1], 0, 1) == 0 &&
-                rx_column_value(&t->columns[1], 0, 2) == 1);
+    assert_true(rx_column_value(&t->columns[0], 0, 0) == 1);
+    assert_true(rx_column_value(&t->columns[0], 0, 1) == 0);
+    assert_true(rx_column_value(&t->columns[1], 0, 0) == 1);
+    assert_true(rx_column_value(&t->columns[1], 0, 1) == 0);
+    assert_true(rx_column_value(&t->columns[1], 0, 2) == 1);
     assert_true(rx_column_value(&t->columns[2], 0, 0) == 5);
     assert_int_equal(t->columns[3].type, RX_CELL_DOUBLE);
-    assert_true(rx_column_value(&t->columns[3], 0, 0) == 5 && isnan(rx_column_value(&t->columns[3], 1, 0)));
+    assert_true(rx_column_value(&t->columns[3], 0, 0) == 5);
+    assert_true(isnan(rx_column_value(&t->columns[3], 1, 0)));
     assert_true(rx_column_value(&t->columns[4], 0, 0) == 105);
     assert_true(rx_column_value(&t->columns[5], 0, 0) == 4000000000.);
-    assert_true(rx_column_value(&t->columns[6], 0, 0) == 1.5 &&
-                rx_column_value(&t->columns[6], 0, 1) == -2.5);
+    assert_true(rx_column_value(&t->columns[6], 0, 0) == 1.5);
+    assert_true(rx_column_value(&t->columns[6], 0, 1) == -2.5);
     assert_int_equal(t->columns[7].ndim, 2);
-    assert_true(t->columns[7].dim[0] == 2 && t->columns[7].dim[1] == 4);
+    assert_true(t->columns[7].dim[0] == 2);
+    assert_true(t->columns[7].dim[1] == 4);
     assert_true(rx_column_value(&t->columns[7], 0, 5) == 5);
     assert_int_equal(t->columns[8].text_width, 4);
     assert_string_equal((char *)t->columns[8].data, "abc");
@@ -565,8 +574,10 @@ static void test_cards(void **state)
                     "seventy-two characters");
     long n = (long)t.length / 80;
     assert_int_equal(t.length % 80, 0);
-    for (size_t i = 0; i < t.length; i++)
-        assert_true(t.data[i] >= 0x20 && t.data[i] <= 0x7e);
+    for (size_t i = 0; i < t.length; i++) {
+        assert_true(t.data[i] >= 0x20);
+        assert_true(t.data[i] <= 0x7e);
+    }
     assert_int_equal(rx_cards_text(t.data, n, "SHORT", back, sizeof back), 1);
     assert_string_equal(back, "it's");
     assert_int_equal(rx_cards_text(t.data, n, "LONG", back, sizeof back), 1);

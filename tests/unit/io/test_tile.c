@@ -72,14 +72,17 @@ static void test_no_numbers(void **state)
     for (int i = 0; i < 3; i++) {
         assert_int_equal(a->mask[i], RX_MASK_BAD);
         assert_int_equal(b->mask[i], RX_MASK_BAD);
-        assert_true(a->pixels[i] == 0 && b->pixels[i] == 0);
+        assert_true(a->pixels[i] == 0);
+        assert_true(b->pixels[i] == 0);
     }
     assert_int_equal(a->mask[3], RX_MASK_SATURATED);
-    assert_true(a->pixels[4] == 1e20f && b->pixels[4] == 1e20f);
+    assert_true(a->pixels[4] == 1e20f);
+    assert_true(b->pixels[4] == 1e20f);
     for (int i = 6; i < 8; i++) {
         assert_int_equal(a->mask[i], RX_MASK_BAD);
         assert_int_equal(b->mask[i], RX_MASK_BAD);
-        assert_true(a->pixels[i] == 0 && b->pixels[i] == 0);
+        assert_true(a->pixels[i] == 0);
+        assert_true(b->pixels[i] == 0);
     }
     assert_int_equal(b->mask[5], RX_MASK_BAD); /* no float holds it */
     assert_int_equal(a->mask[5], 0);
@@ -106,8 +109,10 @@ static void test_keys(void **state)
     par.saturation_key = "SATURATE";
     par.zeropoint_key = "MAGZP";
     rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
-    assert_true(tile->gain == 2.5 && tile->saturation == 10 && tile->exptime == 30 &&
-                tile->zeropoint == 26.5);
+    assert_true(tile->gain == 2.5);
+    assert_true(tile->saturation == 10);
+    assert_true(tile->exptime == 30);
+    assert_true(tile->zeropoint == 26.5);
     assert_int_equal(tile->mask[9], 0);
     assert_int_equal(tile->mask[10], RX_MASK_SATURATED);
     assert_int_equal(tile->ncards, 10);
@@ -118,13 +123,16 @@ static void test_keys(void **state)
     par.zeropoint_key = "";
     par.pixel_scale = 0.2;
     tile = read_tile(&par, in(state, "a.fits"), 0, 1);
-    assert_true(tile->gain == 0.7 && tile->saturation == 50000 && tile->zeropoint == 25);
+    assert_true(tile->gain == 0.7);
+    assert_true(tile->saturation == 50000);
+    assert_true(tile->zeropoint == 25);
     assert_true(tile->pixel_scale == 0.2);
     rx_tile_free(tile);
     par.gain_key = "NOSUCH";
     par.saturation = 0; /* unknown */
     tile = read_tile(&par, in(state, "a.fits"), 0, 1);
-    assert_true(tile->gain == 9 && isinf(tile->saturation));
+    assert_true(tile->gain == 9);
+    assert_true(isinf(tile->saturation));
     rx_tile_free(tile);
     make_ramp(in(state, "b.fits"), 16, "GAINMODE= 'slow    '\nGAINA   = 3.7\nGAINB   = 4.1");
     par.gain_key = "GAIN"; /* the first number whose key begins so */
@@ -342,7 +350,8 @@ static void test_weights(void **state)
         par.weight_threshold = cases[k].threshold;
         rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
         assert_int_equal(tile->weight_type, cases[k].type);
-        assert_true(tile->weight[5] == 4.f && !isnan(tile->weight[19]));
+        assert_true(tile->weight[5] == 4.f);
+        assert_true(!isnan(tile->weight[19]));
         for (int i = 0; i < W * H; i++)
             assert_int_equal(tile->mask[i], cases[k].masked[i] ? RX_MASK_WEIGHT : 0);
         rx_tile_free(tile);
@@ -372,7 +381,8 @@ static void test_companions(void **state)
     rx_tile_free(tile);
     snprintf(tile_name, sizeof tile_name, "%s[4][1:3,1:2]", map_name); /* same HDU, same section */
     tile = read_tile(&par, tile_name, 4, 1);
-    assert_true(tile->weight[0] == 3.f && tile->weight[1] == 0.f);
+    assert_true(tile->weight[0] == 3.f);
+    assert_true(tile->weight[1] == 0.f);
     rx_tile_free(tile);
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_tile_read(&par, map_name, 4, 7, NULL, &tile, &err), RX_INPUT);
@@ -415,8 +425,10 @@ static void test_flag_bits(void **state)
     par.nflags = 1;
     par.flag_names[0] = in(state, "f.fits");
     rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
-    assert_true(tile->flagmaps[0][1] == 1 && tile->flagmaps[0][2] == UINT32_C(0x80000000));
-    assert_true(tile->flagmaps[0][3] == UINT32_MAX && tile->flagmaps[0][4] == 0x7fffffff);
+    assert_true(tile->flagmaps[0][1] == 1);
+    assert_true(tile->flagmaps[0][2] == UINT32_C(0x80000000));
+    assert_true(tile->flagmaps[0][3] == UINT32_MAX);
+    assert_true(tile->flagmaps[0][4] == 0x7fffffff);
     rx_tile_free(tile);
 }
 

@@ -57,7 +57,8 @@ static void check_real(const char *folder, const struct expected *e)
     assert_true(distance(lon, lat, e->lon, e->lat) < 1e-9);
     assert_true(distance(ra, dec, e->ra, e->dec) < 1e-9);
     rx_wcs_to_pixel(tile->wcs, 1, &e->ra, &e->dec, &x, &y);
-    assert_true(fabs(x - e->x) < 1e-5 && fabs(y - e->y) < 1e-5);
+    assert_true(fabs(x - e->x) < 1e-5);
+    assert_true(fabs(y - e->y) < 1e-5);
     rx_tile_free(tile);
 }
 
@@ -148,8 +149,10 @@ static void test_tan(void **state)
     assert_string_equal(note, "");
     check_against(wcs, linear);
     rx_wcs_matrix(wcs, 499.5, 399.5, m); /* at the reference pixel: CD itself */
-    assert_true(fabs(m[0] + 5.5e-5) < 1e-12 && fabs(m[1] - 1e-6) < 1e-12);
-    assert_true(fabs(m[2] - 1.2e-6) < 1e-12 && fabs(m[3] - 5.4e-5) < 1e-12);
+    assert_true(fabs(m[0] + 5.5e-5) < 1e-12);
+    assert_true(fabs(m[1] - 1e-6) < 1e-12);
+    assert_true(fabs(m[2] - 1.2e-6) < 1e-12);
+    assert_true(fabs(m[3] - 5.4e-5) < 1e-12);
     assert_true(fabs(rx_wcs_pixel_scale(wcs, 499.5, 399.5) - 3600 * sqrt(5.5e-5 * 5.4e-5 + 1.2e-12)) < 1e-6);
     rx_wcs_free(wcs);
 }
@@ -377,7 +380,12 @@ static void test_linear(void **state)
     cards_from("CRVAL1  = 10.0\nCRVAL2  = 20.0\nCRPIX1  = 3.0\nCRPIX2  = 1.0\nCDELT1  = 0.5\nCDELT2  = 2.0",
                &cards);
     assert_int_equal(rx_wcs_linear(cards.data, cards.length / 80, map), 1);
-    assert_true(map[0] == 9 && map[1] == 0.5 && map[2] == 0 && map[3] == 20 && map[4] == 0 && map[5] == 2);
+    assert_true(map[0] == 9);
+    assert_true(map[1] == 0.5);
+    assert_true(map[2] == 0);
+    assert_true(map[3] == 20);
+    assert_true(map[4] == 0);
+    assert_true(map[5] == 2);
     assert_int_equal(rx_wcs_linear(cards.data, 1, map), 0);
     rx_text_free(&cards);
 }

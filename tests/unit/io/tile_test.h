@@ -101,7 +101,8 @@ static inline void compress_to(const char *path, int type, const float *pixels, 
     long axes[2] = {width, height};
     int *integers = malloc((size_t)(width * height) * sizeof *integers);
     float *floats = malloc((size_t)(width * height) * sizeof *floats);
-    assert_true(integers != NULL && floats != NULL);
+    assert_true(integers != NULL);
+    assert_true(floats != NULL);
     for (long i = 0; i < width * height; i++) {
         floats[i] = pixels[i];
         integers[i] = (int)pixels[i];

@@ -76,8 +76,10 @@ static void measures_a_gaussian(void **state)
     assert_near(s->fwhm, 2.3548 * sigma - 1.0 / (4.0 * 2.3548 * sigma), 0.01);
     assert_near(s->flux_iso / flux, 1.0, 0.01);
     assert_near(s->peak, flux / (2.0 * PI * sigma * sigma), 30.0);
-    for (int i = 1; i < RX_NISO; i++)
-        assert_true(s->iso[i] < s->iso[i - 1] && s->iso[i] > 0);
+    for (int i = 1; i < RX_NISO; i++) {
+        assert_true(s->iso[i] < s->iso[i - 1]);
+        assert_true(s->iso[i] > 0);
+    }
     assert_int_equal(s->iso[0], s->isoarea);
     assert_int_equal(s->flags, 0);
     rx_sources_free(sources);
@@ -117,7 +119,8 @@ static void takes_the_sky_off(void **state)
     field_add(&f, 80.0, 60.0, 3.0, 3.0, 100000.0);
     field_add(&f, 95.0, 60.0, 3.0, 3.0, 30000.0);
     float *with_sky = calloc(f.n, sizeof *with_sky), *level = calloc(f.n, sizeof *level);
-    assert_true(with_sky != NULL && level != NULL);
+    assert_true(with_sky != NULL);
+    assert_true(level != NULL);
     f.mask[60 * W + 81] = 1;
     for (size_t k = 0; k < f.n; k++) {
         level[k] = 300.0f + 0.1f * (float)(k % W);
@@ -135,11 +138,14 @@ static void takes_the_sky_off(void **state)
     image.pixels = with_sky;
     image.with_sky = 1;
     assert_int_equal(rx_measure_run(&par, &image, NULL, NULL, b, NULL), RX_OK);
-    assert_true(a->n >= 2 && a->n == b->n);
+    assert_true(a->n >= 2);
+    assert_true(a->n == b->n);
     for (int i = 0; i < a->n; i++) {
-        assert_true(a->list[i].flux_auto > 0 && a->list[i].flux_auto == b->list[i].flux_auto);
+        assert_true(a->list[i].flux_auto > 0);
+        assert_true(a->list[i].flux_auto == b->list[i].flux_auto);
         assert_true(a->list[i].flux_aper[0] == b->list[i].flux_aper[0]);
-        assert_true(a->list[i].fwhm == b->list[i].fwhm && a->list[i].background == b->list[i].background);
+        assert_true(a->list[i].fwhm == b->list[i].fwhm);
+        assert_true(a->list[i].background == b->list[i].background);
         assert_memory_equal(a->list[i].iso, b->list[i].iso, sizeof a->list[i].iso);
     }
     rx_sources_free(a);

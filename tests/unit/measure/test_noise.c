@@ -117,7 +117,9 @@ static void widened_law_has_the_noise_of_the_wider_area(void **state)
     assert_near(rx_noise_law_factor(&wide, law.area[0]) * sqrt(law.area[0]), wide.ratio[0], 1e-9);
     rx_noise_law none = {.scale = 1.0, .power = 0.5};
     rx_noise_law_widen(&none, 40.0);
-    assert_true(none.scale == 1.0 && none.power == 0.5 && rx_noise_law_factor(&none, 9.0) == 1.0);
+    assert_true(none.scale == 1.0);
+    assert_true(none.power == 0.5);
+    assert_true(rx_noise_law_factor(&none, 9.0) == 1.0);
     field_free(&f);
 }
 
@@ -159,8 +161,10 @@ static void law_of_a_correlation_has_the_exact_sums(void **state)
     assert_near(rx_noise_law_factor(&law, 1e6) * sqrt(power), 1.0, 0.02);
     const rx_noise_correlation white = rx_noise_white(RX_NOISE_MEASURED);
     const rx_noise_law none[2] = {rx_noise_law_of(&white), rx_noise_law_of(NULL)};
-    for (int i = 0; i < 2; i++)
-        assert_true(none[i].nradii == 0 && rx_noise_law_factor(&none[i], 50.0) == 1.0);
+    for (int i = 0; i < 2; i++) {
+        assert_true(none[i].nradii == 0);
+        assert_true(rx_noise_law_factor(&none[i], 50.0) == 1.0);
+    }
     field_free(&f);
 }
 

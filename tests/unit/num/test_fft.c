@@ -33,7 +33,9 @@ static void good_sizes(void **state)
     assert_int_equal(rx_fft_good_size(2049), 2058);
     for (int n = 1; n < 5000; n++) {
         int size = rx_fft_good_size(n);
-        assert_true(size >= n && size % 2 == 0 && size <= n + n / 8 + 4);
+        assert_true(size >= n);
+        assert_true(size % 2 == 0);
+        assert_true(size <= n + n / 8 + 4);
     }
     assert_int_equal(rx_fft_good_size(2147483647), 0);
 }
@@ -61,7 +63,8 @@ static void check_against_sum(int width, int height)
                     im -= a * sin(angle);
                 }
             const float *z = half + 2 * ((size_t)u * rx_fft_stride_complex(fft) + v);
-            assert_true(fabs(z[0] - re) < tolerance && fabs(z[1] - im) < tolerance);
+            assert_true(fabs(z[0] - re) < tolerance);
+            assert_true(fabs(z[1] - im) < tolerance);
         }
     rx_fft_inverse(fft, half, back);
     for (int y = 0; y < height; y++)
@@ -158,7 +161,8 @@ static int read_row(void *user, int y, float *line)
 static void write_row(void *user, int y, float *line)
 {
     const planes *p = user;
-    assert_true(y >= FIRST && y < LAST);
+    assert_true(y >= FIRST);
+    assert_true(y < LAST);
     memcpy(p->to + (size_t)y * p->stride, line, ROWS_WIDTH * sizeof *line);
 }
 
@@ -186,7 +190,9 @@ static void by_rows(void **state)
     rx_fft_filter_rows(fft, read_row, kernel, true, other, FIRST, LAST, write_row, &p);
     for (size_t y = FIRST; y < LAST; y++)
         assert_memory_equal(whole + y * stride, part + y * stride, ROWS_WIDTH * sizeof(float));
-    assert_true(part[FIRST * stride] != 0 && part[(FIRST - 1) * stride] == 0 && part[LAST * stride] == 0);
+    assert_true(part[FIRST * stride] != 0);
+    assert_true(part[(FIRST - 1) * stride] == 0);
+    assert_true(part[LAST * stride] == 0);
     free(src);
     free(whole);
     free(part);

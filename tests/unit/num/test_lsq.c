@@ -30,11 +30,15 @@ static void test_line(void **state)
     for (int i = 0; i < 5; i++)
         want += w[i] * (b[i] - x0 - x1 * t[i]) * (b[i] - x0 - x1 * t[i]);
     assert_int_equal(rx_lsq_linear(a, b, w, 5, 2, x, covariance, &chi2, NULL), RX_OK);
-    assert_true(fabs(x[0] - x0) < 1e-12 && fabs(x[1] - x1) < 1e-12 && fabs(chi2 - want) < 1e-12);
-    assert_true(fabs(covariance[0] - stt / det) < 1e-12 && fabs(covariance[1] + st / det) < 1e-12);
+    assert_true(fabs(x[0] - x0) < 1e-12);
+    assert_true(fabs(x[1] - x1) < 1e-12);
+    assert_true(fabs(chi2 - want) < 1e-12);
+    assert_true(fabs(covariance[0] - stt / det) < 1e-12);
+    assert_true(fabs(covariance[1] + st / det) < 1e-12);
     assert_true(fabs(covariance[3] - s / det) < 1e-12);
     assert_int_equal(rx_lsq_linear(a, b, NULL, 2, 2, x, NULL, NULL, NULL), RX_OK);
-    assert_true(fabs(x[0] - 1.1) < 1e-12 && fabs(x[1] - 1.8) < 1e-12);
+    assert_true(fabs(x[0] - 1.1) < 1e-12);
+    assert_true(fabs(x[1] - 1.8) < 1e-12);
 }
 
 static void test_linear_refused(void **state)
@@ -48,7 +52,8 @@ static void test_linear_refused(void **state)
     /* two equal columns: the smallest solution, not an error */
     double twice[6] = {1, 1, 2, 2, 3, 3}, c[3] = {2, 4, 6};
     assert_int_equal(rx_lsq_linear(twice, c, NULL, 3, 2, x, NULL, NULL, NULL), RX_OK);
-    assert_true(fabs(x[0] - 1.0) < 1e-9 && fabs(x[1] - 1.0) < 1e-9);
+    assert_true(fabs(x[0] - 1.0) < 1e-9);
+    assert_true(fabs(x[1] - 1.0) < 1e-9);
 }
 
 /* NIST StRD Misra1a: y = b1 (1 - exp(-b2 x)). */
@@ -81,8 +86,10 @@ static void test_misra1a(void **state)
         rx_lsq_problem problem = {
             .nresiduals = 14, .nparameters = 2, .model = misra, .has_jacobian = analytic, .user = &calls};
         assert_int_equal(rx_lsq_fit(&problem, p, errors, &result, NULL), RX_OK);
-        assert_true(result.converged && calls > 0);
-        assert_true(fabs(p[0] / 2.3894212918e+02 - 1.0) < 1e-6 && fabs(p[1] / 5.5015643181e-04 - 1.0) < 1e-6);
+        assert_true(result.converged);
+        assert_true(calls > 0);
+        assert_true(fabs(p[0] / 2.3894212918e+02 - 1.0) < 1e-6);
+        assert_true(fabs(p[1] / 5.5015643181e-04 - 1.0) < 1e-6);
         assert_true(fabs(result.chi2 / 1.2455138894e-01 - 1.0) < 1e-8);
         /* NIST's deviations carry the residual standard deviation */
         double sigma = sqrt(result.chi2 / 12.0);
@@ -120,7 +127,9 @@ static void test_failures(void **state)
     assert_int_equal(rx_lsq_fit(&problem, p, NULL, &result, NULL), RX_INPUT);
     problem = (rx_lsq_problem){.nresiduals = 4, .nparameters = 2, .model = blind};
     assert_int_equal(rx_lsq_fit(&problem, p, errors, &result, NULL), RX_OK);
-    assert_true(fabs(p[0] - 1.5) < 1e-6 && p[1] == 1.0 && errors[1] == HUGE_VAL);
+    assert_true(fabs(p[0] - 1.5) < 1e-6);
+    assert_true(p[1] == 1.0);
+    assert_true(errors[1] == HUGE_VAL);
     assert_true(fabs(result.chi2 - 5.0) < 1e-9);
 }
 

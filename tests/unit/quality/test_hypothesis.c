@@ -128,22 +128,34 @@ static void samples_without_spread(void **state)
         a[i] = b[i] + 0.1; /* differences agree but for rounding */
     }
     assert_int_equal(rx_test_paired(20, a, b, &test, NULL), RX_OK);
-    assert_true(isinf(test.statistic) && test.statistic > 0 && isinf(test.effect));
-    assert_true(test.p == 0 && isinf(test.ln_p));
+    assert_true(isinf(test.statistic));
+    assert_true(test.statistic > 0);
+    assert_true(isinf(test.effect));
+    assert_true(test.p == 0);
+    assert_true(isinf(test.ln_p));
     assert_near(test.difference.low, 0.1, 1e-14);
     assert_near(test.difference.high, 0.1, 1e-14);
     assert_int_equal(rx_test_paired(20, b, b, &test, NULL), RX_OK);
-    assert_true(test.statistic == 0 && test.p == 1 && test.ln_p == 0 && test.effect == 0);
+    assert_true(test.statistic == 0);
+    assert_true(test.p == 1);
+    assert_true(test.ln_p == 0);
+    assert_true(test.effect == 0);
     for (int i = 0; i < 20; i++) {
         a[i] = 0.1;
         b[i] = 0.7;
     }
     assert_int_equal(rx_test_two_sample(20, a, 15, b, &test, NULL), RX_OK);
-    assert_true(isinf(test.statistic) && test.statistic < 0 && test.p == 0);
+    assert_true(isinf(test.statistic));
+    assert_true(test.statistic < 0);
+    assert_true(test.p == 0);
     assert_int_equal(rx_test_two_sample(20, a, 15, a, &test, NULL), RX_OK);
-    assert_true(test.statistic == 0 && test.p == 1);
+    assert_true(test.statistic == 0);
+    assert_true(test.p == 1);
     assert_int_equal(rx_test_wilcoxon(20, a, a, &test, NULL), RX_OK);
-    assert_true(test.statistic == 0 && test.p == 1 && test.dof == 0 && test.difference.value == 0);
+    assert_true(test.statistic == 0);
+    assert_true(test.p == 1);
+    assert_true(test.dof == 0);
+    assert_true(test.difference.value == 0);
 }
 
 /* A small difference on a large level keeps its digits: the same t as without the level. */
@@ -206,7 +218,9 @@ static void bootstrap_as_scipy(void **state)
     assert_int_equal(rx_paired_bootstrap(70, a, b, 0.95, 1, &again, NULL), RX_OK);
     assert_memory_equal(&e, &again, sizeof e);
     assert_int_equal(rx_paired_bootstrap(RX_BOOTSTRAP_FEWEST - 1, a, b, 0.95, 1, &e, NULL), RX_OK);
-    assert_true(isinf(e.low) && isinf(e.high) && isfinite(e.value));
+    assert_true(isinf(e.low));
+    assert_true(isinf(e.high));
+    assert_true(isfinite(e.value));
 }
 
 /* 95 % intervals hold the truth in 93 % of cases or so for 40 values (bootstrap.h). */
@@ -267,7 +281,8 @@ static void holm_is_the_closed_test(void **state)
         assert_near(found[i], known_adjusted[i], 1e-15);
     double tiny[2] = {1e-300, 0}; /* in place */
     assert_int_equal(rx_holm(2, tiny, tiny, NULL), RX_OK);
-    assert_true(tiny[0] == 1e-300 && tiny[1] == 0);
+    assert_true(tiny[0] == 1e-300);
+    assert_true(tiny[1] == 0);
     assert_int_equal(rx_holm(0, p, found, NULL), RX_OK);
     assert_int_equal(rx_holm(1, &(double){1.5}, found, NULL), RX_INPUT);
     assert_int_equal(rx_holm(1, &(double){NAN}, found, NULL), RX_INPUT);

@@ -334,7 +334,8 @@ static void chance_matches(void **state)
     input.runs = &run;
     evaluate(&par, &input, &e);
     double expected = N * (1 - exp(-N * acos(-1.0) * 4 / 250000.0));
-    assert_true(e.chance < expected && e.chance > 0.88 * expected);
+    assert_true(e.chance < expected);
+    assert_true(e.chance > 0.88 * expected);
     rx_evaluation_free(&e);
 }
 
@@ -365,7 +366,9 @@ static void bins_from_data_and_keys(void **state)
     tmag[0] = -40; /* a wild value widens the bins, never breaks them */
     input.truth.n = 6;
     assert_int_equal(rx_evaluate_bins(&par, &input, &bins, NULL), RX_OK);
-    assert_true(bins.n <= RX_MAX_BINS && bins.edge[0] <= -40 && bins.edge[bins.n] > 20);
+    assert_true(bins.n <= RX_MAX_BINS);
+    assert_true(bins.edge[0] <= -40);
+    assert_true(bins.edge[bins.n] > 20);
     tmag[0] = 18;
 }
 
@@ -385,9 +388,11 @@ static void robust_estimates(void **state)
     assert_near(sigma.high, 1.4826 * 4.5, 1e-12);
     rx_robust_estimates(few, 3, 0.95, &median, &sigma);
     assert_near(median.value, 2, 0);
-    assert_true(isinf(median.low) && isinf(median.high));
+    assert_true(isinf(median.low));
+    assert_true(isinf(median.high));
     rx_robust_estimates(few, 0, 0.95, &median, &sigma);
-    assert_true(isnan(median.value) && isnan(sigma.value));
+    assert_true(isnan(median.value));
+    assert_true(isnan(sigma.value));
 }
 
 int main(void)

@@ -151,10 +151,12 @@ static void ends_of_the_grid_and_the_histogram(void **state)
     assert_int_equal(tally.bin[RX_TALLY_BINS - 1].references, 1);
     rx_tally_errors(&tally.bin[0], &n, &median, &sigma);
     assert_true(n > 0);
-    assert_true(isnan(median) && isnan(sigma));
+    assert_true(isnan(median));
+    assert_true(isnan(sigma));
     rx_tally_errors(&tally.bin[5], &n, &median, &sigma);
     assert_int_equal(n, 0);
-    assert_true(isnan(median) && isnan(sigma));
+    assert_true(isnan(median));
+    assert_true(isnan(sigma));
     rx_tally_free(&tally);
     free(m);
 }

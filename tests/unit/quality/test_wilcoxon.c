@@ -134,7 +134,8 @@ static void median_of_all_pairs(void **state)
             assert_near(test.difference.value, 0.5 * (pair[(m - 1) / 2] + pair[m / 2]), 1e-14);
             assert_int_equal(test.difference.n, n);
             if (rank == 0) {
-                assert_true(isinf(test.difference.low) && isinf(test.difference.high));
+                assert_true(isinf(test.difference.low));
+                assert_true(isinf(test.difference.high));
                 continue;
             }
             assert_near(test.difference.low, pair[rank - 1], 0);
