@@ -94,7 +94,8 @@ static void test_what_is_new(void **state)
 {
     (void)state;
     pair *before = malloc(sizeof *before), *after = malloc(sizeof *after);
-    assert_true(before != NULL && after != NULL);
+    assert_true(before != NULL);
+    assert_true(after != NULL);
     make_pair(before);
     make_pair(after);
     expect_sift(before, after, 0, 0);
@@ -145,7 +146,8 @@ static void count_found(const rx_qa_list *truth, const rx_qa_list *list, double 
 {
     long *partner = calloc((size_t)truth->n + 1, sizeof *partner);
     long *origin = calloc((size_t)list->n + 1, sizeof *origin);
-    assert_true(partner != NULL && origin != NULL);
+    assert_true(partner != NULL);
+    assert_true(origin != NULL);
     assert_int_equal(rx_match(&(rx_match_list){truth->n, truth->x, truth->y, NULL},
                               &(rx_match_list){list->n, list->x, list->y, NULL}, 2.0, partner, origin, NULL),
                      RX_OK);
@@ -239,13 +241,16 @@ static void check_completeness(const char *kind_name)
         double p = (double)truth.found[k] / n, q = (double)injected.found[k] / m;
         double both = (double)(truth.found[k] + injected.found[k] + 1) / (n + m + 2.0);
         double error = sqrt(both * (1.0 - both) * (1.0 / n + 1.0 / m));
-        assert_true(n > 100 && m > 60);
+        assert_true(n > 100);
+        assert_true(m > 60);
         if (!(fabs(p - q) < 4.0 * error))
             fail_msg("%s, bin %d: %.3f +- %.3f of the truth, %.3f of the injected", kind_name, k, p, error,
                      q);
     }
-    assert_true(truth.found[0] > truth.all[0] / 2 && truth.found[BINS - 1] < truth.all[BINS - 1] / 2);
-    assert_true(check.injected_share.value > 0.9 && check.injected_share.high <= 1.0);
+    assert_true(truth.found[0] > truth.all[0] / 2);
+    assert_true(truth.found[BINS - 1] < truth.all[BINS - 1] / 2);
+    assert_true(check.injected_share.value > 0.9);
+    assert_true(check.injected_share.high <= 1.0);
     assert_true(check.mag90.value < check.mag50.value);
     assert_true(check.aperture_bias.n > 50);
     /* RL of 30 iterations has not gathered every faint star to the last percent */
@@ -510,7 +515,9 @@ static void test_blank_below_a_large_galaxy(void **state)
     rx_noise_correlation noise;
     rx_result result;
     bench b;
-    assert_true(pixels != NULL && rms != NULL && segments != NULL);
+    assert_true(pixels != NULL);
+    assert_true(rms != NULL);
+    assert_true(segments != NULL);
     noise_plane(pixels, sigma, 3);
     for (int y = 0; y < SIDE; y++)
         for (int x = 0; x < SIDE; x++) {
@@ -567,7 +574,8 @@ static void test_guard_raises_the_threshold(void **state)
     /* no limit: counted, and left alone */
     rx_pipeline_params params = b.options->pipeline;
     assert_int_equal(rx_blankcheck_guard(&params, none, field, 0.0, &check, NULL), RX_OK);
-    assert_true(params.detect.threshold == asked && check.raised == 1.0);
+    assert_true(params.detect.threshold == asked);
+    assert_true(check.raised == 1.0);
     assert_int_equal(check.realisations, 1);
     assert_int_equal(check.quick, 1);
     assert_int_equal(check.correlated, 1);
@@ -577,7 +585,8 @@ static void test_guard_raises_the_threshold(void **state)
     /* a limit that holds changes nothing */
     const double found = check.rate.value;
     assert_int_equal(rx_blankcheck_guard(&params, none, field, 1.1 * found, &check, NULL), RX_OK);
-    assert_true(params.detect.threshold == asked && check.raised == 1.0);
+    assert_true(params.detect.threshold == asked);
+    assert_true(check.raised == 1.0);
     assert_int_equal(rx_blankcheck_guard(&params, none, field, 20.0, &check, NULL), RX_OK);
     assert_true(check.raised > 1.0);
     assert_near(params.detect.threshold, asked * check.raised, 1e-12);

@@ -31,7 +31,9 @@ static rx_sources *five(int with_planes)
     s->vignets = RX_NEW(float, N *VIGNET);
     s->nassoc = ASSOC;
     s->assoc = RX_NEW(double, N *ASSOC);
-    assert_true(s->segments != NULL && s->vignets != NULL && s->assoc != NULL);
+    assert_true(s->segments != NULL);
+    assert_true(s->vignets != NULL);
+    assert_true(s->assoc != NULL);
     memcpy(s->segments, map, sizeof map);
     for (int k = 0; k < N; k++) {
         s->list[k].vector_assoc = s->assoc + (size_t)k * ASSOC;
@@ -89,7 +91,8 @@ static void a_list_alone_and_an_empty_one(void **state)
     rx_sources *s = five(0);
     assert_int_equal(rx_sources_select(s, keep, NULL), RX_OK);
     assert_int_equal(s->n, 2);
-    assert_true(s->list[0].x == 10 && s->list[1].x == 40);
+    assert_true(s->list[0].x == 10);
+    assert_true(s->list[1].x == 40);
     assert_null(s->list[0].vector_assoc);
     s->n = 0;
     assert_int_equal(rx_sources_select(s, keep, NULL), RX_OK);

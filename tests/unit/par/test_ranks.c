@@ -282,7 +282,9 @@ static void the_sum_of_one_is_itself(void **state)
     rx_ranks *ranks = start(2, echo, NULL);
     assert_int_equal(rx_ranks_sum(ranks, values, 2, NULL), RX_OK);
     assert_int_equal(rx_ranks_sum_double(ranks, more, 1, NULL), RX_OK);
-    assert_true(values[0] == 1.5f && values[1] == -2 && more[0] == 0.25);
+    assert_true(values[0] == 1.5f);
+    assert_true(values[1] == -2);
+    assert_true(more[0] == 0.25);
     rx_ranks_stop(ranks);
     rx_ranks_stop(NULL);
 }

@@ -47,7 +47,10 @@ rx_tile *bench_tile(const float *pixels, int width, int height, double gain)
                       .saturation = HUGE_VAL,
                       .zeropoint = 25.0,
                       .pixel_scale = 1.0};
-    assert_true(tile->name != NULL && tile->extname != NULL && tile->pixels != NULL && tile->mask != NULL);
+    assert_true(tile->name != NULL);
+    assert_true(tile->extname != NULL);
+    assert_true(tile->pixels != NULL);
+    assert_true(tile->mask != NULL);
     memcpy(tile->pixels, pixels, n * sizeof(float));
     return tile;
 }

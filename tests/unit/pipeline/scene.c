@@ -46,7 +46,9 @@ void scene_make(scene *dst, int width, int height, int nstars, uint64_t seed)
     dst->pixels = RX_NEW(float, n);
     dst->weights = RX_NEW(float, n);
     dst->stars = rx_alloc((size_t)nstars, sizeof *dst->stars);
-    assert_true(dst->pixels != NULL && dst->weights != NULL && dst->stars != NULL);
+    assert_true(dst->pixels != NULL);
+    assert_true(dst->weights != NULL);
+    assert_true(dst->stars != NULL);
     for (size_t i = 0; i < n; i++) {
         dst->pixels[i] = (float)(SKY + NOISE * rx_random_normal(seed, 0, i));
         dst->weights[i] = 1.0f;

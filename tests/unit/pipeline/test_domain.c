@@ -173,7 +173,8 @@ static void test_inside(void **state)
     assert_int_equal(h.size, 0);
     assert_int_equal(domain.place, RX_DOMAIN_INSIDE);
     assert_ptr_equal(domain.bin, &b.options->model->bins[0]);
-    assert_true(domain.fwhm == 3.5 && domain.noise == 4);
+    assert_true(domain.fwhm == 3.5);
+    assert_true(domain.noise == 4);
     assert_string_equal(kind->name, "NET");
     rx_domain_facts(&domain, &facts);
     static const char *const expected[][2] = {
@@ -189,7 +190,9 @@ static void test_inside(void **state)
     assert_non_null(
         strstr(text.data, "promises a loss of 0.25, recall 0.91, flux bias -1.25 %, scatter 3.4 %"));
     assert_ptr_equal(rx_domain_promise(&domain, &promise), &promise);
-    assert_true(promise.inside && promise.scatter == 100 * 0.034 && promise.noise_bin[1] == 10);
+    assert_true(promise.inside);
+    assert_true(promise.scatter == 100 * 0.034);
+    assert_true(promise.noise_bin[1] == 10);
     rx_record_free(&facts);
     rx_text_free(&text);
     free(h.text);
@@ -513,7 +516,8 @@ static void test_copies(void **state)
     open_bench(&b, RX_MODE_INFORMED, settings);
     rx_field *field = make_field(&b);
     assert_int_equal(rx_domain_noise(field, &tile, NULL), RX_OK);
-    assert_true(tile > 0.125 && tile < 40);
+    assert_true(tile > 0.125);
+    assert_true(tile < 40);
     assert_int_equal(
         rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL, &result, NULL),
         RX_OK);
@@ -633,7 +637,10 @@ static void test_marks_by_source(void **state)
             if (!dark && fabs(peak - 40) > 8) /* the noise is measured to some percent, and its correlation */
                 assert_int_equal(is, peak > 40);
             if (dark && is) /* where stars are bright the box is not dark */
-                assert_true(source->x < 63.5 && source->y < 63.5);
+            {
+                assert_true(source->x < 63.5);
+                assert_true(source->y < 63.5);
+            }
         }
         assert_int_equal(result.outside, marked);
         assert_true(dark ? sunk > 0 : bright > 2);

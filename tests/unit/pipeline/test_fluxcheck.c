@@ -42,7 +42,8 @@ static void setup(bench *b, int nstars, float factor)
     scene_make(&b->scene, SIDE, SIDE, nstars, 11);
     b->scaled = RX_NEW(float, n);
     b->sigma = RX_NEW(float, n);
-    assert_true(b->scaled != NULL && b->sigma != NULL);
+    assert_true(b->scaled != NULL);
+    assert_true(b->sigma != NULL);
     for (size_t i = 0; i < n; i++) {
         b->scene.pixels[i] -= 1000.0f;
         b->scaled[i] = factor * b->scene.pixels[i];
@@ -94,8 +95,10 @@ static void a_known_factor_is_found(void **state)
     assert_near(check.wide, 1.02, 1e-5);
     assert_near(check.wide_error, 0.0, 1e-5);
     /* AUTO holds 94 % of a star and more (SExtractor manual), never more than all of it */
-    assert_true(check.automatic > 0.92 * 1.02 && check.automatic < 1.02);
-    assert_true(check.automatic_error > 0.0 && check.automatic_error < 0.02);
+    assert_true(check.automatic > 0.92 * 1.02);
+    assert_true(check.automatic < 1.02);
+    assert_true(check.automatic_error > 0.0);
+    assert_true(check.automatic_error < 0.02);
     teardown(&b);
 }
 

@@ -51,7 +51,8 @@ static void the_curve_is_the_ratio_of_two_densities(void **state)
     assert_int_equal(rx_preal_doubtful(&preal, limit * limit - 0.01), 1);
     assert_int_equal(rx_preal_doubtful(&preal, limit * limit + 0.01), 0);
     const rx_preal empty = bright_tile(0); /* one peak of 4 sigma in a million pixels of nothing is noise */
-    assert_true(rx_preal_of(&empty, 16) < 0.05 && rx_preal_of(&empty, 36) > 0.9);
+    assert_true(rx_preal_of(&empty, 16) < 0.05);
+    assert_true(rx_preal_of(&empty, 36) > 0.9);
 }
 
 /* n(s) = density(s) * detected(s) sources between 2.8 and 12 sigma, evenly by their own distribution. */
@@ -88,12 +89,15 @@ static void noise_of_the_tile_sets_it_right(void **state)
 {
     (void)state;
     double *tile = malloc(4000 * sizeof *tile), *noise = malloc(4000 * sizeof *noise);
-    assert_true(tile != NULL && noise != NULL);
+    assert_true(tile != NULL);
+    assert_true(noise != NULL);
     const double pixels = 3e6;
     rx_preal_sample all = {.evidence = tile, .pixels = 4e6}, peaks = {.evidence = noise, .pixels = pixels};
     all.n = draw(both, all.pixels, tile);
     peaks.n = draw(own_noise, pixels, noise);
-    assert_true(all.n < 4000 && peaks.n < 4000 && peaks.n > 50);
+    assert_true(all.n < 4000);
+    assert_true(peaks.n < 4000);
+    assert_true(peaks.n > 50);
     rx_preal preal = rx_preal_default(tile, all.n, all.pixels, FWHM);
     double before = 0, after = 0;
     const rx_preal first = preal;

@@ -106,7 +106,8 @@ static void test_what_is_not(void **state)
     memset(mask, 1, sizeof mask);
     r = judge(&image, 1);
     assert_int_equal(r.cells, 0);
-    assert_true(isnan(r.share) && isnan(r.dark));
+    assert_true(isnan(r.share));
+    assert_true(isnan(r.dark));
     assert_false(rx_residual_is_large(r.share));
     assert_false(rx_residual_is_dark(r.dark));
     rx_residual_free(&r);

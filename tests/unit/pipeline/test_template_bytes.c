@@ -31,7 +31,8 @@ static void assert_same(const desk *a, const desk *b)
     assert_memory_equal(one->pairs, two->pairs, (size_t)one->npairs * sizeof *one->pairs);
     assert_memory_equal(one->model, two->model, AREA * sizeof(float));
     assert_memory_equal(one->residual, two->residual, AREA * sizeof(float));
-    assert_true(a->fit.chi2 == b->fit.chi2 && a->fit.added == b->fit.added);
+    assert_true(a->fit.chi2 == b->fit.chi2);
+    assert_true(a->fit.added == b->fit.added);
 }
 
 /* A crowded tile with a masked column, a hole and a saturated core; what stands there is drawn with `seed`.
@@ -144,11 +145,16 @@ static void check_rows(const rx_table *table, const rx_sources *sources, int com
         const long i = (long)cell(table, "NUMBER_1", row), j = (long)cell(table, "NUMBER_2", row);
         const double covariance = cell(table, "COVAR_TEMPLATE", row);
         const double correlation = cell(table, "CORREL_TEMPLATE", row);
-        assert_true(i >= 1 && i <= sources->n && j >= 1 && j <= sources->n && i != j);
+        assert_true(i >= 1);
+        assert_true(i <= sources->n);
+        assert_true(j >= 1);
+        assert_true(j <= sources->n);
+        assert_true(i != j);
         const rx_source_template *a = &sources->list[i - 1].fit, *b = &sources->list[j - 1].fit;
         assert_int_equal(cell(table, "EXT_NUMBER", row), 3);
         assert_int_equal(a->group, b->group);
-        assert_true(correlation >= -1 && correlation <= 1);
+        assert_true(correlation >= -1);
+        assert_true(correlation <= 1);
         assert_true(fabs(correlation * a->fluxerr * b->fluxerr - covariance) <= 1e-9 * fabs(covariance));
         largest[i] = fmax(largest[i], fabs(correlation));
         largest[j] = fmax(largest[j], fabs(correlation));
@@ -183,14 +189,17 @@ static void covariances_as_a_table(void **state)
         rows[dropped] = table->nrows;
         if (!dropped)
             assert_int_equal(table->nrows, d.fit.tphot->npairs);
-        else
-            assert_true(d.fit.dropped > 10 && d.result.sources->n > 20);
+        else {
+            assert_true(d.fit.dropped > 10);
+            assert_true(d.result.sources->n > 20);
+        }
         check_rows(table, d.result.sources, !dropped);
         rx_table_free(table);
         desk_close(&d);
         scene_free(&s);
     }
-    assert_true(rows[1] > 0 && rows[0] > rows[1]);
+    assert_true(rows[1] > 0);
+    assert_true(rows[0] > rows[1]);
 }
 
 int main(void)

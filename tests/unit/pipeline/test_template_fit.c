@@ -69,19 +69,23 @@ static void check_fluxes(const char *kind)
             if (fabs(p) > 4.5)
                 fail_msg("%s: flux %g +- %g of a star of %g", kind, found->fit.flux, found->fit.fluxerr,
                          s.stars[k][2]);
-            assert_true(found->fit.snr > 10 && found->fit.chi2 > 0.3 && found->fit.chi2 < 2.5);
+            assert_true(found->fit.snr > 10);
+            assert_true(found->fit.chi2 > 0.3);
+            assert_true(found->fit.chi2 < 2.5);
             assert_true(fabs(found->fit.snr - found->fit.flux / found->fit.fluxerr) < 1e-9 * found->fit.snr);
             assert_int_equal(found->fit.restore & ~RX_RESTORE_ADDED, 0);
             power += p * p;
             sum += p;
             n++;
         }
-        assert_true(d.fit.chi2 > 0.9 && d.fit.chi2 < 1.5); /* a pair taken for one leaves something */
+        assert_true(d.fit.chi2 > 0.9);
+        assert_true(d.fit.chi2 < 1.5); /* a pair taken for one leaves something */
         assert_near(d.fit.fwhm, FWHM, 0.1);
         scene_free(&s);
         desk_close(&d);
     }
-    assert_true(n > 30 && crowded > 6);
+    assert_true(n > 30);
+    assert_true(crowded > 6);
     if (sqrt(power / n) < 0.6 || sqrt(power / n) > 1.5 || fabs(sum / n) > 0.4)
         fail_msg("%s: pulls of %d stars have rms %g and mean %g", kind, n, sqrt(power / n), sum / n);
 }
@@ -121,7 +125,8 @@ static void what_the_list_lacks_is_added(void **state)
             assert_ptr_equal(found, &list->list[before]);
             assert_true(fabs(pull(found, STARS[3][2])) < 4);
             assert_int_equal(found->fit.restore, RX_RESTORE_ADDED);
-            assert_true((found->fit.flags & RX_TPHOT_EXTRA) != 0 && (found->flags & RX_FLAG_MERGED) != 0);
+            assert_true((found->fit.flags & RX_TPHOT_EXTRA) != 0);
+            assert_true((found->flags & RX_FLAG_MERGED) != 0);
             assert_int_equal(found->number, before + 1);
             assert_int_equal(list->segments[found->ypeak * SIDE + found->xpeak], found->segment);
             assert_true(found->detection_snr == 0);
@@ -149,10 +154,14 @@ static void a_merged_neighbour_is_added(void **state)
     assert_int_equal(d.fit.added, 1);
     const rx_source *bright = desk_fitted(d.result.sources, 100.3, 99.6);
     const rx_source *faint = desk_fitted(d.result.sources, 107.2, 101.1);
-    assert_true(bright != NULL && faint != NULL && bright != faint);
-    assert_true(fabs(pull(bright, 2e4)) < 4 && fabs(pull(faint, 2e3)) < 4);
+    assert_true(bright != NULL);
+    assert_true(faint != NULL);
+    assert_true(bright != faint);
+    assert_true(fabs(pull(bright, 2e4)) < 4);
+    assert_true(fabs(pull(faint, 2e3)) < 4);
     assert_int_equal(bright->fit.group, faint->fit.group);
-    assert_true(bright->fit.blend > 0 && faint->fit.blend >= 0.999 * bright->fit.blend);
+    assert_true(bright->fit.blend > 0);
+    assert_true(faint->fit.blend >= 0.999 * bright->fit.blend);
     desk_close(&d);
     scene_free(&s);
 }
@@ -197,7 +206,8 @@ static void a_crowd_without_noise_is_bounded_and_marked(void **state)
     assert_int_equal(d.fit.unknown_noise, 1);
     for (int i = 0; i < list->n; i++) {
         assert_false(fabs(list->list[i].fit.flux) > 1e3 * brightest);
-        assert_true((list->list[i].fit.restore & RX_RESTORE_UNTESTED) != 0 && isnan(list->list[i].fit.preal));
+        assert_true((list->list[i].fit.restore & RX_RESTORE_UNTESTED) != 0);
+        assert_true(isnan(list->list[i].fit.preal));
     }
     desk_close(&d);
     scene_free(&s);
@@ -212,7 +222,9 @@ static double flux_off(const rx_psf *psf, double fwhm)
     assert_int_equal(rx_psf_moffat(fwhm, 4.765, 1, 0, 2 * HALF + 31, &truth, NULL), RX_OK);
     float *a = RX_NEW(float, (size_t)psf->size *(size_t)psf->size),
           *b = RX_NEW(float, (size_t)truth->size *(size_t)truth->size);
-    assert_true(a != NULL && b != NULL && psf->size > 2 * HALF);
+    assert_true(a != NULL);
+    assert_true(b != NULL);
+    assert_true(psf->size > 2 * HALF);
     rx_psf_at(psf, 0.5 * (SIDE - 1), 0.5 * (SIDE - 1), a);
     rx_psf_at(truth, 0.5 * (SIDE - 1), 0.5 * (SIDE - 1), b);
     for (int v = -HALF; v <= HALF; v++)
@@ -289,9 +301,12 @@ static void a_crowd_is_looked_at_again(void **state)
         desk_fit(&d[i], NULL);
         found[i] = found_stars(&s, d[i].result.sources, &others[i]);
     }
-    assert_true(d[0].fit.tphot->crowded == 0 && d[1].fit.tphot->crowded == 1);
-    assert_true(d[0].fit.tphot->passes <= 2 && d[1].fit.tphot->passes > 2);
-    assert_true(found[0] < 0.6 * s.nstars && found[1] > 0.93 * s.nstars);
+    assert_true(d[0].fit.tphot->crowded == 0);
+    assert_true(d[1].fit.tphot->crowded == 1);
+    assert_true(d[0].fit.tphot->passes <= 2);
+    assert_true(d[1].fit.tphot->passes > 2);
+    assert_true(found[0] < 0.6 * s.nstars);
+    assert_true(found[1] > 0.93 * s.nstars);
     assert_true(others[1] < 0.05 * s.nstars);
     assert_near(d[1].fit.chi2 / d[0].fit.chi2, 0.18, 0.17);
     const rx_sources *one = d[1].result.sources, *two = d[2].result.sources;
@@ -475,7 +490,9 @@ static void forced_photometry(void **state)
             if (fabs(b->fit.flux - 0.4 * a->fit.flux) > 4 * hypot(error, 2e-3 * b->fit.flux))
                 fail_msg("%s: source %d has %g and %g +- %g", kinds[turn], k, a->fit.flux, b->fit.flux,
                          error);
-            assert_true(a->fit.x == b->fit.x && a->fit.y == b->fit.y && a->fit.radius == b->fit.radius);
+            assert_true(a->fit.x == b->fit.x);
+            assert_true(a->fit.y == b->fit.y);
+            assert_true(a->fit.radius == b->fit.radius);
             assert_near(a->fit.ratio, b->fit.ratio, 1e-9);
             assert_true(cos(2 * (a->fit.theta - b->fit.theta)) > 1 - 1e-9);
             assert_true(b->fit.fluxerr > 1.1 * a->fit.fluxerr); /* the wider PSF takes in more sky */
@@ -519,8 +536,13 @@ static void without_a_psf(void **state)
         assert_int_equal(d.result.sources->n, NSTARS);
         for (int i = 0; i < NSTARS; i++) {
             const rx_source_template *fit = &d.result.sources->list[i].fit;
-            assert_true(isnan(fit->flux) && isnan(fit->fluxerr) && isnan(fit->snr) && isnan(fit->x));
-            assert_true(fit->group == 0 && fit->flags == 0 && fit->restore == RX_RESTORE_UNTESTED);
+            assert_true(isnan(fit->flux));
+            assert_true(isnan(fit->fluxerr));
+            assert_true(isnan(fit->snr));
+            assert_true(isnan(fit->x));
+            assert_true(fit->group == 0);
+            assert_true(fit->flags == 0);
+            assert_true(fit->restore == RX_RESTORE_UNTESTED);
         }
         rx_table *table = NULL;
         assert_int_equal(rx_template_table(NULL, d.result.sources, 1, &table, NULL), RX_OK);
@@ -552,8 +574,13 @@ static void nothing_to_fit(void **state)
         desk_fit(&d, NULL);
         assert_int_equal(d.result.sources->n, 0);
         assert_int_equal(d.fit.added + d.fit.invented + d.fit.dropped, 0);
-        assert_true(turn == 0 ? fabs(d.fit.chi2 - 1) < 0.05 && d.fit.per_mpixel == 0
-                              : isnan(d.fit.chi2) && isnan(d.fit.per_mpixel));
+        if (turn == 0) {
+            assert_near(d.fit.chi2, 1, 0.05);
+            assert_near(d.fit.per_mpixel, 0, 0);
+        } else {
+            assert_true(isnan(d.fit.chi2));
+            assert_true(isnan(d.fit.per_mpixel));
+        }
         assert_int_equal(rx_template_table(d.fit.tphot, d.result.sources, 1, &table, NULL), RX_OK);
         assert_int_equal(table->nrows, 0);
         rx_table_free(table);

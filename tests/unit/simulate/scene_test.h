@@ -50,9 +50,15 @@ static inline double distance_to_uniform(double *values, long n)
 static inline void assert_same(const rx_object *a, const rx_object *b, long n)
 {
     for (long i = 0; i < n; i++) {
-        assert_true(a[i].type == b[i].type && a[i].x == b[i].x && a[i].y == b[i].y && a[i].mag == b[i].mag);
-        assert_true(a[i].flux == b[i].flux && a[i].radius == b[i].radius && a[i].angle == b[i].angle);
-        assert_true(a[i].bulge_share == b[i].bulge_share && a[i].arm_phase == b[i].arm_phase);
+        assert_true(a[i].type == b[i].type);
+        assert_true(a[i].x == b[i].x);
+        assert_true(a[i].y == b[i].y);
+        assert_true(a[i].mag == b[i].mag);
+        assert_true(a[i].flux == b[i].flux);
+        assert_true(a[i].radius == b[i].radius);
+        assert_true(a[i].angle == b[i].angle);
+        assert_true(a[i].bulge_share == b[i].bulge_share);
+        assert_true(a[i].arm_phase == b[i].arm_phase);
     }
 }
 

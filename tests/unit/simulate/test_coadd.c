@@ -319,8 +319,10 @@ static void frames_are_a_latin_square(void **state)
             assert_int_equal(f.depth != 1.0, uneven && k > 0);
             assert_between(f.depth, 0.5, 2.0);
         }
-        for (int part = 0; part < 8; part++)
-            assert_true(seen_x[part] == 1 && seen_y[part] == 1);
+        for (int part = 0; part < 8; part++) {
+            assert_true(seen_x[part] == 1);
+            assert_true(seen_y[part] == 1);
+        }
         assert_int_equal(cut, uneven ? 7 : 0);
     }
 }
@@ -351,7 +353,8 @@ static void threads_change_no_byte(void **state)
         assert_memory_equal(one.image, two.image, 90 * 90 * sizeof(float));
         assert_memory_equal(one.weight, two.weight, 90 * 90 * sizeof(float));
         assert_memory_equal(one.defects, two.defects, 90 * 90);
-        assert_true(one.sigma == two.sigma && one.wide == two.wide);
+        assert_true(one.sigma == two.sigma);
+        assert_true(one.wide == two.wide);
         free_coadd(&one);
         free_coadd(&two);
     }

@@ -80,7 +80,9 @@ static void test_normal_moments(void **state)
     assert_true(fabs(m2 - n) < 4.5 * root * sqrt(2.0));
     assert_true(fabs(m3) < 4.5 * root * sqrt(15.0));
     assert_true(fabs(m4 - 3.0 * n) < 4.5 * root * sqrt(96.0));
-    assert_true(fabs(next) < 4.5 * root && fabs(second) < 4.5 * root && fabs(row) < 4.5 * root);
+    assert_true(fabs(next) < 4.5 * root);
+    assert_true(fabs(second) < 4.5 * root);
+    assert_true(fabs(row) < 4.5 * root);
     assert_true(fabs(squares) < 4.5 * root * 2.0);
     /* Kolmogorov and Smirnov: sqrt(n) D < 2 but once in 3000 */
     qsort(z, (size_t)n, sizeof *z, by_value);
@@ -95,7 +97,10 @@ static void test_normal_moments(void **state)
     for (long i = 0; i < n; i++)
         beyond += fabsf(z[i]) > 4.0f;
     assert_true(fabs(beyond - n * erfc(4.0 * M_SQRT1_2)) < 5.0 * sqrt(n * erfc(4.0 * M_SQRT1_2)));
-    assert_true(fabsf(z[0]) > 4.5f && fabsf(z[n - 1]) > 4.5f && fabsf(z[0]) < 6.8f && fabsf(z[n - 1]) < 6.8f);
+    assert_true(fabsf(z[0]) > 4.5f);
+    assert_true(fabsf(z[n - 1]) > 4.5f);
+    assert_true(fabsf(z[0]) < 6.8f);
+    assert_true(fabsf(z[n - 1]) < 6.8f);
     free(z);
 }
 
@@ -138,7 +143,8 @@ static void test_poisson(void **state)
         double step = fmax(1.0, floor(9.0 * width / BINS)), low = fmax(0.0, floor(mean - 4.5 * width));
         for (uint64_t i = 0; i < N; i++) {
             double k = rx_noise_poisson(mean, 3, (uint64_t)m, i);
-            assert_true(k >= 0.0 && k == floor(k));
+            assert_true(k >= 0.0);
+            assert_true(k == floor(k));
             sum += k - mean, square += (k - mean) * (k - mean);
             double bin = floor((k - low) / step);
             counts[bin < 0.0 ? 0 : bin >= BINS ? BINS + 1 : (int)bin + 1]++;
@@ -163,7 +169,8 @@ static void test_poisson(void **state)
         assert_true(used >= 2);
         assert_true(chi2 < used - 1 + 4.5 * sqrt(2.0 * (used - 1)) + 8.0);
     }
-    assert_true(rx_noise_poisson(0.0, 1, 2, 3) == 0.0 && rx_noise_poisson(-5.0, 1, 2, 3) == 0.0);
+    assert_true(rx_noise_poisson(0.0, 1, 2, 3) == 0.0);
+    assert_true(rx_noise_poisson(-5.0, 1, 2, 3) == 0.0);
     assert_true(rx_noise_poisson(NAN, 1, 2, 3) == 0.0);
     assert_true(fabs(rx_noise_poisson(1e14, 1, 2, 3) - 1e14) < 6e7);
     assert_true(rx_noise_poisson(50.0, 1, 2, 3) == rx_noise_poisson(50.0, 1, 2, 3));
@@ -337,7 +344,8 @@ static void test_cosmic_rays(void **state)
     /* the mean of 1 + 0.15 l is 1.19; the mean path is 4/3 of the depth, 2 pixels of 1200 electrons */
     double hits = rate * PIXELS * 1e-6, wanted = hits * 1.19 * 1200.0 * 2.0 * 4.0 / 3.0;
     assert_true(fabs(charge / wanted - 1.0) < 4.0 * 1.2 / sqrt(hits));
-    assert_true(hit > hits && hit < 6.0 * hits);
+    assert_true(hit > hits);
+    assert_true(hit < 6.0 * hits);
     drop(&e);
 }
 
@@ -362,13 +370,16 @@ static void test_one_track(void **state)
             }
         }
         assert_true(fabs(sum - 300.0) < 1e-3);
-        assert_true(fabs(x / sum - 0.5 * ray.dx) < 0.5 && fabs(y / sum - 0.5 * ray.dy) < 0.5);
+        assert_true(fabs(x / sum - 0.5 * ray.dx) < 0.5);
+        assert_true(fabs(y / sum - 0.5 * ray.dy) < 0.5);
     }
     /* runs out of the image */
     float row[5] = {0.0f};
     rx_cosmic_ray out = {3.0, 0.0, 4.0, 0.0, 400.0};
     rx_cosmic_ray_add(&out, 1.0, 5, 1, row, NULL, 0);
-    assert_true(fabsf(row[3] - 50.0f) < 1e-3f && fabsf(row[4] - 100.0f) < 1e-3f && row[2] == 0.0f);
+    assert_true(fabsf(row[3] - 50.0f) < 1e-3f);
+    assert_true(fabsf(row[4] - 100.0f) < 1e-3f);
+    assert_true(row[2] == 0.0f);
 }
 
 /* Lengths and angles of many: P(length > l) = 1 / (1 + (l / depth)^2)^2. */
@@ -383,13 +394,18 @@ static void test_track_distribution(void **state)
         rx_cosmic_ray ray;
         rx_cosmic_ray_make(1, 2, k, 100, 50, &ray);
         double length = hypot(ray.dx, ray.dy);
-        assert_true(ray.x >= -0.5 && ray.x < 99.5 && ray.y >= -0.5 && ray.y < 49.5 && ray.charge > 0.0);
+        assert_true(ray.x >= -0.5);
+        assert_true(ray.x < 99.5);
+        assert_true(ray.y >= -0.5);
+        assert_true(ray.y < 49.5);
+        assert_true(ray.charge > 0.0);
         assert_true(length <= RX_COSMIC_LONGEST * (1.0 + 1e-12));
         cosine += ray.dx / length, sine += ray.dy / length;
         for (int l = 0; l < 5; l++)
             longer[l] += length > lengths[l];
     }
-    assert_true(fabs(cosine) < 4.5 * sqrt(0.5 * N) && fabs(sine) < 4.5 * sqrt(0.5 * N));
+    assert_true(fabs(cosine) < 4.5 * sqrt(0.5 * N));
+    assert_true(fabs(sine) < 4.5 * sqrt(0.5 * N));
     for (int l = 0; l < 5; l++) {
         double p = pow(1.0 + pow(lengths[l] / RX_COSMIC_DEPTH, 2), -2);
         assert_true(fabs(longer[l] - p * N) < 4.5 * sqrt(p * (1.0 - p) * N) + 1.0);

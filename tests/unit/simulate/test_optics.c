@@ -92,7 +92,9 @@ static void test_sampling(void **state)
         rx_optics_free(o);
     }
     rx_optics *narrow = make_moffat(&(theory){0.5, 4.765, 1.0, 0.0}, 0.0, 10, 10);
-    assert_true(narrow->grid >= 5 && narrow->grid % 2 == 1 && narrow->oversampling % 2 == 1);
+    assert_true(narrow->grid >= 5);
+    assert_true(narrow->grid % 2 == 1);
+    assert_true(narrow->oversampling % 2 == 1);
     rx_optics_free(narrow);
 }
 
@@ -176,8 +178,9 @@ static void test_on_pixels_is_the_psf(void **state)
         for (int i = 0; i < got->size * got->size; i++)
             assert_true(fabsf(got->basis[i] - want->basis[i]) <
                         2e-6f * want->basis[got->size * got->size / 2]);
-        assert_true(got->fwhm == want->fwhm && got->beta == want->beta &&
-                    got->ellipticity == want->ellipticity);
+        assert_true(got->fwhm == want->fwhm);
+        assert_true(got->beta == want->beta);
+        assert_true(got->ellipticity == want->ellipticity);
         rx_psf_free(got);
         rx_psf_free(want);
         rx_optics_free(o);
@@ -200,7 +203,8 @@ static void test_gauss(void **state)
                 sum += v, xx += v * x * x, yy += v * y * y, xy += v * x * y;
             }
         assert_true(fabs(sum / (o->oversampling * o->oversampling) - 1.0) < 1e-5);
-        assert_true(fabs(xx / sum / want - 1.0) < 1e-4 && fabs(yy / sum / want - 1.0) < 1e-4);
+        assert_true(fabs(xx / sum / want - 1.0) < 1e-4);
+        assert_true(fabs(yy / sum / want - 1.0) < 1e-4);
         assert_true(fabs(xy / sum) < 1e-6);
         rx_optics_free(o);
     }

@@ -26,7 +26,8 @@ static void test_uniform_places(void **state)
             u[i] = (scene->objects[i].x + 0.5 + par.margin) / (1024.0 + 2.0 * par.margin);
             v[i] = (scene->objects[i].y + 0.5 + par.margin) / (512.0 + 2.0 * par.margin);
         }
-        assert_true(distance_to_uniform(u, 10000) < 0.0163 && distance_to_uniform(v, 10000) < 0.0163);
+        assert_true(distance_to_uniform(u, 10000) < 0.0163);
+        assert_true(distance_to_uniform(v, 10000) < 0.0163);
         free(u);
         free(v);
         rx_scene_free(scene);
@@ -84,7 +85,9 @@ static void test_pairs(void **state)
             continue;
         const rx_object *other = &scene->objects[at++];
         double distance = hypot(other->x - o->x, other->y - o->y);
-        assert_true(distance >= 2.0 && distance <= 4.0 && fabs(other->mag - o->mag) <= 0.5);
+        assert_true(distance >= 2.0);
+        assert_true(distance <= 4.0);
+        assert_true(fabs(other->mag - o->mag) <= 0.5);
         assert_true(fabs(other->flux / o->flux - pow(10.0, 0.4 * (o->mag - other->mag))) < 1e-12);
         separation[pairs++] = (distance - 2.0) / 2.0;
     }
@@ -102,7 +105,8 @@ static void test_least_distance(void **state)
     par.clustering = 0.5;
     par.least_distance = 12.0;
     rx_scene *scene = make(&par, NULL);
-    assert_true(scene->n > 250 && scene->n + scene->left_out == 300);
+    assert_true(scene->n > 250);
+    assert_true(scene->n + scene->left_out == 300);
     for (long i = 0; i < scene->n; i++)
         for (long j = 0; j < i; j++)
             assert_true(hypot(scene->objects[i].x - scene->objects[j].x,
@@ -128,7 +132,9 @@ static void test_least_distance(void **state)
     par.width = par.height = 30;
     par.least_distance = 20.0;
     scene = make(&par, NULL);
-    assert_true(scene->n >= 2 && scene->n < 8 && scene->left_out == 300 - scene->n);
+    assert_true(scene->n >= 2);
+    assert_true(scene->n < 8);
+    assert_true(scene->left_out == 300 - scene->n);
     rx_scene_free(scene);
 }
 
@@ -172,13 +178,17 @@ static void test_allowed(void **state)
     assert_true(scene->n > 250);
     for (long i = 0; i < scene->n; i++) {
         long x = lround(scene->objects[i].x), y = lround(scene->objects[i].y);
-        assert_true(x >= 700 && x < 800 && y >= 100 && y < 140);
+        assert_true(x >= 700);
+        assert_true(x < 800);
+        assert_true(y >= 100);
+        assert_true(y < 140);
     }
     rx_scene_free(scene);
     memset(map, 0, (size_t)par.width * (size_t)par.height);
     par.pair_share = 0.0;
     scene = make(&par, NULL);
-    assert_true(scene->n == 0 && scene->left_out == 300);
+    assert_true(scene->n == 0);
+    assert_true(scene->left_out == 300);
     rx_scene_free(scene);
     free(map);
 }

@@ -78,7 +78,8 @@ static void test_independent(void **state)
         other.seed += k == 0;
         other.stream += k == 1;
         again = make(&other, NULL);
-        assert_true(again->objects[0].x != few->objects[0].x && again->objects[0].mag != few->objects[0].mag);
+        assert_true(again->objects[0].x != few->objects[0].x);
+        assert_true(again->objects[0].mag != few->objects[0].mag);
         rx_scene_free(again);
     }
     /* two populations have nothing in common: correlation of positions, 1 sigma 0.1 */
@@ -104,14 +105,20 @@ static void test_galaxies(void **state)
     for (long i = 0; i < scene->n; i++) {
         const rx_object *o = &scene->objects[i];
         size[i] = log(o->radius * 0.4);
-        assert_true(o->bulge_share >= 0.0 && o->bulge_share <= 1.0 && o->bulge_share + o->bar_share <= 1.0);
-        assert_true(o->ratio > 0.15 && o->ratio < 1.0 && fabs(o->angle) < 1.571);
+        assert_true(o->bulge_share >= 0.0);
+        assert_true(o->bulge_share <= 1.0);
+        assert_true(o->bulge_share + o->bar_share <= 1.0);
+        assert_true(o->ratio > 0.15);
+        assert_true(o->ratio < 1.0);
+        assert_true(fabs(o->angle) < 1.571);
         whole += o->bulge_share == 1.0 && o->bulge_n >= 2.5;
         flat += o->bulge_share == 1.0 && o->bulge_n < 1.0;
         arms += o->arms > 0;
         bars += o->bar_share > 0.0;
         if (o->bulge_share == 1.0) {
-            assert_true(o->bulge_radius == o->radius && o->bulge_ratio == o->ratio && o->arms == 0);
+            assert_true(o->bulge_radius == o->radius);
+            assert_true(o->bulge_ratio == o->ratio);
+            assert_true(o->arms == 0);
             continue;
         }
         /* half of the light within the radius that was asked for */
@@ -128,7 +135,8 @@ static void test_galaxies(void **state)
         assert_true(fabs(within - 0.5) < 1e-4);
     }
     double sigma = rx_sigma_mad(size, 20000, &median);
-    assert_true(fabs(median) < 0.015 && fabs(sigma - 0.45) < 0.015); /* 1 arcsec at r = 20 */
+    assert_true(fabs(median) < 0.015);
+    assert_true(fabs(sigma - 0.45) < 0.015); /* 1 arcsec at r = 20 */
     /* shares as scene.h has them, from the deciles */
     double n = 20000.0;
     assert_true(fabs(whole / n - 0.205) < 0.02);
@@ -144,8 +152,10 @@ static void test_galaxies(void **state)
     par.galaxy_scale = 1.0;
     scene = make(&par, NULL);
     for (long i = 0; i < 500; i++) {
-        assert_true(spirals->objects[i].arms >= 2 && spirals->objects[i].disk_radius > 0.0);
-        assert_true(scene->objects[i].arms == 0 && scene->objects[i].bar_share == 0.0);
+        assert_true(spirals->objects[i].arms >= 2);
+        assert_true(spirals->objects[i].disk_radius > 0.0);
+        assert_true(scene->objects[i].arms == 0);
+        assert_true(scene->objects[i].bar_share == 0.0);
         assert_true(fabs(spirals->objects[i].radius / scene->objects[i].radius - 3.0) < 1e-9);
     }
     rx_scene_free(spirals);
@@ -226,7 +236,8 @@ static void test_sizes_of_sdss(void **state)
             bright[nbright++] = residual[n];
         n++;
     }
-    assert_true(n > 200 && nbright > 30);
+    assert_true(n > 200);
+    assert_true(nbright > 30);
     double sigma = rx_sigma_mad(residual, n, &median);
     print_message(
         "%zu galaxies of the coadd: median ln(r / relation) %.3f, scatter %.3f; brighter than 19.5 %.3f\n", n,
@@ -254,7 +265,9 @@ static void test_sizes_of_cosmos(void **state)
                             rx_population_radius(value_of(table, "HSC_r", i), 0.0));
     double sigma = rx_sigma_mad(residual, n, &median);
     print_message("%zu galaxies of COSMOS: median ln(r / relation) %.3f, scatter %.3f\n", n, median, sigma);
-    assert_true(fabs(median) < 0.1 && sigma > 0.2 && sigma < 0.5);
+    assert_true(fabs(median) < 0.1);
+    assert_true(sigma > 0.2);
+    assert_true(sigma < 0.5);
     rx_table_free(table);
 }
 
@@ -312,7 +325,8 @@ static void test_shapes_of_cosmos(void **state)
     }
     double by_index = two_samples(index, n, drawn, 5000);
     print_message("COSMOS sample of %ld: distance of ratios %.3f, of indices %.3f\n", n, by_ratio, by_index);
-    assert_true(by_ratio < 0.05 && by_index < 0.05);
+    assert_true(by_ratio < 0.05);
+    assert_true(by_index < 0.05);
 }
 
 /* --- templates --- */
@@ -363,7 +377,8 @@ static void test_template_sizes(void **state)
         smaller += o->stretch < scene->objects[i].stretch;
         assert_true(o->stretch <= scene->objects[i].stretch);
     }
-    assert_true(smaller > 0 && smaller == sharp->shrunk);
+    assert_true(smaller > 0);
+    assert_true(smaller == sharp->shrunk);
     rx_scene_free(scene);
     rx_scene_free(sharp);
 }

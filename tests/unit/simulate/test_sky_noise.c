@@ -116,7 +116,8 @@ static void threads_and_holes(void **state)
     for (int correlated = 0; correlated < 2; correlated++) {
         noise.correlated = correlated;
         draw(&noise, 3, 1, pixels);
-        assert_true(pixels[5] == 0.0f && pixels[W * 7 + 3] == 0.0f);
+        assert_true(pixels[5] == 0.0f);
+        assert_true(pixels[W * 7 + 3] == 0.0f);
         for (int nthreads = 2; nthreads <= 3; nthreads++) {
             draw(&noise, 3, nthreads, others);
             assert_memory_equal(pixels, others, N * sizeof(float));

@@ -118,7 +118,8 @@ static void test_draw(void **state)
             assert_true(fabs(got.sum / 500.0 - 1.0) < 1e-3);
             /* what is smaller than a cell lies in its middle */
             double error = k == 0 ? 0.15 * grid.step : 5e-3;
-            assert_true(fabs(got.x - o.x) < error && fabs(got.y - o.y) < error);
+            assert_true(fabs(got.x - o.x) < error);
+            assert_true(fabs(got.y - o.y) < error);
             if (k == 0) {
                 free(grid.cells);
                 continue;
@@ -128,7 +129,8 @@ static void test_draw(void **state)
             /* size: the template's and the spline's 1/3 pixel^2 per axis; cells that are means of points add
              * up to their own 2 / 12 of a cell */
             double want = (trace_of(&t) + 2.0 / 3.0) * o.stretch * o.stretch, cell = 2.0 / 12.0 / 9.0;
-            assert_true(got.xx + got.yy > want * 0.998 && got.xx + got.yy < want * 1.002 + cell);
+            assert_true(got.xx + got.yy > want * 0.998);
+            assert_true(got.xx + got.yy < want * 1.002 + cell);
             /* everything is in the reach */
             rx_templates all = {1, &t};
             double reach = rx_object_reach(&o, &all), beyond = 0.0;
@@ -202,7 +204,8 @@ static void test_blur(void **state)
     rx_template_draw(&o, &t, &grid);
     moments got = measure(&grid, 0.0);
     assert_true(fabs(got.sum - 1.0) < 1e-4);
-    assert_true(fabs(got.xx / 25.0 - 1.0 / 3.0) < 1e-3 && fabs(got.yy / 25.0 - 1.0 / 3.0) < 1e-3);
+    assert_true(fabs(got.xx / 25.0 - 1.0 / 3.0) < 1e-3);
+    assert_true(fabs(got.yy / 25.0 - 1.0 / 3.0) < 1e-3);
     free(grid.cells);
     t.fwhm = 0.15;
     assert_true(fabs(rx_template_blur(&t) - sqrt(9.0 + 8.0 * log(2.0) / 3.0)) < 1e-12);

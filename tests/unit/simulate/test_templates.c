@@ -103,14 +103,17 @@ static double pixel_sum(const rx_template *t)
 static void check_galaxy(const rx_template *t)
 {
     assert_true(fabs(pixel_sum(t) - 1.0) < 1e-5);
-    assert_true(t->width < 60 && t->height < 60); /* without the neighbour */
-    assert_true(fabs(t->angle - 0.5) < 0.02 && fabs(t->ratio - 0.5) < 0.03);
+    assert_true(t->width < 60);
+    assert_true(t->height < 60); /* without the neighbour */
+    assert_true(fabs(t->angle - 0.5) < 0.02);
+    assert_true(fabs(t->ratio - 0.5) < 0.03);
     /* of an ellipse in round apertures, scipy: with w(t) = cos(t)**2 / 36 + sin(t)**2 / 9,
      * brentq(lambda r: quad(lambda t: (1 - exp(-r * r / 2 * w(t))) / w(t), 0, 2 * pi)[0] / (36 * pi) - .5, 1,
      * 20) */
     assert_true(fabs(t->radius - 5.2225) < 0.08);
     /* flux / (noise sqrt(pixels)): some 800 pixels */
-    assert_true(t->snr > 1000.0 / (0.05 * sqrt(1500.0)) && t->snr < 1000.0 / (0.05 * sqrt(500.0)));
+    assert_true(t->snr > 1000.0 / (0.05 * sqrt(1500.0)));
+    assert_true(t->snr < 1000.0 / (0.05 * sqrt(500.0)));
 }
 
 static void test_file(void **state)
@@ -134,12 +137,14 @@ static void test_file(void **state)
     unlink(in(state, "a_psf.fits"));
     write_image(in(state, "a_psf.fits"), psf, 25, 31, "");
     all = read_all(in(state, "a_b.fits"), 0.03, 10.0);
-    assert_true(all->n == 1 && all->list[0].fwhm == 0.0);
+    assert_true(all->n == 1);
+    assert_true(all->list[0].fwhm == 0.0);
     rx_templates_free(all);
     /* neither scale nor PSF */
     write_image(in(state, "plain.fits"), pixels, SIDE, SIDE, "");
     all = read_all(in(state, "plain.fits"), 0.07, 10.0);
-    assert_true(all->list[0].pixel_scale == 0.07 && all->list[0].fwhm == 0.0);
+    assert_true(all->list[0].pixel_scale == 0.07);
+    assert_true(all->list[0].fwhm == 0.0);
     rx_templates_free(all);
 }
 
@@ -187,8 +192,8 @@ static void test_isolate(void **state)
             px = i % SIDE;
             py = i / SIDE;
         }
-    assert_true(fabs(px - best % t.width + t.x - 52.3) < 0.05 &&
-                fabs(py - best / t.width + t.y - 48.6) < 0.05);
+    assert_true(fabs(px - best % t.width + t.x - 52.3) < 0.05);
+    assert_true(fabs(py - best / t.width + t.y - 48.6) < 0.05);
     double radius = t.radius;
     free(t.pixels);
     /* a sky that is told; pixels that are not numbers, or masked, with a spike in them */
@@ -197,7 +202,8 @@ static void test_isolate(void **state)
     pixels[55 * SIDE + 60] = 1e6f;
     mask[55 * SIDE + 60] = 1;
     assert_int_equal(rx_template_isolate(pixels, mask, SIDE, SIDE, 7.0, &t, NULL), RX_OK);
-    assert_true(fabs(t.radius - radius) < 0.05 && fabs(pixel_sum(&t) - 1.0) < 1e-5);
+    assert_true(fabs(t.radius - radius) < 0.05);
+    assert_true(fabs(pixel_sum(&t) - 1.0) < 1e-5);
     free(t.pixels);
     /* nothing but noise, and nothing at all */
     t = (rx_template){0};
@@ -230,8 +236,10 @@ static void test_folder_and_list(void **state)
     assert_string_equal(all->list[0].name, "m.fits[0]");
     assert_string_equal(all->list[1].name, "m.fits[2]");
     assert_string_equal(all->list[2].name, "z.fits[0]");
-    assert_true(all->list[0].pixel_scale == 0.05 && fabs(all->list[1].pixel_scale - 0.1) < 1e-6);
-    assert_true(all->list[2].fwhm > 0.0 && all->list[0].fwhm == 0.0);
+    assert_true(all->list[0].pixel_scale == 0.05);
+    assert_true(fabs(all->list[1].pixel_scale - 0.1) < 1e-6);
+    assert_true(all->list[2].fwhm > 0.0);
+    assert_true(all->list[0].fwhm == 0.0);
     rx_templates_free(all);
     snprintf(list, sizeof list, "# comment\n\n  %s  # the second\r\n%s\n", in(state, "z.fits"),
              in(state, "m.fits"));
@@ -307,7 +315,8 @@ static void test_catalogue(void **state)
         assert_int_equal(all->n, 2);
         assert_string_equal(all->list[0].name, "images.fits[1]");
         assert_string_equal(all->list[1].name, "images.fits[0]");
-        assert_true(all->list[0].pixel_scale == 0.03 && all->list[1].pixel_scale == 0.04);
+        assert_true(all->list[0].pixel_scale == 0.03);
+        assert_true(all->list[1].pixel_scale == 0.04);
         check_galaxy(&all->list[0]);
         assert_true(fabs(all->list[0].fwhm - 0.03 * 2.3548 * 2.5) < 0.01 * 0.17);
         assert_true(fabs(all->list[1].fwhm - 0.04 * 2.3548 * 1.5) < 0.01 * 0.14);
@@ -338,12 +347,16 @@ static void test_cosmos(void **state)
     }
     rx_templates *all = read_all(path, 1.0, 0.0), *good = read_all(path, 1.0, 50.0);
     assert_int_equal(all->n, 100);
-    assert_true(good->n >= 35 && good->n <= 50);
+    assert_true(good->n >= 35);
+    assert_true(good->n <= 50);
     for (int i = 0; i < all->n; i++) {
         const rx_template *t = &all->list[i];
         assert_true(fabs(pixel_sum(t) - 1.0) < 1e-5);
-        assert_true(t->pixel_scale == 0.03 && t->fwhm > 0.095 && t->fwhm < 0.115); /* ACS F814W: 0.1 arcsec */
-        assert_true(t->radius > 2.0 && t->radius < 40.0);
+        assert_true(t->pixel_scale == 0.03);
+        assert_true(t->fwhm > 0.095);
+        assert_true(t->fwhm < 0.115); /* ACS F814W: 0.1 arcsec */
+        assert_true(t->radius > 2.0);
+        assert_true(t->radius < 40.0);
     }
     rx_templates_free(all);
     rx_templates_free(good);
@@ -367,8 +380,12 @@ static void test_hst_spiral(void **state)
     rx_templates *all = read_all(path, 1.0, 10.0);
     assert_int_equal(all->n, 1);
     const rx_template *t = &all->list[0];
-    assert_true(fabs(t->pixel_scale - 0.03) < 1e-4 && fabs(t->fwhm - 0.104) < 0.005);
-    assert_true(t->width < 250 && t->radius > 25.0 && t->radius < 37.0 && t->ratio > 0.85); /* face on */
+    assert_true(fabs(t->pixel_scale - 0.03) < 1e-4);
+    assert_true(fabs(t->fwhm - 0.104) < 0.005);
+    assert_true(t->width < 250);
+    assert_true(t->radius > 25.0);
+    assert_true(t->radius < 37.0);
+    assert_true(t->ratio > 0.85); /* face on */
     rx_templates_free(all);
 }
 

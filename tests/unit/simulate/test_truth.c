@@ -61,7 +61,8 @@ static double value(const rx_table *table, const char *name, long row)
 static const char *text(const rx_table *table, const char *name, long row)
 {
     int i = rx_table_find(table, name);
-    assert_true(i >= 0 && table->columns[i].type == RX_CELL_TEXT);
+    assert_true(i >= 0);
+    assert_true(table->columns[i].type == RX_CELL_TEXT);
     return (const char *)table->columns[i].data + row * table->columns[i].text_width;
 }
 
@@ -91,7 +92,8 @@ static void test_columns(void **state)
     rx_table_free(table);
     assert_int_equal(rx_truth_table(scene, NULL, 1, &table, NULL), RX_OK);
     assert_int_equal(table->nrows, 5);
-    assert_true(value(table, "X_IMAGE", 2) == -19.0 && value(table, "SERSIC_N", 2) == 1.0);
+    assert_true(value(table, "X_IMAGE", 2) == -19.0);
+    assert_true(value(table, "SERSIC_N", 2) == 1.0);
     rx_table_free(table);
     scene->n = 0;
     assert_int_equal(rx_truth_table(scene, NULL, 1, &table, NULL), RX_OK);

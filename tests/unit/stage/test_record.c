@@ -73,8 +73,10 @@ static void history_is_lossless(void **state)
     }
     rx_record_cards(&record, &cards);
     assert_false(cards.failed);
-    for (size_t i = 0; i < cards.length; i++)
-        assert_true(cards.data[i] >= ' ' && cards.data[i] <= '~');
+    for (size_t i = 0; i < cards.length; i++) {
+        assert_true(cards.data[i] >= ' ');
+        assert_true(cards.data[i] <= '~');
+    }
     reading r = {.record = &record};
     assert_int_equal(rx_cards_history(cards.data, (long)cards.length / 80, compare_line, &r, NULL), RX_OK);
     assert_int_equal(r.next, record.n);

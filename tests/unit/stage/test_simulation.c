@@ -151,7 +151,9 @@ static void keywords_become_values(void **state)
     assert_near(s->scene.least_distance, 7.5, 1e-6);
     assert_near(s->scene.zeropoint, 27.0, 1e-6);
     assert_true(s->scene.margin == 10.0); /* wings of what lies beyond the border reach the tile */
-    assert_true(s->scene.stream == 7 && s->scene.seed == 5 && s->noise.seed == 5);
+    assert_true(s->scene.stream == 7);
+    assert_true(s->scene.seed == 5);
+    assert_true(s->noise.seed == 5);
     assert_int_equal(s->noise.type, RX_NOISE_CCD);
     assert_true(s->noise.saturation == (double)12345.678f);
     assert_near(s->optics->fwhm, 2.5, 1e-6);
@@ -226,8 +228,10 @@ static void series(void **state)
         columns += (first.defects[i] & RX_DEFECT_COLUMN) != 0;
         hits += (first.defects[i] & RX_DEFECT_COSMIC) != 0;
     }
-    assert_true(saturated > 0 && hits > 5);
-    assert_true(columns > 0 && columns % 180 == 0);
+    assert_true(saturated > 0);
+    assert_true(hits > 5);
+    assert_true(columns > 0);
+    assert_true(columns % 180 == 0);
     assert_true(equal < n / 10);
     for (s->nthreads = 1; s->nthreads <= 3; s->nthreads++) {
         s->without_sharp = s->nthreads == 3;
@@ -269,9 +273,12 @@ static void file_and_memory(void **state)
     assert_int_equal(made->height, read->height);
     assert_memory_equal(made->pixels, read->pixels, n * sizeof(float));
     assert_memory_equal(made->mask, read->mask, n);
-    assert_true(made->gain == read->gain && made->gain == 2.5);
-    assert_true(made->saturation == read->saturation && made->saturation == (double)1400.1f);
-    assert_true(made->zeropoint == read->zeropoint && made->zeropoint == 26.0);
+    assert_true(made->gain == read->gain);
+    assert_true(made->gain == 2.5);
+    assert_true(made->saturation == read->saturation);
+    assert_true(made->saturation == (double)1400.1f);
+    assert_true(made->zeropoint == read->zeropoint);
+    assert_true(made->zeropoint == 26.0);
     assert_true(made->exptime == read->exptime);
     assert_near(made->pixel_scale, read->pixel_scale, 1e-9);
     assert_near(made->pixel_scale, 0.396, 1e-5);
@@ -286,7 +293,8 @@ static void file_and_memory(void **state)
     rx_wcs_to_sky(made->wcs, 1, &x, &y, NULL, NULL, &alpha_made, &delta_made);
     assert_near(alpha, 30.0, 1e-5);
     assert_near(delta, -40.0, 1e-5);
-    assert_true(alpha == alpha_made && delta == delta_made);
+    assert_true(alpha == alpha_made);
+    assert_true(delta == delta_made);
     float *sharp, *flags;
     int width, height;
     assert_int_equal(rx_fits_read_image("s.fits", &sharp, &width, &height, NULL), RX_OK);
@@ -321,7 +329,10 @@ static void truth(void **state)
             rx_wcs_to_sky(tile->wcs, 1, &x, &y, NULL, NULL, &alpha, &delta);
             assert_near(value(table, "ALPHA_J2000", row), alpha, 1e-6);
             assert_near(value(table, "DELTA_J2000", row), delta, 1e-6);
-            assert_true(x >= -0.5 && x < 219.5 && y >= -0.5 && y < 179.5);
+            assert_true(x >= -0.5);
+            assert_true(x < 219.5);
+            assert_true(y >= -0.5);
+            assert_true(y < 179.5);
             assert_near(value(table, "MAG", row), 25.0 - 2.5 * log10(value(table, "FLUX", row)), 1e-3);
         }
         double sigma = 0.0, seed = 0.0;
@@ -404,7 +415,8 @@ static void adds_known_flux(void **state)
     /* borders, dead columns and photon noise (sqrt(light / 3)) take their part */
     assert_near(added / light, 1.0, 0.03);
     assert_near(sharp_sum / light, 1.0, 0.02);
-    assert_true(before->gain == after->gain && before->saturation == after->saturation);
+    assert_true(before->gain == after->gain);
+    assert_true(before->saturation == after->saturation);
     assert_near(before->pixel_scale, after->pixel_scale, 1e-9);
     char text[80];
     assert_true(rx_cards_text(after->cards, (long)after->ncards, "RXINSUM", text, sizeof text));
@@ -446,8 +458,11 @@ static void settings_of_a_tile(void **state)
     if (rx_simulation_for_tile(ours, options, field, NULL, &s, &err) != RX_OK)
         fail_msg("%s", err.text);
     assert_near(s->optics->fwhm, 3.0, 0.1);
-    assert_true(s->noise.gain == 3.0 && s->noise.saturation == 60000.0 && s->scene.zeropoint == 26.5);
-    assert_true(s->scene.width == 400 && s->scene.height == 360);
+    assert_true(s->noise.gain == 3.0);
+    assert_true(s->noise.saturation == 60000.0);
+    assert_true(s->scene.zeropoint == 26.5);
+    assert_true(s->scene.width == 400);
+    assert_true(s->scene.height == 360);
     rx_result result;
     rx_scene *scene = NULL;
     const size_t n = (size_t)400 * 360;
@@ -514,7 +529,8 @@ static void several_images(void **state)
     expect_run(settings);
     rx_tile *first = read_tile("out.fits", 0), *second = read_tile("out.fits", 1);
     rx_table *truths[2] = {read_truth("truth.fits", 0), read_truth("truth.fits", 1)};
-    assert_true(first->gain == 1.75 && second->gain == 1.75);
+    assert_true(first->gain == 1.75);
+    assert_true(second->gain == 1.75);
     assert_string_equal(second->extname, "SECOND");
     assert_true(memcmp(first->pixels, second->pixels, 400 * 360 * sizeof(float)) != 0);
     assert_true(value(truths[0], "X_IMAGE", 0) != value(truths[1], "X_IMAGE", 0));

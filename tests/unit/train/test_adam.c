@@ -69,7 +69,8 @@ static void adam_finds_a_minimum(void **state)
         gradient[1] = 0.01f * (params[1] + 2);
         rx_adam_step(adam, gradient, 0.05 * rx_schedule((t + 0.5) / 2000, 0.04), params);
     }
-    assert_true(fabsf(params[0] - 1) < 1e-3f && fabsf(params[1] + 2) < 1e-3f);
+    assert_true(fabsf(params[0] - 1) < 1e-3f);
+    assert_true(fabsf(params[1] + 2) < 1e-3f);
     rx_adam_free(adam);
 }
 
@@ -83,7 +84,8 @@ static void schedule_rises_and_falls(void **state)
     assert_true(fabs(rx_schedule(0.1, 0.1) - 1) < 1e-12);
     assert_true(fabs(rx_schedule(0.55, 0.1) - 0.5) < 1e-12);
     assert_true(fabs(rx_schedule(0.325, 0.1) - (0.5 + 0.25 * sqrt(2))) < 1e-12);
-    assert_true(rx_schedule(1, 0.1) == 0 && rx_schedule(1.5, 0.1) == 0);
+    assert_true(rx_schedule(1, 0.1) == 0);
+    assert_true(rx_schedule(1.5, 0.1) == 0);
     assert_true(fabs(rx_schedule(0, 0) - 1) < 1e-12);
 }
 
@@ -108,9 +110,12 @@ static void gradients_are_clipped_together(void **state)
     (void)state;
     assert_true(fabs(rx_gradient_clip(both, n, 2, 0) - 13) < 1e-6);
     assert_true(fabs(rx_gradient_clip(both, n, 2, 20) - 13) < 1e-6);
-    assert_true(a[0] == 3 && b[2] == 12);
+    assert_true(a[0] == 3);
+    assert_true(b[2] == 12);
     assert_true(fabs(rx_gradient_clip(both, n, 2, 1.3) - 13) < 1e-6);
-    assert_true(fabsf(a[0] - 0.3f) < 1e-6f && fabsf(b[1] + 0.4f) < 1e-6f && fabsf(b[2] - 1.2f) < 1e-6f);
+    assert_true(fabsf(a[0] - 0.3f) < 1e-6f);
+    assert_true(fabsf(b[1] + 0.4f) < 1e-6f);
+    assert_true(fabsf(b[2] - 1.2f) < 1e-6f);
     b[1] = NAN;
     assert_true(isnan(rx_gradient_clip(both, n, 2, 1)));
 }
@@ -165,7 +170,8 @@ static void stars_are_found_and_measured(void **state)
     assert_true(check.found == 4);
     assert_true(check.ratios == 2); /* by S/N */
     assert_true(fabs(check.error[0] - 0.03) < 1e-4);
-    assert_true(check.error[1] < -0.001 && check.error[1] > -0.1); /* a little lies outside */
+    assert_true(check.error[1] < -0.001);
+    assert_true(check.error[1] > -0.1); /* a little lies outside */
     free(restored);
     rx_sample_free(sample);
 }
@@ -180,7 +186,9 @@ static void a_blend_is_found_once(void **state)
     list_star(sample, 30.2, 30.0, 100, 20);
     list_star(sample, 31.0, 30.0, 200, 40);
     assert_int_equal(rx_star_check_run(sample, sample->y, MARGIN, 2, &check, NULL), RX_OK);
-    assert_true(check.stars == 2 && check.found == 1 && check.ratios == 0);
+    assert_true(check.stars == 2);
+    assert_true(check.found == 1);
+    assert_true(check.ratios == 0);
     rx_sample_free(sample);
 }
 

@@ -98,10 +98,19 @@ static void assert_same(const rx_train_state *a, const rx_train_state *b)
         assert_memory_equal(a->adam[k]->mean, b->adam[k]->mean, bytes);
         assert_memory_equal(a->adam[k]->square, b->adam[k]->square, bytes);
     }
-    assert_true(a->epoch == b->epoch && a->at == b->at && a->patches == b->patches);
-    assert_true(a->best_epoch == b->best_epoch && a->returns == b->returns && a->usual_n == b->usual_n);
-    assert_true(a->high == b->high && a->batches == b->batches && a->best == b->best && a->slow == b->slow);
-    assert_true(a->usual == b->usual && a->norm == b->norm && a->rate == b->rate);
+    assert_true(a->epoch == b->epoch);
+    assert_true(a->at == b->at);
+    assert_true(a->patches == b->patches);
+    assert_true(a->best_epoch == b->best_epoch);
+    assert_true(a->returns == b->returns);
+    assert_true(a->usual_n == b->usual_n);
+    assert_true(a->high == b->high);
+    assert_true(a->batches == b->batches);
+    assert_true(a->best == b->best);
+    assert_true(a->slow == b->slow);
+    assert_true(a->usual == b->usual);
+    assert_true(a->norm == b->norm);
+    assert_true(a->rate == b->rate);
     assert_memory_equal(&a->sum, &b->sum, sizeof a->sum);
     assert_memory_equal(a->selection.loss, b->selection.loss, NBINS * sizeof(double));
     assert_memory_equal(a->selection.list, b->selection.list, NBINS * sizeof(double));
@@ -130,7 +139,8 @@ static void states_come_back(void **state)
                              RX_OK);
             assert_int_equal(rx_checkpoint_read(path, SETTINGS, kept2, now2, &found, &was_within, NULL),
                              RX_OK);
-            assert_true(found && was_within == within);
+            assert_true(found);
+            assert_true(was_within == within);
             assert_same(kept, kept2);
             assert_same(within ? now : kept, now2);
             rx_train_state_free(kept);
@@ -297,7 +307,9 @@ static void copies_are_independent(void **state)
     a->params[1][0] = -1;
     a->adam[0]->mean[0] = -2;
     a->history.epoch[0].steps = -3;
-    assert_true(b->params[1][0] > 0 && b->adam[0]->mean[0] > 0 && b->history.epoch[0].steps > 0);
+    assert_true(b->params[1][0] > 0);
+    assert_true(b->adam[0]->mean[0] > 0);
+    assert_true(b->history.epoch[0].steps > 0);
     rx_train_state_free(a);
     rx_train_state_free(b);
 }

@@ -97,7 +97,8 @@ static void test_turns_move_all_alike(void **state)
             int x = (int)s->star[i][0], y = (int)s->star[i][1];
             for (int k = 0; k < 4; k++)
                 assert_true(planes[k][y * SIDE + x] == (float)(1000 * (i + 1) + k));
-            assert_true(s->star[i][2] == (float)(10 * i + 1) && s->star[i][3] == (float)(10 * i + 2));
+            assert_true(s->star[i][2] == (float)(10 * i + 1));
+            assert_true(s->star[i][3] == (float)(10 * i + 2));
         }
         rx_sample_free(s);
     }

@@ -20,8 +20,10 @@ static void test_bins(void **state)
         rx_sample_id id = {.bin = (uint32_t)b, .index = (uint32_t)b};
         scenes_test_sample(scenes, id, s);
         assert_memory_equal(&s->id, &id, sizeof id);
-        assert_true((double)s->sigma >= sigma[0] - 1e-6 && (double)s->sigma <= sigma[1] + 1e-6);
-        assert_true((double)s->true_fwhm >= fwhm[0] - 1e-6 && (double)s->true_fwhm <= fwhm[1] + 1e-6);
+        assert_true((double)s->sigma >= sigma[0] - 1e-6);
+        assert_true((double)s->sigma <= sigma[1] + 1e-6);
+        assert_true((double)s->true_fwhm >= fwhm[0] - 1e-6);
+        assert_true((double)s->true_fwhm <= fwhm[1] + 1e-6);
         assert_true(s->fwhm == s->true_fwhm);
     }
     rx_sample_free(s);
@@ -84,7 +86,8 @@ static void test_errors_told(void **state)
         scenes_test_sample(scenes, (rx_sample_id){.bin = i / 40, .index = i % 40}, s);
         double mean = 0.0, square = 0.0;
         for (int k = 0; k < N; k++) {
-            assert_true(s->y[k] == 0.0f && s->blurred[k] == 0.0f);
+            assert_true(s->y[k] == 0.0f);
+            assert_true(s->blurred[k] == 0.0f);
             mean += (double)s->x[k] / N;
             square += (double)s->x[k] * (double)s->x[k] / N;
         }
@@ -156,8 +159,10 @@ static void test_stars(void **state)
         scenes_test_sample(scenes, (rx_sample_id){.bin = i % 2, .index = i / 2}, s);
         for (int k = 0; k < s->nstars; k++) {
             assert_true(k == 0 || s->star[k][2] <= s->star[k - 1][2]);
-            for (int c = 0; c < 2; c++)
-                assert_true(s->star[k][c] >= 8.0f && s->star[k][c] <= P - 9.0f);
+            for (int c = 0; c < 2; c++) {
+                assert_true(s->star[k][c] >= 8.0f);
+                assert_true(s->star[k][c] <= P - 9.0f);
+            }
             checked += check_star(s, k, t.par.front.target_fwhm);
         }
     }
@@ -304,7 +309,8 @@ static void test_streams_differ(void **state)
             assert_true(fabs(product) < 5.0 * sqrt(N)); /* of noise that is independent */
             assert_memory_not_equal(s[i]->y, s[j]->y, N * sizeof(float));
         }
-    assert_true(s[0]->true_fwhm != s[1]->true_fwhm && s[0]->true_fwhm != s[2]->true_fwhm);
+    assert_true(s[0]->true_fwhm != s[1]->true_fwhm);
+    assert_true(s[0]->true_fwhm != s[2]->true_fwhm);
     assert_true(s[0]->true_fwhm == s[3]->true_fwhm);
     for (int i = 0; i < 4; i++)
         rx_sample_free(s[i]);

@@ -143,7 +143,8 @@ static void test_level(void **state)
         long brighter = 0;
         double peak = 0.0;
         for (long i = 0; i < n; i++) {
-            assert_true(field.blurred[i] >= 0.0f && field.sharp[i] >= 0.0f);
+            assert_true(field.blurred[i] >= 0.0f);
+            assert_true(field.sharp[i] >= 0.0f);
             brighter += (double)field.blurred[i] > field.level;
             peak = fmax(peak, (double)field.blurred[i]);
         }
@@ -157,7 +158,10 @@ static void test_level(void **state)
         rx_scenes_field_clear(&field);
     }
     print_message("level: %d fields exact, %d with bright stars, %d bounded\n", exact, more, bounded);
-    assert_true(exact >= 10 && more >= 3 && more <= 14 && bounded > 0);
+    assert_true(exact >= 10);
+    assert_true(more >= 3);
+    assert_true(more <= 14);
+    assert_true(bounded > 0);
     rx_simulate_config_free(t.config);
 }
 
@@ -250,8 +254,10 @@ static void test_halos(void **state)
         make_field(&t, bin, &plain);
         make_field(&with, bin, &field);
         assert_near(plain.halo, 0.0, 0.0);
-        assert_true(field.halo >= 0.02 && field.halo <= RX_SCENES_HALO);
-        assert_true(field.halo_fwhm >= 1.99 * field.fwhm && field.halo_fwhm <= RX_SCENES_HALO_FWHM);
+        assert_true(field.halo >= 0.02);
+        assert_true(field.halo <= RX_SCENES_HALO);
+        assert_true(field.halo_fwhm >= 1.99 * field.fwhm);
+        assert_true(field.halo_fwhm <= RX_SCENES_HALO_FWHM);
         assert_near(field.fwhm, plain.fwhm, 0.0);
         assert_true(field.peak < (1.0 - 0.75 * field.halo) * plain.peak);
         assert_true(field.peak > (1.0 - field.halo) * plain.peak);

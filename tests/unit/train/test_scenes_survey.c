@@ -257,7 +257,8 @@ static void test_uneven(void **state)
 static void watch_offset(const rx_sample *plain, const rx_sample *s, double *sums)
 {
     const double offset = mean(s->x) - mean(plain->x);
-    assert_true(is_same(plain->y, s->y) && is_same(plain->blurred, s->blurred));
+    assert_true(is_same(plain->y, s->y));
+    assert_true(is_same(plain->blurred, s->blurred));
     assert_between(offset, -0.3001, 0.3001);
     sums[0] += offset;
     sums[1] += offset * offset;
@@ -320,7 +321,8 @@ static void test_dark_sky_and_waves(void **state)
 /* sums: pixels that differ, those more than 6 above, those more than 6 below, all */
 static void watch_defects(const rx_sample *plain, const rx_sample *s, double *sums)
 {
-    assert_true(is_same(plain->y, s->y) && is_same(plain->blurred, s->blurred));
+    assert_true(is_same(plain->y, s->y));
+    assert_true(is_same(plain->blurred, s->blurred));
     for (int k = 0; k < N; k++) {
         sums[0] += plain->x[k] != s->x[k];
         sums[1] += s->x[k] > 6.0f;
@@ -346,7 +348,9 @@ static void test_defects(void **state)
 /* sums: squares of ln FWHM; kernels as they were */
 static void watch_psf(const rx_sample *plain, const rx_sample *s, double *sums)
 {
-    assert_true(is_same(plain->x, s->x) && is_same(plain->y, s->y) && is_same(plain->blurred, s->blurred));
+    assert_true(is_same(plain->x, s->x));
+    assert_true(is_same(plain->y, s->y));
+    assert_true(is_same(plain->blurred, s->blurred));
     assert_true(s->true_fwhm == plain->true_fwhm);
     sums[0] += pow(log((double)s->fwhm / (double)s->true_fwhm), 2);
     sums[1] += memcmp(plain->kernel, s->kernel, RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL * sizeof(float)) == 0;

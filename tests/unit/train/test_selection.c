@@ -40,7 +40,8 @@ static void test_equation(void **state)
         assert_int_equal(s.train[b], train[b]);
         assert_int_equal(s.test[b], test[b]);
     }
-    assert_true(fabs(s.list[0] - 0.25) < 1e-15 && s.list[1] == 1.0);
+    assert_true(fabs(s.list[0] - 0.25) < 1e-15);
+    assert_true(s.list[1] == 1.0);
     assert_true(s.loss[2] == 1.5);
 }
 
@@ -50,14 +51,21 @@ static void test_bins_without_a_mean_keep_their_list(void **state)
     rx_selection s = begin(3, 1, 50, 1);
     rx_selection_update(&s, (const double[]){1.0, 4.0, 2.0}, (const long[]){1, 1, 1});
     rx_selection_update(&s, (const double[]){NAN, 0.0, 3.0}, (const long[]){2, 0, 3});
-    assert_true(s.list[0] == 0.25 && s.list[1] == 1.0 && s.list[2] == 0.5);
-    assert_true(s.loss[0] == 1.0 && s.loss[1] == 4.0 && s.loss[2] == 1.0);
+    assert_true(s.list[0] == 0.25);
+    assert_true(s.list[1] == 1.0);
+    assert_true(s.list[2] == 0.5);
+    assert_true(s.loss[0] == 1.0);
+    assert_true(s.loss[1] == 4.0);
+    assert_true(s.loss[2] == 1.0);
     rx_selection before = s;
     rx_selection_update(&s, (const double[]){NAN, INFINITY, 1.0}, (const long[]){1, 1, 0});
     assert_memory_equal(s.train, before.train, sizeof s.train);
     rx_selection_update(&s, (const double[]){0.0, 0.0, 0.0}, (const long[]){1, 1, 1});
     for (int b = 0; b < 3; b++) /* nothing is worst where nothing is wrong */
-        assert_true(s.list[b] == before.list[b] && s.loss[b] == 0.0);
+    {
+        assert_true(s.list[b] == before.list[b]);
+        assert_true(s.loss[b] == 0.0);
+    }
 }
 
 static void test_uniform(void **state)
@@ -87,7 +95,8 @@ static void test_invariants(void **state)
             rx_selection_update(&s, sum, count);
             for (int b = 0; b < 25; b++) {
                 assert_int_equal(s.train[b] + s.test[b], total);
-                assert_true(s.test[b] >= RX_TEST_LEAST && s.train[b] >= 0);
+                assert_true(s.test[b] >= RX_TEST_LEAST);
+                assert_true(s.train[b] >= 0);
                 assert_true(fabs(s.train[b] - (total - 10) * s.list[b]) <= 0.5 + 1e-9);
                 most = s.train[b] > most ? s.train[b] : most;
             }
@@ -106,8 +115,10 @@ static void test_limits_of_bins(void **state)
         assert_true(fabs(fwhm[0] - (2.0 + 1.2 * (b % 5))) < 1e-12);
         assert_true(fabs(sigma[0] - (1.0 + 3.5 * (b / 5))) < 1e-12);
         covered += (fwhm[1] - fwhm[0]) * (sigma[1] - sigma[0]);
-        if (b == s.nbins - 1)
-            assert_true(fwhm[1] == 8.0 && sigma[1] == 15.0);
+        if (b == s.nbins - 1) {
+            assert_true(fwhm[1] == 8.0);
+            assert_true(sigma[1] == 15.0);
+        }
     }
     assert_true(fabs(covered - 6.0 * 14.0) < 1e-9);
 }
@@ -125,7 +136,8 @@ static void test_order(void **state)
     assert_int_equal(rx_selection_order(&s, 7, 3, &order, &n, NULL), RX_OK);
     assert_int_equal(n, expected);
     for (long i = 0; i < n; i++) {
-        assert_true(order[i].bin < 6 && order[i].index < (uint32_t)s.train[order[i].bin]);
+        assert_true(order[i].bin < 6);
+        assert_true(order[i].index < (uint32_t)s.train[order[i].bin]);
         assert_int_equal(seen[order[i].bin][order[i].index]++, 0);
     }
     assert_int_equal(rx_selection_order(&s, 7, 3, &again, &m, NULL), RX_OK);

@@ -260,7 +260,8 @@ static void check_net(rx_bench *b, rx_net *net, const float *gradient, const cha
     for (long i = 0; i < net->nparams; i++)
         norm += (double)gradient[i] * gradient[i];
     norm = sqrt(norm);
-    assert_true(isfinite(norm) && norm > 0);
+    assert_true(isfinite(norm));
+    assert_true(norm > 0);
     check_directions(b, net, gradient, norm, what);
     for (int i = 0; i < net->nnodes; i++) {
         const rx_node *node = &net->node[i];
@@ -519,7 +520,11 @@ static void terms_without_weight(void **state)
     rx_step_params par = only(1);
     assert_int_equal(rx_step_new(model, &par, SIDE, &step, NULL), RX_OK);
     assert_int_equal(rx_step_run(step, sample, NULL, NULL, &v, NULL), RX_OK);
-    assert_true(v.idt_psf > 0 && v.idt_restore == 0 && v.ffl == 0 && v.rec_psf == 0 && v.rec_restore == 0);
+    assert_true(v.idt_psf > 0);
+    assert_true(v.idt_restore == 0);
+    assert_true(v.ffl == 0);
+    assert_true(v.rec_psf == 0);
+    assert_true(v.rec_restore == 0);
     assert_null(rx_step_restored(step));
     rx_step_free(step);
     rx_net_free(model->psf);
@@ -532,7 +537,9 @@ static void terms_without_weight(void **state)
     float *gradient = RX_NEW(float, model->restore->nparams);
     assert_int_equal(rx_step_new(model, &par, SIDE, &step, &err), RX_OK);
     assert_int_equal(rx_step_run(step, sample, gradient, NULL, &v, &err), RX_OK);
-    assert_true(v.idt_restore > 0 && v.total == v.idt_restore && v.idt_psf == 0);
+    assert_true(v.idt_restore > 0);
+    assert_true(v.total == v.idt_restore);
+    assert_true(v.idt_psf == 0);
     rx_step_free(step);
     rx_sample_free(sample);
     rx_model_free(model);

@@ -178,19 +178,30 @@ static void bins_are_judged_by_their_images(void **state)
         }
     }
     assert_int_equal(rx_epoch_test(images, &selection, &epoch, bins, NULL), RX_OK);
-    assert_true(bins[0].loss == 1 && bins[1].loss == 4);
-    assert_true(fabs(bins[0].list - 0.2) < 1e-12 && fabs(bins[1].list - 0.8) < 1e-12);
-    assert_true(bins[0].train == 10 && bins[0].test == 20);
-    assert_true(bins[0].recall == 0.5 && isnan(bins[1].recall));
-    assert_true(fabs(bins[0].bias) < 1e-12 && fabs(bins[0].scatter - 0.014826) < 1e-6);
-    assert_true(isnan(bins[1].bias) && isnan(bins[1].scatter));
-    assert_true(epoch.test_loss == 2.5 && epoch.input_loss == 6 && epoch.recall == 0.5);
+    assert_true(bins[0].loss == 1);
+    assert_true(bins[1].loss == 4);
+    assert_true(fabs(bins[0].list - 0.2) < 1e-12);
+    assert_true(fabs(bins[1].list - 0.8) < 1e-12);
+    assert_true(bins[0].train == 10);
+    assert_true(bins[0].test == 20);
+    assert_true(bins[0].recall == 0.5);
+    assert_true(isnan(bins[1].recall));
+    assert_true(fabs(bins[0].bias) < 1e-12);
+    assert_true(fabs(bins[0].scatter - 0.014826) < 1e-6);
+    assert_true(isnan(bins[1].bias));
+    assert_true(isnan(bins[1].scatter));
+    assert_true(epoch.test_loss == 2.5);
+    assert_true(epoch.input_loss == 6);
+    assert_true(epoch.recall == 0.5);
     assert_int_equal(selection.train[0], 4); /* Eq. 4: 20 times the list */
     assert_int_equal(selection.test[0], 26);
     assert_int_equal(selection.train[1], 16);
     assert_int_equal(rx_epoch_dictionary(&selection, bins, model, NULL), RX_OK);
-    assert_true(model->nfwhm == 2 && model->nsigma == 1 && model->bins[1].fwhm[0] == 5);
-    assert_true(model->bins[0].images == 20 && model->bins[0].recall == 0.5);
+    assert_true(model->nfwhm == 2);
+    assert_true(model->nsigma == 1);
+    assert_true(model->bins[1].fwhm[0] == 5);
+    assert_true(model->bins[0].images == 20);
+    assert_true(model->bins[0].recall == 0.5);
     rx_model_free(model);
 }
 
@@ -218,7 +229,8 @@ static char *model_bytes(const rx_train_config *config, size_t *size)
 {
     char *bytes = calloc(1, 1 << 20);
     FILE *file = fopen(config->model_name, "rb");
-    assert_true(bytes != NULL && file != NULL);
+    assert_true(bytes != NULL);
+    assert_true(file != NULL);
     *size = fread(bytes, 1, 1 << 20, file);
     fclose(file);
     return bytes;
