@@ -536,7 +536,7 @@ static rx_status search_below(rx_star_search *search, int needed, int enough, at
 {
     rx_status status = RX_OK;
     int narrower = 1, most = 0;
-    double error = 0.0, share = 1.0;
+    double error = 0.0;
     *without = 0;
     for (search->share = 1.0; narrower && status == RX_OK; search->share *= 0.5) {
         attempt a = {.kept = 0};
@@ -549,11 +549,9 @@ static rx_status search_below(rx_star_search *search, int needed, int enough, at
             *best = a;
             a = swap;
             *without = 1;
-            share = search->share;
         }
         free_attempt(&a);
     }
-    search->share = share;
     return status;
 }
 
@@ -642,8 +640,6 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     if (status == RX_OK && found != NULL) {
         memcpy(found->shape, best.shape, sizeof found->shape);
         found->radius = best.radius;
-        found->limit = search.limit;
-        found->share = search.share;
     }
     free_attempt(&best);
     return status;

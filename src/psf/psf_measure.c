@@ -90,17 +90,11 @@ static int by_brightness(const void *a, const void *b)
     return (x->source > y->source) - (x->source < y->source);
 }
 
-/* Candidates of the locus, brightest first, at most MOST_STARS; none that soft saturation flattens. */
-static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, const rx_moffat_tile *found,
+/* Candidates of the locus, brightest first, at most MOST_STARS. */
+static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, double radius,
                               rx_star_list *dst, rx_error *err)
 {
-    const rx_star_search search = {.par = par,
-                                   .image = job->image,
-                                   .sources = job->sources,
-                                   .level = 1,
-                                   .limit = found->limit,
-                                   .share = found->share};
-    const double radius = found->radius;
+    const rx_star_search search = {.par = par, .image = job->image, .sources = job->sources, .level = 1};
     RX_TRY(rx_stars_candidates(&search, dst, err));
     RX_TRY(rx_stars_flattened(&search, radius, dst, err)); /* the caller frees dst */
     int n = 0;
@@ -585,7 +579,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     job.fwhm = hypot(moffat->fwhm, 0.8); /* of the star on pixels */
     rx_status status = open_job(par, moffat, &job, err);
     if (status == RX_OK)
-        status = choose_stars(par, &job, &found, &stars, err);
+        status = choose_stars(par, &job, found.radius, &stars, err);
     if (status != RX_OK)
         goto exit;
     if (moffat->fwhm > WIDEST || stars.n < LEAST_STARS || strcmp(moffat->quality.how, "MOFFAT") != 0) {

@@ -60,8 +60,7 @@ static inline const char *rx_psf_type_name(rx_psf_type type)
 /* What the Moffat of a tile was fitted to. */
 typedef struct rx_moffat_tile {
     double shape[RX_MOFFAT_SHAPE];
-    double radius;       /* half-light radius of the stars, pixels */
-    double limit, share; /* of the search that found them */
+    double radius; /* half-light radius of the stars, pixels */
 } rx_moffat_tile;
 
 /* PSF_TYPE MOFFAT_FIT: one elliptical Moffat for the tile; found may be NULL. RX_INPUT: too few stars. */

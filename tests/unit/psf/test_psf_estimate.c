@@ -776,7 +776,7 @@ static void test_flattened(void **state)
     for (int k = 0; k < 2; k++) {
         assert_int_equal(estimate_as(&f, types[k], 1, &psf, NULL), RX_OK);
         print_message("limit %g: %s\n", psf->quality.limit, psf->description);
-        assert_near(psf->fwhm, 4.0, 0.03);
+        assert_near(psf->fwhm, 4.0, types[k] == RX_PSF_MOFFAT_FIT ? 0.02 : 0.15);
         assert_between(psf->quality.limit, 400.0, 1200.0);
         rx_psf_free(psf);
     }
