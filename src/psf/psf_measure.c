@@ -29,6 +29,7 @@ enum {
     CHOSEN_BY = 160,
     LEAST_STARS = 8,
     LEAST_FITTED = 4,
+    FEW = 10,
     FOLDS = 3,
     PASSES = 5,
     CHOICE = 2
@@ -40,7 +41,9 @@ static const double LOCUS = 0.2;        /* narrower than a star by this share: a
 static const double POINT = 1.35;       /* wider than a star by this: no candidate, masked, not subtracted */
 static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
-static const double BEYOND = 1e-3;      /* light that may be left out */
+/* Of fluxes, relative, where fewer than FEW are fitted: rms of small tiles, validation/results/psf (few stars). */
+static const double FEW_ERROR = 0.03;
+static const double BEYOND = 1e-3; /* light that may be left out */
 static const double LEAST_TERM =
     2e-4; /* light that a term of the polynomial moves at most where it is left out */
 static const uint64_t SEED = 20, RESERVE = 1, FOLD = 2;
@@ -642,6 +645,8 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         q->radius = radius;
         q->beyond = beyond;
         status = rx_psf_judge(&job, wing_error, *dst, err);
+        if (n < FEW) /* that judge themselves */
+            q->flux_error = hypot(q->flux_error, FEW_ERROR);
     }
     if (status == RX_OK)
         status = describe(&job, moffat, stars.n, *dst, err);

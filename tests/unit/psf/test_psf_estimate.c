@@ -216,6 +216,7 @@ static void check_field_as(rx_psf_type type, double fwhm, double beta, double ra
     assert_near(psf->fwhm / fwhm, 1.0, 0.02);
     assert_near(psf->ellipticity, 1.0 - ratio, 0.02);
     assert_between(psf->fwhm_error, 0.0, 0.02 * fwhm);
+    assert_true(type != RX_PSF_AUTO || (psf->nstars < 10) == (psf->quality.flux_error > 0.03));
     assert_true(psf->type == type && psf->nstars >= nstars / 2 && psf->nstars <= nstars);
     for (int i = 0; i < psf->nstars; i++) { /* every one is a star */
         int found = 0;
