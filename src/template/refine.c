@@ -320,6 +320,18 @@ static void choose(const job *j, rx_fit_source *after)
         take_profile(j, &point, &profile, after);
 }
 
+/* Side of the domain of a source. Light below a tenth of what its footprint will be cropped at needs no part of the PSF; where restored
+ * pixels are blurred to the tile's PSF, all of that is needed. */
+static int side_of(const rx_refine_params *par, const rx_refine_view *view, const rx_template_otf *lens,
+                   const rx_fit_source *s, double reach)
+{
+    const rx_fit_image *canvas = view->canvas;
+    const int x = s->x < 0 ? 0 : s->x > canvas->width - 1 ? canvas->width - 1 : (int)s->x;
+    const int y = s->y < 0 ? 0 : s->y > canvas->height - 1 ? canvas->height - 1 : (int)s->y;
+    const double noise = FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
+    return rx_template_otf_side(lens, reach, par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux);
+}
+
 /* Light below that is not worth a pixel. */
 static double crop_level(const job *j, const rx_fit_source *after, const rx_template_plane *plane)
 {
@@ -451,7 +463,7 @@ rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *vi
                            const rx_template_otf *lens, const rx_fit_source *subject)
 {
     const double radius = radius_of(par, subject);
-    const int half = half_of(view, radius), domain = rx_template_otf_side(lens, FAR * radius) / 2;
+    const int half = half_of(view, radius), domain = side_of(par, view, lens, subject, FAR * radius) / 2;
     if (!looks(par))
         return (rx_window){0, 0, 0, 0};
     return window_around(view->canvas, subject, par->substructure && domain > half ? domain : half);
@@ -484,7 +496,7 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     after->footprint = (rx_footprint){0};
     after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
     const double radius = radius_of(par, subject);
-    rx_status status = rx_template_otf_at(lens, rx_template_otf_side(lens, FAR * radius), subject->x,
+    rx_status status = rx_template_otf_at(lens, side_of(par, view, lens, subject, FAR * radius), subject->x,
                                           subject->y, &j.size, err);
     if (status == RX_OK && looks(par))
         status = cut_patch(&j, half_of(view, radius), subject->grain, err);
@@ -519,7 +531,9 @@ rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *vie
     const int half = half_alone(view, subject, other);
     *rise = 0;
     rx_status status =
-        rx_template_otf_at(lens, rx_template_otf_side(lens, fmax(FAR * radius, half - view->fwhm)),
+        rx_template_otf_at(lens,
+                           side_of(par, view, lens, subject->flux > other->flux ? subject : other,
+                                   fmax(FAR * radius, half - view->fwhm)),
                            subject->x, subject->y, &j.size, err);
     if (status == RX_OK)
         status = cut_patch(&j, half, other->grain, err);

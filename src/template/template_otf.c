@@ -48,7 +48,24 @@ struct rx_template_otf {
     int ndomains;
     domain *domains;
     float *stamp;
+    float *
+        most; /* [size / 2 + 2] of the tile's PSF in its middle: the largest value that many pixels away in x or y, or farther */
 };
+
+/* Fills lens->most. */
+static void find_reach(rx_template_otf *lens)
+{
+    const rx_psf *psf = lens->tile;
+    const int half = psf->size / 2;
+    rx_psf_at(psf, psf->x0, psf->y0, lens->stamp);
+    for (int v = -half; v <= half; v++)
+        for (int u = -half; u <= half; u++) {
+            const int away = abs(u) > abs(v) ? abs(u) : abs(v);
+            lens->most[away] = fmaxf(lens->most[away], fabsf(lens->stamp[(v + half) * psf->size + u + half]));
+        }
+    for (int r = half - 1; r >= 0; r--)
+        lens->most[r] = fmaxf(lens->most[r], lens->most[r + 1]);
+}
 
 rx_status rx_template_otf_new(const rx_psf *tile, const rx_psf *image, rx_template_otf **dst, rx_error *err)
 {
@@ -62,8 +79,13 @@ rx_status rx_template_otf_new(const rx_psf *tile, const rx_psf *image, rx_templa
     const int tile_side = rx_psf_fine_side(tile);
     const size_t side = (size_t)(tile_side > lens->image->size ? tile_side : lens->image->size);
     lens->stamp = RX_NEW(float, side *side);
-    if (lens->stamp != NULL)
+    lens->most = RX_NEW(float, tile->size / 2 + 2);
+    if (lens->stamp != NULL && lens->most != NULL) {
+        find_reach(lens);
         return RX_OK;
+    }
+    free(lens->stamp);
+    free(lens->most);
     free(lens);
     *dst = NULL;
     return rx_error_memory(err, side * side * sizeof(float));
@@ -93,17 +115,32 @@ void rx_template_otf_free(rx_template_otf *lens)
         clear_domain(&lens->domains[i]);
     free(lens->domains);
     free(lens->stamp);
+    free(lens->most);
     free(lens);
 }
 
-int rx_template_otf_side(const rx_template_otf *lens, double reach)
+static const double FAINTEST = 1e-3; /* of the peak: nothing above that is left out */
+
+/* Side of the PSF's part that is above `level`, at least what the pixels around a point are fitted with. */
+static int part_above(const rx_template_otf *lens, double level)
+{
+    const rx_psf *psf = lens->tile;
+    int half = (int)ceil(2.0 * fmax(psf->fwhm, 1.0)) + 4;
+    while (half < psf->size / 2 &&
+           (double)lens->most[half + 1] > fmin(level, FAINTEST * (double)lens->most[0]))
+        half++;
+    return half < psf->size / 2 ? 2 * half + 1 : psf->size;
+}
+
+int rx_template_otf_side(const rx_template_otf *lens, double reach, double level)
 {
     /* of small prime factors, and n/2 + 1 not far below a multiple of the columns that num/fft.c takes at
      * once */
     static const int sides[] = {30,  40,  42,  48,  56,  60,  70,  80,  90, 108,
                                 126, 140, 160, 180, 210, 252, 320, 384, 512};
-    const int psf = lens->tile->size > lens->image->size ? lens->tile->size : lens->image->size;
-    const int need = psf + MARGIN + 2 * (int)ceil(fmin(reach, 200.0));
+    const int whole = lens->tile->size > lens->image->size ? lens->tile->size : lens->image->size;
+    const int need =
+        (level > 0 ? part_above(lens, level) : whole) + MARGIN + 2 * (int)ceil(fmin(reach, 200.0));
     for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
         if (sides[i] >= need)
             return sides[i];
@@ -188,6 +225,17 @@ static void cut_pieces(domain *d, int m)
         }
 }
 
+/* As much of the middle of a stamp as fits into a domain of side n, m samples a pixel: its side. */
+static int cut_stamp(float *stamp, int side, int n, int m)
+{
+    const int most = m * ((n - MARGIN - 1) / 2 * 2) + 1, to = side < most ? side : most,
+              from = (side - to) / 2;
+    for (int y = 0; y < to && to < side; y++)
+        memmove(stamp + (size_t)y * (size_t)to, stamp + (size_t)(y + from) * (size_t)side + from,
+                (size_t)to * sizeof *stamp);
+    return to;
+}
+
 rx_status rx_template_otf_at(rx_template_otf *lens, int n, double x, double y, rx_template_domain **dst,
                              rx_error *err)
 {
@@ -202,7 +250,8 @@ rx_status rx_template_otf_at(rx_template_otf *lens, int n, double x, double y, r
     if (!d->made) {
         const int m = rx_psf_fine(lens->tile);
         rx_psf_fine_at(lens->tile, x, y, lens->stamp);
-        rx_convolve_spectrum(m > 1 ? d->fine : d->size.fft, lens->stamp, rx_psf_fine_side(lens->tile),
+        const int side = cut_stamp(lens->stamp, rx_psf_fine_side(lens->tile), n, m);
+        rx_convolve_spectrum(m > 1 ? d->fine : d->size.fft, lens->stamp, side,
                              m > 1 ? d->fine_half : d->size.optics);
         if (m > 1)
             cut_pieces(d, m);

@@ -155,7 +155,7 @@ static void best_of(const double stars[2][3], double disk, double chi2[3])
     double block[2 * SIDE * SIDE];
     assert_int_equal(rx_psf_moffat(4, 4.765, 1, 0, 41, &psf, NULL), RX_OK);
     assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 15), 0, 0, &size, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 15, 0), 0, 0, &size, NULL), RX_OK);
     const rx_patch patch = {
         .side = SIDE, .corner = size->n / 2 - HALF, .data = block, .weight = block + SIDE * SIDE};
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);

@@ -105,7 +105,7 @@ static void open_patch(patch *p, double flux, uint64_t seed)
     const rx_spergel truth = {3, 0, 0, 0.5};
     assert_int_equal(rx_psf_moffat(4, 3.5, 1, 0, 25, &p->psf, NULL), RX_OK);
     assert_int_equal(rx_template_otf_new(p->psf, NULL, &p->lens, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_at(p->lens, rx_template_otf_side(p->lens, 15), 0, 0, &p->size, NULL),
+    assert_int_equal(rx_template_otf_at(p->lens, rx_template_otf_side(p->lens, 15, 0), 0, 0, &p->size, NULL),
                      RX_OK);
     rx_template_domain_render(p->size, &truth, 0, 0, NULL, 1);
     const int side = 2 * HALF + 1, corner = p->size->n / 2 - HALF;

@@ -81,7 +81,8 @@ static void test_kernel(void **state)
         for (int i = 0; i < 121; i++)
             narrow->basis[i] = weights[i / 11] * weights[i % 11];
         assert_int_equal(rx_template_otf_new(tile, narrow, &lens, NULL), RX_OK);
-        assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 3), 10, 10, &size, NULL), RX_OK);
+        assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 3, 0), 10, 10, &size, NULL),
+                         RX_OK);
         const rx_matching *matching = rx_template_domain_matching(size);
         rx_template_domain_render(size, NULL, 0.3, -0.2, matching, 1);
         rx_template_domain_blur(size, matching);
@@ -496,7 +497,7 @@ static void test_narrow_star(void **state)
             const double dx = -0.45 + 0.3 * (k % 3), dy = 0.4 - 0.35 * (k / 3);
             const rx_spergel dot = {0.01, 0.0, 0.0, 0.5};
             rx_template_domain *size = NULL;
-            assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0), 0, 0, &size, NULL),
+            assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0, 0), 0, 0, &size, NULL),
                              RX_OK);
             rx_template_domain_render(size, way == 1 ? &dot : NULL, dx, dy, NULL, 1);
             const int stride = rx_fft_stride_real(size->fft), middle = size->n / 2;

@@ -153,7 +153,8 @@ static rx_template_domain *own_size(const stage *g, const rx_fit_source *s, doub
 {
     rx_template_domain *size = NULL;
     assert_int_equal(
-        rx_template_otf_at(g->other, rx_template_otf_side(g->other, reach), s->x, s->y, &size, NULL), RX_OK);
+        rx_template_otf_at(g->other, rx_template_otf_side(g->other, reach, 0), s->x, s->y, &size, NULL),
+        RX_OK);
     assert_int_equal(
         rx_patch_cut(&g->canvas, (int)lround(s->x), (int)lround(s->y), half, size->n, patch, NULL), RX_OK);
     return size;
@@ -407,16 +408,16 @@ static void test_level(void **state)
         s.profile = (rx_spergel){radius, 0.1, -0.2, 0.5};
         s.flux = (i % 3 == 0 ? 0.1 : i % 3 == 1 ? 300 : 1e7) * (1 + rx_random_uniform(2, 3, i));
         assert_int_equal(rx_refine(&g.par, &g.view, g.lens, &s, &after, NULL), RX_OK);
-        assert_int_equal(
-            rx_template_otf_at(g.other, rx_template_otf_side(g.other, 4 * radius), x, 50.7, &size, NULL),
-            RX_OK);
+        const double noise = 0.03 * g.f.sigma[50 * W + (int)x] / s.flux;
+        assert_int_equal(rx_template_otf_at(g.other, rx_template_otf_side(g.other, 4 * radius, 0.1 * noise),
+                                            x, 50.7, &size, NULL),
+                         RX_OK);
         const int cx = (int)lround(x), n = size->n;
         const size_t stride = (size_t)rx_fft_stride_real(size->fft);
         rx_template_domain_render(size, &s.profile, x - cx, 50.7 - 51, NULL, 1);
         double peak = 0;
         for (int k = 0; k < n * n; k++)
             peak = fmax(peak, size->plane[0][(size_t)(k / n) * stride + (size_t)(k % n)]);
-        const double noise = 0.03 * g.f.sigma[50 * W + (int)x] / s.flux;
         const double level = fmin(fmax(noise, 1e-5 * peak), 0.01 * peak);
         rx_window box = {W, H, 0, 0};
         for (int k = 0; k < n * n; k++) {
@@ -445,7 +446,7 @@ static void test_windows(void **state)
                         far = subject_at(59.6, 80.7, 1);
     const rx_refine_params restored = {.extended = 1, .substructure = 1},
                            frozen = {.extended = 1, .frozen = 1};
-    const int half = rx_template_otf_side(g.lens, 10) / 2;
+    const int half = rx_template_otf_side(g.lens, 10, 0) / 2;
     const rx_window want[] = {{42, 32, 79, 69},
                               {0, 89, 23, H},
                               {60 - half, 0, 61 + half, 51 + half},

@@ -55,6 +55,38 @@ static double direct(int n, const rx_spergel *profile, double sigma, double x, d
     return sum / n / n;
 }
 
+/* Of wings that reach 75 pixels a source needs the part that is above its noise: in a smaller domain, the same values. */
+static void test_part_of_a_psf(void **state)
+{
+    (void)state;
+    rx_psf *psf = NULL;
+    rx_template_otf *lens = NULL;
+    rx_template_domain *size = NULL;
+    assert_int_equal(rx_psf_moffat(4, 2.5, 1, 0, 151, &psf, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
+    const int whole = rx_template_otf_side(lens, 0, 0), side = rx_template_otf_side(lens, 0, 2e-5);
+    assert_int_equal(whole, 160);
+    assert_in_range(side, 40, 60);
+    assert_int_equal(rx_template_otf_side(lens, 0, 1), 40); /* nothing above 1e-3 of the peak is left out */
+    assert_int_equal(rx_template_otf_side(lens, 0, 1e-12), whole);
+    float *values[2] = {RX_NEW(float, 31 * 31), RX_NEW(float, 31 * 31)};
+    assert_true(values[0] != NULL && values[1] != NULL);
+    for (int i = 0; i < 2; i++) {
+        const int n = i == 0 ? whole : side;
+        assert_int_equal(rx_template_otf_at(lens, n, 0, 0, &size, NULL), RX_OK);
+        rx_template_domain_render(size, NULL, 0.3, -0.4, NULL, 1);
+        for (int k = 0; k < 31 * 31; k++)
+            values[i][k] =
+                size->plane[0][(n / 2 - 15 + k / 31) * rx_fft_stride_real(size->fft) + n / 2 - 15 + k % 31];
+    }
+    for (int k = 0; k < 31 * 31; k++)
+        assert_near(values[1][k], values[0][k], 1e-5);
+    free(values[0]);
+    free(values[1]);
+    rx_template_otf_free(lens);
+    rx_psf_free(psf);
+}
+
 static void test_rendering(void **state)
 {
     (void)state;
@@ -64,10 +96,10 @@ static void test_rendering(void **state)
     rx_template_otf *lens = NULL;
     rx_template_domain *size = NULL;
     assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_side(lens, 5), 40); /* 25 + 4 + 2 * 5 = 39 */
-    assert_int_equal(rx_template_otf_side(lens, 5.1), 42);
-    assert_int_equal(rx_template_otf_side(lens, 13), 56);
-    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13), 0, 0, &size, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_side(lens, 5, 0), 40); /* 25 + 4 + 2 * 5 = 39 */
+    assert_int_equal(rx_template_otf_side(lens, 5.1, 0), 42);
+    assert_int_equal(rx_template_otf_side(lens, 13, 0), 56);
+    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13, 0), 0, 0, &size, NULL), RX_OK);
     const int n = size->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     for (int point = 0; point < 2; point++) {
@@ -164,7 +196,7 @@ static void bench_open(bench *b, const double *truth, double noise)
     static const double sigma = 1.7;
     b->psf = gauss(&sigma, 1);
     assert_int_equal(rx_template_otf_new(b->psf, NULL, &b->lens, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_at(b->lens, rx_template_otf_side(b->lens, 50), 0, 0, &b->size, NULL),
+    assert_int_equal(rx_template_otf_at(b->lens, rx_template_otf_side(b->lens, 50, 0), 0, 0, &b->size, NULL),
                      RX_OK);
     b->patch = (rx_patch){.side = 2 * HALF + 1, .corner = b->size->n / 2 - HALF};
     b->patch.data = RX_NEW(double, 2 * PIXELS);
@@ -415,8 +447,9 @@ static void test_nodes(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_rendering), cmocka_unit_test(test_place),
-                                       cmocka_unit_test(test_normal),    cmocka_unit_test(test_balance),
-                                       cmocka_unit_test(test_ends),      cmocka_unit_test(test_nodes)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_rendering), cmocka_unit_test(test_part_of_a_psf),
+                                       cmocka_unit_test(test_place),     cmocka_unit_test(test_normal),
+                                       cmocka_unit_test(test_balance),   cmocka_unit_test(test_ends),
+                                       cmocka_unit_test(test_nodes)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -79,7 +79,7 @@ static void scene_open(scene *s)
     assert_int_equal(rx_template_otf_new(f->psf, narrow, &s->lens, NULL), RX_OK);
     assert_int_equal(rx_template_otf_new(f->psf, narrow, &s->other, NULL), RX_OK);
     assert_int_equal(
-        rx_template_otf_at(s->lens, rx_template_otf_side(s->lens, 10), s->s.x, s->s.y, &s->size, NULL),
+        rx_template_otf_at(s->lens, rx_template_otf_side(s->lens, 10, 0), s->s.x, s->s.y, &s->size, NULL),
         RX_OK);
     assert_int_equal(rx_template_otf_at(s->other, s->size->n, s->s.x, s->s.y, &s->own, NULL), RX_OK);
     assert_true(s->size->n <= MOST);
