@@ -42,8 +42,8 @@ static rx_status change(const rx_psf *before, const rx_psf *after, const rx_imag
 }
 
 /* On the pixels without the model. What this changes, once more might change as much: an error of all fluxes. */
-static rx_status measure(const rx_pipeline_params *params, const rx_field *field, const rx_tphot *fit,
-                         rx_log *log, rx_psf **dst, rx_error *err)
+static rx_status measure(const rx_pipeline_params *params, int role, const rx_field *field,
+                         const rx_tphot *fit, rx_log *log, rx_psf **dst, rx_error *err)
 {
     const size_t n = (size_t)field->image.width * (size_t)field->image.height;
     rx_image image = field->image;
@@ -59,8 +59,10 @@ static rx_status measure(const rx_pipeline_params *params, const rx_field *field
     image.psf = NULL;
     par.templates.wanted = 0;
     par.noise.origin = RX_NOISE_WHITE;
+    /* Peaks that pile up are those of the brightest stars here, the others being off. */
+    par.psf.flattened = field->psf->quality.limit > 0.0 ? field->psf->quality.limit : HUGE_VAL;
     double by = 0;
-    rx_status status = rx_field_new(&par, RX_FIELD_PSF, &image, NULL, &between, err);
+    rx_status status = rx_field_new(&par, role | RX_FIELD_PSF, &image, NULL, &between, err);
     const int found =
         status == RX_OK && between->psf != NULL && strcmp(between->psf->quality.how, "PIXELS") == 0;
     if (found)
@@ -68,7 +70,7 @@ static rx_status measure(const rx_pipeline_params *params, const rx_field *field
     if (found && status == RX_OK) {
         *dst = between->psf;
         between->psf = NULL;
-        (*dst)->quality.neighbours = fit->n;
+        (*dst)->quality.neighbours = fit->modelled;
         (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, by);
         rx_log_info(log, "%s[%d]: a crowd: PSF anew, neighbours taken off, fluxes by %+.4f: %s", image.name,
                     image.hdu, by, (*dst)->description);
@@ -78,8 +80,8 @@ static rx_status measure(const rx_pipeline_params *params, const rx_field *field
     return status;
 }
 
-rx_status rx_psf_between(const rx_pipeline_params *params, const rx_field *field, rx_log *log, rx_psf **dst,
-                         rx_error *err)
+rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_field *field, rx_log *log,
+                         rx_psf **dst, rx_error *err)
 {
     const rx_psf *psf = field->psf;
     const double area = (double)field->image.width * (double)field->image.height;
@@ -98,10 +100,10 @@ rx_status rx_psf_between(const rx_pipeline_params *params, const rx_field *field
         par.templates.par.passes = PASSES;
     par.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
     par.measure.vignet_width = par.measure.vignet_height = 0;
-    rx_status status = rx_field_extract(&par, rx_restorer_find("NONE"), field, NULL, NULL, &result, err);
-    if (status == RX_OK && result.templates.tphot != NULL && result.templates.tphot->crowded >= CROWDED)
-        status = measure(params, field, result.templates.tphot, log, dst, err);
-    if (status == RX_OK)
-        rx_result_free(&result);
+    RX_TRY(rx_field_extract(&par, rx_restorer_find("NONE"), field, NULL, NULL, &result, err));
+    rx_status status = RX_OK;
+    if (result.templates.tphot != NULL && result.templates.tphot->crowded >= CROWDED)
+        status = measure(params, role, field, result.templates.tphot, log, dst, err);
+    rx_result_free(&result);
     return status;
 }

@@ -610,7 +610,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
         field->nstars > 0) {
         begun = rx_seconds();
         rx_psf *psf = NULL;
-        status = rx_psf_between(params, field, log, &psf, err);
+        status = rx_psf_between(params, what & RX_FIELD_MEASURED, field, log, &psf, err);
         if (psf != NULL) {
             rx_psf_free(field->psf);
             field->image.psf = field->psf = psf;

@@ -39,6 +39,8 @@ typedef struct rx_psf_params {
     int min_stars; /* AUTO: fewer usable stars is an error; below 5 a simpler profile is fitted. MOFFAT_FIT: 1 stands for 5 [1] */
     double min_snr;         /* AUTO [20] */
     const char *stars_file; /* PSF_STARS_NAME: only sources with number_assoc may be stars; NULL, "": all */
+    double
+        flattened; /* AUTO, MOFFAT_FIT: stars that reach this (ADU) are no stars; 0: their peaks and sizes decide; HUGE_VAL: all are */
     int max_degree;         /* AUTO: of the polynomial over the tile [6] */
     rx_psf_library library; /* AUTO, MOFFAT_FIT */
     int nthreads;           /* AUTO; the result does not depend on it */

@@ -94,7 +94,7 @@ rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, r
     const char *listed = search->par->stars_file;
     const int all = listed == NULL || listed[0] == '\0';
     int half_light = 0;
-    const double highest = highest_peak(search);
+    const double given = search->par->flattened, highest = given > 0.0 ? HUGE_VAL : highest_peak(search);
     *dst = (rx_star_list){.list = RX_NEW(rx_candidate, (size_t)sources->n + 1), .limit = HUGE_VAL};
     if (dst->list == NULL)
         return rx_error_memory(err, 0);
@@ -109,7 +109,7 @@ rx_status rx_stars_candidates(const rx_star_search *search, rx_star_list *dst, r
         const double sky = sky_level(search, (int)lround(s->x), (int)lround(s->y));
         star->source = i;
         star->level = s->peak + sky;
-        if (s->peak >= highest) {
+        if (s->peak >= highest || (given > 0.0 && star->level >= given)) {
             dst->limit = fmin(dst->limit, star->level);
             dst->flattened++;
         } else if (!(search->limit > 0.0) || s->peak < search->share * (search->limit - sky)) {
@@ -133,6 +133,8 @@ rx_status rx_stars_flattened(const rx_star_search *search, double radius, rx_sta
     static const double wider = 0.06, steeper = 1.5;
     const int n = list->n;
     int flat = 0, kept = 0;
+    if (search->par->flattened > 0.0)
+        return RX_OK;
     if (n < 5 * EIGHT)
         return RX_OK;
     double(*sorted)[4] = rx_alloc((size_t)n, sizeof *sorted), *values = RX_NEW(double, n), spread[2];

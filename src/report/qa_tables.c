@@ -472,7 +472,7 @@ static void add_psf(builder *p)
     rx_report_row(t, (rx_cell[]){rx_cell_words(quality->how), rx_cell_words(quality->library),
                                  known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN),
                                  rx_cell_number(psf->nstars),
-                                 known(quality->radius > 0.0, rx_psf_flux_error_mean(psf)),
+                                 known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
                                  known(is_judged, quality->reserved),
                                  known_to(is_judged, quality->trace[0], quality->trace[1]),
                                  known_to(is_judged, quality->shape[0][0], quality->shape[0][1]),

@@ -770,8 +770,9 @@ static int by_flux(const void *one, const void *other)
     return a->flux != b->flux ? (a->flux < b->flux) - (a->flux > b->flux) : (a->i > b->i) - (a->i < b->i);
 }
 
-/* The model without points that have no brighter one within par->isolate: these stand on their own in pixels - model. */
-static rx_status isolate(work *w, rx_error *err)
+/* The model without points that have no brighter one within par->isolate: these stand on their own in pixels - model. *modelled: how
+ * many remain in it. */
+static rx_status isolate(work *w, int *modelled, rx_error *err)
 {
     const double cell = w->par->isolate;
     const int nx = (int)(w->canvas.width / cell) + 1, ny = (int)(w->canvas.height / cell) + 1;
@@ -804,6 +805,7 @@ static rx_status isolate(work *w, rx_error *err)
         last[cy * nx + cx] = k + 1;
         if (alone)
             layers[list[k].i].flux = 0;
+        *modelled -= alone;
     }
     rx_fit_image_set(&w->canvas, layers, w->n);
     free(list);
@@ -860,6 +862,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->sky = w->sky;
     dst->crowded = (double)w->crowd.n / ((double)w->crowd.nx * w->crowd.ny);
     dst->passes = w->passes;
+    dst->modelled = w->n;
     dst->least = (double)w->canvas.floor;
     dst->star_odds = w->usual.star_odds;
     rx_window *windows = RX_NEW(rx_window, w->n);
@@ -874,7 +877,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);
     if (status == RX_OK && w->par->isolate > 0)
-        status = isolate(w, err);
+        status = isolate(w, &dst->modelled, err);
     return status == RX_OK ? rx_template_chi2(&w->canvas, w->par->keep_model, dst, err) : status;
 }
 

@@ -142,6 +142,7 @@ typedef struct rx_tphot {
     double least;         /* ADU: noise of a pixel was taken to be that at least */
     double crowded;       /* share of the image in crowded cells */
     int passes;           /* that were made */
+    int modelled;         /* sources in `model`: without those that params.isolate leaves out */
     int width, height;
     float *model;    /* [height][width] M, ADU above the level; NULL unless asked for */
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
