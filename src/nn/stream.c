@@ -215,9 +215,11 @@ static rx_status make(rx_stream *s, rx_error *err)
     for (int i = 0; i < s->net->nnodes && status == RX_OK; i++) {
         band *b = &s->band[i];
         s->node[i].raw.data = s->raw;
-        b->data = rx_alloc((size_t)b->room, b->bytes);
-        if (b->data == NULL)
-            return rx_error_memory(err, (size_t)b->room * b->bytes);
+        /* a row of zeros before and after: a folded TRANSPOSED reads a column more, whose weights are 0 */
+        char *memory = rx_alloc((size_t)b->room + 2, b->bytes);
+        if (memory == NULL)
+            return rx_error_memory(err, ((size_t)b->room + 2) * b->bytes);
+        b->data = memory + b->bytes;
         if (s->net->node[i].weight >= 0)
             status = make_conv(s, i, err);
     }
@@ -248,7 +250,8 @@ static void clear(rx_stream *s)
 {
     for (int i = 0; i < RX_NET_NODES; i++) {
         rx_direct_free(s->direct[i]);
-        free(s->band[i].data);
+        if (s->band[i].data != NULL)
+            free(s->band[i].data - s->band[i].bytes);
         s->direct[i] = NULL;
         s->band[i].data = NULL;
     }
