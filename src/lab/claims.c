@@ -81,7 +81,7 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
                         "More is found on the network's images, at every seeing, of stars and of galaxies.",
                         "ap and recall at the first precision of NET above those of NONE, of the matched "
                         "filter and of RL at its best, for STARS and GALAXIES under every condition in which "
-                        "restorers are told the truth",
+                        "restorers are given the truth",
                         0, 0, 0},
     [RX_CLAIM_PAIRS] =
         {"goal: close pairs", "a goal of this program",
@@ -100,7 +100,7 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
          "Fluxes on the network's pixels are as good as RL's, and those of stars unbiased.",
          "MagErr of NET at or below RL's at every magnitude; for S/N above 12 its median bias "
          "below 1 % and its scatter at most 1.5 times that of NONE; on every simulated field on "
-         "which restorers are told the truth",
+         "which restorers are given the truth",
          0, 0, 0},
     [RX_CLAIM_TEMPLATES] =
         {"goal: templates", "a goal of this program",
@@ -109,7 +109,7 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
          "the "
          "other fluxes, or above by less than 1.96 errors of the paired difference, at every magnitude of "
          "every "
-         "simulated field on which restorers are told the truth, and of every real one",
+         "simulated field on which restorers are given the truth, and of every real one",
          0, 0, 0},
     [RX_GOAL_BIAS_ISOLATED] =
         {"bias, isolated", NULL,

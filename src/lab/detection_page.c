@@ -111,7 +111,7 @@ static void add_scene(rx_findings *f, const rx_detection_numbers *m, int s)
         rx_report_unfold(f->report);
 }
 
-/* ap and recall over the seeing, where restorers are told the truth. */
+/* ap and recall over the seeing, where restorers are given the truth. */
 static void plot(rx_figures *dst, const rx_detection_numbers *m, int s, int q)
 {
     const rx_lab *r = m->lab;

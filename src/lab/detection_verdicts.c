@@ -3,7 +3,7 @@
 
 #include "lab/detection_numbers.h"
 
-/* Where restorers are told the truth. */
+/* Where restorers are given the truth. */
 static int counts(const rx_detection_numbers *m, int condition, int scene, rx_scene_id kind)
 {
     return rx_condition_true(&m->lab->sky[condition].condition) && m->lab->scene[scene].id == kind;

@@ -61,7 +61,7 @@ static void place_words(const rx_lab *r, const rx_fluxes_place *p, char *dst, si
              condition, rx_snr_bin_get(p->bin)->name);
 }
 
-/* The population on a tile whose restorers are told the truth. */
+/* The population on a tile whose restorers are given the truth. */
 static int counts(const rx_lab *r, int condition, int scene)
 {
     const rx_scene_id kind = r->scene[scene].id;

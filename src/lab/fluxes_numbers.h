@@ -80,7 +80,7 @@ typedef struct rx_pair_cell {
     rx_estimate total;          /* median error of the magnitude of both together */
 } rx_pair_cell;
 
-/* Invented sources of one restorer; 0 as detected, 1 without those that are marked as made up. */
+/* Invented sources of one restorer; 0 as detected, 1 without those that are marked as spurious. */
 typedef struct rx_invented_cell {
     long right[2], wrong[2], added;
     rx_estimate per_mpixel[2], precision[2];

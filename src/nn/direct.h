@@ -4,7 +4,7 @@
  * that see all theirs in x.
  *
  * The plain kernel, C by the definition with sums in double, is the fallback for every shape and every machine,
- * and what the others are held against (tests/unit/nn/test_direct.c). These work on vectors of 4 floats (GCC's
+ * and what the others are compared with (tests/unit/nn/test_direct.c). These work on vectors of 4 floats (GCC's
  * vector extensions: NEON, SSE2), 8 (AVX2 with fused multiply-add) or 16 (AVX-512, and its instructions for
  * bfloat16), those of which outputs need the fewest:
  *

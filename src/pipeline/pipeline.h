@@ -36,7 +36,7 @@ typedef struct rx_result {
     rx_sources *sources;       /* detected and measured; detection_snr ranks them */
     rx_template_fit templates; /* tphot NULL where templates are not wanted */
     rx_photometry photometry;
-    const float *filtered; /* detection image after the filter: restored->pixels without one; NULL once nobody
+    const float *filtered; /* detection image after the filter: restored->pixels without one; NULL once none
                               wants it any more (rx_pipeline_params.keep_filtered) */
     float *own_filtered;   /* NULL without one */
     rx_map noise; /* noise that thresholds refer to, ADU: of one of these, what was restored or the field */

@@ -1,4 +1,4 @@
-/* What a run will need and write, told before it. */
+/* What a run will need and write, said before it. */
 #include "stage/plan.h"
 
 #include <errno.h>
@@ -382,7 +382,7 @@ static void add_input(void *user, const char *key, const char *name, const char 
     rx_record_add(user, "READ", "", "%s %s %s", digest, key, name);
 }
 
-/* What the run will tell of its outputs: the catalogue, check-images and covariances of each restorer. */
+/* What the run will say of its outputs: the catalogue, check-images and covariances of each restorer. */
 static void add_products(rx_record *record, const rx_options *options, int images)
 {
     for (int part = 1; part <= images; part++)

@@ -2,7 +2,7 @@
  *
  * Memory is a bound: the sum of the rows of plan_costs.def that count for a run (its restorer, templates, checks, ...), each
  * so many bytes always, per pixel, per source and per thread, fitted to measured runs; the largest over restorers and
- * images, and what pixels that are held, tables and meshes take, which is known to the byte. What no header tells is how many sources
+ * images, and what pixels that are held, tables and meshes take, which is known to the byte. What no header says is how many sources
  * there are: PLAN_DENSITY says how many per Mpixel (1e6 pixels) to reckon with. CPU seconds are an estimate,
  * on a machine like the one the coefficients were measured on. Sizes of outputs are bounds: those of images
  * are right but for the length of the header (some blocks of 2880 bytes). */
@@ -32,7 +32,7 @@ typedef struct rx_plan {
 } rx_plan;
 
 /* Reads the headers of `image` ("tile.fits" or "detect.fits,measure.fits") and the files that keywords name;
- * writes nothing. Errors: as rx_stage_run() has them as far as that tells. */
+ * writes nothing. Errors: as rx_stage_run() has them as far as that shows. */
 rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, rx_plan **dst, rx_error *err);
 void rx_plan_free(rx_plan *plan);
 
