@@ -598,11 +598,15 @@ static rx_status look_again(work *w, rx_error *err)
                 w->subjects[i].x0 = w->subjects[i].x;
                 w->subjects[i].y0 = w->subjects[i].y;
             }
-        if (movable(w)) { /* positions and shapes need fluxes that are roughly right */
+        if (w->crowd.n == 0) {
+            RX_TRY(fit_on_sky(w, err));
+        } else if (
+            movable(w)) { /* in a crowd's passes fluxes that are roughly right do for positions and shapes */
             RX_TRY(regroup(w, err));
             RX_TRY(fit_groups(w, err));
-            RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
         }
+        if (movable(w))
+            RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
         RX_TRY(fit_on_sky(w, err));
         RX_TRY(drop_weak(w, &dropped, err));
     } while (w->crowd.n > 0 && w->passes < w->par->passes && dropped < count);
