@@ -17,6 +17,7 @@ typedef struct rx_psf_point {
     double damping;       /* of a step: less than 1 where neighbours' steps add up */
     int star;             /* the PSF is measured from it, or judged by it */
     int reserved;         /* judged only */
+    int wider;            /* than stars are: a star of a bad corner, or a galaxy */
     int kept;             /* 0: does not look like the others */
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
 } rx_psf_point;
@@ -26,7 +27,7 @@ typedef struct rx_psf_point {
 enum { RX_PSF_STRETCH = 3 };
 
 typedef struct rx_psf_variation {
-    int degree, nterms;
+    int degree, nterms, with_wider; /* wider ones are stars of a bad corner */
     double c[RX_PSF_STRETCH][RX_PSF_TERMS];
     /* 1 sigma of s at X, Y = -1, -0.5, ..: of its polynomial, and what stars around say that it misses */
     double error[RX_PSF_CELLS][RX_PSF_CELLS];

@@ -32,13 +32,14 @@ enum {
     FEW = 10,
     FOLDS = 3,
     PASSES = 5,
-    CHOICE = 2
+    CHOICE = 2,
+    WIDER = 2
 };
 static const double MOST_GAIN = 5.0;    /* chi2 of a star that counts for more as its logarithm only */
 static const double WIDEST = 20.0;      /* FWHM, pixels, of a core of pixels */
 static const double RESERVED = 0.2;     /* share of the stars */
-static const double LOCUS = 0.2;        /* narrower than a star by this share: a speck */
-static const double POINT = 1.35;       /* wider than a star by this: no candidate, masked, not subtracted */
+static const double LOCUS = 0.22;       /* half-width in ln(half-light radius): blends are wider */
+static const double POINT = 1.35;       /* wider than a star by this: masked, not subtracted */
 static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
 /* Of fluxes, relative, where fewer than FEW are fitted: rms of small tiles, validation/results/psf (few stars). */
@@ -93,24 +94,34 @@ static int by_brightness(const void *a, const void *b)
     return (x->source > y->source) - (x->source < y->source);
 }
 
-/* Candidates of the locus, brightest first, at most MOST_STARS. */
+/* Candidates of the locus, *n of them, brightest first, then wider ones, which may be stars of a bad corner or galaxies:
+ * at most MOST_STARS. */
 static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, double radius,
-                              rx_star_list *dst, rx_error *err)
+                              rx_star_list *dst, int *n, rx_error *err)
 {
     const rx_star_search search = {.par = par, .image = job->image, .sources = job->sources, .level = 1};
     RX_TRY(rx_stars_candidates(&search, dst, err));
     RX_TRY(rx_stars_flattened(&search, radius, dst, err)); /* the caller frees dst */
-    int n = 0;
+    int near = 0, all;
     for (int i = 0; i < dst->n; i++)
-        if (dst->list[i].radius > (1.0 - LOCUS) * radius && dst->list[i].radius < POINT * radius)
-            dst->list[n++] = dst->list[i];
-    qsort(dst->list, (size_t)n, sizeof *dst->list, by_brightness);
-    dst->n = n < MOST_STARS ? n : MOST_STARS;
+        if (fabs(log(dst->list[i].radius / radius)) < LOCUS) {
+            const rx_candidate star = dst->list[i];
+            dst->list[i] = dst->list[near];
+            dst->list[near++] = star;
+        }
+    all = near;
+    for (int i = near; i < dst->n; i++)
+        if (dst->list[i].radius > radius && dst->list[i].radius < POINT * radius)
+            dst->list[all++] = dst->list[i];
+    qsort(dst->list, (size_t)near, sizeof *dst->list, by_brightness);
+    qsort(dst->list + near, (size_t)(all - near), sizeof *dst->list, by_brightness);
+    *n = near < MOST_STARS ? near : MOST_STARS;
+    dst->n = all < MOST_STARS ? all : MOST_STARS;
     return RX_OK;
 }
 
 /* Points and the plane of what is used. */
-static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radius, rx_error *err)
+static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, double radius, rx_error *err)
 {
     const rx_image *image = job->image;
     const rx_sources *sources = job->sources;
@@ -131,7 +142,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radiu
         goto exit;
     }
     for (int i = 0; i < stars->n; i++)
-        star[stars->list[i].source] = 1;
+        star[stars->list[i].source] = i < near ? 1 : WIDER;
     double peak = 0.0;
     for (int i = 0; i < job->model.side * job->model.side; i++)
         peak = fmax(peak, (double)job->prior[i]);
@@ -149,8 +160,9 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radiu
         }
         rx_psf_point *p = &job->points[job->n++];
         *p = (rx_psf_point){
-            .source = i, .x = s->x, .y = s->y, .flux = s->peak / peak, .damping = 1.0, .star = star[i]};
-        p->kept = star[i];
+            .source = i, .x = s->x, .y = s->y, .flux = s->peak / peak, .damping = 1.0, .star = star[i] != 0};
+        p->wider = star[i] == WIDER;
+        p->kept = star[i] == 1;
         p->sky = p->sky_guess = (double)rx_map_at(&sky, (int)lround(s->x), (int)lround(s->y));
         p->sky_error = MESH_ERROR * fmax(image->global_noise, 1e-30);
         if (!p->star)
@@ -161,7 +173,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radiu
             status = rx_error_memory(err, 0);
             goto exit;
         }
-        p->reserved = stars->n >= 10 && rx_random_uniform(SEED, RESERVE, (uint64_t)i) < RESERVED;
+        p->reserved = near >= 10 && !p->wider && rx_random_uniform(SEED, RESERVE, (uint64_t)i) < RESERVED;
     }
     for (size_t k = 0; k < pixels; k++) {
         const int32_t owner = sources->segments != NULL ? sources->segments[k] : 0;
@@ -256,7 +268,8 @@ static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
         return rx_error_memory(err, 0);
     }
     for (int i = 0; i < job->n; i++) /* who did not suit the last model may suit this one */
-        job->points[i].kept = job->points[i].star && job->points[i].chi2 < HUGE_VAL;
+        job->points[i].kept = job->points[i].star && job->points[i].chi2 < HUGE_VAL &&
+                              (!job->points[i].wider || job->variation.with_wider);
     rx_psf_shapes(job, shapes);
     for (int round = 0; round < 3; round++)
         for (int which = 0; which < 4; which++) {
@@ -576,16 +589,16 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     rx_star_list stars = {.n = 0};
     rx_psf_job job = {
         .image = image, .sources = sources, .model_error = MODEL_ERROR, .variation = {.nterms = 1}};
-    int *fitted = NULL, n = 0;
+    int *fitted = NULL, near = 0, n = 0;
     *dst = NULL;
     RX_TRY(rx_psf_fit_moffat(par, image, sources, log, &found, &moffat, err));
     job.fwhm = hypot(moffat->fwhm, 0.8); /* of the star on pixels */
     rx_status status = open_job(par, moffat, &job, err);
     if (status == RX_OK)
-        status = choose_stars(par, &job, found.radius, &stars, err);
+        status = choose_stars(par, &job, found.radius, &stars, &near, err);
     if (status != RX_OK)
         goto exit;
-    if (moffat->fwhm > WIDEST || stars.n < LEAST_STARS || strcmp(moffat->quality.how, "MOFFAT") != 0) {
+    if (moffat->fwhm > WIDEST || near < LEAST_STARS || strcmp(moffat->quality.how, "MOFFAT") != 0) {
         *dst = moffat;
         moffat = NULL;
         goto exit;
@@ -596,7 +609,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     status = normalise(&job, radius, err);
     if (status == RX_OK) {
         memcpy(job.model.c, job.prior, sizeof(float) * (size_t)job.model.side * (size_t)job.model.side);
-        status = gather(&job, &stars, found.radius, err);
+        status = gather(&job, &stars, near, found.radius, err);
     }
     fitted = RX_NEW(int, (size_t)job.n + 1);
     if (status == RX_OK && fitted == NULL)
@@ -614,9 +627,9 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
             status = rx_psf_wings(&job, BEYOND, &radius, &beyond, &wing_error, log, err);
         if (status == RX_OK)
             status = normalise(&job, radius, err);
-        n = list_stars(&job, 0, fitted);
         if (status == RX_OK)
             status = rx_psf_vary(&job, par->max_degree, log, err);
+        n = list_stars(&job, 0, fitted);
         if (status == RX_OK && pass == CHOICE)
             status = choose_pixels(&job, fitted, n, &pixels, log, err);
         if (status == RX_OK)
@@ -649,7 +662,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
             q->flux_error = hypot(q->flux_error, FEW_ERROR);
     }
     if (status == RX_OK)
-        status = describe(&job, moffat, stars.n, *dst, err);
+        status = describe(&job, moffat, near, *dst, err);
     if (status == RX_OK) {
         warn(&(*dst)->quality, &job.variation, log);
     }

@@ -84,7 +84,7 @@ static void substitute(const double *factor, double *b, int n)
 
 typedef struct star {
     double value[RX_PSF_STRETCH], variance[RX_PSF_STRETCH], terms[RX_PSF_TERMS];
-    int fold, known, fitted;
+    int fold, known, fitted, wider;
 } star;
 
 /* Flux, place and stretch of a star by Gauss and Newton's steps, on the pixels within two FWHM. */
@@ -252,7 +252,8 @@ static void judge(const rx_psf_job *job, const stars_of *s, double (*work)[2], r
             variance += terms[k] * half[k];
         int n = 0, near;
         for (int i = 0; i < s->n; i++)
-            if (s->list[i].known && s->list[i].variance[0] < MOST_ERROR * MOST_ERROR) {
+            if (s->list[i].known && (!s->list[i].wider || v->with_wider) &&
+                s->list[i].variance[0] < MOST_ERROR * MOST_ERROR) {
                 work[n][0] = hypot(s->list[i].terms[1] - at[0], s->list[i].terms[2] - at[1]);
                 work[n++][1] = i;
             }
@@ -295,13 +296,15 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
     rx_psf_model model = job->model;
     model.degree = RX_PSF_DEGREE;
     model.nterms = RX_PSF_TERMS;
-    int n = 0;
+    int n = 0, wider = 0;
     for (int i = 0; i < job->n; i++) {
         const rx_psf_point *p = &job->points[i];
         if (!p->star || p->reserved || !(p->chi2 < HUGE_VAL))
             continue;
-        s.list[s.n].fitted = p->kept;
-        n += p->kept;
+        wider += p->wider;
+        s.list[s.n].wider = p->wider;
+        s.list[s.n].fitted = p->kept && !p->wider;
+        n += p->kept && !p->wider;
         stars[s.n++] = i;
     }
 #pragma omp parallel for schedule(dynamic, 4) num_threads(job->nthreads)
@@ -312,36 +315,49 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
         measure(job, p, &s.list[i]);
     }
     double prior = FREE;
-    for (int trial = 0; trial <= highest + 1;
-         trial++) { /* at last one that follows a bad corner's few stars */
-        const int held = trial > highest, degree = held ? CORNER : trial;
-        next = (rx_psf_variation){.degree = degree, .nterms = (degree + 1) * (degree + 2) / 2};
+    /* at last terms that follow a bad corner's few stars, without and with those that are wider than stars elsewhere */
+    for (int trial = 0; trial <= highest + (wider > 0 ? 2 : 1); trial++) {
+        const int held = trial > highest, with_wider = trial > highest + 1, degree = held ? CORNER : trial;
+        next = (rx_psf_variation){
+            .degree = degree, .nterms = (degree + 1) * (degree + 2) / 2, .with_wider = with_wider};
         s.prior = held ? HELD : FREE;
-        if (degree > highest || (!held && degree > best.degree + 2) || n < (held ? 1 : 2) * next.nterms + 2 ||
-            !fit_all(&s, next.nterms, next.c))
+        for (int i = 0; i < s.n; i++)
+            if (s.list[i].wider)
+                s.list[i].fitted = with_wider && (!job->variation.with_wider || job->points[stars[i]].kept);
+        if (degree > highest || (with_wider && best.degree == 0) || (!held && degree > best.degree + 2) ||
+            n < (held ? 1 : 2) * next.nterms + 2 || !fit_all(&s, next.nterms, next.c))
             continue;
         rx_psf_variation part = next;
         hold_out(&s, next.nterms, part.c, chi2);
-        double mean = 0.0, square = 0.0;
+        double mean = 0.0, square = 0.0, count = 0.0, others = 0.0;
         for (int i = 0; i < s.n && degree > 0; i++) {
             if (!s.list[i].fitted)
                 continue;
             const double gain = MOST_GAIN * (asinh(least[i] / MOST_GAIN) - asinh(chi2[i] / MOST_GAIN));
-            mean += gain / n;
-            square += gain * gain / n;
+            mean += gain;
+            square += gain * gain;
+            others += s.list[i].wider ? 0.0 : gain;
+            count += 1.0;
         }
-        const double error = sqrt(fmax(square - mean * mean, 0.0) / n);
+        mean /= fmax(count, 1.0);
+        const double error = sqrt(fmax(square / fmax(count, 1.0) - mean * mean, 0.0) / fmax(count, 1.0));
         if (degree > 0)
             rx_log_detail(log,
-                          "PSF_TYPE AUTO: degree %d%s: stars held out are predicted better by %.3g +- %.2g "
+                          "PSF_TYPE AUTO: degree %d%s%s: stars held out are predicted better by %.3g +- %.2g "
                           "than with %d",
-                          degree, held ? ", small terms" : "", mean, error, best.degree);
-        if (degree == 0 || mean > error) {
+                          degree, held ? ", small terms" : "", with_wider ? ", wider stars" : "", mean, error,
+                          best.degree);
+        if (degree == 0 || (mean > error && (!with_wider || others > 0.0))) {
             best = next;
             prior = s.prior;
             memcpy(least, chi2, (size_t)s.n * sizeof *least);
         }
     }
+    for (int i = 0; i < s.n; i++)
+        if (s.list[i].wider) {
+            rx_psf_point *p = &job->points[stars[i]];
+            s.list[i].fitted = p->kept = best.with_wider && (!job->variation.with_wider || p->kept);
+        }
     s.prior = prior;
     if (fit_all(&s, best.nterms, best.c))
         judge(job, &s, work, &best);

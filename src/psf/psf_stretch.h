@@ -16,8 +16,9 @@ double rx_psf_spline_at(const float *c, int side, double x, double y);
 double rx_psf_stretched(const float *c, int side, double x, double y, const double a[RX_PSF_STRETCH]);
 
 /* job->variation from the stars that are kept and not reserved, of that degree at most: a higher one is taken where stars that were
- * held out are predicted better, by more than the scatter of that from star to star. The last one tried has terms that are small unless
- * stars insist: of few stars, it alone can follow a bad corner. */
+ * held out are predicted better, by more than the scatter of that from star to star. The last ones tried have terms that are small
+ * unless stars insist: of few stars, they alone can follow a bad corner. Points that are wider are kept where, besides, the other stars
+ * are predicted better with them. */
 rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err);
 
 #endif

@@ -29,6 +29,8 @@ typedef struct field {
 
 static double steep = 1.0; /* the more, the more faint ones */
 static double corner_pixels = 110.0;
+static double galaxy_width[2] = {1.2, 1.3}, /* narrowest and range, of the star's */
+    galaxy_ratio = 0.5;                     /* flattest */
 static int cross = 0; /* the halo is a cross of spikes along the axes, of scale 3 FWHM */
 
 static double uniform(uint64_t stream, uint64_t i)
@@ -136,8 +138,8 @@ static void make_varied(field *f, double fwhm, double beta, double ratio, double
         s->x = (c % CELLS + 0.3 + 0.4 * uniform(1, (uint64_t)c)) * CELL;
         s->y = (c / CELLS + 0.3 + 0.4 * uniform(2, (uint64_t)c)) * CELL;
         s->peak = pow(10.0, 2.2 + 2.0 * pow(uniform(3, (uint64_t)c), steep));
-        double wide = star ? 1.0 : 1.2 + 1.3 * uniform(4, (uint64_t)c),
-               q = star ? ratio : 0.5 + 0.5 * uniform(5, (uint64_t)c);
+        double wide = star ? 1.0 : galaxy_width[0] + galaxy_width[1] * uniform(4, (uint64_t)c),
+               q = star ? ratio : galaxy_ratio + (1.0 - galaxy_ratio) * uniform(5, (uint64_t)c);
         add_profile(f, s->x, s->y, s->peak, wide * width_at(f, s->x, s->y), q,
                     star ? angle : 3.0 * uniform(6, (uint64_t)c));
         s->class_star = wide; /* kept for measuring */
@@ -515,6 +517,30 @@ static void test_followed_corner(void **state)
     free_field(&f);
 }
 
+/* Round galaxies of 1.3 times their width are no stars, however many. */
+static void test_compact_galaxies(void **state)
+{
+    (void)state;
+    field f;
+    rx_psf *psf, *truth;
+    galaxy_width[0] = 1.25;
+    galaxy_width[1] = 0.1;
+    galaxy_ratio = 0.95;
+    make_varied(&f, 4.0, 4.0, 1.0, 0.0, 25, 0, 0.0, 0.0, 0.0);
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    assert_int_equal(rx_psf_moffat(4.0, 4.0, 1.0, 0.0, psf->size, &truth, NULL), RX_OK);
+    print_message("%s: %.4f, %.4f %.4f\n", psf->description, psf->quality.flux_error,
+                  encircled(psf, 320.0, 320.0, 3.0), encircled(truth, 0.0, 0.0, 3.0));
+    assert_near(psf->fwhm, 4.0, 0.03);
+    assert_between(psf->quality.flux_error, 0.0, 0.01);
+    galaxy_width[0] = 1.2;
+    galaxy_width[1] = 1.3;
+    galaxy_ratio = 0.5;
+    rx_psf_free(truth);
+    rx_psf_free(psf);
+    free_field(&f);
+}
+
 static void test_threads(void **state)
 {
     (void)state;
@@ -872,6 +898,7 @@ int main(void)
         cmocka_unit_test(test_bright_stars),
         cmocka_unit_test(test_bad_corner),
         cmocka_unit_test(test_followed_corner),
+        cmocka_unit_test(test_compact_galaxies),
         cmocka_unit_test(test_narrow),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
