@@ -633,7 +633,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         snprintf((*dst)->quality.how, sizeof(*dst)->quality.how, "%s", how);
     if (status == RX_OK && free_shape < RX_MOFFAT_SHAPE) { /* an exponent that no star says */
         (*dst)->quality.flux_error = FEW_STARS;
-    } else if (status == RX_OK && par->type == RX_PSF_AUTO) {
+    } else if (status == RX_OK) {
         status = jackknife(best.stars, best.list.n, best.shape, &(*dst)->quality.flux_error, err);
         (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, NOT_MOFFAT);
     }
