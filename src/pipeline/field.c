@@ -363,13 +363,36 @@ static const double LEAST_FWHM = 0.1; /* of a Moffat, pixels: psf/psf.c */
  * seeing, is, and the profile one of six kinds: validation/results/psf (few stars). */
 static const double STATED_ERROR = 0.08;
 
-/* The PSF file beside the image, to be freed; NULL: there is none, or no memory (*failed). */
-static char *beside(const rx_field *field, bool *failed)
+/* Was that file made for want of a PSF that stars say? Then it has no standing of its own. */
+static bool is_makeshift(const char *path, int extension, char how[80])
+{
+    static const char *const words[] = {"STATED", "WIDTH", "BESIDE", "LIBRARY", "UNKNOWN"};
+    rx_table *table = NULL;
+    bool found = false;
+    if (!(extension > 1 && rx_fits_read_table(path, extension - 1, &table, NULL) == RX_OK) &&
+        rx_fits_read_table(path, 0, &table, NULL) != RX_OK)
+        return false;
+    if (table->cards != NULL && rx_cards_text(table->cards, table->ncards, "RXPSFHOW", how, 80))
+        for (size_t i = 0; i < sizeof words / sizeof *words; i++)
+            found = found || strcmp(how, words[i]) == 0;
+    rx_table_free(table);
+    return found;
+}
+
+/* The PSF file beside the image, to be freed; NULL: there is none of use, or no memory (*failed). */
+static char *beside(const rx_field *field, rx_log *log, bool *failed)
 {
     char *path = field->tile != NULL && field->tile->name != NULL ? rx_name_psf(field->tile->name) : NULL;
+    char how[80];
     *failed = path == NULL && field->tile != NULL && field->tile->name != NULL;
-    if (path == NULL || access(path, R_OK) == 0)
-        return path;
+    if (path != NULL && access(path, R_OK) == 0) {
+        if (!is_makeshift(path, field->image.extension, how))
+            return path;
+        rx_log_info(log,
+                    "%s[%d]: %s beside it is passed over: Rextract made it where stars gave no PSF (RXPSFHOW "
+                    "%s); give it as PSF_TYPE FILE to have it",
+                    field->image.name, field->image.hdu, rx_psf_base_name(path), how);
+    }
     free(path);
     return NULL;
 }
@@ -382,7 +405,7 @@ static rx_status psf_beside(const rx_pipeline_params *params, const rx_error *wh
     rx_psf_params par = params->psf;
     rx_error local = rx_error_part(err);
     bool failed = false;
-    char *path = rx_psf_type_measured(par.type) ? beside(field, &failed) : NULL;
+    char *path = rx_psf_type_measured(par.type) ? beside(field, log, &failed) : NULL;
     if (path == NULL)
         return failed ? rx_error_memory(err, 0) : RX_OK;
     rx_record_add(&field->inputs, "PSF_NAME", "", "%s", path);
@@ -417,7 +440,7 @@ static int is_stated(const rx_pipeline_params *params, const rx_field *field)
     const char *key;
     const double scale = pixel_scale(params, &field->image);
     bool failed;
-    char *file = beside(field, &failed);
+    char *file = beside(field, NULL, &failed);
     free(file);
     return file != NULL || params->psf.fwhm > 0.0 || header_fwhm(field->tile, scale, &key) > 0.0 ||
            (params->seeing_stated && scale > 0.0);

@@ -52,6 +52,10 @@ stars tile.fits 1
 [ "$active" = 0 ] || echo 'no PSF' >tile.psf
 rung '' 'RXPSFHOW = WIDTH' 'RXPSFNST = 1'
 
+begin 'PSF of six stars by PSF_TYPE MOFFAT_FIT'
+stars tile.fits 7 -SEED 4
+rung '-PSF_TYPE MOFFAT_FIT' 'RXPSFERR = 0\.04[0-9]*[1-9].*'
+
 begin 'PSF of six stars'
 stars tile.fits 7 -SEED 4
 rung '' 'RXPSFHOW = MOFFAT' 'RXPSFNST = [567]' 'RXPSFERR = 0\.04[0-9]*[1-9].*'
@@ -157,6 +161,16 @@ expect 0 '' -REPLAY test.cat
 expect 2 'CHECKIMAGE_NAME tile\.psf is also read, as tile\.psf' tile.fits -c /dev/null -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME tile.psf
 [ "$active" = 0 ] || printf ' ' >>tile.psf
 expect 3 'tile\.psf: has changed since it was read \(PSF_NAME of the run that wrote test\.cat\)' -REPLAY test.cat
+
+begin 'PSF file beside the image that says no more than was stated'
+stars tile.fits 1
+write='tile.fits -c /dev/null -SEEING_FWHM 1.2 -CATALOG_TYPE NONE -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME tile.psf'
+leaves tile.psf
+expect 0 '' $write
+expect 0 '' $write
+leaves test.cat
+talks 'tile\.psf beside it is passed over: Rextract made it .*RXPSFHOW STATED' tile.fits -SEEING_FWHM 1.2
+rung '' 'RXPSFHOW = WIDTH' 'RXPSFNST = 1'
 
 begin 'PSF_LIBRARY: a run that writes reads nothing'
 models
