@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "../near.h"
+#include "base/text.h"
 #include "quality/gates.h"
 
 /* Reads `content` as a gates file. */
