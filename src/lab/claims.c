@@ -118,13 +118,12 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
          NULL, 1, -0.01, 0.01},
     [RX_GOAL_BIAS_BINS] = {"bias, by S/N", NULL, "The same in every single bin of S/N above 10", NULL, 1,
                            -0.01, 0.01},
-    [RX_GOAL_BIAS_APART] =
-        {"bias, told apart", NULL,
-         "Blended ones (a neighbour within 1.5 FWHM and 2 mag) of S/N above 10 that are told "
-         "apart from it: within 0.02 mag",
-         NULL, 1, -0.02, 0.02},
+    [RX_GOAL_BIAS_APART] = {"bias, told apart", NULL,
+                            "Blended ones (a neighbour within 1.5 FWHM and 2 mag) of S/N above 10 that are "
+                            "resolved from it: within 0.02 mag",
+                            NULL, 1, -0.02, 0.02},
     [RX_GOAL_BIAS_BLENDED] = {"bias, blended", NULL,
-                              "The same whether or not they are told apart: within 0.02 mag", NULL, 1, -0.02,
+                              "The same whether or not they are resolved: within 0.02 mag", NULL, 1, -0.02,
                               0.02},
     [RX_GOAL_PULL] = {"pulls, median", NULL, "Isolated stars of S/N 5 to 100: median pull within 0.1", NULL,
                       1, -0.1, 0.1},
@@ -141,7 +140,7 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
          NULL, 1, 0, 1},
     [RX_GOAL_PAIRS] =
         {"pairs", NULL,
-         "Close pairs told apart: median |error| of the flux ratio at or below that of AUTO on NONE "
+         "Close pairs that are resolved: median |error| of the flux ratio at or below that of AUTO on NONE "
          "and on RL, at every separation (number: its ratio to the lower one)",
          NULL, 1, 0, 1},
 };

@@ -52,7 +52,7 @@ static const struct {
                            "Galaxies alone. A galaxy in two pieces is one right and one false detection."},
     [RX_SCENE_FIELD] = {"FIELD", "Stars and galaxies, all that the population puts on a tile."},
     [RX_SCENE_PAIRS] =
-        {"PAIRS", "Close pairs of stars: told apart when there are two detections, each nearer than half the "
+        {"PAIRS", "Close pairs of stars: resolved when there are two detections, each nearer than half the "
                   "separation to its star, both above the threshold."},
     [RX_SCENE_MIXED_PAIRS] = {"PAIRS",
                               "Pairs of stars or galaxies, up to 2 mag different, far from other pairs."},

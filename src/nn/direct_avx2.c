@@ -43,23 +43,7 @@ PART void v_store_first(int n, float *to, vector value)
         _mm256_maskstore_ps(to, mask_of(n), value);
 }
 
-PART vector load_reals(rx_real real, const void *plane, size_t at)
-{
-    (void)real;
-    return v_load((const float *)plane + at);
-}
-
-PART void store_reals(rx_real real, vector value, void *plane, size_t at)
-{
-    (void)real;
-    v_store((float *)plane + at, value);
-}
-
-PART vector multiply_add(int bf16, vector x, vector w, vector sum)
-{
-    (void)bf16;
-    return v_multiply_add(x, w, sum);
-}
+#include "nn/direct_floats.h"
 
 /* ---- fine ---- */
 

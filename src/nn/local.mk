@@ -3,7 +3,8 @@ librextract_la_SOURCES += src/nn/model_describe.c
 librextract_la_SOURCES += src/nn/deblur.c src/nn/deblur.h
 librextract_la_SOURCES += src/nn/rl_step.c src/nn/rl_step.h
 librextract_la_SOURCES += src/nn/direct.c src/nn/direct.h src/nn/direct_kernels.h src/nn/direct_vector.c
-librextract_la_SOURCES += src/nn/direct_avx2.c src/nn/direct_avx512.c src/nn/direct_rows.h src/nn/direct_winograd.h
+librextract_la_SOURCES += src/nn/direct_avx2.c src/nn/direct_avx512.c src/nn/direct_floats.h src/nn/direct_rows.h \
+	src/nn/direct_winograd.h
 librextract_la_SOURCES += src/nn/plane.h src/nn/net_planes.c src/nn/net_planes.h
 librextract_la_SOURCES += src/nn/net.c
 librextract_la_SOURCES += src/nn/psfnet.c src/nn/psfnet.h

@@ -11,7 +11,7 @@
  *   rx_page_head(&page, RX_LEFT, "method", NULL); rx_page_head(&page, RX_RIGHT, "PSNR", "dB");
  *   rx_page_row_end(&page); ... rx_page_row(), rx_page_cell_text(), rx_page_cell_number(), rx_page_row_end()
  *   rx_page_table_end(&page);
- *   rx_page_figure(&page, figure); rx_page_note(&page, "how to read it");
+ *   rx_page_note(&page, "how to read it");
  *   rx_page_end(&page);
  */
 #ifndef RX_REPORT_PAGE_H

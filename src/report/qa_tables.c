@@ -215,12 +215,12 @@ static int digits_of(rx_metric metric)
 rx_report_column rx_qa_metric_column(const rx_qa_input *input, rx_metric metric)
 {
     const rx_metric_row *row = rx_metric_get(metric);
-    const bool otherwise = metric == RX_METRIC_PRECISION && input->precision_is != NULL;
+    const bool renamed = metric == RX_METRIC_PRECISION && input->precision_is != NULL;
     return (rx_report_column){row->name,
                               RX_REPORT_ESTIMATE,
                               digits_of(metric),
                               row->unit,
-                              otherwise ? input->precision_is : row->help,
+                              renamed ? input->precision_is : row->help,
                               NULL};
 }
 
