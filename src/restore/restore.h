@@ -22,6 +22,7 @@ typedef enum rx_out_of_domain { RX_DOMAIN_WARN, RX_DOMAIN_RL, RX_DOMAIN_FAIL } r
 
 typedef struct rx_restore_params {
     int rl_niter;                   /* RL_NITER */
+    int rl_accelerate;              /* RL_ACCELERATE */
     int rl_stop_discrepancy;        /* RL_STOP DISCREPANCY: stop when the reduced chi2 falls to 1 */
     double rl_damping;              /* RL_DAMPING, sigmas, 0 = off */
     double rl_denoise;              /* RL_DENOISE, FWHM of the Gaussian afterwards, 0 = off: in pixels, or */

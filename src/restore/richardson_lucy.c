@@ -24,6 +24,7 @@ static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
 /* A single pixel that held all flux of a star of the tile's peak is (peak of d) / (peak of the PSF); a
  * star with a masked core may be brighter. */
 static const double BOUND = 1e4;
+static const float KEPT = 0.1f; /* of a pixel that is carried on, at least */
 
 /* How many rows of blocks of the sky are updated at a time, and how many rows of the model that takes: what
  * they see of it, and up to a block more. Threads share the blocks of a few rows out well enough. */
@@ -37,8 +38,8 @@ static void plan_strips(const rx_blur *blur, int whole, rx_rl *rl)
     rl->kept = whole || rows > (size_t)blur->height ? blur->height : (int)rows;
 }
 
-rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, int whole, rx_rl **dst,
-                    rx_error *err)
+rx_status rx_rl_new(const rx_restore_params *par, const rx_prepared *prepared, const rx_blur *blur, int whole,
+                    rx_rl **dst, rx_error *err)
 {
     *dst = NULL;
     rx_rl *rl = RX_NEW(rx_rl, 1);
@@ -46,16 +47,18 @@ rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double dam
         return rx_error_memory(err, sizeof *rl);
     rl->prepared = prepared;
     rl->blur = blur;
-    rl->damping = damping;
+    rl->damping = par->rl_damping;
     rl->bound = (float)fmin(BOUND * fmax(prepared->peak, 1), 1e12);
     plan_strips(blur, whole, rl);
     rl->object = rx_blur_sky(blur);
     rl->norm = rx_blur_sky(blur);
     rl->model = RX_NEW(float, (size_t)prepared->width *(size_t)rl->kept);
     rl->rows = RX_NEW(double, (size_t)prepared->height);
-    if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->rows == NULL) {
+    rl->before = par->rl_accelerate ? rx_blur_sky(blur) : NULL;
+    if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->rows == NULL ||
+        (par->rl_accelerate && rl->before == NULL)) {
         rx_rl_free(rl);
-        return rx_error_memory(err, 3 * rx_blur_sky_size(blur) * sizeof(float));
+        return rx_error_memory(err, 4 * rx_blur_sky_size(blur) * sizeof(float));
     }
     rx_rl_reset(rl);
     rx_rl_normalise(rl);
@@ -71,6 +74,7 @@ void rx_rl_free(rx_rl *rl)
     free(rl->model);
     free(rl->norm);
     free(rl->rows);
+    free(rl->before);
     free(rl);
 }
 
@@ -79,7 +83,7 @@ void rx_rl_reset(rx_rl *rl)
     const size_t n = rx_blur_sky_size(rl->blur);
     for (size_t k = 0; k < n; k++)
         rl->object[k] = 1;
-    rl->made = 0;
+    rl->made = rl->updates = 0;
 }
 
 static void read_weight(void *user, int y, int x, int n, float *line)
@@ -250,16 +254,32 @@ RX_SIMD static void move(const float *restrict change, const float *restrict nor
     }
 }
 
+/* f on along its last step. */
+RX_SIMD static void carry(float a, float bound, int n, float *restrict f, float *restrict before)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float now = f[i], on = now + a * (now - before[i]);
+        const float least = KEPT * now > OBJECT_FLOOR ? KEPT * now : OBJECT_FLOOR;
+        f[i] = on > least ? (on < bound ? on : bound) : least;
+        before[i] = now;
+    }
+}
+
 static void move_object(void *user, int y, int x, int n, const float *change)
 {
     const rx_rl *rl = user;
     const size_t k = sky_at(rl->blur, y, x);
     move(change, rl->norm + k, rl->bound, n, rl->object + k);
+    if (rl->before != NULL)
+        carry(rl->carried, rl->bound, n, rl->object + k, rl->before + k);
 }
 
-void rx_rl_update(rx_rl *rl)
+void rx_rl_update(rx_rl *rl, int last)
 {
     const rx_blur_axis *sky = &rl->blur->sky_y;
+    rl->carried = last ? 0 : (float)rl->updates / (float)(rl->updates + 9);
+    rl->updates++;
     /* What is not made of the model yet reads only rows of the object that have not moved. */
     for (int first = 0; first < sky->n; first += rl->strip) {
         const int last = rx_min_int(first + rl->strip, sky->n);
@@ -334,7 +354,7 @@ static rx_status iterate(const rx_restore_params *par, rx_rl *rl, const char *na
         restored->iterations = i;
         if (last || (par->rl_stop_discrepancy && i > 0 && restored->chi2 <= 1))
             break;
-        rx_rl_update(rl);
+        rx_rl_update(rl, i + 1 >= par->rl_niter);
         rx_log_progress(log, name, (i + 1.0) / par->rl_niter);
     }
     rx_log_progress_end(log);
@@ -344,11 +364,12 @@ static rx_status iterate(const rx_restore_params *par, rx_rl *rl, const char *na
 static void describe(const rx_restore_params *par, const rx_prepared *prepared, const char *settings,
                      rx_restored *dst)
 {
-    snprintf(
-        dst->settings, sizeof dst->settings,
-        "RL_NITER %d, RL_STOP %s, RL_DAMPING %g, RL_DENOISE %.4g pixels, RL_PEDESTAL %g (used: %.4g ADU)%s%s",
-        par->rl_niter, par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_damping, par->rl_denoise,
-        par->rl_pedestal, prepared->pedestal, settings[0] != '\0' ? ", " : "", settings);
+    snprintf(dst->settings, sizeof dst->settings,
+             "RL_NITER %d%s, RL_STOP %s, RL_DAMPING %g, RL_DENOISE %.4g pixels, RL_PEDESTAL %g (used: %.4g "
+             "ADU)%s%s",
+             par->rl_niter, par->rl_accelerate ? ", RL_ACCELERATE Y" : "",
+             par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_damping, par->rl_denoise,
+             par->rl_pedestal, prepared->pedestal, settings[0] != '\0' ? ", " : "", settings);
 }
 
 static rx_status new_restored(const rx_restore_params *par, const rx_prepared *prepared, const char *name,
@@ -379,7 +400,7 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
         rx_blur_new(prepared->image.psf, prepared->width, prepared->height, prepared->nthreads, &blur, err);
     if (status == RX_OK)
         status =
-            rx_rl_new(prepared, blur, par->rl_damping,
+            rx_rl_new(par, prepared, blur,
                       n <= RX_RL_WHOLE || restored->reblurred != NULL || par->rl_stop_discrepancy, &rl, err);
     if (status == RX_OK)
         status = iterate(par, rl, restored->name, log, restored, err);
@@ -389,7 +410,8 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
         /* before the restored planes are touched for the first time */
         free(rl->model);
         free(rl->norm);
-        rl->model = rl->norm = NULL;
+        free(rl->before);
+        rl->model = rl->norm = rl->before = NULL;
         if (restored->support != NULL)
             set_support(rl, restored->support);
         restored->pixels = rx_alloc_filled(n, sizeof *restored->pixels, prepared->nthreads);

@@ -15,6 +15,17 @@
  * closer by up to 10 %, and of one on the border itself a part is lost. rx_restored.support shows such
  * pixels.
  *
+ * Acceleration (RL_ACCELERATE): an update starts from the object carried on along its last step,
+ *
+ *   y_k = f_k + a_k (f_k - f_k-1),   f_k+1 = update(y_k),   a_k = (k - 1) / (k + 8)
+ *
+ * (extrapolation of Biggs and Andrews 1997, Appl. Opt. 36, 1766, with the factor of Chambolle and Dossal 2015, J. Optim.
+ * Theory Appl. 166, 968, for their (k - 1) / (k + a), a > 2). An iteration costs the same transforms and does the work of two
+ * to three. Biggs and Andrews take a_k from the last two steps: half as many iterations again, but medium scales overshoot and
+ * with them the noise, 0.2 to 0.4 dB at the same completeness (docs/bench.md). No pixel falls below a tenth of what it was by
+ * being carried on. The last update is not carried on; RL_STOP DISCREPANCY judges, and returns, what was carried on. The flux
+ * is kept as without.
+ *
  * Damping (after White 1994, in The Restoration of HST Images and Spectra II, 104): with T = RL_DAMPING
  *   U = min(1, (d - K f)^2 / (T^2 var(K f))),   D = U^9 (10 - 9 U)
  * so that residuals well below T sigmas stop driving the iteration. White's U is twice the logarithm of the
@@ -58,17 +69,22 @@ typedef struct rx_rl {
     int made;       /* rows of the tile that the model has been made of, for the present object */
     int strip;      /* rows of blocks of the object that are updated at a time */
     double *rows;   /* sums of tile rows */
+    float *before;  /* f_k-1 on the sky; NULL: not accelerated */
+    int updates;    /* k, since the start */
+    float carried;  /* a_k of the update at work */
 } rx_rl;
 
-/* whole: the model is kept as a plane. The same bytes. */
-rx_status rx_rl_new(const rx_prepared *prepared, const rx_blur *blur, double damping, int whole, rx_rl **dst,
-                    rx_error *err);
+/* par: damping and acceleration. whole: the model is kept as a plane. The same bytes. */
+rx_status rx_rl_new(const rx_restore_params *par, const rx_prepared *prepared, const rx_blur *blur, int whole,
+                    rx_rl **dst, rx_error *err);
 void rx_rl_free(rx_rl *rl);
 void rx_rl_reset(rx_rl *rl);     /* object = 1 */
 void rx_rl_normalise(rx_rl *rl); /* norm = K^T W; again after the blur has changed */
 void rx_rl_model(rx_rl *rl);     /* model = K object, where it is kept */
 double rx_rl_chi2(rx_rl *rl);    /* mean over good pixels of (d - K f)^2 / var(K f) */
-void rx_rl_update(rx_rl *rl);    /* one update of object; makes what is missing of the model */
+
+/* One update of the object, carried on unless it is the last one. Makes what is missing of the model. */
+void rx_rl_update(rx_rl *rl, int last);
 
 /* dst = W D (d - model) / model at n tile pixels from (x, y) on, which the model has been made of. */
 void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst);

@@ -111,7 +111,7 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     status =
         rx_blur_new(seeker->psf, prepared->width, prepared->height, prepared->nthreads, &seeker->blur, err);
     if (status == RX_OK)
-        status = rx_rl_new(prepared, seeker->blur, par->rl_damping, 1, &seeker->rl, err);
+        status = rx_rl_new(par, prepared, seeker->blur, 1, &seeker->rl, err);
     if (status != RX_OK)
         return status;
     return open_planes(seeker, err);
@@ -269,7 +269,7 @@ static rx_status restore_image(rx_seeker *seeker, int niter, rx_error *err)
     rx_rl_reset(seeker->rl);
     for (int i = 0; i < niter && (status = rx_interrupt_check(err)) == RX_OK; i++) {
         rx_rl_model(seeker->rl);
-        rx_rl_update(seeker->rl);
+        rx_rl_update(seeker->rl, i + 1 == niter);
     }
     return status;
 }

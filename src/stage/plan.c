@@ -256,6 +256,9 @@ static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, d
         times[RX_COST_NET_BLOCK] =
             (double)par->nthreads * rx_min_int(job->detect[i].width, par->restore.net_block) / 2048;
     times[RX_COST_RL_INSTEAD] = net && par->restore.out_of_domain == RX_DOMAIN_RL;
+    times[RX_COST_RL_ACCELERATE] =
+        par->restore.rl_accelerate &&
+        (name == RX_COST_RL || name == RX_COST_RL_BLIND || times[RX_COST_RL_INSTEAD] > 0);
     times[RX_COST_SEAMS] = net && par->restore.verify_seams;
     times[RX_COST_GUARD] = net && options->check.blank_check != 0; /* noise goes the same way first */
     if (!plain && job->terms[i] > 1) /* spectra of the terms, and the planes that they are summed in */

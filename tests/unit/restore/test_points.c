@@ -34,7 +34,8 @@ static bench bench_new(void)
     const rx_image image = sky_image(&b.s, NULL);
     assert_int_equal(rx_prepared_new(&b.s.par, &image, &b.prepared, NULL), RX_OK);
     assert_int_equal(rx_blur_new(b.psf, W, H, 1, &b.blur, NULL), RX_OK);
-    assert_int_equal(rx_rl_new(b.prepared, b.blur, 0, 1, &b.rl, NULL), RX_OK);
+    assert_int_equal(rx_rl_new(&(rx_restore_params){.rl_damping = 0}, b.prepared, b.blur, 1, &b.rl, NULL),
+                     RX_OK);
     return b;
 }
 

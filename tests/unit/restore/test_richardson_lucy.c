@@ -437,14 +437,14 @@ static void sharpens(void **state)
     sky_free(&s);
 }
 
-static void stops_at_discrepancy(void **state)
+static void check_discrepancy(int accelerate)
 {
-    (void)state;
     sky s;
     sky_new(&s, 128, 128);
     for (int i = 0; i < 9; i++)
         sky_star(&s, 20 + i % 3 * 40, 20 + i / 3 * 40, 3.5, 3000);
     sky_noise(&s, 1, 2);
+    s.par.rl_accelerate = accelerate;
     s.par.rl_stop_discrepancy = 1;
     s.par.rl_niter = 500;
     rx_psf *psf = rx_stamp_gauss(3.5);
@@ -464,9 +464,17 @@ static void stops_at_discrepancy(void **state)
         sum += pow(s.tile.pixels[k] - 100 - r->reblurred[k], 2);
     assert_near(r->chi2, sum / (128 * 128), 1e-4);
     assert_non_null(strstr(r->settings, "RL_STOP NITER"));
+    assert_int_equal(strstr(r->settings, "RL_ACCELERATE Y") != NULL, accelerate);
     rx_restored_free(r);
     rx_psf_free(psf);
     sky_free(&s);
+}
+
+static void stops_at_discrepancy(void **state)
+{
+    (void)state;
+    check_discrepancy(0);
+    check_discrepancy(1);
 }
 
 static double scatter(const sky *s, const float *plane)
@@ -622,13 +630,14 @@ static void strips(void **state)
     assert_int_equal(rx_prepared_new(&s.par, &image, &prepared, NULL), RX_OK);
     for (int threads = 1; threads <= 2; threads++) {
         assert_int_equal(rx_blur_new(psf, WIDE, HIGH, threads, &blur, NULL), RX_OK);
-        assert_int_equal(rx_rl_new(prepared, blur, 0, 1, &whole, NULL), RX_OK);
-        assert_int_equal(rx_rl_new(prepared, blur, 0, 0, &parts, NULL), RX_OK);
+        const rx_restore_params par = {.rl_accelerate = threads == 2};
+        assert_int_equal(rx_rl_new(&par, prepared, blur, 1, &whole, NULL), RX_OK);
+        assert_int_equal(rx_rl_new(&par, prepared, blur, 0, &parts, NULL), RX_OK);
         assert_true(parts->kept < HIGH && parts->strip < blur->sky_y.n);
         for (int i = 0; i < STEPS; i++) {
             assert_true(rx_rl_chi2(whole) == rx_rl_chi2(parts));
-            rx_rl_update(whole);
-            rx_rl_update(parts);
+            rx_rl_update(whole, 0);
+            rx_rl_update(parts, 0);
             assert_memory_equal(whole->object, parts->object, rx_blur_sky_size(blur) * sizeof(float));
         }
         rx_rl_free(whole);

@@ -146,10 +146,10 @@ static void chooses_stars(void **state)
     const rx_image image = sky_image(&s, NULL);
     assert_int_equal(rx_prepared_new(&s.par, &image, &prepared, NULL), RX_OK);
     assert_int_equal(rx_blur_new(psf, W, H, 1, &blur, NULL), RX_OK);
-    assert_int_equal(rx_rl_new(prepared, blur, 0, 1, &rl, NULL), RX_OK);
+    assert_int_equal(rx_rl_new(&(rx_restore_params){.rl_damping = 0}, prepared, blur, 1, &rl, NULL), RX_OK);
     for (int i = 0; i < 10; i++) {
         rx_rl_model(rl);
-        rx_rl_update(rl);
+        rx_rl_update(rl, 0);
     }
     assert_int_equal(
         rx_points_find(rl, TRUE_FWHM, rx_points_bluntness(psf->basis, psf->size), points, &n, &radius, NULL),

@@ -84,14 +84,16 @@ static double chi2(const bench *b, const float *model)
     return sum / (double)n;
 }
 
-static void check_updates(int whole, double damping)
+static void check_updates(int whole, double damping, int accelerate)
 {
     bench b = bench_new();
     rx_rl *rl = NULL;
     float *m = calloc(AREA, sizeof *m), *r = calloc(AREA, sizeof *r), line[W];
-    float *f = rx_blur_sky(b.blur), *change = rx_blur_sky(b.blur), *norm = rx_blur_sky(b.blur);
+    float *f = rx_blur_sky(b.blur), *change = rx_blur_sky(b.blur), *norm = rx_blur_sky(b.blur),
+          *before = rx_blur_sky(b.blur);
     const size_t n = rx_blur_sky_size(b.blur);
-    assert_int_equal(rx_rl_new(b.prepared, b.blur, damping, whole, &rl, NULL), RX_OK);
+    const rx_restore_params par = {.rl_damping = damping, .rl_accelerate = accelerate};
+    assert_int_equal(rx_rl_new(&par, b.prepared, b.blur, whole, &rl, NULL), RX_OK);
     rx_blur_adjoint_plane(b.blur, b.prepared->weight, norm);
     for (size_t k = 0; k < n; k++) {
         f[k] = 1;
@@ -110,9 +112,14 @@ static void check_updates(int whole, double damping)
                 assert_near(line[k], r[y * W + x + k], 2e-5 * (1 + fabs(r[y * W + x + k])));
         }
         rx_blur_adjoint_plane(b.blur, r, change);
-        for (size_t k = 0; k < n; k++)
-            f[k] = norm[k] > 1e-3 ? fmaxf(1e-4f, f[k] * (1 + change[k] / norm[k])) : f[k];
-        rx_rl_update(rl);
+        for (size_t k = 0; k < n; k++) {
+            const float now = norm[k] > 1e-3 ? fmaxf(1e-4f, f[k] * (1 + change[k] / norm[k])) : f[k];
+            f[k] = accelerate && i < 3
+                       ? fmaxf(now + (float)i / (float)(i + 9) * (now - before[k]), 0.1f * now)
+                       : now;
+            before[k] = now;
+        }
+        rx_rl_update(rl, i == 3);
         for (size_t k = 0; k < n; k++)
             if (fabs(norm[k] - 1e-3) > 1e-5) /* is it known or not? */
                 assert_near(rl->object[k], f[k], 1e-4 * (1 + f[k]) * fmax(1, 0.03 / norm[k]));
@@ -127,15 +134,18 @@ static void check_updates(int whole, double damping)
     free(f);
     free(change);
     free(norm);
+    free(before);
     bench_free(&b);
 }
 
 static void updates_by_the_formula(void **state)
 {
     (void)state;
-    check_updates(1, 0);
-    check_updates(0, 0);
-    check_updates(1, 3);
+    check_updates(1, 0, 0);
+    check_updates(0, 0, 0);
+    check_updates(1, 3, 0);
+    check_updates(1, 0, 1);
+    check_updates(0, 3, 1);
 }
 
 /* No source is brighter than all the light of the tile's peak in a pixel, ten thousand times over. */
@@ -144,14 +154,15 @@ static void bounds(void **state)
     (void)state;
     bench b = bench_new();
     rx_rl *rl = NULL;
-    assert_int_equal(rx_rl_new(b.prepared, b.blur, 0, 1, &rl, NULL), RX_OK);
+    assert_int_equal(rx_rl_new(&(rx_restore_params){.rl_damping = 0}, b.prepared, b.blur, 1, &rl, NULL),
+                     RX_OK);
     assert_near(rl->bound, 1e4 * b.prepared->peak, 1e-6 * rl->bound);
     for (size_t k = 0; k < rx_blur_sky_size(b.blur); k++)
         rl->object[k] = k % 2 ? 2 * rl->bound : 1e-9f;
     rx_rl_model(rl);
     for (size_t k = 0; k < (size_t)AREA; k++)
         rl->model[k] = b.prepared->data[k] > 0.05f ? b.prepared->data[k] : 1; /* no change */
-    rx_rl_update(rl);
+    rx_rl_update(rl, 0);
     for (int x = 50; x < 300; x++) {
         const float f = rl->object[rx_blur_row(b.blur, 20) + (size_t)x];
         assert_true(f <= rl->bound);
@@ -173,9 +184,10 @@ static void planes_of_a_run(void **state)
     b.s.par.rl_denoise = 0;
     const rx_image image = sky_image(&b.s, b.psf);
     assert_int_equal(rx_rl_run(&b.s.par, &image, NULL, &out, NULL), RX_OK);
-    assert_int_equal(rx_rl_new(b.prepared, b.blur, 0, 1, &rl, NULL), RX_OK);
-    rx_rl_update(rl);
-    rx_rl_update(rl);
+    assert_int_equal(rx_rl_new(&(rx_restore_params){.rl_damping = 0}, b.prepared, b.blur, 1, &rl, NULL),
+                     RX_OK);
+    rx_rl_update(rl, 0);
+    rx_rl_update(rl, 0);
     rx_blur_plane(b.blur, rl->object, m);
     for (int k = 0; k < AREA; k++)
         good[k] = b.s.tile.mask[k] == 0;
