@@ -284,6 +284,8 @@ def measure(folder, truth, way):
     if not (folder / "model.psf").exists():
         raise RuntimeError("no PSF: " + "; ".join(warned(log)))
     model = Model(folder / "model.psf")
+    if not np.isfinite(model.mask).all():
+        raise RuntimeError("no PSF: " + "; ".join(warned(log)))
     timing = re.search(r"PSF ([\d.]+)$", log, re.M)
     line = re.search(r"PSF (AUTO|MOFFAT).*", log)
     return model, {"said": warned(log), "seconds": made or seconds, "wall of PSF": float(timing[1]) if timing else None,

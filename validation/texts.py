@@ -540,7 +540,7 @@ def psf():
                 f"{middle(way, lambda row: abs(row['predicted corner mag'])):.3f}", f"{1.4826 * statistics.median(pulls):.2f}"]
     kinds = len({row["case"] for row in tiles})
     return (paragraph(f"""Simulated tiles of {kinds} known PSFs: Moffats, Gaussian with an exponential halo,
-        Kolmogorov, diffraction spikes, constant and varying over the tile, FWHM 1.5 to 8 pixels, 20 to 1,000 stars per Mpixel; medians
+        Kolmogorov, diffraction spikes, constant and varying over the tile, FWHM 1.5 to 8 pixels, 20 to 20,000 stars per Mpixel; medians
         over the tiles of the size of each error, without noise on a grid of places, and of bright stars' template fluxes:""") + "\n" +
             table(["", "tiles", "dT/T (1e-3)", "its rms over the tile", "residual (%)", "growth (%)", "MAG_TEMPLATE (mag)",
                    "at the worst corner", "pulls' width"],
