@@ -102,9 +102,8 @@ static rx_status write_fits(const rx_catalog *catalog, const char *path, const c
     for (int i = 0; i < catalog->n && status == RX_OK; i++) {
         status = table_cards(catalog, tables[i], &cards, err);
         if (status == RX_OK)
-            status = catalog->type == RX_CATALOG_FITS_LDAC
-                         ? rx_fits_ldac(writer, tables[i], cards.data, cards.length / 80, err)
-                         : rx_fits_table(writer, tables[i], cards.data, cards.length / 80, err);
+            status = catalog->type == RX_CATALOG_FITS_LDAC ? rx_fits_ldac(writer, tables[i], &cards, err)
+                                                           : rx_fits_table(writer, tables[i], &cards, err);
     }
     if (status == RX_OK) {
         status = rx_fits_close(writer, err);

@@ -282,10 +282,10 @@ static int parse_range(const char **cursor, long *first, long *last)
 static int parse_section(const char *group, rx_fits_name *dst)
 {
     const char *c = group;
-    if (!parse_range(&c, &dst->first[0], &dst->last[0]) || *c != ',')
+    if (!parse_range(&c, &dst->section.first[0], &dst->section.last[0]) || *c != ',')
         return 0;
     c++;
-    if (!parse_range(&c, &dst->first[1], &dst->last[1]) || *c != '\0')
+    if (!parse_range(&c, &dst->section.first[1], &dst->section.last[1]) || *c != '\0')
         return 0;
     dst->has_section = 1;
     return 1;
@@ -342,7 +342,7 @@ malformed:
 rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
 {
     struct stat info;
-    *dst = (rx_fits_name){.hdu = -1, .first = {1, 1}};
+    *dst = (rx_fits_name){.hdu = -1, .section.first = {1, 1}};
     if (name == NULL || name[0] == '\0')
         return rx_error_set(err, RX_INPUT, "the name of a FITS file is empty; give one");
     if (strcmp(name, "-") == 0 || strncmp(name, "stdin", 6) == 0)
@@ -534,6 +534,16 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
     return status == RX_OK ? rx_fits_check_tiles(file, path, hdu, shape, err) : status;
 }
 
+rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2])
+{
+    rx_fits_section part = {.first = {1, 1}, .last = {shape[0], shape[1]}};
+    for (int i = 0; name->has_section && i < 2; i++) {
+        part.first[i] = name->section.first[i];
+        part.last[i] = name->section.last[i] > 0 ? name->section.last[i] : shape[i];
+    }
+    return part;
+}
+
 /* --- reading --- */
 
 /* Are the pixels floats that need no arithmetic? */
@@ -549,10 +559,11 @@ static int holds_floats(fitsfile *file)
 
 /* These are read as they are: no doubles, no search for blank values. What is too small for a float's full
  * precision becomes 0, as cfitsio would have made it. */
-static rx_status read_floats(fitsfile *file, const char *path, int hdu, const long first[2],
-                             const long last[2], long plane, float *dst, rx_error *err)
+static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
+                             long plane, float *dst, rx_error *err)
 {
     int failed = 0, anynul = 0;
+    const long *first = part->first, *last = part->last;
     const size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     const size_t rows = CACHED_PIXELS / width + 1;
     for (size_t row = 0; row < height; row += rows) {
@@ -572,22 +583,17 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const lo
     return RX_OK;
 }
 
-rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const long first[2],
-                              const long last[2], float *dst, rx_error *err)
-{
-    return rx_fits_read_plane(file, path, hdu, first, last, 1, dst, err);
-}
-
-rx_status rx_fits_read_plane(fitsfile *file, const char *path, int hdu, const long first[2],
-                             const long last[2], long plane, float *dst, rx_error *err)
+rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
+                              long plane, float *dst, rx_error *err)
 {
     rx_status status = RX_OK;
     int failed = 0, anynul = 0;
+    const long *first = part->first, *last = part->last;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     size_t rows = CHUNK_PIXELS / width + 1;
     rows = rows < height ? rows : height;
     if (holds_floats(file))
-        return read_floats(file, path, hdu, first, last, plane, dst, err);
+        return read_floats(file, path, hdu, part, plane, dst, err);
     double *buffer = RX_NEW(double, rows *width);
     if (buffer == NULL)
         return rx_error_memory(err, rows * width * sizeof *buffer);

@@ -14,13 +14,18 @@
 
 #include "base/error.h"
 
+/* A rectangle of pixels as FITS counts them, from 1, inclusive. */
+typedef struct rx_fits_section {
+    long first[2], last[2];
+} rx_fits_section;
+
 typedef struct rx_fits_name {
     char path[1024];
     int hdu;          /* from 0; -1: not given by number */
     char extname[72]; /* "" : not given by name */
     int extver;       /* 0: any */
     int has_section;
-    long first[2], last[2]; /* section, from 1, inclusive; last 0 = to the end */
+    rx_fits_section section; /* last 0 = to the end */
 } rx_fits_name;
 
 /* What an HDU holds, as far as images are concerned. */
@@ -74,14 +79,13 @@ int rx_fits_is_plane(const rx_fits_shape *shape);
 rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int hdu,
                              const rx_fits_shape *shape, rx_error *err);
 
-/* Pixels of a rectangle of the current image HDU, rows first..last: BLANK, NaN, infinity and
- * what no float can hold become NAN. dst is [height][width] of the rectangle. */
-rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const long first[2],
-                              const long last[2], float *dst, rx_error *err);
+/* The part of an image of that shape that the name selects: its section, or all. */
+rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2]);
 
-/* The same of plane number `plane` (from 1) of a cube. */
-rx_status rx_fits_read_plane(fitsfile *file, const char *path, int hdu, const long first[2],
-                             const long last[2], long plane, float *dst, rx_error *err);
+/* Pixels of a part of the current image HDU, of plane number `plane` (from 1) of a cube: BLANK, NaN, infinity
+ * and what no float can hold become NAN. dst is [height][width] of the part. */
+rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
+                              long plane, float *dst, rx_error *err);
 
 /* Header of the current HDU as 80-character cards without END; a compressed image's header is
  * that of the image. *cards to be freed with free(). */

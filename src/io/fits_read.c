@@ -63,7 +63,7 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes,
 }
 
 static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int cubes, int hdu,
-                             const rx_fits_shape *shape, long first[2], long last[2], rx_error *err)
+                             const rx_fits_shape *shape, rx_fits_section *part, rx_error *err)
 {
     int is_line = shape->is_image && shape->naxis == 1;
     const LONGLONG planes = is_line ? 1 : count_planes(shape, cubes);
@@ -71,16 +71,15 @@ static rx_status check_image(const rx_fits_source *source, const rx_fits_name *n
         return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
     rx_status status = rx_fits_check_size(source, name->path, hdu, shape, err);
     double pixels = (double)planes;
+    *part = rx_fits_part(name, (long[2]){(long)shape->axes[0], is_line ? 1 : (long)shape->axes[1]});
     for (int i = 0; i < 2; i++) {
         LONGLONG length = i == 1 && is_line ? 1 : shape->axes[i];
-        first[i] = name->has_section ? name->first[i] : 1;
-        last[i] = name->has_section && name->last[i] > 0 ? name->last[i] : (long)length;
         if (status == RX_OK && (length < 1 || length > 1 << 28))
             status = rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the image has %lld x %lld pixels",
                                  shape->axes[0], is_line ? 1 : shape->axes[1]);
-        if (status == RX_OK && last[i] > length)
+        if (status == RX_OK && part->last[i] > length)
             status = rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the section leaves the image");
-        pixels *= (double)(last[i] - first[i] + 1);
+        pixels *= (double)(part->last[i] - part->first[i] + 1);
     }
     if (status == RX_OK && cubes && !(pixels <= MOST_PIXELS))
         status =
@@ -95,7 +94,7 @@ static rx_status read_image(const char *name, int cubes, rx_fits_cube *dst, rx_e
     rx_fits_name parsed;
     rx_fits_shape shape;
     rx_fits_source source = {0};
-    long first[2], last[2];
+    rx_fits_section part;
     int hdu = 0;
     size_t ncards = 0;
     *dst = (rx_fits_cube){0};
@@ -105,19 +104,19 @@ static rx_status read_image(const char *name, int cubes, rx_fits_cube *dst, rx_e
     if (status == RX_OK)
         status = find_image(source.file, &parsed, cubes, &hdu, &shape, err);
     if (status == RX_OK)
-        status = check_image(&source, &parsed, cubes, hdu, &shape, first, last, err);
+        status = check_image(&source, &parsed, cubes, hdu, &shape, &part, err);
     if (status != RX_OK)
         goto exit;
-    dst->width = (int)(last[0] - first[0] + 1);
-    dst->height = (int)(last[1] - first[1] + 1);
+    dst->width = (int)(part.last[0] - part.first[0] + 1);
+    dst->height = (int)(part.last[1] - part.first[1] + 1);
     dst->planes = (int)(shape.naxis > 2 ? shape.axes[2] : 1);
     const size_t plane = (size_t)dst->width * (size_t)dst->height;
     dst->pixels = rx_alloc((size_t)dst->planes, plane * sizeof(float));
     if (dst->pixels == NULL)
         status = rx_error_memory(err, sizeof(float) * plane * (size_t)dst->planes);
     for (int k = 0; k < dst->planes && status == RX_OK; k++)
-        status = rx_fits_read_plane(source.file, parsed.path, hdu, first, last, k + 1,
-                                    dst->pixels + (size_t)k * plane, err);
+        status = rx_fits_read_pixels(source.file, parsed.path, hdu, &part, k + 1,
+                                     dst->pixels + (size_t)k * plane, err);
     if (status == RX_OK && cubes)
         status = rx_fits_read_cards(source.file, parsed.path, hdu, &dst->cards, &ncards, err);
     dst->ncards = (long)ncards;

@@ -151,6 +151,13 @@ static void declare_long_strings(fitsfile *file, int *failed)
     }
 }
 
+static void write_extra(fitsfile *file, const rx_text *extra, int *failed)
+{
+    if (extra != NULL)
+        write_cards(file, extra->data, extra->length / CARD, 0, failed);
+    declare_long_strings(file, failed);
+}
+
 /* DATASUM and CHECKSUM (FITS 4.0, appendix J) by hand: cfitsio's own way puts the time of day
  * into the comments, and the same input must give the same bytes. datasum: of what should be there. */
 static void write_checksum(fitsfile *file, uint32_t datasum, int *failed)
@@ -176,51 +183,42 @@ static void write_extname(fitsfile *file, const char *name, int *failed)
 
 /* --- images --- */
 
-static rx_status write_image(rx_fits_writer *writer, int bitpix, int type, const void *pixels, int width,
-                             int height, const char *extname, const char *cards, size_t ncards,
-                             const char *extra, size_t nextra, rx_error *err)
+rx_fits_plane rx_fits_plane_of(const rx_tile *tile)
+{
+    return (rx_fits_plane){.extname = tile->extname,
+                           .width = tile->width,
+                           .height = tile->height,
+                           .cards = tile->cards,
+                           .ncards = tile->ncards};
+}
+
+rx_status rx_fits_image(rx_fits_writer *writer, const rx_fits_plane *plane, const rx_text *extra,
+                        rx_error *err)
 {
     int failed = 0;
-    LONGLONG axes[2] = {width, height};
+    LONGLONG axes[2] = {plane->width, plane->height};
     union {
         const void *given;
         void *taken; /* cfitsio forgot the const */
-    } data = {.given = pixels};
+    } data = {.given = plane->floats != NULL ? (const void *)plane->floats : plane->integers};
     fits_clear_errmsg();
-    fits_create_imgll(writer->file, bitpix, 2, axes, &failed);
-    write_extname(writer->file, extname, &failed);
-    write_cards(writer->file, cards, ncards, 1, &failed);
-    write_cards(writer->file, extra, nextra, 0, &failed);
-    declare_long_strings(writer->file, &failed);
-    fits_write_img(writer->file, type, 1, (LONGLONG)width * height, data.taken, &failed);
-    write_checksum(writer->file, rx_fits_sum_pixels(pixels, (size_t)width * (size_t)height), &failed);
+    fits_create_imgll(writer->file, plane->floats != NULL ? FLOAT_IMG : LONG_IMG, 2, axes, &failed);
+    write_extname(writer->file, plane->extname, &failed);
+    write_cards(writer->file, plane->cards, plane->ncards, 1, &failed);
+    write_extra(writer->file, extra, &failed);
+    fits_write_img(writer->file, plane->floats != NULL ? TFLOAT : TINT, 1, axes[0] * axes[1], data.taken,
+                   &failed);
+    write_checksum(writer->file, rx_fits_sum_pixels(data.given, (size_t)(axes[0] * axes[1])), &failed);
     writer->hdus++;
     return failed ? broken(writer, failed, err) : RX_OK;
 }
 
-rx_status rx_fits_image(rx_fits_writer *writer, const float *pixels, int width, int height,
-                        const char *extname, const char *cards, size_t ncards, const char *extra,
-                        size_t nextra, rx_error *err)
-{
-    return write_image(writer, FLOAT_IMG, TFLOAT, pixels, width, height, extname, cards, ncards, extra,
-                       nextra, err);
-}
-
-rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int width, int height,
-                            const char *extname, const char *cards, size_t ncards, const char *extra,
-                            size_t nextra, rx_error *err)
-{
-    return write_image(writer, LONG_IMG, TINT, pixels, width, height, extname, cards, ncards, extra, nextra,
-                       err);
-}
-
 /* --- tables --- */
 
-static void write_primary(rx_fits_writer *writer, const char *extra, size_t nextra, int *failed)
+static void write_primary(rx_fits_writer *writer, const rx_text *extra, int *failed)
 {
     fits_create_imgll(writer->file, BYTE_IMG, 0, NULL, failed);
-    write_cards(writer->file, extra, nextra, 0, failed);
-    declare_long_strings(writer->file, failed);
+    write_extra(writer->file, extra, failed);
     write_checksum(writer->file, 0, failed);
     writer->hdus++;
 }
@@ -229,14 +227,14 @@ static void write_primary(rx_fits_writer *writer, const char *extra, size_t next
 static void need_primary(rx_fits_writer *writer, int *failed)
 {
     if (writer->hdus == 0)
-        write_primary(writer, NULL, 0, failed);
+        write_primary(writer, NULL, failed);
 }
 
-rx_status rx_fits_primary(rx_fits_writer *writer, const char *extra, size_t nextra, rx_error *err)
+rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error *err)
 {
     int failed = 0;
     fits_clear_errmsg();
-    write_primary(writer, extra, nextra, &failed);
+    write_primary(writer, extra, &failed);
     return failed ? broken(writer, failed, err) : RX_OK;
 }
 
@@ -362,7 +360,7 @@ static rx_status write_rows(rx_fits_writer *writer, const rx_table *table, int *
 }
 
 static rx_status write_table(rx_fits_writer *writer, const rx_table *table, const char *extname,
-                             const char *extra, size_t nextra, rx_error *err)
+                             const rx_text *extra, rx_error *err)
 {
     int failed = 0, n = table->ncolumns;
     rx_status status = RX_OK;
@@ -385,8 +383,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     write_extname(writer->file, extname, &failed);
     for (int i = 0; i < n; i++)
         write_column_keys(writer->file, i + 1, &table->columns[i], &failed);
-    write_cards(writer->file, extra, nextra, 0, &failed);
-    declare_long_strings(writer->file, &failed);
+    write_extra(writer->file, extra, &failed);
     fits_set_hdustruc(writer->file, &failed);
     status = write_rows(writer, table, &failed, err);
     if (status != RX_OK)
@@ -403,17 +400,16 @@ exit:
     return status;
 }
 
-rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
-                        rx_error *err)
+rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err)
 {
-    return write_table(writer, table, table->name, extra, nextra, err);
+    return write_table(writer, table, table->name, extra, err);
 }
 
 /* --- FITS_LDAC --- */
 
 /* The image's header as the only cell of the only row, END included: what SExtractor hands to
  * PSFEx and SCAMP. */
-static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
+static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, const rx_text *extra,
                               rx_error *err)
 {
     int failed = 0;
@@ -421,7 +417,8 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     rx_text text = {0};
     if (table->cards != NULL)
         rx_text_add_bytes(&text, table->cards, (size_t)table->ncards * CARD);
-    rx_text_add_bytes(&text, extra != NULL ? extra : "", extra != NULL ? nextra * CARD : 0);
+    if (extra != NULL && extra->length > 0)
+        rx_text_add_bytes(&text, extra->data, extra->length);
     snprintf(end, sizeof end, "%-80s", "END");
     rx_text_add_bytes(&text, end, CARD);
     if (text.failed) {
@@ -443,11 +440,10 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     return failed ? broken(writer, failed, err) : RX_OK;
 }
 
-rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
-                       rx_error *err)
+rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err)
 {
-    rx_status status = write_imhead(writer, table, extra, nextra, err);
+    rx_status status = write_imhead(writer, table, extra, err);
     if (status == RX_OK)
-        status = write_table(writer, table, "LDAC_OBJECTS", extra, nextra, err);
+        status = write_table(writer, table, "LDAC_OBJECTS", extra, err);
     return status;
 }

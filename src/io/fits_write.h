@@ -9,33 +9,41 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "data/table.h"
+#include "data/tile.h"
 
 typedef struct rx_fits_writer rx_fits_writer; /* one open FITS file */
 
 /* path: the temporary name of rx_outputs_file(); shown: the final name, for errors. */
 rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **dst, rx_error *err);
 
-/* Append an image HDU: floats (bad pixels NaN) or int32; `cards` (may be NULL) are the input's
- * header cards of which all useful ones are copied (no structural, compression, scaling,
- * checksum keywords; WCS kept), then `extra`, ready 80-character cards (COMMENT, HISTORY, keys). */
-rx_status rx_fits_image(rx_fits_writer *writer, const float *pixels, int width, int height,
-                        const char *extname, const char *cards, size_t ncards, const char *extra,
-                        size_t nextra, rx_error *err);
-rx_status rx_fits_image_int(rx_fits_writer *writer, const int32_t *pixels, int width, int height,
-                            const char *extname, const char *cards, size_t ncards, const char *extra,
-                            size_t nextra, rx_error *err);
+/* What an image HDU holds: pixels [height][width], floats (bad ones NaN) or integers, one of the two. */
+typedef struct rx_fits_plane {
+    const char *extname; /* NULL, "": none */
+    int width, height;
+    const float *floats;
+    const int32_t *integers;
+    const char
+        *cards; /* the input's, of which the useful ones are copied (no structural, compression, scaling,
+                          checksum keywords; WCS kept); NULL: none */
+    size_t ncards;
+} rx_fits_plane;
+
+/* Shape, name and header of that tile; its pixels are still to be named. */
+rx_fits_plane rx_fits_plane_of(const rx_tile *tile);
+
+/* Append an image HDU. extra, here and below: ready 80-character cards (COMMENT, HISTORY, keys), NULL: none. */
+rx_status rx_fits_image(rx_fits_writer *writer, const rx_fits_plane *plane, const rx_text *extra,
+                        rx_error *err);
 
 /* An empty primary HDU with cards of its own, where tables follow; the first thing written. */
-rx_status rx_fits_primary(rx_fits_writer *writer, const char *extra, size_t nextra, rx_error *err);
+rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error *err);
 
 /* Append a binary table (an empty primary is made first when it is the first HDU). */
-rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
-                        rx_error *err);
+rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err);
 
 /* FITS_LDAC: the LDAC_IMHEAD table holding table->cards and `extra`, then LDAC_OBJECTS whose
  * header holds `extra` too. One pair for each image of a multi-extension file. */
-rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const char *extra, size_t nextra,
-                       rx_error *err);
+rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err);
 
 /* Close with checksums; the writer is freed in any case (NULL is fine for abort). */
 rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err);

@@ -251,8 +251,7 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nth
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    rx_status status =
-        rx_fits_read_pixels(file, tile->name, tile->hdu, place->first, place->last, tile->pixels, err);
+    rx_status status = rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, 1, tile->pixels, err);
     if (status != RX_OK)
         return status;
 #pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : bad)
@@ -304,21 +303,23 @@ static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_log 
     if (cards->failed || parent->failed)
         return rx_error_memory(err, cards->length + parent->length);
     if (place->name->has_section) {
-        long size[2] = {place->last[0] - place->first[0] + 1, place->last[1] - place->first[1] + 1};
-        rx_cards_cut(cards->data, cards->length / 80, place->first, size);
+        long size[2] = {place->part.last[0] - place->part.first[0] + 1,
+                        place->part.last[1] - place->part.first[1] + 1};
+        rx_cards_cut(cards->data, cards->length / 80, place->part.first, size);
     }
     return RX_OK;
 }
 
 static rx_status take_wcs(const rx_tile_params *par, rx_log *log, rx_tile *tile, rx_error *err)
 {
-    char note[256] = "";
-    rx_status status = rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs,
-                                         note, sizeof note, err);
+    rx_text note = {0};
+    rx_status status =
+        rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs, &note, err);
+    if (status == RX_OK && note.length > 0)
+        rx_log_detail(log, "%s[%d]: %s", tile->name, tile->hdu, note.data);
+    rx_text_free(&note);
     if (status != RX_OK)
         return status;
-    if (note[0] != '\0')
-        rx_log_detail(log, "%s[%d]: %s", tile->name, tile->hdu, note);
     if (tile->wcs == NULL)
         tile->linear_wcs = rx_wcs_linear(tile->cards, tile->ncards, tile->linear);
     if (par->pixel_scale > 0)
@@ -349,15 +350,13 @@ static rx_status find_place(const rx_fits_source *source, rx_tile_place *place, 
         status = rx_fits_check_size(source, name->path, place->hdu, &shape, err);
     if (status != RX_OK)
         return status;
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 2; i++)
         place->full[i] = (long)shape.axes[i];
-        place->first[i] = name->has_section ? name->first[i] : 1;
-        place->last[i] = name->has_section && name->last[i] > 0 ? name->last[i] : (long)shape.axes[i];
-    }
-    if (place->last[0] > place->full[0] || place->last[1] > place->full[1])
+    place->part = rx_fits_part(name, place->full);
+    if (place->part.last[0] > place->full[0] || place->part.last[1] > place->full[1])
         return rx_error_at(err, RX_INPUT, name->path, place->hdu, 0,
                            "the section ends at %ld,%ld, outside of the image of %ld x %ld pixels",
-                           place->last[0], place->last[1], place->full[0], place->full[1]);
+                           place->part.last[0], place->part.last[1], place->full[0], place->full[1]);
     return RX_OK;
 }
 
@@ -369,8 +368,8 @@ static rx_status name_tile(const rx_tile_place *place, const rx_text *cards, rx_
         extname[0] = '\0';
     tile->hdu = place->hdu;
     tile->extension = place->extension;
-    tile->width = (int)(place->last[0] - place->first[0] + 1);
-    tile->height = (int)(place->last[1] - place->first[1] + 1);
+    tile->width = (int)(place->part.last[0] - place->part.first[0] + 1);
+    tile->height = (int)(place->part.last[1] - place->part.first[1] + 1);
     tile->name = rx_strdup(place->name->path);
     tile->extname = rx_strdup(extname);
     return tile->name != NULL && tile->extname != NULL ? RX_OK : rx_error_memory(err, sizeof *tile);
@@ -437,8 +436,8 @@ static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name
         status = rx_fits_failed(err, RX_INPUT, name->path, hdu, failed, "this HDU cannot be read");
     if (status == RX_OK)
         *dst = (rx_tile_shape){.hdu = hdu,
-                               .width = (int)(place.last[0] - place.first[0] + 1),
-                               .height = (int)(place.last[1] - place.first[1] + 1),
+                               .width = (int)(place.part.last[0] - place.part.first[0] + 1),
+                               .height = (int)(place.part.last[1] - place.part.first[1] + 1),
                                .compressed = shape.is_compressed,
                                .ncards = cards.length / 80,
                                .held = rx_fits_held(source)};

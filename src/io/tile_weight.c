@@ -39,46 +39,46 @@ static rx_status choose_hdu(const char *what, const char *name, const rx_tile_pl
     return status;
 }
 
-/* Open a companion of the tile and find the rectangle that covers the tile's pixels. */
+/* A companion of the tile, open at its HDU, and the rectangle that covers the tile's pixels. */
+typedef struct companion {
+    rx_fits_source source; /* rx_fits_done() in any case */
+    int hdu;
+    rx_fits_shape shape;
+    rx_fits_section part;
+} companion;
+
 static rx_status open_companion(const char *what, const char *text, const rx_tile_place *place,
-                                rx_fits_source *source, int *hdu, rx_fits_shape *shape, long first[2],
-                                long last[2], rx_error *err)
+                                companion *dst, rx_error *err)
 {
     rx_fits_name name;
-    rx_status status = rx_fits_name_parse(text, &name, err);
-    if (status == RX_OK)
-        status = choose_hdu(what, text, place, hdu, err);
-    if (status == RX_OK)
-        status = rx_fits_open(name.path, source, err);
-    if (status == RX_OK)
-        status = rx_fits_goto(source->file, name.path, *hdu, err);
-    if (status != RX_OK)
-        return status;
-    int failed = rx_fits_shape_of(source->file, shape);
+    rx_fits_section *part = &dst->part;
+    *dst = (companion){0};
+    RX_TRY(rx_fits_name_parse(text, &name, err));
+    RX_TRY(choose_hdu(what, text, place, &dst->hdu, err));
+    RX_TRY(rx_fits_open(name.path, &dst->source, err));
+    RX_TRY(rx_fits_goto(dst->source.file, name.path, dst->hdu, err));
+    int failed = rx_fits_shape_of(dst->source.file, &dst->shape);
     if (failed)
-        return rx_fits_failed(err, RX_INPUT, name.path, *hdu, failed, "this HDU cannot be read");
-    status = rx_fits_check_size(source, name.path, *hdu, shape, err);
-    if (status != RX_OK)
-        return status;
-    int same = 1, part = 1;
+        return rx_fits_failed(err, RX_INPUT, name.path, dst->hdu, failed, "this HDU cannot be read");
+    RX_TRY(rx_fits_check_size(&dst->source, name.path, dst->hdu, &dst->shape, err));
+    const long axes[2] = {(long)dst->shape.axes[0], (long)dst->shape.axes[1]};
+    int same = 1, whole = 1;
+    *part = rx_fits_part(&name, axes);
     for (int i = 0; i < 2; i++) {
-        first[i] = name.has_section ? name.first[i] : 1;
-        last[i] = name.has_section && name.last[i] > 0 ? name.last[i] : (long)shape->axes[i];
-        if (last[i] > shape->axes[i])
-            return rx_error_at(err, RX_INPUT, text, *hdu, 0,
-                               "the section leaves the %s of %lld x %lld pixels", what, shape->axes[0],
-                               shape->axes[1]);
-        same = same && last[i] - first[i] == place->last[i] - place->first[i];
-        part = part && !name.has_section && shape->axes[i] == place->full[i];
+        if (part->last[i] > axes[i])
+            return rx_error_at(err, RX_INPUT, text, dst->hdu, 0,
+                               "the section leaves the %s of %ld x %ld pixels", what, axes[0], axes[1]);
+        same = same && part->last[i] - part->first[i] == place->part.last[i] - place->part.first[i];
+        whole = whole && !name.has_section && axes[i] == place->full[i];
     }
-    if (part) { /* the whole map of a tile of which a section is read */
-        memcpy(first, place->first, 2 * sizeof *first);
-        memcpy(last, place->last, 2 * sizeof *last);
-    } else if (!same)
-        return rx_error_at(err, RX_INPUT, text, *hdu, 0,
+    if (whole) /* the whole map of a tile of which a section is read */
+        *part = place->part;
+    else if (!same)
+        return rx_error_at(err, RX_INPUT, text, dst->hdu, 0,
                            "the %s has %ld x %ld pixels, the tile %ld x %ld; give a map of the tile's shape",
-                           what, last[0] - first[0] + 1, last[1] - first[1] + 1,
-                           place->last[0] - place->first[0] + 1, place->last[1] - place->first[1] + 1);
+                           what, part->last[0] - part->first[0] + 1, part->last[1] - part->first[1] + 1,
+                           place->part.last[0] - place->part.first[0] + 1,
+                           place->part.last[1] - place->part.first[1] + 1);
     return RX_OK;
 }
 
@@ -110,39 +110,31 @@ static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
 rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
                              rx_error *err)
 {
-    rx_fits_shape shape;
-    rx_fits_source source = {0};
-    long first[2], last[2];
-    int hdu = 0;
+    companion map;
     tile->weight_type = par->weight_type;
     if (par->weight_type == RX_WEIGHT_NONE || par->weight_type == RX_WEIGHT_BACKGROUND)
         return RX_OK;
     if (par->weight_name == NULL || par->weight_name[0] == '\0')
         return rx_error_set(err, RX_USAGE, "WEIGHT_TYPE asks for a map; give WEIGHT_IMAGE");
-    rx_status status =
-        open_companion("weight map", par->weight_name, place, &source, &hdu, &shape, first, last, err);
-    if (status != RX_OK)
-        goto exit;
-    size_t n = (size_t)tile->width * (size_t)tile->height;
-    tile->weight = RX_NEW(float, n);
-    if (tile->weight == NULL) {
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    rx_status status = open_companion("weight map", par->weight_name, place, &map, err);
+    if (status == RX_OK && (tile->weight = RX_NEW(float, n)) == NULL)
         status = rx_error_memory(err, n * sizeof(float));
-        goto exit;
-    }
-    status = rx_fits_read_pixels(source.file, par->weight_name, hdu, first, last, tile->weight, err);
+    if (status == RX_OK)
+        status =
+            rx_fits_read_pixels(map.source.file, par->weight_name, map.hdu, &map.part, 1, tile->weight, err);
     if (status == RX_OK)
         mask_by_weight(par, tile);
-exit:
-    rx_fits_done(&source);
+    rx_fits_done(&map.source);
     return status;
 }
 
 /* Flags are integers of up to 32 bits, as IMAFLAGS_ISO is, which a double holds; compressed images cannot be
  * read as LONGLONG. Negative ones keep their bit pattern, where the map has no more bits than that. */
-static rx_status read_flags(fitsfile *file, const char *name, int hdu, int bitpix, const long first[2],
-                            const long last[2], uint32_t *dst, rx_error *err)
+static rx_status read_flags(const companion *map, const char *name, uint32_t *dst, rx_error *err)
 {
-    const double least = bitpix > 32 ? 0 : INT32_MIN;
+    const double least = map->shape.bitpix > 32 ? 0 : INT32_MIN;
+    const long *first = map->part.first, *last = map->part.last;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     int failed = 0, anynul = 0;
     double null = 0, *row = RX_NEW(double, width);
@@ -152,12 +144,12 @@ static rx_status read_flags(fitsfile *file, const char *name, int hdu, int bitpi
         long low[9] = {first[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
         long high[9] = {last[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
         long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
-        fits_read_subset(file, TDOUBLE, low, high, step, &null, row, &anynul, &failed);
+        fits_read_subset(map->source.file, TDOUBLE, low, high, step, &null, row, &anynul, &failed);
         for (size_t x = 0; x < width && !failed; x++) {
             if (!(row[x] >= least && row[x] <= UINT32_MAX)) {
                 const double flags = row[x];
                 free(row);
-                return rx_error_at(err, RX_INPUT, name, hdu, 0,
+                return rx_error_at(err, RX_INPUT, name, map->hdu, 0,
                                    "the flags %.0f of pixel (%ld,%ld) have bits beyond the 32 that "
                                    "IMAFLAGS_ISO holds; give a map of 32 bits",
                                    flags, first[0] + (long)x, first[1] + (long)y);
@@ -166,7 +158,8 @@ static rx_status read_flags(fitsfile *file, const char *name, int hdu, int bitpi
         }
     }
     free(row);
-    return failed ? rx_fits_failed(err, RX_INPUT, name, hdu, failed, "the pixels cannot be read") : RX_OK;
+    return failed ? rx_fits_failed(err, RX_INPUT, name, map->hdu, failed, "the pixels cannot be read")
+                  : RX_OK;
 }
 
 rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
@@ -180,23 +173,19 @@ rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *plac
     if (tile->flagmaps == NULL)
         return rx_error_memory(err, 0);
     for (int i = 0; status == RX_OK && i < par->nflags; i++) {
-        rx_fits_shape shape;
-        rx_fits_source source = {0};
-        long first[2], last[2];
-        int hdu = 0;
-        status =
-            open_companion("flag map", par->flag_names[i], place, &source, &hdu, &shape, first, last, err);
-        if (status == RX_OK && shape.bitpix < 0)
-            status = rx_error_at(err, RX_INPUT, par->flag_names[i], hdu, 0,
-                                 "a flag map must hold integers, this one has BITPIX = %d", shape.bitpix);
+        companion map;
+        const char *name = par->flag_names[i];
+        status = open_companion("flag map", name, place, &map, err);
+        if (status == RX_OK && map.shape.bitpix < 0)
+            status = rx_error_at(err, RX_INPUT, name, map.hdu, 0,
+                                 "a flag map must hold integers, this one has BITPIX = %d", map.shape.bitpix);
         if (status == RX_OK && (tile->flagmaps[i] = RX_NEW(uint32_t, n)) == NULL)
             status = rx_error_memory(err, n * sizeof(uint32_t));
         if (status == RX_OK) {
             tile->nflagmaps = i + 1;
-            status = read_flags(source.file, par->flag_names[i], hdu, shape.bitpix, first, last,
-                                tile->flagmaps[i], err);
+            status = read_flags(&map, name, tile->flagmaps[i], err);
         }
-        rx_fits_done(&source);
+        rx_fits_done(&map.source);
     }
     return status;
 }

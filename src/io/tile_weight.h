@@ -9,9 +9,9 @@
 typedef struct rx_tile_place {
     const rx_fits_name *name; /* of the tile */
     int hdu;
-    int extension;          /* from 1 among the HDUs processed */
-    long full[2];           /* axes of the whole HDU */
-    long first[2], last[2]; /* the part that is read */
+    int extension;        /* from 1 among the HDUs processed */
+    long full[2];         /* axes of the whole HDU */
+    rx_fits_section part; /* that is read */
 } rx_tile_place;
 
 /* Fill tile->weight, tile->weight_type and RX_MASK_WEIGHT; nothing for NONE and BACKGROUND. */

@@ -56,32 +56,32 @@ static int is_usable(rx_wcs *wcs, int width, int height)
 {
     double x[5] = {(width - 1) / 2., 0, width - 1., 0, width - 1.};
     double y[5] = {(height - 1) / 2., 0, 0, height - 1., height - 1.}, alpha[5], delta[5];
-    rx_wcs_to_sky(wcs, 5, x, y, alpha, delta, NULL, NULL);
+    rx_wcs_to_native(wcs, 5, x, y, alpha, delta);
     for (int i = 0; i < 5; i++)
         if (isfinite(alpha[i]) && isfinite(delta[i]))
             return 1;
     return 0;
 }
 
-static void take_frame(rx_wcs *wcs, char *note, size_t note_size)
+static void take_frame(rx_wcs *wcs, rx_text *note)
 {
     struct wcsprm *prm = &wcs->prm;
     double equinox = isfinite(prm->equinox) && prm->equinox > 1000 ? prm->equinox : 0;
     wcs->frame = rx_sky_frame_of(prm->lngtyp, prm->radesys, equinox);
     if (!wcs->frame.known)
-        rx_wcs_note(note, note_size, "longitudes of this type cannot be taken to J2000");
+        rx_wcs_note(note, "longitudes of this type cannot be taken to J2000");
     else if (wcs->frame.eterms)
-        rx_wcs_note(note, note_size,
-                    "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
+        rx_wcs_note(note, "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
 }
 
-/* Parse, repair and set up; *why says what is missing when there is nothing to be used. */
-static rx_status set_up(char *cards, size_t ncards, int width, int height, rx_wcs **dst, char *note,
-                        size_t note_size, const char **why, rx_error *err)
+/* Parse, repair and set up for an image of that size; *why says what is missing when there is nothing to be
+ * used. */
+static rx_status set_up(char *cards, size_t ncards, const int size[2], rx_wcs **dst, const char **why,
+                        rx_error *err)
 {
     rx_status status = RX_OK;
     struct wcsprm *list = NULL;
-    int rejected = 0, n = 0, naxis[2] = {width, height}, stat[NWCSFIX], failed;
+    int rejected = 0, n = 0, naxis[2] = {size[0], size[1]}, stat[NWCSFIX], failed;
     rx_wcs *wcs = RX_NEW(rx_wcs, 1);
     if (wcs == NULL)
         return rx_error_memory(err, sizeof *wcs);
@@ -90,47 +90,31 @@ static rx_status set_up(char *cards, size_t ncards, int width, int height, rx_wc
     failed = wcspih(cards, (int)ncards, WCSHDR_all, 0, &rejected, &n, &list);
     if (failed == 2) {
         status = rx_error_memory(err, 0);
-        goto exit;
-    }
-    if (failed || n == 0 || take_axes(list, n, wcs) != 0) {
+    } else if (failed || n == 0 || take_axes(list, n, wcs) != 0) {
         *why = "no celestial coordinates in the header";
-        goto exit;
-    }
-    if (is_singular(&wcs->prm)) {
+    } else if (is_singular(&wcs->prm)) {
         *why = "the matrix of the linear transformation is singular";
-        goto exit;
+    } else {
+        wcsfix(0, naxis, &wcs->prm, stat);
+        failed = wcsset(&wcs->prm);
+        if (failed)
+            *why = wcs_errmsg[failed];
+        else if (wcs->prm.lng < 0 || wcs->prm.lat < 0)
+            *why = "no celestial coordinates in the header";
     }
-    wcsfix(0, naxis, &wcs->prm, stat);
-    failed = wcsset(&wcs->prm);
-    if (failed) {
-        *why = wcs_errmsg[failed];
-        goto exit;
-    }
-    if (wcs->prm.lng < 0 || wcs->prm.lat < 0) {
-        *why = "no celestial coordinates in the header";
-        goto exit;
-    }
-    take_frame(wcs, note, note_size);
-    if (!is_usable(wcs, width, height)) {
-        *why = "neither the centre nor a corner has sky coordinates";
-        goto exit;
-    }
-    *dst = wcs;
-    wcs = NULL;
-exit:
     wcsvfree(&n, &list);
-    rx_wcs_free(wcs);
+    if (status == RX_OK && *why == NULL)
+        *dst = wcs;
+    else
+        rx_wcs_free(wcs);
     return status;
 }
 
-rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst, char *note,
-                            size_t note_size, rx_error *err)
+rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst,
+                            rx_text *note, rx_error *err)
 {
-    char text[160];
     const char *why = NULL;
     *dst = NULL;
-    if (note != NULL && note_size > 0)
-        note[0] = '\0';
     if (cards == NULL || ncards == 0)
         return RX_OK;
     char *copy = RX_NEW(char, ncards *CARD + 1);
@@ -138,13 +122,22 @@ rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int hei
         return rx_error_memory(err, ncards * CARD);
     memcpy(copy, cards, ncards * CARD);
     rx_status status = RX_OK;
-    if (rx_wcs_guard(copy, ncards, note, note_size))
-        status = set_up(copy, ncards, width, height, dst, note, note_size, &why, err);
+    if (rx_wcs_guard(copy, ncards, note))
+        status = set_up(copy, ncards, (int[2]){width, height}, dst, &why, err);
     else
         why = "distortions by CPDIS or CQDIS other than LOOKUP are not known here";
+    if (*dst != NULL) {
+        take_frame(*dst, note);
+        if (!is_usable(*dst, width, height)) {
+            why = "neither the centre nor a corner has sky coordinates";
+            rx_wcs_free(*dst);
+            *dst = NULL;
+        }
+    }
     if (status == RX_OK && *dst == NULL) {
-        snprintf(text, sizeof text, "no world coordinates: %s", why);
-        rx_wcs_note(note, note_size, text);
+        rx_wcs_note(note, "no world coordinates: ");
+        if (note != NULL)
+            rx_text_add(note, why);
     }
     free(copy);
     return status;
@@ -198,27 +191,34 @@ static void to_sky_chunk(rx_wcs *wcs, int n, const double *x, const double *y, d
     }
 }
 
-void rx_wcs_to_sky(rx_wcs *wcs, int n, const double *x, const double *y, double *alpha, double *delta,
-                   double *alpha_j2000, double *delta_j2000)
+void rx_wcs_to_native(rx_wcs *wcs, int n, const double *x, const double *y, double *alpha, double *delta)
 {
-    double lon[CHUNK], lat[CHUNK];
+    double lon[CHUNK], lat[CHUNK]; /* the outputs may be the inputs */
     for (int begin = 0; begin < n; begin += CHUNK) {
         int count = n - begin < CHUNK ? n - begin : CHUNK;
         to_sky_chunk(wcs, count, x + begin, y + begin, lon, lat);
-        for (int i = 0; i < count; i++) {
-            double ra = NAN, dec = NAN;
-            if (alpha != NULL)
-                alpha[begin + i] = lon[i];
-            if (delta != NULL)
-                delta[begin + i] = lat[i];
-            if (isfinite(lon[i]) && isfinite(lat[i]))
-                rx_sky_to_j2000(&wcs->frame, lon[i], lat[i], &ra, &dec);
-            if (alpha_j2000 != NULL)
-                alpha_j2000[begin + i] = ra;
-            if (delta_j2000 != NULL)
-                delta_j2000[begin + i] = dec;
-        }
+        memcpy(alpha + begin, lon, (size_t)count * sizeof *lon);
+        memcpy(delta + begin, lat, (size_t)count * sizeof *lat);
     }
+}
+
+void rx_wcs_native_to_j2000(const rx_wcs *wcs, int n, const double *alpha, const double *delta,
+                            double *alpha_j2000, double *delta_j2000)
+{
+    for (int i = 0; i < n; i++) {
+        double ra = NAN, dec = NAN;
+        if (isfinite(alpha[i]) && isfinite(delta[i]))
+            rx_sky_to_j2000(&wcs->frame, alpha[i], delta[i], &ra, &dec);
+        alpha_j2000[i] = ra;
+        delta_j2000[i] = dec;
+    }
+}
+
+void rx_wcs_to_sky(rx_wcs *wcs, int n, const double *x, const double *y, double *alpha_j2000,
+                   double *delta_j2000)
+{
+    rx_wcs_to_native(wcs, n, x, y, alpha_j2000, delta_j2000);
+    rx_wcs_native_to_j2000(wcs, n, alpha_j2000, delta_j2000, alpha_j2000, delta_j2000);
 }
 
 /* Angle between two directions, deg. */
@@ -271,7 +271,7 @@ void rx_wcs_matrix(rx_wcs *wcs, double x, double y, double m[4])
 {
     const double degree = 0.017453292519943295769;
     double px[5] = {x, x + 0.5, x - 0.5, x, x}, py[5] = {y, y, y, y + 0.5, y - 0.5}, lon[5], lat[5], v[5][3];
-    rx_wcs_to_sky(wcs, 5, px, py, lon, lat, NULL, NULL);
+    rx_wcs_to_native(wcs, 5, px, py, lon, lat);
     double sa = sin(lon[0] * degree), ca = cos(lon[0] * degree), sd = sin(lat[0] * degree),
            cd = cos(lat[0] * degree);
     double east[3] = {-sa, ca, 0}, north[3] = {-sd * ca, -sd * sa, cd};

@@ -6,21 +6,28 @@
 
 #include "base/error.h"
 #include "base/extern.h"
+#include "base/text.h"
 
 RX_BEGIN_DECLS
 
 typedef struct rx_wcs rx_wcs;
 
 /* From header cards (80 characters each). *dst stays NULL, status RX_OK, when the header
- * has no celestial coordinates; what was ignored or repaired is said in note (may be NULL). */
-rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst, char *note,
-                            size_t note_size, rx_error *err);
+ * has no celestial coordinates; what was ignored or repaired is appended to note (may be NULL). */
+rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst,
+                            rx_text *note, rx_error *err);
 void rx_wcs_free(rx_wcs *wcs);
 
-/* n 0-based pixel positions to native sky (deg) and J2000/ICRS (deg). Positions that cannot
- * be projected give NAN. Any of the outputs may be NULL. */
-void rx_wcs_to_sky(rx_wcs *wcs, int n, const double *x, const double *y, double *alpha, double *delta,
-                   double *alpha_j2000, double *delta_j2000);
+/* n 0-based pixel positions to native sky (deg); what cannot be projected is NAN. */
+void rx_wcs_to_native(rx_wcs *wcs, int n, const double *x, const double *y, double *alpha, double *delta);
+
+/* Native sky to J2000/ICRS (deg), in place too; NAN where impossible. */
+void rx_wcs_native_to_j2000(const rx_wcs *wcs, int n, const double *alpha, const double *delta,
+                            double *alpha_j2000, double *delta_j2000);
+
+/* Both: pixels to J2000/ICRS (deg). */
+void rx_wcs_to_sky(rx_wcs *wcs, int n, const double *x, const double *y, double *alpha_j2000,
+                   double *delta_j2000);
 
 /* J2000/ICRS (deg) to 0-based pixels; NAN where impossible. */
 void rx_wcs_to_pixel(rx_wcs *wcs, int n, const double *alpha_j2000, const double *delta_j2000, double *x,

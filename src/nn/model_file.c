@@ -110,7 +110,7 @@ static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char
     snprintf(extname, sizeof extname, "%s_NODES", name);
     rx_status status = nodes_table(net, extname, &nodes, err);
     if (status == RX_OK)
-        status = rx_fits_table(writer, nodes, NULL, 0, err);
+        status = rx_fits_table(writer, nodes, NULL, err);
     snprintf(extname, sizeof extname, "%s_PARAMS", name);
     if (status == RX_OK)
         status = new_table(extname, net->nparams, 1, &params, err);
@@ -118,7 +118,7 @@ static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char
         status = set_column(params, 0, "VALUE", RX_CELL_FLOAT, 0, err);
     if (status == RX_OK) {
         memcpy(params->columns[0].data, net->params, (size_t)net->nparams * sizeof(float));
-        status = rx_fits_table(writer, params, NULL, 0, err);
+        status = rx_fits_table(writer, params, NULL, err);
     }
     rx_table_free(nodes);
     rx_table_free(params);
@@ -144,7 +144,7 @@ static rx_status write_bins(rx_fits_writer *writer, const rx_model *model, rx_er
         ((int64_t *)table->columns[NBIN_COLUMNS - 1].data)[i] = b->images;
     }
     if (status == RX_OK)
-        status = rx_fits_table(writer, table, NULL, 0, err);
+        status = rx_fits_table(writer, table, NULL, err);
     rx_table_free(table);
     return status;
 }
@@ -171,7 +171,7 @@ static rx_status write_provenance(rx_fits_writer *writer, const char *text, rx_e
         text += n + (text[n] == '\n');
     }
     if (status == RX_OK)
-        status = rx_fits_table(writer, table, NULL, 0, err);
+        status = rx_fits_table(writer, table, NULL, err);
     rx_table_free(table);
     return status;
 }
@@ -223,7 +223,7 @@ rx_status rx_model_write(const rx_model *model, const char *path, const char *sh
     if (status == RX_OK)
         status = rx_fits_create(path, shown, &writer, err);
     if (status == RX_OK)
-        status = rx_fits_primary(writer, cards.data, cards.length / CARD, err);
+        status = rx_fits_primary(writer, &cards, err);
     if (status == RX_OK)
         status = write_net(writer, model->restore, "RESTORE", err);
     if (status == RX_OK && model->psf != NULL)

@@ -56,7 +56,7 @@ static double native_north(const rx_image *image, const rx_source *source)
         return 0.0;
     double x = source->x - m[1] / determinant * step, y = source->y + m[0] / determinant * step;
     double alpha_j2000, delta_j2000;
-    rx_wcs_to_sky(image->wcs, 1, &x, &y, NULL, NULL, &alpha_j2000, &delta_j2000);
+    rx_wcs_to_sky(image->wcs, 1, &x, &y, &alpha_j2000, &delta_j2000);
     return atan2((alpha_j2000 - source->alpha_j2000) * cos(delta), delta_j2000 - source->delta_j2000);
 }
 
@@ -70,9 +70,10 @@ rx_status rx_coordinates_fill(const rx_image *image, rx_sources *sources, rx_err
     for (int kind = 0; kind < NPOSITIONS; kind++) {
         for (size_t i = 0; i < n; i++)
             position(&sources->list[i], kind, &x[i], &y[i]);
-        if (image->wcs != NULL)
-            rx_wcs_to_sky(image->wcs, (int)n, x, y, sky, sky + n, sky + 2 * n, sky + 3 * n);
-        else
+        if (image->wcs != NULL) {
+            rx_wcs_to_native(image->wcs, (int)n, x, y, sky, sky + n);
+            rx_wcs_native_to_j2000(image->wcs, (int)n, sky, sky + n, sky + 2 * n, sky + 3 * n);
+        } else
             for (size_t i = 0; i < 4 * n; i++)
                 sky[i] = NAN;
         for (size_t i = 0; i < n; i++)

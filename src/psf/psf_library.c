@@ -67,7 +67,7 @@ void rx_psf_origin_of(const rx_tile *tile, rx_psf_origin *dst)
     }
     const double x = 0.5 * (tile->width - 1), y = 0.5 * (tile->height - 1);
     if (tile->wcs != NULL)
-        rx_wcs_to_sky(tile->wcs, 1, &x, &y, NULL, NULL, &dst->alpha, &dst->delta);
+        rx_wcs_to_sky(tile->wcs, 1, &x, &y, &dst->alpha, &dst->delta);
 }
 
 void rx_psf_origin_facts(const rx_psf_origin *origin, rx_record *facts)

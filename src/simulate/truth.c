@@ -173,7 +173,7 @@ static rx_status fill_sky(const rx_scene *scene, const long *rows, long nrows, r
         y[i] = scene->objects[rows[i]].y;
     }
     if (status == RX_OK && nrows > 0)
-        rx_wcs_to_sky(wcs, (int)nrows, x, y, NULL, NULL, alpha, delta);
+        rx_wcs_to_sky(wcs, (int)nrows, x, y, alpha, delta);
     free(x);
     free(y);
     return status;

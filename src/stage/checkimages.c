@@ -330,13 +330,14 @@ static rx_status write_segments(checkimage *image, const rx_checkimage_data *dat
 {
     const rx_tile *tile = data->result->detect->tile;
     const int32_t *segments = data->result->sources->segments;
+    rx_fits_plane plane = rx_fits_plane_of(tile);
+    plane.integers = segments;
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
     rx_fits_digest_ints(segments, (size_t)tile->width * (size_t)tile->height, digest);
     rx_status status = make_cards(image, data, digest, &cards, err);
     if (status == RX_OK)
-        status = rx_fits_image_int(image->writer, segments, tile->width, tile->height, tile->extname,
-                                   tile->cards, tile->ncards, cards.data, cards.length / 80, err);
+        status = rx_fits_image(image->writer, &plane, &cards, err);
     rx_text_free(&cards);
     return status;
 }
@@ -355,7 +356,7 @@ static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx
         status = make_cards(image, data, digest, &cards, err);
     }
     if (status == RX_OK)
-        status = rx_fits_table(image->writer, table, cards.data, cards.length / 80, err);
+        status = rx_fits_table(image->writer, table, &cards, err);
     rx_text_free(&cards);
     rx_table_free(table);
     return status;
@@ -367,14 +368,16 @@ static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data,
     const rx_tile *tile = data->result->detect->tile;
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
-    /* a mesh map has other pixels: the tile's coordinates do not hold for it */
-    const int same = src->width == tile->width && src->height == tile->height;
+    rx_fits_plane plane = {.extname = tile->extname};
+    if (src->width == tile->width && src->height == tile->height) /* a mesh map has other coordinates */
+        plane = rx_fits_plane_of(tile);
+    plane.width = src->width;
+    plane.height = src->height;
+    plane.floats = src->pixels;
     rx_fits_digest_floats(src->pixels, npixels(src), digest);
     rx_status status = make_cards(image, data, digest, &cards, err);
     if (status == RX_OK)
-        status = rx_fits_image(image->writer, src->pixels, src->width, src->height, tile->extname,
-                               same ? tile->cards : NULL, same ? tile->ncards : 0, cards.data,
-                               cards.length / 80, err);
+        status = rx_fits_image(image->writer, &plane, &cards, err);
     rx_text_free(&cards);
     return status;
 }

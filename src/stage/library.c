@@ -62,7 +62,7 @@ rx_status rx_library_add(const rx_options *options, const rx_field *field, const
     if (status == RX_OK)
         status = rx_fits_create(temporary, path.data, &file, err);
     if (status == RX_OK)
-        status = rx_fits_table(file, table, cards.data, cards.length / 80, err);
+        status = rx_fits_table(file, table, &cards, err);
     if (status == RX_OK) {
         status = rx_fits_close(file, err);
         file = NULL;

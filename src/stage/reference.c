@@ -130,7 +130,7 @@ static void read_positions(const rx_table *table, const chosen *column, const rx
     if (column->sky)
         rx_wcs_to_pixel(tile->wcs, (int)table->nrows, dst->alpha, dst->delta, dst->x, dst->y);
     else if (tile->wcs != NULL)
-        rx_wcs_to_sky(tile->wcs, (int)table->nrows, dst->x, dst->y, NULL, NULL, dst->alpha, dst->delta);
+        rx_wcs_to_sky(tile->wcs, (int)table->nrows, dst->x, dst->y, dst->alpha, dst->delta);
 }
 
 /* Keep rows on the tile or near it. Those without a magnitude stay too: a detection of one is not false. */

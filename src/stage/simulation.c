@@ -413,8 +413,7 @@ rx_status rx_simulation_tile(const rx_simulation *simulation, const rx_simulated
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    status =
-        rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs, NULL, 0, err);
+    status = rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs, NULL, err);
     if (status == RX_OK && tile->wcs != NULL)
         tile->pixel_scale = rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1));
 exit:
@@ -724,6 +723,14 @@ static rx_status open_outputs(job *job, rx_error *err)
     return status;
 }
 
+static rx_status write_plane(const image_file *file, const float *pixels, const rx_tile *tile,
+                             const rx_text *extra, rx_error *err)
+{
+    rx_fits_plane plane = rx_fits_plane_of(tile);
+    plane.floats = pixels;
+    return rx_fits_image(file->writer, &plane, extra, err);
+}
+
 /* Masked pixels of a file that were no numbers are none again. */
 static rx_status write_image(const job *job, const field_data *data, const rx_text *extra, rx_error *err)
 {
@@ -734,17 +741,9 @@ static rx_status write_image(const job *job, const field_data *data, const rx_te
         return rx_error_memory(err, n * sizeof(float));
     for (size_t i = 0; i < n; i++)
         pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
-    rx_status status = rx_fits_image(job->image.writer, pixels, tile->width, tile->height, tile->extname,
-                                     tile->cards, tile->ncards, extra->data, extra->length / 80, err);
+    rx_status status = write_plane(&job->image, pixels, tile, extra, err);
     free(pixels);
     return status;
-}
-
-static rx_status write_plane(const image_file *file, const float *plane, const rx_tile *tile,
-                             const rx_text *extra, rx_error *err)
-{
-    return rx_fits_image(file->writer, plane, tile->width, tile->height, tile->extname, tile->cards,
-                         tile->ncards, extra->data, extra->length / 80, err);
 }
 
 static rx_status write_flags(const job *job, const field_data *data, const rx_text *extra, rx_error *err)
@@ -756,8 +755,9 @@ static rx_status write_flags(const job *job, const field_data *data, const rx_te
         return rx_error_memory(err, n * sizeof(int32_t));
     for (size_t i = 0; i < n; i++)
         flags[i] = data->defects[i];
-    rx_status status = rx_fits_image_int(job->flags.writer, flags, tile->width, tile->height, tile->extname,
-                                         tile->cards, tile->ncards, extra->data, extra->length / 80, err);
+    rx_fits_plane plane = rx_fits_plane_of(tile);
+    plane.integers = flags;
+    rx_status status = rx_fits_image(job->flags.writer, &plane, extra, err);
     free(flags);
     return status;
 }

@@ -14,7 +14,7 @@ static void locate(const rx_tile *tile, rx_extension_facts *dst)
     const double x = 0.5 * (tile->width - 1), y = 0.5 * (tile->height - 1);
     dst->alpha = dst->delta = NAN;
     if (tile->wcs != NULL)
-        rx_wcs_to_sky(tile->wcs, 1, &x, &y, NULL, NULL, &dst->alpha, &dst->delta);
+        rx_wcs_to_sky(tile->wcs, 1, &x, &y, &dst->alpha, &dst->delta);
 }
 
 int rx_psf_account_is_lower(const rx_psf_account *psf)
@@ -33,7 +33,7 @@ static rx_status correlate(const rx_tile *tile, const rx_psf_judged *judged, rx_
         const rx_psf_star *s = &judged->star[i];
         rx_rho_star *to = &stars[n];
         double m[4];
-        rx_wcs_to_sky(tile->wcs, 1, &s->x, &s->y, NULL, NULL, &to->alpha, &to->delta);
+        rx_wcs_to_sky(tile->wcs, 1, &s->x, &s->y, &to->alpha, &to->delta);
         rx_wcs_matrix(tile->wcs, s->x, s->y, m);
         const double turn = 2.0 * atan2(m[0], m[2]), side = m[0] * m[3] - m[1] * m[2] > 0.0 ? -1.0 : 1.0;
         const double e1 = s->off[1], e2 = side * s->off[2];

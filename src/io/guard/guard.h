@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "io/fits_file.h"
 
 /* --- walk.c: a look at the headers of a FITS file before cfitsio goes there --- */
@@ -86,9 +87,9 @@ rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pi
 
 /* Change cards in place; what was changed in a way that users should know goes to the note. 0: distortions
  * that cannot be applied here, and there are no world coordinates. */
-int rx_wcs_guard(char *cards, size_t ncards, char *note, size_t note_size);
+int rx_wcs_guard(char *cards, size_t ncards, rx_text *note);
 
 /* Append a text, behind "; " where there is one before. NULL is fine. */
-void rx_wcs_note(char *note, size_t size, const char *text);
+void rx_wcs_note(rx_text *note, const char *text);
 
 #endif

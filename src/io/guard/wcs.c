@@ -14,11 +14,10 @@
 
 enum { CARD = 80 };
 
-void rx_wcs_note(char *note, size_t size, const char *text)
+void rx_wcs_note(rx_text *note, const char *text)
 {
-    size_t used = note != NULL ? strlen(note) : 0;
-    if (note != NULL && used < size)
-        snprintf(note + used, size - used, "%s%s", used > 0 ? "; " : "", text);
+    if (note != NULL)
+        rx_text_printf(note, "%s%s", note->length > 0 ? "; " : "", text);
 }
 
 /* "PVi_m" of axis 1 or 2: m, else -1. */
@@ -74,7 +73,7 @@ static int axes_of(const char *card)
 
 /* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, or of NAXIS x NAXIS, whatever they say, and
  * multiplies as int. */
-static void drop_absurd_axes(char *cards, size_t ncards, char *note, size_t note_size)
+static void drop_absurd_axes(char *cards, size_t ncards, rx_text *note)
 {
     for (size_t i = 0; i < ncards; i++) {
         char *card = cards + i * CARD;
@@ -82,9 +81,8 @@ static void drop_absurd_axes(char *cards, size_t ncards, char *note, size_t note
         if (card[8] != '=' || (!wcsaxes && strncmp(card, "NAXIS   ", 8) != 0) || axes_of(card) >= 0)
             continue;
         memset(card, ' ', CARD);
-        rx_wcs_note(note, note_size,
-                    wcsaxes ? "WCSAXES is no number of axes and is ignored"
-                            : "NAXIS is no number of axes and is ignored");
+        rx_wcs_note(note, wcsaxes ? "WCSAXES is no number of axes and is ignored"
+                                  : "NAXIS is no number of axes and is ignored");
     }
 }
 
@@ -267,7 +265,7 @@ static int is_distortion(const char *card)
 /* wcslib 7.12 reads beyond its memory where their records are not what it expects. Tables of small
  * corrections (LOOKUP, as Hubble's images have them beside SIP) it cannot apply anyway: left out. Others
  * would move positions by more: 0, and there are no world coordinates. */
-static int drop_distortions(char *cards, size_t ncards, char *note, size_t note_size)
+static int drop_distortions(char *cards, size_t ncards, rx_text *note)
 {
     int dropped = 0;
     for (size_t i = 0; i < ncards; i++) {
@@ -282,14 +280,14 @@ static int drop_distortions(char *cards, size_t ncards, char *note, size_t note_
         dropped = 1;
     }
     if (dropped)
-        rx_wcs_note(note, note_size, "tables of distortions (CPDIS, CQDIS) are ignored");
+        rx_wcs_note(note, "tables of distortions (CPDIS, CQDIS) are ignored");
     return 1;
 }
 
 /* SCAMP and others write polynomial coefficients PVi_m with plain TAN; as SExtractor does, they are
  * read as TPV (a native TAN knows PVi_0..4 of the longitude axis only, and hardly anyone gives them).
  * Where SIP is there too, SIP counts. SIP coefficients without "-SIP" in CTYPE are SIP as well. */
-static void repair_distortion(char *cards, size_t ncards, char *note, size_t note_size)
+static void repair_distortion(char *cards, size_t ncards, rx_text *note)
 {
     char ctype[2][32];
     int tan = 1, suffix = 0, high = 0, pv2 = 0, axis = 0;
@@ -315,23 +313,23 @@ static void repair_distortion(char *cards, size_t ncards, char *note, size_t not
             set_ctype(cards, ncards, i + 1, value);
     }
     if (!sip) {
-        rx_wcs_note(note, note_size, "TAN with PV coefficients is read as TPV");
+        rx_wcs_note(note, "TAN with PV coefficients is read as TPV");
         return;
     }
     if (suffix < 2)
-        rx_wcs_note(note, note_size, "SIP coefficients are used although CTYPE lacks -SIP");
+        rx_wcs_note(note, "SIP coefficients are used although CTYPE lacks -SIP");
     for (size_t i = 0; i < ncards && (high > 0 || pv2 > 0); i++)
         if (pv_number(cards + i * CARD, &axis) >= 0)
             memset(cards + i * CARD, ' ', CARD);
     if (high > 0 || pv2 > 0)
-        rx_wcs_note(note, note_size, "PV coefficients beside SIP are ignored");
+        rx_wcs_note(note, "PV coefficients beside SIP are ignored");
 }
 
-int rx_wcs_guard(char *cards, size_t ncards, char *note, size_t note_size)
+int rx_wcs_guard(char *cards, size_t ncards, rx_text *note)
 {
     repair_exponents(cards, ncards);
     keep_whole_cards(cards, ncards);
-    drop_absurd_axes(cards, ncards, note, note_size);
-    repair_distortion(cards, ncards, note, note_size);
-    return drop_distortions(cards, ncards, note, note_size);
+    drop_absurd_axes(cards, ncards, note);
+    repair_distortion(cards, ncards, note);
+    return drop_distortions(cards, ncards, note);
 }

@@ -776,9 +776,13 @@ static void write_two_extensions(const char *path)
     for (uint64_t seed = 1; seed <= 2; seed++) {
         scene s;
         scene_make(&s, 300, 300, 15, seed);
-        assert_int_equal(
-            rx_fits_image(writer, s.pixels, 300, 300, seed == 1 ? "ONE" : "TWO", NULL, 0, NULL, 0, NULL),
-            RX_OK);
+        assert_int_equal(rx_fits_image(writer,
+                                       &(rx_fits_plane){.extname = seed == 1 ? "ONE" : "TWO",
+                                                        .width = 300,
+                                                        .height = 300,
+                                                        .floats = s.pixels},
+                                       NULL, NULL),
+                         RX_OK);
         scene_free(&s);
     }
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);

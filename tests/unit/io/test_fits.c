@@ -81,10 +81,20 @@ static void test_image(void **state)
     rx_card_text(&extra, "SOFTNAME", "Rextract", "what made this");
     rx_card_history(&extra, "restored");
     assert_int_equal(rx_fits_create(in(state, "i.fits"), "shown", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_image(writer, pixels, 3, 2, "RESTORED", cards.data, cards.length / 80,
-                                   extra.data, extra.length / 80, NULL),
+    assert_int_equal(rx_fits_image(writer,
+                                   &(rx_fits_plane){.extname = "RESTORED",
+                                                    .width = 3,
+                                                    .height = 2,
+                                                    .floats = pixels,
+                                                    .cards = cards.data,
+                                                    .ncards = cards.length / 80},
+                                   &extra, NULL),
                      RX_OK);
-    assert_int_equal(rx_fits_image_int(writer, labels, 2, 3, "SEGMENTATION", NULL, 0, NULL, 0, NULL), RX_OK);
+    assert_int_equal(
+        rx_fits_image(
+            writer, &(rx_fits_plane){.extname = "SEGMENTATION", .width = 2, .height = 3, .integers = labels},
+            NULL, NULL),
+        RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     assert_int_equal(sum_hdus(in(state, "i.fits")), 2);
     assert_int_equal(rx_fits_read_image(in(state, "i.fits"), &back, &width, &height, NULL), RX_OK);
@@ -231,7 +241,7 @@ static void test_table(void **state)
     for (int run = 0; run < 2; run++) {
         const char *name = run == 0 ? "t.fits" : "u.fits";
         assert_int_equal(rx_fits_create(in(state, name), name, &writer, NULL), RX_OK);
-        assert_int_equal(rx_fits_table(writer, table, extra.data, extra.length / 80, NULL), RX_OK);
+        assert_int_equal(rx_fits_table(writer, table, &extra, NULL), RX_OK);
         assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     }
     assert_int_equal(sum_hdus(in(state, "t.fits")), 2);
@@ -268,7 +278,7 @@ static void test_exact_numbers(void **state)
     d[0] = -0.0;
     d[2] = 5e-324;
     assert_int_equal(rx_fits_create(in(state, "x.fits"), "x", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, NULL, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     assert_int_equal(rx_fits_read_table(in(state, "x.fits"), 0, &back, NULL), RX_OK);
     check_equal(table, back);
@@ -300,12 +310,12 @@ static void test_whole_file(void **state)
     int hdu = 0;
     rx_card_integer(&extra, "RXMODEL", 1, "version");
     assert_int_equal(rx_fits_create(in(state, "w.fits"), "w", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_primary(writer, extra.data, extra.length / 80, NULL), RX_OK);
+    assert_int_equal(rx_fits_primary(writer, &extra, NULL), RX_OK);
     for (int i = 0; i < 2; i++) {
         free(table->name);
         table->name = rx_strdup(i == 0 ? "ONE" : "TWO");
         table->nrows = ROWS - i;
-        assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
+        assert_int_equal(rx_fits_table(writer, table, NULL, NULL), RX_OK);
     }
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     assert_int_equal(sum_hdus(in(state, "w.fits")), 3);
@@ -365,7 +375,7 @@ static void test_empty_table(void **state)
     rx_fits_writer *writer = NULL;
     table->nrows = 0;
     assert_int_equal(rx_fits_create(in(state, "e.fits"), "e", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_ldac(writer, table, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_ldac(writer, table, NULL, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     assert_int_equal(sum_hdus(in(state, "e.fits")), 3);
     assert_int_equal(rx_fits_read_table(in(state, "e.fits"), 0, &back, NULL), RX_OK);
@@ -373,7 +383,7 @@ static void test_empty_table(void **state)
     rx_table_free(back);
     back = NULL;
     assert_int_equal(rx_fits_create(in(state, "f.fits"), "f", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, NULL, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     assert_int_equal(rx_fits_read_table(in(state, "f.fits"), 1, &back, NULL), RX_INPUT);
     assert_int_equal(rx_fits_read_table(in(state, "f.fits[OBJECTS]"), 0, &back, NULL), RX_OK);
@@ -393,7 +403,7 @@ static void test_ldac(void **state)
     table->ncards = 3;
     assert_int_equal(rx_fits_create(in(state, "l.fits"), "l", &writer, NULL), RX_OK);
     for (int i = 0; i < 2; i++)
-        assert_int_equal(rx_fits_ldac(writer, table, extra.data, 1, NULL), RX_OK);
+        assert_int_equal(rx_fits_ldac(writer, table, &extra, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     assert_int_equal(sum_hdus(in(state, "l.fits")), 5);
     assert_int_equal(rx_fits_read_table(in(state, "l.fits"), 2, &back, NULL), RX_INPUT);
@@ -536,7 +546,9 @@ static void test_full_disk(void **state)
     setrlimit(RLIMIT_FSIZE, &small);
     rx_status status = rx_fits_create(in(state, "full.fits"), "full.fits", &writer, &err);
     if (status == RX_OK)
-        status = rx_fits_image(writer, pixels, 1000, 1000, "A", NULL, 0, NULL, 0, &err);
+        status = rx_fits_image(
+            writer, &(rx_fits_plane){.extname = "A", .width = 1000, .height = 1000, .floats = pixels}, NULL,
+            &err);
     if (status == RX_OK)
         status = rx_fits_close(writer, &err);
     else

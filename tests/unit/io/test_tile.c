@@ -550,8 +550,14 @@ static void test_illegal_keywords(void **state)
     fclose(stream);
     rx_fits_writer *writer = NULL;
     assert_int_equal(rx_fits_create(in(state, "copy.fits"), "copy.fits", &writer, NULL), RX_OK);
-    assert_int_equal(
-        rx_fits_image(writer, tile->pixels, W, H, NULL, tile->cards, tile->ncards, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_image(writer,
+                                   &(rx_fits_plane){.width = W,
+                                                    .height = H,
+                                                    .floats = tile->pixels,
+                                                    .cards = tile->cards,
+                                                    .ncards = tile->ncards},
+                                   NULL, NULL),
+                     RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     rx_tile_free(tile);
     char *cards = NULL, text[80];

@@ -212,15 +212,15 @@ static void refused(void **state, const char *text)
     assert_true(err.text[0] != '\0' && err.text[strlen(err.text) - 1] != '.');
 }
 
-static void write_fits(void **state, const char *cards, size_t ncards, rx_table *const *tables, int ntables)
+static void write_fits(void **state, const rx_text *cards, rx_table *const *tables, int ntables)
 {
     const scratch *s = *state;
     rx_fits_writer *writer = NULL;
     unlink(s->path);
     assert_int_equal(rx_fits_create(s->path, "m.fits", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_primary(writer, cards, ncards, NULL), RX_OK);
+    assert_int_equal(rx_fits_primary(writer, cards, NULL), RX_OK);
     for (int i = 0; i < ntables; i++)
-        assert_int_equal(rx_fits_table(writer, tables[i], NULL, 0, NULL), RX_OK);
+        assert_int_equal(rx_fits_table(writer, tables[i], NULL, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
 }
 
@@ -237,7 +237,9 @@ static void test_foreign(void **state)
     refused(state, "not a FITS file");
     unlink(s->path);
     assert_int_equal(rx_fits_create(s->path, "tile", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_image(writer, pixels, 64, 64, NULL, NULL, 0, NULL, 0, NULL), RX_OK);
+    assert_int_equal(
+        rx_fits_image(writer, &(rx_fits_plane){.width = 64, .height = 64, .floats = pixels}, NULL, NULL),
+        RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     refused(state, "is no model");
 }
@@ -298,7 +300,7 @@ static parts take_apart(void **state)
 
 static void put_together(void **state, parts *p)
 {
-    write_fits(state, p->cards, (size_t)p->ncards, p->table, p->n);
+    write_fits(state, &(rx_text){.data = p->cards, .length = (size_t)p->ncards * 80}, p->table, p->n);
     for (int i = 0; i < 6; i++)
         rx_table_free(p->table[i]);
     free(p->cards);

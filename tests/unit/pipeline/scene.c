@@ -87,9 +87,14 @@ void scene_write(const char *path, const float *pixels, int width, int height)
     rx_card_number(&cards, "CD2_2", 1e-4, "deg");
     unlink(path);
     assert_int_equal(rx_fits_create(path, path, &writer, NULL), RX_OK);
-    assert_int_equal(
-        rx_fits_image(writer, pixels, width, height, "", cards.data, cards.length / 80, NULL, 0, NULL),
-        RX_OK);
+    assert_int_equal(rx_fits_image(writer,
+                                   &(rx_fits_plane){.width = width,
+                                                    .height = height,
+                                                    .floats = pixels,
+                                                    .cards = cards.data,
+                                                    .ncards = cards.length / 80},
+                                   NULL, NULL),
+                     RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     rx_text_free(&cards);
 }
@@ -113,7 +118,7 @@ void scene_write_truth(const char *path, const scene *scene)
     }
     unlink(path);
     assert_int_equal(rx_fits_create(path, path, &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, NULL, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     rx_table_free(table);
 }

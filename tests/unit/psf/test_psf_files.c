@@ -643,7 +643,7 @@ static void write_model(const rx_psf *psf)
     assert_int_equal(rx_psf_psfex_table(psf, &table, &cards, NULL), RX_OK);
     unlink(in_folder("model.psf"));
     assert_int_equal(rx_fits_create(in_folder("model.psf"), "model.psf", &writer, NULL), RX_OK);
-    assert_int_equal(rx_fits_table(writer, table, cards.data, cards.length / 80, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, &cards, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     rx_table_free(table);
     rx_text_free(&cards);

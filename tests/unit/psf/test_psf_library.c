@@ -92,7 +92,7 @@ static void add_model(const char *name, double fwhm, double mjd, double alpha, c
     rx_record_cards(&facts, &cards);
     snprintf(path, sizeof path, "%s/%s", folder, name);
     assert_int_equal(rx_fits_create(path, path, &file, &err), RX_OK);
-    assert_int_equal(rx_fits_table(file, table, cards.data, cards.length / 80, &err), RX_OK);
+    assert_int_equal(rx_fits_table(file, table, &cards, &err), RX_OK);
     assert_int_equal(rx_fits_close(file, &err), RX_OK);
     rx_record_free(&facts);
     rx_text_free(&cards);

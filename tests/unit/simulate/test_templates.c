@@ -51,9 +51,10 @@ static void append(rx_fits_writer *writer, const float *pixels, int width, int h
 {
     rx_text cards = {0};
     cards_from(lines, &cards);
-    assert_int_equal(
-        rx_fits_image(writer, pixels, width, height, NULL, NULL, 0, cards.data, cards.length / 80, NULL),
-        RX_OK);
+    assert_int_equal(rx_fits_image(writer,
+                                   &(rx_fits_plane){.width = width, .height = height, .floats = pixels},
+                                   &cards, NULL),
+                     RX_OK);
     rx_text_free(&cards);
 }
 
@@ -292,7 +293,7 @@ static void write_catalogue(const char *path, const char *image)
     add_number_column(&table->columns[4], "PIXEL_SCALE", 0.03, 0.04);
     add_number_column(&table->columns[5], "NOISE_MEAN", 7.0, 7.0);
     rx_fits_writer *writer = create(path);
-    assert_int_equal(rx_fits_table(writer, table, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_fits_table(writer, table, NULL, NULL), RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     rx_table_free(table);
 }

@@ -119,7 +119,7 @@ static void test_sky(void **state)
     rx_wcs *wcs = NULL;
     for (size_t i = 0; i < sizeof lines / sizeof *lines; i++)
         rx_text_printf(&cards, "%-80s", lines[i]);
-    assert_int_equal(rx_wcs_from_cards(cards.data, cards.length / 80, 100, 80, &wcs, NULL, 0, NULL), RX_OK);
+    assert_int_equal(rx_wcs_from_cards(cards.data, cards.length / 80, 100, 80, &wcs, NULL, NULL), RX_OK);
     assert_non_null(wcs);
     rx_scene *scene = make_scene();
     rx_table *table = NULL;

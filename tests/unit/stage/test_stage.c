@@ -407,8 +407,13 @@ static void every_image_of_a_file_is_fitted(void **state)
     assert_int_equal(rx_fits_create("both.fits", "both.fits", &writer, NULL), RX_OK);
     for (int k = 0; k < 2; k++) {
         scene_make(&s[k], 150, 140, 60, 13 + (uint64_t)k);
-        assert_int_equal(
-            rx_fits_image(writer, s[k].pixels, 150, 140, k == 0 ? "" : "TWO", NULL, 0, NULL, 0, NULL), RX_OK);
+        assert_int_equal(rx_fits_image(writer,
+                                       &(rx_fits_plane){.extname = k == 0 ? "" : "TWO",
+                                                        .width = 150,
+                                                        .height = 140,
+                                                        .floats = s[k].pixels},
+                                       NULL, NULL),
+                         RX_OK);
     }
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
     expect_run("both.fits", settings);
