@@ -9,6 +9,7 @@
 #include "base/threads.h"
 #include "io/output.h"
 #include "lab/facts.h"
+#include "lab/findings.h"
 #include "lab/journal.h"
 #include "lab/kinds.h"
 #include "lab/units.h"
@@ -153,7 +154,7 @@ static rx_status report(const job *j, rx_error *err)
     if (status == RX_OK)
         status = rx_lab_collect(j->lab, j->values, err);
     if (status == RX_OK)
-        status = j->kind->report(
+        status = rx_lab_report(
             j->lab, &(rx_lab_output){&record.record, folder, j->config->output_name, j->log, &brief}, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);

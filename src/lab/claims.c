@@ -158,7 +158,7 @@ const char *rx_claim_state_name(rx_claim_state state)
     return names[state];
 }
 
-void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const void *numbers,
+void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const struct rx_store *store,
                      rx_claim_verdicts *dst)
 {
     dst->n = 0;
@@ -172,7 +172,7 @@ void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const
                                              : each                  ? RX_GOAL_NOT_MEASURED
                                                                      : RX_NOT_YET_TESTABLE};
             if (judges[j].judge != NULL)
-                judges[j].judge(numbers, v);
+                judges[j].judge(store, v);
         }
     }
 }

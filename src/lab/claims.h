@@ -75,14 +75,16 @@ typedef struct rx_claim_verdicts {
     rx_claim_verdict list[RX_VERDICTS_MAX];
 } rx_claim_verdicts;
 
+struct rx_store;
+
 /* judge NULL: not tested by this kind of campaign. A verdict comes to it as not yet testable, or not measured. */
 typedef struct rx_claim_judge {
     rx_claim_id claim;
-    void (*judge)(const void *numbers, rx_claim_verdict *verdict);
+    void (*judge)(const struct rx_store *store, rx_claim_verdict *verdict);
 } rx_claim_judge;
 
 /* A verdict by each judge, of a claim for each restorer one for each of nruns. rx_claim_verdicts_free(). */
-void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const void *numbers,
+void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const struct rx_store *store,
                      rx_claim_verdicts *dst);
 void rx_claim_verdicts_free(rx_claim_verdicts *verdicts); /* content only */
 

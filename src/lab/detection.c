@@ -12,19 +12,23 @@
 
 static const rx_lab_column TILE[] = {RX_DETECTION_TILE_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column OBJECT[] = {RX_DETECTION_OBJECT_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column FOUND[] = {RX_DETECTION_FOUND_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column FOUND[] = {{"score", "",
+                                       "of the detection, NAN: not found; PAIRS: the lower of both, NAN "
+                                       "unless two detections lie within half the separation "
+                                       "(and MATCH_RADIUS) of the two stars"}};
 static const rx_lab_column PHASES[] = {RX_DETECTION_PHASES_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column GALAXY[] = {RX_DETECTION_GALAXY_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column GROWTH[] = {RX_DETECTION_GROWTH_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column FALSE_ONES[] = {RX_DETECTION_FALSE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column WRONG[] = {
+    RX_WRONG_COLUMNS(RX_LAB_COLUMN){"distance", "FWHM", "RINGS: from the nearest object"}};
 
 const rx_lab_schema rx_detection_tables[RX_DETECTION_TABLES] = {
     [RX_DETECTION_TILE] = {"tile", RX_DETECTION_TILE_WIDTH, 0, TILE, NULL, 0},
-    [RX_DETECTION_OBJECT] = {"object", RX_DETECTION_OBJECT_WIDTH, RX_DETECTION_FOUND_WIDTH, OBJECT, FOUND, 0},
+    [RX_DETECTION_OBJECT] = {"object", RX_DETECTION_OBJECT_WIDTH, 1, OBJECT, FOUND, 0},
     [RX_DETECTION_PLATEAU] = {"plateau", 0, RX_DETECTION_PHASES_WIDTH, NULL, PHASES, 0},
     [RX_DETECTION_GROWTH] = {"growth", RX_DETECTION_GALAXY_WIDTH, RX_DETECTION_GROWTH_WIDTH, GALAXY, GROWTH,
                              0},
-    [RX_DETECTION_FALSE] = {"false", RX_DETECTION_FALSE_WIDTH, 0, FALSE_ONES, NULL, 0},
+    [RX_DETECTION_FALSE] = {"false", RX_DETECTION_FALSE_WIDTH, 0, WRONG, NULL, 0},
 };
 
 int rx_detection_table(rx_scene_id id)
@@ -134,7 +138,7 @@ static void judge_pairs(const work *w, const rx_qa_list *list, double radius, in
         const rx_lab_object *o = &w->tile.objects.list[2 * p];
         const double reach = fmin(radius, 0.5 * separation(w, p));
         const long a = nearest_detection(list, o, reach), b = nearest_detection(list, o + 1, reach);
-        rx_lab_each(&w->table[RX_DETECTION_OBJECT], p, run)[RX_FOUND_SCORE] =
+        rx_lab_each(&w->table[RX_DETECTION_OBJECT], p, run)[RX_LIST_SCORE] =
             a >= 0 && b >= 0 && a != b ? fmin(list->score[a], list->score[b]) : NAN;
     }
 }
@@ -147,7 +151,7 @@ static rx_status judge_list(const work *w, const rx_qa_list *list, double radius
     RX_TRY(rx_lab_match(o, &(rx_match_list){list->n, list->x, list->y, NULL}, radius, &m, err));
     for (long i = 0; i < o->n; i++)
         if (o->list[i].role == RX_LISTED)
-            rx_lab_each(&w->table[RX_DETECTION_OBJECT], row++, run)[RX_FOUND_SCORE] =
+            rx_lab_each(&w->table[RX_DETECTION_OBJECT], row++, run)[RX_LIST_SCORE] =
                 m.found[i] >= 0 ? list->score[m.found[i]] : NAN;
     rx_status status = RX_OK;
     for (long k = 0; k < list->n && status == RX_OK; k++) {
@@ -159,9 +163,9 @@ static rx_status judge_list(const work *w, const rx_qa_list *list, double radius
         status = rx_lab_rows_add(&w->table[RX_DETECTION_FALSE], 1, &one, err);
         if (status != RX_OK)
             break;
-        one[RX_FALSE_RUN] = run;
-        one[RX_FALSE_SCORE] = list->score[k];
-        one[RX_FALSE_DISTANCE] = w->scene == RX_SCENE_RINGS && o->n > 0 ? least / w->sky->fwhm : 0;
+        one[RX_WRONG_RUN] = run;
+        one[RX_WRONG_SCORE] = list->score[k];
+        one[RX_WRONG_DISTANCE] = w->scene == RX_SCENE_RINGS && o->n > 0 ? least / w->sky->fwhm : 0;
     }
     rx_matches_free(&m);
     return status;
@@ -277,9 +281,8 @@ rx_status rx_detection_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx
     return status;
 }
 
-rx_status rx_detection_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
+rx_status rx_detection_describe(rx_lab *lab, rx_error *err)
 {
-    (void)all;
     (void)err;
     const rx_simulate_config *sim = lab->config->sim;
     snprintf(

@@ -8,7 +8,8 @@
 #ifndef RX_LAB_DETECTION_H
 #define RX_LAB_DETECTION_H
 
-#include "lab/lab.h"
+#include "lab/lists.h"
+#include "lab/store.h"
 
 enum {
     RX_DETECTION_TILE,
@@ -26,12 +27,6 @@ enum {
 #define RX_DETECTION_OBJECT_COLUMNS(X)                                                                       \
     X(RX_OBJECT_SNR, "snr", "", "in a matched filter on the bare sky; PAIRS: the lower of both")             \
     X(RX_OBJECT_APART, "apart", "FWHM", "PAIRS: separation")
-#define RX_DETECTION_FOUND_COLUMNS(X)                                                                        \
-    X(RX_FOUND_SCORE, "score", "",                                                                           \
-      "of the detection, NAN: not found; PAIRS: the lower of both, NAN unless two detections lie within "    \
-      "half the "                                                                                            \
-      "separation (and MATCH_RADIUS) of the two stars")
-
 /* The middle of a plateau: means of the phases in sigmas of the noise. */
 #define RX_DETECTION_PHASES_COLUMNS(X)                                                                       \
     X(RX_PHASES_2, "phases2", "sigma", "rms of the means of the 2 x 2 phases about their mean")              \
@@ -48,19 +43,12 @@ enum {
     X(RX_GROWTH_TRUE_2, "true2", "", "within 2 r50")                                                         \
     X(RX_GROWTH_TRUE_4, "true4", "", "within 4 r50")
 
-/* A false detection. */
-#define RX_DETECTION_FALSE_COLUMNS(X)                                                                        \
-    X(RX_FALSE_RUN, "run", "", "number of the run")                                                          \
-    X(RX_FALSE_SCORE, "score", "", "of the detection")                                                       \
-    X(RX_FALSE_DISTANCE, "distance", "FWHM", "RINGS: from the nearest object")
-
 enum { RX_DETECTION_TILE_COLUMNS(RX_LAB_ID) RX_DETECTION_TILE_WIDTH };
 enum { RX_DETECTION_OBJECT_COLUMNS(RX_LAB_ID) RX_DETECTION_OBJECT_WIDTH };
-enum { RX_DETECTION_FOUND_COLUMNS(RX_LAB_ID) RX_DETECTION_FOUND_WIDTH };
 enum { RX_DETECTION_PHASES_COLUMNS(RX_LAB_ID) RX_DETECTION_PHASES_WIDTH };
 enum { RX_DETECTION_GALAXY_COLUMNS(RX_LAB_ID) RX_DETECTION_GALAXY_WIDTH };
 enum { RX_DETECTION_GROWTH_COLUMNS(RX_LAB_ID) RX_DETECTION_GROWTH_WIDTH };
-enum { RX_DETECTION_FALSE_COLUMNS(RX_LAB_ID) RX_DETECTION_FALSE_WIDTH };
+enum { RX_WRONG_DISTANCE = RX_WRONG_WIDTH, RX_DETECTION_FALSE_WIDTH };
 enum { RX_OUTSKIRT_RADII = RX_GROWTH_TRUE };
 
 extern const rx_lab_schema rx_detection_tables[RX_DETECTION_TABLES];
@@ -70,6 +58,14 @@ int rx_detection_table(rx_scene_id id); /* in which a scene's objects are */
 rx_status rx_detection_open(rx_lab *lab, rx_log *log, rx_error *err);
 rx_status rx_detection_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                             rx_lab_table *dst, rx_error *err);
-rx_status rx_detection_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err);
+rx_status rx_detection_describe(rx_lab *lab, rx_error *err);
+
+/* A group of the store for each scene. A method's cut for a precision: the lowest score at which precision over STARS and
+ * GALAXIES of the condition together is at least that (no such scenes: the whole list). The column RL is RL at its best:
+ * for ap and the recalls of STARS and GALAXIES and for PAIRS the one of its settings with the highest value, each for
+ * itself, chosen on the very tiles of the test, in RL's favour; for everything else the setting of the highest ap over
+ * both scenes of the condition together. Contests: objects found by only one of two, each at its own cut for the first
+ * precision on that scene, of NET (else RL at its best) and NONE, MATCHED and RL. */
+rx_status rx_detection_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
 
 #endif

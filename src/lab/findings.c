@@ -1,7 +1,10 @@
 /* The report of a campaign of any kind. */
 #include "lab/findings.h"
 
+#include <ctype.h>
+#include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "report/page.h"
 
@@ -49,25 +52,26 @@ enum {
     NCLAIMS = sizeof CLAIMS / sizeof *CLAIMS
 };
 
-rx_status rx_findings_begin(rx_findings *dst, const char *type, const char *about, int own_cells,
-                            const rx_lab_output *output, rx_error *err)
+static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     const rx_campaign_record *record = output->record;
-    char seed[32];
+    char seed[32], type[16] = "";
     rx_report *r = rx_report_new("Validation: ", record->title);
     *dst = (rx_findings){.output = output, .report = r};
     if (r == NULL)
         return rx_error_memory(err, 0);
     snprintf(seed, sizeof seed, "%llu", (unsigned long long)record->seed);
+    for (int i = 0; lab->kind->name[i] != '\0'; i++)
+        type[i] = (char)tolower((unsigned char)lab->kind->name[i]);
     rx_report_fact(r, "format", "rextract-campaign 2");
     rx_report_fact(r, "type", type);
     rx_report_fact(r, "title", record->title);
     rx_report_fact(r, "command", record->command);
     rx_report_fact(r, "seed", seed);
     rx_report_fact_number(r, "interval_level", 0.95);
-    rx_report_fact(r, "about", about);
+    rx_report_fact(r, "about", lab->about[0] != '\0' ? lab->about : NULL);
     dst->claims = rx_report_table_add(r, "claims", NCLAIMS, CLAIMS, RX_REPORT_IN_JSON);
-    if (!own_cells) {
+    if (!lab->kind->fluxes) {
         dst->cells = rx_report_table_add(r, "cells", NCELLS, CELLS, RX_REPORT_EVERYWHERE);
         dst->contests = rx_report_table_add(r, "contests", NCONTESTS, CONTESTS, RX_REPORT_EVERYWHERE);
     }
@@ -81,7 +85,7 @@ static void show_claims(rx_findings *f, int ncolumns, const char *const *columns
         &(rx_report_view){.to = rx_report_rows(f->claims), .ncolumns = ncolumns, .columns = columns});
 }
 
-void rx_findings_claims(rx_findings *f, rx_claim_verdicts *verdicts, const rx_lab_run *runs)
+static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, const rx_lab_run *runs)
 {
     static const char *const claimed[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found"};
     static const char *const goals[] = {"words", "run", "verdict", "found"};
@@ -123,58 +127,91 @@ void rx_findings_claims(rx_findings *f, rx_claim_verdicts *verdicts, const rx_la
             "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, "
             "RL is Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in "
             "summary.json.");
-    rx_claim_verdicts_free(verdicts);
 }
 
-void rx_findings_cell(rx_findings *f, const rx_finding *where, const rx_quantity *quantity,
-                      const rx_estimate *value)
+void rx_findings_quantities(rx_findings *f, const rx_store *s, int group, int open)
 {
-    rx_report_row(f->cells, (rx_cell[]){rx_cell_words(where->scene), rx_cell_words(where->condition),
-                                        rx_cell_words(where->run), rx_cell_words(quantity->name),
-                                        rx_cell_estimate(*value), rx_cell_words(where->setting)});
+    const rx_group *g = &s->group[group];
+    for (int q = 0; q < g->nquantities; q++) {
+        const rx_quantity *quantity = &g->quantity[q];
+        const long from = rx_report_rows(f->cells);
+        if (q == open)
+            rx_report_fold(f->report, "More tables");
+        for (int hidden = 0; hidden < 2; hidden++) {
+            for (int i = 0; i < g->nconditions * s->ncolumns; i++) {
+                const int c = i / s->ncolumns, k = i % s->ncolumns;
+                const rx_finding *one = rx_store_at(s, group, q, c, k);
+                if (s->hidden[k] == hidden)
+                    rx_report_row(f->cells,
+                                  (rx_cell[]){rx_cell_words(g->name), rx_cell_words(g->condition[c]),
+                                              rx_cell_words(s->column[k]), rx_cell_words(quantity->name),
+                                              rx_cell_estimate(one->value), rx_cell_words(one->setting)});
+            }
+            if (!hidden)
+                rx_report_show(f->report, f->cells,
+                               &(rx_report_view){.from = from,
+                                                 .to = rx_report_rows(f->cells),
+                                                 .title = quantity->name,
+                                                 .unit = quantity->unit,
+                                                 .note = quantity->help,
+                                                 .rows = {"condition"},
+                                                 .across = {"run"},
+                                                 .value = "value",
+                                                 .digits = quantity->digits,
+                                                 .in_brief = q < open});
+        }
+    }
+    if (g->nquantities > open)
+        rx_report_unfold(f->report);
 }
 
-void rx_findings_show(rx_findings *f, long from, const rx_quantity *quantity, int brief)
+static void add_contest(rx_findings *f, const rx_store *s, const rx_contest_place *p, int condition)
 {
-    rx_report_show(f->report, f->cells,
-                   &(rx_report_view){.from = from,
-                                     .to = rx_report_rows(f->cells),
-                                     .title = quantity->name,
-                                     .unit = quantity->unit,
-                                     .note = quantity->help,
-                                     .rows = {"condition"},
-                                     .across = {"run"},
-                                     .value = "value",
-                                     .digits = quantity->digits,
-                                     .in_brief = brief});
+    const rx_group *g = &s->group[p->group];
+    const rx_about *about = &s->about[p->about];
+    const rx_contest *c = rx_contest_of(s, p->group, p->pair, p->about, condition);
+    const char *const names[] = {s->column[s->pair[p->pair][0]], s->column[s->pair[p->pair][1]]};
+    const double ln_holm = c->holm == 0.0 ? c->test.ln_p + log(g->nconditions) : log(c->holm);
+    rx_report_row(f->contests, (rx_cell[]){rx_cell_words(g->name), rx_cell_words(g->condition[condition]),
+                                           rx_cell_words(about->quantity), rx_cell_words(names[0]),
+                                           rx_cell_words(names[1]), rx_cell_words(about->test),
+                                           rx_cell_estimate(c->test.difference),
+                                           rx_cell_number(c->test.statistic), rx_cell_number(c->test.dof),
+                                           rx_cell_p(c->test.p, c->test.ln_p), rx_cell_p(c->holm, ln_holm),
+                                           rx_cell_words(c->winner == 0 ? NULL : names[c->winner < 0]),
+                                           rx_cell_number(c->test.effect), rx_cell_number(c->only_first),
+                                           rx_cell_number(c->only_second)});
 }
 
-void rx_findings_contest(rx_findings *f, const rx_contest *c)
+void rx_findings_contests(rx_findings *f, const rx_store *s, int group, const char *things)
 {
-    const double ln_holm = c->holm == 0.0 ? c->ln_p + log(c->ntests) : log(c->holm);
-    rx_report_row(f->contests,
-                  (rx_cell[]){rx_cell_words(c->scene), rx_cell_words(c->condition),
-                              rx_cell_words(c->quantity), rx_cell_words(c->first), rx_cell_words(c->second),
-                              rx_cell_words(c->test), rx_cell_estimate(c->difference),
-                              rx_cell_number(c->statistic), rx_cell_number(c->dof), rx_cell_p(c->p, c->ln_p),
-                              rx_cell_p(c->holm, ln_holm), rx_cell_words(c->winner),
-                              rx_cell_number(c->effect), rx_cell_number(c->only_first),
-                              rx_cell_number(c->only_second)});
-}
-
-void rx_findings_show_contests(rx_findings *f, long from, const char *title, int ncolumns,
-                               const char *const *columns)
-{
-    if (rx_report_rows(f->contests) > from)
+    static const char *const columns[] = {"condition", "quantity", "test",       "difference",
+                                          "statistic", "effect",   "only_first", "only_second",
+                                          "p",         "holm",     "winner"};
+    for (int pair = 0; pair < s->npairs; pair++) {
+        const long from = rx_report_rows(f->contests);
+        char title[128];
+        for (int a = 0, b; a < s->nabouts; a = b) { /* all tests of one quantity side by side */
+            for (b = a + 1; b < s->nabouts && strcmp(s->about[b].quantity, s->about[a].quantity) == 0;)
+                b++;
+            for (int i = 0; i < s->group[group].nconditions * (b - a); i++)
+                add_contest(f, s, &(rx_contest_place){group, pair, a + i % (b - a), NULL, 0}, i / (b - a));
+        }
+        snprintf(title, sizeof title, "%.40s against %.40s, on the same %s", s->column[s->pair[pair][0]],
+                 s->column[s->pair[pair][1]], things);
+        rx_report_fold(f->report, title);
         rx_report_show(f->report, f->contests,
                        &(rx_report_view){.from = from,
                                          .to = rx_report_rows(f->contests),
-                                         .title = title,
-                                         .ncolumns = ncolumns,
+                                         .without_empty = 1,
+                                         .ncolumns = sizeof columns / sizeof *columns,
                                          .columns = columns});
+        rx_report_unfold(f->report);
+    }
 }
 
-rx_status rx_findings_end(rx_findings *f, rx_error *err)
+/* Record and files; frees what findings hold, whatever comes out. */
+static rx_status finish(rx_findings *f, rx_status status, rx_error *err)
 {
     const rx_campaign_record *record = f->output->record;
     const rx_report_files files = {.folder = f->output->folder,
@@ -189,9 +226,32 @@ rx_status rx_findings_end(rx_findings *f, rx_error *err)
     rx_report_record(f->report, record->n, record->pairs);
     rx_text_add(rx_report_brief_of(f->report), f->brief.data != NULL ? f->brief.data : "");
     rx_report_brief_of(f->report)->failed |= f->brief.failed;
-    const rx_status status = rx_report_write(f->report, &files, f->output->brief, err);
+    if (status == RX_OK)
+        status = rx_report_write(f->report, &files, f->output->brief, err);
     rx_report_free(f->report);
     rx_text_free(&f->brief);
     *f = (rx_findings){0};
+    return status;
+}
+
+rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
+{
+    const rx_lab_kind *kind = lab->kind;
+    rx_store *store = NULL;
+    rx_claim_verdicts verdicts;
+    rx_findings f;
+    RX_TRY(kind->measure(lab, output->record->seed, &store, err));
+    rx_status status = begin(&f, lab, output, err);
+    if (status == RX_OK) {
+        if (kind->facts != NULL)
+            kind->facts(store, f.report);
+        rx_claims_judge(kind->njudges, kind->judges, lab->nruns, store, &verdicts);
+        show_verdicts(&f, &verdicts, lab->run);
+        rx_claim_verdicts_free(&verdicts);
+        if (lab->about[0] != '\0')
+            rx_report_sentence(f.report, lab->about);
+        status = finish(&f, kind->page(store, &f, err), err);
+    }
+    rx_store_free(store);
     return status;
 }

@@ -29,12 +29,6 @@ const rx_lab_schema rx_fluxes_tables[RX_FLUXES_TABLES] = {
     [RX_FLUXES_OBJECT] = {"object", RX_FLUXES_PROPS, RX_FLUXES_COLUMNS, OBJECT, FOUND, 0},
 };
 
-const char *rx_flux_name(rx_flux_kind kind)
-{
-    static const char *const names[RX_FLUX_KINDS] = {"AUTO", "APER", "WIDE", "TEMPLATE"};
-    return names[kind];
-}
-
 /* --- the real tile --- */
 
 static rx_status read_tile(rx_lab *lab, rx_log *log, rx_error *err)
@@ -311,9 +305,8 @@ rx_status rx_fluxes_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_un
     return status;
 }
 
-rx_status rx_fluxes_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
+rx_status rx_fluxes_describe(rx_lab *lab, rx_error *err)
 {
-    (void)all;
     (void)err;
     const rx_simulate_config *sim = lab->config->sim;
     const rx_lab_sky *sky = lab->sky;

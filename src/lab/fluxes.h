@@ -13,7 +13,7 @@
 #ifndef RX_LAB_FLUXES_H
 #define RX_LAB_FLUXES_H
 
-#include "lab/lab.h"
+#include "lab/store.h"
 
 /* AUTO; the first of STAGE.PHOT_APERTURES; an aperture of 2 FWHM radius; template photometry. */
 typedef enum rx_flux_kind {
@@ -23,8 +23,6 @@ typedef enum rx_flux_kind {
     RX_FLUX_TEMPLATE,
     RX_FLUX_KINDS
 } rx_flux_kind;
-
-const char *rx_flux_name(rx_flux_kind kind);
 
 enum { RX_FLUXES_RUNS = 8 };
 enum { RX_FLUXES_TILE, RX_FLUXES_OBJECT, RX_FLUXES_TABLES };
@@ -81,6 +79,93 @@ rx_status rx_fluxes_open(rx_lab *lab, rx_log *log, rx_error *err);
 rx_status rx_fluxes_prepare(rx_lab *lab, rx_log *log, rx_error *err);
 rx_status rx_fluxes_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                          rx_lab_table *dst, rx_error *err);
-rx_status rx_fluxes_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err);
+rx_status rx_fluxes_describe(rx_lab *lab, rx_error *err);
+
+/* --- numbers --- */
+
+/* What a number is of. */
+enum {
+    RX_OF_SAMPLE,
+    RX_OF_SCENE,
+    RX_OF_CROWD,
+    RX_OF_KIND, /* 0 stars, 1 galaxies */
+    RX_OF_CONDITION,
+    RX_OF_SNR,
+    RX_OF_SEPARATION,
+    RX_OF_RUN,
+    RX_OF_FLUX,
+    RX_OF_ALL
+};
+typedef int rx_fluxes_place[RX_OF_ALL];
+
+/* All fluxes of a restorer are of the same objects. DETECTED: found (APART: resolved) by this restorer, without sources
+ * that only the residual of the templates showed, of which AUTO and apertures know nothing. ALL: with them. COMMON:
+ * DETECTED by every restorer. */
+enum { RX_SAMPLE_DETECTED, RX_SAMPLE_ALL, RX_SAMPLE_COMMON, RX_SAMPLES };
+
+/* Company as numbers know it; APART: blended, and resolved: it and the partner were found, each nearer than half the
+ * separation. */
+enum { RX_CROWD_ISOLATED, RX_CROWD_BLENDED, RX_CROWD_APART, RX_CROWD_NEITHER, RX_CROWDS };
+
+/* Bins of true S/N; those from RX_SNR_SINGLE on hold several others. */
+enum { RX_SNR_SINGLE = 6, RX_SNR_5_100 = 6, RX_SNR_ABOVE_10 = 7, RX_SNR_BINS = 8 };
+
+/* Of the objects of a sample, scene, crowd, kind, condition and bin of S/N one flux of one restorer, r = F / F0:
+ *
+ *   bias     -2.5 log10(median r), mag
+ *   scatter  2.5 / ln 10 sigma_MAD(r), mag
+ *   bound    isolated stars: sigma_MAD((r - 1) / b), b the error of a matched filter over F0
+ *   pull     median of (F - F0) / error, the one that the flux gives itself
+ *   width    sigma_MAD of the pulls
+ *   magerr   mean of 100 |F - F0| / F0
+ *
+ * sigma_MAD = 1.4826 median |v - median|. Intervals are at 95 % for normal samples, 1.96 times
+ *
+ *   median     1.2533 sigma / sqrt(n)
+ *   sigma_MAD  1.1664 sigma / sqrt(n)
+ *   mean       s / sqrt(n)
+ *
+ * (Rousseeuw and Croux 1993, J. Am. Stat. Assoc. 88, 1273: efficiencies of 64 and 37 %). Objects of one tile
+ * share its background, which they do not know. */
+enum {
+    RX_CELL_BIAS,
+    RX_CELL_SCATTER,
+    RX_CELL_BOUND,
+    RX_CELL_PULL,
+    RX_CELL_WIDTH,
+    RX_CELL_MAGERR,
+    RX_CELL_NUMBERS
+};
+
+/* Pairs by separation, of the samples DETECTED and ALL: the share of which both are found (each nearer than half the
+ * separation), and of those differences of magnitudes, second member less first, measured less true: median of the
+ * absolute value, median, sigma_MAD; and the median error of the magnitude of both together. A flux below a thousandth
+ * of the true one counts as that. */
+enum { RX_PAIR_BOTH, RX_PAIR_SIZE, RX_PAIR_RATIO, RX_PAIR_SCATTER, RX_PAIR_TOTAL, RX_PAIR_NUMBERS };
+
+/* Invented sources of a scene, condition and run, as detected and without those marked as spurious (KEPT); counts are
+ * values. MARKED: share of the true ones marked, S/N 5 to 7 and above. PIECES, of SHREDS: mean per galaxy that was found,
+ * itself among them. */
+enum {
+    RX_INVENTED_RIGHT,
+    RX_INVENTED_WRONG,
+    RX_INVENTED_RIGHT_KEPT,
+    RX_INVENTED_WRONG_KEPT,
+    RX_INVENTED_ADDED,
+    RX_INVENTED_PER_MPIXEL,
+    RX_INVENTED_PER_MPIXEL_KEPT,
+    RX_INVENTED_PRECISION,
+    RX_INVENTED_PRECISION_KEPT,
+    RX_INVENTED_MARKED_WEAK,
+    RX_INVENTED_MARKED_STRONG,
+    RX_INVENTED_PIECES,
+    RX_INVENTED_PIECES_KEPT,
+    RX_INVENTED_NUMBERS
+};
+
+enum { RX_FLUXES_CELLS, RX_FLUXES_PAIRS, RX_FLUXES_INVENTED, RX_FLUXES_GRIDS };
+rx_status rx_fluxes_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+/* The numbers of a grid at a place; indices that it does not have are passed over. */
+rx_estimate *rx_fluxes_at(const rx_store *store, int grid, const rx_fluxes_place place);
 
 #endif

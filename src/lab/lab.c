@@ -106,13 +106,12 @@ void rx_lab_close(rx_lab *lab)
 {
     if (lab == NULL)
         return;
-    if (lab->kind->close != NULL)
-        lab->kind->close(lab);
     for (int c = 0; c < lab->nskies; c++)
         rx_lab_sky_close(&lab->sky[c]);
     for (int k = 0; lab->set != NULL && k < lab->nconditions * lab->nscenes; k++)
         rx_lab_tables_free(lab->kind->ntables, lab->set[k].table);
     free(lab->set);
+    free(lab->tuned);
     free(lab->sky);
     free(lab->bin);
     free(lab->scene);
@@ -230,7 +229,8 @@ rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err)
         RX_TRY(rx_lab_unpack(lab->kind->ntables, set->table, &all[u], err));
         set->ntiles++;
     }
-    return lab->kind->describe(lab, all, err);
+    lab->values = all;
+    return lab->kind->describe(lab, err);
 }
 
 const double *rx_lab_values(const rx_lab *lab, const rx_unit_values *unit, int table)

@@ -67,7 +67,7 @@ typedef struct rx_lab_scene {
 
 const char *rx_scene_name(rx_scene_id id);
 const char *rx_scene_about(rx_scene_id id);
-int rx_scene_is_list(rx_scene_id id); /* recall and precision are of these: STARS, GALAXIES */
+int rx_scene_is_list(rx_scene_id id); /* recall and precision are of these: STARS, GALAXIES, MAGNITUDE */
 
 /* What the tiles of a condition share: a simulation, or a real tile that objects are added to. Of a campaign of
  * restored images the first one is that of all bins. */
@@ -100,6 +100,11 @@ typedef struct rx_lab_bin {
     long nscenes;
 } rx_lab_bin;
 
+typedef struct rx_lab_tuned {
+    char setting[160]; /* "RL_NITER 20, filter 0.8 FWHM"; "": not tuned */
+    int at_end;        /* 1: it lies at an end of what was tried, beyond which better ones may be */
+} rx_lab_tuned;
+
 typedef struct rx_lab_unit {
     int condition, scene;
     long number; /* of the tile, from 0 in its set */
@@ -111,6 +116,10 @@ typedef struct rx_lab_set {
 } rx_lab_set;
 
 typedef struct rx_lab rx_lab;
+struct rx_store;
+struct rx_report;
+struct rx_findings;
+struct rx_claim_judge;
 
 /* An entry of the table of campaigns. */
 typedef struct rx_lab_kind {
@@ -118,19 +127,24 @@ typedef struct rx_lab_kind {
     uint64_t tag;             /* of its random numbers */
     int ntables;
     const rx_lab_schema *tables;
-    int deep;     /* NET_DEPTH counts */
-    int fluxes;   /* two apertures, templates, and the company of objects are asked for */
-    int in_turns; /* units of the first scene come before the others of their condition, in one shard */
+    int objects, wrong; /* DETECTION, PHOTOMETRY: tables of lists.h */
+    int deep;           /* NET_DEPTH counts */
+    int fluxes;         /* two apertures, templates, and the company of objects are asked for */
+    int in_turns;       /* units of the first scene come before the others of their condition, in one shard */
     rx_status (*open)(rx_lab *lab, rx_log *log, rx_error *err); /* runs, scenes, conditions, skies */
     /* Before the first unit: what a report alone does not need; may be NULL. */
     rx_status (*prepare)(rx_lab *lab, rx_log *log, rx_error *err);
     /* The tables of one unit, on one thread; several at the same time. done: values of earlier units. */
     rx_status (*unit)(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                       rx_lab_table *dst, rx_error *err);
-    /* Words and numbers of the report that are no table's; the sets are there. `all`: values of all units. */
-    rx_status (*describe)(rx_lab *lab, const rx_unit_values *all, rx_error *err);
-    rx_status (*report)(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
-    void (*close)(rx_lab *lab); /* what describe() made; may be NULL */
+    /* Words and numbers of the report that are no table's; the sets are there. */
+    rx_status (*describe)(rx_lab *lab, rx_error *err);
+    /* The report (findings.h): the numbers, facts of its head (may be NULL), its claims, figures and tables. */
+    rx_status (*measure)(const rx_lab *lab, uint64_t seed, struct rx_store **dst, rx_error *err);
+    void (*facts)(const struct rx_store *store, struct rx_report *report);
+    int njudges;
+    const struct rx_claim_judge *judges;
+    rx_status (*page)(const struct rx_store *store, struct rx_findings *findings, rx_error *err);
 } rx_lab_kind;
 
 struct rx_lab {
@@ -156,7 +170,10 @@ struct rx_lab {
     int nprecisions; /* at which completeness is compared, as PRECISIONS */
     double precision[RX_PRECISIONS_MAX];
     char about[600];
-    struct rx_restoration_results *restored; /* RESTORATION: results.h; owned, by close() of its kind */
+    const rx_unit_values *values; /* of all units; not owned */
+    rx_lab_tuned (*tuned)[2];     /* RESTORATION: [nconditions][nruns], for PSNR and for SSIM; owned */
+    double fwhm_trained[2];       /* of the network's model, without one of the keyword */
+    double level_trained[2];      /* noise levels (nn/noise_level.h) of the model's fields; 0, 0 = no model */
 };
 
 /* Errors: RX_USAGE (settings that give nothing), those of files they name. */

@@ -4,13 +4,10 @@ librextract_lab_la_SOURCES += \
 	src/lab/rows.c src/lab/rows.h src/lab/journal.c src/lab/journal.h src/lab/units.c src/lab/units.h \
 	src/lab/facts.c src/lab/facts.h src/lab/record.h \
 	src/lab/conditions.c src/lab/conditions.h src/lab/stage_options.c src/lab/stage_options.h \
-	src/lab/compare.c src/lab/compare.h src/lab/findings.c src/lab/findings.h src/lab/claims.c src/lab/claims.h src/lab/paper.c src/lab/paper.h \
+	src/lab/store.c src/lab/store.h src/lab/lists.c src/lab/lists.h src/lab/findings.c src/lab/findings.h \
+	src/lab/claims.c src/lab/claims.h src/lab/paper.c src/lab/paper.h \
 	src/lab/restoration.c src/lab/restoration.h src/lab/restoration_trial.c src/lab/restoration_tune.c \
-	src/lab/results.c src/lab/results.h src/lab/restoration_numbers.c src/lab/restoration_numbers.h \
-	src/lab/restoration_verdicts.c src/lab/restoration_figures.c src/lab/restoration_page.c \
-	src/lab/photometry.c src/lab/photometry.h src/lab/photometry_numbers.c src/lab/photometry_numbers.h \
-	src/lab/photometry_duels.c src/lab/photometry_figures.c src/lab/photometry_page.c \
-	src/lab/detection.c src/lab/detection.h src/lab/detection_numbers.c src/lab/detection_numbers.h \
-	src/lab/detection_page.c src/lab/detection_verdicts.c \
-	src/lab/fluxes.c src/lab/fluxes.h src/lab/fluxes_numbers.c src/lab/fluxes_numbers.h \
-	src/lab/fluxes_goals.c src/lab/fluxes_page.c
+	src/lab/restoration_report.c \
+	src/lab/photometry.c src/lab/photometry.h src/lab/photometry_report.c \
+	src/lab/detection.c src/lab/detection.h src/lab/detection_report.c \
+	src/lab/fluxes.c src/lab/fluxes.h src/lab/fluxes_report.c

@@ -26,12 +26,12 @@ enum { DRAW_SKY = 1, DRAW_STARS = 2, DRAW_NOISE = 3, DRAW_BLANK = 4 };
 
 static const rx_lab_column TILE[] = {RX_PHOTOMETRY_TILE_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column STAR[] = {RX_PHOTOMETRY_STAR_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column FALSE_ONES[] = {RX_PHOTOMETRY_FALSE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column WRONG[] = {RX_WRONG_COLUMNS(RX_LAB_COLUMN){"mag", "mag", "measured"}};
 
 const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES] = {
     [RX_PHOTOMETRY_TILE] = {"tile", RX_PHOTOMETRY_TILE_WIDTH, 0, TILE, NULL, 0},
     [RX_PHOTOMETRY_STAR] = {"star", 0, RX_PHOTOMETRY_STAR_WIDTH, NULL, STAR, 0},
-    [RX_PHOTOMETRY_FALSE] = {"false", RX_PHOTOMETRY_FALSE_WIDTH, 0, FALSE_ONES, NULL, 0},
+    [RX_PHOTOMETRY_FALSE] = {"false", RX_PHOTOMETRY_FALSE_WIDTH, 0, WRONG, NULL, 0},
 };
 
 /* --- open --- */
@@ -139,6 +139,11 @@ static rx_status add_fields(rx_lab *lab, rx_log *log, rx_error *err)
 rx_status rx_photometry_open(rx_lab *lab, rx_log *log, rx_error *err)
 {
     lab->ntiles = rx_lab_size(lab, &lab->config->tiles);
+    if (lab->nprecisions == 0) {
+        lab->nprecisions = 2;
+        lab->precision[0] = 0.95;
+        lab->precision[1] = 0.99;
+    }
     RX_TRY(add_runs(lab, err));
     RX_TRY(add_magnitudes(lab, err));
     return add_fields(lab, log, err);
@@ -404,9 +409,9 @@ static rx_status add_false(rx_lab_table *table, int run, const rx_qa_list *list,
         status = rx_lab_rows_add(&table[RX_PHOTOMETRY_FALSE], 1, &row, err);
         if (status != RX_OK)
             break;
-        row[RX_FALSE_STAR_RUN] = run;
-        row[RX_FALSE_STAR_SCORE] = list->score[i];
-        row[RX_FALSE_STAR_MAG] = list->mag[i];
+        row[RX_WRONG_RUN] = run;
+        row[RX_WRONG_SCORE] = list->score[i];
+        row[RX_WRONG_MAG] = list->mag[i];
     }
     return status;
 }
@@ -579,9 +584,8 @@ static void add_setting(void *user, const char *name, const char *value, const c
     snprintf(s->text + used, s->size - used, "%s%s %s", used > 0 ? ", " : "", keyword, value);
 }
 
-rx_status rx_photometry_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
+rx_status rx_photometry_describe(rx_lab *lab, rx_error *err)
 {
-    (void)all;
     for (int r = 0; r < lab->nruns; r++) {
         settings s = {lab->run[r].restorer->name, lab->run[r].settings, sizeof lab->run[r].settings};
         s.text[0] = '\0';

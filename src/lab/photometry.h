@@ -14,7 +14,8 @@
 #ifndef RX_LAB_PHOTOMETRY_H
 #define RX_LAB_PHOTOMETRY_H
 
-#include "lab/lab.h"
+#include "lab/lists.h"
+#include "lab/store.h"
 
 enum { RX_PHOTOMETRY_TILE, RX_PHOTOMETRY_STAR, RX_PHOTOMETRY_FALSE, RX_PHOTOMETRY_TABLES };
 
@@ -29,15 +30,10 @@ enum { RX_PHOTOMETRY_TILE, RX_PHOTOMETRY_STAR, RX_PHOTOMETRY_FALSE, RX_PHOTOMETR
     X(RX_STAR_PULL, "pull", "", "(F - F0) / error")                                                          \
     X(RX_STAR_CROWDED, "crowded", "", "1: FLAGS says that there is a neighbour or a blend")
 
-/* A detection that is no object, known or injected, or one on the blank tile. */
-#define RX_PHOTOMETRY_FALSE_COLUMNS(X)                                                                       \
-    X(RX_FALSE_STAR_RUN, "run", "", "number of the run")                                                     \
-    X(RX_FALSE_STAR_SCORE, "score", "", "detection S/N")                                                     \
-    X(RX_FALSE_STAR_MAG, "mag", "mag", "measured")
-
 enum { RX_PHOTOMETRY_TILE_COLUMNS(RX_LAB_ID) RX_PHOTOMETRY_TILE_WIDTH };
 enum { RX_PHOTOMETRY_STAR_COLUMNS(RX_LAB_ID) RX_PHOTOMETRY_STAR_WIDTH };
-enum { RX_PHOTOMETRY_FALSE_COLUMNS(RX_LAB_ID) RX_PHOTOMETRY_FALSE_WIDTH };
+/* Of detections that are no object, known or injected, and those on the blank tile. */
+enum { RX_WRONG_MAG = RX_WRONG_WIDTH, RX_PHOTOMETRY_FALSE_WIDTH };
 
 extern const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES];
 
@@ -54,6 +50,31 @@ rx_status rx_photometry_open(rx_lab *lab, rx_log *log, rx_error *err);
 rx_status rx_photometry_prepare(rx_lab *lab, rx_log *log, rx_error *err);
 rx_status rx_photometry_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                              rx_lab_table *dst, rx_error *err);
-rx_status rx_photometry_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err);
+rx_status rx_photometry_describe(rx_lab *lab, rx_error *err);
+
+/* A group of the store for each field, its conditions the magnitudes. For one run and the stars of one magnitude, above a
+ * score s:
+ *   recall(s)    = stars found with a score >= s / all stars
+ *   precision(s) = stars found with a score >= s / (those + false detections with a score >= s)
+ * where false detections are those on the set's own tiles. Precision therefore depends on how many stars a tile was
+ * given, the same number for every restorer.
+ *
+ * Equal precision: for each run and field the lowest score at which precision over all magnitudes together is at least
+ * P; completeness there is compared. A run whose whole list has precision above P is not helped by this: its list ends
+ * early (whole_list).
+ *
+ * What pairs (the later run and each earlier one) are compared in: stars found on whole lists, then at each precision,
+ * then by Student's and by Wilcoxon's test 100 |F - F0| / F0 of the stars that both found. */
+rx_status rx_photometry_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+
+/* A threshold of a run on a field, all magnitudes together: precision number 0.., or -1: the whole list. */
+typedef struct rx_photometry_cut {
+    double score;   /* +infinity: the precision is never reached */
+    int whole_list; /* the list ends before precision falls so low: completeness is a lower limit */
+    rx_estimate precision, recall;
+    rx_estimate mag50, mag90;     /* magnitudes of 50 and 90 % completeness */
+    rx_estimate false_per_mpixel; /* of the whole list; n: false detections */
+} rx_photometry_cut;
+rx_photometry_cut *rx_photometry_cut_of(const rx_store *store, int field, int run, int precision);
 
 #endif

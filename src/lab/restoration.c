@@ -9,8 +9,6 @@
 #include "base/memory.h"
 #include "lab/stage_options.h"
 
-enum { TEST = 1 }; /* of the scenes of a bin; 0: those that methods are tuned on */
-
 /* Restorers whose result depends on a number of iterations (RL_NITER): tuned per bin. */
 static const char *const TUNABLE[] = {"RL"};
 
@@ -166,156 +164,43 @@ rx_status rx_restoration_unit(const rx_lab *lab, const rx_lab_unit *unit, const 
     return status;
 }
 
-/* --- results --- */
-
-static rx_status collect_bin(const rx_lab *lab, int b, const rx_unit_values *all, rx_restoration_bin *dst,
-                             rx_error *err)
-{
-    const rx_lab_bin *bin = &lab->bin[b];
-    const size_t n = (size_t)bin->nscenes;
-    *dst = (rx_restoration_bin){.by_sigma = bin->by_sigma,
-                                .low = bin->low,
-                                .high = bin->high,
-                                .other_low = bin->other_low,
-                                .other_high = bin->other_high,
-                                .nscenes = bin->nscenes,
-                                .fwhm = RX_NEW(double, n),
-                                .sigma = RX_NEW(double, n),
-                                .level = RX_NEW(double, n)};
-    int failed = dst->fwhm == NULL || dst->sigma == NULL || dst->level == NULL;
-    for (int m = 0; m < lab->nruns; m++) {
-        const rx_lab_run *method = &lab->run[m];
-        rx_method_scores *scores = &dst->method[m];
-        scores->psnr = RX_NEW(double, n);
-        scores->ssim = RX_NEW(double, n);
-        failed |= scores->psnr == NULL || scores->ssim == NULL;
-        for (int metric = 0; method->tuned && metric < 2; metric++) {
-            rx_tuning tuning;
-            const long chosen = rx_tuning_choose(lab, b, method, metric, all);
-            rx_tuning_get(lab, 1.0, chosen, &tuning);
-            char *text = metric == 0 ? scores->settings_psnr : scores->settings_ssim;
-            memcpy(text, tuning.text, sizeof tuning.text);
-            *(metric == 0 ? &scores->end_psnr : &scores->end_ssim) = rx_tuning_at_end(lab, chosen);
-        }
-    }
-    if (failed)
-        return rx_error_memory(err, n * sizeof(double));
-    const rx_lab_table *scene = &rx_lab_set_of(lab, b, TEST)->table[RX_RESTORATION_SCENE];
-    for (long i = 0; i < scene->n; i++) {
-        dst->fwhm[i] = rx_lab_own(scene, i)[RX_SCENE_FWHM];
-        dst->sigma[i] = rx_lab_own(scene, i)[RX_SCENE_SIGMA];
-        dst->level[i] = rx_lab_own(scene, i)[RX_SCENE_LEVEL];
-        for (int m = 0; m < lab->nruns; m++) {
-            dst->method[m].psnr[i] = rx_lab_each(scene, i, m)[RX_SCORE_PSNR];
-            dst->method[m].ssim[i] = rx_lab_each(scene, i, m)[RX_SCORE_SSIM];
-        }
-    }
-    return RX_OK;
-}
-
-/* One plane of an example: title and pixels, which the example owns from then on. */
-static float *add_plane(const rx_lab *lab, rx_restoration_example *dst, const char *title)
-{
-    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
-    float *plane = RX_NEW(float, n);
-    if (plane == NULL)
-        return NULL;
-    snprintf(dst->title[dst->nplanes], RX_METHOD_NAME, "%s", title);
-    return dst->planes[dst->nplanes++] = plane;
-}
-
-static rx_status make_example(const rx_lab *lab, int bin, long index, const rx_unit_values *all,
-                              rx_restoration_example *dst, rx_error *err)
-{
-    const size_t bytes = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side * sizeof(float);
-    const rx_lab_unit unit = {bin, TEST, index};
-    rx_trial trial;
-    rx_status status = rx_trial_make(lab, &unit, &trial, err);
-    if (status != RX_OK)
-        return status;
-    dst->fwhm = trial.fwhm;
-    dst->sigma = trial.sigma;
-    float *plane = add_plane(lab, dst, "BLURRED");
-    if (plane != NULL)
-        memcpy(plane, trial.image, bytes);
-    for (int m = 0; status == RX_OK && plane != NULL && m < lab->nruns; m++)
-        if (strcmp(lab->run[m].name, "BLURRED") != 0 &&
-            (plane = add_plane(lab, dst, lab->run[m].name)) != NULL)
-            status =
-                rx_restoration_picture(lab, &(rx_picture){bin, &trial, &lab->run[m], 0, all}, plane, err);
-    if (status == RX_OK && plane != NULL && (plane = add_plane(lab, dst, "SHARP")) != NULL)
-        memcpy(plane, trial.sharp, bytes);
-    rx_trial_free(&trial);
-    return status == RX_OK && plane == NULL ? rx_error_memory(err, bytes) : status;
-}
-
-/* The first scenes of bins evenly apart. */
-static rx_status make_examples(const rx_lab *lab, const rx_unit_values *all, rx_restoration_results *dst,
-                               rx_error *err)
-{
-    const int n = lab->config->examples < lab->nconditions ? lab->config->examples : lab->nconditions;
-    rx_status status = RX_OK;
-    if (n == 0)
-        return RX_OK;
-    dst->examples = RX_NEW(rx_restoration_example, (size_t)n);
-    if (dst->examples == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof *dst->examples);
-    dst->nexamples = n;
-    for (int e = 0; status == RX_OK && e < n; e++)
-        status = make_example(lab, (2 * e + 1) * lab->nconditions / (2 * n), 0, all, &dst->examples[e], err);
-    return status;
-}
-
-static void describe(const rx_lab *lab, rx_restoration_results *dst)
+rx_status rx_restoration_describe(rx_lab *lab, rx_error *err)
 {
     const rx_campaign_config *config = lab->config;
     const rx_simulate_config *sim = config->sim;
-    char templates[48] = "";
-    if (lab->sky[0].simulation->templates != NULL)
-        snprintf(templates, sizeof templates, ", %d templates", lab->sky[0].simulation->templates->n);
-    dst->side = lab->config->scene_side;
-    dst->peak = config->scene_peak;
-    dst->sharp_fwhm = lab->sky[0].simulation->sharp_fwhm;
-    dst->tune_scenes = lab->ntuned > 0 ? config->tune_scenes : 0;
+    const size_t n = (size_t)lab->nconditions * (size_t)lab->nruns;
     const rx_model *model = lab->options->model;
     const int known = model != NULL && model->bins != NULL;
-    const rx_model_bin *last = known ? &model->bins[(size_t)model->nfwhm * (size_t)model->nsigma - 1] : NULL;
-    for (int i = 0; i < 2; i++) {
-        const rx_model_bin *bin = i == 0 && known ? model->bins : last;
-        dst->fwhm_trained[i] = known ? bin->fwhm[i] : config->fwhm_trained.v[i];
-        dst->level_trained[i] = known ? bin->sigma[i] : 0;
+    char templates[48] = "";
+    lab->tuned = rx_alloc(n, sizeof *lab->tuned);
+    if (lab->tuned == NULL)
+        return rx_error_memory(err, n * sizeof *lab->tuned);
+    for (size_t i = 0; i < 2 * n; i++) {
+        const int metric = (int)(i % 2), run = (int)(i / 2) % lab->nruns, bin = (int)(i / 2) / lab->nruns;
+        rx_lab_tuned *dst = &lab->tuned[i / 2][metric];
+        rx_tuning tuning;
+        if (!lab->run[run].tuned)
+            continue;
+        const long chosen = rx_tuning_choose(lab, bin, &lab->run[run], metric, lab->values);
+        rx_tuning_get(lab, 1.0, chosen, &tuning);
+        dst->at_end = rx_tuning_at_end(lab, chosen);
+        snprintf(dst->setting, sizeof dst->setting, "%s%s", tuning.text,
+                 dst->at_end ? " (at an end of what was tried)" : "");
     }
-    snprintf(dst->about, sizeof dst->about,
+    for (int i = 0; i < 2; i++) {
+        const size_t last = known && i > 0 ? (size_t)model->nfwhm * (size_t)model->nsigma - 1 : 0;
+        lab->fwhm_trained[i] = known ? model->bins[last].fwhm[i] : config->fwhm_trained.v[i];
+        lab->level_trained[i] = known ? model->bins[last].sigma[i] : 0;
+    }
+    if (lab->sky[0].simulation->templates != NULL)
+        snprintf(templates, sizeof templates, ", %d templates", lab->sky[0].simulation->templates->n);
+    snprintf(lab->about, sizeof lab->about,
              "simulated galaxies (%s%s), the brightest one drawn to fill the scene, its companions at their "
              "own size; Moffat PSF of beta %g, %g arcsec per pixel; the brightest pixel of the sharp "
              "reference (Gaussian PSF of FWHM %g pixels) is %g, the sky 0",
-             sim->galaxy_type, templates, sim->psf_beta, sim->pixel_scale, dst->sharp_fwhm, dst->peak);
-    const size_t used = strlen(dst->about);
-    rx_campaign_model_words(lab->options, dst->about + used, sizeof dst->about - used);
-}
-
-rx_status rx_restoration_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err)
-{
-    rx_restoration_results *results = RX_NEW(rx_restoration_results, 1);
-    if (results == NULL)
-        return rx_error_memory(err, sizeof *results);
-    rx_status status = RX_OK;
-    describe(lab, results);
-    results->nmethods = lab->nruns;
-    for (int m = 0; m < lab->nruns; m++)
-        memcpy(results->method[m], lab->run[m].name, sizeof results->method[m]);
-    results->bins = RX_NEW(rx_restoration_bin, (size_t)lab->nconditions);
-    if (results->bins == NULL)
-        status = rx_error_memory(err, (size_t)lab->nconditions * sizeof *results->bins);
-    for (int b = 0; status == RX_OK && b < lab->nconditions; b++) {
-        results->nbins = b + 1;
-        status = collect_bin(lab, b, all, &results->bins[b], err);
-    }
-    if (status == RX_OK)
-        status = make_examples(lab, all, results, err);
-    if (status == RX_OK)
-        lab->restored = results;
-    else
-        rx_restoration_results_free(results);
-    return status;
+             sim->galaxy_type, templates, sim->psf_beta, sim->pixel_scale, lab->sky[0].simulation->sharp_fwhm,
+             config->scene_peak);
+    const size_t used = strlen(lab->about);
+    rx_campaign_model_words(lab->options, lab->about + used, sizeof lab->about - used);
+    return RX_OK;
 }

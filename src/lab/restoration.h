@@ -8,8 +8,8 @@
 #ifndef RX_LAB_RESTORATION_H
 #define RX_LAB_RESTORATION_H
 
-#include "lab/lab.h"
-#include "lab/results.h"
+#include "lab/paper.h"
+#include "lab/store.h"
 #include "quality/image_metrics.h"
 
 enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
@@ -95,10 +95,30 @@ typedef struct rx_picture {
 } rx_picture;
 rx_status rx_restoration_picture(const rx_lab *lab, const rx_picture *what, float *plane, rx_error *err);
 
-/* For rx_lab_kind; describe() makes lab->restored, to be freed by rx_restoration_results_free(). */
+/* For rx_lab_kind. */
 rx_status rx_restoration_open(rx_lab *lab, rx_log *log, rx_error *err);
 rx_status rx_restoration_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                               rx_lab_table *dst, rx_error *err);
-rx_status rx_restoration_describe(rx_lab *lab, const rx_unit_values *all, rx_error *err);
+rx_status rx_restoration_describe(rx_lab *lab, rx_error *err);
+
+/* A group of the store for bins of FWHM, and one for those of noise; quantities psnr and ssim, each compared by Student's
+ * paired t, Wilcoxon's signed ranks, the paper's two samples, and the bootstrapped mean difference. */
+enum { RX_PSNR, RX_SSIM, RX_QUALITIES };
+enum { RX_BY_PAIRED, RX_BY_WILCOXON, RX_BY_TWO_SAMPLES, RX_BY_BOOTSTRAP, RX_TESTS };
+rx_status rx_restoration_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+
+/* A bin as the store has it. */
+typedef struct rx_restoration_bin {
+    rx_five_numbers level; /* noise levels of its scenes */
+    int inside;            /* seeing and median noise level are inside the training */
+    int fainter;           /* that level is above those of all fields of it, which yet has patches so faint */
+    rx_five_numbers box[RX_QUALITIES][RX_METHODS_MAX];
+} rx_restoration_bin;
+rx_restoration_bin *rx_restoration_bin_of(const rx_store *store, int group, int condition);
+/* Of a larger FWHM, or of more noise than the fields of the training: what the paper calls beyond its range. */
+int rx_bin_is_beyond(const rx_store *store, int group, int condition);
+
+/* Plain sentences: where the first of a pair is better, worse, undecided, for both qualities and kinds of bins. */
+void rx_restoration_words(rx_text *dst, const rx_store *store, int pair);
 
 #endif

@@ -36,6 +36,14 @@ rx_status rx_lab_rows_add(rx_lab_table *t, long n, double **first, rx_error *err
     return RX_OK;
 }
 
+double rx_lab_sum(const rx_lab_table *table, int column)
+{
+    double sum = 0;
+    for (long i = 0; i < table->n; i++)
+        sum += rx_lab_own(table, i)[column];
+    return sum;
+}
+
 static void add_names(rx_text *dst, int n, const rx_lab_column *columns)
 {
     for (int i = 0; i < n; i++)

@@ -44,6 +44,8 @@ static inline double *rx_lab_each(const rx_lab_table *table, long i, int run)
     return table->v + i * table->width + table->schema->nown + run * table->schema->neach;
 }
 
+double rx_lab_sum(const rx_lab_table *table, int column); /* of an own column over the rows */
+
 /* "= TABLE.name ..." of the journal's header. */
 void rx_lab_schema_fact(const rx_lab_schema *schema, rx_journal_facts *facts);
 

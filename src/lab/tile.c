@@ -85,7 +85,7 @@ const char *rx_scene_about(rx_scene_id id)
 
 int rx_scene_is_list(rx_scene_id id)
 {
-    return id == RX_SCENE_STARS || id == RX_SCENE_GALAXIES;
+    return id == RX_SCENE_STARS || id == RX_SCENE_GALAXIES || id == RX_SCENE_MAGNITUDE;
 }
 
 /* --- what is on a tile --- */

@@ -10,16 +10,7 @@
 #include "base/random.h"
 #include "lab/kinds.h"
 #include "lab/photometry.h"
-#include "lab/results.h"
-
-typedef struct made_restoration {
-    int with_net;     /* a method NET */
-    double net_gain;  /* dB above RL */
-    double net_worst; /* and in the last FWHM bin */
-    long nscenes;
-    int nfwhm, nsigma; /* bins from 2 up */
-    int side, nexamples;
-} made_restoration;
+#include "lab/restoration.h"
 
 static void *made(size_t n, size_t size)
 {
@@ -29,100 +20,115 @@ static void *made(size_t n, size_t size)
     return p;
 }
 
-/* Scores in which RL gains little at small FWHM, much at large ones, and loses to noise. */
-static void made_bin(rx_restoration_bin *bin, const made_restoration *how, int b, int last)
+static double *made_rows(rx_lab_table *table, long n)
 {
-    int nmethods = 4 + how->with_net;
-    bin->nscenes = how->nscenes;
-    bin->fwhm = made((size_t)how->nscenes, sizeof *bin->fwhm);
-    bin->sigma = made((size_t)how->nscenes, sizeof *bin->sigma);
-    bin->level = made((size_t)how->nscenes, sizeof *bin->level);
-    for (int k = 0; k < nmethods; k++) {
-        bin->method[k].psnr = made((size_t)how->nscenes, sizeof(double));
-        bin->method[k].ssim = made((size_t)how->nscenes, sizeof(double));
-        if (k == 1) {
-            strcpy(bin->method[k].settings_psnr, "filter 0.7 FWHM");
-            strcpy(bin->method[k].settings_ssim, "filter 2 FWHM");
-        }
-        if (k == 2 || k == 3) {
-            snprintf(bin->method[k].settings_psnr, 120, "RL_NITER %d, filter 0.5 FWHM", 5 * (b + 1));
-            snprintf(bin->method[k].settings_ssim, 120, "RL_NITER %d, filter 0.9 FWHM", 3 * (b + 1));
-            bin->method[k].end_ssim = b == 0 && k == 2;
-        }
+    double *first;
+    if (rx_lab_rows_add(table, n, &first, NULL) != RX_OK)
+        abort();
+    return first;
+}
+
+typedef struct made_restoration {
+    int with_net;     /* a method NET */
+    double net_gain;  /* dB above RL */
+    double net_worst; /* and in the last FWHM bin */
+    long nscenes;
+    int nfwhm, nsigma; /* bins from 2 up */
+} made_restoration;
+
+/* The first scene of a bin: its columns, and those of a run. */
+static double *made_scene(const rx_lab *r, int b, long i)
+{
+    return rx_lab_own(&rx_lab_set_of(r, b, 1)->table[RX_RESTORATION_SCENE], i);
+}
+
+static double *made_score(const rx_lab *r, int b, long i, int run)
+{
+    return rx_lab_each(&rx_lab_set_of(r, b, 1)->table[RX_RESTORATION_SCENE], i, run);
+}
+
+/* Scores in which RL gains little at small FWHM, much at large ones, and loses to noise. */
+static void made_bin(rx_lab *r, const made_restoration *how, int b, int last)
+{
+    const rx_lab_bin *bin = &r->bin[b];
+    rx_lab_tuned(*tuned)[2] = r->tuned + b * r->nruns;
+    strcpy(tuned[1][0].setting, "filter 0.7 FWHM");
+    strcpy(tuned[1][1].setting, "filter 2 FWHM");
+    for (int k = 2; k < 4; k++) {
+        tuned[k][1].at_end = b == 0 && k == 2;
+        snprintf(tuned[k][0].setting, sizeof tuned[k][0].setting, "RL_NITER %d, filter 0.5 FWHM",
+                 5 * (b + 1));
+        snprintf(tuned[k][1].setting, sizeof tuned[k][1].setting, "RL_NITER %d, filter 0.9 FWHM%s",
+                 3 * (b + 1), tuned[k][1].at_end ? " (at an end of what was tried)" : "");
     }
+    made_rows(&rx_lab_set_of(r, b, 1)->table[RX_RESTORATION_SCENE], how->nscenes);
     for (long i = 0; i < how->nscenes; i++) {
         uint64_t key = (uint64_t)b * 100000 + (uint64_t)i;
         double u = rx_random_uniform(1, 0, key), v = rx_random_uniform(1, 1, key);
-        bin->fwhm[i] = bin->by_sigma ? 2 + 6 * v : bin->low + (bin->high - bin->low) * u;
-        bin->sigma[i] = bin->by_sigma ? bin->low + (bin->high - bin->low) * u : 1 + 14 * v;
-        bin->level[i] = 2 * bin->sigma[i];
-        double blurred = 34 - 0.9 * bin->fwhm[i] - 0.2 * bin->sigma[i] + 2 * rx_random_normal(2, 0, key);
-        double gain = 0.35 * (bin->fwhm[i] - 3) - 0.02 * bin->sigma[i];
+        const double fwhm = bin->by_sigma ? 2 + 6 * v : bin->low + (bin->high - bin->low) * u,
+                     sigma = bin->by_sigma ? bin->low + (bin->high - bin->low) * u : 1 + 14 * v;
+        double blurred = 34 - 0.9 * fwhm - 0.2 * sigma + 2 * rx_random_normal(2, 0, key);
+        double gain = 0.35 * (fwhm - 3) - 0.02 * sigma;
         double net = gain + (b == last ? how->net_worst : how->net_gain);
-        double smooth = 0.1 * (bin->fwhm[i] - 3);
+        double smooth = 0.1 * (fwhm - 3);
         double psnr[] = {blurred, blurred + smooth, blurred + gain, blurred + gain + 0.4, blurred + net};
-        for (int k = 0; k < nmethods; k++) {
-            bin->method[k].psnr[i] = psnr[k] + (k > 0 ? 0.3 * rx_random_normal(3, (uint64_t)k, key) : 0);
-            bin->method[k].ssim[i] = 1 / (1 + exp(-0.15 * (bin->method[k].psnr[i] - 24)));
+        made_scene(r, b, i)[RX_SCENE_FWHM] = fwhm;
+        made_scene(r, b, i)[RX_SCENE_SIGMA] = sigma;
+        made_scene(r, b, i)[RX_SCENE_LEVEL] = 2 * sigma;
+        for (int k = 0; k < r->nruns; k++) {
+            double *score = made_score(r, b, i, k);
+            score[RX_SCORE_PSNR] = psnr[k] + (k > 0 ? 0.3 * rx_random_normal(3, (uint64_t)k, key) : 0);
+            score[RX_SCORE_SSIM] = 1 / (1 + exp(-0.15 * (score[RX_SCORE_PSNR] - 24)));
         }
     }
 }
 
-static void made_examples(rx_restoration_results *r, int n)
+/* Settings of a report without pictures. */
+static const rx_campaign_config *made_config(void)
 {
-    static const double soft[] = {5, 5.5, 3.5, 3, 2.5, 2};
-    r->nexamples = n;
-    r->examples = made((size_t)n, sizeof *r->examples);
-    for (int e = 0; e < n; e++) {
-        rx_restoration_example *x = &r->examples[e];
-        x->fwhm = 3 + e;
-        x->sigma = 4 + 3 * e;
-        x->nplanes = r->nmethods + 1;
-        for (int k = 0; k < x->nplanes; k++) {
-            strcpy(x->title[k], k < r->nmethods ? r->method[k] : "SHARP");
-            x->planes[k] = made((size_t)r->side * (size_t)r->side, sizeof(float));
-            double s = k < r->nmethods ? soft[k] : 1.5;
-            for (int y = 0; y < r->side; y++)
-                for (int z = 0; z < r->side; z++) {
-                    double d = hypot(z - 0.5 * r->side, y - 0.5 * r->side) / (4 * s);
-                    x->planes[k][y * r->side + z] =
-                        (float)(r->peak * exp(-d) +
-                                (k < r->nmethods ? x->sigma / (k + 1) : 0) *
-                                    rx_random_normal(7, (uint64_t)(e * 16 + k), (uint64_t)(y * r->side + z)));
-                }
-        }
-    }
+    static rx_campaign_config config;
+    config.scene_side = 32;
+    config.scene_peak = 255;
+    config.tune_scenes = 5;
+    return &config;
 }
 
-static rx_restoration_results *make_restoration(const made_restoration *how)
+static rx_lab *make_restoration(const made_restoration *how)
 {
     static const char *const names[] = {"BLURRED", "SMOOTHED", "RL", "RL_FLAT", "NET"};
-    rx_restoration_results *r = made(1, sizeof *r);
-    r->nmethods = 4 + how->with_net;
-    for (int k = 0; k < r->nmethods; k++)
-        strcpy(r->method[k], names[k]);
-    r->nbins = how->nfwhm + how->nsigma;
-    r->bins = made((size_t)r->nbins, sizeof *r->bins);
-    r->side = how->side;
-    r->peak = 255;
-    r->sharp_fwhm = 2;
+    rx_lab *r = made(1, sizeof *r);
+    r->kind = &rx_kind_restoration;
+    r->config = made_config();
+    r->nruns = 4 + how->with_net;
+    r->ntuned = 1;
+    for (int k = 0; k < r->nruns; k++)
+        strcpy(r->run[k].name, names[k]);
+    r->nconditions = how->nfwhm + how->nsigma;
+    r->nskies = 1;
+    r->sky = made(1, sizeof *r->sky);
+    r->sky->simulation = made(1, sizeof *r->sky->simulation);
+    r->sky->simulation->sharp_fwhm = 2;
+    r->bin = made((size_t)r->nconditions, sizeof *r->bin);
+    r->tuned = made((size_t)(r->nconditions * r->nruns), sizeof *r->tuned);
+    r->set = made((size_t)(2 * r->nconditions), sizeof *r->set);
     r->fwhm_trained[0] = 2;
     r->fwhm_trained[1] = 8;
     r->level_trained[0] = 1;
     r->level_trained[1] = 15;
-    r->tune_scenes = 5;
     strcpy(r->about, "Galaxies, 300 per Mpixel & <more>.");
-    for (int b = 0; b < r->nbins; b++) {
-        rx_restoration_bin *bin = &r->bins[b];
-        bin->by_sigma = b >= how->nfwhm;
-        double centre = bin->by_sigma ? 2 + b - how->nfwhm : 2 + b;
-        bin->low = centre - 0.5;
-        bin->high = centre + 0.5;
-        bin->other_low = bin->by_sigma ? 2 : 1;
-        bin->other_high = bin->by_sigma ? 8 : 15;
-        made_bin(bin, how, b, how->nfwhm - 1);
+    if (rx_lab_add_scene(r, RX_SCENE_TUNING, 0, 0, NULL) != RX_OK ||
+        rx_lab_add_scene(r, RX_SCENE_TEST, 1, 0, NULL) != RX_OK)
+        abort();
+    for (int b = 0; b < r->nconditions; b++) {
+        const int by_sigma = b >= how->nfwhm;
+        const double centre = by_sigma ? 2 + b - how->nfwhm : 2 + b;
+        r->bin[b] = (rx_lab_bin){by_sigma,         centre - 0.5,      centre + 0.5,
+                                 by_sigma ? 2 : 1, by_sigma ? 8 : 15, how->nscenes};
+        for (int s = 0; s < 2; s++)
+            for (int t = 0; t < RX_RESTORATION_TABLES; t++)
+                rx_lab_table_begin(&rx_restoration_tables[t], r->nruns, &rx_lab_set_of(r, b, s)->table[t]);
+        made_bin(r, how, b, how->nfwhm - 1);
     }
-    made_examples(r, how->nexamples);
     return r;
 }
 
@@ -131,14 +137,6 @@ typedef struct made_photometry {
     long ntiles, stars_per_tile;
     double rl_depth; /* mag that RL goes deeper than NONE */
 } made_photometry;
-
-static double *made_rows(rx_lab_table *table, long n)
-{
-    double *first;
-    if (rx_lab_rows_add(table, n, &first, NULL) != RX_OK)
-        abort();
-    return first;
-}
 
 static void made_run(rx_lab_set *set, double snr, int field, int k, int run, double depth)
 {
@@ -161,10 +159,9 @@ static void made_run(rx_lab_set *set, double snr, int field, int k, int run, dou
     const long nfalse = (long)(2.5 * (double)set->table[RX_PHOTOMETRY_TILE].n) + run;
     double *v = made_rows(&set->table[RX_PHOTOMETRY_FALSE], nfalse);
     for (long i = 0; i < nfalse; i++, v += RX_PHOTOMETRY_FALSE_WIDTH) {
-        v[RX_FALSE_STAR_RUN] = run;
-        v[RX_FALSE_STAR_SCORE] =
-            (double)(float)(3 - 0.8 * log(1 - rx_random_uniform(15, stream, (uint64_t)i)));
-        v[RX_FALSE_STAR_MAG] = 23;
+        v[RX_WRONG_RUN] = run;
+        v[RX_WRONG_SCORE] = (double)(float)(3 - 0.8 * log(1 - rx_random_uniform(15, stream, (uint64_t)i)));
+        v[RX_WRONG_MAG] = 23;
     }
 }
 

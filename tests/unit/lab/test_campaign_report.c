@@ -15,8 +15,7 @@
 #include "../near.h"
 #include "base/text.h"
 #include "lab/findings.h"
-#include "lab/photometry_numbers.h"
-#include "lab/restoration_numbers.h"
+#include "lab/kinds.h"
 #include "made_results.h"
 #include "report/page.h"
 
@@ -24,7 +23,7 @@
 
 static const char *const pairs[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"OUTPUT_NAME", HOSTILE}};
 static const rx_campaign_record plain = {HOSTILE, "rextract-validate -c " HOSTILE, 7, 2, pairs, 0};
-static const made_restoration small = {0, 0, 0, 24, 13, 4, 32, 1};
+static const made_restoration small = {0, 0, 0, 24, 13, 4};
 #define OUTPUT(record, folder, brief)                                                                        \
     &(rx_lab_output)                                                                                         \
     {                                                                                                        \
@@ -81,18 +80,44 @@ static int python(const char *script, const char *folder)
     return 1;
 }
 
+static rx_store *store_of(const rx_lab *lab, uint64_t seed)
+{
+    rx_store *store = NULL;
+    assert_int_equal(lab->kind->measure(lab, seed, &store, NULL), RX_OK);
+    return store;
+}
+
+static rx_claim_verdicts verdicts_of(const rx_store *store)
+{
+    rx_claim_verdicts verdicts;
+    rx_claims_judge(store->lab->kind->njudges, store->lab->kind->judges, store->lab->nruns, store, &verdicts);
+    return verdicts;
+}
+
+/* Of results, which are freed. */
+static rx_claim_state claim_state(rx_lab *lab, rx_claim_id claim)
+{
+    rx_store *store = store_of(lab, 1);
+    rx_claim_verdicts verdicts = verdicts_of(store);
+    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
+    rx_claim_verdicts_free(&verdicts);
+    rx_store_free(store);
+    rx_lab_close(lab);
+    return state;
+}
+
 /* ---- restoration ---- */
 
 static void restoration_agrees_with_scipy(void **state)
 {
     char folder[256];
     (void)state;
-    rx_restoration_results *r = make_restoration(&(made_restoration){1, 1, -1, 24, 7, 5, 32, 1});
+    rx_lab *r = make_restoration(&(made_restoration){1, 1, -1, 24, 7, 5});
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
+    assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     python("check_restoration.py", folder);
     assert_int_equal(clear(folder), RESTORATION_FILES);
-    rx_restoration_results_free(r);
+    rx_lab_close(r);
 }
 
 /* Four scenes worked out by hand: RL - SMOOTHED = 1, 2, 3, 2: mean 2, s = sqrt(2/3), t = 2 / (s / 2) =
@@ -101,24 +126,27 @@ static void four_scenes_by_hand(void **state)
 {
     static const double smoothed[] = {20, 21, 22, 23}, rl[] = {21, 23, 25, 25};
     (void)state;
-    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 4, 1, 0, 32, 0});
-    rx_restoration_numbers m;
-    memcpy(r->bins[0].method[1].psnr, smoothed, sizeof smoothed);
-    memcpy(r->bins[0].method[2].psnr, rl, sizeof rl);
-    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
-    const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
-    assert_int_equal(m.pair[m.chief].first, 2);
-    assert_int_equal(m.pair[m.chief].second, 1);
-    assert_near(d->paired.statistic, sqrt(24), 1e-12);
-    assert_near(d->paired.effect, 2 / sqrt(2.0 / 3), 1e-12);
-    assert_near(d->two_sample.dof, 6, 0);
+    rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 4, 1, 0});
+    for (int i = 0; i < 4; i++) {
+        made_score(r, 0, i, 1)[RX_SCORE_PSNR] = smoothed[i];
+        made_score(r, 0, i, 2)[RX_SCORE_PSNR] = rl[i];
+    }
+    rx_store *m = store_of(r, 1);
+    const rx_contest *paired = rx_contest_of(m, 0, 0, RX_BY_PAIRED, 0),
+                     *two = rx_contest_of(m, 0, 0, RX_BY_TWO_SAMPLES, 0);
+    assert_int_equal(m->pair[0][0], 2);
+    assert_int_equal(m->pair[0][1], 1);
+    assert_near(paired->test.statistic, sqrt(24), 1e-12);
+    assert_near(paired->test.effect, 2 / sqrt(2.0 / 3), 1e-12);
+    assert_near(two->test.dof, 6, 0);
     /* variances 5/3 and 11/3, pooled 8/3: t = 2 / sqrt(8/3 * 2/4) */
-    assert_near(d->two_sample.statistic, 2 / sqrt(8.0 / 6), 1e-12);
-    assert_near(d->holm, d->paired.p, 1e-15); /* one bin: nothing to adjust */
-    assert_int_equal(d->winner, 1);
-    assert_near(rx_quality_mean(&m, 0, RX_PSNR, 2)->value, 23.5, 1e-12);
-    rx_restoration_numbers_free(&m);
-    rx_restoration_results_free(r);
+    assert_near(two->test.statistic, 2 / sqrt(8.0 / 6), 1e-12);
+    assert_near(paired->holm, paired->test.p, 1e-15); /* one bin: nothing to adjust */
+    assert_int_equal(paired->winner, 1);
+    assert_int_equal(two->winner, 0);
+    assert_near(rx_store_value(m, 0, "psnr", 0, 2).value, 23.5, 1e-12);
+    rx_store_free(m);
+    rx_lab_close(r);
 }
 
 /* scipy.stats.t.sf(t, dof) * 2 of all printed columns: two do not fit. */
@@ -164,88 +192,71 @@ static void who_meets_whom(void **state)
                                  {"SMOOTHED", "BLURRED"}, {"RL_FLAT", "BLURRED"}, {"NET", "BLURRED"}};
     (void)state;
     for (int net = 0; net < 2; net++) {
-        rx_restoration_numbers m;
-        rx_restoration_results *r = make_restoration(&(made_restoration){net, 1, 1, 4, 1, 0, 32, 0});
-        assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
-        assert_int_equal(m.npairs, net ? 9 : 5);
-        assert_int_equal(m.chief, 0);
-        for (int p = 0; p < m.npairs; p++) {
-            assert_string_equal(r->method[m.pair[p].first], (net ? with : without)[p][0]);
-            assert_string_equal(r->method[m.pair[p].second], (net ? with : without)[p][1]);
+        rx_lab *r = make_restoration(&(made_restoration){net, 1, 1, 4, 1, 0});
+        rx_store *m = store_of(r, 1);
+        assert_int_equal(m->npairs, net ? 9 : 5);
+        for (int p = 0; p < m->npairs; p++) {
+            assert_string_equal(m->column[m->pair[p][0]], (net ? with : without)[p][0]);
+            assert_string_equal(m->column[m->pair[p][1]], (net ? with : without)[p][1]);
         }
-        for (int a = 0; a < r->nmethods; a++)
+        for (int a = 0; a < r->nruns; a++)
             for (int b = 0; b < a; b++)
-                assert_int_not_equal(rx_method_color(r->method[a]), rx_method_color(r->method[b]));
-        rx_restoration_numbers_free(&m);
-        rx_restoration_results_free(r);
+                assert_int_not_equal(rx_method_color(r->run[a].name), rx_method_color(r->run[b].name));
+        rx_store_free(m);
+        rx_lab_close(r);
     }
     assert_int_equal(rx_method_color("never heard of"), RX_PALETTE - 1);
 }
 
-static rx_claim_state restoration_state(const made_restoration *how, rx_claim_id claim)
-{
-    rx_claim_verdicts verdicts;
-    rx_restoration_numbers m;
-    rx_restoration_results *r = make_restoration(how);
-    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
-    rx_restoration_verdicts(&m, &verdicts);
-    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
-    rx_claim_verdicts_free(&verdicts);
-    rx_restoration_numbers_free(&m);
-    rx_restoration_results_free(r);
-    return state;
-}
-
 static void claims_about_the_network(void **state)
 {
-    static const made_restoration best = {1, 5, 5, 24, 13, 24, 32, 0},
-                                  once_worse = {1, 5, -2, 24, 13, 24, 32, 0};
+    static const made_restoration best = {1, 5, 5, 24, 13, 24}, once_worse = {1, 5, -2, 24, 13, 24};
     (void)state;
-    assert_int_equal(restoration_state(&small, RX_CLAIM_EVERY_BIN), RX_NOT_YET_TESTABLE);
-    assert_int_equal(restoration_state(&small, RX_CLAIM_ALL_P), RX_NOT_YET_TESTABLE);
-    assert_int_equal(restoration_state(&small, RX_CLAIM_BEYOND), RX_NOT_YET_TESTABLE);
-    assert_int_equal(restoration_state(&best, RX_CLAIM_EVERY_BIN), RX_REPRODUCED);
-    assert_int_equal(restoration_state(&best, RX_CLAIM_ALL_P), RX_REPRODUCED);
-    assert_int_equal(restoration_state(&best, RX_CLAIM_INSIDE), RX_REPRODUCED);
-    assert_int_equal(restoration_state(&best, RX_CLAIM_BEYOND), RX_REPRODUCED);
-    assert_int_equal(restoration_state(&best, RX_CLAIM_SPEED), RX_NOT_TESTED);
-    assert_int_equal(restoration_state(&best, RX_CLAIM_ABOVE_RL), RX_REPRODUCED);
-    assert_int_equal(restoration_state(&best, RX_CLAIM_ABOVE_FLAT), RX_REPRODUCED);
-    assert_int_equal(restoration_state(&small, RX_CLAIM_ABOVE_RL), RX_NOT_YET_TESTABLE);
+    assert_int_equal(claim_state(make_restoration(&small), RX_CLAIM_EVERY_BIN), RX_NOT_YET_TESTABLE);
+    assert_int_equal(claim_state(make_restoration(&small), RX_CLAIM_ALL_P), RX_NOT_YET_TESTABLE);
+    assert_int_equal(claim_state(make_restoration(&small), RX_CLAIM_BEYOND), RX_NOT_YET_TESTABLE);
+    assert_int_equal(claim_state(make_restoration(&best), RX_CLAIM_EVERY_BIN), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&best), RX_CLAIM_ALL_P), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&best), RX_CLAIM_INSIDE), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&best), RX_CLAIM_BEYOND), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&best), RX_CLAIM_SPEED), RX_NOT_TESTED);
+    assert_int_equal(claim_state(make_restoration(&best), RX_CLAIM_ABOVE_RL), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&best), RX_CLAIM_ABOVE_FLAT), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&small), RX_CLAIM_ABOVE_RL), RX_NOT_YET_TESTABLE);
     /* the bin of 14 pixels is beyond the training range */
-    assert_int_equal(restoration_state(&once_worse, RX_CLAIM_EVERY_BIN), RX_NOT_REPRODUCED);
-    assert_int_equal(restoration_state(&once_worse, RX_CLAIM_INSIDE), RX_REPRODUCED);
-    assert_int_equal(restoration_state(&once_worse, RX_CLAIM_BEYOND), RX_NOT_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&once_worse), RX_CLAIM_EVERY_BIN), RX_NOT_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&once_worse), RX_CLAIM_INSIDE), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_restoration(&once_worse), RX_CLAIM_BEYOND), RX_NOT_REPRODUCED);
 }
 
 /* What is inside is said on the model's scale, not by sigma: bins of FWHM 2 to 5 and 14 here, their levels set. */
 static void bins_lie_where_their_noise_level_is(void **state)
 {
-    static const made_restoration how = {1, 3, 5, 24, 4, 0, 32, 0};
+    static const made_restoration how = {1, 3, 5, 24, 4, 0};
     static const struct {
         double level;
         int inside, fainter;
     } cases[] = {{0.5, 0, 0}, {4, 1, 0}, {33, 1, 1}};
     (void)state;
-    rx_restoration_numbers m;
-    rx_restoration_results *r = make_restoration(&how);
+    rx_lab *r = make_restoration(&how);
     for (int b = 0; b < 3; b++)
-        for (long i = 0; i < r->bins[b].nscenes; i++)
-            r->bins[b].level[i] = cases[b].level;
-    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+        for (long i = 0; i < how.nscenes; i++)
+            made_scene(r, b, i)[RX_SCENE_LEVEL] = cases[b].level;
+    rx_store *m = store_of(r, 1);
     for (int b = 0; b < 3; b++) {
-        assert_near(m.level[b].median, cases[b].level, 0);
-        assert_int_equal(m.inside[b], cases[b].inside);
-        assert_int_equal(m.fainter[b], cases[b].fainter);
-        assert_int_equal(rx_bin_is_beyond(&m, b), !cases[b].inside || cases[b].fainter);
+        const rx_restoration_bin *bin = rx_restoration_bin_of(m, 0, b);
+        assert_near(bin->level.median, cases[b].level, 0);
+        assert_int_equal(bin->inside, cases[b].inside);
+        assert_int_equal(bin->fainter, cases[b].fainter);
+        assert_int_equal(rx_bin_is_beyond(m, 0, b), !cases[b].inside || cases[b].fainter);
     }
-    rx_restoration_numbers_free(&m);
+    rx_store_free(m);
     r->level_trained[0] = r->level_trained[1] = 0; /* no model */
-    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
+    m = store_of(r, 1);
     for (int b = 0; b < 3; b++)
-        assert_int_equal(rx_bin_is_beyond(&m, b), 0);
-    rx_restoration_numbers_free(&m);
-    rx_restoration_results_free(r);
+        assert_int_equal(rx_bin_is_beyond(m, 0, b), 0);
+    rx_store_free(m);
+    rx_lab_close(r);
 }
 
 /* A bin in which one is clearly better, one in which it is worse, one undecided. */
@@ -253,22 +264,21 @@ static void words_follow_the_numbers(void **state)
 {
     rx_text words = {0};
     (void)state;
-    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 6, 3, 0, 32, 0});
-    rx_restoration_numbers m;
+    rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 6, 3, 0});
     for (int b = 0; b < 3; b++)
         for (int i = 0; i < 6; i++) {
             double shift[] = {2, -1, 0}, wobble = 0.1 * (i % 2 ? 1 : -1);
-            r->bins[b].method[1].psnr[i] = 20 + i;
-            r->bins[b].method[2].psnr[i] = 20 + i + shift[b] + wobble;
+            made_score(r, b, i, 1)[RX_SCORE_PSNR] = 20 + i;
+            made_score(r, b, i, 2)[RX_SCORE_PSNR] = 20 + i + shift[b] + wobble;
         }
-    assert_int_equal(rx_restoration_numbers_make(r, 1, &m, NULL), RX_OK);
-    rx_restoration_pair_words(&words, &m, m.chief);
+    rx_store *m = store_of(r, 1);
+    rx_restoration_words(&words, m, 0);
     assert_non_null(strstr(
         words.data, "PSNR by FWHM, RL against SMOOTHED: above in 1 of 3 bins (2 px, by 2 dB); below in 1 "
                     "of 3 bins (3 px, by 1 dB); no clear difference in 1 of 3 bins (4 px). "));
     rx_text_free(&words);
-    rx_restoration_numbers_free(&m);
-    rx_restoration_results_free(r);
+    rx_store_free(m);
+    rx_lab_close(r);
 }
 
 /* With one bin nothing is adjusted: p stands in the page twice side by side. */
@@ -276,22 +286,21 @@ static void adjusted_p_is_shown(void **state)
 {
     char folder[256];
     rx_text cells = {0};
-    rx_restoration_numbers m;
     (void)state;
-    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
-    assert_int_equal(rx_restoration_numbers_make(r, plain.seed, &m, NULL), RX_OK);
-    const rx_quality_duel *d = rx_quality_duel_of(&m, 0, RX_PSNR, m.chief);
+    rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0});
+    rx_store *m = store_of(r, plain.seed);
+    const rx_test *paired = &rx_contest_of(m, 0, 0, RX_BY_PAIRED, 0)->test;
     for (int i = 0; i < 2; i++)
-        rx_page_cell_p(&cells, d->paired.p, d->paired.ln_p);
+        rx_page_cell_p(&cells, paired->p, paired->ln_p);
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
+    assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     char *page = slurp(folder, "report.html");
     assert_non_null(strstr(page, cells.data));
     free(page);
     rx_text_free(&cells);
     assert_int_equal(clear(folder), RESTORATION_FILES);
-    rx_restoration_numbers_free(&m);
-    rx_restoration_results_free(r);
+    rx_store_free(m);
+    rx_lab_close(r);
 }
 
 /* p and Holm's p below the smallest double: the logarithm of the latter is that of p times the number of tests. */
@@ -299,20 +308,26 @@ static void logarithm_of_a_vanished_holm(void **state)
 {
     char folder[256];
     double ln = NAN;
-    rx_findings f;
     (void)state;
+    rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 24, 4, 0});
+    for (int b = 0; b < 4; b++)
+        for (int i = 0; i < 24; i++) /* t of 10^15 */
+            made_score(r, b, i, 2)[RX_SCORE_PSNR] = 1e9 + made_score(r, b, i, 1)[RX_SCORE_PSNR] + 1e-6 * i;
+    rx_store *m = store_of(r, plain.seed);
+    const rx_contest *contest = rx_contest_of(m, 0, 0, RX_BY_PAIRED, 0);
+    assert_near(contest->holm, 0, 0);
+    assert_true(isfinite(contest->test.ln_p));
     make_folder(folder);
-    assert_int_equal(rx_findings_begin(&f, "photometry", NULL, 0, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
-    rx_findings_claims(&f, &(rx_claim_verdicts){0}, NULL);
-    rx_findings_contest(&f, &(rx_contest){.test = "paired t", .p = 0, .ln_p = -800, .holm = 0, .ntests = 4});
-    assert_int_equal(rx_findings_end(&f, NULL), RX_OK);
+    assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     char *json = slurp(folder, "summary.json");
     const char *at = strstr(json, "\"ln_holm\": ");
     assert_non_null(at);
     assert_int_equal(sscanf(at, "\"ln_holm\": %lf", &ln), 1);
-    assert_near(ln, -800 + log(4), 1e-6);
+    assert_near(ln, contest->test.ln_p + log(4), 1e-5);
     free(json);
-    clear(folder);
+    rx_store_free(m);
+    rx_lab_close(r);
+    assert_int_equal(clear(folder), RESTORATION_FILES);
 }
 
 /* Where tuning took an end of what was tried, page, summary and terminal say so. */
@@ -321,13 +336,13 @@ static void ends_of_tuning_are_told(void **state)
     char folder[256];
     rx_text brief = {0};
     (void)state;
-    rx_restoration_results *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0, 32, 0});
+    rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0});
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
+    assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
     char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
     assert_non_null(strstr(page, "so ours are RL against SMOOTHED."));
     assert_non_null(strstr(json, "filter 0.7 FWHM"));
-    assert_non_null(strstr(page, "In 1 of 6 choices the best lies at an end"));
+    assert_non_null(strstr(page, "an end of what was tried in 1 of 6 choices"));
     assert_non_null(strstr(json, "\"tune_choices_at_end\": 1"));
     assert_non_null(strstr(json, "filter 0.9 FWHM (at an end of what was tried)"));
     assert_null(strstr(json, "filter 0.5 FWHM (at"));
@@ -336,32 +351,30 @@ static void ends_of_tuning_are_told(void **state)
     free(json);
     rx_text_free(&brief);
     assert_int_equal(clear(folder), RESTORATION_FILES);
-    rx_restoration_results_free(r);
+    rx_lab_close(r);
 }
 
 /* One scene, no spread, infinite PSNR, no bins: no number is invented and nothing breaks. */
 static void odd_restoration_results(void **state)
 {
-    static const made_restoration odd[] = {{0, 0, 0, 1, 2, 1, 32, 0},
-                                           {1, 0, 0, 2, 1, 0, 32, 1},
-                                           {0, 0, 0, 0, 1, 1, 32, 0},
-                                           {0, 0, 0, 3, 0, 0, 32, 0}};
+    static const made_restoration odd[] = {
+        {0, 0, 0, 1, 2, 1}, {1, 0, 0, 2, 1, 0}, {0, 0, 0, 0, 1, 1}, {0, 0, 0, 3, 0, 0}};
     (void)state;
     for (size_t k = 0; k < sizeof odd / sizeof *odd; k++) {
         char folder[256];
-        rx_restoration_results *r = make_restoration(&odd[k]);
-        if (r->nbins > 0 && r->bins[0].nscenes > 0) {
-            r->bins[0].method[0].psnr[0] = INFINITY;
-            r->bins[0].method[1].ssim[0] = NAN;
+        rx_lab *r = make_restoration(&odd[k]);
+        if (odd[k].nfwhm > 0 && odd[k].nscenes > 0) {
+            made_score(r, 0, 0, 0)[RX_SCORE_PSNR] = INFINITY;
+            made_score(r, 0, 0, 1)[RX_SCORE_SSIM] = NAN;
         }
         make_folder(folder);
-        assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
+        assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
         char *json = slurp(folder, "summary.json");
         assert_null(strstr(json, "inf"));
         assert_null(strstr(json, ": nan"));
         free(json);
         assert_int_equal(clear(folder), RESTORATION_FILES);
-        rx_restoration_results_free(r);
+        rx_lab_close(r);
     }
 }
 
@@ -389,16 +402,17 @@ static void write_raw(const rx_lab *r, const char *folder)
     for (int f = 0; f < r->nconditions; f++)
         for (int k = 0; k < r->nscenes; k++)
             for (int run = 0; run < r->nruns; run++) {
-                const rx_photometry_set set = rx_photometry_set_of(r, f, k);
-                for (long i = 0; i < set.nstars; i++) {
-                    const double *v = rx_star_of(&set, run, i);
+                const rx_lab_set *set = rx_lab_set_of(r, f, k);
+                const rx_lab_table *wrong = &set->table[RX_PHOTOMETRY_FALSE];
+                for (long i = 0; i < set->table[RX_PHOTOMETRY_STAR].n; i++) {
+                    const double *v = star_of(r, f, k, run, i);
                     fprintf(out, "%d,%d,%d,1,%.9g,%.9g,%.9g,%g\n", f, k, run, v[RX_STAR_SCORE],
                             v[RX_STAR_RATIO], v[RX_STAR_PULL], v[RX_STAR_CROWDED]);
                 }
-                for (long i = 0; i < set.wrong->n; i++)
-                    if (rx_lab_own(set.wrong, i)[RX_FALSE_STAR_RUN] == run)
+                for (long i = 0; i < wrong->n; i++)
+                    if (rx_lab_own(wrong, i)[RX_WRONG_RUN] == run)
                         fprintf(out, "%d,%d,%d,0,%.9g,0,0,0\n", f, k, run,
-                                rx_lab_own(set.wrong, i)[RX_FALSE_STAR_SCORE]);
+                                rx_lab_own(wrong, i)[RX_WRONG_SCORE]);
             }
     fclose(out);
 }
@@ -410,7 +424,7 @@ static void photometry_agrees_with_scipy(void **state)
     rx_lab *r = make_photometry(&(made_photometry){3, 2, 6, 4, 25, 0.3});
     make_folder(folder);
     write_raw(r, folder);
-    assert_int_equal(rx_photometry_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
+    assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     python("check_photometry.py", folder);
     assert_int_equal(clear(folder), PHOTOMETRY_FILES + 1);
     rx_lab_close(r);
@@ -420,17 +434,16 @@ static void photometry_agrees_with_scipy(void **state)
 static void depth_of_many_magnitudes(void **state)
 {
     enum { SETS = 80, FOUND = 70, STARS = 4 };
-    rx_photometry_numbers m;
     (void)state;
     rx_lab *r = make_photometry(&(made_photometry){1, 1, SETS, 1, STARS, 0});
     for (int k = 0; k < SETS; k++)
         for (int i = 0; i < STARS; i++)
             set_star(star_of(r, 0, k, 0, i), k < FOUND ? 9 : NAN, k < FOUND ? 1 : NAN, k < FOUND ? 0 : NAN);
-    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
-    const rx_estimate *mag50 = &rx_photometry_whole_of(&m, 0, 0)->mag50;
+    rx_store *m = store_of(r, 1);
+    const rx_estimate *mag50 = &rx_photometry_cut_of(m, 0, 0, -1)->mag50;
     assert_int_equal(mag50->n, SETS * STARS);
     assert_near(mag50->value, r->scene[FOUND].mag, 1.0);
-    rx_photometry_numbers_free(&m);
+    rx_store_free(m);
     rx_lab_close(r);
 }
 
@@ -442,57 +455,40 @@ static void thresholds_by_hand(void **state)
     (void)state;
     rx_lab *r = make_photometry(&(made_photometry){1, 1, 1, 1, 4, 0});
     rx_lab_table *wrong = &rx_lab_set_of(r, 0, 0)->table[RX_PHOTOMETRY_FALSE];
-    rx_photometry_numbers m;
     for (int i = 0; i < 4; i++) {
         double ratio = isnan(scores[i]) ? NAN : 1 + 0.25 * (i - 1); /* 0.75, 1, 1.25 */
         set_star(star_of(r, 0, 0, 0, i), scores[i], ratio, ratio - 1);
     }
     assert_int_equal(wrong->n, 2);
     for (int i = 0; i < 2; i++)
-        rx_lab_own(wrong, i)[RX_FALSE_STAR_SCORE] = false_scores[i];
+        rx_lab_own(wrong, i)[RX_WRONG_SCORE] = false_scores[i];
     r->nprecisions = 3;
     r->precision[0] = 0.7;
     r->precision[1] = 0.9;
     r->precision[2] = 0.5;
-    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
-    const rx_photometry_whole *w = rx_photometry_whole_of(&m, 0, 0);
-    const rx_photometry_cell *c = rx_photometry_cell_of(&m, 0, 0, 0);
-    assert_near(w->cut[0].score, 7, 0);
-    assert_near(c->complete[0].value, 0.75, 1e-12);
-    assert_near(w->cut[0].precision.value, 0.75, 1e-12);
-    assert_int_equal(w->cut[0].whole_list, 0);
-    assert_near(w->cut[1].score, 8, 0);
-    assert_near(c->complete[1].value, 0.5, 1e-12);
-    assert_near(w->cut[2].score, 6, 0);
-    assert_int_equal(w->cut[2].whole_list, 1);
-    assert_near(c->recall.value, 0.75, 1e-12);
-    assert_near(c->precision.value, 0.6, 1e-12);
-    assert_near(c->ap.value, 0.25 + 0.25 + 0.25 * 0.75, 1e-12);
-    assert_near(c->magerr.value, 100 * 0.5 / 3, 1e-5);
-    assert_near(c->bias_percent.value, 0, 1e-12);
-    rx_photometry_numbers_free(&m);
+    rx_store *m = store_of(r, 1);
+    assert_near(rx_photometry_cut_of(m, 0, 0, 0)->score, 7, 0);
+    assert_near(rx_store_value(m, 0, "recall_p0.7", 0, 0).value, 0.75, 1e-12);
+    assert_near(rx_photometry_cut_of(m, 0, 0, 0)->precision.value, 0.75, 1e-12);
+    assert_int_equal(rx_photometry_cut_of(m, 0, 0, 0)->whole_list, 0);
+    assert_near(rx_photometry_cut_of(m, 0, 0, 1)->score, 8, 0);
+    assert_near(rx_store_value(m, 0, "recall_p0.9", 0, 0).value, 0.5, 1e-12);
+    assert_near(rx_photometry_cut_of(m, 0, 0, 2)->score, 6, 0);
+    assert_int_equal(rx_photometry_cut_of(m, 0, 0, 2)->whole_list, 1);
+    assert_near(rx_store_value(m, 0, "recall", 0, 0).value, 0.75, 1e-12);
+    assert_near(rx_store_value(m, 0, "precision", 0, 0).value, 0.6, 1e-12);
+    assert_near(rx_store_value(m, 0, "ap", 0, 0).value, 0.25 + 0.25 + 0.25 * 0.75, 1e-12);
+    assert_near(rx_store_value(m, 0, "magerr", 0, 0).value, 100 * 0.5 / 3, 1e-5);
+    assert_near(rx_store_value(m, 0, "bias_percent", 0, 0).value, 0, 1e-12);
+    rx_store_free(m);
     /* surest of all is a false detection: no threshold gives more than 3/4 */
-    rx_lab_own(wrong, 1)[RX_FALSE_STAR_SCORE] = 100;
+    rx_lab_own(wrong, 1)[RX_WRONG_SCORE] = 100;
     r->precision[1] = 0.99;
-    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
-    assert_true(isinf(rx_photometry_whole_of(&m, 0, 0)->cut[1].score));
-    assert_near(rx_photometry_cell_of(&m, 0, 0, 0)->complete[1].value, 0, 0);
-    rx_photometry_numbers_free(&m);
+    m = store_of(r, 1);
+    assert_true(isinf(rx_photometry_cut_of(m, 0, 0, 1)->score));
+    assert_near(rx_store_value(m, 0, "recall_p0.99", 0, 0).value, 0, 0);
+    rx_store_free(m);
     rx_lab_close(r);
-}
-
-static rx_claim_state photometry_state(const made_photometry *how, rx_claim_id claim)
-{
-    rx_claim_verdicts verdicts;
-    rx_photometry_numbers m;
-    rx_lab *r = make_photometry(how);
-    assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
-    rx_photometry_verdicts(&m, &verdicts);
-    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
-    rx_claim_verdicts_free(&verdicts);
-    rx_photometry_numbers_free(&m);
-    rx_lab_close(r);
-    return state;
 }
 
 /* Of two runs on the same stars the second one is that of template photometry. */
@@ -501,27 +497,25 @@ static void claim_of_templates(void **state)
     static const made_photometry two = {2, 1, 4, 4, 50, 0.4};
     (void)state;
     for (int better = 0; better < 2; better++) {
-        rx_claim_verdicts verdicts;
-        rx_photometry_numbers m;
         rx_lab *r = make_photometry(&two);
         r->run[1].templates = 1;
         for (int s = 0; s < 4; s++)
-            for (long i = 0; i < rx_photometry_set_of(r, 0, s).nstars; i++) {
+            for (long i = 0; i < rx_lab_set_of(r, 0, s)->table[RX_PHOTOMETRY_STAR].n; i++) {
                 double *a = star_of(r, 0, s, 0, i), *b = star_of(r, 0, s, 1, i);
                 const double error = i % 2 ? 0.1 : 0.12;
                 a[RX_STAR_SCORE] = b[RX_STAR_SCORE] = 20;
                 a[RX_STAR_RATIO] = 1 + error;
                 b[RX_STAR_RATIO] = 1 - error * (better || s != 3 ? 0.5 : 1.5);
             }
-        assert_int_equal(rx_photometry_numbers_make(r, 1, &m, NULL), RX_OK);
-        rx_photometry_verdicts(&m, &verdicts);
+        rx_store *m = store_of(r, 1);
+        rx_claim_verdicts verdicts = verdicts_of(m);
         const rx_claim_verdict *templates = rx_claim_verdict_of(&verdicts, RX_CLAIM_TEMPLATES, -1);
         assert_non_null(strstr(templates->said.data, better ? "4 of 4 sets" : "3 of 4 sets"));
         assert_int_equal(templates->state, better ? RX_REPRODUCED : RX_NOT_REPRODUCED);
         assert_int_equal(rx_claim_verdict_of(&verdicts, RX_CLAIM_RESTORED_BETTER, -1)->state,
                          RX_NOT_YET_TESTABLE); /* templates restore nothing */
         rx_claim_verdicts_free(&verdicts);
-        rx_photometry_numbers_free(&m);
+        rx_store_free(m);
         rx_lab_close(r);
     }
 }
@@ -531,16 +525,17 @@ static void claims_about_photometry(void **state)
     static const made_photometry deeper = {3, 1, 8, 4, 50, 0.4}, shallower = {3, 1, 8, 4, 50, -0.4},
                                  rl_only = {2, 1, 8, 4, 50, 0.4}, alone = {1, 1, 8, 4, 50, 0};
     (void)state;
-    assert_int_equal(photometry_state(&deeper, RX_CLAIM_RESTORED_BETTER), RX_REPRODUCED);
-    assert_int_equal(photometry_state(&deeper, RX_CLAIM_NET_BEST), RX_REPRODUCED);
-    assert_int_equal(photometry_state(&deeper, RX_CLAIM_LOW_SNR), RX_REPRODUCED);
-    assert_int_equal(photometry_state(&deeper, RX_CLAIM_ACCURACY), RX_NOT_REPRODUCED); /* made noisier */
-    assert_int_equal(photometry_state(&shallower, RX_CLAIM_RESTORED_BETTER), RX_NOT_REPRODUCED);
-    assert_int_equal(photometry_state(&shallower, RX_CLAIM_NET_BEST), RX_NOT_REPRODUCED);
-    assert_int_equal(photometry_state(&rl_only, RX_CLAIM_RESTORED_BETTER), RX_REPRODUCED);
-    assert_int_equal(photometry_state(&rl_only, RX_CLAIM_NET_BEST), RX_NOT_YET_TESTABLE);
-    assert_int_equal(photometry_state(&rl_only, RX_CLAIM_ACCURACY), RX_NOT_YET_TESTABLE);
-    assert_int_equal(photometry_state(&alone, RX_CLAIM_RESTORED_BETTER), RX_NOT_YET_TESTABLE);
+    assert_int_equal(claim_state(make_photometry(&deeper), RX_CLAIM_RESTORED_BETTER), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_photometry(&deeper), RX_CLAIM_NET_BEST), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_photometry(&deeper), RX_CLAIM_LOW_SNR), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_photometry(&deeper), RX_CLAIM_ACCURACY),
+                     RX_NOT_REPRODUCED); /* made noisier */
+    assert_int_equal(claim_state(make_photometry(&shallower), RX_CLAIM_RESTORED_BETTER), RX_NOT_REPRODUCED);
+    assert_int_equal(claim_state(make_photometry(&shallower), RX_CLAIM_NET_BEST), RX_NOT_REPRODUCED);
+    assert_int_equal(claim_state(make_photometry(&rl_only), RX_CLAIM_RESTORED_BETTER), RX_REPRODUCED);
+    assert_int_equal(claim_state(make_photometry(&rl_only), RX_CLAIM_NET_BEST), RX_NOT_YET_TESTABLE);
+    assert_int_equal(claim_state(make_photometry(&rl_only), RX_CLAIM_ACCURACY), RX_NOT_YET_TESTABLE);
+    assert_int_equal(claim_state(make_photometry(&alone), RX_CLAIM_RESTORED_BETTER), RX_NOT_YET_TESTABLE);
 }
 
 static void odd_photometry_results(void **state)
@@ -555,7 +550,7 @@ static void odd_photometry_results(void **state)
             r->set[s].table[RX_PHOTOMETRY_FALSE].n = 0;
         make_folder(folder);
         rx_text brief = {0};
-        assert_int_equal(rx_photometry_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
+        assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
         char *json = slurp(folder, "summary.json");
         assert_null(strstr(json, "inf,"));
         assert_null(strstr(json, "nan,"));
@@ -610,20 +605,20 @@ static void pages_are_sound(void **state)
 {
     char folder[256];
     (void)state;
-    rx_restoration_results *r = make_restoration(&small);
+    rx_lab *r = make_restoration(&small);
     rx_lab *p = make_photometry(&stars);
     snprintf(p->sky[0].about, sizeof p->sky[0].about, "%s", HOSTILE);
     make_folder(folder);
-    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
+    assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     check_page(folder);
     check_tables(folder, "bins cells boxes contests scenes");
     assert_int_equal(clear(folder), RESTORATION_FILES);
     make_folder(folder);
-    assert_int_equal(rx_photometry_report(p, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
+    assert_int_equal(rx_lab_report(p, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     check_page(folder);
     check_tables(folder, "sets cells contests cuts curves");
     assert_int_equal(clear(folder), PHOTOMETRY_FILES);
-    rx_restoration_results_free(r);
+    rx_lab_close(r);
     rx_lab_close(p);
 }
 
@@ -635,11 +630,11 @@ static void same_results_same_bytes(void **state)
     rx_campaign_record drawn = plain;
     (void)state;
     drawn.figures = 1;
-    rx_restoration_results *r = make_restoration(&small);
+    rx_lab *r = make_restoration(&small);
     for (int i = 0; i < 2; i++) {
         rx_text brief = {0};
         make_folder(folder[i]);
-        assert_int_equal(rx_restoration_report(r, OUTPUT(&drawn, folder[i], &brief), NULL), RX_OK);
+        assert_int_equal(rx_lab_report(r, OUTPUT(&drawn, folder[i], &brief), NULL), RX_OK);
         assert_non_null(strstr(brief.data, "RL_FLAT"));
         assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against SMOOTHED: "));
         assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against BLURRED: "));
@@ -658,7 +653,7 @@ static void same_results_same_bytes(void **state)
     }
     assert_int_equal(clear(folder[0]), RESTORATION_FILES);
     assert_int_equal(clear(folder[1]), RESTORATION_FILES);
-    rx_restoration_results_free(r);
+    rx_lab_close(r);
 }
 
 static void photometry_has_figures(void **state)
@@ -670,7 +665,7 @@ static void photometry_has_figures(void **state)
     rx_lab *p = make_photometry(&stars);
     star_of(p, 1, 0, 0, 0)[RX_STAR_RATIO] = 0; /* no magnitude */
     make_folder(folder);
-    assert_int_equal(rx_photometry_report(p, OUTPUT(&drawn, folder, NULL), NULL), RX_OK);
+    assert_int_equal(rx_lab_report(p, OUTPUT(&drawn, folder, NULL), NULL), RX_OK);
     char *page = slurp(folder, "report.html");
     if (system("gnuplot --version >/dev/null 2>&1") == 0) {
         assert_null(strstr(page, "not drawn"));
@@ -687,13 +682,13 @@ static void folder_that_is_not_there(void **state)
 {
     rx_error err = RX_ERROR_NONE;
     (void)state;
-    rx_restoration_results *r = make_restoration(&small);
+    rx_lab *r = make_restoration(&small);
     rx_lab *p = make_photometry(&stars);
-    assert_int_equal(rx_restoration_report(r, OUTPUT(&plain, "/no/such", NULL), &err), RX_SYSTEM);
+    assert_int_equal(rx_lab_report(r, OUTPUT(&plain, "/no/such", NULL), &err), RX_SYSTEM);
     assert_string_equal(err.where, "the report/summary.json");
-    assert_int_equal(rx_photometry_report(p, OUTPUT(&plain, "/no/such", NULL), &err), RX_SYSTEM);
+    assert_int_equal(rx_lab_report(p, OUTPUT(&plain, "/no/such", NULL), &err), RX_SYSTEM);
     assert_null(strstr(err.text, "/no/such"));
-    rx_restoration_results_free(r);
+    rx_lab_close(r);
     rx_lab_close(p);
 }
 

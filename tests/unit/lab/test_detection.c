@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "lab/detection_numbers.h"
+#include "lab/detection.h"
 
 static const char *const SMALL[] = {"SIM.IMAGE_SIZE",
                                     "192",
@@ -117,7 +117,7 @@ static void units_give_what_is_known(void **state)
         assert_near(rx_lab_own(&table[RX_DETECTION_TILE], 0)[RX_TILE_MPIXELS], 1e-6 * 192 * 192, 1e-8);
         for (long i = 0; id == RX_SCENE_RINGS && i < table[RX_DETECTION_OBJECT].n; i++)
             for (int run = 0; run < campaign->nruns; run++)
-                assert_true(rx_lab_each(&table[RX_DETECTION_OBJECT], i, run)[RX_FOUND_SCORE] > 10);
+                assert_true(rx_lab_each(&table[RX_DETECTION_OBJECT], i, run)[RX_LIST_SCORE] > 10);
         for (int run = 0; id == RX_SCENE_PLATEAU && run < campaign->nruns; run++) {
             const double *phases = rx_lab_each(&table[RX_DETECTION_PLATEAU], 0, run);
             assert_near(phases[RX_PHASES_2], 0, 1e-3);
@@ -183,7 +183,7 @@ static rx_lab *make_results(int net_better)
             row[RX_OBJECT_APART] = i % 2 ? 0.6 : 0.9;
             for (int m = 0; m < RUNS; m++) { /* scores 200, 199 ... */
                 const int right = s == 0 ? (m == 4 && !net_better ? 61 : found[m]) : apart[m];
-                rx_lab_each(&set->table[RX_DETECTION_OBJECT], i, m)[RX_FOUND_SCORE] =
+                rx_lab_each(&set->table[RX_DETECTION_OBJECT], i, m)[RX_LIST_SCORE] =
                     i < right ? 200 - i : NAN;
             }
         }
@@ -193,8 +193,8 @@ static rx_lab *make_results(int net_better)
                                           : 0);
                  i++) { /* scores below those of all right ones */
                 double *row = add_row(set, RX_DETECTION_FALSE);
-                row[RX_FALSE_RUN] = m;
-                row[RX_FALSE_SCORE] = s == 0 ? 50 - i : 250 - 50 * i;
+                row[RX_WRONG_RUN] = m;
+                row[RX_WRONG_SCORE] = s == 0 ? 50 - i : 250 - 50 * i;
             }
     }
     return r;
@@ -206,50 +206,47 @@ static void numbers_by_hand(void **state)
 {
     (void)state;
     rx_lab *r = make_results(1);
-    rx_detection_numbers m;
-    assert_int_equal(rx_detection_numbers_make(r, 1, &m, NULL), RX_OK);
-    assert_int_equal(m.best, RUNS);
-    assert_int_equal(m.net, 4);
-    assert_int_equal(m.nrivals, 3);
-    assert_string_equal(rx_detection_column_name(&m, m.best), "RL");
-    const rx_detection_cell *none = rx_detection_cell_of(&m, 0, 0, 0);
-    assert_near(none->value[0].value, 0.5, 1e-12);       /* ap */
-    assert_near(none->value[1].value, 0.5, 1e-12);       /* recall at 0.9 */
-    assert_near(none->value[4].value, 50.0 / 60, 1e-12); /* precision of the list */
-    assert_near(none->value[5].value, 5, 1e-12);         /* 10 false in 2 Mpixels */
-    assert_near(none->value[6].value, 0, 1e-12);         /* of S/N 5 to 10: numbers 50 to 99 */
-    assert_near(none->value[8].value, 1, 1e-12);         /* of S/N 20 to 50: numbers 0 to 49 */
+    rx_store *m = NULL;
+    assert_int_equal(rx_detection_measure(r, 1, &m, NULL), RX_OK);
+    const int best = RUNS;
+    assert_int_equal(rx_store_column(m, "RL"), best);
+    assert_int_equal(m->npairs, 3);
+    assert_int_equal(m->pair[0][0], 4); /* NET */
+    assert_near(rx_store_value(m, 0, "ap", 0, 0).value, 0.5, 1e-12);
+    assert_near(rx_store_value(m, 0, "recall_p0.9", 0, 0).value, 0.5, 1e-12);
+    assert_near(rx_store_value(m, 0, "precision_whole", 0, 0).value, 50.0 / 60, 1e-12);
+    assert_near(rx_store_value(m, 0, "false_whole", 0, 0).value, 5, 1e-12);  /* 10 false in 2 Mpixels */
+    assert_near(rx_store_value(m, 0, "recall_snr5", 0, 0).value, 0, 1e-12);  /* numbers 50 to 99 */
+    assert_near(rx_store_value(m, 0, "recall_snr20", 0, 0).value, 1, 1e-12); /* numbers 0 to 49 */
     /* RL at its best: for lists by ap, for pairs by pairs */
-    const rx_detection_cell *best = rx_detection_cell_of(&m, 0, 0, m.best);
-    assert_string_equal(best->chosen[0], "RL 9 0");
-    assert_near(best->value[0].value, 0.65, 1e-12);
-    best = rx_detection_cell_of(&m, 0, 1, m.best);
-    assert_string_equal(best->chosen[0], "RL 5 0");
-    assert_near(best->value[0].value, 0.2, 1e-12);
+    assert_string_equal(rx_store_at(m, 0, 0, 0, best)->setting, "RL 9 0");
+    assert_near(rx_store_value(m, 0, "ap", 0, best).value, 0.65, 1e-12);
+    assert_string_equal(rx_store_at(m, 1, 0, 0, best)->setting, "RL 5 0");
+    assert_near(rx_store_value(m, 1, "resolved", 0, best).value, 0.2, 1e-12);
     /* pairs of even number are wide: 15 of 50 for NET */
-    assert_near(rx_detection_cell_of(&m, 0, 1, 4)->value[2].value, 0.3, 1e-12);
+    assert_near(rx_store_value(m, 1, "resolved_wide", 0, 4).value, 0.3, 1e-12);
     /* BLANK at the cut of precision 0.99, the score of the last star found (200 - 49): 200, 250 are above */
-    assert_near(rx_detection_cell_of(&m, 0, 2, 0)->value[0].value, 1, 1e-12);
-    assert_near(rx_detection_cell_of(&m, 0, 2, 0)->value[1].value, 3, 1e-12);
+    assert_near(rx_store_value(m, 2, "false_cut", 0, 0).value, 1, 1e-12);
+    assert_near(rx_store_value(m, 2, "false_whole", 0, 0).value, 3, 1e-12);
     /* NET has 20 stars that the matched filter lacks, and lacks none */
-    const rx_detection_duel *duel = rx_detection_duel_of(&m, 0, 0, 1);
-    assert_int_equal(duel->only_first, 20);
-    assert_int_equal(duel->only_second, 0);
-    assert_near(duel->p, ldexp(1, -19), 1e-9);
-    rx_detection_numbers_free(&m);
+    const rx_contest *contest = rx_contest_of(m, 0, 1, 0, 0);
+    assert_near(contest->only_first, 20, 0);
+    assert_near(contest->only_second, 0, 0);
+    assert_near(contest->test.p, ldexp(1, -19), 1e-9);
+    rx_store_free(m);
     rx_lab_close(r);
 }
 
 static rx_claim_state state_of(int better, rx_claim_id claim)
 {
     rx_claim_verdicts verdicts;
-    rx_detection_numbers m;
+    rx_store *m = NULL;
     rx_lab *r = make_results(better);
-    assert_int_equal(rx_detection_numbers_make(r, 1, &m, NULL), RX_OK);
-    rx_detection_verdicts(&m, &verdicts);
+    assert_int_equal(rx_detection_measure(r, 1, &m, NULL), RX_OK);
+    rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &verdicts);
     const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
     rx_claim_verdicts_free(&verdicts);
-    rx_detection_numbers_free(&m);
+    rx_store_free(m);
     rx_lab_close(r);
     return state;
 }

@@ -6,7 +6,7 @@
 #include <math.h>
 
 #include "config/keyword.h"
-#include "lab/fluxes_numbers.h"
+#include "lab/fluxes.h"
 
 static const char *const SMALL[] = {"SIM.IMAGE_SIZE",
                                     "224",
@@ -269,40 +269,48 @@ static rx_lab *make_results(void)
     return r;
 }
 
+static rx_store *store_of(const rx_lab *lab)
+{
+    rx_store *store = NULL;
+    assert_int_equal(rx_fluxes_measure(lab, 1, &store, NULL), RX_OK);
+    return store;
+}
+
+#define CELL(...) rx_fluxes_at(m, RX_FLUXES_CELLS, (rx_fluxes_place){__VA_ARGS__})
+#define PAIR(...) rx_fluxes_at(m, RX_FLUXES_PAIRS, (rx_fluxes_place){[RX_OF_SCENE] = 1, __VA_ARGS__})
+#define ALL [RX_OF_SAMPLE] = RX_SAMPLE_ALL
+#define BIN(bin) [RX_OF_SNR] = bin, [RX_OF_FLUX] = RX_FLUX_TEMPLATE
+
 /* By hand: the median of 1.02 + 0.01 (i - 20), i = 0..40, is 1.02, the median of |i - 20| is 10. */
 static void cells_by_hand(void **state)
 {
     (void)state;
     rx_lab *r = make_results();
-    rx_fluxes_numbers m;
-    assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
-    rx_fluxes_place p = {.bin = RX_SNR_ABOVE_10, .flux = RX_FLUX_TEMPLATE};
-    const rx_fluxes_cell *cell = rx_fluxes_cell_of(&m, &p);
+    rx_store *m = store_of(r);
+    const rx_estimate *cell = CELL(ALL, BIN(RX_SNR_ABOVE_10));
     const double mad = 1.4826 * 0.1, mag = 2.5 / log(10);
-    assert_int_equal(cell->bias.n, 41);
-    assert_near(cell->bias.value, -2.5 * log10(1.02), 1e-6);
-    assert_near(cell->bias.low, -2.5 * log10(1.02 + 1.96 * 1.2533 * mad / sqrt(41)), 1e-6);
-    assert_near(cell->scatter.value, mad * mag, 1e-6);
-    assert_near(cell->bound.value, mad / 0.05, 1e-4);
-    assert_near(cell->pull.value, 0.2, 1e-5);
-    assert_near(cell->width.value, 1.4826, 1e-4);
+    assert_int_equal(cell[RX_CELL_BIAS].n, 41);
+    assert_near(cell[RX_CELL_BIAS].value, -2.5 * log10(1.02), 1e-6);
+    assert_near(cell[RX_CELL_BIAS].low, -2.5 * log10(1.02 + 1.96 * 1.2533 * mad / sqrt(41)), 1e-6);
+    assert_near(cell[RX_CELL_SCATTER].value, mad * mag, 1e-6);
+    assert_near(cell[RX_CELL_BOUND].value, mad / 0.05, 1e-4);
+    assert_near(cell[RX_CELL_PULL].value, 0.2, 1e-5);
+    assert_near(cell[RX_CELL_WIDTH].value, 1.4826, 1e-4);
     /* |0.02 + 0.01 k|, k = -20..20: 0.01 (sum of 1..22 and of 1..18) */
-    assert_near(cell->magerr.value, (253 + 171) / 41.0, 1e-3);
-    p.bin = 2; /* S/N 20 to 50 */
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 41);
-    p.bin = 1; /* 10 to 20 */
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 0);
-    p.bin = RX_SNR_ABOVE_10;
-    p.sample = RX_SAMPLE_COMMON; /* numbers 10 to 40 */
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 31);
-    assert_near(rx_fluxes_cell_of(&m, &p)->bias.value, -2.5 * log10(1.07), 1e-6);
-    p.flux = RX_FLUX_AUTO;
-    assert_near(rx_fluxes_cell_of(&m, &p)->bias.value, -2.5 * log10(2.14), 1e-6);
-    p = (rx_fluxes_place){.galaxy = 1, .bin = 0, .run = 1, .flux = RX_FLUX_TEMPLATE};
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 1);
-    assert_near(rx_fluxes_cell_of(&m, &p)->bias.value, -2.5 * log10(0.5), 1e-6);
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bound.n, 0);
-    rx_fluxes_numbers_free(&m);
+    assert_near(cell[RX_CELL_MAGERR].value, (253 + 171) / 41.0, 1e-3);
+    assert_int_equal(CELL(ALL, BIN(2))[RX_CELL_BIAS].n, 41);              /* S/N 20 to 50 */
+    assert_int_equal(CELL(ALL, BIN(1))[RX_CELL_BIAS].n, 0);               /* 10 to 20 */
+    cell = CELL([RX_OF_SAMPLE] = RX_SAMPLE_COMMON, BIN(RX_SNR_ABOVE_10)); /* numbers 10 to 40 */
+    assert_int_equal(cell[RX_CELL_BIAS].n, 31);
+    assert_near(cell[RX_CELL_BIAS].value, -2.5 * log10(1.07), 1e-6);
+    cell =
+        CELL([RX_OF_SAMPLE] = RX_SAMPLE_COMMON, [RX_OF_SNR] = RX_SNR_ABOVE_10, [RX_OF_FLUX] = RX_FLUX_AUTO);
+    assert_near(cell[RX_CELL_BIAS].value, -2.5 * log10(2.14), 1e-6);
+    cell = CELL(ALL, [RX_OF_KIND] = 1, [RX_OF_RUN] = 1, BIN(0));
+    assert_int_equal(cell[RX_CELL_BIAS].n, 1);
+    assert_near(cell[RX_CELL_BIAS].value, -2.5 * log10(0.5), 1e-6);
+    assert_int_equal(cell[RX_CELL_BOUND].n, 0);
+    rx_store_free(m);
     rx_lab_close(r);
 }
 
@@ -310,37 +318,34 @@ static void pairs_and_invented_by_hand(void **state)
 {
     (void)state;
     rx_lab *r = make_results();
-    rx_fluxes_numbers m;
-    assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
-    const rx_pair_place all = {.scene = 1, .sample = RX_SAMPLE_ALL};
-    const rx_pair_place detected = {.scene = 1, .sample = RX_SAMPLE_DETECTED};
-    assert_near(rx_pair_share(&m, &all)->value, 21.0 / 22, 1e-12);
-    assert_near(rx_pair_share(&m, &detected)->value, 20.0 / 22, 1e-12);
-    assert_near(rx_pair_share(&m, &(rx_pair_place){.scene = 1, .run = 1})->value, 0, 1e-12);
-    assert_int_equal(rx_pair_share(&m, &(rx_pair_place){.scene = 1, .bin = 1})->n, 0);
-    assert_int_equal(rx_pair_share(&m, &(rx_pair_place){.scene = 0})->n, 0); /* no pairs in FIELD */
-    const rx_pair_cell *cell = rx_pair_cell_of(&m, &all, RX_FLUX_AUTO);
-    assert_int_equal(cell->ratio.n, 21);
-    assert_near(cell->ratio.value, -2.5 * log10(0.9 / 1.1), 1e-6);
-    assert_near(cell->size.value, -2.5 * log10(0.9 / 1.1), 1e-6);
+    rx_store *m = store_of(r);
+    assert_near(PAIR(ALL)[RX_PAIR_BOTH].value, 21.0 / 22, 1e-12);
+    assert_near(PAIR([RX_OF_SAMPLE] = RX_SAMPLE_DETECTED)[RX_PAIR_BOTH].value, 20.0 / 22, 1e-12);
+    assert_near(PAIR(ALL, [RX_OF_RUN] = 1)[RX_PAIR_BOTH].value, 0, 1e-12);
+    assert_int_equal(PAIR(ALL, [RX_OF_SEPARATION] = 1)[RX_PAIR_BOTH].n, 0);
+    assert_int_equal(rx_fluxes_at(m, RX_FLUXES_PAIRS, (rx_fluxes_place){ALL})[RX_PAIR_BOTH].n, 0); /* FIELD */
+    const rx_estimate *cell = PAIR(ALL, [RX_OF_FLUX] = RX_FLUX_AUTO);
+    assert_int_equal(cell[RX_PAIR_RATIO].n, 21);
+    assert_near(cell[RX_PAIR_RATIO].value, -2.5 * log10(0.9 / 1.1), 1e-6);
+    assert_near(cell[RX_PAIR_SIZE].value, -2.5 * log10(0.9 / 1.1), 1e-6);
     const double share = pow(10, -0.4);
-    assert_near(cell->total.value, -2.5 * log10((1.1 + 0.9 * share) / (1 + share)), 1e-6);
-    assert_near(rx_pair_cell_of(&m, &detected, RX_FLUX_TEMPLATE)->size.value, 0, 1e-9);
+    assert_near(cell[RX_PAIR_TOTAL].value, -2.5 * log10((1.1 + 0.9 * share) / (1 + share)), 1e-6);
+    assert_near(PAIR([RX_OF_FLUX] = RX_FLUX_TEMPLATE)[RX_PAIR_SIZE].value, 0, 1e-9);
     /* blended: 43 are found, of 42 the partner, too */
-    rx_fluxes_place p = {.scene = 1, .crowd = RX_CROWD_BLENDED, .bin = RX_SNR_ABOVE_10};
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 43);
-    p.crowd = RX_CROWD_APART;
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 42);
-    p.sample = RX_SAMPLE_DETECTED;
-    assert_int_equal(rx_fluxes_cell_of(&m, &p)->bias.n, 41);
-    const rx_invented_cell *v = rx_invented_of(&m, 0, 0, 0);
-    assert_near(v->per_mpixel[0].value, 15, 1e-12);
-    assert_near(v->per_mpixel[1].value, 4.5, 1e-12);
-    assert_near(v->precision[0].value, 0.75, 1e-12);
-    assert_near(v->precision[1].value, 0.9, 1e-12);
-    assert_near(v->flagged_weak.value, 0.25, 1e-12);
-    assert_near(v->flagged_strong.value, 4.0 / 70, 1e-12);
-    rx_fluxes_numbers_free(&m);
+    assert_int_equal(CELL(ALL, [RX_OF_SCENE] = 1, [RX_OF_CROWD] = RX_CROWD_BLENDED, BIN(RX_SNR_ABOVE_10))->n,
+                     43);
+    assert_int_equal(CELL(ALL, [RX_OF_SCENE] = 1, [RX_OF_CROWD] = RX_CROWD_APART, BIN(RX_SNR_ABOVE_10))->n,
+                     42);
+    assert_int_equal(CELL([RX_OF_SCENE] = 1, [RX_OF_CROWD] = RX_CROWD_APART, BIN(RX_SNR_ABOVE_10))->n, 41);
+    const rx_estimate *v = rx_fluxes_at(m, RX_FLUXES_INVENTED, (rx_fluxes_place){0});
+    assert_near(v[RX_INVENTED_RIGHT_KEPT].value, 81, 0);
+    assert_near(v[RX_INVENTED_PER_MPIXEL].value, 15, 1e-12);
+    assert_near(v[RX_INVENTED_PER_MPIXEL_KEPT].value, 4.5, 1e-12);
+    assert_near(v[RX_INVENTED_PRECISION].value, 0.75, 1e-12);
+    assert_near(v[RX_INVENTED_PRECISION_KEPT].value, 0.9, 1e-12);
+    assert_near(v[RX_INVENTED_MARKED_WEAK].value, 0.25, 1e-12);
+    assert_near(v[RX_INVENTED_MARKED_STRONG].value, 4.0 / 70, 1e-12);
+    rx_store_free(m);
     rx_lab_close(r);
 }
 
@@ -350,10 +355,9 @@ static void verdicts_follow_the_numbers(void **state)
 {
     (void)state;
     rx_lab *r = make_results();
-    rx_fluxes_numbers m;
+    rx_store *m = store_of(r);
     rx_claim_verdicts all;
-    assert_int_equal(rx_fluxes_numbers_make(r, &m, NULL), RX_OK);
-    rx_fluxes_verdicts(&m, &all);
+    rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &all);
     assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 0)->state, RX_GOAL_UNDECIDED);
     assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->state, RX_GOAL_NOT_HELD);
     assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->state, RX_GOAL_NOT_HELD);
@@ -368,11 +372,11 @@ static void verdicts_follow_the_numbers(void **state)
     rx_claim_verdicts_free(&all);
     /* what restorers are told wrongly is no matter of the goals */
     r->sky[0].condition.psf_error = 0.05;
-    rx_fluxes_verdicts(&m, &all);
+    rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &all);
     for (int i = 0; i < all.n; i++)
         assert_int_equal(all.list[i].state, RX_GOAL_NOT_MEASURED);
     rx_claim_verdicts_free(&all);
-    rx_fluxes_numbers_free(&m);
+    rx_store_free(m);
     rx_lab_close(r);
 }
 

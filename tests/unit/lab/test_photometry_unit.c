@@ -47,7 +47,7 @@ static long nfalse_of(const rx_lab_table *table, int run)
 {
     long n = 0;
     for (long i = 0; i < table[RX_PHOTOMETRY_FALSE].n; i++)
-        n += rx_lab_own(&table[RX_PHOTOMETRY_FALSE], i)[RX_FALSE_STAR_RUN] == run;
+        n += rx_lab_own(&table[RX_PHOTOMETRY_FALSE], i)[RX_WRONG_RUN] == run;
     return n;
 }
 

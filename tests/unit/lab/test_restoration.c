@@ -219,27 +219,26 @@ static void results_are_the_scores(void **state)
     const long n = campaign->nunits;
     rx_unit_values *values = run_units(state, "results", campaign, 2);
     assert_int_equal(rx_lab_collect(campaign, values, &err), RX_OK);
-    const rx_restoration_results *results = campaign->restored;
-    assert_int_equal(results->nmethods, 4);
-    assert_int_equal(results->nbins, 3);
-    assert_int_equal(results->bins[2].by_sigma, 1);
-    assert_int_equal(results->bins[2].nscenes, 3);
-    assert_string_equal(results->bins[0].method[0].settings_psnr, "");
-    assert_int_equal(strncmp(results->bins[0].method[1].settings_psnr, "filter", 6), 0);
-    assert_non_null(strstr(results->bins[0].method[2].settings_psnr, "RL_NITER"));
-    assert_non_null(strstr(results->bins[0].method[3].settings_ssim, "sky below"));
+    assert_int_equal(campaign->nruns, 4);
+    assert_int_equal(campaign->bin[2].by_sigma, 1);
+    rx_lab_tuned(*const tuned)[2] = campaign->tuned; /* of the first bin */
+    assert_string_equal(tuned[0][0].setting, "");
+    assert_int_equal(strncmp(tuned[1][0].setting, "filter", 6), 0);
+    assert_non_null(strstr(tuned[2][0].setting, "RL_NITER"));
+    assert_non_null(strstr(tuned[3][1].setting, "sky below"));
     for (int b = 0; b < 3; b++) {
-        assert_int_equal(results->bins[b].method[0].end_psnr + results->bins[b].method[0].end_ssim, 0);
+        assert_int_equal(tuned[4 * b][0].at_end + tuned[4 * b][1].at_end, 0);
         /* of two numbers of iterations both are ends */
-        assert_int_equal(results->bins[b].method[2].end_psnr + results->bins[b].method[2].end_ssim, 2);
+        assert_int_equal(tuned[4 * b + 2][0].at_end + tuned[4 * b + 2][1].at_end, 2);
     }
     float *plane = calloc((size_t)side * (size_t)side, sizeof *plane);
     for (int b = 0; b < 3; b++) {
-        const rx_restoration_bin *bin = &results->bins[b];
-        const long i = bin->nscenes - 1;
+        const rx_lab_table *scene = &rx_lab_set_of(campaign, b, 1)->table[RX_RESTORATION_SCENE];
+        const long i = scene->n - 1;
         rx_trial trial;
         make_trial(campaign, b, 0, i, &trial);
-        assert_true(bin->fwhm[i] == trial.fwhm && bin->sigma[i] == trial.sigma);
+        assert_near(rx_lab_own(scene, i)[RX_SCENE_FWHM], trial.fwhm, 0);
+        assert_near(rx_lab_own(scene, i)[RX_SCENE_SIGMA], trial.sigma, 0);
         for (int m = 0; m < 4; m++) {
             double ssim;
             for (int metric = 0; metric < 2; metric++) {
@@ -263,23 +262,16 @@ static void results_are_the_scores(void **state)
                 assert_int_equal(rx_image_ssim(side, side, plane, trial.sharp, 0.001, 0.001, 0, &ssim, &err),
                                  RX_OK);
                 if (metric == 0)
-                    assert_true(bin->method[m].psnr[i] == rx_image_psnr(side, side, plane, trial.sharp));
+                    assert_near(rx_lab_each(scene, i, m)[RX_SCORE_PSNR],
+                                rx_image_psnr(side, side, plane, trial.sharp), 0);
                 else
-                    assert_true(bin->method[m].ssim[i] == ssim);
+                    assert_near(rx_lab_each(scene, i, m)[RX_SCORE_SSIM], ssim, 0);
             }
         }
         /* tuned on other scenes, RL is still better than doing nothing to a blurred and noisy image */
-        assert_true(bin->method[2].psnr[i] > bin->method[0].psnr[i]);
+        assert_true(rx_lab_each(scene, i, 2)[RX_SCORE_PSNR] > rx_lab_each(scene, i, 0)[RX_SCORE_PSNR]);
         rx_trial_free(&trial);
     }
-    assert_int_equal(results->nexamples, 3); /* one per bin at most */
-    const rx_restoration_example *example = &results->examples[0];
-    assert_int_equal(example->nplanes, 5);
-    assert_string_equal(example->title[0], "BLURRED");
-    assert_string_equal(example->title[1], "SMOOTHED");
-    assert_string_equal(example->title[2], "RL");
-    assert_string_equal(example->title[4], "SHARP");
-    assert_near(highest(example->planes[4], (size_t)side * (size_t)side), 255.0, 1e-3);
     free(plane);
     rx_unit_values_free(n, values);
     rx_lab_close(campaign);

@@ -1,0 +1,736 @@
+/* What a campaign of fluxes has found, and its report. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "lab/findings.h"
+#include "lab/fluxes.h"
+#include "lab/kinds.h"
+#include "num/stats.h"
+#include "report/curves.h"
+
+#define LENGTH(table) ((int)(sizeof(table) / sizeof *(table)))
+
+static const double LEVEL = 0.95, SIGMAS = 1.96;
+static const double MEDIAN_ERROR = 1.2533, MAD_ERROR = 1.1664;
+static const double MAG = 1.0857362047581296; /* 2.5 / ln 10 */
+static const double LEAST_RATIO = 1e-3;       /* of a flux of a pair */
+enum { FEWEST = 20 };                         /* fewer objects decide no goal */
+
+enum { PAIR_BINS = 5, PAIR_SAMPLES = RX_SAMPLE_ALL + 1 };
+static const double PAIR_EDGE[PAIR_BINS + 1] = {0.5, 0.75, 1, 1.5, 2, 3}; /* FWHM */
+
+static const struct {
+    const char *name;
+    double low, high;
+} SNR[RX_SNR_BINS] = {{"5-10", 5, 10},     {"10-20", 10, 20},       {"20-50", 20, 50},
+                      {"50-100", 50, 100}, {"100-1000", 100, 1000}, {"1000+", 1000, HUGE_VAL},
+                      {"5-100", 5, 100},   {"10+", 10, HUGE_VAL}};
+
+/* --- places --- */
+
+/* The grids: indices from the outermost on, and those that words of a row name. */
+static const struct {
+    int width, n, index[RX_OF_ALL], nwords, word[RX_OF_ALL];
+} GRIDS[RX_FLUXES_GRIDS] = {
+    [RX_FLUXES_CELLS] = {RX_CELL_NUMBERS,
+                         8,
+                         {RX_OF_SAMPLE, RX_OF_SCENE, RX_OF_CROWD, RX_OF_KIND, RX_OF_CONDITION, RX_OF_SNR,
+                          RX_OF_RUN, RX_OF_FLUX},
+                         7,
+                         {RX_OF_SCENE, RX_OF_KIND, RX_OF_CROWD, RX_OF_CONDITION, RX_OF_SNR, RX_OF_RUN,
+                          RX_OF_FLUX}},
+    [RX_FLUXES_PAIRS] = {RX_PAIR_NUMBERS,
+                         6,
+                         {RX_OF_SCENE, RX_OF_SAMPLE, RX_OF_CONDITION, RX_OF_SEPARATION, RX_OF_RUN,
+                          RX_OF_FLUX},
+                         5,
+                         {RX_OF_SAMPLE, RX_OF_CONDITION, RX_OF_SEPARATION, RX_OF_RUN, RX_OF_FLUX}},
+    [RX_FLUXES_INVENTED] = {RX_INVENTED_NUMBERS,
+                            3,
+                            {RX_OF_SCENE, RX_OF_CONDITION, RX_OF_RUN},
+                            3,
+                            {RX_OF_SCENE, RX_OF_CONDITION, RX_OF_RUN}},
+};
+
+static int size_of(const rx_lab *lab, int grid, int index)
+{
+    const int size[RX_OF_ALL] = {[RX_OF_SAMPLE] = grid == RX_FLUXES_PAIRS ? PAIR_SAMPLES : RX_SAMPLES,
+                                 [RX_OF_SCENE] = lab->nscenes,
+                                 [RX_OF_CROWD] = RX_CROWDS,
+                                 [RX_OF_KIND] = 2,
+                                 [RX_OF_CONDITION] = lab->nconditions,
+                                 [RX_OF_SNR] = RX_SNR_BINS,
+                                 [RX_OF_SEPARATION] = PAIR_BINS,
+                                 [RX_OF_RUN] = lab->nruns,
+                                 [RX_OF_FLUX] = RX_FLUX_KINDS};
+    return size[index];
+}
+
+rx_estimate *rx_fluxes_at(const rx_store *s, int grid, const rx_fluxes_place place)
+{
+    size_t at = 0;
+    for (int i = 0; i < GRIDS[grid].n; i++)
+        at = at * (size_t)size_of(s->lab, grid, GRIDS[grid].index[i]) + (size_t)place[GRIDS[grid].index[i]];
+    return (rx_estimate *)s->own[grid] + at * (size_t)GRIDS[grid].width;
+}
+
+/* How many places there are whose first `fixed` indices are given, and number k of them. */
+static long count_places(const rx_lab *lab, int grid, int fixed)
+{
+    long n = 1;
+    for (int i = fixed; i < GRIDS[grid].n; i++)
+        n *= size_of(lab, grid, GRIDS[grid].index[i]);
+    return n;
+}
+
+static void set_place(const rx_lab *lab, int grid, int fixed, long k, rx_fluxes_place place)
+{
+    for (int i = GRIDS[grid].n - 1; i >= fixed; i--) {
+        const int size = size_of(lab, grid, GRIDS[grid].index[i]);
+        place[GRIDS[grid].index[i]] = (int)(k % size);
+        k /= size;
+    }
+}
+
+static const char *word_of(const rx_store *s, int index, int i)
+{
+    static const char *const samples[] = {"detected", "all", "common"}, *const kinds[] = {"star", "galaxy"},
+                             *const crowds[] = {"isolated", "blended", "told apart", "neither"},
+                             *const separations[] = {"0.5 to 0.75", "0.75 to 1", "1 to 1.5", "1.5 to 2",
+                                                     "2 to 3"},
+                             *const fluxes[] = {"AUTO", "APER", "WIDE", "TEMPLATE"};
+    switch (index) {
+    case RX_OF_SCENE:
+        return s->group[i].name;
+    case RX_OF_CONDITION:
+        return s->group[0].condition[i];
+    case RX_OF_RUN:
+        return s->column[i];
+    case RX_OF_SNR:
+        return SNR[i].name;
+    default:
+        return (index == RX_OF_SAMPLE  ? samples
+                : index == RX_OF_KIND  ? kinds
+                : index == RX_OF_CROWD ? crowds
+                : index == RX_OF_FLUX  ? fluxes
+                                       : separations)[i];
+    }
+}
+
+/* --- statistics --- */
+
+static rx_estimate around(double value, double error, long n)
+{
+    return (rx_estimate){value, value - SIGMAS * error, value + SIGMAS * error, n};
+}
+
+/* Median and sigma_MAD of n values, which are lost; either may be NULL. */
+static void robust(double *v, long n, rx_estimate *median, rx_estimate *width)
+{
+    double middle = n == 1 ? v[0] : NAN, sigma = NAN;
+    if (n >= 2)
+        sigma = rx_sigma_mad(v, (size_t)n, &middle);
+    if (median != NULL)
+        *median = around(middle, MEDIAN_ERROR * sigma / sqrt((double)n), n);
+    if (width != NULL)
+        *width = around(sigma, MAD_ERROR * sigma / sqrt((double)n), n >= 2 ? n : 0);
+}
+
+static rx_estimate mean_of(const double *v, long n)
+{
+    double sum = 0, square = 0;
+    for (long i = 0; i < n; i++)
+        sum += v[i];
+    if (n < 2)
+        return (rx_estimate){n == 1 ? sum : NAN, NAN, NAN, n};
+    for (long i = 0; i < n; i++)
+        square += (v[i] - sum / (double)n) * (v[i] - sum / (double)n);
+    return around(sum / (double)n, sqrt(square / (double)(n - 1) / (double)n), n);
+}
+
+static double to_mag(double ratio)
+{
+    return ratio > 0 ? -2.5 * log10(ratio) : NAN;
+}
+
+static const rx_lab_table *objects_of(const rx_lab *lab, const rx_fluxes_place p)
+{
+    return &rx_lab_set_of(lab, p[RX_OF_CONDITION], p[RX_OF_SCENE])->table[RX_FLUXES_OBJECT];
+}
+
+/* --- cells --- */
+
+/* Found by that run, with all its fluxes. */
+static int is_measured(const rx_lab_table *set, int run, long i, int sample)
+{
+    const double *v = rx_lab_each(set, i, run), state = v[RX_FOUND]; /* NAN, not found, fails both */
+    int finite = sample == RX_SAMPLE_ALL ? state >= 0 : state < 2;
+    for (int k = 0; k < RX_FLUX_KINDS; k++)
+        finite = finite && isfinite(v[RX_RATIO + k]);
+    return finite;
+}
+
+/* Is object i in the sample. */
+static int takes_part(const rx_lab *lab, const rx_lab_table *set, const rx_fluxes_place p, long i)
+{
+    static const int company[RX_CROWDS] = {RX_ISOLATED, RX_BLENDED, RX_BLENDED, RX_NEITHER};
+    const double *prop = rx_lab_own(set, i);
+    if ((int)prop[RX_PROP_GALAXY] != p[RX_OF_KIND] ||
+        (int)prop[RX_PROP_BLEND_STATE] != company[p[RX_OF_CROWD]] ||
+        !(prop[RX_PROP_SNR] >= SNR[p[RX_OF_SNR]].low) || !(prop[RX_PROP_SNR] < SNR[p[RX_OF_SNR]].high))
+        return 0;
+    for (int run = 0; run < lab->nruns; run++)
+        if ((p[RX_OF_SAMPLE] == RX_SAMPLE_COMMON || run == p[RX_OF_RUN]) &&
+            (!is_measured(set, run, i, p[RX_OF_SAMPLE]) ||
+             (p[RX_OF_CROWD] == RX_CROWD_APART && !(rx_lab_each(set, i, run)[RX_BOTH] > 0.5))))
+            return 0;
+    return 1;
+}
+
+/* work[4]: room for all objects of a set each. */
+static void fill_cell(const rx_lab *lab, const rx_fluxes_place p, double *work[4], rx_estimate *dst)
+{
+    const rx_lab_table *set = objects_of(lab, p);
+    double *ratio = work[0], *bound = work[1], *pull = work[2], *magerr = work[3];
+    rx_estimate middle;
+    long n = 0, npulls = 0;
+    for (long i = 0; i < set->n; i++) {
+        if (!takes_part(lab, set, p, i))
+            continue;
+        const double *v = rx_lab_each(set, i, p[RX_OF_RUN]), error = v[RX_ERROR + p[RX_OF_FLUX]];
+        ratio[n] = v[RX_RATIO + p[RX_OF_FLUX]];
+        if (error > 0 && isfinite(error))
+            pull[npulls++] = (ratio[n] - 1) / error;
+        magerr[n] = 100 * fabs(ratio[n] - 1);
+        bound[n] = (ratio[n] - 1) / rx_lab_own(set, i)[RX_PROP_BOUND];
+        n++;
+    }
+    dst[RX_CELL_MAGERR] = mean_of(magerr, n);
+    robust(bound, p[RX_OF_KIND] == 0 && p[RX_OF_CROWD] == RX_CROWD_ISOLATED ? n : 0, NULL,
+           &dst[RX_CELL_BOUND]);
+    robust(pull, npulls, &dst[RX_CELL_PULL], &dst[RX_CELL_WIDTH]);
+    robust(ratio, n, &middle, &dst[RX_CELL_SCATTER]);
+    dst[RX_CELL_BIAS] =
+        (rx_estimate){to_mag(middle.value), to_mag(middle.high), to_mag(middle.low), middle.n};
+    dst[RX_CELL_SCATTER].value *= MAG;
+    dst[RX_CELL_SCATTER].low *= MAG;
+    dst[RX_CELL_SCATTER].high *= MAG;
+}
+
+/* Pairs of one separation: those of which both are found, each at its place. */
+static void fill_pair(const rx_lab *lab, const rx_fluxes_place p, double *work[4], rx_estimate *dst)
+{
+    const rx_lab_table *set = objects_of(lab, p);
+    const int run = p[RX_OF_RUN], flux = RX_RATIO + p[RX_OF_FLUX], bin = p[RX_OF_SEPARATION];
+    const int pairs = lab->scene[p[RX_OF_SCENE]].id == RX_SCENE_MIXED_PAIRS;
+    long n = 0, all = 0;
+    for (long i = 0; i < set->n && pairs; i++) {
+        const double *prop = rx_lab_own(set, i), share = pow(10, 0.4 * prop[RX_PROP_MAGS]);
+        const long k = i + (long)prop[RX_PROP_PARTNER]; /* of the first member the other one comes later */
+        if (k <= i || !(prop[RX_PROP_APART] >= PAIR_EDGE[bin]) || !(prop[RX_PROP_APART] < PAIR_EDGE[bin + 1]))
+            continue;
+        all++;
+        if (!(rx_lab_each(set, i, run)[RX_BOTH] > 0.5) || !is_measured(set, run, i, p[RX_OF_SAMPLE]) ||
+            !is_measured(set, run, k, p[RX_OF_SAMPLE]))
+            continue;
+        const double a = rx_lab_each(set, i, run)[flux], b = rx_lab_each(set, k, run)[flux];
+        work[0][n] = -2.5 * log10(fmax(b, LEAST_RATIO) / fmax(a, LEAST_RATIO));
+        work[1][n] = fabs(work[0][n]);
+        work[2][n++] = to_mag(fmax((a + share * b) / (1 + share), LEAST_RATIO));
+    }
+    robust(work[0], n, &dst[RX_PAIR_RATIO], &dst[RX_PAIR_SCATTER]);
+    robust(work[1], n, &dst[RX_PAIR_SIZE], NULL);
+    robust(work[2], n, &dst[RX_PAIR_TOTAL], NULL);
+    dst[RX_PAIR_BOTH] = rx_binomial_interval(n, all, LEVEL);
+}
+
+static void fill_invented(const rx_lab *lab, const rx_fluxes_place p, double *work[4], rx_estimate *dst)
+{
+    const rx_lab_table *set = objects_of(lab, p),
+                       *tile = &rx_lab_set_of(lab, p[RX_OF_CONDITION], p[RX_OF_SCENE])->table[RX_FLUXES_TILE];
+    const double mpixels = rx_lab_sum(tile, RX_FLUXES_MPIXELS);
+    long t[RX_FLUXES_TALLIES] = {0};
+    for (long i = 0; i < tile->n * RX_FLUXES_TALLIES; i++)
+        t[i % RX_FLUXES_TALLIES] +=
+            (long)rx_lab_each(tile, i / RX_FLUXES_TALLIES, p[RX_OF_RUN])[i % RX_FLUXES_TALLIES];
+    dst[RX_INVENTED_ADDED].value = (double)t[RX_TALLY_ADDED];
+    for (int kept = 0; kept < 2; kept++) {
+        const long right = t[RX_TALLY_RIGHT + kept], wrong = t[RX_TALLY_FALSE + kept];
+        long n = 0;
+        dst[kept ? RX_INVENTED_RIGHT_KEPT : RX_INVENTED_RIGHT].value = (double)right;
+        dst[kept ? RX_INVENTED_WRONG_KEPT : RX_INVENTED_WRONG].value = (double)wrong;
+        dst[RX_INVENTED_PER_MPIXEL + kept] = rx_poisson_rate(wrong, mpixels, LEVEL);
+        dst[RX_INVENTED_PRECISION + kept] = rx_binomial_interval(right, right + wrong, LEVEL);
+        for (long i = 0; i < set->n && lab->scene[p[RX_OF_SCENE]].id == RX_SCENE_SHREDS; i++)
+            if (!isnan(rx_lab_each(set, i, p[RX_OF_RUN])[RX_FOUND]))
+                work[0][n++] = rx_lab_each(set, i, p[RX_OF_RUN])[RX_PIECES + kept];
+        dst[RX_INVENTED_PIECES + kept] = mean_of(work[0], n);
+    }
+    dst[RX_INVENTED_MARKED_WEAK] =
+        rx_binomial_interval(t[RX_TALLY_WEAK] - t[RX_TALLY_WEAK_KEPT], t[RX_TALLY_WEAK], LEVEL);
+    dst[RX_INVENTED_MARKED_STRONG] =
+        rx_binomial_interval(t[RX_TALLY_STRONG] - t[RX_TALLY_STRONG_KEPT], t[RX_TALLY_STRONG], LEVEL);
+}
+
+rx_status rx_fluxes_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err)
+{
+    static void (*const fill[RX_FLUXES_GRIDS])(const rx_lab *, const rx_fluxes_place, double *[4],
+                                               rx_estimate *) = {fill_cell, fill_pair, fill_invented};
+    rx_store *s = NULL;
+    size_t most = 1;
+    RX_TRY(rx_store_new(lab, lab->nscenes, seed, &s, err));
+    for (int k = 0; k < lab->nscenes * lab->nconditions; k++)
+        if ((size_t)lab->set[k].table[RX_FLUXES_OBJECT].n > most)
+            most = (size_t)lab->set[k].table[RX_FLUXES_OBJECT].n;
+    double *work[4] = {RX_NEW(double, most), RX_NEW(double, most), RX_NEW(double, most),
+                       RX_NEW(double, most)};
+    rx_status status = work[0] == NULL || work[1] == NULL || work[2] == NULL || work[3] == NULL
+                           ? rx_error_memory(err, 4 * most * sizeof(double))
+                           : RX_OK;
+    for (int g = 0; g < s->ngroups && status == RX_OK; g++) {
+        s->group[g].name = rx_scene_name(lab->scene[g].id);
+        status = rx_group_open(s, g, lab->nconditions, err);
+        for (int c = 0; c < lab->nconditions && status == RX_OK; c++)
+            rx_lab_condition_name(lab, c, s->group[g].condition[c], sizeof *s->group[g].condition);
+    }
+    for (int grid = 0; grid < RX_FLUXES_GRIDS && status == RX_OK; grid++) {
+        const size_t n = (size_t)count_places(lab, grid, 0);
+        rx_fluxes_place place = {0};
+        s->own[grid] = RX_NEW(rx_estimate, n * (size_t)GRIDS[grid].width);
+        if (s->own[grid] == NULL)
+            status = rx_error_memory(err, n * sizeof(rx_estimate));
+        for (size_t k = 0; k < n && status == RX_OK; k++) {
+            set_place(lab, grid, 0, (long)k, place);
+            fill[grid](lab, place, work, rx_fluxes_at(s, grid, place));
+        }
+    }
+    for (int i = 0; i < 4; i++)
+        free(work[i]);
+    if (status == RX_OK)
+        *dst = s;
+    else
+        rx_store_free(s);
+    return status;
+}
+
+/* --- goals --- */
+
+typedef struct judging {
+    rx_claim_verdict *verdict;
+    double worst; /* how far beyond (or within: negative) its limit the worst number is */
+    char where[256];
+    rx_estimate value;
+    int broken; /* numbers beyond a limit by more than their error */
+} judging;
+
+/* One number over one that is taken as exact; where in words. */
+static void hold(judging *j, rx_estimate e, double over, const char *where)
+{
+    const rx_claim *g = rx_claim_get(j->verdict->claim);
+    e = (rx_estimate){e.value / over, e.low / over, e.high / over, e.n};
+    if (e.n < FEWEST || !isfinite(e.value))
+        return;
+    const double beyond = fmax(e.value - g->high, g->low - e.value);
+    j->verdict->all++;
+    j->verdict->held += beyond <= 0;
+    j->broken += e.low > g->high || e.high < g->low;
+    if (j->verdict->all == 1 || beyond > j->worst) {
+        j->worst = beyond;
+        j->value = e;
+        snprintf(j->where, sizeof j->where, "%s", where);
+    }
+}
+
+/* The population on a tile whose restorers are given the truth. */
+static int counts(const rx_lab *lab, const rx_fluxes_place p)
+{
+    const rx_scene_id kind = lab->scene[p[RX_OF_SCENE]].id;
+    return rx_condition_true(&lab->sky[p[RX_OF_CONDITION]].condition) &&
+           (kind == RX_SCENE_FIELD || kind == RX_SCENE_MIXED_PAIRS || kind == RX_SCENE_INJECTED);
+}
+
+/* The least MagErr of all other fluxes on the same stars, and whose it is. */
+static double best_magerr(const rx_store *s, const rx_fluxes_place where, char *name, size_t size)
+{
+    double best = HUGE_VAL;
+    rx_fluxes_place p;
+    memcpy(p, where, sizeof p);
+    for (p[RX_OF_RUN] = 0; p[RX_OF_RUN] < s->ncolumns; p[RX_OF_RUN]++)
+        for (p[RX_OF_FLUX] = 0; p[RX_OF_FLUX] < RX_FLUX_TEMPLATE; p[RX_OF_FLUX]++) {
+            const double other = rx_fluxes_at(s, RX_FLUXES_CELLS, p)[RX_CELL_MAGERR].value;
+            if (other < best) {
+                best = other;
+                snprintf(name, size, ", against %s %s", s->column[p[RX_OF_RUN]],
+                         word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
+            }
+        }
+    return best;
+}
+
+/* The lower median |error| of AUTO on NONE and on RL. */
+static double best_pair(const rx_store *s, const rx_fluxes_place where)
+{
+    double best = HUGE_VAL;
+    rx_fluxes_place p;
+    memcpy(p, where, sizeof p);
+    p[RX_OF_FLUX] = RX_FLUX_AUTO;
+    for (p[RX_OF_RUN] = 0; p[RX_OF_RUN] < s->ncolumns; p[RX_OF_RUN]++) {
+        const rx_estimate *other = &rx_fluxes_at(s, RX_FLUXES_PAIRS, p)[RX_PAIR_SIZE];
+        const char *name = s->column[p[RX_OF_RUN]];
+        if ((strcmp(name, "NONE") == 0 || strcmp(name, "RL") == 0) && other->n >= FEWEST)
+            best = fmin(best, other->value);
+    }
+    return best;
+}
+
+/* What a goal is about: numbers of TEMPLATE of a sample and crowd, in bins of S/N (PAIRS: separations) first to last, of
+ * stars alone (1) or of galaxies, too; every scene and seeing. */
+static const struct {
+    rx_claim_id claim;
+    int sample, crowd, first, last, kinds, number;
+} GOALS[] = {
+    {RX_GOAL_BIAS_ISOLATED, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2,
+     RX_CELL_BIAS},
+    {RX_GOAL_BIAS_BINS, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, 1, RX_SNR_SINGLE - 1, 2,
+     RX_CELL_BIAS}, /* 0: below 10 */
+    {RX_GOAL_BIAS_APART, RX_SAMPLE_ALL, RX_CROWD_APART, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2, RX_CELL_BIAS},
+    {RX_GOAL_BIAS_BLENDED, RX_SAMPLE_ALL, RX_CROWD_BLENDED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2,
+     RX_CELL_BIAS},
+    {RX_GOAL_PULL, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_5_100, RX_SNR_5_100, 1, RX_CELL_PULL},
+    {RX_GOAL_WIDTH, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_5_100, RX_SNR_5_100, 1, RX_CELL_WIDTH},
+    {RX_GOAL_BOUND, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 1, RX_CELL_BOUND},
+    {RX_GOAL_MAGERR, RX_SAMPLE_COMMON, RX_CROWD_ISOLATED, 0, RX_SNR_SINGLE - 1, 1, RX_CELL_MAGERR},
+    {RX_GOAL_PAIRS, RX_SAMPLE_DETECTED, 0, 0, PAIR_BINS - 1, 1, RX_PAIR_SIZE},
+};
+
+static void judge(const rx_store *s, rx_claim_verdict *v)
+{
+    const int pairs = v->claim == RX_GOAL_PAIRS;
+    judging j = {.verdict = v};
+    int goal = 0;
+    while (GOALS[goal].claim != v->claim)
+        goal++;
+    const int bins = GOALS[goal].last - GOALS[goal].first + 1, kinds = GOALS[goal].kinds;
+    for (int i = 0; i < bins * kinds * s->ngroups * s->lab->nconditions; i++) {
+        const rx_fluxes_place p = {[RX_OF_SAMPLE] = GOALS[goal].sample,
+                                   [RX_OF_CROWD] = GOALS[goal].crowd,
+                                   [RX_OF_RUN] = v->run,
+                                   [RX_OF_FLUX] = RX_FLUX_TEMPLATE,
+                                   [RX_OF_KIND] = i / bins % kinds,
+                                   [RX_OF_SCENE] = i / bins / kinds % s->ngroups,
+                                   [RX_OF_CONDITION] = i / bins / kinds / s->ngroups,
+                                   [RX_OF_SNR] = pairs ? 0 : GOALS[goal].first + i % bins,
+                                   [RX_OF_SEPARATION] = pairs ? i % bins : 0};
+        char where[256], name[64] = "";
+        if (!counts(s->lab, p))
+            continue;
+        const double over = pairs                        ? best_pair(s, p)
+                            : v->claim == RX_GOAL_MAGERR ? best_magerr(s, p, name, sizeof name)
+                                                         : 1;
+        const char *condition = word_of(s, RX_OF_CONDITION, p[RX_OF_CONDITION]);
+        if (pairs)
+            snprintf(where, sizeof where, "%s, %s FWHM", condition,
+                     word_of(s, RX_OF_SEPARATION, p[RX_OF_SEPARATION]));
+        else
+            snprintf(where, sizeof where, "%s of %s, %s, S/N %s%s", p[RX_OF_KIND] ? "galaxies" : "stars",
+                     s->group[p[RX_OF_SCENE]].name, condition, SNR[p[RX_OF_SNR]].name, name);
+        if (isfinite(over))
+            hold(&j, rx_fluxes_at(s, pairs ? RX_FLUXES_PAIRS : RX_FLUXES_CELLS, p)[GOALS[goal].number], over,
+                 where);
+    }
+    v->state = v->all == 0         ? RX_GOAL_NOT_MEASURED
+               : v->held == v->all ? RX_GOAL_HELD
+               : j.broken > 0      ? RX_GOAL_NOT_HELD
+                                   : RX_GOAL_UNDECIDED;
+    if (v->all > 0)
+        rx_text_printf(&v->said, "%d of %d numbers held; the worst is %.4g [%.4g, %.4g] (%ld objects): %s",
+                       v->held, v->all, j.value.value, j.value.low, j.value.high, j.value.n, j.where);
+}
+
+static const rx_claim_judge JUDGES[] = {
+    {RX_GOAL_BIAS_ISOLATED, judge}, {RX_GOAL_BIAS_BINS, judge}, {RX_GOAL_BIAS_APART, judge},
+    {RX_GOAL_BIAS_BLENDED, judge},  {RX_GOAL_PULL, judge},      {RX_GOAL_WIDTH, judge},
+    {RX_GOAL_BOUND, judge},         {RX_GOAL_MAGERR, judge},    {RX_GOAL_PAIRS, judge}};
+
+/* --- tables --- */
+
+static const rx_report_column CELLS[] = {
+    {.name = "scene", .help = "what is on the tiles"},
+    {.name = "kind", .help = "star or galaxy"},
+    {.name = "company", .help = "isolated, blended, told apart, neither"},
+    {.name = "condition", .help = "seeing, and what restorers were given wrong"},
+    {.name = "snr", .help = "bin of true S/N", .heading = "S/N"},
+    {.name = "run", .help = "restorer"},
+    {.name = "flux", .help = "what was measured"},
+    {"bias", RX_REPORT_ESTIMATE, 4, "mag", "median error of the magnitude, measured less true", NULL},
+    {"scatter", RX_REPORT_ESTIMATE, 4, "mag", "robust scatter of that error", NULL},
+    {"bound", RX_REPORT_ESTIMATE, 3, "",
+     "scatter over the error of a matched filter with noise of sky and photons; isolated stars", NULL},
+    {"pull", RX_REPORT_ESTIMATE, 3, "", "median of (F - F0) / error", NULL},
+    {"width", RX_REPORT_ESTIMATE, 3, "", "robust width of (F - F0) / error", NULL},
+    {"magerr", RX_REPORT_ESTIMATE, 2, "%", "mean of 100 |F - F0| / F0", NULL},
+};
+
+static const rx_report_column PAIRS[] = {
+    {.name = "sample", .help = "all: found by the run; detected: on its image"},
+    {.name = "condition"},
+    {.name = "separation", .help = "from and to, FWHM", .heading = "separation [FWHM]"},
+    {.name = "run", .help = "restorer"},
+    {.name = "flux", .help = "what was measured"},
+    {"both", RX_REPORT_ESTIMATE, 3, "", "share of the pairs of which both are found", NULL},
+    {"size", RX_REPORT_ESTIMATE, 3, "mag", "median |error| of their flux ratio", NULL},
+    {"ratio", RX_REPORT_ESTIMATE, 3, "mag", "median error of their flux ratio, fainter less first", NULL},
+    {"scatter", RX_REPORT_ESTIMATE, 3, "mag", "scatter of that error", NULL},
+    {"total", RX_REPORT_ESTIMATE, 3, "mag", "median error of the total flux", NULL},
+};
+
+static const rx_report_column INVENTED[] = {
+    {.name = "scene"},
+    {.name = "condition"},
+    {.name = "run", .help = "restorer"},
+    {"right", RX_REPORT_COUNT, 0, "", "detections of objects", NULL},
+    {"wrong", RX_REPORT_COUNT, 0, "", "invented detections", NULL},
+    {"right_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections", NULL},
+    {"wrong_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections", NULL},
+    {"added", RX_REPORT_COUNT, 0, "", "true ones that only the residual showed", NULL},
+    {"false_per_mpixel", RX_REPORT_ESTIMATE, 1, "", "", NULL},
+    {"false_per_mpixel_unmarked", RX_REPORT_ESTIMATE, 1, "", "", NULL},
+    {"precision", RX_REPORT_ESTIMATE, 4, "", "", NULL},
+    {"precision_unmarked", RX_REPORT_ESTIMATE, 4, "", "", NULL},
+    {"marked_5_7", RX_REPORT_ESTIMATE, 4, "", "share of the true ones that are marked, S/N 5 to 7", NULL},
+    {"marked_above_7", RX_REPORT_ESTIMATE, 4, "", "the same above 7", NULL},
+    {"pieces", RX_REPORT_ESTIMATE, 2, "", "pieces per galaxy that was found", NULL},
+    {"pieces_unmarked", RX_REPORT_ESTIMATE, 2, "", "", NULL}};
+
+static const rx_report_column SETS[] = {
+    {.name = "condition"},
+    {.name = "scene"},
+    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", NULL},
+    {"tiles", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"objects", RX_REPORT_COUNT, 0, "", "", NULL},
+    {"mpixels", RX_REPORT_NUMBER, 3, "", "", NULL},
+};
+
+static const rx_report_column *const COLUMNS[RX_FLUXES_GRIDS] = {CELLS, PAIRS, INVENTED};
+
+/* Rows of all places whose first `fixed` indices are given; cells without objects are left out. Returns the first row. */
+static long add_rows(rx_report_table *t, const rx_store *s, int grid, const rx_fluxes_place where, int fixed)
+{
+    const long from = rx_report_rows(t), n = count_places(s->lab, grid, fixed);
+    const int nwords = GRIDS[grid].nwords;
+    rx_cell row[16];
+    rx_fluxes_place p;
+    memcpy(p, where, sizeof p);
+    for (long k = 0; k < n; k++) {
+        set_place(s->lab, grid, fixed, k, p);
+        const rx_estimate *v = rx_fluxes_at(s, grid, p);
+        if (grid == RX_FLUXES_CELLS && v->n == 0)
+            continue;
+        for (int i = 0; i < nwords; i++)
+            row[i] = rx_cell_words(word_of(s, GRIDS[grid].word[i], p[GRIDS[grid].word[i]]));
+        for (int i = 0; i < GRIDS[grid].width; i++)
+            row[nwords + i] = COLUMNS[grid][nwords + i].kind == RX_REPORT_ESTIMATE
+                                  ? rx_cell_estimate(v[i])
+                                  : rx_cell_number(v[i].value);
+        rx_report_row(t, row);
+    }
+    return from;
+}
+
+static void show(rx_report *report, const rx_report_table *t, long from, const rx_report_column *c,
+                 const char *row)
+{
+    rx_report_show(report, t,
+                   &(rx_report_view){.from = from,
+                                     .to = rx_report_rows(t),
+                                     .title = c->name,
+                                     .unit = c->unit,
+                                     .note = c->help,
+                                     .rows = {"condition", row},
+                                     .across = {"run", "flux"},
+                                     .value = c->name,
+                                     .digits = c->digits});
+}
+
+/* The bias of isolated objects lies open, the rest is folded away; all samples are in the files. */
+static void add_crowd(rx_report *report, rx_report_table *const cells[RX_SAMPLES], const rx_store *s,
+                      rx_fluxes_place p)
+{
+    const int isolated = p[RX_OF_CROWD] == RX_CROWD_ISOLATED;
+    char title[96];
+    for (int sample = 0; sample < RX_SAMPLES; sample++) {
+        p[RX_OF_SAMPLE] = sample;
+        const long from = add_rows(cells[sample], s, RX_FLUXES_CELLS, p, 4);
+        if (sample != RX_SAMPLE_DETECTED || rx_report_rows(cells[sample]) == from)
+            continue;
+        snprintf(title, sizeof title, "%s, %s", p[RX_OF_KIND] ? "Galaxies" : "Stars",
+                 word_of(s, RX_OF_CROWD, p[RX_OF_CROWD]));
+        if (isolated)
+            rx_report_heading(report, title, NULL);
+        for (int q = GRIDS[RX_FLUXES_CELLS].nwords, n = 0; q < LENGTH(CELLS); q++, n++) {
+            if (n == isolated)
+                rx_report_fold(report, isolated ? "Scatter, pulls, MagErr" : title);
+            if (n != RX_CELL_BOUND || (p[RX_OF_KIND] == 0 && isolated))
+                show(report, cells[sample], from, &CELLS[q], "snr");
+        }
+        rx_report_unfold(report);
+    }
+}
+
+/* Bias over S/N: TEMPLATE of every restorer, AUTO of the first. */
+static void plot(rx_figures *dst, const rx_store *s, const rx_fluxes_place where)
+{
+    static const double middle[RX_SNR_SINGLE] = {7.1, 14, 32, 71, 320, 2000};
+    static const rx_axes axes = {"S/N", "median error (mag)", 5, 4000, -0.1, 0.1, true, false};
+    rx_curves curves = {0};
+    rx_fluxes_place p;
+    char names[1 + RX_FLUXES_RUNS][64], id[RX_FIGURE_ID], title[160];
+    memcpy(p, where, sizeof p);
+    for (int k = -1; k < s->ncolumns; k++) {
+        p[RX_OF_RUN] = k < 0 ? 0 : k;
+        p[RX_OF_FLUX] = k < 0 ? RX_FLUX_AUTO : RX_FLUX_TEMPLATE;
+        const char *run = s->column[p[RX_OF_RUN]];
+        snprintf(names[k + 1], sizeof *names, "%s %s", run, word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
+        rx_curves_add(&curves, RX_CURVE_BARS, rx_method_color(run), names[k + 1]);
+        for (p[RX_OF_SNR] = 0; p[RX_OF_SNR] < RX_SNR_SINGLE; p[RX_OF_SNR]++) {
+            const rx_estimate *e = &rx_fluxes_at(s, RX_FLUXES_CELLS, p)[RX_CELL_BIAS];
+            rx_curves_put(&curves, middle[p[RX_OF_SNR]] * (1 + 0.03 * (k + 1)), e->n >= 5 ? e->value : NAN,
+                          e->low, e->high);
+        }
+        if (!curves.failed)
+            curves.curve[curves.n - 1].dashed = k < 0;
+    }
+    snprintf(title, sizeof title, "%s, %s, %s", p[RX_OF_KIND] ? "Galaxies" : "Stars",
+             word_of(s, RX_OF_CROWD, p[RX_OF_CROWD]), word_of(s, RX_OF_CONDITION, p[RX_OF_CONDITION]));
+    snprintf(id, sizeof id, "%s-%d-%d-%d", word_of(s, RX_OF_SCENE, p[RX_OF_SCENE]), p[RX_OF_KIND],
+             p[RX_OF_CROWD], p[RX_OF_CONDITION]);
+    rx_curves_figure(dst, id, title, "", &axes, &curves);
+}
+
+static void add_figures(rx_figures *dst, const rx_store *s)
+{
+    static const int crowds[] = {RX_CROWD_ISOLATED, RX_CROWD_APART};
+    for (int i = 0; i < s->ngroups * s->lab->nconditions * 4 && dst->n < RX_FIGURES_MAX; i++) {
+        const int scene = i / 4 / s->lab->nconditions;
+        if (s->lab->scene[scene].id != RX_SCENE_BLANK)
+            plot(dst, s,
+                 (rx_fluxes_place){[RX_OF_SAMPLE] = RX_SAMPLE_DETECTED,
+                                   [RX_OF_SCENE] = scene,
+                                   [RX_OF_CONDITION] = i / 4 % s->lab->nconditions,
+                                   [RX_OF_KIND] = i / 2 % 2,
+                                   [RX_OF_CROWD] = crowds[i % 2]});
+    }
+}
+
+static const char READING[] =
+    "Every number is followed by its 95 % interval and by how many objects are behind it. The tables here "
+    "are of the objects "
+    "that were detected on the image of the restorer of the column; all of its fluxes are of the same "
+    "objects. Sources that "
+    "only the residual of the templates showed (added) are left out, for AUTO and apertures know nothing of "
+    "them; goals are "
+    "compared with all (cells.ecsv, summary.json); cells_common.ecsv has those that every restorer has "
+    "detected. S/N is the "
+    "true one, in a matched filter on the bare sky. <b>APER</b> is the first of STAGE.PHOT_APERTURES and "
+    "<b>WIDE</b> an "
+    "aperture of 2 FWHM radius, both without a correction for what lies outside of them. <b>Isolated</b>: no "
+    "other object "
+    "of more than 1 % of the flux within (3 + log10 f) FWHM and twice both half-light radii, f how many "
+    "times brighter the "
+    "other one is. <b>Blended</b>: another one within 1.5 FWHM and 2 mag; <b>told apart</b>: both were "
+    "found, each nearer "
+    "to its place than half the separation, so that the flux of an object means something. <b>Marked</b>: "
+    "FLAGS_RESTORE "
+    "calls the source spurious. <b>Goals</b> are compared with FIELD, PAIRS and INJECTED under conditions in "
+    "which "
+    "restorers are given the truth; undecided: beyond the limit, but by less than the error of the number.";
+
+static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
+{
+    static const char *const names[] = {"cells_detected", "cells", "cells_common"};
+    const rx_lab *lab = s->lab;
+    rx_report *report = f->report;
+    rx_report_table *cells[RX_SAMPLES],
+        *sets = rx_report_table_add(report, "sets", LENGTH(SETS), SETS, RX_REPORT_IN_JSON);
+    (void)err;
+    for (int sample = 0; sample < RX_SAMPLES; sample++)
+        cells[sample] =
+            rx_report_table_add(report, names[sample], LENGTH(CELLS), CELLS,
+                                sample == RX_SAMPLE_ALL ? RX_REPORT_EVERYWHERE : RX_REPORT_IN_FILE);
+    rx_report_table *pairs = rx_report_table_add(report, "pairs", LENGTH(PAIRS), PAIRS, RX_REPORT_EVERYWHERE);
+    rx_report_table *invented =
+        rx_report_table_add(report, "invented", LENGTH(INVENTED), INVENTED, RX_REPORT_EVERYWHERE);
+    add_figures(rx_report_figures_of(report), s);
+    for (int g = 0; g < s->ngroups; g++) {
+        const rx_scene_id scene = lab->scene[g].id;
+        rx_fluxes_place p = {[RX_OF_SCENE] = g};
+        char prefix[32];
+        rx_report_section(report, s->group[g].name, s->group[g].name);
+        snprintf(prefix, sizeof prefix, "%s-", s->group[g].name);
+        if (scene != RX_SCENE_BLANK)
+            rx_report_place(report, prefix);
+        rx_report_paragraph(report, rx_scene_about(scene));
+        for (int c = 0; c < lab->nconditions; c++) {
+            const rx_lab_set *set = rx_lab_set_of(lab, c, g);
+            rx_report_row(
+                sets,
+                (rx_cell[]){rx_cell_words(s->group[g].condition[c]), rx_cell_words(s->group[g].name),
+                            rx_cell_number(lab->sky[c].fwhm), rx_cell_number((double)set->ntiles),
+                            rx_cell_number((double)set->table[RX_FLUXES_OBJECT].n),
+                            rx_cell_number(rx_lab_sum(&set->table[RX_FLUXES_TILE], RX_FLUXES_MPIXELS))});
+        }
+        for (int sample = 0; sample < PAIR_SAMPLES && scene == RX_SCENE_MIXED_PAIRS; sample++) {
+            p[RX_OF_SAMPLE] = sample;
+            const long from = add_rows(pairs, s, RX_FLUXES_PAIRS, p, 2);
+            rx_report_fold(report,
+                           sample == RX_SAMPLE_DETECTED
+                               ? "Pairs of which both are detected, each at its place"
+                               : "The same with sources that only the residual of the templates shows");
+            for (int q = GRIDS[RX_FLUXES_PAIRS].nwords; q < LENGTH(PAIRS); q++)
+                show(report, pairs, from, &PAIRS[q], "separation");
+            rx_report_unfold(report);
+        }
+        for (int i = 0; i < 2 * RX_CROWDS && scene != RX_SCENE_BLANK; i++) {
+            p[RX_OF_CROWD] = i / 2;
+            p[RX_OF_KIND] = i % 2;
+            add_crowd(report, cells, s, p);
+        }
+        const long from = add_rows(invented, s, RX_FLUXES_INVENTED, p, 1);
+        rx_report_show(
+            report, invented,
+            &(rx_report_view){.from = from, .to = rx_report_rows(invented), .title = "Invented sources"});
+        for (int i = 0; i < lab->nconditions * lab->nruns; i++) {
+            const rx_estimate *v = rx_fluxes_at(
+                s, RX_FLUXES_INVENTED,
+                (rx_fluxes_place){
+                    [RX_OF_SCENE] = g, [RX_OF_CONDITION] = i / lab->nruns, [RX_OF_RUN] = i % lab->nruns});
+            rx_text_printf(rx_report_brief_of(report),
+                           "%s %s %s: %.0f true, %.0f false; unmarked %.0f true, %.0f false\n",
+                           s->group[g].name, s->group[g].condition[i / lab->nruns], s->column[i % lab->nruns],
+                           v[RX_INVENTED_RIGHT].value, v[RX_INVENTED_WRONG].value,
+                           v[RX_INVENTED_RIGHT_KEPT].value, v[RX_INVENTED_WRONG_KEPT].value);
+        }
+    }
+    rx_report_section(report, "reading", "How to read this");
+    rx_report_paragraph(report, READING);
+    return RX_OK;
+}
+
+const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
+                                    .title = "Campaign of fluxes",
+                                    .tag = 0x666c757865,
+                                    .ntables = RX_FLUXES_TABLES,
+                                    .tables = rx_fluxes_tables,
+                                    .deep = 1,
+                                    .fluxes = 1,
+                                    .open = rx_fluxes_open,
+                                    .prepare = rx_fluxes_prepare,
+                                    .unit = rx_fluxes_unit,
+                                    .describe = rx_fluxes_describe,
+                                    .measure = rx_fluxes_measure,
+                                    .njudges = LENGTH(JUDGES),
+                                    .judges = JUDGES,
+                                    .page = page};

@@ -1,0 +1,216 @@
+/* What a campaign has found. */
+#include "lab/store.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+
+static const double SIGNIFICANT = 0.05;
+
+rx_status rx_store_new(const rx_lab *lab, int ngroups, uint64_t seed, rx_store **dst, rx_error *err)
+{
+    rx_store *s = RX_NEW(rx_store, 1);
+    if (s != NULL)
+        s->group = RX_NEW(rx_group, (size_t)ngroups + 1);
+    if (s == NULL || s->group == NULL) {
+        free(s);
+        return rx_error_memory(err, sizeof *s);
+    }
+    s->lab = lab;
+    s->seed = seed;
+    s->ngroups = ngroups;
+    s->ncolumns = lab->nruns;
+    for (int r = 0; r < lab->nruns; r++)
+        s->column[r] = lab->run[r].name;
+    *dst = s;
+    return RX_OK;
+}
+
+void rx_store_free(rx_store *s)
+{
+    if (s == NULL)
+        return;
+    for (int g = 0; g < s->ngroups; g++) {
+        free(s->group[g].condition);
+        free(s->group[g].finding);
+        free(s->group[g].contest);
+    }
+    free(s->group);
+    for (int i = 0; i < 3; i++)
+        free(s->own[i]);
+    free(s);
+}
+
+rx_status rx_group_open(rx_store *s, int group, int nconditions, rx_error *err)
+{
+    rx_group *g = &s->group[group];
+    const size_t n = (size_t)nconditions, findings = (size_t)g->nquantities * n * (size_t)s->ncolumns,
+                 contests = (size_t)s->npairs * (size_t)s->nabouts * n;
+    g->nconditions = nconditions;
+    g->condition = rx_alloc(n, sizeof *g->condition);
+    g->finding = RX_NEW(rx_finding, findings);
+    g->contest = RX_NEW(rx_contest, contests);
+    if (g->condition == NULL || g->finding == NULL || g->contest == NULL)
+        return rx_error_memory(err, findings * sizeof *g->finding + contests * sizeof *g->contest);
+    for (size_t i = 0; i < contests; i++)
+        g->contest[i] = rx_contest_none();
+    return RX_OK;
+}
+
+int rx_store_column(const rx_store *s, const char *name)
+{
+    for (int k = 0; k < s->ncolumns; k++)
+        if (strcmp(s->column[k], name) == 0)
+            return k;
+    return -1;
+}
+
+int rx_store_pair(const rx_store *s, int first, int second)
+{
+    for (int i = 0; i < s->npairs; i++)
+        if (s->pair[i][0] == first && s->pair[i][1] == second)
+            return i;
+    return -1;
+}
+
+void rx_store_add_pair(rx_store *s, int first, int second)
+{
+    if (first < 0 || second < 0 || first == second || rx_store_pair(s, first, second) >= 0 ||
+        s->npairs == RX_PAIRS_MAX)
+        return;
+    s->pair[s->npairs][0] = first;
+    s->pair[s->npairs++][1] = second;
+}
+
+rx_finding *rx_store_at(const rx_store *s, int group, int quantity, int condition, int column)
+{
+    const rx_group *g = &s->group[group];
+    return &g->finding[((size_t)quantity * (size_t)g->nconditions + (size_t)condition) * (size_t)s->ncolumns +
+                       (size_t)column];
+}
+
+rx_estimate rx_store_value(const rx_store *s, int group, const char *quantity, int condition, int column)
+{
+    for (int q = 0; q < s->group[group].nquantities && column >= 0; q++)
+        if (strcmp(s->group[group].quantity[q].name, quantity) == 0)
+            return rx_store_at(s, group, q, condition, column)->value;
+    return (rx_estimate){NAN, NAN, NAN, 0};
+}
+
+rx_contest *rx_contest_of(const rx_store *s, int group, int pair, int about, int condition)
+{
+    const rx_group *g = &s->group[group];
+    return &g->contest[((size_t)pair * (size_t)s->nabouts + (size_t)about) * (size_t)g->nconditions +
+                       (size_t)condition];
+}
+
+/* --- contests --- */
+
+rx_contest rx_contest_none(void)
+{
+    return (rx_contest){{NAN, NAN, NAN, NAN, NAN, {NAN, NAN, NAN, 0}}, NAN, NAN, NAN, 0};
+}
+
+rx_contest rx_contest_found(long only_first, long only_second)
+{
+    rx_contest c = rx_contest_none();
+    c.only_first = (double)only_first;
+    c.only_second = (double)only_second;
+    c.test.p = rx_mcnemar(only_first, only_second);
+    c.test.ln_p = log(c.test.p);
+    return c;
+}
+
+int rx_has_spread(long n, const double *a, const double *b)
+{
+    for (long i = 1; i < n; i++)
+        if (a[i] - b[i] != a[0] - b[0])
+            return 1;
+    return 0;
+}
+
+rx_status rx_contest_paired(long n, const double *a, const double *b, rx_contest *paired,
+                            rx_contest *wilcoxon, rx_error *err)
+{
+    *paired = *wilcoxon = rx_contest_none();
+    if (!rx_has_spread(n, a, b))
+        return RX_OK;
+    RX_TRY(rx_test_paired(n, a, b, &paired->test, err));
+    RX_TRY(rx_test_wilcoxon(n, a, b, &wilcoxon->test, err));
+    wilcoxon->test.difference = rx_contest_none().test.difference; /* the paired one is shown */
+    return RX_OK;
+}
+
+/* The contests of one pair in one thing, n conditions. */
+static rx_status decide(const rx_about *about, int n, rx_contest *contest, double *p, rx_error *err)
+{
+    int used = 0;
+    for (int c = 0; c < n; c++)
+        if (!isnan(contest[c].test.p))
+            p[used++] = contest[c].test.p;
+    if (used == 0 || !about->adjusted)
+        return RX_OK;
+    RX_TRY(rx_holm(used, p, p, err));
+    used = 0;
+    for (int c = 0; c < n; c++) {
+        rx_contest *one = &contest[c];
+        if (isnan(one->test.p))
+            continue;
+        one->holm = p[used++];
+        const int more =
+            isnan(one->only_first) ? one->test.difference.value > 0 : one->only_first > one->only_second;
+        if (one->holm < SIGNIFICANT && about->winner != 0)
+            one->winner = more == (about->winner > 0) ? 1 : -1;
+    }
+    return RX_OK;
+}
+
+rx_status rx_contests_decide(rx_store *s, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int g = 0; g < s->ngroups && status == RX_OK; g++) {
+        const int n = s->group[g].nconditions;
+        double *p = RX_NEW(double, (size_t)n);
+        if (p == NULL)
+            return rx_error_memory(err, (size_t)n * sizeof *p);
+        for (int i = 0; i < s->npairs * s->nabouts && n > 0 && status == RX_OK; i++)
+            status = decide(&s->about[i % s->nabouts], n,
+                            rx_contest_of(s, g, i / s->nabouts, i % s->nabouts, 0), p, err);
+        free(p);
+    }
+    return status;
+}
+
+static int is_of(const rx_store *s, const rx_contest_place *p, int condition, int winner)
+{
+    return condition < s->group[p->group].nconditions &&
+           (p->where == NULL || p->where(s, p->group, condition, p->which)) &&
+           (winner == 2 || rx_contest_of(s, p->group, p->pair, p->about, condition)->winner == winner);
+}
+
+int rx_contests_count(const rx_store *s, const rx_contest_place *p, int winner)
+{
+    int n = 0;
+    for (int c = 0; c < s->group[p->group].nconditions; c++)
+        n += is_of(s, p, c, winner);
+    return n;
+}
+
+void rx_contests_words(rx_text *dst, const rx_store *s, const rx_contest_place *p, int winner)
+{
+    const rx_group *g = &s->group[p->group];
+    int any = 0;
+    for (int c = 0; c < g->nconditions; c++) {
+        if (!is_of(s, p, c, winner))
+            continue;
+        int last = c;
+        while (is_of(s, p, last + 1, winner))
+            last++;
+        rx_text_printf(dst, "%s%s", any++ ? ", " : "", g->condition[c]);
+        if (last > c)
+            rx_text_printf(dst, " to %s", g->condition[last]);
+        c = last;
+    }
+}
