@@ -11,7 +11,6 @@
 #include "lab/facts.h"
 #include "lab/findings.h"
 #include "lab/journal.h"
-#include "lab/kinds.h"
 #include "lab/units.h"
 
 static const rx_lab_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection,

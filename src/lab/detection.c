@@ -7,7 +7,6 @@
 
 #include "base/min_max.h"
 #include "check/quality.h"
-#include "lab/stage_options.h"
 #include "pipeline/pipeline.h"
 
 static const rx_lab_column TILE[] = {RX_DETECTION_TILE_COLUMNS(RX_LAB_COLUMN)};
@@ -66,7 +65,7 @@ static rx_status add_runs(rx_lab *lab, rx_error *err)
     return status;
 }
 
-rx_status rx_detection_open(rx_lab *lab, rx_log *log, rx_error *err)
+static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
 {
     /* numbered by their places here */
     static const rx_scene_id scenes[] = {RX_SCENE_STARS, RX_SCENE_GALAXIES, RX_SCENE_PAIRS,    RX_SCENE_BLANK,
@@ -82,22 +81,14 @@ rx_status rx_detection_open(rx_lab *lab, rx_log *log, rx_error *err)
 
 /* --- one tile --- */
 
-typedef struct work {
-    const rx_lab *lab;
-    const rx_lab_sky *sky;
-    rx_scene_id scene;
-    rx_lab_tile tile;
-    rx_lab_table *table;
-} work;
-
-static double separation(const work *w, long pair)
+static double separation(const rx_lab_search *w, long pair)
 {
     const rx_lab_object *a = &w->tile.objects.list[2 * pair];
     return hypot(a[0].x - a[1].x, a[0].y - a[1].y);
 }
 
 /* Rows of the objects that are listed. */
-static rx_status add_objects(const work *w, rx_error *err)
+static rx_status add_objects(const rx_lab_search *w, rx_error *err)
 {
     const rx_lab_objects *o = &w->tile.objects;
     const rx_tile *tile = w->tile.field->tile;
@@ -132,64 +123,23 @@ static long nearest_detection(const rx_qa_list *list, const rx_lab_object *o, do
     return best;
 }
 
-static void judge_pairs(const work *w, const rx_qa_list *list, double radius, int run)
-{
-    for (long p = 0; p < w->tile.objects.n / 2; p++) {
-        const rx_lab_object *o = &w->tile.objects.list[2 * p];
-        const double reach = fmin(radius, 0.5 * separation(w, p));
-        const long a = nearest_detection(list, o, reach), b = nearest_detection(list, o + 1, reach);
-        rx_lab_each(&w->table[RX_DETECTION_OBJECT], p, run)[RX_LIST_SCORE] =
-            a >= 0 && b >= 0 && a != b ? fmin(list->score[a], list->score[b]) : NAN;
-    }
-}
-
-static rx_status judge_list(const work *w, const rx_qa_list *list, double radius, int run, rx_error *err)
+static void found(const rx_lab_search *w)
 {
     const rx_lab_objects *o = &w->tile.objects;
-    rx_matches m;
+    const rx_lab_table *table = &w->table[RX_DETECTION_OBJECT];
     long row = 0;
-    RX_TRY(rx_lab_match(o, &(rx_match_list){list->n, list->x, list->y, NULL}, radius, &m, err));
-    for (long i = 0; i < o->n; i++)
+    for (long i = 0; i < o->n; i++) {
+        const long k = w->matches.found[i];
         if (o->list[i].role == RX_LISTED)
-            rx_lab_each(&w->table[RX_DETECTION_OBJECT], row++, run)[RX_LIST_SCORE] =
-                m.found[i] >= 0 ? list->score[m.found[i]] : NAN;
-    rx_status status = RX_OK;
-    for (long k = 0; k < list->n && status == RX_OK; k++) {
-        double *one, least = HUGE_VAL;
-        if (m.outcome[k] != RX_IS_FALSE)
-            continue;
-        for (long i = 0; i < o->n; i++)
-            least = fmin(least, hypot(list->x[k] - o->list[i].x, list->y[k] - o->list[i].y));
-        status = rx_lab_rows_add(&w->table[RX_DETECTION_FALSE], 1, &one, err);
-        if (status != RX_OK)
-            break;
-        one[RX_WRONG_RUN] = run;
-        one[RX_WRONG_SCORE] = list->score[k];
-        one[RX_WRONG_DISTANCE] = w->scene == RX_SCENE_RINGS && o->n > 0 ? least / w->sky->fwhm : 0;
+            rx_lab_each(table, row++, w->run)[RX_LIST_SCORE] = k >= 0 ? w->list.score[k] : NAN;
     }
-    rx_matches_free(&m);
-    return status;
-}
-
-static rx_status detect(const work *w, int run, rx_error *err)
-{
-    const rx_options options = rx_lab_options(w->lab, w->sky, &w->lab->run[run]);
-    rx_result result;
-    rx_qa_list list = {0};
-    double radius = 0;
-    RX_TRY(rx_field_extract(&options.pipeline, w->lab->run[run].restorer, w->tile.field, NULL, NULL, &result,
-                            err));
-    rx_status status =
-        rx_quality_list(&options.check.quality, w->tile.field->tile, result.sources, &list, err);
-    if (status == RX_OK)
-        status = rx_quality_radius(&options.check.quality, w->tile.field->tile, &radius, err);
-    if (status == RX_OK && w->scene == RX_SCENE_PAIRS)
-        judge_pairs(w, &list, radius, run);
-    else if (status == RX_OK)
-        status = judge_list(w, &list, radius, run, err);
-    rx_qa_list_free(&list);
-    rx_result_free(&result);
-    return status;
+    for (long p = 0; p < o->n / 2 && w->scene == RX_SCENE_PAIRS; p++) {
+        const double reach = fmin(w->radius, 0.5 * separation(w, p));
+        const long a = nearest_detection(&w->list, &o->list[2 * p], reach),
+                   b = nearest_detection(&w->list, &o->list[2 * p + 1], reach);
+        rx_lab_each(table, p, w->run)[RX_LIST_SCORE] =
+            a >= 0 && b >= 0 && a != b ? fmin(w->list.score[a], w->list.score[b]) : NAN;
+    }
 }
 
 /* --- pixels --- */
@@ -235,7 +185,7 @@ static double aperture(const rx_tile *tile, const float *pixels, double x, doubl
     return sum;
 }
 
-static rx_status measure(const work *w, int run, rx_error *err)
+static rx_status measure(const rx_lab_search *w, int run, rx_error *err)
 {
     const rx_restorer *restorer = w->lab->run[run].restorer;
     const rx_options options = rx_lab_options(w->lab, w->sky, &w->lab->run[run]);
@@ -266,22 +216,22 @@ static rx_status measure(const work *w, int run, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_detection_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                            rx_lab_table *dst, rx_error *err)
+static rx_status unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                      rx_lab_table *dst, rx_error *err)
 {
-    (void)done;
-    work w = {
+    rx_lab_search w = {
         .lab = lab, .sky = &lab->sky[unit->condition], .scene = lab->scene[unit->scene].id, .table = dst};
+    if (w.scene != RX_SCENE_PLATEAU && w.scene != RX_SCENE_OUTSKIRTS)
+        return rx_lab_search_unit(lab, unit, done, dst, err);
     RX_TRY(rx_lab_tile_make(lab, unit, &w.tile, err));
-    const int pixels = w.scene == RX_SCENE_PLATEAU || w.scene == RX_SCENE_OUTSKIRTS;
     rx_status status = add_objects(&w, err);
     for (int run = 0; run < lab->nruns && status == RX_OK; run++)
-        status = pixels ? measure(&w, run, err) : detect(&w, run, err);
+        status = measure(&w, run, err);
     rx_lab_tile_free(&w.tile);
     return status;
 }
 
-rx_status rx_detection_describe(rx_lab *lab, rx_error *err)
+static rx_status describe(rx_lab *lab, rx_error *err)
 {
     (void)err;
     const rx_simulate_config *sim = lab->config->sim;
@@ -292,7 +242,25 @@ rx_status rx_detection_describe(rx_lab *lab, rx_error *err)
         lab->sky[0].width, lab->sky[0].height, lab->ntiles, sim->psf_beta, sim->noise_type, sim->sky_level,
         lab->sky[0].sigma, sim->star_count, sim->star_mag.v[0], sim->star_mag.v[1], sim->galaxy_count,
         sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
-    const size_t used = strlen(lab->about);
-    rx_campaign_model_words(lab->options, lab->about + used, sizeof lab->about - used);
+    rx_lab_add_model(lab, lab->about, sizeof lab->about);
     return RX_OK;
 }
+
+const rx_lab_kind rx_kind_detection = {.name = "DETECTION",
+                                       .title = "Detection campaign",
+                                       .tag = 0x6465746563,
+                                       .ntables = RX_DETECTION_TABLES,
+                                       .tables = rx_detection_tables,
+                                       .objects = RX_DETECTION_OBJECT,
+                                       .wrong = RX_DETECTION_FALSE,
+                                       .deep = 1,
+                                       .open = open_runs,
+                                       .tile = rx_lab_tile_make,
+                                       .rows = add_objects,
+                                       .found = found,
+                                       .unit = unit,
+                                       .describe = describe,
+                                       .measure = rx_detection_measure,
+                                       .njudges = RX_DETECTION_JUDGES,
+                                       .judges = rx_detection_judges,
+                                       .page = rx_detection_page};

@@ -54,12 +54,6 @@ enum { RX_OUTSKIRT_RADII = RX_GROWTH_TRUE };
 extern const rx_lab_schema rx_detection_tables[RX_DETECTION_TABLES];
 int rx_detection_table(rx_scene_id id); /* in which a scene's objects are */
 
-/* For rx_lab_kind. */
-rx_status rx_detection_open(rx_lab *lab, rx_log *log, rx_error *err);
-rx_status rx_detection_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                            rx_lab_table *dst, rx_error *err);
-rx_status rx_detection_describe(rx_lab *lab, rx_error *err);
-
 /* A group of the store for each scene. A method's cut for a precision: the lowest score at which precision over STARS and
  * GALAXIES of the condition together is at least that (no such scenes: the whole list). The column RL is RL at its best:
  * for ap and the recalls of STARS and GALAXIES and for PAIRS the one of its settings with the highest value, each for
@@ -67,5 +61,8 @@ rx_status rx_detection_describe(rx_lab *lab, rx_error *err);
  * both scenes of the condition together. Contests: objects found by only one of two, each at its own cut for the first
  * precision on that scene, of NET (else RL at its best) and NONE, MATCHED and RL. */
 rx_status rx_detection_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+enum { RX_DETECTION_JUDGES = 3 };
+extern const rx_claim_judge rx_detection_judges[RX_DETECTION_JUDGES];
+rx_status rx_detection_page(const rx_store *store, struct rx_findings *findings, rx_error *err);
 
 #endif

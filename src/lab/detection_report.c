@@ -7,7 +7,6 @@
 #include "base/memory.h"
 #include "lab/detection.h"
 #include "lab/findings.h"
-#include "lab/kinds.h"
 #include "report/curves.h"
 
 static const double LEVEL = 0.95;
@@ -478,7 +477,7 @@ static void plot(rx_figures *dst, const rx_store *s, int g, int q)
     rx_curves_figure(dst, id, quantity->name, quantity->help, &axes, &curves);
 }
 
-static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
+rx_status rx_detection_page(const rx_store *s, rx_findings *f, rx_error *err)
 {
     (void)err;
     for (int k = 0; k < RX_SCENE_IDS * s->ngroups; k++) {
@@ -503,21 +502,5 @@ static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
     return RX_OK;
 }
 
-static const rx_claim_judge JUDGES[] = {
+const rx_claim_judge rx_detection_judges[RX_DETECTION_JUDGES] = {
     {RX_CLAIM_LISTS, judge_lists}, {RX_CLAIM_PAIRS, judge_scene}, {RX_CLAIM_PLATEAU, judge_scene}};
-
-const rx_lab_kind rx_kind_detection = {.name = "DETECTION",
-                                       .title = "Detection campaign",
-                                       .tag = 0x6465746563,
-                                       .ntables = RX_DETECTION_TABLES,
-                                       .tables = rx_detection_tables,
-                                       .objects = RX_DETECTION_OBJECT,
-                                       .wrong = RX_DETECTION_FALSE,
-                                       .deep = 1,
-                                       .open = rx_detection_open,
-                                       .unit = rx_detection_unit,
-                                       .describe = rx_detection_describe,
-                                       .measure = rx_detection_measure,
-                                       .njudges = sizeof JUDGES / sizeof *JUDGES,
-                                       .judges = JUDGES,
-                                       .page = page};

@@ -5,7 +5,6 @@
 #include "base/error.h"
 #include "config/campaign_config.h"
 #include "lab/journal.h"
-#include "lab/record.h"
 #include "nn/model.h"
 #include "simulate/templates.h"
 
@@ -19,6 +18,16 @@ rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *ds
 
 /* The digest of the network's model (NULL: none), wherever its file lies. */
 rx_status rx_facts_model(const rx_model *model, rx_journal_facts *dst, rx_error *err);
+
+/* What a report says of the campaign that made it. */
+typedef struct rx_campaign_record {
+    const char *title;
+    const char *command; /* as a reader can repeat it */
+    uint64_t seed;
+    int n;
+    const char *const (*pairs)[2]; /* every keyword and its value, program version, model checksums */
+    int figures;                   /* 0: no gnuplot */
+} rx_campaign_record;
 
 /* The same for the report, with names of files and what only the report uses, and the command that repeats
  * the campaign. */

@@ -2,8 +2,18 @@
 #ifndef RX_LAB_FINDINGS_H
 #define RX_LAB_FINDINGS_H
 
+#include "lab/facts.h"
 #include "lab/store.h"
 #include "report/report.h"
+
+/* report.html (self-contained), summary.json, tables (ECSV) and figures go into the existing folder; `shown` is its name
+ * in errors. brief (may be NULL) gets a short table for the terminal. No dates and no timings in the files. */
+typedef struct rx_lab_output {
+    const rx_campaign_record *record;
+    const char *folder, *shown;
+    rx_log *log;
+    rx_text *brief;
+} rx_lab_output;
 
 typedef struct rx_findings {
     const rx_lab_output *output;

@@ -54,7 +54,7 @@ static rx_status read_tile(rx_lab *lab, rx_log *log, rx_error *err)
 }
 
 /* What every restorer finds on it. */
-rx_status rx_fluxes_prepare(rx_lab *lab, rx_log *log, rx_error *err)
+static rx_status prepare(rx_lab *lab, rx_log *log, rx_error *err)
 {
     rx_lab_sky *sky = lab->sky;
     if (sky->field == NULL)
@@ -77,7 +77,7 @@ rx_status rx_fluxes_prepare(rx_lab *lab, rx_log *log, rx_error *err)
     return status;
 }
 
-rx_status rx_fluxes_open(rx_lab *lab, rx_log *log, rx_error *err)
+static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
 {
     /* numbered by their places here */
     static const rx_scene_id scenes[] = {RX_SCENE_FIELD, RX_SCENE_MIXED_PAIRS, RX_SCENE_BLANK,
@@ -102,24 +102,7 @@ rx_status rx_fluxes_open(rx_lab *lab, rx_log *log, rx_error *err)
 
 /* --- one tile --- */
 
-typedef struct work {
-    const rx_lab *lab;
-    const rx_lab_sky *sky;
-    rx_scene_id scene;
-    rx_lab_tile tile;
-    double radius; /* of matching, pixels */
-    rx_lab_table *table;
-} work;
-
-/* What one restorer has found. */
-typedef struct finding {
-    const rx_sources *sources;
-    double *x, *y;      /* [sources->n] */
-    unsigned char *use; /* [sources->n] 1: it counts */
-    rx_matches matches;
-} finding;
-
-static rx_status add_props(const work *w, rx_error *err)
+static rx_status add_props(const rx_lab_search *w, rx_error *err)
 {
     const rx_lab_objects *o = &w->tile.objects;
     const rx_tile *tile = w->tile.field->tile;
@@ -151,65 +134,34 @@ static rx_status add_props(const work *w, rx_error *err)
     return status;
 }
 
-static void finding_free(finding *f)
-{
-    free(f->x);
-    free(f->y);
-    free(f->use);
-    rx_matches_free(&f->matches);
-}
-
-static rx_status finding_make(const work *w, int run, const rx_sources *sources, finding *f, rx_error *err)
-{
-    const size_t m = (size_t)sources->n;
-    const rx_image image = rx_field_observed(w->tile.field);
-    const rx_sift sift = {.before = w->sky->before[run],
-                          .after = sources,
-                          .image = &image,
-                          .injected = w->tile.light,
-                          .radius = w->radius};
-    *f = (finding){sources, RX_NEW(double, m), RX_NEW(double, m), RX_NEW(unsigned char, m), {0}};
-    if (f->x == NULL || f->y == NULL || f->use == NULL)
-        return rx_error_memory(err, 2 * m * sizeof *f->x);
-    for (size_t i = 0; i < m; i++) {
-        f->x[i] = sources->list[i].x;
-        f->y[i] = sources->list[i].y;
-        f->use[i] = 1;
-    }
-    if (w->scene == RX_SCENE_INJECTED)
-        RX_TRY(rx_selfcheck_sift(&sift, f->use, err));
-    return rx_lab_match(&w->tile.objects, &(rx_match_list){sources->n, f->x, f->y, f->use}, w->radius,
-                        &f->matches, err);
-}
-
 /* Is object i found, within that distance. */
-static int near_enough(const work *w, const finding *f, long i, double distance)
+static int near_enough(const rx_lab_search *w, long i, double distance)
 {
     const rx_lab_object *o = &w->tile.objects.list[i];
-    const long k = f->matches.found[i];
-    return k >= 0 && hypot(f->x[k] - o->x, f->y[k] - o->y) <= distance;
+    const long k = w->matches.found[i];
+    return k >= 0 && hypot(w->list.x[k] - o->x, w->list.y[k] - o->y) <= distance;
 }
 
 /* An object and the one that it is blended with, both found, each nearer than half their separation. */
-static int resolved(const work *w, const finding *f, long i)
+static int resolved(const rx_lab_search *w, long i)
 {
     const rx_lab_object *o = &w->tile.objects.list[i];
     if (o->partner < 0)
         return 0;
     const rx_lab_object *other = &w->tile.objects.list[o->partner];
     const double half = 0.5 * hypot(o->x - other->x, o->y - other->y);
-    return near_enough(w, f, i, half) && near_enough(w, f, o->partner, half);
+    return near_enough(w, i, half) && near_enough(w, o->partner, half);
 }
 
 /* Detections on a galaxy, all (0) or those without the mark (1): those that it is the nearest object of. */
-static void count_pieces(const work *w, const finding *f, long i, double pieces[2])
+static void count_pieces(const rx_lab_search *w, long i, double pieces[2])
 {
     const rx_lab_objects *o = &w->tile.objects;
-    for (int k = 0; k < f->sources->n; k++) {
+    for (int k = 0; k < w->sources->n; k++) {
         long nearest = -1;
         double least = HUGE_VAL;
         for (long j = 0; j < o->n; j++) {
-            const double d = hypot(f->x[k] - o->list[j].x, f->y[k] - o->list[j].y);
+            const double d = hypot(w->list.x[k] - o->list[j].x, w->list.y[k] - o->list[j].y);
             if (d < least) {
                 least = d;
                 nearest = j;
@@ -217,19 +169,19 @@ static void count_pieces(const work *w, const finding *f, long i, double pieces[
         }
         if (nearest == i && least <= PIECE_RADII * o->list[i].radius + PIECE_FWHM * w->sky->fwhm) {
             pieces[0]++;
-            pieces[1] += !rx_source_is_spurious(&f->sources->list[k]);
+            pieces[1] += !rx_source_is_spurious(&w->sources->list[k]);
         }
     }
 }
 
-static void fill_object(const work *w, const finding *f, long i, double *row)
+static void fill_object(const rx_lab_search *w, long i, double *row)
 {
-    const long found = f->matches.found[i];
+    const long found = w->matches.found[i];
     const double truth = w->tile.objects.list[i].flux;
     for (int k = 0; k < RX_BOTH; k++)
         row[k] = NAN;
     if (found >= 0) {
-        const rx_source *s = &f->sources->list[found];
+        const rx_source *s = &w->sources->list[found];
         const double flux[] = {s->flux_auto, s->flux_aper[0], s->flux_aper[1], s->fit.flux};
         const double error[] = {s->fluxerr_auto, s->fluxerr_aper[0], s->fluxerr_aper[1], s->fit.fluxerr};
         row[RX_FOUND] = (s->fit.restore & RX_RESTORE_ADDED ? 2 : 0) + (rx_source_is_spurious(s) ? 1 : 0);
@@ -238,23 +190,23 @@ static void fill_object(const work *w, const finding *f, long i, double *row)
             row[RX_ERROR + k] = error[k] / truth;
         }
     }
-    row[RX_BOTH] = resolved(w, f, i);
+    row[RX_BOTH] = resolved(w, i);
     if (w->scene == RX_SCENE_SHREDS)
-        count_pieces(w, f, i, &row[RX_PIECES]);
+        count_pieces(w, i, &row[RX_PIECES]);
 }
 
-static void fill_tallies(const work *w, const finding *f, double *tally)
+static void fill_tallies(const rx_lab_search *w, double *tally)
 {
-    for (int k = 0; k < f->sources->n; k++) {
-        const rx_source *s = &f->sources->list[k];
+    for (int k = 0; k < w->sources->n; k++) {
+        const rx_source *s = &w->sources->list[k];
         const int kept = !rx_source_is_spurious(s);
-        if (f->matches.outcome[k] == RX_IS_FALSE) {
+        if (w->matches.outcome[k] == RX_IS_FALSE) {
             tally[RX_TALLY_FALSE]++;
             tally[RX_TALLY_FALSE_KEPT] += kept;
         }
-        if (f->matches.outcome[k] != RX_IS_RIGHT)
+        if (w->matches.outcome[k] != RX_IS_RIGHT)
             continue;
-        const double snr = w->tile.objects.list[f->matches.taken[k]].snr;
+        const double snr = w->tile.objects.list[w->matches.taken[k]].snr;
         tally[RX_TALLY_RIGHT]++;
         tally[RX_TALLY_RIGHT_KEPT] += kept;
         tally[RX_TALLY_ADDED] += (s->fit.restore & RX_RESTORE_ADDED) != 0;
@@ -268,44 +220,16 @@ static void fill_tallies(const work *w, const finding *f, double *tally)
     }
 }
 
-static rx_status measure(const work *w, int run, rx_error *err)
+static void found(const rx_lab_search *w)
 {
-    const rx_options options = rx_lab_options(w->lab, w->sky, &w->lab->run[run]);
-    rx_result result;
-    finding f;
     long row = 0;
-    RX_TRY(rx_field_extract(&options.pipeline, w->lab->run[run].restorer, w->tile.field, NULL, NULL, &result,
-                            err));
-    rx_status status = finding_make(w, run, result.sources, &f, err);
-    for (long i = 0; status == RX_OK && i < w->tile.objects.n; i++)
+    for (long i = 0; i < w->tile.objects.n; i++)
         if (w->tile.objects.list[i].role == RX_LISTED)
-            fill_object(w, &f, i, rx_lab_each(&w->table[RX_FLUXES_OBJECT], row++, run));
-    if (status == RX_OK)
-        fill_tallies(w, &f, rx_lab_each(&w->table[RX_FLUXES_TILE], 0, run));
-    finding_free(&f);
-    rx_result_free(&result);
-    return status;
+            fill_object(w, i, rx_lab_each(&w->table[RX_FLUXES_OBJECT], row++, w->run));
+    fill_tallies(w, rx_lab_each(&w->table[RX_FLUXES_TILE], 0, w->run));
 }
 
-rx_status rx_fluxes_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                         rx_lab_table *dst, rx_error *err)
-{
-    (void)done;
-    work w = {
-        .lab = lab, .sky = &lab->sky[unit->condition], .scene = lab->scene[unit->scene].id, .table = dst};
-    RX_TRY(rx_lab_tile_make(lab, unit, &w.tile, err));
-    rx_status status = rx_quality_radius(&lab->options->check.quality, w.tile.field->tile, &w.radius, err);
-    if (w.scene == RX_SCENE_SHREDS) /* the middle of a large galaxy is a wide place */
-        w.radius = fmax(w.radius, w.sky->fwhm);
-    if (status == RX_OK)
-        status = add_props(&w, err);
-    for (int k = 0; k < lab->nruns && status == RX_OK; k++)
-        status = measure(&w, k, err);
-    rx_lab_tile_free(&w.tile);
-    return status;
-}
-
-rx_status rx_fluxes_describe(rx_lab *lab, rx_error *err)
+static rx_status describe(rx_lab *lab, rx_error *err)
 {
     (void)err;
     const rx_simulate_config *sim = lab->config->sim;
@@ -323,3 +247,22 @@ rx_status rx_fluxes_describe(rx_lab *lab, rx_error *err)
         sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
     return RX_OK;
 }
+
+const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
+                                    .title = "Campaign of fluxes",
+                                    .tag = 0x666c757865,
+                                    .ntables = RX_FLUXES_TABLES,
+                                    .tables = rx_fluxes_tables,
+                                    .deep = 1,
+                                    .fluxes = 1,
+                                    .open = open_runs,
+                                    .prepare = prepare,
+                                    .tile = rx_lab_tile_make,
+                                    .rows = add_props,
+                                    .found = found,
+                                    .unit = rx_lab_search_unit,
+                                    .describe = describe,
+                                    .measure = rx_fluxes_measure,
+                                    .njudges = RX_FLUXES_JUDGES,
+                                    .judges = rx_fluxes_judges,
+                                    .page = rx_fluxes_page};

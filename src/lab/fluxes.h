@@ -74,13 +74,6 @@ enum { RX_FLUXES_FOUND_COLUMNS(RX_LAB_ID) RX_FLUXES_COLUMNS };
 
 extern const rx_lab_schema rx_fluxes_tables[RX_FLUXES_TABLES];
 
-/* For rx_lab_kind. */
-rx_status rx_fluxes_open(rx_lab *lab, rx_log *log, rx_error *err);
-rx_status rx_fluxes_prepare(rx_lab *lab, rx_log *log, rx_error *err);
-rx_status rx_fluxes_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                         rx_lab_table *dst, rx_error *err);
-rx_status rx_fluxes_describe(rx_lab *lab, rx_error *err);
-
 /* --- numbers --- */
 
 /* What a number is of. */
@@ -165,6 +158,9 @@ enum {
 
 enum { RX_FLUXES_CELLS, RX_FLUXES_PAIRS, RX_FLUXES_INVENTED, RX_FLUXES_GRIDS };
 rx_status rx_fluxes_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+enum { RX_FLUXES_JUDGES = 9 };
+extern const rx_claim_judge rx_fluxes_judges[RX_FLUXES_JUDGES];
+rx_status rx_fluxes_page(const rx_store *store, struct rx_findings *findings, rx_error *err);
 /* The numbers of a grid at a place; indices that it does not have are passed over. */
 rx_estimate *rx_fluxes_at(const rx_store *store, int grid, const rx_fluxes_place place);
 

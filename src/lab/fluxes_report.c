@@ -7,7 +7,6 @@
 #include "base/memory.h"
 #include "lab/findings.h"
 #include "lab/fluxes.h"
-#include "lab/kinds.h"
 #include "num/stats.h"
 #include "report/curves.h"
 
@@ -450,7 +449,7 @@ static void judge(const rx_store *s, rx_claim_verdict *v)
                        v->held, v->all, j.value.value, j.value.low, j.value.high, j.value.n, j.where);
 }
 
-static const rx_claim_judge JUDGES[] = {
+const rx_claim_judge rx_fluxes_judges[RX_FLUXES_JUDGES] = {
     {RX_GOAL_BIAS_ISOLATED, judge}, {RX_GOAL_BIAS_BINS, judge}, {RX_GOAL_BIAS_APART, judge},
     {RX_GOAL_BIAS_BLENDED, judge},  {RX_GOAL_PULL, judge},      {RX_GOAL_WIDTH, judge},
     {RX_GOAL_BOUND, judge},         {RX_GOAL_MAGERR, judge},    {RX_GOAL_PAIRS, judge}};
@@ -648,7 +647,7 @@ static const char READING[] =
     "which "
     "restorers are given the truth; undecided: beyond the limit, but by less than the error of the number.";
 
-static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
+rx_status rx_fluxes_page(const rx_store *s, rx_findings *f, rx_error *err)
 {
     static const char *const names[] = {"cells_detected", "cells", "cells_common"};
     const rx_lab *lab = s->lab;
@@ -718,19 +717,3 @@ static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
     rx_report_paragraph(report, READING);
     return RX_OK;
 }
-
-const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
-                                    .title = "Campaign of fluxes",
-                                    .tag = 0x666c757865,
-                                    .ntables = RX_FLUXES_TABLES,
-                                    .tables = rx_fluxes_tables,
-                                    .deep = 1,
-                                    .fluxes = 1,
-                                    .open = rx_fluxes_open,
-                                    .prepare = rx_fluxes_prepare,
-                                    .unit = rx_fluxes_unit,
-                                    .describe = rx_fluxes_describe,
-                                    .measure = rx_fluxes_measure,
-                                    .njudges = LENGTH(JUDGES),
-                                    .judges = JUDGES,
-                                    .page = page};

@@ -2,13 +2,13 @@
 #include "lab/lab.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 #include "base/random.h"
 #include "lab/facts.h"
-#include "lab/stage_options.h"
 
 static const double WIDE = 4.0; /* diameter of the second aperture, FWHM */
 
@@ -72,6 +72,34 @@ static rx_status list_units(rx_lab *lab, rx_error *err)
     return RX_OK;
 }
 
+/* The stage's options for a campaign, everything on one thread; the config lies under them. */
+static rx_status stage_options(rx_lab *lab, rx_log *log, rx_error *err)
+{
+    const rx_words *words = &lab->config->restore_type;
+    rx_text restorers = {0};
+    for (int i = 0; i < words->n; i++)
+        rx_text_printf(&restorers, "%s%s", i > 0 ? "," : "", words->v[i]);
+    rx_status status = restorers.failed || restorers.data == NULL
+                           ? rx_error_memory(err, 0)
+                           : rx_config_copy(lab->config->stage, &lab->stage, err);
+    if (status == RX_OK)
+        status = rx_settings_set(&lab->stage->settings, "RESTORE_TYPE", restorers.data, log, err);
+    if (status == RX_OK)
+        status = rx_options_from_config(lab->stage, log, &lab->options, err);
+    rx_text_free(&restorers);
+    if (status != RX_OK)
+        return status;
+    rx_pipeline_params *params = &lab->options->pipeline;
+    params->nthreads = params->restore.nthreads = params->measure.nthreads = 1;
+    params->detect.nthreads = params->templates.par.nthreads = 1;
+    if (lab->kind->fluxes) {
+        params->templates.wanted = 1;
+        params->templates.drop = 0; /* what it would drop is counted */
+        params->measure.skip &= ~(unsigned)(RX_SKIP_AUTO | RX_SKIP_APER);
+    }
+    return RX_OK;
+}
+
 rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config, int nthreads, rx_log *log,
                       rx_lab **dst, rx_error *err)
 {
@@ -85,12 +113,7 @@ rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config,
     lab->truth_snr = config->truth_snr;
     for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
         lab->precision[lab->nprecisions++] = config->precisions.v[i];
-    rx_status status = rx_campaign_options(config, log, &lab->stage, &lab->options, err);
-    if (status == RX_OK && kind->fluxes) {
-        lab->options->pipeline.templates.wanted = 1;
-        lab->options->pipeline.templates.drop = 0; /* what it would drop is counted */
-        lab->options->pipeline.measure.skip &= ~(unsigned)(RX_SKIP_AUTO | RX_SKIP_APER);
-    }
+    rx_status status = stage_options(lab, log, err);
     if (status == RX_OK)
         status = kind->open(lab, log, err);
     if (status == RX_OK)
@@ -241,6 +264,14 @@ const double *rx_lab_values(const rx_lab *lab, const rx_unit_values *unit, int t
         v += 1 + (long)*v * (schema->nown + lab->nruns * schema->neach);
     }
     return v + 1;
+}
+
+void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size)
+{
+    const size_t used = strlen(dst);
+    if (lab->options->model != NULL)
+        snprintf(dst + used, size - used, "; NET: model %s, digest %s", lab->options->model->name,
+                 lab->options->model->digest);
 }
 
 void rx_lab_condition_name(const rx_lab *lab, int condition, char *dst, size_t size)

@@ -18,9 +18,9 @@
 #include "config/campaign_config.h"
 #include "lab/conditions.h"
 #include "lab/match.h"
-#include "lab/record.h"
 #include "lab/rows.h"
 #include "lab/units.h"
+#include "quality/qa.h"
 #include "restore/restore.h"
 #include "stage/options.h"
 #include "stage/simulation.h"
@@ -121,6 +121,29 @@ struct rx_report;
 struct rx_findings;
 struct rx_claim_judge;
 
+/* One tile and what is on it. */
+typedef struct rx_lab_tile {
+    rx_field *field, *blank; /* blank: PHOTOMETRY on a real tile, its noise and nothing else; owned */
+    rx_lab_objects objects;
+    float *light; /* INJECTED: what was added to the pixels; owned */
+    float *truth
+        [2]; /* OUTSKIRTS: the scene without noise through its own PSF and through the target PSF; owned */
+} rx_lab_tile;
+
+/* A tile of a campaign of sources, and what the run at work has found on it. */
+typedef struct rx_lab_search {
+    const rx_lab *lab;
+    const rx_lab_sky *sky;
+    rx_scene_id scene;
+    rx_lab_tile tile;
+    double radius; /* of matching, pixels */
+    rx_lab_table *table;
+    int run;
+    const rx_sources *sources;
+    rx_qa_list list; /* the same sources */
+    rx_matches matches;
+} rx_lab_search;
+
 /* An entry of the table of campaigns. */
 typedef struct rx_lab_kind {
     const char *name, *title; /* as in CAMPAIGN_TYPE; of the report */
@@ -132,6 +155,10 @@ typedef struct rx_lab_kind {
     int fluxes;         /* two apertures, templates, and the company of objects are asked for */
     int in_turns;       /* units of the first scene come before the others of their condition, in one shard */
     rx_status (*open)(rx_lab *lab, rx_log *log, rx_error *err); /* runs, scenes, conditions, skies */
+    /* Of sources against the true ones, for rx_lab_search_unit(): a tile, rows of what is on it, and what a run has found. */
+    rx_status (*tile)(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
+    rx_status (*rows)(const rx_lab_search *search, rx_error *err);
+    void (*found)(const rx_lab_search *search);
     /* Before the first unit: what a report alone does not need; may be NULL. */
     rx_status (*prepare)(rx_lab *lab, rx_log *log, rx_error *err);
     /* The tables of one unit, on one thread; several at the same time. done: values of earlier units. */
@@ -176,6 +203,8 @@ struct rx_lab {
     double level_trained[2];      /* noise levels (nn/noise_level.h) of the model's fields; 0, 0 = no model */
 };
 
+extern const rx_lab_kind rx_kind_restoration, rx_kind_photometry, rx_kind_detection, rx_kind_fluxes;
+
 /* Errors: RX_USAGE (settings that give nothing), those of files they name. */
 rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config, int nthreads, rx_log *log,
                       rx_lab **dst, rx_error *err);
@@ -198,6 +227,9 @@ rx_unit_place rx_lab_place(const rx_lab *lab, long unit);
 /* Sets from the values of all units. */
 rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err);
 rx_lab_set *rx_lab_set_of(const rx_lab *lab, int condition, int scene);
+
+/* "; NET: model NAME, digest DIGEST" behind what is in dst, where there is a model. */
+void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size);
 
 /* The first row of a table in the values of a unit. */
 const double *rx_lab_values(const rx_lab *lab, const rx_unit_values *unit, int table);
@@ -229,15 +261,6 @@ double rx_lab_mag(const rx_lab_sky *sky, double snr);
 
 /* --- tiles: tile.c --- */
 
-/* One tile and what is on it. */
-typedef struct rx_lab_tile {
-    rx_field *field;
-    rx_lab_objects objects;
-    float *light; /* INJECTED: what was added to the pixels; owned */
-    float *truth
-        [2]; /* OUTSKIRTS: the scene without noise through its own PSF and through the target PSF; owned */
-} rx_lab_tile;
-
 /* A tile of a scene of DETECTION or FLUXES. Tile t of a scene is drawn alike under every condition. Of PAIRS number
  * 2 k and 2 k + 1 belong together. */
 rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
@@ -246,6 +269,10 @@ void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
 /* simulated->image, width and height: a scene's light without noise. Becomes an exposed tile. */
 rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_simulated *simulated,
                         rx_tile **tile, rx_error *err);
+
+/* unit() of campaigns of sources: sources.c. */
+rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                             rx_lab_table *dst, rx_error *err);
 
 /* company and partner of every object. `others` [nothers][3]: x, y, flux of what else is there. */
 void rx_lab_company(rx_lab_objects *objects, long nothers, const double (*others)[3], double fwhm);

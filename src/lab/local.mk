@@ -1,9 +1,9 @@
 librextract_lab_la_SOURCES += \
-	src/lab/campaign.c src/lab/campaign.h src/lab/kinds.h \
-	src/lab/lab.c src/lab/lab.h src/lab/sky.c src/lab/tile.c src/lab/match.c src/lab/match.h \
+	src/lab/campaign.c src/lab/campaign.h \
+	src/lab/lab.c src/lab/lab.h src/lab/sky.c src/lab/tile.c src/lab/match.c src/lab/match.h src/lab/sources.c \
 	src/lab/rows.c src/lab/rows.h src/lab/journal.c src/lab/journal.h src/lab/units.c src/lab/units.h \
-	src/lab/facts.c src/lab/facts.h src/lab/record.h \
-	src/lab/conditions.c src/lab/conditions.h src/lab/stage_options.c src/lab/stage_options.h \
+	src/lab/facts.c src/lab/facts.h \
+	src/lab/conditions.c src/lab/conditions.h \
 	src/lab/store.c src/lab/store.h src/lab/lists.c src/lab/lists.h src/lab/findings.c src/lab/findings.h \
 	src/lab/claims.c src/lab/claims.h src/lab/paper.c src/lab/paper.h \
 	src/lab/restoration.c src/lab/restoration.h src/lab/restoration_trial.c src/lab/restoration_tune.c \

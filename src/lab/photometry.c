@@ -7,10 +7,10 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/names.h"
 #include "check/blankcheck.h"
 #include "check/quality.h"
 #include "check/replica.h"
-#include "lab/stage_options.h"
 #include "pipeline/pipeline.h"
 #include "simulate/inject.h"
 #include "simulate/render.h"
@@ -136,7 +136,7 @@ static rx_status add_fields(rx_lab *lab, rx_log *log, rx_error *err)
     return status;
 }
 
-rx_status rx_photometry_open(rx_lab *lab, rx_log *log, rx_error *err)
+static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
 {
     lab->ntiles = rx_lab_size(lab, &lab->config->tiles);
     if (lab->nprecisions == 0) {
@@ -269,13 +269,6 @@ static uint64_t number_of(const rx_lab *lab, const rx_lab_unit *unit)
     return (uint64_t)lab->scene[unit->scene].number << 32 | (uint64_t)unit->number;
 }
 
-rx_status rx_photometry_blank_make(const rx_lab *lab, const rx_lab_unit *unit, rx_field **dst, rx_error *err)
-{
-    const rx_lab_sky *sky = &lab->sky[unit->condition];
-    return rx_blankcheck_field(&lab->options->pipeline, sky->field, &sky->noise, NULL,
-                               rx_lab_seed(lab, DRAW_BLANK), number_of(lab, unit), dst, err);
-}
-
 rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
 {
     const rx_lab_sky *sky = &lab->sky[unit->condition];
@@ -306,6 +299,9 @@ rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx
         status = know_objects(lab, sky, stars, others, dst, err);
     if (status == RX_OK)
         rx_condition_apply(&sky->condition, dst->field);
+    if (status == RX_OK && sky->field != NULL)
+        status = rx_blankcheck_field(&lab->options->pipeline, sky->field, &sky->noise, NULL,
+                                     rx_lab_seed(lab, DRAW_BLANK), number_of(lab, unit), &dst->blank, err);
     if (status == RX_OK && dst->field->unrestorable && needs_psf)
         status = rx_error_set(err, RX_INPUT,
                               "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "
@@ -378,7 +374,7 @@ static rx_status search(const rx_lab *lab, rx_lab_sky *sky, rx_log *log, rx_erro
     return status;
 }
 
-rx_status rx_photometry_prepare(rx_lab *lab, rx_log *log, rx_error *err)
+static rx_status prepare(rx_lab *lab, rx_log *log, rx_error *err)
 {
     rx_status status = RX_OK;
     for (int s = 0; status == RX_OK && s < lab->nskies; s++)
@@ -398,128 +394,47 @@ static double searched(const rx_tile *tile)
     return 1e-6 * (double)good;
 }
 
-static rx_status add_false(rx_lab_table *table, int run, const rx_qa_list *list, const unsigned char *outcome,
-                           rx_error *err)
+static rx_status add_stars(const rx_lab_search *w, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (long i = 0; i < list->n && status == RX_OK; i++) {
-        double *row;
-        if (outcome != NULL && outcome[i] != RX_IS_FALSE)
-            continue;
-        status = rx_lab_rows_add(&table[RX_PHOTOMETRY_FALSE], 1, &row, err);
-        if (status != RX_OK)
-            break;
-        row[RX_WRONG_RUN] = run;
-        row[RX_WRONG_SCORE] = list->score[i];
-        row[RX_WRONG_MAG] = list->mag[i];
-    }
-    return status;
-}
-
-/* blank: what was detected on the blank tile; n 0 where there is none. */
-static rx_status judge(const rx_lab *lab, const rx_lab_tile *tile, int run, const rx_qa_list *list,
-                       const rx_qa_list *blank, rx_lab_table *table, rx_error *err)
-{
-    double radius = 0;
-    rx_matches m;
-    RX_TRY(rx_quality_radius(&lab->options->check.quality, tile->field->tile, &radius, err));
-    RX_TRY(rx_lab_match(&tile->objects, &(rx_match_list){list->n, list->x, list->y, NULL}, radius, &m, err));
-    for (long i = 0; i < table[RX_PHOTOMETRY_STAR].n; i++) {
-        double *row = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, run);
-        const double flux = tile->objects.list[i].flux;
-        const long found = m.found[i];
-        const double error = found >= 0 ? list->flux_error[found] : 0;
-        row[RX_STAR_SCORE] = found >= 0 ? list->score[found] : NAN;
-        row[RX_STAR_RATIO] = found >= 0 ? list->flux[found] / flux : NAN;
-        row[RX_STAR_PULL] = error > 0 ? (list->flux[found] - flux) / error : NAN;
-        row[RX_STAR_CROWDED] = found >= 0 && (list->flags[found] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0;
-    }
-    rx_status status = add_false(table, run, list, m.outcome, err);
-    if (status == RX_OK)
-        status = add_false(table, run, blank, NULL, err);
-    rx_matches_free(&m);
-    return status;
-}
-
-/* One restorer, runs `first` and the ones after it that share it. blank NULL: there is none. */
-static rx_status measure(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab_tile *tile,
-                         const rx_field *blank, int first, rx_lab_table *table, rx_error *err)
-{
-    const rx_restorer *kind = lab->run[first].restorer;
-    const rx_pipeline_params *params = &lab->options->pipeline;
-    rx_result result = {0}, empty = {0};
-    rx_status status = rx_field_extract(params, kind, tile->field, NULL, NULL, &result, err);
-    if (status == RX_OK && blank != NULL)
-        status = rx_field_extract(params, kind, blank, NULL, NULL, &empty, err);
-    for (int k = first; status == RX_OK && k < lab->nruns && lab->run[k].restorer == kind; k++) {
-        const rx_options options = rx_lab_options(lab, sky, &lab->run[k]); /* the flux of the run */
-        rx_qa_list list = {0}, noise = {0};
-        status = rx_quality_list(&options.check.quality, tile->field->tile, result.sources, &list, err);
-        if (status == RX_OK && blank != NULL)
-            status = rx_quality_list(&options.check.quality, blank->tile, empty.sources, &noise, err);
-        if (status == RX_OK)
-            status = judge(lab, tile, k, &list, &noise, table, err);
-        rx_qa_list_free(&noise);
-        rx_qa_list_free(&list);
-    }
-    rx_result_free(&empty);
-    rx_result_free(&result);
-    return status;
-}
-
-rx_status rx_photometry_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                             rx_lab_table *dst, rx_error *err)
-{
-    (void)done;
-    const rx_lab_sky *sky = &lab->sky[unit->condition];
-    rx_lab_tile tile;
-    rx_field *blank = NULL;
+    const rx_lab_objects *o = &w->tile.objects;
     double *row;
     long nstars = 0;
-    RX_TRY(rx_photometry_tile_make(lab, unit, &tile, err));
-    while (nstars < tile.objects.n && tile.objects.list[nstars].role == RX_LISTED)
+    while (nstars < o->n && o->list[nstars].role == RX_LISTED)
         nstars++;
-    rx_status status = sky->field != NULL ? rx_photometry_blank_make(lab, unit, &blank, err) : RX_OK;
-    if (status == RX_OK)
-        status = rx_lab_rows_add(&dst[RX_PHOTOMETRY_TILE], 1, &row, err);
-    if (status == RX_OK) {
-        const double zeropoint =
-            sky->field != NULL ? sky->field->tile->zeropoint : sky->simulation->scene.zeropoint;
-        const double flux = pow(10.0, -0.4 * (lab->scene[unit->scene].mag - zeropoint));
-        row[RX_FIELD_MPIXELS] = searched(tile.field->tile);
-        row[RX_FIELD_SNR] = flux * sqrt(sky->power) / tile.field->plain->global_sigma;
-        status = rx_lab_rows_add(&dst[RX_PHOTOMETRY_STAR], nstars, &row, err);
+    RX_TRY(rx_lab_rows_add(&w->table[RX_PHOTOMETRY_TILE], 1, &row, err));
+    row[RX_FIELD_MPIXELS] = searched(w->tile.field->tile);
+    row[RX_FIELD_SNR] =
+        nstars > 0 ? o->list[0].flux * sqrt(w->sky->power) / w->tile.field->plain->global_sigma : 0;
+    return rx_lab_rows_add(&w->table[RX_PHOTOMETRY_STAR], nstars, &row, err);
+}
+
+static void found(const rx_lab_search *w)
+{
+    const rx_qa_list *list = &w->list;
+    for (long i = 0; i < w->table[RX_PHOTOMETRY_STAR].n; i++) {
+        double *row = rx_lab_each(&w->table[RX_PHOTOMETRY_STAR], i, w->run);
+        const double flux = w->tile.objects.list[i].flux;
+        const long k = w->matches.found[i];
+        const double error = k >= 0 ? list->flux_error[k] : 0;
+        row[RX_STAR_SCORE] = k >= 0 ? list->score[k] : NAN;
+        row[RX_STAR_RATIO] = k >= 0 ? list->flux[k] / flux : NAN;
+        row[RX_STAR_PULL] = error > 0 ? (list->flux[k] - flux) / error : NAN;
+        row[RX_STAR_CROWDED] = k >= 0 && (list->flags[k] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0;
     }
-    for (int k = 0; status == RX_OK && k < lab->nruns; k++)
-        if (k == 0 || lab->run[k].restorer != lab->run[k - 1].restorer)
-            status = measure(lab, sky, &tile, blank, k, dst, err);
-    rx_field_free(blank);
-    rx_lab_tile_free(&tile);
-    return status;
 }
 
 /* --- words --- */
 
-/* File name without folder and endings. */
-static void base_name(const char *path, char *dst, size_t size)
-{
-    const char *slash = strrchr(path, '/');
-    snprintf(dst, size, "%s", slash != NULL ? slash + 1 : path);
-    dst[strcspn(dst, "[")] = '\0';
-    static const char *const endings[] = {".fz", ".gz", ".fits", ".fit", ".fts"};
-    for (size_t i = 0; i < sizeof endings / sizeof endings[0]; i++) {
-        const size_t n = strlen(dst), m = strlen(endings[i]);
-        if (n > m && strcmp(dst + n - m, endings[i]) == 0)
-            dst[n - m] = '\0';
-    }
-}
-
-static void describe_sky(const rx_lab *lab, rx_lab_sky *sky)
+static rx_status describe_sky(const rx_lab *lab, rx_lab_sky *sky, rx_error *err)
 {
     const rx_campaign_config *config = lab->config;
     if (sky->field != NULL) {
         const rx_tile *tile = sky->field->tile;
-        base_name(config->tile_name, sky->name, sizeof sky->name);
+        char *name = rx_name_stem(config->tile_name);
+        if (name == NULL)
+            return rx_error_memory(err, 0);
+        snprintf(sky->name, sizeof sky->name, "%s", name);
+        free(name);
         snprintf(
             sky->about, sizeof sky->about,
             "%d stars added to %d x %d real pixels, among the tile's own sources, again and again; PSF "
@@ -529,7 +444,7 @@ static void describe_sky(const rx_lab *lab, rx_lab_sky *sky)
             (int)fmax(floor(config->stars_per_tile * (double)tile->width * tile->height / 1048576.0 + 0.5),
                       1),
             tile->width, tile->height, sky->psf->description, sky->field->plain->global_sigma, tile->gain);
-        return;
+        return RX_OK;
     }
     const rx_simulate_config *sim = config->sim;
     rx_condition_name(&sky->condition, sky->name, sizeof sky->name);
@@ -546,6 +461,7 @@ static void describe_sky(const rx_lab *lab, rx_lab_sky *sky)
             : "",
         sim->noise_type, sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0],
         sim->star_mag.v[1], sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
+    return RX_OK;
 }
 
 /* Settings of a restorer: the keywords that begin with its name, or with the first part of it. */
@@ -584,19 +500,37 @@ static void add_setting(void *user, const char *name, const char *value, const c
     snprintf(s->text + used, s->size - used, "%s%s %s", used > 0 ? ", " : "", keyword, value);
 }
 
-rx_status rx_photometry_describe(rx_lab *lab, rx_error *err)
+static rx_status describe(rx_lab *lab, rx_error *err)
 {
     for (int r = 0; r < lab->nruns; r++) {
         settings s = {lab->run[r].restorer->name, lab->run[r].settings, sizeof lab->run[r].settings};
         s.text[0] = '\0';
         if (!rx_settings_visit(&lab->config->stage->settings, add_setting, &s))
             return rx_error_memory(err, 0);
-        if (strcmp(s.name, "NET") == 0) {
-            const size_t used = strlen(s.text);
-            rx_campaign_model_words(lab->options, s.text + used, s.size - used);
-        }
+        if (strcmp(s.name, "NET") == 0)
+            rx_lab_add_model(lab, s.text, s.size);
     }
     for (int s = 0; s < lab->nskies; s++)
-        describe_sky(lab, &lab->sky[s]);
+        RX_TRY(describe_sky(lab, &lab->sky[s], err));
     return RX_OK;
 }
+
+const rx_lab_kind rx_kind_photometry = {.name = "PHOTOMETRY",
+                                        .title = "Photometry campaign",
+                                        .tag = 0x70686f746f,
+                                        .ntables = RX_PHOTOMETRY_TABLES,
+                                        .tables = rx_photometry_tables,
+                                        .objects = RX_PHOTOMETRY_STAR,
+                                        .wrong = RX_PHOTOMETRY_FALSE,
+                                        .open = open_runs,
+                                        .prepare = prepare,
+                                        .tile = rx_photometry_tile_make,
+                                        .rows = add_stars,
+                                        .found = found,
+                                        .unit = rx_lab_search_unit,
+                                        .describe = describe,
+                                        .measure = rx_photometry_measure,
+                                        .facts = rx_photometry_facts,
+                                        .njudges = RX_PHOTOMETRY_JUDGES,
+                                        .judges = rx_photometry_judges,
+                                        .page = rx_photometry_page};

@@ -40,18 +40,6 @@ extern const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES];
 /* One tile with its stars, which come first among the objects; what else is known to be on it follows. */
 rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst,
                                   rx_error *err);
-/* INJECTED: the tile's noise and nothing else. Free with rx_field_free(). */
-rx_status rx_photometry_blank_make(const rx_lab *lab, const rx_lab_unit *unit, rx_field **dst, rx_error *err);
-
-/* For rx_lab_kind. */
-rx_status rx_photometry_open(rx_lab *lab, rx_log *log, rx_error *err);
-/* INJECTED: what every restorer finds on the untouched tile, and its noise. Errors: RX_INPUT (too little sky
- * without sources). */
-rx_status rx_photometry_prepare(rx_lab *lab, rx_log *log, rx_error *err);
-rx_status rx_photometry_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                             rx_lab_table *dst, rx_error *err);
-rx_status rx_photometry_describe(rx_lab *lab, rx_error *err);
-
 /* A group of the store for each field, its conditions the magnitudes. For one run and the stars of one magnitude, above a
  * score s:
  *   recall(s)    = stars found with a score >= s / all stars
@@ -66,6 +54,10 @@ rx_status rx_photometry_describe(rx_lab *lab, rx_error *err);
  * What pairs (the later run and each earlier one) are compared in: stars found on whole lists, then at each precision,
  * then by Student's and by Wilcoxon's test 100 |F - F0| / F0 of the stars that both found. */
 rx_status rx_photometry_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+enum { RX_PHOTOMETRY_JUDGES = 7 };
+extern const rx_claim_judge rx_photometry_judges[RX_PHOTOMETRY_JUDGES];
+void rx_photometry_facts(const rx_store *store, struct rx_report *report);
+rx_status rx_photometry_page(const rx_store *store, struct rx_findings *findings, rx_error *err);
 
 /* A threshold of a run on a field, all magnitudes together: precision number 0.., or -1: the whole list. */
 typedef struct rx_photometry_cut {

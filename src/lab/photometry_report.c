@@ -7,7 +7,6 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "lab/findings.h"
-#include "lab/kinds.h"
 #include "lab/photometry.h"
 #include "quality/completeness.h"
 #include "quality/evaluate.h"
@@ -525,13 +524,13 @@ static void judge_templates(const rx_store *s, rx_claim_verdict *v)
         rx_text_add(&v->said, "No run had the fluxes of template photometry. ");
 }
 
-static const rx_claim_judge JUDGES[] = {{RX_CLAIM_RESTORED_BETTER, judge_restored},
-                                        {RX_CLAIM_NET_BEST, judge_net},
-                                        {RX_CLAIM_LOW_SNR, judge_net},
-                                        {RX_CLAIM_ACCURACY, judge_net},
-                                        {RX_CLAIM_SPEED, NULL},
-                                        {RX_CLAIM_FLUXES, judge_fluxes},
-                                        {RX_CLAIM_TEMPLATES, judge_templates}};
+const rx_claim_judge rx_photometry_judges[RX_PHOTOMETRY_JUDGES] = {{RX_CLAIM_RESTORED_BETTER, judge_restored},
+                                                                   {RX_CLAIM_NET_BEST, judge_net},
+                                                                   {RX_CLAIM_LOW_SNR, judge_net},
+                                                                   {RX_CLAIM_ACCURACY, judge_net},
+                                                                   {RX_CLAIM_SPEED, NULL},
+                                                                   {RX_CLAIM_FLUXES, judge_fluxes},
+                                                                   {RX_CLAIM_TEMPLATES, judge_templates}};
 
 /* --- figures --- */
 
@@ -791,12 +790,12 @@ static const char READING[] = "Stars of one known magnitude at a time are put on
                               "many realisations of the tile's own noise without sources.";
 _Static_assert(RX_BOOTSTRAP_ROUNDS == 1000 && RX_BOOTSTRAP_FEWEST == 20, "the reading says so");
 
-static void facts(const rx_store *s, rx_report *report)
+void rx_photometry_facts(const rx_store *s, rx_report *report)
 {
     rx_report_fact_numbers(report, "precisions", s->lab->nprecisions, s->lab->precision);
 }
 
-static rx_status page(const rx_store *s, rx_findings *findings, rx_error *err)
+rx_status rx_photometry_page(const rx_store *s, rx_findings *findings, rx_error *err)
 {
     const rx_lab *lab = s->lab;
     rx_report *report = findings->report;
@@ -842,20 +841,3 @@ static rx_status page(const rx_store *s, rx_findings *findings, rx_error *err)
     rx_report_paragraph(report, READING);
     return RX_OK;
 }
-
-const rx_lab_kind rx_kind_photometry = {.name = "PHOTOMETRY",
-                                        .title = "Photometry campaign",
-                                        .tag = 0x70686f746f,
-                                        .ntables = RX_PHOTOMETRY_TABLES,
-                                        .tables = rx_photometry_tables,
-                                        .objects = RX_PHOTOMETRY_STAR,
-                                        .wrong = RX_PHOTOMETRY_FALSE,
-                                        .open = rx_photometry_open,
-                                        .prepare = rx_photometry_prepare,
-                                        .unit = rx_photometry_unit,
-                                        .describe = rx_photometry_describe,
-                                        .measure = rx_photometry_measure,
-                                        .facts = facts,
-                                        .njudges = LENGTH(JUDGES),
-                                        .judges = JUDGES,
-                                        .page = page};

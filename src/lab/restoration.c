@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "lab/stage_options.h"
 
 /* Restorers whose result depends on a number of iterations (RL_NITER): tuned per bin. */
 static const char *const TUNABLE[] = {"RL"};
@@ -200,7 +199,6 @@ rx_status rx_restoration_describe(rx_lab *lab, rx_error *err)
              "reference (Gaussian PSF of FWHM %g pixels) is %g, the sky 0",
              sim->galaxy_type, templates, sim->psf_beta, sim->pixel_scale, lab->sky[0].simulation->sharp_fwhm,
              config->scene_peak);
-    const size_t used = strlen(lab->about);
-    rx_campaign_model_words(lab->options, lab->about + used, sizeof lab->about - used);
+    rx_lab_add_model(lab, lab->about, sizeof lab->about);
     return RX_OK;
 }

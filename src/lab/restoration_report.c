@@ -7,7 +7,6 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "lab/findings.h"
-#include "lab/kinds.h"
 #include "lab/restoration.h"
 #include "report/curves.h"
 #include "report/escape.h"

@@ -420,6 +420,7 @@ rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_ti
 void rx_lab_tile_free(rx_lab_tile *tile)
 {
     rx_field_free(tile->field);
+    rx_field_free(tile->blank);
     free(tile->objects.list);
     free(tile->light);
     free(tile->truth[0]);

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "base/random.h"
-#include "lab/kinds.h"
+#include "lab/lab.h"
 #include "lab/photometry.h"
 #include "lab/restoration.h"
 

@@ -5,7 +5,7 @@
 #include "../scratch.h"
 
 #include "config/campaign_config.h"
-#include "lab/kinds.h"
+#include "lab/lab.h"
 #include "lab/units.h"
 
 /* Names and values, ending with NULL. */

@@ -15,7 +15,6 @@
 #include "../near.h"
 #include "base/text.h"
 #include "lab/findings.h"
-#include "lab/kinds.h"
 #include "made_results.h"
 #include "report/page.h"
 

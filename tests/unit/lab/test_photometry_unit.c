@@ -241,21 +241,21 @@ static void noise_counts_on_real_tiles(void **state)
     assert_int_equal(campaign->nunits, 2);
     for (int unit = 0; unit < 2; unit++) {
         rx_lab_table table[RX_LAB_TABLES];
-        rx_field *blank = NULL;
+        rx_lab_tile tile;
         rx_result result;
         rx_error err = RX_ERROR_NONE;
         tables_of(campaign, values, unit, table);
         nfalse[unit] = nfalse_of(table, 0);
         rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
-        assert_int_equal(rx_photometry_blank_make(campaign, &campaign->unit[unit], &blank, &err), RX_OK);
-        assert_int_equal(rx_field_extract(&campaign->options->pipeline, campaign->run[0].restorer, blank,
+        assert_int_equal(rx_photometry_tile_make(campaign, &campaign->unit[unit], &tile, &err), RX_OK);
+        assert_int_equal(rx_field_extract(&campaign->options->pipeline, campaign->run[0].restorer, tile.blank,
                                           NULL, NULL, &result, &err),
                          RX_OK);
         assert_true(result.sources->n > 30);
         assert_in_range((unsigned long)nfalse[unit], (unsigned long)result.sources->n,
                         (unsigned long)result.sources->n + 40);
         rx_result_free(&result);
-        rx_field_free(blank);
+        rx_lab_tile_free(&tile);
     }
     assert_true(nfalse[0] != nfalse[1]); /* another realisation with every tile */
     rx_unit_values_free(2, values);
