@@ -163,8 +163,10 @@ static void the_papers_own_numbers(void **state)
             int fit = rx_paper_column_fits(table, &table->column[k], &p, &ln_p);
             fits += fit;
             assert_near(ln_p, log(p), 1e-9);
-            if (!fit)
-                assert_true(table->number == 3 && (table->column[k].bin == 2 || table->column[k].bin == 25));
+            if (!fit) {
+                assert_true(table->number == 3);
+                assert_true(table->column[k].bin == 2 || table->column[k].bin == 25);
+            }
         }
     }
     assert_int_equal(n, 30);

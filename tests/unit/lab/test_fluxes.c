@@ -68,20 +68,22 @@ static void company_by_distance_and_brightness(void **state)
 static void check_pairs(const rx_lab_objects *objects)
 {
     int galaxies = 0;
-    assert_true(objects->n >= 8 && objects->n % 2 == 0);
+    assert_true(objects->n >= 8);
+    assert_true(objects->n % 2 == 0);
     for (long i = 0; i < objects->n; i += 2) {
         const rx_lab_object *a = &objects->list[i], *b = a + 1;
         const double apart = hypot(a->x - b->x, a->y - b->y) / 3.0;
         const double mags = 2.5 * log10(a->flux / b->flux);
-        assert_true(apart >= 0.499 && apart <= 3.001);
-        assert_true(mags >= -1e-6 && mags <= 2.001);
+        assert_between(apart, 0.499, 3.001);
+        assert_between(mags, -1e-6, 2.001);
         assert_int_equal(a->partner, i + 1);
         assert_int_equal(b->partner, i);
         galaxies += a->galaxy + b->galaxy;
         for (long k = 0; k < i; k += 2)
             assert_true(hypot(a->x - objects->list[k].x, a->y - objects->list[k].y) >= 23.9);
     }
-    assert_true(galaxies > 0 && galaxies < objects->n);
+    assert_true(galaxies > 0);
+    assert_true(galaxies < objects->n);
 }
 
 static void scenes_are_as_described(void **state)
@@ -104,10 +106,14 @@ static void scenes_are_as_described(void **state)
                 assert_int_equal(o->galaxy, id == RX_SCENE_SHREDS);
             if (!o->galaxy) /* without photon noise the bound is 1 over the S/N */
                 assert_near(o->bound * o->snr, 1, 0.01);
-            if (id == RX_SCENE_RINGS)
-                assert_true(o->snr > 299 && o->snr < 30100);
-            if (id == RX_SCENE_SHREDS)
-                assert_true(o->flux / (sigma * root) > 299 && o->flux / (sigma * root) < 3010);
+            if (id == RX_SCENE_RINGS) {
+                assert_true(o->snr > 299);
+                assert_true(o->snr < 30100);
+            }
+            if (id == RX_SCENE_SHREDS) {
+                assert_true(o->flux / (sigma * root) > 299);
+                assert_true(o->flux / (sigma * root) < 3010);
+            }
         }
         if (id == RX_SCENE_MIXED_PAIRS)
             check_pairs(&tile.objects);

@@ -71,8 +71,8 @@ static void scenes_are_what_bins_say(void **state)
             make_trial(campaign, bin, 0, i, &trial);
             const double binned = bin == 1 ? trial.fwhm : trial.sigma;
             const double other = bin == 1 ? trial.sigma : trial.fwhm;
-            assert_true(binned >= (bin == 1 ? 4.5 : 1.5) && binned <= (bin == 1 ? 5.5 : 2.5));
-            assert_true(other >= (bin == 1 ? 1 : 2) && other <= (bin == 1 ? 15 : 8));
+            assert_between(binned, bin == 1 ? 4.5 : 1.5, bin == 1 ? 5.5 : 2.5);
+            assert_between(other, bin == 1 ? 1 : 2, bin == 1 ? 15 : 8);
             sum[bin - 1] += binned / SCENES;
             assert_near(highest(trial.sharp, n), 255.0, 1e-3);
             assert_near(trial.level / (255.0 * trial.sigma / bright(trial.image, n)), 1.0,
@@ -188,7 +188,8 @@ static void tuning_takes_the_best(void **state)
     assert_near(widths[2], campaign->sky->simulation->sharp_fwhm, 1e-12);
     assert_non_null(strstr(tuning.text, "filter 2 pixels"));
     /* of 2 and 10 iterations both are ends; with 5 between them, the widest filter is one */
-    assert_true(rx_tuning_at_end(campaign, candidates / 3) && rx_tuning_at_end(campaign, candidates - 1));
+    assert_true(rx_tuning_at_end(campaign, candidates / 3));
+    assert_true(rx_tuning_at_end(campaign, candidates - 1));
     config->tune_niter.n = 3;
     config->tune_niter.v[2] = 5;
     assert_false(rx_tuning_at_end(campaign, candidates));

@@ -210,7 +210,9 @@ static rx_bench bench_new(int width, int height)
     b.work = rx_fft_real(b.fft);
     b.spectrum = rx_fft_complex(b.fft);
     b.half = rx_fft_complex(b.fft);
-    assert_true(b.work != NULL && b.spectrum != NULL && b.half != NULL);
+    assert_non_null(b.work);
+    assert_non_null(b.spectrum);
+    assert_non_null(b.half);
     return b;
 }
 
@@ -329,7 +331,8 @@ static void tikhonov_from_relative(void **state)
         worst = fmax(worst, fabs((double)a.work[k] - b.work[k]));
         peak = fmax(peak, a.work[k]);
     }
-    assert_true(peak > 0.1 && worst < 3e-3 * peak);
+    assert_true(peak > 0.1);
+    assert_true(worst < 3e-3 * peak);
     bench_free(&a);
     bench_free(&b);
     free(psf);

@@ -137,8 +137,10 @@ static void test_round_trip(void **state)
         if (with_psf)
             same_net(model->psf, back->psf);
         assert_int_equal(back->front.mode, RX_MODE_INFORMED);
-        assert_true(back->front.target_fwhm == 2 && back->front.tikhonov == model->front.tikhonov);
-        assert_true(back->front.rl_steps == 2 && back->front.pedestal == 1);
+        assert_true(back->front.target_fwhm == 2);
+        assert_true(back->front.tikhonov == model->front.tikhonov);
+        assert_true(back->front.rl_steps == 2);
+        assert_true(back->front.pedestal == 1);
         assert_int_equal(back->nfwhm, 2);
         assert_int_equal(back->nsigma, 3);
         for (int i = 0; i < 6; i++) {
@@ -209,7 +211,8 @@ static void refused(void **state, const char *text)
         fail_msg("'%s' is not in '%s'", text, err.text);
     assert_string_equal(err.where, s->path);
     assert_null(strchr(err.text, '\n'));
-    assert_true(err.text[0] != '\0' && err.text[strlen(err.text) - 1] != '.');
+    assert_true(err.text[0] != '\0');
+    assert_true(err.text[strlen(err.text) - 1] != '.');
 }
 
 static void write_fits(void **state, const rx_text *cards, rx_table *const *tables, int ntables)
@@ -587,7 +590,8 @@ static void test_noise_level(void **state)
     for (size_t n = 1; n < 30000; n = n * 5 / 2 + 1) {
         float *v = RX_NEW(float, n);
         double *w = RX_NEW(double, n);
-        assert_true(v != NULL && w != NULL);
+        assert_non_null(v);
+        assert_non_null(w);
         for (size_t i = 0; i < n; i++)
             w[i] = v[i] = (float)(20 + (i % 3 == 0 ? 4 : rx_random_normal(5, n, i)));
         assert_near(rx_brightness(v, n, 0), rx_quantile(w, n, 0.999), 1e-9);

@@ -148,12 +148,15 @@ static void check_case(const rx_reference *s)
         low += m[p] < -0.75 * PEDESTAL;
         blind += q[p] < (double)RX_RL_SHARE;
     }
-    assert_true(low > 0 && low < PIXELS / 4);
-    assert_true(blind > 0 && blind < PIXELS / 2);
+    assert_true(low > 0);
+    assert_true(low < PIXELS / 4);
+    assert_true(blind > 0);
+    assert_true(blind < PIXELS / 2);
     step_reference(s, m);
     for (int p = 0; p < PIXELS; p++)
         most += s->f[p] > 0 && m[p] == s->f[p] * (double)RX_RL_MOST;
-    assert_true(most > 0 && most < PIXELS / 4);
+    assert_true(most > 0);
+    assert_true(most < PIXELS / 4);
 }
 
 static void hold(const char *what, int p, double expected, double found, double scale)
@@ -233,8 +236,10 @@ static void one_gradient_alone(void **state)
     *pixel(&b, b.df, 77) = *pixel(&b, b.dx, 77) = 0;
     rx_rl_step_backward(b.step, b.dout, b.df, NULL);
     rx_rl_step_backward(b.step, b.dout, NULL, b.dx);
-    assert_true(both[0] == *pixel(&b, b.df, 77) && both[1] == *pixel(&b, b.dx, 77));
-    assert_true(both[0] != 0 && both[1] != 0);
+    assert_true(both[0] == *pixel(&b, b.df, 77));
+    assert_true(both[1] == *pixel(&b, b.dx, 77));
+    assert_true(both[0] != 0);
+    assert_true(both[1] != 0);
     bench_free(&b);
 }
 

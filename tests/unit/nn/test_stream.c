@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "base/random.h"
 #include "nn/direct.h"
 #include "nn/peak.h"
@@ -77,7 +78,9 @@ static void give(void *user, int y, int n, float *rows)
     const int width = f->width + 2 * f->halo;
     for (int v = 0; v < n; v++) {
         const int at = f->y + y + v;
-        assert_true(y + v >= -f->halo && f->x >= f->halo && f->x + f->width + f->halo <= SIDE);
+        assert_true(y + v >= -f->halo);
+        assert_true(f->x >= f->halo);
+        assert_true(f->x + f->width + f->halo <= SIDE);
         if (at < SIDE)
             memcpy(rows + 2L * v * width, f->in + 2L * (at * SIDE + f->x - f->halo),
                    2 * (size_t)width * sizeof(float));
@@ -100,7 +103,8 @@ static void run(field *f, int x, int y, int width, int height)
     f->x = x;
     f->y = y;
     f->width = width;
-    assert_true(y >= f->halo && y + height + f->halo <= SIDE);
+    assert_true(y >= f->halo);
+    assert_true(y + height + f->halo <= SIDE);
     assert_int_equal(rx_stream_new(f->net, width, f->precision, &s, NULL), RX_OK);
     /* the second time rows of the first are still there */
     for (int turn = 0; turn < 2; turn++)
@@ -211,10 +215,12 @@ static void what_it_costs(void **state)
         flops += cost[i].flops;
     }
     const double least = 2 * rx_net_macs(net) * 120 * 120;
-    assert_true(flops > least && flops < 6 * least);
+    assert_true(flops > least);
+    assert_true(flops < 6 * least);
     const rx_stream_cost before = cost[2];
     assert_int_equal(rx_stream_run(s, 120, &ends, NULL), RX_OK);
-    assert_true(cost[2].flops == before.flops && cost[2].seconds == before.seconds);
+    assert_true(cost[2].flops == before.flops);
+    assert_true(cost[2].seconds == before.seconds);
     rx_stream_free(s);
     field_free(&f);
     rx_net_free(net);
@@ -225,7 +231,7 @@ static void a_peak(void **state)
     (void)state;
     double flops = 0;
     assert_int_equal(rx_peak_measure(RX_REAL_F32, &flops, NULL), RX_OK);
-    assert_true(flops > 1e7 && flops < 1e13);
+    assert_between(flops, 1e7, 1e13);
 }
 
 static void refusals(void **state)

@@ -426,7 +426,9 @@ static void test_polynomial_and_copy(void **state)
     assert_near(value, 1.0 + 0.5 * 1.0 - 0.25 * 1.0 * -2.0, 1e-6);
     rx_psf *copy = rx_psf_copy(&psf);
     assert_non_null(copy);
-    assert_true(copy->basis != psf.basis && copy->stars != psf.stars && copy->stars[1][1] == 4.0);
+    assert_true(copy->basis != psf.basis);
+    assert_true(copy->stars != psf.stars);
+    assert_true(copy->stars[1][1] == 4.0);
     rx_psf_at(copy, 15.0, 12.0, basis);
     assert_true(basis[0] == value);
     rx_psf_free(copy);

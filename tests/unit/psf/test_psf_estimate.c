@@ -130,8 +130,11 @@ static void make_varied(field *f, double fwhm, double beta, double ratio, double
                               .height = SIDE,
                               .nradii = 1,
                               .flux_fraction = {0.5}};
-    assert_true(f->tile.pixels && f->tile.mask && f->background.level && f->background.sigma &&
-                f->sources.list);
+    assert_non_null(f->tile.pixels);
+    assert_non_null(f->tile.mask);
+    assert_non_null(f->background.level);
+    assert_non_null(f->background.sigma);
+    assert_non_null(f->sources.list);
     for (int c = 0; c < CELLS * CELLS; c++) {
         rx_source *s = &f->sources.list[f->sources.n];
         int star = c * nstars / (CELLS * CELLS) != (c + 1) * nstars / (CELLS * CELLS);
@@ -219,7 +222,8 @@ static void check_field_as(rx_psf_type type, double fwhm, double beta, double ra
     assert_near(psf->ellipticity, 1.0 - ratio, 0.02);
     assert_between(psf->fwhm_error, 0.0, 0.02 * fwhm);
     assert_true(type != RX_PSF_AUTO || (psf->nstars < 10) == (psf->quality.flux_error > 0.03));
-    assert_true(psf->type == type && psf->nstars >= nstars / 2 && psf->nstars <= nstars);
+    assert_true(psf->type == type);
+    assert_between(psf->nstars, nstars / 2, nstars);
     for (int i = 0; i < psf->nstars; i++) { /* every one is a star */
         int found = 0;
         for (int k = 0; k < f.sources.n; k++)
@@ -290,7 +294,8 @@ static void test_masked_pixels(void **state)
         if (f.tile.mask[i] != 0)
             f.tile.pixels[i] = (float)(1e6 * (uniform(10, i) - 0.3));
     assert_int_equal(estimate(&f, &second, NULL), RX_OK);
-    assert_true(first->nstars == second->nstars && first->size == second->size);
+    assert_true(first->nstars == second->nstars);
+    assert_true(first->size == second->size);
     assert_memory_equal(first->basis, second->basis,
                         sizeof(float) * (size_t)first->size * (size_t)first->size);
     assert_near(first->fwhm / 3.0, 1.0, 0.02);
@@ -876,7 +881,8 @@ static void test_bound(void **state)
         f.sources.list[n++] = s;
     }
     f.sources.n = n;
-    assert_true(n == faint + 1 && faint == 6);
+    assert_true(n == faint + 1);
+    assert_true(faint == 6);
     assert_int_equal(rx_psf_make(&par, &image, &f.sources, NULL, &psf, &err), RX_INPUT);
     f.sources.n = 2;
     assert_near(rx_psf_bound(&par, &image, &f.sources), 0.0, 0.0);

@@ -191,7 +191,8 @@ static void test_image_sizes(void **state)
         write_image(in_folder("psf.fits"), pixels, w, h);
         assert_int_equal(
             rx_psf_file(&(rx_psf_params){.file = in_folder("psf.fits")}, 100, 80, NULL, &psf, NULL), RX_OK);
-        assert_true(psf->size % 2 == 1 && psf->size >= (w > h ? w : h));
+        assert_true(psf->size % 2 == 1);
+        assert_true(psf->size >= (w > h ? w : h));
         assert_near(stamp_sum(psf->basis, psf->size), 1.0, 1e-6);
         double x, y, worst = 0.0;
         centroid(psf, &x, &y);
@@ -459,7 +460,8 @@ static void compare_model(const char *file, int width, int height, double tolera
         fail_msg("%s: %s", file, err.text);
     float *stamp = malloc(sizeof *stamp * (size_t)psf->size * (size_t)psf->size);
     double *want = malloc(sizeof *want * (size_t)psf->size * (size_t)psf->size);
-    assert_true(stamp != NULL && want != NULL);
+    assert_non_null(stamp);
+    assert_non_null(want);
     const double at[5][2] = {{0.5, 0.5}, {0.0, 0.0}, {1.0, 0.1}, {0.3, 0.8}, {1.0, 1.0}};
     for (int k = 0; k < 5; k++) {
         double x = at[k][0] * (width - 1), y = at[k][1] * (height - 1), worst = 0.0, peak = 0.0;

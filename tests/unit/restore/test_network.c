@@ -60,7 +60,9 @@ static void assert_sound(const rx_restored *r)
 {
     float *noise = noise_of(r);
     for (int k = 0; k < r->width * r->height; k++) {
-        assert_true(isfinite(r->pixels[k]) && isfinite(noise[k]) && isfinite(r->support[k]));
+        assert_true(isfinite(r->pixels[k]));
+        assert_true(isfinite(noise[k]));
+        assert_true(isfinite(r->support[k]));
         if (r->mask[k] != 0)
             assert_true(r->pixels[k] == 0);
     }
@@ -136,7 +138,8 @@ static void informed_hardly_knows_blocks(void **state)
         assert_sound(first);
         assert_true(isfinite(first->chi2));
         print_message("%s PSF, %d step: %.2g sigma\n", varying ? "varying" : "constant", step, first->seam);
-        assert_true(first->seam < 1e-3 && first->seam > 0);
+        assert_true(first->seam < 1e-3);
+        assert_true(first->seam > 0);
         s.par.verify_seams = 0;
         for (int side = 32; side < 300; side += 68) {
             s.par.net_block = side;
@@ -236,8 +239,10 @@ static void nothing_good(void **state)
         }
         rx_restored *r = restore(&s, psf);
         assert_sound(r);
-        for (int k = 0; k < 80 * 70; k++)
-            assert_true(r->pixels[k] == 0 && r->support[k] == 1);
+        for (int k = 0; k < 80 * 70; k++) {
+            assert_true(r->pixels[k] == 0);
+            assert_true(r->support[k] == 1);
+        }
         rx_restored_free(r);
         rx_psf_free(psf);
         rx_model_free(model);
@@ -390,7 +395,8 @@ static void half_precision(void **state)
     free(noise);
     print_message("bfloat16: rms difference %.3g sigma, largest %.3g\n", sqrt(square / n),
                   difference(full, half));
-    assert_true(sqrt(square / n) < 0.05 && square > 0);
+    assert_true(sqrt(square / n) < 0.05);
+    assert_true(square > 0);
     rx_model *blind = small_model(RX_MODE_BLIND, 1);
     s.par.verify_seams = 1;
     rx_restored *verified = restore(&s, psf);

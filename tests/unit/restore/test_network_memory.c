@@ -90,7 +90,8 @@ static void memory_is_that_of_the_restored_planes(void **state)
     }
     const double slope = (high - low) / (WIDTH * (double)(HIGH - LOW)), rest = low - 13.0 * WIDTH * LOW;
     print_message("%.2f bytes per pixel (restored planes: 13), %.1f MB besides\n", slope, rest / 1e6);
-    assert_true(slope < 14 && slope > 12);
+    assert_true(slope < 14);
+    assert_true(slope > 12);
     assert_true(rest < 100e6);
 }
 

@@ -458,9 +458,13 @@ static void blocks_cover_the_tile(void **state)
         for (int side = 8; side < 200; side += 36)
             for (int shift = 0; shift < 500; shift = 2 * shift + 8) {
                 const rx_blocks b = rx_blocks_make(width, 5, side, side, 8, shift, 0);
-                assert_true(b.width <= side && b.width % 8 == 0);
-                assert_true(b.x <= 0 && b.x > -b.width && (b.x + shift) % b.width == 0);
-                assert_true(b.x + b.nx * b.width >= width && b.x + (b.nx - 1) * b.width < width);
+                assert_true(b.width <= side);
+                assert_true(b.width % 8 == 0);
+                assert_true(b.x <= 0);
+                assert_true(b.x > -b.width);
+                assert_true((b.x + shift) % b.width == 0);
+                assert_true(b.x + b.nx * b.width >= width);
+                assert_true(b.x + (b.nx - 1) * b.width < width);
                 assert_int_equal(b.ny, 1);
                 assert_int_equal(b.height, 8);
             }

@@ -232,8 +232,10 @@ static void extremes(void **state)
             rx_restored *r = run("RL", &s, psf);
             const int c = s.tile.width / 2;
             assert_near(sky_sum(&s, r->pixels, c, c, 6) / 2000, 1, 0.1);
-            for (int k = 0; k < s.tile.width * s.tile.height; k++)
-                assert_true(r->pixels[k] > -15 && r->pixels[k] < 400);
+            for (int k = 0; k < s.tile.width * s.tile.height; k++) {
+                assert_true(r->pixels[k] > -15);
+                assert_true(r->pixels[k] < 400);
+            }
             rx_restored_free(r);
             sky_free(&s);
         }

@@ -124,7 +124,7 @@ static void odd_shapes(void **state)
     float flat[25] = {0}, ellipse[31 * 31];
     assert_true(isnan(fwhm_of(flat, 5, NULL)));
     flat[12] = 1;
-    assert_true(fwhm_of(flat, 5, NULL) > 0.9 && fwhm_of(flat, 5, NULL) < 1.6);
+    assert_between(fwhm_of(flat, 5, NULL), 0.9, 1.6);
     for (int k = 0; k < 31 * 31; k++)
         ellipse[k] = (float)(pixel_gauss(k % 31 - 15, 8) * pixel_gauss(k / 31 - 15, 4));
     double ellipticity = 0;

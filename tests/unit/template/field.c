@@ -30,13 +30,17 @@ void field_open(field *f, int width, int height, double fwhm, double sigma, int 
                  .mask = RX_NEW(uint8_t, pixels),
                  .restored = rx_restored_new("NONE", width, height),
                  .sources = RX_NEW(rx_sources, 1)};
-    assert_true(f->pixels != NULL && f->sigma != NULL && f->mask != NULL && f->restored != NULL);
+    assert_non_null(f->pixels);
+    assert_non_null(f->sigma);
+    assert_non_null(f->mask);
+    assert_non_null(f->restored);
     assert_non_null(f->sources);
     f->sources->width = width;
     f->sources->height = height;
     f->sources->list = RX_NEW(rx_source, n);
     f->sources->segments = RX_NEW(int32_t, pixels);
-    assert_true(f->sources->list != NULL && f->sources->segments != NULL);
+    assert_non_null(f->sources->list);
+    assert_non_null(f->sources->segments);
     for (size_t k = 0; k < pixels; k++)
         f->sigma[k] = (float)sigma;
     assert_int_equal(rx_psf_moffat(fwhm, BETA, 1, 0, 2 * (int)ceil(10 * fwhm) + 1, &f->psf, NULL), RX_OK);
@@ -83,7 +87,11 @@ void field_disk(field *f, double x, double y, double flux, double radius, double
     assert_int_equal(rx_fft_new(big, big, 1, &fft, NULL), RX_OK);
     float *grid = rx_fft_real(fft), *half = rx_fft_complex(fft), *kernel = rx_fft_complex(fft);
     float *work = rx_fft_real(fft), *stamp = rx_alloc((size_t)(big - 1) * (size_t)(big - 1), sizeof(float));
-    assert_true(grid != NULL && half != NULL && kernel != NULL && work != NULL && stamp != NULL);
+    assert_non_null(grid);
+    assert_non_null(half);
+    assert_non_null(kernel);
+    assert_non_null(work);
+    assert_non_null(stamp);
     const size_t stride = (size_t)rx_fft_stride_real(fft);
     double sum = 0;
     for (int j = 0; j < big; j++)

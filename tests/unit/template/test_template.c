@@ -153,7 +153,9 @@ static void test_blend(void **state)
         assert_close(t->list[i].flux, flux[i], 6e-3);
     assert_int_equal(t->ngroups, 1);
     assert_int_equal(t->npairs, 3);
-    assert_true(t->pairs[0].i == 0 && t->pairs[0].j == 1 && t->pairs[0].covariance < 0);
+    assert_true(t->pairs[0].i == 0);
+    assert_true(t->pairs[0].j == 1);
+    assert_true(t->pairs[0].covariance < 0);
     const double coefficient = fabs(t->pairs[0].covariance) / (t->list[0].fluxerr * t->list[1].fluxerr);
     assert_close(t->list[0].blend, coefficient, 1e-6);
     assert_true(coefficient > 0.2);
@@ -249,7 +251,8 @@ static void test_forced(void **state)
     assert_int_equal(rx_tphot_run(&par, &input, &second, NULL), RX_OK);
     assert_close(second->list[0].flux, 300, 1e-3);
     assert_close(second->list[1].flux, 700, 2e-3);
-    assert_true(second->list[0].x == first->list[0].x && second->list[1].radius == first->list[1].radius);
+    assert_true(second->list[0].x == first->list[0].x);
+    assert_true(second->list[1].radius == first->list[1].radius);
     rx_tphot_free(second);
     first->nlisted = 1;
     assert_int_equal(rx_tphot_run(&par, &input, &second, NULL), RX_INPUT);
@@ -319,7 +322,9 @@ static void test_second_pass(void **state)
     input.user = &calls;
     rx_tphot *t = NULL;
     assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
-    assert_true(calls == 1 && t->n == 2 && t->nlisted == 1);
+    assert_true(calls == 1);
+    assert_true(t->n == 2);
+    assert_true(t->nlisted == 1);
     assert_true((t->list[1].flags & RX_TPHOT_EXTRA) != 0);
     assert_close(t->list[0].flux, 1e5, 3e-3);
     assert_close(t->list[1].flux, 5e3, 3e-2);
@@ -370,17 +375,21 @@ static void test_shown(void **state)
         par.nthreads = 1 + i;
         assert_int_equal(rx_tphot_run(&par, &input, &t[i], NULL), RX_OK);
     }
-    assert_true(t[0]->n == 47 && t[0]->npairs > 0);
+    assert_true(t[0]->n == 47);
+    assert_true(t[0]->npairs > 0);
     for (int i = 0; i < t[0]->n; i++)
         cut += (t[0]->list[i].flags & RX_TPHOT_GROUP_CUT) != 0;
     assert_true(cut > 0);
     for (int i = 1; i < 3; i++) {
-        assert_true(t[i]->n == t[0]->n && t[i]->npairs == t[0]->npairs);
+        assert_true(t[i]->n == t[0]->n);
+        assert_true(t[i]->npairs == t[0]->npairs);
         assert_memory_equal(t[0]->list, t[i]->list, (size_t)t[0]->n * sizeof *t[0]->list);
         assert_memory_equal(t[0]->pairs, t[i]->pairs, (size_t)t[0]->npairs * sizeof *t[0]->pairs);
         assert_memory_equal(t[0]->model, t[i]->model, sizeof(float) * 110 * 330);
         assert_memory_equal(t[0]->residual, t[i]->residual, sizeof(float) * 110 * 330);
-        assert_true(t[0]->chi2 == t[i]->chi2 && t[0]->visible == t[i]->visible && t[0]->sky == t[i]->sky);
+        assert_true(t[0]->chi2 == t[i]->chi2);
+        assert_true(t[0]->visible == t[i]->visible);
+        assert_true(t[0]->sky == t[i]->sky);
     }
     for (int i = 0; i < 3; i++)
         rx_tphot_free(t[i]);
@@ -403,7 +412,8 @@ static void test_limit(void **state)
     par.group_limit = 6;
     rx_tphot *t = run(&par, &f);
     int cut = 0;
-    assert_true(t->largest <= 6 && t->ngroups >= 5);
+    assert_true(t->largest <= 6);
+    assert_true(t->ngroups >= 5);
     for (int i = 0; i < 25; i++) {
         cut += (t->list[i].flags & RX_TPHOT_GROUP_CUT) != 0;
         assert_close(t->list[i].flux, 1e4 + 300 * i, 5e-3);
@@ -412,7 +422,8 @@ static void test_limit(void **state)
     rx_tphot_free(t);
     par.group_limit = 40;
     t = run(&par, &f);
-    assert_true(t->ngroups == 1 && t->list[3].flags == 0);
+    assert_true(t->ngroups == 1);
+    assert_true(t->list[3].flags == 0);
     rx_tphot_free(t);
     field_close(&f);
 }
@@ -434,7 +445,8 @@ static void test_bound(void **state)
     rx_tphot_free(t);
     par.non_negative = 1;
     t = run(&par, &f);
-    assert_true(t->list[1].flux == 0 && (t->list[1].flags & RX_TPHOT_BOUND) != 0);
+    assert_true(t->list[1].flux == 0);
+    assert_true((t->list[1].flags & RX_TPHOT_BOUND) != 0);
     assert_true(t->list[1].fluxerr > 0);
     assert_close(t->list[0].flux, 1e4, 1e-2);
     rx_tphot_free(t);
@@ -565,7 +577,8 @@ static void test_refused(void **state)
     const rx_tphot_params par = rx_tphot_defaults();
     rx_tphot_input input = field_input(&f);
     assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_OK); /* no sources */
-    assert_true(t->n == 0 && t->ngroups == 0);
+    assert_true(t->n == 0);
+    assert_true(t->ngroups == 0);
     rx_tphot_free(t);
     input.image.width = 50;
     assert_int_equal(rx_tphot_run(&par, &input, &t, &err), RX_INPUT);

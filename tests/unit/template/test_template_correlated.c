@@ -165,7 +165,8 @@ static void check_scatter(int pairs)
     field f;
     pulls *p = RX_NEW(pulls, 1);
     double *flux = RX_NEW(double, 2 * PLACES), sum = 0, square = 0;
-    assert_true(p != NULL && flux != NULL);
+    assert_non_null(p);
+    assert_non_null(flux);
     make(&f, pairs, flux);
     const size_t pixels = (size_t)f.width * (size_t)f.height;
     float *clean = RX_NEW(float, pixels);
@@ -254,7 +255,9 @@ static void test_leftover(void **state)
     double sum = 0, size = 0, power = 0, square = 0;
     field f;
     rx_fit_image canvas;
-    assert_true(filtered != NULL && sigma != NULL && mask != NULL);
+    assert_non_null(filtered);
+    assert_non_null(sigma);
+    assert_non_null(mask);
     field_open(&f, W, H, 3, 2, 0);
     add_noise(&f, 11);
     for (int k = 0; k < SIDE * SIDE; k++) {

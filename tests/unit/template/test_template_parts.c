@@ -142,7 +142,9 @@ static void test_joint(void **state)
 
     double *a = RX_NEW(double, ROWS *COLUMNS), *b = RX_NEW(double, ROWS), *w = RX_NEW(double, ROWS);
     double x[COLUMNS], c[COLUMNS * COLUMNS], sw = 0, n = 0;
-    assert_true(a != NULL && b != NULL && w != NULL);
+    assert_non_null(a);
+    assert_non_null(b);
+    assert_non_null(w);
     for (int k = 0; k < W * H; k++) {
         for (int i = 0; i < 3; i++) {
             const int u = k % W - t[i].x0, v = k / W - t[i].y0;
@@ -214,7 +216,9 @@ static void test_blends(void **state)
             if (norm > 0 && rx_footprint_product(list[i], list[j], NULL) > 0.2 * sqrt(norm))
                 assert_int_equal(blends.group[i], blends.group[j]);
         }
-    assert_true(blends.largest > 2 && blends.ngroups > 10 && blends.start[blends.ngroups] == N);
+    assert_true(blends.largest > 2);
+    assert_true(blends.ngroups > 10);
+    assert_true(blends.start[blends.ngroups] == N);
     for (int g = 0; g < blends.ngroups; g++)
         for (int k = blends.start[g]; k < blends.start[g + 1]; k++) {
             assert_int_equal(blends.group[blends.member[k]], g);
@@ -264,7 +268,8 @@ static void test_canvas(void **state)
         for (int turn = 0; turn < 2; turn++) {
             rx_sky_mesh sheet;
             assert_int_equal(rx_sky_mesh_open(W, H, 40, &sheet, NULL), RX_OK);
-            assert_true(sheet.nx == 2 && sheet.ny == 5);
+            assert_true(sheet.nx == 2);
+            assert_true(sheet.ny == 5);
             for (int k = 0; k < 10; k++)
                 sheet.value[k] = rx_random_normal(5, (uint64_t)turn, (uint64_t)k);
             assert_int_equal(rx_fit_image_subtract(both[i], &sheet, NULL), RX_OK);
@@ -282,12 +287,17 @@ static void test_canvas(void **state)
                              m = rx_fit_image_row(&all, y) + (size_t)x;
                 if ((x >= 40 || y >= from + 20) && (x < 35 || y < from + 3))
                     continue;
-                assert_true(some.data[k] == all.data[m] && some.model[k] == all.model[m] &&
-                            some.weight[k] == all.weight[m] && some.sigma[k] == all.sigma[m]);
+                assert_true(some.data[k] == all.data[m]);
+                assert_true(some.model[k] == all.model[m]);
+                assert_true(some.weight[k] == all.weight[m]);
+                assert_true(some.sigma[k] == all.sigma[m]);
             }
     }
-    assert_true(all.weight[0] == 0 && all.weight[40] == 0 && all.weight[19] == 0);
-    assert_true(rx_fit_image_variance(&some, 40, 0) == 0 && rx_fit_image_variance(&some, 13, 0) == 0);
+    assert_true(all.weight[0] == 0);
+    assert_true(all.weight[40] == 0);
+    assert_true(all.weight[19] == 0);
+    assert_true(rx_fit_image_variance(&some, 40, 0) == 0);
+    assert_true(rx_fit_image_variance(&some, 13, 0) == 0);
     assert_true(rx_fit_image_variance(&some, 1, 0) == f.sigma[1] * f.sigma[1]);
     assert_int_equal(rx_fit_image_load_rows(&some, 10, 10 + 3 * ROWS, NULL), RX_OK); /* more than usual */
     assert_memory_equal(some.model + rx_fit_image_row(&some, 10), all.model + 10 * W,

@@ -57,7 +57,8 @@ static void test_pulls(void **state)
         pull[extended] = RX_NEW(double, SKIES *STARS);
         assert_non_null(pull[extended]);
     }
-    assert_true(flux != NULL && clean != NULL);
+    assert_non_null(flux);
+    assert_non_null(clean);
     make(&f, flux);
     memcpy(clean, f.pixels, pixels * sizeof(float));
     for (int sky = 0; sky < SKIES; sky++) {

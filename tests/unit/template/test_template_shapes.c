@@ -70,7 +70,8 @@ static void test_part_of_a_psf(void **state)
     assert_int_equal(rx_template_otf_side(lens, 0, 1), 40); /* nothing above 1e-3 of the peak is left out */
     assert_int_equal(rx_template_otf_side(lens, 0, 1e-12), whole);
     float *values[2] = {RX_NEW(float, 31 * 31), RX_NEW(float, 31 * 31)};
-    assert_true(values[0] != NULL && values[1] != NULL);
+    assert_non_null(values[0]);
+    assert_non_null(values[1]);
     for (int i = 0; i < 2; i++) {
         const int n = i == 0 ? whole : side;
         assert_int_equal(rx_template_otf_at(lens, n, 0, 0, &size, NULL), RX_OK);
