@@ -1,4 +1,4 @@
-/* Whole files: read, written, and one of its own for a test (state is its name). */
+/* Whole files: read, written, and one of its own, by name or as state of a test (its name). */
 #ifndef TESTS_UNIT_FILES_H
 #define TESTS_UNIT_FILES_H
 
@@ -42,16 +42,29 @@ static inline void write_text(const char *path, const char *text)
     write_bytes(path, text, strlen(text));
 }
 
-static inline int make_file(void **state)
+/* A name to be completed by mkstemp() or mkdtemp(). */
+static inline void scratch_name(char dst[512])
 {
     const char *base = getenv("TMPDIR");
-    char *path = malloc(512);
-    if (path == NULL)
+    snprintf(dst, 512, "%.400s/rextract-test-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
+}
+
+/* A new file of that text. */
+static inline void new_file(char dst[512], const char *text)
+{
+    scratch_name(dst);
+    const int file = mkstemp(dst);
+    assert_true(file >= 0);
+    close(file);
+    write_text(dst, text);
+}
+
+static inline int make_file(void **state)
+{
+    if ((*state = malloc(512)) == NULL)
         return -1;
-    snprintf(path, 512, "%s/rextract-test-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
-    *state = path;
-    const int file = mkstemp(path);
-    return file >= 0 ? close(file) : -1;
+    new_file(*state, "");
+    return 0;
 }
 
 static inline int remove_file(void **state)

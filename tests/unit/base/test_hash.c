@@ -10,6 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../files.h"
 #include "base/hash.h"
 
 /* `piece` bytes at a time. */
@@ -55,12 +56,11 @@ static void what_xxh128sum_prints(void **state)
 static void files(void **state)
 {
     (void)state;
-    char path[] = "/tmp/rx-hash-XXXXXX", digest[RX_HASH_TEXT];
-    int there = 1, file = mkstemp(path);
+    char path[512], digest[RX_HASH_TEXT];
+    int there = 1;
     char *text = long_text();
-    assert_true(file >= 0);
-    assert_int_equal(write(file, text, LONG), LONG);
-    close(file);
+    new_file(path, "");
+    write_bytes(path, text, LONG);
     assert_int_equal(rx_hash_file(path, digest, &there, NULL), RX_OK);
     assert_int_equal(there, 1);
     assert_string_equal(digest, "c2b540b648a2100899ad9a8743a822b7");

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../scratch.h"
 #include "base/names.h"
 
 static void check_tag(const char *path, const char *tag, const char *expected)
@@ -86,13 +87,13 @@ static void check_real(const char *path, const char *folder, const char *name)
 static void names_of_one_file_are_one(void **state)
 {
     (void)state;
-    char here[] = "/tmp/rextract-names-XXXXXX", link[128], path[128], dangling[128];
-    assert_non_null(mkdtemp(here));
+    char here[512], link[600], path[1200], dangling[600];
+    new_folder(here);
     char *folder = realpath(here, NULL); /* /tmp may be a link */
     assert_non_null(folder);
     snprintf(link, sizeof link, "%s/link", here);
     assert_int_equal(symlink(".", link), 0);
-    snprintf(path, sizeof path, "%s/../%s/./link/new.cat", here, here + strlen("/tmp/"));
+    snprintf(path, sizeof path, "%s/../%s/./link/new.cat", here, strrchr(here, '/') + 1);
     check_real(path, folder, "/new.cat");
     snprintf(path, sizeof path, "%s/link/new.cat/", here);
     check_real(path, folder, "/new.cat");
@@ -113,8 +114,7 @@ static void names_of_one_file_are_one(void **state)
     check_real("absent.cat", cwd, "/absent.cat");
     free(cwd);
     free(folder);
-    unlink(link);
-    rmdir(here);
+    assert_int_equal(clear_folder(here), 1);
 }
 
 int main(void)

@@ -15,36 +15,11 @@
 
 #include <cmocka.h>
 
-#include "../files.h"
+#include "../scratch.h"
 #include "base/memory.h"
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
 #include "catalog/columns.h"
-
-enum { SCENE_PATH = 600 };
-
-/* A temporary folder, removed with all it holds by scene_remove(). */
-static inline void scene_folder(char dst[SCENE_PATH - 100])
-{
-    const char *base = getenv("TMPDIR");
-    snprintf(dst, SCENE_PATH - 100, "%s/rxcatXXXXXX", base != NULL && *base != '\0' ? base : "/tmp");
-    assert_non_null(mkdtemp(dst));
-}
-
-static inline void scene_remove(const char *folder)
-{
-    char command[SCENE_PATH + 20];
-    snprintf(command, sizeof command, "rm -rf '%s'", folder);
-    assert_int_equal(system(command), 0);
-}
-
-static inline void scene_file(char dst[SCENE_PATH], const char *folder, const char *name, const char *content)
-{
-    snprintf(dst, SCENE_PATH, "%s/%s", folder, name);
-    if (content == NULL)
-        return;
-    write_text(dst, content);
-}
 
 /* n sources whose numbers differ from row to row. */
 static inline rx_sources *scene_sources(int n)
@@ -93,15 +68,14 @@ static inline rx_tile scene_tile(void)
 }
 
 /* Table of a .param text. */
-static inline rx_table *scene_table(const char *folder, const char *param, const rx_sources *sources)
+static inline rx_table *scene_table(const char *param, const rx_sources *sources)
 {
-    char path[SCENE_PATH];
     rx_column_list *list = NULL;
     rx_table *table = NULL;
     const rx_tile tile = scene_tile();
     const rx_image image = rx_tile_image(&tile);
-    scene_file(path, folder, "scene.param", param);
-    assert_int_equal(rx_columns_read(path, NULL, &list, NULL), RX_OK);
+    write_text("scene.param", param);
+    assert_int_equal(rx_columns_read("scene.param", NULL, &list, NULL), RX_OK);
     assert_int_equal(rx_catalog_table(list, &image, sources, &table, NULL), RX_OK);
     rx_columns_free(list);
     return table;

@@ -9,12 +9,11 @@ static const char list_text[] = "# x y mag id\n"
                                 "13.25 25.50 21.0 3\n" /* on source 3 */
                                 "90 90 18 4\n";
 
-static rx_assoc *read_list(const char *folder, const char *text)
+static rx_assoc *read_list(const char *text)
 {
-    char path[SCENE_PATH];
     rx_assoc *list = NULL;
-    scene_file(path, folder, "sky.list", text);
-    assert_int_equal(rx_assoc_read(path, &list, NULL), RX_OK);
+    write_text("sky.list", text);
+    assert_int_equal(rx_assoc_read("sky.list", &list, NULL), RX_OK);
     return list;
 }
 
@@ -27,9 +26,7 @@ static rx_assoc_params params(rx_assoc_type type)
 /* VECTOR_ASSOC of the first source, of type `type`. */
 static void first_source(rx_assoc_type type, int number, double id, double mag)
 {
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
-    rx_assoc *list = read_list(folder, list_text);
+    rx_assoc *list = read_list(list_text);
     rx_sources *sources = scene_sources(3);
     rx_assoc_params par = params(type);
     assert_int_equal(rx_assoc_match(&par, list, NULL, NULL, sources, NULL), RX_OK);
@@ -43,7 +40,6 @@ static void first_source(rx_assoc_type type, int number, double id, double mag)
     assert_near(sources->list[2].vector_assoc[0], 3.0, 1e-12);
     rx_sources_free(sources);
     rx_assoc_free(list);
-    scene_remove(folder);
 }
 
 static void every_type_combines_its_way(void **state)
@@ -63,10 +59,8 @@ static void every_type_combines_its_way(void **state)
 static void selection_renumbers_everything(void **state)
 {
     (void)state;
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
     for (int matched = 0; matched < 2; matched++) {
-        rx_assoc *list = read_list(folder, list_text);
+        rx_assoc *list = read_list(list_text);
         rx_sources *sources = scene_sources(3);
         sources->width = 4, sources->height = 1;
         sources->segments = RX_NEW(int32_t, 4);
@@ -95,15 +89,12 @@ static void selection_renumbers_everything(void **state)
         rx_sources_free(sources);
         rx_assoc_free(list);
     }
-    scene_remove(folder);
 }
 
 static void all_columns_when_none_is_named(void **state)
 {
     (void)state;
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
-    rx_assoc *list = read_list(folder, list_text);
+    rx_assoc *list = read_list(list_text);
     rx_sources *sources = scene_sources(1);
     rx_assoc_params par = params(RX_ASSOC_NEAREST);
     par.ndata = 1, par.data[0] = 0;
@@ -116,16 +107,13 @@ static void all_columns_when_none_is_named(void **state)
     assert_near(sources->list[0].vector_assoc[0], 2, 0);
     rx_sources_free(sources);
     rx_assoc_free(list);
-    scene_remove(folder);
 }
 
 static void what_cannot_work_is_said(void **state)
 {
     (void)state;
-    char folder[SCENE_PATH - 100], path[SCENE_PATH];
     rx_error err = RX_ERROR_NONE;
-    scene_folder(folder);
-    rx_assoc *list = read_list(folder, list_text), *none = NULL;
+    rx_assoc *list = read_list(list_text), *none = NULL;
     rx_sources *sources = scene_sources(1);
     rx_assoc_params par = params(RX_ASSOC_NEAREST);
     par.y = 5;
@@ -135,13 +123,12 @@ static void what_cannot_work_is_said(void **state)
     par.world = true;
     assert_int_equal(rx_assoc_match(&par, list, NULL, NULL, sources, &err), RX_INPUT);
     assert_int_equal(rx_assoc_read("/nowhere/sky.list", &none, &err), RX_INPUT);
-    scene_file(path, folder, "bad.list", "1 2\n1 2 3\n");
-    assert_int_equal(rx_assoc_read(path, &none, &err), RX_INPUT);
+    write_text("bad.list", "1 2\n1 2 3\n");
+    assert_int_equal(rx_assoc_read("bad.list", &none, &err), RX_INPUT);
     assert_int_equal(err.line, 2);
     assert_null(none);
     rx_sources_free(sources);
     rx_assoc_free(list);
-    scene_remove(folder);
 }
 
 /* Words, and decimal commas, where a position should be: file, line and value are named. */
@@ -157,11 +144,9 @@ static void words_are_not_positions(void **state)
                  {"11,25 21,5\n12,25 22,5\n", "'25 21' in column col2", 2, 1},
                  {"1 11,25 21,5\n", "'1 11' in column col1", 2, 1},
                  {"11.25 21.5 M31\n", "'M31' in column col3", 3, 1}};
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
     for (size_t i = 0; i < sizeof lists / sizeof *lists; i++) {
         rx_error err = RX_ERROR_NONE;
-        rx_assoc *list = read_list(folder, lists[i].text);
+        rx_assoc *list = read_list(lists[i].text);
         const rx_assoc_params par = {.x = 1, .y = lists[i].y, .radius = 1};
         assert_int_equal(rx_assoc_check(&par, list, &err), RX_INPUT);
         if (strstr(err.text, lists[i].said) == NULL)
@@ -170,19 +155,16 @@ static void words_are_not_positions(void **state)
         assert_non_null(strstr(err.where, "sky.list"));
         rx_assoc_free(list);
     }
-    rx_assoc *named = read_list(folder, "M31 11.25 21.5\n"); /* words elsewhere do no harm */
+    rx_assoc *named = read_list("M31 11.25 21.5\n"); /* words elsewhere do no harm */
     const rx_assoc_params par = {.x = 2, .y = 3, .radius = 1};
     assert_int_equal(rx_assoc_check(&par, named, NULL), RX_OK);
     rx_assoc_free(named);
-    scene_remove(folder);
 }
 
 static void empty_lists_and_empty_catalogues(void **state)
 {
     (void)state;
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
-    rx_assoc *empty = read_list(folder, "# x y mag id\n"), *list = read_list(folder, list_text);
+    rx_assoc *empty = read_list("# x y mag id\n"), *list = read_list(list_text);
     rx_sources *sources = scene_sources(2), *nothing = scene_sources(0);
     rx_assoc_params par = params(RX_ASSOC_SUM);
     par.select = RX_ASSOC_MATCHED;
@@ -194,7 +176,6 @@ static void empty_lists_and_empty_catalogues(void **state)
     rx_sources_free(nothing);
     rx_assoc_free(list);
     rx_assoc_free(empty);
-    scene_remove(folder);
 }
 
 int main(void)
@@ -204,5 +185,5 @@ int main(void)
         cmocka_unit_test(all_columns_when_none_is_named), cmocka_unit_test(what_cannot_work_is_said),
         cmocka_unit_test(words_are_not_positions),        cmocka_unit_test(empty_lists_and_empty_catalogues),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }

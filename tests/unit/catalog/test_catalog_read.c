@@ -4,11 +4,8 @@
 
 static rx_status read_text(const char *text, int index, rx_table **table, rx_error *err)
 {
-    char folder[SCENE_PATH - 100], path[SCENE_PATH];
-    scene_folder(folder);
-    scene_file(path, folder, "reference", text);
-    rx_status status = rx_catalog_read(path, index, table, err);
-    scene_remove(folder);
+    write_text("reference", text);
+    rx_status status = rx_catalog_read("reference", index, table, err);
     return status;
 }
 
@@ -237,5 +234,5 @@ int main(void)
         cmocka_unit_test(what_is_no_catalogue),
         cmocka_unit_test(other_ways_to_fail),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }

@@ -48,26 +48,22 @@ static char *content(const char *path)
 
 /* Two extensions of three and two rows. */
 typedef struct scene {
-    char folder[SCENE_PATH - 100], path[SCENE_PATH];
     rx_table *tables[2];
 } scene;
 
 static void begin(scene *s, int first, int second)
 {
-    scene_folder(s->folder);
     for (int i = 0; i < 2; i++) {
         rx_sources *sources = scene_sources(i == 0 ? first : second);
-        s->tables[i] = scene_table(s->folder, param, sources);
+        s->tables[i] = scene_table(param, sources);
         rx_sources_free(sources);
     }
-    scene_file(s->path, s->folder, "out.cat", NULL);
 }
 
 static void end(scene *s)
 {
     rx_table_free(s->tables[0]);
     rx_table_free(s->tables[1]);
-    scene_remove(s->folder);
 }
 
 static void ascii_head_is_laid_out_as_sextractors(void **state)
@@ -75,8 +71,8 @@ static void ascii_head_is_laid_out_as_sextractors(void **state)
     (void)state;
     scene s;
     begin(&s, 1, 2);
-    assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, s.path, s.tables, 2, NULL), RX_OK);
-    char *text = content(s.path);
+    assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, "out.cat", s.tables, 2, NULL), RX_OK);
+    char *text = content("out.cat");
     const char *expected =
         "#   1 NUMBER                 Number of the source, from 1 in each extension            \n"
         "#   2 X_IMAGE                Barycentre, x                                              [pixel]\n"
@@ -107,8 +103,8 @@ static void ascii_is_the_same_without_head(void **state)
     (void)state;
     scene s;
     begin(&s, 2, 0);
-    assert_int_equal(write_all(RX_CATALOG_ASCII, s.path, s.tables, 1, NULL), RX_OK);
-    char *text = content(s.path);
+    assert_int_equal(write_all(RX_CATALOG_ASCII, "out.cat", s.tables, 1, NULL), RX_OK);
+    char *text = content("out.cat");
     assert_memory_equal(text, "         1     11.2500", 22);
     assert_null(strchr(text, '#'));
     free(text);
@@ -120,8 +116,8 @@ static void skycat_has_its_frame(void **state)
     (void)state;
     scene s;
     begin(&s, 2, 0);
-    assert_int_equal(write_all(RX_CATALOG_ASCII_SKYCAT, s.path, s.tables, 1, NULL), RX_OK);
-    char *text = content(s.path);
+    assert_int_equal(write_all(RX_CATALOG_ASCII_SKYCAT, "out.cat", s.tables, 1, NULL), RX_OK);
+    char *text = content("out.cat");
     assert_memory_equal(text, "QueryResult\n\n# Config", 21);
     assert_non_null(strstr(text, "\nid\tra\tdec\tmag\tFLUX_APER\tMAG_AUTO\tFLAGS\tVIGNET\n---"));
     assert_non_null(strstr(text, "\n         1 \t    11.2500 \t"));
@@ -161,11 +157,11 @@ static void what_is_written_reads_back(void **state)
     for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
         scene s;
         begin(&s, 3, 2);
-        assert_int_equal(write_all(types[i].type, s.path, s.tables, types[i].tables, NULL), RX_OK);
+        assert_int_equal(write_all(types[i].type, "out.cat", s.tables, types[i].tables, NULL), RX_OK);
         for (int k = 0; k < types[i].tables; k++) {
             rx_table *back = NULL;
             rx_error err = RX_ERROR_NONE;
-            assert_int_equal(rx_catalog_read(s.path, k, &back, &err), RX_OK);
+            assert_int_equal(rx_catalog_read("out.cat", k, &back, &err), RX_OK);
             same_numbers(s.tables[k], back, types[i].tolerance);
             rx_table_free(back);
         }
@@ -180,8 +176,8 @@ static void fits_keeps_the_record(void **state)
     begin(&s, 1, 0);
     rx_table *back = NULL;
     char value[80];
-    assert_int_equal(write_all(RX_CATALOG_FITS_1_0, s.path, s.tables, 1, NULL), RX_OK);
-    assert_int_equal(rx_catalog_read(s.path, 0, &back, NULL), RX_OK);
+    assert_int_equal(write_all(RX_CATALOG_FITS_1_0, "out.cat", s.tables, 1, NULL), RX_OK);
+    assert_int_equal(rx_catalog_read("out.cat", 0, &back, NULL), RX_OK);
     assert_true(rx_cards_text(back->cards, back->ncards, "RXVERS", value, sizeof value));
     assert_string_equal(value, "Rextract <&> \"test\"");
     assert_false(rx_cards_text(back->cards, back->ncards, "FILTER", value, sizeof value));
@@ -201,11 +197,11 @@ static void no_source_is_a_catalogue_too(void **state)
         scene s;
         struct stat info;
         begin(&s, 0, 0);
-        assert_int_equal(write_all((rx_catalog_type)type, s.path, s.tables, 1, NULL), RX_OK);
-        assert_int_equal(stat(s.path, &info), 0);
+        assert_int_equal(write_all((rx_catalog_type)type, "out.cat", s.tables, 1, NULL), RX_OK);
+        assert_int_equal(stat("out.cat", &info), 0);
         rx_table *back = NULL;
         if (type == RX_CATALOG_ASCII_HEAD || type == RX_CATALOG_VOTABLE) {
-            assert_int_equal(rx_catalog_read(s.path, 0, &back, NULL), RX_OK);
+            assert_int_equal(rx_catalog_read("out.cat", 0, &back, NULL), RX_OK);
             assert_int_equal(back->nrows, 0);
             assert_int_equal(back->ncolumns, 8);
         }
@@ -240,30 +236,26 @@ static void standard_output_takes_text_only(void **state)
 
 static void a_decimal_comma_changes_nothing(void **state)
 {
-    (void)state;
-    char folder[SCENE_PATH - 100], command[SCENE_PATH + 100];
+    char text_of[81];
     const char *found = setlocale(LC_ALL, "de_DE.UTF-8");
-    scene_folder(folder);
     if (found == NULL) { /* make one */
-        snprintf(command, sizeof command, "localedef -i de_DE -f UTF-8 '%s/de_DE.UTF-8' >/dev/null 2>&1",
-                 folder);
-        if (system(command) == 0 && setenv("LOCPATH", folder, 1) == 0)
+        if (system("localedef -i de_DE -f UTF-8 ./de_DE.UTF-8 >/dev/null 2>&1") == 0 &&
+            setenv("LOCPATH", ((scratch *)*state)->folder, 1) == 0)
             found = setlocale(LC_ALL, "de_DE.UTF-8");
     }
     if (found == NULL) {
-        scene_remove(folder);
         print_message("no locale with a decimal comma is installed or can be made\n");
         skip();
     }
-    snprintf(command, sizeof command, "%.1f", 1.5);
-    assert_string_equal(command, "1,5");
+    snprintf(text_of, sizeof text_of, "%.1f", 1.5);
+    assert_string_equal(text_of, "1,5");
     scene s;
     begin(&s, 1, 0);
     rx_table *back = NULL;
-    assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, s.path, s.tables, 1, NULL), RX_OK);
-    char *text = content(s.path);
+    assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, "out.cat", s.tables, 1, NULL), RX_OK);
+    char *text = content("out.cat");
     assert_non_null(strstr(text, "11.2500"));
-    assert_int_equal(rx_catalog_read(s.path, 0, &back, NULL), RX_OK);
+    assert_int_equal(rx_catalog_read("out.cat", 0, &back, NULL), RX_OK);
     assert_near(scene_value(back, "X_IMAGE", 0, 0), 11.25, 0);
     rx_table_free(back);
     free(text);
@@ -273,8 +265,8 @@ static void a_decimal_comma_changes_nothing(void **state)
     assert_int_equal(rx_pipeline_defaults(&params, NULL), RX_OK);
     assert_int_equal(rx_pipeline_set(&params, "DETECT_THRESH", "2.25", NULL), RX_OK);
     assert_near(params.detect.threshold, 2.25, 0);
-    snprintf(command, sizeof command, "%-80s", "GAIN    =                 1.25");
-    assert_true(rx_cards_number(command, 1, "GAIN", &value));
+    snprintf(text_of, sizeof text_of, "%-80s", "GAIN    =                 1.25");
+    assert_true(rx_cards_number(text_of, 1, "GAIN", &value));
     assert_near(value, 1.25, 0);
     rx_text card = {0};
     rx_card_number(&card, "GAIN", 1.25, "");
@@ -285,7 +277,6 @@ static void a_decimal_comma_changes_nothing(void **state)
     rx_record_free(&facts);
     setlocale(LC_ALL, "C");
     unsetenv("LOCPATH");
-    scene_remove(folder);
     end(&s);
 }
 
@@ -328,7 +319,6 @@ static void astropy_reads_all_columns(void **state)
         print_message("python3 is not installed\n");
         skip();
     }
-    char folder[SCENE_PATH - 100], path[SCENE_PATH], command[2 * SCENE_PATH];
     static const struct {
         rx_catalog_type type;
         const char *name;
@@ -339,7 +329,6 @@ static void astropy_reads_all_columns(void **state)
     rx_text names = {0};
     rx_table *tables[2];
     const rx_column_def *defs = rx_column_defs(&n);
-    scene_folder(folder);
     for (int i = 0; i < n; i++)
         rx_text_printf(&names, "%s%s\n", defs[i].name,
                        defs[i].naxis == 2                      ? "(3,2)"
@@ -348,7 +337,7 @@ static void astropy_reads_all_columns(void **state)
     for (int i = 0; i < 2; i++) {
         rx_sources *sources = scene_sources(3 - i);
         sources->list[0].fwhm = NAN;
-        tables[i] = scene_table(folder, names.data, sources);
+        tables[i] = scene_table(names.data, sources);
         rx_sources_free(sources);
     }
     rx_text facts = {0};
@@ -356,20 +345,14 @@ static void astropy_reads_all_columns(void **state)
     tables[0]->facts = facts.data;
     tables[0]->nfacts = 1;
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        scene_file(path, folder, files[i].name, NULL);
-        assert_int_equal(write_all(files[i].type, path, tables, 2, NULL), RX_OK);
+        assert_int_equal(write_all(files[i].type, files[i].name, tables, 2, NULL), RX_OK);
     }
-    scene_file(path, folder, "check.py", script);
-    snprintf(command, sizeof command, "/usr/bin/python3 '%s' '%s'", path, folder);
-    int status = system(command);
-    scene_file(path, folder, "all.vot", NULL);
-    snprintf(command, sizeof command, "! command -v xmllint >/dev/null || xmllint --noout --nonet '%s'",
-             path);
-    assert_int_equal(system(command), 0);
+    write_text("check.py", script);
+    int status = system("/usr/bin/python3 check.py .");
+    assert_int_equal(system("! command -v xmllint >/dev/null || xmllint --noout --nonet all.vot"), 0);
     rx_table_free(tables[0]);
     rx_table_free(tables[1]);
     rx_text_free(&names);
-    scene_remove(folder);
     if (WEXITSTATUS(status) == 77) {
         print_message("astropy is not installed\n");
         skip();
@@ -390,5 +373,5 @@ int main(void)
         cmocka_unit_test(a_decimal_comma_changes_nothing),
         cmocka_unit_test(astropy_reads_all_columns),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }

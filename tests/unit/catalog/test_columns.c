@@ -58,11 +58,8 @@ static void every_column_says_what_it_is(void **state)
 
 static rx_status read_param(const char *text, rx_log *log, rx_column_list **list, rx_error *err)
 {
-    char folder[SCENE_PATH - 100], path[SCENE_PATH];
-    scene_folder(folder);
-    scene_file(path, folder, "my.param", text);
-    rx_status status = rx_columns_read(path, log, list, err);
-    scene_remove(folder);
+    write_text("my.param", text);
+    rx_status status = rx_columns_read("my.param", log, list, err);
     return status;
 }
 
@@ -164,7 +161,7 @@ static void bad_param_files(void **state)
 static void default_columns_are_those_of_the_file(void **state)
 {
     (void)state;
-    char path[SCENE_PATH];
+    char path[1024];
     const char *root = getenv("srcdir");
     rx_column_list *built = NULL, *file = NULL;
     snprintf(path, sizeof path, "%s/config/default.param", root != NULL ? root : ".");
@@ -218,14 +215,11 @@ static void man_list_is_safe_roff(void **state)
 static void values_leave_in_catalogue_conventions(void **state)
 {
     (void)state;
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
     rx_sources *sources = scene_sources(2);
     sources->list[1].flux_auto = -3;
     sources->list[1].flags = RX_FLAG_CROWDED;
     sources->list[1].flux_isocor = 42;
     rx_table *t = scene_table(
-        folder,
         "NUMBER\nX_IMAGE\nY_IMAGE_DBL\nXMIN_IMAGE\nXPEAK_IMAGE\nMAG_AUTO\nMAGERR_AUTO\nFLUX_BEST\n"
         "THETA_IMAGE\nMU_MAX\nMU_THRESHOLD\nISOAREA_WORLD\nFWHM_WORLD\nIMAFLAGS_ISO\nMAG_APER(4)\n"
         "ELONGATION\nELLIPTICITY\nPOLAR_IMAGE\nCXX_WORLD\nA_WORLD\nTHETA_SKY\nVIGNET(3,3)\n",
@@ -260,15 +254,12 @@ static void values_leave_in_catalogue_conventions(void **state)
     assert_near(scene_value(t, "VIGNET", 0, 4), (float)-1e30, 0); /* none was measured */
     rx_table_free(t);
     rx_sources_free(sources);
-    scene_remove(folder);
 }
 
 /* A source of an SDSS frame as source-extractor 2.25 has it; the matrix is the frame's CD matrix. */
 static void world_shapes_as_in_sextractor(void **state)
 {
     (void)state;
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
     rx_sources *sources = scene_sources(1);
     rx_source *s = &sources->list[0];
     s->x2 = 6.8081199830e-01, s->y2 = 4.9320764884e-01, s->xy = -2.7193280914e-03;
@@ -277,8 +268,7 @@ static void world_shapes_as_in_sextractor(void **state)
     const double matrix[4] = {-5.38649993335e-08, 0.000109953068982, 0.000109986838864, 6.39997095994e-09};
     memcpy(s->world_matrix, matrix, sizeof matrix);
     rx_table *t =
-        scene_table(folder,
-                    "A_WORLD\nB_WORLD\nTHETA_WORLD\nTHETA_SKY\nERRA_IMAGE\nERRB_IMAGE\nERRTHETA_IMAGE\n"
+        scene_table("A_WORLD\nB_WORLD\nTHETA_WORLD\nTHETA_SKY\nERRA_IMAGE\nERRB_IMAGE\nERRTHETA_IMAGE\n"
                     "ERRA_WORLD\nERRTHETA_SKY\nERRCXX_IMAGE\nERRCXY_IMAGE\nX2_WORLD\nXY_WORLD\nPOLAR_WORLD\n"
                     "THETAWIN_WORLD\nTHETAWIN_SKY\nAWIN_WORLD\nBWIN_WORLD\nPOLARWIN_IMAGE\n",
                     sources);
@@ -301,28 +291,24 @@ static void world_shapes_as_in_sextractor(void **state)
         assert_near(scene_value(t, expected[i].name, 0, 0), expected[i].value, expected[i].tolerance);
     rx_table_free(t);
     rx_sources_free(sources);
-    scene_remove(folder);
 }
 
 static void vignets_are_cut_around_their_centre(void **state)
 {
     (void)state;
-    char folder[SCENE_PATH - 100];
-    scene_folder(folder);
     rx_sources *sources = scene_sources(2);
     sources->vignet_width = 5, sources->vignet_height = 3;
     sources->vignets = RX_NEW(float, 2 * 15);
     assert_non_null(sources->vignets);
     for (int i = 0; i < 30; i++)
         sources->vignets[i] = (float)i;
-    rx_table *t = scene_table(folder, "VIGNET(3,5)\n", sources);
+    rx_table *t = scene_table("VIGNET(3,5)\n", sources);
     assert_int_equal(t->columns[0].ndim, 2);
     assert_near(scene_value(t, "VIGNET", 0, 7), 7, 0);            /* the centre */
     assert_near(scene_value(t, "VIGNET", 1, 6), 21, 0);           /* left of it, second source */
     assert_near(scene_value(t, "VIGNET", 0, 1), (float)-1e30, 0); /* no such row was measured */
     rx_table_free(t);
     rx_sources_free(sources);
-    scene_remove(folder);
 }
 
 int main(void)
@@ -341,5 +327,5 @@ int main(void)
         cmocka_unit_test(world_shapes_as_in_sextractor),
         cmocka_unit_test(vignets_are_cut_around_their_centre),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }

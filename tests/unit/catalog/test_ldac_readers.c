@@ -86,13 +86,12 @@ static rx_sources *stars(double shift)
     return all;
 }
 
-static void write_ldac(const char *folder, const char *name, const char *param, double shift)
+static void write_ldac(const char *name, const char *param, double shift)
 {
-    char path[SCENE_PATH];
     rx_text cards = {0}, facts = {0};
     rx_outputs *outputs = NULL;
     rx_sources *sources = stars(shift);
-    rx_table *table = scene_table(folder, param, sources);
+    rx_table *table = scene_table(param, sources);
     add_cards(&cards);
     table->cards = cards.data;
     table->ncards = (long)(cards.length / 80);
@@ -100,22 +99,21 @@ static void write_ldac(const char *folder, const char *name, const char *param, 
     rx_card_text(&facts, "RXGAIN", "2.5", "");
     table->facts = facts.data;
     table->nfacts = 2;
-    scene_file(path, folder, name, NULL);
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     const char *temporary = NULL;
-    assert_int_equal(rx_outputs_file(outputs, path, &temporary, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, name, &temporary, NULL), RX_OK);
     const rx_catalog catalog = {.type = RX_CATALOG_FITS_LDAC, .n = 1, .tables = &table};
-    assert_int_equal(rx_catalog_write(&catalog, path, temporary, NULL, NULL), RX_OK);
+    assert_int_equal(rx_catalog_write(&catalog, name, temporary, NULL, NULL), RX_OK);
     assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
     rx_outputs_free(outputs);
     rx_table_free(table);
     rx_sources_free(sources);
 }
 
-static int run(const char *folder, const char *command)
+static int run(const char *command)
 {
-    char line[2 * SCENE_PATH];
-    snprintf(line, sizeof line, "cd '%s' && %s >log 2>&1 || { cat log; false; }", folder, command);
+    char line[2000];
+    snprintf(line, sizeof line, "%s >log 2>&1 || { cat log; false; }", command);
     return system(line);
 }
 
@@ -126,26 +124,22 @@ static void psfex_models_our_stars(void **state)
         print_message("psfex is not installed\n");
         skip();
     }
-    char folder[SCENE_PATH - 100], path[SCENE_PATH];
     rx_table *model = NULL;
     double fwhm = 0, used = 0;
-    scene_folder(folder);
-    write_ldac(folder, "stars.cat",
+    write_ldac("stars.cat",
                "VIGNET(35,35)\nX_IMAGE\nY_IMAGE\nFLUX_RADIUS\nSNR_WIN\nFLUX_APER(1)\nFLUXERR_APER(1)"
                "\nELONGATION\nFLAGS\n",
                0);
     assert_int_equal(
-        run(folder, "psfex stars.cat -c /dev/null -WRITE_XML N -CHECKPLOT_TYPE NONE -CHECKIMAGE_TYPE NONE "
-                    "-NTHREADS 1 -PSFVAR_DEGREES 1"),
+        run("psfex stars.cat -c /dev/null -WRITE_XML N -CHECKPLOT_TYPE NONE -CHECKIMAGE_TYPE NONE "
+            "-NTHREADS 1 -PSFVAR_DEGREES 1"),
         0);
-    scene_file(path, folder, "stars.psf", NULL);
-    assert_int_equal(rx_fits_read_table(path, 0, &model, NULL), RX_OK);
+    assert_int_equal(rx_fits_read_table("stars.psf", 0, &model, NULL), RX_OK);
     assert_true(rx_cards_number(model->cards, model->ncards, "PSF_FWHM", &fwhm));
     assert_true(rx_cards_number(model->cards, model->ncards, "ACCEPTED", &used));
     assert_near(fwhm, FWHM, 0.1);
     assert_true(used > 100);
     rx_table_free(model);
-    scene_remove(folder);
 }
 
 static void scamp_solves_our_field(void **state)
@@ -155,27 +149,23 @@ static void scamp_solves_our_field(void **state)
         print_message("scamp is not installed\n");
         skip();
     }
-    char folder[SCENE_PATH - 100], path[SCENE_PATH];
     char *head = NULL;
-    scene_folder(folder);
-    write_ldac(folder, "field.cat",
+    write_ldac("field.cat",
                "XWIN_IMAGE\nYWIN_IMAGE\nERRAWIN_IMAGE\nERRBWIN_IMAGE\nERRTHETAWIN_IMAGE\nFLUX_AUTO\nFLUXERR_"
                "AUTO\nFLAGS\n",
                2.5);
-    write_ldac(folder, "sky.cat",
+    write_ldac("sky.cat",
                "X_WORLD\nY_WORLD\nERRAWIN_WORLD\nERRBWIN_WORLD\nERRTHETAWIN_WORLD\nMAG_AUTO\nMAGERR_AUTO\n",
                0);
     assert_int_equal(
-        run(folder,
-            "scamp field.cat -c /dev/null -ASTREF_CATALOG FILE -ASTREFCAT_NAME sky.cat -ASTREFCENT_KEYS "
+        run("scamp field.cat -c /dev/null -ASTREF_CATALOG FILE -ASTREFCAT_NAME sky.cat -ASTREFCENT_KEYS "
             "X_WORLD,Y_WORLD -ASTREFERR_KEYS ERRAWIN_WORLD,ERRBWIN_WORLD,ERRTHETAWIN_WORLD -ASTREFMAG_KEY "
             "MAG_AUTO "
             "-ASTREFMAGERR_KEY MAGERR_AUTO -DISTORT_DEGREES 1 -SOLVE_PHOTOM N -CHECKPLOT_TYPE NONE "
             "-WRITE_XML N "
             "-NTHREADS 1 -PIXSCALE_MAXERR 1.1 -POSANGLE_MAXERR 1 -POSITION_MAXERR 0.2"),
         0);
-    scene_file(path, folder, "field.head", NULL);
-    assert_int_equal(rx_text_read_file(path, 1 << 20, &head, NULL, NULL), RX_OK);
+    assert_int_equal(rx_text_read_file("field.head", 1 << 20, &head, NULL, NULL), RX_OK);
     char *pixel = strstr(head, "CRPIX1"), *sky = strstr(head, "CRVAL1");
     assert_true(pixel != NULL);
     assert_true(sky != NULL);
@@ -184,7 +174,6 @@ static void scamp_solves_our_field(void **state)
     double at = x + (CRVAL[0] - alpha) * cos(CRVAL[1] / 57.29578) / -SCALE;
     assert_near(at, 0.5 * SIDE * STEP + 2.5, 0.1);
     free(head);
-    scene_remove(folder);
 }
 
 int main(void)
@@ -193,5 +182,5 @@ int main(void)
         cmocka_unit_test(psfex_models_our_stars),
         cmocka_unit_test(scamp_solves_our_field),
     };
-    return cmocka_run_group_tests(tests, NULL, NULL);
+    return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }

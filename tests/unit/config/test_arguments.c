@@ -151,7 +151,7 @@ static void bad_command_lines_say_why(void **state)
 /* Defaults, then default.sex or the file of -c, then the command line. */
 static void files_are_found_and_overridden(void **state)
 {
-    char path[1024], said[256] = "";
+    char said[256] = "";
     rx_error err;
     rx_arguments arguments;
     FILE *stream = tmpfile();
@@ -167,8 +167,8 @@ static void files_are_found_and_overridden(void **state)
     fclose(stream);
 
     log = quiet(stderr);
-    put(state, "default.sex", "DETECT_MINAREA 11\nSEED 2\n", path);
-    put(state, "other.sex", "DETECT_MINAREA 12\nVERBOSE_TYPE FULL\n", path);
+    put(state, "default.sex", "DETECT_MINAREA 11\nSEED 2\n");
+    put(state, "other.sex", "DETECT_MINAREA 12\nVERBOSE_TYPE FULL\n");
     assert_int_equal(read_line(state, "rextract a.fits -SEED 3", &arguments, &log, &err), RX_OK);
     assert_int_equal(config_of(&arguments)->detect_minarea, 11);
     assert_int_equal(config_of(&arguments)->seed, 3);
@@ -189,8 +189,7 @@ static void campaign_files_are_named_either_way(void **state)
         "rextract-validate -c a.conf -SEED 3",
         "rextract-validate -c absent.conf -c a.conf -SEED 3",
     };
-    char path[1024];
-    put(state, "a.conf", "SEED 2\nSIM.SEED 5\nVERBOSE_TYPE QUIET\n", path);
+    put(state, "a.conf", "SEED 2\nSIM.SEED 5\nVERBOSE_TYPE QUIET\n");
     for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
         rx_error err;
         rx_arguments arguments;
@@ -225,10 +224,9 @@ static void outputs_are_no_inputs(void **state)
         {"rextract-validate -STAGE.FLAG_IMAGE tile.fits -JOURNAL_NAME tile.fits",
          "JOURNAL_NAME tile.fits is also read"},
     };
-    char path[1024];
-    put(state, "tile.fits", "x", path);
-    put(state, "sim.conf", "VERBOSE_TYPE QUIET\n", path);
-    put(state, "a.1", "x", path);
+    put(state, "tile.fits", "x");
+    put(state, "sim.conf", "VERBOSE_TYPE QUIET\n");
+    put(state, "a.1", "x");
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         rx_error err;
         rx_arguments arguments;

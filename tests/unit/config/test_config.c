@@ -19,8 +19,7 @@ static rx_config *defaults(void)
 /* Read `text` as a file; the status, and what was said into err. */
 static rx_status read_text(void **state, rx_config *config, const char *text, rx_error *err)
 {
-    char path[1024];
-    put(state, "test.sex", text, path);
+    const char *path = put(state, "test.sex", text);
     *err = RX_ERROR_NONE;
     return rx_config_read(config, path, NULL, err);
 }
@@ -142,15 +141,14 @@ static void bad_lines_say_where_and_what(void **state)
 
 static void bad_files_are_usage_errors(void **state)
 {
-    char path[1024];
     rx_error err = RX_ERROR_NONE;
     rx_config *c = defaults();
-    snprintf(path, sizeof path, "%s/absent.sex", (char *)*state);
+    const char *path = in(state, "absent.sex");
     assert_int_equal(rx_config_read(c, path, NULL, &err), RX_USAGE);
     assert_int_equal(err.status, RX_USAGE);
     assert_string_equal(err.where, path);
     assert_int_equal(rx_config_read(c, *state, NULL, &err), RX_USAGE); /* a folder */
-    put(state, "empty.sex", "", path);
+    path = put(state, "empty.sex", "");
     assert_int_equal(rx_config_read(c, path, NULL, &err), RX_OK);
     rx_config_free(c);
 }
@@ -175,12 +173,11 @@ static void command_line_values_are_strict(void **state)
 /* Everything logged while the configuration of `text` is checked. */
 static void logged(void **state, const char *text, rx_status expected, char *dst, size_t size, rx_error *err)
 {
-    char path[1024];
     rx_log log;
     rx_config *c = defaults();
     FILE *stream = tmpfile();
     assert_non_null(stream);
-    put(state, "test.sex", text, path);
+    const char *path = put(state, "test.sex", text);
     *err = RX_ERROR_NONE;
     rx_log_init(&log, "t", stream, RX_NORMAL);
     if (rx_config_read(c, path, &log, err) != RX_OK)

@@ -12,8 +12,7 @@
 
 static rx_status read_text(void **state, const char *text, rx_kernel **dst, rx_error *err)
 {
-    char path[1024];
-    put(state, "test.conv", text, path);
+    const char *path = put(state, "test.conv", text);
     *err = RX_ERROR_NONE;
     *dst = NULL;
     return rx_kernel_read(path, dst, err);
@@ -68,7 +67,7 @@ static void too_large_and_absent(void **state)
 {
     rx_error err;
     rx_kernel *k = NULL;
-    char *text = malloc(8192), path[1024];
+    char *text = malloc(8192);
     assert_non_null(text);
     strcpy(text, "CONV NORM\n");
     for (int i = 0; i <= RX_KERNEL_SIDE; i++)
@@ -81,7 +80,7 @@ static void too_large_and_absent(void **state)
     assert_int_equal(read_text(state, text, &k, &err), RX_USAGE);
     assert_int_equal(err.line, RX_KERNEL_SIDE + 2);
     free(text);
-    snprintf(path, sizeof path, "%s/absent.conv", (char *)*state);
+    const char *path = in(state, "absent.conv");
     assert_int_equal(rx_kernel_read(path, &k, &err), RX_USAGE);
     assert_string_equal(err.where, path);
 }

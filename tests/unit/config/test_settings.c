@@ -21,8 +21,7 @@ static rx_campaign_config *campaign(void)
 /* Read `text` as a file of these settings. */
 static rx_status read_text(void **state, rx_settings *settings, const char *text, rx_error *err)
 {
-    char path[1024];
-    put(state, "test.conf", text, path);
+    const char *path = put(state, "test.conf", text);
     *err = RX_ERROR_NONE;
     return rx_settings_read(settings, path, NULL, err);
 }

@@ -20,14 +20,13 @@ static rx_settings *defaults(void)
 
 static void each_line_is_a_tile(void **state)
 {
-    char path[1024];
     rx_tiles *tiles = NULL;
-    put(state, "tiles.list",
-        "# a night\n\n"
-        "n1/a.fits.fz[1]  -DETECT_THRESH 3 # faint\n"
-        "\t\"n 1/b c.fits\",d.fits -CATALOG_NAME \"{tile} of {tile}.cat\" -PHOT_APERTURES 3,5\r\n"
-        "last.fits",
-        path);
+    const char *path =
+        put(state, "tiles.list",
+            "# a night\n\n"
+            "n1/a.fits.fz[1]  -DETECT_THRESH 3 # faint\n"
+            "\t\"n 1/b c.fits\",d.fits -CATALOG_NAME \"{tile} of {tile}.cat\" -PHOT_APERTURES 3,5\r\n"
+            "last.fits");
     assert_int_equal(rx_tiles_read(path, &tiles, NULL), RX_OK);
     assert_int_equal(tiles->n, 3);
     assert_int_equal(tiles->tile[1].line, 4);
@@ -53,11 +52,10 @@ static void each_line_is_a_tile(void **state)
 /* The list is refused with these words and this line, by reading or by the check. */
 static void check_refused(void **state, const char *text, const char *words, long line)
 {
-    char path[1024];
     rx_tiles *tiles = NULL;
     rx_error err = RX_ERROR_NONE;
     rx_settings *common = defaults();
-    put(state, "bad.list", text, path);
+    const char *path = put(state, "bad.list", text);
     rx_status status = rx_tiles_read(path, &tiles, &err);
     if (status == RX_OK)
         status = rx_tiles_check(tiles, common, NULL, &err);
@@ -106,10 +104,10 @@ static void files_of_tiles_are_kept_apart(void **state)
 
 static void the_same_tile_may_be_read_twice(void **state)
 {
-    char path[1024];
     rx_tiles *tiles = NULL;
     rx_settings *common = defaults();
-    put(state, "good.list", "a.fits -CATALOG_NAME 1.cat\na.fits -CATALOG_NAME 2.cat -SELF_CHECK Y\n", path);
+    const char *path =
+        put(state, "good.list", "a.fits -CATALOG_NAME 1.cat\na.fits -CATALOG_NAME 2.cat -SELF_CHECK Y\n");
     assert_int_equal(rx_tiles_read(path, &tiles, NULL), RX_OK);
     assert_int_equal(rx_tiles_check(tiles, common, NULL, NULL), RX_OK);
     rx_settings_free(common);
@@ -118,10 +116,9 @@ static void the_same_tile_may_be_read_twice(void **state)
 
 static void empty_and_missing_lists(void **state)
 {
-    char path[1024];
     rx_tiles *tiles = NULL;
     rx_error err = RX_ERROR_NONE;
-    put(state, "empty.list", "# nothing\n", path);
+    const char *path = put(state, "empty.list", "# nothing\n");
     assert_int_equal(rx_tiles_read(path, &tiles, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "lists no tile"));
     assert_null(tiles);

@@ -626,5 +626,5 @@ int main(void)
         cmocka_unit_test(test_cut_table),     cmocka_unit_test(test_unwritable),
         cmocka_unit_test(test_full_disk),     cmocka_unit_test(test_cards),
     };
-    return cmocka_run_group_tests_name("FITS files", tests, make_scratch, drop_scratch);
+    return cmocka_run_group_tests_name("FITS files", tests, make_scratch, remove_scratch);
 }

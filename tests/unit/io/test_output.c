@@ -40,7 +40,7 @@ static void test_commit(void **state)
     check_content(in(state, "a"), "new");
     check_content(in(state, "b"), "other");
     check_content(in(state, "report/page"), "page");
-    assert_int_equal(count_entries(in(state, "")), 3);
+    assert_int_equal(count_files(in(state, "")), 3);
 }
 
 static void test_abort(void **state)
@@ -48,7 +48,7 @@ static void test_abort(void **state)
     rx_outputs *outputs = NULL;
     const char *a = NULL, *folder = NULL;
     char inner[1000];
-    int before = count_entries(in(state, ""));
+    int before = count_files(in(state, ""));
     assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
     assert_int_equal(rx_outputs_file(outputs, in(state, "a"), &a, NULL), RX_OK);
     assert_int_equal(rx_outputs_folder(outputs, in(state, "fresh"), &folder, NULL), RX_OK);
@@ -58,7 +58,7 @@ static void test_abort(void **state)
     rx_outputs_free(outputs);
     check_content(in(state, "a"), "new"); /* of the test before */
     assert_int_equal(access(in(state, "fresh"), F_OK), -1);
-    assert_int_equal(count_entries(in(state, "")), before);
+    assert_int_equal(count_files(in(state, "")), before);
     rx_outputs_free(NULL);
 }
 
@@ -127,7 +127,7 @@ static void test_leftovers(void **state)
     rx_outputs *outputs = NULL;
     const char *temporary = NULL;
     char left[4][64];
-    const int before = count_entries(in(state, ""));
+    const int before = count_files(in(state, ""));
     const pid_t child = reserve_and_wait(state, "later.fits", "later");
     for (int i = 0; i < 4; i++)
         snprintf(left[i], sizeof left[i], ".later%s.rx-%ld.%s", i < 2 ? ".fits" : "", (long)child,
@@ -150,7 +150,7 @@ static void test_leftovers(void **state)
     }
     for (int i = 0; i < 5; i++)
         assert_int_equal(unlink(in(state, alike[i])), 0);
-    assert_int_equal(count_entries(in(state, "")), before);
+    assert_int_equal(count_files(in(state, "")), before);
 }
 
 /* A folder for what nobody shall see: that of a dead process goes when the next one is made, with all that is
@@ -159,7 +159,7 @@ static void test_claimed_folder(void **state)
 {
     int told[2];
     char name[400] = "", theirs[400], inner[1000];
-    const int before = count_entries(in(state, ""));
+    const int before = count_files(in(state, ""));
     snprintf(name, sizeof name, "%s", in(state, "work.tmp-XXXXXX"));
     write_text(in(state, "work.tmp-mine"), "mine");
     assert_int_equal(mkdir(in(state, "kept"), 0777), 0);
@@ -200,14 +200,14 @@ static void test_claimed_folder(void **state)
     assert_int_equal(unlink(in(state, "kept/file")), 0);
     assert_int_equal(rmdir(in(state, "kept")), 0);
     assert_int_equal(unlink(in(state, "work.tmp-mine")), 0);
-    assert_int_equal(count_entries(in(state, "")), before);
+    assert_int_equal(count_files(in(state, "")), before);
 }
 
 /* Two processes write the same output again and again: neither takes the other's temporary away, whatever the
  * moment, and nothing is left. */
 static void test_two_at_once(void **state)
 {
-    const int before = count_entries(in(state, ""));
+    const int before = count_files(in(state, ""));
     char path[400];
     int status = -1;
     snprintf(path, sizeof path, "%s", in(state, "shared"));
@@ -230,7 +230,7 @@ static void test_two_at_once(void **state)
     assert_int_equal(status, 0);
     check_content(path, "whole");
     assert_int_equal(unlink(path), 0);
-    assert_int_equal(count_entries(in(state, "")), before);
+    assert_int_equal(count_files(in(state, "")), before);
 }
 
 /* Where another has our number, the next one is taken. */
@@ -371,5 +371,5 @@ int main(void)
         cmocka_unit_test(test_refused),        cmocka_unit_test(test_links),
         cmocka_unit_test(test_devices),        cmocka_unit_test(test_failing_commit),
     };
-    return cmocka_run_group_tests_name("outputs", tests, make_scratch, drop_scratch);
+    return cmocka_run_group_tests_name("outputs", tests, make_scratch, remove_scratch);
 }

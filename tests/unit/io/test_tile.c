@@ -643,5 +643,5 @@ int main(void)
         cmocka_unit_test(test_illegal_keywords),
         cmocka_unit_test(test_real_files),
     };
-    return cmocka_run_group_tests_name("tiles", tests, make_scratch, drop_scratch);
+    return cmocka_run_group_tests_name("tiles", tests, make_scratch, remove_scratch);
 }

@@ -443,5 +443,5 @@ int main(void)
         cmocka_unit_test(test_hcompress_streams),
         cmocka_unit_test(test_huge_tiles),
     };
-    return cmocka_run_group_tests_name("damaged tiles", tests, make_scratch, drop_scratch);
+    return cmocka_run_group_tests_name("damaged tiles", tests, make_scratch, remove_scratch);
 }

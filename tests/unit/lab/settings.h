@@ -32,11 +32,10 @@ static inline rx_lab *open_lab(const rx_lab_kind *kind, const rx_campaign_config
 /* All units of a campaign on nthreads threads, with a journal of that name. */
 static inline rx_unit_values *run_units(void **scratch, const char *name, rx_lab *lab, int nthreads)
 {
-    char path[1024];
     rx_error err = RX_ERROR_NONE;
     rx_journal_facts facts = {0};
     rx_journal *journal = NULL;
-    path_in(scratch, name, path);
+    const char *path = in(scratch, name);
     assert_int_equal(rx_lab_facts(lab, &facts, &err), RX_OK);
     rx_unit_values *values = calloc((size_t)lab->nunits, sizeof *values);
     rx_unit_place *places = calloc((size_t)lab->nunits, sizeof *places);

@@ -5,7 +5,6 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <dirent.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,6 +12,7 @@
 #include <unistd.h>
 
 #include "../near.h"
+#include "../scratch.h"
 #include "base/text.h"
 #include "lab/findings.h"
 #include "made_results.h"
@@ -32,37 +32,6 @@ static const made_photometry stars = {2, 2, 7, 3, 30, 0.3};
 
 /* Files of a report. */
 enum { RESTORATION_FILES = 7, PHOTOMETRY_FILES = 7 };
-
-static void make_folder(char folder[256])
-{
-    const char *base = getenv("TMPDIR");
-    snprintf(folder, 256, "%s/rextract-campaign-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
-    assert_non_null(mkdtemp(folder));
-}
-
-static int clear(const char *folder)
-{
-    int n = 0;
-    DIR *open = opendir(folder);
-    assert_non_null(open);
-    for (struct dirent *e; (e = readdir(open)) != NULL;)
-        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0) {
-            n++;
-            unlinkat(dirfd(open), e->d_name, 0);
-        }
-    closedir(open);
-    assert_int_equal(rmdir(folder), 0);
-    return n;
-}
-
-static char *slurp(const char *folder, const char *name)
-{
-    char path[512];
-    char *data = NULL;
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    assert_int_equal(rx_text_read_file(path, 1 << 26, &data, NULL, NULL), RX_OK);
-    return data;
-}
 
 /* python3 that has scipy, run on a script of this folder; 0 and a line when there is none. */
 static int python(const char *script, const char *folder)
@@ -109,13 +78,13 @@ static rx_claim_state claim_state(rx_lab *lab, rx_claim_id claim)
 
 static void restoration_agrees_with_scipy(void **state)
 {
-    char folder[256];
+    char folder[512];
     (void)state;
     rx_lab *r = make_restoration(&(made_restoration){1, 1, -1, 24, 7, 5});
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     python("check_restoration.py", folder);
-    assert_int_equal(clear(folder), RESTORATION_FILES);
+    assert_int_equal(clear_folder(folder), RESTORATION_FILES);
     rx_lab_close(r);
 }
 
@@ -285,7 +254,7 @@ static void words_follow_the_numbers(void **state)
 /* With one bin nothing is adjusted: p stands in the page twice side by side. */
 static void adjusted_p_is_shown(void **state)
 {
-    char folder[256];
+    char folder[512];
     rx_text cells = {0};
     (void)state;
     rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0});
@@ -293,13 +262,13 @@ static void adjusted_p_is_shown(void **state)
     const rx_test *paired = &rx_contest_of(m, 0, 0, RX_BY_PAIRED, 0)->test;
     for (int i = 0; i < 2; i++)
         rx_page_cell_p(&cells, paired->p, paired->ln_p);
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     char *page = slurp(folder, "report.html");
     assert_non_null(strstr(page, cells.data));
     free(page);
     rx_text_free(&cells);
-    assert_int_equal(clear(folder), RESTORATION_FILES);
+    assert_int_equal(clear_folder(folder), RESTORATION_FILES);
     rx_store_free(m);
     rx_lab_close(r);
 }
@@ -307,7 +276,7 @@ static void adjusted_p_is_shown(void **state)
 /* p and Holm's p below the smallest double: the logarithm of the latter is that of p times the number of tests. */
 static void logarithm_of_a_vanished_holm(void **state)
 {
-    char folder[256];
+    char folder[512];
     double ln = NAN;
     (void)state;
     rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 24, 4, 0});
@@ -318,7 +287,7 @@ static void logarithm_of_a_vanished_holm(void **state)
     const rx_contest *contest = rx_contest_of(m, 0, 0, RX_BY_PAIRED, 0);
     assert_near(contest->holm, 0, 0);
     assert_true(isfinite(contest->test.ln_p));
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     char *json = slurp(folder, "summary.json");
     const char *at = strstr(json, "\"ln_holm\": ");
@@ -328,17 +297,17 @@ static void logarithm_of_a_vanished_holm(void **state)
     free(json);
     rx_store_free(m);
     rx_lab_close(r);
-    assert_int_equal(clear(folder), RESTORATION_FILES);
+    assert_int_equal(clear_folder(folder), RESTORATION_FILES);
 }
 
 /* Where tuning took an end of what was tried, page, summary and terminal say so. */
 static void ends_of_tuning_are_told(void **state)
 {
-    char folder[256];
+    char folder[512];
     rx_text brief = {0};
     (void)state;
     rx_lab *r = make_restoration(&(made_restoration){0, 0, 0, 24, 1, 0});
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
     char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
     assert_non_null(strstr(page, "so ours are RL against SMOOTHED."));
@@ -351,7 +320,7 @@ static void ends_of_tuning_are_told(void **state)
     free(page);
     free(json);
     rx_text_free(&brief);
-    assert_int_equal(clear(folder), RESTORATION_FILES);
+    assert_int_equal(clear_folder(folder), RESTORATION_FILES);
     rx_lab_close(r);
 }
 
@@ -368,13 +337,13 @@ static void odd_restoration_results(void **state)
             made_score(r, 0, 0, 0)[RX_SCORE_PSNR] = INFINITY;
             made_score(r, 0, 0, 1)[RX_SCORE_SSIM] = NAN;
         }
-        make_folder(folder);
+        new_folder(folder);
         assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
         char *json = slurp(folder, "summary.json");
         assert_null(strstr(json, "inf"));
         assert_null(strstr(json, ": nan"));
         free(json);
-        assert_int_equal(clear(folder), RESTORATION_FILES);
+        assert_int_equal(clear_folder(folder), RESTORATION_FILES);
         rx_lab_close(r);
     }
 }
@@ -396,7 +365,7 @@ static void set_star(double *v, double score, double ratio, double pull)
 
 static void write_raw(const rx_lab *r, const char *folder)
 {
-    char path[300];
+    char path[600];
     snprintf(path, sizeof path, "%s/raw.csv", folder);
     FILE *out = fopen(path, "w");
     assert_non_null(out);
@@ -420,14 +389,14 @@ static void write_raw(const rx_lab *r, const char *folder)
 
 static void photometry_agrees_with_scipy(void **state)
 {
-    char folder[256];
+    char folder[512];
     (void)state;
     rx_lab *r = make_photometry(&(made_photometry){3, 2, 6, 4, 25, 0.3});
-    make_folder(folder);
+    new_folder(folder);
     write_raw(r, folder);
     assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     python("check_photometry.py", folder);
-    assert_int_equal(clear(folder), PHOTOMETRY_FILES + 1);
+    assert_int_equal(clear_folder(folder), PHOTOMETRY_FILES + 1);
     rx_lab_close(r);
 }
 
@@ -545,11 +514,11 @@ static void odd_photometry_results(void **state)
         {1, 1, 1, 1, 1, 0}, {2, 1, 0, 1, 1, 0}, {2, 1, 2, 1, 0, 0}, {2, 0, 0, 1, 1, 0}};
     (void)state;
     for (size_t k = 0; k < sizeof odd / sizeof *odd; k++) {
-        char folder[256];
+        char folder[512];
         rx_lab *r = make_photometry(&odd[k]);
         for (int s = 0; s < r->nconditions * r->nscenes; s++)
             r->set[s].table[RX_PHOTOMETRY_FALSE].n = 0;
-        make_folder(folder);
+        new_folder(folder);
         rx_text brief = {0};
         assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, &brief), NULL), RX_OK);
         char *json = slurp(folder, "summary.json");
@@ -557,7 +526,7 @@ static void odd_photometry_results(void **state)
         assert_null(strstr(json, "nan,"));
         free(json);
         rx_text_free(&brief);
-        assert_int_equal(clear(folder), PHOTOMETRY_FILES);
+        assert_int_equal(clear_folder(folder), PHOTOMETRY_FILES);
         rx_lab_close(r);
     }
 }
@@ -604,21 +573,21 @@ static void check_tables(const char *folder, const char *files)
 
 static void pages_are_sound(void **state)
 {
-    char folder[256];
+    char folder[512];
     (void)state;
     rx_lab *r = make_restoration(&small);
     rx_lab *p = make_photometry(&stars);
     snprintf(p->sky[0].about, sizeof p->sky[0].about, "%s", HOSTILE);
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_lab_report(r, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     check_page(folder);
     check_tables(folder, "bins cells boxes contests scenes");
-    assert_int_equal(clear(folder), RESTORATION_FILES);
-    make_folder(folder);
+    assert_int_equal(clear_folder(folder), RESTORATION_FILES);
+    new_folder(folder);
     assert_int_equal(rx_lab_report(p, OUTPUT(&plain, folder, NULL), NULL), RX_OK);
     check_page(folder);
     check_tables(folder, "sets cells contests cuts curves");
-    assert_int_equal(clear(folder), PHOTOMETRY_FILES);
+    assert_int_equal(clear_folder(folder), PHOTOMETRY_FILES);
     rx_lab_close(r);
     rx_lab_close(p);
 }
@@ -627,14 +596,14 @@ static void same_results_same_bytes(void **state)
 {
     static const char *const files[] = {"report.html", "summary.json", "cells.ecsv", "contests.ecsv",
                                         "scenes.ecsv"};
-    char folder[2][256];
+    char folder[2][512];
     rx_campaign_record drawn = plain;
     (void)state;
     drawn.figures = 1;
     rx_lab *r = make_restoration(&small);
     for (int i = 0; i < 2; i++) {
         rx_text brief = {0};
-        make_folder(folder[i]);
+        new_folder(folder[i]);
         assert_int_equal(rx_lab_report(r, OUTPUT(&drawn, folder[i], &brief), NULL), RX_OK);
         assert_non_null(strstr(brief.data, "RL_FLAT"));
         assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against SMOOTHED: "));
@@ -652,20 +621,20 @@ static void same_results_same_bytes(void **state)
         free(a);
         free(b);
     }
-    assert_int_equal(clear(folder[0]), RESTORATION_FILES);
-    assert_int_equal(clear(folder[1]), RESTORATION_FILES);
+    assert_int_equal(clear_folder(folder[0]), RESTORATION_FILES);
+    assert_int_equal(clear_folder(folder[1]), RESTORATION_FILES);
     rx_lab_close(r);
 }
 
 static void photometry_has_figures(void **state)
 {
-    char folder[256];
+    char folder[512];
     rx_campaign_record drawn = plain;
     (void)state;
     drawn.figures = 1;
     rx_lab *p = make_photometry(&stars);
     star_of(p, 1, 0, 0, 0)[RX_STAR_RATIO] = 0; /* no magnitude */
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_lab_report(p, OUTPUT(&drawn, folder, NULL), NULL), RX_OK);
     char *page = slurp(folder, "report.html");
     if (system("gnuplot --version >/dev/null 2>&1") == 0) {
@@ -675,7 +644,7 @@ static void photometry_has_figures(void **state)
         print_message("gnuplot is absent: figures not looked at\n");
     }
     free(page);
-    assert_int_equal(clear(folder), PHOTOMETRY_FILES);
+    assert_int_equal(clear_folder(folder), PHOTOMETRY_FILES);
     rx_lab_close(p);
 }
 

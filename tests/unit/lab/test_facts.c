@@ -51,9 +51,9 @@ static void what_decides_results(void **state)
 /* A tile of another name is the same campaign, one of other content is not. */
 static void files_count_by_content(void **state)
 {
-    char one[1024], two[1024], named[1100];
-    path_in(state, "one", one);
-    path_in(state, "two", two);
+    char named[1100];
+    const char *one = in(state, "one");
+    const char *two = in(state, "two");
     write_bytes(one, "abc", 3);
     write_bytes(two, "abc", 3);
     const char *const first[] = {"TILE_NAME", one, NULL}, *const second[] = {"TILE_NAME", two, NULL};

@@ -87,11 +87,10 @@ static char *three_units(const char *path, size_t *size)
 
 static void numbers_read_back_exactly(void **state)
 {
-    char path[1024];
     rx_unit_values *values;
     rx_journal *journal;
     double v[NEXACT];
-    path_in(state, "exact", path);
+    const char *path = in(state, "exact");
     memcpy(v, EXACT, sizeof v);
     assert_int_equal(begin(path, "1", &values, &journal, NULL), RX_OK);
     assert_int_equal(rx_journal_append(journal, 2, &(rx_unit_values){NEXACT, v}, NULL), RX_OK);
@@ -113,9 +112,8 @@ static void numbers_read_back_exactly(void **state)
 /* Cut at every byte: every whole line counts, no other, and the journal goes on from there. */
 static void cut_anywhere(void **state)
 {
-    char path[1024];
     size_t size, lines[4];
-    path_in(state, "cut", path);
+    const char *path = in(state, "cut");
     char *data = three_units(path, &size);
     int n = 0;
     for (size_t i = 0; i < size; i++)
@@ -154,9 +152,8 @@ static void cut_anywhere(void **state)
  * that names it. */
 static void damage_is_seen(void **state)
 {
-    char path[1024];
     size_t size, begin_of[4];
-    path_in(state, "damage", path);
+    const char *path = in(state, "damage");
     char *data = three_units(path, &size);
     int n = 0;
     for (size_t i = 0; i < size; i++)
@@ -189,11 +186,10 @@ static void damage_is_seen(void **state)
 /* What a power failure leaves: blocks that were never written. */
 static void zeros_at_the_end_are_cut_off(void **state)
 {
-    char path[1024];
     size_t size, left;
     rx_unit_values *values;
     rx_journal *journal;
-    path_in(state, "zeros", path);
+    const char *path = in(state, "zeros");
     char *data = three_units(path, &size);
     char *longer = calloc(size + 5000, 1);
     assert_non_null(longer);
@@ -211,12 +207,11 @@ static void zeros_at_the_end_are_cut_off(void **state)
 
 static void other_settings_are_named(void **state)
 {
-    char path[1024];
     size_t size, left;
     rx_unit_values *values;
     rx_journal *journal;
     rx_error err = RX_ERROR_NONE;
-    path_in(state, "settings", path);
+    const char *path = in(state, "settings");
     char *data = three_units(path, &size);
     assert_int_equal(begin(path, "22", &values, &journal, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "SEED 1, now it is 22"));
@@ -241,12 +236,11 @@ static void other_settings_are_named(void **state)
 static void foreign_files_are_left_alone(void **state)
 {
     static const char letter[] = "rextract is a program\nthat I wrote a letter about\n";
-    char path[1024];
     size_t size;
     rx_unit_values *values;
     rx_journal *journal;
     rx_error err = RX_ERROR_NONE;
-    path_in(state, "letter", path);
+    const char *path = in(state, "letter");
     write_bytes(path, letter, sizeof letter - 1);
     assert_int_equal(begin(path, "1", &values, &journal, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "no journal"));
@@ -256,7 +250,7 @@ static void foreign_files_are_left_alone(void **state)
     free(data);
     assert_int_equal(begin(*state, "1", &values, &journal, &err), RX_SYSTEM); /* a folder */
     end(values, journal);
-    path_in(state, "none/journal", path);
+    path = in(state, "none/journal");
     assert_int_equal(begin(path, "1", &values, &journal, &err), RX_SYSTEM);
     end(values, journal);
 }
@@ -264,12 +258,11 @@ static void foreign_files_are_left_alone(void **state)
 /* Lines of another campaign, pasted in, are none of ours. */
 static void lines_belong_to_their_header(void **state)
 {
-    char path[1024], other[1024];
     size_t size, other_size;
     rx_unit_values *values;
     rx_journal *journal;
-    path_in(state, "mine", path);
-    path_in(state, "theirs", other);
+    const char *path = in(state, "mine");
+    const char *other = in(state, "theirs");
     char *data = three_units(path, &size);
     assert_int_equal(begin(other, "2", &values, &journal, NULL), RX_OK);
     append(journal, 1);
@@ -291,11 +284,10 @@ static void lines_belong_to_their_header(void **state)
 
 static void one_process_at_a_time(void **state)
 {
-    char path[1024];
     rx_unit_values *values, *more;
     rx_journal *journal, *second;
     rx_error err = RX_ERROR_NONE;
-    path_in(state, "locked", path);
+    const char *path = in(state, "locked");
     assert_int_equal(begin(path, "1", &values, &journal, NULL), RX_OK);
     assert_int_equal(begin(path, "1", &more, &second, &err), RX_SYSTEM);
     assert_non_null(strstr(err.text, "in use"));
@@ -309,17 +301,16 @@ static void one_process_at_a_time(void **state)
 
 static void reading_changes_nothing(void **state)
 {
-    char path[1024];
     size_t size, left;
     int found = 1;
     rx_error err = RX_ERROR_NONE;
     rx_journal_facts facts = {0};
     rx_unit_values *values = calloc(UNITS, sizeof *values);
     make_facts(&facts, "1");
-    path_in(state, "absent", path);
+    const char *path = in(state, "absent");
     assert_int_equal(rx_journal_read(path, &facts, UNITS, values, &found, NULL), RX_OK);
     assert_false(found);
-    path_in(state, "read", path);
+    path = in(state, "read");
     char *data = three_units(path, &size);
     write_bytes(path, data, size - 3); /* the last line is torn */
     assert_int_equal(rx_journal_read(path, &facts, UNITS, values, &found, NULL), RX_OK);

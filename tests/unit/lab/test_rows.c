@@ -86,12 +86,11 @@ static void units_of_other_tables_are_refused(void **state)
 static void journals_hold_the_names(void **state)
 {
     static const rx_lab_schema other = {"thing", 1, 0, THINGS, NULL, 0};
-    char path[1024];
     size_t size;
     rx_unit_values values[1] = {{0}};
     rx_journal *journal = NULL;
     rx_error err = RX_ERROR_NONE;
-    path_in(state, "names", path);
+    const char *path = in(state, "names");
     for (int k = 0; k < 2; k++) {
         rx_journal_facts facts = {0};
         rx_lab_schema_fact(k == 0 ? &SCHEMAS[THING] : &other, &facts);

@@ -82,10 +82,10 @@ static void check_all(const rx_unit_values *values)
 static void threads_do_not_matter(void **state)
 {
     for (int nthreads = 1; nthreads <= 3; nthreads++) {
-        char path[1024], name[32];
+        char name[32];
         rx_unit_values *values;
         snprintf(name, sizeof name, "threads%d", nthreads);
-        path_in(state, name, path);
+        const char *path = in(state, name);
         assert_int_equal(run(path, 1, 1, nthreads, -1, &values, NULL), RX_OK);
         check_all(values);
         rx_unit_values_free(UNITS, values);
@@ -95,13 +95,12 @@ static void threads_do_not_matter(void **state)
 /* A unit that fails ends the run with its error; what was done is kept, and the next run does the rest. */
 static void failures_keep_what_is_done(void **state)
 {
-    char path[1024];
     rx_unit_values *values;
     rx_unit_place places[UNITS];
     rx_error err = RX_ERROR_NONE;
     long missing = 0, all = 0;
     make_places(places);
-    path_in(state, "fails", path);
+    const char *path = in(state, "fails");
     assert_int_equal(run(path, 1, 1, 1, 3 * PER_GROUP, &values, &err), RX_INPUT);
     assert_string_equal(err.text, "unit 15 cannot be done");
     rx_units_count(&(rx_unit_work){.n = UNITS, .place = places, .k = 1, .n_shards = 1}, values, &missing,
@@ -146,12 +145,11 @@ static void shards_share_the_groups(void **state)
         }
         assert_int_equal(sum, UNITS);
     }
-    char path[1024];
     rx_unit_values *values, *whole = calloc(UNITS, sizeof *whole);
     for (int k = 1; k <= 3; k++) {
         char name[32];
         snprintf(name, sizeof name, "shard.%d", k);
-        path_in(state, name, path);
+        const char *path = in(state, name);
         assert_int_equal(run(path, k, 3, 2, -1, &values, NULL), RX_OK);
         for (long u = 0; u < UNITS; u++) {
             if (values[u].v == NULL)

@@ -11,31 +11,23 @@
 
 #include <cmocka.h>
 
+#include "../files.h"
 #include "../near.h"
 #include "measure/starclass.h"
 
-static char path[64];
-
-static void write_file(const char *text)
-{
-    snprintf(path, sizeof path, "/tmp/rx-nnw-XXXXXX");
-    int fd = mkstemp(path);
-    assert_true(fd >= 0);
-    assert_int_equal(write(fd, text, strlen(text)), (long)strlen(text));
-    close(fd);
-}
+static char path[512];
 
 static void evaluates_by_hand(void **state)
 {
     (void)state;
-    write_file("NNW\n# a comment 1 2 3\n3 10 2 1\n"
-               "0 0 0 0 0 0 0 0 0 0.5\n"
-               "1 1 1 1 1 1 1 1 1 2\n"
-               "# first layer: the area and the seeing\n"
-               "1 0 0 0 0 0 0 0 0 0 0.25\n"
-               "0 0 0 0 0 0 0 0 0 1 -1\n"
-               "2 -3 0.5\n"
-               "0.1\n0.8\n");
+    new_file(path, "NNW\n# a comment 1 2 3\n3 10 2 1\n"
+                   "0 0 0 0 0 0 0 0 0 0.5\n"
+                   "1 1 1 1 1 1 1 1 1 2\n"
+                   "# first layer: the area and the seeing\n"
+                   "1 0 0 0 0 0 0 0 0 0 0.25\n"
+                   "0 0 0 0 0 0 0 0 0 1 -1\n"
+                   "2 -3 0.5\n"
+                   "0.1\n0.8\n");
     rx_starclass *net = NULL;
     assert_int_equal(rx_starclass_read(path, &net, NULL), RX_OK);
     rx_source s = {.peak = 100.0};
@@ -60,7 +52,7 @@ static void weighs_areas_and_peak(void **state)
     for (int i = 0; i < 10; i++)
         length += snprintf(text + length, sizeof text - (size_t)length, "%g ", weight[i]);
     snprintf(text + length, sizeof text - (size_t)length, "0.05\n0\n1\n");
-    write_file(text);
+    new_file(path, text);
     rx_starclass *net = NULL;
     assert_int_equal(rx_starclass_read(path, &net, NULL), RX_OK);
     rx_source s = {.peak = 100.0, .iso = {61, 50, 37, 29, 17, 11, 5, 0}};
@@ -87,7 +79,7 @@ static void refuses_what_is_no_network(void **state)
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         rx_starclass *net = NULL;
         rx_error err = RX_ERROR_NONE;
-        write_file(bad[i]);
+        new_file(path, bad[i]);
         assert_int_equal(rx_starclass_read(path, &net, &err), RX_USAGE);
         assert_null(net);
         assert_string_equal(err.where, path);

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include "../detect/field.h"
+#include "../files.h"
 #include "../near.h"
 #include "measure/aperture.h"
 #include "measure/measure.h"
@@ -456,13 +457,9 @@ static void isophotal_numbers_are_sums_over_the_segment(void **state)
 static void class_star_takes_the_threshold_of_the_image(void **state)
 {
     (void)state;
-    char path[] = "/tmp/rx-nnw-XXXXXX";
-    const char *text = "NNW\n2 10 1\n0 0 0 0 0 0 0 0 0 0\n1 1 1 1 1 1 1 1 1 1\n"
-                       "0 1 0 0 0 0 0 0 0 0 0\n0\n1\n";
-    const int fd = mkstemp(path);
-    assert_true(fd >= 0);
-    assert_int_equal(write(fd, text, strlen(text)), (long)strlen(text));
-    close(fd);
+    char path[512];
+    new_file(path, "NNW\n2 10 1\n0 0 0 0 0 0 0 0 0 0\n1 1 1 1 1 1 1 1 1 1\n"
+                   "0 1 0 0 0 0 0 0 0 0 0\n0\n1\n");
     scene t;
     open_scene(&t);
     t.par.seeing_fwhm = 3.0;

@@ -13,8 +13,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "../files.h"
 #include "../near.h"
+#include "../scratch.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "io/fits_read.h"
@@ -25,34 +25,6 @@
 #include "num/stats.h"
 
 enum { FLIPS = 500, CUTS = 100, ODD = 300 };
-
-typedef struct scratch {
-    char folder[512], path[600];
-} scratch;
-
-static int make_scratch(void **state)
-{
-    const char *base = getenv("TMPDIR");
-    scratch *s = calloc(1, sizeof *s);
-    if (s == NULL)
-        return -1;
-    snprintf(s->folder, sizeof s->folder, "%.400s/rx-model-XXXXXX",
-             base != NULL && base[0] != '\0' ? base : "/tmp");
-    *state = s;
-    if (mkdtemp(s->folder) == NULL)
-        return -1;
-    snprintf(s->path, sizeof s->path, "%s/m.fits", s->folder);
-    return 0;
-}
-
-static int drop_scratch(void **state)
-{
-    scratch *s = *state;
-    unlink(s->path);
-    rmdir(s->folder);
-    free(s);
-    return 0;
-}
 
 /* Two bins of FWHM and three of noise, the paper's ranges. */
 static rx_model *make_model(int with_psf)
@@ -98,11 +70,10 @@ static rx_model *make_model(int with_psf)
     return model;
 }
 
-static void write_to(void **state, const rx_model *model)
+static void write_to(const rx_model *model)
 {
-    const scratch *s = *state;
-    unlink(s->path);
-    assert_int_equal(rx_model_write(model, s->path, "m.fits", NULL), RX_OK);
+    unlink("m.fits");
+    assert_int_equal(rx_model_write(model, "m.fits", "m.fits", NULL), RX_OK);
 }
 
 static void same_net(const rx_net *a, const rx_net *b)
@@ -124,14 +95,14 @@ static void same_net(const rx_net *a, const rx_net *b)
 
 static void test_round_trip(void **state)
 {
-    const scratch *s = *state;
+    (void)state;
     for (int with_psf = 0; with_psf < 2; with_psf++) {
         rx_model *model = make_model(with_psf), *back = NULL;
         char digest[RX_MODEL_DIGEST];
         size_t n = 0, m = 0;
-        write_to(state, model);
-        char *first = file_bytes(s->path, &n);
-        assert_int_equal(rx_model_read(s->path, &back, NULL), RX_OK);
+        write_to(model);
+        char *first = file_bytes("m.fits", &n);
+        assert_int_equal(rx_model_read("m.fits", &back, NULL), RX_OK);
         same_net(model->restore, back->restore);
         assert_int_equal(back->psf != NULL, with_psf);
         if (with_psf)
@@ -162,8 +133,8 @@ static void test_round_trip(void **state)
         assert_true(back->seed == model->seed);
         rx_model_digest(model, digest);
         assert_string_equal(back->digest, digest);
-        write_to(state, back); /* same model, same bytes */
-        char *second = file_bytes(s->path, &m);
+        write_to(back); /* same model, same bytes */
+        char *second = file_bytes("m.fits", &m);
         assert_int_equal(n, m);
         assert_memory_equal(first, second, n);
         model->restore->params[3] = nextafterf(model->restore->params[3], 9);
@@ -179,15 +150,15 @@ static void test_round_trip(void **state)
 /* Neither dictionary nor provenance yet, as after the first epoch. */
 static void test_least_model(void **state)
 {
-    const scratch *s = *state;
+    (void)state;
     rx_model *model = make_model(0), *back = NULL;
     free(model->bins);
     free(model->provenance);
     model->bins = NULL;
     model->provenance = NULL;
     model->name[0] = '\0';
-    write_to(state, model);
-    assert_int_equal(rx_model_read(s->path, &back, NULL), RX_OK);
+    write_to(model);
+    assert_int_equal(rx_model_read("m.fits", &back, NULL), RX_OK);
     assert_null(back->bins);
     assert_null(back->provenance);
     char outside[100];
@@ -200,27 +171,25 @@ static void test_least_model(void **state)
 /* --- what is refused --- */
 
 /* Reading fails as RX_INPUT with that in its text, one line that begins with no capital and has no stop. */
-static void refused(void **state, const char *text)
+static void refused(const char *text)
 {
-    const scratch *s = *state;
     rx_model *back = NULL;
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_model_read(s->path, &back, &err), RX_INPUT);
+    assert_int_equal(rx_model_read("m.fits", &back, &err), RX_INPUT);
     assert_null(back);
     if (strstr(err.text, text) == NULL)
         fail_msg("'%s' is not in '%s'", text, err.text);
-    assert_string_equal(err.where, s->path);
+    assert_string_equal(err.where, "m.fits");
     assert_null(strchr(err.text, '\n'));
     assert_true(err.text[0] != '\0');
     assert_true(err.text[strlen(err.text) - 1] != '.');
 }
 
-static void write_fits(void **state, const rx_text *cards, rx_table *const *tables, int ntables)
+static void write_fits(const rx_text *cards, rx_table *const *tables, int ntables)
 {
-    const scratch *s = *state;
     rx_fits_writer *writer = NULL;
-    unlink(s->path);
-    assert_int_equal(rx_fits_create(s->path, "m.fits", &writer, NULL), RX_OK);
+    unlink("m.fits");
+    assert_int_equal(rx_fits_create("m.fits", "m.fits", &writer, NULL), RX_OK);
     assert_int_equal(rx_fits_primary(writer, cards, NULL), RX_OK);
     for (int i = 0; i < ntables; i++)
         assert_int_equal(rx_fits_table(writer, tables[i], NULL, NULL), RX_OK);
@@ -229,22 +198,22 @@ static void write_fits(void **state, const rx_text *cards, rx_table *const *tabl
 
 static void test_foreign(void **state)
 {
-    const scratch *s = *state;
+    (void)state;
     float pixels[64 * 64] = {0};
     rx_fits_writer *writer = NULL;
-    unlink(s->path);
-    refused(state, "cannot be opened");
-    write_bytes(s->path, "", 0);
-    refused(state, "empty");
-    write_bytes(s->path, "#!/bin/sh\necho no model\n", 24);
-    refused(state, "not a FITS file");
-    unlink(s->path);
-    assert_int_equal(rx_fits_create(s->path, "tile", &writer, NULL), RX_OK);
+    unlink("m.fits");
+    refused("cannot be opened");
+    write_bytes("m.fits", "", 0);
+    refused("empty");
+    write_bytes("m.fits", "#!/bin/sh\necho no model\n", 24);
+    refused("not a FITS file");
+    unlink("m.fits");
+    assert_int_equal(rx_fits_create("m.fits", "tile", &writer, NULL), RX_OK);
     assert_int_equal(
         rx_fits_image(writer, &(rx_fits_plane){.width = 64, .height = 64, .floats = pixels}, NULL, NULL),
         RX_OK);
     assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
-    refused(state, "is no model");
+    refused("is no model");
 }
 
 static void test_real_tile(void **state)
@@ -277,17 +246,17 @@ typedef struct parts {
 
 static parts take_apart(void **state)
 {
+    (void)state;
     static const char *const names[] = {"RESTORE_NODES", "RESTORE_PARAMS", "PSF_NODES",
                                         "PSF_PARAMS",    "DICTIONARY",     "PROVENANCE"};
-    const scratch *s = *state;
     parts p = {.n = 6};
     rx_model *model = make_model(1);
     int hdu = 0;
-    write_to(state, model);
+    write_to(model);
     rx_model_free(model);
     char *all = NULL;
     long n = 0;
-    assert_int_equal(rx_fits_read_header(s->path, 0, &all, &n, NULL), RX_OK);
+    assert_int_equal(rx_fits_read_header("m.fits", 0, &all, &n, NULL), RX_OK);
     p.cards = RX_NEW(char, (size_t)n * 80);
     assert_non_null(p.cards);
     for (long i = 0; i < n; i++) /* ours; the rest is written anew */
@@ -295,15 +264,15 @@ static parts take_apart(void **state)
             memcpy(p.cards + 80 * p.ncards++, all + i * 80, 80);
     free(all);
     for (int i = 0; i < 6; i++) {
-        assert_int_equal(rx_fits_read_named(s->path, names[i], &p.table[i], &hdu, NULL), RX_OK);
+        assert_int_equal(rx_fits_read_named("m.fits", names[i], &p.table[i], &hdu, NULL), RX_OK);
         assert_int_equal(hdu, i + 1);
     }
     return p;
 }
 
-static void put_together(void **state, parts *p)
+static void put_together(parts *p)
 {
-    write_fits(state, &(rx_text){.data = p->cards, .length = (size_t)p->ncards * 80}, p->table, p->n);
+    write_fits(&(rx_text){.data = p->cards, .length = (size_t)p->ncards * 80}, p->table, p->n);
     for (int i = 0; i < 6; i++)
         rx_table_free(p->table[i]);
     free(p->cards);
@@ -333,9 +302,9 @@ static int32_t *node_cell(parts *p, int column, int row)
 static void test_wrong_content(void **state)
 {
     parts p = take_apart(state); /* taking apart and putting together changes nothing */
-    put_together(state, &p);
+    put_together(&p);
     rx_model *back = NULL;
-    assert_int_equal(rx_model_read(((const scratch *)*state)->path, &back, NULL), RX_OK);
+    assert_int_equal(rx_model_read("m.fits", &back, NULL), RX_OK);
     rx_model_free(back);
     static const struct {
         const char *key, *value, *text;
@@ -357,8 +326,8 @@ static void test_wrong_content(void **state)
     for (size_t i = 0; i < sizeof cards / sizeof cards[0]; i++) {
         p = take_apart(state);
         set_card(&p, cards[i].key, cards[i].value);
-        put_together(state, &p);
-        refused(state, cards[i].text);
+        put_together(&p);
+        refused(cards[i].text);
     }
 }
 
@@ -366,46 +335,46 @@ static void test_wrong_network(void **state)
 {
     parts p = take_apart(state);
     ((float *)p.table[1]->columns[0].data)[5] = NAN;
-    put_together(state, &p);
-    refused(state, "parameter 6 is not finite");
+    put_together(&p);
+    refused("parameter 6 is not finite");
     p = take_apart(state);
     ((float *)p.table[1]->columns[0].data)[0] = INFINITY;
-    put_together(state, &p);
-    refused(state, "parameter 1 is not finite");
+    put_together(&p);
+    refused("parameter 1 is not finite");
     p = take_apart(state);
     p.table[1]->nrows--;
-    put_together(state, &p);
-    refused(state, "parameters, the table has");
+    put_together(&p);
+    refused("parameters, the table has");
     p = take_apart(state);
     *node_cell(&p, 4, 2) = 1024; /* far more weights than the file has */
     *node_cell(&p, 5, 2) = 15;
-    put_together(state, &p);
-    refused(state, "parameters, the table has");
+    put_together(&p);
+    refused("parameters, the table has");
     p = take_apart(state);
     *node_cell(&p, 1, 3) = 60; /* takes a node that comes later */
-    put_together(state, &p);
-    refused(state, "make no network");
+    put_together(&p);
+    refused("make no network");
     p = take_apart(state);
     *node_cell(&p, 1, 3) = INT32_MIN;
     *node_cell(&p, 4, 1) = -5;
-    put_together(state, &p);
-    refused(state, "make no network");
+    put_together(&p);
+    refused("make no network");
     p = take_apart(state);
     snprintf(p.table[0]->columns[0].data, 5, "NONE");
-    put_together(state, &p);
-    refused(state, "unknown operation 'NONE'");
+    put_together(&p);
+    refused("unknown operation 'NONE'");
     p = take_apart(state);
     p.table[0]->nrows = 0;
-    put_together(state, &p);
-    refused(state, "has 0 nodes");
+    put_together(&p);
+    refused("has 0 nodes");
     p = take_apart(state);
     snprintf(p.table[0]->columns[2].name, 8, "PLUS");
-    put_together(state, &p);
-    refused(state, "column 3 of RESTORE_NODES");
+    put_together(&p);
+    refused("column 3 of RESTORE_NODES");
     p = take_apart(state);
     snprintf(p.table[0]->name, 8, "NODES");
-    put_together(state, &p);
-    refused(state, "has no table RESTORE_NODES");
+    put_together(&p);
+    refused("has no table RESTORE_NODES");
     p = take_apart(state); /* the PSF network takes other channels */
     rx_table *keep[2] = {p.table[0], p.table[1]};
     p.table[0] = p.table[2];
@@ -417,19 +386,18 @@ static void test_wrong_network(void **state)
         p.table[i]->name = p.table[i + 2]->name;
         p.table[i + 2]->name = name;
     }
-    put_together(state, &p);
-    refused(state, "takes 2 channels, the mode gives 3");
+    put_together(&p);
+    refused("takes 2 channels, the mode gives 3");
     p = take_apart(state);
     ((double *)p.table[4]->columns[1].data)[0] = 9;
-    put_together(state, &p);
-    refused(state, "no grid");
+    put_together(&p);
+    refused("no grid");
 }
 
 /* Lists of nodes that nobody would write, checksums right: refused, or a network all the same. */
 static void test_odd_nodes(void **state)
 {
     static const int32_t odd[] = {INT32_MIN, -2, -1, 0, 1, 2, 3, 4, 16, 63, 64, 1024, 1025, INT32_MAX};
-    const scratch *s = *state;
     int read = 0;
     for (uint64_t i = 0; i < ODD; i++) {
         uint32_t words[4];
@@ -439,10 +407,10 @@ static void test_odd_nodes(void **state)
             *node_cell(&p, 1 + (int)(words[0] % 6), (int)(words[1] % (uint32_t)p.table[0]->nrows)) =
                 odd[words[2] % (sizeof odd / sizeof odd[0])];
         }
-        put_together(state, &p);
+        put_together(&p);
         rx_model *back = NULL;
         rx_error err = RX_ERROR_NONE;
-        rx_status status = rx_model_read(s->path, &back, &err);
+        rx_status status = rx_model_read("m.fits", &back, &err);
         assert_true(status == RX_OK || status == RX_INPUT);
         assert_int_equal(status == RX_OK, back != NULL);
         read += status == RX_OK;
@@ -454,27 +422,27 @@ static void test_odd_nodes(void **state)
 /* A model cannot be written that cannot be read. */
 static void test_write_refuses(void **state)
 {
-    const scratch *s = *state;
+    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_model *model = make_model(0);
     model->front.mode = RX_MODE_BLIND;
     model->front.rl_steps = 0;
-    unlink(s->path);
-    assert_int_equal(rx_model_write(model, s->path, "m.fits", &err), RX_SYSTEM);
+    unlink("m.fits");
+    assert_int_equal(rx_model_write(model, "m.fits", "m.fits", &err), RX_SYSTEM);
     assert_non_null(strstr(err.text, "takes 3 channels, the mode gives 1"));
-    assert_int_equal(access(s->path, F_OK), -1);
+    assert_int_equal(access("m.fits", F_OK), -1);
     rx_model_free(model);
 }
 
 /* Every byte counts: one changed anywhere, or the file ended anywhere, is told. */
 static void test_damage(void **state)
 {
-    const scratch *s = *state;
+    (void)state;
     rx_model *model = make_model(1);
     size_t n = 0;
-    write_to(state, model);
+    write_to(model);
     rx_model_free(model);
-    char *data = file_bytes(s->path, &n);
+    char *data = file_bytes("m.fits", &n);
     for (uint64_t i = 0; i < FLIPS; i++) {
         uint32_t words[4];
         rx_random_block(11, 1, i, words);
@@ -482,22 +450,22 @@ static void test_damage(void **state)
         size_t at = i % 2 == 0 ? words[0] % n : words[0] % (2880 * 2);
         char keep = data[at];
         data[at] = (char)(keep ^ (char)(1 + words[1] % 255));
-        write_bytes(s->path, data, n);
-        refused(state, "");
+        write_bytes("m.fits", data, n);
+        refused("");
         data[at] = keep;
     }
     for (uint64_t i = 0; i < CUTS; i++) {
         uint32_t words[4];
         rx_random_block(11, 2, i, words);
         size_t length = i < n / 2880 ? 2880 * i : words[0] % n;
-        write_bytes(s->path, data, length);
-        refused(state, "");
+        write_bytes("m.fits", data, length);
+        refused("");
     }
     char *longer = calloc(1, n + 2880);
     assert_non_null(longer);
     memcpy(longer, data, n);
-    write_bytes(s->path, longer, n + 2880);
-    refused(state, "no HDU begins where this one should");
+    write_bytes("m.fits", longer, n + 2880);
+    refused("no HDU begins where this one should");
     free(longer);
     free(data);
 }
@@ -505,17 +473,17 @@ static void test_damage(void **state)
 /* Without checksums nobody knows. */
 static void test_no_checksum(void **state)
 {
-    const scratch *s = *state;
+    (void)state;
     rx_model *model = make_model(0);
     size_t n = 0;
-    write_to(state, model);
+    write_to(model);
     rx_model_free(model);
-    char *data = file_bytes(s->path, &n);
+    char *data = file_bytes("m.fits", &n);
     for (size_t i = 0; i < 2880; i += 80)
         if (strncmp(data + i, "CHECKSUM", 8) == 0)
             memcpy(data + i, "NOTHING ", 8);
-    write_bytes(s->path, data, n);
-    refused(state, "has no CHECKSUM");
+    write_bytes("m.fits", data, n);
+    refused("has no CHECKSUM");
     free(data);
 }
 
@@ -634,22 +602,22 @@ static void test_noise_level(void **state)
 /* Models from before these cards were trained on white noise and a sky that is nowhere dark. */
 static void test_what_was_trained(void **state)
 {
-    const scratch *s = *state;
+    (void)state;
     rx_model *model = make_model(0), *back = NULL;
     assert_near(rx_model_peak(model), 40 * 255, 0);
     assert_near(rx_model_factor(model), 3, 0);
     model->factor = 4.25;
     model->dark = 0.125;
-    write_to(state, model);
-    assert_int_equal(rx_model_read(s->path, &back, NULL), RX_OK);
+    write_to(model);
+    assert_int_equal(rx_model_read("m.fits", &back, NULL), RX_OK);
     assert_near(back->factor, 4.25, 0);
     assert_near(back->dark, 0.125, 0);
     assert_near(rx_model_factor(back), 4.25, 0);
     rx_model_free(back);
     model->dark = 1.5;
-    write_to(state, model);
+    write_to(model);
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_model_read(s->path, &back, &err), RX_INPUT);
+    assert_int_equal(rx_model_read("m.fits", &back, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "RXTDARK is 1.5"));
     rx_model_free(model);
     static const char *const box[] = {"psfnet", "psfnet-fast", "psfnet-blind"};
@@ -668,20 +636,20 @@ static void test_what_was_trained(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_round_trip, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_least_model, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_foreign, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_round_trip, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_least_model, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_foreign, enter_scratch, leave_scratch),
         cmocka_unit_test(test_real_tile),
-        cmocka_unit_test_setup_teardown(test_wrong_content, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_wrong_network, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_odd_nodes, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_write_refuses, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_damage, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_no_checksum, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_wrong_content, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_wrong_network, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_odd_nodes, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_write_refuses, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_damage, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_no_checksum, enter_scratch, leave_scratch),
         cmocka_unit_test(test_describe),
         cmocka_unit_test(test_find),
         cmocka_unit_test(test_noise_level),
-        cmocka_unit_test_setup_teardown(test_what_was_trained, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_what_was_trained, enter_scratch, leave_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -12,13 +12,14 @@
 #include <cmocka.h>
 
 #include "../near.h"
+#include "../scratch.h"
 #include "io/fits_write.h"
 #include "io/output.h"
 #include "psf/psf_library.h"
 #include "psf/psf_psfex.h"
 #include "stage/provenance.h"
 
-static char folder[] = "/tmp/rextract-library-XXXXXX";
+static const char folder[] = ".";
 
 static rx_psf_origin origin_of(const char *const *lines, const char *extname)
 {
@@ -98,20 +99,6 @@ static void add_model(const char *name, double fwhm, double mjd, double alpha, c
     rx_text_free(&cards);
     rx_table_free(table);
     rx_psf_free(psf);
-}
-
-static int make_folder(void **state)
-{
-    (void)state;
-    strcpy(folder + strlen(folder) - 6, "XXXXXX");
-    return mkdtemp(folder) == NULL;
-}
-
-static int remove_folder(void **state)
-{
-    (void)state;
-    rx_output_remove(folder);
-    return 0;
 }
 
 /* What finding a PSF for a tile says, of that CCD and filter. */
@@ -316,12 +303,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_origin),
-        cmocka_unit_test_setup_teardown(test_nearest, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_not_stated, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_hostile_cards, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_error, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_small_tile, make_folder, remove_folder),
-        cmocka_unit_test_setup_teardown(test_refused, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(test_nearest, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_not_stated, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_hostile_cards, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_error, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_small_tile, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_refused, enter_scratch, leave_scratch),
         cmocka_unit_test(test_takes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

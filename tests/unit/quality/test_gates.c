@@ -11,6 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../files.h"
 #include "../near.h"
 #include "base/text.h"
 #include "quality/gates.h"
@@ -18,13 +19,8 @@
 /* Reads `content` as a gates file. */
 static rx_status read_text(const char *content, rx_gates **gates, rx_error *err)
 {
-    char path[256];
-    const char *folder = getenv("TMPDIR") != NULL ? getenv("TMPDIR") : "/tmp";
-    snprintf(path, sizeof path, "%s/rextract-gates-XXXXXX", folder);
-    int fd = mkstemp(path);
-    assert_true(fd >= 0);
-    assert_int_equal(write(fd, content, strlen(content)), strlen(content));
-    close(fd);
+    char path[512];
+    new_file(path, content);
     rx_status status = rx_gates_read(path, gates, err);
     unlink(path);
     return status;
@@ -96,7 +92,7 @@ static void malformed(void **state)
         assert_null(gates);
         assert_int_equal(err.status, RX_USAGE);
         assert_int_equal(err.line, bad[i].line);
-        assert_non_null(strstr(err.where, "rextract-gates-"));
+        assert_non_null(strstr(err.where, "rextract-test-"));
         if (strstr(err.text, bad[i].says) == NULL)
             fail_msg("'%s' gave: %s", bad[i].content, err.text);
     }

@@ -5,7 +5,6 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <dirent.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,6 +12,7 @@
 #include <unistd.h>
 
 #include "../near.h"
+#include "../scratch.h"
 #include "report/curves.h"
 #include "report/ecsv.h"
 #include "report/figure.h"
@@ -21,29 +21,6 @@
 #include "report/report_file.h"
 
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
-
-static void make_folder(char folder[256])
-{
-    const char *base = getenv("TMPDIR");
-    snprintf(folder, 256, "%s/rextract-page-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
-    assert_non_null(mkdtemp(folder));
-}
-
-/* Files in a folder, which is removed with them. */
-static int clear_folder(const char *folder)
-{
-    int n = 0;
-    DIR *open = opendir(folder);
-    assert_non_null(open);
-    for (struct dirent *e; (e = readdir(open)) != NULL;)
-        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0) {
-            n++;
-            unlinkat(dirfd(open), e->d_name, 0);
-        }
-    closedir(open);
-    assert_int_equal(rmdir(folder), 0);
-    return n;
-}
 
 static int have(const char *command)
 {
@@ -142,7 +119,7 @@ static void pages_are_whole(void **state)
 {
     rx_text page = {0};
     static rx_figures figures;
-    char folder[256], command[1024];
+    char folder[512], command[1024];
     rx_error err = RX_ERROR_NONE;
     (void)state;
     rx_figures_begin(&figures);
@@ -154,7 +131,7 @@ static void pages_are_whole(void **state)
     assert_null(strstr(page.data, "nowhere"));
     assert_non_null(strstr(page.data, "not drawn"));
     assert_non_null(strstr(page.data, "<tr class=\"pale\">"));
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_report_file(folder, "the report", "page.html", &page, &err), RX_OK);
     assert_null(page.data);
     if (have("xmllint --version 2>/dev/null")) {
@@ -292,13 +269,13 @@ static rx_status draw(rx_figures *f, const char *program, const char *folder, co
 static void figures_are_drawn(void **state)
 {
     static rx_figures first, second;
-    char folder[256];
+    char folder[512];
     (void)state;
     if (!have("gnuplot --version >/dev/null 2>&1")) {
         print_message("gnuplot is absent: figures not drawn\n");
         skip();
     }
-    make_folder(folder);
+    new_folder(folder);
     add_all(&first);
     add_all(&second);
     assert_int_equal(draw(&first, NULL, folder, "the report", NULL), RX_OK);
@@ -331,10 +308,10 @@ static void figures_are_drawn(void **state)
 static void figures_that_cannot_be(void **state)
 {
     static rx_figures f;
-    char folder[256];
+    char folder[512];
     rx_error err = RX_ERROR_NONE;
     (void)state;
-    make_folder(folder);
+    new_folder(folder);
     add_all(&f);
     assert_int_equal(draw(&f, "no-such-gnuplot", folder, "the report", &err), RX_OK);
     assert_non_null(strstr(f.note, "no-such-gnuplot"));

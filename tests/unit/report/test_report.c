@@ -5,7 +5,6 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <dirent.h>
 #include <math.h>
 #include <signal.h>
 #include <stdio.h>
@@ -19,6 +18,7 @@
 #include "report/qa_page.h"
 
 #include "../near.h"
+#include "../scratch.h"
 
 enum { N = 300, SIDE = 400, RUNS = 2, PICTURE = 24 };
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
@@ -97,40 +97,6 @@ static int free_scene(void **state)
     return 0;
 }
 
-static void make_folder(char folder[256])
-{
-    const char *base = getenv("TMPDIR");
-    snprintf(folder, 256, "%s/rextract-report-XXXXXX", base != NULL && base[0] != '\0' ? base : "/tmp");
-    assert_non_null(mkdtemp(folder));
-}
-
-/* Files in a folder; removes them and the folder when asked. */
-static int count_files(const char *folder, int clear)
-{
-    int n = 0;
-    DIR *open = opendir(folder);
-    assert_non_null(open);
-    for (struct dirent *e; (e = readdir(open)) != NULL;)
-        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0) {
-            n++;
-            if (clear)
-                unlinkat(dirfd(open), e->d_name, 0);
-        }
-    closedir(open);
-    if (clear)
-        assert_int_equal(rmdir(folder), 0);
-    return n;
-}
-
-static char *slurp(const char *folder, const char *name)
-{
-    char path[512];
-    char *data = NULL;
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    assert_int_equal(rx_text_read_file(path, 1 << 26, &data, NULL, NULL), RX_OK);
-    return data;
-}
-
 static int have(const char *command)
 {
     return system(command) == 0;
@@ -144,14 +110,14 @@ enum { FILES = 3 + 2 * RUNS };
 static void writes_all_files(void **state)
 {
     scene *s = *state;
-    char folder[256];
+    char folder[512];
     rx_verdict verdict = RX_VERDICT_FAIL;
     rx_text brief = {0};
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, &verdict, &brief, NULL),
                      RX_OK);
     assert_int_equal(verdict, RX_VERDICT_NONE);
-    assert_int_equal(count_files(folder, 0), FILES);
+    assert_int_equal(count_files(folder), FILES);
     assert_non_null(strstr(brief.data, "NONE"));
     assert_null(strchr(brief.data, '\xff'));
     char *page = slurp(folder, "report.html");
@@ -168,15 +134,15 @@ static void writes_all_files(void **state)
     }
     free(page);
     rx_text_free(&brief);
-    count_files(folder, 1);
+    clear_folder(folder);
 }
 
 static void same_input_same_bytes(void **state)
 {
     scene *s = *state;
-    char first[256], second[256];
-    make_folder(first);
-    make_folder(second);
+    char first[512], second[512];
+    new_folder(first);
+    new_folder(second);
     assert_int_equal(rx_qa_report(&params, &s->input, first, "the report", NULL, NULL, NULL, NULL), RX_OK);
     s->run[1].seconds = 77; /* timings are not part of the files */
     assert_int_equal(rx_qa_report(&params, &s->input, second, "the report", NULL, NULL, NULL, NULL), RX_OK);
@@ -187,16 +153,16 @@ static void same_input_same_bytes(void **state)
         free(a);
         free(b);
     }
-    count_files(first, 1);
-    count_files(second, 1);
+    clear_folder(first);
+    clear_folder(second);
 }
 
 /* Opened by what users open them with. */
 static void other_programs_read_it(void **state)
 {
     scene *s = *state;
-    char folder[256], command[2048];
-    make_folder(folder);
+    char folder[512], command[2048];
+    new_folder(folder);
     rx_qa_params par = params;
     par.figures = 0;
     assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
@@ -231,7 +197,7 @@ static void other_programs_read_it(void **state)
     } else {
         print_message("astropy is absent: ECSV not opened\n");
     }
-    count_files(folder, 1);
+    clear_folder(folder);
 }
 
 static int occurrences(const char *text, const char *what)
@@ -246,7 +212,7 @@ static int occurrences(const char *text, const char *what)
 static void spurious_sources_have_their_section(void **state)
 {
     scene *s = *state;
-    char folder[256], command[2048];
+    char folder[512], command[2048];
     static unsigned char made_up[N];
     rx_qa_params par = params;
     par.figures = 0;
@@ -256,7 +222,7 @@ static void spurious_sources_have_their_section(void **state)
     }
     memset(made_up + 20, 1, 5);
     for (int tested = 0; tested < 2; tested++) {
-        make_folder(folder);
+        new_folder(folder);
         s->run[0].list.made_up = tested ? made_up : NULL;
         s->run[0].tested = tested;
         s->run[0].made_up_per_mpixel = 123.4;
@@ -282,7 +248,7 @@ static void spurious_sources_have_their_section(void **state)
             folder);
         if (tested && have("python3 -c 'import json' 2>/dev/null"))
             assert_int_equal(system(command), 0);
-        count_files(folder, 1);
+        clear_folder(folder);
     }
 }
 
@@ -291,34 +257,34 @@ static void without_gnuplot(void **state)
     static const char *const programs[] = {"no-such-gnuplot", "/no/such/gnuplot", "false"};
     scene *s = *state;
     for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
-        char folder[256], told[4096] = "";
+        char folder[512], told[4096] = "";
         rx_qa_params par = params;
         rx_log log;
         FILE *stream = fmemopen(told, sizeof told, "w");
-        make_folder(folder);
+        new_folder(folder);
         par.gnuplot = programs[i];
         rx_log_init(&log, "test", stream, RX_NORMAL);
         assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", &log, NULL, NULL, NULL), RX_OK);
         fclose(stream);
         assert_non_null(strstr(told, "without figures"));
         assert_non_null(strstr(told, programs[i]));
-        assert_int_equal(count_files(folder, 0), FILES);
+        assert_int_equal(count_files(folder), FILES);
         char *page = slurp(folder, "report.html");
         assert_int_equal(occurrences(page, "No figures"), 1);
         assert_null(strstr(page, "<svg"));
         free(page);
-        count_files(folder, 1);
+        clear_folder(folder);
     }
 }
 
 static rx_verdict verdict_of(scene *s, const char *gates_text, char **json)
 {
-    char folder[256], path[300];
+    char folder[512], path[600];
     rx_qa_params par = params;
     rx_gates *gates = NULL;
     rx_verdict verdict = RX_VERDICT_NONE;
     par.figures = 0;
-    make_folder(folder);
+    new_folder(folder);
     snprintf(path, sizeof path, "%s/x.qa", folder);
     FILE *file = fopen(path, "w");
     fputs(gates_text, file);
@@ -329,7 +295,7 @@ static rx_verdict verdict_of(scene *s, const char *gates_text, char **json)
     if (json != NULL)
         *json = slurp(folder, "summary.json");
     rx_gates_free(gates);
-    count_files(folder, 1);
+    clear_folder(folder);
     return verdict;
 }
 
@@ -351,24 +317,24 @@ static void gates_reach_the_verdict(void **state)
 static void names_that_collide(void **state)
 {
     scene *s = *state;
-    char folder[256];
+    char folder[512];
     rx_qa_params par = params;
     par.figures = 0;
     s->run[1].name = "none";
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
-    assert_int_equal(count_files(folder, 1), FILES);
+    assert_int_equal(clear_folder(folder), FILES);
 }
 
 static void nothing_to_compare(void **state)
 {
     scene *s = *state;
-    char folder[256];
+    char folder[512];
     s->input.truth.n = 0;
     s->run[0].list.n = 0;
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
-    assert_int_equal(count_files(folder, 1), FILES);
+    assert_int_equal(clear_folder(folder), FILES);
 }
 
 static void folder_that_is_not_there(void **state)
@@ -389,17 +355,17 @@ static void folder_that_is_not_there(void **state)
 static void interruption_leaves_nothing(void **state)
 {
     scene *s = *state;
-    char folder[256];
+    char folder[512];
     sigset_t term;
     sigemptyset(&term);
     sigaddset(&term, SIGTERM);
-    make_folder(folder);
+    new_folder(folder);
     rx_interrupt_block();
     raise(SIGTERM);
     assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL),
                      RX_INTERRUPTED);
     assert_int_equal(sigtimedwait(&term, NULL, &(struct timespec){0}), SIGTERM);
-    assert_int_equal(count_files(folder, 1), 0);
+    assert_int_equal(clear_folder(folder), 0);
 }
 
 /* The text of the terminal for two lists, of one reference each with these magnitudes. */
@@ -408,7 +374,7 @@ static void brief_of_two(double shift, rx_text *brief)
     double x[4] = {50, 150, 250, 350}, y[4] = {50, 50, 50, 50}, mag[4] = {18, 19, 20, 21};
     const double ratio[2][4] = {{1.1, 1.1, 0, 0}, {1.0, 1.1, 2.0, 2.0}};
     double measured[2][4];
-    char folder[256];
+    char folder[512];
     rx_verdict verdict;
     rx_qa_run run[2] = {{.name = "SHORT", .seconds = 1}, {.name = "DEEP", .seconds = 2}};
     rx_qa_input input = {
@@ -420,9 +386,9 @@ static void brief_of_two(double shift, rx_text *brief)
         run[k].list = (rx_qa_list){.n = k == 0 ? 2 : 4, .x = x, .y = y, .mag = measured[k]};
     }
     input.truth = (rx_qa_list){.n = 4, .x = x, .y = y, .mag = mag};
-    make_folder(folder);
+    new_folder(folder);
     assert_int_equal(rx_qa_report(&plain, &input, folder, "the report", NULL, &verdict, brief, NULL), RX_OK);
-    count_files(folder, 1);
+    clear_folder(folder);
 }
 
 static void errors_are_compared_on_common_sources(void **state)

@@ -56,8 +56,8 @@ static void write_report(void **state, rx_report *r, rx_text *brief)
 
 static void holds(void **state, const char *name, const char *const *words)
 {
-    char path[1024], *text = NULL;
-    path_in(state, name, path);
+    char *text = NULL;
+    const char *path = in(state, name);
     assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
     for (; *words != NULL; words++)
         if (strstr(text, *words) == NULL)
@@ -119,7 +119,7 @@ static void tables_stand_where_they_are_asked_for(void **state)
 {
     static const char *const both[] = {"\"shown\": [\n    {\"word\": \"here\"}\n  ]", NULL};
     static const rx_report_column word = {.name = "word"};
-    char path[1024], *text = NULL;
+    char *text = NULL;
     rx_report *r = rx_report_new("", "x");
     rx_report_table *shown = rx_report_table_add(r, "shown", 1, &word, RX_REPORT_IN_JSON);
     rx_report_table *listed = rx_report_table_add(r, "listed", 1, &word, RX_REPORT_IN_FILE);
@@ -128,13 +128,13 @@ static void tables_stand_where_they_are_asked_for(void **state)
     write_report(state, r, NULL);
     rx_report_free(r);
     holds(state, "summary.json", both);
-    path_in(state, "summary.json", path);
+    const char *path = in(state, "summary.json");
     assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
     assert_null(strstr(text, "there"));
     free(text);
-    path_in(state, "listed.ecsv", path);
+    path = in(state, "listed.ecsv");
     assert_int_equal(access(path, F_OK), 0);
-    path_in(state, "shown.ecsv", path);
+    path = in(state, "shown.ecsv");
     assert_int_not_equal(access(path, F_OK), 0);
 }
 
@@ -143,7 +143,7 @@ static void tables_grow(void **state)
 {
     static const rx_report_column columns[] = {{.name = "word"}, {"k", RX_REPORT_COUNT, 0, "", "", NULL}};
     char words[600] = "";
-    char path[1024], *text = NULL;
+    char *text = NULL;
     rx_report *r = rx_report_new("", "x");
     rx_report_table *t = rx_report_table_add(r, "t", 2, columns, RX_REPORT_IN_FILE);
     for (int k = 0; k < 500; k++) {
@@ -152,7 +152,7 @@ static void tables_grow(void **state)
     }
     write_report(state, r, NULL);
     rx_report_free(r);
-    path_in(state, "t.ecsv", path);
+    const char *path = in(state, "t.ecsv");
     assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
     const char *line = strstr(text, "word,k\n");
     assert_non_null(line);

@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "../near.h"
+#include "../scratch.h"
 #include "nn/psfnet.h"
 #include "stage/inputs.h"
 #include "stage/options.h"
@@ -32,8 +33,10 @@ static rx_options *options_with(const char *name, const char *value)
     return options;
 }
 
-/* A network without weights, as a file in a folder of its own. */
-static void make_model(char folder[64], char path[96])
+static const char path[] = "model.fits";
+
+/* A network without weights, as a file. */
+static void make_model(void)
 {
     const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
                                    .decoder = RX_DECODER_BILINEAR,
@@ -46,9 +49,6 @@ static void make_model(char folder[64], char path[96])
     assert_int_equal(rx_psfnet_new(&shape, rx_front_channels(model->front.mode), &model->restore, NULL),
                      RX_OK);
     snprintf(model->name, sizeof model->name, "toy");
-    snprintf(folder, 64, "%s", "/tmp/rextract-options-XXXXXX");
-    assert_non_null(mkdtemp(folder));
-    snprintf(path, 96, "%s/model.fits", folder);
     assert_int_equal(rx_model_write(model, path, path, NULL), RX_OK);
     rx_model_free(model);
 }
@@ -57,9 +57,8 @@ static void every_restorer_of_the_table_is_a_word(void **state)
 {
     (void)state;
     int n;
-    char folder[64], path[96];
     const rx_restorer *kinds = rx_restorers(&n);
-    make_model(folder, path);
+    make_model();
     for (int i = 0; i < n; i++) {
         rx_config *config = NULL;
         rx_options *options = NULL;
@@ -77,8 +76,6 @@ static void every_restorer_of_the_table_is_a_word(void **state)
         rx_options_free(options);
         rx_config_free(config);
     }
-    unlink(path);
-    rmdir(folder);
 }
 
 static void a_model_is_looked_for_here_and_among_installed_data(void **state)
@@ -100,13 +97,6 @@ static void a_model_is_looked_for_here_and_among_installed_data(void **state)
     rx_config_free(config);
 }
 
-static void put(const char *path)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fclose(file);
-}
-
 static void is_found(const char *name, const char *installed, const char *expected)
 {
     rx_text path = {0};
@@ -119,33 +109,24 @@ static void is_found(const char *name, const char *installed, const char *expect
 /* What lies in the current folder never stands in for an installed model. */
 static void an_installed_model_comes_first(void **state)
 {
-    (void)state;
-    char here[4096], folder[] = "/tmp/rextract-options-XXXXXX", path[64];
-    assert_non_null(getcwd(here, sizeof here));
-    assert_non_null(mkdtemp(folder));
-    assert_int_equal(chdir(folder), 0);
     assert_int_equal(mkdir("data", 0777), 0);
-    put("net.fits");
+    write_text("net.fits", "");
     is_found("net.fits", "data", "net.fits"); /* none is installed */
-    put("data/net.fits");
+    write_text("data/net.fits", "");
     is_found("net.fits", "data", "data/net.fits");
     is_found("./net.fits", "data", "./net.fits");
-    snprintf(path, sizeof path, "%s/net.fits", folder);
-    is_found(path, "data", path);
+    const char *full = in(state, "net.fits");
+    is_found(full, "data", full);
     is_found("other.fits", "data", "other.fits"); /* nowhere */
-    assert_int_equal(remove("net.fits") + remove("data/net.fits") + remove("data"), 0);
-    assert_int_equal(chdir(here), 0);
-    assert_int_equal(rmdir(folder), 0);
 }
 
 /* A training that has not ended writes such a model: it is not taken unless NET_MODEL was set. */
 static void an_unfinished_model_must_be_named(void **state)
 {
     (void)state;
-    char folder[64], path[96];
     rx_error err = RX_ERROR_NONE;
     rx_model *model = NULL;
-    make_model(folder, path);
+    make_model();
     assert_int_equal(rx_model_read(path, &model, NULL), RX_OK);
     model->ended = 0;
     model->epochs = 7;
@@ -166,8 +147,6 @@ static void an_unfinished_model_must_be_named(void **state)
     rx_options *options = options_with("NET_MODEL", path);
     assert_int_equal(options->model_set, 1);
     rx_options_free(options);
-    unlink(path);
-    rmdir(folder);
 }
 
 static void short_lists_repeat_their_last_item(void **state)
@@ -220,10 +199,10 @@ static void gates_need_a_reference(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_restorer_of_the_table_is_a_word),
+        cmocka_unit_test_setup_teardown(every_restorer_of_the_table_is_a_word, enter_scratch, leave_scratch),
         cmocka_unit_test(a_model_is_looked_for_here_and_among_installed_data),
-        cmocka_unit_test(an_installed_model_comes_first),
-        cmocka_unit_test(an_unfinished_model_must_be_named),
+        cmocka_unit_test_setup_teardown(an_installed_model_comes_first, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(an_unfinished_model_must_be_named, enter_scratch, leave_scratch),
         cmocka_unit_test(short_lists_repeat_their_last_item),
         cmocka_unit_test(surface_brightness_becomes_adu),
         cmocka_unit_test(an_unset_pixel_scale_is_unknown),

@@ -121,16 +121,17 @@ static void one_error_of_the_psf(void **state)
     const rx_qa_input input = {
         .tile = "t", .reference = "r", .width = 100, .height = 100, .psf = {.psf = &psf}};
     const rx_qa_params params = {.match_radius = 1.0};
-    char path[1024], *page = NULL, *summary = NULL;
+    char *page = NULL, *summary = NULL;
+    const char *path;
     /* a PSF of pixels, and one of a lower rung, which has no radius */
     for (psf.quality.radius = 20.0; psf.quality.radius >= 0.0; psf.quality.radius -= 20.0) {
         assert_int_equal(rx_qa_report(&params, &input, *state, "the report", NULL, NULL, NULL, NULL), RX_OK);
-        path_in(state, "report.html", path);
+        path = in(state, "report.html");
         assert_int_equal(rx_text_read_file(path, 1 << 20, &page, NULL, NULL), RX_OK);
         snprintf(text, sizeof text, "relative error of fluxes from it</td><td>%.4f</td>", mean);
         if (strstr(page, text) == NULL)
             fail_msg("'%s' is not in '%s'", text, page);
-        path_in(state, "summary.json", path);
+        path = in(state, "summary.json");
         assert_int_equal(rx_text_read_file(path, 1 << 20, &summary, NULL, NULL), RX_OK);
         const char *said = strstr(summary, "\"flux_error\": ");
         assert_non_null(said);

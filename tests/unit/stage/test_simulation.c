@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "../near.h"
+#include "../scratch.h"
 #include "base/memory.h"
 #include "catalog/catalog.h"
 #include "detect/correlation.h"
@@ -21,7 +22,6 @@
 #include "io/tile.h"
 #include "io/wcs.h"
 #include "pipeline/pipeline.h"
-#include "place.h"
 #include "restore/restore.h"
 #include "simulate/inject.h"
 #include "stage/open.h"
@@ -605,7 +605,7 @@ static void noise_of_a_real_frame(void **state)
 
 int main(void)
 {
-#define HERE(test) cmocka_unit_test_setup_teardown(test, enter, leave)
+#define HERE(test) cmocka_unit_test_setup_teardown(test, enter_scratch, leave_scratch)
     const struct CMUnitTest tests[] = {
         HERE(keywords_become_values), HERE(psf_needs_what_it_is_made_from),
         HERE(noise_and_light),        HERE(series),

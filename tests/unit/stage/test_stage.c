@@ -15,6 +15,7 @@
 
 #include "../near.h"
 #include "../pipeline/scene.h"
+#include "../scratch.h"
 #include "base/hash.h"
 #include "base/memory.h"
 #include "base/random.h"
@@ -22,7 +23,6 @@
 #include "config/config.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
-#include "place.h"
 #include "stage/stage.h"
 
 typedef struct setting {
@@ -38,14 +38,6 @@ static const char columns_text[] =
     "XTEMPLATE_IMAGE\nYTEMPLATE_IMAGE\nALPHATEMPLATE_J2000\nDELTATEMPLATE_J2000\nCLASS_TEMPLATE\nRADIUS_"
     "TEMPLATE\n"
     "ELLIPTICITY_TEMPLATE\nTHETA_TEMPLATE\nGROUP_TEMPLATE\nFLAGS_TEMPLATE\nFLAGS_RESTORE\n";
-
-static void write_text(const char *path, const char *text)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    assert_true(fputs(text, file) >= 0);
-    assert_int_equal(fclose(file), 0);
-}
 
 /* Run on `image` with the outputs in the current folder. */
 static rx_status run_stage(const char *image, const setting *settings, rx_error *err)
@@ -501,14 +493,15 @@ static void a_failed_run_leaves_the_old_outputs(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(values_under_the_mask_reach_nothing, enter, leave),
-        cmocka_unit_test_setup_teardown(threads_change_no_byte, enter, leave),
-        cmocka_unit_test_setup_teardown(an_empty_tile_gives_a_catalogue_without_rows, enter, leave),
-        cmocka_unit_test_setup_teardown(the_second_image_is_measured, enter, leave),
-        cmocka_unit_test_setup_teardown(template_images_add_up, enter, leave),
-        cmocka_unit_test_setup_teardown(every_image_of_a_file_is_fitted, enter, leave),
-        cmocka_unit_test_setup_teardown(gates_decide_the_status, enter, leave),
-        cmocka_unit_test_setup_teardown(a_failed_run_leaves_the_old_outputs, enter, leave),
+        cmocka_unit_test_setup_teardown(values_under_the_mask_reach_nothing, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(threads_change_no_byte, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(an_empty_tile_gives_a_catalogue_without_rows, enter_scratch,
+                                        leave_scratch),
+        cmocka_unit_test_setup_teardown(the_second_image_is_measured, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(template_images_add_up, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(every_image_of_a_file_is_fitted, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(gates_decide_the_status, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(a_failed_run_leaves_the_old_outputs, enter_scratch, leave_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

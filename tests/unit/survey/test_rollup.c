@@ -41,12 +41,9 @@ static rx_status add_file(rx_rollup *rollup, const char *path, rx_error *err)
 
 static void make(survey *s, const char *range)
 {
-    char path[] = "/tmp/rextract-rollup-XXXXXX";
-    int file = mkstemp(path);
-    assert_true(file >= 0);
-    close(file);
+    char path[512];
     *s = (survey){0};
-    write_text(path, records_text);
+    new_file(path, records_text);
     assert_int_equal(rx_settings_new(rx_keytable_survey(), &s->settings, NULL), RX_OK);
     assert_int_equal(rx_settings_set(s->settings, "MAG_RANGE", range, NULL, NULL), RX_OK);
     rx_rollup_begin((rx_survey_config *)s->settings, &s->rollup);
@@ -72,8 +69,8 @@ static void write_report(void **state, const rx_rollup *r)
 
 static char *read_part(void **state, const char *name)
 {
-    char path[1024], *text = NULL;
-    path_in(state, name, path);
+    char *text = NULL;
+    const char *path = in(state, name);
     assert_int_equal(rx_text_read_file(path, 1 << 26, &text, NULL, NULL), RX_OK);
     return text;
 }
@@ -199,12 +196,9 @@ static void psfs(void **state)
     char *texts[2][4] = {{NULL}};
     for (int order = 0; order < 2; order++) {
         rx_rollup r = {0};
-        char path[] = "/tmp/rextract-rollup-XXXXXX", text[2000];
-        int file = mkstemp(path);
-        assert_true(file >= 0);
-        close(file);
+        char path[512], text[2000];
         snprintf(text, sizeof text, "%s%s%s", order ? c : a, b, order ? a : c);
-        write_text(path, text);
+        new_file(path, text);
         assert_int_equal(add_file(&r, path, NULL), RX_OK);
         unlink(path);
         assert_int_equal(rx_rollup_end(&r, NULL, NULL), RX_OK);
@@ -260,11 +254,8 @@ static void whose_work_and_flux_scale(void **state)
                                        "<td class=\"t\">noise factor 3.2 is above 3</td>", NULL};
     static const char *const tiles[] = {",1.05,0.005,\"off\",", ",\"noise factor 3.2 is above 3\",", NULL};
     rx_rollup r = {0};
-    char path[] = "/tmp/rextract-rollup-XXXXXX";
-    int file = mkstemp(path);
-    assert_true(file >= 0);
-    close(file);
-    write_text(path, text);
+    char path[512];
+    new_file(path, text);
     assert_int_equal(add_file(&r, path, NULL), RX_OK);
     unlink(path);
     assert_int_equal(rx_rollup_end(&r, NULL, NULL), RX_OK);

@@ -126,8 +126,7 @@ static void assert_same(const rx_train_state *a, const rx_train_state *b)
 
 static void states_come_back(void **state)
 {
-    char path[1024];
-    path_in(state, "back", path);
+    const char *path = in(state, "back");
     for (int nets = 1; nets <= 2; nets++)
         for (int within = 0; within < 2; within++) {
             rx_train_state *kept = make_state(nets), *now = make_state(nets);
@@ -197,10 +196,9 @@ static void the_best_weights_are_kept(void **state)
 
 static void no_file_is_no_error(void **state)
 {
-    char path[1024];
     int found = 1, within = 1;
     rx_train_state *kept = make_state(1), *now = make_state(1), *fresh = make_state(1);
-    path_in(state, "none", path);
+    const char *path = in(state, "none");
     assert_int_equal(rx_checkpoint_read(path, SETTINGS, kept, now, &found, &within, NULL), RX_OK);
     assert_false(found || within);
     assert_same(kept, fresh);
@@ -213,10 +211,9 @@ static void no_file_is_no_error(void **state)
 static rx_status read_bytes(void **state, const unsigned char *bytes, size_t size, const char *settings,
                             rx_error *err)
 {
-    char path[1024];
     int found, within;
     rx_train_state *kept = make_state(1), *now = make_state(1);
-    path_in(state, "bytes", path);
+    const char *path = in(state, "bytes");
     write_bytes(path, bytes, size);
     *err = RX_ERROR_NONE;
     const rx_status status = rx_checkpoint_read(path, settings, kept, now, &found, &within, err);
@@ -227,9 +224,8 @@ static rx_status read_bytes(void **state, const unsigned char *bytes, size_t siz
 
 static unsigned char *whole(void **state, size_t *size)
 {
-    char path[1024];
     rx_train_state *kept = make_state(1), *now = make_state(1);
-    path_in(state, "whole", path);
+    const char *path = in(state, "whole");
     fill(kept, 1);
     fill(now, 5);
     assert_int_equal(rx_checkpoint_write(path, path, SETTINGS, kept, now, NULL), RX_OK);
@@ -316,8 +312,8 @@ static void copies_are_independent(void **state)
 
 static char *part_of(void **state, const char *name)
 {
-    char path[1024], *text = NULL;
-    path_in(state, name, path);
+    char *text = NULL;
+    const char *path = in(state, name);
     assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
     return text;
 }
