@@ -14,18 +14,20 @@
 
 #include <cmocka.h>
 
-/* The file's bytes with a 0 behind them, to be freed. */
+/* The file's bytes with a 0 behind them, to be freed; size may be NULL. */
 static inline char *file_bytes(const char *path, size_t *size)
 {
     struct stat info;
-    assert_int_equal(stat(path, &info), 0);
+    if (stat(path, &info) != 0)
+        fail_msg("%s is missing", path);
     char *data = calloc((size_t)info.st_size + 1, 1);
     FILE *file = fopen(path, "rb");
     assert_non_null(data);
     assert_non_null(file);
-    *size = fread(data, 1, (size_t)info.st_size, file);
-    assert_int_equal(*size, info.st_size);
+    assert_int_equal(fread(data, 1, (size_t)info.st_size, file), info.st_size);
     fclose(file);
+    if (size != NULL)
+        *size = (size_t)info.st_size;
     return data;
 }
 
@@ -40,6 +42,12 @@ static inline void write_bytes(const char *path, const void *data, size_t size)
 static inline void write_text(const char *path, const char *text)
 {
     write_bytes(path, text, strlen(text));
+}
+
+/* Whether a command of the shell succeeds. */
+static inline int works(const char *command)
+{
+    return system(command) == 0;
 }
 
 /* A name to be completed by mkstemp() or mkdtemp(). */

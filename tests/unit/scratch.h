@@ -112,9 +112,8 @@ static inline const char *put(void **state, const char *name, const char *text)
 static inline char *slurp(const char *folder, const char *name)
 {
     char path[1024];
-    size_t size;
     snprintf(path, sizeof path, "%s/%s", folder, name);
-    return file_bytes(path, &size);
+    return file_bytes(path, NULL);
 }
 
 #endif

@@ -39,13 +39,6 @@ static rx_status write_all(rx_catalog_type type, const char *path, rx_table **ta
     return status;
 }
 
-static char *content(const char *path)
-{
-    char *data = NULL;
-    assert_int_equal(rx_text_read_file(path, 1 << 24, &data, NULL, NULL), RX_OK);
-    return data;
-}
-
 /* Two extensions of three and two rows. */
 typedef struct scene {
     rx_table *tables[2];
@@ -72,7 +65,7 @@ static void ascii_head_is_laid_out_as_sextractors(void **state)
     scene s;
     begin(&s, 1, 2);
     assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, "out.cat", s.tables, 2, NULL), RX_OK);
-    char *text = content("out.cat");
+    char *text = file_bytes("out.cat", NULL);
     const char *expected =
         "#   1 NUMBER                 Number of the source, from 1 in each extension            \n"
         "#   2 X_IMAGE                Barycentre, x                                              [pixel]\n"
@@ -104,7 +97,7 @@ static void ascii_is_the_same_without_head(void **state)
     scene s;
     begin(&s, 2, 0);
     assert_int_equal(write_all(RX_CATALOG_ASCII, "out.cat", s.tables, 1, NULL), RX_OK);
-    char *text = content("out.cat");
+    char *text = file_bytes("out.cat", NULL);
     assert_memory_equal(text, "         1     11.2500", 22);
     assert_null(strchr(text, '#'));
     free(text);
@@ -117,7 +110,7 @@ static void skycat_has_its_frame(void **state)
     scene s;
     begin(&s, 2, 0);
     assert_int_equal(write_all(RX_CATALOG_ASCII_SKYCAT, "out.cat", s.tables, 1, NULL), RX_OK);
-    char *text = content("out.cat");
+    char *text = file_bytes("out.cat", NULL);
     assert_memory_equal(text, "QueryResult\n\n# Config", 21);
     assert_non_null(strstr(text, "\nid\tra\tdec\tmag\tFLUX_APER\tMAG_AUTO\tFLAGS\tVIGNET\n---"));
     assert_non_null(strstr(text, "\n         1 \t    11.2500 \t"));
@@ -253,7 +246,7 @@ static void a_decimal_comma_changes_nothing(void **state)
     begin(&s, 1, 0);
     rx_table *back = NULL;
     assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, "out.cat", s.tables, 1, NULL), RX_OK);
-    char *text = content("out.cat");
+    char *text = file_bytes("out.cat", NULL);
     assert_non_null(strstr(text, "11.2500"));
     assert_int_equal(rx_catalog_read("out.cat", 0, &back, NULL), RX_OK);
     assert_near(scene_value(back, "X_IMAGE", 0, 0), 11.25, 0);

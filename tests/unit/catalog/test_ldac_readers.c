@@ -10,13 +10,6 @@
 enum { STARS = 144, SIDE = 12, STEP = 80, VIGNET = 35 };
 static const double FWHM = 3.2, CRVAL[2] = {150.1, 2.2}, SCALE = 1e-4; /* px, deg, deg per px */
 
-static int installed(const char *program)
-{
-    char command[80];
-    snprintf(command, sizeof command, "command -v %s >/dev/null 2>&1", program);
-    return system(command) == 0;
-}
-
 static void add_cards(rx_text *cards)
 {
     rx_card_integer(cards, "BITPIX", -32, "");
@@ -120,7 +113,7 @@ static int run(const char *command)
 static void psfex_models_our_stars(void **state)
 {
     (void)state;
-    if (!installed("psfex")) {
+    if (!works("command -v psfex >/dev/null 2>&1")) {
         print_message("psfex is not installed\n");
         skip();
     }
@@ -145,7 +138,7 @@ static void psfex_models_our_stars(void **state)
 static void scamp_solves_our_field(void **state)
 {
     (void)state;
-    if (!installed("scamp")) {
+    if (!works("command -v scamp >/dev/null 2>&1")) {
         print_message("scamp is not installed\n");
         skip();
     }

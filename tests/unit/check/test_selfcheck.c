@@ -15,7 +15,7 @@
 #include "../near.h"
 #include "../pipeline/bench.h"
 #include "../pipeline/scene.h"
-#include "../stage/place.h"
+#include "../scratch.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "catalog/catalog.h"
@@ -43,7 +43,7 @@ typedef struct pair {
     int32_t segments[80 * 80];
 } pair;
 
-static void put(pair *p, int index, int x, int y)
+static void put_source(pair *p, int index, int x, int y)
 {
     p->list[index] = (rx_source){
         .x = x, .y = y, .xmin = x - 2, .xmax = x + 2, .ymin = y - 2, .ymax = y + 2, .segment = index + 1};
@@ -59,8 +59,8 @@ static void make_pair(pair *p)
     memset(p, 0, sizeof *p);
     for (int i = 0; i < 80 * 80; i++)
         p->pixels[i] = p->level[i] = 100.0f;
-    put(p, 0, 20, 20);
-    put(p, 1, 60, 60);
+    put_source(p, 0, 20, 20);
+    put_source(p, 1, 60, 60);
     p->sources = (rx_sources){.n = 2, .list = p->list, .width = 80, .height = 80, .segments = p->segments};
     p->tile = (rx_tile){.width = 80, .height = 80, .pixels = p->pixels, .mask = p->mask};
 }
@@ -735,24 +735,12 @@ static rx_status run_stage(const char *image, const setting *settings, rx_error 
     return status;
 }
 
-static char *content(const char *path, size_t *length)
-{
-    FILE *file = fopen(path, "rb");
-    if (file == NULL)
-        fail_msg("%s is missing", path);
-    char *data = calloc(1, 4000000);
-    assert_non_null(data);
-    *length = fread(data, 1, 3999999, file);
-    fclose(file);
-    return data;
-}
-
 /* How often a header keyword stands in a file. */
 static int occurrences(const char *path, const char *keyword)
 {
     size_t length;
     int n = 0;
-    char *data = content(path, &length), *end = data + length;
+    char *data = file_bytes(path, &length), *end = data + length;
     for (char *p = data; (p = memmem(p, (size_t)(end - p), keyword, strlen(keyword))) != NULL; p++)
         n++;
     free(data);
@@ -762,7 +750,7 @@ static int occurrences(const char *path, const char *keyword)
 static void expect_same(const char *a, const char *b)
 {
     size_t na, nb;
-    char *first = content(a, &na), *second = content(b, &nb);
+    char *first = file_bytes(a, &na), *second = file_bytes(b, &nb);
     if (na != nb || memcmp(first, second, na) != 0)
         fail_msg("%s and %s differ", a, b);
     free(first);
@@ -851,8 +839,8 @@ int main(void)
         cmocka_unit_test(test_part_of_a_tile),
         cmocka_unit_test(test_empty_tile),
         cmocka_unit_test(test_unknown_psf_is_said),
-        cmocka_unit_test_setup_teardown(test_extensions_and_threads, enter, leave),
-        cmocka_unit_test_setup_teardown(test_two_images_are_refused, enter, leave),
+        cmocka_unit_test_setup_teardown(test_extensions_and_threads, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_two_images_are_refused, enter_scratch, leave_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

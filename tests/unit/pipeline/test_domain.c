@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #include "../near.h"
-#include "../stage/place.h"
+#include "../scratch.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "base/text.h"
@@ -864,9 +864,9 @@ int main(void)
         cmocka_unit_test(test_faint),
         cmocka_unit_test(test_marks_by_source),
         cmocka_unit_test(test_fringes),
-        cmocka_unit_test_setup_teardown(test_outputs_inside, enter, leave),
-        cmocka_unit_test_setup_teardown(test_outputs_rl, enter, leave),
-        cmocka_unit_test_setup_teardown(test_outputs_fail, enter, leave),
+        cmocka_unit_test_setup_teardown(test_outputs_inside, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_outputs_rl, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(test_outputs_fail, enter_scratch, leave_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -22,11 +22,6 @@
 
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
 
-static int have(const char *command)
-{
-    return system(command) == 0;
-}
-
 /* What `write` adds, compared and freed. */
 static void assert_text(rx_text *text, const char *expected)
 {
@@ -134,7 +129,7 @@ static void pages_are_whole(void **state)
     new_folder(folder);
     assert_int_equal(rx_report_file(folder, "the report", "page.html", &page, &err), RX_OK);
     assert_null(page.data);
-    if (have("xmllint --version 2>/dev/null")) {
+    if (works("xmllint --version 2>/dev/null")) {
         snprintf(command, sizeof command,
                  "xmllint --html --noout %s/page.html 2>&1 | grep -v 'Tag .* invalid' "
                  "| grep -q 'error' && exit 1 || exit 0",
@@ -271,7 +266,7 @@ static void figures_are_drawn(void **state)
     static rx_figures first, second;
     char folder[512];
     (void)state;
-    if (!have("gnuplot --version >/dev/null 2>&1")) {
+    if (!works("gnuplot --version >/dev/null 2>&1")) {
         print_message("gnuplot is absent: figures not drawn\n");
         skip();
     }

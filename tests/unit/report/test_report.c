@@ -97,11 +97,6 @@ static int free_scene(void **state)
     return 0;
 }
 
-static int have(const char *command)
-{
-    return system(command) == 0;
-}
-
 static const rx_qa_params params = {.match_radius = 1, .figures = 1, .by = {5, 2}};
 static const char *const files[] = {"report.html", "summary.json", "bins.ecsv", "matches_NONE.ecsv",
                                     "pr_NONE.ecsv"};
@@ -124,7 +119,7 @@ static void writes_all_files(void **state)
     assert_null(strstr(page, "<script"));
     assert_non_null(strstr(page, "&lt;script&gt;alert(&#39;x&#39;)"));
     assert_non_null(strstr(page, "</html>"));
-    if (have("gnuplot --version >/dev/null 2>&1")) {
+    if (works("gnuplot --version >/dev/null 2>&1")) {
         assert_null(strstr(page, "No figures"));
         assert_non_null(strstr(page, "<svg"));
         assert_null(strstr(page, "not drawn"));
@@ -166,7 +161,7 @@ static void other_programs_read_it(void **state)
     rx_qa_params par = params;
     par.figures = 0;
     assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
-    if (have("python3 -c 'import json' 2>/dev/null")) {
+    if (works("python3 -c 'import json' 2>/dev/null")) {
         snprintf(command, sizeof command,
                  "python3 -c \"import json; d = json.load(open('%s/summary.json')); r = d['runs'][0];"
                  "assert d['format'] == 'rextract-qa 2' and r['run'] == 'NONE' and d['metrics'][0]['metric'] "
@@ -183,7 +178,7 @@ static void other_programs_read_it(void **state)
     } else {
         print_message("python3 is absent: JSON not parsed\n");
     }
-    if (have("/usr/bin/python3 -c 'import astropy' 2>/dev/null")) {
+    if (works("/usr/bin/python3 -c 'import astropy' 2>/dev/null")) {
         snprintf(command, sizeof command,
                  "/usr/bin/python3 -c \"from astropy.table import Table; f = '%s/';"
                  "b = Table.read(f + 'bins.ecsv'); assert len(b) == %d * 9 and b['bias_mag'].unit == 'mag';"
@@ -246,7 +241,7 @@ static void spurious_sources_have_their_section(void **state)
             "p = (r['matched'] - 5) / (r['detections'] - 15); assert abs(r['precision_without'] - p) < 1e-9;"
             "assert p > r['precision']['value'] + 0.01\"",
             folder);
-        if (tested && have("python3 -c 'import json' 2>/dev/null"))
+        if (tested && works("python3 -c 'import json' 2>/dev/null"))
             assert_int_equal(system(command), 0);
         clear_folder(folder);
     }

@@ -393,11 +393,11 @@ static void test_hst_spiral(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(test_file, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_file, make_scratch, remove_scratch),
         cmocka_unit_test(test_isolate),
         cmocka_unit_test(test_isolate_no_light),
-        cmocka_unit_test_setup_teardown(test_folder_and_list, make_scratch, drop_scratch),
-        cmocka_unit_test_setup_teardown(test_catalogue, make_scratch, drop_scratch),
+        cmocka_unit_test_setup_teardown(test_folder_and_list, make_scratch, remove_scratch),
+        cmocka_unit_test_setup_teardown(test_catalogue, make_scratch, remove_scratch),
         cmocka_unit_test(test_cosmos),
         cmocka_unit_test(test_hst_spiral),
     };

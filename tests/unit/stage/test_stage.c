@@ -71,24 +71,10 @@ static void expect_run(const char *image, const setting *settings)
         fail_msg("%s: %s", err.where, err.text);
 }
 
-static char *content(const char *path, size_t *length)
-{
-    FILE *file = fopen(path, "rb");
-    if (file == NULL)
-        fail_msg("%s was not written", path);
-    struct stat info;
-    assert_int_equal(fstat(fileno(file), &info), 0);
-    char *bytes = malloc((size_t)info.st_size + 1);
-    assert_non_null(bytes);
-    *length = fread(bytes, 1, (size_t)info.st_size, file);
-    fclose(file);
-    return bytes;
-}
-
 static void assert_same_file(const char *a, const char *b)
 {
     size_t na, nb;
-    char *first = content(a, &na), *second = content(b, &nb);
+    char *first = file_bytes(a, &na), *second = file_bytes(b, &nb);
     if (na != nb || memcmp(first, second, na) != 0)
         fail_msg("%s and %s differ", a, b);
     free(first);
@@ -114,7 +100,7 @@ static void blank_digests(char *bytes, size_t n)
 static void assert_same_but_digests(const char *a, const char *b)
 {
     size_t na, nb;
-    char *first = content(a, &na), *second = content(b, &nb);
+    char *first = file_bytes(a, &na), *second = file_bytes(b, &nb);
     blank_digests(first, na);
     blank_digests(second, nb);
     if (na != nb || memcmp(first, second, na) != 0)
@@ -476,9 +462,9 @@ static void a_failed_run_leaves_the_old_outputs(void **state)
                            {NULL, NULL}};
     expect_run("tile.fits", good);
     size_t before, after;
-    char *old = content("out.cat", &before);
+    char *old = file_bytes("out.cat", &before);
     assert_int_equal(run_stage("tile.fits", bad, NULL), RX_INPUT);
-    char *new = content("out.cat", &after);
+    char *new = file_bytes("out.cat", &after);
     assert_int_equal(before, after);
     assert_memory_equal(old, new, before);
     free(old);
