@@ -7,6 +7,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Which numbers: a stream of a seed, counted from 0. */
+typedef struct rx_random_stream {
+    uint64_t seed, stream;
+} rx_random_stream;
+
 /* Four 32-bit words of the block `counter` in `stream`. */
 void rx_random_block(uint64_t seed, uint64_t stream, uint64_t counter, uint32_t out[4]);
 

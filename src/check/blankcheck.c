@@ -41,8 +41,8 @@ rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, in
         return rx_error_memory(err, n);
     *dst = rx_noise_white(RX_NOISE_UNKNOWN);
     for (size_t k = 0; k < sizeof distances / sizeof *distances && dst->origin == RX_NOISE_UNKNOWN; k++) {
-        RX_TRY_EXIT(rx_inject_allowed(RX_INJECT_AWAY, tile->width, tile->height, segments, tile->mask,
-                                      distances[k], used, err));
+        RX_TRY_EXIT(
+            rx_inject_allowed(tile->width, tile->height, segments, tile->mask, distances[k], used, err));
         RX_TRY_EXIT(rx_field_noise_measure(field, used, nthreads, dst, err));
     }
     if (dst->origin == RX_NOISE_UNKNOWN)
@@ -64,8 +64,8 @@ static rx_psf *moved_psf(const rx_psf *psf, const rx_replica_part *part)
 }
 
 rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *field,
-                              const rx_noise_correlation *noise, const rx_replica_part *part, uint64_t seed,
-                              uint64_t stream, rx_field **dst, rx_error *err)
+                              const rx_noise_correlation *noise, const rx_replica_part *part,
+                              rx_random_stream from, rx_field **dst, rx_error *err)
 {
     const rx_map noise_map = rx_background_noise(field->plain);
     rx_tile *copy = NULL;
@@ -92,8 +92,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
             memcpy(row, from, (size_t)width * sizeof *row);
     }
     const rx_map map = rx_map_plane(sigma, width);
-    RX_TRY_EXIT(
-        rx_sky_noise_draw(noise, width, height, &map, seed, stream, params->nthreads, copy->pixels, err));
+    RX_TRY_EXIT(rx_sky_noise_draw(noise, &map, height, from, params->nthreads, copy->pixels, err));
     /* a map of the sky follows large sources: on it, their light would be found again */
     for (size_t i = 0; i < n; i++)
         copy->pixels[i] += (float)field->plain->global_level;
@@ -147,8 +146,9 @@ static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input 
 {
     rx_field *blank = NULL;
     rx_result result = {0};
-    rx_status status = rx_blankcheck_field(params, in->field, in->noise, NULL, params->seed,
-                                           NOISE + (uint64_t)number, &blank, err);
+    rx_status status =
+        rx_blankcheck_field(params, in->field, in->noise, NULL,
+                            (rx_random_stream){params->seed, NOISE + (uint64_t)number}, &blank, err);
     if (status != RX_OK)
         return status;
     status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
@@ -242,8 +242,8 @@ static rx_status run_window(const rx_pipeline_params *params, const rx_blank_inp
     const rx_replica_part window = quick_window(in->field->tile, side);
     rx_field *blank = NULL;
     rx_result result = {0};
-    RX_TRY(rx_blankcheck_field(params, in->field, in->noise, &window, params->seed, NOISE + (uint64_t)side,
-                               &blank, err));
+    RX_TRY(rx_blankcheck_field(params, in->field, in->noise, &window,
+                               (rx_random_stream){params->seed, NOISE + (uint64_t)side}, &blank, err));
     rx_status status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
     if (status != RX_OK)
         goto exit;

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
+#include "base/random.h"
 #include "check/replica.h"
 #include "data/noise_correlation.h"
 #include "pipeline/field.h"
@@ -46,8 +47,8 @@ rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, in
 /* The tile of `field`, or a part of it, with nothing on a flat sky but a realisation of its noise, the one numbered
  * `stream` of `seed`, made ready with the field's PSF. Free with rx_field_free(). Errors: RX_SYSTEM. */
 rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *field,
-                              const rx_noise_correlation *noise, const rx_replica_part *part, uint64_t seed,
-                              uint64_t stream, rx_field **dst, rx_error *err);
+                              const rx_noise_correlation *noise, const rx_replica_part *part,
+                              rx_random_stream from, rx_field **dst, rx_error *err);
 
 /* What is drawn, and the restorer that looks at it. */
 typedef struct rx_blank_input {

@@ -368,7 +368,8 @@ rx_status rx_checks_report(const rx_checks *checks, const rx_checks_page *page, 
     input.pictures = pictures;
     input.nrecord = page->record->n;
     input.record = (const char *const(*)[2])pairs;
-    status = rx_qa_report(&par, &input, page->folder, page->shown, log, &verdict, NULL, err);
+    par.log = log;
+    status = rx_qa_report(&par, &input, page->folder, page->shown, &verdict, NULL, err);
     free(pairs);
     return status;
 }

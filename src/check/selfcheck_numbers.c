@@ -182,7 +182,7 @@ static rx_status measure_one(const rx_evaluation *e, rx_metric metric, rx_resamp
                              rx_error *err)
 {
     rx_estimate all[RX_METRIC_COUNT];
-    rx_status status = rx_metrics_measure(e, 1, 0, 0, LEVEL, by, metric, all, err);
+    rx_status status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, LEVEL, by, metric, all, err);
     if (status == RX_OK)
         *dst = all[metric];
     return status;

@@ -96,9 +96,9 @@ static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
     if (plan->allowed == NULL)
         return rx_error_memory(err, n);
     /* away means clear of the wide aperture */
-    rx_inject_place place = plan->par->away ? RX_INJECT_AWAY : RX_INJECT_AMONG;
-    rx_status status = rx_inject_allowed(place, tile->width, tile->height, plan->segments, tile->mask,
-                                         0.5 * plan->diameter, plan->allowed, err);
+    const int away = plan->par->away;
+    rx_status status = rx_inject_allowed(tile->width, tile->height, away ? plan->segments : NULL, tile->mask,
+                                         away ? 0.5 * plan->diameter : 0.0, plan->allowed, err);
     for (size_t i = 0; i < n && status == RX_OK; i++)
         good += plan->allowed[i] != 0;
     if (status == RX_OK && good == 0)

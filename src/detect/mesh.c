@@ -27,6 +27,8 @@ typedef struct workspace {
     float *values;      /* good pixels of a mesh */
     int32_t *histogram; /* one more for what is in no level */
     int64_t *count, *first, *second;
+    int levels; /* of width `scale` from `zero` */
+    float zero, scale;
 } workspace;
 
 static bool make_workspace(size_t area, workspace *work)
@@ -76,9 +78,11 @@ RX_SIMD static moments measure_moments(const float *values, int n, float low, fl
     return m;
 }
 
-/* Levels of width `scale` from `zero`; fills the histogram and its running sums. */
-RX_SIMD static void fill_histogram(workspace *work, int n, int levels, float zero, float scale)
+/* The histogram of n values and its running sums. */
+RX_SIMD static void fill_histogram(workspace *work, int n)
 {
+    const int levels = work->levels;
+    const float zero = work->zero, scale = work->scale;
     const float shift = (float)(0.499999 - (double)(zero / scale));
     memset(work->histogram, 0, ((size_t)levels + 1) * sizeof *work->histogram);
     for (int i = 0; i < n; i += PART) {
@@ -127,11 +131,11 @@ static double find_median(const workspace *work, int low, int high)
     return from - 1 + 0.5 + (double)(all - 2 * below) / (2.0 * (here > before ? here : before));
 }
 
-/* Level and sigma from the histogram of `levels` levels. A mesh of one pixel has one level and no round: its
+/* Level and sigma from the histogram. A mesh of one pixel has one level and no round: its
  * mean, meant in levels, is then that of the pixels, in SExtractor as in sep. */
-static void settle(const workspace *work, int levels, float zero, float scale, float mean_of_pixels,
-                   rx_mesh_level how, float *level, float *sigma)
+static void settle(const workspace *work, float mean_of_pixels, rx_mesh_level how, float *level, float *sigma)
 {
+    const int levels = work->levels;
     int low = 0, high = levels - 1;
     double spread = 10.0 * high, last = 1.0, mean = mean_of_pixels, median = mean_of_pixels;
     for (int round = 0; round < MAX_ROUNDS && spread >= LEAST_SIGMA && fabs(spread / last - 1.0) > SETTLED;
@@ -153,8 +157,8 @@ static void settle(const workspace *work, int levels, float zero, float scale, f
     double place = mean;
     if (how == RX_MESH_MODE && fabs(spread) > 0.0)
         place = fabs((mean - median) / spread) < CROWDED ? 2.5 * median - 1.5 * mean : median;
-    *level = (float)(zero + place * scale);
-    *sigma = (float)(spread * scale);
+    *level = (float)(work->zero + place * work->scale);
+    *sigma = (float)(spread * work->scale);
 }
 
 /* One mesh from its n good values. */
@@ -167,12 +171,12 @@ static void measure_mesh(workspace *work, int n, int area, rx_mesh_level how, fl
     const moments kept = measure_moments(work->values, n, (float)(all.mean - FIRST_CLIP * all.sigma),
                                          (float)(all.mean + FIRST_CLIP * all.sigma));
     const double step = sqrt(2.0 / 3.14159265358979323846) * REACH / FILLING;
-    int levels = (int)(step * kept.n + 1.0);
-    levels = levels < MAX_LEVELS ? levels : MAX_LEVELS;
-    const float scale = kept.sigma > 0.0 ? (float)(2.0 * REACH * kept.sigma / levels) : 1.0f;
-    const float zero = (float)(kept.mean - REACH * kept.sigma);
-    fill_histogram(work, n, levels, zero, scale);
-    settle(work, levels, zero, scale, (float)kept.mean, how, level, sigma);
+    const int levels = (int)(step * kept.n + 1.0);
+    work->levels = levels < MAX_LEVELS ? levels : MAX_LEVELS;
+    work->scale = kept.sigma > 0.0 ? (float)(2.0 * REACH * kept.sigma / work->levels) : 1.0f;
+    work->zero = (float)(kept.mean - REACH * kept.sigma);
+    fill_histogram(work, n);
+    settle(work, (float)kept.mean, how, level, sigma);
 }
 
 /* The n pixels are finite and none is hidden, as nearly all rows are. */

@@ -91,10 +91,10 @@ rx_status rx_condition_psf(const rx_condition *c, const rx_simulate_config *sim,
     rx_optics *told = NULL;
     if (c->psf_error == 0.0)
         return rx_optics_on_pixels(simulation->optics, dst, err);
-    rx_status status =
-        rx_optics_moffat((c->fwhm > 0 ? c->fwhm : sim->psf_fwhm) * (1 + c->psf_error), sim->psf_beta,
-                         sim->psf_ratio, sim->psf_angle * M_PI / 180.0, sim->psf_variation,
-                         simulation->scene.width, simulation->scene.height, &told, err);
+    rx_status status = rx_optics_moffat(
+        &(rx_moffat_profile){(c->fwhm > 0 ? c->fwhm : sim->psf_fwhm) * (1 + c->psf_error), sim->psf_beta,
+                             sim->psf_ratio, sim->psf_angle * M_PI / 180.0, sim->psf_variation},
+        simulation->scene.width, simulation->scene.height, &told, err);
     if (status == RX_OK)
         status = rx_optics_on_pixels(told, dst, err);
     rx_optics_free(told);

@@ -134,7 +134,7 @@ static rx_status measure_set(rx_store *s, int f, int k, int run, double *work, r
             *dst = rx_binomial_interval(found, found + wrong, LEVEL);
             break;
         case AP:
-            status = rx_pr_interval(&pr, star->n, LEVEL, (rx_resampling){s->seed, 1}, dst, err);
+            status = rx_pr_interval(&pr, star->n, LEVEL, (rx_resampling){.seed = s->seed, .nthreads = 1}, dst, err);
             break;
         case CROWDED:
             *dst = rx_binomial_interval(crowded, found, LEVEL);
@@ -180,9 +180,9 @@ static rx_status depth(const rx_lab *lab, int f, int run, double *mag, rx_photom
             found[n] = rx_lab_each(stars_of(lab, f, k), i, run)[RX_STAR_SCORE] >= cut->score;
             mag[n++] = lab->scene[k].mag;
         }
-    rx_status status = rx_completeness(&bins, n, mag, found, 0.5, LEVEL, by, &cut->mag50, err);
+    rx_status status = rx_completeness(&bins, &(rx_found){n, mag, found}, 0.5, LEVEL, by, &cut->mag50, err);
     if (status == RX_OK)
-        status = rx_completeness(&bins, n, mag, found, 0.9, LEVEL, by, &cut->mag90, err);
+        status = rx_completeness(&bins, &(rx_found){n, mag, found}, 0.9, LEVEL, by, &cut->mag90, err);
     free(found);
     return status;
 }
@@ -218,7 +218,7 @@ static rx_status choose_cuts(rx_store *s, int f, int run, double *work, rx_error
             cut->whole_list = point == &pr.point[pr.n - 1];
             cut->precision = rx_binomial_interval(point->matched, point->detections, LEVEL);
         }
-        status = depth(lab, f, run, work, cut, err, (rx_resampling){s->seed, 1});
+        status = depth(lab, f, run, work, cut, err, (rx_resampling){.seed = s->seed, .nthreads = 1});
     }
     rx_pr_free(&pr);
     return status;

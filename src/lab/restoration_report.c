@@ -477,7 +477,7 @@ static void plot_boxes(rx_figures *dst, const rx_store *s, int g, int quality)
             "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths; a plus: "
             "beyond the training range. As the paper's Figure 5: blurred blue, RL red, the network green.",
             RX_FIGURE_CHART);
-        rx_plot_boxes(dst, &axes, (int)nbins, groups, s->ncolumns, s->column, colors, box);
+        rx_plot_boxes(dst, &axes, &(rx_boxes){(int)nbins, s->ncolumns, groups, s->column, colors, box});
     }
     free(box);
     free(label);
@@ -551,7 +551,7 @@ static void plot_plane(rx_figures *dst, const rx_lab *lab, int example, const ch
         pixels[i] = plane[(size_t)(from + i / shown) * (size_t)side + (size_t)(from + i % shown)];
     snprintf(id, sizeof id, "example%d-%.12s", example, title);
     rx_figure_add(dst, id, title, "", RX_FIGURE_PICTURE);
-    rx_plot_picture(dst, shown, shown, pixels, -0.06 * peak, 0.7 * peak, 0.06 * peak, PICTURE_WIDTH);
+    rx_plot_picture(dst, &(rx_grey_image){shown, shown, PICTURE_WIDTH, pixels, -0.06 * peak, 0.7 * peak, 0.06 * peak});
     free(pixels);
 }
 

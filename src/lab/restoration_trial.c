@@ -22,7 +22,6 @@
 static const double FILL_LOW = 0.07, FILL_HIGH = 0.15, PLACE = 0.08;
 /* Mean surface brightness of any other object, at most so many of the main galaxy's. */
 static const double OTHERS = 0.5;
-static const double K_SSIM = 0.001; /* the paper's K1 = K2 */
 
 /* What random numbers are for. */
 enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
@@ -126,11 +125,13 @@ static rx_status expose(const rx_lab *lab, uint64_t stream, const rx_scene *scen
     const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
     rx_optics *optics = NULL;
     float *noise = RX_NEW(float, n);
-    rx_status status =
-        noise == NULL
-            ? rx_error_memory(err, n * sizeof *noise)
-            : rx_optics_moffat(dst->fwhm, sim->psf_beta, sim->psf_ratio, sim->psf_angle * M_PI / 180.0, 0,
-                               lab->config->scene_side, lab->config->scene_side, &optics, err);
+    rx_status status = noise == NULL
+                           ? rx_error_memory(err, n * sizeof *noise)
+                           : rx_optics_moffat(&(rx_moffat_profile){.fwhm = dst->fwhm,
+                                                                   .beta = sim->psf_beta,
+                                                                   .ratio = sim->psf_ratio,
+                                                                   .angle = sim->psf_angle * M_PI / 180.0},
+                                              lab->config->scene_side, lab->config->scene_side, &optics, err);
     if (status == RX_OK)
         status = rx_render(scene, 2, (const rx_optics *const[]){optics, lab->sky[0].simulation->target},
                            (float *const[]){dst->image, dst->sharp}, 1, err);
@@ -167,8 +168,8 @@ rx_status rx_trial_make(const rx_lab *lab, const rx_lab_unit *unit, rx_trial *ds
     if (status == RX_OK)
         status = expose(lab, stream, scene, dst, err);
     if (status == RX_OK)
-        status = rx_image_reference_new(lab->config->scene_side, lab->config->scene_side, dst->sharp, K_SSIM,
-                                        K_SSIM, 0, &dst->reference, err);
+        status = rx_image_reference_new(lab->config->scene_side, lab->config->scene_side, dst->sharp,
+                                        &dst->reference, err);
     rx_scene_free(scene);
     if (status != RX_OK)
         rx_trial_free(dst);

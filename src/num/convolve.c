@@ -112,14 +112,16 @@ typedef struct gauss {
     float *good;      /* [nthreads][width] */
 } gauss;
 
-/* Along x: num = G f, den = G good, for pixels x0 .. x1 - 1 of one row; f and `good` are 0 at masked ones. */
-static void smooth_row(int width, int x0, int x1, int radius, const float *g, const float *image,
-                       const float *good, float *restrict num, float *restrict den)
+/* Along x: num = G f, den = G good, for TOGETHER pixels from x0 on of one row; f and `good` are 0 at masked
+ * ones. */
+static void smooth_row(const gauss *g, int x0, const float *image, const float *good, float *restrict num,
+                       float *restrict den)
 {
+    const int width = g->width, x1 = x0 + TOGETHER < width ? x0 + TOGETHER : width;
     float n[TOGETHER] = {0}, d[TOGETHER] = {0};
-    for (int i = -radius; i <= radius; i++) {
+    for (int i = -g->radius; i <= g->radius; i++) {
         const int first = x0 + i < 0 ? -i : x0, last = x1 + i > width ? width - i : x1;
-        const float weight = g[i + radius];
+        const float weight = g->weights[i + g->radius];
 #pragma omp simd
         for (int x = first; x < last; x++) {
             n[x - x0] += weight * image[x + i];
@@ -143,16 +145,18 @@ static void smooth_rows(const gauss *g, int y0, int y1, int first, const float *
         for (int x = 0; g->mask != NULL && x < g->width; x++)
             good[x] = g->mask[row + x] == 0 ? 1.0f : 0.0f;
         for (int x = 0; x < g->width; x += TOGETHER)
-            smooth_row(g->width, x, x + TOGETHER < g->width ? x + TOGETHER : g->width, g->radius, g->weights,
-                       image + row, good, g->num + at, g->den + at);
+            smooth_row(g, x, image + row, good, g->num + at, g->den + at);
     }
 }
 
-/* Along y, then the quotient, at good pixels: `count` pixels, all pointers at the first of them; rows
- * `first` .. `last` from it are in the image. */
-static void smooth_piece(const gauss *g, int count, int first, int last, const uint8_t *mask,
-                         const float *num, const float *den, float *restrict image)
+/* Along y, then the quotient, at good pixels: TOGETHER pixels of row y from x on; all pointers at the first. */
+static void smooth_piece(const gauss *g, int x0, int y, const float *num, const float *den,
+                         float *restrict image)
 {
+    const int count = x0 + TOGETHER < g->width ? TOGETHER : g->width - x0;
+    const int first = y < g->radius ? -y : -g->radius;
+    const int last = y + g->radius >= g->height ? g->height - 1 - y : g->radius;
+    const uint8_t *mask = g->mask != NULL ? g->mask + (size_t)y * g->width + x0 : NULL;
     float n[TOGETHER] = {0}, d[TOGETHER] = {0};
     for (int i = first; i <= last; i++) {
         const float weight = g->weights[i + g->radius];
@@ -171,17 +175,12 @@ static void smooth_piece(const gauss *g, int count, int first, int last, const u
 /* Rows y0 .. y1 - 1 of the image, from num and den whose first row is row `top` of the image. */
 static void smooth_columns(const gauss *g, int y0, int y1, int top, float *image)
 {
-    const int radius = g->radius;
 #pragma omp parallel for schedule(static) num_threads(g->nthreads)
-    for (int y = y0; y < y1; y++) {
-        const int first = y < radius ? -y : -radius;
-        const int last = y + radius >= g->height ? g->height - 1 - y : radius;
+    for (int y = y0; y < y1; y++)
         for (int x = 0; x < g->width; x += TOGETHER) {
-            const size_t k = (size_t)y * g->width + x, at = (size_t)(y - top) * g->width + x;
-            smooth_piece(g, x + TOGETHER < g->width ? TOGETHER : g->width - x, first, last,
-                         g->mask != NULL ? g->mask + k : NULL, g->num + at, g->den + at, image + k);
+            const size_t at = (size_t)(y - top) * g->width + x;
+            smooth_piece(g, x, y, g->num + at, g->den + at, image + (size_t)y * g->width + x);
         }
-    }
 }
 
 /* Band by band: what the next one needs of rows that this one overwrites is in num and den already. */

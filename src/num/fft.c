@@ -343,10 +343,11 @@ void rx_fft_filter(const rx_fft *fft, const float *src, const float *kernel, boo
     filter(fft, &(rows){.from = src, .to = dst}, kernel, conjugate, half, 0, fft->height);
 }
 
-void rx_fft_filter_rows(const rx_fft *fft, rx_fft_read read, const float *kernel, bool conjugate, float *half,
-                        int first, int last, rx_fft_write write, void *user)
+void rx_fft_filter_rows(const rx_fft *fft, const rx_fft_rows *of, const float *kernel, bool conjugate,
+                        float *half)
 {
-    filter(fft, &(rows){.read = read, .write = write, .user = user}, kernel, conjugate, half, first, last);
+    filter(fft, &(rows){.read = of->read, .write = of->write, .user = of->user}, kernel, conjugate, half,
+           of->first, of->last);
 }
 
 const char *rx_fft_library(void)

@@ -61,8 +61,14 @@ typedef void (*rx_fft_write)(void *user, int y, float *line);
 void rx_fft_forward_rows(const rx_fft *fft, rx_fft_read read, void *user, float *complex_out);
 void rx_fft_inverse_rows(const rx_fft *fft, float *complex_in, int first, int last, rx_fft_write write,
                          void *user);
-void rx_fft_filter_rows(const rx_fft *fft, rx_fft_read read, const float *kernel, bool conjugate, float *half,
-                        int first, int last, rx_fft_write write, void *user);
+typedef struct rx_fft_rows {
+    rx_fft_read read;
+    rx_fft_write write;
+    void *user;
+    int first, last;
+} rx_fft_rows;
+void rx_fft_filter_rows(const rx_fft *fft, const rx_fft_rows *rows, const float *kernel, bool conjugate,
+                        float *half);
 
 /* Name, version and instruction sets of the library. */
 const char *rx_fft_library(void);

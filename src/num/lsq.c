@@ -11,9 +11,11 @@
 
 #include "base/memory.h"
 
-rx_status rx_lsq_linear(const double *a, const double *b, const double *weights, size_t rows, size_t columns,
-                        double *x, double *covariance, double *chi2, rx_error *err)
+rx_status rx_lsq_linear(const rx_lsq_equations *equations, double *x, double *covariance, double *chi2,
+                        rx_error *err)
 {
+    const size_t rows = equations->rows, columns = equations->columns;
+    const double *weights = equations->weights;
     rx_status status = RX_OK;
     if (columns == 0 || rows < columns)
         return rx_error_set(err, RX_INPUT, "%zu equations cannot fix %zu unknowns", rows, columns);
@@ -28,8 +30,8 @@ rx_status rx_lsq_linear(const double *a, const double *b, const double *weights,
         status = rx_error_memory(err, rows * columns * sizeof(double));
         goto exit;
     }
-    gsl_matrix_const_view va = gsl_matrix_const_view_array(a, rows, columns);
-    gsl_vector_const_view vb = gsl_vector_const_view_array(b, rows);
+    gsl_matrix_const_view va = gsl_matrix_const_view_array(equations->a, rows, columns);
+    gsl_vector_const_view vb = gsl_vector_const_view_array(equations->b, rows);
     gsl_vector_const_view vw = gsl_vector_const_view_array(weights != NULL ? weights : ones, rows);
     gsl_vector_view vx = gsl_vector_view_array(x, columns);
     size_t rank;

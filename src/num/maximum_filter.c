@@ -26,14 +26,12 @@ void rx_maximum_filter_in_rows(const float *src, int width, int height, int reac
     }
 }
 
-void rx_maximum_filter_over_rows(const float *rows, int width, int height, int reach, int x, int y, int n,
-                                 float *dst)
+void rx_maximum_filter_over_rows(const float *rows, int width, int height, int reach, int y, float *dst)
 {
     const int first = y > reach ? y - reach : 0, last = height - 1 - y > reach ? y + reach : height - 1;
-    const float *column = rows + (size_t)x;
-    memcpy(dst, column + (size_t)first * (size_t)width, (size_t)n * sizeof *dst);
+    memcpy(dst, rows + (size_t)first * (size_t)width, (size_t)width * sizeof *dst);
     for (int k = first + 1; k <= last; k++)
-        raise_line(column + (size_t)k * (size_t)width, n, dst);
+        raise_line(rows + (size_t)k * (size_t)width, width, dst);
 }
 
 void rx_maximum_filter(const float *src, int width, int height, int reach, int nthreads, float *scratch,
@@ -42,6 +40,5 @@ void rx_maximum_filter(const float *src, int width, int height, int reach, int n
     rx_maximum_filter_in_rows(src, width, height, reach, nthreads, scratch);
 #pragma omp parallel for num_threads(nthreads) schedule(static) if (nthreads > 1)
     for (int y = 0; y < height; y++)
-        rx_maximum_filter_over_rows(scratch, width, height, reach, 0, y, width,
-                                    dst + (size_t)y * (size_t)width);
+        rx_maximum_filter_over_rows(scratch, width, height, reach, y, dst + (size_t)y * (size_t)width);
 }

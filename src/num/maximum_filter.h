@@ -7,9 +7,8 @@
 /* dst[y][x] = the largest of src[y][x - reach .. x + reach]; dst is not src. */
 void rx_maximum_filter_in_rows(const float *src, int width, int height, int reach, int nthreads, float *dst);
 
-/* dst[0..n-1] = the largest over the rows y - reach .. y + reach of rows[..][x .. x + n - 1]. */
-void rx_maximum_filter_over_rows(const float *rows, int width, int height, int reach, int x, int y, int n,
-                                 float *dst);
+/* dst[width] = the largest over the rows y - reach .. y + reach of rows[height][width]. */
+void rx_maximum_filter_over_rows(const float *rows, int width, int height, int reach, int y, float *dst);
 
 /* Both: dst = the largest of the neighbourhood in src; dst may be src, scratch is another plane. */
 void rx_maximum_filter(const float *src, int width, int height, int reach, int nthreads, float *scratch,

@@ -161,9 +161,12 @@ static void unpack_covariance(const active_set *s, size_t n, double *covariance)
             covariance[s->free_index[i] * n + s->free_index[j]] = s->covariance[i * s->nfree + j];
 }
 
-rx_status rx_normal_nonnegative(const double *a, const double *b, const int *bounded, size_t n, double *x,
-                                double *covariance, int *at_bound, int *singular, rx_error *err)
+rx_status rx_normal_nonnegative(const rx_normal_bounded *equations, double *x, double *covariance,
+                                int *at_bound, int *singular, rx_error *err)
 {
+    const double *a = equations->a, *b = equations->b;
+    const int *bounded = equations->bounded;
+    const size_t n = equations->n;
     rx_status status = RX_OK;
     active_set s = {.a = rx_alloc(n * n, sizeof(double)),
                     .covariance = rx_alloc(n * n, sizeof(double)),

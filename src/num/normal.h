@@ -17,7 +17,12 @@ rx_status rx_normal_solve(const double *a, const double *b, size_t n, double *x,
 /* The same under x[j] >= 0 for all j with bounded[j] != 0 (NULL: for all): Lawson and Hanson's active set
  * (Solving Least Squares Problems, 1974, ch. 23) on the normal equations. at_bound [n]: 1 where x[j] was held
  * at 0; rows and columns of the covariance of those are 0. */
-rx_status rx_normal_nonnegative(const double *a, const double *b, const int *bounded, size_t n, double *x,
-                                double *covariance, int *at_bound, int *singular, rx_error *err);
+typedef struct rx_normal_bounded {
+    size_t n;
+    const double *a, *b;
+    const int *bounded;
+} rx_normal_bounded;
+rx_status rx_normal_nonnegative(const rx_normal_bounded *equations, double *x, double *covariance,
+                                int *at_bound, int *singular, rx_error *err);
 
 #endif

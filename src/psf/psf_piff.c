@@ -163,8 +163,8 @@ static rx_status fit_world(model *m, const rx_table *stars, rx_error *err)
                 b[k * equations + e] = value_of(stars, columns[axis][e], k, 0) * unit;
             }
         }
-        status =
-            rx_lsq_linear(a, b, NULL, (size_t)(n * equations), (size_t)w->n, w->of[axis], NULL, NULL, err);
+        status = rx_lsq_linear(&(rx_lsq_equations){(size_t)(n * equations), (size_t)w->n, a, b, NULL},
+                               w->of[axis], NULL, NULL, err);
         for (long k = 0; k < n * equations && status == RX_OK; k++) {
             double sum = 0.0;
             for (int t = 0; t < w->n; t++)

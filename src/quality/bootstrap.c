@@ -28,8 +28,8 @@ void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint
     }
 }
 
-rx_status rx_bootstrap_interval(rx_resampling by, uint64_t stream, long n, rx_statistic statistic,
-                                const void *data, double level, rx_estimate *estimate, rx_error *err)
+rx_status rx_bootstrap_interval(rx_resampling by, long n, rx_statistic statistic, const void *data,
+                                double level, rx_estimate *estimate, rx_error *err)
 {
     const int threads = by.nthreads < 1 ? 1 : by.nthreads;
     rx_status status = RX_OK;
@@ -44,7 +44,7 @@ rx_status rx_bootstrap_interval(rx_resampling by, uint64_t stream, long n, rx_st
 #pragma omp parallel for schedule(static) num_threads(threads)
         for (int round = begin; round < end; round++) {
             uint32_t *own = counts + (size_t)omp_get_thread_num() * (size_t)n;
-            rx_bootstrap_counts(by.seed, stream, round, n, own);
+            rx_bootstrap_counts(by.seed, by.stream, round, n, own);
             replicate[round] = statistic(data, own);
         }
     }

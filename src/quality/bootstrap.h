@@ -19,15 +19,16 @@ void rx_bootstrap_counts(uint64_t seed, uint64_t stream, int round, long n, uint
 /* The statistic of one replicate; may be infinite, not NAN. */
 typedef double (*rx_statistic)(const void *data, const uint32_t *counts);
 
-/* What replicates are drawn from, and by how many threads; below 1 counts as 1. */
+/* What replicates are drawn from, and by how many threads; below 1 counts as 1. The stream is the measure's own. */
 typedef struct rx_resampling {
     uint64_t seed;
     int nthreads;
+    uint64_t stream;
 } rx_resampling;
 
 /* low and high of `estimate` from the percentiles of RX_BOOTSTRAP_ROUNDS replicates over n units; `statistic`
  * is called by any of the threads. */
-rx_status rx_bootstrap_interval(rx_resampling by, uint64_t stream, long n, rx_statistic statistic,
-                                const void *data, double level, rx_estimate *estimate, rx_error *err);
+rx_status rx_bootstrap_interval(rx_resampling by, long n, rx_statistic statistic, const void *data,
+                                double level, rx_estimate *estimate, rx_error *err);
 
 #endif

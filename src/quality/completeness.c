@@ -128,10 +128,12 @@ static double resampled_mag(const void *data, const uint32_t *drawn)
     return isnan(value) ? in->low - LIMIT : value + beyond * LIMIT;
 }
 
-rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const unsigned char *found,
-                          double share, double level, rx_resampling by, rx_estimate *dst, rx_error *err)
+rx_status rx_completeness(const rx_bins *bins, const rx_found *list, double share, double level,
+                          rx_resampling by, rx_estimate *dst, rx_error *err)
 {
     rx_status status = RX_OK;
+    const long n = list->n;
+    const double *mag = list->mag;
     counts c = {.low = bins->edge[0], .width = (bins->edge[bins->n] - bins->edge[0]) / FINE};
     int beyond;
     *dst = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
@@ -145,7 +147,7 @@ rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const 
         if (rx_bins_index(bins, mag[i]) < 0)
             continue;
         inside[dst->n] = mag[i];
-        hit[dst->n] = found[i] != 0;
+        hit[dst->n] = list->found[i] != 0;
         bin[dst->n] = fine_bin(&c, mag[i]);
         count(&c, bin[dst->n], mag[i], hit[dst->n], 1.0);
         dst->n++;
@@ -155,7 +157,8 @@ rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const 
         goto exit;
     reference_data data = {
         .low = c.low, .width = c.width, .n = dst->n, .mag = inside, .bin = bin, .found = hit, .share = share};
-    status = rx_bootstrap_interval(by, 2, dst->n, resampled_mag, &data, level, dst, err);
+    by.stream = 2;
+    status = rx_bootstrap_interval(by, dst->n, resampled_mag, &data, level, dst, err);
     if (status == RX_OK)
         open_ends(dst);
 exit:

@@ -26,11 +26,17 @@ typedef struct rx_bins {
 /* Bin of a magnitude, -1 outside or NAN. */
 int rx_bins_index(const rx_bins *bins, double mag);
 
-/* n references with magnitude and whether they were found; those outside the range of the bins do not count.
- * Where the curve is above the share to its end, the value is that end and a lower limit (the interval is
+/* References with magnitude and whether they were found. */
+typedef struct rx_found {
+    long n;
+    const double *mag;
+    const unsigned char *found;
+} rx_found;
+
+/* Those outside the range of the bins do not count. Where the curve is above the share to its end, the value is that end and a lower limit (the interval is
  * open there); below from its beginning, an upper limit. Bootstrap interval from RX_BOOTSTRAP_FEWEST
  * references on. Errors: RX_SYSTEM. */
-rx_status rx_completeness(const rx_bins *bins, long n, const double *mag, const unsigned char *found,
-                          double share, double level, rx_resampling by, rx_estimate *dst, rx_error *err);
+rx_status rx_completeness(const rx_bins *bins, const rx_found *list, double share, double level,
+                          rx_resampling by, rx_estimate *dst, rx_error *err);
 
 #endif

@@ -110,15 +110,14 @@ static double resampled_mean(const void *data, const uint32_t *counts)
 rx_status rx_paired_bootstrap(long n, const double *a, const double *b, double level, uint64_t seed,
                               rx_estimate *dst, rx_error *err)
 {
-    const uint64_t stream = 17; /* apart from those of metrics.c */
+    const rx_resampling by = {seed, 1, 17}; /* apart from the streams of metrics.c */
     double *difference = NULL;
     rx_status status = rx_sample_difference(n, a, b, 1, &difference, err);
     if (status != RX_OK)
         return status;
     *dst = (rx_estimate){moments_of(n, a, b).mean, -INFINITY, INFINITY, n};
     if (n >= RX_BOOTSTRAP_FEWEST)
-        status = rx_bootstrap_interval((rx_resampling){seed, 1}, stream, n, resampled_mean,
-                                       &(pairs){n, difference}, level, dst, err);
+        status = rx_bootstrap_interval(by, n, resampled_mean, &(pairs){n, difference}, level, dst, err);
     free(difference);
     return status;
 }

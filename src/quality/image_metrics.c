@@ -9,7 +9,7 @@
 enum { RADIUS = 5, WINDOW = 2 * RADIUS + 1 };
 static const double WINDOW_SIGMA = 1.5;
 
-double rx_image_mse(int width, int height, const float *image, const float *reference)
+static double mean_square(int width, int height, const float *image, const float *reference)
 {
     double sum = 0;
     for (int y = 0; y < height; y++) {
@@ -39,13 +39,6 @@ static double psnr(double high, double mse)
     if (!(high > 0))
         return NAN;
     return mse > 0 ? 20 * log10(high) - 10 * log10(mse) : mse == 0 ? INFINITY : NAN;
-}
-
-double rx_image_psnr(int width, int height, const float *image, const float *reference)
-{
-    double low, high;
-    range_of(width, height, reference, &low, &high);
-    return psnr(high, rx_image_mse(width, height, image, reference));
 }
 
 /* --- sums over the window, row by row --- */
@@ -171,17 +164,17 @@ static rx_status take_moments(rx_image_reference *reference, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_image_reference_new(int width, int height, const float *pixels, double k1, double k2,
-                                 double range, rx_image_reference **dst, rx_error *err)
+rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_image_reference **dst,
+                                 rx_error *err)
 {
+    static const double k = 0.001; /* the paper's K1 = K2 */
     double low, high;
     *dst = NULL;
     if (width < WINDOW || height < WINDOW)
         return rx_error_set(err, RX_USAGE, "SSIM needs images of %d x %d pixels or more, not %d x %d", WINDOW,
                             WINDOW, width, height);
     range_of(width, height, pixels, &low, &high);
-    if (range == 0)
-        range = high - low;
+    const double range = high - low;
     if (!(range > 0) || !isfinite(range))
         return rx_error_set(err, RX_INPUT,
                             "SSIM needs a reference with contrast, its values go from %g to %g", low, high);
@@ -193,8 +186,8 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, dou
                                       .height = height,
                                       .pixels = pixels,
                                       .high = high,
-                                      .c1 = (k1 * range) * (k1 * range),
-                                      .c2 = (k2 * range) * (k2 * range),
+                                      .c1 = (k * range) * (k * range),
+                                      .c2 = (k * range) * (k * range),
                                       .centre = 0.5 * (low + high),
                                       .mean = RX_NEW(double, windows),
                                       .variance = RX_NEW(double, windows)};
@@ -231,7 +224,7 @@ static double row_sum(const rx_image_reference *r, size_t first, size_t n, const
 
 double rx_reference_psnr(const rx_image_reference *reference, const float *image)
 {
-    return psnr(reference->high, rx_image_mse(reference->width, reference->height, image, reference->pixels));
+    return psnr(reference->high, mean_square(reference->width, reference->height, image, reference->pixels));
 }
 
 rx_status rx_reference_ssim(const rx_image_reference *reference, const float *image, double *dst,
@@ -261,16 +254,4 @@ rx_status rx_reference_ssim(const rx_image_reference *reference, const float *im
     *dst = sum / ((double)columns * (double)(reference->height - 2 * RADIUS));
     smoother_free(&s);
     return RX_OK;
-}
-
-rx_status rx_image_ssim(int width, int height, const float *image, const float *reference, double k1,
-                        double k2, double range, double *dst, rx_error *err)
-{
-    rx_image_reference *prepared = NULL;
-    *dst = NAN;
-    rx_status status = rx_image_reference_new(width, height, reference, k1, k2, range, &prepared, err);
-    if (status == RX_OK)
-        status = rx_reference_ssim(prepared, image, dst, err);
-    rx_image_reference_free(prepared);
-    return status;
 }

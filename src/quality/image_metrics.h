@@ -15,21 +15,13 @@
 
 #include "base/error.h"
 
-/* PSNR is +infinity for equal images, NAN when max(ref) <= 0. */
-double rx_image_mse(int width, int height, const float *image, const float *reference);
-double rx_image_psnr(int width, int height, const float *image, const float *reference);
-
-/* k1, k2: 0.001 for the paper's; range: L, 0 = max - min of the reference. Errors, *dst NAN: RX_USAGE below
- * 11 x 11 pixels, RX_INPUT a reference without contrast, RX_SYSTEM memory. */
-rx_status rx_image_ssim(int width, int height, const float *image, const float *reference, double k1,
-                        double k2, double range, double *dst, rx_error *err);
-
-/* A reference that many images are compared with: its own part is worked out once, the answers are those of
- * the functions above to the bit. `pixels` is not copied and has to outlive it. Any number of threads may use
- * one. Errors of _new as rx_image_ssim's; of _ssim, *dst NAN: RX_SYSTEM memory. */
+/* A reference that many images are compared with: its own part is worked out once. `pixels` is not copied and
+ * has to outlive it. Any number of threads may use one. PSNR is +infinity for equal images, NAN when max(ref)
+ * <= 0. Errors of _new: RX_USAGE below 11 x 11 pixels, RX_INPUT a reference without contrast, RX_SYSTEM memory;
+ * of _ssim, *dst NAN: RX_SYSTEM memory. */
 typedef struct rx_image_reference rx_image_reference;
-rx_status rx_image_reference_new(int width, int height, const float *pixels, double k1, double k2,
-                                 double range, rx_image_reference **dst, rx_error *err);
+rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_image_reference **dst,
+                                 rx_error *err);
 void rx_image_reference_free(rx_image_reference *reference); /* NULL is fine */
 double rx_reference_psnr(const rx_image_reference *reference, const float *image);
 rx_status rx_reference_ssim(const rx_image_reference *reference, const float *image, double *dst,

@@ -31,8 +31,8 @@ int rx_metric_find(const char *name)
 /* What is measured where, handed down. */
 typedef struct range {
     const rx_evaluation *e;
-    int whole;
-    double low, high, level;
+    rx_mag_range mags;
+    double level;
     rx_resampling by;
     rx_metric only;
     double *scratch; /* [run.n] */
@@ -45,7 +45,7 @@ static int wanted(const range *r, rx_metric metric)
 
 static int inside(const range *r, double mag)
 {
-    return r->whole || (mag >= r->low && mag < r->high);
+    return r->mags.whole || (mag >= r->mags.low && mag < r->mags.high);
 }
 
 static void measure_shares(const range *r, rx_estimate *out)
@@ -133,7 +133,8 @@ static rx_status measure_magerr(const range *r, double factor, rx_estimate *dst,
     dst->value = sum / (double)n;
     if (n < RX_BOOTSTRAP_FEWEST)
         return RX_OK;
-    return rx_bootstrap_interval(r->by, 3, n, resampled_mean, &(sample){n, r->scratch}, r->level, dst, err);
+    return rx_bootstrap_interval((rx_resampling){r->by.seed, r->by.nthreads, 3}, n, resampled_mean,
+                                 &(sample){n, r->scratch}, r->level, dst, err);
 }
 
 /* Counted references with their magnitude and whether they are found. */
@@ -155,9 +156,11 @@ static rx_status measure_depth(const range *r, rx_estimate *out, rx_error *err)
         found[n++] = e->truth_role[i] == RX_ROLE_MATCHED;
     }
     if (wanted(r, RX_METRIC_MAG50))
-        status = rx_completeness(&e->bins, n, mag, found, 0.5, r->level, r->by, &out[RX_METRIC_MAG50], err);
+        status = rx_completeness(&e->bins, &(rx_found){n, mag, found}, 0.5, r->level, r->by,
+                                 &out[RX_METRIC_MAG50], err);
     if (status == RX_OK && wanted(r, RX_METRIC_MAG90))
-        status = rx_completeness(&e->bins, n, mag, found, 0.9, r->level, r->by, &out[RX_METRIC_MAG90], err);
+        status = rx_completeness(&e->bins, &(rx_found){n, mag, found}, 0.9, r->level, r->by,
+                                 &out[RX_METRIC_MAG90], err);
 exit:
     free(mag);
     free(found);
@@ -204,12 +207,11 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
     return status;
 }
 
-rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double low, double high,
-                             double level, rx_resampling by, rx_metric only, rx_estimate *estimate,
-                             rx_error *err)
+rx_status rx_metrics_measure(const rx_evaluation *evaluation, rx_mag_range mags, double level,
+                             rx_resampling by, rx_metric only, rx_estimate *estimate, rx_error *err)
 {
     rx_status status = RX_OK;
-    range r = {evaluation, whole, low, high, level, by, only, NULL};
+    range r = {evaluation, mags, level, by, only, NULL};
     r.scratch = RX_NEW(double, (size_t)evaluation->run->list.n);
     if (r.scratch == NULL)
         return rx_error_memory(err, 0);
@@ -222,7 +224,7 @@ rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double 
     double factor = pow(10, 0.4 * evaluation->offset.value);
     if (status == RX_OK && wanted(&r, RX_METRIC_MAGERR_SHIFTED))
         status = measure_magerr(&r, factor, &estimate[RX_METRIC_MAGERR_SHIFTED], err);
-    if (status == RX_OK && whole)
+    if (status == RX_OK && mags.whole)
         status = measure_whole(&r, estimate, err);
     for (int i = 0; i < RX_METRIC_COUNT; i++)
         if (!wanted(&r, (rx_metric)i))

@@ -55,11 +55,15 @@ typedef struct rx_metric_row {
 const rx_metric_row *rx_metric_get(rx_metric metric);
 int rx_metric_find(const char *name); /* -1 unknown; case ignored */
 
-/* Metrics for low <= magnitude < high, or for everything (sources of unknown magnitude too) when `whole`;
- * `only` one of them, or all with RX_METRIC_COUNT (bootstraps cost time). estimate[RX_METRIC_COUNT]; what was
+/* low <= magnitude < high, or everything (sources of unknown magnitude too) when `whole`. */
+typedef struct rx_mag_range {
+    int whole;
+    double low, high;
+} rx_mag_range;
+
+/* Metrics of a range; `only` one of them, or all with RX_METRIC_COUNT (bootstraps cost time). estimate[RX_METRIC_COUNT]; what was
  * not asked or does not exist there has value NAN, n 0. */
-rx_status rx_metrics_measure(const rx_evaluation *evaluation, int whole, double low, double high,
-                             double level, rx_resampling by, rx_metric only, rx_estimate *estimate,
-                             rx_error *err);
+rx_status rx_metrics_measure(const rx_evaluation *evaluation, rx_mag_range mags, double level,
+                             rx_resampling by, rx_metric only, rx_estimate *estimate, rx_error *err);
 
 #endif

@@ -103,5 +103,6 @@ rx_status rx_pr_interval(const rx_pr *pr, long references, double level, rx_resa
     dst->high = 1;
     if (references < RX_BOOTSTRAP_FEWEST)
         return RX_OK;
-    return rx_bootstrap_interval(by, 1, data.detections + data.missed, resampled_ap, &data, level, dst, err);
+    by.stream = 1;
+    return rx_bootstrap_interval(by, data.detections + data.missed, resampled_ap, &data, level, dst, err);
 }

@@ -9,6 +9,7 @@
 #define RX_QUALITY_QA_H
 
 #include "base/error.h"
+#include "base/log.h"
 #include "quality/binomial.h"
 #include "quality/bootstrap.h"
 
@@ -104,6 +105,7 @@ typedef struct rx_qa_params {
     int figures;                        /* 0: no gnuplot */
     const rx_gates *gates;              /* or NULL */
     const char *gnuplot;                /* program, NULL = "gnuplot" */
+    rx_log *log;                        /* or NULL */
     rx_resampling by;                   /* bootstrap */
 } rx_qa_params;
 

@@ -23,10 +23,11 @@ static rx_status measure_run(rx_qa_numbers *q, int run, rx_error *err)
     if (status == RX_OK && q->input->runs[run].tally != NULL)
         status = rx_tally_evaluation(q->input->runs[run].tally, e, err);
     if (status == RX_OK)
-        status = rx_metrics_measure(e, 1, 0, 0, q->level, by, RX_METRIC_COUNT, q->whole[run], err);
+        status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, q->level, by, RX_METRIC_COUNT,
+                                    q->whole[run], err);
     for (int b = 0; b < q->bins.n && status == RX_OK; b++)
-        status = rx_metrics_measure(e, 0, q->bins.edge[b], q->bins.edge[b + 1], q->level, by, RX_METRIC_COUNT,
-                                    q->binned[run * q->bins.n + b], err);
+        status = rx_metrics_measure(e, (rx_mag_range){0, q->bins.edge[b], q->bins.edge[b + 1]}, q->level, by,
+                                    RX_METRIC_COUNT, q->binned[run * q->bins.n + b], err);
     return status;
 }
 
@@ -77,8 +78,8 @@ static rx_status judge_gate(rx_qa_numbers *q, const rx_gate *gate, rx_error *err
     for (int run = 0; run < q->input->nruns; run++) {
         if (strcmp(gate->run, "*") != 0 && strcasecmp(gate->run, q->input->runs[run].name) != 0)
             continue;
-        status = rx_metrics_measure(&q->evaluation[run], gate->whole, gate->low, gate->high, gate->level,
-                                    q->par->by, gate->metric, estimates, err);
+        status = rx_metrics_measure(&q->evaluation[run], (rx_mag_range){gate->whole, gate->low, gate->high},
+                                    gate->level, q->par->by, gate->metric, estimates, err);
         if (status != RX_OK)
             return status;
         rx_gate_result *result = &q->result[q->nresults++];

@@ -94,13 +94,22 @@ void rx_plot_curves(rx_figures *dst, const rx_axes *axes, int n, const rx_curve 
 /* Box plots: groups along x (names made plain), in each group one box per method, boxes[group * nmethods +
  * method] (n = 0: left out). Box = quartiles, bar = median, ring = mean, whiskers = box.low, box.high. axes:
  * xlabel, ylabel, y0, y1 (y0 >= y1: from the data), log_y; colors[method], NULL = 0, 1, 2 ... */
-void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, int ngroups, const char *const *groups, int nmethods,
-                   const char *const *methods, const int *colors, const rx_five_numbers *boxes);
+typedef struct rx_boxes {
+    int ngroups, nmethods;
+    const char *const *groups, *const *methods;
+    const int *colors;
+    const rx_five_numbers *boxes;
+} rx_boxes;
+void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, const rx_boxes *boxes);
 
 /* Grey-scale picture of pixels[height][width] (first row at the bottom): black at `low`, white at `high`;
  * soft > 0: grey = asinh(p / soft), 0: linear. Not finite = black. `side` = width on the page in pixels. */
-void rx_plot_picture(rx_figures *dst, int width, int height, const float *pixels, double low, double high,
-                     double soft, int side);
+typedef struct rx_grey_image {
+    int width, height, side;
+    const float *pixels;
+    double low, high, soft;
+} rx_grey_image;
+void rx_plot_picture(rx_figures *dst, const rx_grey_image *picture);
 
 /* For figures that are none of these: output file, labels and ranges of the figure announced last; values
  * (NaN where not finite), value and ends (cut to y0..y1, where the plot ends; both the value when one is not

@@ -132,28 +132,28 @@ static void box_range(int n, const rx_five_numbers *boxes, rx_axes *axes)
     axes->y1 = high + margin;
 }
 
-void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, int ngroups, const char *const *groups, int nmethods,
-                   const char *const *methods, const int *colors, const rx_five_numbers *boxes)
+void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, const rx_boxes *of)
 {
     rx_text *script = &dst->script;
+    const int ngroups = of->ngroups, nmethods = of->nmethods;
     rx_axes used = *axes;
     used.x0 = -0.55;
     used.x1 = ngroups - 0.45;
     used.log_x = false;
     if (!(used.y0 < used.y1))
-        box_range(ngroups * nmethods, boxes, &used);
+        box_range(ngroups * nmethods, of->boxes, &used);
     for (int m = 0; m < nmethods; m++)
-        box_block(script, ngroups, nmethods, m, boxes);
+        box_block(script, ngroups, nmethods, m, of->boxes);
     rx_plot_begin(dst, &used);
-    group_tics(script, ngroups, groups);
+    group_tics(script, ngroups, of->groups);
     rx_text_add(script, "plot NaN notitle");
     for (int m = 0; m < nmethods; m++) {
-        int style = style_of(colors != NULL ? colors[m] : m);
+        int style = style_of(of->colors != NULL ? of->colors[m] : m);
         rx_text_printf(script,
                        ", $d%d using 1:3:2:6:5:8 with candlesticks whiskerbars 0.5 ls %d lw 1 fs solid 0.35 "
                        "border",
                        m, style);
-        rx_plot_title(script, methods[m]);
+        rx_plot_title(script, of->methods[m]);
         rx_text_printf(script,
                        ", $d%d using 1:4:4:4:4:8 with candlesticks ls %d lw 2.4 notitle, $d%d using 1:7 with "
                        "points pt 6 ps 0.45 lw 1 lc rgb '#202020' notitle",
@@ -163,10 +163,11 @@ void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, int ngroups, const char
     plot_end(script, &used);
 }
 
-void rx_plot_picture(rx_figures *dst, int width, int height, const float *pixels, double low, double high,
-                     double soft, int side)
+void rx_plot_picture(rx_figures *dst, const rx_grey_image *of)
 {
     rx_text *script = &dst->script;
+    const int width = of->width, height = of->height;
+    const double low = of->low, high = of->high, soft = of->soft;
     if (dst->n == 0 || width <= 0 || height <= 0)
         return;
     const char *id = dst->figure[dst->n - 1].id;
@@ -174,10 +175,10 @@ void rx_plot_picture(rx_figures *dst, int width, int height, const float *pixels
     rx_text_printf(script,
                    "set terminal svg size %d,%d dynamic noenhanced font 'Helvetica,13' background "
                    "'#ffffff'\nset output '%s.svg'\n$picture << EOD\n",
-                   side, (int)((double)side * height / width + 0.5), id);
+                   of->side, (int)((double)of->side * height / width + 0.5), id);
     for (int y = 0; y < height; y++) {
         for (int x = 0; x < width; x++) {
-            double v = pixels[(size_t)y * (size_t)width + (size_t)x];
+            double v = of->pixels[(size_t)y * (size_t)width + (size_t)x];
             rx_text_printf(script, "%.4g ", !isfinite(v) ? black : soft > 0 ? asinh(v / soft) : v);
         }
         rx_text_add(script, "\n");

@@ -255,7 +255,13 @@ static void draw_pictures(rx_figures *dst, const rx_qa_input *input)
         const double soft = first->sigma > 0 ? 2 * first->sigma : 1;
         snprintf(id, sizeof id, "picture%d", k);
         rx_figure_add(dst, id, p->title, "", RX_FIGURE_PICTURE);
-        rx_plot_picture(dst, p->width, p->height, p->pixels, -soft, fmax(white, soft), soft, PICTURE_SIDE);
+        rx_plot_picture(dst, &(rx_grey_image){.width = p->width,
+                                              .height = p->height,
+                                              .side = PICTURE_SIDE,
+                                              .pixels = p->pixels,
+                                              .low = -soft,
+                                              .high = fmax(white, soft),
+                                              .soft = soft});
     }
 }
 

@@ -413,17 +413,17 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
 }
 
 rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
-                       const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err)
+                       const char *shown, rx_verdict *verdict, rx_text *brief, rx_error *err)
 {
     const rx_report_files files = {
-        .folder = folder, .shown = shown, .figures = par->figures, .gnuplot = par->gnuplot, .log = log};
+        .folder = folder, .shown = shown, .figures = par->figures, .gnuplot = par->gnuplot, .log = par->log};
     rx_qa_numbers numbers;
     page p = {.q = &numbers, .report = rx_report_new("QA report: ", input->tile)};
     rx_status status = rx_qa_numbers_make(par, input, &numbers, err);
     if (status == RX_OK && p.report == NULL)
         status = rx_error_memory(err, 0);
     if (status == RX_OK) {
-        warn(&numbers, log);
+        warn(&numbers, par->log);
         status = write_page(&p, &files, brief, err);
     }
     if (status == RX_OK && verdict != NULL)

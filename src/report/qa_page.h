@@ -15,6 +15,6 @@
  * gnuplot: a warning, tables and page still come. Errors: RX_USAGE (radius, magnitude bins), RX_SYSTEM (memory,
  * disk), RX_INTERRUPTED. */
 rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
-                       const char *shown, rx_log *log, rx_verdict *verdict, rx_text *brief, rx_error *err);
+                       const char *shown, rx_verdict *verdict, rx_text *brief, rx_error *err);
 
 #endif

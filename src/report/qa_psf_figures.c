@@ -149,6 +149,11 @@ void rx_qa_psf_figures(rx_figures *dst, const rx_qa_numbers *q)
         growth_figure(dst, psf->judged);
     rx_figure_add(dst, "psf-residual", "Stacked stars - PSF",
                   "grey is 0, black -2 %, white 2 % of the PSF's peak.", RX_FIGURE_PICTURE);
-    rx_plot_picture(dst, psf->judged->side, psf->judged->side, psf->judged->residual, -0.02, 0.02, 0.0,
-                    PICTURE_SIDE);
+    rx_plot_picture(dst, &(rx_grey_image){.width = psf->judged->side,
+                                          .height = psf->judged->side,
+                                          .side = PICTURE_SIDE,
+                                          .pixels = psf->judged->residual,
+                                          .low = -0.02,
+                                          .high = 0.02,
+                                          .soft = 0.0});
 }

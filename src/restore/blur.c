@@ -176,9 +176,9 @@ void rx_blur_domain_apply(const rx_blur_kernel *kernel, const rx_blur_domain *do
                           const rx_blur_rows *rows)
 {
     weighted w = {kernel, domain, rows, 0};
+    const rx_fft_rows plain = {rows->read, rows->write, rows->user, rows->top, rows->bottom};
     if (!kernel->varies) {
-        rx_fft_filter_rows(domain->fft, rows->read, kernel->spectrum[0], false, domain->half, rows->top,
-                           rows->bottom, rows->write, rows->user);
+        rx_fft_filter_rows(domain->fft, &plain, kernel->spectrum[0], false, domain->half);
         return;
     }
     for (w.term = 0; w.term < kernel->n; w.term++) {
@@ -193,9 +193,9 @@ void rx_blur_domain_adjoint(const rx_blur_kernel *kernel, const rx_blur_domain *
                             const rx_blur_rows *rows)
 {
     weighted w = {kernel, domain, rows, 0};
+    const rx_fft_rows plain = {rows->read, rows->write, rows->user, rows->top, rows->bottom};
     if (!kernel->varies) {
-        rx_fft_filter_rows(domain->fft, rows->read, kernel->spectrum[0], true, domain->half, rows->top,
-                           rows->bottom, rows->write, rows->user);
+        rx_fft_filter_rows(domain->fft, &plain, kernel->spectrum[0], true, domain->half);
         return;
     }
     rx_fft_forward_rows(domain->fft, rows->read, rows->user, domain->sum);

@@ -224,14 +224,26 @@ static rx_status add_frame(exposed *e, int width, int height, int nthreads, sums
 
 /* --- one frame from the scene to the sums --- */
 
-static rx_status expose(const rx_coadd_params *par, const rx_scene *scene, const rx_optics *optics,
-                        const rx_noise_params *noise, int k, int nthreads, sums *dst, rx_error *err)
+/* What the frames see, and how. */
+typedef struct sight {
+    const rx_coadd_params *par;
+    const rx_scene *scene;
+    const rx_optics *optics;
+    const rx_noise_params *noise;
+    int nthreads;
+} sight;
+
+static rx_status expose(const sight *of, int k, sums *dst, rx_error *err)
 {
+    const rx_coadd_params *par = of->par;
+    const rx_scene *scene = of->scene;
+    const rx_noise_params *noise = of->noise;
+    const int nthreads = of->nthreads;
     exposed e = {.par = par};
     rx_coadd_frame_make(par, noise->seed, noise->stream, scene->width, scene->height, k, &e.frame);
     const size_t n = (size_t)e.frame.width * (size_t)e.frame.height;
     const rx_noise_params own = frame_noise(noise, &e.frame, k);
-    rx_optics shifted = *optics;
+    rx_optics shifted = *of->optics;
     const rx_optics *through = &shifted;
     rx_scene *seen = NULL;
     float *pixels = RX_NEW(float, n);
@@ -372,12 +384,11 @@ rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const
     sums *all = RX_NEW(sums, n);
     if (all == NULL)
         return rx_error_memory(err, n * sizeof *all);
-    if (nthreads < 1)
-        nthreads = 1;
+    const sight of = {par, scene, optics, noise, nthreads < 1 ? 1 : nthreads};
     for (int k = 0; k < par->frames && status == RX_OK; k++) {
         status = rx_interrupt_check(err);
         if (status == RX_OK)
-            status = expose(par, scene, optics, noise, k, nthreads, all, err);
+            status = expose(&of, k, all, err);
     }
     if (status == RX_OK) {
         finish(par, all, n, dst);

@@ -97,16 +97,15 @@ static void forbid_row(int width, const int *rows, double distance, int *change,
     }
 }
 
-rx_status rx_inject_allowed(rx_inject_place place, int width, int height, const int32_t *segments,
-                            const uint8_t *mask, double distance, unsigned char *allowed, rx_error *err)
+rx_status rx_inject_allowed(int width, int height, const int32_t *segments, const uint8_t *mask,
+                            double distance, unsigned char *allowed, rx_error *err)
 {
     const size_t n = (size_t)width * (size_t)height;
-    const int away = place == RX_INJECT_AWAY;
     if (!(distance >= 0.0))
         return rx_error_set(err, RX_USAGE, "a distance of %g pixels from sources makes no sense", distance);
     for (size_t i = 0; i < n; i++)
-        allowed[i] = !((mask != NULL && mask[i] != 0) || (away && segments != NULL && segments[i] != 0));
-    if (!away)
+        allowed[i] = !((mask != NULL && mask[i] != 0) || (segments != NULL && segments[i] != 0));
+    if (!(distance > 0.0))
         return RX_OK;
     /* no pixel of the tile is farther than that from another */
     const double reach = fmin(distance, (double)width + height);

@@ -23,13 +23,10 @@ typedef struct rx_inject_params {
 rx_status rx_inject(const rx_scene *scene, const rx_optics *optics, const rx_inject_params *par, int nthreads,
                     float *pixels, rx_error *err);
 
-typedef enum rx_inject_place {
-    RX_INJECT_AWAY,  /* not on and not within `distance` of a known source or a masked pixel */
-    RX_INJECT_AMONG, /* anywhere that is not masked: what a real source would meet */
-} rx_inject_place;
-
-/* allowed[height][width] for rx_scene_params. segments: 0 = sky; mask: not 0 = bad; both may be NULL. */
-rx_status rx_inject_allowed(rx_inject_place place, int width, int height, const int32_t *segments,
-                            const uint8_t *mask, double distance, unsigned char *allowed, rx_error *err);
+/* allowed[height][width] for rx_scene_params: what is not masked, not on a known source and not within
+ * `distance` of either. segments: 0 = sky; mask: not 0 = bad; both may be NULL. Without segments and distance
+ * it is what a real source would meet. */
+rx_status rx_inject_allowed(int width, int height, const int32_t *segments, const uint8_t *mask,
+                            double distance, unsigned char *allowed, rx_error *err);
 
 #endif

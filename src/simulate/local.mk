@@ -1,6 +1,5 @@
-librextract_la_SOURCES += src/simulate/optics.c src/simulate/optics_moffat.c src/simulate/optics.h src/simulate/optics_parts.h
-librextract_la_SOURCES += src/simulate/render.c src/simulate/render_draw.c src/simulate/render_fold.c src/simulate/render.h
-librextract_la_SOURCES += src/simulate/render_stars.c src/simulate/render_parts.h
+librextract_la_SOURCES += src/simulate/optics.c src/simulate/optics.h
+librextract_la_SOURCES += src/simulate/render.c src/simulate/render.h
 librextract_la_SOURCES += src/simulate/noise.c src/simulate/noise_normals.c src/simulate/noise_poisson.c src/simulate/cosmic_rays.c src/simulate/cosmic_rays.h src/simulate/noise.h
 librextract_la_SOURCES += src/simulate/scene.c src/simulate/scene.h
 librextract_la_SOURCES += src/simulate/population.c src/simulate/population.h src/simulate/places.c src/simulate/places.h

@@ -1,4 +1,4 @@
-/* Optics of any kind: sampling, Gaussians, PSFs on pixels and back. */
+/* Optics of any kind: sampling, Gaussians, Moffats, PSFs on pixels and back. */
 #include "simulate/optics.h"
 
 #include <math.h>
@@ -7,17 +7,20 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "simulate/optics_parts.h"
-#include "simulate/render_parts.h"
+#include "psf/moffat.h"
 
 /* What is left of the spectrum beyond the sampling; of what is left beyond the band in which stars on the
  * grid are exact, more can be borne: there they are only damped. */
 #define BEYOND_SAMPLING 5e-5
 #define BEYOND_GRID 1e-4
 
+/* Strength of the spectrum at f cycles/pixel, pixel response not included, 1 at f = 0. */
+typedef double spectrum_shape(const void *shape, double f);
+
 enum { GRID_LEAST = 3 }; /* galaxies have structure that pixels as cells would not resolve */
 
-rx_optics *rx_optics_new(int oversampling, int size, int nbasis)
+/* Zeroed, one constant term of factor 1; NULL without memory. */
+static rx_optics *new_optics(int oversampling, int size, int nbasis)
 {
     rx_optics *optics = RX_NEW(rx_optics, 1);
     if (optics == NULL)
@@ -48,7 +51,7 @@ void rx_optics_free(rx_optics *optics)
 /* Least number of cells for which the spectrum beyond share * cells is below the limit: odd ones without
  * prime factors beyond 7, which keep fast transforms fast. The pixel response falls as 1 / (pi f); its zeros
  * are not counted on. */
-static int least_cells(rx_spectrum *spectrum, const void *shape, double share, double limit)
+static int least_cells(spectrum_shape *spectrum, const void *shape, double share, double limit)
 {
     static const int odd[] = {1, 3, 5, 7, 9};
     for (size_t i = 0; i < sizeof odd / sizeof *odd; i++) {
@@ -59,12 +62,12 @@ static int least_cells(rx_spectrum *spectrum, const void *shape, double share, d
     return 15;
 }
 
-int rx_optics_sampling(rx_spectrum *spectrum, const void *shape)
+static int optics_sampling(spectrum_shape *spectrum, const void *shape)
 {
     return least_cells(spectrum, shape, 0.5, BEYOND_SAMPLING);
 }
 
-int rx_optics_grid(rx_spectrum *spectrum, const void *shape)
+static int optics_grid(spectrum_shape *spectrum, const void *shape)
 {
     int cells = least_cells(spectrum, shape, RX_STAR_BAND, BEYOND_GRID);
     return cells < GRID_LEAST ? GRID_LEAST : cells;
@@ -83,8 +86,8 @@ rx_status rx_optics_gauss(double fwhm, rx_optics **dst, rx_error *err)
         return rx_error_set(err, RX_USAGE,
                             "a target FWHM of %g pixels cannot be used; give SHARP_FWHM 1 to 200", fwhm);
     double sigma = fwhm / sqrt(8.0 * M_LN2);
-    int cells = rx_optics_sampling(gauss_spectrum, &sigma), half = cells * (int)ceil(5.5 * sigma + 1.0);
-    rx_optics *optics = rx_optics_new(cells, 2 * half + 1, 1);
+    int cells = optics_sampling(gauss_spectrum, &sigma), half = cells * (int)ceil(5.5 * sigma + 1.0);
+    rx_optics *optics = new_optics(cells, 2 * half + 1, 1);
     double *line = RX_NEW(double, 2 * half + 1), total = 0.0;
     if (optics == NULL || line == NULL) {
         rx_optics_free(optics);
@@ -101,7 +104,7 @@ rx_status rx_optics_gauss(double fwhm, rx_optics **dst, rx_error *err)
         for (int i = 0; i < optics->size; i++)
             optics->basis[(size_t)j * (size_t)optics->size + (size_t)i] = (float)(line[i] * line[j]);
     free(line);
-    optics->grid = rx_optics_grid(gauss_spectrum, &sigma);
+    optics->grid = optics_grid(gauss_spectrum, &sigma);
     optics->type = RX_PSF_GAUSS;
     optics->fwhm = fwhm;
     optics->missing = 1.0 - total * total;
@@ -114,7 +117,7 @@ rx_status rx_optics_gauss(double fwhm, rx_optics **dst, rx_error *err)
 rx_status rx_optics_psf(const rx_psf *psf, rx_optics **dst, rx_error *err)
 {
     size_t n = (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size;
-    rx_optics *optics = rx_optics_new(1, psf->size, psf->nbasis);
+    rx_optics *optics = new_optics(1, psf->size, psf->nbasis);
     *dst = NULL;
     if (optics == NULL)
         return rx_error_memory(err, n * sizeof(float));
@@ -208,5 +211,260 @@ rx_status rx_optics_on_pixels(const rx_optics *optics, rx_psf **dst, rx_error *e
     psf->ellipticity = optics->ellipticity;
     memcpy(psf->description, optics->description, sizeof psf->description);
     *dst = psf;
+    return RX_OK;
+}
+
+/* --- Moffats, constant and varying across the tile --- */
+
+#define MISSING 1e-4       /* flux beyond the stamp */
+#define MOST_FWHM 30.0     /* half side of the stamp at most, FWHM */
+#define MOST_PIXELS 1000.0 /* and pixels */
+#define FOLLOWED 1e-4      /* of the peak: how well the polynomial follows the varying profile */
+enum { MOST_DEGREE = 8 };  /* in the square of the distance: 45 terms */
+
+typedef struct moffat {
+    double fwhm, beta, ratio, angle, variation;
+    double narrowest, widest; /* FWHM of the whole tile: minor axis, major axis */
+} moffat;
+
+static rx_status check(const moffat *m, rx_error *err)
+{
+    if (!(m->fwhm >= 0.5 && m->fwhm <= 200.0))
+        return rx_error_set(err, RX_USAGE, "a PSF FWHM of %g pixels cannot be used; give PSF_FWHM 0.5 to 200",
+                            m->fwhm);
+    if (!(m->beta >= 1.2 && m->beta <= 1000.0))
+        return rx_error_set(err, RX_USAGE,
+                            "a Moffat exponent of %g cannot be used; give PSF_BETA 1.2 to 1000", m->beta);
+    if (!(m->ratio >= 0.1 && m->ratio <= 1.0) || !isfinite(m->angle))
+        return rx_error_set(err, RX_USAGE, "a PSF axis ratio of %g cannot be used; give PSF_RATIO 0.1 to 1",
+                            m->ratio);
+    if (!(m->variation >= -0.5 && m->variation <= 2.0))
+        return rx_error_set(err, RX_USAGE,
+                            "a PSF that varies by %g cannot be used; give PSF_VARIATION -0.5 to 2",
+                            m->variation);
+    return RX_OK;
+}
+
+/* Modulation transfer of the round Moffat of half width `hwhm`, alpha = hwhm / sqrt(2^(1/beta) - 1):
+ * 2 (z/2)^nu K_nu(z) / Gamma(nu), z = 2 pi alpha f, nu = beta - 1, its Hankel transform (Trujillo et al.
+ * 2001, MNRAS 328, 977), with K_nu(z) = integral of exp(-z cosh t) cosh(nu t), t > 0, by the trapezoidal
+ * rule. */
+static double moffat_spectrum(const void *shape, double f)
+{
+    enum { STEPS = 400 };
+    const moffat *m = shape;
+    int sign;
+    double nu = m->beta - 1.0, z = M_PI * m->narrowest / sqrt(expm1(M_LN2 / m->beta)) * f;
+    double front = M_LN2 + nu * log(0.5 * z) - lgamma_r(nu, &sign);
+    double top = asinh(nu / z), width = 1.0 / sqrt(z * cosh(top));
+    double from = fmax(0.0, top - 12.0 * width), step = (top + 12.0 * width - from) / STEPS, sum = 0.0;
+    for (int i = 0; i <= STEPS; i++) {
+        double t = from + i * step, w = i == 0 ? 0.5 : 1.0;
+        sum += w * exp(front + nu * t - z * cosh(t)) * 0.5 * (1.0 + exp(-2.0 * nu * t));
+    }
+    return fmin(sum * step, 1.0);
+}
+
+/* --- the varying profile as a polynomial in s, the square of the distance in units of the corner's --- */
+
+static double fwhm_at(const moffat *m, double s)
+{
+    return m->fwhm * (1.0 + m->variation * s);
+}
+
+/* Coefficients of the polynomials through Chebyshev's points: value(s) = sum_ij s^j inverse[j][i] value_i. */
+typedef struct ladder {
+    int degree;
+    double s[MOST_DEGREE + 1], inverse[MOST_DEGREE + 1][MOST_DEGREE + 1];
+} ladder;
+
+static void set_ladder(int degree, ladder *l)
+{
+    l->degree = degree;
+    for (int i = 0; i <= degree; i++)
+        l->s[i] = degree == 0 ? 0.0 : 0.5 - 0.5 * cos(M_PI * (i + 0.5) / (degree + 1));
+    for (int i = 0; i <= degree; i++) {
+        double product[MOST_DEGREE + 2] = {1.0};
+        int order = 0;
+        for (int k = 0; k <= degree; k++) {
+            if (k == i)
+                continue;
+            double scale = 1.0 / (l->s[i] - l->s[k]);
+            order++;
+            for (int j = order; j >= 0; j--)
+                product[j] = scale * ((j > 0 ? product[j - 1] : 0.0) - l->s[k] * product[j]);
+        }
+        for (int j = 0; j <= degree; j++)
+            l->inverse[j][i] = product[j];
+    }
+}
+
+static double profile(const moffat *m, double s, double radius)
+{
+    double f = fwhm_at(m, s), x = 2.0 * radius / f;
+    return pow(1.0 + expm1(M_LN2 / m->beta) * x * x, -m->beta) / (f * f);
+}
+
+/* Largest error of the polynomial at any place, of the local peak. */
+static double ladder_error(const moffat *m, const ladder *l)
+{
+    double worst = 0.0;
+    for (int k = 0; k <= 40; k++)
+        for (int r = 0; r <= 60; r++) {
+            double s = k / 40.0, radius = 0.03 * r * m->fwhm * (1.0 + fmax(m->variation, 0.0)), sum = 0.0;
+            for (int j = l->degree; j >= 0; j--) {
+                double coefficient = 0.0;
+                for (int i = 0; i <= l->degree; i++)
+                    coefficient += l->inverse[j][i] * profile(m, l->s[i], radius);
+                sum = sum * s + coefficient;
+            }
+            worst = fmax(worst, fabs(sum - profile(m, s, radius)) / profile(m, s, 0.0));
+        }
+    return worst;
+}
+
+static rx_status choose_ladder(const moffat *m, ladder *l, rx_error *err)
+{
+    for (int degree = m->variation == 0.0 ? 0 : 1; degree <= MOST_DEGREE; degree++) {
+        set_ladder(degree, l);
+        if (degree == 0 || ladder_error(m, l) < FOLLOWED)
+            return RX_OK;
+    }
+    return rx_error_set(err, RX_USAGE,
+                        "a PSF that varies by %g is more than a polynomial can follow; give a smaller "
+                        "PSF_VARIATION",
+                        m->variation);
+}
+
+/* --- stamps --- */
+
+static int half_pixels(const moffat *m)
+{
+    double share = m->widest * 0.5 * rx_moffat_radius_flux(m->beta, MISSING);
+    return (int)ceil(fmin(fmax(share, 2.0), fmin(MOST_PIXELS, MOST_FWHM * m->widest)));
+}
+
+/* As rx_psf_moffat() cuts. */
+static int cut_half(const moffat *m)
+{
+    double radius = fmin(rx_moffat_radius_flux(m->beta, 1e-3), rx_moffat_radius_level(m->beta, 1e-5));
+    return (int)fmin(fmax(ceil(0.5 * m->widest * radius), 2.0), fmax(127.0, 2.0 * m->widest));
+}
+
+/* stamp [size][size] = the profile of that FWHM and flux 1 on cells; what is symmetric is computed once. */
+static void fill_stamp(const moffat *m, double fwhm, int cells, int size, double *stamp)
+{
+    const int half = size / 2, round = m->ratio == 1.0;
+    double shape[RX_MOFFAT_SHAPE];
+    rx_moffat p;
+    rx_moffat_shape(fwhm, m->beta, m->ratio, m->angle, shape);
+    rx_moffat_set(&p, shape);
+    double scale = p.k * (p.beta - 1.0) / (M_PI * p.hwhm * p.hwhm);
+    double *centre = stamp + (size_t)half * (size_t)size + half;
+    for (int j = 0; j <= half; j++)
+        for (int i = round ? j : -half; i <= half; i++) {
+            double value = scale * rx_moffat_pixel(&p, (double)i / cells, (double)j / cells, NULL);
+            centre[j * size + i] = centre[-j * size - i] = value;
+            if (round) {
+                centre[-j * size + i] = centre[j * size - i] = value;
+                centre[i * size + j] = centre[-i * size - j] = value;
+                centre[-i * size + j] = centre[i * size - j] = value;
+            }
+        }
+}
+
+/* s^j = (X^2 + Y^2)^j by the binomial theorem. */
+static void set_terms(int degree, rx_optics *optics)
+{
+    optics->nterms = 0;
+    for (int j = 0; j <= degree; j++) {
+        double binomial = 1.0;
+        for (int i = 0; i <= j; i++) {
+            int t = optics->nterms++;
+            optics->terms[t].image = j;
+            optics->terms[t].px = 2 * (j - i);
+            optics->terms[t].py = 2 * i;
+            optics->terms[t].factor = binomial;
+            binomial *= (double)(j - i) / (i + 1);
+        }
+    }
+}
+
+static rx_status fill_basis(const moffat *m, const ladder *l, rx_optics *optics, rx_error *err)
+{
+    const size_t n = (size_t)optics->size * (size_t)optics->size;
+    double *stamp = RX_NEW(double, n), *images = rx_alloc((size_t)optics->nbasis * n, sizeof(double)),
+           sum = 0.0;
+    if (stamp == NULL || images == NULL) {
+        free(stamp);
+        free(images);
+        return rx_error_memory(err, (size_t)optics->nbasis * n * sizeof(double));
+    }
+    for (int i = 0; i <= l->degree; i++) {
+        fill_stamp(m, fwhm_at(m, l->s[i]), optics->oversampling, optics->size, stamp);
+        for (int j = 0; j <= l->degree; j++)
+            for (size_t k = 0; k < n; k++)
+                images[(size_t)j * n + k] += l->inverse[j][i] * stamp[k];
+    }
+    for (size_t k = 0; k < n * (size_t)optics->nbasis; k++)
+        optics->basis[k] = (float)images[k];
+    for (size_t k = 0; k < n; k++)
+        sum += images[k];
+    optics->missing = 1.0 - sum / ((double)optics->oversampling * optics->oversampling);
+    free(stamp);
+    free(images);
+    return RX_OK;
+}
+
+static void describe(const moffat *m, rx_optics *optics)
+{
+    size_t size = sizeof optics->description;
+    int n = snprintf(optics->description, size, "Moffat FWHM %.3f px, beta %.4g", m->fwhm, m->beta);
+    if (m->ratio < 1.0)
+        n += snprintf(optics->description + n, size - (size_t)n, ", ellipticity %.3f", 1.0 - m->ratio);
+    if (m->variation != 0.0)
+        n += snprintf(optics->description + n, size - (size_t)n, ", %+.4g %% in the corners",
+                      100.0 * m->variation);
+    if (optics->missing > 2.0 * MISSING)
+        snprintf(optics->description + n, size - (size_t)n, ", %.2g of the flux beyond its stamp",
+                 optics->missing);
+}
+
+rx_status rx_optics_moffat(const rx_moffat_profile *profile, int width, int height, rx_optics **dst,
+                           rx_error *err)
+{
+    const double fwhm = profile->fwhm, ratio = profile->ratio, variation = profile->variation;
+    moffat m = {
+        .fwhm = fwhm, .beta = profile->beta, .ratio = ratio, .angle = profile->angle, .variation = variation};
+    ladder l;
+    *dst = NULL;
+    rx_status status = check(&m, err);
+    if (status == RX_OK)
+        status = choose_ladder(&m, &l, err);
+    if (status != RX_OK)
+        return status;
+    m.narrowest = fmin(fwhm, fwhm_at(&m, 1.0)) * sqrt(ratio);
+    m.widest = fmax(fwhm, fwhm_at(&m, 1.0)) / sqrt(ratio);
+    int cells = optics_sampling(moffat_spectrum, &m), half = half_pixels(&m), cut = cut_half(&m);
+    rx_optics *optics = new_optics(cells, 2 * cells * half + 1, l.degree + 1);
+    if (optics == NULL)
+        return rx_error_memory(err, 0);
+    optics->grid = optics_grid(moffat_spectrum, &m);
+    optics->type = RX_PSF_MOFFAT;
+    optics->fwhm = fwhm;
+    optics->beta = profile->beta;
+    optics->ellipticity = 1.0 - ratio;
+    optics->pixels = 2 * (cut < half ? cut : half) + 1;
+    optics->x0 = variation == 0.0 ? 0.0 : 0.5 * (width - 1);
+    optics->y0 = variation == 0.0 ? 0.0 : 0.5 * (height - 1);
+    optics->xs = optics->ys = variation == 0.0 ? 1.0 : fmax(0.5 * hypot(width - 1, height - 1), 1.0);
+    set_terms(l.degree, optics);
+    status = fill_basis(&m, &l, optics, err);
+    if (status != RX_OK) {
+        rx_optics_free(optics);
+        return status;
+    }
+    describe(&m, optics);
+    *dst = optics;
     return RX_OK;
 }

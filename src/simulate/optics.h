@@ -35,16 +35,25 @@ typedef struct rx_optics {
     char description[160];
 } rx_optics;
 
-/* Elliptical Moffat, integrated over a pixel to 1e-6 of its peak; `variation`: the FWHM grows by this share
- * from the tile's centre to its corners, as the square of the distance (0 = constant; then nothing depends on
- * width and height). fwhm (pixels) is the geometric mean of both axes, ratio = b/a, angle of the major axis
- * in radians counter-clockwise from x. The stamp loses less than 1e-4 of the flux unless that needs more than
+/* Cycles per cell up to which points on a grid of cells are exact (simulate/render.c). */
+#define RX_STAR_BAND 0.34
+
+/* An elliptical Moffat of a tile. */
+typedef struct rx_moffat_profile {
+    double fwhm; /* pixels, geometric mean of both axes */
+    double beta;
+    double ratio, angle; /* b/a; of the major axis, radians counter-clockwise from x */
+    double variation; /* share by which the FWHM grows from the tile's centre to its corners, as the square of
+                            the distance; 0 = constant: then nothing depends on width and height */
+} rx_moffat_profile;
+
+/* Integrated over a pixel to 1e-6 of its peak. The stamp loses less than 1e-4 of the flux unless that needs more than
  * 30 FWHM or 1000 pixels on each side (beta below 2.3); `missing` says what. The varying profile is
  * interpolated between Moffats by a polynomial of the lowest degree that is good to 1e-4 of the peak. *dst,
  * of this and the functions below, is freed by rx_optics_free(). Errors: RX_USAGE values out of range, or a
  * variation that a polynomial cannot follow; RX_SYSTEM memory. */
-rx_status rx_optics_moffat(double fwhm, double beta, double ratio, double angle, double variation, int width,
-                           int height, rx_optics **dst, rx_error *err);
+rx_status rx_optics_moffat(const rx_moffat_profile *profile, int width, int height, rx_optics **dst,
+                           rx_error *err);
 
 /* Gaussian of that FWHM (pixels, before the pixel response): the well-sampled target of sharp references. */
 rx_status rx_optics_gauss(double fwhm, rx_optics **dst, rx_error *err);

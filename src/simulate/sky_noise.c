@@ -67,13 +67,13 @@ typedef struct plane {
     int width, height, across;
     double scale; /* of what is drawn, */
     const rx_map *sigma;
-    uint64_t seed, stream;
+    rx_random_stream from;
 } plane;
 
 static int draw_row(void *user, int y, float *line)
 {
     const plane *p = user;
-    rx_noise_normals(p->seed, p->stream, (uint64_t)y * (uint64_t)p->across, p->across, line);
+    rx_noise_normals(p->from.seed, p->from.stream, (uint64_t)y * (uint64_t)p->across, p->across, line);
     return 1;
 }
 
@@ -117,7 +117,7 @@ static rx_status filter_rows(const rx_noise_correlation *noise, rx_unit unit, pl
     }
     RX_TRY_EXIT(filter_spectrum(noise, unit, fft, lags, spectrum, err));
     p->across = rx_fft_width(fft);
-    rx_fft_filter_rows(fft, read, spectrum, false, half, 0, p->height, write, p);
+    rx_fft_filter_rows(fft, &(rx_fft_rows){read, write, p, 0, p->height}, spectrum, false, half);
 exit:
     free(lags);
     free(spectrum);
@@ -133,11 +133,11 @@ rx_status rx_sky_noise_smooth(const rx_noise_correlation *noise, int width, int 
     return noise->correlated ? filter_rows(noise, UNIT_SUM, &p, read_row, write_row, nthreads, err) : RX_OK;
 }
 
-rx_status rx_sky_noise_draw(const rx_noise_correlation *noise, int width, int height, const rx_map *sigma,
-                            uint64_t seed, uint64_t stream, int nthreads, float *dst, rx_error *err)
+rx_status rx_sky_noise_draw(const rx_noise_correlation *noise, const rx_map *sigma, int height,
+                            rx_random_stream from, int nthreads, float *dst, rx_error *err)
 {
-    const int threads = nthreads > 1 ? nthreads : 1;
-    plane p = {dst, width, height, width, noise->scale, sigma, seed, stream};
+    const int threads = nthreads > 1 ? nthreads : 1, width = sigma->width;
+    plane p = {dst, width, height, width, noise->scale, sigma, from};
     if (noise->correlated)
         return filter_rows(noise, UNIT_PIXEL, &p, draw_row, write_scaled, threads, err);
 #pragma omp parallel for num_threads(threads) schedule(static)

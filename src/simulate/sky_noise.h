@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/random.h"
 #include "data/map.h"
 #include "data/noise_correlation.h"
 
@@ -13,8 +14,8 @@
  * spectrum, the Fourier transform of the correlation; where that is negative (lags beyond RX_NOISE_REACH were
  * cut off, or measured with error) it counts as 0, and what is left is scaled to the variance asked for: such
  * a correlation is met as nearly as a possible one can. Errors: RX_INPUT (no power at any frequency), RX_SYSTEM. */
-rx_status rx_sky_noise_draw(const rx_noise_correlation *noise, int width, int height, const rx_map *sigma,
-                            uint64_t seed, uint64_t stream, int nthreads, float *dst, rx_error *err);
+rx_status rx_sky_noise_draw(const rx_noise_correlation *noise, const rx_map *sigma, int height,
+                            rx_random_stream from, int nthreads, float *dst, rx_error *err);
 
 /* pixels [height][width], independent from pixel to pixel, is convolved with the kernel of sum 1 whose power spectrum is
  * that of the noise: sums over many pixels keep their variance, what is at the borders is not wrapped around.

@@ -149,8 +149,10 @@ rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_tex
     if (status == RX_OK)
         status = open_folder(options->qa_name, in->extension, in->outputs, &folder, err);
     if (status == RX_OK)
-        status = rx_qa_report(&par, &input, folder, rx_outputs_shown(in->outputs, folder), in->log, &found,
-                              brief, err);
+        par.log = in->log;
+    if (status == RX_OK)
+        status =
+            rx_qa_report(&par, &input, folder, rx_outputs_shown(in->outputs, folder), &found, brief, err);
     *verdict = rx_verdict_worse(*verdict, found);
     rx_qa_list_free(&input.truth);
     for (int i = 0; i < options->nrestorers; i++) {

@@ -72,10 +72,10 @@ static rx_status moffat(const rx_simulate_config *config, const rx_simulation_gr
 {
     const rx_coadd_params coadd = coadd_params(config);
     const double scale = coadd.type != RX_COADD_NONE ? coadd.scale : 1.0;
-    return rx_optics_moffat(config->psf_fwhm * scale, config->psf_beta, config->psf_ratio,
-                            config->psf_angle * M_PI / 180.0, config->psf_variation,
-                            (int)lround(ground->width * scale), (int)lround(ground->height * scale), dst,
-                            err);
+    return rx_optics_moffat(
+        &(rx_moffat_profile){config->psf_fwhm * scale, config->psf_beta, config->psf_ratio,
+                             config->psf_angle * M_PI / 180.0, config->psf_variation},
+        (int)lround(ground->width * scale), (int)lround(ground->height * scale), dst, err);
 }
 
 static rx_status make_optics(const rx_simulate_config *config, const rx_simulation_ground *ground,
@@ -472,9 +472,8 @@ static rx_status allow(const rx_simulate_config *config, const rx_options *optio
         if (status != RX_OK)
             goto exit;
     }
-    status = rx_inject_allowed(away ? RX_INJECT_AWAY : RX_INJECT_AMONG, tile->width, tile->height,
-                               away ? result.sources->segments : NULL, mask, config->inject_distance * fwhm,
-                               *dst, err);
+    status = rx_inject_allowed(tile->width, tile->height, away ? result.sources->segments : NULL, mask,
+                               away ? config->inject_distance * fwhm : 0.0, *dst, err);
     if (away)
         rx_result_free(&result);
 exit:

@@ -43,21 +43,21 @@ static const char *verdict(rx_status status)
     }
 }
 
-rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_status status, int others,
-                          double seconds, const rx_error *why, rx_log *log, rx_error *err)
+rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_outcome outcome,
+                          const rx_error *why, rx_log *log, rx_error *err)
 {
-    rx_outcome *outcome = &outcomes->of[i];
-    *outcome = (rx_outcome){.done = 1, .status = status, .others = others, .seconds = seconds};
-    if (status == RX_OK)
+    outcome.done = 1;
+    outcomes->of[i] = outcome;
+    if (outcome.status == RX_OK)
         return RX_OK;
     char line[LINE];
     rx_error named = *why;
     if (named.where[0] == '\0')
         snprintf(named.where, sizeof named.where, "%s", rx_tiles_image(tiles, i));
-    rx_error_format(&named, verdict(status), line, sizeof line);
+    rx_error_format(&named, verdict(outcome.status), line, sizeof line);
     rx_log_warning(log, "%s", line);
-    outcome->what = rx_strdup(line);
-    return outcome->what != NULL ? RX_OK : rx_error_memory(err, sizeof line);
+    outcomes->of[i].what = rx_strdup(line);
+    return outcomes->of[i].what != NULL ? RX_OK : rx_error_memory(err, sizeof line);
 }
 
 rx_status rx_outcomes_summary(const rx_outcomes *outcomes, const rx_tiles *tiles, double seconds, rx_log *log,

@@ -22,10 +22,10 @@ typedef struct rx_outcomes {
 rx_status rx_outcomes_new(int n, rx_outcomes **dst, rx_error *err);
 void rx_outcomes_free(rx_outcomes *outcomes);
 
-/* Tile i has ended so; `why` says what of, where status is not RX_OK. Tells it in the log at once, unless
- * all is well. */
-rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_status status, int others,
-                          double seconds, const rx_error *why, rx_log *log, rx_error *err);
+/* Tile i has ended so (`done` and `what` are set here); `why` says what of, where status is not RX_OK. Said in the
+ * log at once, unless all is well. */
+rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_outcome outcome,
+                          const rx_error *why, rx_log *log, rx_error *err);
 
 /* Counts (the tiles that another restorer did at least in part, where there are any), and a line for each tile that is not fine, in the list's order, to the log. Returns what the run as
  * a whole ends with: RX_OK; RX_SOME_FAILED; where only gates failed, RX_GATE_FAIL or RX_GATE_INSUFFICIENT. */

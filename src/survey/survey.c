@@ -19,14 +19,15 @@ rx_status rx_survey_run(const rx_settings *common, const char *path, FILE *stand
         status = rx_outcomes_new(tiles->n, &outcomes, err);
     for (int i = 0; status == RX_OK && i < tiles->n; i++) {
         rx_error why = rx_error_part(err);
-        int others = 0;
         const double start = rx_seconds();
         rx_log_info(log, "tile %d of %d: %s", i + 1, tiles->n, rx_tiles_image(tiles, i));
-        const rx_status ended = rx_tile_run_listed(tiles, i, common, standard_out, log, &others, &why);
-        if (ended == RX_INTERRUPTED)
+        rx_outcome ended = {0};
+        ended.status = rx_tile_run_listed(tiles, i, common, standard_out, log, &ended.others, &why);
+        ended.seconds = rx_seconds() - start;
+        if (ended.status == RX_INTERRUPTED)
             status = rx_interrupt_check(err);
         else
-            status = rx_outcomes_add(outcomes, tiles, i, ended, others, rx_seconds() - start, &why, log, err);
+            status = rx_outcomes_add(outcomes, tiles, i, ended, &why, log, err);
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }

@@ -35,8 +35,10 @@ static rx_status take_ready(const account *a, rx_message *message, int *interrup
     if (report->tile != NO_TILE && report->status == RX_INTERRUPTED)
         *interrupted = 1;
     else if (report->tile != NO_TILE)
-        status = rx_outcomes_add(a->outcomes, a->tiles, report->tile, report->status, report->others,
-                                 report->seconds, &report->why, a->log, err);
+        status = rx_outcomes_add(
+            a->outcomes, a->tiles, report->tile,
+            (rx_outcome){.status = report->status, .others = report->others, .seconds = report->seconds},
+            &report->why, a->log, err);
     free(message->data);
     return status;
 }

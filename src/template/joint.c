@@ -387,8 +387,8 @@ rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, i
     if (status == RX_OK && e.n > 0)
         status = fill(par, canvas, n, members, &e, err);
     if (status == RX_OK && e.n > 0)
-        status = par->non_negative ? rx_normal_nonnegative(e.a, e.b, e.bounded, e.n, e.x, e.covariance,
-                                                           e.held, &singular, err)
+        status = par->non_negative ? rx_normal_nonnegative(&(rx_normal_bounded){e.n, e.a, e.b, e.bounded},
+                                                           e.x, e.covariance, e.held, &singular, err)
                                    : rx_normal_solve(e.a, e.b, e.n, e.x, e.covariance, &singular, err);
     if (status == RX_OK && e.n > 0 && canvas->correlation != NULL)
         status = correlate(par, canvas, n, members, &e, err);

@@ -160,7 +160,7 @@ static void fill_strip(strip *s, int from, int to)
     rx_maximum_filter_in_rows(s->own, width, bright - dark, of->reach, 1, s->light);
     float *most = s->own; /* that is needed no more */
     for (int y = low; y < high; y++) {
-        rx_maximum_filter_over_rows(s->light, width, bright - dark, of->reach, 0, y - dark, width, most);
+        rx_maximum_filter_over_rows(s->light, width, bright - dark, of->reach, y - dark, most);
         fill_row(s, y, most, (size_t)(y - from + half) * s->stride + (size_t)half);
     }
 }

@@ -249,11 +249,14 @@ static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes
             fmin(field->fwhm * rx_scenes_log_uniform(key, DRAW_HALO_FWHM, HALO_WIDTH[0], HALO_WIDTH[1]),
                  fmax(RX_SCENES_HALO_FWHM, field->fwhm));
         field->halo_beta = rx_scenes_uniform(key, DRAW_HALO_BETA, RX_SCENES_HALO_BETA, HALO_BETA);
-        RX_TRY(rx_optics_moffat(field->halo_fwhm, field->halo_beta, 1.0, 0.0, 0.0, field->side, field->side,
-                                &optics->halo, err));
+        RX_TRY(rx_optics_moffat(
+            &(rx_moffat_profile){.fwhm = field->halo_fwhm, .beta = field->halo_beta, .ratio = 1.0},
+            field->side, field->side, &optics->halo, err));
     }
-    RX_TRY(rx_optics_moffat(field->fwhm, field->beta, field->ratio, field->angle, 0.0, field->side,
-                            field->side, &optics->core, err));
+    RX_TRY(rx_optics_moffat(
+        &(rx_moffat_profile){
+            .fwhm = field->fwhm, .beta = field->beta, .ratio = field->ratio, .angle = field->angle},
+        field->side, field->side, &optics->core, err));
     RX_TRY(rx_scenes_psf(field, &psf, err));
     double sum = 0.0;
     for (int i = 0; i < psf->size * psf->size; i++)

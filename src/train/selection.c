@@ -31,9 +31,10 @@ static int is_range(const double range[2])
     return isfinite(range[0]) && isfinite(range[1]) && range[0] < range[1] && range[0] > 0.0;
 }
 
-rx_status rx_selection_begin(int nfwhm, int nsigma, const double fwhm[2], const double sigma[2], int total,
+rx_status rx_selection_begin(const int bins[2], const double fwhm[2], const double sigma[2], int total,
                              int active, rx_selection *dst, rx_error *err)
 {
+    const int nfwhm = bins[0], nsigma = bins[1];
     if (nfwhm < 1 || nsigma < 1 || nfwhm > RX_BINS_MAX || nsigma > RX_BINS_MAX / nfwhm)
         return rx_error_set(err, RX_USAGE, "a grid of %d x %d bins: 1 to %d bins in all are possible", nfwhm,
                             nsigma, (int)RX_BINS_MAX);

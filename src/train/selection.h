@@ -27,8 +27,8 @@ typedef struct rx_selection {
     int train[RX_BINS_MAX], test[RX_BINS_MAX]; /* counts of the next epoch */
 } rx_selection;
 
-/* Counts before any loss is known. Errors: RX_USAGE. */
-rx_status rx_selection_begin(int nfwhm, int nsigma, const double fwhm[2], const double sigma[2], int total,
+/* Counts before any loss is known; bins: nfwhm, nsigma. Errors: RX_USAGE. */
+rx_status rx_selection_begin(const int bins[2], const double fwhm[2], const double sigma[2], int total,
                              int active, rx_selection *dst, rx_error *err);
 
 /* Dictionary and counts from the sums over the epoch's test images: sum[b] of count[b] images. A bin without

@@ -147,9 +147,8 @@ rx_step_params rx_setup_step(const rx_train_config *config)
 
 rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, rx_error *err)
 {
-    return rx_selection_begin(config->grid.v[0], config->grid.v[1], config->fwhm_range.v,
-                              config->sigma_range.v, config->bin_images, is(config->selection, "ACTIVE"), dst,
-                              err);
+    return rx_selection_begin(config->grid.v, config->fwhm_range.v, config->sigma_range.v, config->bin_images,
+                              is(config->selection, "ACTIVE"), dst, err);
 }
 
 rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *grid)

@@ -10,10 +10,10 @@
 
 enum { MOST_CURVES = 5, MAPS = 4 };
 
-/* A curve: a number of every epoch. */
+/* A number of every epoch, or of every bin. */
 typedef struct number {
     const char *name;
-    size_t offset; /* in rx_epoch */
+    size_t offset; /* in rx_epoch, rx_epoch_bin */
     double factor;
 } number;
 
@@ -31,9 +31,19 @@ static void widen(rx_axes *axes, double v)
 }
 
 /* Several numbers against the epoch; one that is 0 in all of them is left out. */
-static void curves(rx_figures *dst, const rx_history *h, const char *id, const char *title,
-                   const char *reading, rx_axes axes, int n, const number *numbers)
+typedef struct chart {
+    const char *id, *title, *reading, *ylabel;
+    bool log_y;
+    number numbers[MOST_CURVES];
+} chart;
+
+static void draw_chart(rx_figures *dst, const rx_history *h, const chart *what)
 {
+    rx_axes axes = {.ylabel = what->ylabel, .log_y = what->log_y};
+    const number *numbers = what->numbers;
+    int n = 0;
+    while (n < MOST_CURVES && numbers[n].name != NULL)
+        n++;
     rx_curve curve[MOST_CURVES] = {{0}};
     const size_t length = (size_t)h->n;
     int drawn = 0;
@@ -70,7 +80,7 @@ static void curves(rx_figures *dst, const rx_history *h, const char *id, const c
     axes.y0 = axes.log_y ? 0.8 * axes.y0 : axes.y0 - margin;
     axes.y1 = axes.log_y ? 1.25 * axes.y1 : axes.y1 + margin;
     if (drawn > 0) {
-        rx_figure_add(dst, id, title, reading, RX_FIGURE_CHART);
+        rx_figure_add(dst, what->id, what->title, what->reading, RX_FIGURE_CHART);
         rx_plot_curves(dst, &axes, drawn, curve);
     }
     free(data);
@@ -81,41 +91,55 @@ static void curves(rx_figures *dst, const rx_history *h, const char *id, const c
         name, offsetof(rx_epoch, field), factor                                                              \
     }
 
-static void all_curves(rx_figures *dst, const rx_history *h)
-{
-    static const number losses[] = {NUMBER("training", losses.total, 1), NUMBER("test", test_loss, 1),
-                                    NUMBER("test unrestored", input_loss, 1),
-                                    NUMBER("validation", validation, 1)};
-    static const number terms[] = {NUMBER("RESTORE", losses.idt_restore, 1), NUMBER("PSF", losses.idt_psf, 1),
-                                   NUMBER("RESTORE of PSF", losses.rec_restore, 1),
-                                   NUMBER("PSF of RESTORE", losses.rec_psf, 1), NUMBER("FFL", losses.ffl, 1)};
-    static const number recall[] = {NUMBER("recall", recall, 1)};
-    static const number fluxes[] = {NUMBER("median error", bias, 100), NUMBER("scatter", scatter, 100)};
-    static const number steps[] = {NUMBER("learning rate", rate, 1)};
-    static const number norms[] = {NUMBER("norm of the gradient", norm, 1)};
-    curves(dst, h, "curve-loss", "Loss",
-           "Means of an epoch. Training: weighted sum of all terms. Test: RESTORE(blurred) against sharp, "
-           "mean over the bins; unrestored: the "
-           "blurred test images themselves against sharp. Validation: as test, on the same images in every "
-           "epoch; the lowest is the model.",
-           (rx_axes){.ylabel = "loss", .log_y = true}, 4, losses);
-    curves(dst, h, "curve-terms", "Terms of the loss", "Without their weights, training images.",
-           (rx_axes){.ylabel = "term", .log_y = true}, 5, terms);
-    curves(dst, h, "curve-recall", "Stars found",
-           "Share of the test stars of S/N above 5 with a peak above 1.7 sky sigmas within 1.5 pixels.",
-           (rx_axes){.ylabel = "recall"}, 1, recall);
-    curves(dst, h, "curve-flux", "Fluxes of stars",
-           "Isolated test stars of S/N above 12: sum within 2 FWHM of the target PSF against the truth's.",
-           (rx_axes){.ylabel = "error of the flux (%)"}, 2, fluxes);
-    curves(dst, h, "curve-rate", "Learning rate", "Of the last step of the epoch.",
-           (rx_axes){.ylabel = "rate"}, 1, steps);
-    curves(dst, h, "curve-gradient", "Gradient", "Mean norm before clipping.",
-           (rx_axes){.ylabel = "norm", .log_y = true}, 1, norms);
-}
+static const chart CHARTS[] = {
+    {"curve-loss",
+     "Loss",
+     "Means of an epoch. Training: weighted sum of all terms. Test: RESTORE(blurred) against sharp, mean "
+     "over the "
+     "bins; unrestored: the blurred test images themselves against sharp. Validation: as test, on the same "
+     "images in "
+     "every epoch; the lowest is the model.",
+     "loss",
+     true,
+     {NUMBER("training", losses.total, 1), NUMBER("test", test_loss, 1),
+      NUMBER("test unrestored", input_loss, 1), NUMBER("validation", validation, 1)}},
+    {"curve-terms",
+     "Terms of the loss",
+     "Without their weights, training images.",
+     "term",
+     true,
+     {NUMBER("RESTORE", losses.idt_restore, 1), NUMBER("PSF", losses.idt_psf, 1),
+      NUMBER("RESTORE of PSF", losses.rec_restore, 1), NUMBER("PSF of RESTORE", losses.rec_psf, 1),
+      NUMBER("FFL", losses.ffl, 1)}},
+    {"curve-recall",
+     "Stars found",
+     "Share of the test stars of S/N above 5 with a peak above 1.7 sky sigmas within 1.5 pixels.",
+     "recall",
+     false,
+     {NUMBER("recall", recall, 1)}},
+    {"curve-flux",
+     "Fluxes of stars",
+     "Isolated test stars of S/N above 12: sum within 2 FWHM of the target PSF against the truth's.",
+     "error of the flux (%)",
+     false,
+     {NUMBER("median error", bias, 100), NUMBER("scatter", scatter, 100)}},
+    {"curve-rate",
+     "Learning rate",
+     "Of the last step of the epoch.",
+     "rate",
+     false,
+     {NUMBER("learning rate", rate, 1)}},
+    {"curve-gradient",
+     "Gradient",
+     "Mean norm before clipping.",
+     "norm",
+     true,
+     {NUMBER("norm of the gradient", norm, 1)}},
+};
 
 /* One number of every bin as a coloured table over FWHM and noise. */
-static void heat_map(rx_figures *dst, const rx_epoch_bin *bins, const rx_selection *grid, size_t offset,
-                     double factor, const char *id, const char *title, const char *reading)
+static void heat_map(rx_figures *dst, const rx_epoch_bin *bins, const rx_selection *grid, const number *what,
+                     const char *id, const char *title, const char *reading)
 {
     rx_text *script = &dst->script;
     double low = INFINITY, high = -INFINITY;
@@ -126,7 +150,7 @@ static void heat_map(rx_figures *dst, const rx_epoch_bin *bins, const rx_selecti
                           .y0 = grid->sigma[0],
                           .y1 = grid->sigma[1]};
     for (int b = 0; b < grid->nbins; b++) {
-        const double v = factor * *(const double *)((const char *)&bins[b] + offset);
+        const double v = what->factor * *(const double *)((const char *)&bins[b] + what->offset);
         low = isfinite(v) ? fmin(low, v) : low;
         high = isfinite(v) ? fmax(high, v) : high;
     }
@@ -136,7 +160,7 @@ static void heat_map(rx_figures *dst, const rx_epoch_bin *bins, const rx_selecti
     rx_plot_begin(dst, &axes);
     rx_text_add(script, "$heat << EOD\n");
     for (int b = 0; b < grid->nbins; b++) {
-        double fwhm[2], sigma[2], v = factor * *(const double *)((const char *)&bins[b] + offset);
+        double fwhm[2], sigma[2], v = what->factor * *(const double *)((const char *)&bins[b] + what->offset);
         rx_selection_bin(grid, b, fwhm, sigma);
         if (isfinite(v))
             rx_text_printf(script, "%.6g %.6g %.6g %.6g %.6g\n", 0.5 * (fwhm[0] + fwhm[1]),
@@ -167,31 +191,31 @@ void rx_train_figures(rx_figures *dst, const rx_history *history, const rx_selec
 {
     long shown[MAPS];
     const rx_epoch_bin *last = history->bin + (history->n - 1) * history->nbins;
-    all_curves(dst, history);
+    for (size_t i = 0; i < sizeof CHARTS / sizeof *CHARTS; i++)
+        draw_chart(dst, history, &CHARTS[i]);
     const int n = some_epochs(history->n, shown);
     for (int i = 0; i < n; i++) {
         char id[RX_FIGURE_ID], title[64];
         snprintf(id, sizeof id, "list-%ld", shown[i] + 1);
         snprintf(title, sizeof title, "Dictionary after epoch %ld", shown[i] + 1);
-        heat_map(dst, history->bin + shown[i] * history->nbins, grid, offsetof(rx_epoch_bin, list), 1, id,
-                 title,
+        heat_map(dst, history->bin + shown[i] * history->nbins, grid,
+                 &(number){.offset = offsetof(rx_epoch_bin, list), .factor = 1}, id, title,
                  "Mean test loss, normalised (Eq. 4's list): with active learning the share of a bin's "
                  "images that "
                  "the next epoch trains on.");
     }
-    const struct {
-        const char *id, *title;
-        size_t offset;
-        double factor;
+    static const struct {
+        const char *id;
+        number what;
     } maps[] = {
-        {"last-loss", "Test loss", offsetof(rx_epoch_bin, loss), 1},
-        {"last-recall", "Recall", offsetof(rx_epoch_bin, recall), 1},
-        {"last-bias", "Median error of fluxes (%)", offsetof(rx_epoch_bin, bias), 100},
-        {"last-scatter", "Scatter of fluxes (%)", offsetof(rx_epoch_bin, scatter), 100},
+        {"last-loss", {"Test loss", offsetof(rx_epoch_bin, loss), 1}},
+        {"last-recall", {"Recall", offsetof(rx_epoch_bin, recall), 1}},
+        {"last-bias", {"Median error of fluxes (%)", offsetof(rx_epoch_bin, bias), 100}},
+        {"last-scatter", {"Scatter of fluxes (%)", offsetof(rx_epoch_bin, scatter), 100}},
     };
     for (size_t i = 0; i < sizeof maps / sizeof *maps; i++) {
         char title[64];
-        snprintf(title, sizeof title, "%s, epoch %ld", maps[i].title, history->n);
-        heat_map(dst, last, grid, maps[i].offset, maps[i].factor, maps[i].id, title, "");
+        snprintf(title, sizeof title, "%s, epoch %ld", maps[i].what.name, history->n);
+        heat_map(dst, last, grid, &maps[i].what, maps[i].id, title, "");
     }
 }

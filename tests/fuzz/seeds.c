@@ -576,7 +576,8 @@ static void checkpoint_seed(const char *folder, const char *scratch)
     rx_selection selection;
     rx_train_state *state = NULL;
     rx_model *model = new_model(RX_MODE_INFORMED, 1);
-    fuzz_require(rx_selection_begin(2, 1, fwhm, sigma, 40, 1, &selection, NULL) == RX_OK, "a grid");
+    fuzz_require(rx_selection_begin((const int[]){2, 1}, fwhm, sigma, 40, 1, &selection, NULL) == RX_OK,
+                 "a grid");
     fuzz_require(rx_train_state_new(model, &selection, &state, NULL) == RX_OK, "a state");
     const rx_epoch epoch = {.steps = 1};
     const rx_epoch_bin bins[2] = {{.loss = 1}, {.loss = 2}};

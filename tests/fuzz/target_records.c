@@ -106,7 +106,8 @@ static rx_train_state *new_state(void)
     rx_model *model = rx_model_new();
     fuzz_require(model != NULL, "there is memory");
     fuzz_require(rx_psfnet_new(&shape, 3, &model->restore, NULL) == RX_OK, "a network can be made");
-    fuzz_require(rx_selection_begin(2, 1, fwhm, sigma, 40, 1, &selection, NULL) == RX_OK, "so can a grid");
+    fuzz_require(rx_selection_begin((const int[]){2, 1}, fwhm, sigma, 40, 1, &selection, NULL) == RX_OK,
+                 "so can a grid");
     fuzz_require(rx_train_state_new(model, &selection, &state, NULL) == RX_OK, "and a state");
     rx_model_free(model);
     return state;

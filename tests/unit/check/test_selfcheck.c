@@ -305,7 +305,9 @@ static void plan_of(double share, double scale, const char *asked, double *galax
     assert_non_null(pixels);
     par.galaxies.count = 120.0 * share;
     par.stars.count = 120.0 - par.galaxies.count;
-    assert_int_equal(rx_optics_moffat(3.5, 4.765, 1.0, 0.0, 0.0, SIDE, SIDE, &optics, NULL), RX_OK);
+    assert_int_equal(rx_optics_moffat(&(rx_moffat_profile){.fwhm = 3.5, .beta = 4.765, .ratio = 1.0}, SIDE,
+                                      SIDE, &optics, NULL),
+                     RX_OK);
     assert_int_equal(rx_scene_make(&par, NULL, &objects, NULL), RX_OK);
     assert_int_equal(rx_render(objects, 1, &(const rx_optics *){optics}, &(float *const){pixels}, 2, NULL),
                      RX_OK);
@@ -536,7 +538,8 @@ static void test_blank_below_a_large_galaxy(void **state)
     const rx_map level = rx_background_level(field->plain);
     assert_true(rx_map_at(&level, SIDE / 2, SIDE / 2) > field->plain->global_level + 2.0 * sigma);
     assert_int_equal(rx_blankcheck_noise(field, segments, 1, &noise, NULL), RX_OK);
-    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &noise, NULL, 1, 1, &blank, NULL),
+    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &noise, NULL, (rx_random_stream){1, 1},
+                                         &blank, NULL),
                      RX_OK);
     assert_int_equal(
         rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), blank, NULL, NULL, &result, NULL),
@@ -657,8 +660,9 @@ static void test_part_of_a_tile(void **state)
     assert_int_equal(copy->mask[2 * 120 + 4], 0);
     rx_tile_free(copy);
     const double x0 = field->psf->x0, y0 = field->psf->y0;
-    assert_int_equal(
-        rx_blankcheck_field(&b.options->pipeline, field, &field->noise, &part, 1, 1, &blank, NULL), RX_OK);
+    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &field->noise, &part,
+                                         (rx_random_stream){1, 1}, &blank, NULL),
+                     RX_OK);
     assert_int_equal(blank->image.width, 120);
     assert_near(blank->psf->x0, x0 - 30.0, 0);
     assert_near(blank->psf->y0, y0 - 50.0, 0);

@@ -187,7 +187,7 @@ static void by_rows(void **state)
     for (size_t y = FIRST; y < LAST; y++)
         assert_memory_equal(whole + y * stride, part + y * stride, ROWS_WIDTH * sizeof(float));
     rx_fft_filter(fft, src, kernel, true, half, whole);
-    rx_fft_filter_rows(fft, read_row, kernel, true, other, FIRST, LAST, write_row, &p);
+    rx_fft_filter_rows(fft, &(rx_fft_rows){read_row, write_row, &p, FIRST, LAST}, kernel, true, other);
     for (size_t y = FIRST; y < LAST; y++)
         assert_memory_equal(whole + y * stride, part + y * stride, ROWS_WIDTH * sizeof(float));
     assert_true(part[FIRST * stride] != 0);

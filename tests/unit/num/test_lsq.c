@@ -29,14 +29,14 @@ static void test_line(void **state)
     double det = s * stt - st * st, x0 = (stt * sb - st * stb) / det, x1 = (s * stb - st * sb) / det;
     for (int i = 0; i < 5; i++)
         want += w[i] * (b[i] - x0 - x1 * t[i]) * (b[i] - x0 - x1 * t[i]);
-    assert_int_equal(rx_lsq_linear(a, b, w, 5, 2, x, covariance, &chi2, NULL), RX_OK);
+    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){5, 2, a, b, w}, x, covariance, &chi2, NULL), RX_OK);
     assert_true(fabs(x[0] - x0) < 1e-12);
     assert_true(fabs(x[1] - x1) < 1e-12);
     assert_true(fabs(chi2 - want) < 1e-12);
     assert_true(fabs(covariance[0] - stt / det) < 1e-12);
     assert_true(fabs(covariance[1] + st / det) < 1e-12);
     assert_true(fabs(covariance[3] - s / det) < 1e-12);
-    assert_int_equal(rx_lsq_linear(a, b, NULL, 2, 2, x, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){2, 2, a, b, NULL}, x, NULL, NULL, NULL), RX_OK);
     assert_true(fabs(x[0] - 1.1) < 1e-12);
     assert_true(fabs(x[1] - 1.8) < 1e-12);
 }
@@ -46,12 +46,12 @@ static void test_linear_refused(void **state)
     (void)state;
     double a[4] = {1, 0, NAN, 1}, b[2] = {1, 2}, x[2];
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_lsq_linear(a, b, NULL, 1, 2, x, NULL, NULL, &err), RX_INPUT);
+    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){1, 2, a, b, NULL}, x, NULL, NULL, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "1 equations"));
-    assert_int_equal(rx_lsq_linear(a, b, NULL, 2, 2, x, NULL, NULL, &err), RX_INPUT);
+    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){2, 2, a, b, NULL}, x, NULL, NULL, &err), RX_INPUT);
     /* two equal columns: the smallest solution, not an error */
     double twice[6] = {1, 1, 2, 2, 3, 3}, c[3] = {2, 4, 6};
-    assert_int_equal(rx_lsq_linear(twice, c, NULL, 3, 2, x, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){3, 2, twice, c, NULL}, x, NULL, NULL, NULL), RX_OK);
     assert_true(fabs(x[0] - 1.0) < 1e-9);
     assert_true(fabs(x[1] - 1.0) < 1e-9);
 }

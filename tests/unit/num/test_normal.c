@@ -45,7 +45,8 @@ static void test_solve(void **state)
         make(&p, seed);
         assert_int_equal(rx_normal_solve(p.a, p.b, COLUMNS, x, c, &singular, NULL), RX_OK);
         assert_int_equal(singular, 0);
-        assert_int_equal(rx_lsq_linear(p.m, p.d, p.w, ROWS, COLUMNS, want, wc, NULL, NULL), RX_OK);
+        assert_int_equal(
+            rx_lsq_linear(&(rx_lsq_equations){ROWS, COLUMNS, p.m, p.d, p.w}, want, wc, NULL, NULL), RX_OK);
         for (int i = 0; i < COLUMNS; i++)
             assert_true(fabs(x[i] - want[i]) < 1e-9 * (1 + fabs(want[i])));
         for (int i = 0; i < COLUMNS * COLUMNS; i++)
@@ -103,7 +104,8 @@ static void test_nonnegative(void **state)
         double x[COLUMNS], c[COLUMNS * COLUMNS], want[COLUMNS];
         make(&p, seed);
         brute(&p, want);
-        assert_int_equal(rx_normal_nonnegative(p.a, p.b, bounded, COLUMNS, x, c, held, &singular, NULL),
+        assert_int_equal(rx_normal_nonnegative(&(rx_normal_bounded){COLUMNS, p.a, p.b, bounded}, x, c, held,
+                                               &singular, NULL),
                          RX_OK);
         for (int i = 0; i < COLUMNS; i++) {
             assert_true(fabs(x[i] - want[i]) < 1e-9 * (1 + fabs(want[i])));

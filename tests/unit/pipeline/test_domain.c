@@ -528,7 +528,8 @@ static void test_copies(void **state)
                                        NULL, &check, NULL),
                      RX_OK);
     assert_int_equal(check.realisations, 1);
-    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &noise, NULL, 1, 1, &blank, NULL),
+    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &noise, NULL, (rx_random_stream){1, 1},
+                                         &blank, NULL),
                      RX_OK);
     assert_near(blank->model_noise, tile, 0);
     assert_near(blank->model_factor, field->noise_factor, 0);

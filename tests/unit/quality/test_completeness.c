@@ -11,7 +11,7 @@
 #include "base/random.h"
 #include "quality/completeness.h"
 
-#define BY ((rx_resampling){3, 2})
+#define BY ((rx_resampling){.seed = 3, .nthreads = 2})
 
 static const rx_bins bins = {.n = 5, .edge = {18, 19, 20, 21, 22, 23}};
 
@@ -39,7 +39,7 @@ static rx_estimate of_counts(int n, const double *mag, const int *found, const i
             m[all] = mag[i];
             f[all] = k < found[i];
         }
-    assert_int_equal(rx_completeness(&bins, all, m, f, share, 0.95, BY, &e, NULL), RX_OK);
+    assert_int_equal(rx_completeness(&bins, &(rx_found){all, m, f}, share, 0.95, BY, &e, NULL), RX_OK);
     return e;
 }
 
@@ -84,12 +84,12 @@ static void finds_the_truth(void **state)
         mag[i] = 18 + 5 * rx_random_uniform(1, 0, (uint64_t)i);
         found[i] = rx_random_uniform(1, 1, (uint64_t)i) < 0.5 * erfc((mag[i] - 21.3) / 0.6);
     }
-    assert_int_equal(rx_completeness(&fine, N, mag, found, 0.5, 0.95, BY, &e, NULL), RX_OK);
+    assert_int_equal(rx_completeness(&fine, &(rx_found){N, mag, found}, 0.5, 0.95, BY, &e, NULL), RX_OK);
     assert_near(e.value, 21.3, 0.06);
     assert_true(e.low < 21.3);
     assert_true(21.3 < e.high);
     assert_true(e.high - e.low < 0.2);
-    assert_int_equal(rx_completeness(&fine, N, mag, found, 0.5, 0.95, BY, &again, NULL), RX_OK);
+    assert_int_equal(rx_completeness(&fine, &(rx_found){N, mag, found}, 0.5, 0.95, BY, &again, NULL), RX_OK);
     assert_memory_equal(&e, &again, sizeof e);
 }
 
@@ -112,7 +112,8 @@ static void holds_the_truth(void **state)
                 found[i] =
                     rx_random_uniform(7 + s, round, 2 * (uint64_t)i + 1) < 0.985 / (1 + exp(mag[i] / 0.12));
             }
-            assert_int_equal(rx_completeness(&wide, sizes[s], mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+            assert_int_equal(
+                rx_completeness(&wide, &(rx_found){sizes[s], mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
             sum += e.value / ROUNDS;
             inside += (e.low <= truth && truth <= e.high) / (double)ROUNDS;
         }
@@ -132,19 +133,19 @@ static void open_interval(void **state)
         mag[i] = 18 + 0.05 * i;
         found[i] = 1;
     }
-    assert_int_equal(rx_completeness(&bins, 100, mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    assert_int_equal(rx_completeness(&bins, &(rx_found){100, mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
     assert_near(e.value, 23, 1e-9);
     assert_true(e.low > 22.5);
     assert_true(isinf(e.high));
     assert_true(e.high > 0);
     for (int i = 0; i < 100; i++)
         found[i] = 0;
-    assert_int_equal(rx_completeness(&bins, 100, mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    assert_int_equal(rx_completeness(&bins, &(rx_found){100, mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
     assert_near(e.value, 18, 1e-9);
     assert_true(e.high < 18.5);
     assert_true(isinf(e.low));
     assert_true(e.low < 0);
-    assert_int_equal(rx_completeness(&bins, 3, mag, found, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    assert_int_equal(rx_completeness(&bins, &(rx_found){3, mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
     assert_true(isnan(e.value));
 }
 

@@ -39,7 +39,7 @@ static void make_input(rx_qa_input *input, rx_qa_run *run, unsigned char *mask)
 }
 
 static const rx_qa_params params = {
-    .match_radius = 1, .mag_low = 18, .mag_high = 21, .mag_step = 1, .by = {1, 2}};
+    .match_radius = 1, .mag_low = 18, .mag_high = 21, .mag_step = 1, .by = {.seed = 1, .nthreads = 2}};
 
 static void evaluate(const rx_qa_params *par, const rx_qa_input *input, rx_evaluation *e)
 {
@@ -83,7 +83,8 @@ static void shares_and_differences(void **state)
     (void)state;
     make_input(&input, &run, mask);
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.95,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_COUNT, m, NULL),
                      RX_OK);
     assert_near(m[RX_METRIC_RECALL].value, 2.0 / 3.0, 1e-15);
     assert_int_equal(m[RX_METRIC_RECALL].n, 3);
@@ -101,13 +102,15 @@ static void shares_and_differences(void **state)
     assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.1, 1e-12); /* the second is too uncertain to count */
     assert_int_equal(m[RX_METRIC_ZP_OFFSET].n, 1);
     assert_true(isinf(m[RX_METRIC_BIAS_MAG].high));
-    assert_int_equal(rx_metrics_measure(&e, 0, 18, 19, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){0, 18, 19}, 0.95,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_COUNT, m, NULL),
                      RX_OK);
     assert_int_equal(m[RX_METRIC_RECALL].n, 1);
     assert_int_equal(m[RX_METRIC_PRECISION].n, 2); /* 18.1 and 18.9 as measured */
     assert_near(m[RX_METRIC_BIAS_MAG].value, 0.1, 1e-12);
     assert_int_equal(m[RX_METRIC_AP].n, 0); /* exists for all only */
-    assert_int_equal(rx_metrics_measure(&e, 0, 19, 20, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){0, 19, 20}, 0.95,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_COUNT, m, NULL),
                      RX_OK);
     assert_near(m[RX_METRIC_PRECISION].value, 0, 0);
     assert_near(m[RX_METRIC_RECALL].value, 1, 0);
@@ -135,7 +138,8 @@ static void psf_metrics(void **state)
     make_input(&input, &run, mask);
     input.psf = (rx_qa_psf){.psf = &psf, .zeropoint = 25};
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.95,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_COUNT, m, NULL),
                      RX_OK);
     assert_near(m[RX_METRIC_PSF_DT].value, 0.004, 0);
     assert_near(m[RX_METRIC_PSF_DT].high - 0.004, 2.2281388519649385 * 0.001, 1e-9);
@@ -148,7 +152,8 @@ static void psf_metrics(void **state)
     rx_evaluation_free(&e);
     input.psf.psf = NULL;
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.95,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_COUNT, m, NULL),
                      RX_OK);
     assert_int_equal(m[RX_METRIC_PSF_DT].n, 0);
     rx_evaluation_free(&e);
@@ -177,9 +182,10 @@ static void flux_scale(void **state)
     evaluate(&params, &input, &e);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         run.flux = (rx_qa_flux){.n = 11, .wide = cases[i].wide, .wide_error = cases[i].error};
-        assert_int_equal(
-            rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_FLUX_SCALE, m, NULL),
-            RX_OK);
+        assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.95,
+                                            (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_FLUX_SCALE,
+                                            m, NULL),
+                         RX_OK);
         const rx_estimate *scale = &m[RX_METRIC_FLUX_SCALE];
         assert_int_equal(scale->n, 11);
         assert_near(scale->value, cases[i].wide, 1e-15);
@@ -188,8 +194,10 @@ static void flux_scale(void **state)
         assert_int_equal(rx_gate_judge(&gate, scale), cases[i].verdict);
     }
     run.flux = (rx_qa_flux){0};
-    assert_int_equal(
-        rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_FLUX_SCALE, m, NULL), RX_OK);
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.95,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_FLUX_SCALE, m,
+                                        NULL),
+                     RX_OK);
     assert_int_equal(rx_gate_judge(&gate, &m[RX_METRIC_FLUX_SCALE]), RX_VERDICT_INSUFFICIENT);
     rx_evaluation_free(&e);
 }
@@ -243,10 +251,14 @@ static void one_metric_alone(void **state)
     (void)state;
     make_input(&input, &run, mask);
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, (rx_resampling){1, 2}, RX_METRIC_COUNT, all, NULL),
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.9,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_COUNT, all,
+                                        NULL),
                      RX_OK);
     for (int k = 0; k < RX_METRIC_COUNT; k++) {
-        assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.9, (rx_resampling){1, 2}, (rx_metric)k, one, NULL),
+        assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.9,
+                                            (rx_resampling){.seed = 1, .nthreads = 2}, (rx_metric)k, one,
+                                            NULL),
                          RX_OK);
         for (int i = 0; i < RX_METRIC_COUNT; i++)
             if (i == k)
@@ -306,7 +318,8 @@ static void zero_point_is_told_not_hidden(void **state)
     input.nruns = 1;
     input.runs = &run;
     evaluate(&params, &input, &e);
-    assert_int_equal(rx_metrics_measure(&e, 1, 0, 0, 0.95, (rx_resampling){1, 2}, RX_METRIC_COUNT, m, NULL),
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.95,
+                                        (rx_resampling){.seed = 1, .nthreads = 2}, RX_METRIC_COUNT, m, NULL),
                      RX_OK);
     assert_near(m[RX_METRIC_ZP_OFFSET].value, 0.2, 1e-9);
     assert_near(m[RX_METRIC_MAGERR].value, 100 * (1 - pow(10, -0.08)), 1e-9);

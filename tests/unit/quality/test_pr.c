@@ -13,7 +13,7 @@
 #include "quality/bootstrap.h"
 #include "quality/pr.h"
 
-#define BY ((rx_resampling){5, 2})
+#define BY ((rx_resampling){.seed = 5, .nthreads = 2})
 
 static void by_hand_with_ties(void **state)
 {
@@ -122,7 +122,7 @@ static void bootstrap_of_a_mean(void **state)
         sum += counts[i];
     assert_int_equal(sum, 500);
     assert_int_equal(
-        rx_bootstrap_interval((rx_resampling){9, 2}, 1, 500, weighted_mean, values, 0.95, &e, NULL), RX_OK);
+        rx_bootstrap_interval((rx_resampling){9, 2, 1}, 500, weighted_mean, values, 0.95, &e, NULL), RX_OK);
     double half = 1.96 * sqrt((square - mean * mean) / 500);
     assert_near(e.low, mean - half, 0.15 * half);
     assert_near(e.high, mean + half, 0.15 * half);

@@ -73,7 +73,7 @@ static void runs_on_the_same_references(void **state)
                                .truth = {.n = 4, .x = x, .y = y, .mag = mag},
                                .nruns = 2,
                                .runs = runs};
-    const rx_qa_params params = {.match_radius = 1, .by = {5, 2}};
+    const rx_qa_params params = {.match_radius = 1, .by = {.seed = 5, .nthreads = 2}};
     rx_qa_numbers q;
     for (int k = 0; k < 2; k++) {
         for (int i = 0; i < 4; i++)

@@ -202,8 +202,8 @@ static void add_boxes(rx_figures *f, const char *id, int groups, int filled, rx_
         if (i != 4)
             box[i] = (rx_five_numbers){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 70, 0, 3.5 + i};
     rx_figure_add(f, id, "Boxes", "reading", kind);
-    rx_plot_boxes(f, &(rx_axes){.xlabel = "FWHM's [pixels]", .ylabel = "PSNR [dB]", .log_y = log_y}, groups,
-                  names, METHODS, methods, colors, box);
+    rx_plot_boxes(f, &(rx_axes){.xlabel = "FWHM's [pixels]", .ylabel = "PSNR [dB]", .log_y = log_y},
+                  &(rx_boxes){groups, METHODS, names, methods, colors, box});
 }
 
 static void add_curves(rx_figures *f, const char *id, int n, bool log_y)
@@ -235,7 +235,9 @@ static void add_picture(rx_figures *f, const char *id, double soft)
         pixels[i] = (float)i;
     pixels[5] = NAN;
     rx_figure_add(f, id, "Picture", "", RX_FIGURE_PICTURE);
-    rx_plot_picture(f, 12, 8, pixels, 0, 95, soft, 200);
+    rx_plot_picture(
+        f, &(rx_grey_image){
+               .width = 12, .height = 8, .side = 200, .pixels = pixels, .low = 0, .high = 95, .soft = soft});
 }
 
 static void add_all(rx_figures *f)

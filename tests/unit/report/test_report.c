@@ -97,7 +97,7 @@ static int free_scene(void **state)
     return 0;
 }
 
-static const rx_qa_params params = {.match_radius = 1, .figures = 1, .by = {5, 2}};
+static const rx_qa_params params = {.match_radius = 1, .figures = 1, .by = {.seed = 5, .nthreads = 2}};
 static const char *const files[] = {"report.html", "summary.json", "bins.ecsv", "matches_NONE.ecsv",
                                     "pr_NONE.ecsv"};
 enum { FILES = 3 + 2 * RUNS };
@@ -109,7 +109,7 @@ static void writes_all_files(void **state)
     rx_verdict verdict = RX_VERDICT_FAIL;
     rx_text brief = {0};
     new_folder(folder);
-    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, &verdict, &brief, NULL),
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", &verdict, &brief, NULL),
                      RX_OK);
     assert_int_equal(verdict, RX_VERDICT_NONE);
     assert_int_equal(count_files(folder), FILES);
@@ -138,9 +138,9 @@ static void same_input_same_bytes(void **state)
     char first[512], second[512];
     new_folder(first);
     new_folder(second);
-    assert_int_equal(rx_qa_report(&params, &s->input, first, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, first, "the report", NULL, NULL, NULL), RX_OK);
     s->run[1].seconds = 77; /* timings are not part of the files */
-    assert_int_equal(rx_qa_report(&params, &s->input, second, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, second, "the report", NULL, NULL, NULL), RX_OK);
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
         char *a = slurp(first, files[i]), *b = slurp(second, files[i]);
         assert_string_equal(a, b);
@@ -160,7 +160,7 @@ static void other_programs_read_it(void **state)
     new_folder(folder);
     rx_qa_params par = params;
     par.figures = 0;
-    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL), RX_OK);
     if (works("python3 -c 'import json' 2>/dev/null")) {
         snprintf(command, sizeof command,
                  "python3 -c \"import json; d = json.load(open('%s/summary.json')); r = d['runs'][0];"
@@ -221,7 +221,7 @@ static void spurious_sources_have_their_section(void **state)
         s->run[0].list.made_up = tested ? made_up : NULL;
         s->run[0].tested = tested;
         s->run[0].made_up_per_mpixel = 123.4;
-        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL), RX_OK);
         char *page = slurp(folder, "report.html"), *json = slurp(folder, "summary.json");
         char *table = slurp(folder, "matches_NONE.ecsv");
         assert_int_equal(occurrences(page, "<h2 id=\"spurious\">Spurious or real</h2>"), tested);
@@ -259,7 +259,8 @@ static void without_gnuplot(void **state)
         new_folder(folder);
         par.gnuplot = programs[i];
         rx_log_init(&log, "test", stream, RX_NORMAL);
-        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", &log, NULL, NULL, NULL), RX_OK);
+        par.log = &log;
+        assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL), RX_OK);
         fclose(stream);
         assert_non_null(strstr(told, "without figures"));
         assert_non_null(strstr(told, programs[i]));
@@ -286,7 +287,7 @@ static rx_verdict verdict_of(scene *s, const char *gates_text, char **json)
     fclose(file);
     assert_int_equal(rx_gates_read(path, &gates, NULL), RX_OK);
     par.gates = gates;
-    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, &verdict, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", &verdict, NULL, NULL), RX_OK);
     if (json != NULL)
         *json = slurp(folder, "summary.json");
     rx_gates_free(gates);
@@ -317,7 +318,7 @@ static void names_that_collide(void **state)
     par.figures = 0;
     s->run[1].name = "none";
     new_folder(folder);
-    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL), RX_OK);
     assert_int_equal(clear_folder(folder), FILES);
 }
 
@@ -328,7 +329,7 @@ static void nothing_to_compare(void **state)
     s->input.truth.n = 0;
     s->run[0].list.n = 0;
     new_folder(folder);
-    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL), RX_OK);
     assert_int_equal(clear_folder(folder), FILES);
 }
 
@@ -337,12 +338,12 @@ static void folder_that_is_not_there(void **state)
     scene *s = *state;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(
-        rx_qa_report(&params, &s->input, "/no/such/folder", "the report", NULL, NULL, NULL, &err), RX_SYSTEM);
+        rx_qa_report(&params, &s->input, "/no/such/folder", "the report", NULL, NULL, &err), RX_SYSTEM);
     assert_string_equal(err.where, "the report"); /* the name that the user knows, and only that */
     assert_null(strstr(err.text, "/no/such"));
     rx_qa_params bare = params;
     bare.figures = 0;
-    assert_int_equal(rx_qa_report(&bare, &s->input, "/no/such/folder", "the report", NULL, NULL, NULL, &err),
+    assert_int_equal(rx_qa_report(&bare, &s->input, "/no/such/folder", "the report", NULL, NULL, &err),
                      RX_SYSTEM);
     assert_string_equal(err.where, "the report/summary.json");
 }
@@ -357,7 +358,7 @@ static void interruption_leaves_nothing(void **state)
     new_folder(folder);
     rx_interrupt_block();
     raise(SIGTERM);
-    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL, NULL),
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", NULL, NULL, NULL),
                      RX_INTERRUPTED);
     assert_int_equal(sigtimedwait(&term, NULL, &(struct timespec){0}), SIGTERM);
     assert_int_equal(clear_folder(folder), 0);
@@ -374,7 +375,7 @@ static void brief_of_two(double shift, rx_text *brief)
     rx_qa_run run[2] = {{.name = "SHORT", .seconds = 1}, {.name = "DEEP", .seconds = 2}};
     rx_qa_input input = {
         .tile = "t", .reference = "r", .width = SIDE, .height = SIDE, .nruns = 2, .runs = run};
-    const rx_qa_params plain = {.match_radius = 1, .by = {5, 2}};
+    const rx_qa_params plain = {.match_radius = 1, .by = {.seed = 5, .nthreads = 2}};
     for (int k = 0; k < 2; k++) {
         for (int i = 0; i < 4; i++)
             measured[k][i] = mag[i] + shift - 2.5 * log10(ratio[k][i]);
@@ -382,7 +383,7 @@ static void brief_of_two(double shift, rx_text *brief)
     }
     input.truth = (rx_qa_list){.n = 4, .x = x, .y = y, .mag = mag};
     new_folder(folder);
-    assert_int_equal(rx_qa_report(&plain, &input, folder, "the report", NULL, &verdict, brief, NULL), RX_OK);
+    assert_int_equal(rx_qa_report(&plain, &input, folder, "the report", &verdict, brief, NULL), RX_OK);
     clear_folder(folder);
 }
 

@@ -27,8 +27,8 @@ static rx_coadd coadd_of(const rx_coadd_params *par, const rx_scene *scene, doub
     rx_coadd made = {.image = RX_NEW(float, n), .weight = RX_NEW(float, n), .defects = RX_NEW(uint8_t, n)};
     rx_optics *optics = NULL;
     rx_error err = RX_ERROR_NONE;
-    if (rx_optics_moffat(fwhm * par->scale, 4.765, 1, 0, 0, scene->width, scene->height, &optics, &err) !=
-            RX_OK ||
+    if (rx_optics_moffat(&(rx_moffat_profile){.fwhm = fwhm * par->scale, .beta = 4.765, .ratio = 1},
+                         scene->width, scene->height, &optics, &err) != RX_OK ||
         rx_coadd_make(par, scene, optics, noise, nthreads, &made, &err) != RX_OK)
         fail_msg("%s", err.text);
     rx_optics_free(optics);
@@ -367,7 +367,9 @@ static void bad_parameters_are_refused(void **state)
     rx_scene *scene = scene_of(20, 0);
     rx_optics *optics = NULL;
     rx_coadd made = {0};
-    assert_int_equal(rx_optics_moffat(2, 3, 1, 0, 0, 20, 20, &optics, NULL), RX_OK);
+    assert_int_equal(
+        rx_optics_moffat(&(rx_moffat_profile){.fwhm = 2, .beta = 3, .ratio = 1}, 20, 20, &optics, NULL),
+        RX_OK);
     for (int what = 0; what < 4; what++) {
         rx_coadd_params par = DRIZZLE;
         rx_error err = RX_ERROR_NONE;

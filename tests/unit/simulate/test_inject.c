@@ -38,7 +38,9 @@ static rx_scene *make_scene(double flux)
 static rx_optics *make_optics(void)
 {
     rx_optics *optics = NULL;
-    assert_int_equal(rx_optics_moffat(3.0, 4.765, 1.0, 0.0, 0.0, W, H, &optics, NULL), RX_OK);
+    assert_int_equal(
+        rx_optics_moffat(&(rx_moffat_profile){.fwhm = 3.0, .beta = 4.765, .ratio = 1.0}, W, H, &optics, NULL),
+        RX_OK);
     return optics;
 }
 
@@ -234,8 +236,7 @@ static void away_by_brute_force(void **state)
     tile *t = make_tile();
     for (size_t k = 0; k < sizeof distances / sizeof *distances; k++) {
         const double d = distances[k];
-        assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, W, H, t->segments, t->mask, d, t->allowed, NULL),
-                         RX_OK);
+        assert_int_equal(rx_inject_allowed(W, H, t->segments, t->mask, d, t->allowed, NULL), RX_OK);
         for (int i = 0; i < N; i++) {
             int near = 0;
             for (int j = 0; j < N; j++) {
@@ -252,15 +253,14 @@ static void among_is_anywhere_unmasked(void **state)
 {
     (void)state;
     tile *t = make_tile();
-    assert_int_equal(rx_inject_allowed(RX_INJECT_AMONG, W, H, t->segments, t->mask, 5.0, t->allowed, NULL),
-                     RX_OK);
+    assert_int_equal(rx_inject_allowed(W, H, NULL, t->mask, 0, t->allowed, NULL), RX_OK);
     for (int i = 0; i < N; i++)
         assert_int_equal(t->allowed[i], t->mask[i] == 0);
-    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, W, H, NULL, NULL, 5.0, t->allowed, NULL), RX_OK);
+    assert_int_equal(rx_inject_allowed(W, H, NULL, NULL, 5.0, t->allowed, NULL), RX_OK);
     for (int i = 0; i < N; i++)
         assert_int_equal(t->allowed[i], 1);
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, W, H, NULL, NULL, -1.0, t->allowed, &err), RX_USAGE);
+    assert_int_equal(rx_inject_allowed(W, H, NULL, NULL, -1.0, t->allowed, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "-1 pixels"));
     free(t);
 }

@@ -18,8 +18,10 @@ static rx_optics *make_moffat(const theory *t, double variation, int width, int 
 {
     rx_error err = RX_ERROR_NONE;
     rx_optics *optics;
-    rx_status status =
-        rx_optics_moffat(t->fwhm, t->beta, t->ratio, t->angle, variation, width, height, &optics, &err);
+    rx_status status = rx_optics_moffat(
+        &(rx_moffat_profile){
+            .fwhm = t->fwhm, .beta = t->beta, .ratio = t->ratio, .angle = t->angle, .variation = variation},
+        width, height, &optics, &err);
     if (status != RX_OK)
         print_message("%s\n", err.text);
     assert_int_equal(status, RX_OK);
@@ -263,7 +265,11 @@ static void test_bad_values(void **state)
         rx_error err = RX_ERROR_NONE;
         rx_optics *o = (rx_optics *)&err;
         const double *v = cases[c];
-        assert_int_equal(rx_optics_moffat(v[0], v[1], v[2], v[3], v[4], 100, 100, &o, &err), RX_USAGE);
+        assert_int_equal(rx_optics_moffat(
+                             &(rx_moffat_profile){
+                                 .fwhm = v[0], .beta = v[1], .ratio = v[2], .angle = v[3], .variation = v[4]},
+                             100, 100, &o, &err),
+                         RX_USAGE);
         assert_null(o);
         assert_true(strlen(err.text) > 20);
     }

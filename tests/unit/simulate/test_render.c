@@ -71,9 +71,13 @@ static rx_optics *make_moffat(const theory *t, double variation, int width, int 
 {
     rx_error err = RX_ERROR_NONE;
     rx_optics *optics;
-    assert_int_equal(
-        rx_optics_moffat(t->fwhm, t->beta, t->ratio, t->angle, variation, width, height, &optics, &err),
-        RX_OK);
+    assert_int_equal(rx_optics_moffat(&(rx_moffat_profile){.fwhm = t->fwhm,
+                                                           .beta = t->beta,
+                                                           .ratio = t->ratio,
+                                                           .angle = t->angle,
+                                                           .variation = variation},
+                                      width, height, &optics, &err),
+                     RX_OK);
     return optics;
 }
 

@@ -31,7 +31,7 @@ static void draw(const rx_noise_correlation *noise, uint64_t stream, int nthread
 {
     rx_error err = RX_ERROR_NONE;
     const rx_map map = rx_map_plane(sigma, W);
-    if (rx_sky_noise_draw(noise, W, H, &map, 21, stream, nthreads, dst, &err) != RX_OK)
+    if (rx_sky_noise_draw(noise, &map, H, (rx_random_stream){21, stream}, nthreads, dst, &err) != RX_OK)
         fail_msg("%s", err.text);
 }
 

@@ -125,7 +125,7 @@ static void one_error_of_the_psf(void **state)
     const char *path;
     /* a PSF of pixels, and one of a lower rung, which has no radius */
     for (psf.quality.radius = 20.0; psf.quality.radius >= 0.0; psf.quality.radius -= 20.0) {
-        assert_int_equal(rx_qa_report(&params, &input, *state, "the report", NULL, NULL, NULL, NULL), RX_OK);
+        assert_int_equal(rx_qa_report(&params, &input, *state, "the report", NULL, NULL, NULL), RX_OK);
         path = in(state, "report.html");
         assert_int_equal(rx_text_read_file(path, 1 << 20, &page, NULL, NULL), RX_OK);
         snprintf(text, sizeof text, "relative error of fluxes from it</td><td>%.4f</td>", mean);

@@ -588,9 +588,9 @@ static void noise_of_a_real_frame(void **state)
     assert_int_equal(
         rx_field_extract(&options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL, &result, NULL),
         RX_OK);
-    assert_int_equal(rx_inject_allowed(RX_INJECT_AWAY, tile->width, tile->height, result.sources->segments,
-                                       tile->mask, 5.0, used, NULL),
-                     RX_OK);
+    assert_int_equal(
+        rx_inject_allowed(tile->width, tile->height, result.sources->segments, tile->mask, 5.0, used, NULL),
+        RX_OK);
     const rx_image image = rx_field_observed(field);
     assert_int_equal(rx_correlation_measure(&image, used, 2, &noise, NULL), RX_OK);
     assert_false(noise.correlated);

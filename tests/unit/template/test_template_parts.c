@@ -171,7 +171,7 @@ static void test_joint(void **state)
     }
     a[(W * H + 2) * COLUMNS + 5] = 1;
     w[W * H + 2] = sw / n / (0.3 * 0.3);
-    assert_int_equal(rx_lsq_linear(a, b, w, ROWS, COLUMNS, x, c, NULL, NULL), RX_OK);
+    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){ROWS, COLUMNS, a, b, w}, x, c, NULL, NULL), RX_OK);
     for (int i = 0; i < 3; i++) {
         assert_near(m[i].flux, x[i], 1e-4 * (1 + fabs(x[i])));
         for (int j = 0; j < 3; j++)

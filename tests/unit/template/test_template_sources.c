@@ -248,7 +248,7 @@ static void test_learnt(void **state)
         b[N + 1] = 0;
         w[N] = 5;
         w[N + 1] = pow(start->width / 0.3, 2);
-        assert_int_equal(rx_lsq_linear(a, b, w, ROWS, 2, x, c, NULL, NULL), RX_OK);
+        assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){ROWS, 2, a, b, w}, x, c, NULL, NULL), RX_OK);
         assert_near(law->mean, x[0], 1e-6);
         assert_near(law->slope, x[1], 1e-6);
         for (int i = 0; i < N; i++) {

@@ -28,7 +28,7 @@ static inline scenes_test scenes_test_open(double sigma_low, double sigma_high)
                              .density = 1.0,
                              .seed = 11,
                              .front = {.mode = RX_MODE_INFORMED, .target_fwhm = 2.0, .tikhonov = 0.02}}};
-    assert_int_equal(rx_selection_begin(5, 5, fwhm, sigma, 40, 1, &t.grid, NULL), RX_OK);
+    assert_int_equal(rx_selection_begin((const int[]){5, 5}, fwhm, sigma, 40, 1, &t.grid, NULL), RX_OK);
     assert_int_equal(rx_simulate_config_new(&t.config, NULL), RX_OK);
     t.config->star_count = 1500.0;
     t.config->galaxy_count = 600.0;

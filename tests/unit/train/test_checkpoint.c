@@ -39,7 +39,8 @@ static rx_train_state *make_state(int nets)
     rx_selection selection;
     rx_train_state *state = NULL;
     rx_model *model = make_model(nets);
-    assert_int_equal(rx_selection_begin(NBINS, 1, fwhm, sigma, 40, 1, &selection, NULL), RX_OK);
+    assert_int_equal(rx_selection_begin((const int[]){NBINS, 1}, fwhm, sigma, 40, 1, &selection, NULL),
+                     RX_OK);
     assert_int_equal(rx_train_state_new(model, &selection, &state, NULL), RX_OK);
     rx_model_free(model);
     return state;

@@ -88,7 +88,8 @@ static void begin_failing(run *r, int generators, int ahead, uint32_t fail_from)
     const double fwhm[2] = {2, 8}, sigma[2] = {1, 15};
     *r = (run){.own = RX_NEW(bench, 1)};
     assert_non_null(r->own);
-    assert_int_equal(rx_selection_begin(NFWHM, NSIGMA, fwhm, sigma, TOTAL, 1, &r->counts, NULL), RX_OK);
+    assert_int_equal(
+        rx_selection_begin((const int[]){NFWHM, NSIGMA}, fwhm, sigma, TOTAL, 1, &r->counts, NULL), RX_OK);
     r->own->fail_from = fail_from;
     r->own->par.scenes.side = SIDE;
     r->own->par.scenes.field_side = FIELD;
@@ -461,7 +462,7 @@ static void images_of_the_simulator_arrive_as_they_are_made(void **state)
     (void)state;
     const double fwhm[2] = {2, 4}, sigma[2] = {1, 15};
     scenes_test t = scenes_test_open(1, 15);
-    assert_int_equal(rx_selection_begin(2, 1, fwhm, sigma, 12, 1, &t.grid, NULL), RX_OK);
+    assert_int_equal(rx_selection_begin((const int[]){2, 1}, fwhm, sigma, 12, 1, &t.grid, NULL), RX_OK);
     rx_feed_params par = {.scenes = t.par, .grid = t.grid, .sim = t.config, .ahead = 24};
     rx_ranks *ranks = NULL;
     rx_feed *feed = NULL;

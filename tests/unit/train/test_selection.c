@@ -17,7 +17,8 @@ static const double FWHM[2] = {2.0, 8.0}, SIGMA[2] = {1.0, 15.0};
 static rx_selection begin(int nfwhm, int nsigma, int total, int active)
 {
     rx_selection s;
-    assert_int_equal(rx_selection_begin(nfwhm, nsigma, FWHM, SIGMA, total, active, &s, NULL), RX_OK);
+    assert_int_equal(rx_selection_begin((const int[]){nfwhm, nsigma}, FWHM, SIGMA, total, active, &s, NULL),
+                     RX_OK);
     return s;
 }
 
@@ -179,13 +180,13 @@ static void test_errors(void **state)
     (void)state;
     rx_selection s;
     const double turned[2] = {8.0, 2.0}, negative[2] = {-1.0, 2.0}, nan[2] = {NAN, 2.0};
-    assert_int_equal(rx_selection_begin(0, 5, FWHM, SIGMA, 40, 1, &s, NULL), RX_USAGE);
-    assert_int_equal(rx_selection_begin(21, 20, FWHM, SIGMA, 40, 1, &s, NULL), RX_USAGE);
-    assert_int_equal(rx_selection_begin(5, 5, FWHM, SIGMA, 11, 1, &s, NULL), RX_USAGE);
-    assert_int_equal(rx_selection_begin(5, 5, turned, SIGMA, 40, 1, &s, NULL), RX_USAGE);
-    assert_int_equal(rx_selection_begin(5, 5, FWHM, negative, 40, 1, &s, NULL), RX_USAGE);
-    assert_int_equal(rx_selection_begin(5, 5, nan, SIGMA, 40, 1, &s, NULL), RX_USAGE);
-    assert_int_equal(rx_selection_begin(20, 20, FWHM, SIGMA, 12, 1, &s, NULL), RX_OK);
+    assert_int_equal(rx_selection_begin((const int[]){0, 5}, FWHM, SIGMA, 40, 1, &s, NULL), RX_USAGE);
+    assert_int_equal(rx_selection_begin((const int[]){21, 20}, FWHM, SIGMA, 40, 1, &s, NULL), RX_USAGE);
+    assert_int_equal(rx_selection_begin((const int[]){5, 5}, FWHM, SIGMA, 11, 1, &s, NULL), RX_USAGE);
+    assert_int_equal(rx_selection_begin((const int[]){5, 5}, turned, SIGMA, 40, 1, &s, NULL), RX_USAGE);
+    assert_int_equal(rx_selection_begin((const int[]){5, 5}, FWHM, negative, 40, 1, &s, NULL), RX_USAGE);
+    assert_int_equal(rx_selection_begin((const int[]){5, 5}, nan, SIGMA, 40, 1, &s, NULL), RX_USAGE);
+    assert_int_equal(rx_selection_begin((const int[]){20, 20}, FWHM, SIGMA, 12, 1, &s, NULL), RX_OK);
 }
 
 int main(void)

@@ -164,7 +164,7 @@ static void bins_are_judged_by_their_images(void **state)
     rx_test_image images[40] = {{0}};
     (void)state;
     assert_non_null(model);
-    assert_int_equal(rx_selection_begin(2, 1, fwhm, sigma, 30, 1, &selection, NULL), RX_OK);
+    assert_int_equal(rx_selection_begin((const int[]){2, 1}, fwhm, sigma, 30, 1, &selection, NULL), RX_OK);
     assert_int_equal(selection.train[0], 10);
     assert_int_equal(selection.test[0], 20);
     for (int i = 0; i < 40; i++) {
