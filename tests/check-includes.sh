@@ -1,6 +1,7 @@
 #!/bin/sh
-# The fences of the house (CONTRIBUTING.md, "Floors"): who may include whom, which library is used where, no
-# exit, no printing and no changing file-scope variable in the library, no comparison in tests that cannot fail.
+# The fences of the house (CONTRIBUTING.md, "Floors"): who may include whom and no circles of it, which library is
+# used where, no exit, no printing and no changing file-scope variable in the library, seven arguments at the most, one
+# type of one name, no comparison in tests that cannot fail.
 # Says file:line for everything that breaks one. With RX_BUILD_DIR the objects of a build are
 # searched for variables too.
 set -u
@@ -125,6 +126,64 @@ match(code, /(^|[^A-Za-z0-9_.>])(rand|srand|random|drand48|time|localtime|gmtime
 END
 # shellcheck disable=SC2046 # names of our own files hold no blanks
 LC_ALL=C awk -f "$scratch/source.awk" "$scratch/may" "$scratch/libraries" $(cat "$scratch/files") >"$scratch/found"
+
+# Seven arguments at the most: an eighth says that a noun is missing. What another library calls has its own (XMLCALL).
+cat >"$scratch/arguments.awk" <<'END'
+function judge(text,    depth, commas, most, i, c) {
+    for (i = 1; i <= length(text); i++) {
+        c = substr(text, i, 1)
+        if (c == "(") { if (++depth == 1) commas = 0 }
+        else if (c == ")") { if (--depth == 0 && commas > most) most = commas }
+        else if (c == "," && depth == 1) commas++
+    }
+    if (most >= 7 && text !~ /XMLCALL/)
+        print FILENAME ":" start ": takes " most + 1 " arguments; find the noun that is missing (seven at the most)"
+}
+FNR == 1 { braces = 0; inside = 0; macro = 0; text = "" }
+{
+    line = $0
+    gsub(/"([^"\\]|\\.)*"|'([^'\\]|\\.)*'/, "0", line)
+    if (inside) { if (!match(line, /\*\//)) next; line = substr(line, RSTART + 2); inside = 0 }
+    gsub(/\/\*([^*]|\*+[^*\/])*\*+\//, "", line)
+    if (match(line, /\/\*/)) { line = substr(line, 1, RSTART - 1); inside = 1 }
+    sub(/\/\/.*/, "", line)
+    continued = line ~ /\\$/
+    if (macro || line ~ /^[ \t]*#/) { macro = continued; next }
+    n = length(line)
+    for (k = 1; k <= n; k++) {
+        c = substr(line, k, 1)
+        if (braces == 0) {
+            if (c == "{" || c == ";") { judge(text); text = "" }
+            else { if (text ~ /^[ \t]*$/) start = FNR; text = text c }
+        }
+        if (c == "{") braces++
+        else if (c == "}") { braces--; if (braces == 0) text = "" }
+    }
+}
+END
+# shellcheck disable=SC2046
+LC_ALL=C awk -f "$scratch/arguments.awk" $(grep -E '[.][ch]$' "$scratch/files") >>"$scratch/found"
+
+# Files that only exist because another was cut: what they hold is a header's, or the files are one subject.
+grep -E '_parts[.][ch]$' "$scratch/files" | sed 's/$/:1: parts of what? Put it into the proper header, or join the files/' \
+    >>"$scratch/found"
+
+# No circle of headers, nor of folders. Within a folder a .c file may use a header whose own .c file uses this one's.
+while read -r file; do
+    sed -n "s;^#include \"\([a-z_]*/[^\"]*\)\".*;$file src/\1;p" "$file"
+done <"$scratch/files" >"$scratch/uses"
+awk '$1 ~ /[.]h$/ { print }' "$scratch/uses" >"$scratch/headers"
+awk '{ split($1, a, "/"); split($2, b, "/"); if (a[2] != b[2]) print a[2], b[2] }' "$scratch/uses" | sort -u >"$scratch/rooms"
+for graph in headers rooms; do
+    tsort "$scratch/$graph" 2>&1 >/dev/null | sed -n "s;^tsort: \([a-z].*\)$;\1: in a circle of $graph;p"
+done >>"$scratch/found"
+
+# One name, one type, for all that headers declare.
+grep -hoE '^} rx_[a-z0-9_]+;|^typedef (struct|enum) [^;{(]* rx_[a-z0-9_]+;|^typedef (struct|enum) rx_[a-z0-9_]+ \{.*\} rx_[a-z0-9_]+;' \
+    $(grep '[.]h$' "$scratch/files") | sed 's/.* \(rx_[a-z0-9_]*\);$/\1/' | sort | uniq -d | while read -r name; do
+    grep -nE "(^}|^typedef .*) $name;" $(grep '[.]h$' "$scratch/files") |
+        sed "s/^\([^:]*:[0-9]*\):.*/\1: a second type of the name $name/"
+done >>"$scratch/found"
 
 # A header that is installed includes none that is not, or a stranger's program does not compile.
 cat src/*/local.mk | sed -e ':more' -e '/\\$/{N;s/\\\n//;b more' -e '}' | sed -n 's/^rx_[a-z]*_HEADERS *= *//p' |

@@ -36,12 +36,12 @@ typedef struct rx_lab_objects {
         *covered; /* [height][width], 1: belongs to what was there before; NULL: no such map */
 } rx_lab_objects;
 
-typedef enum rx_outcome { RX_IS_NEITHER, RX_IS_RIGHT, RX_IS_FALSE } rx_outcome;
+typedef enum rx_match_outcome { RX_IS_NEITHER, RX_IS_RIGHT, RX_IS_FALSE } rx_match_outcome;
 
 typedef struct rx_matches {
     long *found;            /* [objects] the detection of a listed one, else -1 */
     long *taken;            /* [detections] the listed object, else -1 */
-    unsigned char *outcome; /* [detections] rx_outcome; those that are not in use are neither */
+    unsigned char *outcome; /* [detections] rx_match_outcome; those that are not in use are neither */
 } rx_matches;
 
 rx_status rx_lab_match(const rx_lab_objects *objects, const rx_match_list *detections, double radius,

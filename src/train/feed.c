@@ -17,8 +17,7 @@ struct rx_feed {
     long *position;    /* [n] and the other way round */
     rx_sample **image; /* [all] by place; NULL where not here */
     bool *taken;       /* [all] by place */
-    long ready, used, dropped, drawn;
-    int complete;
+    long ready, used, drawn;
     double waited, drawing;
 };
 
@@ -100,7 +99,6 @@ static void clear(rx_feed *feed)
     feed->taken = NULL;
     feed->now = (rx_feed_counts){0};
     feed->ready = feed->used = 0;
-    feed->complete = 0;
 }
 
 /* To all generators. */
@@ -226,10 +224,8 @@ static rx_status take_message(rx_feed *feed, rx_message *message, rx_error *err)
         return keep_image(feed, message, err);
     if (message->tag == RX_FEED_COMPLETE && message->size == sizeof(rx_feed_done)) {
         const rx_feed_done *done = message->data;
-        feed->dropped += done->dropped;
         feed->drawn += done->drawn;
         feed->drawing += done->seconds;
-        feed->complete += feed->image && done->epoch == feed->now.epoch;
     }
     free(message->data);
     return RX_OK;
@@ -293,24 +289,9 @@ rx_status rx_feed_next(rx_feed *feed, long at, rx_sample **dst, rx_error *err)
     return RX_OK;
 }
 
-long rx_feed_ready(const rx_feed *feed)
-{
-    return feed->ready;
-}
-
 double rx_feed_waited(const rx_feed *feed)
 {
     return feed->waited;
-}
-
-int rx_feed_complete(const rx_feed *feed)
-{
-    return feed->complete;
-}
-
-long rx_feed_dropped(const rx_feed *feed)
-{
-    return feed->dropped;
 }
 
 void rx_feed_drawn(const rx_feed *feed, long *images, double *seconds)

@@ -50,12 +50,9 @@ rx_status rx_feed_epoch(rx_feed *feed, uint32_t epoch, const rx_selection *selec
  * Errors: RX_USAGE (not this rank's, or taken already), RX_INTERRUPTED (single trainer), RX_SYSTEM or a
  * failed generator's. */
 rx_status rx_feed_next(rx_feed *feed, long at, rx_sample **dst, rx_error *err);
-long rx_feed_ready(const rx_feed *feed);    /* images waiting, for the log */
 double rx_feed_waited(const rx_feed *feed); /* seconds spent waiting for images */
 /* Rank 0 knows, of what generators have reported so far: generators whose share of this epoch is complete; images
  * made for a next epoch that did not need them. */
-int rx_feed_complete(const rx_feed *feed);
-long rx_feed_dropped(const rx_feed *feed);
 /* What rank 0 knows of the generators' work: images, and the seconds of all generators that they
  * took. */
 void rx_feed_drawn(const rx_feed *feed, long *images, double *seconds);

@@ -23,14 +23,14 @@ typedef struct generator {
     rx_ranks *ranks;
     rx_feed_maker *make;
     void *user;
-    int run;            /* images of one bin that share a field */
-    bool open, over;    /* an epoch has begun; the trainer has ended */
-    plan now, then;     /* the epoch, and the guess at the next one */
-    rx_sample **kept;   /* [then.next] made for the next one */
-    long used;          /* images of this epoch that the trainer has taken */
-    long made, dropped; /* of this epoch */
-    long drawn;         /* images made since the last message that counted them */
-    double seconds;     /* that took */
+    int run;          /* images of one bin that share a field */
+    bool open, over;  /* an epoch has begun; the trainer has ended */
+    plan now, then;   /* the epoch, and the guess at the next one */
+    rx_sample **kept; /* [then.next] made for the next one */
+    long used;        /* images of this epoch that the trainer has taken */
+    long made;        /* of this epoch */
+    long drawn;       /* images made since the last message that counted them */
+    double seconds;   /* that took */
 } generator;
 
 /* --- plans --- */
@@ -175,11 +175,8 @@ static rx_status send_image(generator *gen, rx_sample *sample, long at, rx_error
 
 static rx_status say_complete(generator *gen, rx_error *err)
 {
-    rx_feed_done done = {.epoch = gen->now.counts.epoch,
-                         .made = gen->made,
-                         .dropped = gen->dropped,
-                         .drawn = gen->drawn,
-                         .seconds = gen->seconds};
+    rx_feed_done done = {
+        .epoch = gen->now.counts.epoch, .made = gen->made, .drawn = gen->drawn, .seconds = gen->seconds};
     gen->drawn = 0;
     gen->seconds = 0;
     return rx_ranks_send(gen->ranks, 0, RX_FEED_COMPLETE, &done, sizeof done, err);
@@ -228,7 +225,6 @@ static rx_status use_kept(generator *gen, const long *position, bool *done, rx_e
         gen->kept[i] = NULL;
         if (place < 0) {
             rx_sample_free(sample);
-            gen->dropped++;
             continue;
         }
         done[place] = true;
@@ -250,7 +246,7 @@ static rx_status begin_epoch(generator *gen, const rx_message *message, rx_error
     bool *done = RX_NEW(bool, (size_t)counts->all);
     rx_status status = RX_OK;
     gen->open = true;
-    gen->used = gen->made = gen->dropped = 0;
+    gen->used = gen->made = 0;
     if (!position || !done)
         status = rx_error_memory(err, (size_t)counts->all * sizeof *position);
     if (status == RX_OK)

@@ -26,7 +26,7 @@ typedef struct rx_feed_progress {
 
 typedef struct rx_feed_done {
     uint32_t epoch;
-    long made, dropped;
+    long made;
     long drawn;     /* images made since the last such message, those for the next epoch included */
     double seconds; /* that took */
 } rx_feed_done;

@@ -35,7 +35,7 @@ struct rx_scenes {
     float *normal;                         /* [window][window] */
     rx_scenes_field_data *fields;          /* [capacity] */
     int capacity;
-    long clock, rendered;
+    long clock;
 };
 
 /* One sample in the making. */
@@ -257,11 +257,6 @@ void rx_scenes_free(rx_scenes *s)
     free(s);
 }
 
-long rx_scenes_rendered(const rx_scenes *s)
-{
-    return s->rendered;
-}
-
 /* --- fields --- */
 
 /* The field if it is kept, else an empty place or that of the one not used for longest. */
@@ -293,7 +288,6 @@ static rx_status get_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_
         if (status != RX_OK)
             return status;
         field->number = number;
-        s->rendered++;
     }
     field->used = ++s->clock;
     return RX_OK;

@@ -121,7 +121,4 @@ double rx_scenes_factor(const rx_scenes_survey *par, double fwhm);
  * with near certainty): who shares work among generators gives those of one field to one of them. */
 uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id);
 
-/* Fields rendered so far, for the log. */
-long rx_scenes_rendered(const rx_scenes *scenes);
-
 #endif

@@ -63,10 +63,10 @@ static void syntax_follows_sextractor(void **state)
     assert_int_equal(c->back_size.v[0], 128);
     assert_int_equal(c->flag_image.n, 0);
     assert_true(c->detect_thresh.v[0] == 4.0); /* the last one wins */
-    assert_int_equal(rx_config_was_set(c, "DETECT_THRESH"), RX_FROM_FILE);
-    assert_int_equal(rx_config_was_set(c, "ANALYSIS_THRESH"), RX_FROM_DEFAULT);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c, "DETECT_THRESH"), RX_FROM_FILE);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c, "ANALYSIS_THRESH"), RX_FROM_DEFAULT);
     assert_int_equal(rx_config_set(c, "detect_thresh", "5", NULL, &err), RX_OK);
-    assert_int_equal(rx_config_was_set(c, "DETECT_THRESH"), RX_FROM_COMMAND);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c, "DETECT_THRESH"), RX_FROM_COMMAND);
     rx_config_free(c);
 }
 

@@ -68,7 +68,7 @@ static void prefixed_names_reach_the_parts(void **state)
     assert_int_equal(rx_settings_was_set(&c->settings, "SIM.GAIN"), RX_FROM_COMMAND);
     assert_int_equal(rx_settings_was_set(&c->settings, "SIM.SEED"), RX_FROM_FILE);
     assert_int_equal(rx_settings_was_set(&c->settings, "STAGE.GAIN"), RX_FROM_DEFAULT);
-    assert_int_equal(rx_config_was_set(c->stage, "SEED"), RX_FROM_FILE);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c->stage, "SEED"), RX_FROM_FILE);
     rx_campaign_config_free(c);
 }
 

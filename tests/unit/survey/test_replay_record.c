@@ -36,8 +36,8 @@ static void test_config(void **state)
     rx_config *config = NULL;
     assert_int_equal(read_config(BEGIN "# DETECT_THRESH = 2.5\n# DETECT_MINAREA = 7\n" END, &config, NULL),
                      RX_OK);
-    assert_int_equal(rx_config_was_set(config, "DETECT_THRESH"), RX_FROM_COMMAND);
-    assert_int_equal(rx_config_was_set(config, "DETECT_MINAREA"), RX_FROM_DEFAULT);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)config, "DETECT_THRESH"), RX_FROM_COMMAND);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)config, "DETECT_MINAREA"), RX_FROM_DEFAULT);
     rx_config_free(config);
 }
 

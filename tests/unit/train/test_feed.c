@@ -194,7 +194,6 @@ static void every_image_comes_once_and_in_order(void **state)
             take_all(&r, epoch);
             move_counts(&r.counts, epoch);
         }
-        assert_int_equal(rx_feed_ready(r.feed), 0);
         end(&r);
     }
 }
@@ -223,7 +222,6 @@ static void next_epoch_is_made_while_this_one_is_used(void **state)
     long ahead = BINS * (5 + 0 + 2) + BINS * (15 + 1 + 2);
     made_exactly(&r, r.all + ahead);
     take_all(&r, 0);
-    assert_int_equal(rx_feed_complete(r.feed), 2);
     long drawn = 0;
     double seconds = 0;
     rx_feed_drawn(r.feed, &drawn, &seconds);
@@ -233,11 +231,10 @@ static void next_epoch_is_made_while_this_one_is_used(void **state)
     take_all(&r, 1);
     made_exactly(&r, r.all + 2 * ahead);
     assert_int_equal(r.own->made[1], ahead);
-    assert_int_equal(rx_feed_dropped(r.feed), ahead - r.all); /* of the guess at epoch 1 */
     end(&r);
 }
 
-static void what_the_next_counts_leave_out_is_dropped_and_counted(void **state)
+static void what_the_next_counts_leave_out_is_dropped(void **state)
 {
     (void)state;
     run r;
@@ -257,7 +254,6 @@ static void what_the_next_counts_leave_out_is_dropped_and_counted(void **state)
     assert_int_equal(r.own->made[1], ahead + r.all - kept);
     begin_epoch(&r, 2); /* all have said by then what they dropped */
     take_all(&r, 2);
-    assert_true(rx_feed_dropped(r.feed) >= ahead - kept);
     end(&r);
 }
 
@@ -443,7 +439,6 @@ static void waiting_is_counted(void **state)
     made_exactly(&r, r.all + BINS * (7 + 18) + r.all);
     take(&r, 1, 0); /* and is read with the first one */
     waited = rx_feed_waited(r.feed);
-    assert_int_equal(rx_feed_ready(r.feed), r.all - 1);
     for (long at = 1; at < r.all; at++)
         take(&r, 1, at);
     assert_true(rx_feed_waited(r.feed) == waited);
@@ -526,7 +521,7 @@ int main(void)
         cmocka_unit_test(every_image_comes_once_and_in_order),
         cmocka_unit_test(any_order_of_taking_is_fine),
         cmocka_unit_test(next_epoch_is_made_while_this_one_is_used),
-        cmocka_unit_test(what_the_next_counts_leave_out_is_dropped_and_counted),
+        cmocka_unit_test(what_the_next_counts_leave_out_is_dropped),
         cmocka_unit_test(a_trainer_that_does_nothing_bounds_the_memory),
         cmocka_unit_test(less_memory_than_an_epoch_is_refused),
         cmocka_unit_test(any_epoch_can_follow),
