@@ -86,7 +86,7 @@ static const struct {
       0, 0, 0, 0}},
 };
 
-static void name_quantities(const rx_lab *lab, rx_scene_id scene, rx_group *g)
+static void name_quantities(const rx_lab *lab, rx_scene_id scene, rx_store_group *g)
 {
     static const char *const growth[][2] = {{"r1", "within r50"},
                                             {"r2", "within 2 r50"},

@@ -131,7 +131,7 @@ static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, con
 
 void rx_findings_quantities(rx_findings *f, const rx_store *s, int group, int open)
 {
-    const rx_group *g = &s->group[group];
+    const rx_store_group *g = &s->group[group];
     for (int q = 0; q < g->nquantities; q++) {
         const rx_quantity *quantity = &g->quantity[q];
         const long from = rx_report_rows(f->cells);
@@ -167,7 +167,7 @@ void rx_findings_quantities(rx_findings *f, const rx_store *s, int group, int op
 
 static void add_contest(rx_findings *f, const rx_store *s, const rx_contest_place *p, int condition)
 {
-    const rx_group *g = &s->group[p->group];
+    const rx_store_group *g = &s->group[p->group];
     const rx_about *about = &s->about[p->about];
     const rx_contest *c = rx_contest_of(s, p->group, p->pair, p->about, condition);
     const char *const names[] = {s->column[s->pair[p->pair][0]], s->column[s->pair[p->pair][1]]};

@@ -252,7 +252,7 @@ static rx_status compare(rx_store *s, int f, int k, int pair, double *work, rx_e
 static rx_status measure_field(rx_store *s, int f, rx_error *err)
 {
     const rx_lab *lab = s->lab;
-    rx_group *g = &s->group[f];
+    rx_store_group *g = &s->group[f];
     size_t most = 1;
     g->name = lab->sky[f].name;
     for (int p = 0; p < lab->nprecisions; p++) {

@@ -13,7 +13,7 @@ rx_status rx_store_new(const rx_lab *lab, int ngroups, uint64_t seed, rx_store *
 {
     rx_store *s = RX_NEW(rx_store, 1);
     if (s != NULL)
-        s->group = RX_NEW(rx_group, (size_t)ngroups + 1);
+        s->group = RX_NEW(rx_store_group, (size_t)ngroups + 1);
     if (s == NULL || s->group == NULL) {
         free(s);
         return rx_error_memory(err, sizeof *s);
@@ -45,7 +45,7 @@ void rx_store_free(rx_store *s)
 
 rx_status rx_group_open(rx_store *s, int group, int nconditions, rx_error *err)
 {
-    rx_group *g = &s->group[group];
+    rx_store_group *g = &s->group[group];
     const size_t n = (size_t)nconditions, findings = (size_t)g->nquantities * n * (size_t)s->ncolumns,
                  contests = (size_t)s->npairs * (size_t)s->nabouts * n;
     g->nconditions = nconditions;
@@ -86,7 +86,7 @@ void rx_store_add_pair(rx_store *s, int first, int second)
 
 rx_finding *rx_store_at(const rx_store *s, int group, int quantity, int condition, int column)
 {
-    const rx_group *g = &s->group[group];
+    const rx_store_group *g = &s->group[group];
     return &g->finding[((size_t)quantity * (size_t)g->nconditions + (size_t)condition) * (size_t)s->ncolumns +
                        (size_t)column];
 }
@@ -101,7 +101,7 @@ rx_estimate rx_store_value(const rx_store *s, int group, const char *quantity, i
 
 rx_contest *rx_contest_of(const rx_store *s, int group, int pair, int about, int condition)
 {
-    const rx_group *g = &s->group[group];
+    const rx_store_group *g = &s->group[group];
     return &g->contest[((size_t)pair * (size_t)s->nabouts + (size_t)about) * (size_t)g->nconditions +
                        (size_t)condition];
 }
@@ -200,7 +200,7 @@ int rx_contests_count(const rx_store *s, const rx_contest_place *p, int winner)
 
 void rx_contests_words(rx_text *dst, const rx_store *s, const rx_contest_place *p, int winner)
 {
-    const rx_group *g = &s->group[p->group];
+    const rx_store_group *g = &s->group[p->group];
     int any = 0;
     for (int c = 0; c < g->nconditions; c++) {
         if (!is_of(s, p, c, winner))

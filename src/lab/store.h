@@ -48,7 +48,7 @@ typedef struct rx_contest {
     int winner; /* +1 the first, -1 the second, 0 undecided */
 } rx_contest;
 
-typedef struct rx_group {
+typedef struct rx_store_group {
     const char *name; /* as "scene" of all tables; not owned */
     int nquantities;
     rx_quantity quantity[RX_QUANTITIES_MAX];
@@ -56,7 +56,7 @@ typedef struct rx_group {
     char (*condition)[96]; /* owned, as the rest */
     rx_finding *finding;   /* [nquantities][nconditions][ncolumns] */
     rx_contest *contest;   /* [npairs][nabouts][nconditions] */
-} rx_group;
+} rx_store_group;
 
 typedef struct rx_store {
     const rx_lab *lab;
@@ -68,7 +68,7 @@ typedef struct rx_store {
     int nabouts;
     rx_about about[RX_ABOUTS_MAX];
     int ngroups;
-    rx_group *group;
+    rx_store_group *group;
     void *own[3]; /* of the kind; owned */
 } rx_store;
 

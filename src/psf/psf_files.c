@@ -179,9 +179,11 @@ static rx_status describe(rx_psf *psf, const char *file, int width, int height, 
     return RX_OK;
 }
 
-static rx_status project(const rx_psf_source *src, int fine, int width, int height, rx_psf **dst, int *degree,
+/* For a tile of that size. */
+static rx_status project(const rx_psf_source *src, int fine, const int size[2], rx_psf **dst, int *degree,
                          double *misfit, rx_error *err)
 {
+    const int width = size[0], height = size[1];
     fit f = {.src = src, .fine = fine, .side = fine * (src->size - 1) + 1};
     int varies[2], least = 0;
     rx_psf *psf = NULL;
@@ -262,12 +264,13 @@ exit:
 rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf **dst, int *degree,
                          double *misfit, rx_error *err)
 {
-    RX_TRY(project(src, 1, width, height, dst, degree, misfit, err));
+    const int size[2] = {width, height};
+    RX_TRY(project(src, 1, size, dst, degree, misfit, err));
     const int asked = rx_psf_narrow_samples((*dst)->fwhm), fine = asked < src->finest ? asked : src->finest;
     if (fine < 2)
         return RX_OK;
     rx_psf_free(*dst);
-    return project(src, fine, width, height, dst, degree, misfit, err);
+    return project(src, fine, size, dst, degree, misfit, err);
 }
 
 /* --- what a file holds --- */

@@ -80,8 +80,8 @@ static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, f
               core = 2 * half + 1;
     float *inner = room + nodes_of(model);
     const double dx = p->x - d->cx, dy = p->y - d->cy;
-    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half, inner, NULL, NULL,
-                       inner + 3 * stamp_size(model));
+    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half,
+                       &(rx_psf_stamp){inner, NULL, NULL, inner + 3 * stamp_size(model)});
     for (int j = 0; j < n; j++)
         for (int i = 0; i < n; i++) {
             const int x = i - d->reach, y = j - d->reach;
@@ -180,8 +180,8 @@ static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, flo
     const int half = p->star || small > model->half ? model->half : small, n = 2 * half + 1;
     const double dx = p->x - cx, dy = p->y - cy, gain = image->gain;
     float *value = room + nodes_of(model), *gx = value + stamp_size(model), *gy = gx + stamp_size(model);
-    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half, value, gx, gy,
-                       gy + stamp_size(model));
+    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half,
+                       &(rx_psf_stamp){value, gx, gy, gy + stamp_size(model)});
     double a[4][4] = {{0}}, b[4] = {0}, chi2 = 0.0;
     int count = 0, masked = 0;
     for (int j = 0; j < n; j++) {
@@ -296,7 +296,7 @@ static void add_star(const system_of *s, const rx_psf_point *p, const float *pla
     if (what != ROWS) {
         const int all = what == RIGHT ? model->nterms : s->nterms;
         rx_psf_model_mix(model, planes, terms, all, room);
-        rx_psf_model_stamp(model, room, dx, dy, model->half, stamp, NULL, NULL, work);
+        rx_psf_model_stamp(model, room, dx, dy, model->half, &(rx_psf_stamp){stamp, NULL, NULL, work});
     }
     for (size_t i = 0; i < pixels; i++) {
         const float w = p->weight[i] * flux;
@@ -669,7 +669,7 @@ static double error_of(const rx_psf_job *job, const rx_psf_point *p, float *room
     double score[STEPS] = {0};
     int e = 0;
     rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), p->x - lround(p->x), p->y - lround(p->y),
-                       half, value, NULL, NULL, value + 3 * stamp_size(model));
+                       half, &(rx_psf_stamp){value, NULL, NULL, value + 3 * stamp_size(model)});
     for (int j = -reach; j <= reach; j++)
         for (int i = -reach; i <= reach; i++) {
             const size_t k = (size_t)(j + half) * (size_t)side + (size_t)(i + half);
@@ -721,7 +721,7 @@ static double chi2_of(const rx_psf_model *model, const rx_psf_point *p, float *r
     float *value = room + nodes_of(model), *gx = value + pixels, *gy = gx + pixels;
     double a[4][4] = {{0}}, b[4] = {0}, chi2 = 0.0, along = 0.0;
     rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), p->x - lround(p->x), p->y - lround(p->y),
-                       model->half, value, gx, gy, gy + pixels);
+                       model->half, &(rx_psf_stamp){value, gx, gy, gy + pixels});
     for (size_t k = 0; k < pixels; k++) {
         const double w = (double)p->weight[k], off = (double)p->data[k] - p->flux * (double)value[k];
         const double g[3] = {(double)value[k], (double)gx[k], (double)gy[k]};

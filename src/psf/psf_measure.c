@@ -430,7 +430,7 @@ static rx_status build(const rx_psf_job *job, double fwhm, double radius, rx_psf
         const int term = k / (fine * fine), phase = k % (fine * fine), a = phase % fine - (fine - 1) / 2,
                   c = phase / fine - (fine - 1) / 2; /* samples from the pixels' centres */
         rx_psf_model_stamp(model, model->c + (size_t)term * nodes, -(double)a / fine, -(double)c / fine, half,
-                           stamp, NULL, NULL, work);
+                           &(rx_psf_stamp){stamp, NULL, NULL, work});
         for (int b = 0; b < model->nterms; b++) {
             const double factor = POWERS[px[term]][px[b]] * POWERS[py[term]][py[b]];
             for (int j = -half; j <= half && factor != 0.0; j++)

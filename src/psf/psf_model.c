@@ -117,8 +117,9 @@ size_t rx_psf_model_work(const rx_psf_model *model)
 }
 
 RX_SIMD void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
-                                float *stamp, float *gx, float *gy, float *work)
+                                const rx_psf_stamp *dst)
 {
+    float *stamp = dst->value, *gx = dst->gx, *gy = dst->gy, *work = dst->work;
     const int m = model->m, n = 2 * half + 1, rows = m * (n - 1) + 4;
     const taps x = taps_of(model, dx, half), y = taps_of(model, dy, half);
     float *slopes = work + (size_t)rows * (size_t)n;

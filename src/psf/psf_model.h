@@ -40,10 +40,14 @@ void rx_psf_model_terms(const rx_psf_model *model, double x, double y, double te
 void rx_psf_model_mix(const rx_psf_model *model, const float *planes, const double terms[RX_PSF_TERMS],
                       int nterms, float *dst);
 
-/* stamp [2 half + 1]^2 of a star (dx, dy) off the middle pixel, |dx|, |dy| <= 0.5, from nodes [side][side]; half at most
- * the model's; gx, gy (both or NULL): derivatives by dx, dy. work: rx_psf_model_work() floats. */
+/* [2 half + 1]^2 pixels of a star, and their derivatives by dx, dy (both or NULL); work: rx_psf_model_work() floats. */
+typedef struct rx_psf_stamp {
+    float *value, *gx, *gy, *work;
+} rx_psf_stamp;
+
+/* Of a star (dx, dy) off the middle pixel, |dx|, |dy| <= 0.5, from nodes [side][side]; half at most the model's. */
 void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
-                        float *stamp, float *gx, float *gy, float *work);
+                        const rx_psf_stamp *dst);
 size_t rx_psf_model_work(const rx_psf_model *model);
 
 /* The adjoint: nodes += what the stamp is made from. */

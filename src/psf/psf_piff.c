@@ -95,10 +95,9 @@ static double value_of(const rx_table *table, const char *name, long row, long e
 }
 
 /* A whole number of a table's first row. */
-static rx_status need_integer(const model *m, const rx_table *table, const char *name, long element, int low,
-                              int high, int *dst, rx_error *err)
+static rx_status need_integer(const model *m, const char *name, double value, int low, int high, int *dst,
+                              rx_error *err)
 {
-    const double value = value_of(table, name, 0, element);
     if (!(value >= low && value <= high) || value != floor(value))
         return rx_error_at(err, RX_INPUT, m->file, -1, 0, "%s = %g of the Piff file is not in %d to %d", name,
                            value, low, high);
@@ -207,10 +206,12 @@ static rx_status read_basis(model *m, const rx_table *interp, const rx_table *so
     const int column = rx_table_find(interp, "order");
     const int several = column >= 0 && rx_column_elements(&interp->columns[column]) > 1;
     for (int i = 0; i < 2; i++)
-        RX_TRY(need_integer(m, interp, "order", several ? i : 0, 0, RX_PSF_MAX_DEGREE, &order[i], err));
+        RX_TRY(need_integer(m, "order", value_of(interp, "order", 0, several ? i : 0), 0, RX_PSF_MAX_DEGREE,
+                            &order[i], err));
     most = order[0] > order[1] ? order[0] : order[1];
     if (rx_table_find(interp, "max_order") >= 0)
-        RX_TRY(need_integer(m, interp, "max_order", 0, 0, 2 * RX_PSF_MAX_DEGREE, &most, err));
+        RX_TRY(need_integer(m, "max_order", value_of(interp, "max_order", 0, 0), 0, 2 * RX_PSF_MAX_DEGREE,
+                            &most, err));
     m->nterms = 0;
     for (int i = 0; i <= order[0]; i++)
         for (int j = 0; j <= order[1]; j++) {
@@ -302,7 +303,7 @@ static rx_status read_grid(model *m, const rx_table *table, rx_error *err)
     word_of(table, "type", 0, type, sizeof type);
     if (strcmp(type, "PixelGrid") != 0)
         return refuse(m, err, "the model", type);
-    RX_TRY(need_integer(m, table, "size", 0, 3, 511, &m->side, err));
+    RX_TRY(need_integer(m, "size", value_of(table, "size", 0, 0), 3, 511, &m->side, err));
     m->scale = value_of(table, "scale", 0, 0);
     if (!(m->scale > 1e-4 && m->scale < 1e4))
         return rx_error_at(err, RX_INPUT, m->file, -1, 0, "scale = %g of the Piff file cannot be right",

@@ -345,7 +345,8 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, double *radius, double *be
         free(stamp);
         return rx_error_memory(err, 0);
     }
-    rx_psf_model_stamp(model, model->c, 0.0, 0.0, model->half, stamp, NULL, NULL, job->stamps);
+    rx_psf_model_stamp(model, model->c, 0.0, 0.0, model->half,
+                       &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
     for (int j = 0; j < r.n; j++) {
         centre[j] = sqrt(0.5 * (r.edge[j] * r.edge[j] + r.edge[j + 1] * r.edge[j + 1]));
         level[j] = model_mean(job, stamp, r.edge[j], r.edge[j + 1]);
@@ -431,7 +432,7 @@ void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
         double terms[RX_PSF_TERMS], model_sum[4] = {0}, data_sum[4] = {0}, noise = 0.0;
         rx_psf_model_terms(model, p->x, p->y, terms);
         rx_psf_model_mix(model, model->c, terms, model->nterms, room);
-        rx_psf_model_stamp(model, room, dx, dy, half, value, NULL, NULL, value + 3 * pixels);
+        rx_psf_model_stamp(model, room, dx, dy, half, &(rx_psf_stamp){value, NULL, NULL, value + 3 * pixels});
         for (int j = -reach; j <= reach; j++)
             for (int i = -reach; i <= reach; i++) {
                 const size_t k = (size_t)(j + half) * (size_t)n + (size_t)(i + half);
@@ -607,7 +608,8 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx
         weighted_mean((const double(*)[2])excess, m, values + 2 * n, scale);
     scale[0] = fmax(fabs(scale[0]), scale[1]);
     const int judges = list_judges(job, stars);
-    rx_psf_model_stamp(&job->model, job->model.c, 0.0, 0.0, job->model.half, stamp, NULL, NULL, job->stamps);
+    rx_psf_model_stamp(&job->model, job->model.c, 0.0, 0.0, job->model.half,
+                       &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
     for (int j = 0; j < r.n; j++)
         level[j] = model_mean(job, stamp, r.edge[j], r.edge[j + 1]);
     for (int s = 0; s < judges; s++)
