@@ -380,13 +380,9 @@ rx_status rx_ascii_read(const char *path, rx_table **dst, rx_error *err)
     for (size_t i = 0; i < in.length; i++)
         if (in.data[i] == '\n')
             in.data[i] = '\0';
-    status = first_pass(&in, err);
-    if (status == RX_OK)
-        status = in.nhead > 0 ? head_columns(&in, &table, err) : plain_columns(&in, &table, err);
-    if (status == RX_OK)
-        status = allocate(&in, table, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(first_pass(&in, err));
+    RX_TRY_EXIT(in.nhead > 0 ? head_columns(&in, &table, err) : plain_columns(&in, &table, err));
+    RX_TRY_EXIT(allocate(&in, table, err));
     second_pass(&in, table);
     *dst = table;
     table = NULL;

@@ -410,11 +410,10 @@ rx_status rx_votable_read(const char *path, int index, rx_table **dst, rx_error 
     XML_SetElementHandler(in.parser, on_begin, on_end);
     XML_SetCharacterDataHandler(in.parser, on_text);
     XML_SetEntityDeclHandler(in.parser, on_entity);
-    status = parse(&in, file);
-    if (status == RX_OK && in.nfields == 0)
-        status = rx_error_at(err, RX_INPUT, path, -1, 0, "the VOTable's TABLE has no FIELD");
-    if (status == RX_OK)
-        status = make_table(&in, dst);
+    RX_TRY_EXIT(parse(&in, file));
+    if (in.nfields == 0)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "the VOTable's TABLE has no FIELD"));
+    status = make_table(&in, dst);
 exit:
     if (in.parser != NULL)
         XML_ParserFree(in.parser);

@@ -293,11 +293,9 @@ static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kin
     rx_result result = {0};
     const double shift = (double)round * dst->pitch;
     const rx_tile *tile = plan->field->tile;
-    rx_status status = inject(plan, round, dst->truth.n, &in, err);
-    if (status == RX_OK)
-        status = rx_field_extract(&plan->params, kind, in.field, NULL, NULL, &result, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(inject(plan, round, dst->truth.n, &in, err));
+    RX_TRY_EXIT(rx_field_extract(&plan->params, kind, in.field, NULL, NULL, &result, err));
     *injected = in.scene->n;
     status = keep_round(plan, before, &in, &result, shift, dst, err);
     if (status == RX_OK && round == 0)

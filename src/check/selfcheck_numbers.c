@@ -196,11 +196,9 @@ rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *chec
     rx_evaluation e = {0};
     rx_qa_params par = rx_selfcheck_qa(plan);
     rx_selfcheck_input(plan, check, "self check", &input, &run);
-    rx_status status = rx_evaluate_bins(&par, &input, &bins, err);
-    if (status == RX_OK)
-        status = rx_evaluate(&par, &input, 0, &bins, LEVEL, &e, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_evaluate_bins(&par, &input, &bins, err));
+    RX_TRY(rx_evaluate(&par, &input, 0, &bins, LEVEL, &e, err));
     check->injected = e.references;
     check->found = e.matched;
     status = measure_one(&e, RX_METRIC_MAG50, par.by, &check->mag50, err);

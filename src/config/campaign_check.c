@@ -148,22 +148,13 @@ rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
 {
     const rx_campaign_config *config = (const rx_campaign_config *)settings;
     int k, n;
-    rx_status status = rx_campaign_config_shard(config, &k, &n, err);
-    if (status == RX_OK)
-        status = check_words(config, "RESTORE_TYPE", &config->restore_type, err);
-    if (status == RX_OK)
-        status = check_words(config, "FIELDS", &config->fields, err);
-    if (status == RX_OK)
-        status = check_words(config, "FLUX_SCENES", &config->flux_scenes, err);
-    if (status == RX_OK)
-        status = check_words(config, "FLUXES", &config->fluxes, err);
-    if (status == RX_OK)
-        status = check_ranges(config, err);
-    if (status == RX_OK)
-        status = check_fields(config, err);
-    if (status == RX_OK)
-        status = check_simulator(config, err);
-    if (status == RX_OK)
-        status = check_small_and_paper(config, err);
-    return status;
+    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
+    RX_TRY(check_words(config, "RESTORE_TYPE", &config->restore_type, err));
+    RX_TRY(check_words(config, "FIELDS", &config->fields, err));
+    RX_TRY(check_words(config, "FLUX_SCENES", &config->flux_scenes, err));
+    RX_TRY(check_words(config, "FLUXES", &config->fluxes, err));
+    RX_TRY(check_ranges(config, err));
+    RX_TRY(check_fields(config, err));
+    RX_TRY(check_simulator(config, err));
+    return check_small_and_paper(config, err);
 }

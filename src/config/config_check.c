@@ -97,16 +97,11 @@ static rx_status check_self(const rx_config *config, rx_error *err)
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
-    rx_status status = check_restorers(config, err);
-    if (status == RX_OK)
-        status = check_images(config, err);
-    if (status == RX_OK)
-        status = check_limits(config, err);
-    if (status == RX_OK)
-        status = check_report(config, err);
-    if (status == RX_OK)
-        status = check_self(config, err);
-    return status;
+    RX_TRY(check_restorers(config, err));
+    RX_TRY(check_images(config, err));
+    RX_TRY(check_limits(config, err));
+    RX_TRY(check_report(config, err));
+    return check_self(config, err);
 }
 
 /* A campaign decides itself which restorers run, on how many threads, and what is written. */

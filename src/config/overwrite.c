@@ -299,14 +299,10 @@ rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *i
     inputs list = {0};
     add(&list, image);
     add_simulate(&list, config);
-    rx_status status = check_file(&list, "IMAGE_NAME", config->image_name, err);
-    if (status == RX_OK)
-        status = check_file(&list, "SHARP_NAME", config->sharp_name, err);
-    if (status == RX_OK)
-        status = check_file(&list, "TRUTH_NAME", config->truth_name, err);
-    if (status == RX_OK)
-        status = check_file(&list, "FLAG_NAME", config->flag_name, err);
-    return status;
+    RX_TRY(check_file(&list, "IMAGE_NAME", config->image_name, err));
+    RX_TRY(check_file(&list, "SHARP_NAME", config->sharp_name, err));
+    RX_TRY(check_file(&list, "TRUTH_NAME", config->truth_name, err));
+    return check_file(&list, "FLAG_NAME", config->flag_name, err);
 }
 
 rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err)

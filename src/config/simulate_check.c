@@ -111,18 +111,12 @@ static rx_status check_outputs(const rx_simulate_config *config, rx_error *err)
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
 {
     const rx_simulate_config *config = (const rx_simulate_config *)settings;
-    rx_status status = check_field(config, err);
-    if (status == RX_OK)
-        status = check_injection(config, err);
-    if (status == RX_OK)
-        status = check_noise(config, err);
-    if (status == RX_OK)
-        status = check_coadd(config, err);
-    if (status == RX_OK)
-        status = check_objects(config, err);
-    if (status == RX_OK)
-        status = check_outputs(config, err);
-    return status;
+    RX_TRY(check_field(config, err));
+    RX_TRY(check_injection(config, err));
+    RX_TRY(check_noise(config, err));
+    RX_TRY(check_coadd(config, err));
+    RX_TRY(check_objects(config, err));
+    return check_outputs(config, err);
 }
 
 const char *rx_simulate_idle(const rx_settings *settings, const char *name)

@@ -68,9 +68,8 @@ static rx_status read_line(rx_tiles *tiles, long number, const char *line, rx_er
     *tile = (rx_listed_tile){.line = number, .words = words};
     words = (rx_tokens){0};
     tile->name = rx_name_stem(tile->words.v[0]);
-    status = tile->name == NULL ? rx_error_memory(err, 0) : check_name(tiles, tile, err);
-    if (status == RX_OK)
-        status = check_words(tiles, tile, err);
+    RX_TRY_EXIT(tile->name == NULL ? rx_error_memory(err, 0) : check_name(tiles, tile, err));
+    status = check_words(tiles, tile, err);
 exit:
     rx_tokens_free(&words);
     return status;

@@ -99,18 +99,12 @@ static rx_status check_simulator(const rx_train_config *config, rx_error *err)
 rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
 {
     const rx_train_config *config = (const rx_train_config *)settings;
-    rx_status status = check_network(config, err);
-    if (status == RX_OK)
-        status = check_loss(config, err);
-    if (status == RX_OK)
-        status = check_images(config, err);
-    if (status == RX_OK)
-        status = check_ranks(config, err);
-    if (status == RX_OK)
-        status = check_outputs(config, err);
-    if (status == RX_OK)
-        status = check_simulator(config, err);
-    return status;
+    RX_TRY(check_network(config, err));
+    RX_TRY(check_loss(config, err));
+    RX_TRY(check_images(config, err));
+    RX_TRY(check_ranks(config, err));
+    RX_TRY(check_outputs(config, err));
+    return check_simulator(config, err);
 }
 
 const char *rx_train_idle(const rx_settings *settings, const char *name)

@@ -413,11 +413,8 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_image *image, cons
     if (status != RX_OK)
         return status;
     work.n = (size_t)image->width * (size_t)image->height;
-    status = filter_pixels(par, image, filtered, &work, err);
-    if (status == RX_OK)
-        status = set_noise(par, image, &work, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(filter_pixels(par, image, filtered, &work, err));
+    RX_TRY_EXIT(set_noise(par, image, &work, err));
     const bool varies = image->variable_noise || par->matched;
     rx_extraction job = {.image = {.width = image->width,
                                    .height = image->height,

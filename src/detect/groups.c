@@ -314,9 +314,8 @@ rx_status rx_groups_find(const rx_threshold *threshold, int nthreads, rx_groups 
     }
     join(strips, nstrips, spans, dst);
     connect(spans, dst->nspans, parent);
-    status = make_list(threshold, spans, parent, dst, err);
-    if (status == RX_OK)
-        status = gather(spans, parent, dst, err);
+    RX_TRY_EXIT(make_list(threshold, spans, parent, dst, err));
+    status = gather(spans, parent, dst, err);
 exit:
     for (int s = 0; s < nstrips; s++) {
         free(strips[s].spans);

@@ -399,13 +399,9 @@ rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;
     }
-    status = measure_all(par, image, level, mesh, good, err);
-    if (status == RX_OK)
-        status = fill_gaps(mesh, meshes, err);
-    if (status == RX_OK)
-        status = smooth(par, mesh, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(measure_all(par, image, level, mesh, good, err));
+    RX_TRY_EXIT(fill_gaps(mesh, meshes, err));
+    RX_TRY_EXIT(smooth(par, mesh, err));
     differentiate(mesh, mesh->back, scratch, mesh->dback);
     differentiate(mesh, mesh->sigma, scratch, mesh->dsigma);
     *dst = mesh;

@@ -83,11 +83,9 @@ static rx_status find_data(const char *path, int hdu, LONGLONG *from, LONGLONG *
     int failed = 0, type = 0, bitpix = 0, naxis = 0;
     bool absurd = false;
     LONGLONG axes[9] = {0}, header, end, rows = 0;
-    rx_status status = rx_fits_open(path, &source, err);
-    if (status == RX_OK)
-        status = rx_fits_goto(source.file, path, hdu, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_open(path, &source, err));
+    RX_TRY_EXIT(rx_fits_goto(source.file, path, hdu, err));
     fits_get_hdu_type(source.file, &type, &failed);
     fits_get_hduaddrll(source.file, &header, from, &end, &failed);
     if (type == IMAGE_HDU) {

@@ -98,15 +98,11 @@ static rx_status read_image(const char *name, int cubes, rx_fits_cube *dst, rx_e
     int hdu = 0;
     size_t ncards = 0;
     *dst = (rx_fits_cube){0};
-    rx_status status = rx_fits_name_parse(name, &parsed, err);
-    if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &source, err);
-    if (status == RX_OK)
-        status = find_image(source.file, &parsed, cubes, &hdu, &shape, err);
-    if (status == RX_OK)
-        status = check_image(&source, &parsed, cubes, hdu, &shape, &part, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_name_parse(name, &parsed, err));
+    RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
+    RX_TRY_EXIT(find_image(source.file, &parsed, cubes, &hdu, &shape, err));
+    RX_TRY_EXIT(check_image(&source, &parsed, cubes, hdu, &shape, &part, err));
     dst->width = (int)(part.last[0] - part.first[0] + 1);
     dst->height = (int)(part.last[1] - part.first[1] + 1);
     dst->planes = (int)(shape.naxis > 2 ? shape.axes[2] : 1);
@@ -201,15 +197,12 @@ static rx_status open_tables(const char *text, rx_fits_name *name, rx_fits_sourc
                              rx_error *err)
 {
     *hdus = NULL;
-    rx_status status = rx_fits_name_parse(text, name, err);
-    if (status == RX_OK && name->has_section)
-        status = rx_error_at(err, RX_INPUT, text, -1, 0,
-                             "a section of a table cannot be read; name its HDU alone");
-    if (status == RX_OK)
-        status = rx_fits_open(name->path, source, err);
-    if (status == RX_OK)
-        status = list_tables(source->file, name, hdus, n, err);
-    return status;
+    RX_TRY(rx_fits_name_parse(text, name, err));
+    if (name->has_section)
+        RX_TRY(rx_error_at(err, RX_INPUT, text, -1, 0,
+                           "a section of a table cannot be read; name its HDU alone"));
+    RX_TRY(rx_fits_open(name->path, source, err));
+    return list_tables(source->file, name, hdus, n, err);
 }
 
 /* --- columns --- */

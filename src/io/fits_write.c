@@ -442,8 +442,6 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
 
 rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err)
 {
-    rx_status status = write_imhead(writer, table, extra, err);
-    if (status == RX_OK)
-        status = write_table(writer, table, "LDAC_OBJECTS", extra, err);
-    return status;
+    RX_TRY(write_imhead(writer, table, extra, err));
+    return write_table(writer, table, "LDAC_OBJECTS", extra, err);
 }

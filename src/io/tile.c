@@ -87,13 +87,11 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
     int *list = NULL, count = 1, failed = 0, broken = 0;
     *n = 0;
     *hdus = NULL;
-    rx_status status = rx_fits_name_parse(name, &parsed, err);
-    if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &source, err);
-    if (status == RX_OK && !rx_fits_name_selects(&parsed))
-        status = rx_fits_count(source.file, parsed.path, &count, &broken, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_name_parse(name, &parsed, err));
+    RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
+    if (!rx_fits_name_selects(&parsed))
+        RX_TRY_EXIT(rx_fits_count(source.file, parsed.path, &count, &broken, err));
     list = RX_NEW(int, (size_t)count);
     if (list == NULL) {
         status = rx_error_memory(err, 0);
@@ -384,31 +382,20 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     rx_tile_place place = {.name = &parsed, .hdu = hdu, .extension = extension};
     *dst = NULL;
     rx_tile *tile = RX_NEW(rx_tile, 1);
-    rx_status status =
-        tile != NULL ? rx_fits_name_parse(name, &parsed, err) : rx_error_memory(err, sizeof *tile);
-    if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &source, err);
-    if (status == RX_OK)
-        status = find_place(&source, &place, err);
-    if (status == RX_OK)
-        status = read_header(source.file, &place, log, &cards, &parent, err);
-    if (status == RX_OK)
-        status = name_tile(&place, &cards, tile, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(tile != NULL ? rx_fits_name_parse(name, &parsed, err) : rx_error_memory(err, sizeof *tile));
+    RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
+    RX_TRY_EXIT(find_place(&source, &place, err));
+    RX_TRY_EXIT(read_header(source.file, &place, log, &cards, &parent, err));
+    RX_TRY_EXIT(name_tile(&place, &cards, tile, err));
     take_numbers(par, &cards, &parent, log, tile);
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    status = read_pixels(source.file, &place, par->nthreads, tile, err);
-    if (status == RX_OK)
-        status = take_wcs(par, log, tile, err);
-    if (status == RX_OK)
-        status = rx_tile_add_weight(par, &place, tile, err);
-    if (status == RX_OK)
-        status = rx_tile_add_flags(par, &place, tile, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(read_pixels(source.file, &place, par->nthreads, tile, err));
+    RX_TRY_EXIT(take_wcs(par, log, tile, err));
+    RX_TRY_EXIT(rx_tile_add_weight(par, &place, tile, err));
+    RX_TRY_EXIT(rx_tile_add_flags(par, &place, tile, err));
     *dst = tile;
     tile = NULL;
 exit:
@@ -453,13 +440,10 @@ rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int
     rx_tile_shape *shapes = NULL;
     int *hdus = NULL;
     *dst = NULL;
-    rx_status status = rx_tile_list(name, log, &hdus, n, err);
-    if (status == RX_OK)
-        status = rx_fits_name_parse(name, &parsed, err);
-    if (status == RX_OK)
-        status = rx_fits_open(parsed.path, &source, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_tile_list(name, log, &hdus, n, err));
+    RX_TRY_EXIT(rx_fits_name_parse(name, &parsed, err));
+    RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
     shapes = RX_NEW(rx_tile_shape, (size_t)*n);
     if (shapes == NULL)
         status = rx_error_memory(err, (size_t)*n * sizeof *shapes);

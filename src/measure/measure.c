@@ -134,11 +134,10 @@ rx_status rx_measure_run(const rx_measure_params *par, const rx_image *image, co
                          rx_log *log, rx_sources *sources, rx_error *err)
 {
     rx_starclass *net = NULL;
-    rx_status status = prepare(par, image, sources, err);
-    if (status == RX_OK && par->nnw_file != NULL)
-        status = rx_starclass_read(par->nnw_file, &net, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(prepare(par, image, sources, err));
+    if (par->nnw_file != NULL)
+        RX_TRY(rx_starclass_read(par->nnw_file, &net, err));
     rx_log_progress_begin(log);
     enum { BATCH = 256 };
     for (int first = 0; first < sources->n && status == RX_OK; first += BATCH) {

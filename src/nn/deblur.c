@@ -74,11 +74,9 @@ static rx_status make_relative(const float *psf, int size, double target_fwhm, i
     *fft = NULL;
     *dst = NULL;
     const int side = rx_fft_good_size((size > room ? size : room) + 2 * MARGIN);
-    rx_status status = check_stamp(psf, size, err);
-    if (status == RX_OK)
-        status = rx_fft_new(side, side, 1, fft, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(check_stamp(psf, size, err));
+    RX_TRY(rx_fft_new(side, side, 1, fft, err));
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(*fft);
     float *plane = rx_fft_real(*fft), *spectrum = rx_fft_complex(*fft),
           *ku = target_spectra(*fft, target_fwhm);
@@ -121,11 +119,9 @@ rx_status rx_deblur_relative(const float *psf, int size, double target_fwhm, int
     rx_fft *fft = NULL;
     float *plane = NULL;
     double sum = 0;
-    rx_status status = normalise ? check_sum(psf, size, err) : RX_OK;
-    if (status == RX_OK)
-        status = make_relative(psf, size, target_fwhm, out_size, &fft, &plane, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(normalise ? check_sum(psf, size, err) : RX_OK);
+    RX_TRY_EXIT(make_relative(psf, size, target_fwhm, out_size, &fft, &plane, err));
     for (int j = 0; j < out_size; j++)
         for (int i = 0; i < out_size; i++) {
             const float value = cyclic(fft, plane, i - out_size / 2, j - out_size / 2);

@@ -355,16 +355,16 @@ static rx_status check_file(reader *r, rx_error *err)
         return rx_error_at(err, RX_INPUT, r->path, 0, 0,
                            "is no model: its header has no RXMODEL; give a file made by rextract-train");
     int known = rx_cards_number(r->cards, r->ncards, "NEXTEND", &tables) && tables >= 0 && tables < MAX_HDUS;
-    status = rx_fits_verify(r->path, known ? (int)tables + 1 : 0, err);
-    if (status == RX_OK && version != VERSION)
-        status = rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                             "is a model of format version %g, this program reads version %d; use the "
-                             "program that belongs to it, or train again",
-                             version, VERSION);
-    if (status == RX_OK && !known)
-        status = rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                             "NEXTEND, the number of its tables, is missing; make the model again");
-    return status;
+    RX_TRY(rx_fits_verify(r->path, known ? (int)tables + 1 : 0, err));
+    if (version != VERSION)
+        RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "is a model of format version %g, this program reads version %d; use the "
+                           "program that belongs to it, or train again",
+                           version, VERSION));
+    if (!known)
+        RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "NEXTEND, the number of its tables, is missing; make the model again"));
+    return RX_OK;
 }
 
 /* --- tables --- */
@@ -632,19 +632,12 @@ rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err)
         status = rx_error_memory(err, sizeof *r.model);
         goto exit;
     }
-    status = take_header(&r, err);
-    if (status == RX_OK)
-        status = read_net(&r, "RESTORE", 1, &r.model->restore, err);
-    if (status == RX_OK)
-        status = read_net(&r, "PSF", 0, &r.model->psf, err);
-    if (status == RX_OK)
-        status = read_bins(&r, err);
-    if (status == RX_OK)
-        status = read_provenance(&r, err);
-    if (status == RX_OK)
-        status = check_model(&r, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(take_header(&r, err));
+    RX_TRY_EXIT(read_net(&r, "RESTORE", 1, &r.model->restore, err));
+    RX_TRY_EXIT(read_net(&r, "PSF", 0, &r.model->psf, err));
+    RX_TRY_EXIT(read_bins(&r, err));
+    RX_TRY_EXIT(read_provenance(&r, err));
+    RX_TRY_EXIT(check_model(&r, err));
     *dst = r.model;
     r.model = NULL;
 exit:

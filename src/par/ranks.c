@@ -257,11 +257,11 @@ static void add_doubles(void *sum, const void *part, long n)
 
 static rx_status receive_values(rx_ranks *ranks, int from, size_t size, rx_parcel **dst, rx_error *err)
 {
-    rx_status status = next_parcel(ranks, from, RX_TAG_SUM, true, dst, err);
-    if (status == RX_OK && (*dst)->message.size != size)
-        status = rx_error_set(err, RX_SYSTEM, "rank %d sums %zu bytes where rank %d sums %zu", from,
-                              (*dst)->message.size, ranks->rank, size);
-    return status;
+    RX_TRY(next_parcel(ranks, from, RX_TAG_SUM, true, dst, err));
+    if ((*dst)->message.size != size)
+        RX_TRY(rx_error_set(err, RX_SYSTEM, "rank %d sums %zu bytes where rank %d sums %zu", from,
+                            (*dst)->message.size, ranks->rank, size));
+    return RX_OK;
 }
 
 static rx_status sum(rx_ranks *ranks, void *values, long n, size_t each, add_values *add, rx_error *err)

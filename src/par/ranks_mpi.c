@@ -80,14 +80,12 @@ rx_status rx_par_begin(int *argc, char ***argv, rx_error *err)
     if (!launched())
         return RX_OK;
     rx_interrupt_block(); /* threads that MPI starts would take signals otherwise */
-    rx_status status =
-        check(MPI_Init_thread(argc, argv, MPI_THREAD_FUNNELED, &level), "begin (MPI_Init_thread)", err);
-    if (status == RX_OK)
-        status = check(MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN), "hand on its errors", err);
-    if (status == RX_OK && level < MPI_THREAD_FUNNELED)
-        status = rx_error_set(err, RX_SYSTEM,
-                              "this MPI library knows no threads (MPI_THREAD_FUNNELED); use one that does");
-    return status;
+    RX_TRY(check(MPI_Init_thread(argc, argv, MPI_THREAD_FUNNELED, &level), "begin (MPI_Init_thread)", err));
+    RX_TRY(check(MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN), "hand on its errors", err));
+    if (level < MPI_THREAD_FUNNELED)
+        RX_TRY(rx_error_set(err, RX_SYSTEM,
+                            "this MPI library knows no threads (MPI_THREAD_FUNNELED); use one that does"));
+    return RX_OK;
 }
 
 int rx_par_processes(void)

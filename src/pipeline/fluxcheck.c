@@ -102,11 +102,8 @@ rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restore
     double *automatic = work + n, *on_restored = work + 2 * n, *on_original = work + 3 * n;
     for (size_t i = 0; i < n; i++)
         automatic[i] = picked.list[i].flux_auto;
-    status = wide_fluxes(par, restored, dst->diameter, &picked, on_restored, log, err);
-    if (status == RX_OK)
-        status = wide_fluxes(par, original, dst->diameter, &picked, on_original, log, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(wide_fluxes(par, restored, dst->diameter, &picked, on_restored, log, err));
+    RX_TRY_EXIT(wide_fluxes(par, original, dst->diameter, &picked, on_original, log, err));
     int used = median_ratio(on_restored, on_original, picked.n, work, &dst->wide, &dst->wide_error);
     median_ratio(automatic, on_original, picked.n, work, &dst->automatic, &dst->automatic_error);
     dst->n = used >= FEWEST ? used : 0;

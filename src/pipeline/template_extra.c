@@ -328,11 +328,9 @@ static rx_status find_all(search *of, rx_error *err)
     rx_template_extra *extra = of->extra;
     const int width = of->leftover.canvas->width, height = of->leftover.canvas->height;
     const int rows = (BAND / width / STEP + 1) * STEP;
-    rx_status status = sort_taken(of, err);
-    if (status == RX_OK)
-        status = mark_saturated(extra, &of->saturated, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(sort_taken(of, err));
+    RX_TRY(mark_saturated(extra, &of->saturated, err));
     if (extra->found == NULL && (extra->found = RX_NEW(rx_sources, 1)) == NULL)
         return rx_error_memory(err, sizeof *extra->found);
     extra->found->width = width;

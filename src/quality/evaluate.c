@@ -307,9 +307,8 @@ static rx_status find_curve(rx_evaluation *e, rx_resampling by, rx_error *err)
         score[n] = list->score != NULL ? list->score[j] : -e->run_mag[j];
         matched[n++] = e->run_role[j] == RX_ROLE_MATCHED;
     }
-    status = rx_pr_make(n, score, matched, e->references, &e->pr, err);
-    if (status == RX_OK)
-        status = rx_pr_interval(&e->pr, e->references, e->level, by, &e->pr.ap, err);
+    RX_TRY_EXIT(rx_pr_make(n, score, matched, e->references, &e->pr, err));
+    status = rx_pr_interval(&e->pr, e->references, e->level, by, &e->pr.ap, err);
 exit:
     free(score);
     free(matched);

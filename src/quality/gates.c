@@ -137,13 +137,9 @@ static rx_status read_gate(const char *path, long line, int nwords, char *const 
         return rx_error_at(err, RX_USAGE, path, -1, line,
                            "a gate has 4 to 6 words, METRIC BIN OPERATOR VALUE [LEVEL [RUN]], here are %s%d",
                            nwords > 6 ? "more than " : "", nwords > 6 ? 6 : nwords);
-    rx_status status = read_metric(path, line, word[0], dst, err);
-    if (status == RX_OK)
-        status = read_bin(path, line, word[1], dst, err);
-    if (status == RX_OK)
-        status = read_value(path, line, word, dst, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(read_metric(path, line, word[0], dst, err));
+    RX_TRY(read_bin(path, line, word[1], dst, err));
+    RX_TRY(read_value(path, line, word, dst, err));
     if (nwords > 4 &&
         (!read_number(word[4], &dst->level) || dst->level < LEVEL_LOW || dst->level > LEVEL_HIGH))
         return rx_error_at(err, RX_USAGE, path, -1, line,

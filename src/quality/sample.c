@@ -22,11 +22,8 @@ rx_status rx_sample_difference(long n, const double *a, const double *b, long fe
                                rx_error *err)
 {
     *dst = NULL;
-    rx_status status = rx_sample_check(n, a, fewest, "first", err);
-    if (status == RX_OK)
-        status = rx_sample_check(n, b, fewest, "second", err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_sample_check(n, a, fewest, "first", err));
+    RX_TRY(rx_sample_check(n, b, fewest, "second", err));
     double *difference = RX_NEW(double, (size_t)n);
     if (difference == NULL)
         return rx_error_memory(err, (size_t)n * sizeof *difference);

@@ -150,11 +150,10 @@ rx_status rx_otf_grid_make(const rx_psf *psf, int width, int height, const rx_ti
     const size_t n = (size_t)dst->nx * (size_t)dst->ny, area = (size_t)side * (size_t)side;
     dst->fwhm = RX_NEW(float, n);
     dst->filters = filters ? RX_NEW(float, n *area) : NULL;
-    rx_status status = maker_new(psf, &m, err);
-    if (status == RX_OK && (dst->fwhm == NULL || (filters && dst->filters == NULL)))
-        status = rx_error_memory(err, n * area * sizeof(float));
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(maker_new(psf, &m, err));
+    if ((dst->fwhm == NULL || (filters && dst->filters == NULL)))
+        RX_TRY_EXIT(rx_error_memory(err, n * area * sizeof(float)));
     rx_psf_at(psf, 0.5 * (width - 1), 0.5 * (height - 1), m.stamp);
     double centre, here;
     status = rx_stamp_fwhm(m.stamp, psf->size, &centre, NULL, err);

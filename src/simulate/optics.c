@@ -438,11 +438,9 @@ rx_status rx_optics_moffat(const rx_moffat_profile *profile, int width, int heig
         .fwhm = fwhm, .beta = profile->beta, .ratio = ratio, .angle = profile->angle, .variation = variation};
     ladder l;
     *dst = NULL;
-    rx_status status = check(&m, err);
-    if (status == RX_OK)
-        status = choose_ladder(&m, &l, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(check(&m, err));
+    RX_TRY(choose_ladder(&m, &l, err));
     m.narrowest = fmin(fwhm, fwhm_at(&m, 1.0)) * sqrt(ratio);
     m.widest = fmax(fwhm, fwhm_at(&m, 1.0)) / sqrt(ratio);
     int cells = optics_sampling(moffat_spectrum, &m), half = half_pixels(&m), cut = cut_half(&m);

@@ -72,13 +72,9 @@ static rx_status check(const rx_scene_params *par, const rx_templates *templates
     if (!isfinite(par->zeropoint) || !isfinite(par->margin))
         return rx_error_set(err, RX_USAGE, "zero point %g and margin %g must be numbers", par->zeropoint,
                             par->margin);
-    rx_status status = check_population(&par->stars, par->zeropoint, "stars", err);
-    if (status == RX_OK)
-        status = check_population(&par->galaxies, par->zeropoint, "galaxies", err);
-    if (status == RX_OK)
-        status = check_population(&par->templates, par->zeropoint, "templates", err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check_population(&par->stars, par->zeropoint, "stars", err));
+    RX_TRY(check_population(&par->galaxies, par->zeropoint, "galaxies", err));
+    RX_TRY(check_population(&par->templates, par->zeropoint, "templates", err));
     if (par->width < 1 || par->height < 1)
         return rx_error_set(err, RX_USAGE, "a field of %d x %d pixels holds nothing", par->width,
                             par->height);
@@ -197,13 +193,9 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
     status = rx_places_set(par, scene->objects, room, &places, err);
     if (status != RX_OK)
         goto exit;
-    status = add_stars(par, stars, scene, &places, err);
-    if (status == RX_OK)
-        status = add_galaxies(par, galaxies, scene, &places, err);
-    if (status == RX_OK)
-        status = add_templates(par, templates, others, scene, &places, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(add_stars(par, stars, scene, &places, err));
+    RX_TRY_EXIT(add_galaxies(par, galaxies, scene, &places, err));
+    RX_TRY_EXIT(add_templates(par, templates, others, scene, &places, err));
     *dst = scene;
     scene = NULL;
 exit:

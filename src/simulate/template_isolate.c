@@ -91,11 +91,8 @@ static rx_status measure_noise(workshop *w, double sky, rx_error *err)
         w->raw[i] = w->bad[i] ? 0.0f : (float)((double)w->raw[i] - sky);
     memcpy(w->fine, w->raw, w->n * sizeof(float));
     memcpy(w->wide, w->raw, w->n * sizeof(float));
-    rx_status status = rx_gauss_masked(w->width, w->height, FINE, w->bad, 1, w->fine, err);
-    if (status == RX_OK)
-        status = rx_gauss_masked(w->width, w->height, WIDE, w->bad, 1, w->wide, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_gauss_masked(w->width, w->height, FINE, w->bad, 1, w->fine, err));
+    RX_TRY(rx_gauss_masked(w->width, w->height, WIDE, w->bad, 1, w->wide, err));
     w->fine_sigma = border_sigma(w, w->fine, &median);
     w->wide_sigma = border_sigma(w, w->wide, &median);
     return RX_OK;

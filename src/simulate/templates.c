@@ -173,11 +173,9 @@ static rx_status add_image(reading *to, const char *path, int hdu, double sky, d
     const rx_tile_params par = {.weight_threshold = NAN, .saturation = HUGE_VAL, .pixel_scale = scale};
     rx_tile *tile = NULL;
     rx_template source = {0};
-    rx_status status = rx_interrupt_check(err);
-    if (status == RX_OK)
-        status = rx_tile_read(&par, path, hdu, 1, NULL, &tile, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_interrupt_check(err));
+    RX_TRY(rx_tile_read(&par, path, hdu, 1, NULL, &tile, err));
     source.pixel_scale = tile->pixel_scale > 0.0 ? tile->pixel_scale : to->pixel_scale;
     snprintf(source.name, sizeof source.name, "%.64s[%d]", base_name(path), hdu);
     status = rx_template_isolate(tile->pixels, tile->mask, tile->width, tile->height, sky, &source, err);

@@ -165,12 +165,11 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
 {
     rx_text cards = {0};
     rx_table *covariances = NULL, **tables;
-    rx_status status = grow_tables(run, err);
-    if (status == RX_OK && run->covariance_name != NULL)
-        status = rx_template_table(w->result.templates.tphot, w->result.sources, w->detect->tile->extension,
-                                   &covariances, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(grow_tables(run, err));
+    if (run->covariance_name != NULL)
+        RX_TRY(rx_template_table(w->result.templates.tphot, w->result.sources, w->detect->tile->extension,
+                                 &covariances, err));
     tables = run->tables;
     const rx_tile *tile = w->measure->tile;
     rx_table *table = NULL;
@@ -280,14 +279,11 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     snprintf(run->label, sizeof run->label, run->by != NULL ? "%s (done by %s)" : "%s", run->kind->name,
              run->by);
     account(run, &w, log);
-    status = tell_domain(run, &w, log, err);
-    if (status == RX_OK)
-        status = rx_coordinates_fill(&w.measure->image, sources, err);
-    if (status == RX_OK && options->assoc_list != NULL)
-        status =
-            rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(tell_domain(run, &w, log, err));
+    RX_TRY_EXIT(rx_coordinates_fill(&w.measure->image, sources, err));
+    if (options->assoc_list != NULL)
+        RX_TRY_EXIT(
+            rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err));
     status = run_checks(run, in->checks, &w, log, err);
     if (status != RX_OK)
         goto exit;
@@ -299,11 +295,8 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
         rx_record_add(&facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(detect->tile));
     rx_domain_facts(&w.result.domain, &facts);
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
-    status = facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err);
-    if (status == RX_OK)
-        status = write_images(run, &w, in->record, &facts, in->products, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err));
+    RX_TRY_EXIT(write_images(run, &w, in->record, &facts, in->products, err));
     run->restored = w.result.restored; /* the report wants them */
     run->sources = sources;
     w.result.restored = NULL;
@@ -446,15 +439,14 @@ rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *
     const rx_catalog_type type = options->catalog_type;
     rx_checkimages *images = run->images;
     run->images = NULL;
-    rx_status status = rx_checkimages_close(images, err);
-    if (status == RX_OK)
-        status = write_tables((rx_catalog){.type = type, .n = run->ntables, .tables = run->tables},
-                              run->catalog_name, record, products, run->catalog_temporary, standard_out, err);
-    if (status == RX_OK && run->covariance_name != NULL)
-        status = write_tables(
+    RX_TRY(rx_checkimages_close(images, err));
+    RX_TRY(write_tables((rx_catalog){.type = type, .n = run->ntables, .tables = run->tables},
+                        run->catalog_name, record, products, run->catalog_temporary, standard_out, err));
+    if (run->covariance_name != NULL)
+        RX_TRY(write_tables(
             (rx_catalog){.type = covariance_type(type), .n = run->ntables, .tables = run->covariances},
-            run->covariance_name, record, products, run->covariance_temporary, NULL, err);
-    return status;
+            run->covariance_name, record, products, run->covariance_temporary, NULL, err));
+    return RX_OK;
 }
 
 void rx_run_free(rx_run *run)

@@ -40,11 +40,9 @@ rx_status rx_library_add(const rx_options *options, const rx_field *field, const
         return rx_error_memory(err, 0);
     rx_text_printf(&path, "%s/%s_%d-%s.psf", library->folder, stem, tile->hdu, rx_tile_checksum(tile));
     free(stem);
-    rx_status status = path.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (status == RX_OK)
-        status = rx_psf_psfex_table(field->psf, &table, &cards, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(path.failed ? rx_error_memory(err, 0) : RX_OK);
+    RX_TRY_EXIT(rx_psf_psfex_table(field->psf, &table, &cards, err));
     rx_fits_digest_table(table, digest);
     rx_psf_origin_of(tile, &origin);
     rx_psf_origin_facts(&origin, &facts);

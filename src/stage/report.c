@@ -177,15 +177,13 @@ rx_status rx_report_checks(const rx_report_input *in, const rx_checks *checks, r
         qa_runs[i] = about(&in->runs[i], &promises[i]);
         results[i] = &in->runs[i].checks;
     }
-    rx_status status = open_folder(options->self_check_name, in->extension, in->outputs, &folder, err);
-    if (status == RX_OK)
-        status = rx_checks_report(checks,
-                                  &(rx_checks_page){.n = options->nrestorers,
-                                                    .about = qa_runs,
-                                                    .results = results,
-                                                    .record = in->record,
-                                                    .folder = folder,
-                                                    .shown = rx_outputs_shown(in->outputs, folder)},
-                                  in->log, err);
-    return status;
+    RX_TRY(open_folder(options->self_check_name, in->extension, in->outputs, &folder, err));
+    return rx_checks_report(checks,
+                            &(rx_checks_page){.n = options->nrestorers,
+                                              .about = qa_runs,
+                                              .results = results,
+                                              .record = in->record,
+                                              .folder = folder,
+                                              .shown = rx_outputs_shown(in->outputs, folder)},
+                            in->log, err);
 }

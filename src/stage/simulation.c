@@ -321,9 +321,8 @@ rx_status rx_simulation_make(const rx_simulation *simulation, uint64_t stream, r
         status = rx_error_memory(err, n * sizeof(float));
         goto exit;
     }
-    status = render(simulation, dst->scene, dst->clean, dst->sharp, err);
-    if (status == RX_OK)
-        status = expose(simulation, stream, dst, err);
+    RX_TRY_EXIT(render(simulation, dst->scene, dst->clean, dst->sharp, err));
+    status = expose(simulation, stream, dst, err);
 exit:
     if (status != RX_OK)
         rx_simulated_free(dst);
@@ -708,18 +707,14 @@ static rx_status open_image(job *job, const char *name, image_file *file, rx_err
 static rx_status open_outputs(job *job, rx_error *err)
 {
     const rx_simulate_config *config = job->config;
-    rx_status status = rx_outputs_new(&job->outputs, err);
-    if (status == RX_OK)
-        status = open_image(job, config->image_name, &job->image, err);
-    if (status == RX_OK)
-        status = open_image(job, config->sharp_name, &job->sharp, err);
-    if (status == RX_OK)
-        status = open_image(job, config->flag_name, &job->flags, err);
-    if (status == RX_OK)
-        status = open_image(job, config->weight_name, &job->weight, err);
-    if (status == RX_OK && config->truth_name[0] != '\0')
-        status = rx_outputs_file(job->outputs, config->truth_name, &job->truth_temporary, err);
-    return status;
+    RX_TRY(rx_outputs_new(&job->outputs, err));
+    RX_TRY(open_image(job, config->image_name, &job->image, err));
+    RX_TRY(open_image(job, config->sharp_name, &job->sharp, err));
+    RX_TRY(open_image(job, config->flag_name, &job->flags, err));
+    RX_TRY(open_image(job, config->weight_name, &job->weight, err));
+    if (config->truth_name[0] != '\0')
+        RX_TRY(rx_outputs_file(job->outputs, config->truth_name, &job->truth_temporary, err));
+    return RX_OK;
 }
 
 static rx_status write_plane(const image_file *file, const float *pixels, const rx_tile *tile,
@@ -973,13 +968,11 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
     rx_text facts = {0};
     float *sharp = NULL;
     uint8_t *defects = NULL;
-    rx_status status =
-        rx_field_open(options, automatic ? RX_FIELD_PSF : 0,
-                      &(rx_image_place){config->inject_image, hdu, extension}, job->log, &field, err);
-    if (status == RX_OK)
-        status = rx_simulation_for_tile(config, options, field, job->log, &simulation, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_field_open(options, automatic ? RX_FIELD_PSF : 0,
+                              &(rx_image_place){config->inject_image, hdu, extension}, job->log, &field,
+                              err));
+    RX_TRY_EXIT(rx_simulation_for_tile(config, options, field, job->log, &simulation, err));
     const size_t n = (size_t)field->tile->width * (size_t)field->tile->height;
     sharp = RX_NEW(float, n);
     defects = RX_NEW(uint8_t, n);
@@ -990,15 +983,11 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
     /* images of one file are different skies */
     simulation->scene.stream += (uint64_t)(extension - 1) << 32;
     rx_tile_checksum(field->tile); /* is of the pixels as they are before the objects come */
-    status = rx_simulation_inject(simulation, simulation->scene.stream, field->tile->pixels,
-                                  job->sharp.writer != NULL ? sharp : NULL, &scene, err);
-    if (status == RX_OK)
-        status = make_facts(simulation, &(rx_simulated){.scene = scene, .noise = simulation->noise}, field,
-                            &facts, err);
-    if (status == RX_OK)
-        status = complete_cards(options, simulation, field->tile, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(rx_simulation_inject(simulation, simulation->scene.stream, field->tile->pixels,
+                                     job->sharp.writer != NULL ? sharp : NULL, &scene, err));
+    RX_TRY_EXIT(make_facts(simulation, &(rx_simulated){.scene = scene, .noise = simulation->noise}, field,
+                           &facts, err));
+    RX_TRY_EXIT(complete_cards(options, simulation, field->tile, err));
     mark_saturated(field->tile, defects);
     field_data data = {.simulation = simulation,
                        .scene = scene,

@@ -106,13 +106,10 @@ static rx_status check_inputs(const replay *r, rx_error *err)
 
 static rx_status restore_config(replay *r, const rx_settings *extra, rx_error *err)
 {
-    rx_status status = rx_replay_record_config(r->record, r->path, &r->config, err);
-    if (status == RX_OK)
-        status = rx_settings_overlay(&r->config->settings, extra, harmless,
-                                     "would change what is compared; leave it out", err);
-    if (status == RX_OK)
-        status = rx_settings_check(&r->config->settings, NULL, err);
-    return status;
+    RX_TRY(rx_replay_record_config(r->record, r->path, &r->config, err));
+    RX_TRY(rx_settings_overlay(&r->config->settings, extra, harmless,
+                               "would change what is compared; leave it out", err));
+    return rx_settings_check(&r->config->settings, NULL, err);
 }
 
 /* --- outputs elsewhere --- */

@@ -105,10 +105,10 @@ static rx_status work(const rx_tiles *tiles, const rx_settings *common, FILE *st
 
 static rx_status one_thread(const rx_settings *common, rx_settings **dst, rx_log *log, rx_error *err)
 {
-    rx_status status = rx_settings_copy(common, dst, err);
-    if (status == RX_OK && ((const rx_config *)common)->nthreads == 0)
-        status = rx_settings_set(*dst, "NTHREADS", "1", log, err);
-    return status;
+    RX_TRY(rx_settings_copy(common, dst, err));
+    if (((const rx_config *)common)->nthreads == 0)
+        RX_TRY(rx_settings_set(*dst, "NTHREADS", "1", log, err));
+    return RX_OK;
 }
 
 rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE *standard_out, rx_log *log,

@@ -216,13 +216,10 @@ static rx_status read_run(reader *r)
     long sources, reference;
     if (r->extension == NULL || r->extension->nruns == RX_MAX_RUNS)
         return refuse(r, "a run is out of place");
-    rx_status status = take_whole(r, 2, 0, 1L << 40, &sources);
-    if (status == RX_OK)
-        status = take_whole(r, 3, 0, 1, &reference);
-    if (status == RX_OK && !is_run_name(r->words.v[1]))
-        status = refuse(r, "a run has no name of a restorer");
-    if (status != RX_OK)
-        return status;
+    RX_TRY(take_whole(r, 2, 0, 1L << 40, &sources));
+    RX_TRY(take_whole(r, 3, 0, 1, &reference));
+    if (!is_run_name(r->words.v[1]))
+        RX_TRY(refuse(r, "a run has no name of a restorer"));
     r->run = &r->extension->run[r->extension->nruns++];
     *r->run = (rx_run_facts){.sources = sources};
     snprintf(r->run->name, sizeof r->run->name, "%s", r->words.v[1]);

@@ -199,13 +199,9 @@ static rx_status open_scenes(rx_scenes *s, const rx_simulate_config *config, rx_
 {
     const int side = s->par.field_side + s->window - s->par.side;
     const size_t bytes = 2 * sizeof(float) * (size_t)side * (size_t)side;
-    rx_status status = check_psf(s, err);
-    if (status == RX_OK)
-        status = open_simulation(s, config, side, log, err);
-    if (status == RX_OK)
-        status = rx_fft_new(s->window, s->window, 1, &s->fft, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check_psf(s, err));
+    RX_TRY(open_simulation(s, config, side, log, err));
+    RX_TRY(rx_fft_new(s->window, s->window, 1, &s->fft, err));
     s->capacity = RX_SCENES_MEMORY > 2 * bytes ? (int)(RX_SCENES_MEMORY / bytes) : 2;
     s->fields = RX_NEW(rx_scenes_field_data, s->capacity);
     s->x = rx_fft_real(s->fft);

@@ -35,10 +35,10 @@ static rx_status new_parts(rx_step *step, const rx_model *model, rx_error *err)
     }
     if (bad)
         return rx_error_memory(err, step->pixels * 9 * sizeof(float));
-    rx_status status = rx_pass_new(model, step->side, step->uses_psf, &step->pass, err);
-    if (status == RX_OK && par->ffl > 0)
-        status = rx_ffl_new(step->side, par->margin, &step->ffl, err);
-    return status;
+    RX_TRY(rx_pass_new(model, step->side, step->uses_psf, &step->pass, err));
+    if (par->ffl > 0)
+        RX_TRY(rx_ffl_new(step->side, par->margin, &step->ffl, err));
+    return RX_OK;
 }
 
 rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side, rx_step **dst,

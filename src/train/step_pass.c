@@ -80,12 +80,12 @@ static rx_status new_parts(rx_pass *pass, int with_psf, rx_error *err)
     pass->slope = RX_NEW(float, pass->pixels);
     if (pass->restore_sum == NULL || pass->psf_sum == NULL || pass->filtered == NULL || pass->slope == NULL)
         return rx_error_memory(err, pass->pixels * 4 * sizeof(float));
-    rx_status status = rx_runner_new(model->restore, pass->side, pass->side, &pass->restore, err);
-    if (status == RX_OK && with_psf)
-        status = rx_runner_new(model->psf, pass->side, pass->side, &pass->psf, err);
-    if (status == RX_OK && model->front.mode == RX_MODE_INFORMED)
-        status = new_optics(pass, err);
-    return status;
+    RX_TRY(rx_runner_new(model->restore, pass->side, pass->side, &pass->restore, err));
+    if (with_psf)
+        RX_TRY(rx_runner_new(model->psf, pass->side, pass->side, &pass->psf, err));
+    if (model->front.mode == RX_MODE_INFORMED)
+        RX_TRY(new_optics(pass, err));
+    return RX_OK;
 }
 
 static rx_status check(const rx_model *model, int side, int with_psf, rx_error *err)
