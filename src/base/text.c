@@ -85,10 +85,8 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
     *data = NULL;
     if (file == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
-    if (fstat(fileno(file), &info) != 0 || S_ISDIR(info.st_mode)) {
-        status = rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected");
-        goto exit;
-    }
+    if (fstat(fileno(file), &info) != 0 || S_ISDIR(info.st_mode))
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected"));
     size_t size = 0, capacity = 4096;
     content = malloc(capacity + 1);
     while (content != NULL) {
@@ -103,23 +101,15 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
             free(content);
         content = more;
     }
-    if (content == NULL) {
-        status = rx_error_memory(err, capacity);
-        goto exit;
-    }
-    if (ferror(file)) {
-        status = rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno));
-        goto exit;
-    }
-    if (size > max_bytes) {
-        status = rx_error_at(err, RX_INPUT, path, -1, 0,
-                             "is larger than %zu bytes, which no such text file should be", max_bytes);
-        goto exit;
-    }
-    if (memchr(content, '\0', size) != NULL) {
-        status = rx_error_at(err, RX_INPUT, path, -1, 0, "holds binary data, a text file was expected");
-        goto exit;
-    }
+    if (content == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, capacity));
+    if (ferror(file))
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno)));
+    if (size > max_bytes)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
+                                "is larger than %zu bytes, which no such text file should be", max_bytes));
+    if (memchr(content, '\0', size) != NULL)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "holds binary data, a text file was expected"));
     content[size] = '\0';
     if (strncmp(content, RX_BYTE_ORDER_MARK, 3) == 0) {
         size -= 3;

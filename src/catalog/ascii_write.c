@@ -101,10 +101,8 @@ rx_status rx_ascii_write(FILE *file, const rx_catalog *catalog, rx_error *err)
             rx_text_add(&text, "\n");
         }
     }
-    if (text.failed) {
-        status = rx_error_memory(err, text.capacity);
-        goto exit;
-    }
+    if (text.failed)
+        RX_TRY_EXIT(rx_error_memory(err, text.capacity));
     if (text.length > 0)
         fwrite(text.data, 1, text.length, file);
     for (int i = 0; i < catalog->n && status == RX_OK; i++)
@@ -128,10 +126,8 @@ rx_status rx_skycat_write(FILE *file, const rx_catalog *catalog, rx_error *err)
     for (int i = 0; n > 0 && i < tables[0]->ncolumns; i++)
         rx_text_printf(&text, "%s%s", i > 0 ? "\t" : "", i < 4 ? first[i] : tables[0]->columns[i].name);
     rx_text_add(&text, "\n------------------\n");
-    if (text.failed) {
-        status = rx_error_memory(err, text.capacity);
-        goto exit;
-    }
+    if (text.failed)
+        RX_TRY_EXIT(rx_error_memory(err, text.capacity));
     fwrite(text.data, 1, text.length, file);
     for (int i = 0; i < n && status == RX_OK; i++)
         status = write_rows(file, tables[i], " \t", &text, err);

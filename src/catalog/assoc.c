@@ -30,16 +30,13 @@ rx_status rx_assoc_read(const char *path, rx_assoc **dst, rx_error *err)
     rx_table *table = NULL;
     rx_assoc *list = NULL;
     long columns = 0;
-    rx_status status = rx_catalog_read(path, 0, &table, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_catalog_read(path, 0, &table, err));
     for (int i = 0; i < table->ncolumns && columns <= RX_ASSOC_COLUMNS; i++)
         columns += rx_column_elements(&table->columns[i]);
-    if (columns > RX_ASSOC_COLUMNS) {
-        status = rx_error_at(err, RX_INPUT, path, -1, 0,
-                             "has more than %d columns, too many for an ASSOC list", RX_ASSOC_COLUMNS);
-        goto exit;
-    }
+    if (columns > RX_ASSOC_COLUMNS)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
+                                "has more than %d columns, too many for an ASSOC list", RX_ASSOC_COLUMNS));
     list = RX_NEW(rx_assoc, 1);
     if (list != NULL) {
         list->path = rx_strdup(path);
@@ -47,10 +44,8 @@ rx_status rx_assoc_read(const char *path, rx_assoc **dst, rx_error *err)
         list->columns = (int)columns;
         list->values = rx_alloc((size_t)table->nrows, (size_t)columns * sizeof(double));
     }
-    if (list == NULL || list->path == NULL || list->values == NULL) {
-        status = rx_error_memory(err, (size_t)table->nrows * (size_t)columns * sizeof(double));
-        goto exit;
-    }
+    if (list == NULL || list->path == NULL || list->values == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)table->nrows * (size_t)columns * sizeof(double)));
     double *value = list->values;
     for (long row = 0; row < table->nrows; row++)
         for (int i = 0; i < table->ncolumns; i++)
@@ -270,14 +265,11 @@ rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struc
 {
     matcher m = {.par = par, .list = list};
     double *values = NULL;
-    rx_status status = prepare(&m, wcs, log, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(prepare(&m, wcs, log, err));
     values = rx_alloc((size_t)sources->n, (size_t)m.ndata * sizeof(double));
-    if (values == NULL) {
-        status = rx_error_memory(err, (size_t)sources->n * (size_t)m.ndata * sizeof(double));
-        goto exit;
-    }
+    if (values == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)sources->n * (size_t)m.ndata * sizeof(double)));
     for (int i = 0; i < sources->n; i++) {
         rx_source *s = &sources->list[i];
         s->number_assoc = match_one(&m, s->x, s->y, values + (size_t)i * (size_t)m.ndata);

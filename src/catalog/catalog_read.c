@@ -79,18 +79,15 @@ rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error 
     kind found;
     rx_point_locale locale;
     *dst = NULL;
-    rx_status status = tell_kind(path, &found, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(tell_kind(path, &found, err));
     if (found == KIND_FITS)
         return rx_fits_read_table(path, index, dst, err);
     if (found == KIND_TEXT && index > 0)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "is a text file of one table, number %d was asked",
                            index + 1);
-    status = rx_point_locale_begin(&locale, err);
-    if (status != RX_OK)
-        return status;
-    status = found == KIND_XML ? rx_votable_read(path, index, dst, err) : rx_ascii_read(path, dst, err);
+    RX_TRY(rx_point_locale_begin(&locale, err));
+    rx_status status =
+        found == KIND_XML ? rx_votable_read(path, index, dst, err) : rx_ascii_read(path, dst, err);
     rx_point_locale_end(&locale);
     return status;
 }

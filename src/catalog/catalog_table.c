@@ -74,10 +74,8 @@ rx_status rx_catalog_table(const rx_column_list *list, const rx_image *image, co
     table->nrows = sources->n;
     free(table->name);
     table->name = rx_strdup("OBJECTS");
-    if (table->name == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (table->name == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < list->n && status == RX_OK; i++) {
         const rx_column_choice *choice = &list->choice[i];
         describe(&table->columns[i], &defs[choice->index], choice->dim);

@@ -18,9 +18,8 @@ static bool is_fits(rx_catalog_type type)
 static rx_status write_text(FILE *file, const rx_catalog *catalog, rx_error *err)
 {
     rx_point_locale locale;
-    rx_status status = rx_point_locale_begin(&locale, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_point_locale_begin(&locale, err));
     if (catalog->type == RX_CATALOG_VOTABLE)
         status = rx_votable_write(file, catalog, err);
     else if (catalog->type == RX_CATALOG_ASCII_SKYCAT)
@@ -95,10 +94,8 @@ static rx_status write_fits(const rx_catalog *catalog, const char *path, const c
     rx_text cards = {0};
     rx_fits_writer *writer = NULL;
     rx_point_locale locale;
-    rx_status status = rx_point_locale_begin(&locale, err);
-    if (status != RX_OK)
-        return status;
-    status = rx_fits_create(temporary, path, &writer, err);
+    RX_TRY(rx_point_locale_begin(&locale, err));
+    rx_status status = rx_fits_create(temporary, path, &writer, err);
     for (int i = 0; i < catalog->n && status == RX_OK; i++) {
         status = table_cards(catalog, tables[i], &cards, err);
         if (status == RX_OK)
@@ -133,12 +130,11 @@ rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n
         rx_fits_digest_table(tables[part], dst);
         return RX_OK;
     }
-    rx_status status = rx_point_locale_begin(&locale, err);
-    if (status != RX_OK)
-        return status;
-    status = type == RX_CATALOG_VOTABLE
-                 ? rx_votable_digest(tables[part], dst, err)
-                 : rx_ascii_digest(tables, n, type == RX_CATALOG_ASCII_SKYCAT ? " \t" : " ", dst, err);
+    RX_TRY(rx_point_locale_begin(&locale, err));
+    rx_status status =
+        type == RX_CATALOG_VOTABLE
+            ? rx_votable_digest(tables[part], dst, err)
+            : rx_ascii_digest(tables, n, type == RX_CATALOG_ASCII_SKYCAT ? " \t" : " ", dst, err);
     rx_point_locale_end(&locale);
     return status;
 }

@@ -111,10 +111,7 @@ static rx_status parse_line(const char *path, long line, char *text, rx_column_l
         return RX_OK;
     }
     rx_column_choice choice = {.index = index};
-    rx_status status =
-        parse_dimensions(path, line, text + length, &rx_column_defs(&count)[index], choice.dim, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(parse_dimensions(path, line, text + length, &rx_column_defs(&count)[index], choice.dim, err));
     for (int i = 0; i < list->n; i++)
         if (list->choice[i].index == index) {
             names_add(twice, name);
@@ -141,10 +138,8 @@ rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, r
     list = RX_NEW(rx_column_list, 1);
     if (list != NULL)
         list->choice = RX_NEW(rx_column_choice, (size_t)n);
-    if (list == NULL || list->choice == NULL) {
-        status = rx_error_memory(err, (size_t)n * sizeof(rx_column_choice));
-        goto exit;
-    }
+    if (list == NULL || list->choice == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * sizeof(rx_column_choice)));
     long number = 1;
     for (char *text = data, *next; text != NULL && status == RX_OK; text = next, number++) {
         next = strchr(text, '\n');

@@ -402,10 +402,8 @@ rx_status rx_votable_read(const char *path, int index, rx_table **dst, rx_error 
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
     in.fields = RX_NEW(field, RX_READ_COLUMNS);
     in.parser = XML_ParserCreate(NULL);
-    if (in.fields == NULL || in.parser == NULL) {
-        status = rx_error_memory(err, RX_READ_COLUMNS * sizeof(field));
-        goto exit;
-    }
+    if (in.fields == NULL || in.parser == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, RX_READ_COLUMNS * sizeof(field)));
     XML_SetUserData(in.parser, &in);
     XML_SetElementHandler(in.parser, on_begin, on_end);
     XML_SetCharacterDataHandler(in.parser, on_text);

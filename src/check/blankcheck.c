@@ -80,10 +80,8 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
     float *sigma = RX_NEW(float, n);
     if (field->psf != NULL)
         psf = moved_psf(field->psf, part);
-    if (sigma == NULL || (psf == NULL) != (field->psf == NULL)) {
-        status = rx_error_memory(err, n * sizeof *sigma);
-        goto exit;
-    }
+    if (sigma == NULL || (psf == NULL) != (field->psf == NULL))
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof *sigma));
     for (int y = 0; y < height; y++) {
         float *row = sigma + (size_t)y * (size_t)width;
         const float *from =
@@ -146,12 +144,9 @@ static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input 
 {
     rx_field *blank = NULL;
     rx_result result = {0};
-    rx_status status =
-        rx_blankcheck_field(params, in->field, in->noise, NULL,
-                            (rx_random_stream){params->seed, NOISE + (uint64_t)number}, &blank, err);
-    if (status != RX_OK)
-        return status;
-    status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
+    RX_TRY(rx_blankcheck_field(params, in->field, in->noise, NULL,
+                               (rx_random_stream){params->seed, NOISE + (uint64_t)number}, &blank, err));
+    rx_status status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
     if (status == RX_OK) {
         const rx_tphot *tphot = result.templates.tphot;
         dst->mpixels += searched(params, &result, 0);
@@ -244,9 +239,8 @@ static rx_status run_window(const rx_pipeline_params *params, const rx_blank_inp
     rx_result result = {0};
     RX_TRY(rx_blankcheck_field(params, in->field, in->noise, &window,
                                (rx_random_stream){params->seed, NOISE + (uint64_t)side}, &blank, err));
-    rx_status status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err));
     const double mpixels = searched(params, &result, 0);
     if (result.by != NULL || !(mpixels > 0.0))
         goto exit;

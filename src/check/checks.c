@@ -39,9 +39,7 @@ static rx_status find_sources(const rx_pipeline_params *params, int sizes, const
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = 0;
     own.templates.wanted = 0;
-    rx_status status = rx_field_extract(&own, rx_restorer_find("NONE"), field, NULL, NULL, &result, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_field_extract(&own, rx_restorer_find("NONE"), field, NULL, NULL, &result, err));
     *dst = result.sources;
     result.sources = NULL;
     rx_result_free(&result);
@@ -346,9 +344,7 @@ rx_status rx_checks_report(const rx_checks *checks, const rx_checks_page *page, 
     rx_verdict verdict;
     rx_qa_params par = rx_selfcheck_qa(checks->plan);
     const char *(*pairs)[2] = NULL;
-    rx_status status = rx_record_list(page->record, &pairs, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_record_list(page->record, &pairs, err));
     for (int i = 0; i < page->n; i++) {
         rx_qa_run injected;
         rx_selfcheck_input(checks->plan, &page->results[i]->self, page->about[i].name, &input, &injected);
@@ -369,7 +365,7 @@ rx_status rx_checks_report(const rx_checks *checks, const rx_checks_page *page, 
     input.nrecord = page->record->n;
     input.record = (const char *const(*)[2])pairs;
     par.log = log;
-    status = rx_qa_report(&par, &input, page->folder, page->shown, &verdict, NULL, err);
+    rx_status status = rx_qa_report(&par, &input, page->folder, page->shown, &verdict, NULL, err);
     free(pairs);
     return status;
 }

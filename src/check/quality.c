@@ -37,9 +37,7 @@ static void flux_of(const rx_source *s, int kind, double *flux, double *error)
 rx_status rx_quality_list(const rx_quality_params *par, const rx_tile *tile, const rx_sources *sources,
                           rx_qa_list *dst, rx_error *err)
 {
-    rx_status status = rx_qa_list_new(dst, sources->n, 1, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_qa_list_new(dst, sources->n, 1, err));
     for (long i = 0; i < sources->n; i++) {
         const rx_source *s = &sources->list[i];
         double flux, error;

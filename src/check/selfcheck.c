@@ -138,10 +138,8 @@ rx_status rx_selfcheck_sift(const rx_sift *in, unsigned char *new_one, rx_error 
     rx_status status = RX_OK;
     double *xy = RX_TAKE(&memory, double, 2 * (nb + na));
     long *partners = RX_TAKE(&memory, long, nb + na);
-    if (xy == NULL || partners == NULL) {
-        status = rx_error_memory(err, 2 * (nb + na) * sizeof(double));
-        goto exit;
-    }
+    if (xy == NULL || partners == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 2 * (nb + na) * sizeof(double)));
     double *xb = xy, *yb = xy + nb, *xa = xy + 2 * nb, *ya = xa + na;
     positions(before, xb, yb);
     positions(after, xa, ya);

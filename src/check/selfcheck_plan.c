@@ -71,9 +71,7 @@ static rx_status noise_area(const rx_field *field, double *area, rx_error *err)
 static rx_status choose_magnitudes(rx_selfcheck_plan *plan, rx_error *err)
 {
     double area = 1.0;
-    rx_status status = noise_area(plan->field, &area, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(noise_area(plan->field, &area, err));
     double flux = 5.0 * plan->field->restored->global_sigma * plan->field->noise_factor * sqrt(area);
     plan->limit = plan->field->tile->zeropoint - 2.5 * log10(flux);
     plan->mag_low = plan->par->mag[0];

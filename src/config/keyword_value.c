@@ -57,9 +57,7 @@ static rx_status read_real(const target *at, const char *item, double *dst, rx_e
 static rx_status read_int(const target *at, const char *item, int *dst, rx_error *err)
 {
     double value;
-    rx_status status = read_real(at, item, &value, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(read_real(at, item, &value, err));
     if (value != floor(value))
         return refuse(at, err, "%.80s is not a whole number", item);
     *dst = (int)value;
@@ -202,9 +200,8 @@ rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, 
     memset(&value, 0, sizeof value);
     if (key->kind == RX_KIND_STRINGS && n == 1 && items[0][0] == '\0')
         n = 0;
-    rx_status status = count_items(&at, items, &n, log, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(count_items(&at, items, &n, log, err));
     if (key->kind == RX_KIND_STRING && key->nmin == 0 && (n == 0 || strcasecmp(items[0], "NONE") == 0)) {
         items = empty;
         n = 1;

@@ -315,14 +315,12 @@ rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *i
     add(&list, config->tile_name);
     add_simulate(&list, config->sim);
     add_stage(&list, config->stage);
-    rx_status status = rx_campaign_config_shard(config, &k, &n, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
     rx_text_add(&journal, config->journal_name);
     if (n > 1)
         rx_text_printf(&journal, ".%d", k);
-    status = journal.failed ? rx_error_memory(err, journal.length)
-                            : check_file(&list, "JOURNAL_NAME", journal.data, err);
+    rx_status status = journal.failed ? rx_error_memory(err, journal.length)
+                                      : check_file(&list, "JOURNAL_NAME", journal.data, err);
     if (status == RX_OK) {
         add(&list, journal.data);
         status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);

@@ -142,20 +142,14 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
     }
     if (status != RX_OK || items.n == 0)
         goto exit;
-    status = find(settings, items.v[0], place, &owner, &row, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(find(settings, items.v[0], place, &owner, &row, err));
     rx_text_add(&values, "");
     rx_keyword_print(&values, owner, row, true);
     const size_t before = values.length;
-    status = rx_keyword_assign(owner, row, items.v + 1, items.n - 1, place, log, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(rx_keyword_assign(owner, row, items.v + 1, items.n - 1, place, log, err));
     rx_keyword_print(&values, owner, row, true);
-    if (values.failed) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (values.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     const bool repeats = owner->origin[row] <= RX_FROM_DUMP && values.length == 2 * before &&
                          memcmp(values.data, values.data + before, before) == 0;
     owner->origin[row] = repeats ? RX_FROM_DUMP : RX_FROM_FILE;
@@ -204,11 +198,9 @@ rx_status rx_settings_set(rx_settings *settings, const char *name, const char *v
     rx_tokens items = {0};
     rx_settings *owner = NULL;
     int row = 0;
-    rx_status status = find(settings, name, (rx_place){0}, &owner, &row, err);
-    if (status != RX_OK)
-        return status;
-    status = owner->table->rows[row].kind == RX_KIND_STRING ? rx_tokens_expand(value, &items, err)
-                                                            : rx_tokens_read(value, &items, err);
+    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, err));
+    rx_status status = owner->table->rows[row].kind == RX_KIND_STRING ? rx_tokens_expand(value, &items, err)
+                                                                      : rx_tokens_read(value, &items, err);
     if (status == RX_OK)
         status = rx_keyword_assign(owner, row, items.v, items.n, (rx_place){0}, log, err);
     if (status == RX_OK)

@@ -59,10 +59,8 @@ static rx_status read_line(rx_tiles *tiles, long number, const char *line, rx_er
     if (status != RX_OK || words.n == 0)
         goto exit;
     grown = rx_regrow(tiles->tile, (size_t)tiles->n + 1, sizeof *grown);
-    if (grown == NULL) {
-        status = rx_error_memory(err, ((size_t)tiles->n + 1) * sizeof *grown);
-        goto exit;
-    }
+    if (grown == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, ((size_t)tiles->n + 1) * sizeof *grown));
     tiles->tile = grown;
     rx_listed_tile *tile = &tiles->tile[tiles->n++];
     *tile = (rx_listed_tile){.line = number, .words = words};

@@ -23,14 +23,11 @@ static rx_status weight_scale(const rx_background_params *par, const float *vari
     size_t n = 0, good;
     int measured;
     const rx_image image = {.width = (int)back->w, .height = (int)back->h, .pixels = variance};
-    rx_status status = rx_mesh_measure(par, &image, RX_MESH_MODE, &meshes, &good, &measured, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_mesh_measure(par, &image, RX_MESH_MODE, &meshes, &good, &measured, err));
     ratio = RX_NEW(double, (size_t)meshes->n);
-    if (ratio == NULL) {
-        status = rx_error_memory(err, (size_t)meshes->n * sizeof(double));
-        goto exit;
-    }
+    if (ratio == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)meshes->n * sizeof(double)));
     for (int i = 0; i < meshes->n; i++)
         if (meshes->back[i] > 0.0f && back->sigma[i] > 0.0f)
             ratio[n++] = back->sigma[i] / sqrt(meshes->back[i]);
@@ -58,9 +55,7 @@ static rx_status sigma_from_map(const rx_background_params *par, const rx_image 
         dst->sigma[i] = !usable ? NAN : src->weight_type == RX_WEIGHT_MAP_VAR ? w : 1.0f / w;
     }
     double factor = 1.0;
-    rx_status status = weight_scale(par, dst->sigma, back, &factor, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(weight_scale(par, dst->sigma, back, &factor, err));
     if (par->no_rescale) {
         dst->global_sigma /= factor;
         factor = 1.0;
@@ -144,10 +139,8 @@ static rx_status hide_sources(const rx_background_params *par, const rx_image *s
     rx_status status = RX_OK;
     float *filtered = RX_NEW(float, n);
     uint8_t *out = RX_NEW(uint8_t, n);
-    if (filtered == NULL || out == NULL) {
-        status = rx_error_memory(err, n * (sizeof *filtered + sizeof *out));
-        goto exit;
-    }
+    if (filtered == NULL || out == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * (sizeof *filtered + sizeof *out)));
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (size_t k = 0; k < n; k++) {
         const int full =
@@ -222,9 +215,8 @@ static rx_status fill_maps(const rx_background_params *par, const rx_image *src,
 {
     sep_bkg *mesh = NULL;
     size_t good = 0;
-    rx_status status = measure_meshes(par, src, &mesh, &good, &dst->passes, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(measure_meshes(par, src, &mesh, &good, &dst->passes, err));
     if (good > 0) {
         dst->global_level = par->manual ? dst->global_level : mesh->global;
         dst->global_sigma = mesh->globalrms;
@@ -258,9 +250,7 @@ rx_status rx_background_measure(const rx_background_params *par, const rx_image 
     back->global_level = par->manual ? par->manual_value : 0.0;
     back->mask = image->mask;
     back->mask_bits = image->hide;
-    status = fill_maps(par, image, back, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(fill_maps(par, image, back, err));
     *dst = back;
     back = NULL;
 exit:

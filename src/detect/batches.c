@@ -84,13 +84,9 @@ rx_status rx_batches_make(const rx_detect_params *par, const rx_threshold *image
     *dst = (rx_batches){.list = RX_NEW(rx_batch, n), .members = RX_NEW(int, n)};
     unsigned char *kind = RX_NEW(unsigned char, n);
     rx_status status = RX_OK;
-    if (kind == NULL || dst->list == NULL || dst->members == NULL) {
-        status = rx_error_memory(err, n * sizeof(rx_batch));
-        goto exit;
-    }
-    status = sort_out(par, groups, kind, err);
-    if (status != RX_OK)
-        goto exit;
+    if (kind == NULL || dst->list == NULL || dst->members == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(rx_batch)));
+    RX_TRY_EXIT(sort_out(par, groups, kind, err));
     collect(image, groups, kind, BLEND, dst, &used);
     collect(image, groups, kind, PLAIN, dst, &used);
 exit:

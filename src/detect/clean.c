@@ -149,10 +149,8 @@ rx_status rx_clean(const rx_detect_params *par, const rx_detections *found, cons
     float *heights = RX_NEW(float, least *(size_t)threads);
     *eater = RX_NEW(int, n);
     rx_status status = RX_OK;
-    if (wings == NULL || bands == NULL || menu == NULL || heights == NULL || *eater == NULL) {
-        status = rx_error_memory(err, n * sizeof *wings);
-        goto exit;
-    }
+    if (wings == NULL || bands == NULL || menu == NULL || heights == NULL || *eater == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof *wings));
 #pragma omp parallel for schedule(dynamic, 64) num_threads(threads)
     for (int i = 0; i < found->n; i++) {
         float *own = heights + (size_t)omp_get_thread_num() * least;

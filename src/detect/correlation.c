@@ -309,10 +309,8 @@ rx_status rx_correlation_measure(const rx_image *image, const unsigned char *use
     int *which = RX_NEW(int, (size_t)n);
     double *sorted = RX_NEW(double, (size_t)n);
     *dst = rx_noise_white(RX_NOISE_UNKNOWN);
-    if (cells == NULL || rooms == NULL || which == NULL || sorted == NULL) {
-        status = rx_error_memory(err, (size_t)n * sizeof *cells + (size_t)threads * sizeof *rooms);
-        goto exit;
-    }
+    if (cells == NULL || rooms == NULL || which == NULL || sorted == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * sizeof *cells + (size_t)threads * sizeof *rooms));
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (int t = 0; t < threads; t++)
         for (int k = t; k < n; k += threads) {

@@ -174,10 +174,8 @@ rx_status rx_cutouts_make(const rx_threshold *image, const rx_groups *groups, co
         dst->ring += rx_max_int(unfiltered->kernel->width, unfiltered->kernel->height) / 2;
     item *items = RX_NEW(item, (size_t)n);
     dst->list = RX_NEW(rx_cutout, (size_t)n);
-    if (items == NULL || dst->list == NULL) {
-        status = rx_error_memory(err, (size_t)n * sizeof *items);
-        goto exit;
-    }
+    if (items == NULL || dst->list == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * sizeof *items));
     for (int i = 0; i < n; i++)
         items[i] = (item){height_of(&groups->list[wanted[i]], dst->ring), wanted[i]};
     qsort(items, (size_t)n, sizeof *items, by_height);
@@ -191,10 +189,8 @@ rx_status rx_cutouts_make(const rx_threshold *image, const rx_groups *groups, co
     dst->shelf = RX_NEW(int, (size_t)dst->height);
     if (noisy)
         dst->noise = RX_NEW(float, area);
-    if (dst->pixels == NULL || dst->shelf == NULL || (noisy && dst->noise == NULL)) {
-        status = rx_error_memory(err, area * sizeof(float));
-        goto exit;
-    }
+    if (dst->pixels == NULL || dst->shelf == NULL || (noisy && dst->noise == NULL))
+        RX_TRY_EXIT(rx_error_memory(err, area * sizeof(float)));
     for (size_t k = 0; k < area && noisy; k++)
         dst->noise[k] = NOTHING;
     index_shelves(groups, dst);

@@ -362,10 +362,8 @@ static rx_status build_sources(const rx_detect_params *par, const rx_image *imag
     dst->law_power = 0.5;
     dst->segments = RX_NEW(int32_t, work->n);
     dst->fragments = RX_NEW(uint8_t, work->n);
-    if (row_of == NULL || ranks == NULL || dst->segments == NULL || dst->fragments == NULL) {
-        status = rx_error_memory(err, work->n * sizeof(int32_t));
-        goto exit;
-    }
+    if (row_of == NULL || ranks == NULL || dst->segments == NULL || dst->fragments == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, work->n * sizeof(int32_t)));
     for (int i = 0; i < n; i++) {
         const bool eaten = work->eater != NULL && work->eater[i] >= 0;
         const bool large = par->max_area > 0 && list[i].npix > par->max_area;
@@ -374,10 +372,8 @@ static rx_status build_sources(const rx_detect_params *par, const rx_image *imag
     paint_all(par, work, row_of, dst);
     drop_pixels(work);
     dst->list = RX_NEW(rx_source, (size_t)dst->n);
-    if (dst->list == NULL) {
-        status = rx_error_memory(err, (size_t)dst->n * sizeof *dst->list);
-        goto exit;
-    }
+    if (dst->list == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)dst->n * sizeof *dst->list));
 #pragma omp parallel for schedule(dynamic, 64) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (int i = 0; i < n; i++) {
         if (row_of[i] < 0)
@@ -439,10 +435,8 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_image *image, cons
     if (status != RX_OK)
         goto exit;
     sources = RX_NEW(rx_sources, 1);
-    status = sources == NULL ? rx_error_memory(err, sizeof *sources)
-                             : build_sources(par, image, &work, &job, sources, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(sources == NULL ? rx_error_memory(err, sizeof *sources)
+                                : build_sources(par, image, &work, &job, sources, err));
     *dst = sources;
     sources = NULL;
 exit:

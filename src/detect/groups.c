@@ -231,10 +231,8 @@ static rx_status make_list(const rx_threshold *t, const rx_span *spans, long *pa
     places = RX_NEW(place, (size_t)dst->n);
     rank = RX_NEW(int, (size_t)dst->n);
     dst->list = RX_NEW(rx_group, (size_t)dst->n);
-    if (found == NULL || places == NULL || rank == NULL || dst->list == NULL) {
-        status = rx_error_memory(err, (size_t)dst->n * sizeof *found);
-        goto exit;
-    }
+    if (found == NULL || places == NULL || rank == NULL || dst->list == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)dst->n * sizeof *found));
     for (long i = 0; i < dst->nspans; i++)
         extend(t, &spans[i], &found[-1 - parent[i]]);
     for (int i = 0; i < dst->n; i++)
@@ -308,10 +306,8 @@ rx_status rx_groups_find(const rx_threshold *threshold, int nthreads, rx_groups 
     spans = RX_NEW(rx_span, (size_t)dst->nspans);
     parent = RX_NEW(long, (size_t)dst->nspans);
     dst->blocks = RX_NEW(float *, (size_t)nstrips);
-    if (failed || spans == NULL || parent == NULL || dst->blocks == NULL) {
-        status = rx_error_memory(err, (size_t)dst->nspans * sizeof *spans);
-        goto exit;
-    }
+    if (failed || spans == NULL || parent == NULL || dst->blocks == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)dst->nspans * sizeof *spans));
     join(strips, nstrips, spans, dst);
     connect(spans, dst->nspans, parent);
     RX_TRY_EXIT(make_list(threshold, spans, parent, dst, err));

@@ -320,10 +320,8 @@ static rx_status smooth(const rx_background_params *par, sep_bkg *mesh, rx_error
     const size_t room = (2 * half_width + 1) * (2 * half_height + 1);
     rx_status status = RX_OK;
     float *level = RX_NEW(float, n), *sigma = RX_NEW(float, n), *box = RX_NEW(float, room);
-    if (level == NULL || sigma == NULL || box == NULL) {
-        status = rx_error_memory(err, (n + room) * sizeof(float));
-        goto exit;
-    }
+    if (level == NULL || sigma == NULL || box == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (n + room) * sizeof(float)));
     memcpy(level, mesh->back, n * sizeof *level);
     memcpy(sigma, mesh->sigma, n * sizeof *sigma);
     for (int m = 0; m < mesh->n; m++) {
@@ -395,10 +393,8 @@ rx_status rx_mesh_measure(const rx_background_params *par, const rx_image *image
     mesh->dback = RX_NEW(float, n);
     mesh->dsigma = RX_NEW(float, n);
     if (scratch == NULL || mesh->back == NULL || mesh->sigma == NULL || mesh->dback == NULL ||
-        mesh->dsigma == NULL) {
-        status = rx_error_memory(err, n * sizeof(float));
-        goto exit;
-    }
+        mesh->dsigma == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
     RX_TRY_EXIT(measure_all(par, image, level, mesh, good, err));
     RX_TRY_EXIT(fill_gaps(mesh, meshes, err));
     RX_TRY_EXIT(smooth(par, mesh, err));

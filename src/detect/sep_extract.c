@@ -360,10 +360,8 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
     if (status != RX_OK)
         goto exit;
     failed = extract_alone(par, job, &batches, &limit, parts);
-    if (failed == NO_MEMORY) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (failed == NO_MEMORY)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     if (failed != 0) {
         char text[61] = "";
         sep_get_errmsg(failed, text);

@@ -112,9 +112,8 @@ rx_status rx_fits_digest_hdu(const char *path, int hdu, char dst[RX_HASH_TEXT], 
     uint8_t room[4 * WORDS];
     LONGLONG from = 0, left = 0;
     rx_hash sum;
-    rx_status status = find_data(path, hdu, &from, &left, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(find_data(path, hdu, &from, &left, err));
     FILE *file = fopen(path, "rb");
     if (file == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));

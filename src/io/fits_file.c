@@ -111,9 +111,8 @@ static rx_status check_file(const char *path, kind *dst, rx_error *err)
 static rx_status load(const char *path, int64_t bytes, int to, int64_t *size, rx_error *err)
 {
     char piece[1 << 13];
-    rx_status status = rx_fits_ask_memory(bytes, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_fits_ask_memory(bytes, err));
     FILE *from = fopen(path, "rb");
     if (from == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
@@ -136,18 +135,14 @@ static rx_status hold(const char *path, const kind *about, int to, rx_fits_sourc
 {
     char begin[9] = "", literal[40];
     int failed = 0;
-    rx_status status = about->packed ? rx_fits_unpack(path, to, &dst->bytes, err)
-                                     : load(path, about->bytes, to, &dst->bytes, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(about->packed ? rx_fits_unpack(path, to, &dst->bytes, err)
+                         : load(path, about->bytes, to, &dst->bytes, err));
     if (pread(to, begin, sizeof begin, 0) != sizeof begin || memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
         return rx_error_at(err, RX_INPUT, path, -1, 0,
                            "is not a packed FITS file: what is in it does not begin with SIMPLE");
     if (ftruncate(to, (off_t)rx_fits_held(dst)) != 0)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    status = rx_fits_walk(to, path, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fits_walk(to, path, err));
     snprintf(literal, sizeof literal, "/proc/self/fd/%d", to);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
@@ -604,10 +599,8 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
         long low[9] = {first[0], first[1] + (long)row, plane, 1, 1, 1, 1, 1, 1};
         long high[9] = {last[0], first[1] + (long)(row + n) - 1, plane, 1, 1, 1, 1, 1, 1};
         long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
-        if (fits_read_subset(file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed)) {
-            status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read");
-            goto exit;
-        }
+        if (fits_read_subset(file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed))
+            RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read"));
         for (size_t i = 0; i < n * width; i++)
             dst[row * width + i] = fabs(buffer[i]) <= (double)FLT_MAX ? (float)buffer[i] : NAN;
     }
@@ -704,18 +697,14 @@ rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **c
         if (fits_read_record(file, i, card, &failed) == 0)
             add_as_read(&text, card);
     }
-    if (failed) {
-        status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read");
-        goto exit;
-    }
+    if (failed)
+        RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read"));
     if (compressed)
         image_cards(&text, &image);
     rx_text *wanted = compressed ? &image : &text;
     rx_text_add(wanted, "");
-    if (text.failed || wanted->failed) {
-        status = rx_error_memory(err, text.length);
-        goto exit;
-    }
+    if (text.failed || wanted->failed)
+        RX_TRY_EXIT(rx_error_memory(err, text.length));
     *cards = wanted->data;
     *ncards = wanted->length / 80;
     *wanted = (rx_text){0};

@@ -37,9 +37,8 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes,
                       : status;
     }
     int count = 0;
-    rx_status status = rx_fits_count(file, name->path, &count, NULL, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_fits_count(file, name->path, &count, NULL, err));
     for (int i = 0; i < count; i++) {
         status = rx_fits_goto(file, name->path, i, err);
         if (status != RX_OK)
@@ -430,9 +429,7 @@ static rx_status take_header(fitsfile *file, const char *path, int hdu, rx_table
 {
     char extname[FLEN_VALUE] = "";
     size_t n = 0;
-    rx_status status = rx_fits_read_cards(file, path, hdu, &table->cards, &n, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fits_read_cards(file, path, hdu, &table->cards, &n, err));
     table->ncards = (long)n;
     rx_cards_text(table->cards, table->ncards, "EXTNAME", extname, sizeof extname);
     free(table->name);
@@ -449,9 +446,7 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
     long rows = 0;
     rx_table *table = NULL;
     plan *plans = NULL;
-    rx_status status = rx_fits_goto(file, path, hdu, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fits_goto(file, path, hdu, err));
     failed = rx_fits_shape_of(file, &shape);
     if (!failed && shape.is_image)
         return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds an image, a table was expected");
@@ -459,15 +454,12 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
     fits_get_num_rows(file, &rows, &failed);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
-    status = rx_fits_check_size(source, path, hdu, &shape, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_fits_check_size(source, path, hdu, &shape, err));
     table = rx_table_new(ncolumns);
     plans = RX_NEW(plan, (size_t)ncolumns);
-    if (table == NULL || plans == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (table == NULL || plans == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     table->nrows = rows;
     for (int i = 1; i <= ncolumns && !failed; i++) {
         rx_column *column = &table->columns[kept];
@@ -521,9 +513,8 @@ rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **d
     *dst = NULL;
     *hdu = -1;
     snprintf(wanted, sizeof wanted, "%s", extname);
-    rx_status status = rx_fits_open(path, &source, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_fits_open(path, &source, err));
     fits_movnam_hdu(source.file, ANY_HDU, wanted, 0, &failed);
     fits_clear_errmsg();
     if (!failed) {

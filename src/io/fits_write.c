@@ -48,10 +48,8 @@ rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **d
         return rx_error_memory(err, sizeof *writer);
     writer->path = rx_strdup(path);
     writer->shown = rx_strdup(shown);
-    if (writer->path == NULL || writer->shown == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (writer->path == NULL || writer->shown == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     if (strlen(path) >= FLEN_FILENAME - 1) {
         status = rx_error_at(err, RX_SYSTEM, shown, -1, 0, "the name is too long; give a shorter one");
         goto exit;
@@ -367,10 +365,8 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     char **names = RX_NEW(char *, (size_t)n), **forms = RX_NEW(char *, (size_t)n),
          **units = RX_NEW(char *, (size_t)n);
     char(*form)[40] = rx_alloc((size_t)n, sizeof *form);
-    if (names == NULL || forms == NULL || units == NULL || form == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (names == NULL || forms == NULL || units == NULL || form == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < n; i++) {
         names[i] = table->columns[i].name;
         units[i] = table->columns[i].unit;
@@ -385,9 +381,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
         write_column_keys(writer->file, i + 1, &table->columns[i], &failed);
     write_extra(writer->file, extra, &failed);
     fits_set_hdustruc(writer->file, &failed);
-    status = write_rows(writer, table, &failed, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(write_rows(writer, table, &failed, err));
     write_checksum(writer->file, rx_fits_sum_table(table), &failed);
     writer->hdus++;
     if (failed)

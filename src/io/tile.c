@@ -93,10 +93,8 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
     if (!rx_fits_name_selects(&parsed))
         RX_TRY_EXIT(rx_fits_count(source.file, parsed.path, &count, &broken, err));
     list = RX_NEW(int, (size_t)count);
-    if (list == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (list == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     if (rx_fits_name_selects(&parsed)) {
         status = rx_fits_goto_name(source.file, &parsed, &list[0], err);
         if (status == RX_OK && (failed = rx_fits_shape_of(source.file, &shape)) != 0)
@@ -249,9 +247,7 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nth
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    rx_status status = rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, 1, tile->pixels, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, 1, tile->pixels, err));
 #pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : bad)
     for (int y = 0; y < tile->height; y++)
         bad += mask_row(tile, y);
@@ -271,9 +267,8 @@ static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_log 
     char *block = NULL, inherit[8] = "";
     rx_text illegal = {0};
     size_t n = 0;
-    rx_status status = rx_fits_read_cards(file, place->name->path, place->hdu, &block, &n, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_fits_read_cards(file, place->name->path, place->hdu, &block, &n, err));
     rx_text_add_bytes(cards, block, n * 80);
     free(block);
     block = NULL;
@@ -337,17 +332,12 @@ static rx_status find_place(const rx_fits_source *source, rx_tile_place *place, 
     fitsfile *file = source->file;
     rx_fits_shape shape;
     const rx_fits_name *name = place->name;
-    rx_status status = rx_fits_goto(file, name->path, place->hdu, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fits_goto(file, name->path, place->hdu, err));
     int failed = rx_fits_shape_of(file, &shape);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, name->path, place->hdu, failed, "this HDU cannot be read");
-    status = check_plane(name->path, place->hdu, &shape, err);
-    if (status == RX_OK)
-        status = rx_fits_check_size(source, name->path, place->hdu, &shape, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check_plane(name->path, place->hdu, &shape, err));
+    RX_TRY(rx_fits_check_size(source, name->path, place->hdu, &shape, err));
     for (int i = 0; i < 2; i++)
         place->full[i] = (long)shape.axes[i];
     place->part = rx_fits_part(name, place->full);

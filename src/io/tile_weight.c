@@ -17,9 +17,8 @@ static rx_status choose_hdu(const char *what, const char *name, const rx_tile_pl
                             rx_error *err)
 {
     int *hdus = NULL, n = 0, chosen = -1;
-    rx_status status = rx_tile_list(name, NULL, &hdus, &n, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_tile_list(name, NULL, &hdus, &n, err));
     if (n == 1)
         chosen = hdus[0];
     else if (rx_fits_name_selects(place->name)) {

@@ -192,9 +192,7 @@ rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, int
     *law = (rx_noise_law){.scale = 1.0, .power = 0.5};
     obstacles sky = {0};
     double *sums = RX_NEW(double, count > 0 ? (size_t)count : 1);
-    status = sums == NULL ? rx_error_memory(err, 0) : mark_obstacles(&view, &sky, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(sums == NULL ? rx_error_memory(err, 0) : mark_obstacles(&view, &sky, err));
     for (int i = 0; i < NRADII; i++) {
         double area;
         int n = throw_apertures(&view, &sky, i, count, seed, sums, &area);

@@ -80,10 +80,8 @@ static rx_status make_relative(const float *psf, int size, double target_fwhm, i
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(*fft);
     float *plane = rx_fft_real(*fft), *spectrum = rx_fft_complex(*fft),
           *ku = target_spectra(*fft, target_fwhm);
-    if (plane == NULL || spectrum == NULL || ku == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (plane == NULL || spectrum == NULL || ku == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     const float *kv = ku + side / 2 + 1;
     rx_convolve_spectrum(*fft, psf, size, spectrum);
     for (int u = 0; u <= side / 2; u++)

@@ -348,9 +348,7 @@ static rx_status take_header(const reader *r, rx_error *err)
 static rx_status check_file(reader *r, rx_error *err)
 {
     double version = 0, tables = 0;
-    rx_status status = rx_fits_read_header(r->path, 0, &r->cards, &r->ncards, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fits_read_header(r->path, 0, &r->cards, &r->ncards, err));
     if (!rx_cards_number(r->cards, r->ncards, "RXMODEL", &version))
         return rx_error_at(err, RX_INPUT, r->path, 0, 0,
                            "is no model: its header has no RXMODEL; give a file made by rextract-train");
@@ -464,13 +462,11 @@ static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const
     rx_node list[RX_NET_NODES];
     rx_error why = rx_error_part(err);
     const float *values = params->columns[0].data;
-    rx_status status = take_nodes(r, nodes, hdu, list, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(take_nodes(r, nodes, hdu, list, err));
     double least = least_parameters(list, nodes->nrows);
     if (least > (double)params->nrows)
         return wrong_count(r, params_hdu, least, params->nrows, err);
-    status = rx_net_new(list, (int)nodes->nrows, dst, &why);
+    rx_status status = rx_net_new(list, (int)nodes->nrows, dst, &why);
     if (status == RX_INPUT)
         return rx_error_at(err, RX_INPUT, r->path, hdu, 0, "its nodes make no network: %s", why.text);
     if (status != RX_OK) {
@@ -550,10 +546,8 @@ static rx_status read_bins(const reader *r, rx_error *err)
         goto exit;
     }
     m->bins = RX_NEW(rx_model_bin, (size_t)table->nrows);
-    if (m->bins == NULL) {
-        status = rx_error_memory(err, (size_t)table->nrows * sizeof *m->bins);
-        goto exit;
-    }
+    if (m->bins == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)table->nrows * sizeof *m->bins));
     for (long i = 0; i < table->nrows; i++) {
         double v[NBIN_COLUMNS];
         for (int c = 0; c < NBIN_COLUMNS; c++)
@@ -624,14 +618,11 @@ rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err)
 {
     reader r = {.path = path};
     *dst = NULL;
-    rx_status status = check_file(&r, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(check_file(&r, err));
     r.model = rx_model_new();
-    if (r.model == NULL) {
-        status = rx_error_memory(err, sizeof *r.model);
-        goto exit;
-    }
+    if (r.model == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, sizeof *r.model));
     RX_TRY_EXIT(take_header(&r, err));
     RX_TRY_EXIT(read_net(&r, "RESTORE", 1, &r.model->restore, err));
     RX_TRY_EXIT(read_net(&r, "PSF", 0, &r.model->psf, err));

@@ -175,10 +175,8 @@ rx_status rx_net_new(const rx_node *nodes, int nnodes, rx_net **dst, rx_error *e
         goto exit;
     lay_out(net);
     net->params = RX_NEW(float, (size_t)net->nparams);
-    if (net->params == NULL) {
-        status = rx_error_memory(err, (size_t)net->nparams * sizeof(float));
-        goto exit;
-    }
+    if (net->params == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)net->nparams * sizeof(float)));
     *dst = net;
     net = NULL;
 exit:

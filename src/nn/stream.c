@@ -229,9 +229,7 @@ static rx_status make(rx_stream *s, rx_error *err)
 rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx_stream **dst, rx_error *err)
 {
     *dst = NULL;
-    rx_status status = check(net, width, precision, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check(net, width, precision, err));
     rx_stream *s = RX_NEW(rx_stream, 1);
     if (s == NULL)
         return rx_error_memory(err, sizeof *s);

@@ -228,10 +228,8 @@ rx_status rx_gauss_masked(int width, int height, double fwhm, const uint8_t *mas
     g.num = RX_NEW(float, most *(size_t)width);
     g.den = RX_NEW(float, most *(size_t)width);
     g.good = RX_NEW(float, (size_t)g.nthreads *(size_t)width);
-    if (g.weights == NULL || g.num == NULL || g.den == NULL || g.good == NULL) {
-        status = rx_error_memory(err, 2 * most * (size_t)width * sizeof *g.num);
-        goto exit;
-    }
+    if (g.weights == NULL || g.num == NULL || g.den == NULL || g.good == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 2 * most * (size_t)width * sizeof *g.num));
     for (size_t k = 0; k < (size_t)g.nthreads * (size_t)width; k++)
         g.good[k] = 1;
     rx_gauss_weights(fwhm, g.radius, g.weights);

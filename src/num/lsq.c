@@ -26,10 +26,8 @@ rx_status rx_lsq_linear(const rx_lsq_equations *equations, double *x, double *co
     if (weights == NULL && (ones = RX_NEW(double, rows)) != NULL)
         for (size_t i = 0; i < rows; i++)
             ones[i] = 1.0;
-    if (work == NULL || cov == NULL || (weights == NULL && ones == NULL)) {
-        status = rx_error_memory(err, rows * columns * sizeof(double));
-        goto exit;
-    }
+    if (work == NULL || cov == NULL || (weights == NULL && ones == NULL))
+        RX_TRY_EXIT(rx_error_memory(err, rows * columns * sizeof(double)));
     gsl_matrix_const_view va = gsl_matrix_const_view_array(equations->a, rows, columns);
     gsl_vector_const_view vb = gsl_vector_const_view_array(equations->b, rows);
     gsl_vector_const_view vw = gsl_vector_const_view_array(weights != NULL ? weights : ones, rows);
@@ -40,11 +38,9 @@ rx_status rx_lsq_linear(const rx_lsq_equations *equations, double *x, double *co
     int finite = isfinite(minimum);
     for (size_t j = 0; j < columns; j++)
         finite = finite && isfinite(x[j]);
-    if (code != GSL_SUCCESS || !finite) {
-        status = rx_error_set(err, RX_INPUT, "linear least squares failed: %s",
-                              code != GSL_SUCCESS ? gsl_strerror(code) : "numbers are not finite");
-        goto exit;
-    }
+    if (code != GSL_SUCCESS || !finite)
+        RX_TRY_EXIT(rx_error_set(err, RX_INPUT, "linear least squares failed: %s",
+                                 code != GSL_SUCCESS ? gsl_strerror(code) : "numbers are not finite"));
     if (chi2 != NULL)
         *chi2 = minimum;
     for (size_t i = 0; covariance != NULL && i < columns; i++)
@@ -154,18 +150,14 @@ rx_status rx_lsq_fit(const rx_lsq_problem *problem, double *parameters, double *
                 .jacobian = problem->has_jacobian ? rx_alloc(n, p * sizeof(double)) : NULL};
     rx_lsq_result local;
     if (work == NULL || b.parameters == NULL || b.residuals == NULL ||
-        (problem->has_jacobian && b.jacobian == NULL)) {
-        status = rx_error_memory(err, n * p * sizeof(double));
-        goto exit;
-    }
+        (problem->has_jacobian && b.jacobian == NULL))
+        RX_TRY_EXIT(rx_error_memory(err, n * p * sizeof(double)));
     gsl_multifit_nlinear_fdf fdf = {
         .f = bridge_f, .df = problem->has_jacobian ? bridge_df : NULL, .n = n, .p = p, .params = &b};
     gsl_vector_view start = gsl_vector_view_array(parameters, p);
     int code = gsl_multifit_nlinear_init(&start.vector, &fdf, work);
-    if (code != GSL_SUCCESS) {
-        status = rx_error_set(err, RX_INPUT, "the fit cannot start: %s", gsl_strerror(code));
-        goto exit;
-    }
+    if (code != GSL_SUCCESS)
+        RX_TRY_EXIT(rx_error_set(err, RX_INPUT, "the fit cannot start: %s", gsl_strerror(code)));
     iterate(problem, work, result != NULL ? result : &local);
     for (size_t j = 0; j < p; j++)
         parameters[j] = gsl_vector_get(gsl_multifit_nlinear_position(work), j);

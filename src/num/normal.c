@@ -50,10 +50,8 @@ rx_status rx_normal_solve(const double *a, const double *b, size_t n, double *x,
     gsl_set_error_handler_off();
     double *scaled = rx_alloc(n * n, sizeof(double)), *scale = RX_NEW(double, n);
     *singular = 0;
-    if (scaled == NULL || scale == NULL) {
-        status = rx_error_memory(err, n * n * sizeof(double));
-        goto exit;
-    }
+    if (scaled == NULL || scale == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * n * sizeof(double)));
     int fine = scale_matrix(a, n, 0.0, scale, scaled);
     for (size_t i = 0; i < n; i++)
         fine = fine && isfinite(b[i]);
@@ -174,10 +172,8 @@ rx_status rx_normal_nonnegative(const rx_normal_bounded *equations, double *x, d
                     .x = RX_NEW(double, n),
                     .free_index = RX_NEW(size_t, n)};
     *singular = 0;
-    if (s.a == NULL || s.covariance == NULL || s.b == NULL || s.x == NULL || s.free_index == NULL) {
-        status = rx_error_memory(err, 2 * n * n * sizeof(double));
-        goto exit;
-    }
+    if (s.a == NULL || s.covariance == NULL || s.b == NULL || s.x == NULL || s.free_index == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 2 * n * n * sizeof(double)));
     for (size_t i = 0; i < n; i++) {
         x[i] = 0.0;
         at_bound[i] = bounded == NULL || bounded[i];

@@ -211,9 +211,8 @@ static rx_status poll_parcel(rx_ranks *ranks, rx_parcel **dst, rx_error *err)
     mpi_link *link = ranks->link;
     *dst = NULL;
     sweep_sent(link);
-    rx_status status = accept(link, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(accept(link, err));
     for (int i = 0; i < link->used; i++) {
         incoming *place = &link->place[i];
         int done = place->here;

@@ -19,10 +19,8 @@ rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err)
     size_t good = 0;
     float *above = RX_NEW(float, n), *rows = RX_NEW(float, 2 * width);
     rx_status status = RX_OK;
-    if (above == NULL || rows == NULL) {
-        status = rx_error_memory(err, (n + 2 * width) * sizeof(float));
-        goto exit;
-    }
+    if (above == NULL || rows == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (n + 2 * width) * sizeof(float)));
     for (int y = 0; y < image.height; y++) {
         const size_t row = (size_t)y * width;
         const float *sigma = rx_map_row(&image.noise, y, 0, image.width, rows),
@@ -102,9 +100,7 @@ rx_status rx_domain_obey(const rx_restore_params *par, const rx_field *field, rx
     dst->place = RX_DOMAIN_UNKNOWN;
     dst->noise = field->model_noise;
     dst->factor = field->model_factor > 0.0 ? field->model_factor : field->noise_factor;
-    rx_status status = dst->noise > 0.0 ? RX_OK : rx_domain_noise(field, &dst->noise, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(dst->noise > 0.0 ? RX_OK : rx_domain_noise(field, &dst->noise, err));
     if (field->psf == NULL) {
         snprintf(dst->why, sizeof dst->why, "the FWHM of the tile is not known");
         return RX_OK;

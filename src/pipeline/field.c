@@ -229,10 +229,8 @@ static rx_status find_stars(const rx_pipeline_params *params, const rx_field *fi
     rx_sources *sources = NULL;
     rx_status status = RX_OK;
     float *pixels = RX_NEW(float, n), *sigma = RX_NEW(float, n), *filtered = NULL;
-    if (pixels == NULL || sigma == NULL) {
-        status = rx_error_memory(err, 2 * n * sizeof(float));
-        goto exit;
-    }
+    if (pixels == NULL || sigma == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 2 * n * sizeof(float)));
     rx_image image = rx_field_restorable(field);
     rx_image_above_sky(&image, params->nthreads, pixels);
     rx_map_fill(&noise, image.height, params->nthreads, sigma);
@@ -606,9 +604,8 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     const rx_image *image = &field->image;
     const int role = (what & RX_FIELD_MEASURED) != 0;
     double begun = rx_seconds();
-    rx_status status = measure_backgrounds(params, role, field, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(measure_backgrounds(params, role, field, err));
     RX_TRY(measure_noise(params, field, err));
     field->background_seconds = rx_seconds() - begun;
     begun = rx_seconds();

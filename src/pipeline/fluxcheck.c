@@ -95,10 +95,8 @@ rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restore
         goto exit;
     size_t n = (size_t)picked.n;
     work = RX_NEW(double, 4 * n);
-    if (work == NULL) {
-        status = rx_error_memory(err, 4 * n * sizeof(double));
-        goto exit;
-    }
+    if (work == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 4 * n * sizeof(double)));
     double *automatic = work + n, *on_restored = work + 2 * n, *on_original = work + 3 * n;
     for (size_t i = 0; i < n; i++)
         automatic[i] = picked.list[i].flux_auto;

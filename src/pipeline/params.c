@@ -64,9 +64,7 @@ static void set_filter(rx_pipeline_params *params, bool wanted)
 rx_status rx_pipeline_defaults(rx_pipeline_params *dst, rx_error *err)
 {
     rx_config *config = NULL;
-    rx_status status = rx_config_new(&config, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_config_new(&config, err));
     *dst = (rx_pipeline_params){.restorer = rx_restorer_find(config->restore_type.v[0])};
     rx_pipeline_fill(dst, &config->settings);
     rx_pipeline_threads(dst, rx_threads_count(config->nthreads));

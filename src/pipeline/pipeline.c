@@ -151,10 +151,8 @@ static rx_status equivalent_noise(const work *w, const rx_background *law, rx_er
     par.passes = 1;
     rx_result_noise *noise = result->own_noise = RX_NEW(rx_result_noise, 1);
     float *relative = law != NULL ? RX_NEW(float, n) : NULL;
-    if (noise == NULL || (law != NULL && relative == NULL)) {
-        status = rx_error_memory(err, n * sizeof(float));
-        goto exit;
-    }
+    if (noise == NULL || (law != NULL && relative == NULL))
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
     noise->maker.make = make_noise;
     if (law != NULL) {
         noise->law = rx_background_noise(law);

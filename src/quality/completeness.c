@@ -139,10 +139,8 @@ rx_status rx_completeness(const rx_bins *bins, const rx_found *list, double shar
     *dst = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
     double *inside = RX_NEW(double, (size_t)n);
     unsigned char *hit = RX_NEW(unsigned char, (size_t)n), *bin = RX_NEW(unsigned char, (size_t)n);
-    if (inside == NULL || hit == NULL || bin == NULL) {
-        status = rx_error_memory(err, (size_t)n * sizeof *inside);
-        goto exit;
-    }
+    if (inside == NULL || hit == NULL || bin == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * sizeof *inside));
     for (long i = 0; i < n; i++) {
         if (rx_bins_index(bins, mag[i]) < 0)
             continue;

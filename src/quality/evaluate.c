@@ -120,10 +120,8 @@ static rx_status match_ignored(rx_evaluation *e, double radius, unsigned char *u
     const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
     rx_status status = RX_OK;
     long *partner = RX_NEW(long, (size_t)truth->n), *origin = RX_NEW(long, (size_t)list->n);
-    if (partner == NULL || origin == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (partner == NULL || origin == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (long i = 0; i < truth->n; i++)
         use_truth[i] = !use_truth[i];
     for (long j = 0; j < list->n; j++)
@@ -177,10 +175,8 @@ static rx_status find_roles(rx_evaluation *e, double radius, rx_error *err)
     rx_status status = RX_OK;
     unsigned char *use_truth = RX_NEW(unsigned char, (size_t)truth->n);
     unsigned char *use_run = RX_NEW(unsigned char, (size_t)list->n);
-    if (use_truth == NULL || use_run == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (use_truth == NULL || use_run == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (long i = 0; i < truth->n; i++)
         use_truth[i] = counts(e->input, truth->x[i], truth->y[i]) && !isnan(known_mag(truth->mag[i]));
     status = rx_match(&(rx_match_list){truth->n, truth->x, truth->y, use_truth},
@@ -297,10 +293,8 @@ static rx_status find_curve(rx_evaluation *e, rx_resampling by, rx_error *err)
     long n = 0;
     double *score = RX_NEW(double, (size_t)list->n);
     unsigned char *matched = RX_NEW(unsigned char, (size_t)list->n);
-    if (score == NULL || matched == NULL) {
-        status = rx_error_memory(err, (size_t)list->n * sizeof *score);
-        goto exit;
-    }
+    if (score == NULL || matched == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)list->n * sizeof *score));
     for (long j = 0; j < list->n; j++) {
         if (e->run_role[j] == RX_ROLE_IGNORED)
             continue;

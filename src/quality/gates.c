@@ -171,9 +171,7 @@ static rx_status add_line(rx_gates *gates, const char *path, long number, char *
     if (more == NULL)
         return rx_error_memory(err, 0);
     gates->gate = more;
-    rx_status status = read_gate(path, number, nwords, word, &more[gates->n], err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(read_gate(path, number, nwords, word, &more[gates->n], err));
     for (int i = 0; i < nwords; i++) {
         rx_text_add(&text, i > 0 ? " " : "");
         rx_text_add(&text, word[i]);

@@ -72,9 +72,7 @@ static rx_status check_two(long na, const double *a, long nb, const double *b, r
 
 rx_status rx_test_two_sample(long na, const double *a, long nb, const double *b, rx_test *dst, rx_error *err)
 {
-    rx_status status = check_two(na, a, nb, b, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check_two(na, a, nb, b, err));
     moments u = moments_of(na, a, NULL), v = moments_of(nb, b, NULL);
     double dof = u.n + v.n - 2, spread = sqrt((u.squares + v.squares) / dof);
     finish(u.mean - v.mean, spread * sqrt(1 / u.n + 1 / v.n), spread, fmax(u.rounding, v.rounding), dof,
@@ -84,9 +82,7 @@ rx_status rx_test_two_sample(long na, const double *a, long nb, const double *b,
 
 rx_status rx_test_paired(long n, const double *a, const double *b, rx_test *dst, rx_error *err)
 {
-    rx_status status = check_two(n, a, n, b, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check_two(n, a, n, b, err));
     moments d = moments_of(n, a, b);
     double spread = sqrt(d.squares / (d.n - 1));
     finish(d.mean, spread / sqrt(d.n), spread, d.rounding, d.n - 1, n, dst);
@@ -112,9 +108,8 @@ rx_status rx_paired_bootstrap(long n, const double *a, const double *b, double l
 {
     const rx_resampling by = {seed, 1, 17}; /* apart from the streams of metrics.c */
     double *difference = NULL;
-    rx_status status = rx_sample_difference(n, a, b, 1, &difference, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_sample_difference(n, a, b, 1, &difference, err));
     *dst = (rx_estimate){moments_of(n, a, b).mean, -INFINITY, INFINITY, n};
     if (n >= RX_BOOTSTRAP_FEWEST)
         status = rx_bootstrap_interval(by, n, resampled_mean, &(pairs){n, difference}, level, dst, err);

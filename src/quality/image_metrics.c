@@ -141,9 +141,7 @@ static rx_status take_moments(rx_image_reference *reference, rx_error *err)
 {
     const size_t width = (size_t)reference->width, columns = width - 2 * RADIUS;
     smoother s;
-    rx_status status = smoother_make(reference->width, 2, &s, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(smoother_make(reference->width, 2, &s, err));
     for (int y = 0; y < reference->height; y++) {
         const float *b = reference->pixels + (size_t)y * width;
         for (size_t x = 0; x < width; x++) {
@@ -235,9 +233,7 @@ rx_status rx_reference_ssim(const rx_image_reference *reference, const float *im
     double sum = 0;
     smoother s;
     *dst = NAN;
-    rx_status status = smoother_make(reference->width, 3, &s, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(smoother_make(reference->width, 3, &s, err));
     for (int y = 0; y < reference->height; y++) {
         const float *a = image + (size_t)y * width, *b = reference->pixels + (size_t)y * width;
         double *plain = s.row, *square = s.row + width, *product = s.row + 2 * width;

@@ -145,10 +145,8 @@ static rx_status measure_depth(const range *r, rx_estimate *out, rx_error *err)
     long n = 0;
     double *mag = RX_NEW(double, (size_t)e->input->truth.n);
     unsigned char *found = RX_NEW(unsigned char, (size_t)e->input->truth.n);
-    if (mag == NULL || found == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (mag == NULL || found == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (long i = 0; i < e->input->truth.n; i++) {
         if (e->truth_role[i] == RX_ROLE_IGNORED)
             continue;

@@ -140,9 +140,8 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     const size_t runs = (size_t)input->nruns;
     const long gates = par->gates != NULL ? par->gates->n : 0;
     *dst = (rx_qa_numbers){.par = par, .input = input, .level = LEVEL};
-    rx_status status = rx_evaluate_bins(par, input, &dst->bins, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_evaluate_bins(par, input, &dst->bins, err));
     dst->evaluation = RX_NEW(rx_evaluation, runs);
     dst->whole = rx_alloc(runs, sizeof *dst->whole);
     dst->binned = rx_alloc(runs * (size_t)dst->bins.n, sizeof *dst->binned);

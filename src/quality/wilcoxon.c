@@ -166,9 +166,7 @@ static void judge(const ranks *r, rx_test *dst)
 rx_status rx_test_wilcoxon(long n, const double *a, const double *b, rx_test *dst, rx_error *err)
 {
     double *difference;
-    rx_status status = rx_sample_difference(n, a, b, 1, &difference, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_sample_difference(n, a, b, 1, &difference, err));
     *dst = (rx_test){0};
     rx_sort(difference, (size_t)n);
     dst->difference = hodges_lehmann(n, difference);

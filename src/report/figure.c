@@ -224,16 +224,12 @@ static rx_status read_svg(const char *folder, const char *id, const char *title,
     rx_error trouble = rx_error_part(err);
     rx_status status = RX_OK;
     rx_text_printf(&path, "%s/%s.svg", folder, id);
-    if (path.failed) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (path.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     if (access(path.data, F_OK) != 0)
         goto exit;
-    if (rx_text_read_file(path.data, MAX_SVG, &content, NULL, &trouble) != RX_OK) {
-        status = rx_error_at(err, RX_SYSTEM, id, -1, 0, "the figure that gnuplot made %s", trouble.text);
-        goto exit;
-    }
+    if (rx_text_read_file(path.data, MAX_SVG, &content, NULL, &trouble) != RX_OK)
+        RX_TRY_EXIT(rx_error_at(err, RX_SYSTEM, id, -1, 0, "the figure that gnuplot made %s", trouble.text));
     if (strstr(content, "</svg>") != NULL)
         add_svg(&svg, id, title, content);
     if (svg.failed) {
@@ -258,10 +254,8 @@ static rx_status write_script(const rx_text *script, const char *folder, const c
     rx_status status = RX_OK;
     FILE *file = NULL;
     rx_text_printf(&path, "%s/figures.gp", folder);
-    if (script->failed || path.failed) {
-        status = rx_error_memory(err, script->length);
-        goto exit;
-    }
+    if (script->failed || path.failed)
+        RX_TRY_EXIT(rx_error_memory(err, script->length));
     file = fopen(path.data, "wb");
     if (file == NULL || fwrite(script->data, 1, script->length, file) != script->length || fflush(file) != 0)
         status = cannot_be_written(err, shown);

@@ -108,9 +108,7 @@ void rx_blur_kernel_clear(rx_blur_kernel *kernel)
 rx_status rx_blur_domain_make(int width, int height, int nthreads, int varies, rx_blur_domain *dst,
                               rx_error *err)
 {
-    rx_status status = rx_fft_new(width, height, nthreads, &dst->fft, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fft_new(width, height, nthreads, &dst->fft, err));
     dst->half = rx_fft_complex(dst->fft);
     dst->sum = varies ? rx_fft_complex(dst->fft) : NULL;
     dst->back = varies ? rx_fft_real(dst->fft) : NULL;
@@ -260,9 +258,8 @@ static int choose_domain(int length, int margin)
 rx_status rx_blur_new(const rx_psf *psf, int width, int height, int nthreads, rx_blur **dst, rx_error *err)
 {
     *dst = NULL;
-    rx_status status = rx_blur_check(psf, width, height, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_blur_check(psf, width, height, err));
     rx_blur *blur = RX_NEW(rx_blur, 1);
     if (blur == NULL)
         return rx_error_memory(err, sizeof *blur);

@@ -369,9 +369,7 @@ static rx_status verify_seams(const network *plan, rx_restored *restored, rx_err
     const double limit = fft ? rounding : 0;
     const rx_map *noise = &plan->image->noise;
     rx_restored *second = NULL;
-    rx_status status = restore(plan, other, DOMAIN_SIDE * 5 / 8, shift, 0, &second, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(restore(plan, other, DOMAIN_SIDE * 5 / 8, shift, 0, &second, err));
     restored->seam = largest_difference(noise, restored, second);
     rx_restored_free(second);
     rx_log_info(plan->log, "NET: in blocks of %d pixels at most, shifted by %d,%d: largest change %.3g sigma",
@@ -390,16 +388,14 @@ rx_status rx_network_run(const rx_restore_params *par, const rx_image *image, rx
 {
     rx_restored *restored = NULL;
     *dst = NULL;
-    rx_status status = check_input(par, image->psf, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check_input(par, image->psf, err));
     const network plan = {.par = par,
                           .model = par->model,
                           .image = image,
                           .log = log,
                           .nthreads = par->nthreads < 1 ? 1 : par->nthreads};
     rx_log_progress_begin(log);
-    status = restore(&plan, par->net_block, DOMAIN_SIDE, 0, 1, &restored, err);
+    rx_status status = restore(&plan, par->net_block, DOMAIN_SIDE, 0, 1, &restored, err);
     if (status == RX_OK && par->verify_seams) {
         const double begun = rx_seconds();
         status = verify_seams(&plan, restored, err);

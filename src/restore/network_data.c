@@ -78,9 +78,8 @@ rx_status rx_network_scale(const rx_image *image, const uint8_t *mask, int nthre
     rx_cells c = {0};
     double sum = 0, count = 0;
     *dst = (rx_coarse){0};
-    rx_status status = rx_cells_new(image->width, image->height, CELL, &c, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_cells_new(image->width, image->height, CELL, &c, err));
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int cy = 0; cy < c.ny; cy++)
         for (int y = cy * CELL; y < (cy + 1) * CELL && y < image->height; y++)
@@ -231,10 +230,8 @@ static rx_status fill(filler *f, double psf_fwhm, int nthreads, rx_error *err)
     f->g = RX_NEW(float, 2 * (size_t)f->radius + 1);
     f->work = RX_NEW(float, 3 * f->area * (size_t)nthreads);
     f->rows = RX_NEW(float, (size_t)f->blocks->width *(size_t)nthreads);
-    if (f->g == NULL || f->work == NULL || f->rows == NULL) {
-        status = rx_error_memory(err, 3 * f->area * (size_t)nthreads * sizeof(float));
-        goto exit;
-    }
+    if (f->g == NULL || f->work == NULL || f->rows == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 3 * f->area * (size_t)nthreads * sizeof(float)));
     rx_gauss_weights(fwhm, f->radius, f->g);
     status = rx_blocks_run(f->blocks, nthreads, fill_block, f, NULL, err);
 exit:

@@ -168,10 +168,8 @@ rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *b
     job j = {.forward = f, .blocks = blocks, .streams = RX_NEW(rx_stream *, (size_t)count)};
     rx_stream_cost *costs = f->cost != NULL ? RX_NEW(rx_stream_cost, (size_t)(count * nodes)) : NULL;
     rx_status status = RX_OK;
-    if (j.streams == NULL || (f->cost != NULL && costs == NULL)) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (j.streams == NULL || (f->cost != NULL && costs == NULL))
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < count && status == RX_OK; i++) {
         status = rx_stream_new(f->model->restore, blocks->width, f->precision, &j.streams[i], err);
         if (status == RX_OK && costs != NULL)

@@ -89,9 +89,7 @@ typedef struct maker {
 static rx_status maker_new(const rx_psf *psf, maker *dst, rx_error *err)
 {
     const int side = rx_fft_good_size(psf->size > FILTER_DOMAIN ? psf->size : FILTER_DOMAIN);
-    rx_status status = rx_fft_new(side, side, 1, &dst->fft, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fft_new(side, side, 1, &dst->fft, err));
     dst->stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
     dst->plane = rx_fft_real(dst->fft);
     dst->spectrum = rx_fft_complex(dst->fft);

@@ -212,10 +212,8 @@ rx_status rx_prepared_new(const rx_restore_params *par, const rx_image *image, r
     float *data = n <= RX_PREPARED_KEPT ? RX_NEW(float, n) : NULL,
           *weight = n <= RX_PREPARED_KEPT ? RX_NEW(float, n) : NULL;
     rx_status status = RX_OK;
-    if (prepared->mask == NULL || (n <= RX_PREPARED_KEPT && (data == NULL || weight == NULL))) {
-        status = rx_error_memory(err, 2 * n * sizeof(float));
-        goto exit;
-    }
+    if (prepared->mask == NULL || (n <= RX_PREPARED_KEPT && (data == NULL || weight == NULL)))
+        RX_TRY_EXIT(rx_error_memory(err, 2 * n * sizeof(float)));
     prepared->good = rx_prepared_mask(image, prepared->nthreads, prepared->mask);
     double median = 1, high = 1;
     if ((status = measure_sigma(prepared, &median, &high, err)) != RX_OK)

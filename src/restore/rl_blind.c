@@ -71,11 +71,8 @@ static rx_status open_planes(rx_seeker *seeker, rx_error *err)
 {
     const rx_prepared *prepared = seeker->prepared;
     const int around = 2 * seeker->blur->margin;
-    rx_status status =
-        rx_fft_new(rx_fft_good_size(prepared->width + around), rx_fft_good_size(prepared->height + around),
-                   prepared->nthreads, &seeker->fft, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fft_new(rx_fft_good_size(prepared->width + around), rx_fft_good_size(prepared->height + around),
+                      prepared->nthreads, &seeker->fft, err));
     seeker->rest = RX_NEW(float, (size_t)prepared->width *(size_t)prepared->height);
     seeker->points = rx_blur_sky(seeker->blur);
     seeker->plane = rx_fft_real(seeker->fft);
@@ -102,18 +99,13 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     rx_psf_at(psf, (prepared->width - 1) / 2.0, (prepared->height - 1) / 2.0, seeker->stamp);
     if (!make_positive(seeker->stamp, psf->size))
         return rx_error_set(err, RX_INPUT, "the PSF at the tile's centre is not positive; give another one");
-    rx_status status = rx_stamp_psf(psf->type, seeker->stamp, psf->size, &seeker->psf, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_stamp_psf(psf->type, seeker->stamp, psf->size, &seeker->psf, err));
     seeker->start_fwhm = seeker->psf->fwhm;
     seeker->bluntness = rx_points_bluntness(seeker->stamp, psf->size);
     rx_stamp_centroid(seeker->stamp, psf->size, seeker->start_fwhm, &seeker->x, &seeker->y);
-    status =
-        rx_blur_new(seeker->psf, prepared->width, prepared->height, prepared->nthreads, &seeker->blur, err);
-    if (status == RX_OK)
-        status = rx_rl_new(par, prepared, seeker->blur, 1, &seeker->rl, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(
+        rx_blur_new(seeker->psf, prepared->width, prepared->height, prepared->nthreads, &seeker->blur, err));
+    RX_TRY(rx_rl_new(par, prepared, seeker->blur, 1, &seeker->rl, err));
     return open_planes(seeker, err);
 }
 

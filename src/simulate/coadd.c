@@ -83,9 +83,7 @@ void rx_coadd_frame_make(const rx_coadd_params *par, uint64_t seed, uint64_t str
 static rx_status frame_scene(const rx_scene *scene, double scale, const rx_coadd_frame *frame, rx_scene **dst,
                              rx_error *err)
 {
-    rx_status status = rx_scene_new(frame->width, frame->height, scene->n, dst, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_scene_new(frame->width, frame->height, scene->n, dst, err));
     (*dst)->templates = scene->templates;
     for (long i = 0; i < scene->n; i++) {
         rx_object *o = &(*dst)->objects[i];
@@ -378,9 +376,8 @@ rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const
                         const rx_noise_params *noise, int nthreads, rx_coadd *dst, rx_error *err)
 {
     const size_t n = (size_t)scene->width * (size_t)scene->height;
-    rx_status status = check(par, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(check(par, err));
     sums *all = RX_NEW(sums, n);
     if (all == NULL)
         return rx_error_memory(err, n * sizeof *all);

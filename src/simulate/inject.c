@@ -27,10 +27,8 @@ rx_status rx_inject(const rx_scene *scene, const rx_optics *optics, const rx_inj
     const int together = par->gain > 0.0 && par->noise != NULL && par->noise->correlated;
     rx_status status = RX_OK;
     float *light = RX_NEW(float, (size_t)n), *noise = together ? RX_NEW(float, (size_t)n) : NULL;
-    if (light == NULL || (together && noise == NULL)) {
-        status = rx_error_memory(err, (size_t)n * sizeof(float));
-        goto exit;
-    }
+    if (light == NULL || (together && noise == NULL))
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * sizeof(float)));
     RX_TRY_EXIT(rx_render(scene, 1, &optics, &light, nthreads, err));
     if (together) {
 #pragma omp parallel for num_threads(threads) schedule(static)
@@ -112,10 +110,8 @@ rx_status rx_inject_allowed(int width, int height, const int32_t *segments, cons
     int *rows = RX_NEW(int, n), *change = RX_NEW(int, (size_t)width + 1);
     unsigned char *bad = RX_NEW(unsigned char, n);
     rx_status status = RX_OK;
-    if (rows == NULL || change == NULL || bad == NULL) {
-        status = rx_error_memory(err, n * sizeof(int));
-        goto exit;
-    }
+    if (rows == NULL || change == NULL || bad == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(int)));
     for (size_t i = 0; i < n; i++)
         bad[i] = !allowed[i];
     column_distances(width, height, bad, (int)reach + 1, rows);

@@ -120,9 +120,7 @@ rx_status rx_noise_expose(const rx_noise_params *par, int width, int height, flo
                           int nthreads, rx_error *err)
 {
     const size_t n = (size_t)width * (size_t)height;
-    rx_status status = check(par, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check(par, err));
     if (nthreads < 1)
         nthreads = 1;
 #pragma omp parallel for schedule(static) num_threads(nthreads)

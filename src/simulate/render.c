@@ -601,9 +601,7 @@ static rx_status render_block(renderer *r, int block, rx_error *err)
                          .stride = (size_t)rx_fft_stride_real(r->fine)};
     if (block > 0) /* it was made empty */
         memset(r->grid, 0, sizeof(float) * grid.stride * (size_t)rx_fft_height(r->fine));
-    rx_status status = draw_part(&r->drawing, (long)x0 * r->cells, (long)y0 * r->cells, &grid, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(draw_part(&r->drawing, (long)x0 * r->cells, (long)y0 * r->cells, &grid, err));
     convolve(r, &grid);
     for (int i = 0; i < r->n; i++) {
         rx_fft_inverse(r->native, r->half[i], r->pixels);

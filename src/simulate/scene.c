@@ -177,22 +177,17 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
     rx_scene *scene = NULL;
     rx_places places = {0};
     *dst = NULL;
-    rx_status status = check(par, templates, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(check(par, templates, err));
     long stars = count_of(par, &par->stars, RX_DRAW_STARS);
     long galaxies = count_of(par, &par->galaxies, RX_DRAW_GALAXIES);
     long others = count_of(par, &par->templates, RX_DRAW_TEMPLATES);
     long room = (par->pair_share > 0.0 ? 2 : 1) * stars + galaxies + others;
     /* one more than needed: an object is made where it will be, before there is a place for it */
-    status = rx_scene_new(par->width, par->height, room + 1, &scene, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(rx_scene_new(par->width, par->height, room + 1, &scene, err));
     scene->n = 0;
     scene->templates = others > 0 ? templates : NULL;
-    status = rx_places_set(par, scene->objects, room, &places, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(rx_places_set(par, scene->objects, room, &places, err));
     RX_TRY_EXIT(add_stars(par, stars, scene, &places, err));
     RX_TRY_EXIT(add_galaxies(par, galaxies, scene, &places, err));
     RX_TRY_EXIT(add_templates(par, templates, others, scene, &places, err));

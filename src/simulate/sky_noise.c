@@ -104,17 +104,14 @@ static rx_status filter_rows(const rx_noise_correlation *noise, rx_unit unit, pl
 {
     rx_fft *fft = NULL;
     float *lags = NULL, *spectrum = NULL, *half = NULL;
-    rx_status status = rx_fft_new(rx_fft_good_size(p->width + MARGIN), rx_fft_good_size(p->height + MARGIN),
-                                  nthreads, &fft, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_fft_new(rx_fft_good_size(p->width + MARGIN), rx_fft_good_size(p->height + MARGIN), nthreads,
+                      &fft, err));
     lags = rx_fft_real(fft);
     spectrum = rx_fft_complex(fft);
     half = rx_fft_complex(fft);
-    if (lags == NULL || spectrum == NULL || half == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (lags == NULL || spectrum == NULL || half == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     RX_TRY_EXIT(filter_spectrum(noise, unit, fft, lags, spectrum, err));
     p->across = rx_fft_width(fft);
     rx_fft_filter_rows(fft, &(rx_fft_rows){read, write, p, 0, p->height}, spectrum, false, half);

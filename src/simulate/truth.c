@@ -185,10 +185,8 @@ rx_status rx_truth_table(const rx_scene *scene, rx_wcs *wcs, int all, rx_table *
     rx_table *table = rx_table_new(wcs != NULL ? TRUTH_COLUMNS : TRUTH_COLUMNS - 2);
     rx_status status = RX_OK;
     *dst = NULL;
-    if (rows == NULL || table == NULL) {
-        status = rx_error_memory(err, sizeof(long) * (size_t)scene->n);
-        goto exit;
-    }
+    if (rows == NULL || table == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, sizeof(long) * (size_t)scene->n));
     for (long i = 0; i < scene->n; i++)
         if (all || is_inside(scene, &scene->objects[i]))
             rows[nrows++] = i;
@@ -197,10 +195,8 @@ rx_status rx_truth_table(const rx_scene *scene, rx_wcs *wcs, int all, rx_table *
         if (wcs == NULL && (k == TRUTH_ALPHA || k == TRUTH_DELTA))
             continue;
         rx_column *column = &table->columns[place++];
-        if (!set_format(column, &formats[k], nrows)) {
-            status = rx_error_memory(err, 0);
-            goto exit;
-        }
+        if (!set_format(column, &formats[k], nrows))
+            RX_TRY_EXIT(rx_error_memory(err, 0));
         fill_column(scene, rows, nrows, (truth_column)k, column);
     }
     if (wcs != NULL)

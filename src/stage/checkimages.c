@@ -276,10 +276,8 @@ rx_status rx_checkimages_open(int n, const char *const *types, const char *const
 {
     rx_status status = RX_OK;
     rx_checkimages *images = RX_NEW(rx_checkimages, 1);
-    if (images == NULL || (images->list = RX_NEW(checkimage, (size_t)n)) == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (images == NULL || (images->list = RX_NEW(checkimage, (size_t)n)) == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < n && status == RX_OK; i++) {
         const char *temporary;
         if (strcmp(types[i], "NONE") == 0)
@@ -287,10 +285,8 @@ rx_status rx_checkimages_open(int n, const char *const *types, const char *const
         checkimage *image = &images->list[images->n];
         image->type = types[i];
         image->name = rx_name_with_tag(names[i], tag);
-        if (image->name == NULL) {
-            status = rx_error_memory(err, 0);
-            goto exit;
-        }
+        if (image->name == NULL)
+            RX_TRY_EXIT(rx_error_memory(err, 0));
         images->n++;
         status = rx_outputs_file(outputs, image->name, &temporary, err);
         if (status == RX_OK)

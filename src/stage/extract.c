@@ -213,9 +213,8 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
 {
     const rx_tile *tile = w->detect->tile;
     rx_text text = {0};
-    rx_status status = rx_checks_run(checks, &w->params, run->kind, &w->result, log, &run->checks, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_checks_run(checks, &w->params, run->kind, &w->result, log, &run->checks, err));
     rx_checks_text(checks, &run->checks, &text);
     if (text.failed)
         status = rx_error_memory(err, 0);
@@ -284,9 +283,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     if (options->assoc_list != NULL)
         RX_TRY_EXIT(
             rx_assoc_match(&options->assoc, options->assoc_list, w.measure->tile->wcs, log, sources, err));
-    status = run_checks(run, in->checks, &w, log, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(run_checks(run, in->checks, &w, log, err));
     rx_checks_apply(&run->checks, &w.result);
     account_templates(run, &w, log);
     tell_sources(run, &w, log);
@@ -414,14 +411,11 @@ static rx_status write_tables(rx_catalog catalog, const char *name, const rx_rec
 {
     rx_record whole = {0};
     rx_record_pair *pairs = NULL;
-    rx_status status = rx_record_of(record, products, name, &whole, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_record_of(record, products, name, &whole, err));
     pairs = RX_NEW(rx_record_pair, (size_t)whole.n);
-    if (pairs == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (pairs == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < whole.n; i++)
         pairs[i] = (rx_record_pair){whole.pairs[i][0], whole.pairs[i][1], whole.pairs[i][2]};
     catalog.npairs = whole.n;

@@ -118,11 +118,9 @@ static rx_status kernel_options(const rx_config *cfg, rx_options *dst, rx_error 
     RX_TRY(noise_options(cfg, dst, err));
     if (!cfg->filter)
         return RX_OK;
-    rx_status status = is_built_in(cfg->filter_name, "default.conv")
-                           ? rx_kernel_default(&dst->kernel, err)
-                           : rx_kernel_read(cfg->filter_name, &dst->kernel, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(is_built_in(cfg->filter_name, "default.conv")
+               ? rx_kernel_default(&dst->kernel, err)
+               : rx_kernel_read(cfg->filter_name, &dst->kernel, err));
     dst->pipeline.detect.filter = dst->kernel->values;
     dst->pipeline.detect.filter_width = dst->kernel->width;
     dst->pipeline.detect.filter_height = dst->kernel->height;

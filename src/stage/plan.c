@@ -509,9 +509,8 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
     char *names[2] = {NULL, NULL};
     rx_plan_job job = {0};
     int nmeasure = 0;
-    rx_status status = rx_options_from_config(config, log, &options, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(rx_options_from_config(config, log, &options, err));
     plan = RX_NEW(rx_plan, 1);
     if (plan == NULL || !rx_name_split_images(image, &names[0], &names[1]))
         status = rx_error_memory(err, 0);
@@ -531,10 +530,8 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
     if (status != RX_OK)
         goto exit;
     terms = RX_NEW(int, (size_t)job.n);
-    if (terms == NULL) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (terms == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < job.n; i++)
         terms[i] = count_terms(options, &detect[i], i);
     job.terms = terms;

@@ -167,12 +167,8 @@ rx_status rx_reference_list(const rx_reference_params *par, const rx_table *tabl
                             rx_log *log, rx_qa_list *dst, rx_error *err)
 {
     chosen column;
-    rx_status status = choose_columns(par, table, tile, &column, err);
-    if (status != RX_OK)
-        return status;
-    status = rx_qa_list_new(dst, table->nrows, 0, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(choose_columns(par, table, tile, &column, err));
+    RX_TRY(rx_qa_list_new(dst, table->nrows, 0, err));
     read_positions(table, &column, tile, dst);
     for (long i = 0; i < table->nrows; i++)
         read_row(par, table, &column, i, tile->zeropoint, dst, i);

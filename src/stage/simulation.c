@@ -306,9 +306,8 @@ rx_status rx_simulation_make(const rx_simulation *simulation, uint64_t stream, r
     if (simulation->optics == NULL)
         return rx_error_set(err, RX_USAGE, "INJECT_IMAGE names a real tile; it is no simulated field");
     const rx_scene_params scene = rx_simulation_scene(simulation, stream);
-    rx_status status = rx_scene_make(&scene, simulation->templates, &dst->scene, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(rx_scene_make(&scene, simulation->templates, &dst->scene, err));
     dst->image = RX_NEW(float, n);
     dst->weight = RX_NEW(float, n);
     dst->defects = RX_NEW(uint8_t, n);
@@ -317,10 +316,8 @@ rx_status rx_simulation_make(const rx_simulation *simulation, uint64_t stream, r
     if (!simulation->without_sharp)
         dst->sharp = RX_NEW(float, n);
     if (dst->image == NULL || dst->weight == NULL || dst->defects == NULL ||
-        (dst->clean == NULL && exposes_once) || (dst->sharp == NULL && !simulation->without_sharp)) {
-        status = rx_error_memory(err, n * sizeof(float));
-        goto exit;
-    }
+        (dst->clean == NULL && exposes_once) || (dst->sharp == NULL && !simulation->without_sharp))
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
     RX_TRY_EXIT(render(simulation, dst->scene, dst->clean, dst->sharp, err));
     status = expose(simulation, stream, dst, err);
 exit:
@@ -404,10 +401,8 @@ rx_status rx_simulation_tile(const rx_simulation *simulation, const rx_simulated
     tile->mask = RX_NEW(uint8_t, n);
     write_cards(simulation, noise, &cards);
     if (tile->name == NULL || tile->extname == NULL || tile->pixels == NULL || tile->mask == NULL ||
-        cards.failed) {
-        status = rx_error_memory(err, n * sizeof(float));
-        goto exit;
-    }
+        cards.failed)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
     take_pixels(simulated, tile);
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
@@ -459,18 +454,13 @@ static rx_status allow(const rx_simulate_config *config, const rx_options *optio
     rx_status status = RX_OK;
     uint8_t *mask = RX_NEW(uint8_t, n);
     *dst = RX_NEW(unsigned char, n);
-    if (mask == NULL || *dst == NULL) {
-        status = rx_error_memory(err, n);
-        goto exit;
-    }
+    if (mask == NULL || *dst == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n));
     for (size_t i = 0; i < n; i++)
         mask[i] = tile->mask[i] & (away ? RX_HIDE_RESTORED : RX_HIDE_PLAIN);
-    if (away) {
-        status =
-            rx_field_extract(&options->pipeline, rx_restorer_find("NONE"), field, NULL, log, &result, err);
-        if (status != RX_OK)
-            goto exit;
-    }
+    if (away)
+        RX_TRY_EXIT(
+            rx_field_extract(&options->pipeline, rx_restorer_find("NONE"), field, NULL, log, &result, err));
     status = rx_inject_allowed(tile->width, tile->height, away ? result.sources->segments : NULL, mask,
                                away ? config->inject_distance * fwhm : 0.0, *dst, err);
     if (away)
@@ -496,9 +486,7 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
     const rx_tile *tile = field->tile;
     const int automatic = strcmp(config->psf_type, "AUTO") == 0;
     rx_simulation *simulation = NULL;
-    rx_status status = automatic ? check_measured(field, err) : RX_OK;
-    if (status != RX_OK)
-        return status;
+    RX_TRY(automatic ? check_measured(field, err) : RX_OK);
     const rx_simulation_ground ground = {.width = tile->width,
                                          .height = tile->height,
                                          .extension = tile->extension,
@@ -507,15 +495,14 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
                                                                                 : config->pixel_scale,
                                          .psf = automatic ? field->psf : NULL,
                                          .with_optics = 1};
-    status = rx_simulation_build(config, &ground, log, &simulation, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_simulation_build(config, &ground, log, &simulation, err));
     simulation->nthreads = options->pipeline.nthreads;
     simulation->noise.type = RX_NOISE_NONE;
     simulation->noise.sky = simulation->noise.sigma = 0.0;
     simulation->noise.gain = gain_of(config, tile, log);
     simulation->noise.saturation = tile->saturation;
-    status = allow(config, options, field, simulation->optics->fwhm, log, &simulation->allowed, err);
+    rx_status status =
+        allow(config, options, field, simulation->optics->fwhm, log, &simulation->allowed, err);
     if (status == RX_OK)
         *dst = simulation;
     else
@@ -763,9 +750,7 @@ static rx_status add_truth(job *job, const field_data *data, rx_error *err)
     if (tables == NULL)
         return rx_error_memory(err, 0);
     job->tables = tables;
-    rx_status status = rx_truth_table(data->scene, data->tile->wcs, 0, &table, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_truth_table(data->scene, data->tile->wcs, 0, &table, err));
     tables[job->ntables++] = table;
     rx_text facts = {0}, cards = {0};
     rx_text_add_bytes(&facts, data->facts->data, data->facts->length);
@@ -802,10 +787,8 @@ static rx_status write_field(job *job, const field_data *data, rx_error *err)
     rx_status status = RX_OK;
     rx_text_add_bytes(&extra, data->facts->data, data->facts->length);
     rx_record_cards(&job->record, &extra);
-    if (extra.failed) {
-        status = rx_error_memory(err, extra.length);
-        goto exit;
-    }
+    if (extra.failed)
+        RX_TRY_EXIT(rx_error_memory(err, extra.length));
     status = write_image(job, data, &extra, err);
     if (status == RX_OK && job->sharp.writer != NULL)
         status = write_plane(&job->sharp, data->sharp, tile, &extra, err);
@@ -976,10 +959,8 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
     const size_t n = (size_t)field->tile->width * (size_t)field->tile->height;
     sharp = RX_NEW(float, n);
     defects = RX_NEW(uint8_t, n);
-    if (sharp == NULL || defects == NULL) {
-        status = rx_error_memory(err, n * sizeof(float));
-        goto exit;
-    }
+    if (sharp == NULL || defects == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
     /* images of one file are different skies */
     simulation->scene.stream += (uint64_t)(extension - 1) << 32;
     rx_tile_checksum(field->tile); /* is of the pixels as they are before the objects come */

@@ -254,10 +254,8 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     }
     j->options = options;
     rx_record_run(&j->record, config, image);
-    if (j->record.failed || !rx_name_split_images(image, &j->detect, &j->measure)) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (j->record.failed || !rx_name_split_images(image, &j->detect, &j->measure))
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     if (j->measure != NULL && (options->check.self_check || options->check.blank_check > 0)) {
         status = rx_error_set(err, RX_USAGE,
                               "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "

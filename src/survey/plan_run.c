@@ -63,9 +63,7 @@ static rx_status plan_tile(rx_json *json, const rx_settings *settings, const cha
 {
     const rx_config *config = (const rx_config *)settings;
     rx_plan *plan = NULL;
-    rx_status status = rx_plan_make(config, image, log, &plan, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_plan_make(config, image, log, &plan, err));
     all->tiles++;
     add_plan(json, image, config, plan, all);
     rx_plan_free(plan);

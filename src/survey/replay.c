@@ -73,9 +73,7 @@ static rx_status check_input(const replay *r, const char *value, rx_error *err)
     char digest[RX_HASH_TEXT];
     int there = 0;
     rx_replay_item_read(value, &item);
-    rx_status status = rx_input_digest(item.key, item.name, digest, &there, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_input_digest(item.key, item.name, digest, &there, err));
     if (!there)
         return rx_error_at(
             err, RX_INPUT, item.name, -1, 0,
@@ -312,9 +310,7 @@ static rx_status compare_made(replay *r, const rx_replay_item *item, rx_error *e
 {
     char *path = NULL;
     const int part = atoi(item->key);
-    rx_status status = find_repeated(r, item->name, &path, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(find_repeated(r, item->name, &path, err));
     const char *made = path != NULL ? rx_replay_record_made(r->again, path, part) : NULL;
     r->compared++;
     if (made == NULL)

@@ -124,14 +124,12 @@ static rx_status read_hdu(reading *r, int hdu, char version[72], rx_error *err)
 {
     char *cards = NULL, digest[RX_HASH_TEXT];
     long ncards = 0;
-    rx_status status = rx_fits_read_header(r->path, hdu, &cards, &ncards, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_fits_read_header(r->path, hdu, &cards, &ncards, err));
     r->first = r->record->n;
     r->open = r->complete = 0;
     if (version[0] == '\0')
         rx_cards_text(cards, ncards, "RXVERS", version, 72);
-    status = rx_cards_history(cards, ncards, take_line, r, err);
+    rx_status status = rx_cards_history(cards, ncards, take_line, r, err);
     free(cards);
     if (status != RX_OK || !r->complete) {
         forget_lines(r->record, r->first);

@@ -164,9 +164,7 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
                          const rx_run_facts *facts, rx_error *err)
 {
     rx_rollup_row *row = NULL;
-    rx_status status = new_row(r, tile, &row, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(new_row(r, tile, &row, err));
     row->hdu = e->hdu;
     row->alpha = e->alpha;
     row->delta = e->delta;
@@ -185,9 +183,8 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     row->compared = facts->tally != NULL;
     const rx_estimate unknown = {.value = NAN, .low = 0, .high = 1};
     row->cell = (rx_rollup_cell){.recall = unknown, .precision = unknown, .bias = NAN, .scatter = NAN};
-    status = run_of(r, facts->name, &row->run, err);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(run_of(r, facts->name, &row->run, err));
     rx_rollup_run *run = &r->run[row->run];
     run->tiles++;
     run->sources += facts->sources;
@@ -248,10 +245,8 @@ rx_status rx_rollup_add(rx_rollup *r, const rx_tile_record *record, const char *
 {
     rx_rollup_tile *tile = NULL;
     const rx_rollup_tile *known = NULL;
-    rx_status status = new_tile(record, &tile, err);
-    if (status != RX_OK)
-        return status;
-    status = keep_tile(r, tile, &known, err);
+    RX_TRY(new_tile(record, &tile, err));
+    rx_status status = keep_tile(r, tile, &known, err);
     if (status == RX_OK && known != tile && strcmp(known->digest, tile->digest) != 0)
         status = rx_error_at(err, RX_INPUT, record->image, -1, 0,
                              "has two records that differ; leave out the older one");

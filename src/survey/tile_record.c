@@ -349,9 +349,8 @@ static rx_status read_bin(reader *r, char *text)
     long k, step, count;
     if (r->run == NULL || r->run->tally == NULL)
         return refuse(r, "a bin is out of place");
-    rx_status status = whole(r, text, &text, 0, RX_TALLY_BINS - 1, &k);
-    if (status != RX_OK)
-        return status;
+    rx_status status = RX_OK;
+    RX_TRY(whole(r, text, &text, 0, RX_TALLY_BINS - 1, &k));
     rx_tally_bin *bin = &r->run->tally->bin[k];
     long *const counts[] = {&bin->references, &bin->found, &bin->detections, &bin->right};
     for (int i = 0; i < 4 && status == RX_OK; i++)

@@ -130,9 +130,7 @@ static void guess_next(const generator *gen, rx_feed_counts *dst)
 static rx_status plan_ahead(generator *gen, rx_error *err)
 {
     guess_next(gen, &gen->then.counts);
-    rx_status status = make_plan(gen, &gen->then, NULL, NULL, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(make_plan(gen, &gen->then, NULL, NULL, err));
     gen->kept = RX_NEW(rx_sample *, (size_t)gen->then.njobs);
     return gen->kept ? RX_OK : rx_error_memory(err, (size_t)gen->then.njobs * sizeof *gen->kept);
 }
@@ -300,10 +298,8 @@ rx_status rx_feed_generate_with(const rx_feed_params *par, rx_ranks *ranks, rx_f
     rx_error why = rx_error_part(err);
     generator *gen = RX_NEW(generator, 1);
     rx_status status = RX_OK;
-    if (gen == NULL) {
-        status = rx_error_memory(&why, sizeof *gen);
-        goto exit;
-    }
+    if (gen == NULL)
+        RX_TRY_EXIT(rx_error_memory(&why, sizeof *gen));
     gen->par = par;
     gen->ranks = ranks;
     gen->make = make;

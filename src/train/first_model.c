@@ -43,10 +43,8 @@ static void copy(const rx_net *src, rx_net *dst)
 rx_status rx_first_model(const char *path, rx_model *model, rx_error *err)
 {
     rx_model *first = NULL;
-    rx_status status = rx_model_read(path, &first, err);
-    if (status != RX_OK)
-        return status;
-    status = check(path, first, model, err);
+    RX_TRY(rx_model_read(path, &first, err));
+    rx_status status = check(path, first, model, err);
     if (status == RX_OK) {
         copy(first->restore, model->restore);
         if (first->psf != NULL && model->psf != NULL)

@@ -132,9 +132,7 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
     const size_t pixels = (size_t)l->side * (size_t)l->side;
     float *weight = l->planes[thread], *shown = weight + pixels;
     images[i] = (rx_test_image){0};
-    rx_status status = rx_step_run(l->test[thread], sample, NULL, NULL, &values, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_step_run(l->test[thread], sample, NULL, NULL, &values, err));
     images[i].loss = values.idt_restore;
     rx_loss_weights(sample->x, l->side, l->par.floor, weight + pixels, weight);
     rx_loss_pixels(&(rx_loss){l->par.kind, l->side, l->par.margin, weight}, sample->x, sample->y, 1,

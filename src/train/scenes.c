@@ -181,16 +181,14 @@ static rx_status open_simulation(rx_scenes *s, const rx_simulate_config *config,
                                  rx_error *err)
 {
     rx_simulate_config *own = NULL;
-    rx_status status = rx_simulate_config_copy(config, &own, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_simulate_config_copy(config, &own, err));
     own->image_size = (rx_ints){.n = 1, .v = {side}};
     own->inject_image[0] = '\0';
     own->psf_type = "MOFFAT";
     own->psf_fwhm = 1.0; /* lengths in FWHM are in pixels then */
     own->psf_variation = 0.0;
     own->sharp_fwhm = s->par.front.target_fwhm;
-    status = rx_simulation_from_config(own, log, &s->simulation, err);
+    rx_status status = rx_simulation_from_config(own, log, &s->simulation, err);
     rx_simulate_config_free(own);
     return status;
 }
@@ -219,16 +217,14 @@ rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
                         const rx_simulate_config *config, rx_log *log, rx_scenes **dst, rx_error *err)
 {
     *dst = NULL;
-    rx_status status = check(par, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check(par, err));
     rx_scenes *s = RX_NEW(rx_scenes, 1);
     if (s == NULL)
         return rx_error_memory(err, sizeof *s);
     s->par = *par;
     s->grid = *grid;
     s->window = rx_fft_good_size(par->side + 2 * RX_SCENES_FRAME);
-    status = open_scenes(s, config, log, err);
+    rx_status status = open_scenes(s, config, log, err);
     if (status == RX_OK)
         *dst = s;
     else
@@ -499,9 +495,7 @@ rx_status rx_scenes_make(rx_scenes *s, rx_sample_id id, rx_sample *dst, rx_error
     if (dst->side != s->par.side)
         return rx_error_set(err, RX_USAGE, "a sample of %d pixels for patches of %d", dst->side, s->par.side);
     draft d = {.key = sample_key(&s->par, id)};
-    rx_status status = get_field(s, id, &d.field, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(get_field(s, id, &d.field, err));
     dst->id = id;
     choose_place(s, id, &d);
     return develop(s, &d, dst, err);

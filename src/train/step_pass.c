@@ -106,16 +106,14 @@ static rx_status check(const rx_model *model, int side, int with_psf, rx_error *
 rx_status rx_pass_new(const rx_model *model, int side, int with_psf, rx_pass **dst, rx_error *err)
 {
     *dst = NULL;
-    rx_status status = check(model, side, with_psf, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(check(model, side, with_psf, err));
     rx_pass *pass = RX_NEW(rx_pass, 1);
     if (pass == NULL)
         return rx_error_memory(err, sizeof *pass);
     pass->model = model;
     pass->side = side;
     pass->pixels = (size_t)side * (size_t)side;
-    status = new_parts(pass, with_psf, err);
+    rx_status status = new_parts(pass, with_psf, err);
     if (status != RX_OK) {
         rx_pass_free(pass);
         return status;

@@ -163,10 +163,8 @@ rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, cons
     if (settings != NULL)
         pairs = split(settings, &npairs);
     rx_model_describe(page->model, &words);
-    if (report == NULL || pairs == NULL || words.failed) {
-        status = rx_error_memory(err, 0);
-        goto exit;
-    }
+    if (report == NULL || pairs == NULL || words.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     rx_report_fact(report, "format", "rextract training 1");
     rx_report_fact(report, "model", page->model->name);
     rx_report_fact_number(report, "best_epoch", (double)page->model->best);

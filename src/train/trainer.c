@@ -345,9 +345,7 @@ static rx_status go_back(job *j, rx_error *err)
                    j->now->epoch + 1);
     j->kept->returns = returns;
     j->kept->slow *= 0.5;
-    rx_status status = rx_train_state_copy(j->kept, j->now, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_train_state_copy(j->kept, j->now, err));
     j->has_diverged = 0;
     rx_train_state_load(j->now, j->model);
     rx_learner_load(j->learner);
