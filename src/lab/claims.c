@@ -6,10 +6,8 @@
 static const rx_claim claims[RX_CLAIM_COUNT] = {
     [RX_CLAIM_EVERY_BIN] =
         {"every bin", "Section 3.2, Figure 5",
-         "The network consistently outperforms RL under all PSFs and noise levels, by PSNR "
-         "and by SSIM.",
-         "mean PSNR and mean SSIM of NET above those of RL in every bin, paired t, p "
-         "adjusted by Holm < 0.05",
+         "The network consistently outperforms RL under all PSFs and noise levels, by PSNR and by SSIM.",
+         "mean PSNR and mean SSIM of NET above those of RL in every bin, paired t, p adjusted by Holm < 0.05",
          0, 0, 0},
     [RX_CLAIM_ALL_P] = {"all p < 0.05", "Section 3.2, Tables 1 to 4",
                         "All t-tests between RL and the network have p below 0.05; no difference is rejected "
@@ -32,8 +30,7 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
          0, 0, 0},
     [RX_CLAIM_BEYOND] =
         {"generalisation", "Section 3.2, Figure 7",
-         "The network generalises: images of larger FWHM or higher noise than in training "
-         "are restored, too.",
+         "The network generalises: images of larger FWHM or higher noise than in training are restored, too.",
          "NET above the blurred images and above RL in every bin of larger FWHM, or of a higher "
          "noise level (on the model's scale, of the blurred scene) than the fields of the training, "
          "both metrics, paired t, Holm < 0.05",
@@ -43,26 +40,22 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
                         "not a matter of this campaign: its files hold no timings", 0, 0, 0},
     [RX_CLAIM_NO_FAKES] =
         {"no artificial features", "Section 3.3",
-         "Building on PSFs and deconvolution, the network in principle generates no artificial "
-         "features.",
+         "Building on PSFs and deconvolution, the network in principle generates no artificial features.",
          "not a matter of this campaign: PSNR and SSIM do not single out invented detail", 0, 0, 0},
     [RX_CLAIM_RESTORED_BETTER] =
         {"restored better", "Section 3.3, Figure 9",
          "Restored images, RL's included, show higher recall and precision.",
-         "for every restorer and field: completeness at equal precision above that of "
-         "NONE at one magnitude or more and below it at none (McNemar on the same "
-         "stars, Holm < 0.05), at every precision compared",
+         "for every restorer and field: completeness at equal precision above that of NONE at one magnitude "
+         "or more and below it at none (McNemar on the same stars, Holm < 0.05), at every precision compared",
          0, 0, 0},
     [RX_CLAIM_NET_BEST] = {"network best", "Section 3.3, Figure 9",
                            "The data treated with the network have the highest recall and precision.",
                            "the same for NET against NONE and against RL", 0, 0, 0},
     [RX_CLAIM_LOW_SNR] =
         {"low S/N", "Section 3.3, Figure 9",
-         "The network significantly improves the detection of stars of low signal-to-noise "
-         "ratio.",
-         "NET above NONE and above RL at equal precision, for magnitudes of S/N below 10 (as "
-         "above)",
-         0, 0, 0},
+         "The network significantly improves the detection of stars of low signal-to-noise ratio.",
+         "NET above NONE and above RL at equal precision, for magnitudes of S/N below 10 (as above)", 0, 0,
+         0},
     [RX_CLAIM_ACCURACY] = {"photometry", "Section 3.3, Figure 9 (top)",
                            "The network enhances the accuracy of photometry.",
                            "|error| of NET below that of NONE at one magnitude or more and above it at none "
@@ -92,9 +85,8 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
     [RX_CLAIM_PLATEAU] =
         {"goal: no checkerboard", "a goal of this program",
          "The network puts no pattern on bright extended plateaus.",
-         "rms of the 2 x 2 and of the 4 x 4 phases below 0.01 sigma on PLATEAU, NET, at every "
-         "seeing",
-         0, 0, 0},
+         "rms of the 2 x 2 and of the 4 x 4 phases below 0.01 sigma on PLATEAU, NET, at every seeing", 0, 0,
+         0},
     [RX_CLAIM_FLUXES] =
         {"goal: fluxes", "a goal of this program",
          "Fluxes on the network's pixels are as good as RL's, and those of stars unbiased.",
@@ -106,10 +98,8 @@ static const rx_claim claims[RX_CLAIM_COUNT] = {
         {"goal: templates", "a goal of this program",
          "No flux is better than that of template photometry, whatever restored the shapes.",
          "on the stars that every run found, MagErr of every restorer's TEMPLATE at or below the least of "
-         "the "
-         "other fluxes, or above by less than 1.96 errors of the paired difference, at every magnitude of "
-         "every "
-         "simulated field on which restorers are given the truth, and of every real one",
+         "the other fluxes, or above by less than 1.96 errors of the paired difference, at every magnitude "
+         "of every simulated field on which restorers are given the truth, and of every real one",
          0, 0, 0},
     [RX_GOAL_BIAS_ISOLATED] =
         {"bias, isolated", NULL,

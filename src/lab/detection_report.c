@@ -435,21 +435,14 @@ static void judge_scene(const rx_store *s, rx_claim_verdict *v)
 
 static const char READING[] =
     "Every number is followed by its 95 % interval and by how many objects (or counts) are behind it. Shares "
-    "have "
-    "Clopper-Pearson intervals, counts Poisson ones, ap and flux ratios bootstrap intervals; objects of one "
-    "tile share its "
-    "noise, which the intervals do not know. PLATEAU: the interval holds all tiles. <b>MATCHED</b> is the "
-    "unrestored image "
-    "with a Gaussian of the PSF's width as its detection filter, NONE the same with FILTER_NAME. <b>RL</b> "
-    "is "
-    "Richardson-Lucy at its best: for ap, the recalls and PAIRS the setting of the highest value, each for "
-    "itself and "
-    "chosen on the tiles of the test, which is in its favour; for everything else the setting of the highest "
-    "ap over STARS "
-    "and GALAXIES together. Which one it is, and the settings one by one, are in cells.ecsv. "
-    "<b>Thresholds</b>: recall at a "
-    "precision is at the lowest score with that precision on the scene itself; PAIRS, BLANK and RINGS use "
-    "the thresholds of "
+    "have Clopper-Pearson intervals, counts Poisson ones, ap and flux ratios bootstrap intervals; objects of "
+    "one tile share its noise, which the intervals do not know. PLATEAU: the interval holds all tiles. "
+    "<b>MATCHED</b> is the unrestored image with a Gaussian of the PSF's width as its detection filter, NONE "
+    "the same with FILTER_NAME. <b>RL</b> is Richardson-Lucy at its best: for ap, the recalls and PAIRS the "
+    "setting of the highest value, each for itself and chosen on the tiles of the test, which is in its "
+    "favour; for everything else the setting of the highest ap over STARS and GALAXIES together. Which one "
+    "it is, and the settings one by one, are in cells.ecsv. <b>Thresholds</b>: recall at a precision is at "
+    "the lowest score with that precision on the scene itself; PAIRS, BLANK and RINGS use the thresholds of "
     "STARS and GALAXIES together. Contests are of objects found at the first precision by only one of two.";
 
 /* ap and recall over the seeing, where restorers are given the truth. */

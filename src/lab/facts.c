@@ -148,8 +148,10 @@ typedef struct visitor {
 /* An argument as a shell takes it. */
 static void add_argument(rx_text *command, const char *name, const char *value)
 {
-    const int plain = value[0] != '\0' && strspn(value, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                                        "0123456789_.,/:+-@%=") == strlen(value);
+    const int plain =
+        value[0] != '\0' &&
+        strspn(value, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.,/:+-@%=") ==
+            strlen(value);
     rx_text_printf(command, " -%s %s%s%s", name, plain ? "" : "'", value, plain ? "" : "'");
 }
 

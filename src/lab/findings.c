@@ -124,9 +124,8 @@ static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, con
     if (!each)
         rx_report_note(
             f->report,
-            "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, "
-            "RL is Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in "
-            "summary.json.");
+            "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, RL is "
+            "Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in summary.json.");
 }
 
 void rx_findings_quantities(rx_findings *f, const rx_store *s, int group, int open)

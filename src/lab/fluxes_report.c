@@ -626,26 +626,18 @@ static void add_figures(rx_figures *dst, const rx_store *s)
 
 static const char READING[] =
     "Every number is followed by its 95 % interval and by how many objects are behind it. The tables here "
-    "are of the objects "
-    "that were detected on the image of the restorer of the column; all of its fluxes are of the same "
-    "objects. Sources that "
-    "only the residual of the templates showed (added) are left out, for AUTO and apertures know nothing of "
-    "them; goals are "
-    "compared with all (cells.ecsv, summary.json); cells_common.ecsv has those that every restorer has "
-    "detected. S/N is the "
-    "true one, in a matched filter on the bare sky. <b>APER</b> is the first of STAGE.PHOT_APERTURES and "
-    "<b>WIDE</b> an "
-    "aperture of 2 FWHM radius, both without a correction for what lies outside of them. <b>Isolated</b>: no "
-    "other object "
-    "of more than 1 % of the flux within (3 + log10 f) FWHM and twice both half-light radii, f how many "
-    "times brighter the "
-    "other one is. <b>Blended</b>: another one within 1.5 FWHM and 2 mag; <b>told apart</b>: both were "
-    "found, each nearer "
-    "to its place than half the separation, so that the flux of an object means something. <b>Marked</b>: "
-    "FLAGS_RESTORE "
-    "calls the source spurious. <b>Goals</b> are compared with FIELD, PAIRS and INJECTED under conditions in "
-    "which "
-    "restorers are given the truth; undecided: beyond the limit, but by less than the error of the number.";
+    "are of the objects that were detected on the image of the restorer of the column; all of its fluxes are "
+    "of the same objects. Sources that only the residual of the templates showed (added) are left out, for "
+    "AUTO and apertures know nothing of them; goals are compared with all (cells.ecsv, summary.json); "
+    "cells_common.ecsv has those that every restorer has detected. S/N is the true one, in a matched filter "
+    "on the bare sky. <b>APER</b> is the first of STAGE.PHOT_APERTURES and <b>WIDE</b> an aperture of 2 FWHM "
+    "radius, both without a correction for what lies outside of them. <b>Isolated</b>: no other object of "
+    "more than 1 % of the flux within (3 + log10 f) FWHM and twice both half-light radii, f how many times "
+    "brighter the other one is. <b>Blended</b>: another one within 1.5 FWHM and 2 mag; <b>told apart</b>: "
+    "both were found, each nearer to its place than half the separation, so that the flux of an object means "
+    "something. <b>Marked</b>: FLAGS_RESTORE calls the source spurious. <b>Goals</b> are compared with "
+    "FIELD, PAIRS and INJECTED under conditions in which restorers are given the truth; undecided: beyond "
+    "the limit, but by less than the error of the number.";
 
 rx_status rx_fluxes_page(const rx_store *s, rx_findings *f, rx_error *err)
 {

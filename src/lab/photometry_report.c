@@ -625,12 +625,10 @@ static void plot_field(rx_figures *dst, const rx_store *s, int f)
     static const char *const plans[][3] = {
         {"magerr", "MagErr (%)",
          "Mean of 100 |F - F0| / F0 over the stars found, as the top of the paper's Figure 9, with bootstrap "
-         "intervals. It "
-         "mixes bias and scatter."},
+         "intervals. It mixes bias and scatter."},
         {"bias_mag", "m - m0 (mag)",
          "Median of m - m0 and, as a band, one sigma_MAD either side. Off zero is a bias; faint stars are "
-         "found when noise "
-         "lifts them, which makes them too bright."},
+         "found when noise lifts them, which makes them too bright."},
         {"recall", "Recall, whole lists", "At the detection settings of the campaign, the same for all."},
         {"precision", "Precision, whole lists", "False detections of the tiles count at every magnitude."},
         {"ap", "Average precision", "Area under the steps of the precision-recall curve of each magnitude."},
@@ -762,32 +760,26 @@ static void add_words(rx_report *report, const rx_store *s, int f)
 }
 
 static const char READING[] = "Stars of one known magnitude at a time are put onto tiles that also hold "
-                              "other objects and noise; every restorer "
-                              "restores the same tiles, and the same program detects and measures. A star is "
-                              "found when a detection lies on it; a "
+                              "other objects and noise; every restorer restores the same tiles, and the same "
+                              "program detects and measures. A star is found when a detection lies on it; a "
                               "false detection is one that is neither one of the stars nor any object known "
-                              "to be there. Shares have Clopper-Pearson "
-                              "intervals, medians and sigma_MAD (1.4826 times the median absolute deviation) "
-                              "intervals from order statistics, MagErr, "
-                              "ap and the depths bootstrap intervals (1000 draws, none for fewer than 20 "
-                              "stars). Stars of one tile share its noise "
-                              "and its neighbours; the intervals take them as independent, and a threshold "
-                              "at equal precision as given. Precision "
-                              "depends on how many stars a tile holds, the same for every restorer. <b>Equal "
-                              "precision</b>: a cut at k sigma means "
-                              "different things on raw and on restored pixels, so each restorer gets the "
-                              "threshold at which its own precision has the "
-                              "value named; then completeness is compared. <b>MagErr</b> is a mean of "
-                              "absolute values: it hides the sign, which "
+                              "to be there. Shares have Clopper-Pearson intervals, medians and sigma_MAD "
+                              "(1.4826 times the median absolute deviation) intervals from order statistics, "
+                              "MagErr, ap and the depths bootstrap intervals (1000 draws, none for fewer "
+                              "than 20 stars). Stars of one tile share its noise and its neighbours; the "
+                              "intervals take them as independent, and a threshold at equal precision as "
+                              "given. Precision depends on how many stars a tile holds, the same for every "
+                              "restorer. <b>Equal precision</b>: a cut at k sigma means different things on "
+                              "raw and on restored pixels, so each restorer gets the threshold at which its "
+                              "own precision has the value named; then completeness is compared. "
+                              "<b>MagErr</b> is a mean of absolute values: it hides the sign, which "
                               "bias_percent and bias_mag give, and single gross errors weigh in it. It, "
-                              "bias, scatter and pull are of the stars that "
-                              "a restorer found: one that finds more has more of the difficult ones; only "
-                              "the contests compare errors on the same "
-                              "stars. F0 is the injected flux; nothing is calibrated away. On a real tile, "
-                              "whatever is found before the stars are "
-                              "added counts neither as right nor as false; false there is what the stars "
-                              "bring with them, and all that is found on as "
-                              "many realisations of the tile's own noise without sources.";
+                              "bias, scatter and pull are of the stars that a restorer found: one that finds "
+                              "more has more of the difficult ones; only the contests compare errors on the "
+                              "same stars. F0 is the injected flux; nothing is calibrated away. On a real "
+                              "tile, whatever is found before the stars are added counts neither as right "
+                              "nor as false; false there is what the stars bring with them, and all that is "
+                              "found on as many realisations of the tile's own noise without sources.";
 _Static_assert(RX_BOOTSTRAP_ROUNDS == 1000 && RX_BOOTSTRAP_FEWEST == 20, "the reading says so");
 
 void rx_photometry_facts(const rx_store *s, rx_report *report)

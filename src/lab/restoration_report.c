@@ -787,8 +787,7 @@ static void add_paper(rx_report *report, const rx_store *s)
         rx_text words = {0};
         rx_text_printf(&words,
                        "The two sides compare different things: the paper's columns are NET against RL; NET "
-                       "did not take "
-                       "part here, so ours are %s against %s.",
+                       "did not take part here, so ours are %s against %s.",
                        s->column[s->pair[0][0]], s->column[s->pair[0][1]]);
         rx_report_sentence(report, words.data);
         rx_text_free(&words);
@@ -797,27 +796,22 @@ static void add_paper(rx_report *report, const rx_store *s)
 }
 
 static const char READING[] = "Simulated scenes are blurred by a Moffat PSF (integrated over the pixel), get "
-                              "Gaussian noise, and are restored by "
-                              "every method; the reference is the scene without noise at the target PSF. "
-                              "Noise and PSNR are on the scale of its "
+                              "Gaussian noise, and are restored by every method; the reference is the scene "
+                              "without noise at the target PSF. Noise and PSNR are on the scale of its "
                               "brightest pixel. RL knows the true PSF; its number of iterations and the "
-                              "Gaussian filter after it are the best of "
-                              "those tried (TUNE_NITER, TUNE_FILTER), bin by bin, on further scenes that are "
-                              "not in the test, once for PSNR and once "
-                              "for SSIM. SMOOTHED is the blurred image through such a filter, tuned as well, "
-                              "and nothing else: what RL gains over it "
-                              "is gained by deconvolution. RL_FLAT is RL with all below a threshold, tuned "
-                              "too, set to the sky. <b>PSNR</b> = 20 "
-                              "log<sub>10</sub>(max(reference) / &radic;MSE) in dB, MSE the mean of the "
-                              "squared differences (the paper prints it "
-                              "without the square). <b>SSIM</b>: Wang et al. 2004, 11 x 11 Gaussian window "
-                              "of sigma 1.5, K1 = K2 = 0.001 as in the "
-                              "paper, range of the reference. With so small K the noise of empty sky weighs "
-                              "heavily in it, which favours smooth "
-                              "pictures. Both are better when larger. Bootstrap intervals: 1000 draws, none "
-                              "for fewer than 20 scenes. The paired test "
-                              "takes out what the scenes differ in, the two-sample test, which is the "
-                              "paper's, does not. scenes.ecsv holds every "
+                              "Gaussian filter after it are the best of those tried (TUNE_NITER, "
+                              "TUNE_FILTER), bin by bin, on further scenes that are not in the test, once "
+                              "for PSNR and once for SSIM. SMOOTHED is the blurred image through such a "
+                              "filter, tuned as well, and nothing else: what RL gains over it is gained by "
+                              "deconvolution. RL_FLAT is RL with all below a threshold, tuned too, set to "
+                              "the sky. <b>PSNR</b> = 20 log<sub>10</sub>(max(reference) / &radic;MSE) in "
+                              "dB, MSE the mean of the squared differences (the paper prints it without the "
+                              "square). <b>SSIM</b>: Wang et al. 2004, 11 x 11 Gaussian window of sigma 1.5, "
+                              "K1 = K2 = 0.001 as in the paper, range of the reference. With so small K the "
+                              "noise of empty sky weighs heavily in it, which favours smooth pictures. Both "
+                              "are better when larger. Bootstrap intervals: 1000 draws, none for fewer than "
+                              "20 scenes. The paired test takes out what the scenes differ in, the "
+                              "two-sample test, which is the paper's, does not. scenes.ecsv holds every "
                               "scene, bins.ecsv the bins.";
 _Static_assert(RX_BOOTSTRAP_ROUNDS == 1000 && RX_BOOTSTRAP_FEWEST == 20, "the reading says so");
 
@@ -860,8 +854,7 @@ static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
     if (ends > 0) {
         snprintf(text, sizeof text,
                  "Tuning took an end of what was tried in %d of %d choices; longer TUNE_NITER or TUNE_FILTER "
-                 "may serve the "
-                 "tuned methods better (cells.ecsv).",
+                 "may serve the tuned methods better (cells.ecsv).",
                  ends, choices);
         rx_report_sentence(report, text);
         rx_text_printf(rx_report_brief_of(report), "%s\n", text);
