@@ -142,10 +142,10 @@ static void tell_brief(rx_log *log, const rx_text *brief)
 static rx_status report(const job *j, rx_error *err)
 {
     rx_outputs *outputs = NULL;
-    rx_facts_record record = {0};
+    rx_campaign_record record = {0};
     rx_text brief = {0};
     const char *folder = NULL;
-    rx_status status = rx_facts_record_make(j->config, j->kind->title, &record, err);
+    rx_status status = rx_campaign_record_make(j->config, j->kind->title, &record, err);
     if (status == RX_OK)
         status = rx_outputs_new(&outputs, err);
     if (status == RX_OK)
@@ -154,7 +154,7 @@ static rx_status report(const job *j, rx_error *err)
         status = rx_lab_collect(j->lab, j->values, err);
     if (status == RX_OK)
         status = rx_lab_report(
-            j->lab, &(rx_lab_output){&record.record, folder, j->config->output_name, j->log, &brief}, err);
+            j->lab, &(rx_lab_output){&record, folder, j->config->output_name, j->log, &brief}, err);
     if (status == RX_OK)
         status = rx_outputs_commit(outputs, err);
     if (status == RX_OK) {
@@ -162,7 +162,7 @@ static rx_status report(const job *j, rx_error *err)
         rx_log_info(j->log, "the report is %s/report.html", j->config->output_name);
     }
     rx_text_free(&brief);
-    rx_facts_record_free(&record);
+    rx_campaign_record_free(&record);
     rx_outputs_free(outputs);
     return status;
 }

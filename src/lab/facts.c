@@ -112,87 +112,46 @@ rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *ds
     return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
 }
 
-rx_status rx_facts_model(const rx_model *model, rx_journal_facts *dst, rx_error *err)
-{
-    if (model != NULL)
-        rx_journal_fact(dst, "model", model->digest);
-    return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
-}
-
 /* --- for the report --- */
-
-static void add_pair(rx_facts_record *record, const char *name, const char *value)
-{
-    if (record->n == record->capacity) {
-        const int capacity = record->capacity > 0 ? 2 * record->capacity : 256;
-        void *pairs = rx_regrow(record->pairs, (size_t)capacity, sizeof *record->pairs);
-        if (pairs == NULL) {
-            record->failed = 1;
-            return;
-        }
-        record->pairs = pairs;
-        record->capacity = capacity;
-    }
-    char **pair = record->pairs[record->n++];
-    pair[0] = rx_strdup(name);
-    pair[1] = rx_strdup(value);
-    if (pair[0] == NULL || pair[1] == NULL)
-        record->failed = 1;
-}
 
 typedef struct visitor {
     const rx_campaign_config *config;
-    rx_facts_record *record;
+    rx_campaign_record *record;
 } visitor;
 
-/* An argument as a shell takes it. */
-static void add_argument(rx_text *command, const char *name, const char *value)
-{
-    const int plain =
-        value[0] != '\0' &&
-        strspn(value, "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.,/:+-@%=") ==
-            strlen(value);
-    rx_text_printf(command, " -%s %s%s%s", name, plain ? "" : "'", value, plain ? "" : "'");
-}
-
+/* A keyword, and those of the command line as arguments that a shell takes. */
 static void visit_record(void *user, const char *name, const char *value, const char *help)
 {
+    static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.,/:+-@%=";
     (void)help;
     const visitor *v = user;
     const char *keyword = bare(name);
     if (among(WORKING, COUNT(WORKING), keyword) || (keyword != name && among(UNUSED, COUNT(UNUSED), keyword)))
         return;
-    add_pair(v->record, name, value);
+    rx_record_add(&v->record->keywords, name, "", "%s", value);
+    const char *quote = value[0] != '\0' && value[strspn(value, plain)] == '\0' ? "" : "'";
     if (rx_settings_was_set(&v->config->settings, name) == RX_FROM_COMMAND)
-        add_argument(&v->record->command, name, value);
+        rx_text_printf(&v->record->command, " -%s %s%s%s", name, quote, value, quote);
 }
 
-rx_status rx_facts_record_make(const rx_campaign_config *config, const char *title, rx_facts_record *dst,
-                               rx_error *err)
+rx_status rx_campaign_record_make(const rx_campaign_config *config, const char *title,
+                                  rx_campaign_record *dst, rx_error *err)
 {
     visitor v = {config, dst};
+    *dst =
+        (rx_campaign_record){.title = title, .seed = (uint64_t)config->seed, .figures = config->qa_figures};
     rx_text_add(&dst->command, "rextract-validate");
     if (config->settings.file != NULL)
         rx_text_printf(&dst->command, " -c %s", config->settings.file);
-    add_pair(dst, "version", RX_VERSION);
-    if (!rx_settings_visit(&config->settings, visit_record, &v) || dst->failed || dst->command.failed)
-        return rx_error_memory(err, 0);
-    dst->record = (rx_campaign_record){.title = title,
-                                       .command = dst->command.data,
-                                       .seed = (uint64_t)config->seed,
-                                       .n = dst->n,
-                                       .pairs = (const char *const(*)[2])dst->pairs,
-                                       .figures = config->qa_figures};
-    return RX_OK;
+    rx_record_add(&dst->keywords, "version", "", "%s", RX_VERSION);
+    return rx_settings_visit(&config->settings, visit_record, &v) && !dst->keywords.failed &&
+                   !dst->command.failed
+               ? RX_OK
+               : rx_error_memory(err, 0);
 }
 
-void rx_facts_record_free(rx_facts_record *record)
+void rx_campaign_record_free(rx_campaign_record *record)
 {
-    for (int i = 0; i < record->n; i++) {
-        free(record->pairs[i][0]);
-        free(record->pairs[i][1]);
-    }
-    free(record->pairs);
+    rx_record_free(&record->keywords);
     rx_text_free(&record->command);
-    *record = (rx_facts_record){0};
 }

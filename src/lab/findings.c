@@ -4,6 +4,7 @@
 #include <ctype.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "report/page.h"
@@ -66,7 +67,7 @@ static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output 
     rx_report_fact(r, "format", "rextract-campaign 2");
     rx_report_fact(r, "type", type);
     rx_report_fact(r, "title", record->title);
-    rx_report_fact(r, "command", record->command);
+    rx_report_fact(r, "command", record->command.data);
     rx_report_fact(r, "seed", seed);
     rx_report_fact_number(r, "interval_level", 0.95);
     rx_report_fact(r, "about", lab->about[0] != '\0' ? lab->about : NULL);
@@ -217,18 +218,23 @@ static rx_status finish(rx_findings *f, rx_status status, rx_error *err)
                                    .shown = f->output->shown,
                                    .figures = record->figures,
                                    .log = f->output->log};
-    rx_report_section(f->report, "record", "What made this page");
+    const char *(*pairs)[2] = NULL;
     rx_text command = {0};
-    rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)record->seed, record->command);
+    rx_report_section(f->report, "record", "What made this page");
+    rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)record->seed, record->command.data);
     rx_report_sentence(f->report, command.data);
     rx_text_free(&command);
-    rx_report_record(f->report, record->n, record->pairs);
+    if (status == RX_OK)
+        status = rx_record_list(&record->keywords, &pairs, err);
+    if (status == RX_OK)
+        rx_report_record(f->report, record->keywords.n, (const char *const(*)[2])pairs);
     rx_text_add(rx_report_brief_of(f->report), f->brief.data != NULL ? f->brief.data : "");
     rx_report_brief_of(f->report)->failed |= f->brief.failed;
     if (status == RX_OK)
         status = rx_report_write(f->report, &files, f->output->brief, err);
     rx_report_free(f->report);
     rx_text_free(&f->brief);
+    free(pairs);
     *f = (rx_findings){0};
     return status;
 }

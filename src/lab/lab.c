@@ -53,7 +53,7 @@ static long tiles_of(const rx_lab *lab, int condition, int scene)
         return lab->ntiles;
     if (lab->scene[scene].id == RX_SCENE_TEST)
         return lab->bin[condition].nscenes;
-    return lab->ntuned > 0 ? lab->config->tune_scenes : 0;
+    return lab->tunes ? lab->config->tune_scenes : 0;
 }
 
 static rx_status list_units(rx_lab *lab, rx_error *err)
@@ -198,7 +198,9 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
 /* Templates may come from a folder or a list: what was read counts. */
 rx_status rx_lab_facts(const rx_lab *lab, rx_journal_facts *facts, rx_error *err)
 {
-    rx_status status = rx_facts_model(lab->options->model, facts, err);
+    rx_status status = RX_OK;
+    if (lab->options->model != NULL)
+        rx_journal_fact(facts, "model", lab->options->model->digest);
     for (int c = 0; status == RX_OK && c < lab->nskies; c++)
         if (lab->sky[c].simulation != NULL) { /* the same under every condition */
             status = rx_facts_templates(lab->sky[c].simulation->templates, facts, err);

@@ -188,7 +188,7 @@ struct rx_lab {
     int nscenes;
     rx_lab_scene *scene; /* owned */
     long ntiles;         /* of a set, where bins do not say it */
-    int ntuned;          /* RESTORATION: restorers that are tuned */
+    int tunes;           /* RESTORATION: RL takes part, which is tuned */
     long nunits;
     rx_lab_unit *unit; /* [nunits] by condition, scene and tile; owned */
     /* when the units are done */
@@ -266,9 +266,10 @@ double rx_lab_mag(const rx_lab_sky *sky, double snr);
 rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
 void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
 
-/* simulated->image, width and height: a scene's light without noise. Becomes an exposed tile. */
-rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_simulated *simulated,
-                        rx_tile **tile, rx_error *err);
+/* The scene, which is freed, as an exposed tile; truth: its light without noise through the true PSF and through that of
+ * restored images, NULL: not kept. */
+rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_scene *scene,
+                        float *const truth[2], rx_tile **tile, rx_error *err);
 
 /* unit() of campaigns of sources: sources.c. */
 rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,

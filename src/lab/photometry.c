@@ -13,7 +13,6 @@
 #include "check/replica.h"
 #include "pipeline/pipeline.h"
 #include "simulate/inject.h"
-#include "simulate/render.h"
 
 /* Test stars are so many FWHM apart, and so many from the border. */
 static const double APART = 6.0, INSIDE = 4.0;
@@ -208,40 +207,20 @@ static rx_status know_objects(const rx_lab *lab, const rx_lab_sky *sky, const rx
     return RX_OK;
 }
 
-static rx_status join(const rx_scene *a, const rx_scene *b, rx_scene **dst, rx_error *err)
-{
-    rx_status status = rx_scene_new(a->width, a->height, a->n + b->n, dst, err);
-    if (status != RX_OK)
-        return status;
-    memcpy((*dst)->objects, a->objects, (size_t)a->n * sizeof *a->objects);
-    memcpy((*dst)->objects + a->n, b->objects, (size_t)b->n * sizeof *b->objects);
-    (*dst)->templates = a->templates;
-    return RX_OK;
-}
-
 /* A simulated tile: everything on it through the optics, then sky and noise. */
 static rx_status simulated_tile(const rx_lab *lab, const rx_lab_sky *sky, const rx_scene *stars,
                                 uint64_t number, rx_tile **tile, rx_scene **others, rx_error *err)
 {
-    const rx_optics *optics = sky->simulation->optics;
-    const size_t n = (size_t)sky->width * (size_t)sky->height;
-    rx_simulated simulated = {.width = sky->width, .height = sky->height, .noise = sky->simulation->noise};
     rx_scene_params par = sky->simulation->scene;
+    rx_scene *all = NULL;
     par.seed = rx_lab_seed(lab, DRAW_SKY);
     par.stream = number;
-    simulated.image = RX_NEW(float, n);
-    simulated.defects = RX_NEW(uint8_t, n);
-    rx_status status = simulated.image == NULL || simulated.defects == NULL
-                           ? rx_error_memory(err, n * sizeof(float))
-                           : rx_scene_make(&par, sky->simulation->templates, others, err);
-    if (status == RX_OK)
-        status = join(*others, stars, &simulated.scene, err);
-    if (status == RX_OK)
-        status = rx_render(simulated.scene, 1, &optics, &simulated.image, 1, err);
-    if (status == RX_OK)
-        status = rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), number, &simulated, tile, err);
-    rx_simulated_free(&simulated);
-    return status;
+    RX_TRY(rx_scene_make(&par, sky->simulation->templates, others, err));
+    RX_TRY(rx_scene_new(sky->width, sky->height, (*others)->n + stars->n, &all, err));
+    memcpy(all->objects, (*others)->objects, (size_t)(*others)->n * sizeof *all->objects);
+    memcpy(all->objects + (*others)->n, stars->objects, (size_t)stars->n * sizeof *all->objects);
+    all->templates = (*others)->templates;
+    return rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), number, all, NULL, tile, err);
 }
 
 static rx_status injected_tile(const rx_lab *lab, const rx_lab_sky *sky, const rx_scene *stars,

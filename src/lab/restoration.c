@@ -8,17 +8,6 @@
 
 #include "base/memory.h"
 
-/* Restorers whose result depends on a number of iterations (RL_NITER): tuned per bin. */
-static const char *const TUNABLE[] = {"RL"};
-
-static int is_tunable(const char *name)
-{
-    for (size_t i = 0; i < sizeof TUNABLE / sizeof TUNABLE[0]; i++)
-        if (strcmp(TUNABLE[i], name) == 0)
-            return 1;
-    return 0;
-}
-
 static const rx_lab_column SCENE[] = {RX_RESTORATION_SCENE_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column SCORE[] = {RX_RESTORATION_SCORE_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column TUNING[] = {RX_RESTORATION_TUNING_COLUMNS(RX_LAB_COLUMN)};
@@ -31,43 +20,33 @@ const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES] = {
 
 /* --- open --- */
 
-/* The first of the restorers asked for that can be tuned, or NULL. */
-static const rx_restorer *first_tunable(const rx_words *words)
-{
-    for (int i = 0; i < words->n; i++)
-        if (is_tunable(words->v[i]))
-            return rx_restorer_find(words->v[i]);
-    return NULL;
-}
-
-/* NONE is the blurred image, and beside a tuned restorer also the blurred image through a filter, tuned as
- * the restorer's is: what is gained without any deconvolution. */
+/* NONE is the blurred image. RL, whose result depends on a number of iterations, is tuned per bin; beside it NONE is also
+ * the blurred image through a filter, tuned as RL's is: what is gained without any deconvolution. */
 static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
     const rx_words *words = &lab->config->restore_type;
-    const rx_restorer *tunable = first_tunable(words);
-    rx_status status = RX_OK;
-    for (int i = 0; status == RX_OK && i < words->n; i++) {
-        rx_lab_run run = {.tuned = is_tunable(words->v[i])};
+    const rx_restorer *rl = rx_restorer_find("RL");
+    for (int i = 0; i < words->n; i++)
+        lab->tunes |= strcmp(words->v[i], "RL") == 0;
+    for (int i = 0; i < words->n; i++) {
+        rx_lab_run run = {.tuned = strcmp(words->v[i], "RL") == 0};
         RX_TRY(rx_lab_restorer(words->v[i], &run.restorer, err));
         const int none = strcmp(run.restorer->name, "NONE") == 0;
         for (int m = 0; m < lab->nruns; m++)
             if (lab->run[m].restorer == run.restorer && !lab->run[m].smooth)
                 return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
         snprintf(run.name, sizeof run.name, "%s", none ? "BLURRED" : run.restorer->name);
-        status = rx_lab_add_run(lab, RX_METHODS_MAX, &run, err);
-        if (status == RX_OK && none && tunable != NULL)
-            status = rx_lab_add_run(
-                lab, RX_METHODS_MAX,
-                &(rx_lab_run){.name = "SMOOTHED", .restorer = tunable, .tuned = 1, .smooth = 1}, err);
-        if (status == RX_OK && run.tuned) {
-            run.flat = 1;
-            snprintf(run.name, sizeof run.name, "%s_FLAT", run.restorer->name);
-            status = rx_lab_add_run(lab, RX_METHODS_MAX, &run, err);
-        }
-        lab->ntuned += run.tuned;
+        RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX, &run, err));
+        if (none && lab->tunes)
+            RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX,
+                                  &(rx_lab_run){.name = "SMOOTHED", .restorer = rl, .tuned = 1, .smooth = 1},
+                                  err));
+        if (run.tuned)
+            RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX,
+                                  &(rx_lab_run){.name = "RL_FLAT", .restorer = rl, .tuned = 1, .flat = 1},
+                                  err));
     }
-    return status;
+    return RX_OK;
 }
 
 static int bin_count(const rx_reals *range)

@@ -23,7 +23,7 @@ enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
     X(RX_SCORE_PSNR, "psnr", "dB", "with the settings for PSNR")                                             \
     X(RX_SCORE_SSIM, "ssim", "", "with the settings for SSIM")
 
-/* A candidate of a restorer that is tuned, in the order of rx_tuning_get(), restorer by restorer. */
+/* A candidate of RL, in the order of rx_tuning_get(). */
 #define RX_RESTORATION_TUNING_COLUMNS(X)                                                                     \
     X(RX_TUNING_PSNR, "psnr", "dB", "on one scene")                                                          \
     X(RX_TUNING_SSIM, "ssim", "", "on one scene")
@@ -61,8 +61,8 @@ typedef struct rx_tuning {
     char text[120];   /* for the report: filters in units of the PSF's FWHM */
 } rx_tuning;
 
-/* Candidates per restorer: (0 and TUNE_NITER) x (TUNE_FILTER and the target PSF) x thresholds. Those of 0
- * iterations are for the method `smooth`, without thresholds; the others have the rest. */
+/* Candidates: (0 and TUNE_NITER) x (TUNE_FILTER and the target PSF) x thresholds. Those of 0 iterations are for the
+ * method `smooth`, without thresholds; the others have the rest. */
 long rx_tuning_count(const rx_lab *lab);
 void rx_tuning_get(const rx_lab *lab, double fwhm, long candidate, rx_tuning *dst);
 

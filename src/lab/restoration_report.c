@@ -664,7 +664,7 @@ static void facts(const rx_store *s, rx_report *report)
     rx_report_fact_number(report, "sharp_fwhm", lab->sky[0].simulation->sharp_fwhm);
     rx_report_fact_numbers(report, "fwhm_trained", 2, lab->fwhm_trained);
     rx_report_fact_numbers(report, "noise_level_trained", 2, lab->level_trained);
-    rx_report_fact_number(report, "tune_scenes", lab->ntuned > 0 ? lab->config->tune_scenes : 0);
+    rx_report_fact_number(report, "tune_scenes", lab->tunes ? lab->config->tune_scenes : 0);
     rx_report_fact_number(report, "tune_choices", choices);
     rx_report_fact_number(report, "tune_choices_at_end", ends);
 }

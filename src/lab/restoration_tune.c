@@ -20,15 +20,9 @@ static long filters(const rx_lab *lab)
     return lab->config->tune_filter.n + 1;
 }
 
-/* Numbers of iterations: none, then those of TUNE_NITER. */
-static int niters(const rx_lab *lab)
-{
-    return lab->config->tune_niter.n + 1;
-}
-
 long rx_tuning_count(const rx_lab *lab)
 {
-    return niters(lab) * filters(lab) * (long)COUNT(THRESHOLDS);
+    return (lab->config->tune_niter.n + 1) * filters(lab) * (long)COUNT(THRESHOLDS);
 }
 
 void rx_tuning_get(const rx_lab *lab, double fwhm, long candidate, rx_tuning *dst)
@@ -55,36 +49,21 @@ void rx_tuning_get(const rx_lab *lab, double fwhm, long candidate, rx_tuning *ds
     }
 }
 
-static int tuned_index(const rx_lab *lab, const rx_restorer *restorer)
-{
-    int index = 0;
-    for (int m = 0; m < lab->nruns && lab->run[m].restorer != restorer; m++)
-        index += lab->run[m].tuned && !lab->run[m].flat && !lab->run[m].smooth;
-    return index;
-}
-
-static int is_for(const rx_lab *lab, const rx_lab_run *method, long candidate)
-{
-    const long nt = (long)COUNT(THRESHOLDS);
-    const int plain = candidate / nt / filters(lab) == 0, cut = candidate % nt > 0;
-    return method->smooth ? plain && !cut : !plain && cut == method->flat;
-}
-
 long rx_tuning_choose(const rx_lab *lab, int bin, const rx_lab_run *method, int metric,
                       const rx_unit_values *done)
 {
-    const long n = rx_tuning_count(lab);
-    const long first = tuned_index(lab, method->restorer) * n;
+    const long nt = (long)COUNT(THRESHOLDS), n = rx_tuning_count(lab);
     long best = -1;
     double highest = 0;
     for (long c = 0; c < n; c++) {
-        if (!is_for(lab, method, c))
-            continue;
+        const int plain = c<nt * filters(lab), cut = c % nt> 0;
         double sum = 0;
+        if (method->smooth ? !plain || cut : plain || cut != method->flat)
+            continue;
         for (long u = 0; u < lab->nunits; u++)
             if (lab->unit[u].condition == bin && lab->scene[lab->unit[u].scene].id == RX_SCENE_TUNING)
-                sum += rx_lab_values(
-                    lab, &done[u], RX_RESTORATION_TUNING)[RX_RESTORATION_TUNING_WIDTH * (first + c) + metric];
+                sum += rx_lab_values(lab, &done[u],
+                                     RX_RESTORATION_TUNING)[RX_RESTORATION_TUNING_WIDTH * c + metric];
         if (best < 0 || sum > highest) {
             best = c;
             highest = sum;
@@ -116,23 +95,16 @@ int rx_tuning_at_end(const rx_lab *lab, long candidate)
     return !wider;
 }
 
-/* Values below the threshold become sky. */
-static void flatten(size_t n, double level, const float *src, float *dst)
-{
-    for (size_t i = 0; i < n; i++)
-        dst[i] = src[i] < level ? 0.0f : src[i];
-}
-
 rx_status rx_tuning_apply(const rx_lab *lab, const rx_trial *trial, const rx_tuning *tuning,
                           const float *restored, float *plane, rx_error *err)
 {
-    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
+    const int side = lab->config->scene_side;
+    const size_t n = (size_t)side * (size_t)side;
     memcpy(plane, restored, n * sizeof *plane);
-    rx_status status = rx_gauss_masked(lab->config->scene_side, lab->config->scene_side, tuning->filter, NULL,
-                                       1, plane, err);
-    if (status == RX_OK && tuning->threshold >= 0)
-        flatten(n, tuning->threshold * trial->sigma, plane, plane);
-    return status;
+    RX_TRY(rx_gauss_masked(side, side, tuning->filter, NULL, 1, plane, err));
+    for (size_t i = 0; i < n && tuning->threshold >= 0; i++)
+        plane[i] = plane[i] < tuning->threshold * trial->sigma ? 0.0f : plane[i];
+    return RX_OK;
 }
 
 static rx_status measure(const rx_trial *trial, const float *plane, double *dst, rx_error *err)
@@ -141,49 +113,33 @@ static rx_status measure(const rx_trial *trial, const float *plane, double *dst,
     return rx_reference_ssim(trial->reference, plane, &dst[1], err);
 }
 
-/* All filters of one number of iterations, with their thresholds where there are iterations. */
-static rx_status tune_niter(const rx_lab *lab, const rx_trial *trial, long first, const float *restored,
-                            float *work, double *dst, rx_error *err)
-{
-    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
-    const long nt = (long)COUNT(THRESHOLDS), nf = filters(lab), tried = first > 0 ? nt : 1;
-    float *filtered = work, *cut = work + n;
-    rx_status status = RX_OK;
-    for (long f = 0; status == RX_OK && f < nf; f++) {
-        rx_tuning tuning;
-        rx_tuning_get(lab, trial->fwhm, first + f * nt, &tuning);
-        status = rx_tuning_apply(lab, trial, &tuning, restored, filtered, err);
-        for (long t = 0; status == RX_OK && t < tried; t++) {
-            flatten(n, t > 0 ? THRESHOLDS[t] * trial->sigma : -HUGE_VAL, filtered, cut);
-            status = measure(trial, cut, &dst[2 * (first + f * nt + t)], err);
-        }
-    }
-    return status;
-}
-
+/* Every candidate: filters of one number of iterations, with their thresholds where there are iterations. */
 rx_status rx_restoration_tune(const rx_lab *lab, const rx_trial *trial, rx_lab_table *dst, rx_error *err)
 {
     const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
-    const long count = rx_tuning_count(lab), step = count / niters(lab);
+    const long nt = (long)COUNT(THRESHOLDS), nf = filters(lab);
     double *values = NULL;
-    float *planes = RX_NEW(float, 3 * n), *restored = planes;
+    float *planes = RX_NEW(float, 3 * n), *restored = planes, *filtered = planes + n, *cut = planes + 2 * n;
     rx_status status = planes == NULL
                            ? rx_error_memory(err, 3 * n * sizeof(float))
-                           : rx_lab_rows_add(&dst[RX_RESTORATION_TUNING], count * lab->ntuned, &values, err);
-    for (int m = 0; status == RX_OK && m < lab->nruns; m++) {
-        const rx_lab_run *method = &lab->run[m];
-        if (!method->tuned || method->flat || method->smooth)
+                           : rx_lab_rows_add(&dst[RX_RESTORATION_TUNING], rx_tuning_count(lab), &values, err);
+    for (long c = 0; status == RX_OK && c < rx_tuning_count(lab); c++) {
+        const long i = c / nt / nf;
+        rx_tuning tuning;
+        rx_tuning_get(lab, trial->fwhm, c, &tuning);
+        if (i == 0 && c % nt > 0)
             continue;
-        for (int i = 0; status == RX_OK && i < niters(lab); i++) {
-            if (i == 0)
-                memcpy(restored, trial->image, n * sizeof *restored);
-            else
-                status = rx_trial_restore(lab, trial, method->restorer, lab->config->tune_niter.v[i - 1],
-                                          restored, err);
-            if (status == RX_OK)
-                status = tune_niter(lab, trial, i * step, restored, planes + n, values, err);
-        }
-        values += RX_RESTORATION_TUNING_WIDTH * count;
+        if (c == 0)
+            memcpy(restored, trial->image, n * sizeof *restored);
+        else if (c % (nt * nf) == 0)
+            status = rx_trial_restore(lab, trial, rx_restorer_find("RL"), tuning.niter, restored, err);
+        if (status == RX_OK && c % nt == 0) /* no threshold: the others follow on the same pixels */
+            status = rx_tuning_apply(lab, trial, &tuning, restored, filtered, err);
+        for (size_t k = 0; k < n && status == RX_OK; k++)
+            cut[k] =
+                tuning.threshold >= 0 && filtered[k] < tuning.threshold * trial->sigma ? 0.0f : filtered[k];
+        if (status == RX_OK)
+            status = measure(trial, cut, &values[RX_RESTORATION_TUNING_WIDTH * c], err);
     }
     free(planes);
     return status;

@@ -286,19 +286,33 @@ static rx_status find_company(const rx_lab_sky *sky, rx_lab_objects *objects, rx
 
 /* --- pixels --- */
 
-rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_simulated *simulated,
-                        rx_tile **tile, rx_error *err)
+rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_scene *scene,
+                        float *const truth[2], rx_tile **tile, rx_error *err)
 {
+    const rx_optics *const optics[] = {sky->simulation->optics, sky->simulation->target};
+    const size_t n = (size_t)scene->width * (size_t)scene->height;
+    rx_simulated simulated = {.width = scene->width, .height = scene->height, .scene = scene};
     rx_noise_params noise = sky->simulation->noise;
+    simulated.noise = noise;
+    simulated.image = RX_NEW(float, n);
+    simulated.defects = RX_NEW(uint8_t, n);
     noise.seed = seed;
     noise.stream = stream;
-    rx_status status = rx_noise_expose(&noise, simulated->width, simulated->height, simulated->image,
-                                       simulated->defects, 1, err);
+    rx_status status = simulated.image == NULL || simulated.defects == NULL
+                           ? rx_error_memory(err, n * sizeof(float))
+                           : rx_render(scene, truth != NULL ? 2 : 1, optics,
+                                       truth != NULL ? truth : &simulated.image, 1, err);
+    if (status == RX_OK && truth != NULL)
+        memcpy(simulated.image, truth[0], n * sizeof(float));
+    if (status == RX_OK)
+        status = rx_noise_expose(&noise, simulated.width, simulated.height, simulated.image,
+                                 simulated.defects, 1, err);
     if (status == RX_OK) {
         /* world coordinates: not every version of wcslib reads headers in several threads */
 #pragma omp critical(rx_campaign_tile)
-        status = rx_simulation_tile(sky->simulation, simulated, "simulated", tile, err);
+        status = rx_simulation_tile(sky->simulation, &simulated, "simulated", tile, err);
     }
+    rx_simulated_free(&simulated);
     return status;
 }
 
@@ -307,32 +321,23 @@ static rx_status simulate(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_id 
                           rx_tile **tile, rx_lab_tile *dst, rx_error *err)
 {
     const rx_scene_params par = params_of(lab, sky, id, stream);
-    const rx_simulation *simulation = sky->simulation;
-    const rx_optics *const optics[] = {simulation->optics, simulation->target};
-    const double gain = simulation->noise.type == RX_NOISE_CCD ? simulation->noise.gain : 0;
-    const size_t n = (size_t)par.width * (size_t)par.height;
-    rx_simulated simulated = {.width = par.width, .height = par.height, .noise = simulation->noise};
-    simulated.image = RX_NEW(float, n);
-    simulated.defects = RX_NEW(uint8_t, n);
-    rx_status status = simulated.image == NULL || simulated.defects == NULL
-                           ? rx_error_memory(err, n * sizeof(float))
-                           : rx_scene_make(&par, simulation->templates, &simulated.scene, err);
-    if (status == RX_OK && (id == RX_SCENE_PAIRS || id == RX_SCENE_MIXED_PAIRS))
-        status = add_companions(lab, sky, id, stream, &simulated.scene, err);
+    const rx_noise_params *noise = &sky->simulation->noise;
+    const int outskirts = id == RX_SCENE_OUTSKIRTS;
+    rx_scene *scene = NULL;
+    RX_TRY(rx_scene_make(&par, sky->simulation->templates, &scene, err));
+    rx_status status = id == RX_SCENE_PAIRS || id == RX_SCENE_MIXED_PAIRS
+                           ? add_companions(lab, sky, id, stream, &scene, err)
+                           : RX_OK;
     if (status == RX_OK)
-        status = take_objects(lab, sky, id, gain, simulated.scene, &dst->objects, err);
-    for (int i = 0; i < 2 && status == RX_OK && id == RX_SCENE_OUTSKIRTS; i++)
-        if ((dst->truth[i] = RX_NEW(float, n)) == NULL)
-            status = rx_error_memory(err, n * sizeof(float));
-    if (status == RX_OK && id == RX_SCENE_OUTSKIRTS) {
-        status = rx_render(simulated.scene, 2, optics, dst->truth, 1, err);
-        memcpy(simulated.image, dst->truth[0], n * sizeof(float));
-    } else if (status == RX_OK) {
-        status = rx_render(simulated.scene, 1, optics, &simulated.image, 1, err);
-    }
+        status = take_objects(lab, sky, id, noise->type == RX_NOISE_CCD ? noise->gain : 0, scene,
+                              &dst->objects, err);
+    for (int i = 0; i < 2 && status == RX_OK && outskirts; i++)
+        if ((dst->truth[i] = RX_NEW(float, (size_t)par.width *(size_t)par.height)) == NULL)
+            status = rx_error_memory(err, (size_t)par.width * (size_t)par.height * sizeof(float));
     if (status == RX_OK)
-        status = rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), stream, &simulated, tile, err);
-    rx_simulated_free(&simulated);
+        return rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), stream, scene, outskirts ? dst->truth : NULL,
+                             tile, err);
+    rx_scene_free(scene);
     return status;
 }
 

@@ -100,7 +100,7 @@ static rx_lab *make_restoration(const made_restoration *how)
     r->kind = &rx_kind_restoration;
     r->config = made_config();
     r->nruns = 4 + how->with_net;
-    r->ntuned = 1;
+    r->tunes = 1;
     for (int k = 0; k < r->nruns; k++)
         strcpy(r->run[k].name, names[k]);
     r->nconditions = how->nfwhm + how->nsigma;

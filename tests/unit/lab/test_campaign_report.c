@@ -20,8 +20,11 @@
 
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
 
-static const char *const pairs[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"OUTPUT_NAME", HOSTILE}};
-static const rx_campaign_record plain = {HOSTILE, "rextract-validate -c " HOSTILE, 7, 2, pairs, 0};
+static char *pairs[][3] = {{"RESTORE_TYPE", "NONE,RL", ""}, {"OUTPUT_NAME", HOSTILE, ""}};
+static const rx_campaign_record plain = {.title = HOSTILE,
+                                         .command = {.data = "rextract-validate -c " HOSTILE},
+                                         .keywords = {2, 2, pairs, false},
+                                         .seed = 7};
 static const made_restoration small = {0, 0, 0, 24, 13, 4};
 #define OUTPUT(record, folder, brief)                                                                        \
     &(rx_lab_output)                                                                                         \

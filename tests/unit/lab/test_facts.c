@@ -81,9 +81,9 @@ static void files_count_by_content(void **state)
 
 static const char *value_of(const rx_campaign_record *record, const char *name)
 {
-    for (int i = 0; i < record->n; i++)
-        if (strcmp(record->pairs[i][0], name) == 0)
-            return record->pairs[i][1];
+    for (int i = 0; i < record->keywords.n; i++)
+        if (strcmp(record->keywords.pairs[i][0], name) == 0)
+            return record->keywords.pairs[i][1];
     return NULL;
 }
 
@@ -93,19 +93,19 @@ static void the_record_repeats_the_campaign(void **state)
     const char *const pairs[] = {"SEED",  "5",   "STAGE.RL_NITER", "7", "TILE_NAME", "my tile.fits",
                                  "SHARD", "1/2", "NTHREADS",       "3", NULL};
     rx_campaign_config *config = make_settings(pairs);
-    rx_facts_record record = {0};
-    assert_int_equal(rx_facts_record_make(config, "A title", &record, NULL), RX_OK);
-    assert_string_equal(record.record.title, "A title");
-    assert_int_equal(record.record.seed, 5);
-    assert_string_equal(record.record.command,
+    rx_campaign_record record = {0};
+    assert_int_equal(rx_campaign_record_make(config, "A title", &record, NULL), RX_OK);
+    assert_string_equal(record.title, "A title");
+    assert_int_equal(record.seed, 5);
+    assert_string_equal(record.command.data,
                         "rextract-validate -SEED 5 -TILE_NAME 'my tile.fits' -STAGE.RL_NITER 7");
-    assert_string_equal(value_of(&record.record, "STAGE.RL_NITER"), "7");
-    assert_string_equal(value_of(&record.record, "TILE_NAME"), "my tile.fits");
-    assert_string_equal(value_of(&record.record, "version"), RX_VERSION);
-    assert_null(value_of(&record.record, "SHARD"));
-    assert_null(value_of(&record.record, "NTHREADS"));
-    assert_null(value_of(&record.record, "STAGE.NTHREADS"));
-    rx_facts_record_free(&record);
+    assert_string_equal(value_of(&record, "STAGE.RL_NITER"), "7");
+    assert_string_equal(value_of(&record, "TILE_NAME"), "my tile.fits");
+    assert_string_equal(value_of(&record, "version"), RX_VERSION);
+    assert_null(value_of(&record, "SHARD"));
+    assert_null(value_of(&record, "NTHREADS"));
+    assert_null(value_of(&record, "STAGE.NTHREADS"));
+    rx_campaign_record_free(&record);
     rx_campaign_config_free(config);
 }
 

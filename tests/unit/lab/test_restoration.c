@@ -306,7 +306,7 @@ static void methods_come_from_the_table(void **state)
     assert_int_equal(campaign->nruns, 4);
     assert_string_equal(campaign->run[2].name, "BLURRED");
     assert_string_equal(campaign->run[3].name, "SMOOTHED");
-    assert_int_equal(campaign->ntuned, 1);
+    assert_int_equal(campaign->tunes, 1);
     rx_lab_close(campaign);
     assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE,RL", NULL, NULL), RX_OK);
     assert_int_equal(rx_lab_open(&rx_kind_restoration, config, 1, NULL, &pointer, &err), RX_USAGE);
