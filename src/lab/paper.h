@@ -6,11 +6,6 @@
 
 enum { RX_PAPER_TABLES = 4, RX_PAPER_COLUMNS = 8 };
 
-typedef struct rx_paper_column {
-    double bin;  /* FWHM in pixels, or noise sigma on the 0..255 scale */
-    double t, p; /* as printed; t of NET against RL */
-} rx_paper_column;
-
 /* Tables 1 to 4: two-sample t of SSIM or PSNR. The degrees of freedom are not printed; these are the ones
  * that give the printed p of 28 of the 30 columns: 138 = 2 x 70 - 2 and 78 = 2 x 40 - 2. */
 typedef struct rx_paper_table {
@@ -18,17 +13,14 @@ typedef struct rx_paper_table {
     int by_sigma, ssim;
     double dof;
     int n;
-    rx_paper_column column[RX_PAPER_COLUMNS];
+    double bin[RX_PAPER_COLUMNS];                    /* FWHM in pixels, or noise sigma on the 0..255 scale */
+    double t[RX_PAPER_COLUMNS], p[RX_PAPER_COLUMNS]; /* as printed; t of NET against RL */
 } rx_paper_table;
 
-/* i = 0..RX_PAPER_TABLES - 1. */
-const rx_paper_table *rx_paper_table_get(int i);
+extern const rx_paper_table rx_paper_tables[RX_PAPER_TABLES];
 
-/* The column of the bin around `centre`, NULL where the paper prints none. */
-const rx_paper_column *rx_paper_column_at(const rx_paper_table *table, double centre);
-
-/* Whether the printed p follows from the printed t (two-sided, the table's dof) within what rounding t to
+/* Whether the printed p of a column follows from its t (two-sided, the table's dof) within what rounding t to
  * 0.01 and p to three digits allows; *p = the p that follows, *ln_p its logarithm. */
-int rx_paper_column_fits(const rx_paper_table *table, const rx_paper_column *column, double *p, double *ln_p);
+int rx_paper_column_fits(const rx_paper_table *table, int column, double *p, double *ln_p);
 
 #endif

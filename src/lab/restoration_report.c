@@ -287,43 +287,31 @@ static void paper_itself(rx_text *dst)
 {
     int fits = 0, all = 0;
     rx_text other = {0};
-    for (int i = 0; i < RX_PAPER_TABLES; i++) {
-        const rx_paper_table *table = rx_paper_table_get(i);
+    for (const rx_paper_table *table = rx_paper_tables; table < rx_paper_tables + RX_PAPER_TABLES; table++)
         for (int k = 0; k < table->n; k++, all++) {
             double p, ln_p;
-            const rx_paper_column *c = &table->column[k];
-            if (rx_paper_column_fits(table, c, &p, &ln_p))
+            if (rx_paper_column_fits(table, k, &p, &ln_p))
                 fits++;
             else
                 rx_text_printf(&other, "; Table %d at %s %g prints p = %.3g, but t = %.2f gives %.2g%s",
-                               table->number, table->by_sigma ? "sigma" : "FWHM", c->bin, c->p, c->t, p,
-                               p < 0.05 ? "" : ", which is not significant");
+                               table->number, table->by_sigma ? "sigma" : "FWHM", table->bin[k], table->p[k],
+                               table->t[k], p, p < 0.05 ? "" : ", which is not significant");
         }
-    }
     rx_text_printf(dst, "The paper's own tables: p follows from t in %d of %d columns%s.", fits, all,
                    other.data != NULL ? other.data : "");
     dst->failed = dst->failed || other.failed;
     rx_text_free(&other);
 }
 
-/* The bin of a printed column, -1: there is none. */
-static int bin_of(const rx_store *s, const rx_paper_table *table, const rx_paper_column *column)
+/* The test of a pair in the bin of a printed column; NULL: there is none. */
+static const rx_contest *paper_contest(const rx_store *s, const rx_paper_table *table, int column, int pair,
+                                       int test)
 {
-    int found = -1;
-    for (int c = 0; c < s->group[table->by_sigma].nconditions; c++)
-        if (rx_paper_column_at(table, centre(drawn(s, table->by_sigma, c))) == column)
-            found = c;
-    return found;
-}
-
-/* Its test there; NULL: none. */
-static const rx_contest *paper_contest(const rx_store *s, const rx_paper_table *table,
-                                       const rx_paper_column *column, int pair, int test)
-{
-    const int c = pair < 0 ? -1 : bin_of(s, table, column);
-    return c < 0 ? NULL
-                 : rx_contest_of(s, table->by_sigma, pair,
+    for (int c = 0; c < s->group[table->by_sigma].nconditions && pair >= 0; c++)
+        if (fabs(centre(drawn(s, table->by_sigma, c)) - table->bin[column]) < 0.25)
+            return rx_contest_of(s, table->by_sigma, pair,
                                  RX_TESTS * (table->ssim ? RX_SSIM : RX_PSNR) + test, c);
+    return NULL;
 }
 
 static void judge_every_bin(const rx_store *s, rx_claim_verdict *v)
@@ -341,10 +329,9 @@ static void judge_all_p(const rx_store *s, rx_claim_verdict *v)
 {
     const int pair = net_against(s, "RL"), shown = pair >= 0 ? pair : s->npairs > 0 ? 0 : -1;
     int below = 0, tested = 0;
-    for (int i = 0; i < RX_PAPER_TABLES; i++)
-        for (int k = 0; k < rx_paper_table_get(i)->n; k++) {
-            const rx_paper_table *table = rx_paper_table_get(i);
-            const rx_contest *c = paper_contest(s, table, &table->column[k], shown, RX_BY_TWO_SAMPLES);
+    for (const rx_paper_table *table = rx_paper_tables; table < rx_paper_tables + RX_PAPER_TABLES; table++)
+        for (int k = 0; k < table->n; k++) {
+            const rx_contest *c = paper_contest(s, table, k, shown, RX_BY_TWO_SAMPLES);
             tested += c != NULL;
             below += c != NULL && c->test.p < 0.05;
         }
@@ -765,22 +752,22 @@ static void add_paper(rx_report *report, const rx_store *s)
 {
     const rx_contest none = rx_contest_none();
     rx_report_table *t = rx_report_table_add(report, "paper", LENGTH(PAPER), PAPER, RX_REPORT_IN_JSON);
-    for (int i = 0; i < RX_PAPER_TABLES; i++)
-        for (int k = 0; k < rx_paper_table_get(i)->n; k++) {
-            const rx_paper_table *table = rx_paper_table_get(i);
-            const rx_paper_column *c = &table->column[k];
+    for (const rx_paper_table *table = rx_paper_tables; table < rx_paper_tables + RX_PAPER_TABLES; table++)
+        for (int k = 0; k < table->n; k++) {
             const int chief = s->npairs > 0 ? 0 : -1;
-            const rx_contest *two = paper_contest(s, table, c, chief, RX_BY_TWO_SAMPLES),
-                             *paired = paper_contest(s, table, c, chief, RX_BY_PAIRED);
+            const rx_contest *two = paper_contest(s, table, k, chief, RX_BY_TWO_SAMPLES),
+                             *paired = paper_contest(s, table, k, chief, RX_BY_PAIRED);
             const rx_test *test = two != NULL ? &two->test : &none.test;
             double p, ln_p;
-            const int fits = rx_paper_column_fits(table, c, &p, &ln_p);
-            rx_report_row(t, (rx_cell[]){rx_cell_number(table->number), rx_cell_words(KINDS[table->by_sigma]),
-                                         rx_cell_words(table->ssim ? "ssim" : "psnr"), rx_cell_number(c->bin),
-                                         rx_cell_number(table->dof), rx_cell_number(c->t),
-                                         rx_cell_p(c->p, log(c->p)), rx_cell_p(p, ln_p), rx_cell_number(fits),
-                                         rx_cell_number(test->statistic), rx_cell_p(test->p, test->ln_p),
-                                         rx_cell_number(paired != NULL ? paired->test.statistic : NAN)});
+            const int fits = rx_paper_column_fits(table, k, &p, &ln_p);
+            rx_report_row(t,
+                          (rx_cell[]){rx_cell_number(table->number), rx_cell_words(KINDS[table->by_sigma]),
+                                      rx_cell_words(table->ssim ? "ssim" : "psnr"),
+                                      rx_cell_number(table->bin[k]), rx_cell_number(table->dof),
+                                      rx_cell_number(table->t[k]), rx_cell_p(table->p[k], log(table->p[k])),
+                                      rx_cell_p(p, ln_p), rx_cell_number(fits),
+                                      rx_cell_number(test->statistic), rx_cell_p(test->p, test->ln_p),
+                                      rx_cell_number(paired != NULL ? paired->test.statistic : NAN)});
         }
     rx_report_section(report, "paper", "Beside the paper's Tables 1 to 4");
     if (s->npairs > 0 && net_against(s, "RL") != 0) {

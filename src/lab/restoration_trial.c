@@ -35,27 +35,6 @@ static uint64_t stream_of(const rx_lab *lab, const rx_lab_unit *unit)
            (uint64_t)unit->number;
 }
 
-static void draw_quantities(const rx_lab *lab, const rx_lab_unit *unit, rx_trial *dst)
-{
-    const rx_lab_bin *bin = &lab->bin[unit->condition];
-    const uint64_t seed = rx_lab_seed(lab, DRAW_QUANTITIES), stream = stream_of(lab, unit);
-    const double binned = bin->low + (bin->high - bin->low) * rx_random_uniform(seed, stream, 0);
-    const double other =
-        bin->other_low + (bin->other_high - bin->other_low) * rx_random_uniform(seed, stream, 1);
-    dst->fwhm = bin->by_sigma ? other : binned;
-    dst->sigma = bin->by_sigma ? binned : other;
-}
-
-static void enlarge(rx_object *object, double factor)
-{
-    object->radius *= factor;
-    object->bulge_radius *= factor;
-    object->disk_radius *= factor;
-    object->bar_radius *= factor;
-    object->stretch *= factor;
-    object->flux *= factor * factor;
-}
-
 static double brightness(const rx_object *object, double least_radius)
 {
     const double radius = fmax(object->radius, least_radius);
@@ -74,7 +53,13 @@ static void compose(const rx_lab *lab, uint64_t seed, uint64_t stream, rx_scene 
         return;
     const double radius =
         side * (FILL_LOW + (FILL_HIGH - FILL_LOW) * rx_random_uniform(seed, stream, UINT64_C(1) << 62));
-    enlarge(main, radius / main->radius);
+    const double factor = radius / main->radius;
+    main->radius *= factor;
+    main->bulge_radius *= factor;
+    main->disk_radius *= factor;
+    main->bar_radius *= factor;
+    main->stretch *= factor;
+    main->flux *= factor * factor;
     main->x =
         0.5 * (side - 1) + PLACE * side * (2 * rx_random_uniform(seed, stream, (UINT64_C(1) << 62) + 1) - 1);
     main->y =
@@ -86,23 +71,6 @@ static void compose(const rx_lab *lab, uint64_t seed, uint64_t stream, rx_scene 
         if (other != main && bright > limit)
             other->flux *= limit / bright;
     }
-}
-
-static rx_status make_scene(const rx_lab *lab, uint64_t stream, rx_scene **dst, rx_error *err)
-{
-    rx_scene_params par = lab->sky[0].simulation->scene;
-    par.seed = rx_lab_seed(lab, DRAW_SCENE);
-    par.stream = stream;
-    rx_status status = rx_scene_make(&par, lab->sky[0].simulation->templates, dst, err);
-    if (status == RX_OK)
-        compose(lab, par.seed, stream, *dst);
-    return status;
-}
-
-static void scale(float *plane, size_t n, double factor)
-{
-    for (size_t i = 0; i < n; i++)
-        plane[i] = (float)(plane[i] * factor);
 }
 
 /* The PSF as a restorer is given it; one that is larger than the scene is cut to it. */
@@ -143,8 +111,10 @@ static rx_status expose(const rx_lab *lab, uint64_t stream, const rx_scene *scen
     for (size_t i = 0; i < n; i++)
         peak = fmax(peak, dst->sharp[i]);
     const double factor = peak > 0 ? lab->config->scene_peak / peak : 0;
-    scale(dst->sharp, n, factor);
-    scale(dst->image, n, factor);
+    for (size_t i = 0; i < n; i++) {
+        dst->sharp[i] = (float)(dst->sharp[i] * factor);
+        dst->image[i] = (float)(dst->image[i] * factor);
+    }
     memcpy(noise, dst->image, n * sizeof *noise);
     dst->level = rx_noise_level(rx_brightness(noise, n, 0) / dst->sigma);
     rx_noise_normals(rx_lab_seed(lab, DRAW_NOISE), stream, 0, (long)n, noise);
@@ -158,18 +128,30 @@ exit:
 
 rx_status rx_trial_make(const rx_lab *lab, const rx_lab_unit *unit, rx_trial *dst, rx_error *err)
 {
-    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
-    const uint64_t stream = stream_of(lab, unit);
+    const int side = lab->config->scene_side;
+    const size_t n = (size_t)side * (size_t)side;
+    const rx_lab_bin *bin = &lab->bin[unit->condition];
+    const uint64_t stream = stream_of(lab, unit), seed = rx_lab_seed(lab, DRAW_QUANTITIES);
+    const double u = rx_random_uniform(seed, stream, 0), v = rx_random_uniform(seed, stream, 1);
+    const double binned = bin->low + (bin->high - bin->low) * u,
+                 other = bin->other_low + (bin->other_high - bin->other_low) * v;
+    rx_scene_params par = lab->sky[0].simulation->scene;
     rx_scene *scene = NULL;
-    *dst = (rx_trial){.image = RX_NEW(float, n), .sharp = RX_NEW(float, n)};
-    draw_quantities(lab, unit, dst);
-    rx_status status = dst->image == NULL || dst->sharp == NULL ? rx_error_memory(err, 2 * n * sizeof(float))
-                                                                : make_scene(lab, stream, &scene, err);
-    if (status == RX_OK)
+    par.seed = rx_lab_seed(lab, DRAW_SCENE);
+    par.stream = stream;
+    *dst = (rx_trial){.fwhm = bin->by_sigma ? other : binned,
+                      .sigma = bin->by_sigma ? binned : other,
+                      .image = RX_NEW(float, n),
+                      .sharp = RX_NEW(float, n)};
+    rx_status status = dst->image == NULL || dst->sharp == NULL
+                           ? rx_error_memory(err, 2 * n * sizeof(float))
+                           : rx_scene_make(&par, lab->sky[0].simulation->templates, &scene, err);
+    if (status == RX_OK) {
+        compose(lab, par.seed, stream, scene);
         status = expose(lab, stream, scene, dst, err);
+    }
     if (status == RX_OK)
-        status = rx_image_reference_new(lab->config->scene_side, lab->config->scene_side, dst->sharp,
-                                        &dst->reference, err);
+        status = rx_image_reference_new(side, side, dst->sharp, &dst->reference, err);
     rx_scene_free(scene);
     if (status != RX_OK)
         rx_trial_free(dst);
