@@ -151,7 +151,7 @@ static rx_estimate worst(const rx_lab_table *plateau, int run, int part)
 static rx_status stacked(const rx_lab_table *growth, int run, const rx_quantity *q, uint64_t seed,
                          rx_estimate *dst, rx_error *err)
 {
-    double truth = 0, *work = RX_NEW(double, 2 * (size_t)growth->n + 1), *zero = work + growth->n;
+    double truth = 0, *work = RX_NEW(double, 2 * (size_t)growth->n + 1);
     long n = 0;
     *dst = (rx_estimate){NAN, NAN, NAN, 0};
     if (work == NULL)
@@ -166,7 +166,8 @@ static rx_status stacked(const rx_lab_table *growth, int run, const rx_quantity 
     }
     for (long i = 0; i < n; i++)
         work[i] *= (double)n / truth;
-    const rx_status status = n > 0 ? rx_paired_bootstrap(n, work, zero, LEVEL, seed, dst, err) : RX_OK;
+    const rx_status status =
+        n > 0 ? rx_paired_bootstrap(n, work, work + growth->n, LEVEL, seed, dst, err) : RX_OK;
     free(work);
     return status;
 }

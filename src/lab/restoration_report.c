@@ -101,9 +101,10 @@ static rx_status measure_bin(rx_store *s, int g, int c, rx_error *err)
     const rx_lab_table *scene = scenes_of(s, g, c);
     rx_restoration_bin *own = rx_restoration_bin_of(s, g, c);
     const size_t room = (size_t)scene->n + 1;
-    double *a = RX_NEW(double, 3 * room), *b = a + room, *zero = b + room;
+    double *a = RX_NEW(double, room), *b = RX_NEW(double, room), *zero = RX_NEW(double, room);
     rx_estimate unused;
-    rx_status status = a == NULL ? rx_error_memory(err, 3 * room * sizeof *a) : rx_interrupt_check(err);
+    rx_status status = a == NULL || b == NULL || zero == NULL ? rx_error_memory(err, 3 * room * sizeof *a)
+                                                              : rx_interrupt_check(err);
     for (long i = 0; i < scene->n && status == RX_OK; i++)
         a[i] = rx_lab_own(scene, i)[RX_SCENE_LEVEL];
     if (status == RX_OK)
@@ -136,6 +137,8 @@ static rx_status measure_bin(rx_store *s, int g, int c, rx_error *err)
         }
     }
     free(a);
+    free(b);
+    free(zero);
     return status;
 }
 

@@ -119,15 +119,15 @@ rx_status rx_restoration_tune(const rx_lab *lab, const rx_trial *trial, rx_lab_t
     const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
     const long nt = (long)COUNT(THRESHOLDS), nf = filters(lab);
     double *values = NULL;
-    float *planes = RX_NEW(float, 3 * n), *restored = planes, *filtered = planes + n, *cut = planes + 2 * n;
+    float *planes = RX_NEW(float, 3 * n);
     rx_status status = planes == NULL
                            ? rx_error_memory(err, 3 * n * sizeof(float))
                            : rx_lab_rows_add(&dst[RX_RESTORATION_TUNING], rx_tuning_count(lab), &values, err);
     for (long c = 0; status == RX_OK && c < rx_tuning_count(lab); c++) {
-        const long i = c / nt / nf;
+        float *restored = planes, *filtered = planes + n, *cut = planes + 2 * n;
         rx_tuning tuning;
         rx_tuning_get(lab, trial->fwhm, c, &tuning);
-        if (i == 0 && c % nt > 0)
+        if (c < nt * nf && c % nt > 0)
             continue;
         if (c == 0)
             memcpy(restored, trial->image, n * sizeof *restored);
