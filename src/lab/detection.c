@@ -41,28 +41,25 @@ int rx_detection_table(rx_scene_id id)
 static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
     const rx_campaign_config *config = lab->config;
-    rx_status status = RX_OK;
-    for (int i = 0; status == RX_OK && i < config->restore_type.n; i++) {
+    for (int i = 0; i < config->restore_type.n; i++) {
         rx_lab_run run = {0};
         RX_TRY(rx_lab_restorer(config->restore_type.v[i], &run.restorer, err));
         run.tuned = strcmp(run.restorer->name, "RL") == 0;
         snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
         if (!run.tuned)
-            status = rx_lab_add_run(lab, RX_LAB_RUNS, &run, err);
-        if (status == RX_OK && strcmp(run.name, "NONE") == 0) {
-            run.matched = 1;
-            snprintf(run.name, sizeof run.name, "MATCHED");
-            status = rx_lab_add_run(lab, RX_LAB_RUNS, &run, err);
-        }
-        for (int k = 0; run.tuned && k < config->tune_niter.n * config->tune_filter.n && status == RX_OK;
-             k++) {
+            RX_TRY(rx_lab_add_run(lab, RX_LAB_RUNS, &run, err));
+        if (strcmp(run.name, "NONE") == 0)
+            RX_TRY(rx_lab_add_run(lab, RX_LAB_RUNS,
+                                  &(rx_lab_run){.name = "MATCHED", .restorer = run.restorer, .matched = 1},
+                                  err));
+        for (int k = 0; run.tuned && k < config->tune_niter.n * config->tune_filter.n; k++) {
             run.niter = config->tune_niter.v[k / config->tune_filter.n];
             run.filter = config->tune_filter.v[k % config->tune_filter.n];
             snprintf(run.name, sizeof run.name, "RL %d %g", run.niter, run.filter);
-            status = rx_lab_add_run(lab, RX_LAB_RUNS, &run, err);
+            RX_TRY(rx_lab_add_run(lab, RX_LAB_RUNS, &run, err));
         }
     }
-    return status;
+    return RX_OK;
 }
 
 static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
@@ -70,13 +67,9 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
     /* numbered by their places here */
     static const rx_scene_id scenes[] = {RX_SCENE_STARS, RX_SCENE_GALAXIES, RX_SCENE_PAIRS,    RX_SCENE_BLANK,
                                          RX_SCENE_RINGS, RX_SCENE_PLATEAU,  RX_SCENE_OUTSKIRTS};
-    const rx_words *words = &lab->config->scenes;
-    rx_status status = add_runs(lab, err);
-    for (int i = 0; i < words->n; i++)
-        for (int k = 0; status == RX_OK && k < (int)(sizeof scenes / sizeof *scenes); k++)
-            if (strcmp(words->v[i], rx_scene_name(scenes[k])) == 0)
-                status = rx_lab_add_scene(lab, scenes[k], k, 0, err);
-    return status == RX_OK ? rx_lab_skies_simulate(lab, log, err) : status;
+    RX_TRY(add_runs(lab, err));
+    RX_TRY(rx_lab_add_scenes(lab, &lab->config->scenes, sizeof scenes / sizeof *scenes, scenes, err));
+    return rx_lab_skies_simulate(lab, log, err);
 }
 
 /* --- one tile --- */

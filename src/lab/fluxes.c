@@ -82,20 +82,14 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
     /* numbered by their places here */
     static const rx_scene_id scenes[] = {RX_SCENE_FIELD, RX_SCENE_MIXED_PAIRS, RX_SCENE_BLANK,
                                          RX_SCENE_RINGS, RX_SCENE_SHREDS,      RX_SCENE_INJECTED};
-    const rx_words *words = &lab->config->flux_scenes, *restorers = &lab->config->restore_type;
-    rx_status status = RX_OK;
-    for (int i = 0; i < restorers->n && status == RX_OK; i++) {
+    const rx_words *restorers = &lab->config->restore_type;
+    for (int i = 0; i < restorers->n; i++) {
         rx_lab_run run = {0};
         RX_TRY(rx_lab_restorer(restorers->v[i], &run.restorer, err));
         snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
-        status = rx_lab_add_run(lab, RX_FLUXES_RUNS, &run, err);
+        RX_TRY(rx_lab_add_run(lab, RX_FLUXES_RUNS, &run, err));
     }
-    for (int i = 0; i < words->n; i++)
-        for (int k = 0; status == RX_OK && k < (int)(sizeof scenes / sizeof *scenes); k++)
-            if (strcmp(words->v[i], rx_scene_name(scenes[k])) == 0)
-                status = rx_lab_add_scene(lab, scenes[k], k, 0, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_lab_add_scenes(lab, &lab->config->flux_scenes, sizeof scenes / sizeof *scenes, scenes, err));
     return lab->scene[0].id == RX_SCENE_INJECTED ? read_tile(lab, log, err)
                                                  : rx_lab_skies_simulate(lab, log, err);
 }
@@ -134,23 +128,18 @@ static rx_status add_props(const rx_lab_search *w, rx_error *err)
     return status;
 }
 
-/* Is object i found, within that distance. */
-static int near_enough(const rx_lab_search *w, long i, double distance)
-{
-    const rx_lab_object *o = &w->tile.objects.list[i];
-    const long k = w->matches.found[i];
-    return k >= 0 && hypot(w->list.x[k] - o->x, w->list.y[k] - o->y) <= distance;
-}
-
 /* An object and the one that it is blended with, both found, each nearer than half their separation. */
 static int resolved(const rx_lab_search *w, long i)
 {
-    const rx_lab_object *o = &w->tile.objects.list[i];
-    if (o->partner < 0)
-        return 0;
-    const rx_lab_object *other = &w->tile.objects.list[o->partner];
-    const double half = 0.5 * hypot(o->x - other->x, o->y - other->y);
-    return near_enough(w, i, half) && near_enough(w, o->partner, half);
+    const rx_lab_object *o = w->tile.objects.list;
+    const long both[] = {i, o[i].partner};
+    int n = 0;
+    for (int k = 0; k < 2 && both[1] >= 0; k++) {
+        const long found = w->matches.found[both[k]];
+        n += found >= 0 && hypot(w->list.x[found] - o[both[k]].x, w->list.y[found] - o[both[k]].y) <=
+                               0.5 * hypot(o[i].x - o[both[1]].x, o[i].y - o[both[1]].y);
+    }
+    return n == 2;
 }
 
 /* Detections on a galaxy, all (0) or those without the mark (1): those that it is the nearest object of. */

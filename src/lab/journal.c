@@ -74,47 +74,25 @@ static size_t line_length(const char *line)
     return end != NULL ? (size_t)(end - line) : strlen(line);
 }
 
-/* Name of the fact in a line "= NAME value", and where its value begins. */
-static int name_of(const char *line, char *name, size_t size, const char **value)
-{
-    if (line[0] != '=' || line[1] != ' ')
-        return 0;
-    size_t n = strcspn(line + 2, " \n");
-    snprintf(name, size, "%.*s", (int)(n < size ? n : size - 1), line + 2);
-    *value = line + 2 + n + (line[2 + n] == ' ');
-    return 1;
-}
-
-/* The line of that fact in a header, or NULL. */
-static const char *find_fact(const char *lines, const char *name)
-{
-    size_t n = strlen(name);
-    for (const char *line = lines; *line != '\0'; line += line_length(line) + (strchr(line, '\n') != NULL))
-        if (strncmp(line, "= ", 2) == 0 && strncmp(line + 2, name, n) == 0 && line[2 + n] == ' ')
-            return line + 3 + n;
-    return NULL;
-}
-
 /* Say which setting differs. */
-static rx_status other_settings(const char *path, const char *old, const char *wanted, rx_error *err)
+static rx_status other_settings(const char *path, const char *old, const char *now, rx_error *err)
 {
     static const char advice[] =
         "give the old settings, or another JOURNAL_NAME for the new ones, or delete the journal";
-    for (const char *line = wanted; *line == '='; line += line_length(line) + 1) {
-        char name[128];
-        const char *value;
-        if (!name_of(line, name, sizeof name, &value))
-            break;
-        const char *was = find_fact(old, name);
-        int n = (int)line_length(value);
-        if (was != NULL && line_length(was) == (size_t)n && strncmp(was, value, (size_t)n) == 0)
-            continue;
+    for (const char *line = now; *line == '='; line += line_length(line) + 1) {
+        const int n = (int)strcspn(line + 2, " \n") + 3; /* "= NAME " */
+        const char *value = line + n, *was = strncmp(old, line, (size_t)n) == 0 ? old : NULL;
+        for (const char *other = old; was == NULL && (other = strchr(other, '\n')) != NULL;)
+            was = strncmp(++other, line, (size_t)n) == 0 ? other : NULL;
+        const int length = (int)line_length(value), shown = length > 80 ? 80 : length;
         if (was == NULL)
-            return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun without %s, which is now %.*s; %s",
-                               name, n > 80 ? 80 : n, value, advice);
-        int m = (int)line_length(was);
-        return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun with %s %.*s, now it is %.*s; %s", name,
-                           m > 80 ? 80 : m, was, n > 80 ? 80 : n, value, advice);
+            return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun without %.*s, which is now %.*s; %s",
+                               n - 3, line + 2, shown, value, advice);
+        was += n;
+        const int before = (int)line_length(was);
+        if (before != length || strncmp(was, value, (size_t)length) != 0)
+            return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun with %.*s %.*s, now it is %.*s; %s",
+                               n - 3, line + 2, before > 80 ? 80 : before, was, shown, value, advice);
     }
     return rx_error_at(err, RX_USAGE, path, -1, 0, "belongs to a campaign of other settings; %s", advice);
 }

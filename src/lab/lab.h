@@ -215,6 +215,9 @@ rx_status rx_lab_add_run(rx_lab *lab, int most, const rx_lab_run *run, rx_error 
 long rx_lab_size(const rx_lab *lab, const rx_ints *list); /* as SIZE says: the first number, or the last */
 rx_status rx_lab_restorer(const char *word, const rx_restorer **dst, rx_error *err);
 rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
+/* Those of the words, numbered by their places in known[n]. */
+rx_status rx_lab_add_scenes(rx_lab *lab, const rx_words *words, int n, const rx_scene_id *known,
+                            rx_error *err);
 
 /* Digests of what was read and names of columns, for the journal's header. */
 rx_status rx_lab_facts(const rx_lab *lab, rx_journal_facts *facts, rx_error *err);

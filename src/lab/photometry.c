@@ -442,51 +442,36 @@ static rx_status describe_sky(const rx_lab *lab, rx_lab_sky *sky, rx_error *err)
     return RX_OK;
 }
 
-/* Settings of a restorer: the keywords that begin with its name, or with the first part of it. */
-typedef struct settings {
-    const char *name;
-    char *text;
-    size_t size;
-} settings;
-
-static int begins(const char *keyword, const char *name, size_t n)
-{
-    return strncmp(keyword, name, n) == 0 && keyword[n] == '_';
-}
-
-static int is_setting(const char *keyword, const char *restorer)
-{
-    int n;
-    const rx_restorer *all = rx_restorers(&n);
-    const size_t length = strlen(restorer);
-    if (!begins(keyword, restorer, strcspn(restorer, "_")))
-        return 0;
-    for (int i = 0; i < n; i++) /* RL_BLIND_... is not for RL */
-        if (strlen(all[i].name) > length && begins(keyword, all[i].name, strlen(all[i].name)))
-            return 0;
-    return 1;
-}
-
+/* Settings of a restorer: the keywords that begin with its name, or with the first part of it, and with that of no other
+ * one: RL_BLIND_... is not for RL. */
 static void add_setting(void *user, const char *name, const char *value, const char *help)
 {
-    settings *s = user;
+    rx_lab_run *run = user;
     const char *keyword = strrchr(name, '.') != NULL ? strrchr(name, '.') + 1 : name; /* without STAGE. */
+    const char *restorer = run->restorer->name;
+    const size_t length = strlen(restorer), part = strcspn(restorer, "_"), used = strlen(run->settings);
+    int n, is_its = strncmp(keyword, restorer, part) == 0 && keyword[part] == '_';
+    const rx_restorer *all = rx_restorers(&n);
     (void)help;
-    if (!is_setting(keyword, s->name))
-        return;
-    const size_t used = strlen(s->text);
-    snprintf(s->text + used, s->size - used, "%s%s %s", used > 0 ? ", " : "", keyword, value);
+    for (int i = 0; i < n; i++) {
+        const size_t other = strlen(all[i].name);
+        is_its =
+            is_its && !(other > length && strncmp(keyword, all[i].name, other) == 0 && keyword[other] == '_');
+    }
+    if (is_its)
+        snprintf(run->settings + used, sizeof run->settings - used, "%s%s %s", used > 0 ? ", " : "", keyword,
+                 value);
 }
 
 static rx_status describe(rx_lab *lab, rx_error *err)
 {
     for (int r = 0; r < lab->nruns; r++) {
-        settings s = {lab->run[r].restorer->name, lab->run[r].settings, sizeof lab->run[r].settings};
-        s.text[0] = '\0';
-        if (!rx_settings_visit(&lab->config->stage->settings, add_setting, &s))
+        rx_lab_run *run = &lab->run[r];
+        run->settings[0] = '\0';
+        if (!rx_settings_visit(&lab->config->stage->settings, add_setting, run))
             return rx_error_memory(err, 0);
-        if (strcmp(s.name, "NET") == 0)
-            rx_lab_add_model(lab, s.text, s.size);
+        if (strcmp(run->restorer->name, "NET") == 0)
+            rx_lab_add_model(lab, run->settings, sizeof run->settings);
     }
     for (int s = 0; s < lab->nskies; s++)
         RX_TRY(describe_sky(lab, &lab->sky[s], err));
