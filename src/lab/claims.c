@@ -173,11 +173,3 @@ void rx_claim_verdicts_free(rx_claim_verdicts *verdicts)
         rx_text_free(&verdicts->list[i].said);
     verdicts->n = 0;
 }
-
-const rx_claim_verdict *rx_claim_verdict_of(const rx_claim_verdicts *verdicts, rx_claim_id claim, int run)
-{
-    for (int i = 0; i < verdicts->n; i++)
-        if (verdicts->list[i].claim == claim && (verdicts->list[i].run == run || verdicts->list[i].run < 0))
-            return &verdicts->list[i];
-    return NULL;
-}

@@ -88,7 +88,4 @@ void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const
                      rx_claim_verdicts *dst);
 void rx_claim_verdicts_free(rx_claim_verdicts *verdicts); /* content only */
 
-/* NULL where no judge was asked. */
-const rx_claim_verdict *rx_claim_verdict_of(const rx_claim_verdicts *verdicts, rx_claim_id claim, int run);
-
 #endif

@@ -274,7 +274,7 @@ void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
 rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_scene *scene,
                         float *const truth[2], rx_tile **tile, rx_error *err);
 
-/* unit() of campaigns of sources: sources.c. */
+/* unit() of campaigns of sources: search.c. */
 rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                              rx_lab_table *dst, rx_error *err);
 

@@ -23,7 +23,7 @@ static const rx_lab_table *table_of(const rx_list *list, int scene, int table)
     return &rx_lab_set_of(list->lab, list->condition, scene)->table[table];
 }
 
-const rx_lab_table *rx_list_objects(const rx_list *list)
+static const rx_lab_table *objects_of(const rx_list *list)
 {
     return table_of(list, list->first, list->lab->kind->objects);
 }
@@ -35,7 +35,7 @@ static int within(const double *own, int column, double low, double high)
 
 long rx_list_found(const rx_list *list, int run, double score)
 {
-    const rx_lab_table *object = rx_list_objects(list);
+    const rx_lab_table *object = objects_of(list);
     long n = 0;
     for (long i = 0; i < object->n; i++)
         n += rx_lab_each(object, i, run)[RX_LIST_SCORE] >= score; /* NAN is below every score */
@@ -44,7 +44,7 @@ long rx_list_found(const rx_list *list, int run, double score)
 
 rx_estimate rx_list_share(const rx_list *list, int run, double score, int column, double low, double high)
 {
-    const rx_lab_table *object = rx_list_objects(list);
+    const rx_lab_table *object = objects_of(list);
     long n = 0, found = 0;
     for (long i = 0; i < object->n; i++) {
         if (!within(rx_lab_own(object, i), column, low, high))
@@ -69,7 +69,7 @@ long rx_list_wrong(const rx_list *list, int run, double score, int column, doubl
 
 void rx_list_compare(const rx_list *list, const int run[2], const double score[2], long only[2])
 {
-    const rx_lab_table *object = rx_list_objects(list);
+    const rx_lab_table *object = objects_of(list);
     only[0] = only[1] = 0;
     for (long i = 0; i < object->n; i++) {
         const int first = rx_lab_each(object, i, run[0])[RX_LIST_SCORE] >= score[0],

@@ -21,8 +21,7 @@ typedef struct rx_list {
 rx_list rx_list_of(const rx_lab *lab, int condition, int scene);
 rx_list rx_list_of_all(const rx_lab *lab, int condition);
 
-const rx_lab_table *rx_list_objects(const rx_list *list); /* of the first scene, as the next ones */
-/* Objects with low <= own column `column` < high (below 0: all) found with that score or a higher one. */
+/* Of the first scene. Objects with low <= own column `column` < high (below 0: all) found with that score or a higher one. */
 long rx_list_found(const rx_list *list, int run, double score);
 rx_estimate rx_list_share(const rx_list *list, int run, double score, int column, double low, double high);
 /* False detections with that score; column as above, of the false ones. */

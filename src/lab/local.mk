@@ -1,6 +1,6 @@
 librextract_lab_la_SOURCES += \
 	src/lab/campaign.c src/lab/campaign.h \
-	src/lab/lab.c src/lab/lab.h src/lab/sky.c src/lab/tile.c src/lab/match.c src/lab/match.h src/lab/sources.c \
+	src/lab/lab.c src/lab/lab.h src/lab/sky.c src/lab/tile.c src/lab/match.c src/lab/match.h src/lab/search.c \
 	src/lab/rows.c src/lab/rows.h src/lab/journal.c src/lab/journal.h src/lab/units.c src/lab/units.h \
 	src/lab/facts.c src/lab/facts.h \
 	src/lab/conditions.c src/lab/conditions.h \

@@ -17,6 +17,7 @@
 #include "lab/findings.h"
 #include "made_results.h"
 #include "report/page.h"
+#include "verdict.h"
 
 #define HOSTILE "</td><script>alert('x')</script>\"\\\n\xff"
 
@@ -70,7 +71,7 @@ static rx_claim_state claim_state(rx_lab *lab, rx_claim_id claim)
 {
     rx_store *store = store_of(lab, 1);
     rx_claim_verdicts verdicts = verdicts_of(store);
-    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
+    const rx_claim_state state = verdict_of(&verdicts, claim, -1)->state;
     rx_claim_verdicts_free(&verdicts);
     rx_store_free(store);
     rx_lab_close(lab);
@@ -481,10 +482,10 @@ static void claim_of_templates(void **state)
             }
         rx_store *m = store_of(r, 1);
         rx_claim_verdicts verdicts = verdicts_of(m);
-        const rx_claim_verdict *templates = rx_claim_verdict_of(&verdicts, RX_CLAIM_TEMPLATES, -1);
+        const rx_claim_verdict *templates = verdict_of(&verdicts, RX_CLAIM_TEMPLATES, -1);
         assert_non_null(strstr(templates->said.data, better ? "4 of 4 sets" : "3 of 4 sets"));
         assert_int_equal(templates->state, better ? RX_REPRODUCED : RX_NOT_REPRODUCED);
-        assert_int_equal(rx_claim_verdict_of(&verdicts, RX_CLAIM_RESTORED_BETTER, -1)->state,
+        assert_int_equal(verdict_of(&verdicts, RX_CLAIM_RESTORED_BETTER, -1)->state,
                          RX_NOT_YET_TESTABLE); /* templates restore nothing */
         rx_claim_verdicts_free(&verdicts);
         rx_store_free(m);

@@ -2,6 +2,7 @@
  * made results. */
 #include "../near.h"
 #include "settings.h"
+#include "verdict.h"
 
 #include <math.h>
 
@@ -244,7 +245,7 @@ static rx_claim_state state_of(int better, rx_claim_id claim)
     rx_lab *r = make_results(better);
     assert_int_equal(rx_detection_measure(r, 1, &m, NULL), RX_OK);
     rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &verdicts);
-    const rx_claim_state state = rx_claim_verdict_of(&verdicts, claim, -1)->state;
+    const rx_claim_state state = verdict_of(&verdicts, claim, -1)->state;
     rx_claim_verdicts_free(&verdicts);
     rx_store_free(m);
     rx_lab_close(r);

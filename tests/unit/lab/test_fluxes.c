@@ -2,6 +2,7 @@
  * went in, numbers of made results, verdicts. */
 #include "../near.h"
 #include "settings.h"
+#include "verdict.h"
 
 #include <math.h>
 
@@ -364,17 +365,17 @@ static void verdicts_follow_the_numbers(void **state)
     rx_store *m = store_of(r);
     rx_claim_verdicts all;
     rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &all);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 0)->state, RX_GOAL_UNDECIDED);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->state, RX_GOAL_NOT_HELD);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->state, RX_GOAL_NOT_HELD);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->all, 1);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_APART, 0)->state, RX_GOAL_HELD);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BIAS_APART, 1)->state, RX_GOAL_NOT_MEASURED);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_BOUND, 0)->state, RX_GOAL_NOT_HELD); /* 2.97 */
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_MAGERR, 0)->state, RX_GOAL_HELD);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_PAIRS, 0)->state, RX_GOAL_HELD);
-    assert_int_equal(rx_claim_verdict_of(&all, RX_GOAL_PAIRS, 1)->state, RX_GOAL_NOT_MEASURED);
-    assert_non_null(strstr(rx_claim_verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->said.data, "stars of FIELD"));
+    assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 0)->state, RX_GOAL_UNDECIDED);
+    assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->state, RX_GOAL_NOT_HELD);
+    assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->state, RX_GOAL_NOT_HELD);
+    assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->all, 1);
+    assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_APART, 0)->state, RX_GOAL_HELD);
+    assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_APART, 1)->state, RX_GOAL_NOT_MEASURED);
+    assert_int_equal(verdict_of(&all, RX_GOAL_BOUND, 0)->state, RX_GOAL_NOT_HELD); /* 2.97 */
+    assert_int_equal(verdict_of(&all, RX_GOAL_MAGERR, 0)->state, RX_GOAL_HELD);
+    assert_int_equal(verdict_of(&all, RX_GOAL_PAIRS, 0)->state, RX_GOAL_HELD);
+    assert_int_equal(verdict_of(&all, RX_GOAL_PAIRS, 1)->state, RX_GOAL_NOT_MEASURED);
+    assert_non_null(strstr(verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->said.data, "stars of FIELD"));
     rx_claim_verdicts_free(&all);
     /* what restorers are told wrongly is no matter of the goals */
     r->sky[0].condition.psf_error = 0.05;
