@@ -90,10 +90,7 @@ static rx_status work(job *j, rx_error *err)
     rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - missing);
     if (missing == 0)
         return RX_OK;
-    if (j->kind->prepare != NULL)
-        status = j->kind->prepare(j->lab, j->log, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_lab_prepare(j->lab, j->log, err));
     return rx_units_run(&j->work, j->nthreads, j->journal, j->values, j->log, err);
 }
 

@@ -53,28 +53,13 @@ static rx_status read_tile(rx_lab *lab, rx_log *log, rx_error *err)
     return RX_OK;
 }
 
-/* What every restorer finds on it. */
-static rx_status prepare(rx_lab *lab, rx_log *log, rx_error *err)
+static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, rx_result *result, rx_error *err)
 {
-    rx_lab_sky *sky = lab->sky;
-    if (sky->field == NULL)
-        return RX_OK;
-    rx_status status = rx_domain_noise(sky->field, &sky->model_noise, err);
-    for (int r = 0; r < lab->nruns && status == RX_OK; r++) {
-        rx_options options = rx_lab_options(lab, sky, &lab->run[r]);
-        rx_result result;
-        options.pipeline.nthreads = options.pipeline.restore.nthreads = options.pipeline.measure.nthreads =
-            options.pipeline.templates.par.nthreads = lab->nthreads;
-        status =
-            rx_field_extract(&options.pipeline, lab->run[r].restorer, sky->field, NULL, log, &result, err);
-        if (status != RX_OK)
-            break;
-        rx_sources_free(sky->before[r]);
-        sky->before[r] = result.sources;
-        result.sources = NULL;
-        rx_result_free(&result);
-    }
-    return status;
+    (void)lab;
+    rx_sources_free(sky->before[run]);
+    sky->before[run] = result->sources;
+    result->sources = NULL;
+    return run > 0 ? RX_OK : rx_domain_noise(sky->field, &sky->model_noise, err);
 }
 
 static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
@@ -245,7 +230,7 @@ const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
                                     .deep = 1,
                                     .fluxes = 1,
                                     .open = open_runs,
-                                    .prepare = prepare,
+                                    .untouched = untouched,
                                     .tile = rx_lab_tile_make,
                                     .rows = add_props,
                                     .found = found,

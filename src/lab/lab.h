@@ -20,6 +20,7 @@
 #include "lab/match.h"
 #include "lab/rows.h"
 #include "lab/units.h"
+#include "pipeline/pipeline.h"
 #include "quality/qa.h"
 #include "restore/restore.h"
 #include "stage/options.h"
@@ -159,8 +160,9 @@ typedef struct rx_lab_kind {
     rx_status (*tile)(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
     rx_status (*rows)(const rx_lab_search *search, rx_error *err);
     void (*found)(const rx_lab_search *search);
-    /* Before the first unit: what a report alone does not need; may be NULL. */
-    rx_status (*prepare)(rx_lab *lab, rx_log *log, rx_error *err);
+    /* What a run has found on an untouched real tile, before the first unit; the result may be taken from. NULL: nothing is
+     * asked there. */
+    rx_status (*untouched)(const rx_lab *lab, rx_lab_sky *sky, int run, rx_result *result, rx_error *err);
     /* The tables of one unit, on one thread; several at the same time. done: values of earlier units. */
     rx_status (*unit)(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                       rx_lab_table *dst, rx_error *err);
@@ -274,7 +276,12 @@ void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
 rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_scene *scene,
                         float *const truth[2], rx_tile **tile, rx_error *err);
 
-/* unit() of campaigns of sources: search.c. */
+/* --- search.c --- */
+
+/* Before the first unit, what a report alone does not need: untouched() of every real tile and run. */
+rx_status rx_lab_prepare(rx_lab *lab, rx_log *log, rx_error *err);
+
+/* unit() of campaigns of sources. */
 rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                              rx_lab_table *dst, rx_error *err);
 

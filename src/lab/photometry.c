@@ -294,71 +294,38 @@ rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx
 
 /* --- before the units: an untouched tile --- */
 
-static int is_known(const rx_lab_objects *known, double x, double y, double radius)
-{
-    for (long i = 0; i < known->n; i++)
-        if (hypot(x - known->list[i].x, y - known->list[i].y) <= radius)
-            return 1;
-    return 0;
-}
-
-/* Detections that no earlier restorer had, and the footprints of all. */
-static rx_status join_known(rx_lab_sky *sky, const rx_result *result, const rx_qa_list *list, double radius,
-                            rx_error *err)
+/* Detections that no earlier restorer had become known, and the footprints of all; and the noise without them. */
+static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, rx_result *result, rx_error *err)
 {
     const size_t n = (size_t)sky->width * (size_t)sky->height;
-    const rx_lab_objects before = sky->known;
-    rx_lab_object *all = rx_regrow(sky->known.list, (size_t)(before.n + list->n), sizeof *all);
+    const rx_sources *sources = result->sources;
+    const long before = run > 0 ? sky->known.n : 0;
+    rx_qa_list list = {0};
+    double radius = 0;
+    RX_TRY(rx_quality_radius(&lab->options->check.quality, sky->field->tile, &radius, err));
+    if (run == 0)
+        RX_TRY(rx_blankcheck_noise(sky->field, sources->segments, lab->nthreads, &sky->noise, err));
+    rx_lab_object *all = rx_regrow(sky->known.list, (size_t)(before + sources->n), sizeof *all);
     if (sky->covered == NULL)
         sky->covered = RX_NEW(unsigned char, n);
     if (all != NULL)
         sky->known.list = all;
     if (all == NULL || sky->covered == NULL)
         return rx_error_memory(err, n);
-    const rx_lab_objects earlier = {.n = before.n, .list = all};
-    for (long i = 0; i < list->n; i++)
-        if (!is_known(&earlier, list->x[i], list->y[i], radius))
+    RX_TRY(rx_quality_list(&lab->options->check.quality, sky->field->tile, sources, &list, err));
+    sky->known.n = before;
+    for (long i = 0; i < list.n; i++) {
+        int is_known = 0;
+        for (long k = 0; k < before; k++)
+            is_known |= hypot(list.x[i] - all[k].x, list.y[i] - all[k].y) <= radius;
+        if (!is_known)
             all[sky->known.n++] = (rx_lab_object){
-                .x = list->x[i], .y = list->y[i], .flux = list->flux[i], .reach = fmax(radius, sky->fwhm)};
-    for (size_t i = 0; i < n; i++)
-        sky->covered[i] |= result->sources->segments[i] != 0;
-    return RX_OK;
-}
-
-static rx_status search(const rx_lab *lab, rx_lab_sky *sky, rx_log *log, rx_error *err)
-{
-    rx_options options = *lab->options;
-    double radius = 0;
-    options.pipeline.nthreads = options.pipeline.restore.nthreads = options.pipeline.measure.nthreads =
-        lab->nthreads;
-    rx_status status = rx_quality_radius(&options.check.quality, sky->field->tile, &radius, err);
-    sky->known.n = 0;
-    for (int r = 0; status == RX_OK && r < lab->nruns; r++) {
-        rx_result result;
-        rx_qa_list list = {0};
-        if (r > 0 && lab->run[r].restorer == lab->run[r - 1].restorer)
-            continue;
-        RX_TRY(
-            rx_field_extract(&options.pipeline, lab->run[r].restorer, sky->field, NULL, log, &result, err));
-        status = rx_quality_list(&options.check.quality, sky->field->tile, result.sources, &list, err);
-        if (status == RX_OK && r == 0)
-            status =
-                rx_blankcheck_noise(sky->field, result.sources->segments, lab->nthreads, &sky->noise, err);
-        if (status == RX_OK)
-            status = join_known(sky, &result, &list, radius, err);
-        rx_qa_list_free(&list);
-        rx_result_free(&result);
+                .x = list.x[i], .y = list.y[i], .flux = list.flux[i], .reach = fmax(radius, sky->fwhm)};
     }
-    return status;
-}
-
-static rx_status prepare(rx_lab *lab, rx_log *log, rx_error *err)
-{
-    rx_status status = RX_OK;
-    for (int s = 0; status == RX_OK && s < lab->nskies; s++)
-        if (lab->sky[s].field != NULL)
-            status = search(lab, &lab->sky[s], log, err);
-    return status;
+    rx_qa_list_free(&list);
+    for (size_t i = 0; i < n; i++)
+        sky->covered[i] |= sources->segments[i] != 0;
+    return RX_OK;
 }
 
 /* --- one tile --- */
@@ -486,7 +453,7 @@ const rx_lab_kind rx_kind_photometry = {.name = "PHOTOMETRY",
                                         .objects = RX_PHOTOMETRY_STAR,
                                         .wrong = RX_PHOTOMETRY_FALSE,
                                         .open = open_runs,
-                                        .prepare = prepare,
+                                        .untouched = untouched,
                                         .tile = rx_photometry_tile_make,
                                         .rows = add_stars,
                                         .found = found,
