@@ -299,10 +299,10 @@ static rx_status measure_condition(rx_store *s, int condition, rx_error *err)
     return status;
 }
 
-rx_status rx_detection_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err)
+rx_status rx_detection_measure(rx_store *s, rx_error *err)
 {
-    rx_store *s = NULL;
-    RX_TRY(rx_store_new(lab, lab->nscenes, seed, &s, err));
+    const rx_lab *lab = s->lab;
+    RX_TRY(rx_store_groups(s, lab->nscenes, err));
     for (int k = 0; k < lab->nruns; k++) {
         s->hidden[k] = lab->run[k].tuned;
         if (lab->run[k].tuned)
@@ -325,11 +325,6 @@ rx_status rx_detection_measure(const rx_lab *lab, uint64_t seed, rx_store **dst,
     }
     for (int c = 0; c < lab->nconditions && status == RX_OK; c++)
         status = measure_condition(s, c, err);
-    *dst = s;
-    if (status != RX_OK) {
-        rx_store_free(s);
-        *dst = NULL;
-    }
     return status;
 }
 

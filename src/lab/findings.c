@@ -245,7 +245,7 @@ rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error
     rx_store *store = NULL;
     rx_claim_verdicts verdicts;
     rx_findings f;
-    RX_TRY(kind->measure(lab, output->record->seed, &store, err));
+    RX_TRY(rx_store_make(lab, output->record->seed, &store, err));
     rx_status status = begin(&f, lab, output, err);
     if (status == RX_OK) {
         if (kind->facts != NULL)

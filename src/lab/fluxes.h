@@ -157,7 +157,7 @@ enum {
 };
 
 enum { RX_FLUXES_CELLS, RX_FLUXES_PAIRS, RX_FLUXES_INVENTED, RX_FLUXES_GRIDS };
-rx_status rx_fluxes_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+rx_status rx_fluxes_measure(rx_store *store, rx_error *err);
 enum { RX_FLUXES_JUDGES = 9 };
 extern const rx_claim_judge rx_fluxes_judges[RX_FLUXES_JUDGES];
 rx_status rx_fluxes_page(const rx_store *store, struct rx_findings *findings, rx_error *err);

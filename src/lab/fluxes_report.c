@@ -274,13 +274,13 @@ static void fill_invented(const rx_lab *lab, const rx_fluxes_place p, double *wo
         rx_binomial_interval(t[RX_TALLY_STRONG] - t[RX_TALLY_STRONG_KEPT], t[RX_TALLY_STRONG], LEVEL);
 }
 
-rx_status rx_fluxes_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err)
+rx_status rx_fluxes_measure(rx_store *s, rx_error *err)
 {
+    const rx_lab *lab = s->lab;
     static void (*const fill[RX_FLUXES_GRIDS])(const rx_lab *, const rx_fluxes_place, double *[4],
                                                rx_estimate *) = {fill_cell, fill_pair, fill_invented};
-    rx_store *s = NULL;
     size_t most = 1;
-    RX_TRY(rx_store_new(lab, lab->nscenes, seed, &s, err));
+    RX_TRY(rx_store_groups(s, lab->nscenes, err));
     for (int k = 0; k < lab->nscenes * lab->nconditions; k++)
         if ((size_t)lab->set[k].table[RX_FLUXES_OBJECT].n > most)
             most = (size_t)lab->set[k].table[RX_FLUXES_OBJECT].n;
@@ -308,10 +308,6 @@ rx_status rx_fluxes_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx
     }
     for (int i = 0; i < 4; i++)
         free(work[i]);
-    if (status == RX_OK)
-        *dst = s;
-    else
-        rx_store_free(s);
     return status;
 }
 

@@ -168,8 +168,8 @@ typedef struct rx_lab_kind {
                       rx_lab_table *dst, rx_error *err);
     /* Words and numbers of the report that are no table's; the sets are there. */
     rx_status (*describe)(rx_lab *lab, rx_error *err);
-    /* The report (findings.h): the numbers, facts of its head (may be NULL), its claims, figures and tables. */
-    rx_status (*measure)(const rx_lab *lab, uint64_t seed, struct rx_store **dst, rx_error *err);
+    /* The report (store.h, findings.h): the numbers, facts of its head (may be NULL), its claims, figures and tables. */
+    rx_status (*measure)(struct rx_store *store, rx_error *err);
     void (*facts)(const struct rx_store *store, struct rx_report *report);
     int njudges;
     const struct rx_claim_judge *judges;

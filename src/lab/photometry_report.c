@@ -282,11 +282,11 @@ static rx_status measure_field(rx_store *s, int f, rx_error *err)
     return status;
 }
 
-rx_status rx_photometry_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err)
+rx_status rx_photometry_measure(rx_store *s, rx_error *err)
 {
+    const rx_lab *lab = s->lab;
     const size_t cuts = (size_t)lab->nconditions * (size_t)lab->nruns * ((size_t)lab->nprecisions + 1);
-    rx_store *s = NULL;
-    RX_TRY(rx_store_new(lab, lab->nconditions, seed, &s, err));
+    RX_TRY(rx_store_groups(s, lab->nconditions, err));
     for (int i = 0; i < lab->nruns; i++)
         for (int j = 0; j < i; j++)
             rx_store_add_pair(s, i, j);
@@ -302,12 +302,6 @@ rx_status rx_photometry_measure(const rx_lab *lab, uint64_t seed, rx_store **dst
     rx_status status = s->own[0] == NULL ? rx_error_memory(err, cuts * sizeof(rx_photometry_cut)) : RX_OK;
     for (int f = 0; f < lab->nconditions && status == RX_OK; f++)
         status = measure_field(s, f, err);
-    if (status == RX_OK)
-        status = rx_contests_decide(s, err);
-    if (status == RX_OK)
-        *dst = s;
-    else
-        rx_store_free(s);
     return status;
 }
 

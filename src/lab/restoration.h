@@ -105,7 +105,7 @@ rx_status rx_restoration_describe(rx_lab *lab, rx_error *err);
  * paired t, Wilcoxon's signed ranks, the paper's two samples, and the bootstrapped mean difference. */
 enum { RX_PSNR, RX_SSIM, RX_QUALITIES };
 enum { RX_BY_PAIRED, RX_BY_WILCOXON, RX_BY_TWO_SAMPLES, RX_BY_BOOTSTRAP, RX_TESTS };
-rx_status rx_restoration_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
+rx_status rx_restoration_measure(rx_store *store, rx_error *err);
 
 /* A bin as the store has it. */
 typedef struct rx_restoration_bin {

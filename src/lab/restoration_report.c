@@ -142,13 +142,13 @@ static rx_status measure_bin(rx_store *s, int g, int c, rx_error *err)
     return status;
 }
 
-rx_status rx_restoration_measure(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err)
+rx_status rx_restoration_measure(rx_store *s, rx_error *err)
 {
+    const rx_lab *lab = s->lab;
     static const rx_about tests[RX_TESTS] = {
         {"", "paired t", 1, 1}, {"", "Wilcoxon", 1, 0}, {"", "two samples", 0, 0}, {"", "bootstrap", 0, 0}};
-    rx_store *s = NULL;
     int nbins[2] = {0};
-    RX_TRY(rx_store_new(lab, 2, seed, &s, err));
+    RX_TRY(rx_store_groups(s, 2, err));
     const int blurred = rx_store_column(s, "BLURRED"), smoothed = rx_store_column(s, "SMOOTHED"),
               rl = rx_store_column(s, "RL"), net = rx_store_column(s, "NET");
     /* Every method against RL, but RL first against what a filter alone does: the untouched image is beaten by any
@@ -183,12 +183,6 @@ rx_status rx_restoration_measure(const rx_lab *lab, uint64_t seed, rx_store **ds
             status = measure_bin(s, g, c, err);
         }
     }
-    if (status == RX_OK)
-        status = rx_contests_decide(s, err);
-    if (status == RX_OK)
-        *dst = s;
-    else
-        rx_store_free(s);
     return status;
 }
 

@@ -9,25 +9,6 @@
 
 static const double SIGNIFICANT = 0.05;
 
-rx_status rx_store_new(const rx_lab *lab, int ngroups, uint64_t seed, rx_store **dst, rx_error *err)
-{
-    rx_store *s = RX_NEW(rx_store, 1);
-    if (s != NULL)
-        s->group = RX_NEW(rx_store_group, (size_t)ngroups + 1);
-    if (s == NULL || s->group == NULL) {
-        free(s);
-        return rx_error_memory(err, sizeof *s);
-    }
-    s->lab = lab;
-    s->seed = seed;
-    s->ngroups = ngroups;
-    s->ncolumns = lab->nruns;
-    for (int r = 0; r < lab->nruns; r++)
-        s->column[r] = lab->run[r].name;
-    *dst = s;
-    return RX_OK;
-}
-
 void rx_store_free(rx_store *s)
 {
     if (s == NULL)
@@ -41,6 +22,15 @@ void rx_store_free(rx_store *s)
     for (int i = 0; i < 3; i++)
         free(s->own[i]);
     free(s);
+}
+
+rx_status rx_store_groups(rx_store *s, int ngroups, rx_error *err)
+{
+    s->group = RX_NEW(rx_store_group, (size_t)ngroups);
+    if (s->group == NULL)
+        return rx_error_memory(err, (size_t)ngroups * sizeof *s->group);
+    s->ngroups = ngroups;
+    return RX_OK;
 }
 
 rx_status rx_group_open(rx_store *s, int group, int nconditions, rx_error *err)
@@ -167,7 +157,8 @@ static rx_status decide(const rx_about *about, int n, rx_contest *contest, doubl
     return RX_OK;
 }
 
-rx_status rx_contests_decide(rx_store *s, rx_error *err)
+/* Holm's p and winners of all contests; those without a p do not count. */
+static rx_status decide_all(rx_store *s, rx_error *err)
 {
     rx_status status = RX_OK;
     for (int g = 0; g < s->ngroups && status == RX_OK; g++) {
@@ -180,6 +171,26 @@ rx_status rx_contests_decide(rx_store *s, rx_error *err)
                             rx_contest_of(s, g, i / s->nabouts, i % s->nabouts, 0), p, err);
         free(p);
     }
+    return status;
+}
+
+rx_status rx_store_make(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err)
+{
+    rx_store *s = RX_NEW(rx_store, 1);
+    if (s == NULL)
+        return rx_error_memory(err, sizeof *s);
+    s->lab = lab;
+    s->seed = seed;
+    s->ncolumns = lab->nruns;
+    for (int r = 0; r < lab->nruns; r++)
+        s->column[r] = lab->run[r].name;
+    rx_status status = lab->kind->measure(s, err);
+    if (status == RX_OK)
+        status = decide_all(s, err);
+    if (status == RX_OK)
+        *dst = s;
+    else
+        rx_store_free(s);
     return status;
 }
 

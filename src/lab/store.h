@@ -72,9 +72,13 @@ typedef struct rx_store {
     void *own[3]; /* of the kind; owned */
 } rx_store;
 
-/* With a column for each run. rx_store_free(). */
-rx_status rx_store_new(const rx_lab *lab, int ngroups, uint64_t seed, rx_store **dst, rx_error *err);
+/* What the lab's kind measures, contests decided. rx_store_free(). */
+rx_status rx_store_make(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err);
 void rx_store_free(rx_store *store);
+
+/* --- for measure() of a kind, which finds a column for each run --- */
+
+rx_status rx_store_groups(rx_store *store, int ngroups, rx_error *err);
 /* Room for a group whose quantities are named; columns, pairs and what they are compared in are, too. */
 rx_status rx_group_open(rx_store *store, int group, int nconditions, rx_error *err);
 
@@ -97,8 +101,6 @@ int rx_has_spread(long n, const double *a, const double *b);
 /* Student's and Wilcoxon's test of the differences a - b; without spread they are none. */
 rx_status rx_contest_paired(long n, const double *a, const double *b, rx_contest *paired,
                             rx_contest *wilcoxon, rx_error *err);
-/* Holm's p and winners of all contests; those without a p do not count. */
-rx_status rx_contests_decide(rx_store *store, rx_error *err);
 
 /* Contests of a group, a pair and a subject; where: does a condition count, NULL: all do. */
 typedef struct rx_contest_place {

@@ -55,7 +55,7 @@ static int python(const char *script, const char *folder)
 static rx_store *store_of(const rx_lab *lab, uint64_t seed)
 {
     rx_store *store = NULL;
-    assert_int_equal(lab->kind->measure(lab, seed, &store, NULL), RX_OK);
+    assert_int_equal(rx_store_make(lab, seed, &store, NULL), RX_OK);
     return store;
 }
 

@@ -208,7 +208,7 @@ static void numbers_by_hand(void **state)
     (void)state;
     rx_lab *r = make_results(1);
     rx_store *m = NULL;
-    assert_int_equal(rx_detection_measure(r, 1, &m, NULL), RX_OK);
+    assert_int_equal(rx_store_make(r, 1, &m, NULL), RX_OK);
     const int best = RUNS;
     assert_int_equal(rx_store_column(m, "RL"), best);
     assert_int_equal(m->npairs, 3);
@@ -243,7 +243,7 @@ static rx_claim_state state_of(int better, rx_claim_id claim)
     rx_claim_verdicts verdicts;
     rx_store *m = NULL;
     rx_lab *r = make_results(better);
-    assert_int_equal(rx_detection_measure(r, 1, &m, NULL), RX_OK);
+    assert_int_equal(rx_store_make(r, 1, &m, NULL), RX_OK);
     rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &verdicts);
     const rx_claim_state state = verdict_of(&verdicts, claim, -1)->state;
     rx_claim_verdicts_free(&verdicts);

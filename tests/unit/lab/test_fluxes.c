@@ -279,7 +279,7 @@ static rx_lab *make_results(void)
 static rx_store *store_of(const rx_lab *lab)
 {
     rx_store *store = NULL;
-    assert_int_equal(rx_fluxes_measure(lab, 1, &store, NULL), RX_OK);
+    assert_int_equal(rx_store_make(lab, 1, &store, NULL), RX_OK);
     return store;
 }
 
