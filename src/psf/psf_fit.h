@@ -18,6 +18,7 @@ typedef struct rx_psf_point {
     int star;             /* the PSF is measured from it, or judged by it */
     int reserved;         /* judged only */
     int wider;            /* than stars are: a star of a bad corner, or a galaxy */
+    int together;         /* wider than most, as those around it are: of a bad corner */
     int kept;             /* 0: does not look like the others */
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
 } rx_psf_point;

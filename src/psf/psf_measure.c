@@ -18,6 +18,7 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/random.h"
+#include "num/special.h"
 #include "num/stats.h"
 #include "psf/psf_fit.h"
 #include "psf/psf_rings.h"
@@ -35,10 +36,12 @@ enum {
     CHOICE = 2,
     WIDER = 2
 };
-static const double MOST_GAIN = 5.0;    /* chi2 of a star that counts for more as its logarithm only */
-static const double WIDEST = 20.0;      /* FWHM, pixels, of a core of pixels */
-static const double RESERVED = 0.2;     /* share of the stars */
-static const double LOCUS = 0.22;       /* half-width in ln(half-light radius): blends are wider */
+static const double MOST_GAIN = 5.0; /* chi2 of a star that counts for more as its logarithm only */
+static const double WIDEST = 20.0;   /* FWHM, pixels, of a core of pixels */
+static const double RESERVED = 0.2;  /* share of the stars */
+static const double LOCUS = 0.22;    /* half-width in ln(half-light radius): blends are wider */
+static const double FLOORS[4] = {0.03, 0.03, 0.03,
+                                 0.7};  /* of the scatter of size, ellipse, ln chi2, of four sigmas */
 static const double POINT = 1.35;       /* wider than a star by this: masked, not subtracted */
 static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
@@ -256,21 +259,63 @@ static int list_stars(const rx_psf_job *job, int reserved, int *dst)
     return n;
 }
 
-/* Leaves out stars whose width, shape or chi2 differs from those of the others by that many robust sigmas. */
+/* Marks stars that are wider than most by that many sigmas, [n] of shapes, as more of the seven around them are than chance
+ * explains (binomial): the PSF is wider there, where galaxies and blends lie everywhere. */
+static void find_together(rx_psf_job *job, const rx_star_shape *shapes, double sigmas, double *values,
+                          by_row *near)
+{
+    enum { AROUND = 7 };
+    static const double chance = 1e-3;
+    double centre, all = 0.0, wider = 0.0;
+    size_t m = 0;
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].kept && isfinite(shapes[i].off[0]))
+            values[m++] = shapes[i].off[0];
+    if (m <= AROUND)
+        return;
+    const double sigma = fmax(rx_sigma_mad(values, m, &centre), FLOORS[0] / 4.0);
+    for (int i = 0; i < job->n; i++) {
+        values[i] = NAN;
+        if (!job->points[i].kept || !isfinite(shapes[i].off[0]))
+            continue;
+        values[i] = shapes[i].off[0] - centre > sigmas * hypot(sigma, 0.5 * shapes[i].error);
+        all += 1.0;
+        wider += values[i];
+    }
+    for (int i = 0; i < job->n; i++) {
+        rx_psf_point *p = &job->points[i];
+        int n = 0, same = 0;
+        for (int j = 0; j < job->n && values[i] > 0.0; j++)
+            if (j != i && !isnan(values[j]))
+                near[n++] = (by_row){hypot(job->points[j].x - p->x, job->points[j].y - p->y), j};
+        if (n < AROUND)
+            continue;
+        qsort(near, (size_t)n, sizeof *near, compare_rows);
+        for (int k = 0; k < AROUND; k++)
+            same += values[near[k].i] > 0.0;
+        if (same > 0 && rx_beta_inc(same, AROUND - same + 1.0, wider / all) < chance)
+            p->together = 1;
+    }
+}
+
+/* Leaves out stars whose width, shape or chi2 differs from those of the others by that many robust sigmas, but for those
+ * that are wider together. */
 static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
 {
-    static const double floors[4] = {0.03, 0.03, 0.03, 0.7};
     rx_star_shape *shapes = rx_alloc((size_t)job->n + 1, sizeof *shapes);
     double *values = RX_NEW(double, (size_t)job->n + 1);
-    if (shapes == NULL || values == NULL) {
+    by_row *near = RX_NEW(by_row, (size_t)job->n + 1);
+    if (shapes == NULL || values == NULL || near == NULL) {
         free(shapes);
         free(values);
+        free(near);
         return rx_error_memory(err, 0);
     }
     for (int i = 0; i < job->n; i++) /* who did not suit the last model may suit this one */
         job->points[i].kept = job->points[i].star && job->points[i].chi2 < HUGE_VAL &&
                               (!job->points[i].wider || job->variation.with_wider);
     rx_psf_shapes(job, shapes);
+    find_together(job, shapes, sigmas, values, near);
     for (int round = 0; round < 3; round++)
         for (int which = 0; which < 4; which++) {
             size_t m = 0;
@@ -280,17 +325,18 @@ static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
             if (m < 6)
                 break;
             double centre;
-            const double sigma = fmax(rx_sigma_mad(values, m, &centre), floors[which] / 4.0);
+            const double sigma = fmax(rx_sigma_mad(values, m, &centre), FLOORS[which] / 4.0);
             for (int i = 0; i < job->n; i++) {
                 rx_psf_point *p = &job->points[i];
                 const double off = (which == 3 ? log(p->chi2 + 0.1) : shapes[i].off[which]) - centre;
                 const double limit = sigmas * hypot(sigma, which == 3 ? 0.0 : 0.5 * shapes[i].error);
-                if (p->kept && ((which == 3 ? off : fabs(off)) > limit || !isfinite(off)))
+                if (p->kept && !p->together && ((which == 3 ? off : fabs(off)) > limit || !isfinite(off)))
                     p->kept = 0;
             }
         }
     free(shapes);
     free(values);
+    free(near);
     return RX_OK;
 }
 

@@ -10,14 +10,14 @@
 #include "base/random.h"
 #include "num/stats.h"
 
-enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5, CORNER = 4 };
+enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5 };
 static const double MOST = 0.6;        /* of a stretch */
 static const double LEAST_AREA = 0.04; /* that a stretch may leave of the profile's */
 static const double OUTLIER = 3.0;     /* sigmas from which a star's weight falls */
 static const double MOST_GAIN = 10.0;  /* chi2 of a star that counts for more as its logarithm only */
 static const double MOST_ERROR = 0.05; /* of s, of a star that says how wrong the polynomial is */
-static const double FREE = 1.0,
-                    HELD = 0.02; /* 1 sigma of coefficients, but the constant one; of degree CORNER */
+static const double FREE = 1.0,        /* 1 sigma of coefficients */
+    HELD = 0.1;                        /* of small terms, over the square of their degree */
 static const uint64_t SEED = 20, FOLD = 2;
 
 double rx_psf_spline_at(const float *c, int side, double x, double y)
@@ -146,9 +146,9 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
 typedef struct stars_of {
     star *list;
     int n;
-    double prior;           /* 1 sigma of coefficients but the constant one */
-    double *weights;        /* [n] of outliers less than 1 */
-    double *normal, *first; /* work [TERMS][TERMS], [TERMS] */
+    double prior[RX_PSF_TERMS]; /* 1 sigma of coefficients */
+    double *weights;            /* [n] of outliers less than 1 */
+    double *normal, *first;     /* work [TERMS][TERMS], [TERMS] */
 } stars_of;
 
 static double at_star(const star *s, const double *c, int nterms)
@@ -174,11 +174,19 @@ static int fit(const stars_of *s, int q, int nterms, int fold, double *c)
         }
     }
     for (int k = 0; k < nterms; k++)
-        s->normal[k * nterms + k] += 1.0 / pow(k > 0 ? s->prior : FREE, 2.0);
+        s->normal[k * nterms + k] += 1.0 / (s->prior[k] * s->prior[k]);
     if (!factorise(s->normal, nterms))
         return 0;
     substitute(s->normal, c, nterms);
     return 1;
+}
+
+static void set_prior(stars_of *s, int held)
+{
+    int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
+    const int n = rx_psf_model_powers(RX_PSF_DEGREE, px, py);
+    for (int k = 0; k < n; k++)
+        s->prior[k] = held && k > 0 ? HELD / ((px[k] + py[k]) * (px[k] + py[k])) : FREE;
 }
 
 /* Fits all three; stars far off lose weight. */
@@ -296,12 +304,13 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
     rx_psf_model model = job->model;
     model.degree = RX_PSF_DEGREE;
     model.nterms = RX_PSF_TERMS;
-    int n = 0, wider = 0;
+    int n = 0, wider = 0, together = 0;
     for (int i = 0; i < job->n; i++) {
         const rx_psf_point *p = &job->points[i];
         if (!p->star || p->reserved || !(p->chi2 < HUGE_VAL))
             continue;
         wider += p->wider;
+        together += p->together;
         s.list[s.n].wider = p->wider;
         s.list[s.n].fitted = p->kept && !p->wider;
         n += p->kept && !p->wider;
@@ -314,18 +323,20 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
         s.list[i].fold = (int)(FOLDS * rx_random_uniform(SEED, FOLD, (uint64_t)p->source));
         measure(job, p, &s.list[i]);
     }
-    double prior = FREE;
-    /* at last terms that follow a bad corner's few stars, without and with those that are wider than stars elsewhere */
+    int best_held = 0;
+    /* at last small terms of the highest degree, which follow a bad corner's few stars, without and with those that are wider than
+     * stars elsewhere; where stars are wider together they need not be better by an error */
     for (int trial = 0; trial <= highest + (wider > 0 ? 2 : 1); trial++) {
-        const int held = trial > highest, with_wider = trial > highest + 1, degree = held ? CORNER : trial;
+        const int held = trial > highest, with_wider = trial > highest + 1, degree = held ? highest : trial;
         next = (rx_psf_variation){
             .degree = degree, .nterms = (degree + 1) * (degree + 2) / 2, .with_wider = with_wider};
-        s.prior = held ? HELD : FREE;
+        set_prior(&s, held);
         for (int i = 0; i < s.n; i++)
             if (s.list[i].wider)
                 s.list[i].fitted = with_wider && (!job->variation.with_wider || job->points[stars[i]].kept);
-        if (degree > highest || (with_wider && best.degree == 0) || (!held && degree > best.degree + 2) ||
-            n < (held ? 1 : 2) * next.nterms + 2 || !fit_all(&s, next.nterms, next.c))
+        if ((held && degree == 0) || (with_wider && best.degree == 0) ||
+            (!held && degree > best.degree + 2) || n < (held ? 1 : 2) * next.nterms + 2 ||
+            !fit_all(&s, next.nterms, next.c))
             continue;
         rx_psf_variation part = next;
         hold_out(&s, next.nterms, part.c, chi2);
@@ -347,9 +358,10 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
                           "than with %d",
                           degree, held ? ", small terms" : "", with_wider ? ", wider stars" : "", mean, error,
                           best.degree);
-        if (degree == 0 || (mean > error && (!with_wider || others > 0.0))) {
+        if (degree == 0 ||
+            (mean > (held && !with_wider && together > 0 ? 0.0 : error) && (!with_wider || others > 0.0))) {
             best = next;
-            prior = s.prior;
+            best_held = held;
             memcpy(least, chi2, (size_t)s.n * sizeof *least);
         }
     }
@@ -358,7 +370,7 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
             rx_psf_point *p = &job->points[stars[i]];
             s.list[i].fitted = p->kept = best.with_wider && (!job->variation.with_wider || p->kept);
         }
-    s.prior = prior;
+    set_prior(&s, best_held);
     if (fit_all(&s, best.nterms, best.c))
         judge(job, &s, work, &best);
     job->variation = best;

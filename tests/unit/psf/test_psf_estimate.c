@@ -29,6 +29,7 @@ typedef struct field {
 
 static double steep = 1.0; /* the more, the more faint ones */
 static double corner_pixels = 110.0;
+static int highest_degree = 6;
 static double galaxy_width[2] = {1.2, 1.3}, /* narrowest and range, of the star's */
     galaxy_ratio = 0.5;                     /* flattest */
 static int cross = 0; /* the halo is a cross of spikes along the axes, of scale 3 FWHM */
@@ -195,8 +196,12 @@ static void free_field(field *f)
 
 static rx_status estimate_as(const field *f, rx_psf_type type, int nthreads, rx_psf **psf, rx_error *err)
 {
-    rx_psf_params par = {
-        .type = type, .beta = 4.765, .min_stars = 1, .min_snr = 20.0, .max_degree = 6, .nthreads = nthreads};
+    rx_psf_params par = {.type = type,
+                         .beta = 4.765,
+                         .min_stars = 1,
+                         .min_snr = 20.0,
+                         .max_degree = highest_degree,
+                         .nthreads = nthreads};
     const rx_image tile = rx_tile_image(&f->tile);
     rx_image image = rx_image_on_sky(&tile, &f->background);
     image.hide = RX_HIDE_RESTORED;
@@ -483,14 +488,16 @@ static void test_bright_stars(void **state)
     free_field(&f);
 }
 
-/* A corner whose few stars are wider than any polynomial follows: fluxes there have larger errors. */
+/* A corner whose few stars are wider than PSF_DEGREE lets the PSF be: fluxes there have larger errors. */
 static void test_bad_corner(void **state)
 {
     (void)state;
     field f;
     rx_psf *psf;
     make_varied(&f, 3.5, 4.0, 1.0, 0.0, 95, 0, 0.0, 0.0, 0.25);
+    highest_degree = 0;
     assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    highest_degree = 6;
     print_message("%s: %.4f, corners %.4f %.4f, middle %.4f\n", psf->description, psf->quality.flux_error,
                   rx_psf_flux_error(psf, 0, 0), rx_psf_flux_error(psf, SIDE - 1, SIDE - 1),
                   rx_psf_flux_error(psf, 320, 320));
@@ -520,6 +527,32 @@ static void test_followed_corner(void **state)
     corner_pixels = 110.0;
     rx_psf_free(psf);
     free_field(&f);
+}
+
+/* Of few stars among galaxies: that they are wider together says that they are stars. */
+static void test_corner_of_few_stars(void **state)
+{
+    (void)state;
+    corner_pixels = 144.0;
+    for (int n = 60; n <= 70; n += 10) {
+        field f;
+        rx_psf *psf, *truth;
+        make_varied(&f, 3.0, 4.0, 0.9, 0.4, n, 0, 0.0, 0.0, 0.3);
+        assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+        for (int k = 0; k < 2; k++) {
+            const double x = k == 0 ? 200.0 : SIDE - 60.0;
+            assert_int_equal(rx_psf_moffat(width_at(&f, x, x), 4.0, 0.9, 0.4, psf->size, &truth, NULL),
+                             RX_OK);
+            print_message("%d stars, %s: at %g %.4f %.4f\n", n, psf->description, x,
+                          encircled(psf, x, x, 2.5), encircled(truth, 0.0, 0.0, 2.5));
+            assert_near(encircled(psf, x, x, 2.5) / encircled(truth, 0.0, 0.0, 2.5), 1.0,
+                        k == 0 ? 0.01 : 0.04);
+            rx_psf_free(truth);
+        }
+        rx_psf_free(psf);
+        free_field(&f);
+    }
+    corner_pixels = 110.0;
 }
 
 /* Round galaxies of 1.3 times their width are no stars, however many. */
@@ -904,6 +937,7 @@ int main(void)
         cmocka_unit_test(test_bright_stars),
         cmocka_unit_test(test_bad_corner),
         cmocka_unit_test(test_followed_corner),
+        cmocka_unit_test(test_corner_of_few_stars),
         cmocka_unit_test(test_compact_galaxies),
         cmocka_unit_test(test_narrow),
         cmocka_unit_test(test_threads),
