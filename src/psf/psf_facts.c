@@ -8,12 +8,24 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
 {
     const rx_psf_quality *q = &psf->quality;
     const double error = rx_psf_flux_error_mean(psf);
-    double largest = q->flux_error;
+    double largest = 0.0;
+    int at = 0;
     for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
-        largest = fmax(largest, hypot(q->flux_error, q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS]));
+        if (q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS] > largest) {
+            largest = q->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS];
+            at = i;
+        }
     if (error > 0.0 || q->radius > 0.0) {
         rx_record_add(facts, "RXPSFERR", "relative error of fluxes from the PSF", "%.5f", error);
-        rx_record_add(facts, "RXPSFERX", "the largest of it over the tile", "%.5f", largest);
+        rx_record_add(facts, "RXPSFERX", "the largest of it over the tile", "%.5f",
+                      hypot(q->flux_error, largest));
+    }
+    if (largest > 0.0) {
+        const double middle = 0.5 * (RX_PSF_CELLS - 1);
+        rx_record_add(facts, "RXPSFEPX", "place of RXPSFERX, x, pixels from 1", "%.0f",
+                      psf->x0 + (at % RX_PSF_CELLS / middle - 1.0) * psf->xs + 1.0);
+        rx_record_add(facts, "RXPSFEPY", "place of RXPSFERX, y, pixels from 1", "%.0f",
+                      psf->y0 + (at / RX_PSF_CELLS / middle - 1.0) * psf->ys + 1.0);
     }
     if (q->how[0] == '\0')
         return;

@@ -107,8 +107,13 @@ static void cards_are_whole(void **state)
 /* Header, report, summary.json and the tile's record say the same mean error of fluxes from the PSF, local errors and all. */
 static void one_error_of_the_psf(void **state)
 {
-    rx_psf psf = {.fwhm = 3.0, .quality = {.how = "PIXELS", .radius = 20.0, .flux_error = 0.003}};
-    psf.quality.flux_errors[0][0] = 0.05;
+    rx_psf psf = {.fwhm = 3.0,
+                  .x0 = 99.5,
+                  .y0 = 49.5,
+                  .xs = 99.5,
+                  .ys = 49.5,
+                  .quality = {.how = "PIXELS", .radius = 20.0, .flux_error = 0.003}};
+    psf.quality.flux_errors[0][4] = 0.05;
     psf.quality.flux_errors[4][2] = 0.02;
     const double mean = sqrt(0.003 * 0.003 + (0.05 * 0.05 + 0.02 * 0.02) / 25.0);
     char text[60];
@@ -116,6 +121,8 @@ static void one_error_of_the_psf(void **state)
     rx_psf_facts(&psf, &cards);
     assert_near(strtod(find(&cards, "RXPSFERR"), NULL), mean, 5.1e-6);
     assert_near(strtod(find(&cards, "RXPSFERX"), NULL), hypot(0.003, 0.05), 5.1e-6);
+    assert_near(strtod(find(&cards, "RXPSFEPX"), NULL), 200.0, 1e-9);
+    assert_near(strtod(find(&cards, "RXPSFEPY"), NULL), 1.0, 1e-9);
     rx_record_free(&cards);
 
     const rx_qa_input input = {
