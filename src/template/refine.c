@@ -508,13 +508,14 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     return status;
 }
 
-/* Chi2 of the better of point and profile. */
+/* Chi2 of the better of point and profile; where it is crowded a point stays one: what looks extended is two of them. */
 static double best_chi2(const job *j)
 {
     rx_fit point, profile;
     render_patch_only(j);
     fit_point(j, &point);
-    if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
+    if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0) ||
+        (j->before->kind == RX_TPHOT_POINT && rx_crowding_at(j->view->crowd, j->cx, j->cy)))
         return point.chi2;
     fit_profile(j, point.p[RX_FIT_FLUX], &profile);
     return usable(&profile, &point) ? fmin(point.chi2, profile.chi2) : point.chi2;

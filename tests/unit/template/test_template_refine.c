@@ -15,6 +15,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "psf/psf.h"
+#include "template/crowd.h"
 #include "template/evidence.h"
 #include "template/fit.h"
 #include "template/fit_sources.h"
@@ -560,6 +561,17 @@ static void test_rivals(void **state)
     }
     print_message("rise %g, evidence %g, light %g\n", rise, evidence, light);
     assert_near(rise, chi2[1] - chi2[0], 2e-4);
+    /* in a crowd a brighter point stays one, a profile does not */
+    uint8_t cell[W * H];
+    memset(cell, 1, sizeof cell);
+    const rx_crowding crowd = {.width = W, .height = H, .nx = W, .ny = H, .cells = cell, .n = W * H};
+    const double by_profile = rise;
+    g.view.crowd = &crowd;
+    for (int point = 0; point < 2; point++) {
+        s[0].kind = point ? RX_TPHOT_POINT : RX_TPHOT_PROFILE;
+        assert_int_equal(rx_refine_alone(&g.par, &g.view, g.lens, &s[0], &s[1], &rise, NULL), RX_OK);
+        assert_near(rise, point ? as_point[1] - as_point[0] : by_profile, 1e-6 * as_point[1]);
+    }
     g.par.extended = 0;
     assert_int_equal(rx_refine_alone(&g.par, &g.view, g.lens, &s[0], &s[1], &rise, NULL), RX_OK);
     assert_near(rise, as_point[1] - as_point[0], 1e-6 * as_point[1]);
