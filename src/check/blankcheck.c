@@ -119,10 +119,9 @@ static double searched(const rx_pipeline_params *params, const rx_result *result
     return (double)good / 1e6;
 }
 
-/* Is most of the tile a crowd? */
-static int is_crowd(const rx_result *tile)
+int rx_blankcheck_is_crowd(const rx_result *tile)
 {
-    return tile->templates.tphot->crowded > 0.5;
+    return tile->templates.tphot != NULL && tile->templates.tphot->crowded > 0.5;
 }
 
 static rx_status keep_fitted(const rx_tphot *tphot, rx_blankcheck *dst, rx_error *err)
@@ -193,7 +192,7 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
     rx_pipeline_params own = counting(params);
     own.templates.wanted = in->tile != NULL && in->tile->templates.tphot != NULL;
     if (own.templates.wanted)
-        own.templates.par.crowding = is_crowd(in->tile) ? RX_CROWDING_YES : RX_CROWDING_NO;
+        own.templates.par.crowding = rx_blankcheck_is_crowd(in->tile) ? RX_CROWDING_YES : RX_CROWDING_NO;
     *dst = (rx_blankcheck){.raised = 1.0, .correlated = in->noise->correlated};
     rx_log_progress_begin(log);
     for (int i = 0; i < in->realisations && status == RX_OK; i++) {
@@ -338,7 +337,7 @@ rx_status rx_blankcheck_preal(const rx_pipeline_params *params, rx_blankcheck *c
     const rx_tphot *tphot = tile->templates.tphot;
     if (tphot == NULL || check->realisations == 0 || check->quick)
         return RX_OK;
-    if (!is_crowd(tile))
+    if (!rx_blankcheck_is_crowd(tile))
         RX_TRY(fit_preal(params, check, tile, err));
     for (int i = 0; params->templates.drop && i < check->nfitted; i++)
         check->false_detections += !rx_preal_doubtful(&tile->templates.preal, check->fitted[i][0]);

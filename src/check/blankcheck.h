@@ -50,6 +50,9 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
                               const rx_noise_correlation *noise, const rx_replica_part *part,
                               rx_random_stream from, rx_field **dst, rx_error *err);
 
+/* Have templates found that most of the tile is a crowd? */
+int rx_blankcheck_is_crowd(const rx_result *tile);
+
 /* What is drawn, and the restorer that looks at it. */
 typedef struct rx_blank_input {
     const rx_restorer *kind;

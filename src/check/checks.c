@@ -166,7 +166,7 @@ void rx_checks_text(const rx_checks *checks, const rx_check_results *results, rx
     if (self->injected > 0) {
         rx_text_printf(
             dst, "self check: %ld of %ld injected objects (%.0f %% galaxies) of magnitude %.2f to %.2f found",
-            self->found, self->injected, 100.0 * checks->plan->galaxies, checks->plan->mag_low,
+            self->found, self->injected, 100.0 * self->galaxies, checks->plan->mag_low,
             checks->plan->mag_high);
         add_depth(dst, 50, &self->mag50);
         add_depth(dst, 90, &self->mag90);
@@ -220,6 +220,8 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
     if (checks != NULL && checks->plan != NULL) {
         rx_selfcheck_plan plan = *checks->plan;
         plan.params.detect = params->detect;
+        if (checks->par->galaxies < 0.0 && rx_blankcheck_is_crowd(tile))
+            plan.galaxies = 0.0;
         status = rx_selfcheck_run(&plan, kind, tile, log, &dst->self, err);
     }
     if (status == RX_OK && checks != NULL && checks->blank) {
@@ -273,7 +275,7 @@ static void selfcheck_facts(const rx_checks *checks, const rx_selfcheck *self, r
     const rx_selfcheck_plan *plan = checks->plan;
     rx_record_add(facts, "RXSCN", "objects injected into copies of this tile", "%ld", self->injected);
     rx_record_add(facts, "RXSCFND", "of these found", "%ld", self->found);
-    rx_record_add(facts, "RXSCGAL", "share of galaxies", "%.4g", plan->galaxies);
+    rx_record_add(facts, "RXSCGAL", "share of galaxies", "%.4g", self->galaxies);
     rx_record_add(facts, "RXSCGSZ", "their sizes, in those of the stated law", "%.4g", plan->galaxy_scale);
     rx_record_add(facts, "RXSCGN", "resolved sources behind both, 0 = too few", "%ld", plan->resolved);
     rx_record_add(facts, "RXSCM1", "their magnitudes, from", "%.4f", plan->mag_low);

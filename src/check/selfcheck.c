@@ -315,7 +315,7 @@ rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kin
 {
     const rx_tile *tile = plan->field->tile;
     rx_status status = RX_OK;
-    *dst = (rx_selfcheck){.before = before->sources->n, .height = tile->height};
+    *dst = (rx_selfcheck){.before = before->sources->n, .galaxies = plan->galaxies, .height = tile->height};
     dst->pitch = tile->width + 2 * (int)ceil(plan->match_radius) + 2; /* no pair across rounds */
     rx_log_progress_begin(log);
     while (status == RX_OK && dst->truth.n < plan->count && dst->rounds < INT_MAX / dst->pitch - 1) {

@@ -61,6 +61,7 @@ typedef struct rx_selfcheck_found {
 typedef struct rx_selfcheck {
     long injected, found;
     long before;                /* sources of the un-injected run */
+    double galaxies;            /* share of the injected */
     rx_estimate mag90, mag50;   /* magnitude of 90 and 50 % completeness */
     rx_estimate injected_share; /* of detections that are new after the injection: share that was injected */
     rx_estimate bias, scatter;  /* median and sigma_MAD of measured - true magnitude (QA_MAG), FLAGS 0 */
@@ -89,7 +90,8 @@ typedef struct rx_selfcheck {
  * PSF, r0; sqrt(r^2 - r0^2) over the law of simulate/scene.h is taken as log-normal with the law's scatter,
  * cut off where sources cannot be resolved, and its median is found by maximum likelihood. Unresolved
  * galaxies are added as that distribution says (each resolved one counts 1 over its chance to be resolved).
- * Fewer than 10 resolved sources: no galaxies, or those asked for with the sizes of the law.
+ * Fewer than 10 resolved sources: no galaxies, or those asked for with the sizes of the law. In a crowd, where blends look
+ * resolved, rx_checks_run() injects none.
  * Errors: RX_USAGE (MATCH_UNIT), RX_INPUT (no place left), RX_SYSTEM. */
 rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check_params *par,
                                 const rx_field *field, const rx_sources *sources, rx_selfcheck_plan **dst,

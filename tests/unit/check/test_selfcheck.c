@@ -279,12 +279,9 @@ static void test_completeness_is_true_rl(void **state)
 
 /* --- galaxies as the tile has them --- */
 
-/* Objects of `share` galaxies, `scale` times as large as those of the law, on noise; what a plan makes of them. */
-static void plan_of(double share, double scale, const char *asked, double *galaxies, double *found,
-                    long *resolved)
+/* Objects of `share` galaxies, `scale` times as large as those of the law, on noise. */
+static void draw_galaxies(double share, double scale, float *pixels)
 {
-    const setting settings[] = {
-        {"SELF_CHECK", "Y"}, {"SELF_CHECK_GALAXIES", asked}, {"PIXEL_SCALE", "0.5"}, {NULL, NULL}};
     const rx_population population = {.mag_low = 16.0, .mag_high = 18.5};
     rx_scene_params par = {.width = SIDE,
                            .height = SIDE,
@@ -296,13 +293,8 @@ static void plan_of(double share, double scale, const char *asked, double *galax
                            .galaxy_scale = scale,
                            .least_distance = 25.0,
                            .seed = 3};
-    float *pixels = calloc(SIDE * SIDE, sizeof *pixels);
     rx_scene *objects = NULL;
     rx_optics *optics = NULL;
-    rx_selfcheck_plan *plan = NULL;
-    rx_result before;
-    bench b;
-    assert_non_null(pixels);
     par.galaxies.count = 120.0 * share;
     par.stars.count = 120.0 - par.galaxies.count;
     assert_int_equal(rx_optics_moffat(&(rx_moffat_profile){.fwhm = 3.5, .beta = 4.765, .ratio = 1.0}, SIDE,
@@ -313,6 +305,22 @@ static void plan_of(double share, double scale, const char *asked, double *galax
                      RX_OK);
     for (uint64_t i = 0; i < SIDE * SIDE; i++)
         pixels[i] += 100.0f + (float)rx_random_normal(5, 1, i);
+    rx_scene_free(objects);
+    rx_optics_free(optics);
+}
+
+/* What a plan makes of them. */
+static void plan_of(double share, double scale, const char *asked, double *galaxies, double *found,
+                    long *resolved)
+{
+    const setting settings[] = {
+        {"SELF_CHECK", "Y"}, {"SELF_CHECK_GALAXIES", asked}, {"PIXEL_SCALE", "0.5"}, {NULL, NULL}};
+    float *pixels = calloc(SIDE * SIDE, sizeof *pixels);
+    rx_selfcheck_plan *plan = NULL;
+    rx_result before;
+    bench b;
+    assert_non_null(pixels);
+    draw_galaxies(share, scale, pixels);
     bench_open(&b, settings);
     rx_field *field = bench_field(&b, pixels, SIDE, SIDE, 0.0);
     rx_pipeline_params own = b.options->pipeline;
@@ -331,8 +339,6 @@ static void plan_of(double share, double scale, const char *asked, double *galax
     rx_result_free(&before);
     rx_field_free(field);
     bench_close(&b);
-    rx_optics_free(optics);
-    rx_scene_free(objects);
     free(pixels);
 }
 
@@ -400,6 +406,37 @@ static void run_checks(const setting *settings, const float *pixels, const char 
     rx_checks_free(checks);
     rx_field_free(field);
     bench_close(&b);
+}
+
+/* Blends of a crowd look like galaxies: none are injected there, unless they are asked for. */
+static void test_crowd_has_no_galaxies(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *crowding, *asked;
+        double low, high;
+    } cases[] = {{"N", "-1", 0.5, 0.9}, {"Y", "-1", 0.0, 0.0}, {"Y", "0.3", 0.3, 0.3}};
+    float *pixels = calloc(SIDE * SIDE, sizeof *pixels);
+    assert_non_null(pixels);
+    draw_galaxies(0.7, 1.0, pixels);
+    for (int k = 0; k < 3; k++) {
+        const setting settings[] = {{"SELF_CHECK", "Y"},
+                                    {"SELF_CHECK_COUNT", "20"},
+                                    {"SELF_CHECK_GALAXIES", cases[k].asked},
+                                    {"PIXEL_SCALE", "0.5"},
+                                    {"CHECKIMAGE_TYPE", "TEMPLATE_MODEL"},
+                                    {"CROWDING", cases[k].crowding},
+                                    {NULL, NULL}};
+        rx_check_results results;
+        char said[20000];
+        run_checks(settings, pixels, "NONE", &results, said, sizeof said);
+        const char *share = strstr(said, "RXSCGAL = ");
+        assert_non_null(share);
+        assert_near(atof(share + 10), 0.5 * (cases[k].low + cases[k].high),
+                    0.5 * (cases[k].high - cases[k].low) + 1e-6);
+        rx_check_results_free(&results);
+    }
+    free(pixels);
 }
 
 /* On noise alone everything found is what was injected, and blank tiles tell the rate of false detections:
@@ -834,6 +871,7 @@ int main(void)
         cmocka_unit_test(test_completeness_is_true_none),
         cmocka_unit_test(test_completeness_is_true_rl),
         cmocka_unit_test(test_galaxies_are_those_of_the_tile),
+        cmocka_unit_test(test_crowd_has_no_galaxies),
         cmocka_unit_test(test_pure_noise),
         cmocka_unit_test(test_share_that_noise_did_not_make),
         cmocka_unit_test(test_upper_limit_of_nothing),
