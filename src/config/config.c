@@ -1,41 +1,37 @@
 /* The typed faces of the settings of each program. */
-#include "config/campaign_config.h"
-#include "config/train_config.h"
+#include "config/config.h"
+
+#include "config/config_fields.h"
 
 /* rx_settings is the first member of each of these structs, so that a pointer to one is a pointer to the
  * other. */
-
-#define NEW(type, table)                                                                                     \
-    rx_status type##_new(type **dst, rx_error *err)                                                          \
+#define NEW_AND_FREE(NAME, TABLE)                                                                            \
+    rx_status NAME##_new(NAME **dst, rx_error *err)                                                          \
     {                                                                                                        \
         rx_settings *settings = NULL;                                                                        \
-        const rx_status status = rx_settings_new(table(), &settings, err);                                   \
-        if (status == RX_OK)                                                                                 \
-            *dst = (type *)settings;                                                                         \
-        return status;                                                                                       \
+        RX_TRY(rx_settings_new(TABLE(), &settings, err));                                                    \
+        *dst = (NAME *)settings;                                                                             \
+        return RX_OK;                                                                                        \
     }                                                                                                        \
-    void type##_free(type *config)                                                                           \
+    void NAME##_free(NAME *config)                                                                           \
     {                                                                                                        \
         rx_settings_free((rx_settings *)config);                                                             \
     }
-NEW(rx_config, rx_keytable_rextract)
-NEW(rx_simulate_config, rx_keytable_simulate)
-NEW(rx_campaign_config, rx_keytable_validate)
-NEW(rx_train_config, rx_keytable_train)
-#undef NEW
-
-#define COPY(type)                                                                                           \
-    rx_status type##_copy(const type *src, type **dst, rx_error *err)                                        \
+#define COPY(NAME)                                                                                           \
+    rx_status NAME##_copy(const NAME *src, NAME **dst, rx_error *err)                                        \
     {                                                                                                        \
         rx_settings *settings = NULL;                                                                        \
-        const rx_status status = rx_settings_copy(&src->settings, &settings, err);                           \
-        if (status == RX_OK)                                                                                 \
-            *dst = (type *)settings;                                                                         \
-        return status;                                                                                       \
+        RX_TRY(rx_settings_copy(&src->settings, &settings, err));                                            \
+        *dst = (NAME *)settings;                                                                             \
+        return RX_OK;                                                                                        \
     }
+
+NEW_AND_FREE(rx_config, rx_keytable_rextract)
+NEW_AND_FREE(rx_simulate_config, rx_keytable_simulate)
+NEW_AND_FREE(rx_campaign_config, rx_keytable_validate)
+NEW_AND_FREE(rx_train_config, rx_keytable_train)
 COPY(rx_config)
 COPY(rx_simulate_config)
-#undef COPY
 
 rx_status rx_config_read(rx_config *config, const char *path, rx_log *log, rx_error *err)
 {

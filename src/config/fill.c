@@ -9,39 +9,20 @@
 /* Item i of a value as a number; words by what they mean. */
 static double number_of(const rx_keyword *key, const int *words, const void *value, int i)
 {
-    const char *word;
+    rx_kind kind;
+    const void *item = rx_keyword_item(key->kind, value, i, &kind);
     int at = 0;
-    switch (key->kind) {
-    case RX_KIND_INT:
-        return *(const int *)value;
-    case RX_KIND_INTS:
-        return ((const rx_ints *)value)->v[i];
-    case RX_KIND_REAL:
-        return *(const double *)value;
-    case RX_KIND_REALS:
-        return ((const rx_reals *)value)->v[i];
-    case RX_KIND_BOOL:
-        return *(const bool *)value;
-    case RX_KIND_BOOLS:
-        return ((const rx_bools *)value)->v[i];
-    case RX_KIND_WORD:
-    case RX_KIND_WORDS:
-        word = key->kind == RX_KIND_WORD ? *(const char *const *)value : ((const rx_words *)value)->v[i];
-        while (strcmp(key->words[at], word) != 0) /* it is one of them: the reader takes no other */
-            at++;
-        return words[at];
-    default:
+    if (kind == RX_KIND_INT)
+        return *(const int *)item;
+    if (kind == RX_KIND_REAL)
+        return *(const double *)item;
+    if (kind == RX_KIND_BOOL)
+        return *(const bool *)item;
+    if (kind != RX_KIND_WORD)
         return 0;
-    }
-}
-
-static const char *text_of(const rx_keyword *key, const void *value, int i)
-{
-    if (key->kind == RX_KIND_STRINGS)
-        return ((const rx_strings *)value)->v[i];
-    if (key->kind == RX_KIND_WORDS)
-        return ((const rx_words *)value)->v[i];
-    return *(const char *const *)value;
+    while (strcmp(key->words[at], *(const char *const *)item) != 0) /* the reader takes no other */
+        at++;
+    return words[at];
 }
 
 static size_t size_of(rx_fill_type type)
@@ -104,12 +85,13 @@ static void fill(const rx_fill *row, const rx_keyword *key, const int *words, co
 {
     const int n = rx_keyword_count(key->kind, value), room = room_of(row);
     const int item = (room < n ? room : n) - 1;
+    rx_kind kind;
     if (row->how == RX_FILL_COUNT)
         put(field, row->type, 0, n);
     else if (n == 0 || (row->how == RX_FILL_GIVEN && n < room))
         return;
     else if (row->type == RX_FILLS_STRING)
-        *(const char **)field = text_of(key, value, item);
+        *(const char **)field = *(const char *const *)rx_keyword_item(key->kind, value, item, &kind);
     else if (row->how == RX_FILL_ALL)
         for (int i = 0; i <= item; i++)
             put(field, row->type, i, number_of(key, words, value, i));

@@ -1,9 +1,7 @@
 /* The keyword tables of the programs as data. */
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 #include "config/keyword.h"
 #include "config/overwrite.h"
-#include "config/survey_config.h"
-#include "config/train_config.h"
 #include "data/restorers.h"
 
 /* clang-format off */

@@ -94,6 +94,8 @@ rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_
 
 /* Items of the value in a field; a scalar is one. */
 int rx_keyword_count(rx_kind kind, const void *field);
+/* Where item i stands, and its kind, that of a scalar. */
+const void *rx_keyword_item(rx_kind kind, const void *field, int i, rx_kind *item);
 
 /* Value as text, items joined by commas; quoted = so that reading it back gives the same. */
 void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool quoted);

@@ -10,15 +10,55 @@
 #include "base/point.h"
 #include "config/keyword.h"
 
-/* A value while it is read, before it replaces the old one. */
+/* A value while it is read, before it replaces the old one; a scalar is a list of one until then. */
 typedef union scratch {
-    char *string;
     rx_strings strings;
     rx_ints ints;
     rx_reals reals;
     rx_bools bools;
     rx_words words;
 } scratch;
+
+/* How a kind lies in memory: one item, or a list that begins with their number. */
+typedef struct layout {
+    rx_kind item;
+    bool list;
+    size_t size, field, first; /* of an item, of the field; where a list's items begin */
+} layout;
+
+#define LAYOUT(ITEM, IS_LIST, TYPE, LIST)                                                                    \
+    {                                                                                                        \
+        ITEM, IS_LIST, sizeof(TYPE), (IS_LIST) ? sizeof(LIST) : sizeof(TYPE), offsetof(LIST, v)              \
+    }
+
+static const layout *layout_of(rx_kind kind)
+{
+    static const layout all[] = {
+        [RX_KIND_STRING] = LAYOUT(RX_KIND_STRING, false, char *, rx_strings),
+        [RX_KIND_INT] = LAYOUT(RX_KIND_INT, false, int, rx_ints),
+        [RX_KIND_REAL] = LAYOUT(RX_KIND_REAL, false, double, rx_reals),
+        [RX_KIND_BOOL] = LAYOUT(RX_KIND_BOOL, false, bool, rx_bools),
+        [RX_KIND_WORD] = LAYOUT(RX_KIND_WORD, false, const char *, rx_words),
+        [RX_KIND_STRINGS] = LAYOUT(RX_KIND_STRING, true, char *, rx_strings),
+        [RX_KIND_INTS] = LAYOUT(RX_KIND_INT, true, int, rx_ints),
+        [RX_KIND_REALS] = LAYOUT(RX_KIND_REAL, true, double, rx_reals),
+        [RX_KIND_BOOLS] = LAYOUT(RX_KIND_BOOL, true, bool, rx_bools),
+        [RX_KIND_WORDS] = LAYOUT(RX_KIND_WORD, true, const char *, rx_words),
+    };
+    return &all[kind];
+}
+
+int rx_keyword_count(rx_kind kind, const void *field)
+{
+    return layout_of(kind)->list ? *(const int *)field : 1;
+}
+
+const void *rx_keyword_item(rx_kind kind, const void *field, int i, rx_kind *item)
+{
+    const layout *l = layout_of(kind);
+    *item = l->item;
+    return (const char *)field + (l->list ? l->first + (size_t)i * l->size : 0);
+}
 
 /* The keyword that is read, with its prefix, and from where. */
 typedef struct target {
@@ -93,11 +133,6 @@ static rx_status read_word(const target *at, const char *item, const char **dst,
     return status;
 }
 
-static bool is_list(rx_kind kind)
-{
-    return kind >= RX_KIND_STRINGS;
-}
-
 /* Number of items against what the row allows. A scalar in a file may be followed by other text, as
  * SExtractor has it: a warning; everywhere else too many is an error. *n becomes the used number. */
 static rx_status count_items(const target *at, char *const *items, int *n, rx_log *log, rx_error *err)
@@ -108,7 +143,7 @@ static rx_status count_items(const target *at, char *const *items, int *n, rx_lo
         return refuse(at, err, "has %d item(s), needs at least %d", *n, at->key->nmin);
     if (*n <= at->key->nmax)
         return RX_OK;
-    if (is_list(at->key->kind) || at->place.file == NULL)
+    if (layout_of(at->key->kind)->list || at->place.file == NULL)
         return refuse(at, err, "has %d items, takes at most %d", *n, at->key->nmax);
     rx_log_warning(log, "%s:%ld: %s%s takes one value, '%s' is ignored", at->place.file, at->place.line,
                    at->prefix, at->key->name, items[at->key->nmax]);
@@ -116,77 +151,24 @@ static rx_status count_items(const target *at, char *const *items, int *n, rx_lo
     return RX_OK;
 }
 
-/* Item i into the scratch value; scalars are lists of one until the end. */
+/* Item i into the scratch value. */
 static rx_status read_item(const target *at, const char *item, int i, scratch *value, rx_error *err)
 {
-    switch (at->key->kind) {
+    switch (layout_of(at->key->kind)->item) {
     case RX_KIND_STRING:
-    case RX_KIND_STRINGS:
         value->strings.v[i] = rx_strdup(item);
         value->strings.n = i + 1;
         return value->strings.v[i] != NULL ? RX_OK : rx_error_memory(err, strlen(item));
     case RX_KIND_INT:
-    case RX_KIND_INTS:
         return read_int(at, item, &value->ints.v[i], err);
     case RX_KIND_REAL:
-    case RX_KIND_REALS:
         return read_real(at, item, &value->reals.v[i], err);
     case RX_KIND_BOOL:
-    case RX_KIND_BOOLS:
         return read_bool(at, item, &value->bools.v[i], err);
     case RX_KIND_WORD:
-    case RX_KIND_WORDS:
         return read_word(at, item, &value->words.v[i], err);
-    case RX_KIND_SECTION:
-        break;
-    }
-    return RX_OK;
-}
-
-/* The read value of n items takes the place of the field's old one. */
-static void move_in(rx_settings *settings, int row, const scratch *value, int n)
-{
-    const rx_keyword *key = &settings->table->rows[row];
-    void *field = (char *)settings + key->offset;
-    rx_keyword_clear(settings, row);
-    switch (key->kind) {
-    case RX_KIND_STRING:
-        *(char **)field = value->strings.v[0];
-        break;
-    case RX_KIND_INT:
-        *(int *)field = value->ints.v[0];
-        break;
-    case RX_KIND_REAL:
-        *(double *)field = value->reals.v[0];
-        break;
-    case RX_KIND_BOOL:
-        *(bool *)field = value->bools.v[0];
-        break;
-    case RX_KIND_WORD:
-        *(const char **)field = value->words.v[0];
-        break;
-    case RX_KIND_STRINGS:
-        *(rx_strings *)field = value->strings;
-        ((rx_strings *)field)->n = n;
-        break;
-    case RX_KIND_INTS:
-        *(rx_ints *)field = value->ints;
-        ((rx_ints *)field)->n = n;
-        break;
-    case RX_KIND_REALS:
-        *(rx_reals *)field = value->reals;
-        ((rx_reals *)field)->n = n;
-        break;
-    case RX_KIND_BOOLS:
-        *(rx_bools *)field = value->bools;
-        ((rx_bools *)field)->n = n;
-        break;
-    case RX_KIND_WORDS:
-        *(rx_words *)field = value->words;
-        ((rx_words *)field)->n = n;
-        break;
-    case RX_KIND_SECTION:
-        break;
+    default:
+        return RX_OK;
     }
 }
 
@@ -211,43 +193,17 @@ rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, 
                      ? refuse(&at, err, "has an empty value; give one, or remove the keyword")
                      : read_item(&at, items[i], i, &value, err);
         if (status != RX_OK) {
-            if (key->kind == RX_KIND_STRING || key->kind == RX_KIND_STRINGS)
+            if (layout_of(key->kind)->item == RX_KIND_STRING)
                 for (int j = 0; j < value.strings.n; j++)
                     free(value.strings.v[j]);
             return status;
         }
     }
-    move_in(settings, row, &value, n);
+    const layout *l = layout_of(key->kind);
+    value.ints.n = n;
+    rx_keyword_clear(settings, row);
+    memcpy((char *)settings + key->offset, (const char *)&value + (l->list ? 0 : l->first), l->field);
     return RX_OK;
-}
-
-static size_t field_size(rx_kind kind)
-{
-    switch (kind) {
-    case RX_KIND_STRING:
-        return sizeof(char *);
-    case RX_KIND_INT:
-        return sizeof(int);
-    case RX_KIND_REAL:
-        return sizeof(double);
-    case RX_KIND_BOOL:
-        return sizeof(bool);
-    case RX_KIND_WORD:
-        return sizeof(const char *);
-    case RX_KIND_STRINGS:
-        return sizeof(rx_strings);
-    case RX_KIND_INTS:
-        return sizeof(rx_ints);
-    case RX_KIND_REALS:
-        return sizeof(rx_reals);
-    case RX_KIND_BOOLS:
-        return sizeof(rx_bools);
-    case RX_KIND_WORDS:
-        return sizeof(rx_words);
-    case RX_KIND_SECTION:
-        break;
-    }
-    return 0;
 }
 
 rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_error *err)
@@ -262,7 +218,7 @@ rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_
         return *(char **)to != NULL ? RX_OK : rx_error_memory(err, strlen(value));
     }
     if (key->kind != RX_KIND_STRINGS) {
-        memcpy(to, from, field_size(key->kind));
+        memcpy(to, from, layout_of(key->kind)->field);
         return RX_OK;
     }
     rx_strings *list = to;
@@ -354,58 +310,23 @@ static void print_string(rx_text *dst, const char *value, bool quoted)
         rx_text_add(dst, "\"");
 }
 
-int rx_keyword_count(rx_kind kind, const void *field)
-{
-    switch (kind) {
-    case RX_KIND_STRINGS:
-        return ((const rx_strings *)field)->n;
-    case RX_KIND_INTS:
-        return ((const rx_ints *)field)->n;
-    case RX_KIND_REALS:
-        return ((const rx_reals *)field)->n;
-    case RX_KIND_BOOLS:
-        return ((const rx_bools *)field)->n;
-    case RX_KIND_WORDS:
-        return ((const rx_words *)field)->n;
-    default:
-        return 1;
-    }
-}
-
-static void print_value(rx_text *dst, rx_kind kind, const void *field, int i, bool quoted)
+static void print_item(rx_text *dst, rx_kind kind, const void *item, bool quoted)
 {
     switch (kind) {
     case RX_KIND_STRING:
-        print_string(dst, *(char *const *)field, quoted);
-        break;
-    case RX_KIND_STRINGS:
-        print_string(dst, ((const rx_strings *)field)->v[i], quoted);
+        print_string(dst, *(char *const *)item, quoted);
         break;
     case RX_KIND_INT:
-        rx_text_printf(dst, "%d", *(const int *)field);
-        break;
-    case RX_KIND_INTS:
-        rx_text_printf(dst, "%d", ((const rx_ints *)field)->v[i]);
+        rx_text_printf(dst, "%d", *(const int *)item);
         break;
     case RX_KIND_REAL:
-        print_real(dst, *(const double *)field);
-        break;
-    case RX_KIND_REALS:
-        print_real(dst, ((const rx_reals *)field)->v[i]);
+        print_real(dst, *(const double *)item);
         break;
     case RX_KIND_BOOL:
-        rx_text_add(dst, *(const bool *)field ? "Y" : "N");
+        rx_text_add(dst, *(const bool *)item ? "Y" : "N");
         break;
-    case RX_KIND_BOOLS:
-        rx_text_add(dst, ((const rx_bools *)field)->v[i] ? "Y" : "N");
-        break;
-    case RX_KIND_WORD:
-        rx_text_add(dst, *(const char *const *)field);
-        break;
-    case RX_KIND_WORDS:
-        rx_text_add(dst, ((const rx_words *)field)->v[i]);
-        break;
-    case RX_KIND_SECTION:
+    default:
+        rx_text_add(dst, *(const char *const *)item);
         break;
     }
 }
@@ -419,6 +340,8 @@ void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool q
     for (int i = 0; i < n; i++) {
         if (i > 0)
             rx_text_add(dst, ",");
-        print_value(dst, key->kind, field, i, quoted);
+        rx_kind kind;
+        const void *item = rx_keyword_item(key->kind, field, i, &kind);
+        print_item(dst, kind, item, quoted);
     }
 }

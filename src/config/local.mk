@@ -1,8 +1,6 @@
 librextract_la_SOURCES += \
 	src/config/arguments.c \
-	src/config/campaign_check.c \
 	src/config/config.c \
-	src/config/config_check.c \
 	src/config/fill.c src/config/fill.h \
 	src/config/find_files.c \
 	src/config/kernel.c \
@@ -10,15 +8,13 @@ librextract_la_SOURCES += \
 	src/config/keyword.c src/config/keyword.h \
 	src/config/keyword_value.c \
 	src/config/overwrite.c src/config/overwrite.h \
+	src/config/relations.c \
 	src/config/settings.c \
 	src/config/settings_check.c \
 	src/config/settings_dump.c \
-	src/config/simulate_check.c \
-	src/config/survey_check.c \
 	src/config/tiles.c src/config/tiles.h \
-	src/config/tokens.c src/config/tokens.h \
-	src/config/train_check.c
-librextract_la_SOURCES += src/config/arguments.h src/config/campaign.def src/config/campaign_config.h \
+	src/config/tokens.c src/config/tokens.h
+librextract_la_SOURCES += src/config/arguments.h src/config/campaign.def \
 	src/config/config.h src/config/config_fields.h src/config/kernel.h src/config/keys.def src/config/settings.h \
-	src/config/simulate.def src/config/simulate_config.h src/config/survey.def src/config/survey_config.h \
-	src/config/train.def src/config/train_config.h
+	src/config/simulate.def src/config/survey.def \
+	src/config/train.def

@@ -7,9 +7,7 @@
 
 #include "base/memory.h"
 #include "base/names.h"
-#include "config/campaign_config.h"
-#include "config/survey_config.h"
-#include "config/train_config.h"
+#include "config/config_fields.h"
 
 enum { MAX_INPUTS = 8 * RX_LIST };
 

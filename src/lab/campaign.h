@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 
 /* Everything the configuration asks for: the units of this shard that are not yet in the journal, then, when
  * the journal (or with MERGE all journals) is complete, the report. A shard that is complete while others are

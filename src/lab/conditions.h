@@ -4,7 +4,7 @@
 #define RX_LAB_CONDITIONS_H
 
 #include "base/error.h"
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 #include "pipeline/field.h"
 #include "stage/simulation.h"
 

@@ -5,8 +5,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "config/campaign_config.h"
-#include "data/record.h"
+#include "config/config_fields.h"
 #include "lab/journal.h"
 #include "simulate/templates.h"
 

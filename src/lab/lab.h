@@ -15,7 +15,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 #include "lab/conditions.h"
 #include "lab/match.h"
 #include "lab/rows.h"

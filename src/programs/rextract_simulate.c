@@ -1,5 +1,5 @@
 /* rextract-simulate: settings in; blurred tile, sharp reference and truth catalogue out. */
-#include "config/simulate_config.h"
+#include "config/config_fields.h"
 #include "programs/program.h"
 #include "stage/simulation.h"
 

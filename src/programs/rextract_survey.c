@@ -1,5 +1,5 @@
 /* rextract-survey: records of tiles in; the report of a survey out. */
-#include "config/survey_config.h"
+#include "config/config_fields.h"
 #include "programs/program.h"
 #include "survey/rollup_run.h"
 

@@ -1,7 +1,7 @@
 /* rextract-train: settings in; a trained model, its curves and a checkpoint to go on from out. */
 #include <stdio.h>
 
-#include "config/train_config.h"
+#include "config/config_fields.h"
 #include "par/ranks.h"
 #include "programs/program.h"
 #include "train/trainer.h"

@@ -1,5 +1,5 @@
 /* rextract-validate: a campaign file in; a report of what each restorer is worth out. */
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 #include "lab/campaign.h"
 #include "programs/program.h"
 

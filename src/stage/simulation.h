@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
-#include "config/simulate_config.h"
+#include "config/config_fields.h"
 #include "data/tile.h"
 #include "pipeline/field.h"
 #include "simulate/coadd.h"

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #include "base/hash.h"
-#include "config/survey_config.h"
+#include "config/config_fields.h"
 #include "config/tiles.h"
 #include "quality/binomial.h"
 #include "survey/tile_record.h"

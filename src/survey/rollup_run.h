@@ -4,7 +4,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
-#include "config/survey_config.h"
+#include "config/config_fields.h"
 
 /* Read the records in the files of `given`, one a line, of which "@FILE" stands for those that it lists; write the
  * merged records and the report. Errors: RX_INPUT (records, survey/tile_record.h; the list), RX_USAGE

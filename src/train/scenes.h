@@ -61,7 +61,7 @@
 #define RX_TRAIN_SCENES_H
 
 #include "base/log.h"
-#include "config/simulate_config.h"
+#include "config/config_fields.h"
 #include "nn/deblur.h"
 #include "nn/front.h"
 #include "nn/model.h"

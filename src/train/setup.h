@@ -3,7 +3,7 @@
 #define RX_TRAIN_SETUP_H
 
 #include "base/text.h"
-#include "config/train_config.h"
+#include "config/config_fields.h"
 #include "nn/model.h"
 #include "train/feed.h"
 #include "train/step.h"

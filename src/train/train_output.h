@@ -2,7 +2,7 @@
 #ifndef RX_TRAIN_TRAIN_OUTPUT_H
 #define RX_TRAIN_TRAIN_OUTPUT_H
 
-#include "config/train_config.h"
+#include "config/config_fields.h"
 #include "report/figure.h"
 #include "train/state.h"
 

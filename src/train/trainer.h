@@ -19,7 +19,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "base/text.h"
-#include "config/train_config.h"
+#include "config/config_fields.h"
 
 /* Everything the configuration asks for: the job of rextract-train. Outputs: MODEL_NAME, CHECKPOINT_NAME and
  * the tables in OUTPUT_NAME each epoch, there also at the end and every PLOT_EPOCHS a page with loss curves

@@ -1,0 +1,485 @@
+/* What one keyword of a program says about another, and which have no effect then. */
+#include <string.h>
+
+#include "config/config_fields.h"
+#include "config/keyword.h"
+
+#define REFUSE(NAME, ...) rx_settings_refuse(&config->settings, #NAME, err, __VA_ARGS__)
+
+static bool is(const char *word, const char *other)
+{
+    return strcmp(word, other) == 0;
+}
+
+/* Each word once. */
+static rx_status check_once(const rx_settings *settings, const char *name, const rx_words *list,
+                            rx_error *err)
+{
+    for (int i = 0; i < list->n; i++)
+        for (int j = 0; j < i; j++)
+            if (is(list->v[i], list->v[j]))
+                return rx_settings_refuse(settings, name, err, "%s is named twice; name each once",
+                                          list->v[i]);
+    return RX_OK;
+}
+
+/* <from>,<to>[,<step>] in this order. */
+static rx_status check_order(const rx_settings *settings, const char *name, const rx_reals *range,
+                             rx_error *err)
+{
+    if (range->n > 1 && range->v[0] > range->v[1])
+        return rx_settings_refuse(settings, name, err, "%g is above %g; give <from>,<to>%s", range->v[0],
+                                  range->v[1], range->n > 2 ? ",<step>" : "");
+    return RX_OK;
+}
+
+#define ORDER(NAME, field) RX_TRY(check_order(&config->settings, #NAME, &config->field, err))
+
+/* --- rextract --- */
+
+static bool has(const rx_words *list, const char *word)
+{
+    for (int i = 0; i < list->n; i++)
+        if (is(list->v[i], word))
+            return true;
+    return false;
+}
+
+static rx_status check_restorers(const rx_config *config, rx_error *err)
+{
+    RX_TRY(check_once(&config->settings, "RESTORE_TYPE", &config->restore_type, err));
+    if (!config->restore_fallback && is(config->out_of_domain, "RL"))
+        return REFUSE(RESTORE_FALLBACK,
+                      "N forbids what OUT_OF_DOMAIN RL asks for; give OUT_OF_DOMAIN WARN or FAIL");
+    return RX_OK;
+}
+
+static rx_status check_images(const rx_config *config, rx_error *err)
+{
+    const rx_words *checks = &config->checkimage_type;
+    const rx_words *weights = &config->weight_type;
+    int needed = 0;
+    for (int i = 0; i < checks->n; i++)
+        if (!is(checks->v[i], "NONE"))
+            needed = i + 1;
+    if (needed > config->checkimage_name.n)
+        return REFUSE(CHECKIMAGE_NAME,
+                      "names %d file(s) for %d check-image(s) of CHECKIMAGE_TYPE; give one each",
+                      config->checkimage_name.n, needed);
+    bool maps = has(weights, "MAP_RMS") || has(weights, "MAP_VAR") || has(weights, "MAP_WEIGHT");
+    if (maps && config->weight_image.n == 0)
+        return REFUSE(WEIGHT_IMAGE, "is empty; name the weight map that WEIGHT_TYPE asks for");
+    if (is(config->detect_type, "PHOTO"))
+        return REFUSE(DETECT_TYPE, "PHOTO (photographic plates) is not offered; give CCD");
+    return RX_OK;
+}
+
+static rx_status check_limits(const rx_config *config, rx_error *err)
+{
+    if (config->memory_pixstack_max < config->memory_pixstack)
+        return REFUSE(MEMORY_PIXSTACK_MAX, "%d is below MEMORY_PIXSTACK, %d; give at least that",
+                      config->memory_pixstack_max, config->memory_pixstack);
+    if (config->net_block % 4 != 0)
+        return REFUSE(NET_BLOCK, "%d is no multiple of 4; give %d", config->net_block,
+                      (config->net_block + 2) / 4 * 4);
+    if (config->deblend_maxobj_max < config->deblend_maxobj)
+        return REFUSE(DEBLEND_MAXOBJ_MAX, "%d is below DEBLEND_MAXOBJ, %d; give at least that",
+                      config->deblend_maxobj_max, config->deblend_maxobj);
+    return RX_OK;
+}
+
+static rx_status check_report(const rx_config *config, rx_error *err)
+{
+    if (config->qa_gates[0] != '\0' && config->reference_name[0] == '\0')
+        return REFUSE(QA_GATES, "needs a reference catalogue; give REFERENCE_NAME too");
+    if (config->reference_columns.n == 1 || config->reference_columns.n == 2)
+        return REFUSE(REFERENCE_COLUMNS, "has %d item(s), needs <x>,<y>,<magnitude or flux>[,<error>]",
+                      config->reference_columns.n);
+    if (config->qa_mag_range.v[2] <= 0.0)
+        return REFUSE(QA_MAG_RANGE, "the step %g must be above 0", config->qa_mag_range.v[2]);
+    ORDER(QA_MAG_RANGE, qa_mag_range);
+    return RX_OK;
+}
+
+static rx_status check_self(const rx_config *config, rx_error *err)
+{
+    if (config->self_check_galaxies < 0 && config->self_check_galaxies != -1)
+        return REFUSE(SELF_CHECK_GALAXIES, "%g is no share; give 0 to 1, or -1 for that of the tile",
+                      config->self_check_galaxies);
+    if (config->self_check_mag.n == 1)
+        return REFUSE(SELF_CHECK_MAG, "has 1 item, needs <from>,<to>, or none");
+    ORDER(SELF_CHECK_MAG, self_check_mag);
+    return RX_OK;
+}
+
+rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
+{
+    const rx_config *config = (const rx_config *)settings;
+    RX_TRY(check_restorers(config, err));
+    RX_TRY(check_images(config, err));
+    RX_TRY(check_limits(config, err));
+    RX_TRY(check_report(config, err));
+    return check_self(config, err);
+}
+
+/* A campaign decides itself which restorers run, on how many threads, and what is written. */
+const char *rx_config_idle(const rx_settings *settings, const char *name)
+{
+    static const char *const outputs[] = {"CATALOG_NAME",
+                                          "CATALOG_TYPE",
+                                          "RESTORE_TYPE",
+                                          "CHECKIMAGE_TYPE",
+                                          "CHECKIMAGE_NAME",
+                                          "NTHREADS",
+                                          "VERBOSE_TYPE",
+                                          "REFERENCE_NAME",
+                                          "QA_NAME",
+                                          "QA_GATES",
+                                          "SELF_CHECK",
+                                          "BLANK_CHECK",
+                                          NULL};
+    return settings->prefix[0] != '\0' && rx_keyword_among(outputs, name) ? "in a campaign" : NULL;
+}
+
+/* --- rextract-simulate --- */
+
+static rx_status check_injection(const rx_simulate_config *config, rx_error *err)
+{
+    bool injects = config->inject_image[0] != '\0';
+    if (is(config->psf_type, "AUTO") && !injects)
+        return REFUSE(PSF_TYPE, "AUTO is measured on a real tile; give INJECT_IMAGE, or another PSF_TYPE");
+    if (!is(config->psf_type, "MOFFAT") && !is(config->psf_type, "AUTO") && config->psf_name[0] == '\0')
+        return REFUSE(PSF_NAME, "is empty; name the file that PSF_TYPE %s reads", config->psf_type);
+    if (config->inject_config[0] != '\0' && !injects)
+        return REFUSE(INJECT_CONFIG, "is about a real tile; give INJECT_IMAGE too");
+    return RX_OK;
+}
+
+static rx_status check_noise(const rx_simulate_config *config, rx_error *err)
+{
+    if (config->inject_image[0] != '\0') /* the tile's own */
+        return RX_OK;
+    if (is(config->noise_type, "CCD") && config->gain <= 0.0)
+        return REFUSE(GAIN, "0 e-/ADU is no gain for NOISE_TYPE CCD; give one above 0");
+    if (config->satur_level > 0.0 && config->satur_level <= config->sky_level)
+        return REFUSE(SATUR_LEVEL, "%g is not above SKY_LEVEL, %g: every pixel would be saturated",
+                      config->satur_level, config->sky_level);
+    return RX_OK;
+}
+
+static rx_status check_coadd(const rx_simulate_config *config, rx_error *err)
+{
+    bool injects = config->inject_image[0] != '\0';
+    if (injects && config->weight_name[0] != '\0')
+        return REFUSE(WEIGHT_NAME, "is of simulated fields; a real tile has its own weights");
+    if (is(config->coadd_type, "NONE"))
+        return RX_OK;
+    if (config->settings.prefix[0] != '\0' || injects)
+        return REFUSE(COADD_TYPE, "%s is for simulated fields of rextract-simulate alone",
+                      config->coadd_type);
+    if (config->coadd_scale != 0.0 && config->coadd_scale < 0.3)
+        return REFUSE(COADD_SCALE, "%g is too fine; give 0.3 to 1, or 0", config->coadd_scale);
+    if (!is(config->psf_type, "MOFFAT"))
+        return REFUSE(PSF_TYPE, "%s is a PSF on pixels of the image, and frames have others; give MOFFAT",
+                      config->psf_type);
+    return RX_OK;
+}
+
+/* Each output has a file of its own. */
+static rx_status check_own_files(const rx_simulate_config *config, rx_error *err)
+{
+    const struct {
+        const char *name, *file;
+    } outputs[] = {
+        {"IMAGE_NAME", config->image_name},   {"SHARP_NAME", config->sharp_name},
+        {"TRUTH_NAME", config->truth_name},   {"FLAG_NAME", config->flag_name},
+        {"WEIGHT_NAME", config->weight_name},
+    };
+    for (size_t i = 1; i < sizeof outputs / sizeof outputs[0]; i++)
+        for (size_t j = 0; j < i; j++)
+            if (outputs[i].file[0] != '\0' && is(outputs[i].file, outputs[j].file))
+                return rx_settings_refuse(&config->settings, outputs[i].name, err,
+                                          "%.200s is also %s; give each output a name of its own",
+                                          outputs[i].file, outputs[j].name);
+    return RX_OK;
+}
+
+rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
+{
+    const rx_simulate_config *config = (const rx_simulate_config *)settings;
+    if (config->sky_center.v[1] < -90.0 || config->sky_center.v[1] > 90.0)
+        return REFUSE(SKY_CENTER, "no declination is %g; give one of -90 to 90", config->sky_center.v[1]);
+    RX_TRY(check_injection(config, err));
+    RX_TRY(check_noise(config, err));
+    RX_TRY(check_coadd(config, err));
+    ORDER(STAR_MAG, star_mag);
+    ORDER(PAIR_DISTANCE, pair_distance);
+    ORDER(GALAXY_MAG, galaxy_mag);
+    ORDER(TEMPLATE_MAG, template_mag);
+    if (config->template_count > 0.0 && config->template_name[0] == '\0')
+        return REFUSE(TEMPLATE_NAME, "is empty; name the cut-outs that TEMPLATE_COUNT asks for");
+    return check_own_files(config, err);
+}
+
+const char *rx_simulate_idle(const rx_settings *settings, const char *name)
+{
+    static const char *const outputs[] = {
+        "IMAGE_NAME",   "SHARP_NAME", "TRUTH_NAME", "TRUTH_TYPE",   "FLAG_NAME", "WEIGHT_NAME",
+        "SCENE_NUMBER", "SEED",       "NTHREADS",   "VERBOSE_TYPE", NULL};
+    static const char *const field[] = {"IMAGE_SIZE",  "SKY_CENTER", "NOISE_TYPE",  "SKY_LEVEL",
+                                        "NOISE_SIGMA", "READ_NOISE", "SATUR_LEVEL", "BAD_COLUMNS",
+                                        "COSMIC_RAYS", NULL};
+    static const char *const injection[] = {"INJECT_PLACE", "INJECT_DISTANCE", NULL};
+    static const char *const coadd[] = {"COADD_FRAMES", "COADD_SCALE", "COADD_PIXFRAC", "COADD_UNEVEN", NULL};
+    const rx_simulate_config *config = (const rx_simulate_config *)settings;
+    bool injects = config->inject_image[0] != '\0';
+    if (settings->prefix[0] != '\0' && rx_keyword_among(outputs, name))
+        return "in a campaign";
+    if (injects && rx_keyword_among(field, name))
+        return "with INJECT_IMAGE";
+    if (is(config->coadd_type, "NONE") && rx_keyword_among(coadd, name))
+        return "with COADD_TYPE NONE";
+    return !injects && rx_keyword_among(injection, name) ? "without INJECT_IMAGE" : NULL;
+}
+
+/* --- rextract-validate --- */
+
+enum { MAX_SHARDS = 10000 };
+
+void rx_campaign_complete(rx_settings *settings)
+{
+    rx_campaign_config *config = (rx_campaign_config *)settings;
+    config->sim = (rx_simulate_config *)settings->part[0];
+    config->stage = (rx_config *)settings->part[1];
+}
+
+/* A whole number of 1 to MAX_SHARDS at *text, which moves behind it; 0 when there is none. */
+static int read_count(const char **text)
+{
+    int value = 0;
+    const char *c = *text;
+    for (; *c >= '0' && *c <= '9' && value <= MAX_SHARDS; c++)
+        value = 10 * value + (*c - '0');
+    *text = c;
+    return value <= MAX_SHARDS ? value : 0;
+}
+
+rx_status rx_campaign_config_shard(const rx_campaign_config *config, int *k, int *n, rx_error *err)
+{
+    const char *text = config->shard;
+    *k = read_count(&text);
+    *n = 0;
+    if (*k > 0 && *text == '/') {
+        text++;
+        *n = read_count(&text);
+    }
+    if (*n < 1 || *text != '\0')
+        return REFUSE(SHARD, "'%.40s' is not k/n; give for instance 2/3, n at most %d", config->shard,
+                      MAX_SHARDS);
+    if (*k > *n)
+        return REFUSE(SHARD, "there is no part %d of %d; give 1/%d to %d/%d", *k, *n, *n, *n, *n);
+    return RX_OK;
+}
+
+static rx_status check_ranges(const rx_campaign_config *config, rx_error *err)
+{
+    ORDER(FWHM_RANGE, fwhm_range);
+    ORDER(SIGMA_RANGE, sigma_range);
+    ORDER(FWHM_TRAINED, fwhm_trained);
+    ORDER(SIGMA_TRAINED, sigma_trained);
+    ORDER(MAGNITUDES, magnitudes);
+    ORDER(SHRED_SNR, shred_snr);
+    const double *mag = config->magnitudes.v;
+    if (mag[2] <= 0.0)
+        return REFUSE(MAGNITUDES, "the step %g must be above 0", mag[2]);
+    if ((mag[1] - mag[0]) / mag[2] > 1000.0)
+        return REFUSE(MAGNITUDES, "more than 1000 sets of stars; give a larger step");
+    return RX_OK;
+}
+
+static bool has_errors(const rx_reals *list)
+{
+    for (int i = 0; i < list->n; i++)
+        if (list->v[i] != 0.0)
+            return true;
+    return false;
+}
+
+static rx_status check_fields(const rx_campaign_config *config, rx_error *err)
+{
+    const bool fluxes = is(config->campaign_type, "FLUXES");
+    const rx_words *where = fluxes ? &config->flux_scenes : &config->fields;
+    bool injects = false;
+    if (is(config->campaign_type, "RESTORATION"))
+        return RX_OK;
+    for (int i = 0; i < where->n; i++)
+        injects |= is(where->v[i], "INJECTED");
+    if (injects && config->tile_name[0] == '\0')
+        return REFUSE(TILE_NAME, "is empty; name the real tile that %s are added to (%s INJECTED)",
+                      fluxes ? "objects" : "stars", fluxes ? "FLUX_SCENES" : "FIELDS");
+    if (fluxes && injects &&
+        (where->n > 1 || config->seeing.n > 0 || has_errors(&config->psf_error) ||
+         has_errors(&config->sky_error) || has_errors(&config->noise_error)))
+        return REFUSE(FLUX_SCENES, "INJECTED stands alone: SEEING, PSF_ERROR, SKY_ERROR, NOISE_ERROR and the "
+                                   "other scenes are of simulated tiles; leave them out, or INJECTED");
+    return RX_OK;
+}
+
+/* What the simulator cannot do as part of a campaign. */
+static rx_status check_campaign_simulator(const rx_campaign_config *config, rx_error *err)
+{
+    const rx_simulate_config *sim = config->sim;
+    if (sim->inject_image[0] != '\0')
+        return rx_settings_refuse(&sim->settings, "INJECT_IMAGE", err,
+                                  "has no place in a campaign; give FIELDS INJECTED and TILE_NAME");
+    if (is(config->campaign_type, "RESTORATION") && !is(sim->psf_type, "MOFFAT"))
+        return rx_settings_refuse(&sim->settings, "PSF_TYPE", err,
+                                  "%s has no FWHM that a RESTORATION campaign could vary; give MOFFAT",
+                                  sim->psf_type);
+    return RX_OK;
+}
+
+static rx_status check_small_and_paper(const rx_campaign_config *config, rx_error *err)
+{
+    const struct {
+        const char *name;
+        int n;
+    } sizes[] = {
+        {"SCENES_FWHM", config->scenes_fwhm.n},
+        {"SCENES_SIGMA", config->scenes_sigma.n},
+        {"TILES", config->tiles.n},
+    };
+    for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++)
+        if (is(config->size, "PAPER") && sizes[i].n < 2)
+            return rx_settings_refuse(
+                &config->settings, sizes[i].name, err,
+                "has no second number, which SIZE PAPER asks for; give <small>,<paper>");
+    return RX_OK;
+}
+
+rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
+{
+    const rx_campaign_config *config = (const rx_campaign_config *)settings;
+    int k, n;
+    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
+    RX_TRY(check_once(settings, "RESTORE_TYPE", &config->restore_type, err));
+    RX_TRY(check_once(settings, "FIELDS", &config->fields, err));
+    RX_TRY(check_once(settings, "FLUX_SCENES", &config->flux_scenes, err));
+    RX_TRY(check_once(settings, "FLUXES", &config->fluxes, err));
+    RX_TRY(check_ranges(config, err));
+    RX_TRY(check_fields(config, err));
+    RX_TRY(check_campaign_simulator(config, err));
+    return check_small_and_paper(config, err);
+}
+
+/* --- rextract-train --- */
+
+void rx_train_complete(rx_settings *settings)
+{
+    rx_train_config *config = (rx_train_config *)settings;
+    config->sim = (rx_simulate_config *)settings->part[0];
+}
+
+static rx_status check_training_images(const rx_train_config *config, rx_error *err)
+{
+    if (config->patch % 4 != 0)
+        return REFUSE(PATCH, "%d is no multiple of 4; give %d", config->patch, config->patch / 4 * 4 + 4);
+    if (4 * config->patch_margin >= config->patch)
+        return REFUSE(PATCH_MARGIN, "%d leaves less than half of an image's side of %d; give at most %d",
+                      config->patch_margin, config->patch, (config->patch - 1) / 4);
+    if (config->validation_images > config->bin_images)
+        return REFUSE(VALIDATION_IMAGES, "%d is above BIN_IMAGES, %d; give at most that",
+                      config->validation_images, config->bin_images);
+    ORDER(FWHM_RANGE, fwhm_range);
+    ORDER(SIGMA_RANGE, sigma_range);
+    ORDER(BETA_RANGE, beta_range);
+    ORDER(PHOTON_RANGE, photon_range);
+    ORDER(SMOOTHED_FWHM, smoothed_fwhm);
+    if (config->smoothed_noise + config->resampled_noise > 1)
+        return REFUSE(RESAMPLED_NOISE, "%g and SMOOTHED_NOISE %g are more than all images; give at most %g",
+                      config->resampled_noise, config->smoothed_noise, 1 - config->smoothed_noise);
+    return RX_OK;
+}
+
+static rx_status check_ranks(const rx_train_config *config, rx_error *err)
+{
+    if (config->batch % config->train_ranks != 0)
+        return REFUSE(BATCH, "%d images cannot be shared alike by %d training ranks; give a multiple",
+                      config->batch, config->train_ranks);
+    const double epoch = (double)config->grid.v[0] * config->grid.v[1] * config->bin_images;
+    if (config->images_ahead < epoch)
+        return REFUSE(IMAGES_AHEAD,
+                      "%d is less than the %.0f images of an epoch; give that at least, better "
+                      "twice as many",
+                      config->images_ahead, epoch);
+    return RX_OK;
+}
+
+/* What makes no training images. */
+static rx_status check_training_scenes(const rx_train_config *config, rx_error *err)
+{
+    const rx_simulate_config *sim = config->sim;
+    if (sim->inject_image[0] != '\0')
+        return rx_settings_refuse(&sim->settings, "INJECT_IMAGE", err,
+                                  "has no place in a training; its images are simulated");
+    if (sim->star_count + sim->galaxy_count + sim->template_count <= 0)
+        return rx_settings_refuse(&sim->settings, "STAR_COUNT", err,
+                                  "there are no stars, galaxies or templates to train on; give some");
+    return RX_OK;
+}
+
+rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
+{
+    const rx_train_config *config = (const rx_train_config *)settings;
+    for (int i = 0; i < config->kernels.n; i++)
+        if (config->kernels.v[i] % 2 == 0)
+            return REFUSE(KERNELS, "%d is even; give odd numbers", config->kernels.v[i]);
+    if (config->loss_idt + config->loss_rec + config->loss_rec_psf + config->loss_ffl <= 0)
+        return REFUSE(LOSS_IDT, "no term of the loss trains RESTORE; give this one a weight above 0");
+    RX_TRY(check_training_images(config, err));
+    RX_TRY(check_ranks(config, err));
+    if (is(config->model_name, config->checkpoint_name))
+        return REFUSE(CHECKPOINT_NAME, "%.200s is also MODEL_NAME; give each a name of its own",
+                      config->checkpoint_name);
+    return check_training_scenes(config, err);
+}
+
+const char *rx_train_idle(const rx_settings *settings, const char *name)
+{
+    static const char *const informed[] = {"TIKHONOV", "RL_STEPS", "RL_STEP_PEDESTAL", NULL};
+    const rx_train_config *config = (const rx_train_config *)settings;
+    if (is(config->mode, "BLIND") && rx_keyword_among(informed, name))
+        return "with MODE BLIND";
+    if (config->rl_steps == 0 && is(name, "RL_STEP_PEDESTAL"))
+        return "with RL_STEPS 0";
+    if (!is(config->loss_type, "LINEAR") && is(name, "LOSS_FLOOR"))
+        return "without LOSS_TYPE LINEAR";
+    return NULL;
+}
+
+/* Of the simulator's keywords, those of the population decide; the rest follows from the training's own. */
+const char *rx_train_sim_idle(const rx_settings *settings, const char *name)
+{
+    static const char *const own[] = {
+        "IMAGE_NAME", "SHARP_NAME",    "TRUTH_NAME",   "TRUTH_TYPE",   "FLAG_NAME",       "IMAGE_SIZE",
+        "SKY_CENTER", "SEED",          "SCENE_NUMBER", "INJECT_PLACE", "INJECT_DISTANCE", "INJECT_CONFIG",
+        "PSF_TYPE",   "PSF_NAME",      "PSF_FWHM",     "PSF_BETA",     "PSF_RATIO",       "PSF_ANGLE",
+        "SHARP_FWHM", "PSF_VARIATION", "NOISE_TYPE",   "SKY_LEVEL",    "NOISE_SIGMA",     "GAIN",
+        "READ_NOISE", "SATUR_LEVEL",   "BAD_COLUMNS",  "COSMIC_RAYS",  "NTHREADS",        "VERBOSE_TYPE",
+        NULL};
+    (void)settings;
+    return rx_keyword_among(own, name) ? "in a training" : NULL;
+}
+
+/* --- rextract-survey --- */
+
+rx_status rx_survey_relations(const rx_settings *settings, rx_error *err)
+{
+    const rx_survey_config *config = (const rx_survey_config *)settings;
+    const double low = config->mag_range.v[0], high = config->mag_range.v[1];
+    if (high < low || (high > low && (2 * low != (int)(2 * low) || 2 * high != (int)(2 * high))))
+        return rx_settings_refuse(settings, "MAG_RANGE", err,
+                                  "%g,%g is no range of half magnitudes; give two in order, such as 18,21.5",
+                                  low, high);
+    return RX_OK;
+}
