@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "config/config_fields.h"
+#include "data/record.h"
 #include "lab/journal.h"
 #include "simulate/templates.h"
 

@@ -8,7 +8,7 @@
 
 #include "../scratch.h"
 #include "config/arguments.h"
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 
 enum { MAX_WORDS = 16 };
 

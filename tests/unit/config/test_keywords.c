@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 #include "config/keyword.h"
 
 enum { TABLES = 5 };

@@ -8,8 +8,8 @@
 
 #include "../scratch.h"
 #include "config/arguments.h"
-#include "config/campaign_config.h"
-#include "config/train_config.h"
+#include "config/config_fields.h"
+#include "config/config_fields.h"
 
 static rx_campaign_config *campaign(void)
 {

@@ -4,7 +4,7 @@
 
 #include "../scratch.h"
 
-#include "config/campaign_config.h"
+#include "config/config_fields.h"
 #include "lab/lab.h"
 #include "lab/units.h"
 
