@@ -43,7 +43,7 @@ static rx_status change(const rx_psf *before, const rx_psf *after, const rx_imag
 
 /* On the pixels without the model. What this changes, once more might change as much: an error of all fluxes. */
 static rx_status measure(const rx_pipeline_params *params, int role, const rx_field *field,
-                         const rx_tphot *fit, rx_log *log, rx_psf **dst, rx_error *err)
+                         const rx_tphot *fit, rx_log *log, rx_psf **dst, double *by, rx_error *err)
 {
     const size_t n = (size_t)field->image.width * (size_t)field->image.height;
     rx_image image = field->image;
@@ -61,19 +61,19 @@ static rx_status measure(const rx_pipeline_params *params, int role, const rx_fi
     par.noise.origin = RX_NOISE_WHITE;
     /* Peaks that pile up are those of the brightest stars here, the others being off. */
     par.psf.flattened = field->psf->quality.limit > 0.0 ? field->psf->quality.limit : HUGE_VAL;
-    double by = 0;
     rx_status status = rx_field_new(&par, role | RX_FIELD_PSF, &image, NULL, &between, err);
     const int found =
         status == RX_OK && between->psf != NULL && strcmp(between->psf->quality.how, "PIXELS") == 0;
     if (found)
-        status = change(field->psf, between->psf, &image, &by, err);
+        status = change(field->psf, between->psf, &image, by, err);
     if (found && status == RX_OK) {
         *dst = between->psf;
         between->psf = NULL;
         (*dst)->quality.neighbours = fit->modelled;
-        (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, by);
+        (*dst)->quality.limit = fmax((*dst)->quality.limit, field->psf->quality.limit);
+        (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, *by);
         rx_log_info(log, "%s[%d]: a crowd: PSF anew, neighbours taken off, fluxes by %+.4f: %s", image.name,
-                    image.hdu, by, (*dst)->description);
+                    image.hdu, *by, (*dst)->description);
     }
     rx_field_free(between);
     free(pixels);
@@ -81,13 +81,14 @@ static rx_status measure(const rx_pipeline_params *params, int role, const rx_fi
 }
 
 rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_field *field, rx_log *log,
-                         rx_psf **dst, rx_error *err)
+                         rx_psf **dst, double *by, rx_error *err)
 {
     const rx_psf *psf = field->psf;
     const double area = (double)field->image.width * (double)field->image.height;
     rx_pipeline_params par = *params;
     rx_result result;
     *dst = NULL;
+    *by = 0;
     if (!par.templates.wanted || par.templates.par.crowding == RX_CROWDING_NO ||
         strcmp(psf->quality.how, "PIXELS") != 0 || field->nstars * psf->fwhm * psf->fwhm * BEAMS < area)
         return RX_OK;
@@ -103,7 +104,7 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
     RX_TRY(rx_field_extract(&par, rx_restorer_find("NONE"), field, NULL, NULL, &result, err));
     rx_status status = RX_OK;
     if (result.templates.tphot != NULL && result.templates.tphot->crowded >= CROWDED)
-        status = measure(params, role, field, result.templates.tphot, log, dst, err);
+        status = measure(params, role, field, result.templates.tphot, log, dst, by, err);
     rx_result_free(&result);
     return status;
 }

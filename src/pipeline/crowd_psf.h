@@ -8,8 +8,9 @@
  * templates of RESTORE_TYPE NONE, fitted with the field's PSF in a few passes, show that half of the tile or more is crowded, the
  * PSF is measured once more, on pixels without the models of all but the brightest stars, and sky and noise anew: *dst, of the
  * caller. role: RX_FIELD_MEASURED or RX_FIELD_DETECTED, whose keywords the sky has. Which stars are flattened, the field's
- * own sources have said. NULL: the field is no crowd, CROWDING is N, no templates are asked for, or what remains gives no PSF by pixels. */
+ * own sources have said. *by: what that changes fluxes by, relative. A PSF that is too wide hides the very neighbours that widen
+ * it, so that this is to be done again until fluxes stay. NULL: the field is no crowd, CROWDING is N, no templates are asked for, or what remains gives no PSF by pixels. */
 rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_field *field, rx_log *log,
-                         rx_psf **dst, rx_error *err);
+                         rx_psf **dst, double *by, rx_error *err);
 
 #endif

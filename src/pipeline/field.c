@@ -115,6 +115,10 @@ rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *use
 
 static const double LEAST_FACTOR = 0.7;
 
+/* A crowd's PSF is measured again until fluxes change by less, relative. */
+static const double PSF_STAYS = 0.005;
+enum { PSF_ROUNDS = 3 };
+
 /* Of the matched filter. What sharpening leaves, or a correlation that was measured wrongly, is not believed. */
 static rx_status make_effective_noise(rx_field *field, rx_log *log, rx_error *err)
 {
@@ -629,13 +633,17 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     if (status == RX_OK && image->psf != NULL && rx_psf_type_measured(params->psf.type) &&
         field->nstars > 0) {
         begun = rx_seconds();
-        rx_psf *psf = NULL;
-        status = rx_psf_between(params, what & RX_FIELD_MEASURED, field, log, &psf, err);
-        if (psf != NULL) {
+        double by = HUGE_VAL;
+        for (int round = 0; round < PSF_ROUNDS && fabs(by) > PSF_STAYS && status == RX_OK; round++) {
+            rx_psf *psf = NULL;
+            status = rx_psf_between(params, what & RX_FIELD_MEASURED, field, log, &psf, &by, err);
+            if (psf == NULL)
+                break;
             rx_psf_free(field->psf);
             field->image.psf = field->psf = psf;
             field->noise = noise;
-            status = make_effective_noise(field, log, err);
+            if (status == RX_OK)
+                status = make_effective_noise(field, log, err);
         }
         field->psf_seconds += rx_seconds() - begun;
     }

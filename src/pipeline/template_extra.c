@@ -21,7 +21,7 @@ static const double BORDER = 0.5;
 static const double APART = 0.4; /* FWHM between a source and one that is added, at least */
 /* In a crowd everything stands in the light of others: models are fitted again until they are better, and what does not hold
  * then goes again. */
-static const double CROWD_ERROR = 0.01, CROWD_APART = 0.2;
+static const double CROWD_APART = 0.2;
 
 /* The residual is detected on in bands of about BAND pixels that begin at multiples of STEP rows, with AROUND
  * rows more at either end: what reaches farther than that into the next band is cut there. */
@@ -367,7 +367,7 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double
                               .level = extra->level,
                               .reach = (int)ceil(NEAR * fmax(extra->psf->fwhm, 1.0)),
                               .model_error = MODEL_ERROR,
-                              .crowd_error = CROWD_ERROR,
+                              .crowd_error = extra->crowd_error,
                               .crowd = look->crowd,
                               .grain = grain,
                               .filter = filter.values,

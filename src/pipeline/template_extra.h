@@ -14,6 +14,7 @@ typedef struct rx_template_extra {
     const rx_detect_params *detect; /* deblending and limits are these */
     double threshold;               /* S/N in a filter that matches the PSF */
     double crowd_threshold;         /* the same in a crowd */
+    double crowd_error;             /* of the models' light there, that counts as noise */
     const rx_psf *psf;
     const float *pixels;       /* [h][w] ADU, of the tile */
     const uint8_t *mask;       /* [h][w] RX_MASK_* bits, of the tile */
@@ -33,7 +34,7 @@ typedef struct rx_template_extra {
  * model light within a FWHM counts as noise, for models are not exact; the filter ignores what is smooth,
  * like the halo of a bright star beyond what its PSF holds; nothing within half a FWHM of the border is
  * taken, nor in a source with saturated pixels. In a crowd all that is significant is looked for, at crowd_threshold where
- * that is lower, with a hundredth of that light as noise. What is found in later looks follows what was found before. Errors: RX_SYSTEM, RX_USAGE. */
+ * that is lower, with crowd_error of that light as noise. What is found in later looks follows what was found before. Errors: RX_SYSTEM, RX_USAGE. */
 rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double (**dst)[2], int *n,
                                  rx_error *err);
 

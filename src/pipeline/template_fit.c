@@ -13,6 +13,10 @@
  * sources the few false ones are rare; below, peaks of noise would be added by the hundred. */
 static const double CROWD_SNR = 3.2;
 
+/* Of the models' light in a crowd that counts as noise. Where neighbours are taken off the stars that a PSF is made of, what is
+ * hidden in their wings would widen it. */
+static const double CROWD_ERROR = 0.01, NEIGHBOUR_ERROR = 0.003;
+
 /* Residuals above that many times a noise that is only a floor say that there is none to test sources against. */
 static const double UNTESTABLE = 5.0;
 
@@ -206,16 +210,18 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                        without->image.name, without->image.hdu);
         return RX_OK;
     }
-    w.extra = (rx_template_extra){.detect = &params->detect,
-                                  .threshold = params->templates.threshold,
-                                  .crowd_threshold = CROWD_SNR,
-                                  .psf = psf_of(&w, detect),
-                                  .pixels = detect->image.pixels,
-                                  .mask = detect->image.mask,
-                                  .level = rx_background_level(detect->restored),
-                                  .sources = sources,
-                                  .nthreads = params->nthreads,
-                                  .log = log};
+    w.extra =
+        (rx_template_extra){.detect = &params->detect,
+                            .threshold = params->templates.threshold,
+                            .crowd_threshold = CROWD_SNR,
+                            .crowd_error = params->templates.par.isolate > 0 ? NEIGHBOUR_ERROR : CROWD_ERROR,
+                            .psf = psf_of(&w, detect),
+                            .pixels = detect->image.pixels,
+                            .mask = detect->image.mask,
+                            .level = rx_background_level(detect->restored),
+                            .sources = sources,
+                            .nthreads = params->nthreads,
+                            .log = log};
     rx_status status = fit(&w, sources, err);
     const rx_image measured = rx_field_restorable(fields.measure);
     if (status != RX_OK && err != NULL && err->where[0] == '\0')
