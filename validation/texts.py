@@ -599,11 +599,21 @@ def preal():
         bins = [b for b in row["bins"] if b["p"] >= 0.6]
         parts = [[b for b in bins if low <= b["p"] < high] for low, high in ((0.6, 0.8), (0.8, 0.9), (0.9, 1.01))]
         body.append([row["cell"], row["by"], row["mode"]] + [f"{p[0]['p']:.2f}: {p[0]['real']:.2f} ({p[0]['n']})" if p else "-" for p in parts])
-    sure = [abs(b["p"] - b["real"]) for row in found["reliability"] for b in row["bins"] if b["p"] >= 0.9]
-    rest = [abs(b["p"] - b["real"]) for row in found["reliability"] for b in row["bins"] if 0.6 <= b["p"] < 0.9 and b["n"] >= 40]
-    return (paragraph(f"""Seeds {found["seeds"][0]} to {found["seeds"][-1]}, isolated sources and 2000 and 8000 per Mpixel at FWHM 4: mean P_REAL, the share of
-        these detections that is real, and how many they are, without a check (DEFAULT) and with BLANK_CHECK 2 (TILE). Above 0.9 P_REAL
-        is off by {max(sure):.2f} at most; between 0.6 and 0.9, of 40 detections and more, by up to {max(rest):.2f}.""") + "\n" +
+    some, cut = ([b for row in found["reliability"] if row["cell"].endswith("T") == t for b in row["bins"] if b["n"] >= 40] for t in (0, 1))
+    sure = [abs(b["p"] - b["real"]) for b in some if b["p"] >= 0.9]
+    rest = [b for b in some if 0.6 <= b["p"] < 0.9]
+    outside = [max(0, b["low"] - b["p"], b["p"] - b["high"]) for b in rest]
+    marked = [row["marked_5"] for row in found["reliability"]]
+    covered = [row["rows"][-1] for row in found["coverage"]]
+    return (paragraph(f"""Seeds {found["seeds"][0]} to {found["seeds"][-1]}, isolated sources and crowds of DENSITY-FWHM: mean P_REAL, the share of
+        these detections that is real, and how many they are, without a check (DEFAULT) and with BLANK_CHECK 2 (TILE; crowds keep the
+        default). But for tiles without any source below S/N 5 (T), where the counts that P_REAL assumes stop and it is up to
+        {max(abs(b["p"] - b["real"]) for b in cut):.2f} too high between 0.6 and 0.9: of bins of 40 detections and more, above 0.9 P_REAL is off by {max(sure):.2f} at most, between 0.6 and 0.9 by up to
+        {max(abs(b["p"] - b["real"]) for b in rest):.2f}, and in {sum(o == 0 for o in outside)} of {len(outside)} the share's interval at 95 % holds it (else
+        {max(outside):.2f} beyond at most). Real ones of S/N above 5 that are marked: {100 * min(marked):.1f} to {100 * max(marked):.1f} %.""") + "\n" +
+            (paragraph("Fluxes within MAGERR_INJECTED and MAGERR95_INJECTED (S/N 3 to 80; goals 0.68 and 0.95): " + ", ".join(
+                f"{row['cell']} {last['68']:.3f} and {last['95']:.3f}" for row, last in zip(found["coverage"], covered)) + ".") + "\n"
+             if covered else "") +
             table(["", "", "RXPREAL", "0.6 to 0.8", "0.8 to 0.9", "0.9 to 1"], body))
 
 
