@@ -130,7 +130,7 @@ static void psfex_models_our_stars(void **state)
     assert_int_equal(rx_fits_read_table("stars.psf", 0, &model, NULL), RX_OK);
     assert_true(rx_cards_number(model->cards, model->ncards, "PSF_FWHM", &fwhm));
     assert_true(rx_cards_number(model->cards, model->ncards, "ACCEPTED", &used));
-    assert_near(fwhm, FWHM, 0.1);
+    assert_near(fwhm, FWHM, 0.02);
     assert_true(used > 100);
     rx_table_free(model);
 }

@@ -9,7 +9,6 @@
 #include "../scratch.h"
 #include "config/arguments.h"
 #include "config/config_fields.h"
-#include "config/config_fields.h"
 
 static rx_campaign_config *campaign(void)
 {

@@ -22,8 +22,8 @@ static void finds_known_sources(void **state)
     assert_near(a->x, 40.3, 0.005);
     assert_near(a->y, 60.8, 0.005);
     /* the filter adds a variance of 0.5 pixel^2, the threshold cuts the wings */
-    assert_near(a->a, sqrt(9.5), 0.15);
-    assert_near(a->b, sqrt(4.5), 0.15);
+    assert_near(a->a, sqrt(9.5), 0.06);
+    assert_near(a->b, sqrt(4.5), 0.04);
     assert_near(a->theta, 0.0, 0.01);
     assert_int_equal(a->flags, 0);
     int inside = 0;

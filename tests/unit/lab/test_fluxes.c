@@ -149,7 +149,7 @@ static void units_give_what_is_known(void **state)
                 if (campaign->scene[campaign->unit[u].scene].id != RX_SCENE_RINGS)
                     continue;
                 assert_near(v[RX_FOUND], 0, 0); /* detected, not marked */
-                assert_near(v[RX_RATIO_TEMPLATE], 1, 0.03);
+                assert_near(v[RX_RATIO_TEMPLATE], 1, 0.025);
                 assert_near(v[RX_ERROR_TEMPLATE], 0.005, 0.00499);
             }
             assert_int_equal(found, (long)tally[RX_TALLY_RIGHT]);

@@ -112,7 +112,7 @@ static void templates_compete(void **state)
             const double *before = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, r - 1),
                          *v = before + RX_PHOTOMETRY_STAR_WIDTH;
             assert_near(v[RX_STAR_SCORE], before[RX_STAR_SCORE], 0);
-            assert_near(v[RX_STAR_RATIO], 1, 0.03);
+            assert_near(v[RX_STAR_RATIO], 1, 0.015);
             assert_true(v[RX_STAR_RATIO] != before[RX_STAR_RATIO]);
         }
     }

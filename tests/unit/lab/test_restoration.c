@@ -79,7 +79,7 @@ static void scenes_are_what_bins_say(void **state)
                         0.02 + 2.0 * trial.level / 255.0); /* the image has noise */
             assert_true(trial.level > 1.1 * trial.sigma);  /* what is blurred is fainter */
             if (trial.fwhm > 4) /* 3900 differences, of which every third is independent: 3 % and the scene */
-                assert_near(noise_of(campaign, trial.image) / trial.sigma, 1.0, 0.12);
+                assert_near(noise_of(campaign, trial.image) / trial.sigma, 1.0, 0.1);
             rx_trial_free(&trial);
         }
     }

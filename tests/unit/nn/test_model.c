@@ -572,7 +572,7 @@ static void test_noise_level(void **state)
     for (int i = 0; i < N; i++)
         sky[i] = (float)rx_random_normal(1, 1, (uint64_t)i);
     /* pure noise: 255/3.0902 (scipy.stats.norm.isf(1e-3)); error of the quantile 0.3 % */
-    assert_near(rx_noise_level(rx_brightness(sky, N, 10)) / 82.519, 1, 0.02);
+    assert_near(rx_noise_level(rx_brightness(sky, N, 10)) / 82.519, 1, 0.005);
     for (int i = 0; i < N; i++)
         sky[i] = i < 2000 ? 51 : -1;
     assert_near(rx_brightness(sky, N, 0), 51, 0);

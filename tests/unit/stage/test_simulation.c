@@ -197,7 +197,7 @@ static void noise_and_light(void **state)
     assert_near(squares / (double)n, 64.0, 4.0 * 64.0 * sqrt(2.0 / (double)n));
     assert_true(field.scene->n > 20);
     /* what the borders cut differs between the two */
-    assert_near(sharp / clean, 1.0, 0.05);
+    assert_near(sharp / clean, 1.0, 0.005);
     rx_simulated_free(&field);
     rx_simulation_free(s);
 }
@@ -457,7 +457,7 @@ static void settings_of_a_tile(void **state)
     rx_simulate_config *ours = configure(settings);
     if (rx_simulation_for_tile(ours, options, field, NULL, &s, &err) != RX_OK)
         fail_msg("%s", err.text);
-    assert_near(s->optics->fwhm, 3.0, 0.1);
+    assert_near(s->optics->fwhm, 3.0, 0.06);
     assert_true(s->noise.gain == 3.0);
     assert_true(s->noise.saturation == 60000.0);
     assert_true(s->scene.zeropoint == 26.5);

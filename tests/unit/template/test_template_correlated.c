@@ -284,7 +284,7 @@ static void test_leftover(void **state)
     assert_int_equal(rx_template_residual_filter(&of, 0, H, filtered, sigma, mask, NULL), RX_OK);
     for (int k = 0; k < W * H; k++)
         square += pow((double)filtered[k] / ((double)sigma[k] * sqrt(power)), 2) / (W * H);
-    assert_near(sqrt(square), 1, 0.03);
+    assert_near(sqrt(square), 1, 0.02);
     rx_fit_image_clear(&canvas);
     free(filtered);
     free(sigma);

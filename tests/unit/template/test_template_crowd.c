@@ -136,7 +136,7 @@ static void test_sky_and_noise(void **state)
             for (int x = 288; x < W; x++)
                 assert_near(canvas.sigma[row + (size_t)x], 1.5, 0);
             assert_near(canvas.data[row + 300], f.pixels[y * W + 300], 0);
-            assert_near(canvas.data[row + 100], (double)f.pixels[y * W + 100] - 2, 0.06);
+            assert_near(canvas.data[row + 100], (double)f.pixels[y * W + 100] - 2, 0.05);
         }
     }
     assert_near(mean, 1, 0.01);

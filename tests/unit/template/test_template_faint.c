@@ -77,14 +77,14 @@ static void test_usual(void **state)
     assert_true(usual.radius.mean == log(2.4));
     assert_true(usual.radius.slope == 0);
     rx_tile_prior_fit(cases, N, 0, 4, &usual);
-    assert_near(usual.star_odds, 0.5, 0.02);
+    assert_near(usual.star_odds, 0.5, 0.0025);
     assert_near(usual.pivot, pivot, 1e-12);
     /* 600 sources: means known to 0.025, the slope to 0.05 */
-    assert_near(rx_prior_scaling_mean(&usual, &usual.radius, 224), 0.7, 0.08);
+    assert_near(rx_prior_scaling_mean(&usual, &usual.radius, 224), 0.7, 0.004);
     assert_near(usual.radius.slope, 0.4, 0.15);
-    assert_near(usual.radius.width / 1.4, 0.5, 0.06); /* used 1.4 times as wide */
+    assert_near(usual.radius.width / 1.4, 0.5, 0.03); /* used 1.4 times as wide */
     assert_near(usual.nu.mean, 0.2, 0.08);
-    assert_near(usual.nu.width, 0.6, 0.06);
+    assert_near(usual.nu.width, 0.6, 0.015);
     /* a prior goes in and comes out */
     const rx_likelihood word = rx_likelihood_of((4 * 2.0 + 1 * 0.5) / 5, 1 / 5.0, 0.5, 1);
     assert_near(word.mean, 2, 1e-12);
@@ -195,7 +195,7 @@ static void test_average(void **state)
     const rx_fit_mean mean = rx_fit_average(&fit, p.size, &p.patch);
     const double variance = rx_fit_variance(&fit, 0);
     assert_near(mean.flux, fit.p[RX_FIT_FLUX], 0.05 * sqrt(variance));
-    assert_near(mean.variance / variance, 1, 0.05);
+    assert_near(mean.variance / variance, 1, 0.005);
     assert_near(mean.evidence, 0, 0.05);
     close_patch(&p);
 }

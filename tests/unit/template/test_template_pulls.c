@@ -74,7 +74,7 @@ static void test_pulls(void **state)
     for (int extended = 0; extended < 2; extended++) {
         const double width = rx_sigma_mad(pull[extended], SKIES * STARS, &median);
         print_message("%s: median %.3f, width %.3f\n", extended ? "any shape" : "points", median, width);
-        assert_near(width, 1, 0.03);
+        assert_near(width, 1, 0.008);
         assert_near(median, 0, 0.05);
         free(pull[extended]);
     }

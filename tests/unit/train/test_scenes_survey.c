@@ -111,7 +111,7 @@ static void test_effective_noise(void **state)
     scenes_test t = open_blank();
     noise_widths(&t, &pixel, &matched, &expected);
     assert_near(pixel, 1.0, 0.01);
-    assert_near(matched, 1.0, 0.03);
+    assert_near(matched, 1.0, 0.015);
     t.par.survey.smoothed = 1.0;
     t.par.survey.smoothed_fwhm[0] = t.par.survey.smoothed_fwhm[1] = sqrt(8.0 * log(2.0));
     noise_widths(&t, &pixel, &matched, &expected);
@@ -122,7 +122,7 @@ static void test_effective_noise(void **state)
     t.par.survey.resampled = 1.0;
     noise_widths(&t, &pixel, &matched, &expected);
     assert_true(pixel < 0.9);
-    assert_near(matched, 1.0, 0.03);
+    assert_near(matched, 1.0, 0.015);
     rx_simulate_config_free(t.config);
 }
 
@@ -247,8 +247,8 @@ static void test_uneven(void **state)
     double sums[4] = {0.0};
     t.par.survey.uneven = 1.0;
     compare(&t, 50, watch_uneven, sums);
-    assert_near(sums[0] / sums[2], 0.5, 0.01);
-    assert_near(sqrt(sums[1] / sums[2]), 1.02, 0.04); /* beside edges it is not what is told */
+    assert_near(sums[0] / sums[2], 0.5, 0.0025);
+    assert_near(sqrt(sums[1] / sums[2]), 1.02, 0.01); /* beside edges it is not what is told */
     assert_true(sums[3] > 25);
     rx_simulate_config_free(t.config);
 }
@@ -274,7 +274,7 @@ static void test_offsets(void **state)
     t.par.survey.sky_offset = 0.3;
     compare(&t, IMAGES, watch_offset, sums);
     assert_near(sums[0] / IMAGES, 0.0, 4.0 * 0.3 / sqrt(3.0 * IMAGES));
-    assert_close(sqrt(sums[1] / IMAGES), 0.3 / sqrt(3.0), 0.2);
+    assert_close(sqrt(sums[1] / IMAGES), 0.3 / sqrt(3.0), 0.05);
     rx_simulate_config_free(t.config);
 }
 
@@ -313,7 +313,7 @@ static void test_dark_sky_and_waves(void **state)
         assert_between(sums[0], dark ? -30.0 : -3.0, dark ? -3.0 : -0.3);
         assert_between(sums[1], dark ? -1e-6 : 0.3, dark ? 1e-6 : 3.0);
         assert_near(sums[2] / sums[4], 0.0, 4.0 / 32.0 / sqrt(sums[4]));
-        assert_close(sqrt(sums[3] / sums[4]), 1.0 / 32.0, 0.15); /* white noise in boxes, and no more */
+        assert_close(sqrt(sums[3] / sums[4]), 1.0 / 32.0, 0.005); /* white noise in boxes, and no more */
     }
     rx_simulate_config_free(blank.config);
 }
