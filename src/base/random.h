@@ -1,6 +1,6 @@
 /* Counter-based random numbers: Philox4x32-10 (Salmon, Moraes, Dror, Shaw, "Parallel
  * random numbers: as easy as 1, 2, 3", SC11). A number depends only on (seed, stream,
- * counter), never on who asked before, hence not on the number of threads. */
+ * counter), never on what was asked before, hence not on the number of threads. */
 #ifndef RX_BASE_RANDOM_H
 #define RX_BASE_RANDOM_H
 

@@ -51,7 +51,7 @@ void rx_checks_facts(const rx_checks *checks, const rx_pipeline_params *params,
 /* The report of the self checks of n restorers. */
 typedef struct rx_checks_page {
     int n;
-    const rx_qa_run *about; /* who they are; lists and PSF are filled in here */
+    const rx_qa_run *about; /* their names and settings; lists and PSF are filled in here */
     const rx_check_results *const *results;
     const rx_record *record;
     const char *folder, *shown; /* where it goes, and the name that messages show */

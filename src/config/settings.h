@@ -68,7 +68,7 @@ typedef struct rx_settings rx_settings;
 struct rx_settings {
     const rx_keytable *table;
     const char *prefix;          /* "SIM." where these are part of other settings, else "" */
-    rx_origin *origin;           /* who set the value of each row of the table */
+    rx_origin *origin;           /* what set the value of each row of the table */
     long *line;                  /* and on which line of `file`, 0 = not in the file */
     char *file;                  /* the configuration file last read, or NULL */
     rx_settings *part[RX_PARTS]; /* settings of other programs, set by prefixed names; owned, or NULL */

@@ -2,7 +2,7 @@
  *
  * A view: it owns nothing and lives as long as what it points to. Copy it and change a member to see the same
  * pixels otherwise (another mask, another sky). Owners are rx_tile (what was read, data/tile.h), rx_background
- * (sky and noise), rx_psf and rx_restored, or whoever made the arrays. Row-major, x fastest; pixel (0, 0) is the
+ * (sky and noise), rx_psf and rx_restored, or the caller. Row-major, x fastest; pixel (0, 0) is the
  * first one. What is 0 or NULL is not known or not there.
  */
 #ifndef RX_DATA_IMAGE_H

@@ -35,7 +35,7 @@ typedef struct rx_restored {
 /* Zeroed planes of pixels and mask, the rest empty, chi2 NAN; NULL without memory. */
 rx_restored *rx_restored_new(const char *name, int width, int height);
 
-/* The same without pixels, for who makes them when other planes are gone. */
+/* The same without pixels, which the caller makes when other planes are gone. */
 rx_restored *rx_restored_bare(const char *name, int width, int height);
 
 void rx_restored_free(rx_restored *restored);

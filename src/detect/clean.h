@@ -21,7 +21,7 @@ typedef struct rx_clean_image {
  * Sources of more than max_area pixels (0: any) take no part. A source's wing is a Moffat profile of exponent
  * clean_param fitted to its area and flux; it eats a fainter one whose min_area-th brightest pixel
  * does not rise above that wing. Sources are taken one after the other as SExtractor does, with the same
- * merged fluxes; sep's own cleaning compares pairs only and does not say who ate whom. */
+ * merged fluxes; sep's own cleaning compares pairs only and does not say which was merged into which. */
 rx_status rx_clean(const rx_detect_params *par, const rx_detections *found, const rx_clean_image *image,
                    int **eater, rx_error *err);
 

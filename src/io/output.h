@@ -23,7 +23,7 @@ rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **te
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* The name that the user gave for what is written as `temporary`, for error messages: a temporary name
- * means nothing to him. `temporary` itself when it is none of ours; owned by the transaction. */
+ * means nothing to a user. `temporary` itself when it is none of ours; owned by the transaction. */
 const char *rx_outputs_shown(const rx_outputs *outputs, const char *temporary);
 
 /* Remove a file, or a folder with all that is in it; links are not followed, failures are ignored. */

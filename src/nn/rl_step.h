@@ -37,7 +37,7 @@
 /* most that a step makes of a pixel, as a factor */
 #define RX_RL_MOST 4.0f
 
-/* r of one pixel, for those who blur by other means */
+/* r of one pixel, for callers that blur by other means */
 static inline float rx_rl_ratio(float x, float m, float weight, float pedestal)
 {
     const float model = m + pedestal, least = pedestal / 4;

@@ -109,9 +109,9 @@ rx_status rx_ranks_send(rx_ranks *ranks, int to, int tag, const void *data, size
 /* To the first `count` ranks, once; a rank that cannot be reached will see that this rank is gone. */
 static void tell_failure(rx_ranks *ranks, const rx_error *why, int count)
 {
-    if (ranks->told)
+    if (ranks->announced)
         return;
-    ranks->told = true;
+    ranks->announced = true;
     for (int to = 0; to < count; to++)
         if (to != ranks->rank)
             rx_ranks_send(ranks, to, RX_TAG_FAIL, why, sizeof *why, NULL);

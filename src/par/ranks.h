@@ -1,11 +1,11 @@
 /* Ranks that talk: processes under MPI, or threads of one process, behind one interface.
  *
  * Rank 0 .. trainers-1 train, the others generate. Started under mpiexec (and built with MPI) every process
- * is a rank; otherwise rx_ranks_start() makes `generators` threads beside the caller, who is rank 0. Messages
+ * is a rank; otherwise rx_ranks_start() makes `generators` threads beside the caller, which is rank 0. Messages
  * between two ranks of one tag arrive in order. Each rank calls these functions from one thread.
  *
  * No rank waits for one that is gone: a rank that fails informs the others (rx_ranks_fail), and one that just
- * ends is noticed; whoever waits for a message or a sum then gets an error, which stays. */
+ * ends is noticed; a rank that waits for a message or a sum then gets an error, which stays. */
 #ifndef RX_PAR_RANKS_H
 #define RX_PAR_RANKS_H
 

@@ -34,7 +34,7 @@ struct rx_ranks {
     void *link;         /* of the transport */
     rx_parcels arrived; /* taken from the transport while something else was waited for */
     rx_error failed;    /* not RX_OK: another rank failed or is gone */
-    bool told;          /* the others know that this rank goes, and why */
+    bool announced;     /* the others know that this rank goes, and why */
 };
 
 void rx_parcels_add(rx_parcels *list, rx_parcel *parcel);

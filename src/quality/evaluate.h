@@ -1,4 +1,4 @@
-/* One run against the reference: who is matched, missed, false or out of the count, and the differences of
+/* One run against the reference: what is matched, missed, false or out of the count, and the differences of
  * every matched pair.
  *
  * Counted references lie inside the tile, not under the mask, and have a magnitude (one without, saturated in

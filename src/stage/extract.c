@@ -87,7 +87,7 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
     snprintf(
         text, sizeof text,
         "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g per "
-        "Mpixel) not wanted by the untouched pixels%s; residual chi2 %.3f",
+        "Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
         fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
         fit->dropped > 0 ? ", dropped" : "", fit->chi2);
     rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);

@@ -36,7 +36,7 @@ typedef struct rx_run {
     int tested;                 /* FLAGS_RESTORE was set */
     double invented_per_mpixel; /* sources marked by it, before they were dropped */
     rx_domain domain;           /* place RX_DOMAIN_NONE where no network was asked for */
-    const char *by;             /* as of rx_result: who did it instead, or NULL */
+    const char *by;             /* as of rx_result: the restorer that did it instead, or NULL */
     char why[240];
     char label[48]; /* of log lines: "NET", "NET (done by RL)" */
     rx_fluxcheck flux;
@@ -63,7 +63,7 @@ typedef struct rx_extraction_input {
  * run the checks, and append to tables and check-images. restored, sources and checks stay until rx_run_forget(). */
 rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log, rx_error *err);
 
-/* What is to be known of the first n runs of a tile: fluxes that are off, in one message, and who did the work instead. */
+/* What is to be known of the first n runs of a tile: fluxes that are off, in one message, and which restorer did the work instead. */
 void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log);
 void rx_run_forget(rx_run *run);
 

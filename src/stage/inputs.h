@@ -14,7 +14,7 @@ typedef void (*rx_input_visitor)(void *user, const char *key, const char *name, 
 
 /* The files that a run with these options reads, in a fixed order: the images (the second, of dual-image mode, or NULL), model,
  * PSF, maps, columns, filter, lists, gates. With digests != 0 they are read, and one that is not there is
- * left out: whoever needs it says so. Errors: RX_INPUT (cannot be read), RX_SYSTEM. */
+ * left out: what needs it refuses it. Errors: RX_INPUT (cannot be read), RX_SYSTEM. */
 rx_status rx_inputs_visit(const rx_config *config, const rx_options *options, const char *const images[2],
                           int digests, rx_input_visitor visit, void *user, rx_error *err);
 

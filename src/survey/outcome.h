@@ -22,8 +22,8 @@ typedef struct rx_outcomes {
 rx_status rx_outcomes_new(int n, rx_outcomes **dst, rx_error *err);
 void rx_outcomes_free(rx_outcomes *outcomes);
 
-/* Tile i has ended so (`done` and `what` are set here); `why` says what of, where status is not RX_OK. Said in the
- * log at once, unless all is well. */
+/* Tile i has ended so (`done` and `what` are set here); `why` says what of, where status is not RX_OK. Says so in
+ * the log at once, unless all is well. */
 rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_outcome outcome,
                           const rx_error *why, rx_log *log, rx_error *err);
 

@@ -8,7 +8,7 @@
 #include "base/log.h"
 #include "config/settings.h"
 
-/* As rx_survey_run(), by all processes: that of rank 0 hands out tiles, the next one to whoever is ready,
+/* As rx_survey_run(), by all processes: that of rank 0 hands out tiles, the next one to the rank that is ready,
  * keeps the account and returns what the whole ends with; the others run tiles, and return RX_OK unless MPI
  * itself fails. With NTHREADS 0 each of them takes one thread, as there are many. Call it after
  * rx_par_begin(), and with several processes. */

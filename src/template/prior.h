@@ -1,4 +1,4 @@
-/* What is usual on a tile, learnt from those of its own sources that are clear: how many are points, how
+/* The prior of a tile, learnt from those of its own sources that are clear: how many are points, how
  * large the others are and how steep. Faint sources lean on it (empirical Bayes). */
 #ifndef RX_TEMPLATE_PRIOR_H
 #define RX_TEMPLATE_PRIOR_H

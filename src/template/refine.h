@@ -1,11 +1,11 @@
 /* One source against the pixels, its neighbours' models taken out: where it is, whether it is a point, and
  * what profile it has otherwise.
  *
- * Levenberg-Marquardt with priors, so that faint sources end near what is usual instead of anywhere:
+ * Levenberg-Marquardt with priors, so that faint sources end near the prior of the tile instead of anywhere:
  *   minimise sum_p w (c - F T(x, y, ln radius, g1, g2, nu))^2 + sum_j ((parameter_j - usual_j) / width_j)^2
  * c = data - model of all others. Priors: position 0.25 + 0.1 FWHM around the given one, of a
  * profile a quarter of its guessed half-light radius more; g1, g2 0 +- 0.25;
- * radius and nu as is usual on the tile (usual.h), to begin with 0.6 FWHM within a factor e and 1 + nu 1.5
+ * radius and nu as the prior of the tile has them (prior.h), to begin with 0.6 FWHM within a factor e and 1 + nu 1.5
  * within a factor exp(0.5). They are weak: a source of S/N 30 hardly feels them.
  *
  * Where the pixels cannot distinguish point from profile both are taken, each with the flux of its fit and its

@@ -78,7 +78,7 @@ typedef struct rx_tphot_params {
     int substructure;    /* 0: never PIXELS */
     double star_penalty; /* 2 ln of the prior odds that a source is a point and not extended */
     int learn_odds; /* 1: times the odds among the tile's own sources of S/N 15 to 150, which are clear; and
-                       the priors of radius and index are what is usual among them (usual.h) */
+                       the priors of radius and index are learnt from them (prior.h) */
     int covariance; /* fill rx_tphot.pairs */
     int keep_model; /* fill rx_tphot.model and .residual */
     double

@@ -118,7 +118,7 @@ rx_status rx_scenes_make(rx_scenes *scenes, rx_sample_id id, rx_sample *dst, rx_
 double rx_scenes_factor(const rx_scenes_survey *par, double fwhm);
 
 /* Number of the field that a sample comes from (the same for all samples of one field, otherwise different
- * with near certainty): who shares work among generators gives those of one field to one of them. */
+ * with near certainty): work is shared so that those of one field go to one generator. */
 uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id);
 
 #endif
