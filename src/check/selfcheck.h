@@ -12,7 +12,7 @@
  * one. So a star injected on top of a brighter one, and not resolved from it, is lost; on top of a fainter
  * one it is found, and the detection gets RX_FLAG_CROWDED. A new detection without an injected object
  * (a neighbour broken up, say) counts against the share of the new ones that was injected. That share is no purity
- * of the tile's catalogue: its own false detections are old, and do not count (stage/blankcheck.h). */
+ * of the tile's catalogue: its own false detections are old, and do not count (check/blankcheck.h). */
 #ifndef RX_CHECK_SELFCHECK_H
 #define RX_CHECK_SELFCHECK_H
 
