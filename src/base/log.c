@@ -38,7 +38,7 @@ void rx_log_calls(rx_log *log, rx_verbosity level,
 /* A message in as many lines as it takes; their number. To no stream it is only counted. */
 static int fold(const rx_log *log, FILE *stream, const char *kind, const char *line)
 {
-    /* Who wants all of it in one line asks for FULL. */
+    /* At FULL all of it is in one line. */
     const char *rest = line, *indent = "";
     int lines = 1;
     const size_t lead = strlen(log->program) + 2;
@@ -100,44 +100,34 @@ static void say(rx_log *log, const char *rank, rx_log_kind kind, const char *for
     free(longer);
 }
 
+#define SAY(LEVEL, RANK, KIND)                                                                               \
+    do {                                                                                                     \
+        va_list args;                                                                                        \
+        if (log == NULL || log->level < (LEVEL))                                                             \
+            return;                                                                                          \
+        va_start(args, format);                                                                              \
+        say(log, RANK, KIND, format, args);                                                                  \
+        va_end(args);                                                                                        \
+    } while (0)
+
 void rx_log_info(rx_log *log, const char *format, ...)
 {
-    if (log == NULL || log->level < RX_NORMAL)
-        return;
-    va_list args;
-    va_start(args, format);
-    say(log, "1", RX_LOG_INFO, format, args);
-    va_end(args);
+    SAY(RX_NORMAL, "1", RX_LOG_INFO);
 }
 
 void rx_log_hint(rx_log *log, const char *format, ...)
 {
-    if (log == NULL || log->level < RX_NORMAL)
-        return;
-    va_list args;
-    va_start(args, format);
-    say(log, "0", RX_LOG_INFO, format, args);
-    va_end(args);
+    SAY(RX_NORMAL, "0", RX_LOG_INFO);
 }
 
 void rx_log_detail(rx_log *log, const char *format, ...)
 {
-    if (log == NULL || log->level < RX_FULL)
-        return;
-    va_list args;
-    va_start(args, format);
-    say(log, NULL, RX_LOG_DETAIL, format, args);
-    va_end(args);
+    SAY(RX_FULL, NULL, RX_LOG_DETAIL);
 }
 
 void rx_log_warning(rx_log *log, const char *format, ...)
 {
-    if (log == NULL || log->level < RX_NORMAL)
-        return;
-    va_list args;
-    va_start(args, format);
-    say(log, NULL, RX_LOG_WARNING, format, args);
-    va_end(args);
+    SAY(RX_NORMAL, NULL, RX_LOG_WARNING);
 }
 
 bool rx_log_is_short(const rx_log *log)

@@ -159,7 +159,6 @@ static void psf_metrics(void **state)
     rx_evaluation_free(&e);
 }
 
-/* Marked: one that is right, the false one, and one that does not count. */
 /* Without any reference; its interval is Student's, and gates decide by it. */
 static void flux_scale(void **state)
 {
@@ -202,7 +201,8 @@ static void flux_scale(void **state)
     rx_evaluation_free(&e);
 }
 
-static void made_up_detections(void **state)
+/* Marked: one that is right, the false one, and one that does not count. */
+static void marked_detections(void **state)
 {
     static const struct {
         unsigned char made_up[6];
@@ -415,7 +415,7 @@ int main(void)
         cmocka_unit_test(shares_and_differences),
         cmocka_unit_test(psf_metrics),
         cmocka_unit_test(flux_scale),
-        cmocka_unit_test(made_up_detections),
+        cmocka_unit_test(marked_detections),
         cmocka_unit_test(one_metric_alone),
         cmocka_unit_test(negative_flux_counts),
         cmocka_unit_test(zero_point_is_told_not_hidden),
