@@ -3,6 +3,8 @@
 
 #include <stddef.h>
 
+#include "lab/store.h"
+
 static const rx_claim claims[RX_CLAIM_COUNT] = {
     [RX_CLAIM_EVERY_BIN] =
         {"every bin", "Section 3.2, Figure 5",
@@ -148,21 +150,22 @@ const char *rx_claim_state_name(rx_claim_state state)
     return names[state];
 }
 
-void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const struct rx_store *store,
-                     rx_claim_verdicts *dst)
+void rx_claims_judge(const rx_store *store, rx_claim_verdicts *dst)
 {
+    const rx_lab_results *results = store->lab->kind->results;
     dst->n = 0;
-    for (int j = 0; j < njudges; j++) {
-        const int each = claims[judges[j].claim].each;
-        for (int run = 0; run < (each ? nruns : 1) && dst->n < RX_VERDICTS_MAX; run++) {
+    for (int j = 0; j < results->njudges; j++) {
+        const rx_claim_judge *judge = &results->judges[j];
+        const int each = claims[judge->claim].each;
+        for (int run = 0; run < (each ? store->lab->nruns : 1) && dst->n < RX_VERDICTS_MAX; run++) {
             rx_claim_verdict *v = &dst->list[dst->n++];
-            *v = (rx_claim_verdict){.claim = judges[j].claim,
+            *v = (rx_claim_verdict){.claim = judge->claim,
                                     .run = each ? run : -1,
-                                    .state = judges[j].judge == NULL ? RX_NOT_TESTED
-                                             : each                  ? RX_GOAL_NOT_MEASURED
-                                                                     : RX_NOT_YET_TESTABLE};
-            if (judges[j].judge != NULL)
-                judges[j].judge(store, v);
+                                    .state = judge->judge == NULL ? RX_NOT_TESTED
+                                             : each               ? RX_GOAL_NOT_MEASURED
+                                                                  : RX_NOT_YET_TESTABLE};
+            if (judge->judge != NULL)
+                judge->judge(store, v);
         }
     }
 }

@@ -83,9 +83,8 @@ typedef struct rx_claim_judge {
     void (*judge)(const struct rx_store *store, rx_claim_verdict *verdict);
 } rx_claim_judge;
 
-/* A verdict by each judge, of a claim for each restorer one for each of nruns. rx_claim_verdicts_free(). */
-void rx_claims_judge(int njudges, const rx_claim_judge *judges, int nruns, const struct rx_store *store,
-                     rx_claim_verdicts *dst);
+/* A verdict by each judge of the lab's kind, of a claim for each restorer one for each run. rx_claim_verdicts_free(). */
+void rx_claims_judge(const struct rx_store *store, rx_claim_verdicts *dst);
 void rx_claim_verdicts_free(rx_claim_verdicts *verdicts); /* content only */
 
 #endif

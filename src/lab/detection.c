@@ -253,7 +253,4 @@ const rx_lab_kind rx_kind_detection = {.name = "DETECTION",
                                        .found = found,
                                        .unit = unit,
                                        .describe = describe,
-                                       .measure = rx_detection_measure,
-                                       .njudges = RX_DETECTION_JUDGES,
-                                       .judges = rx_detection_judges,
-                                       .page = rx_detection_page};
+                                       .results = &rx_detection_results};

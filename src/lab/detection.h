@@ -60,9 +60,6 @@ int rx_detection_table(rx_scene_id id); /* in which a scene's objects are */
  * itself, chosen on the very tiles of the test, in RL's favour; for everything else the setting of the highest ap over
  * both scenes of the condition together. Contests: objects found by only one of two, each at its own cut for the first
  * precision on that scene, of NET (else RL at its best) and NONE, MATCHED and RL. */
-rx_status rx_detection_measure(rx_store *store, rx_error *err);
-enum { RX_DETECTION_JUDGES = 3 };
-extern const rx_claim_judge rx_detection_judges[RX_DETECTION_JUDGES];
-rx_status rx_detection_page(const rx_store *store, struct rx_findings *findings, rx_error *err);
+extern const rx_lab_results rx_detection_results;
 
 #endif

@@ -299,7 +299,7 @@ static rx_status measure_condition(rx_store *s, int condition, rx_error *err)
     return status;
 }
 
-rx_status rx_detection_measure(rx_store *s, rx_error *err)
+static rx_status measure(rx_store *s, rx_error *err)
 {
     const rx_lab *lab = s->lab;
     RX_TRY(rx_store_groups(s, lab->nscenes, err));
@@ -466,7 +466,7 @@ static void plot(rx_figures *dst, const rx_store *s, int g, int q)
     rx_curves_figure(dst, id, quantity->name, quantity->help, &axes, &curves);
 }
 
-rx_status rx_detection_page(const rx_store *s, rx_findings *f, rx_error *err)
+static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
 {
     (void)err;
     for (int k = 0; k < RX_SCENE_IDS * s->ngroups; k++) {
@@ -491,5 +491,7 @@ rx_status rx_detection_page(const rx_store *s, rx_findings *f, rx_error *err)
     return RX_OK;
 }
 
-const rx_claim_judge rx_detection_judges[RX_DETECTION_JUDGES] = {
+static const rx_claim_judge JUDGES[] = {
     {RX_CLAIM_LISTS, judge_lists}, {RX_CLAIM_PAIRS, judge_scene}, {RX_CLAIM_PLATEAU, judge_scene}};
+
+const rx_lab_results rx_detection_results = {measure, NULL, sizeof JUDGES / sizeof *JUDGES, JUDGES, page};

@@ -241,7 +241,7 @@ static rx_status finish(rx_findings *f, rx_status status, rx_error *err)
 
 rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
-    const rx_lab_kind *kind = lab->kind;
+    const rx_lab_results *kind = lab->kind->results;
     rx_store *store = NULL;
     rx_claim_verdicts verdicts;
     rx_findings f;
@@ -250,7 +250,7 @@ rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error
     if (status == RX_OK) {
         if (kind->facts != NULL)
             kind->facts(store, f.report);
-        rx_claims_judge(kind->njudges, kind->judges, lab->nruns, store, &verdicts);
+        rx_claims_judge(store, &verdicts);
         show_verdicts(&f, &verdicts, lab->run);
         rx_claim_verdicts_free(&verdicts);
         if (lab->about[0] != '\0')

@@ -236,7 +236,4 @@ const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
                                     .found = found,
                                     .unit = rx_lab_search_unit,
                                     .describe = describe,
-                                    .measure = rx_fluxes_measure,
-                                    .njudges = RX_FLUXES_JUDGES,
-                                    .judges = rx_fluxes_judges,
-                                    .page = rx_fluxes_page};
+                                    .results = &rx_fluxes_results};

@@ -157,10 +157,7 @@ enum {
 };
 
 enum { RX_FLUXES_CELLS, RX_FLUXES_PAIRS, RX_FLUXES_INVENTED, RX_FLUXES_GRIDS };
-rx_status rx_fluxes_measure(rx_store *store, rx_error *err);
-enum { RX_FLUXES_JUDGES = 9 };
-extern const rx_claim_judge rx_fluxes_judges[RX_FLUXES_JUDGES];
-rx_status rx_fluxes_page(const rx_store *store, struct rx_findings *findings, rx_error *err);
+extern const rx_lab_results rx_fluxes_results;
 /* The numbers of a grid at a place; indices that it does not have are passed over. */
 rx_estimate *rx_fluxes_at(const rx_store *store, int grid, const rx_fluxes_place place);
 

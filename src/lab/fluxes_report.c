@@ -274,7 +274,7 @@ static void fill_invented(const rx_lab *lab, const rx_fluxes_place p, double *wo
         rx_binomial_interval(t[RX_TALLY_STRONG] - t[RX_TALLY_STRONG_KEPT], t[RX_TALLY_STRONG], LEVEL);
 }
 
-rx_status rx_fluxes_measure(rx_store *s, rx_error *err)
+static rx_status measure(rx_store *s, rx_error *err)
 {
     const rx_lab *lab = s->lab;
     static void (*const fill[RX_FLUXES_GRIDS])(const rx_lab *, const rx_fluxes_place, double *[4],
@@ -445,7 +445,7 @@ static void judge(const rx_store *s, rx_claim_verdict *v)
                        v->held, v->all, j.value.value, j.value.low, j.value.high, j.value.n, j.where);
 }
 
-const rx_claim_judge rx_fluxes_judges[RX_FLUXES_JUDGES] = {
+static const rx_claim_judge JUDGES[] = {
     {RX_GOAL_BIAS_ISOLATED, judge}, {RX_GOAL_BIAS_BINS, judge}, {RX_GOAL_BIAS_APART, judge},
     {RX_GOAL_BIAS_BLENDED, judge},  {RX_GOAL_PULL, judge},      {RX_GOAL_WIDTH, judge},
     {RX_GOAL_BOUND, judge},         {RX_GOAL_MAGERR, judge},    {RX_GOAL_PAIRS, judge}};
@@ -635,7 +635,7 @@ static const char READING[] =
     "FIELD, PAIRS and INJECTED under conditions in which restorers are given the truth; undecided: beyond "
     "the limit, but by less than the error of the number.";
 
-rx_status rx_fluxes_page(const rx_store *s, rx_findings *f, rx_error *err)
+static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
 {
     static const char *const names[] = {"cells_detected", "cells", "cells_common"};
     const rx_lab *lab = s->lab;
@@ -705,3 +705,5 @@ rx_status rx_fluxes_page(const rx_store *s, rx_findings *f, rx_error *err)
     rx_report_paragraph(report, READING);
     return RX_OK;
 }
+
+const rx_lab_results rx_fluxes_results = {measure, NULL, sizeof JUDGES / sizeof *JUDGES, JUDGES, page};

@@ -145,6 +145,16 @@ typedef struct rx_lab_search {
     rx_matches matches;
 } rx_lab_search;
 
+/* What is made of the tables: the numbers (store.h), facts of the report's head (may be NULL), claims, and figures and
+ * tables of the page (findings.h). */
+typedef struct rx_lab_results {
+    rx_status (*measure)(struct rx_store *store, rx_error *err);
+    void (*facts)(const struct rx_store *store, struct rx_report *report);
+    int njudges;
+    const struct rx_claim_judge *judges;
+    rx_status (*page)(const struct rx_store *store, struct rx_findings *findings, rx_error *err);
+} rx_lab_results;
+
 /* An entry of the table of campaigns. */
 typedef struct rx_lab_kind {
     const char *name, *title; /* as in CAMPAIGN_TYPE; of the report */
@@ -168,12 +178,7 @@ typedef struct rx_lab_kind {
                       rx_lab_table *dst, rx_error *err);
     /* Words and numbers of the report that are no table's; the sets are there. */
     rx_status (*describe)(rx_lab *lab, rx_error *err);
-    /* The report (store.h, findings.h): the numbers, facts of its head (may be NULL), its claims, figures and tables. */
-    rx_status (*measure)(struct rx_store *store, rx_error *err);
-    void (*facts)(const struct rx_store *store, struct rx_report *report);
-    int njudges;
-    const struct rx_claim_judge *judges;
-    rx_status (*page)(const struct rx_store *store, struct rx_findings *findings, rx_error *err);
+    const rx_lab_results *results;
 } rx_lab_kind;
 
 struct rx_lab {

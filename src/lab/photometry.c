@@ -459,8 +459,4 @@ const rx_lab_kind rx_kind_photometry = {.name = "PHOTOMETRY",
                                         .found = found,
                                         .unit = rx_lab_search_unit,
                                         .describe = describe,
-                                        .measure = rx_photometry_measure,
-                                        .facts = rx_photometry_facts,
-                                        .njudges = RX_PHOTOMETRY_JUDGES,
-                                        .judges = rx_photometry_judges,
-                                        .page = rx_photometry_page};
+                                        .results = &rx_photometry_results};

@@ -53,11 +53,7 @@ rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx
  *
  * What pairs (the later run and each earlier one) are compared in: stars found on whole lists, then at each precision,
  * then by Student's and by Wilcoxon's test 100 |F - F0| / F0 of the stars that both found. */
-rx_status rx_photometry_measure(rx_store *store, rx_error *err);
-enum { RX_PHOTOMETRY_JUDGES = 7 };
-extern const rx_claim_judge rx_photometry_judges[RX_PHOTOMETRY_JUDGES];
-void rx_photometry_facts(const rx_store *store, struct rx_report *report);
-rx_status rx_photometry_page(const rx_store *store, struct rx_findings *findings, rx_error *err);
+extern const rx_lab_results rx_photometry_results;
 
 /* A threshold of a run on a field, all magnitudes together: precision number 0.., or -1: the whole list. */
 typedef struct rx_photometry_cut {

@@ -282,7 +282,7 @@ static rx_status measure_field(rx_store *s, int f, rx_error *err)
     return status;
 }
 
-rx_status rx_photometry_measure(rx_store *s, rx_error *err)
+static rx_status measure(rx_store *s, rx_error *err)
 {
     const rx_lab *lab = s->lab;
     const size_t cuts = (size_t)lab->nconditions * (size_t)lab->nruns * ((size_t)lab->nprecisions + 1);
@@ -518,13 +518,13 @@ static void judge_templates(const rx_store *s, rx_claim_verdict *v)
         rx_text_add(&v->said, "No run had the fluxes of template photometry. ");
 }
 
-const rx_claim_judge rx_photometry_judges[RX_PHOTOMETRY_JUDGES] = {{RX_CLAIM_RESTORED_BETTER, judge_restored},
-                                                                   {RX_CLAIM_NET_BEST, judge_net},
-                                                                   {RX_CLAIM_LOW_SNR, judge_net},
-                                                                   {RX_CLAIM_ACCURACY, judge_net},
-                                                                   {RX_CLAIM_SPEED, NULL},
-                                                                   {RX_CLAIM_FLUXES, judge_fluxes},
-                                                                   {RX_CLAIM_TEMPLATES, judge_templates}};
+static const rx_claim_judge JUDGES[] = {{RX_CLAIM_RESTORED_BETTER, judge_restored},
+                                        {RX_CLAIM_NET_BEST, judge_net},
+                                        {RX_CLAIM_LOW_SNR, judge_net},
+                                        {RX_CLAIM_ACCURACY, judge_net},
+                                        {RX_CLAIM_SPEED, NULL},
+                                        {RX_CLAIM_FLUXES, judge_fluxes},
+                                        {RX_CLAIM_TEMPLATES, judge_templates}};
 
 /* --- figures --- */
 
@@ -776,12 +776,12 @@ static const char READING[] = "Stars of one known magnitude at a time are put on
                               "found on as many realisations of the tile's own noise without sources.";
 _Static_assert(RX_BOOTSTRAP_ROUNDS == 1000 && RX_BOOTSTRAP_FEWEST == 20, "the reading says so");
 
-void rx_photometry_facts(const rx_store *s, rx_report *report)
+static void facts(const rx_store *s, rx_report *report)
 {
     rx_report_fact_numbers(report, "precisions", s->lab->nprecisions, s->lab->precision);
 }
 
-rx_status rx_photometry_page(const rx_store *s, rx_findings *findings, rx_error *err)
+static rx_status page(const rx_store *s, rx_findings *findings, rx_error *err)
 {
     const rx_lab *lab = s->lab;
     rx_report *report = findings->report;
@@ -827,3 +827,5 @@ rx_status rx_photometry_page(const rx_store *s, rx_findings *findings, rx_error 
     rx_report_paragraph(report, READING);
     return RX_OK;
 }
+
+const rx_lab_results rx_photometry_results = {measure, facts, sizeof JUDGES / sizeof *JUDGES, JUDGES, page};

@@ -117,7 +117,7 @@ static rx_status set_simulation(rx_lab *lab, rx_log *log, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_restoration_open(rx_lab *lab, rx_log *log, rx_error *err)
+static rx_status open_bins(rx_lab *lab, rx_log *log, rx_error *err)
 {
     lab->sky = RX_NEW(rx_lab_sky, 1);
     if (lab->sky == NULL)
@@ -130,8 +130,8 @@ rx_status rx_restoration_open(rx_lab *lab, rx_log *log, rx_error *err)
     return set_simulation(lab, log, err);
 }
 
-rx_status rx_restoration_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                              rx_lab_table *dst, rx_error *err)
+static rx_status unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                      rx_lab_table *dst, rx_error *err)
 {
     rx_trial trial;
     RX_TRY(rx_trial_make(lab, unit, &trial, err));
@@ -142,7 +142,7 @@ rx_status rx_restoration_unit(const rx_lab *lab, const rx_lab_unit *unit, const 
     return status;
 }
 
-rx_status rx_restoration_describe(rx_lab *lab, rx_error *err)
+static rx_status describe(rx_lab *lab, rx_error *err)
 {
     const rx_campaign_config *config = lab->config;
     const rx_simulate_config *sim = config->sim;
@@ -181,3 +181,14 @@ rx_status rx_restoration_describe(rx_lab *lab, rx_error *err)
     rx_lab_add_model(lab, lab->about, sizeof lab->about);
     return RX_OK;
 }
+
+const rx_lab_kind rx_kind_restoration = {.name = "RESTORATION",
+                                         .title = "Restoration campaign",
+                                         .tag = 0x726573746f7265,
+                                         .ntables = RX_RESTORATION_TABLES,
+                                         .tables = rx_restoration_tables,
+                                         .in_turns = 1,
+                                         .open = open_bins,
+                                         .unit = unit,
+                                         .describe = describe,
+                                         .results = &rx_restoration_results};

@@ -95,17 +95,11 @@ typedef struct rx_picture {
 } rx_picture;
 rx_status rx_restoration_picture(const rx_lab *lab, const rx_picture *what, float *plane, rx_error *err);
 
-/* For rx_lab_kind. */
-rx_status rx_restoration_open(rx_lab *lab, rx_log *log, rx_error *err);
-rx_status rx_restoration_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                              rx_lab_table *dst, rx_error *err);
-rx_status rx_restoration_describe(rx_lab *lab, rx_error *err);
-
 /* A group of the store for bins of FWHM, and one for those of noise; quantities psnr and ssim, each compared by Student's
  * paired t, Wilcoxon's signed ranks, the paper's two samples, and the bootstrapped mean difference. */
 enum { RX_PSNR, RX_SSIM, RX_QUALITIES };
 enum { RX_BY_PAIRED, RX_BY_WILCOXON, RX_BY_TWO_SAMPLES, RX_BY_BOOTSTRAP, RX_TESTS };
-rx_status rx_restoration_measure(rx_store *store, rx_error *err);
+extern const rx_lab_results rx_restoration_results;
 
 /* A bin as the store has it. */
 typedef struct rx_restoration_bin {

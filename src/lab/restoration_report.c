@@ -142,7 +142,7 @@ static rx_status measure_bin(rx_store *s, int g, int c, rx_error *err)
     return status;
 }
 
-rx_status rx_restoration_measure(rx_store *s, rx_error *err)
+static rx_status measure(rx_store *s, rx_error *err)
 {
     const rx_lab *lab = s->lab;
     static const rx_about tests[RX_TESTS] = {
@@ -846,17 +846,4 @@ static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
     return RX_OK;
 }
 
-const rx_lab_kind rx_kind_restoration = {.name = "RESTORATION",
-                                         .title = "Restoration campaign",
-                                         .tag = 0x726573746f7265,
-                                         .ntables = RX_RESTORATION_TABLES,
-                                         .tables = rx_restoration_tables,
-                                         .in_turns = 1,
-                                         .open = rx_restoration_open,
-                                         .unit = rx_restoration_unit,
-                                         .describe = rx_restoration_describe,
-                                         .measure = rx_restoration_measure,
-                                         .facts = facts,
-                                         .njudges = LENGTH(JUDGES),
-                                         .judges = JUDGES,
-                                         .page = page};
+const rx_lab_results rx_restoration_results = {measure, facts, LENGTH(JUDGES), JUDGES, page};

@@ -184,7 +184,7 @@ rx_status rx_store_make(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_err
     s->ncolumns = lab->nruns;
     for (int r = 0; r < lab->nruns; r++)
         s->column[r] = lab->run[r].name;
-    rx_status status = lab->kind->measure(s, err);
+    rx_status status = lab->kind->results->measure(s, err);
     if (status == RX_OK)
         status = decide_all(s, err);
     if (status == RX_OK)

@@ -62,7 +62,7 @@ static rx_store *store_of(const rx_lab *lab, uint64_t seed)
 static rx_claim_verdicts verdicts_of(const rx_store *store)
 {
     rx_claim_verdicts verdicts;
-    rx_claims_judge(store->lab->kind->njudges, store->lab->kind->judges, store->lab->nruns, store, &verdicts);
+    rx_claims_judge(store, &verdicts);
     return verdicts;
 }
 

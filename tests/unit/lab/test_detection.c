@@ -244,7 +244,7 @@ static rx_claim_state state_of(int better, rx_claim_id claim)
     rx_store *m = NULL;
     rx_lab *r = make_results(better);
     assert_int_equal(rx_store_make(r, 1, &m, NULL), RX_OK);
-    rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &verdicts);
+    rx_claims_judge(m, &verdicts);
     const rx_claim_state state = verdict_of(&verdicts, claim, -1)->state;
     rx_claim_verdicts_free(&verdicts);
     rx_store_free(m);

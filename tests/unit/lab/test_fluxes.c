@@ -364,7 +364,7 @@ static void verdicts_follow_the_numbers(void **state)
     rx_lab *r = make_results();
     rx_store *m = store_of(r);
     rx_claim_verdicts all;
-    rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &all);
+    rx_claims_judge(m, &all);
     assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 0)->state, RX_GOAL_UNDECIDED);
     assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_ISOLATED, 1)->state, RX_GOAL_NOT_HELD);
     assert_int_equal(verdict_of(&all, RX_GOAL_BIAS_BINS, 1)->state, RX_GOAL_NOT_HELD);
@@ -379,7 +379,7 @@ static void verdicts_follow_the_numbers(void **state)
     rx_claim_verdicts_free(&all);
     /* what restorers are told wrongly is no matter of the goals */
     r->sky[0].condition.psf_error = 0.05;
-    rx_claims_judge(r->kind->njudges, r->kind->judges, r->nruns, m, &all);
+    rx_claims_judge(m, &all);
     for (int i = 0; i < all.n; i++)
         assert_int_equal(all.list[i].state, RX_GOAL_NOT_MEASURED);
     rx_claim_verdicts_free(&all);
