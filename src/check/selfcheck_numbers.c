@@ -201,15 +201,13 @@ rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *chec
     RX_TRY(rx_evaluate(&par, &input, 0, &bins, LEVEL, &e, err));
     check->injected = e.references;
     check->found = e.matched;
-    status = measure_one(&e, RX_METRIC_MAG50, par.by, &check->mag50, err);
-    if (status == RX_OK)
-        status = measure_one(&e, RX_METRIC_MAG90, par.by, &check->mag90, err);
-    if (status == RX_OK)
-        status = measure_one(&e, RX_METRIC_PRECISION, par.by, &check->injected_share, err);
-    if (status == RX_OK)
-        status = biases(plan, &e, check, err);
-    if (status == RX_OK && plan->params.templates.wanted)
-        status = find_errors(&e, check, err);
+    RX_TRY_EXIT(measure_one(&e, RX_METRIC_MAG50, par.by, &check->mag50, err));
+    RX_TRY_EXIT(measure_one(&e, RX_METRIC_MAG90, par.by, &check->mag90, err));
+    RX_TRY_EXIT(measure_one(&e, RX_METRIC_PRECISION, par.by, &check->injected_share, err));
+    RX_TRY_EXIT(biases(plan, &e, check, err));
+    if (plan->params.templates.wanted)
+        RX_TRY_EXIT(find_errors(&e, check, err));
+exit:
     rx_evaluation_free(&e);
     return status;
 }

@@ -216,17 +216,14 @@ rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check
         plan->pixel_scale = 1.0;
     own_params(params, par, plan->diameter, &plan->params);
     aperture_params(&plan->params, plan->diameter, &plan->apertures);
-    rx_status status = rx_quality_radius(&par->quality, field->tile, &plan->match_radius, err);
-    if (status == RX_OK)
-        status = choose_magnitudes(plan, err);
-    if (status == RX_OK)
-        status = choose_places(plan, err);
-    if (status == RX_OK)
-        status = choose_galaxies(sources, plan, err);
-    if (status == RX_OK)
-        status = rx_optics_psf(field->psf, &plan->optics, err);
-    if (status == RX_OK)
-        status = rx_domain_noise(field, &plan->model_noise, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_quality_radius(&par->quality, field->tile, &plan->match_radius, err));
+    RX_TRY_EXIT(choose_magnitudes(plan, err));
+    RX_TRY_EXIT(choose_places(plan, err));
+    RX_TRY_EXIT(choose_galaxies(sources, plan, err));
+    RX_TRY_EXIT(rx_optics_psf(field->psf, &plan->optics, err));
+    status = rx_domain_noise(field, &plan->model_noise, err);
+exit:
     if (status == RX_OK)
         *dst = plan;
     else

@@ -397,13 +397,13 @@ static rx_status give_psf(rx_scenes *s, const draft *d, rx_sample *dst, rx_error
     given.beta = fmax(given.beta * survey->beta, BETA_LEAST);
     given.ratio = fmin(given.ratio + survey->ratio, 1.0);
     given.halo = survey->no_halo ? 0.0 : given.halo;
-    rx_status status = rx_scenes_psf(&given, &psf, err);
-    if (status == RX_OK)
-        status = rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1,
-                                    dst->kernel, err);
-    if (status == RX_OK)
-        status = rx_deblur_tikhonov(s->fft, psf->basis, psf->size,
-                                    &(rx_tikhonov){front->target_fwhm, front->tikhonov, 0}, s->spectrum, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_scenes_psf(&given, &psf, err));
+    RX_TRY_EXIT(
+        rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1, dst->kernel, err));
+    status = rx_deblur_tikhonov(s->fft, psf->basis, psf->size,
+                                &(rx_tikhonov){front->target_fwhm, front->tikhonov, 0}, s->spectrum, err);
+exit:
     dst->fwhm = (float)given.fwhm;
     rx_psf_free(psf);
     return status;

@@ -50,21 +50,16 @@ rx_status rx_train_output_epoch(rx_train_output *output, const rx_model *model, 
     rx_outputs *outputs = NULL;
     if (last || state->epoch % config->plot_epochs == 0)
         rx_figures_free(&output->figures); /* new ones */
-    rx_status status = rx_outputs_new(&outputs, err);
-    if (status == RX_OK)
-        status = rx_outputs_file(outputs, config->model_name, &model_file, err);
-    if (status == RX_OK)
-        status = rx_model_write(model, model_file, config->model_name, err);
-    if (status == RX_OK)
-        status = rx_outputs_file(outputs, config->checkpoint_name, &checkpoint, err);
-    if (status == RX_OK)
-        status = rx_checkpoint_write(checkpoint, config->checkpoint_name, output->settings, state, NULL, err);
-    if (status == RX_OK)
-        status = rx_outputs_folder(outputs, config->output_name, &folder, err);
-    if (status == RX_OK)
-        status = rx_train_page_write(&page, &output->figures, folder, config->output_name, err);
-    if (status == RX_OK)
-        status = rx_outputs_commit(outputs, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_outputs_new(&outputs, err));
+    RX_TRY_EXIT(rx_outputs_file(outputs, config->model_name, &model_file, err));
+    RX_TRY_EXIT(rx_model_write(model, model_file, config->model_name, err));
+    RX_TRY_EXIT(rx_outputs_file(outputs, config->checkpoint_name, &checkpoint, err));
+    RX_TRY_EXIT(rx_checkpoint_write(checkpoint, config->checkpoint_name, output->settings, state, NULL, err));
+    RX_TRY_EXIT(rx_outputs_folder(outputs, config->output_name, &folder, err));
+    RX_TRY_EXIT(rx_train_page_write(&page, &output->figures, folder, config->output_name, err));
+    status = rx_outputs_commit(outputs, err);
+exit:
     rx_outputs_free(outputs);
     return status;
 }
