@@ -202,7 +202,8 @@ static rx_status measure_run(rx_store *s, const rx_list *list, int run, const rx
         const long found = rx_list_found(list, run, cut);
         switch ((statistic)q->statistic) {
         case AP:
-            status = rx_pr_interval(&pr, objects, LEVEL, (rx_resampling){.seed = s->seed, .nthreads = 1}, dst, err);
+            status = rx_pr_interval(&pr, objects, LEVEL, (rx_resampling){.seed = s->seed, .nthreads = 1}, dst,
+                                    err);
             break;
         case SHARE:
             *dst = rx_list_share(list, run, cut, q->part, q->low, q->high);

@@ -94,8 +94,7 @@ static rx_status read_sky(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_er
     for (size_t i = 0; i < n && status == RX_OK; i++)
         mask[i] = tile->mask[i] & RX_HIDE_PLAIN;
     if (status == RX_OK)
-        status =
-            rx_inject_allowed(tile->width, tile->height, NULL, mask, 0, dst->allowed, err);
+        status = rx_inject_allowed(tile->width, tile->height, NULL, mask, 0, dst->allowed, err);
     free(mask);
     return status;
 }
@@ -279,7 +278,9 @@ rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx
     if (status == RX_OK)
         rx_condition_apply(&sky->condition, dst->field);
     if (status == RX_OK && sky->field != NULL)
-        status = rx_blankcheck_field(&lab->options->pipeline, sky->field, &sky->noise, NULL, (rx_random_stream){rx_lab_seed(lab, DRAW_BLANK), number_of(lab, unit)}, &dst->blank, err);
+        status = rx_blankcheck_field(&lab->options->pipeline, sky->field, &sky->noise, NULL,
+                                     (rx_random_stream){rx_lab_seed(lab, DRAW_BLANK), number_of(lab, unit)},
+                                     &dst->blank, err);
     if (status == RX_OK && dst->field->unrestorable && needs_psf)
         status = rx_error_set(err, RX_INPUT,
                               "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "

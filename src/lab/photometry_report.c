@@ -134,7 +134,8 @@ static rx_status measure_set(rx_store *s, int f, int k, int run, double *work, r
             *dst = rx_binomial_interval(found, found + wrong, LEVEL);
             break;
         case AP:
-            status = rx_pr_interval(&pr, star->n, LEVEL, (rx_resampling){.seed = s->seed, .nthreads = 1}, dst, err);
+            status = rx_pr_interval(&pr, star->n, LEVEL, (rx_resampling){.seed = s->seed, .nthreads = 1}, dst,
+                                    err);
             break;
         case CROWDED:
             *dst = rx_binomial_interval(crowded, found, LEVEL);

@@ -535,7 +535,8 @@ static void plot_plane(rx_figures *dst, const rx_lab *lab, int example, const ch
         pixels[i] = plane[(size_t)(from + i / shown) * (size_t)side + (size_t)(from + i % shown)];
     snprintf(id, sizeof id, "example%d-%.12s", example, title);
     rx_figure_add(dst, id, title, "", RX_FIGURE_PICTURE);
-    rx_plot_picture(dst, &(rx_grey_image){shown, shown, PICTURE_WIDTH, pixels, -0.06 * peak, 0.7 * peak, 0.06 * peak});
+    rx_plot_picture(
+        dst, &(rx_grey_image){shown, shown, PICTURE_WIDTH, pixels, -0.06 * peak, 0.7 * peak, 0.06 * peak});
     free(pixels);
 }
 

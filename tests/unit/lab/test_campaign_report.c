@@ -334,7 +334,7 @@ static void odd_restoration_results(void **state)
         {0, 0, 0, 1, 2, 1}, {1, 0, 0, 2, 1, 0}, {0, 0, 0, 0, 1, 1}, {0, 0, 0, 3, 0, 0}};
     (void)state;
     for (size_t k = 0; k < sizeof odd / sizeof *odd; k++) {
-        char folder[256];
+        char folder[512];
         rx_lab *r = make_restoration(&odd[k]);
         if (odd[k].nfwhm > 0 && odd[k].nscenes > 0) {
             made_score(r, 0, 0, 0)[RX_SCORE_PSNR] = INFINITY;

@@ -264,8 +264,8 @@ static void results_are_the_scores(void **state)
                 assert_int_equal(rx_image_reference_new(side, side, trial.sharp, &reference, &err), RX_OK);
                 assert_int_equal(rx_reference_ssim(reference, plane, &ssim, &err), RX_OK);
                 if (metric == 0)
-                    assert_near(rx_lab_each(scene, i, m)[RX_SCORE_PSNR],
-                                rx_reference_psnr(reference, plane), 0);
+                    assert_near(rx_lab_each(scene, i, m)[RX_SCORE_PSNR], rx_reference_psnr(reference, plane),
+                                0);
                 else
                     assert_near(rx_lab_each(scene, i, m)[RX_SCORE_SSIM], ssim, 0);
                 rx_image_reference_free(reference);

@@ -109,8 +109,7 @@ static void writes_all_files(void **state)
     rx_verdict verdict = RX_VERDICT_FAIL;
     rx_text brief = {0};
     new_folder(folder);
-    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", &verdict, &brief, NULL),
-                     RX_OK);
+    assert_int_equal(rx_qa_report(&params, &s->input, folder, "the report", &verdict, &brief, NULL), RX_OK);
     assert_int_equal(verdict, RX_VERDICT_NONE);
     assert_int_equal(count_files(folder), FILES);
     assert_non_null(strstr(brief.data, "NONE"));
@@ -337,8 +336,8 @@ static void folder_that_is_not_there(void **state)
 {
     scene *s = *state;
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(
-        rx_qa_report(&params, &s->input, "/no/such/folder", "the report", NULL, NULL, &err), RX_SYSTEM);
+    assert_int_equal(rx_qa_report(&params, &s->input, "/no/such/folder", "the report", NULL, NULL, &err),
+                     RX_SYSTEM);
     assert_string_equal(err.where, "the report"); /* the name that the user knows, and only that */
     assert_null(strstr(err.text, "/no/such"));
     rx_qa_params bare = params;
