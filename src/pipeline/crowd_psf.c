@@ -43,7 +43,7 @@ static rx_status change(const rx_psf *before, const rx_psf *after, const rx_imag
 
 /* On the pixels without the model. What this changes, once more might change as much: an error of all fluxes. */
 static rx_status measure(const rx_pipeline_params *params, int role, const rx_field *field,
-                         const rx_tphot *fit, rx_log *log, rx_psf **dst, double *by, rx_error *err)
+                         const rx_tphot *fit, rx_psf **dst, double *by, rx_error *err)
 {
     const size_t n = (size_t)field->image.width * (size_t)field->image.height;
     rx_image image = field->image;
@@ -72,8 +72,6 @@ static rx_status measure(const rx_pipeline_params *params, int role, const rx_fi
         (*dst)->quality.neighbours = fit->modelled;
         (*dst)->quality.limit = fmax((*dst)->quality.limit, field->psf->quality.limit);
         (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, *by);
-        rx_log_info(log, "%s[%d]: a crowd: PSF anew, neighbours taken off, fluxes by %+.4f: %s", image.name,
-                    image.hdu, *by, (*dst)->description);
     }
     rx_field_free(between);
     free(pixels);
@@ -104,7 +102,10 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
     RX_TRY(rx_field_extract(&par, rx_restorer_find("NONE"), field, NULL, NULL, &result, err));
     rx_status status = RX_OK;
     if (result.templates.tphot != NULL && result.templates.tphot->crowded >= CROWDED)
-        status = measure(params, role, field, result.templates.tphot, log, dst, by, err);
+        status = measure(params, role, field, result.templates.tphot, dst, by, err);
+    if (*dst != NULL)
+        rx_log_info(log, "%s[%d]: a crowd: PSF anew, neighbours taken off, fluxes by %+.4f: %s",
+                    field->image.name, field->image.hdu, *by, (*dst)->description);
     rx_result_free(&result);
     return status;
 }
