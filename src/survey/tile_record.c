@@ -393,6 +393,19 @@ static rx_status end_record(reader *r)
 
 static rx_status read_words(reader *r)
 {
+    static const struct {
+        const char *kind;
+        rx_status (*read)(reader *r);
+    } lines[] = {{"EXTENSION", read_extension},
+                 {"PSF", read_psf},
+                 {"STARS", read_stars},
+                 {"RHO", read_rho},
+                 {"RUN", read_run},
+                 {"DONE", read_done},
+                 {"OUTSIDE", read_outside},
+                 {"FLUX", read_flux},
+                 {"GUARD", read_guard},
+                 {"END", end_record}};
     const char *kind = r->words.v[0];
     if (strcmp(kind, "TILE") == 0)
         return begin_record(r);
@@ -406,26 +419,9 @@ static rx_status read_words(reader *r)
         r->record.status = (int)code;
         return status == RX_OK ? take_string(r, 2, &r->record.what) : status;
     }
-    if (strcmp(kind, "EXTENSION") == 0)
-        return read_extension(r);
-    if (strcmp(kind, "PSF") == 0)
-        return read_psf(r);
-    if (strcmp(kind, "STARS") == 0)
-        return read_stars(r);
-    if (strcmp(kind, "RHO") == 0)
-        return read_rho(r);
-    if (strcmp(kind, "RUN") == 0)
-        return read_run(r);
-    if (strcmp(kind, "DONE") == 0)
-        return read_done(r);
-    if (strcmp(kind, "OUTSIDE") == 0)
-        return read_outside(r);
-    if (strcmp(kind, "FLUX") == 0)
-        return read_flux(r);
-    if (strcmp(kind, "GUARD") == 0)
-        return read_guard(r);
-    if (strcmp(kind, "END") == 0)
-        return end_record(r);
+    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++)
+        if (strcmp(kind, lines[i].kind) == 0)
+            return lines[i].read(r);
     return refuse(r, "this is no line of a record");
 }
 
