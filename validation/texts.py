@@ -179,8 +179,8 @@ def five():
     bench = {row["key"]: statistics.median(row["ratio"]) for row in json.loads(text_of("validation/results/bench/full/bench.json"))["rows"]}
     return table(["what", "result", "more"], [
         ["Depth on a real SDSS frame: sources of a much deeper catalogue that are found",
-         f"{recall[0]} % on the frame as observed, {recall[1]} % with RL, {recall[2]} % with NET. In turn {precision[0]}, {precision[1]} "
-         f"and {precision[2]} % of what is found is in that catalogue, which is itself incomplete below r = 23",
+         f"{recall[0]} % on the frame as observed, {recall[1]} % with RL, {recall[2]} % with NET. Of what they find {precision[0]}, {precision[1]} "
+         f"and {precision[2]} % is in that catalogue, which is itself incomplete below r = 23",
          "[an SDSS frame](docs/validation.md#an-sdss-frame)"],
         ["Lists of simulated stars, FWHM 6 pixels: average precision (1: all found, none false)",
          f"{ap[0]} unrestored, with a filter as wide as the PSF, {ap[1]} with RL, {ap[2]} with NET", "[campaigns](docs/validation.md#campaigns)"],

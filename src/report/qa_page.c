@@ -347,12 +347,13 @@ static void add_brief(page *p, bool whole)
             "bias: median; seconds: with measuring and checks\n",
             q->ncommon);
     if (senseless)
-        rx_text_add(brief,
-                    "MagErr above 10,000 %: magnitudes and reference have not the same zero point; give "
-                    "MAG_ZEROPOINT, or its header keyword, MAGZERO say, as MAG_ZEROPOINT_KEY\n");
+        rx_text_add(
+            brief,
+            "MagErr above 10,000 %: magnitudes and reference differ in zero point; give MAG_ZEROPOINT, or "
+            "MAG_ZEROPOINT_KEY, the name of the header's card, such as MAGZERO\n");
 }
 
-/* What the user had better hear at once. */
+/* What a user should see at once. */
 static void warn(const rx_qa_numbers *q, rx_log *log)
 {
     for (int run = 0; run < q->input->nruns; run++) {
