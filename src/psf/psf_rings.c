@@ -12,9 +12,10 @@
 enum { RINGS = 64, BRIGHT = 60 };
 static const double RATIO = 1.12; /* of the radii of rings */
 static const double SKY_RING =
-    1.3;                          /* outer radius of the ring for the sky, in units of the outermost ring's */
-static const double CLEAR = 3.0;  /* sigmas of a ring that stands out of the noise */
-static const double SPIKE = 15.0; /* times the mean of its ring that a star may have along spikes */
+    1.3; /* outer radius of the ring for the sky, in units of the outermost ring's */
+static const double JOINED = 12.0; /* sigmas of the last ring to join a law at */
+static const double CLEAR = 3.0;   /* sigmas of a ring that stands out of the noise */
+static const double SPIKE = 15.0;  /* times the mean of its ring that a star may have along spikes */
 
 typedef struct ring {
     double mean, error;
@@ -240,7 +241,9 @@ static tail fit_tail(const double *r, const ring *w, int n, int from, int last)
 static tail choose_tail(const double *r, const ring *w, int n, int last, double inner)
 {
     int from = 0;
-    const int latest = last >= 8 ? last - 5 : last >= 5 ? last - 3 : last - 2;
+    int latest = last >= 8 ? last - 5 : last >= 5 ? last - 3 : last - 2;
+    while (latest > 1 && w[latest].mean < JOINED * w[latest].error)
+        latest--;
     while (from < latest && r[from] < inner)
         from++;
     for (;; from++) {
