@@ -569,7 +569,9 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
     RX_TRY(find_limit(search, best->radius, limit, &flattened, err));
     rx_log_warning(
         log,
-        "PSF_TYPE %s: %d sources whose peaks reach %.4g ADU are flattened, as by soft saturation: "
+        "PSF_TYPE %s: %d sources whose peaks reach %.4g ADU are flattened, as by soft saturation or on a "
+        "photographic plate, "
+        "and their fluxes are too low: "
         "the PSF %s; give SATUR_LEVEL %.4g and, where the header has SATUR_KEY, a SATUR_KEY that it "
         "lacks to have them flagged",
         rx_psf_type_name(search->par->type), flattened, *limit,

@@ -341,12 +341,19 @@ static rx_status write_segments(checkimage *image, const rx_checkimage_data *dat
 /* The PSF that the restorer used or, where it used none, that of the tile, as PSFEx writes it. */
 static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx_error *err)
 {
+    const rx_tile *tile = data->result->detect->tile;
     const rx_psf *used = data->result->restored->blur;
+    const rx_psf *psf = used != NULL ? used : data->result->detect->psf;
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
     rx_table *table = NULL;
-    rx_status status =
-        rx_psf_psfex_table(used != NULL ? used : data->result->detect->psf, &table, &cards, err);
+    rx_status status = rx_psf_psfex_table(psf, &table, &cards, err);
+    if (psf == NULL)
+        rx_log_warning(
+            data->log,
+            "%s[%d]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it, as psfex writes it, and "
+            "cannot be read as a PSF; give PSF_FWHM or a PSF file",
+            tile->name, tile->hdu);
     if (status == RX_OK) {
         rx_fits_digest_table(table, digest);
         status = make_cards(image, data, digest, &cards, err);

@@ -17,6 +17,7 @@ typedef struct rx_checkimage_data {
     const rx_record *facts;      /* of this extension */
     const rx_record *record;     /* of the run */
     rx_record *products;         /* of the run: the images are added */
+    rx_log *log;
 } rx_checkimage_data;
 
 /* Open a file for each of n types under outputs; names get `tag` before their extension when it is

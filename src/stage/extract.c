@@ -132,7 +132,7 @@ static void tell_sources(const rx_run *run, const work *w, rx_log *log)
 }
 
 static rx_status write_images(const rx_run *run, const work *w, const rx_record *record,
-                              const rx_record *facts, rx_record *products, rx_error *err)
+                              const rx_record *facts, rx_record *products, rx_log *log, rx_error *err)
 {
     if (run->images == NULL)
         return RX_OK;
@@ -141,7 +141,8 @@ static rx_status write_images(const rx_run *run, const work *w, const rx_record 
                                .mesh_height = w->options->pipeline.background[0].mesh_height,
                                .facts = facts,
                                .record = record,
-                               .products = products};
+                               .products = products,
+                               .log = log};
     return rx_checkimages_write(run->images, &data, err);
 }
 
@@ -293,7 +294,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_domain_facts(&w.result.domain, &facts);
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     RX_TRY_EXIT(facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err));
-    RX_TRY_EXIT(write_images(run, &w, in->record, &facts, in->products, err));
+    RX_TRY_EXIT(write_images(run, &w, in->record, &facts, in->products, log, err));
     run->restored = w.result.restored; /* the report wants them */
     run->sources = sources;
     w.result.restored = NULL;

@@ -338,7 +338,7 @@ talks 'tile\.psf beside it is no PSF of it: ' tile.fits -RL_NITER 2
 begin 'CHECKIMAGE_TYPE PSF of a tile without one writes what is no PSF'
 make_fits flat tile.fits
 leaves check.psf
-expect 0 '' tile.fits $none -CATALOG_TYPE NONE -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME check.psf
+talks 'tile\.fits\[0\]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it' tile.fits $none -CATALOG_TYPE NONE -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME check.psf
 expect 3 '^rextract: check\.psf: image 0 of the PSFEx model holds values that are not numbers' tile.fits -PSF_TYPE PSFEX -PSF_NAME check.psf
 
 # --- the reference
