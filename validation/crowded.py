@@ -4,6 +4,7 @@
     crowded.py cells FOLDER [SEED [CELL[,CELL...]]]    simulated tiles (seed 201, all cells)
     crowded.py pairs FOLDER [SEED]                     two stars half to one FWHM apart
     crowded.py real DATA FOLDER                        stars put into M13, M67, the SDSS frame
+    crowded.py coadd DATA FOLDER                       the whole SDSS frame against its deep coadd
     crowded.py large FOLDER                            100,000 stars on 4096 x 4096 pixels: seconds and memory
     crowded.py page FOLDER [SEED]                      FOLDER/crowded.md and summary.json of what is there
 
@@ -56,6 +57,7 @@ SIDES = {500: 724, 2000: 724, 8000: 512, 20000: 320}
 CELLS = [f"{d}-{f}{k}" for k in ("", "G", "V", "VG") for f in ("4", "2.5", "6") for d in (8000, 2000, 20000, 500)]
 ALLSTAR_ORDER = 1  # of the variation of its PSF
 BINS = (5, 10, 20, 50, 200, 3001)
+COADD_RADIUS, COADD_BINS = 2.5, (16, 18, 20, 21, 22, 23)  # 1 arcsec; of r
 COLUMNS = ("NUMBER", "XTEMPLATE_IMAGE", "YTEMPLATE_IMAGE", "MAG_TEMPLATE", "MAGERR_TEMPLATE", "SNR_TEMPLATE", "CHI2_TEMPLATE",
            "CLASS_TEMPLATE", "FLAGS_RESTORE")
 PROGRAMS = os.environ.get("RX_PROGRAMS", "NONE,NET,ALLSTAR").split(",")
@@ -289,10 +291,10 @@ def centre(found, shape):
 
 
 def real(data, out, rounds="2"):
-    """Completeness, bias and pull of stars put into each tile, by distance from its centre; the SDSS frame against the coadd."""
+    """Completeness, bias and pull of stars put into each tile, by distance from its centre."""
     os.makedirs(out, exist_ok=True)
     out = os.path.abspath(out)
-    found, frame = real_tiles(data, out)
+    found, _ = real_tiles(data, out)
     rows = []
     for name, path, arguments in found:
         for by, more in (("NONE", ()), ("NET", ()), ("NET, CROWDING N", ("-CROWDING", "N"))):
@@ -310,14 +312,37 @@ def real(data, out, rounds="2"):
             rows += [{"tile": name, "by": by, "sources": header["NAXIS2"], "crowded": header["RXCROWD"], "chi2": header["RXTPCHI2"],
                       "fwhm": fwhm} | r for r in rings(np.hstack(every), middle)]
             print(json.dumps(rows[-4:], default=float), flush=True)
-    image_of, reference, sdss = frame
-    coadd = {}
-    for crowding in ("AUTO", "N"):
-        extract(out, f"{image_of}[0]", "NET", "frame", *sdss, "-CROWDING", crowding, "-MAG_ZEROPOINT", "22.5", "-REFERENCE_NAME", reference,
-                "-MATCH_RADIUS", "1", "-MATCH_UNIT", "ARCSEC", "-QA_NAME", f"qa_{crowding}")
-        whole = json.loads(Path(f"{out}/qa_{crowding}/summary.json").read_text())["runs"][0]
-        coadd[crowding] = {key: whole[key]["value"] for key in ("recall", "precision", "ap", "magerr", "bias_mag")}
-    keep(f"{out}/real.json", {"rings": rows, "coadd": coadd})
+    keep(f"{out}/real.json", {"rings": rows})
+
+
+def coadd(data, out):
+    """The whole SDSS frame with CROWDING AUTO and N, against the deep coadd: what is found, what is not there, magnitudes."""
+    os.makedirs(out, exist_ok=True)
+    out = os.path.abspath(out)
+    frame, reference, sdss = real_tiles(data, out)[1]
+    known = fits.getdata(reference, 1)
+    places = cKDTree(np.column_stack(WCS(fits.getheader(frame)).all_world2pix(known["RA"], known["DEC"], 1)))
+    rows = []
+    for by in os.environ.get("RX_PROGRAMS", "NONE,NET").split(","):
+        for crowding in ("AUTO", "N"):
+            extract(out, "frame.fits[0]", by, "frame", *sdss, "-CROWDING", crowding, "-MAG_ZEROPOINT", "22.5")
+            header, t = fits.getheader(f"{out}/frame.cat", 1), table(f"{out}/frame.cat")
+            fine = np.isfinite(t["MAG_TEMPLATE"] + t["XTEMPLATE_IMAGE"]) & ((t["FLAGS_RESTORE"].astype(int) & 3) == 0)
+            at, mag = np.column_stack([t["XTEMPLATE_IMAGE"], t["YTEMPLATE_IMAGE"]])[fine], t["MAG_TEMPLATE"][fine]
+            far, index = places.query(at, distance_upper_bound=COADD_RADIUS)
+            back = cKDTree(at).query(places.data)[1]  # each takes the other
+            one = np.isfinite(far) & (back[np.minimum(index, len(known) - 1)] == np.arange(len(at)))
+            judged = ~one | np.isfinite(known["MAG"][np.where(one, index, 0)])  # what is saturated in the coadd does not count
+            true = np.where(one, known["MAG"][np.where(one, index, 0)], np.nan)
+            bins = []
+            for low, high in zip(COADD_BINS, COADD_BINS[1:]):
+                d = (mag - true)[(true >= low) & (true < high)]
+                bins.append({"low": low, "high": high, "n": len(d), "bias": float(np.median(d)), "scatter": width(d)})
+            rows.append({"by": by, "crowding": crowding, "crowded": header.get("RXCROWD", 0.0), "fits": header["RXTPPASS"], "sources": int(judged.sum()),
+                         "matched": int(np.isfinite(true).sum()), "false": float(np.mean(~one[judged])),
+                         "false_bright": float(np.mean(~one[judged & (mag < 22)])), "bins": bins})
+            print(json.dumps(rows[-1], default=float), flush=True)
+            keep(f"{out}/coadd.json", rows)
 
 
 def inject(out, path, restorer, arguments, more, before, noise, fwhm, seed):
@@ -481,10 +506,16 @@ def real_page(found):
     text += columns(head, [[r["tile"], r["by"], str(r["sources"]), f"{r['crowded']:.2f}", f"{r['chi2']:.2f}", f"{r['from']:.0f}-{r['to']:.0f}"] + [
         f"{show(r[k]['complete'])} {show(r[k].get('bias'), '{:+.3f}')} {show(r[k].get('scatter'))} {show(r[k].get('pull'), '{:.2f}')}"
         for k in ("10", "30", "100")] for r in found["rings"]])
-    text += ["Pictures: the core as it is and what templates leave of it (NONE; -5 to 5 sigma): [M13](M13.png), [M67](M67.png), [SDSS cut](SDSS-cut.png).", "",
-             "The SDSS frame against the deep coadd (NET):", ""]
-    keys = ("recall", "precision", "ap", "magerr", "bias_mag")
-    return text + columns(["CROWDING", *keys], [[c] + [f"{v[k]:.4f}" for k in keys] for c, v in found["coadd"].items()])
+    return text + ["Pictures: the core as it is and what templates leave of it (NONE; -5 to 5 sigma): [M13](M13.png), [M67](M67.png), [SDSS cut](SDSS-cut.png).", ""]
+
+
+def coadd_page(rows):
+    text = ["## The SDSS frame against its deep coadd", "", f"Detections and sources of the coadd that are nearest to each other within {COADD_RADIUS} pixels. "
+            "The coadd is complete to r of about 23: of what is not matched some is real. By r of the coadd: how many, median and scatter of MAG_TEMPLATE - r.", ""]
+    head = ["run", "CROWDING", "crowded", "fits", "sources", "matched", "not matched", "of those with MAG_TEMPLATE below 22"] + [
+        f"r {b['low']:g}-{b['high']:g}" for b in rows[0]["bins"]]
+    return text + columns(head, [[r["by"], r["crowding"], f"{r['crowded']:.3f}", str(r["fits"]), str(r["sources"]), str(r["matched"]), f"{r['false']:.3f}",
+                                  f"{r['false_bright']:.3f}"] + [f"{b['n']}, {b['bias']:+.3f}, {b['scatter']:.3f}" for b in r["bins"]] for r in rows])
 
 
 def large_page(v):
@@ -492,19 +523,24 @@ def large_page(v):
             f"{v['cpu']:.0f} CPU seconds, {v['gigabytes']:.2f} GB, {v['loop']['RXTPPASS']} fits, chi2 {v['loop']['RXTPCHI2']:.3f}.", ""]
 
 
-def page(out, seed="201"):
-    rows = {}
+def page(out, seed=None):
+    """What is there, beside what summary.json in FOLDER holds already."""
+    old = Path(out) / "summary.json"
+    summary = json.loads(old.read_text()) if old.exists() else {}
+    seed = int(seed or summary.get("seed", 201))
+    rows = summary.get("cells", {}) if summary.get("seed") == seed else {}
     for name in CELLS:
         for by in ("NONE", "NET", "ALLSTAR"):
             file = Path(out) / f"{name}-{seed}" / f"{by}.json"
             if file.exists():
                 rows.setdefault(name, {})[by] = json.loads(file.read_text())
     rows = dict(sorted(rows.items(), key=lambda r: cell(r[0])[0]))
-    summary = {"seed": int(seed), "cells": rows, "goals": goals(rows)}
+    summary |= {"seed": seed, "cells": rows, "goals": goals(rows)}
     text = ["# Crowded fields", "", *__doc__[__doc__.index("What the columns"):].splitlines(), "", *cells_page(rows, seed)]
-    for name, write in (("pairs", pairs_page), ("real", real_page), ("large", large_page)):
+    for name, write in (("pairs", pairs_page), ("real", real_page), ("coadd", coadd_page), ("large", large_page)):
         if (Path(out) / f"{name}.json").exists():
             summary[name] = json.loads((Path(out) / f"{name}.json").read_text())
+        if name in summary:
             text += write(summary[name])
     missing = [n for n in CELLS if not {"NONE", "NET", "ALLSTAR"} <= set(rows.get(n, ()))]
     if missing:
@@ -514,13 +550,14 @@ def page(out, seed="201"):
     if all(os.path.exists(f"{folder}/{by}.res.fits") for by in ("NONE", "NET", "ALLSTAR")):
         tile = image(f"{folder}/sim.fits")
         picture(f"{out}/8000-4.png", tile, [f"{folder}/{by}.res.fits" for by in ("NONE", "NET", "ALLSTAR")], (256, 256), SKY**0.5)
+    if os.path.exists(f"{out}/8000-4.png"):
         text += ["", "[The middle of 8000-4](8000-4.png), and what NONE, NET and ALLSTAR leave of it (-5 to 5 sigma of the sky)."]
     keep(f"{out}/summary.json", summary)
     (Path(out) / "crowded.md").write_text("\n".join(text).rstrip() + "\n")
 
 
 if __name__ == "__main__":
-    modes = {f.__name__: f for f in (cells, pairs, real, large, page)}
+    modes = {f.__name__: f for f in (cells, pairs, real, coadd, large, page)}
     if len(sys.argv) < 3 or sys.argv[1] not in modes:
         sys.exit(__doc__)
     modes[sys.argv[1]](*sys.argv[2:])

@@ -592,6 +592,16 @@ def put_in():
     return table(["tile", "", "sources", "chi2", "inner quarter", "outer quarter"], body)
 
 
+def sdss_coadd():
+    """The SDSS frame with CROWDING AUTO and N: matched, not matched, magnitudes."""
+    body = []
+    for row in summary("crowded/summary")["coadd"]:
+        body.append([f"{row['by']}, {row['crowding']}", str(row["sources"]), str(row["matched"]), f"{row['false_bright']:.3f}"] +
+                    [f"{b['bias']:+.3f}, {b['scatter']:.3f} ({b['n']})" for b in row["bins"]])
+    bins = [f"r {b['low']} to {b['high']}" for b in summary("crowded/summary")["coadd"][0]["bins"]]
+    return table(["", "sources", "matched", "not in the coadd", *bins], body)
+
+
 def preal():
     """Mean P_REAL and the share of these detections that is real."""
     found, body = summary("preal/preal"), []
@@ -607,10 +617,11 @@ def preal():
     covered = [row["rows"][-1] for row in found["coverage"]]
     return (paragraph(f"""Seeds {found["seeds"][0]} to {found["seeds"][-1]}, isolated sources and crowds of DENSITY-FWHM: mean P_REAL, the share of
         these detections that is real, and how many they are, without a check (DEFAULT) and with BLANK_CHECK 2 (TILE; crowds keep the
-        default). But for tiles without any source below S/N 5 (T), where the counts that P_REAL assumes stop and it is up to
-        {max(abs(b["p"] - b["real"]) for b in cut):.2f} too high between 0.6 and 0.9: of bins of 40 detections and more, above 0.9 P_REAL is off by {max(sure):.2f} at most, between 0.6 and 0.9 by up to
+        default). Of bins of 40 detections and more, above 0.9 P_REAL is off by {max(sure):.2f} at most, between 0.6 and 0.9 by up to
         {max(abs(b["p"] - b["real"]) for b in rest):.2f}, and in {sum(o == 0 for o in outside)} of {len(outside)} the share's interval at 95 % holds it (else
-        {max(outside):.2f} beyond at most). Real ones of S/N above 5 that are marked: {100 * min(marked):.1f} to {100 * max(marked):.1f} %.""") + "\n" +
+        {max(outside):.2f} beyond at most). Real ones of S/N above 5 that are marked: {100 * min(marked):.1f} to {100 * max(marked):.1f} %.
+        The bins leave out 2000-4T, which has no source below S/N 5: P_REAL assumes that counts go on below the limit, and where they
+        stop it is up to {max(abs(b["p"] - b["real"]) for b in cut):.2f} too high between 0.6 and 0.9.""") + "\n" +
             (paragraph("Fluxes within MAGERR_INJECTED and MAGERR95_INJECTED (S/N 3 to 80; goals 0.68 and 0.95): " + ", ".join(
                 f"{row['cell']} {last['68']:.3f} and {last['95']:.3f}" for row, last in zip(found["coverage"], covered)) + ".") + "\n"
              if covered else "") +
@@ -678,7 +689,7 @@ def speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, models, limits, resampled, psf, crowded, close_pairs, put_in, preal, speed)}
+    templates_found, models, limits, resampled, psf, crowded, close_pairs, put_in, sdss_coadd, preal, speed)}
 
 
 # --- check and write
