@@ -539,15 +539,9 @@ def page(out, seed=None):
     text = ["# Crowded fields", "", *__doc__[__doc__.index("What the columns"):].splitlines(), "", *cells_page(rows, seed)]
     for name, write in (("pairs", pairs_page), ("real", real_page), ("coadd", coadd_page), ("large", large_page)):
         if (Path(out) / f"{name}.json").exists():
-            new, old = json.loads((Path(out) / f"{name}.json").read_text()), summary.get(name, {})
-            if name == "pairs":
-                summary["pairs_older"] = [way for way in old if way not in new]
-                new = old | new
-            summary[name] = new
+            summary[name] = json.loads((Path(out) / f"{name}.json").read_text())
         if name in summary:
             text += write(summary[name])
-        if name == "pairs" and summary.get("pairs_older"):
-            text += ["Of an older program: " + "; ".join(summary["pairs_older"]) + ".", ""]
     missing = [n for n in CELLS if not {"NONE", "NET", "ALLSTAR"} <= set(rows.get(n, ()))]
     if missing:
         text += ["Rows that are missing: " + ", ".join(f"{n} ({' '.join(sorted({'NONE', 'NET', 'ALLSTAR'} - set(rows.get(n, ()))))})" for n in missing) +

@@ -574,11 +574,10 @@ def crowded():
 def close_pairs():
     """Of pairs whose brighter star has S/N 50 to 200: resolved, error of the ratio, and what is marked of the rest."""
     body = []
-    older = summary("crowded/summary").get("pairs_older", ())
     for way, rows in summary("crowded/summary")["pairs"].items():
         for ratio in (1.0, 0.5, 0.2):
             these = [one(rows, low=50, ratio=ratio, apart=apart) for apart in (0.5, 0.75, 1.0)]
-            body.append([way + " (older)" * (way in older), f"{ratio:g}"] + [", ".join("-" if v is None else f"{v:.2f}" for v in (r["resolved"], r["error"], r["marked"]))
+            body.append([way, f"{ratio:g}"] + [", ".join("-" if v is None else f"{v:.2f}" for v in (r["resolved"], r["error"], r["marked"]))
                                                for r in these])
     return table(["", "flux ratio", "0.5 FWHM", "0.75 FWHM", "1 FWHM"], body)
 
