@@ -877,7 +877,8 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     rx_status status = rx_windows_run(&w->canvas, windows, w->n, 0, tell_one, &(telling){w, dst}, err);
     free(windows);
     if (status == RX_OK)
-        status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n, err);
+        status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n,
+                                 &dst->unseen, err);
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);
     if (status == RX_OK && w->par->isolate > 0)

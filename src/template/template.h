@@ -141,6 +141,7 @@ typedef struct rx_tphot {
     double visible;       /* pixels */
     double least;         /* ADU: noise of a pixel was taken to be that at least */
     double crowded;       /* share of the image in crowded cells */
+    double unseen;        /* errors by unseen neighbours over those of the noise, median of crowded points */
     int passes;           /* that were made */
     int modelled;         /* sources in `model`: without those that params.isolate leaves out */
     int width, height;

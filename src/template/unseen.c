@@ -19,6 +19,7 @@ typedef struct stars {
     double *density; /* [m] a pixel, around each */
     double *flux;    /* [m] ascending, */
     double *sums;    /* [m + 1][2] and of the first k of them sum f, sum f^2 */
+    double *ratio;   /* room for [m]: errors by what is unseen over those of the noise */
 } stars;
 
 static int by_flux(const void *one, const void *other)
@@ -74,10 +75,11 @@ static rx_status gather(const rx_crowding *crowd, const rx_tphot_source *list, i
     s->density = RX_NEW(double, room);
     s->flux = RX_NEW(double, room);
     s->sums = RX_NEW(double, 2 * room);
+    s->ratio = RX_NEW(double, room);
     rx_status status = RX_OK;
     if (lines == NULL || count == NULL || s->entry == NULL || s->density == NULL || s->flux == NULL ||
-        s->sums == NULL) {
-        status = rx_error_memory(err, room * 6 * sizeof(double));
+        s->sums == NULL || s->ratio == NULL) {
+        status = rx_error_memory(err, room * 7 * sizeof(double));
         goto exit;
     }
     for (int i = 0; i < n; i++)
@@ -135,10 +137,13 @@ static int below(const stars *s, double flux)
     return first;
 }
 
-rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source *list, int n, rx_error *err)
+rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source *list, int n, double *excess,
+                          rx_error *err)
 {
     stars s = {0};
     double unseen[RINGS];
+    int points = 0;
+    *excess = 0;
     if (crowd->n == 0)
         return RX_OK;
     rx_status status = gather(crowd, list, n, &s, err);
@@ -160,6 +165,11 @@ rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source
         }
         one->unseen = mean;
         one->fluxerr = hypot(one->fluxerr, sqrt(variance));
+        s.ratio[points++] = sqrt(variance) / error;
+    }
+    if (points > 0) {
+        qsort(s.ratio, (size_t)points, sizeof *s.ratio, by_flux);
+        *excess = s.ratio[points / 2];
     }
     for (int k = 0; k < s.m && status == RX_OK; k++) /* fluxes that others are judged by stay until here */
         list[s.entry[k]].flux -= list[s.entry[k]].unseen;
@@ -167,5 +177,6 @@ rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source
     free(s.density);
     free(s.flux);
     free(s.sums);
+    free(s.ratio);
     return status;
 }

@@ -11,7 +11,9 @@
  * crowded sources of the list, those fainter than the star and with f_j rho at most 4 of its errors (more shows):
  *   mean = D sum_r 2 pi r dr u(r) rho sum_j f_j / m     variance = D sum_r 2 pi r dr u(r) rho^2 sum_j f_j^2 / m
  * flux -= mean, fluxerr^2 += variance, of points in crowded cells; snr stays that of the noise. Nothing where fewer than 50 pairs
- * are expected. Errors: RX_SYSTEM. */
-rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source *list, int n, rx_error *err);
+ * are expected. *excess: median over these points of sqrt(variance) over the error of the noise; 0 where there are none.
+ * Errors: RX_SYSTEM. */
+rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source *list, int n, double *excess,
+                          rx_error *err);
 
 #endif

@@ -419,7 +419,7 @@ static void test_unseen(void **state)
     static int of[STARS];
     uint8_t cells[16 * 16];
     const rx_crowding crowd = {.width = SKY, .height = SKY, .nx = 16, .ny = 16, .cells = cells, .n = 256};
-    double median[2], pull[2], none;
+    double median[2], pull[2], none, excess;
     int n = 0, m = 0;
     memset(cells, 1, sizeof cells);
     for (int i = 0; i < STARS; i++) {
@@ -445,7 +445,8 @@ static void test_unseen(void **state)
                                     .crowded = 1};
         n += !lost;
     }
-    assert_int_equal(rx_unseen_allow(&crowd, fwhm, list, n, NULL), RX_OK);
+    assert_int_equal(rx_unseen_allow(&crowd, fwhm, list, n, &excess, NULL), RX_OK);
+    assert_true(excess > 0.5 && excess < 3);
     for (int k = 0; k < n; k++) {
         const double true_flux = flux[of[k]], before = lifted[of[k]];
         assert_near(list[k].flux + list[k].unseen, before, 1e-6 * before);
@@ -471,7 +472,8 @@ static void test_unseen(void **state)
                                     .fluxerr = error,
                                     .snr = 10,
                                     .crowded = 1};
-    assert_int_equal(rx_unseen_allow(&crowd, fwhm, list, 100, NULL), RX_OK);
+    assert_int_equal(rx_unseen_allow(&crowd, fwhm, list, 100, &excess, NULL), RX_OK);
+    assert_near(excess, 0, 0);
     assert_near(list[50].flux, 1000, 0);
     assert_near(list[50].fluxerr, error, 0);
 }
