@@ -446,7 +446,7 @@ static void test_unseen(void **state)
         n += !lost;
     }
     assert_int_equal(rx_unseen_allow(&crowd, fwhm, list, n, &excess, NULL), RX_OK);
-    assert_true(excess > 0.5 && excess < 3);
+    assert_between(excess, 0.5, 3);
     for (int k = 0; k < n; k++) {
         const double true_flux = flux[of[k]], before = lifted[of[k]];
         assert_near(list[k].flux + list[k].unseen, before, 1e-6 * before);
