@@ -179,9 +179,10 @@ for graph in headers rooms; do
 done >>"$scratch/found"
 
 # One name, one type, for all that headers declare.
-grep -hoE '^} rx_[a-z0-9_]+;|^typedef (struct|enum) [^;{(]* rx_[a-z0-9_]+;|^typedef (struct|enum) rx_[a-z0-9_]+ \{.*\} rx_[a-z0-9_]+;' \
-    $(grep '[.]h$' "$scratch/files") | sed 's/.* \(rx_[a-z0-9_]*\);$/\1/' | sort | uniq -d | while read -r name; do
-    grep -nE "(^}|^typedef .*) $name;" $(grep '[.]h$' "$scratch/files") |
+grep '[.]h$' "$scratch/files" >"$scratch/headers"
+xargs grep -hoE '^} rx_[a-z0-9_]+;|^typedef (struct|enum) [^;{(]* rx_[a-z0-9_]+;|^typedef (struct|enum) rx_[a-z0-9_]+ \{.*\} rx_[a-z0-9_]+;' \
+    <"$scratch/headers" | sed 's/.* \(rx_[a-z0-9_]*\);$/\1/' | sort | uniq -d | while read -r name; do
+    xargs grep -nE "(^}|^typedef .*) $name;" <"$scratch/headers" |
         sed "s/^\([^:]*:[0-9]*\):.*/\1: a second type of the name $name/"
 done >>"$scratch/found"
 

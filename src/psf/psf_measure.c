@@ -330,7 +330,7 @@ static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
                 rx_psf_point *p = &job->points[i];
                 const double off = (which == 3 ? log(p->chi2 + 0.1) : shapes[i].off[which]) - centre;
                 const double limit = sigmas * hypot(sigma, which == 3 ? 0.0 : 0.5 * shapes[i].error);
-                if (p->kept && !p->together && ((which == 3 ? off : fabs(off)) > limit || !isfinite(off)))
+                if (p->kept && (!isfinite(off) || (!p->together && (which == 3 ? off : fabs(off)) > limit)))
                     p->kept = 0;
             }
         }

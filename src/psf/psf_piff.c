@@ -94,7 +94,7 @@ static double value_of(const rx_table *table, const char *name, long row, long e
                : rx_column_value(&table->columns[column], row, element);
 }
 
-/* A whole number of a table's first row. */
+/* A whole number of the model's, low to high. */
 static rx_status need_integer(const model *m, const char *name, double value, int low, int high, int *dst,
                               rx_error *err)
 {

@@ -58,7 +58,8 @@ rx_status rx_rl_new(const rx_restore_params *par, const rx_prepared *prepared, c
     if (rl->object == NULL || rl->model == NULL || rl->norm == NULL || rl->rows == NULL ||
         (par->rl_accelerate && rl->before == NULL)) {
         rx_rl_free(rl);
-        return rx_error_memory(err, 4 * rx_blur_sky_size(blur) * sizeof(float));
+        return rx_error_memory(err,
+                               (3 + (size_t)par->rl_accelerate) * rx_blur_sky_size(blur) * sizeof(float));
     }
     rx_rl_reset(rl);
     rx_rl_normalise(rl);
@@ -282,10 +283,10 @@ void rx_rl_update(rx_rl *rl, int last)
     rl->updates++;
     /* What is not made of the model yet reads only rows of the object that have not moved. */
     for (int first = 0; first < sky->n; first += rl->strip) {
-        const int last = rx_min_int(first + rl->strip, sky->n);
-        make_model(rl, rx_min_int(rx_min_int(sky->begin + last * sky->step, sky->end) + rl->blur->margin,
+        const int end = rx_min_int(first + rl->strip, sky->n);
+        make_model(rl, rx_min_int(rx_min_int(sky->begin + end * sky->step, sky->end) + rl->blur->margin,
                                   rl->prepared->height));
-        rx_blur_adjoint_rows(rl->blur, &(rx_blur_lines){read_residual, move_object, rl}, first, last);
+        rx_blur_adjoint_rows(rl->blur, &(rx_blur_lines){read_residual, move_object, rl}, first, end);
     }
     rl->made = 0;
 }
