@@ -31,12 +31,12 @@ rx_status rx_conditions_make(const rx_campaign_config *config, int *n, rx_condit
         (*dst)[(*n)++] = truth;
         for (int which = 0; which < 3; which++)
             for (int i = 0; i < lists[which]->n; i++) {
-                rx_condition told = truth;
-                *(which == 0   ? &told.psf_error
-                  : which == 1 ? &told.sky_error
-                               : &told.noise_error) = lists[which]->v[i];
+                rx_condition given = truth;
+                *(which == 0   ? &given.psf_error
+                  : which == 1 ? &given.sky_error
+                               : &given.noise_error) = lists[which]->v[i];
                 if (lists[which]->v[i] != 0.0)
-                    (*dst)[(*n)++] = told;
+                    (*dst)[(*n)++] = given;
             }
     }
     return RX_OK;
@@ -88,16 +88,16 @@ rx_status rx_condition_simulation(const rx_condition *c, const rx_simulate_confi
 rx_status rx_condition_psf(const rx_condition *c, const rx_simulate_config *sim,
                            const rx_simulation *simulation, rx_psf **dst, rx_error *err)
 {
-    rx_optics *told = NULL;
+    rx_optics *given = NULL;
     if (c->psf_error == 0.0)
         return rx_optics_on_pixels(simulation->optics, dst, err);
     rx_status status = rx_optics_moffat(
         &(rx_moffat_profile){(c->fwhm > 0 ? c->fwhm : sim->psf_fwhm) * (1 + c->psf_error), sim->psf_beta,
                              sim->psf_ratio, sim->psf_angle * M_PI / 180.0, sim->psf_variation},
-        simulation->scene.width, simulation->scene.height, &told, err);
+        simulation->scene.width, simulation->scene.height, &given, err);
     if (status == RX_OK)
-        status = rx_optics_on_pixels(told, dst, err);
-    rx_optics_free(told);
+        status = rx_optics_on_pixels(given, dst, err);
+    rx_optics_free(given);
     return status;
 }
 

@@ -1,7 +1,7 @@
 /* Ranks that talk: processes under MPI, or threads of one process, behind one interface.
  *
  * Rank 0 .. trainers-1 train, the others generate. Started under mpiexec (and built with MPI) every process
- * is a rank; otherwise rx_ranks_start() makes `generators` threads beside the caller, which is rank 0. Messages
+ * is a rank; without, rx_ranks_start() makes `generators` threads beside the caller, which is rank 0. Messages
  * between two ranks of one tag arrive in order. Each rank calls these functions from one thread.
  *
  * No rank waits for one that is gone: a rank that fails informs the others (rx_ranks_fail), and one that just

@@ -251,18 +251,18 @@ static void without_gnuplot(void **state)
     static const char *const programs[] = {"no-such-gnuplot", "/no/such/gnuplot", "false"};
     scene *s = *state;
     for (size_t i = 0; i < sizeof programs / sizeof *programs; i++) {
-        char folder[512], told[4096] = "";
+        char folder[512], said[4096] = "";
         rx_qa_params par = params;
         rx_log log;
-        FILE *stream = fmemopen(told, sizeof told, "w");
+        FILE *stream = fmemopen(said, sizeof said, "w");
         new_folder(folder);
         par.gnuplot = programs[i];
         rx_log_init(&log, "test", stream, RX_NORMAL);
         par.log = &log;
         assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL), RX_OK);
         fclose(stream);
-        assert_non_null(strstr(told, "without figures"));
-        assert_non_null(strstr(told, programs[i]));
+        assert_non_null(strstr(said, "without figures"));
+        assert_non_null(strstr(said, programs[i]));
         assert_int_equal(count_files(folder), FILES);
         char *page = slurp(folder, "report.html");
         assert_int_equal(occurrences(page, "No figures"), 1);

@@ -248,7 +248,7 @@ static void test_uneven(void **state)
     t.par.survey.uneven = 1.0;
     compare(&t, 50, watch_uneven, sums);
     assert_near(sums[0] / sums[2], 0.5, 0.0025);
-    assert_near(sqrt(sums[1] / sums[2]), 1.02, 0.01); /* beside edges it is not what is told */
+    assert_near(sqrt(sums[1] / sums[2]), 1.02, 0.01); /* beside edges it is not what the map says */
     assert_true(sums[3] > 25);
     rx_simulate_config_free(t.config);
 }
