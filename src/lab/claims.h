@@ -1,47 +1,21 @@
-/* What is claimed: by the paper (paper.h), and as a goal of this program. One table for all kinds of campaign; a campaign
- * has a judge for each claim that it is asked about. */
+/* Claims (claims.def) and verdicts on them. A campaign has a judge for each claim that it is asked about. */
 #ifndef RX_LAB_CLAIMS_H
 #define RX_LAB_CLAIMS_H
 
 #include "base/text.h"
 
+#define CLAIM(id, name, place, words, test) id,
+#define GOAL(id, name, low, high, words) id,
 typedef enum rx_claim_id {
-    RX_CLAIM_EVERY_BIN,
-    RX_CLAIM_ALL_P,
-    RX_CLAIM_NOISE,
-    RX_CLAIM_INSIDE,
-    RX_CLAIM_BEYOND,
-    RX_CLAIM_SPEED,
-    RX_CLAIM_NO_FAKES,
-    RX_CLAIM_RESTORED_BETTER,
-    RX_CLAIM_NET_BEST,
-    RX_CLAIM_LOW_SNR,
-    RX_CLAIM_ACCURACY,
-    RX_CLAIM_ABOVE_RL, /* this and the next ones: goals of this program, not of the paper */
-    RX_CLAIM_ABOVE_FLAT,
-    RX_CLAIM_LISTS,
-    RX_CLAIM_PAIRS,
-    RX_CLAIM_PLATEAU,
-    RX_CLAIM_FLUXES,
-    RX_CLAIM_TEMPLATES,
-    RX_GOAL_BIAS_ISOLATED, /* this and the next ones: for each restorer, a number within limits */
-    RX_GOAL_BIAS_BINS,
-    RX_GOAL_BIAS_APART,
-    RX_GOAL_BIAS_BLENDED,
-    RX_GOAL_PULL,
-    RX_GOAL_WIDTH,
-    RX_GOAL_BOUND,
-    RX_GOAL_MAGERR,
-    RX_GOAL_PAIRS,
+#include "lab/claims.def"
     RX_CLAIM_COUNT
 } rx_claim_id;
+#undef CLAIM
+#undef GOAL
 
 typedef struct rx_claim {
-    const char *name;  /* short, for files and the terminal */
-    const char *place; /* section, figure or table of the paper */
-    const char *words; /* what is claimed, in our words */
-    const char *test;  /* when it counts as reproduced */
-    int each;          /* 1: for each restorer, held where its numbers are within the limits */
+    const char *name, *place, *words, *test; /* place, test: NULL of a goal for each restorer */
+    int each;                                /* 1: such a goal */
     double low, high;
 } rx_claim;
 
@@ -59,13 +33,17 @@ typedef enum rx_claim_state {
     RX_CLAIM_STATES
 } rx_claim_state;
 const char *rx_claim_state_name(rx_claim_state state); /* "reproduced" ... */
+static inline rx_claim_state rx_claim_state_of(int holds)
+{
+    return holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+}
 
 typedef struct rx_claim_verdict {
     rx_claim_id claim;
     int run; /* of a claim for each restorer, else -1 */
     rx_claim_state state;
     int held, all; /* numbers that were compared with the limits */
-    rx_text said;  /* plain sentences made from the numbers */
+    rx_text said;  /* the numbers behind it */
 } rx_claim_verdict;
 
 enum { RX_VERDICTS_MAX = 72 };
@@ -77,10 +55,12 @@ typedef struct rx_claim_verdicts {
 
 struct rx_store;
 
-/* judge NULL: not tested by this kind of campaign. A verdict comes to it as not yet testable, or not measured. */
+/* Claims first to last (0: the first alone). judge NULL: not tested by this kind of campaign. A verdict comes to it as not
+ * yet testable, or not measured; where a column of `needs` is absent, it stays so. */
 typedef struct rx_claim_judge {
-    rx_claim_id claim;
+    rx_claim_id first, last;
     void (*judge)(const struct rx_store *store, rx_claim_verdict *verdict);
+    const char *needs[3];
 } rx_claim_judge;
 
 /* A verdict by each judge of the lab's kind, of a claim for each restorer one for each run. rx_claim_verdicts_free(). */

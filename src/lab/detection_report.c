@@ -9,6 +9,8 @@
 #include "lab/findings.h"
 #include "report/curves.h"
 
+#define ALL HUGE_VAL
+
 static const double LEVEL = 0.95;
 
 /* --- quantities --- */
@@ -33,57 +35,41 @@ enum { SNR_BINS = 4, FAINT_BINS = 3, OPEN = 2 }; /* OPEN: quantities of a scene 
 static const double SNR_EDGE[SNR_BINS + 1] = {0, 10, 20, 50, HUGE_VAL};
 static const double FAINT_EDGE[FAINT_BINS + 1] = {0, 10, 20, HUGE_VAL}; /* S/N of galaxies */
 
-static const struct {
-    rx_scene_id scene; /* STARS: every list */
-    rx_quantity quantity;
-} FIXED[] = {
-    {RX_SCENE_STARS,
-     {"recall_whole", "", 3, "share of the objects found, whole list", SHARE, RX_OBJECT_SNR, WHOLE, 0,
-      HUGE_VAL, 0}},
-    {RX_SCENE_STARS,
-     {"precision_whole", "", 3, "right detections / all that count, whole list", PRECISION, 0, WHOLE, 0, 0,
-      0}},
-    {RX_SCENE_STARS,
-     {"false_whole", "per Mpixel", 3, "false detections, whole list", WRONG, 0, WHOLE, -HUGE_VAL, HUGE_VAL,
-      0}},
-    {RX_SCENE_PAIRS,
-     {"resolved", "", 3, "share of the pairs resolved, at the first precision's cut", SHARE, RX_OBJECT_APART,
-      FIRST, 0, HUGE_VAL, 1}},
-    {RX_SCENE_PAIRS,
-     {"resolved_close", "", 3, "the same, separations below 0.75 FWHM", SHARE, RX_OBJECT_APART, FIRST, 0,
-      0.75, 1}},
-    {RX_SCENE_PAIRS,
-     {"resolved_wide", "", 3, "the same, separations from 0.75 FWHM", SHARE, RX_OBJECT_APART, FIRST, 0.75,
-      HUGE_VAL, 1}},
-    {RX_SCENE_PAIRS,
-     {"resolved_whole", "", 3, "share of the pairs resolved, whole list", SHARE, RX_OBJECT_APART, WHOLE, 0,
-      HUGE_VAL, 1}},
-    {RX_SCENE_BLANK,
-     {"false_cut", "per Mpixel", 2, "false detections at the last precision's cut", WRONG, 0, LAST, -HUGE_VAL,
-      HUGE_VAL, 0}},
-    {RX_SCENE_BLANK,
-     {"false_whole", "per Mpixel", 2, "false detections, whole list", WRONG, 0, WHOLE, -HUGE_VAL, HUGE_VAL,
-      0}},
-    {RX_SCENE_RINGS,
-     {"false_0_2", "per Mpixel", 1,
-      "false detections within 2 FWHM of a bright star, at the last precision's cut", WRONG, 0, LAST, 0, 2,
-      0}},
-    {RX_SCENE_RINGS,
-     {"false_2_4", "per Mpixel", 1, "the same between 2 and 4 FWHM", WRONG, 0, LAST, 2, 4, 0}},
-    {RX_SCENE_RINGS,
-     {"false_4_6", "per Mpixel", 1, "the same between 4 and 6 FWHM", WRONG, 0, LAST, 4, 6, 0}},
-    {RX_SCENE_RINGS, {"false_whole", "per Mpixel", 1, "within 6 FWHM, whole list", WRONG, 0, WHOLE, 0, 6, 0}},
-    {RX_SCENE_RINGS,
-     {"recall", "", 3, "share of the bright stars found", SHARE, RX_OBJECT_SNR, WHOLE, 0, HUGE_VAL, 0}},
-    {RX_SCENE_PLATEAU,
-     {"phases2", "sigma", 4, "rms of the means of the 2 x 2 phases, the worst tile", WORST, RX_PHASES_2, 0, 0,
-      0, 0}},
-    {RX_SCENE_PLATEAU,
-     {"phases4", "sigma", 4, "rms of the means of the 4 x 4 phases, the worst tile", WORST, RX_PHASES_4, 0, 0,
-      0, 0}},
-    {RX_SCENE_PLATEAU,
-     {"range4", "sigma", 4, "range of the means of the 4 x 4 phases, the worst tile", WORST, RX_PHASES_RANGE,
-      0, 0, 0, 0}},
+/* STARS: of every list. */
+enum { FIXED_MOST = 5 };
+static const rx_quantity FIXED[RX_SCENE_IDS][FIXED_MOST] = {
+    [RX_SCENE_STARS] = {{"recall_whole", "", 3, SHARE, RX_OBJECT_SNR, WHOLE, 0, ALL, 0,
+                         "share of the objects found, whole list"},
+                        {"precision_whole", "", 3, PRECISION, 0, WHOLE, 0, 0, 0,
+                         "right detections / all that count, whole list"},
+                        {"false_whole", "per Mpixel", 3, WRONG, 0, WHOLE, -ALL, ALL, 0,
+                         "false detections, whole list"}},
+    [RX_SCENE_PAIRS] = {{"resolved", "", 3, SHARE, RX_OBJECT_APART, FIRST, 0, ALL, 1,
+                         "share of the pairs resolved, at the first precision's cut"},
+                        {"resolved_close", "", 3, SHARE, RX_OBJECT_APART, FIRST, 0, 0.75, 1,
+                         "the same, separations below 0.75 FWHM"},
+                        {"resolved_wide", "", 3, SHARE, RX_OBJECT_APART, FIRST, 0.75, ALL, 1,
+                         "the same, separations from 0.75 FWHM"},
+                        {"resolved_whole", "", 3, SHARE, RX_OBJECT_APART, WHOLE, 0, ALL, 1,
+                         "share of the pairs resolved, whole list"}},
+    [RX_SCENE_BLANK] = {{"false_cut", "per Mpixel", 2, WRONG, 0, LAST, -ALL, ALL, 0,
+                         "false detections at the last precision's cut"},
+                        {"false_whole", "per Mpixel", 2, WRONG, 0, WHOLE, -ALL, ALL, 0,
+                         "false detections, whole list"}},
+    [RX_SCENE_RINGS] = {{"false_0_2", "per Mpixel", 1, WRONG, 0, LAST, 0, 2, 0,
+                         "false detections within 2 FWHM of a bright star, at the last precision's cut"},
+                        {"false_2_4", "per Mpixel", 1, WRONG, 0, LAST, 2, 4, 0, "the same, 2 to 4 FWHM"},
+                        {"false_4_6", "per Mpixel", 1, WRONG, 0, LAST, 4, 6, 0, "the same, 4 to 6 FWHM"},
+                        {"false_whole", "per Mpixel", 1, WRONG, 0, WHOLE, 0, 6, 0,
+                         "within 6 FWHM, whole list"},
+                        {"recall", "", 3, SHARE, RX_OBJECT_SNR, WHOLE, 0, ALL, 0,
+                         "share of the bright stars found"}},
+    [RX_SCENE_PLATEAU] = {{"phases2", "sigma", 4, WORST, RX_PHASES_2, 0, 0, 0, 0,
+                           "rms of the means of the 2 x 2 phases, the worst tile"},
+                          {"phases4", "sigma", 4, WORST, RX_PHASES_4, 0, 0, 0, 0,
+                           "rms of the means of the 4 x 4 phases, the worst tile"},
+                          {"range4", "sigma", 4, WORST, RX_PHASES_RANGE, 0, 0, 0, 0,
+                           "range of the means of the 4 x 4 phases, the worst tile"}},
 };
 
 static void name_quantities(const rx_lab *lab, rx_scene_id scene, rx_store_group *g)
@@ -95,37 +81,29 @@ static void name_quantities(const rx_lab *lab, rx_scene_id scene, rx_store_group
     const int list = rx_scene_is_list(scene);
     rx_quantity *q = g->quantity;
     if (list)
-        *q++ = (rx_quantity){
-            .name = "ap", .unit = "", .digits = 3, .help = "average precision", .statistic = AP, .best = 1};
+        *q++ = (rx_quantity){"ap", "", 3, AP, 0, 0, 0, 0, 1, "average precision"};
     for (int p = 0; p < lab->nprecisions && list; p++, q++) {
-        *q = (rx_quantity){"", "", 3, "", SHARE, RX_OBJECT_SNR, p, 0, HUGE_VAL, 1};
+        *q = (rx_quantity){"", "", 3, SHARE, RX_OBJECT_SNR, p, 0, ALL, 1, ""};
         snprintf(q->name, sizeof q->name, "recall_p%g", lab->precision[p]);
         snprintf(q->help, sizeof q->help,
                  "share of the objects found at the threshold of precision %g on this scene",
                  lab->precision[p]);
     }
-    for (size_t i = 0; i < sizeof FIXED / sizeof *FIXED; i++)
-        if (FIXED[i].scene == (list ? RX_SCENE_STARS : scene))
-            *q++ = FIXED[i].quantity;
+    const rx_quantity *fixed = FIXED[list ? RX_SCENE_STARS : scene];
+    for (int i = 0; i < FIXED_MOST && fixed[i].name[0] != '\0'; i++)
+        *q++ = fixed[i];
     for (int b = 0; b < SNR_BINS && list; b++, q++) {
         const double from = fmax(SNR_EDGE[b], lab->truth_snr);
-        *q = (rx_quantity){"",
-                           "",
-                           3,
-                           "",
-                           SHARE,
-                           RX_OBJECT_SNR,
-                           lab->nprecisions > 0 ? 0 : WHOLE,
-                           SNR_EDGE[b],
-                           SNR_EDGE[b + 1],
-                           1};
+        *q = (rx_quantity){
+            "", "", 3, SHARE, RX_OBJECT_SNR, lab->nprecisions > 0 ? 0 : WHOLE, SNR_EDGE[b], SNR_EDGE[b + 1],
+            1,  ""};
         snprintf(q->name, sizeof q->name, "recall_snr%g", from);
         snprintf(q->help, sizeof q->help, "recall at the first precision, objects of S/N %g to %g", from,
                  SNR_EDGE[b + 1]);
     }
     for (int i = 0; i < 4 * FAINT_BINS && scene == RX_SCENE_OUTSKIRTS; i++, q++) {
         const double from = FAINT_EDGE[i / 4], to = FAINT_EDGE[i / 4 + 1];
-        *q = (rx_quantity){"", "", 3, "", STACKED, i % 4, 0, from, to, 0};
+        *q = (rx_quantity){"", "", 3, STACKED, i % 4, 0, from, to, 0, ""};
         snprintf(q->name, sizeof q->name, "%s_snr%g", growth[i % 4][0], from);
         snprintf(q->help, sizeof q->help,
                  "flux %s over the true one there, galaxies of S/N %g to %g, all together", growth[i % 4][1],
@@ -337,14 +315,6 @@ static int counts(const rx_store *s, int condition, int g, rx_scene_id kind)
     return rx_condition_true(&s->lab->sky[condition].condition) && s->lab->scene[g].id == kind;
 }
 
-static int is_absent(const rx_store *s, rx_claim_verdict *v)
-{
-    if (rx_store_column(s, "NET") >= 0)
-        return 0;
-    rx_text_add(&v->said, "NET did not take part. ");
-    return 1;
-}
-
 /* ap and the recall at the first precision of both lists, of one pair. */
 static int above(const rx_store *s, int pair, rx_claim_verdict *v)
 {
@@ -385,62 +355,56 @@ static int above(const rx_store *s, int pair, rx_claim_verdict *v)
 static void judge_lists(const rx_store *s, rx_claim_verdict *v)
 {
     int holds = 1, judged = 0;
-    if (is_absent(s, v))
-        return;
     for (int pair = 0; pair < s->npairs; pair++) {
         const int one = above(s, pair, v);
         judged |= one >= 0;
         holds = holds && one != 0;
     }
     if (judged)
-        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+        v->state = rx_claim_state_of(holds);
 }
 
-/* Numbers of NET on one scene, every seeing. */
+/* Numbers of NET on one scene, every seeing: pairs against the better one of the unrestored images, or phases. */
 static void judge_scene(const rx_store *s, rx_claim_verdict *v)
 {
-    const int net = rx_store_column(s, "NET"), none = rx_store_column(s, "NONE");
+    const int net = rx_store_column(s, "NET"), pairs = v->claim == RX_CLAIM_PAIRS;
     const double limit = 0.01;
-    const int pairs = v->claim == RX_CLAIM_PAIRS;
     int holds = 1, judged = 0;
-    if (is_absent(s, v) || (pairs && none < 0))
-        return;
     for (int c = 0; c < s->lab->nconditions; c++)
         for (int g = 0; g < s->ngroups; g++) {
             if (!counts(s, c, g, pairs ? RX_SCENE_PAIRS : RX_SCENE_PLATEAU))
                 continue;
-            const double own = rx_store_at(s, g, 0, c, net)->value.value;
+            const double
+                own = rx_store_at(s, g, 0, c, net)->value.value,
+                other = pairs ? fmax(rx_store_value(s, g, "resolved", c, rx_store_column(s, "MATCHED")).value,
+                                     rx_store_value(s, g, "resolved", c, rx_store_column(s, "NONE")).value)
+                              : rx_store_at(s, g, 1, c, net)->value.value;
             judged = 1;
-            if (pairs) { /* the better one of the unrestored images */
-                const double other =
-                    fmax(rx_store_value(s, g, "resolved", c, rx_store_column(s, "MATCHED")).value,
-                         rx_store_at(s, g, 0, c, none)->value.value);
-                holds = holds && own > 0 && own >= 2 * other;
-                rx_text_printf(&v->said, "FWHM %g: %.3f against %.3f. ", s->lab->sky[c].fwhm, own, other);
-            } else {
-                const double four = rx_store_at(s, g, 1, c, net)->value.value;
-                holds = holds && own < limit && four < limit;
-                rx_text_printf(&v->said, "FWHM %g: %.2g (2 x 2), %.2g (4 x 4). ", s->lab->sky[c].fwhm, own,
-                               four);
-            }
+            holds = holds && (pairs ? own > 0 && own >= 2 * other : own < limit && other < limit);
+            rx_text_printf(&v->said,
+                           pairs ? "FWHM %g: %.3f against %.3f. " : "FWHM %g: %.2g (2 x 2), %.2g (4 x 4). ",
+                           s->lab->sky[c].fwhm, own, other);
         }
     if (judged)
-        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+        v->state = rx_claim_state_of(holds);
 }
 
 /* --- page --- */
 
 static const char READING[] =
-    "Every number is followed by its 95 % interval and by how many objects (or counts) are behind it. Shares "
-    "have Clopper-Pearson intervals, counts Poisson ones, ap and flux ratios bootstrap intervals; objects of "
-    "one tile share its noise, which the intervals do not know. PLATEAU: the interval holds all tiles. "
-    "<b>MATCHED</b> is the unrestored image with a Gaussian of the PSF's width as its detection filter, NONE "
-    "the same with FILTER_NAME. <b>RL</b> is Richardson-Lucy at its best: for ap, the recalls and PAIRS the "
-    "setting of the highest value, each for itself and chosen on the tiles of the test, which is in its "
-    "favour; for everything else the setting of the highest ap over STARS and GALAXIES together. Which one "
-    "it is, and the settings one by one, are in cells.ecsv. <b>Thresholds</b>: recall at a precision is at "
-    "the lowest score with that precision on the scene itself; PAIRS, BLANK and RINGS use the thresholds of "
-    "STARS and GALAXIES together. Contests are of objects found at the first precision by only one of two.";
+    "Shares have Clopper-Pearson intervals, counts Poisson ones, ap and flux ratios bootstrap intervals, of "
+    "objects taken "
+    "as independent; PLATEAU: the interval holds all tiles. <b>MATCHED</b> is the unrestored image with a "
+    "Gaussian of the "
+    "PSF's width as its detection filter, NONE the same with FILTER_NAME. <b>RL</b> is Richardson-Lucy at "
+    "its best: for "
+    "ap, the recalls and PAIRS the setting of the highest value, each for itself and chosen on the tiles of "
+    "the test, in "
+    "its favour; for everything else that of the highest ap over STARS and GALAXIES together (cells.ecsv has "
+    "each). "
+    "<b>Thresholds</b>: recall at a precision is at the lowest score with that precision on the scene "
+    "itself; PAIRS, "
+    "BLANK and RINGS use those of STARS and GALAXIES together; contests are at the first precision.";
 
 /* ap and recall over the seeing, where restorers are given the truth. */
 static void plot(rx_figures *dst, const rx_store *s, int g, int q)
@@ -470,29 +434,25 @@ static void plot(rx_figures *dst, const rx_store *s, int g, int q)
 static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
 {
     (void)err;
-    for (int k = 0; k < RX_SCENE_IDS * s->ngroups; k++) {
+    for (int k = 0; k < RX_SCENE_IDS * s->ngroups; k++) { /* the scenes in the order of their ids */
         const int g = k % s->ngroups, list = rx_scene_is_list(s->lab->scene[g].id);
         const char *name = s->group[g].name;
-        char prefix[32];
         if ((int)s->lab->scene[g].id != k / s->ngroups)
             continue;
-        rx_report_section(f->report, name, name);
-        snprintf(prefix, sizeof prefix, "%s-", name);
         for (int q = 0; q < OPEN && list; q++)
             plot(rx_report_figures_of(f->report), s, g, q);
-        if (list)
-            rx_report_place(f->report, prefix);
+        rx_findings_section(f, name, name, list ? name : NULL);
         rx_report_paragraph(f->report, rx_scene_about(s->lab->scene[g].id));
         rx_findings_quantities(f, s, g, OPEN);
         if (list && s->lab->nprecisions > 0)
             rx_findings_contests(f, s, g, "objects");
     }
-    rx_report_section(f->report, "reading", "How to read this");
-    rx_report_paragraph(f->report, READING);
     return RX_OK;
 }
 
-static const rx_claim_judge JUDGES[] = {
-    {RX_CLAIM_LISTS, judge_lists}, {RX_CLAIM_PAIRS, judge_scene}, {RX_CLAIM_PLATEAU, judge_scene}};
+static const rx_claim_judge JUDGES[] = {{RX_CLAIM_LISTS, 0, judge_lists, {"NET"}},
+                                        {RX_CLAIM_PAIRS, 0, judge_scene, {"NET", "NONE"}},
+                                        {RX_CLAIM_PLATEAU, 0, judge_scene, {"NET"}}};
 
-const rx_lab_results rx_detection_results = {measure, NULL, sizeof JUDGES / sizeof *JUDGES, JUDGES, page};
+const rx_lab_results rx_detection_results = {measure, NULL, sizeof JUDGES / sizeof *JUDGES,
+                                             JUDGES,  page, READING};

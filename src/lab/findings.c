@@ -47,12 +47,6 @@ static const rx_report_column CLAIMS[] = {
     {.name = "found", .help = "what was found", .heading = "what was found"},
 };
 
-enum {
-    NCELLS = sizeof CELLS / sizeof *CELLS,
-    NCONTESTS = sizeof CONTESTS / sizeof *CONTESTS,
-    NCLAIMS = sizeof CLAIMS / sizeof *CLAIMS
-};
-
 static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     const rx_campaign_record *record = output->record;
@@ -71,62 +65,62 @@ static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output 
     rx_report_fact(r, "seed", seed);
     rx_report_fact_number(r, "interval_level", 0.95);
     rx_report_fact(r, "about", lab->about[0] != '\0' ? lab->about : NULL);
-    dst->claims = rx_report_table_add(r, "claims", NCLAIMS, CLAIMS, RX_REPORT_IN_JSON);
+    dst->claims = RX_REPORT_TABLE(r, "claims", CLAIMS, RX_REPORT_IN_JSON);
     if (!lab->kind->fluxes) {
-        dst->cells = rx_report_table_add(r, "cells", NCELLS, CELLS, RX_REPORT_EVERYWHERE);
-        dst->contests = rx_report_table_add(r, "contests", NCONTESTS, CONTESTS, RX_REPORT_EVERYWHERE);
+        dst->cells = RX_REPORT_TABLE(r, "cells", CELLS, RX_REPORT_EVERYWHERE);
+        dst->contests = RX_REPORT_TABLE(r, "contests", CONTESTS, RX_REPORT_EVERYWHERE);
     }
     return RX_OK;
 }
 
-static void show_claims(rx_findings *f, int ncolumns, const char *const *columns)
-{
-    rx_report_show(
-        f->report, f->claims,
-        &(rx_report_view){.to = rx_report_rows(f->claims), .ncolumns = ncolumns, .columns = columns});
-}
-
 static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, const rx_lab_run *runs)
 {
-    static const char *const claimed[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found"};
-    static const char *const goals[] = {"words", "run", "verdict", "found"};
+    static const char *const columns[2][2][4] = {
+        {{"words", "verdict"}, {"claim", "verdict", "found"}},
+        {{"words", "run", "verdict"}, {"words", "run", "verdict", "found"}}};
+    const int each = verdicts->n > 0 && verdicts->list[0].run >= 0;
     int count[RX_CLAIM_STATES] = {0};
     char word[32], sentence[160];
     for (int i = 0; i < verdicts->n; i++) {
         const rx_claim_verdict *v = &verdicts->list[i];
         const rx_claim *claim = rx_claim_get(v->claim);
-        const char *run = v->run >= 0 ? runs[v->run].name : NULL, *state = rx_claim_state_name(v->state);
+        const char *run = v->run >= 0 ? runs[v->run].name : "", *state = rx_claim_state_name(v->state);
         count[v->state]++;
-        rx_report_row(f->claims,
-                      (rx_cell[]){rx_cell_words(claim->name), rx_cell_words(claim->words),
-                                  rx_cell_words(claim->place), rx_cell_words(claim->test), rx_cell_words(run),
-                                  rx_cell_words(state), rx_cell_words(v->said.data)});
-        rx_text_printf(&f->brief, "%-24s %-8s %-18s %s\n", claim->name, run != NULL ? run : "", state,
-                       run != NULL && v->said.data != NULL ? v->said.data : "");
+        rx_report_put(f->claims, claim->name, claim->words, claim->place, claim->test, run, state,
+                      v->said.data);
+        rx_text_printf(&f->brief, "%-24s %-8s %-18s %s\n", claim->name, run, state,
+                       each && v->said.data != NULL ? v->said.data : "");
     }
-    const int each = verdicts->n > 0 && verdicts->list[0].run >= 0;
     const int broken = count[RX_NOT_REPRODUCED] + count[RX_GOAL_NOT_HELD];
-    if (each) {
-        snprintf(word, sizeof word, "%d held", count[RX_GOAL_HELD]);
-        snprintf(sentence, sizeof sentence, "of %d goals, each for each restorer; %d are not.", verdicts->n,
-                 broken);
-    } else {
-        snprintf(word, sizeof word, "%d reproduced", count[RX_REPRODUCED]);
-        snprintf(sentence, sizeof sentence, "of %d claims and goals; %d are not, %d could not be tested.",
-                 verdicts->n, broken, count[RX_NOT_YET_TESTABLE] + count[RX_NOT_TESTED]);
-    }
+    snprintf(word, sizeof word, "%d %s", count[RX_REPRODUCED] + count[RX_GOAL_HELD],
+             each ? "held" : "reproduced");
+    snprintf(sentence, sizeof sentence, "of %d %s; %d are not, %d could not be tested.", verdicts->n,
+             each ? "goals, each for each restorer" : "claims and goals", broken,
+             count[RX_NOT_YET_TESTABLE] + count[RX_NOT_TESTED] + count[RX_GOAL_NOT_MEASURED]);
     rx_report_verdict(f->report, broken > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
     rx_report_section(f->report, each ? "goals" : "claims",
                       each ? "Goals" : "The paper's claims, and our goals");
-    show_claims(f, each ? 3 : 2, each ? goals : claimed);
-    rx_report_fold(f->report, "What was found");
-    show_claims(f, each ? 4 : 3, each ? goals : found);
+    for (int found = 0; found < 2; found++) {
+        if (found)
+            rx_report_fold(f->report, "What was found");
+        rx_report_show(f->report, f->claims,
+                       &(rx_report_view){.ncolumns = 2 + each + found, .columns = columns[each][found]});
+    }
     rx_report_unfold(f->report);
     if (!each)
         rx_report_note(
             f->report,
-            "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186). NET is its network, RL is "
-            "Richardson-Lucy with a Gaussian filter. When a claim counts as reproduced is in summary.json.");
+            "The paper: Jia et al. 2023, MNRAS 527, 6581 (arXiv:2311.00186); when a claim counts as "
+            "reproduced is in summary.json.");
+}
+
+void rx_findings_section(rx_findings *f, const char *id, const char *title, const char *prefix)
+{
+    char begin[RX_FIGURE_ID];
+    rx_report_section(f->report, id, title);
+    snprintf(begin, sizeof begin, "%s-", prefix != NULL ? prefix : "");
+    if (prefix != NULL)
+        rx_report_place(f->report, begin);
 }
 
 void rx_findings_quantities(rx_findings *f, const rx_store *s, int group, int open)
@@ -134,7 +128,15 @@ void rx_findings_quantities(rx_findings *f, const rx_store *s, int group, int op
     const rx_store_group *g = &s->group[group];
     for (int q = 0; q < g->nquantities; q++) {
         const rx_quantity *quantity = &g->quantity[q];
-        const long from = rx_report_rows(f->cells);
+        const rx_report_view view = {.from = rx_report_rows(f->cells),
+                                     .title = quantity->name,
+                                     .unit = quantity->unit,
+                                     .note = quantity->help,
+                                     .rows = {"condition"},
+                                     .across = {"run"},
+                                     .value = "value",
+                                     .digits = quantity->digits,
+                                     .in_brief = q < open};
         if (q == open)
             rx_report_fold(f->report, "More tables");
         for (int hidden = 0; hidden < 2; hidden++) {
@@ -142,45 +144,31 @@ void rx_findings_quantities(rx_findings *f, const rx_store *s, int group, int op
                 const int c = i / s->ncolumns, k = i % s->ncolumns;
                 const rx_finding *one = rx_store_at(s, group, q, c, k);
                 if (s->hidden[k] == hidden)
-                    rx_report_row(f->cells,
-                                  (rx_cell[]){rx_cell_words(g->name), rx_cell_words(g->condition[c]),
-                                              rx_cell_words(s->column[k]), rx_cell_words(quantity->name),
-                                              rx_cell_estimate(one->value), rx_cell_words(one->setting)});
+                    rx_report_put(f->cells, g->name, g->condition[c], s->column[k], quantity->name,
+                                  one->value, one->setting);
             }
             if (!hidden)
-                rx_report_show(f->report, f->cells,
-                               &(rx_report_view){.from = from,
-                                                 .to = rx_report_rows(f->cells),
-                                                 .title = quantity->name,
-                                                 .unit = quantity->unit,
-                                                 .note = quantity->help,
-                                                 .rows = {"condition"},
-                                                 .across = {"run"},
-                                                 .value = "value",
-                                                 .digits = quantity->digits,
-                                                 .in_brief = q < open});
+                rx_report_show(f->report, f->cells, &view);
         }
     }
     if (g->nquantities > open)
         rx_report_unfold(f->report);
 }
 
-static void add_contest(rx_findings *f, const rx_store *s, const rx_contest_place *p, int condition)
+static void add_contest(rx_findings *f, const rx_store *s, int group, int pair, int subject, int condition)
 {
-    const rx_store_group *g = &s->group[p->group];
-    const rx_about *about = &s->about[p->about];
-    const rx_contest *c = rx_contest_of(s, p->group, p->pair, p->about, condition);
-    const char *const names[] = {s->column[s->pair[p->pair][0]], s->column[s->pair[p->pair][1]]};
+    const rx_store_group *g = &s->group[group];
+    const rx_about *about = &s->about[subject];
+    const rx_contest *c = rx_contest_of(s, group, pair, subject, condition);
+    const char *first = s->column[s->pair[pair][0]], *second = s->column[s->pair[pair][1]];
     const double ln_holm = c->holm == 0.0 ? c->test.ln_p + log(g->nconditions) : log(c->holm);
-    rx_report_row(f->contests, (rx_cell[]){rx_cell_words(g->name), rx_cell_words(g->condition[condition]),
-                                           rx_cell_words(about->quantity), rx_cell_words(names[0]),
-                                           rx_cell_words(names[1]), rx_cell_words(about->test),
-                                           rx_cell_estimate(c->test.difference),
-                                           rx_cell_number(c->test.statistic), rx_cell_number(c->test.dof),
-                                           rx_cell_p(c->test.p, c->test.ln_p), rx_cell_p(c->holm, ln_holm),
-                                           rx_cell_words(c->winner == 0 ? NULL : names[c->winner < 0]),
-                                           rx_cell_number(c->test.effect), rx_cell_number(c->only_first),
-                                           rx_cell_number(c->only_second)});
+    rx_report_put(f->contests, g->name, g->condition[condition], about->quantity, first, second, about->test,
+                  c->test.difference, c->test.statistic, c->test.dof, rx_cell_p(c->test.p, c->test.ln_p),
+                  rx_cell_p(c->holm, ln_holm),
+                  c->winner > 0   ? first
+                  : c->winner < 0 ? second
+                                  : "",
+                  c->test.effect, c->only_first, c->only_second);
 }
 
 void rx_findings_contests(rx_findings *f, const rx_store *s, int group, const char *things)
@@ -189,29 +177,35 @@ void rx_findings_contests(rx_findings *f, const rx_store *s, int group, const ch
                                           "statistic", "effect",   "only_first", "only_second",
                                           "p",         "holm",     "winner"};
     for (int pair = 0; pair < s->npairs; pair++) {
-        const long from = rx_report_rows(f->contests);
+        const int *of = s->pair[pair];
+        const rx_report_view view = {.from = rx_report_rows(f->contests),
+                                     .without_empty = 1,
+                                     .ncolumns = sizeof columns / sizeof *columns,
+                                     .columns = columns};
         char title[128];
+        rx_text words = {0};
         for (int a = 0, b; a < s->nabouts; a = b) { /* all tests of one quantity side by side */
             for (b = a + 1; b < s->nabouts && strcmp(s->about[b].quantity, s->about[a].quantity) == 0;)
                 b++;
             for (int i = 0; i < s->group[group].nconditions * (b - a); i++)
-                add_contest(f, s, &(rx_contest_place){group, pair, a + i % (b - a), NULL, 0}, i / (b - a));
+                add_contest(f, s, group, pair, a + i % (b - a), i / (b - a));
         }
-        snprintf(title, sizeof title, "%.40s against %.40s, on the same %s", s->column[s->pair[pair][0]],
-                 s->column[s->pair[pair][1]], things);
+        rx_contests_won(s, &(rx_contest_place){group, 0, s->nabouts - 1, NULL, 0}, of[0], of[1], 0, &words);
+        snprintf(title, sizeof title, "%.40s against %.40s, on the same %s", s->column[of[0]],
+                 s->column[of[1]], things);
         rx_report_fold(f->report, title);
-        rx_report_show(f->report, f->contests,
-                       &(rx_report_view){.from = from,
-                                         .to = rx_report_rows(f->contests),
-                                         .without_empty = 1,
-                                         .ncolumns = sizeof columns / sizeof *columns,
-                                         .columns = columns});
+        rx_report_sentence(f->report, words.data);
+        rx_report_show(f->report, f->contests, &view);
         rx_report_unfold(f->report);
+        if (pair < 2 && words.data != NULL)
+            rx_text_printf(rx_report_brief_of(f->report), "%s\n", words.data);
+        f->brief.failed |= words.failed;
+        rx_text_free(&words);
     }
 }
 
 /* Record and files; frees what findings hold, whatever comes out. */
-static rx_status finish(rx_findings *f, rx_status status, rx_error *err)
+static rx_status finish(rx_findings *f, const char *reading, rx_status status, rx_error *err)
 {
     const rx_campaign_record *record = f->output->record;
     const rx_report_files files = {.folder = f->output->folder,
@@ -220,6 +214,8 @@ static rx_status finish(rx_findings *f, rx_status status, rx_error *err)
                                    .log = f->output->log};
     const char *(*pairs)[2] = NULL;
     rx_text command = {0};
+    rx_report_section(f->report, "reading", "How to read this");
+    rx_report_paragraph(f->report, reading);
     rx_report_section(f->report, "record", "What made this page");
     rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)record->seed, record->command.data);
     rx_report_sentence(f->report, command.data);
@@ -255,7 +251,7 @@ rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error
         rx_claim_verdicts_free(&verdicts);
         if (lab->about[0] != '\0')
             rx_report_sentence(f.report, lab->about);
-        status = finish(&f, kind->page(store, &f, err), err);
+        status = finish(&f, kind->reading, kind->page(store, &f, err), err);
     }
     rx_store_free(store);
     return status;

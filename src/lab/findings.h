@@ -26,10 +26,13 @@ typedef struct rx_findings {
  * Errors: as rx_report_write(). */
 rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
 
-/* For page() of a kind. The quantities of a group as tables of conditions against columns: the first `open` ones lie open
- * (and are lines of the terminal), the rest is folded away; all of them are rows of "cells". */
+/* For page() of a kind. A section, and the figures whose ids begin with "PREFIX-" (NULL: none). */
+void rx_findings_section(rx_findings *findings, const char *id, const char *title, const char *prefix);
+/* The quantities of a group as tables of conditions against columns: the first `open` ones lie open (and are lines of the
+ * terminal), the rest is folded away; all of them are rows of "cells". */
 void rx_findings_quantities(rx_findings *findings, const rx_store *store, int group, int open);
-/* The contests of a group, pair by pair; things: "stars", of which the page says that they are the same. */
+/* The contests of a group, pair by pair, their outcome in words; things: "stars", of which the page says that they are
+ * the same. */
 void rx_findings_contests(rx_findings *findings, const rx_store *store, int group, const char *things);
 
 #endif

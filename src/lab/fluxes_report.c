@@ -313,32 +313,6 @@ static rx_status measure(rx_store *s, rx_error *err)
 
 /* --- goals --- */
 
-typedef struct judging {
-    rx_claim_verdict *verdict;
-    double worst; /* how far beyond (or within: negative) its limit the worst number is */
-    char where[256];
-    rx_estimate value;
-    int broken; /* numbers beyond a limit by more than their error */
-} judging;
-
-/* One number over one that is taken as exact; where in words. */
-static void hold(judging *j, rx_estimate e, double over, const char *where)
-{
-    const rx_claim *g = rx_claim_get(j->verdict->claim);
-    e = (rx_estimate){e.value / over, e.low / over, e.high / over, e.n};
-    if (e.n < FEWEST || !isfinite(e.value))
-        return;
-    const double beyond = fmax(e.value - g->high, g->low - e.value);
-    j->verdict->all++;
-    j->verdict->held += beyond <= 0;
-    j->broken += e.low > g->high || e.high < g->low;
-    if (j->verdict->all == 1 || beyond > j->worst) {
-        j->worst = beyond;
-        j->value = e;
-        snprintf(j->where, sizeof j->where, "%s", where);
-    }
-}
-
 /* The population on a tile whose restorers are given the truth. */
 static int counts(const rx_lab *lab, const rx_fluxes_place p)
 {
@@ -347,36 +321,23 @@ static int counts(const rx_lab *lab, const rx_fluxes_place p)
            (kind == RX_SCENE_FIELD || kind == RX_SCENE_MIXED_PAIRS || kind == RX_SCENE_INJECTED);
 }
 
-/* The least MagErr of all other fluxes on the same stars, and whose it is. */
-static double best_magerr(const rx_store *s, const rx_fluxes_place where, char *name, size_t size)
+/* The least number of the other fluxes on the same things: of pairs of AUTO on NONE and on RL; *whose it is. */
+static double least_other(const rx_store *s, const rx_fluxes_place where, int pairs, char *whose, size_t size)
 {
     double best = HUGE_VAL;
     rx_fluxes_place p;
     memcpy(p, where, sizeof p);
-    for (p[RX_OF_RUN] = 0; p[RX_OF_RUN] < s->ncolumns; p[RX_OF_RUN]++)
-        for (p[RX_OF_FLUX] = 0; p[RX_OF_FLUX] < RX_FLUX_TEMPLATE; p[RX_OF_FLUX]++) {
-            const double other = rx_fluxes_at(s, RX_FLUXES_CELLS, p)[RX_CELL_MAGERR].value;
-            if (other < best) {
-                best = other;
-                snprintf(name, size, ", against %s %s", s->column[p[RX_OF_RUN]],
-                         word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
-            }
+    for (int i = 0; i < s->ncolumns * RX_FLUX_TEMPLATE; i++) {
+        const char *run = s->column[p[RX_OF_RUN] = i / RX_FLUX_TEMPLATE];
+        p[RX_OF_FLUX] = i % RX_FLUX_TEMPLATE;
+        if (pairs && (p[RX_OF_FLUX] != RX_FLUX_AUTO || (strcmp(run, "NONE") != 0 && strcmp(run, "RL") != 0)))
+            continue;
+        const rx_estimate *other = pairs ? &rx_fluxes_at(s, RX_FLUXES_PAIRS, p)[RX_PAIR_SIZE]
+                                         : &rx_fluxes_at(s, RX_FLUXES_CELLS, p)[RX_CELL_MAGERR];
+        if (other->value < best && (!pairs || other->n >= FEWEST)) {
+            best = other->value;
+            snprintf(whose, size, ", against %s %s", run, word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
         }
-    return best;
-}
-
-/* The lower median |error| of AUTO on NONE and on RL. */
-static double best_pair(const rx_store *s, const rx_fluxes_place where)
-{
-    double best = HUGE_VAL;
-    rx_fluxes_place p;
-    memcpy(p, where, sizeof p);
-    p[RX_OF_FLUX] = RX_FLUX_AUTO;
-    for (p[RX_OF_RUN] = 0; p[RX_OF_RUN] < s->ncolumns; p[RX_OF_RUN]++) {
-        const rx_estimate *other = &rx_fluxes_at(s, RX_FLUXES_PAIRS, p)[RX_PAIR_SIZE];
-        const char *name = s->column[p[RX_OF_RUN]];
-        if ((strcmp(name, "NONE") == 0 || strcmp(name, "RL") == 0) && other->n >= FEWEST)
-            best = fmin(best, other->value);
     }
     return best;
 }
@@ -384,71 +345,70 @@ static double best_pair(const rx_store *s, const rx_fluxes_place where)
 /* What a goal is about: numbers of TEMPLATE of a sample and crowd, in bins of S/N (PAIRS: separations) first to last, of
  * stars alone (1) or of galaxies, too; every scene and seeing. */
 static const struct {
-    rx_claim_id claim;
     int sample, crowd, first, last, kinds, number;
-} GOALS[] = {
-    {RX_GOAL_BIAS_ISOLATED, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2,
-     RX_CELL_BIAS},
-    {RX_GOAL_BIAS_BINS, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, 1, RX_SNR_SINGLE - 1, 2,
-     RX_CELL_BIAS}, /* 0: below 10 */
-    {RX_GOAL_BIAS_APART, RX_SAMPLE_ALL, RX_CROWD_APART, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2, RX_CELL_BIAS},
-    {RX_GOAL_BIAS_BLENDED, RX_SAMPLE_ALL, RX_CROWD_BLENDED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2,
-     RX_CELL_BIAS},
-    {RX_GOAL_PULL, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_5_100, RX_SNR_5_100, 1, RX_CELL_PULL},
-    {RX_GOAL_WIDTH, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_5_100, RX_SNR_5_100, 1, RX_CELL_WIDTH},
-    {RX_GOAL_BOUND, RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 1, RX_CELL_BOUND},
-    {RX_GOAL_MAGERR, RX_SAMPLE_COMMON, RX_CROWD_ISOLATED, 0, RX_SNR_SINGLE - 1, 1, RX_CELL_MAGERR},
-    {RX_GOAL_PAIRS, RX_SAMPLE_DETECTED, 0, 0, PAIR_BINS - 1, 1, RX_PAIR_SIZE},
+} GOALS[RX_CLAIM_COUNT] = {
+    [RX_GOAL_BIAS_ISOLATED] = {RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2,
+                               RX_CELL_BIAS},
+    [RX_GOAL_BIAS_BINS] = {RX_SAMPLE_ALL, RX_CROWD_ISOLATED, 1, RX_SNR_SINGLE - 1, 2, RX_CELL_BIAS},
+    [RX_GOAL_BIAS_APART] = {RX_SAMPLE_ALL, RX_CROWD_APART, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2, RX_CELL_BIAS},
+    [RX_GOAL_BIAS_BLENDED] = {RX_SAMPLE_ALL, RX_CROWD_BLENDED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 2,
+                              RX_CELL_BIAS},
+    [RX_GOAL_PULL] = {RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_5_100, RX_SNR_5_100, 1, RX_CELL_PULL},
+    [RX_GOAL_WIDTH] = {RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_5_100, RX_SNR_5_100, 1, RX_CELL_WIDTH},
+    [RX_GOAL_BOUND] = {RX_SAMPLE_ALL, RX_CROWD_ISOLATED, RX_SNR_ABOVE_10, RX_SNR_ABOVE_10, 1, RX_CELL_BOUND},
+    [RX_GOAL_MAGERR] = {RX_SAMPLE_COMMON, RX_CROWD_ISOLATED, 0, RX_SNR_SINGLE - 1, 1, RX_CELL_MAGERR},
+    [RX_GOAL_PAIRS] = {RX_SAMPLE_DETECTED, 0, 0, PAIR_BINS - 1, 1, RX_PAIR_SIZE},
 };
 
 static void judge(const rx_store *s, rx_claim_verdict *v)
 {
-    const int pairs = v->claim == RX_GOAL_PAIRS;
-    judging j = {.verdict = v};
-    int goal = 0;
-    while (GOALS[goal].claim != v->claim)
-        goal++;
-    const int bins = GOALS[goal].last - GOALS[goal].first + 1, kinds = GOALS[goal].kinds;
+    const int pairs = v->claim == RX_GOAL_PAIRS, ratio = pairs || v->claim == RX_GOAL_MAGERR,
+              from = GOALS[v->claim].first, bins = GOALS[v->claim].last - from + 1,
+              kinds = GOALS[v->claim].kinds;
+    const rx_claim *goal = rx_claim_get(v->claim);
+    double worst = -HUGE_VAL; /* how far beyond (or within: negative) its limit the worst number is */
+    rx_estimate of_worst = {0};
+    char where[256] = "";
+    int broken = 0; /* numbers beyond a limit by more than their error */
     for (int i = 0; i < bins * kinds * s->ngroups * s->lab->nconditions; i++) {
-        const rx_fluxes_place p = {[RX_OF_SAMPLE] = GOALS[goal].sample,
-                                   [RX_OF_CROWD] = GOALS[goal].crowd,
+        const rx_fluxes_place p = {[RX_OF_SAMPLE] = GOALS[v->claim].sample,
+                                   [RX_OF_CROWD] = GOALS[v->claim].crowd,
                                    [RX_OF_RUN] = v->run,
                                    [RX_OF_FLUX] = RX_FLUX_TEMPLATE,
                                    [RX_OF_KIND] = i / bins % kinds,
                                    [RX_OF_SCENE] = i / bins / kinds % s->ngroups,
                                    [RX_OF_CONDITION] = i / bins / kinds / s->ngroups,
-                                   [RX_OF_SNR] = pairs ? 0 : GOALS[goal].first + i % bins,
+                                   [RX_OF_SNR] = pairs ? 0 : from + i % bins,
                                    [RX_OF_SEPARATION] = pairs ? i % bins : 0};
-        char where[256], name[64] = "";
-        if (!counts(s->lab, p))
+        char whose[64] = "";
+        const double over = ratio ? least_other(s, p, pairs, whose, sizeof whose) : 1;
+        rx_estimate e = rx_fluxes_at(s, pairs ? RX_FLUXES_PAIRS : RX_FLUXES_CELLS, p)[GOALS[v->claim].number];
+        e = (rx_estimate){e.value / over, e.low / over, e.high / over, e.n};
+        if (!counts(s->lab, p) || !isfinite(over) || e.n < FEWEST || !isfinite(e.value))
             continue;
-        const double over = pairs                        ? best_pair(s, p)
-                            : v->claim == RX_GOAL_MAGERR ? best_magerr(s, p, name, sizeof name)
-                                                         : 1;
-        const char *condition = word_of(s, RX_OF_CONDITION, p[RX_OF_CONDITION]);
-        if (pairs)
-            snprintf(where, sizeof where, "%s, %s FWHM", condition,
-                     word_of(s, RX_OF_SEPARATION, p[RX_OF_SEPARATION]));
-        else
-            snprintf(where, sizeof where, "%s of %s, %s, S/N %s%s", p[RX_OF_KIND] ? "galaxies" : "stars",
-                     s->group[p[RX_OF_SCENE]].name, condition, SNR[p[RX_OF_SNR]].name, name);
-        if (isfinite(over))
-            hold(&j, rx_fluxes_at(s, pairs ? RX_FLUXES_PAIRS : RX_FLUXES_CELLS, p)[GOALS[goal].number], over,
-                 where);
+        const double beyond = fmax(e.value - goal->high, goal->low - e.value);
+        v->all++;
+        v->held += beyond <= 0;
+        broken += e.low > goal->high || e.high < goal->low;
+        if (beyond <= worst)
+            continue;
+        worst = beyond;
+        of_worst = e;
+        snprintf(where, sizeof where, "%s of %s, %s, %s %s%s", p[RX_OF_KIND] ? "galaxies" : "stars",
+                 s->group[p[RX_OF_SCENE]].name, s->group[0].condition[p[RX_OF_CONDITION]],
+                 pairs ? "FWHM" : "S/N",
+                 pairs ? word_of(s, RX_OF_SEPARATION, p[RX_OF_SEPARATION]) : SNR[p[RX_OF_SNR]].name, whose);
     }
     v->state = v->all == 0         ? RX_GOAL_NOT_MEASURED
                : v->held == v->all ? RX_GOAL_HELD
-               : j.broken > 0      ? RX_GOAL_NOT_HELD
+               : broken > 0        ? RX_GOAL_NOT_HELD
                                    : RX_GOAL_UNDECIDED;
     if (v->all > 0)
         rx_text_printf(&v->said, "%d of %d numbers held; the worst is %.4g [%.4g, %.4g] (%ld objects): %s",
-                       v->held, v->all, j.value.value, j.value.low, j.value.high, j.value.n, j.where);
+                       v->held, v->all, of_worst.value, of_worst.low, of_worst.high, of_worst.n, where);
 }
 
-static const rx_claim_judge JUDGES[] = {
-    {RX_GOAL_BIAS_ISOLATED, judge}, {RX_GOAL_BIAS_BINS, judge}, {RX_GOAL_BIAS_APART, judge},
-    {RX_GOAL_BIAS_BLENDED, judge},  {RX_GOAL_PULL, judge},      {RX_GOAL_WIDTH, judge},
-    {RX_GOAL_BOUND, judge},         {RX_GOAL_MAGERR, judge},    {RX_GOAL_PAIRS, judge}};
+static const rx_claim_judge JUDGES[] = {{RX_GOAL_BIAS_ISOLATED, RX_GOAL_PAIRS, judge, {NULL}}};
 
 /* --- tables --- */
 
@@ -540,7 +500,6 @@ static void show(rx_report *report, const rx_report_table *t, long from, const r
 {
     rx_report_show(report, t,
                    &(rx_report_view){.from = from,
-                                     .to = rx_report_rows(t),
                                      .title = c->name,
                                      .unit = c->unit,
                                      .note = c->help,
@@ -575,7 +534,7 @@ static void add_crowd(rx_report *report, rx_report_table *const cells[RX_SAMPLES
     }
 }
 
-/* Bias over S/N: TEMPLATE of every restorer, AUTO of the first. */
+/* Bias over S/N: TEMPLATE of every restorer, AUTO of the first (dashed). */
 static void plot(rx_figures *dst, const rx_store *s, const rx_fluxes_place where)
 {
     static const double middle[RX_SNR_SINGLE] = {7.1, 14, 32, 71, 320, 2000};
@@ -584,19 +543,16 @@ static void plot(rx_figures *dst, const rx_store *s, const rx_fluxes_place where
     rx_fluxes_place p;
     char names[1 + RX_FLUXES_RUNS][64], id[RX_FIGURE_ID], title[160];
     memcpy(p, where, sizeof p);
-    for (int k = -1; k < s->ncolumns; k++) {
-        p[RX_OF_RUN] = k < 0 ? 0 : k;
-        p[RX_OF_FLUX] = k < 0 ? RX_FLUX_AUTO : RX_FLUX_TEMPLATE;
-        const char *run = s->column[p[RX_OF_RUN]];
-        snprintf(names[k + 1], sizeof *names, "%s %s", run, word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
-        rx_curves_add(&curves, RX_CURVE_BARS, rx_method_color(run), names[k + 1]);
+    for (int k = 0; k <= s->ncolumns; k++) {
+        const char *run = s->column[p[RX_OF_RUN] = k % s->ncolumns];
+        p[RX_OF_FLUX] = k < s->ncolumns ? RX_FLUX_TEMPLATE : RX_FLUX_AUTO;
+        snprintf(names[k], sizeof *names, "%s %s", run, word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
+        rx_curves_add(&curves, RX_CURVE_BARS, rx_method_color(run), names[k]);
         for (p[RX_OF_SNR] = 0; p[RX_OF_SNR] < RX_SNR_SINGLE; p[RX_OF_SNR]++) {
             const rx_estimate *e = &rx_fluxes_at(s, RX_FLUXES_CELLS, p)[RX_CELL_BIAS];
-            rx_curves_put(&curves, middle[p[RX_OF_SNR]] * (1 + 0.03 * (k + 1)), e->n >= 5 ? e->value : NAN,
-                          e->low, e->high);
+            rx_curves_put(&curves, middle[p[RX_OF_SNR]] * (1 + 0.03 * k), e->n >= 5 ? e->value : NAN, e->low,
+                          e->high);
         }
-        if (!curves.failed)
-            curves.curve[curves.n - 1].dashed = k < 0;
     }
     snprintf(title, sizeof title, "%s, %s, %s", p[RX_OF_KIND] ? "Galaxies" : "Stars",
              word_of(s, RX_OF_CROWD, p[RX_OF_CROWD]), word_of(s, RX_OF_CONDITION, p[RX_OF_CONDITION]));
@@ -605,105 +561,91 @@ static void plot(rx_figures *dst, const rx_store *s, const rx_fluxes_place where
     rx_curves_figure(dst, id, title, "", &axes, &curves);
 }
 
-static void add_figures(rx_figures *dst, const rx_store *s)
+static const char READING[] = "Tables here are of the objects that were detected on the image of the "
+                              "restorer of the column; all of its fluxes are "
+                              "of the same objects. Sources that only the residual of the templates showed "
+                              "(added) are left out, as AUTO and "
+                              "apertures know nothing of them; goals are compared with all (cells.ecsv, "
+                              "summary.json); cells_common.ecsv has those "
+                              "that every restorer has detected. S/N is the true one, in a matched filter on "
+                              "the bare sky. <b>APER</b> is the first "
+                              "of STAGE.PHOT_APERTURES, <b>WIDE</b> an aperture of 2 FWHM radius, both as "
+                              "they are. <b>Isolated</b>: no other object "
+                              "of more than 1 % of the flux within (3 + log10 f) FWHM and twice both "
+                              "half-light radii, f how many times brighter it "
+                              "is. <b>Blended</b>: another one within 1.5 FWHM and 2 mag; <b>told apart</b>: "
+                              "both were found, each nearer to its "
+                              "place than half the separation. <b>Marked</b>: FLAGS_RESTORE calls the source "
+                              "spurious. <b>Goals</b> are compared "
+                              "with FIELD, PAIRS and INJECTED where restorers are given the truth; "
+                              "undecided: beyond the limit by less than the "
+                              "error of the number.";
+
+/* The part of a page that is one scene's. */
+static void add_scene(rx_findings *f, const rx_store *s, int g, rx_report_table *const cells[RX_SAMPLES],
+                      rx_report_table *pairs)
 {
-    static const int crowds[] = {RX_CROWD_ISOLATED, RX_CROWD_APART};
-    for (int i = 0; i < s->ngroups * s->lab->nconditions * 4 && dst->n < RX_FIGURES_MAX; i++) {
-        const int scene = i / 4 / s->lab->nconditions;
-        if (s->lab->scene[scene].id != RX_SCENE_BLANK)
-            plot(dst, s,
-                 (rx_fluxes_place){[RX_OF_SAMPLE] = RX_SAMPLE_DETECTED,
-                                   [RX_OF_SCENE] = scene,
-                                   [RX_OF_CONDITION] = i / 4 % s->lab->nconditions,
-                                   [RX_OF_KIND] = i / 2 % 2,
-                                   [RX_OF_CROWD] = crowds[i % 2]});
+    const rx_lab *lab = s->lab;
+    const rx_scene_id scene = lab->scene[g].id;
+    rx_fluxes_place p = {[RX_OF_SAMPLE] = RX_SAMPLE_DETECTED, [RX_OF_SCENE] = g};
+    for (int i = 0; i < lab->nconditions * 4 && scene != RX_SCENE_BLANK; i++) {
+        p[RX_OF_CONDITION] = i / 4;
+        p[RX_OF_KIND] = i / 2 % 2;
+        p[RX_OF_CROWD] = i % 2 ? RX_CROWD_APART : RX_CROWD_ISOLATED;
+        if (rx_report_figures_of(f->report)->n < RX_FIGURES_MAX)
+            plot(rx_report_figures_of(f->report), s, p);
+    }
+    rx_findings_section(f, s->group[g].name, s->group[g].name,
+                        scene != RX_SCENE_BLANK ? s->group[g].name : NULL);
+    rx_report_paragraph(f->report, rx_scene_about(scene));
+    for (int sample = 0; sample < PAIR_SAMPLES && scene == RX_SCENE_MIXED_PAIRS; sample++) {
+        p[RX_OF_SAMPLE] = sample;
+        const long from = add_rows(pairs, s, RX_FLUXES_PAIRS, p, 2);
+        rx_report_fold(f->report,
+                       sample == RX_SAMPLE_DETECTED
+                           ? "Pairs of which both are detected, each at its place"
+                           : "The same with sources that only the residual of the templates shows");
+        for (int q = GRIDS[RX_FLUXES_PAIRS].nwords; q < LENGTH(PAIRS); q++)
+            show(f->report, pairs, from, &PAIRS[q], "separation");
+        rx_report_unfold(f->report);
+    }
+    for (int i = 0; i < 2 * RX_CROWDS && scene != RX_SCENE_BLANK; i++) {
+        p[RX_OF_CROWD] = i / 2;
+        p[RX_OF_KIND] = i % 2;
+        add_crowd(f->report, cells, s, p);
     }
 }
-
-static const char READING[] =
-    "Every number is followed by its 95 % interval and by how many objects are behind it. The tables here "
-    "are of the objects that were detected on the image of the restorer of the column; all of its fluxes are "
-    "of the same objects. Sources that only the residual of the templates showed (added) are left out, for "
-    "AUTO and apertures know nothing of them; goals are compared with all (cells.ecsv, summary.json); "
-    "cells_common.ecsv has those that every restorer has detected. S/N is the true one, in a matched filter "
-    "on the bare sky. <b>APER</b> is the first of STAGE.PHOT_APERTURES and <b>WIDE</b> an aperture of 2 FWHM "
-    "radius, both without a correction for what lies outside of them. <b>Isolated</b>: no other object of "
-    "more than 1 % of the flux within (3 + log10 f) FWHM and twice both half-light radii, f how many times "
-    "brighter the other one is. <b>Blended</b>: another one within 1.5 FWHM and 2 mag; <b>told apart</b>: "
-    "both were found, each nearer to its place than half the separation, so that the flux of an object means "
-    "something. <b>Marked</b>: FLAGS_RESTORE calls the source spurious. <b>Goals</b> are compared with "
-    "FIELD, PAIRS and INJECTED under conditions in which restorers are given the truth; undecided: beyond "
-    "the limit, but by less than the error of the number.";
 
 static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
 {
-    static const char *const names[] = {"cells_detected", "cells", "cells_common"};
+    static const char *const brief[] = {"condition",      "run",           "right", "wrong",
+                                        "right_unmarked", "wrong_unmarked"};
     const rx_lab *lab = s->lab;
-    rx_report *report = f->report;
-    rx_report_table *cells[RX_SAMPLES],
-        *sets = rx_report_table_add(report, "sets", LENGTH(SETS), SETS, RX_REPORT_IN_JSON);
+    rx_report_table *sets = RX_REPORT_TABLE(f->report, "sets", SETS, RX_REPORT_IN_JSON),
+                    *cells[RX_SAMPLES] = {[RX_SAMPLE_DETECTED] = RX_REPORT_TABLE(f->report, "cells_detected",
+                                                                                 CELLS, RX_REPORT_IN_FILE),
+                                          [RX_SAMPLE_ALL] = RX_REPORT_TABLE(f->report, "cells", CELLS,
+                                                                            RX_REPORT_EVERYWHERE),
+                                          [RX_SAMPLE_COMMON] = RX_REPORT_TABLE(f->report, "cells_common",
+                                                                               CELLS, RX_REPORT_IN_FILE)},
+                    *pairs = RX_REPORT_TABLE(f->report, "pairs", PAIRS, RX_REPORT_EVERYWHERE),
+                    *invented = RX_REPORT_TABLE(f->report, "invented", INVENTED, RX_REPORT_EVERYWHERE);
     (void)err;
-    for (int sample = 0; sample < RX_SAMPLES; sample++)
-        cells[sample] =
-            rx_report_table_add(report, names[sample], LENGTH(CELLS), CELLS,
-                                sample == RX_SAMPLE_ALL ? RX_REPORT_EVERYWHERE : RX_REPORT_IN_FILE);
-    rx_report_table *pairs = rx_report_table_add(report, "pairs", LENGTH(PAIRS), PAIRS, RX_REPORT_EVERYWHERE);
-    rx_report_table *invented =
-        rx_report_table_add(report, "invented", LENGTH(INVENTED), INVENTED, RX_REPORT_EVERYWHERE);
-    add_figures(rx_report_figures_of(report), s);
     for (int g = 0; g < s->ngroups; g++) {
-        const rx_scene_id scene = lab->scene[g].id;
-        rx_fluxes_place p = {[RX_OF_SCENE] = g};
-        char prefix[32];
-        rx_report_section(report, s->group[g].name, s->group[g].name);
-        snprintf(prefix, sizeof prefix, "%s-", s->group[g].name);
-        if (scene != RX_SCENE_BLANK)
-            rx_report_place(report, prefix);
-        rx_report_paragraph(report, rx_scene_about(scene));
         for (int c = 0; c < lab->nconditions; c++) {
             const rx_lab_set *set = rx_lab_set_of(lab, c, g);
-            rx_report_row(
-                sets,
-                (rx_cell[]){rx_cell_words(s->group[g].condition[c]), rx_cell_words(s->group[g].name),
-                            rx_cell_number(lab->sky[c].fwhm), rx_cell_number((double)set->ntiles),
-                            rx_cell_number((double)set->table[RX_FLUXES_OBJECT].n),
-                            rx_cell_number(rx_lab_sum(&set->table[RX_FLUXES_TILE], RX_FLUXES_MPIXELS))});
+            rx_report_put(sets, s->group[g].condition[c], s->group[g].name, lab->sky[c].fwhm, set->ntiles,
+                          set->table[RX_FLUXES_OBJECT].n,
+                          rx_lab_sum(&set->table[RX_FLUXES_TILE], RX_FLUXES_MPIXELS));
         }
-        for (int sample = 0; sample < PAIR_SAMPLES && scene == RX_SCENE_MIXED_PAIRS; sample++) {
-            p[RX_OF_SAMPLE] = sample;
-            const long from = add_rows(pairs, s, RX_FLUXES_PAIRS, p, 2);
-            rx_report_fold(report,
-                           sample == RX_SAMPLE_DETECTED
-                               ? "Pairs of which both are detected, each at its place"
-                               : "The same with sources that only the residual of the templates shows");
-            for (int q = GRIDS[RX_FLUXES_PAIRS].nwords; q < LENGTH(PAIRS); q++)
-                show(report, pairs, from, &PAIRS[q], "separation");
-            rx_report_unfold(report);
-        }
-        for (int i = 0; i < 2 * RX_CROWDS && scene != RX_SCENE_BLANK; i++) {
-            p[RX_OF_CROWD] = i / 2;
-            p[RX_OF_KIND] = i % 2;
-            add_crowd(report, cells, s, p);
-        }
-        const long from = add_rows(invented, s, RX_FLUXES_INVENTED, p, 1);
-        rx_report_show(
-            report, invented,
-            &(rx_report_view){.from = from, .to = rx_report_rows(invented), .title = "Invented sources"});
-        for (int i = 0; i < lab->nconditions * lab->nruns; i++) {
-            const rx_estimate *v = rx_fluxes_at(
-                s, RX_FLUXES_INVENTED,
-                (rx_fluxes_place){
-                    [RX_OF_SCENE] = g, [RX_OF_CONDITION] = i / lab->nruns, [RX_OF_RUN] = i % lab->nruns});
-            rx_text_printf(rx_report_brief_of(report),
-                           "%s %s %s: %.0f true, %.0f false; unmarked %.0f true, %.0f false\n",
-                           s->group[g].name, s->group[g].condition[i / lab->nruns], s->column[i % lab->nruns],
-                           v[RX_INVENTED_RIGHT].value, v[RX_INVENTED_WRONG].value,
-                           v[RX_INVENTED_RIGHT_KEPT].value, v[RX_INVENTED_WRONG_KEPT].value);
-        }
+        add_scene(f, s, g, cells, pairs);
+        const long from = add_rows(invented, s, RX_FLUXES_INVENTED, (rx_fluxes_place){[RX_OF_SCENE] = g}, 1);
+        rx_report_show(f->report, invented, &(rx_report_view){.from = from, .title = "Invented sources"});
+        rx_text_printf(rx_report_brief_of(f->report), "%s\n", s->group[g].name);
+        rx_report_show_brief(f->report, invented,
+                             &(rx_report_view){.from = from, .ncolumns = LENGTH(brief), .columns = brief});
     }
-    rx_report_section(report, "reading", "How to read this");
-    rx_report_paragraph(report, READING);
     return RX_OK;
 }
 
-const rx_lab_results rx_fluxes_results = {measure, NULL, sizeof JUDGES / sizeof *JUDGES, JUDGES, page};
+const rx_lab_results rx_fluxes_results = {measure, NULL, LENGTH(JUDGES), JUDGES, page, READING};

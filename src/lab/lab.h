@@ -153,6 +153,7 @@ typedef struct rx_lab_results {
     int njudges;
     const struct rx_claim_judge *judges;
     rx_status (*page)(const struct rx_store *store, struct rx_findings *findings, rx_error *err);
+    const char *reading; /* HTML: how to read the page */
 } rx_lab_results;
 
 /* An entry of the table of campaigns. */

@@ -6,14 +6,12 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "lab/findings.h"
 #include "lab/photometry.h"
 #include "quality/completeness.h"
 #include "quality/evaluate.h"
 #include "report/curves.h"
-#include "report/page.h"
-
-#define LENGTH(table) ((int)(sizeof(table) / sizeof *(table)))
 
 static const double LEVEL = 0.95;
 static const double LOW_SNR = 10;
@@ -35,21 +33,23 @@ typedef enum star_value { ERROR_PERCENT, ERROR_CLEAN, SIGNED_PERCENT, SIGNED_MAG
 
 /* After those at equal precision. The first of these lies open with them. */
 static const rx_quantity QUANTITIES[] = {
-    {"magerr", "%", 2, "mean of 100 |F - F0| / F0 over the stars found (the paper's MagErr)", MEAN,
-     ERROR_PERCENT, 0, 0, 0, 0},
-    {"recall", "", 3, "share of the stars found, whole list", RECALL, 0, WHOLE, 0, 0, 0},
-    {"precision", "", 3, "stars found / (stars found + false detections on the same tiles)", PRECISION, 0, 0,
-     0, 0, 0},
-    {"ap", "", 3, "average precision: area under the steps of the precision-recall curve", AP, 0, 0, 0, 0, 0},
-    {"magerr_clean", "%", 2, "the same without stars flagged as blended", MEAN, ERROR_CLEAN, 0, 0, 0, 0},
-    {"blended", "", 3, "share of the stars found that FLAGS calls blended or crowded", CROWDED, 0, 0, 0, 0,
-     0},
-    {"bias_percent", "%", 2, "median of 100 (F - F0) / F0", MEDIAN, SIGNED_PERCENT, 0, 0, 0, 0},
-    {"scatter_percent", "%", 2, "sigma_MAD of 100 (F - F0) / F0", WIDTH, SIGNED_PERCENT, 0, 0, 0, 0},
-    {"bias_mag", "mag", 3, "median of m - m0", MEDIAN, SIGNED_MAG, 0, 0, 0, 0},
-    {"scatter_mag", "mag", 3, "sigma_MAD of m - m0", WIDTH, SIGNED_MAG, 0, 0, 0, 0},
-    {"pull_median", "", 2, "median of (F - F0) / error, 0 when unbiased", MEDIAN, PULL, 0, 0, 0, 0},
-    {"pull_width", "", 2, "sigma_MAD of (F - F0) / error, 1 when errors are true", WIDTH, PULL, 0, 0, 0, 0},
+    {"magerr", "%", 2, MEAN, ERROR_PERCENT, WHOLE, 0, 0, 0,
+     "mean of 100 |F - F0| / F0 over the stars found (the paper's MagErr)"},
+    {"recall", "", 3, RECALL, 0, WHOLE, 0, 0, 0, "share of the stars found, whole list"},
+    {"precision", "", 3, PRECISION, 0, WHOLE, 0, 0, 0,
+     "stars found / (stars found + false detections on the same tiles)"},
+    {"ap", "", 3, AP, 0, WHOLE, 0, 0, 0,
+     "average precision: area under the steps of the precision-recall curve"},
+    {"magerr_clean", "%", 2, MEAN, ERROR_CLEAN, WHOLE, 0, 0, 0, "magerr without stars flagged as blended"},
+    {"blended", "", 3, CROWDED, 0, WHOLE, 0, 0, 0,
+     "share of the stars found that FLAGS calls blended or crowded"},
+    {"bias_percent", "%", 2, MEDIAN, SIGNED_PERCENT, WHOLE, 0, 0, 0, "median of 100 (F - F0) / F0"},
+    {"scatter_percent", "%", 2, WIDTH, SIGNED_PERCENT, WHOLE, 0, 0, 0, "sigma_MAD of 100 (F - F0) / F0"},
+    {"bias_mag", "mag", 3, MEDIAN, SIGNED_MAG, WHOLE, 0, 0, 0, "median of m - m0"},
+    {"scatter_mag", "mag", 3, WIDTH, SIGNED_MAG, WHOLE, 0, 0, 0, "sigma_MAD of m - m0"},
+    {"pull_median", "", 2, MEDIAN, PULL, WHOLE, 0, 0, 0, "median of (F - F0) / error, 0 when unbiased"},
+    {"pull_width", "", 2, WIDTH, PULL, WHOLE, 0, 0, 0,
+     "sigma_MAD of (F - F0) / error, 1 when errors are true"},
 };
 
 static const rx_lab_table *stars_of(const rx_lab *lab, int field, int k)
@@ -258,12 +258,12 @@ static rx_status measure_field(rx_store *s, int f, rx_error *err)
     g->name = lab->sky[f].name;
     for (int p = 0; p < lab->nprecisions; p++) {
         rx_quantity *q = &g->quantity[g->nquantities++];
-        *q = (rx_quantity){"", "", 3, "", RECALL, 0, p, 0, 0, 0};
+        *q = (rx_quantity){"", "", 3, RECALL, 0, p, 0, 0, 0, ""};
         snprintf(q->name, sizeof q->name, "recall_p%g", lab->precision[p]);
         snprintf(q->help, sizeof q->help, "share of the stars found at precision %g", lab->precision[p]);
     }
     memcpy(&g->quantity[g->nquantities], QUANTITIES, sizeof QUANTITIES);
-    g->nquantities += LENGTH(QUANTITIES);
+    g->nquantities += (int)(sizeof QUANTITIES / sizeof *QUANTITIES);
     RX_TRY(rx_group_open(s, f, lab->nscenes, err));
     for (int k = 0; k < lab->nscenes; k++) {
         snprintf(g->condition[k], sizeof *g->condition, "%g", lab->scene[k].mag);
@@ -306,117 +306,42 @@ static rx_status measure(rx_store *s, rx_error *err)
     return status;
 }
 
-/* --- words --- */
-
-/* What a sentence is about: as the store has it; the last but one is errors. */
-static void sentence(rx_text *dst, const rx_store *s, int f, int pair, int about)
-{
-    static const struct {
-        int winner;
-        const char *found, *errors;
-    } outcomes[] = {{1, "more at magnitude", "smaller at magnitude"},
-                    {-1, "fewer at magnitude", "larger at magnitude"},
-                    {0, "no clear difference at", "no clear difference at"}};
-    const int errors = about > s->lab->nprecisions;
-    const rx_contest_place place = {f, pair, about, NULL, 0};
-    int any = 0;
-    rx_text_printf(dst, "%s against %s, ", s->column[s->pair[pair][0]], s->column[s->pair[pair][1]]);
-    if (errors)
-        rx_text_add(dst, "flux errors: ");
-    else if (about == 0)
-        rx_text_add(dst, "stars found, whole lists: ");
-    else
-        rx_text_printf(dst, "stars found at precision %g: ", s->lab->precision[about - 1]);
-    for (int i = 0; i < LENGTH(outcomes); i++)
-        if (rx_contests_count(s, &place, outcomes[i].winner) > 0) {
-            rx_text_printf(dst, "%s%s ", any++ ? "; " : "", errors ? outcomes[i].errors : outcomes[i].found);
-            rx_contests_words(dst, s, &place, outcomes[i].winner);
-        }
-    rx_text_add(dst, ". ");
-}
-
 /* --- claims --- */
-
-static int pair_of(const rx_store *s, int a, int b, int *sign)
-{
-    *sign = a > b ? 1 : -1;
-    return a > b ? rx_store_pair(s, a, b) : rx_store_pair(s, b, a);
-}
 
 static int is_true(const rx_store *s, int field)
 {
     return rx_condition_true(&s->lab->sky[field].condition);
 }
 
-static int is_low(const rx_store *s, int field, int k, int which)
+static int is_judged(const rx_store *s, int field, int k, int low)
 {
-    return !which || snr_of(s->lab, field, k) < LOW_SNR;
+    return is_true(s, field) && (!low || snr_of(s->lab, field, k) < LOW_SNR);
 }
 
 /* a beats b at some magnitude and loses at none (low: of those of low S/N), on every field whose restorers are given the
  * truth, and at every precision; or its errors do. */
-static int beats(const rx_store *s, int a, int b, int errors, int low)
+static int beats(const rx_store *s, int a, int b, int errors, int low, rx_text *said)
 {
-    const int np = s->lab->nprecisions;
-    int sign, pair = pair_of(s, a, b, &sign), all = s->ngroups > 0;
-    for (int f = 0; f < s->ngroups; f++)
-        for (int about = errors ? np + 1 : 1; about <= (errors ? np + 1 : np) && is_true(s, f); about++) {
-            const rx_contest_place place = {f, pair, about, is_low, low};
-            all = all && pair >= 0 && rx_contests_count(s, &place, sign) > 0 &&
-                  rx_contests_count(s, &place, -sign) == 0;
-        }
-    return all;
+    const int np = s->lab->nprecisions, first = errors ? np + 1 : 1;
+    const rx_contest_place place = {-1, first, errors ? first : np, is_judged, low};
+    return rx_contests_won(s, &place, a, b, 0, said) > 0;
 }
 
-static void show(rx_text *dst, const rx_store *s, int a, int b, int errors)
+/* NET against NONE and against every other restorer; RESTORED_BETTER: every one against NONE. */
+static void judge_pairs(const rx_store *s, rx_claim_verdict *v)
 {
-    const int np = s->lab->nprecisions;
-    int sign, pair = pair_of(s, a, b, &sign);
-    for (int f = 0; f < s->lab->nconditions && pair >= 0; f++) {
-        if (!is_true(s, f))
-            continue;
-        rx_text_printf(dst, "Field %s: ", s->group[f].name);
-        for (int about = errors ? np + 1 : 1; about <= (errors ? np + 1 : np); about++)
-            sentence(dst, s, f, pair, about);
-    }
-}
-
-static void judge_restored(const rx_store *s, rx_claim_verdict *v)
-{
-    const int none = rx_store_column(s, "NONE");
-    int others = 0, holds = 1;
-    for (int run = 0; run < s->lab->nruns && none >= 0; run++) {
-        if (run == none || s->lab->run[run].templates) /* the same list */
-            continue;
-        others++;
-        holds = holds && beats(s, run, none, 0, 0);
-        show(&v->said, s, run, none, 0);
-    }
-    if (others > 0)
-        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
-    else
-        rx_text_add(&v->said, "NONE and a restorer must both take part. ");
-}
-
-/* The network against NONE and against every other restorer, or what the others do where it is absent. */
-static void judge_net(const rx_store *s, rx_claim_verdict *v)
-{
-    const int net = rx_store_column(s, "NET"), none = rx_store_column(s, "NONE");
-    const int low = v->claim == RX_CLAIM_LOW_SNR, errors = v->claim == RX_CLAIM_ACCURACY;
+    const int net = rx_store_column(s, "NET"), none = rx_store_column(s, "NONE"),
+              every = v->claim == RX_CLAIM_RESTORED_BETTER, errors = v->claim == RX_CLAIM_ACCURACY;
     int holds = 1, rivals = 0;
-    if (net < 0)
-        rx_text_add(&v->said, "NET did not take part. ");
     for (int run = 0; run < s->lab->nruns; run++) {
-        const int a = net >= 0 ? net : run, b = net >= 0 ? run : none;
-        if (a == b || (errors && b != none) || s->lab->run[run].templates)
+        const int a = every ? run : net, b = every ? none : run;
+        if (a == b || (errors && b != none) || s->lab->run[run].templates) /* the same list */
             continue;
         rivals++;
-        holds = holds && beats(s, a, b, errors, low);
-        if (net >= 0 || errors || low)
-            show(&v->said, s, a, b, errors);
+        holds &= beats(s, a, b, errors, v->claim == RX_CLAIM_LOW_SNR, &v->said);
     }
-    if (net >= 0 && rivals > 0)
-        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+    if (rivals > 0)
+        v->state = rx_claim_state_of(holds);
 }
 
 /* MagErr against RL, bias and scatter against the unrestored image; what fails is said. */
@@ -425,37 +350,29 @@ static void judge_fluxes(const rx_store *s, rx_claim_verdict *v)
     const double sure_snr = 12, most_bias = 1, most_scatter = 1.5;
     const int net = rx_store_column(s, "NET"), none = rx_store_column(s, "NONE"),
               rl = rx_store_column(s, "RL");
-    int holds = 1, fields = 0;
-    if (net < 0 || none < 0 || rl < 0) {
-        rx_text_add(&v->said, "NET, RL and NONE must all take part. ");
-        return;
+    int held = 0, all = 0;
+    for (int i = 0; i < s->ngroups * s->lab->nscenes; i++) {
+        const int f = i / s->lab->nscenes, k = i % s->lab->nscenes;
+        const double magerr = rx_store_value(s, f, "magerr", k, net).value,
+                     rl_magerr = rx_store_value(s, f, "magerr", k, rl).value,
+                     bias = rx_store_value(s, f, "bias_percent", k, net).value,
+                     scatter = rx_store_value(s, f, "scatter_percent", k, net).value /
+                               rx_store_value(s, f, "scatter_percent", k, none).value;
+        const int sure = snr_of(s->lab, f, k) > sure_snr,
+                  holds =
+                      !(magerr > rl_magerr) && (!sure || (fabs(bias) < most_bias && scatter <= most_scatter));
+        if (!is_true(s, f))
+            continue;
+        all++;
+        held += holds;
+        if (!holds)
+            rx_text_printf(&v->said,
+                           "Field %s, magnitude %g: MagErr %.2f %% (RL %.2f %%), bias %.2f %%, scatter %.2f "
+                           "times NONE's. ",
+                           s->group[f].name, s->lab->scene[k].mag, magerr, rl_magerr, bias, scatter);
     }
-    for (int f = 0; f < s->ngroups; f++) {
-        fields += is_true(s, f);
-        for (int k = 0; k < s->lab->nscenes && is_true(s, f); k++) {
-            const double magerr = rx_store_value(s, f, "magerr", k, net).value,
-                         rl_magerr = rx_store_value(s, f, "magerr", k, rl).value,
-                         bias = rx_store_value(s, f, "bias_percent", k, net).value,
-                         scatter = rx_store_value(s, f, "scatter_percent", k, net).value /
-                                   rx_store_value(s, f, "scatter_percent", k, none).value;
-            const int sure = snr_of(s->lab, f, k) > sure_snr;
-            rx_text lost = {0};
-            if (magerr > rl_magerr)
-                rx_text_printf(&lost, " MagErr %.2f %% (RL %.2f %%)", magerr, rl_magerr);
-            if (sure && !(fabs(bias) < most_bias))
-                rx_text_printf(&lost, " bias %.2f %%", bias);
-            if (sure && !(scatter <= most_scatter))
-                rx_text_printf(&lost, " scatter %.2f times NONE's", scatter);
-            if (lost.length > 0)
-                rx_text_printf(&v->said, "Field %s, magnitude %g:%s. ", s->group[f].name,
-                               s->lab->scene[k].mag, lost.data);
-            holds = holds && lost.length == 0;
-            v->said.failed |= lost.failed;
-            rx_text_free(&lost);
-        }
-    }
-    if (fields > 0)
-        v->state = holds ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+    if (all > 0)
+        v->state = rx_claim_state_of(held == all);
 }
 
 /* MagErr of a run less that of another one on the stars that all runs found, and the error of that. */
@@ -512,80 +429,52 @@ static void judge_templates(const rx_store *s, rx_claim_verdict *v)
         held += holds;
     }
     if (all > 0)
-        v->state = held == all ? RX_REPRODUCED : RX_NOT_REPRODUCED;
+        v->state = rx_claim_state_of(held == all);
     if (all > 0)
         rx_text_printf(&v->said, "Held in %d of %d sets of stars. ", held, all);
     else
         rx_text_add(&v->said, "No run had the fluxes of template photometry. ");
 }
 
-static const rx_claim_judge JUDGES[] = {{RX_CLAIM_RESTORED_BETTER, judge_restored},
-                                        {RX_CLAIM_NET_BEST, judge_net},
-                                        {RX_CLAIM_LOW_SNR, judge_net},
-                                        {RX_CLAIM_ACCURACY, judge_net},
-                                        {RX_CLAIM_SPEED, NULL},
-                                        {RX_CLAIM_FLUXES, judge_fluxes},
-                                        {RX_CLAIM_TEMPLATES, judge_templates}};
+static const rx_claim_judge JUDGES[] = {{RX_CLAIM_RESTORED_BETTER, 0, judge_pairs, {"NONE"}},
+                                        {RX_CLAIM_NET_BEST, RX_CLAIM_ACCURACY, judge_pairs, {"NET"}},
+                                        {RX_CLAIM_SPEED, 0, NULL, {NULL}},
+                                        {RX_CLAIM_FLUXES, 0, judge_fluxes, {"NET", "RL", "NONE"}},
+                                        {RX_CLAIM_TEMPLATES, 0, judge_templates, {NULL}}};
 
 /* --- figures --- */
 
 /* FIGURE_FIELDS: the first ones; the page of a long list of conditions stays readable. */
 enum { CURVES = 6, POINTS_MAX = 250, FEW = 5, FIELDS_WITH_CURVES = 2, FIGURE_FIELDS = 12 };
 
-/* Ranges of BANDs and of MagErr from the values; shares stand between 0 and 1. */
-static void set_range(const rx_curves *c, int positive, rx_axes *axes)
-{
-    double low = INFINITY, high = -INFINITY;
-    for (int k = 0; k < c->n; k++)
-        for (long i = 0; i < 3 * c->curve[k].n; i++) {
-            const double v = (i % 3 == 0   ? c->curve[k].y
-                              : i % 3 == 1 ? c->curve[k].low
-                                           : c->curve[k].high)[i / 3];
-            if (isfinite(v) && (!positive || v > 0)) {
-                low = fmin(low, v);
-                high = fmax(high, v);
-            }
-        }
-    axes->log_y = positive;
-    axes->y0 = low <= high ? (positive ? 0.7 * low : fmax(low, -2)) : (positive ? 0.1 : -0.1);
-    axes->y1 = low <= high ? (positive ? 1.4 * high : fmin(high, 2)) : (positive ? 100 : 0.1);
-    if (!(axes->y1 > axes->y0))
-        axes->y1 = axes->y0 + 0.1;
-}
-
 /* One quantity over the magnitudes of a field; bias with its scatter as a band, everything else with its interval. */
 static void plot(rx_figures *dst, const rx_store *s, int f, const char *quantity, const char *title,
                  const char *reading)
 {
     const rx_lab *lab = s->lab;
-    const int band = strcmp(quantity, "bias_mag") == 0, positive = strcmp(quantity, "magerr") == 0;
+    const int band = strcmp(quantity, "bias_mag") == 0, errors = strcmp(quantity, "magerr") == 0;
     const double step = lab->nscenes > 1 ? lab->scene[1].mag - lab->scene[0].mag : 1;
-    rx_axes axes = {.xlabel = "magnitude", .ylabel = title, .y1 = 1.02};
+    const rx_axes axes = {.xlabel = "magnitude",
+                          .ylabel = title,
+                          .x0 = lab->scene[0].mag - 0.5 * step,
+                          .x1 = lab->scene[lab->nscenes - 1].mag + 0.5 * step,
+                          .y1 = band || errors ? 0 : 1.02,
+                          .log_y = errors};
     rx_curves c = {0};
     char id[RX_FIGURE_ID];
-    axes.x0 = lab->scene[0].mag - 0.5 * step;
-    axes.x1 = lab->scene[lab->nscenes - 1].mag + 0.5 * step;
     for (int run = 0; run < lab->nruns; run++) {
         rx_curves_add(&c, band ? RX_CURVE_BAND : RX_CURVE_BARS, rx_method_color(s->column[run]),
                       s->column[run]);
         for (int k = 0; k < lab->nscenes; k++) {
-            rx_estimate e = rx_store_value(s, f, quantity, k, run);
-            const double scatter = rx_store_value(s, f, "scatter_mag", k, run).value;
-            if (e.n < FEW)
-                e = (rx_estimate){NAN, NAN, NAN, 0};
-            rx_curves_put(&c, lab->scene[k].mag + (band ? 0 : 0.06 * step * (run - 0.5 * (lab->nruns - 1))),
-                          e.value, band ? e.value - scatter : e.low, band ? e.value + scatter : e.high);
+            const rx_estimate e = rx_store_value(s, f, quantity, k, run);
+            const double scatter = rx_store_value(s, f, "scatter_mag", k, run).value,
+                         x = lab->scene[k].mag + (band ? 0 : 0.06 * step * (run - 0.5 * (lab->nruns - 1)));
+            rx_curves_put(&c, x, e.n < FEW ? NAN : e.value, band ? e.value - scatter : e.low,
+                          band ? e.value + scatter : e.high);
         }
-        if (!c.failed)
-            c.curve[c.n - 1].dashed = strchr(s->column[run], ' ') != NULL;
     }
-    if (band || positive)
-        set_range(&c, positive, &axes);
-    if (band) {
-        rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
-        rx_curves_put(&c, axes.x0, 0, NAN, NAN);
-        rx_curves_put(&c, axes.x1, 0, NAN, NAN);
-    }
+    if (band)
+        rx_curves_reference(&c, axes.x0, 0, axes.x1, 0);
     snprintf(id, sizeof id, "field%d-%s", f, quantity);
     rx_curves_figure(dst, id, title, reading, &axes, &c);
 }
@@ -600,14 +489,11 @@ static void plot_curve(rx_figures *dst, const rx_store *s, int f, int set)
     for (int run = 0; run < s->lab->nruns; run++) {
         rx_pr pr = {0};
         long objects;
-        if (rx_list_curve(&list, run, &objects, &pr, NULL) != RX_OK)
-            c.failed = true;
+        c.failed |= rx_list_curve(&list, run, &objects, &pr, NULL) != RX_OK;
         rx_curves_add(&c, RX_CURVE_LINE, rx_method_color(s->column[run]), s->column[run]);
         for (long k = 0; k < pr.n; k++)
             if (k % (pr.n / POINTS_MAX + 1) == 0 || k + 1 == pr.n)
                 rx_curves_put(&c, pr.point[k].recall, pr.point[k].precision, NAN, NAN);
-        if (!c.failed)
-            c.curve[c.n - 1].dashed = strchr(s->column[run], ' ') != NULL;
         rx_pr_free(&pr);
     }
     snprintf(id, sizeof id, "curve%d-%d", f, set);
@@ -619,11 +505,10 @@ static void plot_field(rx_figures *dst, const rx_store *s, int f)
 {
     static const char *const plans[][3] = {
         {"magerr", "MagErr (%)",
-         "Mean of 100 |F - F0| / F0 over the stars found, as the top of the paper's Figure 9, with bootstrap "
-         "intervals. It mixes bias and scatter."},
+         "Mean of 100 |F - F0| / F0 over the stars found, as the top of the paper's Figure 9."},
         {"bias_mag", "m - m0 (mag)",
-         "Median of m - m0 and, as a band, one sigma_MAD either side. Off zero is a bias; faint stars are "
-         "found when noise lifts them, which makes them too bright."},
+         "Median, and as a band one sigma_MAD either side; faint stars are found when noise "
+         "lifts them."},
         {"recall", "Recall, whole lists", "At the detection settings of the campaign, the same for all."},
         {"precision", "Precision, whole lists", "False detections of the tiles count at every magnitude."},
         {"ap", "Average precision", "Area under the steps of the precision-recall curve of each magnitude."},
@@ -631,21 +516,20 @@ static void plot_field(rx_figures *dst, const rx_store *s, int f)
     const double nearly_all = 0.95;
     const int nsets = s->lab->nscenes;
     int lost = nsets;
-    for (int i = 0; i < LENGTH(plans); i++)
+    for (size_t i = 0; i < sizeof plans / sizeof *plans; i++)
         plot(dst, s, f, plans[i][0], plans[i][1], plans[i][2]);
     for (int p = 0; p < s->lab->nprecisions; p++) {
         char title[64];
         snprintf(title, sizeof title, "Completeness at precision %g", s->lab->precision[p]);
         plot(dst, s, f, s->group[f].quantity[p].name, title,
-             "Each restorer at its own threshold, chosen so that precision over the whole field is equal.");
+             "Each restorer at the threshold of that precision.");
     }
     /* as the paper's figure six magnitudes, around those where stars begin to be lost */
     for (int k = nsets - 1; k >= 0; k--)
         for (int run = 0; run < s->lab->nruns; run++)
             if (rx_store_value(s, f, "recall", k, run).value < nearly_all)
                 lost = k;
-    int first = lost - 2 < nsets - CURVES ? lost - 2 : nsets - CURVES;
-    first = first > 0 ? first : 0;
+    const int first = rx_max_int(rx_min_int(lost - 2, nsets - CURVES), 0);
     for (int k = first; k < nsets && k < first + CURVES && s->ngroups <= FIELDS_WITH_CURVES; k++)
         plot_curve(dst, s, f, k);
 }
@@ -690,33 +574,26 @@ static const rx_report_column PR[] = {
 
 enum { CURVE_POINTS = 200 };
 
+/* Thresholds of a field; on the page without what its other tables have. */
 static void add_cuts(rx_report *report, const rx_store *s, int f, rx_report_table *t)
 {
-    const long from = rx_report_rows(t);
-    rx_text *brief = rx_report_brief_of(report);
-    rx_text_printf(brief, "%s\n", s->group[f].name);
+    static const char *const shown[] = {"run",    "precision_from", "score", "precision",
+                                        "recall", "mag50",          "mag90"};
+    const rx_report_view view = {
+        .from = rx_report_rows(t),
+        .ncolumns = sizeof shown / sizeof *shown,
+        .columns = shown,
+        .title = "Over all magnitudes: depth, and thresholds of equal precision",
+        .note = "The threshold is the lowest score (S/N of the detection) at which precision over "
+                "all magnitudes is at least that named. A depth with an infinite end is a limit.",
+        .in_brief = 1};
     for (int p = -1; p < s->lab->nprecisions; p++)
         for (int run = 0; run < s->lab->nruns; run++) {
             const rx_photometry_cut *c = rx_photometry_cut_of(s, f, run, p);
-            rx_report_row(t, (rx_cell[]){rx_cell_words(s->group[f].name), rx_cell_words(s->column[run]),
-                                         rx_cell_number(p < 0 ? NAN : s->lab->precision[p]),
-                                         rx_cell_number(c->score), rx_cell_number(c->whole_list),
-                                         rx_cell_estimate(c->precision), rx_cell_estimate(c->recall),
-                                         rx_cell_estimate(c->mag50), rx_cell_estimate(c->mag90),
-                                         rx_cell_estimate(c->false_per_mpixel)});
-            rx_text_printf(brief, "%-14s %s %-5.3g recall %.3f precision %.3f\n", s->column[run],
-                           p < 0 ? "whole list  " : "at precision", p < 0 ? 0.0 : s->lab->precision[p],
-                           c->recall.value, c->precision.value);
+            rx_report_put(t, s->group[f].name, s->column[run], p < 0 ? NAN : s->lab->precision[p], c->score,
+                          c->whole_list, c->precision, c->recall, c->mag50, c->mag90, c->false_per_mpixel);
         }
-    rx_report_show(
-        report, t,
-        &(rx_report_view){
-            .from = from,
-            .to = rx_report_rows(t),
-            .title = "Over all magnitudes: depth, and thresholds of equal precision",
-            .note = "The threshold is the lowest score (S/N of the detection) at which stars found / (stars "
-                    "found + false detections), all magnitudes together, is at least the precision named. A "
-                    "depth with an infinite end is a limit."});
+    rx_report_show(report, t, &view);
 }
 
 static rx_status add_curves(const rx_store *s, int f, rx_report_table *t, rx_error *err)
@@ -729,53 +606,31 @@ static rx_status add_curves(const rx_store *s, int f, rx_report_table *t, rx_err
         RX_TRY(rx_list_curve(&list, run, &objects, &pr, err));
         for (long j = 0; j < pr.n; j++)
             if (j % (pr.n / CURVE_POINTS + 1) == 0 || j + 1 == pr.n)
-                rx_report_row(t, (rx_cell[]){rx_cell_words(s->group[f].name),
-                                             rx_cell_words(s->group[f].condition[k]),
-                                             rx_cell_words(s->column[run]), rx_cell_number(pr.point[j].score),
-                                             rx_cell_number(pr.point[j].recall),
-                                             rx_cell_number(pr.point[j].precision)});
+                rx_report_put(t, s->group[f].name, s->group[f].condition[k], s->column[run],
+                              pr.point[j].score, pr.point[j].recall, pr.point[j].precision);
         rx_pr_free(&pr);
     }
     return RX_OK;
 }
 
-static void add_words(rx_report *report, const rx_store *s, int f)
-{
-    rx_text words = {0};
-    rx_report_fold(report, "Pairs of restorers in words");
-    for (int pair = 0; pair < s->npairs; pair++) {
-        const size_t before = words.length;
-        for (int about = 0; about < s->nabouts - 1; about++)
-            sentence(&words, s, f, pair, about);
-        rx_report_sentence(report, words.data != NULL ? words.data + before : "");
-    }
-    rx_report_unfold(report);
-    rx_report_brief_of(report)->failed |= words.failed;
-    rx_text_free(&words);
-}
-
-static const char READING[] = "Stars of one known magnitude at a time are put onto tiles that also hold "
-                              "other objects and noise; every restorer restores the same tiles, and the same "
-                              "program detects and measures. A star is found when a detection lies on it; a "
-                              "false detection is one that is neither one of the stars nor any object known "
-                              "to be there. Shares have Clopper-Pearson intervals, medians and sigma_MAD "
-                              "(1.4826 times the median absolute deviation) intervals from order statistics, "
-                              "MagErr, ap and the depths bootstrap intervals (1000 draws, none for fewer "
-                              "than 20 stars). Stars of one tile share its noise and its neighbours; the "
-                              "intervals take them as independent, and a threshold at equal precision as "
-                              "given. Precision depends on how many stars a tile holds, the same for every "
-                              "restorer. <b>Equal precision</b>: a cut at k sigma means different things on "
-                              "raw and on restored pixels, so each restorer gets the threshold at which its "
-                              "own precision has the value named; then completeness is compared. "
-                              "<b>MagErr</b> is a mean of absolute values: it hides the sign, which "
-                              "bias_percent and bias_mag give, and single gross errors weigh in it. It, "
-                              "bias, scatter and pull are of the stars that a restorer found: one that finds "
-                              "more has more of the difficult ones; only the contests compare errors on the "
-                              "same stars. F0 is the injected flux; nothing is calibrated away. On a real "
-                              "tile, whatever is found before the stars are added counts neither as right "
-                              "nor as false; false there is what the stars bring with them, and all that is "
-                              "found on as many realisations of the tile's own noise without sources.";
-_Static_assert(RX_BOOTSTRAP_ROUNDS == 1000 && RX_BOOTSTRAP_FEWEST == 20, "the reading says so");
+static const char READING[] =
+    "Stars of one magnitude at a time are put onto tiles with other objects and noise; every restorer "
+    "restores the same "
+    "tiles. A star is found when a detection lies on it; a false detection is neither a star nor any object "
+    "known to be "
+    "there, so precision depends on how many stars a tile holds, the same for all. On a real tile, what was "
+    "found before "
+    "the stars were added counts neither as right nor as false; all that is found on as many realisations of "
+    "its noise "
+    "without sources is false. <b>Equal precision</b>: each restorer gets the threshold at which its own "
+    "precision has "
+    "the value named; then completeness is compared. <b>MagErr</b> is a mean of absolute values, which hides "
+    "the sign and "
+    "weighs gross errors. It, bias, scatter and pull are of the stars that a restorer found: one that finds "
+    "more has more "
+    "of the difficult ones; only the contests compare the same stars. Intervals: Clopper-Pearson, order "
+    "statistics, "
+    "bootstrap; they take stars of one tile as independent, and thresholds as given.";
 
 static void facts(const rx_store *s, rx_report *report)
 {
@@ -786,47 +641,38 @@ static rx_status page(const rx_store *s, rx_findings *findings, rx_error *err)
 {
     const rx_lab *lab = s->lab;
     rx_report *report = findings->report;
-    rx_report_table *runs = rx_report_table_add(report, "runs", LENGTH(RUNS), RUNS, RX_REPORT_IN_JSON);
-    rx_report_table *sets = rx_report_table_add(report, "sets", LENGTH(SETS), SETS, RX_REPORT_EVERYWHERE);
-    rx_report_table *cuts = rx_report_table_add(report, "cuts", LENGTH(CUTS), CUTS, RX_REPORT_EVERYWHERE);
-    rx_report_table *curves = rx_report_table_add(report, "curves", LENGTH(PR), PR, RX_REPORT_IN_FILE);
-    char name[48];
+    rx_report_table *runs = RX_REPORT_TABLE(report, "runs", RUNS, RX_REPORT_IN_JSON),
+                    *sets = RX_REPORT_TABLE(report, "sets", SETS, RX_REPORT_EVERYWHERE),
+                    *cuts = RX_REPORT_TABLE(report, "cuts", CUTS, RX_REPORT_EVERYWHERE),
+                    *curves = RX_REPORT_TABLE(report, "curves", PR, RX_REPORT_IN_FILE);
     for (int f = 0; f < s->ngroups; f++) {
         const long from = rx_report_rows(sets);
+        char name[48];
         if (f < FIGURE_FIELDS && lab->nscenes > 0)
             plot_field(rx_report_figures_of(report), s, f);
         snprintf(name, sizeof name, "field%d", f);
-        rx_report_section(report, name, s->group[f].name);
-        snprintf(name, sizeof name, "field%d-", f);
-        rx_report_place(report, name);
+        rx_findings_section(findings, name, s->group[f].name, name);
         snprintf(name, sizeof name, "curve%d-", f);
         rx_report_place(report, name);
         rx_report_sentence(report, lab->sky[f].about);
-        add_words(report, s, f);
         add_cuts(report, s, f, cuts);
         for (int k = 0; k < lab->nscenes; k++)
-            rx_report_row(
-                sets,
-                (rx_cell[]){rx_cell_words(s->group[f].name), rx_cell_words(s->group[f].condition[k]),
-                            rx_cell_number(lab->scene[k].mag), rx_cell_number(snr_of(lab, f, k)),
-                            rx_cell_number((double)rx_lab_set_of(lab, f, k)->table[RX_PHOTOMETRY_TILE].n),
-                            rx_cell_number((double)stars_of(lab, f, k)->n),
-                            rx_cell_number(mpixels_of(lab, f, k)), rx_cell_words(lab->sky[f].about)});
+            rx_report_put(sets, s->group[f].name, s->group[f].condition[k], lab->scene[k].mag,
+                          snr_of(lab, f, k), rx_lab_set_of(lab, f, k)->table[RX_PHOTOMETRY_TILE].n,
+                          stars_of(lab, f, k)->n, mpixels_of(lab, f, k), lab->sky[f].about);
         rx_findings_quantities(findings, s, f, lab->nprecisions + 1);
         rx_report_fold(report, "Tiles");
-        rx_report_show(report, sets, &(rx_report_view){.from = from, .to = rx_report_rows(sets)});
+        rx_report_show(report, sets, &(rx_report_view){.from = from});
         rx_report_unfold(report);
         rx_findings_contests(findings, s, f, "stars");
         RX_TRY(add_curves(s, f, curves, err));
     }
     rx_report_section(report, "runs", "Restorers");
     for (int run = 0; run < lab->nruns; run++)
-        rx_report_row(runs,
-                      (rx_cell[]){rx_cell_words(lab->run[run].name), rx_cell_words(lab->run[run].settings)});
-    rx_report_show(report, runs, &(rx_report_view){.to = rx_report_rows(runs)});
-    rx_report_section(report, "reading", "How to read this");
-    rx_report_paragraph(report, READING);
+        rx_report_put(runs, lab->run[run].name, lab->run[run].settings);
+    rx_report_show(report, runs, &(rx_report_view){0});
     return RX_OK;
 }
 
-const rx_lab_results rx_photometry_results = {measure, facts, sizeof JUDGES / sizeof *JUDGES, JUDGES, page};
+const rx_lab_results rx_photometry_results = {measure, facts, sizeof JUDGES / sizeof *JUDGES,
+                                              JUDGES,  page,  READING};

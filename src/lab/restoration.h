@@ -112,7 +112,4 @@ rx_restoration_bin *rx_restoration_bin_of(const rx_store *store, int group, int 
 /* Of a larger FWHM, or of more noise than the fields of the training: what the paper calls beyond its range. */
 int rx_bin_is_beyond(const rx_store *store, int group, int condition);
 
-/* Plain sentences: where the first of a pair is better, worse, undecided, for both qualities and kinds of bins. */
-void rx_restoration_words(rx_text *dst, const rx_store *store, int pair);
-
 #endif

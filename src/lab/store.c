@@ -194,34 +194,59 @@ rx_status rx_store_make(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_err
     return status;
 }
 
-static int is_of(const rx_store *s, const rx_contest_place *p, int condition, int winner)
+/* The conditions with one outcome as ranges, and by how much; returns how many there are. */
+static int say_outcome(const rx_store *s, const rx_contest_place *p, const rx_contest *contest, int winner,
+                       const char *words, rx_text *said)
 {
-    return condition < s->group[p->group].nconditions &&
-           (p->where == NULL || p->where(s, p->group, condition, p->which)) &&
-           (winner == 2 || rx_contest_of(s, p->group, p->pair, p->about, condition)->winner == winner);
-}
-
-int rx_contests_count(const rx_store *s, const rx_contest_place *p, int winner)
-{
+    const rx_store_group *g = &s->group[p->group];
+    double least = INFINITY, most = 0;
     int n = 0;
-    for (int c = 0; c < s->group[p->group].nconditions; c++)
-        n += is_of(s, p, c, winner);
+    for (int c = 0, from = -1; c <= g->nconditions; c++) {
+        const int is = c < g->nconditions && contest[c].winner == winner &&
+                       (p->where == NULL || p->where(s, p->group, c, p->which));
+        n += is;
+        if (is && from < 0)
+            rx_text_printf(said, "%s%s", n == 1 ? words : ", ", g->condition[from = c]);
+        if (is && isfinite(contest[c].test.difference.value)) {
+            least = fmin(least, fabs(contest[c].test.difference.value));
+            most = fmax(most, fabs(contest[c].test.difference.value));
+        }
+        if (!is && from >= 0 && c > from + 1)
+            rx_text_printf(said, " to %s", g->condition[c - 1]);
+        from = is ? from : -1;
+    }
+    if (least <= most && winner != 0)
+        rx_text_printf(said, " by %.2g", least);
+    if (least < most && winner != 0)
+        rx_text_printf(said, " to %.2g", most);
     return n;
 }
 
-void rx_contests_words(rx_text *dst, const rx_store *s, const rx_contest_place *p, int winner)
+int rx_contests_won(const rx_store *s, const rx_contest_place *place, int a, int b, int every, rx_text *said)
 {
-    const rx_store_group *g = &s->group[p->group];
-    int any = 0;
-    for (int c = 0; c < g->nconditions; c++) {
-        if (!is_of(s, p, c, winner))
-            continue;
-        int last = c;
-        while (is_of(s, p, last + 1, winner))
-            last++;
-        rx_text_printf(dst, "%s%s", any++ ? ", " : "", g->condition[c]);
-        if (last > c)
-            rx_text_printf(dst, " to %s", g->condition[last]);
-        c = last;
-    }
+    const int turned = rx_store_pair(s, a, b) < 0,
+              pair = turned ? rx_store_pair(s, b, a) : rx_store_pair(s, a, b);
+    const int sign = turned ? -1 : 1;
+    int won = -1;
+    for (int g = 0; g < s->ngroups && pair >= 0; g++)
+        for (int about = place->first; about <= place->last; about++) {
+            const rx_contest *contest = rx_contest_of(s, g, pair, about, 0);
+            rx_contest_place here = *place;
+            rx_text outcome = {0};
+            if ((place->group >= 0 && place->group != g) || s->about[about].winner == 0)
+                continue;
+            here.group = g;
+            const int wins = say_outcome(s, &here, contest, sign, "; better at ", &outcome),
+                      losses = say_outcome(s, &here, contest, -sign, "; worse at ", &outcome),
+                      undecided = say_outcome(s, &here, contest, 0, "; undecided at ", &outcome);
+            if (wins + losses + undecided > 0) {
+                won = won != 0 && losses == 0 && (every ? undecided == 0 : wins > 0);
+                rx_text_printf(said, "%s against %s, %s of %s: %s. ", s->column[a], s->column[b],
+                               s->about[about].quantity, s->group[g].name,
+                               outcome.data != NULL ? outcome.data + 2 : "");
+            }
+            said->failed |= outcome.failed;
+            rx_text_free(&outcome);
+        }
+    return won;
 }

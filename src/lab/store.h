@@ -19,11 +19,10 @@ enum {
 typedef struct rx_quantity {
     char name[32];
     const char *unit;
-    int digits;
-    char help[160];
-    int statistic, part, cut;
+    int digits, statistic, part, cut;
     double low, high;
     int best; /* where the best of several settings is shown: highest value of each */
+    char help[160];
 } rx_quantity;
 
 /* setting: what was chosen for the number, NULL where nothing was; not owned. */
@@ -102,15 +101,18 @@ int rx_has_spread(long n, const double *a, const double *b);
 rx_status rx_contest_paired(long n, const double *a, const double *b, rx_contest *paired,
                             rx_contest *wilcoxon, rx_error *err);
 
-/* Contests of a group, a pair and a subject; where: does a condition count, NULL: all do. */
+/* The contests of two columns that a claim or a sentence is about. */
 typedef struct rx_contest_place {
-    int group, pair, about;
-    int (*where)(const rx_store *store, int group, int condition, int which);
+    int group;       /* -1: all */
+    int first, last; /* subjects, of which those that name a winner count */
+    int (*where)(const rx_store *store, int group, int condition,
+                 int which); /* does it count; NULL: all do */
     int which;
 } rx_contest_place;
-/* With this outcome (-1, 0, 1; 2: any). */
-int rx_contests_count(const rx_store *store, const rx_contest_place *place, int winner);
-/* "20 to 21.5, 22.5": names of their conditions. */
-void rx_contests_words(rx_text *dst, const rx_store *store, const rx_contest_place *place, int winner);
+
+/* Does column a win: every one of them (every), or in each group and subject one and none is lost. -1: nothing was
+ * compared. said: "NET against RL, psnr of FWHM: better at 2 to 5 by 0.3 to 2.1; undecided at 6. " and so on. */
+int rx_contests_won(const rx_store *store, const rx_contest_place *place, int a, int b, int every,
+                    rx_text *said);
 
 #endif

@@ -60,6 +60,11 @@ static inline rx_cell rx_cell_number(double number)
     return (rx_cell){.number = number};
 }
 
+static inline rx_cell rx_cell_count(long n)
+{
+    return (rx_cell){.number = (double)n};
+}
+
 static inline rx_cell rx_cell_estimate(rx_estimate estimate)
 {
     return (rx_cell){.estimate = estimate};
@@ -73,7 +78,12 @@ static inline rx_cell rx_cell_measured(double value, double error)
 /* ln_p serves where p is below the smallest double. */
 static inline rx_cell rx_cell_p(double p, double ln_p)
 {
-    return (rx_cell){.number = p, .estimate.value = ln_p};
+    return rx_cell_measured(p, ln_p);
+}
+
+static inline rx_cell rx_cell_itself(rx_cell cell)
+{
+    return cell;
 }
 
 typedef struct rx_report rx_report;
@@ -116,9 +126,43 @@ void rx_report_record(rx_report *report, int n, const char *const (*pairs)[2]);
 enum { RX_REPORT_IN_JSON = 1, RX_REPORT_IN_FILE = 2, RX_REPORT_EVERYWHERE = 3 };
 
 /* Columns and their words must live as long as the report. `where`: summary.json, <name>.ecsv, or both. */
+#define RX_REPORT_TABLE(report, name, columns, where)                                                        \
+    rx_report_table_add(report, name, (int)(sizeof(columns) / sizeof *(columns)), columns, where)
 rx_report_table *rx_report_table_add(rx_report *report, const char *name, int ncolumns,
                                      const rx_report_column *columns, int where);
 void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns] */
+/* rx_report_put(table, words, number, count, estimate, rx_cell_p(p, ln_p) ...): a row of what each column takes, 16 at
+ * the most. */
+#define RX_CELL(v)                                                                                           \
+    _Generic((v),                                                                                            \
+        char *: rx_cell_words,                                                                               \
+        const char *: rx_cell_words,                                                                         \
+        long: rx_cell_count,                                                                                 \
+        rx_estimate: rx_cell_estimate,                                                                       \
+        rx_cell: rx_cell_itself,                                                                             \
+        default: rx_cell_number)(v)
+#define RX_CELLS_1(v) RX_CELL(v)
+#define RX_CELLS_2(v, ...) RX_CELL(v), RX_CELLS_1(__VA_ARGS__)
+#define RX_CELLS_3(v, ...) RX_CELL(v), RX_CELLS_2(__VA_ARGS__)
+#define RX_CELLS_4(v, ...) RX_CELL(v), RX_CELLS_3(__VA_ARGS__)
+#define RX_CELLS_5(v, ...) RX_CELL(v), RX_CELLS_4(__VA_ARGS__)
+#define RX_CELLS_6(v, ...) RX_CELL(v), RX_CELLS_5(__VA_ARGS__)
+#define RX_CELLS_7(v, ...) RX_CELL(v), RX_CELLS_6(__VA_ARGS__)
+#define RX_CELLS_8(v, ...) RX_CELL(v), RX_CELLS_7(__VA_ARGS__)
+#define RX_CELLS_9(v, ...) RX_CELL(v), RX_CELLS_8(__VA_ARGS__)
+#define RX_CELLS_10(v, ...) RX_CELL(v), RX_CELLS_9(__VA_ARGS__)
+#define RX_CELLS_11(v, ...) RX_CELL(v), RX_CELLS_10(__VA_ARGS__)
+#define RX_CELLS_12(v, ...) RX_CELL(v), RX_CELLS_11(__VA_ARGS__)
+#define RX_CELLS_13(v, ...) RX_CELL(v), RX_CELLS_12(__VA_ARGS__)
+#define RX_CELLS_14(v, ...) RX_CELL(v), RX_CELLS_13(__VA_ARGS__)
+#define RX_CELLS_15(v, ...) RX_CELL(v), RX_CELLS_14(__VA_ARGS__)
+#define RX_CELLS_16(v, ...) RX_CELL(v), RX_CELLS_15(__VA_ARGS__)
+#define RX_CELLS_PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, name, ...) name
+#define rx_report_put(table, ...)                                                                            \
+    rx_report_row(table, (rx_cell[]){RX_CELLS_PICK(                                                          \
+                             __VA_ARGS__, RX_CELLS_16, RX_CELLS_15, RX_CELLS_14, RX_CELLS_13, RX_CELLS_12,   \
+                             RX_CELLS_11, RX_CELLS_10, RX_CELLS_9, RX_CELLS_8, RX_CELLS_7, RX_CELLS_6,       \
+                             RX_CELLS_5, RX_CELLS_4, RX_CELLS_3, RX_CELLS_2, RX_CELLS_1, 0)(__VA_ARGS__)})
 /* A row of words in the first column, if any (NULL: none), and numbers in all others. */
 void rx_report_numbers(rx_report_table *table, const char *words, const double *numbers);
 long rx_report_rows(const rx_report_table *table);

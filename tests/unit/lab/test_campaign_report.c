@@ -245,11 +245,21 @@ static void words_follow_the_numbers(void **state)
             made_score(r, b, i, 2)[RX_SCORE_PSNR] = 20 + i + shift[b] + wobble;
         }
     rx_store *m = store_of(r, 1);
-    rx_restoration_words(&words, m, 0);
-    assert_non_null(strstr(
-        words.data, "PSNR by FWHM, RL against SMOOTHED: above in 1 of 3 bins (2 px, by 2 dB); below in 1 "
-                    "of 3 bins (3 px, by 1 dB); no clear difference in 1 of 3 bins (4 px). "));
-    rx_text_free(&words);
+    const rx_contest_place fwhm = {.group = 0, .last = m->nabouts - 1};
+    static const struct {
+        int a, b, every, won;
+        const char *words;
+    } cases[] = {{2, 1, 1, 0,
+                  "RL against SMOOTHED, psnr of FWHM: better at 2 by 2; worse at 3 by 1; undecided at 4. "},
+                 {1, 2, 0, 0,
+                  "SMOOTHED against RL, psnr of FWHM: better at 3 by 1; worse at 2 by 2; undecided at 4. "}};
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(rx_contests_won(m, &fwhm, cases[i].a, cases[i].b, cases[i].every, &words),
+                         cases[i].won);
+        assert_non_null(strstr(words.data, cases[i].words));
+        rx_text_free(&words);
+    }
+    assert_int_equal(rx_contests_won(m, &fwhm, 1, 1, 0, &words), -1); /* no such pair */
     rx_store_free(m);
     rx_lab_close(r);
 }
@@ -609,8 +619,8 @@ static void same_results_same_bytes(void **state)
         new_folder(folder[i]);
         assert_int_equal(rx_lab_report(r, OUTPUT(&drawn, folder[i], &brief), NULL), RX_OK);
         assert_non_null(strstr(brief.data, "RL_FLAT"));
-        assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against SMOOTHED: "));
-        assert_non_null(strstr(brief.data, "PSNR by FWHM, RL against BLURRED: "));
+        assert_non_null(strstr(brief.data, "RL against SMOOTHED, psnr of FWHM: "));
+        assert_non_null(strstr(brief.data, "RL against BLURRED, psnr of FWHM: "));
         rx_text_free(&brief);
     }
     for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
