@@ -311,17 +311,15 @@ static void show_reading(page *p)
 static void add_brief(page *p, bool whole)
 {
     const rx_qa_numbers *q = p->q;
-    rx_report_table *gates = rx_report_table_add(p->report, "gates", COUNT(BRIEF_GATES), BRIEF_GATES, 0);
-    rx_report_table *t = rx_report_table_add(p->report, "runs", COUNT(BRIEF), BRIEF, 0);
+    rx_report_table *gates = RX_REPORT_TABLE(p->report, "gates", BRIEF_GATES, 0);
+    rx_report_table *t = RX_REPORT_TABLE(p->report, "runs", BRIEF, 0);
     rx_text *brief = rx_report_brief_of(p->report);
     for (long i = 0; i < q->nresults; i++) {
         const rx_gate_result *r = &q->result[i];
         if (whole || r->verdict != RX_VERDICT_PASS)
-            rx_report_row(
-                gates,
-                (rx_cell[]){rx_cell_number((double)r->gate->line), rx_cell_words(r->gate->text),
-                            rx_cell_words(r->run >= 0 ? q->input->runs[r->run].name : "no such run"),
-                            rx_cell_estimate(r->estimate), rx_cell_words(rx_verdict_name(r->verdict))});
+            rx_report_put(gates, r->gate->line, r->gate->text,
+                          r->run >= 0 ? q->input->runs[r->run].name : "no such run", r->estimate,
+                          rx_verdict_name(r->verdict));
     }
     if (rx_report_rows(gates) > 0)
         rx_report_show_brief(p->report, gates, &(rx_report_view){.intervals = 1});

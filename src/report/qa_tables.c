@@ -355,9 +355,8 @@ static void add_sources(builder *p, int run, const char *stem)
     char name[2][STEM + 16];
     snprintf(name[0], sizeof name[0], "matches_%s", stem);
     snprintf(name[1], sizeof name[1], "pr_%s", stem);
-    rx_report_table *matches =
-        rx_report_table_add(p->report, name[0], COUNT(MATCHES), MATCHES, RX_REPORT_IN_FILE);
-    rx_report_table *curve = rx_report_table_add(p->report, name[1], COUNT(CURVE), CURVE, RX_REPORT_IN_FILE);
+    rx_report_table *matches = RX_REPORT_TABLE(p->report, name[0], MATCHES, RX_REPORT_IN_FILE);
+    rx_report_table *curve = RX_REPORT_TABLE(p->report, name[1], CURVE, RX_REPORT_IN_FILE);
     rx_report_table_fact(matches, "run", e->run->name);
     rx_report_table_fact(curve, "run", e->run->name);
     for (long i = 0; i < e->input->truth.n; i++)
@@ -398,18 +397,16 @@ static void add_runs(builder *p)
     int nbins = NBINS;
     memcpy(of_runs, RUNS, sizeof RUNS);
     memcpy(of_bins, BINS, sizeof BINS);
-    rx_report_table *metrics =
-        rx_report_table_add(p->report, "metrics", COUNT(METRICS), METRICS, RX_REPORT_IN_JSON);
+    rx_report_table *metrics = RX_REPORT_TABLE(p->report, "metrics", METRICS, RX_REPORT_IN_JSON);
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
         const rx_report_column column = rx_qa_metric_column(input, (rx_metric)m);
         of_runs[NRUNS + m] = column;
         if (!rx_metric_get((rx_metric)m)->whole)
             of_bins[nbins++] = column;
-        rx_report_row(metrics, (rx_cell[]){rx_cell_words(column.name), rx_cell_words(column.unit),
-                                           rx_cell_words(column.help)});
+        rx_report_put(metrics, column.name, column.unit, column.help);
     }
     p->to->runs = rx_report_table_add(p->report, "runs", NRUNS + RX_METRIC_COUNT, of_runs, RX_REPORT_IN_JSON);
-    p->to->models = rx_report_table_add(p->report, "models", COUNT(MODELS), MODELS, RX_REPORT_IN_JSON);
+    p->to->models = RX_REPORT_TABLE(p->report, "models", MODELS, RX_REPORT_IN_JSON);
     p->to->bins = rx_report_table_add(p->report, "bins", nbins, of_bins, RX_REPORT_EVERYWHERE);
     if (stem == NULL) {
         rx_report_brief_of(p->report)->failed = true;
@@ -429,18 +426,15 @@ static void add_runs(builder *p)
 static void add_gates(builder *p)
 {
     const rx_qa_numbers *q = p->q;
-    rx_report_table *t = rx_report_table_add(p->report, "gates", COUNT(GATES), GATES, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(p->report, "gates", GATES, RX_REPORT_IN_JSON);
     for (long i = 0; i < q->nresults; i++) {
         const rx_gate_result *r = &q->result[i];
         const rx_gate *gate = r->gate;
-        rx_report_row(
-            t, (rx_cell[]){rx_cell_number((double)gate->line), rx_cell_words(gate->text),
-                           rx_cell_words(r->run >= 0 ? q->input->runs[r->run].name : NULL),
-                           rx_cell_words(rx_metric_get(gate->metric)->name), known(!gate->whole, gate->low),
-                           known(!gate->whole, gate->high), rx_cell_words(rx_gate_operator_name(gate->op)),
-                           rx_cell_number(gate->value), known(gate->op == RX_GATE_IN, gate->value_high),
-                           rx_cell_number(gate->level), rx_cell_estimate(r->estimate),
-                           rx_cell_words(rx_verdict_name(r->verdict))});
+        rx_report_put(t, gate->line, gate->text, r->run >= 0 ? q->input->runs[r->run].name : NULL,
+                      rx_metric_get(gate->metric)->name, known(!gate->whole, gate->low),
+                      known(!gate->whole, gate->high), rx_gate_operator_name(gate->op), gate->value,
+                      known(gate->op == RX_GATE_IN, gate->value_high), gate->level, r->estimate,
+                      rx_verdict_name(r->verdict));
     }
     p->to->gates = t;
 }
@@ -448,14 +442,11 @@ static void add_gates(builder *p)
 static void add_comparisons(builder *p)
 {
     const rx_qa_numbers *q = p->q;
-    rx_report_table *t =
-        rx_report_table_add(p->report, "comparisons", COUNT(COMPARISONS), COMPARISONS, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(p->report, "comparisons", COMPARISONS, RX_REPORT_IN_JSON);
     for (int i = 0; i < q->ncomparisons; i++) {
         const rx_qa_comparison *c = &q->comparison[i];
-        rx_report_row(t, (rx_cell[]){rx_cell_words(q->input->runs[c->first].name),
-                                     rx_cell_words(q->input->runs[c->second].name),
-                                     rx_cell_number((double)c->only_first),
-                                     rx_cell_number((double)c->only_second), rx_cell_p(c->p, log(c->p))});
+        rx_report_put(t, q->input->runs[c->first].name, q->input->runs[c->second].name, c->only_first,
+                      c->only_second, rx_cell_p(c->p, log(c->p)));
     }
     p->to->comparisons = t;
 }
@@ -468,40 +459,34 @@ static void add_psf(builder *p)
     const rx_psf_quality *quality = &psf->quality;
     const rx_psf_judged *judged = psf->judged;
     const bool is_judged = judged != NULL;
-    rx_report_table *t = rx_report_table_add(p->report, "psf", COUNT(PSF), PSF, RX_REPORT_IN_JSON);
-    rx_report_row(t, (rx_cell[]){rx_cell_words(quality->how), rx_cell_words(quality->library),
-                                 known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN),
-                                 rx_cell_number(psf->nstars),
-                                 known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
-                                 known(is_judged, quality->reserved),
-                                 known_to(is_judged, quality->trace[0], quality->trace[1]),
-                                 known_to(is_judged, quality->shape[0][0], quality->shape[0][1]),
-                                 known_to(is_judged, quality->shape[1][0], quality->shape[1][1]),
-                                 known(is_judged, quality->residual),
-                                 known_to(is_judged, quality->growth, quality->growth_error),
-                                 known(is_judged, quality->growth_radius)});
+    rx_report_table *t = RX_REPORT_TABLE(p->report, "psf", PSF, RX_REPORT_IN_JSON);
+    rx_report_put(
+        t, quality->how, quality->library,
+        known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN), psf->nstars,
+        known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
+        known(is_judged, quality->reserved), known_to(is_judged, quality->trace[0], quality->trace[1]),
+        known_to(is_judged, quality->shape[0][0], quality->shape[0][1]),
+        known_to(is_judged, quality->shape[1][0], quality->shape[1][1]), known(is_judged, quality->residual),
+        known_to(is_judged, quality->growth, quality->growth_error),
+        known(is_judged, quality->growth_radius));
     p->to->psf = t;
     if (!is_judged)
         return;
-    p->to->psf_bins =
-        rx_report_table_add(p->report, "psf_bins", COUNT(PSF_BINS), PSF_BINS, RX_REPORT_IN_JSON);
+    p->to->psf_bins = RX_REPORT_TABLE(p->report, "psf_bins", PSF_BINS, RX_REPORT_IN_JSON);
     for (int b = 0; b < q->npsf_bins; b++) {
         const rx_qa_psf_bin *bin = &q->psf_bin[b];
-        rx_report_row(p->to->psf_bins, (rx_cell[]){rx_cell_number(bin->mag), rx_cell_number((double)bin->n),
-                                                   rx_cell_measured(bin->mean[0], bin->error[0]),
-                                                   rx_cell_measured(bin->mean[1], bin->error[1]),
-                                                   rx_cell_measured(bin->mean[2], bin->error[2])});
+        rx_report_put(p->to->psf_bins, bin->mag, bin->n, rx_cell_measured(bin->mean[0], bin->error[0]),
+                      rx_cell_measured(bin->mean[1], bin->error[1]),
+                      rx_cell_measured(bin->mean[2], bin->error[2]));
     }
-    rx_report_table *stars =
-        rx_report_table_add(p->report, "psf_stars", COUNT(PSF_STARS), PSF_STARS, RX_REPORT_IN_FILE);
+    rx_report_table *stars = RX_REPORT_TABLE(p->report, "psf_stars", PSF_STARS, RX_REPORT_IN_FILE);
     for (int i = 0; i < judged->nstars; i++) {
         const rx_psf_star *s = &judged->star[i];
         rx_report_numbers(stars, NULL,
                           (double[]){s->x + 1.0, s->y + 1.0, rx_qa_star_mag(&q->input->psf, s), s->off[0],
                                      s->off[1], s->off[2], s->error});
     }
-    rx_report_table *growth =
-        rx_report_table_add(p->report, "psf_growth", COUNT(PSF_GROWTH), PSF_GROWTH, RX_REPORT_IN_FILE);
+    rx_report_table *growth = RX_REPORT_TABLE(p->report, "psf_growth", PSF_GROWTH, RX_REPORT_IN_FILE);
     for (int i = 0; i < judged->nradii; i++) {
         const rx_psf_growth *g = &judged->growth[i];
         rx_report_numbers(growth, NULL, (double[]){g->radius, g->stars, g->psf, g->error});

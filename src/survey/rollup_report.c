@@ -117,8 +117,8 @@ static void put_cell(rx_cell dst[NCELL], const rx_rollup_cell *cell)
 /* Restorers over all tiles, and by magnitude in a table of its own. */
 static rx_report_table *add_runs(rx_report *report, const rx_rollup *r)
 {
-    rx_report_table *runs = rx_report_table_add(report, "runs", COUNT(RUNS), RUNS, RX_REPORT_IN_JSON);
-    rx_report_table *bins = rx_report_table_add(report, "bins", COUNT(BINS), BINS, RX_REPORT_EVERYWHERE);
+    rx_report_table *runs = RX_REPORT_TABLE(report, "runs", RUNS, RX_REPORT_IN_JSON);
+    rx_report_table *bins = RX_REPORT_TABLE(report, "bins", BINS, RX_REPORT_EVERYWHERE);
     for (int i = 0; i < r->nruns; i++) {
         const rx_rollup_run *run = &r->run[i];
         const long counts[] = {run->tiles,  run->by_others,   run->outside, run->flux_off,
@@ -141,26 +141,23 @@ static rx_report_table *add_runs(rx_report *report, const rx_rollup *r)
 /* Tiles that have failed or whose gates have, then those without a record. */
 static rx_report_table *add_not_fine(rx_report *report, const rx_rollup *r)
 {
-    rx_report_table *t =
-        rx_report_table_add(report, "not_fine", COUNT(NOT_FINE), NOT_FINE, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(report, "not_fine", NOT_FINE, RX_REPORT_IN_JSON);
     for (int i = 0; i < r->ntiles; i++) {
         const rx_rollup_tile *tile = r->tile[i];
         if (tile->status != RX_OK)
-            rx_report_row(t, (rx_cell[]){rx_cell_words(tile->name), rx_cell_words(tile->image),
-                                         rx_cell_number(tile->status), rx_cell_words(tile->what)});
+            rx_report_put(t, tile->name, tile->image, tile->status, tile->what);
     }
     for (int i = 0; i < r->nmissing; i++)
-        rx_report_row(
-            t, (rx_cell[]){rx_cell_words(NULL), rx_cell_words(rx_tiles_image(r->tiles, r->missing[i])),
-                           rx_cell_number(NAN), rx_cell_words("no record: it was not run, or was killed")});
+        rx_report_put(t, "", rx_tiles_image(r->tiles, r->missing[i]), NAN,
+                      "no record: it was not run, or was killed");
     return t;
 }
 
 /* First those that are not from several stars of their own. */
 static rx_report_table *add_psfs(rx_report *report, const rx_rollup *r)
 {
-    rx_report_table *t = rx_report_table_add(report, "psfs", COUNT(PSFS), PSFS, RX_REPORT_EVERYWHERE);
-    rx_report_table *rho = rx_report_table_add(report, "psf_rho", COUNT(RHO), RHO, RX_REPORT_EVERYWHERE);
+    rx_report_table *t = RX_REPORT_TABLE(report, "psfs", PSFS, RX_REPORT_EVERYWHERE);
+    rx_report_table *rho = RX_REPORT_TABLE(report, "psf_rho", RHO, RX_REPORT_EVERYWHERE);
     for (int lower = 1; lower >= 0; lower--)
         for (int i = 0; i < r->npsfs; i++) {
             const rx_psf_account *p = &r->psf[i].psf;
@@ -179,16 +176,14 @@ static rx_report_table *add_psfs(rx_report *report, const rx_rollup *r)
             rx_report_row(t, row);
         }
     for (int k = 0; k < RX_RHO_BINS; k++)
-        rx_report_row(rho, (rx_cell[]){rx_cell_number(rx_rho_edge(k)), rx_cell_number(rx_rho_edge(k + 1)),
-                                       rx_cell_number(r->rho[k].pairs), rx_cell_number(r->rho[k].e),
-                                       rx_cell_number(r->rho[k].e_error), rx_cell_number(r->rho[k].t),
-                                       rx_cell_number(r->rho[k].t_error)});
+        rx_report_put(rho, rx_rho_edge(k), rx_rho_edge(k + 1), r->rho[k].pairs, r->rho[k].e,
+                      r->rho[k].e_error, r->rho[k].t, r->rho[k].t_error);
     return t;
 }
 
 static rx_report_table *add_tiles(rx_report *report, const rx_rollup *r)
 {
-    rx_report_table *t = rx_report_table_add(report, "tiles", COUNT(TILES), TILES, RX_REPORT_EVERYWHERE);
+    rx_report_table *t = RX_REPORT_TABLE(report, "tiles", TILES, RX_REPORT_EVERYWHERE);
     for (int i = 0; i < r->nrows; i++) {
         const rx_rollup_row *row = &r->row[i];
         const rx_run_guard *guard = &row->guard;

@@ -59,7 +59,7 @@ static const rx_report_column DICTIONARY[] = {
 
 static rx_report_table *add_log(rx_report *report, const rx_history *h)
 {
-    rx_report_table *t = rx_report_table_add(report, "log", COUNT(LOG), LOG, RX_REPORT_EVERYWHERE);
+    rx_report_table *t = RX_REPORT_TABLE(report, "log", LOG, RX_REPORT_EVERYWHERE);
     for (long e = 0; e < h->n; e++) {
         const rx_epoch *x = &h->epoch[e];
         const double values[COUNT(LOG)] = {(double)e + 1,
@@ -86,8 +86,7 @@ static rx_report_table *add_log(rx_report *report, const rx_history *h)
 
 static void add_dictionary(rx_report *report, const rx_history *h, const rx_selection *grid)
 {
-    rx_report_table *t =
-        rx_report_table_add(report, "dictionary", COUNT(DICTIONARY), DICTIONARY, RX_REPORT_IN_FILE);
+    rx_report_table *t = RX_REPORT_TABLE(report, "dictionary", DICTIONARY, RX_REPORT_IN_FILE);
     for (long e = 0; e < h->n; e++)
         for (int b = 0; b < h->nbins; b++) {
             const rx_epoch_bin *x = &h->bin[e * h->nbins + b];
