@@ -38,26 +38,19 @@ int rx_detection_table(rx_scene_id id)
 }
 
 /* RL with every number of iterations and every filter that is tried. */
-static rx_status add_runs(rx_lab *lab, rx_error *err)
+static rx_status add_runs(rx_lab *lab, const char *word, rx_error *err)
 {
-    const rx_campaign_config *config = lab->config;
-    for (int i = 0; i < config->restore_type.n; i++) {
-        rx_lab_run run = {0};
-        RX_TRY(rx_lab_restorer(config->restore_type.v[i], &run.restorer, err));
-        run.tuned = strcmp(run.restorer->name, "RL") == 0;
-        snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
-        if (!run.tuned)
-            RX_TRY(rx_lab_add_run(lab, RX_LAB_RUNS, &run, err));
-        if (strcmp(run.name, "NONE") == 0)
-            RX_TRY(rx_lab_add_run(lab, RX_LAB_RUNS,
-                                  &(rx_lab_run){.name = "MATCHED", .restorer = run.restorer, .matched = 1},
-                                  err));
-        for (int k = 0; run.tuned && k < config->tune_niter.n * config->tune_filter.n; k++) {
-            run.niter = config->tune_niter.v[k / config->tune_filter.n];
-            run.filter = config->tune_filter.v[k % config->tune_filter.n];
-            snprintf(run.name, sizeof run.name, "RL %d %g", run.niter, run.filter);
-            RX_TRY(rx_lab_add_run(lab, RX_LAB_RUNS, &run, err));
-        }
+    const rx_ints *niter = &lab->config->tune_niter;
+    const rx_reals *filter = &lab->config->tune_filter;
+    const int tuned = strcmp(word, "RL") == 0;
+    if (!tuned)
+        RX_TRY(rx_lab_add_run(lab, word, (rx_lab_run){0}, err));
+    if (strcmp(word, "NONE") == 0)
+        RX_TRY(rx_lab_add_run(lab, word, (rx_lab_run){.name = "MATCHED", .matched = 1}, err));
+    for (int k = 0; tuned && k < niter->n * filter->n; k++) {
+        rx_lab_run run = {.tuned = 1, .niter = niter->v[k / filter->n], .filter = filter->v[k % filter->n]};
+        snprintf(run.name, sizeof run.name, "RL %d %g", run.niter, run.filter);
+        RX_TRY(rx_lab_add_run(lab, word, run, err));
     }
     return RX_OK;
 }
@@ -67,7 +60,8 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
     /* numbered by their places here */
     static const rx_scene_id scenes[] = {RX_SCENE_STARS, RX_SCENE_GALAXIES, RX_SCENE_PAIRS,    RX_SCENE_BLANK,
                                          RX_SCENE_RINGS, RX_SCENE_PLATEAU,  RX_SCENE_OUTSKIRTS};
-    RX_TRY(add_runs(lab, err));
+    for (int i = 0; i < lab->config->restore_type.n; i++)
+        RX_TRY(add_runs(lab, lab->config->restore_type.v[i], err));
     RX_TRY(rx_lab_add_scenes(lab, &lab->config->scenes, sizeof scenes / sizeof *scenes, scenes, err));
     return rx_lab_skies_simulate(lab, log, err);
 }
@@ -242,6 +236,7 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 const rx_lab_kind rx_kind_detection = {.name = "DETECTION",
                                        .title = "Detection campaign",
                                        .tag = 0x6465746563,
+                                       .most = RX_LAB_RUNS,
                                        .ntables = RX_DETECTION_TABLES,
                                        .tables = rx_detection_tables,
                                        .objects = RX_DETECTION_OBJECT,

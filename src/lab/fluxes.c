@@ -68,12 +68,8 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
     static const rx_scene_id scenes[] = {RX_SCENE_FIELD, RX_SCENE_MIXED_PAIRS, RX_SCENE_BLANK,
                                          RX_SCENE_RINGS, RX_SCENE_SHREDS,      RX_SCENE_INJECTED};
     const rx_words *restorers = &lab->config->restore_type;
-    for (int i = 0; i < restorers->n; i++) {
-        rx_lab_run run = {0};
-        RX_TRY(rx_lab_restorer(restorers->v[i], &run.restorer, err));
-        snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
-        RX_TRY(rx_lab_add_run(lab, RX_FLUXES_RUNS, &run, err));
-    }
+    for (int i = 0; i < restorers->n; i++)
+        RX_TRY(rx_lab_add_run(lab, restorers->v[i], (rx_lab_run){0}, err));
     RX_TRY(rx_lab_add_scenes(lab, &lab->config->flux_scenes, sizeof scenes / sizeof *scenes, scenes, err));
     return lab->scene[0].id == RX_SCENE_INJECTED ? read_tile(lab, log, err)
                                                  : rx_lab_skies_simulate(lab, log, err);
@@ -225,6 +221,7 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
                                     .title = "Campaign of fluxes",
                                     .tag = 0x666c757865,
+                                    .most = RX_FLUXES_RUNS,
                                     .ntables = RX_FLUXES_TABLES,
                                     .tables = rx_fluxes_tables,
                                     .deep = 1,

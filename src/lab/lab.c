@@ -14,21 +14,20 @@ static const double WIDE = 4.0; /* diameter of the second aperture, FWHM */
 
 /* --- opening --- */
 
-rx_status rx_lab_restorer(const char *word, const rx_restorer **dst, rx_error *err)
+rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error *err)
 {
-    *dst = rx_restorer_find(word);
-    return *dst != NULL ? RX_OK : rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", word);
-}
-
-rx_status rx_lab_add_run(rx_lab *lab, int most, const rx_lab_run *run, rx_error *err)
-{
-    if (lab->nruns == most)
+    run.restorer = rx_restorer_find(word);
+    if (run.restorer == NULL)
+        return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", word);
+    if (lab->nruns == lab->kind->most)
         return rx_error_set(
             err, RX_USAGE,
-            "RESTORE_TYPE, and what FLUXES, TUNE_NITER and TUNE_FILTER make of it, gives more than "
-            "%d runs; name fewer",
-            most);
-    lab->run[lab->nruns++] = *run;
+            "RESTORE_TYPE, and what FLUXES, TUNE_NITER and TUNE_FILTER make of it, gives more than %d "
+            "runs; name fewer",
+            lab->kind->most);
+    if (run.name[0] == '\0')
+        snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
+    lab->run[lab->nruns++] = run;
     return RX_OK;
 }
 

@@ -160,6 +160,7 @@ typedef struct rx_lab_results {
 typedef struct rx_lab_kind {
     const char *name, *title; /* as in CAMPAIGN_TYPE; of the report */
     uint64_t tag;             /* of its random numbers */
+    int most;                 /* runs */
     int ntables;
     const rx_lab_schema *tables;
     int objects, wrong; /* DETECTION, PHOTOMETRY: tables of lists.h */
@@ -219,9 +220,9 @@ rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config,
 void rx_lab_close(rx_lab *lab); /* NULL is fine */
 
 /* For open(): */
-rx_status rx_lab_add_run(rx_lab *lab, int most, const rx_lab_run *run, rx_error *err);
+/* Of the restorer of that word, whose name it has where it comes without one. */
+rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error *err);
 long rx_lab_size(const rx_lab *lab, const rx_ints *list); /* as SIZE says: the first number, or the last */
-rx_status rx_lab_restorer(const char *word, const rx_restorer **dst, rx_error *err);
 rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
 /* Those of the words, numbered by their places in known[n]. */
 rx_status rx_lab_add_scenes(rx_lab *lab, const rx_words *words, int n, const rx_scene_id *known,

@@ -39,17 +39,13 @@ const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES] = {
 static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
     const rx_words *words = &lab->config->restore_type, *fluxes = &lab->config->fluxes;
-    for (int i = 0; i < words->n; i++)
-        for (int f = 0; f < fluxes->n; f++) {
-            rx_lab_run run = {.templates = strcmp(fluxes->v[f], "TEMPLATE") == 0};
-            RX_TRY(rx_lab_restorer(words->v[i], &run.restorer, err));
-            for (int r = 0; r < lab->nruns - f; r++)
-                if (lab->run[r].restorer == run.restorer)
-                    return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
-            snprintf(run.name, sizeof run.name, "%s%s", run.restorer->name, run.templates ? " TEMPLATE" : "");
-            lab->options->pipeline.templates.wanted |= run.templates;
-            RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX, &run, err));
-        }
+    for (int i = 0; i < words->n * fluxes->n; i++) {
+        const char *word = words->v[i / fluxes->n];
+        rx_lab_run run = {.templates = strcmp(fluxes->v[i % fluxes->n], "TEMPLATE") == 0};
+        snprintf(run.name, sizeof run.name, "%s%s", word, run.templates ? " TEMPLATE" : "");
+        lab->options->pipeline.templates.wanted |= run.templates;
+        RX_TRY(rx_lab_add_run(lab, word, run, err));
+    }
     return RX_OK;
 }
 
@@ -106,25 +102,18 @@ static rx_status add_fields(rx_lab *lab, rx_log *log, rx_error *err)
     int n = 0;
     rx_condition *conditions = NULL;
     rx_status status = rx_conditions_make(lab->config, &n, &conditions, err);
-    for (int i = 0; status == RX_OK && i < words->n; i++) {
+    lab->sky = RX_NEW(rx_lab_sky, (size_t)(n + words->n));
+    if (status == RX_OK && lab->sky == NULL)
+        status = rx_error_memory(err, (size_t)(n + words->n) * sizeof *lab->sky);
+    for (int i = 0; i < words->n; i++) {
         const int injected = strcmp(words->v[i], "INJECTED") == 0;
-        for (int k = 0; status == RX_OK && k < i; k++)
-            if (strcmp(words->v[k], words->v[i]) == 0)
-                status = rx_error_set(err, RX_USAGE, "FIELDS names %s twice", words->v[i]);
         if (status == RX_OK && injected && (n > 1 || conditions[0].fwhm > 0))
-            status =
-                rx_error_set(err, RX_USAGE,
-                             "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; leave "
-                             "them out, or INJECTED");
+            status = rx_error_set(
+                err, RX_USAGE,
+                "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; leave them out, "
+                "or INJECTED");
         for (int c = 0; status == RX_OK && c < (injected ? 1 : n); c++) {
-            rx_lab_sky *sky = rx_regrow(lab->sky, (size_t)lab->nskies + 1, sizeof *sky);
-            if (sky == NULL) {
-                status = rx_error_memory(err, sizeof *sky);
-                break;
-            }
-            lab->sky = sky;
-            sky += lab->nskies;
-            *sky = (rx_lab_sky){0};
+            rx_lab_sky *sky = &lab->sky[lab->nskies];
             lab->nconditions = ++lab->nskies;
             status =
                 injected ? read_sky(lab, log, sky, err) : simulate_sky(lab, &conditions[c], log, sky, err);
@@ -449,6 +438,7 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 const rx_lab_kind rx_kind_photometry = {.name = "PHOTOMETRY",
                                         .title = "Photometry campaign",
                                         .tag = 0x70686f746f,
+                                        .most = RX_METHODS_MAX,
                                         .ntables = RX_PHOTOMETRY_TABLES,
                                         .tables = rx_photometry_tables,
                                         .objects = RX_PHOTOMETRY_STAR,

@@ -25,26 +25,17 @@ const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES] = {
 static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
     const rx_words *words = &lab->config->restore_type;
-    const rx_restorer *rl = rx_restorer_find("RL");
     for (int i = 0; i < words->n; i++)
         lab->tunes |= strcmp(words->v[i], "RL") == 0;
     for (int i = 0; i < words->n; i++) {
-        rx_lab_run run = {.tuned = strcmp(words->v[i], "RL") == 0};
-        RX_TRY(rx_lab_restorer(words->v[i], &run.restorer, err));
-        const int none = strcmp(run.restorer->name, "NONE") == 0;
-        for (int m = 0; m < lab->nruns; m++)
-            if (lab->run[m].restorer == run.restorer && !lab->run[m].smooth)
-                return rx_error_set(err, RX_USAGE, "RESTORE_TYPE names %s twice", words->v[i]);
-        snprintf(run.name, sizeof run.name, "%s", none ? "BLURRED" : run.restorer->name);
-        RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX, &run, err));
+        const int none = strcmp(words->v[i], "NONE") == 0, rl = strcmp(words->v[i], "RL") == 0;
+        rx_lab_run run = {.tuned = rl};
+        snprintf(run.name, sizeof run.name, "%s", none ? "BLURRED" : "");
+        RX_TRY(rx_lab_add_run(lab, words->v[i], run, err));
         if (none && lab->tunes)
-            RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX,
-                                  &(rx_lab_run){.name = "SMOOTHED", .restorer = rl, .tuned = 1, .smooth = 1},
-                                  err));
-        if (run.tuned)
-            RX_TRY(rx_lab_add_run(lab, RX_METHODS_MAX,
-                                  &(rx_lab_run){.name = "RL_FLAT", .restorer = rl, .tuned = 1, .flat = 1},
-                                  err));
+            RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "SMOOTHED", .tuned = 1, .smooth = 1}, err));
+        if (rl)
+            RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "RL_FLAT", .tuned = 1, .flat = 1}, err));
     }
     return RX_OK;
 }
@@ -185,6 +176,7 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 const rx_lab_kind rx_kind_restoration = {.name = "RESTORATION",
                                          .title = "Restoration campaign",
                                          .tag = 0x726573746f7265,
+                                         .most = RX_METHODS_MAX,
                                          .ntables = RX_RESTORATION_TABLES,
                                          .tables = rx_restoration_tables,
                                          .in_turns = 1,
