@@ -36,10 +36,8 @@ static char *journal_name(const job *j, int k)
     const char *name = j->config->journal_name;
     const size_t size = strlen(name) + 16;
     char *path = RX_NEW(char, size);
-    if (path != NULL && j->n > 1)
-        snprintf(path, size, "%s.%d", name, k);
-    else if (path != NULL)
-        snprintf(path, size, "%s", name);
+    if (path != NULL)
+        snprintf(path, size, j->n > 1 ? "%s.%d" : "%s", name, k);
     return path;
 }
 
@@ -57,13 +55,9 @@ static rx_status check_output(const job *j, rx_error *err)
 
 static rx_status open_lab(job *j, rx_error *err)
 {
-    rx_status status = rx_lab_open(j->kind, j->config, j->nthreads, j->log, &j->lab, err);
-    if (status == RX_OK)
-        status = rx_facts_collect(j->config, &j->facts, err);
-    if (status == RX_OK)
-        status = rx_lab_facts(j->lab, &j->facts, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_lab_open(j->kind, j->config, j->nthreads, j->log, &j->lab, err));
+    RX_TRY(rx_facts_collect(j->config, &j->facts, err));
+    RX_TRY(rx_lab_facts(j->lab, &j->facts, err));
     const long n = j->lab->nunits;
     j->places = RX_NEW(rx_unit_place, (size_t)n + 1);
     j->values = RX_NEW(rx_unit_values, (size_t)n + 1);
@@ -82,10 +76,9 @@ static rx_status work(job *j, rx_error *err)
     if (path == NULL)
         return rx_error_memory(err, 0);
     long missing = 0, all = 0;
-    rx_status status = rx_journal_open(path, &j->facts, j->work.n, j->values, &j->journal, err);
+    const rx_status status = rx_journal_open(path, &j->facts, j->work.n, j->values, &j->journal, err);
     free(path);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(status);
     rx_units_count(&j->work, j->values, &missing, &all);
     rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - missing);
     if (missing == 0)
@@ -127,37 +120,27 @@ static rx_status merge(job *j, rx_error *err)
     return status;
 }
 
-static void tell_brief(rx_log *log, const rx_text *brief)
-{
-    for (const char *line = brief->data; line != NULL && *line != '\0';) {
-        const int n = (int)strcspn(line, "\n");
-        rx_log_info(log, "%.*s", n, line);
-        line += n + (line[n] == '\n');
-    }
-}
-
 static rx_status report(const job *j, rx_error *err)
 {
     rx_outputs *outputs = NULL;
     rx_campaign_record record = {0};
     rx_text brief = {0};
     const char *folder = NULL;
-    rx_status status = rx_campaign_record_make(j->config, j->kind->title, &record, err);
-    if (status == RX_OK)
-        status = rx_outputs_new(&outputs, err);
-    if (status == RX_OK)
-        status = rx_outputs_folder(outputs, j->config->output_name, &folder, err);
-    if (status == RX_OK)
-        status = rx_lab_collect(j->lab, j->values, err);
-    if (status == RX_OK)
-        status = rx_lab_report(
-            j->lab, &(rx_lab_output){&record, folder, j->config->output_name, j->log, &brief}, err);
-    if (status == RX_OK)
-        status = rx_outputs_commit(outputs, err);
-    if (status == RX_OK) {
-        tell_brief(j->log, &brief);
-        rx_log_info(j->log, "the report is %s/report.html", j->config->output_name);
+    rx_status status;
+    RX_TRY_EXIT(rx_campaign_record_make(j->config, j->kind->title, &record, err));
+    RX_TRY_EXIT(rx_outputs_new(&outputs, err));
+    RX_TRY_EXIT(rx_outputs_folder(outputs, j->config->output_name, &folder, err));
+    RX_TRY_EXIT(rx_lab_collect(j->lab, j->values, err));
+    RX_TRY_EXIT(rx_lab_report(
+        j->lab, &(rx_lab_output){&record, folder, j->config->output_name, j->log, &brief}, err));
+    RX_TRY_EXIT(rx_outputs_commit(outputs, err));
+    for (const char *line = brief.data; line != NULL && *line != '\0';) {
+        const int n = (int)strcspn(line, "\n");
+        rx_log_info(j->log, "%.*s", n, line);
+        line += n + (line[n] == '\n');
     }
+    rx_log_info(j->log, "the report is %s/report.html", j->config->output_name);
+exit:
     rx_text_free(&brief);
     rx_campaign_record_free(&record);
     rx_outputs_free(outputs);
@@ -167,13 +150,10 @@ static rx_status report(const job *j, rx_error *err)
 static rx_status run(job *j, rx_error *err)
 {
     const int with_report = j->n == 1 || j->config->merge;
-    rx_status status = with_report ? check_output(j, err) : RX_OK;
-    if (status == RX_OK)
-        status = open_lab(j, err);
-    if (status == RX_OK)
-        status = j->config->merge ? merge(j, err) : work(j, err);
-    if (status != RX_OK)
-        return status;
+    if (with_report)
+        RX_TRY(check_output(j, err));
+    RX_TRY(open_lab(j, err));
+    RX_TRY(j->config->merge ? merge(j, err) : work(j, err));
     if (with_report)
         return report(j, err);
     rx_log_info(j->log,

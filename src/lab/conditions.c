@@ -8,33 +8,23 @@
 
 #include "base/memory.h"
 
-static int errors_in(const rx_reals *list)
-{
-    int n = 0;
-    for (int i = 0; i < list->n; i++)
-        n += list->v[i] != 0.0;
-    return n;
-}
-
 rx_status rx_conditions_make(const rx_campaign_config *config, int *n, rx_condition **dst, rx_error *err)
 {
     const rx_reals *lists[] = {&config->psf_error, &config->sky_error, &config->noise_error};
     const int nfwhm = config->seeing.n > 0 ? config->seeing.n : 1;
-    const size_t all =
-        (size_t)nfwhm * (size_t)(1 + errors_in(lists[0]) + errors_in(lists[1]) + errors_in(lists[2]));
+    const size_t most = (size_t)nfwhm * (size_t)(1 + lists[0]->n + lists[1]->n + lists[2]->n);
     *n = 0;
-    *dst = RX_NEW(rx_condition, all);
+    *dst = RX_NEW(rx_condition, most);
     if (*dst == NULL)
-        return rx_error_memory(err, all * sizeof **dst);
+        return rx_error_memory(err, most * sizeof **dst);
     for (int f = 0; f < nfwhm; f++) {
         const rx_condition truth = {.fwhm = config->seeing.n > 0 ? config->seeing.v[f] : 0.0};
         (*dst)[(*n)++] = truth;
         for (int which = 0; which < 3; which++)
             for (int i = 0; i < lists[which]->n; i++) {
                 rx_condition given = truth;
-                *(which == 0   ? &given.psf_error
-                  : which == 1 ? &given.sky_error
-                               : &given.noise_error) = lists[which]->v[i];
+                *(double *[]){&given.psf_error, &given.sky_error, &given.noise_error}[which] =
+                    lists[which]->v[i];
                 if (lists[which]->v[i] != 0.0)
                     (*dst)[(*n)++] = given;
             }

@@ -7,45 +7,39 @@
 
 #include "base/memory.h"
 
-#define COUNT(a) (sizeof(a) / sizeof((a)[0]))
-
-/* How the work is done and where it goes: decides nothing. */
-static const char *const WORKING[] = {"NTHREADS",     "VERBOSE_TYPE", "OUTPUT_NAME",
-                                      "JOURNAL_NAME", "SHARD",        "MERGE"};
+/* Keywords with a blank on each side. How the work is done and where it goes: decides nothing. */
+static const char WORKING[] = " NTHREADS VERBOSE_TYPE OUTPUT_NAME JOURNAL_NAME SHARD MERGE ";
 /* Used by the report alone: may change after the work is done. */
-static const char *const REPORTING[] = {"QA_FIGURES", "EXAMPLES", "PRECISIONS"};
+static const char REPORTING[] = " QA_FIGURES EXAMPLES PRECISIONS ";
 /* Outputs and lists of the other programs that a campaign never makes or reads. */
-static const char *const UNUSED[] = {"CATALOG_NAME",    "CATALOG_TYPE", "PARAMETERS_NAME", "CHECKIMAGE_TYPE",
-                                     "CHECKIMAGE_NAME", "ASSOC_NAME",   "REFERENCE_NAME",  "QA_NAME",
-                                     "QA_GATES",        "XML_NAME",     "IMAGE_NAME",      "SHARP_NAME",
-                                     "TRUTH_NAME",      "TRUTH_TYPE",   "FLAG_NAME",       "HEADER_SUFFIX"};
-/* How keywords that name files end. */
-static const char *const FILES[] = {"_NAME", "_IMAGE", "_CONFIG", "_MODEL"};
+static const char UNUSED[] =
+    " CATALOG_NAME CATALOG_TYPE PARAMETERS_NAME CHECKIMAGE_TYPE CHECKIMAGE_NAME ASSOC_NAME "
+    "REFERENCE_NAME QA_NAME QA_GATES XML_NAME IMAGE_NAME SHARP_NAME TRUTH_NAME TRUTH_TYPE "
+    "FLAG_NAME HEADER_SUFFIX ";
 
-static int among(const char *const *list, size_t n, const char *name)
+static int among(const char *list, const char *name)
 {
-    for (size_t i = 0; i < n; i++)
-        if (strcmp(list[i], name) == 0)
-            return 1;
-    return 0;
+    char word[64];
+    snprintf(word, sizeof word, " %s ", name);
+    return strstr(list, word) != NULL;
 }
 
-/* The name without the prefix of its program. */
-static const char *bare(const char *name)
+/* The name without the prefix of its program; *kept: 0 where it says nothing of the campaign. */
+static const char *bare(const char *name, int *kept)
 {
-    const char *dot = strchr(name, '.');
-    return dot != NULL ? dot + 1 : name;
+    const char *dot = strchr(name, '.'), *keyword = dot != NULL ? dot + 1 : name;
+    *kept = !among(WORKING, keyword) && !(dot != NULL && among(UNUSED, keyword));
+    return keyword;
 }
 
 static int names_file(const char *name)
 {
+    static const char *const ends[] = {"_NAME", "_IMAGE", "_CONFIG", "_MODEL"};
     const size_t length = strlen(name);
-    for (size_t i = 0; i < COUNT(FILES); i++) {
-        const size_t n = strlen(FILES[i]);
-        if (length > n && strcmp(name + length - n, FILES[i]) == 0)
-            return 1;
-    }
-    return 0;
+    int is = 0;
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
+        is |= length > strlen(ends[i]) && strcmp(name + length - strlen(ends[i]), ends[i]) == 0;
+    return is;
 }
 
 /* A fact for each file in a list of names apart by commas; [hdu] after a name belongs to the fact. */
@@ -75,9 +69,9 @@ static void add_files(rx_journal_facts *facts, const char *name, const char *val
 static void visit_fact(void *user, const char *name, const char *value, const char *help)
 {
     (void)help;
-    const char *keyword = bare(name);
-    if (among(WORKING, COUNT(WORKING), keyword) || among(REPORTING, COUNT(REPORTING), keyword) ||
-        (keyword != name && among(UNUSED, COUNT(UNUSED), keyword)))
+    int kept;
+    const char *keyword = bare(name, &kept);
+    if (!kept || among(REPORTING, keyword))
         return;
     if (names_file(keyword))
         add_files(user, name, value);
@@ -125,8 +119,9 @@ static void visit_record(void *user, const char *name, const char *value, const 
     static const char plain[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.,/:+-@%=";
     (void)help;
     const visitor *v = user;
-    const char *keyword = bare(name);
-    if (among(WORKING, COUNT(WORKING), keyword) || (keyword != name && among(UNUSED, COUNT(UNUSED), keyword)))
+    int kept;
+    bare(name, &kept);
+    if (!kept)
         return;
     rx_record_add(&v->record->keywords, name, "", "%s", value);
     const char *quote = value[0] != '\0' && value[strspn(value, plain)] == '\0' ? "" : "'";

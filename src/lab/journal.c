@@ -81,9 +81,11 @@ static rx_status other_settings(const char *path, const char *old, const char *n
         "give the old settings, or another JOURNAL_NAME for the new ones, or delete the journal";
     for (const char *line = now; *line == '='; line += line_length(line) + 1) {
         const int n = (int)strcspn(line + 2, " \n") + 3; /* "= NAME " */
-        const char *value = line + n, *was = strncmp(old, line, (size_t)n) == 0 ? old : NULL;
-        for (const char *other = old; was == NULL && (other = strchr(other, '\n')) != NULL;)
-            was = strncmp(++other, line, (size_t)n) == 0 ? other : NULL;
+        const char *value = line + n, *was = old;
+        while (was != NULL && strncmp(was, line, (size_t)n) != 0) {
+            const char *end = strchr(was, '\n');
+            was = end != NULL ? end + 1 : NULL;
+        }
         const int length = (int)line_length(value), shown = length > 80 ? 80 : length;
         if (was == NULL)
             return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun without %.*s, which is now %.*s; %s",
@@ -130,13 +132,11 @@ typedef struct reading {
 static void add_number(rx_text *dst, double value)
 {
     char text[40];
-    if (isnan(value)) {
-        rx_text_add(dst, " nan"); /* never "-nan": the sign says nothing */
-        return;
-    }
     const int is_float = fabs(value) <= FLT_MAX && (double)(float)value == value;
     snprintf(text, sizeof text, "%.9g", value);
-    if (strtod(text, NULL) != value && is_float)
+    if (isnan(value))
+        strcpy(text, "nan"); /* never "-nan": the sign says nothing */
+    else if (strtod(text, NULL) != value && is_float)
         strcat(text, "f"); /* nine digits name a float, not a double */
     else if (strtod(text, NULL) != value)
         snprintf(text, sizeof text, "%.17g", value);
@@ -191,16 +191,6 @@ static rx_status parse_line(const char *header, char *line, size_t length, long 
     return RX_OK;
 }
 
-static int same_values(const rx_unit_values *a, const rx_unit_values *b)
-{
-    if (a->n != b->n)
-        return 0;
-    for (long i = 0; i < a->n; i++)
-        if (a->v[i] != b->v[i] && !(isnan(a->v[i]) && isnan(b->v[i])))
-            return 0;
-    return 1;
-}
-
 /* Put a line's values in place; a unit may be there twice, with the same values. */
 static rx_status keep(const reading *r, long number, long unit, rx_unit_values *found, rx_error *err)
 {
@@ -208,13 +198,16 @@ static rx_status keep(const reading *r, long number, long unit, rx_unit_values *
         r->values[unit] = *found;
         return RX_OK;
     }
-    const int same = same_values(&r->values[unit], found);
+    const rx_unit_values *old = &r->values[unit];
+    int same = old->n == found->n;
+    for (long i = 0; i < found->n && same; i++)
+        same = old->v[i] == found->v[i] || (isnan(old->v[i]) && isnan(found->v[i]));
     free(found->v);
-    if (same)
-        return RX_OK;
-    return rx_error_at(err, RX_INPUT, r->path, -1, number,
-                       "has other values for unit %ld than another line or journal; delete one of them",
-                       unit);
+    return same
+               ? RX_OK
+               : rx_error_at(err, RX_INPUT, r->path, -1, number,
+                             "has other values for unit %ld than another line or journal; delete one of them",
+                             unit);
 }
 
 /* All lines from `text` on, line `number` of the file; *whole = bytes up to the end of the last good line. */
@@ -227,7 +220,8 @@ static rx_status parse_lines(const reading *r, char *text, long number, size_t *
         *end = '\0';
         long unit = 0;
         rx_unit_values found = {0};
-        rx_status status = parse_line(r->digest, text, (size_t)(end - text), r->nunits, &unit, &found, err);
+        const rx_status status =
+            parse_line(r->digest, text, (size_t)(end - text), r->nunits, &unit, &found, err);
         if (status == RX_SYSTEM)
             return status;
         if (status != RX_OK) {
@@ -240,9 +234,7 @@ static rx_status parse_lines(const reading *r, char *text, long number, size_t *
                 err, RX_INPUT, r->path, -1, bad,
                 "is damaged, and whole lines follow; delete this line, its unit is done again");
         }
-        status = keep(r, number, unit, &found, err);
-        if (status != RX_OK)
-            return status;
+        RX_TRY(keep(r, number, unit, &found, err));
         *whole = (size_t)(end + 1 - begin);
     }
     return RX_OK;
@@ -281,26 +273,21 @@ static rx_status read_all(int file, const char *path, char **text, size_t *lengt
     return RX_OK;
 }
 
-static long count_lines(const char *text, size_t length)
-{
-    long n = 0;
-    for (size_t i = 0; i < length; i++)
-        n += text[i] == '\n';
-    return n;
-}
-
 /* Read an open journal: *whole = bytes that are good, 0 when even the header is to be written. */
 static rx_status load(const reading *r, int file, size_t *whole, rx_error *err)
 {
     char *text = NULL;
     size_t length = 0, lines = 0;
-    rx_status status = read_all(file, r->path, &text, &length, err);
-    if (status == RX_OK)
-        status = check_header(r->path, text, length, r->header, whole, err);
-    if (status == RX_OK && *whole > 0) {
-        status = parse_lines(r, text + *whole, count_lines(text, *whole) + 1, &lines, err);
-        *whole += lines;
-    }
+    long number = 1;
+    rx_status status;
+    RX_TRY_EXIT(read_all(file, r->path, &text, &length, err));
+    RX_TRY_EXIT(check_header(r->path, text, length, r->header, whole, err));
+    for (size_t i = 0; i < *whole; i++)
+        number += text[i] == '\n';
+    if (*whole > 0)
+        status = parse_lines(r, text + *whole, number, &lines, err);
+    *whole += lines;
+exit:
     free(text);
     return status;
 }
@@ -348,16 +335,12 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
     size_t whole = 0;
     journal->file = -1;
     journal->path = rx_strdup(path);
-    rx_status status = journal->path == NULL ? rx_error_memory(err, strlen(path))
-                                             : make_header(facts, &header, journal->digest, err);
-    if (status != RX_OK)
-        goto exit;
+    rx_status status;
+    RX_TRY_EXIT(journal->path == NULL ? rx_error_memory(err, strlen(path))
+                                      : make_header(facts, &header, journal->digest, err));
     journal->file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    status = journal->file < 0 ? cannot(path, "opened", err) : lock(path, journal->file, err);
-    if (status == RX_OK)
-        status = load(&(reading){path, &header, journal->digest, nunits, values}, journal->file, &whole, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(journal->file < 0 ? cannot(path, "opened", err) : lock(path, journal->file, err));
+    RX_TRY_EXIT(load(&(reading){path, &header, journal->digest, nunits, values}, journal->file, &whole, err));
     journal->size = (off_t)whole;
     if (ftruncate(journal->file, journal->size) != 0)
         status = cannot(path, "written", err);

@@ -101,9 +101,7 @@ static void draw_error(drawing *d, rx_axes *axes)
     double reach = 0, farthest = 0; /* all medians and most scatters fit, without any all dots */
     for (int run = 0; run < d->q->input->nruns; run++)
         put_dots(d, run, d->q->evaluation[run].truth_mag, true, d->q->evaluation[run].dmag);
-    begin(d, RX_CURVE_LINE, -1, NULL);
-    put(d, axes->x0, 0, NAN, NAN);
-    put(d, axes->x1, 0, NAN, NAN);
+    rx_curves_reference(&d->curves, axes->x0, 0, axes->x1, 0);
     for (int run = 0; run < d->q->input->nruns; run++) {
         begin(d, RX_CURVE_BAND, run, name_of(d, run));
         for (int b = 0; b < d->q->bins.n; b++) {

@@ -57,9 +57,7 @@ static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellip
                               bin->mean[k] + bin->error[k]);
         }
     }
-    rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
-    rx_curves_put(&c, axes.x0, 0, NAN, NAN);
-    rx_curves_put(&c, axes.x1, 0, NAN, NAN);
+    rx_curves_reference(&c, axes.x0, 0, axes.x1, 0);
     rx_curves_figure(
         dst, ellipse ? "psf-mag-ellipse" : "psf-mag-size",
         ellipse ? "Ellipse, stars - PSF, by magnitude" : "Size, stars - PSF, by magnitude",
@@ -113,9 +111,7 @@ static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
     double most = 2.0 * wrong;
     rx_curves c = {0};
     for (int side = -1; side <= 1; side += 2) {
-        rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
-        rx_curves_put(&c, 0.0, side * wrong, NAN, NAN);
-        rx_curves_put(&c, last, side * wrong, NAN, NAN);
+        rx_curves_reference(&c, 0.0, side * wrong, last, side * wrong);
     }
     rx_curves_add(&c, RX_CURVE_BAND, 0, "stars - PSF");
     for (int i = 0; i < judged->nradii; i++) {

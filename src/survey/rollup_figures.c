@@ -61,9 +61,7 @@ static void rho_figure(rx_figures *dst, const rx_rollup *r)
             most = fmax(most, 1.1 * (fabs(value) + error));
         }
     }
-    rx_curves_add(&c, RX_CURVE_LINE, -1, NULL);
-    rx_curves_put(&c, axes.x0, 0, NAN, NAN);
-    rx_curves_put(&c, axes.x1, 0, NAN, NAN);
+    rx_curves_reference(&c, axes.x0, 0, axes.x1, 0);
     axes.y0 = -most;
     axes.y1 = most;
     rx_curves_figure(dst, "psf-rho", "Correlation of PSF residuals",

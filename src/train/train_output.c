@@ -69,13 +69,12 @@ rx_status rx_train_output_within(const rx_train_output *output, const rx_train_s
 {
     const char *name = output->config->checkpoint_name, *checkpoint;
     rx_outputs *outputs = NULL;
-    rx_status status = rx_outputs_new(&outputs, err);
-    if (status == RX_OK)
-        status = rx_outputs_file(outputs, name, &checkpoint, err);
-    if (status == RX_OK)
-        status = rx_checkpoint_write(checkpoint, name, output->settings, kept, now, err);
-    if (status == RX_OK)
-        status = rx_outputs_commit(outputs, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_outputs_new(&outputs, err));
+    RX_TRY_EXIT(rx_outputs_file(outputs, name, &checkpoint, err));
+    RX_TRY_EXIT(rx_checkpoint_write(checkpoint, name, output->settings, kept, now, err));
+    RX_TRY_EXIT(rx_outputs_commit(outputs, err));
+exit:
     rx_outputs_free(outputs);
     return status;
 }
