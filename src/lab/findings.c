@@ -9,43 +9,28 @@
 
 #include "report/page.h"
 
-static const rx_report_column CELLS[] = {
-    {.name = "scene", .help = "what was on the tiles"},
-    {.name = "condition", .help = "seeing, magnitude, or what restorers were given wrong"},
-    {.name = "run", .help = "restorer or method"},
-    {.name = "quantity", .help = "what was measured"},
-    {.name = "value", .kind = RX_REPORT_ESTIMATE, .help = "of the quantity"},
-    {.name = "setting", .help = "the best of several settings: which one it is"},
-};
+RX_COLUMNS(CELLS, RX_TEXT("scene", "what was on the tiles"),
+           RX_TEXT("condition", "seeing, magnitude, or what restorers were given wrong"),
+           RX_TEXT("run", "restorer or method"), RX_TEXT("quantity", "what was measured"),
+           RX_ESTIMATE("value", 0, "", "of the quantity"),
+           RX_TEXT("setting", "the best of several settings: which one it is"));
 
-static const rx_report_column CONTESTS[] = {
-    {.name = "scene"},
-    {.name = "condition"},
-    {.name = "quantity", .help = "what is compared"},
-    {.name = "first", .help = "run"},
-    {.name = "second", .help = "run"},
-    {.name = "test"},
-    {"difference", RX_REPORT_ESTIMATE, 3, "", "first - second", NULL},
-    {"statistic", RX_REPORT_NUMBER, 2, "", "", NULL},
-    {"dof", RX_REPORT_NUMBER, 0, "", "degrees of freedom", NULL},
-    {"p", RX_REPORT_P, 0, "", "two-sided", NULL},
-    {"holm", RX_REPORT_P, 0, "", "p adjusted for the conditions", NULL},
-    {.name = "winner", .help = "where the adjusted p is below 0.05"},
-    {"effect", RX_REPORT_NUMBER, 2, "", "size of the effect: d_z of paired t, Cohen's d of two samples",
-     NULL},
-    {"only_first", RX_REPORT_NUMBER, 0, "", "things that only the first found", NULL},
-    {"only_second", RX_REPORT_NUMBER, 0, "", "things that only the second found", NULL},
-};
+RX_COLUMNS(CONTESTS, RX_TEXT("scene", ""), RX_TEXT("condition", ""), RX_TEXT("quantity", "what is compared"),
+           RX_TEXT("first", "run"), RX_TEXT("second", "run"), RX_TEXT("test", ""),
+           RX_ESTIMATE("difference", 3, "", "first - second"), RX_NUMBER("statistic", 2, "", ""),
+           RX_NUMBER("dof", 0, "", "degrees of freedom"), RX_P("p", "two-sided"),
+           RX_P("holm", "p adjusted for the conditions"),
+           RX_TEXT("winner", "where the adjusted p is below 0.05"),
+           RX_NUMBER("effect", 2, "", "size of the effect: d_z of paired t, Cohen's d of two samples"),
+           RX_NUMBER("only_first", 0, "", "things that only the first found"),
+           RX_NUMBER("only_second", 0, "", "things that only the second found"));
 
-static const rx_report_column CLAIMS[] = {
-    {.name = "claim"},
-    {.name = "words", .help = "what is claimed", .heading = "claim or goal"},
-    {.name = "place", .help = "where in the paper"},
-    {.name = "reproduced_when"},
-    {.name = "run", .help = "whose numbers are judged, where it is one", .heading = "restorer"},
-    {.name = "verdict", .kind = RX_REPORT_VERDICT},
-    {.name = "found", .help = "what was found", .heading = "what was found"},
-};
+RX_COLUMNS(CLAIMS, RX_TEXT("claim", ""),
+           {.name = "words", .help = "what is claimed", .heading = "claim or goal"},
+           RX_TEXT("place", "where in the paper"), RX_TEXT("reproduced_when", ""),
+           {.name = "run", .help = "whose numbers are judged, where it is one", .heading = "restorer"},
+           {.name = "verdict", .kind = RX_REPORT_VERDICT},
+           {.name = "found", .help = "what was found", .heading = "what was found"});
 
 static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {

@@ -412,62 +412,44 @@ static const rx_claim_judge JUDGES[] = {{RX_GOAL_BIAS_ISOLATED, RX_GOAL_PAIRS, j
 
 /* --- tables --- */
 
-static const rx_report_column CELLS[] = {
-    {.name = "scene", .help = "what is on the tiles"},
-    {.name = "kind", .help = "star or galaxy"},
-    {.name = "company", .help = "isolated, blended, told apart, neither"},
-    {.name = "condition", .help = "seeing, and what restorers were given wrong"},
-    {.name = "snr", .help = "bin of true S/N", .heading = "S/N"},
-    {.name = "run", .help = "restorer"},
-    {.name = "flux", .help = "what was measured"},
-    {"bias", RX_REPORT_ESTIMATE, 4, "mag", "median error of the magnitude, measured less true", NULL},
-    {"scatter", RX_REPORT_ESTIMATE, 4, "mag", "robust scatter of that error", NULL},
-    {"bound", RX_REPORT_ESTIMATE, 3, "",
-     "scatter over the error of a matched filter with noise of sky and photons; isolated stars", NULL},
-    {"pull", RX_REPORT_ESTIMATE, 3, "", "median of (F - F0) / error", NULL},
-    {"width", RX_REPORT_ESTIMATE, 3, "", "robust width of (F - F0) / error", NULL},
-    {"magerr", RX_REPORT_ESTIMATE, 2, "%", "mean of 100 |F - F0| / F0", NULL},
-};
+RX_COLUMNS(
+    CELLS, RX_TEXT("scene", "what is on the tiles"), RX_TEXT("kind", "star or galaxy"),
+    RX_TEXT("company", "isolated, blended, told apart, neither"),
+    RX_TEXT("condition", "seeing, and what restorers were given wrong"),
+    {.name = "snr", .help = "bin of true S/N", .heading = "S/N"}, RX_TEXT("run", "restorer"),
+    RX_TEXT("flux", "what was measured"),
+    RX_ESTIMATE("bias", 4, "mag", "median error of the magnitude, measured less true"),
+    RX_ESTIMATE("scatter", 4, "mag", "robust scatter of that error"),
+    RX_ESTIMATE("bound", 3, "",
+                "scatter over the error of a matched filter with noise of sky and photons; isolated stars"),
+    RX_ESTIMATE("pull", 3, "", "median of (F - F0) / error"),
+    RX_ESTIMATE("width", 3, "", "robust width of (F - F0) / error"),
+    RX_ESTIMATE("magerr", 2, "%", "mean of 100 |F - F0| / F0"));
 
-static const rx_report_column PAIRS[] = {
-    {.name = "sample", .help = "all: found by the run; detected: on its image"},
-    {.name = "condition"},
-    {.name = "separation", .help = "from and to, FWHM", .heading = "separation [FWHM]"},
-    {.name = "run", .help = "restorer"},
-    {.name = "flux", .help = "what was measured"},
-    {"both", RX_REPORT_ESTIMATE, 3, "", "share of the pairs of which both are found", NULL},
-    {"size", RX_REPORT_ESTIMATE, 3, "mag", "median |error| of their flux ratio", NULL},
-    {"ratio", RX_REPORT_ESTIMATE, 3, "mag", "median error of their flux ratio, fainter less first", NULL},
-    {"scatter", RX_REPORT_ESTIMATE, 3, "mag", "scatter of that error", NULL},
-    {"total", RX_REPORT_ESTIMATE, 3, "mag", "median error of the total flux", NULL},
-};
+RX_COLUMNS(PAIRS, RX_TEXT("sample", "all: found by the run; detected: on its image"),
+           RX_TEXT("condition", ""),
+           {.name = "separation", .help = "from and to, FWHM", .heading = "separation [FWHM]"},
+           RX_TEXT("run", "restorer"), RX_TEXT("flux", "what was measured"),
+           RX_ESTIMATE("both", 3, "", "share of the pairs of which both are found"),
+           RX_ESTIMATE("size", 3, "mag", "median |error| of their flux ratio"),
+           RX_ESTIMATE("ratio", 3, "mag", "median error of their flux ratio, fainter less first"),
+           RX_ESTIMATE("scatter", 3, "mag", "scatter of that error"),
+           RX_ESTIMATE("total", 3, "mag", "median error of the total flux"));
 
-static const rx_report_column INVENTED[] = {
-    {.name = "scene"},
-    {.name = "condition"},
-    {.name = "run", .help = "restorer"},
-    {"right", RX_REPORT_COUNT, 0, "", "detections of objects", NULL},
-    {"wrong", RX_REPORT_COUNT, 0, "", "invented detections", NULL},
-    {"right_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections", NULL},
-    {"wrong_unmarked", RX_REPORT_COUNT, 0, "", "the same without marked detections", NULL},
-    {"added", RX_REPORT_COUNT, 0, "", "true ones that only the residual showed", NULL},
-    {"false_per_mpixel", RX_REPORT_ESTIMATE, 1, "", "", NULL},
-    {"false_per_mpixel_unmarked", RX_REPORT_ESTIMATE, 1, "", "", NULL},
-    {"precision", RX_REPORT_ESTIMATE, 4, "", "", NULL},
-    {"precision_unmarked", RX_REPORT_ESTIMATE, 4, "", "", NULL},
-    {"marked_5_7", RX_REPORT_ESTIMATE, 4, "", "share of the true ones that are marked, S/N 5 to 7", NULL},
-    {"marked_above_7", RX_REPORT_ESTIMATE, 4, "", "the same above 7", NULL},
-    {"pieces", RX_REPORT_ESTIMATE, 2, "", "pieces per galaxy that was found", NULL},
-    {"pieces_unmarked", RX_REPORT_ESTIMATE, 2, "", "", NULL}};
+RX_COLUMNS(INVENTED, RX_TEXT("scene", ""), RX_TEXT("condition", ""), RX_TEXT("run", "restorer"),
+           RX_COUNT("right", "detections of objects"), RX_COUNT("wrong", "invented detections"),
+           RX_COUNT("right_unmarked", "the same without marked detections"),
+           RX_COUNT("wrong_unmarked", "the same without marked detections"),
+           RX_COUNT("added", "true ones that only the residual showed"),
+           RX_ESTIMATE("false_per_mpixel", 1, "", ""), RX_ESTIMATE("false_per_mpixel_unmarked", 1, "", ""),
+           RX_ESTIMATE("precision", 4, "", ""), RX_ESTIMATE("precision_unmarked", 4, "", ""),
+           RX_ESTIMATE("marked_5_7", 4, "", "share of the true ones that are marked, S/N 5 to 7"),
+           RX_ESTIMATE("marked_above_7", 4, "", "the same above 7"),
+           RX_ESTIMATE("pieces", 2, "", "pieces per galaxy that was found"),
+           RX_ESTIMATE("pieces_unmarked", 2, "", ""));
 
-static const rx_report_column SETS[] = {
-    {.name = "condition"},
-    {.name = "scene"},
-    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", NULL},
-    {"tiles", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"objects", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"mpixels", RX_REPORT_NUMBER, 3, "", "", NULL},
-};
+RX_COLUMNS(SETS, RX_TEXT("condition", ""), RX_TEXT("scene", ""), RX_NUMBER("fwhm", 2, "pix", "of the PSF"),
+           RX_COUNT("tiles", ""), RX_COUNT("objects", ""), RX_NUMBER("mpixels", 3, "", ""));
 
 static const rx_report_column *const COLUMNS[RX_FLUXES_GRIDS] = {CELLS, PAIRS, INVENTED};
 

@@ -31,28 +31,28 @@ rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double r
                        rx_error *err)
 {
     const size_t n = (size_t)o->n, m = (size_t)d->n;
-    double *x = RX_NEW(double, n), *y = RX_NEW(double, n);
-    unsigned char *use = RX_NEW(unsigned char, n), *left = RX_NEW(unsigned char, m);
-    long *partner = RX_NEW(long, n), *excuse = RX_NEW(long, m);
+    double *x = RX_NEW(double, 2 * n), *y = x + n;
+    unsigned char *use = RX_NEW(unsigned char, n + m), *left = use + n;
+    long *partner = RX_NEW(long, n + m), *excuse = partner + n;
     rx_status status = RX_OK;
     *dst = (rx_matches){RX_NEW(long, n), RX_NEW(long, m), RX_NEW(unsigned char, m)};
-    if (!x || !y || !use || !left || !partner || !excuse || !dst->found || !dst->taken || !dst->outcome)
+    if (!x || !use || !partner || !dst->found || !dst->taken || !dst->outcome) {
         status = rx_error_memory(err, (4 * n + 2 * m) * sizeof(double));
-    for (size_t i = 0; i < n && status == RX_OK; i++) {
+        goto exit;
+    }
+    for (size_t i = 0; i < n; i++) {
         x[i] = o->list[i].x;
         y[i] = o->list[i].y;
         use[i] = o->list[i].role != RX_OTHER;
     }
-    if (status == RX_OK)
-        status = rx_match(&(rx_match_list){o->n, x, y, use}, d, radius, dst->found, dst->taken, err);
-    for (size_t k = 0; k < m && status == RX_OK; k++)
+    RX_TRY_EXIT(rx_match(&(rx_match_list){o->n, x, y, use}, d, radius, dst->found, dst->taken, err));
+    for (size_t k = 0; k < m; k++)
         left[k] = (d->use == NULL || d->use[k]) && dst->taken[k] < 0;
-    for (size_t i = 0; i < n && status == RX_OK; i++)
+    for (size_t i = 0; i < n; i++)
         use[i] = o->list[i].role == RX_OTHER && !(o->list[i].reach > 0);
-    if (status == RX_OK)
-        status = rx_match(&(rx_match_list){o->n, x, y, use}, &(rx_match_list){d->n, d->x, d->y, left}, radius,
-                          partner, excuse, err);
-    for (size_t k = 0; k < m && status == RX_OK; k++) {
+    RX_TRY_EXIT(rx_match(&(rx_match_list){o->n, x, y, use}, &(rx_match_list){d->n, d->x, d->y, left}, radius,
+                         partner, excuse, err));
+    for (size_t k = 0; k < m; k++) {
         const long i = dst->taken[k];
         if (left[k])
             dst->outcome[k] = excuse[k] >= 0 || explained(o, d->x[k], d->y[k]) ? RX_IS_NEITHER : RX_IS_FALSE;
@@ -61,15 +61,13 @@ rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double r
         if (dst->outcome[k] != RX_IS_RIGHT)
             dst->taken[k] = -1;
     }
-    for (size_t i = 0; i < n && status == RX_OK; i++)
+    for (size_t i = 0; i < n; i++)
         if (o->list[i].role != RX_LISTED)
             dst->found[i] = -1;
+exit:
     free(x);
-    free(y);
     free(use);
-    free(left);
     free(partner);
-    free(excuse);
     if (status != RX_OK)
         rx_matches_free(dst);
     return status;

@@ -242,38 +242,37 @@ rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx
     const double mag = lab->scene[unit->scene].mag;
     const double zeropoint =
         sky->field != NULL ? sky->field->tile->zeropoint : sky->simulation->scene.zeropoint;
+    const uint64_t number = number_of(lab, unit);
+    const rx_pipeline_params *par = &lab->options->pipeline;
     rx_scene *stars = NULL, *others = NULL;
     rx_tile *tile = NULL;
+    rx_status status;
     int needs_psf = 0;
     for (int r = 0; r < lab->nruns; r++)
         needs_psf |= lab->run[r].restorer->needs_psf;
     *dst = (rx_lab_tile){0};
-    rx_status status = make_stars(lab, sky, mag, zeropoint, number_of(lab, unit), &stars, err);
-    for (long i = 0; status == RX_OK && i < stars->n; i++) {
+    RX_TRY_EXIT(make_stars(lab, sky, mag, zeropoint, number, &stars, err));
+    for (long i = 0; i < stars->n; i++) {
         stars->objects[i].mag = mag;
         stars->objects[i].flux = pow(10.0, -0.4 * (mag - zeropoint));
     }
-    if (status == RX_OK)
-        status = sky->field != NULL
-                     ? injected_tile(lab, sky, stars, number_of(lab, unit), &tile, err)
-                     : simulated_tile(lab, sky, stars, number_of(lab, unit), &tile, &others, err);
-    if (status == RX_OK) {
-        status = rx_field_prepare(&lab->options->pipeline, needs_psf ? RX_FIELD_PSF : 0, tile, sky->given,
-                                  NULL, &dst->field, err);
-        tile = NULL; /* the field's */
-    }
-    if (status == RX_OK)
-        status = know_objects(lab, sky, stars, others, dst, err);
-    if (status == RX_OK)
-        rx_condition_apply(&sky->condition, dst->field);
-    if (status == RX_OK && sky->field != NULL)
-        status = rx_blankcheck_field(&lab->options->pipeline, sky->field, &sky->noise, NULL,
-                                     (rx_random_stream){rx_lab_seed(lab, DRAW_BLANK), number_of(lab, unit)},
-                                     &dst->blank, err);
+    RX_TRY_EXIT(sky->field != NULL ? injected_tile(lab, sky, stars, number, &tile, err)
+                                   : simulated_tile(lab, sky, stars, number, &tile, &others, err));
+    status = rx_field_prepare(par, needs_psf ? RX_FIELD_PSF : 0, tile, sky->given, NULL, &dst->field, err);
+    tile = NULL; /* the field's */
+    RX_TRY_EXIT(status);
+    RX_TRY_EXIT(know_objects(lab, sky, stars, others, dst, err));
+    rx_condition_apply(&sky->condition, dst->field);
+    if (sky->field != NULL)
+        status =
+            rx_blankcheck_field(par, sky->field, &sky->noise, NULL,
+                                (rx_random_stream){rx_lab_seed(lab, DRAW_BLANK), number}, &dst->blank, err);
     if (status == RX_OK && dst->field->unrestorable && needs_psf)
-        status = rx_error_set(err, RX_INPUT,
-                              "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "
-                              "leave it out, and restorers are given the true one");
+        status = rx_error_set(
+            err, RX_INPUT,
+            "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; leave it out, "
+            "and restorers are given the true one");
+exit:
     rx_tile_free(tile);
     rx_scene_free(stars);
     rx_scene_free(others);

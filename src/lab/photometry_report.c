@@ -536,41 +536,27 @@ static void plot_field(rx_figures *dst, const rx_store *s, int f)
 
 /* --- page --- */
 
-static const rx_report_column RUNS[] = {{.name = "name"}, {.name = "settings"}};
+RX_COLUMNS(RUNS, RX_TEXT("name", ""), RX_TEXT("settings", ""));
 
-static const rx_report_column SETS[] = {
-    {.name = "scene", .help = "field"},
-    {.name = "condition", .help = "magnitude of the stars"},
-    {"mag", RX_REPORT_NUMBER, 2, "mag", "of the stars", NULL},
-    {"snr", RX_REPORT_NUMBER, 1, "", "in a matched filter on the background", NULL},
-    {"tiles", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"stars", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"mpixels", RX_REPORT_NUMBER, 3, "", "", NULL},
-    {.name = "about", .help = "the field"},
-};
+RX_COLUMNS(SETS, RX_TEXT("scene", "field"), RX_TEXT("condition", "magnitude of the stars"),
+           RX_NUMBER("mag", 2, "mag", "of the stars"),
+           RX_NUMBER("snr", 1, "", "in a matched filter on the background"), RX_COUNT("tiles", ""),
+           RX_COUNT("stars", ""), RX_NUMBER("mpixels", 3, "", ""), RX_TEXT("about", "the field"));
 
-static const rx_report_column CUTS[] = {
-    {.name = "scene", .help = "field"},
-    {.name = "run", .help = "restorer"},
-    {"precision_from", RX_REPORT_NUMBER, 2, "", "at least this precision; nan: the whole list", NULL},
-    {"score", RX_REPORT_NUMBER, 2, "", "lowest score; inf: the precision is never reached", NULL},
-    {"whole_list", RX_REPORT_COUNT, 0, "",
-     "1: the list ends above this precision, completeness is a lower limit", NULL},
-    {"precision", RX_REPORT_ESTIMATE, 4, "", "over all sets of the field", NULL},
-    {"recall", RX_REPORT_ESTIMATE, 3, "", "over all sets of the field", NULL},
-    {"mag50", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 50 % completeness", NULL},
-    {"mag90", RX_REPORT_ESTIMATE, 2, "mag", "magnitude of 90 % completeness", NULL},
-    {"false_per_mpixel", RX_REPORT_ESTIMATE, 2, "", "whole list", NULL},
-};
+RX_COLUMNS(CUTS, RX_TEXT("scene", "field"), RX_TEXT("run", "restorer"),
+           RX_NUMBER("precision_from", 2, "", "at least this precision; nan: the whole list"),
+           RX_NUMBER("score", 2, "", "lowest score; inf: the precision is never reached"),
+           RX_COUNT("whole_list", "1: the list ends above this precision, completeness is a lower limit"),
+           RX_ESTIMATE("precision", 4, "", "over all sets of the field"),
+           RX_ESTIMATE("recall", 3, "", "over all sets of the field"),
+           RX_ESTIMATE("mag50", 2, "mag", "magnitude of 50 % completeness"),
+           RX_ESTIMATE("mag90", 2, "mag", "magnitude of 90 % completeness"),
+           RX_ESTIMATE("false_per_mpixel", 2, "", "whole list"));
 
-static const rx_report_column PR[] = {
-    {.name = "scene", .help = "field"},
-    {.name = "condition", .help = "magnitude of the stars"},
-    {.name = "run", .help = "restorer"},
-    {"score", RX_REPORT_NUMBER, 2, "", "S/N of the detection", NULL},
-    {"recall", RX_REPORT_NUMBER, 4, "", "of the stars with this score or a higher one", NULL},
-    {"precision", RX_REPORT_NUMBER, 4, "", "the same", NULL},
-};
+RX_COLUMNS(PR, RX_TEXT("scene", "field"), RX_TEXT("condition", "magnitude of the stars"),
+           RX_TEXT("run", "restorer"), RX_NUMBER("score", 2, "", "S/N of the detection"),
+           RX_NUMBER("recall", 4, "", "of the stars with this score or a higher one"),
+           RX_NUMBER("precision", 4, "", "the same"));
 
 enum { CURVE_POINTS = 200 };
 

@@ -404,62 +404,33 @@ static rx_status add_example(rx_report *report, const rx_lab *lab, int example, 
 
 /* --- page --- */
 
-static const rx_report_column BINS[] = {
-    {.name = "scene", .help = "binned quantity"},
-    {.name = "condition", .help = "middle of the bin"},
-    {"low", RX_REPORT_NUMBER, 2, "", "", NULL},
-    {"high", RX_REPORT_NUMBER, 2, "", "", NULL},
-    {"other_low", RX_REPORT_NUMBER, 2, "", "range of the other quantity", NULL},
-    {"other_high", RX_REPORT_NUMBER, 2, "", "range of the other quantity", NULL},
-    {"scenes", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"level_low", RX_REPORT_NUMBER, 3, "", "noise level on the scale of models", NULL},
-    {"level_median", RX_REPORT_NUMBER, 3, "", "", NULL},
-    {"level_high", RX_REPORT_NUMBER, 3, "", "", NULL},
-    {"inside_training", RX_REPORT_COUNT, 0, "", "1: seeing and median noise level are inside the training",
-     NULL},
-    {"fainter_than_fields", RX_REPORT_COUNT, 0, "", "1: that level is above those of all whole fields of it",
-     NULL},
-};
+RX_COLUMNS(BINS, RX_TEXT("scene", "binned quantity"), RX_TEXT("condition", "middle of the bin"),
+           RX_NUMBER("low", 2, "", ""), RX_NUMBER("high", 2, "", ""),
+           RX_NUMBER("other_low", 2, "", "range of the other quantity"),
+           RX_NUMBER("other_high", 2, "", "range of the other quantity"), RX_COUNT("scenes", ""),
+           RX_NUMBER("level_low", 3, "", "noise level on the scale of models"),
+           RX_NUMBER("level_median", 3, "", ""), RX_NUMBER("level_high", 3, "", ""),
+           RX_COUNT("inside_training", "1: seeing and median noise level are inside the training"),
+           RX_COUNT("fainter_than_fields", "1: that level is above those of all whole fields of it"));
 
-static const rx_report_column BOXES[] = {
-    {.name = "scene"},
-    {.name = "condition"},
-    {.name = "run"},
-    {.name = "quantity"},
-    {"low", RX_REPORT_NUMBER, 3, "", "last value within 1.5 box lengths", NULL},
-    {"q1", RX_REPORT_NUMBER, 3, "", "quartile", NULL},
-    {"median", RX_REPORT_NUMBER, 3, "", "", NULL},
-    {"q3", RX_REPORT_NUMBER, 3, "", "quartile", NULL},
-    {"high", RX_REPORT_NUMBER, 3, "", "", NULL},
-    {"outliers", RX_REPORT_COUNT, 0, "", "", NULL},
-};
+RX_COLUMNS(BOXES, RX_TEXT("scene", ""), RX_TEXT("condition", ""), RX_TEXT("run", ""), RX_TEXT("quantity", ""),
+           RX_NUMBER("low", 3, "", "last value within 1.5 box lengths"), RX_NUMBER("q1", 3, "", "quartile"),
+           RX_NUMBER("median", 3, "", ""), RX_NUMBER("q3", 3, "", "quartile"), RX_NUMBER("high", 3, "", ""),
+           RX_COUNT("outliers", ""));
 
-static const rx_report_column SCENES[] = {
-    {.name = "scene"},
-    {.name = "condition"},
-    {"number", RX_REPORT_COUNT, 0, "", "from 1 in each bin", NULL},
-    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", NULL},
-    {"sigma", RX_REPORT_NUMBER, 2, "adu", "of the noise", NULL},
-    {"noise_level", RX_REPORT_NUMBER, 3, "", "the noise on the scale of models", NULL},
-    {.name = "run"},
-    {"psnr", RX_REPORT_NUMBER, 2, "dB", "with the settings for PSNR", NULL},
-    {"ssim", RX_REPORT_NUMBER, 4, "", "with the settings for SSIM", NULL},
-};
+RX_COLUMNS(SCENES, RX_TEXT("scene", ""), RX_TEXT("condition", ""), RX_COUNT("number", "from 1 in each bin"),
+           RX_NUMBER("fwhm", 2, "pix", "of the PSF"), RX_NUMBER("sigma", 2, "adu", "of the noise"),
+           RX_NUMBER("noise_level", 3, "", "the noise on the scale of models"), RX_TEXT("run", ""),
+           RX_NUMBER("psnr", 2, "dB", "with the settings for PSNR"),
+           RX_NUMBER("ssim", 4, "", "with the settings for SSIM"));
 
-static const rx_report_column PAPER[] = {
-    {"table", RX_REPORT_COUNT, 0, "", "of the paper", NULL},
-    {.name = "scene"},
-    {.name = "quantity"},
-    {"bin", RX_REPORT_NUMBER, 0, "", "", NULL},
-    {"dof", RX_REPORT_NUMBER, 0, "", "degrees of freedom that give its p", NULL},
-    {"paper_t", RX_REPORT_NUMBER, 2, "", "printed: its network against Richardson-Lucy", NULL},
-    {"paper_p", RX_REPORT_P, 0, "", "printed", NULL},
-    {"p_from_t", RX_REPORT_P, 0, "", "that follows from the printed t", NULL},
-    {"fits", RX_REPORT_COUNT, 0, "", "1: within what rounding allows", NULL},
-    {"t", RX_REPORT_NUMBER, 2, "", "here, two samples as in the paper", NULL},
-    {"p", RX_REPORT_P, 0, "", "here", NULL},
-    {"paired_t", RX_REPORT_NUMBER, 2, "", "here, on the same scenes: the fitting test", NULL},
-};
+RX_COLUMNS(PAPER, RX_COUNT("table", "of the paper"), RX_TEXT("scene", ""), RX_TEXT("quantity", ""),
+           RX_NUMBER("bin", 0, "", ""), RX_NUMBER("dof", 0, "", "degrees of freedom that give its p"),
+           RX_NUMBER("paper_t", 2, "", "printed: its network against Richardson-Lucy"),
+           RX_P("paper_p", "printed"), RX_P("p_from_t", "that follows from the printed t"),
+           RX_COUNT("fits", "1: within what rounding allows"),
+           RX_NUMBER("t", 2, "", "here, two samples as in the paper"), RX_P("p", "here"),
+           RX_NUMBER("paired_t", 2, "", "here, on the same scenes: the fitting test"));
 
 /* Choices of tuning, two for each tuned method and bin; returns how many of them lie at an end of what was tried. */
 static int count_ends(const rx_lab *lab, int *choices)

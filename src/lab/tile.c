@@ -1,23 +1,17 @@
-/* Tiles of the campaigns DETECTION and FLUXES: what is on them, and their pixels.
+/* Tiles of the campaigns DETECTION and FLUXES: what is on them (SCENES below), and their pixels. Populations are those of
+ * the SIM. keywords; ..._SNR are drawn as those of a star of the flux, uniform in magnitude, so many FWHM apart:
  *
- * With the population of the SIM. keywords where nothing else is said:
- *   STARS      its stars alone            GALAXIES   its galaxies (and templates) alone
- *   FIELD      both                       BLANK      nothing but noise
- *   PAIRS      pairs, 8 FWHM apart, the first member of PAIR_SNR, the other one at a separation uniform in
- *              SIM.PAIR_DISTANCE (FWHM). DETECTION: stars, the other one at most 0.5 mag brighter or fainter. FLUXES:
- *              0 to 2 mag fainter, the pairs also 32 pixels apart; members are stars in the proportion of
- *              SIM.STAR_COUNT to SIM.GALAXY_COUNT, galaxies have the shapes and sizes of the population
- *   RINGS      bright stars of RING_SNR, 20 FWHM apart
- *   PLATEAU    a square of half the tile's side, PLATEAU_SNR sigmas bright, its edges smoothed by a Gaussian
- *              of FWHM 8 pixels more than the PSF; no noise; shifted by a pixel from tile to tile
- *   OUTSKIRTS  galaxies of OUTSKIRT_SNR, 12 FWHM apart
- *   SHREDS     galaxies of SHRED_SNR, twice as large as the population's, 60 % of those with disks with arms
- *              and a third of these with bars, 20 FWHM apart
- *   INJECTED   the population added to the real tile TILE_NAME, with the tile's PSF (STAGE. keywords) and the
- *              photon noise of its gain. A detection that was there before the injection by the rule of
- *              check/selfcheck.h is neither right nor wrong
- *
- * ..._SNR are drawn as those of a star of the flux, uniform in magnitude. */
+ *   PAIRS      8; the first member of PAIR_SNR, the other one at a separation uniform in SIM.PAIR_DISTANCE (FWHM).
+ *              DETECTION: stars, the other one at most 0.5 mag brighter or fainter. FLUXES: 0 to 2 mag fainter, the pairs
+ *              also 32 pixels apart; members are stars in the proportion of SIM.STAR_COUNT to SIM.GALAXY_COUNT, galaxies
+ *              have the shapes and sizes of the population
+ *   RINGS      20, RING_SNR           OUTSKIRTS  12, OUTSKIRT_SNR
+ *   SHREDS     20, SHRED_SNR, twice as large as the population's, 60 % of them with disks with arms and a third of these
+ *              with bars
+ *   PLATEAU    a square of half the tile's side, PLATEAU_SNR sigmas bright, its edges smoothed by a Gaussian of FWHM 8
+ *              pixels more than the PSF; shifted by a pixel from tile to tile
+ *   INJECTED   on TILE_NAME, with its PSF (STAGE. keywords) and the photon noise of its gain; what was there by the rule of
+ *              check/selfcheck.h is neither right nor wrong */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -394,28 +388,28 @@ rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_ti
     const rx_scene_id id = lab->scene[unit->scene].id;
     const uint64_t stream = (uint64_t)lab->scene[unit->scene].number << 40 | (uint64_t)unit->number;
     const int injected = id == RX_SCENE_INJECTED;
+    const int pairs = id == RX_SCENE_PAIRS || id == RX_SCENE_MIXED_PAIRS;
     rx_tile *tile = NULL;
+    rx_status status;
     *dst = (rx_lab_tile){0};
-    rx_status status = injected ? inject(lab, sky, stream, &tile, dst, err)
-                                : simulate(lab, sky, id, stream, &tile, dst, err);
-    if (status == RX_OK) {
-        status =
-            rx_field_prepare(&lab->options->pipeline, RX_FIELD_PSF, tile, sky->given, NULL, &dst->field, err);
-        tile = NULL; /* the field's */
-    }
-    if (status == RX_OK && injected) {
+    RX_TRY_EXIT(injected ? inject(lab, sky, stream, &tile, dst, err)
+                         : simulate(lab, sky, id, stream, &tile, dst, err));
+    status =
+        rx_field_prepare(&lab->options->pipeline, RX_FIELD_PSF, tile, sky->given, NULL, &dst->field, err);
+    tile = NULL; /* the field's */
+    RX_TRY_EXIT(status);
+    if (injected) {
         dst->field->model_noise = sky->model_noise;
         dst->field->model_factor = sky->field->noise_factor;
     }
-    if (status == RX_OK && id == RX_SCENE_PLATEAU)
-        status = put_plateau(lab, sky, unit->number, dst->field, err);
-    if (status == RX_OK && lab->kind->fluxes)
-        status = find_company(sky, &dst->objects, err);
-    for (long i = 0;
-         status == RX_OK && (id == RX_SCENE_PAIRS || id == RX_SCENE_MIXED_PAIRS) && i < dst->objects.n; i++)
+    if (id == RX_SCENE_PLATEAU)
+        RX_TRY_EXIT(put_plateau(lab, sky, unit->number, dst->field, err));
+    if (lab->kind->fluxes)
+        RX_TRY_EXIT(find_company(sky, &dst->objects, err));
+    for (long i = 0; pairs && i < dst->objects.n; i++)
         dst->objects.list[i].partner = i ^ 1;
-    if (status == RX_OK)
-        rx_condition_apply(&sky->condition, dst->field);
+    rx_condition_apply(&sky->condition, dst->field);
+exit:
     rx_tile_free(tile);
     if (status != RX_OK)
         rx_lab_tile_free(dst);

@@ -16,24 +16,15 @@ static const double SENSELESS = 1e4;  /* percent: an error of which the digits m
 static const double WRONG = 0.01;     /* of a curve of growth */
 
 /* For the terminal alone: seconds are in no file, which are the same from run to run. */
-static const rx_report_column BRIEF[] = {
-    {.name = "run"},
-    {"detections", RX_REPORT_COUNT, 0, "", "", "detected"},
-    {"matched", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"recall", RX_REPORT_NUMBER, 3, "", "", NULL},
-    {"precision", RX_REPORT_NUMBER, 3, "", "", NULL},
-    {"ap", RX_REPORT_NUMBER, 3, "", "", "AP"},
-    {"magerr", RX_REPORT_NUMBER, 2, "%", "", "MagErr/%"},
-    {"common", RX_REPORT_NUMBER, 2, "%", "", "common/%"},
-    {"bias_mag", RX_REPORT_NUMBER, 3, "mag", "", "bias/mag"},
-    {"mag50", RX_REPORT_NUMBER, 2, "mag", "", NULL},
-    {"seconds", RX_REPORT_NUMBER, 1, "s", "", NULL},
-};
+RX_COLUMNS(BRIEF, RX_TEXT("run", ""), {"detections", RX_REPORT_COUNT, 0, "", "", "detected"},
+           RX_COUNT("matched", ""), RX_NUMBER("recall", 3, "", ""), RX_NUMBER("precision", 3, "", ""),
+           {"ap", RX_REPORT_NUMBER, 3, "", "", "AP"}, {"magerr", RX_REPORT_NUMBER, 2, "%", "", "MagErr/%"},
+           {"common", RX_REPORT_NUMBER, 2, "%", "", "common/%"},
+           {"bias_mag", RX_REPORT_NUMBER, 3, "mag", "", "bias/mag"}, RX_NUMBER("mag50", 2, "mag", ""),
+           RX_NUMBER("seconds", 1, "s", ""));
 
-static const rx_report_column BRIEF_GATES[] = {
-    {"line", RX_REPORT_COUNT, 0, "", "", "gate line"},  {.name = "gate"},    {.name = "run"},
-    {"measured", RX_REPORT_ESTIMATE, -4, "", "", NULL}, {.name = "verdict"},
-};
+RX_COLUMNS(BRIEF_GATES, {"line", RX_REPORT_COUNT, 0, "", "", "gate line"}, RX_TEXT("gate", ""),
+           RX_TEXT("run", ""), RX_ESTIMATE("measured", -4, "", ""), RX_TEXT("verdict", ""));
 
 typedef struct page {
     const rx_qa_numbers *q;

@@ -16,11 +16,10 @@
 /* --- the columns --- */
 
 /* Every metric over all magnitudes comes behind these. */
-static const rx_report_column RUNS[] = {
-    {.name = "run", .help = "restorer", .heading = ""},
+RX_COLUMNS(
+    RUNS, {.name = "run", .help = "restorer", .heading = ""},
     {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
-    {.name = "why", .help = "why that was another one"},
-    {.name = "settings"},
+    RX_TEXT("why", "why that was another one"), RX_TEXT("settings", ""),
     {.name = "psf", .help = "of the restoration", .heading = "PSF"},
     {"noise_law_scale", RX_REPORT_NUMBER, 3, "",
      "c: noise of an aperture of A pixels is c sigma A^power, sigma that of a pixel", "noise, scale"},
@@ -30,18 +29,18 @@ static const rx_report_column RUNS[] = {
     {.name = "pull_from", .help = "whether pulls are of fluxes or magnitudes", .heading = "pulls of"},
     {.name = "matches", .kind = RX_REPORT_FILE, .help = "every source, matched, missed or false"},
     {.name = "curve", .kind = RX_REPORT_FILE, .help = "precision against recall"},
-    {"references", RX_REPORT_COUNT, 0, "", "that count", NULL},
+    RX_COUNT("references", "that count"),
     {"references_ignored", RX_REPORT_COUNT, 0, "", "outside the tile, masked or without a magnitude",
      "references ignored"},
-    {"detections", RX_REPORT_COUNT, 0, "", "that count", NULL},
+    RX_COUNT("detections", "that count"),
     {"detections_ignored", RX_REPORT_COUNT, 0, "", "outside, masked or on such a reference",
      "detections ignored"},
-    {"matched", RX_REPORT_COUNT, 0, "", "one to one, nearest pairs first", NULL},
+    RX_COUNT("matched", "one to one, nearest pairs first"),
     {"chance_matches", RX_REPORT_NUMBER, 1, "",
      "matches if positions were unrelated: mean of 8 shifted lists", "matched by chance"},
-    {"common", RX_REPORT_COUNT, 0, "", "references that every run has matched", NULL},
-    {"common_magerr", RX_REPORT_NUMBER, 2, "%", "magerr of these alone", NULL},
-    {"spurious", RX_REPORT_NUMBER, 0, "", "detections marked by FLAGS_RESTORE, P_REAL below 0.5", NULL},
+    RX_COUNT("common", "references that every run has matched"),
+    RX_NUMBER("common_magerr", 2, "%", "magerr of these alone"),
+    RX_NUMBER("spurious", 0, "", "detections marked by FLAGS_RESTORE, P_REAL below 0.5"),
     {"spurious_matched", RX_REPORT_NUMBER, 0, "", "of these matched all the same", "matched all the same"},
     {"spurious_per_mpixel", RX_REPORT_NUMBER, 1, "1/Mpix", "marked, those included that were dropped",
      "spurious"},
@@ -61,138 +60,101 @@ static const rx_report_column RUNS[] = {
     {"flux_aperture", RX_REPORT_MEASURED, 4, "", "restored over original flux in this aperture",
      "flux ratio"},
     {"flux_auto", RX_REPORT_MEASURED, 4, "", "restored FLUX_AUTO over the original flux in it", "FLUX_AUTO"},
-    {.name = "flux_scale_is", .kind = RX_REPORT_VERDICT, .help = "right or off", .heading = "flux scale"},
-};
-static const rx_report_column BINS[] = {
-    {.name = "run", .help = "restorer"},
-    {"mag_low", RX_REPORT_NUMBER, -4, "mag", "bin, inclusive; nan in both: all magnitudes", "from"},
-    {"mag_high", RX_REPORT_NUMBER, -4, "mag", "bin, exclusive", "to"},
-};
+    {.name = "flux_scale_is", .kind = RX_REPORT_VERDICT, .help = "right or off", .heading = "flux scale"});
+RX_COLUMNS(BINS, RX_TEXT("run", "restorer"),
+           {"mag_low", RX_REPORT_NUMBER, -4, "mag", "bin, inclusive; nan in both: all magnitudes", "from"},
+           {"mag_high", RX_REPORT_NUMBER, -4, "mag", "bin, exclusive", "to"});
 enum { STEM = 48, NRUNS = RX_QA_RUN_COLUMNS, NBINS = RX_QA_BIN_COLUMNS };
 _Static_assert(COUNT(RUNS) == NRUNS && COUNT(BINS) == NBINS, "rx_qa_tables has room for them");
 
-static const rx_report_column MODELS[] = {
-    {.name = "run", .help = "restorer", .heading = ""},
-    {.name = "model", .help = "name"},
-    {.name = "digest", .help = "of its file"},
-    {.name = "outside", .help = "what this tile has that its training had not: then nothing is promised"},
-    {.name = "training", .help = "whether it has ended"},
-    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the tile", "FWHM"},
+RX_COLUMNS(
+    MODELS, {.name = "run", .help = "restorer", .heading = ""}, RX_TEXT("model", "name"),
+    RX_TEXT("digest", "of its file"),
+    RX_TEXT("outside", "what this tile has that its training had not: then nothing is promised"),
+    RX_TEXT("training", "whether it has ended"), {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the tile", "FWHM"},
     {"fwhm_low", RX_REPORT_NUMBER, -4, "pix", "bin of the model, from", "FWHM from"},
     {"fwhm_high", RX_REPORT_NUMBER, -4, "pix", "to", "FWHM to"},
-    {"noise", RX_REPORT_NUMBER, 2, "", "of the tile: 255 noise / value that 0.1 % of the pixels exceed",
-     NULL},
+    RX_NUMBER("noise", 2, "", "of the tile: 255 noise / value that 0.1 % of the pixels exceed"),
     {"noise_low", RX_REPORT_NUMBER, -4, "", "bin of the model, from", "noise from"},
     {"noise_high", RX_REPORT_NUMBER, -4, "", "to", "noise to"},
-    {"recall", RX_REPORT_NUMBER, 3, "", "promised: of test stars of S/N above 5", NULL},
+    RX_NUMBER("recall", 3, "", "promised: of test stars of S/N above 5"),
     {"recall_here", RX_REPORT_ESTIMATE, 3, "", "all references, of all magnitudes and kinds", "recall here"},
     {"bias_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12", "flux bias"},
     {"bias_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux bias here"},
     {"scatter_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12",
      "flux scatter"},
     {"scatter_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux scatter here"},
-    {"loss", RX_REPORT_NUMBER, 4, "", "mean over test images of this seeing and noise", "test loss"},
-};
+    {"loss", RX_REPORT_NUMBER, 4, "", "mean over test images of this seeing and noise", "test loss"});
 
-static const rx_report_column METRICS[] = {{.name = "metric"}, {.name = "unit"}, {.name = "meaning"}};
+RX_COLUMNS(METRICS, RX_TEXT("metric", ""), RX_TEXT("unit", ""), RX_TEXT("meaning", ""));
 
-static const rx_report_column GATES[] = {
-    {"line", RX_REPORT_COUNT, 0, "", "of the gates file", NULL},
-    {.name = "gate"},
-    {.name = "run"},
-    {.name = "metric"},
-    {"mag_low", RX_REPORT_NUMBER, -4, "mag", "none: all magnitudes", NULL},
-    {"mag_high", RX_REPORT_NUMBER, -4, "mag", "", NULL},
-    {.name = "operator"},
-    {"limit", RX_REPORT_NUMBER, -4, "", "", NULL},
-    {"limit_high", RX_REPORT_NUMBER, -4, "", "", NULL},
-    {"level", RX_REPORT_NUMBER, -4, "", "of the interval", NULL},
-    {"measured", RX_REPORT_ESTIMATE, -4, "", "", NULL},
-    {.name = "verdict", .kind = RX_REPORT_VERDICT},
-};
+RX_COLUMNS(GATES, RX_COUNT("line", "of the gates file"), RX_TEXT("gate", ""), RX_TEXT("run", ""),
+           RX_TEXT("metric", ""), RX_NUMBER("mag_low", -4, "mag", "none: all magnitudes"),
+           RX_NUMBER("mag_high", -4, "mag", ""), RX_TEXT("operator", ""), RX_NUMBER("limit", -4, "", ""),
+           RX_NUMBER("limit_high", -4, "", ""), RX_NUMBER("level", -4, "", "of the interval"),
+           RX_ESTIMATE("measured", -4, "", ""), {.name = "verdict", .kind = RX_REPORT_VERDICT});
 
-static const rx_report_column COMPARISONS[] = {
-    {.name = "first"},
-    {.name = "second"},
-    {"found_by_first_only", RX_REPORT_COUNT, 0, "", "references", "found by the first only"},
-    {"found_by_second_only", RX_REPORT_COUNT, 0, "", "references", "found by the second only"},
-    {"mcnemar_p", RX_REPORT_P, 0, "", "two-sided, McNemar's exact test", "p"},
-};
+RX_COLUMNS(COMPARISONS, RX_TEXT("first", ""), RX_TEXT("second", ""),
+           {"found_by_first_only", RX_REPORT_COUNT, 0, "", "references", "found by the first only"},
+           {"found_by_second_only", RX_REPORT_COUNT, 0, "", "references", "found by the second only"},
+           {"mcnemar_p", RX_REPORT_P, 0, "", "two-sided, McNemar's exact test", "p"});
 
-static const rx_report_column PSF[] = {
-    {.name = "how", .help = "how it came about", .heading = "RXPSFHOW"},
-    {.name = "library", .help = "file of PSF_LIBRARY"},
-    {"fwhm", RX_REPORT_MEASURED, 3, "pix", "at the centre", "FWHM"},
-    {"stars", RX_REPORT_NUMBER, 0, "", "that it was fitted to", NULL},
-    {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from it", "error of fluxes"},
-    {"reserved", RX_REPORT_NUMBER, 0, "", "stars that were not fitted, to judge it", NULL},
-    {"dt", RX_REPORT_MEASURED, 5, "", "their mean (T - T of PSF) / T, T = <x²> + <y²>", "dT/T"},
-    {"de1", RX_REPORT_MEASURED, 5, "", "their mean e1 - e1 of PSF, e1 = (<x²> - <y²>) / T", NULL},
-    {"de2", RX_REPORT_MEASURED, 5, "", "their mean e2 - e2 of PSF, e2 = 2 <xy> / T", NULL},
-    {"residual", RX_REPORT_NUMBER, 4, "", "stacked stars - PSF, largest, share of the peak", NULL},
-    {"growth", RX_REPORT_MEASURED, 4, "", "curve of growth, largest stars - PSF", NULL},
-    {"growth_radius", RX_REPORT_NUMBER, 1, "pix", "where that is", "at radius"},
-};
+RX_COLUMNS(PSF, {.name = "how", .help = "how it came about", .heading = "RXPSFHOW"},
+           RX_TEXT("library", "file of PSF_LIBRARY"),
+           {"fwhm", RX_REPORT_MEASURED, 3, "pix", "at the centre", "FWHM"},
+           RX_NUMBER("stars", 0, "", "that it was fitted to"),
+           {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from it", "error of fluxes"},
+           RX_NUMBER("reserved", 0, "", "stars that were not fitted, to judge it"),
+           {"dt", RX_REPORT_MEASURED, 5, "", "their mean (T - T of PSF) / T, T = <x²> + <y²>", "dT/T"},
+           RX_MEASURED("de1", 5, "", "their mean e1 - e1 of PSF, e1 = (<x²> - <y²>) / T"),
+           RX_MEASURED("de2", 5, "", "their mean e2 - e2 of PSF, e2 = 2 <xy> / T"),
+           RX_NUMBER("residual", 4, "", "stacked stars - PSF, largest, share of the peak"),
+           RX_MEASURED("growth", 4, "", "curve of growth, largest stars - PSF"),
+           {"growth_radius", RX_REPORT_NUMBER, 1, "pix", "where that is", "at radius"});
 
-static const rx_report_column PSF_BINS[] = {
-    {"mag", RX_REPORT_NUMBER, 2, "mag", "middle of the range", "magnitude"},
-    {"stars", RX_REPORT_COUNT, 0, "", "reserved ones", NULL},
-    {"dt", RX_REPORT_MEASURED, 4, "", "mean (T - T of PSF) / T", "dT/T"},
-    {"de1", RX_REPORT_MEASURED, 4, "", "mean e1 - e1 of PSF", NULL},
-    {"de2", RX_REPORT_MEASURED, 4, "", "mean e2 - e2 of PSF", NULL},
-};
+RX_COLUMNS(PSF_BINS, {"mag", RX_REPORT_NUMBER, 2, "mag", "middle of the range", "magnitude"},
+           RX_COUNT("stars", "reserved ones"),
+           {"dt", RX_REPORT_MEASURED, 4, "", "mean (T - T of PSF) / T", "dT/T"},
+           RX_MEASURED("de1", 4, "", "mean e1 - e1 of PSF"),
+           RX_MEASURED("de2", 4, "", "mean e2 - e2 of PSF"));
 
-static const rx_report_column PSF_STARS[] = {
-    {"x", RX_REPORT_NUMBER, 2, "pix", "reserved star, first pixel is 1", NULL},
-    {"y", RX_REPORT_NUMBER, 2, "pix", "first pixel is 1", NULL},
-    {"mag", RX_REPORT_NUMBER, 3, "mag", "by the PSF", NULL},
-    {"dt", RX_REPORT_NUMBER, 4, "", "(T - T of PSF) / T", NULL},
-    {"de1", RX_REPORT_NUMBER, 4, "", "e1 - e1 of PSF", NULL},
-    {"de2", RX_REPORT_NUMBER, 4, "", "e2 - e2 of PSF", NULL},
-    {"error", RX_REPORT_NUMBER, 4, "", "1 sigma of each from the pixels' noise", NULL},
-};
+RX_COLUMNS(PSF_STARS, RX_NUMBER("x", 2, "pix", "reserved star, first pixel is 1"),
+           RX_NUMBER("y", 2, "pix", "first pixel is 1"), RX_NUMBER("mag", 3, "mag", "by the PSF"),
+           RX_NUMBER("dt", 4, "", "(T - T of PSF) / T"), RX_NUMBER("de1", 4, "", "e1 - e1 of PSF"),
+           RX_NUMBER("de2", 4, "", "e2 - e2 of PSF"),
+           RX_NUMBER("error", 4, "", "1 sigma of each from the pixels' noise"));
 
-static const rx_report_column PSF_GROWTH[] = {
-    {"radius", RX_REPORT_NUMBER, 1, "pix", "light within", NULL},
-    {"stars", RX_REPORT_NUMBER, 4, "", "share of a star's", NULL},
-    {"psf", RX_REPORT_NUMBER, 4, "", "of the PSF", NULL},
-    {"error", RX_REPORT_NUMBER, 4, "", "1 sigma of the difference", NULL},
-};
+RX_COLUMNS(PSF_GROWTH, RX_NUMBER("radius", 1, "pix", "light within"),
+           RX_NUMBER("stars", 4, "", "share of a star's"), RX_NUMBER("psf", 4, "", "of the PSF"),
+           RX_NUMBER("error", 4, "", "1 sigma of the difference"));
 
-static const rx_report_column MATCHES[] = {
-    {.name = "state",
-     .help = "matched, missed, false, reference_ignored (masked or outside), detection_ignored"},
-    {"reference", RX_REPORT_COUNT, 0, "", "row of the reference from 1, 0 none", NULL},
-    {"detection", RX_REPORT_COUNT, 0, "", "row of the catalogue from 1, 0 none", NULL},
-    {"x_ref", RX_REPORT_NUMBER, 2, "pix", "reference, first pixel is 1", NULL},
-    {"y_ref", RX_REPORT_NUMBER, 2, "pix", "reference, first pixel is 1", NULL},
-    {"x", RX_REPORT_NUMBER, 2, "pix", "detection, first pixel is 1", NULL},
-    {"y", RX_REPORT_NUMBER, 2, "pix", "detection, first pixel is 1", NULL},
-    {"ra", RX_REPORT_NUMBER, 6, "deg", "of the reference where there is one, J2000", NULL},
-    {"dec", RX_REPORT_NUMBER, 6, "deg", "of the reference where there is one, J2000", NULL},
-    {"mag_ref", RX_REPORT_NUMBER, 3, "mag", "reference", NULL},
-    {"mag", RX_REPORT_NUMBER, 3, "mag", "detection", NULL},
-    {"mag_error", RX_REPORT_NUMBER, 3, "mag", "detection", NULL},
-    {"flux", RX_REPORT_NUMBER, 3, "adu", "detection", NULL},
-    {"flux_error", RX_REPORT_NUMBER, 3, "adu", "detection", NULL},
-    {"score", RX_REPORT_NUMBER, 3, "", "ranking of the precision-recall curve", NULL},
-    {"flags", RX_REPORT_COUNT, 0, "", "FLAGS of the detection", NULL},
-    {"spurious", RX_REPORT_COUNT, 0, "", "1: not significant in the original pixels (FLAGS_RESTORE)", NULL},
-    {"separation", RX_REPORT_NUMBER, 3, "pix", "of the pair", NULL},
-    {"dx", RX_REPORT_NUMBER, 3, "pix", "detection - reference", NULL},
-    {"dy", RX_REPORT_NUMBER, 3, "pix", "detection - reference", NULL},
-    {"dmag", RX_REPORT_NUMBER, 3, "mag", "detection - reference", NULL},
-    {"flux_error_percent", RX_REPORT_NUMBER, 2, "%", "100 (F - F0) / F0", NULL},
-    {"pull", RX_REPORT_NUMBER, 2, "", "(F - F0) / error", NULL},
-};
+RX_COLUMNS(
+    MATCHES,
+    RX_TEXT("state", "matched, missed, false, reference_ignored (masked or outside), detection_ignored"),
+    RX_COUNT("reference", "row of the reference from 1, 0 none"),
+    RX_COUNT("detection", "row of the catalogue from 1, 0 none"),
+    RX_NUMBER("x_ref", 2, "pix", "reference, first pixel is 1"),
+    RX_NUMBER("y_ref", 2, "pix", "reference, first pixel is 1"),
+    RX_NUMBER("x", 2, "pix", "detection, first pixel is 1"),
+    RX_NUMBER("y", 2, "pix", "detection, first pixel is 1"),
+    RX_NUMBER("ra", 6, "deg", "of the reference where there is one, J2000"),
+    RX_NUMBER("dec", 6, "deg", "of the reference where there is one, J2000"),
+    RX_NUMBER("mag_ref", 3, "mag", "reference"), RX_NUMBER("mag", 3, "mag", "detection"),
+    RX_NUMBER("mag_error", 3, "mag", "detection"), RX_NUMBER("flux", 3, "adu", "detection"),
+    RX_NUMBER("flux_error", 3, "adu", "detection"),
+    RX_NUMBER("score", 3, "", "ranking of the precision-recall curve"),
+    RX_COUNT("flags", "FLAGS of the detection"),
+    RX_COUNT("spurious", "1: not significant in the original pixels (FLAGS_RESTORE)"),
+    RX_NUMBER("separation", 3, "pix", "of the pair"), RX_NUMBER("dx", 3, "pix", "detection - reference"),
+    RX_NUMBER("dy", 3, "pix", "detection - reference"), RX_NUMBER("dmag", 3, "mag", "detection - reference"),
+    RX_NUMBER("flux_error_percent", 2, "%", "100 (F - F0) / F0"),
+    RX_NUMBER("pull", 2, "", "(F - F0) / error"));
 
-static const rx_report_column CURVE[] = {
-    {"score", RX_REPORT_NUMBER, 3, "", "threshold, this score and higher", NULL},
-    {"recall", RX_REPORT_NUMBER, 3, "", "matched / counted references", NULL},
-    {"precision", RX_REPORT_NUMBER, 3, "", "matched / detections", NULL},
-    {"detections", RX_REPORT_COUNT, 0, "", "with this score or a higher one", NULL},
-    {"matched", RX_REPORT_COUNT, 0, "", "with this score or a higher one", NULL},
-};
+RX_COLUMNS(CURVE, RX_NUMBER("score", 3, "", "threshold, this score and higher"),
+           RX_NUMBER("recall", 3, "", "matched / counted references"),
+           RX_NUMBER("precision", 3, "", "matched / detections"),
+           RX_COUNT("detections", "with this score or a higher one"),
+           RX_COUNT("matched", "with this score or a higher one"));
 
 typedef struct builder {
     const rx_qa_numbers *q;

@@ -43,6 +43,17 @@ typedef struct rx_report_column {
     const char *heading;     /* of the page; NULL: the name */
 } rx_report_column;
 
+/* RX_COLUMNS(BINS, RX_TEXT("scene", "binned quantity"), RX_NUMBER("low", 2, "pix", ""), ...): the columns of a table. */
+#define RX_COLUMNS(table, ...) static const rx_report_column table[] = {__VA_ARGS__}
+/* clang-format off */
+#define RX_TEXT(name, help) {name, RX_REPORT_WORDS, 0, "", help, NULL}
+#define RX_COUNT(name, help) {name, RX_REPORT_COUNT, 0, "", help, NULL}
+#define RX_P(name, help) {name, RX_REPORT_P, 0, "", help, NULL}
+#define RX_NUMBER(name, digits, unit, help) {name, RX_REPORT_NUMBER, digits, unit, help, NULL}
+#define RX_ESTIMATE(name, digits, unit, help) {name, RX_REPORT_ESTIMATE, digits, unit, help, NULL}
+#define RX_MEASURED(name, digits, unit, help) {name, RX_REPORT_MEASURED, digits, unit, help, NULL}
+/* clang-format on */
+
 /* One cell. */
 typedef struct rx_cell {
     const char *words;
