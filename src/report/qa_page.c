@@ -320,11 +320,10 @@ static void add_brief(page *p, bool whole)
         const rx_estimate *m = q->whole[run];
         const double own = m[RX_METRIC_MAGERR].value, common = q->common[run];
         senseless = senseless || own > SENSELESS || common > SENSELESS;
-        rx_report_numbers(t, e->run->name,
-                          (double[]){(double)e->detections, (double)e->matched, m[RX_METRIC_RECALL].value,
-                                     m[RX_METRIC_PRECISION].value, m[RX_METRIC_AP].value,
-                                     own > SENSELESS ? NAN : own, common > SENSELESS ? NAN : common,
-                                     m[RX_METRIC_BIAS_MAG].value, m[RX_METRIC_MAG50].value, e->run->seconds});
+        rx_report_put(t, e->run->name, e->detections, e->matched, m[RX_METRIC_RECALL].value,
+                      m[RX_METRIC_PRECISION].value, m[RX_METRIC_AP].value, own > SENSELESS ? NAN : own,
+                      common > SENSELESS ? NAN : common, m[RX_METRIC_BIAS_MAG].value,
+                      m[RX_METRIC_MAG50].value, e->run->seconds);
     }
     rx_report_show_brief(p->report, t, &(rx_report_view){0});
     if (whole)

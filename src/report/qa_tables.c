@@ -284,29 +284,14 @@ static void add_match(rx_report_table *t, const rx_evaluation *e, const char *st
 {
     const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
     const bool of_truth = i >= 0 && truth->alpha != NULL && truth->delta != NULL;
-    rx_report_numbers(t, state,
-                      (double[]){(double)i + 1,
-                                 (double)j + 1,
-                                 at(truth->x, i) + 1,
-                                 at(truth->y, i) + 1,
-                                 at(list->x, j) + 1,
-                                 at(list->y, j) + 1,
-                                 of_truth ? truth->alpha[i] : at(list->alpha, j),
-                                 of_truth ? truth->delta[i] : at(list->delta, j),
-                                 at(e->truth_mag, i),
-                                 at(e->run_mag, j),
-                                 at(list->mag_error, j),
-                                 at(list->flux, j),
-                                 at(list->flux_error, j),
-                                 at(list->score, j),
-                                 j >= 0 && list->flags != NULL ? list->flags[j] : 0,
-                                 j >= 0 && list->made_up != NULL ? list->made_up[j] != 0 : 0,
-                                 hypot(at(e->dx, j), at(e->dy, j)),
-                                 at(e->dx, j),
-                                 at(e->dy, j),
-                                 at(e->dmag, j),
-                                 100 * (at(e->ratio, j) - 1),
-                                 at(e->pull, j)});
+    rx_report_put(t, state, (double)i + 1, (double)j + 1, at(truth->x, i) + 1, at(truth->y, i) + 1,
+                  at(list->x, j) + 1, at(list->y, j) + 1, of_truth ? truth->alpha[i] : at(list->alpha, j),
+                  of_truth ? truth->delta[i] : at(list->delta, j), at(e->truth_mag, i), at(e->run_mag, j),
+                  at(list->mag_error, j), at(list->flux, j), at(list->flux_error, j), at(list->score, j),
+                  j >= 0 && list->flags != NULL ? list->flags[j] : 0,
+                  j >= 0 && list->made_up != NULL ? list->made_up[j] != 0 : 0,
+                  hypot(at(e->dx, j), at(e->dy, j)), at(e->dx, j), at(e->dy, j), at(e->dmag, j),
+                  100 * (at(e->ratio, j) - 1), at(e->pull, j));
 }
 
 /* The files of one run: matches_<stem>.ecsv, pr_<stem>.ecsv. */
@@ -328,9 +313,8 @@ static void add_sources(builder *p, int run, const char *stem)
             add_match(matches, e, e->run_role[j] == RX_ROLE_IGNORED ? "detection_ignored" : "false", -1, j);
     for (long k = 0; k < e->pr.n; k++) {
         const rx_pr_point *point = &e->pr.point[k];
-        rx_report_numbers(curve, NULL,
-                          (double[]){point->score, point->recall, point->precision, (double)point->detections,
-                                     (double)point->matched});
+        rx_report_put(curve, point->score, point->recall, point->precision, point->detections,
+                      point->matched);
     }
     strcat(name[0], ".ecsv");
     strcat(name[1], ".ecsv");
@@ -444,14 +428,13 @@ static void add_psf(builder *p)
     rx_report_table *stars = RX_REPORT_TABLE(p->report, "psf_stars", PSF_STARS, RX_REPORT_IN_FILE);
     for (int i = 0; i < judged->nstars; i++) {
         const rx_psf_star *s = &judged->star[i];
-        rx_report_numbers(stars, NULL,
-                          (double[]){s->x + 1.0, s->y + 1.0, rx_qa_star_mag(&q->input->psf, s), s->off[0],
-                                     s->off[1], s->off[2], s->error});
+        rx_report_put(stars, s->x + 1.0, s->y + 1.0, rx_qa_star_mag(&q->input->psf, s), s->off[0], s->off[1],
+                      s->off[2], s->error);
     }
     rx_report_table *growth = RX_REPORT_TABLE(p->report, "psf_growth", PSF_GROWTH, RX_REPORT_IN_FILE);
     for (int i = 0; i < judged->nradii; i++) {
         const rx_psf_growth *g = &judged->growth[i];
-        rx_report_numbers(growth, NULL, (double[]){g->radius, g->stars, g->psf, g->error});
+        rx_report_put(growth, g->radius, g->stars, g->psf, g->error);
     }
 }
 

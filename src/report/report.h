@@ -142,7 +142,7 @@ enum { RX_REPORT_IN_JSON = 1, RX_REPORT_IN_FILE = 2, RX_REPORT_EVERYWHERE = 3 };
 rx_report_table *rx_report_table_add(rx_report *report, const char *name, int ncolumns,
                                      const rx_report_column *columns, int where);
 void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns] */
-/* rx_report_put(table, words, number, count, estimate, rx_cell_p(p, ln_p) ...): a row of what each column takes, 16 at
+/* rx_report_put(table, words, number, count, estimate, rx_cell_p(p, ln_p) ...): a row of what each column takes, 24 at
  * the most. */
 #define RX_CELL(v)                                                                                           \
     _Generic((v),                                                                                            \
@@ -152,6 +152,7 @@ void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns]
         rx_estimate: rx_cell_estimate,                                                                       \
         rx_cell: rx_cell_itself,                                                                             \
         default: rx_cell_number)(v)
+/* clang-format off */
 #define RX_CELLS_1(v) RX_CELL(v)
 #define RX_CELLS_2(v, ...) RX_CELL(v), RX_CELLS_1(__VA_ARGS__)
 #define RX_CELLS_3(v, ...) RX_CELL(v), RX_CELLS_2(__VA_ARGS__)
@@ -168,14 +169,22 @@ void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns]
 #define RX_CELLS_14(v, ...) RX_CELL(v), RX_CELLS_13(__VA_ARGS__)
 #define RX_CELLS_15(v, ...) RX_CELL(v), RX_CELLS_14(__VA_ARGS__)
 #define RX_CELLS_16(v, ...) RX_CELL(v), RX_CELLS_15(__VA_ARGS__)
-#define RX_CELLS_PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, name, ...) name
-#define rx_report_put(table, ...)                                                                            \
-    rx_report_row(table, (rx_cell[]){RX_CELLS_PICK(                                                          \
-                             __VA_ARGS__, RX_CELLS_16, RX_CELLS_15, RX_CELLS_14, RX_CELLS_13, RX_CELLS_12,   \
-                             RX_CELLS_11, RX_CELLS_10, RX_CELLS_9, RX_CELLS_8, RX_CELLS_7, RX_CELLS_6,       \
-                             RX_CELLS_5, RX_CELLS_4, RX_CELLS_3, RX_CELLS_2, RX_CELLS_1, 0)(__VA_ARGS__)})
-/* A row of words in the first column, if any (NULL: none), and numbers in all others. */
-void rx_report_numbers(rx_report_table *table, const char *words, const double *numbers);
+#define RX_CELLS_17(v, ...) RX_CELL(v), RX_CELLS_16(__VA_ARGS__)
+#define RX_CELLS_18(v, ...) RX_CELL(v), RX_CELLS_17(__VA_ARGS__)
+#define RX_CELLS_19(v, ...) RX_CELL(v), RX_CELLS_18(__VA_ARGS__)
+#define RX_CELLS_20(v, ...) RX_CELL(v), RX_CELLS_19(__VA_ARGS__)
+#define RX_CELLS_21(v, ...) RX_CELL(v), RX_CELLS_20(__VA_ARGS__)
+#define RX_CELLS_22(v, ...) RX_CELL(v), RX_CELLS_21(__VA_ARGS__)
+#define RX_CELLS_23(v, ...) RX_CELL(v), RX_CELLS_22(__VA_ARGS__)
+#define RX_CELLS_24(v, ...) RX_CELL(v), RX_CELLS_23(__VA_ARGS__)
+#define RX_CELLS_PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, _17, _18, \
+    _19, _20, _21, _22, _23, _24, name, ...) name
+#define rx_report_put(table, ...) \
+    rx_report_row(table, (rx_cell[]){RX_CELLS_PICK(__VA_ARGS__, RX_CELLS_24, RX_CELLS_23, RX_CELLS_22, \
+    RX_CELLS_21, RX_CELLS_20, RX_CELLS_19, RX_CELLS_18, RX_CELLS_17, RX_CELLS_16, RX_CELLS_15, \
+    RX_CELLS_14, RX_CELLS_13, RX_CELLS_12, RX_CELLS_11, RX_CELLS_10, RX_CELLS_9, RX_CELLS_8, RX_CELLS_7, \
+    RX_CELLS_6, RX_CELLS_5, RX_CELLS_4, RX_CELLS_3, RX_CELLS_2, RX_CELLS_1, 0)(__VA_ARGS__)})
+/* clang-format on */
 long rx_report_rows(const rx_report_table *table);
 /* An entry in the head of this table's file alone; one a table. */
 void rx_report_table_fact(rx_report_table *table, const char *name, const char *text);

@@ -11,7 +11,7 @@
 #include "report/json.h"
 #include "report/page.h"
 
-enum { PLAIN = 96, NUMBERS_MAX = 32 };
+enum { PLAIN = 96 };
 
 /* Columns of the table behind one of the report. */
 static int parts_of(rx_report_kind kind)
@@ -167,19 +167,6 @@ void rx_report_row(rx_report_table *t, const rx_cell *values)
         }
     }
     t->table->nrows++;
-}
-
-void rx_report_numbers(rx_report_table *t, const char *words, const double *numbers)
-{
-    rx_cell row[NUMBERS_MAX] = {0};
-    int n = 0;
-    if (t == NULL || t->ncolumns > NUMBERS_MAX)
-        return;
-    if (words != NULL)
-        row[n++] = rx_cell_words(words);
-    for (const double *value = numbers; n < t->ncolumns; value++)
-        row[n++] = rx_cell_number(*value);
-    rx_report_row(t, row);
 }
 
 long rx_report_rows(const rx_report_table *t)

@@ -21,87 +21,62 @@ static const char CENTRE[] = "of the centre", ERROR[] = "1 sigma";
         "scatter_mag", RX_REPORT_NUMBER, 4, "mag", "sigma_MAD of m - m0", "scatter"                          \
     }
 
-static const rx_report_column RUNS[] = {
-    {.name = "run", .heading = "restorer"},
-    {"images", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"done_by_another", RX_REPORT_COUNT, 0, "", "images that another restorer did", "by another restorer"},
-    {"outside", RX_REPORT_COUNT, 0, "", "images that it was not made for", "not made for"},
-    {"flux_scale_off", RX_REPORT_COUNT, 0, "", "images with a wrong flux scale", "flux scale off"},
-    {"threshold_raised", RX_REPORT_COUNT, 0, "", "images whose DETECT_THRESH was raised", "threshold raised"},
-    {"not_explained", RX_REPORT_COUNT, 0, "", "images that the restored one does not explain",
-     "not explained"},
-    {"sources", RX_REPORT_COUNT, 0, "", "in the catalogues", NULL},
-    CELL,
-};
+RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"}, RX_COUNT("images", ""),
+           {"done_by_another", RX_REPORT_COUNT, 0, "", "images that another restorer did",
+            "by another restorer"},
+           {"outside", RX_REPORT_COUNT, 0, "", "images that it was not made for", "not made for"},
+           {"flux_scale_off", RX_REPORT_COUNT, 0, "", "images with a wrong flux scale", "flux scale off"},
+           {"threshold_raised", RX_REPORT_COUNT, 0, "", "images whose DETECT_THRESH was raised",
+            "threshold raised"},
+           {"not_explained", RX_REPORT_COUNT, 0, "", "images that the restored one does not explain",
+            "not explained"},
+           RX_COUNT("sources", "in the catalogues"), CELL);
 
-static const rx_report_column BINS[] = {
-    {.name = "run", .help = "restorer"},
-    {"mag_low", RX_REPORT_NUMBER, 1, "mag", "from", NULL},
-    {"mag_high", RX_REPORT_NUMBER, 1, "mag", "below", NULL},
-    CELL,
-};
+RX_COLUMNS(BINS, RX_TEXT("run", "restorer"), RX_NUMBER("mag_low", 1, "mag", "from"),
+           RX_NUMBER("mag_high", 1, "mag", "below"), CELL);
 
-static const rx_report_column NOT_FINE[] = {
-    {.name = "tile", .help = "name"},
-    {.name = "image", .help = "file"},
-    {"exit_status", RX_REPORT_NUMBER, 0, "", "none: without a record", "exit status"},
-    {.name = "error", .heading = "why"},
-};
+RX_COLUMNS(NOT_FINE, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
+           {"exit_status", RX_REPORT_NUMBER, 0, "", "none: without a record", "exit status"},
+           {.name = "error", .heading = "why"});
 
-static const rx_report_column PSFS[] = {
-    {.name = "tile", .help = "name"},
-    {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
-    {.name = "how", .help = "how its PSF came about (RXPSFHOW)", .heading = "PSF"},
-    {.name = "library", .help = "file of PSF_LIBRARY", .heading = "of PSF_LIBRARY"},
-    {"stars", RX_REPORT_COUNT, 0, "", "that it was fitted to", NULL},
-    {"reserved", RX_REPORT_COUNT, 0, "", "stars that were not fitted, for what follows", NULL},
-    {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from the PSF", "error of fluxes"},
-    {"growth", RX_REPORT_NUMBER, 4, "", "curve of growth, largest stars - PSF", NULL},
-    {"residual", RX_REPORT_NUMBER, 4, "", "stacked stars - PSF, largest, share of the peak", NULL},
-    {"dt", RX_REPORT_NUMBER, 4, "", "mean (T - T of PSF) / T", NULL},
-    {"dt_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
-    {"de1", RX_REPORT_NUMBER, 4, "", "mean e1 - e1 of PSF, along the tile's pixels", NULL},
-    {"de1_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
-    {"de2", RX_REPORT_NUMBER, 4, "", "mean e2 - e2 of PSF", NULL},
-    {"de2_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
-};
+RX_COLUMNS(PSFS, RX_TEXT("tile", "name"), {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
+           {.name = "how", .help = "how its PSF came about (RXPSFHOW)", .heading = "PSF"},
+           {.name = "library", .help = "file of PSF_LIBRARY", .heading = "of PSF_LIBRARY"},
+           RX_COUNT("stars", "that it was fitted to"),
+           RX_COUNT("reserved", "stars that were not fitted, for what follows"),
+           {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from the PSF",
+            "error of fluxes"},
+           RX_NUMBER("growth", 4, "", "curve of growth, largest stars - PSF"),
+           RX_NUMBER("residual", 4, "", "stacked stars - PSF, largest, share of the peak"),
+           RX_NUMBER("dt", 4, "", "mean (T - T of PSF) / T"), RX_NUMBER("dt_error", 4, "", ERROR),
+           RX_NUMBER("de1", 4, "", "mean e1 - e1 of PSF, along the tile's pixels"),
+           RX_NUMBER("de1_error", 4, "", ERROR), RX_NUMBER("de2", 4, "", "mean e2 - e2 of PSF"),
+           RX_NUMBER("de2_error", 4, "", ERROR));
 
-static const rx_report_column RHO[] = {
-    {"arcmin_low", RX_REPORT_NUMBER, 2, "arcmin", "between two stars, from", NULL},
-    {"arcmin_high", RX_REPORT_NUMBER, 2, "arcmin", "below", NULL},
-    {"pairs", RX_REPORT_NUMBER, 0, "", "of reserved stars", NULL},
-    {"rho1", RX_REPORT_NUMBER, 6, "", "mean of Re(de conj(de))", NULL},
-    {"rho1_error", RX_REPORT_NUMBER, 6, "", ERROR, NULL},
-    {"rho_t", RX_REPORT_NUMBER, 6, "", "mean of the product of both dT/T", NULL},
-    {"rho_t_error", RX_REPORT_NUMBER, 6, "", ERROR, NULL},
-};
+RX_COLUMNS(RHO, RX_NUMBER("arcmin_low", 2, "arcmin", "between two stars, from"),
+           RX_NUMBER("arcmin_high", 2, "arcmin", "below"), RX_NUMBER("pairs", 0, "", "of reserved stars"),
+           RX_NUMBER("rho1", 6, "", "mean of Re(de conj(de))"), RX_NUMBER("rho1_error", 6, "", ERROR),
+           RX_NUMBER("rho_t", 6, "", "mean of the product of both dT/T"),
+           RX_NUMBER("rho_t_error", 6, "", ERROR));
 
-static const rx_report_column TILES[] = {
-    {.name = "tile", .help = "name"},
-    {.name = "image", .help = "file"},
-    {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
-    {.name = "run", .help = "restorer that was asked for", .heading = "restorer"},
-    {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
-    {.name = "why", .help = "why that was another one"},
-    {.name = "outside", .help = "what the restorer was not made for", .heading = "not made for"},
-    {"flux_scale", RX_REPORT_NUMBER, 4, "", "restored against untouched pixels", "flux scale"},
-    {"flux_scale_error", RX_REPORT_NUMBER, 4, "", ERROR, NULL},
-    {.name = "flux_scale_is", .help = "right or off; empty: not measured"},
-    {"false_per_mpixel", RX_REPORT_NUMBER, 1, "", "false detections on the tile's noise", NULL},
-    {"threshold_raised", RX_REPORT_NUMBER, 2, "", "DETECT_THRESH was multiplied by this for them", NULL},
-    {"not_explained", RX_REPORT_NUMBER, 2, "", "share of cells that the restored image does not explain",
-     NULL},
-    {"off", RX_REPORT_NUMBER, 1, "", "errors that it lies off the survey in what is worst", NULL},
-    {.name = "worst_in", .help = "what that is", .heading = "in"},
-    {"verdict", RX_REPORT_VERDICT, 0, "", "of the gates", "gates"},
-    {"alpha_j2000", RX_REPORT_NUMBER, 5, "deg", CENTRE, NULL},
-    {"delta_j2000", RX_REPORT_NUMBER, 5, "deg", CENTRE, NULL},
-    {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", "FWHM"},
-    {"sky", RX_REPORT_NUMBER, 3, "adu", "level", NULL},
-    {"noise", RX_REPORT_NUMBER, 3, "adu", "of a pixel", NULL},
-    {"sources", RX_REPORT_COUNT, 0, "", "in the catalogue", NULL},
-    CELL,
-};
+RX_COLUMNS(TILES, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
+           {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
+           {.name = "run", .help = "restorer that was asked for", .heading = "restorer"},
+           {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
+           RX_TEXT("why", "why that was another one"),
+           {.name = "outside", .help = "what the restorer was not made for", .heading = "not made for"},
+           {"flux_scale", RX_REPORT_NUMBER, 4, "", "restored against untouched pixels", "flux scale"},
+           RX_NUMBER("flux_scale_error", 4, "", ERROR),
+           RX_TEXT("flux_scale_is", "right or off; empty: not measured"),
+           RX_NUMBER("false_per_mpixel", 1, "", "false detections on the tile's noise"),
+           RX_NUMBER("threshold_raised", 2, "", "DETECT_THRESH was multiplied by this for them"),
+           RX_NUMBER("not_explained", 2, "", "share of cells that the restored image does not explain"),
+           RX_NUMBER("off", 1, "", "errors that it lies off the survey in what is worst"),
+           {.name = "worst_in", .help = "what that is", .heading = "in"},
+           {"verdict", RX_REPORT_VERDICT, 0, "", "of the gates", "gates"},
+           RX_NUMBER("alpha_j2000", 5, "deg", CENTRE), RX_NUMBER("delta_j2000", 5, "deg", CENTRE),
+           {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", "FWHM"}, RX_NUMBER("sky", 3, "adu", "level"),
+           RX_NUMBER("noise", 3, "adu", "of a pixel"), RX_COUNT("sources", "in the catalogue"), CELL);
 
 #define COUNT(columns) ((int)(sizeof(columns) / sizeof *(columns)))
 

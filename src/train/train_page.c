@@ -16,44 +16,34 @@ static const char RECALL[] = "of test stars of S/N above 5",
                   BIAS[] = "median relative error of the flux of isolated test stars of S/N above 12",
                   SCATTER[] = "1.4826 MAD of the same";
 
-static const rx_report_column LOG[] = {
-    {"epoch", RX_REPORT_COUNT, 0, "", "from 1", NULL},
-    {"steps", RX_REPORT_NUMBER, 0, "", "steps of the optimiser so far", NULL},
-    {"patches", RX_REPORT_NUMBER, 0, "", "training images so far", "images"},
-    {"rate", RX_REPORT_NUMBER, 6, "", "learning rate of the last step", NULL},
-    {"gradient", RX_REPORT_NUMBER, 3, "", "mean norm of the gradient before clipping", NULL},
-    {"loss", RX_REPORT_NUMBER, 5, "", "weighted sum of the terms, mean over the training images", NULL},
-    {"idt_restore", RX_REPORT_NUMBER, 5, "", "RESTORE(blurred) against sharp", NULL},
-    {"idt_psf", RX_REPORT_NUMBER, 5, "", "PSF(sharp) against blurred", NULL},
-    {"rec_restore", RX_REPORT_NUMBER, 5, "", "RESTORE(PSF(sharp)) against sharp", NULL},
-    {"rec_psf", RX_REPORT_NUMBER, 5, "", "PSF(RESTORE(blurred)) against blurred", NULL},
-    {"ffl", RX_REPORT_NUMBER, 5, "", "focal frequency loss", NULL},
-    {"test_loss", RX_REPORT_NUMBER, 5, "", "RESTORE(blurred) against sharp, test images, mean over the bins",
-     "test loss"},
-    {"input_loss", RX_REPORT_NUMBER, 5, "", "the blurred test images themselves against sharp", "unrestored"},
-    {"recall", RX_REPORT_NUMBER, 3, "", RECALL, NULL},
-    {"bias", RX_REPORT_NUMBER, 4, "", BIAS, "error of fluxes"},
-    {"scatter", RX_REPORT_NUMBER, 4, "", SCATTER, NULL},
-    {"validation", RX_REPORT_NUMBER, 5, "",
-     "RESTORE(blurred) against sharp, validation images, the same in every epoch", NULL},
-};
+RX_COLUMNS(LOG, RX_COUNT("epoch", "from 1"), RX_NUMBER("steps", 0, "", "steps of the optimiser so far"),
+           {"patches", RX_REPORT_NUMBER, 0, "", "training images so far", "images"},
+           RX_NUMBER("rate", 6, "", "learning rate of the last step"),
+           RX_NUMBER("gradient", 3, "", "mean norm of the gradient before clipping"),
+           RX_NUMBER("loss", 5, "", "weighted sum of the terms, mean over the training images"),
+           RX_NUMBER("idt_restore", 5, "", "RESTORE(blurred) against sharp"),
+           RX_NUMBER("idt_psf", 5, "", "PSF(sharp) against blurred"),
+           RX_NUMBER("rec_restore", 5, "", "RESTORE(PSF(sharp)) against sharp"),
+           RX_NUMBER("rec_psf", 5, "", "PSF(RESTORE(blurred)) against blurred"),
+           RX_NUMBER("ffl", 5, "", "focal frequency loss"),
+           {"test_loss", RX_REPORT_NUMBER, 5, "",
+            "RESTORE(blurred) against sharp, test images, mean over the bins", "test loss"},
+           {"input_loss", RX_REPORT_NUMBER, 5, "", "the blurred test images themselves against sharp",
+            "unrestored"},
+           RX_NUMBER("recall", 3, "", RECALL), {"bias", RX_REPORT_NUMBER, 4, "", BIAS, "error of fluxes"},
+           RX_NUMBER("scatter", 4, "", SCATTER),
+           RX_NUMBER("validation", 5, "",
+                     "RESTORE(blurred) against sharp, validation images, the same in every epoch"));
 
-static const rx_report_column DICTIONARY[] = {
-    {"epoch", RX_REPORT_COUNT, 0, "", "from 1", NULL},
-    {"fwhm_low", RX_REPORT_NUMBER, 2, "pix", "bin, from", NULL},
-    {"fwhm_high", RX_REPORT_NUMBER, 2, "pix", "bin, to", NULL},
-    {"sigma_low", RX_REPORT_NUMBER, 2, "",
-     "bin, from: noise where the brightest 0.1 % of the blurred pixels begin at 255", NULL},
-    {"sigma_high", RX_REPORT_NUMBER, 2, "", "bin, to", NULL},
-    {"loss", RX_REPORT_NUMBER, 5, "", "mean test loss", NULL},
-    {"list", RX_REPORT_NUMBER, 5, "", "the same normalised, which decides the counts of the next epoch",
-     NULL},
-    {"train", RX_REPORT_NUMBER, 0, "", "training images of this epoch", NULL},
-    {"test", RX_REPORT_NUMBER, 0, "", "test images of this epoch", NULL},
-    {"recall", RX_REPORT_NUMBER, 3, "", RECALL, NULL},
-    {"bias", RX_REPORT_NUMBER, 4, "", BIAS, NULL},
-    {"scatter", RX_REPORT_NUMBER, 4, "", SCATTER, NULL},
-};
+RX_COLUMNS(DICTIONARY, RX_COUNT("epoch", "from 1"), RX_NUMBER("fwhm_low", 2, "pix", "bin, from"),
+           RX_NUMBER("fwhm_high", 2, "pix", "bin, to"),
+           RX_NUMBER("sigma_low", 2, "",
+                     "bin, from: noise where the brightest 0.1 % of the blurred pixels begin at 255"),
+           RX_NUMBER("sigma_high", 2, "", "bin, to"), RX_NUMBER("loss", 5, "", "mean test loss"),
+           RX_NUMBER("list", 5, "", "the same normalised, which decides the counts of the next epoch"),
+           RX_NUMBER("train", 0, "", "training images of this epoch"),
+           RX_NUMBER("test", 0, "", "test images of this epoch"), RX_NUMBER("recall", 3, "", RECALL),
+           RX_NUMBER("bias", 4, "", BIAS), RX_NUMBER("scatter", 4, "", SCATTER));
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
@@ -62,24 +52,10 @@ static rx_report_table *add_log(rx_report *report, const rx_history *h)
     rx_report_table *t = RX_REPORT_TABLE(report, "log", LOG, RX_REPORT_EVERYWHERE);
     for (long e = 0; e < h->n; e++) {
         const rx_epoch *x = &h->epoch[e];
-        const double values[COUNT(LOG)] = {(double)e + 1,
-                                           x->steps,
-                                           x->patches,
-                                           x->rate,
-                                           x->norm,
-                                           x->losses.total,
-                                           x->losses.idt_restore,
-                                           x->losses.idt_psf,
-                                           x->losses.rec_restore,
-                                           x->losses.rec_psf,
-                                           x->losses.ffl,
-                                           x->test_loss,
-                                           x->input_loss,
-                                           x->recall,
-                                           x->bias,
-                                           x->scatter,
-                                           x->validation};
-        rx_report_numbers(t, NULL, values);
+        rx_report_put(t, (double)e + 1, x->steps, x->patches, x->rate, x->norm, x->losses.total,
+                      x->losses.idt_restore, x->losses.idt_psf, x->losses.rec_restore, x->losses.rec_psf,
+                      x->losses.ffl, x->test_loss, x->input_loss, x->recall, x->bias, x->scatter,
+                      x->validation);
     }
     return t;
 }
@@ -92,10 +68,8 @@ static void add_dictionary(rx_report *report, const rx_history *h, const rx_sele
             const rx_epoch_bin *x = &h->bin[e * h->nbins + b];
             double fwhm[2], sigma[2];
             rx_selection_bin(grid, b, fwhm, sigma);
-            const double values[COUNT(DICTIONARY)] = {(double)e + 1, fwhm[0],   fwhm[1], sigma[0],
-                                                      sigma[1],      x->loss,   x->list, x->train,
-                                                      x->test,       x->recall, x->bias, x->scatter};
-            rx_report_numbers(t, NULL, values);
+            rx_report_put(t, (double)e + 1, fwhm[0], fwhm[1], sigma[0], sigma[1], x->loss, x->list, x->train,
+                          x->test, x->recall, x->bias, x->scatter);
         }
 }
 

@@ -6,14 +6,9 @@
 
 #include "report/report.h"
 
-static const rx_report_column COLUMNS[] = {
-    {.name = "condition", .heading = "seeing"},
-    {.name = "run"},
-    {"recall", RX_REPORT_ESTIMATE, 2, "", "share found", NULL},
-    {"n", RX_REPORT_COUNT, 0, "", "", NULL},
-    {"p", RX_REPORT_P, 0, "", "two-sided", NULL},
-    {.name = "verdict", .kind = RX_REPORT_VERDICT},
-};
+RX_COLUMNS(COLUMNS, {.name = "condition", .heading = "seeing"}, RX_TEXT("run", ""),
+           RX_ESTIMATE("recall", 2, "", "share found"), RX_COUNT("n", ""), RX_P("p", "two-sided"),
+           {.name = "verdict", .kind = RX_REPORT_VERDICT});
 enum { NCOLUMNS = sizeof COLUMNS / sizeof *COLUMNS };
 
 static const rx_report_view PIVOT = {.to = 3,
@@ -141,7 +136,7 @@ static void tables_stand_where_they_are_asked_for(void **state)
 /* Rows by the hundred, of words that become longer and longer. */
 static void tables_grow(void **state)
 {
-    static const rx_report_column columns[] = {{.name = "word"}, {"k", RX_REPORT_COUNT, 0, "", "", NULL}};
+    RX_COLUMNS(columns, RX_TEXT("word", ""), RX_COUNT("k", ""));
     char words[600] = "";
     char *text = NULL;
     rx_report *r = rx_report_new("", "x");
@@ -177,11 +172,8 @@ static void pivots_of_two_keys(void **state)
         "class=\"t\">1</td><td "
         "class=\"t\">2</td><td>3</td><td>4</td></tr>\n</table>",
         NULL};
-    static const rx_report_column columns[] = {{.name = "a"},
-                                               {.name = "b"},
-                                               {.name = "c"},
-                                               {.name = "d"},
-                                               {"value", RX_REPORT_NUMBER, 0, "", "", NULL}};
+    RX_COLUMNS(columns, RX_TEXT("a", ""), RX_TEXT("b", ""), RX_TEXT("c", ""), RX_TEXT("d", ""),
+               RX_NUMBER("value", 0, "", ""));
     rx_report *r = rx_report_new("", "x");
     rx_report_table *t = rx_report_table_add(r, "t", 5, columns, RX_REPORT_IN_JSON);
     for (int k = 0; k < 4; k++)
@@ -199,14 +191,9 @@ static void pivots_of_two_keys(void **state)
  * pivot whose rows are numbers, those that say nothing left out. In the terminal columns are as wide as their words. */
 static void tables_turned(void **state)
 {
-    static const rx_report_column columns[] = {
-        {.name = "run"},
-        {"flux", RX_REPORT_MEASURED, 2, "adu", "of all <b>", "light"},
-        {.name = "list", .kind = RX_REPORT_FILE},
-        {"nothing", RX_REPORT_NUMBER, 0, "", "", NULL},
-        {"mag", RX_REPORT_NUMBER, -4, "mag", "", NULL},
-        {"share", RX_REPORT_ESTIMATE, -2, "", "", NULL},
-    };
+    RX_COLUMNS(columns, RX_TEXT("run", ""), {"flux", RX_REPORT_MEASURED, 2, "adu", "of all <b>", "light"},
+               {.name = "list", .kind = RX_REPORT_FILE}, RX_NUMBER("nothing", 0, "", ""),
+               RX_NUMBER("mag", -4, "mag", ""), RX_ESTIMATE("share", -2, "", ""));
     static const char *const page[] = {
         "<tr><th class=\"t\">run</th><th class=\"t\"></th><th>NET</th><th>RL</th></tr>\n"
         "<tr class=\"u\"><td class=\"t\"><b>light</b> [adu]</td><td class=\"t\">of all "
@@ -258,12 +245,9 @@ static void what_a_page_leaves_out(void **state)
                                        "class=\"r\">2 of 3 rows. All are in t.ecsv.</p>",
                                        "<pre>two\n&lt;lines&gt;\n</pre>", NULL};
     static const char *const json[] = {"\"n\": 12345678901, ", NULL};
-    static const rx_report_column columns[] = {{.name = "word"},
-                                               {.name = "nothing"},
-                                               {"n", RX_REPORT_COUNT, 0, "", "", NULL},
-                                               {"value", RX_REPORT_NUMBER, 1, "", "", NULL},
-                                               {"share", RX_REPORT_ESTIMATE, 1, "", "", NULL},
-                                               {.name = "verdict", .kind = RX_REPORT_VERDICT}};
+    RX_COLUMNS(columns, RX_TEXT("word", ""), RX_TEXT("nothing", ""), RX_COUNT("n", ""),
+               RX_NUMBER("value", 1, "", ""), RX_ESTIMATE("share", 1, "", ""),
+               {.name = "verdict", .kind = RX_REPORT_VERDICT});
     rx_report *r = rx_report_new("", "x");
     rx_report_table *t = rx_report_table_add(r, "t", 6, columns, RX_REPORT_EVERYWHERE);
     for (int k = 0; k < 3; k++)
