@@ -76,6 +76,23 @@ void *rx_regrow(void *ptr, size_t count, size_t size)
     return realloc(ptr, count * size > 0 ? count * size : 1);
 }
 
+rx_status rx_make(void *address_of_ptr, size_t count, size_t size, rx_error *err)
+{
+    void *made = rx_alloc(count, size);
+    memcpy(address_of_ptr, &made, sizeof made);
+    return made != NULL ? RX_OK : rx_error_memory(err, count * size);
+}
+
+rx_status rx_grow(void *address_of_ptr, size_t count, size_t size, rx_error *err)
+{
+    void *ptr;
+    memcpy(&ptr, address_of_ptr, sizeof ptr);
+    if ((ptr = rx_regrow(ptr, count, size)) == NULL)
+        return rx_error_memory(err, count * size);
+    memcpy(address_of_ptr, &ptr, sizeof ptr);
+    return RX_OK;
+}
+
 void rx_memory_spend(void *ptr, size_t from, size_t to)
 {
     char *block = ptr;

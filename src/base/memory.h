@@ -4,6 +4,8 @@
 
 #include <stddef.h>
 
+#include "base/error.h"
+
 /* count * size bytes, zeroed; NULL when the product overflows or memory is out.
  * A count of 0 gives a valid pointer. */
 void *rx_alloc(size_t count, size_t size);
@@ -18,6 +20,14 @@ void *rx_alloc_filled(size_t count, size_t size, int nthreads);
 /* Grow (or make, when ptr is NULL) an array; old content kept, the new part is
  * not cleared. NULL on failure, ptr then still belongs to the caller. */
 void *rx_regrow(void *ptr, size_t count, size_t size);
+
+/* RX_MAKE(p, n, err): p becomes n zeroed elements of what it points at, as rx_alloc() gives them, or NULL.
+ * RX_GROW(p, n, err): p is grown to n of them, as rx_regrow() does; on failure it stays as it was.
+ * Either returns RX_OK or what rx_error_memory() says, for RX_TRY. */
+#define RX_MAKE(ptr, count, err) rx_make(&(ptr), (count), sizeof *(ptr), (err))
+#define RX_GROW(ptr, count, err) rx_grow(&(ptr), (count), sizeof *(ptr), (err))
+rx_status rx_make(void *address_of_ptr, size_t count, size_t size, rx_error *err);
+rx_status rx_grow(void *address_of_ptr, size_t count, size_t size, rx_error *err);
 
 /* Bytes from .. to - 1 of a block from above are not read again before they are written: as far as they fill
  * whole pages, their memory is the system's until then. */

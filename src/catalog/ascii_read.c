@@ -369,11 +369,9 @@ rx_status rx_ascii_read(const char *path, rx_table **dst, rx_error *err)
     rx_table *table = NULL;
     rx_status status = RX_OK;
     RX_TRY(rx_text_read_file(path, RX_READ_BYTES / 2, &in.data, &in.length, err));
-    in.tokens = RX_NEW(token, RX_READ_COLUMNS);
-    in.guesses = RX_NEW(guess, RX_READ_COLUMNS);
-    in.head = RX_NEW(head_line, RX_READ_COLUMNS);
-    if (in.tokens == NULL || in.guesses == NULL || in.head == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, RX_READ_COLUMNS * sizeof(head_line)));
+    RX_TRY_EXIT(RX_MAKE(in.tokens, RX_READ_COLUMNS, err));
+    RX_TRY_EXIT(RX_MAKE(in.guesses, RX_READ_COLUMNS, err));
+    RX_TRY_EXIT(RX_MAKE(in.head, RX_READ_COLUMNS, err));
     for (size_t i = 0; i < in.length; i++)
         if (in.data[i] == '\n')
             in.data[i] = '\0';

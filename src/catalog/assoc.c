@@ -127,9 +127,7 @@ static rx_status make_entries(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_er
 {
     const rx_assoc *list = m->list;
     long without = 0;
-    m->entries = RX_NEW(entry, (size_t)list->rows);
-    if (m->entries == NULL)
-        return rx_error_memory(err, (size_t)list->rows * sizeof(entry));
+    RX_TRY(RX_MAKE(m->entries, (size_t)list->rows, err));
     for (long row = 0; row < list->rows; row++) {
         const double *values = list->values + row * list->columns;
         entry e = {values[m->par->x - 1] - 1, values[m->par->y - 1] - 1, 0, row};

@@ -77,13 +77,6 @@ static long long integer_value(const rx_column *column, long i)
     return ((const int64_t *)column->data)[i];
 }
 
-static void print_integer(rx_text *dst, const rx_column *column, format f, long long value)
-{
-    if (f.letter == 'u' && column->type == RX_CELL_INT32)
-        value = (uint32_t)value; /* bit patterns of flags */
-    rx_text_printf(dst, f.plus ? "%+*lld" : "%*lld", f.width, value);
-}
-
 static void print_text(rx_text *dst, const char *text, bool quote)
 {
     if (quote)
@@ -109,7 +102,11 @@ void rx_cell_format(rx_text *dst, const rx_column *column, long row, long elemen
         const char *text = text_value(column, i);
         print_text(dst, text, *text == '\0' || strpbrk(text, " \t\r\n,#\"") != NULL);
     } else if (is_integer(column->type)) {
-        print_integer(dst, column, parse_format(column), integer_value(column, i));
+        const format f = parse_format(column);
+        long long value = integer_value(column, i);
+        if (f.letter == 'u' && column->type == RX_CELL_INT32)
+            value = (uint32_t)value; /* bit patterns of flags */
+        rx_text_printf(dst, f.plus ? "%+*lld" : "%*lld", f.width, value);
     } else {
         print_real(dst, parse_format(column), rx_column_value(column, row, element));
     }

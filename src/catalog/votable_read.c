@@ -116,12 +116,6 @@ static void begin_field(votable *in, const char **attributes)
     in->in_field = true;
 }
 
-/* Bytes of an element while reading. */
-static size_t stored_size(const field *f)
-{
-    return f->column.type == RX_CELL_FLOAT ? 4 : 8;
-}
-
 static void begin_row(votable *in)
 {
     if (in->in_row) {
@@ -136,7 +130,7 @@ static void begin_row(votable *in)
     size_t total = in->pool.length;
     for (int i = 0; i < in->nfields; i++) {
         field *f = &in->fields[i];
-        size_t bytes = (size_t)rx_column_elements(&f->column) * stored_size(f);
+        size_t bytes = (size_t)rx_column_elements(&f->column) * (f->column.type == RX_CELL_FLOAT ? 4 : 8);
         total += bytes * (size_t)capacity;
         if (total > 2 * RX_READ_BYTES) {
             fail(in, RX_INPUT, "the table is too large; give it as FITS");

@@ -127,13 +127,10 @@ int rx_blankcheck_is_crowd(const rx_result *tile)
 static rx_status keep_fitted(const rx_tphot *tphot, rx_blankcheck *dst, rx_error *err)
 {
     const size_t n = (size_t)dst->nfitted + (size_t)tphot->n;
-    double(*grown)[2] = rx_regrow(dst->fitted, n, sizeof *grown);
-    if (grown == NULL)
-        return rx_error_memory(err, n * sizeof *grown);
-    dst->fitted = grown;
+    RX_TRY(RX_GROW(dst->fitted, n, err));
     for (int i = 0; i < tphot->n; i++, dst->nfitted++) {
-        grown[dst->nfitted][0] = tphot->list[i].evidence;
-        grown[dst->nfitted][1] = tphot->list[i].snr;
+        dst->fitted[dst->nfitted][0] = tphot->list[i].evidence;
+        dst->fitted[dst->nfitted][1] = tphot->list[i].snr;
     }
     return RX_OK;
 }

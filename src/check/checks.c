@@ -97,9 +97,8 @@ rx_status rx_checks_new(const rx_pipeline_params *params, const rx_check_params 
     *dst = NULL;
     if (!par->self_check && par->blank_check <= 0)
         return RX_OK;
-    rx_checks *checks = RX_NEW(rx_checks, 1);
-    if (checks == NULL)
-        return rx_error_memory(err, sizeof *checks);
+    rx_checks *checks;
+    RX_TRY(RX_MAKE(checks, 1, err));
     checks->params = params;
     checks->par = par;
     checks->field = field;

@@ -84,9 +84,8 @@ rx_status rx_quality_picture(const char *title, int width, int height, const flo
     enum { SIDE = 256 };
     int w = width < SIDE ? width : SIDE, h = height < SIDE ? height : SIDE;
     int x0 = (width - w) / 2, y0 = (height - h) / 2;
-    float *copy = RX_NEW(float, (size_t)w *(size_t)h);
-    if (copy == NULL)
-        return rx_error_memory(err, (size_t)w * (size_t)h * sizeof(float));
+    float *copy;
+    RX_TRY(RX_MAKE(copy, (size_t)w * (size_t)h, err));
     for (int y = 0; y < h; y++)
         memcpy(copy + (size_t)y * (size_t)w, pixels + (size_t)(y0 + y) * (size_t)width + (size_t)x0,
                (size_t)w * sizeof(float));

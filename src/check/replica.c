@@ -26,9 +26,8 @@ rx_status rx_replica_new(const rx_tile *src, const rx_replica_part *part, rx_til
 {
     const rx_replica_part all = {.width = src->width, .height = src->height};
     int failed = 0;
-    rx_tile *tile = RX_NEW(rx_tile, 1);
-    if (tile == NULL)
-        return rx_error_memory(err, sizeof *tile);
+    rx_tile *tile;
+    RX_TRY(RX_MAKE(tile, 1, err));
     if (part == NULL)
         part = &all;
     *tile = *src;

@@ -31,14 +31,6 @@ typedef struct injection {
     float *clean; /* the same without photon noise and saturation */
 } injection;
 
-static void injection_free(injection *in)
-{
-    rx_scene_free(in->scene);
-    rx_field_free(in->field);
-    rx_arena_free(&in->memory);
-    *in = (injection){0};
-}
-
 /* Whole numbers of both kinds, with the share asked for in the sum of all rounds. */
 static double round_half(double value)
 {
@@ -306,7 +298,9 @@ static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kin
     }
 exit:
     rx_result_free(&result);
-    injection_free(&in);
+    rx_scene_free(in.scene);
+    rx_field_free(in.field);
+    rx_arena_free(&in.memory);
     return status;
 }
 

@@ -110,9 +110,8 @@ static rx_status find_deviations(const rx_selfcheck_plan *plan, const rx_selfche
     const double area = acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
     const rx_qa_list *list = &check->found_list, *truth = &check->truth;
     const size_t side = check->psf != NULL ? (size_t)check->psf->size : 0;
-    float *stamp = RX_NEW(float, side *side);
-    if (stamp == NULL)
-        return rx_error_memory(err, 0);
+    float *stamp;
+    RX_TRY(RX_MAKE(stamp, side * side, err));
     for (long j = 0; j < list->n; j++) {
         long i = e->origin[j];
         if (i < 0 || list->flags[j] != 0)
@@ -143,9 +142,8 @@ static rx_status biases(const rx_selfcheck_plan *plan, const rx_evaluation *e, r
 {
     size_t n = (size_t)check->found_list.n;
     rx_estimate unused;
-    double *values = RX_NEW(double, 4 * n);
-    if (values == NULL)
-        return rx_error_memory(err, 4 * n * sizeof(double));
+    double *values;
+    RX_TRY(RX_MAKE(values, 4 * n, err));
     deviations found = {.total = values, .wide = values + n, .gained = values + 2 * n, .sky = values + 3 * n};
     rx_status status = find_deviations(plan, check, e, &found, err);
     rx_robust_estimates(found.total, found.ntotal, LEVEL, &check->bias, &check->scatter);
@@ -161,9 +159,8 @@ static rx_status find_errors(const rx_evaluation *e, rx_selfcheck *check, rx_err
 {
     const rx_qa_list *list = &check->found_list, *truth = &check->truth;
     long n = 0;
-    rx_conformal_case *cases = RX_NEW(rx_conformal_case, (size_t)list->n);
-    if (cases == NULL)
-        return rx_error_memory(err, (size_t)list->n * sizeof *cases);
+    rx_conformal_case *cases;
+    RX_TRY(RX_MAKE(cases, (size_t)list->n, err));
     for (long j = 0; j < list->n; j++) {
         const rx_selfcheck_found *m = &check->measured[j];
         const long i = e->origin[j];

@@ -57,9 +57,8 @@ static rx_status noise_area(const rx_field *field, double *area, rx_error *err)
     const rx_tile *tile = field->tile;
     size_t n = (size_t)psf->size * (size_t)psf->size;
     double power = 0.0;
-    float *stamp = RX_NEW(float, n);
-    if (stamp == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    float *stamp;
+    RX_TRY(RX_MAKE(stamp, n, err));
     rx_psf_at(psf, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1), stamp);
     for (size_t i = 0; i < n; i++)
         power += (double)stamp[i] * (double)stamp[i];
@@ -112,9 +111,8 @@ static rx_status psf_radius(const rx_field *field, double *radius, rx_error *err
 {
     const rx_psf *psf = field->psf;
     const double x = 0.5 * (field->tile->width - 1), y = 0.5 * (field->tile->height - 1);
-    float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
-    if (stamp == NULL)
-        return rx_error_memory(err, 0);
+    float *stamp;
+    RX_TRY(RX_MAKE(stamp, (size_t)psf->size * (size_t)psf->size, err));
     double low = 0.0, high = 0.5 * psf->size;
     for (int i = 0; i < 30; i++) {
         *radius = 0.5 * (low + high);
@@ -202,9 +200,8 @@ rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check
                                 const rx_field *field, const rx_sources *sources, rx_selfcheck_plan **dst,
                                 rx_error *err)
 {
-    rx_selfcheck_plan *plan = RX_NEW(rx_selfcheck_plan, 1);
-    if (plan == NULL)
-        return rx_error_memory(err, sizeof *plan);
+    rx_selfcheck_plan *plan;
+    RX_TRY(RX_MAKE(plan, 1, err));
     plan->field = field;
     plan->par = par;
     plan->segments = sources->segments;

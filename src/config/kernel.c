@@ -40,10 +40,7 @@ static rx_status read_row(const char *path, long number, char *line, rx_kernel *
         if (n == RX_KERNEL_SIDE || (n == 0 && kernel->height == RX_KERNEL_SIDE))
             return rx_error_at(err, RX_USAGE, path, -1, number,
                                "the filter is too large, give at most %d rows and columns", RX_KERNEL_SIDE);
-        float *values = rx_regrow(kernel->values, used + (size_t)n + 1, sizeof *values);
-        if (values == NULL)
-            return rx_error_memory(err, used * sizeof *values);
-        kernel->values = values;
+        RX_TRY(RX_GROW(kernel->values, used + (size_t)n + 1, err));
         kernel->values[used + (size_t)n++] = (float)value;
     }
     if (n == 0)
@@ -72,9 +69,8 @@ rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err)
 {
     char *text = NULL;
     bool head = false;
-    rx_kernel *kernel = RX_NEW(rx_kernel, 1);
-    if (kernel == NULL)
-        return rx_error_memory(err, sizeof *kernel);
+    rx_kernel *kernel;
+    RX_TRY(RX_MAKE(kernel, 1, err));
     rx_status status = rx_text_read_file(path, MAX_FILE_BYTES, &text, NULL, err);
     if (status == RX_INPUT) {
         status = RX_USAGE; /* a filter belongs to the configuration */

@@ -55,13 +55,9 @@ static rx_status read_line(rx_tiles *tiles, long number, const char *line, rx_er
 {
     rx_tokens words = {0};
     rx_status status = at_line(tiles, number, rx_tokens_words(line, &words, err), err);
-    rx_listed_tile *grown = NULL;
     if (status != RX_OK || words.n == 0)
         goto exit;
-    grown = rx_regrow(tiles->tile, (size_t)tiles->n + 1, sizeof *grown);
-    if (grown == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, ((size_t)tiles->n + 1) * sizeof *grown));
-    tiles->tile = grown;
+    RX_TRY_EXIT(RX_GROW(tiles->tile, (size_t)tiles->n + 1, err));
     rx_listed_tile *tile = &tiles->tile[tiles->n++];
     *tile = (rx_listed_tile){.line = number, .words = words};
     words = (rx_tokens){0};
@@ -120,21 +116,19 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
     const rx_listed_tile *tile = &tiles->tile[i];
     rx_settings *settings = NULL;
     *dst = NULL;
-    rx_status status = rx_settings_copy(common, &settings, err);
-    for (int k = 1; k < tile->words.n && status == RX_OK; k += 2)
-        status = rx_settings_set(settings, tile->words.v[k] + 1, tile->words.v[k + 1], log, err);
-    if (status == RX_OK)
-        status = rx_settings_name_tile(settings, tile->name, err);
-    if (status == RX_OK && settings->table->find_files != NULL)
-        status = settings->table->find_files(settings, NULL, err);
-    if (status == RX_OK)
-        status = rx_settings_check(settings, NULL, err);
-    if (status == RX_OK)
-        status = settings->table->check_outputs(settings, tile->words.v[0], err);
-    if (status == RX_OK)
-        *dst = settings;
-    else
-        rx_settings_free(settings);
+    rx_status status;
+    RX_TRY_EXIT(rx_settings_copy(common, &settings, err));
+    for (int k = 1; k < tile->words.n; k += 2)
+        RX_TRY_EXIT(rx_settings_set(settings, tile->words.v[k] + 1, tile->words.v[k + 1], log, err));
+    RX_TRY_EXIT(rx_settings_name_tile(settings, tile->name, err));
+    if (settings->table->find_files != NULL)
+        RX_TRY_EXIT(settings->table->find_files(settings, NULL, err));
+    RX_TRY_EXIT(rx_settings_check(settings, NULL, err));
+    RX_TRY_EXIT(settings->table->check_outputs(settings, tile->words.v[0], err));
+    *dst = settings;
+    settings = NULL;
+exit:
+    rx_settings_free(settings);
     return at_line(tiles, tile->line, status, err);
 }
 

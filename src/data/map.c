@@ -76,13 +76,6 @@ static void true_noise(const rx_background *sky, int y, int x, int n, float *sig
     finish_noise(sky, at, n, sigma);
 }
 
-static void noise_row(const rx_background *sky, int y, int x, int n, float *sigma)
-{
-    true_noise(sky, y, x, n, sigma);
-    for (int i = 0; i < n && sky->sigma_error != 0; i++)
-        sigma[i] = (float)((double)sigma[i] * (1 + sky->sigma_error));
-}
-
 static void level_row(const rx_background *sky, int y, int x, int n, float *level)
 {
     float sigma[PIECE];
@@ -106,9 +99,11 @@ const float *rx_map_row(const rx_map *map, int y, int x, int n, float *room)
         map->maker->make(map->maker, x, y, n, 1, room);
     else if (map->sky == NULL)
         memset(room, 0, (size_t)n * sizeof *room);
-    else if (map->noise)
-        noise_row(map->sky, y, x, n, room);
-    else
+    else if (map->noise) {
+        true_noise(map->sky, y, x, n, room);
+        for (int i = 0; i < n && map->sky->sigma_error != 0; i++)
+            room[i] = (float)((double)room[i] * (1 + map->sky->sigma_error));
+    } else
         level_row(map->sky, y, x, n, room);
     return room;
 }

@@ -24,12 +24,6 @@ rx_psf *rx_psf_new(rx_psf_type type, int size, int nbasis)
     return psf;
 }
 
-static size_t samples_of(const rx_psf *psf)
-{
-    const size_t side = (size_t)rx_psf_fine_side(psf);
-    return (size_t)psf->nbasis * side * side;
-}
-
 int rx_psf_sample(rx_psf *psf, int fine)
 {
     const size_t side = (size_t)fine * (size_t)(psf->size - 1) + 1;
@@ -63,7 +57,9 @@ rx_psf *rx_psf_copy(const rx_psf *psf)
         return NULL;
     }
     if (psf->samples != NULL)
-        memcpy(copy->samples, psf->samples, samples_of(psf) * sizeof(float));
+        memcpy(copy->samples, psf->samples,
+               (size_t)psf->nbasis * (size_t)rx_psf_fine_side(psf) * (size_t)rx_psf_fine_side(psf) *
+                   sizeof(float));
     memcpy(basis, psf->basis, sizeof(float) * (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size);
     if (psf->stars != NULL && psf->nstars > 0) {
         copy->stars = rx_alloc((size_t)psf->nstars, sizeof *copy->stars);

@@ -31,9 +31,8 @@ rx_status rx_sources_select(rx_sources *sources, const unsigned char *keep, rx_e
     int kept = 0;
     for (int i = 0; i < sources->n; i++)
         highest = sources->list[i].segment > highest ? sources->list[i].segment : highest;
-    int32_t *renumber = RX_NEW(int32_t, (size_t)highest + 1);
-    if (renumber == NULL)
-        return rx_error_memory(err, ((size_t)highest + 1) * sizeof(int32_t));
+    int32_t *renumber;
+    RX_TRY(RX_MAKE(renumber, (size_t)highest + 1, err));
     for (int i = 0; i < sources->n; i++) {
         if (!keep[i])
             continue;

@@ -589,9 +589,8 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
     rows = rows < height ? rows : height;
     if (holds_floats(file))
         return read_floats(file, path, hdu, part, plane, dst, err);
-    double *buffer = RX_NEW(double, rows *width);
-    if (buffer == NULL)
-        return rx_error_memory(err, rows * width * sizeof *buffer);
+    double *buffer;
+    RX_TRY(RX_MAKE(buffer, rows * width, err));
     fits_clear_errmsg();
     for (size_t row = 0; row < height; row += rows) {
         size_t n = height - row < rows ? height - row : rows;

@@ -43,9 +43,8 @@ rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **d
 {
     rx_status status = RX_OK;
     int failed = 0;
-    rx_fits_writer *writer = RX_NEW(rx_fits_writer, 1);
-    if (writer == NULL)
-        return rx_error_memory(err, sizeof *writer);
+    rx_fits_writer *writer;
+    RX_TRY(RX_MAKE(writer, 1, err));
     writer->path = rx_strdup(path);
     writer->shown = rx_strdup(shown);
     if (writer->path == NULL || writer->shown == NULL)

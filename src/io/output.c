@@ -254,17 +254,14 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
 {
     if (path == NULL || path[0] == '\0')
         return rx_error_set(err, RX_USAGE, "the name of an output is empty; give one");
-    output *list = rx_regrow(outputs->list, outputs->n + 1, sizeof *list);
-    if (list == NULL)
-        return rx_error_memory(err, sizeof *list);
-    outputs->list = list;
-    output *out = &list[outputs->n];
+    RX_TRY(RX_GROW(outputs->list, outputs->n + 1, err));
+    output *out = &outputs->list[outputs->n];
     *out = (output){.shown = rx_strdup(path), .claim = -1};
     rx_status status = out->shown == NULL ? rx_error_memory(err, strlen(path)) : inspect(out, folder, err);
     if (status == RX_OK)
         status = place(out, err);
     for (size_t i = 0; status == RX_OK && i < outputs->n; i++)
-        if (is_same(&list[i], out))
+        if (is_same(&outputs->list[i], out))
             status =
                 rx_error_at(err, RX_USAGE, path, -1, 0, "is asked for twice; give every output its own name");
     if (status == RX_OK)

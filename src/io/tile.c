@@ -92,9 +92,7 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
     RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
     if (!rx_fits_name_selects(&parsed))
         RX_TRY_EXIT(rx_fits_count(source.file, parsed.path, &count, &broken, err));
-    list = RX_NEW(int, (size_t)count);
-    if (list == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(RX_MAKE(list, (size_t)count, err));
     if (rx_fits_name_selects(&parsed)) {
         status = rx_fits_goto_name(source.file, &parsed, &list[0], err);
         if (status == RX_OK && (failed = rx_fits_shape_of(source.file, &shape)) != 0)

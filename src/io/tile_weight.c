@@ -168,9 +168,7 @@ rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *plac
     size_t n = (size_t)tile->width * (size_t)tile->height;
     if (par->nflags <= 0)
         return RX_OK;
-    tile->flagmaps = RX_NEW(uint32_t *, (size_t)par->nflags);
-    if (tile->flagmaps == NULL)
-        return rx_error_memory(err, 0);
+    RX_TRY(RX_MAKE(tile->flagmaps, (size_t)par->nflags, err));
     for (int i = 0; status == RX_OK && i < par->nflags; i++) {
         companion map;
         const char *name = par->flag_names[i];

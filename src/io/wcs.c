@@ -82,9 +82,8 @@ static rx_status set_up(char *cards, size_t ncards, const int size[2], rx_wcs **
     rx_status status = RX_OK;
     struct wcsprm *list = NULL;
     int rejected = 0, n = 0, naxis[2] = {size[0], size[1]}, stat[NWCSFIX], failed;
-    rx_wcs *wcs = RX_NEW(rx_wcs, 1);
-    if (wcs == NULL)
-        return rx_error_memory(err, sizeof *wcs);
+    rx_wcs *wcs;
+    RX_TRY(RX_MAKE(wcs, 1, err));
     wcs->prm.flag = -1;
     /* reentrant since wcslib 5.18; configure asks for 7 */
     failed = wcspih(cards, (int)ncards, WCSHDR_all, 0, &rejected, &n, &list);
@@ -117,9 +116,8 @@ rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int hei
     *dst = NULL;
     if (cards == NULL || ncards == 0)
         return RX_OK;
-    char *copy = RX_NEW(char, ncards *CARD + 1);
-    if (copy == NULL)
-        return rx_error_memory(err, ncards * CARD);
+    char *copy;
+    RX_TRY(RX_MAKE(copy, ncards * CARD + 1, err));
     memcpy(copy, cards, ncards * CARD);
     rx_status status = RX_OK;
     if (rx_wcs_guard(copy, ncards, note))

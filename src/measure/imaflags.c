@@ -67,9 +67,8 @@ rx_status rx_measure_imaflags(const rx_view *view, const int *types, rx_source *
     if (image->nflagmaps == 0)
         return RX_OK;
     size_t area = (size_t)(s->xmax - s->xmin + 1) * (size_t)(s->ymax - s->ymin + 1);
-    uint32_t *values = RX_NEW(uint32_t, area);
-    if (values == NULL)
-        return rx_error_memory(err, area * sizeof *values);
+    uint32_t *values;
+    RX_TRY(RX_MAKE(values, area, err));
     for (int map = 0; map < image->nflagmaps && map < RX_MAX_FLAGMAPS; map++) {
         int n = 0, zeros = 0;
         for (int y = s->ymin; y <= s->ymax; y++)

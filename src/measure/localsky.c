@@ -29,9 +29,8 @@ rx_status rx_local_sky(const rx_view *view, const rx_source *s, int thickness, d
         outer.y1 >= image->height)
         return RX_OK;
     size_t room = (size_t)(outer.x1 - outer.x0) * (size_t)(outer.y1 - outer.y0);
-    float *values = RX_NEW(float, room);
-    if (values == NULL)
-        return rx_error_memory(err, room * sizeof *values);
+    float *values;
+    RX_TRY(RX_MAKE(values, room, err));
     int n = 0;
     for (int y = outer.y0; y < outer.y1; y++)
         for (int x = outer.x0; x < outer.x1; x++)

@@ -30,9 +30,7 @@ static rx_status mark_obstacles(const rx_view *view, obstacles *dst, rx_error *e
 {
     const int width = view->image->width, height = view->image->height;
     dst->words = ((size_t)width + BITS - 1) / BITS;
-    dst->rows = RX_NEW(uint64_t, dst->words * (size_t)height);
-    if (dst->rows == NULL)
-        return rx_error_memory(err, dst->words * (size_t)height * sizeof *dst->rows);
+    RX_TRY(RX_MAKE(dst->rows, dst->words * (size_t)height, err));
     for (int y = 0; y < height; y++) {
         uint64_t *row = dst->rows + (size_t)y * dst->words;
         for (int x = 0; x < width; x++)

@@ -78,14 +78,10 @@ static void plain_weights(const rx_conv_shape *s, const rx_plane *x, const rx_pl
 static const rx_direct_kernels plain = {
     .name = "plain C", .lanes = 1, .bf16 = 1, .wide = run_plain, .weights = plain_weights};
 
-static int has_bf16(const rx_direct_kernels *kernels)
-{
-    return kernels != NULL && kernels->bf16;
-}
-
 int rx_direct_has_bf16(void)
 {
-    return has_bf16(rx_direct_avx512());
+    const rx_direct_kernels *kernels = rx_direct_avx512();
+    return kernels != NULL && kernels->bf16;
 }
 
 /* Those of at most `lanes` (0: any) that need the fewest vectors for `count` numbers, of two the narrower. A vector

@@ -219,19 +219,18 @@ rx_status rx_model_write(const rx_model *model, const char *path, const char *sh
         return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "the model cannot be written: %s",
                            model->restore == NULL ? "it has no network" : fault);
     add_cards(model, &cards);
-    rx_status status = cards.failed ? rx_error_memory(err, cards.length) : RX_OK;
-    if (status == RX_OK)
-        status = rx_fits_create(path, shown, &writer, err);
-    if (status == RX_OK)
-        status = rx_fits_primary(writer, &cards, err);
-    if (status == RX_OK)
-        status = write_net(writer, model->restore, "RESTORE", err);
-    if (status == RX_OK && model->psf != NULL)
-        status = write_net(writer, model->psf, "PSF", err);
-    if (status == RX_OK && model->bins != NULL)
-        status = write_bins(writer, model, err);
-    if (status == RX_OK && has_provenance(model))
-        status = write_provenance(writer, model->provenance, err);
+    rx_status status;
+    RX_TRY_EXIT(cards.failed ? rx_error_memory(err, cards.length) : RX_OK);
+    RX_TRY_EXIT(rx_fits_create(path, shown, &writer, err));
+    RX_TRY_EXIT(rx_fits_primary(writer, &cards, err));
+    RX_TRY_EXIT(write_net(writer, model->restore, "RESTORE", err));
+    if (model->psf != NULL)
+        RX_TRY_EXIT(write_net(writer, model->psf, "PSF", err));
+    if (model->bins != NULL)
+        RX_TRY_EXIT(write_bins(writer, model, err));
+    if (has_provenance(model))
+        RX_TRY_EXIT(write_provenance(writer, model->provenance, err));
+exit:
     rx_text_free(&cards);
     if (status != RX_OK) {
         rx_fits_abort(writer);
@@ -302,46 +301,35 @@ static rx_status take_header(const reader *r, rx_error *err)
     rx_model *m = r->model;
     long nfwhm = 0, nsigma = 0, steps = 0, ended = 1;
     rx_cards_text(r->cards, r->ncards, "RXNAME", m->name, sizeof m->name);
-    rx_status status = take_mode(r, &m->front.mode, err);
-    if (status == RX_OK)
-        status = take_number(r, "RXTFWHM", &m->front.target_fwhm, err);
-    if (status == RX_OK)
-        status = take_number(r, "RXTIKH", &m->front.tikhonov, err);
-    if (status == RX_OK)
-        status = take_number(r, "RXPEDST", &m->front.pedestal, err);
-    if (status == RX_OK)
-        status = take_integer(r, "RXRLSTEP", 0, RX_FRONT_STEPS, &steps, err);
-    if (status == RX_OK)
-        status = take_integer(r, "RXNFWHM", 0, MAX_BINS, &nfwhm, err);
-    if (status == RX_OK)
-        status = take_integer(r, "RXNSIGMA", 0, MAX_BINS, &nsigma, err);
-    if (status == RX_OK)
-        status = take_integer(r, "RXEPOCHS", 0, INT_MAX, &m->epochs, err);
+    RX_TRY(take_mode(r, &m->front.mode, err));
+    RX_TRY(take_number(r, "RXTFWHM", &m->front.target_fwhm, err));
+    RX_TRY(take_number(r, "RXTIKH", &m->front.tikhonov, err));
+    RX_TRY(take_number(r, "RXPEDST", &m->front.pedestal, err));
+    RX_TRY(take_integer(r, "RXRLSTEP", 0, RX_FRONT_STEPS, &steps, err));
+    RX_TRY(take_integer(r, "RXNFWHM", 0, MAX_BINS, &nfwhm, err));
+    RX_TRY(take_integer(r, "RXNSIGMA", 0, MAX_BINS, &nsigma, err));
+    RX_TRY(take_integer(r, "RXEPOCHS", 0, INT_MAX, &m->epochs, err));
     const int old = !rx_cards_number(r->cards, r->ncards, "RXENDED", &(double){0});
     m->best = m->epochs;
-    if (status == RX_OK && !old)
-        status = take_integer(r, "RXBEST", 0, m->epochs, &m->best, err);
-    if (status == RX_OK && !old)
-        status = take_integer(r, "RXENDED", 0, 1, &ended, err);
-    if (status == RX_OK)
-        status = take_integer(r, "RXPATCHS", 0, LONG_MAX / 4096, &m->patches, err);
-    if (status == RX_OK)
-        status = take_seed(r, &m->seed, err);
-    if (status == RX_OK && rx_cards_number(r->cards, r->ncards, "RXNFMAX", &m->factor) &&
+    if (!old)
+        RX_TRY(take_integer(r, "RXBEST", 0, m->epochs, &m->best, err));
+    if (!old)
+        RX_TRY(take_integer(r, "RXENDED", 0, 1, &ended, err));
+    RX_TRY(take_integer(r, "RXPATCHS", 0, LONG_MAX / 4096, &m->patches, err));
+    RX_TRY(take_seed(r, &m->seed, err));
+    if (rx_cards_number(r->cards, r->ncards, "RXNFMAX", &m->factor) &&
         !(m->factor >= 0.1 && m->factor <= 1e3))
-        status = rx_error_at(
+        RX_TRY(rx_error_at(
             err, RX_INPUT, r->path, 0, 0,
-            "RXNFMAX is %g, a noise factor from 0.1 to 1000 was expected; make the model again", m->factor);
-    if (status == RX_OK && rx_cards_number(r->cards, r->ncards, "RXTDARK", &m->dark) &&
-        !(m->dark >= 0.0 && m->dark <= 1.0))
-        status =
-            rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                        "RXTDARK is %g, a share from 0 to 1 was expected; make the model again", m->dark);
+            "RXNFMAX is %g, a noise factor from 0.1 to 1000 was expected; make the model again", m->factor));
+    if (rx_cards_number(r->cards, r->ncards, "RXTDARK", &m->dark) && !(m->dark >= 0.0 && m->dark <= 1.0))
+        RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "RXTDARK is %g, a share from 0 to 1 was expected; make the model again", m->dark));
     m->front.rl_steps = (int)steps;
     m->ended = (int)ended;
     m->nfwhm = (int)nfwhm;
     m->nsigma = (int)nsigma;
-    return status;
+    return RX_OK;
 }
 
 /* Is it a model of this version, and is the file as it was written? */
@@ -545,9 +533,7 @@ static rx_status read_bins(const reader *r, rx_error *err)
                              table->nrows, m->nfwhm, m->nsigma);
         goto exit;
     }
-    m->bins = RX_NEW(rx_model_bin, (size_t)table->nrows);
-    if (m->bins == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)table->nrows * sizeof *m->bins));
+    RX_TRY_EXIT(RX_MAKE(m->bins, (size_t)table->nrows, err));
     for (long i = 0; i < table->nrows; i++) {
         double v[NBIN_COLUMNS];
         for (int c = 0; c < NBIN_COLUMNS; c++)

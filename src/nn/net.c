@@ -162,9 +162,8 @@ rx_status rx_net_new(const rx_node *nodes, int nnodes, rx_net **dst, rx_error *e
 {
     rx_status status = RX_OK;
     *dst = NULL;
-    rx_net *net = RX_NEW(rx_net, 1);
-    if (net == NULL)
-        return rx_error_memory(err, sizeof *net);
+    rx_net *net;
+    RX_TRY(RX_MAKE(net, 1, err));
     net->nnodes = nnodes;
     if (nnodes > 0 && nnodes <= RX_NET_NODES)
         memcpy(net->node, nodes, (size_t)nnodes * sizeof *nodes);
@@ -174,9 +173,7 @@ rx_status rx_net_new(const rx_node *nodes, int nnodes, rx_net **dst, rx_error *e
     if (status)
         goto exit;
     lay_out(net);
-    net->params = RX_NEW(float, (size_t)net->nparams);
-    if (net->params == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)net->nparams * sizeof(float)));
+    RX_TRY_EXIT(RX_MAKE(net->params, (size_t)net->nparams, err));
     *dst = net;
     net = NULL;
 exit:

@@ -3,13 +3,6 @@
 
 #include <math.h>
 
-static void swap_values(float *a, float *b)
-{
-    float keep = *a;
-    *a = *b;
-    *b = keep;
-}
-
 /* The k-th smallest (from 0), by Hoare's quickselect; afterwards no value behind k is smaller. */
 static float select_value(float *v, size_t n, size_t k)
 {
@@ -24,7 +17,9 @@ static float select_value(float *v, size_t n, size_t k)
                 j--;
             if (i >= j)
                 break;
-            swap_values(&v[i++], &v[j--]);
+            const float keep = v[i];
+            v[i++] = v[j];
+            v[j--] = keep;
         }
         if (v[j] > pivot)
             j--;

@@ -23,9 +23,8 @@ struct rx_rl_step {
 rx_status rx_rl_step_new(const rx_fft *fft, rx_rl_step **dst, rx_error *err)
 {
     *dst = NULL;
-    rx_rl_step *step = RX_NEW(rx_rl_step, 1);
-    if (step == NULL)
-        return rx_error_memory(err, sizeof *step);
+    rx_rl_step *step;
+    RX_TRY(RX_MAKE(step, 1, err));
     step->fft = fft;
     step->width = rx_fft_width(fft);
     step->height = rx_fft_height(fft);

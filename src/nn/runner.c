@@ -140,9 +140,8 @@ rx_status rx_runner_new(const rx_net *net, int height, int width, rx_runner **ds
         return rx_error_set(
             err, RX_INPUT, "the network cannot work on %d x %d pixels; both must be positive multiples of %d",
             width, height, step);
-    rx_runner *r = RX_NEW(rx_runner, 1);
-    if (r == NULL)
-        return rx_error_memory(err, sizeof *r);
+    rx_runner *r;
+    RX_TRY(RX_MAKE(r, 1, err));
     r->net = net;
     rx_status status = plan(r, height, width, err);
     if (status != RX_OK) {

@@ -54,11 +54,6 @@ static int below(const rx_node *n)
     return n->kernel == 1 && n->stride == 2 ? 1 : above(n);
 }
 
-static int to_fine(rx_op op)
-{
-    return op == RX_OP_SHUFFLE || op == RX_OP_UP2 || op == RX_OP_UPCONV || op == RX_OP_TRANSPOSED;
-}
-
 static int half_up(int n)
 {
     return (n + 1) / 2;
@@ -117,7 +112,8 @@ static void plan_bands(const rx_net *net, int step, const rx_node_planes *node, 
         b->delay = delay_after(n, bands[n->src].delay);
         if (n->add >= 0)
             at_least(bands[n->add].delay, &b->delay);
-        if (to_fine(n->op)) /* its rows come in pairs */
+        if (n->op == RX_OP_SHUFFLE || n->op == RX_OP_UP2 || n->op == RX_OP_UPCONV ||
+            n->op == RX_OP_TRANSPOSED) /* rows in pairs */
             b->delay += b->delay % 2;
         b->behind = behind(n, b->delay, bands[n->src].delay);
         at_least(b->behind, &bands[n->src].history);
@@ -230,9 +226,8 @@ rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx
 {
     *dst = NULL;
     RX_TRY(check(net, width, precision, err));
-    rx_stream *s = RX_NEW(rx_stream, 1);
-    if (s == NULL)
-        return rx_error_memory(err, sizeof *s);
+    rx_stream *s;
+    RX_TRY(RX_MAKE(s, 1, err));
     s->net = net;
     s->step = step_of(net);
     s->halo = rx_net_halo(net);

@@ -224,12 +224,10 @@ rx_status rx_gauss_masked(int width, int height, double fwhm, const uint8_t *mas
     g.radius = rx_gauss_radius(fwhm);
     const size_t rows = (size_t)BAND + 2 * (size_t)g.radius,
                  most = rows < (size_t)height ? rows : (size_t)height;
-    g.weights = RX_NEW(float, 2 * (size_t)g.radius + 1);
-    g.num = RX_NEW(float, most *(size_t)width);
-    g.den = RX_NEW(float, most *(size_t)width);
-    g.good = RX_NEW(float, (size_t)g.nthreads *(size_t)width);
-    if (g.weights == NULL || g.num == NULL || g.den == NULL || g.good == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 2 * most * (size_t)width * sizeof *g.num));
+    RX_TRY_EXIT(RX_MAKE(g.weights, 2 * (size_t)g.radius + 1, err));
+    RX_TRY_EXIT(RX_MAKE(g.num, most * (size_t)width, err));
+    RX_TRY_EXIT(RX_MAKE(g.den, most * (size_t)width, err));
+    RX_TRY_EXIT(RX_MAKE(g.good, (size_t)g.nthreads * (size_t)width, err));
     for (size_t k = 0; k < (size_t)g.nthreads * (size_t)width; k++)
         g.good[k] = 1;
     rx_gauss_weights(fwhm, g.radius, g.weights);

@@ -87,9 +87,8 @@ rx_status rx_fft_new(int width, int height, int nthreads, rx_fft **dst, rx_error
                             "an image of %d x %d pixels cannot be Fourier transformed; "
                             "give a smaller one",
                             width, height);
-    rx_fft *fft = RX_NEW(rx_fft, 1);
-    if (fft == NULL)
-        return rx_error_memory(err, sizeof *fft);
+    rx_fft *fft;
+    RX_TRY(RX_MAKE(fft, 1, err));
     fft->width = width;
     fft->height = height;
     fft->nthreads = nthreads < 1 ? 1 : nthreads;

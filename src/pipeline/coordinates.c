@@ -63,9 +63,8 @@ static double native_north(const rx_image *image, const rx_source *source)
 rx_status rx_coordinates_fill(const rx_image *image, rx_sources *sources, rx_error *err)
 {
     size_t n = (size_t)sources->n;
-    double *work = RX_NEW(double, 6 * n + 1);
-    if (work == NULL)
-        return rx_error_memory(err, 6 * n * sizeof(double));
+    double *work;
+    RX_TRY(RX_MAKE(work, 6 * n + 1, err));
     double *x = work, *y = work + n, *sky = work + 2 * n;
     for (int kind = 0; kind < NPOSITIONS; kind++) {
         for (size_t i = 0; i < n; i++)

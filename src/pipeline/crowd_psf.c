@@ -49,9 +49,8 @@ static rx_status measure(const rx_pipeline_params *params, int role, const rx_fi
     rx_image image = field->image;
     rx_pipeline_params par = *params;
     rx_field *between = NULL;
-    float *pixels = RX_NEW(float, n);
-    if (pixels == NULL)
-        return rx_error_memory(err, n * sizeof *pixels);
+    float *pixels;
+    RX_TRY(RX_MAKE(pixels, n, err));
     for (size_t i = 0; i < n; i++)
         pixels[i] = image.pixels[i] - (image.mask != NULL && image.mask[i] != 0 ? 0.0f : fit->model[i]);
     image.pixels = pixels;

@@ -44,9 +44,7 @@ static rx_status pick(const rx_sources *sources, rx_sources *dst, rx_error *err)
     *dst = *sources;
     dst->vignets = NULL;
     dst->n = 0;
-    dst->list = RX_NEW(rx_source, (size_t)sources->n);
-    if (dst->list == NULL)
-        return rx_error_memory(err, (size_t)sources->n * sizeof(rx_source));
+    RX_TRY(RX_MAKE(dst->list, (size_t)sources->n, err));
     for (int i = 0; i < sources->n; i++)
         if (is_clean(&sources->list[i]))
             dst->list[dst->n++] = sources->list[i];
@@ -94,9 +92,7 @@ rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restore
     if (status != RX_OK || picked.n < FEWEST)
         goto exit;
     size_t n = (size_t)picked.n;
-    work = RX_NEW(double, 4 * n);
-    if (work == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 4 * n * sizeof(double)));
+    RX_TRY_EXIT(RX_MAKE(work, 4 * n, err));
     double *automatic = work + n, *on_restored = work + 2 * n, *on_original = work + 3 * n;
     for (size_t i = 0; i < n; i++)
         automatic[i] = picked.list[i].flux_auto;

@@ -241,9 +241,7 @@ static rx_status prepare_detection(work *w, rx_error *err)
     const double factor = w->filter.values != NULL ? rx_noise_factor(&w->detect->noise, w->filter.values,
                                                                      w->filter.width, w->filter.height)
                                                    : rx_noise_factor(&w->detect->noise, &one, 1, 1);
-    result->significant = RX_NEW(rx_scaled_map, 1);
-    if (result->significant == NULL)
-        return rx_error_memory(err, sizeof *result->significant);
+    RX_TRY(RX_MAKE(result->significant, 1, err));
     result->noise = rx_map_scaled(result->significant, result->noise, (float)factor);
     result->global_noise *= factor;
     return RX_OK;
@@ -302,9 +300,8 @@ static rx_status rank_added(const work *w, rx_error *err)
     const rx_result *result = w->result;
     const double norm = filter_norm(&w->filter);
     const size_t room = (size_t)w->filter.width * (size_t)w->filter.height;
-    float *patch = RX_NEW(float, 2 * room);
-    if (patch == NULL)
-        return rx_error_memory(err, 2 * room * sizeof *patch);
+    float *patch;
+    RX_TRY(RX_MAKE(patch, 2 * room, err));
     for (int i = 0; i < result->sources->n; i++) {
         rx_source *s = &result->sources->list[i];
         if ((s->fit.restore & RX_RESTORE_ADDED) == 0)

@@ -20,19 +20,16 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
     return preal;
 }
 
-/* ln(R / F); below LEAST F is that of the noise at a given place, no longer of its peaks. */
-static double log_odds(const rx_preal *preal, double evidence)
-{
-    const double e = fmin(fmax(evidence, LEAST * LEAST), 1e6);
-    return log(preal->bright * BRIGHT / (preal->peaks * e * (e - 1.0))) + 0.5 * e + preal->shift +
-           0.5 * preal->slope * (e - PIVOT) + 0.5 * fmin(evidence - LEAST * LEAST, 0.0);
-}
-
 double rx_preal_of(const rx_preal *preal, double evidence)
 {
     if (!(evidence > 0.0))
         return isnan(evidence) ? NAN : 0.0;
-    return 1.0 / (1.0 + exp(-log_odds(preal, evidence)));
+    /* ln(R / F); below LEAST F is that of the noise at a given place, no longer of its peaks. */
+    const double e = fmin(fmax(evidence, LEAST * LEAST), 1e6);
+    const double log_odds = log(preal->bright * BRIGHT / (preal->peaks * e * (e - 1.0))) + 0.5 * e +
+                            preal->shift + 0.5 * preal->slope * (e - PIVOT) +
+                            0.5 * fmin(evidence - LEAST * LEAST, 0.0);
+    return 1.0 / (1.0 + exp(-log_odds));
 }
 
 int rx_preal_doubtful(const rx_preal *preal, double evidence)

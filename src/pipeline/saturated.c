@@ -44,9 +44,7 @@ rx_status rx_saturated_choose(const rx_image *detect, const rx_image *measure, r
 {
     int kept = 0;
     size_t n = 0;
-    dst->peaks = RX_NEW(rx_saturated_peak, (size_t)sources->n);
-    if (dst->peaks == NULL)
-        return rx_error_memory(err, (size_t)sources->n * sizeof *dst->peaks);
+    RX_TRY(RX_MAKE(dst->peaks, (size_t)sources->n, err));
     for (int i = 0; i < sources->n; i++) {
         const rx_source *s = &sources->list[i];
         const size_t own = count_pixels(detect, measure, sources, s);
@@ -57,9 +55,7 @@ rx_status rx_saturated_choose(const rx_image *detect, const rx_image *measure, r
             dst->peaks[dst->npeaks++] = (rx_saturated_peak){s->xpeak, s->ypeak};
     }
     sources->n = kept;
-    dst->pixels = RX_NEW(rx_saturated_pixel, n);
-    if (dst->pixels == NULL)
-        return rx_error_memory(err, n * sizeof *dst->pixels);
+    RX_TRY(RX_MAKE(dst->pixels, n, err));
     for (int i = 0; i < kept; i++)
         add_pixels(sources, &sources->list[i], i, dst);
     return RX_OK;
@@ -67,9 +63,7 @@ rx_status rx_saturated_choose(const rx_image *detect, const rx_image *measure, r
 
 rx_status rx_saturated_keep(const rx_sources *sources, rx_saturated *dst, rx_error *err)
 {
-    dst->list = RX_NEW(rx_source, (size_t)sources->n);
-    if (dst->list == NULL)
-        return rx_error_memory(err, (size_t)sources->n * sizeof *dst->list);
+    RX_TRY(RX_MAKE(dst->list, (size_t)sources->n, err));
     dst->n = sources->n;
     for (int i = 0; i < dst->n; i++) {
         dst->list[i] = sources->list[i];
@@ -116,10 +110,7 @@ static rx_status absorb_at(rx_saturated *saturated, size_t i, const rx_sources *
                 continue;
             const rx_source *s = &sources->list[segment - 1];
             const size_t area = (size_t)(s->xmax - s->xmin + 1) * (size_t)(s->ymax - s->ymin + 1);
-            rx_saturated_pixel *more = rx_regrow(saturated->pixels, saturated->npixels + area, sizeof *more);
-            if (more == NULL)
-                return rx_error_memory(err, (saturated->npixels + area) * sizeof *more);
-            saturated->pixels = more;
+            RX_TRY(RX_GROW(saturated->pixels, saturated->npixels + area, err));
             add_pixels(sources, s, -1, saturated);
             keep[segment - 1] = GONE;
         }
@@ -169,10 +160,8 @@ rx_status rx_saturated_append(const rx_saturated *saturated, rx_sources *sources
     const size_t all = (size_t)before + (size_t)saturated->n;
     if (saturated->n == 0)
         return RX_OK;
-    rx_source *list = rx_regrow(sources->list, all, sizeof *list);
-    if (list == NULL)
-        return rx_error_memory(err, all * sizeof *list);
-    sources->list = list;
+    RX_TRY(RX_GROW(sources->list, all, err));
+    rx_source *list = sources->list;
     sources->n = (int)all;
     for (int i = 0; i < saturated->n; i++) {
         list[before + i] = saturated->list[i];

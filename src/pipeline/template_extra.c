@@ -74,13 +74,6 @@ static float *matched_filter(const rx_psf *psf, int width, int height, int *side
     return stamp;
 }
 
-/* What stands alone was there to be seen on the restored image: whether it is a source is for the detection
- * threshold to say. */
-static int hidden(const rx_template_residual_pixel *spot)
-{
-    return spot->light > HIDDEN / sqrt(spot->weight);
-}
-
 static int by_y(const void *one, const void *other)
 {
     const place *a = one, *b = other;
@@ -91,9 +84,7 @@ static rx_status sort_taken(search *of, rx_error *err)
 {
     const rx_tphot_search *look = of->look;
     const size_t n = (size_t)look->n + (size_t)look->nseconds;
-    of->taken = RX_NEW(place, n);
-    if (of->taken == NULL)
-        return rx_error_memory(err, n * sizeof *of->taken);
+    RX_TRY(RX_MAKE(of->taken, n, err));
     for (int i = 0; i < look->n; i++)
         of->taken[of->ntaken++] = (place){look->at[i][1], look->at[i][0]};
     for (int i = 0; i < look->nseconds; i++)
@@ -148,8 +139,8 @@ static int wanted(const search *of, const rx_source *s, const rx_template_residu
     const double fwhm = of->extra->psf->fwhm;
     if (rx_crowding_at(of->look->crowd, s->xpeak, s->ypeak))
         return !on_a_source(of, s, CROWD_APART * fwhm);
-    return of->look->again == 0 && s->detection_snr >= of->extra->threshold * of->norm && hidden(spot) &&
-           !on_a_source(of, s, APART * fwhm);
+    return of->look->again == 0 && s->detection_snr >= of->extra->threshold * of->norm &&
+           spot->light > HIDDEN / sqrt(spot->weight) && !on_a_source(of, s, APART * fwhm);
 }
 
 /* Which of what ends in the rows from .. to - 1 is taken; the threshold for measuring a source is that of its
@@ -195,10 +186,8 @@ static rx_status list_pixels(const rx_sources *found, int from, int last, rx_tem
     size_t count = extra->npixels_found;
     for (size_t i = 0; i < n; i++)
         count += found->segments[i] != 0;
-    rx_template_pixel *list = rx_regrow(extra->pixels_found, count, sizeof *list);
-    if (list == NULL)
-        return rx_error_memory(err, count * sizeof *list);
-    extra->pixels_found = list;
+    RX_TRY(RX_GROW(extra->pixels_found, count, err));
+    rx_template_pixel *list = extra->pixels_found;
     for (size_t i = 0; i < n; i++)
         if (found->segments[i] != 0)
             list[extra->npixels_found++] = (rx_template_pixel){above + i, last + found->segments[i]};
@@ -210,10 +199,8 @@ static rx_status collect(const rx_sources *band, int from, rx_template_extra *ex
 {
     rx_sources *found = extra->found;
     const size_t all = (size_t)found->n + (size_t)band->n;
-    rx_source *list = rx_regrow(found->list, all, sizeof *list);
-    if (list == NULL)
-        return rx_error_memory(err, all * sizeof *list);
-    found->list = list;
+    RX_TRY(RX_GROW(found->list, all, err));
+    rx_source *list = found->list;
     rx_status status = list_pixels(band, from, found->n, extra, err);
     for (int i = 0; i < band->n && status == RX_OK; i++) {
         list[found->n] = band->list[i];
@@ -228,10 +215,8 @@ static rx_status add_seconds(const rx_tphot_search *look, double threshold, rx_s
 {
     const size_t all = (size_t)found->n + (size_t)look->nseconds;
     const double square = 1 / 12.0;
-    rx_source *list = rx_regrow(found->list, all, sizeof *list);
-    if (list == NULL)
-        return rx_error_memory(err, all * sizeof *list);
-    found->list = list;
+    RX_TRY(RX_GROW(found->list, all, err));
+    rx_source *list = found->list;
     for (int i = 0; i < look->nseconds; i++) {
         const double x = look->seconds[i][0], y = look->seconds[i][1];
         rx_source *s = &list[found->n++];

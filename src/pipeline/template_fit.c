@@ -127,9 +127,8 @@ static rx_status tell_tile(const work *w, rx_error *err)
 {
     rx_template_fit *dst = w->dst;
     const rx_tphot *tphot = dst->tphot;
-    double *evidence = RX_NEW(double, (size_t)tphot->n);
-    if (evidence == NULL)
-        return rx_error_memory(err, (size_t)tphot->n * sizeof *evidence);
+    double *evidence;
+    RX_TRY(RX_MAKE(evidence, (size_t)tphot->n, err));
     for (int i = 0; i < tphot->n; i++)
         evidence[i] = tphot->list[i].evidence;
     dst->added = tphot->n - tphot->nlisted;

@@ -29,15 +29,10 @@ int rx_psf_varies(const rx_psf *psf)
     return psf->nbasis > 1 || psf->px[0] != 0 || psf->py[0] != 0;
 }
 
-static double clamp(double v, double low, double high)
-{
-    return v < low ? low : v > high ? high : v;
-}
-
 /* ((pixel - zero) / scale)^power at domain pixel i, held at its value on the tile's edge. */
 static double polynomial(int i, int margin, int n, double zero, double scale, int power)
 {
-    double t = (clamp(i - margin, 0, n - 1) - zero) / scale, v = 1;
+    double t = (fmin(fmax(i - margin, 0), n - 1) - zero) / scale, v = 1;
     for (int p = 0; p < power; p++)
         v *= t;
     return v;
@@ -260,9 +255,8 @@ rx_status rx_blur_new(const rx_psf *psf, int width, int height, int nthreads, rx
     *dst = NULL;
     rx_status status = RX_OK;
     RX_TRY(rx_blur_check(psf, width, height, err));
-    rx_blur *blur = RX_NEW(rx_blur, 1);
-    if (blur == NULL)
-        return rx_error_memory(err, sizeof *blur);
+    rx_blur *blur;
+    RX_TRY(RX_MAKE(blur, 1, err));
     const int margin = psf->size / 2, threads = nthreads < 1 ? 1 : nthreads;
     const int side_x = choose_domain(width + 2 * margin, margin),
               side_y = choose_domain(height + 2 * margin, margin);

@@ -227,11 +227,9 @@ static rx_status fill(filler *f, double psf_fwhm, int nthreads, rx_error *err)
     f->radius = (int)ceil(3 * fwhm / 2.3548200450309493);
     f->area = (size_t)(f->blocks->width + 2 * f->radius) * (size_t)(f->blocks->height + 2 * f->radius);
     f->area = (f->area + 15) / 16 * 16;
-    f->g = RX_NEW(float, 2 * (size_t)f->radius + 1);
-    f->work = RX_NEW(float, 3 * f->area * (size_t)nthreads);
-    f->rows = RX_NEW(float, (size_t)f->blocks->width *(size_t)nthreads);
-    if (f->g == NULL || f->work == NULL || f->rows == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 3 * f->area * (size_t)nthreads * sizeof(float)));
+    RX_TRY_EXIT(RX_MAKE(f->g, 2 * (size_t)f->radius + 1, err));
+    RX_TRY_EXIT(RX_MAKE(f->work, 3 * f->area * (size_t)nthreads, err));
+    RX_TRY_EXIT(RX_MAKE(f->rows, (size_t)f->blocks->width * (size_t)nthreads, err));
     rx_gauss_weights(fwhm, f->radius, f->g);
     status = rx_blocks_run(f->blocks, nthreads, fill_block, f, NULL, err);
 exit:
@@ -257,16 +255,14 @@ rx_status rx_network_data(const rx_network_input *input, double psf_fwhm, const 
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int cy = 0; cy < c.ny; cy++)
         set_rows(input, &level, cy, &c, rows + 2 * (size_t)omp_get_thread_num() * (size_t)image->width);
-    status = rx_cells_smooth(&c, SMOOTHING, 0, nthreads, &far, err);
-    if (status == RX_OK) {
-        filler f = {.mask = input->mask,
-                    .far = &far,
-                    .blocks = blocks,
-                    .width = image->width,
-                    .height = image->height,
-                    .x = input->x};
-        status = fill(&f, psf_fwhm, rx_blocks_threads(blocks, nthreads), err);
-    }
+    RX_TRY_EXIT(rx_cells_smooth(&c, SMOOTHING, 0, nthreads, &far, err));
+    filler f = {.mask = input->mask,
+                .far = &far,
+                .blocks = blocks,
+                .width = image->width,
+                .height = image->height,
+                .x = input->x};
+    status = fill(&f, psf_fwhm, rx_blocks_threads(blocks, nthreads), err);
 exit:
     rx_coarse_free(&far);
     rx_cells_free(&c);

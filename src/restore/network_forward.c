@@ -139,9 +139,7 @@ static rx_status forward_block(void *user, int thread, int bx, int by, rx_error 
     const rx_model *model = j->forward->model;
     const int halo = rx_net_halo(model->restore), width = j->blocks->width + 2 * halo;
     ends e = {.forward = j->forward, .x = bx, .y = by, .width = j->blocks->width, .halo = halo, .sound = 1};
-    e.lines = RX_NEW(float, 3 * (size_t)width);
-    if (e.lines == NULL)
-        return rx_error_memory(err, 3 * (size_t)width * sizeof *e.lines);
+    RX_TRY(RX_MAKE(e.lines, 3 * (size_t)width, err));
     const rx_stream_ends both = {.user = &e, .give = give, .take = take};
     rx_status status = rx_stream_run(j->streams[thread], j->blocks->height, &both, err);
     free(e.lines);
@@ -151,14 +149,6 @@ static rx_status forward_block(void *user, int thread, int bx, int by, rx_error 
                               "train it again or give another one by NET_MODEL",
                               model->name, bx > 0 ? bx + 1 : 1, by > 0 ? by + 1 : 1);
     return status;
-}
-
-static void add_costs(int n, int count, const rx_stream_cost *costs, rx_stream_cost *sum)
-{
-    for (int i = 0; i < n * count; i++) {
-        sum[i % n].seconds += costs[i].seconds;
-        sum[i % n].flops += costs[i].flops;
-    }
 }
 
 rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *blocks,
@@ -179,8 +169,10 @@ rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *b
     if (status == RX_OK)
         status = rx_blocks_run_spending(blocks, count, forward_block, &j, f->spent != NULL ? &spent : NULL,
                                         progress, err);
-    if (costs != NULL)
-        add_costs(nodes, count, costs, f->cost);
+    for (int i = 0; costs != NULL && i < nodes * count; i++) {
+        f->cost[i % nodes].seconds += costs[i].seconds;
+        f->cost[i % nodes].flops += costs[i].flops;
+    }
 exit:
     for (int i = 0; i < count && j.streams != NULL; i++)
         rx_stream_free(j.streams[i]);

@@ -67,9 +67,7 @@ static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_r
     optics->halo = rx_max_int(2 * step_radius, rx_max_int(psf_radius, filters ? RX_TIKHONOV_REACH : 0));
     const int w = rx_fft_good_size(blocks->width + 2 * optics->halo),
               h = rx_fft_good_size(blocks->height + 2 * optics->halo);
-    optics->work = RX_NEW(rx_network_optics_work, (size_t)optics->nthreads);
-    if (optics->work == NULL)
-        return rx_error_memory(err, 0);
+    RX_TRY(RX_MAKE(optics->work, (size_t)optics->nthreads, err));
 #pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
     for (int i = 0; i < optics->nthreads; i++) {
         rx_network_optics_work *work = &optics->work[i];
@@ -108,9 +106,7 @@ static rx_status make_relative(rx_network_optics *optics, const rx_fft *fft, con
     RX_TRY(rx_blur_kernel_make(fft, relative, optics->width, optics->height, &optics->relative, err));
     if (optics->relative.varies)
         return RX_OK;
-    optics->inside = RX_NEW(double, n *n);
-    if (optics->inside == NULL)
-        return rx_error_memory(err, n * n * sizeof(double));
+    RX_TRY(RX_MAKE(optics->inside, n * n, err));
     rx_stamp_inside(relative->basis, relative->size, optics->inside);
     return RX_OK;
 }
@@ -122,9 +118,8 @@ rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, doubl
     rx_psf relative = *psf;
     relative.basis = NULL;
     *dst = NULL;
-    rx_network_optics *optics = RX_NEW(rx_network_optics, 1);
-    if (optics == NULL)
-        return rx_error_memory(err, sizeof *optics);
+    rx_network_optics *optics;
+    RX_TRY(RX_MAKE(optics, 1, err));
     optics->width = image->width;
     optics->height = image->height;
     optics->nthreads = rx_blocks_threads(blocks, nthreads);

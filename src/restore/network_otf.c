@@ -97,14 +97,6 @@ static rx_status maker_new(const rx_psf *psf, maker *dst, rx_error *err)
                                                                              : RX_OK;
 }
 
-static void maker_free(maker *m)
-{
-    free(m->stamp);
-    free(m->plane);
-    free(m->spectrum);
-    rx_fft_free(m->fft);
-}
-
 /* out [side][side] from the PSF in m->stamp */
 static rx_status make_filter(maker *m, int size, const rx_tikhonov *filter, float *out, rx_error *err)
 {
@@ -170,7 +162,10 @@ rx_status rx_otf_grid_make(const rx_psf *psf, int width, int height, const rx_ti
             status = make_filter(&m, psf->size, filter, dst->filters + k * area, err);
     }
 exit:
-    maker_free(&m);
+    free(m.stamp);
+    free(m.plane);
+    free(m.spectrum);
+    rx_fft_free(m.fft);
     return status;
 }
 

@@ -109,9 +109,8 @@ static rx_status keep_points(rx_point *list, size_t count, rx_point *points, int
     *n = 0;
     if (count == 0)
         return RX_OK;
-    double *squares = RX_NEW(double, count);
-    if (squares == NULL)
-        return rx_error_memory(err, count * sizeof *squares);
+    double *squares;
+    RX_TRY(RX_MAKE(squares, count, err));
     for (size_t i = 0; i < count; i++)
         squares[i] = list[i].square;
     const double limit = SIZE_RATIO * rx_quantile(squares, count, SIZE_QUANTILE);
@@ -135,10 +134,7 @@ static rx_status add_point(finder *f, const rx_point *point, rx_error *err)
 {
     if (f->count == f->room) {
         f->room = f->room > 0 ? 2 * f->room : 256;
-        rx_point *more = rx_regrow(f->list, f->room, sizeof *more);
-        if (more == NULL)
-            return rx_error_memory(err, f->room * sizeof *more);
-        f->list = more;
+        RX_TRY(RX_GROW(f->list, f->room, err));
     }
     f->list[f->count++] = *point;
     return RX_OK;

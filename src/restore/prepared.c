@@ -96,11 +96,6 @@ static rx_status measure_sigma(const rx_prepared *prepared, double *median, doub
     return RX_OK;
 }
 
-static double choose_pedestal(const rx_restore_params *par, double median, double high)
-{
-    return fmax(par->rl_pedestal, 1) * fmin(high, SIGMA_HIGH * median);
-}
-
 RX_SIMD static void make_data(int n, const float *restrict pixels, const float *level, double pedestal,
                               const uint8_t *restrict mask, float *dst)
 {
@@ -200,9 +195,8 @@ rx_status rx_prepared_new(const rx_restore_params *par, const rx_image *image, r
 {
     *dst = NULL;
     const size_t n = (size_t)image->width * (size_t)image->height;
-    rx_prepared *prepared = RX_NEW(rx_prepared, 1);
-    if (prepared == NULL)
-        return rx_error_memory(err, sizeof *prepared);
+    rx_prepared *prepared;
+    RX_TRY(RX_MAKE(prepared, 1, err));
     prepared->width = image->width;
     prepared->height = image->height;
     prepared->nthreads = par->nthreads < 1 ? 1 : par->nthreads;
@@ -218,7 +212,7 @@ rx_status rx_prepared_new(const rx_restore_params *par, const rx_image *image, r
     double median = 1, high = 1;
     if ((status = measure_sigma(prepared, &median, &high, err)) != RX_OK)
         goto exit;
-    prepared->pedestal = choose_pedestal(par, median, high);
+    prepared->pedestal = fmax(par->rl_pedestal, 1) * fmin(high, SIGMA_HIGH * median);
     prepared->median = median;
     prepared->sigma = median / prepared->pedestal;
     prepared->photon = image->gain > 0 && isfinite(image->gain) ? 1 / (image->gain * prepared->pedestal) : 0;

@@ -42,9 +42,8 @@ rx_status rx_rl_new(const rx_restore_params *par, const rx_prepared *prepared, c
                     rx_rl **dst, rx_error *err)
 {
     *dst = NULL;
-    rx_rl *rl = RX_NEW(rx_rl, 1);
-    if (rl == NULL)
-        return rx_error_memory(err, sizeof *rl);
+    rx_rl *rl;
+    RX_TRY(RX_MAKE(rl, 1, err));
     rl->prepared = prepared;
     rl->blur = blur;
     rl->damping = par->rl_damping;
@@ -318,13 +317,6 @@ static void write_support(void *user, int y, int x, int n, const float *line)
     }
 }
 
-/* support = 1 - K^T (1 at good pixels): what the mask and the border have taken. */
-static void set_support(const rx_rl *rl, float *support)
-{
-    share s = {rl->prepared, support};
-    rx_blur_adjoint(rl->blur, &(rx_blur_lines){read_good, write_support, &s});
-}
-
 /* A plane of the tile's pixels, rows `stride` apart, back in ADU above the sky. */
 static void take(const rx_rl *rl, const float *plane, size_t stride, const uint8_t *mask, float *dst)
 {
@@ -397,31 +389,29 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
     const size_t n = (size_t)prepared->width * (size_t)prepared->height;
     rx_blur *blur = NULL;
     rx_rl *rl = NULL;
-    rx_status status =
-        rx_blur_new(prepared->image.psf, prepared->width, prepared->height, prepared->nthreads, &blur, err);
-    if (status == RX_OK)
-        status =
-            rx_rl_new(par, prepared, blur,
-                      n <= RX_RL_WHOLE || restored->reblurred != NULL || par->rl_stop_discrepancy, &rl, err);
-    if (status == RX_OK)
-        status = iterate(par, rl, restored->name, log, restored, err);
-    if (status == RX_OK) {
-        if (restored->reblurred != NULL)
-            take(rl, rl->model, (size_t)prepared->width, NULL, restored->reblurred);
-        /* before the restored planes are touched for the first time */
-        free(rl->model);
-        free(rl->norm);
-        free(rl->before);
-        rl->model = rl->norm = rl->before = NULL;
-        if (restored->support != NULL)
-            set_support(rl, restored->support);
-        restored->pixels = rx_alloc_filled(n, sizeof *restored->pixels, prepared->nthreads);
-        if (restored->pixels == NULL)
-            status = rx_error_memory(err, n * sizeof *restored->pixels);
-    }
-    if (status == RX_OK)
-        take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin),
-             prepared->mask, restored->pixels);
+    share support = {prepared, restored->support};
+    rx_status status;
+    RX_TRY_EXIT(
+        rx_blur_new(prepared->image.psf, prepared->width, prepared->height, prepared->nthreads, &blur, err));
+    RX_TRY_EXIT(rx_rl_new(par, prepared, blur,
+                          n <= RX_RL_WHOLE || restored->reblurred != NULL || par->rl_stop_discrepancy, &rl,
+                          err));
+    RX_TRY_EXIT(iterate(par, rl, restored->name, log, restored, err));
+    if (restored->reblurred != NULL)
+        take(rl, rl->model, (size_t)prepared->width, NULL, restored->reblurred);
+    /* before the restored planes are touched for the first time */
+    free(rl->model);
+    free(rl->norm);
+    free(rl->before);
+    rl->model = rl->norm = rl->before = NULL;
+    if (restored->support != NULL)
+        rx_blur_adjoint(blur, &(rx_blur_lines){read_good, write_support, &support});
+    restored->pixels = rx_alloc_filled(n, sizeof *restored->pixels, prepared->nthreads);
+    if (restored->pixels == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof *restored->pixels));
+    take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin), prepared->mask,
+         restored->pixels);
+exit:
     rx_rl_free(rl);
     rx_blur_free(blur);
     return status;

@@ -91,11 +91,9 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
     const size_t n = (size_t)psf->size * (size_t)psf->size;
     seeker->prepared = prepared;
     seeker->size = psf->size;
-    seeker->stamp = RX_NEW(float, n);
-    seeker->share = RX_NEW(float, n);
-    seeker->work = RX_NEW(float, n);
-    if (seeker->stamp == NULL || seeker->share == NULL || seeker->work == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    RX_TRY(RX_MAKE(seeker->stamp, n, err));
+    RX_TRY(RX_MAKE(seeker->share, n, err));
+    RX_TRY(RX_MAKE(seeker->work, n, err));
     rx_psf_at(psf, (prepared->width - 1) / 2.0, (prepared->height - 1) / 2.0, seeker->stamp);
     if (!make_positive(seeker->stamp, psf->size))
         return rx_error_set(err, RX_INPUT, "the PSF at the tile's centre is not positive; give another one");

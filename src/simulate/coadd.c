@@ -248,19 +248,16 @@ static rx_status expose(const sight *of, int k, sums *dst, rx_error *err)
     uint8_t *defects = RX_NEW(uint8_t, n);
     shifted.x0 += e.frame.x0 - 0.5 * (par->scale - 1.0);
     shifted.y0 += e.frame.y0 - 0.5 * (par->scale - 1.0);
-    rx_status status = pixels == NULL || defects == NULL ? rx_error_memory(err, n * sizeof(float)) : RX_OK;
-    if (status == RX_OK)
-        status = frame_scene(scene, par->scale, &e.frame, &seen, err);
-    if (status == RX_OK)
-        status = rx_render(seen, 1, &through, &pixels, nthreads, err);
-    if (status == RX_OK)
-        status = rx_noise_expose(&own, e.frame.width, e.frame.height, pixels, defects, nthreads, err);
-    if (status == RX_OK) {
-        e.pixels = pixels;
-        e.defects = defects;
-        e.weight = frame_weight(&own, &e.frame);
-        status = add_frame(&e, scene->width, scene->height, nthreads, dst, err);
-    }
+    rx_status status;
+    RX_TRY_EXIT(pixels == NULL || defects == NULL ? rx_error_memory(err, n * sizeof(float)) : RX_OK);
+    RX_TRY_EXIT(frame_scene(scene, par->scale, &e.frame, &seen, err));
+    RX_TRY_EXIT(rx_render(seen, 1, &through, &pixels, nthreads, err));
+    RX_TRY_EXIT(rx_noise_expose(&own, e.frame.width, e.frame.height, pixels, defects, nthreads, err));
+    e.pixels = pixels;
+    e.defects = defects;
+    e.weight = frame_weight(&own, &e.frame);
+    status = add_frame(&e, scene->width, scene->height, nthreads, dst, err);
+exit:
     rx_scene_free(seen);
     free(pixels);
     free(defects);
@@ -378,9 +375,8 @@ rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const
     const size_t n = (size_t)scene->width * (size_t)scene->height;
     rx_status status = RX_OK;
     RX_TRY(check(par, err));
-    sums *all = RX_NEW(sums, n);
-    if (all == NULL)
-        return rx_error_memory(err, n * sizeof *all);
+    sums *all;
+    RX_TRY(RX_MAKE(all, n, err));
     const sight of = {par, scene, optics, noise, nthreads < 1 ? 1 : nthreads};
     for (int k = 0; k < par->frames && status == RX_OK; k++) {
         status = rx_interrupt_check(err);

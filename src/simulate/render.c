@@ -131,12 +131,6 @@ static rx_status open_drawing(drawing *d, rx_error *err)
     return RX_OK;
 }
 
-static void close_drawing(drawing *d)
-{
-    free(d->reach);
-    free(d->box);
-}
-
 /* 0 when nothing of it is inside. */
 static int find_box(const drawing *d, long k, long column, long row, const rx_fine_grid *grid,
                     struct box *dst)
@@ -466,7 +460,8 @@ static void close_renderer(renderer *r)
     free(r->spectrum);
     free(r->pixels);
     free(r->kernel);
-    close_drawing(&r->drawing);
+    free(r->drawing.reach);
+    free(r->drawing.box);
     close_kernels(&r->kernels);
     rx_fft_free(r->fine);
     rx_fft_free(r->native);

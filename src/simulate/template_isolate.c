@@ -172,9 +172,7 @@ static rx_status crop(const workshop *w, rx_template *dst, rx_error *err)
     dst->width = right - left + 1;
     dst->height = top - bottom + 1;
     size_t n = (size_t)dst->width * (size_t)dst->height;
-    dst->pixels = RX_NEW(float, n);
-    if (dst->pixels == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    RX_TRY(RX_MAKE(dst->pixels, n, err));
     float kept = (float)(KEPT * w->fine_sigma), faint = 0.5f * kept;
     for (int y = 0; y < dst->height; y++)
         for (int x = 0; x < dst->width; x++) {
@@ -229,9 +227,8 @@ static rx_status measure_radius(rx_template *dst, rx_error *err)
 {
     enum { PARTS = 5, STEPS = 20 };
     long n = (long)(STEPS * (hypot(dst->width, dst->height) + 1.0)), k = 0;
-    double *light = RX_NEW(double, (size_t)n);
-    if (light == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof *light);
+    double *light;
+    RX_TRY(RX_MAKE(light, (size_t)n, err));
     for (long i = 0; i < PARTS * PARTS * (long)dst->width * dst->height; i++) {
         long pixel = i / (PARTS * PARTS), part = i % (PARTS * PARTS);
         double x = (double)(pixel % dst->width) + (part % PARTS + 0.5) / PARTS - 0.5 - dst->x;

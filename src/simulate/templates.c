@@ -356,9 +356,7 @@ rx_status rx_templates_read(const char *name, double pixel_scale, double min_snr
     reading to = {.pixel_scale = pixel_scale, .min_snr = min_snr, .log = log};
     rx_status status = RX_OK;
     *dst = NULL;
-    to.all = RX_NEW(rx_templates, 1);
-    if (to.all == NULL)
-        return rx_error_memory(err, sizeof *to.all);
+    RX_TRY(RX_MAKE(to.all, 1, err));
     if (name[0] == '@')
         status = add_list(&to, name + 1, err);
     else if (stat(name, &about) == 0 && S_ISDIR(about.st_mode))

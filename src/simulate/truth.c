@@ -72,18 +72,6 @@ static double ratio_of(const rx_object *object)
     return ratio > 0.0 ? ratio : 1.0;
 }
 
-static double theta_of(const rx_object *object)
-{
-    return object->type == RX_OBJECT_STAR ? 0.0 : remainder(object->angle * DEGREE, 180.0);
-}
-
-static double sersic_of(const rx_object *object)
-{
-    if (object->type != RX_OBJECT_GALAXY)
-        return 0.0;
-    return object->bulge_share > 0.0 ? object->bulge_n : 1.0;
-}
-
 static double number_of(const rx_object *object, truth_column column)
 {
     switch (column) {
@@ -100,11 +88,13 @@ static double number_of(const rx_object *object, truth_column column)
     case TRUTH_ELONGATION:
         return 1.0 / ratio_of(object);
     case TRUTH_THETA:
-        return theta_of(object);
+        return object->type == RX_OBJECT_STAR ? 0.0 : remainder(object->angle * DEGREE, 180.0);
     case TRUTH_BULGE:
         return object->type == RX_OBJECT_GALAXY ? object->bulge_share : 0.0;
     case TRUTH_SERSIC:
-        return sersic_of(object);
+        if (object->type != RX_OBJECT_GALAXY)
+            return 0.0;
+        return object->bulge_share > 0.0 ? object->bulge_n : 1.0;
     default:
         return NAN;
     }

@@ -410,9 +410,8 @@ rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data 
         return RX_OK;
     rx_status status = RX_OK;
     size_t n = (size_t)data->result->detect->tile->width * (size_t)data->result->detect->tile->height;
-    float *pixels = RX_NEW(float, n);
-    if (pixels == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    float *pixels;
+    RX_TRY(RX_MAKE(pixels, n, err));
     for (int i = 0; i < images->n && status == RX_OK; i++)
         status = write_one(&images->list[i], data, pixels, err);
     free(pixels);

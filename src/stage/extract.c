@@ -146,31 +146,17 @@ static rx_status write_images(const rx_run *run, const work *w, const rx_record 
     return rx_checkimages_write(run->images, &data, err);
 }
 
-/* Room for one more table of each kind. */
-static rx_status grow_tables(rx_run *run, rx_error *err)
-{
-    rx_table **tables = rx_regrow(run->tables, (size_t)run->ntables + 1, sizeof *tables);
-    if (tables == NULL)
-        return rx_error_memory(err, 0);
-    run->tables = tables;
-    if (run->covariance_name == NULL)
-        return RX_OK;
-    tables = rx_regrow(run->covariances, (size_t)run->ntables + 1, sizeof *tables);
-    if (tables == NULL)
-        return rx_error_memory(err, 0);
-    run->covariances = tables;
-    return RX_OK;
-}
-
 static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, rx_error *err)
 {
     rx_text cards = {0};
     rx_table *covariances = NULL, **tables;
     rx_status status = RX_OK;
-    RX_TRY(grow_tables(run, err));
-    if (run->covariance_name != NULL)
+    RX_TRY(RX_GROW(run->tables, (size_t)run->ntables + 1, err));
+    if (run->covariance_name != NULL) {
+        RX_TRY(RX_GROW(run->covariances, (size_t)run->ntables + 1, err));
         RX_TRY(rx_template_table(w->result.templates.tphot, w->result.sources, w->detect->tile->extension,
                                  &covariances, err));
+    }
     tables = run->tables;
     const rx_tile *tile = w->measure->tile;
     rx_table *table = NULL;
@@ -414,9 +400,7 @@ static rx_status write_tables(rx_catalog catalog, const char *name, const rx_rec
     rx_record_pair *pairs = NULL;
     rx_status status;
     RX_TRY_EXIT(rx_record_of(record, products, name, &whole, err));
-    pairs = RX_NEW(rx_record_pair, (size_t)whole.n);
-    if (pairs == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(RX_MAKE(pairs, (size_t)whole.n, err));
     for (int i = 0; i < whole.n; i++)
         pairs[i] = (rx_record_pair){whole.pairs[i][0], whole.pairs[i][1], whole.pairs[i][2]};
     catalog.npairs = whole.n;

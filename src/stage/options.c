@@ -315,35 +315,29 @@ static rx_status check_library(const char *folder, int write, rx_error *err)
 
 rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
 {
-    rx_options *options = RX_NEW(rx_options, 1);
-    if (options == NULL)
-        return rx_error_memory(err, sizeof *options);
+    rx_options *options;
+    RX_TRY(RX_MAKE(options, 1, err));
     plain_options(cfg, log, options);
-    rx_status status = kernel_options(cfg, options, err);
-    if (status == RX_OK && wants_network(options))
-        status = rx_options_need_model(options, log, err);
-    if (status ==
-        RX_OK) /* without a configuration and without the file, those of the shipped default.param */
-        status = is_built_in(cfg->parameters_name, "default.param")
-                     ? rx_columns_default(&options->columns, err)
-                     : rx_columns_read(cfg->parameters_name, log, &options->columns, err);
-    if (status == RX_OK) {
-        tile_options(cfg, options);
-        measure_options(cfg, log, options);
-        status = checkimage_options(cfg, log, options, err);
-    }
-    if (status == RX_OK && cfg->psf_library[0] != '\0')
-        status = check_library(cfg->psf_library, options->pipeline.psf.library.write, err);
-    if (status == RX_OK)
-        status = assoc_options(cfg, options, err);
-    if (status == RX_OK)
-        status = reference_options(cfg, options, err);
-    if (status == RX_OK)
-        status = template_options(options, err);
-    if (status == RX_OK)
-        *dst = options;
-    else
-        rx_options_free(options);
+    rx_status status;
+    RX_TRY_EXIT(kernel_options(cfg, options, err));
+    if (wants_network(options))
+        RX_TRY_EXIT(rx_options_need_model(options, log, err));
+    /* without a configuration and without the file, those of the shipped default.param */
+    RX_TRY_EXIT(is_built_in(cfg->parameters_name, "default.param")
+                    ? rx_columns_default(&options->columns, err)
+                    : rx_columns_read(cfg->parameters_name, log, &options->columns, err));
+    tile_options(cfg, options);
+    measure_options(cfg, log, options);
+    RX_TRY_EXIT(checkimage_options(cfg, log, options, err));
+    if (cfg->psf_library[0] != '\0')
+        RX_TRY_EXIT(check_library(cfg->psf_library, options->pipeline.psf.library.write, err));
+    RX_TRY_EXIT(assoc_options(cfg, options, err));
+    RX_TRY_EXIT(reference_options(cfg, options, err));
+    RX_TRY_EXIT(template_options(options, err));
+    *dst = options;
+    options = NULL;
+exit:
+    rx_options_free(options);
     return status;
 }
 

@@ -63,16 +63,6 @@ static double plan_row_bytes(const rx_table *row)
     return bytes;
 }
 
-static rx_status plan_add(rx_plan *plan, const char *name, double bytes, rx_error *err)
-{
-    rx_plan_output *outputs = rx_regrow(plan->outputs, (size_t)plan->noutputs + 1, sizeof *outputs);
-    if (outputs == NULL)
-        return rx_error_memory(err, 0);
-    plan->outputs = outputs;
-    outputs[plan->noutputs] = (rx_plan_output){rx_strdup(name), (uint64_t)ceil(bytes)};
-    return outputs[plan->noutputs++].name != NULL ? RX_OK : rx_error_memory(err, 0);
-}
-
 static double blocks(double bytes)
 {
     return BLOCK * ceil(bytes / BLOCK);
@@ -153,8 +143,13 @@ static double catalog_bytes(const rx_plan_job *job)
 static rx_status add_tagged(rx_plan *plan, const char *name, const char *tag, double bytes, rx_error *err)
 {
     char *whole = rx_name_with_tag(name, tag);
-    rx_status status = whole != NULL ? plan_add(plan, whole, bytes, err) : rx_error_memory(err, 0);
-    free(whole);
+    if (whole == NULL)
+        return rx_error_memory(err, 0);
+    const rx_status status = RX_GROW(plan->outputs, (size_t)plan->noutputs + 1, err);
+    if (status == RX_OK)
+        plan->outputs[plan->noutputs++] = (rx_plan_output){whole, (uint64_t)ceil(bytes)};
+    else
+        free(whole);
     return status;
 }
 
@@ -367,14 +362,6 @@ static double image_seconds(const rx_plan_job *job, int i)
 #undef SECONDS
 }
 
-static double plan_seconds(const rx_plan_job *job)
-{
-    double sum = costs[RX_COST_PROGRAM].mpixel_seconds; /* its start */
-    for (int i = 0; i < job->n; i++)
-        sum += image_seconds(job, i);
-    return sum;
-}
-
 /* A digest as long as any. */
 static const char digest[] = "00000000000000000000000000000000";
 _Static_assert(sizeof digest == RX_HASH_TEXT, "as many digits as a digest has");
@@ -494,7 +481,9 @@ static rx_status fill(const rx_plan_job *job, rx_plan *plan, rx_error *err)
         plan->sources += plan_sources(job, &job->detect[i]);
     }
     plan->memory = ceil(plan_memory(job));
-    plan->cpu_seconds = plan_seconds(job);
+    plan->cpu_seconds = costs[RX_COST_PROGRAM].mpixel_seconds; /* its start */
+    for (int i = 0; i < job->n; i++)
+        plan->cpu_seconds += image_seconds(job, i);
     return plan_outputs(job, plan, err);
 }
 
@@ -511,38 +500,28 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
     int nmeasure = 0;
     rx_status status = RX_OK;
     RX_TRY(rx_options_from_config(config, log, &options, err));
-    plan = RX_NEW(rx_plan, 1);
-    if (plan == NULL || !rx_name_split_images(image, &names[0], &names[1]))
-        status = rx_error_memory(err, 0);
-    if (status == RX_OK)
-        status = rx_tile_shapes(names[0], log, &detect, &job.n, err);
-    if (status == RX_OK && names[1] != NULL)
-        status = rx_tile_shapes(names[1], log, &measure, &nmeasure, err);
-    if (status == RX_OK && names[1] != NULL)
-        status = same_shapes(names[1], detect, job.n, measure, nmeasure, err);
-    job.options = options;
-    if (status == RX_OK)
-        status = count_cards(config, &job, image, (const char *const *)names, &job.record_cards, err);
-    if (status == RX_OK)
-        status = rx_catalog_table(options->columns, &(rx_image){0}, &none, &row, err);
-    if (status == RX_OK)
-        status = reference_size(options, &job.reference_bytes, err);
-    if (status != RX_OK)
-        goto exit;
-    terms = RX_NEW(int, (size_t)job.n);
-    if (terms == NULL)
+    RX_TRY_EXIT(RX_MAKE(plan, 1, err));
+    if (!rx_name_split_images(image, &names[0], &names[1]))
         RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(rx_tile_shapes(names[0], log, &detect, &job.n, err));
+    if (names[1] != NULL)
+        RX_TRY_EXIT(rx_tile_shapes(names[1], log, &measure, &nmeasure, err));
+    if (names[1] != NULL)
+        RX_TRY_EXIT(same_shapes(names[1], detect, job.n, measure, nmeasure, err));
+    job.options = options;
+    RX_TRY_EXIT(count_cards(config, &job, image, (const char *const *)names, &job.record_cards, err));
+    RX_TRY_EXIT(rx_catalog_table(options->columns, &(rx_image){0}, &none, &row, err));
+    RX_TRY_EXIT(reference_size(options, &job.reference_bytes, err));
+    RX_TRY_EXIT(RX_MAKE(terms, (size_t)job.n, err));
     for (int i = 0; i < job.n; i++)
         terms[i] = count_terms(options, &detect[i], i);
     job.terms = terms;
     job.detect = detect;
     job.measure = measure;
     job.row = row;
-    status = fill(&job, plan, err);
-    if (status == RX_OK) {
-        *dst = plan;
-        plan = NULL;
-    }
+    RX_TRY_EXIT(fill(&job, plan, err));
+    *dst = plan;
+    plan = NULL;
 exit:
     rx_plan_free(plan);
     rx_table_free(row);

@@ -143,12 +143,6 @@ static rx_scene_params scene_params(const rx_simulate_config *config, const rx_s
     };
 }
 
-/* Pixels are floats, so the level at which they stop must be one: the file says the same number. */
-static double saturation_level(double level)
-{
-    return level > 0.0 ? (double)(float)level : HUGE_VAL;
-}
-
 static rx_noise_params noise_params(const rx_simulate_config *config)
 {
     const char *type = config->noise_type;
@@ -160,7 +154,8 @@ static rx_noise_params noise_params(const rx_simulate_config *config)
         .sigma = config->noise_sigma,
         .gain = config->gain,
         .read_noise = config->read_noise,
-        .saturation = saturation_level(config->satur_level),
+        /* pixels are floats, so this level must be one: the file says the same number */
+        .saturation = config->satur_level > 0.0 ? (double)(float)config->satur_level : HUGE_VAL,
         .bad_columns = config->bad_columns,
         .cosmic_rays = config->cosmic_rays,
         .seed = (uint64_t)config->seed,
@@ -174,9 +169,8 @@ static rx_status rx_simulation_build(const rx_simulate_config *config, const rx_
 {
     double fwhm = config->psf_fwhm;
     rx_status status = RX_OK;
-    rx_simulation *simulation = RX_NEW(rx_simulation, 1);
-    if (simulation == NULL)
-        return rx_error_memory(err, sizeof *simulation);
+    rx_simulation *simulation;
+    RX_TRY(RX_MAKE(simulation, 1, err));
     simulation->sharp_fwhm = config->sharp_fwhm;
     simulation->alpha = config->sky_center.v[0];
     simulation->delta = config->sky_center.v[1];
@@ -385,9 +379,8 @@ rx_status rx_simulation_tile(const rx_simulation *simulation, const rx_simulated
     const rx_noise_params *noise = &simulated->noise;
     rx_text cards = {0};
     rx_status status = RX_OK;
-    rx_tile *tile = RX_NEW(rx_tile, 1);
-    if (tile == NULL)
-        return rx_error_memory(err, sizeof *tile);
+    rx_tile *tile;
+    RX_TRY(RX_MAKE(tile, 1, err));
     *tile = (rx_tile){.extension = 1,
                       .width = simulated->width,
                       .height = simulated->height,
@@ -717,9 +710,8 @@ static rx_status write_image(const job *job, const field_data *data, const rx_te
 {
     const rx_tile *tile = data->tile;
     const size_t n = (size_t)tile->width * (size_t)tile->height;
-    float *pixels = RX_NEW(float, n);
-    if (pixels == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    float *pixels;
+    RX_TRY(RX_MAKE(pixels, n, err));
     for (size_t i = 0; i < n; i++)
         pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
     rx_status status = write_plane(&job->image, pixels, tile, extra, err);
@@ -731,9 +723,8 @@ static rx_status write_flags(const job *job, const field_data *data, const rx_te
 {
     const rx_tile *tile = data->tile;
     const size_t n = (size_t)tile->width * (size_t)tile->height;
-    int32_t *flags = RX_NEW(int32_t, n);
-    if (flags == NULL)
-        return rx_error_memory(err, n * sizeof(int32_t));
+    int32_t *flags;
+    RX_TRY(RX_MAKE(flags, n, err));
     for (size_t i = 0; i < n; i++)
         flags[i] = data->defects[i];
     rx_fits_plane plane = rx_fits_plane_of(tile);
@@ -746,12 +737,9 @@ static rx_status write_flags(const job *job, const field_data *data, const rx_te
 static rx_status add_truth(job *job, const field_data *data, rx_error *err)
 {
     rx_table *table = NULL;
-    rx_table **tables = rx_regrow(job->tables, (size_t)job->ntables + 1, sizeof *tables);
-    if (tables == NULL)
-        return rx_error_memory(err, 0);
-    job->tables = tables;
+    RX_TRY(RX_GROW(job->tables, (size_t)job->ntables + 1, err));
     RX_TRY(rx_truth_table(data->scene, data->tile->wcs, 0, &table, err));
-    tables[job->ntables++] = table;
+    job->tables[job->ntables++] = table;
     rx_text facts = {0}, cards = {0};
     rx_text_add_bytes(&facts, data->facts->data, data->facts->length);
     rx_text_add_bytes(&cards, data->tile->cards, data->tile->ncards * 80);
@@ -789,17 +777,16 @@ static rx_status write_field(job *job, const field_data *data, rx_error *err)
     rx_record_cards(&job->record, &extra);
     if (extra.failed)
         RX_TRY_EXIT(rx_error_memory(err, extra.length));
-    status = write_image(job, data, &extra, err);
-    if (status == RX_OK && job->sharp.writer != NULL)
-        status = write_plane(&job->sharp, data->sharp, tile, &extra, err);
-    if (status == RX_OK && job->weight.writer != NULL)
-        status = write_plane(&job->weight, data->weight, tile, &extra, err);
-    if (status == RX_OK && job->flags.writer != NULL)
-        status = write_flags(job, data, &extra, err);
-    if (status == RX_OK && job->truth_temporary != NULL)
-        status = add_truth(job, data, err);
-    if (status == RX_OK)
-        tell(job, data);
+    RX_TRY_EXIT(write_image(job, data, &extra, err));
+    if (job->sharp.writer != NULL)
+        RX_TRY_EXIT(write_plane(&job->sharp, data->sharp, tile, &extra, err));
+    if (job->weight.writer != NULL)
+        RX_TRY_EXIT(write_plane(&job->weight, data->weight, tile, &extra, err));
+    if (job->flags.writer != NULL)
+        RX_TRY_EXIT(write_flags(job, data, &extra, err));
+    if (job->truth_temporary != NULL)
+        RX_TRY_EXIT(add_truth(job, data, err));
+    tell(job, data);
 exit:
     rx_text_free(&extra);
     return status;
@@ -818,9 +805,8 @@ static rx_status write_truth(const job *job, rx_error *err)
     const rx_record *record = &job->record;
     if (job->truth_temporary == NULL)
         return RX_OK;
-    rx_record_pair *pairs = RX_NEW(rx_record_pair, (size_t)record->n);
-    if (pairs == NULL)
-        return rx_error_memory(err, 0);
+    rx_record_pair *pairs;
+    RX_TRY(RX_MAKE(pairs, (size_t)record->n, err));
     for (int i = 0; i < record->n; i++)
         pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
     const rx_catalog catalog = {.type = truth_type(job->config->truth_type),
@@ -842,22 +828,15 @@ static rx_status close_image(image_file *file, rx_error *err)
 
 static rx_status finish(job *job, rx_error *err)
 {
-    rx_status status = close_image(&job->image, err);
-    if (status == RX_OK)
-        status = close_image(&job->sharp, err);
-    if (status == RX_OK)
-        status = close_image(&job->flags, err);
-    if (status == RX_OK)
-        status = close_image(&job->weight, err);
-    if (status == RX_OK)
-        status = write_truth(job, err);
-    if (status == RX_OK)
-        status = rx_interrupt_check(err);
-    if (status == RX_OK)
-        status = rx_outputs_commit(job->outputs, err);
-    if (status == RX_OK)
-        rx_outputs_log(job->outputs, NULL, job->log);
-    return status;
+    RX_TRY(close_image(&job->image, err));
+    RX_TRY(close_image(&job->sharp, err));
+    RX_TRY(close_image(&job->flags, err));
+    RX_TRY(close_image(&job->weight, err));
+    RX_TRY(write_truth(job, err));
+    RX_TRY(rx_interrupt_check(err));
+    RX_TRY(rx_outputs_commit(job->outputs, err));
+    rx_outputs_log(job->outputs, NULL, job->log);
+    return RX_OK;
 }
 
 /* --- a simulated field --- */
@@ -868,26 +847,22 @@ static rx_status run_field(job *job, rx_error *err)
     rx_simulated simulated = {0};
     rx_tile *tile = NULL;
     rx_text facts = {0};
-    rx_status status = rx_simulation_from_config(job->config, job->log, &simulation, err);
-    if (status == RX_OK) {
-        simulation->nthreads = rx_threads_had(job->config->nthreads, job->log);
-        simulation->without_sharp = job->sharp.writer == NULL;
-        status = rx_simulation_make(simulation, simulation->scene.stream, &simulated, err);
-    }
-    if (status == RX_OK)
-        status = rx_simulation_tile(simulation, &simulated, job->image.name, &tile, err);
-    if (status == RX_OK)
-        status = make_facts(simulation, &simulated, NULL, &facts, err);
-    if (status == RX_OK) {
-        field_data data = {.simulation = simulation,
-                           .scene = simulated.scene,
-                           .tile = tile,
-                           .sharp = simulated.sharp,
-                           .weight = simulated.weight,
-                           .defects = simulated.defects,
-                           .facts = &facts};
-        status = write_field(job, &data, err);
-    }
+    rx_status status;
+    RX_TRY_EXIT(rx_simulation_from_config(job->config, job->log, &simulation, err));
+    simulation->nthreads = rx_threads_had(job->config->nthreads, job->log);
+    simulation->without_sharp = job->sharp.writer == NULL;
+    RX_TRY_EXIT(rx_simulation_make(simulation, simulation->scene.stream, &simulated, err));
+    RX_TRY_EXIT(rx_simulation_tile(simulation, &simulated, job->image.name, &tile, err));
+    RX_TRY_EXIT(make_facts(simulation, &simulated, NULL, &facts, err));
+    field_data data = {.simulation = simulation,
+                       .scene = simulated.scene,
+                       .tile = tile,
+                       .sharp = simulated.sharp,
+                       .weight = simulated.weight,
+                       .defects = simulated.defects,
+                       .facts = &facts};
+    status = write_field(job, &data, err);
+exit:
     rx_text_free(&facts);
     rx_tile_free(tile);
     rx_simulated_free(&simulated);
@@ -957,10 +932,8 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
                               err));
     RX_TRY_EXIT(rx_simulation_for_tile(config, options, field, job->log, &simulation, err));
     const size_t n = (size_t)field->tile->width * (size_t)field->tile->height;
-    sharp = RX_NEW(float, n);
-    defects = RX_NEW(uint8_t, n);
-    if (sharp == NULL || defects == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
+    RX_TRY_EXIT(RX_MAKE(sharp, n, err));
+    RX_TRY_EXIT(RX_MAKE(defects, n, err));
     /* images of one file are different skies */
     simulation->scene.stream += (uint64_t)(extension - 1) << 32;
     rx_tile_checksum(field->tile); /* is of the pixels as they are before the objects come */
@@ -994,19 +967,18 @@ static rx_status read_stage_config(const job *job, rx_config **dst, rx_error *er
     char threads[16];
     rx_config *stage = NULL;
     snprintf(threads, sizeof threads, "%d", config->nthreads);
-    rx_status status = rx_config_new(&stage, err);
-    if (status == RX_OK && config->inject_config[0] != '\0')
-        status = rx_config_read(stage, config->inject_config, job->log, err);
-    if (status == RX_OK && strcmp(config->psf_type, "AUTO") == 0)
-        status = rx_config_set(stage, "PSF_TYPE", "AUTO", job->log, err);
-    if (status == RX_OK)
-        status = rx_config_set(stage, "NTHREADS", threads, job->log, err);
-    if (status == RX_OK)
-        status = rx_config_check(stage, job->log, err);
-    if (status == RX_OK)
-        *dst = stage;
-    else
-        rx_config_free(stage);
+    rx_status status;
+    RX_TRY_EXIT(rx_config_new(&stage, err));
+    if (config->inject_config[0] != '\0')
+        RX_TRY_EXIT(rx_config_read(stage, config->inject_config, job->log, err));
+    if (strcmp(config->psf_type, "AUTO") == 0)
+        RX_TRY_EXIT(rx_config_set(stage, "PSF_TYPE", "AUTO", job->log, err));
+    RX_TRY_EXIT(rx_config_set(stage, "NTHREADS", threads, job->log, err));
+    RX_TRY_EXIT(rx_config_check(stage, job->log, err));
+    *dst = stage;
+    stage = NULL;
+exit:
+    rx_config_free(stage);
     return status;
 }
 
@@ -1034,13 +1006,12 @@ static rx_status run_injection(job *job, rx_error *err)
 rx_status rx_simulation_run(const rx_simulate_config *config, rx_log *log, rx_error *err)
 {
     job job = {.config = config, .log = log};
-    rx_status status = record_run(&job, err);
-    if (status == RX_OK)
-        status = open_outputs(&job, err);
-    if (status == RX_OK)
-        status = config->inject_image[0] != '\0' ? run_injection(&job, err) : run_field(&job, err);
-    if (status == RX_OK)
-        status = finish(&job, err);
+    rx_status status;
+    RX_TRY_EXIT(record_run(&job, err));
+    RX_TRY_EXIT(open_outputs(&job, err));
+    RX_TRY_EXIT(config->inject_image[0] != '\0' ? run_injection(&job, err) : run_field(&job, err));
+    status = finish(&job, err);
+exit:
     rx_fits_abort(job.image.writer);
     rx_fits_abort(job.sharp.writer);
     rx_fits_abort(job.flags.writer);

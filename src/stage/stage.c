@@ -201,26 +201,26 @@ static rx_status run_all(job *job, rx_error *err)
 {
     const rx_options *options = job->options;
     int *hdus = NULL, *measure_hdus = NULL, n = 0, nmeasure = 0;
-    rx_status status = rx_tile_list(job->detect, job->log, &hdus, &n, err);
-    if (status == RX_OK && job->measure != NULL)
-        status = rx_tile_list(job->measure, job->log, &measure_hdus, &nmeasure, err);
-    if (status == RX_OK && job->measure != NULL && n != nmeasure)
-        status = rx_error_at(err, RX_INPUT, job->measure, -1, 0,
-                             "has %d images, the detection file %d; name the HDUs", nmeasure, n);
-    if (status == RX_OK && options->reference.name != NULL)
-        status = rx_catalog_read(options->reference.name, 0, &job->reference, err);
-    if (status == RX_OK)
-        status = open_runs(job, n, err);
-    for (int i = 0; i < n && status == RX_OK; i++)
-        status = run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err);
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_digest(&job->runs[i], options, &job->products, err);
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_close(&job->runs[i], options, &job->record, &job->products, job->standard_out, err);
-    if (status == RX_OK)
-        status = rx_interrupt_check(err);
-    if (status == RX_OK)
-        status = rx_outputs_commit(job->outputs, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_tile_list(job->detect, job->log, &hdus, &n, err));
+    if (job->measure != NULL)
+        RX_TRY_EXIT(rx_tile_list(job->measure, job->log, &measure_hdus, &nmeasure, err));
+    if (job->measure != NULL && n != nmeasure)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, job->measure, -1, 0,
+                                "has %d images, the detection file %d; name the HDUs", nmeasure, n));
+    if (options->reference.name != NULL)
+        RX_TRY_EXIT(rx_catalog_read(options->reference.name, 0, &job->reference, err));
+    RX_TRY_EXIT(open_runs(job, n, err));
+    for (int i = 0; i < n; i++)
+        RX_TRY_EXIT(run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err));
+    for (int i = 0; i < options->nrestorers; i++)
+        RX_TRY_EXIT(rx_run_digest(&job->runs[i], options, &job->products, err));
+    for (int i = 0; i < options->nrestorers; i++)
+        RX_TRY_EXIT(
+            rx_run_close(&job->runs[i], options, &job->record, &job->products, job->standard_out, err));
+    RX_TRY_EXIT(rx_interrupt_check(err));
+    status = rx_outputs_commit(job->outputs, err);
+exit:
     free(hdus);
     free(measure_hdus);
     return status;
@@ -240,9 +240,8 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
                        rx_tile_facts *facts, rx_error *err)
 {
     rx_options *options = NULL;
-    job *j = RX_NEW(job, 1);
-    if (j == NULL)
-        return rx_error_memory(err, sizeof *j);
+    job *j;
+    RX_TRY(RX_MAKE(j, 1, err));
     j->config = config;
     j->log = log;
     j->standard_out = standard_out;
@@ -262,15 +261,12 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
                               "the checks");
         goto exit;
     }
-    status = rx_outputs_new(&j->outputs, err);
-    if (status == RX_OK)
-        status = run_all(j, err);
-    if (status == RX_OK) {
-        if (facts != NULL) /* -REPLAY wants none, and keeps no output */
-            rx_outputs_log(j->outputs,
-                           strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
-        status = verdict_status(j->verdict, options->qa_name, err);
-    }
+    RX_TRY_EXIT(rx_outputs_new(&j->outputs, err));
+    RX_TRY_EXIT(run_all(j, err));
+    if (facts != NULL) /* -REPLAY wants none, and keeps no output */
+        rx_outputs_log(j->outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL,
+                       log);
+    status = verdict_status(j->verdict, options->qa_name, err);
 exit:
     for (int i = 0; i < options->nrestorers; i++)
         rx_run_free(&j->runs[i]);

@@ -76,22 +76,20 @@ rx_status rx_template_table(const rx_tphot *tphot, const rx_sources *sources, in
     free(table->name);
     table->name = rx_strdup("COVARIANCES");
     if (table->name == NULL)
-        status = rx_error_memory(err, 0);
-    if (status == RX_OK && tphot != NULL)
-        status = index_sources(tphot, sources, &by_entry, err);
-    for (int i = 0; i < npairs && status == RX_OK; i++)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    if (tphot != NULL)
+        RX_TRY_EXIT(index_sources(tphot, sources, &by_entry, err));
+    for (int i = 0; i < npairs; i++)
         table->nrows += by_entry[tphot->pairs[i].i] != NULL && by_entry[tphot->pairs[i].j] != NULL;
-    if (status == RX_OK)
-        status = open_columns(table, err);
-    for (int i = 0; i < npairs && status == RX_OK; i++) {
+    RX_TRY_EXIT(open_columns(table, err));
+    for (int i = 0; i < npairs; i++) {
         const rx_source *a = by_entry[tphot->pairs[i].i], *b = by_entry[tphot->pairs[i].j];
         if (a != NULL && b != NULL)
             put(table, row++, extension, a, b, tphot->pairs[i].covariance);
     }
-    if (status == RX_OK) {
-        *dst = table;
-        table = NULL;
-    }
+    *dst = table;
+    table = NULL;
+exit:
     free((void *)by_entry);
     rx_table_free(table);
     return status;

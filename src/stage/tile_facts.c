@@ -9,14 +9,6 @@
 #include "base/memory.h"
 #include "io/wcs.h"
 
-static void locate(const rx_tile *tile, rx_extension_facts *dst)
-{
-    const double x = 0.5 * (tile->width - 1), y = 0.5 * (tile->height - 1);
-    dst->alpha = dst->delta = NAN;
-    if (tile->wcs != NULL)
-        rx_wcs_to_sky(tile->wcs, 1, &x, &y, &dst->alpha, &dst->delta);
-}
-
 int rx_psf_account_is_lower(const rx_psf_account *psf)
 {
     return psf->how[0] != '\0' && strcmp(psf->how, "PIXELS") != 0 && strcmp(psf->how, "MOFFAT") != 0;
@@ -76,11 +68,8 @@ static rx_status describe_psf(const rx_field *field, const rx_extension_facts *e
 rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const rx_run *runs, int nruns,
                             int with_reference, rx_extension_facts **dst, rx_error *err)
 {
-    rx_extension_facts *grown = rx_regrow(facts->extension, (size_t)facts->n + 1, sizeof *grown);
-    if (grown == NULL)
-        return rx_error_memory(err, ((size_t)facts->n + 1) * sizeof *grown);
-    facts->extension = grown;
-    rx_extension_facts *e = *dst = &grown[facts->n++];
+    RX_TRY(RX_GROW(facts->extension, (size_t)facts->n + 1, err));
+    rx_extension_facts *e = *dst = &facts->extension[facts->n++];
     *e = (rx_extension_facts){.hdu = field->tile->hdu,
                               .width = field->tile->width,
                               .height = field->tile->height,
@@ -88,7 +77,10 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
                               .sky = field->plain->global_level,
                               .noise = field->plain->global_sigma,
                               .nruns = nruns};
-    locate(field->tile, e);
+    const double x = 0.5 * (e->width - 1), y = 0.5 * (e->height - 1);
+    e->alpha = e->delta = NAN;
+    if (field->tile->wcs != NULL)
+        rx_wcs_to_sky(field->tile->wcs, 1, &x, &y, &e->alpha, &e->delta);
     RX_TRY(describe_psf(field, e, &e->psf, err));
     for (int i = 0; i < nruns; i++) {
         rx_run_facts *run = &e->run[i];

@@ -100,16 +100,6 @@ static rx_status check_inputs(const replay *r, rx_error *err)
     return status;
 }
 
-/* --- the configuration --- */
-
-static rx_status restore_config(replay *r, const rx_settings *extra, rx_error *err)
-{
-    RX_TRY(rx_replay_record_config(r->record, r->path, &r->config, err));
-    RX_TRY(rx_settings_overlay(&r->config->settings, extra, harmless,
-                               "would change what is compared; leave it out", err));
-    return rx_settings_check(&r->config->settings, NULL, err);
-}
-
 /* --- outputs elsewhere --- */
 
 static rx_status make_folder(replay *r, rx_error *err)
@@ -374,25 +364,21 @@ static void forget(replay *r)
 rx_status rx_replay_run(const rx_settings *extra, const char *path, rx_log *log, rx_error *err)
 {
     replay r = {.path = path, .log = log};
-    rx_status status = rx_replay_record_read(path, &r.record, err);
-    if (status == RX_OK)
-        status = check_machine(&r, err);
-    if (status == RX_OK)
-        status = check_inputs(&r, err);
-    if (status == RX_OK)
-        status = restore_config(&r, extra, err);
-    if (status == RX_OK)
-        status = make_folder(&r, err);
-    if (status == RX_OK)
-        status = divert_outputs(&r, err);
-    if (status == RX_OK) {
-        check_itself(&r);
-        status = run(&r, err);
-    }
-    if (status == RX_OK)
-        status = compare(&r, err);
-    if (status == RX_OK)
-        status = judge(&r, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_replay_record_read(path, &r.record, err));
+    RX_TRY_EXIT(check_machine(&r, err));
+    RX_TRY_EXIT(check_inputs(&r, err));
+    RX_TRY_EXIT(rx_replay_record_config(r.record, r.path, &r.config, err));
+    RX_TRY_EXIT(rx_settings_overlay(&r.config->settings, extra, harmless,
+                                    "would change what is compared; leave it out", err));
+    RX_TRY_EXIT(rx_settings_check(&r.config->settings, NULL, err));
+    RX_TRY_EXIT(make_folder(&r, err));
+    RX_TRY_EXIT(divert_outputs(&r, err));
+    check_itself(&r);
+    RX_TRY_EXIT(run(&r, err));
+    RX_TRY_EXIT(compare(&r, err));
+    status = judge(&r, err);
+exit:
     forget(&r);
     return status;
 }

@@ -38,12 +38,9 @@ static void forget_lines(rx_replay_record *record, int from)
 static rx_status add_line(reading *r, const char *name, size_t length, const char *printable, rx_error *err)
 {
     rx_replay_record *record = r->record;
-    rx_replay_line *lines = rx_regrow(record->lines, (size_t)record->n + 1, sizeof *lines);
-    if (lines == NULL)
-        return rx_error_memory(err, 0);
-    record->lines = lines;
-    lines[record->n] = (rx_replay_line){.name = strndup(name, length), .value = rx_strdup(printable)};
-    rx_replay_line *line = &lines[record->n++];
+    RX_TRY(RX_GROW(record->lines, (size_t)record->n + 1, err));
+    rx_replay_line *line = &record->lines[record->n++];
+    *line = (rx_replay_line){.name = strndup(name, length), .value = rx_strdup(printable)};
     if (line->name == NULL || line->value == NULL)
         return rx_error_memory(err, strlen(printable));
     if (strcmp(line->name, "END") != 0)
@@ -90,11 +87,8 @@ static rx_status take_line(void *user, const char *line, rx_error *err)
 
 static rx_status add_part(rx_replay_record *record, const char *digest, rx_error *err)
 {
-    char(*digests)[RX_HASH_TEXT] = rx_regrow(record->digests, (size_t)record->nparts + 1, sizeof *digests);
-    if (digests == NULL)
-        return rx_error_memory(err, 0);
-    record->digests = digests;
-    snprintf(digests[record->nparts++], RX_HASH_TEXT, "%s", digest);
+    RX_TRY(RX_GROW(record->digests, (size_t)record->nparts + 1, err));
+    snprintf(record->digests[record->nparts++], RX_HASH_TEXT, "%s", digest);
     return RX_OK;
 }
 

@@ -41,16 +41,11 @@ static rx_status judge_range(const rx_rollup *r, const rx_tally *tally, rx_rollu
 
 /* --- tiles --- */
 
-static int by_name(const char *name, const char *image, const rx_rollup_tile *tile)
-{
-    const int order = strcmp(name, tile->name);
-    return order != 0 ? order : strcmp(image, tile->image);
-}
-
 static int by_tile(const void *a, const void *b)
 {
-    const rx_rollup_tile *x = a;
-    return by_name(x->name, x->image, b);
+    const rx_rollup_tile *x = a, *y = b;
+    const int order = strcmp(x->name, y->name);
+    return order != 0 ? order : strcmp(x->image, y->image);
 }
 
 static int by_place(const void *a, const void *b)
@@ -117,9 +112,7 @@ static rx_status keep_tile(rx_rollup *r, rx_rollup_tile *tile, const rx_rollup_t
 static rx_status find_missing(rx_rollup *r, rx_error *err)
 {
     const int n = r->tiles != NULL ? r->tiles->n : 0;
-    r->missing = RX_NEW(int, (size_t)n);
-    if (r->missing == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof(int));
+    RX_TRY(RX_MAKE(r->missing, (size_t)n, err));
     for (int i = 0; i < n; i++) {
         const rx_rollup_tile wanted = {.name = r->tiles->tile[i].name, .image = r->tiles->tile[i].words.v[0]};
         if (tfind(&wanted, &r->known, by_tile) == NULL)
@@ -135,11 +128,8 @@ static rx_status run_of(rx_rollup *r, const char *name, int *dst, rx_error *err)
     for (*dst = 0; *dst < r->nruns; ++*dst)
         if (strcmp(r->run[*dst].name, name) == 0)
             return RX_OK;
-    rx_rollup_run *grown = rx_regrow(r->run, (size_t)r->nruns + 1, sizeof *grown);
-    if (grown == NULL)
-        return rx_error_memory(err, ((size_t)r->nruns + 1) * sizeof *grown);
-    r->run = grown;
-    rx_rollup_run *run = &grown[r->nruns++];
+    RX_TRY(RX_GROW(r->run, (size_t)r->nruns + 1, err));
+    rx_rollup_run *run = &r->run[r->nruns++];
     memset(run, 0, sizeof *run);
     snprintf(run->name, sizeof run->name, "%s", name);
     return RX_OK;
@@ -149,10 +139,7 @@ static rx_status new_row(rx_rollup *r, rx_rollup_tile *tile, rx_rollup_row **dst
 {
     if (r->nrows == r->rows_capacity) {
         const int capacity = 2 * r->rows_capacity + 64;
-        rx_rollup_row *grown = rx_regrow(r->row, (size_t)capacity, sizeof *grown);
-        if (grown == NULL)
-            return rx_error_memory(err, (size_t)capacity * sizeof *grown);
-        r->row = grown;
+        RX_TRY(RX_GROW(r->row, (size_t)capacity, err));
         r->rows_capacity = capacity;
     }
     *dst = &r->row[r->nrows++];
@@ -207,10 +194,7 @@ static rx_status add_psf(rx_rollup *r, const rx_rollup_tile *tile, int place, co
         return RX_OK;
     if (r->npsfs == r->psfs_capacity) {
         const int capacity = 2 * r->psfs_capacity + 64;
-        rx_rollup_psf *grown = rx_regrow(r->psf, (size_t)capacity, sizeof *grown);
-        if (grown == NULL)
-            return rx_error_memory(err, (size_t)capacity * sizeof *grown);
-        r->psf = grown;
+        RX_TRY(RX_GROW(r->psf, (size_t)capacity, err));
         r->psfs_capacity = capacity;
     }
     r->psf[r->npsfs++] = (rx_rollup_psf){.tile = tile, .place = place, .hdu = e->hdu, .psf = e->psf};

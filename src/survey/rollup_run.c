@@ -164,19 +164,16 @@ static rx_status write_all(const rx_rollup *rollup, const rx_survey_config *conf
 {
     rx_outputs *outputs = NULL;
     const char *folder = NULL;
-    rx_status status = rx_outputs_new(&outputs, err);
-    if (status == RX_OK && config->merged_name[0] != '\0')
-        status = write_merged(config->merged_name, rollup, outputs, err);
-    if (status == RX_OK)
-        status = rx_outputs_folder(outputs, config->output_name, &folder, err);
-    if (status == RX_OK)
-        status = rx_rollup_report(rollup, config->qa_figures, folder, config->output_name, log, err);
-    if (status == RX_OK)
-        status = rx_outputs_commit(outputs, err);
-    if (status == RX_OK) {
-        tell(rollup, log);
-        rx_outputs_log(outputs, NULL, log);
-    }
+    rx_status status;
+    RX_TRY_EXIT(rx_outputs_new(&outputs, err));
+    if (config->merged_name[0] != '\0')
+        RX_TRY_EXIT(write_merged(config->merged_name, rollup, outputs, err));
+    RX_TRY_EXIT(rx_outputs_folder(outputs, config->output_name, &folder, err));
+    RX_TRY_EXIT(rx_rollup_report(rollup, config->qa_figures, folder, config->output_name, log, err));
+    RX_TRY_EXIT(rx_outputs_commit(outputs, err));
+    tell(rollup, log);
+    rx_outputs_log(outputs, NULL, log);
+exit:
     rx_outputs_free(outputs);
     return status;
 }
@@ -188,31 +185,32 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
     names files = {0};
     rx_rollup_begin(config, &rollup);
     rx_status status = RX_OK;
-    for (const char *at = given; status == RX_OK && *at != '\0';) {
+    for (const char *at = given; *at != '\0';) {
         const size_t length = strcspn(at, "\n");
         char *one = strndup(at, length);
         status = one == NULL     ? rx_error_memory(err, length)
                  : one[0] == '@' ? read_names(&files, one + 1, err)
                                  : add_name(&files, one, err);
         free(one);
+        if (status != RX_OK)
+            goto exit;
         at += length + (at[length] == '\n');
     }
-    if (status == RX_OK)
-        status = read_all(&rollup, config, &files, err);
-    if (status == RX_OK && config->tiles_name[0] != '\0')
-        status = rx_tiles_read(config->tiles_name, &tiles, err);
-    if (status == RX_OK && rollup.ntiles == 0 && tiles == NULL)
-        status = files.n == 1
-                     ? rx_error_at(err, RX_INPUT, files.of[0], -1, 0,
-                                   "holds no record of a tile; give what RECORD_NAME of rextract has written")
-                     : rx_error_set(err, RX_INPUT,
-                                    "none of the %d files holds a record of a tile; give what RECORD_NAME of "
-                                    "rextract has written",
-                                    files.n);
-    if (status == RX_OK)
-        status = rx_rollup_end(&rollup, tiles, err);
-    if (status == RX_OK)
-        status = write_all(&rollup, config, log, err);
+    RX_TRY_EXIT(read_all(&rollup, config, &files, err));
+    if (config->tiles_name[0] != '\0')
+        RX_TRY_EXIT(rx_tiles_read(config->tiles_name, &tiles, err));
+    if (rollup.ntiles == 0 && tiles == NULL)
+        RX_TRY_EXIT(
+            files.n == 1
+                ? rx_error_at(err, RX_INPUT, files.of[0], -1, 0,
+                              "holds no record of a tile; give what RECORD_NAME of rextract has written")
+                : rx_error_set(err, RX_INPUT,
+                               "none of the %d files holds a record of a tile; give what RECORD_NAME of "
+                               "rextract has written",
+                               files.n));
+    RX_TRY_EXIT(rx_rollup_end(&rollup, tiles, err));
+    RX_TRY_EXIT(write_all(&rollup, config, log, err));
+exit:
     rx_rollup_free(&rollup);
     rx_tiles_free(tiles);
     for (int i = 0; i < files.n; i++)

@@ -290,25 +290,22 @@ static rx_status read_psf(reader *r)
     rx_psf_account *psf = &r->extension->psf;
     double *const values[] = {&psf->flux_error, &psf->growth,   &psf->residual, &psf->off[0],  &psf->off[1],
                               &psf->off[2],     &psf->error[0], &psf->error[1], &psf->error[2]};
-    rx_status status = take_string(r, 1, &how);
-    if (status == RX_OK)
-        status = take_string(r, 2, &library);
-    if (status == RX_OK && !is_run_name(how))
-        status = refuse(r, "a PSF has no word of RXPSFHOW");
-    if (status == RX_OK)
-        status = take_whole(r, 3, 0, INT_MAX, &stars);
-    if (status == RX_OK)
-        status = take_whole(r, 4, 0, INT_MAX, &reserved);
-    for (int i = 0; i < 9 && status == RX_OK; i++)
-        status = take_real(r, 5 + i, values[i]);
-    if (status == RX_OK) {
-        snprintf(psf->how, sizeof psf->how, "%s", how);
-        snprintf(psf->library, sizeof psf->library, "%s", library);
-        psf->stars = (int)stars;
-        psf->reserved = (int)reserved;
-        psf->rho.alpha = r->extension->alpha;
-        psf->rho.delta = r->extension->delta;
-    }
+    rx_status status;
+    RX_TRY_EXIT(take_string(r, 1, &how));
+    RX_TRY_EXIT(take_string(r, 2, &library));
+    if (!is_run_name(how))
+        RX_TRY_EXIT(refuse(r, "a PSF has no word of RXPSFHOW"));
+    RX_TRY_EXIT(take_whole(r, 3, 0, INT_MAX, &stars));
+    RX_TRY_EXIT(take_whole(r, 4, 0, INT_MAX, &reserved));
+    for (int i = 0; i < 9; i++)
+        RX_TRY_EXIT(take_real(r, 5 + i, values[i]));
+    snprintf(psf->how, sizeof psf->how, "%s", how);
+    snprintf(psf->library, sizeof psf->library, "%s", library);
+    psf->stars = (int)stars;
+    psf->reserved = (int)reserved;
+    psf->rho.alpha = r->extension->alpha;
+    psf->rho.delta = r->extension->delta;
+exit:
     free(how);
     free(library);
     return status;
