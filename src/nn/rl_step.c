@@ -111,9 +111,11 @@ void rx_rl_step_backward(rx_rl_step *step, const float *dout, float *df, float *
         for (size_t k = row; k < row + (size_t)step->width; k++) {
             const float q = weight != NULL ? step->share[k] : step->sum;
             const int made = f[k] > 0 && q >= RX_RL_SHARE, most = !(step->back[k] < RX_RL_MOST * q);
-            step->work[k] = made && !most ? dout[k] * f[k] / q : 0;
+            const float gain = most ? RX_RL_MOST : step->back[k] / q;
+            const int least = !(gain > RX_RL_LEAST);
+            step->work[k] = made && !most && !least ? dout[k] * f[k] / q : 0;
             if (df != NULL)
-                df[k] = dout[k] * (!made ? 1 : most ? RX_RL_MOST : step->back[k] / q);
+                df[k] = dout[k] * (!made ? 1 : least ? RX_RL_LEAST : gain);
         }
     }
     rx_convolve(step->fft, step->kernel, step->work, step->half, step->work);

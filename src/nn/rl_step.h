@@ -2,7 +2,7 @@
  *
  *   m  = K' max(f, 0)
  *   r  = W (x + p) / max(m + p, p/4)
- *   f' = f min(K'^T r / K'^T W, 4)   where f > 0, else f
+ *   f' = f min(max(K'^T r / K'^T W, 1/4), 4)   where f > 0, else f
  *
  *   f   sharp plane, x: data, both in noise units above the sky
  *   K'  relative PSF (nn/deblur.h)
@@ -12,8 +12,10 @@
  * Multiplicative on f alone: where the network says sky (0) it stays sky, where it says source the flux
  * returns to what the data have. Where K'^T W < RX_RL_SHARE (hardly any data) f stays. A step at
  * most makes four times as much of a pixel: beside a bright star that the network missed r is in the
- * thousands, and a faint neighbour is not to become that star. Planes are real planes of an rx_fft (cyclic
- * domain).
+ * thousands, and a faint neighbour is not to become that star. Nor does it leave less than a quarter: near the
+ * target's own FWHM K' has negative lobes (nn/deblur.h), whose r of the thousands would turn a bright star
+ * over (FWHM 1.8: 6000 became -2e7, a training loss of 2e6 and a gradient of 7e7 in one image). Planes are
+ * real planes of an rx_fft (cyclic domain).
  *
  * Light is not negative: a network's negative values, such as the rings of a filter around a bright star, are
  * not light that a blur could spread, and next to such a star r is so large that a step would make them the
@@ -24,7 +26,7 @@
  *
  *   dL/df = dout c / q - K'^T [ g W (x + p) / (m + p)^2 ]   (second term only where m + p > p/4)
  *           dout                                            where f <= 0
- *           dout 4, and g without it                        where c / q > 4
+ *           dout 4 or dout / 4, and g without it            where c / q is beyond these
  *   dL/dx = g W / max(m + p, p/4) */
 #ifndef RX_NN_RL_STEP_H
 #define RX_NN_RL_STEP_H
@@ -34,7 +36,8 @@
 
 /* least share of K' on pixels with data, where the step is made */
 #define RX_RL_SHARE 0.02f
-/* most that a step makes of a pixel, as a factor */
+/* least and most that a step makes of a pixel, as factors */
+#define RX_RL_LEAST 0.25f
 #define RX_RL_MOST 4.0f
 
 /* r of one pixel, for callers that blur by other means */
@@ -52,7 +55,8 @@ static inline float rx_rl_light(float f)
 static inline float rx_rl_update(float f, float c, float q)
 {
     const int enough = q >= RX_RL_SHARE, made = (f > 0) & enough;
-    const float ratio = c / (enough ? q : 1), gain = c < RX_RL_MOST * q ? ratio : RX_RL_MOST;
+    const float ratio = c / (enough ? q : 1), least = ratio > RX_RL_LEAST ? ratio : RX_RL_LEAST;
+    const float gain = c < RX_RL_MOST * q ? least : RX_RL_MOST;
     return made ? f * gain : f;
 }
 

@@ -331,6 +331,9 @@ RX_SIMD static void update_some(int n, const float *restrict f, const float *res
         gain[i] = c[i] / (q[i] >= RX_RL_SHARE ? q[i] : RX_RL_SHARE);
 #pragma omp simd
     for (int i = 0; i < n; i++)
+        gain[i] = gain[i] > RX_RL_LEAST ? gain[i] : RX_RL_LEAST;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
         gain[i] = c[i] < RX_RL_MOST * q[i] ? gain[i] : RX_RL_MOST;
 #pragma omp simd
     for (int i = 0; i < n; i++)

@@ -53,7 +53,8 @@ static void step_reference(const rx_reference *s, double *out)
     for (int p = 0; p < PIXELS; p++) {
         const double share = s->weighted ? q[p] : sum;
         const int made = s->f[p] > 0 && share >= (double)RX_RL_SHARE;
-        out[p] = made ? s->f[p] * fmin(c[p] / share, (double)RX_RL_MOST) : s->f[p];
+        const double gain = fmin(fmax(c[p] / share, (double)RX_RL_LEAST), (double)RX_RL_MOST);
+        out[p] = made ? s->f[p] * gain : s->f[p];
     }
 }
 
@@ -139,7 +140,7 @@ static void load(const rx_reference *s, rx_bench *b, const double *dout)
 static void check_case(const rx_reference *s)
 {
     double m[PIXELS], q[PIXELS], light[PIXELS];
-    int low = 0, blind = 0, most = 0;
+    int low = 0, blind = 0, most = 0, least = 0;
     for (int p = 0; p < PIXELS; p++)
         light[p] = fmax(s->f[p], 0);
     blur(s->kernel, light, 1, m);
@@ -153,8 +154,12 @@ static void check_case(const rx_reference *s)
     assert_true(blind > 0);
     assert_true(blind < PIXELS / 2);
     step_reference(s, m);
-    for (int p = 0; p < PIXELS; p++)
+    for (int p = 0; p < PIXELS; p++) {
         most += s->f[p] > 0 && m[p] == s->f[p] * (double)RX_RL_MOST;
+        least += s->f[p] > 0 && m[p] == s->f[p] * (double)RX_RL_LEAST;
+    }
+    assert_true(least > 0);
+    assert_true(least < PIXELS / 4);
     assert_true(most > 0);
     assert_true(most < PIXELS / 4);
 }
