@@ -334,8 +334,12 @@ enum { VALIDATION = RX_SET_TEST + 1, MAKERS };
 
 static rx_status make_scene(void *user, rx_sample_id id, rx_sample *dst, rx_error *err)
 {
-    rx_scenes *const *scenes = user;
-    return rx_scenes_make(scenes[id.epoch == RX_EPOCH_VALIDATION ? VALIDATION : id.set], id, dst, err);
+    rx_scenes **scenes = user;
+    if (id.epoch == RX_EPOCH_VALIDATION)
+        return rx_scenes_make(scenes[VALIDATION], id, dst, err);
+    rx_scenes_free(scenes[VALIDATION]); /* these images come once, before all others */
+    scenes[VALIDATION] = NULL;
+    return rx_scenes_make(scenes[id.set], id, dst, err);
 }
 
 rx_status rx_feed_generate(const rx_feed_params *par, rx_ranks *ranks, rx_log *log, rx_error *err)

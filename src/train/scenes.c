@@ -264,9 +264,27 @@ static rx_scenes_field_data *find_field(rx_scenes *s, uint64_t number)
     return oldest;
 }
 
+int rx_scenes_kept(const rx_scenes *s)
+{
+    int n = 0;
+    for (int i = 0; i < s->capacity; i++)
+        n += s->fields[i].number != 0;
+    return n;
+}
+
+/* Epochs only rise: fields of those that are over serve no more. */
+static void drop_past(rx_scenes *s, uint32_t era)
+{
+    for (int i = 0; i < s->capacity; i++)
+        if (s->fields[i].number != 0 && s->fields[i].era < era)
+            rx_scenes_field_clear(&s->fields[i]);
+}
+
 static rx_status get_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_data **dst, rx_error *err)
 {
     const uint64_t number = rx_scenes_field(&s->par, id);
+    const uint32_t era = id.epoch / (uint32_t)s->par.uses;
+    drop_past(s, era);
     rx_scenes_field_data *field = find_field(s, number);
     *dst = field;
     if (field->number != number) {
@@ -280,6 +298,7 @@ static rx_status get_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_
         if (status != RX_OK)
             return status;
         field->number = number;
+        field->era = era;
     }
     field->used = ++s->clock;
     return RX_OK;

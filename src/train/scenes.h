@@ -106,12 +106,14 @@ rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
                         const rx_simulate_config *config, rx_log *log, rx_scenes **dst, rx_error *err);
 void rx_scenes_free(rx_scenes *scenes); /* NULL is fine */
 
-/* Make one sample. Fields are kept up to RX_SCENES_MEMORY bytes, the one not used for longest goes first:
- * samples may be asked for in any order, but an epoch of more fields than that costs rendering them again.
+/* Make one sample. Fields are kept up to RX_SCENES_MEMORY bytes, the one not used for longest goes first, and those
+ * of epochs that are over go at once: samples may be asked for in any order, but an epoch of more fields than that, or
+ * an earlier epoch, costs rendering them again.
  * Errors: RX_USAGE for a bin or an index that is not in the grid, another set, or a dst of another side;
  * RX_SYSTEM, RX_INTERRUPTED. */
 #define RX_SCENES_MEMORY ((size_t)1 << 29)
 rx_status rx_scenes_make(rx_scenes *scenes, rx_sample_id id, rx_sample *dst, rx_error *err);
+int rx_scenes_kept(const rx_scenes *scenes); /* fields kept now */
 
 /* The largest noise factor (data/noise_correlation.h) that samples with these shares have: of the matched filter of the widest PSF, a
  * Gaussian, under the widest smoothing and the worst resampling; 1 of white noise. */

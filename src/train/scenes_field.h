@@ -10,6 +10,7 @@
 typedef struct rx_scenes_field_data {
     uint64_t number; /* rx_scenes_field(); 0: none */
     long used;       /* when last */
+    uint32_t era;    /* the epochs that it serves: epoch / uses */
     int side;        /* FIELD_SIDE + 2 frame */
     double fwhm, beta, ratio, angle;
     double halo, halo_fwhm, halo_beta; /* share of the light in a second, round Moffat; 0: none */

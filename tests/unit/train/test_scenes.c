@@ -247,7 +247,7 @@ static void test_any_order_any_thread(void **state)
 }
 
 /* Places of one field serve `uses` epochs: the light of the first two is the same where nothing is cut
- * elsewhere (one place per field), turned and with other noise. Then comes another field. */
+ * elsewhere (one place per field), turned and with other noise. Then comes another field, in place of it. */
 static void test_uses(void **state)
 {
     (void)state;
@@ -276,6 +276,7 @@ static void test_uses(void **state)
             assert_true(turn != 0 || off > 1e-4 * most);
         }
         assert_int_equal(alike, epoch < 4 ? 1 : 0);
+        assert_int_equal(rx_scenes_kept(scenes), 1); /* that of epochs that are over is gone */
     }
     rx_sample_free(first);
     rx_sample_free(s);
