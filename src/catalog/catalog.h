@@ -43,7 +43,8 @@ typedef struct rx_column_list {
 rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, rx_error *err);
 void rx_columns_free(rx_column_list *list);
 
-/* The n columns of these names, vectors of one element. Errors: RX_USAGE (no such column), RX_SYSTEM. */
+/* The n columns of these names, as a .param file has them: FLUX_APER(5); vectors without a length have one element.
+ * Errors: RX_USAGE (no such column), RX_SYSTEM. */
 rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err);
 
 /* The columns of config/default.param, for a run without any .param file. */
@@ -65,6 +66,14 @@ void rx_columns_dump(rx_text *dst);
 
 /* The same as a list in roff, for rextract.conf(5). */
 void rx_columns_man(rx_text *dst);
+
+/* A bit of a column of flags and what it says; the n of them all, by column and bit. */
+typedef struct rx_flag {
+    const char *column; /* FLAGS, FLAGS_RESTORE ... */
+    int bit;            /* 1, 2, 4 ... */
+    const char *name, *text;
+} rx_flag;
+const rx_flag *rx_flags(int *n);
 
 /* Table of the chosen columns of sources measured on `image`. Magnitudes from its zero point (99 for non-positive flux, as
  * SExtractor). Free with rx_table_free(). Errors: RX_SYSTEM. */

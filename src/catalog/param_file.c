@@ -87,6 +87,22 @@ static rx_status parse_dimensions(const char *path, long line, const char *text,
     return RX_OK;
 }
 
+/* NAME, or NAME(dimensions); index -1 for a column of SExtractor's that is not offered. Its name as it stands. */
+static rx_status parse_choice(const char *path, long line, const char *text, char name[64],
+                              rx_column_choice *dst, rx_error *err)
+{
+    const size_t length = strcspn(text, " \t{[(");
+    int count;
+    if (length == 0 || length >= 64)
+        return unknown_name(path, line, text, err);
+    memcpy(name, text, length);
+    name[length] = '\0';
+    *dst = (rx_column_choice){.index = rx_column_index(name)};
+    if (dst->index < 0)
+        return is_missing(name) ? RX_OK : unknown_name(path, line, name, err);
+    return parse_dimensions(path, line, text + length, &rx_column_defs(&count)[dst->index], dst->dim, err);
+}
+
 /* One line without its comment; blank lines are fine. */
 static rx_status parse_line(const char *path, long line, char *text, rx_column_list *list, names *left_out,
                             names *twice, rx_error *err)
@@ -97,23 +113,15 @@ static rx_status parse_line(const char *path, long line, char *text, rx_column_l
         text[n - 1] = '\0';
     if (*text == '\0')
         return RX_OK;
-    size_t length = strcspn(text, " \t{[(");
     char name[64];
-    if (length == 0 || length >= sizeof name)
-        return unknown_name(path, line, text, err);
-    memcpy(name, text, length);
-    name[length] = '\0';
-    int index = rx_column_index(name), count;
-    if (index < 0) {
-        if (!is_missing(name))
-            return unknown_name(path, line, name, err);
+    rx_column_choice choice;
+    RX_TRY(parse_choice(path, line, text, name, &choice, err));
+    if (choice.index < 0) {
         names_add(left_out, name);
         return RX_OK;
     }
-    rx_column_choice choice = {.index = index};
-    RX_TRY(parse_dimensions(path, line, text + length, &rx_column_defs(&count)[index], choice.dim, err));
     for (int i = 0; i < list->n; i++)
-        if (list->choice[i].index == index) {
+        if (list->choice[i].index == choice.index) {
             names_add(twice, name);
             return RX_OK;
         }
@@ -171,8 +179,8 @@ exit:
 
 rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err)
 {
-    int known;
-    const rx_column_def *defs = rx_column_defs(&known);
+    char name[64];
+    rx_status status = RX_OK;
     rx_column_list *list = RX_NEW(rx_column_list, 1);
     *dst = NULL;
     if (list != NULL)
@@ -181,17 +189,18 @@ rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, r
         rx_columns_free(list);
         return rx_error_memory(err, (size_t)n * sizeof(rx_column_choice));
     }
-    for (list->n = 0; list->n < n; list->n++) {
-        const int index = rx_column_index(names[list->n]);
-        if (index < 0) {
-            const rx_status status = unknown_name(NULL, 0, names[list->n], err);
-            rx_columns_free(list);
-            return status;
-        }
-        list->choice[list->n] = (rx_column_choice){index, {defs[index].naxis > 0, defs[index].naxis == 2}};
+    for (list->n = 0; list->n < n && status == RX_OK; list->n++) {
+        rx_column_choice *choice = &list->choice[list->n];
+        status = parse_choice(NULL, 0, names[list->n], name, choice, err);
+        if (status == RX_OK && choice->index < 0)
+            status = rx_error_set(err, RX_USAGE, "column %s of SExtractor is not offered here; leave it out",
+                                  name);
     }
-    *dst = list;
-    return RX_OK;
+    if (status == RX_OK)
+        *dst = list;
+    else
+        rx_columns_free(list);
+    return status;
 }
 
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err)

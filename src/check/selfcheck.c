@@ -339,6 +339,7 @@ void rx_selfcheck_free(rx_selfcheck *check)
     free(check->measured);
     rx_conformal_free(check->errors);
     free(check->is_galaxy);
+    free(check->partner);
     rx_psf_free(check->psf);
     free((void *)check->picture.pixels);
     *check = (rx_selfcheck){0};

@@ -78,6 +78,7 @@ typedef struct rx_selfcheck {
     int width, height, pitch;
     rx_qa_list truth, found_list; /* injected objects; new detections */
     unsigned char *is_galaxy;     /* [truth.n] */
+    long *partner;                /* [truth.n] in found_list; -1: not found */
     rx_selfcheck_found *measured; /* [found_list.n] */
     rx_conformal *errors;         /* of template fluxes; NULL where templates were not fitted */
     rx_psf *psf;                  /* of the image that fluxes are measured on */

@@ -204,6 +204,8 @@ rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *chec
     RX_TRY_EXIT(biases(plan, &e, check, err));
     if (plan->params.templates.wanted)
         RX_TRY_EXIT(find_errors(&e, check, err));
+    check->partner = e.partner;
+    e.partner = NULL;
 exit:
     rx_evaluation_free(&e);
     return status;

@@ -211,9 +211,7 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
     set_level(settings, log);
     if (missing)
         rx_log_warning(log, "%s not found, using internal defaults", usual);
-    if (settings->table->find_files != NULL)
-        status = settings->table->find_files(settings, log, err);
-    return status == RX_OK ? rx_settings_check(settings, log, err) : status;
+    return rx_settings_complete(settings, log, err);
 }
 
 /* What is known once the image is: the names of outputs, and that none of them is an input. */

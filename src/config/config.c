@@ -48,6 +48,11 @@ rx_status rx_config_check(const rx_config *config, rx_log *log, rx_error *err)
     return rx_settings_check(&config->settings, log, err);
 }
 
+rx_status rx_config_complete(rx_config *config, rx_log *log, rx_error *err)
+{
+    return rx_settings_complete(&config->settings, log, err);
+}
+
 bool rx_config_states(const rx_config *config, const char *name)
 {
     return rx_settings_states(&config->settings, name);

@@ -96,6 +96,9 @@ rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_erro
  * accepted but has no effect here. */
 rx_status rx_settings_check(const rx_settings *settings, rx_log *log, rx_error *err);
 
+/* The same once names of files that a configuration has are those of the files that are meant. */
+rx_status rx_settings_complete(rx_settings *settings, rx_log *log, rx_error *err);
+
 /* Who set keyword `name`; RX_FROM_DEFAULT for a name that is not in the table. */
 rx_origin rx_settings_was_set(const rx_settings *settings, const char *name);
 

@@ -72,3 +72,10 @@ rx_status rx_settings_check(const rx_settings *settings, rx_log *log, rx_error *
 {
     return check(settings, settings->table->idle, log, err);
 }
+
+rx_status rx_settings_complete(rx_settings *settings, rx_log *log, rx_error *err)
+{
+    if (settings->table->find_files != NULL)
+        RX_TRY(settings->table->find_files(settings, log, err));
+    return rx_settings_check(settings, log, err);
+}

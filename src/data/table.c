@@ -2,6 +2,7 @@
 #include "data/table.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -46,6 +47,32 @@ rx_table *rx_table_new(int ncolumns)
         return NULL;
     }
     return table;
+}
+
+rx_status rx_table_make(const char *name, const rx_column *like, int n, long nrows, rx_table **dst,
+                        rx_error *err)
+{
+    *dst = NULL;
+    rx_table *table = rx_table_new(n);
+    if (table == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *like);
+    free(table->name);
+    table->name = rx_strdup(name);
+    table->nrows = nrows;
+    bool made = table->name != NULL;
+    for (int i = 0; i < n; i++) {
+        rx_column *column = &table->columns[i];
+        *column = like[i];
+        column->data =
+            rx_alloc((size_t)nrows, (size_t)(rx_column_elements(column) * rx_column_element_size(column)));
+        made = made && column->data != NULL;
+    }
+    if (!made) {
+        rx_table_free(table);
+        return rx_error_memory(err, 0);
+    }
+    *dst = table;
+    return RX_OK;
 }
 
 rx_status rx_table_copy_cards(rx_table *table, const char *cards, size_t n, rx_error *err)

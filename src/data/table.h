@@ -52,6 +52,10 @@ long rx_column_element_size(const rx_column *column);
 /* Empty table with memory for ncolumns columns (not yet their data); NULL without memory. */
 rx_table *rx_table_new(int ncolumns);
 
+/* A table of nrows rows with these columns: copies of the n in `like`, their data zeroed. Errors: RX_SYSTEM. */
+rx_status rx_table_make(const char *name, const rx_column *like, int n, long nrows, rx_table **dst,
+                        rx_error *err);
+
 /* A copy of n header cards of 80 characters for table->cards. Errors: RX_SYSTEM. */
 rx_status rx_table_copy_cards(rx_table *table, const char *cards, size_t n, rx_error *err);
 

@@ -51,6 +51,7 @@ typedef struct rx_tile {
     int extension; /* 1, 2, ... among the image HDUs that are processed (EXT_NUMBER) */
     int width, height;
     float *pixels; /* [height][width]; bad pixels hold 0, never NaN */
+    bool lent;     /* pixels are the caller's, only read and not freed */
     uint8_t *mask; /* [height][width], RX_MASK_ bits; always there */
     float *weight; /* [height][width] as in the file, or NULL */
     rx_weight_type weight_type;

@@ -216,7 +216,7 @@ RX_SIMD static bool all_good(const float *pixels, size_t n, double saturation)
     return bad == 0;
 }
 
-/* Number of bad pixels in row y, which become 0; most of the mask is never touched. */
+/* Number of bad pixels in row y, which become 0 unless they are lent; most of the mask is never touched. */
 static size_t mask_row(rx_tile *tile, int y)
 {
     const size_t width = (size_t)tile->width;
@@ -227,7 +227,8 @@ static size_t mask_row(rx_tile *tile, int y)
         return 0;
     for (size_t i = 0; i < width; i++) {
         if (!rx_pixel_usable(pixels[i])) {
-            pixels[i] = 0.f;
+            if (!tile->lent)
+                pixels[i] = 0.f;
             mask[i] = RX_MASK_BAD;
             bad++;
         } else if (pixels[i] >= tile->saturation) {
@@ -237,33 +238,51 @@ static size_t mask_row(rx_tile *tile, int y)
     return bad;
 }
 
+static rx_status mask_pixels(rx_tile *tile, int nthreads, size_t *bad, rx_error *err)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    size_t found = 0;
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : found)
+    for (int y = 0; y < tile->height; y++)
+        found += mask_row(tile, y);
+    *bad = found;
+    return found < n ? RX_OK
+                     : rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                                   "all %zu pixels are NaN or BLANK; there is nothing to measure", n);
+}
+
 static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nthreads, rx_tile *tile,
                              rx_error *err)
 {
-    size_t n = (size_t)tile->width * (size_t)tile->height, bad = 0;
+    size_t n = (size_t)tile->width * (size_t)tile->height, bad;
     tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, nthreads);
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));
     RX_TRY(rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, 1, tile->pixels, err));
-#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : bad)
-    for (int y = 0; y < tile->height; y++)
-        bad += mask_row(tile, y);
-    if (bad == n)
-        return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
-                           "all %zu pixels are NaN or BLANK; there is nothing to measure", n);
-    return RX_OK;
+    return mask_pixels(tile, nthreads, &bad, err);
 }
 
 /* --- header --- */
+
+/* What no output could hold. */
+static void drop_illegal(rx_text *cards, const char *name, int hdu, rx_log *log)
+{
+    enum { SHOWN = 60 };
+    rx_text illegal = {0};
+    rx_cards_drop_illegal(cards, &illegal);
+    if (illegal.length > 0)
+        rx_log_warning(log,
+                       "%s[%d]: header cards with keywords that FITS does not allow are left out: %.*s%s",
+                       name, hdu, SHOWN, illegal.data, illegal.length > SHOWN ? "..." : "");
+    rx_text_free(&illegal);
+}
 
 /* Cards of the HDU, those of the primary header it inherits, and the section's coordinates. */
 static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_log *log, rx_text *cards,
                              rx_text *parent, rx_error *err)
 {
-    enum { SHOWN = 60 };
     char *block = NULL, inherit[8] = "";
-    rx_text illegal = {0};
     size_t n = 0;
     rx_status status = RX_OK;
     RX_TRY(rx_fits_read_cards(file, place->name->path, place->hdu, &block, &n, err));
@@ -285,12 +304,7 @@ static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_log 
     rx_cards_text(cards->data, (long)(cards->length / 80), "INHERIT", inherit, sizeof inherit);
     if (inherit[0] == 'T' && parent->data != NULL)
         rx_cards_inherit(cards, parent->data, parent->length / 80);
-    rx_cards_drop_illegal(cards, &illegal);
-    if (illegal.length > 0)
-        rx_log_warning(
-            log, "%s[%d]: header cards with keywords that FITS does not allow are left out: %.*s%s",
-            place->name->path, place->hdu, SHOWN, illegal.data, illegal.length > SHOWN ? "..." : "");
-    rx_text_free(&illegal);
+    drop_illegal(cards, place->name->path, place->hdu, log);
     if (cards->failed || parent->failed)
         return rx_error_memory(err, cards->length + parent->length);
     if (place->name->has_section) {
@@ -394,6 +408,74 @@ exit:
     return status;
 }
 
+/* --- from arrays --- */
+
+/* The caller's pixels as they are, or where some are bad a copy without these; and the caller's mask. */
+static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_tile *tile, rx_error *err)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    size_t bad;
+    tile->lent = true;
+    tile->pixels = (float *)arrays->pixels;
+    tile->mask = RX_NEW(uint8_t, n);
+    if (tile->mask == NULL)
+        return rx_error_memory(err, n);
+    RX_TRY(mask_pixels(tile, nthreads, &bad, err));
+    if (bad > 0) {
+        float *copy = rx_alloc_filled(n, sizeof *copy, nthreads);
+        if (copy == NULL)
+            return rx_error_memory(err, n * sizeof *copy);
+        for (size_t i = 0; i < n; i++)
+            copy[i] = tile->mask[i] & RX_MASK_BAD ? 0.f : arrays->pixels[i];
+        tile->pixels = copy;
+        tile->lent = false;
+    }
+    for (size_t i = 0; arrays->mask != NULL && i < n; i++)
+        if (arrays->mask[i] != 0)
+            tile->mask[i] |= RX_MASK_BAD;
+    return RX_OK;
+}
+
+rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, rx_log *log, rx_tile **dst,
+                       rx_error *err)
+{
+    const char *name = arrays->name != NULL ? arrays->name : "image";
+    rx_text cards = {0};
+    *dst = NULL;
+    if (arrays->pixels == NULL || arrays->width < 1 || arrays->height < 1 || arrays->width > INT_MAX / 4 ||
+        arrays->height > INT_MAX / 4)
+        return rx_error_at(err, RX_USAGE, name, -1, 0, "has %d x %d pixels; give an image", arrays->width,
+                           arrays->height);
+    rx_tile *tile = RX_NEW(rx_tile, 1);
+    if (tile == NULL)
+        return rx_error_memory(err, sizeof *tile);
+    tile->name = rx_strdup(name);
+    tile->extname = rx_strdup("");
+    tile->extension = 1;
+    tile->width = arrays->width;
+    tile->height = arrays->height;
+    rx_status status = RX_OK;
+    if (arrays->ncards > 0) {
+        rx_text_add_bytes(&cards, arrays->cards, arrays->ncards * 80);
+        drop_illegal(&cards, name, 0, log);
+    }
+    if (tile->name == NULL || tile->extname == NULL || cards.failed)
+        RX_TRY_EXIT(rx_error_memory(err, cards.length));
+    take_numbers(par, &cards, &(rx_text){0}, log, tile);
+    tile->ncards = cards.length / 80;
+    tile->cards = cards.data;
+    cards = (rx_text){0};
+    RX_TRY_EXIT(lend_pixels(arrays, par->nthreads, tile, err));
+    RX_TRY_EXIT(take_wcs(par, log, tile, err));
+    RX_TRY_EXIT(rx_tile_take_weight(par, arrays->weight, tile, err));
+    *dst = tile;
+    tile = NULL;
+exit:
+    rx_text_free(&cards);
+    rx_tile_free(tile);
+    return status;
+}
+
 /* --- headers alone --- */
 
 /* Of the current place. */
@@ -457,7 +539,8 @@ void rx_tile_free(rx_tile *tile)
     free(tile->flagmaps);
     free(tile->name);
     free(tile->extname);
-    free(tile->pixels);
+    if (!tile->lent)
+        free(tile->pixels);
     free(tile->mask);
     free(tile->weight);
     free(tile->cards);

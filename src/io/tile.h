@@ -54,6 +54,23 @@ rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int
  * Errors: RX_INPUT for anything wrong with a file (missing, cut off, damaged, wrong shape, all NaN). */
 rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int extension, rx_log *log,
                        rx_tile **dst, rx_error *err);
+
+/* An image as its caller has it in memory: what a file would hold. What is NULL is not there. */
+typedef struct rx_tile_arrays {
+    const char *name; /* of messages; NULL: "image" */
+    int width, height;
+    const float *pixels; /* [height][width] ADU, with their sky; NaN: bad */
+    const uint8_t *mask; /* [height][width] not 0: bad */
+    const float *weight; /* [height][width] as par->weight_type says, which must ask for a map */
+    const char *cards;   /* header: world coordinates, gain ... */
+    size_t ncards;       /* of 80 characters each */
+} rx_tile_arrays;
+
+/* The same tile from arrays: numbers from header or keywords, masks by values and weights as those of a file. Pixels
+ * stay the caller's and must live as long (tile->lent), unless some are bad: of these the tile makes a copy in which
+ * they are 0. Errors: RX_USAGE (no pixels, a weight map without a type or the other way round), RX_INPUT (all bad), RX_SYSTEM. */
+rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, rx_log *log, rx_tile **dst,
+                       rx_error *err);
 void rx_tile_free(rx_tile *tile);
 
 /* The digest of pixels and mask, made when it is first asked for; not by several threads at a time. */

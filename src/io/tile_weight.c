@@ -2,6 +2,7 @@
 #include "io/tile_weight.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -126,6 +127,26 @@ rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *pla
         mask_by_weight(par, tile);
     rx_fits_done(&map.source);
     return status;
+}
+
+rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx_tile *tile, rx_error *err)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    const bool asked = par->weight_type > RX_WEIGHT_BACKGROUND;
+    tile->weight_type = par->weight_type;
+    if (asked != (weight != NULL))
+        return rx_error_at(err, RX_USAGE, tile->name, -1, 0,
+                           asked ? "WEIGHT_TYPE asks for a map; give its array"
+                                 : "has a weight map; say by WEIGHT_TYPE what it holds (MAP_WEIGHT, MAP_RMS "
+                                   "or MAP_VAR)");
+    if (!asked)
+        return RX_OK;
+    tile->weight = RX_NEW(float, n);
+    if (tile->weight == NULL)
+        return rx_error_memory(err, n * sizeof *tile->weight);
+    memcpy(tile->weight, weight, n * sizeof *tile->weight);
+    mask_by_weight(par, tile);
+    return RX_OK;
 }
 
 /* Flags are integers of up to 32 bits, as IMAFLAGS_ISO is, which a double holds; compressed images cannot be

@@ -18,6 +18,10 @@ typedef struct rx_tile_place {
 rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
                              rx_error *err);
 
+/* The same from the caller's array, of which a copy is taken; NULL: none. Errors: RX_USAGE (a map without a type, a type
+ * without a map), RX_SYSTEM. */
+rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx_tile *tile, rx_error *err);
+
 /* Fill tile->flagmaps from the FLAG_IMAGE list. */
 rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
                             rx_error *err);

@@ -75,6 +75,14 @@ rx_status rx_psf_moffat(double fwhm, double beta, double ratio, double angle, in
 rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
                       rx_error *err);
 
+/* An image of a PSF in memory, treated as one in a file is (par->sampling, size, integrate). */
+typedef struct rx_psf_pixels {
+    int width, height;
+    const float *pixels; /* [height][width], of any sum above 0 */
+} rx_psf_pixels;
+rx_status rx_psf_of_pixels(const rx_psf_params *par, const rx_psf_pixels *image, int width, int height,
+                           rx_log *log, rx_psf **dst, rx_error *err);
+
 /* Polynomial PSFEx model (.psf, or one row of a merged table), resampled to the tile's pixels and
  * normalised everywhere on the tile of width x height. */
 rx_status rx_psf_psfex(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,

@@ -284,3 +284,13 @@ exit:
     free(stamp);
     return status;
 }
+
+rx_status rx_psf_of_pixels(const rx_psf_params *par, const rx_psf_pixels *image, int width, int height,
+                           rx_log *log, rx_psf **dst, rx_error *err)
+{
+    const rx_fits_cube cube = {
+        .pixels = (float *)image->pixels, .width = image->width, .height = image->height, .planes = 1};
+    rx_psf_params own = *par;
+    own.file = "array";
+    return rx_psf_images(&own, &cube, width, height, log, dst, err);
+}

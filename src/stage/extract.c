@@ -281,10 +281,17 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     RX_TRY_EXIT(facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err));
     RX_TRY_EXIT(write_images(run, &w, in->record, &facts, in->products, log, err));
-    run->restored = w.result.restored; /* the report wants them */
-    run->sources = sources;
-    w.result.restored = NULL;
-    w.result.sources = NULL;
+    if (in->kept != NULL) {
+        *in->kept = w.result;
+        *in->facts = facts;
+        w.result = (rx_result){0};
+        facts = (rx_record){0};
+    } else {
+        run->restored = w.result.restored; /* the report wants them */
+        run->sources = sources;
+        w.result.restored = NULL;
+        w.result.sources = NULL;
+    }
 exit:
     run->seconds = rx_seconds() - begun;
     rx_record_free(&facts);

@@ -57,6 +57,9 @@ typedef struct rx_extraction_input {
     const rx_checks *checks;          /* NULL: none */
     const rx_record *record;          /* of the run */
     rx_record *products;              /* what it made: digests of the check-images are added */
+    rx_result *
+        kept; /* where all that was made goes, to be freed by the caller; NULL: what the run does not name is freed */
+    rx_record *facts; /* the same of the facts */
 } rx_extraction_input;
 
 /* Restore the detection image, find sources on it, measure them on it, on the original or on the measurement image,

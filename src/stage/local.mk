@@ -2,6 +2,7 @@ librextract_la_SOURCES += \
 	src/stage/checkimages.c src/stage/checkimages.h \
 	src/stage/domain_facts.c src/stage/domain_facts.h \
 	src/stage/extract.c src/stage/extract.h \
+	src/stage/job.c \
 	src/stage/inputs.c src/stage/inputs.h \
 	src/stage/library.c src/stage/library.h \
 	src/stage/machine.c src/stage/machine.h \
@@ -18,3 +19,7 @@ librextract_la_SOURCES += \
 librextract_la_SOURCES += \
 	src/stage/simulation.c src/stage/simulation.h
 librextract_la_SOURCES += src/stage/stage.h
+
+rx_stagedir = $(pkgincludedir)/stage
+rx_stage_HEADERS = src/stage/job.h
+installed_headers += $(rx_stage_HEADERS)

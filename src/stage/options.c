@@ -315,17 +315,28 @@ static rx_status check_library(const char *folder, int write, rx_error *err)
 
 rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
 {
-    rx_options *options;
-    RX_TRY(RX_MAKE(options, 1, err));
+    return rx_options_with_columns(cfg, NULL, log, dst, err);
+}
+
+rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns, rx_log *log,
+                                  rx_options **dst, rx_error *err)
+{
+    rx_options *options = RX_NEW(rx_options, 1);
+    if (options == NULL) {
+        rx_columns_free(columns);
+        return rx_error_memory(err, sizeof *options);
+    }
+    options->columns = columns;
     plain_options(cfg, log, options);
     rx_status status;
     RX_TRY_EXIT(kernel_options(cfg, options, err));
     if (wants_network(options))
         RX_TRY_EXIT(rx_options_need_model(options, log, err));
     /* without a configuration and without the file, those of the shipped default.param */
-    RX_TRY_EXIT(is_built_in(cfg->parameters_name, "default.param")
-                    ? rx_columns_default(&options->columns, err)
-                    : rx_columns_read(cfg->parameters_name, log, &options->columns, err));
+    if (columns == NULL)
+        RX_TRY_EXIT(is_built_in(cfg->parameters_name, "default.param")
+                        ? rx_columns_default(&options->columns, err)
+                        : rx_columns_read(cfg->parameters_name, log, &options->columns, err));
     tile_options(cfg, options);
     measure_options(cfg, log, options);
     RX_TRY_EXIT(checkimage_options(cfg, log, options, err));

@@ -44,6 +44,11 @@ typedef struct rx_options {
 
 /* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
 rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);
+
+/* The same with these columns instead of those of PARAMETERS_NAME; the list belongs to the options from then on, and is freed
+ * when this fails. */
+rx_status rx_options_with_columns(const rx_config *config, rx_column_list *columns, rx_log *log,
+                                  rx_options **dst, rx_error *err);
 void rx_options_free(rx_options *options);
 
 /* Read the network's model (NET_MODEL) unless that has been done: for campaigns, which choose restorers

@@ -1,45 +1,40 @@
 /* The covariances of template fluxes as a table. */
 #include "stage/template_table.h"
 
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 
 enum { EXTENSION, FIRST, SECOND, COVARIANCE, CORRELATION, NCOLUMNS };
 
-static const struct {
-    rx_cell_type type;
-    const char *name, *unit, *ucd, *format, *description;
-} columns[NCOLUMNS] = {
-    [EXTENSION] = {RX_CELL_INT32, "EXT_NUMBER", "", "meta.id;meta.dataset", "%3d",
-                   "Number of the image extension, from 1"},
-    [FIRST] = {RX_CELL_INT32, "NUMBER_1", "", "meta.record", "%10d", "NUMBER of a source"},
-    [SECOND] = {RX_CELL_INT32, "NUMBER_2", "", "meta.record", "%10d", "NUMBER of another one of its group"},
-    [COVARIANCE] = {RX_CELL_DOUBLE, "COVAR_TEMPLATE", "count**2", "stat.covariance;phot.flux", "%15.8e",
-                    "Covariance of their FLUX_TEMPLATE"},
-    [CORRELATION] = {RX_CELL_DOUBLE, "CORREL_TEMPLATE", "", "stat.correlation;phot.flux", "%8.5f",
-                     "The same over both errors"},
+static const rx_column columns[NCOLUMNS] = {
+    [EXTENSION] = {.type = RX_CELL_INT32,
+                   .name = "EXT_NUMBER",
+                   .ucd = "meta.id;meta.dataset",
+                   .format = "%3d",
+                   .description = "Number of the image extension, from 1"},
+    [FIRST] = {.type = RX_CELL_INT32,
+               .name = "NUMBER_1",
+               .ucd = "meta.record",
+               .format = "%10d",
+               .description = "NUMBER of a source"},
+    [SECOND] = {.type = RX_CELL_INT32,
+                .name = "NUMBER_2",
+                .ucd = "meta.record",
+                .format = "%10d",
+                .description = "NUMBER of another one of its group"},
+    [COVARIANCE] = {.type = RX_CELL_DOUBLE,
+                    .name = "COVAR_TEMPLATE",
+                    .unit = "count**2",
+                    .ucd = "stat.covariance;phot.flux",
+                    .format = "%15.8e",
+                    .description = "Covariance of their FLUX_TEMPLATE"},
+    [CORRELATION] = {.type = RX_CELL_DOUBLE,
+                     .name = "CORREL_TEMPLATE",
+                     .ucd = "stat.correlation;phot.flux",
+                     .format = "%8.5f",
+                     .description = "The same over both errors"},
 };
-
-static rx_status open_columns(rx_table *table, rx_error *err)
-{
-    for (int i = 0; i < NCOLUMNS; i++) {
-        rx_column *column = &table->columns[i];
-        snprintf(column->name, sizeof column->name, "%s", columns[i].name);
-        snprintf(column->unit, sizeof column->unit, "%s", columns[i].unit);
-        snprintf(column->ucd, sizeof column->ucd, "%s", columns[i].ucd);
-        snprintf(column->format, sizeof column->format, "%s", columns[i].format);
-        snprintf(column->description, sizeof column->description, "%s", columns[i].description);
-        column->type = columns[i].type;
-        const size_t bytes = (size_t)rx_column_element_size(column);
-        column->data = rx_alloc((size_t)table->nrows, bytes);
-        if (column->data == NULL)
-            return rx_error_memory(err, (size_t)table->nrows * bytes);
-    }
-    return RX_OK;
-}
 
 static void put(rx_table *table, long row, int extension, const rx_source *a, const rx_source *b,
                 double covariance)
@@ -68,29 +63,21 @@ rx_status rx_template_table(const rx_tphot *tphot, const rx_sources *sources, in
 {
     const int npairs = tphot != NULL ? tphot->npairs : 0;
     const rx_source **by_entry = NULL;
+    rx_table *table = NULL;
     rx_status status = RX_OK;
-    long row = 0;
-    rx_table *table = rx_table_new(NCOLUMNS);
-    if (table == NULL)
-        return rx_error_memory(err, NCOLUMNS * sizeof(rx_column));
-    free(table->name);
-    table->name = rx_strdup("COVARIANCES");
-    if (table->name == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 0));
+    long nrows = 0, row = 0;
     if (tphot != NULL)
         RX_TRY_EXIT(index_sources(tphot, sources, &by_entry, err));
     for (int i = 0; i < npairs; i++)
-        table->nrows += by_entry[tphot->pairs[i].i] != NULL && by_entry[tphot->pairs[i].j] != NULL;
-    RX_TRY_EXIT(open_columns(table, err));
+        nrows += by_entry[tphot->pairs[i].i] != NULL && by_entry[tphot->pairs[i].j] != NULL;
+    RX_TRY_EXIT(rx_table_make("COVARIANCES", columns, NCOLUMNS, nrows, &table, err));
     for (int i = 0; i < npairs; i++) {
         const rx_source *a = by_entry[tphot->pairs[i].i], *b = by_entry[tphot->pairs[i].j];
         if (a != NULL && b != NULL)
             put(table, row++, extension, a, b, tphot->pairs[i].covariance);
     }
     *dst = table;
-    table = NULL;
 exit:
     free((void *)by_entry);
-    rx_table_free(table);
     return status;
 }

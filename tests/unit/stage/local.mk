@@ -5,3 +5,5 @@ check_PROGRAMS += tests/unit/stage/test_stage tests/unit/stage/test_options test
 tests_unit_stage_test_stage_SOURCES = tests/unit/stage/test_stage.c tests/unit/pipeline/scene.c
 tests_unit_stage_test_options_SOURCES = tests/unit/stage/test_options.c
 tests_unit_stage_test_simulation_SOURCES = tests/unit/stage/test_simulation.c
+check_PROGRAMS += tests/unit/stage/test_job
+tests_unit_stage_test_job_SOURCES = tests/unit/stage/test_job.c tests/unit/pipeline/scene.c
