@@ -284,8 +284,8 @@ def extract(image, *, columns: Sequence[str] = (), detection=None, config: Union
 
 
 def restore(image, **options) -> Result:
-    """The image without the blur of its PSF: numpy.asarray(result), float32 (height, width), ADU less the sky, is what
-    CHECKIMAGE_TYPE RESTORED writes. RESTORE_TYPE chooses the restorer (RL), options are those of extract()."""
+    """The image without the blur of its PSF: numpy.asarray(result), float32 (height, width), ADU less the sky; with
+    result.sky it is what CHECKIMAGE_TYPE RESTORED writes. RESTORE_TYPE chooses the restorer (RL), options are those of extract()."""
     return Result(_call(image, options.pop("columns", ("NUMBER", "X_IMAGE", "Y_IMAGE")), **options))
 
 
