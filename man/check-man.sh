@@ -9,7 +9,7 @@ scratch=$(mktemp -d) || exit 2
 trap 'rm -rf "$scratch"' EXIT
 passed=0 failed=0 skipped=0
 
-for list in keywords columns simulate validate train survey; do
+for list in keywords columns simulate validate train survey FLAGS FLAGS_WEIGHT FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE; do
     if ! "$make_man" "$list" >"$scratch/$list"; then
         echo "$make_man cannot be run"
         exit 2
@@ -34,7 +34,7 @@ fill() {
         }' "$1"
 }
 
-for name in rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1 rextract.3; do
+for name in rextract.1 rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1 rextract.3; do
     page=$top/man/$name
     fill "$page" >"$scratch/page"
     if [ "${1-}" = --write ]; then

@@ -37,7 +37,7 @@ long rx_column_elements(const rx_column *column);
 long rx_column_element_size(const rx_column *column);
 typedef struct { int n; char *(*pairs)[3]; ...; } rx_record;
 
-typedef struct { const char *column; int bit; const char *name; const char *text; ...; } rx_flag;
+typedef struct { const char *column; int bit; const char *name; const char *meaning; ...; } rx_flag;
 const rx_flag *rx_flags(int *n);
 
 typedef struct { char how[...]; int reserved; double flux_error; ...; } rx_psf_quality;
@@ -89,6 +89,7 @@ builder.set_source("rextract._librextract", """
 #include "base/error.h"
 #include "base/log.h"
 #include "catalog/catalog.h"
+#include "data/flags.h"
 #include "data/map.h"
 #include "stage/job.h"
 """, extra_compile_args=pkg_config("--cflags"), library_dirs=folders, runtime_library_dirs=searched, libraries=["rextract"])

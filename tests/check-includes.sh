@@ -187,7 +187,7 @@ xargs grep -hoE '^} rx_[a-z0-9_]+;|^typedef (struct|enum) [^;{(]* rx_[a-z0-9_]+;
 done >>"$scratch/found"
 
 # A header that is installed includes none that is not, or a stranger's program does not compile.
-cat src/*/local.mk | sed -e ':more' -e '/\\$/{N;s/\\\n//;b more' -e '}' | sed -n 's/^rx_[a-z]*_HEADERS *= *//p' |
+cat src/*/local.mk | sed -e ':more' -e '/\\$/{N;s/\\\n//;b more' -e '}' | sed -n 's/^\(dist_\)\{0,1\}rx_[a-z]*_\(HEADERS\|DATA\) *= *//p' |
     tr -s ' \t' '\n\n' | sed 's,^src/,,' | LC_ALL=C sort >"$scratch/installed"
 while read -r header; do
     sed -n 's/^#include "\(.*\)"/\1/p' "src/$header" | grep -vxFf "$scratch/installed" |

@@ -12,7 +12,7 @@ class Flag(NamedTuple):
 
     bit: int  #: 1, 2, 4 ...
     name: str  #: SATURATED
-    text: str  #: "at least one pixel is saturated"
+    meaning: str  #: "at least one pixel is saturated"
 
 
 def _read():
@@ -20,7 +20,7 @@ def _read():
     rows = lib.rx_flags(n)
     columns: dict[str, list[Flag]] = {}
     for row in ffi.unpack(rows, n[0]):
-        columns.setdefault(text_of(row.column), []).append(Flag(row.bit, text_of(row.name), text_of(row.text)))
+        columns.setdefault(text_of(row.column), []).append(Flag(row.bit, text_of(row.name), text_of(row.meaning)))
     return columns
 
 

@@ -227,11 +227,11 @@ class Flags(unittest.TestCase):
     def test_sextractor(self):
         self.assertEqual([flag.name for flag in rextract.decode_flags(19)], ["CROWDED", "MERGED", "APERTURE"])
         self.assertEqual(rextract.decode_flags(0), [])
-        self.assertEqual(rextract.decode_flags(np.int16(4))[0].text, "at least one pixel is saturated")
+        self.assertEqual(rextract.decode_flags(np.int16(4))[0].meaning, "at least one pixel is saturated")
 
     def test_ours(self):
         self.assertEqual([flag.bit for flag in rextract.decode_flags(129, "flags_restore")], [1, 128])
-        self.assertEqual(rextract.decode_flags(128, "FLAGS_TEMPLATE")[0].name, "ADDED")
+        self.assertEqual(rextract.decode_flags(128, "FLAGS_TEMPLATE")[0].name, "EXTRA")
 
     def test_what_is_none(self):
         for value, column in ((256, "FLAGS"), (-1, "FLAGS"), (4, "FLAGS_WEIGHT"), (1, "MAG_AUTO")):

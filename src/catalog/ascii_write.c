@@ -1,7 +1,12 @@
-/* ASCII, ASCII_HEAD and ASCII_SKYCAT catalogues, laid out as SExtractor does. */
+/* ASCII, ASCII_HEAD and ASCII_SKYCAT catalogues, laid out as SExtractor does, and regions for DS9. */
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
 #include "base/printable.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
+#include "data/flags.h"
 #include "io/fits_read.h"
 
 /* `#   5 FLUX_APER              description          [unit]`; a vector takes as many numbers as
@@ -42,10 +47,54 @@ static void add_facts(rx_text *dst, rx_table *const *tables, int n)
             }
 }
 
-/* One row into the text that was there, `separator` between numbers. */
-static void format_row(const rx_table *table, long row, const char *separator, rx_text *text)
+static double cell(const rx_table *table, const char *name, long row)
 {
+    const int column = rx_table_find(table, name);
+    return column >= 0 ? rx_column_value(&table->columns[column], row, 0) : NAN;
+}
+
+/* The Kron ellipse of a source, on the sky where it has a place there: angles of regions count from west over north.
+ * Colours are those of the head of the file; each flag is a tag, by which DS9 forms groups. */
+static void add_region(const rx_table *table, long row, rx_text *text)
+{
+    const int flags = (int)cell(table, "FLAGS", row);
+    const double restore = cell(table, "FLAGS_RESTORE", row), ra = cell(table, "ALPHA_J2000", row);
+    const double kron = cell(table, "KRON_RADIUS", row), scale = kron > 0 ? kron : 3;
+    const bool sky = isfinite(ra) && isfinite(cell(table, "A_WORLD", row));
+    const double a = scale * cell(table, sky ? "A_WORLD" : "A_IMAGE", row);
+    const double b = fmax(scale * cell(table, sky ? "B_WORLD" : "B_IMAGE", row), 0.01 * a);
+    if (sky)
+        rx_text_printf(text, "icrs;ellipse(%.7f,%.7f,%.4f\",%.4f\",%.2f)", ra,
+                       cell(table, "DELTA_J2000", row), 3600 * a, 3600 * b,
+                       cell(table, "THETA_J2000", row) + 90);
+    else
+        rx_text_printf(text, "image;ellipse(%.4f,%.4f,%.3f,%.3f,%.2f)", cell(table, "X_IMAGE", row),
+                       cell(table, "Y_IMAGE", row), a, b, cell(table, "THETA_IMAGE", row));
+    const int marks = isfinite(restore) ? (int)restore : 0;
+    rx_text_printf(text, " # color=%s text={%.0f}",
+                   marks & (RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED) ? "magenta"
+                   : flags >= RX_FLAG_SATURATED                     ? "red"
+                   : flags > 0                                      ? "yellow"
+                                                                    : "green",
+                   cell(table, "NUMBER", row));
+    int n;
+    const rx_flag *flag = rx_flags(&n);
+    for (int i = 0; i < n; i++)
+        if ((strcmp(flag[i].column, "FLAGS") == 0 && (flags & flag[i].bit)) ||
+            (strcmp(flag[i].column, "FLAGS_RESTORE") == 0 && (marks & flag[i].bit)))
+            rx_text_printf(text, " tag={%s}", flag[i].name);
+    rx_text_add(text, "\n");
+}
+
+/* One row into the text that was there. */
+static void format_row(const rx_table *table, long row, rx_catalog_type type, rx_text *text)
+{
+    const char *separator = type == RX_CATALOG_ASCII_SKYCAT ? " \t" : " ";
     text->length = 0;
+    if (type == RX_CATALOG_DS9) {
+        add_region(table, row, text);
+        return;
+    }
     for (int i = 0; i < table->ncolumns; i++) {
         long elements = rx_column_elements(&table->columns[i]);
         for (long e = 0; e < elements; e++) {
@@ -57,7 +106,7 @@ static void format_row(const rx_table *table, long row, const char *separator, r
     rx_text_add(text, "\n");
 }
 
-rx_status rx_ascii_digest(rx_table *const *tables, int n, const char *separator, char dst[RX_HASH_TEXT],
+rx_status rx_ascii_digest(rx_table *const *tables, int n, rx_catalog_type type, char dst[RX_HASH_TEXT],
                           rx_error *err)
 {
     rx_text text = {0};
@@ -65,7 +114,7 @@ rx_status rx_ascii_digest(rx_table *const *tables, int n, const char *separator,
     rx_hash_begin(&sum);
     for (int i = 0; i < n; i++)
         for (long row = 0; row < tables[i]->nrows && !text.failed; row++) {
-            format_row(tables[i], row, separator, &text);
+            format_row(tables[i], row, type, &text);
             rx_hash_add(&sum, text.data, text.length);
         }
     rx_status status = text.failed ? rx_error_memory(err, text.capacity) : RX_OK;
@@ -75,11 +124,11 @@ rx_status rx_ascii_digest(rx_table *const *tables, int n, const char *separator,
 }
 
 /* text is reused as the line's buffer. */
-static rx_status write_rows(FILE *file, const rx_table *table, const char *separator, rx_text *text,
+static rx_status write_rows(FILE *file, const rx_table *table, rx_catalog_type type, rx_text *text,
                             rx_error *err)
 {
     for (long row = 0; row < table->nrows; row++) {
-        format_row(table, row, separator, text);
+        format_row(table, row, type, text);
         if (text->failed)
             return rx_error_memory(err, text->capacity);
         fwrite(text->data, 1, text->length, file);
@@ -91,8 +140,15 @@ rx_status rx_ascii_write(FILE *file, const rx_catalog *catalog, rx_error *err)
 {
     rx_status status = RX_OK;
     rx_text text = {0};
-    if (catalog->type == RX_CATALOG_ASCII_HEAD && catalog->n > 0) {
+    if (catalog->type == RX_CATALOG_DS9)
+        rx_text_add(
+            &text,
+            "# Region file format: DS9 version 4.1\n"
+            "# Kron ellipses. Colours: green FLAGS 0, yellow 1 to 3, red 4 and above, magenta spurious\n"
+            "# (FLAGS_RESTORE, where that column is chosen); tags: names of flags (rextract -FLAGS)\n");
+    if (catalog->type == RX_CATALOG_ASCII_HEAD && catalog->n > 0)
         add_head(&text, catalog->tables[0]);
+    if (catalog->type != RX_CATALOG_ASCII && catalog->n > 0) {
         add_facts(&text, catalog->tables, catalog->n);
         for (int i = 0; i < catalog->npairs; i++) {
             const rx_record_pair *pair = &catalog->record[i];
@@ -105,8 +161,11 @@ rx_status rx_ascii_write(FILE *file, const rx_catalog *catalog, rx_error *err)
         RX_TRY_EXIT(rx_error_memory(err, text.capacity));
     if (text.length > 0)
         fwrite(text.data, 1, text.length, file);
-    for (int i = 0; i < catalog->n && status == RX_OK; i++)
-        status = write_rows(file, catalog->tables[i], " ", &text, err);
+    for (int i = 0; i < catalog->n && status == RX_OK; i++) {
+        if (catalog->type == RX_CATALOG_DS9 && catalog->n > 1)
+            fprintf(file, "# extension %d\n", i + 1);
+        status = write_rows(file, catalog->tables[i], catalog->type, &text, err);
+    }
 exit:
     rx_text_free(&text);
     return status;
@@ -130,7 +189,7 @@ rx_status rx_skycat_write(FILE *file, const rx_catalog *catalog, rx_error *err)
         RX_TRY_EXIT(rx_error_memory(err, text.capacity));
     fwrite(text.data, 1, text.length, file);
     for (int i = 0; i < n && status == RX_OK; i++)
-        status = write_rows(file, tables[i], " \t", &text, err);
+        status = write_rows(file, tables[i], catalog->type, &text, err);
     if (status == RX_OK)
         fputs("[EOD]", file);
 exit:

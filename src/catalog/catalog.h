@@ -24,7 +24,8 @@ typedef enum rx_catalog_type {
     RX_CATALOG_ASCII_SKYCAT,
     RX_CATALOG_VOTABLE,
     RX_CATALOG_FITS_1_0,
-    RX_CATALOG_FITS_LDAC
+    RX_CATALOG_FITS_LDAC,
+    RX_CATALOG_DS9
 } rx_catalog_type;
 
 /* One chosen column of a .param file: FLUX_APER(5) has dim {5, 0}, VIGNET(35,35) {35, 35}. */
@@ -47,6 +48,10 @@ void rx_columns_free(rx_column_list *list);
  * Errors: RX_USAGE (no such column), RX_SYSTEM. */
 rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err);
 
+/* Adds the columns that the format shows whatever was chosen: regions (DS9) are made of positions and ellipses.
+ * Errors: RX_SYSTEM. */
+rx_status rx_columns_need(rx_column_list *list, rx_catalog_type type, rx_error *err);
+
 /* The columns of config/default.param, for a run without any .param file. */
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err);
 
@@ -66,14 +71,6 @@ void rx_columns_dump(rx_text *dst);
 
 /* The same as a list in roff, for rextract.conf(5). */
 void rx_columns_man(rx_text *dst);
-
-/* A bit of a column of flags and what it says; the n of them all, by column and bit. */
-typedef struct rx_flag {
-    const char *column; /* FLAGS, FLAGS_RESTORE ... */
-    int bit;            /* 1, 2, 4 ... */
-    const char *name, *text;
-} rx_flag;
-const rx_flag *rx_flags(int *n);
 
 /* Table of the chosen columns of sources measured on `image`. Magnitudes from its zero point (99 for non-positive flux, as
  * SExtractor). Free with rx_table_free(). Errors: RX_SYSTEM. */

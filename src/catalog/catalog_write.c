@@ -114,7 +114,8 @@ static rx_status write_fits(const rx_catalog *catalog, const char *path, const c
 
 int rx_catalog_has_record(rx_catalog_type type)
 {
-    return type == RX_CATALOG_ASCII_HEAD || type == RX_CATALOG_VOTABLE || is_fits(type);
+    return type == RX_CATALOG_ASCII_HEAD || type == RX_CATALOG_VOTABLE || type == RX_CATALOG_DS9 ||
+           is_fits(type);
 }
 
 int rx_catalog_parts(rx_catalog_type type, int n)
@@ -131,10 +132,8 @@ rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n
         return RX_OK;
     }
     RX_TRY(rx_point_locale_begin(&locale, err));
-    rx_status status =
-        type == RX_CATALOG_VOTABLE
-            ? rx_votable_digest(tables[part], dst, err)
-            : rx_ascii_digest(tables, n, type == RX_CATALOG_ASCII_SKYCAT ? " \t" : " ", dst, err);
+    rx_status status = type == RX_CATALOG_VOTABLE ? rx_votable_digest(tables[part], dst, err)
+                                                  : rx_ascii_digest(tables, n, type, dst, err);
     rx_point_locale_end(&locale);
     return status;
 }

@@ -15,7 +15,7 @@ rx_status rx_votable_write(FILE *file, const rx_catalog *catalog, rx_error *err)
 
 /* Digests of the rows as those functions write them: lines with their ends; of a VOTable's table the lines
  * from <TR> to </TR>. The locale as above. */
-rx_status rx_ascii_digest(rx_table *const *tables, int n, const char *separator, char dst[RX_HASH_TEXT],
+rx_status rx_ascii_digest(rx_table *const *tables, int n, rx_catalog_type type, char dst[RX_HASH_TEXT],
                           rx_error *err);
 rx_status rx_votable_digest(const rx_table *table, char dst[RX_HASH_TEXT], rx_error *err);
 

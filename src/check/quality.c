@@ -52,6 +52,7 @@ rx_status rx_quality_list(const rx_quality_params *par, const rx_tile *tile, con
         dst->mag_error[i] = flux > 0.0 ? 1.0857362 * error / flux : NAN;
         dst->score[i] = s->detection_snr;
         dst->flags[i] = s->flags;
+        dst->restore[i] = s->fit.restore;
         dst->made_up[i] = rx_source_is_spurious(s) != 0;
     }
     return RX_OK;

@@ -153,8 +153,9 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
             return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", argv[a],
                                 table->program);
         const char *option = argv[a++];
-        if (table->describes && strcasecmp(option, "-INFO") == 0) {
-            *action = RX_ACTION_INFO;
+        const bool flags = table->plain == RX_PLAIN_IMAGES && strcasecmp(option, "-FLAGS") == 0;
+        if (flags || (table->describes && strcasecmp(option, "-INFO") == 0)) {
+            *action = flags ? RX_ACTION_FLAGS : RX_ACTION_INFO;
             words->image[0] = argv[a];
             return RX_OK;
         }
@@ -246,7 +247,8 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
         return RX_OK;
     rx_status status = scan(table, argc, argv, &dst->action, &words, err);
     const bool runs = dst->action == RX_ACTION_RUN, replays = dst->action == RX_ACTION_REPLAY;
-    if (status != RX_OK || (!runs && !replays && dst->action != RX_ACTION_INFO)) {
+    const bool takes = dst->action == RX_ACTION_INFO || dst->action == RX_ACTION_FLAGS;
+    if (status != RX_OK || (!runs && !replays && !takes)) {
         rx_text_free(&words.records);
         return status;
     }

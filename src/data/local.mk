@@ -1,5 +1,6 @@
 librextract_la_SOURCES += \
 	src/data/data.c \
+	src/data/flags.c \
 	src/data/image.c \
 	src/data/map.c \
 	src/data/noise_correlation.c \
@@ -11,5 +12,6 @@ librextract_la_SOURCES += \
 	src/data/table.c
 
 rx_datadir = $(pkgincludedir)/data
-rx_data_HEADERS = src/data/image.h src/data/map.h src/data/noise_correlation.h src/data/psf.h src/data/record.h src/data/restored.h src/data/sources.h src/data/splines.h src/data/table.h src/data/tile.h
+rx_data_HEADERS = src/data/flags.h src/data/image.h src/data/map.h src/data/noise_correlation.h src/data/psf.h src/data/record.h src/data/restored.h src/data/sources.h src/data/splines.h src/data/table.h src/data/tile.h
+dist_rx_data_DATA = src/data/flags.def
 installed_headers += $(rx_data_HEADERS)

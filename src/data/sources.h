@@ -12,30 +12,15 @@
 #include "base/error.h"
 #include "base/extern.h"
 
-RX_BEGIN_DECLS
+/* The bits of all flag columns: RX_FLAG_ (FLAGS), RX_FLAGW_ (FLAGS_WEIGHT), RX_FLAGWIN_ (FLAGS_WIN), RX_FLAGM_
+ * (FLAGS_MEASURE), RX_TPHOT_ (FLAGS_TEMPLATE), RX_RESTORE_ (FLAGS_RESTORE). */
+enum {
+#define FLAG(column, prefix, name, bit, meaning) prefix##name = (bit),
+#include "data/flags.def"
+#undef FLAG
+};
 
-/* FLAGS as in SExtractor. */
-enum {
-    RX_FLAG_CROWDED = 1,    /* AUTO biased by neighbours or > 10 % bad pixels */
-    RX_FLAG_MERGED = 2,     /* was blended */
-    RX_FLAG_SATURATED = 4,  /* at least one pixel saturated */
-    RX_FLAG_TRUNCATED = 8,  /* isophotal footprint touches the border */
-    RX_FLAG_APERTURE = 16,  /* aperture data incomplete or corrupted */
-    RX_FLAG_ISOPHOTAL = 32, /* isophotal data incomplete or corrupted */
-    RX_FLAG_DEBLEND_OVER = 64,
-    RX_FLAG_EXTRACT_OVER = 128
-};
-/* FLAGS_WEIGHT as in SExtractor; FLAGS_MEASURE is ours. */
-enum { RX_FLAGW_ISO = 1, RX_FLAGW_NEIGHBOUR = 2 }; /* zero weight in the footprint / touching it */
-enum {
-    RX_FLAGM_KRON_FAILED = 1,   /* Kron radius undefined, minimum radius used */
-    RX_FLAGM_WIN_FAILED = 2,    /* windowed position did not converge, isophotal one given */
-    RX_FLAGM_RADIUS_FAILED = 4, /* FLUX_RADIUS undefined */
-    RX_FLAGM_SINGULAR = 8,      /* ellipse was singular, regularised */
-    RX_FLAGM_MASKED_CORE = 16,  /* the peak pixel's surroundings are masked */
-    RX_FLAGM_UNCALIBRATED = 32, /* error from the rms alone: no noise law for this restored image */
-    RX_FLAGM_UNTOUCHED = 64     /* saturated: not restored, found and measured on untouched pixels */
-};
+RX_BEGIN_DECLS
 
 /* What became of pixels above the detection threshold that are no source's own. */
 enum {
@@ -43,22 +28,6 @@ enum {
         1, /* in a group of fewer than DETECT_MINAREA pixels; segment 0, hidden like a neighbour */
     RX_FRAGMENT_EATEN = 2 /* of a detection that CLEAN merged into the source of the segment: counts for its
                              FLUX_ISO, not for its shape, and is not hidden from others */
-};
-
-/* FLAGS_RESTORE: what the untouched pixels say of a source, and whose work it is. INVENTED and SHRED mark it
- * as spurious; see rx_source_is_spurious(). */
-enum {
-    RX_RESTORE_SPURIOUS = 1, /* not significant on them: P_REAL below 0.5 */
-    RX_RESTORE_SHRED = 2,    /* the same where a neighbour's own model takes its light */
-    RX_RESTORE_UNTESTED = 4, /* no fit: no usable pixel, or fluxes of its group cannot be separated */
-    RX_RESTORE_ADDED = 8,    /* not seen on the restored image, found where templates leave light */
-    RX_RESTORE_OTHER = 16,   /* not by the restorer that was asked for (RESTORE_FALLBACK) */
-    RX_RESTORE_UNEXPLAINED =
-        32, /* in a cell whose pixels the restored image does not explain (pipeline/residual.h) */
-    RX_RESTORE_OUTSIDE =
-        64, /* by a network that was not trained for the tile, for a pixel so bright, or for a sky
-                                so dark (pipeline/domain.h) */
-    RX_RESTORE_STRUCTURE = 128 /* the noise of the tile is more correlated than resampling explains */
 };
 
 /* Template photometry (template/template.h) of a source. */

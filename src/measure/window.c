@@ -149,13 +149,15 @@ void rx_measure_window(const rx_view *view, double half_light, rx_source *s)
     s->snr_win = sums.error > 0.0 ? s->flux_win / s->fluxerr_win : 0.0;
     s->xwin = cx;
     s->ywin = cy;
-    s->flags_win = sums.flux <= 0.0 ? 4 : (x2 < 0.0 || y2 < 0.0) * 2 + (x2 * y2 - xy * xy < 0.0);
+    s->flags_win = sums.flux <= 0.0 ? RX_FLAGWIN_FLUX
+                                    : (x2 < 0.0 || y2 < 0.0 ? RX_FLAGWIN_VARIANCE : 0) |
+                                          (x2 * y2 - xy * xy < 0.0 ? RX_FLAGWIN_SINGULAR : 0);
     dx = cx - s->x;
     dy = cy - s->y;
     if (dx * dx > 1.0 && dy * dy > 1.0 && s->cxx * dx * dx + s->cyy * dy * dy + s->cxy * dx * dy > 1.0)
-        s->flags_win |= 8;
+        s->flags_win |= RX_FLAGWIN_AWAY;
     if (!isfinite(cx) || !isfinite(cy))
-        s->flags_win |= 4;
+        s->flags_win |= RX_FLAGWIN_FLUX;
     if (s->flags_win != 0) {
         revert_to_isophotal(s);
         return;

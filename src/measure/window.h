@@ -4,8 +4,8 @@
 
 #include "measure/view.h"
 
-/* Fills xwin .. snr_win, niter_win, flags_win (SExtractor's FLAGS_WIN bits: 1 x2*y2 < xy^2, 2 negative
- * variance, 4 negative flux, 8 more than a pixel in x and y and an rms ellipse away). `half_light` in pixels:
+/* Fills xwin .. snr_win, niter_win, flags_win (SExtractor's bits; RX_FLAGWIN_AWAY: more than a
+ * pixel in x and y and an rms ellipse away). `half_light` in pixels:
  * sigma = 2 half_light / 2.35, sums within 4 sigma. Each step moves by twice the offset of the windowed
  * barycentre (exact for a Gaussian). Any of these: the isophotal position, moments and errors, and
  * RX_FLAGM_WIN_FAILED. */

@@ -14,6 +14,7 @@ static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...
                             "       rextract @LIST [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract -REPLAY OUTPUT [-NTHREADS N]\n"
                             "       rextract -PLAN IMAGE|@LIST [-c FILE] [-KEYWORD VALUE]...\n"
+                            "       rextract -FLAGS SUM\n"
                             "       rextract -d | -dd | -dp | -v | -h\n";
 
 static const char help[] =
@@ -26,6 +27,8 @@ static const char help[] =
     "  -KEYWORD VALUE   overrides the file, any number of times\n"
     "  -REPLAY OUTPUT   repeat the run that wrote a catalogue or image, and compare\n"
     "  -PLAN            only print what the run will take: memory, seconds, sizes\n"
+    "  -FLAGS SUM       say what each bit of a sum of flags means, or of one column:\n"
+    "                   -FLAGS 19, -FLAGS FLAGS_RESTORE=19\n"
     "  -d               print a default configuration file\n"
     "  -dd              the same with all keywords\n"
     "  -dp              print the columns a catalogue can have\n"

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/interrupt.h"
+#include "data/flags.h"
 
 #ifndef RX_VERSION
 #error "RX_VERSION comes from the Makefile"
@@ -24,6 +25,8 @@ static rx_status print(const rx_program *program, rx_action action, const char *
         rx_text_printf(&text, "%s%s", program->usage, program->help);
     else if (action == RX_ACTION_DUMP_COLUMNS)
         program->columns(&text);
+    else if (action == RX_ACTION_FLAGS)
+        status = rx_flags_decode(file, &text, err);
     else if (action == RX_ACTION_INFO)
         status = program->info(file, &text, err);
     else

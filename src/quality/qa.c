@@ -17,8 +17,9 @@ rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err
         complete &= (*columns[i] = RX_NEW(double, rows)) != NULL;
     if (with_flags) {
         list->flags = RX_NEW(int, rows);
+        list->restore = RX_NEW(int, rows);
         list->made_up = RX_NEW(unsigned char, rows);
-        complete &= list->flags != NULL && list->made_up != NULL;
+        complete &= list->flags != NULL && list->restore != NULL && list->made_up != NULL;
     }
     if (complete)
         return RX_OK;
@@ -38,6 +39,7 @@ void rx_qa_list_free(rx_qa_list *list)
     free(list->flux_error);
     free(list->score);
     free(list->flags);
+    free(list->restore);
     free(list->made_up);
     *list = (rx_qa_list){0};
 }

@@ -24,6 +24,7 @@ typedef struct rx_qa_list {
     double *flux, *flux_error; /* ADU, on the scale of mag; NULL when unknown */
     double *score; /* detections: ranking for the P-R curve, high = sure, else NULL: brightest first */
     int *flags;    /* detections: FLAGS, else NULL */
+    int *restore;  /* detections: FLAGS_RESTORE, else NULL */
     unsigned char *made_up; /* detections: 1 = untouched pixels do not want it (FLAGS_RESTORE), else NULL */
 } rx_qa_list;
 

@@ -10,6 +10,7 @@ librextract_la_SOURCES += \
 	src/report/qa_figures.c src/report/qa_figures.h \
 	src/report/qa_page.c src/report/qa_page.h \
 	src/report/qa_psf_figures.c \
+	src/report/qa_regions.c src/report/qa_regions.h \
 	src/report/qa_tables.c src/report/qa_tables.h \
 	src/report/report.c src/report/report.h \
 	src/report/report_file.c src/report/report_file.h \

@@ -4,9 +4,11 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 
 #include "report/page.h"
 #include "report/qa_figures.h"
+#include "report/qa_regions.h"
 #include "report/qa_tables.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
@@ -225,6 +227,16 @@ static void show_spurious(page *p)
         "neighbours, says that it is rather not there (P_REAL below 0.5).");
 }
 
+static void show_flags(page *p)
+{
+    if (rx_report_rows(p->t.flags) == 0)
+        return;
+    rx_report_section(p->report, "flags", "With and without each flag");
+    rx_report_show(p->report, p->t.flags, &(rx_report_view){0});
+    rx_report_note(p->report,
+                   "What leaving out the sources of a flag costs in recall, and gains in precision.");
+}
+
 static void show_models(page *p)
 {
     if (rx_report_rows(p->t.models) == 0)
@@ -360,7 +372,8 @@ static void warn(const rx_qa_numbers *q, rx_log *log)
 static rx_status write_page(page *p, const rx_report_files *files, rx_text *brief, rx_error *err)
 {
     static const char *const settings[] = {
-        "run", "settings", "psf", "noise_law_scale", "noise_law_power", "pull_from", "matches", "curve"};
+        "run",       "settings", "psf",   "noise_law_scale", "noise_law_power",
+        "pull_from", "matches",  "curve", "regions"};
     const rx_qa_input *input = p->q->input;
     rx_report *report = p->report;
     rx_qa_tables_add(report, p->q, &p->t);
@@ -386,6 +399,7 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
     show_counts(p);
     show_noise(p);
     show_spurious(p);
+    show_flags(p);
     show_fluxes(p);
     show_psf(p);
     show_comparisons(p);
@@ -415,8 +429,11 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
         warn(&numbers, par->log);
         status = write_page(&p, &files, brief, err);
     }
+    for (int run = 0; run < input->nruns && status == RX_OK; run++)
+        status = rx_qa_regions(&numbers, run, p.t.stem[run], folder, shown, err);
     if (status == RX_OK && verdict != NULL)
         *verdict = numbers.verdict;
+    free(p.t.stem);
     rx_report_free(p.report);
     rx_qa_numbers_free(&numbers);
     return status;

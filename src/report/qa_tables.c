@@ -9,6 +9,8 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "data/flags.h"
+#include "data/sources.h"
 #include "report/escape.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
@@ -29,6 +31,7 @@ RX_COLUMNS(
     {.name = "pull_from", .help = "whether pulls are of fluxes or magnitudes", .heading = "pulls of"},
     {.name = "matches", .kind = RX_REPORT_FILE, .help = "every source, matched, missed or false"},
     {.name = "curve", .kind = RX_REPORT_FILE, .help = "precision against recall"},
+    {.name = "regions", .kind = RX_REPORT_FILE, .help = "missed and false ones, for DS9"},
     RX_COUNT("references", "that count"),
     {"references_ignored", RX_REPORT_COUNT, 0, "", "outside the tile, masked or without a magnitude",
      "references ignored"},
@@ -64,7 +67,7 @@ RX_COLUMNS(
 RX_COLUMNS(BINS, RX_TEXT("run", "restorer"),
            {"mag_low", RX_REPORT_NUMBER, -4, "mag", "bin, inclusive; nan in both: all magnitudes", "from"},
            {"mag_high", RX_REPORT_NUMBER, -4, "mag", "bin, exclusive", "to"});
-enum { STEM = 48, NRUNS = RX_QA_RUN_COLUMNS, NBINS = RX_QA_BIN_COLUMNS };
+enum { STEM = RX_QA_STEM, NRUNS = RX_QA_RUN_COLUMNS, NBINS = RX_QA_BIN_COLUMNS };
 _Static_assert(COUNT(RUNS) == NRUNS && COUNT(BINS) == NBINS, "rx_qa_tables has room for them");
 
 RX_COLUMNS(
@@ -85,6 +88,16 @@ RX_COLUMNS(
      "flux scatter"},
     {"scatter_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux scatter here"},
     {"loss", RX_REPORT_NUMBER, 4, "", "mean over test images of this seeing and noise", "test loss"});
+
+RX_COLUMNS(FLAGS, RX_TEXT("run", "restorer"), RX_TEXT("column", ""), RX_COUNT("bit", ""),
+           RX_TEXT("name", "of the bit"), RX_TEXT("meaning", "what the bit says"),
+           RX_COUNT("detections", "that count and have it"), RX_COUNT("matched", "of these"),
+           RX_ESTIMATE("recall", 3, "", "of all detections"),
+           {"recall_without", RX_REPORT_ESTIMATE, 3, "", "if those that have it are left out",
+            "recall without"},
+           RX_ESTIMATE("precision", 3, "", "of all detections"),
+           {"precision_without", RX_REPORT_ESTIMATE, 3, "", "if those that have it are left out",
+            "precision without"});
 
 RX_COLUMNS(METRICS, RX_TEXT("metric", ""), RX_TEXT("unit", ""), RX_TEXT("meaning", ""));
 
@@ -196,7 +209,8 @@ static rx_cell known_to(bool is, double value, double error)
     return rx_cell_measured(is ? value : NAN, is ? error : NAN);
 }
 
-static void add_run(builder *p, int run, const char *matches, const char *curve)
+/* name: of its matches, its curve, its regions. */
+static void add_run(builder *p, int run, char (*name)[STEM + 16])
 {
     const rx_evaluation *e = &p->q->evaluation[run];
     const rx_qa_run *r = e->run;
@@ -211,8 +225,9 @@ static void add_run(builder *p, int run, const char *matches, const char *curve)
         rx_cell_number(r->law_scale),
         rx_cell_number(r->law_power),
         rx_cell_words(e->pull_in_flux ? "flux" : "magnitude"),
-        rx_cell_words(matches),
-        rx_cell_words(curve),
+        rx_cell_words(name[0]),
+        rx_cell_words(name[1]),
+        rx_cell_words(name[2]),
         rx_cell_number((double)e->references),
         rx_cell_number((double)e->references_ignored),
         rx_cell_number((double)e->detections),
@@ -299,7 +314,7 @@ static void add_sources(builder *p, int run, const char *stem)
 {
     static const char *const states[] = {"missed", "matched", "reference_ignored"};
     const rx_evaluation *e = &p->q->evaluation[run];
-    char name[2][STEM + 16];
+    char name[3][STEM + 16];
     snprintf(name[0], sizeof name[0], "matches_%s", stem);
     snprintf(name[1], sizeof name[1], "pr_%s", stem);
     rx_report_table *matches = RX_REPORT_TABLE(p->report, name[0], MATCHES, RX_REPORT_IN_FILE);
@@ -318,7 +333,40 @@ static void add_sources(builder *p, int run, const char *stem)
     }
     strcat(name[0], ".ecsv");
     strcat(name[1], ".ecsv");
-    add_run(p, run, name[0], name[1]);
+    snprintf(name[2], sizeof name[2], "regions_%s.reg", stem);
+    add_run(p, run, name);
+}
+
+/* What each flag costs or saves: recall and precision of all detections and of those without it. */
+static void add_flags(builder *p, int run)
+{
+    const rx_evaluation *e = &p->q->evaluation[run];
+    const rx_qa_list *list = &e->run->list;
+    int n;
+    const rx_flag *flag = rx_flags(&n);
+    for (int f = 0; f < n; f++) {
+        const bool restores = strcmp(flag[f].column, "FLAGS_RESTORE") == 0;
+        const int *flags = restores                               ? list->restore
+                           : strcmp(flag[f].column, "FLAGS") == 0 ? list->flags
+                                                                  : NULL;
+        long with = 0, matched = 0;
+        if (restores && flag[f].bit == RX_RESTORE_UNTESTED && !e->run->tested)
+            continue;
+        for (long j = 0; j < list->n && flags != NULL; j++)
+            if ((flags[j] & flag[f].bit) && e->run_role[j] != RX_ROLE_IGNORED) {
+                with++;
+                matched += e->run_role[j] == RX_ROLE_MATCHED;
+            }
+        if (with == 0)
+            continue;
+        const long left = e->matched - matched;
+        const double level = p->q->level;
+        rx_report_put(p->to->flags, e->run->name, flag[f].column, flag[f].bit, flag[f].name, flag[f].meaning,
+                      with, matched, rx_binomial_interval(e->matched, e->references, level),
+                      rx_binomial_interval(left, e->references, level),
+                      rx_binomial_interval(e->matched, e->detections, level),
+                      rx_binomial_interval(left, e->detections - with, level));
+    }
 }
 
 /* File-name stems that differ also where the file system ignores case. */
@@ -338,7 +386,7 @@ static void name_stems(const rx_qa_input *input, char (*stem)[STEM])
 static void add_runs(builder *p)
 {
     const rx_qa_input *input = p->q->input;
-    char(*stem)[STEM] = rx_alloc((size_t)input->nruns, sizeof *stem);
+    char(*stem)[STEM] = p->to->stem = rx_alloc((size_t)input->nruns, sizeof *stem);
     rx_report_column *of_runs = p->to->run_column, *of_bins = p->to->bin_column;
     int nbins = NBINS;
     memcpy(of_runs, RUNS, sizeof RUNS);
@@ -354,6 +402,7 @@ static void add_runs(builder *p)
     p->to->runs = rx_report_table_add(p->report, "runs", NRUNS + RX_METRIC_COUNT, of_runs, RX_REPORT_IN_JSON);
     p->to->models = RX_REPORT_TABLE(p->report, "models", MODELS, RX_REPORT_IN_JSON);
     p->to->bins = rx_report_table_add(p->report, "bins", nbins, of_bins, RX_REPORT_EVERYWHERE);
+    p->to->flags = RX_REPORT_TABLE(p->report, "flags", FLAGS, RX_REPORT_IN_JSON);
     if (stem == NULL) {
         rx_report_brief_of(p->report)->failed = true;
         return;
@@ -361,12 +410,12 @@ static void add_runs(builder *p)
     name_stems(input, stem);
     for (int run = 0; run < input->nruns; run++) {
         add_sources(p, run, stem[run]);
+        add_flags(p, run);
         add_bin(p, run, -1);
     }
     for (int run = 0; run < input->nruns; run++)
         for (int b = 0; b < p->q->bins.n; b++)
             add_bin(p, run, b);
-    free(stem);
 }
 
 static void add_gates(builder *p)

@@ -5,11 +5,12 @@
 #include "quality/qa_numbers.h"
 #include "report/report.h"
 
-enum { RX_QA_RUN_COLUMNS = 33, RX_QA_BIN_COLUMNS = 3 }; /* beside those of the metrics */
+enum { RX_QA_RUN_COLUMNS = 34, RX_QA_BIN_COLUMNS = 3, RX_QA_STEM = 48 }; /* beside those of the metrics */
 
 typedef struct rx_qa_tables {
-    rx_report_table *runs, *models, *bins, *gates, *comparisons;
+    rx_report_table *runs, *models, *bins, *flags, *gates, *comparisons;
     rx_report_table *psf, *psf_bins; /* NULL: there is no PSF, no star that judges it */
+    char (*stem)[RX_QA_STEM]; /* [nruns] of the names of each run's files; to be freed; NULL without memory */
     rx_report_column run_column[RX_QA_RUN_COLUMNS + RX_METRIC_COUNT];
     rx_report_column bin_column[RX_QA_BIN_COLUMNS + RX_METRIC_COUNT];
 } rx_qa_tables;

@@ -229,7 +229,7 @@ static int has_headers(const rx_options *options, const rx_run *run)
 {
     const rx_catalog_type type = options->catalog_type;
     const int ascii = type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII || type == RX_CATALOG_ASCII_HEAD ||
-                      type == RX_CATALOG_ASCII_SKYCAT;
+                      type == RX_CATALOG_ASCII_SKYCAT || type == RX_CATALOG_DS9;
     return !ascii || options->nchecks > 0 || run->covariance_name != NULL;
 }
 
@@ -349,7 +349,7 @@ void rx_run_forget(rx_run *run)
 /* The covariances' table has the format of the catalogue, where that makes sense. */
 static rx_catalog_type covariance_type(rx_catalog_type type)
 {
-    if (type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII_SKYCAT)
+    if (type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII_SKYCAT || type == RX_CATALOG_DS9)
         return RX_CATALOG_ASCII_HEAD;
     return type == RX_CATALOG_FITS_LDAC ? RX_CATALOG_FITS_1_0 : type;
 }

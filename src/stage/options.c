@@ -337,6 +337,7 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
         RX_TRY_EXIT(is_built_in(cfg->parameters_name, "default.param")
                         ? rx_columns_default(&options->columns, err)
                         : rx_columns_read(cfg->parameters_name, log, &options->columns, err));
+    RX_TRY_EXIT(rx_columns_need(options->columns, options->catalog_type, err));
     tile_options(cfg, options);
     measure_options(cfg, log, options);
     RX_TRY_EXIT(checkimage_options(cfg, log, options, err));

@@ -42,19 +42,6 @@
 
 RX_BEGIN_DECLS
 
-/* Flags of a fitted source. */
-enum {
-    RX_TPHOT_GROUP_CUT = 1, /* its group was too large: a link to a neighbour was cut; such groups are
-                               fitted in turn, each against the model of the others */
-    RX_TPHOT_BORDER = 2,    /* more than 1 % of the template lies beyond the border */
-    RX_TPHOT_MASKED = 4,    /* more than 10 % of the template lies on masked pixels */
-    RX_TPHOT_BOUND = 8,     /* held at flux 0, or the profile ended at a limit */
-    RX_TPHOT_SINGULAR = 16, /* its group could not be separated; fluxes of its members are arbitrary */
-    RX_TPHOT_NO_DATA = 32,  /* no usable pixel under the template: flux and error are NAN */
-    RX_TPHOT_POSITION = 64, /* the fit of the position failed, the given one was kept */
-    RX_TPHOT_EXTRA = 128    /* not of the source list: added for what showed in the residual */
-};
-
 /* Whether a tile, or which of its cells, is a crowd (crowd.h). */
 enum { RX_CROWDING_AUTO, RX_CROWDING_YES, RX_CROWDING_NO };
 

@@ -33,6 +33,20 @@ begin 'columns'
 prints '^#?X_IMAGE '
 expect_exactly 0 '' -dp
 
+begin 'flags in words, in each column'
+prints '^ +16  OTHER +not by the restorer'
+expect_exactly 0 '' -FLAGS 19
+
+begin 'flags in words, in one column, a bit without a meaning among them'
+prints '^ +256  no flags of this column$'
+expect_exactly 0 '' -FLAGS flags=261
+
+begin 'flags that are no number'
+expect_exactly 2 "^rextract: 'FLAGS=-3' is no sum of flags; give one as -FLAGS 19" -FLAGS FLAGS=-3
+
+begin 'flags of a column that is not there'
+expect_exactly 2 "^rextract: 'FLUGS' is no column of flags" -FLAGS FLUGS=3
+
 begin 'image without keyword value'
 make_fits tile tile.fits
 expect_exactly 2 '^rextract: -DETECT_THRESH has no value' tile.fits -DETECT_THRESH

@@ -61,6 +61,7 @@ static void actions_are_told_apart(void **state)
         {"rextract -d", RX_ACTION_DUMP},
         {"rextract-train -INFO model.fits", RX_ACTION_INFO},
         {"rextract-train -EPOCHS 3 -info model.fits", RX_ACTION_INFO},
+        {"rextract -FLAGS 19", RX_ACTION_FLAGS},
         {"rextract -dd", RX_ACTION_DUMP_ALL},
         {"rextract -dp", RX_ACTION_DUMP_COLUMNS},
         {"rextract a.fits -h", RX_ACTION_HELP},

@@ -15,6 +15,7 @@
 
 #include "base/interrupt.h"
 #include "base/random.h"
+#include "data/sources.h"
 #include "report/qa_page.h"
 
 #include "../near.h"
@@ -98,9 +99,9 @@ static int free_scene(void **state)
 }
 
 static const rx_qa_params params = {.match_radius = 1, .figures = 1, .by = {.seed = 5, .nthreads = 2}};
-static const char *const files[] = {"report.html", "summary.json", "bins.ecsv", "matches_NONE.ecsv",
-                                    "pr_NONE.ecsv"};
-enum { FILES = 3 + 2 * RUNS };
+static const char *const files[] = {"report.html",       "summary.json", "bins.ecsv",
+                                    "matches_NONE.ecsv", "pr_NONE.ecsv", "regions_NONE.reg"};
+enum { FILES = 3 + 3 * RUNS };
 
 static void writes_all_files(void **state)
 {
@@ -244,6 +245,48 @@ static void spurious_sources_have_their_section(void **state)
             assert_int_equal(system(command), 0);
         clear_folder(folder);
     }
+}
+
+/* 20 detections stand where nothing is; they and 5 others are saturated. */
+static void flags_and_regions_are_those_of_the_matches(void **state)
+{
+    scene *s = *state;
+    char folder[512], command[2048];
+    static int flags[N];
+    rx_qa_params par = params;
+    par.figures = 0;
+    for (int i = 0; i < 25; i++)
+        flags[i] = RX_FLAG_SATURATED;
+    for (int i = 0; i < 20; i++)
+        s->rx[0][i] = s->ry[0][i] = 1 + 0.01 * i;
+    s->run[0].list.flags = flags;
+    new_folder(folder);
+    assert_int_equal(rx_qa_report(&par, &s->input, folder, "the report", NULL, NULL, NULL), RX_OK);
+    char *page = slurp(folder, "report.html"), *table = slurp(folder, "matches_NONE.ecsv");
+    char *regions = slurp(folder, "regions_NONE.reg");
+    assert_int_equal(occurrences(page, "<h2 id=\"flags\">With and without each flag</h2>"), 1);
+    assert_true(occurrences(table, "\n\"missed\",") > 0);
+    assert_int_equal(occurrences(regions, "tag={missed}"), occurrences(table, "\n\"missed\","));
+    assert_int_equal(occurrences(regions, "tag={false}"), 20);
+    assert_int_equal(occurrences(regions, "\nimage;circle("),
+                     20 + occurrences(table, "\n\"missed\",")); /* the scene has no sky */
+    assert_non_null(strstr(regions, "\nimage;circle(2.000,2.000,1.000) # color=red text={1} tag={false}\n"));
+    snprintf(
+        command, sizeof command,
+        "python3 -c \"import json; d = json.load(open('%s/summary.json')); f = d['flags']; r = d['runs'][0];"
+        "assert len(f) == 1 and f[0]['name'] == 'SATURATED' and f[0]['bit'] == 4 and f[0]['run'] == 'NONE';"
+        "assert f[0]['detections'] == 25 and f[0]['matched'] == 5;"
+        "assert f[0]['recall'] == r['recall'] and f[0]['precision'] == r['precision'];"
+        "a = (r['matched'] - 5) / r['references']; b = (r['matched'] - 5) / (r['detections'] - 25);"
+        "assert abs(f[0]['recall_without']['value'] - a) < 1e-8;"
+        "assert abs(f[0]['precision_without']['value'] - b) < 1e-8\"",
+        folder);
+    if (works("python3 -c 'import json' 2>/dev/null"))
+        assert_int_equal(system(command), 0);
+    free(page);
+    free(table);
+    free(regions);
+    clear_folder(folder);
 }
 
 static void without_gnuplot(void **state)
@@ -429,6 +472,7 @@ int main(void)
         TEST(gates_reach_the_verdict),
         TEST(names_that_collide),
         TEST(spurious_sources_have_their_section),
+        TEST(flags_and_regions_are_those_of_the_matches),
         TEST(nothing_to_compare),
         TEST(folder_that_is_not_there),
         TEST(interruption_leaves_nothing),
