@@ -71,6 +71,7 @@ rx_status rx_crowding_find(rx_fit_image *canvas, const double (*at)[2], int n, d
                                                             (double)sum[2] * fwhm * fwhm * BEAMS > area);
             dst->cells[y * dst->nx + x] = (uint8_t)crowded;
             dst->n += crowded;
+            dst->seen += mode != RX_CROWDING_AUTO || area > 0;
         }
     free(sums);
     if (status != RX_OK)

@@ -10,7 +10,7 @@
 typedef struct rx_crowding {
     int width, height, nx, ny;
     uint8_t *cells; /* owned */
-    int n;          /* crowded ones */
+    int n, seen;    /* crowded ones; those with visible pixels in or around them */
 } rx_crowding;
 
 /* A cell of about 64 pixels is crowded where, in it and the eight around it, models are brighter than the noise of a pixel

@@ -8,9 +8,10 @@
 #include "base/memory.h"
 #include "base/min_max.h"
 
-enum { RINGS = 12, FEWEST = 50 };
+enum { RINGS = 12, FEWEST = 50, STEPS = 6 };
 static const double RING = 0.125; /* FWHM */
-static const double SHOWS = 4.0;  /* errors */
+static const double SHOWS = 6.0;  /* errors of the noise */
+static const double COUNTS = 2.0; /* errors */
 
 /* Crowded sources of the list with a flux above 0. */
 typedef struct stars {
@@ -103,10 +104,11 @@ exit:
     return status;
 }
 
-/* unseen[RINGS]: u(r) 2 pi r dr; 0 where too little is known. */
-static void find_unseen(const rx_tphot_source *list, const stars *s, double ring, double *unseen)
+/* unseen[RINGS]: u(r) 2 pi r dr; 0 where too little is known. Densities become those of found and hidden ones: of a pair that
+ * is missing one is hidden. */
+static void find_unseen(const rx_tphot_source *list, stars *s, double ring, double *unseen)
 {
-    double found[RINGS] = {0}, expected = 0;
+    double found[RINGS] = {0}, expected = 0, hidden = 0;
     for (int k = 0; k < s->m; k++) {
         const rx_tphot_source *a = &list[s->entry[k]];
         expected += 0.5 * s->density[k];
@@ -116,9 +118,14 @@ static void find_unseen(const rx_tphot_source *list, const stars *s, double ring
                 found[(int)sqrt(dx * dx + dy * dy)]++;
         }
     }
+    const int known = expected * M_PI * ring * ring * RINGS * RINGS >= FEWEST;
+    for (int b = 0; b < RINGS && known; b++)
+        hidden += fmax(expected * M_PI * ring * ring * (2 * b + 1) - found[b], 0) / s->m;
+    for (int k = 0; k < s->m; k++)
+        s->density[k] *= 1 + hidden;
+    expected *= (1 + hidden) * (1 + hidden);
     for (int b = 0; b < RINGS; b++) {
         const double area = M_PI * ring * ring * (2 * b + 1);
-        const int known = expected * M_PI * ring * ring * RINGS * RINGS >= FEWEST;
         unseen[b] = known ? area * fmax(1 - found[b] / (expected * area), 0) : 0;
     }
 }
@@ -137,6 +144,32 @@ static int below(const stars *s, double flux)
     return first;
 }
 
+/* What neighbours of that density add to a flux on average, and its variance. */
+static void sum_up(const stars *s, const double *unseen, double density, const rx_tphot_source *one,
+                   double *mean, double *variance)
+{
+    double rho[RINGS];
+    int hidden[RINGS]; /* so many of the fluxes would not show */
+    for (int b = 0; b < RINGS; b++) {
+        const double r = RING * (b + 0.5), q = 2 * M_LN2 * r * r; /* s = FWHM / sqrt(8 ln 2) */
+        rho[b] = exp(-q);
+        const double left = sqrt(1 - rho[b] * rho[b] * (1 + 2 * q));
+        hidden[b] = below(s, fmin(one->flux, SHOWS * one->flux / (one->snr * left)));
+    }
+    *variance = 0;
+    for (int step = 0; step < STEPS; step++) {
+        const double most = COUNTS * hypot(one->fluxerr, sqrt(*variance));
+        *mean = *variance = 0;
+        for (int b = 0; b < RINGS; b++) {
+            const double share = density * unseen[b] / s->m;
+            const int small = rx_min_int(below(s, most / rho[b]), hidden[b]);
+            *mean += share * (rho[b] * s->sums[2 * small] + (hidden[b] - small) * most);
+            *variance +=
+                share * (rho[b] * rho[b] * s->sums[2 * small + 1] + (hidden[b] - small) * most * most);
+        }
+    }
+}
+
 rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source *list, int n, double *excess,
                           rx_error *err)
 {
@@ -151,21 +184,12 @@ rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source
         find_unseen(list, &s, RING * fwhm, unseen);
     for (int k = 0; k < s.m && status == RX_OK; k++) {
         rx_tphot_source *one = &list[s.entry[k]];
-        const double error = one->flux / one->snr;
-        double mean = 0, variance = 0;
+        double variance;
         if (one->kind != RX_TPHOT_POINT || !(one->snr > 0))
             continue;
-        for (int b = 0; b < RINGS; b++) {
-            /* s = FWHM / sqrt(8 ln 2) */
-            const double r = RING * (b + 0.5), rho = exp(-2 * M_LN2 * r * r),
-                         share = s.density[k] * unseen[b];
-            const double *sums = &s.sums[2 * below(&s, fmin(one->flux, SHOWS * error / rho))];
-            mean += share * rho * sums[0] / s.m;
-            variance += share * rho * rho * sums[1] / s.m;
-        }
-        one->unseen = mean;
+        sum_up(&s, unseen, s.density[k], one, &one->unseen, &variance);
         one->fluxerr = hypot(one->fluxerr, sqrt(variance));
-        s.ratio[points++] = sqrt(variance) / error;
+        s.ratio[points++] = sqrt(variance) * one->snr / one->flux;
     }
     if (points > 0) {
         qsort(s.ratio, (size_t)points, sizeof *s.ratio, by_flux);
