@@ -6,12 +6,38 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "pipeline/pipeline.h"
 
 enum { PASSES = 3 };
 static const double BEAMS = 30.0;  /* areas of FWHM^2 a source that is detected: fewer are no such crowd */
 static const double CROWDED = 0.5; /* of the tile */
 static const double ALONE = 5.0;   /* FWHM */
+enum { SQUARES = 36 };
+static const double SIDE = 64.0; /* FWHM, of a square */
+static const double GOLDEN =
+    0.618034; /* rows of squares differ by that share of a step: evenly, and never alike */
+
+rx_status rx_psf_squares(const rx_image *image, double fwhm, uint8_t **mask, int *step, rx_error *err)
+{
+    const int side = (int)(SIDE * fwhm) + 1, nx = (image->width + side - 1) / side,
+              ny = (image->height + side - 1) / side;
+    *mask = NULL;
+    *step = (nx * ny + SQUARES - 1) / SQUARES;
+    if (*step == 1)
+        return RX_OK;
+    const size_t n = (size_t)image->width * (size_t)image->height;
+    *mask = RX_NEW(uint8_t, n);
+    if (*mask == NULL)
+        return rx_error_memory(err, n);
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x++) {
+            const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
+            const int shift = (int)(GOLDEN * *step * (y / side)), off = (x / side + shift) % *step != 0;
+            (*mask)[k] = (uint8_t)((image->mask != NULL ? image->mask[k] : 0) | (off ? RX_MASK_BAD : 0));
+        }
+    return RX_OK;
+}
 
 /* By how much fluxes of points change, relative. */
 static rx_status change(const rx_psf *before, const rx_psf *after, const rx_image *image, double *dst,
@@ -82,6 +108,9 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
 {
     const rx_psf *psf = field->psf;
     const double area = (double)field->image.width * (double)field->image.height;
+    rx_field some = *field;
+    uint8_t *mask;
+    int step;
     rx_pipeline_params par = *params;
     rx_result result;
     *dst = NULL;
@@ -98,13 +127,17 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
         par.templates.par.passes = PASSES;
     par.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
     par.measure.vignet_width = par.measure.vignet_height = 0;
-    RX_TRY(rx_field_extract(&par, rx_restorer_find("NONE"), field, NULL, NULL, &result, err));
-    rx_status status = RX_OK;
-    if (result.templates.tphot != NULL && result.templates.tphot->crowded >= CROWDED)
-        status = measure(params, role, field, result.templates.tphot, dst, by, err);
+    RX_TRY(rx_psf_squares(&field->image, psf->fwhm, &mask, &step, err));
+    if (mask != NULL)
+        some.image.mask = mask;
+    rx_status status = rx_field_extract(&par, rx_restorer_find("NONE"), &some, NULL, NULL, &result, err);
+    if (status == RX_OK && result.templates.tphot != NULL && result.templates.tphot->crowded >= CROWDED)
+        status = measure(params, role, &some, result.templates.tphot, dst, by, err);
     if (*dst != NULL)
-        rx_log_info(log, "%s[%d]: a crowd: PSF anew, neighbours taken off, fluxes by %+.4f: %s",
-                    field->image.name, field->image.hdu, *by, (*dst)->description);
+        rx_log_info(
+            log, "%s[%d]: a crowd: PSF anew from 1/%d of the tile, neighbours taken off, fluxes by %+.4f: %s",
+            field->image.name, field->image.hdu, step, *by, (*dst)->description);
     rx_result_free(&result);
+    free(mask);
     return status;
 }
