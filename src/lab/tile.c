@@ -5,10 +5,10 @@
  *              DETECTION: stars, the other one at most 0.5 mag brighter or fainter. FLUXES: 0 to 2 mag fainter, the pairs
  *              also 32 pixels apart; members are stars in the proportion of SIM.STAR_COUNT to SIM.GALAXY_COUNT, galaxies
  *              have the shapes and sizes of the population
- *   RINGS      20, RING_SNR           OUTSKIRTS  12, OUTSKIRT_SNR
+ *   RINGS      20, RING_SNR           OUTSKIRTS  12, S/N 5 to 80
  *   SHREDS     20, SHRED_SNR, twice as large as the population's, 60 % of them with disks with arms and a third of these
  *              with bars
- *   PLATEAU    a square of half the tile's side, PLATEAU_SNR sigmas bright, its edges smoothed by a Gaussian of FWHM 8
+ *   PLATEAU    a square of half the tile's side, 200 sigmas bright, its edges smoothed by a Gaussian of FWHM 8
  *              pixels more than the PSF; shifted by a pixel from tile to tile
  *   INJECTED   on TILE_NAME, with its PSF (STAGE. keywords) and the photon noise of its gain; what was there by the rule of
  *              check/selfcheck.h is neither right nor wrong */
@@ -29,7 +29,8 @@ static const double PAIRS_APART = 8.0, PAIRS_PIXELS = 32.0, APART = 20.0, OUTSKI
                     INSIDE = 6.0;
 static const double ALIKE_MAG = 0.5, FAINTER_MAG = 2.0; /* of companions, at most */
 static const double SHREDS_LARGER = 2.0;
-static const double EDGE = 8.0; /* pixels, of the plateau */
+static const double EDGE = 8.0, PLATEAU_SIGMAS = 200.0; /* pixels; of the sky, a pixel */
+static const double OUTSKIRTS_SNR[2] = {5.0, 80.0};
 /* Company: see fluxes.h. */
 static const double ALONE = 3.0, FAINT = 0.01, WINGS = 2.0, BLEND = 1.5, BLEND_MAG = 2.0;
 
@@ -85,12 +86,12 @@ int rx_scene_is_list(rx_scene_id id)
 /* --- what is on a tile --- */
 
 /* As many objects of that S/N (a star's; from, to) as find a place so far apart (FWHM). */
-static rx_population sparse(const rx_lab_sky *sky, const rx_reals *snr, double apart)
+static rx_population sparse(const rx_lab_sky *sky, const double *snr, double apart)
 {
     const double step = 1.3 * apart * sky->fwhm;
     return (rx_population){.count = fmax(floor((double)sky->width * sky->height / (step * step)), 1),
-                           .mag_low = rx_lab_mag(sky, snr->v[1]),
-                           .mag_high = rx_lab_mag(sky, snr->v[0])};
+                           .mag_low = rx_lab_mag(sky, snr[1]),
+                           .mag_high = rx_lab_mag(sky, snr[0])};
 }
 
 static rx_scene_params params_of(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_id id, uint64_t stream)
@@ -113,18 +114,18 @@ static rx_scene_params params_of(const rx_lab *lab, const rx_lab_sky *sky, rx_sc
     par.pair_share = par.clustering = 0;
     par.margin = -fmin(INSIDE * sky->fwhm, fmin(par.width, par.height) / 4);
     if (id == RX_SCENE_PAIRS) {
-        par.stars = sparse(sky, &config->pair_snr, apart = PAIRS_APART);
+        par.stars = sparse(sky, config->pair_snr.v, apart = PAIRS_APART);
     } else if (id == RX_SCENE_MIXED_PAIRS) {
         apart = fmax(PAIRS_APART, PAIRS_PIXELS / sky->fwhm);
-        par.stars = par.galaxies = sparse(sky, &config->pair_snr, apart);
+        par.stars = par.galaxies = sparse(sky, config->pair_snr.v, apart);
         par.stars.count *= stars;
         par.galaxies.count *= 1 - stars;
     } else if (id == RX_SCENE_RINGS) {
-        par.stars = sparse(sky, &config->ring_snr, apart = APART);
+        par.stars = sparse(sky, config->ring_snr.v, apart = APART);
     } else if (id == RX_SCENE_OUTSKIRTS) {
-        par.galaxies = sparse(sky, &config->outskirt_snr, apart = OUTSKIRTS_APART);
+        par.galaxies = sparse(sky, OUTSKIRTS_SNR, apart = OUTSKIRTS_APART);
     } else if (id == RX_SCENE_SHREDS) {
-        par.galaxies = sparse(sky, &config->shred_snr, apart = APART);
+        par.galaxies = sparse(sky, config->shred_snr.v, apart = APART);
         par.galaxy_scale *= SHREDS_LARGER;
         par.galaxy_kind = RX_GALAXY_MIXED;
     }
@@ -360,8 +361,7 @@ static rx_status inject(const rx_lab *lab, const rx_lab_sky *sky, uint64_t strea
 }
 
 /* The noise goes, the plateau comes; sky and noise are given as they were. */
-static rx_status put_plateau(const rx_lab *lab, const rx_lab_sky *sky, long number, rx_field *field,
-                             rx_error *err)
+static rx_status put_plateau(const rx_lab_sky *sky, long number, rx_field *field, rx_error *err)
 {
     rx_tile *tile = field->tile;
     const int w = tile->width, h = tile->height, shift = (int)(number % 4);
@@ -372,7 +372,7 @@ static rx_status put_plateau(const rx_lab *lab, const rx_lab_sky *sky, long numb
         return rx_error_memory(err, n * sizeof *plane);
     for (int y = h / 4 + shift; y < h - h / 4 + shift; y++)
         for (int x = w / 4 + shift; x < w - w / 4 + shift; x++)
-            plane[(size_t)y * (size_t)w + (size_t)x] = (float)(lab->config->plateau_snr * sky->sigma);
+            plane[(size_t)y * (size_t)w + (size_t)x] = (float)(PLATEAU_SIGMAS * sky->sigma);
     rx_status status = rx_gauss_masked(w, h, sky->fwhm + EDGE, NULL, 1, plane, err);
     for (size_t i = 0; i < n && status == RX_OK; i++)
         tile->pixels[i] = (float)(level + (double)plane[i]);
@@ -403,7 +403,7 @@ rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_ti
         dst->field->model_factor = sky->field->noise_factor;
     }
     if (id == RX_SCENE_PLATEAU)
-        RX_TRY_EXIT(put_plateau(lab, sky, unit->number, dst->field, err));
+        RX_TRY_EXIT(put_plateau(sky, unit->number, dst->field, err));
     if (lab->kind->fluxes)
         RX_TRY_EXIT(find_company(sky, &dst->objects, err));
     for (long i = 0; pairs && i < dst->objects.n; i++)
