@@ -233,19 +233,8 @@ static rx_status describe(rx_lab *lab, rx_error *err)
     return RX_OK;
 }
 
-const rx_lab_kind rx_kind_detection = {.name = "DETECTION",
-                                       .title = "Detection campaign",
-                                       .tag = 0x6465746563,
-                                       .most = RX_LAB_RUNS,
-                                       .ntables = RX_DETECTION_TABLES,
-                                       .tables = rx_detection_tables,
-                                       .objects = RX_DETECTION_OBJECT,
-                                       .wrong = RX_DETECTION_FALSE,
-                                       .deep = 1,
-                                       .open = open_runs,
-                                       .tile = rx_lab_tile_make,
-                                       .rows = add_objects,
-                                       .found = found,
-                                       .unit = unit,
-                                       .describe = describe,
-                                       .results = &rx_detection_results};
+RX_LAB_KIND(rx_kind_detection, .name = "DETECTION", .title = "Detection campaign", .tag = 0x6465746563,
+            .most = RX_LAB_RUNS, .ntables = RX_DETECTION_TABLES, .tables = rx_detection_tables,
+            .objects = RX_DETECTION_OBJECT, .wrong = RX_DETECTION_FALSE, .deep = 1, .open = open_runs,
+            .tile = rx_lab_tile_make, .rows = add_objects, .found = found, .unit = unit, .describe = describe,
+            .results = &rx_detection_results);

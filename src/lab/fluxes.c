@@ -218,19 +218,8 @@ static rx_status describe(rx_lab *lab, rx_error *err)
     return RX_OK;
 }
 
-const rx_lab_kind rx_kind_fluxes = {.name = "FLUXES",
-                                    .title = "Campaign of fluxes",
-                                    .tag = 0x666c757865,
-                                    .most = RX_FLUXES_RUNS,
-                                    .ntables = RX_FLUXES_TABLES,
-                                    .tables = rx_fluxes_tables,
-                                    .deep = 1,
-                                    .fluxes = 1,
-                                    .open = open_runs,
-                                    .untouched = untouched,
-                                    .tile = rx_lab_tile_make,
-                                    .rows = add_props,
-                                    .found = found,
-                                    .unit = rx_lab_search_unit,
-                                    .describe = describe,
-                                    .results = &rx_fluxes_results};
+RX_LAB_KIND(rx_kind_fluxes, .name = "FLUXES", .title = "Campaign of fluxes", .tag = 0x666c757865,
+            .most = RX_FLUXES_RUNS, .ntables = RX_FLUXES_TABLES, .tables = rx_fluxes_tables, .deep = 1,
+            .fluxes = 1, .open = open_runs, .untouched = untouched, .tile = rx_lab_tile_make,
+            .rows = add_props, .found = found, .unit = rx_lab_search_unit, .describe = describe,
+            .results = &rx_fluxes_results);

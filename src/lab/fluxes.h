@@ -76,20 +76,24 @@ extern const rx_lab_schema rx_fluxes_tables[RX_FLUXES_TABLES];
 
 /* --- numbers --- */
 
-/* What a number is of. */
+/* What a number is of; kind: 0 stars, 1 galaxies. Indices that a grid does not have are passed over. */
 enum {
     RX_OF_SAMPLE,
     RX_OF_SCENE,
     RX_OF_CROWD,
-    RX_OF_KIND, /* 0 stars, 1 galaxies */
+    RX_OF_KIND,
     RX_OF_CONDITION,
     RX_OF_SNR,
     RX_OF_SEPARATION,
-    RX_OF_RUN,
-    RX_OF_FLUX,
-    RX_OF_ALL
+    RX_OF_RUN
 };
-typedef int rx_fluxes_place[RX_OF_ALL];
+enum { RX_OF_FLUX = RX_OF_RUN + 1, RX_OF_ALL };
+typedef union rx_fluxes_place {
+    struct {
+        int sample, scene, crowd, kind, condition, snr, separation, run, flux;
+    };
+    int at[RX_OF_ALL];
+} rx_fluxes_place;
 
 /* All fluxes of a restorer are of the same objects. DETECTED: found (APART: resolved) by this restorer, without sources
  * that only the residual of the templates showed, of which AUTO and apertures know nothing. ALL: with them. COMMON:
@@ -158,7 +162,6 @@ enum {
 
 enum { RX_FLUXES_CELLS, RX_FLUXES_PAIRS, RX_FLUXES_INVENTED, RX_FLUXES_GRIDS };
 extern const rx_lab_results rx_fluxes_results;
-/* The numbers of a grid at a place; indices that it does not have are passed over. */
-rx_estimate *rx_fluxes_at(const rx_store *store, int grid, const rx_fluxes_place place);
+rx_estimate *rx_fluxes_at(const rx_store *store, int grid, rx_fluxes_place place);
 
 #endif

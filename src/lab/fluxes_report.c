@@ -68,11 +68,12 @@ static int size_of(const rx_lab *lab, int grid, int index)
     return size[index];
 }
 
-rx_estimate *rx_fluxes_at(const rx_store *s, int grid, const rx_fluxes_place place)
+rx_estimate *rx_fluxes_at(const rx_store *s, int grid, rx_fluxes_place place)
 {
     size_t at = 0;
     for (int i = 0; i < GRIDS[grid].n; i++)
-        at = at * (size_t)size_of(s->lab, grid, GRIDS[grid].index[i]) + (size_t)place[GRIDS[grid].index[i]];
+        at =
+            at * (size_t)size_of(s->lab, grid, GRIDS[grid].index[i]) + (size_t)place.at[GRIDS[grid].index[i]];
     return (rx_estimate *)s->own[grid] + at * (size_t)GRIDS[grid].width;
 }
 
@@ -85,11 +86,11 @@ static long count_places(const rx_lab *lab, int grid, int fixed)
     return n;
 }
 
-static void set_place(const rx_lab *lab, int grid, int fixed, long k, rx_fluxes_place place)
+static void set_place(const rx_lab *lab, int grid, int fixed, long k, rx_fluxes_place *place)
 {
     for (int i = GRIDS[grid].n - 1; i >= fixed; i--) {
         const int size = size_of(lab, grid, GRIDS[grid].index[i]);
-        place[GRIDS[grid].index[i]] = (int)(k % size);
+        place->at[GRIDS[grid].index[i]] = (int)(k % size);
         k /= size;
     }
 }
@@ -155,9 +156,9 @@ static double to_mag(double ratio)
     return ratio > 0 ? -2.5 * log10(ratio) : NAN;
 }
 
-static const rx_lab_table *objects_of(const rx_lab *lab, const rx_fluxes_place p)
+static const rx_lab_table *objects_of(const rx_lab *lab, rx_fluxes_place p)
 {
-    return &rx_lab_set_of(lab, p[RX_OF_CONDITION], p[RX_OF_SCENE])->table[RX_FLUXES_OBJECT];
+    return &rx_lab_set_of(lab, p.condition, p.scene)->table[RX_FLUXES_OBJECT];
 }
 
 /* --- cells --- */
@@ -173,24 +174,23 @@ static int is_measured(const rx_lab_table *set, int run, long i, int sample)
 }
 
 /* Is object i in the sample. */
-static int takes_part(const rx_lab *lab, const rx_lab_table *set, const rx_fluxes_place p, long i)
+static int takes_part(const rx_lab *lab, const rx_lab_table *set, rx_fluxes_place p, long i)
 {
     static const int company[RX_CROWDS] = {RX_ISOLATED, RX_BLENDED, RX_BLENDED, RX_NEITHER};
     const double *prop = rx_lab_own(set, i);
-    if ((int)prop[RX_PROP_GALAXY] != p[RX_OF_KIND] ||
-        (int)prop[RX_PROP_BLEND_STATE] != company[p[RX_OF_CROWD]] ||
-        !(prop[RX_PROP_SNR] >= SNR[p[RX_OF_SNR]].low) || !(prop[RX_PROP_SNR] < SNR[p[RX_OF_SNR]].high))
+    if ((int)prop[RX_PROP_GALAXY] != p.kind || (int)prop[RX_PROP_BLEND_STATE] != company[p.crowd] ||
+        !(prop[RX_PROP_SNR] >= SNR[p.snr].low) || !(prop[RX_PROP_SNR] < SNR[p.snr].high))
         return 0;
     for (int run = 0; run < lab->nruns; run++)
-        if ((p[RX_OF_SAMPLE] == RX_SAMPLE_COMMON || run == p[RX_OF_RUN]) &&
-            (!is_measured(set, run, i, p[RX_OF_SAMPLE]) ||
-             (p[RX_OF_CROWD] == RX_CROWD_APART && !(rx_lab_each(set, i, run)[RX_BOTH] > 0.5))))
+        if ((p.sample == RX_SAMPLE_COMMON || run == p.run) &&
+            (!is_measured(set, run, i, p.sample) ||
+             (p.crowd == RX_CROWD_APART && !(rx_lab_each(set, i, run)[RX_BOTH] > 0.5))))
             return 0;
     return 1;
 }
 
 /* work[4]: room for all objects of a set each. */
-static void fill_cell(const rx_lab *lab, const rx_fluxes_place p, double *work[4], rx_estimate *dst)
+static void fill_cell(const rx_lab *lab, rx_fluxes_place p, double *work[4], rx_estimate *dst)
 {
     const rx_lab_table *set = objects_of(lab, p);
     double *ratio = work[0], *bound = work[1], *pull = work[2], *magerr = work[3];
@@ -199,8 +199,8 @@ static void fill_cell(const rx_lab *lab, const rx_fluxes_place p, double *work[4
     for (long i = 0; i < set->n; i++) {
         if (!takes_part(lab, set, p, i))
             continue;
-        const double *v = rx_lab_each(set, i, p[RX_OF_RUN]), error = v[RX_ERROR + p[RX_OF_FLUX]];
-        ratio[n] = v[RX_RATIO + p[RX_OF_FLUX]];
+        const double *v = rx_lab_each(set, i, p.run), error = v[RX_ERROR + p.flux];
+        ratio[n] = v[RX_RATIO + p.flux];
         if (error > 0 && isfinite(error))
             pull[npulls++] = (ratio[n] - 1) / error;
         magerr[n] = 100 * fabs(ratio[n] - 1);
@@ -208,8 +208,7 @@ static void fill_cell(const rx_lab *lab, const rx_fluxes_place p, double *work[4
         n++;
     }
     dst[RX_CELL_MAGERR] = mean_of(magerr, n);
-    robust(bound, p[RX_OF_KIND] == 0 && p[RX_OF_CROWD] == RX_CROWD_ISOLATED ? n : 0, NULL,
-           &dst[RX_CELL_BOUND]);
+    robust(bound, p.kind == 0 && p.crowd == RX_CROWD_ISOLATED ? n : 0, NULL, &dst[RX_CELL_BOUND]);
     robust(pull, npulls, &dst[RX_CELL_PULL], &dst[RX_CELL_WIDTH]);
     robust(ratio, n, &middle, &dst[RX_CELL_SCATTER]);
     dst[RX_CELL_BIAS] =
@@ -220,11 +219,11 @@ static void fill_cell(const rx_lab *lab, const rx_fluxes_place p, double *work[4
 }
 
 /* Pairs of one separation: those of which both are found, each at its place. */
-static void fill_pair(const rx_lab *lab, const rx_fluxes_place p, double *work[4], rx_estimate *dst)
+static void fill_pair(const rx_lab *lab, rx_fluxes_place p, double *work[4], rx_estimate *dst)
 {
     const rx_lab_table *set = objects_of(lab, p);
-    const int run = p[RX_OF_RUN], flux = RX_RATIO + p[RX_OF_FLUX], bin = p[RX_OF_SEPARATION];
-    const int pairs = lab->scene[p[RX_OF_SCENE]].id == RX_SCENE_MIXED_PAIRS;
+    const int run = p.run, flux = RX_RATIO + p.flux, bin = p.separation;
+    const int pairs = lab->scene[p.scene].id == RX_SCENE_MIXED_PAIRS;
     long n = 0, all = 0;
     for (long i = 0; i < set->n && pairs; i++) {
         const double *prop = rx_lab_own(set, i), share = pow(10, 0.4 * prop[RX_PROP_MAGS]);
@@ -232,8 +231,8 @@ static void fill_pair(const rx_lab *lab, const rx_fluxes_place p, double *work[4
         if (k <= i || !(prop[RX_PROP_APART] >= PAIR_EDGE[bin]) || !(prop[RX_PROP_APART] < PAIR_EDGE[bin + 1]))
             continue;
         all++;
-        if (!(rx_lab_each(set, i, run)[RX_BOTH] > 0.5) || !is_measured(set, run, i, p[RX_OF_SAMPLE]) ||
-            !is_measured(set, run, k, p[RX_OF_SAMPLE]))
+        if (!(rx_lab_each(set, i, run)[RX_BOTH] > 0.5) || !is_measured(set, run, i, p.sample) ||
+            !is_measured(set, run, k, p.sample))
             continue;
         const double a = rx_lab_each(set, i, run)[flux], b = rx_lab_each(set, k, run)[flux];
         work[0][n] = -2.5 * log10(fmax(b, LEAST_RATIO) / fmax(a, LEAST_RATIO));
@@ -246,15 +245,15 @@ static void fill_pair(const rx_lab *lab, const rx_fluxes_place p, double *work[4
     dst[RX_PAIR_BOTH] = rx_binomial_interval(n, all, LEVEL);
 }
 
-static void fill_invented(const rx_lab *lab, const rx_fluxes_place p, double *work[4], rx_estimate *dst)
+static void fill_invented(const rx_lab *lab, rx_fluxes_place p, double *work[4], rx_estimate *dst)
 {
     const rx_lab_table *set = objects_of(lab, p),
-                       *tile = &rx_lab_set_of(lab, p[RX_OF_CONDITION], p[RX_OF_SCENE])->table[RX_FLUXES_TILE];
+                       *tile = &rx_lab_set_of(lab, p.condition, p.scene)->table[RX_FLUXES_TILE];
     const double mpixels = rx_lab_sum(tile, RX_FLUXES_MPIXELS);
     long t[RX_FLUXES_TALLIES] = {0};
     for (long i = 0; i < tile->n * RX_FLUXES_TALLIES; i++)
         t[i % RX_FLUXES_TALLIES] +=
-            (long)rx_lab_each(tile, i / RX_FLUXES_TALLIES, p[RX_OF_RUN])[i % RX_FLUXES_TALLIES];
+            (long)rx_lab_each(tile, i / RX_FLUXES_TALLIES, p.run)[i % RX_FLUXES_TALLIES];
     dst[RX_INVENTED_ADDED].value = (double)t[RX_TALLY_ADDED];
     for (int kept = 0; kept < 2; kept++) {
         const long right = t[RX_TALLY_RIGHT + kept], wrong = t[RX_TALLY_FALSE + kept];
@@ -263,9 +262,9 @@ static void fill_invented(const rx_lab *lab, const rx_fluxes_place p, double *wo
         dst[kept ? RX_INVENTED_WRONG_KEPT : RX_INVENTED_WRONG].value = (double)wrong;
         dst[RX_INVENTED_PER_MPIXEL + kept] = rx_poisson_rate(wrong, mpixels, LEVEL);
         dst[RX_INVENTED_PRECISION + kept] = rx_binomial_interval(right, right + wrong, LEVEL);
-        for (long i = 0; i < set->n && lab->scene[p[RX_OF_SCENE]].id == RX_SCENE_SHREDS; i++)
-            if (!isnan(rx_lab_each(set, i, p[RX_OF_RUN])[RX_FOUND]))
-                work[0][n++] = rx_lab_each(set, i, p[RX_OF_RUN])[RX_PIECES + kept];
+        for (long i = 0; i < set->n && lab->scene[p.scene].id == RX_SCENE_SHREDS; i++)
+            if (!isnan(rx_lab_each(set, i, p.run)[RX_FOUND]))
+                work[0][n++] = rx_lab_each(set, i, p.run)[RX_PIECES + kept];
         dst[RX_INVENTED_PIECES + kept] = mean_of(work[0], n);
     }
     dst[RX_INVENTED_MARKED_WEAK] =
@@ -277,7 +276,7 @@ static void fill_invented(const rx_lab *lab, const rx_fluxes_place p, double *wo
 static rx_status measure(rx_store *s, rx_error *err)
 {
     const rx_lab *lab = s->lab;
-    static void (*const fill[RX_FLUXES_GRIDS])(const rx_lab *, const rx_fluxes_place, double *[4],
+    static void (*const fill[RX_FLUXES_GRIDS])(const rx_lab *, rx_fluxes_place, double *[4],
                                                rx_estimate *) = {fill_cell, fill_pair, fill_invented};
     size_t most = 1;
     RX_TRY(rx_store_groups(s, lab->nscenes, err));
@@ -302,7 +301,7 @@ static rx_status measure(rx_store *s, rx_error *err)
         if (s->own[grid] == NULL)
             status = rx_error_memory(err, n * sizeof(rx_estimate));
         for (size_t k = 0; k < n && status == RX_OK; k++) {
-            set_place(lab, grid, 0, (long)k, place);
+            set_place(lab, grid, 0, (long)k, &place);
             fill[grid](lab, place, work, rx_fluxes_at(s, grid, place));
         }
     }
@@ -314,29 +313,27 @@ static rx_status measure(rx_store *s, rx_error *err)
 /* --- goals --- */
 
 /* The population on a tile whose restorers are given the truth. */
-static int counts(const rx_lab *lab, const rx_fluxes_place p)
+static int counts(const rx_lab *lab, rx_fluxes_place p)
 {
-    const rx_scene_id kind = lab->scene[p[RX_OF_SCENE]].id;
-    return rx_condition_true(&lab->sky[p[RX_OF_CONDITION]].condition) &&
+    const rx_scene_id kind = lab->scene[p.scene].id;
+    return rx_condition_true(&lab->sky[p.condition].condition) &&
            (kind == RX_SCENE_FIELD || kind == RX_SCENE_MIXED_PAIRS || kind == RX_SCENE_INJECTED);
 }
 
 /* The least number of the other fluxes on the same things: of pairs of AUTO on NONE and on RL; *whose it is. */
-static double least_other(const rx_store *s, const rx_fluxes_place where, int pairs, char *whose, size_t size)
+static double least_other(const rx_store *s, rx_fluxes_place p, int pairs, char *whose, size_t size)
 {
     double best = HUGE_VAL;
-    rx_fluxes_place p;
-    memcpy(p, where, sizeof p);
     for (int i = 0; i < s->ncolumns * RX_FLUX_TEMPLATE; i++) {
-        const char *run = s->column[p[RX_OF_RUN] = i / RX_FLUX_TEMPLATE];
-        p[RX_OF_FLUX] = i % RX_FLUX_TEMPLATE;
-        if (pairs && (p[RX_OF_FLUX] != RX_FLUX_AUTO || (strcmp(run, "NONE") != 0 && strcmp(run, "RL") != 0)))
+        const char *run = s->column[p.run = i / RX_FLUX_TEMPLATE];
+        p.flux = i % RX_FLUX_TEMPLATE;
+        if (pairs && (p.flux != RX_FLUX_AUTO || (strcmp(run, "NONE") != 0 && strcmp(run, "RL") != 0)))
             continue;
         const rx_estimate *other = pairs ? &rx_fluxes_at(s, RX_FLUXES_PAIRS, p)[RX_PAIR_SIZE]
                                          : &rx_fluxes_at(s, RX_FLUXES_CELLS, p)[RX_CELL_MAGERR];
         if (other->value < best && (!pairs || other->n >= FEWEST)) {
             best = other->value;
-            snprintf(whose, size, ", against %s %s", run, word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
+            snprintf(whose, size, ", against %s %s", run, word_of(s, RX_OF_FLUX, p.flux));
         }
     }
     return best;
@@ -371,15 +368,15 @@ static void judge(const rx_store *s, rx_claim_verdict *v)
     char where[256] = "";
     int broken = 0; /* numbers beyond a limit by more than their error */
     for (int i = 0; i < bins * kinds * s->ngroups * s->lab->nconditions; i++) {
-        const rx_fluxes_place p = {[RX_OF_SAMPLE] = GOALS[v->claim].sample,
-                                   [RX_OF_CROWD] = GOALS[v->claim].crowd,
-                                   [RX_OF_RUN] = v->run,
-                                   [RX_OF_FLUX] = RX_FLUX_TEMPLATE,
-                                   [RX_OF_KIND] = i / bins % kinds,
-                                   [RX_OF_SCENE] = i / bins / kinds % s->ngroups,
-                                   [RX_OF_CONDITION] = i / bins / kinds / s->ngroups,
-                                   [RX_OF_SNR] = pairs ? 0 : from + i % bins,
-                                   [RX_OF_SEPARATION] = pairs ? i % bins : 0};
+        const rx_fluxes_place p = {.sample = GOALS[v->claim].sample,
+                                   .crowd = GOALS[v->claim].crowd,
+                                   .run = v->run,
+                                   .flux = RX_FLUX_TEMPLATE,
+                                   .kind = i / bins % kinds,
+                                   .scene = i / bins / kinds % s->ngroups,
+                                   .condition = i / bins / kinds / s->ngroups,
+                                   .snr = pairs ? 0 : from + i % bins,
+                                   .separation = pairs ? i % bins : 0};
         char whose[64] = "";
         const double over = ratio ? least_other(s, p, pairs, whose, sizeof whose) : 1;
         rx_estimate e = rx_fluxes_at(s, pairs ? RX_FLUXES_PAIRS : RX_FLUXES_CELLS, p)[GOALS[v->claim].number];
@@ -394,10 +391,9 @@ static void judge(const rx_store *s, rx_claim_verdict *v)
             continue;
         worst = beyond;
         of_worst = e;
-        snprintf(where, sizeof where, "%s of %s, %s, %s %s%s", p[RX_OF_KIND] ? "galaxies" : "stars",
-                 s->group[p[RX_OF_SCENE]].name, s->group[0].condition[p[RX_OF_CONDITION]],
-                 pairs ? "FWHM" : "S/N",
-                 pairs ? word_of(s, RX_OF_SEPARATION, p[RX_OF_SEPARATION]) : SNR[p[RX_OF_SNR]].name, whose);
+        snprintf(where, sizeof where, "%s of %s, %s, %s %s%s", p.kind ? "galaxies" : "stars",
+                 s->group[p.scene].name, s->group[0].condition[p.condition], pairs ? "FWHM" : "S/N",
+                 pairs ? word_of(s, RX_OF_SEPARATION, p.separation) : SNR[p.snr].name, whose);
     }
     v->state = v->all == 0         ? RX_GOAL_NOT_MEASURED
                : v->held == v->all ? RX_GOAL_HELD
@@ -454,20 +450,18 @@ RX_COLUMNS(SETS, RX_TEXT("condition", ""), RX_TEXT("scene", ""), RX_NUMBER("fwhm
 static const rx_report_column *const COLUMNS[RX_FLUXES_GRIDS] = {CELLS, PAIRS, INVENTED};
 
 /* Rows of all places whose first `fixed` indices are given; cells without objects are left out. Returns the first row. */
-static long add_rows(rx_report_table *t, const rx_store *s, int grid, const rx_fluxes_place where, int fixed)
+static long add_rows(rx_report_table *t, const rx_store *s, int grid, rx_fluxes_place p, int fixed)
 {
     const long from = rx_report_rows(t), n = count_places(s->lab, grid, fixed);
     const int nwords = GRIDS[grid].nwords;
     rx_cell row[16];
-    rx_fluxes_place p;
-    memcpy(p, where, sizeof p);
     for (long k = 0; k < n; k++) {
-        set_place(s->lab, grid, fixed, k, p);
+        set_place(s->lab, grid, fixed, k, &p);
         const rx_estimate *v = rx_fluxes_at(s, grid, p);
         if (grid == RX_FLUXES_CELLS && v->n == 0)
             continue;
         for (int i = 0; i < nwords; i++)
-            row[i] = rx_cell_words(word_of(s, GRIDS[grid].word[i], p[GRIDS[grid].word[i]]));
+            row[i] = rx_cell_words(word_of(s, GRIDS[grid].word[i], p.at[GRIDS[grid].word[i]]));
         for (int i = 0; i < GRIDS[grid].width; i++)
             row[nwords + i] = COLUMNS[grid][nwords + i].kind == RX_REPORT_ESTIMATE
                                   ? rx_cell_estimate(v[i])
@@ -495,21 +489,21 @@ static void show(rx_report *report, const rx_report_table *t, long from, const r
 static void add_crowd(rx_report *report, rx_report_table *const cells[RX_SAMPLES], const rx_store *s,
                       rx_fluxes_place p)
 {
-    const int isolated = p[RX_OF_CROWD] == RX_CROWD_ISOLATED;
+    const int isolated = p.crowd == RX_CROWD_ISOLATED;
     char title[96];
     for (int sample = 0; sample < RX_SAMPLES; sample++) {
-        p[RX_OF_SAMPLE] = sample;
+        p.sample = sample;
         const long from = add_rows(cells[sample], s, RX_FLUXES_CELLS, p, 4);
         if (sample != RX_SAMPLE_DETECTED || rx_report_rows(cells[sample]) == from)
             continue;
-        snprintf(title, sizeof title, "%s, %s", p[RX_OF_KIND] ? "Galaxies" : "Stars",
-                 word_of(s, RX_OF_CROWD, p[RX_OF_CROWD]));
+        snprintf(title, sizeof title, "%s, %s", p.kind ? "Galaxies" : "Stars",
+                 word_of(s, RX_OF_CROWD, p.crowd));
         if (isolated)
             rx_report_heading(report, title, NULL);
         for (int q = GRIDS[RX_FLUXES_CELLS].nwords, n = 0; q < LENGTH(CELLS); q++, n++) {
             if (n == isolated)
                 rx_report_fold(report, isolated ? "Scatter, pulls, MagErr" : title);
-            if (n != RX_CELL_BOUND || (p[RX_OF_KIND] == 0 && isolated))
+            if (n != RX_CELL_BOUND || (p.kind == 0 && isolated))
                 show(report, cells[sample], from, &CELLS[q], "snr");
         }
         rx_report_unfold(report);
@@ -517,29 +511,26 @@ static void add_crowd(rx_report *report, rx_report_table *const cells[RX_SAMPLES
 }
 
 /* Bias over S/N: TEMPLATE of every restorer, AUTO of the first (dashed). */
-static void plot(rx_figures *dst, const rx_store *s, const rx_fluxes_place where)
+static void plot(rx_figures *dst, const rx_store *s, rx_fluxes_place p)
 {
     static const double middle[RX_SNR_SINGLE] = {7.1, 14, 32, 71, 320, 2000};
     static const rx_axes axes = {"S/N", "median error (mag)", 5, 4000, -0.1, 0.1, true, false};
     rx_curves curves = {0};
-    rx_fluxes_place p;
     char names[1 + RX_FLUXES_RUNS][64], id[RX_FIGURE_ID], title[160];
-    memcpy(p, where, sizeof p);
     for (int k = 0; k <= s->ncolumns; k++) {
-        const char *run = s->column[p[RX_OF_RUN] = k % s->ncolumns];
-        p[RX_OF_FLUX] = k < s->ncolumns ? RX_FLUX_TEMPLATE : RX_FLUX_AUTO;
-        snprintf(names[k], sizeof *names, "%s %s", run, word_of(s, RX_OF_FLUX, p[RX_OF_FLUX]));
+        const char *run = s->column[p.run = k % s->ncolumns];
+        p.flux = k < s->ncolumns ? RX_FLUX_TEMPLATE : RX_FLUX_AUTO;
+        snprintf(names[k], sizeof *names, "%s %s", run, word_of(s, RX_OF_FLUX, p.flux));
         rx_curves_add(&curves, RX_CURVE_BARS, rx_method_color(run), names[k]);
-        for (p[RX_OF_SNR] = 0; p[RX_OF_SNR] < RX_SNR_SINGLE; p[RX_OF_SNR]++) {
+        for (p.snr = 0; p.snr < RX_SNR_SINGLE; p.snr++) {
             const rx_estimate *e = &rx_fluxes_at(s, RX_FLUXES_CELLS, p)[RX_CELL_BIAS];
-            rx_curves_put(&curves, middle[p[RX_OF_SNR]] * (1 + 0.03 * k), e->n >= 5 ? e->value : NAN, e->low,
+            rx_curves_put(&curves, middle[p.snr] * (1 + 0.03 * k), e->n >= 5 ? e->value : NAN, e->low,
                           e->high);
         }
     }
-    snprintf(title, sizeof title, "%s, %s, %s", p[RX_OF_KIND] ? "Galaxies" : "Stars",
-             word_of(s, RX_OF_CROWD, p[RX_OF_CROWD]), word_of(s, RX_OF_CONDITION, p[RX_OF_CONDITION]));
-    snprintf(id, sizeof id, "%s-%d-%d-%d", word_of(s, RX_OF_SCENE, p[RX_OF_SCENE]), p[RX_OF_KIND],
-             p[RX_OF_CROWD], p[RX_OF_CONDITION]);
+    snprintf(title, sizeof title, "%s, %s, %s", p.kind ? "Galaxies" : "Stars",
+             word_of(s, RX_OF_CROWD, p.crowd), word_of(s, RX_OF_CONDITION, p.condition));
+    snprintf(id, sizeof id, "%s-%d-%d-%d", word_of(s, RX_OF_SCENE, p.scene), p.kind, p.crowd, p.condition);
     rx_curves_figure(dst, id, title, "", &axes, &curves);
 }
 
@@ -569,11 +560,11 @@ static void add_scene(rx_findings *f, const rx_store *s, int g, rx_report_table 
 {
     const rx_lab *lab = s->lab;
     const rx_scene_id scene = lab->scene[g].id;
-    rx_fluxes_place p = {[RX_OF_SAMPLE] = RX_SAMPLE_DETECTED, [RX_OF_SCENE] = g};
+    rx_fluxes_place p = {.sample = RX_SAMPLE_DETECTED, .scene = g};
     for (int i = 0; i < lab->nconditions * 4 && scene != RX_SCENE_BLANK; i++) {
-        p[RX_OF_CONDITION] = i / 4;
-        p[RX_OF_KIND] = i / 2 % 2;
-        p[RX_OF_CROWD] = i % 2 ? RX_CROWD_APART : RX_CROWD_ISOLATED;
+        p.condition = i / 4;
+        p.kind = i / 2 % 2;
+        p.crowd = i % 2 ? RX_CROWD_APART : RX_CROWD_ISOLATED;
         if (rx_report_figures_of(f->report)->n < RX_FIGURES_MAX)
             plot(rx_report_figures_of(f->report), s, p);
     }
@@ -581,7 +572,7 @@ static void add_scene(rx_findings *f, const rx_store *s, int g, rx_report_table 
                         scene != RX_SCENE_BLANK ? s->group[g].name : NULL);
     rx_report_paragraph(f->report, rx_scene_about(scene));
     for (int sample = 0; sample < PAIR_SAMPLES && scene == RX_SCENE_MIXED_PAIRS; sample++) {
-        p[RX_OF_SAMPLE] = sample;
+        p.sample = sample;
         const long from = add_rows(pairs, s, RX_FLUXES_PAIRS, p, 2);
         rx_report_fold(f->report,
                        sample == RX_SAMPLE_DETECTED
@@ -592,8 +583,8 @@ static void add_scene(rx_findings *f, const rx_store *s, int g, rx_report_table 
         rx_report_unfold(f->report);
     }
     for (int i = 0; i < 2 * RX_CROWDS && scene != RX_SCENE_BLANK; i++) {
-        p[RX_OF_CROWD] = i / 2;
-        p[RX_OF_KIND] = i % 2;
+        p.crowd = i / 2;
+        p.kind = i % 2;
         add_crowd(f->report, cells, s, p);
     }
 }
@@ -621,7 +612,7 @@ static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
                           rx_lab_sum(&set->table[RX_FLUXES_TILE], RX_FLUXES_MPIXELS));
         }
         add_scene(f, s, g, cells, pairs);
-        const long from = add_rows(invented, s, RX_FLUXES_INVENTED, (rx_fluxes_place){[RX_OF_SCENE] = g}, 1);
+        const long from = add_rows(invented, s, RX_FLUXES_INVENTED, (rx_fluxes_place){.scene = g}, 1);
         rx_report_show(f->report, invented, &(rx_report_view){.from = from, .title = "Invented sources"});
         rx_text_printf(rx_report_brief_of(f->report), "%s\n", s->group[g].name);
         rx_report_show_brief(f->report, invented,

@@ -212,6 +212,7 @@ struct rx_lab {
     double level_trained[2];      /* noise levels (nn/noise_level.h) of the model's fields; 0, 0 = no model */
 };
 
+#define RX_LAB_KIND(kind, ...) const rx_lab_kind kind = {__VA_ARGS__}
 extern const rx_lab_kind rx_kind_restoration, rx_kind_photometry, rx_kind_detection, rx_kind_fluxes;
 
 /* Errors: RX_USAGE (settings that give nothing), those of files they name. */

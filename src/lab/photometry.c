@@ -434,19 +434,8 @@ static rx_status describe(rx_lab *lab, rx_error *err)
     return RX_OK;
 }
 
-const rx_lab_kind rx_kind_photometry = {.name = "PHOTOMETRY",
-                                        .title = "Photometry campaign",
-                                        .tag = 0x70686f746f,
-                                        .most = RX_METHODS_MAX,
-                                        .ntables = RX_PHOTOMETRY_TABLES,
-                                        .tables = rx_photometry_tables,
-                                        .objects = RX_PHOTOMETRY_STAR,
-                                        .wrong = RX_PHOTOMETRY_FALSE,
-                                        .open = open_runs,
-                                        .untouched = untouched,
-                                        .tile = rx_photometry_tile_make,
-                                        .rows = add_stars,
-                                        .found = found,
-                                        .unit = rx_lab_search_unit,
-                                        .describe = describe,
-                                        .results = &rx_photometry_results};
+RX_LAB_KIND(rx_kind_photometry, .name = "PHOTOMETRY", .title = "Photometry campaign", .tag = 0x70686f746f,
+            .most = RX_METHODS_MAX, .ntables = RX_PHOTOMETRY_TABLES, .tables = rx_photometry_tables,
+            .objects = RX_PHOTOMETRY_STAR, .wrong = RX_PHOTOMETRY_FALSE, .open = open_runs,
+            .untouched = untouched, .tile = rx_photometry_tile_make, .rows = add_stars, .found = found,
+            .unit = rx_lab_search_unit, .describe = describe, .results = &rx_photometry_results);

@@ -284,9 +284,9 @@ static rx_store *store_of(const rx_lab *lab)
 }
 
 #define CELL(...) rx_fluxes_at(m, RX_FLUXES_CELLS, (rx_fluxes_place){__VA_ARGS__})
-#define PAIR(...) rx_fluxes_at(m, RX_FLUXES_PAIRS, (rx_fluxes_place){[RX_OF_SCENE] = 1, __VA_ARGS__})
-#define ALL [RX_OF_SAMPLE] = RX_SAMPLE_ALL
-#define BIN(bin) [RX_OF_SNR] = bin, [RX_OF_FLUX] = RX_FLUX_TEMPLATE
+#define PAIR(...) rx_fluxes_at(m, RX_FLUXES_PAIRS, (rx_fluxes_place){.scene = 1, __VA_ARGS__})
+#define ALL .sample = RX_SAMPLE_ALL
+#define BIN(bin) .snr = bin, .flux = RX_FLUX_TEMPLATE
 
 /* By hand: the median of 1.02 + 0.01 (i - 20), i = 0..40, is 1.02, the median of |i - 20| is 10. */
 static void cells_by_hand(void **state)
@@ -305,15 +305,14 @@ static void cells_by_hand(void **state)
     assert_near(cell[RX_CELL_WIDTH].value, 1.4826, 1e-4);
     /* |0.02 + 0.01 k|, k = -20..20: 0.01 (sum of 1..22 and of 1..18) */
     assert_near(cell[RX_CELL_MAGERR].value, (253 + 171) / 41.0, 1e-3);
-    assert_int_equal(CELL(ALL, BIN(2))[RX_CELL_BIAS].n, 41);              /* S/N 20 to 50 */
-    assert_int_equal(CELL(ALL, BIN(1))[RX_CELL_BIAS].n, 0);               /* 10 to 20 */
-    cell = CELL([RX_OF_SAMPLE] = RX_SAMPLE_COMMON, BIN(RX_SNR_ABOVE_10)); /* numbers 10 to 40 */
+    assert_int_equal(CELL(ALL, BIN(2))[RX_CELL_BIAS].n, 41);       /* S/N 20 to 50 */
+    assert_int_equal(CELL(ALL, BIN(1))[RX_CELL_BIAS].n, 0);        /* 10 to 20 */
+    cell = CELL(.sample = RX_SAMPLE_COMMON, BIN(RX_SNR_ABOVE_10)); /* numbers 10 to 40 */
     assert_int_equal(cell[RX_CELL_BIAS].n, 31);
     assert_near(cell[RX_CELL_BIAS].value, -2.5 * log10(1.07), 1e-6);
-    cell =
-        CELL([RX_OF_SAMPLE] = RX_SAMPLE_COMMON, [RX_OF_SNR] = RX_SNR_ABOVE_10, [RX_OF_FLUX] = RX_FLUX_AUTO);
+    cell = CELL(.sample = RX_SAMPLE_COMMON, .snr = RX_SNR_ABOVE_10, .flux = RX_FLUX_AUTO);
     assert_near(cell[RX_CELL_BIAS].value, -2.5 * log10(2.14), 1e-6);
-    cell = CELL(ALL, [RX_OF_KIND] = 1, [RX_OF_RUN] = 1, BIN(0));
+    cell = CELL(ALL, .kind = 1, .run = 1, BIN(0));
     assert_int_equal(cell[RX_CELL_BIAS].n, 1);
     assert_near(cell[RX_CELL_BIAS].value, -2.5 * log10(0.5), 1e-6);
     assert_int_equal(cell[RX_CELL_BOUND].n, 0);
@@ -327,23 +326,21 @@ static void pairs_and_invented_by_hand(void **state)
     rx_lab *r = make_results();
     rx_store *m = store_of(r);
     assert_near(PAIR(ALL)[RX_PAIR_BOTH].value, 21.0 / 22, 1e-12);
-    assert_near(PAIR([RX_OF_SAMPLE] = RX_SAMPLE_DETECTED)[RX_PAIR_BOTH].value, 20.0 / 22, 1e-12);
-    assert_near(PAIR(ALL, [RX_OF_RUN] = 1)[RX_PAIR_BOTH].value, 0, 1e-12);
-    assert_int_equal(PAIR(ALL, [RX_OF_SEPARATION] = 1)[RX_PAIR_BOTH].n, 0);
+    assert_near(PAIR(.sample = RX_SAMPLE_DETECTED)[RX_PAIR_BOTH].value, 20.0 / 22, 1e-12);
+    assert_near(PAIR(ALL, .run = 1)[RX_PAIR_BOTH].value, 0, 1e-12);
+    assert_int_equal(PAIR(ALL, .separation = 1)[RX_PAIR_BOTH].n, 0);
     assert_int_equal(rx_fluxes_at(m, RX_FLUXES_PAIRS, (rx_fluxes_place){ALL})[RX_PAIR_BOTH].n, 0); /* FIELD */
-    const rx_estimate *cell = PAIR(ALL, [RX_OF_FLUX] = RX_FLUX_AUTO);
+    const rx_estimate *cell = PAIR(ALL, .flux = RX_FLUX_AUTO);
     assert_int_equal(cell[RX_PAIR_RATIO].n, 21);
     assert_near(cell[RX_PAIR_RATIO].value, -2.5 * log10(0.9 / 1.1), 1e-6);
     assert_near(cell[RX_PAIR_SIZE].value, -2.5 * log10(0.9 / 1.1), 1e-6);
     const double share = pow(10, -0.4);
     assert_near(cell[RX_PAIR_TOTAL].value, -2.5 * log10((1.1 + 0.9 * share) / (1 + share)), 1e-6);
-    assert_near(PAIR([RX_OF_FLUX] = RX_FLUX_TEMPLATE)[RX_PAIR_SIZE].value, 0, 1e-9);
+    assert_near(PAIR(.flux = RX_FLUX_TEMPLATE)[RX_PAIR_SIZE].value, 0, 1e-9);
     /* blended: 43 are found, of 42 the partner, too */
-    assert_int_equal(CELL(ALL, [RX_OF_SCENE] = 1, [RX_OF_CROWD] = RX_CROWD_BLENDED, BIN(RX_SNR_ABOVE_10))->n,
-                     43);
-    assert_int_equal(CELL(ALL, [RX_OF_SCENE] = 1, [RX_OF_CROWD] = RX_CROWD_APART, BIN(RX_SNR_ABOVE_10))->n,
-                     42);
-    assert_int_equal(CELL([RX_OF_SCENE] = 1, [RX_OF_CROWD] = RX_CROWD_APART, BIN(RX_SNR_ABOVE_10))->n, 41);
+    assert_int_equal(CELL(ALL, .scene = 1, .crowd = RX_CROWD_BLENDED, BIN(RX_SNR_ABOVE_10))->n, 43);
+    assert_int_equal(CELL(ALL, .scene = 1, .crowd = RX_CROWD_APART, BIN(RX_SNR_ABOVE_10))->n, 42);
+    assert_int_equal(CELL(.scene = 1, .crowd = RX_CROWD_APART, BIN(RX_SNR_ABOVE_10))->n, 41);
     const rx_estimate *v = rx_fluxes_at(m, RX_FLUXES_INVENTED, (rx_fluxes_place){0});
     assert_near(v[RX_INVENTED_RIGHT_KEPT].value, 81, 0);
     assert_near(v[RX_INVENTED_PER_MPIXEL].value, 15, 1e-12);
