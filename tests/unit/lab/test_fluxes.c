@@ -176,6 +176,8 @@ static void settings_that_make_no_sense(void **state)
          "INJECTED stands alone"},
         {{"CAMPAIGN_TYPE", "FLUXES", "FLUX_SCENES", "FIELD,FIELD", NULL}, "FIELD is named twice"},
         {{"FLUXES", "AUTO,AUTO", NULL}, "AUTO is named twice"},
+        {{"FIELDS", "SIMULATED,SIMULATED", NULL}, "SIMULATED is named twice"},
+        {{"RESTORE_TYPE", "RL,NONE,RL", NULL}, "RL is named twice"},
         {{"SHRED_SNR", "300,30", NULL}, "300 is above 30"}};
     (void)state;
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {

@@ -286,8 +286,6 @@ static void methods_come_from_the_table(void **state)
 {
     (void)state;
     rx_campaign_config *config = make_settings(SMALL);
-    rx_error err = RX_ERROR_NONE;
-    rx_lab *pointer = NULL;
     assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL_BLIND,NONE", NULL, NULL), RX_OK);
     rx_lab *campaign = open_lab(&rx_kind_restoration, config, 1);
     assert_int_equal(campaign->nruns, 2);
@@ -308,9 +306,6 @@ static void methods_come_from_the_table(void **state)
     assert_string_equal(campaign->run[3].name, "SMOOTHED");
     assert_int_equal(campaign->tunes, 1);
     rx_lab_close(campaign);
-    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "RL,NONE,RL", NULL, NULL), RX_OK);
-    assert_int_equal(rx_lab_open(&rx_kind_restoration, config, 1, NULL, &pointer, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "RL twice"));
     rx_campaign_config_free(config);
 }
 
