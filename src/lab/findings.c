@@ -89,7 +89,7 @@ static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, con
         if (found)
             rx_report_fold(f->report, "What was found");
         rx_report_show(f->report, f->claims,
-                       &(rx_report_view){.ncolumns = 2 + each + found, .columns = columns[each][found]});
+                       RX_VIEW(.ncolumns = 2 + each + found, .columns = columns[each][found]));
     }
     rx_report_unfold(f->report);
     if (!each)

@@ -475,14 +475,9 @@ static void show(rx_report *report, const rx_report_table *t, long from, const r
                  const char *row)
 {
     rx_report_show(report, t,
-                   &(rx_report_view){.from = from,
-                                     .title = c->name,
-                                     .unit = c->unit,
-                                     .note = c->help,
-                                     .rows = {"condition", row},
-                                     .across = {"run", "flux"},
-                                     .value = c->name,
-                                     .digits = c->digits});
+                   RX_VIEW(.from = from, .title = c->name, .unit = c->unit, .note = c->help,
+                           .rows = {"condition", row}, .across = {"run", "flux"}, .value = c->name,
+                           .digits = c->digits));
 }
 
 /* The bias of isolated objects lies open, the rest is folded away; all samples are in the files. */
@@ -613,10 +608,10 @@ static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
         }
         add_scene(f, s, g, cells, pairs);
         const long from = add_rows(invented, s, RX_FLUXES_INVENTED, (rx_fluxes_place){.scene = g}, 1);
-        rx_report_show(f->report, invented, &(rx_report_view){.from = from, .title = "Invented sources"});
+        rx_report_show(f->report, invented, RX_VIEW(.from = from, .title = "Invented sources"));
         rx_text_printf(rx_report_brief_of(f->report), "%s\n", s->group[g].name);
         rx_report_show_brief(f->report, invented,
-                             &(rx_report_view){.from = from, .ncolumns = LENGTH(brief), .columns = brief});
+                             RX_VIEW(.from = from, .ncolumns = LENGTH(brief), .columns = brief));
     }
     return RX_OK;
 }

@@ -648,7 +648,7 @@ static rx_status page(const rx_store *s, rx_findings *findings, rx_error *err)
                           stars_of(lab, f, k)->n, mpixels_of(lab, f, k), lab->sky[f].about);
         rx_findings_quantities(findings, s, f, lab->nprecisions + 1);
         rx_report_fold(report, "Tiles");
-        rx_report_show(report, sets, &(rx_report_view){.from = from});
+        rx_report_show(report, sets, RX_VIEW(.from = from));
         rx_report_unfold(report);
         rx_findings_contests(findings, s, f, "stars");
         RX_TRY(add_curves(s, f, curves, err));
@@ -656,7 +656,7 @@ static rx_status page(const rx_store *s, rx_findings *findings, rx_error *err)
     rx_report_section(report, "runs", "Restorers");
     for (int run = 0; run < lab->nruns; run++)
         rx_report_put(runs, lab->run[run].name, lab->run[run].settings);
-    rx_report_show(report, runs, &(rx_report_view){0});
+    rx_report_show(report, runs, RX_VIEW(.from = 0));
     return RX_OK;
 }
 

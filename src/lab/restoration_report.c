@@ -485,9 +485,9 @@ static void add_bins(rx_report *report, const rx_store *s)
     }
     rx_report_section(report, "bins", "Bins, and where the network's training lies");
     rx_report_show(report, bins,
-                   &(rx_report_view){.note = "Models know noise on a scale of their own, the noise level: "
-                                             "255 times the noise over what the brightest 0.1 % of the "
-                                             "blurred scene exceed."});
+                   RX_VIEW(.note = "Models know noise on a scale of their own, the noise level: "
+                                   "255 times the noise over what the brightest 0.1 % of the "
+                                   "blurred scene exceed."));
 }
 
 /* The printed numbers of the paper beside ours, of the first pair. */
@@ -515,7 +515,7 @@ static void add_paper(rx_report *report, const rx_store *s)
                  s->column[s->pair[0][0]], s->column[s->pair[0][1]]);
         rx_report_sentence(report, words);
     }
-    rx_report_show(report, t, &(rx_report_view){0});
+    rx_report_show(report, t, RX_VIEW(.from = 0));
 }
 
 static const char READING[] = "The reference is the scene without noise at the target PSF; noise and PSNR "

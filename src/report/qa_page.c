@@ -97,7 +97,7 @@ static void add_verdicts(page *p)
 static void show_runs(page *p, int n, const char *const *columns)
 {
     rx_report_show(p->report, p->t.runs,
-                   &(rx_report_view){.turned = 1, .without_empty = 1, .ncolumns = n, .columns = columns});
+                   RX_VIEW(.turned = 1, .without_empty = 1, .ncolumns = n, .columns = columns));
 }
 
 static void show_summary(page *p)
@@ -120,7 +120,7 @@ static void show_gates(page *p)
     if (rx_report_rows(p->t.gates) == 0)
         return;
     rx_report_section(p->report, "gates", "Gates");
-    rx_report_show(p->report, p->t.gates, &(rx_report_view){.ncolumns = COUNT(columns), .columns = columns});
+    rx_report_show(p->report, p->t.gates, RX_VIEW(.ncolumns = COUNT(columns), .columns = columns));
     rx_report_note(
         p->report,
         "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. "
@@ -165,12 +165,12 @@ static void show_psf(page *p)
     if (p->t.psf == NULL)
         return;
     rx_report_section(p->report, "psf", "The PSF");
-    rx_report_show(p->report, p->t.psf, &(rx_report_view){.turned = 1, .without_empty = 1});
+    rx_report_show(p->report, p->t.psf, RX_VIEW(.turned = 1, .without_empty = 1));
     if (p->t.psf_bins == NULL)
         return;
     rx_report_place(p->report, "psf-");
     if (rx_report_rows(p->t.psf_bins) > 0)
-        rx_report_show(p->report, p->t.psf_bins, &(rx_report_view){.title = "Reserved stars by magnitude"});
+        rx_report_show(p->report, p->t.psf_bins, RX_VIEW(.title = "Reserved stars by magnitude"));
     rx_report_note(p->report,
                    "Reserved stars were never fitted; shapes are under a round Gaussian as wide as the "
                    "PSF. psf_stars.ecsv and psf_growth.ecsv hold what is drawn.");
@@ -205,7 +205,7 @@ static void show_comparisons(page *p)
     if (rx_report_rows(p->t.comparisons) == 0)
         return;
     rx_report_section(p->report, "duel", "Restorers on the same references");
-    rx_report_show(p->report, p->t.comparisons, &(rx_report_view){0});
+    rx_report_show(p->report, p->t.comparisons, RX_VIEW(.from = 0));
     rx_report_note(
         p->report,
         "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both "
@@ -242,7 +242,7 @@ static void show_models(page *p)
     if (rx_report_rows(p->t.models) == 0)
         return;
     rx_report_section(p->report, "models", "What the model promises here");
-    rx_report_show(p->report, p->t.models, &(rx_report_view){.turned = 1, .without_empty = 1});
+    rx_report_show(p->report, p->t.models, RX_VIEW(.turned = 1, .without_empty = 1));
     rx_report_note(
         p->report,
         "Promised: what the model did on its test images of this seeing and noise. Here: as in the "
@@ -262,15 +262,9 @@ static void show_bins(page *p)
     for (int i = 0; i < COUNT(shown); i++) {
         const rx_report_column column = rx_qa_metric_column(p->q->input, shown[i]);
         rx_report_show(p->report, p->t.bins,
-                       &(rx_report_view){.from = p->q->input->nruns,
-                                         .title = column.name,
-                                         .unit = column.unit,
-                                         .note = column.help,
-                                         .rows = {"mag_low", "mag_high"},
-                                         .across = {"run"},
-                                         .value = column.name,
-                                         .digits = column.digits,
-                                         .without_empty = 1});
+                       RX_VIEW(.from = p->q->input->nruns, .title = column.name, .unit = column.unit,
+                               .note = column.help, .rows = {"mag_low", "mag_high"}, .across = {"run"},
+                               .value = column.name, .digits = column.digits, .without_empty = 1));
     }
     rx_report_unfold(p->report);
 }
@@ -325,7 +319,7 @@ static void add_brief(page *p, bool whole)
                           rx_verdict_name(r->verdict));
     }
     if (rx_report_rows(gates) > 0)
-        rx_report_show_brief(p->report, gates, &(rx_report_view){.intervals = 1});
+        rx_report_show_brief(p->report, gates, RX_VIEW(.intervals = 1));
     bool senseless = false;
     for (int run = 0; run < q->input->nruns; run++) {
         const rx_evaluation *e = &q->evaluation[run];
@@ -337,7 +331,7 @@ static void add_brief(page *p, bool whole)
                       common > SENSELESS ? NAN : common, m[RX_METRIC_BIAS_MAG].value,
                       m[RX_METRIC_MAG50].value, e->run->seconds);
     }
-    rx_report_show_brief(p->report, t, &(rx_report_view){0});
+    rx_report_show_brief(p->report, t, RX_VIEW(.from = 0));
     if (whole)
         rx_text_printf(
             brief,

@@ -7,9 +7,9 @@
  *   rx_report *r = rx_report_new("Validation: ", title);
  *   rx_report_fact(r, "type", "detection");
  *   rx_report_section(r, "lists", "Lists");
- *   rx_report_table *t = rx_report_table_add(r, "cells", N, columns, RX_REPORT_IN_JSON);
- *   rx_report_row(t, (rx_cell[]){rx_cell_words("NET"), rx_cell_estimate(recall)});
- *   rx_report_show(r, t, &(rx_report_view){.to = rx_report_rows(t), .title = "Recall"});
+ *   rx_report_table *t = RX_REPORT_TABLE(r, "cells", COLUMNS, RX_REPORT_IN_JSON);
+ *   rx_report_put(t, "NET", recall);
+ *   rx_report_show(r, t, RX_VIEW(.title = "Recall"));
  *   status = rx_report_write(r, &(rx_report_files){folder, shown, ...}, brief, err);
  *   rx_report_free(r);
  *
@@ -207,6 +207,7 @@ typedef struct rx_report_view {
     int intervals; /* there: with those of estimates */
 } rx_report_view;
 
+#define RX_VIEW(...) (&(rx_report_view){__VA_ARGS__})
 void rx_report_show(rx_report *report, const rx_report_table *table, const rx_report_view *view);
 void rx_report_show_brief(rx_report *report, const rx_report_table *table,
                           const rx_report_view *view); /* for the terminal alone */

@@ -232,10 +232,9 @@ static void show(rx_report *report, const rx_report_table *t, long to, int ncolu
                  const char *const *columns)
 {
     if (to > 0)
-        rx_report_show(
-            report, t,
-            &(rx_report_view){
-                .to = to, .most = ROWS_SHOWN, .without_empty = 1, .ncolumns = ncolumns, .columns = columns});
+        rx_report_show(report, t,
+                       RX_VIEW(.to = to, .most = ROWS_SHOWN, .without_empty = 1, .ncolumns = ncolumns,
+                               .columns = columns));
     else
         rx_report_paragraph(report, "None.");
 }

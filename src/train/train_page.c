@@ -160,10 +160,8 @@ rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, cons
     }
     rx_report_section(report, "epochs", "Epochs");
     rx_report_show(report, add_log(report, h),
-                   &(rx_report_view){.from = h->n > EPOCHS_SHOWN ? h->n - EPOCHS_SHOWN : 0,
-                                     .to = h->n,
-                                     .ncolumns = COUNT(columns),
-                                     .columns = columns});
+                   RX_VIEW(.from = h->n > EPOCHS_SHOWN ? h->n - EPOCHS_SHOWN : 0, .to = h->n,
+                           .ncolumns = COUNT(columns), .columns = columns));
     rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
                            "dictionary.ecsv.");
     add_dictionary(report, h, page->selection);
