@@ -60,9 +60,8 @@ static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output 
 
 static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, const rx_lab_run *runs)
 {
-    static const char *const columns[2][2][4] = {
-        {{"words", "verdict"}, {"claim", "verdict", "found"}},
-        {{"words", "run", "verdict"}, {"words", "run", "verdict", "found"}}};
+    static const char *const claimed[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found",
+                                                                                 "run"};
     const int each = verdicts->n > 0 && verdicts->list[0].run >= 0;
     int count[RX_CLAIM_STATES] = {0};
     char word[32], sentence[160];
@@ -85,12 +84,13 @@ static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, con
     rx_report_verdict(f->report, broken > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
     rx_report_section(f->report, each ? "goals" : "claims",
                       each ? "Goals" : "The paper's claims, and our goals");
-    for (int found = 0; found < 2; found++) {
-        if (found)
-            rx_report_fold(f->report, "What was found");
+    if (each)
         rx_report_show(f->report, f->claims,
-                       RX_VIEW(.ncolumns = 2 + each + found, .columns = columns[each][found]));
-    }
+                       RX_VIEW(.rows = {"words"}, .across = {"run"}, .value = "verdict"));
+    else
+        rx_report_show(f->report, f->claims, RX_VIEW(.ncolumns = 2, .columns = claimed));
+    rx_report_fold(f->report, "What was found");
+    rx_report_show(f->report, f->claims, RX_VIEW(.ncolumns = 3 + each, .columns = found));
     rx_report_unfold(f->report);
     if (!each)
         rx_report_note(
