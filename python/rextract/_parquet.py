@@ -5,6 +5,7 @@ import json
 import os
 from typing import Union
 
+import numpy as np
 from astropy.table import Table
 
 from ._errors import UsageError
@@ -23,10 +24,12 @@ def to_parquet(table: Table, path: Union[str, os.PathLike], **options) -> None:
     fields, arrays = [], []
     for name in table.colnames:
         column = table[name]
-        values = column.data
+        values = np.ma.asarray(column.data)
         if values.ndim > 2:
             raise UsageError(f"{name} holds images of {values.shape[1:]} pixels, which Parquet has no type for; leave it out")
-        data = pyarrow.array(values.reshape(-1))
+        flat = np.ascontiguousarray(values.data.reshape(-1), dtype=values.dtype.newbyteorder("="))
+        hidden = np.ma.getmaskarray(values).reshape(-1)
+        data = pyarrow.array(flat, mask=hidden if hidden.any() else None)
         if values.ndim == 2:
             data = pyarrow.FixedSizeListArray.from_arrays(data, values.shape[1])
         about = {"unit": str(column.unit or ""), "description": column.description or "", "ucd": column.meta.get("ucd", "")}

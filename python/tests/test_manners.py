@@ -9,6 +9,7 @@ import time
 import unittest
 import warnings
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 from support import KEYWORDS, InFolder
@@ -129,6 +130,8 @@ class WhileItRuns(InFolder):
             rextract.restore(self.pixels, stop=lambda: time.monotonic() > end, **{**KEYWORDS, "RL_NITER": 100000})
 
     def test_ctrl_c(self):
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+        self.addCleanup(signal.signal, signal.SIGINT, before)
         timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
         self.addCleanup(timer.cancel)
         with self.assertRaises(KeyboardInterrupt):
@@ -255,6 +258,29 @@ class Parquet(InFolder):
         self.assertEqual(json.loads(read.schema.metadata[b"rextract"])["RXREST"], "RL")
         np.testing.assert_array_equal(read["FLUX_APER"].to_pylist(), table["FLUX_APER"])
         np.testing.assert_array_equal(read["ALPHA_J2000"].to_numpy(), table["ALPHA_J2000"])
+
+    def test_what_pyarrow_is_given(self):
+        """By one that stands in for it and notes it down."""
+        given = mock.MagicMock()
+        given.array.side_effect = lambda values, mask: mock.Mock(values=values, mask=mask, type=values.dtype)
+        given.FixedSizeListArray.from_arrays.side_effect = lambda data, n: mock.Mock(values=data.values, n=n, type="list")
+        table = rextract.measure(self.pixels, header=self.header, columns=["MAG_AUTO", "FLUX_APER(2)"], PHOT_APERTURES=[5, 8],
+                                 **KEYWORDS)
+        table["SWAPPED"] = np.ma.MaskedArray(np.arange(len(table), dtype=">f8"), np.arange(len(table)) == 1)
+        with mock.patch.dict(sys.modules, {"pyarrow": given, "pyarrow.parquet": given.parquet}):
+            rextract.to_parquet(table, "out.parquet", compression="zstd")
+            with self.assertRaisesRegex(rextract.UsageError, "VIGNET"):
+                rextract.to_parquet(rextract.measure(self.pixels, columns=["VIGNET(3,3)"], **KEYWORDS), "out.parquet")
+        fields = {call.args[0]: call.kwargs["metadata"] for call in given.field.call_args_list}
+        self.assertEqual(fields["MAG_AUTO"]["unit"], "mag")
+        self.assertIn("Kron", fields["MAG_AUTO"]["description"])
+        self.assertEqual(fields["SWAPPED"], {})
+        arrays = given.Table.from_arrays.call_args.args[0]
+        self.assertEqual([array.values.dtype.isnative for array in arrays], [True] * 3)
+        self.assertEqual((arrays[1].n, arrays[1].values.size), (2, 2 * len(table)))
+        self.assertEqual(list(np.flatnonzero(arrays[2].mask)), [1])
+        self.assertEqual(given.parquet.write_table.call_args.kwargs, {"compression": "zstd"})
+        self.assertIn('"RXREST": "RL"', given.schema.call_args.kwargs["metadata"]["rextract"])
 
     @unittest.skipIf(pyarrow is not None, "pyarrow is installed")
     def test_without_pyarrow(self):

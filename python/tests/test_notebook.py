@@ -22,7 +22,8 @@ class Notebook(InFolder):
         super().setUp()
         before = dict(os.environ)
         self.addCleanup(lambda: (os.environ.clear(), os.environ.update(before)))
-        os.environ.update(MPLBACKEND="Agg", REXTRACT_EXAMPLE=str(SOURCES / "tests" / "data"),
+        os.environ.pop("MPLBACKEND", None)
+        os.environ.update(REXTRACT_EXAMPLE=str(SOURCES / "tests" / "data"),
                           PYTHONPATH=os.pathsep.join(path for path in sys.path if path))
 
     def check(self, printed):
@@ -37,6 +38,7 @@ class Notebook(InFolder):
         """As a script, with what they print."""
         import contextlib
         import io
+        os.environ["MPLBACKEND"] = "Agg"
         said, names = io.StringIO(), {}
         cells = [cell for cell in json.loads(NOTEBOOK.read_text())["cells"] if cell["cell_type"] == "code"]
         with contextlib.redirect_stdout(said):
@@ -53,6 +55,8 @@ class Notebook(InFolder):
         ExecutePreprocessor(timeout=600, kernel_name="python3").preprocess(notebook, {"metadata": {"path": os.getcwd()}})
         outputs = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
         self.check("".join(output.text for output in outputs if output.output_type == "stream" and output.name == "stdout"))
+        pictures = [output for output in outputs if "image/png" in output.get("data", {})]
+        self.assertEqual(len(pictures), 2)
         keep = os.environ.get("RX_NOTEBOOK_KEEP")
         if keep:
             from nbconvert import HTMLExporter

@@ -143,10 +143,9 @@ exit:
     return status;
 }
 
-rx_status rx_job_arrays(const rx_job *job, const rx_job_images *images, rx_log *log, rx_job_result *dst,
-                        rx_error *err)
+static rx_status run_arrays(const rx_job *job, const rx_job_images *images, rx_log *log, rx_job_result *dst,
+                            rx_error *err)
 {
-    *dst = (rx_job_result){0};
     RX_TRY(make_options(job, log, dst, err));
     const rx_options *options = dst->options;
     const rx_pipeline_params *params = &options->pipeline;
@@ -170,6 +169,16 @@ rx_status rx_job_arrays(const rx_job *job, const rx_job_images *images, rx_log *
         RX_TRY(extract(options, log, dst, err));
     rx_log_part(log, "done", 1.0, 1.0);
     return dst->facts.failed ? rx_error_memory(err, 0) : RX_OK;
+}
+
+rx_status rx_job_arrays(const rx_job *job, const rx_job_images *images, rx_log *log, rx_job_result *dst,
+                        rx_error *err)
+{
+    *dst = (rx_job_result){0};
+    const rx_status status = run_arrays(job, images, log, dst, err);
+    if (status != RX_OK)
+        rx_job_result_free(dst);
+    return status;
 }
 
 void rx_job_result_free(rx_job_result *result)

@@ -50,8 +50,9 @@ typedef struct rx_job_result {
 } rx_job_result;
 
 /* One restorer on one image in memory; no file is written. Keywords of outputs (CATALOG_NAME, CHECKIMAGE_TYPE ...) have no
- * effect, maps and reports are refused: weights come as an array. Without job->config no default.sex is read. Errors: RX_USAGE,
- * RX_INPUT, RX_SYSTEM, RX_NOT_RESTORED, RX_INTERRUPTED. Free with rx_job_result_free(), after an error too. */
+ * effect, maps and reports are refused: weights come as an array. Without job->config no default.sex is read. Errors:
+ * RX_USAGE, RX_INPUT, RX_SYSTEM, RX_NOT_RESTORED, RX_INTERRUPTED. Free with rx_job_result_free(); nothing is left after an
+ * error. */
 rx_status rx_job_arrays(const rx_job *job, const rx_job_images *images, rx_log *log, rx_job_result *dst,
                         rx_error *err);
 void rx_job_result_free(rx_job_result *result);
