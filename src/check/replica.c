@@ -40,6 +40,7 @@ rx_status rx_replica_new(const rx_tile *src, const rx_replica_part *part, rx_til
     tile->flagmaps = NULL;
     tile->name = rx_strdup(src->name);
     tile->extname = rx_strdup(src->extname);
+    tile->lent = false;
     tile->pixels = copy_plane(src->pixels, src, part, sizeof(float), &failed);
     tile->mask = copy_plane(src->mask, src, part, sizeof(uint8_t), &failed);
     tile->weight = copy_plane(src->weight, src, part, sizeof(float), &failed);
