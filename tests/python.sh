@@ -4,6 +4,7 @@
 # already (RX_PYTHON_INSTALLED=1).
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+# shellcheck source=tests/lib.sh
 . "$top/tests/lib.sh"
 need rextract
 python=${RX_PYTHON:-/usr/bin/python3}
