@@ -84,4 +84,65 @@ if command -v stilts >/dev/null; then
 else
     skip 'tables in STILTS' 'stilts is not installed'
 fi
+
+# --- references ---
+
+if /usr/bin/python3 -c 'import astropy' 2>/dev/null; then
+    /usr/bin/python3 - "$top" >log 2>&1 <<'END'
+"""The truth of the tile under the names of surveys, as CSV, FITS and VOTable; Gaia's at the epoch 2016.0, with motions of up to
+10 arcsec a year."""
+import sys
+
+import astropy.units as u
+import numpy as np
+from astropy.coordinates import SkyCoord
+from astropy.io import fits
+from astropy.table import Table
+from astropy.time import Time
+
+top = sys.argv[1]
+with fits.open(top + "/tests/data/sim.fits.fz") as hdus:
+    tile = [h for h in hdus if h.data is not None][0]
+    tile.header["DATE-OBS"] = "2024-01-02T06:00:00"
+    fits.writeto("tile.fits", tile.data, tile.header)
+truth = Table.read(top + "/tests/data/sim_truth.fits")
+ra, dec, mag = (np.array(truth[c]) for c in ("ALPHA_J2000", "DELTA_J2000", "MAG"))
+rng = np.random.default_rng(1)
+pm = rng.uniform(-1e4, 1e4, (2, len(ra)))
+now = SkyCoord(ra * u.deg, dec * u.deg, pm_ra_cosdec=pm[0] * u.mas / u.yr, pm_dec=pm[1] * u.mas / u.yr, distance=1 * u.pc,
+               radial_velocity=0 * u.km / u.s, obstime=Time("2024-01-02T06:00:00"))
+then = now.apply_space_motion(new_obstime=Time(2016.0, format="jyear", scale="tcb"))
+gaia = Table({"designation": ["Gaia DR3 %d" % i for i in range(len(ra))], "ra": then.ra.deg, "dec": then.dec.deg,
+              "pmra": then.pm_ra_cosdec.to_value(u.mas / u.yr), "pmdec": then.pm_dec.to_value(u.mas / u.yr),
+              "ref_epoch": np.full(len(ra), 2016.0), "phot_g_mean_mag": mag, "phot_g_mean_flux_over_error": 100 + 0 * mag,
+              "phot_rp_mean_mag": mag - 0.5})
+gaia.write("gaia.csv")
+gaia.write("gaia.fits")
+gaia.write("gaia.vot", format="votable")
+Table({"raMean": ra, "decMean": dec, "gMeanPSFMag": mag + 0.7, "rMeanPSFMag": mag, "rMeanPSFMagErr": 0.01 + 0 * mag}).write("ps1.csv")
+Table({"ra": ra, "dec": dec, "psfMag_g": mag + 0.7, "psfMag_r": mag, "psfMagErr_r": 0.01 + 0 * mag}).write("sdss.fits")
+Table({"RA": ra, "DEC": dec, "MAG_AUTO_G": mag + 0.7, "MAG_AUTO_R": mag, "MAGERR_AUTO_R": 0.01 + 0 * mag}).write("des.vot", format="votable")
+END
+    result 'references of surveys are made' $? log
+    for reference in "$top/tests/data/sim_truth.fits" gaia.csv gaia.fits gaia.vot ps1.csv sdss.fits des.vot; do
+        "$programs/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -REFERENCE_NAME "$reference" -QA_NAME "qa_$(basename "$reference")" \
+            -MAG_ZEROPOINT 25 -VERBOSE_TYPE QUIET
+    done >log 2>&1
+    /usr/bin/python3 - >>log 2>&1 <<'END'
+import json
+
+plain = json.load(open("qa_sim_truth.fits/summary.json"))["runs"][0]
+assert plain["matched"] > 100
+for name in "gaia.csv", "gaia.fits", "gaia.vot", "ps1.csv", "sdss.fits", "des.vot":
+    d = json.load(open("qa_%s/summary.json" % name))
+    run = d["runs"][0]
+    assert run["matched"] == plain["matched"], (name, run["matched"], plain["matched"])
+    for key in "bias_mag", "dx", "dy", "scatter_x":
+        assert abs(run[key]["value"] - plain[key]["value"]) < 3e-4, (name, key, run[key]["value"] - plain[key]["value"])
+    assert ("moved to 2024.002" in d["reference"]) == name.startswith("gaia"), d["reference"]
+END
+    result 'references of surveys in CSV, FITS and VOTable are the truth, moved to the epoch of the tile' $? log
+else
+    skip 'references of surveys' 'python3-astropy is not installed'
+fi
 finish

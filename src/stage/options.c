@@ -244,6 +244,16 @@ static rx_status reference_options(const rx_config *cfg, rx_options *dst, rx_err
     }
     dst->reference.ncolumns = cfg->reference_columns.n;
     dst->reference.columns = (const char *const *)cfg->reference_columns.v;
+    if (cfg->reference_color_term.n > 0) {
+        char *end = NULL;
+        const rx_strings *term = &cfg->reference_color_term;
+        dst->reference.colour_term = strtod(term->v[0], &end);
+        if (term->n != 3 || *end != '\0' || !isfinite(dst->reference.colour_term))
+            return rx_error_set(err, RX_USAGE,
+                                "REFERENCE_COLOR_TERM is <coefficient>,<first>,<second>, such as 0.05,g,r");
+        dst->reference.ncolour = term->n;
+        dst->reference.colour = (const char *const *)term->v;
+    }
     dst->qa.by.seed = dst->pipeline.seed;
     dst->qa.by.nthreads = dst->pipeline.nthreads;
     if (cfg->qa_gates[0] == '\0')

@@ -1,7 +1,10 @@
 /* Reading the reference catalogue's columns. */
 #include "stage/reference.h"
 
+#include <ctype.h>
 #include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -9,6 +12,7 @@
 #include "base/memory.h"
 #include "catalog/catalog.h"
 #include "io/wcs.h"
+#include "psf/psf_library.h"
 
 /* Names that other programs give to what we look for, tried in this order. */
 static const char *const value_names[] = {"MAG",     "MAG_TRUE", "MAG_AUTO",  "MAG_BEST",
@@ -19,9 +23,48 @@ static const char *const error_names[] = {"MAGERR", "MAGERR_AUTO", "MAG_ERR",
 
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
+/* Catalogues of surveys as their archives and VizieR give them. A magnitude is `mag` with a band of `bands` in place of %s;
+ * AUTO takes the catalogue for what the first row says whose columns `mark`, x and y it has. Motions in mas/yr, that
+ * along x times cos(delta); the epoch is that of a column (Julian years), or `year`. */
+typedef struct survey {
+    const char *type, *title, *mark, *x, *y, *mag, *error, *bands;
+    const char *motion_x, *motion_y, *epoch;
+    double year;
+} survey;
+
+#define GAIA_MOTIONS "pmra", "pmdec", "ref_epoch", 2016.0
+#define NO_MOTIONS NULL, NULL, NULL, NAN
+static const survey surveys[] = {
+    {"GAIA", "Gaia", "phot_g_mean_mag", "ra", "dec", "phot_%s_mean_mag", "phot_%s_mean_flux_over_error",
+     "G,BP,RP", GAIA_MOTIONS},
+    {"GAIA", "Gaia (VizieR)", "BPmag", "RA_ICRS", "DE_ICRS", "%smag", "e_%smag", "G,BP,RP", "pmRA", "pmDE",
+     "Epoch", 2016.0},
+    {"PS1", "Pan-STARRS1, means", "rMeanPSFMag", "raMean", "decMean", "%sMeanPSFMag", "%sMeanPSFMagErr",
+     "r,g,i,z,y", NO_MOTIONS},
+    {"PS1", "Pan-STARRS1, stacks", "rPSFMag", "raStack", "decStack", "%sPSFMag", "%sPSFMagErr", "r,g,i,z,y",
+     NO_MOTIONS},
+    {"PS1", "Pan-STARRS1 (VizieR)", "ymag", "RAJ2000", "DEJ2000", "%smag", "e_%smag", "r,g,i,z,y",
+     NO_MOTIONS},
+    {"SDSS", "SDSS", "psfMag_r", "ra", "dec", "psfMag_%s", "psfMagErr_%s", "r,u,g,i,z", "pmRa", "pmDec", NULL,
+     NAN},
+    {"SDSS", "SDSS, models", "modelMag_r", "ra", "dec", "modelMag_%s", "modelMagErr_%s", "r,u,g,i,z",
+     NO_MOTIONS},
+    {"SDSS", "SDSS (VizieR)", "umag", "RA_ICRS", "DE_ICRS", "%smag", "e_%smag", "r,u,g,i,z", NO_MOTIONS},
+    {"DES", "DES", "WAVG_MAG_PSF_R", "RA", "DEC", "WAVG_MAG_PSF_%s", "WAVG_MAGERR_PSF_%s", "R,G,I,Z,Y",
+     NO_MOTIONS},
+    {"DES", "DES", "MAG_AUTO_R", "RA", "DEC", "MAG_AUTO_%s", "MAGERR_AUTO_%s", "R,G,I,Z,Y", NO_MOTIONS},
+};
+
 typedef struct chosen {
     int x, y, value, error; /* column indices, error -1 when there is none */
     int sky, flux;
+    int over_error;         /* `error` is flux over error */
+    int motion_x, motion_y; /* -1: none */
+    int epoch;              /* -1: `year` */
+    double year;
+    int colour[2]; /* magnitudes whose difference, times the colour term, is added; -1: none */
+    const survey *survey;
+    char band[8];
 } chosen;
 
 static int find_first(const rx_table *table, const char *const *names, size_t n)
@@ -55,8 +98,121 @@ static rx_status choose_named(const rx_reference_params *par, const rx_table *ta
                                "the reference has no column '%s'; name existing ones in REFERENCE_COLUMNS",
                                par->columns[i]);
     }
-    *dst = (chosen){.x = found[0], .y = found[1], .value = found[2], .error = found[3]};
+    dst->x = found[0], dst->y = found[1], dst->value = found[2], dst->error = found[3];
     dst->sky = looks_like_sky(par->columns[0]);
+    return RX_OK;
+}
+
+/* A column of `pattern` with the band in place of %s; -1 when there is none. */
+static int find_band(const rx_table *table, const char *pattern, const char *band)
+{
+    char name[72];
+    snprintf(name, sizeof name, "%.*s%s%s", (int)(strstr(pattern, "%s") - pattern), pattern, band,
+             strstr(pattern, "%s") + 2);
+    return rx_table_find(table, name);
+}
+
+/* The word of a list with commas that `text` is, or begins with where no letter follows ("r DECam SDSS c0002"), case
+ * ignored; number < 0 and text NULL: none. */
+static bool take_band(const char *bands, int number, const char *text, char dst[8])
+{
+    for (const char *band = bands; *band != '\0'; number--) {
+        const size_t length = strcspn(band, ",");
+        const bool is = text != NULL
+                            ? strncasecmp(text, band, length) == 0 && !isalnum((unsigned char)text[length])
+                            : number == 0;
+        snprintf(dst, 8, "%.*s", (int)length, band);
+        if (is)
+            return true;
+        band += length + (band[length] == ',');
+    }
+    dst[0] = '\0';
+    return false;
+}
+
+static bool has_survey(const rx_table *table, const survey *s)
+{
+    return rx_table_find(table, s->x) >= 0 && rx_table_find(table, s->y) >= 0;
+}
+
+/* The survey that REFERENCE_TYPE names or the columns show; NULL: none. */
+static rx_status find_survey(const rx_reference_params *par, const rx_table *table, const survey **dst,
+                             rx_error *err)
+{
+    const char *type = par->type != NULL ? par->type : "AUTO";
+    const bool automatic = strcmp(type, "AUTO") == 0;
+    *dst = NULL;
+    if (strcmp(type, "PLAIN") == 0 || par->ncolumns > 0)
+        return RX_OK;
+    for (size_t i = 0; i < COUNT(surveys) && *dst == NULL; i++)
+        if ((automatic || strcmp(surveys[i].type, type) == 0) && has_survey(table, &surveys[i]) &&
+            rx_table_find(table, surveys[i].mark) >= 0)
+            *dst = &surveys[i];
+    char band[8];
+    for (size_t i = 0; i < COUNT(surveys) && !automatic; i++) /* named: any band will do */
+        for (int k = 0; *dst == NULL && strcmp(surveys[i].type, type) == 0 &&
+                        has_survey(table, &surveys[i]) && take_band(surveys[i].bands, k, NULL, band);
+             k++)
+            if (find_band(table, surveys[i].mag, band) >= 0)
+                *dst = &surveys[i];
+    if (*dst == NULL && !automatic)
+        return rx_error_at(err, RX_INPUT, par->name, -1, 0,
+                           "has no columns of positions and magnitudes by the names of %s; name them in "
+                           "REFERENCE_COLUMNS",
+                           type);
+    return RX_OK;
+}
+
+/* Columns of a survey: the band of REFERENCE_BAND, that of the tile's filter, or the survey's first one that is there. */
+static rx_status choose_survey(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
+                               chosen *dst, rx_error *err)
+{
+    const survey *s = dst->survey;
+    rx_psf_origin origin;
+    rx_psf_origin_of(tile, &origin);
+    dst->x = rx_table_find(table, s->x);
+    dst->y = rx_table_find(table, s->y);
+    dst->sky = 1;
+    if (par->band != NULL && par->band[0] != '\0') {
+        if (take_band(s->bands, -1, par->band, dst->band))
+            dst->value = find_band(table, s->mag, dst->band);
+        if (dst->value < 0)
+            return rx_error_at(err, RX_INPUT, par->name, -1, 0,
+                               "has no magnitudes of REFERENCE_BAND %s; %s has %s", par->band, s->title,
+                               s->bands);
+    } else if (take_band(s->bands, -1, origin.filter, dst->band)) {
+        dst->value = find_band(table, s->mag, dst->band);
+    }
+    for (int k = 0; dst->value < 0 && take_band(s->bands, k, NULL, dst->band); k++)
+        dst->value = find_band(table, s->mag, dst->band);
+    dst->error = s->error != NULL ? find_band(table, s->error, dst->band) : -1;
+    dst->over_error = dst->error >= 0 && strstr(s->error, "over_error") != NULL;
+    if (s->motion_x != NULL) {
+        dst->motion_x = rx_table_find(table, s->motion_x);
+        dst->motion_y = rx_table_find(table, s->motion_y);
+        dst->epoch = s->epoch != NULL ? rx_table_find(table, s->epoch) : -1;
+        dst->year = s->year;
+    }
+    return RX_OK;
+}
+
+/* The two magnitudes of REFERENCE_COLOR_TERM: bands of the survey, or columns. */
+static rx_status choose_colour(const rx_reference_params *par, const rx_table *table, chosen *dst,
+                               rx_error *err)
+{
+    for (int i = 0; i < 2 && par->ncolour > 0; i++) {
+        const char *word = par->colour[1 + i];
+        char band[8];
+        if (dst->survey != NULL && take_band(dst->survey->bands, -1, word, band))
+            dst->colour[i] = find_band(table, dst->survey->mag, band);
+        else
+            dst->colour[i] = rx_table_find(table, word);
+        if (dst->colour[i] < 0)
+            return rx_error_at(
+                err, RX_INPUT, par->name, -1, 0,
+                "has no magnitude '%s' for the colour; name a band or a column in REFERENCE_COLOR_TERM",
+                word);
+    }
     return RX_OK;
 }
 
@@ -64,13 +220,26 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
                                 chosen *dst, rx_error *err)
 {
     int want_sky = strcmp(par->coords, "SKY") == 0, want_pixel = strcmp(par->coords, "PIXEL") == 0;
-    *dst = (chosen){-1, -1, -1, -1, 0, 0};
+    *dst = (chosen){.x = -1,
+                    .y = -1,
+                    .value = -1,
+                    .error = -1,
+                    .motion_x = -1,
+                    .motion_y = -1,
+                    .epoch = -1,
+                    .colour = {-1, -1}};
+    RX_TRY(find_survey(par, table, &dst->survey, err));
+    if (dst->survey != NULL &&
+        (want_pixel || (tile->wcs == NULL && !want_sky && strcmp(par->type, "AUTO") == 0)))
+        dst->survey = NULL; /* positions in pixels stand beside */
     if (par->ncolumns > 0) {
         rx_status status = choose_named(par, table, dst, err);
         if (status != RX_OK)
             return status;
         if (want_sky || want_pixel)
             dst->sky = want_sky;
+    } else if (dst->survey != NULL) {
+        RX_TRY(choose_survey(par, table, tile, dst, err));
     } else {
         if (!want_pixel && (tile->wcs != NULL || want_sky))
             dst->sky = rx_catalog_find_positions(table, true, &dst->x, &dst->y);
@@ -86,8 +255,10 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
     dst->flux = strcmp(par->photometry, "FLUX") == 0 ||
                 (strcmp(par->photometry, "AUTO") == 0 &&
                  strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0);
-    const int numbers[4] = {dst->x, dst->y, dst->value, dst->error};
-    for (int i = 0; i < 4; i++)
+    RX_TRY(choose_colour(par, table, dst, err));
+    const int numbers[] = {dst->x,        dst->y,     dst->value,     dst->error,    dst->motion_x,
+                           dst->motion_y, dst->epoch, dst->colour[0], dst->colour[1]};
+    for (size_t i = 0; i < COUNT(numbers); i++)
         if (numbers[i] >= 0) {
             rx_status status = rx_catalog_need_numbers(par->name, table, numbers[i], err);
             if (status != RX_OK)
@@ -105,6 +276,8 @@ static void read_row(const rx_reference_params *par, const rx_table *table, cons
 {
     double value = rx_column_value(&table->columns[column->value], row, 0);
     double error = column->error >= 0 ? rx_column_value(&table->columns[column->error], row, 0) : NAN;
+    if (column->over_error)
+        error = error > 0.0 ? 1.0857362 / error : NAN;
     if (column->flux) {
         double reference_zeropoint = isfinite(par->flux_zeropoint) ? par->flux_zeropoint : zeropoint;
         dst->mag[i] = value > 0.0 ? reference_zeropoint - 2.5 * log10(value) : NAN;
@@ -113,11 +286,58 @@ static void read_row(const rx_reference_params *par, const rx_table *table, cons
         dst->mag[i] = value > -90.0 && value < 90.0 ? value : NAN;
         dst->mag_error[i] = error;
     }
+    if (column->colour[0] >= 0) {
+        const double first = rx_column_value(&table->columns[column->colour[0]], row, 0);
+        const double second = rx_column_value(&table->columns[column->colour[1]], row, 0);
+        const bool known = fabs(first) < 90.0 && fabs(second) < 90.0;
+        dst->mag[i] = known ? dst->mag[i] + par->colour_term * (first - second) : NAN;
+    }
     dst->flux[i] = pow(10.0, 0.4 * (zeropoint - dst->mag[i]));
     dst->flux_error[i] = dst->flux[i] * dst->mag_error[i] / 1.0857362;
 }
 
-static void read_positions(const rx_table *table, const chosen *column, const rx_tile *tile, rx_qa_list *dst)
+/* Where a star stands `years` later: along the tangent at its place, without parallax and radial velocity (The Hipparcos
+ * and Tycho Catalogues, ESA SP-1200, 1997, vol. 1, eq. 1.5.19). Motions in mas/yr, places in degrees. */
+static void move(double motion_x, double motion_y, double years, double *alpha, double *delta)
+{
+    const double degree = acos(-1.0) / 180.0, mas = degree / 3.6e6;
+    const double a = *alpha * degree, d = *delta * degree;
+    const double east = motion_x * mas * years, north = motion_y * mas * years;
+    const double x = cos(d) * cos(a) - sin(a) * east - sin(d) * cos(a) * north;
+    const double y = cos(d) * sin(a) + cos(a) * east - sin(d) * sin(a) * north;
+    const double z = sin(d) + cos(d) * north;
+    *alpha = atan2(y, x) / degree;
+    *alpha += *alpha < 0.0 ? 360.0 : 0.0;
+    *delta = atan2(z, hypot(x, y)) / degree;
+}
+
+/* Julian year of the tile's exposure, NAN when its header has no date. */
+static double tile_year(const rx_tile *tile)
+{
+    rx_psf_origin origin;
+    rx_psf_origin_of(tile, &origin);
+    return 2000.0 + (origin.mjd - 51544.5) / 365.25;
+}
+
+/* Rows whose motion or epoch is not known stay where they are. */
+static long apply_motions(const rx_table *table, const chosen *column, double year, rx_qa_list *dst)
+{
+    long moved = 0;
+    for (long i = 0; i < table->nrows && column->motion_x >= 0 && column->motion_y >= 0 && isfinite(year);
+         i++) {
+        const double mx = rx_column_value(&table->columns[column->motion_x], i, 0);
+        const double my = rx_column_value(&table->columns[column->motion_y], i, 0);
+        const double epoch =
+            column->epoch >= 0 ? rx_column_value(&table->columns[column->epoch], i, 0) : column->year;
+        if (!(fabs(mx) < 1e5) || !(fabs(my) < 1e5) || !isfinite(epoch) || !isfinite(dst->alpha[i]))
+            continue;
+        move(mx, my, year - epoch, &dst->alpha[i], &dst->delta[i]);
+        moved++;
+    }
+    return moved;
+}
+
+static long read_positions(const rx_table *table, const chosen *column, const rx_tile *tile, rx_qa_list *dst)
 {
     for (long i = 0; i < table->nrows; i++) {
         double first = rx_column_value(&table->columns[column->x], i, 0);
@@ -127,10 +347,31 @@ static void read_positions(const rx_table *table, const chosen *column, const rx
         dst->x[i] = column->sky ? NAN : first - 1.0; /* FITS counts from 1 */
         dst->y[i] = column->sky ? NAN : second - 1.0;
     }
+    const long moved = apply_motions(table, column, tile_year(tile), dst);
     if (column->sky)
         rx_wcs_to_pixel(tile->wcs, (int)table->nrows, dst->alpha, dst->delta, dst->x, dst->y);
     else if (tile->wcs != NULL)
         rx_wcs_to_sky(tile->wcs, (int)table->nrows, dst->x, dst->y, dst->alpha, dst->delta);
+    return moved;
+}
+
+/* What was taken, for the page; and what could not be done, for the log as well. */
+static void describe(const rx_reference_params *par, const rx_table *table, const chosen *column,
+                     const rx_tile *tile, rx_reference_note *note)
+{
+    const double year = tile_year(tile);
+    const bool has_motions = column->motion_x >= 0 && column->motion_y >= 0;
+    rx_text_printf(&note->shown, "%s", par->name);
+    if (column->survey != NULL)
+        rx_text_printf(&note->shown, ": %s, %s", column->survey->title, table->columns[column->value].name);
+    if (par->ncolour > 0)
+        rx_text_printf(&note->shown, " %+g (%s - %s)", par->colour_term, par->colour[1], par->colour[2]);
+    if (note->moved > 0)
+        rx_text_printf(&note->shown, ", %ld positions moved to %.3f", note->moved, year);
+    else if (has_motions)
+        rx_text_add(&note->shown, isfinite(year)
+                                      ? ", positions not moved: no epoch or motion"
+                                      : ", positions not moved: the tile has no MJD-OBS or DATE-OBS");
 }
 
 /* Keep rows on the tile or near it. Those without a magnitude stay too: a detection of one is not false. */
@@ -164,15 +405,23 @@ rx_status rx_reference_check(const rx_reference_params *par, const rx_table *tab
 }
 
 rx_status rx_reference_list(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
-                            rx_log *log, rx_qa_list *dst, rx_error *err)
+                            rx_log *log, rx_qa_list *dst, rx_reference_note *note, rx_error *err)
 {
     chosen column;
     RX_TRY(choose_columns(par, table, tile, &column, err));
     RX_TRY(rx_qa_list_new(dst, table->nrows, 0, err));
-    read_positions(table, &column, tile, dst);
+    note->moved = read_positions(table, &column, tile, dst);
     for (long i = 0; i < table->nrows; i++)
         read_row(par, table, &column, i, tile->zeropoint, dst, i);
     long kept = compact(dst, tile);
+    describe(par, table, &column, tile, note);
+    if (note->shown.failed)
+        return rx_error_memory(err, 0);
+    if (column.survey != NULL)
+        rx_log_info(log, "reference %s", note->shown.data);
+    if (note->moved == 0 && column.motion_x >= 0)
+        rx_log_warning(log, "%s: proper motions are not applied; matches of fast stars may be missed",
+                       par->name);
     rx_log_detail(log, "%s: %ld of %ld reference sources on the tile (columns %s, %s, %s)", par->name, kept,
                   table->nrows, table->columns[column.x].name, table->columns[column.y].name,
                   table->columns[column.value].name);

@@ -129,10 +129,14 @@ rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_tex
     if (input.psf.psf != NULL && input.psf.psf->quality.how[0] == '\0')
         input.psf.psf = NULL;
     unsigned char *blind = NULL;
+    rx_reference_note note = {0};
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_status status = match_options(options, tile, &par, err);
     if (status == RX_OK)
-        status = rx_reference_list(&options->reference, in->reference, tile, in->log, &input.truth, err);
+        status =
+            rx_reference_list(&options->reference, in->reference, tile, in->log, &input.truth, &note, err);
+    if (status == RX_OK)
+        input.reference = note.shown.data;
     if (status == RX_OK && (blind = RX_NEW(unsigned char, n)) == NULL)
         status = rx_error_memory(err, n);
     for (size_t i = 0; i < n && blind != NULL; i++)
@@ -159,6 +163,7 @@ rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_tex
         rx_qa_list_free(&qa_runs[i].list);
         free((void *)pictures[i].pixels);
     }
+    rx_text_free(&note.shown);
     free(pairs);
     free(blind);
     return status;

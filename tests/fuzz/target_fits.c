@@ -54,15 +54,18 @@ static const char *packed_file_of(const uint8_t *data, size_t size)
 static void read_catalogue(const char *path)
 {
     rx_tile tile = {.name = "tile", .width = 64, .height = 48, .zeropoint = 25};
-    const rx_reference_params par = {.coords = "AUTO", .photometry = "AUTO", .flux_zeropoint = NAN};
+    const rx_reference_params par = {
+        .name = "reference", .coords = "AUTO", .photometry = "AUTO", .flux_zeropoint = NAN};
     rx_assoc *assoc = NULL;
     for (int index = 0; index < 2; index++) {
         rx_qa_list list = {0};
         rx_table *table = NULL;
+        rx_reference_note note = {0};
         if (rx_catalog_read(path, index, &table, NULL) != RX_OK)
             continue;
-        if (rx_reference_list(&par, table, &tile, NULL, &list, NULL) == RX_OK)
+        if (rx_reference_list(&par, table, &tile, NULL, &list, &note, NULL) == RX_OK)
             rx_qa_list_free(&list);
+        rx_text_free(&note.shown);
         fuzz_look(table);
     }
     if (rx_assoc_read(path, &assoc, NULL) == RX_OK)
