@@ -9,7 +9,7 @@ scratch=$(mktemp -d) || exit 2
 trap 'rm -rf "$scratch"' EXIT
 passed=0 failed=0 skipped=0
 
-for list in keywords columns simulate validate train survey FLAGS FLAGS_WEIGHT FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE; do
+for list in keywords columns simulate validate train survey FLAGS FLAGS_WEIGHT FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE completion; do
     if ! "$make_man" "$list" >"$scratch/$list"; then
         echo "$make_man cannot be run"
         exit 2
@@ -25,24 +25,25 @@ done
 # The page with its lists as the tables have them, and its examples.
 fill() {
     awk -v folder="$scratch" '
-        /^\.\\" end of / { inside = 0 }
+        /^(\.\\"|#) end of / { inside = 0 }
         !inside { print }
-        /^\.\\" made from the (table of|file) / {
+        /^(\.\\"|#) made from the (table of|file) / {
             inside = 1
             file = folder "/" $NF
             while ((getline line < file) > 0) print line
         }' "$1"
 }
 
-for name in rextract.1 rextract.conf.5 rextract-simulate.1 rextract-validate.1 rextract-train.1 rextract-survey.1 rextract.3; do
-    page=$top/man/$name
+for name in man/rextract.1 man/rextract.conf.5 man/rextract-simulate.1 man/rextract-validate.1 man/rextract-train.1 man/rextract-survey.1 \
+    man/rextract.3 completion/rextract; do
+    page=$top/$name
     fill "$page" >"$scratch/page"
     if [ "${1-}" = --write ]; then
         cmp -s "$scratch/page" "$page" || cp "$scratch/page" "$page"
     elif diff -u "$page" "$scratch/page"; then
         passed=$((passed + 1))
     else
-        echo "man/$name is not what the tables or examples say; run man/check-man.sh --write"
+        echo "$name is not what the tables or examples say; run man/check-man.sh --write"
         failed=$((failed + 1))
     fi
 done

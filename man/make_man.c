@@ -1,6 +1,6 @@
 /* Prints the generated sections of the manual pages: `make_man keywords`, `make_man simulate`, `make_man
- * validate`, `make_man train`, `make_man survey` (keywords of these programs), `make_man columns` or the name of a
- * column of flags. Run by man/check-man.sh, never installed. */
+ * validate`, `make_man train`, `make_man survey` (keywords of these programs), `make_man columns`, the name of a
+ * column of flags, or `make_man completion`, for the shell. Run by man/check-man.sh, never installed. */
 #include <stdio.h>
 #include <string.h>
 
@@ -23,7 +23,13 @@ int main(int argc, char **argv)
         rx_settings_man(&text, rx_keytable_survey());
     else if (argc == 2 && strcmp(argv[1], "columns") == 0)
         rx_columns_man(&text);
-    else if (argc == 2 && strncmp(argv[1], "FLAGS", 5) == 0)
+    else if (argc == 2 && strcmp(argv[1], "completion") == 0) {
+        rx_settings_completion(&text, rx_keytable_rextract());
+        rx_settings_completion(&text, rx_keytable_simulate());
+        rx_settings_completion(&text, rx_keytable_validate());
+        rx_settings_completion(&text, rx_keytable_train());
+        rx_settings_completion(&text, rx_keytable_survey());
+    } else if (argc == 2 && strncmp(argv[1], "FLAGS", 5) == 0)
         rx_flags_man(argv[1], &text);
     if (text.data == NULL || text.failed || fputs(text.data, stdout) == EOF)
         return 1;

@@ -200,3 +200,20 @@ void rx_settings_man(rx_text *dst, const rx_keytable *table)
             rx_text_add(dst, man_status(key->status));
     }
 }
+
+void rx_settings_completion(rx_text *dst, const rx_keytable *table)
+{
+    rx_text_printf(dst, "    %s)\n        keys='", table->program);
+    for (int row = 0; row < table->nrows; row++) {
+        const rx_keyword *key = &table->rows[row];
+        if (key->kind == RX_KIND_SECTION || key->status == RX_STATUS_IGNORED ||
+            key->status == RX_STATUS_INERT)
+            continue;
+        rx_text_printf(dst, " %s:", key->name);
+        if (key->kind == RX_KIND_BOOL || key->kind == RX_KIND_BOOLS)
+            rx_text_add(dst, "Y,N");
+        for (size_t i = 0; key->words != NULL && key->words[i] != NULL; i++)
+            rx_text_printf(dst, "%s%s", i > 0 ? "," : "", key->words[i]);
+    }
+    rx_text_add(dst, "' ;;\n");
+}
