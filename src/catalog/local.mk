@@ -7,7 +7,6 @@ librextract_la_SOURCES += \
 	src/catalog/catalog_write.c src/catalog/writers.h \
 	src/catalog/cell.c src/catalog/cell.h \
 	src/catalog/columns.c src/catalog/columns.h src/catalog/columns.def src/catalog/missing.def \
-	src/catalog/flags.c src/catalog/flags.def \
 	src/catalog/param_file.c \
 	src/catalog/votable_read.c \
 	src/catalog/votable_write.c
