@@ -1,5 +1,5 @@
 #!/bin/sh
-# What other programs make of our files: regions of DS9 beside the same columns as text, units and tables in astropy and
+# What other programs make of our files: the completion in bash, regions of DS9 beside the same columns as text, units and tables in astropy and
 # STILTS. What is not installed is skipped.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
@@ -8,6 +8,30 @@ need rextract
 tile=$top/tests/data/sim.fits.fz
 enter
 run() { "$programs/rextract" "$tile" -RESTORE_TYPE NONE -VERBOSE_TYPE QUIET "$@"; }
+
+# --- completion of bash ---
+
+if command -v bash >/dev/null; then
+    bash -c '
+        . "$1/completion/rextract"
+        try() {
+            wanted=$1
+            shift
+            COMP_WORDS=("$@")
+            COMP_CWORD=$(($# - 1))
+            _rextract "$1"
+            [ "${COMPREPLY[*]}" = "$wanted" ] || { echo "$*: ${COMPREPLY[*]}, not $wanted"; exit 1; }
+        }
+        try "-CATALOG_TYPE" rextract tile.fits -CATALOG_TY
+        try "FITS_1.0 FITS FITS_LDAC" /usr/bin/rextract tile.fits -CATALOG_TYPE F
+        try "NONE,RL NONE,RL_BLIND" rextract tile.fits -RESTORE_TYPE NONE,R
+        try "Y N" rextract-mpi @list -VERIFY_SEAMS ""
+        try "-INFO" rextract-train -INF
+        try "" rextract tile.fits -CATALOG_NAME ti' bash "$top" >log 2>&1
+    result 'bash completes keywords, their words and lists of them' $? log
+else
+    skip 'completion of bash' 'bash is not installed'
+fi
 
 # --- regions ---
 
