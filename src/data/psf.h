@@ -46,6 +46,7 @@ typedef struct rx_psf_quality {
     int degree;        /* of the polynomial over the tile */
     double radius;     /* pixels, the sum of the PSF within is 1 */
     double beyond;     /* share of a star's light estimated outside */
+    double hidden;     /* part of flux_error: wings that may hide in the noise */
     double flux_error; /* relative, 1 sigma: of the flux of a point source, everywhere alike */
     double flux_errors[RX_PSF_CELLS][RX_PSF_CELLS]; /* besides, at X, Y = -1, -0.5, .. 1 */
     double trace[2];    /* mean (T_data - T_model) / T_model and its error, T = xx + yy */

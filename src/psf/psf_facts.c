@@ -51,6 +51,8 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
     rx_record_add(facts, "RXPSFDEG", "degree of its polynomial over the tile", "%d", q->degree);
     rx_record_add(facts, "RXPSFRAD", "radius within which its sum is 1, pixels", "%.1f", q->radius);
     rx_record_add(facts, "RXPSFOUT", "share of a star's light beyond, estimated", "%.5f", q->beyond);
+    if (q->hidden > 0.0)
+        rx_record_add(facts, "RXPSFHID", "of RXPSFERR: wings that noise may hide", "%.5f", q->hidden);
     if (strcmp(q->how, "LIBRARY") == 0) /* its stars are not this tile's */
         return;
     rx_record_add(facts, "RXPSFCOG", "curve of growth, largest stars - PSF", "%.5f", q->growth);

@@ -23,6 +23,8 @@
 #include "psf/psf_stretch.h"
 
 enum { STARS_A_BLOCK = 16, POINTS_A_BLOCK = 256 };
+/* Of a pixel of the model, relative, where a saturated star is fitted: its core is steep there. */
+static const double SATURATED_ERROR = 0.05;
 
 static size_t nodes_of(const rx_psf_model *model)
 {
@@ -166,24 +168,29 @@ static int solve_small(double a[4][4], double b[4], int n)
 }
 
 /* The pixel's noise; 0: not used. */
-static double noise_at(const rx_psf_job *job, const float *sigmas, int x, int y)
+static double noise_at(const rx_psf_job *job, const rx_psf_point *p, const float *sigmas, int x, int y)
 {
     const size_t at = (size_t)y * (size_t)job->image->width + (size_t)x;
-    return job->used[at] != 0 ? (sigmas != NULL ? (double)sigmas[0] : 1.0) : 0.0;
+    return rx_psf_job_uses(job, p, at) ? (sigmas != NULL ? (double)sigmas[0] : 1.0) : 0.0;
 }
 
 static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, float *room)
 {
+    if (p->saturated > 0.0 && !(p->flux > 0.0)) /* until rings give it one */
+        return;
     const rx_image *image = job->image;
     const rx_psf_model *model = &job->model;
     const int cx = (int)lround(p->x), cy = (int)lround(p->y), small = (int)ceil(1.5 * job->fwhm) + 1;
-    const int half = p->star || small > model->half ? model->half : small, n = 2 * half + 1;
-    const double dx = p->x - cx, dy = p->y - cy, gain = image->gain;
+    const int half = p->star || p->saturated > 0.0 || small > model->half ? model->half : small,
+              n = 2 * half + 1;
+    const double dx = p->x - cx, dy = p->y - cy, gain = image->gain,
+                 model_error =
+                     p->saturated > 0.0 ? fmax(SATURATED_ERROR, job->model_error) : job->model_error;
     float *value = room + nodes_of(model), *gx = value + stamp_size(model), *gy = gx + stamp_size(model);
     rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half,
                        &(rx_psf_stamp){value, gx, gy, gy + stamp_size(model)});
     double a[4][4] = {{0}}, b[4] = {0}, chi2 = 0.0;
-    int count = 0, masked = 0;
+    int count = 0, masked = 0, clipped = 0;
     for (int j = 0; j < n; j++) {
         const int y = cy - half + j, x0 = cx - half;
         float sigmas[2 * 512 + 1];
@@ -196,17 +203,20 @@ static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, flo
             const size_t k = (size_t)j * (size_t)n + (size_t)i;
             double weight = 0.0, data = 0.0;
             const double light = p->flux * (double)value[k], away = hypot(i - half - dx, j - half - dy);
-            if (x >= 0 && y >= 0 && x < image->width && y < image->height && away <= half + 0.5) {
-                const double sigma = noise_at(job, row != NULL ? row + (x - from) : NULL, x, y),
+            if (x >= 0 && y >= 0 && x < image->width && y < image->height && away <= half + 0.5 &&
+                away >= p->saturated) {
+                const double sigma = noise_at(job, p, row != NULL ? row + (x - from) : NULL, x, y),
                              bright = fmax(light, 0.0);
                 const double off = (double)job->rest[(size_t)y * (size_t)image->width + (size_t)x] - p->sky;
                 if (sigma > 0.0)
                     weight = 1.0 / (sigma * sigma + (gain > 0.0 ? bright / gain : 0.0) +
-                                    job->model_error * job->model_error * bright * bright);
+                                    model_error * model_error * bright * bright);
                 masked += !(sigma > 0.0) && away < job->fwhm;
                 data = off + light;
-                if (off * off * weight > 25.0 && away > job->fwhm)
+                if (off * off * weight > 25.0 && away > job->fwhm) {
                     weight = 0.0;
+                    clipped++;
+                }
                 if (weight > 0.0) {
                     const double g[4] = {(double)value[k], (double)gx[k], (double)gy[k], 1.0};
                     for (int u = 0; u < 4; u++) {
@@ -225,6 +235,7 @@ static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, flo
         }
     }
     p->chi2 = count > 4 && masked == 0 ? chi2 / (count - 4) : HUGE_VAL;
+    p->unlike = p->saturated > 0.0 ? clipped / (clipped + count + 1e-9) : 0.0;
     if (!(a[0][0] > 0.0))
         return;
     const double prior = 1.0 / (p->sky_error * p->sky_error);

@@ -20,6 +20,8 @@ typedef struct rx_psf_point {
     int wider;            /* than stars are: a star of a bad corner, or a galaxy */
     int together;         /* wider than most, as those around it are: of a bad corner */
     int kept;             /* 0: does not look like the others */
+    double saturated;     /* radius (pixels) of its core that is of no use; 0: unsaturated */
+    double unlike;        /* of a saturated one: share of its pixels that no star would have */
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
 } rx_psf_point;
 
@@ -35,6 +37,14 @@ typedef struct rx_psf_variation {
     double missed, missed_at[2]; /* the largest significant one, its place in pixels */
 } rx_psf_variation;
 
+/* Exponentials that are part of the wing as rings may hide them: sum_k amount_k exp(-r / wide_k), r in pixels. */
+enum { RX_PSF_HALO_SCALES = 4 };
+
+typedef struct rx_psf_halo {
+    int n;
+    double wide[RX_PSF_HALO_SCALES], amount[RX_PSF_HALO_SCALES];
+} rx_psf_halo;
+
 typedef struct rx_psf_job {
     const rx_image *image;
     const rx_sources *sources;
@@ -46,13 +56,22 @@ typedef struct rx_psf_job {
     int n;
     rx_psf_point *points; /* [n] */
     float *rest;          /* [height][width] pixels minus all points */
-    unsigned char *used;  /* [height][width] 0: hidden, or of an extended source */
+    unsigned char *used;  /* [height][width] 0: hidden, or of an extended source; RX_PSF_OWN */
     rx_psf_model model;
+    rx_psf_halo halo;
     rx_moffat profile; /* that it started from: its ellipse is that of rings */
     double *values;    /* [side][side] the profile that the model is held to, at the nodes */
     float *prior;      /* its coefficients */
     float *stamps;     /* room of the threads */
 } rx_psf_job;
+
+/* A pixel of a saturated star, which only this star looks at. */
+enum { RX_PSF_OWN = 2 };
+static inline int rx_psf_job_uses(const rx_psf_job *job, const rx_psf_point *p, size_t at)
+{
+    return job->used[at] == 1 || (job->used[at] == RX_PSF_OWN && p->saturated > 0.0 &&
+                                  job->sources->segments[at] == job->sources->list[p->source].segment);
+}
 
 /* All points off the image. */
 rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err);

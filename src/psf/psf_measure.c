@@ -5,7 +5,8 @@
  *    the same residual, so that neighbours do not hurt (as in DAOPHOT, Stetson 1987, PASP 99, 191, and crowdsource,
  *    Schlafly et al. 2018, ApJS 234, 39). Extended sources are masked by their segments.
  * 3. The wings: mean residual of bright stars in rings out to 20 FWHM, each star on the sky around these, which no
- *    background mesh has eaten; beyond the ring where they vanish in the noise they are extrapolated.
+ *    background mesh has eaten; saturated stars, scaled by the rings just outside their cores, carry them farther
+ *    out; beyond the ring where they vanish in the noise they are extrapolated.
  * 4. The core: splines on nodes finer than the pixel (psf_fit.c), held to Moffat and wings, varying over the tile with
  *    a polynomial of the degree that stars which were held out like best.
  * 5. A fifth of the stars is never fitted: what they say of the model (psf_rings.c) goes into headers.
@@ -47,7 +48,8 @@ static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
 /* Of fluxes, relative, where fewer than FEW are fitted: rms of small tiles, validation/results/psf (few stars). */
 static const double FEW_ERROR = 0.03;
-static const double BEYOND = 1e-3; /* light that may be left out */
+static const double BEYOND = 1e-3;   /* light that may be left out */
+static const double SATURATES = 0.9; /* of the level that saturates: pixels from there on are none */
 static const double LEAST_TERM =
     2e-4; /* light that a term of the polynomial moves at most where it is left out */
 static const uint64_t SEED = 20, RESERVE = 1, FOLD = 2;
@@ -123,6 +125,32 @@ static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, d
     return RX_OK;
 }
 
+/* Radius of the core of a saturated star that is of no use, from the pixels at `level` (ADU) or above and hidden ones
+ * along eight directions. 0: none, cut by the border, or bled, which makes it long. */
+static double saturated_core(const rx_image *image, const rx_source *s, double level)
+{
+    double longest = 0.0, shortest = HUGE_VAL;
+    if ((s->flags & RX_FLAG_TRUNCATED) != 0 || ((s->flags & RX_FLAG_SATURATED) == 0 && !(s->peak >= level)))
+        return 0.0;
+    for (int k = 0; k < 9; k++) {
+        const int dx = k % 3 - 1, dy = k / 3 - 1;
+        int n = 0;
+        for (; k != 4; n++) {
+            const int x = (int)lround(s->x) + n * dx, y = (int)lround(s->y) + n * dy;
+            if (x < 0 || y < 0 || x >= image->width || y >= image->height)
+                return 0.0;
+            const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
+            if (!rx_image_hides(image, at) && (double)image->pixels[at] < level)
+                break;
+        }
+        if (k != 4) {
+            longest = fmax(longest, n * hypot(dx, dy));
+            shortest = fmin(shortest, n * hypot(dx, dy));
+        }
+    }
+    return shortest > 0.0 && longest <= 2.0 * shortest + 2.0 ? longest : 0.0;
+}
+
 /* Points and the plane of what is used. */
 static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, double radius, rx_error *err)
 {
@@ -146,6 +174,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
     }
     for (int i = 0; i < stars->n; i++)
         star[stars->list[i].source] = i < near ? 1 : WIDER;
+    const double flat = SATURATES * fmin(image->saturation, stars->limit); /* HUGE_VAL: not known */
     double peak = 0.0;
     for (int i = 0; i < job->model.side * job->model.side; i++)
         peak = fmax(peak, (double)job->prior[i]);
@@ -155,15 +184,23 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
         if (!(s->peak > 0.0) ||
             !(s->x >= 0.0 && s->y >= 0.0 && s->x <= image->width - 1 && s->y <= image->height - 1))
             continue;
+        double core = 0.0;
         if (!star[i] && (s->flux_radius[0] > POINT * radius || (s->flags & RX_FLAG_SATURATED) != 0) &&
             snr > 7.0) {
+            core = saturated_core(image, s, flat);
             if (s->segment > 0)
-                extended[s->segment] = 1;
-            continue;
+                extended[s->segment] = core > 0.0 ? RX_PSF_OWN : 1;
+            if (!(core > 0.0))
+                continue;
         }
         rx_psf_point *p = &job->points[job->n++];
-        *p = (rx_psf_point){
-            .source = i, .x = s->x, .y = s->y, .flux = s->peak / peak, .damping = 1.0, .star = star[i] != 0};
+        *p = (rx_psf_point){.source = i,
+                            .x = s->x,
+                            .y = s->y,
+                            .flux = core > 0.0 ? 0.0 : s->peak / peak,
+                            .damping = 1.0,
+                            .star = star[i] != 0,
+                            .saturated = core};
         p->wider = star[i] == WIDER;
         p->kept = star[i] == 1;
         p->sky = p->sky_guess = (double)rx_map_at(&sky, (int)lround(s->x), (int)lround(s->y));
@@ -180,7 +217,10 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
     }
     for (size_t k = 0; k < pixels; k++) {
         const int32_t owner = sources->segments != NULL ? sources->segments[k] : 0;
-        job->used[k] = !rx_image_hides(image, k) && !(owner > 0 && owner <= most && extended[owner]);
+        const int kind = owner > 0 && owner <= most ? extended[owner] : 0;
+        job->used[k] = rx_image_hides(image, k) || kind == 1                   ? 0
+                       : kind == RX_PSF_OWN && (double)image->pixels[k] < flat ? RX_PSF_OWN
+                                                                               : kind == 0;
     }
     status = set_damping(job, err);
 exit:
@@ -241,6 +281,8 @@ static rx_status normalise(rx_psf_job *job, double radius, rx_error *err)
         job->prior[k] = (float)nodes[k];
     for (int i = 0; i < model->nwing; i++)
         model->wing[i] /= (float)sum;
+    for (int k = 0; k < job->halo.n; k++)
+        job->halo.amount[k] /= sum;
     for (int i = 0; i < job->n; i++)
         job->points[i].flux *= sum;
     free(nodes);
@@ -586,6 +628,12 @@ static void warn(const rx_psf_quality *q, const rx_psf_variation *v, rx_log *log
                        "PSF_TYPE AUTO: within %.1f pixels stars have %.1f %% %s light than the PSF; fluxes "
                        "of templates may be off by as much",
                        q->growth_radius, 100.0 * fabs(q->growth), q->growth > 0.0 ? "more" : "less");
+    if (q->hidden > 0.01)
+        rx_log_warning(log,
+                       "PSF_TYPE AUTO: stars are too faint to show wings of the PSF that hold less than some "
+                       "%.0f %% of the light; fluxes of templates may be off by %.1f %%, which is part of "
+                       "their errors",
+                       200.0 * q->hidden, 100.0 * q->hidden);
     if (q->beyond > 0.01)
         rx_log_warning(log,
                        "PSF_TYPE AUTO: %.1f %% of the light of stars lies beyond the PSF's %.0f pixels; "
@@ -651,8 +699,8 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     }
     rx_moffat_set(&job.profile, found.shape);
     fill_moffat(&job);
-    double radius = fmin((job.model.nwing - 2) * RX_PSF_WING_STEP, job.most), beyond = 0.0, wing_error = 0.0;
-    status = normalise(&job, radius, err);
+    rx_psf_wing wing = {.radius = fmin((job.model.nwing - 2) * RX_PSF_WING_STEP, job.most)};
+    status = normalise(&job, wing.radius, err);
     if (status == RX_OK) {
         memcpy(job.model.c, job.prior, sizeof(float) * (size_t)job.model.side * (size_t)job.model.side);
         status = gather(&job, &stars, near, found.radius, err);
@@ -670,9 +718,9 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         if (status == RX_OK)
             status = reject(&job, pass == 0 ? 12.0 : pass == 1 ? 6.0 : 4.0, err);
         if (status == RX_OK)
-            status = rx_psf_wings(&job, BEYOND, &radius, &beyond, &wing_error, log, err);
+            status = rx_psf_wings(&job, BEYOND, &wing, log, err);
         if (status == RX_OK)
-            status = normalise(&job, radius, err);
+            status = normalise(&job, wing.radius, err);
         if (status == RX_OK)
             status = rx_psf_vary(&job, par->max_degree, log, err);
         n = list_stars(&job, 0, fitted);
@@ -697,13 +745,11 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         goto exit;
     }
     if (status == RX_OK)
-        status = build(&job, moffat->fwhm, radius, dst, err);
+        status = build(&job, moffat->fwhm, wing.radius, dst, err);
     if (status == RX_OK) {
         rx_psf_quality *q = &(*dst)->quality;
         snprintf(q->how, sizeof q->how, "PIXELS");
-        q->radius = radius;
-        q->beyond = beyond;
-        status = rx_psf_judge(&job, wing_error, *dst, err);
+        status = rx_psf_judge(&job, &wing, *dst, err);
         if (n < FEW) /* that judge themselves */
             q->flux_error = hypot(q->flux_error, FEW_ERROR);
     }

@@ -9,13 +9,19 @@
 #include "num/stats.h"
 #include "psf/psf_stretch.h"
 
-enum { RINGS = 64, BRIGHT = 60 };
+enum { RINGS = 64, BRIGHT = 60, SATURATED = 30, SCALED_BY = 3 };
 static const double RATIO = 1.12; /* of the radii of rings */
 static const double SKY_RING =
     1.3; /* outer radius of the ring for the sky, in units of the outermost ring's */
 static const double JOINED = 12.0; /* sigmas of the last ring to join a law at */
 static const double CLEAR = 3.0;   /* sigmas of a ring that stands out of the noise */
-static const double SPIKE = 15.0;  /* times the mean of its ring that a star may have along spikes */
+static const double KNOWN = 8.0;   /* sigmas of a ring that saturated stars are scaled by */
+static const double UNLIKE =
+    0.3; /* share of pixels that no star would have, of a saturated source that is none */
+/* Light of a halo that a Moffat of the core lacks, mean over PSFs: 0.05 beyond an arcminute (King 1971, PASP 83, 199), 0.02 to
+ * 0.09 of the kinds of validation/psf_truth.py. */
+static const double HALO_LIGHT = 0.05;
+static const double SPIKE = 15.0; /* times the mean of its ring that a star may have along spikes */
 
 typedef struct ring {
     double mean, error;
@@ -57,8 +63,9 @@ static void look_around(const rx_psf_job *job, const rx_psf_point *p, const ring
             const size_t row = (size_t)y * (size_t)image->width;
             int j = 0;
             for (int x = x0; x < x1; x++) {
-                const double away =
-                    job->used[row + (size_t)x] != 0 ? rx_psf_job_radius(job, x - p->x, y - p->y) : HUGE_VAL;
+                const double away = rx_psf_job_uses(job, p, row + (size_t)x)
+                                        ? rx_psf_job_radius(job, x - p->x, y - p->y)
+                                        : HUGE_VAL;
                 if (away >= r->edge[r->n + 1])
                     continue;
                 while (away < r->edge[j])
@@ -80,9 +87,11 @@ static void look_around(const rx_psf_job *job, const rx_psf_point *p, const ring
     for (int j = r->n; j >= 0; j--) {
         double *own = values + start[j], sum = 0.0, square = 0.0, centre = 0.0, room = HUGE_VAL;
         const size_t all = start[j + 1] - start[j];
-        const double light = j < r->n ? fmax(p->flux * level[j], 0.0) : 0.0;
+        double light = j < r->n ? fmax(p->flux * level[j], 0.0) : 0.0;
         if (all > 8) {
             centre = rx_median(own, all);
+            if (j < r->n && !(p->flux > 0.0)) /* a saturated one, not yet scaled */
+                light = fmax(centre, 0.0);
             if (j == r->n) {
                 for (size_t k = 0; k < all; k++)
                     square += fmin(fabs(own[k] - centre), 3.0 * image->global_noise);
@@ -101,7 +110,7 @@ static void look_around(const rx_psf_job *job, const rx_psf_point *p, const ring
         const double mean = n > 0 ? sum / n : 0.0;
         const double expected = noise * noise + (image->gain > 0.0 ? light / image->gain : 0.0);
         dst[j] = (ring){.mean = mean, .n = n, .error = HUGE_VAL};
-        if (n > 0)
+        if (n > 0 && r->edge[j] >= p->saturated)
             dst[j].error = sqrt(fmax(expected, n > 8 ? square / n - mean * mean : 0.0) / n);
     }
 }
@@ -129,6 +138,52 @@ static int list_bright(const rx_psf_job *job, bright *list)
         if (m >= 10 && list[m].flux < 0.01 * list[9].flux)
             break;
     return m;
+}
+
+/* Saturated ones, the smallest core first, at most SATURATED. */
+static int list_saturated(const rx_psf_job *job, bright *list)
+{
+    int n = 0;
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].saturated > 0.0 && job->points[i].unlike < UNLIKE)
+            list[n++] = (bright){-job->points[i].saturated, i};
+    qsort(list, (size_t)n, sizeof *list, by_flux);
+    return n < SATURATED ? n : SATURATED;
+}
+
+/* The flux of a saturated star is what its rings hold of the profile w where stars of smaller cores know it, up to ring
+ * `known`, the first SCALED_BY outside its core; farther ones are of use, with the error of this scale, and follow the new
+ * flux. 0: rings that disagree. */
+static void scale(rx_psf_point *p, const rings *r, const double *level, const ring *w, int known, ring *own)
+{
+    const double sky = own[r->n].n > 100 ? own[r->n].mean : 0.0, old = p->flux;
+    double sum = 0.0, square = 0.0, weights = 0.0;
+    int n = 0;
+    int last = -1;
+    for (int j = 0; j <= known && n < SCALED_BY; j++) {
+        const double light = own[j].mean - sky + old * level[j], floor = 0.03;
+        if (own[j].n < 1 || !isfinite(own[j].error) || !(light > KNOWN * own[j].error))
+            continue;
+        const double ratio = light / w[j].mean, off = own[j].error / light, of = w[j].error / w[j].mean,
+                     weight = 1.0 / (off * off + of * of + floor * floor);
+        sum += weight * ratio;
+        square += weight * ratio * ratio;
+        weights += weight;
+        last = j;
+        n++;
+    }
+    const double flux = n > 0 ? sum / weights : 0.0;
+    const double spread = n > 1 ? sqrt(fmax(square / weights / (flux * flux) - 1.0, 0.0)) : 0.0,
+                 error = hypot(spread / sqrt(n + 1e-9), sqrt(1.0 / fmax(weights, 1.0)));
+    p->flux = spread < (old > 0.0 ? 0.15 : 0.5) && error < 0.15 ? flux : 0.0;
+    for (int j = 0; j < r->n; j++) {
+        own[j].mean += (old - p->flux) * level[j];
+        own[j].error =
+            j > last && p->flux > 0.0 && spread < 0.15
+                ? hypot(own[j].error,
+                        error * (j <= known ? p->flux * w[j].mean : own[j].mean - sky + p->flux * level[j]))
+                : HUGE_VAL;
+    }
 }
 
 /* Mean of a ring over the stars [n], each on its own sky, in units of their fluxes; what sticks out by four sigmas is
@@ -193,8 +248,9 @@ static double model_mean(const rx_psf_job *job, const float *stamp, double from,
 typedef struct tail {
     int from, power;
     double line[2], chi2;
-    double error; /* relative, of its amplitude */
-    double sky;   /* what the rings are too high by */
+    double
+        error; /* of the light from there on, relative: of amplitude, and as other laws suit the rings nearly as well */
+    double sky; /* what the rings are too high by */
 } tail;
 
 /* Slope, amplitude and the error of the skies that suit the rings from .. n - 1 best, those in the noise as well: the skies
@@ -203,6 +259,7 @@ typedef struct tail {
 static tail fit_tail(const double *r, const ring *w, int n, int from, int last)
 {
     enum { SLOPES = 60 };
+    double chi2s[2 * SLOPES], lights[2 * SLOPES], all = 0.0, square = 0.0, light = 0.0;
     tail best = {.from = from, .chi2 = HUGE_VAL};
     const double least = 1e-9; /* of a ring's error: images without noise */
     const double held = 1.0 / (9.0 * w[n - 1].error * w[n - 1].error + least * least);
@@ -224,16 +281,28 @@ static tail fit_tail(const double *r, const ring *w, int n, int from, int last)
                 one += weight;
             }
             const double amplitude = (ab - a * b / one) / (aa - a * a / one), sky = (b - a * amplitude) / one;
-            const double chi2 = bb - amplitude * ab - sky * b;
+            const double chi2 = bb - amplitude * ab - sky * b, end = r[n - 1] / r[from];
+            const int law = power * SLOPES + k;
+            lights[law] = power
+                              ? amplitude * r[from] * r[from] * (1.0 - pow(end, slope + 2.0)) / (-slope - 2.0)
+                              : amplitude * (1.0 - r[from] * slope) / (slope * slope);
+            chi2s[law] = amplitude > 0.0 ? chi2 : HUGE_VAL;
             if (amplitude > 0.0 && chi2 < best.chi2) {
                 best.chi2 = chi2;
                 best.power = power;
                 best.sky = sky;
                 best.error = 1.0 / (sqrt(aa - a * a / one) * amplitude);
+                light = lights[law];
                 best.line[1] = slope;
                 best.line[0] = log(amplitude) - slope * (power ? log(r[from]) : r[from]);
             }
         }
+    for (int law = 0; law < 2 * SLOPES && light > 0.0; law++) {
+        const double weight = exp(-0.5 * (chi2s[law] - best.chi2));
+        all += weight;
+        square += weight > 0.0 ? weight * pow(lights[law] / light - 1.0, 2.0) : 0.0;
+    }
+    best.error = hypot(best.error, all > 0.0 ? sqrt(square / all) : 0.0);
     return best;
 }
 
@@ -252,6 +321,93 @@ static tail choose_tail(const double *r, const ring *w, int n, int last, double 
         if (from >= latest || t.chi2 < freedom + sqrt(2.0 * freedom))
             return t;
     }
+}
+
+/* Amplitude of a profile [n] in what the rings from `from` on hold beyond the wing, and its precision. The sky is free
+ * as in fit_tail(); that of each ring is off by what the outer half of the rings holds beyond its errors, as among bright
+ * neighbours. */
+static void fit_profile(const rx_psf_job *job, const double *r, const ring *w, int n, int from,
+                        const double *profile, double *amplitude, double *precision)
+{
+    const double least = 1e-9;
+    double ab = 0.0, aa = 0.0, a = 0.0, b = 0.0, one = 0.0, uneven = 0.0, off[RINGS];
+    for (int j = 0; j < n; j++) {
+        off[j] = w[j].mean - (double)rx_psf_model_wing(&job->model, r[j]);
+        if (j >= n / 2 && w[j].error < HUGE_VAL)
+            uneven += (off[j] * off[j] - w[j].error * w[j].error) / (n - n / 2);
+    }
+    uneven = fmax(uneven, least * least);
+    for (int j = from; j < n; j++) {
+        if (!(w[j].error < HUGE_VAL))
+            continue;
+        const double error = hypot(w[j].error, 0.015 * w[j].mean), weight = 1.0 / (error * error + uneven);
+        ab += weight * profile[j] * off[j];
+        aa += weight * profile[j] * profile[j];
+        a += weight * profile[j];
+        b += weight * off[j];
+        one += weight;
+    }
+    one += 1.0 / (9.0 * w[n - 1].error * w[n - 1].error + uneven);
+    *precision = fmax(aa - a * a / one, 0.0);
+    *amplitude = *precision > 0.0 ? (ab - a * b / one) / *precision : 0.0;
+}
+
+/* Light that the rings from `from` on may hide beyond the wing, its posterior: *light expected beyond that ring, *error
+ * 1 sigma of it. Half of the tiles have no halo, else its light is exponentially
+ * distributed about HALO_LIGHT, its scale is any from 1 to 5 FWHM: where rings say nothing, this prior is left; where they
+ * show a halo or exclude it, they decide. With likelihood N(a; a0, s) and prior exp(-a / t) / t, a > 0, the posterior is
+ * N(a0 - s^2 / t, s), cut off at 0. */
+static rx_psf_halo hidden_halo(const rx_psf_job *job, const double *r, const ring *w, int n, int from,
+                               double *light, double *error)
+{
+    enum { SCALES = RX_PSF_HALO_SCALES };
+    rx_psf_halo h = {.n = 0};
+    double evidence[SCALES], square[SCALES], beyond[SCALES], profile[RINGS], most = 0.0, all, second = 0.0;
+    *light = 0.0;
+    for (double wide = job->fwhm; h.n < SCALES && wide < 0.4 * r[n - 1]; wide *= 1.5) {
+        const int k = h.n;
+        double found, precision;
+        for (int j = from; j < n; j++)
+            profile[j] = exp(-r[j] / wide);
+        fit_profile(job, r, w, n, from, profile, &found, &precision);
+        if (!(precision > 0.0))
+            continue;
+        h.wide[h.n++] = wide;
+        beyond[k] = 2.0 * M_PI * wide * wide * (1.0 + r[from] / wide) * exp(-r[from] / wide);
+        const double s = 1.0 / sqrt(precision), scale = HALO_LIGHT / beyond[k], mean = found - s * s / scale,
+                     z = mean / s;
+        const double below = 0.5 * erfc(-z / M_SQRT2), hazard = exp(-0.5 * z * z) / sqrt(2.0 * M_PI) / below;
+        if (z > -5.0) {
+            evidence[k] = log(s / scale * sqrt(2.0 * M_PI) * below) + 0.5 * z * z;
+            h.amount[k] = mean + s * hazard;
+            square[k] = mean * mean + s * s + mean * s * hazard;
+        } else { /* far below 0 it is an exponential */
+            evidence[k] = log(s / scale / -z);
+            h.amount[k] = -s / z;
+            square[k] = 2.0 * s * s / (z * z);
+        }
+        most = fmax(most, evidence[k]);
+    }
+    all = exp(-most);
+    for (int k = 0; k < h.n; k++)
+        all += exp(evidence[k] - most) / h.n;
+    for (int k = 0; k < h.n; k++) {
+        const double share = exp(evidence[k] - most) / h.n / all;
+        h.amount[k] *= share;
+        *light += h.amount[k] * beyond[k];
+        second += share * square[k] * beyond[k] * beyond[k];
+    }
+    *error = sqrt(fmax(second - *light * *light, 0.0));
+    return h;
+}
+
+/* That of the job, into the wing's table; times -1 out of it. */
+static void add_halo(rx_psf_job *job, double times)
+{
+    for (int k = 0; k < job->halo.n; k++)
+        for (int i = 0; i < job->model.nwing - 1; i++)
+            job->model.wing[i] +=
+                (float)(times * job->halo.amount[k] * exp(-i * RX_PSF_WING_STEP / job->halo.wide[k]));
 }
 
 /* 0 where either is not light. */
@@ -328,96 +484,161 @@ static void choose_radius(const rx_psf_job *job, const float *stamp, double leas
     *beyond = fmax(light_beyond(model, *radius, slope) / all, 0.0); /* measured wings may be below 0 */
 }
 
-rx_status rx_psf_wings(rx_psf_job *job, double least, double *radius, double *beyond, double *error,
-                       rx_log *log, rx_error *err)
+/* The stars of the rings: *few bright ones, *n with saturated ones, which are scaled; each on its own sky. */
+typedef struct ringed {
+    bright *stars;
+    int few, n, scaled;
+    rings r;
+    ring *around; /* [n][r.n + 1] */
+    double centre[RINGS + 1], level[RINGS + 1],
+        table[RINGS + 1]; /* radius; mean of the model, and of its wing */
+} ringed;
+
+static void scale_saturated(rx_psf_job *job, ringed *of, rx_log *log)
 {
-    rx_psf_model *model = &job->model;
-    const rings r = rings_of(job);
-    const size_t core = (size_t)(2 * model->half + 1) * (size_t)(2 * model->half + 1);
-    bright *stars = RX_NEW(bright, (size_t)job->n + 1);
-    ring *around = RX_NEW(ring, (size_t)BRIGHT * (size_t)(r.n + 1));
-    float *stamp = RX_NEW(float, core);
-    const size_t box = (size_t)(2 * (int)ceil(r.edge[r.n + 1]) + 1), area = box * box;
-    double *values = RX_NEW(double, (size_t)job->nthreads *area);
-    double centre[RINGS + 1], level[RINGS + 1], table[RINGS + 1];
-    ring w[RINGS + 1], departure[RINGS + 1];
-    if (stars == NULL || around == NULL || stamp == NULL || values == NULL) {
-        free(stars);
-        free(values);
-        free(around);
-        free(stamp);
-        return rx_error_memory(err, 0);
+    ring w[RINGS + 1];
+    for (int s = of->few; s < of->n; s++) { /* each knows rings farther out for the next */
+        rx_psf_point *p = &job->points[of->stars[s].i];
+        int known = -1;
+        for (int j = 0; j < of->r.n && known == j - 1; j++) {
+            w[j] = combine(job, of->stars, s, of->around, of->r.n, j, of->level[j]);
+            w[j].mean += of->level[j];
+            known += w[j].mean > KNOWN * w[j].error;
+        }
+        scale(p, &of->r, of->level, w, known, of->around + (size_t)s * (size_t)(of->r.n + 1));
+        of->scaled += p->flux > 0.0;
+        rx_log_detail(
+            log, "PSF saturated star at %.2f, %.2f: core %.1f px, known to ring %d, flux %.4g, unlike %.2f",
+            p->x + 1.0, p->y + 1.0, p->saturated, known, p->flux, p->unlike);
     }
-    rx_psf_model_stamp(model, model->c, 0.0, 0.0, model->half,
-                       &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
-    for (int j = 0; j < r.n; j++) {
-        centre[j] = sqrt(0.5 * (r.edge[j] * r.edge[j] + r.edge[j + 1] * r.edge[j + 1]));
-        level[j] = model_mean(job, stamp, r.edge[j], r.edge[j + 1]);
-        table[j] = model_mean(job, NULL, r.edge[j], r.edge[j + 1]);
+}
+
+/* values: work of the threads, [area] each. The rings' own skies move into sky_guess: combine() takes off what was found. */
+static void look_at_stars(rx_psf_job *job, ringed *of, double *values, size_t area, const float *stamp,
+                          rx_log *log)
+{
+    const rings *r = &of->r;
+    for (int j = 0; j < r->n; j++) {
+        of->centre[j] = sqrt(0.5 * (r->edge[j] * r->edge[j] + r->edge[j + 1] * r->edge[j + 1]));
+        of->level[j] = model_mean(job, stamp, r->edge[j], r->edge[j + 1]);
+        of->table[j] = model_mean(job, NULL, r->edge[j], r->edge[j + 1]);
     }
-    const int n = list_bright(job, stars);
+    of->few = list_bright(job, of->stars);
+    of->n = of->few + list_saturated(job, of->stars + of->few);
 #pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
-    for (int s = 0; s < n; s++)
-        look_around(job, &job->points[stars[s].i], &r, level, values + (size_t)omp_get_thread_num() * area,
-                    around + (size_t)s * (size_t)(r.n + 1));
-    for (int s = 0; s < n; s++) {
-        const ring *sky = around + (size_t)s * (size_t)(r.n + 1) + r.n;
-        rx_psf_point *p = &job->points[stars[s].i];
+    for (int s = 0; s < of->n; s++)
+        look_around(job, &job->points[of->stars[s].i], r, of->level,
+                    values + (size_t)omp_get_thread_num() * area,
+                    of->around + (size_t)s * (size_t)(r->n + 1));
+    for (int s = 0; s < of->n; s++) {
+        const ring *sky = of->around + (size_t)s * (size_t)(r->n + 1) + r->n;
+        rx_psf_point *p = &job->points[of->stars[s].i];
         if (sky->n <= 100)
             continue;
         p->sky_guess += sky->mean;
         p->sky_error = fmax(sky->error, 0.01 * job->image->global_noise);
     }
-    /* the rings' own skies have just moved into sky_guess: combine() takes off what was found */
+    scale_saturated(job, of, log);
+}
+
+/* Profile [n] of the rings, how it departs from the model as far as that is not noise; the last ring of those that stand
+ * out without a gap. */
+static int read_rings(const rx_psf_job *job, const ringed *of, ring *w, ring *departure, rx_log *log)
+{
     int last = -1;
-    double uncertain = 0.0;
-    for (int j = 0; j < r.n; j++) {
-        departure[j] = w[j] = combine(job, stars, n, around, r.n, j, level[j]);
-        w[j].mean += level[j];
+    for (int j = 0; j < of->r.n; j++) {
+        departure[j] = w[j] = combine(job, of->stars, of->n, of->around, of->r.n, j, of->level[j]);
+        w[j].mean += of->level[j];
         if (last == j - 1 && w[j].mean > CLEAR * w[j].error) {
             last = j;
-            if (j > 0 && centre[j] > 0.5 * model->half)
+            if (j > 0 && of->centre[j] > 0.5 * job->model.half)
                 w[j].mean = fmin(w[j].mean, w[j - 1].mean);
         }
-        rx_log_detail(log, "PSF ring %.2f px: %.4g +- %.2g, %d stars (was %.4g)", centre[j], w[j].mean,
-                      w[j].error, w[j].n, level[j]);
-        const double d2 = departure[j].mean * departure[j].mean; /* what is noise is left */
+        rx_log_detail(log, "PSF ring %.2f px: %.4g +- %.2g, %d stars (was %.4g)", of->centre[j], w[j].mean,
+                      w[j].error, w[j].n, of->level[j]);
+        const double d2 = departure[j].mean * departure[j].mean;
         departure[j].mean *=
             isfinite(departure[j].error) ? d2 / (d2 + departure[j].error * departure[j].error + 1e-60) : 0.0;
     }
-    double slope = -3.0;
+    return last;
+}
+
+rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *log, rx_error *err)
+{
+    rx_psf_model *model = &job->model;
+    ringed of = {.r = rings_of(job)};
+    const rings *r = &of.r;
+    const int n = r->n;
+    const size_t core = (size_t)(2 * model->half + 1) * (size_t)(2 * model->half + 1),
+                 box = (size_t)(2 * (int)ceil(r->edge[n + 1]) + 1), area = box * box;
+    of.stars = RX_NEW(bright, 2 * (size_t)job->n + 1);
+    of.around = RX_NEW(ring, (size_t)(BRIGHT + SATURATED) * (size_t)(n + 1));
+    float *stamp = RX_NEW(float, core);
+    double *values = RX_NEW(double, (size_t)job->nthreads *area);
+    rx_status status = RX_OK;
+    if (of.stars == NULL || of.around == NULL || stamp == NULL || values == NULL) {
+        status = rx_error_memory(err, 0);
+        goto exit;
+    }
+    rx_psf_model_stamp(model, model->c, 0.0, 0.0, model->half,
+                       &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
+    look_at_stars(job, &of, values, area, stamp, log);
+
+    ring w[RINGS + 1], departure[RINGS + 1];
+    const int last = read_rings(job, &of, w, departure, log);
+    double slope = -3.0, uncertain = 0.0;
     tail t = {.chi2 = HUGE_VAL};
-    if (last >= 3 && centre[last] > 0.6 * model->half)
-        t = choose_tail(centre, w, r.n, last, 0.55 * model->half);
-    if (!(t.chi2 < HUGE_VAL)) {
-        t.from = 0; /* no law suits */
-    } else {
+    if (last >= 3 && of.centre[last] > 0.6 * model->half)
+        t = choose_tail(of.centre, w, n, last, 0.55 * model->half);
+    const int suits = t.chi2 < HUGE_VAL && t.from > 0;
+    double light, error;
+    if (suits) {
         slope = t.power ? t.line[1] : t.line[1] * (model->nwing - 2) * RX_PSF_WING_STEP;
-        for (int j = 0; j < r.n; j++) {
+        for (int j = 0; j < n; j++) {
             w[j].mean -= t.sky;
             departure[j].mean -= t.sky;
         }
-        fill_wing(model, centre, w, table, &t);
+        fill_wing(model, of.centre, w, of.table, &t);
         for (int j = 0; j < t.from; j++)
-            if (centre[j] > model->half)
+            if (of.centre[j] > model->half)
                 uncertain +=
-                    pow(M_PI * (r.edge[j + 1] * r.edge[j + 1] - r.edge[j] * r.edge[j]) * w[j].error, 2.0);
+                    pow(M_PI * (r->edge[j + 1] * r->edge[j + 1] - r->edge[j] * r->edge[j]) * w[j].error, 2.0);
+        uncertain += pow(light_beyond(model, fmax(of.centre[t.from], model->half), slope) * t.error, 2.0);
+        hidden_halo(job, of.centre, w, n, t.from, &light, &error);
+        error = hypot(error, light);
+        job->halo.n = 0; /* what was added is part of what the rings were scaled by */
+    } else {             /* the wing of the first profile, which may be off by half, and a halo */
+        int from = 0;
+        double profile[RINGS], off, precision;
+        add_halo(job, -1.0);
+        while (from < last && of.centre[from] < 0.4 * model->half)
+            from++;
+        for (int j = 0; j < n; j++)
+            profile[j] = (double)rx_psf_model_wing(model, of.centre[j]);
+        fit_profile(job, of.centre, w, n, from, profile, &off, &precision);
+        uncertain = pow(light_beyond(model, model->half, slope), 2.0) / (4.0 + precision);
+        job->halo = hidden_halo(job, of.centre, w, n, from, &light, &error);
+        add_halo(job, 1.0);
     }
-    fill_core(job, centre, departure, r.n);
-    choose_radius(job, stamp, least, slope, radius, beyond);
-    /* amplitude and slope of the tail; where there is none, half of what the profile has */
-    const double light = light_beyond(model, fmax(t.from > 0 ? centre[t.from] : 0.0, model->half), slope);
-    *error = sqrt(uncertain + pow(light * (t.from > 0 ? 1.5 * t.error : 0.5), 2.0));
+    fill_core(job, of.centre, departure, n);
+    choose_radius(job, stamp, least, slope, &dst->radius, &dst->beyond);
+    dst->hidden = error;
+    dst->error = sqrt(uncertain + error * error);
     rx_log_detail(log,
-                  "PSF wings: %d bright stars, rings clear to %.1f px, %s %.3g from %.1f px on; all but %.2g "
-                  "of the light within %.0f px, +- %.2g",
-                  n, last >= 0 ? centre[last] : 0.0, t.power ? "power" : "exponential", t.line[1],
-                  t.from > 0 ? centre[t.from] : 0.0, *beyond, *radius, *error);
-    free(stars);
-    free(around);
+                  "PSF wings: %d bright stars, %d of %d saturated, rings clear to %.1f px, %s %.3g from %.1f "
+                  "px on, hidden %.2g +- %.2g; all but %.2g of the light within %.0f px, +- %.2g",
+                  of.few, of.scaled, of.n - of.few, last >= 0 ? of.centre[last] : 0.0,
+                  !suits    ? "none"
+                  : t.power ? "power"
+                            : "exponential",
+                  t.line[1], suits ? of.centre[t.from] : 0.0, light, error, dst->beyond, dst->radius,
+                  dst->error);
+exit:
+    free(of.stars);
+    free(of.around);
     free(stamp);
     free(values);
-    return RX_OK;
+    return status;
 }
 
 void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
@@ -544,7 +765,7 @@ static void stack(const rx_psf_job *job, const bright *stars, int n, double peak
                 const rx_psf_point *p = &job->points[stars[s].i];
                 const long x = lround(p->x) + i, y = lround(p->y) + j;
                 const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
-                if (x < 0 || y < 0 || x >= image->width || y >= image->height || job->used[at] == 0)
+                if (x < 0 || y < 0 || x >= image->width || y >= image->height || job->used[at] != 1)
                     continue;
                 sum += (double)job->rest[at] - p->sky;
                 light += p->flux;
@@ -554,7 +775,7 @@ static void stack(const rx_psf_job *job, const bright *stars, int n, double peak
         }
 }
 
-rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx_error *err)
+rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *dst, rx_error *err)
 {
     rx_psf_quality *quality = &dst->quality;
     rx_psf_judged *judged = dst->judged = RX_NEW(rx_psf_judged, 1);
@@ -644,7 +865,10 @@ rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx
             quality->growth_radius = r.edge[j + 1];
         }
     }
-    quality->flux_error = hypot(wing_error, fmax(scale[0], more));
+    quality->radius = wing->radius;
+    quality->beyond = wing->beyond;
+    quality->hidden = wing->hidden;
+    quality->flux_error = hypot(wing->error, fmax(scale[0], more));
     const double by_size = flux_by_size(job);
     for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
         quality->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS] =

@@ -16,13 +16,17 @@ typedef struct rx_star_shape {
 /* shapes [job->n], of stars that are kept. */
 void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes);
 
-/* The profile of core and wing from rings around the bright stars, which get the sky around these. *radius: within which all but
- * `least` of the light lies, *beyond: what lies outside; *error: of the light within, relative. Without a ring that
- * stands out of the noise the wing stays. */
-rx_status rx_psf_wings(rx_psf_job *job, double least, double *radius, double *beyond, double *error,
-                       rx_log *log, rx_error *err);
+typedef struct rx_psf_wing {
+    double radius, beyond; /* pixels within which all but `least` of the light lies, and what lies outside */
+    double error;          /* of the light within, relative, 1 sigma */
+    double hidden;         /* the part of it that is light in the rings' noise */
+} rx_psf_wing;
 
-/* What reserved stars say of the model, into quality and judged of dst; wing_error: that of rx_psf_wings(). */
-rx_status rx_psf_judge(const rx_psf_job *job, double wing_error, rx_psf *dst, rx_error *err);
+/* The profile of core and wing from rings around the bright stars, which get the sky around these. Where no ring stands out of
+ * the noise the wing stays, with the halo that is to be expected. */
+rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *log, rx_error *err);
+
+/* What reserved stars say of the model, into quality and judged of dst. */
+rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *dst, rx_error *err);
 
 #endif

@@ -32,7 +32,7 @@ rung() {
 begin 'PSF of pixels'
 stars tile.fits 60
 rung '' 'RXPSF = AUTO: pixels .*' 'RXFWHM = (2\.9|3\.0).*' 'RXPSFHOW = PIXELS' 'RXPSFNST = [2-9][0-9]' 'RXPSFNRS = [0-9]+' \
-    'RXPSFDEG = 0' 'RXPSFRAD = [0-9.]+' 'RXPSFOUT = [0-9.E-]+' 'RXPSFERR = 0\.00[0-9]*[1-9].*' 'RXPSFERX = 0\.[0-9]*[1-9].*' 'RXPSFEPX = [0-9]+' 'RXPSFEPY = [0-9]+' 'RXPSFCOG = -?0\.00.*' 'RXPSFCGR = [0-9.]+' \
+    'RXPSFDEG = 0' 'RXPSFRAD = [0-9.]+' 'RXPSFOUT = [0-9.E-]+' 'RXPSFERR = 0\.00[0-9]*[1-9].*' 'RXPSFHID = 0\.00[0-9]*[1-9].*' 'RXPSFERX = 0\.[0-9]*[1-9].*' 'RXPSFEPX = [0-9]+' 'RXPSFEPY = [0-9]+' 'RXPSFCOG = -?0\.00.*' 'RXPSFCGR = [0-9.]+' \
     'RXPSFDT = -?0\.0.*' 'RXPSFDTE = 0\.0.*' 'RXPSFE1 = .*' 'RXPSFE1E = 0\.0.*' 'RXPSFE2 = .*' 'RXPSFE2E = 0\.0.*'
 
 begin 'PSF of three stars'

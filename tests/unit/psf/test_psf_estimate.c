@@ -32,6 +32,9 @@ static double corner_pixels = 110.0;
 static int highest_degree = 6;
 static double galaxy_width[2] = {1.2, 1.3}, /* narrowest and range, of the star's */
     galaxy_ratio = 0.5;                     /* flattest */
+static double faintest = 2.2;               /* log of a peak */
+static double moffat_reach = 8.0;           /* FWHM */
+static int stars_alone = 0;                 /* no galaxies */
 static int cross = 0; /* the halo is a cross of spikes along the axes, of scale 3 FWHM */
 
 static double uniform(uint64_t stream, uint64_t i)
@@ -45,7 +48,7 @@ static void add_profile(field *f, double x, double y, double peak, double fwhm, 
     rx_moffat profile;
     rx_moffat_shape(fwhm, f->beta, ratio, angle, shape);
     rx_moffat_set(&profile, shape);
-    int reach = (int)((f->halo > 0.0 ? 20.0 : 8.0) * fwhm);
+    int reach = (int)((f->halo > 0.0 ? 20.0 : moffat_reach) * fwhm);
     /* both parts have the light that goes with them: that of a Moffat of that peak is pi hwhm^2 / (k (beta - 1)) */
     const double scale = 1.5 * fwhm,
                  light = peak * M_PI * profile.hwhm * profile.hwhm / (profile.k * (profile.beta - 1.0));
@@ -141,7 +144,9 @@ static void make_varied(field *f, double fwhm, double beta, double ratio, double
         int star = c * nstars / (CELLS * CELLS) != (c + 1) * nstars / (CELLS * CELLS);
         s->x = (c % CELLS + 0.3 + 0.4 * uniform(1, (uint64_t)c)) * CELL;
         s->y = (c / CELLS + 0.3 + 0.4 * uniform(2, (uint64_t)c)) * CELL;
-        s->peak = pow(10.0, 2.2 + 2.0 * pow(uniform(3, (uint64_t)c), steep));
+        s->peak = star || !stars_alone
+                      ? pow(10.0, faintest + (4.2 - faintest) * pow(uniform(3, (uint64_t)c), steep))
+                      : 0.0;
         double wide = star ? 1.0 : galaxy_width[0] + galaxy_width[1] * uniform(4, (uint64_t)c),
                q = star ? ratio : galaxy_ratio + (1.0 - galaxy_ratio) * uniform(5, (uint64_t)c);
         add_profile(f, s->x, s->y, s->peak, wide * width_at(f, s->x, s->y), q,
@@ -192,6 +197,7 @@ static void free_field(field *f)
     free(f->background.level);
     free(f->background.sigma);
     free(f->sources.list);
+    free(f->sources.segments);
 }
 
 static rx_status estimate_as(const field *f, rx_psf_type type, int nthreads, rx_psf **psf, rx_error *err)
@@ -373,6 +379,134 @@ static void test_halo(void **state)
     assert_true(encircled(psf, 320.0, 320.0, 6.0) > 0.9 * core + 0.1 * halo + 0.03);
     rx_psf_free(psf);
     free_field(&f);
+}
+
+/* What a template's flux of a bright star at the middle would be, over the truth. */
+static double flux_found(const field *of, const rx_psf *psf)
+{
+    field f = *of;
+    const double fwhm = f.fwhm, beta = f.beta, mid = SIDE / 2;
+    double shape[RX_MOFFAT_SHAPE], product = 0.0, square = 0.0;
+    rx_moffat profile;
+    float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
+    f.tile.pixels = RX_NEW(float, (size_t)SIDE *SIDE);
+    assert_non_null(stamp);
+    assert_non_null(f.tile.pixels);
+    rx_moffat_shape(fwhm, beta, 1.0, 0.0, shape);
+    rx_moffat_set(&profile, shape);
+    add_profile(&f, mid, mid, 1.0, fwhm, 1.0, 0.0);
+    rx_psf_at(psf, mid, mid, stamp);
+    for (int j = 0; j < psf->size; j++)
+        for (int i = 0; i < psf->size; i++) {
+            const int x = i - psf->size / 2 + (int)mid, y = j - psf->size / 2 + (int)mid;
+            const double p = (double)stamp[j * psf->size + i];
+            if (x < 0 || y < 0 || x >= SIDE || y >= SIDE)
+                continue;
+            product += p * (double)f.tile.pixels[y * SIDE + x];
+            square += p * p;
+        }
+    free(stamp);
+    free(f.tile.pixels);
+    return product / square * profile.k * (profile.beta - 1.0) / (M_PI * profile.hwhm * profile.hwhm);
+}
+
+/* Faint stars, and `n` of 10 to 100 times the level that saturates, each over a faint one; what reaches it is flagged and
+ * has a segment. */
+static void saturated_field(field *f, double fwhm, double beta, double halo, int n, double saturation)
+{
+    const size_t pixels = (size_t)SIDE * SIDE;
+    steep = 3.0;
+    make_field_of(f, fwhm, beta, 1.0, 0.0, 100, 0, halo, 0.0);
+    steep = 1.0;
+    float *sky = f->tile.pixels;
+    f->tile.pixels = RX_NEW(float, pixels);
+    f->sources.segments = RX_NEW(int32_t, pixels);
+    assert_non_null(f->tile.pixels);
+    assert_non_null(f->sources.segments);
+    f->tile.saturation = saturation;
+    for (int k = 0; k < n; k++) {
+        rx_source *s = &f->sources.list[(k * 37 + 11) % (CELLS * CELLS)];
+        s->peak = saturation * pow(10.0, 1.0 + (k + 0.5) / n);
+        add_profile(f, s->x, s->y, s->peak, fwhm, 1.0, 0.0);
+    }
+    for (size_t i = 0; i < pixels; i++) {
+        const double light = (double)f->tile.pixels[i];
+        f->tile.pixels[i] =
+            fminf((float)((double)sky[i] + light + rx_random_normal(8, 1, i) * sqrt(light / f->tile.gain)),
+                  (float)saturation);
+    }
+    free(sky);
+    for (int k = 0; k < f->sources.n; k++) {
+        rx_source *s = &f->sources.list[k];
+        int reach = 0;
+        const int x = (int)lround(s->x), y = (int)lround(s->y);
+        measure_source(f, s, fmin(2.5 * fwhm, 40.0), 1.0);
+        s->peak = fmin(s->peak, saturation - 100.0);
+        s->flags = f->tile.pixels[y * SIDE + x] >= (float)saturation ? RX_FLAG_SATURATED : 0;
+        while (reach < 30 && x + reach < SIDE && f->tile.pixels[y * SIDE + x + reach] > 115.0F)
+            reach++;
+        for (int j = -reach; j <= reach; j++)
+            for (int i = -reach; i <= reach; i++)
+                if (hypot(i, j) <= reach && x + i >= 0 && x + i < SIDE && y + j >= 0 && y + j < SIDE)
+                    f->sources.segments[(y + j) * SIDE + x + i] = s->segment;
+    }
+}
+
+/* Wings that faint stars do not show are those of saturated ones. */
+static void test_wings_of_saturated(void **state)
+{
+    (void)state;
+    static const double kinds[][3] = {{3.0, 50.0, 0.1}, {3.0, 2.5, 0.0}}; /* FWHM, beta, halo */
+    moffat_reach = 40.0;
+    for (int kind = 0; kind < 2; kind++) {
+        double off[2];
+        for (int without = 0; without < 2; without++) {
+            field f;
+            rx_psf *psf;
+            saturated_field(&f, kinds[kind][0], kinds[kind][1], kinds[kind][2], 8, 1500.0);
+            for (int k = 0; k < f.sources.n && without; k++) /* as if the border cut them */
+                f.sources.list[k].flags |= f.sources.list[k].flags != 0 ? RX_FLAG_TRUNCATED : 0;
+            assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+            off[without] = flux_found(&f, psf) - 1.0;
+            print_message("kind %d, %s saturated stars: fluxes %+.4f, claimed %.4f; %s\n", kind,
+                          without ? "without" : "with", off[without], psf->quality.flux_error,
+                          psf->description);
+            rx_psf_free(psf);
+            free_field(&f);
+        }
+        assert_near(off[0], 0.0, 0.003);
+        assert_true(off[1] < -0.004);
+    }
+    moffat_reach = 8.0;
+}
+
+/* Few faint stars hardly show a halo: the claimed error holds what it may have, and is small where many bright ones do. */
+static void test_unseen_halo(void **state)
+{
+    (void)state;
+    stars_alone = 1;
+    for (int n = 11; n <= 31; n += 5)
+        for (int halo = 0; halo < 2; halo++) {
+            field f;
+            rx_psf *psf;
+            steep = 10.0;
+            faintest = 2.4;
+            make_field_of(&f, 3.0, 50.0, 1.0, 0.0, n, 0, 0.1 * halo, 0.0);
+            steep = 1.0;
+            faintest = 2.2;
+            assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+            const double off = flux_found(&f, psf) - 1.0;
+            print_message("%d stars, halo %g: fluxes %+.4f, claimed %.4f; %s\n", n, 0.1 * halo, off,
+                          psf->quality.flux_error, psf->description);
+            assert_string_equal(psf->quality.how, "PIXELS");
+            assert_near(off / psf->quality.flux_error, 0.0, 1.0);
+            assert_near(off, 0.0, 0.03);
+            assert_true(psf->quality.hidden > 0.0 && psf->quality.hidden < psf->quality.flux_error);
+            assert_true(n < 31 || psf->quality.flux_error < 0.01);
+            rx_psf_free(psf);
+            free_field(&f);
+        }
+    stars_alone = 0;
 }
 
 /* Spikes stand far above the mean of their ring, and are light all the same. */
@@ -931,6 +1065,8 @@ int main(void)
         cmocka_unit_test(test_masked_pixels),
         cmocka_unit_test(test_saturated_stars),
         cmocka_unit_test(test_halo),
+        cmocka_unit_test(test_wings_of_saturated),
+        cmocka_unit_test(test_unseen_halo),
         cmocka_unit_test(test_spikes),
         cmocka_unit_test(test_varies),
         cmocka_unit_test(test_varies_much),
