@@ -36,8 +36,8 @@ typedef struct rx_error {
     int hdu;                    /* HDU number as cfitsio counts in [n] (0 = primary); -1 none */
     long line;                  /* line in a text file, from 1; 0 none */
     char text[RX_ERROR_TEXT];   /* what is wrong, then what to do */
-    /* The caller's way to end a call early; set before it, kept by everything below. Long loops ask now and then, in the
-     * thread that made the call, and more than once after the first true: the call then unwinds and returns
+    /* The caller's way to end a call early; set before it, kept by everything below. Long loops ask now and then, in
+     * the thread that made the call, and more than once after the first true: the call then unwinds and returns
      * RX_INTERRUPTED. NULL: never. */
     bool (*stop)(void *user);
     void *user; /* what stop is given */

@@ -1,10 +1,9 @@
 /* What the user reads while we work: messages and a progress line on stderr, or functions of the caller.
  *
  * The only place of the library that writes to a terminal, to the stream that it is given. A NULL log is silent. At
- * NORMAL what is longer than 160 characters goes on in further lines, and a tile has ten lines: warnings come at once and
- * always, information waits for the end of the tile and takes the lines that are left. The caller's functions are given
- * each message whole and at once.
- */
+ * NORMAL what is longer than 160 characters goes on in further lines, and a tile has ten lines: warnings come at once
+ * and always, information waits for the end of the tile and takes the lines that are left. The caller's functions are
+ * given each message whole and at once. / */
 #ifndef RX_BASE_LOG_H
 #define RX_BASE_LOG_H
 

@@ -34,8 +34,8 @@ typedef struct rx_blankcheck {
     /* Of the tile's own detections the share that is no noise peak: 1 - rate * sky / n; noise alone: pieces and
      * ghosts of real sources count as real. n: detections, 0 = none */
     rx_estimate real;
-    double (*fitted)
-        [2]; /* [nfitted] evidence and S/N of what was fitted to noise, where the tile itself was; owned */
+    /* [nfitted] evidence and S/N of what was fitted to noise, where the tile itself was; owned */
+    double (*fitted)[2];
     int nfitted;
 } rx_blankcheck;
 
@@ -62,27 +62,28 @@ typedef struct rx_blank_input {
     const rx_result *tile; /* what it made of the tile itself, or NULL */
 } rx_blank_input;
 
-/* The realisations through one restorer, the same ones for every restorer. Where templates were fitted to the tile, they are
- * fitted here, as in a crowd where most of the tile is one; with INVENTED_TYPE DROP these are counted by rx_blankcheck_preal().
- * Errors: RX_SYSTEM, RX_INTERRUPTED. */
+/* The realisations through one restorer, the same ones for every restorer. Where templates were fitted to the tile,
+ * they are fitted here, as in a crowd where most of the tile is one; with INVENTED_TYPE DROP these are counted by
+ * rx_blankcheck_preal(). Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,
                             rx_blankcheck *dst, rx_error *err);
 
-/* Before the network looks at the tile of `field`: one realisation of its noise, as measured, in a window of 512 x 512
- * pixels, the one with most usable pixels, or of 1024 x 1024 where that has three false detections. Where the one-sided
- * 90 % lower limit of its false detections per Mpixel, of at least three, is above `most` (0: no limit), params->detect.threshold is raised, by steps of a twentieth up to tenfold, until
- * no more than `most` per Mpixel are found on the same window. dst->realisations stays 0 where the noise is not known,
- * or another restorer does the work. Errors: RX_SYSTEM, RX_INTERRUPTED. */
+/* Before the network looks at the tile of `field`: one realisation of its noise, as measured, in a window of 512 x
+ * 512 pixels, the one with most usable pixels, or of 1024 x 1024 where that has three false detections. Where the
+ * one-sided 90 % lower limit of its false detections per Mpixel, of at least three, is above `most` (0: no limit),
+ * params->detect.threshold is raised, by steps of a twentieth up to tenfold, until no more than `most` per Mpixel are
+ * found on the same window. dst->realisations stays 0 where the noise is not known, or another restorer does the
+ * work. Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kind, const rx_field *field,
                               double most, rx_blankcheck *dst, rx_error *err);
 
 /* check->sky and ->real from its rate and `tile`, that restorer on the untouched tile. */
 void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check);
 
-/* P_REAL and the marks of `tile` by what was fitted to its noise (pipeline/preal.h); as they were where nothing was, and in a crowd,
- * where the light of others hides peaks that an empty sky shows. Pieces of
- * neighbours, which noise has none of, are left out of the comparison. With INVENTED_TYPE DROP what is marked is dropped, and of
- * what was fitted to noise the rest are the false detections. Errors: RX_SYSTEM. */
+/* P_REAL and the marks of `tile` by what was fitted to its noise (pipeline/preal.h); as they were where nothing was,
+ * and in a crowd, where the light of others hides peaks that an empty sky shows. Pieces of neighbours, which noise
+ * has none of, are left out of the comparison. With INVENTED_TYPE DROP what is marked is dropped, and of what was
+ * fitted to noise the rest are the false detections. Errors: RX_SYSTEM. */
 rx_status rx_blankcheck_preal(const rx_pipeline_params *params, rx_blankcheck *check, rx_result *tile,
                               rx_error *err);
 void rx_blankcheck_free(rx_blankcheck *check); /* content only */

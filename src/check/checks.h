@@ -31,7 +31,8 @@ void rx_checks_free(rx_checks *checks);
 rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, const rx_field *field,
                           rx_pipeline_params *params, rx_log *log, rx_blankcheck *dst, rx_error *err);
 
-/* Will the tile's noise say what INVENTED_TYPE DROP drops? Then rx_checks_run() does it, and nothing may be dropped before. */
+/* Will the tile's noise say what INVENTED_TYPE DROP drops? Then rx_checks_run() does it, and nothing may be dropped
+ * before. */
 int rx_checks_drop(const rx_checks *checks);
 
 /* `tile`: the restorer on the untouched tile, with `params`; gets P_REAL and its marks by the tile's noise.

@@ -2,8 +2,8 @@
  * catalogue.
  *
  * Objects of known flux, drawn through the tile's own PSF with the photon noise they bring (correlated as the tile's
- * noise is), are added to a copy; background, restoration, detection and measurement run as they did for the catalogue, with the same
- * PSF. Rounds of few objects at a time leave the tile as crowded as it is.
+ * noise is), are added to a copy; background, restoration, detection and measurement run as they did for the
+ * catalogue, with the same PSF. Rounds of few objects at a time leave the tile as crowded as it is.
  *
  * What was there before does not count. A detection after the injection is `old` when it has a counterpart
  * in the un-injected run of the same restorer (one to one, nearest first, within MATCH_RADIUS) and less than
@@ -87,13 +87,13 @@ typedef struct rx_selfcheck {
 
 /* `sources` of the untouched tile must outlive the plan, as must params, par and field. The field has a PSF. From
  * those of FLAGS 0 or 1, 2.5 mag and more above the limit, follow size and share of galaxies, where
- * SELF_CHECK_GALAXIES leaves it to the tile: a source is resolved when its half-light radius r (FLUX_RADIUS) is more than 1.2 times that of the
- * PSF, r0; sqrt(r^2 - r0^2) over the law of simulate/scene.h is taken as log-normal with the law's scatter,
- * cut off where sources cannot be resolved, and its median is found by maximum likelihood. Unresolved
- * galaxies are added as that distribution says (each resolved one counts 1 over its chance to be resolved).
- * Fewer than 10 resolved sources: no galaxies, or those asked for with the sizes of the law. In a crowd, where blends look
- * resolved, rx_checks_run() injects none.
- * Errors: RX_USAGE (MATCH_UNIT), RX_INPUT (no place left), RX_SYSTEM. */
+ * SELF_CHECK_GALAXIES leaves it to the tile: a source is resolved when its half-light radius r (FLUX_RADIUS) is more
+ * than 1.2 times that of the PSF, r0; sqrt(r^2 - r0^2) over the law of simulate/scene.h is taken as log-normal with
+ * the law's scatter, cut off where sources cannot be resolved, and its median is found by maximum likelihood.
+ * Unresolved galaxies are added as that distribution says (each resolved one counts 1 over its chance to be
+ * resolved). Fewer than 10 resolved sources: no galaxies, or those asked for with the sizes of the law. In a crowd,
+ * where blends look resolved, rx_checks_run() injects none. Errors: RX_USAGE (MATCH_UNIT), RX_INPUT (no place left),
+ * RX_SYSTEM. */
 rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check_params *par,
                                 const rx_field *field, const rx_sources *sources, rx_selfcheck_plan **dst,
                                 rx_error *err);

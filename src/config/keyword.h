@@ -121,7 +121,8 @@ const char *rx_train_idle(const rx_settings *settings, const char *name);
 const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
-/* Thresholds of a survey's file; then columns, filter, star weights and gates: as given, beside the configuration file, in the folder of installed
+/* The names of input files become those of the files that are meant: thresholds of a survey's file; then columns,
+ * filter, star weights and gates, looked for as given, beside the configuration file, in the folder of installed
  * data. What is not found keeps its name: its reader refuses it. */
 rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err);
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);

@@ -51,18 +51,19 @@ rx_noise_correlation rx_noise_white(rx_noise_origin origin);
 /* White noise convolved with kernel[height][width], cut at the reach. */
 rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int height);
 
-/* Measured on a crowded tile, the light of sources too faint to be found is correlated as the PSF is. Its share (and a
- * constant, that of sky taken off with it) is fitted to what was measured, at all lags: where it leaves nothing at the nearest 8,
- * pixels are independent. Else, noise being short, at lags of 3 pixels and more, and taken off, as far as what is
- * left sums up to no less than independent pixels do. A share below 5 of its errors is none, one above 0.85 is smoothed noise.
- * psf[height][width]. Returns the share, 0 where nothing was done. */
+/* On a crowded tile a part of the correlation measured is light: that of sources too faint to be found, correlated as
+ * the PSF is. Its share, and a constant for the sky subtracted with it, are fitted to the measured correlation at all
+ * lags; where they leave nothing at the nearest 8, pixels are independent. Else they are fitted at lags of 3 pixels
+ * and more, as noise has short lags, and subtracted as far as the rest sums up to no less than independent pixels do.
+ * A share below 5 of its errors counts as none, one above 0.85 as smoothed noise. psf[height][width]. Returns the
+ * share, 0 where nothing was done. */
 double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height);
 
 /* f of profile[height][width], at least 0.1; 1 for noise NULL, uncorrelated noise, or a profile of zeros. */
 double rx_noise_factor(const rx_noise_correlation *noise, const float *profile, int width, int height);
 
-/* Power spectrum: sum at(dx, dy) cos 2 pi (u dx + v dy), u and v in cycles per pixel; its mean over all frequencies, and
- * everywhere of independent pixels, is 1. At 0 it is the square of rx_noise_factor_wide(). */
+/* Power spectrum: sum at(dx, dy) cos 2 pi (u dx + v dy), u and v in cycles per pixel; its mean over all frequencies,
+ * and everywhere of independent pixels, is 1. At 0 it is the square of rx_noise_factor_wide(). */
 double rx_noise_power(const rx_noise_correlation *noise, double u, double v);
 
 /* Do two quadrants differ by more than 5 errors, and by more than 0.15 of the smaller one? */
@@ -71,8 +72,8 @@ int rx_noise_uneven(const rx_noise_correlation *noise);
 /* f of a profile much wider than the reach: sqrt(sum at), at least 0.1. */
 double rx_noise_factor_wide(const rx_noise_correlation *noise);
 
-/* Was more measured than resampling leaves? Drizzle gives wide sums r / (1 - 1/(3r)) times the noise of independent pixels
- * where drops are r pixels wide (Fruchter & Hook 2002, PASP 114, 144), the most of all: 2.4 for drops of 2
+/* Was more measured than resampling leaves? Drizzle gives wide sums r / (1 - 1/(3r)) times the noise of independent
+ * pixels where drops are r pixels wide (Fruchter & Hook 2002, PASP 114, 144), the most of all: 2.4 for drops of 2
  * pixels, 3.4 for those of 3, which is the limit here. Beyond are fringes, light that fills the tile, or smoothing. */
 #define RX_NOISE_RESAMPLED 3.4
 int rx_noise_is_structure(const rx_noise_correlation *noise);

@@ -105,18 +105,7 @@ void rx_psf_fine_at(const rx_psf *psf, double x, double y, float *stamp)
     mix(psf, psf->samples != NULL ? psf->samples : psf->basis, side * side, x, y, stamp);
 }
 
-void rx_psf_free(rx_psf *psf)
-{
-    if (psf == NULL)
-        return;
-    free(psf->basis);
-    free(psf->samples);
-    free(psf->stars);
-    rx_psf_judged_free(psf->judged);
-    free(psf);
-}
-
-void rx_psf_judged_free(rx_psf_judged *judged)
+static void judged_free(rx_psf_judged *judged)
 {
     if (judged == NULL)
         return;
@@ -124,6 +113,17 @@ void rx_psf_judged_free(rx_psf_judged *judged)
     free(judged->growth);
     free(judged->residual);
     free(judged);
+}
+
+void rx_psf_free(rx_psf *psf)
+{
+    if (psf == NULL)
+        return;
+    free(psf->basis);
+    free(psf->samples);
+    free(psf->stars);
+    judged_free(psf->judged);
+    free(psf);
 }
 
 double rx_psf_flux_error(const rx_psf *psf, double x, double y)

@@ -20,14 +20,15 @@
 
 RX_BEGIN_DECLS
 
+/* Where it comes from. */
 typedef enum rx_psf_type {
-    RX_PSF_MOFFAT,
-    RX_PSF_FILE,
-    RX_PSF_PSFEX,
-    RX_PSF_AUTO,
-    RX_PSF_PIXEL,
-    RX_PSF_GAUSS,
-    RX_PSF_MOFFAT_FIT
+    RX_PSF_MOFFAT,    /* a stated profile */
+    RX_PSF_FILE,      /* an image of it */
+    RX_PSF_PSFEX,     /* a model of PSFEx or of ours */
+    RX_PSF_AUTO,      /* stars of the tile, by pixels where they allow it */
+    RX_PSF_PIXEL,     /* a single pixel: of restored images that are not smoothed */
+    RX_PSF_GAUSS,     /* of restored images */
+    RX_PSF_MOFFAT_FIT /* stars of the tile, one Moffat */
 } rx_psf_type;
 
 /* PSF_TYPE of those that stars of the tile give. */
@@ -51,8 +52,8 @@ typedef struct rx_psf_quality {
     double flux_errors[RX_PSF_CELLS][RX_PSF_CELLS]; /* besides, at X, Y = -1, -0.5, .. 1 */
     double trace[2];    /* mean (T_data - T_model) / T_model and its error, T = xx + yy */
     double shape[2][2]; /* the same of e1 = (xx - yy) / T, e2 = 2 xy / T: data - model */
-    double
-        growth; /* curve of growth to 20 FWHM, data against model: largest difference, share of the total */
+    /* curve of growth to 20 FWHM, data against model: largest difference, share of the total */
+    double growth;
     double growth_radius; /* pixels, where */
     double growth_error;  /* of it, 1 sigma */
     double residual;      /* stacked stars - PSF, largest within a FWHM, share of the peak */
@@ -82,8 +83,6 @@ typedef struct rx_psf_judged {
     rx_psf_growth *growth; /* [nradii] */
     float *residual;       /* [side][side] stacked stars - PSF, in units of the PSF's peak */
 } rx_psf_judged;
-
-void rx_psf_judged_free(rx_psf_judged *judged); /* NULL is fine */
 
 enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */
 

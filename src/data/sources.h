@@ -130,7 +130,7 @@ typedef struct rx_sources {
     double law_scatter;          /* robust rms of the fit in dex */
 } rx_sources;
 
-/* 1: the untouched pixels do not want this source. */
+/* 1: a mark of FLAGS_RESTORE says that the source is spurious, not significant in the untouched pixels. */
 int rx_source_is_spurious(const rx_source *source);
 
 /* Keep the sources with keep[i] != 0: list, vignets, assoc rows and segmentation map in step; numbers and

@@ -1,9 +1,9 @@
-/* Whose a temporary output is. It is written as ".NAME.rx-NUMBER.tmp" beside its place, and as long as the
- * process that writes it lives, that process holds a lock (flock) on the empty file ".NAME.rx-NUMBER.lock":
+/* To which process a temporary output belongs. It is written as ".NAME.rx-NUMBER.tmp" beside its place, and as long
+ * as the process that writes it lives, that process holds a lock (flock) on the empty file ".NAME.rx-NUMBER.lock":
  * what a killed one has left can be distinguished from the work of another process, and removed. The kernel drops the
- * lock with the process, so that neither process numbers nor names of machines have to be trusted. Where the
- * file system has no locks, no process gets one, and nothing is ever removed; where locks do not reach other
- * machines (NFS with local_lock), two machines must not write the same output at once. */
+ * lock with the process, so that neither process numbers nor names of machines have to be trusted. Where the file
+ * system has no locks, no process gets one, and nothing is ever removed; where locks do not reach other machines (NFS
+ * with local_lock), two machines must not write the same output at once. */
 #ifndef RX_IO_CLAIM_H
 #define RX_IO_CLAIM_H
 

@@ -22,9 +22,9 @@ typedef struct rx_fits_plane {
     int width, height;
     const float *floats;
     const int32_t *integers;
-    const char
-        *cards; /* the input's, of which the useful ones are copied (no structural, compression, scaling,
-                          checksum keywords; WCS kept); NULL: none */
+    /* the input's, of which the useful ones are copied (no structural, compression, scaling, checksum keywords; WCS
+     * kept); NULL: none */
+    const char *cards;
     size_t ncards;
 } rx_fits_plane;
 

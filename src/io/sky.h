@@ -1,6 +1,6 @@
 /* Celestial frames: from the frame of an image's world coordinates to J2000 and back.
  *
- * ICRS and FK5 at J2000 are held for the same (they differ by 0.02 arcsec). Rotations:
+ * ICRS and FK5 at J2000 are taken as the same (they differ by 0.02 arcsec). Rotations:
  * precession IAU 1976 (Lieske 1979, A&A 73, 282) for FK5 of another equinox, FK4 by Newcomb's
  * precession to B1950, removal of the E-terms and the B1950-J2000 matrix of Murray
  * (1989, A&A 218, 325, eq. 28) for the epoch 1950 and no proper motion;

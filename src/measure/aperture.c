@@ -9,6 +9,11 @@ static const double CROWDED_SHARE = 0.1; /* of hidden pixels from which a source
 static const double PETROSIAN_RATIO = 0.2;
 enum { RIM_OVERSAMPLING = 5, PETROSIAN_STEPS = 20 };
 
+/* An ellipse cxx dx^2 + cyy dy^2 + cxy dx dy <= r^2 in SExtractor's sense: whole pixels. */
+typedef struct ellipse {
+    float x, y, cxx, cyy, cxy, r;
+} ellipse;
+
 double rx_pixel_in_circle(float dx, float dy, float radius, int oversampling)
 {
     float r2 = dx * dx + dy * dy;
@@ -82,13 +87,13 @@ void rx_sum_circle(const rx_view *view, double x, double y, double radius, rx_su
     finish_sum(&of);
 }
 
-static float ellipse_radius2(const rx_ellipse *e, float dx, float dy)
+static float ellipse_radius2(const ellipse *e, float dx, float dy)
 {
     return e->cxx * dx * dx + e->cyy * dy * dy + e->cxy * dx * dy;
 }
 
 /* Bounding box of an ellipse, clipped; true when it leaves the image. */
-static bool ellipse_box(const rx_view *view, const rx_ellipse *e, rx_box *box)
+static bool ellipse_box(const rx_view *view, const ellipse *e, rx_box *box)
 {
     float width = e->cxx - e->cxy * e->cxy / (4.0f * e->cyy);
     float height = e->cyy - e->cxy * e->cxy / (4.0f * e->cxx);
@@ -101,7 +106,8 @@ static bool ellipse_box(const rx_view *view, const rx_ellipse *e, rx_box *box)
     return rx_view_clip(view, box);
 }
 
-void rx_sum_ellipse(const rx_view *view, const rx_ellipse *e, rx_sum *sum)
+/* Sum over it, hidden pixels as the view says. */
+static void sum_ellipse(const rx_view *view, const ellipse *e, rx_sum *sum)
 {
     rx_box box;
     running of = {.view = view, .x = e->x, .y = e->y, .sum = sum};
@@ -115,16 +121,16 @@ void rx_sum_ellipse(const rx_view *view, const rx_ellipse *e, rx_sum *sum)
 }
 
 /* The source's ellipse scaled by `factor`, or a circle of `diameter` where that is larger. */
-static rx_ellipse source_ellipse(const rx_source *s, double factor, double diameter, bool *circle)
+static ellipse source_ellipse(const rx_source *s, double factor, double diameter, bool *circle)
 {
     *circle = !(factor * sqrt(s->a * s->b) > diameter / 2.0);
     if (*circle)
-        return (rx_ellipse){(float)s->x, (float)s->y, 1.0f, 1.0f, 0.0f, (float)(diameter / 2.0)};
-    return (rx_ellipse){(float)s->x, (float)s->y, (float)s->cxx, (float)s->cyy, (float)s->cxy, (float)factor};
+        return (ellipse){(float)s->x, (float)s->y, 1.0f, 1.0f, 0.0f, (float)(diameter / 2.0)};
+    return (ellipse){(float)s->x, (float)s->y, (float)s->cxx, (float)s->cyy, (float)s->cxy, (float)factor};
 }
 
 /* Share of hidden pixels in the searched ellipse, and the first moment of the radius over good ones. */
-static double kron_moment(const rx_view *view, const rx_ellipse *e, rx_sum *seen)
+static double kron_moment(const rx_view *view, const ellipse *e, rx_sum *seen)
 {
     rx_box box;
     double moment = 0.0, total = 0.0;
@@ -168,14 +174,14 @@ void rx_measure_auto(const rx_view *view, const rx_measure_params *par, rx_sourc
     bool circle;
     rx_sum sum;
     rx_view shape = radii_view(view);
-    rx_ellipse search = source_ellipse(s, KRON_EXTENT, par->auto_aper_min, &circle);
+    ellipse search = source_ellipse(s, KRON_EXTENT, par->auto_aper_min, &circle);
     double moment = kron_moment(&shape, &search, &sum);
     flag_sum(&sum, s);
     if (moment <= 0.0)
         s->flags_measure |= RX_FLAGM_KRON_FAILED;
     double radius = fmax(par->auto_factor * moment, par->auto_min_radius);
-    rx_ellipse aperture = source_ellipse(s, radius, par->auto_aper_max, &circle);
-    rx_sum_ellipse(view, &aperture, &sum);
+    ellipse aperture = source_ellipse(s, radius, par->auto_aper_max, &circle);
+    sum_ellipse(view, &aperture, &sum);
     flag_sum(&sum, s);
     s->flux_auto = sum.flux;
     s->fluxerr_auto = sum.error;
@@ -189,7 +195,7 @@ typedef struct petro_ring {
     int nannulus, ninside, pixels, hidden;
 } petro_ring;
 
-static petro_ring measure_ring(const rx_view *view, const rx_ellipse *e, const rx_box *box, float rmin,
+static petro_ring measure_ring(const rx_view *view, const ellipse *e, const rx_box *box, float rmin,
                                float rmax)
 {
     petro_ring ring = {0};
@@ -222,7 +228,7 @@ static petro_ring measure_ring(const rx_view *view, const rx_ellipse *e, const r
 }
 
 /* Petrosian radius in units of the ellipse; 0 when there is none. */
-static double petro_search(const rx_view *view, const rx_ellipse *e, rx_source *s)
+static double petro_search(const rx_view *view, const ellipse *e, rx_source *s)
 {
     rx_box box;
     petro_ring ring = {0};
@@ -246,10 +252,10 @@ void rx_measure_petro(const rx_view *view, const rx_measure_params *par, rx_sour
     bool circle;
     rx_sum sum;
     rx_view shape = radii_view(view);
-    rx_ellipse search = source_ellipse(s, KRON_EXTENT, par->auto_aper_min, &circle);
+    ellipse search = source_ellipse(s, KRON_EXTENT, par->auto_aper_min, &circle);
     double radius = fmax(par->petro_factor * petro_search(&shape, &search, s), par->petro_min_radius);
-    rx_ellipse aperture = source_ellipse(s, radius, par->auto_aper_max, &circle);
-    rx_sum_ellipse(view, &aperture, &sum);
+    ellipse aperture = source_ellipse(s, radius, par->auto_aper_max, &circle);
+    sum_ellipse(view, &aperture, &sum);
     flag_sum(&sum, s);
     s->flux_petro = sum.flux;
     s->fluxerr_petro = sum.error;

@@ -20,14 +20,6 @@ double rx_pixel_in_circle(float dx, float dy, float radius, int oversampling);
 /* MAG_APER: 5 x 5 samples in rim pixels. */
 void rx_sum_circle(const rx_view *view, double x, double y, double radius, rx_sum *sum);
 
-/* An ellipse cxx dx^2 + cyy dy^2 + cxy dx dy <= r^2 in SExtractor's sense: whole pixels. */
-typedef struct rx_ellipse {
-    float x, y, cxx, cyy, cxy, r;
-} rx_ellipse;
-
-/* Sum over it, hidden pixels as the view says. */
-void rx_sum_ellipse(const rx_view *view, const rx_ellipse *ellipse, rx_sum *sum);
-
 /* FLUX_AUTO (Kron 1980): radius factor * sum(r I) / sum(I) within 6 rms ellipses, at least
  * auto_min_radius, in units of A and B. Fills flux_auto, fluxerr_auto, kron_radius (factor included,
  * 0 where the circle of PHOT_AUTOAPERS was used or the flux is not positive), masked_fraction, flags. */

@@ -5,8 +5,9 @@
  *   dx : the convolution of dy, 0 between its pixels where the stride is 2, with the kernel turned round
  *   dw = sum over pixels of x dy,  db = sum over pixels of dy      (dy by what is before sum and cut)
  *
- * One thread. An image of 128 x 128 pixels through a PSF-NET of 6 blocks, forward and backward, with the parameters of a
- * batch of 8 loaded, takes these milliseconds (one core of an AMD EPYC with AVX-512), and took those by oneDNN 2.6:
+ * One thread. An image of 128 x 128 pixels through a PSF-NET of 6 blocks, forward and backward, with the parameters
+ * of a batch of 8 loaded, takes these milliseconds (one core of an AMD EPYC with AVX-512), and took those by oneDNN
+ * 2.6:
  *
  *   width   4     5     8     16
  *   here    1.6   3.0   3.6   12.1

@@ -1,16 +1,16 @@
-/* Convolutions of a band of rows, forward and backward: the network's kernels. No planes to be padded or rearranged, nothing compiled
- * at run time, and only the pixels that are asked for, with their sum, cut and rounding on the way. Values do
- * not depend on which pixels are asked for. For a band there is no border above and below: y has only rows
- * that see all theirs in x.
+/* Convolutions of a band of rows, forward and backward: the network's kernels. No plane is padded or rearranged,
+ * nothing is compiled at run time, and only the pixels that are asked for are made, with sum, cut and rounding on the
+ * way. Values do not depend on which pixels are asked for. For a band there is no border above and below: y has only
+ * rows that see all theirs in x.
  *
  * The plain kernel, C by the definition with sums in double, is the fallback for every shape and every machine,
  * and what the others are compared with (tests/unit/nn/test_direct.c). These work on vectors of 4 floats (GCC's
  * vector extensions: NEON, SSE2), 8 (AVX2 with fused multiply-add) or 16 (AVX-512, and its instructions for
  * bfloat16), those of which outputs need the fewest:
  *
- *   - wide: registers hold the sums of pixels side by side, and a word
- *     of the input (one float or two bfloat16) is given to all lanes. Of floats the last vector may be filled in part; bfloat16 must fill it, or the plain
- *     kernel works.
+ *   - wide: registers hold the sums of pixels side by side, and a word of the input (one float or two bfloat16) is
+ *     given to all lanes. Of floats the last vector may be filled in part; bfloat16 must fill it, or the plain kernel
+ *     works.
  *   - Winograd's algorithm (arXiv 1509.09308) for 3x3 kernels on floats: 2.25 times fewer multiplications, the
  *     same bits only for areas that begin on the same multiples of two pixels.
  *   - fine: 4 outputs, which are the 2x2 pixels of a plane of one channel at twice the size. Lanes are

@@ -1,5 +1,5 @@
-/* Planes of floats, for kernels without bfloat16: included once PART, vector, v_load(), v_store() and v_multiply_add() are
- * there. */
+/* Planes of floats, for kernels without bfloat16: included once PART, vector, v_load(), v_store() and
+ * v_multiply_add() are there. */
 #ifndef RX_NN_DIRECT_FLOATS_H
 #define RX_NN_DIRECT_FLOATS_H
 

@@ -25,9 +25,9 @@ struct rx_direct {
     int padded;  /* outputs, and zeros that fill the last vector */
     int blocks;  /* vectors of outputs that run together: 2 where these are even */
     float *bias; /* [padded] */
-    void *
-        weights; /* Winograd: [padded / (lanes blocks)][point][in][blocks][lanes] floats; wide: [padded / (lanes
-                      blocks)][k][k][words][blocks][lanes] words, of the plain one floats; fine: [k][vectors][4][lanes] words */
+    /* Winograd: [padded / (lanes blocks)][point][in][blocks][lanes] floats; wide: [padded / (lanes
+     * blocks)][k][k][words] [blocks][lanes] words, of the plain one floats; fine: [k][vectors][4][lanes] words */
+    void *weights;
 };
 
 /* What there is for one kind of vectors. */

@@ -51,9 +51,9 @@ typedef struct rx_model_bin {
     double sigma[2]; /* noise level of the blurred fields: nn/noise_level.h */
     double loss;     /* mean test loss */
     double list;     /* the same, normalised: Eq. 4's list */
-    double
-        recall;  /* of test stars of S/N above 5, as the trainer's quick detection finds them; NAN unknown */
-    double bias; /* median (measured - true)/true flux of test stars of S/N above 12; NAN unknown */
+    /* of test stars of S/N above 5, as the trainer's quick detection finds them; NAN unknown */
+    double recall;
+    double bias;    /* median (measured - true)/true flux of test stars of S/N above 12; NAN unknown */
     double scatter; /* 1.4826 MAD of the same; NAN unknown */
     long images;    /* test images behind these */
 } rx_model_bin;

@@ -9,10 +9,10 @@
  * noisy (data/noise_correlation.h), which is what the network's input is in. Trainer and campaign take light without
  * noise; on tiles the noise is in the pixels, and 0.1 % of it exceed 3.1: none has N much above 80.
  *
- * What is inside a training for levels N1 to N2: B is that of whole fields, and what the network sees of them, a patch,
- * may have any of it: half of the patches of fields of N 12 to 15 are above 15, one in fourteen above 130, as good as
- * empty (tests/unit/train/test_scenes_light). So a model knows every B up to 255 / N1, pixels up to 40 times that, and no tile is
- * too faint for it; what it did in the bin of N2 is the nearest that is known of fainter ones. */
+ * What is inside a training for levels N1 to N2: B is that of whole fields, and what the network sees of them, a
+ * patch, may have any of it: half of the patches of fields of N 12 to 15 are above 15, one in fourteen above 130, as
+ * good as empty (tests/unit/train/test_scenes_light). So a model knows every B up to 255 / N1, pixels up to 40 times
+ * that, and no tile is too faint for it; what it did in the bin of N2 is the nearest that is known of fainter ones. */
 #ifndef RX_NN_NOISE_LEVEL_H
 #define RX_NN_NOISE_LEVEL_H
 

@@ -4,9 +4,9 @@
  * image. Around the block only what it depends on is computed, by the kernels of nn/direct.h.
  *
  * The values are those of a runner's forward pass (runner.h, of training) on the block with its halo, within
- * rounding: some 1e-6 of the largest, with bfloat16 some 1e-2 (tests/unit/nn/test_stream.c). They do not depend on the block as long as blocks
- * begin on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time and never uses more
- * than the thread that calls it.
+ * rounding: some 1e-6 of the largest, with bfloat16 some 1e-2 (tests/unit/nn/test_stream.c). They do not depend on
+ * the block as long as blocks begin on the same multiples of 2^(levels + 1). A stream belongs to one caller at a time
+ * and never uses more than the thread that calls it.
  *
  * Memory: rx_stream_bytes(), 7 kB per pixel of width for a PSF-NET of width 8 in single precision. */
 #ifndef RX_NN_STREAM_H
@@ -35,7 +35,8 @@ typedef struct rx_stream_cost {
 } rx_stream_cost;
 
 /* width of the block: a multiple of 2^levels. The net is only read and must live as long. Errors: RX_INPUT,
- * RX_SYSTEM, RX_USAGE (bfloat16 that this processor does not offer). What takes time and memory is left to the first run. */
+ * RX_SYSTEM, RX_USAGE (bfloat16 that this processor does not offer). What takes time and memory is left to the first
+ * run. */
 rx_status rx_stream_new(const rx_net *net, int width, rx_precision precision, rx_stream **dst, rx_error *err);
 void rx_stream_free(rx_stream *stream); /* NULL is fine */
 

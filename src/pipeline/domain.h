@@ -1,7 +1,7 @@
 /* Is a tile what the network was trained for? Its seeing and noise level (nn/noise_level.h) are looked up in the
- * model's dictionary, and what the model promises there goes into headers and reports. A seeing beyond the grid, a tile
- * brighter than it, and noise that is more correlated than rx_model_factor() are outside: there OUT_OF_DOMAIN is obeyed.
- * Pixels brighter than rx_model_peak() and dark sky are so by source: pipeline/pipeline.c. */
+ * model's dictionary, and what the model promises there goes into headers and reports. A seeing beyond the grid, a
+ * tile brighter than it, and noise that is more correlated than rx_model_factor() are outside: there OUT_OF_DOMAIN is
+ * obeyed. Pixels brighter than rx_model_peak() and dark sky are so by source: pipeline/pipeline.c. */
 #ifndef RX_PIPELINE_DOMAIN_H
 #define RX_PIPELINE_DOMAIN_H
 

@@ -19,14 +19,13 @@ typedef struct rx_field {
     rx_background *plain;    /* with RX_HIDE_PLAIN */
     rx_background *restored; /* with RX_HIDE_RESTORED; the same object when nothing is saturated */
     rx_psf *psf;             /* NULL when no restorer needs it, or none could be found */
-    double model_noise,
-        model_factor; /* rx_domain_noise() and noise factor of the tile that this one is a copy of, and
-                                         restored as; 0 = it is none */
+    /* rx_domain_noise() and noise factor of the tile that this one is a copy of, and restored as; 0 = it is none */
+    double model_noise, model_factor;
     rx_noise_correlation noise; /* of its pixels */
     double noise_factor;     /* of the PSF's matched filter, rx_noise_factor(); without a PSF of wide sums */
     rx_scaled_map effective; /* room for noise_factor times the noise of `restored` */
-    double
-        psf_bound; /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
+    /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
+    double psf_bound;
     rx_record inputs; /* files that were read for the PSF of stars that say nothing: keyword, name */
     int nstars;       /* sources that the PSF's stars were chosen among */
     int unrestorable; /* neither stars nor what was stated give a PSF */
@@ -39,13 +38,13 @@ typedef struct rx_fields {
     const rx_field *detect, *measure;
 } rx_fields;
 
-/* What is made of an image: which of two it is in dual-image mode, and whether its PSF is wanted. */
+/* Bits of `what`: which of two images it is in dual-image mode, and whether its PSF is needed. */
 enum { RX_FIELD_DETECTED = 0, RX_FIELD_MEASURED = 1, RX_FIELD_PSF = 2 };
 
-/* The caller's arrays, which must live as long as the field. Where the PSF of the image is not given and is wanted,
- * params say where it comes from. Hidden is what the caller's mask hides, what is not rx_pixel_usable(), and what has a weight of
- * MAP_WEIGHT that is not above 0; saturated what is at image->saturation or above. Errors: RX_USAGE, RX_INPUT,
- * RX_SYSTEM. */
+/* The caller's arrays, which must live as long as the field. Where the PSF of the image is not given and is needed,
+ * params say where it comes from. Hidden is what the caller's mask hides, what is not rx_pixel_usable(), and what has
+ * a weight of MAP_WEIGHT that is not above 0; saturated what is at image->saturation or above. Errors: RX_USAGE,
+ * RX_INPUT, RX_SYSTEM. */
 rx_status rx_field_new(const rx_pipeline_params *params, int what, const rx_image *image, rx_log *log,
                        rx_field **dst, rx_error *err);
 

@@ -20,16 +20,17 @@ typedef struct rx_fluxcheck {
     double automatic_error;
 } rx_fluxcheck;
 
-/* How wrong is the flux scale? Errors (of 0.2 % or more) that the worse ratio lies from 1, of those that are off: the wide
- * aperture's by more than 1 % and 5 sigma, FLUX_AUTO's by more than 2 % and 5 sigma above 1 (below it is the light that
- * FLUX_AUTO leaves out; up to 2 %, the dark ring that Richardson-Lucy leaves around stars and its ellipse ends in).
- * 0: neither is off. */
+/* How wrong the flux scale is: the distance of the worse ratio from 1, in units of its error (taken as 0.2 % at
+ * least); 0 where neither is off. The wide aperture is off by more than 1 % and 5 sigma, FLUX_AUTO by more than 2 %
+ * and 5 sigma above 1 (below 1 is the light that FLUX_AUTO leaves out; up to 2 % above is the dark ring that
+ * Richardson-Lucy leaves around stars, in which its ellipse ends). */
 double rx_fluxcheck_excess(const rx_fluxcheck *check);
 
 /* Is that above 0? */
 int rx_fluxcheck_is_off(const rx_fluxcheck *check);
 
-/* `sources` were measured on `restored`; `original`: the untouched pixels of the same tile, with its PSF. Fewer than 5 sources: n = 0. Errors: RX_SYSTEM, RX_INTERRUPTED. */
+/* `sources` were measured on `restored`; `original`: the untouched pixels of the same tile, with its PSF. Fewer than
+ * 5 sources: n = 0. Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restored, const rx_image *original,
                            const rx_sources *sources, rx_log *log, rx_fluxcheck *dst, rx_error *err);
 

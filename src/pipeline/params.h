@@ -55,8 +55,8 @@ typedef struct rx_pipeline_params {
     const char *psf_files[2];           /* PSF_NAME of the same two */
     double seeing_arcsec;               /* SEEING_FWHM */
     bool seeing_stated;                 /* the default is no statement about a tile */
-    double
-        stated_scale; /* PIXEL_SCALE, arcsec; 0 when it was not set: SExtractor's default of 1 is no fact */
+    /* PIXEL_SCALE, arcsec; 0 when it was not set: SExtractor's default of 1 is no fact */
+    double stated_scale;
     rx_restore_params restore;
     rx_detect_params detect;
     int significance;             /* THRESH_TYPE SIGNIFICANCE: of untouched images */

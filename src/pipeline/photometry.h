@@ -23,14 +23,16 @@ typedef struct rx_photometry {
 /* What is measured. */
 typedef struct rx_photometry_input {
     const rx_field *detect; /* that the sources were found on; flag maps are its own */
-    const rx_restored
-        *detected;         /* dual-image mode: its restored image, which radii come from; NULL: its untouched
-                                    pixels */
-    const rx_field *field; /* that is measured; the same one without dual-image mode */
+    /* dual-image mode: its restored image, which radii come from; NULL: its untouched pixels */
+    const rx_restored *detected;
+    const rx_field *field;       /* that is measured; the same one without dual-image mode */
     const rx_restored *restored; /* its restored image; NULL: untouched pixels are measured */
     const rx_restored *none;     /* these as the restorer NONE left them; NULL: made here */
 } rx_photometry_input;
 
+/* Measures every source: fluxes, shapes and errors by params->measure, their noise by ERROR_CALIBRATION,
+ * sources->law_ as well. `restored` NULL or MEASURE_ON ORIGINAL: on untouched pixels. Errors: RX_USAGE (.nnw file),
+ * RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_photometry_run(const rx_pipeline_params *params, const rx_photometry_input *input,
                             rx_sources *sources, rx_log *log, rx_photometry *dst, rx_error *err);
 

@@ -46,8 +46,8 @@ typedef struct rx_result {
     double global_noise;
     int plain;    /* nothing was restored */
     int original; /* fluxes are of untouched pixels */
-    rx_residual
-        residual; /* of the detection image, where a network restored it with a PSF; else nx 0, share NAN */
+    /* of the detection image, where a network restored it with a PSF; else nx 0, share NAN */
+    rx_residual residual;
     rx_domain domain;    /* of the detection image, where a network was asked for */
     int outside;         /* sources with RX_RESTORE_OUTSIDE */
     rx_restored *second; /* restored measurement image, dual-image mode only */
@@ -55,11 +55,12 @@ typedef struct rx_result {
     char why[240];  /* why */
 } rx_result;
 
-/* An image as the caller has it: pixels with their sky, mask and what hides, gain, saturation, zero point, and weights
- * or flag maps where there are any; its sky and noise are measured here. Its PSF is that of the image, or where that is
- * NULL what params->psf says. By params->restorer, Richardson-Lucy where that is NULL. The caller's arrays and
- * params->restore.model must live as long as the result. Runs in several threads at once do not know of each other.
- * Errors: those of the parts; RX_INTERRUPTED where the caller stops it. Free with rx_result_free(); nothing is left after an error. */
+/* An image as the caller has it: pixels with their sky, mask and what hides, gain, saturation, zero point, and
+ * weights or flag maps where there are any; its sky and noise are measured here. Its PSF is that of the image, or
+ * where that is NULL what params->psf says. By params->restorer, Richardson-Lucy where that is NULL. The caller's
+ * arrays and params->restore.model must live as long as the result. Runs in several threads at once do not know of
+ * each other. Errors: those of the parts; RX_INTERRUPTED where the caller stops it. Free with rx_result_free();
+ * nothing is left after an error. */
 rx_status rx_pipeline_run(const rx_pipeline_params *params, const rx_image *image, rx_log *log,
                           rx_result *dst, rx_error *err);
 
@@ -72,16 +73,16 @@ rx_status rx_result_table(const rx_result *result, const char *const *columns, i
  * `facts`, which says in `failed` when memory ran out. */
 void rx_result_facts(const rx_result *result, rx_record *facts);
 
-/* restore -> detect -> templates where wanted -> measure, on a prepared field. `measure`: of the same size, NULL without
- * dual-image mode. A kind that must have a PSF runs as NONE on a field that is `unrestorable`, the network as
- * OUT_OF_DOMAIN says on one that it was not trained for (pipeline/domain.h): dst->by then names what ran, every source
- * is marked RX_RESTORE_OTHER, and the log has a detail of it; without restore.fallback it is RX_NOT_RESTORED. Sources in
- * cells that the network does not explain are marked RX_RESTORE_UNEXPLAINED; those whose brightest pixel is brighter, or
- * whose sky is darker than in its training, and all of a tile outside of it, RX_RESTORE_OUTSIDE; all of a tile whose noise
- * is more correlated than resampling explains RX_RESTORE_STRUCTURE, whatever restored it. The fields
- * must live as long as the result. May run in several threads at the same time, on params and fields that stay as they
- * are meanwhile, each with a log of its own: the same result as alone. Errors: RX_INPUT (two sizes), RX_NOT_RESTORED,
- * those of the parts, RX_INTERRUPTED. Free with rx_result_free(); nothing is left after an error. */
+/* restore -> detect -> templates where wanted -> measure, on a prepared field. `measure`: of the same size, NULL
+ * without dual-image mode. A kind that must have a PSF runs as NONE on a field that is `unrestorable`, the network as
+ * OUT_OF_DOMAIN says on one that it was not trained for (pipeline/domain.h): dst->by then names what ran, every
+ * source is marked RX_RESTORE_OTHER, and the log has a detail of it; without restore.fallback it is RX_NOT_RESTORED.
+ * Sources in cells that the network does not explain are marked RX_RESTORE_UNEXPLAINED; those whose brightest pixel
+ * is brighter, or whose sky is darker than in its training, and all of a tile outside of it, RX_RESTORE_OUTSIDE; all
+ * of a tile whose noise is more correlated than resampling explains RX_RESTORE_STRUCTURE, whatever restored it. The
+ * fields must live as long as the result. May run in several threads at the same time, on params and fields that stay
+ * as they are meanwhile, each with a log of its own: the same result as alone. Errors: RX_INPUT (two sizes),
+ * RX_NOT_RESTORED, those of the parts, RX_INTERRUPTED. Free with rx_result_free(); nothing is left after an error. */
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,
                            const rx_field *measure, rx_log *log, rx_result *dst, rx_error *err);
 

@@ -4,10 +4,11 @@
  *   R(s) = bright * 6 / s^2                              counts N(>s) ~ 1/s, through those above 6 sigma
  *   F(s) = (s^2 - 1) exp(-s^2 / 2) / ((2 pi)^1.5 2 w^2)  w = FWHM / 2.355
  *
- * F: maxima above s of white noise behind its matched Gaussian filter are s exp(-s^2 / 2) / ((2 pi)^1.5 2 w^2) a pixel (Adler 1981,
- * The Geometry of Random Fields, ch. 6, for the correlation exp(-r^2 / 4 w^2)). Which of them a list holds does not matter: detection
- * takes from both alike. Below s = 2.5 the value of 2.5 holds. Where realisations of the tile's own noise were fitted, too,
- * ln(R / F) gets shift + slope (s^2 - 25) / 2 from them. Rising in the evidence always. */
+ * F: maxima above s of white noise behind its matched Gaussian filter are s exp(-s^2 / 2) / ((2 pi)^1.5 2 w^2) a
+ * pixel (Adler 1981, The Geometry of Random Fields, ch. 6, for the correlation exp(-r^2 / 4 w^2)). Which of them a
+ * list holds does not matter: detection takes from both alike. Below s = 2.5 the value of 2.5 holds. Where
+ * realisations of the tile's own noise were fitted, too, ln(R / F) gets shift + slope (s^2 - 25) / 2 from them.
+ * Rising in the evidence always. */
 #ifndef RX_PIPELINE_PREAL_H
 #define RX_PIPELINE_PREAL_H
 
@@ -20,11 +21,11 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
 /* NAN for NAN. */
 double rx_preal_of(const rx_preal *preal, double evidence);
 
-/* Rather not there than there: P below 0.5. */
+/* 1: more probably not there than there, P below 0.5. */
 int rx_preal_doubtful(const rx_preal *preal, double evidence);
 double rx_preal_limit(const rx_preal *preal); /* the significance where P is 0.5, at least 2.5 */
 
-/* Does a neighbour take more than half of its S/N squared? Without one evidence is all of that. */
+/* 1: a neighbour takes more than half of its S/N squared; without a neighbour the evidence is (S/N)^2. */
 int rx_preal_owes(double evidence, double snr);
 
 /* Sources on `pixels` pixels each. */
@@ -34,9 +35,10 @@ typedef struct rx_preal_sample {
     double pixels;
 } rx_preal_sample;
 
-/* Shift and slope from `tile` and from `noise` that went the same way: what is found at s is of the tile with the chance
- * 1 / (1 + m (1 - P)), m = ratio of pixels, noise / tile, whatever share of it is detected (a density ratio by logistic
- * regression). Maximum of that likelihood and a prior: shift 0 +- 1, slope 0 +- 0.5, which hold where little is found. */
+/* Shift and slope from `tile` and from `noise` that went the same way: what is found at s is of the tile with the
+ * chance 1 / (1 + m (1 - P)), m = ratio of pixels, noise / tile, whatever share of it is detected (a density ratio by
+ * logistic regression). Maximum of that likelihood and a prior: shift 0 +- 1, slope 0 +- 0.5, which hold where little
+ * is found. */
 void rx_preal_fit(rx_preal *preal, const rx_preal_sample *tile, const rx_preal_sample *noise);
 
 #endif

@@ -22,7 +22,7 @@ enum { RX_RESIDUAL_CELL = 64 };
 typedef struct rx_residual {
     int nx, ny; /* 0: nothing is known */
     unsigned char
-        *cell; /* [ny][nx] 1: not explained; 2, 4, 8, 16: its quarters (x fastest) are dark; owned */
+        *cell; /* [ny][nx] bits: 1 not explained; 2, 4, 8, 16 its quarters (x fastest) are dark; owned */
     long cells, unexplained;
     double share; /* unexplained / cells; NAN where there are none */
     double dark;  /* share of boxes of 32 x 32 pixels whose mean lies more than 0.3 sigma below the sky */

@@ -34,17 +34,17 @@ typedef struct rx_template_fit {
     int unknown_noise; /* pixels have next to none, and models do not explain them to that: no source can be tested */
 } rx_template_fit;
 
-/* Fill `fit` of every source of the list, detected on `restored`, from the pixels of fields.measure. The PSF is restored->blur, else that of the field; without one
- * nothing is fitted, with a warning. In dual-image mode positions, shapes and added sources are those of
- * fields.detect (forced photometry). Added sources are appended, those that are marked removed where the options say so.
- * detection_snr of added sources is left at 0. Saturated pixels never take part.
- * Errors: RX_INPUT, RX_USAGE, RX_SYSTEM, RX_INTERRUPTED. Free with rx_template_fit_free(). */
+/* Fill `fit` of every source of the list, detected on `restored`, from the pixels of fields.measure. The PSF is
+ * restored->blur, else that of the field; without one nothing is fitted, with a warning. In dual-image mode
+ * positions, shapes and added sources are those of fields.detect (forced photometry). Added sources are appended,
+ * those that are marked removed where the options say so. detection_snr of added sources is left at 0. Saturated
+ * pixels never take part. Errors: RX_INPUT, RX_USAGE, RX_SYSTEM, RX_INTERRUPTED. Free with rx_template_fit_free(). */
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
                               rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err);
 
-/* preal and the marks of FLAGS_RESTORE of every source anew as fit->preal says, and those that are marked removed where the
- * options say so. A source is marked where it is more probably not there than there: SHRED where a neighbour takes more than half
- * of its S/N squared, else INVENTED. Errors: RX_SYSTEM. */
+/* preal and the marks of FLAGS_RESTORE of every source anew as fit->preal says, and those that are marked removed
+ * where the options say so. A source is marked where it is more probably not there than there: SHRED where a
+ * neighbour takes more than half of its S/N squared, else INVENTED. Errors: RX_SYSTEM. */
 rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,
                                 rx_error *err);
 void rx_template_fit_free(rx_template_fit *fit); /* content only */

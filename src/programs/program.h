@@ -22,7 +22,8 @@ typedef struct rx_program {
     void (*end)(rx_status status);
 } rx_program;
 
-/* How many processes a launcher (mpiexec, srun) has started this one among; 1 without one. *rank, unless NULL, is this one's. */
+/* How many processes a launcher (mpiexec, srun) has started this one among; 1 without one. *rank, unless NULL, is
+ * this one's. */
 int rx_program_launched(int *rank);
 
 /* The error line on standard error; returns the exit code. */

@@ -8,9 +8,9 @@
  * depth, and where a pixel more than 5 of its sigmas away counts as one at 5.
  *
  * 0.3 m: so that bright stars, whose models are never exact, say little of the sky around them. 40 stars of up to
- * 13,000 sigmas, FWHM 4, restored with a PSF of FWHM 4.3: |L| is up to 13.8 sigmas without it, 3.0 with 0.02 m,
- * 0.6 with 0.3 m. Without stars it costs nothing but a mean that is lower by 0.001 sigmas (0.007 with 1 m).
- * Boxes of 32 pixels below the sky come back by 90 to 95 % (dark clouds, M67; HST 87 %), by 81 to 91 % with sigma 2 FWHM
+ * 13,000 sigmas, FWHM 4, restored with a PSF of FWHM 4.3: |L| is up to 13.8 sigmas without it, 3.0 with 0.02 m, 0.6
+ * with 0.3 m. Without stars it costs nothing but a mean that is lower by 0.001 sigmas (0.007 with 1 m). Boxes of 32
+ * pixels below the sky come back by 90 to 95 % (dark clouds, M67; HST 87 %), by 81 to 91 % with sigma 2 FWHM
  * (validation/low_frequencies.py), with 881 detections for 869 on an SDSS frame. */
 #ifndef RX_RESTORE_NETWORK_SKY_H
 #define RX_RESTORE_NETWORK_SKY_H

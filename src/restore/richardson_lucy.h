@@ -19,12 +19,12 @@
  *
  *   y_k = f_k + a_k (f_k - f_k-1),   f_k+1 = update(y_k),   a_k = (k - 1) / (k + 8)
  *
- * (extrapolation of Biggs and Andrews 1997, Appl. Opt. 36, 1766, with the factor of Chambolle and Dossal 2015, J. Optim.
- * Theory Appl. 166, 968, for their (k - 1) / (k + a), a > 2). An iteration costs the same transforms and does the
- * work of two to four: validation/results/iterations. Biggs and Andrews take a_k from the last two steps, which needs
- * fewer iterations still, but medium scales overshoot and with them the noise: 0.2 to 0.4 dB at the same completeness
- * in trials. No pixel falls below a tenth of what it was by being carried on. The last update is not carried on;
- * RL_STOP DISCREPANCY judges, and returns, what was. The flux is kept as without.
+ * (extrapolation of Biggs and Andrews 1997, Appl. Opt. 36, 1766, with the factor of Chambolle and Dossal 2015, J.
+ * Optim. Theory Appl. 166, 968, for their (k - 1) / (k + a), a > 2). An iteration costs the same transforms and does
+ * the work of two to four: validation/results/iterations. Biggs and Andrews take a_k from the last two steps, which
+ * needs fewer iterations still, but medium scales overshoot and with them the noise: 0.2 to 0.4 dB at the same
+ * completeness in trials. No pixel falls below a tenth of what it was by being carried on. The last update is not
+ * carried on; RL_STOP DISCREPANCY judges, and returns, what was. The flux is kept as without.
  *
  * Damping (after White 1994, in The Restoration of HST Images and Spectra II, 104): with T = RL_DAMPING
  *   U = min(1, (d - K f)^2 / (T^2 var(K f))),   D = U^9 (10 - 9 U)
@@ -51,8 +51,8 @@
 /* Pixels of a tile whose model is kept as a plane, at most. */
 #define RX_RL_WHOLE ((size_t)1 << 25)
 
-/* The restorer RL, rx_rl_run(), on an image that has been prepared, under the name of another restorer, `settings` added to the
- * text. */
+/* The restorer RL, rx_rl_run(), on an image that has been prepared, under the name of another restorer, `settings`
+ * added to the text. */
 rx_status rx_rl_restore(const rx_restore_params *par, const rx_prepared *prepared, const char *name,
                         const char *settings, rx_log *log, rx_restored **dst, rx_error *err);
 

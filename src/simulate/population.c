@@ -50,7 +50,7 @@ double rx_draw(const rx_scene_params *par, int set, long number, int slot)
     return rx_random_uniform(set_seed(par, set), par->stream, counter_of(number, slot));
 }
 
-double rx_draw_normal(const rx_scene_params *par, int set, long number, int slot)
+static double draw_normal(const rx_scene_params *par, int set, long number, int slot)
 {
     return rx_random_normal(set_seed(par, set), par->stream, counter_of(number, slot));
 }
@@ -70,7 +70,8 @@ static double by_deciles(const double *deciles, double uniform)
     return i >= 10 ? deciles[10] : deciles[i] + part * (deciles[i + 1] - deciles[i]);
 }
 
-double rx_population_mag(const rx_population *population, double uniform)
+/* Magnitude of a population by inversion of its counts. */
+static double population_mag(const rx_population *population, double uniform)
 {
     double range = population->mag_high - population->mag_low, rise = population->slope * range * log(10.0);
     if (fabs(rise) < 1e-6)
@@ -97,7 +98,7 @@ static void set_flux(const rx_scene_params *par, double mag, rx_object *dst)
 void rx_population_star(const rx_scene_params *par, long number, rx_object *dst)
 {
     *dst = (rx_object){.type = RX_OBJECT_STAR, .ratio = 1.0};
-    set_flux(par, rx_population_mag(&par->stars, rx_draw(par, RX_DRAW_STARS, number, DRAW_MAG)), dst);
+    set_flux(par, population_mag(&par->stars, rx_draw(par, RX_DRAW_STARS, number, DRAW_MAG)), dst);
 }
 
 /* --- galaxies --- */
@@ -169,8 +170,8 @@ void rx_population_galaxy(const rx_scene_params *par, long number, rx_object *ds
     const double bulge_index = 2.5, bulge_radius = 0.2;
     const int set = RX_DRAW_GALAXIES;
     *dst = (rx_object){.type = RX_OBJECT_GALAXY};
-    set_flux(par, rx_population_mag(&par->galaxies, rx_draw(par, set, number, DRAW_MAG)), dst);
-    dst->radius = rx_population_radius(dst->mag, rx_draw_normal(par, set, number, DRAW_SIZE)) *
+    set_flux(par, population_mag(&par->galaxies, rx_draw(par, set, number, DRAW_MAG)), dst);
+    dst->radius = rx_population_radius(dst->mag, draw_normal(par, set, number, DRAW_SIZE)) *
                   par->galaxy_scale / par->pixel_scale;
     dst->ratio = by_deciles(ratio_deciles, rx_draw(par, set, number, DRAW_RATIO));
     dst->angle = PI * (rx_draw(par, set, number, DRAW_ANGLE) - 0.5);
@@ -206,13 +207,13 @@ void rx_population_template(const rx_scene_params *par, const rx_templates *temp
     const int set = RX_DRAW_TEMPLATES;
     double turn[2];
     *dst = (rx_object){.type = RX_OBJECT_TEMPLATE};
-    set_flux(par, rx_population_mag(&par->templates, rx_draw(par, set, number, DRAW_MAG)), dst);
+    set_flux(par, population_mag(&par->templates, rx_draw(par, set, number, DRAW_MAG)), dst);
     int which = (int)(rx_draw(par, set, number, DRAW_WHICH) * templates->n);
     const rx_template *source = &templates->list[which < templates->n ? which : templates->n - 1];
     rx_draw_two(par, set, number, DRAW_ANGLE, turn);
     dst->template_index = (int)(source - templates->list);
     dst->flip = turn[1] < 0.5;
-    dst->stretch = rx_population_radius(dst->mag, rx_draw_normal(par, set, number, DRAW_SIZE)) *
+    dst->stretch = rx_population_radius(dst->mag, draw_normal(par, set, number, DRAW_SIZE)) *
                    par->galaxy_scale / par->pixel_scale * sqrt(source->ratio) / source->radius;
     double blur = rx_template_blur(source);
     if (par->template_blur > 0.0 && dst->stretch * blur > par->template_blur) {

@@ -17,11 +17,6 @@ typedef enum rx_draw_set {
 double rx_draw(const rx_scene_params *par, int set, long number, int slot);
 void rx_draw_two(const rx_scene_params *par, int set, long number, int slot, double dst[2]);
 
-double rx_draw_normal(const rx_scene_params *par, int set, long number, int slot);
-
-/* Magnitude of a population by inversion of its counts. */
-double rx_population_mag(const rx_population *population, double uniform);
-
 /* Half-light radius (arcsec) at that magnitude; deviate: standard normal. */
 double rx_population_radius(double mag, double deviate);
 #define RX_POPULATION_SCATTER 0.45 /* of its natural logarithm */

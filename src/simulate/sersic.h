@@ -5,9 +5,8 @@
  * The truncation is where the profile that goes on for ever has all but 1e-3 of its flux, at most 10 r: a
  * de Vaucouleurs profile would need 60 r to hold that much, and no one has seen a galaxy so far out. What is
  * cut is not lost: b is such that r is the half-light radius of the profile as it is cut, P(2n, b) =
- * P(2n, b truncation^(1/n)) / 2 with P the regularised incomplete gamma function, and I0 such that its flux
- * is
- * 1. For n < 1.7 b is the usual b_n to 1e-3 of it (2e-3 below n = 0.4); at n = 4 it is 7.516 instead
+ * P(2n, b truncation^(1/n)) / 2 with P the regularised incomplete gamma function, and I0 such that its
+ * flux is 1. For n < 1.7 b is the usual b_n to 1e-3 of it (2e-3 below n = 0.4); at n = 4 it is 7.516 instead
  * of 7.669. */
 #ifndef RX_SIMULATE_SERSIC_H
 #define RX_SIMULATE_SERSIC_H

@@ -17,8 +17,8 @@
 rx_status rx_sky_noise_draw(const rx_noise_correlation *noise, const rx_map *sigma, int height,
                             rx_random_stream from, int nthreads, float *dst, rx_error *err);
 
-/* pixels [height][width], independent from pixel to pixel, is convolved with the kernel of sum 1 whose power spectrum is
- * that of the noise: sums over many pixels keep their variance, what is at the borders is not wrapped around.
+/* pixels [height][width], independent from pixel to pixel, is convolved with the kernel of sum 1 whose power spectrum
+ * is that of the noise: sums over many pixels keep their variance, what is at the borders is not wrapped around.
  * Uncorrelated: nothing is done. Errors: RX_INPUT (no power at any frequency), RX_SYSTEM. */
 rx_status rx_sky_noise_smooth(const rx_noise_correlation *noise, int width, int height, int nthreads,
                               float *pixels, rx_error *err);

@@ -21,14 +21,14 @@ typedef struct rx_checkimage_data {
 } rx_checkimage_data;
 
 /* Open a file for each of n types under outputs; names get `tag` before their extension when it is
- * not NULL. Type NONE is skipped. */
+ * not NULL. Type NONE is skipped. Errors: RX_USAGE (names), RX_SYSTEM. */
 rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
                               rx_outputs *outputs, rx_checkimages **dst, rx_error *err);
 
 /* Is a CHECKIMAGE_TYPE one that is made here? */
 int rx_checkimage_offered(const char *type);
 
-/* Append one HDU to every file. */
+/* Append one HDU to every file. Errors: RX_SYSTEM (memory, disk). */
 rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data *data, rx_error *err);
 
 /* Close the files and free; rx_checkimages_free() alone abandons them. */

@@ -63,10 +63,11 @@ typedef struct rx_extraction_input {
 } rx_extraction_input;
 
 /* Restore the detection image, find sources on it, measure them on it, on the original or on the measurement image,
- * run the checks, and append to tables and check-images. restored, sources and checks stay until rx_run_forget(). */
+ * run the checks, and append to tables and check-images. restored, sources and checks stay until rx_run_forget().
+ * Errors: those of pipeline/pipeline.h and check/checks.h; RX_SYSTEM. */
 rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log, rx_error *err);
 
-/* What is to be known of the first n runs of a tile: fluxes that are off, in one message, and which restorer did the work instead. */
+/* Warnings on the first n runs of a tile: fluxes that are off, in one message, and which restorer did the work instead. */
 void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log);
 void rx_run_forget(rx_run *run);
 

@@ -12,9 +12,9 @@
  * of the file, "-" where it is no regular file, NULL where none was wanted. */
 typedef void (*rx_input_visitor)(void *user, const char *key, const char *name, const char *digest);
 
-/* The files that a run with these options reads, in a fixed order: the images (the second, of dual-image mode, or NULL), model,
- * PSF, maps, columns, filter, lists, gates. With digests != 0 they are read, and one that is not there is
- * left out: what needs it refuses it. Errors: RX_INPUT (cannot be read), RX_SYSTEM. */
+/* The files that a run with these options reads, in a fixed order: the images (the second, of dual-image mode, or
+ * NULL), model, PSF, maps, columns, filter, lists, gates. With digests != 0 they are read, and one that is not there
+ * is left out: what needs it refuses it. Errors: RX_INPUT (cannot be read), RX_SYSTEM. */
 rx_status rx_inputs_visit(const rx_config *config, const rx_options *options, const char *const images[2],
                           int digests, rx_input_visitor visit, void *user, rx_error *err);
 

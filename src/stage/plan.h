@@ -1,11 +1,11 @@
 /* What a run will take, predicted before it: memory, CPU time, sizes of outputs.
  *
- * Memory is a bound: the sum of the rows of plan_costs.def that count for a run (its restorer, templates, checks, ...), each
- * so many bytes always, per pixel, per source and per thread, fitted to measured runs; the largest over restorers and
- * images, and what pixels that are held, tables and meshes take, which is known to the byte. What no header says is how many sources
- * there are: PLAN_DENSITY says how many per Mpixel (1e6 pixels) to reckon with. CPU seconds are an estimate,
- * on a machine like the one the coefficients were measured on. Sizes of outputs are bounds: those of images
- * are right but for the length of the header (some blocks of 2880 bytes). */
+ * Memory is a bound: the sum of the rows of plan_costs.def that count for a run (its restorer, templates, checks,
+ * ...), each so many bytes always, per pixel, per source and per thread, fitted to measured runs; the largest over
+ * restorers and images, and what pixels that are held, tables and meshes take, which is known to the byte. What no
+ * header says is how many sources there are: PLAN_DENSITY says how many per Mpixel (1e6 pixels) to reckon with. CPU
+ * seconds are an estimate, on a machine like the one the coefficients were measured on. Sizes of outputs are bounds:
+ * those of images are right but for the length of the header (some blocks of 2880 bytes). */
 #ifndef RX_STAGE_PLAN_H
 #define RX_STAGE_PLAN_H
 

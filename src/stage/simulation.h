@@ -34,6 +34,8 @@ typedef struct rx_simulation {
     unsigned char *allowed; /* owned: where objects may lie on a real tile; NULL = anywhere */
 } rx_simulation;
 
+/* *dst is freed by rx_simulation_free(). Errors: RX_USAGE (parameters out of range), RX_INPUT (templates, PSF files),
+ * RX_SYSTEM. */
 rx_status rx_simulation_from_config(const rx_simulate_config *config, rx_log *log, rx_simulation **dst,
                                     rx_error *err);
 void rx_simulation_free(rx_simulation *simulation); /* NULL is fine */
@@ -52,7 +54,8 @@ typedef struct rx_simulated {
     rx_scene *scene;
 } rx_simulated;
 
-/* Scene number `stream` of the series. The content of *dst is freed by rx_simulated_free(). */
+/* Scene number `stream` of the series. The content of *dst is freed by rx_simulated_free(), also after an
+ * error. Errors: RX_USAGE, RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_simulation_make(const rx_simulation *simulation, uint64_t stream, rx_simulated *dst,
                              rx_error *err);
 void rx_simulated_free(rx_simulated *simulated);
@@ -78,7 +81,8 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
 rx_status rx_simulation_inject(const rx_simulation *simulation, uint64_t stream, float *pixels, float *sharp,
                                rx_scene **scene, rx_error *err);
 
-/* Everything the configuration asks for, written to files: the job of rextract-simulate. */
+/* Everything the configuration asks for, written to files: the job of rextract-simulate. Nothing is left after an
+ * error: RX_USAGE, RX_INPUT, RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_simulation_run(const rx_simulate_config *config, rx_log *log, rx_error *err);
 
 #endif

@@ -27,8 +27,9 @@ void rx_outcomes_free(rx_outcomes *outcomes);
 rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, rx_outcome outcome,
                           const rx_error *why, rx_log *log, rx_error *err);
 
-/* Counts (the tiles that another restorer did at least in part, where there are any), and a line for each tile that is not fine, in the list's order, to the log. Returns what the run as
- * a whole ends with: RX_OK; RX_SOME_FAILED; where only gates failed, RX_GATE_FAIL or RX_GATE_INSUFFICIENT. */
+/* To the log: how many tiles ended in which way (and on how many another restorer did at least a part, if any), then
+ * a line for each tile that is not fine, in the list's order. Returns what the run as a whole ends with: RX_OK;
+ * RX_SOME_FAILED; where only gates failed, RX_GATE_FAIL or RX_GATE_INSUFFICIENT. */
 rx_status rx_outcomes_summary(const rx_outcomes *outcomes, const rx_tiles *tiles, double seconds, rx_log *log,
                               rx_error *err);
 

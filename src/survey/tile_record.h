@@ -37,7 +37,6 @@ typedef struct rx_tile_record {
 
 /* As text, TILE to END. Memory trouble shows in dst->failed. */
 void rx_tile_record_print(rx_text *dst, const rx_tile_record *record);
-void rx_tile_record_free(rx_tile_record *record); /* content only */
 
 /* Records of a file, one at a time: there can be more than fit into memory. */
 typedef struct rx_record_reader rx_record_reader;

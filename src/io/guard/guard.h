@@ -1,6 +1,6 @@
-/* What keeps hostile files from cfitsio, and hostile headers from wcslib: both trust what they read and end in a crash, an
- * endless loop or all memory where it is damaged. docs/upstream.md has each cause, for those who could mend it there.
- * Private to io/. */
+/* What keeps hostile files from cfitsio, and hostile headers from wcslib: both trust what they read and end in a
+ * crash, an endless loop or all memory where it is damaged. docs/upstream.md has each cause, for those who could mend
+ * it there. Private to io/. */
 #ifndef RX_IO_GUARD_GUARD_H
 #define RX_IO_GUARD_GUARD_H
 
@@ -31,9 +31,6 @@ typedef struct rx_fits_layout {
 rx_fits_layout rx_fits_layout_begin(void);
 void rx_fits_layout_card(rx_fits_layout *layout, const char *card);
 int64_t rx_fits_layout_bytes(const rx_fits_layout *layout);
-
-/* What is wrong with a header so that cfitsio must not see it, after its last card; NULL: nothing. */
-const char *rx_fits_layout_fault(const rx_fits_layout *layout);
 
 /* RX_INPUT when a compressed image has a tile (ZTILEn), or a block of Rice's, of no or negative size: cfitsio
  * divides by it as soon as it moves to the HDU; when a table does not begin with the cards that it must begin

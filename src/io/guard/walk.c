@@ -203,7 +203,8 @@ int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
     return (bytes + BLOCK - 1) / BLOCK * BLOCK;
 }
 
-const char *rx_fits_layout_fault(const rx_fits_layout *l)
+/* What is wrong with a header so that cfitsio must not see it, after its last card; NULL: nothing. */
+static const char *layout_fault(const rx_fits_layout *l)
 {
     if (l->no_tile)
         return "ZTILEn of the compressed image is no size of a tile; the header is damaged";
@@ -228,7 +229,7 @@ static rx_status judge(const source *s, const rx_fits_layout *header, const char
 {
     if (s->unreadable)
         return rx_error_at(err, RX_INPUT, path, hdu, 0, "its header cannot be read from the disk");
-    const char *fault = rx_fits_layout_fault(header);
+    const char *fault = layout_fault(header);
     return fault == NULL ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", fault);
 }
 
