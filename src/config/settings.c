@@ -269,9 +269,8 @@ rx_status rx_settings_take(rx_settings *settings, const char *name, const char *
     rx_tokens items = {0};
     rx_settings *owner = NULL;
     int row = 0;
-    rx_status status = find(settings, name, (rx_place){0}, &owner, &row, err);
-    if (status == RX_OK)
-        status = rx_tokens_read(value, &items, err);
+    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, err));
+    rx_status status = rx_tokens_read(value, &items, err);
     if (status == RX_OK)
         status = rx_keyword_assign(owner, row, items.v, items.n, (rx_place){0}, NULL, err);
     if (status == RX_OK)

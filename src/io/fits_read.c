@@ -68,23 +68,23 @@ static rx_status check_image(const rx_fits_source *source, const rx_fits_name *n
     const LONGLONG planes = is_line ? 1 : count_planes(shape, cubes);
     if (planes < 1)
         return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
-    rx_status status = rx_fits_check_size(source, name->path, hdu, shape, err);
+    RX_TRY(rx_fits_check_size(source, name->path, hdu, shape, err));
     double pixels = (double)planes;
     *part = rx_fits_part(name, (long[2]){(long)shape->axes[0], is_line ? 1 : (long)shape->axes[1]});
     for (int i = 0; i < 2; i++) {
         LONGLONG length = i == 1 && is_line ? 1 : shape->axes[i];
-        if (status == RX_OK && (length < 1 || length > 1 << 28))
-            status = rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the image has %lld x %lld pixels",
-                                 shape->axes[0], is_line ? 1 : shape->axes[1]);
-        if (status == RX_OK && part->last[i] > length)
-            status = rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the section leaves the image");
+        if (length < 1 || length > 1 << 28)
+            return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the image has %lld x %lld pixels",
+                               shape->axes[0], is_line ? 1 : shape->axes[1]);
+        if (part->last[i] > length)
+            return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the section leaves the image");
         pixels *= (double)(part->last[i] - part->first[i] + 1);
     }
-    if (status == RX_OK && cubes && !(pixels <= MOST_PIXELS))
-        status =
-            rx_error_at(err, RX_INPUT, name->path, hdu, 0, "%lld planes of %lld x %lld pixels are too many",
-                        planes, shape->axes[0], is_line ? 1 : shape->axes[1]);
-    return status;
+    if (cubes && !(pixels <= MOST_PIXELS))
+        return rx_error_at(err, RX_INPUT, name->path, hdu, 0,
+                           "%lld planes of %lld x %lld pixels are too many", planes, shape->axes[0],
+                           is_line ? 1 : shape->axes[1]);
+    return RX_OK;
 }
 
 /* Cubes come with their header. */

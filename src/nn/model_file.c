@@ -89,18 +89,18 @@ static rx_status set_column(rx_table *table, int i, const char *name, rx_cell_ty
 
 static rx_status nodes_table(const rx_net *net, const char *name, rx_table **dst, rx_error *err)
 {
-    rx_status status = new_table(name, net->nnodes, NNODE_COLUMNS, dst, err);
-    for (int c = 0; c < NNODE_COLUMNS && status == RX_OK; c++)
-        status = set_column(*dst, c, node_columns[c], c == 0 ? RX_CELL_TEXT : RX_CELL_INT32,
-                            c == 0 ? OP_WIDTH : 0, err);
-    for (int i = 0; i < net->nnodes && status == RX_OK; i++) {
+    RX_TRY(new_table(name, net->nnodes, NNODE_COLUMNS, dst, err));
+    for (int c = 0; c < NNODE_COLUMNS; c++)
+        RX_TRY(set_column(*dst, c, node_columns[c], c == 0 ? RX_CELL_TEXT : RX_CELL_INT32,
+                          c == 0 ? OP_WIDTH : 0, err));
+    for (int i = 0; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
         const int values[] = {0, n->src, n->add, n->relu, n->channels, n->kernel, n->stride};
         snprintf((char *)(*dst)->columns[0].data + (size_t)i * OP_WIDTH, OP_WIDTH, "%s", rx_op_name(n->op));
         for (int c = 1; c < NNODE_COLUMNS; c++)
             ((int32_t *)(*dst)->columns[c].data)[i] = values[c];
     }
-    return status;
+    return RX_OK;
 }
 
 static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char *name, rx_error *err)
@@ -108,18 +108,15 @@ static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char
     char extname[40];
     rx_table *nodes = NULL, *params = NULL;
     snprintf(extname, sizeof extname, "%s_NODES", name);
-    rx_status status = nodes_table(net, extname, &nodes, err);
-    if (status == RX_OK)
-        status = rx_fits_table(writer, nodes, NULL, err);
+    rx_status status;
+    RX_TRY_EXIT(nodes_table(net, extname, &nodes, err));
+    RX_TRY_EXIT(rx_fits_table(writer, nodes, NULL, err));
     snprintf(extname, sizeof extname, "%s_PARAMS", name);
-    if (status == RX_OK)
-        status = new_table(extname, net->nparams, 1, &params, err);
-    if (status == RX_OK)
-        status = set_column(params, 0, "VALUE", RX_CELL_FLOAT, 0, err);
-    if (status == RX_OK) {
-        memcpy(params->columns[0].data, net->params, (size_t)net->nparams * sizeof(float));
-        status = rx_fits_table(writer, params, NULL, err);
-    }
+    RX_TRY_EXIT(new_table(extname, net->nparams, 1, &params, err));
+    RX_TRY_EXIT(set_column(params, 0, "VALUE", RX_CELL_FLOAT, 0, err));
+    memcpy(params->columns[0].data, net->params, (size_t)net->nparams * sizeof(float));
+    status = rx_fits_table(writer, params, NULL, err);
+exit:
     rx_table_free(nodes);
     rx_table_free(params);
     return status;

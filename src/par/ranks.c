@@ -287,9 +287,10 @@ static rx_status sum(rx_ranks *ranks, void *values, long n, size_t each, add_val
         rx_parcel_free(parcel);
         parcel = NULL;
     }
-    for (int to = 1; to < ranks->trainers && status == RX_OK; to++)
-        status = rx_ranks_send(ranks, to, RX_TAG_SUM, values, size, err);
-    return status;
+    RX_TRY(status);
+    for (int to = 1; to < ranks->trainers; to++)
+        RX_TRY(rx_ranks_send(ranks, to, RX_TAG_SUM, values, size, err));
+    return RX_OK;
 }
 
 rx_status rx_ranks_sum(rx_ranks *ranks, float *values, long n, rx_error *err)

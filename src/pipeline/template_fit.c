@@ -232,21 +232,19 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
             "%s[%d]: its noise, %.3g ADU a pixel, is less than its rounding or two millionths of its "
             "brightest light; templates take %.3g",
             measured.name, measured.hdu, measured.global_noise, dst->tphot->least);
-    if (status == RX_OK)
-        status = rx_template_extra_append(&w.extra, dst->tphot, sources, err);
-    if (status == RX_OK) {
-        tell_sources(&w, sources);
-        status = tell_tile(&w, err);
-        dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);
-    }
-    if (status == RX_OK && dst->unknown_noise)
+    RX_TRY_EXIT(status);
+    RX_TRY_EXIT(rx_template_extra_append(&w.extra, dst->tphot, sources, err));
+    tell_sources(&w, sources);
+    RX_TRY_EXIT(tell_tile(&w, err));
+    dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);
+    if (dst->unknown_noise)
         rx_log_warning(
             log,
             "%s[%d]: templates leave %.3g times that noise, so fluxes may be far off and no source can be "
             "tested: P_REAL is not known, FLAGS_RESTORE 4",
             measured.name, measured.hdu, sqrt(dst->chi2));
-    if (status == RX_OK)
-        status = rx_template_fit_judge(&params->templates, dst, sources, err);
+    status = rx_template_fit_judge(&params->templates, dst, sources, err);
+exit:
     rx_template_extra_clear(&w.extra);
     if (status != RX_OK)
         rx_template_fit_free(dst);

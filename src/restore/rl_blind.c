@@ -304,9 +304,8 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_image *image, r
     rx_psf *found = NULL;
     char settings[80];
     *dst = NULL;
-    rx_status status = rx_blur_check(image->psf, image->width, image->height, err);
-    if (status == RX_OK)
-        status = rx_prepared_new(par, image, &prepared, err);
+    RX_TRY(rx_blur_check(image->psf, image->width, image->height, err));
+    rx_status status = rx_prepared_new(par, image, &prepared, err);
     if (status == RX_OK)
         status = seeker_start(&seeker, par, prepared, err);
     if (status == RX_OK && prepared->good > 0) {

@@ -49,25 +49,19 @@ rx_status rx_library_add(const rx_options *options, const rx_field *field, const
     rx_psf_facts(field->psf, &facts);
     rx_record_add(&facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(tile));
     rx_record_product(&own, digest, 1, path.data);
-    status = rx_record_of(record, &own, path.data, &whole, err);
+    RX_TRY_EXIT(rx_record_of(record, &own, path.data, &whole, err));
     rx_record_cards(&facts, &cards);
     rx_card_text(&cards, "RXDIGEST", digest, "");
     rx_record_cards(&whole, &cards);
-    if (status == RX_OK && (facts.failed || own.failed || cards.failed))
-        status = rx_error_memory(err, 0);
-    if (status == RX_OK)
-        status = rx_outputs_file(outputs, path.data, &temporary, err);
-    if (status == RX_OK)
-        status = rx_fits_create(temporary, path.data, &file, err);
-    if (status == RX_OK)
-        status = rx_fits_table(file, table, &cards, err);
-    if (status == RX_OK) {
-        status = rx_fits_close(file, err);
-        file = NULL;
-    }
+    if (facts.failed || own.failed || cards.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(rx_outputs_file(outputs, path.data, &temporary, err));
+    RX_TRY_EXIT(rx_fits_create(temporary, path.data, &file, err));
+    RX_TRY_EXIT(rx_fits_table(file, table, &cards, err));
+    status = rx_fits_close(file, err);
+    file = NULL;
 exit:
-    if (file != NULL)
-        rx_fits_abort(file);
+    rx_fits_abort(file);
     rx_table_free(table);
     rx_record_free(&facts);
     rx_record_free(&own);

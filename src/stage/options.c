@@ -45,18 +45,19 @@ rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err)
         return RX_OK;
     rx_input_model(options->model_name, RX_DATA_FOLDER, &path);
     const int bare = strchr(options->model_name, '/') == NULL;
-    rx_status status = path.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (status == RX_OK && bare && access(path.data, F_OK) != 0)
-        status =
-            rx_error_at(err, RX_INPUT, options->model_name, -1, 0,
-                        "is neither here nor in %s; name the network's model by NET_MODEL", RX_DATA_FOLDER);
-    if (status == RX_OK)
-        status = rx_model_read(path.data, &options->model, err);
-    if (status == RX_OK && bare)
+    rx_status status = RX_OK;
+    if (path.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    if (bare && access(path.data, F_OK) != 0)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, options->model_name, -1, 0,
+                                "is neither here nor in %s; name the network's model by NET_MODEL",
+                                RX_DATA_FOLDER));
+    RX_TRY_EXIT(rx_model_read(path.data, &options->model, err));
+    if (bare)
         rx_log_hint(log, "NET_MODEL %s is %s", options->model_name,
                     strcmp(path.data, options->model_name) != 0 ? path.data : "that of the current folder");
-    if (status == RX_OK && !options->model->ended) {
-        const rx_model *model = options->model;
+    const rx_model *model = options->model;
+    if (!model->ended) {
         if (options->model_set)
             rx_log_warning(log, "%s: its training has not ended, it is of epoch %ld after %ld", path.data,
                            model->best, model->epochs);
@@ -67,6 +68,7 @@ rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err)
                 "model by NET_MODEL to take it as it is",
                 model->best, model->epochs);
     }
+exit:
     rx_text_free(&path);
     options->pipeline.restore.model = options->model;
     return status;

@@ -365,15 +365,11 @@ rx_status rx_rollup_end(rx_rollup *r, const rx_tiles *tiles, rx_error *err)
         qsort(r->tile, (size_t)r->ntiles, sizeof(rx_rollup_tile *), by_place);
     for (int i = 0; i < r->ntiles; i++)
         r->tile[i]->place = i;
-    rx_status status = find_missing(r, err);
-    if (status == RX_OK)
-        status = sort_runs(r, err);
-    for (int i = 0; i < r->nruns && status == RX_OK; i++)
-        status = judge_run(r, &r->run[i], err);
-    if (status == RX_OK)
-        status = correlate(r, err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(find_missing(r, err));
+    RX_TRY(sort_runs(r, err));
+    for (int i = 0; i < r->nruns; i++)
+        RX_TRY(judge_run(r, &r->run[i], err));
+    RX_TRY(correlate(r, err));
     for (int i = 0; i < r->nrows; i++)
         compare(r, &r->row[i]);
     if (r->nrows > 1)

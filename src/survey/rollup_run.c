@@ -70,24 +70,23 @@ static rx_status print_again(rx_text *dst, const rx_rollup_tile *tile, rx_error 
     rx_record_reader *reader = NULL;
     const rx_tile_record *record = NULL;
     int64_t at = 0;
-    rx_status status = rx_record_reader_open(tile->path, tile->at, &reader, err);
-    if (status == RX_OK)
-        status = rx_record_reader_next(reader, &record, &at, err);
-    if (status == RX_OK && record != NULL) {
-        rx_hash sum;
-        char digest[RX_HASH_TEXT];
+    rx_status status;
+    RX_TRY_EXIT(rx_record_reader_open(tile->path, tile->at, &reader, err));
+    RX_TRY_EXIT(rx_record_reader_next(reader, &record, &at, err));
+    rx_hash sum;
+    char digest[RX_HASH_TEXT] = "";
+    if (record != NULL) {
         rx_tile_record_print(dst, record);
-        rx_hash_begin(&sum);
-        rx_hash_add(&sum, dst->data, dst->failed ? 0 : dst->length);
-        rx_hash_text(&sum, digest);
         if (dst->failed)
-            status = rx_error_memory(err, dst->length);
-        else if (strcmp(digest, tile->digest) != 0)
-            record = NULL;
+            RX_TRY_EXIT(rx_error_memory(err, dst->length));
+        rx_hash_begin(&sum);
+        rx_hash_add(&sum, dst->data, dst->length);
+        rx_hash_text(&sum, digest);
     }
-    if (status == RX_OK && record == NULL)
+    if (strcmp(digest, tile->digest) != 0)
         status = rx_error_at(err, RX_INPUT, tile->path, -1, 0,
                              "has changed while it was read; give a file that nothing writes to");
+exit:
     rx_record_reader_close(reader);
     return status;
 }
@@ -96,9 +95,8 @@ static rx_status write_merged(const char *path, const rx_rollup *rollup, rx_outp
 {
     const char *temporary = NULL;
     rx_text_file file = {0};
-    rx_status status = rx_outputs_file(outputs, path, &temporary, err);
-    if (status == RX_OK)
-        status = rx_text_file_open(&file, temporary, path, err);
+    RX_TRY(rx_outputs_file(outputs, path, &temporary, err));
+    rx_status status = rx_text_file_open(&file, temporary, path, err);
     for (int i = 0; i < rollup->ntiles && status == RX_OK; i++) {
         rx_text text = {0};
         status = print_again(&text, rollup->tile[i], err);

@@ -176,21 +176,14 @@ static rx_status read_extension(reader *r)
 {
     long v[4] = {0};
     double x[5] = {0};
-    rx_status status = RX_OK;
-    for (int i = 0; i < 3 && status == RX_OK; i++)
-        status = take_whole(r, 1 + i, 0, 1L << 30, &v[i]);
-    for (int i = 0; i < 5 && status == RX_OK; i++)
-        status = take_real(r, 4 + i, &x[i]);
-    if (status == RX_OK)
-        status = take_whole(r, 9, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT, &v[3]);
-    if (status != RX_OK)
-        return status;
+    for (int i = 0; i < 3; i++)
+        RX_TRY(take_whole(r, 1 + i, 0, 1L << 30, &v[i]));
+    for (int i = 0; i < 5; i++)
+        RX_TRY(take_real(r, 4 + i, &x[i]));
+    RX_TRY(take_whole(r, 9, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT, &v[3]));
     rx_tile_facts *facts = &r->record.facts;
-    rx_extension_facts *grown = rx_regrow(facts->extension, (size_t)facts->n + 1, sizeof *grown);
-    if (grown == NULL)
-        return rx_error_memory(r->err, ((size_t)facts->n + 1) * sizeof *grown);
-    facts->extension = grown;
-    r->extension = &grown[facts->n++];
+    RX_TRY(RX_GROW(facts->extension, (size_t)facts->n + 1, r->err));
+    r->extension = &facts->extension[facts->n++];
     r->run = NULL;
     *r->extension = (rx_extension_facts){.hdu = (int)v[0],
                                          .width = (int)v[1],
@@ -223,9 +216,7 @@ static rx_status read_run(reader *r)
     r->run = &r->extension->run[r->extension->nruns++];
     *r->run = (rx_run_facts){.sources = sources};
     snprintf(r->run->name, sizeof r->run->name, "%s", r->words.v[1]);
-    if (reference && (r->run->tally = RX_NEW(rx_tally, 1)) == NULL)
-        return rx_error_memory(r->err, sizeof(rx_tally));
-    return RX_OK;
+    return reference ? RX_MAKE(r->run->tally, 1, r->err) : RX_OK;
 }
 
 static rx_status read_done(reader *r)
@@ -275,10 +266,9 @@ static rx_status read_guard(reader *r)
         return refuse(r, "GUARD is out of place");
     rx_run_guard *guard = &r->run->guard;
     guard->known = 1;
-    rx_status status = take_real(r, 1, &guard->false_per_mpixel);
-    if (status == RX_OK)
-        status = take_real(r, 2, &guard->raised);
-    return status == RX_OK ? take_real(r, 3, &guard->unexplained) : status;
+    RX_TRY(take_real(r, 1, &guard->false_per_mpixel));
+    RX_TRY(take_real(r, 2, &guard->raised));
+    return take_real(r, 3, &guard->unexplained);
 }
 
 static rx_status read_psf(reader *r)
@@ -318,10 +308,10 @@ static rx_status read_stars(reader *r)
         return refuse(r, "STARS is out of place");
     rx_rho *rho = &r->extension->psf.rho;
     long *const values[] = {&rho->t, &rho->e1, &rho->e2};
-    rx_status status = take_whole(r, 1, 1, INT_MAX, &rho->n);
-    for (int i = 0; i < 3 && status == RX_OK; i++)
-        status = take_whole(r, 2 + i, -most, most, values[i]);
-    return status == RX_OK ? take_real(r, 5, &rho->reach) : status;
+    RX_TRY(take_whole(r, 1, 1, INT_MAX, &rho->n));
+    for (int i = 0; i < 3; i++)
+        RX_TRY(take_whole(r, 2 + i, -most, most, values[i]));
+    return take_real(r, 5, &rho->reach);
 }
 
 static rx_status read_rho(reader *r)
@@ -331,12 +321,10 @@ static rx_status read_rho(reader *r)
     if (r->extension == NULL || r->extension->psf.rho.n == 0)
         return refuse(r, "RHO is out of place");
     rx_rho *rho = &r->extension->psf.rho;
-    rx_status status = take_whole(r, 1, 0, RX_RHO_BINS - 1, &k);
-    if (status == RX_OK)
-        status = take_whole(r, 2, 1, most, &rho->pairs[k]);
-    if (status == RX_OK)
-        status = take_whole(r, 3, -most, most, &rho->tt[k]);
-    return status == RX_OK ? take_whole(r, 4, -most, most, &rho->ee[k]) : status;
+    RX_TRY(take_whole(r, 1, 0, RX_RHO_BINS - 1, &k));
+    RX_TRY(take_whole(r, 2, 1, most, &rho->pairs[k]));
+    RX_TRY(take_whole(r, 3, -most, most, &rho->tt[k]));
+    return take_whole(r, 4, -most, most, &rho->ee[k]);
 }
 
 /* Most of a record are these lines; a survey has millions, so they are not cut into words first. */
@@ -346,38 +334,45 @@ static rx_status read_bin(reader *r, char *text)
     long k, step, count;
     if (r->run == NULL || r->run->tally == NULL)
         return refuse(r, "a bin is out of place");
-    rx_status status = RX_OK;
     RX_TRY(whole(r, text, &text, 0, RX_TALLY_BINS - 1, &k));
     rx_tally_bin *bin = &r->run->tally->bin[k];
     long *const counts[] = {&bin->references, &bin->found, &bin->detections, &bin->right};
-    for (int i = 0; i < 4 && status == RX_OK; i++)
-        status = whole(r, text, &text, 0, most, counts[i]);
-    for (text += strspn(text, blanks); status == RX_OK && *text != '\0'; text += strspn(text, blanks)) {
-        if (bin->dmag == NULL && (bin->dmag = RX_NEW(uint32_t, RX_TALLY_STEPS)) == NULL)
-            return rx_error_memory(r->err, RX_TALLY_STEPS * sizeof(uint32_t));
-        status = whole(r, text, &text, 0, RX_TALLY_STEPS - 1, &step);
-        if (status == RX_OK && *text != ':')
-            status = refuse(r, "a count is out of place");
-        if (status == RX_OK)
-            status = whole(r, text + 1, &text, 1, UINT32_MAX, &count);
-        if (status == RX_OK)
-            bin->dmag[step] = (uint32_t)count;
+    for (int i = 0; i < 4; i++)
+        RX_TRY(whole(r, text, &text, 0, most, counts[i]));
+    for (text += strspn(text, blanks); *text != '\0'; text += strspn(text, blanks)) {
+        if (bin->dmag == NULL)
+            RX_TRY(RX_MAKE(bin->dmag, RX_TALLY_STEPS, r->err));
+        RX_TRY(whole(r, text, &text, 0, RX_TALLY_STEPS - 1, &step));
+        if (*text != ':')
+            return refuse(r, "a count is out of place");
+        RX_TRY(whole(r, text + 1, &text, 1, UINT32_MAX, &count));
+        bin->dmag[step] = (uint32_t)count;
     }
-    return status;
+    return RX_OK;
+}
+
+static void forget_record(rx_tile_record *record)
+{
+    free(record->image);
+    free(record->name);
+    free(record->version);
+    free(record->what);
+    rx_tile_facts_free(&record->facts);
+    *record = (rx_tile_record){0};
 }
 
 static rx_status begin_record(reader *r)
 {
     if (r->open)
         return refuse(r, "the record before has no END");
-    rx_tile_record_free(&r->record);
+    forget_record(&r->record);
     r->open = true;
     r->at = r->lines.at;
     r->extension = NULL;
     r->run = NULL;
     r->record.status = -1;
-    rx_status status = take_string(r, 1, &r->record.image);
-    return status == RX_OK ? take_string(r, 2, &r->record.name) : status;
+    RX_TRY(take_string(r, 1, &r->record.image));
+    return take_string(r, 2, &r->record.name);
 }
 
 static rx_status end_record(reader *r)
@@ -454,7 +449,7 @@ void rx_record_reader_close(rx_record_reader *r)
     if (r == NULL)
         return;
     rx_lines_close(&r->lines);
-    rx_tile_record_free(&r->record);
+    forget_record(&r->record);
     free(r);
 }
 
@@ -480,14 +475,4 @@ rx_status rx_record_reader_next(rx_record_reader *r, const rx_tile_record **reco
         *at = r->at;
     }
     return RX_OK;
-}
-
-void rx_tile_record_free(rx_tile_record *record)
-{
-    free(record->image);
-    free(record->name);
-    free(record->version);
-    free(record->what);
-    rx_tile_facts_free(&record->facts);
-    *record = (rx_tile_record){0};
 }
