@@ -15,6 +15,7 @@
 
 #include "../near.h"
 #include "../scratch.h"
+#include "../small_net.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "io/fits_read.h"
@@ -29,20 +30,14 @@ enum { FLIPS = 500, CUTS = 100, ODD = 300 };
 /* Two bins of FWHM and three of noise, the paper's ranges. */
 static rx_model *make_model(int with_psf)
 {
-    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
-                                   .decoder = RX_DECODER_BILINEAR,
-                                   .width = 4,
-                                   .blocks = 1,
-                                   .stem_kernel = 3,
-                                   .kernel = 3};
     rx_model *model = rx_model_new();
     assert_non_null(model);
-    assert_int_equal(rx_psfnet_new(&shape, 3, &model->restore, NULL), RX_OK);
+    model->restore = small_net(3, 1);
     rx_net_initialise(model->restore, 7, 1, 0.3, 0.1);
     model->restore->params[0] = -0.0f; /* numbers that a reader may lose */
     model->restore->params[1] = 1e-42f;
     if (with_psf) {
-        assert_int_equal(rx_psfnet_new(&shape, RX_PSF_CHANNELS, &model->psf, NULL), RX_OK);
+        model->psf = small_net(RX_PSF_CHANNELS, 1);
         rx_net_initialise(model->psf, 7, 2, 0.3, 0.1);
     }
     model->nfwhm = 2;

@@ -15,6 +15,7 @@
 
 #include "../near.h"
 #include "../scratch.h"
+#include "../small_net.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "base/text.h"
@@ -22,7 +23,6 @@
 #include "check/blankcheck.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
-#include "nn/psfnet.h"
 #include "num/stats.h"
 #include "pipeline/domain.h"
 #include "pipeline/pipeline.h"
@@ -35,17 +35,11 @@ enum { SIDE = 200, STARS = 60, BINS = 4 };
 /* FWHM 2 to 5 to 8 pixels, noise 0.125 to 10 to 40; the network adds nothing to its base. */
 static rx_model *make_model(rx_mode mode)
 {
-    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
-                                   .decoder = RX_DECODER_BILINEAR,
-                                   .width = 4,
-                                   .blocks = 1,
-                                   .stem_kernel = 3,
-                                   .kernel = 3};
     rx_model *model = rx_model_new();
     assert_non_null(model);
     model->front.mode = mode;
     model->front.rl_steps = mode == RX_MODE_INFORMED;
-    assert_int_equal(rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, NULL), RX_OK);
+    model->restore = small_net(rx_front_channels(mode), 1);
     model->nfwhm = model->nsigma = 2;
     model->bins = RX_NEW(rx_model_bin, BINS);
     assert_non_null(model->bins);

@@ -2,21 +2,14 @@
 #ifndef RX_TESTS_RESTORE_NETWORK_MODEL_H
 #define RX_TESTS_RESTORE_NETWORK_MODEL_H
 
+#include "../small_net.h"
 #include "nn/model.h"
-#include "nn/psfnet.h"
 
 static inline rx_model *small_model(rx_mode mode, int random)
 {
-    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
-                                   .decoder = RX_DECODER_BILINEAR,
-                                   .width = 4,
-                                   .blocks = 2,
-                                   .stem_kernel = 3,
-                                   .kernel = 3};
     rx_model *model = rx_model_new();
-    rx_error err = RX_ERROR_NONE;
-    if (model == NULL || rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, &err) != RX_OK)
-        fail_msg("%s", err.text);
+    assert_non_null(model);
+    model->restore = small_net(rx_front_channels(mode), 2);
     model->front = (rx_front){.mode = mode,
                               .target_fwhm = 2,
                               .tikhonov = 0.02,

@@ -14,7 +14,7 @@
 
 #include "../near.h"
 #include "../scratch.h"
-#include "nn/psfnet.h"
+#include "../small_net.h"
 #include "stage/inputs.h"
 #include "stage/options.h"
 
@@ -38,16 +38,9 @@ static const char path[] = "model.fits";
 /* A network without weights, as a file. */
 static void make_model(void)
 {
-    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
-                                   .decoder = RX_DECODER_BILINEAR,
-                                   .width = 4,
-                                   .blocks = 1,
-                                   .stem_kernel = 3,
-                                   .kernel = 3};
     rx_model *model = rx_model_new();
     assert_non_null(model);
-    assert_int_equal(rx_psfnet_new(&shape, rx_front_channels(model->front.mode), &model->restore, NULL),
-                     RX_OK);
+    model->restore = small_net(rx_front_channels(model->front.mode), 1);
     snprintf(model->name, sizeof model->name, "toy");
     assert_int_equal(rx_model_write(model, path, path, NULL), RX_OK);
     rx_model_free(model);

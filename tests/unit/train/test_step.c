@@ -10,10 +10,10 @@
 
 #include <cmocka.h>
 
+#include "../small_net.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "nn/deblur.h"
-#include "nn/psfnet.h"
 #include "num/convolve.h"
 #include "train/step.h"
 
@@ -24,18 +24,12 @@ static const double PI = 3.14159265358979323846;
 
 static rx_model *small_model(rx_mode mode, int rl_steps)
 {
-    const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
-                                   .decoder = RX_DECODER_BILINEAR,
-                                   .width = 4,
-                                   .blocks = 1,
-                                   .stem_kernel = 3,
-                                   .kernel = 3};
     rx_model *model = rx_model_new();
     assert_non_null(model);
     model->front.mode = mode;
     model->front.rl_steps = rl_steps;
-    assert_int_equal(rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, NULL), RX_OK);
-    assert_int_equal(rx_psfnet_new(&shape, RX_PSF_CHANNELS, &model->psf, NULL), RX_OK);
+    model->restore = small_net(rx_front_channels(mode), 1);
+    model->psf = small_net(RX_PSF_CHANNELS, 1);
     rx_net_initialise(model->restore, 1, 1, 0.5, 0.1);
     rx_net_initialise(model->psf, 1, 2, 0.5, 0.1);
     return model;
