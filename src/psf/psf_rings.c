@@ -603,7 +603,7 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
             if (of.centre[j] > model->half)
                 uncertain +=
                     pow(M_PI * (r->edge[j + 1] * r->edge[j + 1] - r->edge[j] * r->edge[j]) * w[j].error, 2.0);
-        uncertain += pow(light_beyond(model, fmax(of.centre[t.from], model->half), slope) * t.error, 2.0);
+        uncertain += pow(light_beyond(model, of.centre[t.from], slope) * t.error, 2.0);
         hidden_halo(job, of.centre, w, n, t.from, &light, &error);
         error = hypot(error, light);
         job->halo.n = 0; /* what was added is part of what the rings were scaled by */
@@ -616,7 +616,7 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
         for (int j = 0; j < n; j++)
             profile[j] = (double)rx_psf_model_wing(model, of.centre[j]);
         fit_profile(job, of.centre, w, n, from, profile, &off, &precision);
-        uncertain = pow(light_beyond(model, model->half, slope), 2.0) / (4.0 + precision);
+        uncertain = pow(light_beyond(model, of.centre[from], slope), 2.0) / (4.0 + precision);
         job->halo = hidden_halo(job, of.centre, w, n, from, &light, &error);
         add_halo(job, 1.0);
     }
