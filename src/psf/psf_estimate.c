@@ -617,6 +617,10 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     if (status == RX_OK)
         status = leave_out_flattened(&search, free_shape == RX_MOFFAT_SHAPE ? needed : 0, enough, &best, log,
                                      &limit, err);
+    int sharper = 0;
+    double sharpness = 1.0;
+    if (status == RX_OK)
+        status = rx_stars_sharper(&search, best.radius, &sharper, &sharpness, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
         if (best.scatter > 0.15)
@@ -639,6 +643,8 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         status = jackknife(best.stars, best.list.n, best.shape, &(*dst)->quality.flux_error, err);
         (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, NOT_MOFFAT);
     }
+    if (status == RX_OK && sharper > 0)
+        rx_stars_set_sharper(par->type, sharper, sharpness / best.radius, &(*dst)->quality, log);
     if (status == RX_OK && found != NULL) {
         memcpy(found->shape, best.shape, sizeof found->shape);
         found->radius = best.radius;

@@ -44,6 +44,10 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
     if (q->neighbours > 0)
         rx_record_add(facts, "RXPSFNBR", "neighbours taken off its stars, a crowd's fit", "%d",
                       q->neighbours);
+    if (q->sharper > 0) {
+        rx_record_add(facts, "RXPSFSHN", "sources of a second, smaller size: the stars?", "%d", q->sharper);
+        rx_record_add(facts, "RXPSFSHR", "their radius over that of the stars taken", "%.3f", q->sharpness);
+    }
     if (q->limit > 0.0)
         rx_record_add(facts, "RXPSFLIM", "stars that reach this are flattened, ADU", "%.6g", q->limit);
     if (!(q->radius > 0.0))

@@ -713,6 +713,38 @@ static void test_compact_galaxies(void **state)
     free_field(&f);
 }
 
+/* Stars that compact galaxies of one size outnumber: a PSF of the galaxies says so, and by how much fluxes may be off. */
+static void test_sharper_locus(void **state)
+{
+    (void)state;
+    galaxy_width[0] = 1.25;
+    galaxy_width[1] = 0.02;
+    galaxy_ratio = 0.98;
+    int wrong = 0;
+    for (int stars = 9; stars <= 100; stars += stars < 36 ? 9 : 64) {
+        field f;
+        rx_psf *psf;
+        make_varied(&f, 4.0, 4.0, 1.0, 0.0, stars, 0, 0.0, 0.0, 0.0);
+        assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+        print_message("%d stars: FWHM %.3f, %d sharper, %.3f, error %.4f\n", stars, psf->fwhm,
+                      psf->quality.sharper, psf->quality.sharpness, psf->quality.flux_error);
+        if (psf->fwhm > 4.4) {
+            wrong++;
+            assert_between(psf->quality.sharper, 5, stars + 10);
+            assert_near(psf->quality.sharpness, 0.8, 0.05);
+            assert_between(psf->quality.flux_error, 0.08, 0.2);
+        } else {
+            assert_int_equal(psf->quality.sharper, 0);
+        }
+        rx_psf_free(psf);
+        free_field(&f);
+    }
+    assert_true(wrong > 0);
+    galaxy_width[0] = 1.2;
+    galaxy_width[1] = 1.3;
+    galaxy_ratio = 0.5;
+}
+
 static void test_threads(void **state)
 {
     (void)state;
@@ -1075,6 +1107,7 @@ int main(void)
         cmocka_unit_test(test_followed_corner),
         cmocka_unit_test(test_corner_of_few_stars),
         cmocka_unit_test(test_compact_galaxies),
+        cmocka_unit_test(test_sharper_locus),
         cmocka_unit_test(test_narrow),
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
