@@ -92,9 +92,8 @@ static rx_status merge(job *j, rx_error *err)
 {
     rx_text missing = {0};
     rx_status status = RX_OK;
-    int *found = RX_NEW(int, (size_t)j->n + 1);
-    if (found == NULL)
-        return rx_error_memory(err, 0);
+    int *found = NULL;
+    RX_TRY(RX_MAKE(found, (size_t)j->n + 1, err));
     for (int k = 1; status == RX_OK && k <= j->n; k++) {
         char *path = journal_name(j, k);
         status = path == NULL ? rx_error_memory(err, 0)

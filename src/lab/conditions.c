@@ -14,9 +14,7 @@ rx_status rx_conditions_make(const rx_campaign_config *config, int *n, rx_condit
     const int nfwhm = config->seeing.n > 0 ? config->seeing.n : 1;
     const size_t most = (size_t)nfwhm * (size_t)(1 + lists[0]->n + lists[1]->n + lists[2]->n);
     *n = 0;
-    *dst = RX_NEW(rx_condition, most);
-    if (*dst == NULL)
-        return rx_error_memory(err, most * sizeof **dst);
+    RX_TRY(RX_MAKE(*dst, most, err));
     for (int f = 0; f < nfwhm; f++) {
         const rx_condition truth = {.fwhm = config->seeing.n > 0 ? config->seeing.v[f] : 0.0};
         (*dst)[(*n)++] = truth;

@@ -34,9 +34,7 @@ const rx_lab_schema rx_fluxes_tables[RX_FLUXES_TABLES] = {
 static rx_status read_tile(rx_lab *lab, rx_log *log, rx_error *err)
 {
     rx_simulate_config *own = NULL;
-    lab->sky = RX_NEW(rx_lab_sky, 1);
-    if (lab->sky == NULL)
-        return rx_error_memory(err, sizeof *lab->sky);
+    RX_TRY(RX_MAKE(lab->sky, 1, err));
     lab->nconditions = lab->nskies = 1;
     RX_TRY(rx_lab_sky_read(lab, log, lab->sky, err));
     rx_status status = rx_simulate_config_copy(lab->config->sim, &own, err);

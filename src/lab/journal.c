@@ -173,9 +173,7 @@ static rx_status parse_line(const char *header, char *line, size_t length, long 
     if (*unit < 0 || *unit >= nunits || n < 0 || (size_t)n > length)
         return RX_INPUT;
     dst->n = n;
-    dst->v = RX_NEW(double, (size_t)n + 1);
-    if (dst->v == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof(double));
+    RX_TRY(RX_MAKE(dst->v, (size_t)n + 1, err));
     for (long i = 0; i < n; i++) {
         char *number = end;
         dst->v[i] = strtod(number, &end);
@@ -256,9 +254,8 @@ static rx_status read_all(int file, const char *path, char **text, size_t *lengt
     if (!S_ISREG(info.st_mode))
         return rx_error_at(err, RX_USAGE, path, -1, 0, "is no plain file; give another JOURNAL_NAME");
     const size_t size = (size_t)info.st_size;
-    char *data = RX_NEW(char, size + 1);
-    if (data == NULL)
-        return rx_error_memory(err, size);
+    char *data = NULL;
+    RX_TRY(RX_MAKE(data, size + 1, err));
     size_t got = 0;
     for (ssize_t n; got < size; got += (size_t)n)
         if ((n = pread(file, data + got, size - got, (off_t)got)) <= 0) {
@@ -329,9 +326,8 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
                           rx_unit_values *values, rx_journal **dst, rx_error *err)
 {
     rx_text header = {0};
-    rx_journal *journal = RX_NEW(rx_journal, 1);
-    if (journal == NULL)
-        return rx_error_memory(err, sizeof *journal);
+    rx_journal *journal = NULL;
+    RX_TRY(RX_MAKE(journal, 1, err));
     size_t whole = 0;
     journal->file = -1;
     journal->path = rx_strdup(path);

@@ -70,9 +70,7 @@ static rx_status list_units(rx_lab *lab, rx_error *err)
     for (int c = 0; c < lab->nconditions; c++)
         for (int s = 0; s < lab->nscenes; s++)
             lab->nunits += tiles_of(lab, c, s);
-    lab->unit = RX_NEW(rx_lab_unit, (size_t)lab->nunits + 1);
-    if (lab->unit == NULL)
-        return rx_error_memory(err, (size_t)lab->nunits * sizeof *lab->unit);
+    RX_TRY(RX_MAKE(lab->unit, (size_t)lab->nunits + 1, err));
     rx_lab_unit *unit = lab->unit;
     for (int c = 0; c < lab->nconditions; c++)
         for (int s = 0; s < lab->nscenes; s++)
@@ -112,9 +110,8 @@ static rx_status stage_options(rx_lab *lab, rx_log *log, rx_error *err)
 rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config, int nthreads, rx_log *log,
                       rx_lab **dst, rx_error *err)
 {
-    rx_lab *lab = RX_NEW(rx_lab, 1);
-    if (lab == NULL)
-        return rx_error_memory(err, sizeof *lab);
+    rx_lab *lab = NULL;
+    RX_TRY(RX_MAKE(lab, 1, err));
     lab->kind = kind;
     lab->config = config;
     lab->nthreads = nthreads;
@@ -252,9 +249,7 @@ rx_lab_set *rx_lab_set_of(const rx_lab *lab, int condition, int scene)
 rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err)
 {
     const int nsets = lab->nconditions * lab->nscenes;
-    lab->set = RX_NEW(rx_lab_set, (size_t)nsets + 1);
-    if (lab->set == NULL)
-        return rx_error_memory(err, (size_t)nsets * sizeof *lab->set);
+    RX_TRY(RX_MAKE(lab->set, (size_t)nsets + 1, err));
     for (int k = 0; k < nsets; k++)
         for (int t = 0; t < lab->kind->ntables; t++)
             rx_lab_table_begin(&lab->kind->tables[t], lab->nruns, &lab->set[k].table[t]);

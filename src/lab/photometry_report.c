@@ -169,9 +169,8 @@ static rx_status depth(const rx_lab *lab, int f, int run, double *mag, rx_photom
     long n = 0, all = 1;
     for (int k = 0; k <= last; k++)
         all += stars_of(lab, f, k)->n;
-    unsigned char *found = RX_NEW(unsigned char, (size_t)all);
-    if (found == NULL)
-        return rx_error_memory(err, (size_t)all);
+    unsigned char *found = NULL;
+    RX_TRY(RX_MAKE(found, (size_t)all, err));
     if (last >= 0) {
         bins.edge[0] = lab->scene[0].mag - 0.5 * step;
         bins.edge[1] = lab->scene[0].mag + (last + 0.5) * step;
@@ -269,8 +268,8 @@ static rx_status measure_field(rx_store *s, int f, rx_error *err)
         snprintf(g->condition[k], sizeof *g->condition, "%g", lab->scene[k].mag);
         most += 2 * (size_t)stars_of(lab, f, k)->n;
     }
-    double *work = RX_NEW(double, most);
-    rx_status status = work == NULL ? rx_error_memory(err, most * sizeof *work) : RX_OK;
+    double *work = NULL;
+    rx_status status = RX_MAKE(work, most, err);
     for (int run = 0; run < lab->nruns && status == RX_OK; run++)
         status = choose_cuts(s, f, run, work, err);
     for (int k = 0; k < lab->nscenes; k++) {

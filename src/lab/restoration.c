@@ -68,9 +68,7 @@ static rx_status set_bins(rx_lab *lab, rx_error *err)
         return rx_error_set(err, RX_USAGE,
                             "FWHM_RANGE, SIGMA_RANGE, FWHM_TRAINED and SIGMA_TRAINED go from low to high");
     const size_t n = (size_t)bin_count(&config->fwhm_range) + (size_t)bin_count(&config->sigma_range);
-    lab->bin = RX_NEW(rx_lab_bin, n);
-    if (lab->bin == NULL)
-        return rx_error_memory(err, n * sizeof *lab->bin);
+    RX_TRY(RX_MAKE(lab->bin, n, err));
     add_bins(lab, 0, &config->fwhm_range, &config->sigma_trained, &config->scenes_fwhm);
     add_bins(lab, 1, &config->sigma_range, &config->fwhm_trained, &config->scenes_sigma);
     return RX_OK;
@@ -110,9 +108,7 @@ static rx_status set_simulation(rx_lab *lab, rx_log *log, rx_error *err)
 
 static rx_status open_bins(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    lab->sky = RX_NEW(rx_lab_sky, 1);
-    if (lab->sky == NULL)
-        return rx_error_memory(err, sizeof *lab->sky);
+    RX_TRY(RX_MAKE(lab->sky, 1, err));
     lab->nskies = 1;
     RX_TRY(add_runs(lab, err));
     RX_TRY(set_bins(lab, err));

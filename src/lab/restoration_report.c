@@ -381,8 +381,8 @@ static rx_status add_example(rx_report *report, const rx_lab *lab, int example, 
     rx_trial trial;
     char text[96];
     RX_TRY(rx_trial_make(lab, &(rx_lab_unit){bin, TEST, 0}, &trial, err));
-    float *plane = RX_NEW(float, n);
-    rx_status status = plane == NULL ? rx_error_memory(err, n * sizeof *plane) : RX_OK;
+    float *plane = NULL;
+    rx_status status = RX_MAKE(plane, n, err);
     snprintf(text, sizeof text, "FWHM %.2f pixels, noise %.1f", trial.fwhm, trial.sigma);
     rx_report_heading(report, text, NULL);
     plot_plane(figures, lab, example, "BLURRED", trial.image);

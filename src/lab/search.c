@@ -18,9 +18,7 @@ static rx_status sift(const rx_lab_search *s, unsigned char **use, rx_error *err
                           .image = &image,
                           .injected = s->tile.light,
                           .radius = s->radius};
-    *use = RX_NEW(unsigned char, (size_t)s->list.n);
-    if (*use == NULL)
-        return rx_error_memory(err, (size_t)s->list.n);
+    RX_TRY(RX_MAKE(*use, (size_t)s->list.n, err));
     memset(*use, 1, (size_t)s->list.n);
     return rx_selfcheck_sift(&sift, *use, err);
 }

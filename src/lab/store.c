@@ -26,9 +26,7 @@ void rx_store_free(rx_store *s)
 
 rx_status rx_store_groups(rx_store *s, int ngroups, rx_error *err)
 {
-    s->group = RX_NEW(rx_store_group, (size_t)ngroups);
-    if (s->group == NULL)
-        return rx_error_memory(err, (size_t)ngroups * sizeof *s->group);
+    RX_TRY(RX_MAKE(s->group, (size_t)ngroups, err));
     s->ngroups = ngroups;
     return RX_OK;
 }
@@ -176,9 +174,8 @@ static rx_status decide_all(rx_store *s, rx_error *err)
 
 rx_status rx_store_make(const rx_lab *lab, uint64_t seed, rx_store **dst, rx_error *err)
 {
-    rx_store *s = RX_NEW(rx_store, 1);
-    if (s == NULL)
-        return rx_error_memory(err, sizeof *s);
+    rx_store *s = NULL;
+    RX_TRY(RX_MAKE(s, 1, err));
     s->lab = lab;
     s->seed = seed;
     s->ncolumns = lab->nruns;

@@ -352,9 +352,7 @@ static rx_status inject(const rx_lab *lab, const rx_lab_sky *sky, uint64_t strea
     if (status != RX_OK)
         return status;
     rx_replica_settle(*tile);
-    dst->light = RX_NEW(float, n);
-    if (dst->light == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    RX_TRY(RX_MAKE(dst->light, n, err));
     for (size_t i = 0; i < n; i++)
         dst->light[i] = (*tile)->pixels[i] - src->pixels[i];
     return RX_OK;
@@ -367,9 +365,8 @@ static rx_status put_plateau(const rx_lab_sky *sky, long number, rx_field *field
     const int w = tile->width, h = tile->height, shift = (int)(number % 4);
     const size_t n = (size_t)w * (size_t)h;
     const double level = sky->simulation->noise.sky;
-    float *plane = RX_NEW(float, n);
-    if (plane == NULL)
-        return rx_error_memory(err, n * sizeof *plane);
+    float *plane = NULL;
+    RX_TRY(RX_MAKE(plane, n, err));
     for (int y = h / 4 + shift; y < h - h / 4 + shift; y++)
         for (int x = w / 4 + shift; x < w - w / 4 + shift; x++)
             plane[(size_t)y * (size_t)w + (size_t)x] = (float)(PLATEAU_SIGMAS * sky->sigma);

@@ -98,9 +98,8 @@ rx_status rx_units_run(const rx_unit_work *work, int nthreads, rx_journal *journ
     crew c = {
         .work = work, .journal = journal, .values = values, .log = log, .begun = rx_seconds(), .err = err};
     rx_units_count(work, values, &c.todo, &all);
-    long *units = RX_NEW(long, (size_t)c.todo + 1);
-    if (units == NULL)
-        return rx_error_memory(err, (size_t)c.todo * sizeof *units);
+    long *units = NULL;
+    RX_TRY(RX_MAKE(units, (size_t)c.todo + 1, err));
     rx_status status = RX_OK;
     rx_log_progress_begin(log);
     for (int phase = 0; status == RX_OK && phase < RX_PHASES; phase++) {
