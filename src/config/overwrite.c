@@ -127,6 +127,11 @@ static void add_stage(inputs *list, const rx_config *config)
     add(list, config->qa_gates);
 }
 
+static bool makes_report(const rx_config *config)
+{
+    return config->reference_name[0] != '\0' || strcmp(config->qa_type, "TILE") == 0;
+}
+
 /* Files that a run writes, a name for all restorers. */
 static void visit_files(const rx_config *config, rx_file_visitor visit, void *user)
 {
@@ -172,7 +177,7 @@ rx_status rx_overwrite_visit(const rx_config *config, rx_file_visitor visit, voi
 {
     tagging t = {.restorers = &config->restore_type, .visit = visit, .user = user, .err = err};
     visit_files(config, visit_tagged, &t);
-    if (config->reference_name[0] != '\0')
+    if (makes_report(config))
         visit(user, "QA_NAME", config->qa_name);
     if (config->self_check)
         visit(user, "SELF_CHECK_NAME", config->self_check_name);
@@ -249,7 +254,7 @@ static rx_status check_outputs(const rx_config *config, inputs *list, const char
     if (status == RX_OK)
         status = check.status;
     visit_files(config, add_visited, list);
-    if (status == RX_OK && config->reference_name[0] != '\0')
+    if (status == RX_OK && makes_report(config))
         status = check_folder(list, "QA_NAME", config->qa_name, err);
     if (status == RX_OK && config->self_check)
         status = check_folder(list, "SELF_CHECK_NAME", config->self_check_name, err);

@@ -14,4 +14,6 @@ librextract_la_SOURCES += \
 	src/report/qa_tables.c src/report/qa_tables.h \
 	src/report/report.c src/report/report.h \
 	src/report/report_file.c src/report/report_file.h \
-	src/report/report_table.c src/report/report_table.h
+	src/report/report_table.c src/report/report_table.h \
+	src/report/tile_figures.c \
+	src/report/tile_page.c src/report/tile_page.h

@@ -312,7 +312,8 @@ rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *b
         snprintf(r->figures.note, sizeof r->figures.note, "figures were not asked for");
     if (status == RX_OK) { /* while gnuplot draws */
         write_json(&text, r);
-        status = rx_report_file(files->folder, files->shown, "summary.json", &text, err);
+        status = rx_report_file(files->folder, files->shown,
+                                files->summary != NULL ? files->summary : "summary.json", &text, err);
     }
     if (status == RX_OK)
         status = write_tables(r, files, err);

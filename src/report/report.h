@@ -218,6 +218,7 @@ typedef struct rx_report_files {
     const char *folder, *shown; /* as it is, and as errors name it */
     int figures;                /* 0: none are drawn */
     const char *page;           /* file; NULL: report.html */
+    const char *summary;        /* file; NULL: summary.json */
     const char *gnuplot;        /* program; NULL: "gnuplot" */
     rx_log *log;                /* warned where gnuplot is missing */
 } rx_report_files;

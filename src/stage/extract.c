@@ -224,6 +224,26 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     return status;
 }
 
+/* By the best model of the pixels that there is. */
+static rx_status measure_chi2(rx_run *run, const work *w, rx_error *err)
+{
+    const rx_tphot *tphot = w->result.templates.tphot;
+    const float *reblurred = w->result.restored->reblurred;
+    const int fitted = tphot != NULL && tphot->residual != NULL;
+    const rx_image image = fitted              ? rx_field_restorable(w->measure)
+                           : reblurred != NULL ? rx_field_restorable(w->detect)
+                                               : rx_field_observed(w->detect);
+    return rx_tile_chi2_make(&image,
+                             &(rx_tile_model){.of = fitted ? "templates"
+                                                    : reblurred != NULL
+                                                        ? "restored image under its PSF"
+                                                        : "sky, without the pixels of sources",
+                                              .model = fitted ? tphot->model : reblurred,
+                                              .residual = fitted ? tphot->residual : NULL,
+                                              .segments = w->result.sources->segments},
+                             &run->chi2, err);
+}
+
 /* Plain ASCII catalogues hold no facts. */
 static int has_headers(const rx_options *options, const rx_run *run)
 {
@@ -281,6 +301,8 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     RX_TRY_EXIT(facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err));
     RX_TRY_EXIT(write_images(run, &w, in->record, &facts, in->products, log, err));
+    if (options->tile_page)
+        RX_TRY_EXIT(measure_chi2(run, &w, err));
     if (in->kept != NULL) {
         *in->kept = w.result;
         *in->facts = facts;
@@ -341,6 +363,7 @@ void rx_run_forget(rx_run *run)
     rx_restored_free(run->restored);
     rx_sources_free(run->sources);
     rx_check_results_free(&run->checks);
+    rx_tile_cells_free(&run->chi2.cells);
     run->restored = NULL;
     run->sources = NULL;
     run->tally = NULL;

@@ -13,6 +13,7 @@
 #include "io/output.h"
 #include "pipeline/domain.h"
 #include "pipeline/field.h"
+#include "quality/tile_quality.h"
 #include "stage/checkimages.h"
 #include "stage/options.h"
 #include "stage/provenance.h"
@@ -42,6 +43,7 @@ typedef struct rx_run {
     rx_fluxcheck flux;
     double unexplained, dark; /* as of rx_residual; NAN where they are not known */
     char outside[240];        /* what the restorer was not made for on this tile, "" nothing */
+    rx_tile_chi2 chi2;        /* of the tile's page; nx 0: none */
     double seconds;           /* of all of rx_run_extract() */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;

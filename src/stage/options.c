@@ -152,7 +152,7 @@ static unsigned skipped_measurements(const rx_config *cfg, const rx_options *opt
 {
     const rx_column_list *columns = options->columns;
     const int report = cfg->reference_name[0] != '\0' ? options->check.quality.flux : -1;
-    int radius = rx_columns_mention(columns, "FLUX_RADIUS");
+    int radius = options->tile_page || rx_columns_mention(columns, "FLUX_RADIUS");
     int window = rx_columns_mention(columns, "WIN") || report == RX_QUALITY_WIN;
     /* windows are as wide as the half-light radius says, a share of FLUX_AUTO */
     int automatic = radius || window || rx_columns_mention(columns, "_AUTO") ||
@@ -209,11 +209,13 @@ static rx_status template_options(rx_options *dst, rx_error *err)
     par->wanted = injected || par->drop || par->par.covariance || par->par.keep_model ||
                   (compared && dst->reference.name != NULL) || rx_columns_mention(dst->columns, "TEMPLATE") ||
                   rx_columns_has(dst->columns, "FLAGS_RESTORE") || rx_columns_has(dst->columns, "P_REAL");
+    par->par.keep_model |= par->wanted && dst->tile_page;
     return RX_OK;
 }
 
 static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
 {
+    dst->pipeline.restore.keep_reblurred |= dst->tile_page;
     for (int i = 0; i < cfg->checkimage_type.n; i++) {
         const char *type = cfg->checkimage_type.v[i];
         if (strcmp(type, "NONE") == 0)

@@ -232,7 +232,8 @@ static rx_cost_name cost_of_kind(const rx_restorer *kind)
 /* A PSF will be measured from stars. */
 static int measures_psf(const rx_options *options)
 {
-    int needed = options->check.self_check || options->pipeline.templates.wanted || options->write_psf;
+    int needed = options->check.self_check || options->pipeline.templates.wanted || options->write_psf ||
+                 options->tile_page;
     for (int i = 0; i < options->nrestorers; i++)
         needed |= options->restorers[i]->needs_psf;
     return needed && rx_psf_type_measured(options->pipeline.psf.type);
@@ -269,7 +270,7 @@ static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, d
     times[RX_COST_CHECK] = options->check.self_check || options->check.blank_check > 0;
     times[RX_COST_CHECK_TEMPLATES] = times[RX_COST_CHECK] > 0 && options->check.templates;
     times[RX_COST_FURTHER] = options->nrestorers - 1;
-    times[RX_COST_REPORT] = options->reference.name != NULL ? options->nrestorers : 0;
+    times[RX_COST_REPORT] = options->reference.name != NULL || options->tile_page ? options->nrestorers : 0;
     for (int role = 0; role <= dual; role++) {
         times[RX_COST_TILE]++;
         times[RX_COST_WEIGHT] += options->tile[role].weight_type != RX_WEIGHT_NONE;

@@ -7,7 +7,9 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "check/quality.h"
+#include "pipeline/residual.h"
 #include "report/qa_page.h"
+#include "report/tile_page.h"
 #include "stage/domain_facts.h"
 #include "stage/reference.h"
 
@@ -21,7 +23,7 @@ static rx_status match_options(const rx_options *options, const rx_tile *tile, r
 }
 
 /* All of a run but its sources. */
-static rx_qa_run about(const rx_run *run, rx_qa_promise *promise)
+static rx_qa_run about_run(const rx_run *run, rx_qa_promise *promise)
 {
     const rx_fluxcheck *flux = &run->flux;
     return (rx_qa_run){.name = run->kind->name,
@@ -50,7 +52,7 @@ static rx_status collect_runs(const rx_report_input *in, rx_qa_promise *promises
     rx_status status = RX_OK;
     for (int i = 0; i < in->options->nrestorers && status == RX_OK; i++) {
         const rx_restored *restored = in->runs[i].restored;
-        dst[i] = about(&in->runs[i], &promises[i]);
+        dst[i] = about_run(&in->runs[i], &promises[i]);
         dst[i].seconds = in->runs[i].seconds;
         dst[i].psf = restored->blur != NULL ? restored->blur->description : "";
         dst[i].tally = in->runs[i].tally;
@@ -90,7 +92,8 @@ static rx_status open_folder(const char *wanted, int extension, rx_outputs *outp
 
 rx_status rx_report_try(const rx_options *options, int extension, rx_error *err)
 {
-    const char *const names[] = {options->reference.name != NULL ? options->qa_name : "",
+    const char *const names[] = {options->reference.name != NULL || options->tile_page ? options->qa_name
+                                                                                       : "",
                                  options->check.self_check ? options->self_check_name : ""};
     const char *folder = NULL;
     rx_outputs *outputs = NULL;
@@ -102,7 +105,9 @@ rx_status rx_report_try(const rx_options *options, int extension, rx_error *err)
     return status;
 }
 
-rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err)
+/* All runs against the reference. */
+static rx_status compare(const rx_report_input *in, const char *folder, rx_verdict *verdict, rx_text *brief,
+                         rx_error *err)
 {
     const rx_options *options = in->options;
     const rx_tile *tile = in->fields.measure->tile;
@@ -111,7 +116,6 @@ rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_tex
     rx_qa_picture pictures[RX_MAX_RUNS] = {0};
     rx_qa_params par;
     rx_verdict found = RX_VERDICT_NONE;
-    const char *folder = NULL;
     const char *(*pairs)[2] = NULL;
     double scale = rx_quality_scale(tile);
     rx_qa_input input = {.tile = tile->name,
@@ -151,8 +155,6 @@ rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_tex
     input.nrecord = in->record->n;
     input.record = (const char *const(*)[2])pairs;
     if (status == RX_OK)
-        status = open_folder(options->qa_name, in->extension, in->outputs, &folder, err);
-    if (status == RX_OK)
         par.log = in->log;
     if (status == RX_OK)
         status =
@@ -169,6 +171,54 @@ rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_tex
     return status;
 }
 
+/* The page of the tile by itself. */
+static rx_status describe(const rx_report_input *in, const char *folder, rx_error *err)
+{
+    const rx_options *options = in->options;
+    rx_tile_restored runs[RX_MAX_RUNS];
+    rx_qa_run abouts[RX_MAX_RUNS];
+    rx_qa_promise promises[RX_MAX_RUNS];
+    const char *(*pairs)[2] = NULL;
+    rx_tile_about about = {.name = in->fields.detect->tile->name,
+                           .image = rx_field_observed(in->fields.detect),
+                           .nruns = options->nrestorers,
+                           .runs = runs,
+                           .seed = options->pipeline.seed};
+    about.image.zeropoint = in->fields.measure->image.zeropoint;
+    for (int i = 0; i < options->nrestorers; i++) {
+        const rx_run *run = &in->runs[i];
+        abouts[i] = about_run(run, &promises[i]);
+        runs[i] = (rx_tile_restored){.about = &abouts[i],
+                                .sources = run->sources,
+                                .restored = run->restored,
+                                .chi2 = run->chi2,
+                                .plain = run->restored->blur == NULL,
+                                .unexplained = rx_residual_is_large(run->unexplained),
+                                .outside = run->outside};
+    }
+    RX_TRY(rx_record_list(in->record, &pairs, err));
+    const rx_tile_page page = {&about, in->record->n, (const char *const(*)[2])pairs};
+    const rx_report_files files = {.folder = folder,
+                                   .shown = rx_outputs_shown(in->outputs, folder),
+                                   .figures = options->qa.figures,
+                                   .gnuplot = options->qa.gnuplot,
+                                   .log = in->log};
+    const rx_status status = rx_tile_page_write(&page, &files, err);
+    free(pairs);
+    return status;
+}
+
+rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err)
+{
+    const char *folder = NULL;
+    rx_status status = open_folder(in->options->qa_name, in->extension, in->outputs, &folder, err);
+    if (status == RX_OK && in->reference != NULL)
+        status = compare(in, folder, verdict, brief, err);
+    if (status == RX_OK && in->options->tile_page)
+        status = describe(in, folder, err);
+    return status;
+}
+
 rx_status rx_report_checks(const rx_report_input *in, const rx_checks *checks, rx_error *err)
 {
     const rx_options *options = in->options;
@@ -179,7 +229,7 @@ rx_status rx_report_checks(const rx_report_input *in, const rx_checks *checks, r
     if (options->self_check_name[0] == '\0' || !rx_checks_injected(checks))
         return RX_OK;
     for (int i = 0; i < options->nrestorers; i++) {
-        qa_runs[i] = about(&in->runs[i], &promises[i]);
+        qa_runs[i] = about_run(&in->runs[i], &promises[i]);
         results[i] = &in->runs[i].checks;
     }
     RX_TRY(open_folder(options->self_check_name, in->extension, in->outputs, &folder, err));

@@ -24,8 +24,8 @@ typedef struct rx_report_input {
     rx_log *log;
 } rx_report_input;
 
-/* Match the current sources of every run with the reference and write the report folder (QA_NAME, with _n for
- * extension n > 0). *verdict keeps the worst over calls; brief grows by one short table. */
+/* The folder of the report (QA_NAME, with _n for extension n > 0): where there is a reference the current sources of
+ * every run matched with it, and with QA_TYPE TILE the tile's own page. *verdict keeps the worst over calls; brief grows by one short table. */
 rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err);
 
 /* Whether the folders of the reports can be made, before the work; nothing stays. */

@@ -88,7 +88,7 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
     if (job->facts != NULL)
         RX_TRY(rx_tile_facts_add(job->facts, in->fields.detect, job->runs, n, job->reference != NULL, &facts,
                                  err));
-    if (job->reference == NULL)
+    if (job->reference == NULL && !job->options->tile_page)
         return RX_OK;
     for (int i = 0; i < n && facts != NULL; i++)
         job->runs[i].tally = facts->run[i].tally;
@@ -106,7 +106,7 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
 static int is_recorded(const rx_options *options)
 {
     return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
-           options->covariance_name[0] != '\0' || options->reference.name != NULL ||
+           options->covariance_name[0] != '\0' || options->reference.name != NULL || options->tile_page ||
            options->check.self_check || options->write_psf;
 }
 
@@ -139,8 +139,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     rx_field *detect = NULL, *measure = NULL;
     rx_checks *checks = NULL;
     const int templates = options->pipeline.templates.wanted;
-    const int need_psf =
-        any_needs_psf(options) || options->check.self_check || templates || options->write_psf;
+    const int need_psf = any_needs_psf(options) || options->check.self_check || templates ||
+                         options->write_psf || options->tile_page;
     rx_status status = rx_field_open(options, need_psf ? RX_FIELD_PSF : 0,
                                      &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {

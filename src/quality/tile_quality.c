@@ -1,0 +1,601 @@
+/* Quality of a tile without a reference. */
+#include "quality/tile_quality.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "base/random.h"
+#include "num/stats.h"
+
+/* What makes a remark; docs/qa.md has them in words. */
+static const double ELONGATED = 0.15, SPREAD = 0.2, WIDER = 0.03, WIDTH_LOW = 0.9, WIDTH_HIGH = 1.15,
+                    MASKED = 0.1, SATURATED = 0.01, SLOPE = 3.0, TAIL = 20, CHI2_LOW = 0.8, CHI2_HIGH = 1.3,
+                    CHI2_SHARE = 0.1, GROWTH = 0.01;
+
+void rx_tile_cells_free(rx_tile_cells *cells)
+{
+    free(cells->value);
+    *cells = (rx_tile_cells){0};
+}
+
+/* sum and count per cell while pixels come by. */
+typedef struct sums {
+    rx_tile_cells *cells;
+    double *n;
+} sums;
+
+static rx_status begin(const rx_image *image, rx_tile_cells *dst, sums *s, rx_error *err)
+{
+    const int longer = image->width > image->height ? image->width : image->height;
+    dst->side = longer / RX_TILE_CELLS > 15 ? (longer + RX_TILE_CELLS - 1) / RX_TILE_CELLS : 16;
+    dst->nx = (image->width + dst->side - 1) / dst->side;
+    dst->ny = (image->height + dst->side - 1) / dst->side;
+    const size_t n = (size_t)dst->nx * (size_t)dst->ny;
+    dst->value = RX_NEW(double, n);
+    *s = (sums){dst, RX_NEW(double, n)};
+    if (dst->value != NULL && s->n != NULL)
+        return RX_OK;
+    free(s->n);
+    rx_tile_cells_free(dst);
+    return rx_error_memory(err, n);
+}
+
+static void count(sums *s, int x, int y, double value)
+{
+    const size_t k = (size_t)(y / s->cells->side) * (size_t)s->cells->nx + (size_t)(x / s->cells->side);
+    s->cells->value[k] += value;
+    s->n[k]++;
+}
+
+/* Sums become means; of cells with less than a tenth of their pixels nothing is said. */
+static void finish(sums *s)
+{
+    for (size_t k = 0; k < (size_t)s->cells->nx * (size_t)s->cells->ny; k++)
+        s->cells->value[k] =
+            s->n[k] > 0.1 * s->cells->side * s->cells->side ? s->cells->value[k] / s->n[k] : NAN;
+    free(s->n);
+    s->n = NULL;
+}
+
+/* Quantiles of the cells that say something. */
+static void quantiles(const rx_tile_cells *cells, int n, const double *q, double *dst)
+{
+    const size_t all = (size_t)cells->nx * (size_t)cells->ny;
+    double *copy = RX_NEW(double, all + 1);
+    size_t m = 0;
+    for (size_t k = 0; k < all && copy != NULL; k++)
+        if (isfinite(cells->value[k]))
+            copy[m++] = cells->value[k];
+    for (int i = 0; i < n; i++)
+        dst[i] = m > 0 ? rx_quantile(copy, m, q[i]) : NAN;
+    free(copy);
+}
+
+rx_status rx_tile_chi2_make(const rx_image *image, const rx_tile_model *of, rx_tile_chi2 *dst, rx_error *err)
+{
+    sums s;
+    const rx_map sky = rx_image_sky(image), noise = image->noise;
+    const int modelled = of->model != NULL || of->residual != NULL;
+    dst->of = of->of;
+    dst->fits_noise = of->model != NULL && of->residual == NULL;
+    RX_TRY(begin(image, &dst->cells, &s, err));
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, image->width);
+            float room[2][RX_MAP_PIECE];
+            const float *level = rx_map_row(&sky, y, x, n, room[0]),
+                        *sigma = rx_map_row(&noise, y, x, n, room[1]);
+            for (int i = 0; i < n; i++) {
+                const size_t k = (size_t)y * (size_t)image->width + (size_t)(x + i);
+                if (rx_image_hides(image, k) || !(sigma[i] > 0) || (!modelled && of->segments[k] != 0) ||
+                    (image->mask != NULL && (image->mask[k] & RX_MASK_SATURATED) != 0))
+                    continue;
+                const double model = of->model != NULL ? of->model[k] : 0.0;
+                const double d = of->residual != NULL ? (double)of->residual[k]
+                                                      : (double)image->pixels[k] - (double)level[i] - model;
+                const double photons = image->gain > 0 && model > 0 ? model / image->gain : 0;
+                count(&s, x + i, y, d * d / ((double)sigma[i] * (double)sigma[i] + photons));
+            }
+        }
+    finish(&s);
+    return RX_OK;
+}
+
+/* --- shapes --- */
+
+typedef struct moments {
+    double xx, yy, xy;
+} moments;
+
+/* One pass around (*x, *y), which moves to the centroid; 0: no light there. */
+static int weigh(const float *pixels, int width, int height, double *x, double *y, double s2, moments *m)
+{
+    const int reach = (int)ceil(4 * sqrt(s2)), cx = (int)lround(*x), cy = (int)lround(*y);
+    double sum = 0, mx = 0, my = 0;
+    *m = (moments){0};
+    if (cx - reach < 0 || cy - reach < 0 || cx + reach >= width || cy + reach >= height)
+        return 0;
+    for (int j = cy - reach; j <= cy + reach; j++)
+        for (int i = cx - reach; i <= cx + reach; i++) {
+            const double u = i - *x, v = j - *y;
+            const double p =
+                (double)pixels[(size_t)j * (size_t)width + (size_t)i] * exp(-0.5 * (u * u + v * v) / s2);
+            sum += p;
+            mx += p * u;
+            my += p * v;
+            m->xx += p * u * u;
+            m->yy += p * v * v;
+            m->xy += p * u * v;
+        }
+    if (!(sum > 0))
+        return 0;
+    mx /= sum;
+    my /= sum;
+    *m = (moments){m->xx / sum - mx * mx, m->yy / sum - my * my, m->xy / sum - mx * my};
+    *x += 2 * mx; /* half of the way is the weight's */
+    *y += 2 * my;
+    return fabs(mx) < reach && fabs(my) < reach;
+}
+
+rx_tile_ellipse rx_tile_ellipse_of(const float *pixels, int width, int height, double x, double y,
+                                   double fwhm)
+{
+    const double s2 = fwhm * fwhm / 5.545177444; /* 8 ln 2 */
+    const double x0 = x, y0 = y;
+    moments m;
+    for (int pass = 0; pass < 4; pass++)
+        if (!weigh(pixels, width, height, &x, &y, s2, &m) || hypot(x - x0, y - y0) > fwhm)
+            return (rx_tile_ellipse){0};
+    const double det = m.xx * m.yy - m.xy * m.xy;
+    if (!(det > 0))
+        return (rx_tile_ellipse){0};
+    const double a = m.yy / det - 1 / s2, b = m.xx / det - 1 / s2, c = -m.xy / det, inverse = a * b - c * c;
+    if (!(inverse > 0) || !(a > 0))
+        return (rx_tile_ellipse){0};
+    const double cxx = b / inverse, cyy = a / inverse, cxy = -c / inverse;
+    const double half = 0.5 * (cxx + cyy), spread = hypot(0.5 * (cxx - cyy), cxy);
+    return (rx_tile_ellipse){.fwhm = 2.354820045 * pow(cxx * cyy - cxy * cxy, 0.25),
+                             .ellipticity = 1 - sqrt(fmax(half - spread, 0) / (half + spread)),
+                             .theta = 0.5 * atan2(2 * cxy, cxx - cyy)};
+}
+
+/* Radius of half of the light of a stamp about its middle, pixels cut in FINE x FINE. */
+static double half_light(const float *stamp, int size)
+{
+    enum { FINE = 5, RINGS = 20, MOST = 1024 * RINGS };
+    double *ring = RX_NEW(double, MOST), all = 0, within = 0, radius = NAN;
+    const double middle = 0.5 * size;
+    for (int k = 0; k < size * size && ring != NULL; k++)
+        for (int j = 0; j < FINE * FINE; j++) {
+            const double u = k % size + (j % FINE + 0.5) / FINE - middle,
+                         v = (double)(k / size) + ((double)(j / FINE) + 0.5) / FINE - middle;
+            ring[(int)fmin(RINGS * hypot(u, v), MOST - 1)] += stamp[k];
+            all += stamp[k];
+        }
+    for (int i = 0; i < MOST && ring != NULL && isnan(radius); i++) {
+        within += ring[i];
+        if (within >= 0.5 * all)
+            radius = (i + 0.5) / RINGS;
+    }
+    free(ring);
+    return radius;
+}
+
+static rx_tile_ellipse psf_shape(const rx_psf *psf, float *stamp, double x, double y)
+{
+    rx_psf_at(psf, x, y, stamp);
+    return rx_tile_ellipse_of(stamp, psf->size, psf->size, psf->size / 2, psf->size / 2, psf->fwhm);
+}
+
+static void shape_grid(rx_tile_quality *q, float *stamp)
+{
+    const rx_image *image = &q->about->image;
+    double e1 = 0, e2 = 0, sum = 0;
+    for (int j = 0; j < RX_TILE_GRID; j++)
+        for (int i = 0; i < RX_TILE_GRID; i++) {
+            rx_tile_point *p = &q->grid[q->ngrid];
+            p->x = (i + 0.5) / RX_TILE_GRID * image->width - 0.5;
+            p->y = (j + 0.5) / RX_TILE_GRID * image->height - 0.5;
+            p->psf = psf_shape(image->psf, stamp, p->x, p->y);
+            if (!(p->psf.fwhm > 0))
+                continue;
+            q->ngrid++;
+            q->fwhm_low = fmin(q->fwhm_low, p->psf.fwhm);
+            q->fwhm_high = fmax(q->fwhm_high, p->psf.fwhm);
+            sum += p->psf.fwhm;
+            e1 += p->psf.ellipticity * cos(2 * p->psf.theta);
+            e2 += p->psf.ellipticity * sin(2 * p->psf.theta);
+        }
+    q->fwhm = sum / q->ngrid; /* NAN of none */
+    q->ellipticity = hypot(e1, e2) / q->ngrid;
+}
+
+/* A star on its own pixels, above the sky; rejected where it touches what is hidden. */
+static void add_star(rx_tile_quality *q, float *stamp, float *room, double x, double y)
+{
+    const rx_image *image = &q->about->image;
+    const rx_psf *psf = image->psf;
+    const rx_map sky = rx_image_sky(image);
+    const int reach = (int)ceil(4 * psf->fwhm / 2.354820045) + 2, side = 2 * reach + 1;
+    const int x0 = (int)lround(x) - reach, y0 = (int)lround(y) - reach;
+    if (q->nstars == RX_TILE_STARS || x0 < 0 || y0 < 0 || x0 + side > image->width ||
+        y0 + side > image->height)
+        return;
+    for (int j = 0; j < side; j++)
+        for (int i = 0; i < side; i++) {
+            const size_t k = (size_t)(y0 + j) * (size_t)image->width + (size_t)(x0 + i);
+            const int near = hypot(i - reach, j - reach) < psf->fwhm;
+            if (near && image->mask != NULL && (image->mask[k] & (image->hide | RX_MASK_SATURATED)) != 0)
+                return;
+            room[j * side + i] =
+                rx_image_hides(image, k) ? 0 : image->pixels[k] - rx_map_at(&sky, x0 + i, y0 + j);
+        }
+    rx_tile_point *p = &q->star[q->nstars];
+    *p = (rx_tile_point){.x = x,
+                         .y = y,
+                         .shape = rx_tile_ellipse_of(room, side, side, x - x0, y - y0, psf->fwhm),
+                         .psf = psf_shape(psf, stamp, x, y)};
+    q->nstars += p->shape.fwhm > 0 && p->psf.fwhm > 0;
+}
+
+/* The stars that made the PSF, or where it is from elsewhere those sources that are as small as it. */
+static void measure_stars(rx_tile_quality *q, float *stamp, float *room)
+{
+    const rx_psf *psf = q->about->image.psf;
+    const rx_tile_restored *run = &q->about->runs[0];
+    double *wider = NULL, median = NAN;
+    size_t n = 0;
+    for (int i = 0; i < psf->nstars && psf->stars != NULL; i++)
+        add_star(q, stamp, room, psf->stars[i][0], psf->stars[i][1]);
+    q->chosen = q->nstars == 0;
+    const double small =
+        run->plain || run->restored->psf == NULL ? q->half_light : 0.45 * run->restored->psf->fwhm;
+    for (int i = 0; i < run->sources->n && q->chosen; i++) {
+        const rx_source *s = &run->sources->list[i];
+        if (s->flags == 0 && s->flux_auto > 30 * s->fluxerr_auto &&
+            fabs(s->flux_radius[0] / small - 1) < 0.15)
+            add_star(q, stamp, room, s->x, s->y);
+    }
+    wider = RX_NEW(double, (size_t)q->nstars + 1);
+    for (int i = 0; i < q->nstars && wider != NULL; i++)
+        wider[n++] = q->star[i].shape.fwhm / q->star[i].psf.fwhm - 1;
+    q->wider_error = n > 1 ? 1.2533 * rx_sigma_mad(wider, n, &median) / sqrt((double)n) : NAN;
+    q->wider = median;
+    q->wider_n = (double)n;
+    free(wider);
+}
+
+/* --- sky and noise --- */
+
+static double noise_area(const rx_psf *psf)
+{
+    double sum = 0;
+    for (int k = 0; k < psf->size * psf->size; k++)
+        sum += (double)psf->basis[k] * (double)psf->basis[k];
+    return 1 / sum;
+}
+
+double rx_tile_mag(const rx_image *image, double flux)
+{
+    return flux > 0 ? image->zeropoint - 2.5 * log10(flux) : NAN;
+}
+
+double rx_tile_depth(const rx_image *image)
+{
+    if (image->psf == NULL || image->psf->fwhm <= 0)
+        return NAN;
+    const double factor =
+        rx_noise_factor(image->correlation, image->psf->basis, image->psf->size, image->psf->size);
+    return rx_tile_mag(image, 5 * image->global_noise * factor * sqrt(noise_area(image->psf)));
+}
+
+static double quartile_of(const double *pull, double all, double q)
+{
+    double sum = 0;
+    for (int b = 0; b < RX_TILE_PULLS; b++) {
+        if (sum + pull[b] >= q * all && pull[b] > 0)
+            return -6.1 + 0.2 * (b + (q * all - sum) / pull[b]);
+        sum += pull[b];
+    }
+    return NAN;
+}
+
+static rx_status measure_pixels(rx_tile_quality *q, rx_error *err)
+{
+    const rx_image *image = &q->about->image;
+    const int32_t *segments = q->about->runs[0].sources->segments;
+    const rx_map sky = image->level, noise = image->noise;
+    sums levels = {0}, sigmas = {0};
+    double hidden = 0, saturated = 0;
+    RX_TRY(begin(image, &q->sky, &levels, err));
+    rx_status status = begin(image, &q->noise, &sigmas, err);
+    if (status != RX_OK) {
+        free(levels.n);
+        return status;
+    }
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, image->width);
+            float room[2][RX_MAP_PIECE];
+            const float *level = rx_map_row(&sky, y, x, n, room[0]),
+                        *sigma = rx_map_row(&noise, y, x, n, room[1]);
+            for (int i = 0; i < n; i++) {
+                const size_t k = (size_t)y * (size_t)image->width + (size_t)(x + i);
+                saturated += image->mask != NULL && (image->mask[k] & RX_MASK_SATURATED) != 0;
+                if (rx_image_hides(image, k) || !(sigma[i] > 0)) {
+                    hidden++;
+                    continue;
+                }
+                count(&levels, x + i, y, level[i]);
+                count(&sigmas, x + i, y, sigma[i]);
+                if (segments[k] != 0)
+                    continue;
+                const double d =
+                    ((double)image->pixels[k] - (image->with_sky ? (double)level[i] : 0)) / (double)sigma[i];
+                const double b = floor((d + 6.1) / 0.2);
+                q->pulls++;
+                q->below += d < -5;
+                q->above += d > 5;
+                q->pull[b < 0 ? 0 : b >= RX_TILE_PULLS ? RX_TILE_PULLS - 1 : (int)b]++;
+            }
+        }
+    finish(&levels);
+    finish(&sigmas);
+    const double all = (double)image->width * image->height;
+    q->masked = hidden / all;
+    q->saturated = saturated / all;
+    q->width = (quartile_of(q->pull, q->pulls, 0.75) - quartile_of(q->pull, q->pulls, 0.25)) / 1.34898;
+    double sky_at[3];
+    quantiles(&q->sky, 3, (const double[]){0.05, 0.5, 0.95}, sky_at);
+    quantiles(&q->noise, 1, (const double[]){0.5}, &q->noise_median);
+    q->sky_median = sky_at[1];
+    q->sky_range = sky_at[2] - sky_at[0];
+    return RX_OK;
+}
+
+/* --- remarks --- */
+
+static void remark(rx_tile_quality *q, const char *key, int bad, const char *format, ...) RX_PRINTF(4, 5);
+static void remark(rx_tile_quality *q, const char *key, int bad, const char *format, ...)
+{
+    if (q->nremarks == RX_TILE_REMARKS)
+        return;
+    rx_tile_remark *r = &q->remark[q->nremarks++];
+    va_list list;
+    va_start(list, format);
+    *r = (rx_tile_remark){.key = key, .bad = bad};
+    vsnprintf(r->sentence, sizeof r->sentence, format, list);
+    va_end(list);
+}
+
+static void judge_psf(rx_tile_quality *q)
+{
+    const rx_psf *psf = q->about->image.psf;
+    if (psf == NULL) {
+        remark(q, "psf", 1, "No PSF is known: nothing is restored, and no flux of a point source is exact.");
+        return;
+    }
+    const char *how = psf->quality.how;
+    if (how[0] != '\0' && strcmp(how, "PIXELS") != 0 && strcmp(how, "MOFFAT") != 0)
+        remark(q, "psf", 0,
+               "The PSF is not from several stars of the tile itself, but %s (RXPSFHOW): give PSF_TYPE PSFEX "
+               "or FILE.",
+               how);
+    if (fabs(psf->quality.growth) > GROWTH)
+        remark(q, "growth", 1,
+               "The curve of growth of stars differs from that of the PSF by %.1f %%: template fluxes may be "
+               "off by as much.",
+               100 * psf->quality.growth);
+    if (q->ellipticity > ELONGATED)
+        remark(q, "ellipticity", 0, "The PSF is elongated, 1 - b/a = %.2f on average: tracking, wind, focus?",
+               q->ellipticity);
+    if (q->fwhm_high - q->fwhm_low > SPREAD * q->fwhm)
+        remark(q, "seeing", 0,
+               "The PSF's FWHM goes from %.2f to %.2f pixels over the tile: tilt, field curvature?",
+               q->fwhm_low, q->fwhm_high);
+    if (q->wider_n >= 5 && fabs(q->wider) > WIDER && fabs(q->wider) > 3 * q->wider_error)
+        remark(q, "width", 0,
+               "Stars are %.1f +- %.1f %% %s than the PSF (%.0f stars): is it that of another exposure?",
+               100 * fabs(q->wider), 100 * q->wider_error, q->wider > 0 ? "wider" : "narrower", q->wider_n);
+}
+
+static void judge_noise(rx_tile_quality *q)
+{
+    const rx_noise_correlation *noise = q->about->image.correlation;
+    if (q->width < WIDTH_LOW || q->width > WIDTH_HIGH)
+        remark(q, "noise", 1,
+               "Pixels without sources scatter by %.2f times what the noise map says: errors and thresholds "
+               "are off by as much.",
+               q->width);
+    if (noise != NULL && rx_noise_is_structure(noise))
+        remark(q, "structure", 1,
+               "Noise of sums is %.1f times that of independent pixels, more than resampling explains: "
+               "fringes, light that fills the tile?",
+               q->noise_factor);
+    if (noise != NULL && rx_noise_uneven(noise))
+        remark(q, "uneven", 0, "The correlation of the noise differs from quadrant to quadrant.");
+    const double mpixels = 1e-6 * q->pulls;
+    if (q->below > TAIL * mpixels && q->below >= 5)
+        remark(q, "holes", 0,
+               "%.0f pixels (%.0f per Mpixel of sky) lie more than 5 sigma below the sky: dead pixels, "
+               "holes, a dark frame?",
+               q->below, q->below / mpixels);
+    if (q->sky_range > SLOPE * q->noise_median)
+        remark(q, "sky", 0,
+               "The sky varies by %.3g ADU over the tile (5 to 95 %% of it), %.1f times the noise: flat "
+               "field, moon, nebula?",
+               q->sky_range, q->sky_range / q->noise_median);
+    if (q->masked > MASKED)
+        remark(q, "masked", 0, "%.0f %% of the pixels are not used.", 100 * q->masked);
+    if (q->saturated > SATURATED)
+        remark(q, "saturated", 0, "%.1f %% of the pixels are saturated: is SATUR_LEVEL right?",
+               100 * q->saturated);
+}
+
+static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
+{
+    static const double at[] = {0.5};
+    const rx_qa_run *about = run->about;
+    if (run->sources->n == 0)
+        remark(q, "sources", 1, "%s finds no source.", about->name);
+    if (about->by != NULL)
+        remark(q, "fallback", 0, "%s was done by %s instead: %s.", about->name, about->by, about->why);
+    if (about->flux.n > 0 && about->flux.off)
+        remark(q, "flux", 1,
+               "%s: the flux scale is off, restored over original %.4f +- %.4f (%ld isolated sources).",
+               about->name, about->flux.wide, about->flux.wide_error, about->flux.n);
+    if (run->unexplained)
+        remark(q, "unexplained", 1,
+               "%s: the restored image does not explain the pixels of much of the tile (RXUNEX).",
+               about->name);
+    if (run->outside[0] != '\0')
+        remark(q, "outside", 0, "%s was not made for this tile: %s.", about->name, run->outside);
+    if (run->chi2.cells.nx == 0)
+        return;
+    const rx_tile_cells *cells = &run->chi2.cells;
+    double median, known = 0, high = 0;
+    quantiles(cells, 1, at, &median);
+    for (int k = 0; k < cells->nx * cells->ny; k++) {
+        known += isfinite(cells->value[k]);
+        high += cells->value[k] > 2;
+    }
+    q->chi2 = median;
+    q->chi2_high = known > 0 ? high / known : NAN;
+    if ((median < CHI2_LOW && !run->chi2.fits_noise) || median > CHI2_HIGH || q->chi2_high > CHI2_SHARE)
+        remark(q, "chi2", 0, "%s: residual chi2 (%s) is %.2f in the middle, above 2 in %.0f %% of the cells.",
+               about->name, run->chi2.of, median, 100 * q->chi2_high);
+}
+
+rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst, rx_error *err)
+{
+    rx_tile_quality *q = *dst = RX_NEW(rx_tile_quality, 1);
+    const rx_psf *psf = about->image.psf;
+    if (q == NULL)
+        return rx_error_memory(err, sizeof *q);
+    q->about = about;
+    q->fwhm = q->ellipticity = q->wider = q->wider_error = q->half_light = q->chi2 = q->chi2_high = NAN;
+    q->fwhm_low = INFINITY;
+    q->fwhm_high = -INFINITY;
+    q->depth = rx_tile_depth(&about->image);
+    q->noise_factor = rx_noise_factor_wide(about->image.correlation);
+    rx_status status = measure_pixels(q, err);
+    if (status == RX_OK && psf != NULL) {
+        const size_t reach = (size_t)ceil(4 * psf->fwhm / 2.354820045) + 2;
+        float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
+        float *room = RX_NEW(float, (2 * reach + 1) * (2 * reach + 1));
+        if (stamp == NULL || room == NULL)
+            status = rx_error_memory(err, 0);
+        else {
+            rx_psf_at(psf, 0.5 * about->image.width, 0.5 * about->image.height, stamp);
+            q->half_light = half_light(stamp, psf->size);
+            shape_grid(q, stamp);
+            measure_stars(q, stamp, room);
+        }
+        free(room);
+        free(stamp);
+    }
+    if (status != RX_OK) {
+        rx_tile_quality_free(q);
+        *dst = NULL;
+        return status;
+    }
+    judge_psf(q);
+    judge_noise(q);
+    for (int i = 0; i < about->nruns; i++)
+        judge_run(q, &about->runs[i]);
+    return RX_OK;
+}
+
+void rx_tile_quality_free(rx_tile_quality *q)
+{
+    if (q == NULL)
+        return;
+    rx_tile_cells_free(&q->sky);
+    rx_tile_cells_free(&q->noise);
+    free(q);
+}
+
+/* --- sources --- */
+
+rx_tile_counts rx_tile_count(const rx_image *image, const rx_sources *sources)
+{
+    rx_tile_counts c = {.low = INFINITY, .slope = NAN, .slope_error = NAN, .peak = NAN};
+    double last = -INFINITY, sw = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;
+    int fullest = 0, used = 0;
+    for (int i = 0; i < sources->n; i++) {
+        const double mag = rx_tile_mag(image, sources->list[i].flux_auto);
+        c.low = isfinite(mag) ? fmin(c.low, 0.5 * floor(2 * mag)) : c.low;
+        last = isfinite(mag) ? fmax(last, mag) : last;
+    }
+    if (!isfinite(c.low))
+        return c;
+    c.n = (int)fmin(RX_TILE_MAGS, floor(2 * (last - c.low)) + 1);
+    for (int i = 0; i < sources->n; i++) {
+        const double mag = rx_tile_mag(image, sources->list[i].flux_auto), b = floor(2 * (mag - c.low));
+        if (b >= 0 && b < c.n)
+            c.count[(int)b]++;
+    }
+    for (int b = 1; b < c.n; b++)
+        fullest = c.count[b] > c.count[fullest] ? b : fullest;
+    c.peak = c.low + 0.5 * fullest + 0.25;
+    for (int b = 0; b + 2 <= fullest; b++) { /* N +- sqrt(N): log10 N +- 0.434 / sqrt(N) */
+        const double w = c.count[b], x = 0.5 * b, y = w > 0 ? log10(w) : 0;
+        sw += w;
+        sx += w * x;
+        sy += w * y;
+        sxx += w * x * x;
+        sxy += w * x * y;
+        used += w > 0;
+    }
+    const double det = sw * sxx - sx * sx;
+    if (used >= 3 && det > 0) {
+        c.slope = (sw * sxy - sx * sy) / det;
+        c.slope_error = 0.4343 * sqrt(sw / det);
+    }
+    return c;
+}
+
+typedef struct ranked {
+    double flux;
+    int source;
+} ranked;
+
+static int by_flux(const void *a, const void *b)
+{
+    const ranked *x = a, *y = b;
+    return x->flux != y->flux ? (x->flux < y->flux ? 1 : -1) : x->source - y->source;
+}
+
+int rx_tile_cuts(const rx_sources *sources, uint64_t seed, rx_tile_cut dst[RX_TILE_CUTS])
+{
+    ranked *order = RX_NEW(ranked, (size_t)sources->n + 1);
+    int n = 0, left;
+    for (int i = 0; i < sources->n && order != NULL; i++)
+        order[i] = (ranked){isfinite(sources->list[i].flux_auto) ? sources->list[i].flux_auto : 0, i};
+    if (order == NULL)
+        return 0;
+    qsort(order, (size_t)sources->n, sizeof *order, by_flux);
+    for (int kind = 0; kind < 2; kind++)
+        for (int i = 0, m = 0; i < sources->n && m < RX_TILE_CUTS_EACH; i++)
+            if (order[i].source >= 0 &&
+                (kind == 0 || (sources->list[order[i].source].flags & RX_FLAG_MERGED))) {
+                dst[n++] = (rx_tile_cut){order[i].source, kind};
+                order[i].source = -1;
+                m++;
+            }
+    left = 0;
+    for (int i = 0; i < sources->n; i++)
+        if (order[i].source >= 0)
+            order[left++] = order[i];
+    for (int m = 0; m < RX_TILE_CUTS_EACH && left > 0; m++) {
+        const int i = (int)(rx_random_uniform(seed, 0x71e5, (uint64_t)m) * left);
+        dst[n++] = (rx_tile_cut){order[i].source, 2};
+        order[i] = order[--left];
+    }
+    free(order);
+    return n;
+}
