@@ -124,10 +124,23 @@ void rx_page_head(rx_text *dst, rx_align align, const char *text, const char *un
 
 void rx_page_cell_file(rx_text *dst, const char *name)
 {
+    const char *shown = name != NULL ? name : "";
+    if (shown[0] == '\0') {
+        rx_page_cell_text(dst, NULL);
+        return;
+    }
     rx_text_add(dst, "<td class=\"t\"><a href=\"");
-    rx_escape_html(dst, name);
+    for (const char *c = name; *c != '\0'; c++) /* what means something in an address */
+        if (strchr("%#? ", *c) != NULL)
+            rx_text_printf(dst, "%%%02X", *c);
+        else if (strchr("&<>\"'", *c) != NULL)
+            rx_text_printf(dst, "&#%d;", *c);
+        else
+            rx_text_add_bytes(dst, c, 1);
     rx_text_add(dst, "\">");
-    rx_escape_html(dst, name);
+    while (strncmp(shown, "../", 3) == 0)
+        shown += 3;
+    rx_escape_html(dst, shown);
     rx_text_add(dst, "</a></td>");
 }
 

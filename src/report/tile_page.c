@@ -234,7 +234,8 @@ static void place(rx_report *report, const char *id, const char *title, const ch
     rx_report_place(report, prefix);
 }
 
-rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *files, rx_error *err)
+rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *files,
+                             rx_tile_page_facts *found, rx_error *err)
 {
     rx_tile_quality *q = NULL;
     rx_report_files own = *files;
@@ -271,6 +272,11 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
         rx_report_record(report, page->nrecord, page->record);
     }
     const rx_status status = rx_report_write(report, &own, NULL, err);
+    *found = (rx_tile_page_facts){.chi2 = q->chi2};
+    for (int i = 0; i < q->nremarks; i++) {
+        found->wrong += q->remark[i].bad;
+        found->look += !q->remark[i].bad;
+    }
     rx_report_free(report);
     rx_tile_quality_free(q);
     return status;

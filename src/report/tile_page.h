@@ -11,8 +11,15 @@ typedef struct rx_tile_page {
     const char *const (*record)[2];
 } rx_tile_page;
 
+/* What it says, for the record of the tile. */
+typedef struct rx_tile_page_facts {
+    int wrong, look; /* remarks */
+    double chi2;
+} rx_tile_page_facts;
+
 /* files->page and ->summary are set here. Errors: as of rx_report_write(). */
-rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *files, rx_error *err);
+rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *files,
+                             rx_tile_page_facts *found, rx_error *err);
 
 /* Its figures: ids tile-..., star-..., cut-... */
 void rx_tile_figures(rx_figures *dst, const rx_tile_quality *q);

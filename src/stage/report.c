@@ -172,7 +172,8 @@ static rx_status compare(const rx_report_input *in, const char *folder, rx_verdi
 }
 
 /* The page of the tile by itself. */
-static rx_status describe(const rx_report_input *in, const char *folder, rx_error *err)
+static rx_status describe(const rx_report_input *in, const char *folder, rx_extension_facts *facts,
+                          rx_error *err)
 {
     const rx_options *options = in->options;
     rx_tile_restored runs[RX_MAX_RUNS];
@@ -189,12 +190,12 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_erro
         const rx_run *run = &in->runs[i];
         abouts[i] = about_run(run, &promises[i]);
         runs[i] = (rx_tile_restored){.about = &abouts[i],
-                                .sources = run->sources,
-                                .restored = run->restored,
-                                .chi2 = run->chi2,
-                                .plain = run->restored->blur == NULL,
-                                .unexplained = rx_residual_is_large(run->unexplained),
-                                .outside = run->outside};
+                                     .sources = run->sources,
+                                     .restored = run->restored,
+                                     .chi2 = run->chi2,
+                                     .plain = run->restored->blur == NULL,
+                                     .unexplained = rx_residual_is_large(run->unexplained),
+                                     .outside = run->outside};
     }
     RX_TRY(rx_record_list(in->record, &pairs, err));
     const rx_tile_page page = {&about, in->record->n, (const char *const(*)[2])pairs};
@@ -203,19 +204,27 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_erro
                                    .figures = options->qa.figures,
                                    .gnuplot = options->qa.gnuplot,
                                    .log = in->log};
-    const rx_status status = rx_tile_page_write(&page, &files, err);
+    rx_tile_page_facts found = {0};
+    const rx_status status = rx_tile_page_write(&page, &files, &found, err);
+    if (status == RX_OK && facts != NULL) {
+        facts->state.chi2 = found.chi2;
+        facts->state.wrong = found.wrong;
+        facts->state.look = found.look;
+        snprintf(facts->page, sizeof facts->page, "%s/tile.html", files.shown);
+    }
     free(pairs);
     return status;
 }
 
-rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err)
+rx_status rx_stage_report(const rx_report_input *in, rx_extension_facts *facts, rx_verdict *verdict,
+                          rx_text *brief, rx_error *err)
 {
     const char *folder = NULL;
     rx_status status = open_folder(in->options->qa_name, in->extension, in->outputs, &folder, err);
     if (status == RX_OK && in->reference != NULL)
         status = compare(in, folder, verdict, brief, err);
     if (status == RX_OK && in->options->tile_page)
-        status = describe(in, folder, err);
+        status = describe(in, folder, facts, err);
     return status;
 }
 

@@ -11,6 +11,7 @@
 #include "stage/extract.h"
 #include "stage/options.h"
 #include "stage/provenance.h"
+#include "stage/tile_facts.h"
 
 /* What a report is made of. */
 typedef struct rx_report_input {
@@ -25,8 +26,9 @@ typedef struct rx_report_input {
 } rx_report_input;
 
 /* The folder of the report (QA_NAME, with _n for extension n > 0): where there is a reference the current sources of
- * every run matched with it, and with QA_TYPE TILE the tile's own page. *verdict keeps the worst over calls; brief grows by one short table. */
-rx_status rx_stage_report(const rx_report_input *in, rx_verdict *verdict, rx_text *brief, rx_error *err);
+ * every run matched with it, and with QA_TYPE TILE the tile's own page. `facts` (NULL: none) is given what the page says. *verdict keeps the worst over calls; brief grows by one short table. */
+rx_status rx_stage_report(const rx_report_input *in, rx_extension_facts *facts, rx_verdict *verdict,
+                          rx_text *brief, rx_error *err);
 
 /* Whether the folders of the reports can be made, before the work; nothing stays. */
 rx_status rx_report_try(const rx_options *options, int extension, rx_error *err);

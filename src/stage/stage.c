@@ -17,6 +17,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "check/checks.h"
+#include "config/config_fields.h"
 #include "io/output.h"
 #include "io/tile.h"
 #include "pipeline/field.h"
@@ -88,11 +89,14 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
     if (job->facts != NULL)
         RX_TRY(rx_tile_facts_add(job->facts, in->fields.detect, job->runs, n, job->reference != NULL, &facts,
                                  err));
+    if (facts != NULL)
+        rx_tile_facts_cards(facts, in->fields.measure->tile, job->config->record_cards.n,
+                            (const char *const *)job->config->record_cards.v);
     if (job->reference == NULL && !job->options->tile_page)
         return RX_OK;
     for (int i = 0; i < n && facts != NULL; i++)
         job->runs[i].tally = facts->run[i].tally;
-    const rx_status status = rx_stage_report(in, &verdict, &brief, err);
+    const rx_status status = rx_stage_report(in, facts, &verdict, &brief, err);
     if (status == RX_OK)
         tell(job->log, &brief);
     rx_text_free(&brief);

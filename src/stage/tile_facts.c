@@ -5,9 +5,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/memory.h"
+#include "io/fits_read.h"
 #include "io/wcs.h"
+#include "psf/psf_library.h"
+#include "quality/tile_quality.h"
 
 int rx_psf_account_is_lower(const rx_psf_account *psf)
 {
@@ -65,6 +69,41 @@ static rx_status describe_psf(const rx_field *field, const rx_extension_facts *e
                                                      : RX_OK;
 }
 
+static rx_tile_state state_of(const rx_field *field)
+{
+    const rx_image image = rx_field_observed(field);
+    const size_t n = (size_t)image.width * (size_t)image.height;
+    size_t masked = 0, saturated = 0;
+    for (size_t k = 0; k < n && image.mask != NULL; k++) {
+        masked += (image.mask[k] & image.hide) != 0;
+        saturated += (image.mask[k] & RX_MASK_SATURATED) != 0;
+    }
+    return (rx_tile_state){.ellipticity = image.psf != NULL ? image.psf->ellipticity : NAN,
+                           .depth = rx_tile_depth(&image),
+                           .factor = rx_noise_factor_wide(&field->noise),
+                           .masked = (double)masked / (double)n,
+                           .saturated = (double)saturated / (double)n,
+                           .chi2 = NAN,
+                           .wrong = -1,
+                           .look = -1};
+}
+
+void rx_tile_facts_cards(rx_extension_facts *facts, const rx_tile *tile, int n, const char *const *names)
+{
+    for (int i = 0; i < n && facts->ncards < RX_RECORD_CARDS; i++) {
+        rx_tile_card *card = &facts->card[facts->ncards];
+        snprintf(card->name, sizeof card->name, "%s", names[i]);
+        int found = rx_cards_number(tile->cards, (long)tile->ncards, names[i], &card->value);
+        if (!found && strcasecmp(names[i], "MJD-OBS") == 0) {
+            rx_psf_origin origin;
+            rx_psf_origin_of(tile, &origin);
+            card->value = origin.mjd;
+            found = 1;
+        }
+        facts->ncards += found && isfinite(card->value);
+    }
+}
+
 rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const rx_run *runs, int nruns,
                             int with_reference, rx_extension_facts **dst, rx_error *err)
 {
@@ -81,6 +120,8 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
     e->alpha = e->delta = NAN;
     if (field->tile->wcs != NULL)
         rx_wcs_to_sky(field->tile->wcs, 1, &x, &y, &e->alpha, &e->delta);
+    e->known = 1;
+    e->state = state_of(field);
     RX_TRY(describe_psf(field, e, &e->psf, err));
     for (int i = 0; i < nruns; i++) {
         rx_run_facts *run = &e->run[i];

@@ -41,6 +41,24 @@ typedef struct rx_psf_account {
 /* Is it of a lower rung than the tile's own stars, one by one? */
 int rx_psf_account_is_lower(const rx_psf_account *psf);
 
+/* The whole image, without a reference. */
+typedef struct rx_tile_state {
+    double ellipticity; /* of the PSF at the centre, 1 - b/a; NAN without one */
+    double depth;       /* mag of a point source at S/N 5 (quality/tile_quality.h); NAN without a PSF */
+    double factor;      /* noise of wide sums over that of independent pixels */
+    double masked;      /* share of pixels that are not used */
+    double saturated;
+    double chi2; /* of the page (QA_TYPE TILE), as are remarks: wrong, to look at; NAN, -1 without it */
+    int wrong, look;
+} rx_tile_state;
+
+/* Cards of RECORD_CARDS that the header has. */
+enum { RX_RECORD_CARDS = 8, RX_CARD_NAME = 72 };
+typedef struct rx_tile_card {
+    char name[RX_CARD_NAME];
+    double value;
+} rx_tile_card;
+
 /* One image of the file. */
 typedef struct rx_extension_facts {
     int hdu, width, height;
@@ -49,6 +67,11 @@ typedef struct rx_extension_facts {
     double sky, noise;   /* ADU */
     rx_psf_account psf;
     rx_verdict verdict; /* over all gates */
+    int known;          /* state is known: not of records of 0.1 and before */
+    rx_tile_state state;
+    int ncards;
+    rx_tile_card card[RX_RECORD_CARDS];
+    char page[512]; /* of the tile, as the user named its folder; "" none */
     int nruns;
     rx_run_facts run[RX_MAX_RUNS];
 } rx_extension_facts;
@@ -61,6 +84,9 @@ typedef struct rx_tile_facts {
 /* A further extension, its sources counted; with_reference: with empty tallies. */
 rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const rx_run *runs, int nruns,
                             int with_reference, rx_extension_facts **dst, rx_error *err);
+
+/* Those of the header among n cards. */
+void rx_tile_facts_cards(rx_extension_facts *facts, const rx_tile *tile, int n, const char *const *names);
 void rx_tile_facts_free(rx_tile_facts *facts); /* content only */
 
 #endif

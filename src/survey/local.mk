@@ -6,6 +6,7 @@ librextract_lab_la_SOURCES += \
 	src/survey/rollup.c src/survey/rollup.h \
 	src/survey/rollup_figures.c \
 	src/survey/rollup_junit.c \
+	src/survey/rollup_quality.c src/survey/rollup_quality.h \
 	src/survey/rollup_report.c src/survey/rollup_report.h \
 	src/survey/rollup_run.c src/survey/rollup_run.h \
 	src/survey/rollup_sky.c \

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/memory.h"
 
@@ -147,11 +148,45 @@ static rx_status new_row(rx_rollup *r, rx_rollup_tile *tile, rx_rollup_row **dst
     return RX_OK;
 }
 
+/* What is of the image, whatever restorer. */
+static rx_status describe_image(rx_rollup *r, const rx_extension_facts *e, rx_rollup_row *row, rx_error *err)
+{
+    const int measured = e->psf.how[0] != '\0', judged = measured && e->psf.reserved > 0;
+    row->state = e->known ? e->state
+                          : (rx_tile_state){.ellipticity = NAN,
+                                            .depth = NAN,
+                                            .factor = NAN,
+                                            .masked = NAN,
+                                            .saturated = NAN,
+                                            .chi2 = NAN,
+                                            .wrong = -1,
+                                            .look = -1};
+    row->psf_growth = measured ? e->psf.growth : NAN;
+    row->psf_residual = measured ? e->psf.residual : NAN;
+    row->psf_size = judged ? e->psf.off[0] : NAN;
+    for (int i = 0; i < RX_RECORD_CARDS; i++)
+        row->card[i] = NAN;
+    for (int i = 0; i < e->ncards; i++) {
+        int k = 0;
+        while (k < r->ncards && strcasecmp(r->card[k], e->card[i].name) != 0)
+            k++;
+        if (k == r->ncards && k < RX_RECORD_CARDS)
+            memcpy(r->card[r->ncards++], e->card[i].name, RX_CARD_NAME);
+        if (k < RX_RECORD_CARDS)
+            row->card[k] = e->card[i].value;
+    }
+    if (e->page[0] != '\0' && (row->page = rx_strdup(e->page)) == NULL)
+        return rx_error_memory(err, 0);
+    return RX_OK;
+}
+
 static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_facts *e,
                          const rx_run_facts *facts, rx_error *err)
 {
     rx_rollup_row *row = NULL;
     RX_TRY(new_row(r, tile, &row, err));
+    row->leads = facts == e->run;
+    RX_TRY(describe_image(r, e, row, err));
     row->hdu = e->hdu;
     row->alpha = e->alpha;
     row->delta = e->delta;
@@ -392,6 +427,7 @@ void rx_rollup_free(rx_rollup *rollup)
     for (int i = 0; i < rollup->nrows; i++) {
         free(rollup->row[i].why);
         free(rollup->row[i].outside);
+        free(rollup->row[i].page);
     }
     free(rollup->tile);
     free(rollup->run);

@@ -46,8 +46,13 @@ typedef struct rx_rollup_row {
     char *outside; /* what the restorer was not made for; NULL: nothing */
     rx_fluxcheck flux;
     rx_run_guard guard;
-    int compared;        /* with a reference */
-    rx_rollup_cell cell; /* MAG_RANGE */
+    int leads;                                 /* first restorer of its image */
+    rx_tile_state state;                       /* NAN and -1 where it is not known */
+    double psf_growth, psf_residual, psf_size; /* as of rx_psf_account; NAN */
+    double card[RX_RECORD_CARDS];              /* of rx_rollup.card; NAN: it has none */
+    char *page;                                /* as of rx_extension_facts; NULL */
+    int compared;                              /* with a reference */
+    rx_rollup_cell cell;                       /* MAG_RANGE */
     double off; /* how far it lies from the survey as a whole in what is worst of it: errors of its own, 0 =
                    not worse; NAN without a reference. Of a flux scale that is off: from 1 */
     const char *what; /* what that is: "recall", "precision", "bias", "flux scale" */
@@ -77,7 +82,9 @@ typedef struct rx_rollup_run {
 
 typedef struct rx_rollup {
     int ntiles, nruns, nrows, nmissing;
-    rx_rollup_tile **tile;    /* [ntiles] by name and image */
+    rx_rollup_tile **tile; /* [ntiles] by name and image */
+    int ncards;            /* of the headers, the first that records hold */
+    char card[RX_RECORD_CARDS][RX_CARD_NAME];
     rx_rollup_run *run;       /* [nruns] in the order they come first */
     rx_rollup_row *row;       /* [nrows] worst first */
     int npsfs, psfs_capacity; /* of images whose PSF is said to have come about somehow */

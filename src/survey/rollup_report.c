@@ -1,11 +1,16 @@
 /* The report of a survey: its tables, and the page. */
 #include "survey/rollup_report.h"
 
+#include <limits.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "report/page.h"
 #include "report/report.h"
 #include "report/report_file.h"
+#include "survey/rollup_quality.h"
 
 enum { ROWS_SHOWN = 200, NCELL = 5 };
 
@@ -34,6 +39,11 @@ RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"}, RX_COUNT("images", ""),
 
 RX_COLUMNS(BINS, RX_TEXT("run", "restorer"), RX_NUMBER("mag_low", 1, "mag", "from"),
            RX_NUMBER("mag_high", 1, "mag", "below"), CELL);
+
+RX_COLUMNS(OUTLIERS, RX_TEXT("tile", "name"), {"hdu", RX_REPORT_NUMBER, 0, "", "its HDU", "HDU"},
+           {"off", RX_REPORT_NUMBER, 1, "", "robust sigmas from the others in what is worst", "sigmas"},
+           RX_TEXT("why", ""), RX_TEXT("image", "file"),
+           {"page", RX_REPORT_FILE, 0, "", "of the tile (QA_TYPE TILE)", NULL});
 
 RX_COLUMNS(NOT_FINE, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
            {"exit_status", RX_REPORT_NUMBER, 0, "", "none: without a record", "exit status"},
@@ -76,7 +86,11 @@ RX_COLUMNS(TILES, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
            {"verdict", RX_REPORT_VERDICT, 0, "", "of the gates", "gates"},
            RX_NUMBER("alpha_j2000", 5, "deg", CENTRE), RX_NUMBER("delta_j2000", 5, "deg", CENTRE),
            {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", "FWHM"}, RX_NUMBER("sky", 3, "adu", "level"),
-           RX_NUMBER("noise", 3, "adu", "of a pixel"), RX_COUNT("sources", "in the catalogue"), CELL);
+           RX_NUMBER("noise", 3, "adu", "of a pixel"), RX_NUMBER("ellipticity", 3, "", "1 - b/a of the PSF"),
+           RX_NUMBER("depth", 2, "mag", "point source of S/N 5"),
+           RX_NUMBER("chi2", 2, "", "of the tile's page"),
+           {"page", RX_REPORT_FILE, 0, "", "of the tile (QA_TYPE TILE)", NULL},
+           RX_COUNT("sources", "in the catalogue"), CELL);
 
 #define COUNT(columns) ((int)(sizeof(columns) / sizeof *(columns)))
 
@@ -156,8 +170,30 @@ static rx_report_table *add_psfs(rx_report *report, const rx_rollup *r)
     return t;
 }
 
-static rx_report_table *add_tiles(rx_report *report, const rx_rollup *r)
+/* The page of a tile as the folder of this report sees it, into `dst`; NULL where there is none. */
+static const char *link_to(const char *page, const char *folder, char *dst, size_t size)
 {
+    char real[PATH_MAX];
+    size_t used = 0;
+    if (page == NULL || access(page, R_OK) != 0)
+        return NULL;
+    if (page[0] == '/' || folder[0] == '/' || strstr(folder, "..") != NULL) {
+        snprintf(dst, size, "%s", realpath(page, real) != NULL ? real : page);
+        return dst;
+    }
+    for (const char *at = folder; *at != '\0' && used + 4 < size;) {
+        const size_t length = strcspn(at, "/");
+        if (length > 0 && !(length == 1 && at[0] == '.'))
+            used += (size_t)snprintf(dst + used, size - used, "../");
+        at += length + (at[length] == '/');
+    }
+    snprintf(dst + used, size - used, "%s", page);
+    return dst;
+}
+
+static rx_report_table *add_tiles(rx_report *report, const rx_rollup *r, const char *shown)
+{
+    char link[2 * PATH_MAX];
     rx_report_table *t = RX_REPORT_TABLE(report, "tiles", TILES, RX_REPORT_EVERYWHERE);
     for (int i = 0; i < r->nrows; i++) {
         const rx_rollup_row *row = &r->row[i];
@@ -188,6 +224,10 @@ static rx_report_table *add_tiles(rx_report *report, const rx_rollup *r)
             rx_cell_number(row->fwhm),
             rx_cell_number(row->sky),
             rx_cell_number(row->noise),
+            rx_cell_number(row->state.ellipticity),
+            rx_cell_number(row->state.depth),
+            rx_cell_number(row->state.chi2),
+            rx_cell_words(link_to(row->page, shown, link, sizeof link)),
             rx_cell_number((double)row->sources),
         };
         put_cell(cells + COUNT(TILES) - NCELL, &row->cell);
@@ -228,6 +268,25 @@ static void add_facts(rx_report *report, const rx_rollup *r)
                       word, sentence);
 }
 
+static rx_status add_outliers(rx_report *report, const rx_rollup *r, const char *shown, rx_report_table **dst,
+                              rx_error *err)
+{
+    rx_report_table *t = *dst =
+        rx_report_table_add(report, "outliers", COUNT(OUTLIERS), OUTLIERS, RX_REPORT_EVERYWHERE);
+    rx_rollup_outliers outliers;
+    char link[2 * PATH_MAX];
+    const rx_status status = rx_rollup_outliers_find(r, &outliers, err);
+    for (int i = 0; i < outliers.n; i++) {
+        const rx_rollup_outlier *o = &outliers.of[i];
+        rx_report_row(t, (rx_cell[]){rx_cell_words(o->name), rx_cell_number(o->row != NULL ? o->hdu : NAN),
+                                     rx_cell_number(o->off > 0 ? o->off : NAN), rx_cell_words(o->why),
+                                     rx_cell_words(o->image),
+                                     rx_cell_words(link_to(o->page, shown, link, sizeof link))});
+    }
+    rx_rollup_outliers_free(&outliers);
+    return status;
+}
+
 static void show(rx_report *report, const rx_report_table *t, long to, int ncolumns,
                  const char *const *columns)
 {
@@ -248,8 +307,10 @@ static void show_figures(rx_report *report, const rx_rollup *r)
     rx_report_section(report, "figures", "Figures");
     if (!compared)
         rx_report_paragraph(report, "No tile was compared with a reference catalogue.");
-    if (rx_report_figures_of(report)->n > 0)
-        rx_report_place(report, "");
+    if (rx_report_figures_of(report)->n > 0) {
+        rx_report_place(report, "all-");
+        rx_report_place(report, "psf-");
+    }
 }
 
 static void show_psfs(rx_report *report, const rx_rollup *r, const rx_report_table *psfs)
@@ -277,9 +338,11 @@ static void show_psfs(rx_report *report, const rx_rollup *r, const rx_report_tab
 rx_status rx_rollup_report(const rx_rollup *r, int figures, const char *folder, const char *shown,
                            rx_log *log, rx_error *err)
 {
-    static const char *const columns[] = {
-        "tile",   "hdu",       "run",   "done_by",  "why",         "outside", "verdict", "off",    "worst_in",
-        "recall", "precision", "pairs", "bias_mag", "scatter_mag", "fwhm",    "noise",   "sources"};
+    static const char *const columns[] = {"tile",      "hdu",     "run",      "done_by",     "why",
+                                          "outside",   "verdict", "off",      "worst_in",    "recall",
+                                          "precision", "pairs",   "bias_mag", "scatter_mag", "fwhm",
+                                          "noise",     "sources", "page"};
+    static const char *const far[] = {"tile", "hdu", "off", "why", "page"};
     static const char *const why[] = {"image", "exit_status", "error"};
     const rx_report_files files = {.folder = folder, .shown = shown, .figures = figures, .log = log};
     rx_text junit = {0};
@@ -288,7 +351,31 @@ rx_status rx_rollup_report(const rx_rollup *r, int figures, const char *folder, 
     if (report == NULL)
         return rx_error_memory(err, 0);
     add_facts(report, r);
+    rx_report_table *outliers = NULL, *trends = NULL;
+    rx_status status = add_outliers(report, r, shown, &outliers, err);
+    if (status == RX_OK)
+        status = rx_rollup_trends(r, report, &trends, err);
+    if (status != RX_OK) {
+        rx_report_free(report);
+        return status;
+    }
+    rx_report_section(report, "outliers", "Tiles that stand out, worst first");
+    show(report, outliers, rx_report_rows(outliers), COUNT(far), far);
+    rx_report_note(report, "Tiles that failed, then those with a gate that failed, then by robust sigmas: "
+                           "the distance from the median of "
+                           "all images over their sigma_MAD (and over the tile's own error, where that is "
+                           "larger). Listed: what a "
+                           "restorer was not made for or did not do, fluxes that are off, and whatever is "
+                           "more than 6 from the others.");
     show_figures(report, r);
+    if (rx_report_rows(trends) > 0) {
+        rx_report_section(report, "trends", "Trends");
+        rx_report_place(report, "trend-");
+        show(report, trends, rx_report_rows(trends), 0, NULL);
+        rx_report_note(report, "Strongest first; figures where a correlation is clear (beyond 4 sigma). Of "
+                               "many pairs some reach 3 by "
+                               "chance.");
+    }
     rx_report_section(report, "overview", "Restorers");
     const rx_report_table *runs = add_runs(report, r);
     show(report, runs, rx_report_rows(runs), 0, NULL);
@@ -302,14 +389,14 @@ rx_status rx_rollup_report(const rx_rollup *r, int figures, const char *folder, 
     show(report, not_fine, rx_report_rows(not_fine), COUNT(why), why);
     show_psfs(report, r, psfs);
     rx_report_section(report, "tiles", "Tiles, worst first");
-    show(report, add_tiles(report, r), r->nrows, COUNT(columns), columns);
+    show(report, add_tiles(report, r, shown), r->nrows, COUNT(columns), columns);
     rx_report_note(
         report,
         "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the "
         "survey in recall or precision, or beside it in bias, whichever is worst; differences of seeing "
         "and depth count as well. A flux scale that is off (restored against untouched pixels, more than "
         "1 % and 5 errors) counts by its errors from 1, with or without a reference.");
-    rx_status status = rx_report_write(report, &files, NULL, err);
+    status = rx_report_write(report, &files, NULL, err);
     rx_report_free(report);
     if (status == RX_OK) {
         rx_rollup_junit(&junit, r);

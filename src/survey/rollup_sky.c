@@ -8,7 +8,7 @@
 
 /* More points than MOST_POINTS make a figure that a browser is slow to show, and hide each other: then they
  * are averaged in cells. */
-enum { MOST_POINTS = 4000, CELLS = 64 };
+enum { MOST_POINTS = 1500, CELLS = 38 };
 
 typedef struct point {
     double x, y, value;

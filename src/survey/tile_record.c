@@ -62,6 +62,20 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
 {
     rx_text_printf(dst, "EXTENSION %d %d %d %.9g %.9g %.9g %.9g %.9g %d\n", e->hdu, e->width, e->height,
                    e->alpha, e->delta, e->fwhm, e->sky, e->noise, (int)e->verdict);
+    if (e->known)
+        rx_text_printf(dst, "STATE %.9g %.9g %.9g %.9g %.9g %.9g %d %d\n", e->state.ellipticity,
+                       e->state.depth, e->state.factor, e->state.masked, e->state.saturated, e->state.chi2,
+                       e->state.wrong, e->state.look);
+    for (int i = 0; i < e->ncards; i++) {
+        rx_text_add(dst, "CARD");
+        add_string(dst, e->card[i].name);
+        rx_text_printf(dst, " %.15g\n", e->card[i].value);
+    }
+    if (e->page[0] != '\0') {
+        rx_text_add(dst, "PAGE");
+        add_string(dst, e->page);
+        rx_text_add(dst, "\n");
+    }
     add_psf(dst, &e->psf);
     for (int i = 0; i < e->nruns; i++) {
         const rx_run_facts *run = &e->run[i];
@@ -271,6 +285,55 @@ static rx_status read_guard(reader *r)
     return take_real(r, 3, &guard->unexplained);
 }
 
+static rx_status read_state(reader *r)
+{
+    long wrong = 0, look = 0;
+    if (r->extension == NULL)
+        return refuse(r, "STATE is out of place");
+    rx_tile_state *s = &r->extension->state;
+    double *const values[] = {&s->ellipticity, &s->depth, &s->factor, &s->masked, &s->saturated, &s->chi2};
+    rx_status status = RX_OK;
+    for (int i = 0; i < 6 && status == RX_OK; i++)
+        status = take_real(r, 1 + i, values[i]);
+    if (status == RX_OK)
+        status = take_whole(r, 7, -1, INT_MAX, &wrong);
+    if (status == RX_OK)
+        status = take_whole(r, 8, -1, INT_MAX, &look);
+    s->wrong = (int)wrong;
+    s->look = (int)look;
+    r->extension->known = 1;
+    return status;
+}
+
+/* Into a field of a fixed size, cut where it is longer. */
+static rx_status take_name(reader *r, int word, char *dst, size_t size)
+{
+    char *own = NULL;
+    const rx_status status = take_string(r, word, &own);
+    if (status == RX_OK)
+        snprintf(dst, size, "%s", own);
+    free(own);
+    return status;
+}
+
+static rx_status read_card(reader *r)
+{
+    if (r->extension == NULL || r->extension->ncards == RX_RECORD_CARDS)
+        return refuse(r, "CARD is out of place");
+    rx_tile_card *card = &r->extension->card[r->extension->ncards];
+    RX_TRY(take_name(r, 1, card->name, sizeof card->name));
+    RX_TRY(take_real(r, 2, &card->value));
+    r->extension->ncards++;
+    return RX_OK;
+}
+
+static rx_status read_page(reader *r)
+{
+    if (r->extension == NULL)
+        return refuse(r, "PAGE is out of place");
+    return take_name(r, 1, r->extension->page, sizeof r->extension->page);
+}
+
 static rx_status read_psf(reader *r)
 {
     char *how = NULL, *library = NULL;
@@ -389,6 +452,9 @@ static rx_status read_words(reader *r)
         const char *kind;
         rx_status (*read)(reader *r);
     } lines[] = {{"EXTENSION", read_extension},
+                 {"STATE", read_state},
+                 {"CARD", read_card},
+                 {"PAGE", read_page},
                  {"PSF", read_psf},
                  {"STARS", read_stars},
                  {"RHO", read_rho},

@@ -8,6 +8,9 @@
  *   VERSION "0.1.0"
  *   STATUS 0 ""                       exit status, and the error in a line
  *   EXTENSION hdu width height alpha delta fwhm sky noise verdict      alpha, delta: deg J2000; nan = unknown
+ *   STATE ellipticity depth factor masked saturated chi2 wrong look    stage/tile_facts.h; chi2 and remarks of QA_TYPE TILE
+ *   CARD "AIRMASS" 1.23               of RECORD_CARDS; those that the header has
+ *   PAGE "night/m31_qa/tile.html"     of the tile; only where there is one
  *   PSF "PIXELS" "" stars reserved error growth residual dT de1 de2 errors    RXPSFHOW, RXPSFLIB ...; only where known
  *   STARS n t e1 e2 reach             sums of residuals of reserved stars, and of their pairs by angle:
  *   RHO k pairs tt ee                 quality/rho.h

@@ -1,0 +1,510 @@
+/* Outliers and trends of a survey. */
+#include "survey/rollup_quality.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "num/stats.h"
+#include "report/curves.h"
+
+enum { FEW = 10, WHYS = 3, TREND_FIGURES = 8, TREND_BINS = 12, MOST_DOTS = 500 };
+static const double FAR = 6.0, CLEAR = 4.0;
+
+/* What is compared. The spread of the survey is taken to be `floor` at least, so that what is the same everywhere makes no
+ * outlier of its last digit; of a logarithm that is a relative change. */
+typedef struct quantity {
+    const char *name, *title, *unit;
+    int image; /* of the image alone, not of what a restorer finds */
+    int logarithmic;
+    double floor;
+    double (*value)(const rx_rollup_row *row);
+} quantity;
+
+static double fwhm(const rx_rollup_row *r)
+{
+    return r->fwhm;
+}
+static double ellipticity(const rx_rollup_row *r)
+{
+    return r->state.ellipticity;
+}
+static double sky(const rx_rollup_row *r)
+{
+    return r->sky;
+}
+static double noise(const rx_rollup_row *r)
+{
+    return r->noise;
+}
+static double depth(const rx_rollup_row *r)
+{
+    return r->state.depth;
+}
+static double factor(const rx_rollup_row *r)
+{
+    return r->state.factor;
+}
+static double masked(const rx_rollup_row *r)
+{
+    return r->state.masked;
+}
+static double saturated(const rx_rollup_row *r)
+{
+    return r->state.saturated;
+}
+static double chi2(const rx_rollup_row *r)
+{
+    return r->state.chi2;
+}
+static double growth(const rx_rollup_row *r)
+{
+    return r->psf_growth;
+}
+static double residual(const rx_rollup_row *r)
+{
+    return r->psf_residual;
+}
+static double size(const rx_rollup_row *r)
+{
+    return r->psf_size;
+}
+static double sources(const rx_rollup_row *r)
+{
+    return (double)r->sources + 1;
+}
+static double flux_scale(const rx_rollup_row *r)
+{
+    return r->flux.n > 0 ? r->flux.wide : NAN;
+}
+static double unexplained(const rx_rollup_row *r)
+{
+    return r->guard.known ? r->guard.unexplained : NAN;
+}
+static double spurious(const rx_rollup_row *r)
+{
+    return r->guard.known ? r->guard.false_per_mpixel : NAN;
+}
+static double recall(const rx_rollup_row *r)
+{
+    return r->cell.recall.value;
+}
+static double precision(const rx_rollup_row *r)
+{
+    return r->cell.precision.value;
+}
+static double bias(const rx_rollup_row *r)
+{
+    return r->cell.bias;
+}
+static double scatter(const rx_rollup_row *r)
+{
+    return r->cell.scatter;
+}
+
+static const quantity QUANTITIES[] = {
+    {"fwhm", "FWHM", " pix", 1, 0, 0.05, fwhm},
+    {"ellipticity", "ellipticity", "", 1, 0, 0.01, ellipticity},
+    {"sky", "sky", " adu", 1, 0, 1e-6, sky},
+    {"noise", "noise", " adu", 1, 1, 0.01, noise},
+    {"depth", "depth", " mag", 1, 0, 0.02, depth},
+    {"noise_factor", "noise of sums", "", 1, 1, 0.02, factor},
+    {"masked", "masked share", "", 1, 0, 0.01, masked},
+    {"saturated", "saturated share", "", 1, 0, 0.001, saturated},
+    {"chi2", "residual chi2", "", 1, 1, 0.05, chi2},
+    {"psf_growth", "curve of growth, stars - PSF", "", 1, 0, 0.002, growth},
+    {"psf_residual", "stacked stars - PSF", "", 1, 0, 0.005, residual},
+    {"psf_size", "dT/T of stars", "", 1, 0, 0.002, size},
+    {"sources", "sources", "", 0, 1, 0.05, sources},
+    {"flux_scale", "flux scale", "", 0, 0, 0.001, flux_scale},
+    {"not_explained", "share not explained", "", 0, 0, 0.01, unexplained},
+    {"false_per_mpixel", "false per Mpixel", "", 0, 0, 0.5, spurious},
+    {"recall", "recall", "", 0, 0, 0.01, recall},
+    {"precision", "precision", "", 0, 0, 0.01, precision},
+    {"bias_mag", "bias", " mag", 0, 0, 0.002, bias},
+    {"scatter_mag", "scatter", " mag", 0, 1, 0.03, scatter},
+};
+enum { NQUANTITIES = sizeof QUANTITIES / sizeof *QUANTITIES };
+
+/* As it is compared; NAN: not known, or not of this row. */
+static double scaled(const quantity *q, const rx_rollup_row *row)
+{
+    const double value = q->image && !row->leads ? NAN : q->value(row);
+    return q->logarithmic ? (value > 0 ? log(value) : NAN) : value;
+}
+
+/* --- outliers --- */
+
+typedef struct level {
+    double median, spread; /* spread 0: too few */
+} level;
+
+/* How far the value's own error reaches: of shares and medians of few sources. */
+static double own_error(const quantity *q, const rx_rollup_row *row)
+{
+    const rx_estimate *e = q->value == recall      ? &row->cell.recall
+                           : q->value == precision ? &row->cell.precision
+                                                   : NULL;
+    if (e != NULL)
+        return e->n > 0 ? 0.25 * (e->high - e->low) : 0;
+    if (q->value == bias)
+        return row->cell.pairs > 0 ? 1.2533 * row->cell.scatter / sqrt((double)row->cell.pairs) : 0;
+    if (q->value == flux_scale)
+        return row->flux.wide_error;
+    return q->value == sources ? 1 / sqrt((double)row->sources + 1) : 0;
+}
+
+static level level_of(const rx_rollup *r, int run, const quantity *q, double *room)
+{
+    size_t n = 0;
+    level l = {0};
+    for (int i = 0; i < r->nrows; i++) {
+        const double value = r->row[i].run == run ? scaled(q, &r->row[i]) : NAN;
+        if (isfinite(value))
+            room[n++] = value;
+    }
+    if (n >= FEW)
+        l.spread = fmax(rx_sigma_mad(room, n, &l.median), q->floor);
+    return l;
+}
+
+static double distance(const quantity *q, const level *l, const rx_rollup_row *row)
+{
+    const double value = scaled(q, row);
+    return l->spread > 0 && isfinite(value) ? fabs(value - l->median) / fmax(l->spread, own_error(q, row))
+                                            : 0;
+}
+
+static void say(rx_text *why, const quantity *q, const level *l, const rx_rollup_row *row, const char *run)
+{
+    const double middle = q->logarithmic ? exp(l->median) : l->median;
+    rx_text_printf(why, "%s%s%s%s %.4g%s (the others: %.4g +- %.2g)", why->length > 0 ? "; " : "",
+                   q->image ? "" : run, q->image ? "" : " ", q->title, q->value(row), q->unit, middle,
+                   q->logarithmic ? middle * l->spread : l->spread);
+}
+
+static rx_status keep(rx_rollup_outliers *dst, rx_rollup_outlier outlier, rx_text *why, rx_error *err)
+{
+    rx_rollup_outlier *grown = rx_regrow(dst->of, (size_t)dst->n + 1, sizeof *grown);
+    if (grown != NULL)
+        dst->of = grown;
+    if (grown == NULL || why->failed || why->data == NULL) {
+        rx_text_free(why);
+        return rx_error_memory(err, 0);
+    }
+    outlier.why = why->data;
+    *why = (rx_text){0};
+    dst->of[dst->n++] = outlier;
+    return RX_OK;
+}
+
+/* The WHYS quantities that are furthest, into `why`; returns the distance of the first, 0: none is far. */
+static double reasons(const rx_rollup *r, const level *levels, const rx_rollup_row *row, rx_text *why)
+{
+    int said[NQUANTITIES] = {0};
+    double most = 0;
+    const level *own = &levels[row->run * NQUANTITIES];
+    for (int k = 0; k < WHYS; k++) {
+        int best = -1;
+        double at = FAR;
+        for (int i = 0; i < NQUANTITIES; i++) {
+            const double off = said[i] ? 0 : distance(&QUANTITIES[i], &own[i], row);
+            if (off > at) {
+                at = off;
+                best = i;
+            }
+        }
+        if (best < 0)
+            break;
+        said[best] = 1;
+        most = fmax(most, at);
+        say(why, &QUANTITIES[best], &own[best], row, r->run[row->run].name);
+    }
+    return most;
+}
+
+/* Rows of one tile and HDU together: by tile, HDU, and the place among them. */
+static int by_image(const void *a, const void *b)
+{
+    const rx_rollup_row *x = *(const rx_rollup_row *const *)a, *y = *(const rx_rollup_row *const *)b;
+    return x->tile != y->tile ? x->tile->place - y->tile->place : x->place - y->place;
+}
+
+static rx_status find_far(const rx_rollup *r, const level *levels, const rx_rollup_row **order,
+                          rx_rollup_outliers *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < r->nrows; i++)
+        order[i] = &r->row[i];
+    if (r->nrows > 1)
+        qsort(order, (size_t)r->nrows, sizeof *order, by_image);
+    for (int i = 0, end; i < r->nrows && status == RX_OK; i = end) {
+        const rx_rollup_row *first = order[i];
+        rx_text why = {0};
+        double most = 0;
+        for (end = i; end < r->nrows && order[end]->tile == first->tile && order[end]->hdu == first->hdu;
+             end++) {
+            const rx_rollup_row *row = order[end];
+            const char *run = r->run[row->run].name;
+            most = fmax(most, reasons(r, levels, row, &why));
+            if (row->by[0] != '\0')
+                rx_text_printf(&why, "%s%s done by %s: %s", why.length > 0 ? "; " : "", run, row->by,
+                               row->why);
+            if (row->outside != NULL)
+                rx_text_printf(&why, "%s%s not made for it: %s", why.length > 0 ? "; " : "", run,
+                               row->outside);
+            if (rx_fluxcheck_is_off(&row->flux) &&
+                strstr(why.data != NULL ? why.data : "", "flux scale") == NULL)
+                rx_text_printf(&why, "%s%s flux scale is off, %.4f +- %.4f", why.length > 0 ? "; " : "", run,
+                               row->flux.wide, row->flux.wide_error);
+        }
+        const int gate = first->verdict == RX_VERDICT_FAIL;
+        if (gate)
+            rx_text_printf(&why, "%sa quality gate failed", why.length > 0 ? "; " : "");
+        if (why.length > 0)
+            status = keep(dst,
+                          (rx_rollup_outlier){.row = first,
+                                              .name = first->tile->name,
+                                              .image = first->tile->image,
+                                              .page = first->page,
+                                              .hdu = first->hdu,
+                                              .rank = gate,
+                                              .off = most},
+                          &why, err);
+        rx_text_free(&why);
+    }
+    return status;
+}
+
+/* Tiles without an image, and those that no record is of. */
+static rx_status find_failed(const rx_rollup *r, rx_rollup_outliers *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_text why = {0};
+    for (int i = 0; i < r->ntiles && status == RX_OK; i++) {
+        const rx_rollup_tile *tile = r->tile[i];
+        if (tile->status == RX_OK || tile->status == RX_GATE_FAIL || tile->status == RX_GATE_INSUFFICIENT)
+            continue;
+        rx_text_printf(&why, "failed, exit status %d: %s", tile->status, tile->what);
+        status =
+            keep(dst, (rx_rollup_outlier){.name = tile->name, .image = tile->image, .rank = 2}, &why, err);
+    }
+    for (int i = 0; i < r->nmissing && status == RX_OK; i++) {
+        rx_text_add(&why, "no record: it was not run, or was killed");
+        status = keep(dst,
+                      (rx_rollup_outlier){.name = r->tiles->tile[r->missing[i]].name,
+                                          .image = rx_tiles_image(r->tiles, r->missing[i]),
+                                          .rank = 2},
+                      &why, err);
+    }
+    return status;
+}
+
+static int worse(const void *a, const void *b)
+{
+    const rx_rollup_outlier *x = a, *y = b;
+    if (x->rank != y->rank)
+        return y->rank - x->rank;
+    if (x->off != y->off)
+        return x->off < y->off ? 1 : -1;
+    const int order = strcmp(x->name, y->name);
+    return order != 0 ? order : x->hdu - y->hdu;
+}
+
+rx_status rx_rollup_outliers_find(const rx_rollup *r, rx_rollup_outliers *dst, rx_error *err)
+{
+    double *room = RX_NEW(double, (size_t)r->nrows + 1);
+    level *levels = RX_NEW(level, (size_t)r->nruns * NQUANTITIES + 1);
+    const rx_rollup_row **order = rx_alloc((size_t)r->nrows + 1, sizeof *order);
+    rx_status status = room != NULL && levels != NULL && order != NULL ? RX_OK : rx_error_memory(err, 0);
+    *dst = (rx_rollup_outliers){0};
+    for (int run = 0; run < r->nruns && status == RX_OK; run++)
+        for (int i = 0; i < NQUANTITIES; i++)
+            levels[run * NQUANTITIES + i] = level_of(r, run, &QUANTITIES[i], room);
+    if (status == RX_OK)
+        status = find_failed(r, dst, err);
+    if (status == RX_OK)
+        status = find_far(r, levels, order, dst, err);
+    if (status == RX_OK && dst->n > 1)
+        qsort(dst->of, (size_t)dst->n, sizeof *dst->of, worse);
+    free(order);
+    free(levels);
+    free(room);
+    return status;
+}
+
+void rx_rollup_outliers_free(rx_rollup_outliers *outliers)
+{
+    for (int i = 0; i < outliers->n; i++)
+        free(outliers->of[i].why);
+    free(outliers->of);
+    *outliers = (rx_rollup_outliers){0};
+}
+
+/* --- trends --- */
+
+static const rx_report_column TRENDS[] = {
+    {.name = "card", .help = "of the header (RECORD_CARDS)"},
+    {.name = "run", .help = "restorer; empty: of the image alone", .heading = "restorer"},
+    {.name = "quantity"},
+    {"images", RX_REPORT_COUNT, 0, "", "with both", NULL},
+    {"rho", RX_REPORT_NUMBER, 3, "", "rank correlation (Spearman)", NULL},
+    {"sigmas", RX_REPORT_NUMBER, 1, "", "of no correlation", NULL},
+};
+
+typedef struct point {
+    double x, y, rank[2];
+} point;
+
+static int by_x(const void *a, const void *b)
+{
+    const double x = ((const point *)a)->x, y = ((const point *)b)->x;
+    return (x > y) - (x < y);
+}
+
+static int by_y(const void *a, const void *b)
+{
+    const double x = ((const point *)a)->y, y = ((const point *)b)->y;
+    return (x > y) - (x < y);
+}
+
+/* Ranks of one side, equal ones shared; the points are left in its order. */
+static void rank(point *points, int n, int side)
+{
+    qsort(points, (size_t)n, sizeof *points, side ? by_y : by_x);
+    for (int i = 0, end; i < n; i = end) {
+        for (end = i; end < n && (side ? points[end].y == points[i].y : points[end].x == points[i].x); end++)
+            ;
+        for (int k = i; k < end; k++)
+            points[k].rank[side] = 0.5 * (i + end - 1) - 0.5 * (n - 1);
+    }
+}
+
+/* Left in the order of x. */
+static double spearman(point *points, int n)
+{
+    double xx = 0, yy = 0, xy = 0;
+    rank(points, n, 1);
+    rank(points, n, 0);
+    for (int i = 0; i < n; i++) {
+        xx += points[i].rank[0] * points[i].rank[0];
+        yy += points[i].rank[1] * points[i].rank[1];
+        xy += points[i].rank[0] * points[i].rank[1];
+    }
+    return xx > 0 && yy > 0 ? xy / sqrt(xx * yy) : NAN;
+}
+
+typedef struct trend {
+    int card, run, quantity, n;
+    double rho, sigmas;
+} trend;
+
+static int collect(const rx_rollup *r, int run, const quantity *q, int card, point *dst)
+{
+    int n = 0;
+    for (int i = 0; i < r->nrows; i++) {
+        const rx_rollup_row *row = &r->row[i];
+        const double value = q->image && !row->leads ? NAN : q->value(row);
+        if ((q->image || row->run == run) && isfinite(value) && isfinite(row->card[card]))
+            dst[n++] = (point){.x = row->card[card], .y = value};
+    }
+    return n;
+}
+
+static int stronger(const void *a, const void *b)
+{
+    const trend *x = a, *y = b;
+    const double p = fabs(x->sigmas), q = fabs(y->sigmas);
+    if (p != q)
+        return p < q ? 1 : -1;
+    return x->card != y->card           ? x->card - y->card
+           : x->quantity != y->quantity ? x->quantity - y->quantity
+                                        : x->run - y->run;
+}
+
+static void draw_trend(rx_figures *dst, const rx_rollup *r, const trend *t, int number, point *points)
+{
+    const quantity *q = &QUANTITIES[t->quantity];
+    const int n = collect(r, t->run, q, t->card, points), bins = n / FEW < TREND_BINS ? n / FEW : TREND_BINS;
+    double *room = RX_NEW(double, (size_t)n + 1), low, high;
+    char id[RX_FIGURE_ID], title[160], xlabel[RX_CARD_NAME], ylabel[80];
+    rx_curves c = {0};
+    if (room == NULL) {
+        dst->script.failed = true;
+        return;
+    }
+    qsort(points, (size_t)n, sizeof *points, by_x);
+    for (int i = 0; i < n; i++)
+        room[i] = points[i].y;
+    low = rx_quantile(room, (size_t)n, 0.005);
+    high = rx_quantile(room, (size_t)n, 0.995);
+    rx_curves_add(&c, RX_CURVE_DOTS, 0, "images");
+    const int step = (n + MOST_DOTS - 1) / MOST_DOTS;
+    for (int i = 0; i < n; i += step)
+        rx_curves_put(&c, points[i].x, points[i].y, NAN, NAN);
+    rx_curves_add(&c, RX_CURVE_JOINED, 1, "median of as many");
+    for (int b = 0; b < bins; b++) {
+        const int from = b * n / bins, to = (b + 1) * n / bins;
+        for (int i = from; i < to; i++)
+            room[i - from] = points[i].y;
+        rx_curves_put(&c, points[(from + to - 1) / 2].x, rx_median(room, (size_t)(to - from)), NAN, NAN);
+    }
+    snprintf(id, sizeof id, "trend-%02d", number);
+    snprintf(title, sizeof title, "%s%s%s against %s", q->image ? "" : r->run[t->run].name,
+             q->image ? "" : " ", q->title, r->card[t->card]);
+    snprintf(xlabel, sizeof xlabel, "%s", r->card[t->card]);
+    snprintf(ylabel, sizeof ylabel, "%s%s%s%s", q->title, q->unit[0] != '\0' ? " [" : "",
+             q->unit[0] != '\0' ? q->unit + 1 : "", q->unit[0] != '\0' ? "]" : "");
+    char reading[120];
+    snprintf(reading, sizeof reading, "Rank correlation %.2f, %.1f sigma, %d images%s.", t->rho, t->sigmas,
+             t->n, step > 1 ? ", some of which are drawn" : "");
+    rx_curves_figure(dst, id, title, reading,
+                     &(rx_axes){.xlabel = xlabel,
+                                .ylabel = ylabel,
+                                .x0 = points[0].x,
+                                .x1 = points[n - 1].x,
+                                .y0 = low - 0.2 * (high - low),
+                                .y1 = high + 0.2 * (high - low)},
+                     &c);
+    free(room);
+}
+
+rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_table **dst, rx_error *err)
+{
+    point *points = RX_NEW(point, (size_t)r->nrows + 1);
+    trend *trends = RX_NEW(trend, (size_t)r->ncards * NQUANTITIES * (size_t)r->nruns + 1);
+    rx_report_table *t = *dst =
+        rx_report_table_add(report, "trends", sizeof TRENDS / sizeof *TRENDS, TRENDS, RX_REPORT_EVERYWHERE);
+    int n = 0;
+    if (points == NULL || trends == NULL) {
+        free(points);
+        free(trends);
+        return rx_error_memory(err, 0);
+    }
+    for (int card = 0; card < r->ncards; card++)
+        for (int k = 0; k < NQUANTITIES; k++)
+            for (int run = 0; run < (QUANTITIES[k].image && r->nruns > 0 ? 1 : r->nruns); run++) {
+                const int m = collect(r, run, &QUANTITIES[k], card, points);
+                const double rho = m >= FEW ? spearman(points, m) : NAN;
+                if (isfinite(rho)) /* Fieller, Hartley and Pearson 1957, Biometrika 44, 470 */
+                    trends[n++] = (trend){
+                        card, run, k,
+                        m,    rho, atanh(fmax(fmin(rho, 0.999999), -0.999999)) * sqrt((m - 3) / 1.06)};
+            }
+    if (n > 1)
+        qsort(trends, (size_t)n, sizeof *trends, stronger);
+    for (int i = 0; i < n; i++) {
+        const quantity *q = &QUANTITIES[trends[i].quantity];
+        rx_report_row(t, (rx_cell[]){rx_cell_words(r->card[trends[i].card]),
+                                     rx_cell_words(q->image ? "" : r->run[trends[i].run].name),
+                                     rx_cell_words(q->name), rx_cell_number(trends[i].n),
+                                     rx_cell_number(trends[i].rho), rx_cell_number(trends[i].sigmas)});
+        if (i < TREND_FIGURES && fabs(trends[i].sigmas) > CLEAR)
+            draw_trend(rx_report_figures_of(report), r, &trends[i], i, points);
+    }
+    free(trends);
+    free(points);
+    return RX_OK;
+}

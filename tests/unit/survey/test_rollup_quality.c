@@ -1,0 +1,179 @@
+/* Surveys of simulated records: every tile that is bad stands among the first lines, and a trend is seen.
+ * With the name of a file: the records of 2000 tiles go there, for rextract-survey. */
+#include "../near.h"
+#include "../scratch.h"
+
+#include <math.h>
+
+#include "base/random.h"
+#include "survey/rollup_quality.h"
+#include "survey/rollup_report.h"
+
+enum { WAYS = 10 };
+
+static double normal(int tile, int k)
+{
+    return rx_random_normal(26, (uint64_t)tile, (uint64_t)k);
+}
+
+/* Seeing goes with airmass, noise with the sky, depth with both; way -1: nothing is wrong. */
+static void add_record(rx_text *dst, int tile, int way)
+{
+    const double airmass = 1 + fabs(0.4 * normal(tile, 0));
+    const double fwhm = 3 * pow(airmass, 0.6) * exp(0.1 * normal(tile, 1)) * (way == 1 ? 3 : 1);
+    const double sky = 200 * exp(0.15 * normal(tile, 2)) * (way == 4 ? 4 : 1);
+    const double noise = sqrt(sky / 2 + 10) * exp(0.02 * normal(tile, 3)) * (way == 3 ? 2 : 1);
+    const double depth = 24 - 2.5 * log10(noise * fwhm / 32) + 0.01 * normal(tile, 4);
+    const double ellipticity = way == 2 ? 0.35 : fabs(0.05 + 0.02 * normal(tile, 5));
+    const long sources = lround(1500 * exp(0.15 * normal(tile, 6)) * (way == 5 ? 0.2 : 1));
+    const long found = lround(400 * fmin((way == 6 ? 0.6 : 0.92) + 0.02 * normal(tile, 7), 1));
+    const int step = 245 + (int)floor(((way == 7 ? 0.08 : 0) + 0.004 * normal(tile, 8)) / 0.005);
+    rx_text_printf(dst, "TILE t%04d.fits t%04d\nVERSION 1\n", tile, tile);
+    if (way == 0) {
+        rx_text_add(dst, "STATUS 3 \"cannot be opened\"\nEND\n");
+        return;
+    }
+    rx_text_printf(dst, "STATUS 0 \"\"\nEXTENSION 0 2048 2048 %.6f %.6f %.6f %.6f %.6f 0\n",
+                   150 + 0.2 * (tile % 50), 2 + 0.2 * (tile / 50), fwhm, sky, noise);
+    rx_text_printf(dst, "STATE %.6f %.6f %.6f 0.01 0.0001 %.6f 0 0\nCARD AIRMASS %.6f\nCARD MJD-OBS %.6f\n",
+                   ellipticity, depth, 1.2 + 0.02 * normal(tile, 9), 1 + 0.02 * normal(tile, 10), airmass,
+                   60000 + 0.01 * tile);
+    rx_text_printf(dst, "PSF PIXELS \"\" 80 20 0.002 %.6f 0.01 0.001 0 0 0.001 0.001 0.001\n",
+                   way == 9 ? 0.04 : 0.002 * normal(tile, 11));
+    rx_text_printf(
+        dst,
+        "RUN NONE %ld 1\nFLUX 100 10 %.6f 0.0005 0.95 0.001\nBIN 96 400 %ld 420 400 %d:%ld %d:%ld\nEND\n",
+        sources, (way == 8 ? 0.95 : 1) + 0.0005 * normal(tile, 12), found, step, found / 2, step + 1,
+        found - found / 2);
+}
+
+/* Bad are tiles 7, 7 + n / nbad, ... */
+static void make_records(rx_text *dst, int n, int nbad)
+{
+    for (int i = 0; i < n; i++) {
+        const int place = i - 7, apart = n / nbad;
+        add_record(dst, i, place >= 0 && place % apart == 0 ? place / apart % WAYS : -1);
+    }
+}
+
+static void roll_up(const rx_text *records, rx_rollup *dst)
+{
+    char path[512];
+    rx_settings *settings = NULL;
+    rx_record_reader *reader = NULL;
+    const rx_tile_record *record = NULL;
+    int64_t at;
+    new_file(path, records->data);
+    assert_int_equal(rx_settings_new(rx_keytable_survey(), &settings, NULL), RX_OK);
+    rx_rollup_begin((rx_survey_config *)settings, dst);
+    assert_int_equal(rx_record_reader_open(path, 0, &reader, NULL), RX_OK);
+    while (rx_record_reader_next(reader, &record, &at, NULL) == RX_OK && record != NULL)
+        assert_int_equal(rx_rollup_add(dst, record, path, at, NULL), RX_OK);
+    rx_record_reader_close(reader);
+    assert_int_equal(rx_rollup_end(dst, NULL, NULL), RX_OK);
+    rx_settings_free(settings);
+    unlink(path);
+}
+
+/* All nbad among the first nbad + spare, each with its own reason. */
+static void check(int n, int nbad, int spare)
+{
+    static const char *const reasons[WAYS] = {
+        "cannot be opened", "FWHM",   "ellipticity", "noise",      "sky",
+        "sources",          "recall", "bias",        "flux scale", "curve of growth"};
+    rx_text records = {0};
+    rx_rollup rollup;
+    rx_rollup_outliers outliers;
+    int seen = 0;
+    make_records(&records, n, nbad);
+    roll_up(&records, &rollup);
+    assert_int_equal(rx_rollup_outliers_find(&rollup, &outliers, NULL), RX_OK);
+    for (int bad = 0; bad < nbad; bad++) {
+        char name[16];
+        snprintf(name, sizeof name, "t%04d", 7 + bad * (n / nbad));
+        for (int i = 0; i < outliers.n && i < nbad + spare; i++)
+            if (strcmp(outliers.of[i].name, name) == 0) {
+                assert_non_null(strstr(outliers.of[i].why, reasons[bad % WAYS]));
+                seen++;
+            }
+    }
+    assert_int_equal(seen, nbad);
+    assert_in_range(outliers.n, nbad, nbad + spare);
+    assert_int_equal(outliers.of[0].rank, 2);
+    rx_rollup_outliers_free(&outliers);
+    rx_rollup_free(&rollup);
+    rx_text_free(&records);
+}
+
+static void bad_tiles_stand_first(void **state)
+{
+    (void)state;
+    check(200, 10, 3);
+}
+
+static void so_they_do_among_thousands(void **state)
+{
+    (void)state;
+    check(2000, 20, 5);
+}
+
+static void nothing_stands_out_of_good_tiles(void **state)
+{
+    (void)state;
+    rx_text records = {0};
+    rx_rollup rollup;
+    rx_rollup_outliers outliers;
+    for (int i = 0; i < 300; i++)
+        add_record(&records, i, -1);
+    roll_up(&records, &rollup);
+    assert_int_equal(rx_rollup_outliers_find(&rollup, &outliers, NULL), RX_OK);
+    assert_int_equal(outliers.n, 0);
+    rx_rollup_outliers_free(&outliers);
+    rx_rollup_free(&rollup);
+    rx_text_free(&records);
+}
+
+/* Seeing goes with airmass; with time nothing does. */
+static void trends_are_seen(void **state)
+{
+    (void)state;
+    rx_text records = {0};
+    rx_rollup rollup;
+    char folder[512];
+    make_records(&records, 300, 3);
+    roll_up(&records, &rollup);
+    new_folder(folder);
+    assert_int_equal(rx_rollup_report(&rollup, 0, folder, folder, NULL, NULL), RX_OK);
+    char *table = slurp(folder, "trends.ecsv");
+    const char *row = strstr(table, "\"AIRMASS\",\"\",\"fwhm\",");
+    assert_non_null(row);
+    double rho = 0, sigmas = 0;
+    int n = 0;
+    assert_int_equal(sscanf(row, "\"AIRMASS\",\"\",\"fwhm\",%d,%lf,%lf", &n, &rho, &sigmas), 3);
+    assert_int_equal(n, 299);
+    assert_near(rho, 0.75, 0.15);
+    assert_true(sigmas > 10);
+    free(table);
+    clear_folder(folder);
+    rmdir(folder);
+    rx_rollup_free(&rollup);
+    rx_text_free(&records);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(bad_tiles_stand_first),
+        cmocka_unit_test(so_they_do_among_thousands),
+        cmocka_unit_test(nothing_stands_out_of_good_tiles),
+        cmocka_unit_test(trends_are_seen),
+    };
+    if (argc > 1) {
+        rx_text records = {0};
+        make_records(&records, 2000, 20);
+        const rx_status status = rx_text_write_file(&records, argv[1], argv[1], NULL);
+        rx_text_free(&records);
+        return status != RX_OK;
+    }
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
