@@ -74,7 +74,8 @@ static void print(rx_log *log, const char *kind, const char *line)
 /* rank: of information, "0" or "1", or NULL of what does not wait. */
 static void say(rx_log *log, const char *rank, rx_log_kind kind, const char *format, va_list args)
 {
-    if (log->stream == NULL && log->message == NULL)
+    const bool kept = kind == RX_LOG_WARNING && log->warnings != NULL;
+    if (log->stream == NULL && log->message == NULL && !kept)
         return;
     char fitting[2048], *line = fitting, *longer = NULL;
     va_list again;
@@ -86,8 +87,11 @@ static void say(rx_log *log, const char *rank, rx_log_kind kind, const char *for
     }
     va_end(again);
     rx_text_tame(line);
-    if (log->message != NULL) {
+    if (kept)
+        rx_text_add_bytes(log->warnings, line, strlen(line) + 1);
+    if (log->message != NULL)
         log->message(log->user, kind, line);
+    if (log->message != NULL || log->stream == NULL) {
         free(longer);
         return;
     }

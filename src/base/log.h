@@ -27,11 +27,12 @@ typedef struct rx_log {
     bool terminal;       /* progress lines only on a terminal */
     double begun, shown; /* monotonic seconds: current progress line */
     bool line_open;
-    bool in_tile;    /* between rx_log_tile_begin() and its end */
-    bool written;    /* rx_log_written() was called in it */
-    int lines;       /* on the stream since the tile before */
-    rx_text waiting; /* information of the tile: '0' (a hint) or '1', the line, a 0 */
-    rx_text names;   /* of what was written */
+    bool in_tile;      /* between rx_log_tile_begin() and its end */
+    bool written;      /* rx_log_written() was called in it */
+    int lines;         /* on the stream since the tile before */
+    rx_text waiting;   /* information of the tile: '0' (a hint) or '1', the line, a 0 */
+    rx_text names;     /* of what was written */
+    rx_text *warnings; /* gets those that are said, each with its 0; NULL: no one asks */
     /* The caller's, asked by the thread that made the call; NULL: the stream. */
     void (*message)(void *user, rx_log_kind kind, const char *text); /* without a newline */
     void (*progress)(void *user, const char *what, double done); /* 0..1, rising, of rx_log_part()'s whole */

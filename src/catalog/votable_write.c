@@ -227,3 +227,58 @@ rx_status rx_votable_write(FILE *file, const rx_catalog *catalog, rx_error *err)
     rx_text_free(&cell);
     return status;
 }
+
+/* --- facts of a run --- */
+
+static void add_attribute(rx_text *dst, const char *name, const char *value)
+{
+    if (value == NULL || value[0] == '\0')
+        return;
+    rx_text_printf(dst, " %s=\"", name);
+    add_xml(dst, value);
+    rx_text_add(dst, "\"");
+}
+
+static void add_typed(rx_text *dst, const rx_votable_param *p)
+{
+    rx_text_add(dst, "   <PARAM");
+    add_attribute(dst, "name", p->name);
+    add_attribute(dst, "datatype", p->datatype);
+    add_attribute(dst, "arraysize", strcmp(p->datatype, "char") == 0 ? "*" : NULL);
+    add_attribute(dst, "unit", p->unit);
+    add_attribute(dst, "ucd", p->ucd);
+    rx_text_add(dst, " value=\"");
+    add_xml(dst, p->value);
+    rx_text_add(dst, "\"><DESCRIPTION>");
+    add_xml(dst, p->help);
+    rx_text_add(dst, "</DESCRIPTION></PARAM>\n");
+}
+
+rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error *err)
+{
+    rx_text cell = {0};
+    rx_text_add(dst, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+                     "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
+                     "<RESOURCE ID=\"Rextract\" name=\"Rextract\">\n"
+                     " <DESCRIPTION>Facts and warnings of a Rextract run</DESCRIPTION>\n"
+                     " <RESOURCE ID=\"MetaData\" name=\"MetaData\">\n");
+    for (int i = 0; i < run->nparams; i++)
+        add_typed(dst, &run->params[i]);
+    for (int i = 0; i < run->ntables; i++) {
+        const rx_table *table = run->tables[i];
+        rx_text_printf(dst, "  <TABLE ID=\"%s\" name=\"%s\" nrows=\"%ld\">\n", table->name, table->name,
+                       table->nrows);
+        for (int k = 0; k < table->ncolumns; k++)
+            add_field(dst, &table->columns[k]);
+        rx_text_add(dst, "   <DATA><TABLEDATA>\n");
+        for (long row = 0; row < table->nrows; row++)
+            add_row(dst, table, row, &cell);
+        rx_text_add(dst, "   </TABLEDATA></DATA>\n  </TABLE>\n");
+    }
+    rx_text_add(dst, " </RESOURCE>\n <RESOURCE ID=\"Config\" name=\"Config\">\n");
+    for (int i = 0; i < run->nkeywords; i++)
+        add_record(dst, run->keywords, i, &cell);
+    rx_text_add(dst, " </RESOURCE>\n</RESOURCE>\n</VOTABLE>\n");
+    rx_text_free(&cell);
+    return dst->failed ? rx_error_memory(err, 0) : RX_OK;
+}

@@ -144,10 +144,12 @@ static void visit_files(const rx_config *config, rx_file_visitor visit, void *us
         visit(user, "TEMPLATE_COVAR_NAME", config->template_covar_name);
     if (config->record_name[0] != '\0')
         visit(user, "RECORD_NAME", config->record_name);
+    if (config->write_xml)
+        visit(user, "XML_NAME", config->xml_name);
 }
 
 /* What visits a file under each name it will have: with several restorers there is one of each, but of the
- * record. */
+ * record and of XML_NAME. */
 typedef struct tagging {
     const rx_words *restorers;
     rx_file_visitor visit;
@@ -159,7 +161,7 @@ typedef struct tagging {
 static void visit_tagged(void *user, const char *key, const char *name)
 {
     tagging *t = user;
-    if (t->restorers->n < 2 || strcmp(key, "RECORD_NAME") == 0) {
+    if (t->restorers->n < 2 || strcmp(key, "RECORD_NAME") == 0 || strcmp(key, "XML_NAME") == 0) {
         t->visit(t->user, key, name);
         return;
     }

@@ -444,10 +444,14 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
         remark(q, "sources", 1, "%s finds no source.", about->name);
     if (about->by != NULL)
         remark(q, "fallback", 0, "%s was done by %s instead: %s.", about->name, about->by, about->why);
+    char automatic[64] = "";
+    if (isfinite(about->flux.automatic))
+        snprintf(automatic, sizeof automatic, ", %.3f +- %.3f by FLUX_AUTO", about->flux.automatic,
+                 about->flux.automatic_error);
     if (about->flux.n > 0 && about->flux.off)
         remark(q, "flux", 1,
-               "%s: the flux scale is off, restored over original %.4f +- %.4f (%ld isolated sources).",
-               about->name, about->flux.wide, about->flux.wide_error, about->flux.n);
+               "%s: the flux scale is off, restored over original %.4f +- %.4f%s (%ld isolated sources).",
+               about->name, about->flux.wide, about->flux.wide_error, automatic, about->flux.n);
     if (run->unexplained)
         remark(q, "unexplained", 1,
                "%s: the restored image does not explain the pixels of much of the tile (RXUNEX).",

@@ -190,6 +190,10 @@ static void add_svg(rx_text *dst, const char *id, const char *title, const char 
 {
     static const char *const marks[] = {" id='", " id=\"", "href='#", "href=\"#", "url(#"};
     const char *c = strstr(svg, "<svg");
+    if (c != NULL) {
+        rx_text_add(dst, "<svg role=\"img\"");
+        c += strlen("<svg");
+    }
     for (; c != NULL && *c != '\0';) {
         size_t skip = 0;
         const size_t plain = strcspn(c, " hu<"); /* with one of these every mark begins */
@@ -208,6 +212,8 @@ static void add_svg(rx_text *dst, const char *id, const char *title, const char 
             rx_escape_html(dst, title);
             rx_text_add(dst, "</title>");
             c = strstr(c, "</desc>") + 7;
+        } else if (strncmp(c, "<title>gnuplot_plot", 19) == 0 && strstr(c, "</title>") != NULL) {
+            c = strstr(c, "</title>") + 8; /* of a curve without a name: says nothing */
         } else if (*c != '\0') {
             rx_text_add_bytes(dst, c, 1);
             c++;

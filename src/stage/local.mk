@@ -12,6 +12,7 @@ librextract_la_SOURCES += \
 	src/stage/provenance.c src/stage/provenance.h \
 	src/stage/reference.c src/stage/reference.h \
 	src/stage/report.c src/stage/report.h \
+	src/stage/run_xml.c src/stage/run_xml.h \
 	src/stage/template_table.c src/stage/template_table.h \
 	src/stage/tile_facts.c src/stage/tile_facts.h \
 	src/stage/stage.c

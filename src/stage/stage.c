@@ -26,6 +26,7 @@
 #include "stage/open.h"
 #include "stage/provenance.h"
 #include "stage/report.h"
+#include "stage/run_xml.h"
 #include "stage/tile_facts.h"
 
 typedef struct job {
@@ -42,6 +43,8 @@ typedef struct job {
     rx_table *reference;
     rx_verdict verdict;
     rx_tile_facts *facts; /* or NULL */
+    const char *xml;      /* where it is written; NULL: it is not */
+    rx_text warnings;     /* of the run, for it */
 } job;
 
 static int any_needs_psf(const rx_options *options)
@@ -59,6 +62,8 @@ static rx_status open_runs(job *job, int nextensions, rx_error *err)
     rx_status status = RX_OK;
     for (int i = 1; i <= nextensions && status == RX_OK; i++)
         status = rx_report_try(options, nextensions > 1 ? i : 0, err);
+    if (status == RX_OK && job->config->write_xml && job->facts != NULL) /* -REPLAY has no facts */
+        status = rx_outputs_file(job->outputs, job->config->xml_name, &job->xml, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
         status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
                              job->outputs, err);
@@ -107,11 +112,11 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
 }
 
 /* Is there an output that says what was read? */
-static int is_recorded(const rx_options *options)
+static int is_recorded(const rx_config *config, const rx_options *options)
 {
     return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
            options->covariance_name[0] != '\0' || options->reference.name != NULL || options->tile_page ||
-           options->check.self_check || options->write_psf;
+           options->check.self_check || options->write_psf || config->write_xml;
 }
 
 /* After the first image was read, which finds what is wrong with a file sooner than its digest; and the files that only
@@ -119,7 +124,7 @@ static int is_recorded(const rx_options *options)
 static rx_status record_inputs(job *job, const rx_field *detect, const rx_field *measure, rx_error *err)
 {
     const rx_field *fields[] = {detect, measure};
-    const int recorded = is_recorded(job->options);
+    const int recorded = is_recorded(job->config, job->options);
     if (recorded && !job->inputs_recorded)
         RX_TRY(rx_record_inputs(&job->record, job->config, job->options, job->detect, job->measure, err));
     job->inputs_recorded = 1;
@@ -222,6 +227,10 @@ static rx_status run_all(job *job, rx_error *err)
     for (int i = 0; i < options->nrestorers; i++)
         RX_TRY_EXIT(
             rx_run_close(&job->runs[i], options, &job->record, &job->products, job->standard_out, err));
+    if (job->xml != NULL)
+        RX_TRY_EXIT(
+            rx_run_xml(&(rx_run_xml_input){options, &job->record, job->facts, job->detect, &job->warnings},
+                       job->xml, job->config->xml_name, err));
     RX_TRY_EXIT(rx_interrupt_check(err));
     status = rx_outputs_commit(job->outputs, err);
 exit:
@@ -250,8 +259,14 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     j->log = log;
     j->standard_out = standard_out;
     j->facts = facts;
+    rx_text *const others = log != NULL ? log->warnings : NULL;
+    if (log != NULL && config->write_xml)
+        log->warnings = &j->warnings;
     rx_status status = rx_options_from_config(config, log, &options, err);
     if (status != RX_OK) {
+        if (log != NULL)
+            log->warnings = others;
+        rx_text_free(&j->warnings);
         free(j);
         return status;
     }
@@ -272,6 +287,9 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
                        log);
     status = verdict_status(j->verdict, options->qa_name, err);
 exit:
+    if (log != NULL)
+        log->warnings = others;
+    rx_text_free(&j->warnings);
     for (int i = 0; i < options->nrestorers; i++)
         rx_run_free(&j->runs[i]);
     rx_outputs_free(j->outputs);

@@ -1,0 +1,171 @@
+/* The VOTable of a run. */
+#include "stage/run_xml.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "catalog/catalog.h"
+
+/* One column of the images' table. */
+typedef struct field {
+    const char *name, *unit, *ucd, *description;
+    rx_cell_type type;
+    int width; /* of text */
+} field;
+
+static const field IMAGES[] = {
+    {"Extension", "", "meta.record", "image of the file, from 1", RX_CELL_INT32, 0},
+    {"HDU", "", "meta.record", "its HDU, from 0", RX_CELL_INT32, 0},
+    {"Restorer", "", "meta.id;meta.software", "that was asked for", RX_CELL_TEXT, 16},
+    {"Done_By", "", "meta.id;meta.software", "that did it", RX_CELL_TEXT, 16},
+    {"NSextracted", "", "meta.number", "sources in the catalogue", RX_CELL_INT64, 0},
+    {"Background_Mean", "adu", "instr.skyLevel;obs.image;stat.median", "sky level", RX_CELL_DOUBLE, 0},
+    {"Background_StDev", "adu", "stat.stdev;obs.image;instr.skyLevel", "noise of a pixel", RX_CELL_DOUBLE, 0},
+    {"FWHM", "pixel", "instr.obsty.seeing", "of the PSF at the centre; nan: none", RX_CELL_DOUBLE, 0},
+    {"Ellipticity", "", "src.ellipticity;instr.det.psf", "1 - b/a of the PSF at the centre", RX_CELL_DOUBLE,
+     0},
+    {"Depth", "mag", "phot.mag;stat.min", "point source at S/N 5 in the noise of the sky", RX_CELL_DOUBLE, 0},
+    {"Noise_Factor", "", "stat.correlation", "noise of wide sums over that of independent pixels",
+     RX_CELL_DOUBLE, 0},
+    {"Masked", "", "meta.number;stat.value", "share of pixels that are not used", RX_CELL_DOUBLE, 0},
+    {"Saturated", "", "instr.saturation;stat.value", "share of pixels that are saturated", RX_CELL_DOUBLE, 0},
+    {"Flux_Scale", "", "phot.flux;arith.ratio", "restored over original flux of isolated sources",
+     RX_CELL_DOUBLE, 0},
+    {"Flux_Scale_Error", "", "stat.error;phot.flux;arith.ratio", "1 sigma of it", RX_CELL_DOUBLE, 0},
+    {"Chi2", "", "stat.fit.chi2;stat.mean", "residual, of the tile's page (QA_TYPE TILE)", RX_CELL_DOUBLE, 0},
+    {"PSF_Stars", "", "meta.number;instr.det.psf", "stars that made the PSF", RX_CELL_INT32, 0},
+};
+static const field WARNINGS[] = {{"Text", "", "meta.note", "as the log has it", RX_CELL_TEXT, 0}};
+enum { NIMAGES = sizeof IMAGES / sizeof *IMAGES };
+
+static rx_status new_table(const char *name, int n, const field *fields, long rows, int text, rx_table **dst,
+                           rx_error *err)
+{
+    rx_table *table = *dst = rx_table_new(n);
+    int failed = table == NULL || (table->name = rx_strdup(name)) == NULL;
+    for (int i = 0; i < n && !failed; i++) {
+        rx_column *c = &table->columns[i];
+        snprintf(c->name, sizeof c->name, "%s", fields[i].name);
+        snprintf(c->unit, sizeof c->unit, "%s", fields[i].unit);
+        snprintf(c->ucd, sizeof c->ucd, "%s", fields[i].ucd);
+        snprintf(c->description, sizeof c->description, "%s", fields[i].description);
+        c->type = fields[i].type;
+        c->text_width = fields[i].width > 0 ? fields[i].width : text;
+        c->data = rx_alloc((size_t)rows + 1, (size_t)rx_column_element_size(c));
+        failed = c->data == NULL;
+    }
+    if (!failed)
+        table->nrows = rows;
+    return failed ? rx_error_memory(err, 0) : RX_OK;
+}
+
+static void put(rx_table *table, int column, long row, double number, const char *text)
+{
+    rx_column *c = &table->columns[column];
+    if (c->type == RX_CELL_TEXT)
+        snprintf((char *)c->data + row * c->text_width, (size_t)c->text_width, "%s", text);
+    else if (c->type == RX_CELL_INT32)
+        ((int32_t *)c->data)[row] = (int32_t)number;
+    else if (c->type == RX_CELL_INT64)
+        ((int64_t *)c->data)[row] = (int64_t)number;
+    else
+        ((double *)c->data)[row] = number;
+}
+
+static rx_status images_table(const rx_tile_facts *facts, rx_table **dst, rx_error *err)
+{
+    long rows = 0;
+    for (int k = 0; k < facts->n; k++)
+        rows += facts->extension[k].nruns;
+    RX_TRY(new_table("Extension_Data", NIMAGES, IMAGES, rows, 1, dst, err));
+    rows = 0;
+    for (int k = 0; k < facts->n; k++)
+        for (int i = 0; i < facts->extension[k].nruns; i++, rows++) {
+            const rx_extension_facts *e = &facts->extension[k];
+            const rx_run_facts *run = &e->run[i];
+            const int measured = run->flux.n > 0;
+            const struct {
+                double number;
+                const char *text;
+            } values[NIMAGES] = {{k + 1, NULL},
+                                 {e->hdu, NULL},
+                                 {0, run->name},
+                                 {0, run->by[0] != '\0' ? run->by : run->name},
+                                 {(double)run->sources, NULL},
+                                 {e->sky, NULL},
+                                 {e->noise, NULL},
+                                 {e->fwhm, NULL},
+                                 {e->state.ellipticity, NULL},
+                                 {e->state.depth, NULL},
+                                 {e->state.factor, NULL},
+                                 {e->state.masked, NULL},
+                                 {e->state.saturated, NULL},
+                                 {measured ? run->flux.wide : NAN, NULL},
+                                 {measured ? run->flux.wide_error : NAN, NULL},
+                                 {e->state.chi2, NULL},
+                                 {e->psf.stars, NULL}};
+            for (int c = 0; c < NIMAGES; c++)
+                put(*dst, c, rows, values[c].number, values[c].text);
+        }
+    return RX_OK;
+}
+
+static rx_status warnings_table(const rx_text *warnings, rx_table **dst, rx_error *err)
+{
+    long n = 0;
+    int longest = 1;
+    for (size_t at = 0; at < warnings->length; at += strlen(warnings->data + at) + 1, n++)
+        longest = (int)fmax(longest, (double)strlen(warnings->data + at) + 1);
+    if (warnings->failed)
+        return rx_error_memory(err, 0);
+    RX_TRY(new_table("Warnings", 1, WARNINGS, n, longest, dst, err));
+    n = 0;
+    for (size_t at = 0; at < warnings->length; at += strlen(warnings->data + at) + 1, n++)
+        put(*dst, 0, n, 0, warnings->data + at);
+    return RX_OK;
+}
+
+rx_status rx_run_xml(const rx_run_xml_input *in, const char *temporary, const char *shown, rx_error *err)
+{
+    char images[16], thresh[32] = "";
+    const rx_votable_param params[] = {
+        {"Software", "char", NULL, "meta.title;meta.software", "Rextract", "that made the catalogue"},
+        {"Version", "char", NULL, "meta.version;meta.software", RX_VERSION, "its version"},
+        {"Image_Name", "char", NULL, "meta.id;obs.image;meta.fits", in->image, "detection image"},
+        {"NImages", "int", NULL, "meta.number;obs.image", images, "images of it"},
+        {"Catalog_Name", "char", NULL, "meta.dataset;meta.file", in->options->catalog_name,
+         "catalogue, of each restorer with its name"},
+        {"Detect_Thresh", "double", NULL, "stat.snr;obs.image", thresh,
+         "DETECT_THRESH in sigmas, or ADU where THRESH_TYPE says so"},
+    };
+    const int n = sizeof params / sizeof *params;
+    rx_table *tables[2] = {NULL, NULL};
+    rx_text text = {0};
+    snprintf(images, sizeof images, "%d", in->facts->n);
+    snprintf(thresh, sizeof thresh, "%.9g", in->options->pipeline.detect.threshold);
+    rx_record_pair *pairs = RX_NEW(rx_record_pair, (size_t)in->record->n + 1);
+    rx_status status = pairs == NULL ? rx_error_memory(err, 0) : images_table(in->facts, &tables[0], err);
+    if (status == RX_OK)
+        status = warnings_table(in->warnings, &tables[1], err);
+    for (int i = 0; i < in->record->n && status == RX_OK; i++)
+        pairs[i] =
+            (rx_record_pair){in->record->pairs[i][0], in->record->pairs[i][1], in->record->pairs[i][2]};
+    if (status == RX_OK)
+        status = rx_votable_run_text(&(rx_votable_run){.nparams = n,
+                                                       .ntables = 2,
+                                                       .nkeywords = in->record->n,
+                                                       .params = params,
+                                                       .tables = tables,
+                                                       .keywords = pairs},
+                                     &text, err);
+    if (status == RX_OK)
+        status = rx_text_write_file(&text, temporary, shown, err);
+    rx_text_free(&text);
+    free(pairs);
+    for (int i = 0; i < 2; i++)
+        rx_table_free(tables[i]);
+    return status;
+}

@@ -1,0 +1,110 @@
+#!/bin/sh
+# The page of a tile and the VOTable of a run, which need no reference, and the page of a survey that links to it.
+set -u
+top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
+# shellcheck source=tests/lib.sh
+. "$top/tests/lib.sh"
+need rextract rextract-simulate rextract-survey
+enter
+run() { OMP_NUM_THREADS=1 "$programs/$@" -VERBOSE_TYPE QUIET >>log 2>&1; }
+
+# Stars and galaxies, one elongated PSF, a block of dead pixels.
+run rextract-simulate -IMAGE_NAME tile.fits -TRUTH_NAME truth.cat -IMAGE_SIZE 400,360 -SEED 3 -PSF_FWHM 3.5 -MAG_ZEROPOINT 25 -STAR_COUNT 3000 -STAR_MAG 14,20 -GALAXY_COUNT 500 -NOISE_SIGMA 5
+result 'a tile is simulated' $? log
+tile="tile.fits -MAG_ZEROPOINT 25 -RESTORE_TYPE NONE,RL -RL_NITER 5 -QA_TYPE TILE -WRITE_XML Y"
+# shellcheck disable=SC2086 # a list of arguments is meant
+run rextract $tile -QA_NAME qa -XML_NAME run.xml -CATALOG_NAME a.cat -RECORD_NAME tile.record
+result 'its page is written without a reference' $? log
+mkdir three && ln -s ../tile.fits three
+# shellcheck disable=SC2086
+(cd three && OMP_NUM_THREADS=3 "$programs/rextract" $tile -NTHREADS 3 -QA_NAME qa -XML_NAME run.xml -CATALOG_NAME a.cat \
+    -RECORD_NAME tile.record -VERBOSE_TYPE QUIET) >>log 2>&1
+cmp three/qa/tile.html qa/tile.html >>log && cmp three/qa/tile.json qa/tile.json >>log && cmp three/tile.record tile.record >>log
+result 'it is the same for any number of threads' $? log
+cmp three/run.xml run.xml >>log
+result 'so is the VOTable' $? log
+
+[ ! -e qa/report.html ] && [ -s qa/tile.json ] && [ -s qa/tile_stars.ecsv ]
+result 'no report against a reference stands beside it' $?
+[ "$(wc -c <qa/tile.html)" -lt 1000000 ]
+result 'the page is below 1 MB' $?
+if command -v gnuplot >/dev/null; then
+    for title in 'Seeing and ellipticity of the PSF' 'Seeing and ellipticity of stars' Sky Noise 'RL: residual chi2' 'NONE: star locus' \
+        'RL: star locus' Counts 'Noise of pixels without sources'; do
+        grep -q "<title>$title</title>" qa/tile.html || echo "no figure $title" >>missing
+    done
+    [ "$(grep -c 'NUMBER [0-9]* at .* original | RL' qa/tile.html)" -eq 15 ] || echo 'not 15 cut-outs' >>missing
+    [ "$(grep -c '<figure' qa/tile.html)" -eq "$(grep '^<title>' qa/tile.html | grep -vc '^<title>Tile: ')" ] || echo 'a figure without a title' >>missing
+    [ ! -e missing ]
+    result 'every figure is there and has its text' $? missing
+else
+    skip 'figures' 'gnuplot is not installed'
+fi
+# the verdict comes before all sections
+[ "$(grep -n 'class="v ' qa/tile.html | head -n 1 | cut -d: -f1)" -lt "$(grep -n '<h2' qa/tile.html | head -n 1 | cut -d: -f1)" ]
+result 'the verdict stands first' $?
+
+# What is wrong with a tile is said: pixels far below the sky, and a noise map that is half of what it should be.
+if /usr/bin/python3 -c 'import astropy, numpy' 2>/dev/null; then
+    cat >check.py <<'PY'
+import json
+import sys
+import warnings
+
+import numpy as np
+from astropy.io import fits, votable
+
+what = sys.argv[1]
+if what == "break":
+    with fits.open("tile.fits") as hdus:
+        pixels = hdus[0].data
+        rms = 1.4826 * np.median(np.abs(pixels - np.median(pixels)))
+        hdus[0].data[::40, ::40] -= 20 * rms
+        hdus.writeto("broken.fits")
+        fits.writeto("rms.fits", np.full(pixels.shape, 0.5 * rms, "f4"))
+elif what == "keys":
+    keys = {r["key"] for r in json.load(open(sys.argv[2]))["remarks"]}
+    sys.exit(0 if set(sys.argv[3:]) <= keys else f"remarks are {keys}")
+elif what == "numbers":
+    numbers = {r["quantity"]: r for r in json.load(open("qa/tile.json"))["numbers"]}
+    assert all(r["unit"] or r["quantity"] in ("noise_width", "noise_neighbours", "noise_neighbours_y", "noise_factor") for r in numbers.values())
+    assert abs(numbers["psf_fwhm"]["value"] - 3.75) < 0.15, numbers["psf_fwhm"]  # of moments, of the PSF as pixels see it
+    assert numbers["psf_ellipticity"]["value"] < 0.06, numbers["psf_ellipticity"]
+    assert abs(numbers["noise_width"]["value"] - 1) < 0.05, numbers["noise_width"]
+else:
+    warnings.simplefilter("error")
+    file = votable.parse("run.xml", verify="exception")
+    meta, config = file.resources[0].resources
+    params = {p.name: p for p in meta.params}
+    assert params["Software"].value == "Rextract" and params["NImages"].value == 1
+    images, said = (t.to_table() for t in meta.tables)
+    assert list(images["Restorer"]) == ["NONE", "RL"]
+    assert str(images["Depth"].unit) == "mag" and meta.tables[0].get_field_by_id_or_name("FWHM").ucd == "instr.obsty.seeing"
+    for run in images:
+        rows = [l for l in open(f"a_{run['Restorer']}.cat") if not l.startswith("#")]
+        assert len(rows) == run["NSextracted"] > 0
+    assert {"WRITE_XML", "RESTORE_TYPE", "READ"} <= {p.name for p in config.params}
+    assert len(said) > 0 and all(len(text) > 0 for text in said["Text"]) if "some" in sys.argv else True
+PY
+    /usr/bin/python3 check.py numbers >out 2>&1
+    result 'numbers have units, and are those of the simulation' $? out
+    /usr/bin/python3 check.py xml >out 2>&1
+    result 'the VOTable is valid, with counts, units, UCDs and keywords' $? out
+    /usr/bin/python3 check.py break && run rextract broken.fits -MAG_ZEROPOINT 25 -RESTORE_TYPE NONE -QA_TYPE TILE -QA_NAME broken -CATALOG_NAME b.cat \
+        -WEIGHT_TYPE MAP_RMS -WEIGHT_IMAGE rms.fits -WRITE_XML Y -XML_NAME broken.xml -QA_FIGURES N
+    /usr/bin/python3 check.py keys broken/tile.json noise holes >out 2>&1
+    result 'dead pixels and a wrong noise map are named' $? out
+else
+    skip 'numbers and VOTable' 'python3 with astropy is not installed'
+fi
+
+grep -q '^STATE .* [0-9]* [0-9]*$' tile.record && grep -q '^PAGE "qa/tile.html"$' tile.record
+result 'the record holds the state and the page' $? tile.record
+mkdir nights
+run rextract-survey tile.record -OUTPUT_NAME nights/all && grep -q '<a href="../../qa/tile.html">' nights/all/report.html &&
+    [ -e nights/all/../../qa/tile.html ]
+result 'the survey links to it' $? log
+rm -r qa
+run rextract-survey tile.record -OUTPUT_NAME nights/all && ! grep -q tile.html nights/all/report.html
+result 'where the page is gone there is no link' $? log
+finish
