@@ -14,7 +14,7 @@
 /* What makes a remark; docs/qa.md has them in words. */
 static const double ELONGATED = 0.15, SPREAD = 0.2, WIDER = 0.03, WIDTH_LOW = 0.9, WIDTH_HIGH = 1.15,
                     MASKED = 0.1, SATURATED = 0.01, SLOPE = 3.0, TAIL = 20, CHI2_LOW = 0.8, CHI2_HIGH = 1.3,
-                    CHI2_SHARE = 0.1, GROWTH = 0.01;
+                    CHI2_SHARE = 0.1, GROWTH = 0.01, SCATTER = 0.06;
 
 void rx_tile_cells_free(rx_tile_cells *cells)
 {
@@ -225,15 +225,22 @@ static void add_star(rx_tile_quality *q, float *stamp, float *room, double x, do
     if (q->nstars == RX_TILE_STARS || x0 < 0 || y0 < 0 || x0 + side > image->width ||
         y0 + side > image->height)
         return;
+    const int32_t *segments = q->about->runs[0].sources->segments;
+    const int32_t own = segments[(size_t)(y0 + reach) * (size_t)image->width + (size_t)(x0 + reach)];
     for (int j = 0; j < side; j++)
         for (int i = 0; i < side; i++) {
             const size_t k = (size_t)(y0 + j) * (size_t)image->width + (size_t)(x0 + i);
             const int near = hypot(i - reach, j - reach) < psf->fwhm;
             if (near && image->mask != NULL && (image->mask[k] & (image->hide | RX_MASK_SATURATED)) != 0)
                 return;
-            room[j * side + i] =
-                rx_image_hides(image, k) ? 0 : image->pixels[k] - rx_map_at(&sky, x0 + i, y0 + j);
+            const int32_t segment = segments[k];
+            room[j * side + i] = rx_image_hides(image, k) || (segment != 0 && segment != own)
+                                     ? NAN
+                                     : image->pixels[k] - rx_map_at(&sky, x0 + i, y0 + j);
         }
+    for (int k = 0; k < side * side; k++) /* what is a neighbour's, or hidden: as on the other side */
+        if (isnan(room[k]))
+            room[k] = isnan(room[side * side - 1 - k]) ? 0 : room[side * side - 1 - k];
     rx_tile_point *p = &q->star[q->nstars];
     *p = (rx_tile_point){.x = x,
                          .y = y,
@@ -263,7 +270,8 @@ static void measure_stars(rx_tile_quality *q, float *stamp, float *room)
     wider = RX_NEW(double, (size_t)q->nstars + 1);
     for (int i = 0; i < q->nstars && wider != NULL; i++)
         wider[n++] = q->star[i].shape.fwhm / q->star[i].psf.fwhm - 1;
-    q->wider_error = n > 1 ? 1.2533 * rx_sigma_mad(wider, n, &median) / sqrt((double)n) : NAN;
+    q->wider_scatter = n > 1 ? rx_sigma_mad(wider, n, &median) : NAN;
+    q->wider_error = 1.2533 * q->wider_scatter / sqrt((double)n);
     q->wider = median;
     q->wider_n = (double)n;
     free(wider);
@@ -372,6 +380,37 @@ static void remark(rx_tile_quality *q, const char *key, int bad, const char *for
     va_end(list);
 }
 
+/* Are bright sources smaller than all the stars that made the PSF? Then those are no stars. */
+static void judge_locus(rx_tile_quality *q)
+{
+    static const double BRIGHT = 50, SMALLER = 0.85;
+    const rx_psf *psf = q->about->image.psf;
+    const rx_tile_restored *run = &q->about->runs[0];
+    const double seen = run->plain ? 1 : NAN; /* sizes on a restored image are others */
+    double smallest = INFINITY;
+    int bright = 0, smaller = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < run->sources->n; i++) {
+            const rx_source *s = &run->sources->list[i];
+            const double radius = seen * s->flux_radius[0];
+            if (s->flags != 0 || !(radius > 0) || !(s->flux_auto > BRIGHT * s->fluxerr_auto))
+                continue;
+            if (pass == 0)
+                for (int k = 0; k < psf->nstars && psf->stars != NULL; k++)
+                    smallest = hypot(psf->stars[k][0] - s->x, psf->stars[k][1] - s->y) < 2
+                                   ? fmin(smallest, radius)
+                                   : smallest;
+            bright += pass;
+            smaller += pass && radius < SMALLER * smallest;
+        }
+    if (isfinite(smallest) && smaller > 5 && smaller > psf->nstars)
+        remark(q, "locus", 1,
+               "%d of %d clean sources above S/N 50 are smaller than all of the %d that made the PSF: these "
+               "are no stars, or those "
+               "no sources; give PSF_STARS_NAME.",
+               smaller, bright, psf->nstars);
+}
+
 static void judge_psf(rx_tile_quality *q)
 {
     const rx_psf *psf = q->about->image.psf;
@@ -385,6 +424,7 @@ static void judge_psf(rx_tile_quality *q)
                "The PSF is not from several stars of the tile itself, but %s (RXPSFHOW): give PSF_TYPE PSFEX "
                "or FILE.",
                how);
+    judge_locus(q);
     if (fabs(psf->quality.growth) > GROWTH)
         remark(q, "growth", 1,
                "The curve of growth of stars differs from that of the PSF by %.1f %%: template fluxes may be "
@@ -401,6 +441,11 @@ static void judge_psf(rx_tile_quality *q)
         remark(q, "width", 0,
                "Stars are %.1f +- %.1f %% %s than the PSF (%.0f stars): is it that of another exposure?",
                100 * fabs(q->wider), 100 * q->wider_error, q->wider > 0 ? "wider" : "narrower", q->wider_n);
+    if (q->wider_n >= 10 && q->wider_scatter > SCATTER)
+        remark(q, "scatter", 0,
+               "FWHM of stars scatters by %.0f %% about that of the PSF (%.0f stars): does it vary over the "
+               "tile, are they stars?",
+               100 * q->wider_scatter, q->wider_n);
 }
 
 static void judge_noise(rx_tile_quality *q)
@@ -456,9 +501,9 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
         remark(q, "unexplained", 1,
                "%s: the restored image does not explain the pixels of much of the tile (RXUNEX).",
                about->name);
-    if (run->outside[0] != '\0')
+    if (run->outside[0] != '\0' && (run == q->about->runs || strcmp(run->outside, run[-1].outside) != 0))
         remark(q, "outside", 0, "%s was not made for this tile: %s.", about->name, run->outside);
-    if (run->chi2.cells.nx == 0)
+    if (run->chi2.cells.nx == 0 || (about->by != NULL && run->plain && run > q->about->runs))
         return;
     const rx_tile_cells *cells = &run->chi2.cells;
     double median, known = 0, high = 0;
@@ -470,7 +515,7 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
     q->chi2 = median;
     q->chi2_high = known > 0 ? high / known : NAN;
     if ((median < CHI2_LOW && !run->chi2.fits_noise) || median > CHI2_HIGH || q->chi2_high > CHI2_SHARE)
-        remark(q, "chi2", 0, "%s: residual chi2 (%s) is %.2f in the middle, above 2 in %.0f %% of the cells.",
+        remark(q, "chi2", 0, "%s: residual chi2 (%s) is %.3g in the middle, above 2 in %.0f %% of the cells.",
                about->name, run->chi2.of, median, 100 * q->chi2_high);
 }
 

@@ -82,12 +82,12 @@ typedef struct rx_tile_quality {
     rx_tile_cells sky, noise;  /* ADU */
     int ngrid, nstars, chosen; /* chosen: stars by the locus, as no list made the PSF */
     rx_tile_point grid[RX_TILE_GRID * RX_TILE_GRID], star[RX_TILE_STARS];
-    double fwhm, fwhm_low, fwhm_high;   /* of the PSF over the grid, pixels; NAN without one */
-    double ellipticity;                 /* mean over the grid, of the vector */
-    double wider, wider_error, wider_n; /* median of star / PSF - 1 */
-    double half_light;                  /* of the PSF, pixels */
-    double sky_median, sky_range;       /* ADU; range: 5 to 95 % of the cells */
-    double noise_median, noise_factor;  /* factor: of sums, wide */
+    double fwhm, fwhm_low, fwhm_high;                  /* of the PSF over the grid, pixels; NAN without one */
+    double ellipticity;                                /* mean over the grid, of the vector */
+    double wider, wider_error, wider_scatter, wider_n; /* median of star / PSF - 1 */
+    double half_light;                                 /* of the PSF, pixels */
+    double sky_median, sky_range;                      /* ADU; range: 5 to 95 % of the cells */
+    double noise_median, noise_factor;                 /* factor: of sums, wide */
     double depth;               /* mag of a point source at S/N 5 in the sky's noise; NAN without PSF */
     double masked, saturated;   /* shares of the pixels */
     double pull[RX_TILE_PULLS]; /* pixels without sources, of (pixel - sky) / noise from -6.1 by 0.2 */

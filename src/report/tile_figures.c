@@ -9,7 +9,8 @@
 #include "report/curves.h"
 #include "report/tile_page.h"
 
-enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128 };
+enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 1000 };
+static const double CHI2_MOST = 5;
 
 static const char VIRIDIS[] = "set palette defined (0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725')\n";
 
@@ -32,6 +33,7 @@ static void reach(const double *values, size_t n, double *low, double *high)
 
 typedef struct map {
     const char *id, *title, *reading, *label;
+    double most; /* what is above is shown as this */
 } map;
 
 /* Means of cells in colour. */
@@ -41,6 +43,10 @@ static void draw_map(rx_figures *dst, const rx_tile_quality *q, const rx_tile_ce
     rx_text *script = &dst->script;
     double low, high;
     reach(cells->value, (size_t)cells->nx * (size_t)cells->ny, &low, &high);
+    if (high > of->most) {
+        high = of->most;
+        low = fmin(low, 0.5 * high);
+    }
     rx_figure_add(dst, of->id, of->title, of->reading, RX_FIGURE_CHART);
     rx_plot_begin(dst, &(rx_axes){.xlabel = "X_IMAGE [pixels]",
                                   .ylabel = "Y_IMAGE [pixels]",
@@ -50,8 +56,10 @@ static void draw_map(rx_figures *dst, const rx_tile_quality *q, const rx_tile_ce
                                   .y1 = image->height + 0.5});
     rx_text_add(script, "$map << EOD\n");
     for (int y = 0; y < cells->ny; y++) {
-        for (int x = 0; x < cells->nx; x++)
-            rx_plot_value(script, cells->value[y * cells->nx + x]);
+        for (int x = 0; x < cells->nx; x++) {
+            const double value = cells->value[y * cells->nx + x];
+            rx_plot_value(script, value > of->most ? of->most : value);
+        }
         rx_text_add(script, "\n");
     }
     rx_text_printf(
@@ -215,8 +223,9 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
         free(mags);
         return;
     }
-    rx_curves_add(&c, RX_CURVE_DOTS, rx_method_color(of->about->name), "all");
-    for (int i = 0; i < sources->n; i++)
+    const int step = 1 + sources->n / LOCUS_DOTS;
+    rx_curves_add(&c, RX_CURVE_DOTS, rx_method_color(of->about->name), step > 1 ? "some of all" : "all");
+    for (int i = 0; i < sources->n; i += step)
         rx_curves_put(&c, radii[i], mags[i], NAN, NAN);
     for (int kind = 0; kind < 2; kind++) {
         rx_curves_add(&c, RX_CURVE_POINTS, kind == 0 ? 1 : 6, kind == 0 ? "made the PSF" : "saturated");
@@ -384,11 +393,12 @@ void rx_tile_figures(rx_figures *dst, const rx_tile_quality *q)
     rx_tile_cut cuts[RX_TILE_CUTS];
     const rx_tile_about *about = q->about;
     whiskers(dst, q);
-    draw_map(dst, q, &q->sky, &(map){"tile-sky", "Sky", "What is taken off the pixels.", "sky [ADU]"});
+    draw_map(dst, q, &q->sky,
+             &(map){"tile-sky", "Sky", "What is taken off the pixels.", "sky [ADU]", INFINITY});
     draw_map(dst, q, &q->noise,
              &(map){"tile-noise", "Noise",
                     "Of a pixel; how deep the tile is goes with it: twice the noise, 0.75 mag less.",
-                    "noise [ADU]"});
+                    "noise [ADU]", INFINITY});
     for (int i = 0; i < about->nruns; i++) {
         char id[RX_FIGURE_ID], title[80], reading[240];
         if (about->runs[i].chi2.cells.nx == 0)
@@ -397,10 +407,10 @@ void rx_tile_figures(rx_figures *dst, const rx_tile_quality *q)
         snprintf(title, sizeof title, "%s: residual chi2", about->runs[i].about->name);
         snprintf(reading, sizeof reading,
                  "Mean square of (pixels - %s) / noise, 1 where all is explained. Bright where a PSF, a sky "
-                 "or a noise map is wrong, and "
-                 "at bright stars.",
+                 "or a noise map is wrong, and at bright stars; 5 and above is one colour.",
                  about->runs[i].chi2.of);
-        draw_map(dst, q, &about->runs[i].chi2.cells, &(map){id, title, reading, "chi2 of a pixel"});
+        draw_map(dst, q, &about->runs[i].chi2.cells,
+                 &(map){id, title, reading, "chi2 of a pixel", CHI2_MOST});
     }
     pulls(dst, q);
     correlation(dst, q);
