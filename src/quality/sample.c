@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "base/memory.h"
+#include "num/stats.h"
 
 rx_status rx_sample_check(long n, const double *values, long fewest, const char *which, rx_error *err)
 {
@@ -31,4 +32,14 @@ rx_status rx_sample_difference(long n, const double *a, const double *b, long fe
         difference[i] = a[i] - b[i];
     *dst = difference;
     return RX_OK;
+}
+
+double rx_sample_sigma(double *values, long n, double *median)
+{
+    return rx_sigma_mad(values, (size_t)n, median);
+}
+
+double rx_sample_quantile(double *values, long n, double q)
+{
+    return rx_quantile(values, (size_t)n, q);
 }

@@ -11,4 +11,8 @@ rx_status rx_sample_check(long n, const double *values, long fewest, const char 
 rx_status rx_sample_difference(long n, const double *a, const double *b, long fewest, double **dst,
                                rx_error *err);
 
+/* For folders that see no num/: rx_sigma_mad() and rx_quantile() of num/stats.h. */
+double rx_sample_sigma(double *values, long n, double *median);
+double rx_sample_quantile(double *values, long n, double q);
+
 #endif
