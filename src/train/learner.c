@@ -121,8 +121,10 @@ static rx_status learn(rx_learner *l, int thread, const rx_sample *sample, int i
     rx_step_values *values = dst;
     for (int k = 0; k < l->nnets; k++)
         memset(l->each[k][i], 0, (size_t)l->n[k] * sizeof(float));
-    return rx_step_run(l->step[thread], sample, l->each[0][i], l->nnets > 1 ? l->each[1][i] : NULL,
-                       &values[i], err);
+    float *const mine[RX_TRAIN_NETS] = {l->each[0][i], l->nnets > 1 ? l->each[1][i] : NULL};
+    RX_TRY(rx_step_run(l->step[thread], sample, mine[0], mine[1], &values[i], err));
+    rx_gradient_clip(mine, l->n, l->nnets, l->par.clip);
+    return RX_OK;
 }
 
 static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i, void *dst, rx_error *err)

@@ -137,6 +137,7 @@ rx_step_params rx_setup_step(const rx_train_config *config)
         .ffl = config->loss_ffl,
         .floor = config->loss_floor,
         .margin = config->patch_margin,
+        .clip = config->clip_image,
     };
     if (is(config->loss_type, "PLAIN"))
         par.kind = RX_LOSS_PLAIN;
@@ -191,7 +192,7 @@ static int decides(const char *name, rx_setup_lines which)
     static const char *const never[] = {"MODEL_NAME",   "OUTPUT_NAME",  "CHECKPOINT_NAME", "GENERATORS",
                                         "IMAGES_AHEAD", "QA_FIGURES",   "PLOT_EPOCHS",     "NTHREADS",
                                         "VERBOSE_TYPE", "SIM.NTHREADS", "SIM.VERBOSE_TYPE"};
-    static const char *const may_change[] = {"EPOCHS", "PATIENCE", "TRAIN_RANKS"};
+    static const char *const may_change[] = {"EPOCHS", "PATIENCE", "TRAIN_RANKS", "CLIP_IMAGE"};
     for (size_t i = 0; i < sizeof never / sizeof *never; i++)
         if (is(name, never[i]))
             return 0;

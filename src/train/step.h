@@ -20,6 +20,7 @@ typedef struct rx_step_params {
     double idt_restore, idt_psf, rec_restore, rec_psf, ffl; /* weights of the terms, >= 0 */
     double floor;                                           /* of rx_loss_weights() */
     int margin;                                             /* pixels */
+    double clip; /* largest norm of a sample's gradient; 0: any (train/learner.h) */
 } rx_step_params;
 
 typedef struct rx_step_values {

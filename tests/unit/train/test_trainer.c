@@ -14,6 +14,7 @@
 
 #include <cmocka.h>
 
+#include "../near.h"
 #include "../scratch.h"
 #include "base/interrupt.h"
 #include "base/random.h"
@@ -107,14 +108,14 @@ static rx_sample *make_sample(uint32_t i)
 }
 
 /* Sums of gradients and terms over the samples, with that many threads. */
-static void gradients_of(const rx_model *model, rx_sample *const *samples, int nthreads,
+static void gradients_of(const rx_model *model, rx_sample *const *samples, int n, int nthreads, double clip,
                          float *const gradient[2], rx_step_values *values)
 {
     const rx_step_params par = {
-        .kind = RX_LOSS_LINEAR, .idt_restore = 1, .idt_psf = 0.1, .floor = 10, .margin = 4};
+        .kind = RX_LOSS_LINEAR, .idt_restore = 1, .idt_psf = 0.1, .floor = 10, .margin = 4, .clip = clip};
     rx_learner *learner = NULL;
     assert_int_equal(rx_learner_new(model, &par, SIDE, SAMPLES, nthreads, &learner, NULL), RX_OK);
-    assert_int_equal(rx_learner_gradients(learner, samples, SAMPLES, gradient, values, NULL), RX_OK);
+    assert_int_equal(rx_learner_gradients(learner, samples, n, gradient, values, NULL), RX_OK);
     rx_learner_free(learner);
 }
 
@@ -135,7 +136,7 @@ static void threads_change_no_bit(void **state)
     for (int t = 0; t < 2; t++) {
         for (int k = 0; k < 2; k++)
             assert_non_null(gradient[t][k] = malloc(n[k] * sizeof(float)));
-        gradients_of(model, samples, 1 + 2 * t, gradient[t], values[t]);
+        gradients_of(model, samples, SAMPLES, 1 + 2 * t, 0, gradient[t], values[t]);
     }
     for (int k = 0; k < 2; k++) {
         assert_memory_equal(gradient[0][k], gradient[1][k], n[k] * sizeof(float));
@@ -148,6 +149,50 @@ static void threads_change_no_bit(void **state)
     assert_memory_equal(values[0], values[1], sizeof values[0]);
     for (int i = 0; i < SAMPLES; i++)
         rx_sample_free(samples[i]);
+    rx_model_free(model);
+    rx_train_config_free(config);
+}
+
+/* Each sample's gradient, over all networks, before the sum; their terms stay. */
+static void samples_are_clipped(void **state)
+{
+    static const char *const pairs[][2] = {{"WIDTH", "4"}, {"BLOCKS", "1"}, {NULL, NULL}};
+    rx_train_config *config = make_config(pairs);
+    rx_sample *samples[2] = {make_sample(0), make_sample(1)};
+    rx_step_values values[2][2];
+    rx_model *model = NULL;
+    float *whole[2][2], *clipped[2];
+    double norm[2] = {0};
+    (void)state;
+    assert_int_equal(rx_setup_model(config, &model, NULL), RX_OK);
+    const size_t n[2] = {(size_t)model->restore->nparams, (size_t)model->psf->nparams};
+    for (int k = 0; k < 2; k++) {
+        assert_non_null(clipped[k] = malloc(n[k] * sizeof(float)));
+        for (int i = 0; i < 2; i++)
+            assert_non_null(whole[i][k] = malloc(n[k] * sizeof(float)));
+    }
+    for (int i = 0; i < 2; i++) {
+        gradients_of(model, samples + i, 1, 1, 0, whole[i], &values[0][i]);
+        for (int k = 0; k < 2; k++)
+            for (size_t p = 0; p < n[k]; p++)
+                norm[i] += pow(whole[i][k][p], 2);
+        norm[i] = sqrt(norm[i]);
+    }
+    /* the first is too long, the second is not */
+    const int longer = norm[1] > norm[0];
+    const double clip = sqrt(norm[0] * norm[1]), share = clip / norm[longer];
+    assert_true(share < 0.99);
+    gradients_of(model, samples, 2, 2, clip, clipped, values[1]);
+    assert_memory_equal(values[0], values[1], sizeof values[0]);
+    for (int k = 0; k < 2; k++) {
+        for (size_t p = 0; p < n[k]; p++)
+            assert_near(clipped[k][p], share * whole[longer][k][p] + whole[1 - longer][k][p], 1e-6 * clip);
+        free(clipped[k]);
+        free(whole[0][k]);
+        free(whole[1][k]);
+    }
+    rx_sample_free(samples[0]);
+    rx_sample_free(samples[1]);
     rx_model_free(model);
     rx_train_config_free(config);
 }
@@ -291,8 +336,11 @@ static void piece_by_piece(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(settings_as_text),      cmocka_unit_test(networks_follow_the_keywords),
-        cmocka_unit_test(threads_change_no_bit), cmocka_unit_test(bins_are_judged_by_their_images),
+        cmocka_unit_test(settings_as_text),
+        cmocka_unit_test(networks_follow_the_keywords),
+        cmocka_unit_test(threads_change_no_bit),
+        cmocka_unit_test(samples_are_clipped),
+        cmocka_unit_test(bins_are_judged_by_their_images),
         cmocka_unit_test(piece_by_piece),
     };
     rx_interrupt_block(); /* before there are other threads, as programs do */
