@@ -4,7 +4,7 @@
 #   validation/run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]
 #
 # restoration, photometry, sdss, detection, detection-errors, fluxes, fluxes-errors, fluxes-template,
-# fluxes-template-errors, invented, fluxes-sdss. NET takes part with the model of RX_MODEL, else with
+# fluxes-template-errors, invented, fluxes-sdss; robustness [FOLDER [SEED]] is robustness.py. NET takes part with the model of RX_MODEL, else with
 # config/psfnet.fits; where there is neither, the other restorers compete without it.
 #
 # Journal and report go into FOLDER (default: <campaign>-out), the report as FOLDER/<campaign>/report.html. Started
@@ -17,9 +17,14 @@ program=${RX_VALIDATE:-$top/build/rextract-validate}
 usage() {
     echo "run.sh: $1; usage: run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]" >&2
     echo "campaigns: restoration photometry sdss detection detection-errors fluxes fluxes-errors" >&2
-    echo "    fluxes-template fluxes-template-errors invented fluxes-sdss" >&2
+    echo "    fluxes-template fluxes-template-errors invented fluxes-sdss; robustness [FOLDER [SEED]]" >&2
     exit 2
 }
+if [[ ${1:-} == robustness ]]; then
+    python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy, scipy' 2>/dev/null && echo "$p" && break; done) ||
+        { echo "run.sh: no python3 with astropy and scipy; install python3-astropy and python3-scipy" >&2; exit 2; }
+    exec "$python" "$here/robustness.py" "${2:-robustness-out}" "${@:3}"
+fi
 case ${1:-} in
 restoration | photometry | detection | detection-errors | fluxes | fluxes-errors) name=$1 ;;
 fluxes-template | fluxes-template-errors | invented | fluxes-sdss) name=$1 ;;

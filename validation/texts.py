@@ -24,7 +24,7 @@ import textwrap
 
 TOP = os.environ.get("RX_TEXTS_TOP") or os.path.join(os.path.dirname(os.path.abspath(__file__)), "..")
 TEXTS = ("README.md", "docs/validation.md", "docs/templates.md", "docs/network.md", "docs/noise.md", "docs/psf.md", "docs/crowded.md",
-         "docs/bench.md", "validation/selfcheck/README.md", "validation/sextractor/README.md")
+         "docs/robustness.md", "docs/bench.md", "validation/selfcheck/README.md", "validation/sextractor/README.md")
 MARK = re.compile(r"(^ *<!-- numbers: ([a-z-]+) -->\n)(.*?)(^ *<!-- end -->$)", re.M | re.S)
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|\bnull\b|\bnan\b")
 
@@ -628,6 +628,26 @@ def preal():
             table(["", "", "RXPREAL", "0.6 to 0.8", "0.8 to 0.9", "0.9 to 1"], body))
 
 
+def robustness():
+    found = summary("robustness/summary")
+    cells, limits = found["cells"], found["limits"]
+    silent = [c for c in cells if c["silent"]]
+
+    def value(c):
+        words = [f"{c['recall']:.2f}" if c["recall"] is not None else "-", f"{c['false']:.0f}",
+                 f"{100 * c['bias']:+.1f}" if c["bias"] is not None else "-", f"{c['pull']:.1f}" if c["pull"] is not None else "-"]
+        verdict = "" if not c["off"] else f"; **silent: {', '.join(c['off'])}**" if c["silent"] else f"; off: {', '.join(c['off'])}"
+        return " / ".join(words) + verdict + (f"; says {', '.join(c['said'])}" if c["said"] else "")
+
+    rows = [[f"{a['kind']}: {a['departure']}", a["what"], *(value(one(cells, departure=a["departure"], restorer=r)) for r in
+             ("NONE", "RL", "NET"))] for a in cells[::3]]
+    return (paragraph(f"""**{len(silent)} silent failures** among {len(cells)} cells (goal 0); {found["off"]} cells are off a limit, the
+        others of these say so themselves. Seed {found["seed"]}.""") + "\n" +
+            "".join(item(f"{name}: {limit[0]:g}, {limit[1]}.") for name, limit in limits.items()) + "\n" +
+            "Each cell: recall / false per Mpixel / bias of templates in % / width of their pulls.\n\n" +
+            table(["departure", "what", "NONE", "RL", "NET"], rows))
+
+
 def limits():
     right, *wrong = (biases(f"FWHM 4{error}", "NET") for error in ("", ", PSF -5 %", ", PSF +5 %"))
     changes = [abs(b - a) for row in wrong for a, b in zip(right, row)]
@@ -689,7 +709,7 @@ def speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, models, limits, resampled, psf, crowded, close_pairs, put_in, sdss_coadd, preal, speed)}
+    templates_found, models, limits, robustness, resampled, psf, crowded, close_pairs, put_in, sdss_coadd, preal, speed)}
 
 
 # --- check and write

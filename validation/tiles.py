@@ -1,5 +1,5 @@
 """The tiles that the scripts on noise and sky look at, and a run of the program on them (resampled.py,
-low_frequencies.py, unhandled.py).
+low_frequencies.py, robustness.py).
 
 RX_PROGRAM is the program (default: build/rextract, else rextract in the root), RX_MODEL the network's model (default:
 config/psfnet.fits); rextract-simulate is the one beside the program. Keywords are those of validation/real/run.sh: gain,
@@ -27,7 +27,8 @@ TOP = Path(__file__).resolve().parent.parent
 RESTORERS = ("NONE", "RL", "NET")
 MARKS = 1 | 2  # FLAGS_RESTORE of src/data/sources.h: invented, shred
 FLAGS = {1: "invented", 2: "shred", 4: "untested", 8: "added", 16: "other", 32: "unexplained", 64: "outside", 128: "structure"}
-COLUMNS = "NUMBER X_IMAGE Y_IMAGE FLUX_AUTO FLUXERR_AUTO FWHM_IMAGE FLAGS FLAGS_RESTORE SNR_TEMPLATE CHI2_TEMPLATE"
+COLUMNS = ("NUMBER X_IMAGE Y_IMAGE FLUX_AUTO FLUXERR_AUTO FWHM_IMAGE FLAGS FLAGS_RESTORE SNR_TEMPLATE CHI2_TEMPLATE "
+           "FLUX_TEMPLATE FLUXERR_TEMPLATE")
 
 
 @dataclass
