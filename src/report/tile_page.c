@@ -221,10 +221,8 @@ static void add_stars(rx_report *report, const rx_tile_quality *q)
     rx_report_table *t = rx_report_table_add(report, "tile_stars", COUNT(STARS), STARS, RX_REPORT_IN_FILE);
     for (int i = 0; i < q->nstars; i++) {
         const rx_tile_point *p = &q->star[i];
-        rx_report_numbers(t, NULL,
-                          (double[]){p->x + 1, p->y + 1, p->shape.fwhm, p->shape.ellipticity,
-                                     p->shape.theta * 180 / M_PI, p->psf.fwhm, p->psf.ellipticity,
-                                     p->psf.theta * 180 / M_PI});
+        rx_report_put(t, p->x + 1, p->y + 1, p->shape.fwhm, p->shape.ellipticity, p->shape.theta * 180 / M_PI,
+                      p->psf.fwhm, p->psf.ellipticity, p->psf.theta * 180 / M_PI);
     }
 }
 
