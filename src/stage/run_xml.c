@@ -45,6 +45,8 @@ static rx_status new_table(const char *name, int n, const field *fields, long ro
                            rx_error *err)
 {
     rx_table *table = *dst = rx_table_new(n);
+    if (table != NULL)
+        free(table->name);
     int failed = table == NULL || (table->name = rx_strdup(name)) == NULL;
     for (int i = 0; i < n && !failed; i++) {
         rx_column *c = &table->columns[i];
