@@ -14,6 +14,7 @@
 #include "../pipeline/scene.h"
 #include "../scratch.h"
 #include "catalog/catalog.h"
+#include "data/flags.h"
 #include "io/tile.h"
 #include "stage/job.h"
 #include "template/template.h"
