@@ -244,10 +244,11 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
             "tested: P_REAL is not known, FLAGS_RESTORE 4",
             measured.name, measured.hdu, sqrt(dst->chi2));
     else if (rx_template_fit_is_off(dst))
-        rx_log_warning(log,
-                       "%s[%d]: templates leave %.3g times the noise (RXTPOK F): is its PSF right, are cosmic "
-                       "rays, trails and saturated stars masked?",
-                       measured.name, measured.hdu, sqrt(dst->chi2));
+        rx_log_warning(
+            log,
+            "%s[%d]: templates leave %.3g times the noise (RXTPOK F): is its PSF right, are cosmic "
+            "rays, trails and saturated stars masked?",
+            measured.name, measured.hdu, sqrt(dst->chi2));
     status = rx_template_fit_judge(&params->templates, dst, sources, err);
 exit:
     rx_template_extra_clear(&w.extra);
