@@ -323,11 +323,15 @@ static tail choose_tail(const double *r, const ring *w, int n, int last, double 
     }
 }
 
+typedef struct {
+    double value, precision; /* 1 / variance, 0 where the rings say nothing */
+} fitted;
+
 /* Amplitude of a profile [n] in what the rings from `from` on hold beyond the wing, and its precision. The sky is free
  * as in fit_tail(); that of each ring is off by what the outer half of the rings holds beyond its errors, as among bright
  * neighbours. */
-static void fit_profile(const rx_psf_job *job, const double *r, const ring *w, int n, int from,
-                        const double *profile, double *amplitude, double *precision)
+static fitted fit_profile(const rx_psf_job *job, const double *r, const ring *w, int n, int from,
+                          const double *profile)
 {
     const double least = 1e-9;
     double ab = 0.0, aa = 0.0, a = 0.0, b = 0.0, one = 0.0, uneven = 0.0, off[RINGS];
@@ -348,8 +352,8 @@ static void fit_profile(const rx_psf_job *job, const double *r, const ring *w, i
         one += weight;
     }
     one += 1.0 / (9.0 * w[n - 1].error * w[n - 1].error + uneven);
-    *precision = fmax(aa - a * a / one, 0.0);
-    *amplitude = *precision > 0.0 ? (ab - a * b / one) / *precision : 0.0;
+    const double precision = fmax(aa - a * a / one, 0.0);
+    return (fitted){precision > 0.0 ? (ab - a * b / one) / precision : 0.0, precision};
 }
 
 /* Light that the rings from `from` on may hide beyond the wing, its posterior: *light expected beyond that ring, *error
@@ -366,16 +370,15 @@ static rx_psf_halo hidden_halo(const rx_psf_job *job, const double *r, const rin
     *light = 0.0;
     for (double wide = job->fwhm; h.n < SCALES && wide < 0.4 * r[n - 1]; wide *= 1.5) {
         const int k = h.n;
-        double found, precision;
         for (int j = from; j < n; j++)
             profile[j] = exp(-r[j] / wide);
-        fit_profile(job, r, w, n, from, profile, &found, &precision);
-        if (!(precision > 0.0))
+        const fitted found = fit_profile(job, r, w, n, from, profile);
+        if (!(found.precision > 0.0))
             continue;
         h.wide[h.n++] = wide;
         beyond[k] = 2.0 * M_PI * wide * wide * (1.0 + r[from] / wide) * exp(-r[from] / wide);
-        const double s = 1.0 / sqrt(precision), scale = HALO_LIGHT / beyond[k], mean = found - s * s / scale,
-                     z = mean / s;
+        const double s = 1.0 / sqrt(found.precision), scale = HALO_LIGHT / beyond[k],
+                     mean = found.value - s * s / scale, z = mean / s;
         const double below = 0.5 * erfc(-z / M_SQRT2), hazard = exp(-0.5 * z * z) / sqrt(2.0 * M_PI) / below;
         if (z > -5.0) {
             evidence[k] = log(s / scale * sqrt(2.0 * M_PI) * below) + 0.5 * z * z;
@@ -609,14 +612,14 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
         job->halo.n = 0; /* what was added is part of what the rings were scaled by */
     } else {             /* the wing of the first profile, which may be off by half, and a halo */
         int from = 0;
-        double profile[RINGS], off, precision;
+        double profile[RINGS];
         add_halo(job, -1.0);
         while (from < last && of.centre[from] < 0.4 * model->half)
             from++;
         for (int j = 0; j < n; j++)
             profile[j] = (double)rx_psf_model_wing(model, of.centre[j]);
-        fit_profile(job, of.centre, w, n, from, profile, &off, &precision);
-        uncertain = pow(light_beyond(model, of.centre[from], slope), 2.0) / (4.0 + precision);
+        const fitted off = fit_profile(job, of.centre, w, n, from, profile);
+        uncertain = pow(light_beyond(model, of.centre[from], slope), 2.0) / (4.0 + off.precision);
         job->halo = hidden_halo(job, of.centre, w, n, from, &light, &error);
         add_halo(job, 1.0);
     }

@@ -501,7 +501,8 @@ static void test_unseen_halo(void **state)
             assert_string_equal(psf->quality.how, "PIXELS");
             assert_near(off / psf->quality.flux_error, 0.0, 1.0);
             assert_near(off, 0.0, 0.03);
-            assert_true(psf->quality.hidden > 0.0 && psf->quality.hidden < psf->quality.flux_error);
+            assert_true(psf->quality.hidden > 0.0);
+            assert_true(psf->quality.hidden < psf->quality.flux_error);
             assert_true(n < 31 || psf->quality.flux_error < 0.01);
             rx_psf_free(psf);
             free_field(&f);
