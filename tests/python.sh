@@ -12,6 +12,8 @@ python=${RX_PYTHON:-/usr/bin/python3}
 why=''
 [ -e "$build/.libs/librextract.so" ] || [ -n "${RX_PYTHON_INSTALLED:-}" ] || why='librextract was built without a shared library'
 command -v pkg-config >/dev/null || why='pkg-config is not installed'
+command -v cc >/dev/null || why='there is no compiler cc'
+[ -e "$("$python" -c 'import sysconfig; print(sysconfig.get_path("include"))' 2>/dev/null)/Python.h" ] || why="$python has no Python.h (python3-dev)"
 for module in cffi setuptools numpy astropy; do
     "$python" -c "import $module" 2>/dev/null || why="$python has no $module"
 done

@@ -44,9 +44,9 @@ class Conversation:
         """Raise what went wrong; else warn of what there is to warn of."""
         if self.raised is not None:
             raise self.raised
-        for text in self.warnings:
-            warnings.warn(text, RextractWarning, stacklevel=stacklevel)
         if status == lib.RX_OK:
+            for text in self.warnings:
+                warnings.warn(text, RextractWarning, stacklevel=stacklevel)
             return
         line = ffi.new("char[2048]")
         lib.rx_error_format(self.error, b"", line, 2048)

@@ -3,7 +3,7 @@
  * The only place of the library that writes to a terminal, to the stream that it is given. A NULL log is silent. At
  * NORMAL what is longer than 160 characters goes on in further lines, and a tile has ten lines: warnings come at once
  * and always, information waits for the end of the tile and takes the lines that are left. The caller's functions are
- * given each message whole and at once. / */
+ * given each message whole and at once. */
 #ifndef RX_BASE_LOG_H
 #define RX_BASE_LOG_H
 

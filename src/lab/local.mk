@@ -5,7 +5,7 @@ librextract_lab_la_SOURCES += \
 	src/lab/facts.c src/lab/facts.h \
 	src/lab/conditions.c src/lab/conditions.h \
 	src/lab/store.c src/lab/store.h src/lab/lists.c src/lab/lists.h src/lab/findings.c src/lab/findings.h \
-	src/lab/claims.c src/lab/claims.h src/lab/paper.c src/lab/paper.h \
+	src/lab/claims.c src/lab/claims.h src/lab/claims.def src/lab/paper.c src/lab/paper.h \
 	src/lab/restoration.c src/lab/restoration.h src/lab/restoration_trial.c src/lab/restoration_tune.c \
 	src/lab/restoration_report.c \
 	src/lab/photometry.c src/lab/photometry.h src/lab/photometry_report.c \

@@ -237,10 +237,15 @@ rx_status rx_job_files(const rx_job *job, const char *image, rx_log *log, rx_err
             RX_TRY_EXIT(rx_error_memory(err, 0));
     RX_TRY_EXIT(rx_arguments_read(rx_keytable_rextract(), argc, argv, log, &arguments, err));
     const rx_config *config = (const rx_config *)arguments.settings;
-    if (arguments.action != RX_ACTION_RUN || config->plan || config->record_name[0] != '\0')
-        RX_TRY_EXIT(
-            rx_error_set(err, RX_USAGE, "%s is for the program rextract; leave it out here",
-                         arguments.action == RX_ACTION_RUN && !config->plan ? "RECORD_NAME" : "-PLAN"));
+    const char *alone = arguments.action == RX_ACTION_FLAGS    ? "-FLAGS"
+                        : arguments.action == RX_ACTION_INFO   ? "-INFO"
+                        : arguments.action == RX_ACTION_REPLAY ? "-REPLAY"
+                        : arguments.action != RX_ACTION_RUN    ? "an option that prints"
+                        : config->plan                         ? "-PLAN"
+                        : config->record_name[0] != '\0'       ? "RECORD_NAME"
+                                                               : NULL;
+    if (alone != NULL)
+        RX_TRY_EXIT(rx_error_set(err, RX_USAGE, "%s is for the program rextract; leave it out here", alone));
     rx_log_part(log, "files", 0.0, 0.1);
     RX_TRY_EXIT(rx_stage_run(config, arguments.image, stdout, log, &facts, err));
     rx_log_part(log, "done", 1.0, 1.0);

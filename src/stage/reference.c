@@ -230,7 +230,7 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
                     .colour = {-1, -1}};
     RX_TRY(find_survey(par, table, &dst->survey, err));
     if (dst->survey != NULL &&
-        (want_pixel || (tile->wcs == NULL && !want_sky && strcmp(par->type, "AUTO") == 0)))
+        (want_pixel || (tile->wcs == NULL && !want_sky && (par->type == NULL || strcmp(par->type, "AUTO") == 0))))
         dst->survey = NULL; /* positions in pixels stand beside */
     if (par->ncolumns > 0) {
         rx_status status = choose_named(par, table, dst, err);
