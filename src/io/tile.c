@@ -430,10 +430,15 @@ static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_tile
         tile->pixels = copy;
         tile->lent = false;
     }
-    for (size_t i = 0; arrays->mask != NULL && i < n; i++)
-        if (arrays->mask[i] != 0)
+    bad = 0;
+    for (size_t i = 0; i < n; i++) {
+        if (arrays->mask != NULL && arrays->mask[i] != 0)
             tile->mask[i] |= RX_MASK_BAD;
-    return RX_OK;
+        bad += (tile->mask[i] & RX_MASK_BAD) != 0;
+    }
+    return bad < n ? RX_OK
+                   : rx_error_at(err, RX_INPUT, tile->name, -1, 0,
+                                 "all %zu pixels are NaN or masked; there is nothing to measure", n);
 }
 
 rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, rx_log *log, rx_tile **dst,

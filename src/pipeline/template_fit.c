@@ -259,7 +259,7 @@ exit:
 
 int rx_template_fit_is_off(const rx_template_fit *fit)
 {
-    return fit->chi2 > TWICE * TWICE;
+    return !(fit->chi2 <= TWICE * TWICE); /* of no pixel nothing is known */
 }
 
 void rx_template_fit_free(rx_template_fit *fit)

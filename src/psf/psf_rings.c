@@ -358,7 +358,7 @@ static fitted fit_profile(const rx_psf_job *job, const double *r, const ring *w,
 
 /* Light that the rings from `from` on may hide beyond the wing, its posterior: *light expected beyond that ring, *error
  * 1 sigma of it. Half of the tiles have no halo, else its light is exponentially
- * distributed about HALO_LIGHT, its scale is any from 1 to 5 FWHM: where rings say nothing, this prior is left; where they
+ * distributed about HALO_LIGHT, its scale is any of 1, 1.5, 2.25 and 3.4 FWHM: where rings say nothing, this prior is left; where they
  * show a halo or exclude it, they decide. With likelihood N(a; a0, s) and prior exp(-a / t) / t, a > 0, the posterior is
  * N(a0 - s^2 / t, s), cut off at 0. */
 static rx_psf_halo hidden_halo(const rx_psf_job *job, const double *r, const ring *w, int n, int from,

@@ -104,7 +104,7 @@ void rx_tile_quality_free(rx_tile_quality *quality); /* NULL is fine */
 /* Magnitude of a point source of S/N 5 at the image's global noise. */
 double rx_tile_depth(const rx_image *image);
 
-/* The shape around (x, y) of pixels, a row `width` long; hidden ones (mask & hide) count as not there. */
+/* The shape around (x, y) of pixels, a row `width` long; all of them count. */
 rx_tile_ellipse rx_tile_ellipse_of(const float *pixels, int width, int height, double x, double y,
                                    double fwhm);
 

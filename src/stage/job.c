@@ -244,6 +244,8 @@ rx_status rx_job_files(const rx_job *job, const char *image, rx_log *log, rx_err
                         : config->plan                         ? "-PLAN"
                         : config->record_name[0] != '\0'       ? "RECORD_NAME"
                                                                : NULL;
+    if (alone == NULL && strcmp(config->catalog_name, "STDOUT") == 0)
+        alone = "CATALOG_NAME STDOUT"; /* the caller's stdout is not ours */
     if (alone != NULL)
         RX_TRY_EXIT(rx_error_set(err, RX_USAGE, "%s is for the program rextract; leave it out here", alone));
     rx_log_part(log, "files", 0.0, 0.1);

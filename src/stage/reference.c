@@ -229,8 +229,8 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
                     .epoch = -1,
                     .colour = {-1, -1}};
     RX_TRY(find_survey(par, table, &dst->survey, err));
-    if (dst->survey != NULL &&
-        (want_pixel || (tile->wcs == NULL && !want_sky && (par->type == NULL || strcmp(par->type, "AUTO") == 0))))
+    if (dst->survey != NULL && (want_pixel || (tile->wcs == NULL && !want_sky &&
+                                               (par->type == NULL || strcmp(par->type, "AUTO") == 0))))
         dst->survey = NULL; /* positions in pixels stand beside */
     if (par->ncolumns > 0) {
         rx_status status = choose_named(par, table, dst, err);
@@ -419,6 +419,15 @@ rx_status rx_reference_list(const rx_reference_params *par, const rx_table *tabl
         return rx_error_memory(err, 0);
     if (column.survey != NULL)
         rx_log_info(log, "reference %s", note->shown.data);
+    rx_psf_origin origin;
+    char band[sizeof column.band];
+    rx_psf_origin_of(tile, &origin);
+    if (column.survey != NULL && (par->band == NULL || par->band[0] == '\0') && origin.filter[0] != '\0' &&
+        !(take_band(column.survey->bands, -1, origin.filter, band) && strcmp(band, column.band) == 0))
+        rx_log_warning(log,
+                       "%s: the tile's filter is %s, its magnitudes are of %s; fluxes will look off; state "
+                       "REFERENCE_BAND or REFERENCE_COLOR_TERM",
+                       par->name, origin.filter, column.band);
     if (note->moved == 0 && column.motion_x >= 0)
         rx_log_warning(log, "%s: proper motions are not applied; matches of fast stars may be missed",
                        par->name);

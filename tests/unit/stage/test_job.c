@@ -157,6 +157,8 @@ static void bad_pixels_and_masks_hide(void **state)
     rx_job_result none;
     assert_int_equal(run(&job, &by_value, &none, &err), RX_INPUT);
     assert_null(none.options);
+    memset(mask, 1, WIDTH * HEIGHT);
+    assert_int_equal(run(&job, &by_mask, &none, &err), RX_INPUT);
     for (int i = 0; i < 2; i++)
         rx_job_result_free(&results[i]);
     free(mask);

@@ -177,6 +177,12 @@ static void gaia_moves_to_the_epoch_of_the_tile(void **state)
     }
 }
 
+static void count_warnings(void *user, rx_log_kind kind, const char *text)
+{
+    (void)text;
+    *(int *)user += kind == RX_LOG_WARNING;
+}
+
 /* The band of the tile's filter, of REFERENCE_BAND, or the survey's first; colour terms; other names that are alike. */
 static void surveys_are_known_by_their_columns(void **state)
 {
@@ -202,6 +208,7 @@ static void surveys_are_known_by_their_columns(void **state)
          {"ra", "dec", "psfMag_r", "psfMag_g", "psfMagErr_r", "psfMagErr_g"},
          20.5},
         {"AUTO", "", "FILTER  = 'r'", {"RA_ICRS", "DE_ICRS", "umag", "rmag", "e_umag", "e_rmag"}, 20.5},
+        {"AUTO", "", "FILTER  = 'N662'", {"RA_ICRS", "DE_ICRS", "rmag", "umag", "e_rmag", "e_umag"}, 20.0},
         {"AUTO", "BP", "", {"RA_ICRS", "DE_ICRS", "Gmag", "BPmag", "e_Gmag", "e_BPmag"}, 20.5},
         {"AUTO", "", "FILTER  = 'i'", {"RAJ2000", "DEJ2000", "ymag", "imag", "e_ymag", "e_imag"}, 20.5},
         {"SDSS", "", "FILTER  = 'g'", {"RA_ICRS", "DE_ICRS", "zmag", "gmag", "e_zmag", "e_gmag"}, 20.5},
@@ -224,9 +231,13 @@ static void surveys_are_known_by_their_columns(void **state)
         rx_table *table = table_of(6, cases[i].names, 1, row);
         rx_qa_list list = {0};
         rx_reference_note note = {0};
-        const rx_status status = rx_reference_list(&par, table, &tile, NULL, &list, &note, NULL);
+        int warnings = 0;
+        rx_log log;
+        rx_log_calls(&log, RX_NORMAL, count_warnings, NULL, &warnings);
+        const rx_status status = rx_reference_list(&par, table, &tile, &log, &list, &note, NULL);
         assert_int_equal(status, isnan(cases[i].mag) ? RX_INPUT : RX_OK);
         if (status == RX_OK) {
+            assert_int_equal(warnings, strstr(cases[i].filter, "N662") != NULL);
             assert_near(list.mag[0], cases[i].mag, 1e-12);
             assert_near(list.mag_error[0], cases[i].mag < 20.3 ? 0.01 : 0.02, 1e-12);
             assert_near(list.x[0], 49.0, 1e-6);
