@@ -89,9 +89,10 @@ static void say(rx_log *log, const char *rank, rx_log_kind kind, const char *for
     rx_text_tame(line);
     if (kept)
         rx_text_add_bytes(log->warnings, line, strlen(line) + 1);
-    if (log->message != NULL)
+    const bool quiet = log->level == RX_QUIET;
+    if (log->message != NULL && !quiet)
         log->message(log->user, kind, line);
-    if (log->message != NULL || log->stream == NULL) {
+    if (log->message != NULL || log->stream == NULL || quiet) {
         free(longer);
         return;
     }
@@ -131,7 +132,7 @@ void rx_log_detail(rx_log *log, const char *format, ...)
 
 void rx_log_warning(rx_log *log, const char *format, ...)
 {
-    SAY(RX_NORMAL, NULL, RX_LOG_WARNING);
+    SAY(log->warnings != NULL ? RX_QUIET : RX_NORMAL, NULL, RX_LOG_WARNING);
 }
 
 bool rx_log_is_short(const rx_log *log)

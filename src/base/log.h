@@ -32,7 +32,7 @@ typedef struct rx_log {
     int lines;         /* on the stream since the tile before */
     rx_text waiting;   /* information of the tile: '0' (a hint) or '1', the line, a 0 */
     rx_text names;     /* of what was written */
-    rx_text *warnings; /* gets those that are said, each with its 0; NULL: no one asks */
+    rx_text *warnings; /* gets them, each with its 0, even when QUIET; NULL: no one asks */
     /* The caller's, asked by the thread that made the call; NULL: the stream. */
     void (*message)(void *user, rx_log_kind kind, const char *text); /* without a newline */
     void (*progress)(void *user, const char *what, double done); /* 0..1, rising, of rx_log_part()'s whole */
@@ -51,7 +51,7 @@ void rx_log_calls(rx_log *log, rx_verbosity level,
 void rx_log_info(rx_log *log, const char *format, ...) RX_PRINTF(2, 3);   /* NORMAL and FULL */
 void rx_log_detail(rx_log *log, const char *format, ...) RX_PRINTF(2, 3); /* FULL only */
 void rx_log_hint(rx_log *log, const char *format, ...) RX_PRINTF(2, 3); /* info; the first to go in a tile */
-void rx_log_warning(rx_log *log, const char *format, ...) RX_PRINTF(2, 3); /* not when QUIET */
+void rx_log_warning(rx_log *log, const char *format, ...) RX_PRINTF(2, 3); /* not shown when QUIET */
 
 /* What of a tile is said between the two has, with what was said since the tile before, ten lines at NORMAL. Where
  * warnings and names of files leave too few of them, information on the same image shares lines, and then hints and

@@ -341,14 +341,49 @@ static void a_log_of_nothing_is_silent(void **state)
     assert_null(log.names.data);
 }
 
+/* What asks for warnings gets them whatever is shown, and nothing else. */
+static void warnings_are_kept_when_quiet(void **state)
+{
+    (void)state;
+    static const rx_verbosity levels[] = {RX_QUIET, RX_NORMAL, RX_FULL};
+    for (int calls = 0; calls < 2; calls++)
+        for (int i = 0; i < 3; i++) {
+            heard h = {0};
+            rx_text kept = {0};
+            rx_log log;
+            FILE *stream = tmpfile();
+            assert_non_null(stream);
+            if (calls)
+                rx_log_calls(&log, levels[i], hear, see, &h);
+            else
+                rx_log_init(&log, "rextract", stream, levels[i]);
+            log.warnings = &kept;
+            say_to(&log);
+            assert_int_equal(kept.length, sizeof "careful");
+            assert_string_equal(kept.data, "careful");
+            if (levels[i] == RX_QUIET) {
+                assert_int_equal(ftell(stream), 0);
+                assert_int_equal(h.n, 0);
+            }
+            rx_text_free(&kept);
+            fclose(stream);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(levels_choose_what_is_said), cmocka_unit_test(progress_shows_share_and_time_left),
-        cmocka_unit_test(long_lines_are_folded),      cmocka_unit_test(a_tile_has_ten_lines),
-        cmocka_unit_test(lines_are_counted_anew),     cmocka_unit_test(a_long_message_is_whole),
-        cmocka_unit_test(no_log_is_silent),           cmocka_unit_test(a_caller_hears_and_sees),
-        cmocka_unit_test(shares_are_of_the_whole),    cmocka_unit_test(a_log_of_nothing_is_silent),
+        cmocka_unit_test(levels_choose_what_is_said),
+        cmocka_unit_test(progress_shows_share_and_time_left),
+        cmocka_unit_test(long_lines_are_folded),
+        cmocka_unit_test(a_tile_has_ten_lines),
+        cmocka_unit_test(lines_are_counted_anew),
+        cmocka_unit_test(a_long_message_is_whole),
+        cmocka_unit_test(no_log_is_silent),
+        cmocka_unit_test(a_caller_hears_and_sees),
+        cmocka_unit_test(shares_are_of_the_whole),
+        cmocka_unit_test(a_log_of_nothing_is_silent),
+        cmocka_unit_test(warnings_are_kept_when_quiet),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
