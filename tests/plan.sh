@@ -34,6 +34,21 @@ rm -f out err
 find . -type f -exec cksum {} + | diff ../before - >../log
 result 'no file is written' $? ../log
 
+# the page of a tile without a reference, alone and beside the report against one, and the VOTable
+qa='a.fits -RESTORE_TYPE NONE,RL -CATALOG_TYPE NONE -QA_TYPE TILE -QA_NAME qa -WRITE_XML Y -XML_NAME run.xml'
+# shellcheck disable=SC2086 # a list of arguments
+plan $qa && says '[o["name"] for o in t[0]["outputs"]] == ["qa", "run.xml"] and a["output_bytes"] == sum(o["bytes"] for o in t[0]["outputs"])' &&
+    cp out ../alone && plan $qa -REFERENCE_NAME a.fits && says '[o["name"] for o in t[0]["outputs"]] == ["qa", "run.xml"]
+    and t[0]["outputs"][0]["bytes"] > json.load(open("../alone"))["tiles"][0]["outputs"][0]["bytes"]' &&
+    mkdir ../run && (cd ../run && ln -s ../work/a.fits . && "$program" $qa -VERBOSE_TYPE QUIET) >err 2>&1 && $python - 2>err <<'END'
+import json, os
+plan = {o["name"]: o["bytes"] for o in json.load(open("../alone"))["tiles"][0]["outputs"]}
+page = sum(os.path.getsize(os.path.join("../run/qa", f)) for f in os.listdir("../run/qa"))
+xml = os.path.getsize("../run/run.xml")
+assert 0 < page < plan["qa"] and plan["run.xml"] / 10 < xml < plan["run.xml"], (page, xml, plan)
+END
+result 'the page of a tile and the VOTable' $? err
+
 plan a.fits -PLAN_DENSITY 100 -NTHREADS 1 && cp out less && plan a.fits -PLAN_DENSITY 20000 -NTHREADS 8 && says 't[0]["threads"] == 8
     and t[0]["memory_bytes"] > json.load(open("less"))["all"]["memory_bytes"] and a["cpu_seconds"] > json.load(open("less"))["all"]["cpu_seconds"]'
 result 'more sources and threads take more' $? err

@@ -11,6 +11,7 @@
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "base/names.h"
+#include "config/config_fields.h"
 #include "data/restorers.h"
 #include "data/table.h"
 #include "io/tile.h"
@@ -27,6 +28,7 @@ typedef struct rx_plan_job {
     const rx_table *row;          /* the catalogue's columns, without rows */
     size_t record_cards;          /* of the run's record */
     double reference_bytes;       /* of the reference catalogue's file, 0 = none */
+    const char *xml_name;         /* NULL: none */
     const int *terms; /* [n] of the PSF; 1: it is the same everywhere, or not known before the run */
 } rx_plan_job;
 
@@ -43,6 +45,7 @@ static const double COVARIANCE = 2500;                  /* of a source with thos
 static const double TEXT_CELL = 26, TEXT_COLUMN = 1200; /* a number as text, a column's description */
 enum { CELL_MARKUP = 9, ROW_MARKUP = 12 };              /* of a VOTable */
 enum { PSF_PIXELS = 101 * 101 };                        /* of a term of a PSF */
+static const double XML = 2e4, XML_RUN = 1e4; /* facts of a run: always, per restorer with its warnings */
 
 static double plan_pixels(const rx_tile_shape *shape)
 {
@@ -138,6 +141,12 @@ static double catalog_bytes(const rx_plan_job *job)
            all_sources(job) * (cells * (TEXT_CELL + (markup ? CELL_MARKUP : 0)) + (markup ? ROW_MARKUP : 1));
 }
 
+/* The keywords take what they take in a catalogue's. */
+static double xml_bytes(const rx_plan_job *job)
+{
+    return XML + 4 * CARD * (double)job->record_cards + XML_RUN * job->n * job->options->nrestorers;
+}
+
 /* --- all of them --- */
 
 static rx_status add_tagged(rx_plan *plan, const char *name, const char *tag, double bytes, rx_error *err)
@@ -191,8 +200,12 @@ static rx_status plan_outputs(const rx_plan_job *job, rx_plan *plan, rx_error *e
     rx_status status = RX_OK;
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
         status = add_run(job, options->nrestorers > 1 ? options->restorers[i]->name : NULL, plan, err);
-    if (status == RX_OK && options->reference.name != NULL)
-        status = add_folders(job, options->qa_name, 0, PAGE_REFERENCE * job->reference_bytes, plan, err);
+    const int report = options->reference.name != NULL, page = options->tile_page;
+    if (status == RX_OK && (report || page))
+        status = add_folders(job, options->qa_name, 0,
+                             PAGE_REFERENCE * job->reference_bytes + (report && page ? PAGE : 0), plan, err);
+    if (status == RX_OK && job->xml_name != NULL)
+        status = add_tagged(plan, job->xml_name, NULL, xml_bytes(job), err);
     if (status == RX_OK && options->check.self_check && options->self_check_name[0] != '\0')
         status = add_folders(job, options->self_check_name, 3.0 * (double)options->check.count, 0, plan, err);
     return status;
@@ -510,6 +523,7 @@ rx_status rx_plan_make(const rx_config *config, const char *image, rx_log *log, 
     if (names[1] != NULL)
         RX_TRY_EXIT(same_shapes(names[1], detect, job.n, measure, nmeasure, err));
     job.options = options;
+    job.xml_name = config->write_xml ? config->xml_name : NULL;
     RX_TRY_EXIT(count_cards(config, &job, image, (const char *const *)names, &job.record_cards, err));
     RX_TRY_EXIT(rx_catalog_table(options->columns, &(rx_image){0}, &none, &row, err));
     RX_TRY_EXIT(reference_size(options, &job.reference_bytes, err));
