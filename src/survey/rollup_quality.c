@@ -345,14 +345,11 @@ void rx_rollup_outliers_free(rx_rollup_outliers *outliers)
 
 /* --- trends --- */
 
-static const rx_report_column TRENDS[] = {
-    {.name = "card", .help = "of the header (RECORD_CARDS)"},
-    {.name = "run", .help = "restorer; empty: of the image alone", .heading = "restorer"},
-    {.name = "quantity"},
-    {"images", RX_REPORT_COUNT, 0, "", "with both", NULL},
-    {"rho", RX_REPORT_NUMBER, 3, "", "rank correlation (Spearman)", NULL},
-    {"sigmas", RX_REPORT_NUMBER, 1, "", "of no correlation", NULL},
-};
+RX_COLUMNS(TRENDS, RX_TEXT("card", "of the header (RECORD_CARDS)"),
+           {.name = "run", .help = "restorer; empty: of the image alone", .heading = "restorer"},
+           RX_TEXT("quantity", NULL), RX_COUNT("images", "with both"),
+           RX_NUMBER("rho", 3, "", "rank correlation (Spearman)"),
+           RX_NUMBER("sigmas", 1, "", "of no correlation"));
 
 typedef struct point {
     double x, y, rank[2];
@@ -475,8 +472,7 @@ rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_tabl
 {
     point *points = RX_NEW(point, (size_t)r->nrows + 1);
     trend *trends = RX_NEW(trend, (size_t)r->ncards * NQUANTITIES * (size_t)r->nruns + 1);
-    rx_report_table *t = *dst =
-        rx_report_table_add(report, "trends", sizeof TRENDS / sizeof *TRENDS, TRENDS, RX_REPORT_EVERYWHERE);
+    rx_report_table *t = *dst = RX_REPORT_TABLE(report, "trends", TRENDS, RX_REPORT_EVERYWHERE);
     int n = 0;
     if (points == NULL || trends == NULL) {
         free(points);
@@ -497,10 +493,8 @@ rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_tabl
         qsort(trends, (size_t)n, sizeof *trends, stronger);
     for (int i = 0; i < n; i++) {
         const quantity *q = &QUANTITIES[trends[i].quantity];
-        rx_report_row(t, (rx_cell[]){rx_cell_words(r->card[trends[i].card]),
-                                     rx_cell_words(q->image ? "" : r->run[trends[i].run].name),
-                                     rx_cell_words(q->name), rx_cell_number(trends[i].n),
-                                     rx_cell_number(trends[i].rho), rx_cell_number(trends[i].sigmas)});
+        rx_report_put(t, r->card[trends[i].card], q->image ? "" : (const char *)r->run[trends[i].run].name,
+                      q->name, trends[i].n, trends[i].rho, trends[i].sigmas);
         if (i < TREND_FIGURES && fabs(trends[i].sigmas) > CLEAR)
             draw_trend(rx_report_figures_of(report), r, &trends[i], i, points);
     }

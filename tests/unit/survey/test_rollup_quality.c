@@ -133,6 +133,42 @@ static void nothing_stands_out_of_good_tiles(void **state)
     rx_text_free(&records);
 }
 
+/* 43 tiles whose FWHM scatters by 18 %, one of them so many times the median: how many stand out. */
+static int count_wide(double times)
+{
+    static const double off = 0.18 / 1.4826;
+    rx_text records = {0};
+    rx_rollup rollup;
+    rx_rollup_outliers outliers;
+    for (int i = 0; i < 43; i++)
+        rx_text_printf(
+            &records,
+            "TILE t%02d.fits t%02d\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 2048 2048 150 2 %.9f 200 10 "
+            "0\nRUN NONE 1500 0\nEND\n",
+            i, i,
+            3 * (i < 21    ? 1 - off
+                 : i == 21 ? 1
+                 : i < 42  ? 1 + off
+                           : times));
+    roll_up(&records, &rollup);
+    assert_int_equal(rx_rollup_outliers_find(&rollup, &outliers, NULL), RX_OK);
+    const int n = outliers.n;
+    if (n > 0)
+        assert_string_equal(outliers.of[0].name, "t42");
+    rx_rollup_outliers_free(&outliers);
+    rx_rollup_free(&rollup);
+    rx_text_free(&records);
+    return n;
+}
+
+/* docs/qa.md: 1 + 6 x 0.18 */
+static void a_wide_tile_is_named_from_six_sigma_on(void **state)
+{
+    (void)state;
+    assert_int_equal(count_wide(2.06), 0);
+    assert_int_equal(count_wide(2.10), 1);
+}
+
 /* Seeing goes with airmass; with time nothing does. */
 static void trends_are_seen(void **state)
 {
@@ -166,6 +202,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(bad_tiles_stand_first),
         cmocka_unit_test(so_they_do_among_thousands),
         cmocka_unit_test(nothing_stands_out_of_good_tiles),
+        cmocka_unit_test(a_wide_tile_is_named_from_six_sigma_on),
         cmocka_unit_test(trends_are_seen),
     };
     if (argc > 1) {
