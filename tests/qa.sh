@@ -6,19 +6,24 @@ top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
 need rextract rextract-simulate rextract-survey
 enter
-run() { OMP_NUM_THREADS=1 "$programs/$@" -VERBOSE_TYPE QUIET >>log 2>&1; }
+run() {
+    p=$1
+    shift
+    OMP_NUM_THREADS=1 "$programs/$p" "$@" -VERBOSE_TYPE "${verbose:-QUIET}" >>log 2>&1
+}
 
 # Stars and galaxies, one elongated PSF, a block of dead pixels.
 run rextract-simulate -IMAGE_NAME tile.fits -TRUTH_NAME truth.cat -IMAGE_SIZE 400,360 -SEED 3 -PSF_FWHM 3.5 -MAG_ZEROPOINT 25 -STAR_COUNT 3000 -STAR_MAG 14,20 -GALAXY_COUNT 500 -NOISE_SIGMA 5
 result 'a tile is simulated' $? log
+printf '%s\n' NUMBER XWIN_IMAGE FLUX_AUTO FLUX_TEMPLATE FLAGS FLAGS_WEIGHT FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE >flags.param
 tile="tile.fits -MAG_ZEROPOINT 25 -RESTORE_TYPE NONE,RL -RL_NITER 5 -QA_TYPE TILE -WRITE_XML Y"
 # shellcheck disable=SC2086 # a list of arguments is meant
-run rextract $tile -QA_NAME qa -XML_NAME run.xml -CATALOG_NAME a.cat -RECORD_NAME tile.record
+run rextract $tile -QA_NAME qa -XML_NAME run.xml -CATALOG_NAME a.cat -RECORD_NAME tile.record -PARAMETERS_NAME flags.param
 result 'its page is written without a reference' $? log
-mkdir three && ln -s ../tile.fits three
+mkdir three && ln -s ../tile.fits ../flags.param three
 # shellcheck disable=SC2086
 (cd three && OMP_NUM_THREADS=3 "$programs/rextract" $tile -NTHREADS 3 -QA_NAME qa -XML_NAME run.xml -CATALOG_NAME a.cat \
-    -RECORD_NAME tile.record -VERBOSE_TYPE QUIET) >>log 2>&1
+    -RECORD_NAME tile.record -PARAMETERS_NAME flags.param -VERBOSE_TYPE QUIET) >>log 2>&1
 cmp three/qa/tile.html qa/tile.html >>log && cmp three/qa/tile.json qa/tile.json >>log && cmp three/tile.record tile.record >>log
 result 'it is the same for any number of threads' $? log
 cmp three/run.xml run.xml >>log
@@ -71,6 +76,48 @@ elif what == "numbers":
     assert abs(numbers["psf_fwhm"]["value"] - 3.75) < 0.15, numbers["psf_fwhm"]  # of moments, of the PSF as pixels see it
     assert numbers["psf_ellipticity"]["value"] < 0.06, numbers["psf_ellipticity"]
     assert abs(numbers["noise_width"]["value"] - 1) < 0.05, numbers["noise_width"]
+elif what == "flags":  # of the catalogues against those that are named, both ways
+    names = ["FLAGS", "FLAGS_WEIGHT", "FLAGS_WIN", "FLAGS_MEASURE", "FLAGS_TEMPLATE", "FLAGS_RESTORE"]
+    folder, catalog = sys.argv[2:4]
+    page = json.load(open(folder + "/tile.json"))
+    said = {(r["run"], r["column"], r["bit"]): r["sources"] for r in page["flags"]}
+    found = {}
+    for run in [r["run"] for r in page["runs"]]:
+        lines = [l.split() for l in open(catalog.replace(".cat", f"_{run}.cat"))]
+        columns = {l[2]: int(l[1]) - 1 for l in lines if l[0] == "#" and l[1].isdigit()}
+        rows = [l for l in lines if l[0] != "#"]
+        for name in names:
+            values = np.array([int(r[columns[name]]) for r in rows]) if name in columns else np.zeros(0, int)
+            for bit in 1 << np.arange(8):
+                n = int(np.count_nonzero(values & bit))
+                if n > 0 and not (name == "FLAGS_RESTORE" and bit == 4 and n == len(rows)):
+                    found[run, name, int(bit)] = n
+    assert said == found, sorted(set(said.items()) ^ set(found.items()))
+    assert {c for _, c, _ in said} >= set(sys.argv[4:]), said
+    assert all(0 < r["share"] <= 100 for r in page["flags"])
+elif what == "fallback":  # RL was done by NONE: nothing is said of it twice
+    runs = {r["run"]: r for r in json.load(open("empty/tile.json"))["runs"]}
+    assert abs(runs["NONE"]["chi2"] - 1) < 0.1 and runs["RL"]["chi2"] is None, runs
+    images = votable.parse("empty.xml").resources[0].resources[0].tables[0].to_table()
+    assert abs(images["Chi2"][0] - runs["NONE"]["chi2"]) < 1e-6 and not np.isfinite(np.ma.filled(images["Chi2"][1], np.nan))
+    state = [l.split() for l in open("empty.record") if l.startswith("STATE ")]
+    assert state[0][6] == "nan", state
+elif what == "unfitted":
+    columns = {r["column"] for r in json.load(open(sys.argv[2] + "/tile.json"))["flags"]}
+    assert "FLAGS" in columns and "FLAGS_WIN" in columns and not columns & {"FLAGS_TEMPLATE", "FLAGS_RESTORE"}, columns
+elif what == "chi2":  # of each restorer its own
+    runs = {r["run"]: r["chi2"] for r in json.load(open("qa/tile.json"))["runs"]}
+    images = votable.parse("run.xml").resources[0].resources[0].tables[0].to_table()
+    assert all(0.8 < v < 1.3 for v in runs.values()) and runs["NONE"] != runs["RL"], runs
+    assert all(abs(row["Chi2"] - runs[row["Restorer"]]) < 1e-6 for row in images), images["Chi2"]
+    state = [l.split() for l in open("tile.record") if l.startswith("STATE ")]
+    assert abs(float(state[0][6]) - runs["RL"]) < 1e-6, state
+elif what == "warnings":
+    quiet, said = ([str(t) for t in votable.parse(name).resources[0].resources[0].tables[1].to_table()["Text"]] for name in sys.argv[2:4])
+    log = open("said").read().replace("\nrextract:     ", " ")
+    assert len(said) > 0 and said == quiet, (said, quiet)
+    assert all("warning: " + text in log for text in said), said
+    assert any(sys.argv[4] in text for text in said), said
 else:
     warnings.simplefilter("error")
     file = votable.parse("run.xml", verify="exception")
@@ -84,19 +131,40 @@ else:
         rows = [l for l in open(f"a_{run['Restorer']}.cat") if not l.startswith("#")]
         assert len(rows) == run["NSextracted"] > 0
     assert {"WRITE_XML", "RESTORE_TYPE", "READ"} <= {p.name for p in config.params}
-    assert len(said) > 0 and all(len(text) > 0 for text in said["Text"]) if "some" in sys.argv else True
+    assert said.colnames == ["Text"] and all(len(text) > 0 for text in said["Text"])
 PY
     /usr/bin/python3 check.py numbers >out 2>&1
     result 'numbers have units, and are those of the simulation' $? out
     /usr/bin/python3 check.py xml >out 2>&1
     result 'the VOTable is valid, with counts, units, UCDs and keywords' $? out
     /usr/bin/python3 check.py break && run rextract broken.fits -MAG_ZEROPOINT 25 -RESTORE_TYPE NONE -QA_TYPE TILE -QA_NAME broken -CATALOG_NAME b.cat \
-        -WEIGHT_TYPE MAP_RMS -WEIGHT_IMAGE rms.fits -WRITE_XML Y -XML_NAME broken.xml -QA_FIGURES N
+        -WEIGHT_TYPE MAP_RMS -WEIGHT_IMAGE rms.fits -QA_FIGURES N -PARAMETERS_NAME flags.param
     /usr/bin/python3 check.py keys broken/tile.json noise holes >out 2>&1
     result 'dead pixels and a wrong noise map are named' $? out
+    /usr/bin/python3 check.py flags qa a.cat FLAGS FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE >out 2>&1
+    result 'flags are those of the catalogue' $? out
+    printf '%s\n' NUMBER XWIN_IMAGE FLAGS FLAGS_WIN >few.param
+    run rextract tile.fits -RESTORE_TYPE NONE,RL -RL_NITER 2 -QA_TYPE TILE -QA_NAME few -CATALOG_NAME few.cat -QA_FIGURES N -PARAMETERS_NAME few.param &&
+        /usr/bin/python3 check.py unfitted few >out 2>&1
+    result 'nor is there a word of a fit that was not made' $? out
+    # nothing is there to make a PSF of
+    run rextract-simulate -IMAGE_NAME empty.fits -TRUTH_NAME '' -IMAGE_SIZE 200 -SEED 5 -STAR_COUNT 0 -GALAXY_COUNT 0
+    empty="empty.fits -RESTORE_TYPE NONE,RL -QA_TYPE TILE -QA_FIGURES N -CATALOG_TYPE NONE -WRITE_XML Y"
+    # shellcheck disable=SC2086 # a list of arguments is meant
+    run rextract $empty -QA_NAME empty -RECORD_NAME empty.record -XML_NAME empty.xml && : >log &&
+        verbose=NORMAL run rextract $empty -QA_NAME empty_said -XML_NAME said.xml && cp log said
+    /usr/bin/python3 check.py warnings empty.xml said.xml 'RL: done by NONE' >out 2>&1
+    result 'warnings are in the VOTable, whatever is shown' $? out
+    /usr/bin/python3 check.py chi2 >out 2>&1 && /usr/bin/python3 check.py fallback >out 2>&1
+    result 'each restorer has its own chi2' $? out
 else
     skip 'numbers and VOTable' 'python3 with astropy is not installed'
 fi
+
+grep -o 'remark(q, "[a-z0-9]*"' "$top/src/quality/tile_quality.c" | cut -d'"' -f2 | sort -u >keys
+sed -n '/^| key in tile.json/,/^$/s/^| \([a-z0-9, ]*\) | [WL].*/\1/p' "$top/docs/qa.md" | tr -s ', ' '\n' | sort -u >documented
+[ -s keys ] && diff keys documented >out
+result 'each remark has its row in docs/qa.md' $? out
 
 grep -q '^STATE .* [0-9]* [0-9]*$' tile.record && grep -q '^PAGE "qa/tile.html"$' tile.record
 result 'the record holds the state and the page' $? tile.record

@@ -481,9 +481,17 @@ static void judge_noise(rx_tile_quality *q)
                100 * q->saturated);
 }
 
+double rx_tile_chi2_middle(const rx_tile_about *about, int run)
+{
+    const rx_tile_restored *r = &about->runs[run];
+    double middle = NAN;
+    if (r->chi2.cells.nx > 0 && !(r->about->by != NULL && r->plain && run > 0))
+        quantiles(&r->chi2.cells, 1, (const double[]){0.5}, &middle);
+    return middle;
+}
+
 static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
 {
-    static const double at[] = {0.5};
     const rx_qa_run *about = run->about;
     if (run->sources->n == 0)
         remark(q, "sources", 1, "%s finds no source.", about->name);
@@ -503,20 +511,18 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
                about->name);
     if (run->outside[0] != '\0' && (run == q->about->runs || strcmp(run->outside, run[-1].outside) != 0))
         remark(q, "outside", 0, "%s was not made for this tile: %s.", about->name, run->outside);
-    if (run->chi2.cells.nx == 0 || (about->by != NULL && run->plain && run > q->about->runs))
-        return;
     const rx_tile_cells *cells = &run->chi2.cells;
-    double median, known = 0, high = 0;
-    quantiles(cells, 1, at, &median);
+    const double median = rx_tile_chi2_middle(q->about, (int)(run - q->about->runs));
+    double known = 0, high = 0;
+    if (isnan(median))
+        return;
     for (int k = 0; k < cells->nx * cells->ny; k++) {
         known += isfinite(cells->value[k]);
         high += cells->value[k] > 2;
     }
-    q->chi2 = median;
-    q->chi2_high = known > 0 ? high / known : NAN;
-    if ((median < CHI2_LOW && !run->chi2.fits_noise) || median > CHI2_HIGH || q->chi2_high > CHI2_SHARE)
+    if ((median < CHI2_LOW && !run->chi2.fits_noise) || median > CHI2_HIGH || high > CHI2_SHARE * known)
         remark(q, "chi2", 0, "%s: residual chi2 (%s) is %.3g in the middle, above 2 in %.0f %% of the cells.",
-               about->name, run->chi2.of, median, 100 * q->chi2_high);
+               about->name, run->chi2.of, median, 100 * high / known);
 }
 
 rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst, rx_error *err)
@@ -526,7 +532,7 @@ rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst
     if (q == NULL)
         return rx_error_memory(err, sizeof *q);
     q->about = about;
-    q->fwhm = q->ellipticity = q->wider = q->wider_error = q->half_light = q->chi2 = q->chi2_high = NAN;
+    q->fwhm = q->ellipticity = q->wider = q->wider_error = q->half_light = NAN;
     q->fwhm_low = INFINITY;
     q->fwhm_high = -INFINITY;
     q->depth = rx_tile_depth(&about->image);

@@ -92,7 +92,6 @@ typedef struct rx_tile_quality {
     double masked, saturated;   /* shares of the pixels */
     double pull[RX_TILE_PULLS]; /* pixels without sources, of (pixel - sky) / noise from -6.1 by 0.2 */
     double pulls, below, above, width; /* beyond -5 and 5, and sigma from quartiles */
-    double chi2, chi2_high;            /* median of the cells of the last run, share above 2 */
     int nremarks;
     rx_tile_remark remark[RX_TILE_REMARKS];
 } rx_tile_quality;
@@ -107,6 +106,10 @@ double rx_tile_depth(const rx_image *image);
 /* The shape around (x, y) of pixels, a row `width` long; all of them count. */
 rx_tile_ellipse rx_tile_ellipse_of(const float *pixels, int width, int height, double x, double y,
                                    double fwhm);
+
+/* Median of the cells of that run's residual chi2, NAN where it is not judged: there is none, or after a fallback nothing
+ * was restored, which the first run says of the same pixels. */
+double rx_tile_chi2_middle(const rx_tile_about *about, int run);
 
 double rx_tile_mag(const rx_image *image, double flux); /* NAN of a flux that is not positive */
 

@@ -3,63 +3,47 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 
 #include "data/flags.h"
 #include "report/page.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
-static const rx_report_column NUMBERS[] = {
-    {.name = "quantity"},
-    {"value", RX_REPORT_NUMBER, -4, "", "", NULL},
-    {.name = "unit"},
-    {.name = "what", .heading = "what it is"},
-};
+RX_COLUMNS(NUMBERS, RX_TEXT("quantity", NULL), RX_NUMBER("value", -4, "", ""), RX_TEXT("unit", NULL),
+           {.name = "what", .heading = "what it is"});
 
-static const rx_report_column RUNS[] = {
-    {.name = "run", .heading = "restorer"},
-    {"sources", RX_REPORT_COUNT, 0, "", "in the catalogue", NULL},
-    {"per_mpixel", RX_REPORT_NUMBER, 0, "", "sources per Mpixel that is used", NULL},
-    {"clean", RX_REPORT_NUMBER, 1, "%", "share with FLAGS 0", NULL},
-    {"turnover", RX_REPORT_NUMBER, 2, "mag", "MAG_AUTO where counts are highest", NULL},
-    {"slope", RX_REPORT_MEASURED, 2, "dex/mag", "of counts, up to 0.5 mag before", NULL},
-    {"flux_scale", RX_REPORT_MEASURED, 4, "", "restored over original flux of isolated sources", NULL},
-    {"chi2", RX_REPORT_NUMBER, 2, "", "median of residual chi2 over cells", NULL},
-    {.name = "chi2_of", .help = "what was taken off the pixels for it"},
-    {"false_per_mpixel", RX_REPORT_NUMBER, 1, "", "false detections on noise (BLANK_CHECK)", NULL},
-};
+RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"}, RX_COUNT("sources", "in the catalogue"),
+           RX_NUMBER("per_mpixel", 0, "", "sources per Mpixel that is used"),
+           RX_NUMBER("clean", 1, "%", "share with FLAGS 0"),
+           RX_NUMBER("turnover", 2, "mag", "MAG_AUTO where counts are highest"),
+           RX_MEASURED("slope", 2, "dex/mag", "of counts, up to 0.5 mag before"),
+           RX_MEASURED("flux_scale", 4, "", "restored over original flux of isolated sources"),
+           RX_NUMBER("chi2", 2, "", "median of residual chi2 over cells"),
+           RX_TEXT("chi2_of", "what was taken off the pixels for it"),
+           RX_NUMBER("false_per_mpixel", 1, "", "false detections on noise (BLANK_CHECK)"));
 
-static const rx_report_column FLAGS[] = {
-    {.name = "run", .heading = "restorer"},
-    {.name = "column"},
-    {"bit", RX_REPORT_COUNT, 0, "", "value in the column", NULL},
-    {.name = "meaning"},
-    {"sources", RX_REPORT_COUNT, 0, "", "that have it", NULL},
-    {"share", RX_REPORT_NUMBER, 1, "%", "of all sources", NULL},
-};
+RX_COLUMNS(FLAGS, {.name = "run", .heading = "restorer"}, RX_TEXT("column", NULL),
+           RX_COUNT("bit", "value in the column"), RX_TEXT("meaning", NULL),
+           RX_COUNT("sources", "that have it"), RX_NUMBER("share", 1, "%", "of all sources"));
 
-static const rx_report_column REMARKS[] = {
-    {.name = "key"},
-    {"mark", RX_REPORT_VERDICT, 0, "", "FAIL: numbers are wrong; INSUFFICIENT: look at it", NULL},
-    {.name = "sentence"},
-};
+RX_COLUMNS(REMARKS, RX_TEXT("key", NULL),
+           {"mark", RX_REPORT_VERDICT, 0, "", "FAIL: numbers are wrong; INSUFFICIENT: look at it", NULL},
+           RX_TEXT("sentence", NULL));
 
-static const rx_report_column STARS[] = {
-    {"x", RX_REPORT_NUMBER, 2, "pix", "X_IMAGE", NULL},
-    {"y", RX_REPORT_NUMBER, 2, "pix", "Y_IMAGE", NULL},
-    {"fwhm", RX_REPORT_NUMBER, 3, "pix", "of the star's pixels", NULL},
-    {"ellipticity", RX_REPORT_NUMBER, 3, "", "1 - b/a of the star", NULL},
-    {"theta", RX_REPORT_NUMBER, 1, "deg", "major axis from x", NULL},
-    {"psf_fwhm", RX_REPORT_NUMBER, 3, "pix", "of the PSF there", NULL},
-    {"psf_ellipticity", RX_REPORT_NUMBER, 3, "", "1 - b/a of the PSF", NULL},
-    {"psf_theta", RX_REPORT_NUMBER, 1, "deg", "its major axis from x", NULL},
-};
+RX_COLUMNS(STARS, RX_NUMBER("x", 2, "pix", "X_IMAGE"), RX_NUMBER("y", 2, "pix", "Y_IMAGE"),
+           RX_NUMBER("fwhm", 3, "pix", "of the star's pixels"),
+           RX_NUMBER("ellipticity", 3, "", "1 - b/a of the star"),
+           RX_NUMBER("theta", 1, "deg", "major axis from x"),
+           RX_NUMBER("psf_fwhm", 3, "pix", "of the PSF there"),
+           RX_NUMBER("psf_ellipticity", 3, "", "1 - b/a of the PSF"),
+           RX_NUMBER("psf_theta", 1, "deg", "its major axis from x"));
 
 static void add_verdict(rx_report *report, const rx_tile_quality *q)
 {
     char word[80], numbers[320];
     int bad = 0, used = 0;
-    rx_report_table *t = rx_report_table_add(report, "remarks", COUNT(REMARKS), REMARKS, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(report, "remarks", REMARKS, RX_REPORT_IN_JSON);
     for (int i = 0; i < q->nremarks; i++)
         bad += q->remark[i].bad;
     if (q->nremarks == 0)
@@ -83,8 +67,7 @@ static void add_verdict(rx_report *report, const rx_tile_quality *q)
                       word, numbers);
     for (int i = 0; i < q->nremarks; i++) {
         const char *mark = q->remark[i].bad ? RX_MARK_BAD : RX_MARK_OPEN;
-        rx_report_row(t, (rx_cell[]){rx_cell_words(q->remark[i].key), rx_cell_words(mark),
-                                     rx_cell_words(q->remark[i].sentence)});
+        rx_report_put(t, q->remark[i].key, mark, q->remark[i].sentence);
         rx_report_verdict(report, mark, q->remark[i].bad ? "Wrong:" : "Look:", q->remark[i].sentence);
     }
 }
@@ -142,24 +125,18 @@ static void add_numbers(rx_report *report, const rx_tile_quality *q)
         {"zeropoint", image->zeropoint, "mag", "MAG_ZEROPOINT"},
         {"gain", image->gain > 0 ? image->gain : NAN, "e-/ADU", "none: errors have no photons of sources"},
     };
-    rx_report_table *t = rx_report_table_add(report, "numbers", COUNT(NUMBERS), NUMBERS, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(report, "numbers", NUMBERS, RX_REPORT_IN_JSON);
     for (int i = 0; i < COUNT(rows); i++)
         if (isfinite(rows[i].value))
-            rx_report_row(t, (rx_cell[]){rx_cell_words(rows[i].name), rx_cell_number(rows[i].value),
-                                         rx_cell_words(rows[i].unit), rx_cell_words(rows[i].what)});
+            rx_report_put(t, rows[i].name, rows[i].value, rows[i].unit, rows[i].what);
     rx_report_section(report, "numbers", "Numbers");
     rx_report_show(report, t, &(rx_report_view){0});
-}
-
-static double middle(const rx_tile_quality *q, const rx_tile_restored *run)
-{
-    return run->chi2.cells.nx > 0 && run == &q->about->runs[q->about->nruns - 1] ? q->chi2 : NAN;
 }
 
 static void add_runs(rx_report *report, const rx_tile_quality *q)
 {
     const rx_image *image = &q->about->image;
-    rx_report_table *t = rx_report_table_add(report, "runs", COUNT(RUNS), RUNS, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(report, "runs", RUNS, RX_REPORT_IN_JSON);
     for (int i = 0; i < q->about->nruns; i++) {
         const rx_tile_restored *run = &q->about->runs[i];
         const rx_tile_counts counts = rx_tile_count(image, run->sources);
@@ -167,16 +144,13 @@ static void add_runs(rx_report *report, const rx_tile_quality *q)
         long clean = 0;
         for (int k = 0; k < run->sources->n; k++)
             clean += run->sources->list[k].flags == 0;
-        rx_report_row(
-            t,
-            (rx_cell[]){rx_cell_words(run->about->name), rx_cell_number(run->sources->n),
-                        rx_cell_number(run->sources->n / used),
-                        rx_cell_number(run->sources->n > 0 ? 100.0 * (double)clean / run->sources->n : NAN),
-                        rx_cell_number(counts.peak), rx_cell_measured(counts.slope, counts.slope_error),
-                        rx_cell_measured(run->about->flux.n > 0 ? run->about->flux.wide : NAN,
-                                         run->about->flux.wide_error),
-                        rx_cell_number(middle(q, run)), rx_cell_words(run->chi2.of),
-                        rx_cell_number(run->about->blank.n > 0 ? run->about->blank.rate.value : NAN)});
+        rx_report_put(t, run->about->name, run->sources->n, run->sources->n / used,
+                      run->sources->n > 0 ? 100.0 * (double)clean / run->sources->n : NAN, counts.peak,
+                      rx_cell_measured(counts.slope, counts.slope_error),
+                      rx_cell_measured(run->about->flux.n > 0 ? run->about->flux.wide : NAN,
+                                       run->about->flux.wide_error),
+                      rx_tile_chi2_middle(q->about, i), run->chi2.of,
+                      run->about->blank.n > 0 ? run->about->blank.rate.value : NAN);
     }
     rx_report_section(report, "runs", "Restorers");
     rx_report_show(report, t, &(rx_report_view){.turned = 1, .without_empty = 1});
@@ -184,29 +158,41 @@ static void add_runs(rx_report *report, const rx_tile_quality *q)
 
 static int value_of(const rx_source *s, const char *column)
 {
-    return column[5] == '\0'  ? s->flags
-           : column[6] == 'W' ? s->flags_weight
-           : column[6] == 'M' ? s->flags_measure
-                              : s->fit.restore;
+#define IS(name) (strcmp(column, name) == 0)
+    return IS("FLAGS")            ? s->flags
+           : IS("FLAGS_WEIGHT")   ? s->flags_weight
+           : IS("FLAGS_WIN")      ? s->flags_win
+           : IS("FLAGS_MEASURE")  ? s->flags_measure
+           : IS("FLAGS_TEMPLATE") ? s->fit.flags
+           : IS("FLAGS_RESTORE")  ? s->fit.restore
+                                  : 0;
+#undef IS
 }
 
 static void add_flags(rx_report *report, const rx_tile_quality *q)
 {
     int n = 0;
     const rx_flag *words = rx_flags(&n);
-    rx_report_table *t = rx_report_table_add(report, "flags", COUNT(FLAGS), FLAGS, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(report, "flags", FLAGS, RX_REPORT_IN_JSON);
     for (int i = 0; i < q->about->nruns; i++) {
         const rx_sources *sources = q->about->runs[i].sources;
+        long fitted = 0, tested = 0;
+        for (int k = 0; k < sources->n; k++) {
+            fitted += sources->list[k].fit.group > 0;
+            tested += (sources->list[k].fit.restore & RX_RESTORE_UNTESTED) == 0;
+        }
         for (int w = 0; w < n; w++) {
+            const char *column = words[w].column;
             long have = 0;
+            if (fitted == 0 && strcmp(column, "FLAGS_TEMPLATE") == 0)
+                continue;
+            if (tested == 0 && strcmp(column, "FLAGS_RESTORE") == 0 && words[w].bit == RX_RESTORE_UNTESTED)
+                continue;
             for (int k = 0; k < sources->n; k++)
-                have += (value_of(&sources->list[k], words[w].column) & words[w].bit) != 0;
-            if (have > 0 &&
-                !(words[w].bit == RX_RESTORE_UNTESTED && have == sources->n && words[w].column[6] == 'R'))
-                rx_report_row(t, (rx_cell[]){rx_cell_words(q->about->runs[i].about->name),
-                                             rx_cell_words(words[w].column), rx_cell_number(words[w].bit),
-                                             rx_cell_words(words[w].meaning), rx_cell_number((double)have),
-                                             rx_cell_number(100.0 * (double)have / sources->n)});
+                have += (value_of(&sources->list[k], column) & words[w].bit) != 0;
+            if (have > 0)
+                rx_report_put(t, q->about->runs[i].about->name, column, words[w].bit, words[w].meaning, have,
+                              100.0 * (double)have / sources->n);
         }
     }
     rx_report_section(report, "flags", "Flags by kind");
@@ -218,7 +204,7 @@ static void add_flags(rx_report *report, const rx_tile_quality *q)
 
 static void add_stars(rx_report *report, const rx_tile_quality *q)
 {
-    rx_report_table *t = rx_report_table_add(report, "tile_stars", COUNT(STARS), STARS, RX_REPORT_IN_FILE);
+    rx_report_table *t = RX_REPORT_TABLE(report, "tile_stars", STARS, RX_REPORT_IN_FILE);
     for (int i = 0; i < q->nstars; i++) {
         const rx_tile_point *p = &q->star[i];
         rx_report_put(t, p->x + 1, p->y + 1, p->shape.fwhm, p->shape.ellipticity, p->shape.theta * 180 / M_PI,
@@ -270,7 +256,7 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
         rx_report_record(report, page->nrecord, page->record);
     }
     const rx_status status = rx_report_write(report, &own, NULL, err);
-    *found = (rx_tile_page_facts){.chi2 = q->chi2};
+    *found = (rx_tile_page_facts){0};
     for (int i = 0; i < q->nremarks; i++) {
         found->wrong += q->remark[i].bad;
         found->look += !q->remark[i].bad;

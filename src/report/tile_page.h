@@ -14,7 +14,6 @@ typedef struct rx_tile_page {
 /* What it says, for the record of the tile. */
 typedef struct rx_tile_page_facts {
     int wrong, look; /* remarks */
-    double chi2;
 } rx_tile_page_facts;
 
 /* files->page and ->summary are set here. Errors: as of rx_report_write(). */

@@ -207,7 +207,9 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
     rx_tile_page_facts found = {0};
     const rx_status status = rx_tile_page_write(&page, &files, &found, err);
     if (status == RX_OK && facts != NULL) {
-        facts->state.chi2 = found.chi2;
+        for (int i = 0; i < about.nruns; i++)
+            facts->run[i].chi2 = rx_tile_chi2_middle(&about, i);
+        facts->state.chi2 = facts->run[about.nruns - 1].chi2;
         facts->state.wrong = found.wrong;
         facts->state.look = found.look;
         snprintf(facts->page, sizeof facts->page, "%s/tile.html", files.shown);

@@ -9,60 +9,32 @@
 #include "base/memory.h"
 #include "catalog/catalog.h"
 
-/* One column of the images' table. */
-typedef struct field {
-    const char *name, *unit, *ucd, *description;
-    rx_cell_type type;
-    int width; /* of text */
-} field;
-
-static const field IMAGES[] = {
-    {"Extension", "", "meta.record", "image of the file, from 1", RX_CELL_INT32, 0},
-    {"HDU", "", "meta.record", "its HDU, from 0", RX_CELL_INT32, 0},
-    {"Restorer", "", "meta.id;meta.software", "that was asked for", RX_CELL_TEXT, 16},
-    {"Done_By", "", "meta.id;meta.software", "that did it", RX_CELL_TEXT, 16},
-    {"NSextracted", "", "meta.number", "sources in the catalogue", RX_CELL_INT64, 0},
-    {"Background_Mean", "adu", "instr.skyLevel;obs.image;stat.median", "sky level", RX_CELL_DOUBLE, 0},
-    {"Background_StDev", "adu", "stat.stdev;obs.image;instr.skyLevel", "noise of a pixel", RX_CELL_DOUBLE, 0},
-    {"FWHM", "pixel", "instr.obsty.seeing", "of the PSF at the centre; nan: none", RX_CELL_DOUBLE, 0},
-    {"Ellipticity", "", "src.ellipticity;instr.det.psf", "1 - b/a of the PSF at the centre", RX_CELL_DOUBLE,
-     0},
-    {"Depth", "mag", "phot.mag;stat.min", "point source at S/N 5 in the noise of the sky", RX_CELL_DOUBLE, 0},
-    {"Noise_Factor", "", "stat.correlation", "noise of wide sums over that of independent pixels",
-     RX_CELL_DOUBLE, 0},
-    {"Masked", "", "meta.number;stat.value", "share of pixels that are not used", RX_CELL_DOUBLE, 0},
-    {"Saturated", "", "instr.saturation;stat.value", "share of pixels that are saturated", RX_CELL_DOUBLE, 0},
-    {"Flux_Scale", "", "phot.flux;arith.ratio", "restored over original flux of isolated sources",
-     RX_CELL_DOUBLE, 0},
-    {"Flux_Scale_Error", "", "stat.error;phot.flux;arith.ratio", "1 sigma of it", RX_CELL_DOUBLE, 0},
-    {"Chi2", "", "stat.fit.chi2;stat.mean", "residual, of the tile's page (QA_TYPE TILE)", RX_CELL_DOUBLE, 0},
-    {"PSF_Stars", "", "meta.number;instr.det.psf", "stars that made the PSF", RX_CELL_INT32, 0},
+/* clang-format off */
+#define FIELD(name_, unit_, ucd_, description_, type_, width) \
+    {.name = name_, .unit = unit_, .ucd = ucd_, .description = description_, .type = RX_CELL_##type_, .text_width = width}
+/* clang-format on */
+static const rx_column IMAGES[] = {
+    FIELD("Extension", "", "meta.record", "image of the file, from 1", INT32, 0),
+    FIELD("HDU", "", "meta.record", "its HDU, from 0", INT32, 0),
+    FIELD("Restorer", "", "meta.id;meta.software", "that was asked for", TEXT, 16),
+    FIELD("Done_By", "", "meta.id;meta.software", "that did it", TEXT, 16),
+    FIELD("NSextracted", "", "meta.number", "sources in the catalogue", INT64, 0),
+    FIELD("Background_Mean", "adu", "instr.skyLevel;obs.image;stat.median", "sky level", DOUBLE, 0),
+    FIELD("Background_StDev", "adu", "stat.stdev;obs.image;instr.skyLevel", "noise of a pixel", DOUBLE, 0),
+    FIELD("FWHM", "pixel", "instr.obsty.seeing", "of the PSF at the centre; nan: none", DOUBLE, 0),
+    FIELD("Ellipticity", "", "src.ellipticity;instr.det.psf", "1 - b/a of the PSF at the centre", DOUBLE, 0),
+    FIELD("Depth", "mag", "phot.mag;stat.min", "point source at S/N 5 in the noise of the sky", DOUBLE, 0),
+    FIELD("Noise_Factor", "", "stat.correlation", "noise of wide sums over that of independent pixels",
+          DOUBLE, 0),
+    FIELD("Masked", "", "meta.number;stat.value", "share of pixels that are not used", DOUBLE, 0),
+    FIELD("Saturated", "", "instr.saturation;stat.value", "share of pixels that are saturated", DOUBLE, 0),
+    FIELD("Flux_Scale", "", "phot.flux;arith.ratio", "restored over original flux of isolated sources",
+          DOUBLE, 0),
+    FIELD("Flux_Scale_Error", "", "stat.error;phot.flux;arith.ratio", "1 sigma of it", DOUBLE, 0),
+    FIELD("Chi2", "", "stat.fit.chi2;stat.mean", "residual, of the tile's page (QA_TYPE TILE)", DOUBLE, 0),
+    FIELD("PSF_Stars", "", "meta.number;instr.det.psf", "stars that made the PSF", INT32, 0),
 };
-static const field WARNINGS[] = {{"Text", "", "meta.note", "as the log has it", RX_CELL_TEXT, 0}};
 enum { NIMAGES = sizeof IMAGES / sizeof *IMAGES };
-
-static rx_status new_table(const char *name, int n, const field *fields, long rows, int text, rx_table **dst,
-                           rx_error *err)
-{
-    rx_table *table = *dst = rx_table_new(n);
-    if (table != NULL)
-        free(table->name);
-    int failed = table == NULL || (table->name = rx_strdup(name)) == NULL;
-    for (int i = 0; i < n && !failed; i++) {
-        rx_column *c = &table->columns[i];
-        snprintf(c->name, sizeof c->name, "%s", fields[i].name);
-        snprintf(c->unit, sizeof c->unit, "%s", fields[i].unit);
-        snprintf(c->ucd, sizeof c->ucd, "%s", fields[i].ucd);
-        snprintf(c->description, sizeof c->description, "%s", fields[i].description);
-        c->type = fields[i].type;
-        c->text_width = fields[i].width > 0 ? fields[i].width : text;
-        c->data = rx_alloc((size_t)rows + 1, (size_t)rx_column_element_size(c));
-        failed = c->data == NULL;
-    }
-    if (!failed)
-        table->nrows = rows;
-    return failed ? rx_error_memory(err, 0) : RX_OK;
-}
 
 static void put(rx_table *table, int column, long row, double number, const char *text)
 {
@@ -82,7 +54,7 @@ static rx_status images_table(const rx_tile_facts *facts, rx_table **dst, rx_err
     long rows = 0;
     for (int k = 0; k < facts->n; k++)
         rows += facts->extension[k].nruns;
-    RX_TRY(new_table("Extension_Data", NIMAGES, IMAGES, rows, 1, dst, err));
+    RX_TRY(rx_table_make("Extension_Data", IMAGES, NIMAGES, rows, dst, err));
     rows = 0;
     for (int k = 0; k < facts->n; k++)
         for (int i = 0; i < facts->extension[k].nruns; i++, rows++) {
@@ -107,7 +79,7 @@ static rx_status images_table(const rx_tile_facts *facts, rx_table **dst, rx_err
                                  {e->state.saturated, NULL},
                                  {measured ? run->flux.wide : NAN, NULL},
                                  {measured ? run->flux.wide_error : NAN, NULL},
-                                 {e->state.chi2, NULL},
+                                 {run->chi2, NULL},
                                  {e->psf.stars, NULL}};
             for (int c = 0; c < NIMAGES; c++)
                 put(*dst, c, rows, values[c].number, values[c].text);
@@ -123,7 +95,8 @@ static rx_status warnings_table(const rx_text *warnings, rx_table **dst, rx_erro
         longest = (int)fmax(longest, (double)strlen(warnings->data + at) + 1);
     if (warnings->failed)
         return rx_error_memory(err, 0);
-    RX_TRY(new_table("Warnings", 1, WARNINGS, n, longest, dst, err));
+    const rx_column text = FIELD("Text", "", "meta.note", "as the log has it", TEXT, longest);
+    RX_TRY(rx_table_make("Warnings", &text, 1, n, dst, err));
     n = 0;
     for (size_t at = 0; at < warnings->length; at += strlen(warnings->data + at) + 1, n++)
         put(*dst, 0, n, 0, warnings->data + at);

@@ -128,6 +128,7 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
         const rx_blankcheck *blank = &runs[i].checks.blank;
         *run = (rx_run_facts){.sources = (long)runs[i].sources->n,
                               .flux = runs[i].flux,
+                              .chi2 = NAN,
                               .guard = {.known = blank->realisations > 0 || isfinite(runs[i].unexplained),
                                         .false_per_mpixel = blank->realisations > 0 ? blank->rate.value : NAN,
                                         .raised = blank->raised,

@@ -24,6 +24,7 @@ typedef struct rx_run_facts {
     char by[16], why[240]; /* restorer that did it instead, and why; "" none */
     char outside[240];     /* what the restorer was not made for, "" nothing */
     rx_fluxcheck flux;     /* n = 0: not measured */
+    double chi2;           /* residual, of the tile's page; NAN without it, or not judged; not in records */
     rx_run_guard guard;
     rx_tally *tally; /* against the reference catalogue; NULL without one */
 } rx_run_facts;
@@ -48,8 +49,8 @@ typedef struct rx_tile_state {
     double factor;      /* noise of wide sums over that of independent pixels */
     double masked;      /* share of pixels that are not used */
     double saturated;
-    double chi2; /* of the page (QA_TYPE TILE), as are remarks: wrong, to look at; NAN, -1 without it */
-    int wrong, look;
+    double chi2;     /* of the page's last restorer (QA_TYPE TILE); NAN without it, or where not judged */
+    int wrong, look; /* its remarks; -1 without it */
 } rx_tile_state;
 
 /* Cards of RECORD_CARDS that the header has. */
