@@ -125,22 +125,11 @@ rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
 /* A campaign decides itself which restorers run, on how many threads, and what is written. */
 const char *rx_config_idle(const rx_settings *settings, const char *name)
 {
-    static const char *const outputs[] = {"CATALOG_NAME",
-                                          "CATALOG_TYPE",
-                                          "RESTORE_TYPE",
-                                          "CHECKIMAGE_TYPE",
-                                          "CHECKIMAGE_NAME",
-                                          "NTHREADS",
-                                          "VERBOSE_TYPE",
-                                          "REFERENCE_NAME",
-                                          "QA_NAME",
-                                          "QA_TYPE",
-                                          "WRITE_XML",
-                                          "XML_NAME",
-                                          "QA_GATES",
-                                          "SELF_CHECK",
-                                          "BLANK_CHECK",
-                                          NULL};
+    static const char *const outputs[] = {
+        "CATALOG_NAME",    "CATALOG_TYPE", "RESTORE_TYPE", "CHECKIMAGE_TYPE",
+        "CHECKIMAGE_NAME", "NTHREADS",     "VERBOSE_TYPE", "REFERENCE_NAME",
+        "QA_NAME",         "QA_TYPE",      "WRITE_XML",    "XML_NAME",
+        "QA_GATES",        "SELF_CHECK",   "BLANK_CHECK",  NULL};
     return settings->prefix[0] != '\0' && rx_keyword_among(outputs, name) ? "in a campaign" : NULL;
 }
 
