@@ -258,7 +258,7 @@ static void keywords_set_in_vain_warn(void **state)
          "t: warning: SIM.IMAGE_NAME a.fits has no effect in a campaign"},
         {rx_keytable_validate, "STAGE.RESTORE_TYPE NONE",
          "t: warning: STAGE.RESTORE_TYPE NONE has no effect in a campaign"},
-        {rx_keytable_validate, "STAGE.WRITE_XML Y", "t: warning: STAGE.WRITE_XML Y has no effect here"},
+        {rx_keytable_validate, "STAGE.WRITE_XML Y", "t: warning: STAGE.WRITE_XML Y has no effect in a campaign"},
         {rx_keytable_validate, "STAGE.SEED 5;RESTORE_TYPE NONE;SIM.SKY_LEVEL 5", NULL},
         {rx_keytable_rextract, "CATALOG_NAME a.cat;RESTORE_TYPE NONE", NULL},
         {rx_keytable_train, "SIM.STAR_COUNT 5;SIM.GALAXY_MAG 15,20;RL_STEPS 0;TIKHONOV 0.1", NULL},
