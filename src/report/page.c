@@ -131,8 +131,8 @@ void rx_page_cell_file(rx_text *dst, const char *name)
     }
     rx_text_add(dst, "<td class=\"t\"><a href=\"");
     for (const char *c = name; *c != '\0'; c++) /* what means something in an address */
-        if (strchr("%#? ", *c) != NULL)
-            rx_text_printf(dst, "%%%02X", *c);
+        if ((unsigned char)*c < 0x20 || (unsigned char)*c > 0x7e || strchr("%#? ", *c) != NULL)
+            rx_text_printf(dst, "%%%02X", (unsigned char)*c);
         else if (strchr("&<>\"'", *c) != NULL)
             rx_text_printf(dst, "&#%d;", *c);
         else

@@ -2,7 +2,7 @@
 # shellcheck shell=sh disable=SC2154,SC2086 # variables of run.sh; lists of arguments are meant
 
 begin 'no argument'
-says 6
+says 7
 expect_exactly 2 '^usage: rextract IMAGE'
 
 begin 'help'
