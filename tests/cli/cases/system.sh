@@ -180,7 +180,7 @@ leaves test.cat b.fits s.fits
 if [ "$active" = 1 ]; then
     list_files >../before
     set -- tile.fits $none -CHECKIMAGE_TYPE BACKGROUND,SEGMENTATION -CHECKIMAGE_NAME b.fits,s.fits \
-        -WRITE_XML Y -VERBOSE_TYPE FULL
+        -INTERP_TYPE NONE -VERBOSE_TYPE FULL
     "$program" "$@" 2>/dev/null && cat test.cat b.fits s.fits | cksum >../expected
     rm -f test.cat b.fits s.fits
     "$program" "$@" >../out 2>&- <&-
