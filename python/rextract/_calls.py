@@ -314,7 +314,7 @@ def _calls_table(image, columns, options) -> Table:
 
 
 def psf(image, **options) -> PSF:
-    """The PSF of the image, measured from its stars unless PSF_TYPE says otherwise: psf(x, y) is its image at a place.
+    """The PSF of the image, measured from its stars unless PSF_TYPE names another: psf(x, y) is its image at a place.
     Options are those of extract() without columns. Errors: InputError where it cannot be known."""
     memory = _call(image, (), psf_only=True, **options)
     field = memory.c.detect

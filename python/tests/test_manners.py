@@ -110,12 +110,12 @@ class Errors(InFolder):
 
 class WhileItRuns(InFolder):
     def test_progress_rises(self):
-        told = []
-        rextract.restore(self.pixels, progress=lambda what, done: told.append((what, done)), **KEYWORDS)
-        done = [share for _, share in told]
+        heard = []
+        rextract.restore(self.pixels, progress=lambda what, done: heard.append((what, done)), **KEYWORDS)
+        done = [share for _, share in heard]
         self.assertEqual(done, sorted(done))
         self.assertEqual(done[-1], 1.0)
-        self.assertIn("restoration", [what for what, _ in told])
+        self.assertIn("restoration", [what for what, _ in heard])
 
     def test_an_exception_ends_the_call(self):
         def fails(what, done):

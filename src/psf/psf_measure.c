@@ -342,7 +342,7 @@ static void find_together(rx_psf_job *job, const rx_star_shape *shapes, double s
 
 /* Leaves out stars whose width, shape or chi2 differs from those of the others by that many robust sigmas, but for those
  * that are wider together: these are excused of all three, and for good, as a corner that the model has begun to follow is
- * less wide and not yet round (taken back each pass, or excused of width alone, one corner of nine was lost: fluxes 0.30 mag). */
+ * less wide and not yet round (taken back each pass, or excused of width alone, one corner of six was lost: fluxes 0.30 mag). */
 static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
 {
     rx_star_shape *shapes = rx_alloc((size_t)job->n + 1, sizeof *shapes);

@@ -18,8 +18,7 @@ static const double CLEAR = 3.0;   /* sigmas of a ring that stands out of the no
 static const double KNOWN = 8.0;   /* sigmas of a ring that saturated stars are scaled by */
 static const double UNLIKE =
     0.3; /* share of pixels that no star would have, of a saturated source that is none */
-/* Light of a halo that a Moffat of the core lacks, mean over PSFs: 0.05 beyond an arcminute (King 1971, PASP 83, 199), 0.02 to
- * 0.09 of the kinds of validation/psf_truth.py. */
+/* Light of a halo that a Moffat of the core lacks, mean over PSFs: a choice, not a measurement. */
 static const double HALO_LIGHT = 0.05;
 static const double SPIKE = 15.0; /* times the mean of its ring that a star may have along spikes */
 
