@@ -50,29 +50,13 @@ static void aperture_params(const rx_pipeline_params *params, double diameter, r
     dst->calibrate_none = dst->calibrate_restored = 0;
 }
 
-/* Noise-equivalent area 1 / sum P^2 of the PSF at the middle of the tile, pixels. */
-static rx_status noise_area(const rx_field *field, double *area, rx_error *err)
+static void choose_magnitudes(rx_selfcheck_plan *plan)
 {
-    const rx_psf *psf = field->psf;
-    const rx_tile *tile = field->tile;
-    size_t n = (size_t)psf->size * (size_t)psf->size;
-    double power = 0.0;
-    float *stamp;
-    RX_TRY(RX_MAKE(stamp, n, err));
-    rx_psf_at(psf, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1), stamp);
-    for (size_t i = 0; i < n; i++)
-        power += (double)stamp[i] * (double)stamp[i];
-    free(stamp);
-    *area = power > 0.0 ? 1.0 / power : 1.0;
-    return RX_OK;
-}
-
-static rx_status choose_magnitudes(rx_selfcheck_plan *plan, rx_error *err)
-{
-    double area = 1.0;
-    RX_TRY(noise_area(plan->field, &area, err));
+    const rx_tile *tile = plan->field->tile;
+    const double area =
+        rx_psf_noise_area(plan->field->psf, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1));
     double flux = 5.0 * plan->field->restored->global_sigma * plan->field->noise_factor * sqrt(area);
-    plan->limit = plan->field->tile->zeropoint - 2.5 * log10(flux);
+    plan->limit = tile->zeropoint - 2.5 * log10(flux);
     plan->mag_low = plan->par->mag[0];
     plan->mag_high = plan->par->mag[1];
     if (!(plan->mag_low < plan->mag_high)) {
@@ -82,7 +66,6 @@ static rx_status choose_magnitudes(rx_selfcheck_plan *plan, rx_error *err)
     double bins = floor((double)plan->count / PER_BIN);
     bins = bins < FEWEST_BINS ? FEWEST_BINS : bins > MOST_BINS ? MOST_BINS : bins;
     plan->mag_step = (plan->mag_high - plan->mag_low) / bins;
-    return RX_OK;
 }
 
 static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
@@ -215,7 +198,7 @@ rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check
     aperture_params(&plan->params, plan->diameter, &plan->apertures);
     rx_status status;
     RX_TRY_EXIT(rx_quality_radius(&par->quality, field->tile, &plan->match_radius, err));
-    RX_TRY_EXIT(choose_magnitudes(plan, err));
+    choose_magnitudes(plan);
     RX_TRY_EXIT(choose_places(plan, err));
     RX_TRY_EXIT(choose_galaxies(sources, plan, err));
     RX_TRY_EXIT(rx_optics_psf(field->psf, &plan->optics, err));

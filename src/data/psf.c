@@ -80,18 +80,43 @@ static double power(double base, int exponent)
     return product;
 }
 
+typedef struct {
+    double of[RX_PSF_MAX_BASIS];
+} coefficients;
+
+static coefficients coefficients_at(const rx_psf *psf, double x, double y)
+{
+    coefficients c;
+    for (int b = 0; b < psf->nbasis; b++)
+        c.of[b] = power((x - psf->x0) / psf->xs, psf->px[b]) * power((y - psf->y0) / psf->ys, psf->py[b]);
+    return c;
+}
+
+static double mixed(const rx_psf *psf, const coefficients *c, const float *images, size_t n, size_t i)
+{
+    double sum = 0.0;
+    for (int b = 0; b < psf->nbasis; b++)
+        sum += c->of[b] * (double)images[(size_t)b * n + i];
+    return sum;
+}
+
 static void mix(const rx_psf *psf, const float *images, size_t n, double x, double y, float *stamp)
 {
-    double coefficient[RX_PSF_MAX_BASIS];
-    for (int b = 0; b < psf->nbasis; b++)
-        coefficient[b] =
-            power((x - psf->x0) / psf->xs, psf->px[b]) * power((y - psf->y0) / psf->ys, psf->py[b]);
+    const coefficients c = coefficients_at(psf, x, y);
+    for (size_t i = 0; i < n; i++)
+        stamp[i] = (float)mixed(psf, &c, images, n, i);
+}
+
+double rx_psf_noise_area(const rx_psf *psf, double x, double y)
+{
+    const coefficients c = coefficients_at(psf, x, y);
+    const size_t n = (size_t)psf->size * (size_t)psf->size;
+    double squares = 0.0;
     for (size_t i = 0; i < n; i++) {
-        double sum = 0.0;
-        for (int b = 0; b < psf->nbasis; b++)
-            sum += coefficient[b] * (double)images[(size_t)b * n + i];
-        stamp[i] = (float)sum;
+        const double value = mixed(psf, &c, psf->basis, n, i);
+        squares += value * value;
     }
+    return squares > 0.0 ? 1.0 / squares : 1.0;
 }
 
 void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp)

@@ -132,6 +132,9 @@ rx_psf *rx_psf_copy(const rx_psf *psf);
 /* stamp[size*size] = PSF at 0-based tile position (x, y). */
 void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);
 
+/* Noise-equivalent area 1 / sum P^2 there, pixels. */
+double rx_psf_noise_area(const rx_psf *psf, double x, double y);
+
 /* stamp[side*side], side = rx_psf_fine_side(): the same with samples; without any it is rx_psf_at(). */
 void rx_psf_fine_at(const rx_psf *psf, double x, double y, float *stamp);
 

@@ -62,17 +62,19 @@ static void finish(sums *s)
 }
 
 /* Quantiles of the cells that say something. */
-static void quantiles(const rx_tile_cells *cells, int n, const double *q, double *dst)
+static rx_status quantiles(const rx_tile_cells *cells, int n, const double *q, double *dst, rx_error *err)
 {
     const size_t all = (size_t)cells->nx * (size_t)cells->ny;
-    double *copy = RX_NEW(double, all + 1);
+    double *copy;
     size_t m = 0;
-    for (size_t k = 0; k < all && copy != NULL; k++)
+    RX_TRY(RX_MAKE(copy, all + 1, err));
+    for (size_t k = 0; k < all; k++)
         if (isfinite(cells->value[k]))
             copy[m++] = cells->value[k];
     for (int i = 0; i < n; i++)
         dst[i] = m > 0 ? rx_quantile(copy, m, q[i]) : NAN;
     free(copy);
+    return RX_OK;
 }
 
 rx_status rx_tile_chi2_make(const rx_image *image, const rx_tile_model *of, rx_tile_chi2 *dst, rx_error *err)
@@ -102,7 +104,7 @@ rx_status rx_tile_chi2_make(const rx_image *image, const rx_tile_model *of, rx_t
             }
         }
     finish(&s);
-    return RX_OK;
+    return quantiles(&dst->cells, 1, (const double[]){0.5}, &dst->middle, err);
 }
 
 /* --- shapes --- */
@@ -164,25 +166,27 @@ rx_tile_ellipse rx_tile_ellipse_of(const float *pixels, int width, int height, d
 }
 
 /* Radius of half of the light of a stamp about its middle, pixels cut in FINE x FINE. */
-static double half_light(const float *stamp, int size)
+static rx_status half_light(const float *stamp, int size, double *dst, rx_error *err)
 {
     enum { FINE = 5, RINGS = 20, MOST = 1024 * RINGS };
-    double *ring = RX_NEW(double, MOST), all = 0, within = 0, radius = NAN;
+    double *ring, all = 0, within = 0, radius = NAN;
+    RX_TRY(RX_MAKE(ring, MOST, err));
     const double middle = 0.5 * size;
-    for (int k = 0; k < size * size && ring != NULL; k++)
+    for (int k = 0; k < size * size; k++)
         for (int j = 0; j < FINE * FINE; j++) {
             const double u = k % size + (j % FINE + 0.5) / FINE - middle,
                          v = (double)(k / size) + ((double)(j / FINE) + 0.5) / FINE - middle;
             ring[(int)fmin(RINGS * hypot(u, v), MOST - 1)] += stamp[k];
             all += stamp[k];
         }
-    for (int i = 0; i < MOST && ring != NULL && isnan(radius); i++) {
+    for (int i = 0; i < MOST && isnan(radius); i++) {
         within += ring[i];
         if (within >= 0.5 * all)
             radius = (i + 0.5) / RINGS;
     }
     free(ring);
-    return radius;
+    *dst = radius;
+    return RX_OK;
 }
 
 static rx_tile_ellipse psf_shape(const rx_psf *psf, float *stamp, double x, double y)
@@ -250,11 +254,11 @@ static void add_star(rx_tile_quality *q, float *stamp, float *room, double x, do
 }
 
 /* The stars that made the PSF, or where it is from elsewhere those sources that are as small as it. */
-static void measure_stars(rx_tile_quality *q, float *stamp, float *room)
+static rx_status measure_stars(rx_tile_quality *q, float *stamp, float *room, rx_error *err)
 {
     const rx_psf *psf = q->about->image.psf;
     const rx_tile_restored *run = &q->about->runs[0];
-    double *wider = NULL, median = NAN;
+    double *wider, median = NAN;
     size_t n = 0;
     for (int i = 0; i < psf->nstars && psf->stars != NULL; i++)
         add_star(q, stamp, room, psf->stars[i][0], psf->stars[i][1]);
@@ -267,25 +271,18 @@ static void measure_stars(rx_tile_quality *q, float *stamp, float *room)
             fabs(s->flux_radius[0] / small - 1) < 0.15)
             add_star(q, stamp, room, s->x, s->y);
     }
-    wider = RX_NEW(double, (size_t)q->nstars + 1);
-    for (int i = 0; i < q->nstars && wider != NULL; i++)
+    RX_TRY(RX_MAKE(wider, (size_t)q->nstars + 1, err));
+    for (int i = 0; i < q->nstars; i++)
         wider[n++] = q->star[i].shape.fwhm / q->star[i].psf.fwhm - 1;
     q->wider_scatter = n > 1 ? rx_sigma_mad(wider, n, &median) : NAN;
     q->wider_error = 1.2533 * q->wider_scatter / sqrt((double)n);
     q->wider = median;
     q->wider_n = (double)n;
     free(wider);
+    return RX_OK;
 }
 
 /* --- sky and noise --- */
-
-static double noise_area(const rx_psf *psf)
-{
-    double sum = 0;
-    for (int k = 0; k < psf->size * psf->size; k++)
-        sum += (double)psf->basis[k] * (double)psf->basis[k];
-    return 1 / sum;
-}
 
 double rx_tile_mag(const rx_image *image, double flux)
 {
@@ -298,7 +295,8 @@ double rx_tile_depth(const rx_image *image)
         return NAN;
     const double factor =
         rx_noise_factor(image->correlation, image->psf->basis, image->psf->size, image->psf->size);
-    return rx_tile_mag(image, 5 * image->global_noise * factor * sqrt(noise_area(image->psf)));
+    const double area = rx_psf_noise_area(image->psf, 0.5 * (image->width - 1), 0.5 * (image->height - 1));
+    return rx_tile_mag(image, 5 * image->global_noise * factor * sqrt(area));
 }
 
 static double quartile_of(const double *pull, double all, double q)
@@ -358,8 +356,8 @@ static rx_status measure_pixels(rx_tile_quality *q, rx_error *err)
     q->saturated = saturated / all;
     q->width = (quartile_of(q->pull, q->pulls, 0.75) - quartile_of(q->pull, q->pulls, 0.25)) / 1.34898;
     double sky_at[3];
-    quantiles(&q->sky, 3, (const double[]){0.05, 0.5, 0.95}, sky_at);
-    quantiles(&q->noise, 1, (const double[]){0.5}, &q->noise_median);
+    RX_TRY(quantiles(&q->sky, 3, (const double[]){0.05, 0.5, 0.95}, sky_at, err));
+    RX_TRY(quantiles(&q->noise, 1, (const double[]){0.5}, &q->noise_median, err));
     q->sky_median = sky_at[1];
     q->sky_range = sky_at[2] - sky_at[0];
     return RX_OK;
@@ -484,10 +482,7 @@ static void judge_noise(rx_tile_quality *q)
 double rx_tile_chi2_middle(const rx_tile_about *about, int run)
 {
     const rx_tile_restored *r = &about->runs[run];
-    double middle = NAN;
-    if (r->chi2.cells.nx > 0 && !(r->about->by != NULL && r->plain && run > 0))
-        quantiles(&r->chi2.cells, 1, (const double[]){0.5}, &middle);
-    return middle;
+    return r->chi2.cells.nx > 0 && !(r->about->by != NULL && r->plain && run > 0) ? r->chi2.middle : NAN;
 }
 
 static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
@@ -546,9 +541,10 @@ rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst
             status = rx_error_memory(err, 0);
         else {
             rx_psf_at(psf, 0.5 * about->image.width, 0.5 * about->image.height, stamp);
-            q->half_light = half_light(stamp, psf->size);
+            status = half_light(stamp, psf->size, &q->half_light, err);
             shape_grid(q, stamp);
-            measure_stars(q, stamp, room);
+            if (status == RX_OK)
+                status = measure_stars(q, stamp, room, err);
         }
         free(room);
         free(stamp);
@@ -632,7 +628,7 @@ int rx_tile_cuts(const rx_sources *sources, uint64_t seed, rx_tile_cut dst[RX_TI
     for (int i = 0; i < sources->n && order != NULL; i++)
         order[i] = (ranked){isfinite(sources->list[i].flux_auto) ? sources->list[i].flux_auto : 0, i};
     if (order == NULL)
-        return 0;
+        return -1;
     qsort(order, (size_t)sources->n, sizeof *order, by_flux);
     for (int kind = 0; kind < 2; kind++)
         for (int i = 0, m = 0; i < sources->n && m < RX_TILE_CUTS_EACH; i++)

@@ -29,6 +29,7 @@ typedef struct rx_tile_chi2 {
     const char *of; /* what was taken off, in words */
     int fits_noise; /* that follows the noise, as a restored image does: below 1 is no fault */
     rx_tile_cells cells;
+    double middle; /* median of the cells */
 } rx_tile_chi2;
 
 /* residual: pixels - sky - model, or NULL: made here. Without a model pixels of segments do not count. */
@@ -122,7 +123,7 @@ typedef struct rx_tile_counts {
 rx_tile_counts rx_tile_count(const rx_image *image, const rx_sources *sources);
 
 /* The sources of cut-outs: five brightest, the five brightest blended ones that are left, five by chance. Indices;
- * kind: 0, 1, 2. */
+ * kind: 0, 1, 2. Returns how many, -1 without memory. */
 enum { RX_TILE_CUTS = 15, RX_TILE_CUTS_EACH = 5 };
 typedef struct rx_tile_cut {
     int source, kind;

@@ -419,6 +419,8 @@ void rx_tile_figures(rx_figures *dst, const rx_tile_quality *q)
     counts(dst, q);
     const rx_tile_restored *last = &about->runs[about->nruns - 1];
     const int n = rx_tile_cuts(last->sources, about->seed, cuts);
+    if (n < 0)
+        dst->script.failed = true;
     for (int i = 0; i < n; i++)
         cut_out(dst, q, &cuts[i], i);
 }

@@ -424,6 +424,7 @@ static void test_polynomial_and_copy(void **state)
     psf.stars = stars;
     rx_psf_at(&psf, 15.0, 12.0, &value);
     assert_near(value, 1.0 + 0.5 * 1.0 - 0.25 * 1.0 * -2.0, 1e-6);
+    assert_near(rx_psf_noise_area(&psf, 15.0, 12.0), 1.0 / 4.0, 1e-6);
     rx_psf *copy = rx_psf_copy(&psf);
     assert_non_null(copy);
     assert_true(copy->basis != psf.basis);
