@@ -197,7 +197,7 @@ static void keywords_without_effect_warn_once(void **state)
     logged(state, "WRITE_XML Y\nWRITE_XML Y\nINTERP_TYPE NONE\nXML_NAME a.xml\nMEMORY_OBJSTACK 9000\n", RX_OK,
            said, sizeof said, &err);
     assert_string_equal(said,
-                                                "t: warning: INTERP_TYPE NONE has no effect here (interpolation over bad pixels)\n");
+                        "t: warning: INTERP_TYPE NONE has no effect here (interpolation over bad pixels)\n");
     logged(state, "WRITE_XML N\nINTERP_TYPE all\nINTERP_MAXXLAG 16.0\nHEADER_SUFFIX .head\nFILTER_THRESH\n",
            RX_OK, said, sizeof said, &err);
     assert_string_equal(said, "");
