@@ -23,109 +23,39 @@ typedef struct quantity {
     double (*value)(const rx_rollup_row *row);
 } quantity;
 
-static double fwhm(const rx_rollup_row *r)
-{
-    return r->fwhm;
-}
-static double ellipticity(const rx_rollup_row *r)
-{
-    return r->state.ellipticity;
-}
-static double sky(const rx_rollup_row *r)
-{
-    return r->sky;
-}
-static double noise(const rx_rollup_row *r)
-{
-    return r->noise;
-}
-static double depth(const rx_rollup_row *r)
-{
-    return r->state.depth;
-}
-static double factor(const rx_rollup_row *r)
-{
-    return r->state.factor;
-}
-static double masked(const rx_rollup_row *r)
-{
-    return r->state.masked;
-}
-static double saturated(const rx_rollup_row *r)
-{
-    return r->state.saturated;
-}
-static double chi2(const rx_rollup_row *r)
-{
-    return r->state.chi2;
-}
-static double growth(const rx_rollup_row *r)
-{
-    return r->psf_growth;
-}
-static double residual(const rx_rollup_row *r)
-{
-    return r->psf_residual;
-}
-static double size(const rx_rollup_row *r)
-{
-    return r->psf_size;
-}
-static double sources(const rx_rollup_row *r)
-{
-    return (double)r->sources + 1;
-}
-static double flux_scale(const rx_rollup_row *r)
-{
-    return r->flux.n > 0 ? r->flux.wide : NAN;
-}
-static double unexplained(const rx_rollup_row *r)
-{
-    return r->guard.known ? r->guard.unexplained : NAN;
-}
-static double spurious(const rx_rollup_row *r)
-{
-    return r->guard.known ? r->guard.false_per_mpixel : NAN;
-}
-static double recall(const rx_rollup_row *r)
-{
-    return r->cell.recall.value;
-}
-static double precision(const rx_rollup_row *r)
-{
-    return r->cell.precision.value;
-}
-static double bias(const rx_rollup_row *r)
-{
-    return r->cell.bias;
-}
-static double scatter(const rx_rollup_row *r)
-{
-    return r->cell.scatter;
-}
-
-static const quantity QUANTITIES[] = {
-    {"fwhm", "FWHM", " pix", 1, 0, 0.05, fwhm},
-    {"ellipticity", "ellipticity", "", 1, 0, 0.01, ellipticity},
-    {"sky", "sky", " adu", 1, 0, 1e-6, sky},
-    {"noise", "noise", " adu", 1, 1, 0.01, noise},
-    {"depth", "depth", " mag", 1, 0, 0.02, depth},
-    {"noise_factor", "noise of sums", "", 1, 1, 0.02, factor},
-    {"masked", "masked share", "", 1, 0, 0.01, masked},
-    {"saturated", "saturated share", "", 1, 0, 0.001, saturated},
-    {"chi2", "residual chi2", "", 1, 1, 0.05, chi2},
-    {"psf_growth", "curve of growth, stars - PSF", "", 1, 0, 0.002, growth},
-    {"psf_residual", "stacked stars - PSF", "", 1, 0, 0.005, residual},
-    {"psf_size", "dT/T of stars", "", 1, 0, 0.002, size},
-    {"sources", "sources", "", 0, 1, 0.05, sources},
-    {"flux_scale", "flux scale", "", 0, 0, 0.001, flux_scale},
-    {"not_explained", "share not explained", "", 0, 0, 0.01, unexplained},
-    {"false_per_mpixel", "false per Mpixel", "", 0, 0, 0.5, spurious},
-    {"recall", "recall", "", 0, 0, 0.01, recall},
-    {"precision", "precision", "", 0, 0, 0.01, precision},
-    {"bias_mag", "bias", " mag", 0, 0, 0.002, bias},
-    {"scatter_mag", "scatter", " mag", 0, 1, 0.03, scatter},
-};
+/* function, name, title, unit, image, logarithmic, floor, value of rx_rollup_row *r */
+#define QUANTITY_TABLE(Q)                                                                                    \
+    Q(fwhm, "fwhm", "FWHM", " pix", 1, 0, 0.05, r->fwhm)                                                     \
+    Q(ellipticity, "ellipticity", "ellipticity", "", 1, 0, 0.01, r->state.ellipticity)                       \
+    Q(sky, "sky", "sky", " adu", 1, 0, 1e-6, r->sky)                                                         \
+    Q(noise, "noise", "noise", " adu", 1, 1, 0.01, r->noise)                                                 \
+    Q(depth, "depth", "depth", " mag", 1, 0, 0.02, r->state.depth)                                           \
+    Q(factor, "noise_factor", "noise of sums", "", 1, 1, 0.02, r->state.factor)                              \
+    Q(masked, "masked", "masked share", "", 1, 0, 0.01, r->state.masked)                                     \
+    Q(saturated, "saturated", "saturated share", "", 1, 0, 0.001, r->state.saturated)                        \
+    Q(chi2, "chi2", "residual chi2", "", 1, 1, 0.05, r->state.chi2)                                          \
+    Q(growth, "psf_growth", "curve of growth, stars - PSF", "", 1, 0, 0.002, r->psf_growth)                  \
+    Q(residual, "psf_residual", "stacked stars - PSF", "", 1, 0, 0.005, r->psf_residual)                     \
+    Q(size, "psf_size", "dT/T of stars", "", 1, 0, 0.002, r->psf_size)                                       \
+    Q(sources, "sources", "sources", "", 0, 1, 0.05, (double)r->sources + 1)                                 \
+    Q(flux_scale, "flux_scale", "flux scale", "", 0, 0, 0.001, r->flux.n > 0 ? r->flux.wide : NAN)           \
+    Q(unexplained, "not_explained", "share not explained", "", 0, 0, 0.01,                                   \
+      r->guard.known ? r->guard.unexplained : NAN)                                                           \
+    Q(spurious, "false_per_mpixel", "false per Mpixel", "", 0, 0, 0.5,                                       \
+      r->guard.known ? r->guard.false_per_mpixel : NAN)                                                      \
+    Q(recall, "recall", "recall", "", 0, 0, 0.01, r->cell.recall.value)                                      \
+    Q(precision, "precision", "precision", "", 0, 0, 0.01, r->cell.precision.value)                          \
+    Q(bias, "bias_mag", "bias", " mag", 0, 0, 0.002, r->cell.bias)                                           \
+    Q(scatter, "scatter_mag", "scatter", " mag", 0, 1, 0.03, r->cell.scatter)
+#define AS_FUNCTION(function, name, title, unit, image, logarithmic, floor, expression)                      \
+    static double function(const rx_rollup_row *r)                                                           \
+    {                                                                                                        \
+        return expression;                                                                                   \
+    }
+#define AS_ROW(function, name, title, unit, image, logarithmic, floor, expression)                           \
+    {name, title, unit, image, logarithmic, floor, function},
+QUANTITY_TABLE(AS_FUNCTION)
+static const quantity QUANTITIES[] = {QUANTITY_TABLE(AS_ROW)};
 enum { NQUANTITIES = sizeof QUANTITIES / sizeof *QUANTITIES };
 
 /* As it is compared; NAN: not known, or not of this row. */
