@@ -67,7 +67,7 @@ static rx_status change(const rx_psf *before, const rx_psf *after, const rx_imag
     return status;
 }
 
-/* On the pixels without the model. What this changes, once more might change as much: an error of all fluxes. */
+/* On the pixels without the model. */
 static rx_status measure(const rx_pipeline_params *params, int role, const rx_field *field,
                          const rx_tphot *fit, rx_psf **dst, double *by, rx_error *err)
 {
@@ -96,7 +96,6 @@ static rx_status measure(const rx_pipeline_params *params, int role, const rx_fi
         between->psf = NULL;
         (*dst)->quality.neighbours = fit->modelled;
         (*dst)->quality.limit = fmax((*dst)->quality.limit, field->psf->quality.limit);
-        (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, *by);
     }
     rx_field_free(between);
     free(pixels);

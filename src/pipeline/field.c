@@ -118,6 +118,9 @@ static const double LEAST_FACTOR = 0.7;
 /* A crowd's PSF is measured again until fluxes change by less, relative. */
 static const double PSF_STAYS = 0.005;
 enum { PSF_ROUNDS = 3 };
+/* Of what taking off the seen neighbours changed, for the unseen ones. Twelve crowds of 40 x 40 FWHM with 480 stars (the scene of
+ * test_template_fit.c, seeds 31 to 42): fluxes off by 0.001 to 0.056, a rms pull of 1.6. */
+static const double PSF_UNSEEN = 0.5;
 
 /* Of the matched filter. What sharpening leaves, or a correlation that was measured wrongly, is not believed. */
 static rx_status make_effective_noise(rx_field *field, rx_log *log, rx_error *err)
@@ -633,12 +636,20 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     if (status == RX_OK && image->psf != NULL && rx_psf_type_measured(params->psf.type) &&
         field->nstars > 0) {
         begun = rx_seconds();
-        double by = HUGE_VAL;
+        double by = HUGE_VAL, all = 0;
         for (int round = 0; round < PSF_ROUNDS && fabs(by) > PSF_STAYS && status == RX_OK; round++) {
             rx_psf *psf = NULL;
             status = rx_psf_between(params, what & RX_FIELD_MEASURED, field, log, &psf, &by, err);
             if (psf == NULL)
                 break;
+            if (by < -PSF_STAYS) {
+                /* With less light around its stars a PSF gets no wider: its wings follow noise. */
+                field->psf->quality.flux_error = hypot(field->psf->quality.flux_error, by);
+                rx_psf_free(psf);
+                break;
+            }
+            all += by;
+            psf->quality.flux_error = hypot(psf->quality.flux_error, PSF_UNSEEN * all);
             rx_psf_free(field->psf);
             field->image.psf = field->psf = psf;
             field->noise = noise;

@@ -1,7 +1,7 @@
 #!/bin/bash
 # The models in the box, trained as they were:
 #
-#   validation/training/run.sh psfnet|psfnet-fast|psfnet-blind [FOLDER [-KEYWORD VALUE ...]]
+#   validation/training/run.sh psfnet|psfnet-fast|psfnet-blind|psfnet-survey [FOLDER [-KEYWORD VALUE ...]]
 #
 # Everything goes into FOLDER (default: <name>-out): the configuration, the model, the checkpoint, and the folder <name>
 # with log.ecsv, dictionary.ecsv and the page training.html. Started again after an interruption it goes on where it was;
@@ -12,9 +12,9 @@ here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/../.." && pwd)
 program=${RX_TRAIN:-$top/build/rextract-train}
 case ${1:-} in
-psfnet | psfnet-fast | psfnet-blind) name=$1 ;;
+psfnet | psfnet-fast | psfnet-blind | psfnet-survey) name=$1 ;;
 *)
-    echo "run.sh: which model? usage: run.sh psfnet|psfnet-fast|psfnet-blind [FOLDER [-KEYWORD VALUE ...]]" >&2
+    echo "run.sh: which model? usage: run.sh psfnet|psfnet-fast|psfnet-blind|psfnet-survey [FOLDER [-KEYWORD VALUE ...]]" >&2
     exit 2
     ;;
 esac
