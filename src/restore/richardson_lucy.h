@@ -10,7 +10,7 @@
  * Hence neither borders nor masks ring, and W = 0 keeps masked values out to the last bit.
  *
  * Flux: the update keeps sum W K f = sum W d. Farther than a PSF radius from border and masks, that is the
- * flux of each source, to 0.1 % (tests/unit/restore/test_rl_flux.c: a Gaussian PSF, S/N 100 and more).
+ * flux of each source, to 0.15 % (tests/unit/restore/test_rl_flux.c: a Gaussian PSF, S/N 100 and more).
  * Nearer, a part of f lies where there are no data: a star one to two FWHM away is off by up to 3 %, one
  * closer by up to 10 %, and of one on the border itself a part is lost. rx_restored.support shows such
  * pixels.
@@ -37,8 +37,8 @@
  * planes more of a tile of up to 2^26 pixels (restore/prepared.h); pixels and the planes that are asked for
  * (support, reblurred) take the place of K f and K^T W. Of a tile of more than 2^25 pixels K f is made by
  * strips, each before the part of f is updated that it concerns, unless all of it is asked for (reblurred,
- * RL_STOP DISCREPANCY): 9 bytes a pixel. RL_BLIND adds the rest of the image, the points and
- * three planes of a transform of the sky while it seeks the PSF.
+ * RL_STOP DISCREPANCY): 9 bytes a pixel. RL_ACCELERATE adds a plane of the sky, 4 bytes a pixel; RL_BLIND the rest
+ * of the image, the points and three planes of a transform of the sky while it seeks the PSF.
  *
  * Sums go row by row and are added in the order of rows: the same bytes for any nthreads. */
 #ifndef RX_RESTORE_RICHARDSON_LUCY_H

@@ -259,7 +259,7 @@ def restoration(bench):
     tile, log = bench.tile(side, "crowded"), {}
 
     def rl(iterations, threads):
-        return restored(box.restore(tile, "RL", threads, "-RL_NITER", str(iterations)), "RL")
+        return restored(box.restore(tile, "RL", threads, "-RL_ACCELERATE", "N", "-RL_NITER", str(iterations)), "RL")
 
     def transforms(threads):
         values = box.limit("rl", str(side), str(side), str(FWHM), str(threads), threads=threads)

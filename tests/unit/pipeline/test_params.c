@@ -131,7 +131,7 @@ static void defaults_are_those_of_the_program(void **state)
     assert_memory_equal(alone.detect.filter, options->pipeline.detect.filter, 9 * sizeof(float));
     assert_near(alone.templates.par.link, rx_tphot_defaults().link, 0); /* no keyword */
     assert_near(alone.detect.threshold, 1.5, 0);                        /* once by hand */
-    assert_int_equal(alone.restore.rl_niter, 30);
+    assert_int_equal(alone.restore.rl_niter, 18);
     assert_int_equal(alone.psf.type, RX_PSF_AUTO);
     assert_int_equal(alone.seed, 1);
     assert_int_equal(alone.measure.naper, 1);
@@ -175,7 +175,7 @@ static void params_by_keyword(void **state)
     assert_null(params.psf_files[0]);
     assert_int_equal(rx_pipeline_set(&params, "CATALOG_NAME", "a.cat", &err), RX_USAGE);
     assert_int_equal(rx_pipeline_set(&params, "RL_NITER", "-1", &err), RX_USAGE);
-    assert_int_equal(params.restore.rl_niter, 30);
+    assert_int_equal(params.restore.rl_niter, 18);
 }
 
 /* Keywords that are more than a value in a field. */

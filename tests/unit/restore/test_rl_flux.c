@@ -1,4 +1,4 @@
-/* restore: the fluxes, the sky and the extremes of RL as it is shipped, RL_NITER 30, RL_DENOISE 0.8 PSF, and accelerated. */
+/* restore: the fluxes, the sky and the extremes of RL as it is shipped, accelerated, RL_NITER 18, RL_DENOISE 0.8 PSF, and plain with 30 iterations. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -19,7 +19,7 @@ static void shipped(sky *s, int width, int height)
 {
     sky_new(s, width, height);
     s->par.rl_accelerate = accelerated;
-    s->par.rl_niter = accelerated ? 22 : 30;
+    s->par.rl_niter = accelerated ? 18 : 30;
     s->par.rl_denoise = 0.8;
     s->par.rl_denoise_by_psf = 1;
     s->par.rl_pedestal = 4;
@@ -45,8 +45,8 @@ static double share(const sky *s, const rx_psf *psf, double x, double y, double 
     return sum / flux;
 }
 
-/* An isolated source without noise keeps its flux to 0.1 % in an aperture of 5 FWHM, faint or bright,
- * whatever the gain, and so it does a PSF radius away from a border. */
+/* An isolated source without noise keeps its flux to 0.15 % in an aperture of 5 FWHM (0.08 % with 30 plain iterations),
+ * faint or bright, whatever the gain, and so it does a PSF radius away from a border. */
 static void isolated(void **state)
 {
     (void)state;
@@ -61,7 +61,7 @@ static void isolated(void **state)
                 shipped(&s, 101, 97);
                 s.tile.gain = gain[g];
                 sky_star(&s, x, 48.6, FWHM, flux[f]);
-                assert_near(share(&s, psf, x, 48.6, 5 * FWHM, flux[f]), 1, 1e-3);
+                assert_near(share(&s, psf, x, 48.6, 5 * FWHM, flux[f]), 1, accelerated ? 1.5e-3 : 1e-3);
                 assert_near(share(&s, psf, x, 48.6, 1000, flux[f]), 1, 1e-3);
                 sky_free(&s);
             }
@@ -228,7 +228,7 @@ static void extremes(void **state)
             make_extreme(&s, (enum extreme)kind, kind == PSF_OF_THE_TILE ? psf->size : 64);
             s.par.rl_stop_discrepancy = how % 2;
             s.par.rl_damping = how / 2 * 3;
-            s.par.rl_niter = kind != PSF_OF_THE_TILE ? 30 : accelerated ? 1000 : 300;
+            s.par.rl_niter = kind != PSF_OF_THE_TILE ? 30 : accelerated ? 18 : 300;
             rx_restored *r = run("RL", &s, psf);
             const int c = s.tile.width / 2;
             assert_near(sky_sum(&s, r->pixels, c, c, 6) / 2000, 1, 0.1);
