@@ -1,4 +1,5 @@
 librextract_lab_la_SOURCES += \
+	src/survey/file_names.c src/survey/file_names.h \
 	src/survey/outcome.c src/survey/outcome.h \
 	src/survey/replay.c src/survey/replay.h \
 	src/survey/replay_record.c src/survey/replay_record.h \

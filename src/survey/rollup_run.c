@@ -8,9 +8,8 @@
 #include <sys/stat.h>
 
 #include "base/interrupt.h"
-#include "base/lines.h"
-#include "base/memory.h"
 #include "io/output.h"
+#include "survey/file_names.h"
 #include "survey/rollup.h"
 #include "survey/rollup_report.h"
 
@@ -27,40 +26,6 @@ static rx_status read_records(rx_rollup *rollup, const char *path, rx_error *err
             status = rx_interrupt_check(err);
     }
     rx_record_reader_close(reader);
-    return status;
-}
-
-/* Files of records. */
-typedef struct names {
-    int n;
-    char **of;
-} names;
-
-static rx_status add_name(names *files, const char *name, rx_error *err)
-{
-    char **grown = rx_regrow(files->of, (size_t)files->n + 1, sizeof *grown), *own = rx_strdup(name);
-    if (grown != NULL)
-        files->of = grown;
-    if (grown == NULL || own == NULL) {
-        free(own);
-        return rx_error_memory(err, 0);
-    }
-    files->of[files->n++] = own;
-    return RX_OK;
-}
-
-/* A file name per line; blank lines and those that begin with '#' do not count. */
-static rx_status read_names(names *files, const char *path, rx_error *err)
-{
-    rx_lines lines;
-    char *line = NULL;
-    rx_status status = rx_lines_open(&lines, path, 0, err);
-    while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL) {
-        line[strcspn(line, "\r")] = '\0';
-        if (line[0] != '#' && line[strspn(line, " \t")] != '\0')
-            status = add_name(files, line, err);
-    }
-    rx_lines_close(&lines);
     return status;
 }
 
@@ -135,7 +100,7 @@ static void tell(const rx_rollup *r, rx_log *log)
     }
 }
 
-static rx_status read_all(rx_rollup *rollup, const rx_survey_config *config, const names *files,
+static rx_status read_all(rx_rollup *rollup, const rx_survey_config *config, const rx_file_names *files,
                           rx_error *err)
 {
     rx_status status = RX_OK;
@@ -180,20 +145,10 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
 {
     rx_tiles *tiles = NULL;
     rx_rollup rollup;
-    names files = {0};
+    rx_file_names files = {0};
+    rx_status status;
     rx_rollup_begin(config, &rollup);
-    rx_status status = RX_OK;
-    for (const char *at = given; *at != '\0';) {
-        const size_t length = strcspn(at, "\n");
-        char *one = strndup(at, length);
-        status = one == NULL     ? rx_error_memory(err, length)
-                 : one[0] == '@' ? read_names(&files, one + 1, err)
-                                 : add_name(&files, one, err);
-        free(one);
-        if (status != RX_OK)
-            goto exit;
-        at += length + (at[length] == '\n');
-    }
+    RX_TRY_EXIT(rx_file_names_read(given, &files, err));
     RX_TRY_EXIT(read_all(&rollup, config, &files, err));
     if (config->tiles_name[0] != '\0')
         RX_TRY_EXIT(rx_tiles_read(config->tiles_name, &tiles, err));
@@ -211,8 +166,6 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
 exit:
     rx_rollup_free(&rollup);
     rx_tiles_free(tiles);
-    for (int i = 0; i < files.n; i++)
-        free(files.of[i]);
-    free(files.of);
+    rx_file_names_free(&files);
     return status;
 }
