@@ -217,7 +217,7 @@ const char *rx_simulate_idle(const rx_settings *settings, const char *name)
 {
     static const char *const outputs[] = {
         "IMAGE_NAME",   "SHARP_NAME", "TRUTH_NAME", "TRUTH_TYPE",   "FLAG_NAME", "WEIGHT_NAME",
-        "SCENE_NUMBER", "SEED",       "NTHREADS",   "VERBOSE_TYPE", NULL};
+        "SCENE_NUMBER", "SEED",       "NOISE_SEED", "NTHREADS",   "VERBOSE_TYPE", NULL};
     static const char *const field[] = {"IMAGE_SIZE",  "SKY_CENTER", "NOISE_TYPE",  "SKY_LEVEL",
                                         "NOISE_SIGMA", "READ_NOISE", "SATUR_LEVEL", "BAD_COLUMNS",
                                         "COSMIC_RAYS", NULL};

@@ -158,7 +158,7 @@ static rx_noise_params noise_params(const rx_simulate_config *config)
         .saturation = config->satur_level > 0.0 ? (double)(float)config->satur_level : HUGE_VAL,
         .bad_columns = config->bad_columns,
         .cosmic_rays = config->cosmic_rays,
-        .seed = (uint64_t)config->seed,
+        .seed = (uint64_t)(config->noise_seed < 0 ? config->seed : config->noise_seed),
     };
 }
 
