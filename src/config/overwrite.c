@@ -356,12 +356,18 @@ rx_status rx_overwrite_check_survey(const rx_settings *settings, const char *ima
 {
     const rx_survey_config *config = (const rx_survey_config *)settings;
     inputs list = {0};
-    add(&list, image + (image[0] == '@'));
+    char *names = rx_strdup(image), *rest = NULL;
+    if (names == NULL)
+        return rx_error_memory(err, strlen(image));
+    for (char *name = strtok_r(names, "\n", &rest); name != NULL; name = strtok_r(NULL, "\n", &rest))
+        add(&list, name + (name[0] == '@'));
     add(&list, config->settings.file);
     add(&list, config->tiles_name);
+    add_all(&list, &config->weight_image);
     rx_status status = check_file(&list, "MERGED_NAME", config->merged_name, err);
     add(&list, config->merged_name);
     if (status == RX_OK)
         status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);
+    free(names);
     return status;
 }
