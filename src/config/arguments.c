@@ -122,11 +122,12 @@ static rx_status check_replay(found *words, rx_error *err)
     return RX_OK;
 }
 
-/* -PLAN alone is -PLAN Y. */
-static bool is_bare_plan(const rx_keytable *table, int argc, char *const *argv, int a)
+/* -PLAN alone is -PLAN Y, and so is -REPEAT. */
+static bool is_bare(const rx_keytable *table, int argc, char *const *argv, int a)
 {
     static const char *const answers[] = {"Y", "YES", "N", "NO"};
-    if (table->plain != RX_PLAIN_IMAGES || strcasecmp(argv[a], "-PLAN") != 0)
+    if (!(table->plain == RX_PLAIN_IMAGES && strcasecmp(argv[a], "-PLAN") == 0) &&
+        !(table->plain == RX_PLAIN_RECORDS && strcasecmp(argv[a], "-REPEAT") == 0))
         return false;
     for (size_t i = 0; a + 1 < argc && i < sizeof answers / sizeof answers[0]; i++)
         if (strcasecmp(argv[a + 1], answers[i]) == 0)
@@ -147,7 +148,7 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
         *action = plain_option(table, argv[a]);
         if (*action != RX_ACTION_RUN)
             return RX_OK;
-        if (is_bare_plan(table, argc, argv, a))
+        if (is_bare(table, argc, argv, a))
             continue;
         if (a + 1 == argc)
             return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", argv[a],
@@ -200,8 +201,8 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
     if (file != NULL)
         status = rx_settings_read(settings, file, log, err);
     for (int a = 1; a < argc && status == RX_OK; a++)
-        if (is_bare_plan(settings->table, argc, argv, a))
-            status = rx_settings_set(settings, "PLAN", "Y", log, err);
+        if (is_bare(settings->table, argc, argv, a))
+            status = rx_settings_set(settings, argv[a] + 1, "Y", log, err);
         else if (argv[a][0] == '-') {
             const char *option = argv[a++];
             if (strcmp(option, "-c") != 0 && !is_replay(settings->table, option))

@@ -119,6 +119,7 @@ const char *rx_config_idle(const rx_settings *settings, const char *name);
 const char *rx_simulate_idle(const rx_settings *settings, const char *name);
 const char *rx_train_idle(const rx_settings *settings, const char *name);
 const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
+const char *rx_survey_idle(const rx_settings *settings, const char *name);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
 /* The names of input files become those of the files that are meant: thresholds of a survey's file; then columns,

@@ -135,6 +135,108 @@ printf 'a.record\n' >list
 : >a.record
 expect 2 '^rextract-survey: MERGED_NAME \./a\.record is also read, as a\.record; give the output another name$' @list -MERGED_NAME ./a.record
 
+# visit NAME WORD...: a catalogue of those columns, twelve rows 10 arcsec apart.
+visit() {
+    visit_file=$1 visit_alpha=$2
+    shift 2
+    {
+        visit_column=0
+        for visit_name in "$@"; do
+            visit_column=$((visit_column + 1))
+            echo "# $visit_column $visit_name"
+        done
+        awk -v alpha="$visit_alpha" -v n=$# 'BEGIN { for (i = 0; i < 12; i++) { printf "%.7f %.7f", alpha + i % 4 / 360, int(i / 4) / 360
+            for (k = 3; k <= n; k++) printf " %s", k == 3 ? 18 : 0.01; print "" } }'
+    } >"$visit_file"
+}
+
+begin 'visits of a field'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+visit b.cat 10.00001 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+leaves survey
+expect 0 '' -REPEAT a.cat b.cat -REPEAT_SNR 50 -QA_FIGURES N
+
+begin 'without a column of point sources all count, which is said'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+visit b.cat 10.00001 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+printf 'a.cat\nb.cat\n' >list
+leaves survey
+says 5
+expect_exactly 0 'b\.cat against a\.cat: 12 matches within 1 arcsec; zero point \+0\.0000' -REPEAT Y @list -REPEAT_SNR 50 -QA_FIGURES N
+
+begin 'one visit alone'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+expect 2 '^rextract-survey: REPEAT compares visits of one field, 1 catalogue is named; give two catalogues or more$' -REPEAT a.cat
+
+begin 'one visit twice'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+expect 2 '^rextract-survey: a\.cat is named twice; give each visit once$' -REPEAT a.cat a.cat
+
+begin 'visits without positions on the sky'
+of rextract-survey
+visit a.cat 10 X_IMAGE Y_IMAGE MAG_AUTO MAGERR_AUTO
+visit b.cat 10 X_IMAGE Y_IMAGE MAG_AUTO MAGERR_AUTO
+expect 3 '^rextract-survey: a\.cat: has no column of positions on the sky.*; write ALPHAWIN_J2000 and DELTAWIN_J2000' -REPEAT a.cat b.cat
+
+begin 'a visit without the columns of the first'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+visit b.cat 10 ALPHA_J2000 DELTA_J2000 MAG_ISO MAGERR_ISO
+expect 3 '^rextract-survey: b\.cat: has no column MAG_AUTO, which the first visit has; give all visits the same columns$' -REPEAT a.cat b.cat
+
+begin 'visits without the columns that are named'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+expect 3 '^rextract-survey: a\.cat: has no columns MAG_PSF and MAGERR_PSF; name existing ones in REPEAT_COLUMNS$' -REPEAT a.cat b.cat \
+    -REPEAT_COLUMNS MAG_PSF,MAGERR_PSF
+
+begin 'visits that do not overlap'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+visit b.cat 11 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+expect 3 '^rextract-survey: none of the 2 visits sees a source of another one; give visits that overlap$' -REPEAT a.cat b.cat
+
+begin 'visits whose positions do not agree'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+visit b.cat 10.001 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+expect 3 '^rextract-survey: the visits overlap, but no source .* is within 1 arcsec of one in another visit; give a larger MATCH_RADIUS' \
+    -REPEAT a.cat b.cat
+
+begin 'too few weight maps for the visits'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+expect 2 '^rextract-survey: WEIGHT_IMAGE names 1 maps, there are 2 catalogues; give one for each, in their order, or NONE$' -REPEAT a.cat b.cat \
+    -WEIGHT_IMAGE w.fits
+
+begin 'a weight map without world coordinates'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+visit b.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+make_fits tile w.fits
+expect 3 '^rextract-survey: w\.fits: has no world coordinates, nor has the header of the image in a\.cat; give a map that has' \
+    -REPEAT a.cat b.cat -WEIGHT_IMAGE w.fits,NONE
+
+begin 'keywords of repeatability without it'
+of rextract-survey
+says 2
+expect_exactly 3 '^rextract-survey: warning: REPEAT_SNR .* without REPEAT' a.record -REPEAT_SNR 50
+
+begin 'visits within the folder of the report'
+of rextract-survey
+visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+mkdir survey && touch survey/.rextract
+visit survey/b.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
+expect 2 '^rextract-survey: survey/b\.cat lies in the folder survey, which is replaced as a whole \(OUTPUT_NAME\)' -REPEAT a.cat survey/b.cat
+
+begin 'one column of two'
+of rextract-survey
+expect 2 'REPEAT_COLUMNS: MAG_AUTO is one column; give magnitude and error, such as' -REPEAT a.cat b.cat -REPEAT_COLUMNS MAG_AUTO
+
 begin 'the summary counts the tiles that another restorer did'
 make_fits tile a.fits
 make_fits tile b.fits
