@@ -13,17 +13,19 @@
 #include "report/escape.h"
 #include "report/gnuplot.h"
 
-enum { MAX_SVG = 64 << 20 };
+enum { MAX_SVG = 64 << 20, INK = 64 }; /* grey up to INK: has the colour of text */
 static const char TERMINAL[] =
     "set terminal svg size %d,%d dynamic noenhanced font 'Helvetica,13' background '#ffffff'\n";
 
 static void write_head(rx_text *dst)
 {
-    static const char *const colors[RX_PALETTE] = {"0072B2", "D55E00", "009E73", "CC79A7",
-                                                   "E69F00", "56B4E9", "000000"};
+    static const char *const colors[RX_PALETTE] = {"0072B2", "D55E00", "009E73", "C872A2",
+                                                   "B97B00", "3A9AD0", "000000"};
     static const int points[RX_PALETTE] = {7, 5, 9, 13, 11, 6, 4};
-    rx_text_add(dst, "set encoding utf8\nset grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset style fill "
-                     "solid 1 noborder\nset palette gray\nset palette maxcolors 256\nhex(k) = ");
+    rx_text_add(
+        dst,
+        "set encoding utf8\nset clip two\nset grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset style fill "
+        "solid 1 noborder\nset palette gray\nset palette maxcolors 256\nhex(k) = ");
     for (int i = 0; i + 1 < RX_PALETTE; i++)
         rx_text_printf(dst, "k == %d ? 0x%s : ", i + 1, colors[i]);
     rx_text_printf(dst, "0x%s\ncolor(k, transparency) = transparency * 0x1000000 + hex(k)\n",
@@ -44,7 +46,7 @@ static void write_kind(rx_text *dst, rx_figure_kind kind)
     rx_text_printf(dst, TERMINAL, kind == RX_FIGURE_WIDE ? 1280 : 640, 400);
     rx_text_add(dst, "set border 3 lc rgb '#404040'\nset tics nomirror out\nunset x2tics\nunset "
                      "y2tics\nset xtics nomirror\nset ytics nomirror\nset key outside top center "
-                     "horizontal\nset margins -1,-1,-1,-1\n");
+                     "horizontal reverse Left samplen 2\nset margins -1,-1,-1,-1\n");
 }
 
 int rx_method_color(const char *name)
@@ -179,45 +181,165 @@ void rx_plot_begin(rx_figures *dst, const rx_axes *axes)
         rx_text_printf(script, "set output '%s.svg'\n", dst->figure[dst->n - 1].id);
     write_label(script, "xlabel", axes->xlabel);
     write_label(script, "ylabel", axes->ylabel);
-    rx_text_printf(script, "%s%s", axes->log_x ? "set logscale x\n" : "",
-                   axes->log_y ? "set logscale y\n" : "");
+    rx_text_printf(script, "%s%sset format x '%s'\nset format y '%s'\n",
+                   axes->log_x ? "set logscale x\n" : "", axes->log_y ? "set logscale y\n" : "",
+                   axes->log_x ? "%g" : "% h", axes->log_y ? "%g" : "% h");
     write_range(script, "xrange", axes->x0, axes->x1, axes->log_x);
     write_range(script, "yrange", axes->y0, axes->y1, axes->log_y);
 }
 
-/* Names inside an SVG must differ from those of the others in the page: put `id` before each. */
+void rx_plot_colours_begin(rx_text *script, const char *palette, double low, double high, const char *label)
+{
+    rx_text_printf(
+        script,
+        "set palette defined %s\nset cbrange [%.6g:%.6g]\nset colorbox\nset cblabel '%s' offset 2\n"
+        "set rmargin at screen 0.78\nset size ratio -1\n",
+        palette, low, high, label);
+}
+
+void rx_plot_colours_end(rx_text *script)
+{
+    rx_text_add(script,
+                "\nset size noratio\nset rmargin -1\nunset cblabel\nset cbrange [*:*]\nset palette gray\n");
+}
+
+/* The end of the first `what` in `from`, or NULL. */
+static const char *after(const char *from, const char *what)
+{
+    const char *at = strstr(from, what);
+    return at != NULL ? at + strlen(what) : NULL;
+}
+
+/* gnuplot defines every mark in each figure. Those that nothing refers to are left out: lines of "id='name'". Returns
+ * where the definitions end. */
+static const char *add_definitions(rx_text *dst, const char *id, const char *from)
+{
+    const char *end = after(from, "</defs>");
+    if (end == NULL || strstr(end, "xlink:href='#") == NULL)
+        return end;
+    rx_text_add(dst, "<defs>\n");
+    for (const char *line = from; line != NULL && line < end; line = after(line, "\n")) {
+        char name[40], target[48];
+        const char *marked = after(line, " id='"), *next = after(line, "\n");
+        if (next == NULL || marked == NULL || marked > next || strncmp(marked, "gp", 2) != 0)
+            continue;
+        snprintf(name, sizeof name, "%.*s", (int)strcspn(marked, "'"), marked);
+        snprintf(target, sizeof target, "href='#%s'", name);
+        if (strstr(from, target) == NULL)
+            continue;
+        for (const char *c = line; c < next; c++) {
+            rx_text_add_bytes(dst, c, 1);
+            if (strncmp(c - 4, " id='", 5) == 0 || strncmp(c - 6, "href='#", 7) == 0)
+                rx_text_printf(dst, "%s-", id);
+        }
+    }
+    rx_text_add(dst, "</defs>\n");
+    return end;
+}
+
+/* Pale dots one below the other, each a line of 100 bytes: EACH of them are one path of round ends. Where they overlap
+ * they still add up but for those of one path. Returns where they end, NULL where there are none. */
+static const char *add_dots(rx_text *dst, const char *c)
+{
+    enum { EACH = 16 };
+    double x, y, scale, opacity;
+    unsigned red, green, blue;
+    int length = 0, n = 0;
+    while (sscanf(c,
+                  "<use xlink:href='#gpPt6' transform='translate(%lf,%lf) scale(%lf)' color='rgb(%u,%u,%u)' "
+                  "opacity='%lf'/> %n",
+                  &x, &y, &scale, &red, &green, &blue, &opacity, &length) == 7 &&
+           length > 0) {
+        if (n % EACH == 0)
+            rx_text_printf(dst,
+                           "%s<path stroke-linecap=\"round\" stroke=\"#%02X%02X%02X\" stroke-width=\"%.2f\" "
+                           "opacity=\"%.2f\" d=\"",
+                           n > 0 ? "\"/>\n" : "", red & 255, green & 255, blue & 255, 2 * scale, opacity);
+        rx_text_printf(dst, "M%.1f,%.1fh0", x, y);
+        c += length;
+        length = 0;
+        n++;
+    }
+    rx_text_add(dst, n > 0 ? "\"/>\n" : "");
+    return n > 0 ? c : NULL;
+}
+
+/* An SVG of gnuplot as a page needs it: names begin with `id`, as they must differ from those of the other figures;
+ * what is black or nearly so takes the colour of the page's text, the ground is the page's; what says nothing goes
+ * (a figure has thousands of such words); text that gnuplot would show by a script under the mouse becomes a title. */
 static void add_svg(rx_text *dst, const char *id, const char *title, const char *svg)
 {
     static const char *const marks[] = {" id='", " id=\"", "href='#", "href=\"#", "url(#"};
+    static const char *const words[][2] = {
+        {" stroke-linecap=\"butt\" stroke-linejoin=\"miter\"", ""},
+        {" stroke-width=\"1.00\"", ""},
+        {" fill=\"none\" color=\"black\" stroke=\"currentColor\"", ""},
+        {" stroke=\"none\" fill=\"black\" font-family=\"Helvetica\" font-size=\"13.00\" ", ""},
+        {" stroke=\"none\" fill=\"rgb(64,64,64)\" font-family=\"Helvetica\" font-size=\"13.00\" ", ""},
+        {" stroke='black'", ""},
+        {" stroke='rgb( 64,  64,  64)'", ""},
+        {" stroke='rgb(228, 228, 228)'", ""},
+        {"<title> </title>", ""},
+        {"\n\t<title>", "\n<title>"},
+        {"\n\t", "\n"},
+    };
     const char *c = strstr(svg, "<svg");
     if (c != NULL) {
         rx_text_add(dst, "<svg role=\"img\"");
         c += strlen("<svg");
     }
-    for (; c != NULL && *c != '\0';) {
-        size_t skip = 0;
-        const size_t plain = strcspn(c, " hu<"); /* with one of these every mark begins */
+    while (c != NULL && *c != '\0') {
+        const char *skipped = NULL;
+        unsigned red, green, blue;
+        const size_t plain = strcspn(c, " hu<r\n"); /* with one of these everything below begins */
         rx_text_add_bytes(dst, c, plain);
         c += plain;
-        for (size_t i = 0; i < sizeof marks / sizeof *marks && skip == 0; i++)
-            if (strncmp(c, marks[i], strlen(marks[i])) == 0)
-                skip = strlen(marks[i]);
-        if (skip > 0) {
-            rx_text_add_bytes(dst, c, skip);
-            rx_text_printf(dst, "%s-", id);
-            c += skip;
-        } else if (strncmp(c, "<title>", 7) == 0 && strstr(c, "</desc>") != NULL) {
-            /* gnuplot's own title and version give way to ours */
+        if (strncmp(c, "<title>", 7) == 0 &&
+            strstr(c, "</desc>") != NULL) { /* gnuplot's own title and version */
             rx_text_add(dst, "<title>");
             rx_escape_html(dst, title);
             rx_text_add(dst, "</title>");
-            c = strstr(c, "</desc>") + 7;
-        } else if (strncmp(c, "<title>gnuplot_plot", 19) == 0 && strstr(c, "</title>") != NULL) {
-            c = strstr(c, "</title>") + 8; /* of a curve without a name: says nothing */
-        } else if (*c != '\0') {
-            rx_text_add_bytes(dst, c, 1);
-            c++;
+            skipped = after(c, "</desc>");
+        } else if (strncmp(c, "<title>gnuplot_plot", 19) == 0) { /* of a curve without a name */
+            skipped = after(c, "</title>");
+        } else if (strncmp(c, "<rect x=\"0\" y=\"0\"", 17) == 0) { /* the ground */
+            skipped = after(c, "/>");
+        } else if (strncmp(c, "<defs>", 6) == 0 && strstr(c, "gpDot") != NULL) {
+            skipped = add_definitions(dst, id, c);
+        } else if (strncmp(c, "<g onmousemove=", 15) == 0 && after(c, ",'") != NULL) {
+            const char *text = after(c, ",'");
+            rx_text_add(dst, "<g class=\"h\"><title>");
+            rx_text_add_bytes(dst, text, strcspn(text, "'"));
+            rx_text_add(dst, "</title>");
+            skipped = after(c, ">");
+        } else if (strncmp(c, "<g ", 3) == 0 && after(c, ">") != NULL &&
+                   strncmp(after(c, ">"), "\n</g>\n", 6) == 0) {
+            skipped = after(c, "</g>\n"); /* nothing in it */
         }
+        if (strncmp(c, "<use ", 5) == 0)
+            skipped = add_dots(dst, c);
+        for (size_t i = 0; i < sizeof words / sizeof *words && skipped == NULL; i++)
+            if (strncmp(c, words[i][0], strlen(words[i][0])) == 0) {
+                rx_text_add(dst, words[i][1]);
+                skipped = c + strlen(words[i][0]);
+            }
+        for (size_t i = 0; i < sizeof marks / sizeof *marks && skipped == NULL; i++)
+            if (strncmp(c, marks[i], strlen(marks[i])) == 0) {
+                rx_text_printf(dst, "%s%s-", marks[i], id);
+                skipped = c + strlen(marks[i]);
+            }
+        if (skipped == NULL && sscanf(c, "rgb(%u,%u,%u", &red, &green, &blue) == 3 && after(c, ")") != NULL) {
+            if (red == green && green == blue && red <= INK)
+                rx_text_add(dst, "currentColor");
+            else
+                rx_text_printf(dst, "#%02X%02X%02X", red & 255, green & 255, blue & 255);
+            skipped = after(c, ")");
+        }
+        if (skipped == NULL && *c != '\0') {
+            rx_text_add_bytes(dst, c, 1);
+            skipped = c + 1;
+        }
+        c = skipped;
     }
 }
 

@@ -118,6 +118,10 @@ void rx_plot_picture(rx_figures *dst, const rx_grey_image *picture);
 void rx_plot_begin(rx_figures *dst, const rx_axes *axes);
 void rx_plot_value(rx_text *script, double value);
 void rx_plot_interval(rx_text *script, double value, double low, double high, double y0, double y1);
+/* A colour bar with room for its numbers and words, and an undistorted plot; then what it leaves as others expect it.
+ * palette: gnuplot's, "(0 '#440154', ...)"; label a constant without quotes. */
+void rx_plot_colours_begin(rx_text *script, const char *palette, double low, double high, const char *label);
+void rx_plot_colours_end(rx_text *script);
 void rx_plot_title(rx_text *script, const char *name); /* " title 'name'", " notitle" without one */
 
 #endif

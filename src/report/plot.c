@@ -6,7 +6,7 @@
 #include "report/escape.h"
 #include "report/figure.h"
 
-enum { MAX_POINTS = 2000, LONG_LABELS = 72 };
+enum { MAX_POINTS = 2000, MAX_HOVER = 150, LONG_LABELS = 72 };
 
 static int style_of(int color)
 {
@@ -47,12 +47,42 @@ static void curve_command(rx_text *dst, const rx_curve *c, int k)
     rx_text_printf(dst, ", $d%d using %s with %s", k, c->kind == RX_CURVE_BARS ? "1:2:3:4" : "1:2",
                    with[c->kind]);
     if (c->color < 0)
-        rx_text_add(dst, " lc rgb '#808080' dt 3");
-    else if (c->kind == RX_CURVE_DOTS)
-        rx_text_printf(dst, " ls %d lc rgb color(%d, 190) pt 7 ps 0.25", style, style);
+        rx_text_add(dst, " lc rgb '#808080' lw 1.4 dt 2");
+    else if (c->kind == RX_CURVE_DOTS) /* so pale that the key has a sample of its own */
+        rx_text_printf(dst,
+                       " ls %d lc rgb color(%d, 150) pt 7 ps 0.25 notitle, NaN with points ls %d pt 7 ps 0.4",
+                       style, style, style);
     else
         rx_text_printf(dst, " ls %d%s", style, c->dashed ? " dt 2" : "");
     rx_plot_title(dst, c->name);
+}
+
+/* Words that neither gnuplot nor a page takes for anything else. */
+static void plain_words(char *dst, size_t size, const char *text)
+{
+    size_t n = 0;
+    for (const char *c = text != NULL ? text : ""; *c != '\0' && n + 1 < size; c++)
+        if ((*c >= '0' && *c <= '9') || (*c >= 'A' && *c <= 'Z') || (*c >= 'a' && *c <= 'z') ||
+            strchr(" _-+./()[]^", *c) != NULL)
+            dst[n++] = *c;
+    dst[n] = '\0';
+}
+
+/* What the mouse shows at a point: "NONE: magnitude 17.25, recall 0.84 [0.8, 0.88]". */
+static void hover(rx_text *dst, const rx_axes *axes, const rx_curve *c, int k)
+{
+    char name[64], x[64], y[64];
+    if (c->n > MAX_HOVER || c->color < 0 || c->kind == RX_CURVE_LINE || c->kind == RX_CURVE_STEPS ||
+        c->kind == RX_CURVE_DOTS)
+        return;
+    plain_words(name, sizeof name, c->name);
+    plain_words(x, sizeof x, axes->xlabel);
+    plain_words(y, sizeof y, axes->ylabel);
+    rx_text_printf(dst, ", $d%d using 1:2:(sprintf('%s%s%s %%.4g, %s %%.4g", k, name,
+                   name[0] != '\0' ? ": " : "", x, y);
+    rx_text_add(dst, has_ends(c) ? " [%.4g, %.4g]', $1, $2, $3, $4))" : "', $1, $2))");
+    rx_text_printf(dst, " with labels hypertext point pt 7 ps 0.9 lc rgb color(%d, 0) notitle",
+                   style_of(c->color));
 }
 
 /* Leave the axes as other figures expect them. */
@@ -70,6 +100,8 @@ void rx_plot_curves(rx_figures *dst, const rx_axes *axes, int n, const rx_curve 
     rx_text_add(script, "plot NaN notitle"); /* never seen: keeps the command whole without curves */
     for (int k = 0; k < n; k++)
         curve_command(script, &curves[k], k);
+    for (int k = 0; k < n; k++)
+        hover(script, axes, &curves[k], k);
     plot_end(script, axes);
 }
 
@@ -156,7 +188,7 @@ void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, const rx_boxes *of)
         rx_plot_title(script, of->methods[m]);
         rx_text_printf(script,
                        ", $d%d using 1:4:4:4:4:8 with candlesticks ls %d lw 2.4 notitle, $d%d using 1:7 with "
-                       "points pt 6 ps 0.45 lw 1 lc rgb '#202020' notitle",
+                       "points pt 6 ps 0.45 lw 1 lc rgb '#404040' notitle",
                        m, style, m);
     }
     rx_text_add(script, "\nset xtics norotate autofreq\nset grid xtics");

@@ -95,14 +95,14 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
             rx_plot_value(&dst->script, values[k]);
         rx_text_add(&dst->script, "\n");
     }
-    rx_text_printf(
-        &dst->script,
-        "nan nan nan nan nan\nEOD\nset palette defined (-1 '#2166ac', 0 '#cccccc', 1 '#b2182b')\nset "
-        "cbrange [%.4g:%.4g]\nset colorbox\nset cblabel 'dT/T'\nset size ratio -1\nplot $stars using "
-        "($1-$4):($2-$5):(2*$4):(2*$5) with vectors nohead lc rgb '#404040' lw 1.6 notitle, $stars using "
-        "1:2:3 with points pt 7 ps 0.9 palette notitle\nset size noratio\nunset cblabel\nset cbrange "
-        "[*:*]\nset palette gray\n",
-        -size, size);
+    rx_text_add(&dst->script, "NaN NaN NaN NaN NaN\nEOD\n");
+    rx_plot_colours_begin(&dst->script, "(-1 '#2166ac', 0 '#cccccc', 1 '#b2182b')", -size, size, "dT/T");
+    rx_text_add(&dst->script, "plot $stars using ($1-$4):($2-$5):(2*$4):(2*$5) with vectors nohead lc rgb "
+                              "'#404040' lw 1.6 notitle, "
+                              "$stars using 1:2:3 with points pt 7 ps 0.9 palette notitle, $stars using 1:2 "
+                              "with points pt 6 ps 0.9 "
+                              "lw 0.7 lc rgb '#808080' notitle");
+    rx_plot_colours_end(&dst->script);
 }
 
 static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)

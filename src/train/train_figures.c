@@ -167,13 +167,14 @@ static void heat_map(rx_figures *dst, const rx_epoch_bin *bins, const rx_selecti
                            0.5 * (sigma[0] + sigma[1]), 0.5 * (fwhm[1] - fwhm[0]),
                            0.5 * (sigma[1] - sigma[0]), v);
     }
-    rx_text_printf(script,
-                   "EOD\nset palette defined (0 '#ffffff', 1 '#56B4E9')\nset colorbox\n"
-                   "set cbrange [%.6g:%.6g]\n"
-                   "plot $heat using 1:2:3:4:5 with boxxyerror fillcolor palette fillstyle solid border lc "
-                   "rgb '#ffffff' notitle, $heat using 1:2:(sprintf('%%.3g', $5)) with labels notitle\n"
-                   "unset colorbox\nset palette gray\nset palette maxcolors 256\n",
-                   low, high > low ? high : low + 1);
+    rx_text_printf(
+        script,
+        "EOD\nset palette defined (0 '#ffffff', 1 '#56B4E9')\nset colorbox\n"
+        "set cbrange [%.6g:%.6g]\n"
+        "plot $heat using 1:2:3:4:5 with boxxyerror fillcolor palette fillstyle solid border lc "
+        "rgb '#808080' notitle, $heat using 1:2:(sprintf('%%.3g', $5)) with labels tc rgb '#101418' notitle\n"
+        "unset colorbox\nset palette gray\nset palette maxcolors 256\n",
+        low, high > low ? high : low + 1);
 }
 
 /* First, last and two between. */

@@ -240,6 +240,15 @@ static void add_picture(rx_figures *f, const char *id, double soft)
                .width = 12, .height = 8, .side = 200, .pixels = pixels, .low = 0, .high = 95, .soft = soft});
 }
 
+/* A line that comes from below the plot and goes out above it. */
+static void add_crossing(rx_figures *f)
+{
+    static const double x[] = {0, 10}, y[] = {-1, 2};
+    rx_figure_add(f, "crossing", "Crossing", "", RX_FIGURE_CHART);
+    rx_plot_curves(f, &(rx_axes){"x", "y", 0, 10, 0, 1, false, false}, 1,
+                   &(rx_curve){"", RX_CURVE_LINE, 0, false, 2, x, y, NULL, NULL});
+}
+
 static void add_all(rx_figures *f)
 {
     rx_figures_begin(f);
@@ -254,6 +263,7 @@ static void add_all(rx_figures *f)
     add_curves(f, "curves-many", POINTS, false);
     add_curves(f, "curves-empty", 0, false);
     add_curves(f, "curves-nothing", -1, true);
+    add_crossing(f);
 }
 
 static rx_status draw(rx_figures *f, const char *program, const char *folder, const char *shown,
@@ -279,13 +289,16 @@ static void figures_are_drawn(void **state)
     assert_int_equal(draw(&second, "", folder, "the report", NULL), RX_OK);
     assert_int_equal(clear_folder(folder), 0);
     assert_string_equal(first.note, "");
-    assert_int_equal(first.n, 11);
+    assert_int_equal(first.n, 12);
     for (int i = 0; i < first.n; i++) {
         const rx_figure *f = &first.figure[i];
         char id[64];
         assert_non_null(f->svg);
         assert_non_null(strstr(f->svg, "</svg>"));
         assert_null(strstr(f->svg, "GNUPLOT"));
+        assert_null(strstr(f->svg, "onmouse"));
+        assert_null(strstr(f->svg, "fill=\"#ffffff\"")); /* the ground of the page is theirs */
+        assert_null(strstr(f->svg, "black"));
         snprintf(id, sizeof id, "id=\"%s-", f->id); /* names differ from figure to figure */
         assert_true(f->kind == RX_FIGURE_PICTURE || strstr(f->svg, id) != NULL);
         assert_string_equal(f->svg, second.figure[i].svg);
@@ -294,8 +307,12 @@ static void figures_are_drawn(void **state)
     assert_non_null(strstr(first.figure[0].svg, "FWHM's [pixels]"));
     assert_non_null(strstr(first.figure[0].svg, "PSNR [dB]"));
     assert_null(strstr(first.figure[0].svg, "filtered'")); /* names are made plain */
+    assert_non_null(
+        strstr(first.figure[6].svg, "<g class=\"h\"><title>its: x 0.5, y 0.6065 [0.3033, 1]</title>"));
+    assert_null(strstr(first.figure[8].svg, "class=\"h\"")); /* of many points none */
+    assert_non_null(strstr(first.figure[11].svg, "#0072B2"));
     size_t dots = 0; /* thinned: 2000 of the 5000 at most, and the last one */
-    for (const char *c = first.figure[8].svg; (c = strstr(c, "<use ")) != NULL; c++)
+    for (const char *c = first.figure[8].svg; (c = strstr(c, "h0")) != NULL; c++)
         dots++;
     assert_in_range(dots, 1000, 2002);
     rx_figures_free(&first);
