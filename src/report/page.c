@@ -6,20 +6,43 @@
 
 #include "report/escape.h"
 
+enum { LONG = 40 };
+
+/* Light and dark by what the reader's system asks for; paper is always light. Text has a contrast of 4.5 at least on
+ * its ground, lines of 3 (WCAG 2, AA; tests/pages.py measures it). Figures take --ink and --grid: report/figure.c. */
+/* clang-format off */
 static const char STYLE[] =
-    "body{font:15px/1.5 system-ui,sans-serif;color:#222;background:#fff;max-width:1100px;margin:0 "
-    "auto;padding:1em 1.5em}h1{font-size:1.6em;margin:.3em 0}h2{font-size:1.25em;margin:2em 0 "
-    ".5em;border-bottom:1px solid #ddd}nav "
-    "a{margin-right:1em}a{color:#0b5394}table{border-collapse:collapse;margin:.7em "
-    "0;font-size:.92em}th,td{padding:.25em .7em;text-align:right;border-bottom:1px solid "
-    "#e6e6e6;white-space:nowrap}th{background:#f6f6f6}tr.u "
-    "td:nth-child(n+3){text-align:right}td.t,th.t{text-align:left;"
-    "white-space:normal}td "
-    "small{color:#777}p.r{color:#555;font-size:.92em;margin:.2em 0 "
-    "1em;max-width:64em}.f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:0 1 "
-    "520px}figure.p{flex:0 1 300px}figure.l{flex:0 1 1060px}figure svg{width:100%;height:auto}figcaption "
-    "b{display:block}figcaption{color:#555;font-size:.9em}.PASS{color:#1b7a2b}.FAIL{color:#b3261e}."
-    "INSUFFICIENT{color:#9a6700}.pale{color:#777}b.v{font-size:1.2em}.w{overflow-x:auto}";
+    ":root{color-scheme:light dark;--ink:#222;--soft:#595959;--ground:#fff;--head:#f4f4f4;--rule:#ddd;"
+    "--grid:#e4e4e4;--link:#0b5394;--good:#1b7a2b;--bad:#b3261e;--open:#8a5a00}"
+    "@media screen and (prefers-color-scheme:dark){:root{--ink:#e4e4e4;--soft:#adadad;--ground:#16181c;"
+    "--head:#23262c;--rule:#3a3e46;--grid:#31353c;--link:#8ab4f8;--good:#6fcf7f;--bad:#ff8a80;--open:#e8b54a}"
+    "}"
+    "body{font:15px/1.5 system-ui,sans-serif;color:var(--ink);background:var(--ground);max-width:1100px;"
+    "margin:0 auto;padding:1em 1.5em;overflow-wrap:anywhere}"
+    "h1{font-size:1.6em;margin:.3em 0;line-height:1.25}"
+    "h2{font-size:1.25em;margin:2em 0 .5em;border-bottom:1px solid var(--rule)}h3{font-size:1em}"
+    "nav a{margin-right:1em;display:inline-block}a{color:var(--link)}.skip{position:absolute;left:-99em}"
+    ".skip:focus{position:static}:focus-visible{outline:2px solid var(--link);outline-offset:2px}"
+    "summary{cursor:pointer}pre{white-space:pre-wrap}"
+    "table{border-collapse:collapse;margin:.7em 0;font-size:.92em;overflow-wrap:normal}"
+    "th,td{padding:.25em .7em;text-align:right;border-bottom:1px solid var(--rule);white-space:nowrap}"
+    "th[scope=col]{background:var(--head)}tr:hover>*{background:var(--head)}"
+    "tr.u td:nth-child(n+3){text-align:right}td.t,th.t{text-align:left;white-space:normal}"
+    "td.l{min-width:15em}table th.t{font-weight:600}td small,.pale{color:var(--soft)}"
+    "p.r{color:var(--soft);font-size:.92em;margin:.2em 0 1em;max-width:64em}"
+    ".f{display:flex;flex-wrap:wrap;gap:1em}figure{margin:0;flex:1 1 440px;max-width:520px;min-width:0}"
+    "figure.p{flex:0 1 300px}figure.l{flex:0 1 1060px;max-width:none}"
+    "figure svg{display:block;width:100%;height:auto;fill:none;stroke:currentColor;"
+    "font:13px Helvetica,Arial,sans-serif}figure text{fill:currentColor;stroke:none}"
+    "figure image{image-rendering:pixelated}svg .gridline{stroke:var(--grid)}"
+    "svg .h{opacity:0;pointer-events:all}svg .h:hover{opacity:1}figcaption b{display:block;color:var(--ink)}"
+    "figcaption{color:var(--soft);font-size:.9em}.PASS{color:var(--good)}.FAIL{color:var(--bad)}"
+    ".INSUFFICIENT{color:var(--open)}b.v{font-size:1.2em}.w{overflow-x:auto}"
+    "@media print{body{max-width:none;padding:0;font-size:10pt}nav,.skip{display:none}.w{overflow:visible}"
+    "th,td{white-space:normal;padding:.15em .4em}figure,tr{break-inside:avoid}h2,h3,tr:has(th[scope=col]){"
+    "break-after:avoid}figure{flex-basis:48%}figure.p{flex-basis:31%}figure.l{flex-basis:100%}a{"
+    "color:inherit}}";
+/* clang-format on */
 
 void rx_page_begin(rx_text *dst, const char *kind, const char *title)
 {
@@ -27,7 +50,10 @@ void rx_page_begin(rx_text *dst, const char *kind, const char *title)
                      "name=\"viewport\" content=\"width=device-width\">\n<title>");
     rx_escape_html(dst, kind);
     rx_escape_html(dst, title);
-    rx_text_printf(dst, "</title>\n<style>%s</style></head>\n<body>\n<h1>", STYLE);
+    rx_text_printf(dst,
+                   "</title>\n<style>%s</style></head>\n<body>\n<a class=\"skip\" "
+                   "href=\"#main\">Skip to the content</a>\n<header>\n<h1>",
+                   STYLE);
     rx_escape_html(dst, kind);
     rx_escape_html(dst, title);
     rx_text_add(dst, "</h1>\n");
@@ -35,12 +61,12 @@ void rx_page_begin(rx_text *dst, const char *kind, const char *title)
 
 void rx_page_end(rx_text *dst)
 {
-    rx_text_add(dst, "</body></html>\n");
+    rx_text_add(dst, "</main>\n</body></html>\n");
 }
 
 void rx_page_links_begin(rx_text *dst)
 {
-    rx_text_add(dst, "<nav>");
+    rx_text_add(dst, "<nav aria-label=\"Sections\">");
 }
 
 void rx_page_link(rx_text *dst, bool there, const char *id, const char *text)
@@ -54,7 +80,7 @@ void rx_page_link(rx_text *dst, bool there, const char *id, const char *text)
 
 void rx_page_links_end(rx_text *dst)
 {
-    rx_text_add(dst, "</nav>\n");
+    rx_text_add(dst, "</nav>\n</header>\n<main id=\"main\">\n");
 }
 
 void rx_page_section(rx_text *dst, const char *id, const char *text)
@@ -93,7 +119,7 @@ void rx_page_note(rx_text *dst, const char *html)
 
 void rx_page_table_begin(rx_text *dst)
 {
-    rx_text_add(dst, "<div class=\"w\"><table>\n");
+    rx_text_add(dst, "<div class=\"w\" tabindex=\"0\"><table>\n");
 }
 
 void rx_page_table_end(rx_text *dst)
@@ -116,7 +142,7 @@ void rx_page_row_end(rx_text *dst)
 
 void rx_page_head(rx_text *dst, rx_align align, const char *text, const char *unit)
 {
-    rx_text_add(dst, align == RX_LEFT ? "<th class=\"t\">" : "<th>");
+    rx_text_add(dst, align == RX_LEFT ? "<th scope=\"col\" class=\"t\">" : "<th scope=\"col\">");
     rx_escape_html(dst, text);
     rx_page_unit(dst, unit);
     rx_text_add(dst, "</th>");
@@ -146,16 +172,16 @@ void rx_page_cell_file(rx_text *dst, const char *name)
 
 void rx_page_cell_title(rx_text *dst, const char *text, const char *unit)
 {
-    rx_text_add(dst, "<td class=\"t\"><b>");
+    rx_text_add(dst, "<th scope=\"row\" class=\"t\">");
     rx_escape_html(dst, text);
-    rx_text_add(dst, "</b>");
     rx_page_unit(dst, unit);
-    rx_text_add(dst, "</td>");
+    rx_text_add(dst, "</th>");
 }
 
 void rx_page_cell_text(rx_text *dst, const char *text)
 {
-    rx_text_add(dst, "<td class=\"t\">");
+    /* long words keep some width beside numbers, which do not wrap */
+    rx_text_add(dst, text != NULL && strlen(text) > LONG ? "<td class=\"t l\">" : "<td class=\"t\">");
     if (text != NULL && text[0] != '\0')
         rx_escape_html(dst, text);
     else
@@ -288,12 +314,14 @@ void rx_page_figures(rx_text *dst, const rx_figures *figures, const char *prefix
 
 void rx_page_record(rx_text *dst, int n, const char *const (*pairs)[2])
 {
-    rx_text_add(dst, "<details><summary>configuration and inputs</summary><table>\n");
+    rx_text_add(dst, "<details><summary>configuration and inputs</summary>\n");
+    rx_page_table_begin(dst);
     for (int i = 0; i < n; i++) {
-        rx_text_add(dst, "<tr>");
-        rx_page_cell_text(dst, pairs[i][0]);
+        rx_page_row(dst, NULL);
+        rx_page_cell_title(dst, pairs[i][0], NULL);
         rx_page_cell_text(dst, pairs[i][1]);
-        rx_text_add(dst, "</tr>\n");
+        rx_page_row_end(dst);
     }
-    rx_text_add(dst, "</table></details>\n");
+    rx_page_table_end(dst);
+    rx_text_add(dst, "</details>\n");
 }

@@ -26,8 +26,8 @@
 /* Text stands left and may wrap, numbers right and on one line. */
 typedef enum rx_align { RX_RIGHT, RX_LEFT } rx_align;
 
-/* <html> to <h1>: kind and title together are the heading and the title of the window ("QA report: ", name).
- */
+/* <html> to <h1>: kind and title together are the heading and the title of the window ("QA report: ", name). The
+ * header of the page goes on to the end of the links, what follows is its main part. */
 void rx_page_begin(rx_text *dst, const char *kind, const char *title);
 void rx_page_end(rx_text *dst);
 
@@ -50,7 +50,7 @@ void rx_page_head(rx_text *dst, rx_align align, const char *text, const char *un
 /* Cells; NULL, "" and NAN are shown as a dash, infinities as such. */
 void rx_page_cell_text(rx_text *dst, const char *text);
 void rx_page_cell_file(rx_text *dst, const char *name); /* a link to a file beside the page */
-void rx_page_cell_title(rx_text *dst, const char *text, const char *unit); /* bold, "text [unit]" */
+void rx_page_cell_title(rx_text *dst, const char *text, const char *unit); /* of the row, "text [unit]" */
 void rx_page_cell_number(rx_text *dst, double value,
                          int digits); /* after the point; below 0: significant ones */
 /* value +- error, or the value alone where the error is not known */

@@ -419,8 +419,9 @@ static void html_turned(rx_text *dst, const rx_report_table *t, const rx_report_
     int n, *columns = columns_of(t, v, v->to, &n);
     dst->failed = dst->failed || columns == NULL;
     rx_page_row(dst, NULL);
-    rx_page_head(dst, RX_LEFT, n > 0 ? heading_of(&t->columns[columns[0]]) : "", NULL);
-    rx_page_head(dst, RX_LEFT, "", NULL);
+    const char *corner = n > 0 ? heading_of(&t->columns[columns[0]]) : "";
+    rx_page_head(dst, RX_LEFT, corner[0] != '\0' ? corner : "number", NULL);
+    rx_page_head(dst, RX_LEFT, "what it is", NULL);
     for (long k = v->from; k < v->to && n > 0; k++)
         rx_page_head(dst, RX_RIGHT, words_at(t, columns[0], k), NULL);
     rx_page_row_end(dst);

@@ -82,8 +82,9 @@ static void one_table_in_all_files(void **state)
         NULL};
     static const char *const page[] = {
         "<h1>Test: &lt;b&gt;&amp;</h1>",
-        "<nav><a href=\"#lists\">Lists</a></nav>",
-        "<th class=\"t\">seeing</th><th>NET</th><th>a run of a longer name, &lt;i&gt;</th>",
+        "<nav aria-label=\"Sections\"><a href=\"#lists\">Lists</a></nav>",
+        "<th scope=\"col\" class=\"t\">seeing</th><th scope=\"col\">NET</th><th scope=\"col\">a run of a "
+        "longer name, &lt;i&gt;</th>",
         "<td class=\"t\">FWHM 3</td><td>0.50 <small>[0.40, &infin;] n=40</small></td><td>0.25 <small>",
         "<td class=\"t\">FWHM 5</td><td>&ndash; <small>[&ndash;, &infin;] n=40</small></td><td "
         "class=\"t\">&ndash;</td></tr>",
@@ -167,7 +168,8 @@ static void tables_grow(void **state)
 static void pivots_of_two_keys(void **state)
 {
     static const char *const page[] = {
-        "<tr><th class=\"t\">a</th><th class=\"t\">b</th><th>u x</th><th>v x</th></tr>",
+        "<tr><th scope=\"col\" class=\"t\">a</th><th scope=\"col\" class=\"t\">b</th><th scope=\"col\">u "
+        "x</th><th scope=\"col\">v x</th></tr>",
         "<tr><td class=\"t\">1</td><td class=\"t\">1</td><td>1</td><td>2</td></tr>\n<tr><td "
         "class=\"t\">1</td><td "
         "class=\"t\">2</td><td>3</td><td>4</td></tr>\n</table>",
@@ -195,13 +197,16 @@ static void tables_turned(void **state)
                {.name = "list", .kind = RX_REPORT_FILE}, RX_NUMBER("nothing", 0, "", ""),
                RX_NUMBER("mag", -4, "mag", ""), RX_ESTIMATE("share", -2, "", ""));
     static const char *const page[] = {
-        "<tr><th class=\"t\">run</th><th class=\"t\"></th><th>NET</th><th>RL</th></tr>\n"
-        "<tr class=\"u\"><td class=\"t\"><b>light</b> [adu]</td><td class=\"t\">of all "
+        "<tr><th scope=\"col\" class=\"t\">run</th><th scope=\"col\" class=\"t\">what it is</th><th "
+        "scope=\"col\">NET</th><th scope=\"col\">RL</th></tr>\n"
+        "<tr class=\"u\"><th scope=\"row\" class=\"t\">light [adu]</th><td class=\"t\">of all "
         "&lt;b&gt;</td><td>1.50 "
         "&plusmn; 0.25</td><td>2.50</td></tr>\n"
-        "<tr class=\"u\"><td class=\"t\"><b>list</b></td><td class=\"t\">&ndash;</td><td class=\"t\"><a "
+        "<tr class=\"u\"><th scope=\"row\" class=\"t\">list</th><td class=\"t\">&ndash;</td><td "
+        "class=\"t\"><a "
         "href=\"a.ecsv\">a.ecsv</a></td>",
-        "<th>mag [mag]</th><th>NET</th><th>RL</th></tr>\n<tr><td>18.25</td><td>0.5 <small>[0.25, 0.75] "
+        "<th scope=\"col\">mag [mag]</th><th scope=\"col\">NET</th><th "
+        "scope=\"col\">RL</th></tr>\n<tr><td>18.25</td><td>0.5 <small>[0.25, 0.75] "
         "n=4</small></td><td class=\"t\">&ndash;</td></tr>\n</table>",
         NULL};
     static const char *const ecsv[] = {
@@ -239,11 +244,12 @@ static void tables_turned(void **state)
  * number keeps its digits. */
 static void what_a_page_leaves_out(void **state)
 {
-    static const char *const page[] = {"<tr><th class=\"t\">word</th><th>n</th></tr>\n<tr><td "
-                                       "class=\"t\">a</td><td>12345678901</td></tr>\n<tr><td "
-                                       "class=\"t\">&ndash;</td><td>1</td></tr>\n</table></div>\n<p "
-                                       "class=\"r\">2 of 3 rows. All are in t.ecsv.</p>",
-                                       "<pre>two\n&lt;lines&gt;\n</pre>", NULL};
+    static const char *const page[] = {
+        "<tr><th scope=\"col\" class=\"t\">word</th><th scope=\"col\">n</th></tr>\n<tr><td "
+        "class=\"t\">a</td><td>12345678901</td></tr>\n<tr><td "
+        "class=\"t\">&ndash;</td><td>1</td></tr>\n</table></div>\n<p "
+        "class=\"r\">2 of 3 rows. All are in t.ecsv.</p>",
+        "<pre>two\n&lt;lines&gt;\n</pre>", NULL};
     static const char *const json[] = {"\"n\": 12345678901, ", NULL};
     RX_COLUMNS(columns, RX_TEXT("word", ""), RX_TEXT("nothing", ""), RX_COUNT("n", ""),
                RX_NUMBER("value", 1, "", ""), RX_ESTIMATE("share", 1, "", ""),

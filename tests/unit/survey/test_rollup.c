@@ -250,7 +250,7 @@ static void whose_work_and_flux_scale(void **state)
                                        "\"flux_scale_is\": \"off\"",
                                        NULL};
     static const char *const page[] = {"<td class=\"t\">RL</td><td class=\"t\">FWHM 1.5 is &lt;2</td>",
-                                       "flux scale off", "<th class=\"t\">not made for</th>",
+                                       "flux scale off", "<th scope=\"col\" class=\"t\">not made for</th>",
                                        "<td class=\"t\">noise factor 3.2 is above 3</td>", NULL};
     static const char *const tiles[] = {",1.05,0.005,\"off\",", ",\"noise factor 3.2 is above 3\",", NULL};
     rx_rollup r = {0};

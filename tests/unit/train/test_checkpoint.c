@@ -350,7 +350,7 @@ static void tables_have_a_row_for_everything(void **state)
         strstr(page, "Better than unrestored images.</b> Test loss 1.5 against 2.5, epoch 2 of 3,"));
     assert_non_null(strstr(page, "<svg>drawn before</svg>"));
     assert_string_equal(figures.figure[0].svg, "<svg>drawn before</svg>");
-    assert_non_null(strstr(page, "<td class=\"t\">WIDTH</td><td class=\"t\">4</td>"));
+    assert_non_null(strstr(page, "<th scope=\"row\" class=\"t\">WIDTH</th><td class=\"t\">4</td>"));
     assert_non_null(strstr(json, "\"best_epoch\": 2,"));
     assert_non_null(strstr(json, "\"test_loss\": 1.5, \"input_loss\": 2.5,"));
     free(log);
