@@ -76,6 +76,7 @@ elif what == "numbers":
     assert abs(numbers["psf_fwhm"]["value"] - 3.75) < 0.15, numbers["psf_fwhm"]  # of moments, of the PSF as pixels see it
     assert numbers["psf_ellipticity"]["value"] < 0.06, numbers["psf_ellipticity"]
     assert abs(numbers["noise_width"]["value"] - 1) < 0.05, numbers["noise_width"]
+    assert abs(numbers["pixel_scale"]["value"] - 0.396) < 1e-5, numbers["pixel_scale"]  # of the WCS, PIXEL_SCALE is 1
 elif what == "flags":  # of the catalogues against those that are named, both ways
     names = ["FLAGS", "FLAGS_WEIGHT", "FLAGS_WIN", "FLAGS_MEASURE", "FLAGS_TEMPLATE", "FLAGS_RESTORE"]
     folder, catalog = sys.argv[2:4]
@@ -151,12 +152,14 @@ PY
     run rextract-simulate -IMAGE_NAME empty.fits -TRUTH_NAME '' -IMAGE_SIZE 200 -SEED 5 -STAR_COUNT 0 -GALAXY_COUNT 0
     empty="empty.fits -RESTORE_TYPE NONE,RL -QA_TYPE TILE -QA_FIGURES N -CATALOG_TYPE NONE -WRITE_XML Y"
     # shellcheck disable=SC2086 # a list of arguments is meant
-    run rextract $empty -QA_NAME empty -RECORD_NAME empty.record -XML_NAME empty.xml && : >log &&
+    run rextract $empty -QA_FIGURES Y -QA_NAME empty -RECORD_NAME empty.record -XML_NAME empty.xml && : >log &&
         verbose=NORMAL run rextract $empty -QA_NAME empty_said -XML_NAME said.xml && cp log said
     /usr/bin/python3 check.py warnings empty.xml said.xml 'RL: done by NONE' >out 2>&1
     result 'warnings are in the VOTable, whatever is shown' $? out
     /usr/bin/python3 check.py chi2 >out 2>&1 && /usr/bin/python3 check.py fallback >out 2>&1
     result 'each restorer has its own chi2' $? out
+    ! grep -q '<title>RL: ' empty/tile.html && { ! command -v gnuplot >/dev/null || grep -q '<title>NONE: residual chi2' empty/tile.html; }
+    result 'nor are there two figures of the same' $?
 else
     skip 'numbers and VOTable' 'python3 with astropy is not installed'
 fi

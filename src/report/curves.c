@@ -77,7 +77,7 @@ void rx_curves_figure(rx_figures *dst, const char *id, const char *title, const 
         rx_figure_add(dst, id, title, reading, RX_FIGURE_CHART);
         rx_text_add(&dst->script, c->equal ? "set size ratio -1\n" : "");
         rx_axes ranged = *axes;
-        if (!(axes->y0 < axes->y1))
+        if (axes->y0 == axes->y1)
             set_range(c, &ranged);
         rx_plot_curves(dst, &ranged, c->n, c->curve);
         rx_text_add(&dst->script, c->equal ? "set size noratio\n" : "");

@@ -23,7 +23,7 @@ void rx_curves_add(rx_curves *curves, rx_curve_kind kind, int color, const char 
 void rx_curves_put(rx_curves *curves, double x, double y, double low, double high);
 void rx_curves_reference(rx_curves *curves, double x0, double y0, double x1, double y1); /* a grey line */
 
-/* A chart of them, if there is a point to show; the curves are freed. axes->y0 >= y1: from the points and their bars. */
+/* A chart of them, if there is a point to show; the curves are freed. axes->y0 == y1: from the points and their bars. */
 void rx_curves_figure(rx_figures *dst, const char *id, const char *title, const char *reading,
                       const rx_axes *axes, rx_curves *curves);
 

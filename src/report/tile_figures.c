@@ -9,10 +9,10 @@
 #include "report/curves.h"
 #include "report/tile_page.h"
 
-enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 1000 };
+enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 600, HOVER = 150 };
 static const double CHI2_MOST = 5;
 
-static const char VIRIDIS[] = "set palette defined (0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725')\n";
+static const char VIRIDIS[] = "(0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725')";
 
 /* From 1 to 99 % of the values, with some extent. */
 static void reach(const double *values, size_t n, double *low, double *high)
@@ -62,12 +62,11 @@ static void draw_map(rx_figures *dst, const rx_tile_quality *q, const rx_tile_ce
         }
         rx_text_add(script, "\n");
     }
-    rx_text_printf(
-        script,
-        "EOD\n%sset cbrange [%.6g:%.6g]\nset colorbox\nset cblabel '%s'\nset size ratio -1\nplot $map "
-        "matrix using (($1+0.5)*%d+0.5):(($2+0.5)*%d+0.5):3 with image notitle\nset size "
-        "noratio\nunset cblabel\nset cbrange [*:*]\nset palette gray\n",
-        VIRIDIS, low, high, of->label, cells->side, cells->side);
+    rx_text_add(script, "EOD\n");
+    rx_plot_colours_begin(script, VIRIDIS, low, high, of->label);
+    rx_text_printf(script, "plot $map matrix using (($1+0.5)*%d+0.5):(($2+0.5)*%d+0.5):3 with image notitle",
+                   cells->side, cells->side);
+    rx_plot_colours_end(script);
 }
 
 /* Colour: FWHM; whiskers: as long as the ellipticity, along the major axis. */
@@ -78,7 +77,15 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
     const double length = 10.0 / LONG * fmax(image->width, image->height);
     const rx_tile_point *points = stars ? q->star : q->grid;
     const int n = stars ? q->nstars : q->ngrid;
-    char reading[400];
+    const char *size = stars ? "0.9" : "1.6";
+    char reading[400], hover[320];
+    snprintf(hover, sizeof hover,
+             ", $points using 1:2:(sprintf('x %%.0f, y %%.0f: FWHM %%.3g pixels, 1 - b/a %%.3f, major axis "
+             "%%.0f deg "
+             "from x', $1, $2, $3, sqrt($4*$4+$5*$5)*%.9g, 180/pi*atan2($5, $4))) with labels hypertext "
+             "point pt 7 "
+             "ps 0.9 notitle",
+             2 / length);
     snprintf(reading, sizeof reading,
              "%s Colour: FWHM, as in the other map; whiskers: along the major axis, 1 - b/a = 0.1 is as long "
              "as 1/%d of the longer side.",
@@ -105,14 +112,15 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
             rx_plot_value(&dst->script, values[k]);
         rx_text_add(&dst->script, "\n");
     }
+    rx_text_add(&dst->script, "NaN NaN NaN NaN NaN\nEOD\n");
+    rx_plot_colours_begin(&dst->script, VIRIDIS, low, high, "FWHM [pixels]");
     rx_text_printf(
         &dst->script,
-        "nan nan nan nan nan\nEOD\n%sset cbrange [%.6g:%.6g]\nset colorbox\nset cblabel 'FWHM [pixels]'\nset "
-        "size "
-        "ratio -1\nplot $points using 1:2:3 with points pt %d ps %s palette notitle, $points using "
-        "($1-$4):($2-$5):(2*$4):(2*$5) with vectors nohead lc rgb '#303030' lw 1.6 notitle\nset size "
-        "noratio\nunset cblabel\nset cbrange [*:*]\nset palette gray\n",
-        VIRIDIS, low, high, stars ? 7 : 5, stars ? "0.9" : "1.6");
+        "plot $points using 1:2:3 with points pt %d ps %s palette notitle, $points using 1:2 with points "
+        "pt %d ps %s lw 0.7 lc rgb '#808080' notitle, $points using ($1-$4):($2-$5):(2*$4):(2*$5) with "
+        "vectors nohead lc rgb '#404040' lw 1.6 notitle%s",
+        stars ? 7 : 5, size, stars ? 6 : 4, size, n <= HOVER ? hover : "");
+    rx_plot_colours_end(&dst->script);
 }
 
 static void whiskers(rx_figures *dst, const rx_tile_quality *q)
@@ -185,13 +193,11 @@ static void correlation(rx_figures *dst, const rx_tile_quality *q)
             rx_plot_value(script, at[y][x]);
         rx_text_add(script, "\n");
     }
-    rx_text_printf(script,
-                   "EOD\nset palette defined (-1 '#2166ac', 0 '#dddddd', 1 '#b2182b')\nset cbrange "
-                   "[%.4g:%.4g]\nset colorbox\nset "
-                   "cblabel 'correlation'\nset size ratio -1\nplot $map matrix using ($1-%d):($2-%d):3 with "
-                   "image "
-                   "notitle\nset size noratio\nunset cblabel\nset cbrange [*:*]\nset palette gray\n",
-                   -most, most, RX_NOISE_REACH, RX_NOISE_REACH);
+    rx_text_add(script, "EOD\n");
+    rx_plot_colours_begin(script, "(-1 '#2166ac', 0 '#dddddd', 1 '#b2182b')", -most, most, "correlation");
+    rx_text_printf(script, "plot $map matrix using ($1-%d):($2-%d):3 with image notitle", RX_NOISE_REACH,
+                   RX_NOISE_REACH);
+    rx_plot_colours_end(script);
 }
 
 /* Is there a star of the PSF there? */
@@ -201,6 +207,12 @@ static int made_psf(const rx_psf *psf, const rx_source *s)
         if (hypot(psf->stars[i][0] - s->x, psf->stars[i][1] - s->y) < 2)
             return 1;
     return 0;
+}
+
+/* Did a fallback leave this run nothing that the first one does not show? */
+static int is_repeated(const rx_tile_about *about, int run)
+{
+    return run > 0 && about->runs[run].plain && about->runs[run].about->by != NULL;
 }
 
 static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
@@ -228,7 +240,7 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
     for (int i = 0; i < sources->n; i += step)
         rx_curves_put(&c, radii[i], mags[i], NAN, NAN);
     for (int kind = 0; kind < 2; kind++) {
-        rx_curves_add(&c, RX_CURVE_POINTS, kind == 0 ? 1 : 6, kind == 0 ? "made the PSF" : "saturated");
+        rx_curves_add(&c, RX_CURVE_POINTS, kind == 0 ? 6 : 5, kind == 0 ? "made the PSF" : "saturated");
         for (int i = 0; i < sources->n; i++)
             if (kind == 0 ? made_psf(image->psf, &sources->list[i])
                           : (sources->list[i].flags & RX_FLAG_SATURATED) != 0)
@@ -254,7 +266,7 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
     rx_curves_figure(dst, id, title,
                      "Stars stand in a narrow band whatever their magnitude; galaxies lie to the right of "
                      "it, hot pixels and cosmic "
-                     "rays to the left, saturated stars bend to the right at the bottom.",
+                     "rays to the left, saturated stars bend to the right at the top.",
                      &(rx_axes){.xlabel = "FLUX_RADIUS [pixels]",
                                 .ylabel = "MAG_AUTO [mag]",
                                 .x0 = 0,
@@ -271,12 +283,14 @@ static void counts(rx_figures *dst, const rx_tile_quality *q)
     static const double GALAXIES =
         0.4; /* per mag: Metcalfe et al. 2001, MNRAS 323, 795, B to I at 20 to 25 mag */
     const rx_image *image = &q->about->image;
-    const double side = image->pixel_scale / 3600.0,
+    const double side = rx_tile_scale(image) / 3600.0,
                  pixels = (double)image->width * image->height * (1 - q->masked);
     const double area = side > 0 ? pixels * side * side : 1e-6 * pixels;
     double low = INFINITY, high = -INFINITY, most = 1, at = NAN, here = NAN;
     rx_curves c = {0};
     for (int i = 0; i < q->about->nruns; i++) {
+        if (is_repeated(q->about, i))
+            continue;
         const rx_tile_counts n = rx_tile_count(image, q->about->runs[i].sources);
         rx_curves_add(&c, RX_CURVE_BARS, rx_method_color(q->about->runs[i].about->name),
                       q->about->runs[i].about->name);
@@ -401,7 +415,7 @@ void rx_tile_figures(rx_figures *dst, const rx_tile_quality *q)
                     "noise [ADU]", INFINITY});
     for (int i = 0; i < about->nruns; i++) {
         char id[RX_FIGURE_ID], title[80], reading[240];
-        if (about->runs[i].chi2.cells.nx == 0)
+        if (about->runs[i].chi2.cells.nx == 0 || is_repeated(about, i))
             continue;
         snprintf(id, sizeof id, "tile-chi2-%d", i);
         snprintf(title, sizeof title, "%s: residual chi2", about->runs[i].about->name);
@@ -415,7 +429,8 @@ void rx_tile_figures(rx_figures *dst, const rx_tile_quality *q)
     pulls(dst, q);
     correlation(dst, q);
     for (int i = 0; i < about->nruns; i++)
-        locus(dst, q, i);
+        if (!is_repeated(about, i))
+            locus(dst, q, i);
     counts(dst, q);
     const rx_tile_restored *last = &about->runs[about->nruns - 1];
     const int n = rx_tile_cuts(last->sources, about->seed, cuts);

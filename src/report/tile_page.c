@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "data/flags.h"
+#include "io/wcs.h"
 #include "report/page.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
@@ -72,10 +73,17 @@ static void add_verdict(rx_report *report, const rx_tile_quality *q)
     }
 }
 
+double rx_tile_scale(const rx_image *image)
+{
+    if (image->wcs != NULL)
+        return rx_wcs_pixel_scale(image->wcs, 0.5 * (image->width - 1), 0.5 * (image->height - 1));
+    return image->pixel_scale > 0 && image->pixel_scale != 1 ? image->pixel_scale : NAN;
+}
+
 static void add_numbers(rx_report *report, const rx_tile_quality *q)
 {
     const rx_image *image = &q->about->image;
-    const double scale = image->pixel_scale > 0 ? image->pixel_scale : NAN;
+    const double scale = rx_tile_scale(image);
     const rx_noise_correlation *noise = image->correlation;
     const double(*neighbours)[RX_NOISE_SIDE] = noise != NULL && noise->origin == RX_NOISE_MEASURED
                                                    ? noise->measured
@@ -88,8 +96,9 @@ static void add_numbers(rx_report *report, const rx_tile_quality *q)
         const char *unit, *what;
     } rows[] = {
         {"width", image->width, "pixels", "of the tile"},
-        {"height", image->height, "pixels", ""},
-        {"pixel_scale", scale, "arcsec/pixel", "at the centre"},
+        {"height", image->height, "pixels", "of the tile"},
+        {"pixel_scale", scale, "arcsec/pixel",
+         image->wcs != NULL ? "at the centre, by the world coordinates" : "PIXEL_SCALE"},
         {"masked", 100 * q->masked, "%", "pixels that are not used"},
         {"saturated", 100 * q->saturated, "%", "pixels that are saturated"},
         {"psf_fwhm", q->fwhm, "pixels",
