@@ -136,8 +136,12 @@ rx_status rx_campaign_record_make(const rx_campaign_config *config, const char *
     *dst =
         (rx_campaign_record){.title = title, .seed = (uint64_t)config->seed, .figures = config->qa_figures};
     rx_text_add(&dst->command, "rextract-validate");
-    if (config->settings.file != NULL)
+    if (config->settings.file != NULL) {
+        const char *folder = strrchr(config->settings.file, '/');
+        const char *name = folder != NULL ? folder + 1 : config->settings.file;
         rx_text_printf(&dst->command, " -c %s", config->settings.file);
+        snprintf(dst->name, sizeof dst->name, "%.*s", (int)strcspn(name, "."), name);
+    }
     rx_record_add(&dst->keywords, "version", "", "%s", RX_VERSION);
     return rx_settings_visit(&config->settings, visit_record, &v) && !dst->keywords.failed &&
                    !dst->command.failed

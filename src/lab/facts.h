@@ -21,6 +21,7 @@ rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *ds
 /* What a report says of the campaign that made it. */
 typedef struct rx_campaign_record {
     const char *title;  /* not owned */
+    char name[64];      /* of its file of settings, without folder and end; "" none */
     rx_text command;    /* as a reader can repeat it */
     rx_record keywords; /* every one, with names of files and what only the report uses; program version */
     uint64_t seed;

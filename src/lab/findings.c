@@ -35,8 +35,10 @@ RX_COLUMNS(CLAIMS, RX_TEXT("claim", ""),
 static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output *output, rx_error *err)
 {
     const rx_campaign_record *record = output->record;
-    char seed[32], type[16] = "";
-    rx_report *r = rx_report_new("Validation: ", record->title);
+    char seed[32], type[16] = "", title[128];
+    const int named = record->name[0] != '\0' && strcmp(record->name, "default") != 0;
+    snprintf(title, sizeof title, "%s%s%s", record->title, named ? ", " : "", named ? record->name : "");
+    rx_report *r = rx_report_new("Validation: ", title);
     *dst = (rx_findings){.output = output, .report = r};
     if (r == NULL)
         return rx_error_memory(err, 0);
@@ -76,12 +78,16 @@ static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, con
                        each && v->said.data != NULL ? v->said.data : "");
     }
     const int broken = count[RX_NOT_REPRODUCED] + count[RX_GOAL_NOT_HELD];
-    snprintf(word, sizeof word, "%d %s", count[RX_REPRODUCED] + count[RX_GOAL_HELD],
-             each ? "held" : "reproduced");
+    const int good = count[RX_REPRODUCED] + count[RX_GOAL_HELD];
+    snprintf(word, sizeof word, "%d %s", good, each ? "held" : "reproduced");
     snprintf(sentence, sizeof sentence, "of %d %s; %d are not, %d could not be tested.", verdicts->n,
              each ? "goals, each for each restorer" : "claims and goals", broken,
              count[RX_NOT_YET_TESTABLE] + count[RX_NOT_TESTED] + count[RX_GOAL_NOT_MEASURED]);
-    rx_report_verdict(f->report, broken > 0 ? RX_MARK_OPEN : RX_MARK_GOOD, word, sentence);
+    rx_report_verdict(f->report,
+                      broken > 0 ? RX_MARK_OPEN
+                      : good > 0 ? RX_MARK_GOOD
+                                 : RX_MARK_PALE,
+                      word, sentence);
     rx_report_section(f->report, each ? "goals" : "claims",
                       each ? "Goals" : "The paper's claims, and our goals");
     if (each)
