@@ -62,5 +62,19 @@ for name in rextract.1 rextract.3 rextract.conf.5 rextract-simulate.1 rextract-v
         passed=$((passed + 1))
     fi
 done
+# For a browser (make html): a page each, in an index, and no link to a page that is not there.
+if command -v mandoc >/dev/null; then
+    mkdir "$scratch/html"
+    html=$(cd "$top" && pwd)
+    (cd "$scratch" && top=$html sh "$html/man/html.sh" man/rextract.1 man/rextract.3 man/rextract.conf.5 man/rextract-simulate.1 \
+        man/rextract-validate.1 man/rextract-train.1 man/rextract-survey.1) >"$scratch/made" 2>&1 || echo 'man/html.sh fails' >>"$scratch/made"
+    cat "$scratch"/html/*.html | grep -o 'href="[^"#][^"#]*' | sed 's/href="//' | sort -u >"$scratch/links"
+    while read -r link; do [ -s "$scratch/html/$link" ] || echo "no page $link"; done <"$scratch/links" >>"$scratch/made"
+    [ "$(wc -l <"$scratch/links")" -eq 7 ] || echo "not 7 pages are linked" >>"$scratch/made"
+    cat "$scratch/made"
+    if [ -s "$scratch/made" ]; then failed=$((failed + 1)); else passed=$((passed + 1)); fi
+else
+    skipped=$((skipped + 1))
+fi
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" -eq 0 ]

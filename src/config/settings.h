@@ -124,9 +124,14 @@ rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const ch
 /* A commented configuration file: the usual keywords, or all, those of parts included. NULL settings =
  * defaults. */
 void rx_settings_dump(rx_text *dst, const rx_keytable *table, const rx_settings *settings, bool all);
+
+/* Names of the keywords that have an effect, by section, for -h. */
+void rx_settings_help(rx_text *dst, const rx_keytable *table);
+
+/* The table as roff (man macros). */
 void rx_settings_man(rx_text *dst, const rx_keytable *table);
 
 /* The keywords that have an effect, each with its legal words, as a branch of the shell's completion. */
-void rx_settings_completion(rx_text *dst, const rx_keytable *table); /* roff (man macros) of the table */
+void rx_settings_completion(rx_text *dst, const rx_keytable *table);
 
 #endif

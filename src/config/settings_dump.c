@@ -119,6 +119,39 @@ void rx_settings_dump(rx_text *dst, const rx_keytable *table, const rx_settings 
     dump_rows(dst, table, settings, settings != NULL ? settings->prefix : "", all);
 }
 
+/* A section's title, and behind it, in lines of their own column, its keywords that have an effect. */
+static void help_section(rx_text *dst, const rx_keytable *table, int section)
+{
+    enum { COLUMN = 24, END = 80 };
+    size_t line = 0;
+    for (int row = section + 1; row < table->nrows && table->rows[row].kind != RX_KIND_SECTION; row++) {
+        const rx_keyword *key = &table->rows[row];
+        if (key->status == RX_STATUS_IGNORED || key->status == RX_STATUS_INERT)
+            continue;
+        if (line == 0) {
+            line = dst->length;
+            rx_text_printf(dst, "  %s", table->rows[section].name);
+        }
+        const size_t used = dst->length - line; /* a long title has a line of its own */
+        if (used >= COLUMN && (key == &table->rows[section + 1] || used + 1 + strlen(key->name) > END)) {
+            rx_text_add(dst, "\n");
+            line = dst->length;
+        }
+        pad(dst, line, COLUMN);
+        rx_text_add(dst, key->name);
+    }
+    if (line != 0)
+        rx_text_add(dst, "\n");
+}
+
+void rx_settings_help(rx_text *dst, const rx_keytable *table)
+{
+    rx_text_add(dst, "\nKeywords by task (-dd says what each is for, -d the usual ones):\n\n");
+    for (int row = 0; row < table->nrows; row++)
+        if (table->rows[row].kind == RX_KIND_SECTION)
+            help_section(dst, table, row);
+}
+
 /* What values are legal, as sentences. */
 static void man_range(rx_text *dst, const rx_keyword *key)
 {

@@ -21,9 +21,10 @@ static rx_status print(const rx_program *program, rx_action action, const char *
     rx_status status = RX_OK;
     if (action == RX_ACTION_VERSION)
         rx_text_printf(&text, "Rextract version %s\n", RX_VERSION);
-    else if (action == RX_ACTION_HELP)
+    else if (action == RX_ACTION_HELP) {
         rx_text_printf(&text, "%s%s", program->usage, program->help);
-    else if (action == RX_ACTION_DUMP_COLUMNS)
+        rx_settings_help(&text, program->table);
+    } else if (action == RX_ACTION_DUMP_COLUMNS)
         program->columns(&text);
     else if (action == RX_ACTION_FLAGS)
         status = rx_flags_decode(file, &text, err);

@@ -7,7 +7,7 @@
 
 typedef struct rx_program {
     const char *name;
-    const char *usage, *help; /* text of -h; usage alone where nothing is asked for */
+    const char *usage, *help; /* text of -h, above its keywords; usage alone where nothing is asked for */
     const rx_keytable *table;
     void (*columns)(rx_text *dst); /* -dp; NULL where there is none */
     /* -INFO FILE, as lines; NULL where there is none. */

@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -134,6 +135,45 @@ static void check_row(const rx_keyword *key)
             assert_int_not_equal(strcasecmp(key->words[i], key->words[j]), 0);
 }
 
+/* -h has each keyword that has an effect once, under the title of its section, in lines of a terminal. */
+static void help_groups_keywords(void **state)
+{
+    (void)state;
+    for (int t = 0; t < TABLES; t++) {
+        const rx_keytable *table = table_of(t);
+        rx_text text = {0};
+        const char *title = NULL;
+        rx_settings_help(&text, table);
+        assert_false(text.failed);
+        for (int row = 0; row < table->nrows; row++) {
+            const rx_keyword *key = &table->rows[row];
+            char word[80];
+            int times = 0;
+            const char *at, *section = NULL;
+            if (key->kind == RX_KIND_SECTION) {
+                title = key->name;
+                continue;
+            }
+            snprintf(word, sizeof word, "\n  %s", title);
+            section = strstr(text.data, word);
+            snprintf(word, sizeof word, " %s", key->name);
+            for (at = text.data; (at = strstr(at, word)) != NULL; at += strlen(word))
+                if (strchr(" \n", at[strlen(word)]) != NULL) {
+                    times++;
+                    assert_non_null(section);
+                    /* no other title comes between */
+                    for (const char *line = strchr(section + 1, '\n'); line < at;
+                         line = strchr(line + 1, '\n'))
+                        assert_memory_equal(line, "\n                        ", 25);
+                }
+            assert_int_equal(times, key->status == RX_STATUS_SEX || key->status == RX_STATUS_OURS);
+        }
+        for (const char *line = strtok(text.data, "\n"); line != NULL; line = strtok(NULL, "\n"))
+            assert_in_range(strlen(line), 1, 80);
+        rx_text_free(&text);
+    }
+}
+
 static void ranges_words_and_counts_are_sound(void **state)
 {
     (void)state;
@@ -221,6 +261,7 @@ int main(void)
         cmocka_unit_test(near_names_are_found_with_their_prefix),
         cmocka_unit_test(fields_are_named_like_their_keyword),
         cmocka_unit_test(every_row_has_help_in_one_line),
+        cmocka_unit_test(help_groups_keywords),
         cmocka_unit_test(ranges_words_and_counts_are_sound),
         cmocka_unit_test(values_survive_print_and_assign),
         cmocka_unit_test(defaults_are_consistent),
