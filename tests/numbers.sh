@@ -21,8 +21,7 @@ mkdir copy
 cp -r "$top/README.md" "$top/docs" "$top/PROMISES.md" "$top/CONTRIBUTING.md" copy
 chmod -R u+w copy
 page=docs/validation.md
-cp -Rs "$top/validation" "$top/LICENSE" "$top/NEWS" "$top/CITATION.cff" copy
-mkdir -p copy/tests/fuzz && cp -s "$top/tests/fuzz/README.md" copy/tests/fuzz
+for part in validation src tests man config python workflow LICENSE NEWS CITATION.cff; do cp -Rs "$top/$part" copy; done
 (cd "$top" && find validation -name README.md -o -path '*/sdss/*.json') | while read -r file; do
     cp --remove-destination "$top/$file" "copy/$file"
 done

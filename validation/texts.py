@@ -814,7 +814,9 @@ def texts(write):
 def dead_links():
     """Relative links of the texts to a file or a title that is not there."""
     wrong = []
-    for path in TEXTS + ("PROMISES.md", "CONTRIBUTING.md", "docs/survey.md", "docs/build.md", "validation/README.md", "validation/results/README.md"):
+    pages = tuple(f"docs/{name}" for name in sorted(os.listdir(os.path.join(TOP, "docs"))) if name.endswith(".md"))
+    for path in dict.fromkeys(TEXTS + pages + ("PROMISES.md", "CONTRIBUTING.md", "validation/README.md", "validation/results/README.md",
+                                               "tests/data/sdss.md")):
         for line, words in enumerate(text_of(path).splitlines(), 1):
             for link in re.findall(r"\]\((?!https?:)([^)]+)\)", words):
                 file, _, title = link.partition("#")
