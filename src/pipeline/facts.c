@@ -101,6 +101,17 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     if (noise->origin == RX_NOISE_MEASURED)
         rx_record_add(facts, "RXNOISOK", "F: more correlated than resampling explains", "%s",
                       rx_noise_is_structure(noise) ? "F" : "T");
+    const rx_anomalies *anomalies = &field->anomalies;
+    if (isfinite(anomalies->rows))
+        rx_record_add(facts, "RXROWS", "offsets of rows, sigmas of a pixel", "%.3f", anomalies->rows);
+    if (isfinite(anomalies->columns))
+        rx_record_add(facts, "RXCOLS", "the same of columns", "%.3f", anomalies->columns);
+    if (isfinite(anomalies->light))
+        rx_record_add(facts, "RXLIGHT", "share of 16-pixel boxes with light of no source", "%.4f",
+                      anomalies->light);
+    if (anomalies->ratio[0] > 0.0)
+        rx_record_add(facts, "RXSHARP", "share of the sources sharper than the PSF", "%.4f",
+                      rx_result_sharp(result));
     rx_record_add(facts, "RXLAWS", "noise law: sigma(A) = RXLAWS * sigma * A^RXLAWP", "%.6g",
                   result->photometry.law.scale);
     rx_record_add(facts, "RXLAWP", "0.5 = independent pixels", "%.6g", result->photometry.law.power);

@@ -206,6 +206,24 @@ static void say_noise(const rx_field *field, rx_log *log)
         power[0][3], power[0][4], power[1][0], power[1][1], power[1][2], power[1][3], power[1][4]);
 }
 
+static void say_anomalies(const rx_field *field, rx_log *log)
+{
+    const rx_anomalies *a = &field->anomalies;
+    const rx_image *image = &field->image;
+    if (rx_anomalies_is_striped(a))
+        rx_log_warning(log,
+                       "%s[%d]: its rows are offset by %.2g sigma of a pixel, its columns by %.2g (RXROWS, "
+                       "RXCOLS): faint sources may be false; subtract each one's overscan or median",
+                       image->name, image->hdu, a->rows, a->columns);
+    if (rx_anomalies_is_lit(a))
+        rx_log_warning(
+            log,
+            "%s[%d]: %.0f %% of it holds light that is no source's and that the sky's mesh does not "
+            "follow (RXLIGHT): filaments, a ghost; faint sources there have FLAGS_RESTORE 512; a "
+            "smaller BACK_SIZE may follow it",
+            image->name, image->hdu, 100.0 * a->light);
+}
+
 /* The detection image after the filter; NULL without one. */
 static rx_status filter_pixels(const rx_detect_params *par, int nthreads, const rx_image *image,
                                const float *pixels, float **filtered, rx_error *err)
@@ -658,8 +676,14 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
         }
         field->psf_seconds += rx_seconds() - begun;
     }
-    if (status == RX_OK)
+    if (status == RX_OK) {
+        const rx_image restorable = rx_field_restorable(field);
         say_noise(field, log);
+        status = rx_anomalies_measure(&restorable, rx_noise_factor_wide(&field->noise), params->nthreads,
+                                      &field->anomalies, err);
+    }
+    if (status == RX_OK)
+        say_anomalies(field, log);
     return status;
 }
 
@@ -740,6 +764,7 @@ void rx_field_free(rx_field *field)
     if (field->restored != field->plain)
         rx_background_free(field->restored);
     rx_background_free(field->plain);
+    rx_anomalies_free(&field->anomalies);
     rx_psf_free(field->psf);
     rx_tile_free(field->tile);
     rx_record_free(&field->inputs);

@@ -403,7 +403,7 @@ static void mark_sources(const work *w)
 {
     rx_result *result = w->result;
     const rx_domain *domain = &result->domain;
-    const rx_image image = rx_field_effective(w->detect);
+    const rx_image image = rx_field_effective(w->detect), observed = rx_field_restorable(w->detect);
     const rx_map sky = rx_image_sky(&image);
     const int net = strcmp(result->restored->name, "NET") == 0,
               outside = net && domain->place == RX_DOMAIN_OUTSIDE,
@@ -413,7 +413,13 @@ static void mark_sources(const work *w)
     const int know_dark = net && domain->model->dark > 0.0;
     for (int i = 0; i < result->sources->n; i++) {
         rx_source *s = &result->sources->list[i];
-        s->fit.restore |= all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0);
+        const int sharp = rx_anomalies_sharp_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak);
+        s->fit.restore |=
+            all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
+            (sharp ? RX_RESTORE_SHARP : 0) |
+            (rx_anomalies_lit_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak) ? RX_RESTORE_LIGHT
+                                                                                       : 0);
+        result->sharp += sharp;
         if (!net || s->untouched)
             continue;
         const size_t at = (size_t)s->ypeak * (size_t)image.width + (size_t)s->xpeak;
@@ -423,6 +429,17 @@ static void mark_sources(const work *w)
             s->fit.restore |= RX_RESTORE_OUTSIDE;
         result->outside += (s->fit.restore & RX_RESTORE_OUTSIDE) != 0;
     }
+}
+
+double rx_result_sharp(const rx_result *result)
+{
+    return result->sharp > 0 ? (double)result->sharp / (double)result->sources->n : 0.0;
+}
+
+int rx_result_is_sharp(double share)
+{
+    static const double LARGE = 0.02;
+    return share > LARGE;
 }
 
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,

@@ -50,6 +50,7 @@ typedef struct rx_result {
     rx_residual residual;
     rx_domain domain;    /* of the detection image, where a network was asked for */
     int outside;         /* sources with RX_RESTORE_OUTSIDE */
+    int sharp;           /* sources with RX_RESTORE_SHARP */
     rx_restored *second; /* restored measurement image, dual-image mode only */
     const char *by; /* restorer that did the tile, or its measurement image, instead of `kind`; NULL: none */
     char why[240];  /* why */
@@ -79,12 +80,17 @@ void rx_result_facts(const rx_result *result, rx_record *facts);
  * source is marked RX_RESTORE_OTHER, and the log has a detail of it; without restore.fallback it is RX_NOT_RESTORED.
  * Sources in cells that the network does not explain are marked RX_RESTORE_UNEXPLAINED; those whose brightest pixel
  * is brighter, or whose sky is darker than in its training, and all of a tile outside of it, RX_RESTORE_OUTSIDE; all
- * of a tile whose noise is more correlated than resampling explains RX_RESTORE_STRUCTURE, whatever restored it. The
+ * of a tile whose noise is more correlated than resampling explains RX_RESTORE_STRUCTURE, and what detect/anomalies.h
+ * finds RX_RESTORE_SHARP and RX_RESTORE_LIGHT, whatever restored it. The
  * fields must live as long as the result. May run in several threads at the same time, on params and fields that stay
  * as they are meanwhile, each with a log of its own: the same result as alone. Errors: RX_INPUT (two sizes),
  * RX_NOT_RESTORED, those of the parts, RX_INTERRUPTED. Free with rx_result_free(); nothing is left after an error. */
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,
                            const rx_field *measure, rx_log *log, rx_result *dst, rx_error *err);
+
+/* Share of the sources with RX_RESTORE_SHARP, 0 without any; and is it so large that cosmic rays are to be masked? */
+double rx_result_sharp(const rx_result *result);
+int rx_result_is_sharp(double share);
 
 /* How many sources there were if DETECT_THRESH were `factor` times params->detect.threshold: detected again on what was
  * restored and filtered with these params, keep_filtered among them; without templates. Errors: RX_SYSTEM. */

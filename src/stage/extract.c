@@ -281,6 +281,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->flux = w.result.photometry.check;
     run->unexplained = w.result.residual.share;
     run->dark = w.result.residual.dark;
+    run->sharp = rx_result_sharp(&w.result);
     describe_outside(&w.result, run);
     snprintf(run->label, sizeof run->label, run->by != NULL ? "%s (done by %s)" : "%s", run->kind->name,
              run->by);
@@ -352,6 +353,12 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
                 "not trained for (RXDARK; sources there have FLAGS_RESTORE 64): is its sky right, are there "
                 "dark clouds?",
                 tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].dark);
+    for (int i = 0; i < n; i++)
+        if (rx_result_is_sharp(runs[i].sharp))
+            rx_log_warning(log,
+                           "%s[%d]: %s: %.0f %% of the sources are sharper than the PSF (RXSHARP; they have "
+                           "FLAGS_RESTORE 256): are cosmic rays, hot pixels and bad columns masked?",
+                           tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].sharp);
     for (int i = 0; i < n; i++)
         if (runs[i].by != NULL)
             rx_log_warning(log, "%s[%d]: %s: done by %s, %s", tile->name, tile->hdu, runs[i].kind->name,

@@ -693,6 +693,67 @@ static void test_fringes(void **state)
     }
 }
 
+/* Rows that are offset, a band of light and cosmic rays: said in the log and the header, and by source. */
+static void test_anomalies(void **state)
+{
+    (void)state;
+    enum { WIDE = 400, RAYS = 20, STEP = 37 };
+    for (int bad = 0; bad < 2; bad++) {
+        scene s;
+        heard h;
+        bench b;
+        rx_result result;
+        rx_record facts = {0};
+        int sharp = 0, lit = 0;
+        scene_make(&s, WIDE, WIDE, STARS, 5);
+        for (int i = 0; bad && i < WIDE * WIDE; i++)
+            s.pixels[i] += (float)(2.5 * rx_random_normal(9, 1, (uint64_t)(i / WIDE)) +
+                                   7.5 * (abs(i % WIDE - i / WIDE) < 25));
+        for (int i = 1; bad && i <= RAYS; i++)
+            s.pixels[(STEP * i % WIDE) * WIDE + 18 * i] += 400.0f;
+        open_bench(&b, RX_MODE_INFORMED, NULL);
+        rx_field *field = NULL;
+        listen(&h);
+        assert_int_equal(rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF,
+                                          bench_tile(s.pixels, WIDE, WIDE, 2.0), NULL, &h.log, &field, NULL),
+                         RX_OK);
+        fclose(h.log.stream);
+        assert_int_equal(count(h.text, "RXROWS"), bad);
+        assert_int_equal(count(h.text, "RXLIGHT"), bad);
+        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL,
+                                          &result, NULL),
+                         RX_OK);
+        rx_result_facts(&result, &facts);
+        for (int i = 0; i < result.sources->n; i++) {
+            const rx_source *source = &result.sources->list[i];
+            int near = 0;
+            for (int k = 1; k <= RAYS; k++)
+                near |= fabs(source->x - 18 * k) < 3 && fabs(source->y - STEP * k % WIDE) < 3;
+            if (source->fit.restore & RX_RESTORE_SHARP)
+                assert_int_equal(near, 1);
+            if (source->fit.restore & RX_RESTORE_LIGHT)
+                assert_between(fabs(source->x - source->y), 0, 25 + 2 * RX_ANOMALIES_BOX);
+            sharp += (source->fit.restore & RX_RESTORE_SHARP) != 0;
+            lit += (source->fit.restore & RX_RESTORE_LIGHT) != 0;
+        }
+        print_message("%d sources, %d sharp, %d on light; rows %s, light %s\n", result.sources->n, sharp, lit,
+                      fact(&facts, "RXROWS"), fact(&facts, "RXLIGHT"));
+        assert_between(sharp, bad ? RAYS / 2 : 0, bad ? RAYS : 0);
+        assert_between(lit, bad ? 3 : 0, bad ? 300 : 0);
+        assert_near(atof(fact(&facts, "RXSHARP")), (double)sharp / result.sources->n, 1e-4);
+        assert_int_equal(rx_result_is_sharp(rx_result_sharp(&result)), bad);
+        assert_near(atof(fact(&facts, "RXROWS")), bad ? 0.5 : 0, 0.07);
+        assert_near(atof(fact(&facts, "RXCOLS")), 0, 0.07);
+        assert_int_equal(atof(fact(&facts, "RXLIGHT")) > 0.05, bad);
+        rx_record_free(&facts);
+        rx_result_free(&result);
+        rx_field_free(field);
+        free(h.text);
+        bench_close(&b);
+        scene_free(&s);
+    }
+}
+
 /* --- the whole stage --- */
 
 static rx_status run_stage(const char *fwhm, const char *out_of_domain, rx_error *err)
@@ -855,6 +916,7 @@ int main(void)
         cmocka_unit_test(test_faint),
         cmocka_unit_test(test_marks_by_source),
         cmocka_unit_test(test_fringes),
+        cmocka_unit_test(test_anomalies),
         cmocka_unit_test_setup_teardown(test_outputs_inside, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(test_outputs_rl, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(test_outputs_fail, enter_scratch, leave_scratch),
