@@ -11,7 +11,8 @@ cells is judged by what LIMITS says, on objects that have no neighbour of 0.3 of
 
     recall    of objects of S/N above 10, of an ideal matched filter in wide-sum noise
     false     sources per Mpixel without an object within 2 pixels and within 1 FWHM (the larger of both) and without a mark of
-              FLAGS_RESTORE that says so (MARKS); and their share
+              FLAGS_RESTORE that says so (MARKS); and their share. Not within 8 pixels of the border: objects lie beyond it,
+              too, whose light comes in, and the truth does not list them
     bias      median of FLUX_TEMPLATE / true flux - 1 of stars of S/N 20 to 200
     pull      1.4826 times the median deviation of (FLUX_TEMPLATE - true flux) / FLUXERR_TEMPLATE of stars of S/N 10 to 100
 
@@ -34,7 +35,7 @@ import tiles
 from tiles import RESTORERS, near
 
 SIGMA, FWHM, SIDE, EDGE = 0.031, 3.28, 768, 8
-MARKS = 1 | 2 | 4 | 16 | 32 | 64 | 128  # FLAGS_RESTORE: all but ADDED, which is no doubt
+MARKS = 1 | 2 | 4 | 16 | 32 | 64 | 128 | 256 | 512  # FLAGS_RESTORE: all but ADDED, which is no doubt
 # name: limit, and why there
 LIMITS = {
     "recall": (0.9, "nine of ten that stand ten times above the noise"),
@@ -56,6 +57,10 @@ SAID = {
     "RXPSFERX": lambda card, cards: card > LIMITS["bias"][0],  # fluxes may be off by as much
     "RXUNEX": lambda card, cards: card > 0.1,  # from there on the log warns, too
     "RXDARK": lambda card, cards: card > 0.02,  # likewise
+    "RXROWS": lambda card, cards: card > 0.2,  # likewise, and the next three
+    "RXCOLS": lambda card, cards: card > 0.2,
+    "RXLIGHT": lambda card, cards: card > 0.02,
+    "RXSHARP": lambda card, cards: card > 0.02,
     "RXUNSEEN": lambda card, cards: card > 1,  # unseen neighbours are more than half of the errors
 }
 
@@ -174,6 +179,10 @@ def expose(program, departure, seed, number):
     return tile, np.array(fits.getdata(program.folder / "truth.fits", 1)), width
 
 
+def inside(at, side):
+    return ((at > EDGE) & (at < side - EDGE)).all(1)
+
+
 def objects(truth, width, side):
     """Places, fluxes, S/N, whether a star, and whether it may be judged."""
     at = np.column_stack([truth["X_IMAGE"], truth["Y_IMAGE"]]).astype(float)
@@ -183,15 +192,16 @@ def objects(truth, width, side):
     tree = cKDTree(at)
     clear = np.array([all(flux[j] < 0.3 * flux[i] for j in tree.query_ball_point(at[i], 2.3548 * width) if j != i)
                       for i in range(len(at))], bool)
-    return at, flux, snr, star, clear & ((at > EDGE) & (at < side - EDGE)).all(1)
+    return at, flux, snr, star, clear & inside(at, side)
 
 
-def measure(run, known, reach):
+def measure(run, known, reach, side):
     """Counts and values of one run, to be pooled."""
     at, flux, snr, star, judged = known
     table = run.table
     marked = (table["FLAGS_RESTORE"] & MARKS) > 0
-    out = {"sources": len(table), "marked": int(marked.sum()), "false": int((~near(run.positions, at, reach) & ~marked).sum())}
+    false = ~near(run.positions, at, reach) & inside(run.positions, side) & ~marked
+    out = {"sources": len(table), "marked": int(marked.sum()), "false": int(false.sum())}
     deep = judged & (snr > 10)
     out["found"] = near(at[deep], run.positions, reach).tolist()
     distance, which = (cKDTree(run.positions).query(at, distance_upper_bound=reach) if len(table) else
@@ -251,9 +261,9 @@ def main(output, seed, names):
         for number in range(departure.tiles):
             tile, truth, width = expose(program, departure, seed, number)
             known, reach = objects(truth, width, len(tile.pixels)), max(2.0, 2.3548 * width)
-            mpixel += tile.mpixel
+            mpixel += tile.mpixel * (1 - 2 * EDGE / len(tile.pixels)) ** 2  # that false sources are counted on
             for r, run in program.run(tile).items():
-                parts[r].append(measure(run, known, reach))
+                parts[r].append(measure(run, known, reach, len(tile.pixels)))
                 runs[r].append(run)
         for r in RESTORERS:
             cell = {"kind": departure.kind, "departure": departure.name, "what": departure.what, "restorer": r} | judge(parts[r], mpixel)
