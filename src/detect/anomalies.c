@@ -11,6 +11,8 @@
 
 enum {
     BOX = RX_ANOMALIES_BOX,
+    PIECE = 64,
+    SAMPLE = 256,    /* pixels of a row or column */
     GROUP = 4,       /* boxes that touch */
     REACH = 16,      /* boxes, of what falls off from a bright one */
     LEAST_LINES = 20 /* rows or columns with a scatter */
@@ -31,6 +33,7 @@ static const int steps[RX_ANOMALIES_STEPS][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}
 typedef struct work {
     const rx_image *image;
     int nx, ny;
+    double limit;             /* of the median of a lit box */
     double *rows, *columns;   /* medians; NAN of too few pixels */
     double *median, *highest; /* [ny][nx] of boxes */
 } work;
@@ -38,7 +41,7 @@ typedef struct work {
 /* z of n pixels from (x, y) on, NAN where there is none. */
 static void read_piece(const rx_image *image, int x, int y, int n, double *z)
 {
-    float level_room[RX_MAP_PIECE], sigma_room[RX_MAP_PIECE];
+    float level_room[PIECE], sigma_room[PIECE];
     const rx_map sky = rx_image_sky(image);
     const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
     const float *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
@@ -51,55 +54,88 @@ static void read_piece(const rx_image *image, int x, int y, int n, double *z)
     }
 }
 
-/* Median of the n values that are known, of n possible ones; in the order of `values` no more. */
-static double median_of(double *values, size_t n, size_t possible)
+/* Of long rows and columns pieces suffice, evenly spread: is pixel i of n one of them, and how many are? */
+static bool is_sampled(int i, int n)
 {
-    return (double)n >= ENOUGH * (double)possible ? rx_median(values, n) : NAN;
+    return i / PIECE % rx_max_int(n / SAMPLE, 1) == 0;
+}
+
+static int sampled(int n)
+{
+    int count = 0;
+    for (int i = 0; i < n; i++)
+        count += is_sampled(i, n);
+    return count;
+}
+
+/* Median of the n values that are known, of n possible ones; in the order of `values` no more. */
+static double median_of(double *values, size_t n, int possible)
+{
+    return (double)n >= ENOUGH * possible ? rx_median(values, n) : NAN;
 }
 
 static void measure_row(const work *w, int y, double *values)
 {
+    const int width = w->image->width;
     size_t n = 0;
-    for (int x = 0, count; x < w->image->width; x += count) {
-        double z[RX_MAP_PIECE];
-        count = rx_map_piece(x, w->image->width);
+    for (int x = 0; x < width; x += PIECE) {
+        double z[PIECE];
+        const int count = rx_min_int(PIECE, width - x);
+        if (!is_sampled(x, width))
+            continue;
         read_piece(w->image, x, y, count, z);
         for (int i = 0; i < count; i++)
             if (!isnan(z[i]))
                 values[n++] = z[i];
     }
-    w->rows[y] = median_of(values, n, (size_t)w->image->width);
+    w->rows[y] = median_of(values, n, sampled(width));
 }
 
-/* A column of boxes and its columns of pixels. values: [BOX][height]. */
-static void measure_columns(const work *w, int bx, double *values)
+/* What the boxes of a strip have so far. */
+typedef struct box {
+    size_t n;
+    double sum, highest, values[BOX * BOX];
+} box;
+
+static void measure_box(const work *w, int bx, int by, box *b)
 {
-    const int height = w->image->height, x0 = bx * BOX, across = rx_min_int(BOX, w->image->width - x0);
-    size_t count[BOX] = {0};
-    for (int by = 0; by < w->ny; by++) {
-        const int y0 = by * BOX, up = rx_min_int(BOX, height - y0);
-        double box[BOX * BOX], highest = -HUGE_VAL;
-        size_t n = 0;
-        for (int y = y0; y < y0 + up; y++) {
-            double z[BOX];
-            read_piece(w->image, x0, y, across, z);
-            for (int i = 0; i < across; i++) {
-                if (isnan(z[i]))
-                    continue;
-                highest = fmax(highest, z[i]);
-                values[(size_t)i * (size_t)height + count[i]++] = box[n++] = z[i];
-            }
+    const size_t at = (size_t)by * (size_t)w->nx + (size_t)bx;
+    const bool dark = b->sum < 0.5 * w->limit * (double)b->n; /* no median is needed to know it */
+    w->median[at] = dark && (double)b->n >= ENOUGH * BOX * BOX ? b->sum / (double)b->n
+                                                               : median_of(b->values, b->n, BOX * BOX);
+    w->highest[at] = b->highest;
+}
+
+/* A strip of columns and its boxes. values: [PIECE][height]. */
+static void measure_strip(const work *w, int strip, double *values)
+{
+    const int height = w->image->height, x0 = strip * PIECE, across = rx_min_int(PIECE, w->image->width - x0);
+    size_t count[PIECE] = {0};
+    box boxes[PIECE / BOX];
+    for (int y = 0; y < height; y++) {
+        double z[PIECE];
+        const bool column = is_sampled(y, height);
+        for (int i = 0; i < PIECE / BOX && y % BOX == 0; i++)
+            boxes[i].n = 0, boxes[i].sum = 0.0, boxes[i].highest = -HUGE_VAL;
+        read_piece(w->image, x0, y, across, z);
+        for (int i = 0; i < across; i++) {
+            box *b = &boxes[i / BOX];
+            if (isnan(z[i]))
+                continue;
+            b->highest = z[i] > b->highest ? z[i] : b->highest;
+            b->sum += b->values[b->n++] = z[i];
+            if (column)
+                values[(size_t)i * (size_t)height + count[i]++] = z[i];
         }
-        const size_t at = (size_t)by * (size_t)w->nx + (size_t)bx;
-        w->median[at] = median_of(box, n, BOX * BOX);
-        w->highest[at] = highest;
+        for (int i = 0; i * BOX < across && (y % BOX == BOX - 1 || y == height - 1); i++)
+            measure_box(w, x0 / BOX + i, y / BOX, &boxes[i]);
     }
     for (int i = 0; i < across; i++)
-        w->columns[x0 + i] = median_of(values + (size_t)i * (size_t)height, count[i], (size_t)height);
+        w->columns[x0 + i] = median_of(values + (size_t)i * (size_t)height, count[i], sampled(height));
 }
 
 /* rms of offsets beyond the noise of medians of so many pixels. medians is written over. */
-static double offsets(double *medians, int n, double pixels, double wide)
+static double offsets(double *medians, int n, int pixels, double wide)
 {
     size_t known = 0;
     for (int i = 1; i < n; i++)
@@ -149,16 +185,15 @@ static void join_light(const work *w, int *queue, unsigned char *lit)
     }
 }
 
-static rx_status find_light(const work *w, double wide, int nthreads, rx_anomalies *dst, rx_error *err)
+static rx_status find_light(const work *w, int nthreads, rx_anomalies *dst, rx_error *err)
 {
-    const double limit = fmax(LIGHT, ERRORS * MEDIAN_ERROR * wide / BOX);
     const int n = w->nx * w->ny;
     long boxes = 0, lit = 0;
     int *queue;
     RX_TRY(RX_MAKE(queue, (size_t)n, err));
 #pragma omp parallel for schedule(dynamic) num_threads(nthreads)
     for (int k = 0; k < n; k++)
-        if (w->median[k] > limit && w->highest[k] < FAINT && !falls_off(w, k % w->nx, k / w->nx))
+        if (w->median[k] > w->limit && w->highest[k] < FAINT && !falls_off(w, k % w->nx, k / w->nx))
             dst->lit[k] = FAINT_LIGHT;
     join_light(w, queue, dst->lit);
     for (int k = 0; k < n; k++) {
@@ -197,9 +232,12 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
                                rx_error *err)
 {
     const int width = image->width, height = image->height, threads = rx_max_int(nthreads, 1);
-    work w = {.image = image, .nx = (width + BOX - 1) / BOX, .ny = (height + BOX - 1) / BOX};
+    work w = {.image = image,
+              .limit = fmax(LIGHT, ERRORS * MEDIAN_ERROR * wide / BOX),
+              .nx = (width + BOX - 1) / BOX,
+              .ny = (height + BOX - 1) / BOX};
     const size_t boxes = (size_t)w.nx * (size_t)w.ny;
-    const size_t room = (size_t)rx_max_int(width, BOX * height);
+    const size_t room = (size_t)rx_max_int(width, PIECE * height);
     double *values = NULL;
     rx_status status = RX_OK;
     *dst = (rx_anomalies){.nx = w.nx, .ny = w.ny};
@@ -214,12 +252,12 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
     for (int t = 0; t < threads; t++) {
         for (int y = t; y < height; y += threads)
             measure_row(&w, y, values + room * (size_t)t);
-        for (int bx = t; bx < w.nx; bx += threads)
-            measure_columns(&w, bx, values + room * (size_t)t);
+        for (int strip = t; strip * PIECE < width; strip += threads)
+            measure_strip(&w, strip, values + room * (size_t)t);
     }
-    RX_TRY_EXIT(find_light(&w, wide, threads, dst, err));
-    dst->rows = offsets(w.rows, height, width, wide);
-    dst->columns = offsets(w.columns, width, height, wide);
+    RX_TRY_EXIT(find_light(&w, threads, dst, err));
+    dst->rows = offsets(w.rows, height, sampled(width), wide);
+    dst->columns = offsets(w.columns, width, sampled(height), wide);
 exit:
     free(w.rows);
     free(w.columns);
