@@ -3,10 +3,11 @@
 
 #include <math.h>
 
-static const double LEAST = 2.5;  /* sigmas */
-static const double BRIGHT = 6.0; /* of noise none is found above, */
-static const double PRIOR = 1.0;  /* but no sky is without sources: that many more */
-static const double PIVOT = 25.0; /* evidence at which the slope changes nothing */
+static const double LEAST = 2.5;           /* sigmas */
+static const double BRIGHT = 6.0;          /* of noise none is found above, */
+static const double PRIOR = 1.0;           /* but no sky is without sources: that many more */
+static const double NEAR = 4.5, FAR = 7.0; /* sigmas: whether counts go on; most peaks of noise are below */
+static const double PIVOT = 25.0;          /* evidence at which the slope changes nothing */
 static const double SHIFT_SIGMA = 1.0, SLOPE_SIGMA = 0.5;
 static const double LEAST_SLOPE = -0.25; /* P rises from LEAST on */
 
@@ -18,6 +19,17 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
         preal.bright += evidence[i] > BRIGHT * BRIGHT;
     preal.bright /= fmax(pixels, 1.0);
     return preal;
+}
+
+void rx_preal_complete(rx_preal *preal, const double *evidence, int n, double pixels)
+{
+    const double noise =
+        preal->peaks * (NEAR * exp(-0.5 * NEAR * NEAR) - FAR * exp(-0.5 * FAR * FAR)) * pixels;
+    double found = 0.0;
+    for (int i = 0; i < n; i++)
+        found += evidence[i] > NEAR * NEAR && evidence[i] < FAR * FAR;
+    const double law = BRIGHT * (1.0 / NEAR - 1.0 / FAR); /* share of those above BRIGHT */
+    preal->bright = fmin(preal->bright, (PRIOR + fmax(found - noise, 0.0) / law) / fmax(pixels, 1.0));
 }
 
 double rx_preal_of(const rx_preal *preal, double evidence)

@@ -20,6 +20,9 @@ static const double CROWD_ERROR = 0.01, NEIGHBOUR_ERROR = 0.003;
 /* Residuals above that many times a noise that is only a floor say that there is none to test sources against. */
 static const double UNTESTABLE = 5.0, TWICE = 2.0;
 
+/* Share of the tile, from which on its sources are those of a crowd. */
+static const double CROWDED = 0.5;
+
 /* What one call works on. */
 typedef struct work {
     const rx_pipeline_params *params;
@@ -135,6 +138,8 @@ static rx_status tell_tile(const work *w, rx_error *err)
     dst->chi2 = tphot->visible > 0 ? tphot->chi2 / tphot->visible : NAN;
     dst->fwhm = psf_of(w, w->on.measure)->fwhm;
     dst->preal = rx_preal_default(evidence, tphot->n, tphot->visible, dst->fwhm);
+    if (tphot->crowded > CROWDED)
+        rx_preal_complete(&dst->preal, evidence, tphot->n, tphot->visible);
     free(evidence);
     return RX_OK;
 }

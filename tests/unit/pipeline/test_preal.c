@@ -55,6 +55,35 @@ static void the_curve_is_the_ratio_of_two_densities(void **state)
     assert_true(rx_preal_of(&empty, 36) > 0.9);
 }
 
+/* Of counts N(>s) = 300 * 6 / s without an end, or with one at 6 sigma, and of as many peaks of noise as the tile has. */
+static void counts_that_end_do_not_go_on(void **state)
+{
+    (void)state;
+    enum { ROOM = 1000 };
+    double evidence[ROOM];
+    rx_preal preal[2];
+    for (int end = 0; end < 2; end++) {
+        int n = 0;
+        for (int k = 1; k <= 400; k++) {
+            const double s = 6.0 * 300 / k;
+            if (!end || s > 6)
+                evidence[n++] = s * s;
+        }
+        double peaks = 0.5;
+        for (double s = 4.0; s < 7; s += 0.001)
+            for (peaks += noise_peaks(s) * AREA * 0.001; peaks >= 1; peaks--)
+                evidence[n++] = s * s;
+        preal[end] = rx_preal_default(evidence, n, AREA, FWHM);
+        const double law = preal[end].bright;
+        rx_preal_complete(&preal[end], evidence, n, AREA);
+        print_message("bright per Mpixel %.1f, of it %.1f\n", law * 1e6, preal[end].bright * 1e6);
+        assert_between(law * 1e6, 299, 302);
+    }
+    assert_near(preal[0].bright * 1e6, 300, 10);
+    assert_between(preal[1].bright * 1e6, 80, 220); /* those from 6 to 7 sigma are there */
+    assert_true(rx_preal_limit(&preal[1]) > rx_preal_limit(&preal[0]));
+}
+
 /* n(s) = density(s) * detected(s) sources between 2.8 and 12 sigma, evenly by their own distribution. */
 static int draw(double (*density)(double), double pixels, double *evidence)
 {
@@ -151,6 +180,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_curve_is_the_ratio_of_two_densities),
+        cmocka_unit_test(counts_that_end_do_not_go_on),
         cmocka_unit_test(noise_of_the_tile_sets_it_right),
         cmocka_unit_test(little_noise_says_little),
         cmocka_unit_test(pieces_owe_their_light),
