@@ -7,12 +7,13 @@
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "base/simd.h"
 #include "num/stats.h"
 
 enum {
     BOX = RX_ANOMALIES_BOX,
     PIECE = 64,
-    SAMPLE = 256,    /* pixels of a row or column */
+    SAMPLE = 128,    /* pixels of a row or column */
     GROUP = 4,       /* boxes that touch */
     REACH = 16,      /* boxes, of what falls off from a bright one */
     LEAST_LINES = 20 /* rows or columns with a scatter */
@@ -22,6 +23,8 @@ static const double MEDIAN_ERROR = 1.2533;      /* of a median over that of a me
 static const double ENOUGH = 0.25;              /* of the pixels of a row, column or box */
 static const double FAINT = 8.0;                /* sigmas of the brightest pixel */
 static const double LIGHT = 0.3, ERRORS = 5.0;  /* sigmas of a pixel; errors of the median */
+static const float CLIP = 1.5F;                 /* sigmas */
+static const double CLIPPED = 0.87;             /* change of a mean clipped there with one of the median */
 static const double FALL = 1.5;                 /* power of the distance */
 static const double SHARPER = 1.2, SHARP = 6.0; /* times R, and errors */
 static const double LEAST_FWHM = 2.5; /* pixels: below, R depends on where in its pixel a star stands */
@@ -38,20 +41,22 @@ typedef struct work {
     double *median, *highest; /* [ny][nx] of boxes */
 } work;
 
-/* z of n pixels from (x, y) on, NAN where there is none. */
-static void read_piece(const rx_image *image, int x, int y, int n, double *z)
+/* z of n pixels from (x, y) on, RX_MAP_PIECE at most; NAN where there is none. */
+RX_SIMD static void read_piece(const rx_image *image, int x, int y, int n, float *restrict z)
 {
-    float level_room[PIECE], sigma_room[PIECE];
+    float level_room[RX_MAP_PIECE] = {0}, sigma_room[RX_MAP_PIECE];
     const rx_map sky = rx_image_sky(image);
     const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
-    const float *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
-    const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x, n, level_room) : NULL;
+    const float *pixels = image->pixels + at, *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
+    const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x, n, level_room) : level_room;
+#pragma omp simd
     for (int i = 0; i < n; i++) {
-        const double value = (double)image->pixels[at + (size_t)i] - (level != NULL ? (double)level[i] : 0.0);
-        z[i] = rx_image_hides(image, at + (size_t)i) || !(sigma[i] > 0.0f) || !isfinite(value)
-                   ? NAN
-                   : value / (double)sigma[i];
+        const float value = pixels[i] - level[i];
+        z[i] = sigma[i] > 0.0f && fabsf(value) < INFINITY ? value / sigma[i] : NAN;
     }
+    for (int i = 0; i < n && image->mask != NULL; i++)
+        if (rx_image_hides(image, at + (size_t)i))
+            z[i] = NAN;
 }
 
 /* Of long rows and columns pieces suffice, evenly spread: is pixel i of n one of them, and how many are? */
@@ -79,59 +84,94 @@ static void measure_row(const work *w, int y, double *values)
     const int width = w->image->width;
     size_t n = 0;
     for (int x = 0; x < width; x += PIECE) {
-        double z[PIECE];
+        float z[PIECE];
         const int count = rx_min_int(PIECE, width - x);
         if (!is_sampled(x, width))
             continue;
         read_piece(w->image, x, y, count, z);
         for (int i = 0; i < count; i++)
             if (!isnan(z[i]))
-                values[n++] = z[i];
+                values[n++] = (double)z[i];
     }
     w->rows[y] = median_of(values, n, sampled(width));
 }
 
-/* What the boxes of a strip have so far. */
-typedef struct box {
-    size_t n;
-    double sum, highest, values[BOX * BOX];
-} box;
-
-static void measure_box(const work *w, int bx, int by, box *b)
+/* values: [PIECE][height]. */
+static void measure_columns(const work *w, int x0, double *values)
 {
-    const size_t at = (size_t)by * (size_t)w->nx + (size_t)bx;
-    const bool dark = b->sum < 0.5 * w->limit * (double)b->n; /* no median is needed to know it */
-    w->median[at] = dark && (double)b->n >= ENOUGH * BOX * BOX ? b->sum / (double)b->n
-                                                               : median_of(b->values, b->n, BOX * BOX);
-    w->highest[at] = b->highest;
-}
-
-/* A strip of columns and its boxes. values: [PIECE][height]. */
-static void measure_strip(const work *w, int strip, double *values)
-{
-    const int height = w->image->height, x0 = strip * PIECE, across = rx_min_int(PIECE, w->image->width - x0);
+    const int height = w->image->height, across = rx_min_int(PIECE, w->image->width - x0);
     size_t count[PIECE] = {0};
-    box boxes[PIECE / BOX];
     for (int y = 0; y < height; y++) {
-        double z[PIECE];
-        const bool column = is_sampled(y, height);
-        for (int i = 0; i < PIECE / BOX && y % BOX == 0; i++)
-            boxes[i].n = 0, boxes[i].sum = 0.0, boxes[i].highest = -HUGE_VAL;
+        float z[PIECE];
+        if (!is_sampled(y, height))
+            continue;
         read_piece(w->image, x0, y, across, z);
-        for (int i = 0; i < across; i++) {
-            box *b = &boxes[i / BOX];
-            if (isnan(z[i]))
-                continue;
-            b->highest = z[i] > b->highest ? z[i] : b->highest;
-            b->sum += b->values[b->n++] = z[i];
-            if (column)
-                values[(size_t)i * (size_t)height + count[i]++] = z[i];
-        }
-        for (int i = 0; i * BOX < across && (y % BOX == BOX - 1 || y == height - 1); i++)
-            measure_box(w, x0 / BOX + i, y / BOX, &boxes[i]);
+        for (int i = 0; i < across; i++)
+            if (!isnan(z[i]))
+                values[(size_t)i * (size_t)height + count[i]++] = (double)z[i];
     }
     for (int i = 0; i < across; i++)
         w->columns[x0 + i] = median_of(values + (size_t)i * (size_t)height, count[i], sampled(height));
+}
+
+/* Sums of the values that are known, clipped, and their numbers, [BOX] of each box. */
+RX_SIMD static void add_to_boxes(const float *restrict z, int n, float *restrict sum, float *restrict known)
+{
+    for (int i = 0; i < n; i += BOX) {
+        float all = 0.0f, count = 0.0f;
+        const int end = rx_min_int(i + BOX, n);
+#pragma omp simd reduction(+ : all, count)
+        for (int k = i; k < end; k++) {
+            const int is = z[k] == z[k];
+            const float low = z[k] < CLIP ? z[k] : CLIP;
+            all += !is ? 0.0f : low > -CLIP ? low : -CLIP;
+            count += is ? 1.0f : 0.0f;
+        }
+        sum[i / BOX] += all;
+        known[i / BOX] += count;
+    }
+}
+
+static void measure_box(const work *w, int bx, int by)
+{
+    const rx_image *image = w->image;
+    const int x0 = bx * BOX, y0 = by * BOX, across = rx_min_int(BOX, image->width - x0);
+    const size_t at = (size_t)by * (size_t)w->nx + (size_t)bx;
+    double values[BOX * BOX], highest = -HUGE_VAL;
+    size_t n = 0;
+    for (int y = y0; y < rx_min_int(y0 + BOX, image->height); y++) {
+        float z[BOX];
+        read_piece(image, x0, y, across, z);
+        for (int i = 0; i < across; i++)
+            if (!isnan(z[i])) {
+                highest = fmax(highest, (double)z[i]);
+                values[n++] = (double)z[i];
+            }
+    }
+    w->median[at] = median_of(values, n, BOX * BOX);
+    w->highest[at] = highest;
+}
+
+/* Boxes whose every second row has a clipped mean below half of the limit's are dark: it does for their median. */
+static void measure_boxes(const work *w, int by)
+{
+    enum { ACROSS = RX_MAP_PIECE / BOX };
+    const rx_image *image = w->image;
+    for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
+        float sum[ACROSS] = {0}, known[ACROSS] = {0}, z[RX_MAP_PIECE];
+        const int n = rx_min_int(RX_MAP_PIECE, image->width - x);
+        for (int y = by * BOX; y < rx_min_int((by + 1) * BOX, image->height); y += 2) {
+            read_piece(image, x, y, n, z);
+            add_to_boxes(z, n, sum, known);
+        }
+        for (int i = 0; i * BOX < n; i++) {
+            const double mean = (double)sum[i] / (double)known[i];
+            if ((double)known[i] >= ENOUGH * BOX * BOX / 2 && mean < 0.5 * CLIPPED * w->limit)
+                w->median[(size_t)by * (size_t)w->nx + (size_t)(x / BOX + i)] = mean;
+            else
+                measure_box(w, x / BOX + i, by);
+        }
+    }
 }
 
 /* rms of offsets beyond the noise of medians of so many pixels. medians is written over. */
@@ -252,8 +292,10 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
     for (int t = 0; t < threads; t++) {
         for (int y = t; y < height; y += threads)
             measure_row(&w, y, values + room * (size_t)t);
-        for (int strip = t; strip * PIECE < width; strip += threads)
-            measure_strip(&w, strip, values + room * (size_t)t);
+        for (int by = t; by < w.ny; by += threads)
+            measure_boxes(&w, by);
+        for (int x = t * PIECE; x < width; x += threads * PIECE)
+            measure_columns(&w, x, values + room * (size_t)t);
     }
     RX_TRY_EXIT(find_light(&w, threads, dst, err));
     dst->rows = offsets(w.rows, height, sampled(width), wide);
@@ -278,10 +320,10 @@ void rx_anomalies_free(rx_anomalies *anomalies)
 /* z of a pixel inside the image, NAN where there is none. */
 static double z_at(const rx_image *image, int x, int y, double *sigma)
 {
-    double z;
+    float z;
     read_piece(image, x, y, 1, &z);
     *sigma = (double)rx_map_at(&image->noise, x, y);
-    return z;
+    return (double)z;
 }
 
 int rx_anomalies_lit_at(const rx_anomalies *anomalies, const rx_image *image, int x, int y)
