@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "data/psf.h"
 #include "num/stats.h"
 
 enum { FEWEST = 5 };
@@ -80,6 +81,33 @@ static int median_ratio(const double *a, const double *b, int n, double *work, d
     return (int)kept;
 }
 
+/* Share of a PSF's light within that diameter about its middle, at the middle of the image; 1 without pixels of a PSF. */
+static rx_status share_within(const rx_psf *psf, const rx_image *image, double diameter, double *share,
+                              rx_error *err)
+{
+    enum { FINE = 5 };
+    float *stamp;
+    double within = 0, all = 0;
+    *share = 1;
+    if (psf == NULL || psf->size <= 0)
+        return RX_OK;
+    const double middle = 0.5 * psf->size;
+    RX_TRY(RX_MAKE(stamp, (size_t)psf->size * (size_t)psf->size, err));
+    rx_psf_at(psf, 0.5 * (image->width - 1), 0.5 * (image->height - 1), stamp);
+    for (int k = 0; k < psf->size * psf->size; k++) {
+        int inside = 0;
+        for (int j = 0; j < FINE * FINE; j++)
+            inside += 2 * hypot(k % psf->size + (j % FINE + 0.5) / FINE - middle,
+                                (double)(k / psf->size) + ((double)(j / FINE) + 0.5) / FINE - middle) <=
+                      diameter;
+        within += (double)stamp[k] * inside / (FINE * FINE);
+        all += stamp[k];
+    }
+    free(stamp);
+    *share = within > 0 && all > 0 ? within / all : 1;
+    return RX_OK;
+}
+
 rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restored, const rx_image *original,
                            const rx_sources *sources, rx_log *log, rx_fluxcheck *dst, rx_error *err)
 {
@@ -98,6 +126,14 @@ rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restore
         automatic[i] = picked.list[i].flux_auto;
     RX_TRY_EXIT(wide_fluxes(par, restored, dst->diameter, &picked, on_restored, log, err));
     RX_TRY_EXIT(wide_fluxes(par, original, dst->diameter, &picked, on_original, log, err));
+    /* a restorer brings the wings in, which the aperture on the original pixels misses */
+    double before, after;
+    RX_TRY_EXIT(share_within(original->psf, original, dst->diameter, &before, err));
+    RX_TRY_EXIT(share_within(restored->psf, restored, dst->diameter, &after, err));
+    for (size_t i = 0; i < n; i++) {
+        on_original[i] /= before;
+        on_restored[i] /= after;
+    }
     int used = median_ratio(on_restored, on_original, picked.n, work, &dst->wide, &dst->wide_error);
     median_ratio(automatic, on_original, picked.n, work, &dst->automatic, &dst->automatic_error);
     dst->n = used >= FEWEST ? used : 0;

@@ -12,9 +12,10 @@
 RX_BEGIN_DECLS
 
 typedef struct rx_fluxcheck {
-    int n;             /* sources compared: FLAGS 0 and S/N above 30 on the restored image; 0 = too few */
-    double diameter;   /* of the wide aperture, pixels: 5 FWHM of the tile's PSF, at least 10 */
-    double wide;       /* median of wide aperture flux, restored / untouched */
+    int n;           /* sources compared: FLAGS 0 and S/N above 30 on the restored image; 0 = too few */
+    double diameter; /* of the wide aperture, pixels: 5 FWHM of the tile's PSF, at least 10 */
+    double
+        wide; /* median of wide aperture flux, restored / untouched, both as of all the light of their PSFs */
     double wide_error; /* 1 sigma of the median */
     double automatic;  /* median of FLUX_AUTO restored / wide aperture flux untouched; NAN without AUTO */
     double automatic_error;

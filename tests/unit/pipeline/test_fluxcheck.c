@@ -49,7 +49,7 @@ static void setup(bench *b, int nstars, float factor)
         b->scaled[i] = factor * b->scene.pixels[i];
         b->sigma[i] = 5.0f;
     }
-    b->psf.fwhm = 3.5;
+    b->psf = (rx_psf){.fwhm = 3.5};
     b->untouched = image_of(b->scene.pixels, b->sigma);
     b->untouched.psf = &b->psf;
     b->restored = image_of(b->scaled, b->sigma);
@@ -99,6 +99,28 @@ static void a_known_factor_is_found(void **state)
     assert_true(check.automatic < 1.02);
     assert_true(check.automatic_error > 0.0);
     assert_true(check.automatic_error < 0.02);
+    teardown(&b);
+}
+
+/* A fifth of the PSF's light is beyond the aperture of the original pixels, and within it on the restored ones. */
+static void wings_that_come_in_are_no_factor(void **state)
+{
+    (void)state;
+    enum { SIZE = 41 };
+    bench b;
+    rx_fluxcheck check;
+    setup(&b, 60, 1.25f);
+    rx_psf *wide = rx_psf_new(RX_PSF_MOFFAT, SIZE, 1);
+    assert_non_null(wide);
+    wide->fwhm = 3.5;
+    wide->basis[SIZE * SIZE / 2] = 0.8f;
+    wide->basis[0] = 0.2f;
+    b.untouched.psf = wide;
+    assert_int_equal(rx_fluxcheck_run(&b.par, &b.restored, &b.untouched, b.sources, NULL, &check, NULL),
+                     RX_OK);
+    assert_near(check.wide, 1.0, 1e-5);
+    assert_true(check.automatic < 1.0);
+    rx_psf_free(wide);
     teardown(&b);
 }
 
@@ -160,9 +182,8 @@ static void excess_of_the_ratio_that_is_off(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(excess_of_the_ratio_that_is_off),
-        cmocka_unit_test(a_known_factor_is_found),
-        cmocka_unit_test(few_sources_tell_nothing),
+        cmocka_unit_test(excess_of_the_ratio_that_is_off),     cmocka_unit_test(a_known_factor_is_found),
+        cmocka_unit_test(wings_that_come_in_are_no_factor),    cmocka_unit_test(few_sources_tell_nothing),
         cmocka_unit_test(off_is_beyond_1_percent_and_5_sigma),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
