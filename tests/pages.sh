@@ -12,7 +12,9 @@ command -v python3 >/dev/null || {
 }
 enter
 run() {
-    "$programs/$@" >>log 2>&1
+    p=$1
+    shift
+    "$programs/$p" "$@" >>log 2>&1
 }
 run rextract-simulate -IMAGE_NAME a.fits -TRUTH_NAME a.truth -IMAGE_SIZE 320 -SEED 3 -PSF_FWHM 3.5 -MAG_ZEROPOINT 25 -STAR_COUNT 3000 -STAR_MAG 14,20 \
     -GALAXY_COUNT 500 -NOISE_SIGMA 5 &&
