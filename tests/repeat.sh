@@ -117,12 +117,14 @@ run rextract-simulate $stars -NOISE_SEED 28 -IMAGE_NAME c.fits && catalogue c.fi
 near "$(value three/summary.json pairs_of_visits)" 3 0 >out && near "$(value three/summary.json zero_point repeat b.cat c.cat)" 0.1 0.003 >>out &&
     near "$(value three/summary.json pa1 repeat all)" 7.4 0.8 >>out
 result 'three visits make three pairs' $? out
+near "$(value three/summary.json east repeat all)" "$(value stars/summary.json east repeat all)" 0.6 >out
+result 'each pair has its own offset' $? out
 
-# Faint stars: 90 % are found again where 90 % of the truth are found.
+# Faint stars: 90 % are found again where 90 % of the truth are found, on the scale of the first visit.
 faint="-SEED 26 -IMAGE_SIZE 1100 -STAR_COUNT 1000 -STAR_MAG 16,20 -STAR_SLOPE 0.2 -GALAXY_COUNT 0 -LEAST_DISTANCE 3"
 # shellcheck disable=SC2086
 run rextract-simulate $faint -IMAGE_NAME d.fits -TRUTH_NAME d.truth && run rextract-simulate $faint -NOISE_SEED 27 -IMAGE_NAME e.fits -TRUTH_NAME NONE &&
-    catalogue d.fits d.cat -REFERENCE_NAME d.truth -QA_NAME qa -QA_FIGURES N && catalogue e.fits e.cat && run rextract-survey -REPEAT d.cat e.cat -OUTPUT_NAME faint
+    catalogue d.fits d.cat -REFERENCE_NAME d.truth -QA_NAME qa -QA_FIGURES N && catalogue e.fits e.cat -MAG_ZEROPOINT 27 && run rextract-survey -REPEAT d.cat e.cat -OUTPUT_NAME faint
 result 'two visits of faint stars' $? log
 for share in 90 50; do
     near "$(value faint/summary.json mag$share limits points)" "$(value qa/summary.json mag$share runs NONE)" 0.3 >out
