@@ -40,17 +40,20 @@ static void widen(rx_estimate *e, double times)
     e->high = e->value + times * (e->high - e->value);
 }
 
-/* Median and scatter of values[n] over `by`. */
+/* Median and scatter of values[n] over `by`; none of fewer than RX_REPEAT_FEW. */
 static void describe(double *values, long n, double by, int visits, rx_estimate *median, rx_estimate *sigma)
 {
     for (long i = 0; i < n; i++)
         values[i] /= by;
     rx_robust_estimates(values, n, LEVEL, median, sigma);
-    if (n > 0) {
-        widen(median, sqrt(0.5 * visits));
-        widen(sigma, sqrt(0.5 * visits));
-        sigma->low = fmax(sigma->low, 0);
+    if (n < RX_REPEAT_FEW) {
+        *median = (rx_estimate){NAN, -INFINITY, INFINITY, n};
+        *sigma = (rx_estimate){NAN, 0, INFINITY, n};
+        return;
     }
+    widen(median, sqrt(0.5 * visits));
+    widen(sigma, sqrt(0.5 * visits));
+    sigma->low = fmax(sigma->low, 0);
 }
 
 rx_status rx_repeat_measure(const rx_repeat_cut *cut, long n, const rx_repeat_pair *pairs,
@@ -77,7 +80,7 @@ rx_status rx_repeat_measure(const rx_repeat_cut *cut, long n, const rx_repeat_pa
         m++;
     }
     dst->n = m;
-    dst->rms = m > 0 ? sqrt(0.5 * sum / (double)m) : NAN;
+    dst->rms = m >= RX_REPEAT_FEW ? sqrt(0.5 * sum / (double)m) : NAN;
     dst->claimed = m > 0 ? rx_sample_quantile(column[ERROR], m, 0.5) / M_SQRT2 : NAN;
     /* as many as are independent */
     dst->outliers = rx_binomial_interval(lround(2.0 * (double)outliers / cut->visits),

@@ -19,12 +19,10 @@ enum { RX_REPEAT_FEW = 10, RX_REPEAT_STARS = 1500 };
 
 /* A source of two visits. */
 typedef struct rx_repeat_pair {
-    double dm;    /* second - first, mag, zero point taken off */
-    double error; /* of dm as claimed, mag */
-    double
-        pull; /* (F1 - F2) / its claimed error, in fluxes: errors of magnitudes are not symmetric when large */
-    double
-        snr; /* mean flux over the rms of both errors: no better for a source that one visit has too bright */
+    double dm;     /* second - first, mag, zero point taken off */
+    double error;  /* of dm as claimed, mag */
+    double pull;   /* (F1 - F2) / its claimed error: of fluxes, as errors of magnitudes are not symmetric */
+    double snr;    /* mean flux over the rms of both errors */
     double x, y;   /* of the first visit, arcsec on the tangent plane, east and north */
     double dx, dy; /* second - first, arcsec, offset taken off */
     int star;      /* a point source in both visits, or not in both */
@@ -41,7 +39,8 @@ typedef struct rx_repeat_cut {
     int visits;
 } rx_repeat_cut;
 
-/* Of one measurement, but for the pulls. 95 % intervals: Clopper-Pearson of shares, of order statistics else. */
+/* Of one measurement, but for the pulls. 95 % intervals: Clopper-Pearson of shares, of order statistics else. Of fewer than
+ * RX_REPEAT_FEW pairs scatter and medians are NAN. */
 typedef struct rx_repeat_numbers {
     long n;
     rx_estimate scatter;           /* PA1, mag */
@@ -51,8 +50,7 @@ typedef struct rx_repeat_numbers {
     rx_estimate pull, pull_median; /* 1 and 0 where errors are true */
     rx_estimate axis[2];           /* east, north: 1.4826 MAD / sqrt 2; arcsec */
     long separations;              /* of stars 4 to 6 arcmin apart, the brightest RX_REPEAT_STARS at most */
-    double separation; /* AM1: 1.4826 MAD / sqrt 2 of their change from visit to visit, arcsec; NAN below
-                                       RX_REPEAT_FEW */
+    double separation;             /* AM1: 1.4826 MAD / sqrt 2 of their change from visit to visit, arcsec */
 } rx_repeat_numbers;
 
 /* Errors: RX_SYSTEM. */

@@ -7,7 +7,7 @@
 #include "report/report.h"
 #include "survey/repeat_field.h"
 
-enum { BINS = 13, FEW = 6 };
+enum { BINS = 13 };
 static const double SNR[BINS + 1] = {5, 7, 10, 15, 20, 30, 50, 70, 100, 200, 400, 1000, 3000, INFINITY};
 static const double MMAG = 1e3, MAS = 1e3;
 static const char *const populations[RX_REPEAT_POPULATIONS] = {"points", "others"};
@@ -113,8 +113,8 @@ static void draw_by_snr(rx_figures *dst, rx_repeat_numbers numbers[][BINS])
         const char *name;
     } list[] = {{0, 0, 0, SCATTER, "points"},
                 {0, 1, 1, SCATTER, "others"},
-                {0, 0, 0, CLAIMED, "points, claimed"},
-                {0, 1, 1, CLAIMED, "others, claimed"},
+                {0, 0, 0, CLAIMED, "points claimed"},
+                {0, 1, 1, CLAIMED, "others claimed"},
                 {1, 0, 0, PULL, "points"},
                 {1, 1, 1, PULL, "others"},
                 {2, 0, 0, EAST, "east"},
@@ -136,7 +136,7 @@ static void draw_by_snr(rx_figures *dst, rx_repeat_numbers numbers[][BINS])
             const rx_repeat_numbers *n = &numbers[list[i].population][b];
             const double x = b + 1 < BINS ? sqrt(SNR[b] * SNR[b + 1]) : 1.5 * SNR[b];
             const rx_estimate e = drawn(n, list[i].what);
-            if (n->n < FEW)
+            if (n->n < RX_REPEAT_FEW)
                 continue;
             rx_curves_put(c, x, e.value, e.low, e.high);
             last = fmax(last, 1.5 * x);
@@ -160,7 +160,7 @@ static rx_report_table *add_by_snr(rx_report *report, rx_repeat_numbers numbers[
     for (int k = 0; k < RX_REPEAT_POPULATIONS; k++)
         for (int b = 0; b < BINS; b++) {
             const rx_repeat_numbers *n = &numbers[k][b];
-            if (n->n >= FEW)
+            if (n->n >= RX_REPEAT_FEW)
                 rx_report_put(t, populations[k], SNR[b], SNR[b + 1], n->n, drawn(n, SCATTER),
                               MMAG * n->claimed, n->pull, n->pull_median, drawn(n, EAST), drawn(n, NORTH));
         }
@@ -191,7 +191,7 @@ static void add_by_mag(const rx_repeat_field *f, rx_report *report)
             e.value = (double)found[b] / (double)seen[b];
             e.n = seen[b];
             rx_report_put(t, populations[k], f->bins.edge[b], f->bins.edge[b + 1], e);
-            if (seen[b] >= FEW)
+            if (seen[b] >= RX_REPEAT_FEW)
                 rx_curves_put(&c, 0.5 * (f->bins.edge[b] + f->bins.edge[b + 1]), e.value, e.low, e.high);
         }
     }
@@ -213,7 +213,7 @@ static void add_facts(rx_report *report, const rx_repeat_field *f, rx_log *log)
     const rx_repeat_numbers *b = &f->all.bright;
     const rx_estimate pull = f->all.points.pull;
     const bool open = !isfinite(pull.high) || !isfinite(b->scatter.high);
-    char word[80], sentence[400], found[160];
+    char word[80], sentence[400], wide[80] = "", found[60] = "no source is seen twice";
     rx_report_fact(report, "format", "rextract repeat 1");
     rx_report_fact_number(report, "visits", f->nvisits);
     rx_report_fact_number(report, "pairs_of_visits", f->ncouples);
@@ -225,20 +225,23 @@ static void add_facts(rx_report *report, const rx_repeat_field *f, rx_log *log)
     rx_report_fact_number(report, "repeat_snr", f->config->repeat_snr);
     rx_report_fact_number(report, "repeat_star", f->config->repeat_star);
     rx_report_fact_number(report, "repeat_outlier", f->config->repeat_outlier);
-    snprintf(found, sizeof found,
-             "pulls of point sources are %.2f wide (1: errors are true), %.1f %% of sources are found again.",
-             pull.value, 100.0 * (double)f->all.found / (double)f->all.seen);
-    if (b->n > 0) {
+    if (isfinite(pull.value))
+        snprintf(wide, sizeof wide, "pulls of point sources are %.2f wide (1: errors are true), ",
+                 pull.value);
+    if (f->all.seen > 0)
+        snprintf(found, sizeof found, "%.1f %% of sources are found again",
+                 100.0 * (double)f->all.found / (double)f->all.seen);
+    if (b->n >= RX_REPEAT_FEW) {
         snprintf(word, sizeof word, "PA1 is %.1f mmag,", MMAG * b->scatter.value);
         snprintf(
             sentence, sizeof sentence,
-            "of %ld pairs of point sources with S/N of %g or more, whose claimed errors are %.1f mmag; %s",
-            b->n, f->config->repeat_snr, MMAG * b->claimed, found);
+            "of %ld pairs of point sources with S/N of %g or more, whose claimed errors are %.1f mmag; %s%s.",
+            b->n, f->config->repeat_snr, MMAG * b->claimed, wide, found);
     } else {
         snprintf(word, sizeof word, "No PA1:");
         snprintf(sentence, sizeof sentence,
-                 "no point source has S/N of %g or more in both visits (REPEAT_SNR); %s",
-                 f->config->repeat_snr, found);
+                 "%ld pairs of point sources have S/N of %g or more (REPEAT_SNR), %d are needed; %s%s.", b->n,
+                 f->config->repeat_snr, RX_REPEAT_FEW, wide, found);
     }
     rx_report_verdict(report,
                       open                                  ? RX_MARK_OPEN
@@ -303,7 +306,7 @@ rx_status rx_repeat_report(const rx_repeat_field *f, const char *folder, rx_log 
         RX_VIEW(.without_empty = 1, .ncolumns = sizeof of_bins / sizeof *of_bins, .columns = of_bins));
     rx_report_note(
         report,
-        "Of one measurement, in ranges with six pairs or more. A pull is the difference of both fluxes over "
+        "Of one measurement, in ranges with ten pairs or more. A pull is the difference of both fluxes over "
         "its claimed error: 1 wide where errors are true. Errors that both visits share (of a PSF that is "
         "too "
         "wide in both, of sky under a galaxy) do not show in repeats, so that errors that hold them "

@@ -129,6 +129,11 @@ static void cuts_choose(void **state)
     assert_int_equal(rx_repeat_measure(&cut, PAIRS, pairs, &n, NULL), RX_OK);
     assert_int_equal(n.n, 0);
     assert_true(isnan(n.scatter.value));
+    assert_int_equal(rx_repeat_measure(&ALL, RX_REPEAT_FEW - 1, pairs, &n, NULL), RX_OK);
+    assert_true(isnan(n.scatter.value));
+    assert_int_equal(rx_repeat_measure(&ALL, 4 * RX_REPEAT_FEW, pairs, &n, NULL), RX_OK);
+    assert_int_equal(n.n, RX_REPEAT_FEW);
+    assert_false(isnan(n.scatter.value));
     free(pairs);
 }
 
