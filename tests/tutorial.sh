@@ -50,6 +50,10 @@ follow() {
             for (i = at + 1; i <= lines[n] && !matches($0, out[n, i]); i++) ;
             if (i <= lines[n]) { at = i; next }
             print FILENAME ":" FNR ": not printed: " $0; bad = 1
+            for (i = 1; i <= lines[n]; i++) { # what begins alike
+                split(out[n, i], found)
+                if (found[1] == $1 && (found[2] == $2 || NF < 2)) print "    printed: " out[n, i]
+            }
         }
         END { exit bad }' "$1"
 }
