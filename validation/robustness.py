@@ -4,7 +4,7 @@ notices where it fails.
 
     robustness.py OUTPUT [SEED [NAME[,NAME...]]]      (validation/run.sh robustness [OUTPUT [SEED ...]])
 
-SEED 101 is for development, 501 for what is committed. The sky is a simulated one like an SDSS frame (tiles.py): 400 stars and
+SEED 101 is for development, 502 for what is committed (501 before that, 411 to 416 for choosing). The sky is a simulated one like an SDSS frame (tiles.py): 400 stars and
 200 galaxies per Mpixel, FWHM 3.28 pixels, noise 0.031. A departure is a line of DEPARTURES: arguments of rextract-simulate, what
 is done to the pixels afterwards, arguments of rextract. NONE, RL and NET run on it at default settings, and each of these
 cells is judged by what LIMITS says, on objects that have no neighbour of 0.3 of their flux within 1 FWHM:
