@@ -472,6 +472,16 @@ static void judge_noise(rx_tile_quality *q)
                "The sky varies by %.3g ADU over the tile (5 to 95 %% of it), %.1f times the noise: flat "
                "field, moon, nebula?",
                q->sky_range, q->sky_range / q->noise_median);
+    if (q->about->striped)
+        remark(q, "rows", 1,
+               "Rows are offset by %.2g sigma of a pixel, columns by %.2g: faint sources may be false.",
+               q->about->rows, q->about->columns);
+    if (q->about->lit)
+        remark(q, "light", 1,
+               "%.0f %% of the tile hold light that is no source's and that the sky does not follow: "
+               "filaments, a "
+               "ghost? Faint sources there have FLAGS_RESTORE 512.",
+               100 * q->about->light);
     if (q->masked > MASKED)
         remark(q, "masked", 0, "%.0f %% of the pixels are not used.", 100 * q->masked);
     if (q->saturated > SATURATED)
@@ -504,6 +514,12 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
         remark(q, "unexplained", 1,
                "%s: the restored image does not explain the pixels of much of the tile (RXUNEX).",
                about->name);
+    if (run->many_sharp)
+        remark(q, "sharp", 1,
+               "%s: %.0f %% of the sources are sharper than the PSF: cosmic rays, hot pixels? They have "
+               "FLAGS_RESTORE "
+               "256.",
+               about->name, 100 * run->sharp);
     if (run->outside[0] != '\0' && (run == q->about->runs || strcmp(run->outside, run[-1].outside) != 0))
         remark(q, "outside", 0, "%s was not made for this tile: %s.", about->name, run->outside);
     const rx_tile_cells *cells = &run->chi2.cells;

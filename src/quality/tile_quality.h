@@ -60,6 +60,8 @@ typedef struct rx_tile_restored {
     int plain;           /* nothing was restored */
     int unexplained;     /* a large part of the tile is not */
     const char *outside; /* what the restorer was not made for, "" nothing */
+    double sharp;        /* share of the sources sharper than the PSF (RXSHARP) */
+    int many_sharp;      /* too many of them */
 } rx_tile_restored;
 
 typedef struct rx_tile_about {
@@ -68,6 +70,9 @@ typedef struct rx_tile_about {
     int nruns;
     const rx_tile_restored *runs;
     uint64_t seed; /* of the random sources */
+    /* of detect/anomalies.h, and whether that is much */
+    double rows, columns, light;
+    int striped, lit;
 } rx_tile_about;
 
 typedef struct rx_tile_remark {

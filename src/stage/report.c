@@ -180,11 +180,17 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
     rx_qa_run abouts[RX_MAX_RUNS];
     rx_qa_promise promises[RX_MAX_RUNS];
     const char *(*pairs)[2] = NULL;
+    const rx_anomalies *anomalies = &in->fields.detect->anomalies;
     rx_tile_about about = {.name = in->fields.detect->tile->name,
                            .image = rx_field_observed(in->fields.detect),
                            .nruns = options->nrestorers,
                            .runs = runs,
-                           .seed = options->pipeline.seed};
+                           .seed = options->pipeline.seed,
+                           .rows = anomalies->rows,
+                           .columns = anomalies->columns,
+                           .light = anomalies->light,
+                           .striped = rx_anomalies_is_striped(anomalies),
+                           .lit = rx_anomalies_is_lit(anomalies)};
     about.image.zeropoint = in->fields.measure->image.zeropoint;
     for (int i = 0; i < options->nrestorers; i++) {
         const rx_run *run = &in->runs[i];
@@ -195,7 +201,9 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
                                      .chi2 = run->chi2,
                                      .plain = run->restored->blur == NULL,
                                      .unexplained = rx_residual_is_large(run->unexplained),
-                                     .outside = run->outside};
+                                     .outside = run->outside,
+                                     .sharp = run->sharp,
+                                     .many_sharp = rx_result_is_sharp(run->sharp)};
     }
     RX_TRY(rx_record_list(in->record, &pairs, err));
     const rx_tile_page page = {&about, in->record->n, (const char *const(*)[2])pairs};

@@ -187,8 +187,9 @@ static rx_status find_far(const rx_rollup *r, const level *levels, const rx_roll
                                row->outside);
             if (rx_fluxcheck_is_off(&row->flux) &&
                 strstr(why.data != NULL ? why.data : "", "flux scale") == NULL)
-                rx_text_printf(&why, "%s%s flux scale is off, %.4f +- %.4f", why.length > 0 ? "; " : "", run,
-                               row->flux.wide, row->flux.wide_error);
+                rx_text_printf(&why, "%s%s flux scale is off, %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f",
+                               why.length > 0 ? "; " : "", run, row->flux.wide, row->flux.wide_error,
+                               row->flux.automatic, row->flux.automatic_error);
         }
         const int gate = first->verdict == RX_VERDICT_FAIL;
         if (gate)
