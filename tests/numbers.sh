@@ -80,4 +80,29 @@ cp "$top/validation/results/detection/report.html" run
 texts take fluxes-sdss run && grep -Fxq '#### recall_snr50' copy/validation/results/fluxes-sdss/tables.md && texts compare fluxes-sdss run &&
     grep -q '^tables.md: [0-9]* values, 0 differ' log
 result "and of a page the tables" $? log
+
+# final seeds: once each, by a commit, with its settings
+if command -v git >/dev/null; then
+    mkdir ledger && git -C ledger init -q && printf 'experiment\tseed\tcommit\n' >ledger/final_seeds.tsv && echo 1 >ledger/code && git -C ledger add . &&
+        git -C ledger -c user.name=x -c user.email=x@x commit -q -m x || exit 2
+    claim() { RX_LEDGER=$scratch/ledger/final_seeds.tsv python3 -B "$top/validation/ledger.py" claim psf "$@" >log 2>&1; }
+    refused() {
+        claim "$@"
+        [ $? -eq 1 ] && grep -q "^ledger: $why" log
+    }
+    claim out 7 -PSF_FWHM 3 && [ ! -e out ] && claim out 1000 1001 -NTHREADS 2 && claim out 1000 && [ "$(wc -l <ledger/final_seeds.tsv)" -eq 3 ]
+    result "a final seed is run once, and goes on in its folder; below 1000 all is free" $? log
+    why='psf was run with final seed 1001' refused elsewhere 1001
+    result "not twice" $? log
+    why='-PSF_FWHM changes what is judged' refused out 1002 -PSF_FWHM 3
+    result "not with other settings" $? log
+    echo 2 >ledger/code
+    why='code differs from the commit' refused out 1002
+    result "not by files that differ from the commit" $? log
+    git -C ledger -c user.name=x -c user.email=x@x commit -q -a -m y
+    why='out was begun by commit' refused out 1000
+    result "nor does another commit go on with it" $? log
+else
+    skip "final seeds" "git is not installed"
+fi
 finish

@@ -27,6 +27,8 @@ from astropy.io import fits
 from scipy.ndimage import gaussian_filter, maximum_filter
 from scipy.spatial import cKDTree
 
+import ledger
+
 NEAR, RADIUS, APERTURE, SIDE = 16, 2.0, 12, 1000
 MODEL = os.path.abspath(os.environ.get("RX_MODEL", f"{os.path.dirname(__file__)}/../config/psfnet.fits"))
 BINS = (5, 10, 20, 50, 100)
@@ -230,6 +232,7 @@ def show(kind, folders):
 
 
 def main(out, seeds="1,2", kinds=",".join(KINDS)):
+    ledger.claim("coadds", out, seeds.split(","))
     for kind in kinds.split(","):
         folders = [f"{out}/{kind}-{seed}" for seed in seeds.split(",")]
         for folder, seed in zip(folders, seeds.split(",")):

@@ -48,6 +48,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 import allstar
+import ledger
 import psf_truth
 
 TOP = Path(__file__).resolve().parent.parent
@@ -174,6 +175,7 @@ def judge(folder, name, by):
 
 def cells(out, seed="201", names=",".join(CELLS)):
     programs = [p for p in PROGRAMS if p != "ALLSTAR" or allstar.here()]
+    ledger.claim("crowded cells", out, [seed])
     for name in names.split(","):
         folder = os.path.abspath(f"{out}/{name}-{seed}")
         os.makedirs(folder, exist_ok=True)
@@ -209,6 +211,7 @@ def pair_tile(folder, seed, apart, side=1400, fwhm=4.0, step=42):
 
 def pairs(out, seed="201"):
     """Of each pair: resolved, magnitudes of both against the truth; of each unresolved pair and single star: chi2, class."""
+    ledger.claim("crowded pairs", out, [seed])
     os.makedirs(out, exist_ok=True)
     fwhm, rows = 4.0, {}
     for way, restorer, arguments in (("NONE", "NONE", ()), ("RL", "RL", ()), ("NET", "NET", ()),
@@ -407,6 +410,7 @@ def picture(path, pixels, residuals, middle, sigma, side=200):
 # --- 100,000 stars
 
 def large(out, seed="201", restorer="NONE"):
+    ledger.claim("crowded large", out, [seed])
     os.makedirs(out, exist_ok=True)
     low, high = (f"{ZERO - 2.5 * np.log10(s * unit(4.0)):.4f}" for s in (3000, 5))
     if not os.path.exists(f"{out}/sim.fits"):

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import crowded
+import ledger
 
 PLAIN = (5, 10, 15, 20, 30, 50, 100, 200, 400)
 FAST = (4, 6, 8, 10, 12, 15, 18, 22, 30, 50, 100)
@@ -78,6 +79,7 @@ def judge(folder, fwhm):
 
 def campaign(out, *seeds):
     rows = []
+    ledger.claim("iterations", out, seeds)
     for seed in seeds or ("401", "402"):
         for fwhm in FWHMS:
             folder = os.path.abspath(f"{out}/{fwhm}-{seed}")

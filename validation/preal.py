@@ -26,6 +26,7 @@ import numpy as np
 from astropy.io import fits
 from scipy.spatial import cKDTree
 
+import ledger
 from crowded import SKY, ZERO, MODEL, cell, run, unit
 
 CELLS = ["300-2.5G", "300-4G", "300-6G", "2000-4", "2000-4T", "8000-4"]
@@ -187,6 +188,7 @@ def page(result):
 def main():
     folder, seeds = os.path.abspath(sys.argv[1]), [int(s) for s in (sys.argv[2:3] or ["1,2"])[0].split(",")]
     names = sys.argv[3].split(",") if len(sys.argv) > 3 else CELLS
+    ledger.claim("preal", folder, seeds)
     result = {"seeds": seeds, "reliability": [], "coverage": []}
     for title, cells in group(names).items():
         area = sum(kind(name)[4]**2 / 1e6 for name in cells) * len(seeds)

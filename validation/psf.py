@@ -43,6 +43,7 @@ from astropy.wcs import WCS
 from scipy.ndimage import map_coordinates
 from scipy.spatial import cKDTree
 
+import ledger
 import psf_truth
 import tiles
 from psf_truth import GAIN, SATURATION, ZEROPOINT, Truth
@@ -348,6 +349,7 @@ def truth(out, seeds="1", names="", ways=""):
     if not (shutil.which("psfex") and shutil.which("source-extractor")):
         ways = [w for w in ways if w != "PSFEX"]
         print("psfex and source-extractor are not installed; their model does not take part", file=sys.stderr)
+    ledger.claim("psf truth", out, seeds.split(","))
     file = Path(out) / "truth.json"
     known = {key(a): a for a in json.loads(file.read_text())} if file.exists() else {}
     print("| " + " | ".join(HEAD) + " |\n|" + " --- |" * len(HEAD))
@@ -601,6 +603,7 @@ SMALL = [(100, 0, {}), (100, 1, {}), (100, 2, {}), (150, 1, {}), (150, 3, {}), (
 
 def small(out, seed="1"):
     """Kolmogorov, FWHM 4; bright stars have S/N 30 to 300, ten times as many are fainter."""
+    ledger.claim("psf small", out, [seed])
     truth = Truth("KOLMOGOROV", 4.0, 0.1)
     folder = Path(out) / "small"
     folder.mkdir(parents=True, exist_ok=True)
@@ -668,6 +671,7 @@ STATED = 0.1  # 1 sigma of the FWHM that the header states
 def few(out, seeds="1"):
     """FWHM 4; bright stars have S/N 30 to 300, ten times as many are fainter. Each tile twice: by PSF_TYPE AUTO, and by the
     header's FWHM alone, which is off by 10 % (1 sigma). Bright lone stars of the catalogue against the truth."""
+    ledger.claim("psf few", out, seeds.split(","))
     folder = Path(out) / "few"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "out.param").write_text(COLUMNS.replace(" ", "\n") + "\n")

@@ -4,8 +4,8 @@ notices where it fails.
 
     robustness.py OUTPUT [SEED [NAME[,NAME...]]]      (validation/run.sh robustness [OUTPUT [SEED ...]])
 
-SEED 101 is for development, 502 for what is committed (501 before that, 411 to 416 for choosing). The sky is a simulated one like an SDSS frame (tiles.py): 400 stars and
-200 galaxies per Mpixel, FWHM 3.28 pixels, noise 0.031. A departure is a line of DEPARTURES: arguments of rextract-simulate, what
+SEED: 101 to try and to choose by, from 1000 on final ones (ledger.py). The sky is a simulated one like an SDSS frame (tiles.py): 400
+stars and 200 galaxies per Mpixel, FWHM 3.28 pixels, noise 0.031. A departure is a line of DEPARTURES: arguments of rextract-simulate, what
 is done to the pixels afterwards, arguments of rextract. NONE, RL and NET run on it at default settings, and each of these
 cells is judged by what LIMITS says, on objects that have no neighbour of 0.3 of their flux within 1 FWHM:
 
@@ -30,6 +30,7 @@ from astropy.io import fits
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
+import ledger
 import psf_truth
 import tiles
 from tiles import RESTORERS, near
@@ -253,6 +254,7 @@ def warnings(runs):
 
 
 def main(output, seed, names):
+    ledger.claim("robustness", output, [seed])
     program, cells, usual = tiles.Program(output), [], {}
     for departure in DEPARTURES:
         if names and departure.name not in names and departure.name != "none":

@@ -39,6 +39,13 @@ esac
 out=${3:-$1-out}
 [[ -x $program ]] || { echo "run.sh: $program is missing; build first (./quickstart)" >&2; exit 2; }
 program=$(cd "$(dirname "$program")" && pwd)/$(basename "$program")
+# a final seed is run once, with the settings of the commit (ledger.py)
+seed=$(sed -n 's/^SEED  *\([0-9]*\).*/\1/p' "$here/$name.conf")
+for ((i = 4; i < $#; i++)); do
+    [[ ${!i} != -SEED ]] || { ((i++)); seed=${!i}; }
+done
+[[ ${seed:-1} -lt 1000 ]] ||
+    python3 "$here/ledger.py" claim "$1${RX_MODEL:+ $(basename "$RX_MODEL" .fits)}" "$out" "$seed" "${@:4}"
 mkdir -p "$out"
 # everything is named from inside the folder, so that the report holds no path of this machine
 cp "$here/$name.conf" "$out"
