@@ -14,4 +14,4 @@ tests_fault_fault_survey_LDADD = librextract-lab.la librextract.la $(RX_LIBS)
 tests_fault_fault_survey_LDFLAGS = $(fault_flags)
 noinst_PROGRAMS += tests/fault/trouble
 tests_fault_trouble_SOURCES = tests/fault/trouble.c
-script_tests += tests/fault/run.sh tests/fault/trouble.sh tests/fault/kill.sh
+script_tests += tests/fault/trouble.sh tests/fault/kill.sh
