@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "base/min_max.h"
@@ -35,10 +36,10 @@ static const int steps[RX_ANOMALIES_STEPS][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}
 /* What is measured, and room for it. */
 typedef struct work {
     const rx_image *image;
-    int nx, ny;
-    double limit;             /* of the median of a lit box */
-    double *rows, *columns;   /* medians; NAN of too few pixels */
-    double *median, *highest; /* [ny][nx] of boxes */
+    int nx, ny, along, across; /* boxes; pixels that are looked at, of a row and of a column */
+    double limit;              /* of the median of a lit box */
+    double *rows, *columns;    /* medians; NAN of too few pixels */
+    double *median, *highest;  /* [ny][nx] of boxes */
 } work;
 
 /* z of n pixels from (x, y) on, RX_MAP_PIECE at most; NAN where there is none. */
@@ -49,13 +50,21 @@ RX_SIMD static void read_piece(const rx_image *image, int x, int y, int n, float
     const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
     const float *pixels = image->pixels + at, *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
     const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x, n, level_room) : level_room;
+    uint8_t bits = 0;
+    /* one choice in a loop, or it does not become vectors; inf - inf is none */
 #pragma omp simd
     for (int i = 0; i < n; i++) {
-        const float value = pixels[i] - level[i];
-        z[i] = sigma[i] > 0.0f && fabsf(value) < INFINITY ? value / sigma[i] : NAN;
+        const float value = pixels[i] - level[i], known = sigma[i] > 0.0f ? sigma[i] : NAN;
+        z[i] = value / known + (value - value);
     }
-    for (int i = 0; i < n && image->mask != NULL; i++)
-        if (rx_image_hides(image, at + (size_t)i))
+    if (image->mask == NULL)
+        return;
+    const uint8_t *mask = image->mask + at;
+#pragma omp simd reduction(| : bits)
+    for (int i = 0; i < n; i++)
+        bits |= mask[i];
+    for (int i = 0; (bits & image->hide) != 0 && i < n; i++)
+        if (mask[i] & image->hide)
             z[i] = NAN;
 }
 
@@ -71,6 +80,17 @@ static int sampled(int n)
     for (int i = 0; i < n; i++)
         count += is_sampled(i, n);
     return count;
+}
+
+/* Those of n values that are known, into dst, which has room for n. How many. */
+static size_t keep_known(const float *z, int n, double *dst)
+{
+    size_t known = 0;
+    for (int i = 0; i < n; i++) {
+        dst[known] = (double)z[i];
+        known += z[i] == z[i];
+    }
+    return known;
 }
 
 /* Median of the n values that are known, of n possible ones; in the order of `values` no more. */
@@ -89,11 +109,9 @@ static void measure_row(const work *w, int y, double *values)
         if (!is_sampled(x, width))
             continue;
         read_piece(w->image, x, y, count, z);
-        for (int i = 0; i < count; i++)
-            if (!isnan(z[i]))
-                values[n++] = (double)z[i];
+        n += keep_known(z, count, values + n);
     }
-    w->rows[y] = median_of(values, n, sampled(width));
+    w->rows[y] = median_of(values, n, w->along);
 }
 
 /* values: [PIECE][height]. */
@@ -107,69 +125,119 @@ static void measure_columns(const work *w, int x0, double *values)
             continue;
         read_piece(w->image, x0, y, across, z);
         for (int i = 0; i < across; i++)
-            if (!isnan(z[i]))
-                values[(size_t)i * (size_t)height + count[i]++] = (double)z[i];
+            count[i] += keep_known(z + i, 1, values + (size_t)i * (size_t)height + count[i]);
     }
     for (int i = 0; i < across; i++)
-        w->columns[x0 + i] = median_of(values + (size_t)i * (size_t)height, count[i], sampled(height));
+        w->columns[x0 + i] = median_of(values + (size_t)i * (size_t)height, count[i], w->across);
 }
 
-/* Sums of the values that are known, clipped, and their numbers, [BOX] of each box. */
-RX_SIMD static void add_to_boxes(const float *restrict z, int n, float *restrict sum, float *restrict known)
+enum { WIDE = 128, ACROSS = WIDE / BOX };
+
+/* Boxes beside each other, from the pixel x0, y0 on. */
+typedef struct band {
+    int x0, y0, across, up; /* pixels */
+    float z[BOX][WIDE];     /* NAN, too, beyond the image */
+} band;
+
+static void read_rows(const rx_image *image, int first, band *dst)
 {
-    for (int i = 0; i < n; i += BOX) {
-        float all = 0.0f, count = 0.0f;
-        const int end = rx_min_int(i + BOX, n);
-#pragma omp simd reduction(+ : all, count)
-        for (int k = i; k < end; k++) {
-            const int is = z[k] == z[k];
-            const float low = z[k] < CLIP ? z[k] : CLIP;
-            all += !is ? 0.0f : low > -CLIP ? low : -CLIP;
-            count += is ? 1.0f : 0.0f;
+    for (int y = first; y < dst->up; y += 2)
+        read_piece(image, dst->x0, dst->y0 + y, dst->across, dst->z[y]);
+}
+
+/* Sum over the known values of every second row, clipped, and their number, of each box. */
+RX_SIMD static void sum_boxes(const band *b, float *restrict sum, float *restrict known)
+{
+    float all[WIDE] = {0}, low[WIDE];
+    int count[WIDE] = {0};
+    for (int y = 0; y < BOX; y += 2) {
+        const float *z = b->z[y];
+#pragma omp simd
+        for (int i = 0; i < WIDE; i++)
+            low[i] = z[i] < CLIP ? z[i] : CLIP; /* those that are not known, too */
+#pragma omp simd
+        for (int i = 0; i < WIDE; i++)
+            all[i] += low[i] > -CLIP ? low[i] : -CLIP;
+#pragma omp simd
+        for (int i = 0; i < WIDE; i++)
+            count[i] += z[i] == z[i];
+    }
+    for (int i = 0; i < ACROSS; i++) {
+        for (int k = 0; k < BOX; k++) {
+            sum[i] += all[i * BOX + k];
+            known[i] += (float)count[i * BOX + k];
         }
-        sum[i / BOX] += all;
-        known[i / BOX] += count;
+        sum[i] -= CLIP * (BOX * BOX / 2 - known[i]);
     }
 }
 
-static void measure_box(const work *w, int bx, int by)
+/* How many of a box's values are above that. */
+RX_SIMD static int count_above(const float *z, float limit)
 {
-    const rx_image *image = w->image;
-    const int x0 = bx * BOX, y0 = by * BOX, across = rx_min_int(BOX, image->width - x0);
-    const size_t at = (size_t)by * (size_t)w->nx + (size_t)bx;
-    double values[BOX * BOX], highest = -HUGE_VAL;
-    size_t n = 0;
-    for (int y = y0; y < rx_min_int(y0 + BOX, image->height); y++) {
-        float z[BOX];
-        read_piece(image, x0, y, across, z);
-        for (int i = 0; i < across; i++)
-            if (!isnan(z[i])) {
-                highest = fmax(highest, (double)z[i]);
-                values[n++] = (double)z[i];
-            }
+    int above = 0;
+#pragma omp simd reduction(+ : above)
+    for (int i = 0; i < BOX * BOX; i++)
+        above += z[i] > limit;
+    return above;
+}
+
+/* Of `known` values the middle one, known to be between low and high, to 1 in 1000. */
+static double middle_of(const float *z, int known, double low, double high)
+{
+    while (high > 1.001 * low) {
+        const double between = sqrt(low * high);
+        if (2 * count_above(z, (float)between) > known)
+            low = between;
+        else
+            high = between;
     }
-    w->median[at] = median_of(values, n, BOX * BOX);
-    w->highest[at] = highest;
+    return low;
+}
+
+/* Whose mean is known: of a dark box it does for the median. */
+static void measure_box(const work *w, const band *b, int x, double mean)
+{
+    const size_t at = (size_t)(b->y0 / BOX) * (size_t)w->nx + (size_t)((b->x0 + x) / BOX);
+    float z[BOX * BOX], highest = -INFINITY;
+    int known = 0;
+    for (int y = 0; y < BOX; y++)
+        memcpy(z + y * BOX, b->z[y] + x, BOX * sizeof *z);
+    for (int i = 0; i < BOX * BOX; i++) {
+        highest = z[i] > highest ? z[i] : highest;
+        known += z[i] == z[i];
+    }
+    w->highest[at] = (double)highest;
+    if (known < ENOUGH * BOX * BOX)
+        w->median[at] = NAN;
+    else if (2 * count_above(z, (float)w->limit) < known)
+        w->median[at] = fmin(mean, w->limit);
+    else
+        w->median[at] = middle_of(z, known, w->limit, (double)highest);
 }
 
 /* Boxes whose every second row has a clipped mean below half of the limit's are dark: it does for their median. */
 static void measure_boxes(const work *w, int by)
 {
-    enum { ACROSS = RX_MAP_PIECE / BOX };
     const rx_image *image = w->image;
-    for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
-        float sum[ACROSS] = {0}, known[ACROSS] = {0}, z[RX_MAP_PIECE];
-        const int n = rx_min_int(RX_MAP_PIECE, image->width - x);
-        for (int y = by * BOX; y < rx_min_int((by + 1) * BOX, image->height); y += 2) {
-            read_piece(image, x, y, n, z);
-            add_to_boxes(z, n, sum, known);
-        }
-        for (int i = 0; i * BOX < n; i++) {
+    band b = {.y0 = by * BOX, .up = rx_min_int(BOX, image->height - by * BOX)};
+    for (b.x0 = 0; b.x0 < image->width; b.x0 += WIDE) {
+        float sum[ACROSS] = {0}, known[ACROSS] = {0};
+        bool odd_read = false;
+        b.across = rx_min_int(WIDE, image->width - b.x0);
+        for (int i = 0; i < BOX * WIDE && (b.across < WIDE || b.up < BOX); i++)
+            b.z[i / WIDE][i % WIDE] = NAN;
+        read_rows(image, 0, &b);
+        sum_boxes(&b, sum, known);
+        for (int i = 0; i * BOX < b.across; i++) {
             const double mean = (double)sum[i] / (double)known[i];
-            if ((double)known[i] >= ENOUGH * BOX * BOX / 2 && mean < 0.5 * CLIPPED * w->limit)
-                w->median[(size_t)by * (size_t)w->nx + (size_t)(x / BOX + i)] = mean;
-            else
-                measure_box(w, x / BOX + i, by);
+            if ((double)known[i] >= ENOUGH * BOX * BOX / 2 && mean < 0.5 * CLIPPED * w->limit) {
+                w->median[(size_t)by * (size_t)w->nx + (size_t)(b.x0 / BOX + i)] = mean;
+                continue;
+            }
+            if (!odd_read)
+                read_rows(image, 1, &b);
+            odd_read = true;
+            measure_box(w, &b, i * BOX, mean);
         }
     }
 }
@@ -231,7 +299,7 @@ static rx_status find_light(const work *w, int nthreads, rx_anomalies *dst, rx_e
     long boxes = 0, lit = 0;
     int *queue;
     RX_TRY(RX_MAKE(queue, (size_t)n, err));
-#pragma omp parallel for schedule(dynamic) num_threads(nthreads)
+#pragma omp parallel for schedule(dynamic, 256) num_threads(nthreads)
     for (int k = 0; k < n; k++)
         if (w->median[k] > w->limit && w->highest[k] < FAINT && !falls_off(w, k % w->nx, k / w->nx))
             dst->lit[k] = FAINT_LIGHT;
@@ -275,7 +343,9 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
     work w = {.image = image,
               .limit = fmax(LIGHT, ERRORS * MEDIAN_ERROR * wide / BOX),
               .nx = (width + BOX - 1) / BOX,
-              .ny = (height + BOX - 1) / BOX};
+              .ny = (height + BOX - 1) / BOX,
+              .along = sampled(width),
+              .across = sampled(height)};
     const size_t boxes = (size_t)w.nx * (size_t)w.ny;
     const size_t room = (size_t)rx_max_int(width, PIECE * height);
     double *values = NULL;
@@ -298,8 +368,8 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
             measure_columns(&w, x, values + room * (size_t)t);
     }
     RX_TRY_EXIT(find_light(&w, threads, dst, err));
-    dst->rows = offsets(w.rows, height, sampled(width), wide);
-    dst->columns = offsets(w.columns, width, sampled(height), wide);
+    dst->rows = offsets(w.rows, height, w.along, wide);
+    dst->columns = offsets(w.columns, width, w.across, wide);
 exit:
     free(w.rows);
     free(w.columns);
@@ -317,19 +387,12 @@ void rx_anomalies_free(rx_anomalies *anomalies)
     *anomalies = (rx_anomalies){0};
 }
 
-/* z of a pixel inside the image, NAN where there is none. */
-static double z_at(const rx_image *image, int x, int y, double *sigma)
-{
-    float z;
-    read_piece(image, x, y, 1, &z);
-    *sigma = (double)rx_map_at(&image->noise, x, y);
-    return (double)z;
-}
-
 int rx_anomalies_lit_at(const rx_anomalies *anomalies, const rx_image *image, int x, int y)
 {
-    double sigma;
-    if (anomalies->lit == NULL || z_at(image, x, y, &sigma) > FAINT)
+    float z = 0.0f;
+    if (anomalies->lit != NULL)
+        read_piece(image, x, y, 1, &z);
+    if (anomalies->lit == NULL || (double)z > FAINT)
         return 0;
     for (int v = rx_max_int(y / BOX - 1, 0); v <= rx_min_int(y / BOX + 1, anomalies->ny - 1); v++)
         for (int u = rx_max_int(x / BOX - 1, 0); u <= rx_min_int(x / BOX + 1, anomalies->nx - 1); u++)
@@ -338,21 +401,16 @@ int rx_anomalies_lit_at(const rx_anomalies *anomalies, const rx_image *image, in
     return 0;
 }
 
-/* That pixel alone. */
-static bool is_sharp(const rx_anomalies *anomalies, const rx_image *image, int x, int y)
+enum { AROUND = 2, PATCH = 2 * AROUND + 1 }; /* a pixel, those that touch it, and their neighbours */
+
+/* The pixel at *middle alone, which is not at the border. */
+static bool is_sharp(const rx_anomalies *anomalies, const float *middle, double photons)
 {
-    double sigma;
-    const double z = z_at(image, x, y, &sigma);
-    if (!(z > SHARP))
-        return false;
-    const double photons = image->gain > 0.0 ? z / (sigma * image->gain) : 0.0;
+    const double z = (double)*middle;
     for (int s = 0; s < RX_ANOMALIES_STEPS; s++) {
-        const int u = steps[s][0], v = steps[s][1];
-        if (x - 1 < 0 || x + 1 >= image->width || y - 1 < 0 || y + 1 >= image->height)
-            return false;
+        const int step = steps[s][1] * PATCH + steps[s][0];
         const double most = SHARPER * anomalies->ratio[s];
-        double other;
-        const double beside = 0.5 * (z_at(image, x - u, y - v, &other) + z_at(image, x + u, y + v, &other));
+        const double beside = 0.5 * ((double)middle[-step] + (double)middle[step]);
         if (most > 0.0 && z - most * beside > SHARP * sqrt(1.0 + 0.5 * most * most + photons))
             return true;
     }
@@ -361,10 +419,21 @@ static bool is_sharp(const rx_anomalies *anomalies, const rx_image *image, int x
 
 int rx_anomalies_sharp_at(const rx_anomalies *anomalies, const rx_image *image, int x, int y)
 {
-    for (int v = rx_max_int(y - 1, 0); v <= rx_min_int(y + 1, image->height - 1); v++)
-        for (int u = rx_max_int(x - 1, 0); u <= rx_min_int(x + 1, image->width - 1); u++)
-            if (is_sharp(anomalies, image, u, v))
+    const int left = rx_max_int(x - AROUND, 0), right = rx_min_int(x + AROUND, image->width - 1),
+              low = rx_max_int(y - AROUND, 0), high = rx_min_int(y + AROUND, image->height - 1);
+    float z[PATCH][PATCH];
+    for (int v = low; v <= high; v++)
+        read_piece(image, left, v, right - left + 1, &z[v - low][0]);
+    for (int v = rx_max_int(y - 1, low + 1); v <= rx_min_int(y + 1, high - 1); v++)
+        for (int u = rx_max_int(x - 1, left + 1); u <= rx_min_int(x + 1, right - 1); u++) {
+            const float *middle = &z[v - low][u - left];
+            if (!((double)*middle > SHARP))
+                continue;
+            const double sigma = (double)rx_map_at(&image->noise, u, v);
+            if (is_sharp(anomalies, middle,
+                         image->gain > 0.0 ? (double)*middle / (sigma * image->gain) : 0.0))
                 return 1;
+        }
     return 0;
 }
 
