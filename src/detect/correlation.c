@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -38,6 +39,7 @@ typedef struct cell {
 typedef struct room {
     float z[AREA], filtered[AREA];
     unsigned char good[AREA], out[AREA];
+    uint64_t bits[WINDOW][2]; /* good, pixel x at bit x % 64 of word x / 64 */
     double sorted[AREA];
 } room;
 
@@ -148,25 +150,43 @@ static double centre(room *r)
     return n > 0 ? sqrt(squares / (double)n) / CUT_WIDTH : 0.0;
 }
 
+static void pack_good(room *r)
+{
+    memset(r->bits, 0, sizeof r->bits);
+    for (int i = 0; i < AREA; i++)
+        r->bits[i / WINDOW][i % WINDOW / 64] |= (uint64_t)r->good[i] << (i % WINDOW % 64);
+}
+
+/* n pixels from x on, 64 at most. */
+static uint64_t bits_from(const uint64_t *row, int x, int n)
+{
+    const uint64_t low = x < 64 ? row[0] >> x : row[1] >> (x - 64),
+                   high = x > 0 && x < 64 ? row[1] << (64 - x) : 0;
+    return (low | high) & (n < 64 ? ((uint64_t)1 << n) - 1 : ~(uint64_t)0);
+}
+
+static int count_bits(uint64_t bits)
+{
+    bits -= bits >> 1 & 0x5555555555555555u;
+    bits = (bits & 0x3333333333333333u) + (bits >> 2 & 0x3333333333333333u);
+    return (int)(((bits + (bits >> 4)) & 0x0f0f0f0f0f0f0f0fu) * 0x0101010101010101u >> 56);
+}
+
 /* Mean product of the cell's pixels with those (dx, dy) from them. */
 static double mean_product(const place *p, const room *r, int dx, int dy)
 {
     double sum = 0.0;
     long pairs = 0;
     const int x0 = p->x - p->left, y0 = p->y - p->low;
-    const int first = rx_max_int(x0, -dx), end = rx_min_int(x0 + p->width, p->across - dx);
+    const int first = rx_max_int(x0, -dx), n = rx_min_int(x0 + p->width, p->across - dx) - first;
     for (int y = y0; y < rx_min_int(y0 + p->height, p->up - dy); y++) {
-        const float *a = r->z + y * WINDOW, *b = a + dy * WINDOW + dx;
-        const unsigned char *u = r->good + y * WINDOW, *v = u + dy * WINDOW + dx;
+        const float *a = r->z + y * WINDOW + first, *b = a + dy * WINDOW + dx;
         float row = 0.0f;
-        int count = 0;
-#pragma omp simd reduction(+ : row, count)
-        for (int x = first; x < end; x++) {
+#pragma omp simd reduction(+ : row)
+        for (int x = 0; x < n; x++)
             row += a[x] * b[x];
-            count += u[x] & v[x];
-        }
         sum += (double)row;
-        pairs += count;
+        pairs += count_bits(bits_from(r->bits[y], first, n) & bits_from(r->bits[y + dy], first + dx, n));
     }
     return pairs > 0 ? sum / (double)pairs : 0.0;
 }
@@ -178,6 +198,7 @@ static void measure_cell(const rx_image *image, const unsigned char *used, const
     if (used == NULL)
         leave_sources_out(r);
     const double width = centre(r);
+    pack_good(r);
     long n = 0;
     for (int y = 0; y < p->height; y++)
         for (int x = 0; x < p->width; x++)
