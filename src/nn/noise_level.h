@@ -28,6 +28,13 @@ enum { RX_NOISE_LEVEL_SCALE = 255, RX_NOISE_LEVEL_PEAK = 40 };
  * Units are those of the light. NAN for n = 0. */
 double rx_brightness(float *light, size_t n, size_t few);
 
+/* The same of n values by the `top` largest alone: rx_brightness_needs(n) of them at least. */
+double rx_brightness_of_top(float *light, size_t top, size_t n, size_t few);
+size_t rx_brightness_needs(size_t n);
+
+/* The smallest of the `count` largest of v[n], n > 0, reordered here. */
+float rx_upper_value(float *v, size_t n, size_t count);
+
 /* N of B in noise units; infinite where nothing is above the sky, NAN for NAN. */
 double rx_noise_level(double brightness);
 

@@ -11,25 +11,57 @@
 
 enum { FEW = 10 }; /* pixels of a cosmic ray; a star has more */
 
+/* z of the good pixels of row y into dst[width]; how many. rows: [2][width]. */
+static size_t good_row(const rx_image *image, const rx_map *sky, int y, float *rows, float *dst)
+{
+    const size_t width = (size_t)image->width, row = (size_t)y * width;
+    const float *sigma = rx_map_row(&image->noise, y, 0, image->width, rows),
+                *base = rx_map_row(sky, y, 0, image->width, rows + width);
+    size_t good = 0;
+    for (size_t x = 0; x < width; x++) {
+        dst[good] = (image->pixels[row + x] - base[x]) / sigma[x];
+        good += !rx_image_hides(image, row + x) && sigma[x] > 0.0f;
+    }
+    return good;
+}
+
+/* Those of every step-th row that are `least` and more into dst; how many there are, and of how many. rows: [3][width]. */
+static size_t bright_pixels(const rx_image *image, int step, float least, float *rows, float *dst,
+                            size_t *good)
+{
+    const rx_map sky = rx_image_sky(image);
+    float *z = rows + 2 * (size_t)image->width;
+    size_t bright = 0;
+    *good = 0;
+    for (int y = step / 2; y < image->height; y += step) {
+        const size_t n = good_row(image, &sky, y, rows, z);
+        *good += n;
+        for (size_t i = 0; i < n; i++)
+            if (z[i] >= least)
+                dst[bright++] = z[i];
+    }
+    return bright;
+}
+
+/* The level needs few of the brightest pixels alone: a sample of rows says from where on to keep them. */
 rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err)
 {
+    enum { SAMPLED = 64 }; /* rows */
     const rx_image image = rx_field_effective(field);
     const size_t width = (size_t)image.width, n = width * (size_t)image.height;
-    const rx_map sky = rx_image_sky(&image);
-    size_t good = 0;
-    float *above = RX_NEW(float, n), *rows = RX_NEW(float, 2 * width);
+    size_t good = 0, bright = 0;
+    float *above = RX_NEW(float, n), *rows = RX_NEW(float, 3 * width), least = -INFINITY;
     rx_status status = RX_OK;
     if (above == NULL || rows == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (n + 2 * width) * sizeof(float)));
-    for (int y = 0; y < image.height; y++) {
-        const size_t row = (size_t)y * width;
-        const float *sigma = rx_map_row(&image.noise, y, 0, image.width, rows),
-                    *base = rx_map_row(&sky, y, 0, image.width, rows + width);
-        for (size_t x = 0; x < width; x++)
-            if (!rx_image_hides(&image, row + x) && sigma[x] > 0.0f)
-                above[good++] = (image.pixels[row + x] - base[x]) / sigma[x];
+        RX_TRY_EXIT(rx_error_memory(err, (n + 3 * width) * sizeof(float)));
+    if (image.height >= 4 * SAMPLED) {
+        bright = bright_pixels(&image, image.height / SAMPLED, least, rows, above, &good);
+        least = bright > 0 ? rx_upper_value(above, bright, 4 * rx_brightness_needs(bright)) : least;
     }
-    *noise = rx_noise_level(rx_brightness(above, good, FEW));
+    bright = bright_pixels(&image, 1, least, rows, above, &good);
+    if (bright < rx_brightness_needs(good))
+        bright = bright_pixels(&image, 1, -INFINITY, rows, above, &good);
+    *noise = rx_noise_level(rx_brightness_of_top(above, bright, good, FEW));
 exit:
     free(above);
     free(rows);
