@@ -232,8 +232,7 @@ static rx_blur_axis cut(int begin, int end, int most)
     return (rx_blur_axis){begin, end, (end - begin + n - 1) / n, n};
 }
 
-/* The cheapest domain for blocks of `length` pixels with so many around; 0: none is large enough. */
-static int choose_domain(int length, int margin)
+int rx_blur_side(int length, int margin)
 {
     int best = rx_fft_good_size(length + 2 * margin);
     double least = COST_OF_OTHERS * best;
@@ -258,8 +257,8 @@ rx_status rx_blur_new(const rx_psf *psf, int width, int height, int nthreads, rx
     rx_blur *blur;
     RX_TRY(RX_MAKE(blur, 1, err));
     const int margin = psf->size / 2, threads = nthreads < 1 ? 1 : nthreads;
-    const int side_x = choose_domain(width + 2 * margin, margin),
-              side_y = choose_domain(height + 2 * margin, margin);
+    const int side_x = rx_blur_side(width + 2 * margin, margin),
+              side_y = rx_blur_side(height + 2 * margin, margin);
     blur->width = width;
     blur->height = height;
     blur->margin = margin;

@@ -62,6 +62,9 @@ rx_status rx_blur_kernel_make(const rx_fft *fft, const rx_psf *psf, int width, i
                               rx_blur_kernel *dst, rx_error *err);
 void rx_blur_kernel_clear(rx_blur_kernel *kernel); /* of zeros is fine */
 
+/* Of the domains that share `length` pixels out, so many around each one's, the side of the cheapest. */
+int rx_blur_side(int length, int margin);
+
 rx_status rx_blur_domain_make(int width, int height, int nthreads, int varies, rx_blur_domain *dst,
                               rx_error *err);
 void rx_blur_domain_clear(rx_blur_domain *domain);

@@ -23,21 +23,27 @@ struct rx_network_optics_work {
 
 /* ---- making ---- */
 
+static void clear_tiling(rx_network_tiling *tiling)
+{
+    for (int i = 0; i < tiling->nthreads && tiling->work != NULL; i++) {
+        rx_blur_domain_clear(&tiling->work[i].domain);
+        free(tiling->work[i].a);
+        free(tiling->work[i].b);
+        free(tiling->work[i].spectrum);
+    }
+    free(tiling->work);
+}
+
 void rx_network_optics_free(rx_network_optics *optics)
 {
     if (optics == NULL)
         return;
-    for (int i = 0; i < optics->nthreads && optics->work != NULL; i++) {
-        rx_blur_domain_clear(&optics->work[i].domain);
-        free(optics->work[i].a);
-        free(optics->work[i].b);
-        free(optics->work[i].spectrum);
-    }
+    clear_tiling(&optics->far);
+    clear_tiling(&optics->near);
     rx_blur_kernel_clear(&optics->relative);
     rx_blur_kernel_clear(&optics->tikhonov);
     rx_otf_grid_clear(&optics->grid);
     free(optics->inside);
-    free(optics->work);
     free(optics);
 }
 
@@ -52,38 +58,53 @@ static void take_error(rx_status why, const rx_error *error, rx_status *status, 
 }
 
 /* Of the threads those that have work do it, rx_blocks.team says why. */
-static int team_of(const rx_network_optics *optics)
+static int team_of(const rx_network_tiling *tiling)
 {
-    const int team = optics->blocks->team;
-    return optics->nthreads > 1 && team > optics->nthreads ? team : optics->nthreads;
+    const int team = tiling->blocks.team;
+    return tiling->nthreads > 1 && team > tiling->nthreads ? team : tiling->nthreads;
 }
 
-/* Threads' planes on a domain that holds a block and the halo that the widest of the tasks needs. */
-static rx_status make_work(rx_network_optics *optics, int step_radius, int psf_radius, rx_error *err)
+/* Threads' planes on a domain that holds a block and its halo: of K', or of what is filtered once. */
+static rx_status make_work(const rx_network_optics *optics, rx_network_tiling *tiling, rx_error *err)
 {
-    const rx_blocks *blocks = optics->blocks;
-    const int varies = rx_psf_varies(optics->psf), filters = optics->grid.filters != NULL;
+    const rx_blocks *blocks = &tiling->blocks;
+    const int varies = rx_psf_varies(optics->psf), steps = tiling == &optics->near,
+              filters = !steps && varies && optics->grid.filters != NULL;
     rx_status status = RX_OK;
-    optics->halo = rx_max_int(2 * step_radius, rx_max_int(psf_radius, filters ? RX_TIKHONOV_REACH : 0));
-    const int w = rx_fft_good_size(blocks->width + 2 * optics->halo),
-              h = rx_fft_good_size(blocks->height + 2 * optics->halo);
-    RX_TRY(RX_MAKE(optics->work, (size_t)optics->nthreads, err));
-#pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
-    for (int i = 0; i < optics->nthreads; i++) {
-        rx_network_optics_work *work = &optics->work[i];
+    const int w = rx_fft_good_size(blocks->width + 2 * tiling->halo),
+              h = rx_fft_good_size(blocks->height + 2 * tiling->halo);
+    RX_TRY(RX_MAKE(tiling->work, (size_t)tiling->nthreads, err));
+#pragma omp parallel for schedule(static, 1) num_threads(team_of(tiling))
+    for (int i = 0; i < tiling->nthreads; i++) {
+        rx_network_optics_work *work = &tiling->work[i];
         rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         rx_status made = rx_blur_domain_make(w, h, 1, varies, &work->domain, &why);
         if (made == RX_OK) {
-            work->a = rx_fft_real(work->domain.fft);
-            work->b = rx_fft_real(work->domain.fft);
-            work->spectrum = varies && filters ? rx_fft_complex(work->domain.fft) : NULL;
-            if (work->a == NULL || work->b == NULL || (varies && filters && work->spectrum == NULL))
+            work->a = steps ? rx_fft_real(work->domain.fft) : NULL;
+            work->b = steps ? rx_fft_real(work->domain.fft) : NULL;
+            work->spectrum = filters ? rx_fft_complex(work->domain.fft) : NULL;
+            if ((steps && (work->a == NULL || work->b == NULL)) || (filters && work->spectrum == NULL))
                 made = rx_error_memory(&why, 3 * (size_t)w * (size_t)h * sizeof(float));
         }
         if (made != RX_OK)
             take_error(made, &why, &status, err);
     }
     return status;
+}
+
+/* Blocks of both kinds. */
+static void set_tilings(rx_network_optics *optics, const rx_blocks *blocks, int step_radius, int nthreads)
+{
+    rx_network_tiling *far = &optics->far, *near = &optics->near;
+    far->blocks = *blocks;
+    far->halo = rx_max_int(optics->psf->size / 2, optics->grid.filters != NULL ? RX_TIKHONOV_REACH : 0);
+    near->halo = 2 * step_radius;
+    near->blocks = rx_blocks_make(
+        optics->width, optics->height, rx_blur_side(optics->width, near->halo) - 2 * near->halo,
+        rx_blur_side(optics->height, near->halo) - 2 * near->halo, 1, -blocks->x, -blocks->y);
+    near->blocks.team = blocks->team;
+    far->nthreads = rx_blocks_threads(&far->blocks, nthreads);
+    near->nthreads = rx_blocks_threads(&near->blocks, nthreads);
 }
 
 /* The only filter of a PSF that does not vary. */
@@ -122,25 +143,26 @@ rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, doubl
     RX_TRY(RX_MAKE(optics, 1, err));
     optics->width = image->width;
     optics->height = image->height;
-    optics->nthreads = rx_blocks_threads(blocks, nthreads);
-    optics->blocks = blocks;
     optics->psf = psf;
     rx_status status = rx_otf_grid_make(psf, image->width, image->height,
                                         &(rx_tikhonov){target_fwhm, epsilon, 0}, &optics->grid, err);
     if (status == RX_OK)
         status = rx_otf_relative(psf, target_fwhm, image->width, image->height, &relative.basis,
                                  &relative.size, err);
-    if (status == RX_OK)
-        status = make_work(optics, relative.size / 2, psf->size / 2, err);
     if (status == RX_OK) {
-        /* each by a thread where there are two; an rx_fft is used by one thread at a time */
-        const int other = optics->nthreads > 1;
-#pragma omp parallel for schedule(static, 1) num_threads(team_of(optics))
+        set_tilings(optics, blocks, relative.size / 2, nthreads);
+        status = make_work(optics, &optics->far, err);
+    }
+    if (status == RX_OK)
+        status = make_work(optics, &optics->near, err);
+    if (status == RX_OK) {
+        /* each by a thread where there are two */
+#pragma omp parallel for schedule(static, 1) num_threads(team_of(&optics->near))
         for (int task = 0; task < 2; task++) {
             rx_error why = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
             const rx_status made =
-                task == 0 ? make_tikhonov(optics, optics->work[0].domain.fft, &why)
-                          : make_relative(optics, optics->work[other].domain.fft, &relative, &why);
+                task == 0 ? make_tikhonov(optics, optics->far.work->domain.fft, &why)
+                          : make_relative(optics, optics->near.work->domain.fft, &relative, &why);
             if (made != RX_OK)
                 take_error(made, &why, &status, err);
         }
@@ -159,6 +181,7 @@ rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, doubl
 /* What all blocks of a task are given, and one of them. */
 typedef struct task {
     const rx_network_optics *optics;
+    const rx_network_tiling *tiling;
     const float *src, *x, *f; /* planes of the tile, like dst */
     const uint8_t *mask;
     float pedestal;
@@ -175,13 +198,13 @@ static task task_of(const void *user, int thread, int x, int y)
 {
     task t = *(const task *)user;
     const rx_network_optics *optics = t.optics;
-    t.work = &optics->work[thread];
-    t.work->domain.x = x - optics->halo;
-    t.work->domain.y = y - optics->halo;
+    t.work = &t.tiling->work[thread];
+    t.work->domain.x = x - t.tiling->halo;
+    t.work->domain.y = y - t.tiling->halo;
     t.left = rx_max_int(x, 0);
     t.top = rx_max_int(y, 0);
-    t.right = rx_min_int(x + optics->blocks->width, optics->width);
-    t.bottom = rx_min_int(y + optics->blocks->height, optics->height);
+    t.right = rx_min_int(x + t.tiling->blocks.width, optics->width);
+    t.bottom = rx_min_int(y + t.tiling->blocks.height, optics->height);
     return t;
 }
 
@@ -484,8 +507,8 @@ static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error
 rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w,
                                      const rx_blocks_progress *progress, rx_error *err)
 {
-    task t = {.optics = optics, .src = x, .dst = w, .kernel = &optics->tikhonov};
-    return rx_blocks_run(optics->blocks, optics->nthreads,
+    task t = {.optics = optics, .tiling = &optics->far, .src = x, .dst = w, .kernel = &optics->tikhonov};
+    return rx_blocks_run(&optics->far.blocks, optics->far.nthreads,
                          optics->tikhonov.n > 0 ? filter_block : tikhonov_block, &t, progress, err);
 }
 
@@ -512,21 +535,23 @@ rx_status rx_network_optics_step(const rx_network_optics *optics, const rx_netwo
                                  rx_error *err)
 {
     task t = {.optics = optics,
+              .tiling = &optics->near,
               .f = f,
               .x = input->x,
               .mask = input->mask,
               .pedestal = (float)pedestal,
               .kernel = &optics->relative,
               .dst = next};
-    const rx_blocks_spent spent = {f, optics->width, optics->halo};
-    return rx_blocks_run_spending(optics->blocks, optics->nthreads, step_block, &t, &spent, progress, err);
+    const rx_blocks_spent spent = {f, optics->width, optics->near.halo};
+    return rx_blocks_run_spending(&optics->near.blocks, optics->near.nthreads, step_block, &t, &spent,
+                                  progress, err);
 }
 
 rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, float *dst,
                                    const rx_blocks_progress *progress, rx_error *err)
 {
-    task t = {.optics = optics, .src = f, .dst = dst, .kernel = &optics->relative};
-    return rx_blocks_run(optics->blocks, optics->nthreads, filter_block, &t, progress, err);
+    task t = {.optics = optics, .tiling = &optics->near, .src = f, .dst = dst, .kernel = &optics->relative};
+    return rx_blocks_run(&optics->near.blocks, optics->near.nthreads, filter_block, &t, progress, err);
 }
 
 static rx_status support_block(void *user, int thread, int bx, int by, rx_error *err)
@@ -553,11 +578,11 @@ rx_status rx_network_optics_support(const rx_network_optics *optics, const uint8
                                     const rx_blocks_progress *progress, rx_error *err)
 {
     rx_blur_kernel plain = {0};
-    task t = {.optics = optics, .mask = mask, .dst = support, .kernel = &plain};
-    rx_status status = rx_blur_kernel_make(optics->work->domain.fft, optics->psf, optics->width,
+    task t = {.optics = optics, .tiling = &optics->far, .mask = mask, .dst = support, .kernel = &plain};
+    rx_status status = rx_blur_kernel_make(optics->far.work->domain.fft, optics->psf, optics->width,
                                            optics->height, &plain, err);
     if (status == RX_OK)
-        status = rx_blocks_run(optics->blocks, optics->nthreads, support_block, &t, progress, err);
+        status = rx_blocks_run(&optics->far.blocks, optics->far.nthreads, support_block, &t, progress, err);
     rx_blur_kernel_clear(&plain);
     return status;
 }

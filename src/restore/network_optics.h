@@ -1,5 +1,5 @@
 /* The PSF of a tile around the network: Tikhonov copy, Richardson-Lucy step, reblurring, support; block by
- * block, all FFTs on one domain, a block with a halo of rx_network_optics.halo pixels.
+ * block, on domains of two sizes, a block with a halo of rx_network_tiling.halo pixels.
  *
  * Tikhonov (nn/deblur.h): filters cut to RX_TIKHONOV_REACH, so that blocks never wrap. A varying PSF has them
  * at nodes of a grid on the tile, the outer ones on its border pixels, at most 512 pixels apart and at least
@@ -20,19 +20,24 @@
 
 typedef struct rx_network_optics_work rx_network_optics_work; /* planes of one thread */
 
-typedef struct rx_network_optics {
-    int width, height, nthreads;
-    const rx_blocks *blocks;
-    const rx_psf *psf;
-    rx_otf_grid grid; /* Tikhonov filters, FWHM */
-    int halo;
+/* A tile in blocks. */
+typedef struct rx_network_tiling {
+    rx_blocks blocks;
+    int halo, nthreads;
     rx_network_optics_work *work; /* [nthreads] */
-    rx_blur_kernel relative;      /* K' */
-    rx_blur_kernel tikhonov;      /* the only filter of a constant PSF; empty: not made */
-    double *inside;               /* rx_stamp_inside() of K' where that does not vary */
+} rx_network_tiling;
+
+typedef struct rx_network_optics {
+    int width, height;
+    const rx_psf *psf;
+    rx_otf_grid grid;            /* Tikhonov filters, FWHM */
+    rx_network_tiling far, near; /* of Tikhonov's filter and the PSF; of K', in domains that suit the cache */
+    rx_blur_kernel relative;     /* K' */
+    rx_blur_kernel tikhonov;     /* the only filter of a constant PSF; empty: not made */
+    double *inside;              /* rx_stamp_inside() of K' where that does not vary */
 } rx_network_optics;
 
-/* Of the image's size and PSF; the PSF and the blocks must outlive it. epsilon <= 0: no Tikhonov filters.
+/* Of the image's size and PSF, which must outlive it. blocks: of `far`, their borders shift those of `near`. epsilon <= 0: no Tikhonov filters.
  * Errors: RX_INPUT (no usable PSF), RX_SYSTEM. */
 rx_status rx_network_optics_new(const rx_image *image, double target_fwhm, double epsilon,
                                 const rx_blocks *blocks, int nthreads, rx_network_optics **dst,
