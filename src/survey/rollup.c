@@ -9,6 +9,7 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "survey/rollup_quality.h"
 
 static const double LEVEL = 0.95;
 static const double LEAST_ERROR = 0.001; /* mag: a bias below this never makes a tile bad */
@@ -409,7 +410,7 @@ rx_status rx_rollup_end(rx_rollup *r, const rx_tiles *tiles, rx_error *err)
         compare(r, &r->row[i]);
     if (r->nrows > 1)
         qsort(r->row, (size_t)r->nrows, sizeof *r->row, by_badness);
-    return RX_OK;
+    return rx_rollup_outliers_find(r, err);
 }
 
 static void keep_content(void *tile)
@@ -429,6 +430,9 @@ void rx_rollup_free(rx_rollup *rollup)
         free(rollup->row[i].outside);
         free(rollup->row[i].page);
     }
+    for (int i = 0; i < rollup->noutliers; i++)
+        free(rollup->outlier[i].why);
+    free(rollup->outlier);
     free(rollup->tile);
     free(rollup->run);
     free(rollup->row);

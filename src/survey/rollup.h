@@ -80,6 +80,15 @@ typedef struct rx_rollup_run {
     int first, last; /* bins that count something; first > last: none */
 } rx_rollup_run;
 
+/* One image of a tile that stands out. `why` names what is off, its value and the survey's: up to three, the furthest first. */
+typedef struct rx_rollup_outlier {
+    const rx_rollup_row *row; /* NULL: the tile has none */
+    const char *name, *image, *page;
+    int hdu, rank; /* rank: 2 failed or without a record, 1 a gate that failed, 0 neither */
+    double off;    /* robust sigmas; 0 of failures */
+    char *why;     /* owned */
+} rx_rollup_outlier;
+
 typedef struct rx_rollup {
     int ntiles, nruns, nrows, nmissing;
     rx_rollup_tile **tile; /* [ntiles] by name and image */
@@ -91,11 +100,13 @@ typedef struct rx_rollup {
     rx_rollup_psf *psf;       /* [npsfs] by tile and image */
     int lower;                /* of these not from several stars of the tile itself */
     rx_rho_bin rho[RX_RHO_BINS];
-    const rx_tiles *tiles;              /* all that should have a record, or NULL; lent */
-    int *missing;                       /* [nmissing] of tiles: without a record */
-    int fine, failed, gates, undecided; /* tiles by exit status */
-    double mag_low, mag_high;           /* equal: all */
-    void *known;                        /* search tree of tile */
+    const rx_tiles *tiles; /* all that should have a record, or NULL; lent */
+    int *missing;          /* [nmissing] of tiles: without a record */
+    int noutliers;
+    rx_rollup_outlier *outlier;                /* [noutliers] worst first */
+    int fine, apart, failed, gates, undecided; /* tiles by exit status; apart: fine by it, but an outlier */
+    double mag_low, mag_high;                  /* equal: all */
+    void *known;                               /* search tree of tile */
     int tiles_capacity, rows_capacity;
 } rx_rollup;
 
@@ -106,7 +117,7 @@ void rx_rollup_begin(const rx_survey_config *config, rx_rollup *dst);
 rx_status rx_rollup_add(rx_rollup *rollup, const rx_tile_record *record, const char *path, int64_t at,
                         rx_error *err);
 
-/* All are added: sort and compare. tiles: NULL where there is no list. Errors: RX_SYSTEM without memory. */
+/* All are added: sort, compare, find what stands out. tiles: NULL where there is no list. Errors: RX_SYSTEM without memory. */
 rx_status rx_rollup_end(rx_rollup *rollup, const rx_tiles *tiles, rx_error *err);
 
 void rx_rollup_free(rx_rollup *rollup); /* content only */

@@ -1,8 +1,10 @@
 /* The roll-up as continuous integration shows it. */
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "report/escape.h"
+#include "survey/rollup_quality.h"
 #include "survey/rollup_report.h"
 
 /* kind: element of what is wrong, or NULL; notes: lines to read all the same, or NULL. */
@@ -33,22 +35,17 @@ static void collect_notes(const rx_rollup *r, rx_text *notes)
 {
     for (int i = 0; i < r->nrows; i++) {
         const rx_rollup_row *row = &r->row[i];
-        const char *run = r->run[row->run].name;
         rx_text *dst = &notes[row->tile->place];
-        if (row->by[0] != '\0')
-            rx_text_printf(dst, "HDU %d: %s: done by %s, %s; ", row->hdu, run, row->by, row->why);
-        if (row->outside != NULL)
-            rx_text_printf(dst, "HDU %d: %s: not made for this tile: %s; ", row->hdu, run, row->outside);
-        if (rx_fluxcheck_is_off(&row->flux))
-            rx_text_printf(dst, "HDU %d: %s: the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f; ",
-                           row->hdu, run, row->flux.wide, row->flux.wide_error, row->flux.automatic,
-                           row->flux.automatic_error);
+        char before[40];
+        snprintf(before, sizeof before, "HDU %d: %s: ", row->hdu, r->run[row->run].name);
+        rx_rollup_row_notes(dst, row, before);
         if (row->guard.known && row->guard.raised > 1.0)
-            rx_text_printf(dst, "HDU %d: %s: DETECT_THRESH was raised %.3g times for false detections; ",
-                           row->hdu, run, row->guard.raised);
+            rx_text_printf(rx_rollup_note(dst, before),
+                           "DETECT_THRESH was raised %.3g times for false detections", row->guard.raised);
         if (row->guard.known && rx_residual_is_large(row->guard.unexplained))
-            rx_text_printf(dst, "HDU %d: %s: %.0f %% of the tile are not explained by the restored image; ",
-                           row->hdu, run, 100.0 * row->guard.unexplained);
+            rx_text_printf(rx_rollup_note(dst, before),
+                           "%.0f %% of the tile are not explained by the restored image",
+                           100.0 * row->guard.unexplained);
     }
 }
 

@@ -115,18 +115,18 @@ static void say(rx_text *why, const quantity *q, const level *l, const rx_rollup
                    q->logarithmic ? middle * l->spread : l->spread);
 }
 
-static rx_status keep(rx_rollup_outliers *dst, rx_rollup_outlier outlier, rx_text *why, rx_error *err)
+static rx_status keep(rx_rollup *r, rx_rollup_outlier outlier, rx_text *why, rx_error *err)
 {
-    rx_rollup_outlier *grown = rx_regrow(dst->of, (size_t)dst->n + 1, sizeof *grown);
+    rx_rollup_outlier *grown = rx_regrow(r->outlier, (size_t)r->noutliers + 1, sizeof *grown);
     if (grown != NULL)
-        dst->of = grown;
+        r->outlier = grown;
     if (grown == NULL || why->failed || why->data == NULL) {
         rx_text_free(why);
         return rx_error_memory(err, 0);
     }
     outlier.why = why->data;
     *why = (rx_text){0};
-    dst->of[dst->n++] = outlier;
+    r->outlier[r->noutliers++] = outlier;
     return RX_OK;
 }
 
@@ -162,9 +162,27 @@ static int by_image(const void *a, const void *b)
     return x->tile != y->tile ? x->tile->place - y->tile->place : x->place - y->place;
 }
 
-static rx_status find_far(const rx_rollup *r, const level *levels, const rx_rollup_row **order,
-                          rx_rollup_outliers *dst, rx_error *err)
+rx_text *rx_rollup_note(rx_text *dst, const char *before)
 {
+    rx_text_printf(dst, "%s%s", dst->length > 0 ? "; " : "", before);
+    return dst;
+}
+
+void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before)
+{
+    if (row->by[0] != '\0')
+        rx_text_printf(rx_rollup_note(dst, before), "done by %s, %s", row->by, row->why);
+    if (row->outside != NULL)
+        rx_text_printf(rx_rollup_note(dst, before), "not made for this tile: %s", row->outside);
+    if (rx_fluxcheck_is_off(&row->flux) && strstr(dst->data != NULL ? dst->data : "", "flux scale") == NULL)
+        rx_text_printf(rx_rollup_note(dst, before),
+                       "the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f", row->flux.wide,
+                       row->flux.wide_error, row->flux.automatic, row->flux.automatic_error);
+}
+
+static rx_status find_far(rx_rollup *r, const level *levels, const rx_rollup_row **order, rx_error *err)
+{
+    const rx_rollup_tile *last = NULL;
     rx_status status = RX_OK;
     for (int i = 0; i < r->nrows; i++)
         order[i] = &r->row[i];
@@ -172,30 +190,24 @@ static rx_status find_far(const rx_rollup *r, const level *levels, const rx_roll
         qsort(order, (size_t)r->nrows, sizeof *order, by_image);
     for (int i = 0, end; i < r->nrows && status == RX_OK; i = end) {
         const rx_rollup_row *first = order[i];
+        char before[24];
         rx_text why = {0};
         double most = 0;
         for (end = i; end < r->nrows && order[end]->tile == first->tile && order[end]->hdu == first->hdu;
              end++) {
             const rx_rollup_row *row = order[end];
-            const char *run = r->run[row->run].name;
+            snprintf(before, sizeof before, "%s: ", r->run[row->run].name);
             most = fmax(most, reasons(r, levels, row, &why));
-            if (row->by[0] != '\0')
-                rx_text_printf(&why, "%s%s done by %s: %s", why.length > 0 ? "; " : "", run, row->by,
-                               row->why);
-            if (row->outside != NULL)
-                rx_text_printf(&why, "%s%s not made for it: %s", why.length > 0 ? "; " : "", run,
-                               row->outside);
-            if (rx_fluxcheck_is_off(&row->flux) &&
-                strstr(why.data != NULL ? why.data : "", "flux scale") == NULL)
-                rx_text_printf(&why, "%s%s flux scale is off, %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f",
-                               why.length > 0 ? "; " : "", run, row->flux.wide, row->flux.wide_error,
-                               row->flux.automatic, row->flux.automatic_error);
+            rx_rollup_row_notes(&why, row, before);
         }
         const int gate = first->verdict == RX_VERDICT_FAIL;
         if (gate)
-            rx_text_printf(&why, "%sa quality gate failed", why.length > 0 ? "; " : "");
+            rx_text_add(rx_rollup_note(&why, ""), "a quality gate failed");
+        if (why.length > 0 && first->tile != last && first->tile->status == RX_OK)
+            r->apart++;
+        last = why.length > 0 ? first->tile : last;
         if (why.length > 0)
-            status = keep(dst,
+            status = keep(r,
                           (rx_rollup_outlier){.row = first,
                                               .name = first->tile->name,
                                               .image = first->tile->image,
@@ -210,7 +222,7 @@ static rx_status find_far(const rx_rollup *r, const level *levels, const rx_roll
 }
 
 /* Tiles without an image, and those that no record is of. */
-static rx_status find_failed(const rx_rollup *r, rx_rollup_outliers *dst, rx_error *err)
+static rx_status find_failed(rx_rollup *r, rx_error *err)
 {
     rx_status status = RX_OK;
     rx_text why = {0};
@@ -219,12 +231,11 @@ static rx_status find_failed(const rx_rollup *r, rx_rollup_outliers *dst, rx_err
         if (tile->status == RX_OK || tile->status == RX_GATE_FAIL || tile->status == RX_GATE_INSUFFICIENT)
             continue;
         rx_text_printf(&why, "failed, exit status %d: %s", tile->status, tile->what);
-        status =
-            keep(dst, (rx_rollup_outlier){.name = tile->name, .image = tile->image, .rank = 2}, &why, err);
+        status = keep(r, (rx_rollup_outlier){.name = tile->name, .image = tile->image, .rank = 2}, &why, err);
     }
     for (int i = 0; i < r->nmissing && status == RX_OK; i++) {
         rx_text_add(&why, "no record: it was not run, or was killed");
-        status = keep(dst,
+        status = keep(r,
                       (rx_rollup_outlier){.name = r->tiles->tile[r->missing[i]].name,
                                           .image = rx_tiles_image(r->tiles, r->missing[i]),
                                           .rank = 2},
@@ -244,34 +255,26 @@ static int worse(const void *a, const void *b)
     return order != 0 ? order : x->hdu - y->hdu;
 }
 
-rx_status rx_rollup_outliers_find(const rx_rollup *r, rx_rollup_outliers *dst, rx_error *err)
+rx_status rx_rollup_outliers_find(rx_rollup *r, rx_error *err)
 {
     double *room = RX_NEW(double, (size_t)r->nrows + 1);
     level *levels = RX_NEW(level, (size_t)r->nruns * NQUANTITIES + 1);
     const rx_rollup_row **order = rx_alloc((size_t)r->nrows + 1, sizeof *order);
     rx_status status = room != NULL && levels != NULL && order != NULL ? RX_OK : rx_error_memory(err, 0);
-    *dst = (rx_rollup_outliers){0};
     for (int run = 0; run < r->nruns && status == RX_OK; run++)
         for (int i = 0; i < NQUANTITIES; i++)
             levels[run * NQUANTITIES + i] = level_of(r, run, &QUANTITIES[i], room);
     if (status == RX_OK)
-        status = find_failed(r, dst, err);
+        status = find_failed(r, err);
     if (status == RX_OK)
-        status = find_far(r, levels, order, dst, err);
-    if (status == RX_OK && dst->n > 1)
-        qsort(dst->of, (size_t)dst->n, sizeof *dst->of, worse);
+        status = find_far(r, levels, order, err);
+    r->fine -= r->apart;
+    if (status == RX_OK && r->noutliers > 1)
+        qsort(r->outlier, (size_t)r->noutliers, sizeof *r->outlier, worse);
     free(order);
     free(levels);
     free(room);
     return status;
-}
-
-void rx_rollup_outliers_free(rx_rollup_outliers *outliers)
-{
-    for (int i = 0; i < outliers->n; i++)
-        free(outliers->of[i].why);
-    free(outliers->of);
-    *outliers = (rx_rollup_outliers){0};
 }
 
 /* --- trends --- */

@@ -7,24 +7,15 @@
 #include "report/report.h"
 #include "survey/rollup.h"
 
-/* One image of a tile. `why` names what is off, its value and the survey's: up to three, the furthest first. */
-typedef struct rx_rollup_outlier {
-    const rx_rollup_row *row; /* NULL: the tile has none */
-    const char *name, *image, *page;
-    int hdu, rank; /* rank: 2 failed or without a record, 1 a gate that failed, 0 far from the others */
-    double off;    /* robust sigmas; 0 of failures */
-    char *why;     /* owned */
-} rx_rollup_outlier;
+/* rollup->outliers. Far: more than 6 robust sigmas (sigma_MAD of the images that one restorer did, not below a floor of each
+ * quantity) from the median, with ten images or more. Errors: RX_SYSTEM. */
+rx_status rx_rollup_outliers_find(rx_rollup *rollup, rx_error *err);
 
-typedef struct rx_rollup_outliers {
-    int n;
-    rx_rollup_outlier *of; /* [n] worst first */
-} rx_rollup_outliers;
+/* Begin a further note behind those of dst, `before` in front of it; returns dst. */
+rx_text *rx_rollup_note(rx_text *dst, const char *before);
 
-/* Far: more than 6 robust sigmas (sigma_MAD of the images that one restorer did, not below a floor of each quantity)
- * from the median, with ten images or more. Errors: RX_SYSTEM. */
-rx_status rx_rollup_outliers_find(const rx_rollup *rollup, rx_rollup_outliers *dst, rx_error *err);
-void rx_rollup_outliers_free(rx_rollup_outliers *outliers); /* content only */
+/* What a row says of itself, whatever the others are: work of another restorer, a flux scale that is off (unless dst has it). */
+void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before);
 
 /* Rank correlation (Spearman) of each quantity with each card that the records hold; a table, and figures "trend-..." of
  * the strongest where it is beyond 4 sigma. Errors: RX_SYSTEM. */

@@ -241,11 +241,15 @@ static void add_facts(rx_report *report, const rx_rollup *r)
     const struct {
         const char *name;
         int n;
-    } counts[] = {
-        {"all_tiles", r->ntiles + r->nmissing}, {"fine", r->fine},         {"failed", r->failed},
-        {"without_record", r->nmissing},        {"gate_failed", r->gates}, {"gate_undecided", r->undecided},
-        {"psf_not_from_stars", r->lower}};
-    char word[64], sentence[200];
+    } counts[] = {{"all_tiles", r->ntiles + r->nmissing},
+                  {"fine", r->fine},
+                  {"failed", r->failed},
+                  {"without_record", r->nmissing},
+                  {"gate_failed", r->gates},
+                  {"gate_undecided", r->undecided},
+                  {"stand_out", r->apart},
+                  {"psf_not_from_stars", r->lower}};
+    char word[64], sentence[240];
     rx_report_fact(report, "format", "rextract survey 2");
     if (r->mag_low < r->mag_high) {
         rx_report_fact_number(report, "mag_low", r->mag_low);
@@ -259,32 +263,28 @@ static void add_facts(rx_report *report, const rx_rollup *r)
     snprintf(word, sizeof word, "%d of %d tiles are fine:", r->fine, r->ntiles + r->nmissing);
     snprintf(
         sentence, sizeof sentence,
-        "%d failed, %d without a record, %d with a quality gate that failed, %d with one that is undecided.",
-        r->failed, r->nmissing, r->gates, r->undecided);
+        "%d failed, %d without a record, %d with a quality gate that failed, %d with one that is undecided, "
+        "%d others stand out.",
+        r->failed, r->nmissing, r->gates, r->undecided, r->apart);
     rx_report_verdict(report,
                       r->failed + r->nmissing + r->gates > 0 ? RX_MARK_BAD
-                      : r->undecided > 0                     ? RX_MARK_OPEN
+                      : r->undecided + r->apart > 0          ? RX_MARK_OPEN
                                                              : RX_MARK_GOOD,
                       word, sentence);
 }
 
-static rx_status add_outliers(rx_report *report, const rx_rollup *r, const char *shown, rx_report_table **dst,
-                              rx_error *err)
+static const rx_report_table *add_outliers(rx_report *report, const rx_rollup *r, const char *shown)
 {
-    rx_report_table *t = *dst =
-        rx_report_table_add(report, "outliers", COUNT(OUTLIERS), OUTLIERS, RX_REPORT_EVERYWHERE);
-    rx_rollup_outliers outliers;
+    rx_report_table *t = RX_REPORT_TABLE(report, "outliers", OUTLIERS, RX_REPORT_EVERYWHERE);
     char link[2 * PATH_MAX];
-    const rx_status status = rx_rollup_outliers_find(r, &outliers, err);
-    for (int i = 0; i < outliers.n; i++) {
-        const rx_rollup_outlier *o = &outliers.of[i];
+    for (int i = 0; i < r->noutliers; i++) {
+        const rx_rollup_outlier *o = &r->outlier[i];
         rx_report_row(t, (rx_cell[]){rx_cell_words(o->name), rx_cell_number(o->row != NULL ? o->hdu : NAN),
                                      rx_cell_number(o->off > 0 ? o->off : NAN), rx_cell_words(o->why),
                                      rx_cell_words(o->image),
                                      rx_cell_words(link_to(o->page, shown, link, sizeof link))});
     }
-    rx_rollup_outliers_free(&outliers);
-    return status;
+    return t;
 }
 
 static void show(rx_report *report, const rx_report_table *t, long to, int ncolumns,
@@ -351,10 +351,9 @@ rx_status rx_rollup_report(const rx_rollup *r, int figures, const char *folder, 
     if (report == NULL)
         return rx_error_memory(err, 0);
     add_facts(report, r);
-    rx_report_table *outliers = NULL, *trends = NULL;
-    rx_status status = add_outliers(report, r, shown, &outliers, err);
-    if (status == RX_OK)
-        status = rx_rollup_trends(r, report, &trends, err);
+    rx_report_table *trends = NULL;
+    const rx_report_table *outliers = add_outliers(report, r, shown);
+    rx_status status = rx_rollup_trends(r, report, &trends, err);
     if (status != RX_OK) {
         rx_report_free(report);
         return status;
@@ -385,7 +384,7 @@ rx_status rx_rollup_report(const rx_rollup *r, int figures, const char *folder, 
         rx_report_note(report, range);
     }
     const rx_report_table *psfs = add_psfs(report, r), *not_fine = add_not_fine(report, r);
-    rx_report_section(report, "failures", "Tiles that are not fine");
+    rx_report_section(report, "failures", "Failures and gates");
     show(report, not_fine, rx_report_rows(not_fine), COUNT(why), why);
     show_psfs(report, r, psfs);
     rx_report_section(report, "tiles", "Tiles, worst first");

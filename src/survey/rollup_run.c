@@ -79,8 +79,8 @@ static void tell(const rx_rollup *r, rx_log *log)
     rx_log_info(
         log,
         "%d tiles: %d fine, %d failed, %d without a record, %d with a quality gate that failed, %d with "
-        "one that is undecided",
-        r->ntiles + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided);
+        "one that is undecided, %d others stand out",
+        r->ntiles + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided, r->apart);
     if (r->lower > 0)
         rx_log_info(log, "%d of %d images have a PSF that is not from several stars of their own: psfs.ecsv",
                     r->lower, r->npsfs);

@@ -234,12 +234,11 @@ static void whose_work_and_flux_scale(void **state)
                                "RUN RL 95 0\nFLUX 50 10 1.05 0.005 0.95 0.001\nRUN NET 61 0\nOUTSIDE \"noise "
                                "factor 3.2 is above 3\"\nGUARD 9.5 1.25 0.25\nEND\n";
     static const char *const junit[] = {
-        "name=\"a.fits\"><system-out>HDU 0: NET: done by RL, FWHM 1.5 is &lt;2; </system-out></testcase>",
+        "name=\"a.fits\"><system-out>HDU 0: NET: done by RL, FWHM 1.5 is &lt;2</system-out></testcase>",
         "HDU 0: RL: the flux scale is off: 1.0500 +- 0.0050, FLUX_AUTO 0.950",
-        "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; ",
-        "HDU 0: NET: DETECT_THRESH was raised 1.25 times",
-        "HDU 0: NET: 25 % of the tile are not explained",
-        NULL};
+        "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; HDU 0: NET: DETECT_THRESH was "
+        "raised 1.25 times",
+        "HDU 0: NET: 25 % of the tile are not explained", NULL};
     static const char *const json[] = {"\"done_by_another\": 1",
                                        "\"flux_scale_off\": 1",
                                        "\"outside\": 1,",
@@ -249,9 +248,13 @@ static void whose_work_and_flux_scale(void **state)
                                        "\"done_by\": \"RL\", \"why\": \"FWHM 1.5 is <2\"",
                                        "\"flux_scale_is\": \"off\"",
                                        NULL};
-    static const char *const page[] = {"<td class=\"t\">RL</td><td class=\"t\">FWHM 1.5 is &lt;2</td>",
-                                       "flux scale off", "<th scope=\"col\" class=\"t\">not made for</th>",
-                                       "<td class=\"t\">noise factor 3.2 is above 3</td>", NULL};
+    /* both stand out, and the verdict says so */
+    static const char *const page[] = {"<b class=\"v INSUFFICIENT\">0 of 2 tiles are fine:</b>",
+                                       "<td class=\"t\">RL</td><td class=\"t\">FWHM 1.5 is &lt;2</td>",
+                                       "flux scale off",
+                                       "<th scope=\"col\" class=\"t\">not made for</th>",
+                                       "<td class=\"t\">noise factor 3.2 is above 3</td>",
+                                       NULL};
     static const char *const tiles[] = {",1.05,0.005,\"off\",", ",\"noise factor 3.2 is above 3\",", NULL};
     rx_rollup r = {0};
     char path[512];
@@ -275,6 +278,9 @@ static void whose_work_and_flux_scale(void **state)
     for (int i = 1; i < r.nrows; i++)
         assert_true(isnan(r.row[i].off));
     assert_int_equal(r.run[1].unexplained, 1);
+    assert_int_equal(r.noutliers, 2);
+    assert_int_equal(r.apart, 2);
+    assert_int_equal(r.fine, 0);
     write_report(state, &r);
     holds(state, "junit.xml", junit);
     holds(state, "summary.json", json);

@@ -83,24 +83,21 @@ static void check(int n, int nbad, int spare)
         "sources",          "recall", "bias",        "flux scale", "curve of growth"};
     rx_text records = {0};
     rx_rollup rollup;
-    rx_rollup_outliers outliers;
     int seen = 0;
     make_records(&records, n, nbad);
     roll_up(&records, &rollup);
-    assert_int_equal(rx_rollup_outliers_find(&rollup, &outliers, NULL), RX_OK);
     for (int bad = 0; bad < nbad; bad++) {
         char name[16];
         snprintf(name, sizeof name, "t%04d", 7 + bad * (n / nbad));
-        for (int i = 0; i < outliers.n && i < nbad + spare; i++)
-            if (strcmp(outliers.of[i].name, name) == 0) {
-                assert_non_null(strstr(outliers.of[i].why, reasons[bad % WAYS]));
+        for (int i = 0; i < rollup.noutliers && i < nbad + spare; i++)
+            if (strcmp(rollup.outlier[i].name, name) == 0) {
+                assert_non_null(strstr(rollup.outlier[i].why, reasons[bad % WAYS]));
                 seen++;
             }
     }
     assert_int_equal(seen, nbad);
-    assert_in_range(outliers.n, nbad, nbad + spare);
-    assert_int_equal(outliers.of[0].rank, 2);
-    rx_rollup_outliers_free(&outliers);
+    assert_in_range(rollup.noutliers, nbad, nbad + spare);
+    assert_int_equal(rollup.outlier[0].rank, 2);
     rx_rollup_free(&rollup);
     rx_text_free(&records);
 }
@@ -122,13 +119,10 @@ static void nothing_stands_out_of_good_tiles(void **state)
     (void)state;
     rx_text records = {0};
     rx_rollup rollup;
-    rx_rollup_outliers outliers;
     for (int i = 0; i < 300; i++)
         add_record(&records, i, -1);
     roll_up(&records, &rollup);
-    assert_int_equal(rx_rollup_outliers_find(&rollup, &outliers, NULL), RX_OK);
-    assert_int_equal(outliers.n, 0);
-    rx_rollup_outliers_free(&outliers);
+    assert_int_equal(rollup.noutliers, 0);
     rx_rollup_free(&rollup);
     rx_text_free(&records);
 }
@@ -139,7 +133,6 @@ static int count_wide(double times)
     static const double off = 0.18 / 1.4826;
     rx_text records = {0};
     rx_rollup rollup;
-    rx_rollup_outliers outliers;
     for (int i = 0; i < 43; i++)
         rx_text_printf(
             &records,
@@ -151,11 +144,9 @@ static int count_wide(double times)
                  : i < 42  ? 1 + off
                            : times));
     roll_up(&records, &rollup);
-    assert_int_equal(rx_rollup_outliers_find(&rollup, &outliers, NULL), RX_OK);
-    const int n = outliers.n;
+    const int n = rollup.noutliers;
     if (n > 0)
-        assert_string_equal(outliers.of[0].name, "t42");
-    rx_rollup_outliers_free(&outliers);
+        assert_string_equal(rollup.outlier[0].name, "t42");
     rx_rollup_free(&rollup);
     rx_text_free(&records);
     return n;
