@@ -83,9 +83,21 @@ static rx_tile_state state_of(const rx_field *field)
                            .factor = rx_noise_factor_wide(&field->noise),
                            .masked = (double)masked / (double)n,
                            .saturated = (double)saturated / (double)n,
+                           .rows = field->anomalies.rows,
+                           .columns = field->anomalies.columns,
+                           .light = field->anomalies.light,
                            .chi2 = NAN,
                            .wrong = -1,
                            .look = -1};
+}
+
+/* Share of the sources with that bit of FLAGS_RESTORE. */
+static double share_of(const rx_sources *sources, int bit)
+{
+    int n = 0;
+    for (int i = 0; i < sources->n; i++)
+        n += (sources->list[i].fit.restore & bit) != 0;
+    return n > 0 ? (double)n / (double)sources->n : 0.0;
 }
 
 void rx_tile_facts_cards(rx_extension_facts *facts, const rx_tile *tile, int n, const char *const *names)
@@ -132,7 +144,9 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
                               .guard = {.known = blank->realisations > 0 || isfinite(runs[i].unexplained),
                                         .false_per_mpixel = blank->realisations > 0 ? blank->rate.value : NAN,
                                         .raised = blank->raised,
-                                        .unexplained = runs[i].unexplained}};
+                                        .unexplained = runs[i].unexplained},
+                              .sharp = field->anomalies.ratio[0] > 0.0 ? runs[i].sharp : NAN,
+                              .lit = share_of(runs[i].sources, RX_RESTORE_LIGHT)};
         snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
         snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
         snprintf(run->why, sizeof run->why, "%s", runs[i].why);

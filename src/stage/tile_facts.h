@@ -26,7 +26,8 @@ typedef struct rx_run_facts {
     rx_fluxcheck flux;     /* n = 0: not measured */
     double chi2;           /* residual, of the tile's page; NAN without it, or not judged; not in records */
     rx_run_guard guard;
-    rx_tally *tally; /* against the reference catalogue; NULL without one */
+    double sharp, lit; /* shares of the sources with FLAGS_RESTORE 256 (RXSHARP) and 512; NAN: not known */
+    rx_tally *tally;   /* against the reference catalogue; NULL without one */
 } rx_run_facts;
 
 /* How its PSF came about, and what reserved stars say of it. */
@@ -49,6 +50,7 @@ typedef struct rx_tile_state {
     double factor;      /* noise of wide sums over that of independent pixels */
     double masked;      /* share of pixels that are not used */
     double saturated;
+    double rows, columns, light; /* RXROWS, RXCOLS, RXLIGHT (detect/anomalies.h); NAN: not known */
     double chi2;     /* of the page's last restorer (QA_TYPE TILE); NAN without it, or where not judged */
     int wrong, look; /* its remarks; -1 without it */
 } rx_tile_state;

@@ -159,6 +159,9 @@ static rx_status describe_image(rx_rollup *r, const rx_extension_facts *e, rx_ro
                                             .factor = NAN,
                                             .masked = NAN,
                                             .saturated = NAN,
+                                            .rows = NAN,
+                                            .columns = NAN,
+                                            .light = NAN,
                                             .chi2 = NAN,
                                             .wrong = -1,
                                             .look = -1};
@@ -198,6 +201,8 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     row->sources = facts->sources;
     row->flux = facts->flux;
     row->guard = facts->guard;
+    row->sharp = facts->sharp;
+    row->lit = facts->lit;
     memcpy(row->by, facts->by, sizeof row->by);
     if (row->by[0] != '\0' && (row->why = rx_strdup(facts->why)) == NULL)
         return rx_error_memory(err, 0);

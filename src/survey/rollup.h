@@ -46,6 +46,7 @@ typedef struct rx_rollup_row {
     char *outside; /* what the restorer was not made for; NULL: nothing */
     rx_fluxcheck flux;
     rx_run_guard guard;
+    double sharp, lit;                         /* as of rx_run_facts */
     int leads;                                 /* first restorer of its image */
     rx_tile_state state;                       /* NAN and -1 where it is not known */
     double psf_growth, psf_residual, psf_size; /* as of rx_psf_account; NAN */

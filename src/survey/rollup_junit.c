@@ -36,16 +36,13 @@ static void collect_notes(const rx_rollup *r, rx_text *notes)
     for (int i = 0; i < r->nrows; i++) {
         const rx_rollup_row *row = &r->row[i];
         rx_text *dst = &notes[row->tile->place];
+        const char *run = r->run[row->run].name;
         char before[40];
-        snprintf(before, sizeof before, "HDU %d: %s: ", row->hdu, r->run[row->run].name);
-        rx_rollup_row_notes(dst, row, before);
+        snprintf(before, sizeof before, "HDU %d: ", row->hdu);
+        rx_rollup_row_notes(dst, row, before, run);
         if (row->guard.known && row->guard.raised > 1.0)
-            rx_text_printf(rx_rollup_note(dst, before),
+            rx_text_printf(rx_rollup_note(dst, before, run),
                            "DETECT_THRESH was raised %.3g times for false detections", row->guard.raised);
-        if (row->guard.known && rx_residual_is_large(row->guard.unexplained))
-            rx_text_printf(rx_rollup_note(dst, before),
-                           "%.0f %% of the tile are not explained by the restored image",
-                           100.0 * row->guard.unexplained);
     }
 }
 

@@ -33,6 +33,9 @@ typedef struct quantity {
     Q(factor, "noise_factor", "noise of sums", "", 1, 1, 0.02, r->state.factor)                              \
     Q(masked, "masked", "masked share", "", 1, 0, 0.01, r->state.masked)                                     \
     Q(saturated, "saturated", "saturated share", "", 1, 0, 0.001, r->state.saturated)                        \
+    Q(rows, "rows", "offsets of rows", " sigma", 1, 0, 0.02, r->state.rows)                                  \
+    Q(columns, "columns", "offsets of columns", " sigma", 1, 0, 0.02, r->state.columns)                      \
+    Q(light, "light", "share with light of no source", "", 1, 0, 0.003, r->state.light)                      \
     Q(chi2, "chi2", "residual chi2", "", 1, 1, 0.05, r->state.chi2)                                          \
     Q(growth, "psf_growth", "curve of growth, stars - PSF", "", 1, 0, 0.002, r->psf_growth)                  \
     Q(residual, "psf_residual", "stacked stars - PSF", "", 1, 0, 0.005, r->psf_residual)                     \
@@ -41,6 +44,8 @@ typedef struct quantity {
     Q(flux_scale, "flux_scale", "flux scale", "", 0, 0, 0.001, r->flux.n > 0 ? r->flux.wide : NAN)           \
     Q(unexplained, "not_explained", "share not explained", "", 0, 0, 0.01,                                   \
       r->guard.known ? r->guard.unexplained : NAN)                                                           \
+    Q(sharp, "sharp", "share of sources sharper than the PSF", "", 0, 0, 0.003, r->sharp)                    \
+    Q(lit, "on_light", "share of faint sources on light of no source", "", 0, 0, 0.005, r->lit)              \
     Q(spurious, "false_per_mpixel", "false per Mpixel", "", 0, 0, 0.5,                                       \
       r->guard.known ? r->guard.false_per_mpixel : NAN)                                                      \
     Q(recall, "recall", "recall", "", 0, 0, 0.01, r->cell.recall.value)                                      \
@@ -162,22 +167,40 @@ static int by_image(const void *a, const void *b)
     return x->tile != y->tile ? x->tile->place - y->tile->place : x->place - y->place;
 }
 
-rx_text *rx_rollup_note(rx_text *dst, const char *before)
+rx_text *rx_rollup_note(rx_text *dst, const char *before, const char *run)
 {
-    rx_text_printf(dst, "%s%s", dst->length > 0 ? "; " : "", before);
+    rx_text_printf(dst, "%s%s%s%s", dst->length > 0 ? "; " : "", before, run, run[0] != '\0' ? ": " : "");
     return dst;
 }
 
-void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before)
+void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before, const char *run)
 {
     if (row->by[0] != '\0')
-        rx_text_printf(rx_rollup_note(dst, before), "done by %s, %s", row->by, row->why);
+        rx_text_printf(rx_rollup_note(dst, before, run), "done by %s, %s", row->by, row->why);
     if (row->outside != NULL)
-        rx_text_printf(rx_rollup_note(dst, before), "not made for this tile: %s", row->outside);
+        rx_text_printf(rx_rollup_note(dst, before, run), "not made for this tile: %s", row->outside);
     if (rx_fluxcheck_is_off(&row->flux) && strstr(dst->data != NULL ? dst->data : "", "flux scale") == NULL)
-        rx_text_printf(rx_rollup_note(dst, before),
+        rx_text_printf(rx_rollup_note(dst, before, run),
                        "the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f", row->flux.wide,
                        row->flux.wide_error, row->flux.automatic, row->flux.automatic_error);
+    if (row->guard.known && rx_residual_is_large(row->guard.unexplained))
+        rx_text_printf(rx_rollup_note(dst, before, run),
+                       "%.0f %% of the tile are not explained by the restored image",
+                       100.0 * row->guard.unexplained);
+    if (rx_result_is_sharp(row->sharp))
+        rx_text_printf(rx_rollup_note(dst, before, run), "%.0f %% of the sources are sharper than the PSF",
+                       100.0 * row->sharp);
+    const rx_anomalies anomalies = {
+        .rows = row->state.rows, .columns = row->state.columns, .light = row->state.light};
+    if (row->leads && rx_anomalies_is_striped(&anomalies))
+        rx_text_printf(rx_rollup_note(dst, before, ""),
+                       "rows are offset by %.2g sigma of a pixel, columns by %.2g", anomalies.rows,
+                       anomalies.columns);
+    if (row->leads && rx_anomalies_is_lit(&anomalies))
+        rx_text_printf(rx_rollup_note(dst, before, ""), "%.0f %% of the tile hold light of no source",
+                       100.0 * anomalies.light);
+    if (row->leads && row->state.wrong > 0)
+        rx_text_printf(rx_rollup_note(dst, before, ""), "its page has %d marked Wrong", row->state.wrong);
 }
 
 static rx_status find_far(rx_rollup *r, const level *levels, const rx_rollup_row **order, rx_error *err)
@@ -190,19 +213,17 @@ static rx_status find_far(rx_rollup *r, const level *levels, const rx_rollup_row
         qsort(order, (size_t)r->nrows, sizeof *order, by_image);
     for (int i = 0, end; i < r->nrows && status == RX_OK; i = end) {
         const rx_rollup_row *first = order[i];
-        char before[24];
         rx_text why = {0};
         double most = 0;
         for (end = i; end < r->nrows && order[end]->tile == first->tile && order[end]->hdu == first->hdu;
              end++) {
             const rx_rollup_row *row = order[end];
-            snprintf(before, sizeof before, "%s: ", r->run[row->run].name);
             most = fmax(most, reasons(r, levels, row, &why));
-            rx_rollup_row_notes(&why, row, before);
+            rx_rollup_row_notes(&why, row, "", r->run[row->run].name);
         }
         const int gate = first->verdict == RX_VERDICT_FAIL;
         if (gate)
-            rx_text_add(rx_rollup_note(&why, ""), "a quality gate failed");
+            rx_text_add(rx_rollup_note(&why, "", ""), "a quality gate failed");
         if (why.length > 0 && first->tile != last && first->tile->status == RX_OK)
             r->apart++;
         last = why.length > 0 ? first->tile : last;

@@ -11,11 +11,12 @@
  * quantity) from the median, with ten images or more. Errors: RX_SYSTEM. */
 rx_status rx_rollup_outliers_find(rx_rollup *rollup, rx_error *err);
 
-/* Begin a further note behind those of dst, `before` in front of it; returns dst. */
-rx_text *rx_rollup_note(rx_text *dst, const char *before);
+/* Begin a further note behind those of dst; returns dst. run: "" for what is of the image. */
+rx_text *rx_rollup_note(rx_text *dst, const char *before, const char *run);
 
-/* What a row says of itself, whatever the others are: work of another restorer, a flux scale that is off (unless dst has it). */
-void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before);
+/* What a row says of itself, whatever the others are: work of another restorer, a flux scale that is off (unless dst has
+ * it), what the page of the tile calls wrong. */
+void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before, const char *run);
 
 /* Rank correlation (Spearman) of each quantity with each card that the records hold; a table, and figures "trend-..." of
  * the strongest where it is beyond 4 sigma. Errors: RX_SYSTEM. */

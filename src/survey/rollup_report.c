@@ -89,6 +89,11 @@ RX_COLUMNS(TILES, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
            RX_NUMBER("noise", 3, "adu", "of a pixel"), RX_NUMBER("ellipticity", 3, "", "1 - b/a of the PSF"),
            RX_NUMBER("depth", 2, "mag", "point source of S/N 5"),
            RX_NUMBER("chi2", 2, "", "of the tile's page"),
+           RX_NUMBER("rows", 2, "", "their offsets, sigmas of a pixel (RXROWS)"),
+           RX_NUMBER("columns", 2, "", "the same (RXCOLS)"),
+           RX_NUMBER("light", 3, "", "share with light of no source (RXLIGHT)"),
+           RX_NUMBER("sharp", 3, "", "share of the sources with FLAGS_RESTORE 256 (RXSHARP)"),
+           RX_NUMBER("on_light", 3, "", "share of the sources with FLAGS_RESTORE 512"),
            {"page", RX_REPORT_FILE, 0, "", "of the tile (QA_TYPE TILE)", NULL},
            RX_COUNT("sources", "in the catalogue"), CELL);
 
@@ -227,6 +232,11 @@ static rx_report_table *add_tiles(rx_report *report, const rx_rollup *r, const c
             rx_cell_number(row->state.ellipticity),
             rx_cell_number(row->state.depth),
             rx_cell_number(row->state.chi2),
+            rx_cell_number(row->state.rows),
+            rx_cell_number(row->state.columns),
+            rx_cell_number(row->state.light),
+            rx_cell_number(row->sharp),
+            rx_cell_number(row->lit),
             rx_cell_words(link_to(row->page, shown, link, sizeof link)),
             rx_cell_number((double)row->sources),
         };

@@ -66,6 +66,8 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
         rx_text_printf(dst, "STATE %.9g %.9g %.9g %.9g %.9g %.9g %d %d\n", e->state.ellipticity,
                        e->state.depth, e->state.factor, e->state.masked, e->state.saturated, e->state.chi2,
                        e->state.wrong, e->state.look);
+    if (e->known && (isfinite(e->state.rows) || isfinite(e->state.columns) || isfinite(e->state.light)))
+        rx_text_printf(dst, "ANOMALIES %.9g %.9g %.9g\n", e->state.rows, e->state.columns, e->state.light);
     for (int i = 0; i < e->ncards; i++) {
         rx_text_add(dst, "CARD");
         add_string(dst, e->card[i].name);
@@ -100,6 +102,8 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
         if (run->guard.known)
             rx_text_printf(dst, "GUARD %.9g %.9g %.9g\n", run->guard.false_per_mpixel, run->guard.raised,
                            run->guard.unexplained);
+        if (isfinite(run->lit))
+            rx_text_printf(dst, "SHARES %.9g %.9g\n", run->sharp, run->lit);
         for (int b = 0; run->tally != NULL && b < RX_TALLY_BINS; b++)
             add_bin(dst, b, &run->tally->bin[b]);
     }
@@ -228,7 +232,7 @@ static rx_status read_run(reader *r)
     if (!is_run_name(r->words.v[1]))
         RX_TRY(refuse(r, "a run has no name of a restorer"));
     r->run = &r->extension->run[r->extension->nruns++];
-    *r->run = (rx_run_facts){.sources = sources};
+    *r->run = (rx_run_facts){.sources = sources, .sharp = NAN, .lit = NAN};
     snprintf(r->run->name, sizeof r->run->name, "%s", r->words.v[1]);
     return reference ? RX_MAKE(r->run->tally, 1, r->err) : RX_OK;
 }
@@ -301,8 +305,27 @@ static rx_status read_state(reader *r)
         status = take_whole(r, 8, -1, INT_MAX, &look);
     s->wrong = (int)wrong;
     s->look = (int)look;
+    s->rows = s->columns = s->light = NAN;
     r->extension->known = 1;
     return status;
+}
+
+static rx_status read_anomalies(reader *r)
+{
+    if (r->extension == NULL || !r->extension->known)
+        return refuse(r, "ANOMALIES is out of place");
+    rx_tile_state *s = &r->extension->state;
+    RX_TRY(take_real(r, 1, &s->rows));
+    RX_TRY(take_real(r, 2, &s->columns));
+    return take_real(r, 3, &s->light);
+}
+
+static rx_status read_shares(reader *r)
+{
+    if (r->run == NULL)
+        return refuse(r, "SHARES is out of place");
+    RX_TRY(take_real(r, 1, &r->run->sharp));
+    return take_real(r, 2, &r->run->lit);
 }
 
 /* Into a field of a fixed size, cut where it is longer. */
@@ -451,19 +474,11 @@ static rx_status read_words(reader *r)
     static const struct {
         const char *kind;
         rx_status (*read)(reader *r);
-    } lines[] = {{"EXTENSION", read_extension},
-                 {"STATE", read_state},
-                 {"CARD", read_card},
-                 {"PAGE", read_page},
-                 {"PSF", read_psf},
-                 {"STARS", read_stars},
-                 {"RHO", read_rho},
-                 {"RUN", read_run},
-                 {"DONE", read_done},
-                 {"OUTSIDE", read_outside},
-                 {"FLUX", read_flux},
-                 {"GUARD", read_guard},
-                 {"END", end_record}};
+    } lines[] = {{"EXTENSION", read_extension}, {"STATE", read_state},     {"ANOMALIES", read_anomalies},
+                 {"CARD", read_card},           {"PAGE", read_page},       {"PSF", read_psf},
+                 {"STARS", read_stars},         {"RHO", read_rho},         {"RUN", read_run},
+                 {"DONE", read_done},           {"OUTSIDE", read_outside}, {"FLUX", read_flux},
+                 {"GUARD", read_guard},         {"SHARES", read_shares},   {"END", end_record}};
     const char *kind = r->words.v[0];
     if (strcmp(kind, "TILE") == 0)
         return begin_record(r);

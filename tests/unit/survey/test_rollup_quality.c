@@ -160,6 +160,35 @@ static void a_wide_tile_is_named_from_six_sigma_on(void **state)
     assert_int_equal(count_wide(2.10), 1);
 }
 
+/* Of 20 tiles with these lines of an extension and a run, the last with its own: what is said of that one alone. */
+static void check_last(const char *state, const char *shares, const char *last_state, const char *last_shares,
+                       const char *reason)
+{
+    rx_text records = {0};
+    rx_rollup rollup;
+    for (int i = 0; i < 20; i++)
+        rx_text_printf(&records,
+                       "TILE t%02d.fits t%02d\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 99 99 150 2 3 200 10 0\n"
+                       "STATE 0.1 24 1 0 0 1 0 0\nANOMALIES %s\nRUN NONE 1500 0\nSHARES %s\nEND\n",
+                       i, i, i < 19 ? state : last_state, i < 19 ? shares : last_shares);
+    roll_up(&records, &rollup);
+    assert_int_equal(rollup.noutliers, 1);
+    assert_string_equal(rollup.outlier[0].name, "t19");
+    assert_non_null(strstr(rollup.outlier[0].why, reason));
+    rx_rollup_free(&rollup);
+    rx_text_free(&records);
+}
+
+static void anomalies_stand_out(void **state)
+{
+    (void)state;
+    check_last("0.01 0 0.001", "0 0", "0.15 0 0.001", "0 0", "offsets of rows 0.15");
+    check_last("0.01 0 0.001", "0 0", "0 0.15 0.001", "0 0", "offsets of columns 0.15");
+    check_last("0.01 0 nan", "0 0", "0.01 0 0.03", "0 0", "3 % of the tile hold light of no source");
+    check_last("0.01 0 0", "0 0", "0.01 0 0", "0.01 0.1", "share of faint sources on light of no source 0.1");
+    check_last("0.01 0 0", "nan 0", "0.01 0 0", "0.05 0", "5 % of the sources are sharper than the PSF");
+}
+
 /* Seeing goes with airmass; with time nothing does. */
 static void trends_are_seen(void **state)
 {
@@ -194,6 +223,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(so_they_do_among_thousands),
         cmocka_unit_test(nothing_stands_out_of_good_tiles),
         cmocka_unit_test(a_wide_tile_is_named_from_six_sigma_on),
+        cmocka_unit_test(anomalies_stand_out),
         cmocka_unit_test(trends_are_seen),
     };
     if (argc > 1) {

@@ -20,6 +20,8 @@ static const char whole[] =
     "VERSION \"0.1.0\"\n"
     "STATUS 5 \"rextract: a quality gate FAILED%0Aand more\"\n"
     "EXTENSION 1 2048 1489 150.1 -2.25 nan 1000.5 9.75 2\n"
+    "STATE 0.1 24 1.5 0.02 0.001 nan 1 2\n"
+    "ANOMALIES 0.25 nan 0.03\n"
     "PSF \"LIBRARY\" \"b_0-%22.psf\" 31 8 0.0125 -0.003 0.011 0.001 -0.002 0.003 0.004 0.005 nan\n"
     "STARS 8 -120 14 2 0.0625\n"
     "RHO 2 20 -345 1000000000000\n"
@@ -32,6 +34,7 @@ static const char whole[] =
     "DONE \"RL\" \"FWHM 1.2 is %22narrow%22\"\n"
     "OUTSIDE \"noise factor 3.2\"\n"
     "GUARD 9.5 1.25 nan\n"
+    "SHARES nan 0.125\n"
     "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
     "END\n";
 
@@ -68,6 +71,9 @@ static void what_is_written_is_read(void **state)
     assert_true(isnan(e->fwhm));
     assert_near(e->delta, -2.25, 0);
     assert_int_equal(e->verdict, RX_VERDICT_FAIL);
+    assert_near(e->state.light, 0.03, 0);
+    assert_near(e->run[2].lit, 0.125, 0);
+    assert_true(isnan(e->run[1].lit));
     assert_string_equal(e->psf.how, "LIBRARY");
     assert_string_equal(e->psf.library, "b_0-\".psf");
     assert_int_equal(e->psf.stars, 31);
