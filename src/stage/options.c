@@ -307,6 +307,11 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
         (strcasecmp(end, ".fits") == 0 || strcasecmp(end, ".fit") == 0))
         rx_log_warning(log, "%s is no FITS file but %s; give CATALOG_TYPE FITS, or another CATALOG_NAME",
                        cfg->catalog_name, cfg->catalog_type);
+    if (strcasecmp(cfg->catalog_name, "NONE") == 0 && strcmp(cfg->catalog_type, "NONE") != 0)
+        rx_log_warning(log,
+                       "CATALOG_NAME %s is the name of a file, as in SExtractor; give CATALOG_TYPE NONE for "
+                       "no catalogue",
+                       cfg->catalog_name);
 }
 
 static rx_status check_library(const char *folder, int write, rx_error *err)

@@ -395,6 +395,16 @@ for word in ASCII_HEAD ASCII_VOTABLE; do
     done
 done
 
+begin 'CATALOG_NAME NONE is a name, and a warning says so'
+make_fits tile tile.fits
+leaves NONE
+if [ "$active" = 1 ]; then
+    run tile.fits $none -CATALOG_NAME NONE
+    grep 'warning: CATALOG_NAME' ../err >../warnings
+    mv ../warnings ../err
+    judge 0 'warning: CATALOG_NAME NONE .*CATALOG_TYPE NONE'
+fi
+
 begin 'no word about a FITS catalogue that is called .cat'
 make_fits tile tile.fits
 leaves test.cat
