@@ -28,14 +28,15 @@ static void add_head(rx_text *dst, const rx_table *table)
 static void add_facts(rx_text *dst, rx_table *const *tables, int n)
 {
     static const char *const keys[] = {
-        "RXREST",   "RXASKED",  "RXWHY",    "RXPSF",    "RXFWHM",   "RXPSFHOW", "RXPSFNST", "RXPSFLIB",
-        "RXPSFLDT", "RXPSFLDS", "RXPSFLN",  "RXPSFDEG", "RXPSFRAD", "RXPSFOUT", "RXPSFERR", "RXPSFHID",
-        "RXPSFERX", "RXPSFEPX", "RXPSFEPY", "RXPSFMAX", "RXPSFLIM", "RXPSFSHN", "RXPSFSHR", "RXPREAL",
-        "RXPRLIM",  "RXPSFCOG", "RXPSFCGR", "RXPSFRES", "RXPSFNRS", "RXPSFDT",  "RXPSFDTE", "RXPSFE1",
-        "RXPSFE1E", "RXPSFE2",  "RXPSFE2E", "RXNCOR",   "RXNFACT",  "RXNOISOK", "RXNETIN",  "RXNETWHY",
-        "RXNETOUT", "RXBLKR",   "RXBLKT",   "RXUNEX",   "RXDARK",   "RXROWS",   "RXCOLS",   "RXLIGHT",
-        "RXSHARP",  "RXFLXW",   "RXFLXWE",  "RXFLXA",   "RXFLXAE",  "RXFLXOK",  "RXTPOK",   "RXTPCHI2",
-        "RXCROWD",  "RXUNSEEN", "RXPSFNBR"};
+        "RXREST",   "RXASKED",  "RXWHY",    "RXAUN",    "RXAU1F",   "RXAU1S",   "RXAU2F",   "RXAU2S",
+        "RXAU2O",   "RXAU3F",   "RXAU3S",   "RXAU3O",   "RXPSF",    "RXFWHM",   "RXPSFHOW", "RXPSFNST",
+        "RXPSFLIB", "RXPSFLDT", "RXPSFLDS", "RXPSFLN",  "RXPSFDEG", "RXPSFRAD", "RXPSFOUT", "RXPSFERR",
+        "RXPSFHID", "RXPSFERX", "RXPSFEPX", "RXPSFEPY", "RXPSFMAX", "RXPSFLIM", "RXPSFSHN", "RXPSFSHR",
+        "RXPREAL",  "RXPRLIM",  "RXPSFCOG", "RXPSFCGR", "RXPSFRES", "RXPSFNRS", "RXPSFDT",  "RXPSFDTE",
+        "RXPSFE1",  "RXPSFE1E", "RXPSFE2",  "RXPSFE2E", "RXNCOR",   "RXNFACT",  "RXNOISOK", "RXNETIN",
+        "RXNETWHY", "RXNETOUT", "RXBLKR",   "RXBLKT",   "RXUNEX",   "RXDARK",   "RXROWS",   "RXCOLS",
+        "RXLIGHT",  "RXSHARP",  "RXFLXW",   "RXFLXWE",  "RXFLXA",   "RXFLXAE",  "RXFLXOK",  "RXTPOK",
+        "RXTPCHI2", "RXCROWD",  "RXUNSEEN", "RXPSFNBR"};
     char value[512];
     for (int i = 0; i < n; i++)
         for (size_t k = 0; k < sizeof keys / sizeof *keys && tables[i]->facts != NULL; k++)

@@ -7,7 +7,6 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
-#include "base/min_max.h"
 #include "io/tile.h"
 #include "pipeline/domain.h"
 #include "pipeline/field_noise.h"
@@ -52,17 +51,6 @@ exit:
     return status;
 }
 
-/* That of a part of the tile. */
-static rx_psf *moved_psf(const rx_psf *psf, const rx_replica_part *part)
-{
-    rx_psf *moved = rx_psf_copy(psf);
-    if (moved != NULL && part != NULL) {
-        moved->x0 -= part->x;
-        moved->y0 -= part->y;
-    }
-    return moved;
-}
-
 rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *field,
                               const rx_noise_correlation *noise, const rx_replica_part *part,
                               rx_random_stream from, rx_field **dst, rx_error *err)
@@ -79,7 +67,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
     const size_t n = (size_t)width * (size_t)height;
     float *sigma = RX_NEW(float, n);
     if (field->psf != NULL)
-        psf = moved_psf(field->psf, part);
+        psf = rx_replica_psf(field->psf, part);
     if (sigma == NULL || (psf == NULL) != (field->psf == NULL))
         RX_TRY_EXIT(rx_error_memory(err, n * sizeof *sigma));
     for (int y = 0; y < height; y++) {
@@ -204,33 +192,13 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
     return status;
 }
 
-/* The window, of nine places, that hides least; the middle one where they are equal. */
-static rx_replica_part quick_window(const rx_tile *tile, int side)
-{
-    rx_replica_part best = {.width = rx_min_int(tile->width, side), .height = rx_min_int(tile->height, side)};
-    static const int order[] = {1, 0, 2};
-    long most = -1;
-    for (int k = 0; k < 9; k++) {
-        const int x = (tile->width - best.width) * order[k % 3] / 2,
-                  y = (tile->height - best.height) * order[k / 3] / 2;
-        long good = 0;
-        for (int row = y; row < y + best.height; row++)
-            for (int i = x; i < x + best.width; i++)
-                good += (tile->mask[(size_t)row * (size_t)tile->width + (size_t)i] & RX_HIDE_RESTORED) == 0;
-        if (good > most) {
-            most = good;
-            best.x = x;
-            best.y = y;
-        }
-    }
-    return best;
-}
-
 /* What is found in a window of that side; with the threshold raised where it is too much. */
 static rx_status run_window(const rx_pipeline_params *params, const rx_blank_input *in, int side, double most,
                             rx_blankcheck *dst, rx_error *err)
 {
-    const rx_replica_part window = quick_window(in->field->tile, side);
+    const rx_tile *tile = in->field->tile;
+    const rx_replica_part window =
+        rx_replica_window(tile, &(rx_replica_part){.width = tile->width, .height = tile->height}, side);
     rx_field *blank = NULL;
     rx_result result = {0};
     RX_TRY(rx_blankcheck_field(params, in->field, in->noise, &window,

@@ -22,9 +22,8 @@ struct rx_checks {
     char no_self[RX_ERROR_TEXT], no_blank[RX_ERROR_TEXT]; /* why a check is left out, "" it is not */
 };
 
-/* Where the sources of the untouched tile are. */
-static rx_status find_sources(const rx_pipeline_params *params, int sizes, const rx_field *field,
-                              rx_sources **dst, rx_error *err)
+rx_status rx_checks_sources(const rx_pipeline_params *params, int sizes, const rx_field *field,
+                            rx_sources **dst, rx_error *err)
 {
     rx_result result;
     rx_pipeline_params own = *params;
@@ -102,7 +101,7 @@ rx_status rx_checks_new(const rx_pipeline_params *params, const rx_check_params 
     checks->params = params;
     checks->par = par;
     checks->field = field;
-    rx_status status = find_sources(params, par->self_check, field, &checks->sources, err);
+    rx_status status = rx_checks_sources(params, par->self_check, field, &checks->sources, err);
     if (status == RX_OK && par->self_check)
         status = prepare_selfcheck(checks, log, err);
     if (status == RX_OK && par->blank_check > 0)

@@ -1,6 +1,7 @@
 librextract_la_SOURCES += \
 	src/check/blankcheck.c src/check/blankcheck.h \
 	src/check/checks.c src/check/checks.h \
+	src/check/choice.c src/check/choice.h \
 	src/check/conformal.c src/check/conformal.h \
 	src/check/params.h \
 	src/check/quality.c src/check/quality.h \

@@ -4,6 +4,8 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
+#include "data/image.h"
 #include "io/tile.h"
 
 /* NULL for NULL, else a copy of that part; *failed when memory is out. */
@@ -57,6 +59,37 @@ rx_status rx_replica_new(const rx_tile *src, const rx_replica_part *part, rx_til
     }
     *dst = tile;
     return RX_OK;
+}
+
+rx_replica_part rx_replica_window(const rx_tile *tile, const rx_replica_part *part, int side)
+{
+    rx_replica_part best = {.width = rx_min_int(part->width, side), .height = rx_min_int(part->height, side)};
+    static const int order[] = {1, 0, 2};
+    long most = -1;
+    for (int k = 0; k < 9; k++) {
+        const int x = part->x + (part->width - best.width) * order[k % 3] / 2,
+                  y = part->y + (part->height - best.height) * order[k / 3] / 2;
+        long good = 0;
+        for (int row = y; row < y + best.height; row++)
+            for (int i = x; i < x + best.width; i++)
+                good += (tile->mask[(size_t)row * (size_t)tile->width + (size_t)i] & RX_HIDE_RESTORED) == 0;
+        if (good > most) {
+            most = good;
+            best.x = x;
+            best.y = y;
+        }
+    }
+    return best;
+}
+
+rx_psf *rx_replica_psf(const rx_psf *psf, const rx_replica_part *part)
+{
+    rx_psf *moved = rx_psf_copy(psf);
+    if (moved != NULL && part != NULL) {
+        moved->x0 -= part->x;
+        moved->y0 -= part->y;
+    }
+    return moved;
 }
 
 void rx_replica_settle(rx_tile *tile)

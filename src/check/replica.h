@@ -3,6 +3,7 @@
 #define RX_CHECK_REPLICA_H
 
 #include "base/error.h"
+#include "data/psf.h"
 #include "data/tile.h"
 
 /* Of these columns and rows. */
@@ -14,6 +15,12 @@ typedef struct rx_replica_part {
  * world coordinates stay behind, for nothing that works in memory asks for them. Free with rx_tile_free(). Errors:
  * RX_SYSTEM. */
 rx_status rx_replica_new(const rx_tile *src, const rx_replica_part *part, rx_tile **dst, rx_error *err);
+
+/* Of nine windows of that side within `part`, the one that hides least; the middle one where they are equal. */
+rx_replica_part rx_replica_window(const rx_tile *tile, const rx_replica_part *part, int side);
+
+/* The PSF of a part of the tile, NULL for all; NULL when memory is out. Free with rx_psf_free(). */
+rx_psf *rx_replica_psf(const rx_psf *psf, const rx_replica_part *part);
 
 /* After the pixels were changed: 0 where the mask says bad, and marked where they reach saturation. */
 void rx_replica_settle(rx_tile *tile);

@@ -115,7 +115,7 @@ static void add_stage(inputs *list, const rx_config *config)
         add_all(list, &config->psf_name);
     add(list, config->psf_stars_name);
     for (int i = 0; i < config->restore_type.n; i++)
-        if (strcmp(config->restore_type.v[i], "NET") == 0)
+        if (strcmp(config->restore_type.v[i], "NET") == 0 || strcmp(config->restore_type.v[i], "AUTO") == 0)
             add(list, config->net_model);
     add_all(list, &config->flag_image);
     add(list, config->settings.file);

@@ -5,7 +5,8 @@
  * NAME      word of RESTORE_TYPE
  * function  what does it, an rx_status function(...) of restore/ as restore/runs.h declares them all
  * psf       1 where it needs the PSF of the tile or makes use of it, else 0
- * cost      row of stage/plan_costs.def for its memory and time in -PLAN; NET only for the network
+ * cost      row of stage/plan_costs.def for its memory and time in -PLAN; NET only for the network and for AUTO,
+ *           which is none itself but chooses one for each tile (check/choice.h)
  * help      one line
  *
  * The restorers of restore/restore.c, the words of RESTORE_TYPE (config/keys.def, config/campaign.def) and what
@@ -19,7 +20,8 @@
     RESTORER(NONE,     rx_none_run,     0, NONE,     "the tile as it is, background subtracted")            \
     RESTORER(RL,       rx_rl_run,       1, RL,       "Richardson-Lucy with the given PSF")                  \
     RESTORER(RL_BLIND, rx_rl_blind_run, 1, RL_BLIND, "Richardson-Lucy that improves the PSF as well")       \
-    RESTORER(NET,      rx_network_run,  1, NET,      "a trained network")
+    RESTORER(NET,      rx_network_run,  1, NET,      "a trained network")                                    \
+    RESTORER(AUTO,     rx_auto_run,     1, NET,      "the one of NONE, RL and NET that finds most injected sources")
 
 /* How many there are, and their names as the words of a keyword, NULL behind them. */
 #define RX_RESTORER_ONE(...) + 1

@@ -19,6 +19,9 @@ rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error
     run.restorer = rx_restorer_find(word);
     if (run.restorer == NULL)
         return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", word);
+    if (rx_restorer_is_auto(run.restorer))
+        return rx_error_set(err, RX_USAGE,
+                            "RESTORE_TYPE AUTO is for single tiles; name the restorers that compete");
     if (lab->nruns == lab->kind->most)
         return rx_error_set(
             err, RX_USAGE,

@@ -38,8 +38,8 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     const rx_background *background = result->plain ? field->plain : field->restored;
     rx_record_add(facts, "RXREST", "restorer that made this", "%s", restored->name);
     rx_record_add(facts, "RXASKED", "restorer that was asked for", "%s", result->kind->name);
-    if (result->by != NULL)
-        rx_record_add(facts, "RXWHY", "why another one did it", "%s", result->why);
+    if (result->why[0] != '\0')
+        rx_record_add(facts, "RXWHY", "why this one", "%s", result->why);
     rx_record_add(facts, "RXSETT", "its settings", "%s", restored->settings);
     if (restored->iterations > 0)
         rx_record_add(facts, "RXITER", "iterations done", "%d", restored->iterations);

@@ -53,7 +53,7 @@ typedef struct rx_result {
     int sharp;           /* sources with RX_RESTORE_SHARP */
     rx_restored *second; /* restored measurement image, dual-image mode only */
     const char *by; /* restorer that did the tile, or its measurement image, instead of `kind`; NULL: none */
-    char why[240];  /* why */
+    char why[240];  /* why, or why AUTO chose it */
 } rx_result;
 
 /* An image as the caller has it: pixels with their sky, mask and what hides, gain, saturation, zero point, and

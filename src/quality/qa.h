@@ -70,6 +70,7 @@ typedef struct rx_qa_run { /* one restorer */
     double seconds;
     const char *settings, *psf; /* one line each, for the page; may be NULL */
     const char *by, *why;       /* the restorer that did it instead, and why; NULL: `name` itself */
+    const char *taken; /* that AUTO took, why it did (but for `by`, which comes first); NULL: not AUTO */
     rx_qa_flux flux;
     rx_qa_blank blank;
     /* of the tile's own detections the share that is no noise peak (BLANK_CHECK); n = 0: not known */
@@ -80,6 +81,12 @@ typedef struct rx_qa_run { /* one restorer */
     struct rx_tally *tally;       /* filled with what is counted, unless NULL */
     double law_scale, law_power;  /* noise law of the flux errors, 1 and 0.5 = independent pixels */
 } rx_qa_run;
+
+/* The restorer that did it. */
+static inline const char *rx_qa_done_by(const rx_qa_run *run)
+{
+    return run->by != NULL ? run->by : run->taken != NULL ? run->taken : run->name;
+}
 
 /* Small pictures of the same sky for the page: row-major floats, background subtracted. All are shown
  * with the stretch of the first one. */

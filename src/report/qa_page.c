@@ -69,6 +69,10 @@ static void add_verdicts(page *p)
                      r->by);
             rx_report_verdict(p->report, RX_MARK_OPEN, title, sentence);
         }
+        if (r->by == NULL && r->taken != NULL) {
+            snprintf(title, sizeof title, "%s: restored by %s.", r->name, r->taken);
+            rx_report_verdict(p->report, RX_MARK_PALE, title, r->why);
+        }
         if (r->by == NULL && r->promise != NULL && !r->promise->inside) {
             snprintf(title, sizeof title, "%s: its model promises nothing here.", r->name);
             rx_report_verdict(p->report, RX_MARK_OPEN, title, r->promise->why != NULL ? r->promise->why : "");
@@ -105,7 +109,7 @@ static void show_summary(page *p)
     const char *columns[3 + RX_METRIC_COUNT] = {"run"};
     int n = 1;
     for (int run = 0; run < p->q->input->nruns && n == 1; run++)
-        if (p->q->input->runs[run].by != NULL)
+        if (rx_qa_done_by(&p->q->input->runs[run]) != p->q->input->runs[run].name)
             columns[n++] = "done_by";
     for (int m = 0; m < RX_METRIC_COUNT; m++)
         if (m != RX_METRIC_FLUX_SCALE || p->fluxes)

@@ -20,9 +20,8 @@
 /* Every metric over all magnitudes comes behind these. */
 RX_COLUMNS(
     RUNS, {.name = "run", .help = "restorer", .heading = ""},
-    {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
-    RX_TEXT("why", "why that was another one"), RX_TEXT("settings", ""),
-    {.name = "psf", .help = "of the restoration", .heading = "PSF"},
+    {.name = "done_by", .help = "restorer that did it", .heading = "done by"}, RX_TEXT("why", "why that one"),
+    RX_TEXT("settings", ""), {.name = "psf", .help = "of the restoration", .heading = "PSF"},
     {"noise_law_scale", RX_REPORT_NUMBER, 3, "",
      "c: noise of an aperture of A pixels is c sigma A^power, sigma that of a pixel", "noise, scale"},
     {"noise_law_power", RX_REPORT_NUMBER, 3, "",
@@ -218,8 +217,8 @@ static void add_run(builder *p, int run, char (*name)[STEM + 16])
     const rx_estimate none = {NAN, NAN, NAN, 0};
     rx_cell row[NRUNS + RX_METRIC_COUNT] = {
         rx_cell_words(r->name),
-        rx_cell_words(r->by != NULL ? r->by : r->name),
-        rx_cell_words(r->by != NULL ? r->why : NULL),
+        rx_cell_words(rx_qa_done_by(r)),
+        rx_cell_words(r->by != NULL || r->taken != NULL ? r->why : NULL),
         rx_cell_words(r->settings),
         rx_cell_words(r->psf),
         rx_cell_number(r->law_scale),

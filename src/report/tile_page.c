@@ -14,7 +14,9 @@
 RX_COLUMNS(NUMBERS, RX_TEXT("quantity", NULL), RX_NUMBER("value", -4, "", ""), RX_TEXT("unit", NULL),
            {.name = "what", .heading = "what it is"});
 
-RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"}, RX_COUNT("sources", "in the catalogue"),
+RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"},
+           {.name = "taken", .help = "restorer that AUTO took", .heading = "took"},
+           RX_TEXT("why", "why that one"), RX_COUNT("sources", "in the catalogue"),
            RX_NUMBER("per_mpixel", 0, "", "sources per Mpixel that is used"),
            RX_NUMBER("clean", 1, "%", "share with FLAGS 0"),
            RX_NUMBER("turnover", 2, "mag", "MAG_AUTO where counts are highest"),
@@ -153,7 +155,9 @@ static void add_runs(rx_report *report, const rx_tile_quality *q)
         long clean = 0;
         for (int k = 0; k < run->sources->n; k++)
             clean += run->sources->list[k].flags == 0;
-        rx_report_put(t, run->about->name, run->sources->n, run->sources->n / used,
+        rx_report_put(t, run->about->name, run->about->taken,
+                      run->about->taken != NULL ? run->about->why : NULL, run->sources->n,
+                      run->sources->n / used,
                       run->sources->n > 0 ? 100.0 * (double)clean / run->sources->n : NAN, counts.peak,
                       rx_cell_measured(counts.slope, counts.slope_error),
                       rx_cell_measured(run->about->flux.n > 0 ? run->about->flux.wide : NAN,

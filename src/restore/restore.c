@@ -23,6 +23,23 @@ const rx_restorer *rx_restorers(int *n)
     return restorers;
 }
 
+int rx_restorer_is_auto(const rx_restorer *kind)
+{
+    return kind->run == rx_auto_run;
+}
+
+/* The choice needs injections, which are no business of this folder. */
+rx_status rx_auto_run(const rx_restore_params *par, const rx_image *image, rx_log *log, rx_restored **dst,
+                      rx_error *err)
+{
+    (void)par;
+    (void)log;
+    *dst = NULL;
+    return rx_error_at(err, RX_USAGE, image->name, image->hdu, 0,
+                       "RESTORE_TYPE AUTO is not chosen here; name the restorer, or take rextract, "
+                       "rx_job_arrays() or rx_job_files()");
+}
+
 int rx_restorer_must_have_psf(const rx_restorer *kind, const rx_restore_params *par)
 {
     return kind->needs_psf &&

@@ -56,6 +56,9 @@ typedef struct rx_restorer {
 const rx_restorer *rx_restorers(int *n);
 const rx_restorer *rx_restorer_find(const char *name); /* NULL when unknown */
 
+/* Is it AUTO, which stands for one that is chosen for the tile? Its run() is an error. */
+int rx_restorer_is_auto(const rx_restorer *kind);
+
 /* Can this kind not do without a PSF? NET makes use of one, but a BLIND model (par->model) works without. */
 int rx_restorer_must_have_psf(const rx_restorer *kind, const rx_restore_params *par);
 

@@ -20,6 +20,7 @@ typedef struct work {
     const rx_options *options;
     const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
     int headers;                      /* some output has a header that facts go into */
+    const rx_restorer *kind;          /* the run's, or what AUTO took */
     rx_pipeline_params params;        /* the options', DETECT_THRESH as the guard left it */
     rx_result result;
 } work;
@@ -201,7 +202,7 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     const rx_tile *tile = w->detect->tile;
     rx_text text = {0};
     rx_status status = RX_OK;
-    RX_TRY(rx_checks_run(checks, &w->params, run->kind, &w->result, log, &run->checks, err));
+    RX_TRY(rx_checks_run(checks, &w->params, w->kind, &w->result, log, &run->checks, err));
     rx_checks_text(checks, &run->checks, &text);
     if (text.failed)
         status = rx_error_memory(err, 0);
@@ -253,6 +254,21 @@ static int has_headers(const rx_options *options, const rx_run *run)
     return !ascii || options->nchecks > 0 || run->covariance_name != NULL;
 }
 
+/* What AUTO stands for on this tile. */
+static rx_status choose(rx_run *run, work *w, rx_log *log, rx_error *err)
+{
+    const rx_tile *tile = w->detect->tile;
+    run->choice = (rx_choice){0};
+    w->kind = run->kind;
+    if (!rx_restorer_is_auto(run->kind))
+        return RX_OK;
+    RX_TRY(rx_choice_make(&w->params, &w->options->check, w->detect, log, &run->choice, err));
+    w->kind = run->choice.taken;
+    rx_log_info(log, "%s[%d]: %s: %s: %s", tile->name, tile->hdu, run->kind->name, w->kind->name,
+                run->choice.why);
+    return RX_OK;
+}
+
 rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log, rx_error *err)
 {
     const rx_options *options = in->options;
@@ -265,16 +281,22 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_record facts = {0};
     const double begun = rx_seconds();
     run->checks = (rx_check_results){0};
-    rx_status status =
-        rx_checks_guard(&options->check, run->kind, detect, &w.params, log, &run->checks.blank, err);
+    rx_status status = choose(run, &w, log, err);
+    if (status == RX_OK)
+        status = rx_checks_guard(&options->check, w.kind, detect, &w.params, log, &run->checks.blank, err);
     if (status == RX_OK) {
         w.params.templates.drop = options->pipeline.templates.drop && !rx_checks_drop(in->checks);
-        status = rx_field_extract(&w.params, run->kind, detect, measure, log, &w.result, err);
+        status = rx_field_extract(&w.params, w.kind, detect, measure, log, &w.result, err);
         w.params.templates.drop = options->pipeline.templates.drop;
     }
     if (status != RX_OK)
         return status;
     rx_sources *sources = w.result.sources;
+    if (run->choice.taken != NULL) {
+        w.result.kind = run->kind;
+        if (w.result.by == NULL)
+            snprintf(w.result.why, sizeof w.result.why, "%s", run->choice.why);
+    }
     run->domain = w.result.domain;
     run->by = w.result.by;
     memcpy(run->why, w.result.why, sizeof run->why);
@@ -283,9 +305,11 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->dark = w.result.residual.dark;
     run->sharp = rx_result_sharp(&w.result);
     describe_outside(&w.result, run);
-    snprintf(run->label, sizeof run->label, run->by != NULL ? "%s (done by %s)" : "%s", run->kind->name,
-             run->by);
+    const char *did = run->by != NULL ? run->by : run->choice.taken != NULL ? w.kind->name : NULL;
+    snprintf(run->label, sizeof run->label, did != NULL ? "%s (done by %s)" : "%s", run->kind->name, did);
     account(run, &w, log);
+    if (run->choice.taken != NULL)
+        add_account(run, run->choice.why);
     RX_TRY_EXIT(tell_domain(run, &w, log, err));
     RX_TRY_EXIT(rx_coordinates_fill(&w.measure->image, sources, err));
     if (options->assoc_list != NULL)
@@ -299,6 +323,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     if (w.headers)
         rx_record_add(&facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(detect->tile));
     rx_domain_facts(&w.result.domain, &facts);
+    rx_choice_facts(&run->choice, &facts);
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     RX_TRY_EXIT(facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err));
     RX_TRY_EXIT(write_images(run, &w, in->record, &facts, in->products, log, err));

@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "check/checks.h"
+#include "check/choice.h"
 #include "data/restored.h"
 #include "data/sources.h"
 #include "data/table.h"
@@ -37,9 +38,10 @@ typedef struct rx_run {
     int tested;                 /* FLAGS_RESTORE was set */
     double invented_per_mpixel; /* sources marked by it, before they were dropped */
     rx_domain domain;           /* place RX_DOMAIN_NONE where no network was asked for */
+    rx_choice choice;           /* where AUTO was asked for; else taken NULL */
     const char *by;             /* as of rx_result: the restorer that did it instead, or NULL */
-    char why[240];
-    char label[48]; /* of log lines: "NET", "NET (done by RL)" */
+    char why[240];              /* or why AUTO took what it did */
+    char label[48];             /* of log lines: "NET", "NET (done by RL)", "AUTO (done by NET)" */
     rx_fluxcheck flux;
     double unexplained, dark; /* as of rx_residual; NAN where they are not known */
     double sharp;             /* rx_result_sharp() */

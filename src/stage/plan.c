@@ -36,7 +36,7 @@ typedef struct rx_plan_job {
 
 /* Cards of an HDU beyond those of the tile and of the record: what FITS and its checksums need, and facts of
  * the extension at most; and of a column. */
-enum { OWN_CARDS = 20, FACT_CARDS = 140, COLUMN_CARDS = 8, CARD = 80, BLOCK = 2880 };
+enum { OWN_CARDS = 20, FACT_CARDS = 170, COLUMN_CARDS = 8, CARD = 80, BLOCK = 2880 };
 
 /* Bytes at most of pages and tables with their figures: always, per source, per injected object, per byte of
  * the reference catalogue. */
@@ -279,6 +279,7 @@ static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, d
         par->restore.keep_reblurred + par->restore.keep_support + par->keep_filtered + (options->nchecks > 0);
     times[RX_COST_SECOND] = dual && plain;
     times[RX_COST_SECOND_RESTORED] = dual && !plain;
+    times[RX_COST_AUTO] = rx_restorer_is_auto(kind);
     times[RX_COST_SELF_CHECK] = options->check.self_check;
     times[RX_COST_CHECK] = options->check.self_check || options->check.blank_check > 0;
     times[RX_COST_CHECK_TEMPLATES] = times[RX_COST_CHECK] > 0 && options->check.templates;
@@ -334,6 +335,36 @@ static double plan_memory(const rx_plan_job *job)
            job->options->nrestorers * plan_row_bytes(job->row) * sources + reference * job->reference_bytes;
 }
 
+/* Of so many Mpixels with a PSF of so many terms, without detection and measurement. */
+static double restoration_seconds(const rx_restore_params *par, rx_cost_name name, double mpixels, int terms)
+{
+    const int varies = terms > 1;
+    if (name == RX_COST_RL) /* of 4 transforms 2 are made for each term */
+        return mpixels * costs[RX_COST_RL_ITERATION].mpixel_seconds * par->rl_niter * (terms + 1) / 2;
+    if (name == RX_COST_RL_BLIND)
+        return mpixels * costs[RX_COST_BLIND_ITERATION].mpixel_seconds * par->blind_cycles *
+               par->blind_psf_niter * (1 + 0.7 * varies);
+    if (name == RX_COST_NET)
+        return mpixels *
+               (costs[RX_COST_NET_FORWARD].mpixel_seconds +
+                varies * (terms + 6) * costs[RX_COST_PSF_TERM].mpixel_seconds) *
+               (1 + par->verify_seams);
+    return 0;
+}
+
+/* Of what AUTO chooses by: each candidate goes twice or a little more through each window (check/choice.h). */
+static double choice_seconds(const rx_restore_params *par, double mpixels, double sources, int terms)
+{
+    static const rx_cost_name candidates[] = {RX_COST_NONE, RX_COST_RL, RX_COST_NET};
+    const double tried = fmin(mpixels, 1.05), often = 2.5;
+    double sum = 0;
+    for (int k = 0; k < 3; k++)
+        sum += often * (restoration_seconds(par, candidates[k], tried, terms) +
+                        tried * costs[candidates[k]].mpixel_seconds +
+                        sources * tried / fmax(mpixels, 1e-6) * costs[candidates[k]].source_seconds);
+    return sum;
+}
+
 static double image_seconds(const rx_plan_job *job, int i)
 {
     enum { CROWDED = 5000, WINDOW = 512 }; /* sources per Mpixel at which templates take twice as long */
@@ -348,15 +379,9 @@ static double image_seconds(const rx_plan_job *job, int i)
     for (int k = 0; k < options->nrestorers; k++) {
         const rx_cost_name name = cost_of_kind(options->restorers[k]);
         count_rows(job, i, options->restorers[k], times);
-        double restoration = 0;
-        if (name == RX_COST_RL) /* of 4 transforms 2 are made for each term */
-            restoration = SECONDS(RX_COST_RL_ITERATION) * par->rl_niter * (terms + 1) / 2;
-        else if (name == RX_COST_RL_BLIND)
-            restoration = SECONDS(RX_COST_BLIND_ITERATION) * par->blind_cycles * par->blind_psf_niter *
-                          (1 + 0.7 * varies);
-        else if (name == RX_COST_NET)
-            restoration = (SECONDS(RX_COST_NET_FORWARD) + varies * (terms + 6) * SECONDS(RX_COST_PSF_TERM)) *
-                          (1 + par->verify_seams);
+        const double restoration = restoration_seconds(par, name, mpixels, terms);
+        if (rx_restorer_is_auto(options->restorers[k]))
+            sum += choice_seconds(par, mpixels, sources, terms);
         const double templates =
             SECONDS(RX_COST_TEMPLATES) * (1 + sources / fmax(mpixels, 1e-6) / CROWDED) * (varies ? 1.8 : 1);
         /* how often the checks send a copy the same way; the guard's windows, 512 pixels wide and at worst 1024 too */

@@ -150,6 +150,8 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
         snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
         snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
         snprintf(run->why, sizeof run->why, "%s", runs[i].why);
+        if (runs[i].choice.taken != NULL)
+            snprintf(run->taken, sizeof run->taken, "%s", runs[i].choice.taken->name);
         snprintf(run->outside, sizeof run->outside, "%s", runs[i].outside);
         if (with_reference && (e->run[i].tally = RX_NEW(rx_tally, 1)) == NULL)
             return rx_error_memory(err, sizeof(rx_tally));

@@ -22,9 +22,10 @@ typedef struct rx_run_facts {
     char name[16]; /* "NONE", "RL", ... as asked for */
     long sources;
     char by[16], why[240]; /* restorer that did it instead, and why; "" none */
-    char outside[240];     /* what the restorer was not made for, "" nothing */
-    rx_fluxcheck flux;     /* n = 0: not measured */
-    double chi2;           /* residual, of the tile's page; NAN without it, or not judged; not in records */
+    char taken[16];    /* that AUTO took, `why` it did where none did it instead; "" AUTO was not asked for */
+    char outside[240]; /* what the restorer was not made for, "" nothing */
+    rx_fluxcheck flux; /* n = 0: not measured */
+    double chi2;       /* residual, of the tile's page; NAN without it, or not judged; not in records */
     rx_run_guard guard;
     double sharp, lit; /* shares of the sources with FLAGS_RESTORE 256 (RXSHARP) and 512; NAN: not known */
     rx_tally *tally;   /* against the reference catalogue; NULL without one */

@@ -204,7 +204,8 @@ static rx_status add_run(rx_rollup *r, rx_rollup_tile *tile, const rx_extension_
     row->sharp = facts->sharp;
     row->lit = facts->lit;
     memcpy(row->by, facts->by, sizeof row->by);
-    if (row->by[0] != '\0' && (row->why = rx_strdup(facts->why)) == NULL)
+    memcpy(row->taken, facts->taken, sizeof row->taken);
+    if ((row->by[0] != '\0' || row->taken[0] != '\0') && (row->why = rx_strdup(facts->why)) == NULL)
         return rx_error_memory(err, 0);
     if (facts->outside[0] != '\0' && (row->outside = rx_strdup(facts->outside)) == NULL)
         return rx_error_memory(err, 0);

@@ -41,9 +41,10 @@ typedef struct rx_rollup_row {
     double alpha, delta, fwhm, sky, noise;
     rx_verdict verdict;
     long sources;
-    char by[16];   /* restorer that did it instead, "" none */
-    char *why;     /* and why; NULL without `by` */
-    char *outside; /* what the restorer was not made for; NULL: nothing */
+    char by[16];    /* restorer that did it instead, "" none */
+    char taken[16]; /* that AUTO took, "" none */
+    char *why;      /* why; NULL without either */
+    char *outside;  /* what the restorer was not made for; NULL: nothing */
     rx_fluxcheck flux;
     rx_run_guard guard;
     double sharp, lit;                         /* as of rx_run_facts */

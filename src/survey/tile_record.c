@@ -84,9 +84,12 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
         rx_text_add(dst, "RUN");
         add_string(dst, run->name);
         rx_text_printf(dst, " %ld %d\n", run->sources, run->tally != NULL);
-        if (run->by[0] != '\0') {
-            rx_text_add(dst, "DONE");
-            add_string(dst, run->by);
+        const char *const others[][2] = {{"TOOK", run->taken}, {"DONE", run->by}};
+        for (int k = 0; k < 2; k++) {
+            if (others[k][1][0] == '\0')
+                continue;
+            rx_text_add(dst, others[k][0]);
+            add_string(dst, others[k][1]);
             add_string(dst, run->why);
             rx_text_add(dst, "\n");
         }
@@ -237,18 +240,31 @@ static rx_status read_run(reader *r)
     return reference ? RX_MAKE(r->run->tally, 1, r->err) : RX_OK;
 }
 
-static rx_status read_done(reader *r)
+/* Which restorer, in a field of that size, and why. */
+static rx_status read_restorer(reader *r, char *dst, size_t size)
 {
     char *why = NULL;
-    if (r->run == NULL || r->words.n < 3 || !is_run_name(r->words.v[1]))
-        return refuse(r, "DONE is out of place");
     rx_status status = take_string(r, 2, &why);
     if (status == RX_OK) {
-        snprintf(r->run->by, sizeof r->run->by, "%s", r->words.v[1]);
+        snprintf(dst, size, "%s", r->words.v[1]);
         snprintf(r->run->why, sizeof r->run->why, "%s", why);
     }
     free(why);
     return status;
+}
+
+static rx_status read_done(reader *r)
+{
+    if (r->run == NULL || r->words.n < 3 || !is_run_name(r->words.v[1]))
+        return refuse(r, "DONE is out of place");
+    return read_restorer(r, r->run->by, sizeof r->run->by);
+}
+
+static rx_status read_took(reader *r)
+{
+    if (r->run == NULL || r->words.n < 3 || !is_run_name(r->words.v[1]))
+        return refuse(r, "TOOK is out of place");
+    return read_restorer(r, r->run->taken, sizeof r->run->taken);
 }
 
 static rx_status read_outside(reader *r)
@@ -474,11 +490,12 @@ static rx_status read_words(reader *r)
     static const struct {
         const char *kind;
         rx_status (*read)(reader *r);
-    } lines[] = {{"EXTENSION", read_extension}, {"STATE", read_state},     {"ANOMALIES", read_anomalies},
-                 {"CARD", read_card},           {"PAGE", read_page},       {"PSF", read_psf},
-                 {"STARS", read_stars},         {"RHO", read_rho},         {"RUN", read_run},
-                 {"DONE", read_done},           {"OUTSIDE", read_outside}, {"FLUX", read_flux},
-                 {"GUARD", read_guard},         {"SHARES", read_shares},   {"END", end_record}};
+    } lines[] = {{"EXTENSION", read_extension}, {"STATE", read_state}, {"ANOMALIES", read_anomalies},
+                 {"CARD", read_card},           {"PAGE", read_page},   {"PSF", read_psf},
+                 {"STARS", read_stars},         {"RHO", read_rho},     {"RUN", read_run},
+                 {"DONE", read_done},           {"TOOK", read_took},   {"OUTSIDE", read_outside},
+                 {"FLUX", read_flux},           {"GUARD", read_guard}, {"SHARES", read_shares},
+                 {"END", end_record}};
     const char *kind = r->words.v[0];
     if (strcmp(kind, "TILE") == 0)
         return begin_record(r);

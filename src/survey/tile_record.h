@@ -17,6 +17,7 @@
  *   RHO k pairs tt ee                 quality/rho.h
  *   RUN "RL" sources reference        reference: 1 when BIN lines count against a reference catalogue
  *   DONE "RL" "FWHM ..."              restorer that did it instead of the one of RUN, and why; only then
+ *   TOOK "NET" "finds ..."            restorer that AUTO took, and why; only then
  *   OUTSIDE "FWHM ..."                what of the tile the restorer was not made for; only then
  *   FLUX n diameter wide error auto error    restored over untouched fluxes (pipeline/fluxcheck.h); only where measured
  *   GUARD false raised unexplained    per Mpixel of the tile's noise, factor of DETECT_THRESH, share of cells; only where known

@@ -114,6 +114,67 @@ if [ "$active" = 1 ]; then
     judge 0 ''
 fi
 
+# --- RESTORE_TYPE AUTO
+
+auto="-RESTORE_TYPE AUTO -NET_MODEL $top/config/psfnet.fits -SELF_CHECK_COUNT 40 -CATALOG_TYPE FITS_1.0"
+begin 'AUTO: without a PSF it is NONE, and says why'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    timeout 60 "$program" tile.fits $auto -PSF_TYPE AUTO -PSF_MINSTARS 1000 -VERBOSE_TYPE QUIET >../out 2>../err
+    echo $? >../code
+    for card in "RXREST  = 'NONE" "RXASKED = 'AUTO" "RXWHY   = 'the PSF is not known" "RXAU3O  = 'the PSF"; do
+        tr -d '\000' <test.cat | grep -a -q "$card" || echo "no $card in the header" >>../err
+    done
+    leaves test.cat
+    judge 0 ''
+fi
+
+begin 'AUTO: the network is no candidate where its model declines'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    timeout 60 "$program" tile.fits $auto -PSF_TYPE MOFFAT -PSF_FWHM 1 -VERBOSE_TYPE QUIET >../out 2>../err
+    echo $? >../code
+    for card in "RXAU3O  = 'FWHM 1" 'RXAU2F  = ' 'RXAU1F  = '; do
+        tr -d '\000' <test.cat | grep -a -q "$card" || echo "no $card in the header" >>../err
+    done
+    ! tr -d '\000' <test.cat | grep -a -q 'RXAU3F' || echo 'NET was tried' >>../err
+    leaves test.cat
+    judge 0 ''
+fi
+
+begin 'AUTO: the same for any number of threads, and as the restorer that it took'
+make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        for threads in 1 4; do
+            timeout 60 "$program" tile.fits $auto -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE ASCII_HEAD -NTHREADS $threads \
+                -CATALOG_NAME $threads.cat -VERBOSE_TYPE QUIET || echo failed
+        done
+        taken=$(sed -n 's/^# RXREST = //p' 1.cat)
+        timeout 60 "$program" tile.fits $auto -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE ASCII_HEAD -RESTORE_TYPE "$taken" \
+            -CATALOG_NAME it.cat -VERBOSE_TYPE QUIET
+        echo $? >../code
+        for file in 1 4 it; do
+            grep -v '^#' $file.cat >$file.rows
+            grep '^# RXAU' $file.cat >$file.facts
+        done
+        [ -s 1.rows ] && [ -s 1.facts ] && [ ! -s it.facts ] || echo 'nothing to compare'
+        cmp 1.rows 4.rows
+        cmp 1.facts 4.facts
+        cmp 1.rows it.rows
+        rm -f ./*.cat ./*.rows ./*.facts
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
+begin 'AUTO: not where restorers compete'
+of rextract-validate
+expect 2 'RESTORE_TYPE AUTO is for single tiles' -CAMPAIGN_TYPE DETECTION -SIZE SMALL -RESTORE_TYPE NONE,AUTO -OUTPUT_NAME out
+
 # --- what checks say of the sources: P_REAL, MAGERR_INJECTED
 
 begin 'errors from injected objects without injecting'

@@ -61,8 +61,9 @@ static void every_restorer_of_the_table_is_a_word(void **state)
         assert_int_equal(rx_options_from_config(config, NULL, &options, NULL), RX_OK);
         assert_int_equal(options->nrestorers, 1);
         assert_ptr_equal(options->restorers[0], &kinds[i]);
-        /* the model is read for the network alone, or when a campaign asks for it */
-        assert_int_equal(options->pipeline.restore.model != NULL, strcmp(kinds[i].name, "NET") == 0);
+        /* the model is read for the network, for AUTO, which may take it, or when a campaign asks for it */
+        assert_int_equal(options->pipeline.restore.model != NULL,
+                         strcmp(kinds[i].name, "NET") == 0 || rx_restorer_is_auto(&kinds[i]));
         assert_int_equal(rx_options_need_model(options, NULL, NULL), RX_OK);
         assert_ptr_equal(options->pipeline.restore.model, options->model);
         assert_string_equal(options->model->name, "toy");

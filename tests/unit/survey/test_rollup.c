@@ -229,7 +229,8 @@ static void whose_work_and_flux_scale(void **state)
 {
     static const char text[] = "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
                                "RUN RL 95 0\nFLUX 50 10 1.009 0.0001 0.95 0.001\n"
-                               "RUN NET 60 0\nDONE RL \"FWHM 1.5 is <2\"\nEND\n"
+                               "RUN NET 60 0\nDONE RL \"FWHM 1.5 is <2\"\n"
+                               "RUN AUTO 61 0\nTOOK NONE \"no other\"\nEND\n"
                                "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
                                "RUN RL 95 0\nFLUX 50 10 1.05 0.005 0.95 0.001\nRUN NET 61 0\nOUTSIDE \"noise "
                                "factor 3.2 is above 3\"\nGUARD 9.5 1.25 0.25\nEND\n";
@@ -247,6 +248,7 @@ static void whose_work_and_flux_scale(void **state)
                                        "\"threshold_raised\": 1,",
                                        "\"false_per_mpixel\": 9.5, \"threshold_raised\": 1.25",
                                        "\"done_by\": \"RL\", \"why\": \"FWHM 1.5 is <2\"",
+                                       "\"done_by\": \"NONE\", \"why\": \"no other\"",
                                        "\"flux_scale_is\": \"off\"",
                                        NULL};
     /* both stand out, and the verdict says so */

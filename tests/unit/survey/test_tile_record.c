@@ -30,6 +30,8 @@ static const char whole[] =
     "BIN 100 5 0 0 0\n"
     "RUN \"RL_BLIND\" 900 0\n"
     "FLUX 439 10 1.03204 0.00083 1.05893 nan\n"
+    "RUN \"AUTO\" 900 0\n"
+    "TOOK \"NET\" \"finds most\"\n"
     "RUN \"NET\" 700 0\n"
     "DONE \"RL\" \"FWHM 1.2 is %22narrow%22\"\n"
     "OUTSIDE \"noise factor 3.2\"\n"
@@ -192,6 +194,7 @@ static void nonsense_is_refused(void **state)
                   "a number is out of place");
     check_refused(state, "TILE a.fits a\nGUARD 1 1 0\n", "GUARD is out of place");
     check_refused(state, "TILE a.fits a\nDONE RL why\n", "DONE is out of place");
+    check_refused(state, "TILE a.fits a\nTOOK RL why\n", "TOOK is out of place");
     check_refused(state, "TILE a.fits a\nOUTSIDE why\n", "OUTSIDE is out of place");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nFLUX 5 1 1 1 1 1\n",
                   "FLUX is out of place");

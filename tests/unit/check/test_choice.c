@@ -1,0 +1,205 @@
+/* Which restorer AUTO takes, on tiles where one of them must win. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "../near.h"
+#include "../pipeline/bench.h"
+#include "../pipeline/scene.h"
+#include "check/choice.h"
+#include "data/image.h"
+
+enum { SIDE = 300 };
+
+/* --- windows --- */
+
+static void windows_are_of_a_mpixel_whatever_the_tile(void **state)
+{
+    (void)state;
+    static const int sizes[][3] = {
+        {4096, 4096, 4}, {1024, 1024, 1}, {300, 200, 1}, {1025, 1024, 4}, {300, 8000, 4}};
+    for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
+        rx_replica_part part[RX_CHOICE_WINDOWS];
+        rx_tile tile = {.width = sizes[k][0], .height = sizes[k][1]};
+        long area = 0;
+        tile.mask = calloc((size_t)tile.width, (size_t)tile.height);
+        assert_non_null(tile.mask);
+        const int n = rx_choice_windows(&tile, part);
+        assert_int_equal(n, sizes[k][2]);
+        for (int i = 0; i < n; i++) {
+            area += (long)part[i].width * part[i].height;
+            assert_in_range(part[i].x, 0, tile.width - part[i].width);
+            assert_in_range(part[i].y, 0, tile.height - part[i].height);
+            for (int j = 0; j < i; j++) {
+                const int beside = abs(part[i].x - part[j].x), above = abs(part[i].y - part[j].y);
+                assert_true(beside >= part[j].width || above >= part[j].height);
+            }
+        }
+        assert_in_range(area, 1, 1024 * 1024);
+        free(tile.mask);
+    }
+}
+
+static void windows_avoid_what_is_masked(void **state)
+{
+    (void)state;
+    rx_replica_part part[RX_CHOICE_WINDOWS];
+    rx_tile tile = {.width = 2400, .height = 2400};
+    tile.mask = calloc(2400, 2400);
+    assert_non_null(tile.mask);
+    for (size_t i = 0; i < 2400 * 800; i++)
+        tile.mask[i] = RX_MASK_BAD;
+    assert_int_equal(rx_choice_windows(&tile, part), 4);
+    assert_int_equal(part[0].y, 1200 - RX_CHOICE_SIDE);
+    assert_int_equal(part[2].y, 1200 + (1200 - RX_CHOICE_SIDE) / 2);
+    free(tile.mask);
+}
+
+/* --- choices --- */
+
+enum { AS_IT_IS, NO_PSF, MASKED };
+
+static rx_choice choose(const setting *settings, int how, int threads)
+{
+    rx_choice choice;
+    rx_error err = RX_ERROR_NONE;
+    bench b;
+    scene s;
+    bench_open(&b, settings);
+    scene_make(&s, SIDE, SIDE, 150, 3);
+    rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 0.0);
+    rx_psf *psf = field->psf;
+    if (how == NO_PSF)
+        field->psf = NULL;
+    if (how == MASKED)
+        memset(field->tile->mask, RX_MASK_BAD, SIDE * SIDE);
+    rx_pipeline_threads(&b.options->pipeline, threads);
+    if (rx_choice_make(&b.options->pipeline, &b.options->check, field, NULL, &choice, &err) != RX_OK)
+        fail_msg("%s", err.text);
+    field->psf = psf;
+    rx_field_free(field);
+    scene_free(&s);
+    bench_close(&b);
+    return choice;
+}
+
+/* Without a filter a single pixel must stand out of the noise; Richardson-Lucy gathers the light of a star. */
+static const setting unfiltered[] = {
+    {"FILTER", "N"}, {"DETECT_MINAREA", "3"}, {"RL_NITER", "20"}, {NULL, NULL}};
+
+static void the_better_one_wins(void **state)
+{
+    (void)state;
+    const rx_choice c = choose(unfiltered, AS_IT_IS, 1);
+    assert_string_equal(c.taken->name, "RL");
+    assert_int_equal(c.injected, 500);
+    assert_near(c.mpixels, 1e-6 * SIDE * SIDE, 1e-12);
+    assert_true(c.of[1].found - c.of[1].spurious > c.of[0].found - c.of[0].spurious);
+    assert_string_equal(c.of[2].out, "there is no model");
+    assert_int_equal(c.of[2].tried, 0);
+    assert_non_null(strstr(c.why, "RL"));
+    assert_non_null(strstr(c.why, "500"));
+}
+
+static void threads_change_nothing(void **state)
+{
+    (void)state;
+    static const setting few[] = {{"SELF_CHECK_COUNT", "60"},
+                                  {"FILTER", "N"},
+                                  {"DETECT_MINAREA", "3"},
+                                  {"RL_NITER", "20"},
+                                  {NULL, NULL}};
+    const rx_choice one = choose(few, AS_IT_IS, 1), four = choose(few, AS_IT_IS, 4);
+    assert_int_equal(one.injected, 60);
+    assert_string_equal(one.why, four.why);
+    for (int i = 0; i < 2; i++) {
+        assert_memory_equal(&one.of[i].bias, &four.of[i].bias, sizeof one.of[i].bias);
+        assert_memory_equal(&one.of[i].scatter, &four.of[i].scatter, sizeof one.of[i].scatter);
+    }
+}
+
+/* What Richardson-Lucy makes of noise in 100 plain iterations is worse than the noise; a tie is NONE's as well. */
+static void a_worse_one_leaves_none(void **state)
+{
+    (void)state;
+    static const setting noisy[] = {{"RL_NITER", "100"},
+                                    {"RL_ACCELERATE", "N"},
+                                    {"RL_DENOISE", "0"},
+                                    {"SELF_CHECK_COUNT", "100"},
+                                    {NULL, NULL}};
+    static const setting same[] = {
+        {"RL_NITER", "0"}, {"RL_DENOISE", "0"}, {"SELF_CHECK_COUNT", "100"}, {NULL, NULL}};
+    rx_choice c = choose(noisy, AS_IT_IS, 1);
+    assert_string_equal(c.taken->name, "NONE");
+    assert_non_null(strstr(c.why, "RL"));
+    c = choose(same, AS_IT_IS, 1);
+    assert_string_equal(c.taken->name, "NONE");
+}
+
+static void without_a_psf_it_is_none(void **state)
+{
+    (void)state;
+    const rx_choice c = choose(unfiltered, NO_PSF, 1);
+    assert_string_equal(c.taken->name, "NONE");
+    assert_string_equal(c.why, "the PSF is not known");
+    assert_int_equal(c.injected, 0);
+    assert_int_equal(c.of[0].tried + c.of[1].tried + c.of[2].tried, 0);
+}
+
+static void without_room_it_is_none(void **state)
+{
+    (void)state;
+    const rx_choice c = choose(unfiltered, MASKED, 1);
+    assert_string_equal(c.taken->name, "NONE");
+    assert_int_equal(c.injected, 0);
+    assert_true(strlen(c.why) > 10);
+}
+
+static void facts_say_all_of_it(void **state)
+{
+    (void)state;
+    rx_record facts = {0};
+    rx_choice c = {.why = "so"};
+    rx_choice_facts(&c, &facts);
+    assert_int_equal(facts.n, 0);
+    c.taken = rx_restorer_find("RL");
+    for (int i = 0; i < RX_CHOICE_CANDIDATES; i++)
+        c.of[i] = (rx_choice_candidate){
+            .kind = c.taken, .false_rate = NAN, .bias = {.value = 0.5}, .scatter = {.value = NAN}};
+    c.of[0].tried = 1;
+    c.of[0].found = 7;
+    snprintf(c.of[2].out, sizeof c.of[2].out, "too wide");
+    rx_choice_facts(&c, &facts);
+    const char *found = NULL, *out = NULL;
+    for (int i = 0; i < facts.n; i++) {
+        found = strcmp(facts.pairs[i][0], "RXAU1F") == 0 ? facts.pairs[i][1] : found;
+        out = strcmp(facts.pairs[i][0], "RXAU3O") == 0 ? facts.pairs[i][1] : out;
+        assert_int_not_equal(strcmp(facts.pairs[i][0], "RXAU2F"), 0); /* was not tried */
+        assert_int_not_equal(strcmp(facts.pairs[i][0], "RXAU1R"), 0); /* is not known */
+    }
+    assert_string_equal(found, "7");
+    assert_string_equal(out, "too wide");
+    rx_record_free(&facts);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(windows_are_of_a_mpixel_whatever_the_tile),
+        cmocka_unit_test(windows_avoid_what_is_masked),
+        cmocka_unit_test(the_better_one_wins),
+        cmocka_unit_test(threads_change_nothing),
+        cmocka_unit_test(a_worse_one_leaves_none),
+        cmocka_unit_test(without_a_psf_it_is_none),
+        cmocka_unit_test(without_room_it_is_none),
+        cmocka_unit_test(facts_say_all_of_it),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
