@@ -490,11 +490,21 @@ static rx_status read_words(reader *r)
     static const struct {
         const char *kind;
         rx_status (*read)(reader *r);
-    } lines[] = {{"EXTENSION", read_extension}, {"STATE", read_state}, {"ANOMALIES", read_anomalies},
-                 {"CARD", read_card},           {"PAGE", read_page},   {"PSF", read_psf},
-                 {"STARS", read_stars},         {"RHO", read_rho},     {"RUN", read_run},
-                 {"DONE", read_done},           {"TOOK", read_took},   {"OUTSIDE", read_outside},
-                 {"FLUX", read_flux},           {"GUARD", read_guard}, {"SHARES", read_shares},
+    } lines[] = {{"EXTENSION", read_extension},
+                 {"STATE", read_state},
+                 {"ANOMALIES", read_anomalies},
+                 {"CARD", read_card},
+                 {"PAGE", read_page},
+                 {"PSF", read_psf},
+                 {"STARS", read_stars},
+                 {"RHO", read_rho},
+                 {"RUN", read_run},
+                 {"DONE", read_done},
+                 {"TOOK", read_took},
+                 {"OUTSIDE", read_outside},
+                 {"FLUX", read_flux},
+                 {"GUARD", read_guard},
+                 {"SHARES", read_shares},
                  {"END", end_record}};
     const char *kind = r->words.v[0];
     if (strcmp(kind, "TILE") == 0)
