@@ -62,6 +62,11 @@ plan ../large.fits $net -BLANK_CHECK 0 && cp out ../less && plan ../large.fits $
     1.5 < a["cpu_seconds"] / json.load(open("../less"))["all"]["cpu_seconds"] < 2.5 and
     10 * t[0]["pixels"] < a["memory_bytes"] - json.load(open("../less"))["all"]["memory_bytes"] < 30 * t[0]["pixels"]'
 result 'the noise that NET looks at first' $? err
+# shellcheck disable=SC2086
+plan ../large.fits $net && cp out ../less && plan ../large.fits $net -RESTORE_TYPE AUTO && says '
+    2 < a["cpu_seconds"] / json.load(open("../less"))["all"]["cpu_seconds"] < 10 and
+    a["memory_bytes"] > json.load(open("../less"))["all"]["memory_bytes"]'
+result 'AUTO takes the time of its choice' $? err
 
 if $python - 2>err <<'END'
 import numpy as np

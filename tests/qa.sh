@@ -104,7 +104,9 @@ elif what == "fallback":  # RL was done by NONE: nothing is said of it twice
     runs = {r["run"]: r for r in json.load(open("empty/tile.json"))["runs"]}
     assert abs(runs["NONE"]["chi2"] - 1) < 0.1 and runs["RL"]["chi2"] is None, runs
     images = votable.parse("empty.xml").resources[0].resources[0].tables[0].to_table()
-    assert abs(images["Chi2"][0] - runs["NONE"]["chi2"]) < 1e-6 and not np.isfinite(np.ma.filled(images["Chi2"][1], np.nan))
+    assert abs(images["Chi2"][0] - runs["NONE"]["chi2"]) < 1e-6 and not np.isfinite(np.ma.filled(images["Chi2"][2], np.nan))
+    assert runs["AUTO"]["taken"] == "NONE" and "PSF" in runs["AUTO"]["why"] and not runs["RL"]["taken"], runs
+    assert any(l.startswith('TOOK "NONE" ') for l in open("empty.record"))
     state = [l.split() for l in open("empty.record") if l.startswith("STATE ")]
     assert state[0][6] == "nan", state
 elif what == "unfitted":
@@ -158,7 +160,7 @@ PY
     result 'nor is there a word of a fit that was not made' $? out
     # nothing is there to make a PSF of
     run rextract-simulate -IMAGE_NAME empty.fits -TRUTH_NAME '' -IMAGE_SIZE 200 -SEED 5 -STAR_COUNT 0 -GALAXY_COUNT 0
-    empty="empty.fits -RESTORE_TYPE NONE,RL -QA_TYPE TILE -QA_FIGURES N -CATALOG_TYPE NONE -WRITE_XML Y"
+    empty="empty.fits -RESTORE_TYPE NONE,AUTO,RL -NET_MODEL $top/config/psfnet.fits -QA_TYPE TILE -QA_FIGURES N -CATALOG_TYPE NONE -WRITE_XML Y"
     # shellcheck disable=SC2086 # a list of arguments is meant
     run rextract $empty -QA_FIGURES Y -QA_NAME empty -RECORD_NAME empty.record -XML_NAME empty.xml && : >log &&
         verbose=NORMAL run rextract $empty -QA_NAME empty_said -XML_NAME said.xml && cp log said

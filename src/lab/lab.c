@@ -19,9 +19,6 @@ rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error
     run.restorer = rx_restorer_find(word);
     if (run.restorer == NULL)
         return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", word);
-    if (rx_restorer_is_auto(run.restorer))
-        return rx_error_set(err, RX_USAGE,
-                            "RESTORE_TYPE AUTO is for single tiles; name the restorers that compete");
     if (lab->nruns == lab->kind->most)
         return rx_error_set(
             err, RX_USAGE,
@@ -87,6 +84,10 @@ static rx_status stage_options(rx_lab *lab, rx_log *log, rx_error *err)
 {
     const rx_words *words = &lab->config->restore_type;
     rx_text restorers = {0};
+    for (int i = 0; i < words->n; i++)
+        if (strcmp(words->v[i], "AUTO") == 0)
+            return rx_error_set(err, RX_USAGE,
+                                "RESTORE_TYPE AUTO is for single tiles; name the restorers that compete");
     for (int i = 0; i < words->n; i++)
         rx_text_printf(&restorers, "%s%s", i > 0 ? "," : "", words->v[i]);
     rx_status status = restorers.failed || restorers.data == NULL

@@ -30,13 +30,13 @@ static const char whole[] =
     "BIN 100 5 0 0 0\n"
     "RUN \"RL_BLIND\" 900 0\n"
     "FLUX 439 10 1.03204 0.00083 1.05893 nan\n"
-    "RUN \"AUTO\" 900 0\n"
-    "TOOK \"NET\" \"finds most\"\n"
     "RUN \"NET\" 700 0\n"
     "DONE \"RL\" \"FWHM 1.2 is %22narrow%22\"\n"
     "OUTSIDE \"noise factor 3.2\"\n"
     "GUARD 9.5 1.25 nan\n"
     "SHARES nan 0.125\n"
+    "RUN \"AUTO\" 900 0\n"
+    "TOOK \"NET\" \"finds most\"\n"
     "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
     "END\n";
 
@@ -89,7 +89,7 @@ static void what_is_written_is_read(void **state)
     assert_int_equal(e->psf.rho.ee[2], 1000000000000);
     assert_int_equal(rx_psf_account_is_lower(&e->psf), 1);
     assert_int_equal(rx_psf_account_is_lower(&e[1].psf), 0);
-    assert_int_equal(e->nruns, 3);
+    assert_int_equal(e->nruns, 4);
     assert_string_equal(e->run[1].by, "");
     assert_int_equal(e->run[1].flux.n, 439);
     assert_near(e->run[1].flux.wide, 1.03204, 1e-12);
@@ -98,6 +98,9 @@ static void what_is_written_is_read(void **state)
     assert_string_equal(e->run[2].by, "RL");
     assert_string_equal(e->run[2].why, "FWHM 1.2 is \"narrow\"");
     assert_int_equal(e->run[2].flux.n, 0);
+    assert_string_equal(e->run[3].taken, "NET");
+    assert_string_equal(e->run[3].why, "finds most");
+    assert_string_equal(e->run[3].by, "");
     assert_int_equal(e->run[0].tally->bin[96].dmag[244], 7);
     assert_null(e->run[0].tally->bin[100].dmag);
     assert_null(e->run[1].tally);
