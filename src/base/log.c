@@ -15,11 +15,31 @@ enum {
     MOST_LINES = 10     /* of a tile at NORMAL */
 };
 
-double rx_seconds(void)
+static double read_clock(clockid_t clock)
 {
     struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
+    clock_gettime(clock, &now);
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+double rx_seconds(void)
+{
+    return read_clock(CLOCK_MONOTONIC);
+}
+
+rx_lap rx_lap_now(void)
+{
+    return (rx_lap){rx_seconds(), read_clock(CLOCK_PROCESS_CPUTIME_ID)};
+}
+
+void rx_lap_add(rx_lap *last, rx_lap *part)
+{
+    const rx_lap now = rx_lap_now();
+    if (part != NULL) {
+        part->wall += now.wall - last->wall;
+        part->cpu += now.cpu - last->cpu;
+    }
+    *last = now;
 }
 
 void rx_log_init(rx_log *log, const char *program, FILE *stream, rx_verbosity level)

@@ -78,6 +78,16 @@ void rx_log_part(rx_log *log, const char *what, double from, double to);
 
 double rx_seconds(void); /* monotonic clock */
 
+/* Seconds of a part of the work: wall clock, and CPU of all threads. */
+typedef struct rx_lap {
+    double wall, cpu;
+} rx_lap;
+
+rx_lap rx_lap_now(void); /* since some moment */
+
+/* What passed since *last is added to the part, if any; *last becomes now. */
+void rx_lap_add(rx_lap *last, rx_lap *part);
+
 RX_END_DECLS
 
 #endif

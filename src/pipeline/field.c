@@ -627,12 +627,11 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
 {
     const rx_image *image = &field->image;
     const int role = (what & RX_FIELD_MEASURED) != 0;
-    double begun = rx_seconds();
+    rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
     RX_TRY(measure_backgrounds(params, role, field, err));
     RX_TRY(measure_noise(params, field, err));
-    field->background_seconds = rx_seconds() - begun;
-    begun = rx_seconds();
+    rx_lap_add(&last, &field->background_lap);
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
                   image->name, image->hdu, image->width, image->height, field->plain->global_level,
                   field->plain->global_sigma, image->gain, image->pixel_scale);
@@ -643,7 +642,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     } else if ((what & RX_FIELD_PSF) != 0) {
         status = make_psf(params, role, field, log, err);
     }
-    field->psf_seconds = rx_seconds() - begun;
+    rx_lap_add(&last, &field->psf_lap);
     if (status == RX_OK && image->psf == NULL && field->psf != NULL)
         rx_log_info(log, "%s[%d]: PSF %s", image->name, image->hdu, field->psf->description);
     const rx_noise_correlation noise = field->noise;
@@ -652,7 +651,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
         status = make_effective_noise(field, log, err);
     if (status == RX_OK && image->psf != NULL && rx_psf_type_measured(params->psf.type) &&
         field->nstars > 0) {
-        begun = rx_seconds();
+        rx_lap_add(&last, &field->background_lap);
         double by = HUGE_VAL, all = 0;
         for (int round = 0; round < PSF_ROUNDS && fabs(by) > PSF_STAYS && status == RX_OK; round++) {
             rx_psf *psf = NULL;
@@ -673,7 +672,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
             if (status == RX_OK)
                 status = make_effective_noise(field, log, err);
         }
-        field->psf_seconds += rx_seconds() - begun;
+        rx_lap_add(&last, &field->psf_lap);
     }
     if (status == RX_OK) {
         const rx_image restorable = rx_field_restorable(field);
@@ -681,6 +680,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
         status = rx_anomalies_measure(&restorable, rx_noise_factor_wide(&field->noise), params->nthreads,
                                       &field->anomalies, err);
     }
+    rx_lap_add(&last, &field->background_lap);
     if (status == RX_OK)
         say_anomalies(field, log);
     return status;

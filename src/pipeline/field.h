@@ -31,7 +31,7 @@ typedef struct rx_field {
     rx_record inputs; /* files that were read for the PSF of stars that say nothing: keyword, name */
     int nstars;       /* sources that the PSF's stars were chosen among */
     int unrestorable; /* neither stars nor what was stated give a PSF */
-    double background_seconds, psf_seconds; /* wall clock of preparing it */
+    rx_lap background_lap, psf_lap; /* of preparing it */
 } rx_field;
 
 /* What is worked on: sources are detected on the one and measured on the other; the same one twice without dual-image

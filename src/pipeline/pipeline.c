@@ -454,23 +454,26 @@ rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *
     *dst = (rx_result){
         .kind = kind, .detect = detect, .measure = w.measure, .residual = {.share = NAN, .dark = NAN}};
     RX_TRY(same_grid(&detect->image, &w.measure->image, err));
-    double seconds[STEPS] = {0};
-    const double started = rx_seconds();
+    rx_lap laps[STEPS] = {{0}}, last = rx_lap_now();
     rx_status status = find_saturated(&w, err);
-    seconds[DETECT] = rx_seconds() - started;
+    rx_lap_add(&last, &laps[DETECT]);
     for (int step = 0; step < STEPS && status == RX_OK; step++) {
-        const double begun = rx_seconds();
         rx_log_part(log, steps[step].name, step > 0 ? steps[step - 1].share : 0.1, steps[step].share);
         if ((status = rx_interrupt_check(err)) == RX_OK)
             status = steps[step].run(&w, err);
-        seconds[step] += rx_seconds() - begun;
+        rx_lap_add(&last, &laps[step]);
     }
     if (status == RX_OK)
         mark_sources(&w);
-    if (status == RX_OK)
+    rx_lap_add(&last, &laps[MEASURE]);
+    if (status == RX_OK) {
         rx_log_detail(log, "%s[%d]: %s: seconds: restore %.4f, detect %.4f, templates %.4f, measure %.4f",
-                      detect->image.name, detect->image.hdu, kind->name, seconds[RESTORE], seconds[DETECT],
-                      seconds[TEMPLATES], seconds[MEASURE]);
+                      detect->image.name, detect->image.hdu, kind->name, laps[RESTORE].wall,
+                      laps[DETECT].wall, laps[TEMPLATES].wall, laps[MEASURE].wall);
+        rx_log_detail(log, "%s[%d]: %s: CPU seconds: restore %.4f, detect %.4f, templates %.4f, measure %.4f",
+                      detect->image.name, detect->image.hdu, kind->name, laps[RESTORE].cpu, laps[DETECT].cpu,
+                      laps[TEMPLATES].cpu, laps[MEASURE].cpu);
+    }
     rx_filter_free(&w.filter);
     rx_saturated_free(&w.saturated);
     if (status != RX_OK)
