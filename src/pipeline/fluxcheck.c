@@ -12,6 +12,7 @@ enum { FEWEST = 5 };
 static const double LEAST_SNR = 30.0;
 static const double SIGMAS = 5.0; /* that a ratio lies from 1 before it is off, and at least */
 static const double TOLERANCE = 0.01;
+static const double MOST_BROUGHT = 0.1, REACH = 10.0; /* of other sources' light; radii of the aperture */
 /* FLUX_AUTO of stars ends inside the dark ring that Richardson-Lucy leaves, and has 1.1 to 1.3 % too much */
 static const double RING = 0.02;
 
@@ -39,17 +40,58 @@ static int is_clean(const rx_source *s)
     return s->flags == 0 && s->flux_auto > LEAST_SNR * s->fluxerr_auto && s->fluxerr_auto > 0.0;
 }
 
-/* The clean sources under the map of all: neighbours stay masked. The map is lent. */
-static rx_status pick(const rx_sources *sources, rx_sources *dst, rx_error *err)
+typedef struct light {
+    double x, y, flux;
+} light;
+
+static int by_y(const void *a, const void *b)
 {
+    const double p = ((const light *)a)->y, q = ((const light *)b)->y;
+    return (p > q) - (p < q);
+}
+
+/* Light that the others bring into an aperture of that radius about a source, wings that fall off with the cube of the
+ * distance, over its flux. all: by y. */
+static double brought(const light *all, int n, const rx_source *s, double radius)
+{
+    const double reach = REACH * radius;
+    double sum = 0;
+    int low = 0, high = n;
+    while (low < high) {
+        const int mid = low + (high - low) / 2;
+        if (all[mid].y < s->y - reach)
+            low = mid + 1;
+        else
+            high = mid;
+    }
+    for (; low < n && all[low].y <= s->y + reach; low++) {
+        const double distance = hypot(all[low].x - s->x, all[low].y - s->y);
+        if (distance > 0.0 && distance < reach && all[low].flux > 0.0)
+            sum += all[low].flux * fmin(1.0, pow(radius / distance, 3));
+    }
+    return sum / s->flux_auto;
+}
+
+/* The clean sources that stand alone: the wings of others, which the untouched pixels have more of, are no flux of theirs.
+ * Under the map of all: neighbours stay masked. The map is lent. */
+static rx_status pick(const rx_sources *sources, double diameter, rx_sources *dst, rx_error *err)
+{
+    light *all = NULL;
     *dst = *sources;
     dst->vignets = NULL;
     dst->n = 0;
-    RX_TRY(RX_MAKE(dst->list, (size_t)sources->n, err));
+    RX_TRY(RX_MAKE(all, (size_t)sources->n + 1, err));
+    const rx_status status = RX_MAKE(dst->list, (size_t)sources->n, err);
     for (int i = 0; i < sources->n; i++)
-        if (is_clean(&sources->list[i]))
-            dst->list[dst->n++] = sources->list[i];
-    return RX_OK;
+        all[i] = (light){sources->list[i].x, sources->list[i].y, sources->list[i].flux_auto};
+    qsort(all, (size_t)sources->n, sizeof *all, by_y);
+    for (int i = 0; i < sources->n && status == RX_OK; i++) {
+        const rx_source *s = &sources->list[i];
+        if (is_clean(s) && brought(all, sources->n, s, 0.5 * diameter) < MOST_BROUGHT)
+            dst->list[dst->n++] = *s;
+    }
+    free(all);
+    return status;
 }
 
 /* Wide aperture flux of every picked source. */
@@ -116,7 +158,7 @@ rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restore
     *dst = (rx_fluxcheck){.diameter = fmax(10.0, 5.0 * original->psf->fwhm), .wide = NAN, .automatic = NAN};
     if ((par->skip & RX_SKIP_AUTO) != 0)
         return RX_OK;
-    rx_status status = pick(sources, &picked, err);
+    rx_status status = pick(sources, dst->diameter, &picked, err);
     if (status != RX_OK || picked.n < FEWEST)
         goto exit;
     size_t n = (size_t)picked.n;

@@ -12,7 +12,7 @@
 RX_BEGIN_DECLS
 
 typedef struct rx_fluxcheck {
-    int n;           /* sources compared: FLAGS 0 and S/N above 30 on the restored image; 0 = too few */
+    int n; /* sources compared: FLAGS 0 and S/N above 30 on the restored image, with little light of others; 0 = too few */
     double diameter; /* of the wide aperture, pixels: 5 FWHM of the tile's PSF, at least 10 */
     double
         wide; /* median of wide aperture flux, restored / untouched, both as of all the light of their PSFs */

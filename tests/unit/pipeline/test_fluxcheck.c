@@ -124,6 +124,23 @@ static void wings_that_come_in_are_no_factor(void **state)
     teardown(&b);
 }
 
+/* Where wings of a bright one are, nothing is compared. */
+static void what_others_light_is_left_out(void **state)
+{
+    (void)state;
+    bench b;
+    rx_fluxcheck all, check;
+    setup(&b, 60, 1.02f);
+    assert_int_equal(rx_fluxcheck_run(&b.par, &b.restored, &b.untouched, b.sources, NULL, &all, NULL), RX_OK);
+    rx_source *bright = &b.sources->list[b.sources->n / 2];
+    bright->flux_auto *= 1e6;
+    bright->flags = RX_FLAG_SATURATED;
+    assert_int_equal(rx_fluxcheck_run(&b.par, &b.restored, &b.untouched, b.sources, NULL, &check, NULL),
+                     RX_OK);
+    assert_true(check.n < all.n - 1);
+    teardown(&b);
+}
+
 static void few_sources_tell_nothing(void **state)
 {
     (void)state;
@@ -182,8 +199,11 @@ static void excess_of_the_ratio_that_is_off(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(excess_of_the_ratio_that_is_off),     cmocka_unit_test(a_known_factor_is_found),
-        cmocka_unit_test(wings_that_come_in_are_no_factor),    cmocka_unit_test(few_sources_tell_nothing),
+        cmocka_unit_test(excess_of_the_ratio_that_is_off),
+        cmocka_unit_test(a_known_factor_is_found),
+        cmocka_unit_test(wings_that_come_in_are_no_factor),
+        cmocka_unit_test(few_sources_tell_nothing),
+        cmocka_unit_test(what_others_light_is_left_out),
         cmocka_unit_test(off_is_beyond_1_percent_and_5_sigma),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
