@@ -436,10 +436,10 @@ double rx_result_sharp(const rx_result *result)
     return result->sharp > 0 ? (double)result->sharp / (double)result->sources->n : 0.0;
 }
 
-int rx_result_is_sharp(double share)
+int rx_result_is_sharp(double share, long n)
 {
     static const double LARGE = 0.02;
-    return share > LARGE;
+    return share > LARGE && share * (double)n > 2.5;
 }
 
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,

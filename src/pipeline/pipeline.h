@@ -88,9 +88,10 @@ void rx_result_facts(const rx_result *result, rx_record *facts);
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,
                            const rx_field *measure, rx_log *log, rx_result *dst, rx_error *err);
 
-/* Share of the sources with RX_RESTORE_SHARP, 0 without any; and is it so large that cosmic rays are to be masked? */
+/* Share of the sources with RX_RESTORE_SHARP, 0 without any; and is it so large, and of more than two of n sources, that
+ * cosmic rays are to be masked? */
 double rx_result_sharp(const rx_result *result);
-int rx_result_is_sharp(double share);
+int rx_result_is_sharp(double share, long n);
 
 /* How many sources there were if DETECT_THRESH were `factor` times params->detect.threshold: detected again on what was
  * restored and filtered with these params, keep_filtered among them; without templates. Errors: RX_SYSTEM. */

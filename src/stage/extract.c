@@ -379,7 +379,7 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
                 "dark clouds?",
                 tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].dark);
     for (int i = 0; i < n; i++)
-        if (rx_result_is_sharp(runs[i].sharp))
+        if (rx_result_is_sharp(runs[i].sharp, runs[i].sources->n))
             rx_log_warning(log,
                            "%s[%d]: %s: %.0f %% of the sources are sharper than the PSF (RXSHARP; they have "
                            "FLAGS_RESTORE 256): are cosmic rays, hot pixels and bad columns masked?",

@@ -187,7 +187,7 @@ void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *bef
         rx_text_printf(rx_rollup_note(dst, before, run),
                        "%.0f %% of the tile are not explained by the restored image",
                        100.0 * row->guard.unexplained);
-    if (rx_result_is_sharp(row->sharp))
+    if (rx_result_is_sharp(row->sharp, row->sources))
         rx_text_printf(rx_rollup_note(dst, before, run), "%.0f %% of the sources are sharper than the PSF",
                        100.0 * row->sharp);
     const rx_anomalies anomalies = {
