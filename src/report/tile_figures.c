@@ -9,7 +9,7 @@
 #include "report/curves.h"
 #include "report/tile_page.h"
 
-enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 600, HOVER = 150 };
+enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 600, FEW_DOTS = 60, HOVER = 150 };
 static const double CHI2_MOST = 5;
 
 static const char VIRIDIS[] = "(0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725')";
@@ -41,6 +41,7 @@ static void draw_map(rx_figures *dst, const rx_tile_quality *q, const rx_tile_ce
 {
     const rx_image *image = &q->about->image;
     rx_text *script = &dst->script;
+    const int times = cells->nx > 1 && cells->ny > 1 ? 1 : 2; /* gnuplot draws no image of a single row */
     double low, high;
     reach(cells->value, (size_t)cells->nx * (size_t)cells->ny, &low, &high);
     if (high > of->most) {
@@ -51,21 +52,21 @@ static void draw_map(rx_figures *dst, const rx_tile_quality *q, const rx_tile_ce
     rx_plot_begin(dst, &(rx_axes){.xlabel = "X_IMAGE [pixels]",
                                   .ylabel = "Y_IMAGE [pixels]",
                                   .x0 = 0.5,
-                                  .x1 = image->width + 0.5,
+                                  .x1 = fmax(image->width, cells->nx * cells->side) + 0.5,
                                   .y0 = 0.5,
-                                  .y1 = image->height + 0.5});
+                                  .y1 = fmax(image->height, cells->ny * cells->side) + 0.5});
     rx_text_add(script, "$map << EOD\n");
-    for (int y = 0; y < cells->ny; y++) {
-        for (int x = 0; x < cells->nx; x++) {
-            const double value = cells->value[y * cells->nx + x];
+    for (int y = 0; y < times * cells->ny; y++) {
+        for (int x = 0; x < times * cells->nx; x++) {
+            const double value = cells->value[y / times * cells->nx + x / times];
             rx_plot_value(script, value > of->most ? of->most : value);
         }
         rx_text_add(script, "\n");
     }
     rx_text_add(script, "EOD\n");
     rx_plot_colours_begin(script, VIRIDIS, low, high, of->label);
-    rx_text_printf(script, "plot $map matrix using (($1+0.5)*%d+0.5):(($2+0.5)*%d+0.5):3 with image notitle",
-                   cells->side, cells->side);
+    rx_text_printf(script, "plot $map matrix using (($1+0.5)*%g+0.5):(($2+0.5)*%g+0.5):3 with image notitle",
+                   (double)cells->side / times, (double)cells->side / times);
     rx_plot_colours_end(script);
 }
 
@@ -236,7 +237,9 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
         return;
     }
     const int step = 1 + sources->n / LOCUS_DOTS;
-    rx_curves_add(&c, RX_CURVE_DOTS, rx_method_color(of->about->name), step > 1 ? "some of all" : "all");
+    rx_curves_add(&c, sources->n < FEW_DOTS ? RX_CURVE_POINTS : RX_CURVE_DOTS,
+                  rx_method_color(of->about->name),
+                  step > 1 ? "some of all" : "all"); /* dots are too pale for a few */
     for (int i = 0; i < sources->n; i += step)
         rx_curves_put(&c, radii[i], mags[i], NAN, NAN);
     for (int kind = 0; kind < 2; kind++) {

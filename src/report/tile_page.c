@@ -68,11 +68,14 @@ static void add_verdict(rx_report *report, const rx_tile_quality *q)
                       : q->nremarks > 0 ? RX_MARK_OPEN
                                         : RX_MARK_GOOD,
                       word, numbers);
-    for (int i = 0; i < q->nremarks; i++) {
-        const char *mark = q->remark[i].bad ? RX_MARK_BAD : RX_MARK_OPEN;
-        rx_report_put(t, q->remark[i].key, mark, q->remark[i].sentence);
-        rx_report_verdict(report, mark, q->remark[i].bad ? "Wrong:" : "Look:", q->remark[i].sentence);
-    }
+    for (int wrong = 1; wrong >= 0; wrong--)
+        for (int i = 0; i < q->nremarks; i++) {
+            const char *mark = wrong ? RX_MARK_BAD : RX_MARK_OPEN;
+            if ((q->remark[i].bad != 0) != wrong)
+                continue;
+            rx_report_put(t, q->remark[i].key, mark, q->remark[i].sentence);
+            rx_report_verdict(report, mark, wrong ? "Wrong:" : "Look:", q->remark[i].sentence);
+        }
 }
 
 double rx_tile_scale(const rx_image *image)
@@ -225,10 +228,17 @@ static void add_stars(rx_report *report, const rx_tile_quality *q)
     }
 }
 
-static void place(rx_report *report, const char *id, const char *title, const char *prefix)
+/* A section of the figures whose names begin so; false and nothing where there are none. */
+static bool place(rx_report *report, const char *id, const char *title, const char *prefix)
 {
-    rx_report_section(report, id, title);
-    rx_report_place(report, prefix);
+    const rx_figures *figures = rx_report_figures_of(report);
+    for (int i = 0; i < figures->n; i++)
+        if (strncmp(figures->figure[i].id, prefix, strlen(prefix)) == 0) {
+            rx_report_section(report, id, title);
+            rx_report_place(report, prefix);
+            return true;
+        }
+    return false;
 }
 
 rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *files,
@@ -252,8 +262,7 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
         rx_tile_figures(rx_report_figures_of(report), q);
     place(report, "seeing", "Seeing, sky, noise", "tile-");
     place(report, "stars", "Stars", "star-");
-    place(report, "cuts", "Cut-outs", "cut-");
-    if (own.figures)
+    if (place(report, "cuts", "Cut-outs", "cut-"))
         rx_report_note(
             report,
             "Five of the brightest sources, the five brightest blended ones of the others, five by chance "
