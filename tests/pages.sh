@@ -45,6 +45,8 @@ python3 "$top/tests/pages.py" $pages >out 2>&1
 result 'each has what a page must have' $? out
 grep -q '<title>Validation: .*, sharp</title>' campaign/report.html && ! grep -q 'class="v PASS">0 ' campaign/report.html
 result 'a campaign has a title of its own, and no praise for nothing' $? campaign/report.html
+grep -n '<figure\|<h2' campaign/report.html | grep -m 2 'figure\|claims\|goals' | head -n 1 | grep -q '<figure' || ! command -v gnuplot >/dev/null
+result 'its figures come before its claims' $? campaign/report.html
 if command -v gnuplot >/dev/null; then
     grep -q '<title>NONE: reference magnitude [0-9.]*, recall [0-9.]* \[[0-9.]*, [0-9.]*\]</title>' qa/report.html &&
         grep -q '<title>x [0-9]*, y [0-9]*: FWHM ' qa/tile.html

@@ -60,10 +60,9 @@ static rx_status begin(rx_findings *dst, const rx_lab *lab, const rx_lab_output 
     return RX_OK;
 }
 
-static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, const rx_lab_run *runs)
+/* Returns whether each is of one restorer, as goals are. */
+static int add_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, const rx_lab_run *runs)
 {
-    static const char *const claimed[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found",
-                                                                                 "run"};
     const int each = verdicts->n > 0 && verdicts->list[0].run >= 0;
     int count[RX_CLAIM_STATES] = {0};
     char word[32], sentence[160];
@@ -88,6 +87,13 @@ static void show_verdicts(rx_findings *f, const rx_claim_verdicts *verdicts, con
                       : good > 0 ? RX_MARK_GOOD
                                  : RX_MARK_PALE,
                       word, sentence);
+    return each;
+}
+
+static void show_claims(rx_findings *f, int each)
+{
+    static const char *const claimed[] = {"words", "verdict"}, *const found[] = {"claim", "verdict", "found",
+                                                                                 "run"};
     rx_report_section(f->report, each ? "goals" : "claims",
                       each ? "Goals" : "The paper's claims, and our goals");
     if (each)
@@ -238,11 +244,13 @@ rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error
         if (kind->facts != NULL)
             kind->facts(store, f.report);
         rx_claims_judge(store, &verdicts);
-        show_verdicts(&f, &verdicts, lab->run);
+        const int each = add_verdicts(&f, &verdicts, lab->run);
         rx_claim_verdicts_free(&verdicts);
         if (lab->about[0] != '\0')
             rx_report_sentence(f.report, lab->about);
-        status = finish(&f, kind->reading, kind->page(store, &f, err), err);
+        status = kind->page(store, &f, err);
+        show_claims(&f, each);
+        status = finish(&f, kind->reading, status, err);
     }
     rx_store_free(store);
     return status;
