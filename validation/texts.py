@@ -733,20 +733,27 @@ def paper_blind():
 
     def duels(second, quality):
         rows = rows_of(name, "contests", first="NET", second=second, quantity=quality)
-        return [(row["difference"]["value"], row["winner"]) for row in rows if row["test"] == "paired t"]
+        return [row for row in rows if row["test"] == "paired t"]
 
     def against(second):
         cells = []
         for quality, form in (("psnr", "{:+.1f}"), ("ssim", "{:+.2f}")):
             found = duels(second, quality)
-            cells.append(f"{span([d for d, _ in found], form)}; above in {sum(w == 'NET' for _, w in found)}, "
-                         f"below in {sum(w == second for _, w in found)} of {len(found)}")
+            winners = [row["winner"] for row in found]
+            cells.append(f'{span([row["difference"]["value"] for row in found], form)}; above in {winners.count("NET")}, '
+                         f"below in {winners.count(second)} of {len(found)}")
         return cells
+
+    def won_by(winner):
+        found = [row for row in duels("RL", "psnr") if row["winner"] == winner]
+        return "; ".join(f'{scene} {listed(row["condition"] for row in found if row["scene"] == scene)}'
+                         for scene in dict.fromkeys(row["scene"] for row in found)) or "no bin"
     names = {"BLURRED": "blurred images", "SMOOTHED": "the same through a tuned filter", "RL": "RL, true PSF, tuned",
              "RL_FLAT": "RL with its sky set flat"}
     return (paragraph(f"""`psfnet-blind.fits` on the {len(bins)} bins of {bins[0]["scenes"]} scenes of `restoration`, mean differences in the
         bins, and in how many of them it is clearly above or below (paired t, Holm < 0.05):""") + "\n" +
-            table(["against", "PSNR (dB)", "SSIM"], [[words] + against(second) for second, words in names.items()]))
+            table(["against", "PSNR (dB)", "SSIM"], [[words] + against(second) for second, words in names.items()]) + "\n" +
+            paragraph(f"PSNR is clearly above that of RL at {won_by('NET')}; clearly below at {won_by('RL')}."))
 
 
 def paper_speed():
