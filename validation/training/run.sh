@@ -24,6 +24,7 @@ program=$(cd "$(dirname "$program")" && pwd)/$(basename "$program")
 mkdir -p "$out"
 # everything is named from inside the folder: neither the model nor the tables hold a path of this machine
 cp "$here/$name.train" "$out"
+[[ $name != psfnet-survey ]] || cp "$top/config/psfnet.fits" "$out" # which it begins with
 cd "$out"
 "$program" "$name.train" "${@:3}"
 "$program" -INFO "$name.fits" | sed '/^$/,$d'
