@@ -1,4 +1,5 @@
-/* Reading VOTables by expat, streaming: TABLEDATA of one TABLE, everything else is passed over. */
+/* Reading VOTables by expat: TABLEDATA of one TABLE as it comes, or its BINARY or BINARY2 stream in base64 once that has ended;
+ * everything else is passed over. */
 #include <errno.h>
 #include <expat.h>
 #include <math.h>
@@ -21,6 +22,9 @@ typedef struct field {
     char null[32]; /* VALUES null="..." */
     bool has_null, boolean;
     size_t longest;
+    int width;              /* of an element in a stream, bytes; 0: of a type that is not read there */
+    bool whole, characters; /* unsigned there; char, unicodeChar */
+    long items;             /* elements of a cell there; -1: their number stands before them */
 } field;
 
 typedef struct votable {
@@ -28,7 +32,8 @@ typedef struct votable {
     XML_Parser parser;
     int wanted, tables; /* index of the TABLE we want, number of those begun */
     bool inside, done;  /* in that TABLE, behind it */
-    bool in_field, in_row, in_cell, in_description;
+    bool in_field, in_row, in_cell, in_description, in_stream;
+    int binary;        /* 0, or of BINARY, BINARY2 */
     field *fields;     /* [RX_READ_COLUMNS] */
     int nfields, cell; /* cell: the next TD of the row */
     long nrows, capacity;
@@ -80,6 +85,36 @@ static bool parse_arraysize(const char *text, rx_column *column)
     return false;
 }
 
+/* How the field's cells stand in a stream. */
+static void settle_stream(field *f, const char *datatype, const char *arraysize)
+{
+    static const struct {
+        const char *name;
+        int width;
+    } types[] = {{"boolean", 1},     {"unsignedByte", 1}, {"char", 1},          {"short", 2},
+                 {"unicodeChar", 2}, {"int", 4},          {"float", 4},         {"long", 8},
+                 {"double", 8},      {"floatComplex", 8}, {"doubleComplex", 16}};
+    char *end;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        if (strcmp(datatype, types[i].name) == 0)
+            f->width = types[i].width;
+    f->whole = strcmp(datatype, "unsignedByte") == 0;
+    f->characters = strcmp(datatype, "char") == 0 || strcmp(datatype, "unicodeChar") == 0;
+    f->items = 1;
+    for (const char *at = arraysize; *at != '\0'; at = *end == 'x' ? end + 1 : end) {
+        const long n = strtol(at, &end, 10);
+        if (*end == '*' && at == arraysize) {
+            f->items = -1;
+            return;
+        }
+        if (end == at || n < 1 || n > CELL_BYTES || (f->items *= n) > CELL_BYTES ||
+            (*end != 'x' && *end != '\0')) {
+            f->width = 0;
+            return;
+        }
+    }
+}
+
 static void begin_field(votable *in, const char **attributes)
 {
     char datatype[24] = "", arraysize[48] = "";
@@ -99,6 +134,7 @@ static void begin_field(votable *in, const char **attributes)
     copy_attribute(attributes, "datatype", datatype, sizeof datatype);
     copy_attribute(attributes, "arraysize", arraysize, sizeof arraysize);
     f->boolean = strcmp(datatype, "boolean") == 0;
+    settle_stream(f, datatype, arraysize);
     if (strcmp(datatype, "float") == 0)
         column->type = RX_CELL_FLOAT;
     else if (strcmp(datatype, "double") == 0)
@@ -201,6 +237,133 @@ static void store_text(votable *in, field *f, const char *text)
         fail(in, RX_SYSTEM, "");
 }
 
+/* The bytes of a base64 text, in its own room. */
+static bool decode(rx_text *text)
+{
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    unsigned bits = 0, n = 0;
+    size_t used = 0;
+    for (size_t i = 0; i < text->length && text->data[i] != '='; i++) {
+        const char c = text->data[i], *digit = c != '\0' ? strchr(digits, c) : NULL;
+        if (strchr(" \t\r\n", c) != NULL && c != '\0')
+            continue;
+        if (digit == NULL)
+            return false;
+        bits = bits << 6 | (unsigned)(digit - digits);
+        n += 6;
+        if (n >= 8) {
+            n -= 8;
+            text->data[used++] = (char)(bits >> n & 0xff);
+        }
+    }
+    text->length = used;
+    return true;
+}
+
+/* Big-endian. */
+static uint64_t bytes_at(const unsigned char *at, int width)
+{
+    uint64_t value = 0;
+    for (int i = 0; i < width; i++)
+        value = value << 8 | at[i];
+    return value;
+}
+
+/* Element i of all cells of a number. */
+static void store_binary(field *f, long i, const unsigned char *at, bool null)
+{
+    const uint64_t bits = bytes_at(at, f->width);
+    const uint32_t low = (uint32_t)bits;
+    if (f->column.type == RX_CELL_INT64) {
+        const int unused = f->whole ? 0 : 64 - 8 * f->width;
+        int64_t value = (int64_t)(bits << unused) >> unused;
+        char word[32];
+        if (f->boolean)
+            value = strchr("tT1", at[0]) != NULL && at[0] != 0   ? 1
+                    : strchr("fF0", at[0]) != NULL && at[0] != 0 ? 0
+                                                                 : NO_INTEGER;
+        snprintf(word, sizeof word, "%lld", (long long)value);
+        if (null || (f->null[0] != '\0' && strcmp(word, f->null) == 0))
+            value = NO_INTEGER;
+        f->has_null |= value == NO_INTEGER;
+        ((int64_t *)f->column.data)[i] = value;
+    } else if (f->column.type == RX_CELL_FLOAT) {
+        memcpy((float *)f->column.data + i, &low, sizeof low);
+        if (null)
+            ((float *)f->column.data)[i] = NAN;
+    } else {
+        memcpy((double *)f->column.data + i, &bits, sizeof bits);
+        if (null)
+            ((double *)f->column.data)[i] = NAN;
+    }
+}
+
+/* The cell that begins there; returns its end, NULL after fail(). Arrays of numbers whose length varies are left out. */
+static const unsigned char *take_cell(votable *in, field *f, const unsigned char *at,
+                                      const unsigned char *end, bool null)
+{
+    int64_t n = f->items;
+    if (n < 0 && end - at >= 4) {
+        n = (int64_t)bytes_at(at, 4);
+        at += 4;
+    }
+    if (f->width == 0 || n < 0 || n > (end - at) / f->width) {
+        fail(in, RX_INPUT,
+             f->width == 0
+                 ? "a field is of a type that is not read from a binary stream; save it as TABLEDATA or FITS"
+                 : "the binary stream ends within a row, or its fields are others");
+        return NULL;
+    }
+    if (f->column.type == RX_CELL_TEXT) {
+        char word[RX_READ_TEXT + 1] = "";
+        for (int64_t i = 0; i < n && i < RX_READ_TEXT && f->characters && !null; i++) {
+            const uint64_t c = bytes_at(at + i * f->width, f->width);
+            word[i] = (char)(c < 256 ? c : '?');
+        }
+        store_text(in, f, word);
+    } else {
+        for (long i = 0; i < n; i++)
+            store_binary(f, in->nrows * n + i, at + i * f->width, null);
+    }
+    return at + n * f->width;
+}
+
+/* All rows of a stream; BINARY2 has a bit for each null before every row. */
+static void take_stream(votable *in)
+{
+    if (in->text.length == 0)
+        return;
+    if (!decode(&in->text)) {
+        fail(in, RX_INPUT, "the binary stream is not in base64");
+        return;
+    }
+    const unsigned char *at = (const unsigned char *)in->text.data, *end = at + in->text.length;
+    const long bits = in->binary == 2 ? (in->nfields + 7) / 8 : 0;
+    while (at < end && in->nfields > 0 && in->status == RX_OK) {
+        const unsigned char *null = at;
+        if (end - at < bits) {
+            fail(in, RX_INPUT, "the binary stream ends within a row, or its fields are others");
+            return;
+        }
+        begin_row(in);
+        at += bits;
+        for (int i = 0; i < in->nfields && in->status == RX_OK; i++)
+            at = take_cell(in, &in->fields[i], at, end, bits > 0 && (null[i / 8] >> (7 - i % 8) & 1) != 0);
+        in->in_row = false;
+        in->nrows++;
+    }
+}
+
+static void begin_stream(votable *in, const char **attributes)
+{
+    char encoding[24] = "", href[8] = "";
+    copy_attribute(attributes, "encoding", encoding, sizeof encoding);
+    copy_attribute(attributes, "href", href, sizeof href);
+    if (strcmp(encoding, "base64") != 0 || href[0] != '\0')
+        fail(in, RX_INPUT, "the VOTable's stream is not in base64 within it; save it as TABLEDATA or FITS");
+    in->in_stream = true;
+}
+
 static void end_cell(votable *in)
 {
     static const char blanks[] = " \t\r\n,";
@@ -254,18 +417,24 @@ static void XMLCALL on_begin(void *user, const char *name, const char **attribut
         begin_row(in);
     else if (strcmp(name, "TD") == 0)
         in->in_cell = true;
-    else if (strcmp(name, "BINARY") == 0 || strcmp(name, "BINARY2") == 0 || strcmp(name, "FITS") == 0)
-        fail(in, RX_INPUT, "the VOTable is in binary serialisation; save it as TABLEDATA or FITS");
-    if (in->in_cell || in->in_description)
+    else if (strcmp(name, "BINARY") == 0 || strcmp(name, "BINARY2") == 0)
+        in->binary = name[6] == '2' ? 2 : 1;
+    else if (strcmp(name, "STREAM") == 0 && in->binary > 0)
+        begin_stream(in, attributes);
+    else if (strcmp(name, "FITS") == 0)
+        fail(in, RX_INPUT, "the VOTable holds a FITS file; save it as TABLEDATA or FITS");
+    if (in->in_cell || in->in_description || in->in_stream)
         in->text.length = 0;
 }
 
 static void XMLCALL on_text(void *user, const char *text, int length)
 {
     votable *in = user;
-    if (!in->in_cell && !in->in_description)
+    if (!in->in_cell && !in->in_description && !in->in_stream)
         return;
-    if (in->text.length + (size_t)length > CELL_BYTES)
+    if (in->in_stream && in->text.length + (size_t)length > RX_READ_BYTES)
+        fail(in, RX_INPUT, "the table is too large; give it as FITS");
+    else if (!in->in_stream && in->text.length + (size_t)length > CELL_BYTES)
         fail(in, RX_INPUT, "a cell is longer than a megabyte");
     else
         rx_text_add_bytes(&in->text, text, (size_t)length);
@@ -287,6 +456,9 @@ static void XMLCALL on_end(void *user, const char *name)
             fail(in, RX_INPUT, "a row has fewer cells than the table has fields");
         in->in_row = false;
         in->nrows++;
+    } else if (strcmp(name, "STREAM") == 0 && in->in_stream) {
+        in->in_stream = false;
+        take_stream(in);
     } else if (strcmp(name, "FIELD") == 0) {
         in->in_field = false;
     } else if (strcmp(name, "DESCRIPTION") == 0 && in->in_description) {

@@ -26,11 +26,12 @@ typedef struct obstacles {
 
 enum { BITS = 64 };
 
-static rx_status mark_obstacles(const rx_view *view, obstacles *dst, rx_error *err)
+static rx_status mark_obstacles(const rx_view *view, int nthreads, obstacles *dst, rx_error *err)
 {
     const int width = view->image->width, height = view->image->height;
     dst->words = ((size_t)width + BITS - 1) / BITS;
     RX_TRY(RX_MAKE(dst->rows, dst->words * (size_t)height, err));
+#pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int y = 0; y < height; y++) {
         uint64_t *row = dst->rows + (size_t)y * dst->words;
         for (int x = 0; x < width; x++)
@@ -66,10 +67,12 @@ static bool is_free(const rx_view *view, const obstacles *sky, double x, double 
 }
 
 /* Sums of free apertures in units of the pixels' mean sigma; returns how many. */
-static int throw_apertures(const rx_view *view, const obstacles *sky, int which, int count, uint64_t seed,
-                           double *sums, double *area)
+static int throw_apertures(const rx_view *view, const obstacles *sky, int which,
+                           const rx_noise_apertures *throws, double *sums, double *area)
 {
     const rx_image *image = view->image;
+    const int count = throws->count;
+    const uint64_t seed = throws->seed;
     int n = 0;
     double total_area = 0.0;
     for (int i = 0; i < count * TRIES && n < count; i++) {
@@ -174,7 +177,7 @@ rx_noise_law rx_noise_law_of(const rx_noise_correlation *noise)
     return law;
 }
 
-rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, int count, uint64_t seed,
+rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, const rx_noise_apertures *throws,
                            rx_noise_law *law, rx_log *log, rx_error *err)
 {
     rx_image plain = *image; /* errors of single pixels are wanted, no photon noise, no law */
@@ -189,19 +192,24 @@ rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, int
     rx_status status = RX_OK;
     *law = (rx_noise_law){.scale = 1.0, .power = 0.5};
     obstacles sky = {0};
-    double *sums = RX_NEW(double, count > 0 ? (size_t)count : 1);
-    RX_TRY_EXIT(sums == NULL ? rx_error_memory(err, 0) : mark_obstacles(&view, &sky, err));
+    double area[NRADII], width[NRADII];
+    int n[NRADII];
+    const size_t room = throws->count > 0 ? (size_t)throws->count : 1;
+    const int nthreads = throws->nthreads > 0 ? throws->nthreads : 1;
+    double *sums = RX_NEW(double, NRADII *room);
+    RX_TRY_EXIT(sums == NULL ? rx_error_memory(err, 0) : mark_obstacles(&view, nthreads, &sky, err));
+    /* wide apertures first, which take longest */
+#pragma omp parallel for schedule(dynamic) num_threads(nthreads)
+    for (int i = NRADII - 1; i >= 0; i--) {
+        n[i] = throw_apertures(&view, &sky, i, throws, sums + room * (size_t)i, &area[i]);
+        width[i] = n[i] < MIN_APERTURES ? 0.0 : rx_sigma_mad(sums + room * (size_t)i, (size_t)n[i], NULL);
+    }
     for (int i = 0; i < NRADII; i++) {
-        double area;
-        int n = throw_apertures(&view, &sky, i, count, seed, sums, &area);
-        if (n < MIN_APERTURES)
+        if (!(width[i] > 0.0))
             continue;
-        double width = rx_sigma_mad(sums, (size_t)n, NULL);
-        if (!(width > 0.0))
-            continue;
-        law->area[law->nradii] = area;
-        law->ratio[law->nradii++] = width;
-        law->apertures += n;
+        law->area[law->nradii] = area[i];
+        law->ratio[law->nradii++] = width[i];
+        law->apertures += n[i];
     }
     if (law->nradii >= 3) {
         fit_law(law);

@@ -38,10 +38,17 @@ void rx_noise_law_widen(rx_noise_law *law, double area);
 /* The law that follows from the correlation, apertures 0; that of independent pixels, no points, without one. */
 rx_noise_law rx_noise_law_of(const rx_noise_correlation *noise);
 
+/* Empty apertures of each radius. */
+typedef struct rx_noise_apertures {
+    int count;
+    uint64_t seed;
+    int nthreads;
+} rx_noise_apertures;
+
 /* Fit the law with up to `count` empty apertures at each of several radii, thrown by `seed` where no
- * source, fragment or hidden pixel is near. Too little free sky: apertures = 0, RX_OK.
+ * source, fragment or hidden pixel is near; the same for any nthreads. Too little free sky: apertures = 0, RX_OK.
  * image->law is not used. Errors: RX_SYSTEM without memory. */
-rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, int count, uint64_t seed,
+rx_status rx_noise_law_fit(const rx_image *image, const rx_sources *sources, const rx_noise_apertures *throws,
                            rx_noise_law *law, rx_log *log, rx_error *err);
 
 RX_END_DECLS

@@ -4,39 +4,45 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* Reorder so that values[k] is the k-th smallest, smaller ones before it (Hoare 1961, CACM 4, 321;
- * pivot: median of three, so that sorted input costs no more than random input). */
+enum { SAMPLE = 64 };
+
+/* Those of values[low .. end - 1] below the pivot, or (`same`) that are it, to the front; where the others begin. Without a branch that
+ * cannot be foreseen: every value changes places. */
+static size_t partition(double *values, size_t low, size_t end, double pivot, int same)
+{
+    size_t front = low;
+    for (size_t i = low; i < end; i++) {
+        const double value = values[i];
+        values[i] = values[front];
+        values[front] = value;
+        front += (size_t)(same ? value <= pivot : value < pivot);
+    }
+    return front;
+}
+
+/* Reorder so that values[k] is the k-th smallest, smaller ones before it (Hoare 1961, CACM 4, 321; pivot: of an even sample
+ * the value of the same rank, so that two passes leave few; of few the median of three). */
 static void select_kth(double *values, size_t n, size_t k)
 {
-    size_t low = 0, high = n - 1;
-    while (low < high) {
-        double a = values[low], b = values[low + (high - low) / 2], c = values[high];
-        double pivot = a < b ? (b < c ? b : (a < c ? c : a)) : (a < c ? a : (b < c ? c : b));
-        size_t i = low, j = high;
-        for (;;) {
-            while (values[i] < pivot)
-                i++;
-            while (pivot < values[j])
-                j--;
-            if (i >= j)
-                break;
-            double swap = values[i];
-            values[i++] = values[j];
-            values[j--] = swap;
+    size_t low = 0, end = n;
+    while (end - low > 1) {
+        const double a = values[low], b = values[low + (end - low) / 2], c = values[end - 1];
+        double pivot = a < b ? (b < c ? b : (a < c ? c : a)) : (a < c ? a : (b < c ? c : b)), sample[SAMPLE];
+        if (end - low > 8 * SAMPLE) {
+            const size_t rank = (k - low) * SAMPLE / (end - low);
+            for (size_t i = 0; i < SAMPLE; i++)
+                sample[i] = values[low + (end - low) / SAMPLE * i];
+            select_kth(sample, SAMPLE, rank);
+            pivot = sample[rank];
         }
-        /* now all before i are <= pivot and all after j are >= pivot */
-        if (i == j) {
-            if (k == i)
-                return;
-            if (k < i)
-                high = i - 1;
-            else
-                low = i + 1;
-        } else if (k <= j) {
-            high = j;
-        } else {
-            low = i;
+        const size_t less = partition(values, low, end, pivot, 0);
+        if (k < less) {
+            end = less;
+            continue;
         }
+        low = partition(values, less, end, pivot, 1);
+        if (k < low)
+            return;
     }
 }
 

@@ -106,8 +106,10 @@ static rx_status calibrate(work *w, const rx_image *image, int apertures, rx_err
     rx_noise_law *law = &w->dst->law;
     double area = 0;
     if (apertures)
-        RX_TRY(rx_noise_law_fit(hides ? &w->untouched : image, w->sources, w->params->error_apertures,
-                                w->params->seed, law, w->log, err));
+        RX_TRY(rx_noise_law_fit(
+            hides ? &w->untouched : image, w->sources,
+            &(rx_noise_apertures){w->params->error_apertures, w->params->seed, w->params->nthreads}, law,
+            w->log, err));
     if (law->nradii == 0 && (hides || restored == NULL))
         *law = rx_noise_law_of(image->correlation);
     if (hides && restored->blur != NULL)

@@ -73,11 +73,12 @@ static void draw_map(rx_figures *dst, const rx_tile_quality *q, const rx_tile_ce
 /* Colour: FWHM; whiskers: as long as the ellipticity, along the major axis. */
 static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, double low, double high)
 {
-    enum { LONG = 12 }; /* a whisker of ellipticity 0.1 is one LONGth of the longer side */
     const rx_image *image = &q->about->image;
-    const double length = 10.0 / LONG * fmax(image->width, image->height);
     const rx_tile_point *points = stars ? q->star : q->grid;
     const int n = stars ? q->nstars : q->ngrid;
+    /* a whisker of ellipticity 0.1 is one such part of the longer side, a smaller one where many would cover each other */
+    const int part = (int)lround(12 * fmax(1, sqrt(n / 100.0)));
+    const double length = 10.0 / part * fmax(image->width, image->height);
     const char *size = stars ? "0.9" : "1.6";
     char reading[400], hover[320];
     snprintf(hover, sizeof hover,
@@ -93,7 +94,7 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
              !stars      ? "The PSF on a grid."
              : q->chosen ? "Sources as small as the PSF, on their own pixels (no list of stars made the PSF)."
                          : "The stars that made the PSF, on their own pixels.",
-             LONG);
+             part);
     rx_figure_add(dst, stars ? "star-whiskers" : "tile-whiskers",
                   stars ? "Seeing and ellipticity of stars" : "Seeing and ellipticity of the PSF", reading,
                   RX_FIGURE_CHART);

@@ -167,6 +167,12 @@ static void catalog_seeds(const char *folder)
         "<v:DATA><v:TABLEDATA><v:TR><v:TD>-1</v:TD><v:TD> 1.5 </v:TD><v:TD>x&lt;<![CDATA[&y]]></v:TD>"
         "<v:TD>1 2 3 4</v:TD><v:TD>T</v:TD></v:TR><v:TR><v:TD>2</v:TD><v:TD/><v:TD/><v:TD>1 2</v:TD>"
         "<v:TD>?</v:TD></v:TR></v:TABLEDATA></v:DATA></v:TABLE></v:RESOURCE></v:VOTABLE>\n");
+    put_text(
+        folder, "catalog", "binary2",
+        "<VOTABLE><TABLE><FIELD name='x' datatype='double'/><FIELD name='n' datatype='short'/><FIELD "
+        "name='s' "
+        "datatype='char' arraysize='*'/><DATA><BINARY2><STREAM encoding='base64'>AD/gAAAAAAAAAAcAAAABYQ=="
+        "</STREAM></BINARY2></DATA></TABLE></VOTABLE>");
     put_text(folder, "wcs", "tan",
              "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  =  150.1\nCRVAL2  = -2.25\nCRPIX1  = 32.5\n"
              "CRPIX2  = 24.5\nCD1_1   = -1E-4\nCD1_2   = 0.0\nCD2_1   = 0.0\nCD2_2   = 1E-4\n"

@@ -136,6 +136,71 @@ static void votables_of_others(void **state)
     rx_table_free(t);
 }
 
+/* Streams of two rows that astropy reads so. */
+#define STREAM(kind, stream)                                                                                 \
+    "<VOTABLE><TABLE><FIELD name='id' datatype='long'/><FIELD name='ra' datatype='double'/><FIELD "          \
+    "name='mag' datatype='float'/><FIELD name='n' datatype='short'><VALUES null='-99'/></FIELD><FIELD "      \
+    "name='b' datatype='boolean'/><FIELD name='u' datatype='unsignedByte'/><FIELD name='s' datatype='char' " \
+    "arraysize='*'/><FIELD name='w' datatype='unicodeChar' arraysize='2'/><FIELD name='v' datatype='float' " \
+    "arraysize='*'/><FIELD name='m' datatype='float' arraysize='2x2'/><DATA><" kind                          \
+    "><STREAM encoding='base64'>\n" stream "\n</STREAM></" kind "></DATA></TABLE></VOTABLE>"
+static const char BINARY[] = STREAM(
+    "BINARY",
+    "ES0eJSBhAIlAYsgAAAAAAEGkAAD/+VTIAAAABE0gMzEAYQBiAAAAAz+AAABAAAAAQEAAAD+AAABAAAAAQEAAAECAAAD//////////"
+    "b/gAAAAAAAAQaoAAP+dPwAAAAAAAGMAZAAAAABAoAAAQMAAAEDgAABBAAAA");
+static const char BINARY2[] =
+    STREAM("BINARY2", "AAARLR4lIGEAiUBiyAAAAAAAQaQAAP/5VMgAAAAETSAzMQBhAGIAAAADP4AAAEAAAABAQAAAP4AAAEAAAABA\n"
+                      "QAAAQIAAALAA//////////2/4AAAAAAAAEGqAAD/nT8AAAAAAABjAGQAAAAAQKAAAEDAAABA4AAAQQAAAA==");
+
+static void binary_streams(void **state)
+{
+    (void)state;
+    for (int nulls = 0; nulls < 2; nulls++) {
+        rx_table *t = good(nulls ? BINARY2 : BINARY);
+        assert_int_equal(t->nrows, 2);
+        if (nulls) {
+            assert_true(isnan(scene_value(t, "id", 1, 0)));
+            assert_true(isnan(scene_value(t, "mag", 1, 0)));
+        } else {
+            assert_int_equal(((int64_t *)t->columns[0].data)[0], 1237678617402605705LL);
+            assert_int_equal(((int64_t *)t->columns[0].data)[1], -3);
+            assert_near(scene_value(t, "mag", 1, 0), 21.25, 0);
+        }
+        assert_near(scene_value(t, "ra", 0, 0), 150.25, 0);
+        assert_near(scene_value(t, "ra", 1, 0), -0.5, 0);
+        assert_near(scene_value(t, "n", 0, 0), -7, 0);
+        assert_true(isnan(scene_value(t, "n", 1, 0)));
+        assert_near(scene_value(t, "b", 0, 0), 1, 0);
+        assert_true(isnan(scene_value(t, "b", 1, 0)));
+        assert_near(scene_value(t, "u", 0, 0), 200, 0);
+        assert_string_equal((char *)t->columns[6].data, "M 31");
+        assert_string_equal((char *)t->columns[6].data + t->columns[6].text_width, "");
+        assert_string_equal((char *)t->columns[7].data + t->columns[7].text_width, "cd");
+        assert_string_equal((char *)t->columns[8].data, ""); /* its length varies */
+        assert_near(scene_value(t, "m", 1, 3), 8, 0);
+        rx_table_free(t);
+    }
+}
+
+/* Every stream that ends early is refused, or ends with a row. */
+static void binary_streams_cut_short(void **state)
+{
+    (void)state;
+    const size_t begin = (size_t)(strstr(BINARY2, "\nAAAR") - BINARY2) + 1,
+                 end = (size_t)(strstr(BINARY2, "==") - BINARY2);
+    for (size_t cut = begin; cut < end; cut++) {
+        char text[sizeof BINARY2];
+        rx_table *t = NULL;
+        snprintf(text, sizeof text, "%.*s%s", (int)cut, BINARY2, strstr(BINARY2, "</STREAM>"));
+        const rx_status status = read_text(text, 0, &t, NULL);
+        if (status == RX_OK)
+            assert_in_range(t->nrows, 0, 1);
+        else
+            assert_int_equal(status, RX_INPUT);
+        rx_table_free(t);
+    }
+}
+
 static void many_rows_of_a_votable(void **state)
 {
     (void)state;
@@ -184,6 +249,12 @@ static void what_is_no_catalogue(void **state)
         {"<VOTABLE><TABLE><FIELD name='a' "
          "datatype='int'/><DATA><BINARY><STREAM/></BINARY></DATA></TABLE></VOTABLE>",
          "TABLEDATA", 1},
+        {"<VOTABLE><TABLE><FIELD name='a' datatype='bit'/><DATA><BINARY><STREAM "
+         "encoding='base64'>AAAA</STREAM></BINARY></DATA></TABLE></VOTABLE>",
+         "TABLEDATA", 1},
+        {"<VOTABLE><TABLE><FIELD name='a' datatype='int'/><DATA><BINARY><STREAM "
+         "encoding='base64'>AA?A</STREAM></BINARY></DATA></TABLE></VOTABLE>",
+         "base64", 1},
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         rx_table *table = NULL;
@@ -230,6 +301,8 @@ int main(void)
         cmocka_unit_test(cells_of_text_and_nothing),
         cmocka_unit_test(large_identifiers_keep_their_digits),
         cmocka_unit_test(votables_of_others),
+        cmocka_unit_test(binary_streams),
+        cmocka_unit_test(binary_streams_cut_short),
         cmocka_unit_test(many_rows_of_a_votable),
         cmocka_unit_test(what_is_no_catalogue),
         cmocka_unit_test(other_ways_to_fail),

@@ -25,7 +25,8 @@ static rx_noise_law fit(const field *f)
     rx_sources none = {.width = f->width, .height = f->height, .segments = RX_NEW(int32_t, f->n)};
     rx_image image = image_of(f);
     rx_noise_law law;
-    assert_int_equal(rx_noise_law_fit(&image, &none, 2000, 3, &law, NULL, NULL), RX_OK);
+    assert_int_equal(rx_noise_law_fit(&image, &none, &(rx_noise_apertures){2000, 3, 1}, &law, NULL, NULL),
+                     RX_OK);
     free(none.segments);
     return law;
 }
@@ -230,7 +231,7 @@ static int restore_and_measure(const rx_psf *psf, uint64_t seed, double (*auto_f
     rx_image image = image_of(&f);
     image.pixels = restored->pixels;
     rx_noise_law law;
-    assert_int_equal(rx_noise_law_fit(&image, s, 1000, 1, &law, NULL, NULL), RX_OK);
+    assert_int_equal(rx_noise_law_fit(&image, s, &(rx_noise_apertures){1000, 1, 1}, &law, NULL, NULL), RX_OK);
     assert_true(law.apertures > 1000);
     image.law = &law;
     rx_measure_params par = {.naper = 1,

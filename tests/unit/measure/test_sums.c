@@ -538,7 +538,8 @@ static void noise_law_is_the_width_of_the_apertures_thrown(void **state)
                             .gain = 2.0,
                             .law = &other};
     rx_noise_law law;
-    assert_int_equal(rx_noise_law_fit(&image, &none, COUNT, seed, &law, NULL, NULL), RX_OK);
+    assert_int_equal(rx_noise_law_fit(&image, &none, &(rx_noise_apertures){COUNT, seed, 3}, &law, NULL, NULL),
+                     RX_OK);
     double sums[COUNT], areas = 0.0;
     int n = 0;
     for (uint64_t i = 0; n < COUNT; i++) {
