@@ -198,9 +198,10 @@ def restoration_numbers():
     def mean(axis, method, quality):
         return statistics.mean(row["value"]["value"] for row in rows_of("restoration", "cells", scene=axis, run=method, quantity=quality))
 
-    def wins(axis, first, second, quality):
-        return [(float(row["condition"]), row["difference"]["value"])
-                for row in rows_of("restoration", "contests", scene=axis, quantity=quality, first=first, second=second, winner=first)]
+    def wins(axis, winner, loser, quality):
+        both = (winner, loser), (loser, winner)  # a contest stands there in one order
+        return [(float(row["condition"]), abs(row["difference"]["value"])) for first, second in both
+                for row in rows_of("restoration", "contests", scene=axis, quantity=quality, first=first, second=second, winner=winner)]
     return mean, wins
 
 
@@ -446,6 +447,24 @@ def templates_sky():
         ([table](../validation/results/templates/sdss.md)) the scatter of MAG_TEMPLATE at r 16 to 20 is {template} mag (FLUX_AUTO {auto}). In NET's list there
         {precision[2]} are marked, {precision[3]} of them known to the coadd: precision {precision[1]} with, {precision[4]} without
         them.""")
+
+
+def faint_galaxies():
+    cells = json.loads(text_of("validation/results/faint_galaxies/summary.json"))["cells"]
+    rows = []
+    for frame in distinct(c["frame"] for c in cells):
+        for mu in distinct(c["mu"] for c in cells):
+            row = [frame, f"{mu:g}"]
+            for r in ("NONE", "RL", "NET"):
+                mine = [c for c in cells if (c["frame"], c["mu"], c["restorer"]) == (frame, mu, r)]
+                auto = [c["auto"] for c in mine if c["auto"] is not None]
+                row += [" ".join(f"{c['light']:.2f}" for c in mine), " ".join(f"{c['size']:.2f}" for c in mine),
+                        f"{statistics.mean(c['found'] for c in mine):.2f}", f"{statistics.mean(auto):.2f}" if auto else ""]
+            rows.append(row)
+    head = [f"{r}: {what}" for r in ("NONE", "RL", "NET") for what in ("light", "size", "found", "AUTO")]
+    count = one(cells, frame=cells[0]["frame"], mu=cells[0]["mu"], arcsec=cells[0]["arcsec"], restorer="NET")["n"]
+    return "\n" + table(["frame", "mu at r_e (mag/arcsec^2)", *head], rows) + "\n" + paragraph(f"""Discs of effective radius 4 and 8 arcsec (light
+        and size: each; found and AUTO: both), {count} of each in a cell.""")
 
 
 def models():
@@ -776,7 +795,7 @@ def paper_speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, models, limits, robustness, resampled, psf, crowded, close_pairs, put_in, sdss_coadd, preal, speed, paper,
+    templates_found, faint_galaxies, models, limits, robustness, resampled, psf, crowded, close_pairs, put_in, sdss_coadd, preal, speed, paper,
     paper_blind, paper_speed)}
 
 
