@@ -40,12 +40,17 @@ def make(folder, fwhm, seed):
                 "-SHARP_FWHM", "2")
 
 
-def restore(folder, fwhm, niter, accelerate, *arguments):
+def extract(folder, fwhm, restorer, *arguments):
+    """rl.cat and rl.fits of it. restorer: RESTORE_TYPE and its arguments."""
     (Path(folder) / "c.param").write_text("\n".join(COLUMNS) + "\n")
-    crowded.run(folder, "REXTRACT", "sim.fits", "-RESTORE_TYPE", "RL", "-RL_NITER", niter, "-RL_ACCELERATE", accelerate,
-                       "-PSF_TYPE", "MOFFAT", "-PSF_FWHM", fwhm, "-PARAMETERS_NAME", "c.param", "-CATALOG_TYPE", "FITS_1.0", "-CATALOG_NAME",
-                       "rl.cat", "-MAG_ZEROPOINT", crowded.ZERO, "-GAIN", "1", "-BLANK_CHECK", "0", "-FILTER_NAME",
-                       crowded.TOP / "config/default.conv", "-CHECKIMAGE_TYPE", "RESTORED", "-CHECKIMAGE_NAME", "rl.fits", *arguments)
+    crowded.run(folder, "REXTRACT", "sim.fits", "-RESTORE_TYPE", *restorer, "-PSF_TYPE", "MOFFAT", "-PSF_FWHM", fwhm, "-PARAMETERS_NAME",
+                "c.param", "-CATALOG_TYPE", "FITS_1.0", "-CATALOG_NAME", "rl.cat", "-MAG_ZEROPOINT", crowded.ZERO, "-GAIN", "1",
+                "-BLANK_CHECK", "0", "-FILTER_NAME", crowded.TOP / "config/default.conv", "-CHECKIMAGE_TYPE", "RESTORED",
+                "-CHECKIMAGE_NAME", "rl.fits", *arguments)
+
+
+def restore(folder, fwhm, niter, accelerate, *arguments):
+    extract(folder, fwhm, ("RL", "-RL_NITER", niter, "-RL_ACCELERATE", accelerate), *arguments)
 
 
 def psnr(image, sharp):

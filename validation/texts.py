@@ -758,6 +758,22 @@ def speed():
         alone): most of it are convolutions of few channels, forward and backward."""))
 
 
+def amdahl():
+    """Efficiencies that the serial CPU seconds allow."""
+    measured = summary("bench/amdahl")
+    rows = []
+    for name, steps in measured["kinds"].items():
+        serial, both = (sum(step[k] for step in steps.values()) for k in (0, 1))
+        share = serial / both
+        largest = sorted(steps, key=lambda step: -steps[step][0])[:2]
+        rows.append([name, f"{both:.2f}", f"{serial:.2f}", f"{100 * share:.0f} %",
+                     *(f"{100 / (n * share + 1 - share):.0f} %" for n in (2, 4, 8)),
+                     listed(f"{step} {steps[step][0]:.2f}" for step in largest)])
+    return (paragraph(f"""CPU seconds on a crowded tile of {measured["side"]} x {measured["side"]} pixels, in all and outside what threads share, and
+        the efficiency on 2, 4 and 8 cores that Amdahl's law leaves:""") + "\n" +
+            table(["", "all [s]", "serial [s]", "share", "2 cores", "4", "8", "most of it [s]"], rows))
+
+
 PAPERS = ("restoration", "photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 
@@ -819,7 +835,7 @@ def paper_speed():
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
     templates_found, faint_galaxies, models, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
-    sdss_coadd, preal, speed, paper,
+    sdss_coadd, preal, speed, amdahl, paper,
     paper_blind, paper_speed)}
 
 
