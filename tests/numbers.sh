@@ -85,6 +85,7 @@ result "and of a page the tables" $? log
 if command -v git >/dev/null; then
     mkdir ledger && git -C ledger init -q && printf 'experiment\tseed\tcommit\n' >ledger/final_seeds.tsv && echo 1 >ledger/code && git -C ledger add . &&
         git -C ledger -c user.name=x -c user.email=x@x commit -q -m x || exit 2
+    why=''
     claim() { RX_LEDGER=$scratch/ledger/final_seeds.tsv python3 -B "$top/validation/ledger.py" claim psf "$@" >log 2>&1; }
     refused() {
         claim "$@"

@@ -482,7 +482,7 @@ def models():
         each. All other results are of `psfnet.fits`.""") + "\n" + item(f"""**Survey.** `config/psfnet-survey.fits` has the shape of
         `psfnet.fits`, from which its training went on with {one(about, model="psfnet-survey")["training images"]} images of skies as surveys
         deliver them: noise correlated by smoothing, resampling and drizzling, uneven noise, skies that are off, dark structure,
-        cosmic rays, halos, PSFs told wrongly, galaxies of COSMOS. On the same ideal scenes PSNR is {pair("PSNR (dB)", survey)} dB,
+        cosmic rays, halos, PSFs given wrongly, galaxies of COSMOS. On the same ideal scenes PSNR is {pair("PSNR (dB)", survey)} dB,
         SSIM {pair("SSIM", survey)}, average precision of stars {pair("AP, stars", survey)} and of galaxies
         {pair("AP, galaxies", survey)}, recall at precision 0.95 {pair("recall, stars", survey)} and
         {pair("recall, galaxies", survey)}, scatter of bright stars {short["survey"]} ({short["other"]}) %.""")
