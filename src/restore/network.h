@@ -41,7 +41,7 @@
  *
  * Overhead of the halos for a network that looks 60 pixels far and FFTs with a halo of 48: 1.06 (4096 x 4096
  * pixels, NET_BLOCK 4096) to 1.2 (1024 x 1024) times the pixels in the network, 1.2 to 1.35 times in the
- * FFTs.
+ * FFTs of Tikhonov's filter; those of K' are on domains of their own, whose side follows from its size.
  *
  * Memory: a mask and three planes, 13 bytes a pixel, which become pixels and sigma, and support where it is
  * asked for (nothing else has the size of the tile but `reblurred`, where that is), of tall tiles less: what
