@@ -47,7 +47,7 @@ passed=$((passed + ${ran:-0} - ${left_out:-0} - failures))
 grep "\.\.\. skipped '" "$scratch/tests.log" | sed 's/^/skipped: /'
 grep '^\(FAIL\|ERROR\): ' "$scratch/tests.log"
 if [ "$status" -ne 0 ]; then
-    [ "$failures" -gt 0 ] || failures=1
+    [ "$failures" -gt 0 ] || { failures=1 && tail -n 20 "$scratch/tests.log"; } # it crashed
     failed=$((failed + failures))
     sed -n '/^=====/,$p' "$scratch/tests.log" | head -n 200
 fi

@@ -41,7 +41,7 @@ static void select_kth(double *values, size_t n, size_t k)
             continue;
         }
         low = partition(values, less, end, pivot, 1);
-        if (k < low)
+        if (k < low || low == less) /* or NAN */
             return;
     }
 }

@@ -79,6 +79,7 @@ static rx_status pick(const rx_sources *sources, double diameter, rx_sources *ds
     light *all = NULL;
     *dst = *sources;
     dst->vignets = NULL;
+    dst->list = NULL;
     dst->n = 0;
     RX_TRY(RX_MAKE(all, (size_t)sources->n + 1, err));
     const rx_status status = RX_MAKE(dst->list, (size_t)sources->n, err);

@@ -304,6 +304,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->unexplained = w.result.residual.share;
     run->dark = w.result.residual.dark;
     run->sharp = rx_result_sharp(&w.result);
+    run->many_sharp = rx_result_is_sharp(run->sharp, sources->n);
     describe_outside(&w.result, run);
     const char *did = run->by != NULL ? run->by : run->choice.taken != NULL ? w.kind->name : NULL;
     snprintf(run->label, sizeof run->label, did != NULL ? "%s (done by %s)" : "%s", run->kind->name, did);
@@ -379,7 +380,7 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
                 "dark clouds?",
                 tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].dark);
     for (int i = 0; i < n; i++)
-        if (rx_result_is_sharp(runs[i].sharp, runs[i].sources->n))
+        if (runs[i].many_sharp)
             rx_log_warning(log,
                            "%s[%d]: %s: %.0f %% of the sources are sharper than the PSF (RXSHARP; they have "
                            "FLAGS_RESTORE 256): are cosmic rays, hot pixels and bad columns masked?",

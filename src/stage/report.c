@@ -204,7 +204,7 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
                                      .unexplained = rx_residual_is_large(run->unexplained),
                                      .outside = run->outside,
                                      .sharp = run->sharp,
-                                     .many_sharp = rx_result_is_sharp(run->sharp, run->sources->n)};
+                                     .many_sharp = run->many_sharp};
     }
     RX_TRY(rx_record_list(in->record, &pairs, err));
     const rx_tile_page page = {&about, in->record->n, (const char *const(*)[2])pairs};

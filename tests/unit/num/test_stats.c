@@ -92,12 +92,23 @@ static void test_sigma_of_normal(void **state)
     free(v);
 }
 
+/* Meaningless, but an answer. */
+static void test_nan_ends(void **state)
+{
+    (void)state;
+    double values[3000];
+    for (int first = 0; first < 3000; first += 97) {
+        for (int i = 0; i < 3000; i++)
+            values[i] = i == first || i % 300 == 0 ? NAN : (double)(i * 7919 % 3001);
+        rx_median(values, 3000);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_median_small),
-        cmocka_unit_test(test_against_sorting),
-        cmocka_unit_test(test_numpy_values),
+        cmocka_unit_test(test_nan_ends),        cmocka_unit_test(test_median_small),
+        cmocka_unit_test(test_against_sorting), cmocka_unit_test(test_numpy_values),
         cmocka_unit_test(test_sigma_of_normal),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
