@@ -351,7 +351,7 @@ void rx_choice_facts(const rx_choice *choice, rx_record *facts)
     rx_record_add(facts, "RXAUA", "Mpixel of this tile that was tried", "%.6g", choice->mpixels);
     for (int i = NONE; i < RX_CHOICE_CANDIDATES; i++) {
         const rx_choice_candidate *c = &choice->of[i];
-        char key[16];
+        char key[24];
 #define ADD(letter, comment, format, value)                                                                  \
     (snprintf(key, sizeof key, "RXAU%d" letter, i + 1), rx_record_add(facts, key, comment, format, value))
         ADD("", "AUTO: candidate", "%s", c->kind->name);
