@@ -10,7 +10,7 @@ What the columns mean
 
 Tiles of 1024 x 1024 pixels, their lists and images are judged as by validation/iterations.py: average precision of the default
 catalogue, PSNR of the restored image at the sharp truth's PSF. Seconds: of the restoration alone on one core, by the log, the least of
-six runs (two tiles, three each), per Mpixel.
+three runs of each tile, per Mpixel.
 """
 import json
 import os
