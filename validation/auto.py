@@ -12,6 +12,7 @@ import os
 import sys
 from pathlib import Path
 
+import ledger
 import robustness
 import tiles
 from tiles import RESTORERS, near
@@ -42,6 +43,7 @@ def score(run, at, judged, reach, side):
 
 
 def main(folder, seed, data):
+    ledger.claim("auto", folder, [seed])
     program, rows = tiles.Program(folder), []
     (program.folder / "auto.param").write_text("NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\n")  # no templates
 

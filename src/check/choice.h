@@ -2,9 +2,8 @@
  *
  * Candidates are NONE; RL where the PSF is known; NET where the model was made for the tile besides (pipeline/domain.h)
  * and its noise is not more correlated than resampling explains. Each looks for the same objects (check/selfcheck.h) in
- * the same windows of the tile, of 1024 x 1024 pixels in all at most, 500 objects in all (or SELF_CHECK_COUNT), so that the time does not grow with
- * the tile: that of seven runs of a Mpixel. Each
- * does so at the lowest threshold, DETECT_THRESH or above, that makes no more than NOISE_FALSE_MAX false detections per
+ * the same windows of the tile, of 1024 x 1024 pixels in all at most, 500 objects in all (or SELF_CHECK_COUNT), so that
+ * the time does not grow with the tile: that of seven runs of a Mpixel. Each does so at the lowest threshold, DETECT_THRESH or above, that makes no more than NOISE_FALSE_MAX false detections per
  * Mpixel of the tile's noise (rx_blankcheck_guard()).
  *
  *   score = objects found - spurious: new detections that are no injected object

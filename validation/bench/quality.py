@@ -24,6 +24,7 @@ import numpy as np
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
 import crowded
 import iterations
+import ledger
 
 MODELS = {"NET": "psfnet.fits", "fast NET": "psfnet-fast.fits"}
 PLAIN, FAST = (5, 10, 20, 30, 50, 100, 200), (4, 6, 10, 18, 30, 50, 100)
@@ -57,6 +58,7 @@ def restore(folder, fwhm, arguments, *more):
 
 
 def campaign(out, *seeds):
+    ledger.claim("quality", out, seeds)
     os.environ["RX_THREADS"] = "1"
     rows = []
     for seed in seeds or ("401", "402"):
