@@ -8,12 +8,14 @@ RX_TRAIN=$programs/rextract-train RX_VALIDATE=$programs/rextract-validate
 export RX_TRAIN RX_VALIDATE
 enter
 
-for name in psfnet psfnet-fast psfnet-blind; do
-    "$top/validation/training/run.sh" $name $name -EPOCHS 1 -PATCH 48 -PATCH_MARGIN 8 -GRID 1,1 -BIN_IMAGES 16 \
-        -BLOCKS 1 -QA_FIGURES N >$name.log 2>&1 && [ -e $name/$name/training.html ]
+for name in psfnet psfnet-fast psfnet-blind psfnet-paper; do
+    mkdir -p $name/cosmos/train # without real galaxies
+    "$top/validation/training/run.sh" $name $name -EPOCHS 1 -PATCH 48 -PATCH_MARGIN 8 -FWHM_RANGE 2,4 -GRID 1,1 -BIN_IMAGES 16 \
+        -BLOCKS 1 -SIM.TEMPLATE_COUNT 0 -QA_FIGURES N >$name.log 2>&1 && [ -e $name/$name/training.html ]
     result "$name is trained" $? $name.log
     "$RX_TRAIN" -INFO $name/$name.fits >$name.info 2>&1
-    grep -q "^Mode  *$([ $name = psfnet-blind ] && echo BLIND || echo INFORMED)" $name.info
+    case $name in *blind | *paper) mode=BLIND ;; *) mode=INFORMED ;; esac
+    grep -q "^Mode  *$mode" $name.info
     result "$name has its mode" $? $name.info
 done
 "$top/validation/training/run.sh" nothing >log 2>&1

@@ -1,9 +1,13 @@
 #!/bin/bash
 # The models in the box, trained as they were:
 #
-#   validation/training/run.sh psfnet|psfnet-fast|psfnet-blind|psfnet-survey [FOLDER [-KEYWORD VALUE ...]]
+#   validation/training/run.sh MODEL [FOLDER [-KEYWORD VALUE ...]]
 #
-# Everything goes into FOLDER (default: <name>-out): the configuration, the model, the checkpoint, and the folder <name>
+# MODEL: psfnet, psfnet-fast, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet and psfnet-fast begin with psfnet-ideal.fits and
+# psfnet-fast-ideal.fits, which are trained first where FOLDER has none, and want COSMOS galaxies: FOLDER/cosmos/train, else those of
+# the data folder (RX_SHARED_DATA, or ../shared/data beside the sources; astropy).
+#
+# Everything goes into FOLDER (default: <MODEL>-out): the configuration, the model, the checkpoint, and the folder <MODEL>
 # with log.ecsv, dictionary.ecsv and the page training.html. Started again after an interruption it goes on where it was;
 # the model has the same bytes for any number of threads and interruptions. `-EPOCHS n` with a larger n goes on from a
 # complete training. Under MPI: mpiexec -n 3 rextract-train <name>.train, inside FOLDER, gives the same bytes, too.
@@ -11,10 +15,15 @@ set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/../.." && pwd)
 program=${RX_TRAIN:-$top/build/rextract-train}
-case ${1:-} in
-psfnet | psfnet-fast | psfnet-blind | psfnet-survey) name=$1 ;;
+name=${1:-} recipe=${1:-} keywords=()
+case $name in
+psfnet | psfnet-ideal | psfnet-blind | psfnet-paper) ;;
+psfnet-fast) recipe=psfnet keywords=(-BLOCKS 2 -RL_STEPS 1 -EPOCHS 100 -INIT_MODEL psfnet-fast-ideal.fits) ;;
+psfnet-fast-ideal) recipe=psfnet-ideal keywords=(-BLOCKS 2 -RL_STEPS 1) ;;
+psfnet-paper-informed) recipe=psfnet-paper keywords=(-MODE INFORMED) ;;
 *)
-    echo "run.sh: which model? usage: run.sh psfnet|psfnet-fast|psfnet-blind|psfnet-survey [FOLDER [-KEYWORD VALUE ...]]" >&2
+    echo "run.sh: which model? usage: run.sh psfnet|psfnet-fast|psfnet-blind|psfnet-paper|psfnet-paper-informed" \
+        "[FOLDER [-KEYWORD VALUE ...]]" >&2
     exit 2
     ;;
 esac
@@ -23,10 +32,17 @@ out=${2:-$name-out}
 program=$(cd "$(dirname "$program")" && pwd)/$(basename "$program")
 mkdir -p "$out"
 # everything is named from inside the folder: neither the model nor the tables hold a path of this machine
-cp "$here/$name.train" "$out"
-[[ $name != psfnet-survey ]] || cp "$top/config/psfnet.fits" "$out" # which it begins with
+cp "$here/$recipe.train" "$out/$name.train"
+if [[ $recipe == psfnet ]]; then
+    if [[ ! -d $out/cosmos/train ]]; then
+        python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy' 2>/dev/null && echo "$p" && break; done) ||
+            { echo "run.sh: no python3 with astropy, which cuts COSMOS in two; install python3-astropy" >&2; exit 2; }
+        "$python" "$here/stamps.py" "${RX_SHARED_DATA:-$top/../shared/data}/templates/cosmos" "$out/cosmos" >&2
+    fi
+    [[ -f $out/$name-ideal.fits ]] || "$0" "$name-ideal" "$out" "${@:3}"
+fi
 cd "$out"
-"$program" "$name.train" "${@:3}"
+"$program" "$name.train" -MODEL_NAME "$name.fits" -OUTPUT_NAME "$name" -CHECKPOINT_NAME "$name.checkpoint" "${keywords[@]}" "${@:3}"
 "$program" -INFO "$name.fits" | sed '/^$/,$d'
 cat <<TEXT
 
