@@ -794,9 +794,13 @@ def paper():
     return table(["the paper", "counts as reproduced when", "campaigns", "verdict"], rows)
 
 
-def paper_blind():
-    """The paper's kind of network, which is not given the PSF, beside Richardson-Lucy that is."""
-    name = "restoration-blind"
+def paper_kinds():
+    """Networks of the paper's kind and recipe beside Richardson-Lucy that is told the PSF."""
+    return "\n".join(beside_rl(name) for name in ("psfnet-blind", "psfnet-paper", "psfnet-paper-informed"))
+
+
+def beside_rl(model):
+    name = model.replace("psfnet", "restoration")
     bins = rows_of(name, "bins")
 
     def duels(second, quality):
@@ -818,7 +822,7 @@ def paper_blind():
                          for scene in dict.fromkeys(row["scene"] for row in found)) or "no bin"
     names = {"BLURRED": "blurred images", "SMOOTHED": "the same through a tuned filter", "RL": "RL, true PSF, tuned",
              "RL_FLAT": "RL with its sky set flat"}
-    return (paragraph(f"""`psfnet-blind.fits` on the {len(bins)} bins of {bins[0]["scenes"]} scenes of `restoration`, mean differences in the
+    return (paragraph(f"""**`{model}.fits`** on the {len(bins)} bins of {bins[0]["scenes"]} scenes of `restoration`, mean differences in the
         bins, and in how many of them it is clearly above or below (paired t, Holm < 0.05):""") + "\n" +
             table(["against", "PSNR (dB)", "SSIM"], [[words] + against(second) for second, words in names.items()]) + "\n" +
             paragraph(f"PSNR is clearly above that of RL at {won_by('NET')}; clearly below at {won_by('RL')}."))
@@ -836,7 +840,7 @@ def paper_speed():
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
     templates_found, faint_galaxies, models, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
-    sdss_coadd, preal, speed, amdahl, paper, paper_blind, paper_speed)}
+    sdss_coadd, preal, speed, amdahl, paper, paper_kinds, paper_speed)}
 
 
 # --- check and write

@@ -1,0 +1,54 @@
+#!/bin/bash
+# Judging: campaigns on one final seed (ledger.py), by the commit as it stands.
+#
+#   validation/final.sh SEED FOLDER [NAME...]      run NAME... (default: all of them), one after the other
+#   validation/final.sh take FOLDER                what is complete in FOLDER becomes validation/results; then texts.py write
+#
+# Names are those of validation/results. Started again it goes on where it was. Those that need the data folder skip without it.
+set -euo pipefail
+here=$(cd "$(dirname "$0")" && pwd)
+top=$(cd "$here/.." && pwd)
+names=(restoration restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
+    fluxes fluxes-errors fluxes-template fluxes-sdss invented robustness unknown_psf faint_galaxies preal quality auto)
+usage="final.sh: usage: final.sh SEED FOLDER [NAME...] | take FOLDER; names: ${names[*]}"
+[[ $# -ge 2 ]] || { echo "$usage" >&2; exit 2; }
+python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy, scipy' 2>/dev/null && echo "$p" && break; done) ||
+    { echo "final.sh: no python3 with astropy and scipy; install python3-astropy and python3-scipy" >&2; exit 2; }
+data=${RX_SHARED_DATA:-$top/../shared/data}
+
+# run NAME SEED FOLDER
+run() {
+    case $1 in
+    restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration small "$3" -SEED "$2" -EXAMPLES 0 ;;
+    photometry-sdss) "$here/run.sh" sdss small "$3" -SEED "$2" ;;
+    robustness) "$python" "$here/robustness.py" "$3" "$2" ;;
+    unknown_psf) "$python" "$here/unknown_psf.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" ;;
+    faint_galaxies) "$python" "$here/faint_galaxies.py" "$data" "$3" "$2,$(($2 + 1))" ;;
+    preal) RX_PROGRAMS=NONE,NET RX_COVERED='' "$python" "$here/preal.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" 300-2.5G,300-4G,300-6G,2000-4 ;;
+    quality) "$python" "$here/bench/quality.py" run "$3" "$2" ;;
+    auto) "$python" "$here/auto.py" "$3" "$2" "$data" ;;
+    *) "$here/run.sh" "$1" small "$3" -SEED "$2" ;;
+    esac
+}
+
+if [[ $1 == take ]]; then
+    for name in "${names[@]}"; do
+        folder=$2/$name
+        [[ $name != restoration-* ]] || folder=$folder/restoration
+        [[ ! -f $2/$name/complete ]] || "$python" "$here/texts.py" take "$name" "$folder"
+    done
+    exit
+fi
+mkdir -p "$2"
+out=$(cd "$2" && pwd)
+for name in "${@:3}"; do
+    [[ " ${names[*]} " == *" $name "* ]] || { echo "$usage" >&2; exit 2; }
+done
+for name in "${@:3}" $([[ $# -gt 2 ]] || echo "${names[@]}"); do
+    case $name in photometry-sdss | fluxes-sdss | faint_galaxies | auto) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
+    [[ ! -f $out/$name/complete ]] || continue
+    echo "final.sh: $name" >&2
+    start=$SECONDS
+    run "$name" "$1" "$out/$name"
+    echo "$((SECONDS - start)) s" >"$out/$name/complete"
+done
