@@ -32,13 +32,14 @@ enum { RX_LAB_RUNS = 48, RX_LAB_TABLES = 6, RX_METHODS_MAX = 16, RX_METHOD_NAME 
 typedef struct rx_lab_run {
     char name[RX_METHOD_NAME]; /* NONE, MATCHED, NET, "RL 20 0.5", "NET TEMPLATE" */
     const rx_restorer *restorer;
-    int matched;        /* DETECTION: detection filter of the PSF's width */
-    int templates;      /* PHOTOMETRY: fluxes of template photometry */
-    int tuned;          /* RL; DETECTION: with what follows; RESTORATION: as chosen bin by bin */
-    int niter;          /* iterations */
-    double filter;      /* FWHM of the Gaussian afterwards, units of the PSF's */
-    int flat;           /* RESTORATION: what is below a threshold, tuned too, is set to the sky */
-    int smooth;         /* RESTORATION: the filter alone, no iteration */
+    int matched;   /* DETECTION: detection filter of the PSF's width */
+    int templates; /* PHOTOMETRY: fluxes of template photometry */
+    int tuned;     /* RL; DETECTION: with what follows; RESTORATION: as chosen bin by bin, NET_FLAT too */
+    int niter;     /* iterations */
+    double filter; /* FWHM of the Gaussian afterwards, units of the PSF's */
+    int flat;      /* RESTORATION: what is below a threshold, tuned too, is set to the sky */
+    int smooth;    /* RESTORATION: the filter alone, no iteration */
+    int network;   /* RESTORATION: flat, without filter and iterations */
     char settings[200]; /* PHOTOMETRY: keywords, for the report */
 } rx_lab_run;
 

@@ -21,7 +21,8 @@ const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES] = {
 /* --- open --- */
 
 /* NONE is the blurred image. RL, whose result depends on a number of iterations, is tuned per bin; beside it NONE is also
- * the blurred image through a filter, tuned as RL's is: what is gained without any deconvolution. */
+ * the blurred image through a filter, tuned as RL's is: what is gained without any deconvolution. Where RL has a flat sky, too, so
+ * has NET: nobody is given what the other is not. */
 static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
     const rx_words *words = &lab->config->restore_type;
@@ -29,6 +30,7 @@ static rx_status add_runs(rx_lab *lab, rx_error *err)
         lab->tunes |= strcmp(words->v[i], "RL") == 0;
     for (int i = 0; i < words->n; i++) {
         const int none = strcmp(words->v[i], "NONE") == 0, rl = strcmp(words->v[i], "RL") == 0;
+        const int net = strcmp(words->v[i], "NET") == 0;
         rx_lab_run run = {.tuned = rl};
         snprintf(run.name, sizeof run.name, "%s", none ? "BLURRED" : "");
         RX_TRY(rx_lab_add_run(lab, words->v[i], run, err));
@@ -36,6 +38,9 @@ static rx_status add_runs(rx_lab *lab, rx_error *err)
             RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "SMOOTHED", .tuned = 1, .smooth = 1}, err));
         if (rl)
             RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "RL_FLAT", .tuned = 1, .flat = 1}, err));
+        if (net && lab->tunes)
+            RX_TRY(rx_lab_add_run(
+                lab, "NET", (rx_lab_run){.name = "NET_FLAT", .tuned = 1, .flat = 1, .network = 1}, err));
     }
     return RX_OK;
 }

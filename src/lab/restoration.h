@@ -62,7 +62,7 @@ typedef struct rx_tuning {
 } rx_tuning;
 
 /* Candidates: (0 and TUNE_NITER) x (TUNE_FILTER and the target PSF) x thresholds. Those of 0 iterations are for the
- * method `smooth`, without thresholds; the others have the rest. */
+ * method `smooth`, without thresholds; the others have the rest. The last ones, thresholds alone, are those of NET_FLAT. */
 long rx_tuning_count(const rx_lab *lab);
 void rx_tuning_get(const rx_lab *lab, double fwhm, long candidate, rx_tuning *dst);
 

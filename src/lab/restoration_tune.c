@@ -20,9 +20,23 @@ static long filters(const rx_lab *lab)
     return lab->config->tune_filter.n + 1;
 }
 
-long rx_tuning_count(const rx_lab *lab)
+/* The candidates of SMOOTHED, RL and RL_FLAT. NET_FLAT's follow: the network's image with every threshold. */
+static long without_network(const rx_lab *lab)
 {
     return (lab->config->tune_niter.n + 1) * filters(lab) * (long)COUNT(THRESHOLDS);
+}
+
+static const rx_restorer *network_of(const rx_lab *lab)
+{
+    for (int m = 0; m < lab->nruns; m++)
+        if (lab->run[m].network)
+            return lab->run[m].restorer;
+    return NULL;
+}
+
+long rx_tuning_count(const rx_lab *lab)
+{
+    return without_network(lab) + (network_of(lab) != NULL ? (long)COUNT(THRESHOLDS) : 0);
 }
 
 void rx_tuning_get(const rx_lab *lab, double fwhm, long candidate, rx_tuning *dst)
@@ -30,8 +44,12 @@ void rx_tuning_get(const rx_lab *lab, double fwhm, long candidate, rx_tuning *ds
     const long nt = (long)COUNT(THRESHOLDS), nf = filters(lab);
     const long filter = candidate / nt % nf, niter = candidate / nt / nf;
     char width[48];
+    *dst = (rx_tuning){.threshold = THRESHOLDS[candidate % nt]};
+    if (candidate >= without_network(lab)) {
+        snprintf(dst->text, sizeof dst->text, "sky below %g sigma", dst->threshold);
+        return;
+    }
     dst->niter = niter > 0 ? lab->config->tune_niter.v[niter - 1] : 0;
-    dst->threshold = THRESHOLDS[candidate % nt];
     if (filter + 1 < nf) {
         dst->filter = lab->config->tune_filter.v[filter] * fwhm;
         snprintf(width, sizeof width, "filter %g FWHM", lab->config->tune_filter.v[filter]);
@@ -58,7 +76,8 @@ long rx_tuning_choose(const rx_lab *lab, int bin, const rx_lab_run *method, int 
     for (long c = 0; c < n; c++) {
         const int plain = c<nt * filters(lab), cut = c % nt> 0;
         double sum = 0;
-        if (method->smooth ? !plain || cut : plain || cut != method->flat)
+        if ((c >= without_network(lab)) != method->network ||
+            (method->smooth ? !plain || cut : plain || cut != method->flat))
             continue;
         for (long u = 0; u < lab->nunits; u++)
             if (lab->unit[u].condition == bin && lab->scene[lab->unit[u].scene].id == RX_SCENE_TUNING)
@@ -131,6 +150,8 @@ rx_status rx_restoration_tune(const rx_lab *lab, const rx_trial *trial, rx_lab_t
             continue;
         if (c == 0)
             memcpy(restored, trial->image, n * sizeof *restored);
+        else if (c == without_network(lab))
+            status = rx_trial_restore(lab, trial, network_of(lab), 0, restored, err);
         else if (c % (nt * nf) == 0)
             status = rx_trial_restore(lab, trial, rx_restorer_find("RL"), tuning.niter, restored, err);
         if (status == RX_OK && c % nt == 0) /* no threshold: the others follow on the same pixels */

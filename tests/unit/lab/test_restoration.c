@@ -1,5 +1,6 @@
 /* The restoration campaign: scenes, tuning, scores and results. */
 #include "../near.h"
+#include "../restore/network_model.h"
 #include "settings.h"
 
 #include <math.h>
@@ -210,6 +211,58 @@ static void tuning_takes_the_best(void **state)
     rx_campaign_config_free(config);
 }
 
+/* NET_FLAT is NET's picture with what is below the best threshold set to the sky, nothing else. */
+static void a_flat_network_is_the_network_below_a_threshold(void **state)
+{
+    rx_campaign_config *config = make_settings(SMALL);
+    rx_error err = RX_ERROR_NONE;
+    rx_model *model = small_model(RX_MODE_BLIND, 1);
+    assert_int_equal(rx_model_write(model, in(state, "small.fits"), "small.fits", &err), RX_OK);
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "NONE,RL,NET", NULL, NULL), RX_OK);
+    assert_int_equal(
+        rx_settings_set(&config->settings, "STAGE.NET_MODEL", in(state, "small.fits"), NULL, NULL), RX_OK);
+    rx_lab *campaign = open_lab(&rx_kind_restoration, config, 1);
+    const long n = campaign->nunits, candidates = rx_tuning_count(campaign);
+    const size_t pixels = 64 * 64;
+    rx_unit_values *values = run_units(state, "flat", campaign, 1);
+    float *net = calloc(pixels, sizeof *net), *flat = calloc(pixels, sizeof *flat);
+    assert_int_equal(campaign->nruns, 6);
+    assert_string_equal(campaign->run[4].name, "NET");
+    assert_string_equal(campaign->run[5].name, "NET_FLAT");
+    for (int bin = 0; bin < campaign->nconditions; bin++)
+        for (int metric = 0; metric < 2; metric++) {
+            const long best = rx_tuning_choose(campaign, bin, &campaign->run[5], metric, values);
+            const double score = mean_of(campaign, values, bin, best, metric);
+            rx_tuning tuning;
+            rx_trial trial;
+            rx_tuning_get(campaign, 4.0, best, &tuning);
+            assert_true(tuning.threshold >= 0 && tuning.niter == 0);
+            for (long c = candidates - 5; c < candidates; c++)
+                assert_true(mean_of(campaign, values, bin, c, metric) <= score);
+            assert_true(rx_tuning_choose(campaign, bin, &campaign->run[3], metric, values) < candidates - 6);
+            make_trial(campaign, bin, 0, 0, &trial);
+            for (int m = 4; m < 6; m++)
+                assert_int_equal(rx_restoration_picture(
+                                     campaign, &(rx_picture){bin, &trial, &campaign->run[m], metric, values},
+                                     m == 4 ? net : flat, &err),
+                                 RX_OK);
+            size_t cut = 0;
+            for (size_t i = 0; i < pixels; i++) {
+                const int below = (double)net[i] < tuning.threshold * trial.sigma;
+                cut += (size_t)below;
+                assert_near((double)flat[i], below ? 0.0 : (double)net[i], 1e-6);
+            }
+            assert_true(cut > 0 && cut < pixels);
+            rx_trial_free(&trial);
+        }
+    free(net);
+    free(flat);
+    rx_unit_values_free(n, values);
+    rx_lab_close(campaign);
+    rx_model_free(model);
+    rx_campaign_config_free(config);
+}
+
 /* What the journal holds is what the metrics say of the pictures; the results put it in order. */
 static void results_are_the_scores(void **state)
 {
@@ -312,9 +365,13 @@ static void methods_come_from_the_table(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(scenes_are_what_bins_say), cmocka_unit_test(scenes_do_not_depend_on_their_number),
-        cmocka_unit_test(threads_do_not_matter),    cmocka_unit_test(tuning_takes_the_best),
-        cmocka_unit_test(results_are_the_scores),   cmocka_unit_test(methods_come_from_the_table),
+        cmocka_unit_test(scenes_are_what_bins_say),
+        cmocka_unit_test(scenes_do_not_depend_on_their_number),
+        cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(tuning_takes_the_best),
+        cmocka_unit_test(results_are_the_scores),
+        cmocka_unit_test(methods_come_from_the_table),
+        cmocka_unit_test(a_flat_network_is_the_network_below_a_threshold),
     };
     return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
 }
