@@ -475,24 +475,23 @@ def faint_galaxies():
 
 def models():
     about, tests, flux = (tables("validation/results/models/models.md")[n][1] for n in range(3))
-    fast, ideal, base = (one(tests, model=name) for name in ("psfnet-fast", "psfnet-ideal", "psfnet"))
-    short = {name: one(flux, model=name)["scatter (%), S/N above 50"].split()[0] for name in ("psfnet", "psfnet-fast", "psfnet-ideal")}
+    deep, ideal, base = (one(tests, model=name) for name in ("psfnet-deep", "psfnet-deep-ideal", "psfnet"))
+    short = {name: one(flux, model=name)["scatter (%), S/N above 50"].split()[0] for name in ("psfnet", "psfnet-deep")}
 
-    def pair(key, model):
-        return f"{model[key].split()[0]} ({base[key]})"
+    def pair(key, model, other):
+        return f"{model[key].split()[0]} ({other[key].split()[0]})"
     return item(f"""**Skies as surveys deliver them.** `config/psfnet.fits` first learned ideal skies, then, with
         {one(about, model="psfnet")["training images"]} images, noise correlated by smoothing, resampling and drizzling, uneven noise, skies
-        that are off, dark structure, cosmic rays, halos, PSFs given wrongly, galaxies of COSMOS. On the same ideal scenes
-        ([table](../validation/results/models/models.md), inside the range of the training) the network that it began with, psfnet-ideal, has
-        PSNR {pair("PSNR (dB)", ideal)} dB, SSIM {pair("SSIM", ideal)}, average precision of stars {pair("AP, stars", ideal)} and of
-        galaxies {pair("AP, galaxies", ideal)}, recall at precision 0.95 {pair("recall, stars", ideal)} and
-        {pair("recall, galaxies", ideal)}, scatter of bright stars {short["psfnet-ideal"]} ({short["psfnet"]}) %; in brackets `psfnet.fits`.
-        One seed of each.""") + "\n" + item(f"""**Fast.** `config/psfnet-fast.fits` has two residual blocks in place of six and one
-        Richardson-Lucy step in place of two, and is trained likewise, with {one(about, model="psfnet-fast")["training images"]} images of
-        such skies. On the same scenes PSNR is {pair("PSNR (dB)", fast)} dB, SSIM {pair("SSIM", fast)}, average precision of stars
-        {pair("AP, stars", fast)} and of galaxies {pair("AP, galaxies", fast)}, recall {pair("recall, stars", fast)} and
-        {pair("recall, galaxies", fast)}, scatter of bright stars {short["psfnet-fast"]} ({short["psfnet"]}) %. All other results are of
-        `psfnet.fits`.""")
+        that are off, dark structure, cosmic rays, halos, PSFs given wrongly, galaxies of COSMOS. That costs nothing on ideal scenes
+        ([table](../validation/results/models/models.md), inside the range of the training): a deeper network before and, in brackets,
+        after the second part has PSNR {pair("PSNR (dB)", ideal, deep)} dB, SSIM {pair("SSIM", ideal, deep)}, average precision of stars
+        {pair("AP, stars", ideal, deep)} and of galaxies {pair("AP, galaxies", ideal, deep)}, recall at precision 0.95
+        {pair("recall, stars", ideal, deep)} and {pair("recall, galaxies", ideal, deep)}. One seed of each.""") + "\n" + item(f"""**No
+        deeper than needed.** It has two residual blocks and one Richardson-Lucy step. Six blocks and two steps, twice the
+        multiplications (psfnet-deep, trained likewise, {one(about, model="psfnet-deep")["training images"]} images), gain nothing but
+        scatter of bright stars, {short["psfnet-deep"]} ({short["psfnet"]}) %; in brackets psfnet: PSNR {pair("PSNR (dB)", deep, base)} dB, SSIM
+        {pair("SSIM", deep, base)}, average precision {pair("AP, stars", deep, base)} and {pair("AP, galaxies", deep, base)}, recall
+        {pair("recall, stars", deep, base)} and {pair("recall, galaxies", deep, base)}.""")
 
 
 def templates_found():
@@ -741,20 +740,20 @@ def speed():
     def iterations(net, cores, size="full"):
         return ratios(" ".join(f"{net}-rl{n}-{cores}" for n in (20, 30, 50, 100)), False, size)
     return (paragraph(f"""{tally("full")} targets are met on {sizes["full"]["processor"]} ([tables](../validation/results/bench/full/bench.md)),
-        {tally("avx2")} on {sizes["avx2"]["processor"]} ([tables](../validation/results/bench/avx2/bench.md)). What is missed, and why:""") + "\n" +
-            item(f"""**The network's share of the convolution peak** (in place of 80 %): psfnet {share("net")} of f32 on one and two
-        cores, then of bf16; psfnet-fast {share("fast-net")}; with AVX2 alone {share("net", "avx2")} and {share("fast-net", "avx2")}. A tile is
+        {tally("avx2")} on {sizes["avx2"]["processor"]} ([tables](../validation/results/bench/avx2/bench.md)). NET alone was measured with a
+        network of psfnet.fits's shape, whole stages, growth and memory with psfnet-deep, of twice the multiplications, which was the
+        default then. What is missed, and why:""") + "\n" +
+            item(f"""**The network's share of the convolution peak** (in place of 80 %): {share("net")} of f32 on one and two
+        cores, then of bf16; with AVX2 alone {share("net", "avx2")}. A tile is
         worked on with its surroundings, in one block per core, where two cores do them twice at the seam. What is not multiplication
         (interpolation, edges, rows going in and out of the cache) does not become faster with the peak. In bfloat16 the first layer
         stays in float, for the sake of bright stars.""") +
-            item(f"""**NET against Richardson-Lucy** (in place of 5 times), one core: psfnet {iterations("net", 1)} times faster than 20, 30, 50
-        and 100 iterations, psfnet-fast {iterations("fast-net", 1)}; two cores {iterations("net", 2)}, and {iterations("fast-net", 2)}; with AVX2
-        alone, one core, {iterations("net", 1, "avx2")}, and {iterations("fast-net", 1, "avx2")}. **Against scikit-image's** (in place of 10), one and
-        two cores: psfnet {ratios("net-skimage-1 net-skimage-2")}, psfnet-fast {ratios("fast-net-skimage-1 fast-net-skimage-2")}. What stands
+            item(f"""**NET against Richardson-Lucy** (in place of 5 times), one core: {iterations("net", 1)} times faster than 20, 30, 50
+        and 100 plain iterations; two cores {iterations("net", 2)}; with AVX2 alone, one core, {iterations("net", 1, "avx2")}. **Against scikit-image's** (in place of 10), one and
+        two cores: {ratios("net-skimage-1 net-skimage-2")}. What stands
         around the network bounds this: the deconvolved copy, the Richardson-Lucy step, noise units, filling, reblurring, the
         sky at low frequency and memory (`rextract -VERBOSE_TYPE FULL` shows them).""") +
-            item(f"""**Two cores** instead of one (in place of 1.8 times): NET {ratios("net-scaling")}, fast {ratios("fast-net-scaling")}, the
-        whole stage {ratios("stage-scaling")}: pages that the system clears while it hands them out, start-up, matching and tables of the
+            item(f"""**Two cores** instead of one (in place of 1.8 times): NET {ratios("net-scaling")}, the whole stage {ratios("stage-scaling")}: pages that the system clears while it hands them out, start-up, matching and tables of the
         report are not shared out.""") +
             item(f"""**Richardson-Lucy against scikit-image's** (in place of 3 and 5, one and two cores): {ratios("rl-skimage-1 rl-skimage-2")},
         with AVX2 alone {ratios("rl-skimage-1 rl-skimage-2", False, "avx2")}: FFTW, which takes it all, is slower beside scipy's transforms on the

@@ -12,7 +12,7 @@ from astropy.io import fits
 
 SOURCES = Path(os.environ.get("srcdir") or Path(__file__).resolve().parents[2])
 PROGRAM = os.environ.get("RX_PROGRAM") or shutil.which("rextract")
-NETWORK = str(SOURCES / "config" / "psfnet-fast.fits")
+NETWORK = str(SOURCES / "config" / "psfnet.fits")
 #: quick, and the same of the program and the package
 KEYWORDS = {"RL_NITER": 6, "MAG_ZEROPOINT": 25, "PSF_TYPE": "MOFFAT", "PSF_FWHM": 4, "NTHREADS": 2}
 

@@ -26,7 +26,7 @@ import crowded
 import iterations
 import ledger
 
-MODELS = {"NET": "psfnet.fits", "fast NET": "psfnet-fast.fits"}
+MODELS = {"NET": "psfnet.fits"}
 PLAIN, FAST = (5, 10, 20, 30, 50, 100, 200), (4, 6, 10, 18, 30, 50, 100)
 REPEATS = 3
 FIGURE = """set terminal svg size 1100,700 dynamic font 'sans-serif,12' background 'white'

@@ -13,7 +13,7 @@ DENSITY = {"sparse": 50, "crowded": 700}  # stars, and as many galaxies, per Mpi
 FWHM = 4
 SIGMA = FWHM / 2.3548
 NAME = {1024: "1k", 2048: "2k", 4096: "4k", 8192: "8k", 16384: "16k"}
-MODELS = {"NET": "psfnet.fits", "fast NET": "psfnet-fast.fits"}
+MODELS = {"NET": "psfnet.fits"}
 # Per size of the benchmark: sides of the comparison with others and of the growth, repeats, side of the whole stage.
 SIZES = {"quick": ((1024, 4096), (1024, 4096), 3, 2048),
          "full": ((1024, 4096, 8192), (1024, 4096, 8192, 16384), 5, 4096)}

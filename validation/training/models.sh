@@ -3,7 +3,7 @@
 # of the models, on the same scenes, for the network alone.
 #
 #   validation/training/models.sh FOLDER MODEL MODEL...     the first is what the others are compared with
-#   validation/training/models.sh out config/psfnet.fits config/psfnet-fast.fits
+#   validation/training/models.sh out config/psfnet.fits psfnet-deep.fits
 #
 # Into FOLDER: models.md, and a folder for each model with its campaigns. Started again after an interruption it goes on
 # where it was. About a minute for each model on two cores. SIZE=tiny: does it work?

@@ -3,8 +3,8 @@
 #
 #   validation/training/run.sh MODEL [FOLDER [-KEYWORD VALUE ...]]
 #
-# MODEL: psfnet, psfnet-fast, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet and psfnet-fast begin with psfnet-ideal.fits and
-# psfnet-fast-ideal.fits, which are trained first where FOLDER has none, and want COSMOS galaxies: FOLDER/cosmos/train, else those of
+# MODEL: psfnet, psfnet-deep, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet and psfnet-deep begin with psfnet-ideal.fits and
+# psfnet-deep-ideal.fits, which are trained first where FOLDER has none, and want COSMOS galaxies: FOLDER/cosmos/train, else those of
 # the data folder (RX_SHARED_DATA, or ../shared/data beside the sources; astropy).
 #
 # Everything goes into FOLDER (default: <MODEL>-out): the configuration, the model, the checkpoint, and the folder <MODEL>
@@ -18,11 +18,11 @@ program=${RX_TRAIN:-$top/build/rextract-train}
 name=${1:-} recipe=${1:-} keywords=()
 case $name in
 psfnet | psfnet-ideal | psfnet-blind | psfnet-paper) ;;
-psfnet-fast) recipe=psfnet keywords=(-BLOCKS 2 -RL_STEPS 1 -EPOCHS 100 -INIT_MODEL psfnet-fast-ideal.fits) ;;
-psfnet-fast-ideal) recipe=psfnet-ideal keywords=(-BLOCKS 2 -RL_STEPS 1) ;;
+psfnet-deep) recipe=psfnet keywords=(-BLOCKS 6 -RL_STEPS 2 -EPOCHS 168 -INIT_MODEL psfnet-deep-ideal.fits) ;;
+psfnet-deep-ideal) recipe=psfnet-ideal keywords=(-BLOCKS 6 -RL_STEPS 2) ;;
 psfnet-paper-informed) recipe=psfnet-paper keywords=(-MODE INFORMED) ;;
 *)
-    echo "run.sh: which model? usage: run.sh psfnet|psfnet-fast|psfnet-blind|psfnet-paper|psfnet-paper-informed" \
+    echo "run.sh: which model? usage: run.sh psfnet|psfnet-deep|psfnet-blind|psfnet-paper|psfnet-paper-informed" \
         "[FOLDER [-KEYWORD VALUE ...]]" >&2
     exit 2
     ;;
