@@ -39,7 +39,7 @@ rx_restored *rx_restored_new(const char *name, int width, int height)
     rx_restored *restored = rx_restored_bare(name, width, height);
     if (restored == NULL)
         return NULL;
-    restored->pixels = rx_alloc_filled((size_t)width * (size_t)height, sizeof *restored->pixels, 1);
+    restored->pixels = RX_NEW(float, (size_t)width *(size_t)height);
     if (restored->pixels == NULL) {
         rx_restored_free(restored);
         return NULL;
