@@ -9,6 +9,7 @@
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "base/simd.h"
 #include "num/stats.h"
 
 enum {
@@ -18,6 +19,7 @@ enum {
     AREA = WINDOW * WINDOW,
     LAGS = REACH + 1 + REACH * (2 * REACH + 1), /* dy > 0, or dy = 0 and dx >= 0 */
     GRID = 12,                                  /* cells in x and in y at most */
+    FAR = 10,                                   /* pixels around bright ones that are left out */
     ENOUGH = 1000,                              /* pixels, in a cell and in all */
     QUADRANT_CELLS = 9,
     NEAR = RX_NOISE_NEAR /* lags by which noise is judged */
@@ -98,22 +100,30 @@ static double width_of(const float *values, room *r, double *middle)
     return rx_sigma_mad(r->sorted, n, middle);
 }
 
-/* Pixels within `reach` of one that stands out so far are not good. */
-static void leave_out(double middle, double limit, int reach, room *r)
+/* Pixels within `reach` of one that stands out so far are not good: within reach in x, then in y. */
+RX_SIMD static void leave_out(double middle, double limit, int reach, room *r)
 {
-    bool any = false;
+    int any[WINDOW] = {0};
     memset(r->out, 0, sizeof r->out);
-    for (int i = 0; i < AREA; i++)
-        if (r->good[i] && fabs((double)r->filtered[i] - middle) > limit)
-            r->out[i] = any = true;
-    for (int i = 0; any && i < AREA; i++) {
-        if (!r->out[i])
-            continue;
-        const int x = i % WINDOW, y = i / WINDOW;
-        for (int v = rx_max_int(y - reach, 0); v <= rx_min_int(y + reach, WINDOW - 1); v++)
-            memset(&r->good[v * WINDOW + rx_max_int(x - reach, 0)], 0,
-                   (size_t)(rx_min_int(x + reach, WINDOW - 1) - rx_max_int(x - reach, 0) + 1));
+    for (int y = 0; y < WINDOW; y++) {
+        unsigned char line[WINDOW + 2 * FAR] = {0}, *out = r->out + y * WINDOW;
+        const unsigned char *good = r->good + y * WINDOW;
+        const float *filtered = r->filtered + y * WINDOW;
+        int found = 0;
+#pragma omp simd reduction(| : found)
+        for (int x = 0; x < WINDOW; x++)
+            found |= line[FAR + x] = good[x] & (fabs((double)filtered[x] - middle) > limit);
+        any[y] = found;
+        for (int d = -reach; found && d <= reach; d++)
+#pragma omp simd
+            for (int x = 0; x < WINDOW; x++)
+                out[x] |= line[FAR + x + d];
     }
+    for (int y = 0; y < WINDOW; y++)
+        for (int v = rx_max_int(y - reach, 0); any[y] && v <= rx_min_int(y + reach, WINDOW - 1); v++)
+#pragma omp simd
+            for (int x = 0; x < WINDOW; x++)
+                r->good[v * WINDOW + x] &= !r->out[y * WINDOW + x];
 }
 
 static void leave_sources_out(room *r)
@@ -127,8 +137,8 @@ static void leave_sources_out(room *r)
         }
     double middle;
     const double width = width_of(r->filtered, r, &middle);
-    leave_out(middle, STANDS_OUT * width, 5, r);
-    leave_out(middle, BRIGHT * width, 10, r);
+    leave_out(middle, STANDS_OUT * width, FAR / 2, r);
+    leave_out(middle, BRIGHT * width, FAR, r);
 }
 
 /* Leaves z - mean of what is used, 0 elsewhere. */
