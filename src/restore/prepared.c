@@ -55,26 +55,37 @@ static int usable(float sigma)
     return isfinite(sigma) && sigma > 0;
 }
 
-/* What is found on good pixels. */
+/* Sigmas of every step-th good pixel, ADU. */
 typedef struct sample {
-    double *values; /* [SAMPLE + 1] sigmas of an even sample, ADU */
+    double *values; /* [SAMPLE + 1] */
     size_t count, seen, step;
-    double peak; /* largest |value|, ADU */
 } sample;
 
 static void sample_row(const rx_prepared *prepared, int y, int x, int n, sample *dst)
 {
-    float level_room[PIECE], sigma_room[PIECE];
-    const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
-    const float *level = rx_map_row(&prepared->level, y, x, n, level_room),
-                *sigma = rx_map_row(&prepared->image.noise, y, x, n, sigma_room);
-    for (int i = 0; i < n; i++) {
-        if (prepared->mask[k + (size_t)i] != 0)
-            continue;
-        dst->peak = fmax(dst->peak, fabs((double)prepared->image.pixels[k + (size_t)i] - level[i]));
-        if (dst->seen++ % dst->step == 0 && usable(sigma[i]))
+    float room[PIECE];
+    const uint8_t *mask = prepared->mask + (size_t)y * (size_t)prepared->width + (size_t)x;
+    const float *sigma = rx_map_row(&prepared->image.noise, y, x, n, room);
+    for (int i = 0; i < n; i++)
+        if (mask[i] == 0 && dst->seen++ % dst->step == 0 && usable(sigma[i]))
             dst->values[dst->count++] = sigma[i];
-    }
+}
+
+/* Largest |value| on good pixels, ADU. */
+static double largest_value(const rx_prepared *prepared)
+{
+    double peak = 0;
+    for (int y = 0; y < prepared->height; y++)
+        for (int x = 0; x < prepared->width; x += PIECE) {
+            float room[PIECE];
+            const int n = prepared->width - x < PIECE ? prepared->width - x : PIECE;
+            const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
+            const float *level = rx_map_row(&prepared->level, y, x, n, room);
+            for (int i = 0; i < n; i++)
+                if (prepared->mask[k + (size_t)i] == 0)
+                    peak = fmax(peak, fabs((double)prepared->image.pixels[k + (size_t)i] - level[i]));
+        }
+    return peak;
 }
 
 /* Median and 98 % quantile of sigma over good pixels (an even sample of them), ADU; the
@@ -91,8 +102,10 @@ static rx_status measure_sigma(const rx_prepared *prepared, double *median, doub
     *median = rx_median(s.values, s.count);
     *high = rx_quantile(s.values, s.count, 0.98);
     free(s.values);
-    if (s.count == 0)
-        *median = *high = s.peak > 0 ? NOISELESS * s.peak : 1;
+    if (s.count == 0) {
+        const double peak = largest_value(prepared);
+        *median = *high = peak > 0 ? NOISELESS * peak : 1;
+    }
     return RX_OK;
 }
 

@@ -81,6 +81,7 @@ void rx_rl_free(rx_rl *rl)
 void rx_rl_reset(rx_rl *rl)
 {
     const size_t n = rx_blur_sky_size(rl->blur);
+#pragma omp parallel for simd schedule(static) num_threads(rl->prepared->nthreads)
     for (size_t k = 0; k < n; k++)
         rl->object[k] = 1;
     rl->made = rl->updates = 0;
