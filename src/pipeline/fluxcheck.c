@@ -65,6 +65,8 @@ static double brought(const light *all, int n, const rx_source *s, double radius
             high = mid;
     }
     for (; low < n && all[low].y <= s->y + reach; low++) {
+        if (fabs(all[low].x - s->x) >= reach) /* most of them */
+            continue;
         const double distance = hypot(all[low].x - s->x, all[low].y - s->y);
         if (distance > 0.0 && distance < reach && all[low].flux > 0.0)
             sum += all[low].flux * fmin(1.0, pow(radius / distance, 3));
