@@ -60,7 +60,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
     rx_psf *psf = NULL;
     double model_noise = field->model_noise;
     if (!(model_noise > 0.0))
-        RX_TRY(rx_domain_noise(field, &model_noise, err));
+        RX_TRY(rx_domain_noise(field, params->nthreads, &model_noise, err));
     RX_TRY(rx_replica_new(field->tile, part, &copy, err));
     rx_status status = RX_OK;
     const int width = copy->width, height = copy->height;

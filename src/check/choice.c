@@ -321,7 +321,7 @@ rx_status rx_choice_make(const rx_pipeline_params *params, const rx_check_params
         w.of[i].params = own_params(params);
     }
     RX_TRY_EXIT(decline(&w, err));
-    RX_TRY_EXIT(rx_domain_noise(field, &w.model_noise, err));
+    RX_TRY_EXIT(rx_domain_noise(field, params->nthreads, &w.model_noise, err));
     int alone = 1;
     for (int i = RL; i < RX_CHOICE_CANDIDATES; i++)
         alone &= dst->of[i].out[0] != '\0';

@@ -202,7 +202,7 @@ rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check
     RX_TRY_EXIT(choose_places(plan, err));
     RX_TRY_EXIT(choose_galaxies(sources, plan, err));
     RX_TRY_EXIT(rx_optics_psf(field->psf, &plan->optics, err));
-    status = rx_domain_noise(field, &plan->model_noise, err);
+    status = rx_domain_noise(field, plan->params.nthreads, &plan->model_noise, err);
 exit:
     if (status == RX_OK)
         *dst = plan;

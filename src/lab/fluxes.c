@@ -57,7 +57,7 @@ static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, rx_resul
     rx_sources_free(sky->before[run]);
     sky->before[run] = result->sources;
     result->sources = NULL;
-    return run > 0 ? RX_OK : rx_domain_noise(sky->field, &sky->model_noise, err);
+    return run > 0 ? RX_OK : rx_domain_noise(sky->field, 1, &sky->model_noise, err);
 }
 
 static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)

@@ -9,62 +9,71 @@
 #include "base/memory.h"
 #include "data/map.h"
 
-enum { FEW = 10 }; /* pixels of a cosmic ray; a star has more */
+enum { FEW = 10 /* pixels of a cosmic ray; a star has more */, PIECE = 1024 /* pixels of a row at a time */ };
 
-/* z of the good pixels of row y into dst[width]; how many. rows: [2][width]. */
-static size_t good_row(const rx_image *image, const rx_map *sky, int y, float *rows, float *dst)
+/* z of the good pixels of row y that are `least` and more into dst[width], *bright of them; how many are good. */
+static size_t bright_row(const rx_image *image, const rx_map *sky, int y, float least, float *dst,
+                         size_t *bright)
 {
-    const size_t width = (size_t)image->width, row = (size_t)y * width;
-    const float *sigma = rx_map_row(&image->noise, y, 0, image->width, rows),
-                *base = rx_map_row(sky, y, 0, image->width, rows + width);
-    size_t good = 0;
-    for (size_t x = 0; x < width; x++) {
-        dst[good] = (image->pixels[row + x] - base[x]) / sigma[x];
-        good += !rx_image_hides(image, row + x) && sigma[x] > 0.0f;
+    size_t good = 0, n = 0;
+    for (int x = 0; x < image->width; x += PIECE) {
+        float sigma_room[PIECE], sky_room[PIECE];
+        const int width = image->width - x < PIECE ? image->width - x : PIECE;
+        const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
+        const float *sigma = rx_map_row(&image->noise, y, x, width, sigma_room),
+                    *base = rx_map_row(sky, y, x, width, sky_room);
+        for (int i = 0; i < width; i++) {
+            const float z = (image->pixels[k + (size_t)i] - base[i]) / sigma[i];
+            const int is_good = !rx_image_hides(image, k + (size_t)i) & (sigma[i] > 0.0f);
+            dst[n] = z;
+            n += (size_t)(is_good & (z >= least));
+            good += (size_t)is_good;
+        }
     }
+    *bright = n;
     return good;
 }
 
-/* Those of every step-th row that are `least` and more into dst; how many there are, and of how many. rows: [3][width]. */
-static size_t bright_pixels(const rx_image *image, int step, float least, float *rows, float *dst,
-                            size_t *good)
+/* Those of every step-th row into dst; how many there are, and of how many. count: [height]. */
+static size_t bright_pixels(const rx_image *image, int step, float least, int nthreads, size_t *count,
+                            float *dst, size_t *good)
 {
     const rx_map sky = rx_image_sky(image);
-    float *z = rows + 2 * (size_t)image->width;
-    size_t bright = 0;
-    *good = 0;
+    const size_t width = (size_t)image->width;
+    size_t bright = 0, all = 0;
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : all)
+    for (int y = step / 2; y < image->height; y += step)
+        all += bright_row(image, &sky, y, least, dst + (size_t)y * width, &count[y]);
     for (int y = step / 2; y < image->height; y += step) {
-        const size_t n = good_row(image, &sky, y, rows, z);
-        *good += n;
-        for (size_t i = 0; i < n; i++)
-            if (z[i] >= least)
-                dst[bright++] = z[i];
+        memmove(dst + bright, dst + (size_t)y * width, count[y] * sizeof *dst);
+        bright += count[y];
     }
+    *good = all;
     return bright;
 }
 
 /* The level needs few of the brightest pixels alone: a sample of rows says from where on to keep them. */
-rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err)
+rx_status rx_domain_noise(const rx_field *field, int nthreads, double *noise, rx_error *err)
 {
     enum { SAMPLED = 64 }; /* rows */
     const rx_image image = rx_field_effective(field);
-    const size_t width = (size_t)image.width, n = width * (size_t)image.height;
-    size_t good = 0, bright = 0;
-    float *above = RX_NEW(float, n), *rows = RX_NEW(float, 3 * width), least = -INFINITY;
+    const size_t n = (size_t)image.width * (size_t)image.height;
+    size_t good = 0, bright = 0, *count = NULL;
+    float *above = NULL, least = -INFINITY;
     rx_status status = RX_OK;
-    if (above == NULL || rows == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (n + 3 * width) * sizeof(float)));
+    RX_TRY_EXIT(RX_MAKE(above, n, err));
+    RX_TRY_EXIT(RX_MAKE(count, (size_t)image.height, err));
     if (image.height >= 4 * SAMPLED) {
-        bright = bright_pixels(&image, image.height / SAMPLED, least, rows, above, &good);
+        bright = bright_pixels(&image, image.height / SAMPLED, least, nthreads, count, above, &good);
         least = bright > 0 ? rx_upper_value(above, bright, 4 * rx_brightness_needs(bright)) : least;
     }
-    bright = bright_pixels(&image, 1, least, rows, above, &good);
+    bright = bright_pixels(&image, 1, least, nthreads, count, above, &good);
     if (bright < rx_brightness_needs(good))
-        bright = bright_pixels(&image, 1, -INFINITY, rows, above, &good);
+        bright = bright_pixels(&image, 1, -INFINITY, nthreads, count, above, &good);
     *noise = rx_noise_level(rx_brightness_of_top(above, bright, good, FEW));
 exit:
     free(above);
-    free(rows);
+    free(count);
     return status;
 }
 
@@ -132,7 +141,7 @@ rx_status rx_domain_obey(const rx_restore_params *par, const rx_field *field, rx
     dst->place = RX_DOMAIN_UNKNOWN;
     dst->noise = field->model_noise;
     dst->factor = field->model_factor > 0.0 ? field->model_factor : field->noise_factor;
-    RX_TRY(dst->noise > 0.0 ? RX_OK : rx_domain_noise(field, &dst->noise, err));
+    RX_TRY(dst->noise > 0.0 ? RX_OK : rx_domain_noise(field, par->nthreads, &dst->noise, err));
     if (field->psf == NULL) {
         snprintf(dst->why, sizeof dst->why, "the FWHM of the tile is not known");
         return RX_OK;

@@ -34,7 +34,7 @@ typedef struct rx_domain {
 
 /* rx_noise_level() of the pixels that a restorer would be given, in effective noise; the ten brightest may be a cosmic
  * ray. Errors: RX_SYSTEM. */
-rx_status rx_domain_noise(const rx_field *field, double *noise, rx_error *err);
+rx_status rx_domain_noise(const rx_field *field, int nthreads, double *noise, rx_error *err);
 
 /* Before `*kind` restores the field: nothing unless it is the network. A tile outside of what par->model was trained
  * for goes on with a warning (par->out_of_domain WARN), makes *kind RL (RL, and WARN where its PSF is

@@ -135,7 +135,7 @@ static void test_noise(void **state)
     }
     const rx_restorer *kind = rx_restorer_find("NET");
     rx_domain domain;
-    assert_int_equal(rx_domain_noise(field, &noise, NULL), RX_OK);
+    assert_int_equal(rx_domain_noise(field, 1, &noise, NULL), RX_OK);
     assert_near(noise * rx_quantile(all, n, 0.999) / 255, 1, 1e-5);
     assert_int_equal(obey(&b, field, NULL, &kind, &domain, NULL), RX_OK);
     assert_near(domain.noise, noise, 0);
@@ -507,7 +507,7 @@ static void test_copies(void **state)
     double tile = 0.0;
     open_bench(&b, RX_MODE_INFORMED, settings);
     rx_field *field = make_field(&b);
-    assert_int_equal(rx_domain_noise(field, &tile, NULL), RX_OK);
+    assert_int_equal(rx_domain_noise(field, 3, &tile, NULL), RX_OK);
     assert_true(tile > 0.125);
     assert_true(tile < 40);
     assert_int_equal(
