@@ -70,6 +70,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
         psf = rx_replica_psf(field->psf, part);
     if (sigma == NULL || (psf == NULL) != (field->psf == NULL))
         RX_TRY_EXIT(rx_error_memory(err, n * sizeof *sigma));
+#pragma omp parallel for schedule(static) num_threads(params->nthreads > 0 ? params->nthreads : 1)
     for (int y = 0; y < height; y++) {
         float *row = sigma + (size_t)y * (size_t)width;
         const float *from =
@@ -80,6 +81,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
     const rx_map map = rx_map_plane(sigma, width);
     RX_TRY_EXIT(rx_sky_noise_draw(noise, &map, height, from, params->nthreads, copy->pixels, err));
     /* a map of the sky follows large sources: on it, their light would be found again */
+#pragma omp parallel for schedule(static) num_threads(params->nthreads > 0 ? params->nthreads : 1)
     for (size_t i = 0; i < n; i++)
         copy->pixels[i] += (float)field->plain->global_level;
     rx_replica_settle(copy);
@@ -102,6 +104,8 @@ static double searched(const rx_pipeline_params *params, const rx_result *result
     const int hide = result->plain && !params->saturated_in_none ? RX_HIDE_PLAIN : RX_HIDE_RESTORED;
     const size_t n = (size_t)result->restored->width * (size_t)result->restored->height;
     size_t good = 0;
+#pragma omp parallel for schedule(static) reduction(+ : good)                                                \
+    num_threads(params->nthreads > 0 ? params->nthreads : 1)
     for (size_t i = 0; i < n; i++)
         good += (result->restored->mask[i] & hide) == 0 && (!sky || result->sources->segments[i] == 0);
     return (double)good / 1e6;
