@@ -7,7 +7,7 @@
 
 #include "base/simd.h"
 
-enum { CHUNK = 64 }; /* pixels of a row that are summed up together */
+enum { CHUNK = 256, LANES = 16 }; /* pixels that are summed up together, in steps of LANES */
 
 rx_spergel rx_fit_profile(const rx_fit *fit)
 {
@@ -116,49 +116,74 @@ RX_SIMD static double chi2_of(const rx_fit *fit, const rx_template_domain *size,
     return sum + prior_part(fit);
 }
 
-/* What a stretch of a row adds: g [RX_FIT_ALL][CHUNK] the derivatives, w, r [count]. Sums of a stretch are
- * single precision, the total is double. */
-static inline void add_stretch(int n, float (*g)[CHUNK], const float *w, const float *r, int count, double *a,
-                               double *b)
+/* Derivatives g of the model by its n parameters on pixels of any rows, one after the other, their weights w and what is
+ * left of the data r: room for CHUNK of them, `count` are there. */
+typedef struct stretch {
+    int n, count;
+    float g[RX_FIT_ALL][CHUNK], w[CHUNK], r[CHUNK];
+} stretch;
+
+/* What they add to the normal matrix (lower triangle) and the gradient: sums of a stretch are single precision, four at a
+ * time lest each addition wait for the one before; the total is double. */
+RX_SIMD static void add_stretch(stretch *s, double *a, double *b)
 {
+    const int n = s->n, rest = s->count % LANES, count = rest > 0 ? s->count - rest + LANES : s->count;
     float wg[CHUNK];
+    for (int i = s->count; i < count; i++) {
+        s->w[i] = s->r[i] = 0;
+        for (int m = 0; m < n; m++)
+            s->g[m][i] = 0;
+    }
     for (int m = 0; m < n; m++) {
-        float sum = 0;
-#pragma omp simd reduction(+ : sum)
-        for (int i = 0; i < count; i++) {
-            wg[i] = w[i] * g[m][i];
-            sum += wg[i] * r[i];
-        }
-        b[m] += sum;
-        for (int l = 0; l <= m; l++) {
-            float product = 0;
-#pragma omp simd reduction(+ : product)
-            for (int i = 0; i < count; i++)
-                product += wg[i] * g[l][i];
-            a[m * n + l] += product;
+#pragma omp simd
+        for (int i = 0; i < count; i++)
+            wg[i] = s->w[i] * s->g[m][i];
+        for (int l = 0; l <= m + 1; l += 4) {
+            const float *by[4];
+            float sum0 = 0, sum1 = 0, sum2 = 0, sum3 = 0;
+            for (int k = 0; k < 4; k++)
+                by[k] = l + k <= m ? s->g[l + k] : s->r;
+#pragma omp simd reduction(+ : sum0, sum1, sum2, sum3)
+            for (int i = 0; i < count; i++) {
+                sum0 += wg[i] * by[0][i];
+                sum1 += wg[i] * by[1][i];
+                sum2 += wg[i] * by[2][i];
+                sum3 += wg[i] * by[3][i];
+            }
+            const float sums[4] = {sum0, sum1, sum2, sum3};
+            for (int k = 0; k < 4 && l + k <= m + 1; k++)
+                *(l + k <= m ? &a[m * n + l + k] : &b[m]) += sums[k];
         }
     }
+    s->count = 0;
 }
 
-/* Derivatives of the model on a stretch whose first pixel is k on the planes, shifts by central differences
- * of the template; and what is left of the data. */
-static inline void slopes(const rx_fit *fit, const rx_template_domain *size, size_t k, const double *data,
-                          int count, float (*g)[CHUNK], float *r)
+/* The model's derivatives on `count` pixels from k on the planes, shifts by central differences of the template. */
+RX_SIMD static void slopes(const rx_fit *fit, const rx_template_domain *size, size_t k, const double *data,
+                           const double *weight, int count, stretch *s)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     const float *t = size->plane[0] + k, *up = t + stride, *down = t - stride;
     const float flux = (float)fit->p[RX_FIT_FLUX];
+    const double bright = fit->p[RX_FIT_FLUX];
+    float *value = s->g[RX_FIT_FLUX] + s->count, *gx = s->g[RX_FIT_X] + s->count,
+          *gy = s->g[RX_FIT_Y] + s->count, *w = s->w + s->count, *r = s->r + s->count;
+#pragma omp simd
     for (int i = 0; i < count; i++) {
-        g[RX_FIT_FLUX][i] = t[i];
-        g[RX_FIT_X][i] = -0.5f * flux * (t[i + 1] - t[i - 1]);
-        g[RX_FIT_Y][i] = -0.5f * flux * (up[i] - down[i]);
-        r[i] = (float)(data[i] - fit->p[RX_FIT_FLUX] * t[i]);
+        value[i] = t[i];
+        gx[i] = -0.5f * flux * (t[i + 1] - t[i - 1]);
+        gy[i] = -0.5f * flux * (up[i] - down[i]);
+        w[i] = (float)weight[i];
+        r[i] = (float)(data[i] - bright * t[i]);
     }
     for (int m = RX_FIT_RADIUS; m < fit->n; m++) {
         const float *slope = size->plane[m - RX_FIT_RADIUS + 1] + k;
+        float *g = s->g[m] + s->count;
+#pragma omp simd
         for (int i = 0; i < count; i++)
-            g[m][i] = flux * slope[i];
+            g[i] = flux * slope[i];
     }
+    s->count += count;
 }
 
 /* Normal matrix (lower triangle) and gradient from the planes. */
@@ -167,19 +192,21 @@ RX_SIMD static void normal(const rx_fit *fit, const rx_template_domain *size, co
 {
     const int n = fit->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
-    float g[RX_FIT_ALL][CHUNK], w[CHUNK], r[CHUNK];
+    stretch s;
+    s.n = n;
+    s.count = 0;
     memset(a, 0, sizeof(double) * RX_FIT_ALL * RX_FIT_ALL);
     memset(b, 0, sizeof(double) * RX_FIT_ALL);
     for (size_t j = 0; j < side; j++)
         for (size_t i = 0; i < side; i += CHUNK) {
             const int count = side - i < CHUNK ? (int)(side - i) : CHUNK;
             const size_t p = j * side + i;
-            const size_t k = (j + (size_t)patch->corner) * stride + i + (size_t)patch->corner;
-            for (int m = 0; m < count; m++)
-                w[m] = (float)patch->weight[p + (size_t)m];
-            slopes(fit, size, k, patch->data + p, count, g, r);
-            add_stretch(n, g, w, r, count, a, b);
+            if (s.count + count > CHUNK)
+                add_stretch(&s, a, b);
+            slopes(fit, size, (j + (size_t)patch->corner) * stride + i + (size_t)patch->corner,
+                   patch->data + p, patch->weight + p, count, &s);
         }
+    add_stretch(&s, a, b);
     for (int m = 0; m < n; m++)
         if (fit->width[m] > 0) {
             const double inverse = 1 / (fit->width[m] * fit->width[m]);
@@ -290,19 +317,25 @@ RX_SIMD static double pair_normal(const double *p, rx_template_domain *size, con
                                   double *b)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), side = (size_t)patch->side;
-    float g[RX_FIT_ALL][CHUNK], w[CHUNK], r[CHUNK];
+    stretch s;
     double chi2 = 0;
     rx_template_domain_render(size, NULL, p[1], p[2], NULL, 1);
     float *first = size->plane[0];
     size->plane[0] = size->plane[1];
     size->plane[1] = first;
     rx_template_domain_render(size, NULL, p[4], p[5], NULL, 1);
+    s.n = PAIR;
+    s.count = 0;
     memset(a, 0, sizeof(double) * PAIR * PAIR);
     memset(b, 0, sizeof(double) * PAIR);
     for (size_t j = 0; j < side; j++)
         for (size_t i = 0; i < side; i += CHUNK) {
             const int count = side - i < CHUNK ? (int)(side - i) : CHUNK;
             const size_t k = (j + (size_t)patch->corner) * stride + i + (size_t)patch->corner;
+            if (s.count + count > CHUNK)
+                add_stretch(&s, a, b);
+            float *w = s.w + s.count, *r = s.r + s.count;
+#pragma omp simd
             for (int m = 0; m < count; m++) {
                 w[m] = (float)patch->weight[j * side + i + (size_t)m];
                 r[m] = (float)patch->data[j * side + i + (size_t)m];
@@ -310,28 +343,35 @@ RX_SIMD static double pair_normal(const double *p, rx_template_domain *size, con
             for (int one = 0; one < 2; one++) {
                 const float *t = size->plane[1 - one] + k, *up = t + stride, *down = t - stride;
                 const float flux = (float)p[3 * one];
+                float *g = s.g[3 * one] + s.count, *gx = s.g[3 * one + 1] + s.count,
+                      *gy = s.g[3 * one + 2] + s.count;
+#pragma omp simd
                 for (int m = 0; m < count; m++) {
-                    g[3 * one][m] = t[m];
-                    g[3 * one + 1][m] = -0.5f * flux * (t[m + 1] - t[m - 1]);
-                    g[3 * one + 2][m] = -0.5f * flux * (up[m] - down[m]);
+                    g[m] = t[m];
+                    gx[m] = -0.5f * flux * (t[m + 1] - t[m - 1]);
+                    gy[m] = -0.5f * flux * (up[m] - down[m]);
                     r[m] -= flux * t[m];
                 }
             }
+#pragma omp simd reduction(+ : chi2)
             for (int m = 0; m < count; m++)
                 chi2 += (double)w[m] * r[m] * r[m];
-            add_stretch(PAIR, g, w, r, count, a, b);
+            s.count += count;
         }
+    add_stretch(&s, a, b);
     return chi2;
 }
 
-double rx_fit_pair(const rx_fit *fit, double dx, double dy, double room, rx_template_domain *size,
-                   const rx_patch *patch, double pair[2][3])
+double rx_fit_pair(const rx_fit *fit, const double off[2], double room, double enough,
+                   rx_template_domain *size, const rx_patch *patch, double pair[2][3])
 {
     const double x0 = fit->p[RX_FIT_X], y0 = fit->p[RX_FIT_Y], half = 0.5 * fit->p[RX_FIT_FLUX];
-    double best[PAIR] = {half, x0 + dx, y0 + dy, half, x0 - dx, y0 - dy}, p[PAIR], step[PAIR];
+    double best[PAIR] = {half, x0 + off[0], y0 + off[1], half, x0 - off[0], y0 - off[1]}, p[PAIR], step[PAIR];
     double a[PAIR * PAIR], b[PAIR], trial[PAIR * PAIR], slope[PAIR], damping = 0.1;
     double chi2 = pair_normal(best, size, patch, a, b);
     for (int i = 0; i < PAIR_STEPS && damping < 1e4; i++) {
+        if (chi2 < enough && best[0] > 0 && best[3] > 0)
+            break;
         memcpy(trial, a, sizeof a);
         for (int j = 0; j < PAIR; j++)
             trial[j * PAIR + j] *= 1 + damping;

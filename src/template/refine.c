@@ -288,12 +288,13 @@ static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile, rx_
         (point->chi2 - profile->chi2 < PAIR_BETTER || flux * flux < PAIR_SNR * PAIR_SNR * variance))
         return 0;
     double pair[2][3];
-    const double chi2 =
-        rx_fit_pair(point, apart * cos(angle), apart * sin(angle), 1.5 * fwhm, j->size, &j->patch, pair);
+    const double enough = crowded ? profile->chi2 + PAIR_ODDS : -HUGE_VAL;
+    const double chi2 = rx_fit_pair(point, (double[2]){apart * cos(angle), apart * sin(angle)}, 1.5 * fwhm,
+                                    enough, j->size, &j->patch, pair);
     rx_template_domain_render(j->size, &shape, profile->p[RX_FIT_X], profile->p[RX_FIT_Y], NULL,
                               1); /* plane 0 as it was */
     if (crowded)
-        return chi2 < profile->chi2 + PAIR_ODDS;
+        return chi2 < enough;
     after->paired = is_clear_pair(j, point, profile, chi2, pair);
     for (int i = 0; i < 2 && after->paired; i++) {
         after->pair[i][0] = pair[i][0];

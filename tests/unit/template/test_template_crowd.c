@@ -195,7 +195,7 @@ static void best_of(const double stars[2][3], double disk, double chi2[3])
         .high = {[RX_FIT_RADIUS] = 2, [RX_FIT_G1] = 0.8, [RX_FIT_G2] = 0.8, [RX_FIT_NU] = 2.3}};
     rx_fit_run(&profile, size, &patch);
     chi2[1] = profile.chi2;
-    chi2[2] = rx_fit_pair(&point, 1, 0.4, 6, size, &patch, NULL);
+    chi2[2] = rx_fit_pair(&point, (double[2]){1, 0.4}, 6, -HUGE_VAL, size, &patch, NULL);
     rx_template_otf_free(lens);
     rx_psf_free(psf);
 }
