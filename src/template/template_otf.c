@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "base/simd.h"
 #include "num/convolve.h"
 
@@ -41,12 +42,19 @@ typedef struct domain {
     float *fine_half;
 } domain;
 
+/* Where a PSF does not vary points are put between pixels by a polynomial: the PSF at Chebyshev's nodes of a pixel in x and
+ * y, of which a point anywhere is the sum with Lagrange's weights. Within 1e-7 of the peak of what the spectrum gives for
+ * FWHM 4, 1e-6 for 2, in a tenth of the time. */
+enum { NODES = 7, LANES = 8, WIDEST = 67 }; /* pixels of the PSF's middle that are kept so, at most */
+
 struct rx_template_otf {
     const rx_psf *tile, *image;
     int same; /* they are the same PSF: the kernel is a point */
     int varies;
     int ndomains;
     domain *domains;
+    float *points; /* [reach][NODES][NODES][reach], NULL until it is made: row, nodes in y and x, column */
+    int reach;
     float *stamp;
     float *
         most; /* [size / 2 + 2] of the tile's PSF in its middle: the largest value that many pixels away in x or y, or farther */
@@ -114,6 +122,7 @@ void rx_template_otf_free(rx_template_otf *lens)
     for (int i = 0; i < lens->ndomains; i++)
         clear_domain(&lens->domains[i]);
     free(lens->domains);
+    free(lens->points);
     free(lens->stamp);
     free(lens->most);
     free(lens);
@@ -236,10 +245,97 @@ static int cut_stamp(float *stamp, int side, int n, int m)
     return to;
 }
 
+/* cos(pi (i + 1/2) / NODES) / 2 */
+static const double nodes[NODES] = {0.48746395609091181,  0.39091574123401496,  0.21694186955877906, 0,
+                                    -0.21694186955877906, -0.39091574123401496, -0.48746395609091181};
+
+/* Lagrange's weights of the nodes at x. */
+static void weigh_nodes(double x, double *weight)
+{
+    for (int i = 0; i < NODES; i++) {
+        weight[i] = 1;
+        for (int k = 0; k < NODES; k++)
+            weight[i] *= k != i ? (x - nodes[k]) / (nodes[i] - nodes[k]) : 1;
+    }
+}
+
+static rx_status make_points(rx_template_otf *lens, rx_error *err)
+{
+    const int whole = lens->tile->size <= WIDEST;
+    const int side = (whole ? lens->tile->size : WIDEST) + 2; /* so far a shift of half a pixel reaches */
+    const int n = whole ? rx_template_otf_side(lens, 0, 0) : rx_fft_good_size(2 * side);
+    const size_t room = (size_t)NODES * NODES * (size_t)side * (size_t)side;
+    rx_template_domain *size;
+    RX_TRY(rx_template_otf_at(lens, n, 0, 0, &size, err));
+    float *points = rx_alloc(room + LANES, sizeof *points); /* rows are added up to whole vectors */
+    if (points == NULL)
+        return rx_error_memory(err, room * sizeof *points);
+    for (int j = 0; j < NODES; j++)
+        for (int i = 0; i < NODES; i++) {
+            rx_template_domain_render(size, NULL, nodes[i], nodes[j], NULL, 1);
+            for (int v = 0; v < side; v++)
+                memcpy(points + ((v * NODES + j) * NODES + i) * side,
+                       size->plane[0] + (size->n / 2 - side / 2 + v) * rx_fft_stride_real(size->fft) +
+                           size->n / 2 - side / 2,
+                       (size_t)side * sizeof *points);
+        }
+    lens->points = points;
+    lens->reach = side;
+    return RX_OK;
+}
+
+/* line [count, rounded up to LANES] = sum of weight[i] rows[i], NODES^2 rows of `stride`. */
+RX_SIMD static void add_rows(const float *rows, size_t stride, const float *weight, int count, float *line)
+{
+    memset(line, 0, (size_t)(count + LANES) * sizeof *line);
+    for (int j = 0; j < NODES; j++) {
+        const float *r = rows + (size_t)(j * NODES) * stride, *w = weight + j * NODES;
+        for (int x = 0; x < count; x += LANES)
+#pragma omp simd
+            for (int l = x; l < x + LANES; l++)
+                line[l] += w[0] * r[l] + w[1] * r[l + stride] + w[2] * r[l + 2 * stride] +
+                           w[3] * r[l + 3 * stride] + w[4] * r[l + 4 * stride] + w[5] * r[l + 5 * stride] +
+                           w[6] * r[l + 6 * stride];
+    }
+}
+
+/* A point (dx, dy) off the middle; 0: the part of the PSF that is kept does not hold all of it. */
+static int put_point(rx_template_domain *size, double dx, double dy)
+{
+    const rx_template_otf *lens = ((const domain *)size)->lens;
+    const int reach = lens->reach, stride = rx_fft_stride_real(size->fft);
+    const int x0 = size->n / 2 + (int)lround(dx) - reach / 2, y0 = size->n / 2 + (int)lround(dy) - reach / 2;
+    const int first = rx_max_int(size->first, x0), last = rx_min_int(size->last, x0 + reach);
+    double along[NODES], across[NODES];
+    float weight[NODES * NODES];
+    if (reach < lens->tile->size &&
+        (x0 > size->first || x0 + reach < size->last || y0 > size->first || y0 + reach < size->last))
+        return 0;
+    weigh_nodes(dx - (double)lround(dx), along);
+    weigh_nodes(dy - (double)lround(dy), across);
+    for (int j = 0; j < NODES; j++)
+        for (int i = 0; i < NODES; i++)
+            weight[j * NODES + i] = (float)(across[j] * along[i]);
+    for (int y = size->first; y < size->last; y++) {
+        float *row = size->plane[0] + (ptrdiff_t)y * stride;
+        memset(row + size->first, 0, (size_t)(size->last - size->first) * sizeof *row);
+        if (y < y0 || y >= y0 + reach || first >= last)
+            continue;
+        add_rows(lens->points + (ptrdiff_t)(y - y0) * NODES * NODES * reach + (first - x0), (size_t)reach,
+                 weight, last - first, size->column);
+        memcpy(row + first, size->column, (size_t)(last - first) * sizeof *row);
+    }
+    return 1;
+}
+
 rx_status rx_template_otf_at(rx_template_otf *lens, int n, double x, double y, rx_template_domain **dst,
                              rx_error *err)
 {
     domain *d = NULL;
+    if (!lens->varies && rx_psf_fine(lens->tile) == 1 && lens->reach == 0) {
+        lens->reach = -1; /* it is on its way */
+        RX_TRY(make_points(lens, err));
+    }
     rx_status status = find_domain(lens, n, &d, err);
     if (status != RX_OK)
         return status;
@@ -285,10 +381,12 @@ const rx_matching *rx_template_domain_matching(rx_template_domain *size)
 /* exp(-2 pi i u shift / n) for the first `count` of `whole`, u signed as the frequency is. */
 static void fill_phase(int n, int whole, int count, double shift, double *phase)
 {
-    for (int u = 0; u < count && u <= whole / 2; u++) {
-        const double angle = -6.283185307179586 * u * shift / n;
-        phase[2 * u] = cos(angle);
-        phase[2 * u + 1] = sin(angle);
+    const double angle = -6.283185307179586 * shift / n, c = cos(angle), s = sin(angle);
+    phase[0] = 1;
+    phase[1] = 0;
+    for (int u = 1; u < count && u <= whole / 2; u++) { /* each turned on from the one before */
+        phase[2 * u] = c * phase[2 * u - 2] - s * phase[2 * u - 1];
+        phase[2 * u + 1] = s * phase[2 * u - 2] + c * phase[2 * u - 1];
     }
     for (int u = whole / 2 + 1; u < count; u++) {
         phase[2 * u] = phase[2 * (whole - u)];
@@ -340,6 +438,8 @@ void rx_template_domain_render(rx_template_domain *size, const rx_spergel *profi
     float *py = size->column + (size_t)(PLANES + 2) * (size_t)n, *columns[PLANES + 2], *negative[PLANES];
     double *px = size->phase;
     rx_spergel_form form;
+    if (profile == NULL && !through && lens->points != NULL && put_point(size, dx, dy))
+        return;
     for (int i = 0; i < PLANES + 2; i++)
         columns[i] = size->column + (size_t)i * (size_t)n;
     if (profile != NULL)

@@ -20,7 +20,8 @@ typedef struct rx_template_domain {
     int n;
     rx_fft *fft;
     float *optics;
-    int first, last;           /* rows that are rendered, first <= row < last; the caller's choice */
+    int first,
+        last; /* rows that are rendered, first <= row < last, of points these columns; the caller's choice */
     float *half[5], *plane[5]; /* work */
     double *phase;             /* [m n + 1][2], m: samples a pixel */
     float *column;             /* [7 + 2 m][n] */

@@ -158,6 +158,8 @@ static rx_template_domain *own_size(const stage *g, const rx_fit_source *s, doub
         RX_OK);
     assert_int_equal(
         rx_patch_cut(&g->canvas, (int)lround(s->x), (int)lround(s->y), half, size->n, patch, NULL), RX_OK);
+    size->first = patch->corner - 1; /* as rx_refine() does */
+    size->last = patch->corner + patch->side + 1;
     return size;
 }
 
@@ -170,6 +172,8 @@ static double check_template(const rx_fit_source *after, int cx, int cy, rx_temp
     const rx_footprint *f = &after->footprint;
     double power = 0, peak = 0;
     assert_non_null(t);
+    size->first = 0;
+    size->last = size->n;
     for (int turn = 0; turn < 2; turn++) {
         const double share = turn == 0 ? after->point : 1 - after->point;
         if (share <= 0)

@@ -113,7 +113,7 @@ static void test_rendering(void **state)
                 assert_near(size->plane[what][(size_t)j * stride + (size_t)i], value, 2e-7);
             }
     }
-    /* some rows only: the same there, others are left alone */
+    /* some rows only, of a point columns, too: the same there */
     float *all = RX_NEW(float, (size_t)n *stride);
     assert_non_null(all);
     memcpy(all, size->plane[0], (size_t)n * stride * sizeof *all);
@@ -123,7 +123,7 @@ static void test_rendering(void **state)
         size->plane[0][k] = 7;
     rx_template_domain_render(size, NULL, dx, dy, NULL, 1);
     for (int j = 20; j < 31; j++)
-        for (int i = 0; i < n; i++)
+        for (int i = 20; i < 31; i++)
             assert_near(size->plane[0][(size_t)j * stride + (size_t)i], all[(size_t)j * stride + (size_t)i],
                         1e-8);
     free(all);
