@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/simd.h"
 
 static const double CLIP = 3.0;
 static const double CLIPPED = 0.9866; /* width of a Gaussian that is cut there, over its sigma */
@@ -42,7 +43,7 @@ static long gather(const cells *of, int x0, int x1, int y0, int y1, double *dst)
 }
 
 /* Clipped mean of n values, and their width; NAN with fewer than `enough`. */
-static double clipped_mean(const double *values, long count, double enough, double *width)
+RX_SIMD static double clipped_mean(const double *values, long count, double enough, double *width)
 {
     double mean = 0, sigma = HUGE_VAL;
     long kept = -1;
@@ -51,6 +52,7 @@ static double clipped_mean(const double *values, long count, double enough, doub
         double sum = 0, square = 0;
         long n = 0;
         const double limit = CLIP * sigma;
+#pragma omp simd reduction(+ : sum, square, n)
         for (long k = 0; k < count; k++) {
             const double v = values[k];
             const int take = !(fabs(v - mean) > limit);
