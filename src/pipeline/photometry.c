@@ -9,6 +9,18 @@
 /* Of a larger tile a plane weighs more than the time to make its pixels one by one, where few are wanted. */
 static const size_t WHOLE = (size_t)1 << 25;
 
+/* Of the Kron factor, on a network's image, whose galaxies are not as wide as the seeing makes them: the ellipse of 2.5
+ * Kron radii holds 96 to 97 % of their true light there, that of the untouched pixels 98 to 99 %. Median of MAG_AUTO minus
+ * truth, isolated galaxies that all find, FWHM 3.3 (seeds 601 to 603: 502 of them) and 5 (601, 605: 207); stars keep the
+ * least radius and stay as they are:
+ *
+ *   magnitude       19-20   20-21   21-21.5  21.5-22     19-20   20-21   21-21.5
+ *   untouched       0.026   0.045   0.026    0.077       0.044   0.049   0.072
+ *   network, 1      0.039   0.054   0.087    0.089       0.055   0.066   0.023
+ *   1.2             0.026   0.028   0.039    0.066       0.037   0.040   0.008
+ *   1.28            0.021   0.021   0.027    0.059       0.032   0.033   0.002 */
+static const double SHARP_KRON = 1.2;
+
 /* One run. */
 typedef struct work {
     const rx_pipeline_params *params;
@@ -95,14 +107,20 @@ static rx_status collecting_area(const rx_psf *psf, const rx_image *image, doubl
     return RX_OK;
 }
 
+/* A network's image, which leaves no noise on empty sky and brings a map of it. */
+static int by_network(const rx_restored *restored)
+{
+    return restored != NULL && rx_map_given(&restored->noise);
+}
+
 /* The noise law of what is measured, from empty apertures or, without them, from the correlation of the noise of
- * the untouched pixels. Of restored ones that is not the noise, but for a network's: it leaves no noise on empty sky, though the fluxes that it gives
- * to sources have all the noise of the input. The law is that of the untouched pixels then, of apertures wider by
+ * the untouched pixels. Of restored ones that is not the noise, but for a network's: the fluxes that it gives to sources
+ * have all the noise of the input. The law is that of the untouched pixels then, of apertures wider by
  * what the tile's PSF spreads. */
 static rx_status calibrate(work *w, const rx_image *image, int apertures, rx_error *err)
 {
     const rx_restored *restored = w->in->restored;
-    const int hides = restored != NULL && rx_map_given(&restored->noise);
+    const int hides = by_network(restored);
     rx_noise_law *law = &w->dst->law;
     double area = 0;
     if (apertures)
@@ -151,6 +169,8 @@ rx_status rx_photometry_run(const rx_pipeline_params *params, const rx_photometr
         else
             RX_TRY_EXIT(untouched_image(&w, in->detect, 0, &w.planes[1], &w.radii_image, err));
     }
+    if (by_network(w.radii != NULL ? in->detected : in->restored))
+        w.par.auto_factor *= SHARP_KRON;
     if (in->restored == NULL) {
         status = measure_sources(&w, &w.untouched, params->calibrate_none, err);
         goto exit;

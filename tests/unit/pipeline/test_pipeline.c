@@ -268,6 +268,46 @@ static void test_detection_noise(void **state)
     check_noise("MEASURED", &with_sigma, 0, 1);
 }
 
+/* The sources of the same restored pixels, with Kron factor and least radius; thresholds are of these pixels as well. */
+static void measure_with(const rx_restorer *kind, const char *auto_params, scene *s, rx_result *dst)
+{
+    const setting settings[] = {{"DETECT_NOISE", "MEASURED"}, {"PHOT_AUTOPARAMS", auto_params}, {NULL, NULL}};
+    bench b;
+    bench_open(&b, settings);
+    rx_field *field = bench_field(&b, s->pixels, SIDE, SIDE, 2.0);
+    assert_int_equal(rx_field_extract(&b.options->pipeline, kind, field, NULL, NULL, dst, NULL), RX_OK);
+    rx_field_free(field);
+    bench_close(&b);
+}
+
+/* On a network's image 1.2 Kron factors, and the least radius as it is. */
+static void test_kron_factor_of_networks(void **state)
+{
+    (void)state;
+    static const char *const params[][2] = {{"2.5,0", "3,0"}, {"0.1,3.5", "0.1,3.5"}};
+    const rx_restorer *rl = rx_restorer_find("RL");
+    rx_restorer with_sigma = *rl;
+    with_sigma.name = "WITH_SIGMA";
+    with_sigma.run = run_with_sigma;
+    scene s;
+    scene_make(&s, SIDE, SIDE, 12, 5);
+    for (int i = 0; i < 2; i++) {
+        rx_result network = {0}, other = {0};
+        measure_with(&with_sigma, params[i][0], &s, &network);
+        measure_with(rl, params[i][1], &s, &other);
+        assert_true(network.sources->n > 0);
+        assert_int_equal(network.sources->n, other.sources->n);
+        for (int k = 0; k < network.sources->n; k++) {
+            const rx_source *a = &network.sources->list[k], *o = &other.sources->list[k];
+            assert_near(a->kron_radius, o->kron_radius, 1e-9);
+            assert_near(a->flux_auto, o->flux_auto, 1e-6 * fabs(o->flux_auto));
+        }
+        rx_result_free(&network);
+        rx_result_free(&other);
+    }
+    scene_free(&s);
+}
+
 /* Noise that is all but white: its factor is 1 in single precision, not in double. */
 static void test_noise_all_but_white(void **state)
 {
@@ -721,6 +761,7 @@ int main(void)
                                        cmocka_unit_test(test_known_psf_is_copied),
                                        cmocka_unit_test(test_weights_within_a_mesh),
                                        cmocka_unit_test(test_detection_noise),
+                                       cmocka_unit_test(test_kron_factor_of_networks),
                                        cmocka_unit_test(test_noise_all_but_white),
                                        cmocka_unit_test(test_filter_of_restored),
                                        cmocka_unit_test(test_saturated_pixels),
