@@ -19,7 +19,7 @@ data=${RX_SHARED_DATA:-$top/../shared/data}
 # run NAME SEED FOLDER
 run() {
     case $1 in
-    restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration small "$3" -SEED "$2" -EXAMPLES 0 ;;
+    restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration small "$3" -SEED "$2" ;;
     photometry-sdss) "$here/run.sh" sdss small "$3" -SEED "$2" ;;
     robustness) "$python" "$here/robustness.py" "$3" "$2" ;;
     unknown_psf) "$python" "$here/unknown_psf.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" ;;

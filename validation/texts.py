@@ -712,9 +712,10 @@ def limits():
              for row in rows_of("detection", "cells", scene="OUTSKIRTS", run="NET", quantity="r2_snr0")]
     dwarfs = tables("validation/results/real/dwarfs.md")[0][1]
     light = max(100 - 100 * float(row["20 to 40 px"]) for row in dwarfs if row["run"] == "NET")
-    return (item(f"""NET was trained on simulated skies: white noise, Moffat PSFs, backgrounds and PSFs that are nearly right. The domain
-        guard looks at FWHM and noise; the correlation of the noise is measured and allowed for; what other PSFs and denser crowding
-        do is not known. A PSF that is 5 % off changes fluxes by up to {max(changes):.0f} % ([more](validation.md#campaigns)).""") +
+    return (item(f"""NET was trained on simulated skies, half of them ideal, half with correlated noise, halos, PSFs told wrongly, skies that are
+        off or dark, galaxies of COSMOS, up to some 20,000 stars per Mpixel. What differs from all of these it does not know: the domain
+        guard looks at FWHM, brightness and the correlation of the noise, and [the matrix](robustness.md) has what other departures do. A PSF that is
+        5 % off changes fluxes by up to {max(changes):.0f} % ([more](validation.md#campaigns)).""") +
             item(f"""NET gives the mean of what could be there: sources near the noise come out fainter than they are, galaxies of S/N 5 to 10
         by {min(faint):.0f} to {max(faint):.0f} %, outskirts of dwarf galaxies by up to {light:.0f} %, and structure below the noise can be
         spurious or smoothed away. On blank sky it can find more than the unrestored image does (BLANK_CHECK)."""))
