@@ -824,8 +824,8 @@ def beside_rl(model):
 
     def won_by(winner):
         found = [row for row in duels("RL", "psnr") if row["winner"] == winner]
-        return "; ".join(f'{scene} {listed(row["condition"] for row in found if row["scene"] == scene)}'
-                         for scene in dict.fromkeys(row["scene"] for row in found)) or "no bin"
+        return "at " + "; ".join(f'{scene} {listed(row["condition"] for row in found if row["scene"] == scene)}'
+                                 for scene in dict.fromkeys(row["scene"] for row in found)) if found else "nowhere"
     names = {"BLURRED": "blurred images", "SMOOTHED": "the same through a tuned filter", "RL": "RL, true PSF, tuned",
              "RL_FLAT": "RL with its sky set flat"}
     rows = [[words, *against(second)] for second, words in names.items()]
@@ -833,7 +833,7 @@ def beside_rl(model):
     return (paragraph(f"""**`{model}.fits`** on the {len(bins)} bins of {bins[0]["scenes"]} scenes of `restoration`, mean differences in the
         bins, and in how many of them it is clearly above or below (paired t, Holm < 0.05):""") + "\n" +
             table(["against", "PSNR (dB)", "SSIM"], rows) + "\n" +
-            paragraph(f"PSNR is clearly above that of RL at {won_by('NET')}; clearly below at {won_by('RL')}."))
+            paragraph(f"PSNR is clearly above that of RL {won_by('NET')}; clearly below {won_by('RL')}."))
 
 
 def paper_speed():
