@@ -712,7 +712,7 @@ def limits():
              for row in rows_of("detection", "cells", scene="OUTSKIRTS", run="NET", quantity="r2_snr0")]
     dwarfs = tables("validation/results/real/dwarfs.md")[0][1]
     light = max(100 - 100 * float(row["20 to 40 px"]) for row in dwarfs if row["run"] == "NET")
-    return (item(f"""NET was trained on simulated skies, half of them ideal, half with correlated noise, halos, PSFs told wrongly, skies that are
+    return (item(f"""NET was trained on simulated skies, half of them ideal, half with correlated noise, halos, PSFs given wrongly, skies that are
         off or dark, galaxies of COSMOS, up to some 20,000 stars per Mpixel. What differs from all of these it does not know: the domain
         guard looks at FWHM, brightness and the correlation of the noise, and [the matrix](robustness.md) has what other departures do. A PSF that is
         5 % off changes fluxes by up to {max(changes):.0f} % ([more](validation.md#campaigns)).""") +
