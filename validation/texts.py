@@ -388,10 +388,11 @@ def templates_table():
 
 def template_goals():
     """The goals of the page, and how many numbers hold each, by the restorer that gives the shapes."""
-    rows, body = page_table("fluxes-template", "Goals"), []
-    for goal in dict.fromkeys(row["goal"] for row in rows):
-        cells = {row["shapes from"]: f"{row['verdict']} ({row['what was found'].partition(' numbers')[0]})" for row in rows if row["goal"] == goal}
-        body.append([goal.partition(" (number:")[0].replace("told apart", "resolved")] + [cells[run] for run in ("NONE", "RL", "NET")])
+    rows, body = page_table("fluxes-template", "Goals", "What was found"), []
+    words = [row["claim or goal"] for row in page_table("fluxes-template", "Goals")]
+    for goal, long in zip(dict.fromkeys(row["claim"] for row in rows), words, strict=True):
+        cells = {row["restorer"]: f"{row['verdict']} ({row['what was found'].partition(' numbers')[0]})" for row in rows if row["claim"] == goal}
+        body.append([long.partition(" (number:")[0]] + [cells[run] for run in ("NONE", "RL", "NET")])
     return (item("""**Goals** (campaign `fluxes-template`; fields of 200 stars and 200 galaxies per Mpixel): the goal, the verdict, and in how many cases
         (a seeing, a kind of object, a bin of S/N) it is met, for shapes from each restorer:""") + "\n" +
             table(["goal", "NONE", "RL", "NET"], body, "  ") + "\n" +
