@@ -802,7 +802,7 @@ def paper():
 
 
 def paper_kinds():
-    """Networks of the paper's kind and recipe beside Richardson-Lucy that is told the PSF."""
+    """Networks of the paper's kind and recipe beside Richardson-Lucy that is given the PSF."""
     return "\n".join(beside_rl(name) for name in ("psfnet-blind", "psfnet-paper", "psfnet-paper-informed"))
 
 

@@ -1,14 +1,14 @@
 #!/usr/bin/python3
-"""What to take where nobody tells the PSF: methods that measure it or do without, beside Richardson-Lucy that is told.
+"""What to take where the PSF is not given: methods that measure it or do without, beside Richardson-Lucy that is given it.
 
     unknown_psf.py OUTPUT [SEED[,SEED...]]
 
 Simulated tiles of 512 x 512 pixels, stars and galaxies of S/N up to some hundreds, Moffat PSFs of FWHM 3 to 8 pixels, one of each
 for every seed (801,802,803 to choose by; ledger.py); the sharp image is known. PSNR and SSIM as in the restoration campaign (SSIM: K1 = K2 = 0.001), means:
 
-    RL        told the PSF, the best of nine per tile and quality: 6, 18 and 60 iterations, three filters
+    RL        given the PSF, the best of nine per tile and quality: 6, 18 and 60 iterations, three filters
     RL_BLIND  of the image alone, the best of three filters per tile and quality
-    INFORMED  config/psfnet.fits, told the PSF
+    INFORMED  config/psfnet.fits, given the PSF
     AUTO      the same, with the PSF that PSF_TYPE AUTO, the default, measures on the tile's own stars
     BLIND     config/psfnet-blind.fits, of the image alone
     PAPER     config/psfnet-paper.fits, likewise
@@ -56,10 +56,10 @@ def measured(program, fwhm, seed):
     tile = program.simulate(f"FWHM {fwhm}", IMAGE_SIZE=512, PSF_FWHM=fwhm, PSF_BETA=BETA, SEED=seed, SHARP_NAME="sharp.fits",
                             STAR_COUNT=300, STAR_MAG="17.5,23", GALAXY_COUNT=300, GALAXY_MAG="17.5,23")
     sharp = fits.getdata(program.folder / "sharp.fits").astype(float)
-    told = {"PSF_TYPE": "MOFFAT", "PSF_FWHM": fwhm, "PSF_BETA": BETA}
-    tried = [restored(program, tile, sharp, "RL", RL_NITER=n, RL_DENOISE=f, **told) for n in NITER for f in FILTERS]
+    given = {"PSF_TYPE": "MOFFAT", "PSF_FWHM": fwhm, "PSF_BETA": BETA}
+    tried = [restored(program, tile, sharp, "RL", RL_NITER=n, RL_DENOISE=f, **given) for n in NITER for f in FILTERS]
     blind = [restored(program, tile, sharp, "RL_BLIND", RL_DENOISE=f) for f in FILTERS]
-    return np.array([np.max(tried, axis=0), np.max(blind, axis=0), restored(program, tile, sharp, "NET", **told),
+    return np.array([np.max(tried, axis=0), np.max(blind, axis=0), restored(program, tile, sharp, "NET", **given),
                      restored(program, tile, sharp, "NET"), restored(program, tile, sharp, "NET", NET_MODEL="./psfnet-blind.fits"),
                      restored(program, tile, sharp, "NET", NET_MODEL="./psfnet-paper.fits")])
 

@@ -22,7 +22,7 @@ const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES] = {
 
 /* NONE is the blurred image. RL, whose result depends on a number of iterations, is tuned per bin; beside it NONE is also
  * the blurred image through a filter, tuned as RL's is: what is gained without any deconvolution. Where RL has a flat sky, too, so
- * has NET: nobody is given what the other is not. */
+ * has NET: both are treated alike. */
 static rx_status add_runs(rx_lab *lab, rx_error *err)
 {
     const rx_words *words = &lab->config->restore_type;

@@ -37,7 +37,8 @@ double rx_fit_log_determinant(const rx_fit *fit);
 double rx_fit_variance(const rx_fit *fit, int j);
 
 /* Chi2 of the two points, both brighter than 0, that describe the patch best, found from fit's position, its flux in halves,
- * off to either side; neither goes farther than `room` from there. Any pair below `enough` will do. pair: flux, x, y of each; NULL: not asked for.
+ * off to either side; neither goes farther than `room` from there. Any pair below `enough` will do. pair: flux, x, y of each;
+ * NULL: not asked for.
  * HUGE_VAL: there is no such pair. Planes 0 and 1 are lost. */
 double rx_fit_pair(const rx_fit *fit, const double off[2], double room, double enough,
                    rx_template_domain *size, const rx_patch *patch, double pair[2][3]);
