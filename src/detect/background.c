@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "base/simd.h"
 #include "data/map.h"
 #include "detect/libsep.h"
 #include "detect/mesh.h"
@@ -124,6 +125,18 @@ enum { REACH = 2 };                                         /* beside what stand
 static const double FILTER_FWHM = 2.0 * 2.3548200450309493; /* of the Gaussian that shows sources, pixels */
 static const float STANDS_OUT = 3.0f;                       /* sigmas of the filtered image */
 
+/* What stands out within REACH of row y, in x and in y, is set in dst. */
+RX_SIMD static void spread_row(const uint8_t *out, int width, int height, int y, uint8_t *dst)
+{
+    for (int v = rx_max_int(y - REACH, 0); v <= rx_min_int(y + REACH, height - 1); v++)
+        for (int d = -REACH; d <= REACH; d++) {
+            const uint8_t *src = out + (size_t)v * (size_t)width;
+#pragma omp simd
+            for (int x = rx_max_int(-d, 0); x < rx_min_int(width, width - d); x++)
+                dst[x] |= src[x + d];
+        }
+}
+
 /* dst[height][width]: 0 where a pixel is good and far from sources. */
 static rx_status hide_sources(const rx_background_params *par, const rx_image *src, double level,
                               uint8_t *dst, rx_error *err)
@@ -166,11 +179,7 @@ static rx_status hide_sources(const rx_background_params *par, const rx_image *s
         }
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int y = 0; y < height; y++)
-        for (int v = rx_max_int(y - REACH, 0); v <= rx_min_int(y + REACH, height - 1); v++)
-            for (int x = 0; x < width; x++)
-                if (out[(size_t)v * (size_t)width + (size_t)x])
-                    memset(dst + (size_t)y * (size_t)width + (size_t)rx_max_int(x - REACH, 0), 1,
-                           (size_t)(rx_min_int(x + REACH, width - 1) - rx_max_int(x - REACH, 0) + 1));
+        spread_row(out, width, height, y, dst + (size_t)y * (size_t)width);
 exit:
     rx_background_free(sky);
     free(filtered);

@@ -22,7 +22,8 @@ enum {
     FAR = 10,                                   /* pixels around bright ones that are left out */
     ENOUGH = 1000,                              /* pixels, in a cell and in all */
     QUADRANT_CELLS = 9,
-    NEAR = RX_NOISE_NEAR /* lags by which noise is judged */
+    NEAR = RX_NOISE_NEAR, /* lags by which noise is judged */
+    EIGHT = 8
 };
 
 static const double CUT = 4.0;           /* widths */
@@ -90,13 +91,18 @@ static void copy(const rx_image *image, const unsigned char *used, const place *
     }
 }
 
-/* Median and robust width of the good values. */
+/* Median and robust width of the good values; of every second in x and in y where that is enough of them. */
 static double width_of(const float *values, room *r, double *middle)
 {
     size_t n = 0;
-    for (int i = 0; i < AREA; i++)
-        if (r->good[i])
-            r->sorted[n++] = (double)values[i];
+    for (int step = 2; step > 0 && n < ENOUGH; step--) {
+        n = 0;
+        for (int y = 0; y < WINDOW; y += step)
+            for (int x = 0; x < WINDOW; x += step) {
+                r->sorted[n] = (double)values[y * WINDOW + x];
+                n += r->good[y * WINDOW + x];
+            }
+    }
     return rx_sigma_mad(r->sorted, n, middle);
 }
 
@@ -126,15 +132,21 @@ RX_SIMD static void leave_out(double middle, double limit, int reach, room *r)
                 r->good[v * WINDOW + x] &= !r->out[y * WINDOW + x];
 }
 
-static void leave_sources_out(room *r)
+RX_SIMD static void filter_window(const float *restrict window, float *restrict filtered)
 {
     for (int y = 1; y < WINDOW - 1; y++)
+#pragma omp simd
         for (int x = 1; x < WINDOW - 1; x++) {
-            const float *z = r->z + y * WINDOW + x;
-            r->filtered[y * WINDOW + x] = (4.0f * z[0] + 2.0f * (z[-1] + z[1] + z[-WINDOW] + z[WINDOW]) +
-                                           z[-WINDOW - 1] + z[-WINDOW + 1] + z[WINDOW - 1] + z[WINDOW + 1]) /
-                                          16.0f;
+            const float *z = window + y * WINDOW + x;
+            filtered[y * WINDOW + x] = (4.0f * z[0] + 2.0f * (z[-1] + z[1] + z[-WINDOW] + z[WINDOW]) +
+                                        z[-WINDOW - 1] + z[-WINDOW + 1] + z[WINDOW - 1] + z[WINDOW + 1]) /
+                                       16.0f;
         }
+}
+
+static void leave_sources_out(room *r)
+{
+    filter_window(r->z, r->filtered);
     double middle;
     const double width = width_of(r->filtered, r, &middle);
     leave_out(middle, STANDS_OUT * width, FAR / 2, r);
@@ -163,42 +175,83 @@ static double centre(room *r)
 static void pack_good(room *r)
 {
     memset(r->bits, 0, sizeof r->bits);
-    for (int i = 0; i < AREA; i++)
-        r->bits[i / WINDOW][i % WINDOW / 64] |= (uint64_t)r->good[i] << (i % WINDOW % 64);
+    for (int y = 0; y < WINDOW; y++)
+        for (int x = 0; x < WINDOW; x++)
+            r->bits[y][x / 64] |= (uint64_t)r->good[y * WINDOW + x] << (x % 64);
 }
 
 /* n pixels from x on, 64 at most. */
-static uint64_t bits_from(const uint64_t *row, int x, int n)
+static inline uint64_t bits_from(const uint64_t *row, int x, int n)
 {
     const uint64_t low = x < 64 ? row[0] >> x : row[1] >> (x - 64),
                    high = x > 0 && x < 64 ? row[1] << (64 - x) : 0;
     return (low | high) & (n < 64 ? ((uint64_t)1 << n) - 1 : ~(uint64_t)0);
 }
 
-static int count_bits(uint64_t bits)
+/* Products of 32 columns, summed over n rows of two windows. Each column by itself, in the order of the rows: the same for
+ * all processors. */
+RX_SIMD static double sum_columns(const float *a, const float *b, int n)
 {
-    bits -= bits >> 1 & 0x5555555555555555u;
-    bits = (bits & 0x3333333333333333u) + (bits >> 2 & 0x3333333333333333u);
-    return (int)(((bits + (bits >> 4)) & 0x0f0f0f0f0f0f0f0fu) * 0x0101010101010101u >> 56);
+    typedef float eight __attribute__((vector_size(32), aligned(4)));
+    eight sum[4] = {{0}};
+    float columns[4 * EIGHT];
+    double all = 0.0;
+    for (int y = 0; y < n; y++, a += WINDOW, b += WINDOW) {
+        const eight *p = (const eight *)a, *q = (const eight *)b;
+        sum[0] += p[0] * q[0];
+        sum[1] += p[1] * q[1];
+        sum[2] += p[2] * q[2];
+        sum[3] += p[3] * q[3];
+    }
+    memcpy(columns, sum, sizeof columns);
+    for (int x = 0; x < 4 * EIGHT; x++)
+        all += (double)columns[x];
+    return all;
 }
 
-/* Mean product of the cell's pixels with those (dx, dy) from them. */
-static double mean_product(const place *p, const room *r, int dx, int dy)
+RX_SIMD static long count_pairs(const uint64_t *a, const uint64_t *b, int n)
+{
+    long pairs = 0;
+    for (int y = 0; y < n; y++)
+        pairs += __builtin_popcountll(a[y] & b[y]);
+    return pairs;
+}
+
+static double sum_products(const float *a, const float *b, int columns, int rows)
 {
     double sum = 0.0;
-    long pairs = 0;
+    int x = 0;
+    for (; x + 4 * EIGHT <= columns; x += 4 * EIGHT)
+        sum += sum_columns(a + x, b + x, rows);
+    for (; x < columns; x++)
+        for (int y = 0; y < rows; y++)
+            sum += (double)(a[y * WINDOW + x] * b[y * WINDOW + x]);
+    return sum;
+}
+
+/* Where lag (dx, dy) stands among all. */
+static int lag_of(int dx, int dy)
+{
+    return dy == 0 ? dx : REACH + 1 + (dy - 1) * (2 * REACH + 1) + dx + REACH;
+}
+
+/* Mean products of the cell's pixels with those dx beside them, for each dy. */
+static void mean_products(const place *p, const room *r, int dx, double *lag)
+{
+    uint64_t here[WINDOW], there[WINDOW];
     const int x0 = p->x - p->left, y0 = p->y - p->low;
     const int first = rx_max_int(x0, -dx), n = rx_min_int(x0 + p->width, p->across - dx) - first;
-    for (int y = y0; y < rx_min_int(y0 + p->height, p->up - dy); y++) {
-        const float *a = r->z + y * WINDOW + first, *b = a + dy * WINDOW + dx;
-        float row = 0.0f;
-#pragma omp simd reduction(+ : row)
-        for (int x = 0; x < n; x++)
-            row += a[x] * b[x];
-        sum += (double)row;
-        pairs += count_bits(bits_from(r->bits[y], first, n) & bits_from(r->bits[y + dy], first + dx, n));
+    for (int y = 0; y < WINDOW; y++) {
+        here[y] = bits_from(r->bits[y], first, n);
+        there[y] = bits_from(r->bits[y], first + dx, n);
     }
-    return pairs > 0 ? sum / (double)pairs : 0.0;
+    for (int dy = dx < 0; dy <= REACH; dy++) {
+        const float *a = r->z + y0 * WINDOW + first;
+        const int rows = rx_min_int(p->height, p->up - dy - y0);
+        const long pairs = count_pairs(here + y0, there + y0 + dy, rows);
+        lag[lag_of(dx, dy)] =
+            pairs > 0 ? sum_products(a, a + dy * WINDOW + dx, n, rows) / (double)pairs : 0.0;
+    }
 }
 
 static void measure_cell(const rx_image *image, const unsigned char *used, const place *p, room *r, cell *dst)
@@ -213,15 +266,19 @@ static void measure_cell(const rx_image *image, const unsigned char *used, const
     for (int y = 0; y < p->height; y++)
         for (int x = 0; x < p->width; x++)
             n += r->good[(p->y - p->low + y) * WINDOW + p->x - p->left + x];
-    const double variance = mean_product(p, r, 0, 0);
-    if (n < ENOUGH || !(width > 0.0) || !(variance > 0.0))
+    if (n < ENOUGH || !(width > 0.0))
         return;
-    dst->used = n;
+    mean_products(p, r, 0, dst->lag);
+    const double variance = dst->lag[0];
+    if (!(variance > 0.0))
+        return;
+    for (int dx = -REACH; dx <= REACH; dx++)
+        if (dx != 0)
+            mean_products(p, r, dx, dst->lag);
+    for (int k = 1; k < LAGS; k++)
+        dst->lag[k] /= variance;
     dst->lag[0] = width;
-    int k = 1;
-    for (int dy = 0; dy <= REACH; dy++)
-        for (int dx = dy == 0 ? 1 : -REACH; dx <= REACH; dx++)
-            dst->lag[k++] = mean_product(p, r, dx, dy) / variance;
+    dst->used = n;
 }
 
 static double median_lag(const cell *cells, const int *which, int n, int lag, double *sorted)

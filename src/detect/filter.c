@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/simd.h"
 
 rx_status rx_filter_new(const float *values, int width, int height, rx_filter *dst, rx_error *err)
 {
@@ -48,7 +49,7 @@ static void add_shifted(float *line, const float *src, int width, int dx, float 
 }
 
 /* The same with three neighbouring values of the kernel, k[0] at dx: the line is read and written once. */
-static void add_three(float *line, const float *src, int width, int dx, const float *k)
+RX_SIMD static void add_three(float *line, const float *src, int width, int dx, const float *k)
 {
     const int first = dx < 0 ? -dx : 0, last = dx + 2 > 0 ? width - dx - 2 : width;
     if (first >= last) {
@@ -128,7 +129,8 @@ static double filtered_variance(const rx_filter *kernel, const rx_noise_rows *ro
 }
 
 /* One row where no pixel that reaches it is hidden: the weights' sum is the same everywhere. */
-static void open_row(const rx_filter *kernel, const rx_noise_rows *rows, int y, double *sums, float *line)
+RX_SIMD static void open_row(const rx_filter *kernel, const rx_noise_rows *rows, int y, double *sums,
+                             float *line)
 {
     const int width = rows->width;
     double norm = 0.0;

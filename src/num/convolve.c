@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/simd.h"
 
 /* A stamp around the origin of a cyclic plane. */
 typedef struct stamp_rows {
@@ -110,77 +111,94 @@ typedef struct gauss {
     float *weights;   /* [2 radius + 1] */
     float *num, *den; /* sums along x of some rows */
     float *good;      /* [nthreads][width] */
+    float *open;      /* den of a row without masked pixels: [width] */
+    uint8_t *masked;  /* rows that have some: [height] */
 } gauss;
 
-/* Along x: num = G f, den = G good, for TOGETHER pixels from x0 on of one row; f and `good` are 0 at masked
- * ones. */
-static void smooth_row(const gauss *g, int x0, const float *image, const float *good, float *restrict num,
-                       float *restrict den)
+RX_SIMD static int any_set(const uint8_t *mask, int n)
+{
+    int any = 0;
+#pragma omp simd reduction(| : any)
+    for (int i = 0; i < n; i++)
+        any |= mask[i];
+    return any != 0;
+}
+
+/* Along x: dst = G src, for TOGETHER pixels from x0 on of one row. */
+RX_SIMD static void smooth_row(const gauss *g, int x0, const float *src, float *restrict dst)
 {
     const int width = g->width, x1 = x0 + TOGETHER < width ? x0 + TOGETHER : width;
-    float n[TOGETHER] = {0}, d[TOGETHER] = {0};
+    float n[TOGETHER] = {0};
     for (int i = -g->radius; i <= g->radius; i++) {
         const int first = x0 + i < 0 ? -i : x0, last = x1 + i > width ? width - i : x1;
         const float weight = g->weights[i + g->radius];
 #pragma omp simd
-        for (int x = first; x < last; x++) {
-            n[x - x0] += weight * image[x + i];
-            d[x - x0] += weight * good[x + i];
-        }
+        for (int x = first; x < last; x++)
+            n[x - x0] += weight * src[x + i];
     }
-    for (int x = x0; x < x1; x++) {
-        num[x] = n[x - x0];
-        den[x] = d[x - x0];
-    }
+    for (int x = x0; x < x1; x++)
+        dst[x] = n[x - x0];
 }
 
-/* Rows y0 .. y1 - 1 of the image along x, into rows of num and den from `first` on. `good`: a row for each
- * thread, ones where there is no mask. */
+/* Rows y0 .. y1 - 1 of the image along x, into rows of num and den from `first` on: num = G f, den = G good; f and `good` are
+ * 0 at masked pixels. */
 static void smooth_rows(const gauss *g, int y0, int y1, int first, const float *image)
 {
 #pragma omp parallel for schedule(static) num_threads(g->nthreads)
     for (int y = y0; y < y1; y++) {
         const size_t row = (size_t)y * g->width, at = (size_t)(first + y - y0) * g->width;
         float *good = g->good + (size_t)omp_get_thread_num() * g->width;
-        for (int x = 0; g->mask != NULL && x < g->width; x++)
+        for (int x = 0; x < g->width; x += TOGETHER)
+            smooth_row(g, x, image + row, g->num + at);
+        memcpy(g->den + at, g->open, (size_t)g->width * sizeof *g->den);
+        if (!g->masked[y])
+            continue;
+        for (int x = 0; x < g->width; x++)
             good[x] = g->mask[row + x] == 0 ? 1.0f : 0.0f;
         for (int x = 0; x < g->width; x += TOGETHER)
-            smooth_row(g, x, image + row, good, g->num + at, g->den + at);
+            smooth_row(g, x, good, g->den + at);
     }
 }
 
-/* Along y, then the quotient, at good pixels: TOGETHER pixels of row y from x on; all pointers at the first. */
-static void smooth_piece(const gauss *g, int x0, int y, const float *num, const float *den,
-                         float *restrict image)
+/* Along y: dst = G src for `count` pixels of row y; src at the first of them. */
+RX_SIMD static void smooth_column(const gauss *g, int y, int count, const float *src, float *restrict dst)
 {
-    const int count = x0 + TOGETHER < g->width ? TOGETHER : g->width - x0;
     const int first = y < g->radius ? -y : -g->radius;
     const int last = y + g->radius >= g->height ? g->height - 1 - y : g->radius;
-    const uint8_t *mask = g->mask != NULL ? g->mask + (size_t)y * g->width + x0 : NULL;
-    float n[TOGETHER] = {0}, d[TOGETHER] = {0};
     for (int i = first; i <= last; i++) {
-        const float weight = g->weights[i + g->radius];
-        const float *a = num + (ptrdiff_t)i * g->width, *b = den + (ptrdiff_t)i * g->width;
+        const float weight = g->weights[i + g->radius], *from = src + (ptrdiff_t)i * g->width;
 #pragma omp simd
-        for (int x = 0; x < count; x++) {
-            n[x] += weight * a[x];
-            d[x] += weight * b[x];
-        }
+        for (int x = 0; x < count; x++)
+            dst[x] += weight * from[x];
     }
-    /* a good pixel counts itself, hence d > 0 there */
-    for (int x = 0; x < count; x++)
-        image[x] = mask == NULL || mask[x] == 0 ? n[x] / d[x] : 0.0f;
 }
 
-/* Rows y0 .. y1 - 1 of the image, from num and den whose first row is row `top` of the image. */
+/* Rows y0 .. y1 - 1 of the image, from num and den whose first row is row `top` of the image: along y, then the quotient, at
+ * good pixels. */
 static void smooth_columns(const gauss *g, int y0, int y1, int top, float *image)
 {
 #pragma omp parallel for schedule(static) num_threads(g->nthreads)
-    for (int y = y0; y < y1; y++)
+    for (int y = y0; y < y1; y++) {
+        const int low = y > g->radius ? y - g->radius : 0,
+                  high = y + g->radius < g->height ? y + g->radius + 1 : g->height,
+                  open = !any_set(g->masked + low, high - low);
+        float weight = 0;
+        for (int i = low; i < high; i++)
+            weight += g->weights[i - y + g->radius];
         for (int x = 0; x < g->width; x += TOGETHER) {
-            const size_t at = (size_t)(y - top) * g->width + x;
-            smooth_piece(g, x, y, g->num + at, g->den + at, image + (size_t)y * g->width + x);
+            const size_t at = (size_t)(y - top) * g->width + x, k = (size_t)y * g->width + x;
+            const int count = x + TOGETHER < g->width ? TOGETHER : g->width - x;
+            float n[TOGETHER] = {0}, d[TOGETHER] = {0};
+            smooth_column(g, y, count, g->num + at, n);
+            if (!open)
+                smooth_column(g, y, count, g->den + at, d);
+            /* a good pixel counts itself, hence a den above 0 there */
+            for (int i = 0; i < count; i++)
+                image[k + i] = g->masked[y] && g->mask[k + i] != 0
+                                   ? 0.0f
+                                   : n[i] / (open ? weight * g->open[x + i] : d[i]);
         }
+    }
 }
 
 /* Band by band: what the next one needs of rows that this one overwrites is in num and den already. */
@@ -228,14 +246,22 @@ rx_status rx_gauss_masked(int width, int height, double fwhm, const uint8_t *mas
     RX_TRY_EXIT(RX_MAKE(g.num, most * (size_t)width, err));
     RX_TRY_EXIT(RX_MAKE(g.den, most * (size_t)width, err));
     RX_TRY_EXIT(RX_MAKE(g.good, (size_t)g.nthreads * (size_t)width, err));
-    for (size_t k = 0; k < (size_t)g.nthreads * (size_t)width; k++)
-        g.good[k] = 1;
+    RX_TRY_EXIT(RX_MAKE(g.open, (size_t)width, err));
+    RX_TRY_EXIT(RX_MAKE(g.masked, (size_t)height, err));
     rx_gauss_weights(fwhm, g.radius, g.weights);
+    for (int x = 0; x < width; x++)
+        g.good[x] = 1;
+    for (int x = 0; x < width; x += TOGETHER)
+        smooth_row(&g, x, g.good, g.open);
+    for (int y = 0; mask != NULL && y < height; y++)
+        g.masked[y] = (uint8_t)any_set(mask + (size_t)y * (size_t)width, width);
     smooth_bands(&g, image);
 exit:
     free(g.weights);
     free(g.num);
     free(g.den);
+    free(g.open);
+    free(g.masked);
     free(g.good);
     return status;
 }

@@ -6,6 +6,7 @@
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "base/simd.h"
 
 enum { CELL = RX_RESIDUAL_CELL, HALF = CELL / 2 };
 
@@ -16,41 +17,72 @@ static const double LARGE = 0.1;            /* share of cells */
 static const double DARK = 0.02;            /* share of boxes */
 
 typedef struct sums {
-    long used, faint;
+    long faint;
     double mean, squares; /* of d */
     double sky[4];        /* of the pixels over sigma, by quarter of the cell */
     long pixels[4];
 } sums;
+
+/* Of n pixels of a row: those that count, their value above the sky over its noise, and, where the model is not bright, d. */
+typedef struct line {
+    float counts[CELL], faint[CELL], height[CELL], d[CELL];
+} line;
+
+RX_SIMD static void fill_line(int n, const float *restrict pixels, const float *restrict level,
+                              const float *restrict sigma, const float *restrict model,
+                              const uint8_t *restrict mask, float photon, line *restrict dst)
+{
+    const float bright = (float)BRIGHT;
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float counts = (mask[i] == 0) & (sigma[i] > 0.0f) ? 1.0f : 0.0f,
+                    s = counts > 0.0f ? sigma[i] : 1.0f;
+        const float value = pixels[i] - level[i], light = model[i] > 0.0f ? model[i] : 0.0f;
+        const float faint = model[i] > bright * s ? 0.0f : counts;
+        dst->counts[i] = counts;
+        dst->faint[i] = faint;
+        dst->height[i] = counts > 0.0f ? value / s : 0.0f;
+        dst->d[i] = faint > 0.0f ? (value - model[i]) / sqrtf(s * s + photon * light) : 0.0f;
+    }
+}
+
+/* A line of at most a quarter's width. */
+RX_SIMD static void add_line(int n, const line *row, int from, int quarter, sums *dst)
+{
+    double height = 0.0, mean = 0.0, squares = 0.0;
+    float counts = 0.0f, faint = 0.0f;
+#pragma omp simd reduction(+ : height, mean, squares, counts, faint)
+    for (int i = from; i < from + n; i++) {
+        const double d = (double)row->d[i];
+        height += (double)row->height[i];
+        mean += d;
+        squares += d * d;
+        counts += row->counts[i];
+        faint += row->faint[i];
+    }
+    dst->sky[quarter] += height;
+    dst->pixels[quarter] += (long)counts;
+    dst->faint += (long)faint;
+    dst->mean += mean;
+    dst->squares += squares;
+}
 
 static void sum_cell(const rx_image *image, const rx_restored *restored, int cx, int cy, sums *dst)
 {
     const rx_map sky = rx_image_sky(image);
     const int x0 = cx * CELL, y0 = cy * CELL, n = rx_min_int(CELL, image->width - x0),
               rows = rx_min_int(CELL, image->height - y0);
+    const float photon = image->gain > 0.0 ? (float)(1.0 / image->gain) : 0.0f;
     *dst = (sums){0};
     for (int y = y0; y < y0 + rows; y++) {
         float level_room[CELL], sigma_room[CELL];
         const size_t k = (size_t)y * (size_t)image->width + (size_t)x0;
-        const float *sigma = rx_map_row(&image->noise, y, x0, n, sigma_room);
-        const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x0, n, level_room) : NULL;
-        for (int i = 0; i < n; i++) {
-            if (restored->mask[k + (size_t)i] != 0 || !(sigma[i] > 0.0f))
-                continue;
-            const double s = (double)sigma[i], model = (double)restored->reblurred[k + (size_t)i],
-                         value =
-                             (double)image->pixels[k + (size_t)i] - (level != NULL ? (double)level[i] : 0.0);
-            const double photons = image->gain > 0.0 ? fmax(model, 0.0) / image->gain : 0.0;
-            const double d = (value - model) / sqrt(s * s + photons);
-            const int quarter = (y - y0) / HALF * 2 + i / HALF;
-            dst->sky[quarter] += value / s;
-            dst->pixels[quarter]++;
-            dst->used++;
-            if (model > BRIGHT * s)
-                continue;
-            dst->faint++;
-            dst->mean += d;
-            dst->squares += d * d;
-        }
+        line row;
+        fill_line(n, image->pixels + k, rx_map_row(&sky, y, x0, n, level_room),
+                  rx_map_row(&image->noise, y, x0, n, sigma_room), restored->reblurred + k,
+                  restored->mask + k, photon, &row);
+        for (int half = 0; half < 2 && half * HALF < n; half++)
+            add_line(rx_min_int(HALF, n - half * HALF), &row, half * HALF, (y - y0) / HALF * 2 + half, dst);
     }
 }
 

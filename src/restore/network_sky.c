@@ -59,9 +59,21 @@ static void read_row(const frame *f, int y, float *unit, float *room, float *r, 
     residuals(f, f->width, f->m + (size_t)y * (size_t)f->width, unit, sigma, r, variance);
 }
 
+/* What the n columns of a cell say of a level, each by itself. */
+static inline void pull(int rows, int n, int stride, const float *r, const float *w, const float *far,
+                        float level, float *restrict part)
+{
+    for (int y = 0; y < rows; y++, r += stride, w += stride, far += stride)
+#pragma omp simd
+        for (int i = 0; i < n; i++) {
+            const float away = r[i] - level, low = away > -far[i] ? away : -far[i];
+            part[i] += w[i] * (low < far[i] ? low : far[i]);
+        }
+}
+
 /* Huber's weighted mean of a cell of `rows` rows of n pixels, and the sum of weights. */
-static double cell_mean(int rows, int n, int stride, const float *r, const float *w, const float *far,
-                        double *weight)
+RX_SIMD static double cell_mean(int rows, int n, int stride, const float *r, const float *w, const float *far,
+                                double *weight)
 {
     double level = 0, sum = 0;
     for (int y = 0; y < rows; y++)
@@ -69,22 +81,31 @@ static double cell_mean(int rows, int n, int stride, const float *r, const float
             sum += (double)w[y * stride + i];
     *weight = sum;
     for (int round = 0; round < ROUNDS && sum > 0; round++) {
+        float part[CELL] = {0};
         double change = 0;
-        const float at = (float)level;
-        for (int y = 0; y < rows; y++) {
-            float part = 0;
-            for (int i = 0; i < n; i++) {
-                const int k = y * stride + i;
-                const float away = r[k] - at, low = away > -far[k] ? away : -far[k];
-                part += w[k] * (low < far[k] ? low : far[k]);
-            }
-            change += (double)part;
-        }
+        if (n == CELL) /* so that the compiler knows */
+            pull(rows, CELL, stride, r, w, far, (float)level, part);
+        else
+            pull(rows, n, stride, r, w, far, (float)level, part);
+        for (int i = 0; i < n; i++)
+            change += (double)part[i];
         level += change / sum;
         if (fabs(change) < SETTLED * sum)
             break;
     }
     return level;
+}
+
+/* variance becomes the weight; far: where a residual counts no more than there. */
+RX_SIMD static void set_weights(int n, const uint8_t *restrict mask, float *restrict variance,
+                                float *restrict far)
+{
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        far[i] = CLIP * sqrtf(variance[i]);
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        variance[i] = mask[i] == 0 ? 1 / variance[i] : 0;
 }
 
 /* A row of cells. room: 2 + 3 CELL rows of the tile. */
@@ -97,11 +118,7 @@ static void add_cells(const frame *f, int cy, rx_cells *c, float *room)
         const size_t at = (size_t)y * (size_t)width;
         const uint8_t *mask = f->input->mask + (size_t)(cy * CELL + y) * (size_t)width;
         read_row(f, cy * CELL + y, room, room + width, r + at, w + at);
-        for (int x = 0; x < width; x++) {
-            const float variance = w[at + (size_t)x];
-            w[at + (size_t)x] = mask[x] == 0 ? 1 / variance : 0;
-            far[at + (size_t)x] = CLIP * sqrtf(variance);
-        }
+        set_weights(width, mask, w + at, far + at);
     }
     for (int cx = 0; cx < c->nx; cx++) {
         const int x = cx * CELL, n = width - x < CELL ? width - x : CELL;
@@ -154,15 +171,18 @@ RX_SIMD static void to_adu(int n, const float *restrict unit, const float *restr
 }
 
 /* Sum and number of (r - L)^2 / variance of a row's good pixels. */
-static double row_chi2(int n, const uint8_t *restrict mask, const float *restrict r,
-                       const float *restrict variance, const float *restrict sky, long *good)
+RX_SIMD static double row_chi2(int n, const uint8_t *restrict mask, const float *restrict r,
+                               const float *restrict variance, const float *restrict sky, long *good)
 {
     double sum = 0;
+    int count = 0;
+#pragma omp simd reduction(+ : sum, count)
     for (int i = 0; i < n; i++) {
-        const double residual = (double)r[i] - (double)sky[i];
-        sum += mask[i] == 0 ? residual * residual / (double)variance[i] : 0;
-        *good += mask[i] == 0;
+        const double residual = (double)r[i] - (double)sky[i], used = mask[i] == 0 ? 1 : 0;
+        sum += used * residual * residual / (double)variance[i];
+        count += mask[i] == 0;
     }
+    *good += count;
     return sum;
 }
 
