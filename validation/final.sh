@@ -5,6 +5,7 @@
 #   validation/final.sh take FOLDER                what is complete in FOLDER becomes validation/results; then texts.py write
 #
 # Names are those of validation/results. Started again it goes on where it was. Those that need the data folder skip without it.
+# SIZE=paper: campaigns with as many scenes as the paper has.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
@@ -14,20 +15,21 @@ usage="final.sh: usage: final.sh SEED FOLDER [NAME...] | take FOLDER; names: ${n
 [[ $# -ge 2 ]] || { echo "$usage" >&2; exit 2; }
 python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy, scipy' 2>/dev/null && echo "$p" && break; done) ||
     { echo "final.sh: no python3 with astropy and scipy; install python3-astropy and python3-scipy" >&2; exit 2; }
+size=${SIZE:-small}
 data=${RX_SHARED_DATA:-$top/../shared/data}
 
 # run NAME SEED FOLDER
 run() {
     case $1 in
-    restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration small "$3" -SEED "$2" ;;
-    photometry-sdss) "$here/run.sh" sdss small "$3" -SEED "$2" ;;
+    restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration "$size" "$3" -SEED "$2" ;;
+    photometry-sdss) "$here/run.sh" sdss "$size" "$3" -SEED "$2" ;;
     robustness) "$python" "$here/robustness.py" "$3" "$2" ;;
     unknown_psf) "$python" "$here/unknown_psf.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" ;;
     faint_galaxies) "$python" "$here/faint_galaxies.py" "$data" "$3" "$2,$(($2 + 1))" ;;
     preal) RX_PROGRAMS=NONE,NET RX_COVERED='' "$python" "$here/preal.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" 300-2.5G,300-4G,300-6G,2000-4 ;;
     quality) "$python" "$here/bench/quality.py" run "$3" "$2" ;;
     auto) "$python" "$here/auto.py" "$3" "$2" "$data" ;;
-    *) "$here/run.sh" "$1" small "$3" -SEED "$2" ;;
+    *) "$here/run.sh" "$1" "$size" "$3" -SEED "$2" ;;
     esac
 }
 

@@ -495,6 +495,32 @@ def models():
         {pair("recall, stars", deep, base)} and {pair("recall, galaxies", deep, base)}.""")
 
 
+RECIPE_METRICS = {"psnr": ("PSNR", "dB", 1, 1), "ssim": ("SSIM", "", 3, 1), "ap_stars": ("average precision of stars", "", 3, 1),
+                  "ap_galaxies": ("average precision of galaxies", "", 3, 1), "recall_stars": ("recall of stars", "", 3, 1),
+                  "recall_galaxies": ("recall of galaxies", "", 3, 1), "absbias_5_12": ("bias of stars of S/N 5 to 12", "%", 1, -1),
+                  "absbias_12_50": ("bias of stars of S/N 12 to 50", "%", 1, -1), "absbias_50": ("bias of brighter stars", "%", 1, -1),
+                  "scatter_5_12": ("scatter of stars of S/N 5 to 12", "%", 1, -1), "scatter_12_50": ("scatter at S/N 12 to 50", "%", 1, -1),
+                  "scatter_50": ("scatter of brighter stars", "%", 1, -1)}
+
+
+def recipes():
+    """What the PSF network with its cycles and active learning buy, beyond the luck of the seed."""
+    found, said = summary("recipes/summary"), []
+    for mode in ("INFORMED", "BLIND"):
+        for effect in ("PSF network and cycles", "active learning"):
+            sides = {1: [], -1: []}
+            for metric, (words, unit, digits, sign) in RECIPE_METRICS.items():
+                effects = found["metrics"].get(metric, {}).get(mode, {}).get("effects", {})
+                if effects and effects[effect]["p_holm"] < 0.05:
+                    difference = effects[effect]["difference"]
+                    sides[1 if difference * sign > 0 else -1].append(f"{words} {difference:+.{digits}f} {unit}".strip())
+            parts = [f"{word} {listed(sides[side])}" for side, word in ((1, "better"), (-1, "worse")) if sides[side]]
+            said.append(f'{mode}, {effect}: {"; ".join(parts) if parts else "no difference beyond the luck of the seed"}.')
+    return item(f"""**The paper's recipe**: its PSF network with the cycles, and active learning, against RESTORE alone and images of all kinds
+        alike, {found["images"]["least"]} to {found["images"]["most"]} training images, three seeds each, a training being one observation
+        ([table](../validation/results/recipes/recipes.md)). {" ".join(said)}""")
+
+
 def templates_found():
     return "\n".join((template_goals(), spurious(), injected(), templates_sky()))
 
@@ -848,7 +874,7 @@ def paper_speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, faint_galaxies, models, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
+    templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
     sdss_coadd, preal, speed, amdahl, paper, paper_kinds, paper_speed)}
 
 
