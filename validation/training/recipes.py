@@ -8,9 +8,10 @@ Trains {both networks with L_idt + L_rec + L_ffl, RESTORE alone} x {ACTIVE, UNIF
 and 3, as many trainings at a time as there are cores, each on one thread; runs the campaigns restoration, detection and fluxes
 on each model; writes recipes.md and summary.json. Started again after an interruption it goes on where it was.
 
-EPOCHS (default 12) is that of UNIFORM; ACTIVE, which by the paper's Eq. 4 takes about half as many of an epoch's images for the
+EPOCHS (default 8) is that of UNIFORM; ACTIVE, which by the paper's Eq. 4 takes about half as many of an epoch's images for the
 training, has twice as many, so that all see the same number of images. Networks are of the shapes of config/psfnet.fits and
-config/psfnet-blind.fits, images those of psfnet-ideal.train. A hundred minutes on two cores.
+config/psfnet-blind.fits, images those of psfnet-ideal.train, 64 pixels a side. An hour on
+two cores: early in a training, as a training of the supplied length takes hours with both networks.
 
 One number of one training is one observation: a factor's effect is the difference of means over six trainings each, its error
 that of the scatter between seeds within the cells (8 degrees of freedom). RX_SIZE=tiny: does it work? RX_TRAIN, RX_VALIDATE: the
@@ -39,7 +40,7 @@ MODES = {"INFORMED": "-BLOCKS 2 -RL_STEPS 1", "BLIND": "-MODE BLIND -DECODER SUB
 NETWORKS = {"both": "-LOSS_IDT 1 -LOSS_IDT_PSF 1 -LOSS_REC 1 -LOSS_REC_PSF 1 -LOSS_FFL 1",
             "alone": "-LOSS_IDT 1 -LOSS_IDT_PSF 0 -LOSS_REC 0 -LOSS_REC_PSF 0 -LOSS_FFL 1"}
 SELECTIONS = ("ACTIVE", "UNIFORM")
-IMAGES = "-PATCH 48 -PATCH_MARGIN 8 -GRID 2,2 -BIN_IMAGES 20 -BATCH 4" if TINY else "-PATCH 128 -BIN_IMAGES 40"
+IMAGES = "-PATCH 48 -PATCH_MARGIN 8 -GRID 2,2 -BIN_IMAGES 20 -BATCH 4" if TINY else "-PATCH 64 -FIELD_PATCHES 4 -BIN_IMAGES 40"
 CAMPAIGNS = {
     "restoration": "-EXAMPLES 0 " + ("-SCENES_FWHM 2 -SCENES_SIGMA 2 -FWHM_RANGE 3,4 -SIGMA_RANGE 2,3 -SCENE_SIDE 96" if TINY else
                                      "-SCENES_FWHM 10 -SCENES_SIGMA 5 -FWHM_RANGE 2,8 -SIGMA_RANGE 2,15"),
@@ -88,6 +89,7 @@ def judge(out, name, seed):
 
 
 def images_of(out, name):
+    """Training images that it has seen."""
     rows = [line for line in (out / name / "training/log.ecsv").read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
     return int(dict(zip(rows[0].split(","), rows[-1].split(",")))["patches"])
 
@@ -171,7 +173,7 @@ def report(found, images):
 def main():
     if not 3 <= len(sys.argv) <= 4 or not all(a.isdigit() for a in sys.argv[2:]):
         sys.exit(__doc__)
-    out, seed, epochs = Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 6 if TINY else 12
+    out, seed, epochs = Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 6 if TINY else 8
     cells = list(itertools.product(MODES, NETWORKS, SELECTIONS, SEEDS))
     out.mkdir(parents=True, exist_ok=True)
     for source in (HERE / "ablation.train", *(HERE.parent / f"{campaign}.conf" for campaign in CAMPAIGNS)):
