@@ -19,6 +19,7 @@ enum {
     AREA = WINDOW * WINDOW,
     LAGS = REACH + 1 + REACH * (2 * REACH + 1), /* dy > 0, or dy = 0 and dx >= 0 */
     GRID = 12,                                  /* cells in x and in y at most */
+    FEWER = 8,                                  /* where more would look at most of the image */
     FAR = 10,                                   /* pixels around bright ones that are left out */
     ENOUGH = 1000,                              /* pixels, in a cell and in all */
     QUADRANT_CELLS = 9,
@@ -51,6 +52,12 @@ typedef struct place {
     int x, y, width, height;   /* of the cell */
     int left, low, across, up; /* its window in the image */
 } place;
+
+static int cells_along(int side)
+{
+    const int few = rx_min_int(rx_max_int(side / CELL, 1), FEWER);
+    return rx_max_int(few, rx_min_int(side / (2 * CELL), GRID));
+}
 
 static place place_of(const rx_image *image, int nx, int ny, int k)
 {
@@ -388,8 +395,7 @@ static void judge_quadrant(const cell *cells, const int *which, int n, int q, do
 rx_status rx_correlation_measure(const rx_image *image, const unsigned char *used, int nthreads,
                                  rx_noise_correlation *dst, rx_error *err)
 {
-    const int nx = rx_min_int(rx_max_int(image->width / CELL, 1), GRID),
-              ny = rx_min_int(rx_max_int(image->height / CELL, 1), GRID), n = nx * ny;
+    const int nx = cells_along(image->width), ny = cells_along(image->height), n = nx * ny;
     const int threads = rx_max_int(rx_min_int(nthreads, n), 1);
     rx_status status = RX_OK;
     cell *cells = RX_NEW(cell, (size_t)n);

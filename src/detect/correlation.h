@@ -1,13 +1,14 @@
 /* The correlation of a tile's noise, from pixels without sources.
  *
- * z = (pixel - level) / sigma, in up to 144 cells of 64 x 64 pixels spread evenly over the image. Unused are hidden
- * pixels, those of `used` where a caller knows the sources, else what stands out of the cell (3.5 robust widths after a
- * filter of 3 x 3) with 5 pixels around it, 10 where it is bright; and what is beyond 4 widths. Each cell with
- * enough left gives the mean products of pixels a lag apart over its mean square; the median over the cells is taken, so
- * that galaxies, trails and bad columns in some of them decide nothing. What all lags at the reach have in common (the mean
- * that a sky mesh takes off, sources too faint to be seen) is no correlation of noise and is taken off, unless it is
- * beyond 0.3. Lags within 3 errors of 0 become 0, and noise is
- * uncorrelated where none of the nearest 8 pixels exceeds 4 errors and 0.02, nor the sum over 3 pixels each way 5 errors and 0.15. */
+ * z = (pixel - level) / sigma, in up to 144 cells of 64 x 64 pixels spread evenly over the image (64 where it has
+ * less than a Mpixel and a half). Unused are hidden pixels, those of `used` where a caller knows the sources, else
+ * what stands out of the cell (3.5 robust widths after a filter of 3 x 3) with 5 pixels around it, 10 where it is
+ * bright; and what is beyond 4 widths. Each cell with enough left gives the mean products of pixels a lag apart over
+ * its mean square; the median over the cells is taken, so that galaxies, trails and bad columns in some of them
+ * decide nothing. What all lags at the reach have in common (the mean that a sky mesh takes off, sources too faint
+ * to be seen) is no correlation of noise and is taken off, unless it is beyond 0.3. Lags within 3 errors of 0 become
+ * 0, and noise is uncorrelated where none of the nearest 8 pixels exceeds 4 errors and 0.02, nor the sum over 3
+ * pixels each way 5 errors and 0.15. */
 #ifndef RX_DETECT_CORRELATION_H
 #define RX_DETECT_CORRELATION_H
 
