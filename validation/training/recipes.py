@@ -8,10 +8,10 @@ Trains {both networks with L_idt + L_rec + L_ffl, RESTORE alone} x {ACTIVE, UNIF
 and 3, as many trainings at a time as there are cores, each on one thread; runs the campaigns restoration, detection and fluxes
 on each model; writes recipes.md and summary.json. Started again after an interruption it goes on where it was.
 
-EPOCHS (default 8) is that of UNIFORM; ACTIVE, which by the paper's Eq. 4 takes about half as many of an epoch's images for the
+EPOCHS (default 16) is that of UNIFORM; ACTIVE, which by the paper's Eq. 4 takes about half as many of an epoch's images for the
 training, has twice as many, so that all see the same number of images. Networks are of the shapes of config/psfnet.fits and
 config/psfnet-blind.fits, images those of psfnet-ideal.train, 64 pixels a side. An hour on
-two cores: early in a training, as a training of the supplied length takes hours with both networks.
+two cores, so early in a training: one of the supplied length takes hours with both networks.
 
 One number of one training is one observation: a factor's effect is the difference of means over six trainings each, its error
 that of the scatter between seeds within the cells (8 degrees of freedom). RX_SIZE=tiny: does it work? RX_TRAIN, RX_VALIDATE: the
@@ -173,7 +173,7 @@ def report(found, images):
 def main():
     if not 3 <= len(sys.argv) <= 4 or not all(a.isdigit() for a in sys.argv[2:]):
         sys.exit(__doc__)
-    out, seed, epochs = Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 6 if TINY else 8
+    out, seed, epochs = Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 6 if TINY else 16
     cells = list(itertools.product(MODES, NETWORKS, SELECTIONS, SEEDS))
     out.mkdir(parents=True, exist_ok=True)
     for source in (HERE / "ablation.train", *(HERE.parent / f"{campaign}.conf" for campaign in CAMPAIGNS)):
