@@ -57,16 +57,17 @@ RX_SIMD static void add_to_rings(const double *edge2, double *rings, double valu
     }
 }
 
-/* Cumulated flux in RINGS rings out to `limit` pixels. */
-static void grow(const rx_view *view, rx_source *s, double limit, double *curve)
+/* Cumulated flux in the first n of RINGS rings out to `limit` pixels. */
+static void grow(const rx_view *view, rx_source *s, double limit, int n, double *curve)
 {
-    const double reach = limit + MARGIN, width = limit / RINGS, per_pixel = RINGS / limit;
+    const double width = limit / RINGS, per_pixel = RINGS / limit, reach = n * width + MARGIN;
     double edge2[RINGS + 1];
+    for (int i = 0; i < RINGS; i++)
+        curve[i] = 0.0;
     for (int i = 0; i <= RINGS; i++)
         edge2[i] = i * width * (i * width);
     rx_box box;
-    if (rx_view_circle_box(view, s->x, s->y, reach, &box))
-        s->flags |= RX_FLAG_APERTURE;
+    rx_view_circle_box(view, s->x, s->y, reach, &box);
     for (int v = box.y0; v < box.y1; v++)
         for (int u = box.x0; u < box.x1; u++) {
             const double dx = u - s->x, dy = v - s->y, r = sqrt(dx * dx + dy * dy);
@@ -81,16 +82,23 @@ static void grow(const rx_view *view, rx_source *s, double limit, double *curve)
             else if (r < limit)
                 curve[(int)(r * per_pixel)] += value;
         }
-    for (int i = 1; i < RINGS; i++)
+    for (int i = 1; i < n; i++)
         curve[i] += curve[i - 1];
+}
+
+/* The first of n rings where the curve reaches `flux`; n: in none. */
+static int ring_of(const double *curve, int n, double flux)
+{
+    int i = 0;
+    while (i < n && curve[i] < flux)
+        i++;
+    return i;
 }
 
 /* Radius where the curve reaches `flux`, linear between rings. */
 static double radius_of(const double *curve, double flux, double limit)
 {
-    int i = 0;
-    while (i < RINGS - 1 && curve[i] < flux)
-        i++;
+    const int i = ring_of(curve, RINGS - 1, flux);
     double rings;
     if (i == 0)
         rings = curve[0] != 0.0 ? flux / curve[0] : 0.0;
@@ -103,9 +111,19 @@ static double radius_of(const double *curve, double flux, double limit)
 
 double rx_measure_radii(const rx_view *view, const rx_measure_params *par, rx_source *s)
 {
-    double curve[RINGS] = {0};
-    double limit = fmax(EXTENT * s->a, par->auto_aper_min);
-    grow(view, s, limit, curve);
+    enum { FEW = RINGS / 4 };
+    double curve[RINGS], most = 0.5 * s->flux_auto;
+    const double limit = fmax(EXTENT * s->a, par->auto_aper_min);
+    rx_box box;
+    if (rx_view_circle_box(view, s->x, s->y, limit + MARGIN, &box))
+        s->flags |= RX_FLAG_APERTURE;
+    for (int i = 0; i < par->nradii; i++)
+        most = fmax(most, par->flux_fraction[i] * s->flux_auto);
+    /* light is mostly within the first rings: the others are looked at where it is not */
+    for (int n = FEW, reached = 0; n <= RINGS && !reached; n *= 2) {
+        grow(view, s, limit, n, curve);
+        reached = ring_of(curve, n, most) < n;
+    }
     for (int i = 0; i < par->nradii; i++)
         s->flux_radius[i] = radius_of(curve, par->flux_fraction[i] * s->flux_auto, limit);
     if (!(s->flux_auto > 0.0))
