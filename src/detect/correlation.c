@@ -23,8 +23,7 @@ enum {
     FAR = 10,                                   /* pixels around bright ones that are left out */
     ENOUGH = 1000,                              /* pixels, in a cell and in all */
     QUADRANT_CELLS = 9,
-    NEAR = RX_NOISE_NEAR, /* lags by which noise is judged */
-    EIGHT = 8
+    NEAR = RX_NOISE_NEAR /* lags by which noise is judged */
 };
 
 static const double CUT = 4.0;           /* widths */
@@ -47,62 +46,50 @@ typedef struct room {
     double sorted[AREA];
 } room;
 
-/* Where a cell lies. */
-typedef struct place {
-    int x, y, width, height;   /* of the cell */
-    int left, low, across, up; /* its window in the image */
-} place;
-
 static int cells_along(int side)
 {
     const int few = rx_min_int(rx_max_int(side / CELL, 1), FEWER);
     return rx_max_int(few, rx_min_int(side / (2 * CELL), GRID));
 }
 
-static place place_of(const rx_image *image, int nx, int ny, int k)
+/* Where the window of cell i of n along a side begins: cells stand evenly, from border to border. */
+static int window_at(int side, int n, int i)
 {
-    const int width = rx_min_int(CELL, image->width), height = rx_min_int(CELL, image->height);
-    const int i = k % nx, j = k / nx;
-    place p = {.width = width, .height = height};
-    /* evenly, from border to border */
-    p.x = nx > 1 ? (int)((long)(image->width - width) * i / (nx - 1)) : (image->width - width) / 2;
-    p.y = ny > 1 ? (int)((long)(image->height - height) * j / (ny - 1)) : (image->height - height) / 2;
-    p.left = rx_max_int(p.x - REACH, 0);
-    p.low = rx_max_int(p.y - REACH, 0);
-    p.across = rx_min_int(p.x + width + REACH, image->width) - p.left;
-    p.up = rx_min_int(p.y + height + REACH, image->height) - p.low;
-    return p;
+    const int last = rx_max_int(side - CELL, 0);
+    return (n > 1 ? (int)((long)last * i / (n - 1)) : last / 2) - REACH;
 }
 
-/* z of the window, 0 where a pixel is not good. */
-static void copy(const rx_image *image, const unsigned char *used, const place *p, room *r)
+/* z of the window at (left, low), 0 where a pixel is not good or beyond the image. */
+static void copy(const rx_image *image, const unsigned char *used, int left, int low, room *r)
 {
     const rx_map sky = rx_image_sky(image);
+    const int first = rx_max_int(left, 0), n = rx_min_int(left + WINDOW, image->width) - first;
     memset(r->z, 0, sizeof r->z);
     memset(r->good, 0, sizeof r->good);
-    for (int y = 0; y < p->up; y++) {
+    for (int y = rx_max_int(low, 0); y < rx_min_int(low + WINDOW, image->height); y++) {
         float level_room[WINDOW], sigma_room[WINDOW];
-        const size_t at = (size_t)(p->low + y) * (size_t)image->width + (size_t)p->left;
-        const float *sigma = rx_map_row(&image->noise, p->low + y, p->left, p->across, sigma_room),
-                    *level = NULL;
+        const size_t at = (size_t)y * (size_t)image->width + (size_t)first;
+        const float *sigma = rx_map_row(&image->noise, y, first, n, sigma_room), *level = NULL;
+        const int to = (y - low) * WINDOW + first - left;
         if (rx_map_given(&sky))
-            level = rx_map_row(&sky, p->low + y, p->left, p->across, level_room);
-        for (int x = 0; x < p->across; x++) {
+            level = rx_map_row(&sky, y, first, n, level_room);
+        for (int x = 0; x < n; x++) {
             const float value = image->pixels[at + (size_t)x] - (level != NULL ? level[x] : 0.0f);
             if (!rx_image_hides(image, at + (size_t)x) && sigma[x] > 0.0f && isfinite(value) &&
                 (used == NULL || used[at + (size_t)x])) {
-                r->z[y * WINDOW + x] = value / sigma[x];
-                r->good[y * WINDOW + x] = 1;
+                r->z[to + x] = value / sigma[x];
+                r->good[to + x] = 1;
             }
         }
     }
 }
 
-/* Median and robust width of the good values; of every second in x and in y where that is enough of them. */
+/* Median and robust width of the good values; of every third in x and in y where these are enough. */
 static double width_of(const float *values, room *r, double *middle)
 {
+    enum { LEAST_NUMBER = 500 };
     size_t n = 0;
-    for (int step = 2; step > 0 && n < ENOUGH; step--) {
+    for (int step = 3; step > 0 && n < LEAST_NUMBER; step -= 2) {
         n = 0;
         for (int y = 0; y < WINDOW; y += step)
             for (int x = 0; x < WINDOW; x += step) {
@@ -187,101 +174,74 @@ static void pack_good(room *r)
             r->bits[y][x / 64] |= (uint64_t)r->good[y * WINDOW + x] << (x % 64);
 }
 
-/* n pixels from x on, 64 at most. */
-static inline uint64_t bits_from(const uint64_t *row, int x, int n)
-{
-    const uint64_t low = x < 64 ? row[0] >> x : row[1] >> (x - 64),
-                   high = x > 0 && x < 64 ? row[1] << (64 - x) : 0;
-    return (low | high) & (n < 64 ? ((uint64_t)1 << n) - 1 : ~(uint64_t)0);
-}
-
-/* Products of 32 columns, summed over n rows of two windows. Each column by itself, in the order of the rows: the same for
- * all processors. */
-RX_SIMD static double sum_columns(const float *a, const float *b, int n)
+/* Products of the cell's columns with those of another window, each column's sum by itself, in the order of the rows: the
+ * same for all processors. */
+RX_SIMD static double sum_products(const float *a, const float *b)
 {
     typedef float eight __attribute__((vector_size(32), aligned(4)));
-    eight sum[4] = {{0}};
-    float columns[4 * EIGHT];
+    enum { VECTORS = CELL / 8 };
+    eight sum[VECTORS] = {{0}};
+    float columns[CELL];
     double all = 0.0;
-    for (int y = 0; y < n; y++, a += WINDOW, b += WINDOW) {
+    for (int y = 0; y < CELL; y++, a += WINDOW, b += WINDOW) {
         const eight *p = (const eight *)a, *q = (const eight *)b;
-        sum[0] += p[0] * q[0];
-        sum[1] += p[1] * q[1];
-        sum[2] += p[2] * q[2];
-        sum[3] += p[3] * q[3];
+        for (int i = 0; i < VECTORS; i++)
+            sum[i] += p[i] * q[i];
     }
     memcpy(columns, sum, sizeof columns);
-    for (int x = 0; x < 4 * EIGHT; x++)
+    for (int x = 0; x < CELL; x++)
         all += (double)columns[x];
     return all;
 }
 
-RX_SIMD static long count_pairs(const uint64_t *a, const uint64_t *b, int n)
+RX_SIMD static long count_pairs(const uint64_t *a, const uint64_t *b)
 {
     long pairs = 0;
-    for (int y = 0; y < n; y++)
+    for (int y = 0; y < CELL; y++)
         pairs += __builtin_popcountll(a[y] & b[y]);
     return pairs;
 }
 
-static double sum_products(const float *a, const float *b, int columns, int rows)
-{
-    double sum = 0.0;
-    int x = 0;
-    for (; x + 4 * EIGHT <= columns; x += 4 * EIGHT)
-        sum += sum_columns(a + x, b + x, rows);
-    for (; x < columns; x++)
-        for (int y = 0; y < rows; y++)
-            sum += (double)(a[y * WINDOW + x] * b[y * WINDOW + x]);
-    return sum;
-}
-
-/* Where lag (dx, dy) stands among all. */
-static int lag_of(int dx, int dy)
-{
-    return dy == 0 ? dx : REACH + 1 + (dy - 1) * (2 * REACH + 1) + dx + REACH;
-}
-
 /* Mean products of the cell's pixels with those dx beside them, for each dy. */
-static void mean_products(const place *p, const room *r, int dx, double *lag)
+static void mean_products(const room *r, int dx, double *lag)
 {
-    uint64_t here[WINDOW], there[WINDOW];
-    const int x0 = p->x - p->left, y0 = p->y - p->low;
-    const int first = rx_max_int(x0, -dx), n = rx_min_int(x0 + p->width, p->across - dx) - first;
-    for (int y = 0; y < WINDOW; y++) {
-        here[y] = bits_from(r->bits[y], first, n);
-        there[y] = bits_from(r->bits[y], first + dx, n);
+    uint64_t here[CELL], there[CELL + REACH];
+    const float *cell = r->z + REACH * WINDOW + REACH;
+    for (int y = 0; y < CELL + REACH; y++) {
+        const uint64_t *bits = r->bits[REACH + y];
+        there[y] = bits[0] >> (REACH + dx) | bits[1] << 1 << (63 - REACH - dx);
+        if (y < CELL)
+            here[y] = bits[0] >> REACH | bits[1] << (64 - REACH);
     }
     for (int dy = dx < 0; dy <= REACH; dy++) {
-        const float *a = r->z + y0 * WINDOW + first;
-        const int rows = rx_min_int(p->height, p->up - dy - y0);
-        const long pairs = count_pairs(here + y0, there + y0 + dy, rows);
-        lag[lag_of(dx, dy)] =
-            pairs > 0 ? sum_products(a, a + dy * WINDOW + dx, n, rows) / (double)pairs : 0.0;
+        const long pairs = count_pairs(here, there + dy);
+        const int k = dy == 0 ? dx : REACH + 1 + (dy - 1) * (2 * REACH + 1) + dx + REACH;
+        lag[k] = pairs > 0 ? sum_products(cell, cell + dy * WINDOW + dx) / (double)pairs : 0.0;
     }
 }
 
-static void measure_cell(const rx_image *image, const unsigned char *used, const place *p, room *r, cell *dst)
+static void measure_cell(const rx_image *image, const unsigned char *used, int left, int low, room *r,
+                         cell *dst)
 {
     *dst = (cell){0};
-    copy(image, used, p, r);
+    copy(image, used, left, low, r);
     if (used == NULL)
         leave_sources_out(r);
     const double width = centre(r);
     pack_good(r);
     long n = 0;
-    for (int y = 0; y < p->height; y++)
-        for (int x = 0; x < p->width; x++)
-            n += r->good[(p->y - p->low + y) * WINDOW + p->x - p->left + x];
+    for (int y = REACH; y < REACH + CELL; y++)
+        for (int x = REACH; x < REACH + CELL; x++)
+            n += r->good[y * WINDOW + x];
     if (n < ENOUGH || !(width > 0.0))
         return;
-    mean_products(p, r, 0, dst->lag);
+    mean_products(r, 0, dst->lag);
     const double variance = dst->lag[0];
     if (!(variance > 0.0))
         return;
     for (int dx = -REACH; dx <= REACH; dx++)
         if (dx != 0)
-            mean_products(p, r, dx, dst->lag);
+            mean_products(r, dx, dst->lag);
     for (int k = 1; k < LAGS; k++)
         dst->lag[k] /= variance;
     dst->lag[0] = width;
@@ -408,8 +368,8 @@ rx_status rx_correlation_measure(const rx_image *image, const unsigned char *use
 #pragma omp parallel for num_threads(threads) schedule(static)
     for (int t = 0; t < threads; t++)
         for (int k = t; k < n; k += threads) {
-            const place p = place_of(image, nx, ny, k);
-            measure_cell(image, used, &p, &rooms[t], &cells[k]);
+            const int left = window_at(image->width, nx, k % nx), low = window_at(image->height, ny, k / nx);
+            measure_cell(image, used, left, low, &rooms[t], &cells[k]);
         }
     int found = 0;
     for (int k = 0; k < n; k++)
