@@ -1,14 +1,15 @@
 /* Reading tiles: pixels, mask, header, and the numbers that header and keywords give. */
 #include "io/tile.h"
 
-#include <inttypes.h>
 #include <limits.h>
 #include <math.h>
 #include <stdbool.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/hash.h"
 #include "base/memory.h"
 #include "base/simd.h"
 #include "base/text.h"
@@ -182,27 +183,32 @@ static void take_numbers(const rx_tile_params *par, const rx_text *cards, const 
 
 /* --- pixels --- */
 
-/* FNV-1a, 64 bits (Fowler, Noll, Vo), taken pixel by pixel instead of byte by byte, every fourth pixel into
- * the same of four sums, whose FNV-1a it is in the end: a processor works on the four at once. Every masked
- * pixel counts as NaN, for its value must not reach any output. */
+/* Every masked pixel counts as NaN, for its value must not reach any output. */
+RX_SIMD static void hide_masked(const float *pixels, const uint8_t *mask, int n, uint32_t *dst)
+{
+    memcpy(dst, pixels, (size_t)n * sizeof *dst);
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        dst[i] = mask[i] == 0 ? dst[i] : UINT32_C(0x7fc00000);
+}
+
 const char *rx_tile_checksum(rx_tile *tile)
 {
-    enum { LANES = 4 };
-    const uint64_t start = UINT64_C(0xcbf29ce484222325), prime = UINT64_C(0x100000001b3);
+    enum { PIECE = 1024 }; /* pixels */
     const size_t n = (size_t)tile->width * (size_t)tile->height;
-    uint64_t lane[LANES] = {start, start, start, start}, hash = start;
+    uint32_t room[PIECE];
+    char text[RX_HASH_TEXT];
+    rx_hash sum;
     if (tile->checksum[0] != '\0')
         return tile->checksum;
-    for (size_t i = 0; i < n; i += LANES)
-        for (size_t k = 0; k < LANES && i + k < n; k++) {
-            uint32_t bits;
-            memcpy(&bits, &tile->pixels[i + k], sizeof bits);
-            bits = tile->mask[i + k] == 0 ? bits : UINT32_C(0x7fc00000);
-            lane[k] = (lane[k] ^ bits) * prime;
-        }
-    for (int k = 0; k < LANES; k++)
-        hash = (hash ^ lane[k]) * prime;
-    snprintf(tile->checksum, sizeof tile->checksum, "%016" PRIx64, hash);
+    rx_hash_begin(&sum);
+    for (size_t k = 0; k < n; k += PIECE) {
+        const int count = n - k < PIECE ? (int)(n - k) : PIECE;
+        hide_masked(tile->pixels + k, tile->mask + k, count, room);
+        rx_hash_add(&sum, room, (size_t)count * sizeof *room);
+    }
+    rx_hash_text(&sum, text);
+    snprintf(tile->checksum, sizeof tile->checksum, "%.16s", text);
     return tile->checksum;
 }
 

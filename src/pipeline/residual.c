@@ -23,15 +23,21 @@ typedef struct sums {
     long pixels[4];
 } sums;
 
-/* Of n pixels of a row: those that count, their value above the sky over its noise, and, where the model is not bright, d. */
+/* A row of a cell: what is known of its pixels, */
+typedef struct seen {
+    const float *pixels, *level, *sigma, *model;
+    const uint8_t *mask;
+} seen;
+
+/* and those that count, their value above the sky over its noise, and, where the model is not bright, d. */
 typedef struct line {
     float counts[CELL], faint[CELL], height[CELL], d[CELL];
 } line;
 
-RX_SIMD static void fill_line(int n, const float *restrict pixels, const float *restrict level,
-                              const float *restrict sigma, const float *restrict model,
-                              const uint8_t *restrict mask, float photon, line *restrict dst)
+RX_SIMD static void fill_line(int n, const seen *of, float photon, line *restrict dst)
 {
+    const float *pixels = of->pixels, *level = of->level, *sigma = of->sigma, *model = of->model;
+    const uint8_t *mask = of->mask;
     const float bright = (float)BRIGHT;
 #pragma omp simd
     for (int i = 0; i < n; i++) {
@@ -78,9 +84,10 @@ static void sum_cell(const rx_image *image, const rx_restored *restored, int cx,
         float level_room[CELL], sigma_room[CELL];
         const size_t k = (size_t)y * (size_t)image->width + (size_t)x0;
         line row;
-        fill_line(n, image->pixels + k, rx_map_row(&sky, y, x0, n, level_room),
-                  rx_map_row(&image->noise, y, x0, n, sigma_room), restored->reblurred + k,
-                  restored->mask + k, photon, &row);
+        const seen of = {image->pixels + k, rx_map_row(&sky, y, x0, n, level_room),
+                         rx_map_row(&image->noise, y, x0, n, sigma_room), restored->reblurred + k,
+                         restored->mask + k};
+        fill_line(n, &of, photon, &row);
         for (int half = 0; half < 2 && half * HALF < n; half++)
             add_line(rx_min_int(HALF, n - half * HALF), &row, half * HALF, (y - y0) / HALF * 2 + half, dst);
     }

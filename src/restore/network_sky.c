@@ -59,10 +59,11 @@ static void read_row(const frame *f, int y, float *unit, float *room, float *r, 
     residuals(f, f->width, f->m + (size_t)y * (size_t)f->width, unit, sigma, r, variance);
 }
 
-/* What the n columns of a cell say of a level, each by itself. */
-static inline void pull(int rows, int n, int stride, const float *r, const float *w, const float *far,
-                        float level, float *restrict part)
+/* What the n columns of a cell say of a level, each by itself. r: CELL rows, then as many of weights, then of how far a
+ * residual counts. */
+static inline void pull(int rows, int n, int stride, const float *r, float level, float *restrict part)
 {
+    const float *w = r + CELL * (size_t)stride, *far = w + CELL * (size_t)stride;
     for (int y = 0; y < rows; y++, r += stride, w += stride, far += stride)
 #pragma omp simd
         for (int i = 0; i < n; i++) {
@@ -72,9 +73,9 @@ static inline void pull(int rows, int n, int stride, const float *r, const float
 }
 
 /* Huber's weighted mean of a cell of `rows` rows of n pixels, and the sum of weights. */
-RX_SIMD static double cell_mean(int rows, int n, int stride, const float *r, const float *w, const float *far,
-                                double *weight)
+RX_SIMD static double cell_mean(int rows, int n, int stride, const float *r, double *weight)
 {
+    const float *w = r + CELL * (size_t)stride;
     double level = 0, sum = 0;
     for (int y = 0; y < rows; y++)
         for (int i = 0; i < n; i++)
@@ -84,9 +85,9 @@ RX_SIMD static double cell_mean(int rows, int n, int stride, const float *r, con
         float part[CELL] = {0};
         double change = 0;
         if (n == CELL) /* so that the compiler knows */
-            pull(rows, CELL, stride, r, w, far, (float)level, part);
+            pull(rows, CELL, stride, r, (float)level, part);
         else
-            pull(rows, n, stride, r, w, far, (float)level, part);
+            pull(rows, n, stride, r, (float)level, part);
         for (int i = 0; i < n; i++)
             change += (double)part[i];
         level += change / sum;
@@ -123,7 +124,7 @@ static void add_cells(const frame *f, int cy, rx_cells *c, float *room)
     for (int cx = 0; cx < c->nx; cx++) {
         const int x = cx * CELL, n = width - x < CELL ? width - x : CELL;
         double weight = 0;
-        const double mean = cell_mean(rows, n, width, r + x, w + x, far + x, &weight);
+        const double mean = cell_mean(rows, n, width, r + x, &weight);
         c->sum[(size_t)cy * (size_t)c->nx + (size_t)cx] = weight * mean;
         c->weight[(size_t)cy * (size_t)c->nx + (size_t)cx] = weight;
     }
