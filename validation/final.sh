@@ -9,7 +9,7 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
-names=(restoration restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
+names=(restoration restoration-real restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
     fluxes fluxes-errors fluxes-template fluxes-sdss invented robustness unknown_psf faint_galaxies preal quality auto)
 usage="final.sh: usage: final.sh SEED FOLDER [NAME...] | take FOLDER; names: ${names[*]}"
 [[ $# -ge 2 ]] || { echo "$usage" >&2; exit 2; }
@@ -21,6 +21,7 @@ data=${RX_SHARED_DATA:-$top/../shared/data}
 # run NAME SEED FOLDER
 run() {
     case $1 in
+    restoration-real) "$here/run.sh" restoration-real "$size" "$3" -SEED "$2" ;;
     restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration "$size" "$3" -SEED "$2" ;;
     photometry-sdss) "$here/run.sh" sdss "$size" "$3" -SEED "$2" ;;
     robustness) "$python" "$here/robustness.py" "$3" "$2" ;;
@@ -47,7 +48,7 @@ for name in "${@:3}"; do
     [[ " ${names[*]} " == *" $name "* ]] || { echo "$usage" >&2; exit 2; }
 done
 for name in "${@:3}" $([[ $# -gt 2 ]] || echo "${names[@]}"); do
-    case $name in photometry-sdss | fluxes-sdss | faint_galaxies | auto) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
+    case $name in restoration-real | photometry-sdss | fluxes-sdss | faint_galaxies | auto) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
     [[ ! -f $out/$name/complete ]] || continue
     echo "final.sh: $name" >&2
     start=$SECONDS

@@ -3,20 +3,20 @@
 #
 #   validation/run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]
 #
-# restoration, photometry, sdss, detection, detection-errors, fluxes, fluxes-errors, fluxes-template,
+# restoration, restoration-real, photometry, sdss, detection, detection-errors, fluxes, fluxes-errors, fluxes-template,
 # fluxes-template-errors, invented, fluxes-sdss; robustness [FOLDER [SEED]] is robustness.py. NET takes part with the model of RX_MODEL, else with
 # config/psfnet.fits; where there is neither, the other restorers compete without it.
 #
 # Journal and report go into FOLDER (default: <campaign>-out), the report as FOLDER/<campaign>/report.html. Started
-# again after an interruption it goes on where it was. `sdss` and `fluxes-sdss` inject into a real frame and need the
-# data folder: RX_SHARED_DATA, or ../shared/data beside the sources, and bunzip2.
+# again after an interruption it goes on where it was. `sdss` and `fluxes-sdss` inject into a real frame,
+# restoration-real takes galaxies of COSMOS; they need the data folder: RX_SHARED_DATA, or ../shared/data beside the sources, and bunzip2.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
 program=${RX_VALIDATE:-$top/build/rextract-validate}
 usage() {
     echo "run.sh: $1; usage: run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]" >&2
-    echo "campaigns: restoration photometry sdss detection detection-errors fluxes fluxes-errors" >&2
+    echo "campaigns: restoration restoration-real photometry sdss detection detection-errors fluxes fluxes-errors" >&2
     echo "    fluxes-template fluxes-template-errors invented fluxes-sdss; robustness [FOLDER [SEED]]" >&2
     exit 2
 }
@@ -26,7 +26,7 @@ if [[ ${1:-} == robustness ]]; then
     exec "$python" "$here/robustness.py" "${2:-robustness-out}" "${@:3}"
 fi
 case ${1:-} in
-restoration | photometry | detection | detection-errors | fluxes | fluxes-errors) name=$1 ;;
+restoration | restoration-real | photometry | detection | detection-errors | fluxes | fluxes-errors) name=$1 ;;
 fluxes-template | fluxes-template-errors | invented | fluxes-sdss) name=$1 ;;
 sdss) name=photometry-sdss ;;
 *) usage "which campaign?" ;;
@@ -53,6 +53,13 @@ if [[ $1 == sdss || $1 == fluxes-sdss ]]; then
     frame=${RX_SHARED_DATA:-$top/../shared/data}/sdss/94-1-12/frame-r-000094-1-0012.fits.bz2
     [[ -f $frame ]] || { echo "run.sh: $frame is missing; the SDSS frame is not part of this repository" >&2; exit 2; }
     [[ -f $out/frame.fits ]] || { bunzip2 -c "$frame" >"$out/frame.part" && mv "$out/frame.part" "$out/frame.fits"; }
+fi
+if [[ $1 == restoration-real && ! -d $out/cosmos/test ]]; then
+    galaxies=${RX_SHARED_DATA:-$top/../shared/data}/templates/cosmos
+    [[ -d $galaxies ]] || { echo "run.sh: $galaxies is missing; the COSMOS galaxies are not part of this repository" >&2; exit 2; }
+    python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy' 2>/dev/null && echo "$p" && break; done) ||
+        { echo "run.sh: no python3 with astropy; install python3-astropy" >&2; exit 2; }
+    "$python" "$here/training/stamps.py" "$galaxies" "$out/cosmos" >&2
 fi
 model=${RX_MODEL:-$top/config/psfnet.fits}
 restorers=()

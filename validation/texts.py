@@ -829,11 +829,15 @@ def paper():
 
 def paper_kinds():
     """Networks of the paper's kind and recipe beside Richardson-Lucy that is given the PSF."""
-    return "\n".join(beside_rl(name) for name in ("psfnet-blind", "psfnet-paper", "psfnet-paper-informed"))
+    return "\n".join(beside_rl(model, model.replace("psfnet", "restoration")) for model in ("psfnet-blind", "psfnet-paper", "psfnet-paper-informed"))
 
 
-def beside_rl(model):
-    name = model.replace("psfnet", "restoration")
+def real_galaxies():
+    """The supplied network on galaxies of COSMOS."""
+    return beside_rl("psfnet", "restoration-real")
+
+
+def beside_rl(model, name):
     bins = rows_of(name, "bins")
 
     def duels(second, quality, first="NET"):
@@ -857,7 +861,7 @@ def beside_rl(model):
              "RL_FLAT": "RL with its sky set flat"}
     rows = [[words, *against(second)] for second, words in names.items()]
     rows.append(["the skies of both set flat", *against("RL_FLAT", "NET_FLAT")])
-    return (paragraph(f"""**`{model}.fits`** on the {len(bins)} bins of {bins[0]["scenes"]} scenes of `restoration`, mean differences in the
+    return (paragraph(f"""**`{model}.fits`** on the {len(bins)} bins of {span([b["scenes"] for b in bins], "{:d}")} scenes of `{name if model == "psfnet" else "restoration"}`, mean differences in the
         bins, and in how many of them it is clearly above or below (paired t, Holm < 0.05):""") + "\n" +
             table(["against", "PSNR (dB)", "SSIM"], rows) + "\n" +
             paragraph(f"PSNR is clearly above that of RL {won_by('NET')}; clearly below {won_by('RL')}."))
@@ -875,7 +879,7 @@ def paper_speed():
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
     templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
-    sdss_coadd, preal, speed, amdahl, paper, paper_kinds, paper_speed)}
+    sdss_coadd, preal, speed, amdahl, paper, paper_kinds, real_galaxies, paper_speed)}
 
 
 # --- check and write
