@@ -235,7 +235,7 @@ def restoration():
     rows = [[words] + [f"{mean(axis, method, metric):.{digits}f}" for axis in by for metric, digits in (("psnr", 1), ("ssim", 2))]
             for method, words in names.items()]
     sides = [f"{rows[0]['condition']} to {rows[-1]['condition']}" for rows in by.values()]
-    return (item(f"""**Restoration**, {len(bins)} bins of {bins[0]["scenes"]} galaxy scenes: FWHM {sides[0]} pixels, and noise
+    return (item(f"""**Restoration**, {len(bins)} bins of {span([b["scenes"] for b in bins], "{:d}")} galaxy scenes: FWHM {sides[0]} pixels, and noise
         {sides[1]} of 255. Means over these bins; all but NET are tuned, bin by bin, for PSNR and again for SSIM:""") + "\n" +
             table(["", "PSNR by FWHM (dB)", "SSIM by FWHM", "PSNR by noise (dB)", "SSIM by noise"], rows, "  ") + "\n" +
             paragraph(f"""In PSNR NET is above RL (p adjusted by Holm < 0.05) {won(wins("FWHM", "NET", "RL", "psnr"), " dB")} pixels
