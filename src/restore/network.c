@@ -18,7 +18,7 @@
 #include "restore/stamp.h"
 
 /* Of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit. Large domains have little halo;
- * small tiles need two of them to be shared among threads. */
+ * small tiles are shared among threads, and their domains, half as wide, among the lines of the cache. */
 enum { DOMAIN_SIDE = 1024, LARGE_TILE = 2048 };
 static const double UNKNOWN_FWHM = 5; /* pixels, of an unknown PSF: middle of common seeing */
 /* of a pixel's value: 250,000 electrons, about what a pixel of a detector holds at most */
@@ -305,9 +305,10 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
                                      .height = height,
                                      .nthreads = n.nthreads,
                                      .cost = measured ? cost : NULL};
-    const int high = height > LARGE_TILE ? domain : domain / 2, shift_y = shift > 0 ? shift + unit : 0;
+    const int large = width > LARGE_TILE || height > LARGE_TILE, across = large ? domain : domain / 2;
+    const int shift_y = shift > 0 ? shift + unit : 0;
     n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift_y);
-    n.domains = rx_blocks_make(width, height, domain, high, unit, shift, shift_y);
+    n.domains = rx_blocks_make(width, height, across, across, unit, shift, shift_y);
     n.blocks.team = n.domains.team = n.nthreads;
     const double begun = n.clock = rx_seconds();
     *dst = NULL;
