@@ -18,7 +18,7 @@
 #include "restore/stamp.h"
 
 /* Of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit. Large domains have little halo;
- * small tiles are shared among threads, and their domains, half as wide, among the lines of the cache. */
+ * those of small tiles are half as wide: threads can share them, and caches hold them. */
 enum { DOMAIN_SIDE = 1024, LARGE_TILE = 2048 };
 static const double UNKNOWN_FWHM = 5; /* pixels, of an unknown PSF: middle of common seeing */
 /* of a pixel's value: 250,000 electrons, about what a pixel of a detector holds at most */
