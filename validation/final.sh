@@ -49,9 +49,13 @@ for name in "${@:3}"; do
 done
 for name in "${@:3}" $([[ $# -gt 2 ]] || echo "${names[@]}"); do
     case $name in restoration-real | photometry-sdss | fluxes-sdss | faint_galaxies | auto) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
-    [[ ! -f $out/$name/complete ]] || continue
+    if [[ -f $out/$name/complete ]]; then
+        [[ $(<"$out/$name/complete") == "seed $1, $size, "* ]] ||
+            { echo "final.sh: $out/$name is of $(<"$out/$name/complete"); take another folder" >&2; exit 2; }
+        continue
+    fi
     echo "final.sh: $name" >&2
     start=$SECONDS
     run "$name" "$1" "$out/$name"
-    echo "$((SECONDS - start)) s" >"$out/$name/complete"
+    echo "seed $1, $size, $((SECONDS - start)) s" >"$out/$name/complete"
 done

@@ -54,12 +54,13 @@ if [[ $1 == sdss || $1 == fluxes-sdss ]]; then
     [[ -f $frame ]] || { echo "run.sh: $frame is missing; the SDSS frame is not part of this repository" >&2; exit 2; }
     [[ -f $out/frame.fits ]] || { bunzip2 -c "$frame" >"$out/frame.part" && mv "$out/frame.part" "$out/frame.fits"; }
 fi
-if [[ $1 == restoration-real && ! -d $out/cosmos/test ]]; then
+if [[ $1 == restoration-real && ! -d $out/cosmos ]]; then
     galaxies=${RX_SHARED_DATA:-$top/../shared/data}/templates/cosmos
     [[ -d $galaxies ]] || { echo "run.sh: $galaxies is missing; the COSMOS galaxies are not part of this repository" >&2; exit 2; }
     python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy' 2>/dev/null && echo "$p" && break; done) ||
         { echo "run.sh: no python3 with astropy; install python3-astropy" >&2; exit 2; }
-    "$python" "$here/training/stamps.py" "$galaxies" "$out/cosmos" >&2
+    rm -rf "$out/cosmos.part"
+    "$python" "$here/training/stamps.py" "$galaxies" "$out/cosmos.part" >&2 && mv "$out/cosmos.part" "$out/cosmos"
 fi
 model=${RX_MODEL:-$top/config/psfnet.fits}
 restorers=()

@@ -987,9 +987,9 @@ def agree(a, b, digits):
 def committed(name, folder):
     """Files of results/NAME that can be compared and taken, each with that of the new run."""
     home = os.path.join(TOP, "validation/results", name)
-    if not os.path.isdir(home) or not os.path.isdir(folder):
-        raise SystemExit(f"texts.py: {home} or {folder} is no folder")
-    for file in sorted(os.listdir(home)):
+    if not os.path.isdir(folder):
+        raise SystemExit(f"texts.py: {folder} is no folder")
+    for file in sorted(os.listdir(home)) if os.path.isdir(home) else ("summary.json",):
         page = "report.html" if file == "tables.md" else file
         places = [os.path.join(folder, *path) for path in ((name, page), (page,), ("qa_" + file[:-5], "summary.json"))]
         yield os.path.join(home, file), next((place for place in places if os.path.isfile(place)), None)

@@ -1,7 +1,7 @@
 /* The correlation of a tile's noise, from pixels without sources.
  *
- * z = (pixel - level) / sigma, in up to 144 cells of 64 x 64 pixels spread evenly over the image (64 where it has
- * less than a Mpixel and a half). Unused are hidden pixels, those of `used` where a caller knows the sources, else
+ * z = (pixel - level) / sigma, in 64 to 144 cells of 64 x 64 pixels, fewer where they do not fit, spread evenly
+ * over the image. Unused are hidden pixels, those of `used` where a caller knows the sources, else
  * what stands out of the cell (3.5 robust widths after a filter of 3 x 3) with 5 pixels around it, 10 where it is
  * bright; and what is beyond 4 widths. Each cell with enough left gives the mean products of pixels a lag apart over
  * its mean square; the median over the cells is taken, so that galaxies, trails and bad columns in some of them

@@ -73,7 +73,7 @@ rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, 
                        rx_error *err);
 void rx_tile_free(rx_tile *tile);
 
-/* The digest of pixels and mask, made when it is first asked for; not by several threads at a time. */
+/* The digest of pixels and mask (the first 64 bits of XXH3's 128), made when it is first asked for; not by several threads at a time. */
 const char *rx_tile_checksum(rx_tile *tile);
 
 RX_END_DECLS

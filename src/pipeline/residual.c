@@ -48,7 +48,8 @@ RX_SIMD static void fill_line(int n, const seen *of, float photon, line *restric
         dst->counts[i] = counts;
         dst->faint[i] = faint;
         dst->height[i] = counts > 0.0f ? value / s : 0.0f;
-        dst->d[i] = faint > 0.0f ? (value - model[i]) / sqrtf(s * s + photon * light) : 0.0f;
+        /* no square of a sigma, which may be 1e-30 */
+        dst->d[i] = faint > 0.0f ? (value - model[i]) / s / sqrtf(1.0f + photon * (light / s) / s) : 0.0f;
     }
 }
 

@@ -8,10 +8,10 @@ Trains {both networks with L_idt + L_rec + L_ffl, RESTORE alone} x {ACTIVE, UNIF
 and 3, as many trainings at a time as there are cores, each on one thread; runs the campaigns restoration, detection and fluxes
 on each model; writes recipes.md and summary.json. Started again after an interruption it goes on where it was.
 
-EPOCHS (default 16) is that of UNIFORM; ACTIVE, which by the paper's Eq. 4 takes about half as many of an epoch's images for the
-training, has twice as many, so that all see the same number of images. Networks are of the shapes of config/psfnet.fits and
-config/psfnet-blind.fits, images those of psfnet-ideal.train, 64 pixels a side. An hour on
-two cores, so early in a training: one of the supplied length takes hours with both networks.
+EPOCHS (default 32) is that of ACTIVE, which by the paper's Eq. 4 takes about two thirds as many of an epoch's images for the
+training as UNIFORM, so that this has two thirds of the epochs; how many images each cell has seen is in the page. Networks are of
+the shapes of config/psfnet.fits and config/psfnet-blind.fits, images those of psfnet-ideal.train, 64 pixels a side: early in a
+training, as one of the supplied length takes hours with both networks.
 
 One number of one training is one observation: a factor's effect is the difference of means over six trainings each, its error
 that of the scatter between seeds within the cells (8 degrees of freedom). RX_SIZE=tiny: does it work? RX_TRAIN, RX_VALIDATE: the
@@ -76,7 +76,7 @@ def train(out, mode, network, selection, seed, epochs):
         return
     words = " ".join((MODES[mode], NETWORKS[network], IMAGES)).split()
     run(folder, [program("rextract-train"), "../ablation.train", "-SEED", str(seed), "-SELECTION", selection, "-EPOCHS",
-                 str(epochs * (2 if selection == "ACTIVE" else 1)), *words, "-NTHREADS", "1"])
+                 str(epochs if selection == "ACTIVE" else round(0.66 * epochs)), *words, "-NTHREADS", "1"])
     (folder / "trained").touch()
 
 
@@ -110,7 +110,7 @@ def analyse(values):
 
 
 def gather(out):
-    """{metric: {mode: {"cells", "effects", "sigma"}}}; p_holm over a metric's effects in both modes."""
+    """{metric: {mode: {"cells", "effects", "sigma"}}}; p_holm: adjusted for all effects of all metrics."""
     cells = list(itertools.product(MODES, NETWORKS, SELECTIONS, SEEDS))
     os.chdir(out)  # samples() reads from the folder of all models
     measured = {cell: samples(name_of(*cell))[0] for cell in cells}
@@ -125,25 +125,26 @@ def gather(out):
                       for n in NETWORKS for s in SELECTIONS}
             effects, sigma = analyse(values)
             found[metric][mode] = {"cells": {" ".join(c): v for c, v in values.items()}, "effects": effects, "sigma": sigma}
-        adjusted = holm({(mode, effect): found[metric][mode]["effects"][effect]["p"] for mode in MODES for effect in EFFECTS})
-        for (mode, effect), p in adjusted.items():
-            found[metric][mode]["effects"][effect]["p_holm"] = p
+    adjusted = holm({(metric, mode, effect): found[metric][mode]["effects"][effect]["p"] for metric in found for mode in MODES for effect in EFFECTS})
+    for (metric, mode, effect), p in adjusted.items():
+        found[metric][mode]["effects"][effect]["p_holm"] = p
     return found
 
 
 def report(found, images):
     yield "# The paper's recipe against RESTORE alone"
     yield ""
-    yield (f"Networks of {min(images)} to {max(images)} training images of {IMAGES.split()[1]} x {IMAGES.split()[1]} pixels, {len(SEEDS)} seeds a cell: "
+    yield (f"Networks of {min(images.values())} to {max(images.values())} training images of {IMAGES.split()[1]} x {IMAGES.split()[1]} pixels, {len(SEEDS)} seeds a cell: "
            "mean over the seeds ± their scatter; then each factor's effect ± its error, a training being one observation; \\* \\*\\* "
-           "\\*\\*\\*: p < 0.05, 0.01, 0.001, adjusted by Holm for the effects of a column.")
+           "\\*\\*\\*: p < 0.05, 0.01, 0.001, adjusted by Holm for all effects of both tables.")
     yield ""
     for part in (list(METRICS)[:6], list(METRICS)[6:]):
         part = [metric for metric in part if metric in found]
         body = []
         for mode in MODES:
             for network, selection in itertools.product(NETWORKS, SELECTIONS):
-                row = [f"{mode}, {'both networks' if network == 'both' else 'RESTORE alone'}, {selection}"]
+                seen = [images[mode, network, selection, seed] for seed in SEEDS]
+                row = [f"{mode}, {'both networks' if network == 'both' else 'RESTORE alone'}, {selection} ({min(seen)} to {max(seen)} images)"]
                 for metric in part:
                     values, digits = found[metric][mode]["cells"][f"{network} {selection}"], METRICS[metric][1]
                     row.append(f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1):.{digits}f}")
@@ -173,21 +174,25 @@ def report(found, images):
 def main():
     if not 3 <= len(sys.argv) <= 4 or not all(a.isdigit() for a in sys.argv[2:]):
         sys.exit(__doc__)
-    out, seed, epochs = Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 6 if TINY else 16
+    out, seed, epochs = Path(sys.argv[1]).resolve(), int(sys.argv[2]), int(sys.argv[3]) if len(sys.argv) > 3 else 8 if TINY else 32
     cells = list(itertools.product(MODES, NETWORKS, SELECTIONS, SEEDS))
     out.mkdir(parents=True, exist_ok=True)
     for source in (HERE / "ablation.train", *(HERE.parent / f"{campaign}.conf" for campaign in CAMPAIGNS)):
         shutil.copy(source, out)
+    settings = json.dumps([seed, epochs, SEEDS, MODES, NETWORKS, IMAGES, CAMPAIGNS])
+    if (out / "settings").exists() and (out / "settings").read_text(encoding="utf-8") != settings:
+        sys.exit(f"recipes.py: {out} was begun with other settings; take another folder")
+    (out / "settings").write_text(settings, encoding="utf-8")
     # those of many steps first
     cells.sort(key=lambda cell: (cell[1] != "both", cell[3]))
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(lambda cell: train(out, *cell, epochs), cells))
         ledger.claim("recipes", out, [seed])
         list(pool.map(lambda cell: judge(out, name_of(*cell), seed), cells))
-    images = [images_of(out, name_of(*cell)) for cell in cells]
+    images = {cell: images_of(out, name_of(*cell)) for cell in cells}
     found = gather(out)
     Path("recipes.md").write_text("\n".join(report(found, images)), encoding="utf-8")
-    summary = {"seed": seed, "images": {"least": min(images), "most": max(images)}, "epochs": epochs, "metrics": found}
+    summary = {"seed": seed, "images": {"least": min(images.values()), "most": max(images.values())}, "epochs": epochs, "metrics": found}
     Path("summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
 
 

@@ -133,12 +133,38 @@ static void test_photons(void **state)
     rx_residual_free(&r);
 }
 
+/* In W m^-2 Hz^-1 a sky's noise is 1e-30 or so, and its square in single precision 0. */
+static void test_of_any_unit(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        const float unit = k == 0 ? 1e-30f : 1e25f;
+        rx_image image = make();
+        image.gain = 2.0 / (double)unit;
+        add(model, 20, 20, 30, 500.0f);
+        for (int i = 0; i < N; i++) {
+            model[i] *= unit;
+            sigma[i] *= unit;
+            level[i] *= unit;
+            pixels[i] = pixels[i] * unit + model[i];
+        }
+        rx_residual r = judge(&image, 1);
+        assert_near(r.share, 0.0, 0.0);
+        rx_residual_free(&r);
+        add(pixels, 70, 70, 50, 5.0f * unit);
+        r = judge(&image, 1);
+        assert_int_equal(rx_residual_at(&r, 90, 90), 1);
+        rx_residual_free(&r);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_what_is_explained),
         cmocka_unit_test(test_what_is_not),
         cmocka_unit_test(test_photons),
+        cmocka_unit_test(test_of_any_unit),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
