@@ -878,7 +878,7 @@ def paper_speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
+    templates_found, faint_galaxies, models, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
     sdss_coadd, preal, speed, amdahl, paper, paper_kinds, real_galaxies, paper_speed)}
 
 
