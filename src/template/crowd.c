@@ -16,9 +16,14 @@ static int cell_of(const rx_crowding *crowd, int x, int y)
     return (int)((long)y * crowd->ny / crowd->height) * crowd->nx + (int)((long)x * crowd->nx / crowd->width);
 }
 
+/* Fits may take a source over the border: it stays in the cell that it left. */
 int rx_crowding_at(const rx_crowding *crowd, int x, int y)
 {
-    return crowd != NULL && crowd->n > 0 && crowd->cells[cell_of(crowd, x, y)];
+    if (crowd == NULL || crowd->n == 0)
+        return 0;
+    const int u = rx_min_int(rx_max_int(x, 0), crowd->width - 1),
+              v = rx_min_int(rx_max_int(y, 0), crowd->height - 1);
+    return crowd->cells[cell_of(crowd, u, v)];
 }
 
 /* Visible and covered pixels and sources of every cell. */

@@ -27,7 +27,7 @@ rx_status rx_crowding_spare(const double (*at)[2], const double (*light)[2], int
                             rx_error *err);
 void rx_crowding_clear(rx_crowding *crowd);
 
-/* Is the pixel in a crowded cell? NULL: it is not. */
+/* Is the pixel in a crowded cell, or, beyond the border, next to one? NULL: it is not. */
 int rx_crowding_at(const rx_crowding *crowd, int x, int y);
 
 #endif

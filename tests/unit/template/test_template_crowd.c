@@ -62,6 +62,9 @@ static void test_cells(void **state)
         for (int y = 0; y < H; y += 32)
             for (int x = 0; x < W; x += 32)
                 assert_int_equal(rx_crowding_at(&crowd, x, y), x < LEFT);
+        /* sources that a fit has taken over the border */
+        assert_int_equal(rx_crowding_at(&crowd, -70, H + 200), 1);
+        assert_int_equal(rx_crowding_at(&crowd, W + 100, -70), 0);
         assert_int_equal(crowd.n, 3 * 5);
         assert_int_equal(crowd.seen, 8 * 5);
         rx_crowding_clear(&crowd);
