@@ -516,8 +516,8 @@ def recipes():
                     sides[1 if difference * sign > 0 else -1].append(f"{words} {difference:+.{digits}f} {unit}".strip())
             parts = [f"{word} {listed(sides[side])}" for side, word in ((1, "better"), (-1, "worse")) if sides[side]]
             said.append(f'{mode}, {effect}: {"; ".join(parts) if parts else "no difference beyond the luck of the seed"}.')
-    return item(f"""**The paper's recipe**: its PSF network with the cycles, and active learning, against RESTORE alone and images of all kinds
-        alike, {found["images"]["least"]} to {found["images"]["most"]} training images, three seeds each, a training being one observation
+    return item(f"""**The paper's recipe**: its PSF network with the cycles, all losses with weight 1, and active learning, against RESTORE alone
+        and images of all kinds alike, {found["images"]["least"]} to {found["images"]["most"]} training images, three seeds each, a training being one observation
         ([table](../validation/results/recipes/recipes.md)). {" ".join(said)}""")
 
 
@@ -878,7 +878,7 @@ def paper_speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, faint_galaxies, models, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
+    templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
     sdss_coadd, preal, speed, amdahl, paper, paper_kinds, real_galaxies, paper_speed)}
 
 
