@@ -15,6 +15,7 @@ def parse():
     parser.add_argument("--size", choices=("quick", "full"), required=True)
     parser.add_argument("--only", help="a comma separated list of parts: " + ", ".join(stages.PARTS))
     parser.add_argument("--repeats", type=int, help="in place of the size's own number")
+    parser.add_argument("--largest", type=int, default=16384, help="side of the largest tile")
     parser.add_argument("--layers", action="store_true", help="show each layer of the network")
     for name in ("build", "top", "out"):
         parser.add_argument("--" + name, type=os.path.abspath, required=True)
@@ -54,7 +55,7 @@ def main():
     # Tiles are large: not into /tmp, which may be memory.
     with tempfile.TemporaryDirectory(prefix="tiles-", dir=arguments.out) as work:
         bench = stages.Bench(machine.Machine(arguments.top, arguments.build, work), arguments.size, arguments.layers,
-                             arguments.repeats)
+                             arguments.repeats, arguments.largest)
         wanted = ["limits"] + arguments.only.split(",") if arguments.only else list(stages.PARTS)
         try:
             trouble = measure(bench, wanted, lambda one: save(one, arguments))

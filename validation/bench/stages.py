@@ -35,9 +35,10 @@ def mpixels(side):
 class Bench:
     """The state of a run: samples, rows, what could not be done."""
 
-    def __init__(self, box, size, layers, repeats):
+    def __init__(self, box, size, layers, repeats, largest):
         self.box, self.layers = box, layers
-        self.sides, self.growth_sides, self.repeats, self.stage_side = SIZES[size]
+        sides, growth_sides, self.repeats, self.stage_side = SIZES[size]
+        self.sides, self.growth_sides = ([side for side in all_sides if side <= largest] for all_sides in (sides, growth_sides))
         if repeats:
             self.repeats = repeats
         self.rows, self.extras, self.missing, self.skipped, self.limits = [], {}, [], [], {}
