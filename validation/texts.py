@@ -767,12 +767,25 @@ def speed():
 
     def iterations(net, cores, size="full"):
         return ratios(" ".join(f"{net}-rl{n}-{cores}" for n in (20, 30, 50, 100)), False, size)
-    return (paragraph(f"""{tally("full")} targets are met on {sizes["full"]["processor"]} ([tables](../validation/results/bench/full/bench.md)),
-        {tally("avx2")} on {sizes["avx2"]["processor"]} ([tables](../validation/results/bench/avx2/bench.md)). NET alone was measured with a
-        network of psfnet.fits's shape, whole stages, growth and memory with psfnet-deep, of twice the multiplications, which was the
-        default then. What is missed, and why:""") + "\n" +
+    def extraction(cores):
+        return listed(f"{statistics.median(rows['full'][f'none-sex-{kind}-{cores}']['ratio']):.1f}" for kind in
+                      ("1k-sparse", "1k-crowded", "4k-sparse", "4k-crowded", "8k-sparse", "8k-crowded"))
+
+    def per_thousand(kind):
+        return f"{statistics.median(rows['full'][f'template-seconds-{kind}']['ours']) / 20:.2f}"
+    around = [1 / statistics.median(rows["full"][f"net-around-F32-{cores}"]["ratio"]) for cores in (1, 2)]
+    return (paragraph(f"""{tally("full")} targets are met on {sizes["full"]["processor"]} ([tables](../validation/results/bench/full/bench.md)). An
+        earlier program, whose default network had twice the multiplications and whose targets were lower, met {tally("avx2")} on
+        {sizes["avx2"]["processor"]} ([tables](../validation/results/bench/avx2/bench.md)). What is missed, and why:""") + "\n" +
+            item(f"""**Without restoration against source-extractor** (in place of 2 times on one core, 3.2 times on two), on tiles of 1, 4 and
+        8 thousand pixels a side, sparse and crowded: {extraction(1)}, and on two cores {extraction(2)}. The sky is measured twice, the noise's
+        correlation and the digest of the pixels once: on sparse tiles these are a third to a half of the work.""") +
+            item(f"""**Templates** (in place of 0.5 s for 1,000 sources on one core): {per_thousand("NONE")} s on the sources of NONE,
+        {per_thousand("NET")} on those of NET, of a crowded tile.""") +
+            item(f"""**Around the network** (in place of 1.35 times its own time): {listed(f"{v:.1f}" for v in around)} times on one core and two. The
+        network has half of the multiplications that it had, what is around it is what it was.""") +
             item(f"""**The network's share of the convolution peak** (in place of 80 %): {share("net")} of f32 on one and two
-        cores, then of bf16; with AVX2 alone {share("net", "avx2")}. A tile is
+        cores, then of bf16 (85, 81, 86 and 78 % in a run of the same day: the machine is a virtual one); of the earlier one with AVX2 alone {share("net", "avx2")}. A tile is
         worked on with its surroundings, in one block per core, where two cores do them twice at the seam. What is not multiplication
         (interpolation, edges, rows going in and out of the cache) does not become faster with the peak. In bfloat16 the first layer
         stays in float, for the sake of bright stars.""") +
@@ -786,10 +799,13 @@ def speed():
             item(f"""**Richardson-Lucy against scikit-image's** (in place of 3 and 5, one and two cores): {ratios("rl-skimage-1 rl-skimage-2")},
         with AVX2 alone {ratios("rl-skimage-1 rl-skimage-2", False, "avx2")}: FFTW, which takes it all, is slower beside scipy's transforms on the
         first of the two processors.""") +
-            item("""**Growth.** Without restoration small tiles cost more per pixel than large ones, as libraries have to be loaded;
-        Richardson-Lucy above 2^26 pixels makes its data anew in each iteration, to save memory; templates grow with page faults.""") +
-            item(f"""**A training step** runs at {ratios("training-conv", True)} of the peak ({ratios("training-conv", True, "avx2")} with AVX2
-        alone): most of it are convolutions of few channels, forward and backward."""))
+            item(f"""**Growth.** {listed(f"{1 / statistics.median(row['ratio']):.1f}" for key, row in rows["full"].items() if key.startswith("growth-"))}
+        times from the least to the most seconds per Mpixel (in place of 1.15; NONE, RL, NET, NONE with templates): small tiles cost more, as
+        libraries have to be loaded and the noise's correlation takes its time; Richardson-Lucy above 2^26 pixels makes its data anew in each
+        iteration, to save memory; templates grow with page faults. **Memory** of RL and NET on 16k is
+        {listed(f"{1 / statistics.median(rows['full'][f'memory-{kind}-16k']['ratio']):.2f}" for kind in ("RL", "NET"))} of what is allowed, a plane more than it was.""") +
+            item(f"""**A training step** (in place of 60 % of the peak) ran at {ratios("training-conv", True, "avx2")} with AVX2 alone, and was not
+        measured in the other run: most of it are convolutions of few channels, forward and backward."""))
 
 
 def amdahl():

@@ -533,7 +533,7 @@ def train(bench):
         if os.path.exists(path):
             os.remove(path)
     shutil.rmtree(os.path.join(box.work, "net"), ignore_errors=True)
-    run = box.run([os.path.join(box.build, "rextract-train"), os.path.join(box.top, "validation/training/psfnet.train"),
+    run = box.run([os.path.join(box.build, "rextract-train"), os.path.join(box.top, "validation/training/psfnet-ideal.train"),
                    "-EPOCHS", str(EPOCHS), "-GRID", "2,2", "-BIN_IMAGES", str(BIN_IMAGES), "-PATCH", str(PATCH),
                    "-MODEL_NAME", "net.fits", "-CHECKPOINT_NAME", "net.checkpoint", "-OUTPUT_NAME", "net",
                    "-GENERATORS", "1", "-NTHREADS", "1", "-QA_FIGURES", "N", "-VERBOSE_TYPE", "FULL"], 2)

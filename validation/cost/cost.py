@@ -63,9 +63,9 @@ class Bench:
         return sum(self.step(f"{kind} {part}") for part in ("restore", "detect", "measure"))
 
     def templates(self):
-        """The same, at most: seconds on two cores, counted twice."""
+        """Sources, and the same of what they add, on one core."""
         found, without, full = self.numbers("NET", 6)[:3]
-        return found / TILE, 2 * (full - without) / TILE
+        return found / TILE, (full - without) / TILE
 
     def memory(self, what):
         return self.numbers(f"peak memory, {what}, 4k, over what is allowed", 6)[0]
@@ -93,7 +93,7 @@ def page(bench):
     lines += ["", "Seconds are those of the steps of a run on one core (table *The whole stage*): reading and background, restoration, "
               f"detection and measurement, on a tile where {found:.0f} sources per Mpixel are found (the SDSS frame of "
               "docs/validation.md: 193, unrestored): where there are fewer it takes less. For the PSF measured from the tile's stars one more detection and measurement is counted; the report against a "
-              "reference catalogue is left out. Templates: twice what they take on two cores, which is at least what they take on one.", "",
+              "reference catalogue is left out.", "",
               "| survey | pixels | | core hours | cores for one day | read, one day | written, the same with restored images |",
               "| --- | --- | --- | --- | --- | --- | --- |"]
     for survey, pixels, _, _ in SURVEYS:
