@@ -779,13 +779,12 @@ def speed():
         {sizes["avx2"]["processor"]} ([tables](../validation/results/bench/avx2/bench.md)). What is missed, and why:""") + "\n" +
             item(f"""**Without restoration against source-extractor** (in place of 2 times on one core, 3.2 times on two), on tiles of 1, 4 and
         8 thousand pixels a side, sparse and crowded: {extraction(1)}, and on two cores {extraction(2)}. The sky is measured twice, the noise's
-        correlation and the digest of the pixels once: on sparse tiles these are a third to a half of the work.""") +
+        correlation and the digest of the pixels once, which weigh most on sparse tiles (`-VERBOSE_TYPE FULL` shows each step).""") +
             item(f"""**Templates** (in place of 0.5 s for 1,000 sources on one core): {per_thousand("NONE")} s on the sources of NONE,
         {per_thousand("NET")} on those of NET, of a crowded tile.""") +
-            item(f"""**Around the network** (in place of 1.35 times its own time): {listed(f"{v:.1f}" for v in around)} times on one core and two. The
-        network has half of the multiplications that it had, what is around it is what it was.""") +
+            item(f"""**Around the network** (in place of 1.35 times its own time): {listed(f"{v:.1f}" for v in around)} times on one core and two, f32.""") +
             item(f"""**The network's share of the convolution peak** (in place of 80 %): {share("net")} of f32 on one and two
-        cores, then of bf16 (85, 81, 86 and 78 % in a run of the same day: the machine is a virtual one); of the earlier one with AVX2 alone {share("net", "avx2")}. A tile is
+        cores, then of bf16; of the earlier one with AVX2 alone {share("net", "avx2")}. A tile is
         worked on with its surroundings, in one block per core, where two cores do them twice at the seam. What is not multiplication
         (interpolation, edges, rows going in and out of the cache) does not become faster with the peak. In bfloat16 the first layer
         stays in float, for the sake of bright stars.""") +
@@ -803,7 +802,7 @@ def speed():
         times from the least to the most seconds per Mpixel (in place of 1.15; NONE, RL, NET, NONE with templates): small tiles cost more, as
         libraries have to be loaded and the noise's correlation takes its time; Richardson-Lucy above 2^26 pixels makes its data anew in each
         iteration, to save memory; templates grow with page faults. **Memory** of RL and NET on 16k is
-        {listed(f"{1 / statistics.median(rows['full'][f'memory-{kind}-16k']['ratio']):.2f}" for kind in ("RL", "NET"))} of what is allowed, a plane more than it was.""") +
+        {listed(f"{1 / statistics.median(rows['full'][f'memory-{kind}-16k']['ratio']):.2f}" for kind in ("RL", "NET"))} of what is allowed.""") +
             item(f"""**A training step** (in place of 60 % of the peak) ran at {ratios("training-conv", True, "avx2")} with AVX2 alone, and was not
         measured in the other run: most of it are convolutions of few channels, forward and backward."""))
 
@@ -877,7 +876,7 @@ def beside_rl(model, name):
              "RL_FLAT": "RL with its sky set flat"}
     rows = [[words, *against(second)] for second, words in names.items()]
     rows.append(["the skies of both set flat", *against("RL_FLAT", "NET_FLAT")])
-    return (paragraph(f"""**`{model}.fits`** on the {len(bins)} bins of {span([b["scenes"] for b in bins], "{:d}")} scenes of `{name if model == "psfnet" else "restoration"}`, mean differences in the
+    return (paragraph(f"""**`{model}.fits`** on the {len(bins)} bins of {span([b["scenes"] for b in bins], "{:d}")} scenes of `{name}`, mean differences in the
         bins, and in how many of them it is clearly above or below (paired t, Holm < 0.05):""") + "\n" +
             table(["against", "PSNR (dB)", "SSIM"], rows) + "\n" +
             paragraph(f"PSNR is clearly above that of RL {won_by('NET')}; clearly below {won_by('RL')}."))
