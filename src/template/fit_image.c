@@ -229,6 +229,14 @@ static void keep_piece(rx_fit_image *canvas, int y, int x, int n)
         data[i] = weight[i] > 0 ? data[i] : NAN;
 }
 
+static void keep_pixels(rx_fit_image *canvas)
+{
+#pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
+    for (int y = 0; y < canvas->height; y++)
+        for (int x = 0; x < canvas->width; x += MOST)
+            keep_piece(canvas, y, x, x + MOST < canvas->width ? MOST : canvas->width - x);
+}
+
 /* The data of an image that is too large to be shown as a whole, but not much. */
 static rx_status keep_data(rx_fit_image *canvas, rx_error *err)
 {
@@ -238,10 +246,7 @@ static rx_status keep_data(rx_fit_image *canvas, rx_error *err)
     canvas->kept = rx_alloc_filled(pixels, sizeof(float), canvas->nthreads);
     if (canvas->kept == NULL)
         return rx_error_memory(err, pixels * sizeof(float));
-#pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
-    for (int y = 0; y < canvas->height; y++)
-        for (int x = 0; x < canvas->width; x += MOST)
-            keep_piece(canvas, y, x, x + MOST < canvas->width ? MOST : canvas->width - x);
+    keep_pixels(canvas);
     return RX_OK;
 }
 
@@ -484,31 +489,37 @@ rx_status rx_fit_image_add(rx_fit_image *canvas, const rx_footprint *footprint, 
     return RX_OK;
 }
 
+/* Nothing of the pixels in memory is known any more. */
+static void forget(rx_fit_image *canvas)
+{
+    for (int i = 0; i < canvas->columns * canvas->lines; i++)
+        canvas->state[i] = BARE;
+}
+
+/* The sheet in the same cells; -1: there is none. */
+static int same_mesh(const rx_fit_image *canvas, const rx_sky_mesh *sheet)
+{
+    for (int i = 0; i < canvas->nsheets; i++)
+        if (canvas->sheets[i].nx == sheet->nx && canvas->sheets[i].ny == sheet->ny)
+            return i;
+    return -1;
+}
+
 rx_status rx_fit_image_subtract(rx_fit_image *canvas, rx_sky_mesh *sheet, rx_error *err)
 {
-    rx_sky_mesh *more = rx_regrow(canvas->sheets, (size_t)canvas->nsheets + 1, sizeof *more);
-    if (more == NULL) {
+    const int same = same_mesh(canvas, sheet);
+    rx_status status = same < 0 ? RX_GROW(canvas->sheets, (size_t)canvas->nsheets + 1, err) : RX_OK;
+    if (status == RX_OK && same < 0)
+        canvas->sheets[canvas->nsheets++] = *sheet;
+    for (int i = 0; i < sheet->nx * sheet->ny && same >= 0; i++)
+        canvas->sheets[same].value[i] += sheet->value[i];
+    if (status != RX_OK || same >= 0)
         rx_sky_mesh_clear(sheet);
-        return rx_error_memory(err, ((size_t)canvas->nsheets + 1) * sizeof *more);
-    }
-    canvas->sheets = more;
-    canvas->sheets[canvas->nsheets++] = *sheet;
-#pragma omp parallel for schedule(dynamic) num_threads(canvas->nthreads)
-    for (int line = 0; line < canvas->lines; line++)
-        for (int b = line * canvas->columns; b < (line + 1) * canvas->columns; b++) {
-            const rx_window w = window_of(canvas, &(run){b, 1});
-            for (int y = w.y0; y < w.y1 && canvas->state[b] != BARE; y++) {
-                const size_t at = rx_fit_image_row(canvas, y) + (size_t)w.x0;
-                rx_sky_mesh_subtract(sheet, y, w.x0, w.x1 - w.x0, canvas->weight + at, canvas->data + at);
-            }
-        }
-#pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
-    for (int y = 0; y < canvas->height; y++)
-        for (int x = 0; x < canvas->width && canvas->kept != NULL; x += MOST) {
-            const int n = x + MOST < canvas->width ? MOST : canvas->width - x;
-            rx_sky_mesh_subtract(sheet, y, x, n, NULL,
-                                 canvas->kept + (size_t)y * (size_t)canvas->width + (size_t)x);
-        }
+    if (status != RX_OK)
+        return status;
+    forget(canvas);
+    if (canvas->kept != NULL)
+        keep_pixels(canvas);
     return RX_OK;
 }
 
@@ -520,5 +531,5 @@ void rx_fit_image_rescale(rx_fit_image *canvas, rx_sky_mesh *sheet)
         sheet->value[i] = fmax(LEAST_SCALE, fmin(sheet->value[i] * canvas->scale.value[i], 1 / LEAST_SCALE));
     rx_sky_mesh_clear(&canvas->scale);
     canvas->scale = *sheet;
-    memset(canvas->state, BARE, (size_t)canvas->columns * (size_t)canvas->lines);
+    forget(canvas);
 }

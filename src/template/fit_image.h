@@ -97,7 +97,7 @@ void rx_fit_image_set(rx_fit_image *canvas, rx_layer *layers, int n);
 /* model += flux * footprint, with the same lifetime; the weights stay as they are. Errors: RX_SYSTEM. */
 rx_status rx_fit_image_add(rx_fit_image *canvas, const rx_footprint *footprint, double flux, rx_error *err);
 
-/* data -= sheet, which is the canvas's from now on. Errors: RX_SYSTEM; the sheet is cleared then. */
+/* data -= sheet, which is the canvas's from now on; nothing is shown any more. Errors: RX_SYSTEM; the sheet is cleared then. */
 rx_status rx_fit_image_subtract(rx_fit_image *canvas, rx_sky_mesh *sheet, rx_error *err);
 
 /* sigma *= sheet, which is the canvas's from now on; nothing is shown any more. */

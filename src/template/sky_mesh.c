@@ -50,7 +50,7 @@ RX_SIMD static void take_off_between(const double below[2], const double above[2
 #pragma omp simd
     for (int k = 0; k < n; k++) {
         const double a = low + off[k] * low_step, b = high + off[k] * high_step;
-        data[k] -= weight == NULL || weight[k] > 0 ? (float)(a + up * (b - a)) : 0.0f;
+        data[k] -= weight[k] > 0 ? (float)(a + up * (b - a)) : 0.0f;
     }
 }
 
@@ -66,7 +66,7 @@ void rx_sky_mesh_subtract(const rx_sky_mesh *sheet, int y, int x, int n, const f
         for (end = k + 1; end < n && sheet->first[x + end] == i;)
             end++;
         take_off_between((double[2]){low[i], low[j]}, (double[2]){high[i], high[j]}, up, sheet->off + x + k,
-                         end - k, weight != NULL ? weight + k : NULL, data + k);
+                         end - k, weight + k, data + k);
     }
 }
 

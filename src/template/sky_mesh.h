@@ -18,7 +18,7 @@ typedef struct rx_sky_mesh {
 rx_status rx_sky_mesh_open(int width, int height, int cell, rx_sky_mesh *sheet, rx_error *err);
 void rx_sky_mesh_clear(rx_sky_mesh *sheet);
 
-/* data -= sheet in the n pixels from (x, y) on, where weight (NULL: anything) is above 0. */
+/* data -= sheet in the n pixels from (x, y) on, where weight is above 0. */
 void rx_sky_mesh_subtract(const rx_sky_mesh *sheet, int y, int x, int n, const float *weight, float *data);
 
 /* values *= sheet in the n pixels from (x, y) on. */
