@@ -357,6 +357,7 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double
                               .grain = grain,
                               .filter = filter.values,
                               .side = side,
+                              .threshold = threshold,
                               .nthreads = extra->nthreads},
                  .threshold = threshold};
     status = find_all(&of, err);

@@ -12,7 +12,16 @@
 #include "num/maximum_filter.h"
 #include "template/windows.h"
 
-enum { STRIP = 64, TOGETHER = 64 }; /* rows of a strip; pixels of a row whose sums grow together */
+enum {
+    STRIP = 64,
+    TOGETHER = 64,
+    LANES = 8
+}; /* rows of a strip; pixels of a row whose sums grow together, in one vector */
+
+/* Floats anywhere. */
+typedef float lanes __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
+
+static const float SURELY = 0.999f; /* of a threshold, so that rounding does not matter */
 
 /* Rows of a strip and of what its filter reaches, with side / 2 empty pixels at either end of a row; what
  * lies beyond the border is 0, and open. */
@@ -23,6 +32,7 @@ typedef struct strip {
     float *residual, *variance; /* [STRIP + side][stride] */
     float *open;                /* 1 where visible */
     float *own, *light; /* [STRIP + side + 2 reach][width]: light of each pixel, the largest of a row's */
+    float *least;       /* [STRIP + side] smallest variance of a part of each row */
     bool hidden;        /* any pixel is */
 } strip;
 
@@ -108,12 +118,14 @@ static rx_status open_strip(const rx_template_residual *of, strip *s, rx_error *
     const size_t width = (size_t)of->canvas->width, rows = STRIP + (size_t)of->side;
     const size_t lit = (rows + 2 * (size_t)of->reach) * width;
     *s = (strip){.of = of, .stride = width + 2 * (size_t)(of->side / 2)};
-    s->residual = RX_NEW(float, rows * s->stride);
+    s->residual = RX_NEW(float, rows * s->stride + TOGETHER);
     s->variance = RX_NEW(float, rows * s->stride);
     s->open = RX_NEW(float, rows * s->stride);
     s->light = RX_NEW(float, lit);
     s->own = RX_NEW(float, lit);
-    if (s->residual == NULL || s->variance == NULL || s->open == NULL || s->light == NULL || s->own == NULL)
+    s->least = RX_NEW(float, rows);
+    if (s->least == NULL || s->residual == NULL || s->variance == NULL || s->open == NULL ||
+        s->light == NULL || s->own == NULL)
         return rx_error_memory(err, (3 * rows * s->stride + 2 * lit) * sizeof(float));
     return RX_OK;
 }
@@ -125,6 +137,7 @@ static void close_strip(strip *s)
     free(s->open);
     free(s->light);
     free(s->own);
+    free(s->least);
 }
 
 static void fill_row(strip *s, int y, const float *most, size_t at)
@@ -180,19 +193,59 @@ typedef struct target {
     uint8_t *mask;
 } target;
 
+/* sums [TOGETHER] = sum k r of the pixels from x on of row y, those beyond the end of the row, too. */
+RX_SIMD static void filter_residual(const strip *s, int y, int x, float *sums)
+{
+    const rx_template_residual *of = s->of;
+    for (int m = 0; m < TOGETHER; m += 4 * LANES) {
+        const float *row = s->residual + (size_t)(y - s->top) * s->stride + (size_t)(x + m);
+        lanes a = {0}, b = {0}, c = {0}, d = {0};
+        for (int j = 0; j < of->side; j++, row += s->stride)
+            for (int i = 0; i < of->side; i++) {
+                const float k = of->filter[j * of->side + i];
+                const lanes *r = (const lanes *)(row + i);
+                a += k * r[0];
+                b += k * r[1];
+                c += k * r[2];
+                d += k * r[3];
+            }
+        memcpy(sums + m, (lanes[4]){a, b, c, d}, 4 * sizeof a);
+    }
+}
+
+/* s->least of each row of the strip where the filter reaches from the TOGETHER pixels from x on. */
+RX_SIMD static void find_least(strip *s, int x)
+{
+    const size_t count = (size_t)(TOGETHER + s->of->side - 1);
+    for (int y = 0; y < STRIP + s->of->side; y++) {
+        const float *row = s->variance + (size_t)y * s->stride + (size_t)x;
+        const size_t n = s->stride - (size_t)x < count ? s->stride - (size_t)x : count;
+        float low = HUGE_VALF;
+#pragma omp simd reduction(min : low)
+        for (size_t i = 0; i < n; i++)
+            low = row[i] < low ? row[i] : low;
+        s->least[y] = low;
+    }
+}
+
 /* count pixels from x on of row y. */
 RX_SIMD static void filter_piece(const strip *s, int y, int x, int count, const target *dst)
 {
     const rx_template_residual *of = s->of;
     const size_t to = (size_t)(y - dst->first) * (size_t)of->canvas->width + (size_t)x;
-    float *filtered = dst->filtered + to, *noise = dst->noise + to;
+    float *filtered = dst->filtered + to, *noise = dst->noise + to, most = 0, least = s->least[y - s->top];
     uint8_t *mask = dst->mask + to;
-    float sum[TOGETHER] = {0}, square[TOGETHER] = {0}, norm[TOGETHER] = {0};
-    for (int j = 0; j < of->side; j++)
+    float sum[TOGETHER], square[TOGETHER] = {0}, norm[TOGETHER] = {0};
+    filter_residual(s, y, x, sum);
+    for (int m = 0; m < count; m++)
+        most = sum[m] > most ? sum[m] : most;
+    for (int j = 1; j < of->side; j++)
+        least = s->least[y - s->top + j] < least ? s->least[y - s->top + j] : least;
+    const int faint = !s->hidden && most < SURELY * (float)of->threshold * sqrtf(least);
+    for (int j = 0; j < of->side && !faint; j++)
         for (int i = 0; i < of->side; i++) {
             const float k = of->filter[j * of->side + i];
             const size_t at = (size_t)(y - s->top + j) * s->stride + (size_t)(x + i);
-            add_row(s->residual + at, count, k, sum);
             add_row(s->variance + at, count, fabsf(k), square);
             if (s->hidden)
                 add_row(s->open + at, count, fabsf(k), norm);
@@ -200,7 +253,7 @@ RX_SIMD static void filter_piece(const strip *s, int y, int x, int count, const 
     for (int m = 0; m < count; m++) {
         mask[m] = !(of->canvas->weight[rx_fit_image_row(of->canvas, y) + (size_t)(x + m)] > 0);
         filtered[m] = mask[m] ? 0 : sum[m];
-        noise[m] = mask[m] ? 0 : sqrtf(square[m] / (s->hidden ? norm[m] : 1));
+        noise[m] = mask[m] ? 0 : sqrtf(faint ? least : square[m] / (s->hidden ? norm[m] : 1));
     }
 }
 
@@ -229,9 +282,11 @@ static rx_status filter_rows(const rx_template_residual *of, int from, int to, c
             if (status != RX_OK)
                 continue;
             fill_strip(&s, top, end);
-            for (int y = top; y < end; y++)
-                for (int x = 0; x < width; x += TOGETHER)
+            for (int x = 0; x < width; x += TOGETHER) {
+                find_least(&s, x);
+                for (int y = top; y < end; y++)
                     filter_piece(&s, y, x, x + TOGETHER < width ? TOGETHER : width - x, dst);
+            }
         }
         close_strip(&s);
     }
