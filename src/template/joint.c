@@ -64,20 +64,33 @@ static rx_status open_equations(size_t n, equations *e, rx_error *err)
     return RX_OK;
 }
 
+/* dst [n] = half of after - before; NULL: nothing. */
+RX_SIMD static void half_difference(const float *after, const float *before, size_t n, float *restrict dst)
+{
+#pragma omp simd
+    for (size_t i = 0; i < n; i++)
+        dst[i] = 0.5f * ((after != NULL ? after[i] : 0) - (before != NULL ? before[i] : 0));
+}
+
 /* Central differences of the template, along x or y; nothing outside. */
 static rx_status slope_of(const rx_footprint *f, int along_y, rx_footprint *dst, rx_error *err)
 {
-    const size_t w = (size_t)f->width, h = (size_t)f->height, step = along_y ? w : 1;
+    const size_t w = (size_t)f->width, h = (size_t)f->height;
     *dst = *f;
     dst->values = RX_NEW(float, w *h);
     if (dst->values == NULL)
         return rx_error_memory(err, w * h * sizeof(float));
-    for (size_t y = 0; y < h; y++)
-        for (size_t x = 0; x < w; x++) {
-            const size_t k = y * w + x;
-            const int first = along_y ? y == 0 : x == 0, last = along_y ? y + 1 == h : x + 1 == w;
-            dst->values[k] = 0.5f * ((last ? 0 : f->values[k + step]) - (first ? 0 : f->values[k - step]));
+    for (size_t y = 0; y < h; y++) {
+        const float *row = f->values + y * w;
+        float *slope = dst->values + y * w;
+        if (along_y) {
+            half_difference(y + 1 < h ? row + w : NULL, y > 0 ? row - w : NULL, w, slope);
+            continue;
         }
+        half_difference(w > 1 ? row + 1 : NULL, NULL, 1, slope);
+        half_difference(row + 2, row, w > 2 ? w - 2 : 0, slope + 1);
+        half_difference(NULL, w > 1 ? row + w - 2 : NULL, 1, slope + w - 1);
+    }
     return RX_OK;
 }
 
@@ -91,9 +104,9 @@ RX_SIMD static void project(const rx_footprint *f, const rx_fit_image *canvas, d
         const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
 #pragma omp simd reduction(+ : sum_w, sum_v)
         for (int i = 0; i < f->width; i++) {
-            const double wt = (double)w[i] * t[i];
+            const float wt = w[i] * t[i];
             sum_w += wt;
-            sum_v += wt * ((double)data[i] - model[i]);
+            sum_v += wt * (data[i] - model[i]);
         }
     }
     *weight = sum_w;
