@@ -1,15 +1,20 @@
 /* Crowded cells. */
 #include "template/crowd.h"
 
+#include <gsl/gsl_sf_lambert.h>
+#include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "base/min_max.h"
 
-static const double COVERED = 0.05; /* share of the pixels */
-static const double BEAMS = 70.0;   /* areas of FWHM^2 a source */
-static const double EXTENDED = 0.8; /* share of the light */
-enum { CELL = 64 };                 /* pixels */
+static const double COVERED = 0.05;  /* share of the pixels */
+static const double BEAMS = 70.0;    /* areas of FWHM^2 a source */
+static const double EXTENDED = 0.8;  /* share of the light */
+static const double BLEND = 1.5;     /* FWHM: what is nearer looks like one extended source */
+static const double CHANCE = 4.0;    /* times the odds of chance that a field of stars stays below */
+static const double PAIR_ODDS = 4.0; /* 2 ln of the odds among stars that what is not a point is two */
+enum { CELL = 64 };                  /* pixels */
 
 static int cell_of(const rx_crowding *crowd, int x, int y)
 {
@@ -17,24 +22,49 @@ static int cell_of(const rx_crowding *crowd, int x, int y)
 }
 
 /* Fits may take a source over the border: it stays in the cell that it left. */
-int rx_crowding_at(const rx_crowding *crowd, int x, int y)
+static int nearest_cell(const rx_crowding *crowd, int x, int y)
 {
-    if (crowd == NULL || crowd->n == 0)
-        return 0;
-    const int u = rx_min_int(rx_max_int(x, 0), crowd->width - 1),
-              v = rx_min_int(rx_max_int(y, 0), crowd->height - 1);
-    return crowd->cells[cell_of(crowd, u, v)];
+    return cell_of(crowd, rx_min_int(rx_max_int(x, 0), crowd->width - 1),
+                   rx_min_int(rx_max_int(y, 0), crowd->height - 1));
 }
 
-/* Visible and covered pixels and sources of every cell. */
-static rx_status count(rx_fit_image *canvas, const double (*at)[2], int n, const rx_crowding *crowd,
-                       long (*sums)[3], rx_error *err)
+int rx_crowding_at(const rx_crowding *crowd, int x, int y)
+{
+    return crowd != NULL && crowd->n > 0 && crowd->cells[nearest_cell(crowd, x, y)];
+}
+
+double rx_crowding_pair_odds(const rx_crowding *crowd, int x, int y)
+{
+    return crowd->odds[nearest_cell(crowd, x, y)];
+}
+
+/* What is in a cell. */
+typedef struct tally {
+    double seen, covered; /* pixels */
+    double sources, points, others;
+    double light[2]; /* of points, extended */
+} tally;
+
+static void count_sources(const rx_crowd_source *sources, int n, const rx_crowding *crowd, tally *cells)
 {
     for (int i = 0; i < n; i++) {
-        const int x = (int)(at[i][0] + 0.5), y = (int)(at[i][1] + 0.5);
-        if (x >= 0 && y >= 0 && x < crowd->width && y < crowd->height)
-            sums[cell_of(crowd, x, y)][2]++;
+        const rx_crowd_source *s = &sources[i];
+        const int x = (int)(s->x + 0.5), y = (int)(s->y + 0.5);
+        if (x < 0 || y < 0 || x >= crowd->width || y >= crowd->height)
+            continue;
+        tally *cell = &cells[cell_of(crowd, x, y)];
+        cell->sources++;
+        if (s->star >= 0) {
+            cell->points += s->star;
+            cell->others += 1 - s->star;
+        }
+        for (int j = 0; j < 2; j++)
+            cell->light[j] += s->light[j] > 0 ? s->light[j] : 0;
     }
+}
+
+static rx_status count_pixels(rx_fit_image *canvas, const rx_crowding *crowd, tally *cells, rx_error *err)
+{
     for (int from = 0, to; from < crowd->height; from = to) {
         to = from + rx_fit_image_rows(canvas) < crowd->height ? from + rx_fit_image_rows(canvas)
                                                               : crowd->height;
@@ -42,15 +72,54 @@ static rx_status count(rx_fit_image *canvas, const double (*at)[2], int n, const
         for (int y = from; y < to; y++)
             for (int x = 0; x < crowd->width; x++) {
                 const size_t k = rx_fit_image_row(canvas, y) + (size_t)x;
-                long *sum = sums[cell_of(crowd, x, y)];
-                sum[0] += canvas->weight[k] > 0;
-                sum[1] += canvas->weight[k] > 0 && canvas->model[k] > canvas->sigma[k];
+                tally *cell = &cells[cell_of(crowd, x, y)];
+                cell->seen += canvas->weight[k] > 0;
+                cell->covered += canvas->weight[k] > 0 && canvas->model[k] > canvas->sigma[k];
             }
     }
     return RX_OK;
 }
 
-rx_status rx_crowding_find(rx_fit_image *canvas, const double (*at)[2], int n, double fwhm, int mode,
+/* The cell and the eight around it. */
+static tally around(const tally *cells, const rx_crowding *crowd, int x, int y)
+{
+    tally sum = {0};
+    for (int v = rx_max_int(y - 1, 0); v <= rx_min_int(y + 1, crowd->ny - 1); v++)
+        for (int u = rx_max_int(x - 1, 0); u <= rx_min_int(x + 1, crowd->nx - 1); u++) {
+            const tally *one = &cells[v * crowd->nx + u];
+            sum.seen += one->seen;
+            sum.covered += one->covered;
+            sum.sources += one->sources;
+            sum.points += one->points;
+            sum.others += one->others;
+            for (int j = 0; j < 2; j++)
+                sum.light[j] += one->light[j];
+        }
+    return sum;
+}
+
+/* Odds of a source that looks extended where all are stars, of which `density` are seen per pixel: a star has another one within that
+ * radius with 1 - exp(-x), x of their true density, and of N stars N exp(-x) are seen. */
+static double chance_odds(double density, double fwhm)
+{
+    const double seen = density * M_PI * BLEND * BLEND * fwhm * fwhm;
+    return seen < exp(-1) ? expm1(-gsl_sf_lambert_W0(-seen)) : HUGE_VAL;
+}
+
+static int is_crowded(const tally *sum, double fwhm)
+{
+    return sum->covered > COVERED * sum->seen && sum->sources * fwhm * fwhm * BEAMS > sum->seen;
+}
+
+/* 2 ln of the odds that what looks extended is two stars: what is left of the extended sources when chance has had its share are
+ * galaxies. */
+static double pair_odds(const tally *sum, double fwhm)
+{
+    const double chance = chance_odds(sum->sources / sum->seen, fwhm), odds = sum->others / (sum->points + 1);
+    return odds > CHANCE * chance ? fmin(2 * log(chance / (odds - CHANCE * chance)), PAIR_ODDS) : PAIR_ODDS;
+}
+
+rx_status rx_crowding_find(rx_fit_image *canvas, const rx_crowd_source *sources, int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err)
 {
     *dst = (rx_crowding){.width = canvas->width,
@@ -58,63 +127,54 @@ rx_status rx_crowding_find(rx_fit_image *canvas, const double (*at)[2], int n, d
                          .nx = (canvas->width + CELL - 1) / CELL,
                          .ny = (canvas->height + CELL - 1) / CELL};
     const size_t cells = (size_t)dst->nx * (size_t)dst->ny;
-    long(*sums)[3] = rx_alloc(cells, sizeof *sums);
+    tally *tallies = RX_NEW(tally, cells);
     dst->cells = RX_NEW(uint8_t, cells);
-    rx_status status =
-        sums == NULL || dst->cells == NULL ? rx_error_memory(err, cells * (sizeof *sums + 1)) : RX_OK;
-    if (status == RX_OK && mode == RX_CROWDING_AUTO)
-        status = count(canvas, at, n, dst, sums, err);
+    dst->odds = RX_NEW(double, cells);
+    rx_status status = tallies == NULL || dst->cells == NULL || dst->odds == NULL
+                           ? rx_error_memory(err, cells * (sizeof *tallies + sizeof(double) + 1))
+                           : RX_OK;
+    if (status == RX_OK && mode == RX_CROWDING_AUTO) {
+        count_sources(sources, n, dst, tallies);
+        status = count_pixels(canvas, dst, tallies, err);
+    }
     for (int y = 0; y < dst->ny && status == RX_OK; y++)
         for (int x = 0; x < dst->nx; x++) {
-            long sum[3] = {0};
-            for (int v = rx_max_int(y - 1, 0); v <= rx_min_int(y + 1, dst->ny - 1); v++)
-                for (int u = rx_max_int(x - 1, 0); u <= rx_min_int(x + 1, dst->nx - 1); u++)
-                    for (int j = 0; j < 3; j++)
-                        sum[j] += sums[v * dst->nx + u][j];
-            const double area = (double)sum[0];
-            const int crowded = mode == RX_CROWDING_YES || ((double)sum[1] > COVERED * area &&
-                                                            (double)sum[2] * fwhm * fwhm * BEAMS > area);
+            const tally sum = around(tallies, dst, x, y);
+            const int crowded = mode == RX_CROWDING_YES || is_crowded(&sum, fwhm);
             dst->cells[y * dst->nx + x] = (uint8_t)crowded;
+            dst->odds[y * dst->nx + x] = sum.seen > 0 ? pair_odds(&sum, fwhm) : PAIR_ODDS;
             dst->n += crowded;
-            dst->seen += mode != RX_CROWDING_AUTO || area > 0;
+            dst->seen += mode != RX_CROWDING_AUTO || sum.seen > 0;
         }
-    free(sums);
+    free(tallies);
     if (status != RX_OK)
         rx_crowding_clear(dst);
     return status;
 }
 
-rx_status rx_crowding_spare(const double (*at)[2], const double (*light)[2], int n, rx_crowding *crowd,
-                            rx_error *err)
+rx_status rx_crowding_spare(const rx_crowd_source *sources, int n, rx_crowding *crowd, rx_error *err)
 {
     const size_t cells = (size_t)crowd->nx * (size_t)crowd->ny;
-    double(*sums)[2] = rx_alloc(cells, sizeof *sums);
-    if (sums == NULL)
-        return rx_error_memory(err, cells * sizeof *sums);
-    for (int i = 0; i < n; i++) {
-        const int x = (int)(at[i][0] + 0.5), y = (int)(at[i][1] + 0.5);
-        for (int j = 0; j < 2 && x >= 0 && y >= 0 && x < crowd->width && y < crowd->height; j++)
-            sums[cell_of(crowd, x, y)][j] += light[i][j] > 0 ? light[i][j] : 0;
-    }
+    tally *tallies = RX_NEW(tally, cells);
+    if (tallies == NULL)
+        return rx_error_memory(err, cells * sizeof *tallies);
+    count_sources(sources, n, crowd, tallies);
     for (int y = 0; y < crowd->ny; y++)
         for (int x = 0; x < crowd->nx; x++) {
-            double sum[2] = {0};
-            for (int v = rx_max_int(y - 1, 0); v <= rx_min_int(y + 1, crowd->ny - 1); v++)
-                for (int u = rx_max_int(x - 1, 0); u <= rx_min_int(x + 1, crowd->nx - 1); u++)
-                    for (int j = 0; j < 2; j++)
-                        sum[j] += sums[v * crowd->nx + u][j];
+            const tally sum = around(tallies, crowd, x, y);
             uint8_t *cell = &crowd->cells[y * crowd->nx + x];
-            if (*cell && sum[1] > EXTENDED * (sum[0] + sum[1])) {
+            if (*cell && sum.light[1] > EXTENDED * (sum.light[0] + sum.light[1])) {
                 *cell = 0;
                 crowd->n--;
             }
         }
-    free(sums);
+    free(tallies);
     return RX_OK;
 }
 
 void rx_crowding_clear(rx_crowding *crowd)
 {
     free(crowd->cells);
+    free(crowd->odds);
     *crowd = (rx_crowding){0};
 }

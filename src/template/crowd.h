@@ -10,24 +10,34 @@
 typedef struct rx_crowding {
     int width, height, nx, ny;
     uint8_t *cells; /* owned */
+    double *odds;   /* [ny][nx], 2 ln of those that what looks extended is two stars; owned */
     int n, seen;    /* crowded ones; those with visible pixels in or around them */
 } rx_crowding;
 
+typedef struct rx_crowd_source {
+    double x, y;     /* pixels */
+    double star;     /* probability of a point; negative where it is too faint, or too bright, to say */
+    double light[2]; /* as a point, extended */
+} rx_crowd_source;
+
 /* A cell of about 64 pixels is crowded where, in it and the eight around it, models are brighter than the noise of a pixel
  * on more than a twentieth of the visible pixels, and sources are more than one in 70 areas of FWHM^2: a galaxy covers a cell,
- * too, and is no crowd. at[n]: x, y of the sources. mode RX_CROWDING_NO: none is, RX_CROWDING_YES:
- * all are. Free the contents with rx_crowding_clear(). Errors: RX_SYSTEM. */
-rx_status rx_crowding_find(rx_fit_image *canvas, const double (*at)[2], int n, double fwhm, int mode,
+ * too, and is no crowd. What looks extended there is most often two stars, unless there is more of it than chance makes: a star
+ * has another one within 1.5 FWHM with the odds e^x - 1, and four times these are galaxies no more. (Eleven fields of stars, 500 to
+ * 20000 per Mpixel, FWHM 2.5 to 6, seed 601: 0.7 to 2.9 times; with a fifth of 2000 galaxies 2.8; with half of 1400: 16.) Where
+ * more than 1/e sources are seen within 1.5 FWHM of any place all may be stars.
+ * mode RX_CROWDING_NO: none is, RX_CROWDING_YES: all are. Free the contents with rx_crowding_clear(). Errors: RX_SYSTEM. */
+rx_status rx_crowding_find(rx_fit_image *canvas, const rx_crowd_source *sources, int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err);
 
 /* Cells in and around which more than four fifths of the light is extended, once pairs are no profiles any more, are no crowd: a
- * nebula, or a galaxy with its knots, is no sum of points and would be cut into ever more of them. light[n]: of the sources as
- * points and as profiles. Errors: RX_SYSTEM. */
-rx_status rx_crowding_spare(const double (*at)[2], const double (*light)[2], int n, rx_crowding *crowd,
-                            rx_error *err);
+ * nebula, or a galaxy with its knots, is no sum of points and would be cut into ever more of them. Errors: RX_SYSTEM. */
+rx_status rx_crowding_spare(const rx_crowd_source *sources, int n, rx_crowding *crowd, rx_error *err);
 void rx_crowding_clear(rx_crowding *crowd);
 
 /* Is the pixel in a crowded cell, or, beyond the border, next to one? NULL: it is not. */
 int rx_crowding_at(const rx_crowding *crowd, int x, int y);
+/* Where it is: 2 ln of the odds that what looks extended is two stars. */
+double rx_crowding_pair_odds(const rx_crowding *crowd, int x, int y);
 
 #endif

@@ -39,9 +39,9 @@ rx_likelihood rx_likelihood_of(double value, double variance, double centre, dou
     return (rx_likelihood){(value * all - centre * prior) / own, own};
 }
 
-static int is_clear(const rx_prior_sample *c)
+int rx_prior_is_clear(double snr)
 {
-    return c->snr > CLEAR && c->snr < BRIGHT;
+    return snr > CLEAR && snr < BRIGHT;
 }
 
 /* One step for one law: what each source is under it, and the law of these. */
@@ -53,7 +53,7 @@ static void learn_law(const rx_prior_sample *cases, int n, double penalty, const
     double w1 = ALREADY, wu = 0, wuu = stiff, wy = ALREADY * start->mean, wuy = 0;
     for (int i = 0; i < n; i++) {
         const rx_likelihood *word = of_nu ? &cases[i].nu : &cases[i].radius;
-        if (!is_clear(&cases[i]) || !(word->precision > 0))
+        if (!rx_prior_is_clear(cases[i].snr) || !(word->precision > 0))
             continue;
         const double w = 1 - rx_point_probability(cases[i].evidence, penalty);
         const double u = sloped * (log(cases[i].flux) - usual->pivot);
@@ -70,7 +70,7 @@ static void learn_law(const rx_prior_sample *cases, int n, double penalty, const
     double square = ALREADY * start->width * start->width;
     for (int i = 0; i < n; i++) {
         const rx_likelihood *word = of_nu ? &cases[i].nu : &cases[i].radius;
-        if (!is_clear(&cases[i]) || !(word->precision > 0))
+        if (!rx_prior_is_clear(cases[i].snr) || !(word->precision > 0))
             continue;
         const double w = 1 - rx_point_probability(cases[i].evidence, penalty);
         const double u = sloped * (log(cases[i].flux) - usual->pivot);
@@ -87,7 +87,7 @@ static double learn_odds(const rx_prior_sample *cases, int n, double penalty)
 {
     double points = 1, others = 1;
     for (int i = 0; i < n; i++) {
-        if (!is_clear(&cases[i]))
+        if (!rx_prior_is_clear(cases[i].snr))
             continue;
         const double star = rx_point_probability(cases[i].evidence, penalty);
         points += star;
@@ -104,7 +104,7 @@ void rx_tile_prior_fit(const rx_prior_sample *cases, int n, double star_penalty,
     double sum = 0;
     int clear = 0;
     for (int i = 0; i < n; i++)
-        if (is_clear(&cases[i])) {
+        if (rx_prior_is_clear(cases[i].snr)) {
             clear++;
             sum += log(cases[i].flux);
         }

@@ -30,8 +30,10 @@ typedef struct rx_prior_sample {
 /* Before anything is known. */
 rx_tile_prior rx_tile_prior_start(double fwhm);
 
-/* From the cases of S/N 15 to 150: bright enough to say and not so bright that other kinds are among them.
- * Expectation maximisation (Dempster, Laird and Rubin 1977, J. R. Stat. Soc. B 39, 1) for odds, means and
+/* Of S/N 15 to 150: bright enough to say, and not so bright that other kinds are among them. */
+int rx_prior_is_clear(double snr);
+
+/* From the clear cases. Expectation maximisation (Dempster, Laird and Rubin 1977, J. R. Stat. Soc. B 39, 1) for odds, means and
  * widths, the start counting as five sources. star_penalty: 2 ln of odds that come on top. Unchanged with
  * less than 20 such cases. */
 void rx_tile_prior_fit(const rx_prior_sample *cases, int n, double star_penalty, double fwhm,

@@ -15,10 +15,9 @@ static const double FAINT = 0.03; /* of a pixel's noise: light below that is lef
 /* Chi2 that a round size gains before profiles are fitted: more where points are usual, none where they are
  * rare. */
 static const double WORTH = 1.0, WORTH_ODDS = 0.25;
-static const double SURE = 0.02;     /* a probability below that is none */
-static const double UNTRIED = -3.0;  /* evidence for a profile where a round size gained too little to try */
-static const double MUCH = 100.0;    /* chi2 */
-static const double PAIR_ODDS = 4.0; /* 2 ln of the odds, in a crowd, that what is not a point is two */
+static const double SURE = 0.02;    /* a probability below that is none */
+static const double UNTRIED = -3.0; /* evidence for a profile where a round size gained too little to try */
+static const double MUCH = 100.0;   /* chi2 */
 /* Of a pair where it is not crowded: S/N of both together and of the fainter one, chi2 by which a profile must be worse,
  * errors of chi2 within which that of the pair must be what noise leaves. */
 static const double PAIR_SNR = 50.0, PAIR_FAINTER = 5.0, PAIR_BETTER = 20.0, PAIR_FITS = 5.0;
@@ -288,7 +287,8 @@ static int is_pair(const job *j, const rx_fit *point, const rx_fit *profile, rx_
         (point->chi2 - profile->chi2 < PAIR_BETTER || flux * flux < PAIR_SNR * PAIR_SNR * variance))
         return 0;
     double pair[2][3];
-    const double enough = crowded ? profile->chi2 + PAIR_ODDS : -HUGE_VAL;
+    const double enough =
+        crowded ? profile->chi2 + rx_crowding_pair_odds(j->view->crowd, j->cx, j->cy) : -HUGE_VAL;
     const double chi2 = rx_fit_pair(point, (double[2]){apart * cos(angle), apart * sin(angle)}, 1.5 * fwhm,
                                     enough, j->size, &j->patch, pair);
     rx_template_domain_render(j->size, &shape, profile->p[RX_FIT_X], profile->p[RX_FIT_Y], NULL,
@@ -509,14 +509,15 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     return status;
 }
 
-/* Chi2 of the better of point and profile; where it is crowded a point stays one: what looks extended is two of them. */
+/* Chi2 of the better of point and profile; in a crowd of stars a point stays one: what looks extended is two of them. */
 static double best_chi2(const job *j)
 {
     rx_fit point, profile;
     render_patch_only(j);
     fit_point(j, &point);
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0) ||
-        (j->before->kind == RX_TPHOT_POINT && rx_crowding_at(j->view->crowd, j->cx, j->cy)))
+        (j->before->kind == RX_TPHOT_POINT && rx_crowding_at(j->view->crowd, j->cx, j->cy) &&
+         rx_crowding_pair_odds(j->view->crowd, j->cx, j->cy) > 0))
         return point.chi2;
     fit_profile(j, point.p[RX_FIT_FLUX], &profile);
     return usable(&profile, &point) ? fmin(point.chi2, profile.chi2) : point.chi2;

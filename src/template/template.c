@@ -614,38 +614,36 @@ static rx_status look_again(work *w, rx_error *err)
     return RX_OK;
 }
 
-/* Cells whose light is extended are no crowd. */
-static rx_status spare_extended(work *w, const double (*at)[2], rx_error *err)
+static void describe_crowd(const work *w, rx_crowd_source *sources)
 {
-    double(*light)[2] = rx_alloc((size_t)w->n, sizeof *light);
-    if (light == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof *light);
     for (int i = 0; i < w->n; i++) {
-        light[i][0] = w->subjects[i].point * w->subjects[i].flux;
-        light[i][1] = (1 - w->subjects[i].point) * w->subjects[i].flux;
+        const rx_fit_source *s = &w->subjects[i];
+        const int clear = rx_prior_is_clear(s->flux / sqrt(w->members[i].variance));
+        sources[i] = (rx_crowd_source){
+            s->x, s->y, clear ? s->star : -1, {s->point * s->flux, (1 - s->point) * s->flux}};
     }
-    const rx_status status = rx_crowding_spare(at, (const double(*)[2])light, w->n, &w->crowd, err);
-    free(light);
-    return status;
 }
 
 /* In a crowd pairs are no profiles, and sky and noise are those of the residual. */
 static rx_status find_crowd(work *w, rx_error *err)
 {
-    double(*at)[2] = positions(w);
-    if (at == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof *at);
+    rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
+    if (sources == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *sources);
     rx_status status;
-    RX_TRY_EXIT(rx_crowding_find(&w->canvas, (const double(*)[2])at, w->n,
-                                 fmax(w->input->image.psf->fwhm, 1.0), w->par->crowding, &w->crowd, err));
+    describe_crowd(w, sources);
+    RX_TRY_EXIT(rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
+                                 w->par->crowding, &w->crowd, err));
     if (w->crowd.n > 0 && movable(w))
         RX_TRY_EXIT(refine(w, 0, 0, 0, w->substructure, err));
-    if (w->crowd.n > 0 && w->par->crowding == RX_CROWDING_AUTO)
-        RX_TRY_EXIT(spare_extended(w, (const double(*)[2])at, err));
+    if (w->crowd.n > 0 && w->par->crowding == RX_CROWDING_AUTO) {
+        describe_crowd(w, sources);
+        RX_TRY_EXIT(rx_crowding_spare(sources, w->n, &w->crowd, err));
+    }
     if (w->crowd.n > 0)
         RX_TRY_EXIT(fit_on_sky(w, err));
 exit:
-    free(at);
+    free(sources);
     return status;
 }
 

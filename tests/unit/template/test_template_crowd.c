@@ -40,24 +40,20 @@ static void test_cells(void **state)
     field f;
     rx_fit_image canvas;
     static float values[W * H];
-    static double at[W * H][2];
+    static rx_crowd_source sources[W * H];
     int n = 0;
     field_open(&f, W, H, 4, 1, 1);
     field_restore_none(&f);
     const rx_tphot_input input = field_input(&f);
     for (int y = 10; y < H; y += 20)
-        for (int x = 10; x < LEFT; x += 20, n++) {
-            at[n][0] = x;
-            at[n][1] = y;
-        }
-    at[n][0] = 450;
-    at[n++][1] = 150;
+        for (int x = 10; x < LEFT; x += 20)
+            sources[n++] = (rx_crowd_source){.x = x, .y = y, .star = -1};
+    sources[n++] = (rx_crowd_source){.x = 450, .y = 150, .star = -1};
     for (int rows = 40; rows <= H; rows += H - 40) {
         rx_crowding crowd;
         rx_fit_image_open(&input, (size_t)W * (size_t)rows, 2, &canvas);
         shade(&canvas, values, 384);
-        assert_int_equal(
-            rx_crowding_find(&canvas, (const double(*)[2])at, n, 4, RX_CROWDING_AUTO, &crowd, NULL), RX_OK);
+        assert_int_equal(rx_crowding_find(&canvas, sources, n, 4, RX_CROWDING_AUTO, &crowd, NULL), RX_OK);
         /* cells of the left, and those beside them, around which there are half as many sources and half the light */
         for (int y = 0; y < H; y += 32)
             for (int x = 0; x < W; x += 32)
@@ -69,12 +65,10 @@ static void test_cells(void **state)
         assert_int_equal(crowd.seen, 8 * 5);
         rx_crowding_clear(&crowd);
         assert_int_equal(rx_crowding_at(&crowd, 0, 0), 0);
-        assert_int_equal(
-            rx_crowding_find(&canvas, (const double(*)[2])at, n, 4, RX_CROWDING_NO, &crowd, NULL), RX_OK);
+        assert_int_equal(rx_crowding_find(&canvas, sources, n, 4, RX_CROWDING_NO, &crowd, NULL), RX_OK);
         assert_int_equal(crowd.n, 0);
         rx_crowding_clear(&crowd);
-        assert_int_equal(
-            rx_crowding_find(&canvas, (const double(*)[2])at, 0, 4, RX_CROWDING_YES, &crowd, NULL), RX_OK);
+        assert_int_equal(rx_crowding_find(&canvas, sources, 0, 4, RX_CROWDING_YES, &crowd, NULL), RX_OK);
         assert_int_equal(crowd.n, 8 * 5);
         rx_crowding_clear(&crowd);
         rx_fit_image_clear(&canvas);
@@ -85,8 +79,7 @@ static void test_cells(void **state)
     rx_crowding crowd;
     rx_fit_image_open(&input, (size_t)W * (size_t)H, 2, &canvas);
     shade(&canvas, values, 384);
-    assert_int_equal(rx_crowding_find(&canvas, (const double(*)[2])at, n, 4, RX_CROWDING_AUTO, &crowd, NULL),
-                     RX_OK);
+    assert_int_equal(rx_crowding_find(&canvas, sources, n, 4, RX_CROWDING_AUTO, &crowd, NULL), RX_OK);
     assert_int_equal(crowd.seen, 5 * 5);
     rx_crowding_clear(&crowd);
     rx_fit_image_clear(&canvas);
@@ -97,7 +90,7 @@ static void test_cells(void **state)
 static void test_extended(void **state)
 {
     (void)state;
-    static double at[(W / 20 + 1) * (H / 20 + 1)][2], light[(W / 20 + 1) * (H / 20 + 1)][2];
+    static rx_crowd_source sources[(W / 20 + 1) * (H / 20 + 1)];
     uint8_t cells[8 * 5];
     rx_crowding crowd = {.width = W, .height = H, .nx = 8, .ny = 5, .cells = cells, .n = 8 * 5};
     int n = 0;
@@ -105,18 +98,57 @@ static void test_extended(void **state)
     for (int y = 10; y < H; y += 20)
         for (int x = 10; x < W; x += 20, n++) {
             const int extended = (x >= W / 2) != (n % 10 == 0);
-            at[n][0] = x;
-            at[n][1] = y;
-            light[n][extended] = 100;
-            light[n][!extended] = -5;
+            sources[n] = (rx_crowd_source){.x = x, .y = y, .star = !extended};
+            sources[n].light[extended] = 100;
+            sources[n].light[!extended] = -5;
         }
-    assert_int_equal(rx_crowding_spare((const double(*)[2])at, (const double(*)[2])light, n, &crowd, NULL),
-                     RX_OK);
+    assert_int_equal(rx_crowding_spare(sources, n, &crowd, NULL), RX_OK);
     for (int y = 0; y < H; y += 64)
         for (int x = 0; x < W;
              x += 64) /* the cell right of the middle still has a third of the left's light around it */
             assert_int_equal(rx_crowding_at(&crowd, x, y), x <= W / 2);
     assert_int_equal(crowd.n, 5 * 5);
+}
+
+/* Odds that what looks extended is two stars, FWHM 4, a source every `step` pixels, of those that are clear every second or none
+ * extended. */
+static double odds_of(int step, int extended, int clear)
+{
+    static rx_crowd_source sources[W * H / 64];
+    rx_crowding crowd;
+    rx_fit_image canvas;
+    field f;
+    int n = 0;
+    field_open(&f, W, H, 4, 1, 1);
+    field_restore_none(&f);
+    const rx_tphot_input input = field_input(&f);
+    rx_fit_image_open(&input, (size_t)W * H, 2, &canvas);
+    for (int y = step / 2; y < H; y += step)
+        for (int x = step / 2; x < W; x += step, n++)
+            sources[n] = (rx_crowd_source){.x = x, .y = y, .star = clear ? !(extended && n % 2 == 1) : -1};
+    assert_int_equal(rx_crowding_find(&canvas, sources, n, 4, RX_CROWDING_AUTO, &crowd, NULL), RX_OK);
+    const double odds = rx_crowding_pair_odds(&crowd, W / 2, H / 2);
+    rx_crowding_clear(&crowd);
+    rx_fit_image_clear(&canvas);
+    field_close(&f);
+    return odds;
+}
+
+/* Where half is extended, and no more than a ninth of the stars have another one within 6 pixels, most are galaxies: 4 sources in each
+ * of nine cells, half of them points, and one point more. Where sources are too close to say how many they are all may be stars. */
+static void test_pair_odds(void **state)
+{
+    (void)state;
+    const double seen = M_PI * 36 / (32 * 32), points = 18 + 1, others = 18;
+    double x = seen;
+    for (int i = 0; i < 100; i++)
+        x = seen * exp(x);
+    const double chance = exp(x) - 1, left = others / points - 4 * chance;
+    assert_near(chance, 0.1334, 1e-4);
+    assert_near(odds_of(32, 1, 1), 2 * log(chance / left), 1e-9);
+    assert_near(odds_of(32, 0, 1), 4, 0);
+    assert_near(odds_of(32, 1, 0), 4, 0);
+    assert_near(odds_of(12, 1, 1), 4, 0);
 }
 
 /* Noise that is given as half again of what it is, on a sky 2 too high, is put right where it is crowded, and only there. */
@@ -510,8 +542,10 @@ static void test_unseen(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_cells),  cmocka_unit_test(test_extended),  cmocka_unit_test(test_sky_and_noise),
-        cmocka_unit_test(test_pair),   cmocka_unit_test(test_passes),    cmocka_unit_test(test_least_noise),
-        cmocka_unit_test(test_unseen), cmocka_unit_test(test_clear_pair)};
+        cmocka_unit_test(test_cells),       cmocka_unit_test(test_extended),
+        cmocka_unit_test(test_pair_odds),   cmocka_unit_test(test_sky_and_noise),
+        cmocka_unit_test(test_pair),        cmocka_unit_test(test_passes),
+        cmocka_unit_test(test_least_noise), cmocka_unit_test(test_unseen),
+        cmocka_unit_test(test_clear_pair)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

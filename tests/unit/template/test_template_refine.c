@@ -565,10 +565,14 @@ static void test_rivals(void **state)
     }
     print_message("rise %g, evidence %g, light %g\n", rise, evidence, light);
     assert_near(rise, chi2[1] - chi2[0], 2e-4);
-    /* in a crowd a brighter point stays one, a profile does not */
+    /* in a crowd of stars a brighter point stays one, a profile does not, nor either where galaxies are usual */
     uint8_t cell[W * H];
     memset(cell, 1, sizeof cell);
-    const rx_crowding crowd = {.width = W, .height = H, .nx = W, .ny = H, .cells = cell, .n = W * H};
+    static double odds[W * H];
+    for (int k = 0; k < W * H; k++)
+        odds[k] = 4;
+    const rx_crowding crowd = {
+        .width = W, .height = H, .nx = W, .ny = H, .cells = cell, .odds = odds, .n = W * H};
     const double by_profile = rise;
     g.view.crowd = &crowd;
     for (int point = 0; point < 2; point++) {
@@ -576,6 +580,9 @@ static void test_rivals(void **state)
         assert_int_equal(rx_refine_alone(&g.par, &g.view, g.lens, &s[0], &s[1], &rise, NULL), RX_OK);
         assert_near(rise, point ? as_point[1] - as_point[0] : by_profile, 1e-6 * as_point[1]);
     }
+    odds[(int)lround(s[0].y) * W + (int)lround(s[0].x)] = -1;
+    assert_int_equal(rx_refine_alone(&g.par, &g.view, g.lens, &s[0], &s[1], &rise, NULL), RX_OK);
+    assert_near(rise, by_profile, 1e-6 * as_point[1]);
     g.par.extended = 0;
     assert_int_equal(rx_refine_alone(&g.par, &g.view, g.lens, &s[0], &s[1], &rise, NULL), RX_OK);
     assert_near(rise, as_point[1] - as_point[0], 1e-6 * as_point[1]);
