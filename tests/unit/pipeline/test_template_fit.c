@@ -291,7 +291,7 @@ static void a_crowd_is_looked_at_again(void **state)
     (void)state;
     static const setting settings[3][3] = {{{"CROWDING", "N"}, {NULL, NULL}},
                                            {{"NTHREADS", "1"}, {NULL, NULL}},
-                                           {{"CROWDING", "Y"}, {"NTHREADS", "3"}, {NULL, NULL}}};
+                                           {{"NTHREADS", "3"}, {NULL, NULL}}};
     scene s;
     desk d[3];
     int found[3], others[3];
