@@ -2,12 +2,16 @@
 
     peer.py skimage IMAGE ITERATIONS FWHM THREADS
     peer.py sep IMAGE CATALOGUE FILTER
+    peer.py photutils IMAGE CATALOGUE FILTER
+    peer.py allstar IMAGE FWHM SIGMA GAIN FOLDER
 
 Seconds are of the job alone: the interpreter and its modules have been loaded, for skimage also the image. skimage's
-transforms are scipy's, which use one thread unless told otherwise (THREADS above 1).
+transforms are scipy's, which use one thread unless told otherwise (THREADS above 1). ALLSTAR is IRAF's, run as allstar.py says.
 """
+import os
 import sys
 import time
+import warnings
 
 import numpy as np
 from astropy.io import fits
@@ -77,5 +81,37 @@ def sep(name, catalogue, convolution):
     return time.perf_counter() - begun
 
 
+def photutils(name, catalogue, convolution):
+    """Its segmentation, by the same settings; numbers of plain.param that it has."""
+    from astropy.convolution import convolve
+    from astropy.table import Table
+    from photutils.background import Background2D, MedianBackground
+    from photutils.segmentation import SourceCatalog, deblend_sources, detect_sources
+    warnings.simplefilter("ignore")
+    begun = time.perf_counter()
+    image = read(name)
+    sky = Background2D(image, (64, 64), filter_size=(3, 3), bkg_estimator=MedianBackground())
+    image -= sky.background
+    smooth = convolve(image, kernel(convolution), normalize_kernel=True)
+    found = detect_sources(smooth, 1.5 * sky.background_rms, npixels=5)
+    found = deblend_sources(smooth, found, npixels=5, nlevels=32, contrast=0.005, progress_bar=False)
+    table = SourceCatalog(image, found, error=sky.background_rms, convolved_data=smooth)
+    aperture, _ = table.circular_photometry(2.5)
+    names = ("label", "xcentroid", "ycentroid", "kron_flux", "kron_fluxerr", "semimajor_sigma", "semiminor_sigma", "orientation",
+             "elongation")
+    columns = {name: np.asarray(getattr(table, name)) for name in names}
+    Table(columns | {"aperture": aperture, "half": np.asarray(table.fluxfrac_radius(0.5))}).write(catalogue, format="fits",
+                                                                                                  overwrite=True)
+    return time.perf_counter() - begun
+
+
+def allstar(name, fwhm, sigma, gain, folder):
+    sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), os.pardir))
+    import allstar as daophot
+    return daophot.run(os.path.abspath(folder), read(name), float(fwhm), 0, float(sigma), float(gain))[2]
+
+
+JOBS = {"skimage": skimage, "sep": sep, "photutils": photutils, "allstar": allstar}
+
 if __name__ == "__main__":
-    print(f"seconds {({'skimage': skimage, 'sep': sep})[sys.argv[1]](*sys.argv[2:]):.6f}")
+    print(f"seconds {JOBS[sys.argv[1]](*sys.argv[2:]):.6f}")

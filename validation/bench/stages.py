@@ -9,10 +9,11 @@ from table import Row
 COLUMNS = """NUMBER X_IMAGE Y_IMAGE FLUX_AUTO FLUXERR_AUTO MAG_AUTO FLUX_APER(1) A_IMAGE B_IMAGE THETA_IMAGE FLAGS
 ELONGATION FLUX_RADIUS""".split()
 TEMPLATE_COLUMNS = ["FLUX_TEMPLATE", "FLUXERR_TEMPLATE", "FLAGS_RESTORE"]
-DENSITY = {"sparse": 50, "crowded": 700}  # stars, and as many galaxies, per Mpixel (1e6 pixels)
+DENSITY = {"sparse": (50, 50), "crowded": (700, 700), "stars": (8000, 0)}  # stars and galaxies per Mpixel (1e6 pixels)
+GAIN, NOISE = 987, 0.031  # electrons per ADU; ADU, of the sky
 FWHM = 4
 SIGMA = FWHM / 2.3548
-NAME = {1024: "1k", 2048: "2k", 4096: "4k", 8192: "8k", 16384: "16k"}
+NAME = {512: "0.5k", 1024: "1k", 2048: "2k", 4096: "4k", 8192: "8k", 16384: "16k"}
 MODELS = {"NET": "psfnet.fits"}
 # Per size of the benchmark: sides of the comparison with others and of the growth, repeats, side of the whole stage.
 SIZES = {"quick": ((1024, 4096), (1024, 4096), 3, 2048),
@@ -60,9 +61,10 @@ class Bench:
             info = box.run([os.path.join(box.build, "rextract-train"), "-INFO", box.model(file)], 1)
             self.macs[name] = 1e3 * info.need(r"([0-9.]+) thousand multiplications per pixel")[0]
         self.siril = shutil.which("siril-cli")
-        self.python = {name: self.has_module(name) for name in ("skimage", "sep")}
-        for name, there in (("source-extractor", peer), ("siril", self.siril),
-                            ("python3-skimage", self.python["skimage"]), ("python3-sep", self.python["sep"])):
+        self.python = {name: self.has_module(name) for name in ("skimage", "sep", "photutils")}
+        self.iraf = shutil.which("irafcl")
+        for name, there in (("source-extractor", peer), ("siril", self.siril), ("iraf", self.iraf),
+                            *((f"python3-{name}", there) for name, there in self.python.items())):
             if not there:
                 self.missing.append(name)
                 box.say(f"bench: {name} is not there and takes no part")
@@ -103,11 +105,11 @@ class Bench:
         name = f"{kind}-{NAME[side]}.fits"
         if os.path.exists(os.path.join(self.box.work, name)):
             return name
-        counts = str(DENSITY[kind])
+        stars, galaxies = map(str, DENSITY[kind])
         run = self.box.run([os.path.join(self.box.build, "rextract-simulate"), "-IMAGE_SIZE", str(side), "-SEED", "1",
-                            "-PSF_FWHM", str(FWHM), "-STAR_COUNT", counts, "-GALAXY_COUNT", counts, "-STAR_MAG",
-                            "16.5,22.5", "-GALAXY_MAG", "16.5,22.5", "-STAR_SLOPE", "0.1", "-GALAXY_SLOPE", "0.1",
-                            "-MAG_ZEROPOINT", "22.5", "-SKY_LEVEL", "0.87", "-NOISE_TYPE", "CCD", "-GAIN", "987",
+                            "-PSF_FWHM", str(FWHM), "-STAR_COUNT", stars, "-GALAXY_COUNT", galaxies,
+                            "-STAR_MAG", "16.5,22.5", "-GALAXY_MAG", "16.5,22.5", "-STAR_SLOPE", "0.1", "-GALAXY_SLOPE", "0.1",
+                            "-MAG_ZEROPOINT", "22.5", "-SKY_LEVEL", "0.87", "-NOISE_TYPE", "CCD", "-GAIN", str(GAIN),
                             "-READ_NOISE", "9", "-IMAGE_NAME", name, "-TRUTH_NAME", "truth-" + name, "-NTHREADS",
                             str(self.box.most), "-VERBOSE_TYPE", "QUIET"], self.box.most)
         self.simulated.append((side, kind, run))
@@ -366,6 +368,8 @@ def extraction_of(bench, side, kind):
         jobs["source-extractor"] = lambda: bench.sextractor_seconds(tile)
     if bench.python["sep"]:
         jobs["sep"] = lambda: bench.peer("sep", tile, "other.fits", "default.conv")
+    if bench.python["photutils"] and side == 1024:  # its deblending takes minutes on larger ones
+        jobs["photutils"] = lambda: bench.peer("photutils", tile, "other.fits", "default.conv")
     # Hundredths of a second are less sure; minutes are more so, and many.
     repeats = {1024: max(bench.repeats, 5), 8192: min(bench.repeats, 3)}.get(side, bench.repeats)
     samples = bench.turns(repeats, jobs)
@@ -375,6 +379,7 @@ def extraction_of(bench, side, kind):
         bench.versus("none-sex-" + key, f"against source-extractor, {name}", samples, "source-extractor",
                      f"ours {threads}", 2 if threads == 1 else 3.2)
         bench.versus("none-sep-" + key, f"against python sep, {name}", samples, "sep", f"ours {threads}")
+        bench.versus("none-photutils-" + key, f"against photutils, {name}", samples, "photutils", f"ours {threads}")
 
 
 # --- the whole stage ---
@@ -460,6 +465,14 @@ def templates(bench):
                          samples, "source-extractor", "added")
         bench.tell(f"| {kind} | {full[2]} | {plain[0]:.1f} | {full[0]:.1f} | {1000 * added[0] / full[2]:.2f} | "
                    f"{plain[1] / 1e6:.0f}, {full[1] / 1e6:.0f} |")
+    if bench.iraf and bench.python["sep"]:
+        stars = bench.tile(512, "stars")
+        samples = bench.turns(min(bench.repeats, 3), {
+            "templates": lambda: box.rextract(stars, "NONE", threads, "-CATALOG_TYPE", "FITS_1.0", "-SATUR_LEVEL", "1e9",
+                                              columns="template.param").wall,
+            "ALLSTAR": lambda: bench.peer("allstar", stars, str(FWHM), str(NOISE), str(GAIN), "iraf")})
+        bench.versus("template-allstar", "with templates against IRAF's ALLSTAR, 512 x 512 pixels, 8000 stars per Mpixel, 1 core",
+                     samples, "ALLSTAR", "templates")
 
 
 # --- growth ---
