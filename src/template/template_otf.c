@@ -143,10 +143,10 @@ static int part_above(const rx_template_otf *lens, double level)
 
 int rx_template_otf_side(const rx_template_otf *lens, double reach, double level)
 {
-    /* of small prime factors, and n/2 + 1 not far below a multiple of the columns that num/fft.c takes at
-     * once */
-    static const int sides[] = {30,  40,  42,  48,  56,  60,  70,  80,  90, 108,
-                                126, 140, 160, 180, 210, 252, 320, 384, 512};
+    /* those whose transforms take least time: of small prime factors, 2 above all, and n/2 + 1 not far below a multiple of the
+     * columns that num/fft.c takes at once */
+    static const int sides[] = {32,  40,  44,  48,  56,  64,  72,  80,  96,
+                                120, 144, 160, 192, 240, 256, 320, 400, 512};
     const int whole = lens->tile->size > lens->image->size ? lens->tile->size : lens->image->size;
     const int need =
         (level > 0 ? part_above(lens, level) : whole) + MARGIN + 2 * (int)ceil(fmin(reach, 200.0));
