@@ -448,20 +448,20 @@ static void test_windows(void **state)
     field_restore_none(&g.f);
     stage_open(&g);
     const rx_fit_source s = subject_at(59.6, 50.4, 2.5), corner = subject_at(4.4, 106.7, 2.5),
-                        far = subject_at(59.6, 80.7, 1);
+                        far = subject_at(59.6, 80.7, 1), small = subject_at(59.6, 50.4, 1);
     const rx_refine_params restored = {.extended = 1, .substructure = 1},
                            frozen = {.extended = 1, .frozen = 1};
-    const int half = rx_template_otf_side(g.lens, 10, 0) / 2;
+    const int half = rx_template_otf_side(g.lens, 4, 0) / 2;
     const rx_window want[] = {{42, 32, 79, 69},
                               {0, 89, 23, H},
-                              {60 - half, 0, 61 + half, 51 + half},
+                              {60 - half, 50 - half, 61 + half, 51 + half},
                               {0, 0, 0, 0},
                               {21, 11, 100, 90}};
     const rx_window got[] = {
         rx_refine_window(&g.par, &g.view, g.lens, &s), rx_refine_window(&g.par, &g.view, g.lens, &corner),
-        rx_refine_window(&restored, &g.view, g.lens, &s), rx_refine_window(&frozen, &g.view, g.lens, &s),
+        rx_refine_window(&restored, &g.view, g.lens, &small), rx_refine_window(&frozen, &g.view, g.lens, &s),
         rx_refine_alone_window(&g.view, &s, &far)};
-    assert_int_equal(half, 60); /* a PSF of 81 pixels, 4 and 2 * 10 more: the next fast side is 120 */
+    assert_int_equal(half, 48); /* a PSF of 81 pixels, 4 and 2 * 4 more: the next fast side is 96 */
     for (size_t k = 0; k < sizeof want / sizeof *want; k++)
         assert_memory_equal(&got[k], &want[k], sizeof want[k]);
     stage_close(&g);
