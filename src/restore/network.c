@@ -132,12 +132,13 @@ static rx_status reblur(network *n, rx_error *err)
                            NULL, n->nthreads, n->input.x, err);
 }
 
-/* v becomes the restored tile, what the data have at low frequency and v has not is added. The data go. */
-static rx_status finish(network *n, double fwhm, rx_error *err)
+/* v becomes the restored tile, what the data have at low frequency and v has not is added. Where the data were is the
+ * reblurred image if that is wanted. */
+static rx_status finish(network *n, double fwhm, int reblurred, rx_error *err)
 {
     rx_restored *restored = n->restored;
     const size_t area = (size_t)n->image->width * (size_t)n->image->height;
-    rx_network_adu adu = {n->v, restored->reblurred, NAN};
+    rx_network_adu adu = {n->v, reblurred ? n->input.x : NULL, NAN};
     rx_coarse sky = {0};
     free(n->spare);
     n->spare = NULL;
@@ -150,6 +151,10 @@ static rx_status finish(network *n, double fwhm, rx_error *err)
     if (status == RX_OK)
         status = rx_network_sky_add(&n->input, n->input.x, &sky, n->nthreads, &adu, err);
     rx_coarse_free(&sky);
+    if (reblurred) {
+        restored->reblurred = n->input.x;
+        restored->support = n->input.x = NULL;
+    }
     restored->pixels = n->v;
     restored->chi2 = n->optics != NULL ? adu.chi2 : NAN;
     return status;
@@ -175,6 +180,10 @@ static rx_status make_support(network *n, int wanted, rx_error *err)
         restored->support = n->input.x = NULL;
         return RX_OK;
     }
+    if (restored->support == NULL)
+        restored->support = RX_NEW(float, (size_t)n->image->width *(size_t)n->image->height);
+    if (restored->support == NULL)
+        return rx_error_memory(err, (size_t)n->image->width * (size_t)n->image->height * sizeof(float));
     if (n->optics != NULL)
         return rx_network_optics_support(n->optics, restored->mask, restored->support, &progress, err);
     rx_psf *psf = rx_stamp_gauss(UNKNOWN_FWHM);
@@ -213,7 +222,7 @@ static rx_status restore_planes(network *n, int extras, rx_error *err)
         status = run_steps(n, err);
     lap(n, &n->times.steps);
     if (status == RX_OK)
-        status = finish(n, fwhm, err);
+        status = finish(n, fwhm, extras && n->par->keep_reblurred && n->image->psf != NULL, err);
     if (status == RX_OK)
         status = make_support(n, extras && n->par->keep_support, err);
     rx_network_optics_free(n->optics);
@@ -226,21 +235,19 @@ static rx_status restore_planes(network *n, int extras, rx_error *err)
 }
 
 /* The planes; support serves as scratch first. */
-static rx_status new_restored(const network *n, int extras, rx_restored **dst, rx_error *err)
+static rx_status new_restored(const network *n, rx_restored **dst, rx_error *err)
 {
-    const int reblurred = extras && n->par->keep_reblurred && n->image->psf != NULL;
     const size_t area = (size_t)n->image->width * (size_t)n->image->height;
     rx_restored *restored = *dst = rx_restored_bare("NET", n->image->width, n->image->height);
     if (restored == NULL)
         return rx_error_memory(err, area * sizeof(float));
     restored->pixels = RX_NEW(float, area); /* taken from the system as the network writes them */
     restored->support = RX_NEW(float, area);
-    restored->reblurred = reblurred ? RX_NEW(float, area) : NULL;
     restored->psf = rx_stamp_gauss(n->model->front.target_fwhm);
     restored->blur = n->image->psf != NULL ? rx_psf_copy(n->image->psf) : NULL;
     if (restored->pixels == NULL || restored->support == NULL || restored->psf == NULL ||
-        (reblurred && restored->reblurred == NULL) || (n->image->psf != NULL && restored->blur == NULL))
-        return rx_error_memory(err, 3 * area * sizeof(float));
+        (n->image->psf != NULL && restored->blur == NULL))
+        return rx_error_memory(err, 2 * area * sizeof(float));
     return RX_OK;
 }
 
@@ -312,7 +319,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     n.blocks.team = n.domains.team = n.nthreads;
     const double begun = n.clock = rx_seconds();
     *dst = NULL;
-    rx_status status = new_restored(&n, extras, &n.restored, err);
+    rx_status status = new_restored(&n, &n.restored, err);
     if (status == RX_OK) {
         n.input = (rx_network_input){.image = n.image, .mask = n.restored->mask, .x = n.restored->support};
         n.v = n.restored->pixels;

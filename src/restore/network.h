@@ -43,12 +43,12 @@
  * pixels, NET_BLOCK 4096) to 1.2 (1024 x 1024) times the pixels in the network, 1.2 to 1.35 times in the
  * FFTs of Tikhonov's filter; those of K' are on domains of their own, whose side follows from its size.
  *
- * Memory: a mask and three planes, 13 bytes a pixel, which become pixels and sigma, and support where it is
- * asked for (nothing else has the size of the tile but `reblurred`, where that is), of tall tiles less: what
- * the network or a step has read goes as its result comes (down to two planes and a part), per thread some
- * rows of a network (22 MB for NET_BLOCK 2048) and six FFT planes of 1024 x 1024 pixels at most, and 40 kB
- * per node of a varying PSF (every 512 pixels). Networks together stay below 1 GiB: beyond that blocks are
- * smaller, or fewer threads are used. VERIFY_SEAMS takes three planes of the tile's size more.
+ * Memory: a mask and three planes, 13 bytes a pixel; one becomes pixels, another, where that is asked for,
+ * `reblurred` (`support`, where it is, too, has one of its own then), of tall tiles less: what the network or a
+ * step has read goes as its result comes (down to two planes and a part), per thread some rows of a network (22
+ * MB for NET_BLOCK 2048) and six FFT planes of 1024 x 1024 pixels at most, and 40 kB per node of a varying PSF
+ * (every 512 pixels). Networks together stay below 1 GiB: beyond that blocks are smaller, or fewer threads are
+ * used. VERIFY_SEAMS takes three planes of the tile's size more.
  *
  * Errors: RX_INPUT, also where the network's values are not finite; RX_USAGE: BF16 on a processor that has
  * none; RX_SYSTEM; RX_INTERRUPTED. */

@@ -5,6 +5,7 @@
 #include <math.h>
 #include <omp.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "base/simd.h"
@@ -203,8 +204,8 @@ static double add_row(const frame *f, const rx_coarse *sky, int y, float *room, 
         if (mask[i] != 0)
             pixels[row + (size_t)i] = 0;
     if (reblurred != NULL) {
-        for (int i = 0; i < n; i++)
-            reblurred[row + (size_t)i] = f->m[row + (size_t)i];
+        if (reblurred != f->m)
+            memcpy(reblurred + row, f->m + row, (size_t)n * sizeof *reblurred);
         to_adu(n, unit, low, reblurred + row);
     }
     return row_chi2(n, mask, r, variance, low, good);
