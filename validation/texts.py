@@ -773,6 +773,8 @@ def speed():
 
     def per_thousand(kind):
         return f"{statistics.median(rows['full'][f'template-seconds-{kind}']['ours']) / 20:.2f}"
+    own = statistics.median(rows["full"]["net-conv-F32-1"]["ours"])
+    transforms = [8e-3 * sizes["full"]["limits"][f"fft_{side}_1_ms"] / own for side in (1024, 1152)]
     around = [1 / statistics.median(rows["full"][f"net-around-F32-{cores}"]["ratio"]) for cores in (1, 2)]
     return (paragraph(f"""{tally("full")} targets are met on {sizes["full"]["processor"]} ([tables](../validation/results/bench/full/bench.md)). An
         earlier program, whose default network had twice the multiplications and whose targets were lower, met {tally("avx2")} on
@@ -781,8 +783,13 @@ def speed():
         8 thousand pixels a side, sparse and crowded: {extraction(1)}, and on two cores {extraction(2)}. The sky is measured twice, the noise's
         correlation and the digest of the pixels once, which weigh most on sparse tiles (`-VERBOSE_TYPE FULL` shows each step).""") +
             item(f"""**Templates** (in place of 0.5 s for 1,000 sources on one core): {per_thousand("NONE")} s on the sources of NONE,
-        {per_thousand("NET")} on those of NET, of a crowded tile.""") +
-            item(f"""**Around the network** (in place of 1.35 times its own time): {listed(f"{v:.1f}" for v in around)} times on one core and two, f32.""") +
+        {per_thousand("NET")} on those of NET, of a crowded tile. There the residual is searched up to eight times, and after each time all
+        that is near what came or went is fitted again: point, profile and pair, with sky and noise between.
+        CROWDING N leaves that out.""") +
+            item(f"""**Around the network** (in place of 1.35 times its own time): {listed(f"{v:.1f}" for v in around)} times on one core
+        and two, f32. The eight transforms of the deconvolved copy (2), the Richardson-Lucy step (4) and reblurring (2) alone are {transforms[0]:.2f}
+        (1024 x 1024 pixels) to {transforms[1]:.2f} (1152 x 1152, with what reaches in) of the network's time; noise units, filling, the sky at low
+        frequency, chi2 and memory are the rest.""") +
             item(f"""**The network's share of the convolution peak** (in place of 80 %): {share("net")} of f32 on one and two
         cores, then of bf16; of the earlier one with AVX2 alone {share("net", "avx2")}. A tile is
         worked on with its surroundings, in one block per core, where two cores do them twice at the seam. What is not multiplication
