@@ -5,6 +5,7 @@
 #include <gsl/gsl_sf_erf.h>
 #include <gsl/gsl_sf_gamma.h>
 #include <gsl/gsl_sf_hyperg.h>
+#include <gsl/gsl_sf_lambert.h>
 #include <math.h>
 #include <stdbool.h>
 
@@ -32,6 +33,13 @@ double rx_gamma_q(double a, double x)
         return NAN;
     gsl_set_error_handler_off();
     return x > 0 ? gsl_sf_gamma_inc_Q(a, x) : 1;
+}
+
+double rx_lambert_w(double x)
+{
+    gsl_sf_result w;
+    gsl_set_error_handler_off();
+    return gsl_sf_lambert_W0_e(x, &w) == GSL_SUCCESS ? w.val : NAN;
 }
 
 double rx_gamma_log(double a)

@@ -1,4 +1,4 @@
-/* Distributions: beta, gamma (Poisson), Student's t, the normal tail. GSL's functions behind one header; their
+/* Distributions: beta, gamma (Poisson), Student's t, the normal tail; Lambert's function. GSL's functions behind one header; their
  * inverses are found by bisection to neighbouring doubles, since GSL's own (gsl_cdf_*_Pinv of 2.7) end without a
  * root for shapes of some hundred and more. No function has state or fails: an argument outside of the range
  * gives NAN. */
@@ -20,6 +20,9 @@ double rx_gamma_p_inverse(double a, double p);
 double rx_gamma_q_inverse(double a, double q);
 /* Logarithm of the gamma function, a > 0; unlike lgamma() it writes no variable that threads share. */
 double rx_gamma_log(double a);
+
+/* Principal branch of Lambert's function: w >= -1 with w e^w = x, x >= -1/e. */
+double rx_lambert_w(double x);
 
 /* p of Student's t, two-sided, and its logarithm (may be NULL), which does not underflow: for the numbers that
  * papers print. NAN when t is NAN or dof not positive. */

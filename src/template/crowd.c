@@ -1,18 +1,20 @@
 /* Crowded cells. */
 #include "template/crowd.h"
 
-#include <gsl/gsl_sf_lambert.h>
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "num/special.h"
 
-static const double COVERED = 0.05;  /* share of the pixels */
-static const double BEAMS = 70.0;    /* areas of FWHM^2 a source */
-static const double EXTENDED = 0.8;  /* share of the light */
-static const double BLEND = 1.5;     /* FWHM: what is nearer looks like one extended source */
-static const double CHANCE = 4.0;    /* times the odds of chance that a field of stars stays below */
+static const double COVERED = 0.05; /* share of the pixels */
+static const double BEAMS = 70.0;   /* areas of FWHM^2 a source */
+static const double EXTENDED = 0.8; /* share of the light */
+static const double BLEND = 1.5;    /* FWHM: what is nearer looks like one extended source */
+static const double CHANCE = 4.0;   /* times the odds of chance: a field of stars stays below */
+static const double ALREADY =
+    5.0; /* points that count before any is seen, so that one source decides nothing */
 static const double PAIR_ODDS = 4.0; /* 2 ln of the odds among stars that what is not a point is two */
 enum { CELL = 64 };                  /* pixels */
 
@@ -98,12 +100,11 @@ static tally around(const tally *cells, const rx_crowding *crowd, int x, int y)
     return sum;
 }
 
-/* Odds of a source that looks extended where all are stars, of which `density` are seen per pixel: a star has another one within that
- * radius with 1 - exp(-x), x of their true density, and of N stars N exp(-x) are seen. */
+/* Odds with which a star has another one within BLEND, so that both look like one extended source: e^x - 1, x of them expected
+ * there; of x, x e^-x are then seen. NAN where more are seen than that can be. */
 static double chance_odds(double density, double fwhm)
 {
-    const double seen = density * M_PI * BLEND * BLEND * fwhm * fwhm;
-    return seen < exp(-1) ? expm1(-gsl_sf_lambert_W0(-seen)) : HUGE_VAL;
+    return expm1(-rx_lambert_w(-density * M_PI * BLEND * BLEND * fwhm * fwhm));
 }
 
 static int is_crowded(const tally *sum, double fwhm)
@@ -111,12 +112,13 @@ static int is_crowded(const tally *sum, double fwhm)
     return sum->covered > COVERED * sum->seen && sum->sources * fwhm * fwhm * BEAMS > sum->seen;
 }
 
-/* 2 ln of the odds that what looks extended is two stars: what is left of the extended sources when chance has had its share are
+/* 2 ln of the odds that what looks extended is two stars: what exceeds several times what chance makes of the points is taken for
  * galaxies. */
 static double pair_odds(const tally *sum, double fwhm)
 {
-    const double chance = chance_odds(sum->sources / sum->seen, fwhm), odds = sum->others / (sum->points + 1);
-    return odds > CHANCE * chance ? fmin(2 * log(chance / (odds - CHANCE * chance)), PAIR_ODDS) : PAIR_ODDS;
+    const double chance = chance_odds(sum->sources / sum->seen, fwhm);
+    const double galaxies = (sum->others - CHANCE * chance * sum->points) / (sum->points + ALREADY);
+    return galaxies > 0 ? fmin(2 * log(chance / galaxies), PAIR_ODDS) : PAIR_ODDS;
 }
 
 rx_status rx_crowding_find(rx_fit_image *canvas, const rx_crowd_source *sources, int n, double fwhm, int mode,

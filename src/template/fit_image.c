@@ -492,8 +492,8 @@ rx_status rx_fit_image_add(rx_fit_image *canvas, const rx_footprint *footprint, 
 /* Nothing of the pixels in memory is known any more. */
 static void forget(rx_fit_image *canvas)
 {
-    for (int i = 0; i < canvas->columns * canvas->lines; i++)
-        canvas->state[i] = BARE;
+    if (canvas->state != NULL)
+        memset(canvas->state, BARE, (size_t)canvas->columns * (size_t)canvas->lines);
 }
 
 /* The sheet in the same cells; -1: there is none. */
@@ -508,15 +508,18 @@ static int same_mesh(const rx_fit_image *canvas, const rx_sky_mesh *sheet)
 rx_status rx_fit_image_subtract(rx_fit_image *canvas, rx_sky_mesh *sheet, rx_error *err)
 {
     const int same = same_mesh(canvas, sheet);
-    rx_status status = same < 0 ? RX_GROW(canvas->sheets, (size_t)canvas->nsheets + 1, err) : RX_OK;
-    if (status == RX_OK && same < 0)
-        canvas->sheets[canvas->nsheets++] = *sheet;
-    for (int i = 0; i < sheet->nx * sheet->ny && same >= 0; i++)
-        canvas->sheets[same].value[i] += sheet->value[i];
-    if (status != RX_OK || same >= 0)
+    if (same >= 0) {
+        for (int i = 0; i < sheet->nx * sheet->ny; i++)
+            canvas->sheets[same].value[i] += sheet->value[i];
         rx_sky_mesh_clear(sheet);
-    if (status != RX_OK)
-        return status;
+    } else {
+        const rx_status status = RX_GROW(canvas->sheets, (size_t)canvas->nsheets + 1, err);
+        if (status != RX_OK) {
+            rx_sky_mesh_clear(sheet);
+            return status;
+        }
+        canvas->sheets[canvas->nsheets++] = *sheet;
+    }
     forget(canvas);
     if (canvas->kept != NULL)
         keep_pixels(canvas);

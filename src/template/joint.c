@@ -88,13 +88,14 @@ static rx_status slope_of(const rx_footprint *f, int along_y, rx_footprint *dst,
             continue;
         }
         half_difference(w > 1 ? row + 1 : NULL, NULL, 1, slope);
-        half_difference(row + 2, row, w > 2 ? w - 2 : 0, slope + 1);
+        if (w > 2)
+            half_difference(row + 2, row, w - 2, slope + 1);
         half_difference(NULL, w > 1 ? row + w - 2 : NULL, 1, slope + w - 1);
     }
     return RX_OK;
 }
 
-/* sum w T and sum w T (data - model) over a footprint. */
+/* sum w T and sum w T (data - model) over a footprint: products in float, sums in double. */
 RX_SIMD static void project(const rx_footprint *f, const rx_fit_image *canvas, double *weight, double *value)
 {
     double sum_w = 0, sum_v = 0;

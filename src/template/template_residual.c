@@ -13,10 +13,10 @@
 #include "template/windows.h"
 
 enum {
-    STRIP = 64,
-    TOGETHER = 64,
-    LANES = 8
-}; /* rows of a strip; pixels of a row whose sums grow together, in one vector */
+    STRIP = 64,    /* rows of a strip */
+    TOGETHER = 64, /* pixels of a row whose sums grow together: a multiple of 4 LANES */
+    LANES = 8      /* of them in one vector */
+};
 
 /* Floats anywhere. */
 typedef float lanes __attribute__((vector_size(LANES * sizeof(float)), aligned(sizeof(float)), may_alias));
@@ -29,7 +29,7 @@ typedef struct strip {
     const rx_template_residual *of;
     int top; /* row of the image that is its first */
     size_t stride;
-    float *residual, *variance; /* [STRIP + side][stride] */
+    float *residual, *variance; /* [STRIP + side][stride]; TOGETHER residuals more are read */
     float *open;                /* 1 where visible */
     float *own, *light; /* [STRIP + side + 2 reach][width]: light of each pixel, the largest of a row's */
     float *least;       /* [STRIP + side] smallest variance of a part of each row */
@@ -241,7 +241,7 @@ RX_SIMD static void filter_piece(const strip *s, int y, int x, int count, const 
         most = sum[m] > most ? sum[m] : most;
     for (int j = 1; j < of->side; j++)
         least = s->least[y - s->top + j] < least ? s->least[y - s->top + j] : least;
-    const int faint = !s->hidden && most < SURELY * (float)of->threshold * sqrtf(least);
+    const int faint = !s->hidden && of->threshold > 0 && most < SURELY * (float)of->threshold * sqrtf(least);
     for (int j = 0; j < of->side && !faint; j++)
         for (int i = 0; i < of->side; i++) {
             const float k = of->filter[j * of->side + i];
@@ -283,7 +283,8 @@ static rx_status filter_rows(const rx_template_residual *of, int from, int to, c
                 continue;
             fill_strip(&s, top, end);
             for (int x = 0; x < width; x += TOGETHER) {
-                find_least(&s, x);
+                if (!s.hidden && of->threshold > 0)
+                    find_least(&s, x);
                 for (int y = top; y < end; y++)
                     filter_piece(&s, y, x, x + TOGETHER < width ? TOGETHER : width - x, dst);
             }

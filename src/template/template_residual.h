@@ -28,7 +28,7 @@ typedef struct rx_template_residual {
 
 /* At visible pixels filtered = sum k r, row by row of the filter, and noise = sqrt(sum |k| sigma^2 / sum
  * |k|), the sums over visible pixels; beyond the border all is 0. Where filtered is below the threshold for the least sigma
- * around, noise may be that. mask = 1 at the others, with filtered and
+ * around, noise may be that least. mask = 1 at the others, with filtered and
  * noise 0. All [to - from][width], of the rows from <= y < to. Errors: RX_SYSTEM. */
 rx_status rx_template_residual_filter(const rx_template_residual *of, int from, int to, float *filtered,
                                       float *noise, uint8_t *mask, rx_error *err);

@@ -61,7 +61,7 @@ class Bench:
             info = box.run([os.path.join(box.build, "rextract-train"), "-INFO", box.model(file)], 1)
             self.macs[name] = 1e3 * info.need(r"([0-9.]+) thousand multiplications per pixel")[0]
         self.siril = shutil.which("siril-cli")
-        self.python = {name: self.has_module(name) for name in ("skimage", "sep", "photutils")}
+        self.python = {name: self.has_module(name) for name in ("skimage", "sep", "photutils", "astropy")}
         self.iraf = shutil.which("irafcl")
         for name, there in (("source-extractor", peer), ("siril", self.siril), ("iraf", self.iraf),
                             *((f"python3-{name}", there) for name, there in self.python.items())):
@@ -465,7 +465,7 @@ def templates(bench):
                          samples, "source-extractor", "added")
         bench.tell(f"| {kind} | {full[2]} | {plain[0]:.1f} | {full[0]:.1f} | {1000 * added[0] / full[2]:.2f} | "
                    f"{plain[1] / 1e6:.0f}, {full[1] / 1e6:.0f} |")
-    if bench.iraf and bench.python["sep"]:
+    if bench.iraf and bench.python["astropy"]:
         stars = bench.tile(512, "stars")
         samples = bench.turns(min(bench.repeats, 3), {
             "templates": lambda: box.rextract(stars, "NONE", threads, "-CATALOG_TYPE", "FITS_1.0", "-SATUR_LEVEL", "1e9",

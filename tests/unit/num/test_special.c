@@ -155,6 +155,17 @@ static void normal_tail_as_scipy(void **state)
         assert_close(rx_normal_log_p(expected[i][0]), expected[i][1], 1e-13);
 }
 
+/* By its definition, and scipy.special.lambertw(-0.2). */
+static void lambert_by_its_definition(void **state)
+{
+    (void)state;
+    for (double w = -0.99; w < 20; w += 0.37)
+        assert_near(rx_lambert_w(w * exp(w)), w, 1e-12 * fmax(1, fabs(w)) / (1 + w));
+    assert_close(rx_lambert_w(-0.2), -0.25917110181907377, 1e-14);
+    assert_near(rx_lambert_w(-exp(-1)), -1, 1e-7);
+    assert_true(isnan(rx_lambert_w(-0.37)));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -166,6 +177,7 @@ int main(void)
         cmocka_unit_test(student_p_at_the_ends),
         cmocka_unit_test(student_quantile_as_scipy),
         cmocka_unit_test(normal_tail_as_scipy),
+        cmocka_unit_test(lambert_by_its_definition),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

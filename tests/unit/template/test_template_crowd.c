@@ -70,6 +70,7 @@ static void test_cells(void **state)
         rx_crowding_clear(&crowd);
         assert_int_equal(rx_crowding_find(&canvas, sources, 0, 4, RX_CROWDING_YES, &crowd, NULL), RX_OK);
         assert_int_equal(crowd.n, 8 * 5);
+        assert_near(rx_crowding_pair_odds(&crowd, 100, 100), 4, 0);
         rx_crowding_clear(&crowd);
         rx_fit_image_clear(&canvas);
     }
@@ -135,15 +136,15 @@ static double odds_of(int step, int extended, int clear)
 }
 
 /* Where half is extended, and no more than a ninth of the stars have another one within 6 pixels, most are galaxies: 4 sources in each
- * of nine cells, half of them points, and one point more. Where sources are too close to say how many they are all may be stars. */
+ * of nine cells, half of them points, and five points more. Where sources are too close to say how many they are all may be stars. */
 static void test_pair_odds(void **state)
 {
     (void)state;
-    const double seen = M_PI * 36 / (32 * 32), points = 18 + 1, others = 18;
+    const double seen = M_PI * 36 / (32 * 32), points = 18, others = 18, start = 5;
     double x = seen;
     for (int i = 0; i < 100; i++)
         x = seen * exp(x);
-    const double chance = exp(x) - 1, left = others / points - 4 * chance;
+    const double chance = exp(x) - 1, left = (others - 4 * chance * points) / (points + start);
     assert_near(chance, 0.1334, 1e-4);
     assert_near(odds_of(32, 1, 1), 2 * log(chance / left), 1e-9);
     assert_near(odds_of(32, 0, 1), 4, 0);

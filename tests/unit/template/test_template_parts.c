@@ -347,7 +347,7 @@ static void test_undersky(void **state)
     field_close(&f);
 }
 
-enum { LW = 90, LH = 150, LSIDE = 5 };
+enum { LW = 200, LH = 75, LSIDE = 5 };
 
 /* What test_leftover() filters: data, model and weight as the canvas should show them. */
 typedef struct scene {
@@ -397,7 +397,7 @@ static void set_scene(scene *s)
         s->pixels[k] = s->model[k] + (float)rx_random_uniform(1, 1, (uint64_t)k) + s->sky[k];
         s->data[k] = s->pixels[k] - s->sky[k];
         s->sigma[k] = (float)(0.8 + 0.5 * rx_random_uniform(1, 2, (uint64_t)k));
-        s->mask[k] = k / LW > 100 && k % 37 == 0;
+        s->mask[k] = k / LW > 68 && k % 37 == 0;
         s->weight[k] = s->mask[k] ? 0 : 1 / (s->sigma[k] * s->sigma[k]);
     }
 }
@@ -467,6 +467,22 @@ static void test_leftover(void **state)
         assert_true(spots[1][k].sigma == spots[0][k].sigma);
         assert_close(spots[0][k].weight, s.weight[k], 1e-6);
     }
+    /* the first strip hides nothing: noise is not filtered where nothing can be above the threshold */
+    const double thresholds[] = {1e-6, 0.1, 0.3, 5};
+    for (int i = 0; i < 4; i++) {
+        int least = 0;
+        of.threshold = thresholds[i];
+        assert_int_equal(rx_template_residual_filter(&of, 0, 64, filtered[1], noise[1], mask, NULL), RX_OK);
+        assert_memory_equal(filtered[0], filtered[1], 64 * LW * sizeof(float));
+        for (int k = 0; k < 64 * LW; k++) {
+            const int found = filtered[0][k] >= of.threshold * (double)noise[0][k];
+            assert_true(noise[1][k] == noise[0][k] || (!found && noise[1][k] < noise[0][k]));
+            least += noise[1][k] != noise[0][k];
+        }
+        /* by 64 pixels of a row, but for those that the border reaches into */
+        assert_true(i == 0 ? least == 0 : least % 64 == 0 && (i < 3 || least == 62 * 128));
+    }
+    of.threshold = 0;
     assert_int_equal(rx_template_residual_filter(&of, 64, LH, filtered[1], noise[1], mask, NULL), RX_OK);
     assert_memory_equal(filtered[0] + 64 * LW, filtered[1], (size_t)(LH - 64) * LW * sizeof(float));
     for (int i = 0; i < 2; i++)

@@ -220,7 +220,7 @@ static void test_patch(void **state)
             weighted += product * s.weight[k];
         }
         assert_true(plain > 0);
-        assert_close(rx_footprint_product(&s.t[i - 1], &s.t[i], NULL), plain, 1e-6);
+        assert_close(rx_footprint_product(&s.t[i - 1], &s.t[i], NULL), plain, 1e-9);
         assert_close(rx_footprint_product(&s.t[i], &s.t[i - 1], &canvas), weighted, 1e-5);
     }
     rx_fit_image_clear(&canvas);
