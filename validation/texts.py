@@ -826,7 +826,7 @@ def amdahl():
                      *(f"{100 / (n * share + 1 - share):.0f} %" for n in (2, 4, 8)),
                      listed(f"{step} {steps[step][0]:.2f}" for step in largest)])
     return (paragraph(f"""CPU seconds on a crowded tile of {measured["side"]} x {measured["side"]} pixels, in all and outside what threads share, and
-        the efficiency on 2, 4 and 8 cores that Amdahl's law leaves (NET with psfnet-deep, the default before):""") + "\n" +
+        the efficiency on 2, 4 and 8 cores that Amdahl's law leaves:""") + "\n" +
             table(["", "all [s]", "serial [s]", "share", "2 cores", "4", "8", "most of it [s]"], rows))
 
 
