@@ -23,10 +23,10 @@ typedef struct rx_crowd_source {
 /* A cell of about 64 pixels is crowded where, in it and the eight around it, models are brighter than the noise of a pixel
  * on more than a twentieth of the visible pixels, and sources are more than one in 70 areas of FWHM^2: a galaxy covers a cell,
  * too, and is no crowd. What looks extended there is most often two stars. A star has another one within 1.5 FWHM with the odds
- * e^x - 1, x the stars expected there; what looks extended beyond four times that is taken for galaxies. (Eleven fields of stars, 500
- * to 20000 per Mpixel, FWHM 2.5 to 6, seed 601: 0.7 to 2.9 times; with a fifth of 2000 galaxies 2.8; with half of 1400: 16. With a PSF
- * that is 5 % too narrow stars count as galaxies.) Where more than 1/e sources are seen within 1.5 FWHM of any place all may be
- * stars.
+ * e^x - 1, x the stars expected there; what looks extended beyond four times that is taken for galaxies. (validation/crowded.py cells,
+ * seed 601, seven fields of stars that are not too dense to say: 0.9 to 2.9 times; 2000-4G, a fifth galaxies: 2.8; 700 stars and 700
+ * galaxies per Mpixel, the crowded tile of the benchmark: 16. With a PSF that is 5 % too narrow stars count as galaxies.) Where more
+ * than 1/e sources are seen within 1.5 FWHM of any place all may be stars.
  * mode RX_CROWDING_NO: none is, RX_CROWDING_YES: all are. Free the contents with rx_crowding_clear(). Errors: RX_SYSTEM. */
 rx_status rx_crowding_find(rx_fit_image *canvas, const rx_crowd_source *sources, int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err);
