@@ -2,6 +2,7 @@
 #include "num/special.h"
 
 #include <gsl/gsl_errno.h>
+#include <gsl/gsl_integration.h>
 #include <gsl/gsl_sf_erf.h>
 #include <gsl/gsl_sf_gamma.h>
 #include <gsl/gsl_sf_hyperg.h>
@@ -138,4 +139,16 @@ double rx_student_quantile(double p, double dof)
     if (!(p >= 0 && p <= 1) || !(dof > 0))
         return NAN;
     return p == 0 ? INFINITY : root(student_p, dof, 0, p, false, 1);
+}
+
+rx_status rx_gauss_legendre(int n, double *places, double *weights, rx_error *err)
+{
+    gsl_set_error_handler_off();
+    gsl_integration_glfixed_table *table = gsl_integration_glfixed_table_alloc((size_t)n);
+    if (table == NULL)
+        return rx_error_memory(err, 2 * (size_t)n * sizeof(double));
+    for (int i = 0; i < n; i++)
+        gsl_integration_glfixed_point(-1.0, 1.0, (size_t)i, &places[i], &weights[i], table);
+    gsl_integration_glfixed_table_free(table);
+    return RX_OK;
 }

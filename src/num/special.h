@@ -1,9 +1,11 @@
 /* Distributions: beta, gamma (Poisson), Student's t, the normal tail; Lambert's function. GSL's functions behind one header; their
  * inverses are found by bisection to neighbouring doubles, since GSL's own (gsl_cdf_*_Pinv of 2.7) end without a
- * root for shapes of some hundred and more. No function has state or fails: an argument outside of the range
+ * root for shapes of some hundred and more. No function has state; of a distribution an argument outside of the range
  * gives NAN. */
 #ifndef RX_NUM_SPECIAL_H
 #define RX_NUM_SPECIAL_H
+
+#include "base/error.h"
 
 /* Regularised incomplete beta function I_x(a, b), a, b > 0: 0 below x = 0, 1 above x = 1. Accuracy 1e-11 for
  * a, b up to 1e6. */
@@ -32,5 +34,9 @@ double rx_student_quantile(double p, double dof);
 
 /* Logarithm of the two-sided p of a normal deviate z. */
 double rx_normal_log_p(double z);
+
+/* The n >= 1 places and weights of Gauss and Legendre's rule on -1..1, which is exact for polynomials of degree 2 n - 1.
+ * Errors: RX_SYSTEM memory. */
+rx_status rx_gauss_legendre(int n, double *places, double *weights, rx_error *err);
 
 #endif

@@ -7,18 +7,18 @@
  * weights on [-1, 1]: Abramowitz and Stegun 1964, table 25.4. */
 static const struct {
     int order;
-    double hwhm; /* smallest half width (pixels) for which one cell is integrated to 1e-6 of the peak */
+    double hwhm[2]; /* smallest half width (pixels) for which one cell is integrated to 1e-6 and 1e-4 of the peak */
     double node[4], weight[4];
 } rules[] = {
-    {2, 9.5, {0.5773502691896257}, {1.0}},
-    {3, 2.8, {0.7745966692414834, 0.0}, {0.5555555555555556, 0.8888888888888888}},
-    {4, 1.5, {0.8611363115940526, 0.3399810435848563}, {0.3478548451374538, 0.6521451548625461}},
+    {2, {9.5, 3.0}, {0.5773502691896257}, {1.0}},
+    {3, {2.8, 1.3}, {0.7745966692414834, 0.0}, {0.5555555555555556, 0.8888888888888888}},
+    {4, {1.5, 0.84}, {0.8611363115940526, 0.3399810435848563}, {0.3478548451374538, 0.6521451548625461}},
     {5,
-     0.95,
+     {0.95, 0.6},
      {0.9061798459386640, 0.5384693101056831, 0.0},
      {0.2369268850561891, 0.4786286704993665, 0.5688888888888889}},
     {8,
-     0.45,
+     {0.45, 0.34},
      {0.9602898564975363, 0.7966664774136267, 0.5255324099163290, 0.1834346424956498},
      {0.1012285362903763, 0.2223810344533745, 0.3137066458778873, 0.3626837833783620}},
 };
@@ -37,9 +37,10 @@ static void choose_rule(const rx_moffat *m, double dx, double dy, quadrature *q)
     double away = fmax(fmax(fabs(dx), fabs(dy)) - 0.5, 0.0);
     double scale = sqrt(m->narrow * m->narrow + 0.25 * away * away);
     int r = 0;
-    while (r < RULES - 1 && scale < rules[r].hwhm)
+    while (r < RULES - 1 && scale < rules[r].hwhm[m->rough])
         r++;
-    q->cells = scale < rules[r].hwhm ? (int)ceil(fmin(rules[r].hwhm / scale, 16.0)) : 1;
+    const double least = rules[r].hwhm[m->rough];
+    q->cells = scale < least ? (int)ceil(fmin(least / scale, 16.0)) : 1;
     q->order = rules[r].order;
     for (int i = 0; i < q->order; i++) {
         int mirrored = i >= (q->order + 1) / 2, j = mirrored ? q->order - 1 - i : i;
@@ -77,6 +78,7 @@ void rx_moffat_set(rx_moffat *m, const double shape[RX_MOFFAT_SHAPE])
         m->gradient_e[i][2] = -g * (d * e * e2 + (i == 1 ? s : 0.0));
     }
     m->narrow = m->hwhm * exp(-0.5 * eta);
+    m->rough = 0;
 }
 
 void rx_moffat_shape(double fwhm, double beta, double ratio, double angle, double shape[RX_MOFFAT_SHAPE])

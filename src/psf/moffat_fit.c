@@ -30,7 +30,7 @@ void rx_moffat_pixels_free(rx_moffat_pixels *pixels)
 
 typedef struct fit_task {
     const rx_moffat_pixels *pixels;
-    int nparameters;
+    int nparameters, rough;
     double fixed_sky;
 } fit_task;
 
@@ -44,6 +44,7 @@ static int fit_model(void *user, const double *p, double *residuals, double *jac
         if (!isfinite(p[i]))
             return 1;
     rx_moffat_set(&profile, p + SHAPE);
+    profile.rough = task->rough;
     for (int i = 0; i < px->n; i++) {
         double g[2 + RX_MOFFAT_SHAPE], weight = 1.0 / px->sigma[i];
         double f = rx_moffat_pixel(&profile, px->x[i] - p[CENTRE_X], px->y[i] - p[CENTRE_Y],
@@ -65,7 +66,10 @@ static int fit_model(void *user, const double *p, double *residuals, double *jac
 
 rx_status rx_moffat_fit_run(const rx_moffat_pixels *pixels, int free_sky, rx_moffat_fit *fit, rx_error *err)
 {
-    fit_task task = {.pixels = pixels, .nparameters = free_sky ? WITH_SKY : SKY, .fixed_sky = fit->sky};
+    fit_task task = {.pixels = pixels,
+                     .nparameters = free_sky ? WITH_SKY : SKY,
+                     .rough = fit->rough,
+                     .fixed_sky = fit->sky};
     double p[WITH_SKY] = {fit->peak, fit->x, fit->y};
     for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
         p[SHAPE + k] = fit->shape[k];

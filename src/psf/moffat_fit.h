@@ -16,6 +16,7 @@ void rx_moffat_pixels_free(rx_moffat_pixels *pixels);
 /* model = sky + peak * (pixel integral of the profile around x, y) */
 typedef struct rx_moffat_fit {
     double peak, x, y, sky, shape[RX_MOFFAT_SHAPE];
+    int rough; /* as of rx_moffat */
     double chi2;
     int converged;
 } rx_moffat_fit;

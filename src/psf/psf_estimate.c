@@ -5,6 +5,7 @@
  * few brightest stars, on which a Moffat never fits to the noise, from deciding alone.
  */
 #include <math.h>
+#include <omp.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -85,6 +86,7 @@ static void weigh(const scene *sc, fitted_star *star, int drop)
     rx_moffat_pixels *p = &star->pixels;
     rx_moffat profile;
     rx_moffat_set(&profile, star->fit.shape);
+    profile.rough = 1;
     double core = rx_moffat_fit_fwhm(&star->fit);
     int kept = 0;
     for (int i = 0; i < p->n; i++) {
@@ -109,7 +111,7 @@ static rx_status fit_star(const scene *sc, const double shape[RX_MOFFAT_SHAPE], 
 {
     const rx_source *s = star->source;
     rx_status status = RX_OK;
-    star->fit = (rx_moffat_fit){.peak = s->peak, .x = s->x, .y = s->y};
+    star->fit = (rx_moffat_fit){.peak = s->peak, .x = s->x, .y = s->y, .rough = 1};
     for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
         star->fit.shape[k] = shape[k];
     for (int pass = 0; pass < 2 && status == RX_OK; pass++) {
@@ -169,56 +171,83 @@ typedef struct joint_task {
     int free;                      /* how many are not: ln hwhm, e1, e2, v in this order */
 } joint_task;
 
-/* All kept stars with one shape; peak and sky of each follow by linear least squares (variable projection,
- * Golub and Pereyra 1973), centres stay where the single fits put them. */
+/* Peak and sky of one star follow by linear least squares (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10,
+ * 413), with Kaufman's (1975, BIT 15, 49) derivatives; its centre stays where the single fit put it. 0: they do not follow. */
+static int joint_star(const fitted_star *star, const rx_moffat *profile, int nfree, double *residuals,
+                      double *jacobian)
+{
+    const rx_moffat_pixels *p = &star->pixels;
+    double w1 = 0.0, wf = 0.0, wff = 0.0, wv = 0.0, wfv = 0.0;
+    double wg[RX_MOFFAT_SHAPE] = {0.0}, wfg[RX_MOFFAT_SHAPE] = {0.0};
+    for (int i = 0; i < p->n; i++) {
+        double g[2 + RX_MOFFAT_SHAPE];
+        const double f = rx_moffat_pixel(profile, p->x[i] - star->fit.x, p->y[i] - star->fit.y,
+                                         jacobian != NULL ? g : NULL);
+        const double w = 1.0 / (p->sigma[i] * p->sigma[i]);
+        residuals[i] = f;
+        w1 += w;
+        wf += w * f;
+        wff += w * f * f;
+        wv += w * p->value[i];
+        wfv += w * f * p->value[i];
+        for (int k = 0; k < nfree && jacobian != NULL; k++) {
+            jacobian[i * nfree + k] = g[2 + k];
+            wg[k] += w * g[2 + k];
+            wfg[k] += w * f * g[2 + k];
+        }
+    }
+    const double det = w1 * wff - wf * wf;
+    if (!(det > 0.0))
+        return 0;
+    const double peak = (w1 * wfv - wf * wv) / det, sky = (wff * wv - wf * wfv) / det;
+    for (int i = 0; i < p->n; i++) {
+        const double f = residuals[i];
+        residuals[i] = (peak * f + sky - p->value[i]) / p->sigma[i];
+        for (int k = 0; k < nfree && jacobian != NULL; k++) {
+            double *d = &jacobian[i * nfree + k];
+            *d = peak / p->sigma[i] *
+                 (*d - f * (w1 * wfg[k] - wf * wg[k]) / det - (wff * wg[k] - wf * wfg[k]) / det);
+        }
+    }
+    return 1;
+}
+
+/* All kept stars with one shape. */
 static int joint_model(void *user, const double *parameters, double *residuals, double *jacobian)
 {
     const joint_task *task = user;
     rx_moffat profile;
     double shape[RX_MOFFAT_SHAPE];
-    for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
+    for (int k = 0; k < RX_MOFFAT_SHAPE; k++) {
         shape[k] = k < task->free ? parameters[k] : task->shape[k];
-    (void)jacobian;
-    for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
         if (!isfinite(shape[k]))
             return 1;
+    }
     rx_moffat_set(&profile, shape);
+    profile.rough = 1;
     for (int s = 0; s < task->n; s++) {
         const fitted_star *star = &task->stars[s];
-        const rx_moffat_pixels *p = &star->pixels;
         if (star->kept <= 0)
             continue;
-        double w1 = 0.0, wf = 0.0, wff = 0.0, wv = 0.0, wfv = 0.0;
-        for (int i = 0; i < p->n; i++) {
-            double f = rx_moffat_pixel(&profile, p->x[i] - star->fit.x, p->y[i] - star->fit.y, NULL);
-            double w = 1.0 / (p->sigma[i] * p->sigma[i]);
-            residuals[i] = f;
-            w1 += w;
-            wf += w * f;
-            wff += w * f * f;
-            wv += w * p->value[i];
-            wfv += w * f * p->value[i];
-        }
-        double det = w1 * wff - wf * wf;
-        if (!(det > 0.0))
+        if (!joint_star(star, &profile, task->free, residuals, jacobian))
             return 1;
-        double peak = (w1 * wfv - wf * wv) / det, sky = (wff * wv - wf * wfv) / det;
-        for (int i = 0; i < p->n; i++)
-            residuals[i] = (peak * residuals[i] + sky - p->value[i]) / p->sigma[i];
-        residuals += p->n;
+        residuals += star->pixels.n;
+        if (jacobian != NULL)
+            jacobian += (size_t)star->pixels.n * (size_t)task->free;
     }
     return 0;
 }
 
-static rx_status fit_joint(const fitted_star *stars, int n, int free_shape, double shape[RX_MOFFAT_SHAPE],
-                           rx_error *err)
+static rx_status fit_joint(const fitted_star *stars, int n, int free_shape, int steps,
+                           double shape[RX_MOFFAT_SHAPE], rx_error *err)
 {
     joint_task task = {.stars = stars, .n = n, .free = free_shape};
     memcpy(task.shape, shape, sizeof task.shape);
     rx_lsq_problem problem = {.nparameters = (size_t)free_shape,
                               .model = joint_model,
+                              .has_jacobian = 1,
                               .user = &task,
-                              .max_iterations = 30,
+                              .max_iterations = steps,
                               .tolerance = 1e-5};
     for (int i = 0; i < n; i++)
         if (stars[i].kept > 0)
@@ -283,7 +312,7 @@ static double flux_off(const double used[RX_MOFFAT_SHAPE], const double other[RX
 static rx_status jackknife(fitted_star *stars, int n, const double shape[RX_MOFFAT_SHAPE], double *error,
                            rx_error *err)
 {
-    enum { GROUPS = 8, MANY = 16 };
+    enum { GROUPS = 8, MANY = 16, STEPS = 2 }; /* from the shape of all, as good as at the bottom */
     const int kept = count_kept(stars, n), groups = kept < GROUPS ? kept : GROUPS;
     double sum = 0.0, squares = 0.0;
     rx_status status = RX_OK;
@@ -298,7 +327,7 @@ static rx_status jackknife(fitted_star *stars, int n, const double shape[RX_MOFF
                 if (stars[i].kept != 0 && k++ % groups == group)
                     stars[i].kept = -stars[i].kept;
             if (pass == 0)
-                status = fit_joint(stars, n, RX_MOFFAT_SHAPE, part, err);
+                status = fit_joint(stars, n, RX_MOFFAT_SHAPE, STEPS, part, err);
         }
         const double off = flux_off(shape, part);
         sum += off;
@@ -374,10 +403,19 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
     if (a->stars == NULL)
         return rx_error_memory(err, 0);
     rx_moffat_shape(1.9 * a->radius, 4.0, 1.0, 0.0, a->shape);
-    for (int i = 0; i < a->list.n && status == RX_OK; i++) {
-        status = cut_out(&sc, &sc.sources->list[a->list.list[i].source], &a->stars[i], err);
-        if (status == RX_OK)
-            status = fit_star(&sc, a->shape, &a->stars[i], err);
+#pragma omp parallel for schedule(dynamic, 1) num_threads(search->par->nthreads > 1 ? search->par->nthreads : 1)
+    for (int i = 0; i < a->list.n; i++) {
+        rx_error trouble = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
+        rx_status one = cut_out(&sc, &sc.sources->list[a->list.list[i].source], &a->stars[i], &trouble);
+        if (one == RX_OK)
+            one = fit_star(&sc, a->shape, &a->stars[i], &trouble);
+        if (one != RX_OK) {
+#pragma omp critical(rx_psf_estimate)
+            {
+                status = one;
+                rx_error_take(err, &trouble);
+            }
+        }
     }
     if (status == RX_OK)
         status = reject_outliers(a->stars, a->list.n, err);
@@ -629,7 +667,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                 "PSF_TYPE %s: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
                 "some are no stars",
                 rx_psf_type_name(par->type), best.kept, 100.0 * best.scatter);
-        status = fit_joint(best.stars, best.list.n, free_shape, best.shape, err);
+        status = fit_joint(best.stars, best.list.n, free_shape, 30, best.shape, err);
     }
     if (status == RX_OK)
         status = build(par, image, &best, dst, err);

@@ -19,6 +19,7 @@
 
 #include "base/memory.h"
 #include "base/simd.h"
+#include "num/special.h"
 #include "num/stats.h"
 #include "psf/psf_stretch.h"
 
@@ -55,13 +56,7 @@ static const float *nodes_at(const rx_psf_model *model, double x, double y, floa
 
 /* ---- all points off the image ---- */
 
-typedef struct drawn {
-    int cx, cy, reach;
-    size_t at; /* of its stamp */
-} drawn;
-
-/* As far as the light is above a twentieth of the sky's noise. */
-static int reach_of(const rx_psf_job *job, const rx_psf_point *p)
+int rx_psf_job_reach(const rx_psf_job *job, const rx_psf_point *p)
 {
     const rx_psf_model *model = &job->model;
     const double least = 0.05 * fmax(job->image->global_noise, 1e-30);
@@ -74,6 +69,11 @@ static int reach_of(const rx_psf_job *job, const rx_psf_point *p)
     }
     return high;
 }
+
+typedef struct drawn {
+    int cx, cy, reach;
+    size_t at; /* of its stamp */
+} drawn;
 
 static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, float *stamp, float *room)
 {
@@ -89,7 +89,7 @@ static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, f
             const int x = i - d->reach, y = j - d->reach;
             const float value = abs(x) <= half && abs(y) <= half
                                     ? inner[(size_t)(y + half) * (size_t)core + (size_t)(x + half)]
-                                    : rx_psf_model_wing(model, hypot(x - dx, y - dy));
+                                    : rx_psf_model_wing(model, sqrt((x - dx) * (x - dx) + (y - dy) * (y - dy)));
             stamp[(size_t)j * (size_t)n + (size_t)i] = (float)p->flux * value;
         }
 }
@@ -106,7 +106,7 @@ rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
         for (int i = 0; i < count; i++) {
             const rx_psf_point *p = &job->points[first + i];
             list[i] = (drawn){
-                .cx = (int)lround(p->x), .cy = (int)lround(p->y), .reach = reach_of(job, p), .at = size};
+                .cx = (int)lround(p->x), .cy = (int)lround(p->y), .reach = rx_psf_job_reach(job, p), .at = size};
             size += (size_t)(2 * list[i].reach + 1) * (size_t)(2 * list[i].reach + 1);
         }
         float *stamps = RX_NEW(float, size);
@@ -135,7 +135,9 @@ rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
 double rx_psf_job_radius(const rx_psf_job *job, double x, double y)
 {
     const rx_moffat *m = &job->profile;
-    const double r = hypot(x, y), t = fmin(fmax((r / job->model.half - 0.7) / 0.3, 0.0), 1.0);
+    const double r = sqrt(x * x + y * y), t = fmin(fmax((r / job->model.half - 0.7) / 0.3, 0.0), 1.0);
+    if (t >= 1.0)
+        return r;
     const double round = t * t * (3.0 - 2.0 * t), q = m->xx * x * x + m->yy * y * y + 2.0 * m->xy * x * y;
     return r * round + m->hwhm * sqrt(fmax(q, 0.0)) * (1.0 - round);
 }
@@ -202,7 +204,8 @@ static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, flo
             const int x = x0 + i;
             const size_t k = (size_t)j * (size_t)n + (size_t)i;
             double weight = 0.0, data = 0.0;
-            const double light = p->flux * (double)value[k], away = hypot(i - half - dx, j - half - dy);
+            const double light = p->flux * (double)value[k], u = i - half - dx, v = j - half - dy,
+                         away = sqrt(u * u + v * v);
             if (x >= 0 && y >= 0 && x < image->width && y < image->height && away <= half + 0.5 &&
                 away >= p->saturated) {
                 const double sigma = noise_at(job, p, row != NULL ? row + (x - from) : NULL, x, y),
@@ -527,30 +530,27 @@ static void condition(const basis *b, const double *rows, double *dst)
     }
 }
 
-/* The model becomes the profile as the stars' variation stretches it, at each of the places of Gauss and Legendre's rule,
- * projected on the polynomials of twice its degree (up to RX_PSF_DEGREE); towards the core's edge the stretch ends. */
+/* The model becomes the profile as the stars' variation stretches it, projected on the polynomials of twice its degree (up to
+ * RX_PSF_DEGREE): at the places of Gauss and Legendre's rule for such polynomials. Towards the core's edge the stretch ends. */
 static rx_status stretch(const rx_psf_job *job, const double *taper, rx_psf_model *model, rx_error *err)
 {
-    enum { RULE = 9 }; /* Abramowitz and Stegun 1964, table 25.4 */
-    static const double at[RULE] =
-        {-0.9681602395076261, -0.8360311073266358, -0.6133714327005904, -0.3242534234038089, 0.0,
-         0.3242534234038089,  0.6133714327005904,  0.8360311073266358,  0.9681602395076261},
-                        weight[RULE] = {0.0812743883615744, 0.1806481606948574, 0.2606106964029354,
-                                        0.3123470770400029, 0.3302393550012598, 0.3123470770400029,
-                                        0.2606106964029354, 0.1806481606948574, 0.0812743883615744};
+    enum { MOST = 9 };
+    double at[MOST], weight[MOST];
     const rx_psf_variation *v = &job->variation;
     const int side = model->side, middle = model->middle;
     const size_t n = nodes_of(model);
     model->degree = 2 * v->degree < RX_PSF_DEGREE ? 2 * v->degree : RX_PSF_DEGREE;
     model->nterms = (model->degree + 1) * (model->degree + 2) / 2;
+    const int rule = 2 * v->degree + 1 < MOST ? 2 * v->degree + 1 : MOST;
+    RX_TRY(rx_gauss_legendre(rule, at, weight, err));
     double *planes = RX_NEW(double, (size_t)(model->nterms + 1) * n),
            *own = planes + (size_t)model->nterms * n;
     if (planes == NULL)
         return rx_error_memory(err, (size_t)(model->nterms + 1) * n * sizeof(double));
     int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
     rx_psf_model_powers(model->degree, px, py);
-    for (int place = 0; place < RULE * RULE; place++) {
-        const int column = place % RULE, row = place / RULE;
+    for (int place = 0; place < rule * rule; place++) {
+        const int column = place % rule, row = place / rule;
         double terms[RX_PSF_TERMS], a[RX_PSF_STRETCH] = {0};
         rx_psf_model_terms(model, model->x0 + at[column] * model->xs, model->y0 + at[row] * model->ys, terms);
         for (int q = 0; q < RX_PSF_STRETCH; q++) {
@@ -563,7 +563,7 @@ static rx_status stretch(const rx_psf_job *job, const double *taper, rx_psf_mode
             for (int i = 0; i < side; i++) {
                 const size_t k = (size_t)j * (size_t)side + (size_t)i;
                 const double own_a[RX_PSF_STRETCH] = {taper[k] * a[0], taper[k] * a[1], taper[k] * a[2]};
-                own[k] = rx_psf_stretched(job->prior, side, i - middle, j - middle, own_a);
+                own[k] = rx_psf_stretched(job->prior, side, i - middle, j - middle, own_a, NULL);
             }
         for (int t = 0; t < model->nterms; t++) {
             const double factor =

@@ -20,6 +20,7 @@ typedef struct rx_psf_point {
     int wider;            /* than stars are: a star of a bad corner, or a galaxy */
     int together;         /* wider than most, as those around it are: of a bad corner */
     int kept;             /* 0: does not look like the others */
+    int ringed;           /* all light as far as its sky's ring is subtracted */
     double saturated;     /* radius (pixels) of its core that is of no use; 0: unsaturated */
     double unlike;        /* of a saturated one: share of its pixels that no star would have */
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
@@ -72,6 +73,9 @@ static inline int rx_psf_job_uses(const rx_psf_job *job, const rx_psf_point *p, 
     return job->used[at] == 1 || (job->used[at] == RX_PSF_OWN && p->saturated > 0.0 &&
                                   job->sources->segments[at] == job->sources->list[p->source].segment);
 }
+
+/* How far (pixels) the light of a point is above a twentieth of the sky's noise. */
+int rx_psf_job_reach(const rx_psf_job *job, const rx_psf_point *p);
 
 /* All points off the image. */
 rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err);

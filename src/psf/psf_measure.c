@@ -35,7 +35,8 @@ enum {
     FOLDS = 3,
     PASSES = 5,
     CHOICE = 2,
-    WIDER = 2
+    WIDER = 2,
+    MOST_RINGED = 200 /* stars, and a third as many saturated ones: some three times as many as rings are looked at around */
 };
 static const double MOST_GAIN = 5.0; /* chi2 of a star that counts for more as its logarithm only */
 static const double WIDEST = 20.0;   /* FWHM, pixels, of a core of pixels */
@@ -88,6 +89,57 @@ static rx_status set_damping(rx_psf_job *job, rx_error *err)
         job->points[rows[i].i].damping = 1.0 / (1.0 + 0.7 * overlap);
     }
     free(rows);
+    return RX_OK;
+}
+
+/* Saturated stars of the smallest cores are ringed, too. */
+static rx_status ring_saturated(rx_psf_job *job, rx_error *err)
+{
+    by_row *cores = RX_NEW(by_row, (size_t)job->n + 1);
+    int n = 0;
+    if (cores == NULL)
+        return rx_error_memory(err, 0);
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].saturated > 0.0)
+            cores[n++] = (by_row){job->points[i].saturated, i};
+    qsort(cores, (size_t)n, sizeof *cores, compare_rows);
+    for (int k = 0; k < n && k < MOST_RINGED / 3; k++)
+        job->points[cores[k].i].ringed = 1;
+    free(cores);
+    return RX_OK;
+}
+
+/* Only light that falls on the cores of stars or on the discs of ringed ones counts: points whose light does not reach there go, on
+ * a large tile most of them. Of bright ones it may reach farther than the first profile says. */
+static rx_status leave_out_far(rx_psf_job *job, rx_error *err)
+{
+    typedef struct {
+        double x, y, radius;
+    } disc;
+    const double ring = rx_psf_rings_reach(job);
+    int ndiscs = 0, n = 0;
+    RX_TRY(ring_saturated(job, err));
+    disc *discs = rx_alloc((size_t)job->n + 1, sizeof *discs);
+    if (discs == NULL)
+        return rx_error_memory(err, (size_t)job->n * sizeof *discs);
+    for (int i = 0; i < job->n; i++) {
+        const rx_psf_point *p = &job->points[i];
+        if (p->star || p->ringed)
+            discs[ndiscs++] = (disc){p->x, p->y, p->ringed ? ring : M_SQRT2 * job->model.half};
+    }
+    for (int i = 0; i < job->n; i++) {
+        const rx_psf_point p = job->points[i];
+        const double reach = 2.0 * rx_psf_job_reach(job, &p);
+        int near = p.star || p.saturated > 0.0;
+        for (int k = 0; k < ndiscs && !near; k++) {
+            const double dx = p.x - discs[k].x, dy = p.y - discs[k].y, r = discs[k].radius + reach;
+            near = dx * dx + dy * dy < r * r;
+        }
+        if (near)
+            job->points[n++] = p;
+    }
+    job->n = n;
+    free(discs);
     return RX_OK;
 }
 
@@ -163,7 +215,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
     for (int i = 0; i < sources->n; i++)
         most = sources->list[i].segment > most ? sources->list[i].segment : most;
     unsigned char *extended = RX_NEW(unsigned char, (size_t)most + 1),
-                  *star = RX_NEW(unsigned char, (size_t)sources->n + 1);
+                  *star = RX_NEW(unsigned char, 2 * (size_t)sources->n + 1), *ringed = star + sources->n;
     job->points = RX_NEW(rx_psf_point, (size_t)sources->n + 1);
     job->used = RX_NEW(unsigned char, pixels);
     job->rest = RX_NEW(float, pixels);
@@ -172,8 +224,10 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
         status = rx_error_memory(err, pixels * 5);
         goto exit;
     }
-    for (int i = 0; i < stars->n; i++)
+    for (int i = 0; i < stars->n; i++) {
         star[stars->list[i].source] = i < near ? 1 : WIDER;
+        ringed[stars->list[i].source] = i < MOST_RINGED;
+    }
     const double flat = SATURATES * fmin(image->saturation, stars->limit); /* HUGE_VAL: not known */
     double peak = 0.0;
     for (int i = 0; i < job->model.side * job->model.side; i++)
@@ -200,6 +254,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
                             .flux = core > 0.0 ? 0.0 : s->peak / peak,
                             .damping = 1.0,
                             .star = star[i] != 0,
+                            .ringed = ringed[i],
                             .saturated = core};
         p->wider = star[i] == WIDER;
         p->kept = star[i] == 1;
@@ -222,7 +277,9 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
                        : kind == RX_PSF_OWN && (double)image->pixels[k] < flat ? RX_PSF_OWN
                                                                                : kind == 0;
     }
-    status = set_damping(job, err);
+    status = leave_out_far(job, err);
+    if (status == RX_OK)
+        status = set_damping(job, err);
 exit:
     free(extended);
     free(star);

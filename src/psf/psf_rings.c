@@ -30,6 +30,7 @@ typedef struct ring {
 typedef struct rings {
     int n;                  /* the sky's is number n */
     double edge[RINGS + 2]; /* ring j: edge[j] <= r < edge[j + 1] */
+    double square[RINGS + 2];
 } rings;
 
 static rings rings_of(const rx_psf_job *job)
@@ -42,7 +43,15 @@ static rings rings_of(const rx_psf_job *job)
         r.n++;
     }
     r.edge[r.n + 1] = SKY_RING * r.edge[r.n];
+    for (int j = 0; j < r.n + 2; j++)
+        r.square[j] = r.edge[j] * r.edge[j];
     return r;
+}
+
+double rx_psf_rings_reach(const rx_psf_job *job)
+{
+    const rings r = rings_of(job);
+    return r.edge[r.n + 1];
 }
 
 /* Means of the residual around a star, pixels left out that stick out by three sigmas of the sky and by fifteen times the
@@ -56,20 +65,21 @@ static void look_around(const rx_psf_job *job, const rx_psf_point *p, const ring
               x1 = cx + reach < image->width ? cx + reach + 1 : image->width;
     const int y0 = cy > reach ? cy - reach : 0,
               y1 = cy + reach < image->height ? cy + reach + 1 : image->height;
+    const double round = job->model.half * job->model.half; /* squared radius from which rings are circles */
     size_t start[RINGS + 2] = {0}, end[RINGS + 1];
     for (int fill = 0; fill < 2; fill++) { /* how many pixels a ring has, then these */
         for (int y = y0; y < y1; y++) {
             const size_t row = (size_t)y * (size_t)image->width;
             int j = 0;
             for (int x = x0; x < x1; x++) {
-                const double away = rx_psf_job_uses(job, p, row + (size_t)x)
-                                        ? rx_psf_job_radius(job, x - p->x, y - p->y)
-                                        : HUGE_VAL;
-                if (away >= r->edge[r->n + 1])
+                double away = (x - p->x) * (x - p->x) + (y - p->y) * (y - p->y);
+                if (away < round)
+                    away = pow(rx_psf_job_radius(job, x - p->x, y - p->y), 2.0);
+                if (away >= r->square[r->n + 1] || !rx_psf_job_uses(job, p, row + (size_t)x))
                     continue;
-                while (away < r->edge[j])
+                while (away < r->square[j])
                     j--;
-                while (away >= r->edge[j + 1])
+                while (away >= r->square[j + 1])
                     j++;
                 if (fill)
                     values[end[j]++] = (double)job->rest[row + (size_t)x] - p->sky_guess;
@@ -130,7 +140,7 @@ static int list_bright(const rx_psf_job *job, bright *list)
 {
     int n = 0, m;
     for (int i = 0; i < job->n; i++)
-        if (job->points[i].kept && !job->points[i].reserved)
+        if (job->points[i].kept && !job->points[i].reserved && job->points[i].ringed)
             list[n++] = (bright){job->points[i].flux, i};
     qsort(list, (size_t)n, sizeof *list, by_flux);
     for (m = 0; m < n && m < BRIGHT; m++)
@@ -144,7 +154,7 @@ static int list_saturated(const rx_psf_job *job, bright *list)
 {
     int n = 0;
     for (int i = 0; i < job->n; i++)
-        if (job->points[i].saturated > 0.0 && job->points[i].unlike < UNLIKE)
+        if (job->points[i].saturated > 0.0 && job->points[i].ringed && job->points[i].unlike < UNLIKE)
             list[n++] = (bright){-job->points[i].saturated, i};
     qsort(list, (size_t)n, sizeof *list, by_flux);
     return n < SATURATED ? n : SATURATED;
@@ -709,13 +719,13 @@ static void weighted_mean(const double (*values)[2], size_t n, double *work, dou
 static double flux_by_size(const rx_psf_job *job)
 {
     const rx_psf_model *model = &job->model;
-    const double a[RX_PSF_STRETCH] = {0.01, 0.0, 0.0}, none[RX_PSF_STRETCH] = {0.0};
+    const double none[RX_PSF_STRETCH] = {0.0};
     double product = 0.0, square = 0.0;
     for (int j = -model->half; j <= model->half; j++)
         for (int i = -model->half; i <= model->half; i++) {
-            const double x = i * model->m, y = j * model->m,
-                         p = rx_psf_stretched(job->prior, model->side, x, y, none);
-            product += p * (rx_psf_stretched(job->prior, model->side, x, y, a) - p) / a[0];
+            double by[2 + RX_PSF_STRETCH];
+            const double p = rx_psf_stretched(job->prior, model->side, i * model->m, j * model->m, none, by);
+            product += p * by[2];
             square += p * p;
         }
     return product / square;
@@ -748,7 +758,7 @@ static int list_judges(const rx_psf_job *job, bright *list)
     for (int all = 0; all < 2 && n < 3; all++) {
         n = 0;
         for (int i = 0; i < job->n; i++)
-            if (job->points[i].kept && (all || job->points[i].reserved))
+            if (job->points[i].kept && job->points[i].ringed && (all || job->points[i].reserved))
                 list[n++] = (bright){job->points[i].flux, i};
     }
     qsort(list, (size_t)n, sizeof *list, by_flux);

@@ -22,7 +22,10 @@ typedef struct rx_psf_wing {
     double hidden;         /* the part of it that is light in the rings' noise */
 } rx_psf_wing;
 
-/* The profile of core and wing from rings around the bright stars, which get the sky around these. Where no ring stands out of
+/* Outer radius, pixels, of the ring around a star that says its sky. */
+double rx_psf_rings_reach(const rx_psf_job *job);
+
+/* The profile of core and wing from rings around the bright stars among those that are ringed, which get the sky around these. Where no ring stands out of
  * the noise the wing stays, with the halo that is to be expected. */
 rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *log, rx_error *err);
 

@@ -9,11 +9,10 @@
 #include "base/log.h"
 #include "psf/psf_fit.h"
 
-/* Value at (x, y) nodes off the middle of the spline of coefficients [side][side]; 0 outside. */
-double rx_psf_spline_at(const float *c, int side, double x, double y);
-
-/* Value of the profile stretched by a. */
-double rx_psf_stretched(const float *c, int side, double x, double y, const double a[RX_PSF_STRETCH]);
+/* Value at (x, y) nodes off the middle, 0 outside, of the profile stretched by a, whose spline has the coefficients
+ * [side][side]; its derivatives by x, y and a, or NULL. */
+double rx_psf_stretched(const float *c, int side, double x, double y, const double a[RX_PSF_STRETCH],
+                        double gradient[2 + RX_PSF_STRETCH]);
 
 /* job->variation from the stars that are kept and not reserved, of that degree at most: a higher one is taken where stars that were
  * held out are predicted better, by more than the scatter of that from star to star. The last ones tried have terms that are small

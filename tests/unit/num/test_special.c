@@ -166,6 +166,21 @@ static void lambert_by_its_definition(void **state)
     assert_true(isnan(rx_lambert_w(-0.37)));
 }
 
+static void polynomials_are_integrated_exactly(void **state)
+{
+    (void)state;
+    for (int n = 1; n <= 9; n++) {
+        double places[9], weights[9];
+        assert_int_equal(rx_gauss_legendre(n, places, weights, NULL), RX_OK);
+        for (int power = 0; power < 2 * n; power++) {
+            double sum = 0;
+            for (int i = 0; i < n; i++)
+                sum += weights[i] * pow(places[i], power);
+            assert_near(sum, power % 2 == 0 ? 2.0 / (power + 1) : 0, 1e-14);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -178,6 +193,7 @@ int main(void)
         cmocka_unit_test(student_quantile_as_scipy),
         cmocka_unit_test(normal_tail_as_scipy),
         cmocka_unit_test(lambert_by_its_definition),
+        cmocka_unit_test(polynomials_are_integrated_exactly),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
