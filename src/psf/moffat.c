@@ -7,7 +7,8 @@
  * weights on [-1, 1]: Abramowitz and Stegun 1964, table 25.4. */
 static const struct {
     int order;
-    double hwhm[2]; /* smallest half width (pixels) for which one cell is integrated to 1e-6 and 1e-4 of the peak */
+    double hwhm
+        [2]; /* smallest half width (pixels) for which one cell is integrated to 1e-6 and 1e-4 of the peak */
     double node[4], weight[4];
 } rules[] = {
     {2, {9.5, 3.0}, {0.5773502691896257}, {1.0}},

@@ -21,7 +21,7 @@ typedef struct rx_moffat {
     double xx, yy, xy;       /* Q = xx dx^2 + yy dy^2 + 2 xy dx dy */
     double gradient_e[2][3]; /* d(xx, yy, xy) / d e1, e2 */
     double narrow;           /* half width along the minor axis: decides how a pixel is integrated */
-    int rough;               /* to 1e-4 of the peak, for fits to noisy pixels, in half the time; else to 1e-6 */
+    int rough; /* to 1e-4 of the peak, for fits to noisy pixels, in half the time; else to 1e-6 */
 } rx_moffat;
 
 /* Free parameters of the shape: ln hwhm, e1, e2, v with u = RX_MOFFAT_U_MAX / (1 + exp(-v)). */

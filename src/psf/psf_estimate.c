@@ -403,7 +403,8 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
     if (a->stars == NULL)
         return rx_error_memory(err, 0);
     rx_moffat_shape(1.9 * a->radius, 4.0, 1.0, 0.0, a->shape);
-#pragma omp parallel for schedule(dynamic, 1) num_threads(search->par->nthreads > 1 ? search->par->nthreads : 1)
+#pragma omp parallel for schedule(dynamic, 1)                                                                \
+    num_threads(search->par->nthreads > 1 ? search->par->nthreads : 1)
     for (int i = 0; i < a->list.n; i++) {
         rx_error trouble = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         rx_status one = cut_out(&sc, &sc.sources->list[a->list.list[i].source], &a->stars[i], &trouble);

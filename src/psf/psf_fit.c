@@ -87,9 +87,10 @@ static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, f
     for (int j = 0; j < n; j++)
         for (int i = 0; i < n; i++) {
             const int x = i - d->reach, y = j - d->reach;
-            const float value = abs(x) <= half && abs(y) <= half
-                                    ? inner[(size_t)(y + half) * (size_t)core + (size_t)(x + half)]
-                                    : rx_psf_model_wing(model, sqrt((x - dx) * (x - dx) + (y - dy) * (y - dy)));
+            const float value =
+                abs(x) <= half && abs(y) <= half
+                    ? inner[(size_t)(y + half) * (size_t)core + (size_t)(x + half)]
+                    : rx_psf_model_wing(model, sqrt((x - dx) * (x - dx) + (y - dy) * (y - dy)));
             stamp[(size_t)j * (size_t)n + (size_t)i] = (float)p->flux * value;
         }
 }
@@ -105,8 +106,10 @@ rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
         size_t size = 0;
         for (int i = 0; i < count; i++) {
             const rx_psf_point *p = &job->points[first + i];
-            list[i] = (drawn){
-                .cx = (int)lround(p->x), .cy = (int)lround(p->y), .reach = rx_psf_job_reach(job, p), .at = size};
+            list[i] = (drawn){.cx = (int)lround(p->x),
+                              .cy = (int)lround(p->y),
+                              .reach = rx_psf_job_reach(job, p),
+                              .at = size};
             size += (size_t)(2 * list[i].reach + 1) * (size_t)(2 * list[i].reach + 1);
         }
         float *stamps = RX_NEW(float, size);

@@ -36,7 +36,8 @@ enum {
     PASSES = 5,
     CHOICE = 2,
     WIDER = 2,
-    MOST_RINGED = 200 /* stars, and a third as many saturated ones: some three times as many as rings are looked at around */
+    MOST_RINGED =
+        200 /* stars, and a third as many saturated ones: some three times as many as rings are looked at around */
 };
 static const double MOST_GAIN = 5.0; /* chi2 of a star that counts for more as its logarithm only */
 static const double WIDEST = 20.0;   /* FWHM, pixels, of a core of pixels */

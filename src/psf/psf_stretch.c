@@ -80,7 +80,8 @@ double rx_psf_stretched(const float *c, int side, double x, double y, const doub
     gradient[1] = (slope[1] * xx - slope[0] * xy) / (det * det);
     for (int q = 0; q < RX_PSF_STRETCH; q++) {
         const double *d = by_a[q], grows = (d[0] * yy + d[1] * xx - 2.0 * xy * d[2]) / det,
-                     du = (d[1] * x - d[2] * y) / det - u * grows, dv = (d[0] * y - d[2] * x) / det - v * grows;
+                     du = (d[1] * x - d[2] * y) / det - u * grows,
+                     dv = (d[0] * y - d[2] * x) / det - v * grows;
         gradient[2 + q] = (slope[0] * du + slope[1] * dv) / det - value * grows;
     }
     return value;
