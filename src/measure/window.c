@@ -30,8 +30,9 @@ static double pixel_variance(const rx_view *view, double value, double variance)
     return 0.0;
 }
 
-static window_sums sum_window(const rx_view *view, double cx, double cy, double sigma, double law,
-                              bool *truncated)
+/* The first three alone, or all. */
+static inline window_sums sum_window(const rx_view *view, double cx, double cy, double sigma, double law,
+                                     bool all, bool *truncated)
 {
     window_sums sums = {0};
     double radius = EXTENT * sigma;
@@ -48,10 +49,12 @@ static window_sums sum_window(const rx_view *view, double cx, double cy, double 
             rx_view_pixel(view, u, v, cx, cy, &value, &variance);
             double w = rx_pixel_in_circle(fx, fy, (float)radius, OVERSAMPLING) * expf(-r2 * fall);
             double dx = u - cx, dy = v - cy, flux = w * value;
-            double error = w * w * (variance * law * law + pixel_variance(view, value, variance));
             sums.flux += flux;
             sums.x += flux * dx;
             sums.y += flux * dy;
+            if (!all)
+                continue;
+            double error = w * w * (variance * law * law + pixel_variance(view, value, variance));
             sums.x2 += flux * dx * dx;
             sums.y2 += flux * dy * dy;
             sums.xy += flux * dx * dy;
@@ -120,14 +123,15 @@ static void set_window_errors(const window_sums *sums, rx_source *s)
 
 void rx_measure_window(const rx_view *view, double half_light, rx_source *s)
 {
-    double sigma = half_light * 2.0 / 2.35, cx = s->x, cy = s->y, dx = 0.0, dy = 0.0;
+    double sigma = half_light * 2.0 / 2.35, cx = s->x, cy = s->y, dx = 0.0, dy = 0.0, at[2] = {cx, cy};
     /* effective area (sum w)^2 / sum w^2 of a Gaussian */
     double law = rx_view_noise_factor(view, 4.0 * 3.14159265358979323846 * sigma * sigma);
     bool truncated = false;
-    window_sums sums = {0};
     int step = 0;
     for (; step < MAX_STEPS; step++) {
-        sums = sum_window(view, cx, cy, sigma, law, &truncated);
+        at[0] = cx;
+        at[1] = cy;
+        const window_sums sums = sum_window(view, cx, cy, sigma, law, false, &truncated);
         if (!(sums.flux > 0.0))
             break;
         dx = sums.x / sums.flux;
@@ -139,6 +143,7 @@ void rx_measure_window(const rx_view *view, double half_light, rx_source *s)
         if (!(fabs(cx) < 1e6 && fabs(cy) < 1e6))
             break; /* far off the image, and an int box could not hold it */
     }
+    const window_sums sums = sum_window(view, at[0], at[1], sigma, law, true, &truncated);
     if (truncated)
         s->flags |= RX_FLAG_APERTURE;
     double x2 = sums.x2 / sums.flux - dx * dx, y2 = sums.y2 / sums.flux - dy * dy;
