@@ -166,7 +166,8 @@ static rx_status reject_outliers(fitted_star *stars, int n, rx_error *err)
 
 typedef struct joint_task {
     const fitted_star *stars;
-    int n;
+    int n, nthreads;
+    size_t *first;                 /* [n] residual of each star */
     double shape[RX_MOFFAT_SHAPE]; /* those that are held */
     int free;                      /* how many are not: ln hwhm, e1, e2, v in this order */
 } joint_task;
@@ -225,23 +226,25 @@ static int joint_model(void *user, const double *parameters, double *residuals, 
     }
     rx_moffat_set(&profile, shape);
     profile.rough = 1;
-    for (int s = 0; s < task->n; s++) {
-        const fitted_star *star = &task->stars[s];
-        if (star->kept <= 0)
-            continue;
-        if (!joint_star(star, &profile, task->free, residuals, jacobian))
-            return 1;
-        residuals += star->pixels.n;
-        if (jacobian != NULL)
-            jacobian += (size_t)star->pixels.n * (size_t)task->free;
-    }
-    return 0;
+    int failed = 0;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(task->nthreads) reduction(| : failed)
+    for (int s = 0; s < task->n; s++)
+        if (task->stars[s].kept > 0)
+            failed |= !joint_star(&task->stars[s], &profile, task->free, residuals + task->first[s],
+                                  jacobian != NULL ? jacobian + task->first[s] * (size_t)task->free : NULL);
+    return failed;
 }
 
-static rx_status fit_joint(const fitted_star *stars, int n, int free_shape, int steps,
+static rx_status fit_joint(const fitted_star *stars, int n, int nthreads, int free_shape, int steps,
                            double shape[RX_MOFFAT_SHAPE], rx_error *err)
 {
-    joint_task task = {.stars = stars, .n = n, .free = free_shape};
+    joint_task task = {.stars = stars,
+                       .n = n,
+                       .nthreads = nthreads > 1 ? nthreads : 1,
+                       .first = RX_NEW(size_t, (size_t)n + 1),
+                       .free = free_shape};
+    if (task.first == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof(size_t));
     memcpy(task.shape, shape, sizeof task.shape);
     rx_lsq_problem problem = {.nparameters = (size_t)free_shape,
                               .model = joint_model,
@@ -249,10 +252,13 @@ static rx_status fit_joint(const fitted_star *stars, int n, int free_shape, int 
                               .user = &task,
                               .max_iterations = steps,
                               .tolerance = 1e-5};
-    for (int i = 0; i < n; i++)
-        if (stars[i].kept > 0)
-            problem.nresiduals += (size_t)stars[i].pixels.n;
-    return rx_lsq_fit(&problem, shape, NULL, NULL, err);
+    for (int i = 0; i < n; i++) {
+        task.first[i] = problem.nresiduals;
+        problem.nresiduals += stars[i].kept > 0 ? (size_t)stars[i].pixels.n : 0;
+    }
+    const rx_status status = rx_lsq_fit(&problem, shape, NULL, NULL, err);
+    free(task.first);
+    return status;
 }
 
 /* Median shape of the kept stars, where the joint fit starts, and their robust scatter: relative in the
@@ -309,8 +315,8 @@ static double flux_off(const double used[RX_MOFFAT_SHAPE], const double other[RX
 
 /* 1 sigma of fluxes, relative, from that of the shape: how they change without each of eight groups of stars, or each star
  * where there are fewer (Kott 2001, J. Official Stat. 17, 521); 0 of many stars, where it is small beside NOT_MOFFAT. */
-static rx_status jackknife(fitted_star *stars, int n, const double shape[RX_MOFFAT_SHAPE], double *error,
-                           rx_error *err)
+static rx_status jackknife(fitted_star *stars, int n, int nthreads, const double shape[RX_MOFFAT_SHAPE],
+                           double *error, rx_error *err)
 {
     enum { GROUPS = 8, MANY = 16, STEPS = 2 }; /* from the shape of all, as good as at the bottom */
     const int kept = count_kept(stars, n), groups = kept < GROUPS ? kept : GROUPS;
@@ -327,7 +333,7 @@ static rx_status jackknife(fitted_star *stars, int n, const double shape[RX_MOFF
                 if (stars[i].kept != 0 && k++ % groups == group)
                     stars[i].kept = -stars[i].kept;
             if (pass == 0)
-                status = fit_joint(stars, n, RX_MOFFAT_SHAPE, STEPS, part, err);
+                status = fit_joint(stars, n, nthreads, RX_MOFFAT_SHAPE, STEPS, part, err);
         }
         const double off = flux_off(shape, part);
         sum += off;
@@ -668,7 +674,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                 "PSF_TYPE %s: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
                 "some are no stars",
                 rx_psf_type_name(par->type), best.kept, 100.0 * best.scatter);
-        status = fit_joint(best.stars, best.list.n, free_shape, 30, best.shape, err);
+        status = fit_joint(best.stars, best.list.n, par->nthreads, free_shape, 30, best.shape, err);
     }
     if (status == RX_OK)
         status = build(par, image, &best, dst, err);
@@ -679,7 +685,8 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     if (status == RX_OK && free_shape < RX_MOFFAT_SHAPE) { /* an exponent that no star says */
         (*dst)->quality.flux_error = FEW_STARS;
     } else if (status == RX_OK) {
-        status = jackknife(best.stars, best.list.n, best.shape, &(*dst)->quality.flux_error, err);
+        status =
+            jackknife(best.stars, best.list.n, par->nthreads, best.shape, &(*dst)->quality.flux_error, err);
         (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, NOT_MOFFAT);
     }
     if (status == RX_OK && sharper > 0)

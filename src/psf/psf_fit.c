@@ -43,6 +43,11 @@ static size_t room_of(const rx_psf_model *model)
     return nodes_of(model) + 3 * stamp_size(model) + rx_psf_model_work(model);
 }
 
+float *rx_psf_job_room(const rx_psf_job *job)
+{
+    return job->stamps + (size_t)omp_get_thread_num() * room_of(&job->model);
+}
+
 /* Nodes of the PSF at a place: where it does not vary those of the model. */
 static const float *nodes_at(const rx_psf_model *model, double x, double y, float *room)
 {
@@ -95,12 +100,33 @@ static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, f
         }
 }
 
+/* The stamps of drawn points [n], in their order, off the rows from..to. */
+static void take_off(const rx_psf_job *job, const drawn *list, int n, const float *stamps, int from, int to)
+{
+    const int width = job->image->width;
+    for (int i = 0; i < n; i++) {
+        const int side = 2 * list[i].reach + 1, x = list[i].cx - list[i].reach,
+                  y = list[i].cy - list[i].reach;
+        const int x0 = x > 0 ? x : 0, x1 = x + side < width ? x + side : width;
+        for (int j = y > from ? y : from; j < y + side && j < to; j++) {
+            float *row = job->rest + (size_t)j * (size_t)width;
+            const float *stamp = stamps + list[i].at + (size_t)(j - y) * (size_t)side - x;
+            for (int k = x0; k < x1; k++)
+                row[k] -= stamp[k];
+        }
+    }
+}
+
 rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
 {
+    enum { BAND = 64 }; /* rows */
     const rx_image *image = job->image;
-    const size_t pixels = (size_t)image->width * (size_t)image->height, room = room_of(&job->model);
+    const int height = image->height;
+    const size_t width = (size_t)image->width;
     drawn list[POINTS_A_BLOCK];
-    memcpy(job->rest, image->pixels, pixels * sizeof(float));
+#pragma omp parallel for schedule(static) num_threads(job->nthreads)
+    for (int y = 0; y < height; y++)
+        memcpy(job->rest + (size_t)y * width, image->pixels + (size_t)y * width, width * sizeof(float));
     for (int first = 0; first < job->n; first += POINTS_A_BLOCK) {
         const int count = job->n - first < POINTS_A_BLOCK ? job->n - first : POINTS_A_BLOCK;
         size_t size = 0;
@@ -117,19 +143,10 @@ rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
             return rx_error_memory(err, size * sizeof(float));
 #pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
         for (int i = 0; i < count; i++)
-            draw(job, &job->points[first + i], &list[i], stamps + list[i].at,
-                 job->stamps + (size_t)omp_get_thread_num() * room);
-        for (int i = 0; i < count; i++) {
-            const int n = 2 * list[i].reach + 1, x = list[i].cx - list[i].reach,
-                      y = list[i].cy - list[i].reach;
-            const int x0 = x > 0 ? x : 0, x1 = x + n < image->width ? x + n : image->width;
-            for (int j = y > 0 ? y : 0; j < y + n && j < image->height; j++) {
-                float *to = job->rest + (size_t)j * (size_t)image->width;
-                const float *from = stamps + list[i].at + (size_t)(j - y) * (size_t)n - x;
-                for (int k = x0; k < x1; k++)
-                    to[k] -= from[k];
-            }
-        }
+            draw(job, &job->points[first + i], &list[i], stamps + list[i].at, rx_psf_job_room(job));
+#pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
+        for (int y = 0; y < height; y += BAND)
+            take_off(job, list, count, stamps, y, y + BAND < height ? y + BAND : height);
         free(stamps);
     }
     return RX_OK;
@@ -269,10 +286,9 @@ static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, flo
 
 rx_status rx_psf_job_step(rx_psf_job *job, int with_positions, rx_error *err)
 {
-    const size_t room = room_of(&job->model);
 #pragma omp parallel for schedule(dynamic, 16) num_threads(job->nthreads)
     for (int i = 0; i < job->n; i++)
-        step(job, &job->points[i], with_positions, job->stamps + (size_t)omp_get_thread_num() * room);
+        step(job, &job->points[i], with_positions, rx_psf_job_room(job));
     return rx_psf_job_subtract(job, err);
 }
 
@@ -718,11 +734,14 @@ rx_status rx_psf_job_measure_error(rx_psf_job *job, rx_error *err)
     for (int i = 0; i < job->n; i++)
         if (job->points[i].kept) {
             stars[n][0] = job->points[i].flux;
-            stars[n++][1] = error_of(job, &job->points[i], job->stamps);
+            stars[n++][1] = i;
         }
     qsort(stars, (size_t)n, sizeof *stars, by_flux);
-    for (; m < n && (m < LEAST || m < n / 8) && m < (int)(sizeof errors / sizeof *errors); m++)
-        errors[m] = stars[m][1];
+    while (m < n && (m < LEAST || m < n / 8) && m < (int)(sizeof errors / sizeof *errors))
+        m++;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
+    for (int k = 0; k < m; k++)
+        errors[k] = error_of(job, &job->points[(int)stars[k][1]], rx_psf_job_room(job));
     if (m > 0)
         job->model_error = rx_median(errors, (size_t)m);
     free(stars);
@@ -757,9 +776,8 @@ rx_status rx_psf_job_chi2(const rx_psf_job *job, const rx_psf_model *model, cons
                           double *chi2, rx_error *err)
 {
     (void)err;
-    const size_t room = room_of(model);
 #pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
     for (int i = 0; i < n; i++)
-        chi2[i] = chi2_of(model, &job->points[stars[i]], job->stamps + (size_t)omp_get_thread_num() * room);
+        chi2[i] = chi2_of(model, &job->points[stars[i]], rx_psf_job_room(job));
     return RX_OK;
 }

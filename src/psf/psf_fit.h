@@ -77,6 +77,9 @@ static inline int rx_psf_job_uses(const rx_psf_job *job, const rx_psf_point *p, 
 /* How far (pixels) the light of a point is above a twentieth of the sky's noise. */
 int rx_psf_job_reach(const rx_psf_job *job, const rx_psf_point *p);
 
+/* Work of the calling thread: nodes [side][side], then the core's stamp and two of derivatives, then rx_psf_model_work(). */
+float *rx_psf_job_room(const rx_psf_job *job);
+
 /* All points off the image. */
 rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err);
 

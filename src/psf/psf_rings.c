@@ -135,6 +135,24 @@ static int by_flux(const void *a, const void *b)
     return x->flux != y->flux ? (x->flux < y->flux) - (x->flux > y->flux) : (x->i > y->i) - (x->i < y->i);
 }
 
+/* Pixels of the square around a star that look_around() may want to sort. */
+static size_t area_of(const rings *r)
+{
+    const size_t side = (size_t)(2 * (int)ceil(r->edge[r->n + 1]) + 1);
+    return side * side;
+}
+
+/* around [n][r->n + 1]; values [threads][area_of()]: work. */
+static void look_around_all(const rx_psf_job *job, const bright *stars, int n, const rings *r,
+                            const double *level, double *values, ring *around)
+{
+    const size_t area = area_of(r);
+#pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
+    for (int s = 0; s < n; s++)
+        look_around(job, &job->points[stars[s].i], r, level, values + (size_t)omp_get_thread_num() * area,
+                    around + (size_t)s * (size_t)(r->n + 1));
+}
+
 /* The brightest stars that are fitted, at most BRIGHT, down to a hundredth of the tenth brightest. */
 static int list_bright(const rx_psf_job *job, bright *list)
 {
@@ -525,9 +543,8 @@ static void scale_saturated(rx_psf_job *job, ringed *of, rx_log *log)
     }
 }
 
-/* values: work of the threads, [area] each. The rings' own skies move into sky_guess: combine() takes off what was found. */
-static void look_at_stars(rx_psf_job *job, ringed *of, double *values, size_t area, const float *stamp,
-                          rx_log *log)
+/* The rings' own skies move into sky_guess: combine() takes off what was found. */
+static void look_at_stars(rx_psf_job *job, ringed *of, double *values, const float *stamp, rx_log *log)
 {
     const rings *r = &of->r;
     for (int j = 0; j < r->n; j++) {
@@ -537,11 +554,7 @@ static void look_at_stars(rx_psf_job *job, ringed *of, double *values, size_t ar
     }
     of->few = list_bright(job, of->stars);
     of->n = of->few + list_saturated(job, of->stars + of->few);
-#pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
-    for (int s = 0; s < of->n; s++)
-        look_around(job, &job->points[of->stars[s].i], r, of->level,
-                    values + (size_t)omp_get_thread_num() * area,
-                    of->around + (size_t)s * (size_t)(r->n + 1));
+    look_around_all(job, of->stars, of->n, r, of->level, values, of->around);
     for (int s = 0; s < of->n; s++) {
         const ring *sky = of->around + (size_t)s * (size_t)(r->n + 1) + r->n;
         rx_psf_point *p = &job->points[of->stars[s].i];
@@ -581,12 +594,11 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
     ringed of = {.r = rings_of(job)};
     const rings *r = &of.r;
     const int n = r->n;
-    const size_t core = (size_t)(2 * model->half + 1) * (size_t)(2 * model->half + 1),
-                 box = (size_t)(2 * (int)ceil(r->edge[n + 1]) + 1), area = box * box;
+    const size_t core = (size_t)(2 * model->half + 1) * (size_t)(2 * model->half + 1);
     of.stars = RX_NEW(bright, 2 * (size_t)job->n + 1);
     of.around = RX_NEW(ring, (size_t)(BRIGHT + SATURATED) * (size_t)(n + 1));
     float *stamp = RX_NEW(float, core);
-    double *values = RX_NEW(double, (size_t)job->nthreads *area);
+    double *values = RX_NEW(double, (size_t)job->nthreads *area_of(r));
     rx_status status = RX_OK;
     if (of.stars == NULL || of.around == NULL || stamp == NULL || values == NULL) {
         status = rx_error_memory(err, 0);
@@ -594,7 +606,7 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
     }
     rx_psf_model_stamp(model, model->c, 0.0, 0.0, model->half,
                        &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
-    look_at_stars(job, &of, values, area, stamp, log);
+    look_at_stars(job, &of, values, stamp, log);
 
     ring w[RINGS + 1], departure[RINGS + 1];
     const int last = read_rings(job, &of, w, departure, log);
@@ -653,44 +665,47 @@ exit:
     return status;
 }
 
-void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
+static rx_star_shape shape_of(const rx_psf_job *job, const rx_psf_point *p, float *room)
 {
     const rx_psf_model *model = &job->model;
     const int half = model->half, n = 2 * half + 1, reach = (int)fmin(half, ceil(2.0 * job->fwhm));
     const double narrow = 2.772588722239781 / (job->fwhm * job->fwhm);
     const size_t pixels = (size_t)n * (size_t)n, nodes = (size_t)model->side * (size_t)model->side;
-    for (int s = 0; s < job->n; s++) {
-        const rx_psf_point *p = &job->points[s];
-        if (!p->kept)
-            continue;
-        const double dx = p->x - lround(p->x), dy = p->y - lround(p->y);
-        float *room = job->stamps, *value = room + nodes;
-        double terms[RX_PSF_TERMS], model_sum[4] = {0}, data_sum[4] = {0}, noise = 0.0;
-        rx_psf_model_terms(model, p->x, p->y, terms);
-        rx_psf_model_mix(model, model->c, terms, model->nterms, room);
-        rx_psf_model_stamp(model, room, dx, dy, half, &(rx_psf_stamp){value, NULL, NULL, value + 3 * pixels});
-        for (int j = -reach; j <= reach; j++)
-            for (int i = -reach; i <= reach; i++) {
-                const size_t k = (size_t)(j + half) * (size_t)n + (size_t)(i + half);
-                const double x = i - dx, y = j - dy, g = exp(-narrow * (x * x + y * y)),
-                             light = p->flux * (double)value[k];
-                const double data = p->weight[k] > 0.0F ? (double)p->data[k] : light;
-                const double part[4] = {1.0, x * x, y * y, x * y};
-                for (int q = 0; q < 4; q++) {
-                    model_sum[q] += g * light * part[q];
-                    data_sum[q] += g * data * part[q];
-                }
-                const double pull = g * (x * x + y * y);
-                noise += p->weight[k] > 0.0F ? pull * pull / (double)p->weight[k] : 0.0;
+    const double dx = p->x - lround(p->x), dy = p->y - lround(p->y);
+    float *value = room + nodes;
+    double terms[RX_PSF_TERMS], model_sum[4] = {0}, data_sum[4] = {0}, noise = 0.0;
+    rx_psf_model_terms(model, p->x, p->y, terms);
+    rx_psf_model_mix(model, model->c, terms, model->nterms, room);
+    rx_psf_model_stamp(model, room, dx, dy, half, &(rx_psf_stamp){value, NULL, NULL, value + 3 * pixels});
+    for (int j = -reach; j <= reach; j++)
+        for (int i = -reach; i <= reach; i++) {
+            const size_t k = (size_t)(j + half) * (size_t)n + (size_t)(i + half);
+            const double x = i - dx, y = j - dy, g = exp(-narrow * (x * x + y * y)),
+                         light = p->flux * (double)value[k];
+            const double data = p->weight[k] > 0.0F ? (double)p->data[k] : light;
+            const double part[4] = {1.0, x * x, y * y, x * y};
+            for (int q = 0; q < 4; q++) {
+                model_sum[q] += g * light * part[q];
+                data_sum[q] += g * data * part[q];
             }
-        const double t = model_sum[1] + model_sum[2],
-                     d = (data_sum[1] + data_sum[2]) / data_sum[0] * model_sum[0];
-        shapes[s].off[0] = 2.0 * (d - t) / t;
-        shapes[s].off[1] = 2.0 * ((data_sum[1] - data_sum[2]) / (data_sum[1] + data_sum[2]) -
-                                  (model_sum[1] - model_sum[2]) / t);
-        shapes[s].off[2] = 4.0 * (data_sum[3] / (data_sum[1] + data_sum[2]) - model_sum[3] / t);
-        shapes[s].error = 2.0 * sqrt(noise) / fabs(t);
-    }
+            const double pull = g * (x * x + y * y);
+            noise += p->weight[k] > 0.0F ? pull * pull / (double)p->weight[k] : 0.0;
+        }
+    const double t = model_sum[1] + model_sum[2],
+                 d = (data_sum[1] + data_sum[2]) / data_sum[0] * model_sum[0];
+    return (rx_star_shape){.off = {2.0 * (d - t) / t,
+                                   2.0 * ((data_sum[1] - data_sum[2]) / (data_sum[1] + data_sum[2]) -
+                                          (model_sum[1] - model_sum[2]) / t),
+                                   4.0 * (data_sum[3] / (data_sum[1] + data_sum[2]) - model_sum[3] / t)},
+                           .error = 2.0 * sqrt(noise) / fabs(t)};
+}
+
+void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
+{
+#pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
+    for (int s = 0; s < job->n; s++)
+        if (job->points[s].kept)
+            shapes[s] = shape_of(job, &job->points[s], rx_psf_job_room(job));
 }
 
 /* Mean of values [n][2] with their errors, by weight, and its error: what sticks out by four robust sigmas is left out, and
@@ -798,11 +813,11 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
     judged->growth = RX_NEW(rx_psf_growth, RINGS);
     judged->residual = RX_NEW(float, (size_t)judged->side *(size_t)judged->side);
     const rings r = rings_of(job);
-    const size_t box = (size_t)(2 * (int)ceil(r.edge[r.n + 1]) + 1), area = box * box, n = (size_t)job->n + 1;
+    const size_t area = area_of(&r), n = (size_t)job->n + 1;
     rx_star_shape *shapes = RX_NEW(rx_star_shape, n);
     bright *stars = RX_NEW(bright, n);
     ring *around = RX_NEW(ring, (size_t)BRIGHT * (size_t)(r.n + 1));
-    double *values = RX_NEW(double, (area > 4 * n ? area : 4 * n)), level[RINGS + 1];
+    double *values = RX_NEW(double, 4 * n + (size_t)job->nthreads * area), level[RINGS + 1];
     float *stamp = RX_NEW(float, (size_t)(2 * job->model.half + 1) * (size_t)(2 * job->model.half + 1));
     rx_status status = RX_OK;
     if (shapes == NULL || stars == NULL || around == NULL || values == NULL || stamp == NULL ||
@@ -848,8 +863,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
                        &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
     for (int j = 0; j < r.n; j++)
         level[j] = model_mean(job, stamp, r.edge[j], r.edge[j + 1]);
-    for (int s = 0; s < judges; s++)
-        look_around(job, &job->points[stars[s].i], &r, level, values, around + (size_t)s * (size_t)(r.n + 1));
+    look_around_all(job, stars, judges, &r, level, values, around);
     const double peak =
         (double)stamp[(size_t)job->model.half * (size_t)judged->side + (size_t)job->model.half];
     stack(job, stars, judges, peak, judged);

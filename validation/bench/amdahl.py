@@ -14,7 +14,9 @@ import sys
 
 TOP = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..")
 BUILD = os.path.abspath(os.environ.get("RX_BUILD_DIR", os.path.join(TOP, "build")))
-KINDS = {"NONE": ("NONE", False), "RL": ("RL", False), "NET": ("NET", False), "NONE with templates": ("NONE", True)}
+GIVEN = ("MOFFAT", "-PSF_FWHM", "4")
+KINDS = {"NONE": ("NONE", False, GIVEN), "RL": ("RL", False, GIVEN), "RL, its PSF measured": ("RL", False, ("AUTO",)), "NET": ("NET", False, GIVEN),
+         "NONE with templates": ("NONE", True, GIVEN)}
 COLUMNS = "NUMBER X_IMAGE Y_IMAGE FLUX_AUTO FLUXERR_AUTO MAG_AUTO A_IMAGE B_IMAGE THETA_IMAGE FLAGS FLUX_RADIUS".split()
 
 
@@ -27,11 +29,11 @@ def steps_of(text):
     return steps
 
 
-def measure(folder, library, restorer, templates):
+def measure(folder, library, restorer, templates, psf):
     """{step: (serial, all)}"""
     with open(os.path.join(folder, "c.param"), "w", encoding="utf-8") as file:
         file.write("\n".join(COLUMNS + (["FLUX_TEMPLATE"] if templates else [])) + "\n")
-    command = [os.path.join(BUILD, "rextract"), "tile.fits", "-RESTORE_TYPE", restorer, "-PSF_TYPE", "MOFFAT", "-PSF_FWHM", "4", "-NET_MODEL",
+    command = [os.path.join(BUILD, "rextract"), "tile.fits", "-RESTORE_TYPE", restorer, "-PSF_TYPE", *psf, "-NET_MODEL",
                os.path.join(TOP, "config/psfnet.fits"), "-PARAMETERS_NAME", "c.param", "-CATALOG_TYPE", "FITS_1.0", "-CATALOG_NAME",
                "ours.cat", "-NTHREADS", "2", "-VERBOSE_TYPE", "FULL"]
     texts = [subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True, env=os.environ | {"LD_PRELOAD": library} | more).stderr
@@ -54,8 +56,8 @@ def main(folder, side="4096", repeats="3"):
                     "0.1", "-MAG_ZEROPOINT", "22.5", "-SKY_LEVEL", "0.87", "-NOISE_TYPE", "CCD", "-GAIN", "987", "-READ_NOISE", "9",
                     "-IMAGE_NAME", "tile.fits", "-VERBOSE_TYPE", "QUIET"], cwd=folder, check=True)
     kinds = {}
-    for name, (restorer, templates) in KINDS.items():
-        runs = [measure(folder, library, restorer, templates) for _ in range(int(repeats))]
+    for name, kind in KINDS.items():
+        runs = [measure(folder, library, *kind) for _ in range(int(repeats))]
         kinds[name] = {step: [round(min(run[step][k] for run in runs), 4) for k in (0, 1)] for step in runs[0]}
         print(name, kinds[name], flush=True)
     with open(os.path.join(folder, "amdahl.json"), "w", encoding="utf-8") as file:
