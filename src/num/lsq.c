@@ -57,19 +57,25 @@ exit:
 typedef struct bridge {
     const rx_lsq_problem *problem;
     double *parameters, *residuals, *jacobian;
+    int known; /* residuals and jacobian are those of the parameters */
 } bridge;
 
-static int evaluate(const gsl_vector *x, bridge *b, double *jacobian)
+/* Both at once: GSL asks for the jacobian where it has just liked the residuals. */
+static int evaluate(const gsl_vector *x, bridge *b)
 {
-    for (size_t j = 0; j < b->problem->nparameters; j++)
+    int same = b->known;
+    for (size_t j = 0; j < b->problem->nparameters; j++) {
+        same = same && b->parameters[j] == gsl_vector_get(x, j);
         b->parameters[j] = gsl_vector_get(x, j);
-    return b->problem->model(b->problem->user, b->parameters, b->residuals, jacobian);
+    }
+    b->known = same || b->problem->model(b->problem->user, b->parameters, b->residuals, b->jacobian) == 0;
+    return !b->known;
 }
 
 static int bridge_f(const gsl_vector *x, void *params, gsl_vector *f)
 {
     bridge *b = params;
-    if (evaluate(x, b, NULL) != 0)
+    if (evaluate(x, b) != 0)
         return GSL_EBADFUNC;
     for (size_t i = 0; i < b->problem->nresiduals; i++)
         gsl_vector_set(f, i, b->residuals[i]);
@@ -79,7 +85,7 @@ static int bridge_f(const gsl_vector *x, void *params, gsl_vector *f)
 static int bridge_df(const gsl_vector *x, void *params, gsl_matrix *jacobian)
 {
     bridge *b = params;
-    if (evaluate(x, b, b->jacobian) != 0)
+    if (evaluate(x, b) != 0)
         return GSL_EBADFUNC;
     size_t n = b->problem->nresiduals, p = b->problem->nparameters;
     for (size_t i = 0; i < n; i++)

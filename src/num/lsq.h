@@ -26,13 +26,13 @@ rx_status rx_lsq_linear(const rx_lsq_equations *equations, double *x, double *co
                         rx_error *err);
 
 /* residuals[i] = (model_i(parameters) - data_i) / sigma_i; jacobian [n][p] = d residuals_i / d
- * parameter_j, NULL when not asked for. Returns 0, or 1 where the model cannot be evaluated. */
+ * parameter_j, NULL where the problem has none. Returns 0, or 1 where the model cannot be evaluated. */
 typedef int (*rx_lsq_model)(void *user, const double *parameters, double *residuals, double *jacobian);
 
 typedef struct rx_lsq_problem {
     size_t nresiduals, nparameters;
     rx_lsq_model model;
-    int has_jacobian; /* 0: the model is never asked for one, differences are used */
+    int has_jacobian; /* 0: differences are used */
     void *user;
     int max_iterations; /* 0 = 100 */
     double tolerance;   /* relative step that counts as converged, 0 = 1e-8 */

@@ -47,11 +47,8 @@ static int fit_model(void *user, const double *p, double *residuals, double *jac
     profile.rough = task->rough;
     for (int i = 0; i < px->n; i++) {
         double g[2 + RX_MOFFAT_SHAPE], weight = 1.0 / px->sigma[i];
-        double f = rx_moffat_pixel(&profile, px->x[i] - p[CENTRE_X], px->y[i] - p[CENTRE_Y],
-                                   jacobian != NULL ? g : NULL);
+        double f = rx_moffat_pixel(&profile, px->x[i] - p[CENTRE_X], px->y[i] - p[CENTRE_Y], g);
         residuals[i] = (sky + p[PEAK] * f - px->value[i]) * weight;
-        if (jacobian == NULL)
-            continue;
         double *row = jacobian + (size_t)i * (size_t)task->nparameters;
         row[PEAK] = f * weight;
         row[CENTRE_X] = -p[PEAK] * g[0] * weight;

@@ -182,8 +182,7 @@ static int joint_star(const fitted_star *star, const rx_moffat *profile, int nfr
     double wg[RX_MOFFAT_SHAPE] = {0.0}, wfg[RX_MOFFAT_SHAPE] = {0.0};
     for (int i = 0; i < p->n; i++) {
         double g[2 + RX_MOFFAT_SHAPE];
-        const double f = rx_moffat_pixel(profile, p->x[i] - star->fit.x, p->y[i] - star->fit.y,
-                                         jacobian != NULL ? g : NULL);
+        const double f = rx_moffat_pixel(profile, p->x[i] - star->fit.x, p->y[i] - star->fit.y, g);
         const double w = 1.0 / (p->sigma[i] * p->sigma[i]);
         residuals[i] = f;
         w1 += w;
@@ -191,7 +190,7 @@ static int joint_star(const fitted_star *star, const rx_moffat *profile, int nfr
         wff += w * f * f;
         wv += w * p->value[i];
         wfv += w * f * p->value[i];
-        for (int k = 0; k < nfree && jacobian != NULL; k++) {
+        for (int k = 0; k < nfree; k++) {
             jacobian[i * nfree + k] = g[2 + k];
             wg[k] += w * g[2 + k];
             wfg[k] += w * f * g[2 + k];
@@ -204,7 +203,7 @@ static int joint_star(const fitted_star *star, const rx_moffat *profile, int nfr
     for (int i = 0; i < p->n; i++) {
         const double f = residuals[i];
         residuals[i] = (peak * f + sky - p->value[i]) / p->sigma[i];
-        for (int k = 0; k < nfree && jacobian != NULL; k++) {
+        for (int k = 0; k < nfree; k++) {
             double *d = &jacobian[i * nfree + k];
             *d = peak / p->sigma[i] *
                  (*d - f * (w1 * wfg[k] - wf * wg[k]) / det - (wff * wg[k] - wf * wfg[k]) / det);
@@ -231,7 +230,7 @@ static int joint_model(void *user, const double *parameters, double *residuals, 
     for (int s = 0; s < task->n; s++)
         if (task->stars[s].kept > 0)
             failed |= !joint_star(&task->stars[s], &profile, task->free, residuals + task->first[s],
-                                  jacobian != NULL ? jacobian + task->first[s] * (size_t)task->free : NULL);
+                                  jacobian + task->first[s] * (size_t)task->free);
     return failed;
 }
 

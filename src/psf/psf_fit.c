@@ -189,76 +189,132 @@ static int solve_small(double a[4][4], double b[4], int n)
     return 1;
 }
 
-/* The pixel's noise; 0: not used. */
-static double noise_at(const rx_psf_job *job, const rx_psf_point *p, const float *sigmas, int x, int y)
+/* A row of a star's stamp. */
+typedef struct stamp_row {
+    int n;
+    double v, dx;                 /* of the row's centres from the star; of the star from the middle pixel */
+    const float *value, *gx, *gy; /* [n] */
+    float sigma[2 * RX_PSF_HALF + 1]; /* noise; 0: not used, -1: outside of the tile */
+    double weight[2 * RX_PSF_HALF + 1], off[2 * RX_PSF_HALF + 1]; /* off: data less sky and model */
+} stamp_row;
+
+/* What a star's pixels say of its flux, place and sky. */
+typedef struct star_sums {
+    double a[4][4], b[4], chi2; /* a: lower triangle */
+    int count, masked, clipped;
+} star_sums;
+
+/* The noise of the row's pixels from (x0, y) on, and what is left there less the sky. */
+static void read_row(const rx_psf_job *job, const rx_psf_point *p, int x0, int y, stamp_row *row)
 {
-    const size_t at = (size_t)y * (size_t)job->image->width + (size_t)x;
-    return rx_psf_job_uses(job, p, at) ? (sigmas != NULL ? (double)sigmas[0] : 1.0) : 0.0;
+    const rx_image *image = job->image;
+    const int from = x0 > 0 ? x0 : 0, to = x0 + row->n < image->width ? x0 + row->n : image->width;
+    float sigmas[2 * RX_PSF_HALF + 1];
+    for (int i = 0; i < row->n; i++) {
+        row->sigma[i] = -1.0F;
+        row->off[i] = 0.0;
+    }
+    if (y < 0 || y >= image->height || to <= from)
+        return;
+    const size_t at = (size_t)y * (size_t)image->width;
+    const float *noise =
+        rx_map_given(&image->noise) ? rx_map_row(&image->noise, y, from, to - from, sigmas) : NULL;
+    for (int x = from; x < to; x++)
+        if (!rx_psf_job_uses(job, p, at + (size_t)x)) {
+            row->sigma[x - x0] = 0.0F;
+        } else {
+            row->sigma[x - x0] = noise != NULL ? noise[x - from] : 1.0F;
+            row->off[x - x0] = (double)job->rest[at + (size_t)x] - p->sky;
+        }
+}
+
+/* Weights, and their sums. Away from the core what is five sigmas off is of something else. */
+RX_SIMD static void add_row(const rx_psf_job *job, const rx_psf_point *p, int half, stamp_row *row,
+                            star_sums *dst)
+{
+    const double gain = job->image->gain, grain = gain > 0.0 ? 1.0 / gain : 0.0, core = job->fwhm * job->fwhm,
+                 hole = p->saturated * p->saturated, edge = (half + 0.5) * (half + 0.5), flux = p->flux;
+    const double error = p->saturated > 0.0 ? fmax(SATURATED_ERROR, job->model_error) : job->model_error;
+    const double error2 = error * error, v2 = row->v * row->v, first = -half - row->dx;
+    int count = 0, masked = 0, clipped = 0;
+#pragma omp simd reduction(+ : count, masked, clipped)
+    for (int i = 0; i < row->n; i++) {
+        const double u = first + i, away = u * u + v2, sigma = (double)row->sigma[i], off = row->off[i],
+                     light = flux * (double)row->value[i], bright = light > 0.0 ? light : 0.0;
+        const double variance = sigma * sigma + bright * grain + error2 * bright * bright;
+        const int inside = away <= edge && away >= hole, used = inside && sigma > 0.0,
+                  far = used && off * off > 25.0 * variance && away > core;
+        masked += inside && sigma == 0.0 && away < core;
+        clipped += far;
+        count += used && !far;
+        row->weight[i] = used && !far ? 1.0 / variance : 0.0;
+    }
+    double a00 = 0.0, a10 = 0.0, a11 = 0.0, a20 = 0.0, a21 = 0.0, a22 = 0.0, a30 = 0.0, a31 = 0.0, a32 = 0.0,
+           a33 = 0.0, b0 = 0.0, b1 = 0.0, b2 = 0.0, b3 = 0.0, chi2 = 0.0;
+#pragma omp simd reduction(+ : a00, a10, a11, a20, a21, a22, a30, a31, a32, a33, b0, b1, b2, b3, chi2)
+    for (int i = 0; i < row->n; i++) {
+        const double w = row->weight[i], wo = w * row->off[i], g0 = (double)row->value[i],
+                     g1 = (double)row->gx[i], g2 = (double)row->gy[i], w0 = w * g0, w1 = w * g1, w2 = w * g2;
+        a00 += w0 * g0;
+        a10 += w1 * g0;
+        a11 += w1 * g1;
+        a20 += w2 * g0;
+        a21 += w2 * g1;
+        a22 += w2 * g2;
+        a30 += w0;
+        a31 += w1;
+        a32 += w2;
+        a33 += w;
+        b0 += wo * g0;
+        b1 += wo * g1;
+        b2 += wo * g2;
+        b3 += wo;
+        chi2 += wo * row->off[i];
+    }
+    const double more[4][4] = {{a00}, {a10, a11}, {a20, a21, a22}, {a30, a31, a32, a33}},
+                 right[4] = {b0, b1, b2, b3};
+    for (int k = 0; k < 4; k++) {
+        dst->b[k] += right[k];
+        for (int l = 0; l <= k; l++)
+            dst->a[k][l] += more[k][l];
+    }
+    dst->chi2 += chi2;
+    dst->count += count;
+    dst->masked += masked;
+    dst->clipped += clipped;
 }
 
 static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, float *room)
 {
     if (p->saturated > 0.0 && !(p->flux > 0.0)) /* until rings give it one */
         return;
-    const rx_image *image = job->image;
     const rx_psf_model *model = &job->model;
     const int cx = (int)lround(p->x), cy = (int)lround(p->y), small = (int)ceil(1.5 * job->fwhm) + 1;
     const int half = p->star || p->saturated > 0.0 || small > model->half ? model->half : small,
               n = 2 * half + 1;
-    const double dx = p->x - cx, dy = p->y - cy, gain = image->gain,
-                 model_error =
-                     p->saturated > 0.0 ? fmax(SATURATED_ERROR, job->model_error) : job->model_error;
+    const double dx = p->x - cx, dy = p->y - cy;
     float *value = room + nodes_of(model), *gx = value + stamp_size(model), *gy = gx + stamp_size(model);
     rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half,
                        &(rx_psf_stamp){value, gx, gy, gy + stamp_size(model)});
-    double a[4][4] = {{0}}, b[4] = {0}, chi2 = 0.0;
-    int count = 0, masked = 0, clipped = 0;
+    star_sums sums = {.count = 0};
+    stamp_row row = {.n = n, .dx = dx};
     for (int j = 0; j < n; j++) {
-        const int y = cy - half + j, x0 = cx - half;
-        float sigmas[2 * 512 + 1];
-        const int from = x0 > 0 ? x0 : 0, to = x0 + n < image->width ? x0 + n : image->width;
-        const float *row = y >= 0 && y < image->height && to > from && rx_map_given(&image->noise)
-                               ? rx_map_row(&image->noise, y, from, to - from, sigmas)
-                               : NULL;
-        for (int i = 0; i < n; i++) {
-            const int x = x0 + i;
-            const size_t k = (size_t)j * (size_t)n + (size_t)i;
-            double weight = 0.0, data = 0.0;
-            const double light = p->flux * (double)value[k], u = i - half - dx, v = j - half - dy,
-                         away = sqrt(u * u + v * v);
-            if (x >= 0 && y >= 0 && x < image->width && y < image->height && away <= half + 0.5 &&
-                away >= p->saturated) {
-                const double sigma = noise_at(job, p, row != NULL ? row + (x - from) : NULL, x, y),
-                             bright = fmax(light, 0.0);
-                const double off = (double)job->rest[(size_t)y * (size_t)image->width + (size_t)x] - p->sky;
-                if (sigma > 0.0)
-                    weight = 1.0 / (sigma * sigma + (gain > 0.0 ? bright / gain : 0.0) +
-                                    model_error * model_error * bright * bright);
-                masked += !(sigma > 0.0) && away < job->fwhm;
-                data = off + light;
-                if (off * off * weight > 25.0 && away > job->fwhm) {
-                    weight = 0.0;
-                    clipped++;
-                }
-                if (weight > 0.0) {
-                    const double g[4] = {(double)value[k], (double)gx[k], (double)gy[k], 1.0};
-                    for (int u = 0; u < 4; u++) {
-                        b[u] += weight * off * g[u];
-                        for (int v = 0; v <= u; v++)
-                            a[u][v] += weight * g[u] * g[v];
-                    }
-                    chi2 += weight * off * off;
-                    count++;
-                }
-            }
-            if (p->star) {
-                p->data[k] = weight > 0.0 ? (float)data : 0.0F; /* NaN times 0 is no 0 */
-                p->weight[k] = (float)weight;
-            }
+        const size_t at = (size_t)j * (size_t)n;
+        row.v = j - half - dy;
+        row.value = value + at;
+        row.gx = gx + at;
+        row.gy = gy + at;
+        read_row(job, p, cx - half, cy - half + j, &row);
+        add_row(job, p, half, &row, &sums);
+        for (int i = 0; i < n && p->star; i++) {
+            p->data[at + (size_t)i] =
+                row.weight[i] > 0.0 ? (float)(row.off[i] + p->flux * (double)row.value[i]) : 0.0F;
+            p->weight[at + (size_t)i] = (float)row.weight[i];
         }
     }
-    p->chi2 = count > 4 && masked == 0 ? chi2 / (count - 4) : HUGE_VAL;
-    p->unlike = p->saturated > 0.0 ? clipped / (clipped + count + 1e-9) : 0.0;
+    double(*a)[4] = sums.a, *b = sums.b;
+    p->chi2 = sums.count > 4 && sums.masked == 0 ? sums.chi2 / (sums.count - 4) : HUGE_VAL;
+    p->unlike = p->saturated > 0.0 ? sums.clipped / (sums.clipped + sums.count + 1e-9) : 0.0;
     if (!(a[0][0] > 0.0))
         return;
     const double prior = 1.0 / (p->sky_error * p->sky_error);

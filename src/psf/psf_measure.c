@@ -711,7 +711,7 @@ static rx_status open_job(const rx_psf_params *par, const rx_psf *moffat, rx_psf
     const int least = image->width < image->height ? image->width : image->height;
     const int most = (least - 1) / 2; /* a stamp is no larger than the tile */
     int half = (int)ceil(fmax(3.5 * job->fwhm, 6.0));
-    half = half > most ? most : half > 64 ? 64 : half;
+    half = half > most ? most : half > RX_PSF_HALF ? RX_PSF_HALF : half;
     const int reach = (int)fmax(half, fmin(ceil(20.0 * job->fwhm), least / 3));
     const int m = (int)fmin(fmax(ceil(6.0 / moffat->fwhm), 1.0), 4.0);
     RX_TRY(rx_psf_model_new(m, half, reach, image->width, image->height, &job->model, err));

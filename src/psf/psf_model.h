@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 
+enum { RX_PSF_HALF = 64 }; /* pixels, at most */
 enum { RX_PSF_DEGREE = 6, RX_PSF_TERMS = (RX_PSF_DEGREE + 1) * (RX_PSF_DEGREE + 2) / 2 };
 
 typedef struct rx_psf_model {
