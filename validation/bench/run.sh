@@ -13,7 +13,7 @@
 # -VERBOSE_TYPE FULL also shows each layer of the network.
 #
 # RX_BUILD_DIR is the build (default: build/); `make bench` makes what it needs. Needs python3 (its standard library);
-# source-extractor, siril, iraf with iraf-noao, python3-skimage, python3-sep, python3-photutils,
+# source-extractor, psfex, siril, iraf with iraf-noao, python3-skimage, python3-sep, python3-photutils,
 # python3-astropy and gnuplot take part where they are.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)

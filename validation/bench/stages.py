@@ -382,6 +382,39 @@ def extraction_of(bench, side, kind):
         bench.versus("none-photutils-" + key, f"against photutils, {name}", samples, "photutils", f"ours {threads}")
 
 
+# --- the PSF of a tile ---
+
+PSFEX_SIDE = 35  # pixels of psfex's stamps, its default at the bench's FWHM
+
+
+def psf_of(bench):
+    """PSF_TYPE AUTO, which finds its stars itself, against source-extractor (for stars only, from 5 sigma on) and psfex."""
+    if not (bench.sextractor and shutil.which("psfex")):
+        bench.skip("the PSF of a tile: source-extractor or psfex is not there")
+        return
+    box, side = bench.box, bench.stage_side
+    bench.write("psf.param", f"VIGNET({PSFEX_SIDE},{PSFEX_SIDE})\nX_IMAGE\nY_IMAGE\nFLUX_RADIUS\nSNR_WIN\nFLUX_APER(1)\nFLUXERR_APER(1)\n"
+                "ELONGATION\nFLAGS\n")
+
+    def ours(tile, threads):
+        run = box.rextract(tile, "RL", threads, "-PSF_TYPE", "AUTO", "-RL_NITER", "1", "-CATALOG_TYPE", "NONE", "-VERBOSE_TYPE", "FULL")
+        return run.need(r"\]: seconds: .*PSF ([0-9.]+)")[0]
+
+    def psfex(tile, threads):
+        first = box.run([bench.sextractor, tile, "-c", "plain.sex", "-PARAMETERS_NAME", "psf.param", "-CATALOG_TYPE", "FITS_LDAC",
+                         "-CATALOG_NAME", "stars.cat", "-DETECT_THRESH", "5", "-PHOT_APERTURES", str(5 * FWHM), "-VERBOSE_TYPE", "QUIET"], 1)
+        second = box.run(["psfex", "stars.cat", "-PSF_SIZE", f"{PSFEX_SIDE},{PSFEX_SIDE}", "-SAMPLE_FWHMRANGE", "1,20", "-CHECKPLOT_TYPE",
+                          "NONE", "-CHECKIMAGE_TYPE", "NONE", "-WRITE_XML", "N", "-VERBOSE_TYPE", "QUIET", "-NTHREADS", str(threads)], threads)
+        return first.wall + second.wall
+
+    for kind in ("sparse", "crowded"):
+        tile = bench.tile(side, kind)
+        for threads in box.threads:
+            samples = bench.turns(min(bench.repeats, 3), {"ours": lambda t=threads: ours(tile, t), "psfex": lambda t=threads: psfex(tile, t)})
+            bench.versus(f"psf-psfex-{kind}-{threads}", f"against source-extractor and psfex, {NAME[side]} {kind}, {label(threads)}", samples,
+                         "psfex", "ours", 1)
+
+
 # --- the whole stage ---
 
 def whole_stage(bench):
@@ -585,5 +618,5 @@ def training(bench):
 PARTS = {"limits": ("Limits of this machine", limits), "restoration": ("Restoration by the network", restoration),
          "rl": ("Richardson-Lucy", lambda bench: None),
          "extraction": ("Detection and photometry, nothing restored", extraction),
-         "stage": ("The whole stage", whole_stage), "templates": ("Template photometry", templates),
+         "psf": ("The PSF of a tile", psf_of), "stage": ("The whole stage", whole_stage), "templates": ("Template photometry", templates),
          "growth": ("Memory and growth", growth), "training": ("Simulator and training", training)}
