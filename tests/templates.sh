@@ -1,6 +1,7 @@
 #!/bin/sh
 # Template fluxes of blended stars against the same least-squares problem put together and solved by NumPy and SciPy:
-# a PSF integrated by itself, all sources of the tile in one matrix, at the positions that the catalogue gives.
+# a PSF integrated by itself, all sources of the tile in one matrix, at the positions that the catalogue gives. Then crowds of stars
+# and of stars and galaxies, which headers tell apart.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 program=${RX_PROGRAM:-$top/rextract}
@@ -14,7 +15,7 @@ for candidate in python3 /usr/bin/python3; do
 done
 [ -n "$python" ] || {
     echo 'skipped: python3 with astropy and scipy is not installed'
-    echo "0 passed, 0 failed, 2 skipped"
+    echo "0 passed, 0 failed, 4 skipped"
     exit 0
 }
 scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-templates-XXXXXX") || exit 2
@@ -116,5 +117,41 @@ for kind in NONE RL; do
     fi
     [ -z "${RX_TEST_SHOW-}" ] || cat log
 done
+
+cat >crowd.py <<'END'
+import sys
+
+import numpy as np
+from astropy.io import fits
+
+low, high, least = map(float, sys.argv[1:])
+truth, rows, header = fits.getdata("truth.fits", 1), fits.getdata("crowd.cat", 1), fits.getheader("crowd.cat", 1)
+print("RXCROWD", header["RXCROWD"], "RXCROWDG", header["RXCROWDG"])
+assert header["RXCROWD"] > 0.5 and low <= header["RXCROWDG"] <= high
+bright = truth[(truth["TYPE"] == "GALAXY") & (truth["FLUX"] > 10)]
+distance = np.hypot(rows["X_IMAGE"][None] - bright["X_IMAGE"][:, None], rows["Y_IMAGE"][None] - bright["Y_IMAGE"][:, None])
+extended = rows["CLASS_TEMPLATE"][distance.argmin(1)][distance.min(1) < 1.5] < 0.5
+print(len(extended), "galaxies, extended", extended.mean() if len(extended) else 1)
+assert not len(extended) or extended.mean() > least
+END
+printf 'X_IMAGE\nY_IMAGE\nFLUX_TEMPLATE\nCLASS_TEMPLATE\n' >crowd.param
+# crowd STARS GALAXIES LOW HIGH LEAST: RXCROWDG from LOW to HIGH, and more than LEAST of the bright galaxies are extended
+crowd() {
+    if "$(dirname "$program")/rextract-simulate" -IMAGE_SIZE 320 -SEED 5 -PSF_FWHM 4 -STAR_COUNT "$1" -GALAXY_COUNT "$2" -STAR_MAG 16,21 \
+        -GALAXY_MAG 16,21 -STAR_SLOPE 0.2 -GALAXY_SLOPE 0.2 -MAG_ZEROPOINT 22.5 -SKY_LEVEL 0.87 -NOISE_TYPE CCD -GAIN 987 -READ_NOISE 9 \
+        -IMAGE_NAME crowd.fits -TRUTH_NAME truth.fits -VERBOSE_TYPE QUIET >log 2>&1 && "$program" crowd.fits -RESTORE_TYPE NONE \
+        -PSF_TYPE MOFFAT -PSF_FWHM 4 -PARAMETERS_NAME crowd.param -CATALOG_TYPE FITS_1.0 -CATALOG_NAME crowd.cat -VERBOSE_TYPE QUIET \
+        >>log 2>&1 && "$python" crowd.py "$3" "$4" "$5" >>log 2>&1; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: a crowd of $1 stars and $2 galaxies per Mpixel"
+        sed 's/^/    | /' log
+    fi
+    [ -z "${RX_TEST_SHOW-}" ] || cat log
+    rm -f crowd.cat crowd.fits truth.fits
+}
+crowd 1400 0 0 0.1 0
+crowd 700 700 0.5 1 0.6
 echo "$passed passed, $failed failed, 0 skipped"
 [ "$failed" -eq 0 ]

@@ -13,6 +13,9 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_record_add(facts, "RXTPGRP", "groups of sources fitted together", "%d", fit->tphot->ngroups);
     rx_record_add(facts, "RXTPMAX", "members of the largest", "%d", fit->tphot->largest);
     rx_record_add(facts, "RXCROWD", "share of the image that is crowded", "%.4f", fit->tphot->crowded);
+    if (fit->tphot->crowded > 0)
+        rx_record_add(facts, "RXCROWDG", "share of that whose extended ones are galaxies", "%.4f",
+                      fit->tphot->galaxies);
     if (fit->tphot->unseen > 0)
         rx_record_add(facts, "RXUNSEEN", "flux errors by unseen neighbours over noise", "%.4f",
                       fit->tphot->unseen);

@@ -174,6 +174,14 @@ rx_status rx_crowding_spare(const rx_crowd_source *sources, int n, rx_crowding *
     return RX_OK;
 }
 
+double rx_crowding_galaxies(const rx_crowding *crowd)
+{
+    int n = 0;
+    for (int i = 0; i < crowd->nx * crowd->ny && crowd->cells != NULL; i++)
+        n += crowd->cells[i] && crowd->odds[i] < 0;
+    return (double)n / rx_max_int(crowd->n, 1);
+}
+
 void rx_crowding_clear(rx_crowding *crowd)
 {
     free(crowd->cells);

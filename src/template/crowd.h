@@ -40,5 +40,7 @@ void rx_crowding_clear(rx_crowding *crowd);
 int rx_crowding_at(const rx_crowding *crowd, int x, int y);
 /* Where it is: 2 ln of the odds that what looks extended is two stars. */
 double rx_crowding_pair_odds(const rx_crowding *crowd, int x, int y);
+/* Share of the crowded cells where it is more likely one galaxy; 0 without any. */
+double rx_crowding_galaxies(const rx_crowding *crowd);
 
 #endif

@@ -863,6 +863,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->height = w->canvas.height;
     dst->sky = w->sky;
     dst->crowded = (double)w->crowd.n / rx_max_int(w->crowd.seen, 1);
+    dst->galaxies = rx_crowding_galaxies(&w->crowd);
     dst->passes = w->passes;
     dst->modelled = w->n;
     dst->least = (double)w->canvas.floor;

@@ -128,9 +128,11 @@ typedef struct rx_tphot {
     double visible;       /* pixels */
     double least;         /* ADU: noise of a pixel was taken to be that at least */
     double crowded;       /* share of the image in crowded cells */
-    double unseen;        /* errors by unseen neighbours over those of the noise, median of crowded points */
-    int passes;           /* that were made */
-    int modelled;         /* sources in `model`: without those that params.isolate leaves out */
+    double
+        galaxies; /* share of these where what looks extended is taken for galaxies rather than pairs of stars */
+    double unseen; /* errors by unseen neighbours over those of the noise, median of crowded points */
+    int passes;    /* that were made */
+    int modelled;  /* sources in `model`: without those that params.isolate leaves out */
     int width, height;
     float *model;    /* [height][width] M, ADU above the level; NULL unless asked for */
     float *residual; /* level-subtracted pixels - M, 0 where masked; NULL unless asked for */
