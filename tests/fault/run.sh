@@ -20,6 +20,9 @@ export ASAN_OPTIONS TMPDIR
 "$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
     "$make_fits" table ref.fits && "$make_fits" psf psf.fits && mkdir folder &&
     "$make_model" model.fits && "$make_fits" psf-large folder/galaxy_r.fits && "$make_fits" psf folder/galaxy_psf.fits || exit 2
+# As small as holds enough stars for a PSF of pixels.
+"$programs/rextract-simulate" -IMAGE_SIZE 64 -PSF_FWHM 3.05 -STAR_COUNT 14000 -STAR_MAG 15,17 -LEAST_DISTANCE 3 -SEED 2 -GALAXY_COUNT 0 \
+    -IMAGE_NAME stars.fits -TRUTH_NAME NONE -VERBOSE_TYPE QUIET || exit 2
 printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
 printf 'DETECT_THRESH 2\nPHOT_APERTURES 3,5\n' >my.sex
 printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
@@ -51,9 +54,10 @@ refuse 'two restorers, check-images, report and gates' ../tile.fits -RESTORE_TYP
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_LDAC -CHECKIMAGE_TYPE RESTORED,SEGMENTATION,RESIDUAL \
     -CHECKIMAGE_NAME r.fits,s.fits,x.fits -REFERENCE_NAME ../ref.fits -QA_FIGURES N -QA_GATES ../my.qa
 refuse 'configuration, columns, filter, weights and a list to associate with' ../big.fits -c ../my.sex -RL_NITER 2 \
-    -PSF_TYPE AUTO -CATALOG_TYPE ASCII_VOTABLE -PARAMETERS_NAME ../my.param -FILTER_NAME ../my.conv \
+    -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE ASCII_VOTABLE -PARAMETERS_NAME ../my.param -FILTER_NAME ../my.conv \
     -ASSOC_NAME ../my.list -ASSOC_PARAMS 1,2,3 -ASSOC_DATA 1,2 -ASSOCSELEC_TYPE ALL -WEIGHT_TYPE MAP_WEIGHT \
     -WEIGHT_IMAGE ../weight.fits
+refuse 'a PSF of stars' ../stars.fits -RL_NITER 2 -PSF_TYPE AUTO -CATALOG_TYPE ASCII
 refuse 'blind restoration' ../tile.fits -RESTORE_TYPE RL_BLIND -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 2 \
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0
 refuse 'a network, verified' ../tile.fits -RESTORE_TYPE NET -NET_MODEL ../model.fits -VERIFY_SEAMS Y -NET_BLOCK 32 \
