@@ -274,7 +274,8 @@ static void the_psf_of_a_crowd_is_measured_between_its_stars(void **state)
     const double before = flux_off(psf[0], fwhm), after = flux_off(psf[1], fwhm);
     assert_int_equal(psf[0]->quality.neighbours, 0);
     assert_true(psf[1]->quality.neighbours > 240);
-    assert_true(fabs(after) < 0.4 * fabs(before)); /* 0.2; of ten seeds 0.02 to 0.5 where it was off by 2 % or more */
+    assert_true(fabs(after) <
+                0.4 * fabs(before)); /* 0.2; of ten seeds 0.02 to 0.5 where it was off by 2 % or more */
     assert_true(fabs(after) < 2 * rx_psf_flux_error_mean(psf[1]));
     assert_int_equal(psf[3]->quality.neighbours, 0);
     assert_int_equal(psf[2]->size, psf[1]->size);
