@@ -23,6 +23,18 @@ trap 'rm -rf "$scratch"' EXIT
 cd "$scratch" || exit 2
 passed=0 failed=0
 
+# result NAME STATUS: what the log holds is shown where it failed
+result() {
+    if [ "$2" -eq 0 ]; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1))
+        echo "FAILED: $1"
+        sed 's/^/    | /' log
+    fi
+    [ -z "${RX_TEST_SHOW-}" ] || cat log
+}
+
 cat >fit.py <<'END'
 import sys
 
@@ -105,17 +117,11 @@ END
 printf 'XTEMPLATE_IMAGE\nYTEMPLATE_IMAGE\nFLUX_TEMPLATE\nFLUXERR_TEMPLATE\nGROUP_TEMPLATE\n' >my.param
 for kind in NONE RL; do
     rm -f out.cat level.fits rms.fits
-    if "$program" tile.fits -RESTORE_TYPE $kind -PSF_TYPE MOFFAT -PSF_FWHM 3.6 -PSF_BETA 4.765 -GAIN 0 -GAIN_KEY NONE \
+    "$program" tile.fits -RESTORE_TYPE $kind -PSF_TYPE MOFFAT -PSF_FWHM 3.6 -PSF_BETA 4.765 -GAIN 0 -GAIN_KEY NONE \
         -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME out.cat -TEMPLATE_TYPE POINT -TEMPLATE_BACKSIZE 0 \
         -TEMPLATE_PSFERR 0 -CHECKIMAGE_TYPE BACKGROUND,BACKGROUND_RMS -CHECKIMAGE_NAME level.fits,rms.fits \
-        -VERBOSE_TYPE QUIET >log 2>&1 && "$python" fit.py check >>log 2>&1; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: fluxes of $kind are those of SciPy"
-        sed 's/^/    | /' log
-    fi
-    [ -z "${RX_TEST_SHOW-}" ] || cat log
+        -VERBOSE_TYPE QUIET >log 2>&1 && "$python" fit.py check >>log 2>&1
+    result "fluxes of $kind are those of SciPy" $?
 done
 
 cat >crowd.py <<'END'
@@ -137,18 +143,12 @@ END
 printf 'X_IMAGE\nY_IMAGE\nFLUX_TEMPLATE\nCLASS_TEMPLATE\n' >crowd.param
 # crowd STARS GALAXIES LOW HIGH LEAST: RXCROWDG from LOW to HIGH, and more than LEAST of the bright galaxies are extended
 crowd() {
-    if "$(dirname "$program")/rextract-simulate" -IMAGE_SIZE 320 -SEED 5 -PSF_FWHM 4 -STAR_COUNT "$1" -GALAXY_COUNT "$2" -STAR_MAG 16,21 \
+    "$(dirname "$program")/rextract-simulate" -IMAGE_SIZE 320 -SEED 5 -PSF_FWHM 4 -STAR_COUNT "$1" -GALAXY_COUNT "$2" -STAR_MAG 16,21 \
         -GALAXY_MAG 16,21 -STAR_SLOPE 0.2 -GALAXY_SLOPE 0.2 -MAG_ZEROPOINT 22.5 -SKY_LEVEL 0.87 -NOISE_TYPE CCD -GAIN 987 -READ_NOISE 9 \
         -IMAGE_NAME crowd.fits -TRUTH_NAME truth.fits -VERBOSE_TYPE QUIET >log 2>&1 && "$program" crowd.fits -RESTORE_TYPE NONE \
         -PSF_TYPE MOFFAT -PSF_FWHM 4 -PARAMETERS_NAME crowd.param -CATALOG_TYPE FITS_1.0 -CATALOG_NAME crowd.cat -VERBOSE_TYPE QUIET \
-        >>log 2>&1 && "$python" crowd.py "$3" "$4" "$5" >>log 2>&1; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: a crowd of $1 stars and $2 galaxies per Mpixel"
-        sed 's/^/    | /' log
-    fi
-    [ -z "${RX_TEST_SHOW-}" ] || cat log
+        >>log 2>&1 && "$python" crowd.py "$3" "$4" "$5" >>log 2>&1
+    result "a crowd of $1 stars and $2 galaxies per Mpixel" $?
     rm -f crowd.cat crowd.fits truth.fits
 }
 crowd 1400 0 0 0.1 0

@@ -317,7 +317,7 @@ static double flux_off(const double used[RX_MOFFAT_SHAPE], const double other[RX
 static rx_status jackknife(fitted_star *stars, int n, int nthreads, const double shape[RX_MOFFAT_SHAPE],
                            double *error, rx_error *err)
 {
-    enum { GROUPS = 8, MANY = 16, STEPS = 2 }; /* from the shape of all, as good as at the bottom */
+    enum { GROUPS = 8, MANY = 16, STEPS = 2 }; /* from the shape of all, which is near */
     const int kept = count_kept(stars, n), groups = kept < GROUPS ? kept : GROUPS;
     double sum = 0.0, squares = 0.0;
     rx_status status = RX_OK;

@@ -25,8 +25,8 @@ typedef struct rx_psf_wing {
 /* Outer radius, pixels, of the ring around a star that says its sky. */
 double rx_psf_rings_reach(const rx_psf_job *job);
 
-/* The profile of core and wing from rings around the bright stars among those that are ringed, which get the sky around these. Where no ring stands out of
- * the noise the wing stays, with the halo that is to be expected. */
+/* The profile of core and wing from rings around the brightest stars that are ringed, which get the sky around these. Where
+ * no ring stands out of the noise the wing stays, with the halo that is to be expected. */
 rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *log, rx_error *err);
 
 /* What reserved stars say of the model, into quality and judged of dst. */

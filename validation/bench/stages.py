@@ -384,7 +384,7 @@ def extraction_of(bench, side, kind):
 
 # --- the PSF of a tile ---
 
-PSFEX_SIDE = 35  # pixels of psfex's stamps, its default at the bench's FWHM
+PSFEX_SIDE = 35  # pixels of psfex's stamps, some 9 FWHM
 
 
 def psf_of(bench):
