@@ -75,23 +75,18 @@ int rx_psf_job_reach(const rx_psf_job *job, const rx_psf_point *p)
     return high;
 }
 
-typedef struct drawn {
-    int cx, cy, reach;
-    size_t at; /* of its stamp */
-} drawn;
-
-static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, float *stamp, float *room)
+static void draw(const rx_psf_job *job, const rx_psf_point *p, float *stamp, float *room)
 {
     const rx_psf_model *model = &job->model;
-    const int half = d->reach < model->half ? d->reach : model->half, n = 2 * d->reach + 1,
+    const int half = p->reach < model->half ? p->reach : model->half, n = 2 * p->reach + 1,
               core = 2 * half + 1;
     float *inner = room + nodes_of(model);
-    const double dx = p->x - d->cx, dy = p->y - d->cy;
+    const double dx = p->x - p->cx, dy = p->y - p->cy;
     rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half,
                        &(rx_psf_stamp){inner, NULL, NULL, inner + 3 * stamp_size(model)});
     for (int j = 0; j < n; j++)
         for (int i = 0; i < n; i++) {
-            const int x = i - d->reach, y = j - d->reach;
+            const int x = i - p->reach, y = j - p->reach;
             const float value =
                 abs(x) <= half && abs(y) <= half
                     ? inner[(size_t)(y + half) * (size_t)core + (size_t)(x + half)]
@@ -100,54 +95,88 @@ static void draw(const rx_psf_job *job, const rx_psf_point *p, const drawn *d, f
         }
 }
 
-/* The stamps of drawn points [n], in their order, off the rows from..to. */
-static void take_off(const rx_psf_job *job, const drawn *list, int n, const float *stamps, int from, int to)
+typedef struct box {
+    int x0, y0, x1, y1;
+} box;
+
+/* The part of a point's stamp that is on the image and in rows from..to. */
+static box on_image(const rx_psf_job *job, const rx_psf_point *p, int from, int to)
 {
-    const int width = job->image->width;
+    return (box){p->cx - p->reach > 0 ? p->cx - p->reach : 0,
+                 p->cy - p->reach > from ? p->cy - p->reach : from,
+                 p->cx + p->reach < job->image->width ? p->cx + p->reach + 1 : job->image->width,
+                 p->cy + p->reach < to ? p->cy + p->reach + 1 : to};
+}
+
+/* The stamps of points [n], one after the other, off the rows from..to. */
+static void take_off(const rx_psf_job *job, const rx_psf_point *points, int n, const float *const *stamps,
+                     int from, int to)
+{
     for (int i = 0; i < n; i++) {
-        const int side = 2 * list[i].reach + 1, x = list[i].cx - list[i].reach,
-                  y = list[i].cy - list[i].reach;
-        const int x0 = x > 0 ? x : 0, x1 = x + side < width ? x + side : width;
-        for (int j = y > from ? y : from; j < y + side && j < to; j++) {
-            float *row = job->rest + (size_t)j * (size_t)width;
-            const float *stamp = stamps + list[i].at + (size_t)(j - y) * (size_t)side - x;
-            for (int k = x0; k < x1; k++)
-                row[k] -= stamp[k];
+        const rx_psf_point *p = &points[i];
+        const box on = on_image(job, p, from, to);
+        const int side = 2 * p->reach + 1;
+        for (int y = on.y0; y < on.y1; y++) {
+            float *row = job->rest + (size_t)y * (size_t)job->image->width;
+            const float *stamp = stamps[i] + (size_t)(y - p->cy + p->reach) * (size_t)side;
+            for (int x = on.x0; x < on.x1; x++)
+                row[x] -= stamp[x - p->cx + p->reach];
         }
+    }
+}
+
+/* The rows from..to as the image has them: all, or, where points hide the lesser part of it, what is below their stamps. */
+static void put_back(const rx_psf_job *job, int all, int from, int to)
+{
+    const size_t width = (size_t)job->image->width;
+    const float *pixels = job->image->pixels;
+    if (all)
+        memcpy(job->rest + (size_t)from * width, pixels + (size_t)from * width,
+               (size_t)(to - from) * width * sizeof(float));
+    for (int i = 0; !all && i < job->n; i++) {
+        const box on = on_image(job, &job->points[i], from, to);
+        for (int y = on.y0; y < on.y1 && on.x1 > on.x0; y++)
+            memcpy(job->rest + (size_t)y * width + on.x0, pixels + (size_t)y * width + on.x0,
+                   (size_t)(on.x1 - on.x0) * sizeof(float));
     }
 }
 
 rx_status rx_psf_job_subtract(rx_psf_job *job, rx_error *err)
 {
     enum { BAND = 64 }; /* rows */
-    const rx_image *image = job->image;
-    const int height = image->height;
-    const size_t width = (size_t)image->width;
-    drawn list[POINTS_A_BLOCK];
-#pragma omp parallel for schedule(static) num_threads(job->nthreads)
-    for (int y = 0; y < height; y++)
-        memcpy(job->rest + (size_t)y * width, image->pixels + (size_t)y * width, width * sizeof(float));
+    const int height = job->image->height;
+    const float *stamps[POINTS_A_BLOCK];
+    double hidden = 0;
+    for (int i = 0; i < job->n; i++)
+        hidden += (2.0 * job->points[i].reach + 1) * (2.0 * job->points[i].reach + 1);
+    const int none_yet = job->n == 0 || job->points[0].reach == 0,
+              all = none_yet || 2.0 * hidden > (double)job->image->width * height;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
+    for (int y = 0; y < height; y += BAND)
+        put_back(job, all, y, y + BAND < height ? y + BAND : height);
     for (int first = 0; first < job->n; first += POINTS_A_BLOCK) {
+        rx_psf_point *points = job->points + first;
         const int count = job->n - first < POINTS_A_BLOCK ? job->n - first : POINTS_A_BLOCK;
-        size_t size = 0;
+        size_t size = 0, at[POINTS_A_BLOCK];
         for (int i = 0; i < count; i++) {
-            const rx_psf_point *p = &job->points[first + i];
-            list[i] = (drawn){.cx = (int)lround(p->x),
-                              .cy = (int)lround(p->y),
-                              .reach = rx_psf_job_reach(job, p),
-                              .at = size};
-            size += (size_t)(2 * list[i].reach + 1) * (size_t)(2 * list[i].reach + 1);
+            points[i].cx = (int)lround(points[i].x);
+            points[i].cy = (int)lround(points[i].y);
+            points[i].reach = rx_psf_job_reach(job, &points[i]);
+            at[i] = size;
+            size += (size_t)(2 * points[i].reach + 1) * (size_t)(2 * points[i].reach + 1);
         }
-        float *stamps = RX_NEW(float, size);
-        if (stamps == NULL)
+        float *room = RX_NEW(float, size);
+        if (room == NULL)
             return rx_error_memory(err, size * sizeof(float));
 #pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
-        for (int i = 0; i < count; i++)
-            draw(job, &job->points[first + i], &list[i], stamps + list[i].at, rx_psf_job_room(job));
+        for (int i = 0; i < count; i++) {
+            stamps[i] = room + at[i];
+            draw(job, &points[i], room + at[i], rx_psf_job_room(job));
+        }
 #pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
         for (int y = 0; y < height; y += BAND)
-            take_off(job, list, count, stamps, y, y + BAND < height ? y + BAND : height);
-        free(stamps);
+            take_off(job, points, count, stamps, y, y + BAND < height ? y + BAND : height);
+        free(room);
     }
     return RX_OK;
 }

@@ -23,6 +23,7 @@ typedef struct rx_psf_point {
     int ringed;           /* all light as far as its sky's ring is subtracted */
     double saturated;     /* radius (pixels) of its core that is of no use; 0: unsaturated */
     double unlike;        /* of a saturated one: share of its pixels that no star would have */
+    int cx, cy, reach;    /* pixel and half side of the stamp that was subtracted last */
     float *data, *weight; /* [side][side] of the core, neighbours and sky taken off: stars only */
 } rx_psf_point;
 
@@ -56,7 +57,7 @@ typedef struct rx_psf_job {
     double model_error; /* E: of a pixel of the model, relative, 1 sigma */
     int n;
     rx_psf_point *points; /* [n] */
-    float *rest;          /* [height][width] pixels minus all points */
+    float *rest;          /* [height][width] pixels minus all points as they were when subtracted last */
     unsigned char *used;  /* [height][width] 0: hidden, or of an extended source; RX_PSF_OWN */
     rx_psf_model model;
     rx_psf_halo halo;

@@ -29,14 +29,26 @@ def steps_of(text):
     return steps
 
 
-def measure(folder, library, restorer, templates, psf):
-    """{step: (serial, all)}"""
+def command(folder, threads, restorer, templates, psf):
+    """The program on the tile, which tells the seconds of its steps."""
     with open(os.path.join(folder, "c.param"), "w", encoding="utf-8") as file:
         file.write("\n".join(COLUMNS + (["FLUX_TEMPLATE"] if templates else [])) + "\n")
-    command = [os.path.join(BUILD, "rextract"), "tile.fits", "-RESTORE_TYPE", restorer, "-PSF_TYPE", *psf, "-NET_MODEL",
-               os.path.join(TOP, "config/psfnet.fits"), "-PARAMETERS_NAME", "c.param", "-CATALOG_TYPE", "FITS_1.0", "-CATALOG_NAME",
-               "ours.cat", "-NTHREADS", "2", "-VERBOSE_TYPE", "FULL"]
-    texts = [subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True, env=os.environ | {"LD_PRELOAD": library} | more).stderr
+    return [os.path.join(BUILD, "rextract"), "tile.fits", "-RESTORE_TYPE", restorer, "-PSF_TYPE", *psf, "-NET_MODEL",
+            os.path.join(TOP, "config/psfnet.fits"), "-PARAMETERS_NAME", "c.param", "-CATALOG_TYPE", "FITS_1.0", "-CATALOG_NAME",
+            "ours.cat", "-NTHREADS", str(threads), "-VERBOSE_TYPE", "FULL"]
+
+
+def simulate(folder, side):
+    """The tile."""
+    subprocess.run([os.path.join(BUILD, "rextract-simulate"), "-IMAGE_SIZE", str(side), "-SEED", "1", "-PSF_FWHM", "4", "-STAR_COUNT", "700",
+                    "-GALAXY_COUNT", "700", "-STAR_MAG", "16.5,22.5", "-GALAXY_MAG", "16.5,22.5", "-STAR_SLOPE", "0.1", "-GALAXY_SLOPE",
+                    "0.1", "-MAG_ZEROPOINT", "22.5", "-SKY_LEVEL", "0.87", "-NOISE_TYPE", "CCD", "-GAIN", "987", "-READ_NOISE", "9",
+                    "-IMAGE_NAME", "tile.fits", "-VERBOSE_TYPE", "QUIET"], cwd=folder, check=True)
+
+
+def measure(folder, library, *kind):
+    """{step: (serial, all)}"""
+    texts = [subprocess.run(command(folder, 2, *kind), cwd=folder, check=True, capture_output=True, text=True, env=os.environ | {"LD_PRELOAD": library} | more).stderr
              for more in ({}, {"RX_SERIAL_WHOLE": "1"})]
     serial, both = steps_of(texts[0]), steps_of(texts[1])
     whole = [float(one) for one in re.search(r"CPU seconds: serial ([0-9.]+), all ([0-9.]+)", texts[0]).groups()]
@@ -51,10 +63,7 @@ def main(folder, side="4096", repeats="3"):
     library = os.path.join(folder, "serial.so")
     subprocess.run([os.environ.get("CC", "cc"), "-O2", "-shared", "-fPIC", "-o", library,
                     os.path.join(TOP, "validation/bench/serial.c"), "-ldl"], check=True)
-    subprocess.run([os.path.join(BUILD, "rextract-simulate"), "-IMAGE_SIZE", side, "-SEED", "1", "-PSF_FWHM", "4", "-STAR_COUNT", "700",
-                    "-GALAXY_COUNT", "700", "-STAR_MAG", "16.5,22.5", "-GALAXY_MAG", "16.5,22.5", "-STAR_SLOPE", "0.1", "-GALAXY_SLOPE",
-                    "0.1", "-MAG_ZEROPOINT", "22.5", "-SKY_LEVEL", "0.87", "-NOISE_TYPE", "CCD", "-GAIN", "987", "-READ_NOISE", "9",
-                    "-IMAGE_NAME", "tile.fits", "-VERBOSE_TYPE", "QUIET"], cwd=folder, check=True)
+    simulate(folder, side)
     kinds = {}
     for name, kind in KINDS.items():
         runs = [measure(folder, library, *kind) for _ in range(int(repeats))]
