@@ -3,8 +3,8 @@
 
 usage: cores.py FOLDER [SIDE [THREADS,...]]    FOLDER/cores.json; the tile of amdahl.py, SIDE (4096) pixels; threads 1,2,4,8
 
-Each kind of run is made on all numbers of threads in turn, up to five times and no longer than a minute and a half, and the least
-seconds count. Threads stay on as many cores. RX_BUILD_DIR is the build.
+Each kind of run is made on all numbers of threads in turn, up to five times, and again only within a minute; the least seconds
+count. Threads stay on as many cores. Templates, which take longest, get half the SIDE. RX_BUILD_DIR is the build.
 """
 import json
 import os
@@ -15,7 +15,7 @@ import time
 from amdahl import KINDS, command, simulate
 from machine import Run, distinct_cores, processor_name, tell_steps
 
-REPEATS, ENOUGH = 5, 90  # seconds of a kind, after which no repeat is begun
+REPEATS, ENOUGH = 5, 45  # seconds of a kind, after which no repeat is begun
 
 
 def measure(folder, threads, kind):
@@ -38,19 +38,21 @@ def main(folder, side="4096", threads="1,2,4,8"):
     if max(numbers) > len(distinct_cores()):
         sys.exit(f"cores.py: this machine has {len(distinct_cores())} cores; give fewer THREADS")
     os.makedirs(folder, exist_ok=True)
-    simulate(folder, side)
     kinds = {}
     for name, kind in KINDS.items():
+        pixels = int(side) // (2 if kind[1] else 1)
+        simulate(folder, pixels)
         begun, runs = time.monotonic(), {n: [] for n in numbers}
         while len(runs[numbers[0]]) < REPEATS and time.monotonic() - begun < ENOUGH:
             for n in numbers:
                 runs[n].append(measure(folder, n, kind))
-        kinds[name] = {str(n): {"seconds": round(min(whole for whole, _ in of), 4),
-                                "steps": {step: round(min(steps[step] for _, steps in of), 4) for step in of[0][1]}, "repeats": len(of)}
-                       for n, of in runs.items()}
-        print(name, {n: run["seconds"] for n, run in kinds[name].items()}, flush=True)
+        kinds[name] = {"side": pixels} | {
+            str(n): {"seconds": round(min(whole for whole, _ in of), 4),
+                     "steps": {step: round(min(steps[step] for _, steps in of), 4) for step in of[0][1]}, "repeats": len(of)}
+            for n, of in runs.items()}
+        print(name, {n: kinds[name][str(n)]["seconds"] for n in numbers}, flush=True)
     with open(os.path.join(folder, "cores.json"), "w", encoding="utf-8") as file:
-        json.dump({"processor": processor_name(), "cores": len(distinct_cores()), "side": int(side), "kinds": kinds}, file, indent=1)
+        json.dump({"processor": processor_name(), "cores": len(distinct_cores()), "kinds": kinds}, file, indent=1)
         file.write("\n")
 
 
