@@ -830,6 +830,24 @@ def amdahl():
             table(["", "all [s]", "serial [s]", "share", "2 cores", "4", "8", "most of it [s]"], rows))
 
 
+def cores():
+    """Seconds by the clock on more and more cores."""
+    measured = summary("bench/cores")
+    rows = []
+    for name, runs in measured["kinds"].items():
+        numbers = sorted((n for n in runs if n != "side"), key=int)
+        one, most = runs["1"], runs[numbers[-1]]
+        lost = {step: most["steps"][step] - one["steps"][step] / int(numbers[-1]) for step in most["steps"]}
+        worst = sorted(lost, key=lambda step: -lost[step])[:2]
+        rows.append([name, f"{runs['side']}", *(f"{runs[n]['seconds']:.2f}" for n in numbers),
+                     *(f"{100 * one['seconds'] / runs[n]['seconds'] / int(n):.0f} %" for n in numbers[1:]),
+                     listed(f"{step} {lost[step]:.2f}" for step in worst)])
+    return (paragraph(f"""By the clock, on {measured["cores"]} cores of {measured["processor"]} without other work: seconds of a crowded tile on
+        {listed(numbers)} cores, and efficiency. Last, the steps where most of the seconds on {numbers[-1]} are that would not be there if all were
+        shared out:""") + "\n" +
+            table(["", "pixels", *(f"{n} [s]" for n in numbers), *numbers[1:], f"lost on {numbers[-1]} [s]"], rows))
+
+
 PAPERS = ("restoration", "photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 
@@ -901,7 +919,7 @@ def paper_speed():
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
     templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
-    sdss_coadd, preal, speed, amdahl, paper, paper_kinds, real_galaxies, paper_speed)}
+    sdss_coadd, preal, speed, amdahl, cores, paper, paper_kinds, real_galaxies, paper_speed)}
 
 
 # --- check and write
