@@ -3,9 +3,9 @@
 #
 #   validation/training/run.sh MODEL [FOLDER [-KEYWORD VALUE ...]]
 #
-# MODEL: psfnet, psfnet-deep, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet and psfnet-deep begin with psfnet-ideal.fits and
-# psfnet-deep-ideal.fits, which are trained first where FOLDER has none, and want COSMOS galaxies: FOLDER/cosmos/train, else those of
-# the data folder (RX_SHARED_DATA, or ../shared/data beside the sources; astropy).
+# MODEL: psfnet, psfnet-deep, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet, psfnet-deep and psfnet-blind begin with
+# psfnet-ideal.fits, psfnet-deep-ideal.fits and psfnet-blind-fields.fits, which are trained first where FOLDER has none; the first two
+# want COSMOS galaxies: FOLDER/cosmos/train, else those of the data folder (RX_SHARED_DATA, or ../shared/data beside the sources; astropy).
 #
 # Everything goes into FOLDER (default: <MODEL>-out): the configuration, the model, the checkpoint, and the folder <MODEL>
 # with log.ecsv, dictionary.ecsv and the page training.html. Started again after an interruption it goes on where it was;
@@ -17,7 +17,7 @@ top=$(cd "$here/../.." && pwd)
 program=${RX_TRAIN:-$top/build/rextract-train}
 name=${1:-} recipe=${1:-} keywords=()
 case $name in
-psfnet | psfnet-ideal | psfnet-blind | psfnet-paper) ;;
+psfnet | psfnet-ideal | psfnet-blind | psfnet-blind-fields | psfnet-paper) ;;
 psfnet-deep) recipe=psfnet keywords=(-BLOCKS 6 -RL_STEPS 2 -EPOCHS 168 -INIT_MODEL psfnet-deep-ideal.fits) ;;
 psfnet-deep-ideal) recipe=psfnet-ideal keywords=(-BLOCKS 6 -RL_STEPS 2) ;;
 psfnet-paper-informed) recipe=psfnet-paper keywords=(-MODE INFORMED) ;;
@@ -41,6 +41,7 @@ if [[ $recipe == psfnet ]]; then
     fi
     [[ -f $out/$name-ideal.fits ]] || "$0" "$name-ideal" "$out" "${@:3}"
 fi
+[[ $name != psfnet-blind || -f $out/psfnet-blind-fields.fits ]] || "$0" psfnet-blind-fields "$out" "${@:3}"
 cd "$out"
 "$program" "$name.train" -MODEL_NAME "$name.fits" -OUTPUT_NAME "$name" -CHECKPOINT_NAME "$name.checkpoint" "${keywords[@]}" "${@:3}"
 "$program" -INFO "$name.fits" | sed '/^$/,$d'
