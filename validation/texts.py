@@ -847,6 +847,19 @@ def cores():
             table(["", "pixels", *(f"{n} [s]" for n in numbers), *numbers[1:], f"lost on {numbers[-1]} [s]"], rows))
 
 
+def against_time():
+    """NET beside the best Richardson-Lucy, whatever time that takes, and beside those that take no longer than NET."""
+    rows = []
+    every = summary("quality")
+    for fwhm in sorted({r["fwhm"] for r in every}):
+        runs = [r for r in every if r["fwhm"] == fwhm]
+        net, rl = next(r for r in runs if r["series"] == "NET"), [r for r in runs if r["series"] != "NET"]
+        fast = [r for r in rl if r["seconds"] <= net["seconds"]]
+        rows.append([f"{fwhm:g}", f"{net['seconds']:.2f}", *(f"{net[q]:{form}} ({max(r[q] for r in fast):{form}}, {max(r[q] for r in rl):{form}})"
+                                                       for q, form in (("ap", ".3f"), ("psnr", ".1f")))])
+    return table(["FWHM", "NET, s per Mpixel", "average precision (RL in that time, RL at its best)", "PSNR in dB (the same)"], rows)
+
+
 PAPERS = ("restoration", "photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 
@@ -918,7 +931,7 @@ def paper_speed():
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
     templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
-    sdss_coadd, preal, speed, amdahl, cores, paper, paper_kinds, real_galaxies, paper_speed)}
+    sdss_coadd, preal, speed, amdahl, cores, against_time, paper, paper_kinds, real_galaxies, paper_speed)}
 
 
 # --- check and write
