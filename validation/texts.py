@@ -849,14 +849,14 @@ def cores():
 
 def against_time():
     """NET beside the best Richardson-Lucy, whatever time that takes, and beside those that take no longer than NET."""
-    rows = []
-    every = summary("quality")
-    for fwhm in sorted({r["fwhm"] for r in every}):
-        runs = [r for r in every if r["fwhm"] == fwhm]
-        net, rl = next(r for r in runs if r["series"] == "NET"), [r for r in runs if r["series"] != "NET"]
-        fast = [r for r in rl if r["seconds"] <= net["seconds"]]
-        rows.append([f"{fwhm:g}", f"{net['seconds']:.2f}", *(f"{net[q]:{form}} ({max(r[q] for r in fast):{form}}, {max(r[q] for r in rl):{form}})"
-                                                       for q, form in (("ap", ".3f"), ("psnr", ".1f")))])
+    rows, every = [], summary("quality/summary")
+    for fwhm in sorted({run["fwhm"] for run in every}):
+        runs = [run for run in every if run["fwhm"] == fwhm]
+        net, rl = next(run for run in runs if run["series"] == "NET"), [run for run in runs if run["series"] != "NET"]
+        fast = [run for run in rl if run["seconds"] <= net["seconds"]]
+        cells = [f"{net[what]:{form}} ({max(run[what] for run in fast):{form}}, {max(run[what] for run in rl):{form}})"
+                 for what, form in (("ap", ".3f"), ("psnr", ".1f"))]
+        rows.append([f"{fwhm:g}", f"{net['seconds']:.2f}", *cells])
     return table(["FWHM", "NET, s per Mpixel", "average precision (RL in that time, RL at its best)", "PSNR in dB (the same)"], rows)
 
 
