@@ -4,36 +4,18 @@
 # and of stars and galaxies, which headers tell apart.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
-program=${RX_PROGRAM:-$top/rextract}
-[ -x "$program" ] || {
-    echo "templates.sh: $program is missing; build first (make check)"
-    exit 2
-}
+. "$top/tests/lib.sh"
+need rextract rextract-simulate
+program=$programs/rextract
 python=
 for candidate in python3 /usr/bin/python3; do
     "$candidate" -c 'import astropy.io.fits, numpy, scipy.optimize' 2>/dev/null && python=$candidate && break
 done
 [ -n "$python" ] || {
-    echo 'skipped: python3 with astropy and scipy is not installed'
-    echo "0 passed, 0 failed, 4 skipped"
-    exit 0
+    skip "$script" 'python3 with astropy and scipy is not installed'
+    finish
 }
-scratch=$(mktemp -d "${TMPDIR:-/tmp}/rextract-templates-XXXXXX") || exit 2
-trap 'rm -rf "$scratch"' EXIT
-cd "$scratch" || exit 2
-passed=0 failed=0
-
-# result NAME STATUS: what the log holds is shown where it failed
-result() {
-    if [ "$2" -eq 0 ]; then
-        passed=$((passed + 1))
-    else
-        failed=$((failed + 1))
-        echo "FAILED: $1"
-        sed 's/^/    | /' log
-    fi
-    [ -z "${RX_TEST_SHOW-}" ] || cat log
-}
+enter
 
 cat >fit.py <<'END'
 import sys
@@ -121,7 +103,7 @@ for kind in NONE RL; do
         -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME out.cat -TEMPLATE_TYPE POINT -TEMPLATE_BACKSIZE 0 \
         -TEMPLATE_PSFERR 0 -CHECKIMAGE_TYPE BACKGROUND,BACKGROUND_RMS -CHECKIMAGE_NAME level.fits,rms.fits \
         -VERBOSE_TYPE QUIET >log 2>&1 && "$python" fit.py check >>log 2>&1
-    result "fluxes of $kind are those of SciPy" $?
+    result "fluxes of $kind are those of SciPy" $? log
 done
 
 cat >crowd.py <<'END'
@@ -143,15 +125,14 @@ END
 printf 'X_IMAGE\nY_IMAGE\nFLUX_TEMPLATE\nCLASS_TEMPLATE\n' >crowd.param
 # crowd STARS GALAXIES LOW HIGH LEAST: RXCROWDG from LOW to HIGH, and more than LEAST of the bright galaxies are extended
 crowd() {
-    "$(dirname "$program")/rextract-simulate" -IMAGE_SIZE 320 -SEED 5 -PSF_FWHM 4 -STAR_COUNT "$1" -GALAXY_COUNT "$2" -STAR_MAG 16,21 \
+    "$programs/rextract-simulate" -IMAGE_SIZE 320 -SEED 5 -PSF_FWHM 4 -STAR_COUNT "$1" -GALAXY_COUNT "$2" -STAR_MAG 16,21 \
         -GALAXY_MAG 16,21 -STAR_SLOPE 0.2 -GALAXY_SLOPE 0.2 -MAG_ZEROPOINT 22.5 -SKY_LEVEL 0.87 -NOISE_TYPE CCD -GAIN 987 -READ_NOISE 9 \
         -IMAGE_NAME crowd.fits -TRUTH_NAME truth.fits -VERBOSE_TYPE QUIET >log 2>&1 && "$program" crowd.fits -RESTORE_TYPE NONE \
         -PSF_TYPE MOFFAT -PSF_FWHM 4 -PARAMETERS_NAME crowd.param -CATALOG_TYPE FITS_1.0 -CATALOG_NAME crowd.cat -VERBOSE_TYPE QUIET \
         >>log 2>&1 && "$python" crowd.py "$3" "$4" "$5" >>log 2>&1
-    result "a crowd of $1 stars and $2 galaxies per Mpixel" $?
+    result "a crowd of $1 stars and $2 galaxies per Mpixel" $? log
     rm -f crowd.cat crowd.fits truth.fits
 }
 crowd 1400 0 0 0.1 0
 crowd 700 700 0.5 1 0.6
-echo "$passed passed, $failed failed, 0 skipped"
-[ "$failed" -eq 0 ]
+finish

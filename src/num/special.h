@@ -1,7 +1,7 @@
-/* Distributions: beta, gamma (Poisson), Student's t, the normal tail; Lambert's function; a rule of integration. GSL's functions behind one header; their
- * inverses are found by bisection to neighbouring doubles, since GSL's own (gsl_cdf_*_Pinv of 2.7) end without a
- * root for shapes of some hundred and more. No function has state; of a distribution an argument outside of the range
- * gives NAN. */
+/* Distributions: beta, gamma (Poisson), Student's t, the normal tail; Lambert's function; a rule of integration. GSL's
+ * functions behind one header; their inverses are found by bisection to neighbouring doubles, since GSL's own
+ * (gsl_cdf_*_Pinv of 2.7) end without a root for shapes of some hundred and more. No function has state; of a distribution an
+ * argument outside of the range gives NAN. */
 #ifndef RX_NUM_SPECIAL_H
 #define RX_NUM_SPECIAL_H
 

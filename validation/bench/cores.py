@@ -3,7 +3,7 @@
 
 usage: cores.py FOLDER [SIDE [THREADS,...]]    FOLDER/cores.json; the tile of amdahl.py, SIDE (4096) pixels; threads 1,2,4,8
 
-Each kind of run is made on all numbers of threads in turn, up to five times, and again only within a minute; the least seconds
+Each kind of run is made on all numbers of threads in turn, up to five times; after 45 seconds no repeat is begun. The least seconds
 count. Threads stay on as many cores. Templates, which take longest, get half the SIDE. RX_BUILD_DIR is the build.
 """
 import json
