@@ -8,7 +8,7 @@
 #include "base/simd.h"
 #include "num/convolve.h"
 
-enum { MOST_RADIUS = 16 }; /* of the Gaussian, cells */
+enum { MOST_RADIUS = 48 }; /* of the Gaussian, cells */
 
 void rx_cells_free(rx_cells *c)
 {
@@ -42,35 +42,45 @@ static void smooth_line(int n, size_t step, const gauss *g, const double *src, d
     }
 }
 
-static void smooth_cells(const rx_cells *c, const gauss *g, int nthreads, double *plane, double *work)
+static void smooth_cells(const rx_cells *c, const gauss *g, int nthreads, const double *src, double *work,
+                         double *dst)
 {
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int y = 0; y < c->ny; y++)
-        smooth_line(c->nx, 1, g, plane + (size_t)y * c->nx, work + (size_t)y * c->nx);
+        smooth_line(c->nx, 1, g, src + (size_t)y * c->nx, work + (size_t)y * c->nx);
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int x = 0; x < c->nx; x++)
-        smooth_line(c->ny, (size_t)c->nx, g, work + x, plane + x);
+        smooth_line(c->ny, (size_t)c->nx, g, work + x, dst + x);
 }
 
-rx_status rx_cells_smooth(rx_cells *c, double sigma, double empty, int nthreads, rx_coarse *dst,
-                          rx_error *err)
+static rx_status new_coarse(const rx_cells *c, rx_coarse *dst, rx_error *err)
+{
+    const size_t n = (size_t)c->nx * (size_t)c->ny;
+    *dst = (rx_coarse){c->side, c->nx, c->ny, RX_NEW(float, n)};
+    return dst->value == NULL ? rx_error_memory(err, n * sizeof(float)) : RX_OK;
+}
+
+rx_status rx_cells_smooth(const rx_cells *c, double sigma, double empty, int nthreads, rx_coarse *dst,
+                          rx_coarse *weight, rx_error *err)
 {
     const size_t n = (size_t)c->nx * (size_t)c->ny;
     const double cells = sigma / c->side, radius = ceil(3 * cells);
     gauss g = {.radius = radius < MOST_RADIUS ? (int)radius : MOST_RADIUS};
-    double *work = RX_NEW(double, n);
-    *dst = (rx_coarse){c->side, c->nx, c->ny, RX_NEW(float, n)};
-    if (work == NULL || dst->value == NULL) {
-        free(work);
-        return rx_error_memory(err, n * sizeof *work);
+    double *room = RX_NEW(double, 3 * n), *sums = room + n, *weights = sums + n;
+    rx_status status = room == NULL ? rx_error_memory(err, 3 * n * sizeof *room) : new_coarse(c, dst, err);
+    if (status == RX_OK && weight != NULL)
+        status = new_coarse(c, weight, err);
+    if (status == RX_OK) {
+        rx_gauss_weights(cells * 2.3548200450309493, g.radius, g.weight);
+        smooth_cells(c, &g, nthreads, c->sum, room, sums);
+        smooth_cells(c, &g, nthreads, c->weight, room, weights);
+        for (size_t k = 0; k < n; k++)
+            dst->value[k] = (float)(weights[k] > 0 ? sums[k] / weights[k] : empty);
+        for (size_t k = 0; k < n && weight != NULL; k++)
+            weight->value[k] = (float)weights[k];
     }
-    rx_gauss_weights(cells * 2.3548200450309493, g.radius, g.weight);
-    smooth_cells(c, &g, nthreads, c->sum, work);
-    smooth_cells(c, &g, nthreads, c->weight, work);
-    for (size_t k = 0; k < n; k++)
-        dst->value[k] = (float)(c->weight[k] > 0 ? c->sum[k] / c->weight[k] : empty);
-    free(work);
-    return RX_OK;
+    free(room);
+    return status;
 }
 
 void rx_coarse_free(rx_coarse *coarse)

@@ -25,9 +25,9 @@ typedef struct rx_cells {
 rx_status rx_cells_new(int width, int height, int side, rx_cells *dst, rx_error *err);
 void rx_cells_free(rx_cells *c);
 
-/* Weighted means under a Gaussian of that sigma (pixels), cut at 3 sigma; `empty` where no weight is as near.
- * The sums are used up. Errors: RX_SYSTEM. */
-rx_status rx_cells_smooth(rx_cells *c, double sigma, double empty, int nthreads, rx_coarse *dst,
-                          rx_error *err);
+/* Weighted means under a Gaussian of that sigma (pixels), cut at 3 sigma and at 48 cells; `empty` where no weight is as
+ * near. weight (NULL: not requested): its mean a cell, under the same Gaussian, 0 beyond the tile. Errors: RX_SYSTEM. */
+rx_status rx_cells_smooth(const rx_cells *c, double sigma, double empty, int nthreads, rx_coarse *dst,
+                          rx_coarse *weight, rx_error *err);
 
 #endif

@@ -89,7 +89,7 @@ rx_status rx_network_scale(const rx_image *image, const uint8_t *mask, int nthre
         count += c.weight[k];
     }
     const double mean = count > 0 ? sum / count : log(noiseless(image, mask));
-    status = rx_cells_smooth(&c, SMOOTHING, mean, nthreads, dst, err);
+    status = rx_cells_smooth(&c, SMOOTHING, mean, nthreads, dst, NULL, err);
     for (size_t k = 0; k < (size_t)c.nx * (size_t)c.ny && status == RX_OK; k++)
         dst->value[k] = expf(dst->value[k]);
 exit:
@@ -255,7 +255,7 @@ rx_status rx_network_data(const rx_network_input *input, double psf_fwhm, const 
 #pragma omp parallel for schedule(static) num_threads(nthreads)
     for (int cy = 0; cy < c.ny; cy++)
         set_rows(input, &level, cy, &c, rows + 2 * (size_t)omp_get_thread_num() * (size_t)image->width);
-    RX_TRY_EXIT(rx_cells_smooth(&c, SMOOTHING, 0, nthreads, &far, err));
+    RX_TRY_EXIT(rx_cells_smooth(&c, SMOOTHING, 0, nthreads, &far, NULL, err));
     filler f = {.mask = input->mask,
                 .far = &far,
                 .blocks = blocks,

@@ -16,6 +16,9 @@ static const double LEAST_SIGMA = 5, PER_FWHM = 1.7; /* of G: pixels, and the PS
 static const float CLIP = 5;                         /* sigmas */
 static const float ERROR = 0.3f;                     /* of a model, share of its light */
 static const double SETTLED = 1e-5;                  /* noise units: far below what VERIFY_SEAMS allows */
+static const double WIDE = 4;                        /* of the wide G, in sigmas of the near one */
+static const double SEEN = 2.5; /* standard errors, from which on light begins to count */
+static const double LIGHT = 1;  /* noise units: the most that a cell counts for */
 
 /* What all rows have in common. */
 typedef struct frame {
@@ -110,8 +113,22 @@ RX_SIMD static void set_weights(int n, const uint8_t *restrict mask, float *rest
         variance[i] = mask[i] == 0 ? 1 / variance[i] : 0;
 }
 
-/* A row of cells. room: 2 + 3 CELL rows of the tile. */
-static void add_cells(const frame *f, int cy, rx_cells *c, float *room)
+/* Sum of what the data hold above the sky in a cell, its good pixels counted in *good. */
+static double cell_light(int rows, int n, int stride, const float *r, const float *m, double *good)
+{
+    const float *w = r + CELL * (size_t)stride;
+    double sum = 0;
+    for (int y = 0; y < rows; y++, r += stride, w += stride, m += stride)
+        for (int i = 0; i < n; i++) {
+            const int used = w[i] > 0;
+            sum += used ? (double)(r[i] + m[i]) : 0;
+            *good += used;
+        }
+    return fmax(-LIGHT * *good, fmin(LIGHT * *good, sum));
+}
+
+/* A row of cells, of the residual and of the light. room: 2 + 3 CELL rows of the tile. */
+static void add_cells(const frame *f, int cy, rx_cells *c, rx_cells *light, float *room)
 {
     const int width = f->width, height = f->input->image->height;
     const int rows = height - cy * CELL < CELL ? height - cy * CELL : CELL;
@@ -124,34 +141,98 @@ static void add_cells(const frame *f, int cy, rx_cells *c, float *room)
     }
     for (int cx = 0; cx < c->nx; cx++) {
         const int x = cx * CELL, n = width - x < CELL ? width - x : CELL;
-        double weight = 0;
-        const double mean = cell_mean(rows, n, width, r + x, &weight);
-        c->sum[(size_t)cy * (size_t)c->nx + (size_t)cx] = weight * mean;
-        c->weight[(size_t)cy * (size_t)c->nx + (size_t)cx] = weight;
+        const size_t k = (size_t)cy * (size_t)c->nx + (size_t)cx;
+        const float *m = f->m + (size_t)(cy * CELL) * (size_t)width + (size_t)x;
+        const double mean = cell_mean(rows, n, width, r + x, &c->weight[k]);
+        c->sum[k] = c->weight[k] * mean;
+        light->sum[k] = cell_light(rows, n, width, r + x, m, &light->weight[k]);
     }
+}
+
+/* share[ny][nx] is raised to what the light within `sigma` of each cell says: under a Gaussian of that sigma 0 up to SEEN
+ * standard errors of white noise, 1 from SEEN + 1 on. */
+static rx_status see(const rx_cells *light, double sigma, int nthreads, double *share, rx_error *err)
+{
+    const int nx = light->nx, ny = light->ny, reach = (int)ceil(sigma / CELL);
+    const double per_error = sqrt(4 * M_PI) * sigma / CELL;
+    rx_coarse seen = {0}, pixels = {0};
+    rx_status status = rx_cells_smooth(light, sigma, 0, nthreads, &seen, &pixels, err);
+    if (status == RX_OK) {
+        for (size_t k = 0; k < (size_t)nx * (size_t)ny; k++) {
+            const double errors = fabs((double)seen.value[k]) * per_error * sqrt((double)pixels.value[k]);
+            seen.value[k] = (float)fmax(0, fmin(1, errors - SEEN));
+        }
+#pragma omp parallel for schedule(static) num_threads(nthreads)
+        for (int y = 0; y < ny; y++)
+            for (int x = 0; x < nx; x++)
+                for (int v = y < reach ? -y : -reach; v <= reach && y + v < ny; v++)
+                    for (int u = x < reach ? -x : -reach; u <= reach && x + u < nx; u++)
+                        if (u * u + v * v <= reach * reach)
+                            share[(size_t)y * nx + x] = fmax(
+                                share[(size_t)y * nx + x], (double)seen.value[(size_t)(y + v) * nx + x + u]);
+    }
+    rx_coarse_free(&pixels);
+    rx_coarse_free(&seen);
+    return status;
+}
+
+/* S of network_sky.h. */
+static rx_status make_share(const rx_cells *light, double sigma, int nthreads, rx_coarse *share,
+                            rx_error *err)
+{
+    const size_t n = (size_t)light->nx * (size_t)light->ny;
+    rx_cells c = {.side = CELL, .nx = light->nx, .ny = light->ny};
+    rx_status status = RX_OK;
+    RX_TRY_EXIT(RX_MAKE(c.sum, n, err));
+    RX_TRY_EXIT(RX_MAKE(c.weight, n, err));
+    RX_TRY_EXIT(see(light, sigma, nthreads, c.sum, err));
+    RX_TRY_EXIT(see(light, 2 * sigma, nthreads, c.sum, err));
+    for (size_t k = 0; k < n; k++)
+        c.weight[k] = 1;
+    status = rx_cells_smooth(&c, sigma, 0, nthreads, share, NULL, err);
+exit:
+    rx_cells_free(&c);
+    return status;
+}
+
+/* L of the cells: near becomes wide + share (near - wide). */
+static rx_status make_sky(const rx_cells *residual, const rx_cells *light, double sigma, int nthreads,
+                          rx_coarse *near, rx_error *err)
+{
+    /* the means of cells are as wide as a box, and the lines between their centres as a hat */
+    const double rest = sqrt(fmax(1, sigma * sigma - CELL * CELL / 4.0));
+    rx_coarse wide = {0}, share = {0};
+    rx_status status = rx_cells_smooth(residual, rest, 0, nthreads, near, NULL, err);
+    if (status == RX_OK)
+        status = rx_cells_smooth(residual, WIDE * sigma, 0, nthreads, &wide, NULL, err);
+    if (status == RX_OK)
+        status = make_share(light, sigma, nthreads, &share, err);
+    for (size_t k = 0; k < (size_t)near->nx * (size_t)near->ny && status == RX_OK; k++)
+        near->value[k] = wide.value[k] + share.value[k] * (near->value[k] - wide.value[k]);
+    rx_coarse_free(&share);
+    rx_coarse_free(&wide);
+    return status;
 }
 
 rx_status rx_network_sky(const rx_network_input *input, const float *m, double fwhm, int nthreads,
                          rx_coarse *dst, rx_error *err)
 {
-    const double sigma = fmax(LEAST_SIGMA, PER_FWHM * fwhm);
-    /* the means of cells are as wide as a box, and the lines between their centres as a hat */
-    const double rest = sqrt(fmax(1, sigma * sigma - CELL * CELL / 4.0));
     const size_t room = (2 + 3 * CELL) * (size_t)input->image->width;
     const frame f = frame_of(input, m, ERROR);
-    rx_cells c = {0};
+    rx_cells residual = {0}, light = {0};
+    float *rows = NULL;
     *dst = (rx_coarse){0};
-    float *rows = RX_NEW(float, room *(size_t)nthreads);
-    rx_status status = rx_cells_new(input->image->width, input->image->height, CELL, &c, err);
-    if (status == RX_OK && rows == NULL)
-        status = rx_error_memory(err, room * (size_t)nthreads * sizeof *rows);
-    if (status == RX_OK) {
+    rx_status status = RX_OK;
+    RX_TRY_EXIT(RX_MAKE(rows, room * (size_t)nthreads, err));
+    RX_TRY_EXIT(rx_cells_new(input->image->width, input->image->height, CELL, &residual, err));
+    RX_TRY_EXIT(rx_cells_new(input->image->width, input->image->height, CELL, &light, err));
 #pragma omp parallel for schedule(static) num_threads(nthreads)
-        for (int cy = 0; cy < c.ny; cy++)
-            add_cells(&f, cy, &c, rows + room * (size_t)omp_get_thread_num());
-        status = rx_cells_smooth(&c, rest, 0, nthreads, dst, err);
-    }
-    rx_cells_free(&c);
+    for (int cy = 0; cy < residual.ny; cy++)
+        add_cells(&f, cy, &residual, &light, rows + room * (size_t)omp_get_thread_num());
+    status = make_sky(&residual, &light, fmax(LEAST_SIGMA, PER_FWHM * fwhm), nthreads, dst, err);
+exit:
+    rx_cells_free(&light);
+    rx_cells_free(&residual);
     free(rows);
     return status;
 }

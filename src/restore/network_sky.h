@@ -1,11 +1,20 @@
 /* Low frequencies that the network does not explain come back to the restored image:
  *
  *   r = x - m                     m: what the PSF makes of the network's image
- *   L = G * (w r) / G * w         w = 1 / (variance of the pixel + (0.3 m)^2), 0 under the mask
+ *   l = G * (w r) / G * w         w = 1 / (variance of the pixel + (0.3 m)^2), 0 under the mask
+ *   L = l4 + S (l - l4)           l4: the same with a Gaussian four times as wide
  *
  * G: a Gaussian of sigma max(5 pixels, 1.7 FWHM), on cells of 8 pixels and bilinear between their centres (both
  * are counted in its sigma). A cell has Huber's mean of its pixels, which follows dark and bright sky of any
  * depth, and where a pixel more than 5 of its sigmas away counts as one at 5.
+ *
+ * S, from 0 to 1: where the data show light or dark structure. l of an empty sky is noise: 0.056 sigmas with sigma 5,
+ * more than what the network itself leaves there. S is therefore 0 where the data, under a Gaussian of sigma and of
+ * 2 sigma, are nowhere within one such sigma more than 2.5 of its standard errors from the sky, and 1 where they are
+ * by 3.5; smoothed by G. The data, not the residual: around a source that the network explains, what it does not
+ * explain of its outskirts comes back whole. A cell counts for 1 sigma a pixel at most, or a bright star
+ * would be light as far as the Gaussian goes. l4 everywhere, so that the mean of the sky is that of the data. A garrote
+ * on l in place of S takes 0.05 to 0.2 of the light of galaxies of 24 and 25 mag/arcsec^2.
  *
  * 0.3 m: so that bright stars, whose models are never exact, say little of the sky around them. 40 stars of up to
  * 13,000 sigmas, FWHM 4, restored with a PSF of FWHM 4.3: |L| is up to 13.8 sigmas without it, 3.0 with 0.02 m, 0.6
