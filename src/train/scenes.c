@@ -327,7 +327,7 @@ static rx_status colour(rx_scenes *s, const draft *d, rx_error *err)
     RX_TRY(rx_scenes_psf(field, &psf, err));
     rx_convolve_spectrum(s->fft, psf->basis, psf->size, s->coloured);
     rx_psf_free(psf);
-    rx_correlation_filter(&d->survey.correlation, s->fft, s->coloured, s->coloured);
+    RX_TRY(rx_correlation_filter(&d->survey.correlation, s->fft, s->coloured, s->coloured, err));
     for (size_t y = 0; y < w; y++)
         memcpy(s->x + y * stride, s->normal + y * w, w * sizeof *s->x);
     rx_fft_filter(s->fft, s->x, s->coloured, false, s->half, s->x);

@@ -1,6 +1,8 @@
 /* Correlated noise: what smoothing and resampling make of white noise. */
 #include <math.h>
+#include <stdlib.h>
 
+#include "base/memory.h"
 #include "train/scenes_survey.h"
 
 /* --- power --- */
@@ -73,30 +75,37 @@ static double square(const float *value)
     return (double)value[0] * (double)value[0] + (double)value[1] * (double)value[1];
 }
 
-void rx_correlation_filter(const rx_correlation *c, const rx_fft *fft, const float *optics, float *filter)
+rx_status rx_correlation_filter(const rx_correlation *c, const rx_fft *fft, const float *optics,
+                                float *filter, rx_error *err)
 {
     const int w = rx_fft_width(fft), h = rx_fft_height(fft), half = w / 2 + 1;
     const size_t stride = (size_t)rx_fft_stride_complex(fft);
     double white = 0.0, matched = 0.0;
+    double *across, *along;
+    RX_TRY(RX_MAKE(across, (size_t)half + (size_t)h, err));
+    along = across + half;
+    for (int u = 0; u < half; u++)
+        across[u] = rx_correlation_power(c, 0, (double)u / w);
+    for (int v = 0; v < h; v++)
+        along[v] = rx_correlation_power(c, 1, (double)v / h);
     for (int u = 0; u < half; u++) {
         /* the half that is not stored holds the same again, but for u = 0 and, of an even width, the last */
         const double twice = u == 0 || 2 * u == w ? 1.0 : 2.0;
-        const double across = twice * rx_correlation_power(c, 0, (double)u / w);
         for (int v = 0; v < h; v++) {
             const double light = square(optics + 2 * ((size_t)u * stride + (size_t)v));
             white += twice * light;
-            matched += light * across * rx_correlation_power(c, 1, (double)v / h);
+            matched += light * (twice * across[u]) * along[v];
         }
     }
     const double scale = sqrt(white / matched) / ((double)w * h); /* the inverse has no factor */
     for (int u = 0; u < half; u++)
         for (int v = 0; v < h; v++) {
-            const double power =
-                rx_correlation_power(c, 0, (double)u / w) * rx_correlation_power(c, 1, (double)v / h);
             float *value = filter + 2 * ((size_t)u * stride + (size_t)v);
-            value[0] = (float)(scale * sqrt(power));
+            value[0] = (float)(scale * sqrt(across[u] * along[v]));
             value[1] = 0.0f;
         }
+    free(across);
+    return RX_OK;
 }
 
 /* Squared, along one direction: of all frequencies, weighed by the light of a Gaussian PSF and alike. */

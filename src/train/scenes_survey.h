@@ -25,8 +25,9 @@ typedef struct rx_correlation {
 double rx_correlation_power(const rx_correlation *c, int direction, double frequency);
 
 /* filter (a complex plane of fft) for rx_fft_filter(), from white noise of rms 1 to such noise. optics: the
- * spectrum of the PSF, to whose matched filter both are of the same width. */
-void rx_correlation_filter(const rx_correlation *c, const rx_fft *fft, const float *optics, float *filter);
+ * spectrum of the PSF, to whose matched filter both are of the same width. Errors: RX_SYSTEM. */
+rx_status rx_correlation_filter(const rx_correlation *c, const rx_fft *fft, const float *optics,
+                                float *filter, rx_error *err);
 
 /* rms of the errors of given PSFs: ln FWHM, b/a, ln beta; cut at 3 of them */
 #define RX_SURVEY_FWHM 0.03
