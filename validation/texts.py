@@ -242,8 +242,7 @@ def restoration():
         and {won(wins("noise", "NET", "RL", "psnr"), " dB")} of noise. In SSIM NET is above RL by FWHM
         {won(wins("FWHM", "NET", "RL", "ssim"), "")}, by noise {won(wins("noise", "NET", "RL", "ssim"), "")}; RL is above NET by FWHM
         {won(wins("FWHM", "RL", "NET", "ssim"), "")}, by noise {won(wins("noise", "RL", "NET", "ssim"), "")}. The paper's SSIM
-        (K1 = K2 = 0.001) asks for a sky of exactly 0; NET's keeps, smoothed, what the network does not explain, so that no dark or
-        faint structure is lost. With the sky of both set flat, all below a threshold that is tuned to the
+        (K1 = K2 = 0.001) asks for a sky of exactly 0; NET's keeps, smoothed, what the network does not explain. With the sky of both set flat, all below a threshold that is tuned to the
         sky, NET is above RL in SSIM by FWHM {won(wins("FWHM", "NET_FLAT", "RL_FLAT", "ssim"), "")}, by noise
         {won(wins("noise", "NET_FLAT", "RL_FLAT", "ssim"), "")}, and below by FWHM {won(wins("FWHM", "RL_FLAT", "NET_FLAT", "ssim"), "")}, by
         noise {won(wins("noise", "RL_FLAT", "NET_FLAT", "ssim"), "")}; in PSNR above by FWHM

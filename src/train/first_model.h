@@ -5,10 +5,8 @@
 #include "nn/model.h"
 
 /* The parameters of the networks in the model file `path` become those of `model`, which keeps all else; a
- * PSF network that only one of both has stays as it is. Where the file has DECODER BILINEAR and `model` has SUBPIXEL,
- * with KERNELS of 3 pixels, the sub-pixels begin as that interpolation: the same function but at the border of a plane,
- * beyond which sub-pixels see 0. Errors: RX_USAGE where mode, target PSF or networks are not the same (says which
- * keyword to change), those of rx_model_read(). */
+ * PSF network that only one of both has stays as it is. Errors: RX_USAGE where mode, target PSF or networks
+ * are not the same (says which keyword to change), those of rx_model_read(). */
 rx_status rx_first_model(const char *path, rx_model *model, rx_error *err);
 
 #endif

@@ -34,6 +34,3 @@ tests_unit_train_test_trainer_LDADD = librextract-train.la $(LDADD)
 check_PROGRAMS += tests/unit/train/test_inference
 tests_unit_train_test_inference_SOURCES = tests/unit/train/test_inference.c tests/unit/train/scenes_test.h
 tests_unit_train_test_inference_LDADD = librextract-train.la $(LDADD)
-check_PROGRAMS += tests/unit/train/test_first_model
-tests_unit_train_test_first_model_SOURCES = tests/unit/train/test_first_model.c tests/unit/scratch.h tests/unit/near.h
-tests_unit_train_test_first_model_LDADD = librextract-train.la $(LDADD)
