@@ -63,11 +63,15 @@ static inline float rx_front_fwhm(double fwhm)
     return (float)((fwhm - 5) / 3);
 }
 
-/* Light is not negative, so what is far below the sky (beside bright stars) is surely wrong and cut; the
- * small waves of an empty sky are left alone, or their mean would rise and every aperture with it. */
+/* Light is not negative, so what is far below the sky (beside bright stars) is surely wrong and cut. Waves of up to a
+ * tenth of the noise, above and below alike or the mean would rise and every aperture with it, are what the network
+ * leaves of an empty sky: 0. From a fifth on all is as it is, smooth between them. Faint light that goes with them is
+ * low in frequency and comes back as such. */
 static inline float rx_front_shown(float f)
 {
-    return f > -0.5f ? f : -0.5f;
+    const float v = f > -0.5f ? f : -0.5f, seen = (fabsf(v) - 0.1f) / 0.1f;
+    const float above = seen > 0 ? seen : 0, t = above < 1 ? above : 1;
+    return v * (t * t * (3 - 2 * t));
 }
 
 RX_END_DECLS

@@ -10,8 +10,8 @@
  *
  * S, from 0 to 1: where the data show light or dark structure. l of an empty sky is noise: 0.056 sigmas with sigma 5,
  * more than what the network itself leaves there. S is therefore 0 where the data, under a Gaussian of sigma and of
- * 2 sigma, are nowhere within one such sigma more than 2.5 of its standard errors from the sky, and 1 where they are
- * by 3.5; smoothed by G. The data, not the residual: around a source that the network explains, what it does not
+ * 2 sigma, are nowhere within one such sigma more than 2 of its standard errors from the sky, and 1 where they are
+ * by 3; smoothed by G. The data, not the residual: around a source that the network explains, what it does not
  * explain of its outskirts comes back whole. A cell counts for 1 sigma a pixel at most, or a bright star
  * would be light as far as the Gaussian goes. l4 everywhere, so that the mean of the sky is that of the data. A garrote
  * on l in place of S takes 0.05 to 0.2 of the light of galaxies of 24 and 25 mag/arcsec^2.
@@ -20,7 +20,7 @@
  * 13,000 sigmas, FWHM 4, restored with a PSF of FWHM 4.3: |L| is up to 13.8 sigmas without it, 3.0 with 0.02 m, 0.6
  * with 0.3 m. Without stars it costs nothing but a mean that is lower by 0.001 sigmas (0.007 with 1 m). Boxes of 32
  * pixels below the sky come back by 90 to 95 % (dark clouds, M67), those of a tenth of the noise
- * by 60 to 72 % (SDSS frame, HST; validation/low_frequencies.py). */
+ * by 71 to 72 % (SDSS frame, HST; validation/low_frequencies.py). */
 #ifndef RX_RESTORE_NETWORK_SKY_H
 #define RX_RESTORE_NETWORK_SKY_H
 
