@@ -17,8 +17,8 @@ static const float CLIP = 5;                         /* sigmas */
 static const float ERROR = 0.3f;                     /* of a model, share of its light */
 static const double SETTLED = 1e-5;                  /* noise units: far below what VERIFY_SEAMS allows */
 static const double WIDE = 4;                        /* of the wide G, in sigmas of the near one */
-static const double SEEN = 2;   /* standard errors, from which on light begins to count */
-static const double LIGHT = 1;  /* noise units: the most that a cell counts for */
+static const double SEEN = 2;  /* standard errors, from which on light begins to count */
+static const double LIGHT = 1; /* noise units: the most that a cell counts for */
 
 /* What all rows have in common. */
 typedef struct frame {
