@@ -9,6 +9,7 @@
 
 #include "../near.h"
 #include "network_model.h"
+#include "nn/front.h"
 #include "restore/network.h"
 #include "restore/network_sky.h"
 #include "sky.h"
@@ -104,30 +105,35 @@ static bench *bench_new(float unit)
     return b;
 }
 
-/* Largest |L - level|. */
-static double farthest(const rx_coarse *sky, double level)
-{
-    float row[SIDE];
-    double most = 0;
-    for (int y = 0; y < SIDE; y++) {
-        rx_coarse_row(sky, y, 0, SIDE, row);
-        for (int x = 0; x < SIDE; x++)
-            most = fmax(most, fabs((double)row[x] - level));
-    }
-    return most;
-}
-
-/* Root of the mean of (L - level)^2. */
-static double spread(const rx_coarse *sky, double level)
+/* Root of the mean of (L - level)^2; *most: largest |L - level|. */
+static double spread(const rx_coarse *sky, double level, double *most)
 {
     float row[SIDE];
     double sum = 0;
+    *most = 0;
     for (int y = 0; y < SIDE; y++) {
         rx_coarse_row(sky, y, 0, SIDE, row);
-        for (int x = 0; x < SIDE; x++)
-            sum += ((double)row[x] - level) * ((double)row[x] - level);
+        for (int x = 0; x < SIDE; x++) {
+            const double away = (double)row[x] - level;
+            sum += away * away;
+            *most = fmax(*most, fabs(away));
+        }
     }
     return sqrt(sum) / SIDE;
+}
+
+/* Waves of a tenth of the noise are not shown, from a fifth on all is, half of what lies between. */
+static void waves_are_not_shown(void **state)
+{
+    (void)state;
+    for (int sign = -1; sign <= 1; sign += 2) {
+        const float f = (float)sign;
+        assert_near(rx_front_shown(0.1f * f), 0, 1e-6);
+        assert_near(rx_front_shown(0.15f * f), 0.075 * f, 1e-6);
+        assert_near(rx_front_shown(0.2f * f), 0.2 * f, 1e-6);
+    }
+    assert_near(rx_front_shown(1000), 1000, 1e-3);
+    assert_near(rx_front_shown(-3), -0.5, 1e-6);
 }
 
 /* A sky 30 or 60 sigmas below its level is followed, a pixel of 100,000 and a star whose model is wrong by a tenth are
@@ -138,7 +144,8 @@ static void the_sky_and_not_the_stars(void **state)
     bench *b = bench_new(3);
     rx_coarse sky;
     assert_int_equal(rx_network_sky(&b->input, b->m, 4, 2, &sky, NULL), RX_OK);
-    const double plain = spread(&sky, 0);
+    double largest = 0;
+    const double plain = spread(&sky, 0, &largest);
     rx_coarse_free(&sky);
     double followed = 0, noise = 0;
     for (int depth = 1; depth <= 2; depth++) {
@@ -146,10 +153,11 @@ static void the_sky_and_not_the_stars(void **state)
             b->pixels[k] -= 90;
         assert_int_equal(rx_network_sky(&b->input, b->m, 4, 2, &sky, NULL), RX_OK);
         if (depth == 1) {
-            followed = farthest(&sky, -30);
-            noise = spread(&sky, -30);
-        } else
-            assert_near(farthest(&sky, -60), followed, 0.001);
+            noise = spread(&sky, -30, &followed);
+        } else {
+            spread(&sky, -60, &largest);
+            assert_near(largest, followed, 0.001);
+        }
         rx_coarse_free(&sky);
     }
     print_message("L: at most %.3f of a sky that is off; its noise %.4f, %.4f of an empty sky\n", followed,
@@ -166,9 +174,9 @@ static void the_sky_and_not_the_stars(void **state)
             b->pixels[k] += 3 * 1.1f * b->m[k];
         }
     assert_int_equal(rx_network_sky(&b->input, b->m, 4, 2, &sky, NULL), RX_OK);
-    print_message("largest |L|: %.3f of noise alone, %.3f with a hot pixel and a star\n", plain,
-                  farthest(&sky, 0));
-    assert_true(farthest(&sky, 0) < plain + 0.15);
+    spread(&sky, 0, &largest);
+    print_message("largest |L| with a hot pixel and a star: %.3f\n", largest);
+    assert_true(largest < 0.2);
     rx_coarse_free(&sky);
     free(b);
 }
@@ -226,7 +234,9 @@ static void masked_pixels_have_no_weight(void **state)
         b->mask[k] = k % SIDE > 240 && k % SIDE < 280;
     }
     assert_int_equal(rx_network_sky(&b->input, b->m, 4, 1, &clean, NULL), RX_OK);
-    assert_near(farthest(&clean, 5), 0, 1e-5);
+    double away = 0;
+    spread(&clean, 5, &away);
+    assert_near(away, 0, 1e-5);
     for (int k = 0; k < SIDE * SIDE; k++)
         if (b->mask[k])
             b->pixels[k] = NAN;
@@ -279,7 +289,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(faint_structure_comes_back), cmocka_unit_test(the_sky_and_not_the_stars),
         cmocka_unit_test(outskirts_come_back),        cmocka_unit_test(masked_pixels_have_no_weight),
-        cmocka_unit_test(added_by_its_formula),
+        cmocka_unit_test(added_by_its_formula),       cmocka_unit_test(waves_are_not_shown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
