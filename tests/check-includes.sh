@@ -170,9 +170,8 @@ grep -E '_parts[.][ch]$' "$scratch/files" | sed 's/$/:1: parts of what? Put it i
     >>"$scratch/found"
 
 # No circle of headers, nor of folders. Within a folder a .c file may use a header whose own .c file uses this one's.
-while read -r file; do
-    sed -n "s;^#include \"\([a-z_]*/[^\"]*\)\".*;$file src/\1;p" "$file"
-done <"$scratch/files" >"$scratch/uses"
+# shellcheck disable=SC2046
+awk '/^#include "[a-z_]*\// { split($0, part, "\""); print FILENAME, "src/" part[2] }' $(cat "$scratch/files") >"$scratch/uses"
 awk '$1 ~ /[.]h$/ { print }' "$scratch/uses" >"$scratch/headers"
 awk '{ split($1, a, "/"); split($2, b, "/"); if (a[2] != b[2]) print a[2], b[2] }' "$scratch/uses" | sort -u >"$scratch/rooms"
 for graph in headers rooms; do
@@ -204,20 +203,27 @@ grep -nE '^librextract_la_SOURCES' src/lab/local.mk src/par/local.mk src/survey/
 # builds are left out.
 objects=0
 if [ -n "${RX_BUILD_DIR:-}" ] && command -v nm >/dev/null; then
-    while read -r source; do
-        object=$RX_BUILD_DIR/${source%.c}.o
-        case $source in *.c) [ -f "$object" ] || continue ;; *) continue ;; esac
-        nm "$object" | grep -q '__asan_init\|__gcov_' && continue
-        objects=$((objects + 1))
-        nm -f sysv "$object" | awk -F'|' '{ gsub(/ /, "", $1); gsub(/ /, "", $7) }
-            $7 ~ /^(\.data|\.data\.rel|\.data\.rel\.local|\.bss|\.tdata|\.tbss|\*COM\*)(\.[a-z].*)?$/ &&
-            $7 !~ /^\.data\.rel\.ro/ && $1 !~ /^\./ { print $1 }' |
-            while read -r symbol; do
-                variable=${symbol%%.*}
-                line=$(grep -nw "$variable" "$source" | head -n 1 | cut -d: -f1)
-                echo "$source:${line:-1}: $variable is a variable that outlives its function; pass it down instead"
-            done >>"$scratch/found"
-    done <"$scratch/files"
+    sed -n "s;^\(.*\)[.]c$;$RX_BUILD_DIR/\1.o;p" "$scratch/files" | while read -r object; do
+        [ ! -f "$object" ] || echo "$object"
+    done >"$scratch/objects"
+    xargs nm -f sysv <"$scratch/objects" | awk -F'|' -v build="$RX_BUILD_DIR/" '
+        function tell(    i) {
+            if (object == "" || foreign) return
+            print "object", object
+            for (i = 1; i <= n; i++) print object, variable[i]
+        }
+        /^Symbols from / { tell(); object = substr($0, 14); sub(/:$/, "", object); object = substr(object, length(build) + 1)
+            sub(/o$/, "c", object); foreign = n = 0; next }
+        { gsub(/ /, "", $1); gsub(/ /, "", $7) }
+        $1 ~ /__asan_init|__gcov_/ { foreign = 1 }
+        $7 ~ /^(\.data|\.data\.rel|\.data\.rel\.local|\.bss|\.tdata|\.tbss|\*COM\*)(\.[a-z].*)?$/ &&
+        $7 !~ /^\.data\.rel\.ro/ && $1 !~ /^\./ { sub(/[.].*/, "", $1); variable[++n] = $1 }
+        END { tell() }' >"$scratch/variables"
+    objects=$(grep -c '^object ' "$scratch/variables")
+    grep -v '^object ' "$scratch/variables" | while read -r source variable; do
+        line=$(grep -nw "$variable" "$source" | head -n 1 | cut -d: -f1)
+        echo "$source:${line:-1}: $variable is a variable that outlives its function; pass it down instead"
+    done >>"$scratch/found"
 fi
 
 # cmocka's own comparison casts to float, lets 1.2e-7 pass whatever the tolerance is, and NaN too.
