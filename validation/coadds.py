@@ -3,9 +3,9 @@
 
     coadds.py FOLDER [SEED[,SEED...] [KIND[,KIND...]]]     seeds: 1,2; kinds: WHITE,DRIZZLE,LANCZOS
 
-RESTORERS in the environment are those to run (NONE,RL,NET), REXTRACT and SIMULATE name the programs (default: rextract and
-rextract-simulate in the current folder), RX_MODEL the network's model (config/psfnet.fits). FOLDER gets one folder a kind
-and seed; what lies there is not made again. Each is a tile of 1000 x 1000 pixels, 800 stars and 500 galaxies per Mpixel, with its
+RESTORERS in the environment are those to run (NONE,RL,NET), REXTRACT and SIMULATE name the programs (default: those in build/),
+RX_MODEL the network's model (config/psfnet.fits). FOLDER gets one folder a kind and seed; what lies there is not made again.
+Each is a tile of 1000 x 1000 pixels, 800 stars and 500 galaxies per Mpixel, with its
 weight map, and a run of rextract with RESTORE_TYPE NONE, RL and NET, a Gaussian as wide as a star as the filter,
 and a low threshold (DETECT_THRESH 0.6). WHITE is one exposure, for comparison.
 
@@ -30,6 +30,7 @@ from scipy.spatial import cKDTree
 import ledger
 
 NEAR, RADIUS, APERTURE, SIDE = 16, 2.0, 12, 1000
+BUILD = f"{os.path.dirname(os.path.abspath(__file__))}/../build"
 MODEL = os.path.abspath(os.environ.get("RX_MODEL", f"{os.path.dirname(__file__)}/../config/psfnet.fits"))
 BINS = (5, 10, 20, 50, 100)
 # noise of a frame's pixel such that wide sums are as noisy as those of white noise of 5 ADU (LANCZOS: at full depth)
@@ -51,7 +52,7 @@ def list_of(restorer):
 
 
 def program(name):
-    return os.path.abspath(os.environ.get(name, "rextract" if name == "REXTRACT" else "rextract-simulate"))
+    return os.path.abspath(os.environ.get(name, f"{BUILD}/{'rextract' if name == 'REXTRACT' else 'rextract-simulate'}"))
 
 
 def run(folder, name, *arguments):
