@@ -22,20 +22,20 @@
 #include "psf/psf_files.h"
 #include "psf/psf_library.h"
 
-static int any_saturated(const rx_image *image)
+/* Share of the pixels at SATUR_LEVEL or above. */
+static double saturated_share(const rx_image *image)
 {
     const size_t width = (size_t)image->width;
-    for (int y = 0; image->mask != NULL && y < image->height;
-         y++) { /* whole rows: no branch in a loop over all pixels */
+    size_t all = 0;
+    for (int y = 0; image->mask != NULL && y < image->height; y++) {
         const uint8_t *mask = image->mask + (size_t)y * width;
-        uint8_t bits = 0;
-#pragma omp simd reduction(| : bits)
+        unsigned in_row = 0;
+#pragma omp simd reduction(+ : in_row)
         for (size_t x = 0; x < width; x++)
-            bits |= mask[x];
-        if (bits & RX_MASK_SATURATED)
-            return 1;
+            in_row += (mask[x] & RX_MASK_SATURATED) != 0;
+        all += in_row;
     }
-    return 0;
+    return (double)all / ((double)width * (double)image->height);
 }
 
 static rx_status measure_background(const rx_pipeline_params *params, int role, const rx_image *input,
@@ -609,13 +609,20 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
 }
 
 /* Both backgrounds. */
-static rx_status measure_backgrounds(const rx_pipeline_params *params, int role, rx_field *field,
+static rx_status measure_backgrounds(const rx_pipeline_params *params, int role, rx_field *field, rx_log *log,
                                      rx_error *err)
 {
+    static const double many = 0.1; /* of the pixels: no sky has so many bright stars */
+    const double saturated = saturated_share(&field->image);
+    if (saturated > many)
+        rx_log_warning(log,
+                       "%s[%d]: %.0f %% of its pixels are at SATUR_LEVEL %g or above, so that their sources "
+                       "count as saturated (FLAGS 4): give SATUR_LEVEL in the unit of the pixels",
+                       field->image.name, field->image.hdu, 100.0 * saturated, field->image.saturation);
     int hide_plain = params->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
     rx_status status = measure_background(params, role, &field->image, hide_plain, &field->plain, err);
     field->restored = field->plain;
-    if (status != RX_OK || hide_plain == RX_HIDE_RESTORED || !any_saturated(&field->image))
+    if (status != RX_OK || hide_plain == RX_HIDE_RESTORED || saturated == 0.0)
         return status;
     field->restored = NULL;
     return measure_background(params, role, &field->image, RX_HIDE_RESTORED, &field->restored, err);
@@ -629,7 +636,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     const int role = (what & RX_FIELD_MEASURED) != 0;
     rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
-    RX_TRY(measure_backgrounds(params, role, field, err));
+    RX_TRY(measure_backgrounds(params, role, field, log, err));
     RX_TRY(measure_noise(params, field, err));
     rx_lap_add(&last, &field->background_lap);
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",

@@ -384,3 +384,13 @@ expect 3 '^rextract: ref\.vot:4: is not well-formed XML: no element found' tile.
 begin 'the second element of a vector is no number'
 make_fits tile tile.fits && printf 'NUMBER\nVECTOR_ASSOC(1)\n' >my.param && printf '#   1 POS\n#   3 MAG\n10 10 20\n20 bright 20\n' >my.list
 expect 3 "^rextract: my\.list:4: 'bright' in column POS is no number" tile.fits $none -PARAMETERS_NAME my.param -ASSOC_NAME my.list -ASSOC_PARAMS 1,2
+
+begin 'a sky above SATUR_LEVEL is said'
+make_fits tile tile.fits
+leaves test.cat
+if [ "$active" = 1 ]; then
+    run tile.fits $none -SATUR_LEVEL 1e-6
+    grep 'warning: tile' ../err >../warnings
+    mv ../warnings ../err
+    judge 0 'warning: tile\.fits\[0\]: .* of its pixels are at SATUR_LEVEL 1e-06 or above, .*give SATUR_LEVEL'
+fi
