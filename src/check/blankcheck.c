@@ -22,7 +22,6 @@ enum {
 };
 
 static const double LEVEL = 0.95;
-static const double GUARD_LEVEL = 0.8; /* two-sided: its lower end is a one-sided limit of 90 % */
 static const double RAISED_STEP = 1.05, RAISED_MOST = 10.0;
 static const uint64_t NOISE =
     UINT64_C(0x424c4b0000000000); /* stream of random numbers, one per realisation */
@@ -216,8 +215,7 @@ static rx_status run_window(const rx_pipeline_params *params, const rx_blank_inp
     dst->realisations = dst->quick = 1;
     dst->false_detections = result.sources->n;
     dst->asked = (double)dst->false_detections / mpixels;
-    if (most > 0.0 && dst->false_detections >= SEVERAL &&
-        rx_poisson_interval(dst->false_detections, GUARD_LEVEL).low > most * mpixels)
+    if (most > 0.0 && dst->false_detections >= SEVERAL)
         while ((double)dst->false_detections > most * mpixels && dst->raised < RAISED_MOST) {
             RX_TRY_EXIT(rx_interrupt_check(err));
             dst->raised *= RAISED_STEP;

@@ -627,6 +627,11 @@ static void test_guard_raises_the_threshold(void **state)
     assert_int_equal(rx_blankcheck_guard(&params, none, field, 1.1 * found, &check, NULL), RX_OK);
     assert_true(params.detect.threshold == asked);
     assert_true(check.raised == 1.0);
+    /* one that is missed by a hundredth, within the error of the count, is missed */
+    assert_int_equal(rx_blankcheck_guard(&params, none, field, 0.99 * found, &check, NULL), RX_OK);
+    assert_true(check.raised > 1.0);
+    assert_true(check.rate.value <= 0.99 * found);
+    params.detect.threshold = asked;
     assert_int_equal(rx_blankcheck_guard(&params, none, field, 20.0, &check, NULL), RX_OK);
     assert_true(check.raised > 1.0);
     assert_near(params.detect.threshold, asked * check.raised, 1e-12);
