@@ -27,7 +27,7 @@ run() {
     robustness) "$python" "$here/robustness.py" "$3" "$2" ;;
     unknown_psf) "$python" "$here/unknown_psf.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" ;;
     faint_galaxies) "$python" "$here/faint_galaxies.py" "$data" "$3" "$2,$(($2 + 1))" ;;
-    preal) RX_PROGRAMS=NONE,NET RX_COVERED='' "$python" "$here/preal.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" 300-2.5G,300-4G,300-6G,2000-4 ;;
+    preal) "$python" "$here/preal.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" ;;
     quality) "$python" "$here/bench/quality.py" run "$3" "$2" ;;
     auto) "$python" "$here/auto.py" "$3" "$2" "$data" ;;
     *) "$here/run.sh" "$1" "$size" "$3" -SEED "$2" ;;
