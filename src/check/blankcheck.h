@@ -71,8 +71,8 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
 /* Before the network looks at the tile of `field`: one realisation of its noise, as measured, in a window of 512 x
  * 512 pixels, the one with most usable pixels, or of 1024 x 1024 where that has three false detections. Where its
  * false detections, at least three, are more than `most` per Mpixel (0: no limit), params->detect.threshold is raised,
- * by steps of a twentieth up to tenfold, until no more are found on the same window. dst->realisations stays 0 where the noise is not known, or another restorer does the
- * work. Errors: RX_SYSTEM, RX_INTERRUPTED. */
+ * by steps of a twentieth up to tenfold, until no more are found on the same window. dst->realisations stays 0 where the
+ * noise is not known, or another restorer does the work. Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kind, const rx_field *field,
                               double most, rx_blankcheck *dst, rx_error *err);
 
