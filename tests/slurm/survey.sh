@@ -1,7 +1,8 @@
 #!/bin/bash
 # A survey on Slurm with faults in the middle, for real: a controller and a node on this machine, 50 simulated tiles and
 # the real ones. A rextract is killed, a job is killed, the node dies with all that runs on it, the controller is started anew; yet
-# nothing is lost, nothing is done twice, and the roll-up is that of an undisturbed run without Slurm, to the byte.
+# nothing is lost, nothing is done twice but what the node had in hand, and the roll-up is that of an undisturbed run without
+# Slurm, to the byte.
 #
 # It takes some minutes and is no part of make check; .ci/run calls it: RX_BUILD_DIR=BUILD tests/slurm/survey.sh
 # Real tiles need RX_SHARED_DATA. RX_TILES: how many simulated ones, 50 without.
@@ -120,6 +121,7 @@ result "$tiles tiles on Slurm, with faults" $? faults.log
 wait $!
 result 'a job and the node were killed, the controller started anew' $? disturb.log
 cat disturb.log
+scontrol -o show job | grep -E ' Restarts=[1-9]' >restarted
 awk '{ n[$1 $2]++ } END { exit !(n["killedsim3"] == 1 && n["beginsim3"] == 2 && n["beginsim17"] == 2 && n["beginsim31"] == 2) }' \
     faults/diary.log
 result 'and so was a rextract; what they were at was begun again' $? faults/diary.log
@@ -131,9 +133,10 @@ result 'and so are the catalogues' $? log
 diff <(cd calm/done && find . -type f ! -name '.*' | sort) <(cd faults/done && find . -type f ! -name '.*' | sort) >log &&
     [[ $(find faults/done -type f ! -name '.*' | wc -l) = "$tiles" ]]
 result 'no tile is lost' $? log
-sed -n 's/^end \([^ ]*\) .*/\1/p' faults/diary.log | sort | uniq -d >log
-[[ ! -s log && $(grep -c '^end' faults/diary.log) = "$tiles" ]]
-result 'no tile is done twice' $? log
+# A node that dies between the end of a program and that of its job takes the word of it along: Slurm has to begin that one anew.
+awk '$1 == "end" && n[$2]++ { print $2, n[$2] " times" }' faults/diary.log >log
+[[ -s restarted && $(wc -l <log) -le $(wc -l <restarted) && $(grep -c '^end' faults/diary.log) = $((tiles + $(wc -l <log))) ]]
+result 'no tile is done twice, but for jobs that the node died with' $? log
 grep -q '"fine"' faults/survey/summary.json && grep -q 'missing.fits: cannot be opened' faults/survey/junit.xml
 result 'the tiles that failed are told' $? faults/survey/summary.json
 
