@@ -1,7 +1,7 @@
 /* fault LAST PLACES ARGUMENT...: the program that is linked in, again and again, with its n-th request for
  * memory refused: each of the first LAST requests, and of those beyond the first one from every place, by
  * which the five functions or so that called each other last are meant. The file PLACES holds those of
- * earlier cases, which are left out, and takes the new ones. Each run must end with status 4 and one line,
+ * earlier cases, which are left out, and takes the new ones. RX_FAULT_SHARE=n in the environment: of the places one in n. Each run must end with status 4 and one line,
  * and leave nothing in its folder; or, where it can do without that memory, do all its work.
  *
  * The linker sends the calls of our own code, not those of other libraries, through the __wrap_ functions. */
@@ -232,6 +232,8 @@ int main(int argc, char **argv)
     const char *places = argv[2];
     long last = atol(argv[1]), runs = 0, wrong = 0, done_without = 0, requests;
     const long nknown = read_places(places, known);
+    const char *share = getenv("RX_FAULT_SHARE");
+    const unsigned long one_in = share != NULL && atol(share) > 0 ? (unsigned long)atol(share) : 1;
     argv[2] = argv[0];
     atomic_store(&shared->recording, 1);
     if (run(0, log, argc - 2, argv + 2) != 0) {
@@ -243,7 +245,7 @@ int main(int argc, char **argv)
     requests = atomic_load(&shared->requests);
     const unsigned long expected = digest();
     for (long n = 1; wrong < 10 && n <= requests; n++) {
-        if (n > last && !is_first(n, known, nknown))
+        if (n > last && (!is_first(n, known, nknown) || shared->place[n - 1] % one_in != 0))
             continue;
         int code = run(n, log, argc - 2, argv + 2), lines = read_log(log, text, sizeof text),
             left_there = names();

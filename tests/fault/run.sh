@@ -1,7 +1,7 @@
 #!/bin/sh
 # Memory that runs out, anywhere: fault.c refuses one request after another, the first from each place in the program.
 # RX_FAULT_LAST: up to which number every single one is tried (RX_FAULT_LAST=1000: minutes, with a case more).
-# RX_FAULT_ONLY: a regular expression of the cases.
+# RX_FAULT_SHARE=n: one place in n. RX_FAULT_ONLY: a regular expression of the cases.
 set -u
 LC_ALL=C
 export LC_ALL
