@@ -35,14 +35,15 @@ static void inside_shares(const float *gauss, int n, float *share)
     }
 }
 
-/* dst = Gauss * src, normalised inside the patch; other[side^2] and share[side] are scratch. Whole lines are
- * added at a time, which is what makes it quick. */
+/* dst = Gauss * src, nothing being outside the patch, or normalised inside it by share[side], which is overwritten (NULL: not);
+ * other[side^2] is scratch. Whole lines are added at a time, which is what makes it quick. */
 static void smooth(const float *src, int side, float *other, float *share, float *dst)
 {
     const size_t n = (size_t)side;
     float gauss[2 * RADIUS + 1];
     rx_gauss_weights(FWHM, RADIUS, gauss);
-    inside_shares(gauss, side, share);
+    if (share != NULL)
+        inside_shares(gauss, side, share);
     for (size_t y = 0; y < n; y++) {
         float *line = other + y * n;
         memset(line, 0, n * sizeof *line);
@@ -51,7 +52,7 @@ static void smooth(const float *src, int side, float *other, float *share, float
             if (length > 0)
                 add_line(src + y * n + (size_t)(from + i), gauss[i + RADIUS], length, line + from);
         }
-        for (size_t x = 0; x < n; x++)
+        for (size_t x = 0; share != NULL && x < n; x++)
             line[x] /= share[x];
     }
     for (int y = 0; y < side; y++) {
@@ -60,7 +61,7 @@ static void smooth(const float *src, int side, float *other, float *share, float
         memset(line, 0, n * sizeof *line);
         for (int i = first; i <= last; i++)
             add_line(other + (size_t)(y + i) * n, gauss[i + RADIUS], side, line);
-        for (size_t x = 0; x < n; x++)
+        for (size_t x = 0; share != NULL && x < n; x++)
             line[x] /= share[y];
     }
 }
@@ -95,4 +96,38 @@ void rx_loss_pixels(const rx_loss *loss, const float *out, const float *truth, d
                 gradient[k] += (float)(2 * unit * w * d * (stretched ? rx_stretch_slope(out[k]) : 1));
         }
     *value += unit * sum;
+}
+
+void rx_loss_light(const rx_loss *loss, const float *out, const float *truth, double scale, float *work,
+                   double *value, float *gradient)
+{
+    const int side = loss->side, margin = loss->margin, inner = side - 2 * margin;
+    const size_t pixels = (size_t)side * (size_t)side;
+    const double unit = scale / ((double)inner * inner);
+    float *light = work, *other = work + pixels;
+    double sum = 0;
+    memset(light, 0, pixels * sizeof *light);
+    for (int y = margin; y < side - margin; y++)
+        for (int x = margin; x < side - margin; x++) {
+            const size_t k = (size_t)y * (size_t)side + (size_t)x;
+            light[k] = out[k] - truth[k];
+        }
+    smooth(light, side, other, NULL, light);
+    for (int y = 0; y < side; y++)
+        for (int x = 0; x < side; x++) {
+            const size_t k = (size_t)y * (size_t)side + (size_t)x;
+            const int inside = y >= margin && y < side - margin && x >= margin && x < side - margin;
+            const float w = !inside ? 0 : loss->kind == RX_LOSS_LINEAR ? loss->weight[k] : 1;
+            sum += (double)w * light[k] * light[k];
+            light[k] *= w;
+        }
+    *value += unit * sum;
+    if (gradient == NULL)
+        return;
+    smooth(light, side, other, NULL, light); /* S is its own transpose */
+    for (int y = margin; y < side - margin; y++)
+        for (int x = margin; x < side - margin; x++) {
+            const size_t k = (size_t)y * (size_t)side + (size_t)x;
+            gradient[k] += (float)(2 * unit * light[k]);
+        }
 }

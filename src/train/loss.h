@@ -3,6 +3,8 @@
  *   pixels   mean of weight (out - truth)^2            LINEAR: weight = 1/s^2, s from the input only (below)
  *                                                      PLAIN: weight = 1
  *                                                      STRETCHED: s(out), s(truth) of nn/front.h, weight = 1
+ *   light    mean of weight (S out - S truth)^2        S: Gauss of sigma 1.5 px, nothing outside the window. A
+ *            sharp image errs most in where light lies, by fractions of a pixel; this term is of how much there is
  *   FFL      focal frequency loss (Jiang et al. 2021, ICCV; alpha = 1) of D = F(s(out)) - F(s(truth)) on the
  *            window, F the orthonormal 2-D DFT: mean of w |D|^2, w = |D| / max |D|, clipped to 0..1, constant
  *            for the gradient 2/M F^-1(w D) (then times the slope of the stretch)
@@ -30,6 +32,10 @@ typedef struct rx_loss {
 /* value += scale * term; gradient[side][side] += its gradient by out (NULL: not requested). */
 void rx_loss_pixels(const rx_loss *loss, const float *out, const float *truth, double scale, double *value,
                     float *gradient);
+
+/* The same of the light; weight as there, 1 without (STRETCHED, too, is of fluxes here). work[2 side^2] is overwritten. */
+void rx_loss_light(const rx_loss *loss, const float *out, const float *truth, double scale, float *work,
+                   double *value, float *gradient);
 
 /* Plans and scratch; one caller at a time. Errors: RX_USAGE (a margin that leaves nothing), RX_SYSTEM. */
 typedef struct rx_ffl rx_ffl;

@@ -134,6 +134,7 @@ rx_step_params rx_setup_step(const rx_train_config *config)
         .idt_psf = config->loss_idt_psf,
         .rec_restore = config->loss_rec,
         .rec_psf = config->loss_rec_psf,
+        .light = config->loss_light,
         .ffl = config->loss_ffl,
         .floor = config->loss_floor,
         .margin = config->patch_margin,

@@ -55,7 +55,7 @@ rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side
     step->par = *par;
     step->side = side;
     step->pixels = (size_t)side * (size_t)side;
-    step->from_blurred = par->idt_restore > 0 || par->ffl > 0 || par->rec_psf > 0;
+    step->from_blurred = par->idt_restore > 0 || par->light > 0 || par->ffl > 0 || par->rec_psf > 0;
     step->from_sharp = par->idt_psf > 0 || par->rec_restore > 0;
     step->uses_restore = step->from_blurred || par->rec_restore > 0;
     step->uses_psf = step->from_sharp || par->rec_psf > 0;
@@ -125,12 +125,19 @@ static void run_blurred(rx_step *step, const rx_sample *sample, float *restore_g
 {
     const rx_step_params *par = &step->par;
     rx_pass_restore(step->pass, sample->x, sample->w, step->restored);
-    if (par->idt_restore > 0 || par->rec_psf > 0)
+    if (par->idt_restore > 0 || par->light > 0 || par->rec_psf > 0)
         set_weights(step, sample->x);
     clear(step, step->gradient);
     if (par->idt_restore > 0)
         add_pixels(step, par->idt_restore, step->restored, sample->y, &values->idt_restore, &values->total,
                    step->gradient);
+    if (par->light > 0) {
+        double value = 0;
+        rx_loss_light(&(rx_loss){par->kind, step->side, par->margin, step->weight}, step->restored, sample->y,
+                      par->light, step->work, &value, back ? step->gradient : NULL);
+        values->light = value / par->light;
+        values->total += value;
+    }
     if (par->ffl > 0) {
         double value = 0;
         rx_ffl_add(step->ffl, step->restored, sample->y, par->ffl, &value, back ? step->gradient : NULL);

@@ -4,6 +4,8 @@
  *   L_rec = d(RESTORE(PSF(y)), y) + d(PSF(RESTORE(x)), x)
  *   L_ffl = focal frequency loss of RESTORE(x) against y
  *
+ * and one of our own, of the light of RESTORE(x) against y (train/loss.h).
+ *
  * d is the pixel loss of train/loss.h, its weights from the input: x for d(RESTORE(x), y) and
  * d(PSF(RESTORE(x)), x), y for the other two. Terms of weight 0 are not computed. RESTORE includes what
  * stands around the network (nn/front.h): stretch, Tikhonov copy (of PSF(y): made on the patch),
@@ -17,14 +19,15 @@
 
 typedef struct rx_step_params {
     rx_loss_kind kind;
-    double idt_restore, idt_psf, rec_restore, rec_psf, ffl; /* weights of the terms, >= 0 */
-    double floor;                                           /* of rx_loss_weights() */
-    int margin;                                             /* pixels */
+    double idt_restore, idt_psf, rec_restore, rec_psf, light, ffl; /* weights of the terms, >= 0 */
+    double floor;                                                  /* of rx_loss_weights() */
+    int margin;                                                    /* pixels */
     double clip; /* largest norm of a sample's gradient; 0: any (train/learner.h) */
 } rx_step_params;
 
 typedef struct rx_step_values {
-    double total, idt_restore, idt_psf, rec_restore, rec_psf, ffl; /* unweighted terms; total weighted */
+    double total, idt_restore, idt_psf, rec_restore, rec_psf, light,
+        ffl; /* unweighted terms; total weighted */
 } rx_step_values;
 
 /* Scratch, runners and plans for samples of one side; one per thread. The model's networks are read and must

@@ -25,6 +25,7 @@ RX_COLUMNS(LOG, RX_COUNT("epoch", "from 1"), RX_NUMBER("steps", 0, "", "steps of
            RX_NUMBER("idt_psf", 5, "", "PSF(sharp) against blurred"),
            RX_NUMBER("rec_restore", 5, "", "RESTORE(PSF(sharp)) against sharp"),
            RX_NUMBER("rec_psf", 5, "", "PSF(RESTORE(blurred)) against blurred"),
+           RX_NUMBER("light", 5, "", "RESTORE(blurred) against sharp, both smoothed"),
            RX_NUMBER("ffl", 5, "", "focal frequency loss"),
            {"test_loss", RX_REPORT_NUMBER, 5, "",
             "RESTORE(blurred) against sharp, test images, mean over the bins", "test loss"},
@@ -54,8 +55,8 @@ static rx_report_table *add_log(rx_report *report, const rx_history *h)
         const rx_epoch *x = &h->epoch[e];
         rx_report_put(t, (double)e + 1, x->steps, x->patches, x->rate, x->norm, x->losses.total,
                       x->losses.idt_restore, x->losses.idt_psf, x->losses.rec_restore, x->losses.rec_psf,
-                      x->losses.ffl, x->test_loss, x->input_loss, x->recall, x->bias, x->scatter,
-                      x->validation);
+                      x->losses.light, x->losses.ffl, x->test_loss, x->input_loss, x->recall, x->bias,
+                      x->scatter, x->validation);
     }
     return t;
 }

@@ -81,6 +81,7 @@ static void add_values(rx_step_values *sum, const rx_step_values *v, double scal
     sum->idt_psf += scale * v->idt_psf;
     sum->rec_restore += scale * v->rec_restore;
     sum->rec_psf += scale * v->rec_psf;
+    sum->light += scale * v->light;
     sum->ffl += scale * v->ffl;
 }
 

@@ -176,6 +176,80 @@ static void squares_of_pixels(void **state)
     }
 }
 
+/* A Gaussian of sigma 1.5 pixels, over the pixel at a distance of i; out to 8 pixels, sum 1. */
+static double gauss(int i)
+{
+    enum { RADIUS = 8 };
+    const double unit = 1 / (1.5 * sqrt(2));
+    return abs(i) > RADIUS
+               ? 0
+               : (erf((i + 0.5) * unit) - erf((i - 0.5) * unit)) / (2 * erf((RADIUS + 0.5) * unit));
+}
+
+/* The light by its definition, in two dimensions at once. */
+static double light_term(const double *out, const void *user)
+{
+    const rx_pixels_case *c = user;
+    const int from = c->margin, to = c->side - c->margin;
+    double sum = 0;
+    for (int y = from; y < to; y++)
+        for (int x = from; x < to; x++) {
+            double light = 0;
+            for (int v = from; v < to; v++)
+                for (int u = from; u < to; u++)
+                    light += gauss(u - x) * gauss(v - y) * (out[v * c->side + u] - c->truth[v * c->side + u]);
+            sum += (c->kind == RX_LOSS_LINEAR ? c->weight[y * c->side + x] : 1) * light * light;
+        }
+    return sum / ((to - from) * (to - from));
+}
+
+static void squares_of_light(void **state)
+{
+    (void)state;
+    enum { SIDE = 26, MARGIN = 3 };
+    static float out[SIDE * SIDE], truth[SIDE * SIDE], weight[SIDE * SIDE], gradient[SIDE * SIDE],
+        work[2 * SIDE * SIDE];
+    static double plane[SIDE * SIDE];
+    waves(SIDE, out, truth);
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        weight[k] = (float)rx_random_uniform(3, 1, (uint64_t)k);
+        plane[k] = out[k];
+    }
+    for (int kind = 0; kind < 2; kind++) {
+        const rx_pixels_case c = {(rx_loss_kind)kind, SIDE, MARGIN, truth, weight};
+        const rx_loss loss = {c.kind, SIDE, MARGIN, weight};
+        double value = 7, alone = 0;
+        memset(gradient, 0, sizeof gradient);
+        rx_loss_light(&loss, out, truth, 0.4, work, &value, gradient);
+        near("light", 7 + 0.4 * light_term(plane, &c), value, 1e-6);
+        check_gradient("light", light_term, &c, out, SIDE, MARGIN, 0.4, gradient);
+        rx_loss_light(&loss, out, truth, 0.4, work, &alone, NULL);
+        near("without gradient", value - 7, alone, 1e-12);
+    }
+}
+
+/* A star put a third of a pixel aside: the pixels say much, the light says little. One of a fifth too much: the other way round. */
+static void light_is_not_place(void **state)
+{
+    (void)state;
+    enum { SIDE = 32 };
+    static float truth[SIDE * SIDE], aside[SIDE * SIDE], brighter[SIDE * SIDE], work[2 * SIDE * SIDE];
+    const rx_loss loss = {RX_LOSS_PLAIN, SIDE, 0, NULL};
+    double pixels[2] = {0, 0}, light[2] = {0, 0};
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        const double x = k % SIDE - 16.2, y = k / SIDE - 15.9;
+        truth[k] = (float)(100 * exp(-(x * x + y * y) / 1.5));
+        aside[k] = (float)(100 * exp(-((x - 0.33) * (x - 0.33) + y * y) / 1.5));
+        brighter[k] = 1.2F * truth[k];
+    }
+    rx_loss_pixels(&loss, aside, truth, 1, &pixels[0], NULL);
+    rx_loss_pixels(&loss, brighter, truth, 1, &pixels[1], NULL);
+    rx_loss_light(&loss, aside, truth, 1, work, &light[0], NULL);
+    rx_loss_light(&loss, brighter, truth, 1, work, &light[1], NULL);
+    assert_true(pixels[0] > pixels[1]);
+    assert_true(light[0] < 0.5 * light[1]);
+}
+
 /* ---- focal frequency loss ---- */
 
 /* /usr/bin/python3 -c '
@@ -315,6 +389,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(weights_by_definition),     cmocka_unit_test(squares_of_pixels),
+        cmocka_unit_test(squares_of_light),          cmocka_unit_test(light_is_not_place),
         cmocka_unit_test(frequencies_against_numpy), cmocka_unit_test(gradient_of_frequencies),
         cmocka_unit_test(equal_images_and_none),
     };

@@ -90,6 +90,7 @@ static const rx_step_params all_terms = {.kind = RX_LOSS_LINEAR,
                                          .idt_psf = 0.5,
                                          .rec_restore = 0.7,
                                          .rec_psf = 0.3,
+                                         .light = 0.6,
                                          .ffl = 0.4,
                                          .floor = 10,
                                          .margin = MARGIN};
@@ -275,7 +276,7 @@ static void check_net(rx_bench *b, rx_net *net, const float *gradient, const cha
 
 static int uses_restore(const rx_step_params *par)
 {
-    return par->idt_restore > 0 || par->ffl > 0 || par->rec_restore > 0 || par->rec_psf > 0;
+    return par->idt_restore > 0 || par->light > 0 || par->ffl > 0 || par->rec_restore > 0 || par->rec_psf > 0;
 }
 
 static int uses_psf(const rx_step_params *par)
@@ -297,8 +298,9 @@ static void check_gradient(rx_mode mode, int rl_steps, const rx_step_params *par
 static rx_step_params only(int term)
 {
     rx_step_params par = all_terms;
-    double *weights[] = {&par.idt_restore, &par.idt_psf, &par.rec_restore, &par.rec_psf, &par.ffl};
-    for (int i = 0; i < 5; i++)
+    double *weights[] = {&par.idt_restore, &par.idt_psf, &par.rec_restore,
+                         &par.rec_psf,     &par.ffl,     &par.light};
+    for (int i = 0; i < 6; i++)
         if (i != term)
             *weights[i] = 0;
     return par;
@@ -306,7 +308,7 @@ static rx_step_params only(int term)
 
 static void check_terms(rx_mode mode, int rl_steps)
 {
-    for (int term = 0; term < 5; term++) {
+    for (int term = 0; term < 6; term++) {
         const rx_step_params par = only(term);
         check_gradient(mode, rl_steps, &par);
     }
@@ -413,8 +415,13 @@ static void values_of_silent_networks(void **state)
     near("PSF(y), x", squares(s->y, s->x, weight_y), v.idt_psf);
     near("RESTORE(PSF(y)), y", squares(copy, s->y, weight_y), v.rec_restore);
     near("PSF(RESTORE(x)), x", squares(s->w, s->x, weight_x), v.rec_psf);
+    double light = 0;
+    rx_loss_light(&(rx_loss){RX_LOSS_LINEAR, SIDE, MARGIN, weight_x}, s->w, s->y, 1, work, &light, NULL);
+    near("light", light, v.light);
     near("frequencies", frozen_loss(&frozen, s->w, s->y), v.ffl);
-    near("total", v.idt_restore + 0.5 * v.idt_psf + 0.7 * v.rec_restore + 0.3 * v.rec_psf + 0.4 * v.ffl,
+    near("total",
+         v.idt_restore + 0.5 * v.idt_psf + 0.7 * v.rec_restore + 0.3 * v.rec_psf + 0.6 * v.light +
+             0.4 * v.ffl,
          v.total);
     rx_step_free(step);
     rx_sample_free(s);
