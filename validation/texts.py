@@ -475,10 +475,13 @@ def faint_galaxies():
 
 def models():
     about, tests, flux = (tables("validation/results/models/models.md")[n][1] for n in range(3))
-    names = ("psfnet", "psfnet-skies", "psfnet-deep", "psfnet-deep-ideal")
-    base, skies, deep, ideal = (one(tests, model=name) for name in names)
+    names = ("psfnet", "psfnet-floor", "psfnet-skies", "psfnet-deep", "psfnet-deep-ideal")
+    base, floor, skies, deep, ideal = (one(tests, model=name) for name in names)
     images = {name: one(about, model=name)["training images"] for name in names}
     short = {name: one(flux, model=name)["scatter (%), S/N above 50"].split()[0] for name in names}
+
+    biases = {name: listed(one(flux, model=name)[f"bias (%), S/N {span}"].split()[0] for span in ("5 to 12", "12 to 50", "above 50"))
+              for name in names}
 
     def pair(key, model, other):
         return f"{model[key].split()[0]} ({other[key].split()[0]})"
@@ -492,9 +495,13 @@ def models():
         off, dark structure, cosmic rays, halos, PSFs given wrongly, galaxies of COSMOS. That costs nothing on ideal scenes
         ([table](../validation/results/models/models.md), inside the range of the training): a deeper network before and, in brackets,
         after the second part has {pairs(ideal, deep)}. One seed of each; differences that are significant have stars in the table."""),
-        item(f"""**A quieter sky.** The last {images["psfnet"]} images were restored from a deconvolved copy that holds less noise (TIKHONOV 0.1
+        item(f"""**A quieter sky.** {images["psfnet-floor"]} images more (psfnet-floor) were restored from a deconvolved copy that holds less noise (TIKHONOV 0.1
         for 0.02), bright, large galaxies were among them, and errors counted relative to the light from 3 sigma on, not from 10
-        (LOSS_FLOOR). Before and, in brackets, after that: {pairs(skies, base)}. One seed."""),
+        (LOSS_FLOOR). Before and, in brackets, after that: {pairs(skies, floor)}. One seed."""),
+        item(f"""**As much light as there is.** A loss of pixels sees mostly where light lies, by fractions of a pixel. The last
+        {images["psfnet"]} images had a term for how much there is (LOSS_LIGHT 30), and more resampled noise. Bias of stars' fluxes at
+        S/N 5 to 12, 12 to 50 and above, mean over seeings, before: {biases["psfnet-floor"]} %, after: {biases["psfnet"]} %. Before and,
+        in brackets, after: {pairs(floor, base)}. One seed."""),
         item(f"""**No deeper than needed.** It has two residual blocks and one Richardson-Lucy step. Six blocks and two steps, twice the
         multiplications (psfnet-deep, trained like psfnet-skies, {images["psfnet-deep"]} images), gain nothing but scatter of bright stars,
         {short["psfnet-deep"]} ({short["psfnet-skies"]}) %; in brackets psfnet-skies: {pairs(deep, skies)}.""")))
