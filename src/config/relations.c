@@ -426,7 +426,8 @@ rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
     for (int i = 0; i < config->kernels.n; i++)
         if (config->kernels.v[i] % 2 == 0)
             return REFUSE(KERNELS, "%d is even; give odd numbers", config->kernels.v[i]);
-    if (config->loss_idt + config->loss_rec + config->loss_rec_psf + config->loss_light + config->loss_ffl <= 0)
+    if (config->loss_idt + config->loss_rec + config->loss_rec_psf + config->loss_light + config->loss_ffl <=
+        0)
         return REFUSE(LOSS_IDT, "no term of the loss trains RESTORE; give this one a weight above 0");
     RX_TRY(check_training_images(config, err));
     RX_TRY(check_ranks(config, err));
