@@ -1,7 +1,8 @@
 /* fault LAST PLACES ARGUMENT...: the program that is linked in, again and again, with its n-th request for
  * memory refused: each of the first LAST requests, and of those beyond the first one from every place, by
  * which the five functions or so that called each other last are meant. The file PLACES holds those of
- * earlier cases, which are left out, and takes the new ones. RX_FAULT_SHARE=n in the environment: of the places one in n. Each run must end with status 4 and one line,
+ * earlier cases, which are left out, and takes the new ones. RX_FAULT_SHARE=n in the environment: of the places
+ * one in n. Each run must end with status 4 and one line,
  * and leave nothing in its folder; or, where it can do without that memory, do all its work.
  *
  * The linker sends the calls of our own code, not those of other libraries, through the __wrap_ functions. */

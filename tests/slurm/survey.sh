@@ -121,7 +121,7 @@ result "$tiles tiles on Slurm, with faults" $? faults.log
 wait $!
 result 'a job and the node were killed, the controller started anew' $? disturb.log
 cat disturb.log
-scontrol -o show job | grep -E ' Restarts=[1-9]' >restarted
+mapfile -t restarted < <(scontrol -o show job | sed -n 's|^JobId=\([0-9]*\) .* Restarts=[1-9].*|faults/slurm/\1.log|p') # their logs
 awk '{ n[$1 $2]++ } END { exit !(n["killedsim3"] == 1 && n["beginsim3"] == 2 && n["beginsim17"] == 2 && n["beginsim31"] == 2) }' \
     faults/diary.log
 result 'and so was a rextract; what they were at was begun again' $? faults/diary.log
@@ -135,7 +135,11 @@ diff <(cd calm/done && find . -type f ! -name '.*' | sort) <(cd faults/done && f
 result 'no tile is lost' $? log
 # A node that dies between the end of a program and that of its job takes the word of it along: Slurm has to begin that one anew.
 awk '$1 == "end" && n[$2]++ { print $2, n[$2] " times" }' faults/diary.log >log
-[[ -s restarted && $(wc -l <log) -le $(wc -l <restarted) && $(grep -c '^end' faults/diary.log) = $((tiles + $(wc -l <log))) ]]
+again=0
+while read -r tile times; do
+    [[ $times == '2 times' ]] && grep -qwF "done/$tile" "${restarted[@]}" || again=1
+done <log
+[[ $again = 0 && $(grep -c '^end' faults/diary.log) = $((tiles + $(wc -l <log))) ]] && grep -qwF done/sim31 "${restarted[@]}"
 result 'no tile is done twice, but for jobs that the node died with' $? log
 grep -q '"fine"' faults/survey/summary.json && grep -q 'missing.fits: cannot be opened' faults/survey/junit.xml
 result 'the tiles that failed are told' $? faults/survey/summary.json
