@@ -4,6 +4,8 @@ several seeds each.
 
     recipes.py FOLDER SEED [EPOCHS]      SEED of the skies that judge: below 1000 to choose by, from 1000 on final (ledger.py)
 
+FOLDER may hold networks that twins.sh trained on a GPU, on 26 times as many pixels: then they are judged as they are.
+
 Trains {both networks with L_idt + L_rec + L_ffl, RESTORE alone} x {ACTIVE, UNIFORM} x {INFORMED, BLIND} with training seeds 1, 2
 and 3, as many trainings at a time as there are cores, each on one thread; runs the campaigns restoration, detection and fluxes
 on each model; writes recipes.md and summary.json. Started again after an interruption it goes on where it was.
@@ -131,10 +133,13 @@ def gather(out):
     return found
 
 
-def report(found, images):
+def report(found, images, twins):
+    side = twins or IMAGES.split()[1]
+    seen = min(images.values()), max(images.values())
     yield "# The paper's recipe against RESTORE alone"
     yield ""
-    yield (f"Networks of {min(images.values())} to {max(images.values())} training images of {IMAGES.split()[1]} x {IMAGES.split()[1]} pixels, {len(SEEDS)} seeds a cell: "
+    yield (f"Networks of {seen[0] if seen[0] == seen[1] else f'{seen[0]} to {seen[1]}'} training images of {side} x {side} pixels"
+           f"{', trained by twins.py on a GPU,' if twins else ','} {len(SEEDS)} seeds a cell: "
            "mean over the seeds ± their scatter; then each factor's effect ± its error, a training being one observation; \\* \\*\\* "
            "\\*\\*\\*: p < 0.05, 0.01, 0.001, adjusted by Holm for all effects of both tables.")
     yield ""
@@ -143,8 +148,8 @@ def report(found, images):
         body = []
         for mode in MODES:
             for network, selection in itertools.product(NETWORKS, SELECTIONS):
-                seen = [images[mode, network, selection, seed] for seed in SEEDS]
-                row = [f"{mode}, {'both networks' if network == 'both' else 'RESTORE alone'}, {selection} ({min(seen)} to {max(seen)} images)"]
+                of = [images[mode, network, selection, seed] for seed in SEEDS]
+                row = [f"{mode}, {'both networks' if network == 'both' else 'RESTORE alone'}, {selection}{'' if twins else f' ({min(of)} to {max(of)} images)'}"]
                 for metric in part:
                     values, digits = found[metric][mode]["cells"][f"{network} {selection}"], METRICS[metric][1]
                     row.append(f"{np.mean(values):.{digits}f} ± {np.std(values, ddof=1):.{digits}f}")
@@ -179,20 +184,21 @@ def main():
     out.mkdir(parents=True, exist_ok=True)
     for source in (HERE / "ablation.train", *(HERE.parent / f"{campaign}.conf" for campaign in CAMPAIGNS)):
         shutil.copy(source, out)
-    settings = json.dumps([seed, epochs, SEEDS, MODES, NETWORKS, IMAGES, CAMPAIGNS])
+    twins = (out / "twins").read_text(encoding="utf-8").strip() if (out / "twins").exists() else ""  # the side of their images
+    settings = json.dumps([seed, epochs, SEEDS, MODES, NETWORKS, twins or IMAGES, CAMPAIGNS])
     if (out / "settings").exists() and (out / "settings").read_text(encoding="utf-8") != settings:
         sys.exit(f"recipes.py: {out} was begun with other settings; take another folder")
     (out / "settings").write_text(settings, encoding="utf-8")
     # those of many steps first
     cells.sort(key=lambda cell: (cell[1] != "both", cell[3]))
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(lambda cell: train(out, *cell, epochs), cells))
+        list(pool.map(lambda cell: train(out, *cell, epochs), [] if twins else cells))
         ledger.claim("recipes", out, [seed])
         list(pool.map(lambda cell: judge(out, name_of(*cell), seed), cells))
     images = {cell: images_of(out, name_of(*cell)) for cell in cells}
     found = gather(out)
-    Path("recipes.md").write_text("\n".join(report(found, images)), encoding="utf-8")
-    summary = {"seed": seed, "images": {"least": min(images.values()), "most": max(images.values())}, "epochs": epochs, "metrics": found}
+    Path("recipes.md").write_text("\n".join(report(found, images, twins)), encoding="utf-8")
+    summary = {"seed": seed, "images": {"least": min(images.values()), "most": max(images.values())}, "epochs": None if twins else epochs, "metrics": found}
     Path("summary.json").write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
 
 
