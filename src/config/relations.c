@@ -439,7 +439,7 @@ rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
 
 const char *rx_train_idle(const rx_settings *settings, const char *name)
 {
-    static const char *const informed[] = {"TIKHONOV", "RL_STEPS", "RL_STEP_PEDESTAL", NULL};
+    static const char *const informed[] = {"STAGES", "TIKHONOV", "RL_STEPS", "RL_STEP_PEDESTAL", NULL};
     const rx_train_config *config = (const rx_train_config *)settings;
     if (is(config->mode, "BLIND") && rx_keyword_among(informed, name))
         return "with MODE BLIND";

@@ -7,7 +7,10 @@
  *   INFORMED  channels  s(x), s(w), (FWHM - 5)/3   base b = s(w),  w = Tikhonov(x), nn/deblur.h
  *   PSF net   channels  s(y), (FWHM - 5)/3         base b = s(y),  y = the sharp plane
  *
- *   output v = s^-1(b + net(channels)); flux stays linear. INFORMED with rl_steps: then nn/rl_step.h.
+ *   SECOND    channels  s(x), s(w), (FWHM - 5)/3, s(f), s(x - K' max(f, 0))    base b = s(f)
+ *             f = what the network before it and its steps made; what is left of the data beside it
+ *
+ *   output v = s^-1(b + net(channels)); flux stays linear. INFORMED with rl_steps: then nn/rl_step.h, after each stage.
  *
  * What is shown, and what a model's recall and bias are measured on: that through rx_front_shown(), which no
  * loss sees; the restored image has the sky that it does not explain besides (restore/network_sky.h).
@@ -31,11 +34,11 @@ typedef struct rx_front {
     rx_mode mode;
     double target_fwhm; /* Gaussian of that FWHM, integrated over the pixel: PSF of the output, pixels [2] */
     double tikhonov;    /* epsilon of nn/deblur.h [0.02] */
-    int rl_steps;       /* Richardson-Lucy steps after the network, at most RX_FRONT_STEPS [2]; 0 BLIND */
+    int rl_steps;       /* Richardson-Lucy steps after each network, at most RX_FRONT_STEPS [2]; 0 BLIND */
     double pedestal;    /* of nn/rl_step.h, noise sigmas [1] */
 } rx_front;
 
-enum { RX_PSF_CHANNELS = 2 };
+enum { RX_PSF_CHANNELS = 2, RX_SECOND_CHANNELS = 5 };
 static inline int rx_front_channels(rx_mode mode)
 {
     return mode == RX_MODE_INFORMED ? 3 : 1;

@@ -26,10 +26,18 @@ void rx_model_free(rx_model *model)
     if (model == NULL)
         return;
     rx_net_free(model->restore);
+    rx_net_free(model->second);
     rx_net_free(model->psf);
     free(model->bins);
     free(model->provenance);
     free(model);
+}
+
+void rx_model_nets(const rx_model *model, rx_net *dst[RX_MODEL_NETS])
+{
+    dst[RX_NET_RESTORE] = model->restore;
+    dst[RX_NET_PSF] = model->psf;
+    dst[RX_NET_SECOND] = model->second;
 }
 
 /* --- digest --- */
@@ -74,6 +82,8 @@ void rx_model_digest(const rx_model *model, char dst[RX_MODEL_DIGEST])
     hash = add_number(hash, (uint64_t)model->front.rl_steps, 4);
     hash = add_double(hash, model->front.pedestal);
     hash = add_net(hash, model->restore);
+    if (model->second != NULL)
+        hash = add_net(hash, model->second);
     if (model->psf != NULL)
         hash = add_net(hash, model->psf);
     snprintf(dst, RX_MODEL_DIGEST, "%016" PRIx64, hash);

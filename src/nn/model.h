@@ -1,9 +1,9 @@
 /* A trained model: the RESTORE network, optionally the PSF network, what they were trained for and how well
  * they did: one FITS file.
  *
- * Format, version 1. Every HDU has CHECKSUM and DATASUM. Primary HDU, without data:
+ * Format, version 1, and 2 where there is a second stage. Every HDU has CHECKSUM and DATASUM. Primary HDU, without data:
  *
- *   RXMODEL   1, the version; says that the file is a model
+ *   RXMODEL   the version; says that the file is a model
  *   NEXTEND   number of tables that follow
  *   RXNAME    name for headers and reports
  *   RXDIGEST  rx_model_digest() of what the networks compute, 16 hexadecimal digits
@@ -24,6 +24,7 @@
  *
  *   RESTORE_NODES    OP (text), SRC, ADD, RELU, CHANNELS, KERNEL, STRIDE (32-bit): one row per node, nn/net.h
  *   RESTORE_PARAMS   VALUE (float): all parameters in the order of nn/net.h
+ *   [SECOND_NODES, SECOND_PARAMS]    the second stage
  *   [PSF_NODES, PSF_PARAMS]    the network from sharp to blurred
  *   [DICTIONARY]     FWHM_LOW, FWHM_HIGH, SIGMA_LOW, SIGMA_HIGH, LOSS, LIST, RECALL, BIAS, SCATTER (double),
  *                    IMAGES (64-bit): one row per bin, FWHM runs fastest
@@ -62,11 +63,12 @@ enum { RX_MODEL_NAME = 80, RX_MODEL_DIGEST = 32 };
 
 typedef struct rx_model {
     rx_front front;
-    rx_net *restore;              /* owned */
-    rx_net *psf;                  /* owned; NULL: left out */
-    int nfwhm, nsigma;            /* the grid */
-    rx_model_bin *bins;           /* [nsigma][nfwhm], owned; NULL: no dictionary yet */
-    char name[RX_MODEL_NAME];     /* for headers and reports */
+    rx_net *restore;          /* owned */
+    rx_net *second;           /* owned; what goes on from what `restore` made, INFORMED; NULL: one stage */
+    rx_net *psf;              /* owned; NULL: left out */
+    int nfwhm, nsigma;        /* the grid */
+    rx_model_bin *bins;       /* [nsigma][nfwhm], owned; NULL: no dictionary yet */
+    char name[RX_MODEL_NAME]; /* for headers and reports */
     char digest[RX_MODEL_DIGEST]; /* as rx_model_digest(); set by rx_model_read() */
     long epochs, patches;         /* training done */
     long best;                    /* epoch that the parameters are of */
@@ -76,6 +78,10 @@ typedef struct rx_model {
     uint64_t seed;
     char *provenance; /* KEYWORD value lines of the training, owned, may be NULL; printable ASCII */
 } rx_model;
+
+/* Its networks, NULL where it has none. */
+enum { RX_NET_RESTORE, RX_NET_PSF, RX_NET_SECOND, RX_MODEL_NETS };
+void rx_model_nets(const rx_model *model, rx_net *dst[RX_MODEL_NETS]);
 
 /* All zero but the default front, `ended` and `factor`; NULL without memory. */
 rx_model *rx_model_new(void);

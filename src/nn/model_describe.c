@@ -29,12 +29,12 @@ static void add_cell(rx_text *dst, int width, int value, int there)
         rx_text_printf(dst, "%*s", width, "");
 }
 
-static void add_nodes(rx_text *dst, const rx_net *net)
+static void add_nodes(rx_text *dst, const char *name, const rx_net *net)
 {
-    rx_text_add(dst, "\nnode  operation   of  plus  channels  kernel  stride  resolution\n");
+    rx_text_printf(dst, "\n%s operation   of  plus  channels  kernel  stride  resolution\n", name);
     for (int i = 0; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
-        rx_text_printf(dst, "%4d  %-10s", i, rx_op_name(n->op));
+        rx_text_printf(dst, "%5d  %-10s", i, rx_op_name(n->op));
         add_cell(dst, 4, n->src, i > 0);
         add_cell(dst, 6, n->add, n->add >= 0);
         rx_text_printf(dst, "%10d", n->channels);
@@ -88,9 +88,11 @@ void rx_model_describe(const rx_model *model, rx_text *dst)
     if (f->mode == RX_MODE_INFORMED)
         rx_text_printf(
             dst,
-            "Optics      regularisation %g; Richardson-Lucy steps with the tile's PSF: %d (pedestal %g)\n",
-            f->tikhonov, f->rl_steps, f->pedestal);
+            "Optics      regularisation %g; Richardson-Lucy steps with the tile's PSF: %d%s (pedestal %g)\n",
+            f->tikhonov, f->rl_steps, model->second != NULL ? " after each stage" : "", f->pedestal);
     add_net(dst, "RESTORE", model->restore);
+    if (model->second != NULL)
+        add_net(dst, "SECOND", model->second);
     if (model->psf != NULL)
         add_net(dst, "PSF", model->psf);
     rx_text_printf(
@@ -106,7 +108,9 @@ void rx_model_describe(const rx_model *model, rx_text *dst)
             "Brightness  of fields, up to %.0f noise units, of pixels up to %.0f; dark structure in "
             "%g of the images\n",
             rx_model_peak(model) / RX_NOISE_LEVEL_PEAK, rx_model_peak(model), model->dark);
-    add_nodes(dst, model->restore);
+    add_nodes(dst, "node  ", model->restore);
+    if (model->second != NULL)
+        add_nodes(dst, "second", model->second);
     if (model->bins != NULL)
         add_bins(dst, model);
     else

@@ -12,7 +12,7 @@
 #include "io/fits_write.h"
 #include "nn/model.h"
 
-enum { VERSION = 1 };
+enum { VERSION = 1, TWO_STAGES = 2 }; /* of the format */
 
 /* Columns of the tables, in order. */
 static const char *const node_columns[] = {"OP", "SRC", "ADD", "RELU", "CHANNELS", "KERNEL", "STRIDE"};
@@ -51,7 +51,12 @@ static const char *model_fault(const rx_model *model, char *text, size_t size)
     else if (f->rl_steps < 0 || f->rl_steps > RX_FRONT_STEPS || (f->rl_steps > 0 && f->mode == RX_MODE_BLIND))
         snprintf(text, size, "%d Richardson-Lucy steps after a network of mode %s are not possible",
                  f->rl_steps, rx_mode_name(f->mode));
+    else if (model->second != NULL && f->mode != RX_MODE_INFORMED)
+        snprintf(text, size, "a second stage after a network of mode %s is not possible",
+                 rx_mode_name(f->mode));
     else if (net_fault(model->restore, "RESTORE", rx_front_channels(f->mode), text, size) == NULL &&
+             (model->second == NULL ||
+              net_fault(model->second, "SECOND", RX_SECOND_CHANNELS, text, size) == NULL) &&
              (model->psf == NULL || net_fault(model->psf, "PSF", RX_PSF_CHANNELS, text, size) == NULL))
         return NULL;
     return text;
@@ -184,17 +189,19 @@ static void add_cards(const rx_model *model, rx_text *dst)
 {
     const rx_front *f = &model->front;
     char digest[RX_MODEL_DIGEST], seed[24];
-    int tables = 2 + 2 * (model->psf != NULL) + (model->bins != NULL) + has_provenance(model);
+    int tables = 2 + 2 * (model->second != NULL) + 2 * (model->psf != NULL) + (model->bins != NULL) +
+                 has_provenance(model);
     rx_model_digest(model, digest);
     snprintf(seed, sizeof seed, "%" PRIu64, model->seed);
-    rx_card_integer(dst, "RXMODEL", VERSION, "version of the model format");
+    rx_card_integer(dst, "RXMODEL", model->second != NULL ? TWO_STAGES : VERSION,
+                    "version of the model format");
     rx_card_integer(dst, "NEXTEND", tables, "number of tables that follow");
     rx_card_text(dst, "RXNAME", model->name, "name");
     rx_card_text(dst, "RXDIGEST", digest, "of front, nodes and parameters");
     rx_card_text(dst, "RXMODE", rx_mode_name(f->mode), "what the network is given");
     rx_card_number(dst, "RXTFWHM", f->target_fwhm, "[pix] FWHM of the output's Gaussian PSF");
     rx_card_number(dst, "RXTIKH", f->tikhonov, "regularisation of the deconvolved copy");
-    rx_card_integer(dst, "RXRLSTEP", f->rl_steps, "Richardson-Lucy steps after the network");
+    rx_card_integer(dst, "RXRLSTEP", f->rl_steps, "Richardson-Lucy steps after each network");
     rx_card_number(dst, "RXPEDST", f->pedestal, "pedestal of that step, noise sigmas");
     rx_card_integer(dst, "RXNFWHM", model->bins != NULL ? model->nfwhm : 0, "bins of FWHM");
     rx_card_integer(dst, "RXNSIGMA", model->bins != NULL ? model->nsigma : 0, "bins of noise");
@@ -221,6 +228,8 @@ rx_status rx_model_write(const rx_model *model, const char *path, const char *sh
     RX_TRY_EXIT(rx_fits_create(path, shown, &writer, err));
     RX_TRY_EXIT(rx_fits_primary(writer, &cards, err));
     RX_TRY_EXIT(write_net(writer, model->restore, "RESTORE", err));
+    if (model->second != NULL)
+        RX_TRY_EXIT(write_net(writer, model->second, "SECOND", err));
     if (model->psf != NULL)
         RX_TRY_EXIT(write_net(writer, model->psf, "PSF", err));
     if (model->bins != NULL)
@@ -244,6 +253,7 @@ typedef struct reader {
     const char *path;
     char *cards; /* of the primary header */
     long ncards;
+    int version;
     rx_model *model;
 } reader;
 
@@ -339,11 +349,12 @@ static rx_status check_file(reader *r, rx_error *err)
                            "is no model: its header has no RXMODEL; give a file made by rextract-train");
     int known = rx_cards_number(r->cards, r->ncards, "NEXTEND", &tables) && tables >= 0 && tables < MAX_HDUS;
     RX_TRY(rx_fits_verify(r->path, known ? (int)tables + 1 : 0, err));
-    if (version != VERSION)
+    r->version = (int)version;
+    if (version != VERSION && version != TWO_STAGES)
         RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                           "is a model of format version %g, this program reads version %d; use the "
+                           "is a model of format version %g, this program reads %d and %d; use the "
                            "program that belongs to it, or train again",
-                           version, VERSION));
+                           version, VERSION, TWO_STAGES));
     if (!known)
         RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
                            "NEXTEND, the number of its tables, is missing; make the model again"));
@@ -608,6 +619,7 @@ rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err)
         RX_TRY_EXIT(rx_error_memory(err, sizeof *r.model));
     RX_TRY_EXIT(take_header(&r, err));
     RX_TRY_EXIT(read_net(&r, "RESTORE", 1, &r.model->restore, err));
+    RX_TRY_EXIT(read_net(&r, "SECOND", r.version == TWO_STAGES, &r.model->second, err));
     RX_TRY_EXIT(read_net(&r, "PSF", 0, &r.model->psf, err));
     RX_TRY_EXIT(read_bins(&r, err));
     RX_TRY_EXIT(read_provenance(&r, err));

@@ -72,6 +72,11 @@ void rx_rl_step_blur(rx_rl_step *step, const float *f, float *out)
     rx_convolve(step->fft, step->kernel, f, step->half, out);
 }
 
+void rx_rl_step_blur_back(rx_rl_step *step, const float *f, float *out)
+{
+    rx_correlate(step->fft, step->kernel, f, step->half, out);
+}
+
 void rx_rl_step_forward(rx_rl_step *step, const float *f, const float *x, const float *weight,
                         double pedestal, float *out)
 {

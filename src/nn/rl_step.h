@@ -70,8 +70,9 @@ void rx_rl_step_free(rx_rl_step *step); /* NULL is fine */
 /* K' = stamp[size][size], odd, not larger than the domain. To be given before the first forward. */
 void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size);
 
-/* out = K' f; out may be f. */
+/* out = K' f, and out = K'^T f; out may be f. */
 void rx_rl_step_blur(rx_rl_step *step, const float *f, float *out);
+void rx_rl_step_blur_back(rx_rl_step *step, const float *f, float *out);
 
 /* out = f'; keeps m, K'^T r and K'^T W for the gradient, until which f, x and weight must stay. out may not be f.
  * Allocates nothing. */

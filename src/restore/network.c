@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "data/map.h"
 #include "nn/peak.h"
 #include "num/convolve.h"
@@ -42,8 +43,8 @@ typedef struct network {
     const rx_image *image;
     rx_log *log;
     rx_restored *restored;
-    rx_blocks blocks;  /* of the network */
-    rx_blocks domains; /* of the FFTs */
+    rx_blocks first, second; /* of the networks */
+    rx_blocks domains;       /* of the FFTs */
     int nthreads;
     rx_network_input input;     /* x: restored->support until that is made, or its own */
     rx_network_optics *optics;  /* NULL without a PSF */
@@ -64,7 +65,8 @@ static void lap(network *n, double *part)
 
 static int unit_of(const rx_model *model)
 {
-    return 2 << rx_net_levels(model->restore);
+    const int first = rx_net_levels(model->restore);
+    return 2 << (model->second != NULL ? rx_max_int(first, rx_net_levels(model->second)) : first);
 }
 
 static rx_status check_input(const rx_restore_params *par, const rx_psf *psf, rx_error *err)
@@ -77,18 +79,57 @@ static rx_status check_input(const rx_restore_params *par, const rx_psf *psf, rx
     return rx_blur_check(psf, psf != NULL ? psf->size : 0, psf != NULL ? psf->size : 0, err);
 }
 
+static void change_places(network *n)
+{
+    float *done = n->spare;
+    n->spare = n->v;
+    n->v = done;
+}
+
 /* v = network(x, w) */
-static rx_status run_network(network *n, double begin, double end, rx_error *err)
+static rx_status run_first(network *n, double begin, double end, rx_error *err)
 {
     rx_network_forward forward = n->forward;
+    const int informed = n->model->front.mode == RX_MODE_INFORMED;
+    forward.nplanes = rx_front_channels(n->model->front.mode);
+    forward.planes[0] = forward.base = n->input.x;
+    if (informed)
+        forward.planes[1] = forward.base = forward.spent = n->spare;
     forward.optics = n->optics;
-    forward.x = n->input.x;
-    if (n->model->front.mode == RX_MODE_INFORMED)
-        forward.base = forward.spent = n->spare;
-    else
-        forward.base = n->input.x;
     forward.v = n->v;
-    return rx_network_forward_run(&forward, &n->blocks, &(rx_blocks_progress){n->log, begin, end}, err);
+    return rx_network_forward_run(&forward, &n->first, &(rx_blocks_progress){n->log, begin, end}, err);
+}
+
+/* v = network(x, w, v, what v leaves of x); w comes anew, its memory was spent. */
+static rx_status run_second(network *n, double begin, double end, rx_error *err)
+{
+    const size_t area = (size_t)n->image->width * (size_t)n->image->height;
+    const double middle = begin + 0.2 * (end - begin);
+    const rx_blocks_progress before = {n->log, begin, middle}, after = {n->log, middle, end};
+    rx_network_forward forward = n->forward;
+    float *w = RX_NEW(float, area), *left = RX_NEW(float, area);
+    rx_status status = w != NULL && left != NULL ? RX_OK : rx_error_memory(err, 2 * area * sizeof(float));
+    if (status == RX_OK)
+        status = rx_network_optics_tikhonov(n->optics, n->input.x, w, NULL, err);
+    if (status == RX_OK)
+        status = rx_network_optics_left(n->optics, n->input.x, n->v, left, &before, err);
+    lap(n, &n->times.tikhonov);
+    forward.net = n->model->second;
+    forward.nplanes = RX_SECOND_CHANNELS;
+    forward.planes[0] = n->input.x;
+    forward.planes[1] = w;
+    forward.planes[3] = forward.base = n->v;
+    forward.planes[4] = left;
+    forward.optics = n->optics;
+    forward.v = n->spare;
+    forward.cost = n->forward.cost != NULL ? n->forward.cost + n->forward.net->nnodes : NULL;
+    if (status == RX_OK)
+        status = rx_network_forward_run(&forward, &n->second, &after, err);
+    free(w);
+    free(left);
+    change_places(n);
+    lap(n, &n->times.network);
+    return status;
 }
 
 static rx_status make_optics(network *n, rx_error *err)
@@ -101,19 +142,19 @@ static rx_status make_optics(network *n, rx_error *err)
                                  n->nthreads, &n->optics, err);
 }
 
-static rx_status run_steps(network *n, rx_error *err)
+static rx_status run_steps(network *n, double begin, double end, rx_error *err)
 {
     const rx_front *front = &n->model->front;
     const int steps = front->mode == RX_MODE_INFORMED ? front->rl_steps : 0;
     rx_status status = RX_OK;
     for (int i = 0; i < steps && status == RX_OK; i++) {
-        const rx_blocks_progress progress = {n->log, 0.8 + 0.1 * i / steps, 0.8 + 0.1 * (i + 1) / steps};
+        const double each = (end - begin) / steps;
+        const rx_blocks_progress progress = {n->log, begin + each * i, begin + each * (i + 1)};
         status =
             rx_network_optics_step(n->optics, &n->input, front->pedestal, n->v, n->spare, &progress, err);
-        float *done = n->v;
-        n->v = n->spare;
-        n->spare = done;
+        change_places(n);
     }
+    lap(n, &n->times.steps);
     return status;
 }
 
@@ -215,12 +256,16 @@ static rx_status restore_planes(network *n, int extras, rx_error *err)
         status = rx_network_optics_tikhonov(n->optics, n->input.x, n->spare,
                                             &(rx_blocks_progress){n->log, 0, 0.1}, err);
     lap(n, &n->times.tikhonov);
+    const double middle = n->model->second != NULL ? 0.45 : 0.9;
     if (status == RX_OK)
-        status = run_network(n, 0.1, 0.8, err);
+        status = run_first(n, 0.1, 0.85 * middle, err);
     lap(n, &n->times.network);
     if (status == RX_OK)
-        status = run_steps(n, err);
-    lap(n, &n->times.steps);
+        status = run_steps(n, 0.85 * middle, middle, err);
+    if (status == RX_OK && n->model->second != NULL)
+        status = run_second(n, middle, 0.85, err);
+    if (status == RX_OK && n->model->second != NULL)
+        status = run_steps(n, 0.85, 0.9, err);
     if (status == RX_OK)
         status = finish(n, fwhm, extras && n->par->keep_reblurred && n->image->psf != NULL, err);
     if (status == RX_OK)
@@ -256,7 +301,8 @@ static void describe(const network *n, rx_restored *dst)
     const rx_front *front = &n->model->front;
     char step[64] = "";
     if (front->mode == RX_MODE_INFORMED && front->rl_steps > 0)
-        snprintf(step, sizeof step, ", %d RL step, pedestal %g", front->rl_steps, front->pedestal);
+        snprintf(step, sizeof step, ", %s%d RL step, pedestal %g",
+                 n->model->second != NULL ? "two stages, each " : "", front->rl_steps, front->pedestal);
     snprintf(dst->settings, sizeof dst->settings, "model %.60s (%.16s), %s, target FWHM %g pixels%s, %s",
              n->model->name, n->model->digest, front->mode == RX_MODE_INFORMED ? "INFORMED" : "BLIND",
              front->target_fwhm, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
@@ -267,13 +313,15 @@ static double per(double amount, double seconds)
     return seconds > 0 ? amount / seconds : 0;
 }
 
-static void report_node(const rx_net *net, int i, const rx_stream_cost *cost, double peak, rx_log *log)
+static void report_node(const rx_net *net, int i, int stage, const rx_stream_cost *cost, double peak,
+                        rx_log *log)
 {
     const rx_node *n = &net->node[i];
     const double speed = per(cost->flops, cost->seconds);
-    rx_log_detail(log, "NET: layer %d %s %dx%d %d->%d: %.4f s, %.1f GFLOP/s, %.1f %% of peak", i,
-                  rx_op_name(n->op), n->kernel, n->kernel, net->node[n->src].channels, n->channels,
-                  cost->seconds, 1e-9 * speed, 100 * per(speed, peak));
+    rx_log_detail(log, "NET: %slayer %d %s %dx%d %d->%d: %.4f s, %.1f GFLOP/s, %.1f %% of peak",
+                  stage == 2 ? "second stage, " : "", i, rx_op_name(n->op), n->kernel, n->kernel,
+                  net->node[n->src].channels, n->channels, cost->seconds, 1e-9 * speed,
+                  100 * per(speed, peak));
 }
 
 /* How fast the network was, against what the machine convolves at most. Lines for VERBOSE_TYPE FULL, one per
@@ -281,15 +329,18 @@ static void report_node(const rx_net *net, int i, const rx_stream_cost *cost, do
  * thread's peak; the network's work is what its output pixels need, halo not counted, and its share that of
  * the peak of all threads. Convolutions by Winograd's algorithm count as direct ones, and may exceed the
  * peak. */
-static void report(const rx_network_forward *f, const times *spent, rx_log *log)
+static void report(const rx_network_forward *f, const rx_model *model, const times *spent, rx_log *log)
 {
-    const rx_net *net = f->model->restore;
-    double peak = 0;
+    const rx_net *first = model->restore, *second = model->second;
+    double peak = 0, macs = rx_net_macs(first);
     if (rx_peak_measure(f->precision == RX_BF16 ? RX_REAL_BF16 : RX_REAL_F32, &peak, NULL) != RX_OK)
         return;
-    for (int i = 1; i < net->nnodes; i++)
-        report_node(net, i, &f->cost[i], peak, log);
-    const double speed = per(2 * rx_net_macs(net) * f->width * (double)f->height, spent->network);
+    for (int i = 1; i < first->nnodes; i++)
+        report_node(first, i, 1, &f->cost[i], peak, log);
+    for (int i = 1; second != NULL && i < second->nnodes; i++)
+        report_node(second, i, 2, &f->cost[first->nnodes + i], peak, log);
+    macs += second != NULL ? rx_net_macs(second) : 0;
+    const double speed = per(2 * macs * f->width * (double)f->height, spent->network);
     rx_log_detail(log,
                   "NET: network %.4f s, %.1f GFLOP/s, %.1f %% of peak; Tikhonov %.4f s, steps %.4f s, rest "
                   "%.4f s",
@@ -304,9 +355,10 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
 {
     const int unit = unit_of(plan->model), width = plan->image->width, height = plan->image->height;
     const int measured = plan->log != NULL && plan->log->level >= RX_FULL;
-    rx_stream_cost cost[RX_NET_NODES] = {{0, 0}};
+    rx_stream_cost cost[2 * RX_NET_NODES] = {{0, 0}};
     network n = *plan;
-    n.forward = (rx_network_forward){.model = n.model,
+    n.forward = (rx_network_forward){.model = n.model->name,
+                                     .net = n.model->restore,
                                      .precision = n.par->precision,
                                      .width = width,
                                      .height = height,
@@ -314,9 +366,14 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
                                      .cost = measured ? cost : NULL};
     const int large = width > LARGE_TILE || height > LARGE_TILE, across = large ? domain : domain / 2;
     const int shift_y = shift > 0 ? shift + unit : 0;
-    n.blocks = rx_network_forward_blocks(&n.forward, side, shift, shift_y);
+    n.first = rx_network_forward_blocks(&n.forward, side, shift, shift_y);
+    if (n.model->second != NULL) {
+        rx_network_forward second = n.forward;
+        second.net = n.model->second;
+        n.second = rx_network_forward_blocks(&second, side, shift, shift_y);
+    }
     n.domains = rx_blocks_make(width, height, across, across, unit, shift, shift_y);
-    n.blocks.team = n.domains.team = n.nthreads;
+    n.first.team = n.second.team = n.domains.team = n.nthreads;
     const double begun = n.clock = rx_seconds();
     *dst = NULL;
     rx_status status = new_restored(&n, &n.restored, err);
@@ -341,7 +398,7 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     }
     n.restored->seconds = rx_seconds() - begun;
     if (measured)
-        report(&n.forward, &n.times, n.log);
+        report(&n.forward, n.model, &n.times, n.log);
     *dst = n.restored;
     return RX_OK;
 }

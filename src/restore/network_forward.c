@@ -15,14 +15,14 @@ static const double BUDGET = 1073741824.0; /* bytes, of all threads' networks to
 /* Threads that have a block, and room for its network, each. */
 static int threads_of(const rx_network_forward *f, const rx_blocks *blocks)
 {
-    const double room = floor(BUDGET / rx_stream_bytes(f->model->restore, blocks->width, f->precision));
+    const double room = floor(BUDGET / rx_stream_bytes(f->net, blocks->width, f->precision));
     return rx_blocks_threads(blocks, room < 1 ? 1 : room < f->nthreads ? (int)room : f->nthreads);
 }
 
 rx_blocks rx_network_forward_blocks(const rx_network_forward *f, int side, int shift_x, int shift_y)
 {
     enum { LEAST = 32, HIGHEST = 4096 };
-    const int unit = 2 << rx_net_levels(f->model->restore), halo = rx_net_halo(f->model->restore);
+    const int unit = 2 << rx_net_levels(f->net), halo = rx_net_halo(f->net);
     const int whole = (f->height + HIGHEST - 1) / HIGHEST;
     rx_blocks best = {0};
     for (double least = HUGE_VAL; best.nx == 0 || side >= LEAST; side /= 2)
@@ -32,7 +32,7 @@ rx_blocks rx_network_forward_blocks(const rx_network_forward *f, int side, int s
             /* of the halo above and below half is computed, at both ends of a block */
             const double rounds = ceil((double)made.nx * made.ny / threads_of(f, &made)),
                          pixels = rounds * (made.width + 2 * halo) * (made.height + halo);
-            const double bytes = rx_stream_bytes(f->model->restore, made.width, f->precision);
+            const double bytes = rx_stream_bytes(f->net, made.width, f->precision);
             if ((bytes > BUDGET && side >= 2 * LEAST) || pixels >= least)
                 continue;
             least = pixels;
@@ -47,7 +47,7 @@ rx_blocks rx_network_forward_blocks(const rx_network_forward *f, int side, int s
 typedef struct ends {
     const rx_network_forward *forward;
     int x, y, width, halo; /* where the block begins, its width */
-    float *lines;          /* [3][width + 2 halo] */
+    float *line;           /* [width + 2 halo] */
     int sound;
 } ends;
 
@@ -67,35 +67,23 @@ static void stretch_row(const rx_network_forward *f, const float *plane, int y, 
         stretch(plane + (size_t)y * f->width + (x + from), to - from, dst + from);
 }
 
-static void interleave(int n, const float *restrict a, const float *restrict b, const float *restrict c,
-                       float *restrict dst)
-{
-#pragma omp simd
-    for (int i = 0; i < n; i++) {
-        dst[3 * i] = a[i];
-        dst[3 * i + 1] = b[i];
-        dst[3 * i + 2] = c[i];
-    }
-}
-
 static void give(void *user, int y, int n, float *rows)
 {
     const ends *e = user;
     const rx_network_forward *f = e->forward;
-    const int width = e->width + 2 * e->halo, x = e->x - e->halo;
-    float *data = e->lines, *copy = data + width, *fwhm = copy + width;
-    for (int v = 0; v < n; v++) {
-        if (f->model->front.mode != RX_MODE_INFORMED) {
-            stretch_row(f, f->x, e->y + y + v, x, width, rows + (size_t)v * width);
-            continue;
+    const int width = e->width + 2 * e->halo, x = e->x - e->halo, planes = f->nplanes;
+    float *line = e->line;
+    for (int v = 0; v < n; v++)
+        for (int c = 0; c < planes; c++) {
+            const int row = e->y + y + v;
+            float *dst = rows + (size_t)v * width * planes + c;
+            if (f->planes[c] != NULL)
+                stretch_row(f, f->planes[c], row, x, width, line);
+            else
+                rx_otf_fwhm_row(&f->optics->grid, row, x, width, line);
+            for (int u = 0; u < width; u++)
+                dst[(size_t)u * planes] = f->planes[c] != NULL ? line[u] : rx_front_fwhm(line[u]);
         }
-        stretch_row(f, f->x, e->y + y + v, x, width, data);
-        stretch_row(f, f->base, e->y + y + v, x, width, copy);
-        rx_otf_fwhm_row(&f->optics->grid, e->y + y + v, x, width, fwhm);
-        for (int u = 0; u < width; u++)
-            fwhm[u] = rx_front_fwhm(fwhm[u]);
-        interleave(width, data, copy, fwhm, rows + (size_t)v * width * 3);
-    }
 }
 
 /* Base plus correction, unstretched; whether all of it is finite. */
@@ -136,36 +124,35 @@ typedef struct job {
 static rx_status forward_block(void *user, int thread, int bx, int by, rx_error *err)
 {
     const job *j = user;
-    const rx_model *model = j->forward->model;
-    const int halo = rx_net_halo(model->restore), width = j->blocks->width + 2 * halo;
+    const int halo = rx_net_halo(j->forward->net), width = j->blocks->width + 2 * halo;
     ends e = {.forward = j->forward, .x = bx, .y = by, .width = j->blocks->width, .halo = halo, .sound = 1};
-    RX_TRY(RX_MAKE(e.lines, 3 * (size_t)width, err));
+    RX_TRY(RX_MAKE(e.line, (size_t)width, err));
     const rx_stream_ends both = {.user = &e, .give = give, .take = take};
     rx_status status = rx_stream_run(j->streams[thread], j->blocks->height, &both, err);
-    free(e.lines);
+    free(e.line);
     if (status == RX_OK && !e.sound)
         status = rx_error_set(err, RX_INPUT,
                               "the model %s makes values that are not finite at pixel %d,%d and around; "
                               "train it again or give another one by NET_MODEL",
-                              model->name, bx > 0 ? bx + 1 : 1, by > 0 ? by + 1 : 1);
+                              j->forward->model, bx > 0 ? bx + 1 : 1, by > 0 ? by + 1 : 1);
     return status;
 }
 
 rx_status rx_network_forward_run(const rx_network_forward *f, const rx_blocks *blocks,
                                  const rx_blocks_progress *progress, rx_error *err)
 {
-    const int count = threads_of(f, blocks), nodes = f->model->restore->nnodes;
+    const int count = threads_of(f, blocks), nodes = f->net->nnodes;
     job j = {.forward = f, .blocks = blocks, .streams = RX_NEW(rx_stream *, (size_t)count)};
     rx_stream_cost *costs = f->cost != NULL ? RX_NEW(rx_stream_cost, (size_t)(count * nodes)) : NULL;
     rx_status status = RX_OK;
     if (j.streams == NULL || (f->cost != NULL && costs == NULL))
         RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < count && status == RX_OK; i++) {
-        status = rx_stream_new(f->model->restore, blocks->width, f->precision, &j.streams[i], err);
+        status = rx_stream_new(f->net, blocks->width, f->precision, &j.streams[i], err);
         if (status == RX_OK && costs != NULL)
             rx_stream_measure(j.streams[i], costs + (size_t)(i * nodes));
     }
-    const rx_blocks_spent spent = {f->spent, f->width, rx_net_halo(f->model->restore)};
+    const rx_blocks_spent spent = {f->spent, f->width, rx_net_halo(f->net)};
     if (status == RX_OK)
         status = rx_blocks_run_spending(blocks, count, forward_block, &j, f->spent != NULL ? &spent : NULL,
                                         progress, err);

@@ -1,5 +1,5 @@
-/* The network itself on a tile: v = network(x, w), in blocks, nn/stream.h on each. Planes are [height][width]
- * of the tile, in noise units. */
+/* A network of RESTORE on a tile: v = network(planes), in blocks, nn/stream.h on each. Planes are [height][width] of the
+ * tile, in noise units. */
 #ifndef RX_RESTORE_NETWORK_FORWARD_H
 #define RX_RESTORE_NETWORK_FORWARD_H
 
@@ -9,12 +9,14 @@
 #include "restore/network_optics.h"
 
 typedef struct rx_network_forward {
-    const rx_model *model;
+    const char *model; /* its name, for messages */
+    const rx_net *net;
     rx_precision precision;
     int width, height, nthreads;
-    const rx_network_optics *optics; /* of an INFORMED model: the FWHM */
-    const float *x;                  /* data */
-    const float *base;               /* what the output is added to: Tikhonov copy (INFORMED), or x */
+    int nplanes;                             /* channels of the network */
+    const float *planes[RX_SECOND_CHANNELS]; /* stretched into these (nn/front.h); NULL: the FWHM */
+    const rx_network_optics *optics;         /* has the FWHM */
+    const float *base;                       /* what the output is added to */
     float *v;
     float *spent;         /* base, where it is not read afterwards: its memory goes as v comes; else NULL */
     rx_stream_cost *cost; /* [nnodes], summed over threads; NULL: not measured */

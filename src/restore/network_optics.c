@@ -428,6 +428,16 @@ static void write_tile(void *user, int y, float *line)
     memcpy(t->dst + in_tile(t, y, from), line + from, (size_t)(t->right - t->left) * sizeof *line);
 }
 
+static void write_left(void *user, int y, float *line)
+{
+    const task *t = user;
+    const int from = t->left - t->work->domain.x, n = t->right - t->left;
+    const float *x = t->x + in_tile(t, y, from);
+    float *dst = t->dst + in_tile(t, y, from);
+    for (int i = 0; i < n; i++)
+        dst[i] = x[i] - line[from + i];
+}
+
 static void write_domain(void *user, int y, float *line)
 {
     const task *t = user;
@@ -545,6 +555,23 @@ rx_status rx_network_optics_step(const rx_network_optics *optics, const rx_netwo
     const rx_blocks_spent spent = {f, optics->width, optics->near.halo};
     return rx_blocks_run_spending(&optics->near.blocks, optics->near.nthreads, step_block, &t, &spent,
                                   progress, err);
+}
+
+static rx_status left_block(void *user, int thread, int bx, int by, rx_error *err)
+{
+    task t = task_of(user, thread, bx, by);
+    const rx_blur_rows rows = rows_of(&t, read_light, write_left);
+    (void)err;
+    rx_blur_domain_apply(t.kernel, &t.work->domain, &rows);
+    return RX_OK;
+}
+
+rx_status rx_network_optics_left(const rx_network_optics *optics, const float *x, const float *f, float *dst,
+                                 const rx_blocks_progress *progress, rx_error *err)
+{
+    task t = {
+        .optics = optics, .tiling = &optics->near, .x = x, .f = f, .dst = dst, .kernel = &optics->relative};
+    return rx_blocks_run(&optics->near.blocks, optics->near.nthreads, left_block, &t, progress, err);
 }
 
 rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, float *dst,

@@ -53,6 +53,10 @@ rx_status rx_network_optics_step(const rx_network_optics *optics, const rx_netwo
                                  double pedestal, float *f, float *next, const rx_blocks_progress *progress,
                                  rx_error *err);
 
+/* dst = x - K' max(f, 0): what f leaves of the data */
+rx_status rx_network_optics_left(const rx_network_optics *optics, const float *x, const float *f, float *dst,
+                                 const rx_blocks_progress *progress, rx_error *err);
+
 /* dst = K' f */
 rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, float *dst,
                                    const rx_blocks_progress *progress, rx_error *err);

@@ -10,7 +10,7 @@
 #include "base/hash.h"
 #include "base/memory.h"
 
-static const char MAGIC[] = "rextract-train checkpoint 3\n";
+static const char MAGIC[] = "rextract-train checkpoint 4\n";
 enum { MOST_SETTINGS = 1 << 20 };
 
 /* One way through the file for both directions, so that what is read is what was written. */
@@ -78,10 +78,11 @@ static rx_status history_items(stream *s, rx_history *x, rx_error *err)
 
 static rx_status state_items(stream *s, rx_train_state *x, rx_error *err)
 {
-    same(s, x->nnets);
-    for (int k = 0; k < x->nnets; k++) {
+    for (int k = 0; k < RX_MODEL_NETS; k++) {
+        same(s, x->adam[k] != NULL ? x->adam[k]->n : 0);
+        if (x->adam[k] == NULL)
+            continue;
         const size_t bytes = (size_t)x->adam[k]->n * sizeof(float);
-        same(s, x->adam[k]->n);
         ITEM(s, x->adam[k]->steps);
         item(s, x->params[k], bytes);
         item(s, x->best_params[k], bytes);

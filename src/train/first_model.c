@@ -16,6 +16,12 @@ static int same_networks(const rx_net *a, const rx_net *b)
     return 1;
 }
 
+/* Where both have one. */
+static int differ(const rx_net *a, const rx_net *b)
+{
+    return a != NULL && b != NULL && !same_networks(a, b);
+}
+
 static rx_status check(const char *path, const rx_model *first, const rx_model *model, rx_error *err)
 {
     if (first->front.mode != model->front.mode)
@@ -27,8 +33,8 @@ static rx_status check(const char *path, const rx_model *first, const rx_model *
         return rx_error_at(err, RX_USAGE, path, -1, 0,
                            "its output has a FWHM of %g pixels, TARGET_FWHM is %g; make them the same",
                            first->front.target_fwhm, model->front.target_fwhm);
-    if (!same_networks(first->restore, model->restore) ||
-        (first->psf != NULL && model->psf != NULL && !same_networks(first->psf, model->psf)))
+    if (!same_networks(first->restore, model->restore) || differ(first->psf, model->psf) ||
+        differ(first->second, model->second))
         return rx_error_at(err, RX_USAGE, path, -1, 0,
                            "its network has another shape; set WIDTH, BLOCKS, STEM, DECODER and KERNELS as "
                            "rextract-train -INFO shows them");
@@ -37,7 +43,8 @@ static rx_status check(const char *path, const rx_model *first, const rx_model *
 
 static void copy(const rx_net *src, rx_net *dst)
 {
-    memcpy(dst->params, src->params, (size_t)src->nparams * sizeof *src->params);
+    if (src != NULL && dst != NULL)
+        memcpy(dst->params, src->params, (size_t)src->nparams * sizeof *src->params);
 }
 
 rx_status rx_first_model(const char *path, rx_model *model, rx_error *err)
@@ -47,8 +54,8 @@ rx_status rx_first_model(const char *path, rx_model *model, rx_error *err)
     rx_status status = check(path, first, model, err);
     if (status == RX_OK) {
         copy(first->restore, model->restore);
-        if (first->psf != NULL && model->psf != NULL)
-            copy(first->psf, model->psf);
+        copy(first->psf, model->psf);
+        copy(first->second, model->second);
     }
     rx_model_free(first);
     return status;

@@ -11,10 +11,9 @@ struct rx_learner {
     const rx_model *model;
     rx_step_params par;
     int side, most, nthreads;
-    int nnets;
-    long n[RX_TRAIN_NETS];
+    long n[RX_MODEL_NETS];       /* parameters; 0: no such network */
     rx_step **step, **test;      /* [nthreads] */
-    float **each[RX_TRAIN_NETS]; /* [most][n] */
+    float **each[RX_MODEL_NETS]; /* [most][n] */
     float **planes;              /* [nthreads][3][side][side]: scratch of tests */
 };
 
@@ -43,8 +42,8 @@ static rx_status make_steps(rx_learner *l, rx_error *err)
 
 static rx_status make_gradients(rx_learner *l, rx_error *err)
 {
-    for (int k = 0; k < l->nnets; k++)
-        for (int i = 0; i < l->most; i++) {
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        for (int i = 0; i < l->most && l->n[k] > 0; i++) {
             l->each[k][i] = RX_NEW(float, (size_t)l->n[k]);
             if (l->each[k][i] == NULL)
                 return rx_error_memory(err, (size_t)l->n[k] * sizeof(float));
@@ -56,19 +55,23 @@ rx_status rx_learner_new(const rx_model *model, const rx_step_params *par, int s
                          rx_learner **dst, rx_error *err)
 {
     rx_status status = RX_OK;
+    rx_net *nets[RX_MODEL_NETS];
+    int bad = 0;
     rx_learner *l = RX_NEW(rx_learner, 1);
     if (l == NULL)
         return rx_error_memory(err, sizeof *l);
     *l = (rx_learner){.model = model, .par = *par, .side = side, .most = most, .nthreads = nthreads};
-    l->nnets = model->psf != NULL ? 2 : 1;
-    l->n[0] = model->restore->nparams;
-    l->n[1] = model->psf != NULL ? model->psf->nparams : 0;
+    rx_model_nets(model, nets);
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        l->n[k] = nets[k] != NULL ? nets[k]->nparams : 0;
     l->step = make_list(nthreads);
     l->test = make_list(nthreads);
     l->planes = make_list(nthreads);
-    for (int k = 0; k < RX_TRAIN_NETS; k++)
+    for (int k = 0; k < RX_MODEL_NETS; k++) {
         l->each[k] = make_list(most);
-    if (l->step == NULL || l->test == NULL || l->planes == NULL || l->each[0] == NULL || l->each[1] == NULL)
+        bad |= l->each[k] == NULL;
+    }
+    if (l->step == NULL || l->test == NULL || l->planes == NULL || bad)
         status = rx_error_memory(err, 0);
     if (status == RX_OK)
         status = make_steps(l, err);
@@ -94,7 +97,7 @@ void rx_learner_free(rx_learner *l)
         if (l->planes != NULL)
             free(l->planes[t]);
     }
-    for (int k = 0; k < RX_TRAIN_NETS; k++) {
+    for (int k = 0; k < RX_MODEL_NETS; k++) {
         for (int i = 0; i < l->most && l->each[k] != NULL; i++)
             free(l->each[k][i]);
         free(l->each[k]);
@@ -119,11 +122,14 @@ typedef rx_status work(rx_learner *l, int thread, const rx_sample *sample, int i
 static rx_status learn(rx_learner *l, int thread, const rx_sample *sample, int i, void *dst, rx_error *err)
 {
     rx_step_values *values = dst;
-    for (int k = 0; k < l->nnets; k++)
-        memset(l->each[k][i], 0, (size_t)l->n[k] * sizeof(float));
-    float *const mine[RX_TRAIN_NETS] = {l->each[0][i], l->nnets > 1 ? l->each[1][i] : NULL};
-    RX_TRY(rx_step_run(l->step[thread], sample, mine[0], mine[1], &values[i], err));
-    rx_gradient_clip(mine, l->n, l->nnets, l->par.clip);
+    float *mine[RX_MODEL_NETS];
+    for (int k = 0; k < RX_MODEL_NETS; k++) {
+        mine[k] = l->each[k][i];
+        if (mine[k] != NULL)
+            memset(mine[k], 0, (size_t)l->n[k] * sizeof(float));
+    }
+    RX_TRY(rx_step_run(l->step[thread], sample, mine, &values[i], err));
+    rx_gradient_clip(mine, l->n, RX_MODEL_NETS, l->par.clip);
     return RX_OK;
 }
 
@@ -134,7 +140,7 @@ static rx_status test(rx_learner *l, int thread, const rx_sample *sample, int i,
     const size_t pixels = (size_t)l->side * (size_t)l->side;
     float *weight = l->planes[thread], *shown = weight + pixels;
     images[i] = (rx_test_image){0};
-    RX_TRY(rx_step_run(l->test[thread], sample, NULL, NULL, &values, err));
+    RX_TRY(rx_step_run(l->test[thread], sample, NULL, &values, err));
     images[i].loss = values.idt_restore;
     rx_loss_weights(sample->x, l->side, l->par.floor, weight + pixels, weight);
     rx_loss_pixels(&(rx_loss){l->par.kind, l->side, l->par.margin, weight}, sample->x, sample->y, 1,
@@ -174,10 +180,10 @@ static rx_status share(rx_learner *l, work *function, rx_sample *const *samples,
 }
 
 rx_status rx_learner_gradients(rx_learner *l, rx_sample *const *samples, int n,
-                               float *const gradient[RX_TRAIN_NETS], rx_step_values *values, rx_error *err)
+                               float *const gradient[RX_MODEL_NETS], rx_step_values *values, rx_error *err)
 {
     rx_status status = share(l, learn, samples, n, values, err);
-    for (int k = 0; k < l->nnets && status == RX_OK; k++) {
+    for (int k = 0; k < RX_MODEL_NETS && status == RX_OK; k++) {
         float *sum = gradient[k];
 #pragma omp parallel for num_threads(l->nthreads) schedule(static)
         for (long p = 0; p < l->n[k]; p++) {

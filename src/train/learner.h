@@ -27,9 +27,9 @@ void rx_learner_free(rx_learner *learner); /* NULL is fine */
 /* Take the model's parameters into use. */
 void rx_learner_load(rx_learner *learner);
 
-/* gradient[k][n of network k] = sums over the n <= most samples; values[i]: terms of each sample. */
+/* gradient[k][parameters of network k], where the model has it, = sums over the n <= most samples; values[i]: terms of each sample. */
 rx_status rx_learner_gradients(rx_learner *learner, rx_sample *const *samples, int n,
-                               float *const gradient[RX_TRAIN_NETS], rx_step_values *values, rx_error *err);
+                               float *const gradient[RX_MODEL_NETS], rx_step_values *values, rx_error *err);
 
 /* Test any number of samples. */
 rx_status rx_learner_test(rx_learner *learner, rx_sample *const *samples, int n, rx_test_image *dst,

@@ -9,7 +9,7 @@
 #include "train/first_model.h"
 
 /* Streams of the seed's random numbers that the networks start from. */
-enum { STREAM_RESTORE = 0x7e570001, STREAM_PSF = 0x7e570002 };
+enum { STREAM_RESTORE = 0x7e570001, STREAM_PSF = 0x7e570002, STREAM_SECOND = 0x7e570003 };
 /* Ends of residual blocks and the last layer start small: the network begins close to doing nothing. */
 static const double DAMPED = 0.3, LAST = 0.1;
 
@@ -107,6 +107,8 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
     name_of(config, model->name, sizeof model->name);
     status = make_net(&shape, rx_front_channels(model->front.mode), model->seed, STREAM_RESTORE,
                       &model->restore, err);
+    if (status == RX_OK && config->stages == 2 && model->front.mode == RX_MODE_INFORMED)
+        status = make_net(&shape, RX_SECOND_CHANNELS, model->seed, STREAM_SECOND, &model->second, err);
     if (status == RX_OK && psf_terms > 0)
         status = make_net(&shape, RX_PSF_CHANNELS, model->seed, STREAM_PSF, &model->psf, err);
     if (status == RX_OK && config->init_model[0] != '\0')

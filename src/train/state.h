@@ -6,12 +6,9 @@
 #include "train/adam.h"
 #include "train/history.h"
 
-enum { RX_TRAIN_NETS = 2 }; /* RESTORE, PSF */
-
 typedef struct rx_train_state {
-    int nnets;
-    float *params[RX_TRAIN_NETS]; /* [adam[k]->n], owned */
-    rx_adam *adam[RX_TRAIN_NETS]; /* owned */
+    float *params[RX_MODEL_NETS]; /* [adam[k]->n], owned */
+    rx_adam *adam[RX_MODEL_NETS]; /* owned; NULL: the model has no such network */
 
     long epoch;   /* complete ones */
     long at;      /* training images done of the next one */
@@ -21,7 +18,7 @@ typedef struct rx_train_state {
 
     double best;                       /* lowest validation loss */
     long best_epoch;                   /* the epoch, from 1, whose it is; 0: none yet */
-    float *best_params[RX_TRAIN_NETS]; /* [adam[k]->n] its weights, owned */
+    float *best_params[RX_MODEL_NETS]; /* [adam[k]->n] its weights, owned */
 
     double slow;  /* the rate is multiplied by this, halved each time the loss diverged */
     long returns; /* how often it did */

@@ -120,9 +120,10 @@ static void add_back(const rx_step *step)
 }
 
 /* RESTORE(x) against y, and PSF(RESTORE(x)) against x. */
-static void run_blurred(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
-                        int back, rx_step_values *values)
+static void run_blurred(rx_step *step, const rx_sample *sample, float *const gradient[RX_MODEL_NETS],
+                        rx_step_values *values)
 {
+    const int back = gradient != NULL;
     const rx_step_params *par = &step->par;
     rx_pass_restore(step->pass, sample->x, sample->w, step->restored);
     if (par->idt_restore > 0 || par->light > 0 || par->rec_psf > 0)
@@ -149,18 +150,19 @@ static void run_blurred(rx_step *step, const rx_sample *sample, float *restore_g
         clear(step, step->inner);
         add_pixels(step, par->rec_psf, step->first, sample->x, &values->rec_psf, &values->total, step->inner);
         if (back) {
-            rx_pass_blur_back(step->pass, step->inner, psf_gradient, step->back);
+            rx_pass_blur_back(step->pass, step->inner, gradient[RX_NET_PSF], step->back);
             add_back(step);
         }
     }
     if (back)
-        rx_pass_restore_back(step->pass, step->gradient, restore_gradient, NULL);
+        rx_pass_restore_back(step->pass, step->gradient, gradient, NULL);
 }
 
 /* PSF(y) against x, and RESTORE(PSF(y)) against y. */
-static void run_sharp(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
-                      int back, rx_step_values *values)
+static void run_sharp(rx_step *step, const rx_sample *sample, float *const gradient[RX_MODEL_NETS],
+                      rx_step_values *values)
 {
+    const int back = gradient != NULL;
     const rx_step_params *par = &step->par;
     rx_pass_blur(step->pass, sample->y, step->first);
     set_weights(step, sample->y);
@@ -174,30 +176,36 @@ static void run_sharp(rx_step *step, const rx_sample *sample, float *restore_gra
         add_pixels(step, par->rec_restore, step->second, sample->y, &values->rec_restore, &values->total,
                    step->inner);
         if (back) {
-            rx_pass_restore_back(step->pass, step->inner, restore_gradient, step->back);
+            rx_pass_restore_back(step->pass, step->inner, gradient, step->back);
             add_back(step);
         }
     }
     if (back)
-        rx_pass_blur_back(step->pass, step->gradient, psf_gradient, NULL);
+        rx_pass_blur_back(step->pass, step->gradient, gradient[RX_NET_PSF], NULL);
 }
 
-rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
+/* Is there a place for the gradient of each network that has one? */
+static int has_places(const rx_step *step, float *const gradient[RX_MODEL_NETS])
+{
+    const int restore = gradient[RX_NET_RESTORE] != NULL &&
+                        (rx_pass_stages(step->pass) == 1 || gradient[RX_NET_SECOND] != NULL);
+    return (!step->uses_restore || restore) && (!step->uses_psf || gradient[RX_NET_PSF] != NULL);
+}
+
+rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *const gradient[RX_MODEL_NETS],
                       rx_step_values *values, rx_error *err)
 {
     *values = (rx_step_values){0};
     if (sample->side != step->side)
         return rx_error_set(err, RX_INPUT, "a training image of %d pixels instead of %d; make it anew",
                             sample->side, step->side);
-    const int back = restore_gradient != NULL || psf_gradient != NULL;
-    if (back &&
-        ((step->uses_restore && restore_gradient == NULL) || (step->uses_psf && psf_gradient == NULL)))
+    if (gradient != NULL && !has_places(step, gradient))
         return rx_error_set(err, RX_INPUT,
                             "a network of the loss without a place for its gradient; give one");
     RX_TRY(rx_pass_optics(step->pass, sample, step->par.rec_restore > 0, err));
     if (step->from_blurred)
-        run_blurred(step, sample, restore_gradient, psf_gradient, back, values);
+        run_blurred(step, sample, gradient, values);
     if (step->from_sharp)
-        run_sharp(step, sample, restore_gradient, psf_gradient, back, values);
+        run_sharp(step, sample, gradient, values);
     return RX_OK;
 }

@@ -39,10 +39,9 @@ rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side
 void rx_step_free(rx_step *step); /* NULL is fine */
 void rx_step_load(rx_step *step);
 
-/* Gradients [nparams] += ; both NULL: only values are wanted; psf_gradient NULL when no term needs the PSF
- * network, restore_gradient when none needs RESTORE. Errors: RX_INPUT (a sample of another side, a kernel that is not
- * finite), RX_SYSTEM. */
-rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *restore_gradient, float *psf_gradient,
+/* gradient[k][parameters of network k] += ; NULL: only values are wanted; of a network that no term needs NULL is fine.
+ * Errors: RX_INPUT (a sample of another side, a kernel that is not finite), RX_SYSTEM. */
+rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *const gradient[RX_MODEL_NETS],
                       rx_step_values *values, rx_error *err);
 
 /* RESTORE(x) of the last run, [side][side]; NULL when no term needs it. */

@@ -1,4 +1,4 @@
-/* RESTORE and PSF with stretch, Tikhonov copy and Richardson-Lucy step, there and back. */
+/* RESTORE in one stage or two, and PSF, with stretch, Tikhonov copy and Richardson-Lucy steps, there and back. */
 #include "train/step_pass.h"
 
 #include <math.h>
@@ -11,32 +11,45 @@
 #include "nn/runner.h"
 #include "num/convolve.h"
 
+/* A network of RESTORE and the Richardson-Lucy steps after it. */
+typedef struct stage {
+    rx_runner *runner; /* owned; NULL: no such stage */
+    float *sum;        /* [pixels] base + network: s(v) */
+    rx_rl_step *rl[RX_FRONT_STEPS];
+    float *sharp[RX_FRONT_STEPS]; /* real planes: what each step begins with */
+} stage;
+
 struct rx_pass {
     const rx_model *model;
     int side;
     size_t pixels;
     float fwhm;             /* channel of the sample's PSF */
-    rx_runner *restore;     /* owned */
+    stage first, second;    /* of RESTORE */
     rx_runner *psf;         /* owned; NULL without */
-    float *restore_sum;     /* [pixels] base + network of the last RESTORE: s(v) */
-    float *psf_sum;         /* the same of PSF */
+    float *psf_sum;         /* [pixels] base + network of the last PSF */
     const float *x, *w, *y; /* of the last forward */
     int own_w;              /* w was made here */
     float *filtered;        /* [pixels] that w */
     float *slope;           /* [pixels] gradient by v, by w */
+    float *made, *left;     /* [pixels] f of the first stage, x - K' max(f, 0); two stages only */
+    float *by_made, *by_w;  /* [pixels] gradients by f and, from the second stage, by s(w) */
     /* INFORMED only: */
     rx_fft *fft;
-    int steps; /* Richardson-Lucy steps after the network */
-    rx_rl_step *rl[RX_FRONT_STEPS];
+    int steps;              /* Richardson-Lucy steps after each network */
     float *kernel;          /* K' cut to the patch */
     int kernel_size;        /* at most RX_SAMPLE_KERNEL */
     float *tikhonov, *half; /* complex planes */
+    rx_rl_step *blur;       /* K' alone */
     float *data, *work;     /* real planes of fft: x and what comes out */
     float *inside;          /* real plane: 1 where the light of the sample's x is that of its y, else 0 */
     const float *weight;    /* of the last forward: inside, or NULL */
-    float *sharp[RX_FRONT_STEPS]; /* real planes: what each step begins with */
-    float *back, *other;          /* real planes: gradients */
+    float *back, *other;    /* real planes: gradients */
 };
+
+int rx_pass_stages(const rx_pass *pass)
+{
+    return pass->second.runner != NULL ? 2 : 1;
+}
 
 /* ---- making ---- */
 
@@ -45,14 +58,24 @@ static int odd_at_most(int n)
     return n % 2 == 1 ? n : n - 1;
 }
 
+static rx_status new_steps(const rx_pass *pass, stage *stage, rx_error *err)
+{
+    for (int i = 0; i < pass->steps && stage->runner != NULL; i++) {
+        RX_TRY(rx_rl_step_new(pass->fft, &stage->rl[i], err));
+        stage->sharp[i] = rx_fft_real(pass->fft);
+        if (stage->sharp[i] == NULL)
+            return rx_error_memory(err, pass->pixels * sizeof(float));
+    }
+    return RX_OK;
+}
+
 static rx_status new_optics(rx_pass *pass, rx_error *err)
 {
-    rx_status status = rx_fft_new(pass->side, pass->side, 1, &pass->fft, err);
+    RX_TRY(rx_fft_new(pass->side, pass->side, 1, &pass->fft, err));
     pass->steps = pass->model->front.rl_steps;
-    for (int i = 0; i < pass->steps && status == RX_OK; i++)
-        status = rx_rl_step_new(pass->fft, &pass->rl[i], err);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(new_steps(pass, &pass->first, err));
+    RX_TRY(new_steps(pass, &pass->second, err));
+    RX_TRY(rx_rl_step_new(pass->fft, &pass->blur, err));
     const int largest = odd_at_most(pass->side);
     pass->kernel_size = largest < RX_SAMPLE_KERNEL ? largest : RX_SAMPLE_KERNEL;
     pass->kernel = RX_NEW(float, (size_t)pass->kernel_size *(size_t)pass->kernel_size);
@@ -64,23 +87,26 @@ static rx_status new_optics(rx_pass *pass, rx_error *err)
         *planes[i] = rx_fft_real(pass->fft);
         bad |= *planes[i] == NULL;
     }
-    for (int i = 0; i < pass->steps; i++) {
-        pass->sharp[i] = rx_fft_real(pass->fft);
-        bad |= pass->sharp[i] == NULL;
-    }
     return bad ? rx_error_memory(err, pass->pixels * 10 * sizeof(float)) : RX_OK;
+}
+
+static rx_status new_stage(const rx_pass *pass, const rx_net *net, stage *stage, rx_error *err)
+{
+    RX_TRY(RX_MAKE(stage->sum, pass->pixels, err));
+    return rx_runner_new(net, pass->side, pass->side, &stage->runner, err);
 }
 
 static rx_status new_parts(rx_pass *pass, int with_psf, rx_error *err)
 {
     const rx_model *model = pass->model;
-    pass->restore_sum = RX_NEW(float, pass->pixels);
-    pass->psf_sum = RX_NEW(float, pass->pixels);
-    pass->filtered = RX_NEW(float, pass->pixels);
-    pass->slope = RX_NEW(float, pass->pixels);
-    if (pass->restore_sum == NULL || pass->psf_sum == NULL || pass->filtered == NULL || pass->slope == NULL)
-        return rx_error_memory(err, pass->pixels * 4 * sizeof(float));
-    RX_TRY(rx_runner_new(model->restore, pass->side, pass->side, &pass->restore, err));
+    float **planes[] = {&pass->psf_sum, &pass->filtered, &pass->slope, &pass->made,
+                        &pass->left,    &pass->by_made,  &pass->by_w};
+    const size_t few = model->second != NULL ? sizeof planes / sizeof planes[0] : 3;
+    for (size_t i = 0; i < few; i++)
+        RX_TRY(RX_MAKE(*planes[i], pass->pixels, err));
+    RX_TRY(new_stage(pass, model->restore, &pass->first, err));
+    if (model->second != NULL)
+        RX_TRY(new_stage(pass, model->second, &pass->second, err));
     if (with_psf)
         RX_TRY(rx_runner_new(model->psf, pass->side, pass->side, &pass->psf, err));
     if (model->front.mode == RX_MODE_INFORMED)
@@ -122,20 +148,28 @@ rx_status rx_pass_new(const rx_model *model, int side, int with_psf, rx_pass **d
     return RX_OK;
 }
 
+static void free_stage(stage *stage)
+{
+    rx_runner_free(stage->runner);
+    free(stage->sum);
+    for (int i = 0; i < RX_FRONT_STEPS; i++) {
+        rx_rl_step_free(stage->rl[i]);
+        free(stage->sharp[i]);
+    }
+}
+
 void rx_pass_free(rx_pass *pass)
 {
     if (pass == NULL)
         return;
-    rx_runner_free(pass->restore);
+    free_stage(&pass->first);
+    free_stage(&pass->second);
     rx_runner_free(pass->psf);
-    for (int i = 0; i < RX_FRONT_STEPS; i++) {
-        rx_rl_step_free(pass->rl[i]);
-        free(pass->sharp[i]);
-    }
+    rx_rl_step_free(pass->blur);
     rx_fft_free(pass->fft);
-    float *const owned[] = {pass->restore_sum, pass->psf_sum,  pass->filtered, pass->slope,
-                            pass->kernel,      pass->tikhonov, pass->half,     pass->data,
-                            pass->work,        pass->inside,   pass->back,     pass->other};
+    float *const owned[] = {pass->psf_sum, pass->filtered, pass->slope,  pass->made,     pass->left,
+                            pass->by_made, pass->by_w,     pass->kernel, pass->tikhonov, pass->half,
+                            pass->data,    pass->work,     pass->inside, pass->back,     pass->other};
     for (size_t i = 0; i < sizeof owned / sizeof owned[0]; i++)
         free(owned[i]);
     free(pass);
@@ -143,7 +177,9 @@ void rx_pass_free(rx_pass *pass)
 
 void rx_pass_load(rx_pass *pass)
 {
-    rx_runner_load(pass->restore, pass->model->restore->params);
+    rx_runner_load(pass->first.runner, pass->model->restore->params);
+    if (pass->second.runner != NULL)
+        rx_runner_load(pass->second.runner, pass->model->second->params);
     if (pass->psf != NULL)
         rx_runner_load(pass->psf, pass->model->psf->params);
 }
@@ -185,7 +221,7 @@ static void find_inside(rx_pass *pass, const rx_sample *sample)
     const float faint = 0.5f, share = 0.25f; /* noise sigmas; of the pixel's light */
     const size_t n = (size_t)pass->side, stride = (size_t)rx_fft_stride_real(pass->fft);
     to_plane(pass, sample->y, pass->work);
-    rx_rl_step_blur(pass->rl[0], pass->work, pass->work);
+    rx_rl_step_blur(pass->blur, pass->work, pass->work);
     for (size_t y = 0; y < n; y++)
         for (size_t x = 0; x < n; x++) {
             const float light = sample->blurred[y * n + x], own = pass->work[y * stride + x];
@@ -200,8 +236,12 @@ rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter
     if (front->mode != RX_MODE_INFORMED)
         return RX_OK;
     cut_kernel(pass, sample->kernel);
-    for (int i = 0; i < pass->steps; i++)
-        rx_rl_step_kernel(pass->rl[i], pass->kernel, pass->kernel_size);
+    rx_rl_step_kernel(pass->blur, pass->kernel, pass->kernel_size);
+    for (int i = 0; i < pass->steps; i++) {
+        rx_rl_step_kernel(pass->first.rl[i], pass->kernel, pass->kernel_size);
+        if (pass->second.runner != NULL)
+            rx_rl_step_kernel(pass->second.rl[i], pass->kernel, pass->kernel_size);
+    }
     if (pass->steps > 0)
         find_inside(pass, sample);
     if (!with_filter)
@@ -212,9 +252,9 @@ rx_status rx_pass_optics(rx_pass *pass, const rx_sample *sample, int with_filter
 
 /* ---- RESTORE ---- */
 
-static void fill_restore(rx_pass *pass)
+static void fill_first(rx_pass *pass)
 {
-    float *input = rx_runner_input(pass->restore);
+    float *input = rx_runner_input(pass->first.runner);
     if (pass->model->front.mode == RX_MODE_BLIND) {
         for (size_t k = 0; k < pass->pixels; k++)
             input[k] = rx_stretch(pass->x[k]);
@@ -224,6 +264,26 @@ static void fill_restore(rx_pass *pass)
         input[3 * k] = rx_stretch(pass->x[k]);
         input[3 * k + 1] = rx_stretch(pass->w[k]);
         input[3 * k + 2] = pass->fwhm;
+    }
+}
+
+/* Beside what the first stage was given: what it made, and what of x that leaves. */
+static void fill_second(rx_pass *pass)
+{
+    const size_t n = (size_t)pass->side, stride = (size_t)rx_fft_stride_real(pass->fft);
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++)
+            pass->work[y * stride + x] = rx_rl_light(pass->made[y * n + x]);
+    rx_rl_step_blur(pass->blur, pass->work, pass->work);
+    from_plane(pass, pass->work, pass->left);
+    float *input = rx_runner_input(pass->second.runner);
+    for (size_t k = 0; k < pass->pixels; k++) {
+        pass->left[k] = pass->x[k] - pass->left[k];
+        input[5 * k] = rx_stretch(pass->x[k]);
+        input[5 * k + 1] = rx_stretch(pass->w[k]);
+        input[5 * k + 2] = pass->fwhm;
+        input[5 * k + 3] = rx_stretch(pass->made[k]);
+        input[5 * k + 4] = rx_stretch(pass->left[k]);
     }
 }
 
@@ -241,30 +301,42 @@ static void set_inputs(rx_pass *pass, const float *x, const float *w)
     pass->w = pass->filtered;
 }
 
-void rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out)
+/* out = the steps after base + network */
+static void run_stage(rx_pass *pass, stage *stage, const float *base, float *out)
 {
-    set_inputs(pass, x, w);
-    fill_restore(pass);
-    rx_runner_forward(pass->restore);
-    const float *net = rx_runner_output(pass->restore);
-    const float *base = pass->model->front.mode == RX_MODE_INFORMED ? pass->w : pass->x;
+    rx_runner_forward(stage->runner);
+    const float *net = rx_runner_output(stage->runner);
     for (size_t k = 0; k < pass->pixels; k++) {
-        pass->restore_sum[k] = rx_stretch(base[k]) + net[k];
-        out[k] = rx_unstretch(pass->restore_sum[k]);
+        stage->sum[k] = rx_stretch(base[k]) + net[k];
+        out[k] = rx_unstretch(stage->sum[k]);
     }
     if (pass->steps == 0)
         return;
-    pass->weight = w != NULL ? pass->inside : NULL;
-    to_plane(pass, x, pass->data);
-    to_plane(pass, out, pass->sharp[0]);
+    to_plane(pass, out, stage->sharp[0]);
     for (int i = 0; i < pass->steps; i++)
-        rx_rl_step_forward(pass->rl[i], pass->sharp[i], pass->data, pass->weight, pass->model->front.pedestal,
-                           i + 1 < pass->steps ? pass->sharp[i + 1] : pass->work);
+        rx_rl_step_forward(stage->rl[i], stage->sharp[i], pass->data, pass->weight,
+                           pass->model->front.pedestal,
+                           i + 1 < pass->steps ? stage->sharp[i + 1] : pass->work);
     from_plane(pass, pass->work, out);
 }
 
+void rx_pass_restore(rx_pass *pass, const float *x, const float *w, float *out)
+{
+    const int informed = pass->model->front.mode == RX_MODE_INFORMED, two = pass->second.runner != NULL;
+    set_inputs(pass, x, w);
+    pass->weight = w != NULL ? pass->inside : NULL;
+    if (informed)
+        to_plane(pass, x, pass->data);
+    fill_first(pass);
+    run_stage(pass, &pass->first, informed ? pass->w : pass->x, two ? pass->made : out);
+    if (!two)
+        return;
+    fill_second(pass);
+    run_stage(pass, &pass->second, pass->made, out);
+}
+
 /* slope = gradient by v; *dx += gradient by the data of the steps, NULL: not wanted. */
-static void back_through_steps(rx_pass *pass, const float *dout, float *dx)
+static void back_through_steps(rx_pass *pass, stage *stage, const float *dout, float *dx)
 {
     if (pass->steps == 0) {
         memcpy(pass->slope, dout, pass->pixels * sizeof *dout);
@@ -272,7 +344,7 @@ static void back_through_steps(rx_pass *pass, const float *dout, float *dx)
     }
     to_plane(pass, dout, pass->work);
     for (int i = pass->steps - 1; i >= 0; i--) {
-        rx_rl_step_backward(pass->rl[i], pass->work, pass->back, dx != NULL ? pass->other : NULL);
+        rx_rl_step_backward(stage->rl[i], pass->work, pass->back, dx != NULL ? pass->other : NULL);
         if (dx != NULL) {
             from_plane(pass, pass->other, pass->slope);
             for (size_t k = 0; k < pass->pixels; k++)
@@ -285,17 +357,54 @@ static void back_through_steps(rx_pass *pass, const float *dout, float *dx)
     from_plane(pass, pass->work, pass->slope);
 }
 
-/* dx += the gradients by the network's input planes and by base + network (in slope). */
-static void collect_restore(rx_pass *pass, float *dx)
+/* Through steps and network: slope = gradient by the base's stretch. */
+static void back_through_stage(rx_pass *pass, stage *stage, const float *dout, float *gradient,
+                               int want_input, float *dx)
 {
-    const float *input = rx_runner_input_gradient(pass->restore);
+    back_through_steps(pass, stage, dout, dx);
+    float *dnet = rx_runner_output_gradient(stage->runner);
+    for (size_t k = 0; k < pass->pixels; k++) {
+        pass->slope[k] *= rx_unstretch_slope(stage->sum[k]);
+        dnet[k] = pass->slope[k];
+    }
+    rx_runner_backward(stage->runner, gradient, want_input);
+}
+
+/* by_made = gradient by f, which the second stage had as its base, as a plane, and in what is left of x; by_w. */
+static void collect_second(rx_pass *pass, float *dx)
+{
+    const float *input = rx_runner_input_gradient(pass->second.runner);
+    const size_t n = (size_t)pass->side, stride = (size_t)rx_fft_stride_real(pass->fft);
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++) {
+            const size_t k = y * n + x;
+            const float left = input[5 * k + 4] * rx_stretch_slope(pass->left[k]);
+            pass->other[y * stride + x] = left;
+            pass->by_made[k] = (pass->slope[k] + input[5 * k + 3]) * rx_stretch_slope(pass->made[k]);
+            pass->by_w[k] = input[5 * k + 1];
+            if (dx != NULL)
+                dx[k] += input[5 * k] * rx_stretch_slope(pass->x[k]) + left;
+        }
+    rx_rl_step_blur_back(pass->blur, pass->other, pass->other);
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++)
+            if (pass->made[y * n + x] > 0)
+                pass->by_made[y * n + x] -= pass->other[y * stride + x];
+}
+
+/* dx += the gradients by the first network's input planes and by its base (in slope). */
+static void collect_first(rx_pass *pass, float *dx)
+{
+    const float *input = rx_runner_input_gradient(pass->first.runner);
+    const int two = pass->second.runner != NULL;
     if (pass->model->front.mode == RX_MODE_BLIND) {
         for (size_t k = 0; k < pass->pixels; k++)
             dx[k] += (input[k] + pass->slope[k]) * rx_stretch_slope(pass->x[k]);
         return;
     }
     for (size_t k = 0; k < pass->pixels; k++) {
-        pass->slope[k] = (input[3 * k + 1] + pass->slope[k]) * rx_stretch_slope(pass->w[k]);
+        const float by_w = input[3 * k + 1] + pass->slope[k] + (two ? pass->by_w[k] : 0);
+        pass->slope[k] = by_w * rx_stretch_slope(pass->w[k]);
         dx[k] += input[3 * k] * rx_stretch_slope(pass->x[k]);
     }
     if (pass->own_w) {
@@ -307,19 +416,18 @@ static void collect_restore(rx_pass *pass, float *dx)
     }
 }
 
-void rx_pass_restore_back(rx_pass *pass, const float *dout, float *gradient, float *dx)
+void rx_pass_restore_back(rx_pass *pass, const float *dout, float *const gradient[RX_MODEL_NETS], float *dx)
 {
     if (dx != NULL)
         memset(dx, 0, pass->pixels * sizeof *dx);
-    back_through_steps(pass, dout, dx);
-    float *dnet = rx_runner_output_gradient(pass->restore);
-    for (size_t k = 0; k < pass->pixels; k++) {
-        pass->slope[k] *= rx_unstretch_slope(pass->restore_sum[k]);
-        dnet[k] = pass->slope[k];
+    if (pass->second.runner != NULL) {
+        back_through_stage(pass, &pass->second, dout, gradient[RX_NET_SECOND], 1, dx);
+        collect_second(pass, dx);
+        dout = pass->by_made;
     }
-    rx_runner_backward(pass->restore, gradient, dx != NULL);
+    back_through_stage(pass, &pass->first, dout, gradient[RX_NET_RESTORE], dx != NULL, dx);
     if (dx != NULL)
-        collect_restore(pass, dx);
+        collect_first(pass, dx);
 }
 
 /* ---- PSF ---- */

@@ -28,10 +28,10 @@ typedef struct job {
     rx_model *model;
     rx_learner *learner;
     rx_train_output output;
-    rx_train_state *kept, *now; /* at the last end of an epoch, and now */
-    float *gradient[RX_TRAIN_NETS];
-    rx_sample **sample;     /* [most]: of this rank's share of a batch */
-    rx_sample **validation; /* [nvalidation]: this rank's share of those images */
+    rx_train_state *kept, *now;     /* at the last end of an epoch, and now */
+    float *gradient[RX_MODEL_NETS]; /* NULL: the model has no such network */
+    rx_sample **sample;             /* [most]: of this rank's share of a batch */
+    rx_sample **validation;         /* [nvalidation]: this rank's share of those images */
     int nvalidation;
     rx_step_values *values;
     int most, rank, nranks;
@@ -104,13 +104,13 @@ static int diverges(rx_train_state *s, double loss, double norm)
 static void improve(job *j, long n, long epoch_images, const rx_step_values *mean)
 {
     rx_train_state *s = j->now;
-    long sizes[RX_TRAIN_NETS] = {0};
-    for (int k = 0; k < s->nnets; k++) {
-        sizes[k] = s->adam[k]->n;
+    long sizes[RX_MODEL_NETS] = {0};
+    for (int k = 0; k < RX_MODEL_NETS; k++) {
+        sizes[k] = s->adam[k] != NULL ? s->adam[k]->n : 0;
         for (long p = 0; p < sizes[k]; p++)
             j->gradient[k][p] /= (float)n;
     }
-    const double norm = rx_gradient_clip(j->gradient, sizes, s->nnets, j->config->clip);
+    const double norm = rx_gradient_clip(j->gradient, sizes, RX_MODEL_NETS, j->config->clip);
     j->has_diverged = diverges(s, mean->total, norm);
     if (j->has_diverged)
         return;
@@ -118,8 +118,9 @@ static void improve(job *j, long n, long epoch_images, const rx_step_values *mea
     const double within = ((double)s->at + 0.5 * (double)n) / (double)epoch_images;
     const double progress = ((double)s->epoch + within) / j->config->epochs;
     s->rate = j->config->rate * s->slow * rx_schedule(progress, j->config->warmup);
-    for (int k = 0; k < s->nnets; k++)
-        rx_adam_step(s->adam[k], j->gradient[k], s->rate, s->params[k]);
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        if (s->adam[k] != NULL)
+            rx_adam_step(s->adam[k], j->gradient[k], s->rate, s->params[k]);
     add_values(&s->sum, mean, (double)n);
     s->norm += norm;
     s->batches++;
@@ -142,8 +143,9 @@ static rx_status run_batch(job *j, long n, rx_error *err)
     free_samples(j, mine);
     for (int i = 0; i < mine && status == RX_OK; i++)
         add_values(&sums.values, &j->values[i], 1);
-    for (int k = 0; k < j->now->nnets && status == RX_OK; k++)
-        status = rx_ranks_sum(j->ranks, j->gradient[k], j->now->adam[k]->n, err);
+    for (int k = 0; k < RX_MODEL_NETS && status == RX_OK; k++)
+        if (j->gradient[k] != NULL)
+            status = rx_ranks_sum(j->ranks, j->gradient[k], j->now->adam[k]->n, err);
     if (status == RX_OK)
         status = rx_ranks_sum_double(j->ranks, (double *)&sums, sizeof sums / sizeof(double), err);
     if (status != RX_OK)
@@ -456,7 +458,9 @@ static rx_status make_buffers(job *j, rx_error *err)
     j->values = RX_NEW(rx_step_values, (size_t)j->most);
     if (j->sample == NULL || j->values == NULL)
         return rx_error_memory(err, 0);
-    for (int k = 0; k < j->now->nnets; k++) {
+    for (int k = 0; k < RX_MODEL_NETS; k++) {
+        if (j->now->adam[k] == NULL)
+            continue;
         j->gradient[k] = RX_NEW(float, (size_t)j->now->adam[k]->n);
         if (j->gradient[k] == NULL)
             return rx_error_memory(err, (size_t)j->now->adam[k]->n * sizeof(float));
@@ -482,6 +486,15 @@ static rx_status find_state(job *j, rx_error *err)
     return RX_OK;
 }
 
+/* What restores. */
+static void tell_size(const job *j, int nthreads)
+{
+    const rx_net *first = j->model->restore, *second = j->model->second;
+    rx_log_detail(j->log, "%ld parameters, %.1f kMAC per pixel, %d threads",
+                  first->nparams + (second != NULL ? second->nparams : 0),
+                  1e-3 * (rx_net_macs(first) + (second != NULL ? rx_net_macs(second) : 0)), nthreads);
+}
+
 static rx_status prepare(job *j, rx_error *err)
 {
     const rx_step_params par = rx_setup_step(j->config);
@@ -500,8 +513,7 @@ static rx_status prepare(job *j, rx_error *err)
     if (status == RX_OK)
         status = rx_learner_new(j->model, &par, j->config->patch, j->most, nthreads, &j->learner, err);
     if (status == RX_OK)
-        rx_log_detail(j->log, "%ld parameters, %.1f kMAC per pixel, %d threads", j->model->restore->nparams,
-                      1e-3 * rx_net_macs(j->model->restore), nthreads);
+        tell_size(j, nthreads);
     return status;
 }
 
@@ -513,7 +525,7 @@ static void clean_up(job *j)
     rx_train_state_free(j->now);
     rx_model_free(j->model);
     rx_train_output_close(&j->output);
-    for (int k = 0; k < RX_TRAIN_NETS; k++)
+    for (int k = 0; k < RX_MODEL_NETS; k++)
         free(j->gradient[k]);
     for (int i = 0; i < j->nvalidation; i++)
         rx_sample_free(j->validation[i]);

@@ -13,13 +13,14 @@ from ablation import gather, lines, quality, verdicts
 def cost(name):
     with open(f"{name}/info.txt", encoding="utf-8") as file:
         info = file.read()
+    stages = re.findall(r"^(?:RESTORE|SECOND) .* (\d+) parameters, ([\d.]+) thousand multiplications per pixel, reaches (\d+) pixels", info, re.M)
     return {
         "digest": re.search(r"digest (\w+)", info)[1],
         "images": int(re.search(r"(\d+) images", info)[1]),
-        "kmac": float(re.search(r"([\d.]+) thousand multiplications", info)[1]),
-        "parameters": int(re.search(r"(\d+) parameters", info)[1]),
-        "reach": int(re.search(r"reaches (\d+) pixels", info)[1]),
-        "steps": int((re.search(r"Richardson-Lucy steps with the tile's PSF: (\d+)", info) or (0, 0))[1]),
+        "kmac": sum(float(kmac) for _, kmac, _ in stages),
+        "parameters": sum(int(parameters) for parameters, _, _ in stages),
+        "reach": sum(int(reach) for _, _, reach in stages),
+        "steps": max(1, len(stages)) * int((re.search(r"Richardson-Lucy steps with the tile's PSF: (\d+)", info) or (0, 0))[1]),
     }
 
 

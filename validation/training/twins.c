@@ -4,7 +4,7 @@
  *            are 0, x, w, y and the blurred plane [side][side], K' [63][63] (train/sample.h). TEST=1: test images
  *   first    TWINS_OUT.restore, .psf: the networks that a training begins with, parameters as in nn/net.h
  *   loss     of image AT of the file TWINS_IN: terms on standard output, gradients to TWINS_OUT.restore and .psf
- *   model    TWINS_OUT: a model file of the parameters TWINS_IN, after IMAGES training images
+ *   model    TWINS_OUT: a model file of the parameters TWINS_IN.restore and .second, after IMAGES training images
  *
  * twins.sh builds it with the objects of build/. What goes wrong ends it. */
 #include <omp.h>
@@ -150,15 +150,25 @@ static rx_status loss(const rx_train_config *c, rx_model *model, rx_error *err)
     s->fwhm = meta[1];
     RX_TRY(rx_step_new(model, &par, c->patch, &step, err));
     rx_step_load(step);
-    float *restore = calloc((size_t)model->restore->nparams, sizeof(float));
-    float *psf = model->psf != NULL ? calloc((size_t)model->psf->nparams, sizeof(float)) : NULL;
-    RX_TRY(rx_step_run(step, s, restore, psf, &v, err));
+    float *gradient[RX_MODEL_NETS] = {NULL};
+    gradient[RX_NET_RESTORE] = calloc((size_t)model->restore->nparams, sizeof(float));
+    if (model->psf != NULL)
+        gradient[RX_NET_PSF] = calloc((size_t)model->psf->nparams, sizeof(float));
+    RX_TRY(rx_step_run(step, s, gradient, &v, err));
     printf("%.8g %.8g %.8g %.8g %.8g %.8g\n", v.idt_restore, v.light, v.ffl, v.idt_psf, v.rec_restore,
            v.rec_psf);
-    write_all(".restore", restore, model->restore->nparams);
-    if (psf != NULL)
-        write_all(".psf", psf, model->psf->nparams);
+    write_all(".restore", gradient[RX_NET_RESTORE], model->restore->nparams);
+    if (model->psf != NULL)
+        write_all(".psf", gradient[RX_NET_PSF], model->psf->nparams);
     return RX_OK;
+}
+
+static void read_network(rx_net *net, const char *suffix)
+{
+    FILE *file = opened(word("TWINS_IN"), suffix, "rb");
+    read_floats(file, net->params, (size_t)net->nparams);
+    must(fgetc(file) == EOF, "parameters of another network");
+    fclose(file);
 }
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
@@ -178,9 +188,9 @@ static rx_status run(const rx_settings *settings, const char *image, rx_log *log
             write_all(".psf", model->psf->params, model->psf->nparams);
         return RX_OK;
     }
-    FILE *file = opened(word("TWINS_IN"), "", "rb");
-    read_floats(file, model->restore->params, (size_t)model->restore->nparams);
-    must(fgetc(file) == EOF, "parameters of another network");
+    read_network(model->restore, ".restore");
+    if (model->second != NULL)
+        read_network(model->second, ".second");
     model->psf = NULL; /* only RESTORE is judged */
     model->ended = 1;
     model->epochs = model->best = 1;

@@ -29,7 +29,7 @@ done
 twins() {
     local settings=base.train
     [[ $1 != blind ]] || settings=blind.train
-    (cd "$out" && ./twins "$settings" "${@:2}")
+    (cd "$out" && rm -f "$TWINS_OUT" && ./twins "$settings" "${@:2}")
 }
 
 make_program() {
@@ -75,6 +75,7 @@ train)
     "$python" "$here/twins.py" train "$out" "${3:-490}"
     ;;
 models)
+    make_program
     export TWINS_DO=model IMAGES
     IMAGES=$(<"$out/trained/images")
     mkdir -p "$out/recipes" "$out/models"
@@ -86,15 +87,16 @@ models)
                 for seed in 1 2 3; do
                     name=$mode-$network-$selection-$seed cell=$out/recipes/$mode-$network-$selection-$seed
                     mkdir -p "$cell/training"
-                    TWINS_IN=trained/$name.restore TWINS_OUT=$cell/psfnet.fits twins $mode "${losses[@]}" -SELECTION "${selection^^}" -SEED $seed
+                    TWINS_IN=trained/$name TWINS_OUT=$cell/psfnet.fits twins $mode "${losses[@]}" -SELECTION "${selection^^}" -SEED $seed
                     printf '# %%ECSV 1.0\nepoch,patches\n1,%d\n' "$IMAGES" >"$cell/training/log.ecsv"
                 done
             done
         done
     done
     for seed in 1 2 3; do
-        TWINS_IN=trained/base-$seed.restore TWINS_OUT=models/base-$seed.fits twins base -SEED $seed
-        TWINS_IN=trained/deep-$seed.restore TWINS_OUT=models/deep-$seed.fits twins base -BLOCKS 6 -RL_STEPS 2 -SEED $seed
+        TWINS_IN=trained/base-$seed TWINS_OUT=models/base-$seed.fits twins base -SEED $seed
+        TWINS_IN=trained/deep-$seed TWINS_OUT=models/deep-$seed.fits twins base -BLOCKS 6 -RL_STEPS 2 -SEED $seed
+        TWINS_IN=trained/stages-$seed TWINS_OUT=models/stages-$seed.fits twins base -STAGES 2 -SEED $seed
     done
     ;;
 *) echo "twins.sh: prepare, check, train or models?" >&2 && exit 2 ;;

@@ -28,7 +28,8 @@
 enum { FLIPS = 500, CUTS = 100, ODD = 300 };
 
 /* Two bins of FWHM and three of noise, the paper's ranges. */
-static rx_model *make_model(int with_psf)
+/* nets: 1 RESTORE alone, 2 and PSF, 3 and a second stage */
+static rx_model *make_model(int nets)
 {
     rx_model *model = rx_model_new();
     assert_non_null(model);
@@ -36,9 +37,13 @@ static rx_model *make_model(int with_psf)
     rx_net_initialise(model->restore, 7, 1, 0.3, 0.1);
     model->restore->params[0] = -0.0f; /* numbers that a reader may lose */
     model->restore->params[1] = 1e-42f;
-    if (with_psf) {
+    if (nets > 1) {
         model->psf = small_net(RX_PSF_CHANNELS, 1);
         rx_net_initialise(model->psf, 7, 2, 0.3, 0.1);
+    }
+    if (nets > 2) {
+        model->second = small_net(RX_SECOND_CHANNELS, 1);
+        rx_net_initialise(model->second, 7, 3, 0.3, 0.1);
     }
     model->nfwhm = 2;
     model->nsigma = 3;
@@ -91,17 +96,20 @@ static void same_net(const rx_net *a, const rx_net *b)
 static void test_round_trip(void **state)
 {
     (void)state;
-    for (int with_psf = 0; with_psf < 2; with_psf++) {
-        rx_model *model = make_model(with_psf), *back = NULL;
+    for (int nets = 1; nets <= 3; nets++) {
+        rx_model *model = make_model(nets), *back = NULL;
         char digest[RX_MODEL_DIGEST];
         size_t n = 0, m = 0;
         write_to(model);
         char *first = file_bytes("m.fits", &n);
         assert_int_equal(rx_model_read("m.fits", &back, NULL), RX_OK);
         same_net(model->restore, back->restore);
-        assert_int_equal(back->psf != NULL, with_psf);
-        if (with_psf)
+        assert_int_equal(back->psf != NULL, nets > 1);
+        if (nets > 1)
             same_net(model->psf, back->psf);
+        assert_int_equal(back->second != NULL, nets > 2);
+        if (nets > 2)
+            same_net(model->second, back->second);
         assert_int_equal(back->front.mode, RX_MODE_INFORMED);
         assert_true(back->front.target_fwhm == 2);
         assert_true(back->front.tikhonov == model->front.tikhonov);
@@ -146,7 +154,7 @@ static void test_round_trip(void **state)
 static void test_least_model(void **state)
 {
     (void)state;
-    rx_model *model = make_model(0), *back = NULL;
+    rx_model *model = make_model(1), *back = NULL;
     free(model->bins);
     free(model->provenance);
     model->bins = NULL;
@@ -245,7 +253,7 @@ static parts take_apart(void **state)
     static const char *const names[] = {"RESTORE_NODES", "RESTORE_PARAMS", "PSF_NODES",
                                         "PSF_PARAMS",    "DICTIONARY",     "PROVENANCE"};
     parts p = {.n = 6};
-    rx_model *model = make_model(1);
+    rx_model *model = make_model(2);
     int hdu = 0;
     write_to(model);
     rx_model_free(model);
@@ -303,7 +311,8 @@ static void test_wrong_content(void **state)
     rx_model_free(back);
     static const struct {
         const char *key, *value, *text;
-    } cards[] = {{"RXMODEL", "2", "format version 2, this program reads version 1"},
+    } cards[] = {{"RXMODEL", "3", "format version 3, this program reads 1 and 2"},
+                 {"RXMODEL", "2", "has no table SECOND_NODES"},
                  {"RXMODEL", "T", "is no model"},
                  {"RXMODE", "'SOMETHING'", "RXMODE is 'SOMETHING'"},
                  {"RXMODE", "'BLIND   '", "2 Richardson-Lucy steps after a network of mode BLIND"},
@@ -419,7 +428,7 @@ static void test_write_refuses(void **state)
 {
     (void)state;
     rx_error err = RX_ERROR_NONE;
-    rx_model *model = make_model(0);
+    rx_model *model = make_model(1);
     model->front.mode = RX_MODE_BLIND;
     model->front.rl_steps = 0;
     unlink("m.fits");
@@ -433,7 +442,7 @@ static void test_write_refuses(void **state)
 static void test_damage(void **state)
 {
     (void)state;
-    rx_model *model = make_model(1);
+    rx_model *model = make_model(2);
     size_t n = 0;
     write_to(model);
     rx_model_free(model);
@@ -469,7 +478,7 @@ static void test_damage(void **state)
 static void test_no_checksum(void **state)
 {
     (void)state;
-    rx_model *model = make_model(0);
+    rx_model *model = make_model(1);
     size_t n = 0;
     write_to(model);
     rx_model_free(model);
@@ -487,7 +496,7 @@ static void test_no_checksum(void **state)
 static void test_describe(void **state)
 {
     (void)state;
-    rx_model *model = make_model(1);
+    rx_model *model = make_model(2);
     rx_text text = {0};
     rx_model_describe(model, &text);
     assert_false(text.failed);
@@ -517,7 +526,7 @@ static void test_describe(void **state)
 static void test_find(void **state)
 {
     (void)state;
-    rx_model *model = make_model(0);
+    rx_model *model = make_model(1);
     char why[200];
     const struct {
         double fwhm, sigma;
@@ -598,7 +607,7 @@ static void test_noise_level(void **state)
 static void test_what_was_trained(void **state)
 {
     (void)state;
-    rx_model *model = make_model(0), *back = NULL;
+    rx_model *model = make_model(1), *back = NULL;
     assert_near(rx_model_peak(model), 40 * 255, 0);
     assert_near(rx_model_factor(model), 3, 0);
     model->factor = 4.25;

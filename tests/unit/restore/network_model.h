@@ -21,4 +21,13 @@ static inline rx_model *small_model(rx_mode mode, int random)
     return model;
 }
 
+/* The same informed model with a second stage, with random weights. */
+static inline rx_model *small_stages(void)
+{
+    rx_model *model = small_model(RX_MODE_INFORMED, 1);
+    model->second = small_net(RX_SECOND_CHANNELS, 2);
+    rx_net_initialise(model->second, 7, 1, 0.3, 0.05);
+    return model;
+}
+
 #endif

@@ -125,11 +125,11 @@ static void blind_knows_no_blocks(void **state)
 static void informed_hardly_knows_blocks(void **state)
 {
     (void)state;
-    for (int kind = 0; kind < 4; kind++) {
-        const int varying = kind % 2, step = kind / 2;
+    for (int kind = 0; kind < 6; kind++) {
+        const int varying = kind % 2, step = kind / 2 > 0, stages = 1 + kind / 4;
         sky s;
         make_scene(&s, WIDTH, HEIGHT, 4.8);
-        rx_model *model = small_model(RX_MODE_INFORMED, 1);
+        rx_model *model = stages == 2 ? small_stages() : small_model(RX_MODE_INFORMED, 1);
         rx_psf *psf = varying ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
         model->front.rl_steps = step;
         s.par.model = model;
@@ -137,7 +137,8 @@ static void informed_hardly_knows_blocks(void **state)
         rx_restored *first = restore(&s, psf);
         assert_sound(first);
         assert_true(isfinite(first->chi2));
-        print_message("%s PSF, %d step: %.2g sigma\n", varying ? "varying" : "constant", step, first->seam);
+        print_message("%s PSF, %d step, %d stages: %.2g sigma\n", varying ? "varying" : "constant", step,
+                      stages, first->seam);
         assert_true(first->seam < 1e-3);
         assert_true(first->seam > 0);
         s.par.verify_seams = 0;
@@ -154,14 +155,20 @@ static void informed_hardly_knows_blocks(void **state)
     }
 }
 
+/* Blind, informed (1 and 2), in two stages. */
+static rx_model *model_of(int kind)
+{
+    return kind == 3 ? small_stages() : small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
+}
+
 static void threads_change_no_bit(void **state)
 {
     (void)state;
-    for (int kind = 0; kind < 3; kind++) {
+    for (int kind = 0; kind < 4; kind++) {
         sky s;
         make_scene(&s, WIDTH, HEIGHT, 3);
-        rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
-        rx_psf *psf = kind == 2 ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
+        rx_model *model = model_of(kind);
+        rx_psf *psf = kind >= 2 ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
         s.par.model = model;
         s.par.net_block = 512; /* one block; for several threads there will be more */
         rx_restored *one = restore(&s, psf);
@@ -181,11 +188,11 @@ static void threads_change_no_bit(void **state)
 static void masked_values_reach_nothing(void **state)
 {
     (void)state;
-    for (int kind = 0; kind < 3; kind++) {
+    for (int kind = 0; kind < 4; kind++) {
         sky s;
         make_scene(&s, WIDTH, HEIGHT, 3);
-        rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
-        rx_psf *psf = kind == 2 ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
+        rx_model *model = model_of(kind);
+        rx_psf *psf = kind >= 2 ? sky_psf_varying(4, 0.2, WIDTH) : rx_stamp_gauss(4);
         s.par.model = model;
         rx_restored *clean = restore(&s, psf);
         for (int k = 0; k < WIDTH * HEIGHT; k++)
@@ -207,12 +214,12 @@ static void tiles_of_any_shape(void **state)
     static const int shapes[][2] = {{1, 1}, {1, 90}, {90, 1}, {3, 2}, {63, 65}, {7, 130}};
     (void)state;
     for (int i = 0; i < 6; i++)
-        for (int kind = 0; kind < 3; kind++) {
+        for (int kind = 0; kind < 4; kind++) {
             const int width = shapes[i][0], height = shapes[i][1];
             sky s;
             make_scene(&s, width, height, 3);
-            rx_model *model = small_model(kind > 0 ? RX_MODE_INFORMED : RX_MODE_BLIND, 1);
-            rx_psf *psf = kind == 2 && width > 1 ? sky_psf_varying(4, 0.2, width) : rx_stamp_gauss(4);
+            rx_model *model = model_of(kind);
+            rx_psf *psf = kind >= 2 && width > 1 ? sky_psf_varying(4, 0.2, width) : rx_stamp_gauss(4);
             s.par.model = model;
             s.par.verify_seams = 1;
             rx_restored *r = restore(&s, psf);

@@ -30,6 +30,8 @@ static rx_model *make_model(int nets)
     rx_net_initialise(model->restore, 1, 1, 0.3, 0.1);
     if (nets > 1)
         assert_int_equal(rx_psfnet_new(&shape, 2, &model->psf, NULL), RX_OK);
+    if (nets > 2)
+        assert_int_equal(rx_psfnet_new(&shape, 5, &model->second, NULL), RX_OK);
     return model;
 }
 
@@ -50,7 +52,7 @@ static rx_train_state *make_state(int nets)
 static void fill(rx_train_state *s, double first)
 {
     double v = first;
-    for (int k = 0; k < s->nnets; k++) {
+    for (int k = 0; k < RX_MODEL_NETS && s->adam[k] != NULL; k++) {
         s->adam[k]->steps = (long)(v += 1);
         for (long i = 0; i < s->adam[k]->n; i++) {
             s->params[k][i] = (float)(v += 0.25);
@@ -91,7 +93,7 @@ static void fill(rx_train_state *s, double first)
 
 static void assert_same(const rx_train_state *a, const rx_train_state *b)
 {
-    for (int k = 0; k < a->nnets; k++) {
+    for (int k = 0; k < RX_MODEL_NETS && a->adam[k] != NULL; k++) {
         const size_t bytes = (size_t)a->adam[k]->n * sizeof(float);
         assert_int_equal(a->adam[k]->steps, b->adam[k]->steps);
         assert_memory_equal(a->params[k], b->params[k], bytes);
@@ -128,7 +130,7 @@ static void assert_same(const rx_train_state *a, const rx_train_state *b)
 static void states_come_back(void **state)
 {
     const char *path = in(state, "back");
-    for (int nets = 1; nets <= 2; nets++)
+    for (int nets = 1; nets <= 3; nets++)
         for (int within = 0; within < 2; within++) {
             rx_train_state *kept = make_state(nets), *now = make_state(nets);
             rx_train_state *kept2 = make_state(nets), *now2 = make_state(nets);
@@ -154,20 +156,29 @@ static void states_come_back(void **state)
 static void end_epoch(rx_train_state *s, float weight, double validation)
 {
     s->epoch++;
-    for (int k = 0; k < s->nnets; k++)
+    for (int k = 0; k < RX_MODEL_NETS && s->adam[k] != NULL; k++)
         for (long i = 0; i < s->adam[k]->n; i++)
             s->params[k][i] = weight;
     rx_train_state_rank(s, validation);
 }
 
+static int nets_of(const rx_train_state *s)
+{
+    int n = 0;
+    while (n < RX_MODEL_NETS && s->adam[n] != NULL)
+        n++;
+    return n;
+}
+
 static void best_is(const rx_train_state *s, long epoch, double loss, float weight)
 {
-    rx_model *model = make_model(s->nnets);
+    rx_model *model = make_model(nets_of(s));
     assert_int_equal(s->best_epoch, epoch);
     assert_true(s->best == loss);
     rx_train_state_load_best(s, model);
-    const rx_net *nets[] = {model->restore, model->psf};
-    for (int k = 0; k < s->nnets; k++)
+    rx_net *nets[RX_MODEL_NETS];
+    rx_model_nets(model, nets);
+    for (int k = 0; k < RX_MODEL_NETS && s->adam[k] != NULL; k++)
         for (long i = 0; i < nets[k]->nparams; i++)
             assert_near(nets[k]->params[i], weight, 0);
     rx_model_free(model);
@@ -176,7 +187,7 @@ static void best_is(const rx_train_state *s, long epoch, double loss, float weig
 static void the_best_weights_are_kept(void **state)
 {
     (void)state;
-    for (int nets = 1; nets <= 2; nets++) {
+    for (int nets = 1; nets <= 3; nets++) {
         rx_train_state *s = make_state(nets), *copy = make_state(nets);
         end_epoch(s, 1, NAN);
         best_is(s, 1, INFINITY, 1); /* better than nothing */

@@ -155,20 +155,25 @@ typedef struct rx_bench {
     rx_step *step;
     rx_step_params par;
     rx_frozen frozen;
-    float *restore_gradient, *psf_gradient;
+    float *gradient[RX_MODEL_NETS];
 } rx_bench;
 
-static void bench_new(rx_bench *b, rx_mode mode, int rl_steps, const rx_step_params *par)
+static void bench_new(rx_bench *b, rx_mode mode, int rl_steps, int stages, const rx_step_params *par)
 {
+    rx_net *nets[RX_MODEL_NETS];
     rx_step_values values;
     b->par = *par;
     b->model = small_model(mode, rl_steps);
+    if (stages == 2) {
+        b->model->second = small_net(RX_SECOND_CHANNELS, 1);
+        rx_net_initialise(b->model->second, 1, 3, 0.5, 0.1);
+    }
     b->sample = small_sample();
-    b->restore_gradient = RX_NEW(float, b->model->restore->nparams);
-    b->psf_gradient = RX_NEW(float, b->model->psf->nparams);
+    rx_model_nets(b->model, nets);
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        b->gradient[k] = nets[k] != NULL ? RX_NEW(float, nets[k]->nparams) : NULL;
     assert_int_equal(rx_step_new(b->model, par, SIDE, &b->step, NULL), RX_OK);
-    assert_int_equal(rx_step_run(b->step, b->sample, b->restore_gradient, b->psf_gradient, &values, NULL),
-                     RX_OK);
+    assert_int_equal(rx_step_run(b->step, b->sample, b->gradient, &values, NULL), RX_OK);
     if (par->ffl > 0)
         freeze(rx_step_restored(b->step), b->sample->y, &b->frozen);
 }
@@ -178,8 +183,8 @@ static void bench_free(rx_bench *b)
     rx_step_free(b->step);
     rx_sample_free(b->sample);
     rx_model_free(b->model);
-    free(b->restore_gradient);
-    free(b->psf_gradient);
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        free(b->gradient[k]);
 }
 
 /* The loss whose gradient the step gives: FFL's weights are those at the start. */
@@ -187,7 +192,7 @@ static double loss(rx_bench *b)
 {
     rx_step_values values;
     rx_step_load(b->step);
-    assert_int_equal(rx_step_run(b->step, b->sample, NULL, NULL, &values, NULL), RX_OK);
+    assert_int_equal(rx_step_run(b->step, b->sample, NULL, &values, NULL), RX_OK);
     if (!(b->par.ffl > 0))
         return values.total;
     return values.total - b->par.ffl * values.ffl +
@@ -284,14 +289,16 @@ static int uses_psf(const rx_step_params *par)
     return par->idt_psf > 0 || par->rec_restore > 0 || par->rec_psf > 0;
 }
 
-static void check_gradient(rx_mode mode, int rl_steps, const rx_step_params *par)
+static void check_gradient(rx_mode mode, int rl_steps, int stages, const rx_step_params *par)
 {
     rx_bench b;
-    bench_new(&b, mode, rl_steps, par);
+    bench_new(&b, mode, rl_steps, stages, par);
     if (uses_restore(par))
-        check_net(&b, b.model->restore, b.restore_gradient, "RESTORE");
+        check_net(&b, b.model->restore, b.gradient[RX_NET_RESTORE], "RESTORE");
+    if (uses_restore(par) && stages == 2)
+        check_net(&b, b.model->second, b.gradient[RX_NET_SECOND], "SECOND");
     if (uses_psf(par))
-        check_net(&b, b.model->psf, b.psf_gradient, "PSF");
+        check_net(&b, b.model->psf, b.gradient[RX_NET_PSF], "PSF");
     bench_free(&b);
 }
 
@@ -306,38 +313,46 @@ static rx_step_params only(int term)
     return par;
 }
 
-static void check_terms(rx_mode mode, int rl_steps)
+static void check_terms(rx_mode mode, int rl_steps, int stages)
 {
     for (int term = 0; term < 6; term++) {
         const rx_step_params par = only(term);
-        check_gradient(mode, rl_steps, &par);
+        check_gradient(mode, rl_steps, stages, &par);
     }
-    check_gradient(mode, rl_steps, &all_terms);
+    check_gradient(mode, rl_steps, stages, &all_terms);
 }
 
 static void gradients_blind(void **state)
 {
     (void)state;
-    check_terms(RX_MODE_BLIND, 0);
+    check_terms(RX_MODE_BLIND, 0, 1);
 }
 
 static void gradients_informed(void **state)
 {
     (void)state;
-    check_terms(RX_MODE_INFORMED, 0);
+    check_terms(RX_MODE_INFORMED, 0, 1);
 }
 
 static void gradients_informed_with_step(void **state)
 {
     (void)state;
-    check_terms(RX_MODE_INFORMED, 1);
+    check_terms(RX_MODE_INFORMED, 1, 1);
 }
 
 /* A chain of steps: each one's gradient through those after it. */
 static void gradients_informed_with_steps(void **state)
 {
     (void)state;
-    check_gradient(RX_MODE_INFORMED, 3, &all_terms);
+    check_gradient(RX_MODE_INFORMED, 3, 1, &all_terms);
+}
+
+/* The first stage's through the second, where it is base, plane of its own, and taken from the data. */
+static void gradients_of_two_stages(void **state)
+{
+    (void)state;
+    check_terms(RX_MODE_INFORMED, 1, 2);
+    check_gradient(RX_MODE_INFORMED, 0, 2, &all_terms);
 }
 
 static void gradients_of_other_losses(void **state)
@@ -345,9 +360,9 @@ static void gradients_of_other_losses(void **state)
     (void)state;
     rx_step_params par = all_terms;
     par.kind = RX_LOSS_PLAIN;
-    check_gradient(RX_MODE_INFORMED, 1, &par);
+    check_gradient(RX_MODE_INFORMED, 1, 1, &par);
     par.kind = RX_LOSS_STRETCHED;
-    check_gradient(RX_MODE_INFORMED, 1, &par);
+    check_gradient(RX_MODE_INFORMED, 1, 1, &par);
 }
 
 /* ---- values ---- */
@@ -406,7 +421,7 @@ static void values_of_silent_networks(void **state)
     memset(model->restore->params, 0, (size_t)model->restore->nparams * sizeof(float));
     memset(model->psf->params, 0, (size_t)model->psf->nparams * sizeof(float));
     assert_int_equal(rx_step_new(model, &all_terms, SIDE, &step, NULL), RX_OK);
-    assert_int_equal(rx_step_run(step, s, NULL, NULL, &v, NULL), RX_OK);
+    assert_int_equal(rx_step_run(step, s, NULL, &v, NULL), RX_OK);
     rx_loss_weights(s->x, SIDE, 10, work, weight_x);
     rx_loss_weights(s->y, SIDE, 10, work, weight_y);
     filter(s, s->y, copy);
@@ -468,7 +483,7 @@ static void light_from_beyond_is_no_data(void **state)
     const float *blurred[] = {s->x, own}; /* what it is, and as if all light were the patch's own */
     for (int i = 0; i < 2; i++) {
         memcpy(s->blurred, blurred[i], PIXELS * sizeof(float));
-        assert_int_equal(rx_step_run(step, s, NULL, NULL, &v, NULL), RX_OK);
+        assert_int_equal(rx_step_run(step, s, NULL, &v, NULL), RX_OK);
         restored[i] = rx_step_restored(step)[WING];
     }
     assert_true(fabsf(restored[0] / s->y[WING] - 1) < 0.3f);
@@ -485,24 +500,25 @@ static void runs_repeat(void **state)
     (void)state;
     rx_bench b;
     rx_step_values one, two;
-    bench_new(&b, RX_MODE_INFORMED, 1, &all_terms);
+    bench_new(&b, RX_MODE_INFORMED, 1, 1, &all_terms);
     const long n = b.model->restore->nparams;
     float *again = RX_NEW(float, n), *other = RX_NEW(float, b.model->psf->nparams);
+    float *const both[RX_MODEL_NETS] = {again, other};
     float *restored = RX_NEW(float, PIXELS);
     rx_sample *turned = small_sample();
     assert_int_equal(rx_sample_turn(turned, 3, NULL), RX_OK);
     turned->fwhm = 5;
-    assert_int_equal(rx_step_run(b.step, b.sample, NULL, NULL, &one, NULL), RX_OK);
+    assert_int_equal(rx_step_run(b.step, b.sample, NULL, &one, NULL), RX_OK);
     memcpy(restored, rx_step_restored(b.step), PIXELS * sizeof(float));
-    assert_int_equal(rx_step_run(b.step, turned, NULL, NULL, &two, NULL), RX_OK);
+    assert_int_equal(rx_step_run(b.step, turned, NULL, &two, NULL), RX_OK);
     assert_true(two.total != one.total);
-    assert_int_equal(rx_step_run(b.step, b.sample, again, other, &two, NULL), RX_OK);
+    assert_int_equal(rx_step_run(b.step, b.sample, both, &two, NULL), RX_OK);
     assert_memory_equal(&one, &two, sizeof one);
     assert_memory_equal(restored, rx_step_restored(b.step), PIXELS * sizeof(float));
-    assert_memory_equal(again, b.restore_gradient, (size_t)n * sizeof(float));
-    assert_int_equal(rx_step_run(b.step, b.sample, again, other, &two, NULL), RX_OK);
+    assert_memory_equal(again, b.gradient[RX_NET_RESTORE], (size_t)n * sizeof(float));
+    assert_int_equal(rx_step_run(b.step, b.sample, both, &two, NULL), RX_OK);
     for (long i = 0; i < n; i++)
-        assert_true(fabsf(again[i] - 2 * b.restore_gradient[i]) <= 1e-4f * fabsf(again[i]) + 1e-4f);
+        assert_true(fabsf(again[i] - 2 * b.gradient[RX_NET_RESTORE][i]) <= 1e-4f * fabsf(again[i]) + 1e-4f);
     free(again);
     free(other);
     free(restored);
@@ -520,7 +536,7 @@ static void terms_without_weight(void **state)
     rx_step_values v;
     rx_step_params par = only(1);
     assert_int_equal(rx_step_new(model, &par, SIDE, &step, NULL), RX_OK);
-    assert_int_equal(rx_step_run(step, sample, NULL, NULL, &v, NULL), RX_OK);
+    assert_int_equal(rx_step_run(step, sample, NULL, &v, NULL), RX_OK);
     assert_true(v.idt_psf > 0);
     assert_true(v.idt_restore == 0);
     assert_true(v.ffl == 0);
@@ -537,7 +553,7 @@ static void terms_without_weight(void **state)
     par = only(0);
     float *gradient = RX_NEW(float, model->restore->nparams);
     assert_int_equal(rx_step_new(model, &par, SIDE, &step, &err), RX_OK);
-    assert_int_equal(rx_step_run(step, sample, gradient, NULL, &v, &err), RX_OK);
+    assert_int_equal(rx_step_run(step, sample, (float *[RX_MODEL_NETS]){gradient}, &v, &err), RX_OK);
     assert_true(v.idt_restore > 0);
     assert_true(v.total == v.idt_restore);
     assert_true(v.idt_psf == 0);
@@ -563,11 +579,11 @@ static void what_cannot_be_is_said(void **state)
     model->front.rl_steps = 1;
     assert_int_equal(rx_step_new(model, &all_terms, SIDE, &step, &err), RX_OK);
     float *gradient = RX_NEW(float, model->restore->nparams);
-    assert_int_equal(rx_step_run(step, sample, gradient, NULL, &v, &err), RX_INPUT);
+    assert_int_equal(rx_step_run(step, sample, (float *[RX_MODEL_NETS]){gradient}, &v, &err), RX_INPUT);
     sample->kernel[RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL / 2] = NAN;
-    assert_int_equal(rx_step_run(step, sample, NULL, NULL, &v, &err), RX_INPUT);
+    assert_int_equal(rx_step_run(step, sample, NULL, &v, &err), RX_INPUT);
     sample->side = SIDE + 4;
-    assert_int_equal(rx_step_run(step, sample, NULL, NULL, &v, &err), RX_INPUT);
+    assert_int_equal(rx_step_run(step, sample, NULL, &v, &err), RX_INPUT);
     sample->side = SIDE;
     rx_step_free(step);
     rx_sample_free(sample);
@@ -587,6 +603,7 @@ int main(void)
         cmocka_unit_test(gradients_informed),
         cmocka_unit_test(gradients_informed_with_step),
         cmocka_unit_test(gradients_informed_with_steps),
+        cmocka_unit_test(gradients_of_two_stages),
         cmocka_unit_test(gradients_of_other_losses),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -109,7 +109,7 @@ static rx_sample *make_sample(uint32_t i)
 
 /* Sums of gradients and terms over the samples, with that many threads. */
 static void gradients_of(const rx_model *model, rx_sample *const *samples, int n, int nthreads, double clip,
-                         float *const gradient[2], rx_step_values *values)
+                         float *const gradient[RX_MODEL_NETS], rx_step_values *values)
 {
     const rx_step_params par = {
         .kind = RX_LOSS_LINEAR, .idt_restore = 1, .idt_psf = 0.1, .floor = 10, .margin = 4, .clip = clip};
@@ -126,7 +126,7 @@ static void threads_change_no_bit(void **state)
     rx_sample *samples[SAMPLES];
     rx_step_values values[2][SAMPLES];
     rx_model *model = NULL;
-    float *gradient[2][2];
+    float *gradient[2][RX_MODEL_NETS] = {{NULL}};
     double norm = 0;
     (void)state;
     assert_int_equal(rx_setup_model(config, &model, NULL), RX_OK);
@@ -161,7 +161,7 @@ static void samples_are_clipped(void **state)
     rx_sample *samples[2] = {make_sample(0), make_sample(1)};
     rx_step_values values[2][2];
     rx_model *model = NULL;
-    float *whole[2][2], *clipped[2];
+    float *whole[2][RX_MODEL_NETS] = {{NULL}}, *clipped[RX_MODEL_NETS] = {NULL};
     double norm[2] = {0};
     (void)state;
     assert_int_equal(rx_setup_model(config, &model, NULL), RX_OK);
