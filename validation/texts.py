@@ -515,9 +515,8 @@ RECIPE_METRICS = {"psnr": ("PSNR", "dB", 1, 1), "ssim": ("SSIM", "", 3, 1), "ap_
                   "scatter_50": ("scatter of brighter stars", "%", 1, -1)}
 
 
-def recipes():
-    """What the PSF network with its cycles and active learning buy, beyond the luck of the seed."""
-    found, said = summary("recipes/summary"), []
+def recipe_effects(found):
+    said = []
     for mode in ("INFORMED", "BLIND"):
         for effect in ("PSF network and cycles", "active learning"):
             sides = {1: [], -1: []}
@@ -528,9 +527,28 @@ def recipes():
                     sides[1 if difference * sign > 0 else -1].append(f"{words} {difference:+.{digits}f} {unit}".strip())
             parts = [f"{word} {listed(sides[side])}" for side, word in ((1, "better"), (-1, "worse")) if sides[side]]
             said.append(f'{mode}, {effect}: {"; ".join(parts) if parts else "no difference beyond the luck of the seed"}.')
-    return item(f"""**The paper's recipe**: its PSF network with the cycles, all losses with weight 1, and active learning, against RESTORE alone
-        and images of all kinds alike, {found["images"]["least"]} to {found["images"]["most"]} training images, three seeds each, a training being one observation
-        ([table](../validation/results/recipes/recipes.md)). {" ".join(said)}""")
+    return " ".join(said)
+
+
+def stage_difference(found, pair):
+    words = {"psnr": ("PSNR", " dB", 1), "ssim": ("SSIM", "", 4), "ap_stars": ("average precision of stars", "", 4), "ap_galaxies": ("of galaxies", "", 4)}
+    return listed([f"{name} {found[metric][pair]['difference']:+.{digits}f} ± {found[metric][pair]['error']:.{digits}f}{unit}"
+                   for metric, (name, unit, digits) in words.items()])
+
+
+def recipes():
+    """What the PSF network with its cycles, active learning and a second stage buy, beyond the luck of the seed."""
+    early, late, stages = summary("recipes/summary"), summary("twins/summary"), summary("stages/summary")
+    return "\n".join((
+        item(f"""**The paper's recipe**: its PSF network with the cycles, all losses with weight 1, and active learning, against RESTORE alone
+        and images of all kinds alike, three seeds each, a training being one observation. After {late["images"]["least"]} images of 128 x 128 pixels, by twins
+        of the trainer on a GPU ([table](../validation/results/twins/recipes.md)): {recipe_effects(late)} Early in a training, after
+        {early["images"]["least"]} to {early["images"]["most"]} images of 64 x 64 pixels by the trainer itself
+        ([table](../validation/results/recipes/recipes.md)): {recipe_effects(early)}"""),
+        item(f"""**Two stages**: a second network of the same shape goes on from what the first made and from what that leaves of the data (STAGES 2).
+        Over three seeds, {stages["images"]} images each and {stages["tiles"]} tiles ([table](../validation/results/stages/stages.md)), two stages less one of the
+        supplied shape: {stage_difference(stages["differences"], "stages - base")}; less one of as much work, six blocks and two steps:
+        {stage_difference(stages["differences"], "stages - deep")}. At equal work two stages win; they take twice the time of the supplied network.""")))
 
 
 def templates_found():
