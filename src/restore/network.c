@@ -119,7 +119,7 @@ static rx_status run_second(network *n, double begin, double end, rx_error *err)
     forward.planes[0] = n->input.x;
     forward.planes[1] = w;
     forward.planes[3] = forward.base = n->v;
-    forward.planes[4] = left;
+    forward.planes[4] = forward.spent = left;
     forward.optics = n->optics;
     forward.v = n->spare;
     forward.cost = n->forward.cost != NULL ? n->forward.cost + n->forward.net->nnodes : NULL;

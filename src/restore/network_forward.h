@@ -18,7 +18,7 @@ typedef struct rx_network_forward {
     const rx_network_optics *optics;         /* has the FWHM */
     const float *base;                       /* what the output is added to */
     float *v;
-    float *spent;         /* base, where it is not read afterwards: its memory goes as v comes; else NULL */
+    float *spent; /* one of the planes, which is not read afterwards: its memory goes as v comes; else NULL */
     rx_stream_cost *cost; /* [nnodes], summed over threads; NULL: not measured */
 } rx_network_forward;
 
