@@ -179,6 +179,26 @@ result 'BLIND' $? blind.log
 "$program" -INFO blind.model/model.fits >info 2>&1 && grep -q BLIND info
 result 'is said by -INFO' $? info
 
+# a second stage, that goes on from a model of one
+stages="-STAGES 2 -INIT_MODEL whole.model/model.fits -EPOCHS 2 -RATE 0.002"
+# shellcheck disable=SC2086 # a list
+training stages $stages -NTHREADS 1
+"$program" -INFO stages.model/model.fits >info 2>&1 && grep -q '^SECOND ' info && grep -q 'after each stage' info
+result 'a second stage' $? info
+# shellcheck disable=SC2086 # a list
+start again $stages -NTHREADS 2
+sleep 1
+kill -9 $job 2>/dev/null
+wait $job 2>/dev/null
+# shellcheck disable=SC2086 # a list
+training again $stages -NTHREADS 2
+cmp again.model/model.fits stages.model/model.fits >difference 2>&1
+result 'has the same bytes after kill -9, on two threads' $? difference
+"$programs/rextract-simulate" -IMAGE_SIZE 200 -PSF_FWHM 4 -IMAGE_NAME tile.fits -TRUTH_NAME NONE -VERBOSE_TYPE QUIET &&
+    "$programs/rextract" tile.fits -RESTORE_TYPE NET -NET_MODEL ./stages.model/model.fits -PSF_TYPE MOFFAT -PSF_FWHM 4 -VERIFY_SEAMS Y -BLANK_CHECK 0 \
+        -CATALOG_TYPE FITS_1.0 -CATALOG_NAME stages.cat -VERBOSE_TYPE QUIET >net.log 2>&1 && grep -aq ' stages, each ' stages.cat
+result 'restores a tile, and header says so' $? net.log
+
 # a training whose last epoch is not its best, on two validation images: of several seeds the first
 short="-EPOCHS 20 -BIN_IMAGES 20 -VALIDATION_IMAGES 1 -SELECTION UNIFORM -RATE 0.03 -FIELD_USES 40 -LOSS_IDT_PSF 0 -LOSS_REC 0
     -LOSS_REC_PSF 0"

@@ -252,6 +252,11 @@ static int measures_psf(const rx_options *options)
     return needed && rx_psf_type_measured(options->pipeline.psf.type);
 }
 
+static int has_second_stage(const rx_restore_params *par)
+{
+    return par->model != NULL && par->model->second != NULL;
+}
+
 /* How often each row counts for the way of image i through that restorer. */
 static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, double times[RX_NCOSTS])
 {
@@ -264,6 +269,7 @@ static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, d
     if (net)
         times[RX_COST_NET_BLOCK] =
             (double)par->nthreads * rx_min_int(job->detect[i].width, par->restore.net_block) / 2048;
+    times[RX_COST_NET_STAGE] = net && has_second_stage(&par->restore);
     times[RX_COST_RL_INSTEAD] = net && par->restore.out_of_domain == RX_DOMAIN_RL;
     times[RX_COST_RL_ACCELERATE] =
         par->restore.rl_accelerate &&
@@ -347,6 +353,7 @@ static double restoration_seconds(const rx_restore_params *par, rx_cost_name nam
     if (name == RX_COST_NET)
         return mpixels *
                (costs[RX_COST_NET_FORWARD].mpixel_seconds +
+                has_second_stage(par) * costs[RX_COST_NET_STAGE].mpixel_seconds +
                 varies * (terms + 6) * costs[RX_COST_PSF_TERM].mpixel_seconds) *
                (1 + par->verify_seams);
     return 0;
