@@ -82,8 +82,10 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
                   noise->at[RX_NOISE_REACH][RX_NOISE_REACH + 1]);
     rx_record_add(facts, "RXNCORY", "of pixels one above the other", "%.4f",
                   noise->at[RX_NOISE_REACH + 1][RX_NOISE_REACH]);
-    rx_record_add(facts, "RXNFACT", "noise of the matched filter / independent pixels", "%.4f",
-                  field->noise_factor);
+    rx_record_add(facts, "RXNFACT",
+                  field->psf != NULL ? "noise of the matched filter / independent pixels"
+                                     : "noise of wide sums / independent pixels; no PSF",
+                  "%.4f", field->noise_factor);
     rx_record_add(facts, "RXNWIDE", "the same of wide sums", "%.4f", rx_noise_factor_wide(noise));
     for (int axis = 0; axis < 2; axis++) {
         double power[5];
