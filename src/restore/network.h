@@ -48,7 +48,7 @@
  * `reblurred` (`support`, where it is, too, has one of its own then), of tall tiles less: what the network or a
  * step has read goes as its result comes (down to two planes and a part), per thread some rows of a network (22
  * MB for NET_BLOCK 2048) and six FFT planes of 1024 x 1024 pixels at most, and 40 kB per node of a varying PSF
- * (every 512 pixels). A second stage takes a plane more. Networks together stay below 1 GiB: beyond that blocks are smaller, or fewer threads are
+ * (every 512 pixels). A second stage takes two planes more. Networks together stay below 1 GiB: beyond that blocks are smaller, or fewer threads are
  * used. VERIFY_SEAMS takes three planes of the tile's size more.
  *
  * Errors: RX_INPUT, also where the network's values are not finite; RX_USAGE: BF16 on a processor that has

@@ -186,6 +186,8 @@ typedef struct task {
     const uint8_t *mask;
     float pedestal;
     const rx_blur_kernel *kernel;
+    rx_fft_read read; /* of filter_block(): what is blurred, and where it goes */
+    rx_fft_write write;
     float *dst;
     rx_network_optics_work *work;
     int left, right, top, bottom; /* the block's part of the tile, without right and bottom */
@@ -483,7 +485,7 @@ static int node_below(double v, double step, int n)
 static rx_status filter_block(void *user, int thread, int bx, int by, rx_error *err)
 {
     task t = task_of(user, thread, bx, by);
-    const rx_blur_rows rows = rows_of(&t, read_tile, write_tile);
+    const rx_blur_rows rows = rows_of(&t, t.read, t.write);
     (void)err;
     rx_blur_domain_apply(t.kernel, &t.work->domain, &rows);
     return RX_OK;
@@ -517,7 +519,13 @@ static rx_status tikhonov_block(void *user, int thread, int bx, int by, rx_error
 rx_status rx_network_optics_tikhonov(const rx_network_optics *optics, const float *x, float *w,
                                      const rx_blocks_progress *progress, rx_error *err)
 {
-    task t = {.optics = optics, .tiling = &optics->far, .src = x, .dst = w, .kernel = &optics->tikhonov};
+    task t = {.optics = optics,
+              .tiling = &optics->far,
+              .src = x,
+              .dst = w,
+              .kernel = &optics->tikhonov,
+              .read = read_tile,
+              .write = write_tile};
     return rx_blocks_run(&optics->far.blocks, optics->far.nthreads,
                          optics->tikhonov.n > 0 ? filter_block : tikhonov_block, &t, progress, err);
 }
@@ -557,27 +565,30 @@ rx_status rx_network_optics_step(const rx_network_optics *optics, const rx_netwo
                                   progress, err);
 }
 
-static rx_status left_block(void *user, int thread, int bx, int by, rx_error *err)
-{
-    task t = task_of(user, thread, bx, by);
-    const rx_blur_rows rows = rows_of(&t, read_light, write_left);
-    (void)err;
-    rx_blur_domain_apply(t.kernel, &t.work->domain, &rows);
-    return RX_OK;
-}
-
 rx_status rx_network_optics_left(const rx_network_optics *optics, const float *x, const float *f, float *dst,
                                  const rx_blocks_progress *progress, rx_error *err)
 {
-    task t = {
-        .optics = optics, .tiling = &optics->near, .x = x, .f = f, .dst = dst, .kernel = &optics->relative};
-    return rx_blocks_run(&optics->near.blocks, optics->near.nthreads, left_block, &t, progress, err);
+    task t = {.optics = optics,
+              .tiling = &optics->near,
+              .x = x,
+              .f = f,
+              .dst = dst,
+              .kernel = &optics->relative,
+              .read = read_light,
+              .write = write_left};
+    return rx_blocks_run(&optics->near.blocks, optics->near.nthreads, filter_block, &t, progress, err);
 }
 
 rx_status rx_network_optics_reblur(const rx_network_optics *optics, const float *f, float *dst,
                                    const rx_blocks_progress *progress, rx_error *err)
 {
-    task t = {.optics = optics, .tiling = &optics->near, .src = f, .dst = dst, .kernel = &optics->relative};
+    task t = {.optics = optics,
+              .tiling = &optics->near,
+              .src = f,
+              .dst = dst,
+              .kernel = &optics->relative,
+              .read = read_tile,
+              .write = write_tile};
     return rx_blocks_run(&optics->near.blocks, optics->near.nthreads, filter_block, &t, progress, err);
 }
 
