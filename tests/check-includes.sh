@@ -203,7 +203,8 @@ grep -nE '^librextract_la_SOURCES' src/lab/local.mk src/par/local.mk src/survey/
 # builds are left out.
 objects=0
 if [ -n "${RX_BUILD_DIR:-}" ] && command -v nm >/dev/null; then
-    sed -n "s;^\(.*\)[.]c$;$RX_BUILD_DIR/\1.o;p" "$scratch/files" | while read -r object; do
+    # Of the library, where it is shared, and of programs.
+    sed -n "s;^\(.*/\)\(.*\)[.]c$;$RX_BUILD_DIR/\1.libs/\2.o $RX_BUILD_DIR/\1\2.o;p" "$scratch/files" | tr ' ' '\n' | while read -r object; do
         [ ! -f "$object" ] || echo "$object"
     done >"$scratch/objects"
     xargs nm -f sysv <"$scratch/objects" | awk -F'|' -v build="$RX_BUILD_DIR/" '
@@ -213,7 +214,7 @@ if [ -n "${RX_BUILD_DIR:-}" ] && command -v nm >/dev/null; then
             for (i = 1; i <= n; i++) print object, variable[i]
         }
         /^Symbols from / { tell(); object = substr($0, 14); sub(/:$/, "", object); object = substr(object, length(build) + 1)
-            sub(/o$/, "c", object); foreign = n = 0; next }
+            sub(/\.libs\//, "", object); sub(/o$/, "c", object); foreign = n = 0; next }
         { gsub(/ /, "", $1); gsub(/ /, "", $7) }
         $1 ~ /__asan_init|__gcov_/ { foreign = 1 }
         $7 ~ /^(\.data|\.data\.rel|\.data\.rel\.local|\.bss|\.tdata|\.tbss|\*COM\*)(\.[a-z].*)?$/ &&

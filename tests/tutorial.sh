@@ -62,7 +62,7 @@ follow() {
 page=$top/docs/adding-a-restorer.md why=''
 if ! command -v patch >/dev/null; then
     why='patch is not installed'
-elif [ ! -e "$build/.libs/librextract.a" ]; then
+elif [ ! -e "$build/.libs/librextract-all.a" ]; then
     why='librextract was built without a static library'
 else
     mkdir -p new/build new/src/data new/src/restore
@@ -76,7 +76,7 @@ include Makefile
 sources = restore/restore.c stage/plan.c config/keytables.c programs/rextract.c programs/extract.c programs/program.c
 new:
 	$(CC) $(DEFS) -I$(where)/src $(AM_CPPFLAGS) $(CPPFLAGS) $(AM_CFLAGS) $(CFLAGS) -Werror -o $(where)/build/rextract \
-	  $(where)/src/restore/sharpen.c $(addprefix $(top_srcdir)/src/,$(sources)) .libs/librextract-lab.a .libs/librextract.a \
+	  $(where)/src/restore/sharpen.c $(addprefix $(top_srcdir)/src/,$(sources)) .libs/librextract-lab.a .libs/librextract-all.a \
 	  $(RX_LDFLAGS) $(LDFLAGS) $(RX_LIBS)
 END
     MAKEFLAGS='' make -s -C "$build" -f "$scratch/new.mk" where="$scratch/new" new >log 2>&1

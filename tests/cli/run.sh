@@ -11,6 +11,7 @@
 #   expect CODE PATTERN ARGUMENT...  run the program; exit code, and an extended regular expression for
 #                                    standard error. The program is told to be quiet, so standard error
 #                                    must be exactly one line, or empty where PATTERN is ''
+#   talks PATTERN ARGUMENT...        the same where it is not told to be quiet: all that it says, as one line
 #   skip WHY                         instead of expect
 #
 # Standard output must be empty unless `prints PATTERN` said otherwise; `says N` is for another number of
@@ -27,7 +28,8 @@ programs=$(cd "$(dirname "$rextract")" && pwd)
 program=$rextract
 fits=$build/tests/cli/make_fits
 model=$build/tests/cli/make_model
-for needed in "$rextract" "$programs/rextract-simulate" "$programs/rextract-validate" "$programs/rextract-train" "$fits" "$model"; do
+for needed in "$rextract" "$programs/rextract-simulate" "$programs/rextract-validate" "$programs/rextract-train" "$fits" "$model" \
+    "$build/tests/cli/list_files"; do
     [ -x "$needed" ] || {
         echo "run.sh: $needed is missing; build first (make check)"
         exit 2
@@ -71,28 +73,26 @@ skip() {
     echo "skipped: $name: $1"
 }
 
-# Names and contents of everything below the current folder.
-list_files() {
-    find . -type d -print -o ! -type p -exec cksum {} + 2>/dev/null | sort -k 3
-}
+list_files() { "$build/tests/cli/list_files"; }
 
 complain() {
     complaints="$complaints
     $1"
 }
 
-# Names of files and folders that are new or changed, without those declared.
+# Names of files and folders that are new or changed, without those declared; and of those that are gone.
 left_behind() {
-    cmp -s ../before ../after && return
-    diff ../before ../after | sed -n 's/^> *\([0-9]* [0-9]* \)\{0,1\}\.\///p' | sort -u | while read -r found; do
-        for allowed in $wanted; do
-            case $found in "$allowed" | "$allowed"/*) continue 2 ;; esac
-        done
-        echo "$found"
-    done
-    diff ../before ../after | sed -n 's/^< [0-9]* [0-9]* //p' | while read -r lost; do
-        [ -e "$lost" ] || echo "$lost (removed)"
-    done
+    cmp -s ../before ../after || wanted=$wanted awk '
+        BEGIN { n = split(ENVIRON["wanted"], allowed, " ") }
+        { name = $0; sub(/^[0-9]+ [0-9]+ /, "", name) }
+        NR == FNR { before[name] = $0; next }
+        { after[name] = 1 }
+        before[name] != $0 {
+            name = substr(name, 3)
+            for (i = 1; i <= n; i++) if (name == allowed[i] || index(name, allowed[i] "/") == 1) next
+            print name
+        }
+        END { for (name in before) if (before[name] != "" && !(name in after)) print substr(name, 3), "(removed)" }' ../before ../after
 }
 
 # judge CODE PATTERN: what the run left in ../code, ../out, ../err against what is expected. Hundreds of cases: no process
@@ -156,6 +156,19 @@ expect_exactly() {
     shift 2
     run "$@"
     judge "$expected" "$pattern"
+}
+
+# talks PATTERN ARGUMENT...: what it says when it is not told to be quiet, in one line
+# shellcheck disable=SC2317 # called by the files of cases
+talks() {
+    [ "$active" = 1 ] || return 0
+    pattern=$1
+    shift
+    list_files >../before
+    "$program" "$@" >../out 2>../said
+    echo $? >../code
+    { tr '\n' ' ' <../said | sed 's/rextract:  *//g'; echo; } >../err
+    judge 0 "$pattern"
 }
 
 [ $# -gt 0 ] || set -- "$top"/tests/cli/cases/*.sh

@@ -3,7 +3,7 @@
 noinst_PROGRAMS += tests/fuzz/seeds tests/fuzz/replay
 fuzz_common = tests/fuzz/fuzz.c tests/fuzz/fuzz.h tests/fuzz/targets.def
 fuzz_targets = tests/fuzz/target_config.c tests/fuzz/target_records.c tests/fuzz/target_fits.c
-fuzz_libs = librextract-train.la librextract-lab.la librextract.la $(RX_LIBS)
+fuzz_libs = librextract-train.la librextract-lab.la librextract-all.la $(RX_LIBS)
 tests_fuzz_seeds_SOURCES = tests/fuzz/seeds.c $(fuzz_common)
 tests_fuzz_seeds_LDADD = $(fuzz_libs)
 tests_fuzz_replay_SOURCES = tests/fuzz/replay.c $(fuzz_common) $(fuzz_targets)
@@ -15,7 +15,7 @@ EXTRA_DIST += tests/fuzz/README.md tests/fuzz/smoke.sh tests/fuzz/libfuzzer.c te
 # In a build for clang, which tests/fuzz/smoke.sh makes: a program of libFuzzer for each target. The archive is
 # there so that a program holds, and counts, no more than its target needs.
 fuzz_compile = $(CC) $(DEFAULT_INCLUDES) $(AM_CPPFLAGS) $(CPPFLAGS) $(AM_CFLAGS) $(CFLAGS) -c
-fuzz-programs: librextract.la librextract-lab.la librextract-train.la
+fuzz-programs: librextract-all.la librextract-lab.la librextract-train.la
 	mkdir -p fuzz && rm -f fuzz/targets.a
 	for name in fuzz target_config target_records target_fits; do \
 	  $(fuzz_compile) -o fuzz/$$name.o '$(srcdir)'/tests/fuzz/$$name.c || exit 1; \
@@ -24,7 +24,7 @@ fuzz-programs: librextract.la librextract-lab.la librextract-train.la
 	for name in `$(SED) -n 's/^TARGET(\([a-z]*\),.*/\1/p' '$(srcdir)/tests/fuzz/targets.def'`; do \
 	  $(fuzz_compile) -DFUZZ=fuzz_$$name -o fuzz/main.o '$(srcdir)/tests/fuzz/libfuzzer.c' && \
 	  $(CC) $(CFLAGS) $(OPENMP_CFLAGS) -fsanitize=fuzzer -o fuzz/$$name fuzz/main.o fuzz/targets.a \
-	    .libs/librextract-train.a .libs/librextract-lab.a .libs/librextract.a $(RX_LIBS) || exit 1; \
+	    .libs/librextract-train.a .libs/librextract-lab.a .libs/librextract-all.a $(RX_LIBS) || exit 1; \
 	done
 
 # Some seconds of each, FUZZ_SECONDS; the build takes minutes, once.

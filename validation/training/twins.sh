@@ -36,7 +36,7 @@ make_program() {
 
     [[ -f $build/.libs/librextract-train.a ]] || { echo "twins.sh: $build has no librextract-train.a; build first (./quickstart)" >&2; exit 2; }
     "${CC:-gcc}" -O2 -std=gnu11 -fopenmp -I"$build" -I"$top/src" -include "$build/configuration.h" "$here/twins.c" "$build/src/programs/program.o" \
-        -o "$out/twins" -Wl,--as-needed "$build"/.libs/librextract-{train,lab}.a "$build/.libs/librextract.a" \
+        -o "$out/twins" -Wl,--as-needed "$build"/.libs/librextract-{train,lab}.a "$build/.libs/librextract-all.a" \
         -lcfitsio -lwcs -lfftw3f -lgsl -lgslcblas -lexpat -lz -lsep -lxxhash -lm
     for model in psfnet psfnet-blind; do
         # networks begin anew, whatever the supplied ones begin with

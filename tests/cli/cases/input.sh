@@ -280,18 +280,6 @@ begin 'PSF_SAMPLING below 1'
 make_fits tile tile.fits && make_fits psf psf.fits
 expect 3 '^rextract: psf\.fits: PSF_SAMPLING = 0\.5 samples of the PSF image per pixel' tile.fits -PSF_TYPE FILE -PSF_NAME psf.fits -PSF_SAMPLING 0.5
 
-# talks PATTERN ARGUMENT...: what it says when it is not told to be quiet, in one line
-talks() {
-    [ "$active" = 1 ] || return 0
-    pattern=$1
-    shift
-    list_files >../before
-    "$program" "$@" >../out 2>../said
-    echo $? >../code
-    { tr '\n' ' ' <../said | sed 's/rextract:  *//g'; echo; } >../err
-    judge 0 "$pattern"
-}
-
 begin 'PSF_STARS_NAME that is not there'
 make_fits tile tile.fits
 expect 3 '^rextract: absent\.cat: cannot be opened: No such file or directory' tile.fits -PSF_STARS_NAME absent.cat
