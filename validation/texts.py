@@ -542,13 +542,17 @@ def bracketed(cell):
 
 
 def longer_stages():
-    """Two stages begun from the supplied network, beside it: after a training, and after one more."""
-    (_, shapes), (_, found), *_ = tables("validation/results/stages/longer.md")
+    """Two stages begun from the supplied network, beside it: with its losses after a training and one more, and with others."""
+    (_, shapes), (_, found), (_, fluxes), *_ = tables("validation/results/stages/longer.md")
     said = [f"PSNR {bracketed(row['PSNR (dB)'])} dB, SSIM {bracketed(row['SSIM'])}, average precision of stars {bracketed(row['AP, stars'])} and of galaxies "
             f"{bracketed(row['AP, galaxies'])}" for row in found[1:]]
-    first, further = (shape["training images"] for shape in shapes[1:])
-    return (f"begun from the supplied network and trained on for {first} images the difference to that is {said[0]}; after {further} more, in smaller batches and "
-            f"at a lower rate, {said[1]} ([table](../validation/results/stages/longer.md)). That is not better yet, so the supplied network has one stage")
+    first, further, other = (shape["training images"] for shape in shapes[1:])
+    bias = listed([f"{fluxes[-1][column].split()[0]} % ({fluxes[0][column]} %) {where}" for column, where in (
+        ("abs. bias, S/N 5 to 12", "at S/N 5 to 12"), ("abs. bias, S/N 12 to 50", "at 12 to 50"), ("abs. bias, S/N above 50", "above"))])
+    return (f"Begun from the supplied network, with its losses, and trained on for {first} images, they differ from it by {said[0]}; after {further} more, in "
+            f"smaller batches and at a lower rate, {said[1]}. With LOSS_FFL 1 and LOSS_LIGHT 0, after {other} images, they do by {said[2]}, and the bias of stars, whatever "
+            f"its sign, is {bias} ([table](../validation/results/stages/longer.md); one seed of the training, judged on the seed of choosing): `psfnet-stages.fits`. "
+            f"The default has one stage, of which all campaigns on final seeds are")
 
 
 def recipes():
@@ -563,7 +567,7 @@ def recipes():
         item(f"""**Two stages**: a second network of the same shape goes on from what the first made and from what that leaves of the data (STAGES 2).
         Over three seeds, {stages["images"]} images each and {stages["tiles"]} tiles ([table](../validation/results/stages/stages.md)), two stages less one of the
         supplied shape: {stage_difference(stages["differences"], "stages - base")}; less one of as much work, six blocks and two steps:
-        {stage_difference(stages["differences"], "stages - deep")}. At equal work two stages win; in networks they take twice the time of the supplied one. But {longer_stages()}.""")))
+        {stage_difference(stages["differences"], "stages - deep")}. At equal work two stages win; in networks they take twice the time of the supplied one. {longer_stages()}.""")))
 
 
 def templates_found():
