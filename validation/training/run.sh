@@ -19,7 +19,12 @@ top=$(cd "$here/../.." && pwd)
 program=${RX_TRAIN:-$top/build/rextract-train}
 name=${1:-} recipe=${1:-} keywords=()
 case $name in
-psfnet | psfnet-stages | psfnet-floor | psfnet-skies | psfnet-ideal | psfnet-blind | psfnet-blind-fields | psfnet-paper) ;;
+psfnet | psfnet-floor | psfnet-skies | psfnet-ideal | psfnet-blind | psfnet-blind-fields | psfnet-paper) ;;
+# The supplied one was begun with EPOCHS 480, went on with 320 from epoch 80 and with 260 from epoch 158: its rate fell accordingly.
+# With the default's LOSS_FFL 0.3 and LOSS_LIGHT 30 two stages became worse than what they begin with (docs/network.md).
+psfnet-stages)
+    recipe=psfnet keywords=(-STAGES 2 -INIT_MODEL psfnet.fits -LOSS_FFL 1 -LOSS_LIGHT 0 -EPOCHS 260 -RATE 0.0015 -BATCH 16 -SEED 3)
+    ;;
 psfnet-deep) recipe=psfnet-skies keywords=(-BLOCKS 6 -RL_STEPS 2 -EPOCHS 168 -INIT_MODEL psfnet-deep-ideal.fits) ;;
 psfnet-deep-ideal) recipe=psfnet-ideal keywords=(-BLOCKS 6 -RL_STEPS 2) ;;
 psfnet-paper-informed) recipe=psfnet-paper keywords=(-MODE INFORMED) ;;
@@ -35,7 +40,7 @@ program=$(cd "$(dirname "$program")" && pwd)/$(basename "$program")
 mkdir -p "$out"
 # everything is named from inside the folder: neither the model nor the tables hold a path of this machine
 cp "$here/$recipe.train" "$out/$name.train"
-if [[ $recipe =~ ^psfnet(-stages|-floor|-skies)?$ && ! -d $out/cosmos/train ]]; then
+if [[ $recipe =~ ^psfnet(-floor|-skies)?$ && ! -d $out/cosmos/train ]]; then
     python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy' 2>/dev/null && echo "$p" && break; done) ||
         { echo "run.sh: no python3 with astropy, which cuts COSMOS in two; install python3-astropy" >&2; exit 2; }
     "$python" "$here/stamps.py" "${RX_SHARED_DATA:-$top/../shared/data}/templates/cosmos" "$out/cosmos" >&2
