@@ -8,9 +8,9 @@ RX_TRAIN=$programs/rextract-train RX_VALIDATE=$programs/rextract-validate
 export RX_TRAIN RX_VALIDATE
 enter
 
-for name in psfnet psfnet-stages psfnet-deep psfnet-blind psfnet-paper; do
+for name in psfnet-fast psfnet psfnet-deep psfnet-blind psfnet-paper; do
     mkdir -p $name/cosmos/train # without real galaxies
-    [ $name != psfnet-stages ] || cp psfnet/psfnet.fits $name # what it begins with, made already
+    [ $name != psfnet ] || cp psfnet-fast/psfnet-fast.fits $name # what it begins with, made already
     "$top/validation/training/run.sh" $name $name -EPOCHS 1 -PATCH 48 -PATCH_MARGIN 8 -FWHM_RANGE 2,4 -GRID 1,1 -BIN_IMAGES 16 \
         -BLOCKS 1 -SIM.TEMPLATE_COUNT 0 -QA_FIGURES N >$name.log 2>&1 && [ -e $name/$name/training.html ]
     result "$name is trained" $? $name.log

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Quality against time: NET beside Richardson-Lucy, plain and accelerated, by its number of iterations.
+"""Quality against time: NET with both supplied networks beside Richardson-Lucy, plain and accelerated, by its number of iterations.
 
     quality.py run FOLDER [SEED ...]    simulated tiles (seeds 401, 402): FOLDER/summary.json, page and figure
     quality.py page FOLDER              FOLDER/quality.md and quality.svg anew
@@ -26,7 +26,7 @@ import crowded
 import iterations
 import ledger
 
-MODELS = {"NET": "psfnet.fits"}
+MODELS = {"NET": "psfnet.fits", "fast NET": "psfnet-fast.fits"}
 PLAIN, FAST = (5, 10, 20, 30, 50, 100, 200), (4, 6, 10, 18, 30, 50, 100)
 REPEATS = 3
 FIGURE = """set terminal svg size 1100,700 dynamic font 'sans-serif,12' background 'white'

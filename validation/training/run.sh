@@ -3,9 +3,9 @@
 #
 #   validation/training/run.sh MODEL [FOLDER [-KEYWORD VALUE ...]]
 #
-# MODEL: psfnet, psfnet-stages, psfnet-deep, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet-stages begins with psfnet.fits,
+# MODEL: psfnet, psfnet-fast, psfnet-deep, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet begins with psfnet-fast.fits,
 # that with psfnet-floor.fits, that with psfnet-skies.fits and that with psfnet-ideal.fits, psfnet-deep with psfnet-deep-ideal.fits,
-# psfnet-blind with psfnet-blind-fields.fits, each trained first where FOLDER has none. psfnet, psfnet-stages, psfnet-floor, psfnet-skies
+# psfnet-blind with psfnet-blind-fields.fits, each trained first where FOLDER has none. psfnet, psfnet-fast, psfnet-floor, psfnet-skies
 # and psfnet-deep want COSMOS galaxies: FOLDER/cosmos/train, else those of the data folder
 # (RX_SHARED_DATA, or ../shared/data beside the sources; astropy).
 #
@@ -19,17 +19,12 @@ top=$(cd "$here/../.." && pwd)
 program=${RX_TRAIN:-$top/build/rextract-train}
 name=${1:-} recipe=${1:-} keywords=()
 case $name in
-psfnet | psfnet-floor | psfnet-skies | psfnet-ideal | psfnet-blind | psfnet-blind-fields | psfnet-paper) ;;
-# The supplied one was begun with EPOCHS 480, went on with 320 from epoch 80 and with 260 from epoch 158: its rate fell accordingly.
-# With the default's LOSS_FFL 0.3 and LOSS_LIGHT 30 two stages became worse than what they begin with (docs/network.md).
-psfnet-stages)
-    recipe=psfnet keywords=(-STAGES 2 -INIT_MODEL psfnet.fits -LOSS_FFL 1 -LOSS_LIGHT 0 -EPOCHS 260 -RATE 0.0015 -BATCH 16 -SEED 3)
-    ;;
+psfnet | psfnet-fast | psfnet-floor | psfnet-skies | psfnet-ideal | psfnet-blind | psfnet-blind-fields | psfnet-paper) ;;
 psfnet-deep) recipe=psfnet-skies keywords=(-BLOCKS 6 -RL_STEPS 2 -EPOCHS 168 -INIT_MODEL psfnet-deep-ideal.fits) ;;
 psfnet-deep-ideal) recipe=psfnet-ideal keywords=(-BLOCKS 6 -RL_STEPS 2) ;;
 psfnet-paper-informed) recipe=psfnet-paper keywords=(-MODE INFORMED) ;;
 *)
-    echo "run.sh: which model? usage: run.sh psfnet|psfnet-stages|psfnet-deep|psfnet-blind|psfnet-paper|psfnet-paper-informed" \
+    echo "run.sh: which model? usage: run.sh psfnet|psfnet-fast|psfnet-deep|psfnet-blind|psfnet-paper|psfnet-paper-informed" \
         "[FOLDER [-KEYWORD VALUE ...]]" >&2
     exit 2
     ;;
@@ -40,14 +35,14 @@ program=$(cd "$(dirname "$program")" && pwd)/$(basename "$program")
 mkdir -p "$out"
 # everything is named from inside the folder: neither the model nor the tables hold a path of this machine
 cp "$here/$recipe.train" "$out/$name.train"
-if [[ $recipe =~ ^psfnet(-floor|-skies)?$ && ! -d $out/cosmos/train ]]; then
+if [[ $recipe =~ ^psfnet(-fast|-floor|-skies)?$ && ! -d $out/cosmos/train ]]; then
     python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy' 2>/dev/null && echo "$p" && break; done) ||
         { echo "run.sh: no python3 with astropy, which cuts COSMOS in two; install python3-astropy" >&2; exit 2; }
     "$python" "$here/stamps.py" "${RX_SHARED_DATA:-$top/../shared/data}/templates/cosmos" "$out/cosmos" >&2
 fi
 case $name in
-psfnet-stages) first=psfnet ;;
-psfnet) first=psfnet-floor ;;
+psfnet) first=psfnet-fast ;;
+psfnet-fast) first=psfnet-floor ;;
 psfnet-floor) first=psfnet-skies ;;
 psfnet-skies) first=psfnet-ideal ;;
 psfnet-deep) first=psfnet-deep-ideal ;;

@@ -25,7 +25,7 @@ for candidate in python3 /usr/bin/python3; do
     [[ -n $python ]] || ! "$candidate" -c 'import torch' 2>/dev/null || python=$candidate
 done
 
-# twins KEYWORDS...: that of twins.c, in FOLDER, by the settings of psfnet.train (blind ones by those of psfnet-blind.train)
+# twins KEYWORDS...: that of twins.c, in FOLDER, by the settings of psfnet-fast.train (blind ones by those of psfnet-blind.train)
 twins() {
     local settings=base.train
     [[ $1 != blind ]] || settings=blind.train
@@ -38,9 +38,9 @@ make_program() {
     "${CC:-gcc}" -O2 -std=gnu11 -fopenmp -I"$build" -I"$top/src" -include "$build/configuration.h" "$here/twins.c" "$build/src/programs/program.o" \
         -o "$out/twins" -Wl,--as-needed "$build"/.libs/librextract-{train,lab}.a "$build/.libs/librextract-all.a" \
         -lcfitsio -lwcs -lfftw3f -lgsl -lgslcblas -lexpat -lz -lsep -lxxhash -lm
-    for model in psfnet psfnet-blind; do
+    for model in psfnet-fast psfnet-blind; do
         # networks begin anew, whatever the supplied ones begin with
-        sed '/^INIT_MODEL/d' "$here/$model.train" >"$out/$([[ $model == psfnet ]] && echo base || echo blind).train"
+        sed '/^INIT_MODEL/d' "$here/$model.train" >"$out/$([[ $model == psfnet-fast ]] && echo base || echo blind).train"
     done
 }
 

@@ -624,7 +624,7 @@ static void test_what_was_trained(void **state)
     assert_int_equal(rx_model_read("m.fits", &back, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "RXTDARK is 1.5"));
     rx_model_free(model);
-    static const char *const box[] = {"psfnet", "psfnet-stages", "psfnet-blind", "psfnet-paper"};
+    static const char *const box[] = {"psfnet", "psfnet-fast", "psfnet-blind", "psfnet-paper"};
     for (int i = 0; i < 4; i++) {
         char path[300];
         snprintf(path, sizeof path, "%s/config/%s.fits", getenv("srcdir") != NULL ? getenv("srcdir") : ".",
