@@ -234,6 +234,9 @@ result 'a model of another shape is refused' $? wider.log
 training other -INIT_MODEL whole.model/model.fits -MODE BLIND
 [ $? -eq 2 ] && grep -q 'a model of MODE INFORMED cannot begin a training of MODE BLIND' other.log
 result 'or of another mode' $? other.log
+training single -INIT_MODEL stages.model/model.fits
+[ $? -eq 2 ] && grep -q 'model.fits: its network has two stages, made for each other; set STAGES 2' single.log
+result 'nor do two stages become one' $? single.log
 training missing -INIT_MODEL nowhere.fits
 [ $? -ne 0 ] && grep -q 'nowhere.fits' missing.log
 result 'a model that is not there is named' $? missing.log

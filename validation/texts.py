@@ -324,8 +324,24 @@ def photometry():
             table(["magnitude", "S/N"] + [f"AUTO, {n}" for n in names] + [f"templates, {n}" for n in names], rows, "  "))
 
 
+GALAXY_SNR = ("5-10", "10-20", "20-50", "50-100", "100-1000")
+
+
+def galaxies_auto():
+    """FLUX_AUTO of isolated galaxies on each restorer's image."""
+    rows = [row for row in page_table("fluxes-template", "FIELD", "Galaxies, isolated", "bias [mag]") if row["S/N"] in GALAXY_SNR]
+    bias = {run: {snr: [float(row[f"{run} AUTO"].split()[0]) for row in rows if row["S/N"] == snr] for snr in GALAXY_SNR} for run in ("NONE", "RL", "NET")}
+    pairs = [(net, none) for snr in GALAXY_SNR for net, none in zip(bias["NET"][snr], bias["NONE"][snr])]
+    held = sum(abs(net) <= abs(none) for net, none in pairs)
+    seeing = distinct(row["condition"].removeprefix("FWHM ") for row in rows)
+    return (item(f"""**Isolated galaxies** (fluxes-template), bias of MAG_AUTO in mag, means over FWHM {seeing[0]} to {seeing[-1]}: restored images should have no
+        more of it than the unrestored one; NET's has not in {held} of {len(pairs)} cases (a seeing, a bin of S/N), and is worse by
+        {max(abs(net) - abs(none) for net, none in pairs):.2f} mag at most:""") + "\n" +
+            table(["S/N", *bias], [[snr.replace("-", " to "), *(f"{statistics.mean(bias[run][snr]):+.3f}" for run in bias)] for snr in GALAXY_SNR], "  "))
+
+
 def campaigns():
-    return "\n".join((restoration(), detection(), fluxes(), photometry(), wrong_inputs(), real_sky()))
+    return "\n".join((restoration(), detection(), fluxes(), photometry(), galaxies_auto(), wrong_inputs(), real_sky()))
 
 
 def biases(field, run):
@@ -475,13 +491,16 @@ def faint_galaxies():
 
 def models():
     about, tests, flux = (tables("validation/results/models/models.md")[n][1] for n in range(3))
-    names = ("psfnet", "psfnet-floor", "psfnet-skies", "psfnet-deep", "psfnet-deep-ideal")
-    base, floor, skies, deep, ideal = (one(tests, model=name) for name in names)
+    names = ("psfnet", "psfnet-fast", "psfnet-one", "psfnet-floor", "psfnet-skies", "psfnet-deep", "psfnet-deep-ideal")
+    base, fast, _, floor, skies, deep, ideal = (one(tests, model=name) for name in names)
     images = {name: one(about, model=name)["training images"] for name in names}
+    read = dict(re.findall(r"^- \*\*(.*?)\*\*: (.*)\.$", text_of("validation/results/models/models.md"), re.M))
     short = {name: one(flux, model=name)["scatter (%), S/N above 50"].split()[0] for name in names}
 
     biases = {name: listed(one(flux, model=name)[f"bias (%), S/N {span}"].split()[0] for span in ("5 to 12", "12 to 50", "above 50"))
-              for name in names[:2]}
+              for name in ("psfnet-fast", "psfnet-floor")}
+    wrong = {name: listed(one(flux, model=name)[f"abs. bias, S/N {span}"].split()[0] for span in ("5 to 12", "12 to 50", "above 50"))
+             for name in names[:2]}
 
     def pair(key, model, other):
         return f"{model[key].split()[0]} ({other[key].split()[0]})"
@@ -490,7 +509,7 @@ def models():
         return f"""PSNR {pair("PSNR (dB)", model, other)} dB, SSIM {pair("SSIM", model, other)}, average precision of stars
         {pair("AP, stars", model, other)} and of galaxies {pair("AP, galaxies", model, other)}, recall at precision 0.95
         {pair("recall, stars", model, other)} and {pair("recall, galaxies", model, other)}"""
-    return "\n".join((item(f"""**Skies as surveys deliver them.** `config/psfnet.fits` first learned ideal skies, then, with
+    return "\n".join((item(f"""**Skies as surveys deliver them.** `config/psfnet-fast.fits` first learned ideal skies, then, with
         {images["psfnet-skies"]} images (psfnet-skies), noise correlated by smoothing, resampling and drizzling, uneven noise, skies that are
         off, dark structure, cosmic rays, halos, PSFs given wrongly, galaxies of COSMOS. That costs nothing on ideal scenes
         ([table](../validation/results/models/models.md), inside the range of the training): a deeper network before and, in brackets,
@@ -499,10 +518,15 @@ def models():
         for 0.02), bright, large galaxies were among them, and errors counted relative to the light from 3 sigma on, not from 10
         (LOSS_FLOOR). Before and, in brackets, after that: {pairs(skies, floor)}. One seed."""),
         item(f"""**As much light as there is.** A loss of pixels sees mostly where light lies, by fractions of a pixel. The last
-        {images["psfnet"]} images had a term for how much there is (LOSS_LIGHT 30), and more resampled noise. Bias of stars' fluxes at
-        S/N 5 to 12, 12 to 50 and above, mean over seeings, before: {biases["psfnet-floor"]} %, after: {biases["psfnet"]} %. Before and,
-        in brackets, after: {pairs(floor, base)}. One seed."""),
-        item(f"""**No deeper than needed.** It has two residual blocks and one Richardson-Lucy step. Six blocks and two steps, twice the
+        {images["psfnet-fast"]} images had a term for how much there is (LOSS_LIGHT 30), and more resampled noise. Bias of stars' fluxes at
+        S/N 5 to 12, 12 to 50 and above, mean over seeings, before: {biases["psfnet-floor"]} %, after: {biases["psfnet-fast"]} %. Before and,
+        in brackets, after: {pairs(floor, fast)}. One seed."""),
+        item(f"""**Two stages.** `config/psfnet.fits` went on from there for {images["psfnet"]} images, with a second network and LOSS_FFL 1 in place of
+        LOSS_LIGHT, which made two stages worse than one ([table](../validation/results/stages/longer.md)). In brackets psfnet-fast: {pairs(base, fast)}; bias of
+        stars, whatever its sign, {wrong["psfnet"]} ({wrong["psfnet-fast"]}) % in the three classes. What chance does not explain, psfnet-fast less
+        psfnet: {read["psfnet-fast"]}. Are these the losses? One stage that went on with them for {images["psfnet-one"]} images (psfnet-one) less psfnet:
+        {read["psfnet-one"]}. Seven seeds of skies, one of each training."""),
+        item(f"""**No deeper than needed.** A stage has two residual blocks and one Richardson-Lucy step. Six blocks and two steps, twice the
         multiplications (psfnet-deep, trained like psfnet-skies, {images["psfnet-deep"]} images), gain nothing but scatter of bright stars,
         {short["psfnet-deep"]} ({short["psfnet-skies"]}) %; in brackets psfnet-skies: {pairs(deep, skies)}.""")))
 
@@ -542,17 +566,16 @@ def bracketed(cell):
 
 
 def longer_stages():
-    """Two stages begun from the supplied network, beside it: with its losses after a training and one more, and with others."""
+    """Two stages begun from the network of one, beside it: with its losses after a training and one more, and with others."""
     (_, shapes), (_, found), (_, fluxes), *_ = tables("validation/results/stages/longer.md")
     said = [f"PSNR {bracketed(row['PSNR (dB)'])} dB, SSIM {bracketed(row['SSIM'])}, average precision of stars {bracketed(row['AP, stars'])} and of galaxies "
             f"{bracketed(row['AP, galaxies'])}" for row in found[1:]]
     first, further, other = (shape["training images"] for shape in shapes[1:])
     bias = listed([f"{fluxes[-1][column].split()[0]} % ({fluxes[0][column]} %) {where}" for column, where in (
         ("abs. bias, S/N 5 to 12", "at S/N 5 to 12"), ("abs. bias, S/N 12 to 50", "at 12 to 50"), ("abs. bias, S/N above 50", "above"))])
-    return (f"Begun from the supplied network, with its losses, and trained on for {first} images, they differ from it by {said[0]}; after {further} more, in "
+    return (f"Begun from psfnet-fast, with its losses, and trained on for {first} images, they differ from it by {said[0]}; after {further} more, in "
             f"smaller batches and at a lower rate, {said[1]}. With LOSS_FFL 1 and LOSS_LIGHT 0, after {other} images, they do by {said[2]}, and the bias of stars, whatever "
-            f"its sign, is {bias} ([table](../validation/results/stages/longer.md); one seed of the training, judged on the seed of choosing): `psfnet-stages.fits`. "
-            f"The default has one stage, of which all campaigns on final seeds are")
+            f"its sign, is {bias} ([table](../validation/results/stages/longer.md); one seed of the training, judged on one seed of skies): `psfnet.fits`")
 
 
 def recipes():
@@ -565,9 +588,9 @@ def recipes():
         {early["images"]["least"]} to {early["images"]["most"]} images of 64 x 64 pixels by the trainer itself
         ([table](../validation/results/recipes/recipes.md)): {recipe_effects(early)}"""),
         item(f"""**Two stages**: a second network of the same shape goes on from what the first made and from what that leaves of the data (STAGES 2).
-        Over three seeds, {stages["images"]} images each and {stages["tiles"]} tiles ([table](../validation/results/stages/stages.md)), two stages less one of the
-        supplied shape: {stage_difference(stages["differences"], "stages - base")}; less one of as much work, six blocks and two steps:
-        {stage_difference(stages["differences"], "stages - deep")}. At equal work two stages win; in networks they take twice the time of the supplied one. {longer_stages()}.""")))
+        Over three seeds, {stages["images"]} images each and {stages["tiles"]} tiles ([table](../validation/results/stages/stages.md)), two stages less one of
+        psfnet-fast's shape: {stage_difference(stages["differences"], "stages - base")}; less one of as much work, six blocks and two steps:
+        {stage_difference(stages["differences"], "stages - deep")}. At equal work two stages win. {longer_stages()}.""")))
 
 
 def templates_found():
@@ -903,16 +926,17 @@ def cores():
 
 
 def against_time():
-    """NET beside the best Richardson-Lucy, whatever time that takes, and beside those that take no longer than NET."""
+    """Both networks beside the best Richardson-Lucy, whatever time that takes, and beside those that take no longer."""
     rows, every = [], summary("quality/summary")
     for fwhm in sorted({run["fwhm"] for run in every}):
         runs = [run for run in every if run["fwhm"] == fwhm]
-        net, rl = next(run for run in runs if run["series"] == "NET"), [run for run in runs if run["series"] != "NET"]
-        fast = [run for run in rl if run["seconds"] <= net["seconds"]]
-        cells = [f"{net[what]:{form}} ({max(run[what] for run in fast):{form}}, {max(run[what] for run in rl):{form}})"
-                 for what, form in (("ap", ".3f"), ("psnr", ".1f"))]
-        rows.append([f"{fwhm:g}", f"{net['seconds']:.2f}", *cells])
-    return table(["FWHM", "NET, s per Mpixel", "average precision (RL in that time, RL at its best)", "PSNR in dB (the same)"], rows)
+        rl = [run for run in runs if run["series"].endswith("RL")]
+        for net, model in ((run, model) for series, model in (("NET", "psfnet"), ("fast NET", "psfnet-fast")) for run in runs if run["series"] == series):
+            brief = [run for run in rl if run["seconds"] <= net["seconds"]]
+            cells = [f"{net[what]:{form}} ({max(run[what] for run in brief):{form}}, {max(run[what] for run in rl):{form}})"
+                     for what, form in (("ap", ".3f"), ("psnr", ".1f"))]
+            rows.append([f"{fwhm:g}", model, f"{net['seconds']:.2f}", *cells])
+    return table(["FWHM", "network", "s per Mpixel", "average precision (RL in that time, RL at its best)", "PSNR in dB (the same)"], rows)
 
 
 PAPERS = ("restoration", "photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")

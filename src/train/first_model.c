@@ -33,6 +33,9 @@ static rx_status check(const char *path, const rx_model *first, const rx_model *
         return rx_error_at(err, RX_USAGE, path, -1, 0,
                            "its output has a FWHM of %g pixels, TARGET_FWHM is %g; make them the same",
                            first->front.target_fwhm, model->front.target_fwhm);
+    if (first->second != NULL && model->second == NULL)
+        return rx_error_at(err, RX_USAGE, path, -1, 0,
+                           "its network has two stages, made for each other; set STAGES 2");
     if (!same_networks(first->restore, model->restore) || differ(first->psf, model->psf) ||
         differ(first->second, model->second))
         return rx_error_at(err, RX_USAGE, path, -1, 0,

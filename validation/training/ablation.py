@@ -7,7 +7,9 @@ Writes ablation.md and ablation.ecsv. Differences are variant minus base over wh
 (average precision, recall), sets of stars of one magnitude and seeing (|bias|, scatter); paired t, adjusted by Holm for
 the number of variants. The same base with another seed shows what the luck of a training is worth.
 """
+import glob
 import math
+import os
 import re
 import statistics
 import sys
@@ -70,7 +72,17 @@ def cost(name):
 
 
 def samples(name):
-    """{metric: {what it was measured on: value}}, and {class: {set: signed bias}}, and the checkerboard."""
+    """{metric: {what it was measured on: value}}, and {class: {set: signed bias}}, and the checkerboard: of all seeds in the folder
+    (models.sh), or of the one there is."""
+    parts = {folder: campaigns(folder) for folder in sorted(glob.glob(f"{name}/seed-*")) or [name]}
+
+    def joined(of, names):
+        return {n: {(os.path.basename(folder), *key): value for folder, part in parts.items() for key, value in part[of][n].items()} for n in names}
+    return joined(0, METRICS), joined(1, CLASSES), max(part[2] for part in parts.values())
+
+
+def campaigns(name):
+    """The same of the campaigns of one folder."""
     found = {metric: {} for metric in METRICS}
     for row in table(f"{name}/restoration/scenes.ecsv"):
         key = (str(row["scene"]), float(row["condition"]), int(row["number"]))
@@ -79,9 +91,9 @@ def samples(name):
     for row in table(f"{name}/detection/cells.ecsv"):
         scene = str(row["scene"]).lower()
         if row["quantity"] == "ap":
-            found[f"ap_{scene}"][str(row["condition"])] = float(row["value"])
+            found[f"ap_{scene}"][str(row["condition"]),] = float(row["value"])
         elif row["quantity"] == "recall_p0.95":
-            found[f"recall_{scene}"][str(row["condition"])] = float(row["value"])
+            found[f"recall_{scene}"][str(row["condition"]),] = float(row["value"])
         elif str(row["quantity"]).startswith("phases"):
             board = max(board, float(row["value"]))
     bias = {limits: {} for limits in CLASSES}

@@ -6,7 +6,8 @@
 #   validation/training/models.sh out config/psfnet.fits psfnet-deep.fits
 #
 # Into FOLDER: models.md, and a folder for each model with its campaigns. Started again after an interruption it goes on
-# where it was. About a minute for each model on two cores. SIZE=tiny: does it work?
+# where it was. Half a minute for each model and seed on two cores. SEEDS='11 12 13': of the skies (default: 1), below 1000, as
+# models are chosen by this. SIZE=tiny: does it work?
 #
 # Needs python3 with astropy and scipy for the table.
 set -euo pipefail
@@ -31,6 +32,9 @@ tiny)
     ;;
 *) echo "models.sh: ${SIZE} is no size" >&2 && exit 2 ;;
 esac
+for seed in ${SEEDS:-1}; do
+    [[ $seed =~ ^[0-9]{1,3}$ ]] || { echo "models.sh: SEEDS has $seed; models are chosen by seeds below 1000" >&2; exit 2; }
+done
 for program in "$trainer" "$validate"; do
     [[ -x $program ]] || { echo "models.sh: $program is missing; build first (./quickstart)" >&2; exit 2; }
 done
@@ -52,15 +56,18 @@ for model in "${@:2}"; do
     [[ " ${names[*]-} " != *" $name "* ]] || { echo "models.sh: two models are named $name" >&2; exit 2; }
     names+=("$name")
     mkdir -p "$out/$name"
-    cp "$model" "$out/$name/psfnet.fits"
     "$trainer" -INFO "$model" >"$out/$name/info.txt"
-    common=(-RESTORE_TYPE NET -QA_FIGURES N -VERBOSE_TYPE QUIET)
-    (
-        cd "$out/$name"
-        "$validate" -c ../restoration.conf "${common[@]}" "${restoration[@]}"
-        "$validate" -c ../detection.conf "${common[@]}" "${detection[@]}"
-        "$validate" -c ../fluxes.conf "${common[@]}" "${fluxes[@]}"
-    )
+    for seed in ${SEEDS:-1}; do
+        common=(-RESTORE_TYPE NET -SEED "$seed" -QA_FIGURES N -VERBOSE_TYPE QUIET)
+        mkdir -p "$out/$name/seed-$seed"
+        cp "$model" "$out/$name/seed-$seed/psfnet.fits"
+        (
+            cd "$out/$name/seed-$seed"
+            "$validate" -c ../../restoration.conf "${common[@]}" "${restoration[@]}"
+            "$validate" -c ../../detection.conf "${common[@]}" "${detection[@]}"
+            "$validate" -c ../../fluxes.conf "${common[@]}" "${fluxes[@]}"
+        )
+    done
 done
 cd "$out"
 "$python" -B "$here/models.py" "${names[@]}"
