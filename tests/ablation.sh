@@ -63,12 +63,16 @@ if python3 -c 'import astropy, numpy, scipy' 2>/dev/null || /usr/bin/python3 -c 
     "$top/validation/training/ablation.sh" huge other >log 2>&1
     [ $? -eq 2 ] && [ ! -e other ]
     result 'an unknown size is refused' $? log
-    SIZE=tiny "$top/validation/training/models.sh" models psfnet/psfnet.fits psfnet-deep/psfnet-deep.fits >table 2>log
+    SEEDS='1 2' SIZE=tiny "$top/validation/training/models.sh" models psfnet/psfnet.fits psfnet-deep/psfnet-deep.fits >table 2>log
     result 'models are compared' $? log
+    mean_psnr() { echo "$(psnr "models/$1/seed-1") $(psnr "models/$1/seed-2")" | awk '{ printf "%.6f\n", ($1 + $2) / 2 }'; }
     said=$(sed -n 's/^| psfnet-deep | [0-9.-]* (\([-+0-9.]*\)[\\*]*) | .*/\1/p' models/models.md | head -n 1)
-    awk -v said="$said" -v deep="$(psnr models/psfnet-deep)" -v base="$(psnr models/psfnet)" \
+    awk -v said="$said" -v deep="$(mean_psnr psfnet-deep)" -v base="$(mean_psnr psfnet)" \
         'BEGIN { d = said - (deep - base); exit !(said != "" && d < 0.006 && d > -0.006) }'
-    result "difference of their PSNR: $said, $(psnr models/psfnet-deep) - $(psnr models/psfnet)" $? models/models.md
+    result "difference of their PSNR: $said, $(mean_psnr psfnet-deep) - $(mean_psnr psfnet) on two seeds" $? models/models.md
+    SEEDS='1 1000' "$top/validation/training/models.sh" models psfnet/psfnet.fits psfnet-deep/psfnet-deep.fits >log 2>&1
+    [ $? -eq 2 ] && grep -q 'SEEDS has 1000' log
+    result 'none is chosen by a final seed' $? log
     "$top/validation/training/models.sh" models psfnet/psfnet.fits absent.fits >log 2>&1
     [ $? -eq 2 ] && grep -q 'absent.fits is missing' log
     result 'a model that is missing is named' $? log

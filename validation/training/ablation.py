@@ -77,7 +77,7 @@ def samples(name):
     parts = {folder: campaigns(folder) for folder in sorted(glob.glob(f"{name}/seed-*")) or [name]}
 
     def joined(of, names):
-        return {n: {(os.path.basename(folder), *key): value for folder, part in parts.items() for key, value in part[of][n].items()} for n in names}
+        return {n: {(os.path.relpath(folder, name), *key): value for folder, part in parts.items() for key, value in part[of][n].items()} for n in names}
     return joined(0, METRICS), joined(1, CLASSES), max(part[2] for part in parts.values())
 
 
