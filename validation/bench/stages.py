@@ -59,7 +59,7 @@ class Bench:
         shutil.copy(os.path.join(box.top, "config/default.conv"), box.work)
         for name, file in MODELS.items():
             info = box.run([os.path.join(box.build, "rextract-train"), "-INFO", box.model(file)], 1)
-            self.macs[name] = 1e3 * info.need(r"([0-9.]+) thousand multiplications per pixel")[0]
+            self.macs[name] = 1e3 * sum(map(float, re.findall(r"([0-9.]+) thousand multiplications per pixel", info.text)))  # of all stages
         self.siril = shutil.which("siril-cli")
         self.python = {name: self.has_module(name) for name in ("skimage", "sep", "photutils", "astropy")}
         self.iraf = shutil.which("irafcl")

@@ -86,7 +86,7 @@ def page(bench):
     found, _ = bench.templates()
     lines = ["# What a whole survey costs", "",
              "Written by `validation/cost/cost.py` from the [benchmark](../bench/full/bench.md): one tile to a core, of the kind of "
-             "processor named there, at any time as many tiles as there are cores. Calculated, not run.", "",
+             "processor named there, at any time as many tiles as there are cores. Calculated, not run. NET is a network of one stage, as psfnet-fast.fits; [psfnet.fits takes longer](../../../docs/bench.md#quality-against-time).", "",
              "| | core seconds per Mpixel | memory of a process, 4096 x 4096 pixels |", "| --- | --- | --- |"]
     for name, seconds, memory in ways:
         lines.append(f"| {name} | {seconds:.3f} | {f'{memory:.0f} MB' if memory else 'see -PLAN'} |")
