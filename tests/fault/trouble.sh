@@ -1,7 +1,7 @@
 #!/bin/sh
 # Calls of the system that fail, and kills, at every moment: trouble.c strikes one call after another of whole runs.
-# RX_TROUBLE_STEP: the distance of the calls that are struck (1: every one, minutes). RX_TROUBLE_ONLY: a regular
-# expression of the cases.
+# RX_TROUBLE_STEP: the distance of the calls that are struck (1: every one, minutes). RX_TROUBLE_SHARE=n: n times that of each case.
+# RX_TROUBLE_ONLY: a regular expression of the cases.
 set -u
 LC_ALL=C
 export LC_ALL
@@ -57,7 +57,7 @@ END
 # struck NAME STEP PROGRAM ARGUMENT...: with every STEP-th call, or $RX_TROUBLE_STEP, of each kind of trouble. The older
 # outputs come from another threshold or seed, as the variable older says; none where it is -.
 struck() {
-    name=$1 step=${RX_TROUBLE_STEP:-$2} program=$programs/$3
+    name=$1 step=${RX_TROUBLE_STEP:-$(($2 * ${RX_TROUBLE_SHARE:-1}))} program=$programs/$3
     shift 3
     printf '%s\n' "$name" | grep -Eq -- "${RX_TROUBLE_ONLY:-.}" || return 0
     rm -rf old new
