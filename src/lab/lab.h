@@ -272,6 +272,8 @@ void rx_lab_sky_close(rx_lab_sky *sky); /* content only */
  * second term as if its profile was a Gaussian of its half-light radius); the magnitude of a star of that S/N. */
 double rx_lab_snr(const rx_lab_sky *sky, const rx_object *object);
 double rx_lab_mag(const rx_lab_sky *sky, double snr);
+/* Pixels from a place beyond the border of a tile to the nearest one on it; 0 inside. */
+double rx_lab_beyond(const rx_lab_sky *sky, double x, double y);
 
 /* --- tiles: tile.c --- */
 

@@ -189,7 +189,8 @@ static rx_status know_objects(const rx_lab *lab, const rx_lab_sky *sky, const rx
                       : (rx_lab_object){.x = o->x,
                                         .y = o->y,
                                         .flux = o->flux,
-                                        .reach = fmax(fmax(radius, sky->fwhm), GALAXY_REACH * o->radius)};
+                                        .reach = rx_lab_beyond(sky, o->x, o->y) +
+                                                 fmax(fmax(radius, sky->fwhm), GALAXY_REACH * o->radius)};
         object->role = stars->n > 0 && object->flux < stars->objects[0].flux ? RX_OTHER : RX_RIVAL;
     }
     return RX_OK;

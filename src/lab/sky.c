@@ -22,6 +22,11 @@ double rx_lab_snr(const rx_lab_sky *sky, const rx_object *object)
     return object->flux / (sky->sigma * sqrt(area));
 }
 
+double rx_lab_beyond(const rx_lab_sky *sky, double x, double y)
+{
+    return hypot(fmax(fmax(-x, x - (sky->width - 1)), 0), fmax(fmax(-y, y - (sky->height - 1)), 0));
+}
+
 /* Noise of a sky pixel, ADU. */
 static double sky_noise(const rx_noise_params *noise)
 {

@@ -192,10 +192,17 @@ static rx_truth_role role_of(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_
 {
     if (!lab->kind->fluxes && id == RX_SCENE_RINGS)
         return RX_LISTED;
-    return (lab->kind->fluxes || rx_scene_is_list(id)) && o->snr >= lab->truth_snr && o->x >= 0 &&
-                   o->y >= 0 && o->x <= sky->width - 1 && o->y <= sky->height - 1
+    return (lab->kind->fluxes || rx_scene_is_list(id)) && o->snr >= lab->truth_snr &&
+                   !(rx_lab_beyond(sky, o->x, o->y) > 0)
                ? RX_LISTED
                : RX_OTHER;
+}
+
+/* Of an object beyond the border the light that comes in, most of it where the border is nearest, is no invention. */
+static double reach_of(const rx_lab_sky *sky, const rx_lab_object *o)
+{
+    const double beyond = rx_lab_beyond(sky, o->x, o->y);
+    return beyond > 0 ? beyond + sky->fwhm + o->radius : 0;
 }
 
 static rx_status take_objects(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_id id, double gain,
@@ -218,6 +225,7 @@ static rx_status take_objects(const rx_lab *lab, const rx_lab_sky *sky, rx_scene
                                .galaxy = o->type != RX_OBJECT_STAR,
                                .partner = -1};
         one->role = role_of(lab, sky, id, one);
+        one->reach = reach_of(sky, one);
         if (!lab->kind->fluxes)
             continue;
         rx_psf_at(sky->psf, o->x, o->y, stamp);

@@ -71,6 +71,35 @@ static void check_plateau(const rx_lab *campaign, const rx_lab_tile *tile)
     assert_near(rx_map_at(&levels, 5, 0), sky, 1e-3);
 }
 
+/* Stars lie beyond the border, too. A source that one of them makes at the border is not false, one farther in is. */
+static void check_border(const rx_lab_sky *sky, const rx_lab_objects *objects)
+{
+    long outside = 0;
+    rx_error err = RX_ERROR_NONE;
+    for (long i = 0; i < objects->n; i++) {
+        const rx_lab_object *o = &objects->list[i];
+        const double beyond = rx_lab_beyond(sky, o->x, o->y);
+        if (!(beyond > 0)) {
+            assert_near(o->reach, 0, 0);
+            continue;
+        }
+        outside++;
+        rx_lab_object alone = *o;
+        const double x = fmin(fmax(o->x, 0), sky->width - 1), y = fmin(fmax(o->y, 0), sky->height - 1);
+        const double in = (sky->fwhm + 1) / beyond; /* from the border on, away from the star */
+        const double xs[2] = {x, x + in * (x - o->x)}, ys[2] = {y, y + in * (y - o->y)};
+        rx_matches matches;
+        assert_int_equal(rx_lab_match(&(rx_lab_objects){.n = 1, .list = &alone},
+                                      &(rx_match_list){.n = 2, .x = xs, .y = ys}, 1, &matches, &err),
+                         RX_OK);
+        assert_int_equal(o->role, RX_OTHER);
+        assert_int_equal(matches.outcome[0], RX_IS_NEITHER);
+        assert_int_equal(matches.outcome[1], RX_IS_FALSE);
+        rx_matches_free(&matches);
+    }
+    assert_true(outside > 0);
+}
+
 static void scenes_are_as_described(void **state)
 {
     (void)state;
@@ -92,6 +121,8 @@ static void scenes_are_as_described(void **state)
             assert_near(tile.objects.list[0].snr * sqrt(campaign->sky[0].area) * campaign->sky[0].sigma /
                             tile.objects.list[0].flux,
                         1, 1e-9);
+        if (id == RX_SCENE_STARS)
+            check_border(&campaign->sky[0], &tile.objects);
         for (int i = 0; i < 2; i++)
             assert_int_equal(tile.truth[i] != NULL, id == RX_SCENE_OUTSKIRTS);
         rx_lab_tile_free(&tile);
