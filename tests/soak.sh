@@ -114,7 +114,7 @@ moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'
     soak NONE -RESTORE_TYPE NONE -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME 'out/{tile}-b.fits'
     soak RL -RESTORE_TYPE RL $moffat -RL_NITER 5 -REFERENCE_NAME ref.fits -QA_NAME 'out/{tile}-qa' -QA_FIGURES N \
         -RECORD_NAME 'out/{tile}.record'
-    soak NET -RESTORE_TYPE NET $moffat -NET_MODEL "$top/config/psfnet-blind.fits"
+    soak NET -RESTORE_TYPE NET $moffat -NET_MODEL "$top/config/psfnet.fits"
     soak templates -RESTORE_TYPE NONE $moffat -PARAMETERS_NAME "$top/config/template.param"
 }
 echo "$passed passed, $failed failed, $skipped skipped"

@@ -349,12 +349,12 @@ static rx_status check_file(reader *r, rx_error *err)
                            "is no model: its header has no RXMODEL; give a file made by rextract-train");
     int known = rx_cards_number(r->cards, r->ncards, "NEXTEND", &tables) && tables >= 0 && tables < MAX_HDUS;
     RX_TRY(rx_fits_verify(r->path, known ? (int)tables + 1 : 0, err));
-    r->version = (int)version;
     if (version != VERSION && version != TWO_STAGES)
         RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
                            "is a model of format version %g, this program reads %d and %d; use the "
                            "program that belongs to it, or train again",
                            version, VERSION, TWO_STAGES));
+    r->version = (int)version;
     if (!known)
         RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
                            "NEXTEND, the number of its tables, is missing; make the model again"));

@@ -299,13 +299,14 @@ static rx_status new_restored(const network *n, rx_restored **dst, rx_error *err
 static void describe(const network *n, rx_restored *dst)
 {
     const rx_front *front = &n->model->front;
+    const char *stages = n->model->second != NULL ? ", two stages" : "";
     char step[64] = "";
     if (front->mode == RX_MODE_INFORMED && front->rl_steps > 0)
-        snprintf(step, sizeof step, ", %s%d RL step, pedestal %g",
-                 n->model->second != NULL ? "two stages, each " : "", front->rl_steps, front->pedestal);
-    snprintf(dst->settings, sizeof dst->settings, "model %.60s (%.16s), %s, target FWHM %g pixels%s, %s",
+        snprintf(step, sizeof step, ", %s%d RL step%s, pedestal %g", *stages != '\0' ? "each " : "",
+                 front->rl_steps, front->rl_steps == 1 ? "" : "s", front->pedestal);
+    snprintf(dst->settings, sizeof dst->settings, "model %.60s (%.16s), %s, target FWHM %g pixels%s%s, %s",
              n->model->name, n->model->digest, front->mode == RX_MODE_INFORMED ? "INFORMED" : "BLIND",
-             front->target_fwhm, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
+             front->target_fwhm, stages, step, n->par->precision == RX_BF16 ? "BF16" : "F32");
 }
 
 static double per(double amount, double seconds)

@@ -1,5 +1,5 @@
-/* A small model for the command line tests: make_model FILE [BLIND|UNFINISHED]. Its weights are random and
- * small, it was never trained; UNFINISHED: of a training that has not ended. */
+/* A small model for the command line tests: make_model FILE [BLIND|UNFINISHED|TWO]. Its weights are random and
+ * small, it was never trained; UNFINISHED: of a training that has not ended; TWO: of two stages. */
 #include <stdio.h>
 #include <string.h>
 
@@ -24,8 +24,12 @@ int main(int argc, char **argv)
     model->front.rl_steps = mode == RX_MODE_INFORMED;
     snprintf(model->name, sizeof model->name, "toy");
     rx_status status = rx_psfnet_new(&shape, rx_front_channels(mode), &model->restore, &err);
+    if (status == RX_OK && argc > 2 && strcmp(argv[2], "TWO") == 0)
+        status = rx_psfnet_new(&shape, RX_SECOND_CHANNELS, &model->second, &err);
     if (status == RX_OK) {
         rx_net_initialise(model->restore, 7, 0, 0.3, 0.05);
+        if (model->second != NULL)
+            rx_net_initialise(model->second, 8, 0, 0.3, 0.05);
         status = rx_model_write(model, argv[1], argv[1], &err);
     }
     if (status != RX_OK)

@@ -19,7 +19,7 @@ export ASAN_OPTIONS TMPDIR
 
 "$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
     "$make_fits" table ref.fits && "$make_fits" psf psf.fits && mkdir folder &&
-    "$make_model" model.fits && "$make_fits" psf-large folder/galaxy_r.fits && "$make_fits" psf folder/galaxy_psf.fits || exit 2
+    "$make_model" model.fits TWO && "$make_fits" psf-large folder/galaxy_r.fits && "$make_fits" psf folder/galaxy_psf.fits || exit 2
 # As small as holds enough stars for a PSF of pixels.
 "$programs/rextract-simulate" -IMAGE_SIZE 64 -PSF_FWHM 3.05 -STAR_COUNT 14000 -STAR_MAG 15,17 -LEAST_DISTANCE 3 -SEED 2 -GALAXY_COUNT 0 \
     -IMAGE_NAME stars.fits -TRUTH_NAME NONE -VERBOSE_TYPE QUIET || exit 2
@@ -60,7 +60,7 @@ refuse 'configuration, columns, filter, weights and a list to associate with' ..
 refuse 'a PSF of stars' ../stars.fits -RL_NITER 2 -PSF_TYPE AUTO -CATALOG_TYPE ASCII
 refuse 'blind restoration' ../tile.fits -RESTORE_TYPE RL_BLIND -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 2 \
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0
-refuse 'a network, verified' ../tile.fits -RESTORE_TYPE NET -NET_MODEL ../model.fits -VERIFY_SEAMS Y -NET_BLOCK 32 \
+refuse 'a network of two stages, verified' ../tile.fits -RESTORE_TYPE NET -NET_MODEL ../model.fits -VERIFY_SEAMS Y -NET_BLOCK 32 \
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0 -CHECKIMAGE_TYPE RESIDUAL -CHECKIMAGE_NAME x.fits
 refuse 'two images' ../tile.fits,../tile.fits -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 3 -MEASURE_ON ORIGINAL \
     -FILTER_TYPE MATCHED -CATALOG_TYPE ASCII
