@@ -22,7 +22,7 @@ struct rx_noise_law; /* measure/noise.h */
  * a restored image (a saturated value is a lower limit and would ring). */
 enum {
     RX_HIDE_PLAIN = RX_MASK_BAD | RX_MASK_WEIGHT,
-    RX_HIDE_RESTORED = RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_SATURATED | RX_MASK_UNTOUCHED
+    RX_HIDE_RESTORED = RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_SATURATED | RX_MASK_UNTOUCHED | RX_MASK_DEEP
 };
 
 typedef struct rx_image {

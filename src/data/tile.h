@@ -22,6 +22,7 @@ enum {
     RX_MASK_SATURATED = 4, /* at or above the saturation level */
     RX_MASK_UNTOUCHED = 8, /* of a restored image while it is detected on: belongs to a saturated star that is
                               left as it was observed */
+    RX_MASK_DEEP = 16,     /* so far below its sky as no dark cloud is */
 };
 
 /* A value of no detector. Beyond it squares and sums leave single precision, so such pixels are bad, as NaN is. */

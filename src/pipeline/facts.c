@@ -54,6 +54,8 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     if (isfinite(result->residual.dark))
         rx_record_add(facts, "RXDARK", "share of 32-pixel boxes 0.3 sigma below the sky", "%.4f",
                       result->residual.dark);
+    if (field->deep > 0)
+        rx_record_add(facts, "RXDEEP", "pixels 300 sigma below the sky, not restored", "%zu", field->deep);
     if (strcmp(restored->name, "NET") == 0)
         rx_record_add(facts, "RXNETOUT", "sources that it was not trained for", "%d", result->outside);
     if (isfinite(restored->seam))

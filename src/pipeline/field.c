@@ -628,6 +628,32 @@ static rx_status measure_backgrounds(const rx_pipeline_params *params, int role,
     return measure_background(params, role, &field->image, RX_HIDE_RESTORED, &field->restored, err);
 }
 
+/* A pixel that lacks more light than 90,000 electrons are is dead: no dark cloud takes so much off a sky that is in the mesh. */
+static void hide_deep(rx_field *field, rx_log *log)
+{
+    static const double deep = 300.0,
+                        at_least = 30.0; /* sigmas of the pixel, and of the tile: few are looked at */
+    const rx_image *image = &field->image;
+    uint8_t *mask = field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
+    const rx_map level = rx_background_level(field->plain), noise = rx_background_noise(field->plain);
+    const double limit = field->plain->global_level - at_least * field->plain->global_sigma;
+    for (int y = 0; mask != NULL && y < image->height; y++)
+        for (int x = 0; x < image->width; x++) {
+            const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
+            if ((double)image->pixels[k] < limit && (mask[k] & RX_HIDE_RESTORED) == 0 &&
+                image->pixels[k] < rx_map_at(&level, x, y) - (float)deep * rx_map_at(&noise, x, y)) {
+                mask[k] |= RX_MASK_DEEP;
+                field->deep++;
+            }
+        }
+    if (field->deep > 0)
+        rx_log_warning(
+            log,
+            "%s[%d]: %zu pixels are more than %g sigma below the sky, as no light or cloud makes them "
+            "(RXDEEP): restorers leave them out; where they are dead, mark them in a weight or flag map",
+            image->name, image->hdu, field->deep, deep);
+}
+
 /* Sky, noise and PSF of field->image. */
 static rx_status measure_field(const rx_pipeline_params *params, int what, rx_field *field, rx_log *log,
                                rx_error *err)
@@ -637,6 +663,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
     RX_TRY(measure_backgrounds(params, role, field, log, err));
+    hide_deep(field, log);
     RX_TRY(measure_noise(params, field, err));
     rx_lap_add(&last, &field->background_lap);
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",

@@ -29,6 +29,7 @@ typedef struct rx_field {
     /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
     double psf_bound;
     rx_record inputs; /* files that were read for the PSF of stars that say nothing: keyword, name */
+    size_t deep;      /* pixels with RX_MASK_DEEP */
     int nstars;       /* sources that the PSF's stars were chosen among */
     int unrestorable; /* neither stars nor what was stated give a PSF */
     rx_lap background_lap, psf_lap; /* of preparing it */

@@ -710,6 +710,52 @@ static void test_saturated_pixels(void **state)
     }
 }
 
+/* Dead pixels: restorers leave out what is too deep for any cloud, and say how many there are; NONE takes all as it is. */
+static void test_deep_pixels(void **state)
+{
+    (void)state;
+    enum { HOLE = 90 * SIDE + 120, N = 3 };
+    static const char *const kinds[] = {"NONE", "RL"};
+    static const double sigmas[N] = {-290, -310, -1e6};
+    bench b;
+    scene s;
+    rx_field *field = NULL, *clean = NULL;
+    bench_open(&b, NULL);
+    scene_make(&s, SIDE, SIDE, 10, 8);
+    assert_int_equal(rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF,
+                                      bench_tile(s.pixels, SIDE, SIDE, 2.0), NULL, NULL, &clean, NULL),
+                     RX_OK);
+    assert_int_equal(clean->deep, 0);
+    rx_tile *tile = bench_tile(s.pixels, SIDE, SIDE, 2.0);
+    for (int i = 0; i < N; i++)
+        tile->pixels[HOLE + 20 * i] =
+            (float)(clean->plain->global_level + sigmas[i] * clean->plain->global_sigma);
+    assert_int_equal(rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF, tile, NULL, NULL, &field, NULL),
+                     RX_OK);
+    assert_int_equal(field->deep, 2);
+    for (int k = 0; k < 2; k++) {
+        rx_result result = {0};
+        rx_record facts = {0};
+        int said = 0;
+        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find(kinds[k]), field, NULL, NULL,
+                                          &result, NULL),
+                         RX_OK);
+        for (int i = 0; i < N; i++)
+            assert_int_equal(result.restored->mask[HOLE + 20 * i], k == 1 && i > 0 ? RX_MASK_DEEP : 0);
+        rx_result_facts(&result, &facts);
+        for (int i = 0; i < facts.n; i++)
+            if (strcmp(facts.pairs[i][0], "RXDEEP") == 0)
+                assert_string_equal(facts.pairs[i][1], "2"), said++;
+        assert_int_equal(said, 1);
+        rx_record_free(&facts);
+        rx_result_free(&result);
+    }
+    rx_field_free(clean);
+    rx_field_free(field);
+    scene_free(&s);
+    bench_close(&b);
+}
+
 /* What of a crowd its PSF is measured on: some 36 squares, in every row and column of them; what was hidden stays so. */
 static void test_psf_squares(void **state)
 {
@@ -765,6 +811,7 @@ int main(void)
                                        cmocka_unit_test(test_noise_all_but_white),
                                        cmocka_unit_test(test_filter_of_restored),
                                        cmocka_unit_test(test_saturated_pixels),
+                                       cmocka_unit_test(test_deep_pixels),
                                        cmocka_unit_test(test_errors_of_correlated_noise),
                                        cmocka_unit_test(test_psf_squares),
                                        cmocka_unit_test(test_moffat_without_fwhm)};
