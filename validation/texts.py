@@ -532,7 +532,7 @@ def models():
         LOSS_LIGHT, which made PSNR and SSIM of two stages worse than of one ([table](../validation/results/stages/longer.md)). In brackets psfnet-fast: {pairs(base, fast)}; bias of
         stars, whatever its sign, {wrong["psfnet"]} ({wrong["psfnet-fast"]}) % in the three classes. What is significant, psfnet-fast beside psfnet:
         {read["psfnet-fast"]}. One stage that went on with the same losses for {images["psfnet-one"]} images, half as many (psfnet-one), beside psfnet:
-        {read["psfnet-one"]}. Stages and length of the training cannot be distinguished by this. Seven seeds of skies, one of each training."""),
+        {read["psfnet-one"]}. Which of stages and length did it this does not show. Seven seeds of skies, one of each training."""),
         item(f"""**How deep.** A stage has two residual blocks and one Richardson-Lucy step. Six blocks and two steps, twice the
         multiplications (psfnet-deep, trained like psfnet-skies, {images["psfnet-deep"]} images), have {pairs(deep, skies)}; in brackets psfnet-skies;
         scatter of bright stars is {short["psfnet-deep"]} ({short["psfnet-skies"]}) %. One seed of each, not trained for equally long. Of three seeds trained

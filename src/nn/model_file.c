@@ -42,8 +42,8 @@ static const char *net_fault(const rx_net *net, const char *name, int inputs, ch
 static const char *model_fault(const rx_model *model, char *text, size_t size)
 {
     const rx_front *f = &model->front;
-    if (!(f->target_fwhm >= 0.5 && f->target_fwhm <= 100))
-        snprintf(text, size, "the FWHM of its output, %g pixels, is not within 0.5 to 100", f->target_fwhm);
+    if (!(f->target_fwhm >= 0.5 && f->target_fwhm <= 30))
+        snprintf(text, size, "the FWHM of its output, %g pixels, is not within 0.5 to 30", f->target_fwhm);
     else if (!(f->tikhonov > 0 && f->tikhonov <= 1e3))
         snprintf(text, size, "its regularisation, %g, is not within 0 to 1000", f->tikhonov);
     else if (!(f->pedestal > 0 && f->pedestal <= 1e6))

@@ -65,7 +65,10 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
         image = rx_field_observed(field);
     else if (!par.mask_saturated)
         image.hide &= ~RX_MASK_SATURATED;
-    return kind->run(&par, &image, w->log, dst, err);
+    const rx_status status = kind->run(&par, &image, w->log, dst, err);
+    if (status != RX_OK && err != NULL && err->where[0] == '\0') /* of many tiles which one */
+        snprintf(err->where, sizeof err->where, "%s", image.name), err->hdu = image.hdu;
+    return status;
 }
 
 /* Of the detection image. */

@@ -11,10 +11,11 @@
 enum { CELL = RX_RESIDUAL_CELL, HALF = CELL / 2 };
 
 static const double CHI2 = 2.0, MEAN = 0.3; /* more is not explained; sigmas of a pixel */
-static const double BRIGHT = 100.0;         /* sigmas of the model, where its PSF is never right */
-static const double ENOUGH = 0.25;          /* of a cell's pixels */
-static const double LARGE = 0.1;            /* share of cells */
-static const double DARK = 0.02;            /* share of boxes */
+static const double BRIGHT =
+    100.0; /* sigmas of the model, and half of them of the pixels, where its PSF is never right */
+static const double ENOUGH = 0.25; /* of a cell's pixels */
+static const double LARGE = 0.1;   /* share of cells */
+static const double DARK = 0.02;   /* share of boxes */
 
 typedef struct sums {
     long faint;
@@ -44,7 +45,7 @@ RX_SIMD static void fill_line(int n, const seen *of, float photon, line *restric
         const float counts = (mask[i] == 0) & (sigma[i] > 0.0f) ? 1.0f : 0.0f,
                     s = counts > 0.0f ? sigma[i] : 1.0f;
         const float value = pixels[i] - level[i], light = model[i] > 0.0f ? model[i] : 0.0f;
-        const float faint = model[i] > bright * s ? 0.0f : counts;
+        const float faint = (model[i] > bright * s) & (value > 0.5f * bright * s) ? 0.0f : counts;
         dst->counts[i] = counts;
         dst->faint[i] = faint;
         dst->height[i] = counts > 0.0f ? value / s : 0.0f;

@@ -387,7 +387,8 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
     }
     if (status == RX_OK) {
         if (rx_prepared_mask(n.image, n.nthreads, n.restored->mask) == 0)
-            rx_log_warning(n.log, "NET: every pixel is masked, nothing to restore");
+            rx_log_warning(n.log, "%s[%d]: NET: every pixel is masked, nothing to restore", n.image->name,
+                           n.image->hdu);
         status = restore_planes(&n, extras, err);
     }
     if (status != RX_OK) {
