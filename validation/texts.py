@@ -587,7 +587,7 @@ def longer_stages():
 
 
 def in_campaigns():
-    """Two stages, three seeds, less one seed of one, in the campaigns: what is significant of the means."""
+    """Two stages, three seeds, less one seed of one, in the campaigns."""
     tests = tables("validation/results/stages/models.md")[1][1]
     base, others = tests[0], tests[1:]
 

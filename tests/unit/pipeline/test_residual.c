@@ -73,6 +73,12 @@ static void test_what_is_explained(void **state)
     r = judge(&image, 1);
     assert_int_equal(r.unexplained, 0);
     rx_residual_free(&r);
+    /* but a model that is bright where the pixels are not is made up */
+    add(model, 140, 75, 10, 1000.0f);
+    r = judge(&image, 1);
+    assert_int_equal(r.unexplained, 1);
+    assert_int_equal(rx_residual_at(&r, 145, 80), 1);
+    rx_residual_free(&r);
 }
 
 static void test_what_is_not(void **state)
