@@ -27,7 +27,10 @@ class AsTheProgram(InFolder):
         self.assertGreater(len(written), 15)
         self.assert_same(result.table, written)
         np.testing.assert_array_equal(result.segments, fits.getdata("segments.fits"))
-        np.testing.assert_allclose(result.restored + result.sky, fits.getdata("restored.fits"), rtol=2e-7)
+        restored, image = result.restored, fits.getdata("restored.fits")
+        masked = np.isnan(image)  # the dead pixels of the tile, but for NONE
+        self.assertTrue(np.all(restored[masked] == 0))
+        np.testing.assert_allclose((restored + result.sky)[~masked], image[~masked], rtol=2e-7)
         return result
 
     def test_every_kind_of_column(self):
