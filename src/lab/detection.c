@@ -14,7 +14,7 @@ static const rx_lab_column OBJECT[] = {RX_DETECTION_OBJECT_COLUMNS(RX_LAB_COLUMN
 static const rx_lab_column FOUND[] = {{"score", "",
                                        "of the detection, NAN: not found; PAIRS: the lower of both, NAN "
                                        "unless two detections lie within half the separation "
-                                       "(and MATCH_RADIUS) of the two stars"}};
+                                       "(and the match radius) of the two stars"}};
 static const rx_lab_column PHASES[] = {RX_DETECTION_PHASES_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column GALAXY[] = {RX_DETECTION_GALAXY_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column GROWTH[] = {RX_DETECTION_GROWTH_COLUMNS(RX_LAB_COLUMN)};

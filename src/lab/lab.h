@@ -292,6 +292,10 @@ rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, r
 /* Before the first unit, what a report alone does not need: untouched() of every real tile and run. */
 rx_status rx_lab_prepare(rx_lab *lab, rx_log *log, rx_error *err);
 
+/* How far from an object a detection of it may lie: MATCH_RADIUS, and half a FWHM of its sky at least. */
+rx_status rx_lab_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_tile *tile, double *pixels,
+                        rx_error *err);
+
 /* unit() of campaigns of sources. */
 rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                              rx_lab_table *dst, rx_error *err);

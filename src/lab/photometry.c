@@ -181,7 +181,7 @@ static rx_status know_objects(const rx_lab *lab, const rx_lab_sky *sky, const rx
                                     .flux = stars->objects[i].flux,
                                     .role = RX_LISTED};
     if (others != NULL)
-        RX_TRY(rx_quality_radius(&lab->options->check.quality, dst->field->tile, &radius, err));
+        RX_TRY(rx_lab_radius(lab, sky, dst->field->tile, &radius, err));
     for (long i = 0; i < nothers; i++, object++) {
         const rx_object *o = others != NULL ? &others->objects[i] : NULL;
         *object = o == NULL
@@ -292,7 +292,7 @@ static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, rx_resul
     const long before = run > 0 ? sky->known.n : 0;
     rx_qa_list list = {0};
     double radius = 0;
-    RX_TRY(rx_quality_radius(&lab->options->check.quality, sky->field->tile, &radius, err));
+    RX_TRY(rx_lab_radius(lab, sky, sky->field->tile, &radius, err));
     if (run == 0)
         RX_TRY(rx_blankcheck_noise(sky->field, sources->segments, lab->nthreads, &sky->noise, err));
     rx_lab_object *all = rx_regrow(sky->known.list, (size_t)(before + sources->n), sizeof *all);

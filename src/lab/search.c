@@ -9,6 +9,16 @@
 #include "lab/lists.h"
 #include "pipeline/pipeline.h"
 
+static const double HALF = 0.5; /* of the FWHM: noise moves faint sources so far, and blends of two */
+
+rx_status rx_lab_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_tile *tile, double *pixels,
+                        rx_error *err)
+{
+    RX_TRY(rx_quality_radius(&lab->options->check.quality, tile, pixels, err));
+    *pixels = fmax(*pixels, HALF * sky->fwhm);
+    return RX_OK;
+}
+
 /* What was on a real tile before the injection does not count: 0 in *use, which is made. */
 static rx_status sift(const rx_lab_search *s, unsigned char **use, rx_error *err)
 {
@@ -79,7 +89,7 @@ rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const r
     rx_lab_search s = {
         .lab = lab, .sky = &lab->sky[unit->condition], .scene = lab->scene[unit->scene].id, .table = dst};
     RX_TRY(lab->kind->tile(lab, unit, &s.tile, err));
-    rx_status status = rx_quality_radius(&lab->options->check.quality, s.tile.field->tile, &s.radius, err);
+    rx_status status = rx_lab_radius(lab, s.sky, s.tile.field->tile, &s.radius, err);
     if (s.scene == RX_SCENE_SHREDS) /* the middle of a large galaxy is a wide place */
         s.radius = fmax(s.radius, s.sky->fwhm);
     if (status == RX_OK)

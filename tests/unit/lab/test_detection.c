@@ -131,6 +131,24 @@ static void scenes_are_as_described(void **state)
     rx_campaign_config_free(config);
 }
 
+/* MATCH_RADIUS is 2 pixels: at a FWHM of 8 noise moves faint sources farther. */
+static void the_seeing_widens_the_match(void **state)
+{
+    static const double radius[] = {2, 4};
+    static const char *const seeing[] = {"SIM.IMAGE_SIZE", "192", "SEEING", "3,8", "SCENES", "STARS", NULL};
+    (void)state;
+    rx_campaign_config *config = make_settings(seeing);
+    rx_lab *campaign = open_lab(&rx_kind_detection, config, 1);
+    for (int i = 0; i < 2; i++) {
+        const rx_tile tile = {.name = "tile", .width = 192, .height = 192};
+        double pixels;
+        assert_int_equal(rx_lab_radius(campaign, &campaign->sky[i], &tile, &pixels, NULL), RX_OK);
+        assert_near(pixels, radius[i], 0.02);
+    }
+    rx_lab_close(campaign);
+    rx_campaign_config_free(config);
+}
+
 /* Bright stars are found by all, a plateau comes back flat, aperture fluxes of an unrestored image are those
  * of the truth; the same bytes on one thread and on four. */
 static void units_give_what_is_known(void **state)
@@ -297,6 +315,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(methods_of_the_restorers),
         cmocka_unit_test(scenes_are_as_described),
+        cmocka_unit_test(the_seeing_widens_the_match),
         cmocka_unit_test_setup_teardown(units_give_what_is_known, make_scratch, remove_scratch),
         cmocka_unit_test(numbers_by_hand),
         cmocka_unit_test(verdicts_follow_the_numbers),
