@@ -5,7 +5,7 @@ top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
 program=$programs/rextract
 python=/usr/bin/python3
-need rextract rextract-simulate
+need rextract rextract-simulate tests/cli/make_model
 if [ ! -x $python ]; then
     skip plans "$python is missing"
     finish
@@ -130,6 +130,20 @@ result 'a keyword that is wrong' $? err
 # under the address sanitizer memory is another matter, and time, too
 sky=
 grep -q __asan_init "$program" && sky=o128
+if [ -z "$sky" ]; then
+    "$build/tests/cli/make_model" ../wide.fits WIDE
+    "$programs/rextract-simulate" -IMAGE_SIZE 256 -IMAGE_NAME ../middle.fits -TRUTH_NAME '' -VERBOSE_TYPE QUIET
+    net='../middle.fits -RESTORE_TYPE NET -NET_MODEL ../wide.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 -NTHREADS 2'
+    # shellcheck disable=SC2086 # a list of arguments
+    plan $net && $python - $net 2>err <<END
+import json, os, subprocess, sys
+run = subprocess.Popen(["$program", *sys.argv[1:], "-CATALOG_NAME", "wide.cat", "-VERBOSE_TYPE", "QUIET"])
+_, status, usage = os.wait4(run.pid, 0)
+plan = json.load(open("out"))["all"]
+assert status == 0 and 1024 * usage.ru_maxrss < plan["memory_bytes"], (status, usage.ru_maxrss, plan)
+END
+    result 'a model four times as wide as the one that is supplied' $? err
+fi
 RX_BUILD_DIR=$programs $python "$top/validation/bench/plan.py" small $sky >log 2>&1 && ! grep -q '^0 runs' log
 result 'runs stay below their plans' $? log
 

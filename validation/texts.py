@@ -280,8 +280,8 @@ def detection():
     check = max(value for key in ("phases2", "phases4") for value in over("PLATEAU", "NET", key))
     resolved = listed(f"{v:.2f}" for v in pairs["NET"])
     seeing = [condition.removeprefix("FWHM ") for condition in conditions]
-    return (item("""**Detection**, average precision on 512 x 512 pixels with 800 stars or 500 galaxies per Mpixel of S/N above 5.
-        MATCHED is the unrestored image through a filter as wide as the PSF, RL the best of nine kinds *on these very
+    return (item("""**Detection**, average precision on 512 x 512 pixels with 800 stars or 500 galaxies per Mpixel of S/N above 5,
+        found within 2 pixels or half a FWHM, whichever is more. MATCHED is the unrestored image through a filter as wide as the PSF, RL the best of nine kinds *on these very
         tiles*:""") + "\n" + table(["FWHM (pixels)"] + seeing, rows, "  ") + "\n" +
             paragraph(f"""At precision 0.95 NET finds most in {equal("0.95")}; at 0.99 in {equal("0.99")}. Of pairs half to one FWHM apart NET resolves {resolved} at these FWHM (RL at most
         {max(pairs["RL"]):.2f}). At the threshold of precision 0.99 it finds {span(blank["NET"], "{:.1f}")} false sources per Mpixel

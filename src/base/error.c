@@ -39,6 +39,16 @@ rx_status rx_error_at(rx_error *err, rx_status status, const char *file, int hdu
     return status;
 }
 
+rx_status rx_error_where(rx_error *err, rx_status status, const char *file, int hdu, long line)
+{
+    if (status != RX_OK && err != NULL && err->where[0] == '\0') {
+        snprintf(err->where, sizeof err->where, "%s", file);
+        err->hdu = hdu;
+        err->line = line;
+    }
+    return status;
+}
+
 rx_error rx_error_part(const rx_error *err)
 {
     rx_error part = RX_ERROR_NONE;

@@ -68,6 +68,9 @@ rx_status rx_error_set(rx_error *err, rx_status status, const char *format, ...)
 rx_status rx_error_at(rx_error *err, rx_status status, const char *file, int hdu, long line,
                       const char *format, ...) RX_PRINTF(6, 7);
 
+/* An error that names no file is of this one; returns status. */
+rx_status rx_error_where(rx_error *err, rx_status status, const char *file, int hdu, long line);
+
 /* Out of memory while asking for `bytes` (0 when unknown); returns RX_SYSTEM. */
 rx_status rx_error_memory(rx_error *err, size_t bytes);
 

@@ -16,11 +16,7 @@
 /* Errors of a line's words say where it stands. */
 static rx_status at_line(const rx_tiles *tiles, long line, rx_status status, rx_error *err)
 {
-    if (status == RX_USAGE && err != NULL && err->where[0] == '\0') {
-        snprintf(err->where, sizeof err->where, "%s", tiles->path);
-        err->line = line;
-    }
-    return status;
+    return status == RX_USAGE ? rx_error_where(err, status, tiles->path, -1, line) : status;
 }
 
 /* "." and ".." would lead a name that holds {tile} to another folder. */

@@ -43,10 +43,8 @@ static rx_status measure_background(const rx_pipeline_params *params, int role, 
 {
     rx_image image = *input;
     image.hide = hide;
-    rx_status status = rx_background_measure(&params->background[role], &image, dst, err);
-    if (status != RX_OK && err != NULL && err->where[0] == '\0')
-        snprintf(err->where, sizeof err->where, "%s", input->name), err->hdu = input->hdu;
-    return status;
+    return rx_error_where(err, rx_background_measure(&params->background[role], &image, dst, err), input->name,
+                          input->hdu, 0);
 }
 
 rx_image rx_field_observed(const rx_field *field)

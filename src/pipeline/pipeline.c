@@ -66,9 +66,8 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
     else if (!par.mask_saturated)
         image.hide &= ~RX_MASK_SATURATED;
     const rx_status status = kind->run(&par, &image, w->log, dst, err);
-    if ((status == RX_INPUT || status == RX_SYSTEM) && err != NULL &&
-        err->where[0] == '\0') /* of many tiles which one */
-        snprintf(err->where, sizeof err->where, "%s", image.name), err->hdu = image.hdu;
+    if (status == RX_INPUT || status == RX_SYSTEM)
+        rx_error_where(err, status, image.name, image.hdu, 0); /* of many tiles which one */
     return status;
 }
 

@@ -226,10 +226,8 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                             .sources = sources,
                             .nthreads = params->nthreads,
                             .log = log};
-    rx_status status = fit(&w, sources, err);
     const rx_image measured = rx_field_restorable(fields.measure);
-    if (status != RX_OK && err != NULL && err->where[0] == '\0')
-        snprintf(err->where, sizeof err->where, "%s", measured.name), err->hdu = measured.hdu;
+    rx_status status = rx_error_where(err, fit(&w, sources, err), measured.name, measured.hdu, 0);
     const int noiseless = status == RX_OK && dst->tphot->least > measured.global_noise;
     if (noiseless)
         rx_log_warning(

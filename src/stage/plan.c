@@ -15,6 +15,7 @@
 #include "data/restorers.h"
 #include "data/table.h"
 #include "io/tile.h"
+#include "nn/stream.h"
 #include "psf/psf.h"
 #include "stage/inputs.h"
 #include "stage/options.h"
@@ -257,6 +258,28 @@ static int has_second_stage(const rx_restore_params *par)
     return par->model != NULL && par->model->second != NULL;
 }
 
+/* What networks take that are larger than those of config/psfnet.fits, which the table is of: bytes of a thread in
+ * blocks of that width, seconds per Mpixel. */
+static double larger_bytes(const rx_restore_params *par, int width)
+{
+    static const double column = 4e3;
+    const rx_model *model = par->model;
+    double most = rx_stream_bytes(model->restore, width, par->precision);
+    if (has_second_stage(par))
+        most = fmax(most, rx_stream_bytes(model->second, width, par->precision));
+    return fmax(most - column * width, 0);
+}
+
+static double larger_seconds(const rx_restore_params *par)
+{
+    static const double multiplications = 4640, of_one = 3e-5; /* per pixel */
+    const rx_model *model = par->model;
+    double more = fmax(rx_net_macs(model->restore) - multiplications, 0);
+    if (has_second_stage(par))
+        more += fmax(rx_net_macs(model->second) - multiplications, 0);
+    return of_one * more;
+}
+
 /* How often each row counts for the way of image i through that restorer. */
 static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, double times[RX_NCOSTS])
 {
@@ -306,6 +329,7 @@ static double image_memory(const rx_plan_job *job, int i)
     enum { PIXELS = 1 << 20, SOURCES = 1 << 14, MESH = 64 };
     const rx_options *options = job->options;
     const rx_measure_params *measure = &options->pipeline.measure;
+    const rx_restore_params *restore = &options->pipeline.restore;
     const double pixels = plan_pixels(&job->detect[i]), sources = plan_sources(job, &job->detect[i]);
     double times[RX_NCOSTS], most = 0, open = 0;
     for (int role = 0; role <= (job->measure != NULL); role++) {
@@ -317,6 +341,9 @@ static double image_memory(const rx_plan_job *job, int i)
     for (int k = 0; k < options->nrestorers; k++) {
         double bytes = 0;
         count_rows(job, i, options->restorers[k], times);
+        if (restore->model != NULL && times[RX_COST_NET] > 0)
+            bytes = options->pipeline.nthreads *
+                    larger_bytes(restore, rx_min_int(job->detect[i].width, restore->net_block));
         for (int r = 0; r < RX_NCOSTS; r++)
             bytes += times[r] *
                      (costs[r].fixed + costs[r].pixel * fmin(pixels, PIXELS) +
@@ -352,7 +379,7 @@ static double restoration_seconds(const rx_restore_params *par, rx_cost_name nam
                par->blind_psf_niter * (1 + 0.7 * varies);
     if (name == RX_COST_NET)
         return mpixels *
-               (costs[RX_COST_NET_FORWARD].mpixel_seconds +
+               (costs[RX_COST_NET_FORWARD].mpixel_seconds + (par->model != NULL ? larger_seconds(par) : 0) +
                 has_second_stage(par) * costs[RX_COST_NET_STAGE].mpixel_seconds +
                 varies * (terms + 6) * costs[RX_COST_PSF_TERM].mpixel_seconds) *
                (1 + par->verify_seams);

@@ -1,5 +1,5 @@
-/* A small model for the command line tests: make_model FILE [BLIND|UNFINISHED|TWO]. Its weights are random and
- * small, it was never trained; UNFINISHED: of a training that has not ended; TWO: of two stages. */
+/* A small model for the command line tests: make_model FILE [BLIND|UNFINISHED|TWO|WIDE]. Its weights are random and
+ * small, it was never trained; UNFINISHED: of a training that has not ended; TWO: of two stages; WIDE: a large one. */
 #include <stdio.h>
 #include <string.h>
 
@@ -8,10 +8,11 @@
 
 int main(int argc, char **argv)
 {
+    const int wide = argc > 2 && strcmp(argv[2], "WIDE") == 0;
     const rx_psfnet_shape shape = {.stem = RX_STEM_UNSHUFFLE,
                                    .decoder = RX_DECODER_BILINEAR,
-                                   .width = 4,
-                                   .blocks = 2,
+                                   .width = wide ? 32 : 4,
+                                   .blocks = wide ? 6 : 2,
                                    .stem_kernel = 3,
                                    .kernel = 3};
     const rx_mode mode = argc > 2 && strcmp(argv[2], "BLIND") == 0 ? RX_MODE_BLIND : RX_MODE_INFORMED;

@@ -148,6 +148,22 @@ static void the_stop_stays_the_callers(void **state)
     assert_ptr_equal(err.user, &mine);
 }
 
+static void an_error_without_a_file_is_of_the_one_at_work(void **state)
+{
+    (void)state;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_error_where(&err, RX_OK, "a.fits", 1, 0), RX_OK);
+    assert_string_equal(err.where, "");
+    rx_error_set(&err, RX_INPUT, "x");
+    assert_int_equal(rx_error_where(&err, RX_INPUT, "a.fits", 1, 2), RX_INPUT);
+    rx_error_where(&err, RX_INPUT, "b.fits", 3, 4);
+    assert_string_equal(err.where, "a.fits");
+    assert_int_equal(err.hdu, 1);
+    assert_int_equal(err.line, 2);
+    assert_string_equal(err.text, "x");
+    assert_int_equal(rx_error_where(NULL, RX_SYSTEM, "a.fits", 1, 0), RX_SYSTEM);
+}
+
 static void a_part_of_nobodys_call_has_no_stop(void **state)
 {
     (void)state;
@@ -170,6 +186,7 @@ int main(void)
         cmocka_unit_test(long_names_and_short_buffers_end_early),
         cmocka_unit_test(memory_errors_name_the_bytes),
         cmocka_unit_test(the_stop_stays_the_callers),
+        cmocka_unit_test(an_error_without_a_file_is_of_the_one_at_work),
         cmocka_unit_test(a_part_of_nobodys_call_has_no_stop),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
