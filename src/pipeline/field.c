@@ -43,8 +43,8 @@ static rx_status measure_background(const rx_pipeline_params *params, int role, 
 {
     rx_image image = *input;
     image.hide = hide;
-    return rx_error_where(err, rx_background_measure(&params->background[role], &image, dst, err), input->name,
-                          input->hdu, 0);
+    return rx_error_where(err, rx_background_measure(&params->background[role], &image, dst, err),
+                          input->name, input->hdu, 0);
 }
 
 rx_image rx_field_observed(const rx_field *field)
