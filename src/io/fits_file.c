@@ -26,10 +26,13 @@ enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, BLOCK = 2880, MOST_OF_TI
 rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
                          const char *what)
 {
+    static const char held[] = "/proc/self/fd/"; /* the file as cfitsio names it, in a line of its own */
     char text[FLEN_STATUS] = "", line[FLEN_ERRMSG] = "", last[FLEN_ERRMSG] = "";
     fits_get_errstatus(status, text);
     while (fits_read_errmsg(line))
-        if (line[0] != '\0')
+        if (strncmp(line, held, sizeof held - 1) == 0)
+            last[0] = '\0';
+        else if (line[0] != '\0')
             memcpy(last, line, sizeof last);
     if (status == MEMORY_ALLOCATION)
         kind = RX_SYSTEM;

@@ -42,6 +42,10 @@ begin 'image cut in its header'
 make_fits tile t.fits && head -c 400 t.fits >tile.fits && rm t.fits
 expect 3 '^rextract: tile\.fits: its header has no END: the file is cut off or damaged,' tile.fits $none
 
+begin 'image cut behind its first card'
+make_fits tile t.fits && head -c 80 t.fits >tile.fits && rm t.fits
+expect 3 '^rextract: tile\.fits: cannot be read as FITS: second keyword not BITPIX$' tile.fits $none
+
 begin 'header without END'
 make_fits endless tile.fits
 expect 3 '^rextract: tile\.fits: its header has no END: the file is cut off or damaged,' tile.fits $none
