@@ -9,7 +9,7 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
-names=(restoration restoration-real restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
+names=(restoration restoration-real restoration-fast restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
     fluxes fluxes-errors fluxes-template fluxes-sdss invented robustness unknown_psf faint_galaxies preal quality auto)
 usage="final.sh: usage: final.sh SEED FOLDER [NAME...] | take FOLDER; names: ${names[*]}"
 [[ $# -ge 2 ]] || { echo "$usage" >&2; exit 2; }
