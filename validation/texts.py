@@ -990,6 +990,11 @@ def paper_kinds():
     return "\n".join(beside_rl(model, model.replace("psfnet", "restoration")) for model in ("psfnet-blind", "psfnet-paper", "psfnet-paper-informed"))
 
 
+def fast():
+    """The supplied network of one stage."""
+    return beside_rl("psfnet-fast", "restoration-fast")
+
+
 def real_galaxies():
     """The supplied network on galaxies of COSMOS."""
     return beside_rl("psfnet", "restoration-real")
@@ -1040,7 +1045,7 @@ def paper_speed():
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
     templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
-    sdss_coadd, preal, speed, amdahl, cores, against_time, paper, paper_kinds, real_galaxies, paper_speed)}
+    sdss_coadd, preal, speed, amdahl, cores, against_time, paper, paper_kinds, real_galaxies, fast, paper_speed)}
 
 
 # --- check and write
