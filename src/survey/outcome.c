@@ -52,8 +52,7 @@ rx_status rx_outcomes_add(rx_outcomes *outcomes, const rx_tiles *tiles, int i, r
         return RX_OK;
     char line[LINE];
     rx_error named = *why;
-    if (named.where[0] == '\0')
-        snprintf(named.where, sizeof named.where, "%s", rx_tiles_image(tiles, i));
+    rx_error_where(&named, outcome.status, rx_tiles_image(tiles, i), named.hdu, named.line);
     rx_error_format(&named, verdict(outcome.status), line, sizeof line);
     rx_log_warning(log, "%s", line);
     outcomes->of[i].what = rx_strdup(line);
