@@ -49,6 +49,7 @@ SAID = {
     "RXREST": lambda card, cards: card != cards["RXASKED"],
     "RXNETIN": lambda card, cards: card in ("F", False),
     "RXNOISOK": lambda card, cards: card in ("F", False),
+    "RXSTEPOK": lambda card, cards: card in ("F", False),
     "RXNEVEN": lambda card, cards: card in ("F", False),
     "RXFLXOK": lambda card, cards: card in ("F", False),
     "RXTPOK": lambda card, cards: card in ("F", False),
@@ -76,6 +77,7 @@ class Departure:
     run: dict = field(default_factory=dict)
     psf: str = ""  # profile of psf_truth.py
     tiles: int = 1
+    step: float = 0  # of pixel values, noise sigmas
 
 
 def smoothed(fwhm):
@@ -130,6 +132,7 @@ DEPARTURES = [
     Departure("noise", "half deep", "noise twice as high in one half, no weight map",
               post=lambda x, y, rng: 3**0.5 * rng.standard_normal(x.shape) * (x > x.max() / 2)),
     Departure("noise", "photons", "photon noise without a gain", {"NOISE_TYPE": "CCD", "GAIN": 905, "READ_NOISE": 0}),
+    Departure("noise", "rounded", "numbers in steps of 3 sigma", step=3),
     Departure("PSF", "halo", "a tenth of the light in a halo", psf="HALO"),
     Departure("PSF", "Kolmogorov", "a turbulent atmosphere's", psf="KOLMOGOROV"),
     Departure("PSF", "undersampled", "FWHM 1.5", {"PSF_FWHM": 1.5}),
@@ -176,6 +179,8 @@ def expose(program, departure, seed, number):
         y, x = np.indices(tile.pixels.shape).astype(float)
         more = departure.post(x, y, np.random.default_rng(seed + number))
         tile = tile.changed(tile.name, tile.pixels + SIGMA * more)
+    if departure.step:
+        tile = tile.changed(tile.name, departure.step * SIGMA * np.rint(tile.pixels / (departure.step * SIGMA)))
     tile.keywords |= {"NTHREADS": 1, **departure.run}
     return tile, np.array(fits.getdata(program.folder / "truth.fits", 1)), width
 

@@ -30,6 +30,7 @@ static const double FALL = 1.5;                 /* power of the distance */
 static const double SHARPER = 1.2, SHARP = 6.0; /* times R, and errors */
 static const double LEAST_FWHM = 2.5; /* pixels: below, R depends on where in its pixel a star stands */
 static const double STRIPED = 0.2, LARGE = 0.02; /* sigmas; share of boxes */
+static const double COARSE = 2.0;                /* sigmas */
 
 static const int steps[RX_ANOMALIES_STEPS][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
 
@@ -39,6 +40,7 @@ typedef struct work {
     int nx, ny, along, across; /* boxes; pixels that are looked at, of a row and of a column */
     double limit;              /* of the median of a lit box */
     double *rows, *columns;    /* medians; NAN of too few pixels */
+    double *steps;             /* least ones of the rows; HUGE_VAL: none */
     double *median, *highest;  /* [ny][nx] of boxes */
 } work;
 
@@ -99,10 +101,23 @@ static double median_of(double *values, size_t n, int possible)
     return (double)n >= ENOUGH * possible ? rx_median(values, n) : NAN;
 }
 
+/* The least step from one to the next of n pixels that are known. */
+static double least_step(const float *pixels, const float *z, int n)
+{
+    double least = HUGE_VAL;
+    for (int i = 1; i < n; i++) {
+        const double step = fabs((double)pixels[i] - (double)pixels[i - 1]);
+        if (step > 0.0 && step < least && z[i] == z[i] && z[i - 1] == z[i - 1])
+            least = step;
+    }
+    return least;
+}
+
 static void measure_row(const work *w, int y, double *values)
 {
     const int width = w->image->width;
     size_t n = 0;
+    w->steps[y] = HUGE_VAL;
     for (int x = 0; x < width; x += PIECE) {
         float z[PIECE];
         const int count = rx_min_int(PIECE, width - x);
@@ -110,6 +125,8 @@ static void measure_row(const work *w, int y, double *values)
             continue;
         read_piece(w->image, x, y, count, z);
         n += keep_known(z, count, values + n);
+        w->steps[y] =
+            fmin(w->steps[y], least_step(w->image->pixels + (size_t)y * (size_t)width + x, z, count));
     }
     w->rows[y] = median_of(values, n, w->along);
 }
@@ -255,6 +272,15 @@ static double offsets(double *medians, int n, int pixels, double wide)
     return sqrt(fmax(0.5 * step * step - noise * noise / pixels, 0.0));
 }
 
+static double usual_step(double *least, int n)
+{
+    size_t known = 0;
+    for (int i = 0; i < n; i++)
+        if (isfinite(least[i]))
+            least[known++] = least[i];
+    return known > 0 ? rx_median(least, known) : 0.0;
+}
+
 /* Does the light of a box fall off to it from a brighter one? */
 static bool falls_off(const work *w, int bx, int by)
 {
@@ -354,6 +380,7 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
     RX_TRY_EXIT(RX_MAKE(dst->lit, boxes, err));
     RX_TRY_EXIT(RX_MAKE(w.rows, (size_t)height, err));
     RX_TRY_EXIT(RX_MAKE(w.columns, (size_t)width, err));
+    RX_TRY_EXIT(RX_MAKE(w.steps, (size_t)height, err));
     RX_TRY_EXIT(RX_MAKE(w.median, boxes, err));
     RX_TRY_EXIT(RX_MAKE(w.highest, boxes, err));
     RX_TRY_EXIT(RX_MAKE(values, room * (size_t)threads, err));
@@ -370,9 +397,11 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
     RX_TRY_EXIT(find_light(&w, threads, dst, err));
     dst->rows = offsets(w.rows, height, w.along, wide);
     dst->columns = offsets(w.columns, width, w.across, wide);
+    dst->step = usual_step(w.steps, height);
 exit:
     free(w.rows);
     free(w.columns);
+    free(w.steps);
     free(w.median);
     free(w.highest);
     free(values);
@@ -445,4 +474,9 @@ int rx_anomalies_is_striped(const rx_anomalies *anomalies)
 int rx_anomalies_is_lit(const rx_anomalies *anomalies)
 {
     return anomalies->light > LARGE;
+}
+
+int rx_anomalies_is_coarse(const rx_anomalies *anomalies, double sigma)
+{
+    return anomalies->step > COARSE * sigma;
 }

@@ -11,6 +11,10 @@
  * most, whose median is (1 + d)^1.5 times as large. So are groups of fewer than 4 boxes that touch, as galaxies of low surface
  * brightness light them. The rest is light that is no source's and that the mesh does not follow: filaments, ghosts, nebulae.
  *
+ * Steps: the least difference, but none, of two pixels side by side, the median over the rows. Of numbers that are as fine as
+ * their noise it is a small part of sigma; whole numbers, or a coarse scale of a file, have steps that noise may not reach. Above
+ * 2 sigma most pixels have one of two values, and what the mesh takes for noise is no measure of it.
+ *
  * Sharp pixels: the PSF p puts light on either side of any pixel, so that for every sum of sources, points or not,
  *
  *   z(i) <= R (z(i - k) + z(i + k)) / 2,     R = p(0) / ((p(k) + p(-k)) / 2), its largest on the tile
@@ -34,6 +38,7 @@ typedef struct rx_anomalies {
     unsigned char *lit; /* [ny][nx], owned; not 0: light that is no source's */
     double light;       /* share of such boxes among those with a quarter of their pixels; NAN without any */
     double ratio[RX_ANOMALIES_STEPS]; /* R; 0: no PSF that is sampled is known */
+    double step;                      /* between pixel values, ADU; 0: all alike */
 } rx_anomalies;
 
 /* Of image->pixels with its sky, noise, mask and PSF. wide: f. The same bytes for any nthreads. Errors: RX_SYSTEM. */
@@ -50,6 +55,9 @@ int rx_anomalies_sharp_at(const rx_anomalies *anomalies, const rx_image *image, 
 /* So much of it that results are in doubt: offsets above 0.2 sigma, light on a fiftieth of the tile. */
 int rx_anomalies_is_striped(const rx_anomalies *anomalies);
 int rx_anomalies_is_lit(const rx_anomalies *anomalies);
+
+/* Do pixel values have steps of more than 2 of that sigma? */
+int rx_anomalies_is_coarse(const rx_anomalies *anomalies, double sigma);
 
 RX_END_DECLS
 

@@ -219,6 +219,17 @@ static rx_status measure_meshes(const rx_background_params *par, const rx_image 
     return status;
 }
 
+/* Is nothing known of the noise: neither from the meshes nor from the user? */
+static int has_no_noise(const rx_background_params *par, const rx_image *src, const sep_bkg *mesh)
+{
+    const int given =
+        src->weight_type == RX_WEIGHT_MAP_RMS || (src->weight_type > RX_WEIGHT_MAP_RMS && par->no_rescale);
+    for (int64_t i = 0; i < mesh->n && !given; i++)
+        if (mesh->sigma[i] > 0.0f)
+            return 0;
+    return !given;
+}
+
 static rx_status fill_maps(const rx_background_params *par, const rx_image *src, rx_background *dst,
                            rx_error *err)
 {
@@ -229,6 +240,7 @@ static rx_status fill_maps(const rx_background_params *par, const rx_image *src,
     if (good > 0) {
         dst->global_level = par->manual ? dst->global_level : mesh->global;
         dst->global_sigma = mesh->globalrms;
+        dst->constant = has_no_noise(par, src, mesh);
     }
     dst->levels.value = (float)dst->global_level;
     dst->usual_sigma = (float)dst->global_sigma;

@@ -109,6 +109,9 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         rx_record_add(facts, "RXNOISOK", "F: more correlated than resampling explains", "%s",
                       rx_noise_is_structure(noise) ? "F" : "T");
     const rx_anomalies *anomalies = &field->anomalies;
+    rx_record_add(facts, "RXSTEP", "least step between pixel values, ADU", "%.4g", anomalies->step);
+    rx_record_add(facts, "RXSTEPOK", "F: it hides the noise, or there is none", "%s",
+                  rx_field_is_coarse(field) ? "F" : "T");
     if (isfinite(anomalies->rows))
         rx_record_add(facts, "RXROWS", "offsets of rows, sigmas of a pixel", "%.3f", anomalies->rows);
     if (isfinite(anomalies->columns))

@@ -203,10 +203,30 @@ static void say_noise(const rx_field *field, rx_log *log)
         power[0][3], power[0][4], power[1][0], power[1][1], power[1][2], power[1][3], power[1][4]);
 }
 
+int rx_field_is_coarse(const rx_field *field)
+{
+    return field->plain->constant || rx_anomalies_is_coarse(&field->anomalies, field->plain->global_sigma);
+}
+
 static void say_anomalies(const rx_field *field, rx_log *log)
 {
     const rx_anomalies *a = &field->anomalies;
     const rx_image *image = &field->image;
+    if (field->plain->constant)
+        rx_log_warning(log,
+                       "%s[%d]: it has no noise that could be measured (a mask, a map, rounded numbers?): "
+                       "sigma is taken for 1, thresholds "
+                       "and errors mean nothing, every source has FLAGS_RESTORE 1024; give the noise "
+                       "(WEIGHT_TYPE MAP_RMS)",
+                       image->name, image->hdu);
+    else if (rx_field_is_coarse(field))
+        rx_log_warning(log,
+                       "%s[%d]: its pixel values have steps of %.3g ADU, what is taken for its noise is %.3g "
+                       "(RXSTEP, RXSIGMA): "
+                       "rounded numbers, or no image of a sky (a map of noise, of segments?); thresholds and "
+                       "errors are wrong, every "
+                       "source has FLAGS_RESTORE 1024; give the tile as it was before it was rounded",
+                       image->name, image->hdu, a->step, field->plain->global_sigma);
     if (rx_anomalies_is_striped(a))
         rx_log_warning(log,
                        "%s[%d]: its rows are offset by %.2g sigma of a pixel, its columns by %.2g (RXROWS, "

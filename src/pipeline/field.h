@@ -67,6 +67,9 @@ rx_image rx_field_effective(const rx_field *field);
 /* MEASURED, WHITE, FILE or UNKNOWN: where the correlation of its noise comes from. */
 const char *rx_field_noise_origin(const rx_field *field);
 
+/* Is its noise finer than the steps between its pixel values, or is there none? What is known of its noise is wrong then. */
+int rx_field_is_coarse(const rx_field *field);
+
 void rx_field_free(rx_field *field);
 
 RX_END_DECLS

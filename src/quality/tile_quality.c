@@ -454,6 +454,11 @@ static void judge_noise(rx_tile_quality *q)
                "Pixels without sources scatter by %.2f times what the noise map says: errors and thresholds "
                "are off by as much.",
                q->width);
+    if (q->about->coarse)
+        remark(q, "steps", 1,
+               "The noise is hidden by the steps between pixel values, or there is none: thresholds and "
+               "errors are "
+               "wrong, every source has FLAGS_RESTORE 1024.");
     if (noise != NULL && rx_noise_is_structure(noise))
         remark(q, "structure", 1,
                "Noise of sums is %.1f times that of independent pixels, more than resampling explains: "

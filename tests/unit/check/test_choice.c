@@ -64,7 +64,7 @@ static void windows_avoid_what_is_masked(void **state)
 
 /* --- choices --- */
 
-enum { AS_IT_IS, NO_PSF, MASKED };
+enum { AS_IT_IS, NO_PSF, MASKED, NO_NOISE };
 
 static rx_choice choose(const setting *settings, int how, int threads)
 {
@@ -78,6 +78,8 @@ static rx_choice choose(const setting *settings, int how, int threads)
     rx_psf *psf = field->psf;
     if (how == NO_PSF)
         field->psf = NULL;
+    if (how == NO_NOISE)
+        field->plain->constant = 1;
     if (how == MASKED)
         memset(field->tile->mask, RX_MASK_BAD, SIDE * SIDE);
     rx_pipeline_threads(&b.options->pipeline, threads);
@@ -106,6 +108,18 @@ static void the_better_one_wins(void **state)
     assert_int_equal(c.of[2].tried, 0);
     assert_non_null(strstr(c.why, "RL"));
     assert_non_null(strstr(c.why, "300"));
+}
+
+/* What is right for a noise that is not known cannot be tried on it. */
+static void without_noise_nothing_is_restored(void **state)
+{
+    (void)state;
+    const rx_choice c = choose(unfiltered, NO_NOISE, 1);
+    assert_string_equal(c.taken->name, "NONE");
+    for (int i = 1; i < RX_CHOICE_CANDIDATES; i++) {
+        assert_string_equal(c.of[i].out, "the noise is not known");
+        assert_int_equal(c.of[i].tried, 0);
+    }
 }
 
 static void threads_change_nothing(void **state)
@@ -208,6 +222,7 @@ int main(void)
         cmocka_unit_test(windows_are_of_a_mpixel_whatever_the_tile),
         cmocka_unit_test(windows_avoid_what_is_masked),
         cmocka_unit_test(the_better_one_wins),
+        cmocka_unit_test(without_noise_nothing_is_restored),
         cmocka_unit_test(threads_change_nothing),
         cmocka_unit_test(a_worse_one_leaves_none),
         cmocka_unit_test(a_flux_scale_that_is_off_is_a_veto),

@@ -197,6 +197,35 @@ static void test_sharp_pixels(void **state)
     rx_psf_free(narrow);
 }
 
+/* Numbers rounded to steps, between them hidden ones that are not, and two rows of other steps. */
+static void test_steps(void **state)
+{
+    (void)state;
+    static const double steps[] = {0, 0.5, 2, 8};
+    for (size_t k = 0; k < sizeof steps / sizeof *steps; k++) {
+        const rx_image image = make(NULL);
+        const double step = steps[k];
+        for (int i = 0; step > 0 && i < N; i++) {
+            const double own = i / W < 2 ? step / 4 : step;
+            mask[i] = i % 7 == 0;
+            pixels[i] = mask[i] ? pixels[i] : (float)(own * round(pixels[i] / own));
+        }
+        rx_anomalies found = measure(&image);
+        if (step > 0)
+            assert_near(found.step, step, 1e-6);
+        else
+            assert_between(found.step, 1e-6, 0.05);
+        assert_int_equal(rx_anomalies_is_coarse(&found, 2.0), step > 4);
+        rx_anomalies_free(&found);
+    }
+    const rx_image image = make(NULL);
+    for (int i = 0; i < N; i++)
+        pixels[i] = 10.0f;
+    rx_anomalies found = measure(&image);
+    assert_near(found.step, 0, 0);
+    rx_anomalies_free(&found);
+}
+
 static void test_nothing_to_see(void **state)
 {
     (void)state;
@@ -225,7 +254,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_an_ordinary_sky), cmocka_unit_test(test_rows_and_columns),
         cmocka_unit_test(test_light),           cmocka_unit_test(test_sharp_pixels),
-        cmocka_unit_test(test_nothing_to_see),
+        cmocka_unit_test(test_steps),           cmocka_unit_test(test_nothing_to_see),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

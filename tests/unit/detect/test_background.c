@@ -92,6 +92,7 @@ static void copes_with_odd_tiles(void **state)
         f.pixels[i] = 7.0f;
     rx_background *back = measure(&f, NULL, RX_WEIGHT_NONE, 0);
     assert_near(back->global_sigma, 1.0, 0.0);
+    assert_true(back->constant);
     for (size_t i = 0; i < f.n; i++) {
         assert_near(level_at(back, i), 7.0, 1e-5);
         assert_near(sigma_at(back, i), 1.0, 0.0);
@@ -102,6 +103,7 @@ static void copes_with_odd_tiles(void **state)
     assert_near(level_at(back, 5), 0.0, 0.0);
     assert_near(sigma_at(back, 5), 0.0, 0.0);
     assert_near(back->global_sigma, 1.0, 0.0);
+    assert_false(back->constant);
     rx_background_free(back);
     field_free(&f);
 }

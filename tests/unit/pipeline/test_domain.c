@@ -693,6 +693,52 @@ static void test_fringes(void **state)
     }
 }
 
+/* Whole numbers that hide the noise, and no noise at all: said in the log, the header and for every source. */
+static void test_steps(void **state)
+{
+    (void)state;
+    enum { WIDE = 400 };
+    enum { FINE, ROUNDED, NO_NOISE, KINDS };
+    for (int kind = FINE; kind < KINDS; kind++) {
+        scene s;
+        heard h;
+        bench b;
+        rx_result result;
+        rx_record facts = {0};
+        scene_make(&s, WIDE, WIDE, STARS, 5);
+        for (int i = 0; kind == ROUNDED && i < WIDE * WIDE; i++) /* to 3.2 sigma */
+            s.pixels[i] = 16.0f * roundf((s.pixels[i] - 995.0f) / 16.0f);
+        for (int i = 0; kind == NO_NOISE && i < WIDE * WIDE; i++) /* a bright square */
+            s.pixels[i] = 200.0f * (float)(abs(i % WIDE - 220) < 4 && abs(i / WIDE - 163) < 4);
+        open_bench(&b, RX_MODE_INFORMED, NULL);
+        rx_field *field = NULL;
+        listen(&h);
+        assert_int_equal(rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF,
+                                          bench_tile(s.pixels, WIDE, WIDE, 2.0), NULL, &h.log, &field, NULL),
+                         RX_OK);
+        fclose(h.log.stream);
+        assert_int_equal(count(h.text, "have steps of 16 ADU"), kind == ROUNDED);
+        assert_int_equal(count(h.text, "no noise that could be measured"), kind == NO_NOISE);
+        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL,
+                                          &result, NULL),
+                         RX_OK);
+        rx_result_facts(&result, &facts);
+        assert_string_equal(fact(&facts, "RXSTEPOK"), kind == FINE ? "T" : "F");
+        if (kind != FINE)
+            assert_near(atof(fact(&facts, "RXSTEP")), kind == ROUNDED ? 16 : 200, 1e-3);
+        assert_true(result.sources->n > 0);
+        for (int i = 0; i < result.sources->n; i++)
+            assert_int_equal(result.sources->list[i].fit.restore & RX_RESTORE_COARSE,
+                             kind == FINE ? 0 : RX_RESTORE_COARSE);
+        rx_record_free(&facts);
+        rx_result_free(&result);
+        rx_field_free(field);
+        free(h.text);
+        bench_close(&b);
+        scene_free(&s);
+    }
+}
+
 /* Rows that are offset, a band of light and cosmic rays: said in the log and the header, and by source. */
 static void test_anomalies(void **state)
 {
@@ -916,6 +962,7 @@ int main(void)
         cmocka_unit_test(test_faint),
         cmocka_unit_test(test_marks_by_source),
         cmocka_unit_test(test_fringes),
+        cmocka_unit_test(test_steps),
         cmocka_unit_test(test_anomalies),
         cmocka_unit_test_setup_teardown(test_outputs_inside, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(test_outputs_rl, enter_scratch, leave_scratch),
