@@ -27,7 +27,7 @@ from pathlib import Path
 
 import numpy as np
 from astropy.io import fits
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, minimum_filter
 from scipy.spatial import cKDTree
 
 import ledger
@@ -35,8 +35,8 @@ import psf_truth
 import tiles
 from tiles import RESTORERS, near
 
-SIGMA, FWHM, SIDE, EDGE = 0.031, 3.28, 768, 8
-MARKS = 1 | 2 | 4 | 16 | 32 | 64 | 128 | 256 | 512  # FLAGS_RESTORE: all but ADDED, which is no doubt
+SKY, SIGMA, FWHM, SIDE, EDGE = 0.87, 0.031, 3.28, 768, 8
+MARKS = 1 | 2 | 4 | 16 | 32 | 64 | 128 | 256 | 512 | 1024  # FLAGS_RESTORE: all but ADDED, which is no doubt
 # name: limit, and why there
 LIMITS = {
     "recall": (0.9, "nine of ten that stand ten times above the noise"),
@@ -49,7 +49,7 @@ SAID = {
     "RXREST": lambda card, cards: card != cards["RXASKED"],
     "RXNETIN": lambda card, cards: card in ("F", False),
     "RXNOISOK": lambda card, cards: card in ("F", False),
-    "RXSTEPOK": lambda card, cards: card in ("F", False),
+    "RXPIXOK": lambda card, cards: card in ("F", False),
     "RXNEVEN": lambda card, cards: card in ("F", False),
     "RXFLXOK": lambda card, cards: card in ("F", False),
     "RXTPOK": lambda card, cards: card in ("F", False),
@@ -77,7 +77,7 @@ class Departure:
     run: dict = field(default_factory=dict)
     psf: str = ""  # profile of psf_truth.py
     tiles: int = 1
-    step: float = 0  # of pixel values, noise sigmas
+    edit: object = None  # of pixels, x, y: what becomes of them
 
 
 def smoothed(fwhm):
@@ -107,7 +107,7 @@ def cosmic_rays(x, y, rng):
 
 
 def bad_columns(x, y, rng):
-    return np.where(x == 300, -0.5 * 0.87 / SIGMA, np.where(x == 600, 30, 0))
+    return np.where(x == 300, -0.5 * SKY / SIGMA, np.where(x == 600, 30, 0))
 
 
 def clouds(fwhm, height):
@@ -132,7 +132,9 @@ DEPARTURES = [
     Departure("noise", "half deep", "noise twice as high in one half, no weight map",
               post=lambda x, y, rng: 3**0.5 * rng.standard_normal(x.shape) * (x > x.max() / 2)),
     Departure("noise", "photons", "photon noise without a gain", {"NOISE_TYPE": "CCD", "GAIN": 905, "READ_NOISE": 0}),
-    Departure("noise", "rounded", "numbers in steps of 3 sigma", step=3),
+    Departure("noise", "rounded", "numbers in steps of 3 sigma", edit=lambda pixels, x, y: 3 * SIGMA * np.rint(pixels / (3 * SIGMA))),
+    Departure("noise", "cut off", "values more than half a sigma below the sky cut off",
+              edit=lambda pixels, x, y: np.maximum(pixels, SKY - 0.5 * SIGMA)),
     Departure("PSF", "halo", "a tenth of the light in a halo", psf="HALO"),
     Departure("PSF", "Kolmogorov", "a turbulent atmosphere's", psf="KOLMOGOROV"),
     Departure("PSF", "undersampled", "FWHM 1.5", {"PSF_FWHM": 1.5}),
@@ -158,6 +160,8 @@ DEPARTURES = [
     Departure("defects", "cosmic rays", "200 per Mpixel, 1 to 12 pixels of 10 to 100 sigma", post=cosmic_rays),
     Departure("defects", "bad columns", "a dead one and one 30 sigma too bright", post=bad_columns),
     Departure("defects", "trail", "a satellite's, 6 sigma high", post=trail),
+    Departure("defects", "no data", "a corner filled with zeros, no weight map",
+              edit=lambda pixels, x, y: np.where(x + 0.6 * y < 300, 0, pixels)),
     Departure("size", "cut-outs", "16 tiles of 100 pixels", {"IMAGE_SIZE": 100}, tiles=16),
 ]
 
@@ -179,8 +183,9 @@ def expose(program, departure, seed, number):
         y, x = np.indices(tile.pixels.shape).astype(float)
         more = departure.post(x, y, np.random.default_rng(seed + number))
         tile = tile.changed(tile.name, tile.pixels + SIGMA * more)
-    if departure.step:
-        tile = tile.changed(tile.name, departure.step * SIGMA * np.rint(tile.pixels / (departure.step * SIGMA)))
+    if departure.edit is not None:
+        y, x = np.indices(tile.pixels.shape).astype(float)
+        tile = tile.changed(tile.name, departure.edit(tile.pixels, x, y))
     tile.keywords |= {"NTHREADS": 1, **departure.run}
     return tile, np.array(fits.getdata(program.folder / "truth.fits", 1)), width
 
@@ -189,8 +194,9 @@ def inside(at, side):
     return ((at > EDGE) & (at < side - EDGE)).all(1)
 
 
-def objects(truth, width, side):
-    """Places, fluxes, S/N, whether a star, and whether it may be judged."""
+def objects(truth, width, pixels):
+    """Places, fluxes, S/N, whether a star, and whether it may be judged: not at a border of the data."""
+    side, data = len(pixels), minimum_filter(pixels != 0, 2 * EDGE + 1)
     at = np.column_stack([truth["X_IMAGE"], truth["Y_IMAGE"]]).astype(float)
     flux = truth["FLUX"].astype(float)
     star = np.char.strip(truth["TYPE"].astype(str)) == "STAR" if truth["TYPE"].dtype.kind in "SU" else truth["TYPE"] == 0
@@ -198,7 +204,8 @@ def objects(truth, width, side):
     tree = cKDTree(at)
     clear = np.array([all(flux[j] < 0.3 * flux[i] for j in tree.query_ball_point(at[i], 2.3548 * width) if j != i)
                       for i in range(len(at))], bool)
-    return at, flux, snr, star, clear & inside(at, side)
+    x, y = np.clip(np.rint(at).astype(int) - 1, 0, side - 1).T
+    return at, flux, snr, star, clear & inside(at, side) & data[y, x]
 
 
 def measure(run, known, reach, side):
@@ -267,7 +274,7 @@ def main(output, seed, names):
         parts, runs, mpixel = {r: [] for r in RESTORERS}, {r: [] for r in RESTORERS}, 0
         for number in range(departure.tiles):
             tile, truth, width = expose(program, departure, seed, number)
-            known, reach = objects(truth, width, len(tile.pixels)), max(2.0, 2.3548 * width)
+            known, reach = objects(truth, width, tile.pixels), max(2.0, 2.3548 * width)
             mpixel += tile.mpixel * (1 - 2 * EDGE / len(tile.pixels)) ** 2  # that false sources are counted on
             for r, run in program.run(tile).items():
                 parts[r].append(measure(run, known, reach, len(tile.pixels)))

@@ -87,9 +87,9 @@ static rx_status decline(const work *w, rx_error *err)
     rx_domain domain;
     for (int i = RL; i < RX_CHOICE_CANDIDATES && w->field->psf == NULL; i++)
         snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the PSF is not known");
-    for (int i = RL; i < RX_CHOICE_CANDIDATES && rx_field_is_coarse(w->field); i++)
+    for (int i = RL; i < RX_CHOICE_CANDIDATES && rx_field_noise_hidden(w->field); i++)
         snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the noise is not known");
-    if (w->field->psf == NULL || rx_field_is_coarse(w->field))
+    if (w->field->psf == NULL || rx_field_noise_hidden(w->field))
         return RX_OK;
     par.out_of_domain = RX_DOMAIN_RL;
     RX_TRY(rx_domain_obey(&par, w->field, NULL, &kind, &domain, err));

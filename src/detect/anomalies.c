@@ -30,7 +30,7 @@ static const double FALL = 1.5;                 /* power of the distance */
 static const double SHARPER = 1.2, SHARP = 6.0; /* times R, and errors */
 static const double LEAST_FWHM = 2.5; /* pixels: below, R depends on where in its pixel a star stands */
 static const double STRIPED = 0.2, LARGE = 0.02; /* sigmas; share of boxes */
-static const double COARSE = 2.0;                /* sigmas */
+static const double COARSE = 2.0, CUT = 0.02;    /* sigmas; share of the pixels */
 
 static const int steps[RX_ANOMALIES_STEPS][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
 
@@ -281,6 +281,22 @@ static double usual_step(double *least, int n)
     return known > 0 ? rx_median(least, known) : 0.0;
 }
 
+static double share_of_lowest(const rx_image *image)
+{
+    const size_t n = (size_t)image->width * (size_t)image->height;
+    double alike = 0, all = 0;
+    float lowest = INFINITY;
+    for (size_t k = 0; k < n; k++) {
+        if (rx_image_hides(image, k))
+            continue;
+        const float value = image->pixels[k];
+        alike = value < lowest ? 1 : alike + (value == lowest);
+        lowest = value < lowest ? value : lowest;
+        all++;
+    }
+    return alike / all;
+}
+
 /* Does the light of a box fall off to it from a brighter one? */
 static bool falls_off(const work *w, int bx, int by)
 {
@@ -398,6 +414,7 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
     dst->rows = offsets(w.rows, height, w.along, wide);
     dst->columns = offsets(w.columns, width, w.across, wide);
     dst->step = usual_step(w.steps, height);
+    dst->cut = share_of_lowest(image);
 exit:
     free(w.rows);
     free(w.columns);
@@ -479,4 +496,9 @@ int rx_anomalies_is_lit(const rx_anomalies *anomalies)
 int rx_anomalies_is_coarse(const rx_anomalies *anomalies, double sigma)
 {
     return anomalies->step > COARSE * sigma;
+}
+
+int rx_anomalies_is_cut(const rx_anomalies *anomalies)
+{
+    return anomalies->cut > CUT;
 }

@@ -15,6 +15,9 @@
  * their noise it is a small part of sigma; whole numbers, or a coarse scale of a file, have steps that noise may not reach. Above
  * 2 sigma most pixels have one of two values, and what the mesh takes for noise is no measure of it.
  *
+ * Cut: the share of the pixels that have the lowest value, of which noise has hardly one. Where values below it were cut off, as
+ * by numbers without a sign, or by a square root, half of the noise is not seen.
+ *
  * Sharp pixels: the PSF p puts light on either side of any pixel, so that for every sum of sources, points or not,
  *
  *   z(i) <= R (z(i - k) + z(i + k)) / 2,     R = p(0) / ((p(k) + p(-k)) / 2), its largest on the tile
@@ -39,6 +42,7 @@ typedef struct rx_anomalies {
     double light;       /* share of such boxes among those with a quarter of their pixels; NAN without any */
     double ratio[RX_ANOMALIES_STEPS]; /* R; 0: no PSF that is sampled is known */
     double step;                      /* between pixel values, ADU; 0: all alike */
+    double cut;                       /* share of the lowest value; NAN without a pixel */
 } rx_anomalies;
 
 /* Of image->pixels with its sky, noise, mask and PSF. wide: f. The same bytes for any nthreads. Errors: RX_SYSTEM. */
@@ -56,8 +60,9 @@ int rx_anomalies_sharp_at(const rx_anomalies *anomalies, const rx_image *image, 
 int rx_anomalies_is_striped(const rx_anomalies *anomalies);
 int rx_anomalies_is_lit(const rx_anomalies *anomalies);
 
-/* Do pixel values have steps of more than 2 of that sigma? */
+/* Do pixel values have steps of more than 2 of that sigma, or does a fiftieth of them have the lowest one? */
 int rx_anomalies_is_coarse(const rx_anomalies *anomalies, double sigma);
+int rx_anomalies_is_cut(const rx_anomalies *anomalies);
 
 RX_END_DECLS
 

@@ -10,6 +10,7 @@ librextract_la_SOURCES += \
 	src/detect/filter.c src/detect/filter.h \
 	src/detect/groups.c src/detect/groups.h \
 	src/detect/mesh.c src/detect/mesh.h \
+	src/detect/no_data.c src/detect/no_data.h \
 	src/detect/deblendable.c src/detect/deblendable.h \
 	src/detect/threshold_noise.c src/detect/threshold_noise.h \
 	src/detect/libsep.h

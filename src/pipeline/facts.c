@@ -54,6 +54,9 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     if (isfinite(result->residual.dark))
         rx_record_add(facts, "RXDARK", "share of 32-pixel boxes 0.3 sigma below the sky", "%.4f",
                       result->residual.dark);
+    if (field->no_data > 0)
+        rx_record_add(facts, "RXNODATA", "share of pixels without data, in runs of one value", "%.4f",
+                      (double)field->no_data / ((double)field->image.width * (double)field->image.height));
     if (field->deep > 0)
         rx_record_add(facts, "RXDEEP", "pixels 300 sigma below the sky, not restored", "%zu", field->deep);
     if (strcmp(restored->name, "NET") == 0)
@@ -110,8 +113,11 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
                       rx_noise_is_structure(noise) ? "F" : "T");
     const rx_anomalies *anomalies = &field->anomalies;
     rx_record_add(facts, "RXSTEP", "least step between pixel values, ADU", "%.4g", anomalies->step);
-    rx_record_add(facts, "RXSTEPOK", "F: it hides the noise, or there is none", "%s",
-                  rx_field_is_coarse(field) ? "F" : "T");
+    if (isfinite(anomalies->cut))
+        rx_record_add(facts, "RXCUT", "share of the pixels that have the lowest value", "%.4f",
+                      anomalies->cut);
+    rx_record_add(facts, "RXPIXOK", "F: steps hide the noise, it is cut off, or none", "%s",
+                  rx_field_noise_hidden(field) ? "F" : "T");
     if (isfinite(anomalies->rows))
         rx_record_add(facts, "RXROWS", "offsets of rows, sigmas of a pixel", "%.3f", anomalies->rows);
     if (isfinite(anomalies->columns))

@@ -14,6 +14,7 @@
 #include "data/map.h"
 #include "detect/correlation.h"
 #include "detect/filter.h"
+#include "detect/no_data.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "io/wcs.h"
@@ -203,9 +204,10 @@ static void say_noise(const rx_field *field, rx_log *log)
         power[0][3], power[0][4], power[1][0], power[1][1], power[1][2], power[1][3], power[1][4]);
 }
 
-int rx_field_is_coarse(const rx_field *field)
+int rx_field_noise_hidden(const rx_field *field)
 {
-    return field->plain->constant || rx_anomalies_is_coarse(&field->anomalies, field->plain->global_sigma);
+    return field->plain->constant || rx_anomalies_is_cut(&field->anomalies) ||
+           rx_anomalies_is_coarse(&field->anomalies, field->plain->global_sigma);
 }
 
 static void say_anomalies(const rx_field *field, rx_log *log)
@@ -219,7 +221,7 @@ static void say_anomalies(const rx_field *field, rx_log *log)
                        "and errors mean nothing, every source has FLAGS_RESTORE 1024; give the noise "
                        "(WEIGHT_TYPE MAP_RMS)",
                        image->name, image->hdu);
-    else if (rx_field_is_coarse(field))
+    else if (rx_anomalies_is_coarse(a, field->plain->global_sigma))
         rx_log_warning(log,
                        "%s[%d]: its pixel values have steps of %.3g ADU, what is taken for its noise is %.3g "
                        "(RXSTEP, RXSIGMA): "
@@ -227,6 +229,13 @@ static void say_anomalies(const rx_field *field, rx_log *log)
                        "errors are wrong, every "
                        "source has FLAGS_RESTORE 1024; give the tile as it was before it was rounded",
                        image->name, image->hdu, a->step, field->plain->global_sigma);
+    if (rx_anomalies_is_cut(a))
+        rx_log_warning(log,
+                       "%s[%d]: %.0f %% of its pixels have its lowest value (RXCUT): what was below it is "
+                       "cut off, so that sky, noise, "
+                       "thresholds and errors are wrong; every source has FLAGS_RESTORE 1024; give the tile "
+                       "with values below its sky",
+                       image->name, image->hdu, 100.0 * a->cut);
     if (rx_anomalies_is_striped(a))
         rx_log_warning(log,
                        "%s[%d]: its rows are offset by %.2g sigma of a pixel, its columns by %.2g (RXROWS, "
@@ -646,13 +655,37 @@ static rx_status measure_backgrounds(const rx_pipeline_params *params, int role,
     return measure_background(params, role, &field->image, RX_HIDE_RESTORED, &field->restored, err);
 }
 
+/* What may be hidden of its pixels, the caller's or its own. */
+static uint8_t *own_mask(const rx_field *field)
+{
+    return field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
+}
+
+/* A map of the user's says itself where there is no data. */
+static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field, rx_log *log, rx_error *err)
+{
+    const rx_image *image = &field->image;
+    uint8_t *mask = own_mask(field);
+    if (mask == NULL || image->weight_type >= RX_WEIGHT_MAP_RMS)
+        return RX_OK;
+    RX_TRY(rx_no_data_hide(image, params->nthreads, mask, &field->no_data, err));
+    if (field->no_data > 0)
+        rx_log_warning(log,
+                       "%s[%d]: %.1f %% of its pixels, in runs of one value, hold no data (RXNODATA): they "
+                       "are left out, as by "
+                       "a weight map",
+                       image->name, image->hdu,
+                       100.0 * (double)field->no_data / ((double)image->width * (double)image->height));
+    return RX_OK;
+}
+
 /* A pixel that lacks more light than 90,000 electrons are is dead: no dark cloud takes so much off a sky that is in the mesh. */
 static void hide_deep(rx_field *field, rx_log *log)
 {
     static const double deep = 300.0,
                         at_least = 30.0; /* sigmas of the pixel, and of the tile: few are looked at */
     const rx_image *image = &field->image;
-    uint8_t *mask = field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
+    uint8_t *mask = own_mask(field);
     const rx_map level = rx_background_level(field->plain), noise = rx_background_noise(field->plain);
     const double limit = field->plain->global_level - at_least * field->plain->global_sigma;
     for (int y = 0; mask != NULL && y < image->height; y++)
@@ -680,6 +713,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     const int role = (what & RX_FIELD_MEASURED) != 0;
     rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
+    RX_TRY(hide_no_data(params, field, log, err));
     RX_TRY(measure_backgrounds(params, role, field, log, err));
     hide_deep(field, log);
     RX_TRY(measure_noise(params, field, err));

@@ -30,6 +30,7 @@ typedef struct rx_field {
     double psf_bound;
     rx_record inputs; /* files that were read for the PSF of stars that say nothing: keyword, name */
     size_t deep;      /* pixels with RX_MASK_DEEP */
+    size_t no_data;   /* pixels that are hidden by detect/no_data.h */
     int nstars;       /* sources that the PSF's stars were chosen among */
     int unrestorable; /* neither stars nor what was stated give a PSF */
     rx_lap background_lap, psf_lap; /* of preparing it */
@@ -67,8 +68,8 @@ rx_image rx_field_effective(const rx_field *field);
 /* MEASURED, WHITE, FILE or UNKNOWN: where the correlation of its noise comes from. */
 const char *rx_field_noise_origin(const rx_field *field);
 
-/* Is its noise finer than the steps between its pixel values, or is there none? What is known of its noise is wrong then. */
-int rx_field_is_coarse(const rx_field *field);
+/* Is its noise finer than the steps between pixel values, cut off below, or is there none? What is known of it is wrong then. */
+int rx_field_noise_hidden(const rx_field *field);
 
 void rx_field_free(rx_field *field);
 

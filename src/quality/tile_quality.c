@@ -454,10 +454,10 @@ static void judge_noise(rx_tile_quality *q)
                "Pixels without sources scatter by %.2f times what the noise map says: errors and thresholds "
                "are off by as much.",
                q->width);
-    if (q->about->coarse)
-        remark(q, "steps", 1,
-               "The noise is hidden by the steps between pixel values, or there is none: thresholds and "
-               "errors are "
+    if (q->about->hidden)
+        remark(q, "values", 1,
+               "Pixel values hide the noise, by their steps or where they are cut off, or there is none: "
+               "thresholds and errors are "
                "wrong, every source has FLAGS_RESTORE 1024.");
     if (noise != NULL && rx_noise_is_structure(noise))
         remark(q, "structure", 1,

@@ -70,9 +70,9 @@ typedef struct rx_tile_about {
     int nruns;
     const rx_tile_restored *runs;
     uint64_t seed; /* of the random sources */
-    /* of detect/anomalies.h, and whether that is much; coarse: rx_field_is_coarse() */
+    /* of detect/anomalies.h, and whether that is much; hidden: rx_field_noise_hidden() */
     double rows, columns, light;
-    int striped, lit, coarse;
+    int striped, lit, hidden;
 } rx_tile_about;
 
 typedef struct rx_tile_remark {

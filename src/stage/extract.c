@@ -106,15 +106,14 @@ static void describe_outside(const rx_result *result, rx_run *run)
     const rx_noise_correlation *noise = &result->detect->noise;
     const bool trained = run->by != NULL || run->domain.place != RX_DOMAIN_OUTSIDE;
     char structure[80] = "", dark[80] = "";
-    const char *coarse =
-        rx_field_is_coarse(result->detect) ? "noise hidden by the steps of its pixel values, " : "";
+    const char *hidden = rx_field_noise_hidden(result->detect) ? "noise that pixel values hide, " : "";
     if (rx_noise_is_structure(noise))
         snprintf(structure, sizeof structure, "noise %.1f times as wide as that of independent pixels, ",
                  rx_noise_factor_wide(noise));
     if (is_dark(run))
         snprintf(dark, sizeof dark, "%.0f %% of it below the sky, ", 100.0 * run->dark);
     const int length = snprintf(run->outside, sizeof run->outside, "%s%s%s%s%s",
-                                trained ? "" : run->domain.why, trained ? "" : ", ", structure, coarse, dark);
+                                trained ? "" : run->domain.why, trained ? "" : ", ", structure, hidden, dark);
     if (length >= 2 && length < (int)sizeof run->outside)
         run->outside[length - 2] = '\0'; /* the last comma */
 }

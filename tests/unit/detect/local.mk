@@ -6,5 +6,8 @@ tests_unit_detect_test_background_SOURCES = tests/unit/detect/test_background.c 
 tests_unit_detect_test_detect_SOURCES = tests/unit/detect/test_detect.c tests/unit/detect/field.h
 tests_unit_detect_test_clean_SOURCES = tests/unit/detect/test_clean.c tests/unit/detect/field.h
 tests_unit_detect_test_groups_SOURCES = tests/unit/detect/test_groups.c tests/unit/detect/field.h
+check_PROGRAMS += tests/unit/detect/test_no_data
+tests_unit_detect_test_no_data_SOURCES = tests/unit/detect/test_no_data.c
+
 check_PROGRAMS += tests/unit/detect/test_anomalies
 tests_unit_detect_test_anomalies_SOURCES = tests/unit/detect/test_anomalies.c

@@ -197,6 +197,24 @@ static void test_sharp_pixels(void **state)
     rx_psf_free(narrow);
 }
 
+/* Values cut off at half a sigma below the sky: as many as a Gaussian has below that have it. */
+static void test_cut(void **state)
+{
+    (void)state;
+    for (int cut = 0; cut < 2; cut++) {
+        const rx_image image = make(NULL);
+        for (int i = 0; i < N; i++) {
+            mask[i] = i % 5 == 0;
+            pixels[i] = cut && pixels[i] < 9.0f ? 9.0f : pixels[i];
+            pixels[i] = mask[i] ? -50.0f : pixels[i]; /* hidden */
+        }
+        rx_anomalies found = measure(&image);
+        assert_near(found.cut, cut ? 0.3 : 0, 0.01);
+        assert_int_equal(rx_anomalies_is_cut(&found), cut);
+        rx_anomalies_free(&found);
+    }
+}
+
 /* Numbers rounded to steps, between them hidden ones that are not, and two rows of other steps. */
 static void test_steps(void **state)
 {
@@ -254,7 +272,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_an_ordinary_sky), cmocka_unit_test(test_rows_and_columns),
         cmocka_unit_test(test_light),           cmocka_unit_test(test_sharp_pixels),
-        cmocka_unit_test(test_steps),           cmocka_unit_test(test_nothing_to_see),
+        cmocka_unit_test(test_steps),           cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_nothing_to_see),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
