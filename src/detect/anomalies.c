@@ -283,17 +283,18 @@ static double usual_step(double *least, int n)
 
 static double share_of_lowest(const rx_image *image)
 {
-    const size_t n = (size_t)image->width * (size_t)image->height;
+    const size_t width = (size_t)image->width;
     double alike = 0, all = 0;
     float lowest = INFINITY;
-    for (size_t k = 0; k < n; k++) {
-        if (rx_image_hides(image, k))
-            continue;
-        const float value = image->pixels[k];
-        alike = value < lowest ? 1 : alike + (value == lowest);
-        lowest = value < lowest ? value : lowest;
-        all++;
-    }
+    for (int y = 0; y < image->height; y++)
+        for (size_t k = (size_t)y * width; is_sampled(y, image->height) && k < (size_t)(y + 1) * width; k++) {
+            const float value = image->pixels[k];
+            if (rx_image_hides(image, k))
+                continue;
+            alike = value < lowest ? 1 : alike + (value == lowest);
+            lowest = value < lowest ? value : lowest;
+            all++;
+        }
     return alike / all;
 }
 

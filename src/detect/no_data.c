@@ -10,7 +10,7 @@
 #include "base/min_max.h"
 #include "num/stats.h"
 
-enum { RUN = 64, STRIP = 256, SAMPLE = 20000 };
+enum { RUN = 64, HALF = RUN / 2, STRIP = 256, SAMPLE = 20000 };
 
 static const double SKY = 0.2, FADES = 0.2;
 
@@ -18,7 +18,7 @@ typedef struct seek {
     const rx_image *image;
     const uint8_t *mask;
     float value;
-    unsigned char *empty; /* [height][width]; NULL: runs are only counted */
+    unsigned char *empty; /* [height][width] */
 } seek;
 
 static bool may_be(const seek *s, size_t k)
@@ -33,55 +33,63 @@ static void mark_run(const seek *s, size_t k, int run, size_t step)
         s->empty[k - (size_t)i * step] = 1;
 }
 
-static size_t search_row(const seek *s, int y)
+static void search_row(const seek *s, int y)
 {
     const size_t width = (size_t)s->image->width;
-    size_t found = 0;
     int run = 0;
     for (size_t k = (size_t)y * width; k < (size_t)(y + 1) * width; k++) {
         run = may_be(s, k) ? run + 1 : 0;
-        found += run >= RUN;
-        if (run >= RUN && s->empty != NULL)
+        if (run >= RUN)
             mark_run(s, k, run, 1);
     }
-    return found;
 }
 
 /* Columns x0 to x0 + STRIP - 1. */
-static size_t search_columns(const seek *s, int x0)
+static void search_columns(const seek *s, int x0)
 {
     const int width = s->image->width, across = rx_min_int(STRIP, width - x0);
     int run[STRIP] = {0};
-    size_t found = 0;
     for (int y = 0; y < s->image->height; y++)
         for (int i = 0; i < across; i++) {
             const size_t k = (size_t)y * (size_t)width + (size_t)(x0 + i);
             run[i] = may_be(s, k) ? run[i] + 1 : 0;
-            found += run[i] >= RUN;
-            if (run[i] >= RUN && s->empty != NULL)
+            if (run[i] >= RUN)
                 mark_run(s, k, run[i], (size_t)width);
         }
-    return found;
 }
 
-/* Runs, which become empty; not 0: there are some. */
-static size_t search(const seek *s, int threads)
+static void search(const seek *s, int threads)
 {
-    size_t found = 0;
-#pragma omp parallel for schedule(static) num_threads(threads) reduction(+ : found)
+#pragma omp parallel for schedule(static) num_threads(threads)
     for (int y = 0; y < s->image->height; y++)
-        found += search_row(s, y);
-#pragma omp parallel for schedule(static) num_threads(threads) reduction(+ : found)
+        search_row(s, y);
+#pragma omp parallel for schedule(static) num_threads(threads)
     for (int x = 0; x < s->image->width; x += STRIP)
-        found += search_columns(s, x);
-    return found;
+        search_columns(s, x);
+}
+
+/* Of every run two pixels stand HALF apart at multiples of it: without such a pair there is none. */
+static bool may_have_runs(const seek *s, int threads)
+{
+    const int width = s->image->width, height = s->image->height;
+    const float *pixels = s->image->pixels, value = s->value;
+    int pairs = 0;
+#pragma omp parallel for schedule(static) num_threads(threads) reduction(| : pairs)
+    for (int y = 0; y < height; y++) {
+        const float *row = pixels + (size_t)y * (size_t)width;
+        for (int x = HALF; x < width; x += HALF)
+            pairs |= (row[x - HALF] == value) & (row[x] == value);
+        for (int x = 0; y % HALF == 0 && y < height - HALF && x < width; x++)
+            pairs |= (row[x] == value) & (row[(size_t)HALF * (size_t)width + (size_t)x] == value);
+    }
+    return pairs != 0;
 }
 
 static float lowest_of(const rx_image *image, const uint8_t *mask, int threads)
 {
     const size_t n = (size_t)image->width * (size_t)image->height;
     float lowest = INFINITY;
-#pragma omp parallel for schedule(static) num_threads(threads) reduction(min : lowest)
+#pragma omp parallel for simd schedule(static) num_threads(threads) reduction(min : lowest)
     for (size_t k = 0; k < n; k++)
         lowest = mask[k] == 0 && image->pixels[k] < lowest ? image->pixels[k] : lowest;
     return lowest;
@@ -187,7 +195,7 @@ rx_status rx_no_data_hide(const rx_image *image, int nthreads, uint8_t *mask, si
     *found = 0;
     for (int i = 0; i < (values[0] == 0.0f ? 1 : 2); i++) {
         seek s = {.image = image, .mask = mask, .value = values[i]};
-        if (search(&s, threads) == 0)
+        if (!may_have_runs(&s, threads))
             continue;
         if (empty == NULL) {
             RX_TRY_EXIT(RX_MAKE(empty, n, err));

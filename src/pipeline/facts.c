@@ -23,7 +23,8 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_record_add(facts, "RXTPADD", "sources added from the residual", "%d", fit->added);
     rx_record_add(facts, "RXTPSKY", "mean sky taken off between them, ADU", "%.6g", fit->tphot->sky);
     rx_record_add(facts, "RXTPODDS", "odds of points among clear sources", "%.4g", fit->tphot->star_odds);
-    rx_record_add(facts, "RXTPCHI2", "reduced chi2 of the residual", "%.5f", fit->chi2);
+    if (isfinite(fit->chi2))
+        rx_record_add(facts, "RXTPCHI2", "reduced chi2 of the residual", "%.5f", fit->chi2);
     rx_record_add(facts, "RXTPOK", "F: templates leave more than twice the noise", "%s",
                   rx_template_fit_is_off(fit) ? "F" : "T");
     rx_record_add(facts, "RXPREAL", "P_REAL: by noise of this TILE, or the DEFAULT", "%s",

@@ -246,7 +246,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
             "%s[%d]: templates leave %.3g times that noise, so fluxes may be far off and no source can be "
             "tested: P_REAL is not known, FLAGS_RESTORE 4",
             measured.name, measured.hdu, sqrt(dst->chi2));
-    else if (rx_template_fit_is_off(dst))
+    else if (rx_template_fit_is_off(dst) && isfinite(dst->chi2))
         rx_log_warning(
             log,
             "%s[%d]: templates leave %.3g times the noise (RXTPOK F): is its PSF right, are cosmic "

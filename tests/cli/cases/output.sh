@@ -95,6 +95,22 @@ make_fits tile tile.fits && make_fits zeros weight.fits
 leaves test.cat
 expect 0 '' tile.fits $moffat -WEIGHT_TYPE MAP_WEIGHT
 
+begin 'a tile without data: its report has its figures'
+make_fits flat tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        timeout 60 "$program" tile.fits $moffat -RESTORE_TYPE NONE -PARAMETERS_NAME "$top/config/template.param" -QA_TYPE TILE -QA_NAME qa \
+            -VERBOSE_TYPE NORMAL >../log 2>&1
+        echo $? >../code
+        grep -q '100.0 % of its pixels, in runs of one value, hold no data (RXNODATA)' ../log || cat ../log
+        grep -E 'without figures|nan' ../log
+        rm -rf test.cat qa
+    } >../err 2>&1
+    : >../out
+    judge 0 ''
+fi
+
 begin 'weights that are NaN'
 make_fits tile tile.fits && make_fits nan weight.fits
 leaves test.cat
