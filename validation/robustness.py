@@ -275,7 +275,7 @@ def main(output, seed, names):
         for number in range(departure.tiles):
             tile, truth, width = expose(program, departure, seed, number)
             known, reach = objects(truth, width, tile.pixels), max(2.0, 2.3548 * width)
-            mpixel += tile.mpixel * (1 - 2 * EDGE / len(tile.pixels)) ** 2  # that false sources are counted on
+            mpixel += tile.mpixel * (1 - 2 * EDGE / len(tile.pixels)) ** 2 * (tile.pixels != 0).mean()  # that false sources are counted on
             for r, run in program.run(tile).items():
                 parts[r].append(measure(run, known, reach, len(tile.pixels)))
                 runs[r].append(run)

@@ -33,10 +33,11 @@ static void add_facts(rx_text *dst, rx_table *const *tables, int n)
         "RXPSFLIB", "RXPSFLDT", "RXPSFLDS", "RXPSFLN",  "RXPSFDEG", "RXPSFRAD", "RXPSFOUT", "RXPSFERR",
         "RXPSFHID", "RXPSFERX", "RXPSFEPX", "RXPSFEPY", "RXPSFMAX", "RXPSFLIM", "RXPSFSHN", "RXPSFSHR",
         "RXPREAL",  "RXPRLIM",  "RXPSFCOG", "RXPSFCGR", "RXPSFRES", "RXPSFNRS", "RXPSFDT",  "RXPSFDTE",
-        "RXPSFE1",  "RXPSFE1E", "RXPSFE2",  "RXPSFE2E", "RXNCOR",   "RXNFACT",  "RXNOISOK", "RXPIXOK",
-        "RXNETIN",  "RXNETWHY", "RXNETOUT", "RXBLKR",   "RXBLKT",   "RXUNEX",   "RXDARK",   "RXROWS",
-        "RXCOLS",   "RXLIGHT",  "RXSHARP",  "RXFLXW",   "RXFLXWE",  "RXFLXA",   "RXFLXAE",  "RXFLXOK",
-        "RXTPOK",   "RXTPCHI2", "RXCROWD",  "RXCROWDG", "RXUNSEEN", "RXPSFNBR", "RXDEEP",   "RXNODATA"};
+        "RXPSFE1",  "RXPSFE1E", "RXPSFE2",  "RXPSFE2E", "RXNCOR",   "RXNFACT",  "RXNOISOK", "RXSTEP",
+        "RXCUT",    "RXPIXOK",  "RXNETIN",  "RXNETWHY", "RXNETOUT", "RXBLKR",   "RXBLKT",   "RXUNEX",
+        "RXDARK",   "RXROWS",   "RXCOLS",   "RXLIGHT",  "RXSHARP",  "RXFLXW",   "RXFLXWE",  "RXFLXA",
+        "RXFLXAE",  "RXFLXOK",  "RXTPOK",   "RXTPCHI2", "RXCROWD",  "RXCROWDG", "RXUNSEEN", "RXPSFNBR",
+        "RXDEEP",   "RXNODATA"};
     char value[512];
     for (int i = 0; i < n; i++)
         for (size_t k = 0; k < sizeof keys / sizeof *keys && tables[i]->facts != NULL; k++)

@@ -30,7 +30,9 @@ static const double FALL = 1.5;                 /* power of the distance */
 static const double SHARPER = 1.2, SHARP = 6.0; /* times R, and errors */
 static const double LEAST_FWHM = 2.5; /* pixels: below, R depends on where in its pixel a star stands */
 static const double STRIPED = 0.2, LARGE = 0.02; /* sigmas; share of boxes */
-static const double COARSE = 2.0, CUT = 0.02;    /* sigmas; share of the pixels */
+static const double COARSE = 1.3, CUT = 0.02;    /* sigmas; share of the pixels */
+static const float NEAR = -3, LONE = -10;        /* z of the lowest value, and of what is none */
+enum { LEAST_CUT = 10 };                         /* pixels */
 
 static const int steps[RX_ANOMALIES_STEPS][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
 
@@ -283,19 +285,25 @@ static double usual_step(double *least, int n)
 
 static double share_of_lowest(const rx_image *image)
 {
-    const size_t width = (size_t)image->width;
+    const int width = image->width;
     double alike = 0, all = 0;
-    float lowest = INFINITY;
+    float lowest = INFINITY, z_lowest = 0;
     for (int y = 0; y < image->height; y++)
-        for (size_t k = (size_t)y * width; is_sampled(y, image->height) && k < (size_t)(y + 1) * width; k++) {
-            const float value = image->pixels[k];
-            if (rx_image_hides(image, k))
-                continue;
-            alike = value < lowest ? 1 : alike + (value == lowest);
-            lowest = value < lowest ? value : lowest;
-            all++;
+        for (int x = 0; is_sampled(y, image->height) && x < width; x += PIECE) {
+            const int n = rx_min_int(PIECE, width - x);
+            const float *pixels = image->pixels + (size_t)y * (size_t)width + x;
+            float z[PIECE];
+            read_piece(image, x, y, n, z);
+            for (int i = 0; i < n; i++) {
+                if (!(z[i] > LONE))
+                    continue;
+                alike = pixels[i] < lowest ? 1 : alike + (pixels[i] == lowest);
+                z_lowest = pixels[i] < lowest ? z[i] : z_lowest;
+                lowest = fminf(lowest, pixels[i]);
+                all++;
+            }
         }
-    return alike / all;
+    return all > 0 && (alike < LEAST_CUT || z_lowest < NEAR) ? 0 : alike / all;
 }
 
 /* Does the light of a box fall off to it from a brighter one? */

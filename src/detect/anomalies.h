@@ -11,12 +11,13 @@
  * most, whose median is (1 + d)^1.5 times as large. So are groups of fewer than 4 boxes that touch, as galaxies of low surface
  * brightness light them. The rest is light that is no source's and that the mesh does not follow: filaments, ghosts, nebulae.
  *
- * Steps: the least difference, but none, of two pixels side by side, the median over the rows. Of numbers that are as fine as
+ * Steps: the smallest difference, but 0, of two pixels side by side, the median over the rows. Of numbers that are as fine as
  * their noise it is a small part of sigma; whole numbers, or a coarse scale of a file, have steps that noise may not reach. Above
- * 2 sigma most pixels have one of two values, and what the mesh takes for noise is no measure of it.
+ * 1.3 sigma few values are left, and neither the sky nor its noise is what the mesh takes for it.
  *
- * Cut: the share of the pixels that have the lowest value, of which noise has hardly one. Where values below it were cut off, as
- * by numbers without a sign, or by a square root, half of the noise is not seen.
+ * Cut: the share of the pixels that have the lowest value, where it is not more than 3 sigma below the sky; noise leaves hardly one
+ * there. Where values below it were cut off, as by numbers without a sign or by a square root, or photons are few, noise is not what
+ * its width says. Lone values, more than 10 sigma below the sky, are no part of it: dead pixels, small holes.
  *
  * Sharp pixels: the PSF p puts light on either side of any pixel, so that for every sum of sources, points or not,
  *
@@ -42,7 +43,7 @@ typedef struct rx_anomalies {
     double light;       /* share of such boxes among those with a quarter of their pixels; NAN without any */
     double ratio[RX_ANOMALIES_STEPS]; /* R; 0: no PSF that is sampled is known */
     double step;                      /* between pixel values, ADU; 0: all alike */
-    double cut;                       /* share of the lowest value; NAN without a pixel */
+    double cut;                       /* share of the lowest value, NAN: of no pixel */
 } rx_anomalies;
 
 /* Of image->pixels with its sky, noise, mask and PSF. wide: f. The same bytes for any nthreads. Errors: RX_SYSTEM. */
@@ -60,7 +61,7 @@ int rx_anomalies_sharp_at(const rx_anomalies *anomalies, const rx_image *image, 
 int rx_anomalies_is_striped(const rx_anomalies *anomalies);
 int rx_anomalies_is_lit(const rx_anomalies *anomalies);
 
-/* Do pixel values have steps of more than 2 of that sigma, or does a fiftieth of them have the lowest one? */
+/* Do pixel values have steps of more than 1.3 of that sigma, or does a fiftieth of them have the lowest one? */
 int rx_anomalies_is_coarse(const rx_anomalies *anomalies, double sigma);
 int rx_anomalies_is_cut(const rx_anomalies *anomalies);
 

@@ -10,9 +10,9 @@
 #include "base/min_max.h"
 #include "num/stats.h"
 
-enum { RUN = 64, HALF = RUN / 2, STRIP = 256, SAMPLE = 20000 };
+enum { RUN = 32, HALF = RUN / 2, STRIP = 256, SAMPLE = 20000 };
 
-static const double SKY = 0.2, FADES = 0.2;
+static const double SKY = 0.35, FADES = 0.2, POINTS = 0.5;
 
 typedef struct seek {
     const rx_image *image;
@@ -142,15 +142,25 @@ static void spread(const seek *s)
     }
 }
 
-/* Median of |pixel - value| of pixels beside what is empty, or of all; of an even part of many. NAN: of none. */
-static double usual_difference(const seek *s, bool beside, double *room)
+/* Pixels that are used, beside what is empty or all: how many, and the median of their steps to the next one in the row, of an even
+ * part of many of them. */
+typedef struct part {
+    size_t pixels;
+    double step; /* NAN: of none */
+} part;
+
+static part measure_part(const seek *s, bool beside, double *room)
 {
     const int width = s->image->width, height = s->image->height;
-    size_t count = 0, seen = 0, every = 1;
+    size_t count = 0, every = 1;
+    part dst = {0};
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++) {
             const size_t k = (size_t)y * (size_t)width + (size_t)x;
-            if (s->mask[k] != 0 || s->empty[k] || (beside && !is_beside(s, x, y)) || seen++ % every != 0)
+            if (s->mask[k] != 0 || s->empty[k] || (beside && !is_beside(s, x, y)))
+                continue;
+            dst.pixels++;
+            if (x + 1 == width || s->mask[k + 1] != 0 || s->empty[k + 1] || dst.pixels % every != 0)
                 continue;
             if (count == SAMPLE) { /* every other one of them, and of what comes */
                 every *= 2;
@@ -158,9 +168,10 @@ static double usual_difference(const seek *s, bool beside, double *room)
                 for (size_t i = 0; i < count; i++)
                     room[i] = room[2 * i];
             }
-            room[count++] = fabs((double)s->image->pixels[k] - (double)s->value);
+            room[count++] = fabs((double)s->image->pixels[k + 1] - (double)s->image->pixels[k]);
         }
-    return count > 0 ? rx_median(room, count) : NAN;
+    dst.step = count > 0 ? rx_median(room, count) : NAN;
+    return dst;
 }
 
 /* Of pixels with one value; room for SAMPLE numbers. */
@@ -173,8 +184,8 @@ static size_t hide_value(seek *s, int threads, uint8_t *mask, double *room)
     if (is_of_the_sky(s))
         return 0;
     spread(s);
-    const double beside = usual_difference(s, true, room), elsewhere = usual_difference(s, false, room);
-    if (beside < FADES * elsewhere)
+    const part beside = measure_part(s, true, room), all = measure_part(s, false, room);
+    if (beside.step < FADES * all.step || (double)beside.pixels > POINTS * (double)all.pixels)
         return 0;
     for (size_t k = 0; k < n; k++)
         if (s->empty[k]) {

@@ -1,10 +1,11 @@
 /* Pixels that hold no data though no map says so: a coadd filled with zeros beyond its frames, a chip's frame, -9999.
  *
- * 64 pixels in a row or a column with one value, 0 or the lowest of the tile, and all of that value that touch them. Noise makes
- * no such run where it moves pixel values at all. Left alone are
- *   - numbers so coarse that the sky itself has that value: more than a fifth of the pixels outside such runs have it, too;
- *   - models without noise, whose light fades into it: beside it pixels differ from it by less than a fifth of what pixels do
- *     elsewhere (medians).
+ * 32 pixels in a row or a column with one value, 0 or the lowest of the tile, and all of that value that touch them. Noise of
+ * half a step of the numbers, or more, makes hardly one. Left alone are
+ *   - numbers so coarse that the sky itself has that value: 0.35 of the pixels outside such runs, or more, have it, too;
+ *   - models without noise, whose light fades into it: beside it pixels differ from the next in their row by less than a fifth of
+ *     what they do on the whole (medians);
+ *   - points on nothing, as single photons: more than half of the other pixels are beside it.
  */
 #ifndef RX_DETECT_NO_DATA_H
 #define RX_DETECT_NO_DATA_H

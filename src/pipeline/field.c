@@ -206,7 +206,7 @@ static void say_noise(const rx_field *field, rx_log *log)
 
 int rx_field_noise_hidden(const rx_field *field)
 {
-    return field->plain->constant || rx_anomalies_is_cut(&field->anomalies) ||
+    return field->plain->constant || isnan(field->anomalies.cut) || rx_anomalies_is_cut(&field->anomalies) ||
            rx_anomalies_is_coarse(&field->anomalies, field->plain->global_sigma);
 }
 
@@ -216,7 +216,7 @@ static void say_anomalies(const rx_field *field, rx_log *log)
     const rx_image *image = &field->image;
     if (field->plain->constant)
         rx_log_warning(log,
-                       "%s[%d]: it has no noise that could be measured (a mask, a map, rounded numbers?): "
+                       "%s[%d]: it has no noise that could be measured (a map, rounded numbers?): "
                        "sigma is taken for 1, thresholds "
                        "and errors mean nothing, every source has FLAGS_RESTORE 1024; give the noise "
                        "(WEIGHT_TYPE MAP_RMS)",
@@ -232,9 +232,10 @@ static void say_anomalies(const rx_field *field, rx_log *log)
     if (rx_anomalies_is_cut(a))
         rx_log_warning(log,
                        "%s[%d]: %.0f %% of its pixels have its lowest value (RXCUT): what was below it is "
-                       "cut off, so that sky, noise, "
-                       "thresholds and errors are wrong; every source has FLAGS_RESTORE 1024; give the tile "
-                       "with values below its sky",
+                       "cut off, or photons are few, "
+                       "so that sky, noise, thresholds and errors are wrong; every source has FLAGS_RESTORE "
+                       "1024; give the tile with "
+                       "values below its sky",
                        image->name, image->hdu, 100.0 * a->cut);
     if (rx_anomalies_is_striped(a))
         rx_log_warning(log,
@@ -661,12 +662,11 @@ static uint8_t *own_mask(const rx_field *field)
     return field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
 }
 
-/* A map of the user's says itself where there is no data. */
 static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field, rx_log *log, rx_error *err)
 {
     const rx_image *image = &field->image;
     uint8_t *mask = own_mask(field);
-    if (mask == NULL || image->weight_type >= RX_WEIGHT_MAP_RMS)
+    if (mask == NULL)
         return RX_OK;
     RX_TRY(rx_no_data_hide(image, params->nthreads, mask, &field->no_data, err));
     if (field->no_data > 0)

@@ -46,7 +46,7 @@ typedef struct rx_run {
     double unexplained, dark; /* as of rx_residual; NAN where they are not known */
     double sharp;             /* rx_result_sharp() */
     int many_sharp;           /* rx_result_is_sharp() */
-    char outside[240];        /* what the restorer was not made for on this tile, "" nothing */
+    char outside[400];        /* what the restorer was not made for on this tile, "" nothing */
     rx_tile_chi2 chi2;        /* of the tile's page; nx 0: none */
     double seconds;           /* of all of rx_run_extract() */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */

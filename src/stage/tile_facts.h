@@ -23,7 +23,7 @@ typedef struct rx_run_facts {
     long sources;
     char by[16], why[240]; /* restorer that did it instead, and why; "" none */
     char taken[16];    /* that AUTO took, `why` it did where none did it instead; "" AUTO was not asked for */
-    char outside[240]; /* what the restorer was not made for, "" nothing */
+    char outside[400]; /* what the restorer was not made for, "" nothing */
     rx_fluxcheck flux; /* n = 0: not measured */
     double chi2;       /* residual, of the tile's page; NAN without it, or not judged; not in records */
     rx_run_guard guard;
