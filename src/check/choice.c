@@ -85,11 +85,12 @@ static rx_status decline(const work *w, rx_error *err)
     const rx_restorer *kind = net->kind;
     rx_restore_params par = w->params->restore;
     rx_domain domain;
-    for (int i = RL; i < RX_CHOICE_CANDIDATES && w->field->psf == NULL; i++)
-        snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the PSF is not known");
-    for (int i = RL; i < RX_CHOICE_CANDIDATES && rx_field_noise_hidden(w->field); i++)
-        snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the noise is not known");
-    if (w->field->psf == NULL || rx_field_noise_hidden(w->field))
+    const char *unknown = w->field->psf == NULL                                     ? "PSF"
+                          : rx_fields_noise_hidden((rx_fields){w->field, w->field}) ? "noise"
+                                                                                    : NULL;
+    for (int i = RL; i < RX_CHOICE_CANDIDATES && unknown != NULL; i++)
+        snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the %s is not known", unknown);
+    if (unknown != NULL)
         return RX_OK;
     par.out_of_domain = RX_DOMAIN_RL;
     RX_TRY(rx_domain_obey(&par, w->field, NULL, &kind, &domain, err));

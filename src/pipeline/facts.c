@@ -118,7 +118,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         rx_record_add(facts, "RXCUT", "share of the pixels that have the lowest value", "%.4f",
                       anomalies->cut);
     rx_record_add(facts, "RXPIXOK", "F: noise is hidden, by steps or a cut, or none", "%s",
-                  rx_field_noise_hidden(field) || rx_field_noise_hidden(result->measure) ? "F" : "T");
+                  rx_fields_noise_hidden((rx_fields){field, result->measure}) ? "F" : "T");
     if (isfinite(anomalies->rows))
         rx_record_add(facts, "RXROWS", "offsets of rows, sigmas of a pixel", "%.3f", anomalies->rows);
     if (isfinite(anomalies->columns))

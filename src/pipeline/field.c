@@ -204,10 +204,15 @@ static void say_noise(const rx_field *field, rx_log *log)
         power[0][3], power[0][4], power[1][0], power[1][1], power[1][2], power[1][3], power[1][4]);
 }
 
-int rx_field_noise_hidden(const rx_field *field)
+static int hides_noise(const rx_field *field)
 {
     return field->plain->constant || isnan(field->anomalies.cut) || rx_anomalies_is_cut(&field->anomalies) ||
            rx_anomalies_is_coarse(&field->anomalies, field->plain->global_sigma);
+}
+
+int rx_fields_noise_hidden(rx_fields fields)
+{
+    return hides_noise(fields.detect) || hides_noise(fields.measure);
 }
 
 static void say_anomalies(const rx_field *field, rx_log *log)

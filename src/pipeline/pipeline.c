@@ -412,8 +412,7 @@ static void mark_sources(const work *w)
               outside = net && domain->place == RX_DOMAIN_OUTSIDE,
               all = (result->by != NULL ? RX_RESTORE_OTHER : 0) | (outside ? RX_RESTORE_OUTSIDE : 0) |
                     (rx_noise_is_structure(&w->detect->noise) ? RX_RESTORE_STRUCTURE : 0) |
-                    (rx_field_noise_hidden(w->detect) || rx_field_noise_hidden(w->measure) ? RX_RESTORE_HIDDEN
-                                                                                           : 0);
+                    (rx_fields_noise_hidden((rx_fields){w->detect, w->measure}) ? RX_RESTORE_HIDDEN : 0);
     const double brightest = net ? rx_model_peak(domain->model) : HUGE_VAL;
     const int know_dark = net && domain->model->dark > 0.0;
     for (int i = 0; i < result->sources->n; i++) {

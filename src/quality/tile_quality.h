@@ -70,7 +70,7 @@ typedef struct rx_tile_about {
     int nruns;
     const rx_tile_restored *runs;
     uint64_t seed; /* of the random sources */
-    /* of detect/anomalies.h, and whether that is much; hidden: rx_field_noise_hidden() */
+    /* of detect/anomalies.h, and whether that is much; hidden: rx_fields_noise_hidden() */
     double rows, columns, light;
     int striped, lit, hidden;
 } rx_tile_about;

@@ -106,7 +106,9 @@ static void describe_outside(const rx_result *result, rx_run *run)
     const rx_noise_correlation *noise = &result->detect->noise;
     const bool trained = run->by != NULL || run->domain.place != RX_DOMAIN_OUTSIDE;
     char structure[80] = "", dark[80] = "";
-    const char *hidden = rx_field_noise_hidden(result->detect) ? "noise that pixel values hide, " : "";
+    const char *hidden = rx_fields_noise_hidden((rx_fields){result->detect, result->measure})
+                             ? "noise that pixel values hide, "
+                             : "";
     if (rx_noise_is_structure(noise))
         snprintf(structure, sizeof structure, "noise %.1f times as wide as that of independent pixels, ",
                  rx_noise_factor_wide(noise));

@@ -192,7 +192,7 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
                            .light = anomalies->light,
                            .striped = rx_anomalies_is_striped(anomalies),
                            .lit = rx_anomalies_is_lit(anomalies),
-                           .hidden = rx_field_noise_hidden(in->fields.detect)};
+                           .hidden = rx_fields_noise_hidden(in->fields)};
     about.image.zeropoint = in->fields.measure->image.zeropoint;
     for (int i = 0; i < options->nrestorers; i++) {
         const rx_run *run = &in->runs[i];

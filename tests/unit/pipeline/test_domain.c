@@ -740,6 +740,39 @@ static void test_steps(void **state)
     }
 }
 
+/* In dual-image mode sources are of both images. */
+static void test_steps_of_the_second_image(void **state)
+{
+    (void)state;
+    enum { WIDE = 400 };
+    for (int rounded = 0; rounded < 2; rounded++) {
+        scene s;
+        bench b;
+        rx_result result;
+        rx_record facts = {0};
+        scene_make(&s, WIDE, WIDE, STARS, 5);
+        open_bench(&b, RX_MODE_INFORMED, NULL);
+        rx_field *detect = bench_field(&b, s.pixels, WIDE, WIDE, 2.0);
+        for (int i = 0; rounded && i < WIDE * WIDE; i++)
+            s.pixels[i] = 16.0f * roundf((s.pixels[i] - 995.0f) / 16.0f);
+        rx_field *measure = bench_field(&b, s.pixels, WIDE, WIDE, 2.0);
+        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), detect, measure,
+                                          NULL, &result, NULL),
+                         RX_OK);
+        rx_result_facts(&result, &facts);
+        assert_string_equal(fact(&facts, "RXPIXOK"), rounded ? "F" : "T");
+        assert_true(result.sources->n > 10);
+        for (int i = 0; i < result.sources->n; i++)
+            assert_int_equal(result.sources->list[i].fit.restore, rounded ? RX_RESTORE_HIDDEN : 0);
+        rx_record_free(&facts);
+        rx_result_free(&result);
+        rx_field_free(detect);
+        rx_field_free(measure);
+        bench_close(&b);
+        scene_free(&s);
+    }
+}
+
 /* Rows that are offset, a band of light and cosmic rays: said in the log and the header, and by source. */
 static void test_anomalies(void **state)
 {
@@ -964,6 +997,7 @@ int main(void)
         cmocka_unit_test(test_marks_by_source),
         cmocka_unit_test(test_fringes),
         cmocka_unit_test(test_steps),
+        cmocka_unit_test(test_steps_of_the_second_image),
         cmocka_unit_test(test_anomalies),
         cmocka_unit_test_setup_teardown(test_outputs_inside, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(test_outputs_rl, enter_scratch, leave_scratch),
