@@ -59,7 +59,7 @@ def main(folder, seed, data):
     for departure in robustness.DEPARTURES:
         if departure.name in SKIES:
             tile, truth, width = robustness.expose(program, departure, seed, 0)
-            at, _, snr, _, _ = robustness.objects(truth, width, len(tile.pixels))
+            at, _, snr, _, _ = robustness.objects(truth, width, tile.pixels)
             judged = (snr > DEEP) & robustness.inside(at, len(tile.pixels))
             add(tile, (at, judged, max(2.0, 2.3548 * width), len(tile.pixels)), departure.what)
     if not data.is_dir():
