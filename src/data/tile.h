@@ -84,7 +84,7 @@ typedef struct rx_background {
     int mask_bits;       /* sigmas are 0 where mask & mask_bits != 0 */
     float usual_sigma;   /* where sigmas are not above 0 */
     int passes;          /* it was measured in: 2, the second one without sources */
-    int constant;        /* no mesh has noise, and no map says what it is: global_sigma is 1 instead */
+    int constant;        /* no pixel, or no mesh with noise nor a map of it: global_sigma is 1 instead */
     /* So that a wrong sky can be given: level_error times the noise is taken off the level, and what sigmas
      * say is larger by sigma_error times itself, which that noise is not. */
     double level_error, sigma_error;

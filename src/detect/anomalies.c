@@ -36,13 +36,21 @@ enum { LEAST_CUT = 10 };                         /* pixels */
 
 static const int steps[RX_ANOMALIES_STEPS][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
 
+/* Of what is looked at of a row: the smallest step from one pixel to the next, but 0 (HUGE_VAL: none); the lowest value that is no
+ * lone one, its z, how many pixels have it and how many there are. */
+typedef struct values {
+    double step;
+    float lowest, z;
+    size_t alike, all;
+} values;
+
 /* What is measured, and room for it. */
 typedef struct work {
     const rx_image *image;
     int nx, ny, along, across; /* boxes; pixels that are looked at, of a row and of a column */
     double limit;              /* of the median of a lit box */
     double *rows, *columns;    /* medians; NAN of too few pixels */
-    double *steps;             /* least ones of the rows; HUGE_VAL: none */
+    values *values;            /* of the rows */
     double *median, *highest;  /* [ny][nx] of boxes */
 } work;
 
@@ -103,34 +111,44 @@ static double median_of(double *values, size_t n, int possible)
     return (double)n >= ENOUGH * possible ? rx_median(values, n) : NAN;
 }
 
-/* The least step from one to the next of n pixels that are known. */
-static double least_step(const float *pixels, const float *z, int n)
+/* That of both parts. */
+static void join_lowest(const values *part, values *all)
 {
-    double least = HUGE_VAL;
-    for (int i = 1; i < n; i++) {
-        const double step = fabs((double)pixels[i] - (double)pixels[i - 1]);
-        if (step > 0.0 && step < least && z[i] == z[i] && z[i - 1] == z[i - 1])
-            least = step;
+    if (part->lowest < all->lowest) {
+        all->lowest = part->lowest;
+        all->z = part->z;
+        all->alike = 0;
     }
-    return least;
+    all->alike += part->lowest == all->lowest ? part->alike : 0;
+    all->all += part->all;
 }
 
-static void measure_row(const work *w, int y, double *values)
+static void look_at_values(const float *pixels, const float *z, int n, values *dst)
+{
+    for (int i = 0; i < n; i++) {
+        const double step = i > 0 ? fabs((double)pixels[i] - (double)pixels[i - 1]) : 0;
+        if (step > 0 && step < dst->step && z[i] == z[i] && z[i - 1] == z[i - 1])
+            dst->step = step;
+        if (z[i] > LONE)
+            join_lowest(&(values){.lowest = pixels[i], .z = z[i], .alike = 1, .all = 1}, dst);
+    }
+}
+
+static void measure_row(const work *w, int y, double *room)
 {
     const int width = w->image->width;
     size_t n = 0;
-    w->steps[y] = HUGE_VAL;
+    w->values[y] = (values){.step = HUGE_VAL, .lowest = INFINITY};
     for (int x = 0; x < width; x += PIECE) {
         float z[PIECE];
         const int count = rx_min_int(PIECE, width - x);
         if (!is_sampled(x, width))
             continue;
         read_piece(w->image, x, y, count, z);
-        n += keep_known(z, count, values + n);
-        w->steps[y] =
-            fmin(w->steps[y], least_step(w->image->pixels + (size_t)y * (size_t)width + x, z, count));
+        n += keep_known(z, count, room + n);
+        look_at_values(w->image->pixels + (size_t)y * (size_t)width + x, z, count, &w->values[y]);
     }
-    w->rows[y] = median_of(values, n, w->along);
+    w->rows[y] = median_of(room, n, w->along);
 }
 
 /* values: [PIECE][height]. */
@@ -274,36 +292,22 @@ static double offsets(double *medians, int n, int pixels, double wide)
     return sqrt(fmax(0.5 * step * step - noise * noise / pixels, 0.0));
 }
 
-static double usual_step(double *least, int n)
+/* room: for n numbers. */
+static double usual_step(const values *rows, int n, double *room)
 {
     size_t known = 0;
     for (int i = 0; i < n; i++)
-        if (isfinite(least[i]))
-            least[known++] = least[i];
-    return known > 0 ? rx_median(least, known) : 0.0;
+        if (isfinite(rows[i].step))
+            room[known++] = rows[i].step;
+    return known > 0 ? rx_median(room, known) : 0;
 }
 
-static double share_of_lowest(const rx_image *image)
+static double share_of_lowest(const values *rows, int n)
 {
-    const int width = image->width;
-    double alike = 0, all = 0;
-    float lowest = INFINITY, z_lowest = 0;
-    for (int y = 0; y < image->height; y++)
-        for (int x = 0; is_sampled(y, image->height) && x < width; x += PIECE) {
-            const int n = rx_min_int(PIECE, width - x);
-            const float *pixels = image->pixels + (size_t)y * (size_t)width + x;
-            float z[PIECE];
-            read_piece(image, x, y, n, z);
-            for (int i = 0; i < n; i++) {
-                if (!(z[i] > LONE))
-                    continue;
-                alike = pixels[i] < lowest ? 1 : alike + (pixels[i] == lowest);
-                z_lowest = pixels[i] < lowest ? z[i] : z_lowest;
-                lowest = fminf(lowest, pixels[i]);
-                all++;
-            }
-        }
-    return all > 0 && (alike < LEAST_CUT || z_lowest < NEAR) ? 0 : alike / all;
+    values all = {.lowest = INFINITY};
+    for (int i = 0; i < n; i++)
+        join_lowest(&rows[i], &all);
+    return all.alike < LEAST_CUT || all.z < NEAR ? 0 : (double)all.alike / (double)all.all;
 }
 
 /* Does the light of a box fall off to it from a brighter one? */
@@ -399,38 +403,38 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
               .across = sampled(height)};
     const size_t boxes = (size_t)w.nx * (size_t)w.ny;
     const size_t room = (size_t)rx_max_int(width, PIECE * height);
-    double *values = NULL;
+    double *numbers = NULL;
     rx_status status = RX_OK;
     *dst = (rx_anomalies){.nx = w.nx, .ny = w.ny};
     RX_TRY_EXIT(RX_MAKE(dst->lit, boxes, err));
     RX_TRY_EXIT(RX_MAKE(w.rows, (size_t)height, err));
     RX_TRY_EXIT(RX_MAKE(w.columns, (size_t)width, err));
-    RX_TRY_EXIT(RX_MAKE(w.steps, (size_t)height, err));
+    RX_TRY_EXIT(RX_MAKE(w.values, (size_t)height, err));
     RX_TRY_EXIT(RX_MAKE(w.median, boxes, err));
     RX_TRY_EXIT(RX_MAKE(w.highest, boxes, err));
-    RX_TRY_EXIT(RX_MAKE(values, room * (size_t)threads, err));
+    RX_TRY_EXIT(RX_MAKE(numbers, room * (size_t)threads, err));
     RX_TRY_EXIT(measure_ratios(image, dst, err));
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (int t = 0; t < threads; t++) {
         for (int y = t; y < height; y += threads)
-            measure_row(&w, y, values + room * (size_t)t);
+            measure_row(&w, y, numbers + room * (size_t)t);
         for (int by = t; by < w.ny; by += threads)
             measure_boxes(&w, by);
         for (int x = t * PIECE; x < width; x += threads * PIECE)
-            measure_columns(&w, x, values + room * (size_t)t);
+            measure_columns(&w, x, numbers + room * (size_t)t);
     }
     RX_TRY_EXIT(find_light(&w, threads, dst, err));
     dst->rows = offsets(w.rows, height, w.along, wide);
     dst->columns = offsets(w.columns, width, w.across, wide);
-    dst->step = usual_step(w.steps, height);
-    dst->cut = share_of_lowest(image);
+    dst->step = usual_step(w.values, height, numbers);
+    dst->cut = share_of_lowest(w.values, height);
 exit:
     free(w.rows);
     free(w.columns);
-    free(w.steps);
+    free(w.values);
     free(w.median);
     free(w.highest);
-    free(values);
+    free(numbers);
     if (status != RX_OK)
         rx_anomalies_free(dst);
     return status;

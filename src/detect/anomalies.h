@@ -43,7 +43,7 @@ typedef struct rx_anomalies {
     double light;       /* share of such boxes among those with a quarter of their pixels; NAN without any */
     double ratio[RX_ANOMALIES_STEPS]; /* R; 0: no PSF that is sampled is known */
     double step;                      /* between pixel values, ADU; 0: all alike */
-    double cut;                       /* share of the lowest value, NAN: of no pixel */
+    double cut;                       /* share of the lowest value */
 } rx_anomalies;
 
 /* Of image->pixels with its sky, noise, mask and PSF. wide: f. The same bytes for any nthreads. Errors: RX_SYSTEM. */

@@ -240,8 +240,8 @@ static rx_status fill_maps(const rx_background_params *par, const rx_image *src,
     if (good > 0) {
         dst->global_level = par->manual ? dst->global_level : mesh->global;
         dst->global_sigma = mesh->globalrms;
-        dst->constant = has_no_noise(par, src, mesh);
     }
+    dst->constant = good == 0 || has_no_noise(par, src, mesh);
     dst->levels.value = (float)dst->global_level;
     dst->usual_sigma = (float)dst->global_sigma;
     if (good > 0 && !par->manual)

@@ -36,8 +36,8 @@ typedef struct rx_background_params {
  * image after a Gaussian of sigma 2 pixels, above its own mesh or below it: on empty sky as many pixels go on
  * either side, and the level stays. Reach: 2 pixels in x and in y.
  *
- * An image without noise (constant) gets sigma 1, as in SExtractor, and says so (constant); a tile without one good pixel
- * level 0, sigma 0, global_sigma 1.
+ * An image without noise (constant) gets sigma 1, as in SExtractor; a tile without one good pixel level 0,
+ * sigma 0, global_sigma 1. Both say so (constant).
  *
  * The result belongs to the caller (rx_background_free). Errors: RX_USAGE for senseless params,
  * RX_SYSTEM without memory. */

@@ -114,9 +114,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
                       rx_noise_is_structure(noise) ? "F" : "T");
     const rx_anomalies *anomalies = &field->anomalies;
     rx_record_add(facts, "RXSTEP", "least step between pixel values, ADU", "%.4g", anomalies->step);
-    if (isfinite(anomalies->cut))
-        rx_record_add(facts, "RXCUT", "share of the pixels that have the lowest value", "%.4f",
-                      anomalies->cut);
+    rx_record_add(facts, "RXCUT", "share of the pixels that have the lowest value", "%.4f", anomalies->cut);
     rx_record_add(facts, "RXPIXOK", "F: noise is hidden, by steps or a cut, or none", "%s",
                   rx_fields_noise_hidden((rx_fields){field, result->measure}) ? "F" : "T");
     if (isfinite(anomalies->rows))

@@ -206,7 +206,7 @@ static void say_noise(const rx_field *field, rx_log *log)
 
 static int hides_noise(const rx_field *field)
 {
-    return field->plain->constant || isnan(field->anomalies.cut) || rx_anomalies_is_cut(&field->anomalies) ||
+    return field->plain->constant || rx_anomalies_is_cut(&field->anomalies) ||
            rx_anomalies_is_coarse(&field->anomalies, field->plain->global_sigma);
 }
 
@@ -221,26 +221,22 @@ static void say_anomalies(const rx_field *field, rx_log *log)
     const rx_image *image = &field->image;
     if (field->plain->constant)
         rx_log_warning(log,
-                       "%s[%d]: it has no noise that could be measured (a map, rounded numbers?): "
-                       "sigma is taken for 1, thresholds "
-                       "and errors mean nothing, every source has FLAGS_RESTORE 1024; give the noise "
-                       "(WEIGHT_TYPE MAP_RMS)",
+                       "%s[%d]: it has no noise that could be measured (no pixel, a map, rounded numbers?): "
+                       "sigma is taken for 1, thresholds and errors mean nothing, every source has "
+                       "FLAGS_RESTORE 1024; give the noise (WEIGHT_TYPE MAP_RMS)",
                        image->name, image->hdu);
     else if (rx_anomalies_is_coarse(a, field->plain->global_sigma))
         rx_log_warning(log,
                        "%s[%d]: its pixel values have steps of %.3g ADU, what is taken for its noise is %.3g "
-                       "(RXSTEP, RXSIGMA): "
-                       "rounded numbers, or no image of a sky (a map of noise, of segments?); thresholds and "
-                       "errors are wrong, every "
-                       "source has FLAGS_RESTORE 1024; give the tile as it was before it was rounded",
+                       "(RXSTEP, RXSIGMA): rounded numbers, or no image of a sky (a map of noise, of "
+                       "segments?); thresholds and errors are wrong, every source has FLAGS_RESTORE 1024; "
+                       "give the tile as it was before it was rounded",
                        image->name, image->hdu, a->step, field->plain->global_sigma);
     if (rx_anomalies_is_cut(a))
         rx_log_warning(log,
                        "%s[%d]: %.0f %% of its pixels have its lowest value (RXCUT): what was below it is "
-                       "cut off, or photons are few, "
-                       "so that sky, noise, thresholds and errors are wrong; every source has FLAGS_RESTORE "
-                       "1024; give the tile with "
-                       "values below its sky",
+                       "cut off, or photons are few, so that sky, noise, thresholds and errors are wrong; "
+                       "every source has FLAGS_RESTORE 1024; give the tile with values below its sky",
                        image->name, image->hdu, 100.0 * a->cut);
     if (rx_anomalies_is_striped(a))
         rx_log_warning(log,
@@ -677,8 +673,7 @@ static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field,
     if (field->no_data > 0)
         rx_log_warning(log,
                        "%s[%d]: %.1f %% of its pixels, in runs of one value, hold no data (RXNODATA): they "
-                       "are left out, as by "
-                       "a weight map",
+                       "are left out, as by a weight map",
                        image->name, image->hdu,
                        100.0 * (double)field->no_data / ((double)image->width * (double)image->height));
     return RX_OK;

@@ -47,7 +47,7 @@ enum { RX_FIELD_DETECTED = 0, RX_FIELD_MEASURED = 1, RX_FIELD_PSF = 2 };
 
 /* The caller's arrays, which must live as long as the field. Where the PSF of the image is not given and is needed,
  * params say where it comes from. Hidden is what the caller's mask hides, what is not rx_pixel_usable(), and what has
- * a weight of MAP_WEIGHT that is not above 0; saturated what is at image->saturation or above. Errors: RX_USAGE,
+ * a weight of MAP_WEIGHT that is not above 0, and no data (detect/no_data.h); saturated what is at image->saturation or above. Errors: RX_USAGE,
  * RX_INPUT, RX_SYSTEM. */
 rx_status rx_field_new(const rx_pipeline_params *params, int what, const rx_image *image, rx_log *log,
                        rx_field **dst, rx_error *err);

@@ -81,14 +81,11 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
     const double length = 10.0 / part * fmax(image->width, image->height);
     const char *size = stars ? "0.9" : "1.6";
     char reading[400], hover[320];
-    snprintf(
-        hover, sizeof hover,
-        ", $points using 1:2:(sprintf('x %%.0f, y %%.0f: FWHM %%.3g pixels, 1 - b/a %%.3f, major axis "
-        "%%.0f deg "
-        "from x', $1, $2, $3, sqrt($4*$4+$5*$5)*%.9g, 180/pi*atan2($5, $4 + 1e-30))) with labels hypertext "
-        "point pt 7 "
-        "ps 0.9 notitle",
-        2 / length);
+    snprintf(hover, sizeof hover,
+             ", $points using 1:2:(sprintf('x %%.0f, y %%.0f: FWHM %%.3g pixels, 1 - b/a %%.3f, major axis "
+             "%%.0f deg from x', $1, $2, $3, sqrt($4*$4+$5*$5)*%.9g, 180/pi*atan2($5, $4 + 1e-30))) "
+             "with labels hypertext point pt 7 ps 0.9 notitle",
+             2 / length); /* gnuplot has no atan2(0, 0) */
     snprintf(reading, sizeof reading,
              "%s Colour: FWHM, as in the other map; whiskers: along the major axis, 1 - b/a = 0.1 is as long "
              "as 1/%d of the longer side.",

@@ -95,7 +95,7 @@ make_fits tile tile.fits && make_fits zeros weight.fits
 leaves test.cat
 expect 0 '' tile.fits $moffat -WEIGHT_TYPE MAP_WEIGHT
 
-begin 'a tile without data: its report has its figures'
+begin 'a tile without data: told in log, catalogue and report, which has its figures'
 make_fits flat tile.fits
 if [ "$active" = 1 ]; then
     list_files >../before
@@ -106,6 +106,7 @@ if [ "$active" = 1 ]; then
         grep -q '100.0 % of its pixels, in runs of one value, hold no data (RXNODATA)' ../log || cat ../log
         grep -E 'without figures|nan' ../log
         grep -q 'RXPIXOK = F' test.cat || echo 'its noise is said to be known'
+        grep -q 'Pixel values hide the noise' qa/tile.html || echo 'not in the report'
         rm -rf test.cat qa
     } >../err 2>&1
     : >../out

@@ -654,6 +654,40 @@ static void test_marks_by_source(void **state)
     }
 }
 
+/* A tile as RESTORE_TYPE NONE leaves it: what is said of it, its sources and the facts of its header. */
+typedef struct examined {
+    heard h;
+    bench b;
+    rx_field *field;
+    rx_result result;
+    rx_record facts;
+} examined;
+
+static void examine(const float *pixels, int side, examined *dst)
+{
+    *dst = (examined){0};
+    open_bench(&dst->b, RX_MODE_INFORMED, NULL);
+    listen(&dst->h);
+    assert_int_equal(rx_field_prepare(&dst->b.options->pipeline, RX_FIELD_PSF,
+                                      bench_tile(pixels, side, side, 2.0), NULL, &dst->h.log, &dst->field,
+                                      NULL),
+                     RX_OK);
+    fclose(dst->h.log.stream);
+    assert_int_equal(rx_field_extract(&dst->b.options->pipeline, rx_restorer_find("NONE"), dst->field, NULL,
+                                      NULL, &dst->result, NULL),
+                     RX_OK);
+    rx_result_facts(&dst->result, &dst->facts);
+}
+
+static void forget(examined *e)
+{
+    rx_record_free(&e->facts);
+    rx_result_free(&e->result);
+    rx_field_free(e->field);
+    free(e->h.text);
+    bench_close(&e->b);
+}
+
 /* Fringes pass for noise: whatever restores, it is said in the log, the header and for every source. */
 static void test_fringes(void **state)
 {
@@ -661,81 +695,51 @@ static void test_fringes(void **state)
     enum { WIDE = 400 };
     for (int fringes = 0; fringes < 2; fringes++) {
         scene s;
-        heard h;
-        bench b;
-        rx_result result;
-        rx_record facts = {0};
+        examined e;
         scene_make(&s, WIDE, WIDE, STARS, 5);
         for (int i = 0; fringes && i < WIDE * WIDE; i++)
             s.pixels[i] += (float)(10.0 * sin(2.0 * M_PI * (i % WIDE + 0.4 * (i / WIDE)) / 30.0));
-        open_bench(&b, RX_MODE_INFORMED, NULL);
-        rx_tile *tile = bench_tile(s.pixels, WIDE, WIDE, 2.0);
-        rx_field *field = NULL;
-        listen(&h);
-        assert_int_equal(
-            rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF, tile, NULL, &h.log, &field, NULL), RX_OK);
-        fclose(h.log.stream);
-        assert_int_equal(count(h.text, "more than any resampling leaves it"), fringes);
-        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL,
-                                          &result, NULL),
-                         RX_OK);
-        rx_result_facts(&result, &facts);
-        assert_string_equal(fact(&facts, "RXNOISOK"), fringes ? "F" : "T");
-        assert_true(result.sources->n > 10);
-        for (int i = 0; i < result.sources->n; i++)
-            assert_int_equal(result.sources->list[i].fit.restore, fringes ? RX_RESTORE_STRUCTURE : 0);
-        rx_record_free(&facts);
-        rx_result_free(&result);
-        rx_field_free(field);
-        free(h.text);
-        bench_close(&b);
+        examine(s.pixels, WIDE, &e);
+        assert_int_equal(count(e.h.text, "more than any resampling leaves it"), fringes);
+        assert_string_equal(fact(&e.facts, "RXNOISOK"), fringes ? "F" : "T");
+        assert_true(e.result.sources->n > 10);
+        for (int i = 0; i < e.result.sources->n; i++)
+            assert_int_equal(e.result.sources->list[i].fit.restore, fringes ? RX_RESTORE_STRUCTURE : 0);
+        forget(&e);
         scene_free(&s);
     }
 }
 
-/* Steps that hide the noise, and values that are cut off: said in the log, the header and for every source. */
+/* Steps that hide the noise, all of it, and values that are cut off: said in the log, the header and for every source. */
 static void test_steps(void **state)
 {
     (void)state;
-    enum { WIDE = 400 };
-    enum { FINE, ROUNDED, CUT, KINDS };
+    enum { WIDE = 400, FINE = 0, ROUNDED, GONE, CUT, KINDS };
     for (int kind = FINE; kind < KINDS; kind++) {
         scene s;
-        heard h;
-        bench b;
-        rx_result result;
-        rx_record facts = {0};
-        scene_make(&s, WIDE, WIDE, STARS, 5);
-        for (int i = 0; kind == ROUNDED && i < WIDE * WIDE; i++) /* to 3.2 sigma */
-            s.pixels[i] = 16.0f * roundf((s.pixels[i] - 995.0f) / 16.0f);
-        for (int i = 0; kind == CUT && i < WIDE * WIDE; i++) /* at the sky */
-            s.pixels[i] = fmaxf(s.pixels[i], 1000.0f);
-        open_bench(&b, RX_MODE_INFORMED, NULL);
-        rx_field *field = NULL;
-        listen(&h);
-        assert_int_equal(rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF,
-                                          bench_tile(s.pixels, WIDE, WIDE, 2.0), NULL, &h.log, &field, NULL),
-                         RX_OK);
-        fclose(h.log.stream);
-        assert_int_equal(count(h.text, "have steps of 16 ADU"), kind == ROUNDED);
-        assert_int_equal(count(h.text, "have its lowest value"), kind == CUT);
-        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL,
-                                          &result, NULL),
-                         RX_OK);
-        rx_result_facts(&result, &facts);
-        assert_string_equal(fact(&facts, "RXPIXOK"), kind == FINE ? "T" : "F");
-        if (kind == ROUNDED)
-            assert_near(atof(fact(&facts, "RXSTEP")), 16, 1e-3);
-        assert_near(atof(fact(&facts, "RXCUT")), kind == CUT ? 0.5 : 0, kind == CUT ? 0.05 : 0.01);
-        assert_true(result.sources->n > 0);
-        for (int i = 0; i < result.sources->n; i++)
-            assert_int_equal(result.sources->list[i].fit.restore & RX_RESTORE_HIDDEN,
+        examined e;
+        scene_make(&s, WIDE, WIDE, STARS, 5); /* noise of 5 on a sky of 1000 */
+        for (int i = 0; kind != FINE && i < WIDE * WIDE; i++)
+            s.pixels[i] = kind == ROUNDED ? 16.0f * roundf((s.pixels[i] - 995.0f) / 16.0f)
+                          : kind == GONE  ? 50.0f * roundf(s.pixels[i] / 50.0f)
+                                          : fmaxf(s.pixels[i], 1000.0f);
+        double cut = 0;
+        for (int i = 0; kind == CUT && i < WIDE * WIDE; i++)
+            cut += (s.pixels[i] == 1000.0f) / (double)(WIDE * WIDE);
+        examine(s.pixels, WIDE, &e);
+        assert_int_equal(count(e.h.text, "have steps of 16 ADU"), kind == ROUNDED);
+        assert_int_equal(count(e.h.text, "no noise that could be measured"), kind == GONE);
+        assert_int_equal(count(e.h.text, "have its lowest value"), kind >= GONE);
+        assert_string_equal(fact(&e.facts, "RXPIXOK"), kind == FINE ? "T" : "F");
+        if (kind == ROUNDED || kind == GONE)
+            assert_near(atof(fact(&e.facts, "RXSTEP")), kind == ROUNDED ? 16 : 50, 1e-3);
+        if (kind != GONE)
+            assert_near(atof(fact(&e.facts, "RXCUT")), cut, 0.05);
+        assert_true(e.result.sources->n > 0);
+        for (int i = 0; i < e.result.sources->n; i++)
+            assert_int_equal(e.result.sources->list[i].fit.restore & RX_RESTORE_HIDDEN,
                              kind == FINE ? 0 : RX_RESTORE_HIDDEN);
-        rx_record_free(&facts);
-        rx_result_free(&result);
-        rx_field_free(field);
-        free(h.text);
-        bench_close(&b);
+        forget(&e);
         scene_free(&s);
     }
 }
@@ -780,10 +784,7 @@ static void test_anomalies(void **state)
     enum { WIDE = 400, RAYS = 20, STEP = 37 };
     for (int bad = 0; bad < 2; bad++) {
         scene s;
-        heard h;
-        bench b;
-        rx_result result;
-        rx_record facts = {0};
+        examined e;
         int sharp = 0, lit = 0;
         scene_make(&s, WIDE, WIDE, STARS, 5);
         for (int i = 0; bad && i < WIDE * WIDE; i++)
@@ -791,21 +792,11 @@ static void test_anomalies(void **state)
                                    7.5 * (abs(i % WIDE - i / WIDE) < 25));
         for (int i = 1; bad && i <= RAYS; i++)
             s.pixels[(STEP * i % WIDE) * WIDE + 18 * i] += 400.0f;
-        open_bench(&b, RX_MODE_INFORMED, NULL);
-        rx_field *field = NULL;
-        listen(&h);
-        assert_int_equal(rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF,
-                                          bench_tile(s.pixels, WIDE, WIDE, 2.0), NULL, &h.log, &field, NULL),
-                         RX_OK);
-        fclose(h.log.stream);
-        assert_int_equal(count(h.text, "RXROWS"), bad);
-        assert_int_equal(count(h.text, "RXLIGHT"), bad);
-        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), field, NULL, NULL,
-                                          &result, NULL),
-                         RX_OK);
-        rx_result_facts(&result, &facts);
-        for (int i = 0; i < result.sources->n; i++) {
-            const rx_source *source = &result.sources->list[i];
+        examine(s.pixels, WIDE, &e);
+        assert_int_equal(count(e.h.text, "RXROWS"), bad);
+        assert_int_equal(count(e.h.text, "RXLIGHT"), bad);
+        for (int i = 0; i < e.result.sources->n; i++) {
+            const rx_source *source = &e.result.sources->list[i];
             int near = 0;
             for (int k = 1; k <= RAYS; k++)
                 near |= fabs(source->x - 18 * k) < 3 && fabs(source->y - STEP * k % WIDE) < 3;
@@ -816,20 +807,16 @@ static void test_anomalies(void **state)
             sharp += (source->fit.restore & RX_RESTORE_SHARP) != 0;
             lit += (source->fit.restore & RX_RESTORE_LIGHT) != 0;
         }
-        print_message("%d sources, %d sharp, %d on light; rows %s, light %s\n", result.sources->n, sharp, lit,
-                      fact(&facts, "RXROWS"), fact(&facts, "RXLIGHT"));
+        print_message("%d sources, %d sharp, %d on light; rows %s, light %s\n", e.result.sources->n, sharp,
+                      lit, fact(&e.facts, "RXROWS"), fact(&e.facts, "RXLIGHT"));
         assert_between(sharp, bad ? RAYS / 2 : 0, bad ? RAYS : 0);
         assert_between(lit, bad ? 3 : 0, bad ? 300 : 0);
-        assert_near(atof(fact(&facts, "RXSHARP")), (double)sharp / result.sources->n, 1e-4);
-        assert_int_equal(rx_result_is_sharp(rx_result_sharp(&result), result.sources->n), bad);
-        assert_near(atof(fact(&facts, "RXROWS")), bad ? 0.5 : 0, 0.07);
-        assert_near(atof(fact(&facts, "RXCOLS")), 0, 0.07);
-        assert_int_equal(atof(fact(&facts, "RXLIGHT")) > 0.05, bad);
-        rx_record_free(&facts);
-        rx_result_free(&result);
-        rx_field_free(field);
-        free(h.text);
-        bench_close(&b);
+        assert_near(atof(fact(&e.facts, "RXSHARP")), (double)sharp / e.result.sources->n, 1e-4);
+        assert_int_equal(rx_result_is_sharp(rx_result_sharp(&e.result), e.result.sources->n), bad);
+        assert_near(atof(fact(&e.facts, "RXROWS")), bad ? 0.5 : 0, 0.07);
+        assert_near(atof(fact(&e.facts, "RXCOLS")), 0, 0.07);
+        assert_int_equal(atof(fact(&e.facts, "RXLIGHT")) > 0.05, bad);
+        forget(&e);
         scene_free(&s);
     }
 }
