@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/memory.h"
@@ -98,20 +99,38 @@ static char *joined(const char *a, const char *b)
     return text;
 }
 
-static char *real_of(const char *path, int links);
+/* The folder that holds `path`, which ends in no slash. */
+static char *folder_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash == NULL   ? rx_strdup(".")
+           : slash == path ? rx_strdup("/")
+                           : strndup(path, (size_t)(slash - path));
+}
 
-/* Where the link leads to, of which nothing is there; NULL with *failed 0: it is no link. */
-static char *behind_link(const char *path, const char *folder, int links, int *failed)
+/* Where the link in `folder` leads to; NULL with *failed 0: it is no link. */
+static char *link_target(const char *path, const char *folder, int *failed)
 {
     char target[PATH_MAX];
-    const ssize_t length = links > 0 ? readlink(path, target, sizeof target - 1) : 0;
+    const ssize_t length = readlink(path, target, sizeof target - 1);
     *failed = 0;
     if (length <= 0)
         return NULL;
     target[length] = '\0';
     char *whole = target[0] == '/' ? rx_strdup(target) : joined(folder, target);
+    *failed = whole == NULL;
+    return whole;
+}
+
+static char *real_of(const char *path, int links);
+
+/* The same where nothing is there, without links. */
+static char *behind_link(const char *path, const char *folder, int links, int *failed)
+{
+    *failed = 0;
+    char *whole = links > 0 ? link_target(path, folder, failed) : NULL;
     char *real = whole != NULL ? real_of(whole, links - 1) : NULL;
-    *failed = real == NULL;
+    *failed |= whole != NULL && real == NULL;
     free(whole);
     return real;
 }
@@ -128,9 +147,7 @@ static char *real_of(const char *path, int links)
         plain[--length] = '\0';
     char *slash = strrchr(plain, '/');
     const char *name = slash != NULL ? slash + 1 : plain;
-    char *folder = slash == NULL    ? rx_strdup(".")
-                   : slash == plain ? rx_strdup("/")
-                                    : strndup(plain, (size_t)(slash - plain));
+    char *folder = folder_of(plain);
     char *place = folder != NULL ? realpath(folder, NULL) : NULL;
     int failed = folder == NULL;
     if (place != NULL && (real = behind_link(plain, folder, links, &failed)) == NULL && !failed) {
@@ -148,4 +165,61 @@ static char *real_of(const char *path, int links)
 char *rx_name_real(const char *path)
 {
     return real_of(path, 20);
+}
+
+/* As Linux's fs.protected_symlinks has it, which names that were resolved before they are opened get around. */
+static bool is_planted(const char *folder, const struct stat *entry)
+{
+    struct stat in;
+    return entry->st_uid != geteuid() && stat(folder, &in) == 0 && (in.st_mode & S_ISVTX) != 0 &&
+           (in.st_mode & (S_IWGRP | S_IWOTH)) != 0 && entry->st_uid != in.st_uid;
+}
+
+static rx_status check_way(const char *path, int links, const char *shown, rx_error *err);
+
+/* `name` is one that the way goes through. */
+static rx_status check_step(const char *name, int links, const char *shown, rx_error *err)
+{
+    struct stat info;
+    rx_status status = RX_OK;
+    if (lstat(name, &info) != 0 || S_ISDIR(info.st_mode) || S_ISREG(info.st_mode))
+        return RX_OK;
+    char *folder = folder_of(name), *target = NULL;
+    int failed = folder == NULL;
+    if (!failed && is_planted(folder, &info))
+        status =
+            rx_error_at(err, RX_USAGE, shown, -1, 0,
+                        "'%.200s' was put into a shared folder by another user and is not followed; give "
+                        "another name",
+                        name);
+    else if (!failed && links > 0)
+        target = link_target(name, folder, &failed);
+    if (failed)
+        status = rx_error_memory(err, strlen(name));
+    else if (target != NULL)
+        status = check_way(target, links - 1, shown, err);
+    free(folder);
+    free(target);
+    return status;
+}
+
+static rx_status check_way(const char *path, int links, const char *shown, rx_error *err)
+{
+    char *name = rx_strdup(path);
+    rx_status status = name != NULL ? RX_OK : rx_error_memory(err, strlen(path));
+    for (char *end = name; status == RX_OK && *end != '\0';) {
+        end += strspn(end, "/");
+        end += strcspn(end, "/");
+        const char slash = *end;
+        *end = '\0';
+        status = check_step(name, links, shown, err);
+        *end = slash;
+    }
+    free(name);
+    return status;
+}
+
+rx_status rx_name_trusted(const char *path, rx_error *err)
+{
+    return check_way(path, 20, path, err);
 }

@@ -4,6 +4,8 @@
 
 #include <stdbool.h>
 
+#include "base/error.h"
+
 /* "night/field.cat" + "RL" -> "night/field_RL.cat"; a name without extension gets "_RL" at its end;
  * `tag` empty or NULL: a plain copy. NULL without memory; the caller frees. */
 char *rx_name_with_tag(const char *path, const char *tag);
@@ -25,5 +27,10 @@ char *rx_name_psf(const char *image);
  * what it leads to), "." and ".."; the plain one where its folder is not there. Two names of the same file
  * give the same. NULL without memory; the caller frees. */
 char *rx_name_real(const char *path);
+
+/* RX_USAGE when the way to the output `path` goes through a symbolic link (or ends in a pipe or device) that another
+ * user may have put there as a trap: it lies in a folder that others can write to (sticky, as /tmp is) and belongs
+ * neither to this user nor to that folder's owner. RX_SYSTEM without memory. */
+rx_status rx_name_trusted(const char *path, rx_error *err);
 
 #endif

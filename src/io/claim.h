@@ -1,4 +1,4 @@
-/* To which process a temporary output belongs. It is written as ".NAME.rx-NUMBER.tmp" beside its place, and as long
+/* To which process a temporary output belongs. It is written in the folder ".NAME.rx-NUMBER.tmp" beside its place, and as long
  * as the process that writes it lives, that process holds a lock (flock) on the empty file ".NAME.rx-NUMBER.lock":
  * what a killed one has left can be distinguished from the work of another process, and removed. The kernel drops the
  * lock with the process, so that neither process numbers nor names of machines have to be trusted. Where the file

@@ -5,29 +5,31 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/names.h"
 #include "base/text.h"
 #include "io/claim.h"
-
-/* A folder that holds this file was made by us and may be replaced by the next run. */
-static const char MARKER[] = ".rextract";
+#include "io/marker.h"
 
 typedef enum output_kind { OUTPUT_FILE, OUTPUT_FOLDER, OUTPUT_DEVICE } output_kind;
 
 typedef struct output {
     output_kind kind;
-    char *path;      /* where it goes, symbolic links followed */
-    char *shown;     /* as the user wrote it */
-    char *stem;      /* of the names of temporary and lock: beside the path, hidden */
-    char *temporary; /* where it is written */
+    char *path;  /* where it goes, symbolic links followed */
+    char *shown; /* as the user wrote it */
+    char *stem;  /* of the names of temporary and lock: beside the path, hidden */
+    char *room;  /* folder beside the path that only this user can enter, so that no link waits in there */
+    char *temporary; /* where it is written, in that folder */
     char *lock;      /* what says that it is ours */
+    mode_t mode;     /* permissions of what it replaces, 0 without */
     dev_t device;    /* with folder and name: a.fits and ./a.fits are one file */
     ino_t folder;
     int claim; /* descriptor that holds the lock, -1 none */
@@ -94,24 +96,6 @@ void rx_output_remove(const char *path)
     remove_at(AT_FDCWD, path);
 }
 
-static int is_replaceable_folder(const char *path)
-{
-    int replaceable = 1;
-    DIR *dir = opendir(path);
-    if (dir == NULL)
-        return 0;
-    for (struct dirent *entry; (entry = readdir(dir)) != NULL;) {
-        if (strcmp(entry->d_name, MARKER) == 0) {
-            replaceable = 1;
-            break;
-        }
-        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-            replaceable = 0;
-    }
-    closedir(dir);
-    return replaceable;
-}
-
 /* What is at the target already decides the kind; errors for what cannot be replaced. */
 static rx_status inspect(output *out, int want_folder, rx_error *err)
 {
@@ -125,10 +109,11 @@ static rx_status inspect(output *out, int want_folder, rx_error *err)
     if (!want_folder && S_ISDIR(info.st_mode))
         return rx_error_at(err, RX_USAGE, out->shown, -1, 0,
                            "is a folder, a file is written; give a file name");
-    if (want_folder && !is_replaceable_folder(out->shown))
-        return rx_error_at(err, RX_USAGE, out->shown, -1, 0,
-                           "is a folder with other content, which is never replaced; give another name");
-    if (!S_ISDIR(info.st_mode) && !S_ISREG(info.st_mode)) {
+    if (S_ISDIR(info.st_mode))
+        out->mode = info.st_mode & 07777;
+    else if (S_ISREG(info.st_mode))
+        out->mode = info.st_mode & 0777;
+    else {
         out->kind = OUTPUT_DEVICE;
         if (access(out->shown, W_OK) != 0)
             return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
@@ -140,6 +125,7 @@ static rx_status inspect(output *out, int want_folder, rx_error *err)
 static rx_status place(output *out, rx_error *err)
 {
     const size_t length = strlen(out->shown);
+    RX_TRY(rx_name_trusted(out->shown, err));
     out->path = rx_name_real(out->shown);
     if (out->path == NULL)
         return rx_error_memory(err, length);
@@ -179,15 +165,31 @@ static rx_status place(output *out, rx_error *err)
 static void forget(output *out)
 {
     struct stat info;
-    if (out->claim >= 0 && lstat(out->temporary, &info) == 0)
+    if (out->claim >= 0 && lstat(out->room, &info) == 0)
         close(out->claim);
     else if (out->claim >= 0)
         rx_claim_drop(out->claim, out->lock);
     free(out->path);
     free(out->shown);
     free(out->stem);
+    free(out->room);
     free(out->temporary);
     free(out->lock);
+}
+
+/* Hold the lock of a number, with its room; -1 and errno where either is taken. */
+static int take(output *out)
+{
+    const int held = rx_claim_take(out->lock);
+    if (held < 0)
+        return -1;
+    rx_output_remove(out->room); /* whose lock somebody has removed */
+    if (mkdir(out->room, 0700) == 0)
+        return held;
+    const int reason = errno;
+    rx_claim_drop(held, out->lock);
+    errno = reason;
+    return -1;
 }
 
 /* Take the first free number; another machine, or another run in a container, may have ours. */
@@ -195,50 +197,44 @@ static rx_status claim(output *out, rx_error *err)
 {
     const long first = (long)getpid(), tries = 1000;
     const size_t size = strlen(out->stem) + 64;
-    out->temporary = malloc(size);
+    const char *name;
+    free(folder_of(out->path, &name));
+    out->room = malloc(size);
     out->lock = malloc(size);
-    if (out->temporary == NULL || out->lock == NULL)
+    out->temporary = malloc(size + strlen(name));
+    if (out->room == NULL || out->temporary == NULL || out->lock == NULL)
         return rx_error_memory(err, size);
     rx_claim_sweep(out->path, out->stem);
     for (long number = first; out->claim < 0 && number < first + tries; number++) {
-        snprintf(out->temporary, size, "%s.rx-%ld.tmp", out->stem, number);
+        snprintf(out->room, size, "%s.rx-%ld.tmp", out->stem, number);
         snprintf(out->lock, size, "%s.rx-%ld.lock", out->stem, number);
-        out->claim = rx_claim_take(out->lock);
+        out->claim = take(out);
         if (out->claim < 0 && errno != EEXIST)
             break;
     }
+    snprintf(out->temporary, size + strlen(name), "%s/%s", out->room, name);
     return out->claim >= 0 ? RX_OK
                            : rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be %s: %s",
                                          out->kind == OUTPUT_FOLDER ? "made" : "written", strerror(errno));
 }
 
-static int mark(const char *folder)
+static int is_there(const char *path)
 {
-    static const char text[] = "Made by rextract: the next run replaces this folder.\n";
-    char *name = format(folder, "/", MARKER);
-    FILE *file = name != NULL ? fopen(name, "wb") : NULL;
-    int failed = file == NULL || fputs(text, file) == EOF;
-    if (file != NULL)
-        failed |= fclose(file) != 0;
-    free(name);
-    return failed ? -1 : 0;
+    struct stat info;
+    return lstat(path, &info) == 0;
 }
 
 /* Claiming it now is the only sure test of whether it can be made. Files are made by their writers. */
 static rx_status make_temporary(output *out, rx_error *err)
 {
-    rx_status status = claim(out, err);
-    if (status == RX_OK)
-        rx_output_remove(out->temporary); /* whose lock somebody has removed */
-    if (status != RX_OK || out->kind != OUTPUT_FOLDER)
-        return status;
+    RX_TRY(claim(out, err)); /* what a killed run has moved aside is back now */
+    if (out->kind != OUTPUT_FOLDER)
+        return RX_OK;
+    if (is_there(out->path))
+        RX_TRY(rx_marker_check(out->path, out->shown, err));
     if (mkdir(out->temporary, 0777) != 0)
         return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be made: %s", strerror(errno));
-    if (mark(out->temporary) != 0) {
-        status = rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
-        rx_output_remove(out->temporary);
-    }
-    return status;
+    return RX_OK;
 }
 
 /* The stem's folder may be another than the path's (devices), its name is that of the output. */
@@ -267,6 +263,8 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
     if (status == RX_OK)
         status = make_temporary(out, err);
     if (status != RX_OK) {
+        if (out->claim >= 0)
+            rx_output_remove(out->room);
         forget(out);
         return status;
     }
@@ -328,92 +326,123 @@ static int sync_tree(const char *path)
     return failed;
 }
 
-static int copy_to_device(const output *out)
+static rx_status cannot_be_written(const output *out, rx_error *err)
+{
+    return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
+}
+
+/* A FIFO may have no reader, or one that sleeps, and signals are blocked. */
+static int open_device(const output *out, rx_status *status, rx_error *err)
+{
+    int file = -1;
+    while (*status == RX_OK && file < 0) {
+        file = open(out->path, O_WRONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+        if (file < 0 && errno != ENXIO)
+            *status = cannot_be_written(out, err);
+        else if (file < 0 && (*status = rx_interrupt_check(err)) == RX_OK)
+            poll(NULL, 0, 100);
+    }
+    return file;
+}
+
+static rx_status copy_to_device(const output *out, rx_error *err)
 {
     char buffer[8192];
+    rx_status status = RX_OK;
     FILE *src = fopen(out->temporary, "rb");
-    int failed = src == NULL;
-    FILE *dst = failed ? NULL : fopen(out->path, "wb");
-    failed = dst == NULL;
-    for (size_t n; !failed && (n = fread(buffer, 1, sizeof buffer, src)) > 0;)
-        failed = fwrite(buffer, 1, n, dst) != n;
-    failed = failed || ferror(src);
-    int reason = errno;
-    if (dst != NULL && fclose(dst) != 0 && !failed) {
-        failed = 1;
-        reason = errno;
+    if (src == NULL)
+        return cannot_be_written(out, err);
+    const int dst = open_device(out, &status, err);
+    for (size_t n = 0, at = 0; status == RX_OK; at = at < n ? at : 0) {
+        if (at == 0 && (n = fread(buffer, 1, sizeof buffer, src)) == 0)
+            break;
+        struct pollfd room = {.fd = dst, .events = POLLOUT};
+        (void)poll(&room, 1, 100);
+        const ssize_t written = write(dst, buffer + at, n - at);
+        if (written > 0)
+            at += (size_t)written;
+        else if (written == 0 || errno == EAGAIN || errno == EINTR)
+            status = rx_interrupt_check(err);
+        else
+            status = cannot_be_written(out, err);
     }
-    if (src != NULL)
-        fclose(src);
-    if (!failed)
-        unlink(out->temporary);
-    errno = reason;
-    return failed ? -1 : 0;
+    if (status == RX_OK && ferror(src))
+        status = cannot_be_written(out, err);
+    if (dst >= 0 && close(dst) != 0 && status == RX_OK)
+        status = cannot_be_written(out, err);
+    fclose(src);
+    return status;
 }
 
-/* An older folder steps aside, and comes back when the new one cannot take its place. */
-static int step_aside(const output *out)
+/* Old and new change places at once where the file system can do that (not on NFS); else the old one steps aside. */
+static int exchange(const output *out, const char *aside)
 {
-    char *old = format(out->temporary, ".old", "");
-    if (old == NULL || rename(out->path, old) != 0) {
-        free(old);
+    if (renameat2(AT_FDCWD, out->temporary, AT_FDCWD, out->path, RENAME_EXCHANGE) == 0)
+        return 0;
+    if (rename(out->path, aside) != 0)
         return -1;
-    }
-    int failed = rename(out->temporary, out->path), reason = errno;
-    if (failed != 0 && rename(old, out->path) == 0)
-        errno = reason;
-    else if (failed == 0)
-        rx_output_remove(old);
-    free(old);
-    return failed;
+    if (rename(out->temporary, out->path) == 0)
+        return rename(aside, out->temporary);
+    const int reason = errno;
+    (void)rename(aside, out->path);
+    errno = reason;
+    return -1;
 }
 
-/* Old and new change places at once where the file system can do that (not on NFS). */
-static int rename_folder(const output *out)
+/* What was put into the old folder while the new one took its place brings it back. */
+static rx_status replace_folder(const output *out, rx_error *err)
 {
     if (rename(out->temporary, out->path) == 0) /* where there is none, or an empty one */
-        return 0;
+        return RX_OK;
     if (errno != ENOTEMPTY && errno != EEXIST)
-        return -1;
-    if (!is_replaceable_folder(out->path)) { /* filled by somebody since it was inspected */
-        errno = ENOTEMPTY;
-        return -1;
-    }
-    if (renameat2(AT_FDCWD, out->temporary, AT_FDCWD, out->path, RENAME_EXCHANGE) != 0)
-        return step_aside(out);
-    rx_output_remove(out->temporary);
-    return 0;
+        return cannot_be_written(out, err);
+    char *aside = format(out->room, ".old", "");
+    if (aside == NULL)
+        return rx_error_memory(err, strlen(out->room));
+    rx_status status = exchange(out, aside) == 0 ? RX_OK : cannot_be_written(out, err);
+    if (status == RX_OK && (status = rx_marker_check(out->temporary, out->shown, err)) != RX_OK)
+        (void)exchange(out, aside);
+    free(aside);
+    return status;
 }
 
-static int put_in_place(const output *out)
+static rx_status put_in_place(output *out, rx_error *err)
 {
-    switch (out->kind) {
-    case OUTPUT_DEVICE:
-        return copy_to_device(out);
-    case OUTPUT_FOLDER:
-        return rename_folder(out);
-    case OUTPUT_FILE:
-        break;
-    }
-    return rename(out->temporary, out->path);
+    rx_status status = RX_OK;
+    if (out->kind == OUTPUT_DEVICE)
+        status = copy_to_device(out, err);
+    else if (out->kind == OUTPUT_FOLDER)
+        status = replace_folder(out, err);
+    else if (rename(out->temporary, out->path) != 0)
+        status = cannot_be_written(out, err);
+    if (status != RX_OK)
+        return status;
+    out->done = 1;
+    rx_output_remove(out->room);
+    return RX_OK;
+}
+
+/* All that can fail for want of space, or because the old folder is no longer one of ours. */
+static rx_status complete(const output *out, rx_error *err)
+{
+    if (out->kind == OUTPUT_FOLDER)
+        RX_TRY(rx_marker_write(out->temporary, err));
+    if (sync_tree(out->temporary) != 0 || (out->mode != 0 && chmod(out->temporary, out->mode) != 0))
+        return cannot_be_written(out, err);
+    return out->kind == OUTPUT_FOLDER && is_there(out->path) ? rx_marker_check(out->path, out->shown, err)
+                                                             : RX_OK;
 }
 
 rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err)
 {
-    /* everything that can fail for want of space comes before the first rename */
-    for (size_t i = 0; i < outputs->n; i++) {
-        const output *out = &outputs->list[i];
-        if (!out->done && sync_tree(out->temporary) != 0)
-            return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
-    }
+    for (size_t i = 0; i < outputs->n; i++)
+        if (!outputs->list[i].done)
+            RX_TRY(complete(&outputs->list[i], err));
     /* devices first: they may refuse bytes (a full disk behind a pipe, /dev/full), names hardly ever */
     for (size_t i = 0; i < 2 * outputs->n; i++) {
         output *out = &outputs->list[i % outputs->n];
-        if (out->done || (i < outputs->n) != (out->kind == OUTPUT_DEVICE))
-            continue;
-        if (put_in_place(out) != 0)
-            return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
-        out->done = 1;
+        if (!out->done && (i < outputs->n) == (out->kind == OUTPUT_DEVICE))
+            RX_TRY(put_in_place(out, err));
     }
     return RX_OK;
 }
@@ -437,7 +466,7 @@ void rx_outputs_free(rx_outputs *outputs)
         return;
     for (size_t i = 0; i < outputs->n; i++) {
         if (!outputs->list[i].done)
-            rx_output_remove(outputs->list[i].temporary);
+            rx_output_remove(outputs->list[i].room);
         forget(&outputs->list[i]);
     }
     free(outputs->list);

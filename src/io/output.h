@@ -1,6 +1,7 @@
-/* Outputs appear whole or not at all: every file is written under a temporary name in
- * its own folder; commit renames them all once the whole run has succeeded. What a killed
- * process has left of an output goes when the next one reserves it (io/claim.h). */
+/* Outputs appear whole or not at all: every file is written in a hidden folder, which only this user can enter, beside
+ * its place; commit renames them all once the whole run has succeeded. What a killed
+ * process has left of an output goes when the next one reserves it (io/claim.h). What is replaced keeps its
+ * permissions. */
 #ifndef RX_IO_OUTPUT_H
 #define RX_IO_OUTPUT_H
 
@@ -13,13 +14,13 @@ rx_status rx_outputs_new(rx_outputs **dst, rx_error *err);
 
 /* Reserve `path` (file) and give the temporary name to write to, owned by the
  * transaction. The folder must exist and be writable: checked now, before the work.
- * The same path twice is an RX_USAGE error. Links are followed; a device (/dev/null) gets
- * the bytes at commit and is never replaced. */
+ * The same path twice is an RX_USAGE error. Links are followed, but those that another user left in a shared folder
+ * (RX_USAGE); a device (/dev/null) gets the bytes at commit and is never replaced. */
 rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* The same for a folder (report): the temporary folder is made, and takes the place of
- * an older one at commit. Only an empty folder or one of ours (it holds `.rextract`) is
- * replaced; any other, or a plain file, is an RX_USAGE error. */
+ * an older one at commit. Only an empty folder is replaced, and one that holds nothing but what a run wrote there
+ * (io/marker.h), which is asked now and again at commit; any other, or a plain file, is an RX_USAGE error. */
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* The name that the user gave for what is written as `temporary`, for error messages: a temporary name

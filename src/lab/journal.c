@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/names.h"
 
 static const char MAGIC[] = "rextract-validate journal 3\n";
 
@@ -334,6 +335,7 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
     rx_status status;
     RX_TRY_EXIT(journal->path == NULL ? rx_error_memory(err, strlen(path))
                                       : make_header(facts, &header, journal->digest, err));
+    RX_TRY_EXIT(rx_name_trusted(path, err));
     journal->file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
     RX_TRY_EXIT(journal->file < 0 ? cannot(path, "opened", err) : lock(path, journal->file, err));
     RX_TRY_EXIT(load(&(reading){path, &header, journal->digest, nunits, values}, journal->file, &whole, err));

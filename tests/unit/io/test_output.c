@@ -252,17 +252,195 @@ static void test_taken_number(void **state)
     assert_int_equal(unlink(in(state, "numbered")), 0);
 }
 
+/* A folder of one page, as a run writes it. */
+static void write_report(const char *path, const char *page)
+{
+    rx_outputs *outputs = NULL;
+    const char *folder = NULL;
+    char inner[1000];
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_folder(outputs, path, &folder, NULL), RX_OK);
+    snprintf(inner, sizeof inner, "%s/deep", folder);
+    assert_int_equal(mkdir(inner, 0777), 0);
+    snprintf(inner, sizeof inner, "%s/page", folder);
+    write_text(inner, page);
+    snprintf(inner, sizeof inner, "%s/deep/table", folder);
+    write_text(inner, "1 2 3");
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+    rx_outputs_free(outputs);
+}
+
+/* Only what a run wrote is replaced, as it wrote it; whatever else is there keeps the folder. */
+static void test_only_ours(void **state)
+{
+    static const char *const harm[] = {
+        "echo note >ours/note.txt",
+        "echo note >ours/deep/note.txt",
+        "mkdir ours/mine",
+        "ln -s page ours/link",
+        "mkfifo ours/pipe",
+        "echo note >>ours/page",
+        "rm ours/page && ln -s ../kept ours/page",
+        "rm ours/page && mkdir ours/page",
+        "cp ours/page ours/'page\nfolder deep'",
+        ": >ours/.rextract",
+        "rm ours/.rextract",
+        "head -n 1 ours/.rextract >t && mv t ours/.rextract",
+        "head -c -2 ours/.rextract >t && mv t ours/.rextract",
+        "mv ours/.rextract marker && ln -s ../marker ours/.rextract",
+        "rm ours/.rextract && mkfifo ours/.rextract",
+        "rm ours/.rextract && mkdir ours/.rextract",
+        "echo 'Made by rextract: the next run replaces this folder.' >ours/.rextract",
+        "echo note >ours/note.txt && echo 'folder note.txt' >>ours/.rextract",
+        "ln -s ../kept ours/note.txt && echo ' note.txt' >>ours/.rextract",
+    };
+    const char *folder = NULL;
+    char path[400], command[4000];
+    snprintf(path, sizeof path, "%s", in(state, "ours"));
+    write_text(in(state, "kept"), "kept");
+    for (size_t i = 0; i < sizeof harm / sizeof harm[0]; i++) {
+        rx_error err = RX_ERROR_NONE;
+        rx_outputs *outputs = NULL;
+        rx_output_remove(path);
+        write_report(path, "first");
+        snprintf(command, sizeof command, "cd '%s' && { %s; } && ls -lR ours >before", in(state, ""),
+                 harm[i]);
+        assert_int_equal(system(command), 0);
+        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+        assert_int_equal(rx_outputs_folder(outputs, path, &folder, &err), RX_USAGE);
+        assert_non_null(strstr(err.text, "replaced; give another name"));
+        rx_outputs_free(outputs);
+        snprintf(command, sizeof command, "cd '%s' && ls -lR ours | cmp - before", in(state, ""));
+        assert_int_equal(system(command), 0);
+    }
+    rx_output_remove(path);
+    write_report(path, "first");
+    unlink(in(state, "ours/page")); /* what was taken away is not missed, and "../" in a list leads nowhere */
+    snprintf(command, sizeof command, "cd '%s' && echo 'folder ../kept' >>ours/.rextract", in(state, ""));
+    assert_int_equal(system(command), 0);
+    write_report(path, "second");
+    check_content(in(state, "ours/page"), "second");
+    check_content(in(state, "kept"), "kept");
+    rx_output_remove(path);
+    static const char *const gone[] = {"kept", "before", "marker"};
+    for (int i = 0; i < 3; i++)
+        unlink(in(state, gone[i]));
+}
+
+/* What comes into the folder while the run is at work keeps it, too, and the other outputs of the run wait. */
+static void test_filled_meanwhile(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *folder = NULL, *file = NULL;
+    const int before = count_files(in(state, ""));
+    write_report(in(state, "busy"), "first");
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "busy.cat"), &file, NULL), RX_OK);
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "busy"), &folder, NULL), RX_OK);
+    write_text(file, "1");
+    write_text(in(state, "busy/note"), "mine");
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_USAGE);
+    rx_outputs_free(outputs);
+    check_content(in(state, "busy/note"), "mine");
+    check_content(in(state, "busy/page"), "first");
+    assert_int_equal(access(in(state, "busy.cat"), F_OK), -1);
+    rx_output_remove(in(state, "busy"));
+    assert_int_equal(count_files(in(state, "")), before);
+}
+
+/* What is replaced keeps its permissions, and until then no other user can read what takes its place. */
+static void test_modes(void **state)
+{
+    struct stat info;
+    rx_outputs *outputs = NULL;
+    const char *file = NULL, *folder = NULL;
+    write_text(in(state, "private"), "old");
+    assert_int_equal(chmod(in(state, "private"), 0640), 0);
+    write_report(in(state, "closed"), "old");
+    assert_int_equal(chmod(in(state, "closed"), 0750), 0);
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "private"), &file, NULL), RX_OK);
+    assert_int_equal(rx_outputs_folder(outputs, in(state, "closed"), &folder, NULL), RX_OK);
+    write_text(file, "new");
+    char room[1000];
+    snprintf(room, sizeof room, "%.*s", (int)(strrchr(file, '/') - file), file);
+    assert_int_equal(stat(room, &info), 0);
+    assert_int_equal(info.st_mode & 0777, 0700);
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+    rx_outputs_free(outputs);
+    assert_int_equal(stat(in(state, "private"), &info), 0);
+    assert_int_equal(info.st_mode & 0777, 0640);
+    assert_int_equal(stat(in(state, "closed"), &info), 0);
+    assert_int_equal(info.st_mode & 0777, 0750);
+    unlink(in(state, "private"));
+    rx_output_remove(in(state, "closed"));
+}
+
+/* In a folder that all share no link is followed that another user put there, on whatever part of the way; one's own
+ * are. Temporaries go around what waits under their name. */
+static void test_planted(void **state)
+{
+    enum { OTHER = 12345 };
+    rx_outputs *outputs = NULL;
+    const char *file = NULL;
+    char path[1000];
+    if (geteuid() != 0)
+        skip(); /* only root can make what belongs to another */
+    const int before = count_files(in(state, ""));
+    write_text(in(state, "victim"), "kept");
+    assert_int_equal(mkdir(in(state, "home"), 0777), 0);
+    assert_int_equal(mkdir(in(state, "shared"), 0777), 0);
+    assert_int_equal(chmod(in(state, "shared"), 01777), 0);
+    assert_int_equal(symlink("../victim", in(state, "shared/link")), 0);
+    assert_int_equal(symlink("../home", in(state, "shared/way")), 0);
+    assert_int_equal(symlink("shared/way", in(state, "through")), 0);
+    assert_int_equal(mkfifo(in(state, "shared/pipe"), 0666), 0);
+    static const char *const names[] = {"shared/link", "shared/way/new", "through/new", "shared/pipe"};
+    for (int other = 0; other < 2; other++)
+        for (int i = 0; i < 4; i++) {
+            rx_error err = RX_ERROR_NONE;
+            for (int k = 0; k < 4; k++)
+                assert_int_equal(lchown(in(state, k == 0   ? "shared/link"
+                                                  : k == 1 ? "shared/way"
+                                                  : k == 2 ? "shared/pipe"
+                                                           : "through"),
+                                        other ? OTHER : 0, (gid_t)-1),
+                                 0);
+            assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+            assert_int_equal(rx_outputs_file(outputs, in(state, names[i]), &file, &err),
+                             other ? RX_USAGE : RX_OK);
+            if (other)
+                assert_non_null(strstr(err.text, "another user"));
+            rx_outputs_free(outputs);
+        }
+    snprintf(path, sizeof path, "shared/.x.rx-%ld.tmp", (long)getpid());
+    assert_int_equal(symlink("../victim", in(state, path)), 0);
+    snprintf(path, sizeof path, "shared/.x.rx-%ld.lock", (long)getpid() + 1);
+    assert_int_equal(symlink("../victim", in(state, path)), 0);
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "shared/x"), &file, NULL), RX_OK);
+    write_text(file, "new");
+    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
+    rx_outputs_free(outputs);
+    check_content(in(state, "shared/x"), "new");
+    check_content(in(state, "victim"), "kept");
+    static const char *const gone[] = {"victim", "home", "shared", "through"};
+    for (int i = 0; i < 4; i++)
+        rx_output_remove(in(state, gone[i]));
+    assert_int_equal(count_files(in(state, "")), before);
+}
+
 /* Killed between the renames of an old folder and the new one, where they cannot change places at once: the
  * old one comes back. Killed after them: it goes. */
 static void test_aside(void **state)
 {
     rx_outputs *outputs = NULL;
     const char *folder = NULL;
+    char old[400];
+    snprintf(old, sizeof old, "%s", in(state, ".twice.rx-1.tmp.old"));
     for (int whole = 0; whole < 2; whole++) {
         write_text(in(state, ".twice.rx-1.lock"), "");
-        assert_int_equal(mkdir(in(state, ".twice.rx-1.tmp.old"), 0777), 0);
-        write_text(in(state, ".twice.rx-1.tmp.old/.rextract"), "ours");
-        write_text(in(state, ".twice.rx-1.tmp.old/page"), whole ? "second" : "first");
+        write_report(old, whole ? "second" : "first");
         assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
         assert_int_equal(rx_outputs_folder(outputs, in(state, "twice"), &folder, NULL), RX_OK);
         rx_outputs_free(outputs);
@@ -364,12 +542,14 @@ static void test_failing_commit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_commit),         cmocka_unit_test(test_abort),
-        cmocka_unit_test(test_folders),        cmocka_unit_test(test_leftovers),
-        cmocka_unit_test(test_claimed_folder), cmocka_unit_test(test_two_at_once),
-        cmocka_unit_test(test_taken_number),   cmocka_unit_test(test_aside),
-        cmocka_unit_test(test_refused),        cmocka_unit_test(test_links),
-        cmocka_unit_test(test_devices),        cmocka_unit_test(test_failing_commit),
+        cmocka_unit_test(test_commit),           cmocka_unit_test(test_abort),
+        cmocka_unit_test(test_folders),          cmocka_unit_test(test_only_ours),
+        cmocka_unit_test(test_filled_meanwhile), cmocka_unit_test(test_modes),
+        cmocka_unit_test(test_planted),          cmocka_unit_test(test_leftovers),
+        cmocka_unit_test(test_claimed_folder),   cmocka_unit_test(test_two_at_once),
+        cmocka_unit_test(test_taken_number),     cmocka_unit_test(test_aside),
+        cmocka_unit_test(test_refused),          cmocka_unit_test(test_links),
+        cmocka_unit_test(test_devices),          cmocka_unit_test(test_failing_commit),
     };
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, remove_scratch);
 }
