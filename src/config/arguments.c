@@ -10,6 +10,7 @@
 #include "base/names.h"
 #include "base/text.h"
 #include "config/keyword.h"
+#include "config/overwrite.h"
 
 /* What a first pass over the words finds; pointers into argv. */
 typedef struct found {
@@ -225,7 +226,7 @@ static rx_status settle(rx_settings *settings, const char *image, rx_error *err)
         status = name != NULL ? rx_settings_name_tile(settings, name, err) : rx_error_memory(err, 0);
         free(name);
     }
-    return status == RX_OK ? settings->table->check_outputs(settings, image, err) : status;
+    return status == RX_OK ? rx_overwrite_check(settings, image, err) : status;
 }
 
 static char *join_images(const found *words)

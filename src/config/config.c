@@ -53,6 +53,11 @@ rx_status rx_config_complete(rx_config *config, rx_log *log, rx_error *err)
     return rx_settings_complete(&config->settings, log, err);
 }
 
+rx_status rx_config_check_read(const rx_config *config, const char *name, rx_error *err)
+{
+    return rx_settings_check_read(&config->settings, name, err);
+}
+
 bool rx_config_states(const rx_config *config, const char *name)
 {
     return rx_settings_states(&config->settings, name);

@@ -24,8 +24,6 @@ bool rx_config_states(const rx_config *config, const char *name);
 /* rx_settings_visit_exact() */
 bool rx_config_visit(const rx_config *config, rx_settings_visitor visit, void *user);
 
-/* RX_USAGE when an output of the run is the file `name`, or a folder that it replaces holds that: for files that turn
- * out to be inputs while the run is under way. */
 rx_status rx_config_check_read(const rx_config *config, const char *name, rx_error *err);
 
 #endif

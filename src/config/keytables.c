@@ -1,11 +1,15 @@
 /* The keyword tables of the programs as data. */
 #include "config/config_fields.h"
 #include "config/keyword.h"
-#include "config/overwrite.h"
 #include "data/restorers.h"
 
 /* clang-format off */
 #define NOWORDS NULL
+#define TEXT NULL, .role = RX_FILE_TEXT
+#define READS NULL, .role = RX_FILE_READS
+#define WRITES NULL, .role = RX_FILE_WRITES
+#define WRITES_EACH WRITES, .each_restorer = true
+#define FOLDER NULL, .role = RX_FILE_FOLDER
 #define WORDLIST(...) ((const char *const[]){__VA_ARGS__, NULL})
 #define PIPELINE_WORDS WORDLIST
 #define STAGE_WORDS WORDLIST
@@ -66,9 +70,9 @@ const rx_keytable *rx_keytable_rextract(void)
         .plain = RX_PLAIN_IMAGES,
         .default_file = "default.sex",
         .idle = rx_config_idle,
+        .opens = rx_config_opens,
         .find_files = rx_config_find_files,
         .check = rx_config_relations,
-        .check_outputs = rx_overwrite_check,
     };
     return &table;
 }
@@ -82,8 +86,8 @@ const rx_keytable *rx_keytable_simulate(void)
         .size = sizeof(rx_simulate_config),
         .plain = RX_PLAIN_NONE,
         .idle = rx_simulate_idle,
+        .opens = rx_simulate_opens,
         .check = rx_simulate_relations,
-        .check_outputs = rx_overwrite_check_simulate,
     };
     return &table;
 }
@@ -99,7 +103,6 @@ const rx_keytable *rx_keytable_validate(void)
         .part = {{"SIM.", rx_keytable_simulate, NULL}, {"STAGE.", rx_keytable_rextract, NULL}},
         .complete = rx_campaign_complete,
         .check = rx_campaign_relations,
-        .check_outputs = rx_overwrite_check_campaign,
     };
     return &table;
 }
@@ -117,7 +120,6 @@ const rx_keytable *rx_keytable_train(void)
         .complete = rx_train_complete,
         .idle = rx_train_idle,
         .check = rx_train_relations,
-        .check_outputs = rx_overwrite_check_train,
     };
     return &table;
 }
@@ -132,7 +134,6 @@ const rx_keytable *rx_keytable_survey(void)
         .plain = RX_PLAIN_RECORDS,
         .idle = rx_survey_idle,
         .check = rx_survey_relations,
-        .check_outputs = rx_overwrite_check_survey,
     };
     return &table;
 }

@@ -28,6 +28,16 @@ typedef enum rx_keyword_status {
     RX_STATUS_INERT
 } rx_keyword_status;
 
+/* What a STRING names: no file, one that is read (or a folder of such, or @LIST of them), one that is written, a folder
+ * that a run replaces as a whole. */
+typedef enum rx_file_role {
+    RX_FILE_NONE,
+    RX_FILE_TEXT,
+    RX_FILE_READS,
+    RX_FILE_WRITES,
+    RX_FILE_FOLDER
+} rx_file_role;
+
 typedef enum rx_level { RX_LEVEL_D, RX_LEVEL_DD } rx_level;
 
 typedef struct rx_keyword {
@@ -38,10 +48,15 @@ typedef struct rx_keyword {
     double low, high;
     int nmin, nmax;
     const char *const *words; /* ends with NULL; NULL when the kind has none */
+    rx_file_role role;
+    bool each_restorer; /* several restorers write a file each */
     rx_keyword_status status;
     rx_level level;
     const char *help;
 } rx_keyword;
+
+/* Why keyword `name` has no effect with these settings, "with INJECT_IMAGE", or NULL. */
+typedef const char *rx_idle_function(const rx_settings *settings, const char *name);
 
 /* Words of the command line that are no option. */
 typedef enum rx_plain { RX_PLAIN_NONE, RX_PLAIN_IMAGES, RX_PLAIN_FILE, RX_PLAIN_RECORDS } rx_plain;
@@ -57,19 +72,19 @@ struct rx_keytable {
     struct {
         const char *prefix;
         const rx_keytable *(*table)(void);
-        const char *(*idle)(const rx_settings *settings, const char *name); /* instead of the table's */
+        rx_idle_function *idle; /* instead of the table's */
     } part[RX_PARTS];
 
     /* What new settings need besides the values of the rows; NULL = nothing. */
     void (*complete)(rx_settings *settings);
-    /* Why keyword `name` has no effect with these settings, "with INJECT_IMAGE", or NULL; NULL = all have. */
-    const char *(*idle)(const rx_settings *settings, const char *name);
+    /* NULL = all keywords have an effect. */
+    rx_idle_function *idle;
+    /* Does a run open item i of the file keyword `name`, by what other keywords say? NULL = all. */
+    bool (*opens)(const rx_settings *settings, const char *name, int i);
     /* Names of input files, where they are not as given, become those of the files that are meant; NULL = none. */
     rx_status (*find_files)(rx_settings *settings, rx_log *log, rx_error *err);
     /* Relations between keywords. */
     rx_status (*check)(const rx_settings *settings, rx_error *err);
-    /* RX_USAGE when an output is also an input; image may be NULL. */
-    rx_status (*check_outputs)(const rx_settings *settings, const char *image, rx_error *err);
 };
 
 /* The row of a name (case ignored), -1 when unknown. */
@@ -114,12 +129,17 @@ rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_e
 /* Is `name` in a list that ends with NULL? */
 bool rx_keyword_among(const char *const *names, const char *name);
 
-/* rx_keytable.complete, .idle and .check. */
+/* What decides on keywords of part i. */
+rx_idle_function *rx_settings_part_idle(const rx_settings *settings, int i);
+
+/* rx_keytable.complete, .idle, .opens and .check. */
 const char *rx_config_idle(const rx_settings *settings, const char *name);
 const char *rx_simulate_idle(const rx_settings *settings, const char *name);
 const char *rx_train_idle(const rx_settings *settings, const char *name);
 const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
 const char *rx_survey_idle(const rx_settings *settings, const char *name);
+bool rx_config_opens(const rx_settings *settings, const char *name, int i);
+bool rx_simulate_opens(const rx_settings *settings, const char *name, int i);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
 /* The names of input files become those of the files that are meant: thresholds of a survey's file; then columns,

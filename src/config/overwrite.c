@@ -1,373 +1,358 @@
-/* Comparing outputs with inputs. */
+/* Comparing outputs with inputs, and with each other. */
 #include "config/overwrite.h"
 
+#include <ctype.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
+#include "base/lines.h"
 #include "base/memory.h"
 #include "base/names.h"
 #include "config/config_fields.h"
 
-enum { MAX_INPUTS = 8 * RX_LIST };
+/* --- which files there are --- */
 
-typedef struct inputs {
-    int n;
-    const char *name[MAX_INPUTS];
-} inputs;
+/* What is asked of one row. */
+typedef struct row_names {
+    const rx_settings *settings;
+    const rx_keyword *key;
+    rx_run_files *dst;
+} row_names;
 
-static void add(inputs *list, const char *name)
+static rx_status add(rx_run_files *dst, rx_file_role role, const char *prefix, const char *key,
+                     const char *shown, const char *path, rx_error *err)
 {
-    if (name != NULL && name[0] != '\0' && list->n < MAX_INPUTS)
-        list->name[list->n++] = name;
+    rx_text name = {0};
+    rx_text_printf(&name, "%s%s", prefix, key);
+    rx_run_file file = {.role = role, .key = name.data, .shown = rx_strdup(shown), .path = rx_strdup(path)};
+    rx_status status = name.failed || file.shown == NULL || file.path == NULL
+                           ? rx_error_memory(err, 0)
+                           : RX_GROW(dst->of, (size_t)dst->n + 1, err);
+    if (status == RX_OK) {
+        dst->of[dst->n++] = file;
+        return RX_OK;
+    }
+    free(name.data);
+    free(file.shown);
+    free(file.path);
+    return status;
 }
 
-static void add_all(inputs *list, const rx_strings *names)
+static rx_status add_input(rx_run_files *dst, const char *prefix, const char *key, const char *name,
+                           rx_error *err);
+
+/* What a list holds; that it cannot be read, its reader says. */
+static rx_status add_listed(rx_run_files *dst, const char *list, rx_error *err)
 {
-    for (int i = 0; i < names->n; i++)
-        add(list, names->v[i]);
+    rx_lines lines;
+    struct stat info;
+    char *line = NULL;
+    if (stat(list, &info) != 0 || !S_ISREG(info.st_mode)) /* a pipe can be read once */
+        return RX_OK;
+    rx_status status = RX_OK, more = rx_lines_open(&lines, list, 0, NULL);
+    while (status == RX_OK && more == RX_OK && (more = rx_lines_next(&lines, &line, NULL)) == RX_OK &&
+           line != NULL) {
+        line += strspn(line, " \t");
+        for (size_t n = strlen(line); n > 0 && isspace((unsigned char)line[n - 1]); n--)
+            line[n - 1] = '\0';
+        if (line[0] == '#' || line[0] == '\0' || line[0] == '@')
+            continue;
+        status = add_input(dst, "", "", line, err);
+        char *comment = strchr(line, '#'); /* where the list's reader has it so */
+        if (comment != NULL && status == RX_OK) {
+            *comment = '\0';
+            line[strcspn(line, " \t")] = '\0';
+            status = add_input(dst, "", "", line, err);
+        }
+    }
+    rx_lines_close(&lines);
+    return status;
 }
 
-/* A copy of a cfitsio name without what stands in brackets, unless a file is called just so. */
+/* A copy of an input's name without what stands in brackets, where there is a file of that name. */
 static char *file_of(const char *name)
 {
     struct stat info;
     char *path = rx_strdup(name);
-    if (path != NULL && stat(path, &info) != 0)
-        path[strcspn(path, "[")] = '\0';
+    if (path == NULL || stat(path, &info) == 0)
+        return path;
+    for (char *bracket = path; (bracket = strchr(bracket, '[')) != NULL; *bracket++ = '[') {
+        *bracket = '\0';
+        if (stat(path, &info) == 0 && !S_ISDIR(info.st_mode))
+            return path;
+    }
+    path[strcspn(path, "[")] = '\0';
     return path;
 }
 
-static bool find_file(const char *name, struct stat *dst, rx_error *err, rx_status *status)
+static rx_status add_input(rx_run_files *dst, const char *prefix, const char *key, const char *name,
+                           rx_error *err)
 {
-    char *path = file_of(name);
-    if (path == NULL)
-        *status = rx_error_memory(err, strlen(name));
-    const bool found = path != NULL && stat(path, dst) == 0;
+    const bool list = name[0] == '@';
+    char *path = file_of(name + list);
+    rx_status status = path == NULL ? rx_error_memory(err, strlen(name))
+                                    : add(dst, RX_FILE_READS, prefix, key, name, path, err);
+    if (status == RX_OK && list)
+        status = add_listed(dst, path, err);
     free(path);
-    return found && S_ISREG(dst->st_mode);
-}
-
-/* `key` is the keyword of the output, for the error. */
-static rx_status check_file(const inputs *list, const char *key, const char *name, rx_error *err)
-{
-    struct stat output, input;
-    rx_status status = RX_OK;
-    if (stat(name, &output) != 0 || !S_ISREG(output.st_mode))
-        return RX_OK;
-    for (int i = 0; i < list->n && status == RX_OK; i++)
-        if (find_file(list->name[i], &input, err, &status) && input.st_dev == output.st_dev &&
-            input.st_ino == output.st_ino)
-            return rx_error_set(err, RX_USAGE, "%s %s is also read, as %s; give the output another name", key,
-                                name, list->name[i]);
     return status;
 }
 
-static bool is_folder(const char *path, const struct stat *folder)
+/* A shard of a campaign has a journal of its own. */
+static rx_status add_journal(rx_run_files *dst, const rx_campaign_config *config, const char *key,
+                             rx_error *err)
 {
-    struct stat info;
-    return stat(path, &info) == 0 && info.st_dev == folder->st_dev && info.st_ino == folder->st_ino;
+    int k, n;
+    rx_text name = {0};
+    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
+    rx_text_add(&name, config->journal_name);
+    if (n > 1)
+        rx_text_printf(&name, ".%d", k);
+    rx_status status =
+        name.failed ? rx_error_memory(err, 0) : add(dst, RX_FILE_WRITES, "", key, name.data, name.data, err);
+    rx_text_free(&name);
+    return status;
 }
 
-/* Does the file lie in that folder, or in one below it? It need not exist. */
-static bool lies_in(const char *name, const struct stat *folder, rx_error *err, rx_status *status)
+static rx_status add_each(const row_names *row, const char *name, const rx_words *restorers, rx_error *err)
 {
-    char *path = file_of(name), *slash;
-    char *real = path != NULL ? rx_name_real(path) : NULL;
-    bool found = false;
-    if (real == NULL)
-        *status = rx_error_memory(err, strlen(name));
-    while (!found && real != NULL && (slash = strrchr(real, '/')) != NULL) {
-        *slash = '\0';
-        found = is_folder(real[0] != '\0' ? real : "/", folder);
+    rx_status status = RX_OK;
+    for (int i = 0; i < restorers->n && status == RX_OK; i++) {
+        char *tagged = rx_name_with_tag(name, restorers->v[i]);
+        status = tagged == NULL ? rx_error_memory(err, strlen(name))
+                                : add(row->dst, RX_FILE_WRITES, row->settings->prefix, row->key->name, tagged,
+                                      tagged, err);
+        free(tagged);
     }
-    free(real);
-    free(path);
+    return status;
+}
+
+static rx_status add_item(const row_names *row, const char *name, rx_error *err)
+{
+    const rx_settings *settings = row->settings;
+    const rx_keyword *key = row->key;
+    if (key->role == RX_FILE_READS)
+        return add_input(row->dst, settings->prefix, key->name, name, err);
+    if (key->each_restorer && ((const rx_config *)settings)->restore_type.n > 1)
+        return add_each(row, name, &((const rx_config *)settings)->restore_type, err);
+    if (settings->table == rx_keytable_validate() && key->role == RX_FILE_WRITES)
+        return add_journal(row->dst, (const rx_campaign_config *)settings, key->name, err);
+    return add(row->dst, key->role, settings->prefix, key->name, name, name, err);
+}
+
+static rx_status add_row(const row_names *row, rx_error *err)
+{
+    const rx_settings *settings = row->settings;
+    const rx_keyword *key = row->key;
+    const void *field = (const char *)settings + key->offset;
+    rx_status status = RX_OK;
+    for (int i = 0; i < rx_keyword_count(key->kind, field) && status == RX_OK; i++) {
+        rx_kind kind;
+        const char *name = *(char *const *)rx_keyword_item(key->kind, field, i, &kind);
+        const bool opened = settings->table->opens == NULL || settings->table->opens(settings, key->name, i);
+        if (name[0] != '\0' && opened)
+            status = add_item(row, name, err);
+    }
+    return status;
+}
+
+static rx_status add_settings(rx_run_files *dst, const rx_settings *settings, rx_idle_function *idle,
+                              rx_error *err)
+{
+    const rx_keytable *table = settings->table;
+    rx_status status = settings->file != NULL ? add_input(dst, "", "", settings->file, err) : RX_OK;
+    for (int row = 0; row < table->nrows && status == RX_OK; row++) {
+        const rx_keyword *key = &table->rows[row];
+        if (key->role >= RX_FILE_READS && (idle == NULL || idle(settings, key->name) == NULL))
+            status = add_row(&(row_names){settings, key, dst}, err);
+    }
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
+        status = add_settings(dst, settings->part[i], rx_settings_part_idle(settings, i), err);
+    return status;
+}
+
+static rx_status add_words(rx_run_files *dst, const rx_keytable *table, const char *image, rx_error *err)
+{
+    char *first = NULL, *second = NULL;
+    rx_status status = RX_OK;
+    if (table->plain == RX_PLAIN_IMAGES) {
+        if (!rx_name_split_images(image, &first, &second))
+            return rx_error_memory(err, strlen(image));
+        status = add_input(dst, "", "IMAGE", first, err);
+        if (status == RX_OK && second != NULL)
+            status = add_input(dst, "", "IMAGE", second, err);
+    } else {
+        first = rx_strdup(image);
+        status = first == NULL ? rx_error_memory(err, strlen(image)) : RX_OK;
+        for (char *rest = NULL, *name = first;
+             status == RX_OK && (name = strtok_r(name, "\n", &rest)) != NULL; name = NULL)
+            status = add_input(dst, "", "", name, err);
+    }
+    free(first);
+    free(second);
+    return status;
+}
+
+rx_status rx_run_files_of(const rx_settings *settings, const char *image, rx_run_files *dst, rx_error *err)
+{
+    *dst = (rx_run_files){0};
+    if (image != NULL)
+        RX_TRY(add_words(dst, settings->table, image, err));
+    return add_settings(dst, settings, settings->table->idle, err);
+}
+
+void rx_run_files_free(rx_run_files *files)
+{
+    for (int i = 0; i < files->n; i++) {
+        free(files->of[i].key);
+        free(files->of[i].shown);
+        free(files->of[i].path);
+    }
+    free(files->of);
+    *files = (rx_run_files){0};
+}
+
+/* --- two of them --- */
+
+/* A file as it is on the disk. */
+typedef struct place {
+    const rx_run_file *file;
+    char *real;
+    struct stat info;
+    bool there;
+} place;
+
+static place place_of(const rx_run_file *file)
+{
+    place p = {.file = file, .real = rx_name_real(file->path)};
+    p.there = stat(file->path, &p.info) == 0;
+    return p;
+}
+
+static bool is_one(const struct stat *a, const struct stat *b)
+{
+    return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
+}
+
+/* A device takes the place of nothing, and a catalogue may go to standard output. */
+static bool is_same(const place *a, const place *b)
+{
+    if ((a->there && !S_ISREG(a->info.st_mode) && !S_ISDIR(a->info.st_mode)) ||
+        (strcmp(a->file->key, "CATALOG_NAME") == 0 && strcmp(a->file->path, "STDOUT") == 0))
+        return false;
+    return strcmp(a->real, b->real) == 0 || (a->there && b->there && is_one(&a->info, &b->info));
+}
+
+/* Does the file, which need not exist, lie in that folder? `deep`: or in one below it? */
+static bool lies_in(const place *file, const place *folder, bool deep)
+{
+    bool found = false;
+    char *slash;
+    struct stat info;
+    const size_t length = strlen(file->real);
+    for (size_t n = length;
+         !found && (n == length || deep) && (slash = memrchr(file->real, '/', n)) != NULL;) {
+        n = (size_t)(slash - file->real);
+        char *const end = n > 0 ? slash : slash + 1, kept = *end;
+        *end = '\0';
+        found = strcmp(file->real, folder->real) == 0 ||
+                (folder->there && stat(file->real, &info) == 0 && is_one(&info, &folder->info));
+        *end = kept;
+    }
     return found;
 }
 
-/* A folder of ours is replaced with all that it holds: no file of the run may lie in it, neither an input nor
- * an output. */
-static rx_status check_folder(const inputs *list, const char *key, const char *name, rx_error *err)
+static rx_status refuse_read(const rx_run_file *output, const rx_run_file *input, const char *how,
+                             rx_error *err)
 {
-    struct stat folder;
-    rx_status status = RX_OK;
-    if (name[0] == '\0' || stat(name, &folder) != 0 || !S_ISDIR(folder.st_mode))
-        return RX_OK;
-    for (int i = 0; i < list->n && status == RX_OK; i++)
-        if (lies_in(list->name[i], &folder, err, &status))
-            return rx_error_set(
-                err, RX_USAGE,
-                "%s lies in the folder %s, which is replaced as a whole (%s); keep it elsewhere",
-                list->name[i], name, key);
-    return status;
+    return rx_error_set(err, RX_USAGE, "%s %.200s is also read, %s %.200s; give the output another name",
+                        output->key, output->shown, how, input->shown);
 }
 
-/* Files that other keywords name, where they are used. */
-static void add_stage(inputs *list, const rx_config *config)
+/* `output` is written; `other` read or written. */
+static rx_status compare(const place *output, const place *other, rx_error *err)
 {
-    bool maps = false;
-    for (int i = 0; i < config->weight_type.n; i++)
-        maps |= strncmp(config->weight_type.v[i], "MAP_", 4) == 0;
-    if (maps)
-        add_all(list, &config->weight_image);
-    if (strcmp(config->psf_type, "FILE") == 0 || strcmp(config->psf_type, "PSFEX") == 0)
-        add_all(list, &config->psf_name);
-    add(list, config->psf_stars_name);
-    for (int i = 0; i < config->restore_type.n; i++)
-        if (strcmp(config->restore_type.v[i], "NET") == 0 || strcmp(config->restore_type.v[i], "AUTO") == 0)
-            add(list, config->net_model);
-    add_all(list, &config->flag_image);
-    add(list, config->settings.file);
-    add(list, config->parameters_name);
-    add(list, config->filter_name);
-    add(list, config->starnnw_name);
-    add(list, config->assoc_name);
-    add(list, config->reference_name);
-    add(list, config->qa_gates);
+    const rx_run_file *of = output->file, *with = other->file;
+    const bool folder = of->role == RX_FILE_FOLDER, read = with->role == RX_FILE_READS;
+    if (is_same(output, other))
+        return read ? refuse_read(of, with, "as", err)
+                    : rx_error_set(err, RX_USAGE, "%s %.200s is also %s; give each output its own name",
+                                   of->key, of->shown, with->key);
+    if (folder && lies_in(other, output, true))
+        return rx_error_set(
+            err, RX_USAGE,
+            "%.200s lies in the folder %.200s, which is replaced as a whole (%s); keep it elsewhere",
+            with->shown, of->shown, of->key);
+    if (!folder && read && output->there && other->there && S_ISDIR(other->info.st_mode) &&
+        lies_in(output, other, false))
+        return refuse_read(of, with, "from the folder", err);
+    return RX_OK;
 }
 
-static bool makes_report(const rx_config *config)
+/* The outputs among the files with all of them from `first` on. */
+static rx_status compare_all(const rx_run_files *files, int first, rx_error *err)
 {
-    return config->reference_name[0] != '\0' || strcmp(config->qa_type, "TILE") == 0;
-}
-
-/* Files that a run writes, a name for all restorers. */
-static void visit_files(const rx_config *config, rx_file_visitor visit, void *user)
-{
-    if (strcmp(config->catalog_type, "NONE") != 0)
-        visit(user, "CATALOG_NAME", config->catalog_name);
-    for (int i = 0; i < config->checkimage_type.n && i < config->checkimage_name.n; i++)
-        if (strcmp(config->checkimage_type.v[i], "NONE") != 0)
-            visit(user, "CHECKIMAGE_NAME", config->checkimage_name.v[i]);
-    if (config->template_covar_name[0] != '\0')
-        visit(user, "TEMPLATE_COVAR_NAME", config->template_covar_name);
-    if (config->record_name[0] != '\0')
-        visit(user, "RECORD_NAME", config->record_name);
-    if (config->write_xml)
-        visit(user, "XML_NAME", config->xml_name);
-}
-
-/* What visits a file under each name it will have: with several restorers there is one of each, but of the
- * record and of XML_NAME. */
-typedef struct tagging {
-    const rx_words *restorers;
-    rx_file_visitor visit;
-    void *user;
-    rx_status status;
-    rx_error *err;
-} tagging;
-
-static void visit_tagged(void *user, const char *key, const char *name)
-{
-    tagging *t = user;
-    if (t->restorers->n < 2 || strcmp(key, "RECORD_NAME") == 0 || strcmp(key, "XML_NAME") == 0) {
-        t->visit(t->user, key, name);
-        return;
+    place *outputs = NULL;
+    int n = 0;
+    rx_status status = RX_MAKE(outputs, (size_t)files->n + 1, err);
+    for (int i = 0; i < files->n && status == RX_OK; i++)
+        if (files->of[i].role != RX_FILE_READS) {
+            outputs[n] = place_of(&files->of[i]);
+            status = outputs[n++].real == NULL ? rx_error_memory(err, 0) : RX_OK;
+        }
+    for (int i = first; i < files->n && status == RX_OK; i++) {
+        place other = place_of(&files->of[i]);
+        if (other.real == NULL)
+            status = rx_error_memory(err, 0);
+        for (int k = 0; k < n && status == RX_OK; k++)
+            if (outputs[k].file != other.file)
+                status = compare(&outputs[k], &other, err);
+        free(other.real);
     }
-    for (int i = 0; i < t->restorers->n && t->status == RX_OK; i++) {
-        char *tagged = rx_name_with_tag(name, t->restorers->v[i]);
-        if (tagged != NULL)
-            t->visit(t->user, key, tagged);
-        else
-            t->status = rx_error_memory(t->err, strlen(name));
-        free(tagged);
-    }
-}
-
-rx_status rx_overwrite_visit(const rx_config *config, rx_file_visitor visit, void *user, rx_error *err)
-{
-    tagging t = {.restorers = &config->restore_type, .visit = visit, .user = user, .err = err};
-    visit_files(config, visit_tagged, &t);
-    if (makes_report(config))
-        visit(user, "QA_NAME", config->qa_name);
-    if (config->self_check)
-        visit(user, "SELF_CHECK_NAME", config->self_check_name);
-    return t.status;
-}
-
-rx_status rx_overwrite_visit_inputs(const rx_config *config, const char *image, rx_file_visitor visit,
-                                    void *user, rx_error *err)
-{
-    inputs list = {0};
-    char *detect = NULL, *measure = NULL;
-    rx_status status = RX_OK;
-    if (!rx_name_split_images(image, &detect, &measure))
-        return rx_error_memory(err, strlen(image));
-    add(&list, detect);
-    add(&list, measure);
-    const int images = list.n;
-    add_stage(&list, config);
-    for (int i = 0; i < list.n && status == RX_OK; i++) {
-        char *path = file_of(list.name[i]);
-        if (path != NULL)
-            visit(user, i < images ? "IMAGE" : "", path);
-        else
-            status = rx_error_memory(err, strlen(list.name[i]));
-        free(path);
-    }
-    free(detect);
-    free(measure);
-    return status;
-}
-
-typedef struct file_check {
-    inputs *list;
-    const char *record; /* real name of the record; NULL: none */
-    rx_status status;
-    rx_error *err;
-} file_check;
-
-/* The record is written apart from the other outputs, which io/output.h keeps from each other. */
-static rx_status check_against_record(const file_check *check, const char *key, const char *name)
-{
-    char *real = check->record != NULL && strcmp(key, "RECORD_NAME") != 0 ? rx_name_real(name) : NULL;
-    rx_status status = RX_OK;
-    if (real != NULL && strcmp(real, check->record) == 0)
-        status = rx_error_set(check->err, RX_USAGE,
-                              "RECORD_NAME %s is also %s; give each output its own name", name, key);
-    free(real);
-    return status;
-}
-
-static void check_visited(void *user, const char *key, const char *name)
-{
-    file_check *check = user;
-    if (check->status != RX_OK || strcmp(name, "STDOUT") == 0)
-        return;
-    if (strcmp(key, "QA_NAME") != 0 && strcmp(key, "SELF_CHECK_NAME") != 0)
-        check->status = check_file(check->list, key, name, check->err);
-    if (check->status == RX_OK)
-        check->status = check_against_record(check, key, name);
-}
-
-static void add_visited(void *user, const char *key, const char *name)
-{
-    (void)key;
-    if (strcmp(name, "STDOUT") != 0)
-        add(user, name);
-}
-
-/* Outputs of the run against files that it reads, and folders that it replaces against all of them. */
-static rx_status check_outputs(const rx_config *config, inputs *list, const char *record, rx_error *err)
-{
-    file_check check = {.list = list, .record = record, .err = err};
-    rx_status status = rx_overwrite_visit(config, check_visited, &check, err);
-    if (status == RX_OK)
-        status = check.status;
-    visit_files(config, add_visited, list);
-    if (status == RX_OK && makes_report(config))
-        status = check_folder(list, "QA_NAME", config->qa_name, err);
-    if (status == RX_OK && config->self_check)
-        status = check_folder(list, "SELF_CHECK_NAME", config->self_check_name, err);
+    for (int k = 0; k < n; k++)
+        free(outputs[k].real);
+    free(outputs);
     return status;
 }
 
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err)
 {
-    const rx_config *config = (const rx_config *)settings;
-    inputs list = {0};
-    char *detect = NULL, *measure = NULL, *record = NULL;
-    if (!rx_name_split_images(image, &detect, &measure))
-        return rx_error_memory(err, strlen(image));
-    add(&list, detect);
-    add(&list, measure);
-    add_stage(&list, config);
-    if (config->record_name[0] != '\0')
-        record = rx_name_real(config->record_name);
-    rx_status status = check_outputs(config, &list, record, err);
-    free(record);
-    free(detect);
-    free(measure);
+    rx_run_files files;
+    rx_status status = rx_run_files_of(settings, image, &files, err);
+    if (status == RX_OK)
+        status = compare_all(&files, 0, err);
+    rx_run_files_free(&files);
     return status;
 }
 
-rx_status rx_config_check_read(const rx_config *config, const char *name, rx_error *err)
+rx_status rx_settings_check_read(const rx_settings *settings, const char *name, rx_error *err)
 {
-    inputs list = {.n = 1, .name = {name}};
-    return check_outputs(config, &list, NULL, err);
-}
-
-static void add_simulate(inputs *list, const rx_simulate_config *config)
-{
-    add(list, config->settings.file);
-    add(list, config->inject_image);
-    add(list, config->inject_config);
-    if (strcmp(config->psf_type, "FILE") == 0 || strcmp(config->psf_type, "PSFEX") == 0)
-        add(list, config->psf_name);
-    add(list, config->template_name + (config->template_name[0] == '@'));
-}
-
-rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err)
-{
-    const rx_simulate_config *config = (const rx_simulate_config *)settings;
-    inputs list = {0};
-    add(&list, image);
-    add_simulate(&list, config);
-    RX_TRY(check_file(&list, "IMAGE_NAME", config->image_name, err));
-    RX_TRY(check_file(&list, "SHARP_NAME", config->sharp_name, err));
-    RX_TRY(check_file(&list, "TRUTH_NAME", config->truth_name, err));
-    return check_file(&list, "FLAG_NAME", config->flag_name, err);
-}
-
-rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err)
-{
-    const rx_campaign_config *config = (const rx_campaign_config *)settings;
-    inputs list = {0};
-    int k, n;
-    rx_text journal = {0};
-    add(&list, image);
-    add(&list, config->tile_name);
-    add_simulate(&list, config->sim);
-    add_stage(&list, config->stage);
-    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
-    rx_text_add(&journal, config->journal_name);
-    if (n > 1)
-        rx_text_printf(&journal, ".%d", k);
-    rx_status status = journal.failed ? rx_error_memory(err, journal.length)
-                                      : check_file(&list, "JOURNAL_NAME", journal.data, err);
-    if (status == RX_OK) {
-        add(&list, journal.data);
-        status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);
-    }
-    rx_text_free(&journal);
+    rx_run_files files;
+    rx_status status = rx_run_files_of(settings, NULL, &files, err);
+    const int known = files.n;
+    if (status == RX_OK)
+        status = add_input(&files, "", "", name, err);
+    if (status == RX_OK)
+        status = compare_all(&files, known, err);
+    rx_run_files_free(&files);
     return status;
 }
 
-rx_status rx_overwrite_check_train(const rx_settings *settings, const char *image, rx_error *err)
+rx_status rx_settings_check_inputs(const rx_settings *settings, const rx_settings *others, const char *image,
+                                   rx_error *err)
 {
-    const rx_train_config *config = (const rx_train_config *)settings;
-    inputs list = {0};
-    add(&list, image);
-    add(&list, config->settings.file);
-    add_simulate(&list, config->sim);
-    add(&list, config->init_model);
-    rx_status status = check_file(&list, "MODEL_NAME", config->model_name, err);
+    rx_run_files files, inputs = {0};
+    rx_status status = rx_run_files_of(settings, NULL, &files, err);
+    const int known = files.n;
     if (status == RX_OK)
-        status = check_file(&list, "CHECKPOINT_NAME", config->checkpoint_name, err);
-    add(&list, config->model_name);
-    add(&list, config->checkpoint_name);
+        status = rx_run_files_of(others, image, &inputs, err);
+    for (int i = 0; i < inputs.n && status == RX_OK; i++)
+        if (inputs.of[i].role == RX_FILE_READS)
+            status = add_input(&files, "", "", inputs.of[i].path, err);
     if (status == RX_OK)
-        status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);
-    return status;
-}
-
-rx_status rx_overwrite_check_survey(const rx_settings *settings, const char *image, rx_error *err)
-{
-    const rx_survey_config *config = (const rx_survey_config *)settings;
-    inputs list = {0};
-    char *names = rx_strdup(image), *rest = NULL;
-    if (names == NULL)
-        return rx_error_memory(err, strlen(image));
-    for (char *name = strtok_r(names, "\n", &rest); name != NULL; name = strtok_r(NULL, "\n", &rest))
-        add(&list, name + (name[0] == '@'));
-    add(&list, config->settings.file);
-    add(&list, config->tiles_name);
-    add_all(&list, &config->weight_image);
-    rx_status status = check_file(&list, "MERGED_NAME", config->merged_name, err);
-    add(&list, config->merged_name);
-    if (status == RX_OK)
-        status = check_folder(&list, "OUTPUT_NAME", config->output_name, err);
-    free(names);
+        status = compare_all(&files, known, err);
+    rx_run_files_free(&files);
+    rx_run_files_free(&inputs);
     return status;
 }

@@ -1,26 +1,34 @@
-/* No output takes the place of an input, and no folder of a report that of a file in it. Private to config/.
- */
+/* Which files a run reads and writes, and that no output takes the place of an input or of another output. Private to
+ * config/. */
 #ifndef RX_CONFIG_OVERWRITE_H
 #define RX_CONFIG_OVERWRITE_H
 
-#include "config/config_fields.h"
+#include "config/keyword.h"
 
-/* RX_USAGE when a file that the program of these settings writes is one that it reads, or one of the images
- * in `image` ("tile.fits" or "detect.fits,measure.fits"; what stands in brackets does not count; NULL for
- * programs that take none). Files are compared, not names. A folder that the program replaces must hold
- * none of them, and none of the other outputs. For rx_keytable.check_outputs. */
+typedef struct rx_run_file {
+    rx_file_role role;
+    char *
+        key; /* with its prefix; "IMAGE" for images, "" for other words of the command line and what lists hold */
+    char *shown; /* as the user wrote it */
+    char *
+        path; /* of the file: without what stands in brackets behind the name of an input, and '@' before a list;
+                  * of an output the name that it gets: with several restorers there is one of each */
+} rx_run_file;
+
+typedef struct rx_run_files {
+    int n;
+    rx_run_file *of;
+} rx_run_files;
+
+/* By the rows of the table that say READS, WRITES or FOLDER and have an effect with these settings, those of its parts,
+ * the configuration file, and `image`: what the command line names ("tile.fits" or "detect.fits,measure.fits", or files
+ * of records, one a line; NULL for none). Lists (@NAME) come with what they hold. The caller frees them, in any case. */
+rx_status rx_run_files_of(const rx_settings *settings, const char *image, rx_run_files *dst, rx_error *err);
+void rx_run_files_free(rx_run_files *files);
+
+/* RX_USAGE when a file that the program of these settings writes is one that it reads or writes as well, whatever names
+ * they go by, or is a file of a folder that it reads, or lies in a folder that it replaces; or when that folder holds
+ * an input. */
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err);
-rx_status rx_overwrite_check_simulate(const rx_settings *settings, const char *image, rx_error *err);
-rx_status rx_overwrite_check_campaign(const rx_settings *settings, const char *image, rx_error *err);
-rx_status rx_overwrite_check_survey(const rx_settings *settings, const char *image, rx_error *err);
-rx_status rx_overwrite_check_train(const rx_settings *settings, const char *image, rx_error *err);
-
-/* Every file and folder that a run of rextract writes, by keyword and under the name it will have: of a name
- * that several restorers share, the one of each. And every file that it reads, the images with the keyword
- * IMAGE, without what stands in brackets. The names are only lent. RX_SYSTEM without memory. */
-typedef void (*rx_file_visitor)(void *user, const char *key, const char *name);
-rx_status rx_overwrite_visit(const rx_config *config, rx_file_visitor visit, void *user, rx_error *err);
-rx_status rx_overwrite_visit_inputs(const rx_config *config, const char *image, rx_file_visitor visit,
-                                    void *user, rx_error *err);
 
 #endif

@@ -125,12 +125,59 @@ rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
 /* A campaign decides itself which restorers run, on how many threads, and what is written. */
 const char *rx_config_idle(const rx_settings *settings, const char *name)
 {
-    static const char *const outputs[] = {
-        "CATALOG_NAME",    "CATALOG_TYPE", "RESTORE_TYPE", "CHECKIMAGE_TYPE",
-        "CHECKIMAGE_NAME", "NTHREADS",     "VERBOSE_TYPE", "REFERENCE_NAME",
-        "QA_NAME",         "QA_TYPE",      "WRITE_XML",    "XML_NAME",
-        "QA_GATES",        "SELF_CHECK",   "BLANK_CHECK",  NULL};
+    static const char *const outputs[] = {"CATALOG_NAME",
+                                          "CATALOG_TYPE",
+                                          "RESTORE_TYPE",
+                                          "CHECKIMAGE_TYPE",
+                                          "CHECKIMAGE_NAME",
+                                          "NTHREADS",
+                                          "VERBOSE_TYPE",
+                                          "REFERENCE_NAME",
+                                          "QA_NAME",
+                                          "QA_TYPE",
+                                          "WRITE_XML",
+                                          "XML_NAME",
+                                          "QA_GATES",
+                                          "SELF_CHECK",
+                                          "BLANK_CHECK",
+                                          "SELF_CHECK_NAME",
+                                          "RECORD_NAME",
+                                          "TEMPLATE_COVAR_NAME",
+                                          NULL};
     return settings->prefix[0] != '\0' && rx_keyword_among(outputs, name) ? "in a campaign" : NULL;
+}
+
+static bool has_map(const rx_words *weights)
+{
+    for (int i = 0; i < weights->n; i++)
+        if (strncmp(weights->v[i], "MAP_", 4) == 0)
+            return true;
+    return false;
+}
+
+bool rx_config_opens(const rx_settings *settings, const char *name, int i)
+{
+    const rx_config *config = (const rx_config *)settings;
+    const rx_words *checks = &config->checkimage_type;
+    const struct {
+        const char *name;
+        bool opened;
+    } some[] = {
+        {"CATALOG_NAME", !is(config->catalog_type, "NONE")},
+        {"CHECKIMAGE_NAME", i < checks->n && !is(checks->v[i], "NONE")},
+        {"XML_NAME", config->write_xml},
+        {"QA_NAME", config->reference_name[0] != '\0' || is(config->qa_type, "TILE")},
+        {"SELF_CHECK_NAME", config->self_check},
+        {"WEIGHT_IMAGE", has_map(&config->weight_type)},
+        {"PSF_NAME", is(config->psf_type, "FILE") || is(config->psf_type, "PSFEX")},
+        {"NET_MODEL", has(&config->restore_type, "NET") || has(&config->restore_type, "AUTO")},
+        {"NOISE_KERNEL_NAME", is(config->noise_correlation, "FILE")},
+        {"FILTER_NAME", config->filter},
+    };
+    for (size_t k = 0; k < sizeof some / sizeof some[0]; k++)
+        if (is(some[k].name, name))
+            return some[k].opened;
+    return true;
 }
 
 /* --- rextract-simulate --- */
@@ -177,25 +224,6 @@ static rx_status check_coadd(const rx_simulate_config *config, rx_error *err)
     return RX_OK;
 }
 
-/* Each output has a file of its own. */
-static rx_status check_own_files(const rx_simulate_config *config, rx_error *err)
-{
-    const struct {
-        const char *name, *file;
-    } outputs[] = {
-        {"IMAGE_NAME", config->image_name},   {"SHARP_NAME", config->sharp_name},
-        {"TRUTH_NAME", config->truth_name},   {"FLAG_NAME", config->flag_name},
-        {"WEIGHT_NAME", config->weight_name},
-    };
-    for (size_t i = 1; i < sizeof outputs / sizeof outputs[0]; i++)
-        for (size_t j = 0; j < i; j++)
-            if (outputs[i].file[0] != '\0' && is(outputs[i].file, outputs[j].file))
-                return rx_settings_refuse(&config->settings, outputs[i].name, err,
-                                          "%.200s is also %s; give each output a name of its own",
-                                          outputs[i].file, outputs[j].name);
-    return RX_OK;
-}
-
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
 {
     const rx_simulate_config *config = (const rx_simulate_config *)settings;
@@ -210,7 +238,7 @@ rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
     ORDER(TEMPLATE_MAG, template_mag);
     if (config->template_count > 0.0 && config->template_name[0] == '\0')
         return REFUSE(TEMPLATE_NAME, "is empty; name the cut-outs that TEMPLATE_COUNT asks for");
-    return check_own_files(config, err);
+    return RX_OK;
 }
 
 const char *rx_simulate_idle(const rx_settings *settings, const char *name)
@@ -232,6 +260,13 @@ const char *rx_simulate_idle(const rx_settings *settings, const char *name)
     if (is(config->coadd_type, "NONE") && rx_keyword_among(coadd, name))
         return "with COADD_TYPE NONE";
     return !injects && rx_keyword_among(injection, name) ? "without INJECT_IMAGE" : NULL;
+}
+
+bool rx_simulate_opens(const rx_settings *settings, const char *name, int i)
+{
+    const rx_simulate_config *config = (const rx_simulate_config *)settings;
+    (void)i;
+    return !is(name, "PSF_NAME") || is(config->psf_type, "FILE") || is(config->psf_type, "PSFEX");
 }
 
 /* --- rextract-validate --- */
@@ -431,9 +466,6 @@ rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
         return REFUSE(LOSS_IDT, "no term of the loss trains RESTORE; give this one a weight above 0");
     RX_TRY(check_training_images(config, err));
     RX_TRY(check_ranks(config, err));
-    if (is(config->model_name, config->checkpoint_name))
-        return REFUSE(CHECKPOINT_NAME, "%.200s is also MODEL_NAME; give each a name of its own",
-                      config->checkpoint_name);
     return check_training_scenes(config, err);
 }
 

@@ -105,6 +105,12 @@ rx_origin rx_settings_was_set(const rx_settings *settings, const char *name);
 /* Does its value state something about the data? A default does not, nor a file that repeats it. */
 bool rx_settings_states(const rx_settings *settings, const char *name);
 
+/* RX_USAGE when an output of the run is the file `name`, or a folder that it replaces holds that: for files that turn
+ * out to be inputs while the run is under way. And the same of all that a run with settings `others` reads. */
+rx_status rx_settings_check_read(const rx_settings *settings, const char *name, rx_error *err);
+rx_status rx_settings_check_inputs(const rx_settings *settings, const rx_settings *others, const char *image,
+                                   rx_error *err);
+
 /* Every keyword with its current value as text, in table order, those of parts with their prefix after the
  * others: for headers and reports. Returns false when memory ran out. */
 typedef void (*rx_settings_visitor)(void *user, const char *name, const char *value, const char *help);

@@ -20,10 +20,7 @@ rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_e
     return rx_error_set(err, RX_USAGE, "-%s%s: %s", settings->prefix, name, text);
 }
 
-/* Why keyword `name` has no effect, or NULL. */
-typedef const char *idle_function(const rx_settings *settings, const char *name);
-
-static const char *idle(const rx_settings *settings, idle_function *function, const rx_keyword *key)
+static const char *idle(const rx_settings *settings, rx_idle_function *function, const rx_keyword *key)
 {
     if (key->status == RX_STATUS_IGNORED)
         return "here";
@@ -31,7 +28,8 @@ static const char *idle(const rx_settings *settings, idle_function *function, co
 }
 
 /* One warning per keyword that has no effect and a value that is not the default. */
-static rx_status warn_idle(const rx_settings *settings, idle_function *function, rx_log *log, rx_error *err)
+static rx_status warn_idle(const rx_settings *settings, rx_idle_function *function, rx_log *log,
+                           rx_error *err)
 {
     rx_settings *defaults = NULL;
     rx_status status = rx_settings_new(settings->table, &defaults, err);
@@ -55,16 +53,19 @@ static rx_status warn_idle(const rx_settings *settings, idle_function *function,
     return status;
 }
 
-static rx_status check(const rx_settings *settings, idle_function *function, rx_log *log, rx_error *err)
+rx_idle_function *rx_settings_part_idle(const rx_settings *settings, int i)
 {
-    const rx_keytable *table = settings->table;
-    rx_status status = table->check(settings, err);
+    rx_idle_function *instead = settings->table->part[i].idle;
+    return instead != NULL ? instead : settings->part[i]->table->idle;
+}
+
+static rx_status check(const rx_settings *settings, rx_idle_function *function, rx_log *log, rx_error *err)
+{
+    rx_status status = settings->table->check(settings, err);
     if (status == RX_OK)
         status = warn_idle(settings, function, log, err);
-    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++) {
-        idle_function *own = settings->part[i]->table->idle;
-        status = check(settings->part[i], table->part[i].idle != NULL ? table->part[i].idle : own, log, err);
-    }
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
+        status = check(settings->part[i], rx_settings_part_idle(settings, i), log, err);
     return status;
 }
 

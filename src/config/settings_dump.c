@@ -64,6 +64,15 @@ static void dump_section(rx_text *dst, const char *prefix, const char *title)
     rx_text_add(dst, "\n\n");
 }
 
+/* What becomes of the file that a keyword names. */
+static const char *role(const rx_keyword *key)
+{
+    return key->role == RX_FILE_READS    ? " [read]"
+           : key->role == RX_FILE_WRITES ? " [written]"
+           : key->role == RX_FILE_FOLDER ? " [folder that is replaced]"
+                                         : "";
+}
+
 /* One keyword of the table; settings NULL: with its default. */
 static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *settings, const char *prefix,
                      int row)
@@ -77,7 +86,7 @@ static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *
         rx_keyword_print(dst, settings, row, true);
     else
         rx_text_add(dst, key->initial);
-    rx_text_add(&help, key->help);
+    rx_text_printf(&help, "%s%s", key->help, role(key));
     if (key->words != NULL) {
         rx_text_add(&help, " [");
         add_words(&help, key->words, "-");

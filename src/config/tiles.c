@@ -120,7 +120,7 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
     if (settings->table->find_files != NULL)
         RX_TRY_EXIT(settings->table->find_files(settings, NULL, err));
     RX_TRY_EXIT(rx_settings_check(settings, NULL, err));
-    RX_TRY_EXIT(settings->table->check_outputs(settings, tile->words.v[0], err));
+    RX_TRY_EXIT(rx_overwrite_check(settings, tile->words.v[0], err));
     *dst = settings;
     settings = NULL;
 exit:
@@ -163,17 +163,6 @@ static void take(places_taken *taken, const char *name, role role)
     taken->at[taken->n++] = (place_taken){.at = taken->names.length, .line = taken->line, .role = role};
     rx_text_add_bytes(&taken->names, name, strlen(name) + 1);
     taken->failed |= taken->names.failed;
-}
-
-static void take_output(void *user, const char *key, const char *name)
-{
-    (void)key;
-    take(user, name, OUTPUT);
-}
-
-static void take_input(void *user, const char *key, const char *name)
-{
-    take(user, name, strcmp(key, "IMAGE") == 0 ? IMAGE : INPUT);
 }
 
 static int by_name(const void *a, const void *b)
@@ -255,12 +244,16 @@ static rx_status take_tile(const rx_tiles *tiles, int i, const rx_settings *comm
 {
     rx_settings *settings = NULL;
     rx_status status = rx_tiles_settings(tiles, i, common, log, &settings, err);
-    const rx_config *config = (const rx_config *)settings;
+    rx_run_files files = {0};
     taken->line = tiles->tile[i].line;
     if (status == RX_OK)
-        status = rx_overwrite_visit_inputs(config, rx_tiles_image(tiles, i), take_input, taken, err);
-    if (status == RX_OK)
-        status = rx_overwrite_visit(config, take_output, taken, err);
+        status = rx_run_files_of(settings, rx_tiles_image(tiles, i), &files, err);
+    for (int k = 0; k < files.n; k++)
+        take(taken, files.of[k].path,
+             files.of[k].role != RX_FILE_READS       ? OUTPUT
+             : strcmp(files.of[k].key, "IMAGE") == 0 ? IMAGE
+                                                     : INPUT);
+    rx_run_files_free(&files);
     rx_settings_free(settings);
     return status == RX_OK && taken->failed ? rx_error_memory(err, 0) : status;
 }

@@ -13,6 +13,11 @@
 #define SECTION(id, title)
 #define KEY RX_FILL_KEY
 #define NOWORDS NULL
+#define TEXT NULL
+#define READS NULL
+#define WRITES NULL
+#define WRITES_EACH NULL
+#define FOLDER NULL
 #define WORDLIST(...) NULL
 #define W(word, value) value
 #define PIPELINE_WORDS RX_FILL_WORDS

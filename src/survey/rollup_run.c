@@ -104,19 +104,12 @@ static rx_status read_all(rx_rollup *rollup, const rx_survey_config *config, con
                           rx_error *err)
 {
     rx_status status = RX_OK;
-    struct stat info, merged = {0};
+    struct stat info;
     const bool merges = config->merged_name[0] != '\0';
-    if (merges && stat(config->merged_name, &merged) != 0)
-        merged.st_mode = 0;
     for (int i = 0; i < files->n && status == RX_OK; i++) {
-        const bool found = merges && stat(files->of[i], &info) == 0;
-        if (found && (S_ISFIFO(info.st_mode) || S_ISCHR(info.st_mode)))
+        if (merges && stat(files->of[i], &info) == 0 && (S_ISFIFO(info.st_mode) || S_ISCHR(info.st_mode)))
             return rx_error_at(err, RX_INPUT, files->of[i], -1, 0,
                                "is no file, and MERGED_NAME has to read it twice; give a file");
-        if (found && S_ISREG(merged.st_mode) && info.st_dev == merged.st_dev && info.st_ino == merged.st_ino)
-            return rx_error_set(err, RX_USAGE,
-                                "MERGED_NAME %s is also read, as %s; give the output another name",
-                                config->merged_name, files->of[i]);
         status = read_records(rollup, files->of[i], err);
     }
     return status;

@@ -202,7 +202,7 @@ expect 2 'RECORD_NAME tile\.fits is also read, as tile\.fits' tile.fits -RESTORE
 
 begin 'record of the name of a catalogue'
 make_fits tile tile.fits
-expect 2 'RECORD_NAME c_RL\.cat is also CATALOG_NAME; give each' tile.fits -RESTORE_TYPE NONE,RL -CATALOG_NAME c.cat -RECORD_NAME ./c_RL.cat
+expect 2 'RECORD_NAME \./c_RL\.cat is also CATALOG_NAME; give each' tile.fits -RESTORE_TYPE NONE,RL -CATALOG_NAME c.cat -RECORD_NAME ./c_RL.cat
 
 begin 'files in a folder that a report replaces'
 make_fits tile tile.fits && make_fits table ref.fits && mkdir -p qa/deep && touch qa/.rextract && cp ref.fits qa/deep/

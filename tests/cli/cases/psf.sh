@@ -151,7 +151,7 @@ begin 'PSF_LIBRARY: no model that was read is replaced'
 models
 stars tile.fits 0 -SKY_CENTER 150.18,2
 [ "$active" = 0 ] || mv library/model2_0-*.psf library/two.psf
-expect 2 'CHECKIMAGE_NAME library/two\.psf is also read, as library/two\.psf; give the output another name' tile.fits -c /dev/null $read \
+expect 2 'CHECKIMAGE_NAME library/two\.psf is also read, from the folder library; give the output another name' tile.fits -c /dev/null $read \
     -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME library/two.psf
 
 begin 'PSF file beside the image is an input of the run'

@@ -200,7 +200,7 @@ simulates 'folder that cannot be written'
 expect 4 '/proc/flags\.fits' $small -FLAG_NAME /proc/flags.fits
 
 simulates 'two outputs of one name'
-expect 2 'SHARP_NAME: a\.fits is also IMAGE_NAME' $small -IMAGE_NAME a.fits -SHARP_NAME a.fits
+expect 2 'SHARP_NAME a\.fits is also IMAGE_NAME' $small -IMAGE_NAME a.fits -SHARP_NAME a.fits
 
 simulates 'image that would replace the tile'
 make_fits tile tile.fits

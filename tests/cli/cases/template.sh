@@ -53,7 +53,7 @@ expect 2 '^rextract: c\.cat: is a folder' tile.fits $moffat -TEMPLATE_COVAR_NAME
 
 begin 'covariances under the name of the catalogue'
 make_fits tile tile.fits
-expect 2 '^rextract: test\.cat: is asked for twice' tile.fits $moffat -TEMPLATE_COVAR_NAME test.cat
+expect 2 '^rextract: TEMPLATE_COVAR_NAME test\.cat is also CATALOG_NAME' tile.fits $moffat -TEMPLATE_COVAR_NAME test.cat
 
 begin 'covariances that would replace the image'
 make_fits tile tile.fits

@@ -157,8 +157,6 @@ static void simulations_are_checked(void **state)
         {"INJECT_CONFIG my.sex", "-INJECT_CONFIG: is about a real tile; give INJECT_IMAGE too"},
         {"TEMPLATE_COUNT 5", "-TEMPLATE_NAME: is empty; name the cut-outs that TEMPLATE_COUNT asks for"},
         {"TEMPLATE_COUNT 5;TEMPLATE_NAME cosmos", NULL},
-        {"SHARP_NAME a.fits;IMAGE_NAME a.fits", "-SHARP_NAME: a.fits is also IMAGE_NAME"},
-        {"FLAG_NAME sim_truth.fits", "-FLAG_NAME: sim_truth.fits is also TRUTH_NAME"},
         {"SHARP_NAME NONE;TRUTH_NAME NONE;FLAG_NAME NONE", NULL},
     };
     (void)state;
@@ -221,7 +219,6 @@ static void trainings_are_checked(void **state)
         {"GRID 20,20;BIN_IMAGES 12;IMAGES_AHEAD 4800", NULL},
         {"LOSS_IDT 0;LOSS_REC 0;LOSS_REC_PSF 0;LOSS_FFL 0", "-LOSS_IDT: no term of the loss trains RESTORE"},
         {"LOSS_IDT 0", NULL},
-        {"MODEL_NAME a;CHECKPOINT_NAME a", "-CHECKPOINT_NAME: a is also MODEL_NAME"},
         {"SIM.INJECT_IMAGE a.fits", "-SIM.INJECT_IMAGE: has no place in a training"},
         {"SIM.STAR_COUNT 0;SIM.GALAXY_COUNT 0", "-SIM.STAR_COUNT: there are no stars, galaxies or templates"},
         {"SIM.STAR_MAG 20,19", "-SIM.STAR_MAG: 20 is above 19"},
