@@ -4,8 +4,9 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
+#include "base/input.h"
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/text.h"
 
@@ -13,13 +14,12 @@ enum { BLOCK = 1 << 16, LONGEST_LINE = 1 << 24 };
 
 rx_status rx_lines_open(rx_lines *lines, const char *path, int64_t from, rx_error *err)
 {
-    struct stat info;
     *lines = (rx_lines){.path = path, .following = from};
-    lines->file = fopen(path, "rb");
+    lines->file = rx_input_open(path);
+    if (lines->file == NULL && errno == EISDIR)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected");
     if (lines->file == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
-    if (fstat(fileno(lines->file), &info) != 0 || S_ISDIR(info.st_mode))
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected");
     if (from > 0 && fseeko(lines->file, (off_t)from, SEEK_SET) != 0)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno));
     return RX_OK;
@@ -45,6 +45,8 @@ static rx_status read_more(rx_lines *lines, rx_error *err)
         lines->capacity = capacity;
     }
     const size_t n = fread(lines->room + left, 1, BLOCK, lines->file);
+    if (ferror(lines->file) && errno == EINTR)
+        RX_TRY(rx_interrupt_check(err));
     if (ferror(lines->file))
         return rx_error_at(err, RX_INPUT, lines->path, -1, 0, "cannot be read: %s", strerror(errno));
     if (memchr(lines->room + left, '\0', n) != NULL)

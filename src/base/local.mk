@@ -1,6 +1,7 @@
 librextract_la_SOURCES += \
 	src/base/error.c \
 	src/base/hash.c \
+	src/base/input.c src/base/input.h \
 	src/base/interrupt.c \
 	src/base/min_max.h \
 	src/base/lines.c \

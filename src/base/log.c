@@ -283,6 +283,7 @@ static void finish_tile(rx_log *log, int to_come)
     if (log->written)
         rx_text_printf(&last, "written: %s", log->names.length > 0 ? log->names.data : "nothing");
     if (log->written && !last.failed) {
+        rx_text_tame(last.data);
         const int others = log->waiting.length == 0 ? 0 : 4;
         if (rx_log_is_short(log))
             shorten(log, &last, room - others > 1 ? room - others : 1);

@@ -8,8 +8,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
+#include "base/input.h"
+#include "base/interrupt.h"
 #include "base/memory.h"
 
 static bool reserve(rx_text *dst, size_t more)
@@ -80,13 +81,12 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
 {
     rx_status status = RX_OK;
     char *content = NULL;
-    struct stat info;
-    FILE *file = fopen(path, "rb");
+    FILE *file = rx_input_open(path);
     *data = NULL;
+    if (file == NULL && errno == EISDIR)
+        return rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected");
     if (file == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
-    if (fstat(fileno(file), &info) != 0 || S_ISDIR(info.st_mode))
-        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected"));
     size_t size = 0, capacity = 4096;
     content = malloc(capacity + 1);
     while (content != NULL) {
@@ -103,6 +103,8 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
     }
     if (content == NULL)
         RX_TRY_EXIT(rx_error_memory(err, capacity));
+    if (ferror(file) && errno == EINTR)
+        RX_TRY_EXIT(rx_interrupt_check(err));
     if (ferror(file))
         RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno)));
     if (size > max_bytes)

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "base/input.h"
 #include "base/text.h"
 #include "catalog/catalog.h"
 #include "catalog/cell.h"
@@ -14,7 +15,7 @@ typedef enum kind { KIND_FITS, KIND_XML, KIND_TEXT } kind;
 static rx_status tell_kind(const char *path, kind *dst, rx_error *err)
 {
     char begin[512] = "";
-    FILE *file = fopen(path, "rb");
+    FILE *file = rx_input_open(path);
     if (file == NULL) {
         int why = errno;
         *dst = KIND_FITS; /* table.fits[2] is a name for the FITS reader */

@@ -9,6 +9,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/input.h"
 #include "base/memory.h"
 #include "base/text.h"
 #include "catalog/readers.h"
@@ -563,7 +564,7 @@ rx_status rx_votable_read(const char *path, int index, rx_table **dst, rx_error 
 {
     rx_status status = RX_OK;
     votable in = {.path = path, .wanted = index, .err = err};
-    FILE *file = fopen(path, "rb");
+    FILE *file = rx_input_open(path);
     if (file == NULL)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
     in.fields = RX_NEW(field, RX_READ_COLUMNS);

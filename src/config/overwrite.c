@@ -218,16 +218,17 @@ void rx_run_files_free(rx_run_files *files)
 /* A file as it is on the disk. */
 typedef struct place {
     const rx_run_file *file;
-    char *real;
+    char *real; /* NULL: of an input, where its name does not matter */
     struct stat info;
     bool there;
 } place;
 
-static place place_of(const rx_run_file *file)
+/* With a list of many tiles following all links of all inputs takes its time. */
+static rx_status find(const rx_run_file *file, bool named, place *dst, rx_error *err)
 {
-    place p = {.file = file, .real = rx_name_real(file->path)};
-    p.there = stat(file->path, &p.info) == 0;
-    return p;
+    *dst = (place){.file = file, .real = named ? rx_name_real(file->path) : NULL};
+    dst->there = stat(file->path, &dst->info) == 0;
+    return named && dst->real == NULL ? rx_error_memory(err, strlen(file->path)) : RX_OK;
 }
 
 static bool is_one(const struct stat *a, const struct stat *b)
@@ -241,7 +242,8 @@ static bool is_same(const place *a, const place *b)
     if ((a->there && !S_ISREG(a->info.st_mode) && !S_ISDIR(a->info.st_mode)) ||
         (strcmp(a->file->key, "CATALOG_NAME") == 0 && strcmp(a->file->path, "STDOUT") == 0))
         return false;
-    return strcmp(a->real, b->real) == 0 || (a->there && b->there && is_one(&a->info, &b->info));
+    return (b->real != NULL && strcmp(a->real, b->real) == 0) ||
+           (a->there && b->there && is_one(&a->info, &b->info));
 }
 
 /* Does the file, which need not exist, lie in that folder? `deep`: or in one below it? */
@@ -279,7 +281,7 @@ static rx_status compare(const place *output, const place *other, rx_error *err)
         return read ? refuse_read(of, with, "as", err)
                     : rx_error_set(err, RX_USAGE, "%s %.200s is also %s; give each output its own name",
                                    of->key, of->shown, with->key);
-    if (folder && lies_in(other, output, true))
+    if (folder && other->real != NULL && lies_in(other, output, true))
         return rx_error_set(
             err, RX_USAGE,
             "%.200s lies in the folder %.200s, which is replaced as a whole (%s); keep it elsewhere",
@@ -295,16 +297,18 @@ static rx_status compare_all(const rx_run_files *files, int first, rx_error *err
 {
     place *outputs = NULL;
     int n = 0;
+    bool replaces = false; /* a folder that is there, and may hold inputs */
     rx_status status = RX_MAKE(outputs, (size_t)files->n + 1, err);
     for (int i = 0; i < files->n && status == RX_OK; i++)
         if (files->of[i].role != RX_FILE_READS) {
-            outputs[n] = place_of(&files->of[i]);
-            status = outputs[n++].real == NULL ? rx_error_memory(err, 0) : RX_OK;
+            status = find(&files->of[i], true, &outputs[n], err);
+            replaces |= files->of[i].role == RX_FILE_FOLDER && outputs[n].there;
+            n++;
         }
     for (int i = first; i < files->n && status == RX_OK; i++) {
-        place other = place_of(&files->of[i]);
-        if (other.real == NULL)
-            status = rx_error_memory(err, 0);
+        place other;
+        const bool written = files->of[i].role != RX_FILE_READS;
+        status = find(&files->of[i], written || replaces, &other, err);
         for (int k = 0; k < n && status == RX_OK; k++)
             if (outputs[k].file != other.file)
                 status = compare(&outputs[k], &other, err);
@@ -335,6 +339,19 @@ rx_status rx_settings_check_read(const rx_settings *settings, const char *name, 
         status = add_input(&files, "", "", name, err);
     if (status == RX_OK)
         status = compare_all(&files, known, err);
+    rx_run_files_free(&files);
+    return status;
+}
+
+rx_status rx_settings_check_folder(const rx_settings *settings, const char *image, const char *key,
+                                   const char *folder, rx_error *err)
+{
+    rx_run_files files;
+    rx_status status = rx_run_files_of(settings, image, &files, err);
+    if (status == RX_OK)
+        status = add(&files, RX_FILE_FOLDER, settings->prefix, key, folder, folder, err);
+    if (status == RX_OK)
+        status = compare_all(&files, 0, err);
     rx_run_files_free(&files);
     return status;
 }

@@ -106,8 +106,11 @@ rx_origin rx_settings_was_set(const rx_settings *settings, const char *name);
 bool rx_settings_states(const rx_settings *settings, const char *name);
 
 /* RX_USAGE when an output of the run is the file `name`, or a folder that it replaces holds that: for files that turn
- * out to be inputs while the run is under way. And the same of all that a run with settings `others` reads. */
+ * out to be inputs while the run is under way. The same of all that a run with settings `others` reads; and of a folder
+ * that the run replaces in place of the one that `key` names. */
 rx_status rx_settings_check_read(const rx_settings *settings, const char *name, rx_error *err);
+rx_status rx_settings_check_folder(const rx_settings *settings, const char *image, const char *key,
+                                   const char *folder, rx_error *err);
 rx_status rx_settings_check_inputs(const rx_settings *settings, const rx_settings *others, const char *image,
                                    rx_error *err);
 

@@ -146,13 +146,10 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
                 return 0.0;
         }
     } else {
-        rest = rx_noise_white(RX_NOISE_MEASURED);
-        memcpy(rest.measured, noise->measured, sizeof rest.measured);
-        rest.error = noise->error;
-        rest.pixels = noise->pixels;
-        rest.scale = noise->scale;
-        memcpy(rest.quadrant, noise->quadrant, sizeof rest.quadrant);
-        memcpy(rest.quadrant_error, noise->quadrant_error, sizeof rest.quadrant_error);
+        rest = *noise;
+        rest.correlated = 0;
+        memset(rest.at, 0, sizeof rest.at);
+        rest.at[REACH][REACH] = 1.0;
     }
     *noise = rest;
     take_off_quadrants(&fit, near, noise);

@@ -313,6 +313,15 @@ static rx_status append(rx_journal *journal, const char *text, size_t length, rx
     return RX_OK;
 }
 
+/* A FIFO would wait for what no process writes. */
+static rx_status check_kind(const char *path, int file, rx_error *err)
+{
+    struct stat info;
+    if (fstat(file, &info) == 0 && S_ISREG(info.st_mode))
+        return RX_OK;
+    return rx_error_at(err, RX_USAGE, path, -1, 0, "is no regular file; give JOURNAL_NAME the name of one");
+}
+
 static rx_status lock(const char *path, int file, rx_error *err)
 {
     if (flock(file, LOCK_EX | LOCK_NB) == 0)
@@ -336,8 +345,9 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
     RX_TRY_EXIT(journal->path == NULL ? rx_error_memory(err, strlen(path))
                                       : make_header(facts, &header, journal->digest, err));
     RX_TRY_EXIT(rx_name_trusted(path, err));
-    journal->file = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0666);
-    RX_TRY_EXIT(journal->file < 0 ? cannot(path, "opened", err) : lock(path, journal->file, err));
+    journal->file = open(path, O_RDWR | O_CREAT | O_NONBLOCK | O_CLOEXEC, 0666);
+    RX_TRY_EXIT(journal->file < 0 ? cannot(path, "opened", err) : check_kind(path, journal->file, err));
+    RX_TRY_EXIT(lock(path, journal->file, err));
     RX_TRY_EXIT(load(&(reading){path, &header, journal->digest, nunits, values}, journal->file, &whole, err));
     journal->size = (off_t)whole;
     if (ftruncate(journal->file, journal->size) != 0)
@@ -380,11 +390,13 @@ rx_status rx_journal_read(const char *path, const rx_journal_facts *facts, long 
     char digest[RX_HASH_TEXT];
     size_t whole = 0;
     *found = 0;
-    int file = open(path, O_RDONLY | O_CLOEXEC);
+    int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     if (file < 0)
         return errno == ENOENT ? RX_OK : cannot(path, "opened", err);
     *found = 1;
-    rx_status status = make_header(facts, &header, digest, err);
+    rx_status status = check_kind(path, file, err);
+    if (status == RX_OK)
+        status = make_header(facts, &header, digest, err);
     if (status == RX_OK)
         status = load(&(reading){path, &header, digest, nunits, values}, file, &whole, err);
     rx_text_free(&header);

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/input.h"
 #include "base/memory.h"
 #include "base/point.h"
 
@@ -81,7 +82,7 @@ static const char *read_network(FILE *file, rx_starclass *net)
 rx_status rx_starclass_read(const char *path, rx_starclass **dst, rx_error *err)
 {
     *dst = NULL;
-    FILE *file = fopen(path, "r");
+    FILE *file = rx_input_open(path);
     if (file == NULL)
         return rx_error_at(err, RX_USAGE, path, -1, 0,
                            "cannot be read: %s; set STARNNW_NAME or leave out CLASS_STAR", strerror(errno));

@@ -77,13 +77,18 @@ static rx_status collect_pictures(const rx_report_input *in, rx_qa_picture *dst,
     return status;
 }
 
-static rx_status open_folder(const char *wanted, int extension, rx_outputs *outputs, const char **folder,
-                             rx_error *err)
+static char *folder_name(const char *wanted, int extension)
 {
     char tag[16] = "";
     if (extension > 0)
         snprintf(tag, sizeof tag, "%d", extension);
-    char *name = rx_name_with_tag(wanted, tag);
+    return rx_name_with_tag(wanted, tag);
+}
+
+static rx_status open_folder(const char *wanted, int extension, rx_outputs *outputs, const char **folder,
+                             rx_error *err)
+{
+    char *name = folder_name(wanted, extension);
     if (name == NULL)
         return rx_error_memory(err, 0);
     rx_status status = rx_outputs_folder(outputs, name, folder, err);
@@ -91,17 +96,35 @@ static rx_status open_folder(const char *wanted, int extension, rx_outputs *outp
     return status;
 }
 
-rx_status rx_report_try(const rx_options *options, int extension, rx_error *err)
+/* The name of an extension's folder is known only now. */
+static rx_status check_folder(const rx_config *config, const char *image, const char *key, const char *wanted,
+                              int extension, rx_error *err)
 {
-    const char *const names[] = {options->reference.name != NULL || options->tile_page ? options->qa_name
-                                                                                       : "",
-                                 options->check.self_check ? options->self_check_name : ""};
+    char *name = folder_name(wanted, extension);
+    if (name == NULL)
+        return rx_error_memory(err, 0);
+    rx_status status = rx_settings_check_folder((const rx_settings *)config, image, key, name, err);
+    free(name);
+    return status;
+}
+
+rx_status rx_report_try(const rx_config *config, const rx_options *options, const char *image, int extension,
+                        rx_error *err)
+{
+    const char *const names[][2] = {
+        {"QA_NAME", options->reference.name != NULL || options->tile_page ? options->qa_name : ""},
+        {"SELF_CHECK_NAME", options->check.self_check ? options->self_check_name : ""}};
     const char *folder = NULL;
     rx_outputs *outputs = NULL;
     rx_status status = rx_outputs_new(&outputs, err);
-    for (int i = 0; i < 2 && status == RX_OK; i++)
-        if (names[i][0] != '\0')
-            status = open_folder(names[i], extension, outputs, &folder, err);
+    for (int i = 0; i < 2 && status == RX_OK; i++) {
+        if (names[i][1][0] == '\0')
+            continue;
+        if (extension > 0)
+            status = check_folder(config, image, names[i][0], names[i][1], extension, err);
+        if (status == RX_OK)
+            status = open_folder(names[i][1], extension, outputs, &folder, err);
+    }
     rx_outputs_free(outputs);
     return status;
 }

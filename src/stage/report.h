@@ -30,8 +30,10 @@ typedef struct rx_report_input {
 rx_status rx_stage_report(const rx_report_input *in, rx_extension_facts *facts, rx_verdict *verdict,
                           rx_text *brief, rx_error *err);
 
-/* Whether the folders of the reports can be made, before the work; nothing stays. */
-rx_status rx_report_try(const rx_options *options, int extension, rx_error *err);
+/* Whether the folders of the reports of `image` can be made, before the work; nothing stays. RX_USAGE as well where that
+ * of an extension holds a file of the run. */
+rx_status rx_report_try(const rx_config *config, const rx_options *options, const char *image, int extension,
+                        rx_error *err);
 
 /* The report of the self checks of every run into the folder SELF_CHECK_NAME (with _n for extension n > 0);
  * nothing without that name or without a self check. */

@@ -35,6 +35,7 @@ typedef struct job {
     rx_log *log;
     FILE *standard_out; /* of a catalogue named STDOUT */
     rx_outputs *outputs;
+    const char *image;      /* as it was named */
     char *detect, *measure; /* image names; measure NULL without dual-image mode */
     rx_record record;       /* of the whole run */
     int inputs_recorded;
@@ -61,7 +62,7 @@ static rx_status open_runs(job *job, int nextensions, rx_error *err)
     const rx_options *options = job->options;
     rx_status status = RX_OK;
     for (int i = 1; i <= nextensions && status == RX_OK; i++)
-        status = rx_report_try(options, nextensions > 1 ? i : 0, err);
+        status = rx_report_try(job->config, options, job->image, nextensions > 1 ? i : 0, err);
     if (status == RX_OK && job->config->write_xml && job->facts != NULL) /* -REPLAY has no facts */
         status = rx_outputs_file(job->outputs, job->config->xml_name, &job->xml, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
@@ -256,6 +257,7 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     job *j;
     RX_TRY(RX_MAKE(j, 1, err));
     j->config = config;
+    j->image = image;
     j->log = log;
     j->standard_out = standard_out;
     j->facts = facts;

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/input.h"
 #include "base/memory.h"
 #include "base/printable.h"
 #include "base/text.h"
@@ -284,7 +285,7 @@ rx_status rx_replay_record_read(const char *path, rx_replay_record **dst, rx_err
         return rx_error_memory(err, sizeof *record);
     record->intact = 1;
     reading r = {.path = path, .record = record};
-    FILE *file = fopen(path, "rb");
+    FILE *file = rx_input_open(path);
     const size_t n = file != NULL ? fread(head, 1, sizeof head, file) : 0;
     if (file != NULL)
         fclose(file);

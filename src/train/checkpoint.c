@@ -8,6 +8,7 @@
 #include <sys/stat.h>
 
 #include "base/hash.h"
+#include "base/input.h"
 #include "base/memory.h"
 
 static const char MAGIC[] = "rextract-train checkpoint 4\n";
@@ -188,7 +189,7 @@ static rx_status read_head(stream *s, const char *path, const char *settings, rx
 rx_status rx_checkpoint_read(const char *path, const char *settings, rx_train_state *kept,
                              rx_train_state *now, int *found, int *within, rx_error *err)
 {
-    stream s = {.file = fopen(path, "rb")};
+    stream s = {.file = rx_input_open(path)};
     int follows = 0;
     struct stat about;
     char digest[RX_HASH_TEXT], written[RX_HASH_TEXT] = "";

@@ -532,3 +532,47 @@ make_fits tile b.fits
 leaves test.cat
 says 4 # no default.sex, this, the count, what was written
 expect_exactly 0 '^rextract: two images: sources are detected on a\.fits\[0\] and measured on b\.fits\[0\]$' a.fits b.fits $none
+
+# Names may hold what terminals obey; no line of any program brings it to one.
+begin 'names with control characters'
+odd=$(printf 'a\033[31m\a\302\2332J')
+make_fits tile "$odd.fits" && make_fits table "$odd.ref"
+if [ "$active" = 1 ]; then
+    leaves report "$odd.cat" "$odd.record" "$odd.sim" sim_truth.fits survey
+    list_files >../before
+    {
+        "$program" "$odd.fits" $none -CATALOG_NAME "$odd.cat" -REFERENCE_NAME "$odd.ref" -QA_NAME report -QA_FIGURES N -RECORD_NAME "$odd.record"
+        "$program" "$odd.fits" $none -CATALOG_NAME "$odd.fits"
+        "$program" "$odd" "-$odd"
+        "$programs/rextract-simulate" -IMAGE_SIZE 32 -IMAGE_NAME "$odd.sim"
+        "$programs/rextract-survey" "$odd.record" -QA_FIGURES N
+        "$programs/rextract-survey" "$odd.record" -QA_FIGURES N -MERGED_NAME "$odd.record"
+        echo "$odd.fits" >../tiles
+        "$program" @../tiles $none -CATALOG_TYPE NONE
+    } >../out 2>&1 </dev/null
+    LC_ALL=C grep -a "$(printf '[\001-\010\013-\037\177]\\|\302[\200-\237]')" ../out >../err
+    grep -q 'written: a?\[31m' ../out || echo 'no line of what was written' >>../err
+    echo 0 >../code
+    : >../out
+    judge 0 ''
+fi
+
+begin 'a report that the user added to is kept'
+make_fits tile tile.fits && make_fits table ref.fits
+if [ "$active" = 1 ]; then
+    leaves report
+    run tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -VERBOSE_TYPE QUIET
+    cp -R report ../first
+    "$program" tile.fits $none -CATALOG_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N -VERBOSE_TYPE QUIET 2>>../err ||
+        echo 'is not renewed' >>../err
+    cmp -s report/.rextract ../first/.rextract || echo 'the same report has another list' >>../err
+    judge 0 ''
+fi
+[ "$active" = 0 ] || echo note >report/note
+leaves ''
+expect 2 "^rextract: report: holds 'note', which is not what a run of rextract wrote there" tile.fits $none -CATALOG_NAME a.cat \
+    -REFERENCE_NAME ref.fits -QA_NAME report -QA_FIGURES N
+
+begin 'a folder with an entry of the name .rextract is no report'
+make_fits tile tile.fits && mkdir -p notes/.rextract && echo note >notes/.rextract/note
+expect 2 '^rextract: notes: its \.rextract does not list' tile.fits $none -CATALOG_NAME a.cat -QA_TYPE TILE -QA_NAME notes

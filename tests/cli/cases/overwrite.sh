@@ -116,3 +116,8 @@ if [ "$active" = 1 ]; then
     : >../out
     judge 0 ''
 fi
+
+begin 'a reference in the folder of an extension'
+make_fits extensions tile.fits && mkdir qa_2 && make_fits table qa_2/ref.fits
+expect 2 'qa_2/ref\.fits lies in the folder qa_2, which is replaced as a whole \(QA_NAME\)' tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE \
+    -REFERENCE_NAME qa_2/ref.fits -QA_NAME qa

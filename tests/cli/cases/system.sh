@@ -290,3 +290,63 @@ elif [ "$active" = 1 ]; then
     echo 0 >../code
     judge 0 ''
 fi
+
+# --- FIFOs: a writer that never comes is waited for no longer than until a signal; all that is read, as -dd says
+
+for fifo in FIFO @FIFO; do
+    begin "signals end the wait for ${fifo%FIFO}FIFO, whatever it is to be"
+    mkfifo FIFO && make_fits tile tile.fits && make_fits table ref.fits
+    [ "$active" = 1 ] || continue
+    list_files >../before
+    {
+        echo IMAGE
+        "$program" -dd | awk '/^[A-Z]/ { name = $1 } /\[read\] *$/ { print name }'
+    } >../keywords
+    [ $fifo = FIFO ] || echo IMAGE >../keywords
+    while read -r keyword; do
+        image=tile.fits
+        [ "$keyword" = IMAGE ] || set -- "-$keyword" $fifo
+        [ "$keyword" != IMAGE ] || { image=$fifo && set --; }
+        timeout -k 5 0.4 "$program" $image -c /dev/null $none -REFERENCE_NAME ref.fits -QA_FIGURES N -PARAMETERS_NAME "$top/config/template.param" \
+            -NOISE_CORRELATION FILE -NOISE_KERNEL_NAME "$top/config/default.conv" -WEIGHT_TYPE MAP_RMS -PSF_TYPE FILE "$@" \
+            -CATALOG_TYPE NONE -VERBOSE_TYPE QUIET </dev/null >/dev/null 2>../said
+        [ $? != 137 ] || echo "$keyword: had to be killed"
+        rm -rf rextract_qa
+    done <../keywords >../err
+    timeout -k 5 0.4 "$program" tile.fits -c $fifo $none >/dev/null 2>&1
+    [ $? != 137 ] || echo '-c: had to be killed' >>../err
+    timeout -k 5 2 "$program" tile.fits -c /dev/null $none -PARAMETERS_NAME "$top/config/default.param" -CATALOG_NAME FIFO >/dev/null 2>&1
+    [ $? != 137 ] || echo 'CATALOG_NAME: had to be killed' >>../err
+    echo 0 >../code
+    : >../out
+    judge 0 ''
+done
+
+begin 'a FIFO with a writer is read, and written to a reader'
+mkfifo from to && make_fits tile tile.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    { sleep 1 && printf 'NUMBER\nX_IMAGE\n'; } >from &
+    sed -n '$p' to >../last &
+    run tile.fits -c /dev/null $none -PARAMETERS_NAME from -CATALOG_NAME to -VERBOSE_TYPE QUIET
+    wait
+    grep -Eq '^ +[0-9]+ +[0-9.]+ *$' ../last || cat ../last >>../err
+    judge 0 ''
+fi
+
+begin 'the program is built to end where a buffer is overrun'
+if ! command -v readelf >/dev/null || readelf -Ws "$program" | grep -q __asan_init; then
+    skip 'no readelf, or a build with sanitizers'
+elif [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        readelf -Wd "$program" | grep -q 'BIND_NOW\|FLAGS_1.*NOW' || echo 'no -z now'
+        readelf -Wl "$program" | grep -q GNU_RELRO || echo 'no -z relro'
+        readelf -Wh "$program" | grep -q 'Type: *DYN' || echo 'no PIE'
+        readelf -Ws "$program" | grep -q __stack_chk_fail || echo 'no stack protector'
+        readelf -Ws "$program" | grep -q '__[a-z]*_chk@' || echo 'no _FORTIFY_SOURCE'
+    } >../err
+    echo 0 >../code
+    : >../out
+    judge 0 ''
+fi
