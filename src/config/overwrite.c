@@ -258,7 +258,7 @@ static bool lies_in(const place *file, const place *folder, bool deep)
         n = (size_t)(slash - file->real);
         char *const end = n > 0 ? slash : slash + 1, kept = *end;
         *end = '\0';
-        found = strcmp(file->real, folder->real) == 0 ||
+        found = (folder->real != NULL && strcmp(file->real, folder->real) == 0) ||
                 (folder->there && stat(file->real, &info) == 0 && is_one(&info, &folder->info));
         *end = kept;
     }

@@ -3,6 +3,7 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -97,19 +98,32 @@ static rx_status list(listing *l, const char *inner, rx_error *err)
     return status;
 }
 
-rx_status rx_marker_write(const char *folder, rx_error *err)
+/* What went wrong with a file, said of the folder: it may still have a name that means nothing to a user. */
+static rx_status of_folder(rx_status status, rx_error *trouble, const char *shown, rx_error *err)
+{
+    if (status == RX_OK)
+        return RX_OK;
+    if (trouble->where[0] != '\0') {
+        snprintf(trouble->where, sizeof trouble->where, "%s", shown);
+        trouble->status = RX_SYSTEM;
+    }
+    return rx_error_take(err, trouble);
+}
+
+rx_status rx_marker_write(const char *folder, const char *shown, rx_error *err)
 {
     listing l = {.folder = folder};
     rx_text path = {0};
+    rx_error trouble = rx_error_part(err);
     rx_text_add(&l.lines, HEAD);
     rx_text_printf(&path, "%s/%s", folder, MARKER);
-    rx_status status = path.failed ? rx_error_memory(err, 0) : list(&l, "", err);
+    rx_status status = path.failed ? rx_error_memory(&trouble, 0) : list(&l, "", &trouble);
     if (status == RX_OK)
-        status = rx_text_write_file(&l.lines, path.data, path.data, err);
+        status = rx_text_write_file(&l.lines, path.data, shown, &trouble);
     rx_text_free(&path);
     rx_text_free(&l.lines);
     rx_text_free(&l.odd);
-    return status;
+    return of_folder(status, &trouble, shown, err);
 }
 
 /* The marker's text; an empty one where there is none that a run of this version wrote. */
@@ -137,12 +151,13 @@ rx_status rx_marker_check(const char *folder, const char *shown, rx_error *err)
         "so that it is not replaced; give another name, or move what you need elsewhere and "
         "remove the folder";
     listing l = {.folder = folder};
+    rx_error trouble = rx_error_part(err);
     char *marker = NULL;
     int there = 0;
     rx_status status = read_marker(folder, &marker, &there, err);
     l.marker = marker;
     if (status == RX_OK)
-        status = list(&l, "", err);
+        status = of_folder(list(&l, "", &trouble), &trouble, shown, err);
     if (status == RX_OK && l.odd.failed)
         status = rx_error_memory(err, 0);
     else if (status == RX_OK && there && marker[0] == '\0')

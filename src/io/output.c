@@ -426,7 +426,7 @@ static rx_status put_in_place(output *out, rx_error *err)
 static rx_status complete(const output *out, rx_error *err)
 {
     if (out->kind == OUTPUT_FOLDER)
-        RX_TRY(rx_marker_write(out->temporary, err));
+        RX_TRY(rx_marker_write(out->temporary, out->shown, err));
     if (sync_tree(out->temporary) != 0 || (out->mode != 0 && chmod(out->temporary, out->mode) != 0))
         return cannot_be_written(out, err);
     return out->kind == OUTPUT_FOLDER && is_there(out->path) ? rx_marker_check(out->path, out->shown, err)
