@@ -339,8 +339,11 @@ static void take(rx_fits_header *h, size_t i, const seen *s, int r, int number, 
     const token t = s->value != NULL ? token_of(s->value) : (token){0};
     const bool is_read = s->value != NULL && read_value(rules[r].kind, t, value);
     if (!is_read && !optional) {
-        set_fault(h, "%s = %.*s is %s; the header is damaged, fetch the file again", s->name,
-                  (int)(t.end - t.begin < 40 ? t.end - t.begin : 40), t.begin != NULL ? t.begin : "",
+        int length = (int)(t.end - t.begin < 40 ? t.end - t.begin : 40);
+        while (length > 0 && t.begin[length - 1] == ' ')
+            length--;
+        set_fault(h, "%s = %.*s is %s; the header is damaged, fetch the file again", s->name, length,
+                  length > 0 ? t.begin : "",
                   rules[r].kind == TEXT      ? "no text in quotes"
                   : rules[r].kind == LOGICAL ? "neither T nor F"
                   : rules[r].kind == WHOLE   ? "no whole number of at most 18 digits"
