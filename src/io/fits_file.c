@@ -131,13 +131,14 @@ static rx_status load(const char *path, int64_t bytes, int to, int64_t *size, rx
     return status;
 }
 
-/* The file comes into one in memory, its last block filled up with zeros. cfitsio has memory of its own kind,
+/* The file comes into one in memory, its last block filled up with zeros and its headers as cfitsio may see them. cfitsio has memory of its own kind,
  * but forgets there that it could not read a header, and takes the last HDU to be as long as its header says.
  */
 static rx_status hold(const char *path, const kind *about, int to, rx_fits_source *dst, rx_error *err)
 {
     char begin[9] = "", literal[40];
     int failed = 0;
+    bool odd;
     RX_TRY(about->packed ? rx_fits_unpack(path, to, &dst->bytes, err)
                          : load(path, about->bytes, to, &dst->bytes, err));
     if (pread(to, begin, sizeof begin, 0) != sizeof begin || memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
@@ -145,7 +146,7 @@ static rx_status hold(const char *path, const kind *about, int to, rx_fits_sourc
                            "is not a packed FITS file: what is in it does not begin with SIMPLE");
     if (ftruncate(to, (off_t)rx_fits_held(dst)) != 0)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    RX_TRY(rx_fits_walk(to, path, err));
+    RX_TRY(rx_fits_walk(to, true, path, &odd, err));
     snprintf(literal, sizeof literal, "/proc/self/fd/%d", to);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
@@ -188,12 +189,15 @@ static rx_status open_plain(const char *path, const kind *about, rx_fits_source 
 {
     char literal[RX_FITS_LITERAL];
     int failed = 0;
+    bool odd = false;
     const int file = open(path, O_RDONLY | O_CLOEXEC);
-    rx_status status = file >= 0 ? rx_fits_walk(file, path, err) : RX_OK; /* cfitsio says why */
+    rx_status status = file >= 0 ? rx_fits_walk(file, false, path, &odd, err) : RX_OK; /* cfitsio says why */
     if (file >= 0)
         close(file);
     if (status != RX_OK)
         return status;
+    if (odd)
+        return open_held(path, about, dst, err);
     rx_fits_literal(path, literal);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;

@@ -117,8 +117,10 @@ rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int hei
     if (cards == NULL || ncards == 0)
         return RX_OK;
     char *copy;
-    RX_TRY(RX_MAKE(copy, ncards * CARD + 1, err));
-    memcpy(copy, cards, ncards * CARD);
+    RX_TRY(RX_MAKE(copy, (ncards + RX_WCS_OWN) * CARD + 1, err));
+    memset(copy, ' ', RX_WCS_OWN * CARD);
+    memcpy(copy + RX_WCS_OWN * CARD, cards, ncards * CARD);
+    ncards += RX_WCS_OWN;
     rx_status status = RX_OK;
     if (rx_wcs_guard(copy, ncards, note))
         status = set_up(copy, ncards, (int[2]){width, height}, dst, &why, err);

@@ -1,6 +1,6 @@
 # Fuzz targets. Everywhere: their seeds and damaged copies of them, by replay. With clang, make fuzz-programs
 # in a build configured as tests/fuzz/smoke.sh does it: one program of libFuzzer for each target.
-noinst_PROGRAMS += tests/fuzz/seeds tests/fuzz/replay
+noinst_PROGRAMS += tests/fuzz/seeds tests/fuzz/replay tests/fuzz/headers
 fuzz_common = tests/fuzz/fuzz.c tests/fuzz/fuzz.h tests/fuzz/targets.def
 fuzz_targets = tests/fuzz/target_config.c tests/fuzz/target_records.c tests/fuzz/target_fits.c
 fuzz_libs = librextract-train.la librextract-lab.la librextract-all.la $(RX_LIBS)
@@ -8,6 +8,8 @@ tests_fuzz_seeds_SOURCES = tests/fuzz/seeds.c $(fuzz_common)
 tests_fuzz_seeds_LDADD = $(fuzz_libs)
 tests_fuzz_replay_SOURCES = tests/fuzz/replay.c $(fuzz_common) $(fuzz_targets)
 tests_fuzz_replay_LDADD = $(fuzz_libs)
+tests_fuzz_headers_SOURCES = tests/fuzz/headers.c $(fuzz_common) $(fuzz_targets)
+tests_fuzz_headers_LDADD = $(fuzz_libs)
 
 script_tests += tests/fuzz/run.sh
 EXTRA_DIST += tests/fuzz/README.md tests/fuzz/smoke.sh tests/fuzz/libfuzzer.c tests/fuzz/lsan.supp

@@ -1,6 +1,7 @@
 #!/bin/sh
 # Every fuzz target on its seeds and on damaged copies of them, with the compiler at hand; a process each, so
-# that one that crashes does not hide the others. RX_FUZZ_COPIES: damaged copies of each seed.
+# that one that crashes does not hide the others. RX_FUZZ_COPIES: damaged copies of each seed; RX_FUZZ_HEADERS:
+# headers with other cards.
 set -u
 build=${RX_BUILD_DIR:?} source=${srcdir:?}
 passed=0 failed=0
@@ -27,5 +28,7 @@ for target in $(sed -n 's/^TARGET(\([a-z]*\),.*/\1/p' "$source/tests/fuzz/target
     "$build/tests/fuzz/replay" -m "${RX_FUZZ_COPIES:-10}" "$folder" "$target" 2>"$folder/errors"
     result "damaged bytes are refused, or read as what they are: $target" $?
 done
+"$build/tests/fuzz/headers" -n "${RX_FUZZ_HEADERS:-10000}" "$folder" 2>"$folder/errors"
+result "cards are read by cfitsio as by us, or refused" $?
 echo "$passed passed, $failed failed, 0 skipped"
 [ "$failed" -eq 0 ]

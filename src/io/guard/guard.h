@@ -14,16 +14,12 @@
 #include "base/text.h"
 #include "io/fits_file.h"
 
-/* --- walk.c: a look at the headers of a FITS file before cfitsio goes there --- */
+/* --- header.c: headers as cfitsio may see them --- */
 
 /* What decides where the next header begins (FITS standard 4.0, section 4.4.1). */
 typedef struct rx_fits_layout {
     int64_t bitpix, naxis, product, pcount, gcount;
-    bool no_tile;            /* a ZTILEn below 1 */
-    bool rice, no_block;     /* ZCMPTYPE is Rice's; ZVAL1, for Rice pixels of a block, is below 1 */
-    bool too_long;           /* a value is longer than any of its kind */
-    int cards;               /* so far */
-    bool is_table, no_table; /* XTENSION says so; the cards that must come first do not */
+    bool is_empty, is_grouped; /* NAXIS1 is 0; which does not count with random groups */
 } rx_fits_layout;
 
 /* Begin a header; take one of its cards (80 characters, none is END); bytes of the data behind it, in whole
@@ -32,16 +28,32 @@ rx_fits_layout rx_fits_layout_begin(void);
 void rx_fits_layout_card(rx_fits_layout *layout, const char *card);
 int64_t rx_fits_layout_bytes(const rx_fits_layout *layout);
 
-/* RX_INPUT when a compressed image has a tile (ZTILEn), or a block of Rice's, of no or negative size: cfitsio
- * divides by it as soon as it moves to the HDU; when a table does not begin with the cards that it must begin
- * with (standard 4.0, sections 7.2.1 and 7.3.1): cfitsio then asks for memory by a number that it never read;
- * or when a value is too long for cfitsio's memory or its message. They look at each header before cfitsio
- * does; where one makes no sense the walk ends, and cfitsio says what is wrong.
+/* Does cfitsio end a header with the card? "END / of it" is one for it, too. */
+bool rx_fits_is_end(const char *card);
+
+typedef struct rx_fits_header {
+    rx_text cards;   /* without END */
+    bool is_rebuilt; /* some are no longer those of the file */
+    rx_fits_layout layout;
+    char fault[240]; /* why cfitsio must not see it; "": it may */
+} rx_fits_header;
+
+/* Writes every card anew by which cfitsio finds its way through a file, makes columns, or unpacks an image, unless
+ * it stands there already as it would be written: keyword, '=' and one value of the keyword's kind, which can be
+ * read in one way only. Faults are such cards that cfitsio alone would find (behind HIERARCH, without '=' in column
+ * 9, TFORM01) or whose value is none of the kind, two of one keyword that differ, values longer than its memory or
+ * its messages; sizes below 1 that it divides by; and a table that does not begin as tables do. */
+rx_status rx_fits_header_rebuild(rx_fits_header *header, rx_error *err);
+
+/* --- walk.c: from header to header through a file, before cfitsio goes there --- */
+
+/* RX_INPUT when cfitsio must not see a header of the file. `mend`: those that had to be rebuilt are written back;
+ * otherwise *odd says whether there are any, and cfitsio must get a copy in memory that has gone through here. A
+ * header that makes no sense ends the walk, and cfitsio says what is wrong.
  *
- * rx_fits_walk() is for before a file is opened; it finds nothing in one that is packed as a whole, whose
- * primary header cfitsio reads on opening. rx_fits_walk_open() goes through the other headers of a file just
- * opened, to where cfitsio takes them to be, and back to the first HDU. */
-rx_status rx_fits_walk(int file, const char *path, rx_error *err);
+ * rx_fits_walk_open() goes through the headers of a file just opened, to where cfitsio takes them to be, and back
+ * to the first HDU: they must be as if rebuilt. */
+rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_error *err);
 rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err);
 
 /* How many bytes from its beginning a file must have so that the walk through its headers can go on, when
@@ -82,8 +94,9 @@ rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pi
 
 /* --- wcs.c: damage that would make wcslib read beyond its memory is taken out, what writers usually mean is put in --- */
 
-/* Change cards in place; what was changed in a way that users should know goes to the note. 0: distortions
- * that cannot be applied here, and there are no world coordinates. */
+/* Change cards in place, of which the first RX_WCS_OWN are free; what was changed in a way that users should know
+ * goes to the note. 0: distortions that cannot be applied here, and there are no world coordinates. */
+enum { RX_WCS_OWN = 2 };
 int rx_wcs_guard(char *cards, size_t ncards, rx_text *note);
 
 /* Append a text, behind "; " where there is one before. NULL is fine. */

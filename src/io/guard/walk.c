@@ -10,16 +10,10 @@
 #include "io/cards.h"
 #include "io/fits_file.h"
 
-enum {
-    CARD = 80,
-    BLOCK = 2880,
-    MAX_BLOCKS = 4096,
-    TABLE_CARDS = 8,
-    MOST_FIELDS = 999,
-    LONGEST = 24,
-    LONGEST_TEXT = 68,
-    MOST_DIGITS = 18
-};
+enum { CARD = 80, BLOCK = 2880, MAX_BLOCKS = 4096 };
+
+static const char END[] = "END                                     "
+                          "                                        ";
 
 static bool is_key(const char *card, const char *key)
 {
@@ -34,89 +28,24 @@ static int64_t number(const char *card)
     return strtoll(text, NULL, 10);
 }
 
-/* A number of 64 bits that is not negative, and nothing but a comment behind it. */
-static bool is_count(const char *card)
-{
-    const char *c = card + 10, *end = card + CARD;
-    while (c < end && *c == ' ')
-        c++;
-    const char *digits = c;
-    while (c < end && *c >= '0' && *c <= '9')
-        c++;
-    return c > digits && c - digits <= MOST_DIGITS && (c == end || *c == ' ' || *c == '/');
-}
-
-/* Has a keyword that stands for a whole number more than LONGEST characters for a value, or another one of a
- * table more than a text can have? */
-static bool is_too_long(const char *card, bool is_table)
-{
-    static const char *const keys[] = {"BITPIX",   "NAXIS",   "PCOUNT", "GCOUNT",  "TFIELDS",
-                                       "THEAP",    "TNULL",   "TBCOL",  "BLANK",   "EXTVER",
-                                       "EXTLEVEL", "ZBITPIX", "ZNAXIS", "ZTILE",   "ZVAL",
-                                       "ZPCOUNT",  "ZGCOUNT", "ZBLANK", "ZDITHER0"};
-    const char *c = card + 10, *end = card + CARD;
-    bool found = false;
-    for (size_t i = 0; i < sizeof keys / sizeof *keys && !found; i++)
-        found = strncmp(card, keys[i], strlen(keys[i])) == 0;
-    while (c < end && *c == ' ')
-        c++;
-    /* a text ends at its quote, a complex number at its parenthesis, whatever stands before it */
-    const char close = c < end && *c == '(' ? ')' : '/';
-    const char *stop = c < end && *c == '\'' ? rx_card_text_end(c, end) : memchr(c, close, (size_t)(end - c));
-    if (stop != NULL)
-        end = stop + (close == ')');
-    while (end > c && end[-1] == ' ')
-        end--;
-    return card[8] == '=' &&
-           ((found && end - c > LONGEST) || (is_table && end - c > LONGEST_TEXT && *c != '\''));
-}
-
-/* What cfitsio takes for a table, which it is less strict about than the standard. */
-static bool says_table(const char *card)
-{
-    static const char *const types[] = {"BINTABLE", "TABLE", "A3DTABLE", "3DTABLE"};
-    const char *c = card + 10, *end = card + CARD - 8;
-    while (c < end && *c == ' ')
-        c++;
-    c += *c == '\'';
-    while (c < end && *c == ' ')
-        c++;
-    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
-        if (strncmp(c, types[i], strlen(types[i])) == 0)
-            return true;
-    return false;
-}
-
-/* How a table begins. */
-static void take_table_card(rx_fits_layout *dst, const char *card)
-{
-    static const char *const order[] = {"XTENSION", "BITPIX  ", "NAXIS   ", "NAXIS1  ",
-                                        "NAXIS2  ", "PCOUNT  ", "GCOUNT  ", "TFIELDS "};
-    if (dst->cards == 0 && strncmp(card, "XTENSION", 8) == 0) {
-        dst->is_table = is_key(card, "XTENSION") && says_table(card);
-        dst->no_table = !is_key(card, "XTENSION");
-    } else if (dst->is_table && dst->cards < TABLE_CARDS &&
-               (!is_key(card, order[dst->cards]) || !is_count(card) ||
-                (dst->cards == TABLE_CARDS - 1 && number(card) > MOST_FIELDS))) {
-        dst->no_table = true;
-    }
-    dst->cards++;
-}
-
 rx_fits_layout rx_fits_layout_begin(void)
 {
     return (rx_fits_layout){.product = 1, .gcount = 1};
 }
 
-/* cfitsio finds keywords of small letters, too. */
-void rx_fits_layout_card(rx_fits_layout *dst, const char *as_it_is)
+/* The length of an axis that NAXIS counts; others may be left over. */
+static void take_axis(rx_fits_layout *dst, const char *card)
 {
-    char card[CARD];
-    memcpy(card, as_it_is, CARD);
-    for (int i = 0; i < 8; i++)
-        card[i] = card[i] >= 'a' && card[i] <= 'z' ? (char)(card[i] - 'a' + 'A') : card[i];
-    take_table_card(dst, card);
-    dst->too_long |= is_too_long(card, dst->is_table);
+    const long axis = strtol(card + 5, NULL, 10);
+    const int64_t length = number(card);
+    if (axis == 1 && length == 0)
+        dst->is_empty = true;
+    else if (axis <= dst->naxis && __builtin_mul_overflow(dst->product, length, &dst->product))
+        dst->product = -1;
+}
+
+void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
+{
     if (is_key(card, "BITPIX  "))
         dst->bitpix = number(card);
     else if (is_key(card, "NAXIS   "))
@@ -125,15 +54,28 @@ void rx_fits_layout_card(rx_fits_layout *dst, const char *as_it_is)
         dst->pcount = number(card);
     else if (is_key(card, "GCOUNT  "))
         dst->gcount = number(card);
-    else if (strncmp(card, "ZTILE", 5) == 0 && card[5] >= '1' && card[5] <= '9' && card[8] == '=' &&
-             (card[9] != ' ' || !is_count(card) || number(card) < 1))
-        dst->no_tile = true;
-    else if (is_key(card, "ZCMPTYPE"))
-        dst->rice = strncmp(card + 11, "RICE", 4) == 0;
-    else if (is_key(card, "ZVAL1   "))
-        dst->no_block = number(card) < 1;
-    else if (is_key(card, "NAXIS") && __builtin_mul_overflow(dst->product, number(card), &dst->product))
-        dst->product = -1;
+    else if (is_key(card, "GROUPS  "))
+        dst->is_grouped = memchr(card + 10, 'T', 20) != NULL;
+    else if (is_key(card, "NAXIS"))
+        take_axis(dst, card);
+}
+
+int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
+{
+    int64_t bytes, size = 0;
+    if (l->naxis == 0)
+        return 0;
+    if (l->bitpix == 8 || l->bitpix == 16)
+        size = l->bitpix / 8;
+    else if (l->bitpix == 32 || l->bitpix == -32 || l->bitpix == 64 || l->bitpix == -64)
+        size = labs((long)l->bitpix) / 8;
+    const int64_t product = l->is_empty && !l->is_grouped ? 0 : l->product;
+    if (size == 0 || product < 0 || l->pcount < 0 || l->gcount < 0 ||
+        __builtin_add_overflow(product, l->pcount, &bytes) ||
+        __builtin_mul_overflow(bytes, l->gcount, &bytes) || __builtin_mul_overflow(bytes, size, &bytes) ||
+        bytes > INT64_MAX - BLOCK)
+        return -1;
+    return (bytes + BLOCK - 1) / BLOCK * BLOCK;
 }
 
 /* Where blocks are read: a descriptor, or a file that cfitsio has open. */
@@ -170,53 +112,34 @@ static bool read_block(source *s, LONGLONG place, char *block)
     return failed == 0;
 }
 
-/* Reads the header at *place and moves that behind it. false: no END, or the end of the file. */
-static bool read_header(source *s, LONGLONG *place, rx_fits_layout *dst)
+/* Reads the header at *place, as cfitsio may see it, and moves that behind it. *whole: it is one, with END before
+ * the end of the file. Only memory fails. */
+static rx_status read_header(source *s, LONGLONG *place, rx_fits_header *dst, bool *whole, rx_error *err)
 {
     char block[BLOCK];
-    *dst = rx_fits_layout_begin();
-    for (int b = 0; b < MAX_BLOCKS; b++, *place += BLOCK) {
+    dst->cards.length = 0;
+    dst->fault[0] = '\0';
+    dst->is_rebuilt = *whole = false;
+    for (int b = 0; !*whole; b++, *place += BLOCK) {
         if (!read_block(s, *place, block) ||
             (b == 0 && strncmp(block, "SIMPLE  ", 8) != 0 && strncmp(block, "XTENSION", 8) != 0))
-            return false;
-        for (int i = 0; i < BLOCK; i += CARD) {
-            if (strncmp(block + i, "END     ", 8) == 0) {
-                *place += BLOCK;
-                return true;
-            }
-            rx_fits_layout_card(dst, block + i);
+            break;
+        if (b == MAX_BLOCKS) {
+            snprintf(dst->fault, sizeof dst->fault,
+                     "its header has no END within %d blocks; the file is damaged", MAX_BLOCKS);
+            return RX_OK;
+        }
+        for (int i = 0; i < BLOCK && !*whole; i += CARD) {
+            *whole = rx_fits_is_end(block + i);
+            if (*whole)
+                dst->is_rebuilt = strncmp(block + i, END, CARD) != 0;
+            else
+                rx_text_add_bytes(&dst->cards, block + i, CARD);
         }
     }
-    return false;
-}
-
-int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
-{
-    int64_t bytes, bits = l->bitpix < 0 ? -l->bitpix : l->bitpix;
-    if (l->naxis == 0)
-        return 0;
-    if (l->product < 0 || l->pcount < 0 || l->gcount < 0 || bits > 64 ||
-        __builtin_add_overflow(l->product, l->pcount, &bytes) ||
-        __builtin_mul_overflow(bytes, l->gcount, &bytes) || __builtin_mul_overflow(bytes, bits / 8, &bytes) ||
-        bytes > INT64_MAX - BLOCK)
-        return -1;
-    return (bytes + BLOCK - 1) / BLOCK * BLOCK;
-}
-
-/* What is wrong with a header so that cfitsio must not see it, after its last card; NULL: nothing. */
-static const char *layout_fault(const rx_fits_layout *l)
-{
-    if (l->no_tile)
-        return "ZTILEn of the compressed image is no size of a tile; the header is damaged";
-    if (l->rice && l->no_block)
-        return "ZVAL1 of the compressed image is no size of a block; the header is damaged";
-    if (l->too_long)
-        return "a value is longer than any of its kind; the header is damaged";
-    if (l->no_table || (l->is_table && l->cards < TABLE_CARDS))
-        return "the table does not begin with XTENSION, BITPIX, NAXIS, NAXIS1, NAXIS2, PCOUNT, GCOUNT, "
-               "TFIELDS; "
-               "the header is damaged";
-    return NULL;
+    if (dst->cards.failed)
+        return rx_error_memory(err, dst->cards.length);
+    return dst->cards.length > 0 ? rx_fits_header_rebuild(dst, err) : RX_OK;
 }
 
 bool rx_fits_is_unreadable(int failed)
@@ -224,71 +147,102 @@ bool rx_fits_is_unreadable(int failed)
     return failed == READ_ERROR || failed == SEEK_ERROR;
 }
 
-static rx_status judge(const source *s, const rx_fits_layout *header, const char *path, int hdu,
-                       rx_error *err)
+static rx_status refuse(const source *s, const rx_fits_header *header, const char *path, int hdu,
+                        rx_error *err)
 {
     if (s->unreadable)
         return rx_error_at(err, RX_INPUT, path, hdu, 0, "its header cannot be read from the disk");
-    const char *fault = layout_fault(header);
-    return fault == NULL ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", fault);
+    return header->fault[0] == '\0' ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", header->fault);
 }
 
-rx_status rx_fits_walk(int file, const char *path, rx_error *err)
+/* The header at that place of a file in memory becomes what cfitsio may see. */
+static rx_status write_header(int file, LONGLONG place, rx_fits_header *header, bool whole, const char *path,
+                              rx_error *err)
+{
+    if (whole)
+        rx_text_add_bytes(&header->cards, END, CARD);
+    if (header->cards.failed)
+        return rx_error_memory(err, header->cards.length);
+    if (pwrite(file, header->cards.data, header->cards.length, (off_t)place) != (ssize_t)header->cards.length)
+        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
+    return RX_OK;
+}
+
+rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_error *err)
 {
     source s = {.plain = file};
-    rx_fits_layout header;
+    rx_fits_header header = {0};
     rx_status status = RX_OK;
     LONGLONG place = 0;
-    for (int hdu = 0; status == RX_OK; hdu++) {
-        const bool whole = read_header(&s, &place, &header);
-        const int64_t bytes = rx_fits_layout_bytes(&header);
-        status = judge(&s, &header, path, hdu, err);
-        if (!whole || bytes < 0 || __builtin_add_overflow(place, bytes, &place))
+    bool whole = true;
+    *odd = false;
+    for (int hdu = 0; whole; hdu++) {
+        const LONGLONG begin = place;
+        RX_TRY_EXIT(read_header(&s, &place, &header, &whole, err));
+        RX_TRY_EXIT(refuse(&s, &header, path, hdu, err));
+        *odd |= header.is_rebuilt;
+        if (header.is_rebuilt && mend)
+            RX_TRY_EXIT(write_header(file, begin, &header, whole, path, err));
+        const int64_t bytes = rx_fits_layout_bytes(&header.layout);
+        if (bytes < 0 || __builtin_add_overflow(place, bytes, &place))
             break;
     }
+exit:
+    rx_text_free(&header.cards);
     return status;
 }
 
 int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place)
 {
     source s = {.plain = file};
-    rx_fits_layout header;
+    rx_fits_header header = {0};
+    int64_t enough = 0;
     for (LONGLONG at = *place; at <= INT64_MAX - BLOCK;) {
-        if (at + BLOCK > size)
-            return at + BLOCK;
-        const bool whole = read_header(&s, &at, &header);
-        if (!whole && at + BLOCK > size)
-            return at + BLOCK;
-        const int64_t bytes = rx_fits_layout_bytes(&header);
-        if (!whole || bytes < 0 || __builtin_add_overflow(at, bytes, &at))
+        bool whole = false;
+        if (at + BLOCK > size) {
+            enough = at + BLOCK;
+            break;
+        }
+        if (read_header(&s, &at, &header, &whole, NULL) != RX_OK)
+            break;
+        if (!whole && at + BLOCK > size) {
+            enough = at + BLOCK;
+            break;
+        }
+        const int64_t bytes = rx_fits_layout_bytes(&header.layout);
+        if (!whole || header.fault[0] != '\0' || bytes < 0 || __builtin_add_overflow(at, bytes, &at))
             break;
         *place = at;
     }
-    return 0;
+    rx_text_free(&header.cards);
+    return enough;
 }
 
 rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)
 {
     source s = {.open = file};
-    rx_fits_layout header;
+    rx_fits_header header = {0};
     rx_status status = RX_OK;
     int failed = 0;
-    for (int hdu = 1; status == RX_OK; hdu++) {
+    bool whole = true;
+    for (int hdu = 1; whole && !failed; hdu++) {
         LONGLONG place = file->Fptr->headstart[hdu]; /* known as soon as cfitsio has read the HDU before */
-        if (place <= file->Fptr->headstart[hdu - 1]) {
-            status = rx_error_at(err, RX_INPUT, path, hdu - 1, 0,
-                                 "ends before it begins, by its size; the header is damaged");
-            break; /* cfitsio would go round for ever */
-        }
-        const bool whole = read_header(&s, &place, &header);
-        status = judge(&s, &header, path, hdu, err);
-        if (!whole || status != RX_OK || fits_movabs_hdu(file, hdu + 1, NULL, &failed))
-            break;
+        if (place <= file->Fptr->headstart[hdu - 1])
+            RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, hdu - 1, 0,
+                                    "ends before it begins, by its size; the header is damaged"));
+        RX_TRY_EXIT(read_header(&s, &place, &header, &whole, err));
+        RX_TRY_EXIT(refuse(&s, &header, path, hdu, err));
+        if (header.is_rebuilt)
+            RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, hdu, 0,
+                                    "its header is not as the standard has it; unpack the file"));
+        fits_movabs_hdu(file, hdu + 1, NULL, &failed);
     }
-    if (status == RX_OK && rx_fits_is_unreadable(failed))
+    if (rx_fits_is_unreadable(failed))
         status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read");
+exit:
     failed = 0;
     fits_movabs_hdu(file, 1, NULL, &failed);
     fits_clear_errmsg();
+    rx_text_free(&header.cards);
     return status;
 }

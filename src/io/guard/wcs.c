@@ -2,11 +2,13 @@
 #include "io/guard/guard.h"
 
 #include <ctype.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
+#include "base/point.h"
 #include "base/text.h"
 #include "io/cards.h"
 #include "io/fits_read.h"
@@ -33,15 +35,22 @@ static int pv_number(const char *card, int *axis)
     return end != digits && (*end == '\0' || *end == ' ') && m >= 0 ? (int)m : -1;
 }
 
+/* The card becomes KEY = 'value'. */
+static void set_text(char *card, const char *key, const char *value)
+{
+    rx_text text = {0};
+    rx_card_text(&text, key, value, "");
+    if (!text.failed)
+        memcpy(card, text.data, CARD);
+    rx_text_free(&text);
+}
+
 static void set_ctype(char *cards, size_t ncards, int axis, const char *value)
 {
     const char *key = axis == 1 ? "CTYPE1" : "CTYPE2";
-    long i = rx_cards_find(cards, ncards, key);
-    rx_text text = {0};
-    rx_card_text(&text, key, value, "");
-    if (i >= 0 && !text.failed)
-        memcpy(cards + i * CARD, text.data, CARD);
-    rx_text_free(&text);
+    const long i = rx_cards_find(cards, ncards, key);
+    if (i >= 0)
+        set_text(cards + i * CARD, key, value);
 }
 
 /* wcslib 7.12 stops reading a number at the D of a Fortran exponent (1.0D-6 becomes 1.0). */
@@ -71,19 +80,29 @@ static int axes_of(const char *card)
     return digits >= 1 && digits <= 2 && (c == end || *c == ' ' || *c == '/') ? axes : -1;
 }
 
-/* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, or of NAXIS x NAXIS, whatever they say, and
- * multiplies as int. */
-static void drop_absurd_axes(char *cards, size_t ncards, rx_text *note)
+/* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, or of NAXIS x NAXIS, whatever they say, and multiplies as
+ * int; and it takes for granted that SIP, the solution of a plate and WAT come with two axes. An image has two: so
+ * says the first card, which is free for that, unless NAXIS says more. */
+static void set_axes(char *cards, size_t ncards, rx_text *note)
 {
-    for (size_t i = 0; i < ncards; i++) {
+    char first[CARD + 1];
+    int axes = 2;
+    for (size_t i = 1; i < ncards; i++) {
         char *card = cards + i * CARD;
         const int wcsaxes = strncmp(card, "WCSAXES", 7) == 0;
-        if (card[8] != '=' || (!wcsaxes && strncmp(card, "NAXIS   ", 8) != 0) || axes_of(card) >= 0)
+        if (card[8] != '=' || (!wcsaxes && strncmp(card, "NAXIS   ", 8) != 0))
             continue;
-        memset(card, ' ', CARD);
-        rx_wcs_note(note, wcsaxes ? "WCSAXES is no number of axes and is ignored"
-                                  : "NAXIS is no number of axes and is ignored");
+        const int n = axes_of(card);
+        if (n < 0)
+            rx_wcs_note(note, wcsaxes ? "WCSAXES is no number of axes and is ignored"
+                                      : "NAXIS is no number of axes and is ignored");
+        if (!wcsaxes && n > axes)
+            axes = n;
+        if (n < 0 || !wcsaxes)
+            memset(card, ' ', CARD);
     }
+    snprintf(first, sizeof first, "NAXIS   = %20d%*s", axes, CARD - 30, "");
+    memcpy(cards, first, CARD);
 }
 
 /* End of the number that begins at `c`; NULL where there is none. */
@@ -109,29 +128,32 @@ static int is_sip(const char *card)
     return (card[0] == 'A' || card[0] == 'B') && (card[1] == '_' || (card[1] == 'P' && card[2] == '_'));
 }
 
-/* Of the solution of a digitized plate (DSS), which does without CTYPE. */
-static int is_plate(const char *card)
+/* A coefficient: A_p_q, B_p_q, AP_p_q, BP_p_q, by which wcslib knows that there is SIP. */
+static int is_sip_term(const char *card)
 {
-    static const char *const keys[] = {"CNPIX",    "PPO",      "AMDX",  "AMDY",
-                                       "XPIXELSZ", "YPIXELSZ", "PLTRA", "PLTDEC"};
-    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
-        if (strncmp(card, keys[i], strlen(keys[i])) == 0)
-            return 1;
-    return 0;
+    const char *c = card + (card[1] == 'P' ? 3 : 2);
+    return is_sip(card) && isdigit((unsigned char)c[0]) && c[1] == '_' && isdigit((unsigned char)c[2]);
 }
 
-/* NAXIS, wherever it stands, says two axes or more. */
-static int is_plane(const char *cards, size_t ncards)
+/* Of the solution of a digitized plate (DSS), which does without CTYPE: its number in the list, -1 for any other
+ * card. All of the first PLATE_CARDS are needed; wcslib takes the place of one that is missing for a number. */
+enum { PLATE_CARDS = 19 };
+static int plate_card(const char *card)
 {
-    int plane = 0;
-    for (size_t i = 0; i < ncards; i++) {
-        if (strncmp(cards + i * CARD, "NAXIS   =", 9) != 0)
-            continue;
-        if (axes_of(cards + i * CARD) < 2)
-            return 0;
-        plane = 1;
-    }
-    return plane;
+    static const char *const keys[] = {"CNPIX1  ", "CNPIX2  ", "PPO3    ", "PPO6    ", "XPIXELSZ", "YPIXELSZ",
+                                       "PLTRAH  ", "PLTRAM  ", "PLTRAS  ", "PLTDECSN", "PLTDECD ", "PLTDECM ",
+                                       "PLTDECS ", "AMDX1   ", "AMDX2   ", "AMDX3   ", "AMDY1   ", "AMDY2   ",
+                                       "AMDY3   ", "CNPIX",    "PPO",      "PLTRA",    "PLTDEC",   "AMDX",
+                                       "AMDY",     "PLATEID"};
+    for (int i = 0; i < (int)(sizeof keys / sizeof *keys); i++)
+        if (strncmp(card, keys[i], strlen(keys[i])) == 0)
+            return i;
+    return -1;
+}
+
+static int is_plate(const char *card)
+{
+    return plate_card(card) >= 0;
 }
 
 /* A WATi_nnn whose type (wtype=tnx) is longer than any, or may go on in the next card: wcslib 7.12 puts the
@@ -167,7 +189,8 @@ static int is_long_type(const char *card)
 /* wcslib takes them for numbers, whatever they are. */
 static int wants_number(const char *card)
 {
-    return is_sip(card) || (is_plate(card) && strncmp(card, "PLTDECSN", 8) != 0);
+    return is_sip(card) ||
+           (is_plate(card) && strncmp(card, "PLTDECSN", 8) != 0 && strncmp(card, "PLATEID", 7) != 0);
 }
 
 /* `KEYWORD = value / comment`. */
@@ -231,8 +254,7 @@ static void keep_whole_wats(char *cards, size_t ncards)
 /* wcslib 7.12 shall see no cards but whole ones, in printable ASCII (FITS standard 4.0, sections 4.1
  * and 4.2): its lexer runs through null pointers on some others, and takes a text without a closing quote to
  * go on in the next cards, which it then writes into 80 bytes on its stack, and WATi_000 (they count from 1)
- * before its memory. SIP and the solution of a plate beside fewer than two axes make it write behind it. All
- * these become blank. */
+ * before its memory. All these become blank. */
 static void keep_whole_cards(char *cards, size_t ncards)
 {
     for (size_t i = 0; i < ncards; i++) {
@@ -244,12 +266,150 @@ static void keep_whole_cards(char *cards, size_t ncards)
             memset(card, ' ', CARD);
     }
     keep_whole_wats(cards, ncards);
-    if (rx_cards_find(cards, ncards, "CTYPE1") >= 0 && rx_cards_find(cards, ncards, "CTYPE2") >= 0)
-        return;
-    const int plane = is_plane(cards, ncards);
+}
+
+static void drop(char *cards, size_t ncards, int (*is_one)(const char *card))
+{
     for (size_t i = 0; i < ncards; i++)
-        if (is_sip(cards + i * CARD) || (!plane && is_plate(cards + i * CARD)))
+        if (is_one(cards + i * CARD))
             memset(cards + i * CARD, ' ', CARD);
+}
+
+static int is_wat(const char *card)
+{
+    return wat_number(card, '1') > 0 || wat_number(card, '2') > 0;
+}
+
+/* Is the solution of a plate there, each card of it once? */
+static int has_plate(const char *cards, size_t ncards)
+{
+    int seen[PLATE_CARDS] = {0}, n = 0;
+    for (size_t i = 0; i < ncards; i++) {
+        const int k = plate_card(cards + i * CARD);
+        if (k < 0 || k >= PLATE_CARDS)
+            continue;
+        n += ++seen[k] == 1;
+        if (seen[k] > 1)
+            return 0;
+    }
+    return n == PLATE_CARDS;
+}
+
+/* A number and the blank behind it; what follows, NULL where there is none. */
+static const char *next_number(const char *c, const char *end, double *value)
+{
+    const char *stop = c < end ? end_of_number(c, end) : NULL;
+    *value = stop != NULL ? rx_point_number(c, NULL) : 0;
+    return stop != NULL && stop < end && *stop == ' ' ? stop + 1 : NULL;
+}
+
+/* The texts of WATi_001 ... as wcslib puts them together: to the first of fewer than 68 characters. */
+static void join_wats(const char *cards, size_t ncards, char i, rx_text *dst)
+{
+    enum { FULL = 68 };
+    size_t before = FULL;
+    for (int n = 1; n < 1000 && before == FULL; n++) {
+        char key[20], value[CARD];
+        snprintf(key, sizeof key, "WAT%c_%03d", i, n);
+        before = dst->length;
+        const long k = rx_cards_find(cards, ncards, key);
+        if (k < 0)
+            break;
+        const char *begin = memchr(cards + k * CARD, '\'', CARD), *end = cards + (k + 1) * CARD;
+        end = begin != NULL ? rx_card_text_end(begin, end) : NULL;
+        if (end == NULL)
+            break;
+        size_t length = 0;
+        for (const char *c = begin + 1; c < end - 1; c += 1 + (*c == '\''))
+            value[length++] = *c;
+        rx_text_add_bytes(dst, value, length);
+        before = length;
+    }
+    rx_text_add(dst, "");
+}
+
+/* Does a polynomial of TNX or ZPX (Valdes 2012, fits.gsfc.nasa.gov/registry) stand there, with as many coefficients
+ * as its orders ask for? wcslib 7.12 asks for memory by those, and writes what the loop over them gives. */
+static int is_polynomial(const char *text)
+{
+    enum { HEAD = 8, MOST = 10 };
+    static const int least[] = {1, 1, 1, 0},
+                     most[] = {3, MOST, MOST, 2}; /* kind, orders in x and y, cross terms */
+    int head[4] = {0};
+    double value;
+    const char *c = strchr(text, '"'), *end = text + strlen(text);
+    c = c != NULL ? c + 1 : NULL;
+    for (int k = 0; k < HEAD && c != NULL; k++) {
+        const size_t digits = strspn(c, "0123456789."); /* wcslib reads the first four as whole numbers */
+        const int is_short = c[digits] == ' ';
+        c = next_number(c, end, &value);
+        if (k < 4 && !(is_short && value >= least[k] && value <= most[k] && value == floor(value)))
+            return 0;
+        if (k < 4)
+            head[k] = (int)value;
+    }
+    const int nx = head[1], ny = head[2], cross = head[3], order = nx > ny ? nx : ny;
+    for (int y = 0; y < ny; y++)
+        for (int x = 0; x < nx && c != NULL; x++)
+            if (!((cross == 0 && x > 0 && y > 0) || (cross == 2 && x + y > order - 1)))
+                c = next_number(c, end, &value);
+    return c != NULL;
+}
+
+/* Are both axes TNX, or both ZPX, with their polynomials? */
+static int has_wat(const char *cards, size_t ncards)
+{
+    char type[2][8] = {"", ""};
+    int whole = 1;
+    for (int i = 0; i < 2; i++) {
+        rx_text text = {0};
+        join_wats(cards, ncards, (char)('1' + i), &text);
+        whole &= !text.failed && text.data != NULL && sscanf(text.data, "wtype=%7s", type[i]) == 1 &&
+                 is_polynomial(text.data);
+        rx_text_free(&text);
+    }
+    return whole && strcmp(type[0], type[1]) == 0 &&
+           (strcmp(type[0], "tnx") == 0 || strcmp(type[0], "zpx") == 0);
+}
+
+/* What wcslib 7.12 makes of the cards depends on how they stand: the sign of the declination is one where blanks
+ * follow it, and PLATEID, whose place has 56 bytes and is read without one, ends the solution where it stands behind
+ * it. The second card is free for that. */
+static void set_plate(char *cards, size_t ncards)
+{
+    char sign[CARD];
+    const long i = rx_cards_find(cards, ncards, "PLTDECSN");
+    rx_cards_text(cards, (long)ncards, "PLTDECSN", sign, sizeof sign);
+    set_text(cards + i * CARD, "PLTDECSN", strcmp(sign, "-") == 0 ? "-" : "+");
+    for (size_t k = 0; k < ncards; k++)
+        if (strncmp(cards + k * CARD, "PLATEID", 7) == 0)
+            memset(cards + k * CARD, ' ', CARD);
+    set_text(cards + CARD, "PLATEID", "");
+}
+
+/* wcslib 7.12 knows one distortion at a time, that of the last card of any; of another one half is left, and of
+ * one that is not there as a whole it takes what is in its memory. SIP goes before WAT, which goes before the
+ * solution of a plate, as CTYPE does where it names one. */
+static void keep_one_distortion(char *cards, size_t ncards, rx_text *note)
+{
+    int sip = 0, wat = 0, plate = 0;
+    for (size_t i = 0; i < ncards; i++) {
+        sip |= is_sip_term(cards + i * CARD);
+        wat |= is_wat(cards + i * CARD);
+        plate |= strncmp(cards + i * CARD, "AMD", 3) == 0;
+    }
+    const int use_wat = !sip && wat && has_wat(cards, ncards);
+    const int use_plate = !sip && !use_wat && has_plate(cards, ncards);
+    if (!use_wat)
+        drop(cards, ncards, is_wat);
+    if (use_plate)
+        set_plate(cards, ncards);
+    else
+        drop(cards, ncards, is_plate);
+    if (plate && !use_plate)
+        rx_wcs_note(note, sip || use_wat
+                              ? "the solution of a plate (AMDX, AMDY) beside another distortion is ignored"
+                              : "the solution of a plate (AMDX, AMDY) is not complete and is ignored");
 }
 
 /* Keywords of general distortions (Calabretta et al. 2004, draft IV of the FITS papers): CPDISj, CQDISi and
@@ -329,7 +489,8 @@ int rx_wcs_guard(char *cards, size_t ncards, rx_text *note)
 {
     repair_exponents(cards, ncards);
     keep_whole_cards(cards, ncards);
-    drop_absurd_axes(cards, ncards, note);
+    set_axes(cards, ncards, note);
     repair_distortion(cards, ncards, note);
+    keep_one_distortion(cards, ncards, note);
     return drop_distortions(cards, ncards, note);
 }

@@ -16,13 +16,14 @@ done <<'cards'
 NAXIS   = 999|missing NAXISn keywords
 NAXIS   = -1|illegal NAXIS keyword value
 NAXIS   = 2147483648|illegal NAXIS keyword value
-NAXIS1  = 9223372036854775807|this HDU cannot be read, and none before it holds a 2-D image
-NAXIS1  = 18446744073709551615|illegal NAXISn keyword value
+NAXIS1  = 9223372036854775807|NAXIS1 = 9223372036854775807 is no whole number of at most 18 digits
+NAXIS1  = 18446744073709551615|NAXIS1 = 18446744073709551615 is no whole number
+BITPIX  = -18446744073709551616|BITPIX = -18446744073709551616 is no whole number
 NAXIS2  = 1000000000|96 x 1000000000 pixels, which no tile has
 BITPIX  = 0|illegal BITPIX
 BITPIX  = -31|illegal BITPIX
 BITPIX  = 9999999999|illegal BITPIX
-BITPIX  = abc|illegal BITPIX
+BITPIX  = abc|BITPIX = abc is no whole number
 PCOUNT  = 1000000000000|the pixels cannot be read
 GCOUNT  = -5|ends before it begins, by its size
 BSCALE  = NaN|BSCALE = NaN is no number
@@ -102,8 +103,8 @@ while IFS='|' read -r card reason; do
 done <<'cards'
 NAXIS2  = 1099511627776|is cut off: the header says 13194139533312 bytes
 NAXIS1  = 1099511627776|holds no table
-NAXIS2  = 9223372036854775807|the table does not begin with XTENSION, 
-PCOUNT  = 9223372036854775807|the table does not begin with XTENSION, 
+NAXIS2  = 9223372036854775807|NAXIS2 = 9223372036854775807 is no whole number
+PCOUNT  = 9223372036854775807|PCOUNT = 9223372036854775807 is no whole number
 PCOUNT  = -1|the table does not begin with XTENSION, 
 TFIELDS = 999|holds no table
 TFIELDS = 1000|the table does not begin with XTENSION, 
@@ -127,16 +128,16 @@ ZNAXIS1 =1000000000|this HDU cannot be read, and none before it holds a 2-D imag
 ZNAXIS1 =-1|the image has -1 x 512 pixels
 ZNAXIS2 =2147483648|this HDU cannot be read, and none before it holds a 2-D image
 ZNAXIS  =999|this HDU cannot be read, and none before it holds a 2-D image
-ZTILE1  =0|ZTILEn of the compressed image is no size
-ZTILE1  =-512|ZTILEn of the compressed image is no size
-ZTILE1  =9223372036854775807|ZTILEn of the compressed image is no size
+ZTILE1  =0|ZTILE1 of the compressed image is no size
+ZTILE1  =-512|ZTILE1 of the compressed image is no size
+ZTILE1  =9223372036854775807|ZTILE1 = 9223372036854775807 is no whole number
 ZTILE2  =1000000000|this HDU cannot be read, and none before it holds a 2-D image
 ZBITPIX =7|ZBITPIX = 7 of the compressed image is no kind of pixels
 ZVAL1   =0|ZVAL1 of the compressed image is no size
 ZVAL1   =-32|ZVAL1 of the compressed image is no size
 ZVAL2   =2147483647|the compressed image is damaged
 NAXIS2  =1099511627776|this HDU cannot be read, and none before it holds a 2-D image
-PCOUNT  =9223372036854775807|the table does not begin with XTENSION, 
+PCOUNT  =9223372036854775807|PCOUNT = 9223372036854775807 is no whole number
 TFIELDS =999|this HDU cannot be read, and none before it holds a 2-D image
 cards
 
@@ -146,7 +147,38 @@ expect 3 '^rextract: tile\.fits\.gz\[1\]: ZVAL1 of the compressed image' tile.fi
 
 begin 'compressed tile without a size of tiles, in gzip'
 LC_ALL=C sed 's,ZTILE2  = .\{20\},ZTILE2  =                    0,' "$top/tests/data/sim.fits.fz" | gzip -n >tile.fits.gz
-expect 3 '^rextract: tile\.fits\.gz\[1\]: ZTILEn of the compressed image' tile.fits.gz $none
+expect 3 '^rextract: tile\.fits\.gz\[1\]: ZTILE2 of the compressed image' tile.fits.gz $none
+
+# Cards that cfitsio finds and others do not, or the other way round, in the place of ZVAL1 (no card is longer than 80).
+while IFS='|' read -r card reason; do
+    begin "compressed tile with a card $card"
+    LC_ALL=C sed "s#ZVAL1   = .\{70\}#$(printf '%-80s' "$card")#" "$top/tests/data/sim.fits.fz" >tile.fits.fz
+    expect 3 "^rextract: tile\.fits\.fz\[1\]: .*$reason" tile.fits.fz $none
+done <<'cards'
+HIERARCH ZVAL1 = 0|the card 'HIERARCH ZVAL1 = 0' is ZVAL1 to some programs
+HIERARCH BLANK = (1,22222222222222222222222222222222222222222222222222)|longer than any of its kind
+ZVAL1  X= 0|the card 'ZVAL1  X= 0' is ZVAL1
+ZVAL1=0|is ZVAL1 to some programs
+ZVAL1   = 9E-1|ZVAL1 of the compressed image is no size
+ZVAL2   = 7|ZVAL2 is there twice, and not the same
+TFORM01 = '1PI'|is TFORM01 to some programs
+cards
+
+begin 'one tile with such a card does not end a list'
+LC_ALL=C sed "s,ZVAL1   = .\{70\},$(printf '%-80s' 'HIERARCH ZVAL1 = 0')," "$top/tests/data/sim.fits.fz" >a.fits.fz
+make_fits tile b.fits && printf 'a.fits.fz\nb.fits\n' >tiles.list
+leaves b.cat
+expect 8 '^rextract: tiles\.list: 1 of 2 tiles failed; the others are done' @tiles.list $none -CATALOG_NAME '{tile}.cat'
+
+begin 'values in other columns, small letters and no slash are what they are'
+LC_ALL=C sed "s,ZCMPTYPE= .\{70\},$(printf '%-80s' "ZCMPTYPE=   'RICE_1'"),;s,ZVAL1   = .\{70\},$(printf '%-80s' 'zval1   =32 pixels')," \
+    "$top/tests/data/sim.fits.fz" >tile.fits.fz
+if [ "$active" = 1 ]; then
+    run tile.fits.fz $none -VERBOSE_TYPE QUIET -CATALOG_NAME ../odd.cat
+    run "$top/tests/data/sim.fits.fz" $none -VERBOSE_TYPE QUIET -CATALOG_NAME ../same.cat
+    grep -v '^#' ../odd.cat >../odd && grep -v '^#' ../same.cat | cmp - ../odd >>../err
+    judge 0 ''
+fi
 
 # --- names: what cfitsio would make of them must not happen, and no shell may see them. `pwned` would be left
 # behind, and so would any other file; nothing listens on port 1.

@@ -530,6 +530,23 @@ static void test_compressed_scale_first(void **state)
         }
 }
 
+/* What cfitsio reads in two ways, or not at all, is read in one: BSCALE in quotes, exponents and keywords of small
+ * letters, a comment behind END. Axes that NAXIS does not count are none. */
+static void test_odd_headers(void **state)
+{
+    static const char *const cards[] = {
+        "BSCALE  = '0.5 '",          "BSCALE  = 5e-1",
+        "bscale  =0.5 per count",    "BSCALE  = 5.D-1 / a comment\nBSCALE  = 5.D-1",
+        "BSCALE  = .5\nNAXIS3  = 7", "BSCALE  = .5\nEND / of the header"};
+    for (size_t i = 0; i < sizeof cards / sizeof *cards; i++) {
+        make_ramp(in(state, "odd.fits"), 16, cards[i]);
+        rx_tile *tile = read_tile(&PLAIN, in(state, "odd.fits"), 0, 1);
+        for (int k = 0; k < W * H; k++)
+            assert_near(tile->pixels[k], 0.5 * k, 0);
+        rx_tile_free(tile);
+    }
+}
+
 /* The tile, copied with its header: what a check-image is. */
 static void test_illegal_keywords(void **state)
 {
@@ -640,6 +657,7 @@ int main(void)
 
         cmocka_unit_test(test_flags_of_64_bits),
         cmocka_unit_test(test_compressed_scale_first),
+        cmocka_unit_test(test_odd_headers),
         cmocka_unit_test(test_illegal_keywords),
         cmocka_unit_test(test_real_files),
     };

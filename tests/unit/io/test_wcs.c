@@ -377,6 +377,85 @@ static void test_hostile_cards(void **state)
     assert_null(from_lines("NAXIS   = 2\nCNPIX1  = 'wt'", 100, 100, note));
 }
 
+/* wcslib takes one card of the solution of a plate for all of it, and WAT at its word. Beside good coordinates such
+ * halves change nothing; what could have been a solution is said to be ignored. */
+static void test_halves_of_distortions(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *cards, *note;
+    } cases[] = {
+        {"XPIXELSZ= 9.0\nYPIXELSZ= 9.0", ""},
+        {"CNPIX1  = 100\nCNPIX2  = 200\nPLTRAH  = 10", ""},
+        {"AMDX2   = .1", "not complete"},
+        {"AMDX1   = 67.2\nPLATEID = 'twenty characters and forty more, which eight numbers cannot hold'",
+         "not complete"},
+        {"PLATEID = 'twenty characters and forty more, which eight numbers cannot hold ' / name", ""},
+        {"WAT1_001= 'wtype=tnx axtype=ra lngcor = \"1. 9. 9. 7. 0 1 0 1 1 2 3 \"'\n"
+         "WAT2_001= 'wtype=tnx axtype=dec latcor = \"1. 9. 9. 7. 0 1 0 1 1 2 3 \"'",
+         ""},
+        {"WAT1_001= 'wtype=tnx'\nWAT2_001= 'wtype=tnx'", ""},
+        {"A_0_2   = 0.\nAMDX1   = 67.2\nWAT1_001= 'wtype=tnx'", "beside another"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char lines[1000], note[256];
+        double ra, dec, x = 49, y = 49;
+        snprintf(lines, sizeof lines,
+                 "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 10\nCRVAL2  = 20\nCRPIX1  = 50\n"
+                 "CRPIX2  = 50\nCD1_1   = -1E-4\nCD2_2   = 1E-4\n%s",
+                 cases[i].cards);
+        rx_wcs *wcs = from_lines(lines, 100, 100, note);
+        assert_non_null(wcs);
+        assert_non_null(strstr(note, cases[i].note));
+        assert_true(cases[i].note[0] != '\0' || strstr(note, "plate") == NULL);
+        rx_wcs_to_native(wcs, 1, &x, &y, &ra, &dec);
+        assert_near(ra, 10, 1e-9);
+        assert_near(dec, 20, 1e-9);
+        rx_wcs_free(wcs);
+    }
+    char note[256];
+    assert_null(from_lines("CTYPE1  = 'DEC--ZEA'\nCTYPE2  = 4096\nAMDX2   = .1", 100, 100, note));
+    assert_non_null(strstr(note, "not complete"));
+}
+
+/* The solution of a plate is used when every card of it is there, PLATEID behind it or not. */
+static void test_plate(void **state)
+{
+    (void)state;
+    static const char *const cards[] = {
+        "CNPIX1  = 6000",  "CNPIX2  = 7000", "PPO3    = 177500", "PPO6    = 177500", "XPIXELSZ= 25.0",
+        "YPIXELSZ= 25.0",  "PLTRAH  = 10",   "PLTRAM  = 20",     "PLTRAS  = 3.5",    "PLTDECSN= '-'",
+        "PLTDECD = 30",    "PLTDECM = 1",    "PLTDECS = 2.0",    "AMDX1   = 67.2",   "AMDX2   = 0.1",
+        "AMDX3   = -20.5", "AMDY1   = 67.2", "AMDY2   = -0.1",   "AMDY3   = 30.5",   "PLATEID = '06S2'"};
+    enum { N = sizeof cards / sizeof *cards };
+    for (int missing = 0; missing < N; missing++) {
+        char lines[1600] = "NAXIS   = 2", note[256];
+        for (int i = 0; i < N; i++)
+            if (i != missing)
+                snprintf(lines + strlen(lines), sizeof lines - strlen(lines), "\n%s", cards[i]);
+        rx_wcs *wcs = from_lines(lines, 100, 100, note);
+        if (missing < N - 1) {
+            assert_null(wcs);
+            assert_non_null(strstr(note, "not complete"));
+            continue;
+        }
+        double ra, dec, x = 1099.5, y = 99.5; /* the centre of the plate, up to its offsets */
+        assert_non_null(wcs);
+        rx_wcs_to_native(wcs, 1, &x, &y, &ra, &dec);
+        assert_near(ra, (10 + (20 + 3.5 / 60) / 60) * 15, 0.02);
+        assert_near(dec, -(30 + (1 + 2.0 / 60) / 60), 0.02);
+        rx_wcs_free(wcs);
+        strcat(lines, "\nPLATEID = '06S2'");
+        double again[2];
+        wcs = from_lines(lines, 100, 100, note);
+        assert_non_null(wcs);
+        rx_wcs_to_native(wcs, 1, &x, &y, &again[0], &again[1]);
+        assert_near(again[0], ra, 1e-12);
+        assert_near(again[1], dec, 1e-12);
+        rx_wcs_free(wcs);
+    }
+}
+
 static void test_linear(void **state)
 {
     (void)state;
@@ -449,12 +528,20 @@ static void test_shared_by_threads(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_real_headers), cmocka_unit_test(test_sections),
-        cmocka_unit_test(test_tan),          cmocka_unit_test(test_tpv_and_scamp),
-        cmocka_unit_test(test_sip),          cmocka_unit_test(test_far_away),
-        cmocka_unit_test(test_frames),       cmocka_unit_test(test_frames_loosely),
-        cmocka_unit_test(test_unusable),     cmocka_unit_test(test_hostile_cards),
-        cmocka_unit_test(test_linear),       cmocka_unit_test(test_shared_by_threads),
+        cmocka_unit_test(test_real_headers),
+        cmocka_unit_test(test_sections),
+        cmocka_unit_test(test_tan),
+        cmocka_unit_test(test_tpv_and_scamp),
+        cmocka_unit_test(test_sip),
+        cmocka_unit_test(test_far_away),
+        cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_frames_loosely),
+        cmocka_unit_test(test_unusable),
+        cmocka_unit_test(test_hostile_cards),
+        cmocka_unit_test(test_halves_of_distortions),
+        cmocka_unit_test(test_plate),
+        cmocka_unit_test(test_linear),
+        cmocka_unit_test(test_shared_by_threads),
     };
     return cmocka_run_group_tests_name("world coordinates", tests, NULL, NULL);
 }
