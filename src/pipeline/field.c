@@ -15,6 +15,7 @@
 #include "detect/correlation.h"
 #include "detect/filter.h"
 #include "detect/no_data.h"
+#include "detect/saturation.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "io/wcs.h"
@@ -679,6 +680,32 @@ static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field,
     return RX_OK;
 }
 
+/* Where no card and no keyword states a level, values that pile up at the top are saturated. */
+static rx_status find_saturation(rx_field *field, rx_log *log, rx_error *err)
+{
+    rx_image *image = &field->image;
+    uint8_t *mask = own_mask(field);
+    size_t n = 0;
+    if (mask == NULL || isfinite(image->saturation))
+        return RX_OK;
+    RX_TRY(rx_saturation_find(image, mask, &image->saturation, err));
+    if (!isfinite(image->saturation))
+        return RX_OK;
+    for (size_t k = 0; k < (size_t)image->width * (size_t)image->height; k++)
+        if (mask[k] == 0 && (double)image->pixels[k] >= image->saturation) {
+            mask[k] = RX_MASK_SATURATED;
+            n++;
+        }
+    if (field->tile != NULL)
+        field->tile->saturation = image->saturation;
+    rx_log_warning(
+        log,
+        "%s[%d]: no SATUR_LEVEL is stated, and %zu of its pixels pile up at their top, from %.6g ADU "
+        "on (RXSATUR): they are taken as saturated (FLAGS 4); give SATUR_LEVEL if another is right",
+        image->name, image->hdu, n, image->saturation);
+    return RX_OK;
+}
+
 /* A pixel that lacks more light than 90,000 electrons are is dead: no dark cloud takes so much off a sky that is in the mesh. */
 static void hide_deep(rx_field *field, rx_log *log)
 {
@@ -714,6 +741,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
     RX_TRY(hide_no_data(params, field, log, err));
+    RX_TRY(find_saturation(field, log, err));
     RX_TRY(measure_backgrounds(params, role, field, log, err));
     hide_deep(field, log);
     RX_TRY(measure_noise(params, field, err));
