@@ -15,6 +15,7 @@
 #include "detect/correlation.h"
 #include "detect/filter.h"
 #include "detect/no_data.h"
+#include "detect/photons.h"
 #include "detect/saturation.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
@@ -706,6 +707,33 @@ static rx_status find_saturation(rx_field *field, rx_log *log, rx_error *err)
     return RX_OK;
 }
 
+/* A gain in another unit than the pixels' claims photon noise that is not there, or none. */
+static rx_status check_gain(rx_field *field, rx_log *log, rx_error *err)
+{
+    const rx_image image = rx_field_restorable(field);
+    const char *card = field->tile != NULL ? field->tile->gain_card : "";
+    char why[120];
+    rx_photon_test test;
+    RX_TRY(rx_photons_test(&image, field->plain->global_level, &field->noise, &test, err));
+    if (test.impossible == 0)
+        return RX_OK;
+    if (test.impossible > 0)
+        snprintf(why, sizeof why, "its sky has %.3g times the noise of its photons", sqrt(test.ratio));
+    else
+        snprintf(why, sizeof why, "%ld of %ld bright pixels scatter by less than half of their photon noise",
+                 test.quiet, test.n);
+    rx_log_warning(
+        log,
+        "%s[%d]: %s%s = %g e-/ADU cannot be the gain of its pixels: %s; errors are without the photons "
+        "of sources (RXGAIN 0); give their GAIN%s",
+        image.name, image.hdu, card[0] != '\0' ? "card " : "", card[0] != '\0' ? card : "GAIN", image.gain,
+        why, card[0] != '\0' ? ", and a GAIN_KEY that the header lacks" : "");
+    field->image.gain = 0.0;
+    if (field->tile != NULL)
+        field->tile->gain = 0.0;
+    return RX_OK;
+}
+
 /* A pixel that lacks more light than 90,000 electrons are is dead: no dark cloud takes so much off a sky that is in the mesh. */
 static void hide_deep(rx_field *field, rx_log *log)
 {
@@ -745,6 +773,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     RX_TRY(measure_backgrounds(params, role, field, log, err));
     hide_deep(field, log);
     RX_TRY(measure_noise(params, field, err));
+    RX_TRY(check_gain(field, log, err));
     rx_lap_add(&last, &field->background_lap);
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
                   image->name, image->hdu, image->width, image->height, field->plain->global_level,

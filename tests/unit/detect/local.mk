@@ -14,3 +14,6 @@ tests_unit_detect_test_anomalies_SOURCES = tests/unit/detect/test_anomalies.c
 
 check_PROGRAMS += tests/unit/detect/test_saturation
 tests_unit_detect_test_saturation_SOURCES = tests/unit/detect/test_saturation.c
+
+check_PROGRAMS += tests/unit/detect/test_photons
+tests_unit_detect_test_photons_SOURCES = tests/unit/detect/test_photons.c
