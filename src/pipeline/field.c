@@ -614,10 +614,12 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     if (status == RX_INPUT)
         field->psf_bound = rx_psf_bound(&par, &image, stars);
     rx_sources_free(stars);
-    /* one source that may be a galaxy says less than whoever stated a width */
-    if (status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0) {
+    /* one source that may be a galaxy says less than whoever stated a width, few say less than PSF_FWHM */
+    const int one = status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0;
+    if (one || (status == RX_OK && par.fwhm > 0.0 && strcmp(field->psf->quality.how, "MOFFAT_BETA") == 0)) {
         status = rx_error_set(&why, RX_INPUT,
-                              "PSF_TYPE AUTO found only one star; what is stated is believed more");
+                              "PSF_TYPE AUTO found only %d star%s; what is stated is believed more",
+                              field->psf->nstars, one ? "" : "s");
         if (!is_stated(params, field))
             return library_psf(params, &why, field, log, err);
         rx_psf *own = field->psf;
@@ -629,7 +631,7 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
         }
         field->psf = own; /* what was stated could not be read */
         field->unrestorable = 0;
-        rx_log_warning(log, "%s[%d]: the PSF stays that of its one star", image.name, image.hdu);
+        rx_log_warning(log, "%s[%d]: the PSF stays that of its few stars", image.name, image.hdu);
         return RX_OK;
     }
     if (status == RX_INPUT)
