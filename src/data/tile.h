@@ -59,6 +59,7 @@ typedef struct rx_tile {
     int nflagmaps;
     uint32_t **flagmaps; /* nflagmaps planes [height][width] (FLAG_IMAGE) */
     double gain;         /* e-/ADU; 0 = infinite (no photon noise of sources) */
+    char gain_card[80];  /* GAIN_KEY where a card has it; "": it is the keyword's */
     double saturation;   /* ADU; HUGE_VAL when unknown */
     double zeropoint;    /* mag of 1 ADU */
     double pixel_scale;  /* arcsec per pixel at the centre; 0 when unknown */

@@ -166,6 +166,8 @@ static void take_numbers(const rx_tile_params *par, const rx_text *cards, const 
                        par->gain_key != NULL ? par->gain_key : "GAIN", tile->gain);
         tile->gain = 0;
     }
+    if (tile->gain != par->gain && par->gain_key != NULL)
+        snprintf(tile->gain_card, sizeof tile->gain_card, "%s", par->gain_key);
     tile->saturation = number_or(cards, parent, par->saturation_key, par->saturation, log, tile);
     if (!(tile->saturation > 0) || isinf(tile->saturation))
         tile->saturation = HUGE_VAL;

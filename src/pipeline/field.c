@@ -15,6 +15,8 @@
 #include "detect/correlation.h"
 #include "detect/filter.h"
 #include "detect/no_data.h"
+#include "detect/photons.h"
+#include "detect/saturation.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "io/wcs.h"
@@ -612,10 +614,12 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     if (status == RX_INPUT)
         field->psf_bound = rx_psf_bound(&par, &image, stars);
     rx_sources_free(stars);
-    /* one source that may be a galaxy says less than whoever stated a width */
-    if (status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0) {
+    /* one source that may be a galaxy says less than whoever stated a width, few say less than PSF_FWHM */
+    const int one = status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0;
+    if (one || (status == RX_OK && par.fwhm > 0.0 && strcmp(field->psf->quality.how, "MOFFAT_BETA") == 0)) {
         status = rx_error_set(&why, RX_INPUT,
-                              "PSF_TYPE AUTO found only one star; what is stated is believed more");
+                              "PSF_TYPE AUTO found only %d star%s; what is stated is believed more",
+                              field->psf->nstars, one ? "" : "s");
         if (!is_stated(params, field))
             return library_psf(params, &why, field, log, err);
         rx_psf *own = field->psf;
@@ -627,7 +631,7 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
         }
         field->psf = own; /* what was stated could not be read */
         field->unrestorable = 0;
-        rx_log_warning(log, "%s[%d]: the PSF stays that of its one star", image.name, image.hdu);
+        rx_log_warning(log, "%s[%d]: the PSF stays that of its few stars", image.name, image.hdu);
         return RX_OK;
     }
     if (status == RX_INPUT)
@@ -679,6 +683,59 @@ static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field,
     return RX_OK;
 }
 
+/* Where no card and no keyword states a level, values that pile up at the top are saturated. */
+static rx_status find_saturation(rx_field *field, rx_log *log, rx_error *err)
+{
+    rx_image *image = &field->image;
+    uint8_t *mask = own_mask(field);
+    size_t n = 0;
+    if (mask == NULL || isfinite(image->saturation))
+        return RX_OK;
+    RX_TRY(rx_saturation_find(image, mask, &image->saturation, err));
+    if (!isfinite(image->saturation))
+        return RX_OK;
+    for (size_t k = 0; k < (size_t)image->width * (size_t)image->height; k++)
+        if (mask[k] == 0 && (double)image->pixels[k] >= image->saturation) {
+            mask[k] = RX_MASK_SATURATED;
+            n++;
+        }
+    if (field->tile != NULL)
+        field->tile->saturation = image->saturation;
+    rx_log_warning(
+        log,
+        "%s[%d]: no SATUR_LEVEL is stated, and %zu of its pixels pile up at their top, from %.6g ADU "
+        "on (RXSATUR): they are taken as saturated (FLAGS 4); give SATUR_LEVEL if another is right",
+        image->name, image->hdu, n, image->saturation);
+    return RX_OK;
+}
+
+/* A gain in another unit than the pixels' claims photon noise that is not there, or none. */
+static rx_status check_gain(rx_field *field, rx_log *log, rx_error *err)
+{
+    const rx_image image = rx_field_restorable(field);
+    const char *card = field->tile != NULL ? field->tile->gain_card : "";
+    char why[120];
+    rx_photon_test test;
+    RX_TRY(rx_photons_test(&image, field->plain->global_level, &field->noise, &test, err));
+    if (test.impossible == 0)
+        return RX_OK;
+    if (test.impossible > 0)
+        snprintf(why, sizeof why, "its sky has %.3g times the noise of its photons", sqrt(test.ratio));
+    else
+        snprintf(why, sizeof why, "%ld of %ld bright pixels scatter by less than half of their photon noise",
+                 test.quiet, test.n);
+    rx_log_warning(
+        log,
+        "%s[%d]: %s%s = %g e-/ADU cannot be the gain of its pixels: %s; errors are without the photons "
+        "of sources (RXGAIN 0); give their GAIN%s",
+        image.name, image.hdu, card[0] != '\0' ? "card " : "", card[0] != '\0' ? card : "GAIN", image.gain,
+        why, card[0] != '\0' ? ", and a GAIN_KEY that the header lacks" : "");
+    field->image.gain = 0.0;
+    if (field->tile != NULL)
+        field->tile->gain = 0.0;
+    return RX_OK;
+}
+
 /* A pixel that lacks more light than 90,000 electrons are is dead: no dark cloud takes so much off a sky that is in the mesh. */
 static void hide_deep(rx_field *field, rx_log *log)
 {
@@ -714,9 +771,11 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
     RX_TRY(hide_no_data(params, field, log, err));
+    RX_TRY(find_saturation(field, log, err));
     RX_TRY(measure_backgrounds(params, role, field, log, err));
     hide_deep(field, log);
     RX_TRY(measure_noise(params, field, err));
+    RX_TRY(check_gain(field, log, err));
     rx_lap_add(&last, &field->background_lap);
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
                   image->name, image->hdu, image->width, image->height, field->plain->global_level,

@@ -505,6 +505,15 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
     const rx_qa_run *about = run->about;
     if (run->sources->n == 0)
         remark(q, "sources", 1, "%s finds no source.", about->name);
+    int marked = 0;
+    for (int i = 0; i < run->sources->n; i++)
+        marked += rx_source_is_spurious(&run->sources->list[i]);
+    if (rx_spurious_are_many(marked, run->sources->n))
+        remark(q, "spurious", 1,
+               "%s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, PSF and GAIN "
+               "those of "
+               "these pixels?",
+               about->name, marked, run->sources->n);
     if (about->by != NULL)
         remark(q, "fallback", 0, "%s was done by %s instead: %s.", about->name, about->by, about->why);
     char automatic[64] = "";

@@ -92,6 +92,12 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
         fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
         fit->dropped > 0 ? ", dropped" : "", fit->chi2);
     rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
+    if (rx_spurious_are_many(fit->invented, w->result.sources->n + fit->dropped))
+        rx_log_warning(
+            log,
+            "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, PSF "
+            "and GAIN those of these pixels? If so, raise DETECT_THRESH",
+            tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n + fit->dropped);
     add_account(run, text);
 }
 

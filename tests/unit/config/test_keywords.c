@@ -244,7 +244,7 @@ static void defaults_are_those_of_sextractor(void **state)
     assert_true(c->phot_autoparams.v[1] == 3.5);
     assert_int_equal(c->assoc_data.n, 3);
     assert_int_equal(c->assoc_data.v[2], 4);
-    assert_true(c->satur_level == 50000.0);
+    assert_true(c->satur_level == 0.0);
     assert_true(c->deblend_mincont == 0.005);
     assert_int_equal(c->back_size.v[0], 64);
     assert_string_equal(c->checkimage_type.v[0], "NONE");
