@@ -165,3 +165,7 @@ says 3
 leaves x.cat back.fits
 expect_exactly 0 '^rextract: written: x\.cat, back\.fits$' tile.fits -RESTORE_TYPE NONE -CATALOG_NAME x.cat \
     -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME back.fits
+
+begin 'a catalogue as CSV'
+make_fits tile tile.fits
+expect 2 '^rextract: -CATALOG_TYPE: CSV is not written; give FITS_1\.0 or ASCII_VOTABLE' tile.fits -CATALOG_TYPE csv
