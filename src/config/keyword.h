@@ -53,6 +53,7 @@ typedef struct rx_keyword {
     rx_keyword_status status;
     rx_level level;
     const char *help;
+    const char *needs; /* NEEDS of the row, NULL = nothing */
 } rx_keyword;
 
 /* Why keyword `name` has no effect with these settings, "with INJECT_IMAGE", or NULL. */
@@ -99,6 +100,9 @@ typedef struct rx_place {
     const char *file;
     long line;
 } rx_place;
+
+/* Is `name` in the table or its parts? Errors: RX_USAGE, with the nearest name. */
+rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err);
 
 /* Give the keyword of `row` the n items; on error the old value stays. */
 rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, int n, rx_place place,

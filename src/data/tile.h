@@ -39,7 +39,8 @@ typedef enum rx_weight_type {
     RX_WEIGHT_BACKGROUND, /* variance from the image's own background rms map */
     RX_WEIGHT_MAP_RMS,
     RX_WEIGHT_MAP_VAR,
-    RX_WEIGHT_MAP_WEIGHT
+    RX_WEIGHT_MAP_WEIGHT,
+    RX_WEIGHT_MAP_IVAR /* is read as the rms that it states: a tile has RX_WEIGHT_MAP_RMS then */
 } rx_weight_type;
 
 struct rx_wcs; /* io/wcs.h */

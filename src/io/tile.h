@@ -49,7 +49,7 @@ rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int
  * A section `[x1:x2,y1:y2]` has its own CRPIX in cards and wcs.
  * Weights and flags: the map's only image, else the HDU of the tile's number when the tile was named
  * by HDU, else the extension-th image; a map of the whole tile serves for a section too. In
- * tile->weight no NaN is left (0 for MAP_WEIGHT, 1e30 else); masked are weights <= weight_threshold
+ * tile->weight no NaN is left (0 for MAP_WEIGHT, 1e30 else; MAP_IVAR is read as MAP_RMS); masked are weights <= weight_threshold
  * (default 0), rms and variances >= it (default 1e30) or <= 0.
  * Errors: RX_INPUT for anything wrong with a file (missing, cut off, damaged, wrong shape, all NaN). */
 rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int extension, rx_log *log,

@@ -82,6 +82,17 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     return RX_OK;
 }
 
+/* An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
+ * least one has none. */
+static void rms_of_ivar(double threshold, rx_tile *tile)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    const float limit = threshold > 0.0 ? (float)threshold : 0.0f; /* 0 where it is not given, too */
+    for (size_t i = 0; i < n; i++)
+        tile->weight[i] = tile->weight[i] > limit ? 1.0f / sqrtf(tile->weight[i]) : NO_DATA;
+    tile->weight_type = RX_WEIGHT_MAP_RMS;
+}
+
 /* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
  * 1e30), means no data; so does what is no noise at all: not a number, rms or variance <= 0. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
@@ -97,6 +108,10 @@ static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
                 tile->mask[i] |= RX_MASK_WEIGHT;
         }
         return;
+    }
+    if (tile->weight_type == RX_WEIGHT_MAP_IVAR) {
+        rms_of_ivar(par->weight_threshold, tile);
+        given = 0;
     }
     float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : NO_DATA;
     for (size_t i = 0; i < n; i++) {
@@ -137,8 +152,8 @@ rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx
     if (asked != (weight != NULL))
         return rx_error_at(err, RX_USAGE, tile->name, -1, 0,
                            asked ? "WEIGHT_TYPE asks for a map; give its array"
-                                 : "has a weight map; say by WEIGHT_TYPE what it holds (MAP_WEIGHT, MAP_RMS "
-                                   "or MAP_VAR)");
+                                 : "has a weight map; say by WEIGHT_TYPE what it holds (MAP_WEIGHT, MAP_RMS, "
+                                   "MAP_VAR or MAP_IVAR)");
     if (!asked)
         return RX_OK;
     tile->weight = RX_NEW(float, n);

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "base/interrupt.h"
+#include "config/idle.h"
 #include "data/flags.h"
 
 #ifndef RX_VERSION
@@ -110,7 +111,10 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         fputs(program->usage, stderr);
         status = RX_USAGE;
     } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
-        status = program->run(arguments.settings, arguments.image, &log, &err);
+        if (program->columns == NULL) /* rextract looks at them first: rx_tile_check() */
+            status = rx_settings_warn_idle(arguments.settings, &log, &err);
+        if (status == RX_OK)
+            status = program->run(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK && arguments.action == RX_ACTION_REPLAY) {
         status = program->replay(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK) {

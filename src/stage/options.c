@@ -32,6 +32,7 @@
 #define FOLDER NULL
 #define WORDLIST(...) NULL
 #define W(word, value) value
+#define NEEDS(text) RX_FILL_NOTHING
 #define STAGE_WORDS RX_FILL_WORDS
 #define STAGE(how, field) RX_FILL(rx_options, how, field)
 #define TILES(how, field) STAGE(how, tile[0].field), STAGE(how, tile[1].field)
@@ -337,6 +338,24 @@ static rx_status check_library(const char *folder, int write, rx_error *err)
     return RX_OK;
 }
 
+/* Without a configuration and without the file, those of the shipped default.param. */
+rx_status rx_options_columns(const rx_config *cfg, rx_log *log, rx_column_list **dst, rx_error *err)
+{
+    return is_built_in(cfg->parameters_name, "default.param")
+               ? rx_columns_default(dst, err)
+               : rx_columns_read(cfg->parameters_name, log, dst, err);
+}
+
+static int has_column(const void *columns, const char *part)
+{
+    return rx_columns_mention(columns, part);
+}
+
+rx_idle rx_options_idle(const rx_column_list *columns)
+{
+    return (rx_idle){.has_column = columns != NULL ? has_column : NULL, .columns = columns};
+}
+
 rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
 {
     return rx_options_with_columns(cfg, NULL, log, dst, err);
@@ -356,11 +375,8 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     RX_TRY_EXIT(kernel_options(cfg, options, err));
     if (wants_network(options))
         RX_TRY_EXIT(rx_options_need_model(options, log, err));
-    /* without a configuration and without the file, those of the shipped default.param */
     if (columns == NULL)
-        RX_TRY_EXIT(is_built_in(cfg->parameters_name, "default.param")
-                        ? rx_columns_default(&options->columns, err)
-                        : rx_columns_read(cfg->parameters_name, log, &options->columns, err));
+        RX_TRY_EXIT(rx_options_columns(cfg, log, &options->columns, err));
     RX_TRY_EXIT(rx_columns_need(options->columns, options->catalog_type, err));
     tile_options(cfg, options);
     measure_options(cfg, log, options);

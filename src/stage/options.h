@@ -8,6 +8,7 @@
 #include "catalog/catalog.h"
 #include "check/params.h"
 #include "config/config.h"
+#include "config/idle.h"
 #include "config/kernel.h"
 #include "io/tile.h"
 #include "pipeline/params.h"
@@ -51,6 +52,12 @@ rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_option
 rx_status rx_options_with_columns(const rx_config *config, rx_column_list *columns, rx_log *log,
                                   rx_options **dst, rx_error *err);
 void rx_options_free(rx_options *options);
+
+/* The columns that PARAMETERS_NAME asks for; free with rx_columns_free(). */
+rx_status rx_options_columns(const rx_config *config, rx_log *log, rx_column_list **dst, rx_error *err);
+
+/* For the keywords that are given in vain where the catalogue has these columns; NULL: where it has any. */
+rx_idle rx_options_idle(const rx_column_list *columns);
 
 /* Read the network's model (NET_MODEL) unless that has been done: for campaigns, which choose restorers
  * themselves; rx_options_from_config() has done it where RESTORE_TYPE has NET. Where it is looked for:

@@ -76,7 +76,7 @@ static rx_status plan_list(rx_json *json, const rx_settings *common, const char 
     rx_tiles *tiles = NULL;
     rx_status status = rx_tiles_read(path, &tiles, err);
     if (status == RX_OK)
-        status = rx_tiles_check(tiles, common, log, err);
+        status = rx_tiles_check(tiles, common, NULL, log, err);
     for (int i = 0; status == RX_OK && i < tiles->n; i++) {
         rx_settings *settings = NULL;
         rx_error why = rx_error_part(err);

@@ -356,6 +356,17 @@ static void test_weights(void **state)
             assert_int_equal(tile->mask[i], cases[k].masked[i] ? RX_MASK_WEIGHT : 0);
         rx_tile_free(tile);
     }
+    par.weight_type =
+        RX_WEIGHT_MAP_IVAR; /* becomes an rms; not above 0, or the threshold, or no number: no data */
+    for (int k = 0; k < 2; k++) {
+        par.weight_threshold = k == 0 ? NAN : 2;
+        rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+        assert_int_equal(tile->weight_type, RX_WEIGHT_MAP_RMS);
+        assert_near(tile->weight[5], 0.5, 1e-7);
+        for (int i = 0; i < W * H; i++)
+            assert_int_equal(tile->mask[i], i - 1 > (k == 0 ? 0 : 2) && i != 19 ? 0 : RX_MASK_WEIGHT);
+        rx_tile_free(tile);
+    }
     par.weight_type = RX_WEIGHT_BACKGROUND; /* no file is read */
     par.weight_name = "nosuch.fits";
     rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
