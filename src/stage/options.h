@@ -10,6 +10,7 @@
 #include "config/config.h"
 #include "config/kernel.h"
 #include "io/tile.h"
+#include "measure/starclass.h"
 #include "pipeline/params.h"
 #include "quality/qa.h"
 #include "stage/reference.h"
@@ -34,6 +35,7 @@ typedef struct rx_options {
     rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */
     rx_reference_params reference; /* name NULL: no report */
     rx_qa_params qa;
+    rx_starclass *star_net;      /* owned, also pipeline.measure.star_net; NULL without CLASS_STAR */
     rx_gates *gates;             /* owned, also qa.gates; NULL without QA_GATES */
     const char *self_check_name; /* SELF_CHECK_NAME, "" = no report */
     const char *qa_name;
@@ -43,7 +45,7 @@ typedef struct rx_options {
     double plan_density;     /* PLAN_DENSITY, sources per Mpixel */
 } rx_options;
 
-/* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
+/* Reads the files that keywords name (.param, .conv, .nnw, gates, ASSOC list): all of them before any work. */
 rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);
 
 /* The same with these columns instead of those of PARAMETERS_NAME; the list belongs to the options from then on, and is freed

@@ -150,6 +150,7 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     const int templates = options->pipeline.templates.wanted;
     const int need_psf = any_needs_psf(options) || options->check.self_check || templates ||
                          options->write_psf || options->tile_page;
+    rx_log_step(job->log, need_psf ? "reading, sky, noise, PSF" : "reading, sky, noise");
     rx_status status = rx_field_open(options, need_psf ? RX_FIELD_PSF : 0,
                                      &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
@@ -192,6 +193,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
                                    .record = &job->record,
                                    .outputs = job->outputs,
                                    .log = job->log};
+    if (status == RX_OK && (job->reference != NULL || options->tile_page))
+        rx_log_step(job->log, "report");
     if (status == RX_OK)
         status = report(job, &about, err);
     if (status == RX_OK)
