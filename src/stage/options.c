@@ -138,6 +138,7 @@ static void tile_options(const rx_config *cfg, rx_options *dst)
     for (int role = 0; role < 2; role++) {
         rx_tile_params *tile = &dst->tile[role];
         tile->nthreads = dst->pipeline.nthreads;
+        tile->own_maps = tile->weight_type == RX_WEIGHT_NONE && !rx_config_states(cfg, "WEIGHT_TYPE");
         if (tile->weight_type > RX_WEIGHT_BACKGROUND && weights->n > 0)
             tile->weight_name = weights->v[role < weights->n ? role : weights->n - 1];
     }
@@ -354,8 +355,9 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     if (wants_network(options))
         RX_TRY_EXIT(rx_options_need_model(options, log, err));
     /* without a configuration and without the file, those of the shipped default.param */
+    options->columns_built_in = columns == NULL && is_built_in(cfg->parameters_name, "default.param");
     if (columns == NULL)
-        RX_TRY_EXIT(is_built_in(cfg->parameters_name, "default.param")
+        RX_TRY_EXIT(options->columns_built_in
                         ? rx_columns_default(&options->columns, err)
                         : rx_columns_read(cfg->parameters_name, log, &options->columns, err));
     RX_TRY_EXIT(rx_columns_need(options->columns, options->catalog_type, err));

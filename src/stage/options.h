@@ -28,6 +28,7 @@ typedef struct rx_options {
     const char *catalog_name;
     const char *covariance_name; /* TEMPLATE_COVAR_NAME, "" = none */
     rx_column_list *columns;     /* owned */
+    int columns_built_in;        /* no file names them */
     int nchecks;
     const char *check_types[RX_LIST], *check_names[RX_LIST];
     int write_psf; /* PSF is among them, or PSF_LIBRARY is written */

@@ -220,6 +220,8 @@ static rx_status run_all(job *job, rx_error *err)
     if (job->measure != NULL && n != nmeasure)
         RX_TRY_EXIT(rx_error_at(err, RX_INPUT, job->measure, -1, 0,
                                 "has %d images, the detection file %d; name the HDUs", nmeasure, n));
+    if (n > 1 && options->columns_built_in)
+        RX_TRY_EXIT(rx_columns_add(options->columns, (const char *const[]){"EXT_NUMBER"}, 1, err));
     if (options->reference.name != NULL)
         RX_TRY_EXIT(rx_catalog_read(options->reference.name, 0, &job->reference, err));
     RX_TRY_EXIT(open_runs(job, n, err));
