@@ -152,7 +152,7 @@ static rx_pipeline_params counting(const rx_pipeline_params *params)
 {
     rx_pipeline_params own = *params;
     own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
-    own.measure.nnw_file = NULL;
+    own.measure.star_net = NULL;
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = own.calibrate_restored = 0;
     own.restore.keep_reblurred = 0;

@@ -147,8 +147,8 @@ bool rx_simulate_opens(const rx_settings *settings, const char *name, int i);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
 /* The names of input files become those of the files that are meant: thresholds of a survey's file; then columns,
- * filter, star weights and gates, looked for as given, beside the configuration file, in the folder of installed
- * data. What is not found keeps its name: its reader refuses it. */
+ * filter, star weights, gates and the network's model, looked for as given, beside the configuration file, in the
+ * folder of installed data. What is not found keeps its name: its reader refuses it. */
 rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err);
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);

@@ -11,6 +11,7 @@ librextract_la_SOURCES += \
 	src/io/output.c \
 	src/io/sky.c src/io/sky.h \
 	src/io/tile.c \
+	src/io/planes.c src/io/planes.h \
 	src/io/tile_weight.c src/io/tile_weight.h \
 	src/io/wcs.c \
 	src/io/guard/guard.h src/io/guard/header.c src/io/guard/hcompress.c src/io/guard/tiles.c src/io/guard/unpack.c src/io/guard/walk.c src/io/guard/wcs.c

@@ -300,7 +300,7 @@ static rx_status find_stars(const rx_pipeline_params *params, const rx_field *fi
     detect_params.absolute = 0;
     detect_params.threshold = detect_params.analysis_threshold = 3.0;
     rx_measure_params measure_params = params->measure;
-    measure_params.nnw_file = NULL;
+    measure_params.star_net = NULL;
     measure_params.weight_gain = 0;
     measure_params.skip = RX_SKIP_PETRO | RX_SKIP_APER | RX_SKIP_WIN;
     measure_params.vignet_width = measure_params.vignet_height = 0;

@@ -107,7 +107,8 @@ static void add_numbers(rx_report *report, const rx_tile_quality *q)
         {"masked", 100 * q->masked, "%", "pixels that are not used"},
         {"saturated", 100 * q->saturated, "%", "pixels that are saturated"},
         {"psf_fwhm", q->fwhm, "pixels",
-         "of the PSF, mean over the tile, from second moments under a Gaussian as wide"},
+         "of the PSF at the centre, as in the log; elsewhere scaled by second moments under a Gaussian as "
+         "wide"},
         {"psf_fwhm_arcsec", q->fwhm * scale, "arcsec", "the same"},
         {"psf_fwhm_range", q->ngrid > 0 ? q->fwhm_high - q->fwhm_low : NAN, "pixels",
          "largest less smallest over the tile"},

@@ -11,6 +11,7 @@
 #include "config/idle.h"
 #include "config/kernel.h"
 #include "io/tile.h"
+#include "measure/starclass.h"
 #include "pipeline/params.h"
 #include "quality/qa.h"
 #include "stage/reference.h"
@@ -28,6 +29,7 @@ typedef struct rx_options {
     const char *catalog_name;
     const char *covariance_name; /* TEMPLATE_COVAR_NAME, "" = none */
     rx_column_list *columns;     /* owned */
+    int columns_built_in;        /* no file names them */
     int nchecks;
     const char *check_types[RX_LIST], *check_names[RX_LIST];
     int write_psf; /* PSF is among them, or PSF_LIBRARY is written */
@@ -35,6 +37,7 @@ typedef struct rx_options {
     rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */
     rx_reference_params reference; /* name NULL: no report */
     rx_qa_params qa;
+    rx_starclass *star_net;      /* owned, also pipeline.measure.star_net; NULL without CLASS_STAR */
     rx_gates *gates;             /* owned, also qa.gates; NULL without QA_GATES */
     const char *self_check_name; /* SELF_CHECK_NAME, "" = no report */
     const char *qa_name;
@@ -44,7 +47,7 @@ typedef struct rx_options {
     double plan_density;     /* PLAN_DENSITY, sources per Mpixel */
 } rx_options;
 
-/* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
+/* Reads the files that keywords name (.param, .conv, .nnw, gates, ASSOC list): all of them before any work. */
 rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);
 
 /* The same with these columns instead of those of PARAMETERS_NAME; the list belongs to the options from then on, and is freed

@@ -122,7 +122,7 @@ rx_status rx_plan_run(const rx_settings *settings, const char *image, FILE *stan
     rx_json_end(&json);
     if (status == RX_OK && text.failed)
         status = rx_error_memory(err, text.capacity);
-    if (status == RX_OK && (fputs(text.data, standard_out) == EOF || fflush(standard_out) != 0))
+    if (status == RX_OK && (fputs(text.data, standard_out), !rx_stream_end(standard_out)))
         status = rx_error_set(err, RX_SYSTEM, "standard output cannot be written");
     if (status == RX_OK && all.failed > 0)
         status = rx_error_set(err, RX_SOME_FAILED, "%s: %ld of %ld tiles cannot be planned", image + 1,

@@ -51,6 +51,10 @@ make_fits tile tile.fits
 printf 'NUMBER\nMAG_ATUO\n' >my.param
 expect 2 '^rextract: my\.param:2: .*MAG_ATUO.*MAG_AUTO' tile.fits $none -PARAMETERS_NAME my.param
 
+begin 'a file that a column needs is asked for before the image is'
+printf 'NUMBER\nCLASS_STAR\n' >my.param
+expect 2 '^rextract: absent\.nnw: .*STARNNW_NAME or leave out CLASS_STAR' absent.fits $none -PARAMETERS_NAME my.param -STARNNW_NAME absent.nnw
+
 begin 'column file without columns'
 make_fits tile tile.fits
 printf '# NUMBER\n' >my.param
