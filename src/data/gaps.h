@@ -12,9 +12,6 @@
 
 #include "base/error.h"
 #include "data/map.h"
-#include "data/psf.h"
-
-struct rx_restored;
 
 typedef struct rx_gap {
     int at;                /* the pixel */
@@ -37,8 +34,8 @@ rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, 
                        rx_error *err);
 void rx_gaps_free(rx_gaps *gaps);
 
-/* The plane[height][width] at its gaps: on the straight line between the good pixels, so that what is on both sides of
- * a gap neither falls apart nor grows. gaps may be NULL. */
+/* The plane[height][width] at its gaps: on the straight line between the good pixels, so that a source across a gap
+ * is not cut, and none grows by it. gaps may be NULL. */
 void rx_gaps_fill(const rx_gaps *gaps, float *plane);
 
 /* How many times the noise of a whole neighbourhood that of an estimate of the light in the gap is: that of a star in

@@ -21,10 +21,10 @@ rx_status rx_network_scale(const rx_image *image, const uint8_t *mask, int nthre
 /* An image in noise units. */
 typedef struct rx_network_input {
     const rx_image *image;
-    const uint8_t *mask; /* [height][width] 0 = good */
+    const uint8_t *mask;        /* [height][width] 0 = good */
     const struct rx_gaps *gaps; /* among what is masked; NULL: none */
-    rx_coarse scale;     /* ADU per noise unit */
-    float *x;            /* [height][width] within +-1e7 */
+    rx_coarse scale;            /* ADU per noise unit */
+    float *x;                   /* [height][width] within +-1e7 */
 } rx_network_input;
 
 /* Writes input->x, the rest is given. Errors: RX_SYSTEM. */

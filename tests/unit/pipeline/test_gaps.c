@@ -74,9 +74,9 @@ static void restore(night *n, const char *kind, rx_tile *tile, const setting *mo
 {
     char model[1024];
     snprintf(model, sizeof model, "%s/config/psfnet.fits", getenv("srcdir"));
-    setting settings[8] = {{"RESTORE_TYPE", kind}, {"NET_MODEL", model}};
+    setting settings[8] = {{"RESTORE_TYPE", kind}, {"NET_MODEL", model}, {"NTHREADS", "1"}};
     for (int i = 0; more != NULL && more[i].name != NULL; i++)
-        settings[2 + i] = more[i];
+        settings[3 + i] = more[i];
     *n = (night){0};
     bench_open(&n->bench, settings);
     assert_int_equal(
