@@ -69,7 +69,7 @@ static bool in_gap(const plane *p, int x, int y, double fwhm, double widest, rx_
     return shortest <= widest;
 }
 
-rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int wide, rx_gaps **dst,
+rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int saturated, rx_gaps **dst,
                        rx_error *err)
 {
     const plane p = {mask, width, height};
@@ -82,7 +82,8 @@ rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, 
         for (int x = 0; x < width; x++) {
             const size_t k = (size_t)y * (size_t)width + (size_t)x;
             rx_gap gap = {.at = (int)k, .mask = mask[k]};
-            if (mask[k] == 0 || !in_gap(&p, x, y, star, (mask[k] & wide) != 0 ? MOST : widest, &gap))
+            const int full = mask[k] & RX_MASK_SATURATED;
+            if (mask[k] == 0 || (full && !saturated) || !in_gap(&p, x, y, star, full ? MOST : widest, &gap))
                 continue;
             if (gaps.n == room)
                 RX_TRY_EXIT(RX_GROW(gaps.list, room = 2 * room + 256, err));

@@ -5,7 +5,8 @@
  * ln 2) w) of the squared S/N of a matched filter (Gaussian PSF), one in a square hole 1 - erf()^2: 0.10 in a row of w
  * = 1, 0.025 in a hole of w = 1.5. These are the widest gaps; beyond them next to nothing is known, and wide masks, of
  * bright stars or borders, stay empty.
- * Masked pixels that are saturated hold light for sure: detection takes them for gaps however wide they are.
+ * Masked pixels that are saturated hold light for sure, but not known how much: for detection they are gaps however
+ * wide they are, for restorers none.
  */
 #ifndef RX_DATA_GAPS_H
 #define RX_DATA_GAPS_H
@@ -28,9 +29,9 @@ typedef struct rx_gaps {
 } rx_gaps;
 
 /* Those of mask[height][width], 0 being good, for a PSF of that FWHM, pixels; 0: not known, 5 pixels, the middle of
- * common seeing. A pixel with one of the bits `wide` is in a gap of any width. NULL: there are none. Free with
+ * common seeing. saturated: pixels with that bit are in gaps of any width, 0: in none. NULL: there are none. Free with
  * rx_gaps_free(). Errors: RX_SYSTEM. */
-rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int wide, rx_gaps **dst,
+rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int saturated, rx_gaps **dst,
                        rx_error *err);
 void rx_gaps_free(rx_gaps *gaps);
 

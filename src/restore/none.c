@@ -35,7 +35,7 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_image *image, rx_lo
     rx_prepared_mask(image, par->nthreads, restored->mask);
     const rx_status status =
         rx_gaps_find(restored->mask, image->width, image->height, image->psf != NULL ? image->psf->fwhm : 0.0,
-                     RX_MASK_SATURATED, &restored->gaps, err);
+                     1, &restored->gaps, err);
     if (status != RX_OK) {
         rx_restored_free(restored);
         return status;
