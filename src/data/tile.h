@@ -23,6 +23,7 @@ enum {
     RX_MASK_UNTOUCHED = 8, /* of a restored image while it is detected on: belongs to a saturated star that is
                               left as it was observed */
     RX_MASK_DEEP = 16,     /* so far below its sky as no dark cloud is */
+    RX_MASK_GAP = 32       /* while a network restores: masked, but its light is estimated (data/gaps.h) */
 };
 
 /* A value of no detector. Beyond it squares and sums leave single precision, so such pixels are bad, as NaN is. */
