@@ -2,6 +2,7 @@
 #include "data/noise_correlation.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
@@ -145,8 +146,8 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
         }
     rx_noise_correlation rest = *noise;
     faint_light fit = fit_light(noise, light, photons, 1.0);
-    const int white =
-        is_light(&fit, most) && take_off(light, &fit, &rest) < fmax(LITTLE, LITTLE_ERRORS * noise->error);
+    bool white = is_light(&fit, most) && fit.share + fit.floor < MOST &&
+                 take_off(light, &fit, &rest) < fmax(LITTLE, LITTLE_ERRORS * noise->error);
     if (!white) {
         /* smoothing reaches farther, but fades */
         const faint_light beyond = fit_light(noise, light, photons, FAR + 1.0);
@@ -154,16 +155,20 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
         fit.share = fmin(fit.share, beyond.share + 2.0 * beyond.error);
         if (!is_light(&fit, most))
             return 0.0;
+        /* where nearly all is light, what differs from it is the PSF's error */
+        white = fit.share + fit.floor >= MOST;
+    }
+    if (white) {
+        rest.correlated = 0;
+        memset(rest.at, 0, sizeof rest.at);
+        rest.at[REACH][REACH] = 1.0;
+    } else {
         /* resampling lowers the noise of no wide sum: so much was not light */
         for (take_off(light, &fit, &rest); rx_noise_factor_wide(&rest) < 1.0; take_off(light, &fit, &rest)) {
             fit.share *= LESS;
             if (fit.share < CLEAR * fit.error)
                 return 0.0;
         }
-    } else {
-        rest.correlated = 0;
-        memset(rest.at, 0, sizeof rest.at);
-        rest.at[REACH][REACH] = 1.0;
     }
     *noise = rest;
     take_off_quadrants(&fit, near, noise);

@@ -337,7 +337,7 @@ static void test_most_is_light(void **state)
     assert_close(rx_noise_factor(&mixed, psf, SIZE, SIZE), rx_noise_factor(&noise, psf, SIZE, SIZE), 0.08);
 }
 
-/* The core of a cluster, where all but 0.07 of the variance is light: so much the photons of the sky say. Without them, or
+/* The core of a cluster, where all but 0.07 of the variance is light, and the PSF is known to 3 %: so much the photons of the sky say. Without them, or
  * where they make up for more, it counts as smoothing. Quadrants of which more was subtracted than they had differ no more than
  * their errors. */
 static void test_photons_bound_light(void **state)
@@ -347,7 +347,7 @@ static void test_photons_bound_light(void **state)
     static const double photons[] = {0, 0.5, 2, 0.07};
     float psf[SIZE * SIZE];
     for (int i = 0; i < SIZE * SIZE; i++)
-        psf[i] = (float)exp(-(pow(i % SIZE - 20, 2) + pow(i / SIZE - 20, 2)) / (2 * 1.3 * 1.3));
+        psf[i] = (float)exp(-(pow(i % SIZE - 20, 2) + pow(i / SIZE - 20, 2)) / (2 * 1.26 * 1.26));
     for (int k = 0; k < 4; k++) {
         rx_noise_correlation noise = rx_noise_white(RX_NOISE_MEASURED);
         noise.correlated = 1;
@@ -361,10 +361,10 @@ static void test_photons_bound_light(void **state)
             noise.quadrant_error[q] = 0.1;
         }
         assert_true(rx_noise_reaches_far(&noise));
-        assert_near(rx_noise_without_light(&noise, psf, SIZE, SIZE, photons[k]), k == 3 ? 0.93 : 0, 0.001);
+        assert_near(rx_noise_without_light(&noise, psf, SIZE, SIZE, photons[k]), k == 3 ? 0.93 : 0, 0.01);
         assert_int_equal(noise.correlated, k < 3);
         assert_int_equal(rx_noise_uneven(&noise), k < 3);
-        assert_near(noise.scale, k < 3 ? 1 : sqrt(0.07), 0.002);
+        assert_near(noise.scale, k < 3 ? 1 : sqrt(0.07), 0.01);
     }
     const rx_noise_correlation shifted = rx_noise_white(RX_NOISE_MEASURED);
     assert_false(rx_noise_reaches_far(&shifted));
