@@ -89,13 +89,21 @@ static rx_status measure_noise(const rx_pipeline_params *params, rx_field *field
 }
 
 /* The PSF in the middle of the tile, to be freed; NULL without memory. */
-static float *middle_stamp(const rx_field *field)
+static float *middle_stamp(const rx_field *field, const rx_psf *psf)
 {
-    const rx_psf *psf = field->psf;
     float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
     if (stamp != NULL)
         rx_psf_at(psf, 0.5 * (field->image.width - 1), 0.5 * (field->image.height - 1), stamp);
     return stamp;
+}
+
+/* The variance of the sky's photons over what was measured of all noise; 0: not known. */
+static double photon_share(const rx_field *field, const rx_noise_correlation *noise)
+{
+    const double variance = pow(field->plain->global_sigma * noise->scale, 2.0);
+    return field->image.gain > 0.0 && field->plain->global_level > 0.0 && variance > 0.0
+               ? field->plain->global_level / field->image.gain / variance
+               : 0.0;
 }
 
 rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *used, int nthreads,
@@ -106,10 +114,10 @@ rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *use
     RX_TRY(rx_correlation_measure(&image, used, nthreads, dst, err));
     if (psf == NULL || !dst->correlated)
         return RX_OK;
-    float *stamp = middle_stamp(field);
+    float *stamp = middle_stamp(field, psf);
     if (stamp == NULL)
         return rx_error_memory(err, 0);
-    rx_noise_without_light(dst, stamp, psf->size, psf->size);
+    rx_noise_without_light(dst, stamp, psf->size, psf->size, photon_share(field, dst));
     free(stamp);
     return RX_OK;
 }
@@ -122,20 +130,23 @@ enum { PSF_ROUNDS = 3 };
 /* Of what taking off the seen neighbours changed, the error for the unseen ones: a choice. */
 static const double PSF_UNSEEN = 0.5;
 
-/* Of the matched filter. What sharpening leaves, or a correlation that was measured wrongly, is not believed. */
-static rx_status make_effective_noise(rx_field *field, rx_log *log, rx_error *err)
+/* Of the matched filter, or of wide sums where no PSF serves; `of_light`, or NULL, says what light looks like there. What sharpening
+ * leaves, or a correlation that was measured wrongly, is not believed. */
+static rx_status make_effective_noise(rx_field *field, const rx_psf *of_light, rx_log *log, rx_error *err)
 {
-    const rx_psf *psf = field->psf;
+    const rx_psf *psf = field->psf != NULL ? field->psf : of_light;
     const rx_image *image = &field->image;
-    field->noise_factor = rx_noise_factor_wide(&field->noise);
     if (psf != NULL && field->noise.correlated) {
-        float *stamp = middle_stamp(field);
+        float *stamp = middle_stamp(field, psf);
         if (stamp == NULL)
             return rx_error_memory(err, 0);
-        rx_noise_without_light(&field->noise, stamp, psf->size, psf->size);
+        rx_noise_without_light(&field->noise, stamp, psf->size, psf->size,
+                               photon_share(field, &field->noise));
         field->noise_factor = rx_noise_factor(&field->noise, stamp, psf->size, psf->size);
         free(stamp);
     }
+    if (field->psf == NULL)
+        field->noise_factor = rx_noise_factor_wide(&field->noise);
     if (field->noise.origin == RX_NOISE_MEASURED && field->noise_factor < LEAST_FACTOR) {
         rx_log_warning(
             log,
@@ -165,7 +176,9 @@ static void say_noise(const rx_field *field, rx_log *log)
     const rx_noise_correlation *noise = &field->noise;
     const rx_image *image = &field->image;
     const int mid = RX_NOISE_REACH;
-    const double *q = noise->quadrant;
+    double q[RX_NOISE_QUADRANTS];
+    for (int i = 0; i < RX_NOISE_QUADRANTS; i++)
+        q[i] = rx_noise_quadrant_factor(noise, i);
     const rx_noise_law law = rx_noise_law_of(noise);
     double sums[4], power[2][5];
     static const double radii[] = {1.5, 3.0, 5.0, 10.0};
@@ -641,6 +654,29 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     return status;
 }
 
+/* The PSF of a tile that needs none, where noise seems to be correlated farther than resampling leaves it, as the light of faint
+ * sources is; NULL where it is not, or is not known. */
+static rx_status measure_light(const rx_pipeline_params *params, int role, const rx_field *field,
+                               rx_psf **dst, rx_error *err)
+{
+    const rx_image image = rx_field_restorable(field);
+    rx_psf_params par = params->psf;
+    rx_sources *stars = NULL;
+    rx_error why = rx_error_part(err);
+    par.file = params->psf_files[role];
+    par.extension = field->image.extension;
+    if (field->noise.origin != RX_NOISE_MEASURED || !field->noise.correlated ||
+        !rx_noise_reaches_far(&field->noise) || (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0)))
+        return RX_OK;
+    if (rx_psf_type_measured(par.type))
+        RX_TRY(find_stars(params, field, NULL, &stars, err));
+    const rx_status status = rx_psf_make(&par, &image, stars, NULL, dst, &why);
+    rx_sources_free(stars);
+    if (status != RX_OK && status != RX_INPUT)
+        return rx_error_take(err, &why);
+    return RX_OK;
+}
+
 /* Both backgrounds. */
 static rx_status measure_backgrounds(const rx_pipeline_params *params, int role, rx_field *field, rx_log *log,
                                      rx_error *err)
@@ -792,8 +828,12 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
         rx_log_info(log, "%s[%d]: PSF %s", image->name, image->hdu, field->psf->description);
     const rx_noise_correlation noise = field->noise;
     field->image.psf = field->psf;
+    rx_psf *of_light = NULL;
+    if (status == RX_OK && field->psf == NULL && (what & RX_FIELD_PSF) == 0)
+        status = measure_light(params, role, field, &of_light, err);
     if (status == RX_OK)
-        status = make_effective_noise(field, log, err);
+        status = make_effective_noise(field, of_light, log, err);
+    rx_psf_free(of_light);
     if (status == RX_OK && image->psf != NULL && rx_psf_type_measured(params->psf.type) &&
         field->nstars > 0) {
         rx_lap_add(&last, &field->background_lap);
@@ -815,7 +855,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
             field->image.psf = field->psf = psf;
             field->noise = noise;
             if (status == RX_OK)
-                status = make_effective_noise(field, log, err);
+                status = make_effective_noise(field, NULL, log, err);
         }
         rx_lap_add(&last, &field->psf_lap);
     }
