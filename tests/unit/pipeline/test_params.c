@@ -17,6 +17,11 @@
 #define SECTION(id, title)
 #define KEY RX_FILL_KEY
 #define NOWORDS NULL
+#define TEXT NULL
+#define READS NULL
+#define WRITES NULL
+#define WRITES_EACH NULL
+#define FOLDER NULL
 #define WORDLIST(...) NULL
 #define W(word, value) value
 #define NEEDS(text) RX_FILL_NOTHING
