@@ -145,7 +145,7 @@ static rx_status make_effective_noise(rx_field *field, const rx_psf *of_light, r
         field->noise_factor = rx_noise_factor(&field->noise, stamp, psf->size, psf->size);
         free(stamp);
     }
-    if (field->psf == NULL)
+    if (field->psf == NULL || !field->noise.correlated)
         field->noise_factor = rx_noise_factor_wide(&field->noise);
     if (field->noise.origin == RX_NOISE_MEASURED && field->noise_factor < LEAST_FACTOR) {
         rx_log_warning(
