@@ -17,6 +17,7 @@
 
 #include "base/memory.h"
 #include "base/text.h"
+#include "io/cards.h"
 #include "io/guard/guard.h"
 
 /* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at.
@@ -476,24 +477,45 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
     return RX_OK;
 }
 
-/* cfitsio takes a scale that it cannot read as none: fluxes would be wrong without a word. */
-static rx_status check_scale(fitsfile *file, const char *path, int hdu, rx_error *err)
+/* cfitsio takes a scale or a BLANK that it cannot read as none, a number in quotes among them, and of two cards the
+ * one it comes to: fluxes would be wrong without a word. */
+static rx_status check_scale(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
+                             rx_error *err)
 {
-    static const char *const keys[] = {"BSCALE", "BZERO"};
-    for (int i = 0; i < 2; i++) {
-        char text[FLEN_VALUE] = "";
+    static const char *const keys[] = {"BSCALE  =", "BZERO   =", "BLANK   ="};
+    const size_t nkeys = shape->bitpix > 0 ? 3 : 2;
+    char seen[3][FLEN_VALUE] = {"", "", ""};
+    int n = 0, failed = 0;
+    fits_get_hdrspace(file, &n, NULL, &failed);
+    for (int k = 1; k <= n && !failed; k++) {
+        char card[FLEN_CARD] = "", text[FLEN_VALUE] = "";
+        size_t i = 0;
+        fits_read_record(file, k, card, &failed);
+        while (i < nkeys && strncmp(card, keys[i], strlen(keys[i])) != 0)
+            i++;
+        if (i == nkeys || failed)
+            continue;
+        int odd = 0;
+        fits_parse_value(card, text, NULL, &odd);
+        const int length = (int)strcspn(keys[i], " =");
+        const char *end = rx_card_number_end(text, text + strlen(text));
+        const bool whole = i < 2 || strcspn(text, ".EeDd") == strlen(text);
         double value = 0;
-        int absent = 0, failed = 0;
-        fits_read_keyword(file, keys[i], text, NULL, &absent);
-        if (absent == 0 && text[0] != '\0')
-            fits_read_key(file, TDOUBLE, keys[i], &value, NULL, &failed);
+        if (end != NULL && *end == '\0')
+            fits_read_key(file, TDOUBLE, i == 0 ? "BSCALE" : i == 1 ? "BZERO" : "BLANK", &value, NULL, &odd);
         fits_clear_errmsg();
-        if (failed || !isfinite(value))
+        if (odd || end == NULL || *end != '\0' || !isfinite(value) || !whole)
             return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                               "%s = %.40s is no number; the header is damaged, fetch the file again",
-                               keys[i], text);
+                               "%.*s = %.40s is no number%s; correct the header, or fetch the file again",
+                               length, keys[i], text, whole ? "" : " of a pixel value");
+        if (seen[i][0] != '\0' && strcmp(seen[i], text) != 0)
+            return rx_error_at(
+                err, RX_INPUT, path, hdu, 0,
+                "%.*s is there twice, %.20s and %.20s; correct the header, or fetch the file again", length,
+                keys[i], seen[i], text);
+        snprintf(seen[i], sizeof seen[i], "%s", text);
     }
-    return RX_OK;
+    return failed ? rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read") : RX_OK;
 }
 
 rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int hdu,
@@ -525,7 +547,7 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
             err, RX_INPUT, path, hdu, 0,
             "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
             there);
-    rx_status status = shape->is_image ? check_scale(file, path, hdu, err) : RX_OK;
+    rx_status status = shape->is_image ? check_scale(file, path, hdu, shape, err) : RX_OK;
     if (!shape->is_compressed || status != RX_OK)
         return status;
     status = check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);

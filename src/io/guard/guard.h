@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "io/fits_file.h"
+#include "io/wcs.h"
 
 /* --- walk.c: a look at the headers of a FITS file before cfitsio goes there --- */
 
@@ -82,11 +83,14 @@ rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pi
 
 /* --- wcs.c: damage that would make wcslib read beyond its memory is taken out, what writers usually mean is put in --- */
 
-/* Change cards in place; what was changed in a way that users should know goes to the note. 0: distortions
- * that cannot be applied here, and there are no world coordinates. */
-int rx_wcs_guard(char *cards, size_t ncards, rx_text *note);
+/* Change cards in place; what was changed in a way that users should know goes to the notes. false: there are no
+ * world coordinates, notes->why says for what reason. */
+bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes);
 
-/* Append a text, behind "; " where there is one before. NULL is fine. */
+/* How many of the first two axes have a type of the sky. */
+int rx_wcs_means_sky(const char *cards, size_t ncards);
+
+/* Append a text, behind "; " where there is one before. */
 void rx_wcs_note(rx_text *note, const char *text);
 
 #endif

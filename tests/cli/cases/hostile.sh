@@ -29,7 +29,7 @@ BSCALE  = NaN|BSCALE = NaN is no number
 BSCALE  = 1E400|BSCALE = 1E400 is no number
 BSCALE  = 'text'|BSCALE = 'text' is no number
 BZERO   = -Inf|BZERO = -Inf is no number
-BZERO   = 1E308|all 9216 pixels are NaN or BLANK
+BZERO   = 1E308|all 9216 pixels are NaN, BLANK or beyond 1e20
 cards
 
 begin 'axes of 1e9 x 1e9 pixels'
