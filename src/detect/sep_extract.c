@@ -5,6 +5,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "detect/batches.h"
@@ -70,8 +71,34 @@ static bool loosen(int failed, rx_extraction *job, limits *limit)
     return false;
 }
 
+/* sep squares pixels and noise in single precision, which neither images of 1e-18 erg/s/cm2 nor their like of 1e18
+ * survive: where the noise is beyond 2^30 or below 2^-30 it is given in this power of two. Elsewhere 1. */
+static double unit_of(const rx_extraction *job)
+{
+    enum { MOST = 30 };
+    const int power = job->noise_value > 0.0 ? ilogb(job->noise_value) : 0;
+    return abs(power) > MOST ? ldexp(1.0, power) : 1.0;
+}
+
+static void divide(float *values, size_t n, double unit)
+{
+    for (size_t i = 0; values != NULL && i < n; i++)
+        values[i] = (float)(values[i] / unit);
+}
+
+/* A copy of a plane of the tile in that unit; NULL: no memory. */
+static float *in_unit(const float *plane, size_t n, double unit)
+{
+    float *copy = RX_NEW(float, n);
+    if (copy != NULL) {
+        memcpy(copy, plane, n * sizeof *copy);
+        divide(copy, n, unit);
+    }
+    return copy;
+}
+
 /* Row i of sep's catalogue, its places still those of the image that sep saw. */
-static rx_detection detection_of(const sep_catalog *cat, int i)
+static rx_detection detection_of(const sep_catalog *cat, int i, double unit)
 {
     return (rx_detection){.npix = cat->npix[i],
                           .xmin = cat->xmin[i],
@@ -88,14 +115,14 @@ static rx_detection detection_of(const sep_catalog *cat, int i)
                           .errx2 = cat->errx2[i],
                           .erry2 = cat->erry2[i],
                           .errxy = cat->errxy[i],
-                          .threshold = cat->thresh[i],
+                          .threshold = (float)(cat->thresh[i] * unit),
                           .a = cat->a[i],
                           .b = cat->b[i],
                           .theta = cat->theta[i],
                           .cxx = cat->cxx[i],
                           .cyy = cat->cyy[i],
                           .cxy = cat->cxy[i],
-                          .filtered_flux = cat->cflux[i],
+                          .filtered_flux = (float)(cat->cflux[i] * unit),
                           .flags = ((cat->flag[i] & SEP_OBJ_MERGED) != 0 ? RX_FLAG_MERGED : 0) |
                                    ((cat->flag[i] & SEP_OBJ_TRUNC) != 0 ? RX_FLAG_TRUNCATED : 0) |
                                    ((cat->flag[i] & SEP_OBJ_DOVERFLOW) != 0 ? RX_FLAG_DEBLEND_OVER : 0),
@@ -162,7 +189,7 @@ static bool take(const rx_extraction *job, const rx_cutouts *cutouts, const sep_
         rx_detection *d = &dst->list[i];
         const int width = cutouts != NULL ? cutouts->width : job->image.width;
         int dx = 0, dy = 0;
-        *d = detection_of(cat, i);
+        *d = detection_of(cat, i, unit_of(job));
         if (cutouts != NULL) {
             const rx_cutout *cut = rx_cutouts_at(cutouts, d->xmin, d->ymin);
             d->group = cut->group;
@@ -187,17 +214,34 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
 {
     const bool whole = cutouts == NULL; /* with sep's own matched filter */
     const bool filters = whole || cutouts->ring > 1;
+    const double unit = unit_of(job);
+    const size_t n = (size_t)job->image.width * (size_t)job->image.height;
     sep_catalog *cat = NULL;
-    sep_image image = {.data = whole ? job->pixels : cutouts->pixels,
-                       .noise = whole ? job->noise : cutouts->noise,
+    float *pixels = NULL, *noise = NULL; /* of the whole tile, where it has a unit */
+    if (whole && unit != 1.0) {
+        pixels = in_unit(job->pixels, n, unit);
+        noise = job->noise != NULL ? in_unit(job->noise, n, unit) : NULL;
+        dst->failed = pixels == NULL || (job->noise != NULL && noise == NULL) ? NO_MEMORY : 0;
+        if (dst->failed != 0)
+            goto exit;
+    } else if (unit != 1.0) {
+        divide(cutouts->pixels, (size_t)cutouts->width * (size_t)cutouts->height, unit);
+        divide(cutouts->noise, (size_t)cutouts->width * (size_t)cutouts->height, unit);
+    }
+    sep_image image = {.data = !whole           ? cutouts->pixels
+                               : pixels != NULL ? pixels
+                                                : job->pixels,
+                       .noise = !whole          ? cutouts->noise
+                                : noise != NULL ? noise
+                                                : job->noise,
                        .dtype = SEP_TFLOAT,
                        .ndtype = SEP_TFLOAT,
                        .w = whole ? job->image.width : cutouts->width,
                        .h = whole ? job->image.height : cutouts->height,
-                       .noiseval = job->noise_value,
+                       .noiseval = job->noise_value / unit,
                        .noise_type = SEP_NOISE_STDDEV,
-                       .gain = job->gain};
-    dst->failed = sep_extract(&image, (float)(job->threshold * job->raised),
+                       .gain = job->gain * unit};
+    dst->failed = sep_extract(&image, (float)(job->threshold * job->raised / (par->absolute ? unit : 1.0)),
                               par->absolute ? SEP_THRESH_ABS : SEP_THRESH_REL, par->min_area,
                               filters ? job->kernel->values : NULL, job->kernel->width, job->kernel->height,
                               whole ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
@@ -205,6 +249,9 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
     if (dst->failed == 0 && !take(job, cutouts, cat, dst))
         dst->failed = NO_MEMORY;
     sep_catalog_free(cat);
+exit:
+    free(pixels);
+    free(noise);
 }
 
 /* Does sep filter this blend itself? Not with absolute thresholds, which know no noise to keep others out by,

@@ -12,6 +12,7 @@
 #include "base/printable.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
+#include "io/units.h"
 
 enum { CARD = 80, KEY = 8, MAX_VALUE = 68 };
 
@@ -21,13 +22,12 @@ enum { CARD = 80, KEY = 8, MAX_VALUE = 68 };
 static const char *value_of(const char *card, const char *key)
 {
     size_t length = strlen(key);
-    if (length <= KEY && strchr(key, ' ') == NULL) {
-        if (strncasecmp(card, key, length) != 0)
-            return NULL;
-        for (size_t i = length; i < KEY; i++)
-            if (card[i] != ' ')
-                return NULL;
-        return card[KEY] == '=' ? card + KEY + 1 : NULL;
+    if (length <= KEY && strncasecmp(card, key, length) == 0) {
+        size_t i = length;
+        while (i < KEY && card[i] == ' ')
+            i++;
+        if (i == KEY && card[KEY] == '=')
+            return card + KEY + 1;
     }
     if (length > MAX_VALUE || strncmp(card, "HIERARCH ", 9) != 0 || strncasecmp(card + 9, key, length) != 0)
         return NULL;
@@ -109,19 +109,75 @@ int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, in
     return 1;
 }
 
-int rx_cards_number(const char *cards, long ncards, const char *key, double *value)
+const char *rx_card_number_end(const char *c, const char *end)
 {
-    char text[CARD], *end;
-    if (!rx_cards_text(cards, ncards, key, text, sizeof text))
+    int digits = 0, points = 0;
+    c += c < end && (*c == '+' || *c == '-');
+    for (; c < end && (isdigit((unsigned char)*c) || (*c == '.' && points == 0)); c++) {
+        points += *c == '.';
+        digits += *c != '.';
+    }
+    if (digits == 0)
+        return NULL;
+    if (c < end && strchr("EeDd", *c) != NULL) {
+        const char *power = c + 1 + (c + 1 < end && (c[1] == '+' || c[1] == '-'));
+        while (power < end && isdigit((unsigned char)*power))
+            c = ++power;
+    }
+    return c;
+}
+
+/* The number that `text` begins with; *end behind it and its blanks. 0: there is none, or none that is finite. */
+static int leading_number(const char *text, const char **end, double *value)
+{
+    char number[CARD];
+    text += strspn(text, " ");
+    *end = rx_card_number_end(text, text + strlen(text));
+    if (*end == NULL)
         return 0;
-    for (char *c = text; *c != '\0'; c++)
+    snprintf(number, sizeof number, "%.*s", (int)(*end - text), text);
+    for (char *c = number; *c != '\0'; c++)
         if (*c == 'd' || *c == 'D')
             *c = 'E';
-    if (strchr(text, 'x') != NULL || strchr(text, 'X') != NULL)
-        return 0; /* no hexadecimal numbers in FITS */
-    double number = rx_point_number(text, &end);
-    if (end == text || *end != '\0' || !isfinite(number))
+    const double found = rx_point_number(number, NULL);
+    *end += strspn(*end, " ");
+    if (!isfinite(found))
         return 0;
+    *value = found;
+    return 1;
+}
+
+int rx_cards_number(const char *cards, long ncards, const char *key, double *value)
+{
+    return rx_cards_quantity(cards, ncards, key, NULL, value);
+}
+
+int rx_cards_quantity(const char *cards, long ncards, const char *key, const char *unit, double *value)
+{
+    char text[CARD + 1], spelling[RX_UNIT_TEXT], expected[RX_UNIT_TEXT];
+    const char *end;
+    double number;
+    const long i = ncards > 0 ? rx_cards_find(cards, (size_t)ncards, key) : -1;
+    if (i < 0 || !rx_cards_text(cards, ncards, key, text, sizeof text) ||
+        !leading_number(text, &end, &number))
+        return 0;
+    if (*end != '\0' && unit == NULL)
+        return 0;
+    if (*end != '\0') {
+        const char *c = value_of(cards + i * CARD, key);
+        c += strspn(c, " ");
+        if (*c != '\'') { /* the slash of a unit is not that of the comment, which follows a blank */
+            snprintf(text, sizeof text, "%.*s", (int)(cards + (i + 1) * CARD - c), c);
+            char *comment = strstr(text, " /");
+            if (comment != NULL)
+                *comment = '\0';
+            (void)leading_number(text, &end, &number);
+        }
+        rx_unit_spelling(end, spelling);
+        rx_unit_spelling(unit, expected);
+        if (spelling[0] == '\0' || strcmp(spelling, expected) != 0)
+            return 0;
+    }
     *value = number;
     return 1;
 }
@@ -304,7 +360,7 @@ void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long si
         else if (strncmp(key, "CNPIX", 5) == 0 && key[6] == '\0' && (key[5] == '1' || key[5] == '2') &&
                  rx_cards_number(card, 1, key, &value)) /* DSS plates: corner on the plate */
             replace_number(card, key, value + (double)(first[key[5] - '1'] - 1), 1);
-        if ((axis == 0 || axis == 1) && rx_cards_number(card, 1, key, &value))
+        if ((axis == 0 || axis == 1) && rx_cards_quantity(card, 1, key, "pix", &value))
             replace_number(card, key, value - (double)(first[axis] - 1), 0);
     }
 }

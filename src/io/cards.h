@@ -15,6 +15,12 @@ long rx_cards_find(const char *cards, size_t ncards, const char *key);
  * when there is none before `end`. */
 const char *rx_card_text_end(const char *c, const char *end);
 
+/* Behind the number that begins at `c`, its exponent by E or D; NULL when there is none before `end`. */
+const char *rx_card_number_end(const char *c, const char *end);
+
+/* rx_cards_number(), or a number with its unit, which must be that one (io/units.h). */
+int rx_cards_quantity(const char *cards, long ncards, const char *key, const char *unit, double *value);
+
 /* Header of an image after a section of it was cut out: CRPIXj (all versions) and LTVj move
  * by the section's first pixel (from 1), NAXISj become its size. In place. */
 void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long size[2]);

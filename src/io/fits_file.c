@@ -17,6 +17,7 @@
 
 #include "base/memory.h"
 #include "base/text.h"
+#include "io/cards.h"
 #include "io/guard/guard.h"
 
 /* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at.
@@ -480,22 +481,27 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
     return RX_OK;
 }
 
-/* cfitsio takes a scale that it cannot read as none: fluxes would be wrong without a word. */
-static rx_status check_scale(fitsfile *file, const char *path, int hdu, rx_error *err)
+/* cfitsio takes a scale or a BLANK that it cannot read as none: fluxes would be wrong without a word. */
+static rx_status check_scale(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
+                             rx_error *err)
 {
-    static const char *const keys[] = {"BSCALE", "BZERO"};
-    for (int i = 0; i < 2; i++) {
+    static const char *const keys[] = {"BSCALE", "BZERO", "BLANK"};
+    for (int i = 0; i < (shape->bitpix > 0 ? 3 : 2); i++) {
         char text[FLEN_VALUE] = "";
         double value = 0;
-        int absent = 0, failed = 0;
-        fits_read_keyword(file, keys[i], text, NULL, &absent);
-        if (absent == 0 && text[0] != '\0')
+        int failed = 0;
+        fits_read_keyword(file, keys[i], text, NULL, &failed);
+        const bool there = failed != KEY_NO_EXIST;
+        const char *end = rx_card_number_end(text, text + strlen(text));
+        const bool number = end != NULL && *end == '\0',
+                   whole = i < 2 || strcspn(text, ".EeDd") == strlen(text);
+        if (there && number)
             fits_read_key(file, TDOUBLE, keys[i], &value, NULL, &failed);
         fits_clear_errmsg();
-        if (failed || !isfinite(value))
+        if (there && (failed || !number || !isfinite(value) || !whole))
             return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                               "%s = %.40s is no number; the header is damaged, fetch the file again",
-                               keys[i], text);
+                               "%s = %.40s is no number%s; correct the header, or fetch the file again",
+                               keys[i], text, whole ? "" : " of a pixel value");
     }
     return RX_OK;
 }
@@ -529,7 +535,7 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
             err, RX_INPUT, path, hdu, 0,
             "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
             there);
-    rx_status status = shape->is_image ? check_scale(file, path, hdu, err) : RX_OK;
+    rx_status status = shape->is_image ? check_scale(file, path, hdu, shape, err) : RX_OK;
     if (!shape->is_compressed || status != RX_OK)
         return status;
     status = check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);

@@ -47,7 +47,8 @@ typedef rx_status (*rx_history_visitor)(void *user, const char *line, rx_error *
 rx_status rx_cards_history(const char *cards, long ncards, rx_history_visitor visit, void *user,
                            rx_error *err);
 
-/* Value of a key in a block of cards as text (quotes stripped, trimmed) or number; 0 when absent. */
+/* Value of a key in a block of cards as text (quotes stripped, trimmed) or number (with or without quotes, its
+ * exponent by E or D); 0 when it is absent or no such value. */
 int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size);
 int rx_cards_number(const char *cards, long ncards, const char *key, double *value);
 

@@ -12,7 +12,9 @@ librextract_la_SOURCES += \
 	src/io/sky.c src/io/sky.h \
 	src/io/tile.c \
 	src/io/planes.c src/io/planes.h \
+	src/io/header_numbers.c src/io/header_numbers.h \
 	src/io/tile_weight.c src/io/tile_weight.h \
+	src/io/units.c src/io/units.h \
 	src/io/wcs.c \
 	src/io/guard/guard.h src/io/guard/header.c src/io/guard/hcompress.c src/io/guard/tiles.c src/io/guard/unpack.c src/io/guard/walk.c src/io/guard/wcs.c
 librextract_la_SOURCES += src/io/fits_read.h src/io/fits_write.h src/io/output.h

@@ -16,6 +16,7 @@
 #include "io/cards.h"
 #include "io/fits_file.h"
 #include "io/fits_read.h"
+#include "io/header_numbers.h"
 #include "io/planes.h"
 #include "io/tile_weight.h"
 #include "io/wcs.h"
@@ -136,64 +137,31 @@ rx_status rx_tile_list_all(const char *name, rx_log *log, int **hdus, int *n, rx
 
 /* --- numbers from header or keyword --- */
 
-/* First number whose key begins with `key`: SExtractor compares no further, so that GAIN_KEY GAIN finds the
- * GAINA of a two-amplifier detector. */
-static int number_by_prefix(const rx_text *cards, const char *key, double *value, char found[9])
+static void take_numbers(const rx_tile_params *par, const rx_header *header, rx_tile *tile)
 {
-    size_t length = strlen(key);
-    for (size_t i = 0; i < cards->length / 80; i++) {
-        const char *card = cards->data + i * 80;
-        if (length >= 8 || strncmp(card, key, length) != 0 || strncmp(card + 8, "= ", 2) != 0)
-            continue;
-        memcpy(found, card, 8);
-        found[8] = '\0';
-        found[strcspn(found, " ")] = '\0';
-        if (rx_cards_number(cards->data, (long)(cards->length / 80), found, value))
-            return 1;
-    }
-    return 0;
-}
-
-/* Header key of the HDU, or of the primary header, else one that begins so, else what the keyword says. */
-static double number_or(const rx_text *cards, const rx_text *parent, const char *key, double otherwise,
-                        rx_log *log, const rx_tile *tile)
-{
-    double value = otherwise;
-    char found[9];
-    if (key == NULL || key[0] == '\0' ||
-        rx_cards_number(cards->data, (long)(cards->length / 80), key, &value) ||
-        rx_cards_number(parent->data, (long)(parent->length / 80), key, &value))
-        return value;
-    if (number_by_prefix(cards, key, &value, found) || number_by_prefix(parent, key, &value, found))
-        rx_log_hint(log, "%s[%d]: the header has no %s; %s = %g is taken, as SExtractor does", tile->name,
-                    tile->hdu, key, found, value);
-    return value;
-}
-
-static void take_numbers(const rx_tile_params *par, const rx_text *cards, const rx_text *parent, rx_log *log,
-                         rx_tile *tile)
-{
-    tile->gain = number_or(cards, parent, par->gain_key, par->gain, log, tile);
+    const char *const gain_key = par->gain_key != NULL ? par->gain_key : "";
+    const rx_header_number gain = {"GAIN", gain_key, "GAIN", "e-/ADU", par->gain};
+    const rx_header_number saturation = {"SATUR_LEVEL", par->saturation_key, "SATURATE", "ADU",
+                                         par->saturation};
+    const rx_header_number zeropoint = {"MAG_ZEROPOINT", par->zeropoint_key, "", "mag", par->zeropoint};
+    const rx_header_number exptime = {"EXPTIME", "EXPTIME", "EXPTIME", "s", 0};
+    bool gain_found;
+    tile->gain = rx_header_number_or(header, &gain, &gain_found);
     if (tile->gain < 0) {
-        rx_log_warning(log, "%s[%d]: %s = %g is no gain; taken as infinite (0)", tile->name, tile->hdu,
-                       par->gain_key != NULL ? par->gain_key : "GAIN", tile->gain);
+        rx_log_warning(header->log, "%s[%d]: %s = %g is no gain; taken as infinite (0)", header->name,
+                       header->hdu, gain_found ? gain_key : "GAIN", tile->gain);
         tile->gain = 0;
     }
-    if (tile->gain != par->gain && par->gain_key != NULL)
-        snprintf(tile->gain_card, sizeof tile->gain_card, "%s", par->gain_key);
-    tile->saturation = number_or(cards, parent, par->saturation_key, par->saturation, log, tile);
+    if (gain_found)
+        snprintf(tile->gain_card, sizeof tile->gain_card, "%s", gain_key);
+    tile->saturation = rx_header_number_or(header, &saturation, NULL);
     if (!(tile->saturation > 0) || isinf(tile->saturation))
         tile->saturation = HUGE_VAL;
-    tile->zeropoint = number_or(cards, parent, par->zeropoint_key, par->zeropoint, log, tile);
-    double card = tile->zeropoint; /* the simulator's, and some surveys' */
-    if ((par->zeropoint_key == NULL || par->zeropoint_key[0] == '\0') &&
-        rx_cards_number(cards->data, (long)(cards->length / 80), "MAGZERO", &card) && card != tile->zeropoint)
-        rx_log_info(
-            log, "%s[%d]: MAG_ZEROPOINT is %g, the header's MAGZERO %g; MAG_ZEROPOINT_KEY MAGZERO takes it",
-            tile->name, tile->hdu, tile->zeropoint, card);
-    tile->exptime = number_or(cards, parent, "EXPTIME", 0, log, tile);
+    tile->zeropoint = rx_header_number_or(header, &zeropoint, NULL);
+    tile->exptime = rx_header_number_or(header, &exptime, NULL);
     if (tile->exptime < 0)
         tile->exptime = 0;
+    rx_header_hints(header, tile, gain_key, gain_found);
 }
 
 /* --- pixels --- */
@@ -267,9 +235,10 @@ static rx_status mask_pixels(rx_tile *tile, int nthreads, size_t *bad, rx_error 
     for (int y = 0; y < tile->height; y++)
         found += mask_row(tile, y);
     *bad = found;
-    return found < n ? RX_OK
-                     : rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
-                                   "all %zu pixels are NaN or BLANK; there is nothing to measure", n);
+    return found < n
+               ? RX_OK
+               : rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                             "all %zu pixels are NaN, BLANK or beyond 1e20; there is nothing to measure", n);
 }
 
 static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nthreads, rx_tile *tile,
@@ -338,15 +307,18 @@ static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_log 
 
 static rx_status take_wcs(const rx_tile_params *par, rx_log *log, rx_tile *tile, rx_error *err)
 {
-    rx_text note = {0};
+    rx_wcs_notes notes = {0};
     rx_status status =
-        rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs, &note, err);
-    if (status == RX_OK && note.length > 0)
-        rx_log_detail(log, "%s[%d]: %s", tile->name, tile->hdu, note.data);
-    rx_text_free(&note);
+        rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs, &notes, err);
+    if (status == RX_OK && notes.warnings.length > 0)
+        rx_log_warning(log, "%s[%d]: %s", tile->name, tile->hdu, notes.warnings.data);
+    if (status == RX_OK && notes.details.length > 0)
+        rx_log_detail(log, "%s[%d]: %s", tile->name, tile->hdu, notes.details.data);
+    const bool half_read = notes.why.length > 0;
+    rx_wcs_notes_free(&notes);
     if (status != RX_OK)
         return status;
-    if (tile->wcs == NULL)
+    if (tile->wcs == NULL && !half_read)
         tile->linear_wcs = rx_wcs_linear(tile->cards, tile->ncards, tile->linear);
     if (par->pixel_scale > 0)
         tile->pixel_scale = par->pixel_scale;
@@ -411,7 +383,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     RX_TRY_EXIT(find_place(&source, &place, err));
     RX_TRY_EXIT(read_header(source.file, &place, log, &cards, &parent, err));
     RX_TRY_EXIT(name_tile(&place, &cards, tile, err));
-    take_numbers(par, &cards, &parent, log, tile);
+    take_numbers(par, &(rx_header){&cards, &parent, tile->name, hdu, log}, tile);
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
@@ -459,9 +431,10 @@ static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_tile
             tile->mask[i] |= RX_MASK_BAD;
         bad += (tile->mask[i] & RX_MASK_BAD) != 0;
     }
-    return bad < n ? RX_OK
-                   : rx_error_at(err, RX_INPUT, tile->name, -1, 0,
-                                 "all %zu pixels are NaN or masked; there is nothing to measure", n);
+    return bad < n
+               ? RX_OK
+               : rx_error_at(err, RX_INPUT, tile->name, -1, 0,
+                             "all %zu pixels are NaN, masked or beyond 1e20; there is nothing to measure", n);
 }
 
 rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, rx_log *log, rx_tile **dst,
@@ -489,7 +462,7 @@ rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, 
     }
     if (tile->name == NULL || tile->extname == NULL || cards.failed)
         RX_TRY_EXIT(rx_error_memory(err, cards.length));
-    take_numbers(par, &cards, &(rx_text){0}, log, tile);
+    take_numbers(par, &(rx_header){&cards, &(rx_text){0}, tile->name, tile->hdu, log}, tile);
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};

@@ -6,12 +6,13 @@
 #include <wcslib/wcshdr.h>
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "io/fits_read.h"
+#include "io/cards.h"
 #include "io/guard/guard.h"
 #include "io/sky.h"
 
@@ -63,15 +64,15 @@ static int is_usable(rx_wcs *wcs, int width, int height)
     return 0;
 }
 
-static void take_frame(rx_wcs *wcs, rx_text *note)
+static void take_frame(rx_wcs *wcs, rx_text *details)
 {
     struct wcsprm *prm = &wcs->prm;
     double equinox = isfinite(prm->equinox) && prm->equinox > 1000 ? prm->equinox : 0;
     wcs->frame = rx_sky_frame_of(prm->lngtyp, prm->radesys, equinox);
     if (!wcs->frame.known)
-        rx_wcs_note(note, "longitudes of this type cannot be taken to J2000");
+        rx_wcs_note(details, "longitudes of this type cannot be taken to J2000");
     else if (wcs->frame.eterms)
-        rx_wcs_note(note, "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
+        rx_wcs_note(details, "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
 }
 
 /* Parse, repair and set up for an image of that size; *why says what is missing when there is nothing to be
@@ -90,7 +91,8 @@ static rx_status set_up(char *cards, size_t ncards, const int size[2], rx_wcs **
     if (failed == 2) {
         status = rx_error_memory(err, 0);
     } else if (failed || n == 0 || take_axes(list, n, wcs) != 0) {
-        *why = "no celestial coordinates in the header";
+        *why = rx_wcs_means_sky(cards, ncards) == 2 ? "wcslib cannot read them"
+                                                    : "no celestial coordinates in the header";
     } else if (is_singular(&wcs->prm)) {
         *why = "the matrix of the linear transformation is singular";
     } else {
@@ -109,10 +111,41 @@ static rx_status set_up(char *cards, size_t ncards, const int size[2], rx_wcs **
     return status;
 }
 
-rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst,
-                            rx_text *note, rx_error *err)
+void rx_wcs_notes_free(rx_wcs_notes *notes)
+{
+    rx_text_free(&notes->warnings);
+    rx_text_free(&notes->details);
+    rx_text_free(&notes->why);
+}
+
+static rx_status make(char *cards, size_t ncards, const int size[2], rx_wcs **dst, rx_wcs_notes *notes,
+                      rx_error *err)
 {
     const char *why = NULL;
+    const bool guarded = rx_wcs_guard(cards, ncards, notes);
+    if (guarded)
+        RX_TRY(set_up(cards, ncards, size, dst, &why, err));
+    if (*dst != NULL) {
+        take_frame(*dst, &notes->details);
+        if (!is_usable(*dst, size[0], size[1])) {
+            why = "neither the centre nor a corner has sky coordinates";
+            rx_wcs_free(*dst);
+            *dst = NULL;
+        }
+    }
+    if (*dst == NULL) {
+        rx_text *said = !guarded || rx_wcs_means_sky(cards, ncards) > 0 ? &notes->warnings : &notes->details;
+        rx_wcs_note(said, "no world coordinates: ");
+        rx_text_add(said, guarded ? why : notes->why.data);
+    }
+    return notes->warnings.failed || notes->details.failed || notes->why.failed ? rx_error_memory(err, ncards)
+                                                                                : RX_OK;
+}
+
+rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst,
+                            rx_wcs_notes *notes, rx_error *err)
+{
+    rx_wcs_notes own = {0};
     *dst = NULL;
     if (cards == NULL || ncards == 0)
         return RX_OK;
@@ -120,25 +153,13 @@ rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int hei
     RX_TRY(RX_MAKE(copy, (ncards + RX_WCS_OWN) * CARD + 1, err));
     memset(copy, ' ', RX_WCS_OWN * CARD);
     memcpy(copy + RX_WCS_OWN * CARD, cards, ncards * CARD);
-    ncards += RX_WCS_OWN;
-    rx_status status = RX_OK;
-    if (rx_wcs_guard(copy, ncards, note))
-        status = set_up(copy, ncards, (int[2]){width, height}, dst, &why, err);
-    else
-        why = "distortions by CPDIS or CQDIS other than LOOKUP are not known here";
-    if (*dst != NULL) {
-        take_frame(*dst, note);
-        if (!is_usable(*dst, width, height)) {
-            why = "neither the centre nor a corner has sky coordinates";
-            rx_wcs_free(*dst);
-            *dst = NULL;
-        }
+    const rx_status status =
+        make(copy, ncards + RX_WCS_OWN, (int[2]){width, height}, dst, notes != NULL ? notes : &own, err);
+    if (status != RX_OK) {
+        rx_wcs_free(*dst);
+        *dst = NULL;
     }
-    if (status == RX_OK && *dst == NULL) {
-        rx_wcs_note(note, "no world coordinates: ");
-        if (note != NULL)
-            rx_text_add(note, why);
-    }
+    rx_wcs_notes_free(&own);
     free(copy);
     return status;
 }
@@ -296,22 +317,27 @@ double rx_wcs_pixel_scale(rx_wcs *wcs, double x, double y)
     return 3600 * sqrt(fabs(m[0] * m[3] - m[1] * m[2]));
 }
 
+/* false: the card is there, but no number. */
+static bool read_linear(const char *cards, size_t ncards, const char *key, const char *unit, double *value)
+{
+    return rx_cards_quantity(cards, (long)ncards, key, unit, value) || rx_cards_find(cards, ncards, key) < 0;
+}
+
 int rx_wcs_linear(const char *cards, size_t ncards, double linear[6])
 {
-    double crval[2], crpix[2] = {0, 0}, cdelt[2] = {1, 1}, cd[4] = {0, 0, 0, 0};
-    long n = (long)ncards;
+    double crval[2] = {NAN, NAN}, crpix[2] = {0, 0}, cdelt[2] = {1, 1}, cd[4] = {0, 0, 0, 0};
     int has_cd = 0;
-    if (!rx_cards_number(cards, n, "CRVAL1", &crval[0]) || !rx_cards_number(cards, n, "CRVAL2", &crval[1]))
-        return 0;
+    bool good = true;
     for (int i = 0; i < 4; i++) {
         char key[16];
         snprintf(key, sizeof key, "CD%d_%d", i / 2 + 1, i % 2 + 1);
-        has_cd += rx_cards_number(cards, n, key, &cd[i]);
+        has_cd += rx_cards_find(cards, ncards, key) >= 0;
+        good = good && read_linear(cards, ncards, key, "deg/pix", &cd[i]);
     }
-    for (int i = 0; i < 2; i++) {
-        rx_cards_number(cards, n, i == 0 ? "CRPIX1" : "CRPIX2", &crpix[i]);
-        rx_cards_number(cards, n, i == 0 ? "CDELT1" : "CDELT2", &cdelt[i]);
-    }
+    for (int i = 0; i < 2; i++)
+        good = good && read_linear(cards, ncards, i == 0 ? "CRVAL1" : "CRVAL2", "deg", &crval[i]) &&
+               read_linear(cards, ncards, i == 0 ? "CRPIX1" : "CRPIX2", "pix", &crpix[i]) &&
+               read_linear(cards, ncards, i == 0 ? "CDELT1" : "CDELT2", "deg/pix", &cdelt[i]);
     if (!has_cd) {
         cd[0] = cdelt[0];
         cd[3] = cdelt[1];
@@ -321,7 +347,7 @@ int rx_wcs_linear(const char *cards, size_t ncards, double linear[6])
         linear[3 * i + 1] = cd[2 * i];
         linear[3 * i + 2] = cd[2 * i + 1];
     }
-    return 1;
+    return good && isfinite(crval[0]) && isfinite(crval[1]);
 }
 
 const char *rx_wcs_library(void)

@@ -12,10 +12,20 @@ RX_BEGIN_DECLS
 
 typedef struct rx_wcs rx_wcs;
 
-/* From header cards (80 characters each). *dst stays NULL, status RX_OK, when the header
- * has no celestial coordinates; what was ignored or repaired is appended to note (may be NULL). */
+/* What was found out while a header was read, to be freed. */
+typedef struct rx_wcs_notes {
+    rx_text
+        warnings; /* contradictions, and how they were resolved; why a header that means the sky gives none */
+    rx_text details; /* what was ignored or repaired */
+    rx_text why;     /* there are no world coordinates, celestial or linear ones */
+} rx_wcs_notes;
+
+void rx_wcs_notes_free(rx_wcs_notes *notes);
+
+/* From header cards (80 characters each). *dst stays NULL, status RX_OK, when the header has no celestial
+ * coordinates, or none that can be read as a whole. What is to be said of them is appended to notes (may be NULL). */
 rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst,
-                            rx_text *note, rx_error *err);
+                            rx_wcs_notes *notes, rx_error *err);
 void rx_wcs_free(rx_wcs *wcs);
 
 /* n 0-based pixel positions to native sky (deg); what cannot be projected is NAN. */

@@ -199,6 +199,10 @@ static void leave_empty(rx_sources *sources)
                                                     .restore = RX_RESTORE_UNTESTED};
 }
 
+/* Weights are 1 / noise^2 in single precision, which ends at 2^127: of noise up to 2^60 and down to 2^-60 they leave
+ * 2^7 for pixels of a template. */
+enum { MOST_POWER = 60 };
+
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
                               rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err)
 {
@@ -214,6 +218,18 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                        without->image.name, without->image.hdu);
         return RX_OK;
     }
+    const rx_image measured = rx_field_restorable(fields.measure);
+    const int power = measured.global_noise > 0.0 ? ilogb(measured.global_noise) : 0;
+    if (abs(power) > MOST_POWER) {
+        leave_empty(sources);
+        rx_log_warning(
+            log,
+            "%s[%d]: no templates are fitted to noise of %.3g a pixel, whose square single precision "
+            "does not hold; multiply the image by %g and give a MAG_ZEROPOINT that is larger by %.4g",
+            measured.name, measured.hdu, measured.global_noise, pow(10.0, -round(0.30103 * power)),
+            -2.5 * round(0.30103 * power));
+        return RX_OK;
+    }
     w.extra =
         (rx_template_extra){.detect = &params->detect,
                             .threshold = params->templates.threshold,
@@ -226,7 +242,6 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                             .sources = sources,
                             .nthreads = params->nthreads,
                             .log = log};
-    const rx_image measured = rx_field_restorable(fields.measure);
     rx_status status = rx_error_where(err, fit(&w, sources, err), measured.name, measured.hdu, 0);
     const int noiseless = status == RX_OK && dst->tphot->least > measured.global_noise;
     if (noiseless)

@@ -272,7 +272,7 @@ void fuzz_wcs(const uint8_t *data, size_t size)
     rx_text cards = {0};
     rx_wcs *wcs = NULL;
     char word[80];
-    rx_text note = {0};
+    rx_wcs_notes notes = {0};
     double linear[6], matrix[4], alpha[3], delta[3], x[3] = {0, 31, 1e6}, y[3] = {0, 20, -1e6};
     for (const uint8_t *at = data, *end = data + size; at < end;) {
         char card[CARD];
@@ -288,14 +288,14 @@ void fuzz_wcs(const uint8_t *data, size_t size)
         return;
     rx_cards_text(cards.data, (long)n, "CTYPE1", word, sizeof word);
     rx_wcs_linear(cards.data, n, linear);
-    if (rx_wcs_from_cards(cards.data, n, 64, 48, &wcs, &note, NULL) == RX_OK && wcs != NULL) {
+    if (rx_wcs_from_cards(cards.data, n, 64, 48, &wcs, &notes, NULL) == RX_OK && wcs != NULL) {
         rx_wcs_to_sky(wcs, 3, x, y, alpha, delta);
         rx_wcs_to_pixel(wcs, 3, alpha, delta, x, y);
         rx_wcs_matrix(wcs, 10, 10, matrix);
         rx_wcs_pixel_scale(wcs, 10, 10);
         rx_wcs_free(wcs);
     }
-    rx_text_free(&note);
+    rx_wcs_notes_free(&notes);
     rx_text_free(&cards);
 }
 

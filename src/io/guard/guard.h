@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "io/fits_file.h"
+#include "io/wcs.h"
 
 /* --- header.c: headers as cfitsio may see them --- */
 
@@ -95,11 +96,14 @@ rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pi
 /* --- wcs.c: damage that would make wcslib read beyond its memory is taken out, what writers usually mean is put in --- */
 
 /* Change cards in place, of which the first RX_WCS_OWN are free; what was changed in a way that users should know
- * goes to the note. 0: distortions that cannot be applied here, and there are no world coordinates. */
+ * goes to the notes. false: there are no world coordinates, notes->why says for what reason. */
 enum { RX_WCS_OWN = 2 };
-int rx_wcs_guard(char *cards, size_t ncards, rx_text *note);
+bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes);
 
-/* Append a text, behind "; " where there is one before. NULL is fine. */
+/* How many of the first two axes have a type of the sky. */
+int rx_wcs_means_sky(const char *cards, size_t ncards);
+
+/* Append a text, behind "; " where there is one before. */
 void rx_wcs_note(rx_text *note, const char *text);
 
 #endif

@@ -192,27 +192,6 @@ static bool is_whole(const char *c, const char *end)
     return c < end && end - c <= MOST_DIGITS && skip_digits(c, end) == end;
 }
 
-static bool is_number(const char *c, const char *end)
-{
-    c += c < end && (*c == '+' || *c == '-');
-    const char *first = c;
-    c = skip_digits(c, end);
-    ptrdiff_t digits = c - first;
-    if (c < end && *c == '.') {
-        first = ++c;
-        c = skip_digits(c, end);
-        digits += c - first;
-    }
-    if (digits > 0 && c < end && strchr("EDed", *c) != NULL) {
-        c++;
-        c += c < end && (*c == '+' || *c == '-');
-        first = c;
-        c = skip_digits(c, end);
-        digits = c - first;
-    }
-    return digits > 0 && c == end;
-}
-
 static bool is_printable(const char *c, const char *end)
 {
     while (c < end && *c >= ' ' && *c <= '~')
@@ -239,7 +218,7 @@ static bool read_value(kind kind, token t, char dst[CARD + 2])
     if (kind == TEXT)
         return !t.is_open && t.end > t.begin && is_printable(t.begin, t.end);
     return kind == WHOLE    ? is_whole(t.begin, t.end)
-           : kind == NUMBER ? is_number(t.begin, t.end)
+           : kind == NUMBER ? rx_card_number_end(t.begin, t.end) == t.end
                             : t.end == t.begin + 1 && (*t.begin == 'T' || *t.begin == 'F');
 }
 

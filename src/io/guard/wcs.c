@@ -16,10 +16,11 @@
 
 enum { CARD = 80 };
 
+static const double DEGREE = 0.017453292519943295769;
+
 void rx_wcs_note(rx_text *note, const char *text)
 {
-    if (note != NULL)
-        rx_text_printf(note, "%s%s", note->length > 0 ? "; " : "", text);
+    rx_text_printf(note, "%s%s", note->length > 0 ? "; " : "", text);
 }
 
 /* "PVi_m" of axis 1 or 2: m, else -1. */
@@ -83,7 +84,7 @@ static int axes_of(const char *card)
 /* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, or of NAXIS x NAXIS, whatever they say, and multiplies as
  * int; and it takes for granted that SIP, the solution of a plate and WAT come with two axes. An image has two: so
  * says the first card, which is free for that, unless NAXIS says more. */
-static void set_axes(char *cards, size_t ncards, rx_text *note)
+static void set_axes(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
     char first[CARD + 1];
     int axes = 2;
@@ -94,8 +95,8 @@ static void set_axes(char *cards, size_t ncards, rx_text *note)
             continue;
         const int n = axes_of(card);
         if (n < 0)
-            rx_wcs_note(note, wcsaxes ? "WCSAXES is no number of axes and is ignored"
-                                      : "NAXIS is no number of axes and is ignored");
+            rx_wcs_note(&notes->details, wcsaxes ? "WCSAXES is no number of axes and is ignored"
+                                                 : "NAXIS is no number of axes and is ignored");
         if (!wcsaxes && n > axes)
             axes = n;
         if (n < 0 || !wcsaxes)
@@ -103,23 +104,6 @@ static void set_axes(char *cards, size_t ncards, rx_text *note)
     }
     snprintf(first, sizeof first, "NAXIS   = %20d%*s", axes, CARD - 30, "");
     memcpy(cards, first, CARD);
-}
-
-/* End of the number that begins at `c`; NULL where there is none. */
-static const char *end_of_number(const char *c, const char *end)
-{
-    int digits = 0, points = 0;
-    c += *c == '+' || *c == '-';
-    for (; c < end && (isdigit((unsigned char)*c) || (*c == '.' && points == 0)); c++) {
-        points += *c == '.';
-        digits += *c != '.';
-    }
-    if (digits > 0 && c < end && (*c == 'E' || *c == 'e')) {
-        c += 1 + (c + 1 < end && (c[1] == '+' || c[1] == '-'));
-        for (digits = 0; c < end && isdigit((unsigned char)*c); c++)
-            digits++;
-    }
-    return digits > 0 ? c : NULL;
 }
 
 /* Order or coefficient of SIP. */
@@ -212,7 +196,7 @@ static int is_whole_card(const char *card)
     else if (c < end && !number && *c == '\'')
         c = rx_card_text_end(c, end);
     else
-        c = c < end ? end_of_number(c, end) : NULL;
+        c = c < end ? rx_card_number_end(c, end) : NULL;
     while (c != NULL && c < end && *c == ' ')
         c++;
     return c != NULL && (c == end || *c == '/');
@@ -298,7 +282,9 @@ static int has_plate(const char *cards, size_t ncards)
 /* A number and the blank behind it; what follows, NULL where there is none. */
 static const char *next_number(const char *c, const char *end, double *value)
 {
-    const char *stop = c < end ? end_of_number(c, end) : NULL;
+    const char *stop = c < end ? rx_card_number_end(c, end) : NULL;
+    if (stop != NULL && strcspn(c, "Dd") < (size_t)(stop - c)) /* no exponent of wcslib's */
+        stop = NULL;
     *value = stop != NULL ? rx_point_number(c, NULL) : 0;
     return stop != NULL && stop < end && *stop == ' ' ? stop + 1 : NULL;
 }
@@ -390,7 +376,7 @@ static void set_plate(char *cards, size_t ncards)
 /* wcslib 7.12 knows one distortion at a time, that of the last card of any; of another one half is left, and of
  * one that is not there as a whole it takes what is in its memory. SIP goes before WAT, which goes before the
  * solution of a plate, as CTYPE does where it names one. */
-static void keep_one_distortion(char *cards, size_t ncards, rx_text *note)
+static void keep_one_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
     int sip = 0, wat = 0, plate = 0;
     for (size_t i = 0; i < ncards; i++) {
@@ -407,9 +393,10 @@ static void keep_one_distortion(char *cards, size_t ncards, rx_text *note)
     else
         drop(cards, ncards, is_plate);
     if (plate && !use_plate)
-        rx_wcs_note(note, sip || use_wat
-                              ? "the solution of a plate (AMDX, AMDY) beside another distortion is ignored"
-                              : "the solution of a plate (AMDX, AMDY) is not complete and is ignored");
+        rx_wcs_note(&notes->details,
+                    sip || use_wat
+                        ? "the solution of a plate (AMDX, AMDY) beside another distortion is ignored"
+                        : "the solution of a plate (AMDX, AMDY) is not complete and is ignored");
 }
 
 /* Keywords of general distortions (Calabretta et al. 2004, draft IV of the FITS papers): CPDISj, CQDISi and
@@ -424,8 +411,8 @@ static int is_distortion(const char *card)
 
 /* wcslib 7.12 reads beyond its memory where their records are not what it expects. Tables of small
  * corrections (LOOKUP, as Hubble's images have them beside SIP) it cannot apply anyway: left out. Others
- * would move positions by more: 0, and there are no world coordinates. */
-static int drop_distortions(char *cards, size_t ncards, rx_text *note)
+ * would move positions by more: false. */
+static bool drop_distortions(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
     int dropped = 0;
     for (size_t i = 0; i < ncards; i++) {
@@ -434,23 +421,232 @@ static int drop_distortions(char *cards, size_t ncards, rx_text *note)
             continue;
         snprintf(key, sizeof key, "%.*s", (int)strcspn(card, " ="), card);
         if (card[0] == 'C' &&
-            (!rx_cards_text(card, 1, key, kind, sizeof kind) || strcasecmp(kind, "LOOKUP") != 0))
-            return 0;
+            (!rx_cards_text(card, 1, key, kind, sizeof kind) || strcasecmp(kind, "LOOKUP") != 0)) {
+            rx_wcs_note(&notes->why, "distortions by CPDIS or CQDIS other than LOOKUP are not known here");
+            return false;
+        }
         memset(card, ' ', CARD);
         dropped = 1;
     }
     if (dropped)
-        rx_wcs_note(note, "tables of distortions (CPDIS, CQDIS) are ignored");
-    return 1;
+        rx_wcs_note(&notes->details, "tables of distortions (CPDIS, CQDIS) are ignored");
+    return true;
+}
+
+/* --- numbers and contradictions --- */
+
+/* The card's keyword, "" where it is no card with a value. */
+static void key_of(const char *card, char key[9])
+{
+    key[0] = '\0';
+    if (card[8] != '=')
+        return;
+    memcpy(key, card, 8);
+    key[8] = '\0';
+    key[strcspn(key, " ")] = '\0';
+}
+
+/* Keyword of a number that positions of the first two axes come from. */
+static bool is_number_key(const char *key)
+{
+    static const char *const patterns[] = {
+        "CRVAL#", "CRPIX#", "CDELT#",  "CROTA#",  "CD#_#",    "PC#_#",    "PV#_#",   "A_#_#",   "B_#_#",
+        "AP_#_#", "BP_#_#", "A_ORDER", "B_ORDER", "AP_ORDER", "BP_ORDER", "LONPOLE", "LATPOLE", "EQUINOX"};
+    const size_t axis = strcspn(key, "0123456789");
+    char pattern[9];
+    size_t n = 0;
+    if ((key[0] == 'C' || key[0] == 'P') && key[axis] > '2')
+        return false;
+    for (const char *c = key; *c != '\0'; c++)
+        if (!isdigit((unsigned char)*c))
+            pattern[n++] = *c;
+        else if (n == 0 || pattern[n - 1] != '#')
+            pattern[n++] = '#';
+    pattern[n] = '\0';
+    for (size_t i = 0; i < sizeof patterns / sizeof *patterns; i++)
+        if (strcmp(pattern, patterns[i]) == 0)
+            return true;
+    return false;
+}
+
+static bool read_number(const char *card, const char *key, double *value)
+{
+    static const char *const units[] = {"deg", "pix", "deg/pix"};
+    for (size_t i = 0; i < sizeof units / sizeof *units; i++)
+        if (rx_cards_quantity(card, 1, key, units[i], value))
+            return true;
+    return false;
+}
+
+static void name_card(rx_text *names, const char *card, const char *key)
+{
+    char text[CARD];
+    rx_text_printf(names, "%s%s", names->length > 0 ? ", " : "", key);
+    if (rx_cards_text(card, 1, key, text, sizeof text))
+        rx_text_printf(names, " = '%s'", text);
+}
+
+/* The first of several cards counts, as for SExtractor; wcslib 7.12 would take the last. Numbers in quotes or
+ * with a unit, which it would take as 0, are written as it reads them. Cards that are no numbers are named in
+ * *unreadable, those of SIP in *sip. */
+static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_text *unreadable, rx_text *sip)
+{
+    rx_text twice = {0}, absent = {0};
+    for (size_t i = 0; i < ncards; i++) {
+        char *card = cards + i * CARD, key[9], text[CARD], other[CARD];
+        double value;
+        key_of(card, key);
+        const bool number = is_number_key(key);
+        if (!number && strcmp(key, "CTYPE1") != 0 && strcmp(key, "CTYPE2") != 0)
+            continue;
+        const long first = rx_cards_find(cards, ncards, key);
+        if (first >= 0 && (size_t)first < i) {
+            rx_cards_text(cards + first * CARD, 1, key, text, sizeof text);
+            if (rx_cards_text(card, 1, key, other, sizeof other) && strcmp(text, other) != 0)
+                name_card(&twice, card, key);
+            memset(card, ' ', CARD);
+            continue;
+        }
+        if (!number)
+            continue;
+        if (!read_number(card, key, &value)) {
+            if (strcmp(key, "EQUINOX") == 0 && rx_cards_text(card, 1, key, text, sizeof text) &&
+                (strncmp(text, "J2000", 5) == 0 || strncmp(text, "B1950", 5) == 0))
+                value = text[0] == 'J' ? 2000 : 1950;
+            else {
+                name_card(is_sip(card) ? sip : strcmp(key, "EQUINOX") == 0 ? &absent : unreadable, card, key);
+                continue;
+            }
+        }
+        rx_text plain = {0};
+        if (!is_whole_card(card) || card[9 + strspn(card + 9, " ")] == '\'')
+            rx_card_number(&plain, key, value, "");
+        if (plain.length == CARD)
+            memcpy(card, plain.data, CARD);
+        rx_text_free(&plain);
+    }
+    if (twice.length > 0) {
+        rx_wcs_note(&notes->warnings, twice.data);
+        rx_text_add(&notes->warnings, ": there is one before it, which is taken, as SExtractor does");
+    }
+    if (absent.length > 0) {
+        rx_wcs_note(&notes->warnings, absent.data);
+        rx_text_add(&notes->warnings, " is no number and counts as absent");
+    }
+    rx_text_free(&twice);
+    rx_text_free(&absent);
+}
+
+/* Do both axes mean the sky, and not the solution of a plate, which does without the rest? */
+static bool is_celestial(const char *cards, size_t ncards)
+{
+    for (size_t i = 0; i < ncards; i++)
+        if (is_plate(cards + i * CARD))
+            return false;
+    return rx_wcs_means_sky(cards, ncards) == 2;
+}
+
+int rx_wcs_means_sky(const char *cards, size_t ncards)
+{
+    int n = 0;
+    for (int i = 0; i < 2; i++) {
+        char type[32];
+        rx_cards_text(cards, (long)ncards, i == 0 ? "CTYPE1" : "CTYPE2", type, sizeof type);
+        n += strncmp(type, "RA--", 4) == 0 || strncmp(type, "DEC-", 4) == 0 ||
+             (type[0] != '\0' && (strncmp(type + 1, "LON", 3) == 0 || strncmp(type + 1, "LAT", 3) == 0));
+    }
+    return n;
+}
+
+/* The linear part by CDi_j (0) or by CDELTi with PCi_j or CROTA2 (1); false: no card of it is there. */
+static bool read_matrix(const char *cards, size_t ncards, int kind, double m[4])
+{
+    bool there = false, pc = false;
+    double step[2] = {0, 0}, rotation = 0;
+    for (int k = 0; k < 4; k++) {
+        char key[9];
+        snprintf(key, sizeof key, "%s%d_%d", kind == 0 ? "CD" : "PC", k / 2 + 1, k % 2 + 1);
+        m[k] = kind == 1 && k % 3 == 0;
+        there = rx_cards_number(cards, (long)ncards, key, &m[k]) || there;
+    }
+    if (kind == 0)
+        return there;
+    pc = there;
+    step[0] = step[1] = pc; /* of the standard; without PC half of CDELT is none */
+    for (int k = 0; k < 2; k++)
+        there = rx_cards_number(cards, (long)ncards, k == 0 ? "CDELT1" : "CDELT2", &step[k]) || there;
+    if (!pc && rx_cards_number(cards, (long)ncards, "CROTA2", &rotation)) {
+        m[0] = m[3] = cos(rotation * DEGREE);
+        m[1] = -sin(rotation * DEGREE) * step[1] / step[0];
+        m[2] = sin(rotation * DEGREE) * step[0] / step[1];
+    }
+    for (int k = 0; k < 4; k++)
+        m[k] *= step[k / 2];
+    return there;
+}
+
+/* CD is taken where PC, CDELT or CROTA say something else, as SExtractor does; wcslib takes PC. Writers round CDELT
+ * to two digits and more, and 1 is as good as none: only rows whose lengths differ by more contradict each other, or,
+ * where PC or CROTA2 say how they are turned, whose elements do. */
+static bool settle_matrix(char *cards, size_t ncards, rx_wcs_notes *notes)
+{
+    static const char *const turning[] = {"PC1_1", "PC1_2", "PC2_1", "PC2_2", "CROTA1", "CROTA2"};
+    double cd[4], other[4], one[2] = {0, 0};
+    const bool has_cd = read_matrix(cards, ncards, 0, cd), has_other = read_matrix(cards, ncards, 1, other);
+    bool turned = false, differs = false;
+    for (size_t i = 0; has_cd && i < sizeof turning / sizeof *turning; i++) {
+        const long k = rx_cards_find(cards, ncards, turning[i]);
+        turned = turned || k >= 0;
+        if (k >= 0)
+            memset(cards + k * CARD, ' ', CARD);
+    }
+    rx_cards_number(cards, (long)ncards, "CDELT1", &one[0]);
+    rx_cards_number(cards, (long)ncards, "CDELT2", &one[1]);
+    for (int row = 0; has_cd && has_other && row < 2; row++) {
+        const double *a = cd + 2 * row, *b = other + 2 * row;
+        const double length = hypot(a[0], a[1]);
+        differs = differs || (turned ? !(hypot(a[0] - b[0], a[1] - b[1]) <= 0.01 * length)
+                                     : one[row] != 1 && !(fabs(hypot(b[0], b[1]) - length) <= 0.01 * length));
+    }
+    if (differs)
+        rx_wcs_note(&notes->warnings,
+                    turned ? "CDi_j and PCi_j, CROTA2 or CDELTi contradict each other; CDi_j is "
+                             "taken, as SExtractor does"
+                           : "CDi_j and CDELTi contradict each other; CDi_j is taken, as "
+                             "SExtractor does");
+    const double *m = has_cd ? cd : other;
+    const double det = m[0] * m[3] - m[1] * m[2];
+    if ((!has_cd && !has_other) || !isfinite(det) || det == 0)
+        rx_wcs_note(&notes->why, has_cd || has_other ? "the matrix of the linear transformation is singular"
+                                                     : "CDi_j and CDELTi are missing");
+    return notes->why.length == 0;
+}
+
+/* Both polynomials of TNX or ZPX must be there, as SExtractor has it, or keep_one_distortion() left none of them:
+ * positions would be without the distortion. */
+static bool has_polynomials(const char *cards, size_t ncards, rx_wcs_notes *notes)
+{
+    char type[32];
+    rx_cards_text(cards, (long)ncards, "CTYPE1", type, sizeof type);
+    if (strstr(type, "TNX") == NULL && strstr(type, "ZPX") == NULL)
+        return true;
+    for (size_t i = 0; i < ncards; i++)
+        if (is_wat(cards + i * CARD))
+            return true;
+    rx_text_printf(&notes->why, "CTYPE is %.3s, but WAT1_ and WAT2_ do not hold lngcor and latcor as a whole",
+                   strstr(type, "TNX") != NULL ? "TNX" : "ZPX");
+    return false;
 }
 
 /* SCAMP and others write polynomial coefficients PVi_m with plain TAN; as SExtractor does, they are
  * read as TPV (a native TAN knows PVi_0..4 of the longitude axis only, and hardly anyone gives them).
- * Where SIP is there too, SIP counts. SIP coefficients without "-SIP" in CTYPE are SIP as well. */
-static void repair_distortion(char *cards, size_t ncards, rx_text *note)
+ * Where SIP is there too, SIP counts. SIP counts where both types end in -SIP and both axes have its
+ * coefficients: elsewhere they are leftovers of another solution, or half of one, and SExtractor, which knows
+ * no SIP, takes TAN. */
+static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
     char ctype[2][32];
-    int tan = 1, suffix = 0, high = 0, pv2 = 0, axis = 0;
+    int tan = 1, suffix = 0, high = 0, pv2 = 0, axis = 0, coefficients = 0;
     double order;
     for (int i = 0; i < 2; i++) {
         rx_cards_text(cards, (long)ncards, i == 0 ? "CTYPE1" : "CTYPE2", ctype[i], sizeof ctype[i]);
@@ -461,36 +657,77 @@ static void repair_distortion(char *cards, size_t ncards, rx_text *note)
         int m = pv_number(cards + i * CARD, &axis);
         high += m > 4;
         pv2 += m >= 0 && axis == 2;
+        coefficients += is_sip(cards + i * CARD);
     }
-    int sip = rx_cards_number(cards, (long)ncards, "A_ORDER", &order) &&
-              rx_cards_number(cards, (long)ncards, "B_ORDER", &order);
-    if (!tan || (!sip && high == 0 && pv2 == 0))
+    const int orders = rx_cards_number(cards, (long)ncards, "A_ORDER", &order) +
+                       rx_cards_number(cards, (long)ncards, "B_ORDER", &order);
+    const bool sip = suffix == 2 && orders == 2;
+    if (!tan)
         return;
-    for (int i = 0; i < 2; i++) {
+    if (!sip && coefficients > 0) {
+        rx_wcs_note(&notes->warnings,
+                    suffix < 2 ? "SIP coefficients are not used, as CTYPE lacks -SIP"
+                               : "SIP coefficients are not used, as A_ORDER or B_ORDER is missing");
+        for (size_t i = 0; i < ncards; i++)
+            if (is_sip(cards + i * CARD))
+                memset(cards + i * CARD, ' ', CARD);
+    }
+    for (int i = 0; i < 2 && !sip && (high > 0 || pv2 > 0 || (coefficients > 0 && suffix > 0)); i++) {
         char value[32];
-        snprintf(value, sizeof value, "%.5s%s", ctype[i], sip ? "TAN-SIP" : "TPV");
-        if (!sip || suffix < 2)
-            set_ctype(cards, ncards, i + 1, value);
+        snprintf(value, sizeof value, "%.5s%s", ctype[i], high > 0 || pv2 > 0 ? "TPV" : "TAN");
+        set_ctype(cards, ncards, i + 1, value);
     }
-    if (!sip) {
-        rx_wcs_note(note, "TAN with PV coefficients is read as TPV");
+    if (!sip && (high > 0 || pv2 > 0))
+        rx_wcs_note(&notes->details, "TAN with PV coefficients is read as TPV");
+    if (!sip || (high == 0 && pv2 == 0))
         return;
-    }
-    if (suffix < 2)
-        rx_wcs_note(note, "SIP coefficients are used although CTYPE lacks -SIP");
-    for (size_t i = 0; i < ncards && (high > 0 || pv2 > 0); i++)
+    for (size_t i = 0; i < ncards; i++)
         if (pv_number(cards + i * CARD, &axis) >= 0)
             memset(cards + i * CARD, ' ', CARD);
-    if (high > 0 || pv2 > 0)
-        rx_wcs_note(note, "PV coefficients beside SIP are ignored");
+    rx_wcs_note(&notes->details, "PV coefficients beside SIP are ignored");
 }
 
-int rx_wcs_guard(char *cards, size_t ncards, rx_text *note)
+/* Numbers of the sky that are not there: wcslib, as the standard, would take 0, and SExtractor 0 or 1. */
+static bool is_complete(const char *cards, size_t ncards, rx_wcs_notes *notes)
 {
+    static const char *const keys[] = {"CRVAL1", "CRVAL2", "CRPIX1", "CRPIX2"};
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        if (rx_cards_find(cards, ncards, keys[i]) < 0) {
+            rx_text_printf(&notes->why, "%s is missing", keys[i]);
+            return false;
+        }
+    return true;
+}
+
+/* Unreadable numbers are named; false: positions would come from them. */
+static bool are_numbers(const char *cards, size_t ncards, const rx_text *unreadable, const rx_text *sip,
+                        rx_wcs_notes *notes)
+{
+    enum { SHOWN = 100 };
+    char type[32];
+    rx_cards_text(cards, (long)ncards, "CTYPE1", type, sizeof type);
+    const rx_text *bad = unreadable->length > 0 ? unreadable : sip;
+    if (unreadable->length == 0 && (sip->length == 0 || strstr(type, "-SIP") == NULL))
+        return true;
+    rx_text_printf(&notes->why, "%.*s%s: no number", SHOWN, bad->data, bad->length > SHOWN ? "..." : "");
+    return false;
+}
+
+bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes)
+{
+    rx_text unreadable = {0}, sip = {0};
+    settle_numbers(cards, ncards, notes, &unreadable, &sip);
+    bool good = are_numbers(cards, ncards, &unreadable, &sip, notes);
+    repair_distortion(cards, ncards, notes);
     repair_exponents(cards, ncards);
     keep_whole_cards(cards, ncards);
-    set_axes(cards, ncards, note);
-    repair_distortion(cards, ncards, note);
-    keep_one_distortion(cards, ncards, note);
-    return drop_distortions(cards, ncards, note);
+    set_axes(cards, ncards, notes);
+    keep_one_distortion(cards, ncards, notes);
+    if (good && is_celestial(cards, ncards))
+        good = is_complete(cards, ncards, notes) && settle_matrix(cards, ncards, notes) &&
+               has_polynomials(cards, ncards, notes);
+    good = good && drop_distortions(cards, ncards, notes);
+    rx_text_free(&unreadable);
+    rx_text_free(&sip);
+    return good;
 }

@@ -29,8 +29,13 @@ GCOUNT  = -5|ends before it begins, by its size
 BSCALE  = NaN|BSCALE = NaN is no number
 BSCALE  = 1E400|BSCALE = 1E400 is no number
 BSCALE  = 'text'|BSCALE = 'text' is no number
+BSCALE  = '10.0 10'|BSCALE = '10\.0 10' is no number
+BSCALE  = ''|BSCALE = '' is no number
+BSCALE  = 10,0|BSCALE = 10,0 is no number
+BSCALE  =|BSCALE =  is no number
+BZERO   = '32,768'|BZERO = '32,768' is no number
 BZERO   = -Inf|BZERO = -Inf is no number
-BZERO   = 1E308|all 9216 pixels are NaN or BLANK
+BZERO   = 1E308|all 9216 pixels are NaN, BLANK or beyond 1e20
 cards
 
 begin 'axes of 1e9 x 1e9 pixels'

@@ -34,6 +34,52 @@ static void finds_known_sources(void **state)
     field_free(&f);
 }
 
+/* The same image in other units: the same sources, to the last bit, though sep squares in single precision. */
+static void units_change_nothing(void **state)
+{
+    (void)state;
+    static const int powers[] = {-110, -70, -40, 40, 50};
+    for (int matched = 0; matched < 2; matched++) {
+        field f = field_new(W, H, 1.0, 2), g = field_new(W, H, 0.0, 2);
+        field_crowd(&f, 40, 800.0, 3);
+        rx_detect_params par = field_params();
+        par.matched = matched;
+        rx_image image = field_image(&f);
+        image.gain = 2.0;
+        image.variable_noise = 1;
+        rx_sources *a = NULL;
+        assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &a, NULL), RX_OK);
+        assert_true(a->n > 20);
+        for (size_t i = 0; i < sizeof powers / sizeof *powers; i++) {
+            for (size_t k = 0; k < f.n; k++) {
+                g.pixels[k] = ldexpf(f.pixels[k], powers[i]);
+                g.sigma[k] = ldexpf(1.0f, powers[i]);
+            }
+            rx_image scaled = field_image(&g);
+            scaled.gain = ldexp(2.0, -powers[i]);
+            scaled.variable_noise = 1;
+            scaled.global_noise = ldexp(1.0, powers[i]);
+            rx_sources *b = NULL;
+            assert_int_equal(rx_detect_run(&par, &scaled, NULL, NULL, &b, NULL), RX_OK);
+            assert_int_equal(a->n, b->n);
+            assert_memory_equal(a->segments, b->segments, f.n * sizeof *a->segments);
+            for (int k = 0; k < a->n; k++) {
+                const rx_source *s = &a->list[k], *t = &b->list[k];
+                assert_near(t->x, s->x, 1e-12);
+                assert_near(t->a, s->a, 1e-12);
+                assert_near(t->errx2, s->errx2, 1e-12 * s->errx2);
+                assert_near(ldexp(t->peak, -powers[i]), s->peak, 1e-6 * s->peak);
+                assert_near(ldexp(t->flux_iso, -powers[i]), s->flux_iso, 1e-6 * fabs(s->flux_iso));
+                assert_near(ldexp(t->threshold, -powers[i]), s->threshold, 1e-6 * s->threshold);
+            }
+            rx_sources_free(b);
+        }
+        rx_sources_free(a);
+        field_free(&f);
+        field_free(&g);
+    }
+}
+
 static void empty_sky_has_no_source(void **state)
 {
     (void)state;
@@ -895,6 +941,7 @@ int main(void)
                                        cmocka_unit_test(filter_is_seps),
                                        cmocka_unit_test(noise_map_deblends_everywhere),
                                        cmocka_unit_test(any_pixel_stack_is_legal),
+                                       cmocka_unit_test(units_change_nothing),
                                        cmocka_unit_test(survives_tiny_tiles)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

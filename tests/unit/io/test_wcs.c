@@ -22,11 +22,13 @@ static rx_wcs *from_lines(const char *lines, int width, int height, char note[25
     rx_wcs *wcs = NULL;
     rx_error err = RX_ERROR_NONE;
     cards_from(lines, &cards);
-    rx_text said = {0};
+    rx_wcs_notes said = {0};
     assert_int_equal(rx_wcs_from_cards(cards.data, cards.length / 80, width, height, &wcs, &said, &err),
                      RX_OK);
-    snprintf(note, 256, "%s", said.length > 0 ? said.data : "");
-    rx_text_free(&said);
+    snprintf(note, 256, "%s%s%s", said.warnings.length > 0 ? "warning: " : "",
+             said.warnings.length > 0 ? said.warnings.data : "",
+             said.details.length > 0 ? said.details.data : "");
+    rx_wcs_notes_free(&said);
     rx_text_free(&cards);
     return wcs;
 }
@@ -204,16 +206,135 @@ static void sip(double x, double y, double *xi, double *eta)
 static void test_sip(void **state)
 {
     (void)state;
-    static const char *const headers[] = {TAN_HEADER("TAN-SIP") SIP_CARDS, TAN_HEADER("TAN") SIP_CARDS,
+    static const char *const headers[] = {TAN_HEADER("TAN-SIP") SIP_CARDS,
                                           TAN_HEADER("TAN-SIP") SIP_CARDS PV_CARDS};
-    static const char *const notes[] = {"", "lacks -SIP", "PV coefficients beside SIP"};
-    for (int i = 0; i < 3; i++) {
+    static const char *const notes[] = {"", "PV coefficients beside SIP"};
+    for (int i = 0; i < 2; i++) {
         char note[256];
         rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
         assert_non_null(wcs);
         assert_non_null(strstr(note, notes[i]));
+        assert_null(strstr(note, "warning"));
         check_against(wcs, sip);
         rx_wcs_free(wcs);
+    }
+}
+
+/* SExtractor takes TAN. */
+static void test_half_of_sip(void **state)
+{
+    (void)state;
+    static const char *const headers[] = {
+        TAN_HEADER("TAN") SIP_CARDS, TAN_HEADER("TAN-SIP") "A_ORDER = 2\nA_2_0   = 2E-6",
+        TAN_HEADER("TAN-SIP") "A_ORDER = 2\nB_ORDER = 'two'\nA_2_0   = 2E-6",
+        TAN_HEADER("TAN") "A_2_0   = 'x'", "CTYPE1  = 'RA---TAN-SIP'\n" TAN_HEADER("TAN") SIP_CARDS};
+    for (size_t i = 0; i < sizeof headers / sizeof *headers; i++) {
+        char note[256];
+        rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
+        if (i == 2) { /* an order that is no number */
+            assert_null(wcs);
+            assert_non_null(strstr(note, "B_ORDER = 'two': no number"));
+            continue;
+        }
+        if (wcs == NULL)
+            print_message("%zu: %s\n", i, note);
+        assert_non_null(wcs);
+        assert_non_null(strstr(note, "warning: "));
+        assert_non_null(strstr(note, "SIP coefficients are not used"));
+        check_against(wcs, linear);
+        rx_wcs_free(wcs);
+    }
+}
+
+/* --- numbers and contradictions --- */
+
+#define TYPES "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\n"
+#define CENTRE "CRVAL1  = 150.25\nCRVAL2  = 2.5\n"
+#define PIXEL "CRPIX1  = 500.5\nCRPIX2  = 400.5\n"
+#define MATRIX "CD1_1   = -5.5E-5\nCD1_2   = 1.0E-6\nCD2_1   = 1.2E-6\nCD2_2   = 5.4E-5\n"
+
+/* The same sky, however it is written; what contradicts it is warned of, and what only repeats it is not. */
+static void test_numbers(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *lines, *said;
+    } cases[] = {
+        {TYPES "CRVAL1  = '150.25  '\nCRVAL2  = '2.5 deg'\n" PIXEL MATRIX, ""},
+        {TYPES CENTRE "CRPIX1  = '500.5 pix'\nCRPIX2  = 400.5 [pixel] / centre\n" MATRIX, ""},
+        {TYPES CENTRE PIXEL
+         "CD1_1   = '-5.5D-5'\nCD1_2   =1.0E-6\nCD2_1   = 1.2E-6 deg/pix\nCD2_2   = '5.4d-05 deg'",
+         ""},
+        {TYPES CENTRE PIXEL MATRIX "EQUINOX = 'J2000.0'", ""},
+        {TYPES CENTRE PIXEL MATRIX "EQUINOX = 'now'", "EQUINOX = 'now' is no number and counts as absent"},
+        {TYPES CENTRE PIXEL MATRIX "CRVAL1  = 30", "CRVAL1 = '30': there is one before it, which is taken"},
+        {TYPES CENTRE PIXEL MATRIX "CRVAL1  = 150.25", ""},
+        {TYPES CENTRE PIXEL MATRIX "CTYPE1  = 'RA---SIN'", "CTYPE1 = 'RA---SIN': there is one before it"},
+        {TYPES CENTRE PIXEL MATRIX "PC1_1   = 1\nPC2_2   = 1\nCDELT1  = 1\nCDELT2  = 1", "contradict"},
+        {"PC1_1   = 1\nPC2_2   = 1\nCDELT1  = -2E-4\nCDELT2  = 2E-4\n" TYPES CENTRE PIXEL MATRIX,
+         "contradict"},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -1E-4\nCDELT2  = 1E-4", "CDi_j and CDELTi contradict"},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -5.5E-5\nCDELT2  = 5.4E-5\nCROTA2  = 30", "contradict"},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -5.5E-5\nCDELT2  = 5.4E-5", ""},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = 1.0\nCDELT2  = 1.0", ""},
+        {TYPES CENTRE PIXEL MATRIX "PC1_1   = -5.5E-5\nPC1_2   = 1E-6\nPC2_1   = 1.2E-6\nPC2_2   = 5.4E-5",
+         ""},
+        {TYPES CENTRE PIXEL "PC1_1   = 1\nPC2_2   = 1\nPC1_2   = -1.818181818181818E-02\n"
+                            "PC2_1   = 2.222222222222222E-02\nCDELT1  = '-5.5E-5'\nCDELT2  = 5.4E-5",
+         ""},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char note[256];
+        rx_wcs *wcs = from_lines(cases[i].lines, 1000, 800, note);
+        if (wcs == NULL || strstr(note, cases[i].said) == NULL ||
+            (cases[i].said[0] == '\0' && note[0] != '\0'))
+            print_message("%zu: %s\n", i, note);
+        assert_non_null(wcs);
+        assert_non_null(strstr(note, cases[i].said));
+        assert_int_equal(strncmp(note, "warning: ", 9) == 0, cases[i].said[0] != '\0');
+        check_against(wcs, linear);
+        rx_wcs_free(wcs);
+    }
+}
+
+/* Half of a solution gives no positions, and says what is missing. */
+static void test_half_read(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *lines, *said;
+    } cases[] = {
+        {TYPES "CRVAL1  = 150,25\nCRVAL2  = 2.5\n" PIXEL MATRIX, "CRVAL1 = '150,25': no number"},
+        {TYPES "CRVAL1  = '10:01:00'\nCRVAL2  = '02:30:00'\n" PIXEL MATRIX, "CRVAL1 = '10:01:00', CRVAL2 = "},
+        {TYPES "CRVAL1  = '10h01m'\nCRVAL2  = 2.5\n" PIXEL MATRIX, "no number"},
+        {TYPES "CRVAL1  = NaN\nCRVAL2  = 2.5\n" PIXEL MATRIX, "CRVAL1 = 'NaN': no number"},
+        {TYPES "CRVAL1  =           / deg\nCRVAL2  = 2.5\n" PIXEL MATRIX, "CRVAL1: no number"},
+        {TYPES CENTRE "CRPIX1  = 'centre'\nCRPIX2  = 400.5\n" MATRIX, "CRPIX1 = 'centre': no number"},
+        {TYPES CENTRE PIXEL "CDELT1  = '0.2 arcsec'\nCDELT2  = '0.2 arcsec'", "CDELT1 = '0.2 arcsec'"},
+        {TYPES CENTRE PIXEL MATRIX "PV1_1   = 'it''s'", "PV1_1 = "},
+        {TYPES "CRVAL2  = 2.5\n" PIXEL MATRIX, "CRVAL1 is missing"},
+        {TYPES CENTRE "CRPIX1  = 500.5\n" MATRIX, "CRPIX2 is missing"},
+        {TYPES CENTRE PIXEL, "CDi_j and CDELTi are missing"},
+        {TYPES CENTRE PIXEL "CD1_1   = 0\nCD2_2   = 0", "singular"},
+        {TYPES CENTRE PIXEL "CD1_1   = 0\nCD2_2   = 0\nCDELT1  = -1E-4\nCDELT2  = 1E-4", "singular"},
+        {TYPES CENTRE PIXEL "CDELT1  = 0\nCDELT2  = 0", "singular"},
+        {TYPES CENTRE PIXEL "CDELT1  = 1E-4", "singular"},
+        {TYPES CENTRE PIXEL "CD1_1   = 1E-4\nCD1_2   = 1E-4\nCD2_1   = 1E-4\nCD2_2   = 1E-4", "singular"},
+        {"CTYPE1  = 'RA---TAN'\n" CENTRE PIXEL MATRIX, "no world coordinates"},
+        {TAN_HEADER("TNX"), "WAT1_ and WAT2_ do not hold"},
+        {TAN_HEADER("TNX") "WAT1_001= 'wtype=tnx axtype=ra lngcor = \"3. 1. 1. 2. -1 1 -1 1 0.\"'\n"
+                           "WAT2_001= 'wtype=tnx axtype=dec'",
+         "WAT1_ and WAT2_ do not hold"},
+        {"CRVAL1  = '1,5'\nCRVAL2  = 2", "CRVAL1 = '1,5': no number"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char note[256];
+        rx_wcs *wcs = from_lines(cases[i].lines, 1000, 800, note);
+        if (wcs != NULL || strstr(note, cases[i].said) == NULL)
+            print_message("%zu: %s\n", i, note);
+        assert_null(wcs);
+        assert_int_equal(strncmp(note, "warning: ", 9), 0);
+        assert_non_null(strstr(note, cases[i].said));
     }
 }
 
@@ -344,7 +465,6 @@ static void test_hostile_cards(void **state)
         "B_0_2   = 1.5.2",
         "CPDIS1  = 'LOOKUP'\nDP1     = 'NAXES: 2'\nDP1     = 'NAXES'",
         "EQUINOX = 2000.0 and then something that is no comment",
-        "PV1_1   = 'it''s",
         "NAXIS   = 177500.0",
         "NAXIS   = 100000",
         "WCSAXES = 2E5",
@@ -395,14 +515,18 @@ static void test_halves_of_distortions(void **state)
          "WAT2_001= 'wtype=tnx axtype=dec latcor = \"1. 9. 9. 7. 0 1 0 1 1 2 3 \"'",
          ""},
         {"WAT1_001= 'wtype=tnx'\nWAT2_001= 'wtype=tnx'", ""},
-        {"A_0_2   = 0.\nAMDX1   = 67.2\nWAT1_001= 'wtype=tnx'", "beside another"},
+        {"A_0_2   = 0.\nAMDX1   = 67.2\nWAT1_001= 'wtype=tnx'", "not complete"},
+        {"CTYPE1  = 'RA---TAN-SIP'\nCTYPE2  = 'DEC--TAN-SIP'\nA_ORDER = 2\nB_ORDER = 2\nA_0_2   = 0.\nB_0_2  "
+         " = 0.\n"
+         "AMDX1   = 67.2\nWAT1_001= 'wtype=tnx'",
+         "beside another"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char lines[1000], note[256];
         double ra, dec, x = 49, y = 49;
         snprintf(lines, sizeof lines,
-                 "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 10\nCRVAL2  = 20\nCRPIX1  = 50\n"
-                 "CRPIX2  = 50\nCD1_1   = -1E-4\nCD2_2   = 1E-4\n%s",
+                 "%s\nCTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  = 10\nCRVAL2  = 20\nCRPIX1  = 50\n"
+                 "CRPIX2  = 50\nCD1_1   = -1E-4\nCD2_2   = 1E-4",
                  cases[i].cards);
         rx_wcs *wcs = from_lines(lines, 100, 100, note);
         assert_non_null(wcs);
@@ -533,6 +657,9 @@ int main(void)
         cmocka_unit_test(test_tan),
         cmocka_unit_test(test_tpv_and_scamp),
         cmocka_unit_test(test_sip),
+        cmocka_unit_test(test_half_of_sip),
+        cmocka_unit_test(test_numbers),
+        cmocka_unit_test(test_half_read),
         cmocka_unit_test(test_far_away),
         cmocka_unit_test(test_frames),
         cmocka_unit_test(test_frames_loosely),
