@@ -84,7 +84,7 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
     FILE *file = fopen(path, "rb");
     *data = NULL;
     if (file == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     if (fstat(fileno(file), &info) != 0 || S_ISDIR(info.st_mode))
         RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected"));
     size_t size = 0, capacity = 4096;
@@ -104,7 +104,7 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
     if (content == NULL)
         RX_TRY_EXIT(rx_error_memory(err, capacity));
     if (ferror(file))
-        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno)));
+        RX_TRY_EXIT(rx_error_file(err, path, "cannot be read"));
     if (size > max_bytes)
         RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
                                 "is larger than %zu bytes, which no such text file should be", max_bytes));

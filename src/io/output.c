@@ -13,6 +13,7 @@
 
 #include "base/memory.h"
 #include "base/names.h"
+#include "base/reserve.h"
 #include "base/text.h"
 #include "io/claim.h"
 
@@ -406,6 +407,8 @@ rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err)
         if (!out->done && sync_tree(out->temporary) != 0)
             return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: %s", strerror(errno));
     }
+    if (rx_reserve_is_needed()) /* what was written may be less than it should be */
+        return rx_error_memory(err, 0);
     /* devices first: they may refuse bytes (a full disk behind a pipe, /dev/full), names hardly ever */
     for (size_t i = 0; i < 2 * outputs->n; i++) {
         output *out = &outputs->list[i % outputs->n];
