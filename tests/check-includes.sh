@@ -40,6 +40,7 @@ END
 # Header (as a pattern), what it belongs to, and the folders that may include it.
 cat >"$scratch/libraries" <<'END'
 ^fitsio      cfitsio   io
+^bzlib       bzip2     io
 ^zlib        zlib      io
 ^(wcslib/|wcs|wcshdr|wcsfix) wcslib io
 ^fftw        FFTW      num
