@@ -14,7 +14,7 @@ run() {
     shift 2
     mkdir "$folder"
     # glibc fills fresh memory with MALLOC_PERTURB_: what was not set first would show as other bytes
-    (cd "$folder" && OMP_NUM_THREADS=$threads MALLOC_PERTURB_=$((threads * 80)) "$program" "$top/tests/data/sim.fits.fz" \
+    (cd "$folder" && MALLOC_PERTURB_=$((threads * 80)) "$program" "$top/tests/data/sim.fits.fz" -NTHREADS "$threads" \
         -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/default.param" \
         -FILTER_NAME "$top/config/default.conv" -RESTORE_TYPE NONE,RL -PSF_TYPE AUTO -MAG_ZEROPOINT 25 \
         -CATALOG_NAME sim.cat -CATALOG_TYPE FITS_LDAC \

@@ -39,7 +39,7 @@ run() {
     shift 3
     mkdir "$folder"
     # glibc fills fresh memory with MALLOC_PERTURB_: what was not set first would show as other bytes
-    (cd "$folder" && OMP_NUM_THREADS=$threads MALLOC_PERTURB_=$((1 + threads * 15)) "$program" "$tile" \
+    (cd "$folder" && MALLOC_PERTURB_=$((1 + threads * 15)) "$program" "$tile" -NTHREADS "$threads" \
         -c "$top/config/default.sex" -PARAMETERS_NAME "$top/config/template.param" -FILTER N -CATALOG_NAME sim.cat \
         -CATALOG_TYPE FITS_LDAC -VERBOSE_TYPE QUIET "$@") >"$folder.log" 2>&1
 }
@@ -92,7 +92,7 @@ few='-RL_NITER 10 -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 3'
     run one 16 "${blends}[101:260,101:260]" -RESTORE_TYPE RL $moffat
     code=$?
     for _ in 1 2 3 4 5 6 7 8 9 10; do
-        [ $code -eq 0 ] && OMP_NUM_THREADS=16 "$program" -REPLAY one/sim.cat -VERBOSE_TYPE QUIET >one.log 2>&1
+        [ $code -eq 0 ] && "$program" -REPLAY one/sim.cat -NTHREADS 16 -VERBOSE_TYPE QUIET >one.log 2>&1
         code=$?
     done
     result 'a run with templates repeated ten times with 16 threads' $code one.log

@@ -1,6 +1,7 @@
 /* The error object: filling and formatting. */
 #include "base/error.h"
 
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -69,6 +70,12 @@ rx_status rx_error_take(rx_error *err, const rx_error *part)
         err->user = user;
     }
     return part->status;
+}
+
+rx_status rx_error_file(rx_error *err, const char *file, const char *what)
+{
+    const bool missing = errno == ENOMEM || errno == EMFILE || errno == ENFILE;
+    return rx_error_at(err, missing ? RX_SYSTEM : RX_INPUT, file, -1, 0, "%s: %s", what, strerror(errno));
 }
 
 rx_status rx_error_memory(rx_error *err, size_t bytes)

@@ -71,6 +71,10 @@ rx_status rx_error_at(rx_error *err, rx_status status, const char *file, int hdu
 /* An error that names no file is of this one; returns status. */
 rx_status rx_error_where(rx_error *err, rx_status status, const char *file, int hdu, long line);
 
+/* The system refused what was tried with an input file, by errno: "what: reason". RX_INPUT; RX_SYSTEM where it is
+ * memory or descriptors that are missing, which another try may have. */
+rx_status rx_error_file(rx_error *err, const char *file, const char *what);
+
 /* Out of memory while asking for `bytes` (0 when unknown); returns RX_SYSTEM. */
 rx_status rx_error_memory(rx_error *err, size_t bytes);
 

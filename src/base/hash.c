@@ -46,7 +46,7 @@ rx_status rx_hash_file(const char *path, char dst[RX_HASH_TEXT], int *there, rx_
         return RX_OK;
     int file = open(path, O_RDONLY | O_CLOEXEC);
     if (file < 0)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     rx_hash_begin(&sum);
     ssize_t n;
     while (((n = read(file, room, sizeof room)) > 0 || (n < 0 && errno == EINTR)) && status == RX_OK) {
@@ -55,7 +55,7 @@ rx_status rx_hash_file(const char *path, char dst[RX_HASH_TEXT], int *there, rx_
         status = rx_interrupt_check(err);
     }
     if (n < 0 && status == RX_OK)
-        status = rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno));
+        status = rx_error_file(err, path, "cannot be read");
     close(file);
     rx_hash_text(&sum, dst);
     *there = status == RX_OK;

@@ -4,6 +4,8 @@
 #include <pthread.h>
 #include <signal.h>
 
+#include "base/reserve.h"
+
 /* what a terminal, a shell and batch systems send: Slurm and PBS announce the end of a job's time as they are asked
  * to, mostly by one of the users' signals, and the kernel that of its processor time */
 static const int ending[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGXCPU};
@@ -56,6 +58,8 @@ rx_status rx_interrupt_check(rx_error *err)
 {
     if (err != NULL && err->stop != NULL && err->stop(err->user))
         return rx_error_set(err, RX_INTERRUPTED, "stopped by the caller");
+    if (rx_reserve_is_needed())
+        return rx_error_memory(err, 0);
     if (!rx_interrupt_pending())
         return RX_OK;
     return rx_error_set(err, RX_INTERRUPTED, "interrupted by a signal; nothing was written");

@@ -19,9 +19,9 @@ rx_status rx_lines_open(rx_lines *lines, const char *path, int64_t from, rx_erro
     if (lines->file == NULL && errno == EISDIR)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected");
     if (lines->file == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     if (from > 0 && fseeko(lines->file, (off_t)from, SEEK_SET) != 0)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be read");
     return RX_OK;
 }
 
@@ -48,7 +48,7 @@ static rx_status read_more(rx_lines *lines, rx_error *err)
     if (ferror(lines->file) && errno == EINTR)
         RX_TRY(rx_interrupt_check(err));
     if (ferror(lines->file))
-        return rx_error_at(err, RX_INPUT, lines->path, -1, 0, "cannot be read: %s", strerror(errno));
+        return rx_error_file(err, lines->path, "cannot be read");
     if (memchr(lines->room + left, '\0', n) != NULL)
         return rx_error_at(err, RX_INPUT, lines->path, -1, 0, "holds binary data, a text file was expected");
     lines->end += n;

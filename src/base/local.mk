@@ -12,6 +12,7 @@ librextract_la_SOURCES += \
 	src/base/point.c src/base/point.h \
 	src/base/printable.c src/base/printable.h \
 	src/base/random.c \
+	src/base/reserve.c src/base/reserve.h \
 	src/base/text.c \
 	src/base/threads.c
 librextract_la_SOURCES += src/base/interrupt.h src/base/lines.h src/base/memory.h src/base/names.h \

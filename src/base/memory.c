@@ -10,6 +10,8 @@
 #endif
 #include <sys/mman.h>
 
+#include "base/reserve.h"
+
 enum { ALIGNMENT = 64 };
 /* PAGE is a multiple of every usual page size, HUGE of the next larger one, LARGE what malloc maps anew each
  * time. */
@@ -23,7 +25,7 @@ enum { PAGE = 1 << 16, HUGE = 2 << 20, LARGE = 32 << 20 };
  * fetched) for them where small ones are at hand. */
 void *rx_alloc(size_t count, size_t size)
 {
-    if (size != 0 && count > (SIZE_MAX - LARGE) / size)
+    if (rx_reserve_is_needed() || (size != 0 && count > (SIZE_MAX - LARGE) / size))
         return NULL;
     const size_t want = count * size > 0 ? count * size : 1;
     const size_t alignment = want >= LARGE ? PAGE : want >= HUGE ? HUGE : ALIGNMENT;
@@ -55,7 +57,7 @@ void *rx_alloc_filled(size_t count, size_t size, int nthreads)
 
 void *rx_regrow(void *ptr, size_t count, size_t size)
 {
-    if (size != 0 && count > SIZE_MAX / size)
+    if (rx_reserve_is_needed() || (size != 0 && count > SIZE_MAX / size))
         return NULL;
     return realloc(ptr, count * size > 0 ? count * size : 1);
 }
@@ -99,7 +101,7 @@ char *rx_strdup(const char *text)
     if (text == NULL)
         return NULL;
     size_t bytes = strlen(text) + 1;
-    char *copy = malloc(bytes);
+    char *copy = rx_reserve_is_needed() ? NULL : malloc(bytes);
     if (copy != NULL)
         memcpy(copy, text, bytes);
     return copy;

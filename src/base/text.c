@@ -95,7 +95,7 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
     if (file == NULL && errno == EISDIR)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "is a folder, a text file was expected");
     if (file == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     size_t size = 0, capacity = 4096;
     content = malloc(capacity + 1);
     while (content != NULL) {
@@ -115,7 +115,7 @@ rx_status rx_text_read_file(const char *path, size_t max_bytes, char **data, siz
     if (ferror(file) && errno == EINTR)
         RX_TRY_EXIT(rx_interrupt_check(err));
     if (ferror(file))
-        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: %s", strerror(errno)));
+        RX_TRY_EXIT(rx_error_file(err, path, "cannot be read"));
     if (size > max_bytes)
         RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
                                 "is larger than %zu bytes, which no such text file should be", max_bytes));

@@ -1,19 +1,88 @@
 /* Threads are tried before OpenMP's runtime makes them. */
 #include "base/threads.h"
 
+#include <limits.h>
+#include <math.h>
 #include <omp.h>
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <time.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
 
+/* The first line of a file, "" where there is none. */
+static void read_line(const char *path, char *dst, int size)
+{
+    FILE *file = fopen(path, "r");
+    if (file == NULL || fgets(dst, size, file) == NULL)
+        dst[0] = '\0';
+    if (file != NULL)
+        fclose(file);
+}
+
+/* Longer names of groups than these are none that any system makes. */
+enum { GROUP = 1024, FOLDER = 2048, NAME = FOLDER + 32 };
+
+/* Processors that the quota of one cgroup allows, rounded up; INT_MAX without one. Version 2 has "quota period" in one
+ * file, version 1 has two; a quota that is no positive number ("max", -1) is none. */
+static int quota_of(const char *folder)
+{
+    char path[NAME], text[64];
+    double quota = 0, period = 0;
+    snprintf(path, sizeof path, "%s/cpu.max", folder);
+    read_line(path, text, sizeof text);
+    if (sscanf(text, "%lf %lf", &quota, &period) != 2) {
+        snprintf(path, sizeof path, "%s/cpu.cfs_quota_us", folder);
+        read_line(path, text, sizeof text);
+        quota = strtod(text, NULL);
+        snprintf(path, sizeof path, "%s/cpu.cfs_period_us", folder);
+        read_line(path, text, sizeof text);
+        period = strtod(text, NULL);
+    }
+    const double processors = quota > 0 && period > 0 ? ceil(quota / period) : INT_MAX;
+    return processors < INT_MAX ? (int)processors : INT_MAX;
+}
+
+int rx_threads_quota(const char *list, const char *root)
+{
+    char line[GROUP], folder[FOLDER];
+    int least = INT_MAX;
+    FILE *file = fopen(list, "r");
+    while (file != NULL && fgets(line, sizeof line, file) != NULL) {
+        char *name = strchr(line, ':'), *path = name != NULL ? strchr(name + 1, ':') : NULL;
+        if (path == NULL)
+            continue;
+        line[strcspn(line, "\n")] = '\0';
+        *path++ = '\0';
+        name++;
+        if (name[0] != '\0' && strstr(name, "cpu") == NULL)
+            continue;
+        /* each group is within the one above it; a container sees its own as the root */
+        for (char *slash = path + strlen(path); slash != NULL; slash = strrchr(path, '/')) {
+            *slash = '\0';
+            snprintf(folder, sizeof folder, "%s%s%s%s", root, name[0] != '\0' ? "/" : "", name, path);
+            least = rx_min_int(least, quota_of(folder));
+        }
+    }
+    if (file != NULL)
+        fclose(file);
+    return least;
+}
+
+/* The runtime takes OMP_NUM_THREADS as it is. More threads than processors wait for each other and change no result;
+ * what is asked for by NTHREADS may still be some, as it is where threads are tested on a small machine. */
 int rx_threads_count(int wanted)
 {
-    const int all = omp_get_max_threads();
+    const int most = omp_get_num_procs(); /* of the affinity */
     if (wanted > 0)
-        return wanted;
+        return rx_min_int(wanted, rx_min_int(omp_get_thread_limit(), rx_max_int(4 * most, 8)));
+    const int all = rx_max_int(rx_min_int(rx_min_int(omp_get_max_threads(), most),
+                                          rx_threads_quota("/proc/self/cgroup", "/sys/fs/cgroup")),
+                               1);
     return wanted < 0 && -wanted < all ? -wanted : all;
 }
 

@@ -492,9 +492,12 @@ static rx_status parse(votable *in, FILE *file)
             return rx_error_memory(in->err, CHUNK);
         size_t n = fread(buffer, 1, CHUNK, file);
         if (ferror(file))
-            return rx_error_at(in->err, RX_INPUT, in->path, -1, 0, "cannot be read: %s", strerror(errno));
+            return rx_error_file(in->err, in->path, "cannot be read");
         end = feof(file) != 0;
-        if (XML_ParseBuffer(in->parser, (int)n, end) != XML_STATUS_OK && in->status == RX_OK)
+        const bool parsed = XML_ParseBuffer(in->parser, (int)n, end) == XML_STATUS_OK;
+        if (!parsed && XML_GetErrorCode(in->parser) == XML_ERROR_NO_MEMORY)
+            return rx_error_memory(in->err, CHUNK);
+        if (!parsed && in->status == RX_OK)
             return rx_error_at(in->err, RX_INPUT, in->path, -1, (long)XML_GetCurrentLineNumber(in->parser),
                                "is not well-formed XML: %s", XML_ErrorString(XML_GetErrorCode(in->parser)));
     }
@@ -566,7 +569,7 @@ rx_status rx_votable_read(const char *path, int index, rx_table **dst, rx_error 
     votable in = {.path = path, .wanted = index, .err = err};
     FILE *file = rx_input_open(path);
     if (file == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     in.fields = RX_NEW(field, RX_READ_COLUMNS);
     in.parser = XML_ParserCreate(NULL);
     if (in.fields == NULL || in.parser == NULL)

@@ -27,10 +27,8 @@ typedef struct part {
     int n;
     rx_detection *list;
     int *pixels;
-    int failed; /* status of sep, or NO_MEMORY of our own, which coarser deblending does not cure */
+    int failed; /* status of sep; SEP_STATUS_MEMORY of our own memory, too */
 } part;
-
-enum { NO_MEMORY = -1 };
 
 /* The limits of one run and how far they may go. */
 typedef struct limits {
@@ -63,9 +61,9 @@ static bool loosen(int failed, rx_extraction *job, limits *limit)
         limit->subobjects = doubled < limit->subobjects_max ? doubled : limit->subobjects_max;
         return true;
     }
-    if (limit->levels > 1 && (failed == SEP_STATUS_DEBLEND || failed == SEP_STATUS_MEMORY)) {
+    if (limit->levels > 1 && failed == SEP_STATUS_DEBLEND) {
         job->flags |= RX_FLAG_DEBLEND_OVER;
-        limit->levels = failed == SEP_STATUS_MEMORY ? 1 : limit->levels / 2;
+        limit->levels /= 2;
         return true;
     }
     return false;
@@ -221,7 +219,7 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
     if (whole && unit != 1.0) {
         pixels = in_unit(job->pixels, n, unit);
         noise = job->noise != NULL ? in_unit(job->noise, n, unit) : NULL;
-        dst->failed = pixels == NULL || (job->noise != NULL && noise == NULL) ? NO_MEMORY : 0;
+        dst->failed = pixels == NULL || (job->noise != NULL && noise == NULL) ? SEP_STATUS_MEMORY : 0;
         if (dst->failed != 0)
             goto exit;
     } else if (unit != 1.0) {
@@ -247,7 +245,7 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
                               whole ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
                               levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, &cat);
     if (dst->failed == 0 && !take(job, cutouts, cat, dst))
-        dst->failed = NO_MEMORY;
+        dst->failed = SEP_STATUS_MEMORY;
     sep_catalog_free(cat);
 exit:
     free(pixels);
@@ -276,7 +274,7 @@ static void extract_batch(const rx_detect_params *par, const rx_extraction *job,
                         batches->members + batch->first, batch->n, &cutouts, NULL) == RX_OK)
         extract(par, job, &cutouts, batch->blended ? levels : 1, dst);
     else
-        dst->failed = NO_MEMORY;
+        dst->failed = SEP_STATUS_MEMORY;
     rx_cutouts_free(&cutouts);
 }
 
@@ -407,7 +405,7 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
     if (status != RX_OK)
         goto exit;
     failed = extract_alone(par, job, &batches, &limit, parts);
-    if (failed == NO_MEMORY)
+    if (failed == SEP_STATUS_MEMORY)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     if (failed != 0) {
         char text[61] = "";

@@ -116,7 +116,7 @@ rx_status rx_fits_digest_hdu(const char *path, int hdu, char dst[RX_HASH_TEXT], 
     RX_TRY(find_data(path, hdu, &from, &left, err));
     FILE *file = fopen(path, "rb");
     if (file == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     rx_hash_begin(&sum);
     errno = 0;
     int failed = fseeko(file, (off_t)from, SEEK_SET);

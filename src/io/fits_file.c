@@ -36,7 +36,7 @@ rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hd
         else if (line[0] != '\0')
             memcpy(last, line, sizeof last);
     if (status == MEMORY_ALLOCATION)
-        kind = RX_SYSTEM;
+        return rx_error_at(err, RX_SYSTEM, path, hdu, 0, "out of memory; free memory or cut the tile");
     return rx_error_at(err, kind, path, hdu, 0, "%s: %s%s%s%s", what, text, last[0] != '\0' ? " (" : "", last,
                        last[0] != '\0' ? ")" : "");
 }
@@ -78,8 +78,7 @@ static const char *not_fits(const unsigned char *head, size_t n)
 /* What check_file() found. */
 typedef struct kind {
     int64_t bytes;
-    bool packed, unpadded; /* by gzip; plain, its last block is none */
-    bool bzip2;
+    bool packed, unpadded; /* as a whole; plain, its last block is none */
 } kind;
 
 static rx_status check_file(const char *path, kind *dst, rx_error *err)
@@ -98,15 +97,14 @@ static rx_status check_file(const char *path, kind *dst, rx_error *err)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "is not a regular file; copy the data to one");
     FILE *file = fopen(path, "rb");
     if (file == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     size_t n = fread(head, 1, sizeof head, file);
     int failed = ferror(file);
     fclose(file);
     if (failed)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
     dst->bytes = (int64_t)info.st_size;
-    dst->packed = memcmp(head, "\x1f\x8b", 2) == 0;
-    dst->bzip2 = memcmp(head, "BZh", 3) == 0;
+    dst->packed = memcmp(head, "SIMPLE", 6) != 0; /* not_fits() lets no other kind of file by */
     dst->unpadded = memcmp(head, "SIMPLE", 6) == 0 && info.st_size % BLOCK != 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
@@ -119,7 +117,7 @@ static rx_status load(const char *path, int64_t bytes, int to, int64_t *size, rx
     RX_TRY(rx_fits_ask_memory(bytes, err));
     FILE *from = fopen(path, "rb");
     if (from == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     *size = 0;
     for (size_t n; status == RX_OK && *size < bytes && (n = fread(piece, 1, sizeof piece, from)) > 0;
          *size += (int64_t)n)
@@ -166,21 +164,6 @@ static rx_status open_held(const char *path, const kind *about, rx_fits_source *
     return status;
 }
 
-/* cfitsio calls it a lack of memory, too, when what bzip2 packed is cut off or damaged. Where there is memory
- * it is that: a fault of the file, which another try on a larger machine does not mend. */
-static rx_status bzip2_failed(const char *path, const kind *about, rx_error *err)
-{
-    const int64_t some = 64 << 20;
-    const rx_status status = rx_fits_ask_memory(8 * about->bytes + some, err);
-    fits_clear_errmsg();
-    if (status != RX_OK)
-        return status;
-    return rx_error_at(
-        err, RX_INPUT, path, -1, 0,
-        "cannot be unpacked: it is cut off or damaged, or unpacks to more than memory holds; fetch it "
-        "again");
-}
-
 void rx_fits_literal(const char *path, char dst[RX_FITS_LITERAL])
 {
     snprintf(dst, RX_FITS_LITERAL, "%s%s", path[0] == '~' || path[0] == ' ' ? "./" : "", path);
@@ -202,8 +185,6 @@ static rx_status open_plain(const char *path, const kind *about, rx_fits_source 
     rx_fits_literal(path, literal);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
-        if (about->bzip2 && failed == MEMORY_ALLOCATION)
-            return bzip2_failed(path, about, err);
         return no_header(path, failed, err);
     }
     return RX_OK;
@@ -227,22 +208,7 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
 
 size_t rx_fits_held(const rx_fits_source *source)
 {
-    char kind[FLEN_FILENAME] = "";
-    LONGLONG header = 0, data = 0, end = 0;
-    int failed = 0, last = 0, now = 1, type;
-    if (source->bytes > 0)
-        return ((size_t)source->bytes + BLOCK - 1) / BLOCK * BLOCK;
-    fits_url_type(source->file, kind, &failed);
-    if (failed || strncmp(kind, "compress", 8) != 0)
-        return 0;
-    fits_get_hdu_num(source->file, &now);
-    fits_get_num_hdus(source->file, &last, &failed);
-    fits_movabs_hdu(source->file, last, &type, &failed);
-    fits_get_hduaddrll(source->file, &header, &data, &end, &failed);
-    failed = 0;
-    fits_movabs_hdu(source->file, now, &type, &failed);
-    fits_clear_errmsg();
-    return (size_t)end;
+    return ((size_t)source->bytes + BLOCK - 1) / BLOCK * BLOCK;
 }
 
 void rx_fits_done(rx_fits_source *source)

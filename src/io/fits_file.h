@@ -56,7 +56,7 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err);
  * there, and open another file. */
 enum { RX_FITS_LITERAL = FLEN_FILENAME + 2 };
 void rx_fits_literal(const char *path, char dst[RX_FITS_LITERAL]);
-/* Bytes of the file that are in memory as long as it is open: padded, or unpacked by cfitsio; else 0. */
+/* Bytes of the file that are in memory as long as it is open: padded, or unpacked; else 0. */
 size_t rx_fits_held(const rx_fits_source *source);
 void rx_fits_done(rx_fits_source *source); /* close, errors ignored; a source of zeros is fine */
 

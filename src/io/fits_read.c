@@ -1,7 +1,9 @@
 /* Reading plain images and tables. */
 #include "io/fits_read.h"
 
+#include <ctype.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -214,19 +216,53 @@ typedef struct plan {
                    subnormal numbers */
 } plan;
 
-static int has_null(fitsfile *file, int number)
+/* Where a table's header has what is said of each column, found in one pass: cfitsio looks for each from card to card,
+ * which is quadratic where headers are long. */
+enum { TNULL, TDIM, TTYPE, TUNIT, TUCD, TCOMM, STEMS, MOST_COLUMNS = 999 };
+static const char *const stems[STEMS] = {"TNULL", "TDIM", "TTYPE", "TUNIT", "TUCD", "TCOMM"};
+
+typedef struct heading {
+    const rx_table *table;
+    int32_t card[STEMS][MOST_COLUMNS + 1]; /* index from 1 of the first of its kind; 0: none */
+} heading;
+
+static void find_cards(const rx_table *table, heading *dst)
 {
-    char key[FLEN_KEYWORD], value[FLEN_VALUE];
-    int absent = 0;
-    snprintf(key, sizeof key, "TNULL%d", number);
-    fits_read_keyword(file, key, value, NULL, &absent);
-    fits_clear_errmsg();
-    return absent == 0;
+    dst->table = table;
+    for (long i = 0; i < table->ncards; i++) {
+        const char *card = table->cards + 80 * i;
+        for (int s = 0; s < STEMS && *card == 'T'; s++) {
+            const size_t length = strlen(stems[s]);
+            int number = 0;
+            const char *c = card + length;
+            if (strncmp(card, stems[s], length) != 0)
+                continue;
+            for (; c < card + 8 && isdigit((unsigned char)*c); c++)
+                number = 10 * number + *c - '0';
+            if (c + strspn(c, " ") >= card + 8 && number <= MOST_COLUMNS && dst->card[s][number] == 0)
+                dst->card[s][number] = (int32_t)i + 1;
+        }
+    }
+}
+
+/* Text and, where it is asked for, comment of a column's card; false where there is none. */
+static bool heading_text(const heading *h, int stem, int number, char *dst, int size, char *comment)
+{
+    char key[FLEN_KEYWORD];
+    const long i = h->card[stem][number] - 1;
+    dst[0] = '\0';
+    if (i < 0)
+        return false;
+    snprintf(key, sizeof key, "%s%d", stems[stem], number);
+    if (comment != NULL)
+        rx_cards_comment(h->table->cards + 80 * i, 1, key, comment, FLEN_COMMENT);
+    return rx_cards_text(h->table->cards + 80 * i, h->table->ncards - i, key, dst, size) != 0;
 }
 
 /* Cell type for a column; integers with TNULL become floating, so that NAN can stand for no value
  * (64-bit ones stay: a double would not hold them). 0 when the column is left out. */
-static int plan_column(fitsfile *file, int number, rx_column *column, plan *dst, int *failed)
+static int plan_column(fitsfile *file, const heading *heading, int number, rx_column *column, plan *dst,
+                       int *failed)
 {
     int type = 0, stored = 0, hdu_type = 0;
     long repeat = 0, width = 0;
@@ -235,7 +271,7 @@ static int plan_column(fitsfile *file, int number, rx_column *column, plan *dst,
     fits_get_eqcoltype(file, number, &type, &repeat, &width, failed);
     if (*failed || type < 0 || repeat < 1) /* negative: variable length */
         return 0;
-    int nulls = type != TSTRING && has_null(file, number);
+    int nulls = type != TSTRING && heading->card[TNULL][number] > 0;
     dst->number = number;
     dst->exact = hdu_type == BINARY_TBL && type == stored && (type == TFLOAT || type == TDOUBLE);
     column->ndim = repeat > 1;
@@ -299,11 +335,13 @@ static int plan_column(fitsfile *file, int number, rx_column *column, plan *dst,
 }
 
 /* TDIM: up to two axes; of more, all but the first are taken together. */
-static void take_dimensions(fitsfile *file, int number, rx_column *column)
+static void take_dimensions(fitsfile *file, const heading *heading, int number, rx_column *column)
 {
+    char text[FLEN_VALUE];
     long axes[9] = {0};
     int n = 0, failed = 0, from = column->type == RX_CELL_TEXT ? 1 : 0;
-    if (column->ndim != 1 || fits_read_tdim(file, number, 9, &n, axes, &failed) || n - from < 2 || n > 9) {
+    if (column->ndim != 1 || !heading_text(heading, TDIM, number, text, sizeof text, NULL) ||
+        fits_decode_tdim(file, text, number, 9, &n, axes, &failed) || n - from < 2 || n > 9) {
         fits_clear_errmsg();
         return;
     }
@@ -317,29 +355,18 @@ static void take_dimensions(fitsfile *file, int number, rx_column *column)
     column->dim[0] = (int)axes[from];
 }
 
-static void take_text(fitsfile *file, const char *stem, int number, char *dst, size_t size, char *comment)
+static void take_names(const heading *heading, int number, rx_column *column)
 {
-    char key[FLEN_KEYWORD], value[FLEN_VALUE] = "";
-    int absent = 0;
-    snprintf(key, sizeof key, "%s%d", stem, number);
-    if (comment != NULL)
-        comment[0] = '\0';
-    if (fits_read_key(file, TSTRING, key, value, comment, &absent) == 0)
-        snprintf(dst, size, "%.*s", (int)size - 1, value);
-    fits_clear_errmsg();
-}
-
-static void take_names(fitsfile *file, int number, rx_column *column)
-{
-    char comment[FLEN_COMMENT] = "";
-    take_text(file, "TTYPE", number, column->name, sizeof column->name, comment);
-    if (column->name[0] == '\0')
+    char comment[FLEN_COMMENT] = "", ignored[FLEN_VALUE];
+    if (!heading_text(heading, TTYPE, number, column->name, sizeof column->name, comment))
         snprintf(column->name, sizeof column->name, "COL%d", number);
-    take_text(file, "TUNIT", number, column->unit, sizeof column->unit, NULL);
-    take_text(file, "TUCD", number, column->ucd, sizeof column->ucd, NULL);
+    heading_text(heading, TUNIT, number, column->unit, sizeof column->unit, NULL);
+    heading_text(heading, TUCD, number, column->ucd, sizeof column->ucd, NULL);
     if (strncmp(comment, "label for field", 15) != 0) /* cfitsio's words when there is nothing to say */
         snprintf(column->description, sizeof column->description, "%s", comment);
-    take_text(file, "TCOMM", number, column->description, sizeof column->description, NULL);
+    if (heading_text(heading, TCOMM, number, ignored, sizeof ignored, NULL))
+        snprintf(column->description, sizeof column->description, "%.*s", (int)sizeof column->description - 1,
+                 ignored);
 }
 
 /* --- cells --- */
@@ -446,6 +473,7 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
     long rows = 0;
     rx_table *table = NULL;
     plan *plans = NULL;
+    heading *columns = NULL;
     RX_TRY(rx_fits_goto(file, path, hdu, err));
     failed = rx_fits_shape_of(file, &shape);
     if (!failed && shape.is_image)
@@ -458,23 +486,24 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
     RX_TRY(rx_fits_check_size(source, path, hdu, &shape, err));
     table = rx_table_new(ncolumns);
     plans = RX_NEW(plan, (size_t)ncolumns);
-    if (table == NULL || plans == NULL)
+    columns = RX_NEW(heading, 1);
+    if (table == NULL || plans == NULL || columns == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     table->nrows = rows;
+    RX_TRY_EXIT(take_header(file, path, hdu, table, err));
+    find_cards(table, columns);
     for (int i = 1; i <= ncolumns && !failed; i++) {
         rx_column *column = &table->columns[kept];
         *column = (rx_column){0};
-        if (!plan_column(file, i, column, &plans[kept], &failed))
+        if (!plan_column(file, columns, i, column, &plans[kept], &failed))
             continue;
-        take_dimensions(file, i, column);
-        take_names(file, i, column);
+        take_dimensions(file, columns, i, column);
+        take_names(columns, i, column);
         kept++;
     }
     table->ncolumns = kept;
     if (failed)
         status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "its columns cannot be understood");
-    if (status == RX_OK)
-        status = take_header(file, path, hdu, table, err);
     if (status == RX_OK)
         status = read_rows(file, path, hdu, plans, table, err);
     if (status != RX_OK)
@@ -484,6 +513,7 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
 exit:
     rx_table_free(table);
     free(plans);
+    free(columns);
     return status;
 }
 

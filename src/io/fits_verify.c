@@ -126,7 +126,7 @@ rx_status rx_fits_verify(const char *path, int nhdus, rx_error *err)
     rx_status status = RX_OK;
     verifier v = {.path = path, .file = fopen(path, "rb")};
     if (v.file == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
+        return rx_error_file(err, path, "cannot be opened");
     for (int more = 1; more && status == RX_OK; v.hdu += more && status == RX_OK)
         status = verify_hdu(&v, &more, err);
     fclose(v.file);

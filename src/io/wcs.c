@@ -98,7 +98,9 @@ static rx_status set_up(char *cards, size_t ncards, const int size[2], rx_wcs **
     } else {
         wcsfix(0, naxis, &wcs->prm, stat);
         failed = wcsset(&wcs->prm);
-        if (failed)
+        if (failed == WCSERR_MEMORY)
+            status = rx_error_memory(err, 0);
+        else if (failed)
             *why = wcs_errmsg[failed];
         else if (wcs->prm.lng < 0 || wcs->prm.lat < 0)
             *why = "no celestial coordinates in the header";

@@ -30,6 +30,7 @@ rx_status rx_local_sky(const rx_view *view, const rx_source *s, int thickness, d
         return RX_OK;
     size_t room = (size_t)(outer.x1 - outer.x0) * (size_t)(outer.y1 - outer.y0);
     float *values;
+    rx_status status = RX_OK;
     RX_TRY(RX_MAKE(values, room, err));
     int n = 0;
     for (int y = outer.y0; y < outer.y1; y++)
@@ -41,8 +42,10 @@ rx_status rx_local_sky(const rx_view *view, const rx_source *s, int thickness, d
         sep_image list = {.data = values, .dtype = SEP_TFLOAT, .w = n, .h = 1, .noise_type = SEP_NOISE_NONE};
         if (sep_background(&list, n, 1, 1, 1, 0.0, &mesh) == 0)
             *sky = sep_bkg_global(mesh);
+        else
+            status = rx_error_memory(err, (size_t)n * sizeof *values);
         sep_bkg_free(mesh);
     }
     free(values);
-    return RX_OK;
+    return status;
 }

@@ -1,5 +1,5 @@
 bin_PROGRAMS += rextract rextract-survey rextract-simulate rextract-validate rextract-train
-rx_program = src/programs/program.c src/programs/program.h
+rx_program = src/programs/program.c src/programs/program.h src/programs/reserve.c
 rx_extract = src/programs/extract.c src/programs/extract.h $(rx_program)
 rextract_SOURCES = src/programs/rextract.c $(rx_extract)
 rextract_LDADD = librextract-lab.la librextract-all.la $(RX_LIBS)

@@ -491,8 +491,7 @@ static rx_status reference_size(const rx_options *options, double *bytes, rx_err
     const int missing = stat(path, &file) != 0;
     free(path);
     if (missing)
-        return rx_error_at(err, RX_INPUT, options->reference.name, -1, 0, "cannot be read: %s",
-                           strerror(errno));
+        return rx_error_file(err, options->reference.name, "cannot be read");
     *bytes = (double)file.st_size;
     return RX_OK;
 }

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "base/names.h"
+#include "base/reserve.h"
 #include "config/config_fields.h"
 #include "io/output.h"
 #include "stage/options.h"
@@ -66,6 +67,7 @@ rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *stan
     rx_error why = rx_error_part(err), trouble = rx_error_part(err);
     rx_log_tile_begin(log);
     rx_status status = rx_stage_run(config, image, standard_out, log, &facts, &why);
+    status = rx_reserve_end(status, &why);
     rx_log_progress_end(log);
     if (config->record_name[0] != '\0' && status != RX_INTERRUPTED) {
         const rx_status written =

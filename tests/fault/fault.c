@@ -5,8 +5,11 @@
  * one in n. Each run must end with status 4 and one line,
  * and leave nothing in its folder; or, where it can do without that memory, do all its work.
  *
- * The linker sends the calls of our own code, not those of other libraries, through the __wrap_ functions. */
+ * The linker sends the calls of our own code, not those of other libraries, through the __wrap_ functions. Where
+ * refuse.c is loaded before all libraries the requests are theirs, too. RX_FAULT_ALL=1: from the n-th request on all
+ * are refused. */
 #include <dirent.h>
+#include <dlfcn.h>
 #include <errno.h>
 #include <execinfo.h>
 #include <fcntl.h>
@@ -39,7 +42,11 @@ char *__wrap_strndup(const char *text, size_t n);
 char *__wrap_realpath(const char *path, char *dst);
 void *__wrap_fftwf_malloc(size_t bytes);
 
-static atomic_long left = -1; /* requests to grant before one is refused; below 0: all are granted */
+static atomic_long requests; /* so far */
+static atomic_long victim;   /* the one that is refused; 0: none */
+static atomic_int watching;  /* the tested program is at work */
+static int all;              /* those behind the victim are refused, too */
+static int preloaded;        /* refuse.c sees each request before the __wrap_ functions do */
 
 enum { MOST_REQUESTS = 1 << 20, DEPTH = 8 };
 
@@ -66,22 +73,33 @@ static void keep_place(void)
     unsigned long digest = 5381;
     for (int i = 0; i < n; i++) {
         const char *address = stack[i];
+        Dl_info library;
         if (address >= __executable_start && address < etext) /* libraries lie elsewhere in every process */
             digest = digest * 1000003 + (unsigned long)(address - __executable_start);
+        else if (preloaded && dladdr(address, &library) != 0)
+            digest = digest * 1000003 + (unsigned long)(address - (const char *)library.dli_fbase);
     }
     if (k < MOST_REQUESTS)
         shared->place[k] = digest;
 }
 
-static int refuse(void)
+static int refuse_next(void)
 {
+    if (!atomic_load(&watching))
+        return 0;
     if (atomic_load(&shared->recording))
         keep_place();
-    if (left < 0 || atomic_fetch_sub(&left, 1) != 0)
+    const long now = atomic_fetch_add(&requests, 1) + 1, first = atomic_load(&victim);
+    if (first == 0 || now < first || (now > first && !all))
         return 0;
     atomic_store(&shared->refused, 1);
     errno = ENOMEM;
     return 1;
+}
+
+static int refuse(void)
+{
+    return !preloaded && refuse_next();
 }
 
 void *__wrap_malloc(size_t bytes)
@@ -175,9 +193,10 @@ static int run(long n, const char *log, int argc, char **argv)
         int file = open(log, O_WRONLY | O_CREAT | O_TRUNC, 0666), null = open("/dev/null", O_WRONLY);
         dup2(file, 2);
         dup2(null, 1);
-        left = n - 1;
+        atomic_store(&victim, n);
+        atomic_store(&watching, 1);
         int code = tested_main(argc, argv);
-        left = -1;
+        atomic_store(&watching, 0);
         exit(code);
     }
     waitpid(child, &status, 0);
@@ -231,9 +250,18 @@ int main(int argc, char **argv)
     }
     close(file);
     const char *places = argv[2];
-    long last = atol(argv[1]), runs = 0, wrong = 0, done_without = 0, requests;
+    long last = atol(argv[1]), runs = 0, wrong = 0, done_without = 0, nrequests;
     const long nknown = read_places(places, known);
     const char *share = getenv("RX_FAULT_SHARE");
+    const char *rest = getenv("RX_FAULT_ALL");
+    all = rest != NULL && atoi(rest) == 1;
+    int (**hook)(void) = (int (**)(void))dlsym(RTLD_DEFAULT, "rx_fault_refuse");
+    preloaded = hook != NULL;
+    if (preloaded) {
+        void *stack[DEPTH];
+        backtrace(stack, DEPTH); /* loads a library */
+        *hook = refuse_next;
+    }
     const unsigned long one_in = share != NULL && atol(share) > 0 ? (unsigned long)atol(share) : 1;
     argv[2] = argv[0];
     atomic_store(&shared->recording, 1);
@@ -243,9 +271,9 @@ int main(int argc, char **argv)
         return 1;
     }
     atomic_store(&shared->recording, 0);
-    requests = atomic_load(&shared->requests);
+    nrequests = atomic_load(&shared->requests);
     const unsigned long expected = digest();
-    for (long n = 1; wrong < 10 && n <= requests; n++) {
+    for (long n = 1; wrong < 10 && n <= nrequests; n++) {
         if (n > last && (!is_first(n, known, nknown) || shared->place[n - 1] % one_in != 0))
             continue;
         int code = run(n, log, argc - 2, argv + 2), lines = read_log(log, text, sizeof text),
@@ -267,8 +295,8 @@ int main(int argc, char **argv)
     unlink(log);
     if (system("rm -rf " FOLDER) != 0)
         wrong++;
-    printf("%ld of %ld requests refused, %ld runs did without, %ld went wrong\n", runs, requests,
+    printf("%ld of %ld requests refused, %ld runs did without, %ld went wrong\n", runs, nrequests,
            done_without, wrong);
-    wrong += !add_places(places, known, nknown, requests);
-    return wrong > 0 || requests == 0;
+    wrong += !add_places(places, known, nknown, nrequests);
+    return wrong > 0 || nrequests == 0;
 }

@@ -1,7 +1,8 @@
 #!/bin/sh
 # Memory that runs out, anywhere: fault.c refuses one request after another, the first from each place in the program.
 # RX_FAULT_LAST: up to which number every single one is tried (RX_FAULT_LAST=1000: minutes, with a case more).
-# RX_FAULT_SHARE=n: one place in n. RX_FAULT_ONLY: a regular expression of the cases.
+# RX_FAULT_SHARE=n: one place in n. Then the same in all libraries, by refuse.c loaded before them, where each place is tried with
+# that request refused and with all from there on; of these places RX_FAULT_SHARE=n takes one in 8 n. RX_FAULT_ONLY: a regular expression of the cases.
 set -u
 LC_ALL=C
 export LC_ALL
@@ -17,7 +18,17 @@ ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
 TMPDIR=. # -REPLAY must leave nothing there
 export ASAN_OPTIONS TMPDIR
 
-"$make_fits" small tile.fits && "$make_fits" tile big.fits && "$make_fits" ones weight.fits &&
+# A sanitizer has to be the only one that stands before the C library's memory.
+if grep -q __asan_init "$build/tests/fault/fault"; then
+    skip 'memory refused in all libraries' 'a sanitizer takes the place of malloc()'
+else
+    ${CC:-cc} -O1 -shared -fPIC -o refuse.so "$top/tests/fault/refuse.c" -ldl 2>log || result 'refuse.c' 1 log
+fi
+
+# Coordinates with distortions have wcslib ask for the most.
+"$make_fits" small tile.fits && "$make_fits" tile big.fits "CTYPE1  = 'RA---TAN-SIP'" "CTYPE2  = 'DEC--TAN-SIP'" 'CRVAL1  = 150.' \
+    'CRVAL2  = 2.' 'CRPIX1  = 48.' 'CRPIX2  = 48.' 'CD1_1   = -1E-4' 'CD2_2   = 1E-4' "CUNIT1  = 'deg'" "CUNIT2  = 'deg'" \
+    'A_ORDER = 2' 'B_ORDER = 2' 'A_2_0   = 1E-6' 'B_0_2   = 2E-6' && "$make_fits" ones weight.fits &&
     "$make_fits" table ref.fits && "$make_fits" psf psf.fits && mkdir folder &&
     "$make_model" model.fits TWO && "$make_fits" psf-large folder/galaxy_r.fits && "$make_fits" psf folder/galaxy_psf.fits || exit 2
 # As small as holds enough stars for a PSF of pixels.
@@ -48,6 +59,13 @@ refuse_of() {
     "$build/tests/fault/$program" "$last" "$scratch/$program.places" "$@" -VERBOSE_TYPE QUIET >log 2>&1
     result "$name" $?
     sed 's/^/    | /' log
+    [ -e refuse.so ] || return 0
+    for all in 0 1; do
+        RX_FAULT_ALL=$all RX_FAULT_SHARE=$((8 * ${RX_FAULT_SHARE:-0})) LD_PRELOAD="$scratch/refuse.so" "$build/tests/fault/$program" 0 \
+            "$scratch/$program.libraries.$all" "$@" -VERBOSE_TYPE QUIET >log 2>&1
+        result "$name, in libraries$([ $all -eq 0 ] || echo ', all from there on')" $?
+        sed 's/^/    | /' log
+    done
 }
 
 refuse 'two restorers, check-images, report and gates' ../tile.fits -RESTORE_TYPE NONE,RL -RL_NITER 2 \
@@ -96,5 +114,35 @@ refuse_simulate 'templates' -IMAGE_SIZE 48 -STAR_COUNT 0 -GALAXY_COUNT 0 -PSF_TY
 refuse_simulate 'injection away from the sources' -INJECT_IMAGE ../big.fits -PSF_FWHM 3 -STAR_COUNT 500 \
     -INJECT_PLACE AWAY -INJECT_DISTANCE 1 -TRUTH_TYPE FITS_LDAC
 refuse_simulate 'injection with a configuration' -INJECT_IMAGE ../big.fits -PSF_FWHM 3 -INJECT_CONFIG ../my.sex
+
+# ladder: a limit of memory, from what the program cannot be loaded with to more than it takes. Each step ends with status 4
+# and one line, or with the same bytes.
+ladder() {
+    mkdir free limited
+    set -- "$programs/rextract" ../big.fits -RESTORE_TYPE RL,NET -RL_NITER 3 -NET_MODEL ../model.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 \
+        -CATALOG_TYPE FITS_LDAC -PARAMETERS_NAME ../template.param -NTHREADS 2 -VERBOSE_TYPE QUIET
+    (cd free && "$@") >log 2>&1 || return 1
+    wrong=0 refused=0
+    for megabytes in 28 34 38 42 45 46 48 52 64 120; do
+        (cd limited && ulimit -v $((1024 * megabytes)) && "$@") >said 2>&1
+        code=$?
+        if [ $code -eq 0 ] && diff -r free limited >/dev/null && [ ! -s said ]; then
+            :
+        elif [ $code -eq 4 ] && [ "$(wc -l <said)" -eq 1 ] && grep -q memory said && [ -z "$(ls -A limited)" ]; then
+            refused=$((refused + 1))
+        elif [ $code -ne 127 ]; then # the loader's
+            echo "$megabytes MB: exit code $code: $(ls -A limited) $(cat said)" && wrong=$((wrong + 1))
+        fi
+        find limited -mindepth 1 -delete
+    done
+    echo "$refused steps refused"
+    [ $wrong -eq 0 ]
+} >ladder.log 2>&1
+# shellcheck disable=SC3045 # dash and bash have ulimit -v
+if [ -e refuse.so ] && printf 'a ladder of limits\n' | grep -Eq -- "${RX_FAULT_ONLY:-.}"; then
+    ladder
+    result 'a ladder of limits' $?
+    sed 's/^/    | /' ladder.log
+fi
 
 finish

@@ -15,7 +15,7 @@ run() {
     threads=$1 folder=$2 image=$3
     shift 3
     mkdir "$folder" && (
-        cd "$folder" && OMP_NUM_THREADS=$threads "$programs/rextract" "$image" -RESTORE_TYPE NONE,RL -RL_NITER 10 \
+        cd "$folder" && "$programs/rextract" "$image" -NTHREADS "$threads" -RESTORE_TYPE NONE,RL -RL_NITER 10 \
             -VERBOSE_TYPE QUIET -CATALOG_TYPE FITS_LDAC -CATALOG_NAME out.cat \
             -CHECKIMAGE_TYPE RESTORED,RESIDUAL,SEGMENTATION,APERTURES -CHECKIMAGE_NAME r.fits,d.fits,s.fits,a.fits "$@"
     )

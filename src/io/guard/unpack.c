@@ -1,15 +1,20 @@
-/* Files packed with gzip. */
+/* Files packed with gzip, bzip2 or compress. */
 #include "io/guard/guard.h"
 
 #include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 #include <zlib.h>
 
+#if RX_HAVE_BZIP2
+#include <bzlib.h>
+#endif
+
 #include "base/memory.h"
 
-enum { PIECE = 1 << 20 };
+enum { PIECE = 1 << 20, INPUT = 1 << 16 };
 
 rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err)
 {
@@ -18,23 +23,257 @@ rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err)
     return memory != NULL ? RX_OK : rx_error_memory(err, (size_t)bytes);
 }
 
-static rx_status unpack(gzFile from, const char *path, int to, char *piece, int64_t *size, rx_error *err)
+/* Why nothing more comes: the end of what was packed, or a fault. */
+typedef enum ending { GOES_ON, AT_END, CUT_OFF, DAMAGED, UNREADABLE, NO_MEMORY } ending;
+
+/* LZW as compress(1) writes it (Welch 1984, IEEE Computer 17, 6, 8): codes of 9 to `most` bits, the lowest bit first,
+ * that come in groups of eight. What a group still holds when the length of codes changes is no code. */
+enum { FIRST_BITS = 9, MOST_BITS = 16, CODES = 1 << MOST_BITS, CLEAR = 256, NO_CODE = -1 };
+
+typedef struct lzw {
+    int most, bits, next, last; /* next: code to be defined; last: the code before, NO_CODE behind a CLEAR */
+    bool clears;                /* CLEAR makes the table empty, and is no text */
+    unsigned char group[MOST_BITS + 2], first; /* two more, as a code is read out of three bytes */
+    int group_bits, at;
+    int waiting; /* bytes of stack, the next one on top */
+    uint16_t prefix[CODES];
+    unsigned char suffix[CODES], stack[CODES];
+} lzw;
+
+typedef struct packed {
+    FILE *file;
+    gzFile gzip;
+    lzw *lzw;
+#if RX_HAVE_BZIP2
+    bz_stream bzip2;
+    bool has_bzip2;
+    char *input;
+#endif
+    ending ending;
+} packed;
+
+/* --- compress --- */
+
+static ending lzw_begin(packed *p)
+{
+    unsigned char head[3];
+    if (fread(head, 1, sizeof head, p->file) != sizeof head)
+        return CUT_OFF;
+    p->lzw = RX_NEW(lzw, 1);
+    if (p->lzw == NULL)
+        return NO_MEMORY;
+    lzw *l = p->lzw;
+    l->most = head[2] & 0x1f;
+    l->clears = (head[2] & 0x80) != 0;
+    l->bits = FIRST_BITS;
+    l->next = l->clears ? CLEAR + 1 : CLEAR;
+    l->last = NO_CODE;
+    for (int i = 0; i < CLEAR; i++)
+        l->suffix[i] = (unsigned char)i;
+    return l->most >= FIRST_BITS && l->most <= MOST_BITS ? GOES_ON : DAMAGED;
+}
+
+/* The next code; NO_CODE at the end. */
+static int lzw_code(packed *p)
+{
+    lzw *l = p->lzw;
+    if (l->bits < l->most && l->next == 1 << l->bits) {
+        l->bits++;
+        l->group_bits = 0;
+    }
+    if (l->at + l->bits > l->group_bits) {
+        l->group_bits = 8 * (int)fread(l->group, 1, (size_t)l->bits, p->file);
+        l->at = 0;
+        if (l->bits > l->group_bits) {
+            p->ending = ferror(p->file) ? UNREADABLE : AT_END;
+            return NO_CODE;
+        }
+    }
+    const unsigned char *byte = l->group + l->at / 8;
+    const int code = (byte[0] | byte[1] << 8 | byte[2] << 16) >> l->at % 8 & ((1 << l->bits) - 1);
+    l->at += l->bits;
+    return code;
+}
+
+/* The text of one code onto the stack. */
+static void lzw_take(packed *p)
+{
+    lzw *l = p->lzw;
+    const int code = lzw_code(p);
+    if (code == NO_CODE)
+        return;
+    if (code == CLEAR && l->clears) {
+        l->bits = FIRST_BITS;
+        l->group_bits = 0;
+        l->next = CLEAR + 1;
+        l->last = NO_CODE;
+        return;
+    }
+    const bool undefined = code >= l->next; /* the one that is defined now, by its own first byte */
+    if (code > l->next || (l->last == NO_CODE && code >= CLEAR)) {
+        p->ending = DAMAGED;
+        return;
+    }
+    if (undefined)
+        l->stack[l->waiting++] = l->first;
+    int c = undefined ? l->last : code;
+    for (; c >= CLEAR; c = l->prefix[c]) /* each prefix is a smaller code: the stack holds them all */
+        l->stack[l->waiting++] = l->suffix[c];
+    l->first = l->suffix[c];
+    l->stack[l->waiting++] = l->first;
+    if (l->last != NO_CODE && l->next < 1 << l->most) {
+        l->prefix[l->next] = (uint16_t)l->last;
+        l->suffix[l->next++] = l->first;
+    }
+    l->last = code;
+}
+
+static int lzw_read(packed *p, char *dst, int size)
+{
+    int n = 0;
+    while (n < size && p->ending == GOES_ON) {
+        if (p->lzw->waiting == 0)
+            lzw_take(p);
+        while (n < size && p->lzw->waiting > 0)
+            dst[n++] = (char)p->lzw->stack[--p->lzw->waiting];
+    }
+    return n;
+}
+
+/* --- bzip2 --- */
+
+#if RX_HAVE_BZIP2
+static ending bzip2_begin(packed *p)
+{
+    p->input = p->input != NULL ? p->input : RX_NEW(char, INPUT);
+    p->has_bzip2 = p->input != NULL && BZ2_bzDecompressInit(&p->bzip2, 0, 0) == BZ_OK;
+    return p->has_bzip2 ? GOES_ON : NO_MEMORY;
+}
+
+static void bzip2_end(packed *p)
+{
+    if (p->has_bzip2)
+        BZ2_bzDecompressEnd(&p->bzip2);
+    p->has_bzip2 = false;
+}
+
+/* Streams may follow each other; what else stands behind one is not looked at. */
+static int bzip2_read(packed *p, char *dst, int size)
+{
+    bz_stream *s = &p->bzip2;
+    s->next_out = dst;
+    s->avail_out = (unsigned)size;
+    while (s->avail_out > 0 && p->ending == GOES_ON) {
+        if (s->avail_in == 0) {
+            s->next_in = p->input;
+            s->avail_in = (unsigned)fread(p->input, 1, INPUT, p->file);
+            if (s->avail_in == 0)
+                p->ending = ferror(p->file) ? UNREADABLE : p->has_bzip2 ? CUT_OFF : AT_END;
+        }
+        if (p->ending == GOES_ON && !p->has_bzip2)
+            p->ending = *s->next_in == 'B' ? bzip2_begin(p) : AT_END;
+        if (p->ending != GOES_ON)
+            break;
+        const int code = BZ2_bzDecompress(s);
+        if (code == BZ_STREAM_END)
+            bzip2_end(p); /* what of the input is not used stays in the struct */
+        else if (code != BZ_OK)
+            p->ending = code == BZ_MEM_ERROR ? NO_MEMORY : DAMAGED;
+    }
+    return size - (int)s->avail_out;
+}
+#endif
+
+/* --- all --- */
+
+static int gzip_read(packed *p, char *dst, int size)
+{
+    int failed = Z_OK;
+    const int n = gzread(p->gzip, dst, (unsigned)size);
+    gzerror(p->gzip, &failed);
+    if (failed != Z_OK)
+        p->ending = failed == Z_BUF_ERROR   ? CUT_OFF
+                    : failed == Z_MEM_ERROR ? NO_MEMORY
+                    : failed == Z_ERRNO     ? UNREADABLE
+                                            : DAMAGED;
+    else if (n < size)
+        p->ending = AT_END;
+    return n;
+}
+
+static rx_status begin(packed *p, const char *path, rx_error *err)
+{
+    unsigned char head[2] = {0};
+    errno = 0;
+    p->file = fopen(path, "rb");
+    if (p->file == NULL)
+        return rx_error_file(err, path, "cannot be opened");
+    if (fread(head, 1, sizeof head, p->file) != sizeof head || fseek(p->file, 0, SEEK_SET) != 0)
+        return rx_error_file(err, path, "cannot be read");
+    if (head[0] == 'B') {
+#if RX_HAVE_BZIP2
+        p->ending = bzip2_begin(p);
+#else
+        return rx_error_at(err, RX_INPUT, path, -1, 0,
+                           "is packed by bzip2, whose library this program was built without; unpack it with "
+                           "bunzip2");
+#endif
+    } else if (head[1] == 0x9d) {
+        p->ending = lzw_begin(p);
+    } else {
+        p->gzip = gzopen(path, "rb");
+        if (p->gzip == NULL)
+            return rx_error_file(err, path, "cannot be opened");
+        gzbuffer(p->gzip, 1 << 17);
+    }
+    return RX_OK;
+}
+
+static int read_piece(packed *p, char *dst, int size)
+{
+    if (p->ending != GOES_ON)
+        return 0;
+#if RX_HAVE_BZIP2
+    if (p->input != NULL)
+        return bzip2_read(p, dst, size);
+#endif
+    return p->lzw != NULL ? lzw_read(p, dst, size) : gzip_read(p, dst, size);
+}
+
+static void end(packed *p)
+{
+#if RX_HAVE_BZIP2
+    bzip2_end(p);
+    free(p->input);
+#endif
+    free(p->lzw);
+    if (p->gzip != NULL)
+        gzclose(p->gzip);
+    if (p->file != NULL)
+        fclose(p->file);
+}
+
+static rx_status fault(ending ending, const char *path, rx_error *err)
+{
+    if (ending == NO_MEMORY)
+        return rx_error_memory(err, 0);
+    if (ending == UNREADABLE)
+        return rx_error_file(err, path, "cannot be read");
+    return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read: the packed file is %s; fetch it again",
+                       ending == CUT_OFF ? "cut off" : "damaged");
+}
+
+static rx_status unpack(packed *from, const char *path, int to, char *piece, int64_t *size, rx_error *err)
 {
     int64_t place = 0, most = 64 * (int64_t)PIECE; /* asked for as it grows, for a header may lie */
     while (rx_fits_walk_selected(to, *size, &place) > *size) {
-        int failed = Z_OK;
         if (*size + PIECE > most) {
             most *= 2;
-            rx_status status = rx_fits_ask_memory(most, err);
-            if (status != RX_OK)
-                return status;
+            RX_TRY(rx_fits_ask_memory(most, err));
         }
-        const int n = gzread(from, piece, PIECE);
-        gzerror(from, &failed);
-        if (failed != Z_OK)
-            return rx_error_at(err, RX_INPUT, path, -1, 0,
-                               "cannot be read: the packed file is %s; fetch it again",
-                               failed == Z_BUF_ERROR ? "cut off" : "damaged");
+        const int n = read_piece(from, piece, PIECE);
+        if (from->ending > AT_END)
+            return fault(from->ending, path, err);
         if (n <= 0)
             break;
         if (write(to, piece, (size_t)n) != n)
@@ -47,14 +286,14 @@ static rx_status unpack(gzFile from, const char *path, int to, char *piece, int6
 
 rx_status rx_fits_unpack(const char *path, int to, int64_t *size, rx_error *err)
 {
+    packed from = {0};
+    char *piece;
     *size = 0;
-    gzFile from = gzopen(path, "rb");
-    if (from == NULL)
-        return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be opened: %s", strerror(errno));
-    gzbuffer(from, 1 << 17);
-    char *piece = RX_NEW(char, PIECE);
-    rx_status status = piece != NULL ? unpack(from, path, to, piece, size, err) : rx_error_memory(err, PIECE);
+    RX_TRY(RX_MAKE(piece, PIECE, err));
+    rx_status status = begin(&from, path, err);
+    if (status == RX_OK)
+        status = unpack(&from, path, to, piece, size, err);
+    end(&from);
     free(piece);
-    gzclose(from);
     return status;
 }

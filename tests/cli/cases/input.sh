@@ -122,7 +122,7 @@ if command -v bzip2 >/dev/null; then
     for bytes in 100 3000; do
         begin "bzip2 file cut short after $bytes bytes"
         make_fits tile tile.fits && bzip2 tile.fits && head -c "$bytes" tile.fits.bz2 >t.fits.bz2 && rm tile.fits.bz2
-        expect 3 '^rextract: t\.fits\.bz2: (cannot be unpacked: it is cut off or damaged|cannot be read as FITS|its header has no END)' t.fits.bz2 $none
+        expect 3 '^rextract: t\.fits\.bz2: (cannot be read: the packed file is cut off|cannot be read as FITS|its header has no END)' t.fits.bz2 $none
     done
 fi
 

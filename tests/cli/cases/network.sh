@@ -136,7 +136,7 @@ if [ "$active" = 1 ]; then
     list_files >../before
     for run in '1 512' '2 512' '3 512'; do
         set -- $run
-        OMP_NUM_THREADS=$1 timeout 60 "$program" tile.fits $net -NET_BLOCK $2 -CATALOG_TYPE FITS_LDAC \
+        timeout 60 "$program" tile.fits -NTHREADS $1 $net -NET_BLOCK $2 -CATALOG_TYPE FITS_LDAC \
             -CHECKIMAGE_TYPE RESTORED,RESIDUAL,SUPPORT -CHECKIMAGE_NAME a.fits,b.fits,c.fits -VERBOSE_TYPE QUIET
         echo $? >../code
         cat test.cat a.fits b.fits c.fits | cksum

@@ -468,7 +468,7 @@ make_fits tile tile.fits
 if [ "$active" = 1 ]; then
     list_files >../before
     for threads in 1 2 3; do
-        OMP_NUM_THREADS=$threads timeout 60 "$program" tile.fits -CATALOG_TYPE FITS_LDAC -CATALOG_NAME test.cat \
+        timeout 60 "$program" tile.fits -NTHREADS $threads -CATALOG_TYPE FITS_LDAC -CATALOG_NAME test.cat \
             -CHECKIMAGE_TYPE RESTORED,BACKGROUND,SEGMENTATION -CHECKIMAGE_NAME r.fits,b.fits,s.fits -VERBOSE_TYPE QUIET
         echo $? >../code
         cat test.cat r.fits b.fits s.fits | cksum

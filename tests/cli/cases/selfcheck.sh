@@ -103,7 +103,7 @@ make_fits tile tile.fits
 if [ "$active" = 1 ]; then
     list_files >../before
     for threads in 1 2 3; do
-        OMP_NUM_THREADS=$threads timeout 60 "$program" tile.fits -PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 5 $check \
+        timeout 60 "$program" tile.fits -NTHREADS $threads -PSF_TYPE MOFFAT -PSF_FWHM 3 -RL_NITER 5 $check \
             -BLANK_CHECK 2 -CATALOG_TYPE FITS_LDAC -SELF_CHECK_NAME report -VERBOSE_TYPE QUIET
         echo $? >../code
         cat test.cat report/summary.json report/*.ecsv | cksum

@@ -18,3 +18,5 @@ check_PROGRAMS += tests/unit/base/test_text
 tests_unit_base_test_text_SOURCES = tests/unit/base/test_text.c tests/unit/files.h
 check_PROGRAMS += tests/unit/base/test_names
 tests_unit_base_test_names_SOURCES = tests/unit/base/test_names.c
+check_PROGRAMS += tests/unit/base/test_threads
+tests_unit_base_test_threads_SOURCES = tests/unit/base/test_threads.c tests/unit/scratch.h

@@ -2,7 +2,14 @@
 #include "tile_test.h"
 
 #include <fitsio.h>
+#include <time.h>
 #include <zlib.h>
+
+#if RX_HAVE_BZIP2
+#include <bzlib.h>
+#endif
+
+#include "io/fits_read.h"
 
 /* A compressed image with one of its cards (from XTENSION = 0) replaced is refused, and why is said. */
 static void check_header_refused(void **state, size_t replaced, const char *card, const char *word)
@@ -275,6 +282,183 @@ static void test_packed_files(void **state)
     check_refused(&PLAIN, packed, "zip archive");
 }
 
+/* --- packed by bzip2 and compress --- */
+
+/* As compress(1) writes: codes of 9 to `most` bits, lowest bit first, in groups of eight of the same length; CLEAR
+ * now and then where the table is full. */
+typedef struct lzw {
+    FILE *file;
+    int most, bits, in_group, at;
+    unsigned char group[16];
+} lzw;
+
+static void put_bytes(lzw *z, int n)
+{
+    assert_int_equal(fwrite(z->group, 1, (size_t)n, z->file), n);
+    memset(z->group, 0, sizeof z->group);
+    z->in_group = z->at = 0;
+}
+
+static void put_code(lzw *z, int code)
+{
+    for (int i = 0; i < z->bits; i++, z->at++)
+        z->group[z->at / 8] = (unsigned char)(z->group[z->at / 8] | (code >> i & 1) << z->at % 8);
+    if (++z->in_group == 8)
+        put_bytes(z, z->bits);
+}
+
+static void pack_lzw(const char *path, int most, const unsigned char *data, size_t size)
+{
+    static uint16_t next[1 << 16][256];
+    lzw z = {.file = fopen(path, "wb"), .most = most, .bits = 9};
+    int defined = 257, code = data[0];
+    memset(next, 0, sizeof next);
+    assert_non_null(z.file);
+    fprintf(z.file, "\x1f\x9d%c", 0x80 | most);
+    for (size_t i = 1; i < size; i++) {
+        if (next[code][data[i]] != 0) {
+            code = next[code][data[i]];
+            continue;
+        }
+        put_code(&z, code);
+        const bool full = defined == 1 << most;
+        if (!full)
+            next[code][data[i]] = (uint16_t)defined;
+        /* the reader defines the code one code later */
+        if (!full && defined++ == 1 << z.bits && z.bits < most) {
+            put_bytes(&z, z.in_group > 0 ? z.bits : 0); /* what is missing of eight codes is filled up */
+            z.bits++;
+        }
+        if (full && i % 5000 == 0) {
+            put_code(&z, 256);
+            put_bytes(&z, z.in_group > 0 ? z.bits : 0);
+            memset(next, 0, sizeof next);
+            z.bits = 9;
+            defined = 257;
+        }
+        code = data[i];
+    }
+    put_code(&z, code);
+    put_bytes(&z, (z.at + 7) / 8);
+    assert_int_equal(fclose(z.file), 0);
+}
+
+#if RX_HAVE_BZIP2
+static void pack_bzip2(const char *path, const char *data, size_t size, size_t zeros)
+{
+    char *all = calloc(size + zeros, 1), *packed = malloc(size + zeros + 1000);
+    unsigned n = (unsigned)(size + zeros + 1000);
+    assert_non_null(all);
+    assert_non_null(packed);
+    memcpy(all, data, size);
+    assert_int_equal(BZ2_bzBuffToBuffCompress(packed, &n, all, (unsigned)(size + zeros), 9, 0, 0), BZ_OK);
+    write_bytes(path, packed, n);
+    free(all);
+    free(packed);
+}
+#endif
+
+static void check_packed(const char *path, size_t size)
+{
+    int n = 0;
+    rx_tile_shape *shapes = NULL;
+    rx_tile *tile = read_tile(&PLAIN, path, 0, 1);
+    assert_true(tile->pixels[W * H - 1] == W * H - 1);
+    rx_tile_free(tile);
+    assert_int_equal(rx_tile_shapes(path, NULL, &shapes, &n, NULL), RX_OK);
+    assert_int_equal(n, 1);
+    assert_true(shapes[0].held >= size);
+    assert_true(shapes[0].held < 1 << 22);
+    free(shapes);
+}
+
+/* No further than the headers say, either. */
+static void test_packed_otherwise(void **state)
+{
+    enum { ZEROS = 1 << 24 };
+    const char *path = in(state, "a.fits"), *packed = in(state, "p.fits.z");
+    size_t size = 0;
+    make_ramp(path, -32, "");
+    char *data = file_bytes(path, &size);
+    unsigned char *long_data = calloc(size + ZEROS, 1);
+    assert_non_null(long_data);
+    memcpy(long_data, data, size);
+    for (int most = 9; most <= 16; most += most == 9 ? 3 : 4) {
+        pack_lzw(packed, most, (unsigned char *)data, size);
+        check_packed(packed, size);
+        char command[1200]; /* its writer is ours, too: gzip reads what compress writes */
+        snprintf(command, sizeof command, "! command -v gzip >/dev/null || gzip -dc <%s | cmp - %s", packed,
+                 path);
+        assert_true(works(command));
+    }
+    pack_lzw(packed, 16, long_data, size + ZEROS);
+    check_packed(packed, size);
+    free(long_data);
+    pack_lzw(packed, 16, (unsigned char *)data, 2880 + W * H * 2);
+    check_refused(&PLAIN, packed, "cut off");
+    write_bytes(packed, "\x1f\x9d\x90SSSSSSSSSSSSSSSSSSSSSSSSSSSSSSSSS", 36);
+    check_refused(&PLAIN, packed, "");
+    write_bytes(packed, "\x1f\x9d\x9f", 3);
+    check_refused(&PLAIN, packed, "damaged");
+#if RX_HAVE_BZIP2
+    size_t length = 0;
+    pack_bzip2(packed, data, size, 0);
+    check_packed(packed, size);
+    char *bytes = file_bytes(packed, &length);
+    write_bytes(packed, bytes, length / 2);
+    check_refused(&PLAIN, packed, "cut off");
+    bytes[length / 2] = (char)~bytes[length / 2];
+    write_bytes(packed, bytes, length);
+    check_refused(&PLAIN, packed, "damaged");
+    free(bytes);
+    pack_bzip2(packed, data, size, ZEROS);
+    check_packed(packed, size);
+#endif
+    free(data);
+}
+
+/* --- long headers --- */
+
+/* 999 columns in a header as long as any is read: once through it, not once for each column. */
+static void test_header_is_read_once(void **state)
+{
+    enum { CARDS = 4090 * 36, COLUMNS = 999 };
+    const char *path = in(state, "wide.fits");
+    FILE *file = fopen(path, "wb");
+    char block[2880];
+    rx_table *table = NULL;
+    assert_non_null(file);
+    fprintf(file, "%-80s%-80s%-80s%-2640s", "SIMPLE  =                    T",
+            "BITPIX  =                    8", "NAXIS   =                    0", "END");
+    fprintf(file, "%-80s%-80s%-80s%-80s%-80s%-80s%-80s%-80s", "XTENSION= 'BINTABLE'",
+            "BITPIX  =                    8", "NAXIS   =                    2",
+            "NAXIS1  =                  999", "NAXIS2  =                    1",
+            "PCOUNT  =                    0", "GCOUNT  =                    1",
+            "TFIELDS =                  999");
+    for (int i = 1; i <= COLUMNS; i++) {
+        snprintf(block, sizeof block, "TFORM%-3d= 'B'", i);
+        fprintf(file, "%-80s", block);
+    }
+    for (int i = 8 + COLUMNS; i < CARDS - 5; i++)
+        fprintf(file, "%-80s", "COMMENT");
+    fprintf(file, "%-80s%-80s%-80s%-80s%-80s", "TTYPE999= 'LAST' / of all", "TUNIT999= 'pix'", "TNULL999= 0",
+            "TTYPE999= 'AGAIN'", "END");
+    memset(block, 7, sizeof block);
+    assert_int_equal(fwrite(block, 1, sizeof block, file), sizeof block);
+    assert_int_equal(fclose(file), 0);
+    const clock_t begin = clock();
+    assert_int_equal(rx_fits_read_table(path, 0, &table, NULL), RX_OK);
+    assert_true((double)(clock() - begin) / CLOCKS_PER_SEC < 20); /* was 80, is 0.3 */
+    assert_int_equal(table->ncolumns, COLUMNS);
+    assert_string_equal(table->columns[0].name, "COL1");
+    assert_string_equal(table->columns[998].name, "LAST");
+    assert_string_equal(table->columns[998].description, "of all");
+    assert_string_equal(table->columns[998].unit, "pix");
+    assert_int_equal(table->columns[998].type, RX_CELL_FLOAT);
+    assert_int_equal(table->columns[997].type, RX_CELL_INT16);
+    rx_table_free(table);
+}
+
 /* --- tiles of a compressed image --- */
 
 /* A file of one tile of 10 x 10 pixels; the table has two columns, cells {length, offset} in elements and
@@ -460,6 +644,8 @@ int main(void)
         cmocka_unit_test(test_broken_compressed),
         cmocka_unit_test(test_missing_padding),
         cmocka_unit_test(test_packed_files),
+        cmocka_unit_test(test_packed_otherwise),
+        cmocka_unit_test(test_header_is_read_once),
         cmocka_unit_test(test_tiles_that_cfitsio_does_not_survive),
         cmocka_unit_test(test_missing_settings),
         cmocka_unit_test(test_line_lists),
