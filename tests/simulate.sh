@@ -350,7 +350,7 @@ refused "a tile that is not there" 3 absent.fits -INJECT_IMAGE absent.fits
 refused "a CCD without gain" 2 GAIN -NOISE_TYPE CCD
 refused "PSF_TYPE AUTO without a tile" 2 INJECT_IMAGE -PSF_TYPE AUTO
 refused "a PSF file that is not there" 3 absent.psf -PSF_TYPE PSFEX -PSF_NAME absent.psf
-refused "a folder that is not there" 4 nowhere -TRUTH_NAME nowhere/truth.fits
+refused "a folder that cannot be made" 4 nowhere -TRUTH_NAME /proc/nowhere/truth.fits
 refused "templates that are not there" 3 nowhere -TEMPLATE_NAME nowhere -TEMPLATE_COUNT 10
 refused "a coadd through a PSF of the image's pixels" 2 PSF_TYPE -COADD_TYPE DRIZZLE -PSF_TYPE FILE -PSF_NAME p.fits
 refused "a coadd of a real tile" 2 COADD_TYPE -COADD_TYPE LANCZOS -INJECT_IMAGE ../field.fits

@@ -43,8 +43,8 @@ class Errors(InFolder):
         err = self.assert_words(rextract.UsageError, lambda: rextract.measure(self.pixels, config="bad.sex"), "tile.fits", "-c",
                                 "bad.sex")
         self.assertEqual((err.where, err.line), ("bad.sex", 2))
-        self.assert_words(rextract.ResourceError, lambda: rextract.run("tile.fits", CATALOG_NAME="no/folder/out.cat"),
-                          "tile.fits", CATALOG_NAME="no/folder/out.cat")
+        self.assert_words(rextract.ResourceError, lambda: rextract.run("tile.fits", CATALOG_NAME="/proc/folder/out.cat"),
+                          "tile.fits", CATALOG_NAME="/proc/folder/out.cat")
 
     def test_not_restored(self):
         flat = np.random.default_rng(1).normal(100, 5, (128, 128)).astype(np.float32)

@@ -135,7 +135,15 @@ static char *behind_link(const char *path, const char *folder, int links, int *f
     return real;
 }
 
-/* `links`: so many are followed that lead to nothing. */
+/* The name in a folder that has none: without "." and "..". */
+static char *step(const char *place, const char *name)
+{
+    return strcmp(name, ".") == 0    ? rx_strdup(place)
+           : strcmp(name, "..") == 0 ? folder_of(place)
+                                     : joined(place, name);
+}
+
+/* `links`: so many are followed that lead to nothing. What is above a missing folder is resolved all the same. */
 static char *real_of(const char *path, int links)
 {
     char *real = realpath(path, NULL);
@@ -145,19 +153,16 @@ static char *real_of(const char *path, int links)
     size_t length = strlen(plain);
     while (length > 1 && plain[length - 1] == '/')
         plain[--length] = '\0';
-    char *slash = strrchr(plain, '/');
-    const char *name = slash != NULL ? slash + 1 : plain;
+    const char *slash = strrchr(plain, '/');
     char *folder = folder_of(plain);
-    char *place = folder != NULL ? realpath(folder, NULL) : NULL;
-    int failed = folder == NULL;
-    if (place != NULL && (real = behind_link(plain, folder, links, &failed)) == NULL && !failed) {
-        real = joined(place, name);
-        failed = real == NULL;
-    }
+    char *place = folder == NULL               ? NULL
+                  : strcmp(folder, plain) == 0 ? rx_strdup(plain)
+                                               : real_of(folder, links);
+    int failed = place == NULL;
+    if (!failed && (real = behind_link(plain, folder, links, &failed)) == NULL && !failed)
+        real = step(place, slash != NULL ? slash + 1 : plain);
     free(folder);
     free(place);
-    if (real == NULL && !failed)
-        return plain;
     free(plain);
     return real;
 }

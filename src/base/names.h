@@ -24,7 +24,7 @@ char *rx_name_stem(const char *image);
 char *rx_name_psf(const char *image);
 
 /* The one name of a file that is there, or will be: absolute, without links (of one that leads to nothing,
- * what it leads to), "." and ".."; the plain one where its folder is not there. Two names of the same file
+ * what it leads to), "." and "..", also where folders are missing that will be made. Two names of the same file
  * give the same. NULL without memory; the caller frees. */
 char *rx_name_real(const char *path);
 

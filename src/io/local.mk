@@ -7,6 +7,7 @@ librextract_la_SOURCES += \
 	src/io/fits_sum.c src/io/fits_sum.h \
 	src/io/fits_verify.c src/io/fits_verify.h \
 	src/io/fits_write.c \
+	src/io/folders.c src/io/folders.h \
 	src/io/marker.c src/io/marker.h \
 	src/io/output.c \
 	src/io/sky.c src/io/sky.h \

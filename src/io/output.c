@@ -18,6 +18,7 @@
 #include "base/reserve.h"
 #include "base/text.h"
 #include "io/claim.h"
+#include "io/folders.h"
 #include "io/marker.h"
 
 typedef enum output_kind { OUTPUT_FILE, OUTPUT_FOLDER, OUTPUT_DEVICE } output_kind;
@@ -40,6 +41,7 @@ typedef struct output {
 struct rx_outputs {
     output *list;
     size_t n;
+    rx_folders made; /* folders that outputs lie in */
 };
 
 rx_status rx_outputs_new(rx_outputs **dst, rx_error *err)
@@ -122,8 +124,9 @@ static rx_status inspect(output *out, int want_folder, rx_error *err)
     return RX_OK;
 }
 
-/* Fill path (links followed, so that a link stays a link) and the stem of the temporary's name beside it. */
-static rx_status place(output *out, rx_error *err)
+/* Fill path (links followed, so that a link stays a link) and the stem of the temporary's name beside it; the folder
+ * is made where there is none. */
+static rx_status place(output *out, rx_folders *made, rx_error *err)
 {
     const size_t length = strlen(out->shown);
     RX_TRY(rx_name_trusted(out->shown, err));
@@ -141,23 +144,13 @@ static rx_status place(output *out, rx_error *err)
             return rx_error_memory(err, length);
     }
     out->stem = format(folder, ".", name);
-    const char *shown = folder[0] != '\0' ? folder : ".";
-    struct stat info;
     rx_status status = RX_OK;
     if (out->stem == NULL)
         status = rx_error_memory(err, length);
     else if (strlen(name) + 24 > NAME_MAX)
         status = rx_error_at(err, RX_USAGE, out->shown, -1, 0, "the name is too long; give a shorter one");
-    else if (stat(shown, &info) != 0)
-        status = rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written, its folder: %s",
-                             strerror(errno));
-    else if (!S_ISDIR(info.st_mode))
-        status =
-            rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written: '%s' is not a folder", shown);
-    if (status == RX_OK) {
-        out->device = info.st_dev;
-        out->folder = info.st_ino;
-    }
+    else if (out->kind != OUTPUT_DEVICE)
+        status = rx_folders_make(made, out->stem, out->shown, err);
     free(folder);
     return status;
 }
@@ -193,8 +186,9 @@ static int take(output *out)
     return -1;
 }
 
-/* Take the first free number; another machine, or another run in a container, may have ours. */
-static rx_status claim(output *out, rx_error *err)
+/* Take the first free number; another machine, or another run in a container, may have ours. The folder is made again
+ * where a run that has failed, and made it, has removed it by now; with our lock in it it stays. */
+static rx_status claim(output *out, rx_folders *made, rx_error *err)
 {
     const long first = (long)getpid(), tries = 1000;
     const size_t size = strlen(out->stem) + 64;
@@ -210,7 +204,9 @@ static rx_status claim(output *out, rx_error *err)
         snprintf(out->room, size, "%s.rx-%ld.tmp", out->stem, number);
         snprintf(out->lock, size, "%s.rx-%ld.lock", out->stem, number);
         out->claim = take(out);
-        if (out->claim < 0 && errno != EEXIST)
+        if (out->claim < 0 && errno == ENOENT && out->kind != OUTPUT_DEVICE)
+            RX_TRY(rx_folders_make(made, out->stem, out->shown, err));
+        else if (out->claim < 0 && errno != EEXIST)
             break;
     }
     snprintf(out->temporary, size + strlen(name), "%s/%s", out->room, name);
@@ -219,16 +215,33 @@ static rx_status claim(output *out, rx_error *err)
                                          out->kind == OUTPUT_FOLDER ? "made" : "written", strerror(errno));
 }
 
+/* Which folder it is, now that it stays. */
+static rx_status note_folder(output *out, rx_error *err)
+{
+    struct stat info;
+    const char *name;
+    char *folder = folder_of(out->stem, &name);
+    if (folder == NULL)
+        return rx_error_memory(err, strlen(out->stem));
+    const int failed = stat(folder[0] != '\0' ? folder : ".", &info) != 0;
+    free(folder);
+    if (failed)
+        return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written, its folder: %s",
+                           strerror(errno));
+    out->device = info.st_dev;
+    out->folder = info.st_ino;
+    return RX_OK;
+}
+
 static int is_there(const char *path)
 {
     struct stat info;
     return lstat(path, &info) == 0;
 }
 
-/* Claiming it now is the only sure test of whether it can be made. Files are made by their writers. */
+/* Once it is claimed: what a killed run has moved aside is back then. Files are made by their writers. */
 static rx_status make_temporary(output *out, rx_error *err)
 {
-    RX_TRY(claim(out, err)); /* what a killed run has moved aside is back now */
     if (out->kind != OUTPUT_FOLDER)
         return RX_OK;
     if (is_there(out->path))
@@ -256,7 +269,11 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
     *out = (output){.shown = rx_strdup(path), .claim = -1};
     rx_status status = out->shown == NULL ? rx_error_memory(err, strlen(path)) : inspect(out, folder, err);
     if (status == RX_OK)
-        status = place(out, err);
+        status = place(out, &outputs->made, err);
+    if (status == RX_OK) /* the only sure test of whether it can be written */
+        status = claim(out, &outputs->made, err);
+    if (status == RX_OK)
+        status = note_folder(out, err);
     for (size_t i = 0; status == RX_OK && i < outputs->n; i++)
         if (is_same(&outputs->list[i], out))
             status =
@@ -472,6 +489,7 @@ void rx_outputs_free(rx_outputs *outputs)
             rx_output_remove(outputs->list[i].room);
         forget(&outputs->list[i]);
     }
+    rx_folders_free(&outputs->made);
     free(outputs->list);
     free(outputs);
 }

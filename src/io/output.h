@@ -13,7 +13,7 @@ typedef struct rx_outputs rx_outputs;
 rx_status rx_outputs_new(rx_outputs **dst, rx_error *err);
 
 /* Reserve `path` (file) and give the temporary name to write to, owned by the
- * transaction. The folder must exist and be writable: checked now, before the work.
+ * transaction. Its folder is made where it is missing (io/folders.h), and must be writable: checked now, before the work.
  * The same path twice is an RX_USAGE error. Links are followed, but those that another user left in a shared folder
  * (RX_USAGE); a device (/dev/null) gets the bytes at commit and is never replaced. */
 rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);

@@ -15,6 +15,7 @@
 
 #include "base/memory.h"
 #include "base/names.h"
+#include "io/folders.h"
 
 static const char MAGIC[] = "rextract-validate journal 3\n";
 
@@ -336,6 +337,7 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
                           rx_unit_values *values, rx_journal **dst, rx_error *err)
 {
     rx_text header = {0};
+    rx_folders made = {0};
     rx_journal *journal = NULL;
     RX_TRY(RX_MAKE(journal, 1, err));
     size_t whole = 0;
@@ -345,6 +347,7 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
     RX_TRY_EXIT(journal->path == NULL ? rx_error_memory(err, strlen(path))
                                       : make_header(facts, &header, journal->digest, err));
     RX_TRY_EXIT(rx_name_trusted(path, err));
+    RX_TRY_EXIT(rx_folders_make(&made, path, path, err));
     journal->file = open(path, O_RDWR | O_CREAT | O_NONBLOCK | O_CLOEXEC, 0666);
     RX_TRY_EXIT(journal->file < 0 ? cannot(path, "opened", err) : check_kind(path, journal->file, err));
     RX_TRY_EXIT(lock(path, journal->file, err));
@@ -356,6 +359,7 @@ rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long 
         status = append(journal, header.data, header.length, err);
 exit:
     rx_text_free(&header);
+    rx_folders_free(&made);
     if (status == RX_OK)
         *dst = journal;
     else

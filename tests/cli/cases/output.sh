@@ -159,17 +159,33 @@ begin 'older outputs stay when the work fails'
 make_fits nan tile.fits && echo old >test.cat
 expect 3 '^rextract: tile\.fits\[0\]: all 9216 pixels are NaN' tile.fits $none
 
-begin 'folder of the catalogue that is not there'
+begin 'folders of outputs that are not there are made'
 make_fits tile tile.fits
-expect 4 'absent/test\.cat' tile.fits $none -CATALOG_NAME absent/test.cat
+leaves absent
+expect 0 '' tile.fits $none -CATALOG_NAME absent/cats/test.cat -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME absent/a.fits \
+    -RECORD_NAME absent/cats/tile.record -QA_TYPE TILE -QA_NAME absent/qa/tile -XML_NAME absent/xml/run.xml -WRITE_XML Y
+
+begin 'and removed when the run fails'
+make_fits nan tile.fits
+expect 3 '^rextract: tile\.fits\[0\]: all 9216 pixels are NaN' tile.fits $none -CATALOG_NAME absent/cats/test.cat -QA_TYPE TILE \
+    -QA_NAME absent/qa/tile
+
+begin 'folder of the catalogue that cannot be made'
+make_fits tile tile.fits && echo mine >file
+expect 4 "^rextract: file/cats/test\.cat: cannot be written: its folder '/.*/file' cannot be made: Not a directory" tile.fits $none \
+    -CATALOG_NAME file/cats/test.cat
 
 begin 'catalogue that is a folder'
 make_fits tile tile.fits && mkdir test.cat
 expect 2 'test\.cat' tile.fits $none
 
-begin 'check-image in a folder that is not there'
+begin 'check-image in a folder that cannot be made'
 make_fits tile tile.fits
-expect 4 'absent/a\.fits' tile.fits $none -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME absent/a.fits
+expect 4 '^rextract: /proc/absent/a\.fits: ' tile.fits $none -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME /proc/absent/a.fits
+
+begin 'two outputs of one name, their folder not there'
+make_fits tile tile.fits
+expect 2 'CHECKIMAGE_NAME.*absent/x is also' tile.fits $none -CATALOG_NAME absent/x -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME ./absent/x
 
 begin 'two outputs of one name'
 make_fits tile tile.fits

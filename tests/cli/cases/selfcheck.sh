@@ -45,15 +45,15 @@ says 2 # no default.sex
 make_fits tile tile.fits && mkdir report && echo mine >report/thesis.tex
 expect_exactly 2 '^rextract: report: is a folder with other content' tile.fits $known $check -SELF_CHECK_NAME report -VERBOSE_TYPE FULL
 
-begin 'self check: report in a folder that is not there, before any work'
+begin 'self check: report in a folder that cannot be made, before any work'
 says 2 # no default.sex
 make_fits tile tile.fits
-expect_exactly 4 '^rextract: absent/report: cannot be written' tile.fits $known $check -SELF_CHECK_NAME absent/report -VERBOSE_TYPE FULL
+expect_exactly 4 '^rextract: /proc/absent/report: cannot be written' tile.fits $known $check -SELF_CHECK_NAME /proc/absent/report -VERBOSE_TYPE FULL
 
-begin 'report: in a folder that is not there, before any work'
+begin 'report: in a folder that cannot be made, before any work'
 says 2 # no default.sex
 make_fits tile tile.fits && make_fits table ref.fits
-expect_exactly 4 '^rextract: absent/qa: cannot be written' tile.fits $known -REFERENCE_NAME ref.fits -QA_NAME absent/qa -VERBOSE_TYPE FULL
+expect_exactly 4 '^rextract: /proc/absent/qa: cannot be written' tile.fits $known -REFERENCE_NAME ref.fits -QA_NAME /proc/absent/qa -VERBOSE_TYPE FULL
 
 begin 'report: a reference without positions, before any work'
 says 3 # no default.sex, the PSF

@@ -189,8 +189,8 @@ simulates 'older outputs stay when the work fails'
 make_fits nan tile.fits && echo old >sim.fits && echo old >sim_truth.fits
 expect 3 '^rextract-simulate: tile\.fits' -INJECT_IMAGE tile.fits
 
-simulates 'folder of the image that is not there'
-expect 4 'absent/sim\.fits' $small -IMAGE_NAME absent/sim.fits
+simulates 'folder of the image that cannot be made'
+expect 4 'absent/sim\.fits' $small -IMAGE_NAME /proc/absent/sim.fits
 
 simulates 'truth that is a folder'
 mkdir truth.fits

@@ -39,10 +39,6 @@ make_fits tile tile.fits
 printf 'NUMBER\nFLUX_TEMPLAT\n' >my.param
 expect 2 '^rextract: my\.param:2: .*FLUX_TEMPLAT.*FLUX_TEMPLATE' tile.fits $moffat -PARAMETERS_NAME my.param
 
-begin 'covariances in a folder that is not there'
-make_fits tile tile.fits
-expect 4 '^rextract: absent/c\.cat: ' tile.fits $moffat -TEMPLATE_COVAR_NAME absent/c.cat
-
 begin 'covariances where nobody can write'
 make_fits tile tile.fits
 expect 4 '^rextract: /proc/c\.cat: ' tile.fits $moffat -TEMPLATE_COVAR_NAME /proc/c.cat

@@ -95,8 +95,8 @@ expect 2 '^rextract-train: MODEL_NAME tiny\.conf is also read, as tiny\.conf; gi
 trains 'training ranks without mpiexec'
 expect 2 '^rextract-train: .*mpiexec' -TRAIN_RANKS 2
 
-trains 'a folder that is not there'
-expect 4 '^rextract-train: no/model\.fits: ' -MODEL_NAME no/model.fits
+trains 'a folder that cannot be made'
+expect 4 '^rextract-train: /proc/no/model\.fits: ' -MODEL_NAME /proc/no/model.fits
 
 trains 'templates that are not there'
 make_training

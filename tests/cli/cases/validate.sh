@@ -144,9 +144,9 @@ make_campaign
 echo 'my diary' >journal
 expect 2 '^rextract-validate: journal' tiny.conf
 
-validates 'folder of the journal that is not there'
+validates 'folder of the journal that cannot be made'
 make_campaign
-expect 4 'absent/journal' tiny.conf -JOURNAL_NAME absent/journal
+expect 4 '/proc/absent/journal' tiny.conf -JOURNAL_NAME /proc/absent/journal
 
 validates 'report where a file is'
 make_campaign
@@ -158,9 +158,9 @@ make_campaign
 mkdir report && echo mine >report/thesis.tex
 expect 2 'report' tiny.conf
 
-validates 'folder of the report that is not there'
+validates 'folder of the report that cannot be made'
 make_campaign
-expect 4 'absent' tiny.conf -OUTPUT_NAME absent/report
+expect 4 'absent' tiny.conf -OUTPUT_NAME /proc/absent/report
 
 validates 'nothing to merge'
 make_campaign

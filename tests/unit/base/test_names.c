@@ -107,11 +107,18 @@ static void names_of_one_file_are_one(void **state)
     unlink(dangling);
     check_real("/new.cat", "", "/new.cat");
     check_real("/", "", "/");
-    snprintf(path, sizeof path, "%s/absent/../new.cat", here);
-    check_real(path, "", path);
+    snprintf(path, sizeof path, "%s/absent/../new.cat", here); /* folders that are made before the file */
+    check_real(path, folder, "/new.cat");
+    snprintf(path, sizeof path, "%s/link/absent/./deeper//new.cat", here);
+    check_real(path, folder, "/absent/deeper/new.cat");
+    assert_int_equal(symlink("absent", dangling), 0);
+    snprintf(path, sizeof path, "%s/dangling/new.cat", here);
+    check_real(path, folder, "/absent/new.cat");
+    unlink(dangling);
     char *cwd = realpath(".", NULL);
     assert_non_null(cwd);
     check_real("absent.cat", cwd, "/absent.cat");
+    check_real("absent/new.cat", cwd, "/absent/new.cat");
     free(cwd);
     free(folder);
     assert_int_equal(clear_folder(here), 1);

@@ -355,11 +355,11 @@ static void nothing_is_left(void **state)
 {
     (void)state;
     static const setting no_folder[] = {
-        {"IMAGE_NAME", "a.fits"}, {"TRUTH_NAME", "no/such/truth.fits"}, {NULL, NULL}};
+        {"IMAGE_NAME", "a.fits"}, {"TRUTH_NAME", "/proc/such/truth.fits"}, {NULL, NULL}};
     static const setting no_tile[] = {{"IMAGE_NAME", "a.fits"}, {"INJECT_IMAGE", "no.fits"}, {NULL, NULL}};
     rx_error err = RX_ERROR_NONE;
     assert_int_not_equal(run(no_folder, &err), RX_OK);
-    assert_non_null(strstr(err.where, "no/such"));
+    assert_non_null(strstr(err.where, "/proc/such"));
     assert_int_equal(run(no_tile, &err), RX_INPUT);
     assert_non_null(strstr(err.where, "no.fits"));
     assert_int_equal(files_here(0), 0);
