@@ -1,6 +1,7 @@
 #!/bin/sh
 # The documents whose commands stand in ```sh blocks (docs/tutorial.md and others) are run as a reader would, each in a copy of the
-# clone's folders, and what they print is compared with the ```text block below. The restorer of docs/adding-a-restorer.md is built
+# clone's folders, and what they print is compared with the ```text block below. Commands of plain blocks (README.md,
+# docs/survey.md) are run line by line on small tiles of the names that they have; what they need and is absent is skipped. The restorer of docs/adding-a-restorer.md is built
 # and run, and lists in the texts are those of the tables.
 # shellcheck disable=SC2154 # programs, build, scratch are of tests/lib.sh
 set -u
@@ -117,6 +118,49 @@ awk '/^\| no effect/ { gsub(/\([^)]*\)/, ""); kind = /silent/ ? "silent" : "warn
     "$top/docs/from-sextractor.md" | sort >said
 diff said tables >log 2>&1
 result 'docs/from-sextractor.md: what has no effect is what the table of keywords says' $? log
+
+# lines PAGE FOLDER: each line of its plain blocks, in FOLDER with the programs in PATH. What installs, builds or asks a batch
+# system is run by .ci/run and tests/slurm.
+lines() {
+    for part in config workflow; do ln -s "$top/$part" "$2/$part"; done
+    ln -s "$programs" "$2/build"
+    awk '/^```/ { open = !open; inside = open && $0 == "```"; next } inside && NF' "$1" >"$2.lines"
+    while IFS= read -r line; do
+        why='' program=${line%% *}
+        case $line in
+        ./quickstart* | autoreconf*) continue ;;
+        *profiles/slurm*) program=sbatch ;;
+        mpiexec*) [ -x "$programs/rextract-mpi" ] || why='no rextract-mpi' ;;
+        esac
+        (cd "$2" && PATH=$programs:$PATH command -v "$program") >/dev/null || why="no $program"
+        [ -z "$why" ] || { skip "${1#"$top"/}: $line" "$why"; continue; }
+        (cd "$2" && PATH=$programs:$PATH OMP_NUM_THREADS=${OMP_NUM_THREADS:-2} HOME=$scratch sh -euc "$line") >log 2>&1 </dev/null
+        result "${1#"$top"/}: $line" $? log
+        ran="${ran-} $program"
+    done <"$2.lines"
+}
+small() { "$programs/rextract-simulate" -IMAGE_SIZE 192 -STAR_COUNT 8000 -STAR_MAG 14,20 -GALAXY_COUNT 0 -NOISE_SIGMA 5 -MAG_ZEROPOINT 25 -VERBOSE_TYPE QUIET "$@"; }
+mkdir readme survey
+small -IMAGE_NAME readme/TILE.fits -TRUTH_NAME readme/truth.fits && (
+    cd readme && for name in IMAGE R.fits G.fits DETECT.fits MEASURE.fits; do cp TILE.fits $name; done
+    cp "$top"/config/default.* . && chmod u+w default.sex && echo 'SELF_CHECK_COUNT 30' >>default.sex # the tile is small
+    echo TILE.fits >tiles.list
+    printf 'ALPHA_J2000\nDELTA_J2000\nMAG_AUTO\n' >sky.param
+    "$programs/rextract" TILE.fits -RESTORE_TYPE NONE -FILTER N -PARAMETERS_NAME sky.param -CATALOG_NAME sky.cat -VERBOSE_TYPE QUIET &&
+        awk 'BEGIN { print "ra,dec,phot_g_mean_mag" } !/^#/ { print $1 "," $2 "," $3 + 25 }' sky.cat >gaia.csv
+) >log 2>&1
+result 'small tiles for README.md' $? log
+lines "$top/README.md" readme
+(
+    cd survey && cp "$top"/config/default.* . && echo a.fits >tiles.list && echo b.fits >>tiles.list && echo 'options: ["-RESTORE_TYPE", "NONE"]' >my.yaml
+    small -IMAGE_NAME a.fits -TRUTH_NAME NONE && small -IMAGE_NAME b.fits -TRUTH_NAME NONE -NOISE_SEED 2 && for name in a b; do
+        "$programs/rextract" $name.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_LDAC -CATALOG_NAME $name.cat -VERBOSE_TYPE QUIET || exit
+    done && cp a.cat tile.cat && mv a.cat visit1.cat && mv b.cat visit2.cat
+) >log 2>&1
+result 'small tiles for docs/survey.md' $? log
+lines "$top/docs/survey.md" survey
+[ "$(grep -c rextract readme.lines)" -ge 12 ] && [ "$(grep -c rextract survey.lines)" -ge 6 ] && [ -s survey/cats/b.cat ] && [ -s survey/records/a.record ]
+result 'their commands were found and run' $?
 
 # The index has every page.
 for page in "$top"/docs/*.md; do

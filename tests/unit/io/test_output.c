@@ -110,7 +110,8 @@ static void test_folders_of_two(void **state)
     assert_int_equal(waitpid(child, &ended, 0), child);
     assert_int_equal(ended, 0);
     assert_int_equal(failed, 0);
-    rx_output_remove(in(state, "both")); /* what one of them made while the other one was in it may be left, empty */
+    rx_output_remove(
+        in(state, "both")); /* what one of them made while the other one was in it may be left, empty */
 }
 
 /* A folder of ours is replaced, with what it held; any other is refused. */
