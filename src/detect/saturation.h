@@ -5,7 +5,15 @@
  * Of a source that goes on growing to its centre at most ln(1 / 0.95) / ln 2 = 0.074 of the area within its half maximum lies
  * that near to its peak (a Gaussian; Moffat's and galaxies' have less), 0.13 with pixels that are a tenth of its FWHM;
  * narrower ones have no 3 x 3 pixels within 5 %, so that their peaks stand above T. Of one that is cut off at a level,
- * a fourth at 0.85 of its peak, half at 0.5. 5 %: what flat fields make of one level on the detector. */
+ * a fourth at 0.85 of its peak, half at 0.5. 5 %: what flat fields make of one level on the detector.
+ *
+ * Where nothing piles up, cores may be hollow, as bleeding, bias and interpolation leave them: a pixel less than half as high as both
+ * of its neighbours in its row or its column. No sum of sources is that dark between two of its pixels, if its PSF has a FWHM of 1.42
+ * pixels or more (two points two pixels apart, 2 exp2(-4 / FWHM^2) = 1/2). Tops are the highest of 5 x 5 pixels, hollow with
+ * such a pixel in these. Of all levels the one that parts them best, hollow above and whole below: with the most hollow less
+ * whole tops above it, at least three, and so many that defects which know no brightness, as the share p of the
+ * tops below has, lead to it on 1 of 1000 tiles: (p / (1 - p))^number, for the maximum of a random walk, where most
+ * tops are below. It lies at the next one below, where that is above half the height of the last one. */
 #ifndef RX_DETECT_SATURATION_H
 #define RX_DETECT_SATURATION_H
 

@@ -719,7 +719,7 @@ static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field,
     return RX_OK;
 }
 
-/* Where no card and no keyword states a level, values that pile up at the top are saturated. */
+/* Where no card and no keyword states a level, the pixels show from where on values are saturated. */
 static rx_status find_saturation(rx_field *field, rx_log *log, rx_error *err)
 {
     rx_image *image = &field->image;
@@ -739,9 +739,10 @@ static rx_status find_saturation(rx_field *field, rx_log *log, rx_error *err)
         field->tile->saturation = image->saturation;
     rx_log_warning(
         log,
-        "%s[%d]: no SATUR_LEVEL is stated, and %zu of its pixels pile up at their top, from %.6g ADU "
-        "on (RXSATUR): they are taken as saturated (FLAGS 4); give SATUR_LEVEL if another is right",
-        image->name, image->hdu, n, image->saturation);
+        "%s[%d]: no SATUR_LEVEL is stated, and from %.6g ADU on (RXSATUR) its pixels pile up or its cores "
+        "are "
+        "hollow: %zu pixels are taken as saturated (FLAGS 4); give SATUR_LEVEL if another is right",
+        image->name, image->hdu, image->saturation, n);
     return RX_OK;
 }
 

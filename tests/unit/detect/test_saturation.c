@@ -64,6 +64,40 @@ static void finds_the_level(void **state)
         }
 }
 
+/* What is above `level` becomes anything up to three times as much. */
+static void make_hollow(double level)
+{
+    for (int i = 0; i < N; i++)
+        if ((double)pixels[i] > level)
+            pixels[i] = (float)(3 * level * rx_random_uniform(9, 5, (uint64_t)i));
+}
+
+/* Between whole tops and hollow ones: where one pixel alone is above the level it stays a top. */
+static void finds_the_level_of_hollow_cores(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed < 5; seed++)
+        for (double fwhm = 4; fwhm < 7; fwhm++) {
+            make_stars(100000, fwhm, 0, seed);
+            make_hollow(12000);
+            assert_near(level_of(), 18000, 7000);
+        }
+}
+
+/* Every tenth column is dead, whatever it goes through. */
+static void finds_none_where_columns_are_dead(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed < 5; seed++)
+        for (double fwhm = 2; fwhm < 8; fwhm++) {
+            make_stars(30000, fwhm, 0, seed);
+            for (int i = 0; i < N; i++)
+                if (i % 10 == 0)
+                    pixels[i] = 0;
+            assert_true(level_of() == HUGE_VAL);
+        }
+}
+
 static void finds_none_where_stars_grow_to_their_centres(void **state)
 {
     (void)state;
@@ -99,6 +133,8 @@ static void finds_none_where_there_is_no_top(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(finds_the_level),
+                                       cmocka_unit_test(finds_the_level_of_hollow_cores),
+                                       cmocka_unit_test(finds_none_where_columns_are_dead),
                                        cmocka_unit_test(finds_none_where_stars_grow_to_their_centres),
                                        cmocka_unit_test(finds_none_where_there_is_no_top)};
     return cmocka_run_group_tests(tests, NULL, NULL);
