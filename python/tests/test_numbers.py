@@ -139,7 +139,7 @@ class WhatGoesIn(InFolder):
         sky = WCS(self.header)
         for image in (CCDData(self.pixels, unit="adu", meta=meta, wcs=sky), NDData(self.pixels, meta=meta, wcs=sky)):
             result = rextract.extract(image, columns=["ALPHA_J2000", "FLUXERR_AUTO"], RESTORE_TYPE="NONE", **KEYWORDS)
-            same = rextract.extract(self.pixels, header=sky, GAIN=2.5, GAIN_KEY="", columns=["ALPHA_J2000", "FLUXERR_AUTO"],
+            same = rextract.extract(self.pixels, header=sky, GAIN=2.5, columns=["ALPHA_J2000", "FLUXERR_AUTO"],
                                     RESTORE_TYPE="NONE", **KEYWORDS)
             self.assert_equal(result.table, same.table)
         with self.assertRaisesRegex(rextract.UsageError, "set it to None"):
