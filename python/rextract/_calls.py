@@ -2,10 +2,12 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from typing import Any, Iterable, Mapping, Optional, Sequence, Tuple, Union
 
 import numpy as np
+from astropy.io.fits import HDUList, Header
 from astropy.table import Column, Table
 from astropy.units import Unit
 
@@ -28,7 +30,8 @@ CELLS = {lib.RX_CELL_INT16: "i2", lib.RX_CELL_INT32: "i4", lib.RX_CELL_INT64: "i
 class Image:
     """An image with what is known of it.
 
-    pixels: (height, width), ADU with the sky; an array, a masked array, or what has .data and .header (an HDU, CCDData).
+    pixels: (height, width), ADU with the sky; an array, a masked array, an HDU, or an NDData such as CCDData, whose mask, wcs, meta
+    and unit (as BUNIT) count, and its uncertainty (standard deviation, variance, inverse variance) as the weight unless one is given.
     mask: (height, width), true where a pixel is bad. weight: (height, width), what WEIGHT_TYPE says, MAP_WEIGHT unless it is
     given. header: an astropy Header or WCS, for world coordinates, GAIN_KEY, SATUR_KEY, MAG_ZEROPOINT_KEY. psf: a PSF, or an
     array that is an image of it (PSF_SAMPLING samples a pixel). name: in messages.
@@ -51,18 +54,59 @@ def _plane(what: str, array, dtype, shape=None) -> np.ndarray:
     return array
 
 
+#: WEIGHT_TYPE of an uncertainty of NDData
+UNCERTAINTIES = {"std": "MAP_RMS", "var": "MAP_VAR", "ivar": "MAP_IVAR"}
+
+
+def _cards(meta) -> Header:
+    """What of a mapping a header can hold."""
+    header = Header()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of long keywords and values
+        for key, value in meta.items():
+            try:
+                header[key] = value
+            except (ValueError, TypeError, AttributeError):
+                pass  # a list, an object: no card
+    return header
+
+
+def _header_of(image):
+    """Of an HDU or NDData, a copy where something joins it."""
+    header = image.header if hasattr(image, "header") else image.meta
+    wcs, unit = getattr(image, "wcs", None), getattr(image, "unit", None)
+    if not isinstance(header, Header):
+        header = _cards(header)
+    elif wcs is not None or unit is not None:
+        header = header.copy()
+    if hasattr(wcs, "to_header"):
+        header.update(wcs.to_header(relax=True))
+    if unit is not None:
+        header["BUNIT"] = str(unit)
+    return header
+
+
 class _Lent:
     """An Image as the library takes it. Pixels are not copied where they are float32 as C has it."""
 
     def __init__(self, image: Image):
         pixels, mask, header = image.pixels, image.mask, image.header
+        weight, self.weight_type = image.weight, "MAP_WEIGHT"
         name = image.name or "image"
-        if hasattr(pixels, "header") and hasattr(pixels, "data"):
-            header = pixels.header if header is None else header
-            if getattr(pixels, "wcs", None) is not None:
-                header = header.copy()
-                header.update(pixels.wcs.to_header(relax=True))
+        if isinstance(pixels, (str, bytes, os.PathLike)):
+            raise UsageError("the image is the name of a file; rextract.run() reads files, or give astropy.io.fits.getdata(name)")
+        if isinstance(pixels, HDUList):
+            raise UsageError("the image is an HDUList; give one of its HDUs, such as hdus[0]")
+        if hasattr(pixels, "data") and (hasattr(pixels, "header") or hasattr(pixels, "uncertainty")):
+            header = _header_of(pixels) if header is None else header
             mask = getattr(pixels, "mask", None) if mask is None else mask
+            uncertainty = getattr(pixels, "uncertainty", None)
+            if weight is None and uncertainty is not None:
+                self.weight_type = UNCERTAINTIES.get(uncertainty.uncertainty_type)
+                if self.weight_type is None:
+                    raise UsageError("the image's uncertainty is none of StdDevUncertainty, VarianceUncertainty and "
+                                     "InverseVariance; set it to None")
+                weight = uncertainty.array
             pixels = pixels.data
         if isinstance(pixels, np.ma.MaskedArray):
             hidden = np.ma.getmaskarray(pixels)
@@ -73,7 +117,7 @@ class _Lent:
         self.pixels = _plane("the image", pixels, np.float32)
         shape = self.pixels.shape
         self.mask = None if mask is None else _plane("the mask", np.asarray(mask) != 0, np.bool_, shape)
-        self.weight = None if image.weight is None else _plane("the weight map", image.weight, np.float32, shape)
+        self.weight = None if weight is None else _plane("the weight map", weight, np.float32, shape)
         if header is not None and not hasattr(header, "tostring"):
             header = header.to_header(relax=True)  # a WCS
         cards = b"" if header is None else header.tostring(sep="", endcard=False, padding=False).encode("ascii", "replace")
@@ -257,7 +301,7 @@ def _call(image, columns: Iterable[str], *, detection=None, config=None, progres
     if detection is not None:
         lent.insert(0, _Lent(detection if isinstance(detection, Image) else Image(detection)))
     if not any(key.upper() == "WEIGHT_TYPE" for key in keywords) and any(one.weight is not None for one in lent):
-        keywords["WEIGHT_TYPE"] = ["NONE" if one.weight is None else "MAP_WEIGHT" for one in lent]
+        keywords["WEIGHT_TYPE"] = ["NONE" if one.weight is None else one.weight_type for one in lent]
     columns = [columns] if isinstance(columns, str) else columns
     job = Job(config, keywords, tuple(dict.fromkeys(column.upper() for column in columns)))
     job.c.psf_only = psf_only

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 from astropy.io import fits
-from astropy.nddata import CCDData
+from astropy.nddata import (CCDData, InverseVariance, NDData, StdDevUncertainty, UnknownUncertainty,
+                            VarianceUncertainty)
 from astropy.wcs import WCS
 from support import KEYWORDS, NETWORK, SOURCES, InFolder
 
@@ -122,6 +123,34 @@ class WhatGoesIn(InFolder):
         self.assertTrue(np.isnan(holes[50, 50]))
         self.assert_equal(self.measure(np.ma.MaskedArray(self.pixels, bad)), expected)
         self.assert_equal(self.measure(rextract.Image(self.pixels, mask=bad)), expected)
+
+    def test_nddata(self):
+        noise = np.full(self.pixels.shape, 5.0)
+        noise[:60] *= 3
+        bad = np.zeros(self.pixels.shape, dtype=bool)
+        bad[30:150, 30:120] = True
+        kinds = {"MAP_RMS": StdDevUncertainty(noise), "MAP_VAR": VarianceUncertainty(noise ** 2),
+                 "MAP_IVAR": InverseVariance(noise ** -2)}
+        for kind, uncertainty in kinds.items():
+            expected = self.measure(self.pixels, weight=uncertainty.array, WEIGHT_TYPE=kind, mask=bad)
+            self.assert_equal(self.measure(CCDData(self.pixels, unit="adu", uncertainty=uncertainty, mask=bad)), expected)
+            self.assert_equal(self.measure(NDData(self.pixels, uncertainty=type(uncertainty)(uncertainty.array), mask=bad)), expected)
+        meta = {"GAIN": 2.5, "history": ["a", "b"], "a long keyword": 1, "object": object()}
+        sky = WCS(self.header)
+        for image in (CCDData(self.pixels, unit="adu", meta=meta, wcs=sky), NDData(self.pixels, meta=meta, wcs=sky)):
+            result = rextract.extract(image, columns=["ALPHA_J2000", "FLUXERR_AUTO"], RESTORE_TYPE="NONE", **KEYWORDS)
+            same = rextract.extract(self.pixels, header=sky, GAIN=2.5, columns=["ALPHA_J2000", "FLUXERR_AUTO"],
+                                    RESTORE_TYPE="NONE", **KEYWORDS)
+            self.assert_equal(result.table, same.table)
+        with self.assertRaisesRegex(rextract.UsageError, "set it to None"):
+            self.measure(NDData(self.pixels, uncertainty=UnknownUncertainty(noise)))
+
+    def test_files_are_not_images(self):
+        for name in ("tile.fits", Path("tile.fits")):
+            with self.assertRaisesRegex(rextract.UsageError, r"rextract.run\(\) reads files"):
+                self.measure(name)
+        with fits.open("tile.fits") as file, self.assertRaisesRegex(rextract.UsageError, "one of its HDUs"):
+            self.measure(file)
 
     def test_weights(self):
         weight = np.ones_like(self.pixels)

@@ -248,16 +248,37 @@ static int parse_range(const char **cursor, long *first, long *last)
     return 1;
 }
 
+/* "3", or "3:3" as cfitsio has it; 0 when malformed. */
+static int parse_place(const char **cursor, long *place)
+{
+    char *end;
+    *place = strtol(*cursor, &end, 10);
+    if (end == *cursor || *place < 1)
+        return 0;
+    if (*end == ':') {
+        *cursor = end + 1;
+        if (strtol(*cursor, &end, 10) != *place || end == *cursor)
+            return 0;
+    }
+    while (*end == ' ')
+        end++;
+    *cursor = end;
+    return 1;
+}
+
 static int parse_section(const char *group, rx_fits_name *dst)
 {
     const char *c = group;
     if (!parse_range(&c, &dst->section.first[0], &dst->section.last[0]) || *c != ',')
         return 0;
     c++;
-    if (!parse_range(&c, &dst->section.first[1], &dst->section.last[1]) || *c != '\0')
+    if (!parse_range(&c, &dst->section.first[1], &dst->section.last[1]))
         return 0;
-    dst->has_section = 1;
-    return 1;
+    for (int i = 0; *c == ',' && i < RX_FITS_AXES - 2; i++)
+        if (c++, !parse_place(&c, &dst->section.plane[i]))
+            return 0;
+    dst->has_section = *c == '\0';
+    return dst->has_section;
 }
 
 /* "2", "SCI" or "SCI,1". */
@@ -304,7 +325,8 @@ static rx_status parse_groups(const char *name, const char *brackets, rx_fits_na
 malformed:
     return rx_error_at(err, RX_INPUT, name, -1, 0,
                        "cannot use '%s'; give [number], [NAME] or [NAME,version], then perhaps a section "
-                       "[x1:x2,y1:y2] with x1 <= x2 and y1 <= y2, counted from 1",
+                       "[x1:x2,y1:y2] with x1 <= x2 and y1 <= y2, counted from 1, of a cube with a plane "
+                       "[x1:x2,y1:y2,k]",
                        brackets);
 }
 
@@ -396,12 +418,12 @@ int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst)
     return failed;
 }
 
-int rx_fits_is_plane(const rx_fits_shape *shape)
+int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
 {
-    if (!shape->is_image || shape->naxis < 2 || shape->naxis > 9)
+    if (!shape->is_image || shape->naxis < 2 || shape->naxis > RX_FITS_AXES)
         return 0;
     for (int i = 2; i < shape->naxis; i++)
-        if (shape->axes[i] != 1)
+        if (shape->axes[i] != 1 && section->plane[i - 2] == 0)
             return 0;
     return 1;
 }
@@ -515,7 +537,19 @@ rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2])
         part.first[i] = name->section.first[i];
         part.last[i] = name->section.last[i] > 0 ? name->section.last[i] : shape[i];
     }
+    for (int i = 0; i < RX_FITS_AXES - 2; i++)
+        part.plane[i] = name->section.plane[i] > 0 ? name->section.plane[i] : 1;
     return part;
+}
+
+void rx_fits_rows(const rx_fits_section *part, size_t row, size_t n, rx_fits_corner low, rx_fits_corner high)
+{
+    low[0] = part->first[0];
+    high[0] = part->last[0];
+    low[1] = part->first[1] + (long)row;
+    high[1] = low[1] + (long)n - 1;
+    for (int i = 2; i < RX_FITS_AXES; i++)
+        low[i] = high[i] = part->plane[i - 2];
 }
 
 /* --- reading --- */
@@ -534,7 +568,7 @@ static int holds_floats(fitsfile *file)
 /* These are read as they are: no doubles, no search for blank values. What is too small for a float's full
  * precision becomes 0, as cfitsio would have made it. */
 static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
-                             long plane, float *dst, rx_error *err)
+                             float *dst, rx_error *err)
 {
     int failed = 0, anynul = 0;
     const long *first = part->first, *last = part->last;
@@ -543,9 +577,8 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx
     for (size_t row = 0; row < height; row += rows) {
         const size_t n = height - row < rows ? height - row : rows;
         float *to = dst + row * width;
-        long low[9] = {first[0], first[1] + (long)row, plane, 1, 1, 1, 1, 1, 1};
-        long high[9] = {last[0], first[1] + (long)(row + n) - 1, plane, 1, 1, 1, 1, 1, 1};
-        long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+        rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+        rx_fits_rows(part, row, n, low, high);
         if (fits_read_subset(file, TFLOAT, low, high, step, NULL, to, &anynul, &failed))
             return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read");
 #pragma omp simd
@@ -558,7 +591,7 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx
 }
 
 rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
-                              long plane, float *dst, rx_error *err)
+                              float *dst, rx_error *err)
 {
     rx_status status = RX_OK;
     int failed = 0, anynul = 0;
@@ -567,16 +600,15 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
     size_t rows = CHUNK_PIXELS / width + 1;
     rows = rows < height ? rows : height;
     if (holds_floats(file))
-        return read_floats(file, path, hdu, part, plane, dst, err);
+        return read_floats(file, path, hdu, part, dst, err);
     double *buffer;
     RX_TRY(RX_MAKE(buffer, rows * width, err));
     fits_clear_errmsg();
     for (size_t row = 0; row < height; row += rows) {
         size_t n = height - row < rows ? height - row : rows;
         double null = NAN;
-        long low[9] = {first[0], first[1] + (long)row, plane, 1, 1, 1, 1, 1, 1};
-        long high[9] = {last[0], first[1] + (long)(row + n) - 1, plane, 1, 1, 1, 1, 1, 1};
-        long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+        rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+        rx_fits_rows(part, row, n, low, high);
         if (fits_read_subset(file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed))
             RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read"));
         for (size_t i = 0; i < n * width; i++)

@@ -1,7 +1,8 @@
 /* Opening FITS files for reading: names, sanity before cfitsio allocates, errors.
  *
  * For the files of io/ alone. A name is `path`, `path[n]`, `path[NAME]`, `path[NAME,version]`,
- * each possibly followed by a section `[x1:x2,y1:y2]` (FITS counting, `*` = all). What else
+ * each possibly followed by a section `[x1:x2,y1:y2]` (FITS counting, `*` = all), of a cube
+ * `[x1:x2,y1:y2,k]` with the number of a plane, and one more for each further axis. What else
  * cfitsio's grammar knows (row filters, output files, pipes, networks) is refused: a file
  * name must never run or write anything.
  */
@@ -14,9 +15,11 @@
 
 #include "base/error.h"
 
-/* A rectangle of pixels as FITS counts them, from 1, inclusive. */
+/* A rectangle of pixels as FITS counts them, from 1, inclusive; plane: the places on the third axis and those after
+ * it, in a name 0 where it gives none. */
+enum { RX_FITS_AXES = 9 };
 typedef struct rx_fits_section {
-    long first[2], last[2];
+    long first[2], last[2], plane[RX_FITS_AXES - 2];
 } rx_fits_section;
 
 typedef struct rx_fits_name {
@@ -33,7 +36,7 @@ typedef struct rx_fits_shape {
     int is_image; /* 0: a table */
     int is_compressed;
     int naxis, bitpix;
-    LONGLONG axes[9]; /* first nine */
+    LONGLONG axes[RX_FITS_AXES]; /* the first */
 } rx_fits_shape;
 
 rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err);
@@ -71,8 +74,9 @@ rx_status rx_fits_count(fitsfile *file, const char *path, int *n, int *broken, r
 /* Shape of the current HDU; returns cfitsio's status. */
 int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst);
 
-/* 1 when the shape is an image of two axes (further axes of length 1 do not count). */
-int rx_fits_is_plane(const rx_fits_shape *shape);
+/* 1 when the shape is an image of two axes; further ones do not count that are of length 1 or on which the section
+ * gives a place. */
+int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section);
 
 /* RX_INPUT when the data of the current HDU cannot be in the file: cut off, or a header that claims too much;
  * or when an image's BSCALE or BZERO is no number. */
@@ -82,10 +86,14 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
 /* The part of an image of that shape that the name selects: its section, or all. */
 rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2]);
 
-/* Pixels of a part of the current image HDU, of plane number `plane` (from 1) of a cube: BLANK, NaN, infinity
- * and what no float can hold become NAN. dst is [height][width] of the part. */
+/* Corners of n rows of a part from `row` (from 0) on, for cfitsio. */
+typedef long rx_fits_corner[RX_FITS_AXES];
+void rx_fits_rows(const rx_fits_section *part, size_t row, size_t n, rx_fits_corner low, rx_fits_corner high);
+
+/* Pixels of a part of the current image HDU: BLANK, NaN, infinity and what no float can hold become NAN. dst is
+ * [height][width] of the part. */
 rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
-                              long plane, float *dst, rx_error *err);
+                              float *dst, rx_error *err);
 
 /* Header of the current HDU as 80-character cards without END; a compressed image's header is
  * that of the image. *cards to be freed with free(). */

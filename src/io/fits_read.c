@@ -17,13 +17,15 @@ enum { BLOCK_BYTES = 1 << 22 };
 
 /* --- images --- */
 
-/* Planes of an image of two axes, or of three where `cubes` are asked for; else 0. */
-static LONGLONG count_planes(const rx_fits_shape *shape, int cubes)
+/* Planes of an image of two axes, or of three where `cubes` are asked for and the name gives no plane; else 0. */
+static LONGLONG count_planes(const rx_fits_shape *shape, const rx_fits_name *name, int cubes)
 {
-    rx_fits_shape flat = *shape;
-    if (cubes && shape->is_image && shape->naxis > 2)
-        flat.axes[2] = 1;
-    return !rx_fits_is_plane(&flat) ? 0 : shape->naxis > 2 ? shape->axes[2] : 1;
+    rx_fits_section section = name->section;
+    if (rx_fits_is_plane(shape, &section))
+        return 1;
+    if (cubes)
+        section.plane[0] = 1;
+    return rx_fits_is_plane(shape, &section) ? shape->axes[2] : 0;
 }
 
 /* HDU number of the image: what the name selects, else the first of planes, else the first of any
@@ -47,7 +49,7 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes,
             return status;
         if (rx_fits_shape_of(file, shape) != 0)
             continue;
-        if (count_planes(shape, cubes) > 0) {
+        if (count_planes(shape, name, cubes) > 0) {
             *hdu = i;
             return RX_OK;
         }
@@ -67,7 +69,7 @@ static rx_status check_image(const rx_fits_source *source, const rx_fits_name *n
                              const rx_fits_shape *shape, rx_fits_section *part, rx_error *err)
 {
     int is_line = shape->is_image && shape->naxis == 1;
-    const LONGLONG planes = is_line ? 1 : count_planes(shape, cubes);
+    const LONGLONG planes = is_line ? 1 : count_planes(shape, name, cubes);
     if (planes < 1)
         return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
     RX_TRY(rx_fits_check_size(source, name->path, hdu, shape, err));
@@ -82,6 +84,10 @@ static rx_status check_image(const rx_fits_source *source, const rx_fits_name *n
             return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the section leaves the image");
         pixels *= (double)(part->last[i] - part->first[i] + 1);
     }
+    for (int i = 2; i < RX_FITS_AXES; i++)
+        if (part->plane[i - 2] > (i < shape->naxis ? shape->axes[i] : 1))
+            return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "has no plane %ld on axis %d",
+                               part->plane[i - 2], i + 1);
     if (cubes && !(pixels <= MOST_PIXELS))
         return rx_error_at(err, RX_INPUT, name->path, hdu, 0,
                            "%lld planes of %lld x %lld pixels are too many", planes, shape->axes[0],
@@ -106,14 +112,17 @@ static rx_status read_image(const char *name, int cubes, rx_fits_cube *dst, rx_e
     RX_TRY_EXIT(check_image(&source, &parsed, cubes, hdu, &shape, &part, err));
     dst->width = (int)(part.last[0] - part.first[0] + 1);
     dst->height = (int)(part.last[1] - part.first[1] + 1);
-    dst->planes = (int)(shape.naxis > 2 ? shape.axes[2] : 1);
+    dst->planes = shape.naxis > 1 ? (int)count_planes(&shape, &parsed, cubes) : 1;
     const size_t plane = (size_t)dst->width * (size_t)dst->height;
     dst->pixels = rx_alloc((size_t)dst->planes, plane * sizeof(float));
     if (dst->pixels == NULL)
         status = rx_error_memory(err, sizeof(float) * plane * (size_t)dst->planes);
-    for (int k = 0; k < dst->planes && status == RX_OK; k++)
-        status = rx_fits_read_pixels(source.file, parsed.path, hdu, &part, k + 1,
-                                     dst->pixels + (size_t)k * plane, err);
+    for (int k = 0; k < dst->planes && status == RX_OK; k++) {
+        if (dst->planes > 1)
+            part.plane[0] = k + 1;
+        status =
+            rx_fits_read_pixels(source.file, parsed.path, hdu, &part, dst->pixels + (size_t)k * plane, err);
+    }
     if (status == RX_OK && cubes)
         status = rx_fits_read_cards(source.file, parsed.path, hdu, &dst->cards, &ncards, err);
     dst->ncards = (long)ncards;

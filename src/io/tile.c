@@ -23,17 +23,49 @@
 
 /* --- which HDUs --- */
 
-/* RX_OK when the current HDU is a 2-D image with pixels, else the reason. */
-static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *shape, rx_error *err)
+/* How to name the first plane of a cube. */
+static rx_status is_cube(const char *path, int hdu, const rx_fits_shape *shape, rx_error *err)
+{
+    rx_text lengths = {0}, places = {0};
+    for (int i = 0; i < shape->naxis; i++) {
+        rx_text_printf(&lengths, "%s%lld", i > 0 ? " x " : "", shape->axes[i]);
+        if (i >= 2)
+            rx_text_add(&places, ",1");
+    }
+    const rx_status status =
+        lengths.failed || places.failed
+            ? rx_error_memory(err, 0)
+            : rx_error_at(err, RX_INPUT, path, hdu, 0,
+                          "holds an image of %d axes (%s), a 2-D one was expected; name one plane of it, the "
+                          "first by '%s[%d][*,*%s]'",
+                          shape->naxis, lengths.data, path, hdu, places.data);
+    rx_text_free(&lengths);
+    rx_text_free(&places);
+    return status;
+}
+
+/* RX_OK when the current HDU is a 2-D image with pixels, or the section gives a plane of it, else the reason. */
+static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *shape,
+                             const rx_fits_section *section, rx_error *err)
 {
     if (!shape->is_image)
         return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds a table, a 2-D image was expected");
     if (shape->naxis == 0)
         return rx_error_at(err, RX_INPUT, path, hdu, 0,
                            "holds no pixels (NAXIS = 0); name an image extension");
-    if (!rx_fits_is_plane(shape))
-        return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds an image of %d ax%s, a 2-D one was expected",
-                           shape->naxis, shape->naxis == 1 ? "is" : "es");
+    if (!rx_fits_is_plane(shape, section))
+        return shape->naxis > 2 && shape->naxis <= RX_FITS_AXES
+                   ? is_cube(path, hdu, shape, err)
+                   : rx_error_at(err, RX_INPUT, path, hdu, 0,
+                                 "holds an image of %d ax%s, a 2-D one was expected", shape->naxis,
+                                 shape->naxis == 1 ? "is" : "es");
+    for (int i = 2; i < RX_FITS_AXES; i++) {
+        const LONGLONG length = i < shape->naxis ? shape->axes[i] : 1;
+        if (section->plane[i - 2] > length)
+            return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                               "has no plane %ld on axis %d; give one from 1 to %lld", section->plane[i - 2],
+                               i + 1, length);
+    }
     if (shape->axes[0] < 1 || shape->axes[1] < 1)
         return rx_error_at(err, RX_INPUT, path, hdu, 0,
                            "the image has %lld x %lld pixels, there is nothing in it", shape->axes[0],
@@ -45,10 +77,13 @@ static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *sha
     return RX_OK;
 }
 
-/* All usable HDUs; those that are not are logged, the reason of the first is kept for the case of none. */
-static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hdus, int count, int *n,
+/* All usable HDUs; those that are not are logged, the reason of the first, or of the first cube, is kept for the case
+ * of none. */
+static rx_status list_all(fitsfile *file, const rx_fits_name *name, rx_log *log, int *hdus, int count, int *n,
                           rx_error *err)
 {
+    const char *path = name->path;
+    bool cubes = false;
     rx_error reason = rx_error_part(err), first = reason;
     *n = 0;
     for (int hdu = 0; hdu < count; hdu++) {
@@ -60,14 +95,16 @@ static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hd
         if (failed)
             status = rx_fits_failed(&reason, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
         if (status == RX_OK)
-            status = check_plane(path, hdu, &shape, &reason);
+            status = check_plane(path, hdu, &shape, &name->section, &reason);
         if (status == RX_OK) {
             hdus[(*n)++] = hdu;
             continue;
         }
         int silent = !failed && shape.is_image && shape.naxis == 0; /* the usual empty primary */
-        if (!silent && first.status == RX_OK)
+        const bool cube = !failed && shape.is_image && shape.naxis > 2;
+        if (!silent && (first.status == RX_OK || (cube && !cubes)))
             first = reason;
+        cubes |= cube;
         if (!silent && !failed && shape.is_image && shape.naxis != 1)
             rx_log_warning(log, "%s[%d]: skipped: %s", path, hdu, reason.text);
         else if (!silent)
@@ -75,46 +112,45 @@ static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hd
     }
     if (*n > 0)
         return RX_OK;
-    if (first.status != RX_OK && count <= 2) {
+    if (first.status != RX_OK && (count <= 2 || cubes)) {
         rx_error_take(err, &first);
         return first.status;
     }
     return rx_error_at(err, RX_INPUT, path, -1, 0, "holds no 2-D image in its %d HDUs", count);
 }
 
-static rx_status list(const char *name, bool maps, rx_log *log, int **hdus, int *n, rx_error *err)
+rx_status rx_tile_list_named(const rx_fits_name *name, bool maps, rx_log *log, int **hdus, int *n,
+                             rx_error *err)
 {
-    rx_fits_name parsed;
     rx_fits_shape shape;
     rx_fits_source source = {0};
     int *found = NULL, count = 1, failed = 0, broken = 0;
     *n = 0;
     *hdus = NULL;
     rx_status status;
-    RX_TRY_EXIT(rx_fits_name_parse(name, &parsed, err));
-    RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
-    if (!rx_fits_name_selects(&parsed))
-        RX_TRY_EXIT(rx_fits_count(source.file, parsed.path, &count, &broken, err));
+    RX_TRY_EXIT(rx_fits_open(name->path, &source, err));
+    if (!rx_fits_name_selects(name))
+        RX_TRY_EXIT(rx_fits_count(source.file, name->path, &count, &broken, err));
     RX_TRY_EXIT(RX_MAKE(found, (size_t)count, err));
-    if (rx_fits_name_selects(&parsed)) {
-        status = rx_fits_goto_name(source.file, &parsed, &found[0], err);
+    if (rx_fits_name_selects(name)) {
+        status = rx_fits_goto_name(source.file, name, &found[0], err);
         if (status == RX_OK && (failed = rx_fits_shape_of(source.file, &shape)) != 0)
-            status = rx_fits_failed(err, RX_INPUT, parsed.path, found[0], failed, "this HDU cannot be read");
+            status = rx_fits_failed(err, RX_INPUT, name->path, found[0], failed, "this HDU cannot be read");
         if (status == RX_OK)
-            status = check_plane(parsed.path, found[0], &shape, err);
+            status = check_plane(name->path, found[0], &shape, &name->section, err);
         *n = 1;
     } else {
-        status = list_all(source.file, parsed.path, log, found, count, n, err);
+        status = list_all(source.file, name, log, found, count, n, err);
         if (status == RX_INPUT && broken)
-            status = rx_error_at(err, RX_INPUT, parsed.path, count, 0,
+            status = rx_error_at(err, RX_INPUT, name->path, count, 0,
                                  "this HDU cannot be read, and none before it holds a 2-D image; the file is "
                                  "damaged, fetch it again");
         if (status == RX_OK && broken)
             rx_log_warning(log, "%s: what follows HDU %d cannot be read and is skipped; the file is damaged",
-                           parsed.path, count - 1);
+                           name->path, count - 1);
     }
     if (status == RX_OK && !maps)
-        status = rx_planes_keep_images(source.file, parsed.path, log, found, n, err);
+        status = rx_planes_keep_images(source.file, name->path, log, found, n, err);
     if (status != RX_OK)
         goto exit;
     *hdus = found;
@@ -127,12 +163,11 @@ exit:
 
 rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
 {
-    return list(name, false, log, hdus, n, err);
-}
-
-rx_status rx_tile_list_all(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
-{
-    return list(name, true, log, hdus, n, err);
+    rx_fits_name parsed;
+    *n = 0;
+    *hdus = NULL;
+    RX_TRY(rx_fits_name_parse(name, &parsed, err));
+    return rx_tile_list_named(&parsed, false, log, hdus, n, err);
 }
 
 /* --- numbers from header or keyword --- */
@@ -249,7 +284,7 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nth
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    RX_TRY(rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, 1, tile->pixels, err));
+    RX_TRY(rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, tile->pixels, err));
     return mask_pixels(tile, nthreads, &bad, err);
 }
 
@@ -341,7 +376,7 @@ static rx_status find_place(const rx_fits_source *source, rx_tile_place *place, 
     int failed = rx_fits_shape_of(file, &shape);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, name->path, place->hdu, failed, "this HDU cannot be read");
-    RX_TRY(check_plane(name->path, place->hdu, &shape, err));
+    RX_TRY(check_plane(name->path, place->hdu, &shape, &name->section, err));
     RX_TRY(rx_fits_check_size(source, name->path, place->hdu, &shape, err));
     for (int i = 0; i < 2; i++)
         place->full[i] = (long)shape.axes[i];

@@ -45,11 +45,14 @@ static rx_status choose_hdu(const char *what, const char *name, const rx_fits_na
                             const rx_tile_place *place, int *hdu, rx_error *err)
 {
     const bool selected = rx_fits_name_selects(place->name);
+    rx_fits_name all = *place->name; /* the file's images, of which the tile is one */
     int *hdus = NULL, *tiles = NULL, n = 0, ntiles = 0, chosen = -1, found;
     extname *names = NULL, *others = NULL, *own = NULL;
     rx_status status;
-    RX_TRY_EXIT(rx_tile_list_all(name, NULL, &hdus, &n, err));
-    RX_TRY_EXIT(rx_tile_list(place->name->path, NULL, &tiles, &ntiles, err));
+    all.hdu = -1;
+    all.extname[0] = '\0';
+    RX_TRY_EXIT(rx_tile_list_named(parsed, true, NULL, &hdus, &n, err));
+    RX_TRY_EXIT(rx_tile_list_named(&all, false, NULL, &tiles, &ntiles, err));
     if (rx_fits_name_selects(parsed) || (n == 1 && ntiles == 1)) {
         *hdu = hdus[0];
         goto exit;
@@ -108,22 +111,25 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     if (failed)
         return rx_fits_failed(err, RX_INPUT, name.path, dst->hdu, failed, "this HDU cannot be read");
     RX_TRY(rx_fits_check_size(&dst->source, name.path, dst->hdu, &dst->shape, err));
-    if (strcmp(name.path, place->name->path) == 0 && dst->hdu == place->hdu)
-        return rx_error_at(err, RX_INPUT, text, dst->hdu, 0,
-                           "is the image itself; name the HDU of the %s: '%s[n]'", what, name.path);
     const long axes[2] = {(long)dst->shape.axes[0], (long)dst->shape.axes[1]};
     int same = 1, whole = 1;
     *part = rx_fits_part(&name, axes);
+    if (strcmp(name.path, place->name->path) == 0 && dst->hdu == place->hdu &&
+        memcmp(part->plane, place->part.plane, sizeof part->plane) == 0)
+        return rx_error_at(err, RX_INPUT, text, dst->hdu, 0,
+                           "is the image itself; name the HDU of the %s: '%s[n]'", what, name.path);
     for (int i = 0; i < 2; i++) {
         if (part->last[i] > axes[i])
             return rx_error_at(err, RX_INPUT, text, dst->hdu, 0,
                                "the section leaves the %s of %ld x %ld pixels", what, axes[0], axes[1]);
         same = same && part->last[i] - part->first[i] == place->part.last[i] - place->part.first[i];
-        whole = whole && !name.has_section && axes[i] == place->full[i];
+        whole = whole && part->first[i] == 1 && part->last[i] == axes[i] && axes[i] == place->full[i];
     }
-    if (whole) /* the whole map of a tile of which a section is read */
-        *part = place->part;
-    else if (!same)
+    for (int i = 0; whole && i < 2; i++) { /* the whole map of a tile of which a section is read */
+        part->first[i] = place->part.first[i];
+        part->last[i] = place->part.last[i];
+    }
+    if (!whole && !same)
         return rx_error_at(err, RX_INPUT, text, dst->hdu, 0,
                            "the %s has %ld x %ld pixels, the tile %ld x %ld; give a map of the tile's shape",
                            what, part->last[0] - part->first[0] + 1, part->last[1] - part->first[1] + 1,
@@ -187,7 +193,7 @@ rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *pla
         status = rx_error_memory(err, n * sizeof(float));
     if (status == RX_OK)
         status =
-            rx_fits_read_pixels(map.source.file, par->weight_name, map.hdu, &map.part, 1, tile->weight, err);
+            rx_fits_read_pixels(map.source.file, par->weight_name, map.hdu, &map.part, tile->weight, err);
     if (status == RX_OK)
         mask_by_weight(par, tile);
     rx_fits_done(&map.source);
@@ -220,15 +226,14 @@ static rx_status read_flags(const companion *map, const char *name, uint32_t *ds
 {
     const double least = map->shape.bitpix > 32 ? 0 : INT32_MIN;
     const long *first = map->part.first, *last = map->part.last;
+    rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     int failed = 0, anynul = 0;
     double null = 0, *row = RX_NEW(double, width);
     if (row == NULL)
         return rx_error_memory(err, width * sizeof *row);
     for (size_t y = 0; y < height && !failed; y++) {
-        long low[9] = {first[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
-        long high[9] = {last[0], first[1] + (long)y, 1, 1, 1, 1, 1, 1, 1};
-        long step[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+        rx_fits_rows(&map->part, y, 1, low, high);
         fits_read_subset(map->source.file, TDOUBLE, low, high, step, &null, row, &anynul, &failed);
         for (size_t x = 0; x < width && !failed; x++) {
             if (!(row[x] >= least && row[x] <= UINT32_MAX)) {

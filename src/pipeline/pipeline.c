@@ -225,6 +225,7 @@ static rx_status prepare_detection(work *w, rx_error *err)
     w->par = detect_params(w->params, result->plain);
     RX_TRY(rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err));
     result->filtered = restored->pixels;
+    result->filtered_scale = par->filter_normalise ? 1.0f : (float)w->filter.sum; /* 1 without a filter */
     if (w->filter.values != NULL) {
         float *filtered = result->own_filtered = rx_alloc_filled(n, sizeof *filtered, par->nthreads);
         if (filtered == NULL)

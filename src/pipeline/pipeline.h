@@ -39,6 +39,8 @@ typedef struct rx_result {
     const float *filtered; /* detection image after the filter: restored->pixels without one; NULL once none
                               wants it any more (rx_pipeline_params.keep_filtered) */
     float *own_filtered;   /* NULL without one */
+    float
+        filtered_scale; /* what `filtered` is to be multiplied by, as its filter has unit sum: CONV NONORM */
     rx_map noise; /* noise that thresholds refer to, ADU: of one of these, what was restored or the field */
     rx_result_noise *own_noise;
     rx_scaled_map *significant; /* THRESH_TYPE SIGNIFICANCE */

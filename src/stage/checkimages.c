@@ -2,6 +2,7 @@
 #include "stage/checkimages.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -48,16 +49,61 @@ static size_t npixels(const canvas *c)
     return (size_t)c->width * (size_t)c->height;
 }
 
+/* In dual-image mode SExtractor's kinds show the measurement image, but for FILTERED and BACKGROUND_RMS. It is
+ * NULL where that one was not restored. */
+static const rx_restored *measured_image(const rx_checkimage_data *data)
+{
+    const rx_result *result = data->result;
+    return result->measure == result->detect ? result->restored : result->second;
+}
+
+static const rx_background *measured_sky(const rx_checkimage_data *data)
+{
+    const rx_field *field = data->result->measure;
+    const rx_restored *image = measured_image(data);
+    return image == NULL || strcmp(image->name, "NONE") == 0 ? field->plain : field->restored;
+}
+
+static int measured_hidden(const rx_checkimage_data *data, size_t i)
+{
+    const rx_restored *image = measured_image(data);
+    return image != NULL ? image->mask[i] != 0 : (data->result->measure->image.mask[i] & RX_HIDE_PLAIN) != 0;
+}
+
+/* Above the sky; hidden pixels of an image that was not restored are 0. */
+static void paint_measured(const rx_checkimage_data *data, canvas *dst)
+{
+    const rx_restored *image = measured_image(data);
+    if (image != NULL) {
+        memcpy(dst->pixels, image->pixels, npixels(dst) * sizeof(float));
+        return;
+    }
+    const rx_map level = rx_background_level(measured_sky(data));
+    rx_map_fill(&level, dst->height, 1, dst->pixels);
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] =
+            measured_hidden(data, i) ? 0.0f : data->result->measure->image.pixels[i] - dst->pixels[i];
+}
+
+static float measured_at(const rx_checkimage_data *data, int x, int y)
+{
+    const rx_restored *image = measured_image(data);
+    const rx_map level = rx_background_level(measured_sky(data));
+    const size_t i = (size_t)y * (size_t)level.width + (size_t)x;
+    return image != NULL ? image->pixels[i]
+                         : data->result->measure->image.pixels[i] - rx_map_at(&level, x, y);
+}
+
 static void paint_identical(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_tile *tile = data->result->detect->tile;
+    const rx_tile *tile = data->result->measure->tile;
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
 }
 
 static void paint_background(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map level = rx_background_level(sky_of(data));
+    const rx_map level = rx_background_level(measured_sky(data));
     rx_map_fill(&level, dst->height, 1, dst->pixels);
 }
 
@@ -69,37 +115,43 @@ static void paint_rms(const rx_checkimage_data *data, canvas *dst)
 
 static void paint_restored(const rx_checkimage_data *data, canvas *dst)
 {
-    paint_background(data, dst);
+    const rx_map level = rx_background_level(sky_of(data));
+    rx_map_fill(&level, dst->height, 1, dst->pixels);
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] = hidden(data, i) ? NAN : data->result->restored->pixels[i] + dst->pixels[i];
 }
 
 static void paint_subtracted(const rx_checkimage_data *data, canvas *dst)
 {
+    paint_measured(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = hidden(data, i) ? NAN : data->result->restored->pixels[i];
+        if (measured_hidden(data, i))
+            dst->pixels[i] = NAN;
 }
 
 static void paint_filtered(const rx_checkimage_data *data, canvas *dst)
 {
-    memcpy(dst->pixels, data->result->filtered, npixels(dst) * sizeof(float));
+    for (size_t i = 0; i < npixels(dst); i++)
+        dst->pixels[i] = data->result->filtered_scale * data->result->filtered[i];
 }
 
 static void paint_objects(const rx_checkimage_data *data, canvas *dst)
 {
+    paint_measured(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] = data->result->sources->segments[i] != 0 ? data->result->restored->pixels[i] : 0.0f;
+        if (data->result->sources->segments[i] == 0)
+            dst->pixels[i] = 0.0f;
 }
 
 /* Groups too small to be a source are blanked as well, as in SExtractor. */
 static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
 {
     const rx_sources *sources = data->result->sources;
+    paint_subtracted(data, dst);
     for (size_t i = 0; i < npixels(dst); i++) {
         int small = sources->fragments != NULL && sources->fragments[i] == RX_FRAGMENT_SMALL;
-        dst->pixels[i] = sources->segments[i] != 0 || small ? 0.0f
-                         : hidden(data, i)                  ? NAN
-                                                            : data->result->restored->pixels[i];
+        if (sources->segments[i] != 0 || small)
+            dst->pixels[i] = 0.0f;
     }
 }
 
@@ -189,8 +241,8 @@ static void draw_ellipse(const rx_checkimage_data *data, canvas *dst, const elli
         const int px = (int)lround(e->x + u * cos(e->theta) - v * sin(e->theta));
         const int py = (int)lround(e->y + u * sin(e->theta) + v * cos(e->theta));
         const size_t k = (size_t)py * (size_t)dst->width + (size_t)px;
-        if (px >= 0 && px < dst->width && py >= 0 && py < dst->height && !hidden(data, k))
-            dst->pixels[k] = data->result->restored->pixels[k] + value;
+        if (px >= 0 && px < dst->width && py >= 0 && py < dst->height && !measured_hidden(data, k))
+            dst->pixels[k] = measured_at(data, px, py) + value;
     }
 }
 
@@ -199,7 +251,7 @@ static void paint_apertures(const rx_checkimage_data *data, canvas *dst)
 {
     static const double overlay = 30.0; /* sigmas */
     paint_subtracted(data, dst);
-    float value = (float)(overlay * sky_of(data)->global_sigma);
+    float value = (float)(overlay * measured_sky(data)->global_sigma);
     for (int i = 0; i < data->result->sources->n; i++) {
         const rx_source *s = &data->result->sources->list[i];
         const ellipse kron = {s->x, s->y, s->kron_radius * s->a, s->kron_radius * s->b, s->theta};
@@ -230,37 +282,39 @@ static void paint_mesh(const rx_checkimage_data *data, const rx_map *map, canvas
 
 static void paint_miniback(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map level = rx_background_level(sky_of(data));
+    const rx_map level = rx_background_level(measured_sky(data));
     paint_mesh(data, &level, dst);
 }
 
 static void paint_miniback_rms(const rx_checkimage_data *data, canvas *dst)
 {
-    const rx_map noise = rx_background_noise(sky_of(data));
+    const rx_map noise = rx_background_noise(measured_sky(data));
     paint_mesh(data, &noise, dst);
 }
 
-/* SEGMENTATION and PSF have no painter: integers, and a table. */
+/* SEGMENTATION and PSF have no painter: integers, and a table. `measured`: it shows the measurement image, and has
+ * that one's header. */
 static const struct {
     const char *type;
     painter paint;
+    bool measured;
 } painters[] = {
-    {"IDENTICAL", paint_identical},
-    {"RESTORED", paint_restored},
-    {"BACKGROUND", paint_background},
-    {"BACKGROUND_RMS", paint_rms},
-    {"-BACKGROUND", paint_subtracted},
-    {"FILTERED", paint_filtered},
-    {"OBJECTS", paint_objects},
-    {"-OBJECTS", paint_no_objects},
-    {"RESIDUAL", paint_residual},
-    {"SUPPORT", paint_support},
-    {"APERTURES", paint_apertures},
-    {"MINIBACKGROUND", paint_miniback},
-    {"MINIBACK_RMS", paint_miniback_rms},
-    {"TEMPLATE_RESIDUAL", paint_template_residual},
-    {"TEMPLATE_MODEL", paint_template_model},
-    {"TEMPLATE_CHI", paint_template_chi},
+    {"IDENTICAL", paint_identical, true},
+    {"RESTORED", paint_restored, false},
+    {"BACKGROUND", paint_background, true},
+    {"BACKGROUND_RMS", paint_rms, false},
+    {"-BACKGROUND", paint_subtracted, true},
+    {"FILTERED", paint_filtered, false},
+    {"OBJECTS", paint_objects, true},
+    {"-OBJECTS", paint_no_objects, true},
+    {"RESIDUAL", paint_residual, false},
+    {"SUPPORT", paint_support, false},
+    {"APERTURES", paint_apertures, true},
+    {"MINIBACKGROUND", paint_miniback, true},
+    {"MINIBACK_RMS", paint_miniback_rms, true},
+    {"TEMPLATE_RESIDUAL", paint_template_residual, true},
+    {"TEMPLATE_MODEL", paint_template_model, true},
+    {"TEMPLATE_CHI", paint_template_chi, true},
 };
 
 int rx_checkimage_offered(const char *type)
@@ -365,10 +419,9 @@ static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx
     return status;
 }
 
-static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data, const canvas *src,
-                              rx_error *err)
+static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data, const rx_tile *tile,
+                              const canvas *src, rx_error *err)
 {
-    const rx_tile *tile = data->result->detect->tile;
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
     rx_fits_plane plane = {.extname = tile->extname};
@@ -397,7 +450,8 @@ static rx_status write_one(checkimage *image, const rx_checkimage_data *data, fl
     for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++) {
         if (strcmp(painters[k].type, image->type) == 0) {
             painters[k].paint(data, &dst);
-            return write_canvas(image, data, &dst, err);
+            const rx_field *field = painters[k].measured ? data->result->measure : data->result->detect;
+            return write_canvas(image, data, field->tile, &dst, err);
         }
     }
     return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE %s is not made by rextract; leave it out",

@@ -113,12 +113,24 @@ static double sky_pixel(int x, int y, uint64_t *state)
     return value;
 }
 
-static void put_tile(FILE *file, int width, int height, uint64_t seed)
+static void put_plane(FILE *file, int width, int height, uint64_t seed)
 {
     uint64_t state = seed;
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)
             put_float(file, (float)sky_pixel(x, y, &state));
+}
+
+static void put_tile(FILE *file, int width, int height, uint64_t seed)
+{
+    put_plane(file, width, height, seed);
+    fill(file);
+}
+
+static void put_cube(FILE *file)
+{
+    for (uint64_t seed = 1; seed <= 3; seed++)
+        put_plane(file, SIDE, SIDE, seed);
     fill(file);
 }
 
@@ -201,6 +213,32 @@ static void put_extensions(FILE *file)
     }
 }
 
+/* As Rubin's pipelines write an image with its maps; the lowest rows are bad. */
+static void put_calexp(FILE *file)
+{
+    enum { ROWS = 8, BAD = 3 };
+    static header h;
+    const long axes[2] = {SIDE, SIDE};
+    image_header(&h, 0, 8, 0, NULL);
+    card(&h, "EXTEND", "T");
+    put_header(file, &h, 1);
+    image_header(&h, 1, -32, 2, axes);
+    word(&h, "EXTNAME", "IMAGE");
+    put_header(file, &h, 1);
+    put_tile(file, SIDE, SIDE, 1);
+    image_header(&h, 1, 32, 2, axes);
+    word(&h, "EXTNAME", "MASK");
+    number(&h, "MP_BAD", BAD);
+    put_header(file, &h, 1);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        put_u32(file, i < ROWS * SIDE ? 1u << BAD : 0);
+    fill(file);
+    image_header(&h, 1, -32, 2, axes);
+    word(&h, "EXTNAME", "VARIANCE");
+    put_header(file, &h, 1);
+    put_constant(file, (long)SIDE * SIDE, 25);
+}
+
 /* Headers that lie or break off. */
 static int broken(FILE *file, const char *kind)
 {
@@ -233,7 +271,7 @@ static int broken(FILE *file, const char *kind)
     if (strcmp(kind, "line") == 0)
         put_constant(file, SIDE, 1.0f);
     else if (strcmp(kind, "cube") == 0)
-        put_constant(file, SIDE * SIDE * 3, 1.0f);
+        put_cube(file);
     else if (strcmp(kind, "primary-only") != 0 && strcmp(kind, "endless") != 0)
         put_constant(file, BLOCK / 4, 1.0f);
     return 1;
@@ -311,6 +349,8 @@ int main(int argc, char **argv)
         fprintf(stderr, "usage: make_fits KIND FILE [CARD...]\n");
     else if (strcmp(argv[1], "extensions") == 0)
         put_extensions(file);
+    else if (strcmp(argv[1], "calexp") == 0)
+        put_calexp(file);
     else if (strcmp(argv[1], "table") == 0)
         put_table(file, "E");
     else if (strcmp(argv[1], "table-form") == 0)

@@ -105,26 +105,31 @@ typedef struct method {
     int bytes, block; /* Rice's */
     int bitpix, dither;
     bool unquantised; /* floating point as it is: pixels of fewer than 4 bytes would be taken for more */
-    LONGLONG tile[2]; /* nominal shape */
+    LONGLONG tile[RX_FITS_AXES]; /* nominal shape */
 } method;
 
 static method method_of(const fitsfile *file)
 {
     enum { NO_QUANTIZE = 9999 };
     const FITSfile *all = file->Fptr;
-    return (method){.type = all->compress_type,
-                    .bytes = all->rice_bytepix,
-                    .block = all->rice_blocksize,
-                    .bitpix = all->zbitpix,
-                    .dither = all->dither_seed,
-                    .unquantised = (int)all->quantize_level == NO_QUANTIZE,
-                    .tile = {all->tilesize[0], all->zndim > 1 ? all->tilesize[1] : 1}};
+    method dst = {.type = all->compress_type,
+                  .bytes = all->rice_bytepix,
+                  .block = all->rice_blocksize,
+                  .bitpix = all->zbitpix,
+                  .dither = all->dither_seed,
+                  .unquantised = (int)all->quantize_level == NO_QUANTIZE};
+    for (int i = 0; i < RX_FITS_AXES; i++)
+        dst.tile[i] = i < all->zndim && i < MAX_COMPRESS_DIM ? all->tilesize[i] : 1;
+    return dst;
 }
 
 /* ZDITHER0 is where in a table of 10000 numbers cfitsio begins. */
 static bool is_possible(const method *m)
 {
-    return m->tile[0] > 0 && m->tile[1] > 0 && m->dither >= 1 && m->dither <= 10000 &&
+    for (int i = 0; i < RX_FITS_AXES; i++)
+        if (m->tile[i] < 1)
+            return false;
+    return m->dither >= 1 && m->dither <= 10000 &&
            (m->type != RICE_1 ||
             (m->block > 0 && (m->bytes == 4 || (!m->unquantised && (m->bytes == 1 || m->bytes == 2)))));
 }
@@ -132,11 +137,14 @@ static bool is_possible(const method *m)
 /* Pixels of the tile in that row (from 0) of the table; those at the far edges are smaller. */
 static LONGLONG tile_pixels(const method *m, const rx_fits_shape *shape, LONGLONG row)
 {
-    LONGLONG across = (shape->axes[0] + m->tile[0] - 1) / m->tile[0];
-    LONGLONG x = row % across * m->tile[0], y = row / across * m->tile[1];
-    LONGLONG width = shape->axes[0] - x < m->tile[0] ? shape->axes[0] - x : m->tile[0];
-    LONGLONG height = shape->axes[1] - y < m->tile[1] ? shape->axes[1] - y : m->tile[1];
-    return width * height;
+    LONGLONG pixels = 1;
+    for (int i = 0; i < shape->naxis && i < RX_FITS_AXES; i++) {
+        const LONGLONG across = (shape->axes[i] + m->tile[i] - 1) / m->tile[i];
+        const LONGLONG rest = shape->axes[i] - row % across * m->tile[i];
+        pixels *= rest < m->tile[i] ? rest : m->tile[i];
+        row /= across;
+    }
+    return pixels;
 }
 
 /* A column whose cells lie in the heap. */

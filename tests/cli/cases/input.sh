@@ -76,7 +76,36 @@ expect 3 '^rextract: tile\.fits\[0\]: holds an image of 1 axis, a 2-D one was ex
 
 begin 'three axes'
 make_fits cube tile.fits
-expect 3 '^rextract: tile\.fits\[0\]: holds an image of 3 axes, a 2-D one was expected' tile.fits $none
+expect 3 "^rextract: tile\.fits\[0\]: holds an image of 3 axes \(96 x 96 x 3\), a 2-D one was expected; name one plane of it, the first by 'tile\.fits\[0\]\[\*,\*,1\]'" tile.fits $none
+
+begin 'a plane of a cube'
+make_fits cube tile.fits
+prints '^ +1 '
+expect 0 '' 'tile.fits[0][*,*,3]' $none -CATALOG_NAME STDOUT -WEIGHT_TYPE MAP_WEIGHT -WEIGHT_IMAGE 'tile.fits[0][*,*,1]'
+
+begin 'two planes of a cube, detection and measurement'
+make_fits cube tile.fits
+prints '^ +1 '
+expect 0 '' 'tile.fits[0][*,*,1],tile.fits[0][*,*,2]' $none -CATALOG_NAME STDOUT
+
+begin 'a plane that a cube does not have'
+make_fits cube tile.fits
+expect 3 '^rextract: tile\.fits\[0\]: has no plane 4 on axis 3; give one from 1 to 3' 'tile.fits[*,*,4]' $none
+
+begin 'an image with its mask and variance'
+make_fits calexp tile.fits
+leaves test.cat
+talks 'tile\.fits: MASK, VARIANCE: maps, not measured .*tile\.fits\[1\]: measured with the VARIANCE and the MASK' tile.fits $none
+
+begin 'an image with its mask and variance, not to be used'
+make_fits calexp tile.fits
+prints '^ +1 '
+expect 0 '' tile.fits $none -WEIGHT_TYPE NONE -CATALOG_NAME STDOUT
+
+begin 'columns of two images'
+make_fits extensions tile.fits
+prints '# +[0-9]+ EXT_NUMBER '
+expect 0 '' tile.fits $none -CATALOG_NAME STDOUT -CATALOG_TYPE ASCII_HEAD
 
 begin 'no image at all'
 make_fits primary-only tile.fits

@@ -235,6 +235,7 @@ static void make_many(const char *path)
             "GCOUNT  =                    1\nTFIELDS =                    1\nTFORM1  = '1I'\nTTYPE1  = "
             "'A'\nEXTNAME = 'TAB'",
             data, 6);
+    data[W * H] = 9;
     add_hdu(&file,
             "XTENSION= 'IMAGE   '\nBITPIX  =                    8\nNAXIS   =                    3\n"
             "NAXIS1  =                    5\nNAXIS2  =                    4\nNAXIS3  =                    2\n"
@@ -269,7 +270,12 @@ static void test_names(void **state)
                  {"m.fits[4]", 1, 4, 5, 4},
                  {"m.fits[3][2:4,3:4]", 1, 3, 3, 2},
                  {"m.fits[2:3,*]", 3, 0, 2, 4},
-                 {"m.fits[SCI][*,2:2]", 1, 3, 5, 1}};
+                 {"m.fits[SCI][*,2:2]", 1, 3, 5, 1},
+                 {"m.fits[CUBE][*,*,2]", 1, 2, 5, 4},
+                 {"m.fits[2][2:4,3:4,1]", 1, 2, 3, 2},
+                 {"m.fits[2][*,*, 2:2 ,1]", 1, 2, 5, 4},
+                 {"m.fits[*,*,2]", 1, 2, 5, 4},
+                 {"m.fits[*,*,1]", 4, 0, 5, 4}};
     char name[1000];
     make_many(in(state, "m.fits"));
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -296,8 +302,16 @@ static void test_bad_names(void **state)
         const char *name, *word;
     } cases[] = {{"m.fits[1]", "table"},
                  {"m.fits[TAB]", "table"},
-                 {"m.fits[2]", "3 axes"},
-                 {"m.fits[CUBE]", "3 axes"},
+                 {"m.fits[2]", "(5 x 4 x 2), a 2-D one was expected; name one plane"},
+                 {"m.fits[CUBE]", "m.fits[2][*,*,1]'"},
+                 {"m.fits[CUBE][*,*]", "3 axes"},
+                 {"m.fits[CUBE][*,*,3]", "no plane 3 on axis 3; give one from 1 to 2"},
+                 {"m.fits[CUBE][*,*,2,2]", "no plane 2 on axis 4"},
+                 {"m.fits[0][*,*,2]", "no plane 2 on axis 3; give one from 1 to 1"},
+                 {"m.fits[CUBE][*,*,0]", "of a cube with a plane"},
+                 {"m.fits[CUBE][*,*,1:2]", "cannot use"},
+                 {"m.fits[CUBE][*,*,*]", "cannot use"},
+                 {"m.fits[CUBE][*,*,2,]", "cannot use"},
                  {"m.fits[9]", "no such HDU"},
                  {"m.fits[ERR]", "no extension"},
                  {"m.fits[SCI,7]", "no extension"},
@@ -321,6 +335,81 @@ static void test_bad_names(void **state)
     check_refused(&PLAIN, "!a.fits", "local files");
     check_refused(&PLAIN, "http://localhost/a.fits", "local files");
     check_refused(&PLAIN, "/dev/null", "regular");
+}
+
+static void test_planes_of_a_compressed_cube(void **state)
+{
+    const long tiles[][3] = {{W, 1, 1}, {3, 2, 1}, {2, 3, 2}};
+    long axes[3] = {W, H, 3};
+    float pixels[3 * W * H];
+    char name[1000];
+    for (int i = 0; i < 3 * W * H; i++)
+        pixels[i] = (float)i;
+    for (int k = 0; k < 3; k++) {
+        fitsfile *file = NULL;
+        int failed = 0;
+        remove(in(state, "c.fits"));
+        fits_create_diskfile(&file, in(state, "c.fits"), &failed);
+        fits_set_compression_type(file, RICE_1, &failed);
+        fits_set_tile_dim(file, 3, (long *)(uintptr_t)tiles[k], &failed);
+        fits_create_img(file, LONG_IMG, 3, axes, &failed);
+        fits_write_img(file, TFLOAT, 1, 3 * W * H, pixels, &failed);
+        fits_close_file(file, &failed);
+        assert_int_equal(failed, 0);
+        snprintf(name, sizeof name, "%s[1][2:4,*,3]", in(state, "c.fits"));
+        rx_tile *tile = read_tile(&PLAIN, name, 1, 1);
+        assert_near(tile->pixels[0], 2 * W * H + 1, 0);
+        assert_near(tile->pixels[3], 2 * W * H + W + 1, 0);
+        rx_tile_free(tile);
+    }
+}
+
+static void test_planes_of_a_cube(void **state)
+{
+    char many[900], map[1000], flags[1000];
+    make_many(in(state, "m.fits"));
+    snprintf(many, sizeof many, "%s[CUBE][*,*,1]", in(state, "m.fits"));
+    snprintf(map, sizeof map, "%s[CUBE][*,*,2]", in(state, "m.fits")); /* its own second plane */
+    make_many(in(state, "w.fits"));
+    snprintf(flags, sizeof flags, "%s[2][*,*,2]", in(state, "w.fits"));
+    rx_tile_params par = PLAIN;
+    par.weight_type = RX_WEIGHT_MAP_WEIGHT;
+    par.weight_name = map;
+    par.nflags = 1;
+    par.flag_names[0] = flags;
+    rx_tile *tile = read_tile(&par, many, 2, 1);
+    assert_near(tile->pixels[0], 1, 0);
+    assert_near(tile->weight[0], 9, 0);
+    assert_int_equal(tile->flagmaps[0][0], 9);
+    rx_tile_free(tile);
+    snprintf(many, sizeof many, "%s[CUBE][1:3,1:2,2]",
+             in(state, "m.fits")); /* of whole maps the same section */
+    par.weight_name = flags;
+    tile = read_tile(&par, many, 2, 1);
+    assert_near(tile->pixels[0], 9, 0);
+    assert_near(tile->weight[0], 9, 0);
+    assert_int_equal(tile->width, 3);
+    rx_tile_free(tile);
+    par.weight_name = map;
+    check_refused(&par, many, "is the image itself");
+    snprintf(map, sizeof map, "%s[2]", in(state, "w.fits"));
+    check_refused(&par, many, "name one plane of it, the first by");
+
+    float *pixels = NULL;
+    int width = 0, height = 0;
+    assert_int_equal(rx_fits_read_image(flags, &pixels, &width, &height, NULL), RX_OK);
+    assert_int_equal(width, W);
+    assert_near(pixels[0], 9, 0);
+    free(pixels);
+    rx_fits_cube cube;
+    assert_int_equal(rx_fits_read_cube(flags, &cube, NULL), RX_OK);
+    assert_int_equal(cube.planes, 1);
+    assert_near(cube.pixels[0], 9, 0);
+    rx_fits_cube_free(&cube);
+    assert_int_equal(rx_fits_read_cube(map, &cube, NULL), RX_OK);
+    assert_int_equal(cube.planes, 2);
+    assert_near(cube.pixels[W * H], 9, 0);
+    rx_fits_cube_free(&cube);
 }
 
 /* --- weights and flags --- */
@@ -777,6 +866,8 @@ int main(void)
         cmocka_unit_test(test_gzip),
         cmocka_unit_test(test_names),
         cmocka_unit_test(test_bad_names),
+        cmocka_unit_test(test_planes_of_a_cube),
+        cmocka_unit_test(test_planes_of_a_compressed_cube),
         cmocka_unit_test(test_weights),
         cmocka_unit_test(test_companions),
         cmocka_unit_test(companions_go_by_their_names),

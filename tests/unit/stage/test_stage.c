@@ -290,6 +290,89 @@ static void the_second_image_is_measured(void **state)
     rx_table_free(b);
 }
 
+/* Two check-images hold the same pixels but for a factor. */
+static void assert_images(const char *path, const char *other, double factor)
+{
+    float *a = NULL, *b = NULL;
+    int width, height, w, h;
+    assert_int_equal(rx_fits_read_image(path, &a, &width, &height, NULL), RX_OK);
+    assert_int_equal(rx_fits_read_image(other, &b, &w, &h, NULL), RX_OK);
+    assert_int_equal(w, width);
+    assert_int_equal(h, height);
+    for (int i = 0; i < width * height; i++)
+        if (isnan(a[i]) || isnan(b[i]))
+            assert_int_equal(isnan(a[i]), isnan(b[i]));
+        else
+            assert_near((double)a[i], factor * (double)b[i], 1e-5 * fabs((double)a[i]));
+    free(a);
+    free(b);
+}
+
+/* Which image a check-image shows is as in SExtractor: the first seven the measurement image. */
+static void check_images_of_two_images(void **state)
+{
+    (void)state;
+    enum { MEASURED = 7, OBJECTS = 5, KINDS = 11 };
+    static const char kinds[] =
+        "BACKGROUND,-BACKGROUND,MINIBACKGROUND,MINIBACK_RMS,IDENTICAL,OBJECTS,-OBJECTS,"
+        "BACKGROUND_RMS,FILTERED,RESTORED,SEGMENTATION";
+    static const char *const images[] = {"d.fits", "m.fits", "d.fits,m.fits"};
+    scene s;
+    scene_make(&s, 160, 150, 20, 8);
+    scene_write("d.fits", s.pixels, s.width, s.height);
+    for (size_t i = 0; i < (size_t)s.width * (size_t)s.height; i++)
+        s.pixels[i] = 3.0f * s.pixels[i] + 100.0f; /* the same sources at the same S/N */
+    s.pixels[75 * s.width + 80] = NAN;
+    scene_write("m.fits", s.pixels, s.width, s.height);
+    scene_free(&s);
+    for (int restored = 0; restored < 2; restored++) {
+        for (int run = 0; run < 3; run++) {
+            char names[200] = "";
+            for (int k = 0; k < KINDS; k++)
+                snprintf(names + strlen(names), sizeof names - strlen(names), "%s%d-%d.fits",
+                         k > 0 ? "," : "", run, k);
+            const setting list[] = {{"RESTORE_TYPE", restored ? "RL" : "NONE"},
+                                    {"CHECKIMAGE_TYPE", kinds},
+                                    {"CHECKIMAGE_NAME", names},
+                                    {"CATALOG_TYPE", "NONE"},
+                                    {NULL, NULL}};
+            expect_run(images[run], list);
+        }
+        for (int k = 0; k < KINDS; k++) {
+            char two[20], one[20];
+            if (restored && (k == OBJECTS || k == OBJECTS + 1))
+                continue; /* the footprints of d.fits are not to the pixel those of m.fits */
+            snprintf(two, sizeof two, "2-%d.fits", k);
+            snprintf(one, sizeof one, "%d-%d.fits", k < MEASURED, k);
+            assert_images(two, one, 1.0);
+        }
+    }
+}
+
+/* The filter of CONV NONORM is not divided by its sum, as in SExtractor. */
+static void a_filter_that_is_not_normalised(void **state)
+{
+    (void)state;
+    scene s;
+    setting list[] = {{"RESTORE_TYPE", "NONE"},
+                      {"FILTER_NAME", "a.conv"},
+                      {"DETECT_THRESH", "40"},
+                      {"CHECKIMAGE_TYPE", "FILTERED"},
+                      {"CHECKIMAGE_NAME", "a.fits"},
+                      {"CATALOG_TYPE", "NONE"},
+                      {NULL, NULL}};
+    scene_make(&s, 160, 150, 20, 8);
+    scene_write("d.fits", s.pixels, s.width, s.height);
+    scene_free(&s);
+    write_text("a.conv", "CONV NORM\n-1 2 1\n2 9 2\n1 2 1\n");
+    write_text("b.conv", "CONV NONORM\n-1 2 1\n2 9 2\n1 2 1\n");
+    expect_run("d.fits", list);
+    list[1].value = "b.conv";
+    list[4].value = "b.fits";
+    expect_run("d.fits", list);
+    assert_images("b.fits", "a.fits", 21.0);
+}
+
 static float *plane(const char *path, int width, int height)
 {
     float *pixels = NULL;
@@ -484,6 +567,8 @@ int main(void)
         cmocka_unit_test_setup_teardown(an_empty_tile_gives_a_catalogue_without_rows, enter_scratch,
                                         leave_scratch),
         cmocka_unit_test_setup_teardown(the_second_image_is_measured, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(check_images_of_two_images, enter_scratch, leave_scratch),
+        cmocka_unit_test_setup_teardown(a_filter_that_is_not_normalised, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(template_images_add_up, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(every_image_of_a_file_is_fitted, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(gates_decide_the_status, enter_scratch, leave_scratch),
