@@ -194,4 +194,15 @@ result "which then goes on" $? polite.log
 diff -r photometry-whole polite >difference 2>&1
 result "to the same bytes" $? difference
 
+# validation/run.sh: the report is of the model that it was given
+given() {
+    folder=$1
+    shift
+    RX_MODEL=$top/config/psfnet-fast.fits RX_VALIDATE=$program "$top/validation/run.sh" restoration small "$folder" -SEED 5 -SCENES_FWHM 2 -SCENES_SIGMA 2 \
+        -SCENE_SIDE 96 -FWHM_RANGE 3,4 -SIGMA_RANGE 2,3 -TUNE_SCENES 1 -TUNE_NITER 2 -TUNE_FILTER 0 -EXAMPLES 1 -QA_FIGURES N "$@" >>given.log 2>&1
+}
+given mine && grep -q "digest $("$programs/rextract-train" -INFO "$top/config/psfnet-fast.fits" | sed -n '1s/.*, digest //p')\"" mine/restoration/summary.json &&
+    ! given another -STAGE.NET_MODEL "$top/config/psfnet-blind.fits"
+result "validation/run.sh evaluates the model that it was given, or fails" $? given.log
+
 finish

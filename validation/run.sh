@@ -66,6 +66,7 @@ model=${RX_MODEL:-$top/config/psfnet.fits}
 restorers=()
 if [[ -f $model ]]; then
     cp "$model" "$out/psfnet.fits"
+    restorers=(-STAGE.NET_MODEL ./psfnet.fits)
 elif [[ -n ${RX_MODEL:-} ]]; then
     echo "run.sh: RX_MODEL $model is missing" >&2
     exit 2
@@ -74,4 +75,12 @@ else
     restorers=(-RESTORE_TYPE "NONE,RL")
 fi
 cd "$out"
-exec "$program" -c "$name.conf" -SIZE "$size" "${restorers[@]}" "${@:4}"
+status=0
+"$program" -c "$name.conf" -SIZE "$size" "${restorers[@]}" "${@:4}" || status=$?
+# The report names the model that it speaks of.
+if [[ -f psfnet.fits && -f $name/summary.json ]] && grep -q 'model [^"]*, digest ' "$name/summary.json"; then
+    digest=$("$(dirname "$program")/rextract-train" -INFO psfnet.fits | sed -n '1s/.*, digest //p')
+    grep -q ", digest $digest\"" "$name/summary.json" ||
+        { echo "run.sh: $out/$name/summary.json is not of $model (digest $digest)" >&2; exit 1; }
+fi
+exit "$status"

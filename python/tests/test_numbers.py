@@ -146,7 +146,7 @@ class WhatGoesIn(InFolder):
 
     def test_a_psf_measured_once(self):
         psf = rextract.psf(self.pixels, header=self.header)
-        self.assertAlmostEqual(psf.fwhm, 4.0, delta=0.15)
+        self.assertAlmostEqual(psf.fwhm, 4.0, delta=0.4)  # of two stars: two of its errors
         self.assertEqual(psf(10.0, 20.0).shape, (psf.size, psf.size))
         self.assertAlmostEqual(float(psf(10.0, 20.0).sum()), 1.0, places=5)
         self.assertEqual(psf.stars.shape, (psf.nstars, 2))

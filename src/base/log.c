@@ -1,6 +1,7 @@
 /* Messages and the progress line. */
 #include "base/log.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -326,6 +327,37 @@ void rx_log_written(rx_log *log, const char *names)
         rx_text_printf(&log->names, "%s%s", log->names.length > 0 ? ", " : "", names);
 }
 
+const char *rx_time_left(double seconds, char dst[RX_TIME_LEFT])
+{
+    if (seconds >= 3600)
+        snprintf(dst, RX_TIME_LEFT, "%.0fh%02.0fm", floor(seconds / 3600), floor(fmod(seconds, 3600) / 60));
+    else if (seconds >= 120)
+        snprintf(dst, RX_TIME_LEFT, "%.0f min", seconds / 60);
+    else
+        snprintf(dst, RX_TIME_LEFT, "%.0f s", seconds);
+    return dst;
+}
+
+/* The line that is overwritten by the next one. */
+static void show_line(rx_log *log, const char *what)
+{
+    fprintf(log->stream, "\r\033[K%s: %s", log->program, what);
+    fflush(log->stream);
+    log->shown = rx_seconds();
+    log->line_open = true;
+}
+
+static bool shows_progress(const rx_log *log)
+{
+    return log != NULL && log->progress == NULL && log->terminal && log->level >= RX_NORMAL;
+}
+
+void rx_log_step(rx_log *log, const char *what)
+{
+    if (shows_progress(log))
+        show_line(log, what);
+}
+
 void rx_log_progress_begin(rx_log *log)
 {
     if (log != NULL)
@@ -339,20 +371,21 @@ void rx_log_progress(rx_log *log, const char *what, double done)
         log->reached = share > log->reached ? share : log->reached;
         log->progress(log->user, what, log->reached);
     }
-    if (log == NULL || log->progress != NULL || !log->terminal || log->level < RX_NORMAL)
+    if (!shows_progress(log))
         return;
     double now = rx_seconds();
     if (now - log->begun < SHOW_AFTER_SECONDS || now - log->shown < 0.2)
         return;
-    double left = done > 0.0 ? (now - log->begun) * (1.0 - done) / done : 0.0;
-    fprintf(log->stream, "\r\033[K%s: %s %3.0f %%, %.0f s left", log->program, what, 100.0 * done, left);
-    fflush(log->stream);
-    log->shown = now;
-    log->line_open = true;
+    char line[256], left[RX_TIME_LEFT];
+    snprintf(line, sizeof line, "%s %3.0f %%, %s left", what, 100.0 * done,
+             rx_time_left(done > 0.0 ? (now - log->begun) * (1.0 - done) / done : 0.0, left));
+    show_line(log, line);
 }
 
 void rx_log_part(rx_log *log, const char *what, double from, double to)
 {
+    if (from < 1.0)
+        rx_log_step(log, what);
     if (log == NULL || log->progress == NULL)
         return;
     log->from = from;

@@ -73,10 +73,18 @@ void rx_log_progress_begin(rx_log *log);
 void rx_log_progress(rx_log *log, const char *what, double done);
 void rx_log_progress_end(rx_log *log);
 
-/* The next part of a job goes from .. to of 0..1: what the caller's progress function is given. From 0: a new job. */
+/* On a terminal: what is done from here on, in the line that what comes next replaces, so that no step is silent. */
+void rx_log_step(rx_log *log, const char *what);
+
+/* The next part of a job, a step, goes from .. to of 0..1: what the caller's progress function is given. From 0: a new
+ * job. */
 void rx_log_part(rx_log *log, const char *what, double from, double to);
 
 double rx_seconds(void); /* monotonic clock */
+
+/* "47 s", "12 min" or "3h05m"; returns dst. */
+enum { RX_TIME_LEFT = 32 };
+const char *rx_time_left(double seconds, char dst[RX_TIME_LEFT]);
 
 /* Seconds of a part of the work: wall clock, and CPU of all threads. */
 typedef struct rx_lap {

@@ -3,6 +3,7 @@
 
 #include <ctype.h>
 #include <errno.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -69,6 +70,14 @@ void rx_text_printf(rx_text *dst, const char *format, ...)
     vsnprintf(dst->data + dst->length, (size_t)n + 1, format, args);
     va_end(args);
     dst->length += (size_t)n;
+}
+
+bool rx_stream_end(FILE *stream)
+{
+    struct pollfd pipe = {.fd = fileno(stream)};
+    if (fflush(stream) == 0 && !ferror(stream))
+        return true;
+    return poll(&pipe, 1, 0) == 1 && (pipe.revents & POLLERR) != 0; /* on a pipe: no one reads */
 }
 
 void rx_text_free(rx_text *text)

@@ -42,6 +42,10 @@ rx_status rx_text_file_open(rx_text_file *file, const char *path, const char *sh
 rx_status rx_text_file_add(rx_text_file *file, const rx_text *text, rx_error *err);
 rx_status rx_text_file_close(rx_text_file *file, rx_status status, rx_error *err);
 
+/* Ends what is written to a stream; false where it could not be written. A reader that has closed its end of a pipe has
+ * read what it wanted (rextract -dd | head): that is no failure. */
+bool rx_stream_end(FILE *stream);
+
 /* Bytes of the UTF-8 character at s; 0 when none stands there (overlong, a surrogate, cut off, the end) or a
  * control character does: C0, DEL and C1, which terminals obey in their two-byte form as well. */
 int rx_text_utf8(const char *s);

@@ -48,6 +48,9 @@ void rx_columns_free(rx_column_list *list);
  * Errors: RX_USAGE (no such column), RX_SYSTEM. */
 rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err);
 
+/* Of these columns, which must be in the table, the ones that the list lacks. Errors: RX_SYSTEM. */
+rx_status rx_columns_add(rx_column_list *list, const char *const *names, int n, rx_error *err);
+
 /* Adds the columns that the format shows whatever was chosen: regions (DS9) are made of positions and ellipses.
  * Errors: RX_SYSTEM. */
 rx_status rx_columns_need(rx_column_list *list, rx_catalog_type type, rx_error *err);

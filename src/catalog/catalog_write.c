@@ -149,7 +149,7 @@ rx_status rx_catalog_write(const rx_catalog *catalog, const char *path, const ch
                 err, RX_USAGE,
                 "CATALOG_NAME STDOUT takes text only; name a file or choose an ASCII CATALOG_TYPE");
         rx_status status = write_text(standard_out, catalog, err);
-        if (status == RX_OK && (fflush(standard_out) != 0 || ferror(standard_out)))
+        if (status == RX_OK && !rx_stream_end(standard_out))
             status = rx_error_set(err, RX_SYSTEM, "the catalogue cannot be written to standard output");
         return status;
     }

@@ -203,24 +203,25 @@ rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, r
     return status;
 }
 
+rx_status rx_columns_add(rx_column_list *list, const char *const *names, int n, rx_error *err)
+{
+    const size_t size = (size_t)(list->n + n) * sizeof(rx_column_choice);
+    rx_column_choice *grown = realloc(list->choice, size);
+    if (grown == NULL)
+        return rx_error_memory(err, size);
+    list->choice = grown;
+    for (int i = 0; i < n; i++)
+        if (!rx_columns_has(list, names[i]))
+            list->choice[list->n++] = (rx_column_choice){.index = rx_column_index(names[i])};
+    return RX_OK;
+}
+
 rx_status rx_columns_need(rx_column_list *list, rx_catalog_type type, rx_error *err)
 {
     static const char *const names[] = {"NUMBER",      "X_IMAGE",     "Y_IMAGE",     "A_IMAGE",     "B_IMAGE",
                                         "THETA_IMAGE", "KRON_RADIUS", "ALPHA_J2000", "DELTA_J2000", "A_WORLD",
                                         "B_WORLD",     "THETA_J2000", "FLAGS"};
-    enum { NAMES = sizeof names / sizeof *names };
-    if (type != RX_CATALOG_DS9)
-        return RX_OK;
-    rx_column_choice *grown = RX_NEW(rx_column_choice, (size_t)(list->n + NAMES));
-    if (grown == NULL)
-        return rx_error_memory(err, (size_t)(list->n + NAMES) * sizeof *grown);
-    memcpy(grown, list->choice, (size_t)list->n * sizeof *grown);
-    free(list->choice);
-    list->choice = grown;
-    for (int i = 0; i < NAMES; i++)
-        if (!rx_columns_has(list, names[i]))
-            list->choice[list->n++] = (rx_column_choice){.index = rx_column_index(names[i])};
-    return RX_OK;
+    return type == RX_CATALOG_DS9 ? rx_columns_add(list, names, sizeof names / sizeof *names, err) : RX_OK;
 }
 
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err)

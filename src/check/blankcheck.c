@@ -18,6 +18,7 @@
 enum {
     GLANCE_SIDE = 512, /* pixels of a window, */
     QUICK_SIDE = 1024, /* and of the next one where there was something to see */
+    LOOKS = 16,        /* realisations of a tile that is smaller: a Mpixel, for one of 256 x 256 */
     SEVERAL = 3        /* false detections: a peak or two of a small window say little */
 };
 
@@ -152,7 +153,7 @@ static rx_pipeline_params counting(const rx_pipeline_params *params)
 {
     rx_pipeline_params own = *params;
     own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
-    own.measure.nnw_file = NULL;
+    own.measure.star_net = NULL;
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = own.calibrate_restored = 0;
     own.restore.keep_reblurred = 0;
@@ -195,36 +196,80 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
     return status;
 }
 
-/* What is found in a window of that side; with the threshold raised where it is too much. */
-static rx_status run_window(const rx_pipeline_params *params, const rx_blank_input *in, int side, double most,
-                            rx_blankcheck *dst, rx_error *err)
+typedef struct look {
+    rx_field *blank;
+    rx_result result;
+} look;
+
+/* One more realisation of a window of that side; *mpixels: 0 where the restorer did not do it. */
+static rx_status take_look(const rx_pipeline_params *params, const rx_blank_input *in, int side, int number,
+                           look *dst, double *mpixels, rx_error *err)
 {
     const rx_tile *tile = in->field->tile;
     const rx_replica_part window =
         rx_replica_window(tile, &(rx_replica_part){.width = tile->width, .height = tile->height}, side);
-    rx_field *blank = NULL;
-    rx_result result = {0};
+    const uint64_t stream = NOISE + (uint64_t)side + ((uint64_t)number << 16);
+    *mpixels = 0.0;
     RX_TRY(rx_blankcheck_field(params, in->field, in->noise, &window,
-                               (rx_random_stream){params->seed, NOISE + (uint64_t)side}, &blank, err));
-    rx_status status;
-    RX_TRY_EXIT(rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err));
-    const double mpixels = searched(params, &result, 0);
-    if (result.by != NULL || !(mpixels > 0.0))
+                               (rx_random_stream){params->seed, stream}, &dst->blank, err));
+    RX_TRY(rx_field_extract(params, in->kind, dst->blank, NULL, NULL, &dst->result, err));
+    if (dst->result.by == NULL)
+        *mpixels = searched(params, &dst->result, 0);
+    return RX_OK;
+}
+
+/* False detections of all looks at a threshold raised so. */
+static rx_status count_raised(const rx_pipeline_params *params, const look *looks, rx_blankcheck *dst,
+                              rx_error *err)
+{
+    dst->false_detections = 0;
+    for (int i = 0; i < dst->realisations; i++) {
+        long n;
+        RX_TRY(rx_interrupt_check(err));
+        RX_TRY(rx_result_count(params, &looks[i].result, dst->raised, &n, err));
+        dst->false_detections += n;
+    }
+    return RX_OK;
+}
+
+/* What is found in so many realisations at most of a window of that side; with the threshold raised where it is too much. Looks
+ * end with a Mpixel, or where their number says that no more than `most` are there, or that more are. */
+static rx_status run_window(const rx_pipeline_params *params, const rx_blank_input *in, int side, double most,
+                            rx_blankcheck *dst, rx_error *err)
+{
+    look *looks;
+    rx_status status = RX_OK;
+    bool decided = false;
+    rx_blankcheck check = {.raised = 1.0, .quick = 1, .correlated = in->noise->correlated};
+    RX_TRY(RX_MAKE(looks, (size_t)in->realisations, err));
+    for (int i = 0; i < in->realisations && !decided; i++) {
+        double mpixels;
+        RX_TRY_EXIT(rx_interrupt_check(err));
+        RX_TRY_EXIT(take_look(params, in, side, i, &looks[i], &mpixels, err));
+        if (!(mpixels > 0.0))
+            break;
+        check.realisations++;
+        check.mpixels += mpixels;
+        check.false_detections += looks[i].result.sources->n;
+        set_rate(&check);
+        decided = !(most > 0.0) || check.mpixels >= 1.0 || check.rate.low > most || check.rate.high < most;
+    }
+    if (check.realisations == 0)
         goto exit;
-    dst->mpixels = mpixels;
-    dst->realisations = dst->quick = 1;
-    dst->false_detections = result.sources->n;
-    dst->asked = (double)dst->false_detections / mpixels;
-    if (most > 0.0 && dst->false_detections >= SEVERAL)
-        while ((double)dst->false_detections > most * mpixels && dst->raised < RAISED_MOST) {
-            RX_TRY_EXIT(rx_interrupt_check(err));
-            dst->raised *= RAISED_STEP;
-            RX_TRY_EXIT(rx_result_count(params, &result, dst->raised, &dst->false_detections, err));
+    check.asked = check.rate.value;
+    if (most > 0.0 && check.false_detections >= SEVERAL)
+        while ((double)check.false_detections > most * check.mpixels && check.raised < RAISED_MOST) {
+            check.raised *= RAISED_STEP;
+            RX_TRY_EXIT(count_raised(params, looks, &check, err));
         }
-    set_rate(dst);
+    set_rate(&check);
+    *dst = check;
 exit:
-    rx_result_free(&result);
-    rx_field_free(blank);
+    for (int i = 0; i < in->realisations; i++) {
+        rx_result_free(&looks[i].result);
+        rx_field_free(looks[i].blank);
+    }
+    free(looks);
     return status;
 }
 
@@ -242,10 +287,10 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
         RX_TRY(rx_field_noise_measure(field, NULL, params->nthreads, &noise, err));
     if (noise.origin == RX_NOISE_UNKNOWN)
         return RX_OK;
-    dst->correlated = noise.correlated;
-    const rx_blank_input in = {.kind = kind, .field = field, .noise = &noise, .realisations = 1};
-    const int wide = tile->width > GLANCE_SIDE || tile->height > GLANCE_SIDE;
+    const bool wide = (double)tile->width * (double)tile->height > (double)GLANCE_SIDE * GLANCE_SIDE;
+    rx_blank_input in = {.kind = kind, .field = field, .noise = &noise, .realisations = wide ? 1 : LOOKS};
     RX_TRY(run_window(&own, &in, GLANCE_SIDE, wide ? 0.0 : most, dst, err));
+    in.realisations = LOOKS;
     if (wide && dst->false_detections >= SEVERAL)
         RX_TRY(run_window(&own, &in, QUICK_SIDE, most, dst, err));
     params->detect.threshold *= dst->raised;

@@ -6,7 +6,8 @@
  * after a restoration are not part of it, nor are pieces of bright sources. Except that without a weight
  * map the width per pixel is the tile's rms map, which large or crowded sources raise.
  *
- * The quick one is one realisation of a window of the tile; where too much is found there, thresholds are raised. */
+ * The quick one is of a window of the tile, realised again where that is small; where too much is found there, thresholds are
+ * raised. */
 #ifndef RX_CHECK_BLANKCHECK_H
 #define RX_CHECK_BLANKCHECK_H
 
@@ -69,8 +70,9 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
                             rx_blankcheck *dst, rx_error *err);
 
 /* Before the network looks at the tile of `field`: one realisation of its noise, as measured, in a window of 512 x
- * 512 pixels, the one with most usable pixels, or of 1024 x 1024 where that has three false detections. Where its
- * false detections, at least three, are more than `most` per Mpixel (0: no limit), params->detect.threshold is raised,
+ * 512 pixels, the one with most usable pixels, or of 1024 x 1024 where that has three false detections. A tile of no more
+ * than the former, as the latter where the tile ends within, is realised up to 16 times, until a Mpixel was searched or
+ * the interval of the rate has `most` no longer within. Where its false detections, at least three, are more than `most` per Mpixel (0: no limit), params->detect.threshold is raised,
  * by steps of a twentieth up to tenfold, until no more are found on the same window. dst->realisations stays 0 where the
  * noise is not known, or another restorer does the work. Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kind, const rx_field *field,

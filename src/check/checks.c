@@ -34,7 +34,7 @@ rx_status rx_checks_sources(const rx_pipeline_params *params, int sizes, const r
     } else {
         own.measure.skip |= RX_SKIP_AUTO | RX_SKIP_RADIUS;
     }
-    own.measure.nnw_file = NULL;
+    own.measure.star_net = NULL;
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = 0;
     own.templates.wanted = 0;

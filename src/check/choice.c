@@ -67,7 +67,7 @@ int rx_choice_windows(const rx_tile *tile, rx_replica_part dst[RX_CHOICE_WINDOWS
 static rx_pipeline_params own_params(const rx_pipeline_params *params)
 {
     rx_pipeline_params own = *params;
-    own.measure.nnw_file = NULL;
+    own.measure.star_net = NULL;
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = own.calibrate_restored = 0;
     own.restore.keep_reblurred = own.restore.keep_support = own.restore.verify_seams = 0;

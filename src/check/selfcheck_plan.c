@@ -30,7 +30,7 @@ static void own_params(const rx_pipeline_params *params, const rx_check_params *
     if (par->naper == RX_MAX_APERTURES)
         par->naper--;
     par->aperture_diameter[par->naper++] = diameter;
-    par->nnw_file = NULL;
+    par->star_net = NULL;
     par->vignet_width = par->vignet_height = 0;
     dst->restore.keep_reblurred = 0;
     dst->judge_residual = 0;

@@ -1,6 +1,7 @@
 /* Reading the command line. */
 #include "config/arguments.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -29,9 +30,9 @@ static rx_action plain_option(const rx_keytable *table, const char *word)
         const char *word;
         rx_action action;
     } options[] = {
-        {"-h", RX_ACTION_HELP},          {"--help", RX_ACTION_HELP},       {"-v", RX_ACTION_VERSION},
-        {"-d", RX_ACTION_DUMP},          {"--version", RX_ACTION_VERSION}, {"-dd", RX_ACTION_DUMP_ALL},
-        {"-dp", RX_ACTION_DUMP_COLUMNS},
+        {"-h", RX_ACTION_HELP},    {"-help", RX_ACTION_HELP},       {"--help", RX_ACTION_HELP},
+        {"-v", RX_ACTION_VERSION}, {"-version", RX_ACTION_VERSION}, {"--version", RX_ACTION_VERSION},
+        {"-d", RX_ACTION_DUMP},    {"-dd", RX_ACTION_DUMP_ALL},     {"-dp", RX_ACTION_DUMP_COLUMNS},
     };
     for (size_t i = 0; i < sizeof options / sizeof options[0]; i++)
         if (strcmp(word, options[i].word) == 0 &&
@@ -105,6 +106,17 @@ static rx_status take_plain(const rx_keytable *table, const char *word, found *w
                         word, table->program);
 }
 
+/* The only word, and no file of that name: what other programs call their help. */
+static bool asks_for_help(int argc, char *const *argv)
+{
+    return argc == 2 && strcasecmp(argv[1], "help") == 0 && access(argv[1], F_OK) != 0;
+}
+
+static bool is_flags(const rx_keytable *table, const char *option)
+{
+    return table->plain == RX_PLAIN_IMAGES && strcasecmp(option, "-FLAGS") == 0;
+}
+
 static bool is_replay(const rx_keytable *table, const char *option)
 {
     return table->plain == RX_PLAIN_IMAGES && strcasecmp(option, "-REPLAY") == 0;
@@ -136,11 +148,31 @@ static bool is_bare(const rx_keytable *table, int argc, char *const *argv, int a
     return true;
 }
 
+/* A word that begins with '-' and is no keyword is said to be none before its value is missed. */
+static rx_status check_option(const rx_keytable *table, const char *option, rx_error *err)
+{
+    char name[80];
+    const size_t length = strcspn(option + 1, "=");
+    if (strcmp(option, "-c") == 0 || is_flags(table, option) || is_replay(table, option) ||
+        (table->describes && strcasecmp(option, "-INFO") == 0))
+        return RX_OK;
+    snprintf(name, sizeof name, "%.*s", (int)length, option + 1);
+    RX_TRY(rx_keyword_known(table, name, (rx_place){0}, err));
+    if (option[1 + length] == '=')
+        return rx_error_set(err, RX_USAGE, "%.200s: keyword and value are two words; give -%s %.200s", option,
+                            name, option + 2 + length);
+    return RX_OK;
+}
+
 /* Sort the words; keywords are only known to be followed by something. */
 static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_action *action, found *words,
                       rx_error *err)
 {
     rx_status status = RX_OK;
+    if (asks_for_help(argc, argv)) {
+        *action = RX_ACTION_HELP;
+        return RX_OK;
+    }
     for (int a = 1; a < argc && status == RX_OK; a++) {
         if (argv[a][0] != '-') {
             status = take_plain(table, argv[a], words, err);
@@ -151,11 +183,12 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
             return RX_OK;
         if (is_bare(table, argc, argv, a))
             continue;
-        if (a + 1 == argc)
+        const bool flags = is_flags(table, argv[a]);
+        RX_TRY(check_option(table, argv[a], err));
+        if (a + 1 == argc && !flags)
             return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", argv[a],
                                 table->program);
         const char *option = argv[a++];
-        const bool flags = table->plain == RX_PLAIN_IMAGES && strcasecmp(option, "-FLAGS") == 0;
         if (flags || (table->describes && strcasecmp(option, "-INFO") == 0)) {
             *action = flags ? RX_ACTION_FLAGS : RX_ACTION_INFO;
             words->image[0] = argv[a];

@@ -43,9 +43,9 @@ rx_status rx_config_set(rx_config *config, const char *name, const char *value, 
     return rx_settings_set(&config->settings, name, value, log, err);
 }
 
-rx_status rx_config_check(const rx_config *config, rx_log *log, rx_error *err)
+rx_status rx_config_check(const rx_config *config, rx_error *err)
 {
-    return rx_settings_check(&config->settings, log, err);
+    return rx_settings_check(&config->settings, err);
 }
 
 rx_status rx_config_complete(rx_config *config, rx_log *log, rx_error *err)

@@ -18,7 +18,7 @@ void rx_config_free(rx_config *config); /* NULL is fine */
 
 rx_status rx_config_read(rx_config *config, const char *path, rx_log *log, rx_error *err);
 rx_status rx_config_set(rx_config *config, const char *name, const char *value, rx_log *log, rx_error *err);
-rx_status rx_config_check(const rx_config *config, rx_log *log, rx_error *err);
+rx_status rx_config_check(const rx_config *config, rx_error *err);
 rx_status rx_config_complete(rx_config *config, rx_log *log, rx_error *err);
 bool rx_config_states(const rx_config *config, const char *name);
 /* rx_settings_visit_exact() */

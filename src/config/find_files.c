@@ -13,6 +13,14 @@ static bool there(const rx_text *path)
     return !path->failed && access(path->data, F_OK) == 0;
 }
 
+static bool reads_network(const rx_config *config)
+{
+    for (int i = 0; i < config->restore_type.n; i++)
+        if (strcmp(config->restore_type.v[i], "NET") == 0 || strcmp(config->restore_type.v[i], "AUTO") == 0)
+            return true;
+    return false;
+}
+
 /* A survey's file that does without restoration means SExtractor's thresholds and sky where it does not name its own. */
 static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
 {
@@ -38,14 +46,16 @@ rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err
     const rx_config *config = (const rx_config *)settings;
     const struct {
         const char *key, *name;
-        bool read;     /* or nothing of the configuration asks for it */
-        bool built_in; /* where a file of the default's name is missing */
-    } files[] = {{"PARAMETERS_NAME", config->parameters_name, true, true},
-                 {"FILTER_NAME", config->filter_name, config->filter, true},
+        bool read;      /* or nothing of the configuration asks for it */
+        bool built_in;  /* where a file of the default's name is missing */
+        bool installed; /* its reader takes a name without a slash for an installed file first */
+    } files[] = {{"PARAMETERS_NAME", config->parameters_name, true, true, false},
+                 {"FILTER_NAME", config->filter_name, config->filter, true, false},
                  {"NOISE_KERNEL_NAME", config->noise_kernel_name,
-                  strcmp(config->noise_correlation, "FILE") == 0, false},
-                 {"STARNNW_NAME", config->starnnw_name, true, false},
-                 {"QA_GATES", config->qa_gates, config->reference_name[0] != '\0', false}};
+                  strcmp(config->noise_correlation, "FILE") == 0, false, false},
+                 {"STARNNW_NAME", config->starnnw_name, true, false, false},
+                 {"QA_GATES", config->qa_gates, config->reference_name[0] != '\0', false, false},
+                 {"NET_MODEL", config->net_model, reads_network(config), false, true}};
     const char *file = settings->file != NULL ? settings->file : "", *slash = strrchr(file, '/');
     rx_status status = take_survey_ways(settings, err);
     rx_text said = {0}; /* in one line of the log */
@@ -54,11 +64,15 @@ rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err
         const char *name = files[i].name;
         rx_text path = {0};
         rx_text_add(&path, name);
-        if (settings->origin[row] == RX_FROM_DEFAULT || !files[i].read || name[0] == '\0' || there(&path)) {
+        if (settings->origin[row] == RX_FROM_DEFAULT || !files[i].read || name[0] == '\0' ||
+            (there(&path) && !(files[i].installed && strchr(name, '/') == NULL))) {
             rx_text_free(&path);
             continue;
         }
-        if (name[0] != '/' && slash != NULL) {
+        if (there(&path)) { /* named and here: not the installed one */
+            rx_text_free(&path);
+            rx_text_printf(&path, "./%s", name);
+        } else if (name[0] != '/' && slash != NULL) {
             rx_text_free(&path);
             rx_text_printf(&path, "%.*s/%s", (int)(slash - file), file, name);
         }

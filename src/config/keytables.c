@@ -14,12 +14,24 @@
 #define PIPELINE_WORDS WORDLIST
 #define STAGE_WORDS WORDLIST
 #define W(word, value) word
-#define HELP(help_, ...) help_ /* what the keyword fills is for others */
+#define HELP(help_, ...) help_
+#define SECOND(help_, needs_, ...) needs_ /* what the keyword fills is for others */
+#define NEEDS(text) text
+#define PIPELINE(...) NULL
+#define BACKGROUNDS(...) NULL
+#define STAGE(...) NULL
+#define TILES(...) NULL
+#define RX_NEEDS_RESTORED "RESTORE_TYPE RL, RL_BLIND, NET or AUTO"
+#define RX_NEEDS_TEMPLATES \
+    "column TEMPLATE, P_REAL, FLAGS_RESTORE or _INJECTED, INVENTED_TYPE DROP, TEMPLATE_COVAR_NAME, QA_MAG MAG_TEMPLATE, " \
+    "CHECKIMAGE_TYPE TEMPLATE_MODEL, TEMPLATE_RESIDUAL or TEMPLATE_CHI"
+#define RX_NEEDS_ASSOC "column VECTOR_ASSOC or NUMBER_ASSOC"
 #define SECTION(id, title) {.kind = RX_KIND_SECTION, .name = (title), .help = ""},
 #define KEY(kind_, NAME, field, initial_, low_, high_, nmin_, nmax_, words_, status_, level_, ...)            \
     {.kind = RX_KIND_##kind_, .name = #NAME, .offset = offsetof(struct_of_table, field),                       \
      .initial = (initial_), .low = (low_), .high = (high_), .nmin = (nmin_), .nmax = (nmax_),                  \
-     .words = words_, .status = RX_STATUS_##status_, .level = RX_LEVEL_##level_, .help = HELP(__VA_ARGS__, )},
+     .words = words_, .status = RX_STATUS_##status_, .level = RX_LEVEL_##level_, .help = HELP(__VA_ARGS__, ), \
+     .needs = SECOND(__VA_ARGS__, NULL, )},
 
 #define struct_of_table rx_config
 static const rx_keyword rextract_rows[] = {
@@ -53,6 +65,12 @@ static const rx_keyword survey_rows[] = {
 #undef KEY
 #undef SECTION
 #undef HELP
+#undef SECOND
+#undef NEEDS
+#undef PIPELINE
+#undef BACKGROUNDS
+#undef STAGE
+#undef TILES
 #undef W
 #undef STAGE_WORDS
 #undef PIPELINE_WORDS

@@ -53,6 +53,7 @@ typedef struct rx_keyword {
     rx_keyword_status status;
     rx_level level;
     const char *help;
+    const char *needs; /* NEEDS of the row, NULL = nothing */
 } rx_keyword;
 
 /* Why keyword `name` has no effect with these settings, "with INJECT_IMAGE", or NULL. */
@@ -100,6 +101,9 @@ typedef struct rx_place {
     long line;
 } rx_place;
 
+/* Is `name` in the table or its parts? Errors: RX_USAGE, with the nearest name. */
+rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err);
+
 /* Give the keyword of `row` the n items; on error the old value stays. */
 rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, int n, rx_place place,
                             rx_log *log, rx_error *err);
@@ -143,8 +147,8 @@ bool rx_simulate_opens(const rx_settings *settings, const char *name, int i);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
 /* The names of input files become those of the files that are meant: thresholds of a survey's file; then columns,
- * filter, star weights and gates, looked for as given, beside the configuration file, in the folder of installed
- * data. What is not found keeps its name: its reader refuses it. */
+ * filter, star weights, gates and the network's model, looked for as given, beside the configuration file, in the
+ * folder of installed data. What is not found keeps its name: its reader refuses it. */
 rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err);
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);

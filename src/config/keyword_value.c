@@ -120,6 +120,15 @@ static rx_status read_word(const target *at, const char *item, const char **dst,
             *dst = at->key->words[n];
             return RX_OK;
         }
+    static const char *const tables[] = {"CSV", "ECSV", "TSV", "PARQUET", "HDF5"};
+    for (size_t i = 0;
+         rx_keyword_among(at->key->words, "ASCII_VOTABLE") && i < sizeof tables / sizeof *tables; i++)
+        if (strcasecmp(item, tables[i]) == 0)
+            return refuse(
+                at, err,
+                "%s is not written; give FITS_1.0 or ASCII_VOTABLE, which astropy, stilts and TOPCAT "
+                "turn into it (docs/from-sextractor.md)",
+                tables[i]);
     rx_text text = {0};
     const char *near = rx_text_nearest(item, at->key->words, n);
     rx_text_printf(&text, "unknown word '%.80s'", item);

@@ -3,6 +3,7 @@ librextract_la_SOURCES += \
 	src/config/config.c \
 	src/config/fill.c src/config/fill.h \
 	src/config/find_files.c \
+	src/config/idle.c src/config/idle.h \
 	src/config/kernel.c \
 	src/config/keytables.c \
 	src/config/keyword.c src/config/keyword.h \

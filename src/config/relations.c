@@ -66,7 +66,8 @@ static rx_status check_images(const rx_config *config, rx_error *err)
         return REFUSE(CHECKIMAGE_NAME,
                       "names %d file(s) for %d check-image(s) of CHECKIMAGE_TYPE; give one each",
                       config->checkimage_name.n, needed);
-    bool maps = has(weights, "MAP_RMS") || has(weights, "MAP_VAR") || has(weights, "MAP_WEIGHT");
+    bool maps = has(weights, "MAP_RMS") || has(weights, "MAP_VAR") || has(weights, "MAP_WEIGHT") ||
+                has(weights, "MAP_IVAR");
     if (maps && config->weight_image.n == 0)
         return REFUSE(WEIGHT_IMAGE, "is empty; name the weight map that WEIGHT_TYPE asks for");
     if (is(config->detect_type, "PHOTO"))

@@ -107,6 +107,8 @@ void rx_settings_free(rx_settings *settings)
 static rx_status unknown_keyword(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
 {
     char near[64], hint[96] = "-dd lists all";
+    if (place.file == NULL)
+        snprintf(hint, sizeof hint, "see %s -h", table->program);
     rx_keyword_nearest(table, name, near, sizeof near);
     if (near[0] != '\0')
         snprintf(hint, sizeof hint, "did you mean %s%s?", place.file != NULL ? "" : "-", near);
@@ -114,6 +116,15 @@ static rx_status unknown_keyword(const rx_keytable *table, const char *name, rx_
         return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "unknown keyword '%.80s'; %s", name,
                            hint);
     return rx_error_set(err, RX_USAGE, "unknown keyword '-%.80s'; %s", name, hint);
+}
+
+rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
+{
+    const char *rest = name;
+    const int part = rx_keyword_part(table, &rest);
+    return rx_keyword_find(part < 0 ? table : table->part[part].table(), rest) >= 0
+               ? RX_OK
+               : unknown_keyword(table, name, place, err);
 }
 
 /* The settings and the row that `name` is for. */
@@ -124,7 +135,7 @@ static rx_status find(rx_settings *settings, const char *name, rx_place place, r
     int part = rx_keyword_part(settings->table, &rest);
     *owner = part < 0 ? settings : settings->part[part];
     *row = rx_keyword_find((*owner)->table, rest);
-    return *row >= 0 ? RX_OK : unknown_keyword(settings->table, name, place, err);
+    return rx_keyword_known(settings->table, name, place, err);
 }
 
 /* One line of a file: nothing, or a keyword and its values. */

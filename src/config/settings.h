@@ -92,9 +92,8 @@ rx_status rx_settings_set(rx_settings *settings, const char *name, const char *v
 /* "{tile}" in every value that is a name becomes `tile`. Errors: RX_SYSTEM without memory. */
 rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_error *err);
 
-/* After all was read: relations between keys (RX_USAGE), and one warning for each keyword that is
- * accepted but has no effect here. */
-rx_status rx_settings_check(const rx_settings *settings, rx_log *log, rx_error *err);
+/* After all was read: relations between keys (RX_USAGE). Keywords given in vain: config/idle.h. */
+rx_status rx_settings_check(const rx_settings *settings, rx_error *err);
 
 /* The same once names of files that a configuration has are those of the files that are meant. */
 rx_status rx_settings_complete(rx_settings *settings, rx_log *log, rx_error *err);

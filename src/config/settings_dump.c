@@ -238,6 +238,8 @@ void rx_settings_man(rx_text *dst, const rx_keytable *table)
         rx_text_add(dst, key->help);
         rx_text_add(dst, ".\n");
         man_range(dst, key);
+        if (key->needs != NULL)
+            rx_text_printf(dst, "Needs %s.\n", key->needs);
         if (mixed)
             rx_text_add(dst, man_status(key->status));
     }

@@ -10,6 +10,7 @@
 #include "base/lines.h"
 #include "base/memory.h"
 #include "base/names.h"
+#include "config/config_fields.h"
 #include "config/keyword.h"
 #include "config/overwrite.h"
 
@@ -119,7 +120,7 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
     RX_TRY_EXIT(rx_settings_name_tile(settings, tile->name, err));
     if (settings->table->find_files != NULL)
         RX_TRY_EXIT(settings->table->find_files(settings, NULL, err));
-    RX_TRY_EXIT(rx_settings_check(settings, NULL, err));
+    RX_TRY_EXIT(rx_settings_check(settings, err));
     RX_TRY_EXIT(rx_overwrite_check(settings, tile->words.v[0], err));
     *dst = settings;
     settings = NULL;
@@ -240,7 +241,7 @@ static rx_status find_conflict(const rx_tiles *tiles, const places_taken *taken,
 
 /* Files of tile i, with its settings checked. */
 static rx_status take_tile(const rx_tiles *tiles, int i, const rx_settings *common, places_taken *taken,
-                           rx_log *log, rx_error *err)
+                           rx_idle *idle, rx_log *log, rx_error *err)
 {
     rx_settings *settings = NULL;
     rx_status status = rx_tiles_settings(tiles, i, common, log, &settings, err);
@@ -254,17 +255,27 @@ static rx_status take_tile(const rx_tiles *tiles, int i, const rx_settings *comm
              : strcmp(files.of[k].key, "IMAGE") == 0 ? IMAGE
                                                      : INPUT);
     rx_run_files_free(&files);
+    if (status == RX_OK && idle != NULL) {
+        rx_idle of_tile = *idle;
+        if (strcmp(((const rx_config *)settings)->parameters_name,
+                   ((const rx_config *)common)->parameters_name) != 0)
+            of_tile.has_column = NULL; /* columns of its own */
+        status = rx_idle_add(&of_tile, settings, err);
+        of_tile.has_column = idle->has_column;
+        *idle = of_tile;
+    }
     rx_settings_free(settings);
     return status == RX_OK && taken->failed ? rx_error_memory(err, 0) : status;
 }
 
-rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_log *log, rx_error *err)
+rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_idle *idle, rx_log *log,
+                         rx_error *err)
 {
     places_taken taken = {0};
     rx_status status = RX_OK;
     take(&taken, tiles->path, THE_LIST);
     for (int i = 0; i < tiles->n && status == RX_OK; i++)
-        status = take_tile(tiles, i, common, &taken, log, err);
+        status = take_tile(tiles, i, common, &taken, idle, log, err);
     if (status == RX_OK) {
         resolve(&taken);
         status = taken.failed ? rx_error_memory(err, 0) : find_conflict(tiles, &taken, err);

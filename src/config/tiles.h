@@ -8,6 +8,7 @@
 #ifndef RX_CONFIG_TILES_H
 #define RX_CONFIG_TILES_H
 
+#include "config/idle.h"
 #include "config/settings.h"
 #include "config/tokens.h"
 
@@ -37,7 +38,8 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
 
 /* No two tiles may write to the same file or folder, none what another one reads, nor the list. Files need
  * not exist: names are compared, without links and dots (rx_name_real()). Checks the settings of every tile
- * on the way, so that nothing begins before the whole list is sound. */
-rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_log *log, rx_error *err);
+ * on the way, so that nothing begins before the whole list is sound, and adds what is idle to *idle, unless NULL. */
+rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_idle *idle, rx_log *log,
+                         rx_error *err);
 
 #endif

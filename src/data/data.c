@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "data/gaps.h"
 #include "data/psf.h"
 #include "data/restored.h"
 #include "data/tile.h"
@@ -71,6 +72,7 @@ void rx_restored_free(rx_restored *restored)
         return;
     free(restored->pixels);
     free(restored->mask);
+    rx_gaps_free(restored->gaps);
     free(restored->support);
     free(restored->reblurred);
     free(restored->noise_maker);

@@ -19,8 +19,25 @@ const rx_flag *rx_flags(int *n)
     return flags;
 }
 
+static void add_flag(rx_text *dst, const rx_flag *flag)
+{
+    rx_text_printf(dst, "%6d  %-13s %s\n", flag->bit, flag->name, flag->meaning);
+}
+
+static rx_status list_all(rx_text *dst, rx_error *err)
+{
+    for (int i = 0; i < COUNT; i++) {
+        if (i == 0 || strcmp(flags[i].column, flags[i - 1].column) != 0)
+            rx_text_printf(dst, "%s%s\n", i > 0 ? "\n" : "", flags[i].column);
+        add_flag(dst, &flags[i]);
+    }
+    return dst->failed ? rx_error_memory(err, dst->capacity) : RX_OK;
+}
+
 rx_status rx_flags_decode(const char *what, rx_text *dst, rx_error *err)
 {
+    if (what == NULL)
+        return list_all(dst, err);
     const char *sum = strchr(what, '='), *digits = sum != NULL ? sum + 1 : what;
     const size_t named = sum != NULL ? (size_t)(sum - what) : 0;
     char *end;
@@ -40,7 +57,7 @@ rx_status rx_flags_decode(const char *what, rx_text *dst, rx_error *err)
         rx_text_printf(dst, "%s%s %ld\n", shown++ > 0 ? "\n" : "", column, value);
         for (int i = first; i < next; i++)
             if (value & flags[i].bit) {
-                rx_text_printf(dst, "%6d  %-13s %s\n", flags[i].bit, flags[i].name, flags[i].meaning);
+                add_flag(dst, &flags[i]);
                 left -= flags[i].bit;
             }
         if (value == 0)
@@ -50,8 +67,8 @@ rx_status rx_flags_decode(const char *what, rx_text *dst, rx_error *err)
     }
     if (shown == 0)
         return rx_error_set(err, RX_USAGE,
-                            "'%.*s' is no column of flags; see rextract -FLAGS 255 for all of them",
-                            (int)named, what);
+                            "'%.*s' is no column of flags; see rextract -FLAGS for all of them", (int)named,
+                            what);
     return dst->failed ? rx_error_memory(err, dst->capacity) : RX_OK;
 }
 

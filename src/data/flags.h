@@ -16,8 +16,8 @@ typedef struct rx_flag {
 /* The n rows of flags.def, the bits of a column together, rising. */
 const rx_flag *rx_flags(int *n);
 
-/* A sum of flags as lines of text, column by column: "19", or "FLAGS_RESTORE=19" of one column. Errors: RX_USAGE (no
- * sum of flags, no such column), RX_SYSTEM. */
+/* A sum of flags as lines of text, column by column: "19", or "FLAGS_RESTORE=19" of one column; NULL: all bits of
+ * all columns. Errors: RX_USAGE (no sum of flags, no such column), RX_SYSTEM. */
 rx_status rx_flags_decode(const char *what, rx_text *dst, rx_error *err);
 
 /* The bits of a column as a list in roff. */

@@ -1,6 +1,8 @@
 librextract_la_SOURCES += \
 	src/data/data.c \
 	src/data/flags.c \
+	src/data/gaps.c \
+	src/data/gaps.h \
 	src/data/image.c \
 	src/data/map.c \
 	src/data/noise_correlation.c \

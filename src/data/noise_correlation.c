@@ -2,6 +2,7 @@
 #include "data/noise_correlation.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,7 +50,7 @@ rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int heig
         for (int dx = -REACH; dx <= REACH; dx++)
             noise.at[dy + REACH][dx + REACH] = overlap(kernel, width, height, dx, dy) / power;
     for (int i = 0; i < RX_NOISE_QUADRANTS; i++)
-        noise.quadrant[i] = rx_noise_factor_wide(&noise);
+        noise.quadrant[i] = pow(rx_noise_factor_wide(&noise), 2.0);
     return noise;
 }
 
@@ -59,7 +60,8 @@ typedef struct faint_light {
 } faint_light;
 
 /* By least squares at lags of `from` pixels and more, where the noise is taken to have none. */
-static faint_light fit_light(const rx_noise_correlation *noise, double (*light)[SIDE], double from)
+static faint_light fit_light(const rx_noise_correlation *noise, double (*light)[SIDE], double photons,
+                             double from)
 {
     double n = 0.0, l = 0.0, ll = 0.0, m = 0.0, lm = 0.0;
     for (int dy = -REACH; dy <= REACH; dy++)
@@ -76,6 +78,8 @@ static faint_light fit_light(const rx_noise_correlation *noise, double (*light)[
     const double power = ll - l * l / n;
     faint_light fit = {.share = (lm - l * m / n) / power, .error = noise->error * sqrt(2.0 / power)};
     fit.floor = (m - fit.share * l) / n;
+    if (photons > 0.0 && photons < 1.0 - MOST) /* they are none of it */
+        fit.share = fmin(fit.share, 1.0 - photons - fit.floor);
     return fit;
 }
 
@@ -104,21 +108,33 @@ static void take_off_quadrants(const faint_light *of, double near, rx_noise_corr
 {
     const double left = 1.0 - of->share - of->floor, lags = (2 * RX_NOISE_NEAR + 1) * (2 * RX_NOISE_NEAR + 1);
     for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
-        const double was = noise->quadrant[q],
-                     error = hypot(2.0 * was * noise->quadrant_error[q], 0.5 * of->share * near);
-        noise->quadrant[q] =
-            sqrt(fmax((was * was - of->share * near - of->floor * lags) / left, LEAST * LEAST));
-        noise->quadrant_error[q] = error / left / (2.0 * noise->quadrant[q]);
+        noise->quadrant[q] = (noise->quadrant[q] - of->share * near - of->floor * lags) / left;
+        noise->quadrant_error[q] = hypot(noise->quadrant_error[q], 0.5 * of->share * near) / left;
     }
 }
 
-static int is_light(const faint_light *fit)
+static int is_light(const faint_light *fit, double most)
 {
-    return fit->share > CLEAR * fit->error && fit->share + fit->floor < MOST;
+    return fit->share > CLEAR * fit->error && fit->share + fit->floor <= most + 1e-9;
 }
 
-double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height)
+int rx_noise_reaches_far(const rx_noise_correlation *noise)
 {
+    double sum = 0.0;
+    int n = 0;
+    for (int dy = -REACH; dy <= REACH; dy++)
+        for (int dx = -REACH; dx <= REACH; dx++)
+            if (dx * dx + dy * dy >= FAR * FAR && dx * dx + dy * dy < 4.0 * FAR * FAR) {
+                sum += noise->measured[dy + REACH][dx + REACH];
+                n++;
+            }
+    return sum > CLEAR * sqrt(2.0 * n) * noise->error; /* half of the lags are the others again */
+}
+
+double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height,
+                              double photons)
+{
+    const double most = photons > 0.0 && photons < 1.0 - MOST ? 1.0 - photons : MOST;
     double light[SIDE][SIDE], near = 0.0;
     const double power = overlap(psf, width, height, 0, 0);
     if (!noise->correlated || noise->origin != RX_NOISE_MEASURED || !(power > 0.0))
@@ -129,27 +145,30 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
             near += abs(dx) <= RX_NOISE_NEAR && abs(dy) <= RX_NOISE_NEAR ? l : 0.0;
         }
     rx_noise_correlation rest = *noise;
-    faint_light fit = fit_light(noise, light, 1.0);
-    const int white =
-        is_light(&fit) && take_off(light, &fit, &rest) < fmax(LITTLE, LITTLE_ERRORS * noise->error);
+    faint_light fit = fit_light(noise, light, photons, 1.0);
+    bool white = is_light(&fit, most) && fit.share + fit.floor < MOST &&
+                 take_off(light, &fit, &rest) < fmax(LITTLE, LITTLE_ERRORS * noise->error);
     if (!white) {
         /* smoothing reaches farther, but fades */
-        const faint_light beyond = fit_light(noise, light, FAR + 1.0);
-        fit = fit_light(noise, light, FAR);
+        const faint_light beyond = fit_light(noise, light, photons, FAR + 1.0);
+        fit = fit_light(noise, light, photons, FAR);
         fit.share = fmin(fit.share, beyond.share + 2.0 * beyond.error);
-        if (!is_light(&fit))
+        if (!is_light(&fit, most))
             return 0.0;
+        /* where nearly all is light, what differs from it is the PSF's error */
+        white = fit.share + fit.floor >= MOST;
+    }
+    if (white) {
+        rest.correlated = 0;
+        memset(rest.at, 0, sizeof rest.at);
+        rest.at[REACH][REACH] = 1.0;
+    } else {
         /* resampling lowers the noise of no wide sum: so much was not light */
         for (take_off(light, &fit, &rest); rx_noise_factor_wide(&rest) < 1.0; take_off(light, &fit, &rest)) {
             fit.share *= LESS;
             if (fit.share < CLEAR * fit.error)
                 return 0.0;
         }
-    } else {
-        rest = *noise;
-        rest.correlated = 0;
-        memset(rest.at, 0, sizeof rest.at);
-        rest.at[REACH][REACH] = 1.0;
     }
     *noise = rest;
     take_off_quadrants(&fit, near, noise);
@@ -181,12 +200,18 @@ double rx_noise_power(const rx_noise_correlation *noise, double u, double v)
     return fmax(sum, 0.0);
 }
 
+double rx_noise_quadrant_factor(const rx_noise_correlation *noise, int q)
+{
+    return sqrt(isnan(noise->quadrant[q]) ? NAN : fmax(noise->quadrant[q], LEAST * LEAST));
+}
+
 int rx_noise_uneven(const rx_noise_correlation *noise)
 {
-    const double *f = noise->quadrant, *e = noise->quadrant_error;
+    const double *f = noise->quadrant, *e = noise->quadrant_error,
+                 ratio = (1.0 + DIFFERENT) * (1.0 + DIFFERENT);
     for (int a = 0; a < RX_NOISE_QUADRANTS; a++)
         for (int b = 0; b < RX_NOISE_QUADRANTS; b++)
-            if (f[a] - f[b] > fmax(SIGNIFICANT * hypot(e[a], e[b]), DIFFERENT * f[b])) /* not of NAN */
+            if (f[a] - f[b] > SIGNIFICANT * hypot(e[a], e[b]) && f[a] > ratio * f[b]) /* not of NAN */
                 return 1;
     return 0;
 }

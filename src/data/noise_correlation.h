@@ -40,8 +40,8 @@ typedef struct rx_noise_correlation {
     double error;                   /* 1 sigma of one of them, 0 where not measured */
     double scale;                   /* width of (pixel - sky) / sigma: 1 where sigma is the noise */
     long pixels;                    /* behind the measurement */
-    /* sqrt(sum at), over lags of 3 pixels, of x low y low, x high y low, x low y high, x high y high; NAN with too
-     * little sky; and 1 sigma */
+    /* sum at, over lags of 3 pixels, of x low y low, x high y low, x low y high, x high y high; NAN with too little sky; and
+     * 1 sigma. Where light was subtracted it may be below 0. */
     double quadrant[RX_NOISE_QUADRANTS], quadrant_error[RX_NOISE_QUADRANTS];
 } rx_noise_correlation;
 
@@ -55,9 +55,15 @@ rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int heig
  * the PSF is. Its share, and a constant for the sky subtracted with it, are fitted to the measured correlation at all
  * lags; where they leave nothing at the nearest 8, pixels are independent. Else they are fitted at lags of 3 pixels
  * and more, as noise has short lags, and subtracted as far as the rest sums up to no less than independent pixels do.
- * A share below 5 of its errors counts as none, one above 0.85 as smoothed noise. psf[height][width]. Returns the
- * share, 0 where nothing was done. */
-double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height);
+ * A share below 5 of its errors counts as none, one above 0.85 as smoothed noise. But smoothing that looks like this leaves a
+ * pixel a tenth of its noise or less: where `photons`, the variance of the sky's over the one measured (0: not known), is
+ * below 0.15 even so, read noise would have 50 times theirs, and all but the photons may be light. psf[height][width]. Returns
+ * the share, 0 where nothing was done. */
+double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height,
+                              double photons);
+
+/* Is there more of it 3 to 6 pixels away, by 5 errors, than resampling leaves? */
+int rx_noise_reaches_far(const rx_noise_correlation *noise);
 
 /* f of profile[height][width], at least 0.1; 1 for noise NULL, uncorrelated noise, or a profile of zeros. */
 double rx_noise_factor(const rx_noise_correlation *noise, const float *profile, int width, int height);
@@ -66,7 +72,10 @@ double rx_noise_factor(const rx_noise_correlation *noise, const float *profile, 
  * and everywhere of independent pixels, is 1. At 0 it is the square of rx_noise_factor_wide(). */
 double rx_noise_power(const rx_noise_correlation *noise, double u, double v);
 
-/* Do two quadrants differ by more than 5 errors, and by more than 0.15 of the smaller one? */
+/* Wide sums of a quadrant, in the noise of independent pixels: the root of `quadrant`, at least 0.1. */
+double rx_noise_quadrant_factor(const rx_noise_correlation *noise, int q);
+
+/* Do two quadrants differ by more than 5 errors, and their factors by more than 0.15 of the smaller one? */
 int rx_noise_uneven(const rx_noise_correlation *noise);
 
 /* f of a profile much wider than the reach: sqrt(sum at), at least 0.1. */

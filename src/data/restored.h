@@ -14,8 +14,11 @@ RX_BEGIN_DECLS
 typedef struct rx_restored {
     const char *name; /* "NONE", "RL", ... static */
     int width, height;
-    float *pixels;    /* background-subtracted, ADU; masked pixels hold 0 */
-    uint8_t *mask;    /* RX_MASK_ bits of the image that the restorer honoured */
+    float *pixels; /* background-subtracted, ADU; masked pixels hold 0 */
+    uint8_t *mask; /* RX_MASK_ bits of the image that the restorer honoured; 0 in gaps but for NONE */
+    struct rx_gaps
+        *gaps;        /* narrow gaps among masked pixels (data/gaps.h), which hold the restorer's estimate of
+                             the light there, but for NONE; owned, NULL without any */
     float *support;   /* share (0..1), PSF-weighted, of the pixels a value was made from that are masked or
                          beyond the border; NULL unless asked for (keep_support) and for NONE */
     float *reblurred; /* what `blur` makes of the restored sky (before RL_DENOISE), ADU above the sky, to be

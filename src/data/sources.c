@@ -1,10 +1,16 @@
 /* The source list: choosing among its sources, freeing. */
 #include "data/sources.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
+
+int rx_spurious_are_many(long marked, long all)
+{
+    return (double)marked - 2.0 * sqrt((double)marked) > 0.2 * (double)all;
+}
 
 int rx_source_is_spurious(const rx_source *source)
 {

@@ -130,6 +130,10 @@ typedef struct rx_sources {
     double law_scatter;          /* robust rms of the fit in dex */
 } rx_sources;
 
+/* Are so many of `all` sources marked as spurious that noise, PSF or gain are to be doubted, and not they: more than a fifth, by
+ * more than two errors of their number? */
+int rx_spurious_are_many(long marked, long all);
+
 /* 1: a mark of FLAGS_RESTORE says that the source is spurious, not significant in the untouched pixels. */
 int rx_source_is_spurious(const rx_source *source);
 

@@ -23,6 +23,7 @@ enum {
     RX_MASK_UNTOUCHED = 8, /* of a restored image while it is detected on: belongs to a saturated star that is
                               left as it was observed */
     RX_MASK_DEEP = 16,     /* so far below its sky as no dark cloud is */
+    RX_MASK_GAP = 32       /* while a network restores: masked, but its light is estimated (data/gaps.h) */
 };
 
 /* A value of no detector. Beyond it squares and sums leave single precision, so such pixels are bad, as NaN is. */
@@ -39,7 +40,8 @@ typedef enum rx_weight_type {
     RX_WEIGHT_BACKGROUND, /* variance from the image's own background rms map */
     RX_WEIGHT_MAP_RMS,
     RX_WEIGHT_MAP_VAR,
-    RX_WEIGHT_MAP_WEIGHT
+    RX_WEIGHT_MAP_WEIGHT,
+    RX_WEIGHT_MAP_IVAR /* is read as the rms that it states: a tile has RX_WEIGHT_MAP_RMS then */
 } rx_weight_type;
 
 struct rx_wcs; /* io/wcs.h */
@@ -59,6 +61,7 @@ typedef struct rx_tile {
     int nflagmaps;
     uint32_t **flagmaps; /* nflagmaps planes [height][width] (FLAG_IMAGE) */
     double gain;         /* e-/ADU; 0 = infinite (no photon noise of sources) */
+    char gain_card[80];  /* GAIN_KEY where a card has it; "": it is the keyword's */
     double saturation;   /* ADU; HUGE_VAL when unknown */
     double zeropoint;    /* mag of 1 ADU */
     double pixel_scale;  /* arcsec per pixel at the centre; 0 when unknown */

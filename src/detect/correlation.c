@@ -349,8 +349,8 @@ static void judge_quadrant(const cell *cells, const int *which, int n, int q, do
     for (int i = 0; i < n; i++)
         sorted[i] = near_sum(&cells[which[i]]);
     const double width = rx_sigma_mad(sorted, (size_t)n, &middle);
-    dst->quadrant[q] = sqrt(fmax(middle, 0.01));
-    dst->quadrant_error[q] = MEDIAN_ERROR * width / sqrt((double)n) / (2.0 * dst->quadrant[q]);
+    dst->quadrant[q] = middle;
+    dst->quadrant_error[q] = MEDIAN_ERROR * width / sqrt((double)n);
 }
 
 rx_status rx_correlation_measure(const rx_image *image, const unsigned char *used, int nthreads,

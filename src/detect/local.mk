@@ -11,6 +11,8 @@ librextract_la_SOURCES += \
 	src/detect/groups.c src/detect/groups.h \
 	src/detect/mesh.c src/detect/mesh.h \
 	src/detect/no_data.c src/detect/no_data.h \
+	src/detect/photons.c src/detect/photons.h \
+	src/detect/saturation.c src/detect/saturation.h \
 	src/detect/deblendable.c src/detect/deblendable.h \
 	src/detect/threshold_noise.c src/detect/threshold_noise.h \
 	src/detect/libsep.h

@@ -1,11 +1,15 @@
-/* Pixels that hold no data though no map says so: a coadd filled with zeros beyond its frames, a chip's frame, -9999.
+/* Pixels that hold no data though no map says so: a coadd filled up beyond its frames with zeros, the level of its sky or any
+ * other value, several of them, a chip's frame, -9999.
  *
- * 32 pixels in a row or a column with one value, 0 or the lowest of the tile, and all of that value that touch them. Noise of
- * half a step of the numbers, or more, makes hardly one. Left alone are
- *   - numbers so coarse that the sky itself has that value: 0.35 of the pixels outside such runs, or more, have it, too;
- *   - models without noise, whose light fades into it: beside it pixels differ from the next in their row by less than a fifth of
- *     what they do on the whole (medians);
- *   - points on nothing, as single photons: more than half of the other pixels are beside it.
+ * 32 pixels in a row or a column with exactly one value, whatever it is, and all of that value that touch them. Where the
+ * numbers are so coarse, or so smooth, that noise has such runs, they must be longer: of the pixels with that value elsewhere no
+ * more than 0.01 runs of the length are due to chance, given how often two of them go on to four. Left alone are
+ *   - values of which the sky is full: 0.35 of the pixels outside runs, or more, have them, too;
+ *   - models without noise, whose light fades into them: beside them most pixels differ from the next in their row by less than
+ *     a fifth of what they do on the whole (median);
+ *   - points on nothing, as single photons: more than half of the other pixels are beside them;
+ *   - saturated stars: values above the sky (5 of these medians) into which light rises from most sides of a region, or in
+ *     regions that are nowhere 32 pixels wide both ways, as what bleeds, but for those along a border of the tile.
  */
 #ifndef RX_DETECT_NO_DATA_H
 #define RX_DETECT_NO_DATA_H

@@ -385,7 +385,7 @@ int rx_card_is_useful(const char *card)
         "FZALGOR",  "FZTILE",   "FZQMETHD", "FZQVALUE", "FZDTHRSD", "FZINT2F"};
     static const char *const indexed[] = {"NAXIS", "ZNAXIS", "ZTILE", "ZNAME", "ZVAL",  "TTYPE",
                                           "TFORM", "TUNIT",  "TSCAL", "TZERO", "TNULL", "TDISP",
-                                          "TDIM",  "TBCOL",  "ZFORM", "ZCTYP"};
+                                          "TDIM",  "TBCOL",  "TCOMM", "ZFORM", "ZCTYP"};
     char key[KEY + 1];
     memcpy(key, card, KEY);
     key[KEY] = '\0';

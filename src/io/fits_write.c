@@ -309,6 +309,10 @@ static void write_column_keys(fitsfile *file, int number, const rx_column *colum
         snprintf(comment, sizeof comment, "%.*s", FLEN_COMMENT - 1, column->description);
         snprintf(key, sizeof key, "TTYPE%d", number);
         fits_modify_comment(file, key, comment, failed);
+        snprintf(key, sizeof key, "TCOMM%d",
+                 number); /* where readers of tables look; 68 characters fit a card */
+        snprintf(comment, sizeof comment, "%.68s", column->description);
+        fits_update_key_str(file, key, comment, NULL, failed);
     }
     if (column->ucd[0] != '\0') {
         snprintf(key, sizeof key, "TUCD%d", number);

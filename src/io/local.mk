@@ -11,6 +11,7 @@ librextract_la_SOURCES += \
 	src/io/output.c \
 	src/io/sky.c src/io/sky.h \
 	src/io/tile.c \
+	src/io/planes.c src/io/planes.h \
 	src/io/header_numbers.c src/io/header_numbers.h \
 	src/io/tile_weight.c src/io/tile_weight.h \
 	src/io/units.c src/io/units.h \

@@ -17,6 +17,7 @@
 #include "io/fits_file.h"
 #include "io/fits_read.h"
 #include "io/header_numbers.h"
+#include "io/planes.h"
 #include "io/tile_weight.h"
 #include "io/wcs.h"
 
@@ -81,12 +82,12 @@ static rx_status list_all(fitsfile *file, const char *path, rx_log *log, int *hd
     return rx_error_at(err, RX_INPUT, path, -1, 0, "holds no 2-D image in its %d HDUs", count);
 }
 
-rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
+static rx_status list(const char *name, bool maps, rx_log *log, int **hdus, int *n, rx_error *err)
 {
     rx_fits_name parsed;
     rx_fits_shape shape;
     rx_fits_source source = {0};
-    int *list = NULL, count = 1, failed = 0, broken = 0;
+    int *found = NULL, count = 1, failed = 0, broken = 0;
     *n = 0;
     *hdus = NULL;
     rx_status status;
@@ -94,16 +95,16 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
     RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
     if (!rx_fits_name_selects(&parsed))
         RX_TRY_EXIT(rx_fits_count(source.file, parsed.path, &count, &broken, err));
-    RX_TRY_EXIT(RX_MAKE(list, (size_t)count, err));
+    RX_TRY_EXIT(RX_MAKE(found, (size_t)count, err));
     if (rx_fits_name_selects(&parsed)) {
-        status = rx_fits_goto_name(source.file, &parsed, &list[0], err);
+        status = rx_fits_goto_name(source.file, &parsed, &found[0], err);
         if (status == RX_OK && (failed = rx_fits_shape_of(source.file, &shape)) != 0)
-            status = rx_fits_failed(err, RX_INPUT, parsed.path, list[0], failed, "this HDU cannot be read");
+            status = rx_fits_failed(err, RX_INPUT, parsed.path, found[0], failed, "this HDU cannot be read");
         if (status == RX_OK)
-            status = check_plane(parsed.path, list[0], &shape, err);
+            status = check_plane(parsed.path, found[0], &shape, err);
         *n = 1;
     } else {
-        status = list_all(source.file, parsed.path, log, list, count, n, err);
+        status = list_all(source.file, parsed.path, log, found, count, n, err);
         if (status == RX_INPUT && broken)
             status = rx_error_at(err, RX_INPUT, parsed.path, count, 0,
                                  "this HDU cannot be read, and none before it holds a 2-D image; the file is "
@@ -112,14 +113,26 @@ rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_err
             rx_log_warning(log, "%s: what follows HDU %d cannot be read and is skipped; the file is damaged",
                            parsed.path, count - 1);
     }
+    if (status == RX_OK && !maps)
+        status = rx_planes_keep_images(source.file, parsed.path, log, found, n, err);
     if (status != RX_OK)
         goto exit;
-    *hdus = list;
-    list = NULL;
+    *hdus = found;
+    found = NULL;
 exit:
     rx_fits_done(&source);
-    free(list);
+    free(found);
     return status;
+}
+
+rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
+{
+    return list(name, false, log, hdus, n, err);
+}
+
+rx_status rx_tile_list_all(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
+{
+    return list(name, true, log, hdus, n, err);
 }
 
 /* --- numbers from header or keyword --- */
@@ -139,6 +152,8 @@ static void take_numbers(const rx_tile_params *par, const rx_header *header, rx_
                        header->hdu, gain_found ? gain_key : "GAIN", tile->gain);
         tile->gain = 0;
     }
+    if (gain_found)
+        snprintf(tile->gain_card, sizeof tile->gain_card, "%s", gain_key);
     tile->saturation = rx_header_number_or(header, &saturation, NULL);
     if (!(tile->saturation > 0) || isinf(tile->saturation))
         tile->saturation = HUGE_VAL;
@@ -375,6 +390,8 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     RX_TRY_EXIT(read_pixels(source.file, &place, par->nthreads, tile, err));
     RX_TRY_EXIT(take_wcs(par, log, tile, err));
     RX_TRY_EXIT(rx_tile_add_weight(par, &place, tile, err));
+    if (par->own_maps)
+        RX_TRY_EXIT(rx_planes_add(par, source.file, &place, log, tile, err));
     RX_TRY_EXIT(rx_tile_add_flags(par, &place, tile, err));
     *dst = tile;
     tile = NULL;

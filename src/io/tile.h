@@ -12,6 +12,7 @@ RX_BEGIN_DECLS
 typedef struct rx_tile_params {
     const char *weight_name; /* WEIGHT_IMAGE or NULL */
     rx_weight_type weight_type;
+    int own_maps; /* variance and mask that stand beside the image in a file of Rubin's kind, as WEIGHT_TYPE is not set */
     double weight_threshold; /* NAN = SExtractor's default for the type */
     int nflags;              /* FLAG_IMAGE list */
     const char *flag_names[8];
@@ -28,7 +29,7 @@ typedef struct rx_tile_params {
 /* The image HDUs a name selects: `tile.fits` all 2-D images (primary and extensions, compressed
  * ones too), `tile.fits[2]`, `tile.fits[SCI,1]`, `tile.fits[1][1:512,1:512]` that one.
  * *hdus (numbers from 0) to be freed. No 2-D image: RX_INPUT. HDUs that are skipped
- * (3-D, 1-D, tables) are named in the log. */
+ * (3-D, 1-D, tables, and beside an image the maps that EXTNAME says they are) are named in the log. */
 rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err);
 
 /* What the header says of an image that rx_tile_read() would read. */
@@ -47,9 +48,9 @@ rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int
 /* Read one of them. `extension` counts from 1 among those processed. Values of header keys come from
  * the HDU, else from the primary header; with INHERIT = T the primary's other cards join tile->cards.
  * A section `[x1:x2,y1:y2]` has its own CRPIX in cards and wcs.
- * Weights and flags: the map's only image, else the HDU of the tile's number when the tile was named
- * by HDU, else the extension-th image; a map of the whole tile serves for a section too. In
- * tile->weight no NaN is left (0 for MAP_WEIGHT, 1e30 else); masked are weights <= weight_threshold
+ * Weights and flags: the image of the tile's EXTNAME, else the map's only image for the only tile, else the HDU of the
+ * tile's number when the tile was named by HDU, else the extension-th image; a map of the whole tile serves for a section too. In
+ * tile->weight no NaN is left (0 for MAP_WEIGHT, 1e30 else; MAP_IVAR is read as MAP_RMS); masked are weights <= weight_threshold
  * (default 0), rms and variances >= it (default 1e30) or <= 0.
  * Errors: RX_INPUT for anything wrong with a file (missing, cut off, damaged, wrong shape, all NaN). */
 rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int extension, rx_log *log,

@@ -8,34 +8,81 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "io/planes.h"
 
 /* SExtractor's BIG: a variance of that much means no data. */
 static const float NO_DATA = 1e30f;
 
-/* Which HDU of a companion file belongs to the tile: the only image; or, when the tile was named
- * by HDU, the image of that number; or the image of the tile's place among those processed. */
-static rx_status choose_hdu(const char *what, const char *name, const rx_tile_place *place, int *hdu,
-                            rx_error *err)
+/* Names of the images of a file; *dst [*n] to be freed. */
+typedef char extname[RX_EXTNAME];
+static rx_status image_names(const char *path, const int *hdus, int n, extname **dst, rx_error *err)
 {
-    int *hdus = NULL, n = 0, chosen = -1;
-    rx_status status = RX_OK;
-    RX_TRY(rx_tile_list(name, NULL, &hdus, &n, err));
-    if (n == 1)
-        chosen = hdus[0];
-    else if (rx_fits_name_selects(place->name)) {
+    rx_fits_source source = {0};
+    rx_status status = rx_fits_open(path, &source, err);
+    if (status == RX_OK)
+        status = RX_MAKE(*dst, (size_t)n, err);
+    for (int i = 0; i < n && status == RX_OK; i++)
+        status = rx_planes_name(source.file, path, hdus[i], (*dst)[i], err);
+    rx_fits_done(&source);
+    return status;
+}
+
+static int count_name(extname *names, int n, const char *name, int *last)
+{
+    int found = 0;
+    for (int i = 0; i < n; i++)
+        if (name[0] != '\0' && strcasecmp(names[i], name) == 0) {
+            found++;
+            *last = i;
+        }
+    return found;
+}
+
+/* Which HDU of a companion file belongs to the tile: the one that is named; else the image of the tile's EXTNAME; else the
+ * only image for the only tile; else the image of the tile's number when the tile was named by HDU, or of its place among
+ * those processed. Without being named none is taken that has the name of another image of the tile's file. */
+static rx_status choose_hdu(const char *what, const char *name, const rx_fits_name *parsed,
+                            const rx_tile_place *place, int *hdu, rx_error *err)
+{
+    const bool selected = rx_fits_name_selects(place->name);
+    int *hdus = NULL, *tiles = NULL, n = 0, ntiles = 0, chosen = -1, found;
+    extname *names = NULL, *others = NULL, *own = NULL;
+    rx_status status;
+    RX_TRY_EXIT(rx_tile_list_all(name, NULL, &hdus, &n, err));
+    RX_TRY_EXIT(rx_tile_list(place->name->path, NULL, &tiles, &ntiles, err));
+    if (rx_fits_name_selects(parsed) || (n == 1 && ntiles == 1)) {
+        *hdu = hdus[0];
+        goto exit;
+    }
+    RX_TRY_EXIT(image_names(parsed->path, hdus, n, &names, err));
+    RX_TRY_EXIT(image_names(place->name->path, tiles, ntiles, &others, err));
+    RX_TRY_EXIT(image_names(place->name->path, &place->hdu, 1, &own, err));
+    if (count_name(names, n, own[0], &found) == 1)
+        chosen = found;
+    else if (selected && n == 1)
+        chosen = 0;
+    else if (selected) {
         for (int i = 0; i < n; i++)
-            if (hdus[i] == place->hdu)
-                chosen = place->hdu;
-    } else if (place->extension >= 1 && place->extension <= n)
-        chosen = hdus[place->extension - 1];
+            chosen = hdus[i] == place->hdu ? i : chosen;
+    } else if (place->extension >= 1 && place->extension <= n && (n > 1 || ntiles == 1))
+        chosen = place->extension - 1;
+    if (chosen >= 0 && strcasecmp(names[chosen], own[0]) != 0 &&
+        count_name(others, ntiles, names[chosen], &found) > 0)
+        chosen = -1; /* that of another image */
     if (chosen < 0)
         status = rx_error_at(
             err, RX_INPUT, name, -1, 0,
-            "none of its %d images belongs to HDU %d of the tile (number %d of those processed); name "
+            "none of its %d images belongs to HDU %d%s%s of the tile (number %d of those processed); name "
             "the %s with its HDU: '%s[n]'",
-            n, place->hdu, place->extension, what, name);
-    *hdu = chosen;
+            n, place->hdu, own[0][0] != '\0' ? ", " : "", own[0], place->extension, what, name);
+    else
+        *hdu = hdus[chosen];
+exit:
     free(hdus);
+    free(tiles);
+    free(names);
+    free(others);
+    free(own);
     return status;
 }
 
@@ -54,13 +101,16 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     rx_fits_section *part = &dst->part;
     *dst = (companion){0};
     RX_TRY(rx_fits_name_parse(text, &name, err));
-    RX_TRY(choose_hdu(what, text, place, &dst->hdu, err));
+    RX_TRY(choose_hdu(what, text, &name, place, &dst->hdu, err));
     RX_TRY(rx_fits_open(name.path, &dst->source, err));
     RX_TRY(rx_fits_goto(dst->source.file, name.path, dst->hdu, err));
     int failed = rx_fits_shape_of(dst->source.file, &dst->shape);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, name.path, dst->hdu, failed, "this HDU cannot be read");
     RX_TRY(rx_fits_check_size(&dst->source, name.path, dst->hdu, &dst->shape, err));
+    if (strcmp(name.path, place->name->path) == 0 && dst->hdu == place->hdu)
+        return rx_error_at(err, RX_INPUT, text, dst->hdu, 0,
+                           "is the image itself; name the HDU of the %s: '%s[n]'", what, name.path);
     const long axes[2] = {(long)dst->shape.axes[0], (long)dst->shape.axes[1]};
     int same = 1, whole = 1;
     *part = rx_fits_part(&name, axes);
@@ -82,6 +132,17 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     return RX_OK;
 }
 
+/* An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
+ * least one has none. */
+static void rms_of_ivar(double threshold, rx_tile *tile)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    const float limit = threshold > 0.0 ? (float)threshold : 0.0f; /* 0 where it is not given, too */
+    for (size_t i = 0; i < n; i++)
+        tile->weight[i] = tile->weight[i] > limit ? 1.0f / sqrtf(tile->weight[i]) : NO_DATA;
+    tile->weight_type = RX_WEIGHT_MAP_RMS;
+}
+
 /* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
  * 1e30), means no data; so does what is no noise at all: not a number, rms or variance <= 0. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
@@ -97,6 +158,10 @@ static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
                 tile->mask[i] |= RX_MASK_WEIGHT;
         }
         return;
+    }
+    if (tile->weight_type == RX_WEIGHT_MAP_IVAR) {
+        rms_of_ivar(par->weight_threshold, tile);
+        given = 0;
     }
     float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : NO_DATA;
     for (size_t i = 0; i < n; i++) {
@@ -137,8 +202,8 @@ rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx
     if (asked != (weight != NULL))
         return rx_error_at(err, RX_USAGE, tile->name, -1, 0,
                            asked ? "WEIGHT_TYPE asks for a map; give its array"
-                                 : "has a weight map; say by WEIGHT_TYPE what it holds (MAP_WEIGHT, MAP_RMS "
-                                   "or MAP_VAR)");
+                                 : "has a weight map; say by WEIGHT_TYPE what it holds (MAP_WEIGHT, MAP_RMS, "
+                                   "MAP_VAR or MAP_IVAR)");
     if (!asked)
         return RX_OK;
     tile->weight = RX_NEW(float, n);
@@ -182,6 +247,19 @@ static rx_status read_flags(const companion *map, const char *name, uint32_t *ds
                   : RX_OK;
 }
 
+rx_status rx_tile_read_flags(const char *name, const rx_tile_place *place, uint32_t *dst, rx_error *err)
+{
+    companion map;
+    rx_status status = open_companion("flag map", name, place, &map, err);
+    if (status == RX_OK && map.shape.bitpix < 0)
+        status = rx_error_at(err, RX_INPUT, name, map.hdu, 0,
+                             "a flag map must hold integers, this one has BITPIX = %d", map.shape.bitpix);
+    if (status == RX_OK)
+        status = read_flags(&map, name, dst, err);
+    rx_fits_done(&map.source);
+    return status;
+}
+
 rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
                             rx_error *err)
 {
@@ -191,19 +269,11 @@ rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *plac
         return RX_OK;
     RX_TRY(RX_MAKE(tile->flagmaps, (size_t)par->nflags, err));
     for (int i = 0; status == RX_OK && i < par->nflags; i++) {
-        companion map;
-        const char *name = par->flag_names[i];
-        status = open_companion("flag map", name, place, &map, err);
-        if (status == RX_OK && map.shape.bitpix < 0)
-            status = rx_error_at(err, RX_INPUT, name, map.hdu, 0,
-                                 "a flag map must hold integers, this one has BITPIX = %d", map.shape.bitpix);
-        if (status == RX_OK && (tile->flagmaps[i] = RX_NEW(uint32_t, n)) == NULL)
-            status = rx_error_memory(err, n * sizeof(uint32_t));
+        status = RX_MAKE(tile->flagmaps[i], n, err);
         if (status == RX_OK) {
             tile->nflagmaps = i + 1;
-            status = read_flags(&map, name, tile->flagmaps[i], err);
+            status = rx_tile_read_flags(par->flag_names[i], place, tile->flagmaps[i], err);
         }
-        rx_fits_done(&map.source);
     }
     return status;
 }

@@ -22,6 +22,12 @@ rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *pla
  * without a map), RX_SYSTEM. */
 rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx_tile *tile, rx_error *err);
 
+/* Flags of the tile's pixels from a map of integers, dst [height][width]. */
+rx_status rx_tile_read_flags(const char *name, const rx_tile_place *place, uint32_t *dst, rx_error *err);
+
+/* rx_tile_list() with the maps of other images. */
+rx_status rx_tile_list_all(const char *name, rx_log *log, int **hdus, int *n, rx_error *err);
+
 /* Fill tile->flagmaps from the FLAG_IMAGE list. */
 rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
                             rx_error *err);

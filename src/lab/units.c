@@ -46,8 +46,9 @@ static void tell(crew *c)
         return;
     c->told = percent - percent % TELL_EVERY;
     const double used = rx_seconds() - c->begun;
-    rx_log_info(c->log, "%ld of %ld units, about %.0f s left", c->done, c->todo,
-                used * (double)(c->todo - c->done) / (double)c->done);
+    char left[RX_TIME_LEFT];
+    rx_log_info(c->log, "%ld of %ld units, about %s left", c->done, c->todo,
+                rx_time_left(used * (double)(c->todo - c->done) / (double)c->done, left));
 }
 
 /* Keep what a unit has given, or why it failed. What is done when a signal stops the others is done. */

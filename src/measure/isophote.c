@@ -137,6 +137,15 @@ static void measure_fwhm(const rx_view *view, rx_source *s)
     s->fwhm -= 1.0 / (4.0 * s->fwhm); /* undersampling */
 }
 
+/* What hides the pixel, or hid it on the tile, where the image has an estimate of its light. */
+static int mask_bits(const rx_view *view, int x, int y)
+{
+    const rx_image *image = view->image;
+    const size_t k = at(view, x, y);
+    const int tile = image->saturated != NULL ? image->saturated[k] & image->hide & ~RX_MASK_SATURATED : 0;
+    return image->mask[k] | tile;
+}
+
 static bool any_masked(const rx_view *view, const rx_source *s)
 {
     rx_box box = {s->xmin - 1, s->xmax + 2, s->ymin - 1, s->ymax + 2};
@@ -144,7 +153,7 @@ static bool any_masked(const rx_view *view, const rx_source *s)
     int bits = 0;
     for (int y = box.y0; y < box.y1; y++)
         for (int x = box.x0; x < box.x1; x++)
-            bits |= view->image->mask[at(view, x, y)];
+            bits |= mask_bits(view, x, y);
     return bits != 0;
 }
 
@@ -163,13 +172,16 @@ static void measure_neighbourhood(const rx_view *view, rx_source *s)
                 s->flags |= RX_FLAG_SATURATED;
             if (!masked)
                 continue;
-            if ((image->mask[at(view, x, y)] & RX_MASK_WEIGHT) != 0)
+            const int own_bits = mask_bits(view, x, y);
+            if ((own_bits & RX_MASK_WEIGHT) != 0)
                 s->flags_weight |= RX_FLAGW_ISO;
+            if ((own_bits & image->hide) != 0)
+                s->flags |= RX_FLAG_APERTURE | RX_FLAG_ISOPHOTAL;
             rx_box box = {x - 1, x + 2, y - 1, y + 2};
             rx_view_clip(view, &box);
             for (int v = box.y0; v < box.y1; v++)
                 for (int u = box.x0; u < box.x1; u++) {
-                    int bits = image->mask[at(view, u, v)];
+                    int bits = mask_bits(view, u, v);
                     if ((bits & RX_MASK_WEIGHT) != 0)
                         s->flags_weight |= RX_FLAGW_NEIGHBOUR;
                     if ((bits & image->hide) == 0)

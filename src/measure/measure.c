@@ -39,15 +39,14 @@ static void measure_apertures(const rx_view *view, const rx_measure_params *par,
     }
 }
 
-static void measure_star(const rx_measure_params *par, const rx_image *image, const rx_starclass *net,
-                         rx_source *s)
+static void measure_star(const rx_measure_params *par, const rx_image *image, rx_source *s)
 {
     double scale = par->pixel_scale > 0.0 ? par->pixel_scale : 1.0;
     double threshold = s->analysis_threshold;
     if (par->analysis_threshold > 0.0) /* that of the image, not of the source */
         threshold = par->analysis_threshold * (par->analysis_absolute ? 1.0 : image->global_noise);
-    if (net != NULL && par->seeing_fwhm > 0.0)
-        s->class_star = rx_starclass_evaluate(net, s, par->seeing_fwhm * scale, scale, threshold);
+    if (par->star_net != NULL && par->seeing_fwhm > 0.0)
+        s->class_star = rx_starclass_evaluate(par->star_net, s, par->seeing_fwhm * scale, scale, threshold);
 }
 
 static void cut_vignet(const rx_view *view, const rx_measure_params *par, const rx_source *s, float *dst)
@@ -66,7 +65,7 @@ static void cut_vignet(const rx_view *view, const rx_measure_params *par, const 
 }
 
 static rx_status measure_source(const rx_measure_params *par, const rx_image *image, const rx_image *radii,
-                                const rx_starclass *net, rx_sources *sources, int i, rx_error *err)
+                                rx_sources *sources, int i, rx_error *err)
 {
     rx_source *s = &sources->list[i];
     rx_view view = {.image = image,
@@ -94,7 +93,7 @@ static rx_status measure_source(const rx_measure_params *par, const rx_image *im
         if ((par->skip & RX_SKIP_WIN) == 0)
             rx_measure_window(&view, half_light, s);
     }
-    measure_star(par, image, net, s);
+    measure_star(par, image, s);
     if (sources->vignets != NULL)
         cut_vignet(&view, par, s,
                    sources->vignets + (size_t)i * (size_t)par->vignet_width * (size_t)par->vignet_height);
@@ -133,11 +132,8 @@ static rx_status prepare(const rx_measure_params *par, const rx_image *image, rx
 rx_status rx_measure_run(const rx_measure_params *par, const rx_image *image, const rx_image *radii,
                          rx_log *log, rx_sources *sources, rx_error *err)
 {
-    rx_starclass *net = NULL;
     rx_status status = RX_OK;
     RX_TRY(prepare(par, image, sources, err));
-    if (par->nnw_file != NULL)
-        RX_TRY(rx_starclass_read(par->nnw_file, &net, err));
     rx_log_progress_begin(log);
     enum { BATCH = 256 };
     for (int first = 0; first < sources->n && status == RX_OK; first += BATCH) {
@@ -145,7 +141,7 @@ rx_status rx_measure_run(const rx_measure_params *par, const rx_image *image, co
 #pragma omp parallel for schedule(dynamic, 4) num_threads(par->nthreads > 0 ? par->nthreads : 1)
         for (int i = first; i < last; i++) {
             rx_error trouble = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
-            rx_status one = measure_source(par, image, radii, net, sources, i, &trouble);
+            rx_status one = measure_source(par, image, radii, sources, i, &trouble);
             if (one != RX_OK) {
 #pragma omp critical(rx_measure_status)
                 {
@@ -159,6 +155,5 @@ rx_status rx_measure_run(const rx_measure_params *par, const rx_image *image, co
             status = rx_interrupt_check(err);
     }
     rx_log_progress_end(log);
-    rx_starclass_free(net);
     return status;
 }

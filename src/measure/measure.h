@@ -34,7 +34,7 @@ typedef struct rx_measure_params {
     rx_mask_type neighbours;               /* MASK_TYPE */
     double seeing_fwhm;                    /* pixels, for CLASS_STAR */
     double pixel_scale;                    /* arcsec per pixel, for CLASS_STAR; 0 = 1 */
-    const char *nnw_file;                  /* STARNNW_NAME, NULL = CLASS_STAR not wanted (0) */
+    const struct rx_starclass *star_net;   /* of STARNNW_NAME, borrowed; NULL: CLASS_STAR not requested (0) */
     int vignet_width, vignet_height;       /* 0 = not wanted */
     int local_background, local_thickness; /* BACKPHOTO_TYPE LOCAL, BACKPHOTO_THICK */
     double analysis_threshold; /* ANALYSIS_THRESH for this image in sigmas (ADU when absolute); 0 = as
@@ -51,7 +51,7 @@ typedef struct rx_measure_params {
  * AUTO and PETRO so that apertures are the same on all measurement images; same grid; NULL: this image. Sources are
  * independent of each other; so is the result of nthreads. What cannot be measured is flagged in
  * flags_measure and never stops the tile. Values of hidden pixels are never read.
- * Errors: RX_USAGE for the .nnw file, RX_SYSTEM without memory, RX_INTERRUPTED. */
+ * Errors: RX_SYSTEM without memory, RX_INTERRUPTED. */
 rx_status rx_measure_run(const rx_measure_params *par, const rx_image *image, const rx_image *radii,
                          rx_log *log, rx_sources *sources, rx_error *err);
 

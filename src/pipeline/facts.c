@@ -105,7 +105,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         const char *const names[] = {"RXNQLL", "RXNQHL", "RXNQLH", "RXNQHH"};
         if (isfinite(noise->quadrant[q]))
             rx_record_add(facts, names[q], "RXNWIDE of a quadrant: x, y low or high", "%.3f",
-                          noise->quadrant[q]);
+                          rx_noise_quadrant_factor(noise, q));
     }
     rx_record_add(facts, "RXNEVEN", "quadrants agree, to 5 errors or 0.15", "%s",
                   rx_noise_uneven(noise) ? "F" : "T");

@@ -15,6 +15,8 @@
 #include "detect/correlation.h"
 #include "detect/filter.h"
 #include "detect/no_data.h"
+#include "detect/photons.h"
+#include "detect/saturation.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "io/wcs.h"
@@ -87,13 +89,21 @@ static rx_status measure_noise(const rx_pipeline_params *params, rx_field *field
 }
 
 /* The PSF in the middle of the tile, to be freed; NULL without memory. */
-static float *middle_stamp(const rx_field *field)
+static float *middle_stamp(const rx_field *field, const rx_psf *psf)
 {
-    const rx_psf *psf = field->psf;
     float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
     if (stamp != NULL)
         rx_psf_at(psf, 0.5 * (field->image.width - 1), 0.5 * (field->image.height - 1), stamp);
     return stamp;
+}
+
+/* The variance of the sky's photons over what was measured of all noise; 0: not known. */
+static double photon_share(const rx_field *field, const rx_noise_correlation *noise)
+{
+    const double variance = pow(field->plain->global_sigma * noise->scale, 2.0);
+    return field->image.gain > 0.0 && field->plain->global_level > 0.0 && variance > 0.0
+               ? field->plain->global_level / field->image.gain / variance
+               : 0.0;
 }
 
 rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *used, int nthreads,
@@ -104,10 +114,10 @@ rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *use
     RX_TRY(rx_correlation_measure(&image, used, nthreads, dst, err));
     if (psf == NULL || !dst->correlated)
         return RX_OK;
-    float *stamp = middle_stamp(field);
+    float *stamp = middle_stamp(field, psf);
     if (stamp == NULL)
         return rx_error_memory(err, 0);
-    rx_noise_without_light(dst, stamp, psf->size, psf->size);
+    rx_noise_without_light(dst, stamp, psf->size, psf->size, photon_share(field, dst));
     free(stamp);
     return RX_OK;
 }
@@ -120,20 +130,23 @@ enum { PSF_ROUNDS = 3 };
 /* Of what taking off the seen neighbours changed, the error for the unseen ones: a choice. */
 static const double PSF_UNSEEN = 0.5;
 
-/* Of the matched filter. What sharpening leaves, or a correlation that was measured wrongly, is not believed. */
-static rx_status make_effective_noise(rx_field *field, rx_log *log, rx_error *err)
+/* Of the matched filter, or of wide sums where no PSF serves; `of_light`, or NULL, says what light looks like there. What sharpening
+ * leaves, or a correlation that was measured wrongly, is not believed. */
+static rx_status make_effective_noise(rx_field *field, const rx_psf *of_light, rx_log *log, rx_error *err)
 {
-    const rx_psf *psf = field->psf;
+    const rx_psf *psf = field->psf != NULL ? field->psf : of_light;
     const rx_image *image = &field->image;
-    field->noise_factor = rx_noise_factor_wide(&field->noise);
     if (psf != NULL && field->noise.correlated) {
-        float *stamp = middle_stamp(field);
+        float *stamp = middle_stamp(field, psf);
         if (stamp == NULL)
             return rx_error_memory(err, 0);
-        rx_noise_without_light(&field->noise, stamp, psf->size, psf->size);
+        rx_noise_without_light(&field->noise, stamp, psf->size, psf->size,
+                               photon_share(field, &field->noise));
         field->noise_factor = rx_noise_factor(&field->noise, stamp, psf->size, psf->size);
         free(stamp);
     }
+    if (field->psf == NULL || !field->noise.correlated)
+        field->noise_factor = rx_noise_factor_wide(&field->noise);
     if (field->noise.origin == RX_NOISE_MEASURED && field->noise_factor < LEAST_FACTOR) {
         rx_log_warning(
             log,
@@ -163,7 +176,9 @@ static void say_noise(const rx_field *field, rx_log *log)
     const rx_noise_correlation *noise = &field->noise;
     const rx_image *image = &field->image;
     const int mid = RX_NOISE_REACH;
-    const double *q = noise->quadrant;
+    double q[RX_NOISE_QUADRANTS];
+    for (int i = 0; i < RX_NOISE_QUADRANTS; i++)
+        q[i] = rx_noise_quadrant_factor(noise, i);
     const rx_noise_law law = rx_noise_law_of(noise);
     double sums[4], power[2][5];
     static const double radii[] = {1.5, 3.0, 5.0, 10.0};
@@ -298,7 +313,7 @@ static rx_status find_stars(const rx_pipeline_params *params, const rx_field *fi
     detect_params.absolute = 0;
     detect_params.threshold = detect_params.analysis_threshold = 3.0;
     rx_measure_params measure_params = params->measure;
-    measure_params.nnw_file = NULL;
+    measure_params.star_net = NULL;
     measure_params.weight_gain = 0;
     measure_params.skip = RX_SKIP_PETRO | RX_SKIP_APER | RX_SKIP_WIN;
     measure_params.vignet_width = measure_params.vignet_height = 0;
@@ -612,10 +627,12 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     if (status == RX_INPUT)
         field->psf_bound = rx_psf_bound(&par, &image, stars);
     rx_sources_free(stars);
-    /* one source that may be a galaxy says less than whoever stated a width */
-    if (status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0) {
+    /* one source that may be a galaxy says less than whoever stated a width, few say less than PSF_FWHM */
+    const int one = status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0;
+    if (one || (status == RX_OK && par.fwhm > 0.0 && strcmp(field->psf->quality.how, "MOFFAT_BETA") == 0)) {
         status = rx_error_set(&why, RX_INPUT,
-                              "PSF_TYPE AUTO found only one star; what is stated is believed more");
+                              "PSF_TYPE AUTO found only %d star%s; what is stated is believed more",
+                              field->psf->nstars, one ? "" : "s");
         if (!is_stated(params, field))
             return library_psf(params, &why, field, log, err);
         rx_psf *own = field->psf;
@@ -627,7 +644,7 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
         }
         field->psf = own; /* what was stated could not be read */
         field->unrestorable = 0;
-        rx_log_warning(log, "%s[%d]: the PSF stays that of its one star", image.name, image.hdu);
+        rx_log_warning(log, "%s[%d]: the PSF stays that of its few stars", image.name, image.hdu);
         return RX_OK;
     }
     if (status == RX_INPUT)
@@ -635,6 +652,29 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     if (status != RX_OK)
         rx_error_take(err, &why);
     return status;
+}
+
+/* The PSF of a tile that needs none, where noise seems to be correlated farther than resampling leaves it, as the light of faint
+ * sources is; NULL where it is not, or is not known. */
+static rx_status measure_light(const rx_pipeline_params *params, int role, const rx_field *field,
+                               rx_psf **dst, rx_error *err)
+{
+    const rx_image image = rx_field_restorable(field);
+    rx_psf_params par = params->psf;
+    rx_sources *stars = NULL;
+    rx_error why = rx_error_part(err);
+    par.file = params->psf_files[role];
+    par.extension = field->image.extension;
+    if (field->noise.origin != RX_NOISE_MEASURED || !field->noise.correlated ||
+        !rx_noise_reaches_far(&field->noise) || (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0)))
+        return RX_OK;
+    if (rx_psf_type_measured(par.type))
+        RX_TRY(find_stars(params, field, NULL, &stars, err));
+    const rx_status status = rx_psf_make(&par, &image, stars, NULL, dst, &why);
+    rx_sources_free(stars);
+    if (status != RX_OK && status != RX_INPUT)
+        return rx_error_take(err, &why);
+    return RX_OK;
 }
 
 /* Both backgrounds. */
@@ -679,6 +719,59 @@ static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field,
     return RX_OK;
 }
 
+/* Where no card and no keyword states a level, values that pile up at the top are saturated. */
+static rx_status find_saturation(rx_field *field, rx_log *log, rx_error *err)
+{
+    rx_image *image = &field->image;
+    uint8_t *mask = own_mask(field);
+    size_t n = 0;
+    if (mask == NULL || isfinite(image->saturation))
+        return RX_OK;
+    RX_TRY(rx_saturation_find(image, mask, &image->saturation, err));
+    if (!isfinite(image->saturation))
+        return RX_OK;
+    for (size_t k = 0; k < (size_t)image->width * (size_t)image->height; k++)
+        if (mask[k] == 0 && (double)image->pixels[k] >= image->saturation) {
+            mask[k] = RX_MASK_SATURATED;
+            n++;
+        }
+    if (field->tile != NULL)
+        field->tile->saturation = image->saturation;
+    rx_log_warning(
+        log,
+        "%s[%d]: no SATUR_LEVEL is stated, and %zu of its pixels pile up at their top, from %.6g ADU "
+        "on (RXSATUR): they are taken as saturated (FLAGS 4); give SATUR_LEVEL if another is right",
+        image->name, image->hdu, n, image->saturation);
+    return RX_OK;
+}
+
+/* A gain in another unit than the pixels' claims photon noise that is not there, or none. */
+static rx_status check_gain(rx_field *field, rx_log *log, rx_error *err)
+{
+    const rx_image image = rx_field_restorable(field);
+    const char *card = field->tile != NULL ? field->tile->gain_card : "";
+    char why[120];
+    rx_photon_test test;
+    RX_TRY(rx_photons_test(&image, field->plain->global_level, &field->noise, &test, err));
+    if (test.impossible == 0)
+        return RX_OK;
+    if (test.impossible > 0)
+        snprintf(why, sizeof why, "its sky has %.3g times the noise of its photons", sqrt(test.ratio));
+    else
+        snprintf(why, sizeof why, "%ld of %ld bright pixels scatter by less than half of their photon noise",
+                 test.quiet, test.n);
+    rx_log_warning(
+        log,
+        "%s[%d]: %s%s = %g e-/ADU cannot be the gain of its pixels: %s; errors are without the photons "
+        "of sources (RXGAIN 0); give their GAIN%s",
+        image.name, image.hdu, card[0] != '\0' ? "card " : "", card[0] != '\0' ? card : "GAIN", image.gain,
+        why, card[0] != '\0' ? ", and a GAIN_KEY that the header lacks" : "");
+    field->image.gain = 0.0;
+    if (field->tile != NULL)
+        field->tile->gain = 0.0;
+    return RX_OK;
+}
+
 /* A pixel that lacks more light than 90,000 electrons are is dead: no dark cloud takes so much off a sky that is in the mesh. */
 static void hide_deep(rx_field *field, rx_log *log)
 {
@@ -714,9 +807,11 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
     RX_TRY(hide_no_data(params, field, log, err));
+    RX_TRY(find_saturation(field, log, err));
     RX_TRY(measure_backgrounds(params, role, field, log, err));
     hide_deep(field, log);
     RX_TRY(measure_noise(params, field, err));
+    RX_TRY(check_gain(field, log, err));
     rx_lap_add(&last, &field->background_lap);
     rx_log_detail(log, "%s[%d]: %d x %d pixels, background %g, noise %g, gain %g, pixel scale %g arcsec",
                   image->name, image->hdu, image->width, image->height, field->plain->global_level,
@@ -733,8 +828,12 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
         rx_log_info(log, "%s[%d]: PSF %s", image->name, image->hdu, field->psf->description);
     const rx_noise_correlation noise = field->noise;
     field->image.psf = field->psf;
+    rx_psf *of_light = NULL;
+    if (status == RX_OK && field->psf == NULL && (what & RX_FIELD_PSF) == 0)
+        status = measure_light(params, role, field, &of_light, err);
     if (status == RX_OK)
-        status = make_effective_noise(field, log, err);
+        status = make_effective_noise(field, of_light, log, err);
+    rx_psf_free(of_light);
     if (status == RX_OK && image->psf != NULL && rx_psf_type_measured(params->psf.type) &&
         field->nstars > 0) {
         rx_lap_add(&last, &field->background_lap);
@@ -756,7 +855,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
             field->image.psf = field->psf = psf;
             field->noise = noise;
             if (status == RX_OK)
-                status = make_effective_noise(field, log, err);
+                status = make_effective_noise(field, NULL, log, err);
         }
         rx_lap_add(&last, &field->psf_lap);
     }

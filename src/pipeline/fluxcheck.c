@@ -104,7 +104,7 @@ static rx_status wide_fluxes(const rx_measure_params *wanted, const rx_image *im
     rx_measure_params par = *wanted;
     par.naper = 1;
     par.aperture_diameter[0] = diameter;
-    par.nnw_file = NULL;
+    par.star_net = NULL;
     par.vignet_width = par.vignet_height = 0;
     par.skip = RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
     rx_status status = rx_measure_run(&par, image, NULL, log, picked, err);

@@ -20,6 +20,7 @@
 #define FOLDER NULL
 #define WORDLIST(...) NULL
 #define W(word, value) value
+#define NEEDS(text) RX_FILL_NOTHING
 #define PIPELINE_WORDS RX_FILL_WORDS
 #define PIPELINE(how, field) RX_FILL(rx_pipeline_params, how, field)
 #define BACKGROUNDS(how, field) PIPELINE(how, background[0].field), PIPELINE(how, background[1].field)

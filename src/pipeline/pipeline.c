@@ -9,6 +9,7 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "catalog/catalog.h"
+#include "data/gaps.h"
 #include "detect/filter.h"
 #include "pipeline/coordinates.h"
 #include "pipeline/saturated.h"
@@ -104,6 +105,7 @@ struct rx_result_noise {
     rx_map_maker maker;
     rx_background *measured;
     rx_map sigma, law; /* law: or none */
+    rx_gaps_map in_gaps;
     float factor;
 };
 
@@ -158,7 +160,7 @@ static rx_status equivalent_noise(const work *w, const rx_background *law, rx_er
         RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
     noise->maker.make = make_noise;
     if (law != NULL) {
-        noise->law = rx_background_noise(law);
+        noise->law = rx_gaps_filled(&noise->in_gaps, rx_background_noise(law), result->restored->gaps);
         divide(&noise->law, result->filtered, input->height, par.nthreads, relative);
     }
     const rx_image image = {.width = input->width,
@@ -231,13 +233,15 @@ static rx_status prepare_detection(work *w, rx_error *err)
         result->filtered = filtered;
     }
     const rx_background *background = result->plain ? w->detect->plain : w->detect->restored;
-    result->noise = rx_map_given(&restored->noise) ? restored->noise : rx_background_noise(background);
     result->global_noise = background->global_sigma;
-    if (by_input_noise(w))
-        return input_noise(w, err);
-    if (!result->plain)
+    if (!result->plain && !by_input_noise(w))
         return equivalent_noise(w, input->weight_type >= RX_WEIGHT_MAP_RMS ? background : NULL, err);
-    if (!w->params->significance)
+    RX_TRY(RX_MAKE(result->in_gaps, 1, err));
+    result->noise = rx_map_given(&restored->noise) ? restored->noise : rx_background_noise(background);
+    if (by_input_noise(w))
+        RX_TRY(input_noise(w, err));
+    result->noise = rx_gaps_filled(result->in_gaps, result->noise, restored->gaps);
+    if (!result->plain || !w->params->significance)
         return RX_OK;
     /* as many sigmas of the filtered image as they would be of independent pixels */
     static const float one = 1.0f;
@@ -262,21 +266,68 @@ static rx_image detection_image(const rx_result *result, int hide)
     return image;
 }
 
-/* Saturated stars are hidden from the detection on a restored image, and join its list as they were observed. */
-static rx_status find_sources(work *w, rx_error *err)
+/* What a restorer makes of noise in a gap is no light: as the sky where it is below the threshold of its own noise. */
+static void clear_gaps(const work *w, float *filtered)
+{
+    const rx_result *result = w->result;
+    const rx_gaps *gaps = result->restored->gaps;
+    const double norm = w->par.filter_normalise || w->filter.values == NULL ? 1.0 : w->filter.sum;
+    for (size_t i = 0; gaps != NULL && i < gaps->n; i++) {
+        const rx_gap *gap = &gaps->list[i];
+        const double noise =
+            w->par.absolute ? 1.0
+                            : (double)rx_map_at(&result->noise, gap->at % gaps->width, gap->at / gaps->width);
+        if ((double)filtered[gap->at] < w->par.threshold / norm * noise * rx_gap_noise(gaps, gap))
+            filtered[gap->at] = 0.0f;
+    }
+}
+
+static rx_status detect(work *w, rx_error *err)
 {
     rx_result *result = w->result;
-    rx_saturated_hide(&w->saturated, result->restored);
     RX_TRY(prepare_detection(w, err));
+    if (!result->plain)
+        clear_gaps(w, result->own_filtered != NULL ? result->own_filtered : result->restored->pixels);
     const rx_image image = detection_image(result, w->hide);
     rx_filtered filtered = {.pixels = result->filtered};
     if (!w->params->keep_filtered && result->own_filtered != NULL) {
         filtered.spare = &result->own_filtered;
         result->filtered = NULL;
     }
-    RX_TRY(rx_detect_run(&w->par, &image, &filtered, w->log, &result->sources, err));
+    return rx_detect_run(&w->par, &image, &filtered, w->log, &result->sources, err);
+}
+
+/* What a gap or saturated pixels cut is one source: RESTORE_TYPE NONE detects on an image without these holes, and
+ * measures good pixels only. */
+static rx_status detect_plain(work *w, rx_error *err)
+{
+    rx_restored *restored = w->result->restored;
+    rx_gaps_fill(restored->gaps, restored->pixels);
+    rx_gaps_mark(restored->gaps, 0, restored->mask);
+    const rx_status status = detect(w, err);
+    rx_gaps_close(restored->gaps, restored->mask);
+    for (size_t i = 0; restored->gaps != NULL && i < restored->gaps->n; i++)
+        restored->pixels[restored->gaps->list[i].at] = 0.0f;
+    return status;
+}
+
+/* Bits of saturated pixels that stay masked where a saturated star is shown: MASK_SATURATED Y. */
+static int masked_for_all(const work *w)
+{
+    return w->params->saturated_in_none ? RX_MASK_SATURATED : 0;
+}
+
+/* Saturated stars are hidden from the detection on a restored image, and join its list as they were observed. */
+static rx_status find_sources(work *w, rx_error *err)
+{
+    rx_result *result = w->result;
+    if (result->plain)
+        return detect_plain(w, err);
+    rx_saturated_hide(&w->saturated, result->restored);
+    RX_TRY(detect(w, err));
     RX_TRY(rx_saturated_absorb(&w->saturated, result->sources, err));
-    rx_saturated_show(&w->saturated, &w->detect->image, w->detect->restored, result->restored);
+    rx_saturated_show(&w->saturated, &w->detect->image, w->detect->restored, masked_for_all(w),
+                      result->restored);
     return rx_saturated_append(&w->saturated, result->sources, err);
 }
 
@@ -342,7 +393,8 @@ static rx_status measure_sources(work *w, rx_error *err)
         RX_TRY(restore(w, w->measure, &plain, &domain, &result->second, err));
         restored = plain ? NULL : result->second;
         if (restored != NULL)
-            rx_saturated_show(&w->saturated, &w->measure->image, w->measure->restored, result->second);
+            rx_saturated_show(&w->saturated, &w->measure->image, w->measure->restored, masked_for_all(w),
+                              result->second);
     }
     result->original = restored == NULL;
     const rx_photometry_input input = {.detect = w->detect,
@@ -377,7 +429,8 @@ static rx_status find_saturated(work *w, rx_error *err)
     work plain = {
         .params = w->params, .kind = none, .detect = w->detect, .measure = w->measure, .result = &result};
     if (kind_for(w, w->detect) == none ||
-        (w->detect->plain == w->detect->restored && w->measure->plain == w->measure->restored))
+        (!w->params->saturated_in_none && w->detect->plain == w->detect->restored &&
+         w->measure->plain == w->measure->restored))
         return RX_OK;
     rx_status status = RX_OK;
     RX_TRY_EXIT(restore_image(&plain, err));
@@ -545,6 +598,7 @@ void rx_result_free(rx_result *result)
     free(result->own_noise);
     free(result->input_noise);
     free(result->significant);
+    free(result->in_gaps);
     rx_field_free(result->own);
     *result = (rx_result){0};
 }

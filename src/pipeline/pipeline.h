@@ -43,6 +43,7 @@ typedef struct rx_result {
     rx_result_noise *own_noise;
     rx_scaled_map *significant; /* THRESH_TYPE SIGNIFICANCE */
     rx_map_maker *input_noise;
+    struct rx_gaps_map *in_gaps; /* its noise, too */
     double global_noise;
     int plain;    /* nothing was restored */
     int original; /* fluxes are of untouched pixels */

@@ -139,12 +139,15 @@ rx_status rx_saturated_absorb(rx_saturated *saturated, rx_sources *sources, rx_e
 }
 
 void rx_saturated_show(const rx_saturated *saturated, const rx_image *input, const rx_background *sky,
-                       rx_restored *restored)
+                       int masked, rx_restored *restored)
 {
     const rx_map level = rx_background_level(sky);
     for (size_t i = 0; i < saturated->npixels; i++) {
         const size_t k = saturated->pixels[i].at, width = (size_t)input->width;
         restored->mask[k] &= (uint8_t) ~(RX_MASK_SATURATED | RX_MASK_UNTOUCHED);
+        /* a gap may be open */
+        restored->mask[k] |= input->mask[k] & (RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_DEEP | masked);
+        restored->pixels[k] = 0.0f;
         if (restored->mask[k] == 0)
             restored->pixels[k] = input->pixels[k] - rx_map_at(&level, (int)(k % width), (int)(k / width));
         if (restored->support != NULL)

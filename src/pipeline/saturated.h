@@ -54,10 +54,11 @@ void rx_saturated_hide(const rx_saturated *saturated, rx_restored *restored);
 /* After it: pieces of wings leave the list. Errors: RX_SYSTEM. */
 rx_status rx_saturated_absorb(rx_saturated *saturated, rx_sources *sources, rx_error *err);
 
-/* Then: the pixels are those of the tile above the sky; nothing is said of how a restored image would
+/* Then: the pixels are those of the tile above the sky, but for those that stay masked, as the bits `masked` say;
+ * nothing is said of how a restored image would
  * explain the saturated ones of them (reblurred: not a number). */
 void rx_saturated_show(const rx_saturated *saturated, const rx_image *input, const rx_background *sky,
-                       rx_restored *restored);
+                       int masked, rx_restored *restored);
 
 /* They join the end of a list that was made while they were hidden. Errors: RX_SYSTEM. */
 rx_status rx_saturated_append(const rx_saturated *saturated, rx_sources *sources, rx_error *err);

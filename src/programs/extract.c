@@ -14,7 +14,7 @@ static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...
                             "       rextract @LIST [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract -REPLAY OUTPUT [-NTHREADS N]\n"
                             "       rextract -PLAN IMAGE|@LIST [-c FILE] [-KEYWORD VALUE]...\n"
-                            "       rextract -FLAGS SUM\n"
+                            "       rextract -FLAGS [SUM]\n"
                             "       rextract -d | -dd | -dp | -v | -h\n";
 
 static const char help[] =
@@ -28,7 +28,7 @@ static const char help[] =
     "  -REPLAY OUTPUT   repeat the run that wrote a catalogue or image, and compare\n"
     "  -PLAN            only print what the run will take: memory, seconds, sizes\n"
     "  -FLAGS SUM       say what each bit of a sum of flags means, or of one column:\n"
-    "                   -FLAGS 19, -FLAGS FLAGS_RESTORE=19\n"
+    "                   -FLAGS 19, -FLAGS FLAGS_RESTORE=19; without SUM all bits\n"
     "  -d               print a default configuration file\n"
     "  -dd              the same with all keywords\n"
     "  -dp              print the columns a catalogue can have\n"
@@ -47,6 +47,7 @@ rx_status rx_program_extract_alone(const rx_settings *settings, const char *imag
         return rx_plan_run(settings, image, stdout, log, err);
     if (image[0] == '@')
         return rx_survey_run(settings, image + 1, stdout, log, err);
+    RX_TRY(rx_tile_check(settings, NULL, log, err));
     return rx_tile_run(settings, image, stdout, log, NULL, err);
 }
 

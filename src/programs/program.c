@@ -9,6 +9,7 @@
 
 #include "base/interrupt.h"
 #include "base/reserve.h"
+#include "config/idle.h"
 #include "data/flags.h"
 
 #ifndef RX_VERSION
@@ -35,7 +36,7 @@ static rx_status print(const rx_program *program, rx_action action, const char *
         rx_settings_dump(&text, program->table, NULL, action == RX_ACTION_DUMP_ALL);
     if (status == RX_OK && text.failed)
         status = rx_error_memory(err, text.capacity);
-    else if (status == RX_OK && (fputs(text.data, stdout) == EOF || fflush(stdout) != 0))
+    else if (status == RX_OK && (fputs(text.data, stdout), !rx_stream_end(stdout)))
         status = rx_error_set(err, RX_SYSTEM, "standard output cannot be written");
     rx_text_free(&text);
     return status;
@@ -100,8 +101,8 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
     rx_arguments arguments;
     occupy_streams();
     rx_interrupt_block();
-    /* writing then fails like any other, and everything is cleaned up */
-    void (*at_broken_pipe)(int) = signal(SIGPIPE, SIG_IGN);
+    signal(SIGPIPE,
+           SIG_IGN); /* rx_stream_end(); elsewhere writing fails like any other, and all is cleaned up */
     signal(SIGXFSZ, SIG_IGN);
     rx_log_init(&log, program->name, stderr, RX_NORMAL);
     rx_status status = rx_arguments_read(program->table, argc, argv, &log, &arguments, &err);
@@ -111,11 +112,13 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         fputs(program->usage, stderr);
         status = RX_USAGE;
     } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
-        status = program->run(arguments.settings, arguments.image, &log, &err);
+        if (program->columns == NULL) /* rextract looks at them first: rx_tile_check() */
+            status = rx_settings_warn_idle(arguments.settings, &log, &err);
+        if (status == RX_OK)
+            status = program->run(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK && arguments.action == RX_ACTION_REPLAY) {
         status = program->replay(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK) {
-        signal(SIGPIPE, at_broken_pipe); /* rextract -dd | head: nothing to clean up, nothing to say */
         status = print(program, arguments.action, arguments.image, &err);
     }
     rx_log_progress_end(&log);

@@ -23,6 +23,8 @@ static const double model_error = 0.02;
  * exponent is assumed. Rms of small tiles with known PSFs of six kinds: validation/results/psf (few stars). */
 static const double NOT_MOFFAT = 0.04, FEW_STARS = 0.05;
 
+enum { FULL = 5, ALIKE = 3 }; /* stars that a profile needs; that say they are stars by being alike */
+
 typedef struct fitted_star {
     const rx_source *source;
     rx_moffat_pixels pixels; /* x, y of the tile; value above the background */
@@ -164,19 +166,25 @@ static rx_status reject_outliers(fitted_star *stars, int n, rx_error *err)
     return RX_OK;
 }
 
+/* The shape that stars share, where it starts, and what is known of it without them: prior +- width (0: nothing). */
+typedef struct joint_fit {
+    double shape[RX_MOFFAT_SHAPE], prior[RX_MOFFAT_SHAPE], width[RX_MOFFAT_SHAPE];
+    double error[RX_MOFFAT_SHAPE];
+} joint_fit;
+
 typedef struct joint_task {
     const fitted_star *stars;
     int n, nthreads;
-    size_t *first;                 /* [n] residual of each star */
-    double shape[RX_MOFFAT_SHAPE]; /* those that are held */
-    int free;                      /* how many are not: ln hwhm, e1, e2, v in this order */
+    size_t *first; /* [n] residual of each star; then those of the prior */
+    size_t prior;
+    const joint_fit *fit;
 } joint_task;
 
 /* Peak and sky of one star follow by linear least squares (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10,
  * 413), with Kaufman's (1975, BIT 15, 49) derivatives; its centre stays where the single fit put it. 0: they do not follow. */
-static int joint_star(const fitted_star *star, const rx_moffat *profile, int nfree, double *residuals,
-                      double *jacobian)
+static int joint_star(const fitted_star *star, const rx_moffat *profile, double *residuals, double *jacobian)
 {
+    enum { nfree = RX_MOFFAT_SHAPE };
     const rx_moffat_pixels *p = &star->pixels;
     double w1 = 0.0, wf = 0.0, wff = 0.0, wv = 0.0, wfv = 0.0;
     double wg[RX_MOFFAT_SHAPE] = {0.0}, wfg[RX_MOFFAT_SHAPE] = {0.0};
@@ -216,46 +224,50 @@ static int joint_star(const fitted_star *star, const rx_moffat *profile, int nfr
 static int joint_model(void *user, const double *parameters, double *residuals, double *jacobian)
 {
     const joint_task *task = user;
+    const joint_fit *fit = task->fit;
     rx_moffat profile;
-    double shape[RX_MOFFAT_SHAPE];
-    for (int k = 0; k < RX_MOFFAT_SHAPE; k++) {
-        shape[k] = k < task->free ? parameters[k] : task->shape[k];
-        if (!isfinite(shape[k]))
+    for (int k = 0; k < RX_MOFFAT_SHAPE; k++)
+        if (!isfinite(parameters[k]))
             return 1;
-    }
-    rx_moffat_set(&profile, shape);
+    rx_moffat_set(&profile, parameters);
     profile.rough = 1;
+    for (int k = 0; k < RX_MOFFAT_SHAPE; k++) {
+        double *row = jacobian + (task->prior + (size_t)k) * RX_MOFFAT_SHAPE;
+        memset(row, 0, RX_MOFFAT_SHAPE * sizeof *row);
+        row[k] = fit->width[k] > 0.0 ? 1.0 / fit->width[k] : 0.0;
+        residuals[task->prior + (size_t)k] = row[k] * (parameters[k] - fit->prior[k]);
+    }
     int failed = 0;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(task->nthreads) reduction(| : failed)
     for (int s = 0; s < task->n; s++)
         if (task->stars[s].kept > 0)
-            failed |= !joint_star(&task->stars[s], &profile, task->free, residuals + task->first[s],
-                                  jacobian + task->first[s] * (size_t)task->free);
+            failed |= !joint_star(&task->stars[s], &profile, residuals + task->first[s],
+                                  jacobian + task->first[s] * RX_MOFFAT_SHAPE);
     return failed;
 }
 
-static rx_status fit_joint(const fitted_star *stars, int n, int nthreads, int free_shape, int steps,
-                           double shape[RX_MOFFAT_SHAPE], rx_error *err)
+static rx_status fit_joint(const fitted_star *stars, int n, int nthreads, int steps, joint_fit *fit,
+                           rx_error *err)
 {
     joint_task task = {.stars = stars,
                        .n = n,
                        .nthreads = nthreads > 1 ? nthreads : 1,
                        .first = RX_NEW(size_t, (size_t)n + 1),
-                       .free = free_shape};
+                       .fit = fit};
     if (task.first == NULL)
         return rx_error_memory(err, (size_t)n * sizeof(size_t));
-    memcpy(task.shape, shape, sizeof task.shape);
-    rx_lsq_problem problem = {.nparameters = (size_t)free_shape,
+    rx_lsq_problem problem = {.nparameters = RX_MOFFAT_SHAPE,
                               .model = joint_model,
                               .has_jacobian = 1,
                               .user = &task,
                               .max_iterations = steps,
                               .tolerance = 1e-5};
     for (int i = 0; i < n; i++) {
-        task.first[i] = problem.nresiduals;
-        problem.nresiduals += stars[i].kept > 0 ? (size_t)stars[i].pixels.n : 0;
+        task.first[i] = task.prior;
+        task.prior += stars[i].kept > 0 ? (size_t)stars[i].pixels.n : 0;
     }
-    const rx_status status = rx_lsq_fit(&problem, shape, NULL, NULL, err);
+    problem.nresiduals = task.prior + RX_MOFFAT_SHAPE;
+    const rx_status status = rx_lsq_fit(&problem, fit->shape, fit->error, NULL, err);
     free(task.first);
     return status;
 }
@@ -314,8 +326,8 @@ static double flux_off(const double used[RX_MOFFAT_SHAPE], const double other[RX
 
 /* 1 sigma of fluxes, relative, from that of the shape: how they change without each of eight groups of stars, or each star
  * where there are fewer (Kott 2001, J. Official Stat. 17, 521); 0 of many stars, where it is small beside NOT_MOFFAT. */
-static rx_status jackknife(fitted_star *stars, int n, int nthreads, const double shape[RX_MOFFAT_SHAPE],
-                           double *error, rx_error *err)
+static rx_status jackknife(fitted_star *stars, int n, int nthreads, const joint_fit *all, double *error,
+                           rx_error *err)
 {
     enum { GROUPS = 8, MANY = 16, STEPS = 2 }; /* from the shape of all, which is near */
     const int kept = count_kept(stars, n), groups = kept < GROUPS ? kept : GROUPS;
@@ -325,16 +337,15 @@ static rx_status jackknife(fitted_star *stars, int n, int nthreads, const double
     if (kept > MANY)
         return RX_OK;
     for (int group = 0; group < groups && status == RX_OK; group++) {
-        double part[RX_MOFFAT_SHAPE];
-        memcpy(part, shape, sizeof part);
+        joint_fit part = *all;
         for (int pass = 0; pass < 2; pass++) { /* out, and in again */
             for (int i = 0, k = 0; i < n; i++)
                 if (stars[i].kept != 0 && k++ % groups == group)
                     stars[i].kept = -stars[i].kept;
             if (pass == 0)
-                status = fit_joint(stars, n, nthreads, RX_MOFFAT_SHAPE, STEPS, part, err);
+                status = fit_joint(stars, n, nthreads, STEPS, &part, err);
         }
-        const double off = flux_off(shape, part);
+        const double off = flux_off(all->shape, part.shape);
         sum += off;
         squares += off * off;
     }
@@ -354,17 +365,26 @@ static rx_status too_few(const rx_psf_params *par, const rx_image *image, int fo
         needed);
 }
 
-/* Robust scatter of the single widths over sqrt(n). */
-static rx_status width_error(const fitted_star *stars, int n, double fwhm, double *error, rx_error *err)
+/* Of the mean of single widths, relative, by their scatter: robust of five or more, else the standard deviation, with the 68 %
+ * quantile of Student's t; 0 of one. */
+static rx_status width_error(const fitted_star *stars, int n, double *error, rx_error *err)
 {
+    static const double student[] = {0, 0, 1.84, 1.32, 1.20};
     size_t m = 0;
-    double *values = RX_NEW(double, n);
+    double *values = RX_NEW(double, n), sum = 0.0, squares = 0.0;
     if (values == NULL)
         return rx_error_memory(err, 0);
     for (int i = 0; i < n; i++)
-        if (stars[i].kept)
-            values[m++] = log(stars[i].fwhm);
-    *error = m > 1 ? fwhm * rx_sigma_mad(values, m, NULL) / sqrt((double)m) : 0.0;
+        if (stars[i].kept) {
+            const double value = log(stars[i].fwhm / stars[0].fwhm);
+            values[m++] = value;
+            sum += value;
+            squares += value * value;
+        }
+    if (m >= FULL)
+        *error = rx_sigma_mad(values, m, NULL) / sqrt((double)m);
+    else
+        *error = m > 1 ? student[m] * sqrt(fmax(squares - sum * sum / m, 0.0) / (double)(m * (m - 1))) : 0.0;
     free(values);
     return RX_OK;
 }
@@ -384,7 +404,7 @@ typedef struct attempt {
     fitted_star *stars; /* [list.n] */
     int candidates, kept;
     double radius; /* half-light, pixels */
-    double shape[RX_MOFFAT_SHAPE];
+    joint_fit fit;
     double scatter; /* how much the stars differ from each other */
     double bright;  /* flux of the third brightest */
 } attempt;
@@ -407,14 +427,14 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
     a->stars = RX_NEW(fitted_star, (size_t)a->list.n + 1);
     if (a->stars == NULL)
         return rx_error_memory(err, 0);
-    rx_moffat_shape(1.9 * a->radius, 4.0, 1.0, 0.0, a->shape);
+    rx_moffat_shape(1.9 * a->radius, 4.0, 1.0, 0.0, a->fit.shape);
 #pragma omp parallel for schedule(dynamic, 1)                                                                \
     num_threads(search->par->nthreads > 1 ? search->par->nthreads : 1)
     for (int i = 0; i < a->list.n; i++) {
         rx_error trouble = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
         rx_status one = cut_out(&sc, &sc.sources->list[a->list.list[i].source], &a->stars[i], &trouble);
         if (one == RX_OK)
-            one = fit_star(&sc, a->shape, &a->stars[i], &trouble);
+            one = fit_star(&sc, a->fit.shape, &a->stars[i], &trouble);
         if (one != RX_OK) {
 #pragma omp critical(rx_psf_estimate)
             {
@@ -426,7 +446,7 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
     if (status == RX_OK)
         status = reject_outliers(a->stars, a->list.n, err);
     if (status == RX_OK)
-        status = summarise(a->stars, a->list.n, a->shape, &a->scatter, err);
+        status = summarise(a->stars, a->list.n, a->fit.shape, &a->scatter, err);
     a->kept = count_kept(a->stars, a->list.n);
     for (int i = 0, k = 0; i < a->list.n && k < 3; i++) /* the list falls in S/N */
         if (a->stars[i].kept && ++k <= 3)
@@ -434,13 +454,52 @@ static rx_status fit_attempt(const rx_star_search *search, attempt *a, rx_error 
     return status;
 }
 
+/* FWHM of hits of particles, pixels; scatter of stars in width and shape; times the light of specks that stars have. */
+static const double NARROW = 1.2, ALIKE_SCATTER = 0.15, OUTSHINES = 10.0;
+
+static double fwhm_of(const attempt *a)
+{
+    return 2.0 * exp(a->fit.shape[0]);
+}
+
+/* Specks and no stars: narrower than 1.2 pixels, few or unlike each other, and wider sources outshine them. */
+static int are_specks(const rx_star_search *search, const rx_star_list *candidates, const attempt *a)
+{
+    int outshone = 0;
+    if (fwhm_of(a) >= NARROW)
+        return 0;
+    for (int i = 0; i < candidates->n; i++)
+        outshone |= candidates->list[i].radius > 1.5 * a->radius &&
+                    search->sources->list[candidates->list[i].source].flux_auto > OUTSHINES * a->bright;
+    return a->kept < ALIKE || (outshone && (a->kept < FULL || a->scatter > ALIKE_SCATTER));
+}
+
+/* How far the width is from PSF_FWHM, in its errors: what is called so is 10 % off. 0 where it is not given. */
+static double off_stated(const rx_psf_params *par, const attempt *a)
+{
+    static const double ERROR = 0.1;
+    return par->fwhm > 0.0 ? fabs(log(fwhm_of(a) / par->fwhm)) / ERROR : 0.0;
+}
+
 /* Stars are alike, galaxies are not: the lower the better. Differences below 1.5 % are noise; few stars count less.
  * Specks (grains, hits of particles, what is left of them) may be as alike as stars and many more, but the brightest
- * sources are stars: whose brightest are fainter is less credible, by the square root of it. */
-static double badness(const attempt *a, int enough)
+ * sources are stars: whose brightest are fainter is less credible, by the square root of it. PSF_FWHM is a prior. */
+static double badness(const rx_psf_params *par, const attempt *a, int enough)
 {
-    return fmax(a->scatter, 0.015) *
+    return fmax(a->scatter, 0.015) * exp(0.5 * fmin(pow(off_stated(par, a), 2), 100.0)) *
            sqrt(fmax(1.0, (double)enough / fmax(a->kept, 1.0)) / fmax(a->bright, 1e-300));
+}
+
+/* What fewer than three like objects leave open, relative to their width w (1 sigma). One may be a galaxy on a PSF of any width
+ * from a pixel's to w, evenly: (w - 1.2) / sqrt(12). Of two the variance is less by the chance that the other is a galaxy as well (0.1:
+ * 6 of the 60 single ones of simulated tiles with 20 to 500 stars and 200 galaxies per Mpixel are) and as like the first in radius as
+ * stars must be, within 10 % of a factor e or so (0.2). */
+static double spread_of(const attempt *a)
+{
+    static const double CHANCE = 0.1 * 0.2;
+    return a->kept >= ALIKE
+               ? 0.0
+               : fmax(1.0 - NARROW / fwhm_of(a), 0.0) * sqrt((a->kept == 2 ? CHANCE : 1.0) / 12.0);
 }
 
 /* Try each place where candidates crowd in radius; *best (to be freed) is the one whose members are most
@@ -462,8 +521,8 @@ static rx_status search_stars(rx_star_search *search, int needed, int enough, at
             if (status == RX_OK)
                 status = fit_attempt(search, &a, err);
             *found = a.kept > *found ? a.kept : *found;
-            if (status == RX_OK && a.kept >= needed &&
-                (best->kept == 0 || badness(&a, enough) < badness(best, enough))) {
+            if (status == RX_OK && a.kept >= needed && !are_specks(search, &candidates, &a) &&
+                (best->kept == 0 || badness(search->par, &a, enough) < badness(search->par, best, enough))) {
                 attempt swap = *best;
                 *best = a;
                 a = swap;
@@ -479,10 +538,11 @@ static rx_status search_stars(rx_star_search *search, int needed, int enough, at
 static rx_status build(const rx_psf_params *par, const rx_image *image, const attempt *best, rx_psf **dst,
                        rx_error *err)
 {
+    double scatter = 0.0;
     const fitted_star *stars = best->stars;
     const int n = best->list.n;
     rx_moffat profile;
-    rx_moffat_set(&profile, best->shape);
+    rx_moffat_set(&profile, best->fit.shape);
     double fwhm = 2.0 * profile.hwhm, beta = fmin(fmax(profile.beta, 1.2), 100.0);
     double ratio = fmax(exp(-hypot(profile.e1, profile.e2)), 0.05),
            angle = 0.5 * atan2(profile.e2, profile.e1);
@@ -494,9 +554,10 @@ static rx_status build(const rx_psf_params *par, const rx_image *image, const at
         status = rx_psf_moffat(fwhm, beta, ratio, angle, most - 1 + most % 2, &psf, err);
     }
     if (status == RX_OK)
-        status = width_error(stars, n, fwhm, &psf->fwhm_error, err);
+        status = width_error(stars, n, &scatter, err);
     if (status != RX_OK)
         goto exit;
+    psf->fwhm_error = fwhm * hypot(hypot(best->fit.error[0], scatter), spread_of(best));
     psf->type = par->type;
     psf->stars = rx_alloc((size_t)n, sizeof *psf->stars);
     if (psf->stars == NULL) {
@@ -520,19 +581,18 @@ exit:
     return status;
 }
 
-enum { FULL = 5 }; /* stars that a profile needs */
-
 /* With fewer stars than a profile needs: those of any radius, the narrowest of which is taken where several have as many
- * (stars are narrower than galaxies), unless fainter sources are narrower than it. */
-static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err)
+ * (stars are narrower than galaxies), unless fainter sources are narrower than it. *sizes: how many there were. */
+static rx_status search_few(rx_star_search *search, attempt *best, int *sizes, rx_error *err)
 {
     rx_star_list candidates = {.n = 0};
     const double bound = rx_psf_bound(search->par, search->image, search->sources);
     double last = 0.0;
+    *sizes = 0;
     search->level = 1;
     RX_TRY(rx_stars_candidates(search, &candidates, err));
     rx_status status = RX_OK;
-    for (int tries = 0; tries < RX_LOCI_MAX && status == RX_OK; tries++) {
+    for (int tries = 0; tries < candidates.n && *sizes < RX_LOCI_MAX && status == RX_OK; tries++) {
         attempt a = {.candidates = candidates.n, .radius = HUGE_VAL};
         for (int i = 0; i < candidates.n; i++)
             if (candidates.list[i].radius > 1.1 * last)
@@ -545,6 +605,9 @@ static rx_status search_few(rx_star_search *search, attempt *best, rx_error *err
         status = rx_stars_near(search, &candidates, &a.radius, &a.list, err);
         if (status == RX_OK)
             status = fit_attempt(search, &a, err);
+        if (status == RX_OK && are_specks(search, &candidates, &a))
+            a.kept = 0;
+        *sizes += a.kept > 0;
         if (status == RX_OK && a.kept > best->kept) {
             attempt swap = *best;
             *best = a;
@@ -586,8 +649,8 @@ static rx_status search_below(rx_star_search *search, int needed, int enough, at
         attempt a = {.kept = 0};
         status = search_stars(search, needed, enough, &a, &most, err);
         if (status == RX_OK)
-            status = width_error(a.stars, a.list.n, 1.0, &error, err);
-        narrower = a.kept > 0 && (!*without || a.shape[0] < best->shape[0] - error);
+            status = width_error(a.stars, a.list.n, &error, err);
+        narrower = a.kept > 0 && (!*without || a.fit.shape[0] < best->fit.shape[0] - error);
         if (status == RX_OK && narrower) {
             attempt swap = *best;
             *best = a;
@@ -628,52 +691,67 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
 rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
                             rx_log *log, rx_moffat_tile *found, rx_psf **dst, rx_error *err)
 {
+    /* 1 / exponent 0.21 +- 0.1: profiles of seeing have exponents from 2.5 on, smooth ones 10 and more */
+    static const double ANY_EXPONENT = 0.8, ROUND = 0.1;
     rx_star_search search = {.par = par, .image = image, .sources = sources};
     attempt best = {.kept = 0};
     const int ladder = par->type == RX_PSF_AUTO && par->min_stars < FULL;
-    int needed = par->min_stars > 1 && !ladder ? par->min_stars : FULL, most = 0,
-        free_shape = RX_MOFFAT_SHAPE;
+    int needed = par->min_stars > 1 && !ladder ? par->min_stars : FULL, most = 0, sizes = 0;
     const char *how = "MOFFAT";
     double limit = 0.0;
     *dst = NULL;
     const int enough = needed > 10 ? needed : 10;
     rx_status status = search_stars(&search, needed, enough, &best, &most, err);
-    if (status == RX_OK && best.kept == 0 && ladder) {
-        status = search_few(&search, &best, err);
+    const int few = status == RX_OK && best.kept == 0 && ladder;
+    if (few) {
+        status = search_few(&search, &best, &sizes, err);
+        if (status == RX_OK && best.kept == 1 && sizes > 1) {
+            status =
+                rx_error_at(err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
+                            "PSF_TYPE %s found sources of %d sizes that may be stars, and no two alike; give "
+                            "PSF_FWHM in pixels, SEEING_FWHM in arcsec, or PSF_STARS_NAME, a list of stars",
+                            rx_psf_type_name(par->type), sizes);
+            goto exit;
+        }
         if (status == RX_OK && best.kept < par->min_stars)
             free_attempt(&best);
-        free_shape = best.kept > 1 ? 3 : 1; /* the exponent is PSF_BETA; of one star only the width counts */
-        how = free_shape == 3 ? "MOFFAT_BETA" : "WIDTH";
-        double start[RX_MOFFAT_SHAPE];
-        rx_moffat_shape(2.0, fmax(par->beta, 1.2), 1.0, 0.0, start);
-        for (int k = free_shape; k < RX_MOFFAT_SHAPE; k++)
-            best.shape[k] = start[k];
-        if (status == RX_OK && best.kept > 0)
-            rx_log_warning(
-                log,
-                "PSF_TYPE AUTO: the PSF is from %d star%s only: %s of a Moffat of exponent %.3g were fitted; "
-                "%s; give PSF_FWHM or a PSF file where it is known better",
-                best.kept, best.kept == 1 ? "" : "s", free_shape == 3 ? "width and ellipse" : "the width",
-                par->beta, best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
+        how = best.kept > 1 ? "MOFFAT_BETA" : "WIDTH";
+        rx_moffat_shape(2.0, fmax(par->beta, 1.2), 1.0, 0.0, best.fit.prior);
+        best.fit.width[3] = ANY_EXPONENT;
+        if (best.kept == 1)
+            best.fit.width[1] = best.fit.width[2] = ROUND;
+        memcpy(best.fit.shape + 1, best.fit.prior + 1, 3 * sizeof(double));
+        if (status == RX_OK && best.kept > 0 && !(par->fwhm > 0.0)) /* which is believed more */
+            rx_log_warning(log,
+                           "PSF_TYPE AUTO: the PSF is from %d star%s only: a Moffat of an exponent near %.3g "
+                           "was fitted; "
+                           "%s; give PSF_FWHM or a PSF file where it is known better",
+                           best.kept, best.kept == 1 ? "" : "s", par->beta,
+                           best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
     }
     if (status == RX_OK && best.kept == 0)
         status = too_few(par, image, most, ladder ? par->min_stars : needed, err);
     if (status == RX_OK)
-        status = leave_out_flattened(&search, free_shape == RX_MOFFAT_SHAPE ? needed : 0, enough, &best, log,
-                                     &limit, err);
+        status = leave_out_flattened(&search, few ? 0 : needed, enough, &best, log, &limit, err);
     int sharper = 0;
     double sharpness = 1.0;
     if (status == RX_OK)
         status = rx_stars_sharper(&search, best.radius, &sharper, &sharpness, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
-        if (best.scatter > 0.15)
+        if (best.scatter > ALIKE_SCATTER)
             rx_log_warning(
                 log,
                 "PSF_TYPE %s: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
                 "some are no stars",
                 rx_psf_type_name(par->type), best.kept, 100.0 * best.scatter);
-        status = fit_joint(best.stars, best.list.n, par->nthreads, free_shape, 30, best.shape, err);
+        if (off_stated(par, &best) > 3.0)
+            rx_log_warning(
+                log,
+                "PSF_TYPE %s: PSF_FWHM is %.3g pixels, but %d like stars have %.3g, which is taken; give "
+                "PSF_TYPE MOFFAT to have PSF_FWHM",
+                rx_psf_type_name(par->type), par->fwhm, best.kept, fwhm_of(&best));
+        status = fit_joint(best.stars, best.list.n, par->nthreads, 30, &best.fit, err);
     }
     if (status == RX_OK)
         status = build(par, image, &best, dst, err);
@@ -681,19 +759,23 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         (*dst)->quality.limit = limit;
     if (status == RX_OK && par->type == RX_PSF_AUTO)
         snprintf((*dst)->quality.how, sizeof(*dst)->quality.how, "%s", how);
-    if (status == RX_OK && free_shape < RX_MOFFAT_SHAPE) { /* an exponent that no star says */
-        (*dst)->quality.flux_error = FEW_STARS;
+    if (status == RX_OK && few) { /* an exponent that no star says, and a width that may be another */
+        double narrower[RX_MOFFAT_SHAPE];
+        memcpy(narrower, best.fit.shape, sizeof narrower);
+        narrower[0] -= spread_of(&best);
+        (*dst)->quality.flux_error = hypot(FEW_STARS, flux_off(best.fit.shape, narrower));
     } else if (status == RX_OK) {
         status =
-            jackknife(best.stars, best.list.n, par->nthreads, best.shape, &(*dst)->quality.flux_error, err);
+            jackknife(best.stars, best.list.n, par->nthreads, &best.fit, &(*dst)->quality.flux_error, err);
         (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, NOT_MOFFAT);
     }
     if (status == RX_OK && sharper > 0)
         rx_stars_set_sharper(par->type, sharper, sharpness / best.radius, &(*dst)->quality, log);
     if (status == RX_OK && found != NULL) {
-        memcpy(found->shape, best.shape, sizeof found->shape);
+        memcpy(found->shape, best.fit.shape, sizeof found->shape);
         found->radius = best.radius;
     }
+exit:
     free_attempt(&best);
     return status;
 }

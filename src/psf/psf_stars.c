@@ -381,7 +381,7 @@ double rx_psf_bound(const rx_psf_params *par, const rx_image *image, const rx_so
     int n = 0;
     for (int i = 0; i < sources->n; i++) {
         rx_candidate c;
-        if (!usable(&search, &sources->list[i], 0, &c))
+        if (!usable(&search, &sources->list[i], 0, &c) || c.radius < RX_STARS_NARROW)
             continue;
         n++;
         double radius = c.radius * (1.0 + 2.0 / c.snr);

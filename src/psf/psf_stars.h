@@ -23,6 +23,10 @@ void rx_star_list_free(rx_star_list *stars);
 
 enum { RX_STARS_MAX = 80, RX_LOCI_MAX = 9 };
 
+/* Half-light radius, pixels, as pixels show it, of a point source of FWHM 1.2 that falls between four: a Gaussian of variance
+ * (1.2 / 2.35)^2 + 2 / 12. Hits of particles are that narrow, too. */
+#define RX_STARS_NARROW 0.77
+
 /* What selection looks at; level 0 takes sources with FLAGS 0 and no neighbour of weight, level 1 (crowded
  * fields) lets in close neighbours and blends. Above `share` of the way from the sky to `limit` (ADU; 0: none) it takes none. */
 typedef struct rx_star_search {

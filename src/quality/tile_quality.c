@@ -189,32 +189,41 @@ static rx_status half_light(const float *stamp, int size, double *dst, rx_error 
     return RX_OK;
 }
 
-static rx_tile_ellipse psf_shape(const rx_psf *psf, float *stamp, double x, double y)
+static rx_tile_ellipse psf_moments(const rx_psf *psf, float *stamp, double x, double y)
 {
     rx_psf_at(psf, x, y, stamp);
     return rx_tile_ellipse_of(stamp, psf->size, psf->size, psf->size / 2, psf->size / 2, psf->fwhm);
 }
 
+/* Moments hold the pixel and the wings: their widths are scaled so that the PSF's at the centre is its FWHM. */
+static rx_tile_ellipse scaled(const rx_tile_quality *q, rx_tile_ellipse shape)
+{
+    shape.fwhm *= q->moments_to_fwhm;
+    return shape;
+}
+
 static void shape_grid(rx_tile_quality *q, float *stamp)
 {
     const rx_image *image = &q->about->image;
-    double e1 = 0, e2 = 0, sum = 0;
+    const rx_psf *psf = image->psf;
+    double e1 = 0, e2 = 0;
+    const double centre = psf_moments(psf, stamp, 0.5 * (image->width - 1), 0.5 * (image->height - 1)).fwhm;
+    q->moments_to_fwhm = centre > 0 ? psf->fwhm / centre : NAN;
     for (int j = 0; j < RX_TILE_GRID; j++)
         for (int i = 0; i < RX_TILE_GRID; i++) {
             rx_tile_point *p = &q->grid[q->ngrid];
             p->x = (i + 0.5) / RX_TILE_GRID * image->width - 0.5;
             p->y = (j + 0.5) / RX_TILE_GRID * image->height - 0.5;
-            p->psf = psf_shape(image->psf, stamp, p->x, p->y);
+            p->psf = scaled(q, psf_moments(psf, stamp, p->x, p->y));
             if (!(p->psf.fwhm > 0))
                 continue;
             q->ngrid++;
             q->fwhm_low = fmin(q->fwhm_low, p->psf.fwhm);
             q->fwhm_high = fmax(q->fwhm_high, p->psf.fwhm);
-            sum += p->psf.fwhm;
             e1 += p->psf.ellipticity * cos(2 * p->psf.theta);
             e2 += p->psf.ellipticity * sin(2 * p->psf.theta);
         }
-    q->fwhm = sum / q->ngrid; /* NAN of none */
+    q->fwhm = q->ngrid > 0 ? psf->fwhm : NAN;
     q->ellipticity = hypot(e1, e2) / q->ngrid;
 }
 
@@ -248,8 +257,8 @@ static void add_star(rx_tile_quality *q, float *stamp, float *room, double x, do
     rx_tile_point *p = &q->star[q->nstars];
     *p = (rx_tile_point){.x = x,
                          .y = y,
-                         .shape = rx_tile_ellipse_of(room, side, side, x - x0, y - y0, psf->fwhm),
-                         .psf = psf_shape(psf, stamp, x, y)};
+                         .shape = scaled(q, rx_tile_ellipse_of(room, side, side, x - x0, y - y0, psf->fwhm)),
+                         .psf = scaled(q, psf_moments(psf, stamp, x, y))};
     q->nstars += p->shape.fwhm > 0 && p->psf.fwhm > 0;
 }
 
@@ -505,6 +514,15 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
     const rx_qa_run *about = run->about;
     if (run->sources->n == 0)
         remark(q, "sources", 1, "%s finds no source.", about->name);
+    int marked = 0;
+    for (int i = 0; i < run->sources->n; i++)
+        marked += rx_source_is_spurious(&run->sources->list[i]);
+    if (rx_spurious_are_many(marked, run->sources->n))
+        remark(q, "spurious", 1,
+               "%s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, PSF and GAIN "
+               "those of "
+               "these pixels?",
+               about->name, marked, run->sources->n);
     if (about->by != NULL)
         remark(q, "fallback", 0, "%s was done by %s instead: %s.", about->name, about->by, about->why);
     char automatic[64] = "";

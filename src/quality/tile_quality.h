@@ -88,8 +88,10 @@ typedef struct rx_tile_quality {
     rx_tile_cells sky, noise;  /* ADU */
     int ngrid, nstars, chosen; /* chosen: stars by the locus, as no list made the PSF */
     rx_tile_point grid[RX_TILE_GRID * RX_TILE_GRID], star[RX_TILE_STARS];
-    double fwhm, fwhm_low, fwhm_high;                  /* of the PSF over the grid, pixels; NAN without one */
-    double ellipticity;                                /* mean over the grid, of the vector */
+    double fwhm;                /* of the PSF at the centre, as in log and header, pixels; NAN without one */
+    double fwhm_low, fwhm_high; /* over the grid */
+    double moments_to_fwhm;     /* widths of moments, of PSF and stars, are scaled by it */
+    double ellipticity;         /* mean over the grid, of the vector */
     double wider, wider_error, wider_scatter, wider_n; /* median of star / PSF - 1 */
     double half_light;                                 /* of the PSF, pixels */
     double sky_median, sky_range;                      /* ADU; range: 5 to 95 % of the cells */

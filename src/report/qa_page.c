@@ -20,8 +20,8 @@ static const double WRONG = 0.01;     /* of a curve of growth */
 /* For the terminal alone: seconds are in no file, which are the same from run to run. */
 RX_COLUMNS(BRIEF, RX_TEXT("run", ""), {"detections", RX_REPORT_COUNT, 0, "", "", "detected"},
            RX_COUNT("matched", ""), RX_NUMBER("recall", 3, "", ""), RX_NUMBER("precision", 3, "", ""),
-           {"ap", RX_REPORT_NUMBER, 3, "", "", "AP"}, {"magerr", RX_REPORT_NUMBER, 2, "%", "", "MagErr/%"},
-           {"common", RX_REPORT_NUMBER, 2, "%", "", "common/%"},
+           {"ap", RX_REPORT_NUMBER, 3, "", "", "AP"}, {"common", RX_REPORT_NUMBER, 2, "%", "", "MagErr/%"},
+           {"magerr", RX_REPORT_NUMBER, 2, "%", "", "own/%"},
            {"bias_mag", RX_REPORT_NUMBER, 3, "mag", "", "bias/mag"}, RX_NUMBER("mag50", 2, "mag", ""),
            RX_NUMBER("seconds", 1, "s", ""));
 
@@ -111,9 +111,13 @@ static void show_summary(page *p)
     for (int run = 0; run < p->q->input->nruns && n == 1; run++)
         if (rx_qa_done_by(&p->q->input->runs[run]) != p->q->input->runs[run].name)
             columns[n++] = "done_by";
-    for (int m = 0; m < RX_METRIC_COUNT; m++)
+    for (int m = 0; m < RX_METRIC_COUNT; m++) {
+        if (m == RX_METRIC_MAGERR &&
+            p->q->input->nruns > 1) /* lists of other depths differ in magerr for that */
+            columns[n++] = "common_magerr";
         if (m != RX_METRIC_FLUX_SCALE || p->fluxes)
             columns[n++] = rx_metric_get((rx_metric)m)->name;
+    }
     rx_report_section(p->report, "summary", "Summary");
     show_runs(p, n, columns);
 }
@@ -331,9 +335,9 @@ static void add_brief(page *p, bool whole)
         const double own = m[RX_METRIC_MAGERR].value, common = q->common[run];
         senseless = senseless || own > SENSELESS || common > SENSELESS;
         rx_report_put(t, e->run->name, e->detections, e->matched, m[RX_METRIC_RECALL].value,
-                      m[RX_METRIC_PRECISION].value, m[RX_METRIC_AP].value, own > SENSELESS ? NAN : own,
-                      common > SENSELESS ? NAN : common, m[RX_METRIC_BIAS_MAG].value,
-                      m[RX_METRIC_MAG50].value, e->run->seconds);
+                      m[RX_METRIC_PRECISION].value, m[RX_METRIC_AP].value, common > SENSELESS ? NAN : common,
+                      own > SENSELESS ? NAN : own, m[RX_METRIC_BIAS_MAG].value, m[RX_METRIC_MAG50].value,
+                      e->run->seconds);
     }
     rx_report_show_brief(p->report, t, RX_VIEW(.from = 0));
     if (whole)
@@ -341,8 +345,9 @@ static void add_brief(page *p, bool whole)
             brief,
             "recall: share of the reference found; precision: share of detections in the reference; AP: area "
             "under their curve; mag50: half are found here\n"
-            "MagErr: mean |F - F0| / F0 of each own list; common: of the %ld sources that every list has; "
-            "bias: median; seconds: with measuring and checks\n",
+            "MagErr: mean |F - F0| / F0 of the %ld sources that every list has; own: of all that the list "
+            "has, "
+            "the deeper the larger; bias: median; seconds: with measuring and checks\n",
             q->ncommon);
     if (senseless)
         rx_text_add(

@@ -24,7 +24,8 @@ RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"},
            RX_MEASURED("flux_scale", 4, "", "restored over original flux of isolated sources"),
            RX_NUMBER("chi2", 2, "", "median of residual chi2 over cells"),
            RX_TEXT("chi2_of", "what was taken off the pixels for it"),
-           RX_NUMBER("false_per_mpixel", 1, "", "false detections on noise (BLANK_CHECK)"));
+           RX_ESTIMATE("false_per_mpixel", 1, "",
+                       "false detections on noise (BLANK_CHECK), with its interval at 95 %"));
 
 RX_COLUMNS(FLAGS, {.name = "run", .heading = "restorer"}, RX_TEXT("column", NULL),
            RX_COUNT("bit", "value in the column"), RX_TEXT("meaning", NULL),
@@ -107,7 +108,8 @@ static void add_numbers(rx_report *report, const rx_tile_quality *q)
         {"masked", 100 * q->masked, "%", "pixels that are not used"},
         {"saturated", 100 * q->saturated, "%", "pixels that are saturated"},
         {"psf_fwhm", q->fwhm, "pixels",
-         "of the PSF, mean over the tile, from second moments under a Gaussian as wide"},
+         "of the PSF at the centre, as in the log; elsewhere scaled by second moments under a Gaussian as "
+         "wide"},
         {"psf_fwhm_arcsec", q->fwhm * scale, "arcsec", "the same"},
         {"psf_fwhm_range", q->ngrid > 0 ? q->fwhm_high - q->fwhm_low : NAN, "pixels",
          "largest less smallest over the tile"},
@@ -158,15 +160,16 @@ static void add_runs(rx_report *report, const rx_tile_quality *q)
         long clean = 0;
         for (int k = 0; k < run->sources->n; k++)
             clean += run->sources->list[k].flags == 0;
-        rx_report_put(t, run->about->name, run->about->taken,
-                      run->about->taken != NULL ? run->about->why : NULL, run->sources->n,
-                      run->sources->n / used,
-                      run->sources->n > 0 ? 100.0 * (double)clean / run->sources->n : NAN, counts.peak,
-                      rx_cell_measured(counts.slope, counts.slope_error),
-                      rx_cell_measured(run->about->flux.n > 0 ? run->about->flux.wide : NAN,
-                                       run->about->flux.wide_error),
-                      rx_tile_chi2_middle(q->about, i), run->chi2.of,
-                      run->about->blank.n > 0 ? run->about->blank.rate.value : NAN);
+        rx_report_put(
+            t, run->about->name, run->about->taken, run->about->taken != NULL ? run->about->why : NULL,
+            run->sources->n, run->sources->n / used,
+            run->sources->n > 0 ? 100.0 * (double)clean / run->sources->n : NAN, counts.peak,
+            rx_cell_measured(counts.slope, counts.slope_error),
+            rx_cell_measured(run->about->flux.n > 0 ? run->about->flux.wide : NAN,
+                             run->about->flux.wide_error),
+            rx_tile_chi2_middle(q->about, i), run->chi2.of,
+            rx_cell_estimate(run->about->blank.n > 0 ? run->about->blank.rate
+                                                     : (rx_estimate){.value = NAN, .low = NAN, .high = NAN}));
     }
     rx_report_section(report, "runs", "Restorers");
     rx_report_show(report, t, &(rx_report_view){.turned = 1, .without_empty = 1});

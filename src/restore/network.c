@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "data/gaps.h"
 #include "data/map.h"
 #include "nn/peak.h"
 #include "num/convolve.h"
@@ -386,10 +387,17 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
             status = rx_error_memory(err, (size_t)width * (size_t)height * sizeof *n.spare);
     }
     if (status == RX_OK) {
-        if (rx_prepared_mask(n.image, n.nthreads, n.restored->mask) == 0)
+        uint8_t *mask = n.restored->mask;
+        if (rx_prepared_mask(n.image, n.nthreads, mask) == 0)
             rx_log_warning(n.log, "%s[%d]: NET: every pixel is masked, nothing to restore", n.image->name,
                            n.image->hdu);
-        status = restore_planes(&n, extras, err);
+        status = rx_gaps_find(mask, width, height, n.image->psf != NULL ? n.image->psf->fwhm : 0, 0,
+                              &n.restored->gaps, err);
+        n.input.gaps = n.restored->gaps;
+        rx_gaps_mark(n.input.gaps, RX_MASK_GAP, mask);
+        if (status == RX_OK)
+            status = restore_planes(&n, extras, err);
+        rx_gaps_mark(n.input.gaps, 0, mask);
     }
     if (status != RX_OK) {
         if (n.v != NULL) /* the planes may have changed places */

@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "base/simd.h"
+#include "data/gaps.h"
 #include "data/map.h"
 #include "num/convolve.h"
 
@@ -263,6 +264,8 @@ rx_status rx_network_data(const rx_network_input *input, double psf_fwhm, const 
                 .height = image->height,
                 .x = input->x};
     status = fill(&f, psf_fwhm, rx_blocks_threads(blocks, nthreads), err);
+    if (status == RX_OK)
+        rx_gaps_fill(input->gaps, input->x);
 exit:
     rx_coarse_free(&far);
     rx_cells_free(&c);

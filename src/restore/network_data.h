@@ -6,7 +6,7 @@
  *
  * Filled: (near + 0.01 far) / (weight of near + 0.01); near: Gaussian of twice the PSF's FWHM, cut at 3
  * sigma, over good pixels; far: mean in cells of 16 pixels, smoothed by a Gaussian of 32 pixels, 0 where no
- * good pixel is within 96. */
+ * good pixel is within 96. Narrow gaps, which may cut a star: straight between both sides (data/gaps.h). */
 #ifndef RX_RESTORE_NETWORK_DATA_H
 #define RX_RESTORE_NETWORK_DATA_H
 
@@ -21,9 +21,10 @@ rx_status rx_network_scale(const rx_image *image, const uint8_t *mask, int nthre
 /* An image in noise units. */
 typedef struct rx_network_input {
     const rx_image *image;
-    const uint8_t *mask; /* [height][width] 0 = good */
-    rx_coarse scale;     /* ADU per noise unit */
-    float *x;            /* [height][width] within +-1e7 */
+    const uint8_t *mask;        /* [height][width] 0 = good */
+    const struct rx_gaps *gaps; /* among what is masked; NULL: none */
+    rx_coarse scale;            /* ADU per noise unit */
+    float *x;                   /* [height][width] within +-1e7 */
 } rx_network_input;
 
 /* Writes input->x, the rest is given. Errors: RX_SYSTEM. */

@@ -282,7 +282,7 @@ static double add_row(const frame *f, const rx_coarse *sky, int y, float *room, 
     read_row(f, y, unit, room + n, r, variance);
     to_adu(n, unit, low, pixels + row);
     for (int i = 0; i < n; i++)
-        if (mask[i] != 0)
+        if ((mask[i] & ~RX_MASK_GAP) != 0)
             pixels[row + (size_t)i] = 0;
     if (reblurred != NULL) {
         if (reblurred != f->m)

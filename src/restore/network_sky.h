@@ -31,7 +31,7 @@
 rx_status rx_network_sky(const rx_network_input *input, const float *m, double fwhm, int nthreads,
                          rx_coarse *dst, rx_error *err);
 
-/* Noise units become ADU: pixels = scale (pixels + L), 0 under the mask; reblurred (NULL: not requested) =
+/* Noise units become ADU: pixels = scale (pixels + L), 0 under the mask but in gaps; reblurred (NULL: not requested) =
  * scale (m + L), m itself or another plane. chi2 = mean over good pixels of (x - m - L)^2 / variance, that of the sky and of the model's
  * photons (image->gain); NAN without good pixels. Errors: RX_SYSTEM. */
 typedef struct rx_network_adu {

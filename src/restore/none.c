@@ -1,6 +1,7 @@
 /* The restorer NONE: the tile as it is, its sky taken off. Hidden pixels are 0; noise is the image's, lent; psf is
  * a copy of the image's, NULL when that is not known. */
 #include "base/memory.h"
+#include "data/gaps.h"
 #include "data/map.h"
 #include "restore/prepared.h"
 #include "restore/runs.h"
@@ -32,6 +33,13 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_image *image, rx_lo
         return rx_error_memory(err, 0);
     }
     rx_prepared_mask(image, par->nthreads, restored->mask);
+    const rx_status status =
+        rx_gaps_find(restored->mask, image->width, image->height, image->psf != NULL ? image->psf->fwhm : 0.0,
+                     1, &restored->gaps, err);
+    if (status != RX_OK) {
+        rx_restored_free(restored);
+        return status;
+    }
     const rx_map level = rx_image_sky(image);
 #pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (int y = 0; y < image->height; y++)

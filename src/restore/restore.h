@@ -1,8 +1,8 @@
 /* Restorers: an image with its sky, noise and PSF in, the restored image with the PSF of the output out.
  *
  * One row per kind in data/restorers.h. All of them take what image->hide hides as masked and hand on ADU above the
- * sky on the input's flux scale, finite everywhere, 0 under the mask, and no value under the mask reaches any
- * output. What they hand on may read the image's planes, whose owners must live as long. The same bytes for
+ * sky on the input's flux scale, finite everywhere, 0 under the mask but in narrow gaps (data/gaps.h), and no value under the mask
+ * reaches any output. What they hand on may read the image's planes, whose owners must live as long. The same bytes for
  * any nthreads. *dst belongs to the caller (rx_restored_free()), NULL after an error. Errors: RX_INPUT (PSF
  * larger than the image or not finite), RX_SYSTEM, RX_INTERRUPTED. */
 #ifndef RX_RESTORE_RESTORE_H

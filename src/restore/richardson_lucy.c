@@ -11,6 +11,7 @@
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "base/simd.h"
+#include "data/gaps.h"
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
@@ -410,7 +411,7 @@ static rx_status restore_planes(const rx_restore_params *par, const rx_prepared 
     restored->pixels = rx_alloc_filled(n, sizeof *restored->pixels, prepared->nthreads);
     if (restored->pixels == NULL)
         RX_TRY_EXIT(rx_error_memory(err, n * sizeof *restored->pixels));
-    take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin), prepared->mask,
+    take(rl, rl->object + rx_blur_row(blur, 0), (size_t)(prepared->width + 2 * blur->margin), restored->mask,
          restored->pixels);
 exit:
     rx_rl_free(rl);
@@ -446,8 +447,13 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
     }
     if (status == RX_OK)
         status = new_restored(par, prepared, name, &restored, err);
+    if (status == RX_OK) /* under wide masks is no estimate of the light, in gaps there is */
+        status = rx_gaps_find(prepared->mask, prepared->width, prepared->height, psf->fwhm, 0,
+                              &restored->gaps, err);
     if (status != RX_OK)
         goto exit;
+    copy_mask(prepared->mask, n, restored->mask);
+    rx_gaps_mark(restored->gaps, 0, restored->mask);
     if (prepared->good == 0) {
         rx_log_warning(log, "%s: every pixel is masked, nothing to restore", name);
         for (size_t k = 0; restored->support != NULL && k < n; k++)
@@ -456,10 +462,9 @@ rx_status rx_rl_restore(const rx_restore_params *wanted, const rx_prepared *prep
         if (restored->pixels == NULL)
             status = rx_error_memory(err, n * sizeof *restored->pixels);
     } else if ((status = restore_planes(par, prepared, log, restored, err)) == RX_OK) {
-        status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, prepared->mask,
+        status = rx_gauss_masked(prepared->width, prepared->height, par->rl_denoise, restored->mask,
                                  prepared->nthreads, restored->pixels, err);
     }
-    copy_mask(prepared->mask, n, restored->mask);
     describe(par, prepared, settings, restored);
     restored->seconds = rx_seconds() - begun;
 exit:

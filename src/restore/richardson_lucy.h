@@ -13,7 +13,9 @@
  * flux of each source, to 0.15 % (tests/unit/restore/test_rl_flux.c: a Gaussian PSF, S/N 100 and more).
  * Nearer, a part of f lies where there are no data: a star one to two FWHM away is off by up to 3 %, one
  * closer by up to 10 %, and of one on the border itself a part is lost. rx_restored.support shows such
- * pixels.
+ * pixels. In narrow gaps f is handed on, elsewhere under the mask it is not. It comes up slowly where little of a star
+ * is seen: of one with S/N 500 and a hole of 3 x 3 pixels in its core (FWHM 3.5) 0.91 is there after RL_NITER 18, of 5 x
+ * 5 0.69; of S/N 50 0.91 and 0.59.
  *
  * Acceleration (RL_ACCELERATE): an update starts from the object carried on along its last step,
  *

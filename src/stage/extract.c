@@ -92,6 +92,12 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
         fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
         fit->dropped > 0 ? ", dropped" : "", fit->chi2);
     rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
+    if (rx_spurious_are_many(fit->invented, w->result.sources->n + fit->dropped))
+        rx_log_warning(
+            log,
+            "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, PSF "
+            "and GAIN those of these pixels? If so, raise DETECT_THRESH",
+            tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n + fit->dropped);
     add_account(run, text);
 }
 
@@ -217,9 +223,14 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     if (status == RX_OK && self->injected > 0)
         rx_log_info(log, "%s[%d]: %s: self check: %ld of %ld injected objects found%s", tile->name, tile->hdu,
                     run->label, self->found, self->injected, depth);
-    if (status == RX_OK && run->checks.blank.realisations > 0)
-        rx_log_info(log, "%s[%d]: %s: blank check: %.3g false detections per Mpixel", tile->name, tile->hdu,
-                    run->label, run->checks.blank.rate.value);
+    const rx_blankcheck *blank = &run->checks.blank;
+    if (status == RX_OK && blank->realisations > 0)
+        rx_log_info(log,
+                    "%s[%d]: %s: blank check: %.3g false detections per Mpixel (%.3g to %.3g at 95 %%, from "
+                    "%ld in %.2g "
+                    "Mpixel of noise)",
+                    tile->name, tile->hdu, run->label, blank->rate.value, blank->rate.low, blank->rate.high,
+                    blank->false_detections, blank->mpixels);
     if (status == RX_OK && text.length > 0) {
         rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
         add_account(run, text.data);

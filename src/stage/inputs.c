@@ -91,7 +91,8 @@ rx_status rx_inputs_visit(const rx_config *config, const rx_options *options, co
         take(&r, "NOISE_KERNEL_NAME", config->noise_kernel_name);
     if (config->filter)
         take(&r, "FILTER_NAME", config->filter_name);
-    take(&r, "STARNNW_NAME", options->pipeline.measure.nnw_file);
+    if (options->star_net != NULL)
+        take(&r, "STARNNW_NAME", config->starnnw_name);
     if (options->assoc_list != NULL)
         take(&r, "ASSOC_NAME", config->assoc_name);
     take(&r, "REFERENCE_NAME", config->reference_name);

@@ -26,7 +26,7 @@ rx_status rx_input_digest(const char *key, const char *name, char dst[RX_HASH_TE
 
 /* Where the model of that name lies. A name with a slash is a path. One without is that of an installed model
  * where there is one, else of a file in the current folder, so that what a training leaves there is not taken
- * for the installed model; ./NAME is the one here. `installed`: the folder of installed data, RX_DATA_FOLDER. */
+ * for the installed model by default; a NET_MODEL that was set and is here has got its ./ from the configuration. `installed`: the folder of installed data, RX_DATA_FOLDER. */
 void rx_input_model(const char *name, const char *installed, rx_text *dst);
 
 #endif

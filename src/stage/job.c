@@ -55,7 +55,13 @@ static rx_status make_options(const rx_job *job, rx_log *log, rx_job_result *dst
     RX_TRY(configure(job, log, &dst->config, err));
     if (job->ncolumns > 0)
         RX_TRY(rx_columns_of(job->columns, job->ncolumns, &columns, err));
-    return rx_options_with_columns(dst->config, columns, log, &dst->options, err);
+    RX_TRY(rx_options_with_columns(dst->config, columns, log, &dst->options, err));
+    rx_idle idle = rx_options_idle(dst->options->columns);
+    const rx_status status = rx_idle_add(&idle, &dst->config->settings, err);
+    if (status == RX_OK)
+        rx_idle_warn(&idle, log);
+    rx_idle_free(&idle);
+    return status;
 }
 
 /* Pixels from arrays to sky, noise and, where `what` says so, PSF. */

@@ -32,6 +32,7 @@
 #define FOLDER NULL
 #define WORDLIST(...) NULL
 #define W(word, value) value
+#define NEEDS(text) RX_FILL_NOTHING
 #define STAGE_WORDS RX_FILL_WORDS
 #define STAGE(how, field) RX_FILL(rx_options, how, field)
 #define TILES(how, field) STAGE(how, tile[0].field), STAGE(how, tile[1].field)
@@ -143,6 +144,7 @@ static void tile_options(const rx_config *cfg, rx_options *dst)
     for (int role = 0; role < 2; role++) {
         rx_tile_params *tile = &dst->tile[role];
         tile->nthreads = dst->pipeline.nthreads;
+        tile->own_maps = tile->weight_type == RX_WEIGHT_NONE && !rx_config_states(cfg, "WEIGHT_TYPE");
         if (tile->weight_type > RX_WEIGHT_BACKGROUND && weights->n > 0)
             tile->weight_name = weights->v[role < weights->n ? role : weights->n - 1];
     }
@@ -177,13 +179,14 @@ static unsigned skipped_measurements(const rx_config *cfg, const rx_options *opt
     return radius ? skip : skip | RX_SKIP_RADIUS;
 }
 
-static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
+static rx_status measure_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
 {
     rx_measure_params *par = &dst->pipeline.measure;
     int vignet[2];
     par->skip = skipped_measurements(cfg, dst);
     if (rx_columns_has(dst->columns, "CLASS_STAR"))
-        par->nnw_file = cfg->starnnw_name;
+        RX_TRY(rx_starclass_read(cfg->starnnw_name, &dst->star_net, err));
+    par->star_net = dst->star_net;
     static const char *const aper[] = {"FLUX_APER", "FLUXERR_APER", "MAG_APER", "MAGERR_APER"};
     for (size_t i = 0; i < COUNT(aper); i++)
         rx_columns_clip(dst->columns, aper[i], par->naper, "PHOT_APERTURES", log);
@@ -193,6 +196,7 @@ static void measure_options(const rx_config *cfg, rx_log *log, rx_options *dst)
     rx_columns_requested(dst->columns, "VIGNET", vignet);
     par->vignet_width = vignet[0];
     par->vignet_height = vignet[1];
+    return RX_OK;
 }
 
 /* As SExtractor measures what the columns ask for, templates are fitted where something asks for them. */
@@ -337,6 +341,24 @@ static rx_status check_library(const char *folder, int write, rx_error *err)
     return RX_OK;
 }
 
+/* Without a configuration and without the file, those of the shipped default.param. */
+rx_status rx_options_columns(const rx_config *cfg, rx_log *log, rx_column_list **dst, rx_error *err)
+{
+    return is_built_in(cfg->parameters_name, "default.param")
+               ? rx_columns_default(dst, err)
+               : rx_columns_read(cfg->parameters_name, log, dst, err);
+}
+
+static int has_column(const void *columns, const char *part)
+{
+    return rx_columns_mention(columns, part);
+}
+
+rx_idle rx_options_idle(const rx_column_list *columns)
+{
+    return (rx_idle){.has_column = columns != NULL ? has_column : NULL, .columns = columns};
+}
+
 rx_status rx_options_from_config(const rx_config *cfg, rx_log *log, rx_options **dst, rx_error *err)
 {
     return rx_options_with_columns(cfg, NULL, log, dst, err);
@@ -356,14 +378,12 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     RX_TRY_EXIT(kernel_options(cfg, options, err));
     if (wants_network(options))
         RX_TRY_EXIT(rx_options_need_model(options, log, err));
-    /* without a configuration and without the file, those of the shipped default.param */
+    options->columns_built_in = columns == NULL && is_built_in(cfg->parameters_name, "default.param");
     if (columns == NULL)
-        RX_TRY_EXIT(is_built_in(cfg->parameters_name, "default.param")
-                        ? rx_columns_default(&options->columns, err)
-                        : rx_columns_read(cfg->parameters_name, log, &options->columns, err));
+        RX_TRY_EXIT(rx_options_columns(cfg, log, &options->columns, err));
     RX_TRY_EXIT(rx_columns_need(options->columns, options->catalog_type, err));
     tile_options(cfg, options);
-    measure_options(cfg, log, options);
+    RX_TRY_EXIT(measure_options(cfg, log, options, err));
     RX_TRY_EXIT(checkimage_options(cfg, log, options, err));
     if (cfg->psf_library[0] != '\0')
         RX_TRY_EXIT(check_library(cfg->psf_library, options->pipeline.psf.library.write, err));
@@ -386,6 +406,7 @@ void rx_options_free(rx_options *options)
     rx_kernel_free(options->kernel);
     rx_kernel_free(options->noise_kernel);
     rx_gates_free(options->gates);
+    rx_starclass_free(options->star_net);
     rx_model_free(options->model);
     free(options);
 }

@@ -8,8 +8,10 @@
 #include "catalog/catalog.h"
 #include "check/params.h"
 #include "config/config.h"
+#include "config/idle.h"
 #include "config/kernel.h"
 #include "io/tile.h"
+#include "measure/starclass.h"
 #include "pipeline/params.h"
 #include "quality/qa.h"
 #include "stage/reference.h"
@@ -27,6 +29,7 @@ typedef struct rx_options {
     const char *catalog_name;
     const char *covariance_name; /* TEMPLATE_COVAR_NAME, "" = none */
     rx_column_list *columns;     /* owned */
+    int columns_built_in;        /* no file names them */
     int nchecks;
     const char *check_types[RX_LIST], *check_names[RX_LIST];
     int write_psf; /* PSF is among them, or PSF_LIBRARY is written */
@@ -34,6 +37,7 @@ typedef struct rx_options {
     rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */
     rx_reference_params reference; /* name NULL: no report */
     rx_qa_params qa;
+    rx_starclass *star_net;      /* owned, also pipeline.measure.star_net; NULL without CLASS_STAR */
     rx_gates *gates;             /* owned, also qa.gates; NULL without QA_GATES */
     const char *self_check_name; /* SELF_CHECK_NAME, "" = no report */
     const char *qa_name;
@@ -43,7 +47,7 @@ typedef struct rx_options {
     double plan_density;     /* PLAN_DENSITY, sources per Mpixel */
 } rx_options;
 
-/* Reads the files that keywords name (.param, .conv, gates, ASSOC list): all of them before any work. */
+/* Reads the files that keywords name (.param, .conv, .nnw, gates, ASSOC list): all of them before any work. */
 rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_options **dst, rx_error *err);
 
 /* The same with these columns instead of those of PARAMETERS_NAME; the list belongs to the options from then on, and is freed
@@ -51,6 +55,12 @@ rx_status rx_options_from_config(const rx_config *config, rx_log *log, rx_option
 rx_status rx_options_with_columns(const rx_config *config, rx_column_list *columns, rx_log *log,
                                   rx_options **dst, rx_error *err);
 void rx_options_free(rx_options *options);
+
+/* The columns that PARAMETERS_NAME asks for; free with rx_columns_free(). */
+rx_status rx_options_columns(const rx_config *config, rx_log *log, rx_column_list **dst, rx_error *err);
+
+/* For the keywords that are given in vain where the catalogue has these columns; NULL: where it has any. */
+rx_idle rx_options_idle(const rx_column_list *columns);
 
 /* Read the network's model (NET_MODEL) unless that has been done: for campaigns, which choose restorers
  * themselves; rx_options_from_config() has done it where RESTORE_TYPE has NET. Where it is looked for:

@@ -974,7 +974,7 @@ static rx_status read_stage_config(const job *job, rx_config **dst, rx_error *er
     if (strcmp(config->psf_type, "AUTO") == 0)
         RX_TRY_EXIT(rx_config_set(stage, "PSF_TYPE", "AUTO", job->log, err));
     RX_TRY_EXIT(rx_config_set(stage, "NTHREADS", threads, job->log, err));
-    RX_TRY_EXIT(rx_config_check(stage, job->log, err));
+    RX_TRY_EXIT(rx_config_check(stage, err));
     RX_TRY_EXIT(
         rx_settings_check_inputs(&config->settings, (const rx_settings *)stage, config->inject_image, err));
     *dst = stage;

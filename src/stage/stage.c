@@ -151,6 +151,7 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     const int templates = options->pipeline.templates.wanted;
     const int need_psf = any_needs_psf(options) || options->check.self_check || templates ||
                          options->write_psf || options->tile_page;
+    rx_log_step(job->log, need_psf ? "reading, sky, noise, PSF" : "reading, sky, noise");
     rx_status status = rx_field_open(options, need_psf ? RX_FIELD_PSF : 0,
                                      &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
@@ -193,6 +194,8 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
                                    .record = &job->record,
                                    .outputs = job->outputs,
                                    .log = job->log};
+    if (status == RX_OK && (job->reference != NULL || options->tile_page))
+        rx_log_step(job->log, "report");
     if (status == RX_OK)
         status = report(job, &about, err);
     if (status == RX_OK)
@@ -218,6 +221,8 @@ static rx_status run_all(job *job, rx_error *err)
     if (job->measure != NULL && n != nmeasure)
         RX_TRY_EXIT(rx_error_at(err, RX_INPUT, job->measure, -1, 0,
                                 "has %d images, the detection file %d; name the HDUs", nmeasure, n));
+    if (n > 1 && options->columns_built_in)
+        RX_TRY_EXIT(rx_columns_add(options->columns, (const char *const[]){"EXT_NUMBER"}, 1, err));
     if (options->reference.name != NULL)
         RX_TRY_EXIT(rx_catalog_read(options->reference.name, 0, &job->reference, err));
     RX_TRY_EXIT(open_runs(job, n, err));

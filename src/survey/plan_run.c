@@ -76,7 +76,7 @@ static rx_status plan_list(rx_json *json, const rx_settings *common, const char 
     rx_tiles *tiles = NULL;
     rx_status status = rx_tiles_read(path, &tiles, err);
     if (status == RX_OK)
-        status = rx_tiles_check(tiles, common, log, err);
+        status = rx_tiles_check(tiles, common, NULL, log, err);
     for (int i = 0; status == RX_OK && i < tiles->n; i++) {
         rx_settings *settings = NULL;
         rx_error why = rx_error_part(err);
@@ -122,7 +122,7 @@ rx_status rx_plan_run(const rx_settings *settings, const char *image, FILE *stan
     rx_json_end(&json);
     if (status == RX_OK && text.failed)
         status = rx_error_memory(err, text.capacity);
-    if (status == RX_OK && (fputs(text.data, standard_out) == EOF || fflush(standard_out) != 0))
+    if (status == RX_OK && (fputs(text.data, standard_out), !rx_stream_end(standard_out)))
         status = rx_error_set(err, RX_SYSTEM, "standard output cannot be written");
     if (status == RX_OK && all.failed > 0)
         status = rx_error_set(err, RX_SOME_FAILED, "%s: %ld of %ld tiles cannot be planned", image + 1,

@@ -371,7 +371,7 @@ rx_status rx_replay_run(const rx_settings *extra, const char *path, rx_log *log,
     RX_TRY_EXIT(rx_replay_record_config(r.record, r.path, &r.config, err));
     RX_TRY_EXIT(rx_settings_overlay(&r.config->settings, extra, harmless,
                                     "would change what is compared; leave it out", err));
-    RX_TRY_EXIT(rx_settings_check(&r.config->settings, NULL, err));
+    RX_TRY_EXIT(rx_settings_check(&r.config->settings, err));
     RX_TRY_EXIT(make_folder(&r, err));
     RX_TRY_EXIT(divert_outputs(&r, err));
     check_itself(&r);

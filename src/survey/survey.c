@@ -14,7 +14,7 @@ rx_status rx_survey_run(const rx_settings *common, const char *path, FILE *stand
     rx_outcomes *outcomes = NULL;
     rx_status status = rx_tiles_read(path, &tiles, err);
     if (status == RX_OK)
-        status = rx_tiles_check(tiles, common, log, err);
+        status = rx_tile_check(common, tiles, log, err);
     if (status == RX_OK)
         status = rx_outcomes_new(tiles->n, &outcomes, err);
     for (int i = 0; status == RX_OK && i < tiles->n; i++) {

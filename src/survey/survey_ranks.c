@@ -122,7 +122,7 @@ rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE 
     const int first = rx_par_rank() == 0;
     rx_status status = rx_tiles_read(path, &tiles, err);
     if (status == RX_OK)
-        status = rx_tiles_check(tiles, common, log, err);
+        status = rx_tile_check(common, tiles, log, err);
     if (status != RX_OK && !first) {
         if (err != NULL)
             *err = RX_ERROR_NONE; /* rank 0 finds the same, and says it once for all */

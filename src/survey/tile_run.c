@@ -7,6 +7,7 @@
 #include "base/reserve.h"
 #include "config/config_fields.h"
 #include "io/output.h"
+#include "stage/options.h"
 #include "stage/stage.h"
 #include "survey/tile_record.h"
 
@@ -93,5 +94,20 @@ rx_status rx_tile_run_listed(const rx_tiles *tiles, int i, const rx_settings *co
     if (status == RX_OK)
         status = rx_tile_run(settings, rx_tiles_image(tiles, i), standard_out, log, others, err);
     rx_settings_free(settings);
+    return status;
+}
+
+rx_status rx_tile_check(const rx_settings *common, const rx_tiles *tiles, rx_log *log, rx_error *err)
+{
+    rx_column_list *columns = NULL;
+    rx_options_columns((const rx_config *)common, NULL, &columns,
+                       NULL); /* its errors are those of the tiles */
+    rx_idle idle = rx_options_idle(columns);
+    const rx_status status =
+        tiles != NULL ? rx_tiles_check(tiles, common, &idle, log, err) : rx_idle_add(&idle, common, err);
+    if (status == RX_OK)
+        rx_idle_warn(&idle, log);
+    rx_idle_free(&idle);
+    rx_columns_free(columns);
     return status;
 }

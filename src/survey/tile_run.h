@@ -18,4 +18,8 @@ rx_status rx_tile_run(const rx_settings *settings, const char *image, FILE *stan
 rx_status rx_tile_run_listed(const rx_tiles *tiles, int i, const rx_settings *common, FILE *standard_out,
                              rx_log *log, int *others, rx_error *err);
 
+/* Before the first tile: the list, where it is not NULL (rx_tiles_check()), and a warning of the keywords that were given
+ * in vain. */
+rx_status rx_tile_check(const rx_settings *common, const rx_tiles *tiles, rx_log *log, rx_error *err);
+
 #endif

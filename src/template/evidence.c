@@ -43,12 +43,29 @@ rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_j
     return rival;
 }
 
+/* By what flux^2 / variance rises where the variance is that of a flux of 0: photons that a source itself claims do not hide it.
+ * What they take of the weights under its template. */
+static double without_own_photons(const rx_fit_image *c, const rx_fit_source *s)
+{
+    const rx_footprint *f = &s->footprint;
+    double with = 0, without = 0;
+    for (int v = 0; v < f->height; v++)
+        for (int u = 0; u < f->width; u++) {
+            const size_t k = rx_fit_image_row(c, f->y0 + v) + (size_t)(f->x0 + u);
+            const double t = (double)f->values[(size_t)v * (size_t)f->width + (size_t)u],
+                         power = t * t * (double)c->weight[k];
+            with += power;
+            without += power > 0 ? power * rx_fit_image_quiet(c, k, s->flux * t) : 0;
+        }
+    return with > 0 ? without / with : 1;
+}
+
 rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
                          const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
                          rx_error *err)
 {
     double rise = 0;
-    *evidence = rival->alone;
+    *evidence = rival->alone * without_own_photons(view->canvas, &subjects[rival->one]);
     if (rival->other < 0)
         return RX_OK;
     const rx_fit_source *other = &subjects[rival->other];

@@ -18,17 +18,18 @@ typedef struct rx_fit_neighbour {
 rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_joint_member *members,
                                        const int *member, int n, int i);
 
-/* Subject rival->one, of which the canvas shows rx_refine_alone_window() of its rival where it has one. Without a
- * brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
+/* Subject rival->one, of which the canvas shows its footprint, and rx_refine_alone_window() of its rival where it has one. Whether
+ * it is there its own photons cannot say. Without a brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
  * 0.2)
  *
  *   *evidence = flux^2 / variance
  *
- * which is exactly the rise of chi2 when a column is left out of linear least squares; else
+ * which is exactly the rise of chi2 when a column is left out of linear least squares, the variance that without its own photons
+ * and PSF errors, by what these take of the weights under its template; else
  *
  *   *evidence = 1 / (1 / rise + lumps^2)
  *   rise      = the smaller of flux^2 / variance and what rx_refine_alone() says of the neighbour with most
- *               light there
+ *               light there (if it has that light, it has the photons)
  *   lumps     = 0.3 r^2 / (r^2 + FWHM^2) * the neighbour's light under the template in fluxes of the source
  *   r         = half-light radius of the neighbour; 0 for points
  *

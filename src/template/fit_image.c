@@ -106,6 +106,14 @@ float rx_fit_image_variance(const rx_fit_image *canvas, int x, int y)
     return is_open(hidden, image->pixels[k] - level, sigma) ? least * least : 0.0f;
 }
 
+double rx_fit_image_quiet(const rx_fit_image *canvas, size_t k, double light)
+{
+    const double photons = canvas->gain > 0.0 ? 1.0 / canvas->gain : 0.0, error = pow(canvas->psf_error, 2),
+                 sky = pow((double)canvas->sigma[k], 2), all = fmax((double)canvas->model[k], 0.0),
+                 rest = fmax((double)canvas->model[k] - light, 0.0);
+    return (sky + all * (photons + all * error)) / (sky + rest * (photons + rest * error));
+}
+
 static const uint8_t unmasked[MOST] = {0};
 static const float none[MOST] = {0};
 

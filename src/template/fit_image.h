@@ -87,6 +87,10 @@ static inline size_t rx_fit_image_row(const rx_fit_image *canvas, int y)
 /* Variance of the sky in any pixel of the image, ADU^2; 0 where hidden. */
 float rx_fit_image_variance(const rx_fit_image *canvas, int x, int y);
 
+/* Variance of pixel k of those in memory over what it would be without `light` of its model (ADU): what weights rise by where the
+ * question is whether that light is there, which then has no photons either. */
+double rx_fit_image_quiet(const rx_fit_image *canvas, size_t k, double light);
+
 rx_window rx_footprint_window(const rx_footprint *footprint);
 
 /* From now on model = sum of n layers, added in their order in every pixel, and the weights that follow from

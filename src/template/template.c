@@ -725,8 +725,13 @@ static rx_status weigh_evidence(work *w, rx_error *err)
         const int group = w->blends.group[w->blends.member[k]], i = w->blends.member[k];
         const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
         g.rivals[i] = rx_evidence_neighbour(w->subjects, w->members, w->blends.member + first, m, k - first);
-        if (g.rivals[i].other >= 0)
-            windows[i] = rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other], &w->subjects[i]);
+        windows[i] = rx_footprint_window(&w->subjects[i].footprint);
+        if (g.rivals[i].other >= 0) {
+            const rx_window all =
+                rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other], &w->subjects[i]);
+            windows[i] = (rx_window){rx_min_int(windows[i].x0, all.x0), rx_min_int(windows[i].y0, all.y0),
+                                     rx_max_int(windows[i].x1, all.x1), rx_max_int(windows[i].y1, all.y1)};
+        }
     }
     status = rx_windows_run(&w->canvas, windows, w->n, 0, weigh_one, &g, err);
 exit:

@@ -295,23 +295,13 @@ static rx_status save(job *j, rx_error *err)
 }
 
 /* "1h05m" or "40 s". */
-static void write_span(double seconds, char *dst, size_t size)
-{
-    if (seconds >= 3600)
-        snprintf(dst, size, "%.0fh%02.0fm", floor(seconds / 3600), floor(fmod(seconds, 3600) / 60));
-    else if (seconds >= 120)
-        snprintf(dst, size, "%.0f min", seconds / 60);
-    else
-        snprintf(dst, size, "%.0f s", seconds);
-}
-
 static void tell_epoch(const job *j, double seconds, double waited, long images)
 {
     const rx_history *h = &j->kept->history;
     const rx_epoch *e = &h->epoch[h->n - 1];
-    char left[32];
+    char left[RX_TIME_LEFT];
     const double done = progress_of(j, 0) - j->begun_at;
-    write_span(done > 0 ? (rx_seconds() - j->begun) * (1 - progress_of(j, 0)) / done : 0, left, sizeof left);
+    rx_time_left(done > 0 ? (rx_seconds() - j->begun) * (1 - progress_of(j, 0)) / done : 0, left);
     rx_log_info(
         j->log,
         "epoch %ld of %d: loss %.4g, test %.4g (unrestored %.4g), validation %.4g%s, recall %.3f, flux "

@@ -6,6 +6,7 @@
 
 #include "catalog/catalog.h"
 #include "config/arguments.h"
+#include "config/idle.h"
 #include "config/kernel.h"
 #include "config/tiles.h"
 #include "fuzz.h"
@@ -47,7 +48,8 @@ void fuzz_config(const uint8_t *data, size_t size)
         rx_error err = RX_ERROR_NONE;
         fuzz_require(rx_settings_new(*table, &settings, &err) == RX_OK, "settings can be made");
         if (rx_settings_read(settings, path, NULL, &err) == RX_OK) {
-            rx_settings_check(settings, NULL, &err);
+            rx_settings_check(settings, &err);
+            rx_settings_warn_idle(settings, NULL, &err);
             dump_and_read(*table, settings);
         }
         rx_settings_free(settings);
@@ -95,7 +97,7 @@ void fuzz_tiles(const uint8_t *data, size_t size)
     rx_settings *settings = NULL;
     fuzz_require(rx_settings_new(rx_keytable_rextract(), &settings, NULL) == RX_OK, "settings can be made");
     if (rx_tiles_read(fuzz_file(0, data, size), &tiles, NULL) == RX_OK) {
-        rx_tiles_check(tiles, settings, NULL, NULL);
+        rx_tiles_check(tiles, settings, NULL, NULL, NULL);
         rx_tiles_free(tiles);
     }
     rx_settings_free(settings);

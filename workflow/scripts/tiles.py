@@ -101,16 +101,28 @@ def read(path):
     return tiles
 
 
-def common(settings, options, threads):
-    """Keywords of all tiles, as rextract is called with them."""
-    return ["-c", settings, "-CATALOG_NAME", "catalogs/{tile}.cat", "-QA_NAME", "reports/{tile}", "-NTHREADS", str(threads),
-            *options]
+def has_report(settings, given):
+    """Does the file or the command line ask for a report? rextract warns of a QA_NAME that has no effect."""
+    asks = {"REFERENCE_NAME": lambda value: value not in ("", "NONE"), "QA_TYPE": lambda value: value == "TILE"}
+    pairs = [(word.lstrip("-"), value) for word, value in zip(given, given[1:])]
+    try:
+        with open(settings, encoding="utf-8", errors="surrogateescape") as file:
+            pairs += [(line + [""])[:2] for line in map(words, file) if line]
+    except (OSError, ValueError):
+        return True  # rextract says what is wrong with it
+    return any(asks[key.upper()](value.upper()) for key, value in pairs if key.upper() in asks)
+
+
+def common(settings, options, threads, own=()):
+    """Keywords of all tiles, as rextract is called with them; own: those of one tile."""
+    report = ["-QA_NAME", "reports/{tile}"] if has_report(settings, [*options, *own]) else []
+    return ["-c", settings, "-CATALOG_NAME", "catalogs/{tile}.cat", *report, "-NTHREADS", str(threads), *options]
 
 
 def arguments(tile, settings, options, threads):
     """What rextract is called with for a tile."""
     image, *own = words(tile.line)
-    return [image, *common(settings, options, threads), *own, "-RECORD_NAME", "records/{tile}.record"]
+    return [image, *common(settings, options, threads, own), *own, "-RECORD_NAME", "records/{tile}.record"]
 
 
 WORKFLOW_MB = 300  # of the workflow's own process in a job, beside rextract
@@ -126,7 +138,8 @@ class Plans:
 
     def __init__(self, tiles, program, settings, options, threads, otherwise):
         self.tiles, self.threads, self.otherwise = tiles, threads, otherwise
-        self.command = [program, *common(settings, options, threads), "-RECORD_NAME", "records/{tile}.record", "-PLAN", "Y"]
+        own = [word for tile in tiles.values() for word in words(tile.line)]
+        self.command = [program, *common(settings, options, threads, own), "-RECORD_NAME", "records/{tile}.record", "-PLAN", "Y"]
         self.known, self.left, self.size = {}, {}, {}
 
     def of(self, name, density):

@@ -51,6 +51,10 @@ make_fits tile tile.fits
 printf 'NUMBER\nMAG_ATUO\n' >my.param
 expect 2 '^rextract: my\.param:2: .*MAG_ATUO.*MAG_AUTO' tile.fits $none -PARAMETERS_NAME my.param
 
+begin 'a file that a column needs is asked for before the image is'
+printf 'NUMBER\nCLASS_STAR\n' >my.param
+expect 2 '^rextract: absent\.nnw: .*STARNNW_NAME or leave out CLASS_STAR' absent.fits $none -PARAMETERS_NAME my.param -STARNNW_NAME absent.nnw
+
 begin 'column file without columns'
 make_fits tile tile.fits
 printf '# NUMBER\n' >my.param
@@ -161,3 +165,16 @@ expect 2 '^rextract: NOISE_CORRELATION FILE needs NOISE_KERNEL_NAME' tile.fits $
 begin 'noise of a kernel that is not there'
 make_fits tile tile.fits
 expect 2 '^rextract: absent\.conv: cannot be opened' tile.fits $none -NOISE_CORRELATION FILE -NOISE_KERNEL_NAME absent.conv
+
+begin 'keywords given in vain, with what each needs'
+make_fits tile tile.fits
+printf 'X_IMAGE\n' >my.param
+leaves test.cat
+talks 'warning: PSF_NAME a\.psf has no effect without PSF_TYPE FILE or PSFEX; ASSOC_NAME a\.list has no effect without column VECTOR_ASSOC' \
+    tile.fits $none -PARAMETERS_NAME my.param -PSF_NAME a.psf -ASSOC_NAME a.list
+begin 'keywords of a list that count for one of its tiles'
+make_fits tile tile.fits
+cp tile.fits b.fits
+printf 'tile.fits\nb.fits -PSF_TYPE MOFFAT -PSF_FWHM 3\n' >my.list
+leaves tile.cat b.cat
+talks 'warning: BACK_VALUE 3 has no effect without BACK_TYPE MANUAL tile 1 of 2' @my.list $none -CATALOG_NAME '{tile}.cat' -PSF_BETA 3 -BACK_VALUE 3

@@ -39,9 +39,17 @@ begin 'PSF of three stars'
 stars tile.fits 4
 rung '' 'RXPSFHOW = MOFFAT_BETA' 'RXPSFNST = [234]' 'RXPSFERR = 0\.05.*'
 
+begin 'PSF of three stars, and PSF_FWHM'
+stars tile.fits 4
+rung '-PSF_FWHM 3.2' 'RXPSFHOW = STATED' 'RXPSF = .*FWHM 3\.2.*from PSF_FWHM' 'RXPSFERR = 0\.08.*'
+
+begin 'PSF of pixels, and PSF_FWHM'
+stars tile.fits 60
+rung '-PSF_FWHM 3.2' 'RXFWHM = (2\.9|3\.0).*' 'RXPSFHOW = PIXELS'
+
 begin 'PSF of one star'
 stars tile.fits 1
-rung '' 'RXPSFHOW = WIDTH' 'RXPSFNST = 1'
+rung '' 'RXPSFHOW = WIDTH' 'RXPSFNST = 1' 'RXPSFERR = 0\.1.*'
 
 begin 'PSF of one star, and a stated seeing'
 stars tile.fits 1

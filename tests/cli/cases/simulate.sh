@@ -38,7 +38,7 @@ simulates 'a word that is no option'
 expect 2 "^rextract-simulate: 'tile\.fits' is no option; .*rextract-simulate -h$" tile.fits
 
 simulates 'no columns to print'
-expect_exactly 2 '^rextract-simulate: -dp has no value' -dp
+expect_exactly 2 "^rextract-simulate: unknown keyword '-dp'" -dp
 
 simulates 'keyword without value'
 expect_exactly 2 '^rextract-simulate: -SEED has no value' -SEED

@@ -208,7 +208,31 @@ if [ "$active" = 1 ]; then
         echo $? >../code
     } | :
     : >../out
-    judge 141 ''
+    judge 0 ''
+fi
+
+begin 'a reader of the catalogue that has seen enough: the other outputs are written'
+make_fits tile tile.fits
+leaves b.fits
+if [ "$active" = 1 ]; then
+    list_files >../before
+    {
+        sleep 0.2
+        timeout 60 "$program" tile.fits $none -CATALOG_NAME STDOUT -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME b.fits -VERBOSE_TYPE QUIET 2>../err
+        echo $? >../code
+    } | :
+    : >../out
+    judge 0 ''
+fi
+
+begin 'a disk that is full is a failure, though a closed pipe is none'
+make_fits tile tile.fits
+if [ "$active" = 1 ] && [ -c /dev/full ]; then
+    list_files >../before
+    timeout 60 "$program" tile.fits $none -CATALOG_NAME STDOUT -VERBOSE_TYPE QUIET >/dev/full 2>../err
+    echo $? >../code
+    : >../out
+    judge 4 '^rextract: .*standard output'
 fi
 
 # --- a gnuplot that does not do its work: the report comes without figures

@@ -125,4 +125,4 @@ trains 'keywords set in vain'
 make_training
 leaves trained.fits trained.checkpoint training
 says 4
-expect_exactly 0 'SIM\.PSF_FWHM 3 has no effect in a training' tiny.conf -SIM.PSF_FWHM 3 -MODE BLIND -TIKHONOV 0.1
+expect_exactly 0 'SIM\.PSF_FWHM 3 has no effect in a' tiny.conf -SIM.PSF_FWHM 3 -MODE BLIND -TIKHONOV 0.1

@@ -41,6 +41,23 @@ begin 'flags in words, in one column, a bit without a meaning among them'
 prints '^ +256  no flags of this column$'
 expect_exactly 0 '' -FLAGS flags=261
 
+begin 'all flags'
+prints '^ +1024  HIDDEN +the tile'
+expect_exactly 0 '' -FLAGS
+
+begin 'an option of other programs'
+expect_exactly 2 "^rextract: unknown keyword '--foo'; see rextract -h$" --foo
+
+begin 'keyword and value in one word'
+expect_exactly 2 'RESTORE_TYPE=RL: keyword and value are two words; give -RESTORE_TYPE RL$' -RESTORE_TYPE=RL
+
+begin 'help by other names'
+prints '^usage: rextract IMAGE'
+expect_exactly 0 '' help
+begin 'help with one dash'
+prints '^usage: rextract IMAGE'
+expect_exactly 0 '' -help
+
 begin 'flags that are no number'
 expect_exactly 2 "^rextract: 'FLAGS=-3' is no sum of flags; give one as -FLAGS 19" -FLAGS FLAGS=-3
 
@@ -148,3 +165,7 @@ says 3
 leaves x.cat back.fits
 expect_exactly 0 '^rextract: written: x\.cat, back\.fits$' tile.fits -RESTORE_TYPE NONE -CATALOG_NAME x.cat \
     -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME back.fits
+
+begin 'a catalogue as CSV'
+make_fits tile tile.fits
+expect 2 '^rextract: -CATALOG_TYPE: CSV is not written; give FITS_1\.0 or ASCII_VOTABLE' tile.fits -CATALOG_TYPE csv

@@ -54,9 +54,12 @@ static void progress_shows_share_and_time_left(void **state)
     rx_log log;
     rx_log_init(&log, "rextract", stream, RX_NORMAL);
     log.terminal = true;
+    rx_log_step(&log, "sky"); /* at once, however long it takes */
+    const long shown = ftell(stream);
+    assert_true(shown > 0);
     rx_log_progress_begin(&log);
     rx_log_progress(&log, "restoring", 0.1);
-    assert_int_equal(ftell(stream), 0); /* not in the first two seconds */
+    assert_int_equal(ftell(stream), shown); /* not in the first two seconds */
     log.begun -= 10.0;
     log.shown -= 10.0;
     rx_log_progress(&log, "restoring", 0.5);
@@ -65,8 +68,17 @@ static void progress_shows_share_and_time_left(void **state)
     size_t n = fread(text, 1, sizeof text - 1, stream);
     text[n] = '\0';
     fclose(stream);
-    assert_non_null(strstr(text, "rextract: restoring  50 %, 10 s left"));
+    assert_non_null(strstr(text, "\r\033[Krextract: sky\r\033[Krextract: restoring  50 %, 10 s left"));
     assert_string_equal(text + n - 4, "\r\033[K");
+}
+
+static void time_left_is_in_hours_and_minutes(void **state)
+{
+    (void)state;
+    char left[RX_TIME_LEFT];
+    assert_string_equal(rx_time_left(47.4, left), "47 s");
+    assert_string_equal(rx_time_left(720, left), "12 min");
+    assert_string_equal(rx_time_left(11100, left), "3h05m");
 }
 
 /* At NORMAL no line is longer than 160 characters, and no word is lost; at FULL a message is a line. */
@@ -375,6 +387,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(levels_choose_what_is_said),
         cmocka_unit_test(progress_shows_share_and_time_left),
+        cmocka_unit_test(time_left_is_in_hours_and_minutes),
         cmocka_unit_test(long_lines_are_folded),
         cmocka_unit_test(a_tile_has_ten_lines),
         cmocka_unit_test(lines_are_counted_anew),

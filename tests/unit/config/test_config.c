@@ -8,6 +8,7 @@
 
 #include "../scratch.h"
 #include "config/config_fields.h"
+#include "config/idle.h"
 
 static rx_config *defaults(void)
 {
@@ -182,7 +183,10 @@ static void logged(void **state, const char *text, rx_status expected, char *dst
     rx_log_init(&log, "t", stream, RX_NORMAL);
     if (rx_config_read(c, path, &log, err) != RX_OK)
         fail_msg("%s", err->text);
-    assert_int_equal(rx_config_check(c, &log, err), expected);
+    const rx_status status = rx_config_check(c, err);
+    assert_int_equal(status, expected);
+    if (status == RX_OK)
+        assert_int_equal(rx_settings_warn_idle(&c->settings, &log, err), RX_OK);
     rewind(stream);
     size_t n = fread(dst, 1, size - 1, stream);
     dst[n] = '\0';

@@ -9,6 +9,7 @@
 #include "../scratch.h"
 #include "config/arguments.h"
 #include "config/config_fields.h"
+#include "config/idle.h"
 
 static rx_campaign_config *campaign(void)
 {
@@ -118,7 +119,8 @@ static rx_status check_line(rx_settings *settings, const char *line, rx_log *log
         if (rx_settings_set(settings, word, value, NULL, err) != RX_OK)
             fail_msg("'%s': %s", line, err->text);
     }
-    return rx_settings_check(settings, log, err);
+    RX_TRY(rx_settings_check(settings, err));
+    return rx_settings_warn_idle(settings, log, err);
 }
 
 static void check_relations(const rx_keytable *table, size_t n, const char *const (*cases)[2])
@@ -251,6 +253,24 @@ static void keywords_set_in_vain_warn(void **state)
         {rx_keytable_simulate, "INJECT_PLACE AWAY",
          "t: warning: INJECT_PLACE AWAY has no effect without INJECT_IMAGE"},
         {rx_keytable_simulate, "IMAGE_NAME a.fits;SEED 5", NULL},
+        {rx_keytable_rextract, "PSF_NAME default.psf",
+         "t: warning: PSF_NAME default.psf has no effect without PSF_TYPE FILE or PSFEX\n"},
+        {rx_keytable_rextract, "PSF_NAME a.psf;PSF_TYPE PSFEX", NULL},
+        {rx_keytable_rextract, "WEIGHT_IMAGE w.fits",
+         "t: warning: WEIGHT_IMAGE w.fits has no effect without WEIGHT_TYPE MAP_RMS, MAP_VAR, MAP_IVAR or "},
+        {rx_keytable_rextract, "WEIGHT_IMAGE w.fits;WEIGHT_TYPE NONE,MAP_RMS", NULL},
+        {rx_keytable_rextract, "CHECKIMAGE_NAME a.fits",
+         "t: warning: CHECKIMAGE_NAME a.fits has no effect without CHECKIMAGE_TYPE\n"},
+        {rx_keytable_rextract, "QA_NAME qa;QA_TYPE TILE;MATCH_RADIUS 3;SELF_CHECK Y", NULL},
+        {rx_keytable_rextract, "FILTER_RESTORED N;RESTORE_TYPE NONE",
+         "t: warning: FILTER_RESTORED N has no effect without RESTORE_TYPE RL, RL_BLIND, NET or AUTO\n"},
+        {rx_keytable_rextract, "FILTER_RESTORED N;FILTER N",
+         "t: warning: FILTER_RESTORED N has no effect without FILTER Y\n"},
+        {rx_keytable_rextract, "PHOT_APERTURES 3;ASSOC_NAME a.list;STARNNW_NAME a.nnw",
+         NULL},                                                 /* any column */
+        {rx_keytable_validate, "STAGE.NET_MODEL a.fits", NULL}, /* the campaign decides */
+        {rx_keytable_simulate, "PSF_NAME a.psf;NOISE_TYPE CCD;GAIN 2;NOISE_SIGMA 3",
+         "t: warning: PSF_NAME a.psf has no effect without PSF_TYPE FILE or PSFEX; NOISE_SIGMA 3 has no "},
         {rx_keytable_validate, "SIM.IMAGE_NAME a.fits",
          "t: warning: SIM.IMAGE_NAME a.fits has no effect in a campaign"},
         {rx_keytable_validate, "STAGE.RESTORE_TYPE NONE",
@@ -289,12 +309,94 @@ static void keywords_set_in_vain_warn(void **state)
     }
 }
 
+static int only_x_image(const void *columns, const char *part)
+{
+    (void)columns;
+    return strcmp(part, "X_IMAGE") == 0;
+}
+
+static void check_idle(const rx_settings *const *settings, int n, const char *expected)
+{
+    rx_error err;
+    char said[1024] = "";
+    FILE *stream = tmpfile();
+    rx_log log;
+    rx_idle idle = {.has_column = only_x_image};
+    assert_non_null(stream);
+    rx_log_init(&log, "t", stream, RX_NORMAL);
+    for (int i = 0; i < n; i++)
+        assert_int_equal(rx_idle_add(&idle, settings[i], &err), RX_OK);
+    rx_idle_warn(&idle, &log);
+    rx_idle_free(&idle);
+    rewind(stream);
+    said[fread(said, 1, sizeof said - 1, stream)] = '\0';
+    assert_string_equal(said, expected);
+    fclose(stream);
+}
+
+/* A file that states what a keyword depends on holds that ready; dumps state everything. */
+static void files_hold_keywords_ready(void **state)
+{
+    static const char *const cases[][2] = {
+        {"CHECKIMAGE_TYPE NONE\nCHECKIMAGE_NAME none.fits\nPHOT_APERTURES 3\nASSOC_NAME a.list\n", ""},
+        {"CHECKIMAGE_NAME c.fits\n",
+         "t: warning: CHECKIMAGE_NAME c.fits has no effect without CHECKIMAGE_TYPE\n"},
+        {"WEIGHT_TYPE NONE\nWEIGHT_IMAGE w.fits\nRESCALE_WEIGHTS N\n", ""},
+        {"PSF_TYPE AUTO\nPSF_NAME a.psf\n", /* a dump of ours, edited */
+         "t: warning: PSF_NAME a.psf has no effect without PSF_TYPE FILE or PSFEX\n"},
+        {"PSF_TYPE MOFFAT\nPSF_NAME a.psf\n", ""},
+        {"PSF_NAME default.psf\n", ""},
+    };
+    rx_error err;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        rx_settings *settings = NULL;
+        assert_int_equal(rx_settings_new(rx_keytable_rextract(), &settings, &err), RX_OK);
+        assert_int_equal(read_text(state, settings, cases[i][0], &err), RX_OK);
+        check_idle((const rx_settings *[]){settings}, 1, cases[i][1]);
+        assert_int_equal(rx_settings_set(settings, "ASSOC_NAME", "b.list", NULL, &err), RX_OK);
+        if (cases[i][1][0] == '\0')
+            check_idle(
+                (const rx_settings *[]){settings}, 1,
+                "t: warning: ASSOC_NAME b.list has no effect without column VECTOR_ASSOC or NUMBER_ASSOC\n");
+        rx_settings_free(settings);
+    }
+    const rx_keytable *tables[] = {rx_keytable_rextract(), rx_keytable_simulate(), rx_keytable_validate(),
+                                   rx_keytable_train(), rx_keytable_survey()};
+    for (size_t t = 0; t < sizeof tables / sizeof tables[0]; t++) {
+        rx_text dump = {0};
+        rx_settings *settings = NULL;
+        assert_int_equal(rx_settings_new(tables[t], &settings, &err), RX_OK);
+        rx_settings_dump(&dump, tables[t], NULL, true);
+        assert_int_equal(read_text(state, settings, dump.data, &err), RX_OK);
+        check_idle((const rx_settings *[]){settings}, 1, "");
+        rx_text_free(&dump);
+        rx_settings_free(settings);
+    }
+}
+
+/* Of a list: idle is what counts for no tile that gives it. */
+static void tiles_of_a_list_are_idle_together(void **state)
+{
+    (void)state;
+    rx_error err;
+    rx_settings *a = NULL, *b = NULL;
+    assert_int_equal(rx_settings_new(rx_keytable_rextract(), &a, &err), RX_OK);
+    assert_int_equal(rx_settings_set(a, "QA_NAME", "qa", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(a, "PSF_NAME", "a.psf", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_copy(a, &b, &err), RX_OK);
+    assert_int_equal(rx_settings_set(b, "REFERENCE_NAME", "r.cat", NULL, &err), RX_OK);
+    check_idle((const rx_settings *[]){a, b, a}, 3,
+               "t: warning: PSF_NAME a.psf has no effect without PSF_TYPE FILE or PSFEX\n");
+    rx_settings_free(a);
+    rx_settings_free(b);
+}
+
 static void relations_of_parts_name_their_line(void **state)
 {
     rx_error err;
     rx_campaign_config *c = campaign();
     assert_int_equal(read_text(state, &c->settings, "SEED 1\nSIM.GALAXY_MAG 3,2\n", &err), RX_OK);
-    assert_int_equal(rx_settings_check(&c->settings, NULL, &err), RX_USAGE);
+    assert_int_equal(rx_settings_check(&c->settings, &err), RX_USAGE);
     assert_int_equal(err.line, 2);
     assert_string_equal(err.text, "SIM.GALAXY_MAG: 3 is above 2; give <from>,<to>");
     rx_campaign_config_free(c);
@@ -430,6 +532,8 @@ int main(void)
         cmocka_unit_test(trainings_are_checked),
         cmocka_unit_test(self_checks_are_checked),
         cmocka_unit_test(keywords_set_in_vain_warn),
+        IN_FOLDER(files_hold_keywords_ready),
+        cmocka_unit_test(tiles_of_a_list_are_idle_together),
         IN_FOLDER(relations_of_parts_name_their_line),
         cmocka_unit_test(shards_are_read),
         IN_FOLDER(copies_are_equal_and_independent),

@@ -58,7 +58,7 @@ static void check_refused(void **state, const char *text, const char *words, lon
     const char *path = put(state, "bad.list", text);
     rx_status status = rx_tiles_read(path, &tiles, &err);
     if (status == RX_OK)
-        status = rx_tiles_check(tiles, common, NULL, &err);
+        status = rx_tiles_check(tiles, common, NULL, NULL, &err);
     assert_int_equal(status, RX_USAGE);
     assert_non_null(strstr(err.text, words));
     assert_string_equal(err.where, path);
@@ -109,7 +109,7 @@ static void the_same_tile_may_be_read_twice(void **state)
     const char *path =
         put(state, "good.list", "a.fits -CATALOG_NAME 1.cat\na.fits -CATALOG_NAME 2.cat -SELF_CHECK Y\n");
     assert_int_equal(rx_tiles_read(path, &tiles, NULL), RX_OK);
-    assert_int_equal(rx_tiles_check(tiles, common, NULL, NULL), RX_OK);
+    assert_int_equal(rx_tiles_check(tiles, common, NULL, NULL, NULL), RX_OK);
     rx_settings_free(common);
     rx_tiles_free(tiles);
 }

@@ -11,3 +11,9 @@ tests_unit_detect_test_no_data_SOURCES = tests/unit/detect/test_no_data.c
 
 check_PROGRAMS += tests/unit/detect/test_anomalies
 tests_unit_detect_test_anomalies_SOURCES = tests/unit/detect/test_anomalies.c
+
+check_PROGRAMS += tests/unit/detect/test_saturation
+tests_unit_detect_test_saturation_SOURCES = tests/unit/detect/test_saturation.c
+
+check_PROGRAMS += tests/unit/detect/test_photons
+tests_unit_detect_test_photons_SOURCES = tests/unit/detect/test_photons.c

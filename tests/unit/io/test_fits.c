@@ -204,7 +204,8 @@ static rx_table *make_table(void)
     }
     snprintf(table->columns[4].unit, sizeof table->columns[4].unit, "deg");
     snprintf(table->columns[4].ucd, sizeof table->columns[4].ucd, "pos.eq.ra;meta.main");
-    snprintf(table->columns[4].description, sizeof table->columns[4].description, "Right ascension (J2000)");
+    snprintf(table->columns[4].description, sizeof table->columns[4].description,
+             "Right ascension (J2000), longer than fits behind TTYPE on a card");
     snprintf(table->columns[4].format, sizeof table->columns[4].format, "%%11.7f");
     free(table->name);
     table->name = rx_strdup("OBJECTS");

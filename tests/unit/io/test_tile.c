@@ -356,6 +356,17 @@ static void test_weights(void **state)
             assert_int_equal(tile->mask[i], cases[k].masked[i] ? RX_MASK_WEIGHT : 0);
         rx_tile_free(tile);
     }
+    par.weight_type =
+        RX_WEIGHT_MAP_IVAR; /* becomes an rms; not above 0, or the threshold, or no number: no data */
+    for (int k = 0; k < 2; k++) {
+        par.weight_threshold = k == 0 ? NAN : 2;
+        rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+        assert_int_equal(tile->weight_type, RX_WEIGHT_MAP_RMS);
+        assert_near(tile->weight[5], 0.5, 1e-7);
+        for (int i = 0; i < W * H; i++)
+            assert_int_equal(tile->mask[i], i - 1 > (k == 0 ? 0 : 2) && i != 19 ? 0 : RX_MASK_WEIGHT);
+        rx_tile_free(tile);
+    }
     par.weight_type = RX_WEIGHT_BACKGROUND; /* no file is read */
     par.weight_name = "nosuch.fits";
     rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
@@ -367,26 +378,140 @@ static void test_weights(void **state)
 static void test_companions(void **state)
 {
     char tile_name[1000], map_name[900];
+    char many[900];
     make_many(in(state, "m.fits"));
-    snprintf(map_name, sizeof map_name, "%s", in(state, "m.fits"));
+    snprintf(many, sizeof many, "%s", in(state, "m.fits"));
+    make_many(in(state, "w.fits"));
+    snprintf(map_name, sizeof map_name, "%s", in(state, "w.fits"));
     rx_tile_params par = PLAIN;
     par.weight_type = RX_WEIGHT_MAP_WEIGHT;
     par.weight_name = map_name;
     par.nflags = 1;
     par.flag_names[0] = map_name;
-    rx_tile *tile = read_tile(&par, map_name, 3, 2); /* second of those processed */
+    rx_tile *tile = read_tile(&par, many, 3, 2); /* second of those processed */
     assert_true(tile->weight[0] == 2.f);
     assert_int_equal(tile->nflagmaps, 1);
     assert_int_equal(tile->flagmaps[0][0], 2);
     rx_tile_free(tile);
-    snprintf(tile_name, sizeof tile_name, "%s[4][1:3,1:2]", map_name); /* same HDU, same section */
+    snprintf(tile_name, sizeof tile_name, "%s[4][1:3,1:2]", many); /* same HDU, same section */
     tile = read_tile(&par, tile_name, 4, 1);
     assert_true(tile->weight[0] == 3.f);
     assert_true(tile->weight[1] == 0.f);
     rx_tile_free(tile);
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_tile_read(&par, map_name, 4, 7, NULL, &tile, &err), RX_INPUT);
+    assert_int_equal(rx_tile_read(&par, many, 4, 7, NULL, &tile, &err), RX_INPUT);
     assert_non_null(strstr(err.text, "belongs"));
+    par.weight_name = many;
+    err = RX_ERROR_NONE;
+    assert_int_equal(rx_tile_read(&par, many, 4, 3, NULL, &tile, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "is the image itself"));
+}
+
+/* Image extensions of these names, each of one value, in integers where `bits` says so. */
+typedef struct plane {
+    const char *name;
+    float value;
+    int bits;
+} plane;
+
+static void make_planes(const char *path, const plane *planes, int n)
+{
+    fitsfile *file = NULL;
+    int failed = 0;
+    long axes[2] = {W, H};
+    remove(path);
+    fits_create_diskfile(&file, path, &failed);
+    fits_create_img(file, BYTE_IMG, 0, NULL, &failed);
+    for (int i = 0; i < n; i++) {
+        float pixels[W * H];
+        for (int k = 0; k < W * H; k++)
+            pixels[k] = k == 7 ? planes[i].value : planes[i].bits ? 0 : planes[i].value;
+        fits_create_img(file, planes[i].bits ? LONG_IMG : FLOAT_IMG, 2, axes, &failed);
+        if (planes[i].name[0] != '\0')
+            fits_write_key_str(file, "EXTNAME", planes[i].name, NULL, &failed);
+        if (planes[i].bits) {
+            fits_write_key_lng(file, "MP_SAT", 1, NULL, &failed);
+            fits_write_key_lng(file, "HIERARCH MP_NO_DATA", 8, NULL, &failed);
+            fits_write_key_lng(file, "HIERARCH MP_DETECTED", 5, NULL, &failed);
+        }
+        fits_write_img(file, TFLOAT, 1, W * H, pixels, &failed);
+    }
+    fits_close_file(file, &failed);
+    assert_int_equal(failed, 0);
+}
+
+/* The map of an image is the one of its name, whatever its place; one of fewer images is refused. */
+static void companions_go_by_their_names(void **state)
+{
+    static const plane images[] = {{"A", 1, 0}, {"B", 2, 0}}, swapped[] = {{"b", 20, 0}, {"a", 10, 0}},
+                       one[] = {{"A", 10, 0}}, nameless[] = {{"", 7, 0}};
+    char path[900];
+    rx_tile_params par = PLAIN;
+    rx_error err = RX_ERROR_NONE;
+    rx_tile *tile = NULL;
+    make_planes(in(state, "ab.fits"), images, 2);
+    snprintf(path, sizeof path, "%s", in(state, "ab.fits"));
+    par.weight_type = RX_WEIGHT_MAP_WEIGHT;
+    par.weight_name = in(state, "map.fits");
+    make_planes(par.weight_name, swapped, 2);
+    for (int i = 0; i < 2; i++) {
+        tile = read_tile(&par, path, i + 1, i + 1);
+        assert_near(tile->weight[0], 10 * tile->pixels[0], 0);
+        rx_tile_free(tile);
+    }
+    make_planes(par.weight_name, one, 1);
+    tile = read_tile(&par, path, 1, 1);
+    rx_tile_free(tile);
+    assert_int_equal(rx_tile_read(&par, path, 2, 2, NULL, &tile, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "belongs to HDU 2, B"));
+    make_planes(par.weight_name, nameless, 1);
+    err = RX_ERROR_NONE;
+    assert_int_equal(rx_tile_read(&par, path, 2, 2, NULL, &tile, &err), RX_INPUT);
+    char named[910];
+    snprintf(named, sizeof named, "%s[2]", path); /* one tile, one map */
+    tile = read_tile(&par, named, 2, 1);
+    assert_near(tile->weight[0], 7, 0);
+    rx_tile_free(tile);
+}
+
+/* Maps beside their image are no tiles; those of Rubin's files are taken unless WEIGHT_TYPE is set. */
+static void maps_in_the_file_of_the_image(void **state)
+{
+    static const plane rubin[] = {{"IMAGE", 100, 0}, {"MASK", (1 << 8) + (1 << 5), 1}, {"VARIANCE", 9, 0}},
+                       webb[] = {{"SCI", 100, 0}, {"ERR", 3, 0}, {"DQ", 1, 1}},
+                       only[] = {{"ERR", 3, 0}, {"DQ", 1, 1}},
+                       full[] = {{"IMAGE", 100, 0}, {"MASK", 2, 1}, {"VARIANCE", 9, 0}};
+    const struct {
+        const plane *planes;
+        int n, listed;
+    } files[] = {{rubin, 3, 1}, {webb, 3, 1}, {only, 2, 2}};
+    char path[900];
+    snprintf(path, sizeof path, "%s", in(state, "planes.fits"));
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        int *hdus = NULL, n = 0;
+        make_planes(path, files[i].planes, files[i].n);
+        assert_int_equal(rx_tile_list(path, NULL, &hdus, &n, NULL), RX_OK);
+        assert_int_equal(n, files[i].listed);
+        assert_int_equal(hdus[0], 1);
+        free(hdus);
+    }
+    rx_tile_params par = PLAIN;
+    for (int own = 0; own < 2; own++)
+        for (int k = 0; k < 2; k++) {
+            par.own_maps = own;
+            make_planes(path, k == 0 ? rubin : full, 3);
+            rx_tile *tile = read_tile(&par, path, 1, 1);
+            assert_int_equal(tile->weight_type, own ? RX_WEIGHT_MAP_VAR : RX_WEIGHT_NONE);
+            assert_int_equal(tile->mask[7], !own ? 0 : k == 0 ? RX_MASK_WEIGHT : RX_MASK_SATURATED);
+            assert_int_equal(tile->mask[8], 0);
+            if (own)
+                assert_near(tile->weight[3], 9, 0);
+            rx_tile_free(tile);
+        }
+    make_planes(path, webb, 3);
+    rx_tile *tile = read_tile(&par, path, 1, 1);
+    assert_null(tile->weight);
+    rx_tile_free(tile);
 }
 
 static void test_bad_companions(void **state)
@@ -654,6 +779,8 @@ int main(void)
         cmocka_unit_test(test_bad_names),
         cmocka_unit_test(test_weights),
         cmocka_unit_test(test_companions),
+        cmocka_unit_test(companions_go_by_their_names),
+        cmocka_unit_test(maps_in_the_file_of_the_image),
         cmocka_unit_test(test_bad_companions),
         cmocka_unit_test(test_flag_bits),
 

@@ -7,6 +7,7 @@
 #include "../near.h"
 #include "measure/aperture.h"
 #include "measure/measure.h"
+#include "measure/starclass.h"
 #include "num/stats.h"
 
 enum { W = 110, H = 100, OWN = 1, OTHER = 2, RINGS = 64 };
@@ -463,7 +464,9 @@ static void class_star_takes_the_threshold_of_the_image(void **state)
     scene t;
     open_scene(&t);
     t.par.seeing_fwhm = 3.0;
-    t.par.nnw_file = path;
+    rx_starclass *net = NULL;
+    assert_int_equal(rx_starclass_read(path, &net, NULL), RX_OK);
+    t.par.star_net = net;
     t.par.analysis_threshold = 8.0;
     for (int absolute = 0; absolute < 2; absolute++) {
         const double threshold = absolute ? 8.0 : 8.0 * GLOBAL;
@@ -471,6 +474,7 @@ static void class_star_takes_the_threshold_of_the_image(void **state)
         assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
         assert_near(t.s->class_star, 1.0 / (1.0 + exp(-log10(t.s->peak / threshold))), 1e-6);
     }
+    rx_starclass_free(net);
     unlink(path);
     close_scene(&t);
 }

@@ -16,3 +16,5 @@ check_PROGRAMS += tests/unit/pipeline/test_odd_images
 tests_unit_pipeline_test_odd_images_SOURCES = tests/unit/pipeline/test_odd_images.c
 check_PROGRAMS += tests/unit/pipeline/test_preal
 tests_unit_pipeline_test_preal_SOURCES = tests/unit/pipeline/test_preal.c
+check_PROGRAMS += tests/unit/pipeline/test_gaps
+tests_unit_pipeline_test_gaps_SOURCES = tests/unit/pipeline/test_gaps.c $(bench)

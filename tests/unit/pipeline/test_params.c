@@ -17,8 +17,14 @@
 #define SECTION(id, title)
 #define KEY RX_FILL_KEY
 #define NOWORDS NULL
+#define TEXT NULL
+#define READS NULL
+#define WRITES NULL
+#define WRITES_EACH NULL
+#define FOLDER NULL
 #define WORDLIST(...) NULL
 #define W(word, value) value
+#define NEEDS(text) RX_FILL_NOTHING
 #define PIPELINE_WORDS RX_FILL_WORDS
 #define PIPELINE(how, field) STAGE(how, pipeline.field)
 #define BACKGROUNDS(how, field) PIPELINE(how, background[0].field), PIPELINE(how, background[1].field)
@@ -78,6 +84,8 @@ static void rows_go_with_their_fields(void **state)
             words = rows[i].words;
             continue;
         }
+        if (rows[i].type == RX_FILLS_NOTHING) /* NEEDS */
+            continue;
         fields++;
         check_field(&rows[i], key, words);
         if (key->status == RX_STATUS_IGNORED || key->status == RX_STATUS_INERT)

@@ -14,6 +14,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "bench.h"
+#include "data/gaps.h"
 #include "io/tile.h"
 #include "pipeline/coordinates.h"
 #include "pipeline/crowd_psf.h"
@@ -710,6 +711,36 @@ static void test_saturated_pixels(void **state)
     }
 }
 
+/* Where nothing states a level, tops that are cut off at one say it; where one is stated it holds. */
+static void test_saturation_of_the_pixels(void **state)
+{
+    (void)state;
+    enum { TOP = 60 * SIDE + 60 };
+    static const double stated[] = {HUGE_VAL, 50000.0};
+    bench b;
+    scene s;
+    bench_open(&b, NULL);
+    scene_make(&s, SIDE, SIDE, 10, 8);
+    for (int i = 0; i < 2; i++)
+        scene_star(&s, 60 + 50 * i, 60, 1e6, 3.5);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        s.pixels[i] = fminf(s.pixels[i], 9000.0f);
+    for (int k = 0; k < 2; k++) {
+        rx_tile *tile = bench_tile(s.pixels, SIDE, SIDE, 2.0);
+        rx_field *field = NULL;
+        tile->saturation = stated[k];
+        assert_int_equal(rx_field_prepare(&b.options->pipeline, RX_FIELD_PSF, tile, NULL, NULL, &field, NULL),
+                         RX_OK);
+        assert_near(field->image.saturation, k == 0 ? 1000.0 + 0.95 * 8000.0 : 50000.0, 10.0);
+        assert_near(field->tile->saturation, field->image.saturation, 0.0);
+        assert_int_equal(field->image.saturated[TOP], k == 0 ? RX_MASK_SATURATED : 0);
+        assert_int_equal(field->image.saturated[0], 0);
+        rx_field_free(field);
+    }
+    scene_free(&s);
+    bench_close(&b);
+}
+
 /* Dead pixels: restorers leave out what is too deep for any cloud, and say how many there are; NONE takes all as it is. */
 static void test_deep_pixels(void **state)
 {
@@ -740,8 +771,10 @@ static void test_deep_pixels(void **state)
         assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find(kinds[k]), field, NULL, NULL,
                                           &result, NULL),
                          RX_OK);
-        for (int i = 0; i < N; i++)
-            assert_int_equal(result.restored->mask[HOLE + 20 * i], k == 1 && i > 0 ? RX_MASK_DEEP : 0);
+        const rx_gaps *gaps = result.restored->gaps;
+        assert_int_equal(gaps != NULL ? gaps->n : 0, k == 1 ? 2 : 0);
+        for (size_t i = 0; gaps != NULL && i < gaps->n; i++)
+            assert_int_equal(gaps->list[i].at, HOLE + 20 * (int)(i + 1));
         rx_result_facts(&result, &facts);
         for (int i = 0; i < facts.n; i++)
             if (strcmp(facts.pairs[i][0], "RXDEEP") == 0)
@@ -811,6 +844,7 @@ int main(void)
                                        cmocka_unit_test(test_noise_all_but_white),
                                        cmocka_unit_test(test_filter_of_restored),
                                        cmocka_unit_test(test_saturated_pixels),
+                                       cmocka_unit_test(test_saturation_of_the_pixels),
                                        cmocka_unit_test(test_deep_pixels),
                                        cmocka_unit_test(test_errors_of_correlated_noise),
                                        cmocka_unit_test(test_psf_squares),

@@ -147,16 +147,19 @@ static void wings_that_no_psf_explains_are_no_sources(void **state)
     check_star("NET", 5.5, NULL);
 }
 
-/* Masked for all, NONE finds pieces of it as well: nothing is added to what it was asked for. */
+/* Masked for all, it is as NONE finds it, and stays masked. */
 static void masked_for_all_it_stays_masked(void **state)
 {
     static const setting masked[] = {{"MASK_SATURATED", "Y"}, {NULL, NULL}};
     night n;
     (void)state;
     restore(&n, "RL", 3.5, 0, masked);
+    const rx_source *star = NULL, *none = NULL;
     assert_int_equal(n.restored.restored->mask[Y * SIDE + X], RX_MASK_SATURATED);
-    for (int i = 0; i < n.restored.sources->n; i++)
-        assert_int_equal(n.restored.sources->list[i].untouched, 0);
+    assert_int_equal(near_to(n.restored.sources, X, Y, 10, &star), 1);
+    assert_int_equal(near_to(n.none.sources, X, Y, 10, &none), 1);
+    assert_true(star->untouched > 0);
+    assert_memory_equal(&star->flux_auto, &none->flux_auto, sizeof star->flux_auto);
     forget(&n);
 }
 

@@ -235,9 +235,40 @@ static void test_evidence(void **state)
     field_close(&f);
 }
 
+/* A star that stands alone is as certainly there whatever its own photons are said to be; its S/N is not. */
+static void test_own_photons(void **state)
+{
+    (void)state;
+    static const double gains[] = {0.0, 1.0, 0.01};
+    field f;
+    double evidence[3], snr[3];
+    field_open(&f, 60, 60, 3.0, 5.0, 1);
+    field_star(&f, 30.2, 29.7, 600.0);
+    field_noise(&f, 3);
+    field_list(&f, 30, 30, 5, 1.5, 1.5, 0);
+    field_restore_none(&f);
+    for (int k = 0; k < 3; k++) {
+        rx_tphot_params par = rx_tphot_defaults();
+        rx_tphot_input input = field_input(&f);
+        rx_tphot *tphot = NULL;
+        input.image.gain = gains[k];
+        par.extended = 0;
+        par.sky_cell = 0;
+        assert_int_equal(rx_tphot_run(&par, &input, &tphot, NULL), RX_OK);
+        evidence[k] = tphot->list[0].evidence;
+        snr[k] = tphot->list[0].snr;
+        rx_tphot_free(tphot);
+    }
+    assert_near(evidence[1] / evidence[0], 1.0, 0.05);
+    assert_near(evidence[2] / evidence[0], 1.0, 0.15); /* weights differ, and with them the flux */
+    assert_true(snr[2] < 0.5 * snr[0]);
+    field_close(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_column), cmocka_unit_test(test_usual),
-                                       cmocka_unit_test(test_average), cmocka_unit_test(test_evidence)};
+                                       cmocka_unit_test(test_average), cmocka_unit_test(test_evidence),
+                                       cmocka_unit_test(test_own_photons)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

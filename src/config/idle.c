@@ -1,0 +1,201 @@
+/* Which keywords were given in vain. */
+#include "config/idle.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "config/keyword.h"
+
+enum { NO_ROW = -1, COLUMN = -2 };
+
+static const void *field_of(const rx_settings *settings, int row)
+{
+    return (const char *)settings + settings->table->rows[row].offset;
+}
+
+/* Does the keyword have this item? Without a word: is it on, that is, not empty, NONE, N or 0? */
+static bool has_item(const rx_settings *settings, int row, const char *word)
+{
+    const rx_kind kind = settings->table->rows[row].kind;
+    const void *field = field_of(settings, row);
+    for (int i = 0; i < rx_keyword_count(kind, field); i++) {
+        rx_kind is;
+        const void *item = rx_keyword_item(kind, field, i, &is);
+        const char *text = is == RX_KIND_BOOL   ? (*(const bool *)item ? "Y" : "N")
+                           : is == RX_KIND_INT  ? (*(const int *)item != 0 ? "1" : "")
+                           : is == RX_KIND_REAL ? (*(const double *)item != 0 ? "1" : "")
+                                                : *(char *const *)item;
+        const bool on = text[0] != '\0' && strcmp(text, "NONE") != 0 && strcmp(text, "N") != 0;
+        if (word == NULL ? on : strcmp(text, word) == 0)
+            return true;
+    }
+    return false;
+}
+
+/* A file that states what decides over a keyword holds that ready on purpose. Own keywords are stated by a line that
+ * is not the default's: a dump that was edited has them all, and those who come from SExtractor do not know them. */
+static bool is_stated(const rx_settings *settings, int row)
+{
+    return settings->origin[row] > RX_FROM_DUMP ||
+           (settings->origin[row] == RX_FROM_DUMP && settings->table->rows[row].status == RX_STATUS_SEX);
+}
+
+/* One condition, up to a semicolon: alternatives by commas and "or", each a keyword that is on, a keyword with one of
+ * its words, or "column" with parts of names. Is one of them met, and is a keyword among them stated? */
+static bool is_met(const rx_idle *idle, const rx_settings *settings, const char *condition, size_t length,
+                   bool *stated)
+{
+    int row = NO_ROW;
+    bool met = false, alone = false;
+    *stated = false;
+    for (size_t at = 0, size = 0; at < length; at += size + strspn(condition + at + size, " ,")) {
+        char word[48];
+        size = strcspn(condition + at, " ,;");
+        snprintf(word, sizeof word, "%.*s", (int)size, condition + at);
+        const int named = strcmp(word, "column") == 0 ? COLUMN : rx_keyword_find(settings->table, word);
+        if (strcmp(word, "or") == 0)
+            continue;
+        if (named == NO_ROW) {
+            met |= row == COLUMN ? idle->has_column == NULL || idle->has_column(idle->columns, word)
+                                 : has_item(settings, row, word);
+            alone = false;
+            continue;
+        }
+        met |= alone && has_item(settings, row, NULL);
+        row = named;
+        alone = row != COLUMN;
+        *stated |= row == COLUMN || is_stated(settings, row);
+    }
+    return met || (alone && has_item(settings, row, NULL));
+}
+
+/* The first condition of a keyword that is not met, its length behind *length; NULL = it has its effect. */
+static const char *unmet(const rx_idle *idle, const rx_settings *settings, int row, int *length)
+{
+    const char *condition = settings->table->rows[row].needs;
+    while (condition != NULL && *condition != '\0') {
+        const size_t size = strcspn(condition, ";");
+        bool stated;
+        if (!is_met(idle, settings, condition, size, &stated) &&
+            (settings->origin[row] == RX_FROM_COMMAND || !stated)) {
+            *length = (int)size;
+            return condition;
+        }
+        condition += size + strspn(condition + size, "; ");
+    }
+    return NULL;
+}
+
+/* Why row has no effect, into *why; nothing when it has, or when it was not given. */
+static void explain(const rx_idle *idle, const rx_settings *settings, rx_idle_function *function, int row,
+                    const char *initial, rx_text *why)
+{
+    const rx_keyword *key = &settings->table->rows[row];
+    const char *with = key->status == RX_STATUS_IGNORED ? "here"
+                       : function != NULL               ? function(settings, key->name)
+                                                        : NULL;
+    rx_text value = {0};
+    int length = 0;
+    rx_keyword_print(&value, settings, row, false);
+    if (value.failed) {
+        why->failed = true;
+    } else if (with != NULL) {
+        if (strcmp(value.data, initial) != 0)
+            rx_text_printf(why, "%s%s %s has no effect %s (%s)", settings->prefix, key->name, value.data,
+                           with, key->help);
+    } else if (settings->prefix[0] == '\0' && settings->origin[row] > RX_FROM_DUMP) {
+        const char *condition = unmet(idle, settings, row, &length);
+        if (condition != NULL)
+            rx_text_printf(why, "%s %s has no effect without %.*s", key->name, value.data, length, condition);
+    }
+    rx_text_free(&value);
+}
+
+static rx_status add_row(rx_idle *idle, int at, const rx_settings *settings, const rx_settings *defaults,
+                         rx_idle_function *function, int row, rx_error *err)
+{
+    rx_text why = {0}, initial = {0};
+    rx_keyword_print(&initial, defaults, row, false);
+    if (!initial.failed)
+        explain(idle, settings, function, row, initial.data, &why);
+    const bool failed = initial.failed || why.failed;
+    rx_text_free(&initial);
+    if (failed) {
+        rx_text_free(&why);
+        return rx_error_memory(err, 0);
+    }
+    if (why.length == 0)
+        idle->counts[at] |= settings->origin[row] > RX_FROM_DUMP;
+    if (idle->why[at] != NULL)
+        rx_text_free(&why);
+    else
+        idle->why[at] = why.data;
+    return RX_OK;
+}
+
+static int count_rows(const rx_settings *settings)
+{
+    int n = settings->table->nrows;
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        n += count_rows(settings->part[i]);
+    return n;
+}
+
+/* The rows from *at on. */
+static rx_status add_rows(rx_idle *idle, int *at, const rx_settings *settings, rx_idle_function *function,
+                          rx_error *err)
+{
+    rx_settings *defaults = NULL;
+    rx_status status = rx_settings_new(settings->table, &defaults, err);
+    for (int row = 0; row < settings->table->nrows && status == RX_OK; row++, ++*at)
+        if (settings->table->rows[row].kind != RX_KIND_SECTION)
+            status = add_row(idle, *at, settings, defaults, function, row, err);
+    rx_settings_free(defaults);
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
+        status = add_rows(idle, at, settings->part[i], rx_settings_part_idle(settings, i), err);
+    return status;
+}
+
+rx_status rx_idle_add(rx_idle *idle, const rx_settings *settings, rx_error *err)
+{
+    int at = 0;
+    if (idle->why == NULL) {
+        idle->nrows = count_rows(settings);
+        idle->why = RX_NEW(char *, (size_t)idle->nrows);
+        idle->counts = RX_NEW(bool, (size_t)idle->nrows);
+        if (idle->why == NULL || idle->counts == NULL)
+            return rx_error_memory(err, (size_t)idle->nrows * sizeof *idle->why);
+    }
+    return add_rows(idle, &at, settings, settings->table->idle, err);
+}
+
+void rx_idle_warn(rx_idle *idle, rx_log *log)
+{
+    rx_text all = {0};
+    for (int row = 0; row < idle->nrows && idle->why != NULL && idle->counts != NULL; row++)
+        if (idle->why[row] != NULL && !idle->counts[row])
+            rx_text_printf(&all, "%s%s", all.length > 0 ? "; " : "", idle->why[row]);
+    if (!all.failed && all.length > 0)
+        rx_log_warning(log, "%s", all.data);
+    rx_text_free(&all);
+}
+
+void rx_idle_free(rx_idle *idle)
+{
+    for (int row = 0; row < idle->nrows && idle->why != NULL; row++)
+        free(idle->why[row]);
+    free(idle->why);
+    free(idle->counts);
+    *idle = (rx_idle){.has_column = idle->has_column, .columns = idle->columns};
+}
+
+rx_status rx_settings_warn_idle(const rx_settings *settings, rx_log *log, rx_error *err)
+{
+    rx_idle idle = {0};
+    const rx_status status = rx_idle_add(&idle, settings, err);
+    if (status == RX_OK)
+        rx_idle_warn(&idle, log);
+    rx_idle_free(&idle);
+    return status;
+}
