@@ -38,6 +38,7 @@ typedef struct value {
 
 typedef struct seek {
     const rx_image *image;
+    bool keep_sky;
     const uint8_t *mask;
     unsigned char *mark; /* [height][width] */
     size_t *region;      /* [room] */
@@ -347,7 +348,8 @@ static bool lengthen(seek *s)
 
 static bool is_no_data(const seek *s, const value *v)
 {
-    return !v->sky && 2 * v->flat <= v->steps && (double)v->beside <= POINTS * (double)s->rest;
+    const bool stays = s->keep_sky && fabs((double)v->value - s->level) <= LIGHT * s->step;
+    return !stays && !v->sky && 2 * v->flat <= v->steps && (double)v->beside <= POINTS * (double)s->rest;
 }
 
 /* Regions of all values; anew where some need longer runs. */
@@ -369,11 +371,12 @@ static rx_status seek_regions(seek *s, int threads, rx_error *err)
     return join_all(s, err);
 }
 
-rx_status rx_no_data_hide(const rx_image *image, int nthreads, uint8_t *mask, size_t *found, rx_error *err)
+rx_status rx_no_data_hide(const rx_image *image, bool keep_sky, int nthreads, uint8_t *mask, size_t *found,
+                          rx_error *err)
 {
     const size_t n = (size_t)image->width * (size_t)image->height;
     const int threads = rx_max_int(nthreads, 1);
-    seek s = {.image = image, .mask = mask};
+    seek s = {.image = image, .keep_sky = keep_sky, .mask = mask};
     rx_status status = RX_OK;
     *found = 0;
     if (!may_have_runs(image, threads))

@@ -14,15 +14,19 @@
 #ifndef RX_DETECT_NO_DATA_H
 #define RX_DETECT_NO_DATA_H
 
+#include <stdbool.h>
+
 #include "base/error.h"
 #include "base/extern.h"
 #include "data/image.h"
 
 RX_BEGIN_DECLS
 
-/* mask, [height][width], of the same image, gets RX_MASK_BAD there; *found: pixels that got it. Where all are alike all get it.
+/* keep_sky: values as the sky's (within 5 of these medians of its level) stay, too, as SExtractor has no other way to know.
+ * mask, [height][width], of the same image, gets RX_MASK_BAD there; *found: pixels that got it. Where all are alike all get it.
  * The same for any nthreads. Errors: RX_SYSTEM, and mask is as it was. */
-rx_status rx_no_data_hide(const rx_image *image, int nthreads, uint8_t *mask, size_t *found, rx_error *err);
+rx_status rx_no_data_hide(const rx_image *image, bool keep_sky, int nthreads, uint8_t *mask, size_t *found,
+                          rx_error *err);
 
 RX_END_DECLS
 

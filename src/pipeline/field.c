@@ -703,13 +703,16 @@ static uint8_t *own_mask(const rx_field *field)
     return field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
 }
 
-static rx_status hide_no_data(const rx_pipeline_params *params, rx_field *field, rx_log *log, rx_error *err)
+/* With SExtractor's sky (BACK_PASSES 1) a constant at its level is sky, as there. */
+static rx_status hide_no_data(const rx_pipeline_params *params, int role, rx_field *field, rx_log *log,
+                              rx_error *err)
 {
     const rx_image *image = &field->image;
     uint8_t *mask = own_mask(field);
     if (mask == NULL)
         return RX_OK;
-    RX_TRY(rx_no_data_hide(image, params->nthreads, mask, &field->no_data, err));
+    RX_TRY(rx_no_data_hide(image, params->background[role].passes == 1, params->nthreads, mask,
+                           &field->no_data, err));
     if (field->no_data > 0)
         rx_log_warning(log,
                        "%s[%d]: %.1f %% of its pixels, in runs of one value, hold no data (RXNODATA): they "
@@ -807,7 +810,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     const int role = (what & RX_FIELD_MEASURED) != 0;
     rx_lap last = rx_lap_now();
     rx_status status = RX_OK;
-    RX_TRY(hide_no_data(params, field, log, err));
+    RX_TRY(hide_no_data(params, role, field, log, err));
     RX_TRY(find_saturation(field, log, err));
     RX_TRY(measure_backgrounds(params, role, field, log, err));
     hide_deep(field, log);

@@ -147,11 +147,11 @@ bool rx_fits_is_unreadable(int failed)
     return failed == READ_ERROR || failed == SEEK_ERROR;
 }
 
-static rx_status refuse(const source *s, const rx_fits_header *header, const char *path, int hdu,
-                        rx_error *err)
+static rx_status refuse(const source *s, rx_fits_header *header, const char *path, int hdu, rx_error *err)
 {
     if (s->unreadable)
         return rx_error_at(err, RX_INPUT, path, hdu, 0, "its header cannot be read from the disk");
+    rx_text_tame(header->fault); /* it may quote a damaged card */
     return header->fault[0] == '\0' ? RX_OK : rx_error_at(err, RX_INPUT, path, hdu, 0, "%s", header->fault);
 }
 

@@ -32,8 +32,8 @@ static size_t hide(void)
     static uint8_t one[N];
     size_t found, again;
     memcpy(one, mask, sizeof mask);
-    assert_int_equal(rx_no_data_hide(&image, 1, one, &again, NULL), RX_OK);
-    assert_int_equal(rx_no_data_hide(&image, 3, mask, &found, NULL), RX_OK);
+    assert_int_equal(rx_no_data_hide(&image, false, 1, one, &again, NULL), RX_OK);
+    assert_int_equal(rx_no_data_hide(&image, false, 3, mask, &found, NULL), RX_OK);
     assert_int_equal(again, found);
     assert_memory_equal(one, mask, sizeof mask);
     return found;

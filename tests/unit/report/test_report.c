@@ -440,7 +440,7 @@ static void errors_are_compared_on_common_sources(void **state)
         double errors[2] = {NAN, NAN};
         const char *line = strstr(brief.data, names[k]);
         assert_non_null(line);
-        assert_int_equal(sscanf(line, "%*s %*s %*s %*s %*s %*s %lf %lf", &errors[0], &errors[1]), 2);
+        assert_int_equal(sscanf(line, "%*s %*s %*s %*s %*s %*s %lf %lf", &errors[1], &errors[0]), 2);
         assert_near(errors[0], own[k], 0.006);
         assert_near(errors[1], common[k], 0.006);
     }
