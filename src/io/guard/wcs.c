@@ -564,7 +564,7 @@ static bool read_matrix(const char *cards, size_t ncards, int kind, double m[4])
     bool there = false, pc = false;
     double step[2] = {0, 0}, rotation = 0;
     for (int k = 0; k < 4; k++) {
-        char key[9];
+        char key[32];
         snprintf(key, sizeof key, "%s%d_%d", kind == 0 ? "CD" : "PC", k / 2 + 1, k % 2 + 1);
         m[k] = kind == 1 && k % 3 == 0;
         there = rx_cards_number(cards, (long)ncards, key, &m[k]) || there;
