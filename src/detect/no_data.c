@@ -177,7 +177,8 @@ static rx_status list_values(seek *s, rx_error *err)
             RX_TRY(RX_GROW(s->values, room = 2 * room + MANY, err));
         s->values[found++] = (value){.value = pixel, .run = RUN};
     }
-    qsort(s->values, found, sizeof *s->values, by_value);
+    if (found > 1)
+        qsort(s->values, found, sizeof *s->values, by_value);
     s->nvalues = 0;
     for (size_t i = 0; i < found; i++)
         if (i == 0 || s->values[i].value != s->values[s->nvalues - 1].value)
