@@ -2,6 +2,7 @@
 #include "survey/tile_run.h"
 
 #include <stdlib.h>
+#include <sys/stat.h>
 
 #include "base/names.h"
 #include "base/reserve.h"
@@ -99,9 +100,12 @@ rx_status rx_tile_run_listed(const rx_tiles *tiles, int i, const rx_settings *co
 
 rx_status rx_tile_check(const rx_settings *common, const rx_tiles *tiles, rx_log *log, rx_error *err)
 {
+    const rx_config *config = (const rx_config *)common;
     rx_column_list *columns = NULL;
-    rx_options_columns((const rx_config *)common, NULL, &columns,
-                       NULL); /* its errors are those of the tiles */
+    struct stat info;
+    /* a FIFO can be read only once, by the tile; errors are those of the tiles, too */
+    if (stat(config->parameters_name, &info) != 0 || S_ISREG(info.st_mode))
+        rx_options_columns(config, NULL, &columns, NULL);
     rx_idle idle = rx_options_idle(columns);
     const rx_status status =
         tiles != NULL ? rx_tiles_check(tiles, common, &idle, log, err) : rx_idle_add(&idle, common, err);

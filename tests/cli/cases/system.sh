@@ -350,8 +350,8 @@ begin 'a FIFO with a writer is read, and written to a reader'
 mkfifo from to && make_fits tile tile.fits
 if [ "$active" = 1 ]; then
     list_files >../before
-    { sleep 1 && printf 'NUMBER\nX_IMAGE\n'; } >from &
-    sed -n '$p' to >../last &
+    timeout 60 sh -c "{ sleep 1 && printf 'NUMBER\\nX_IMAGE\\n'; } >from" &
+    timeout 60 sed -n '$p' to >../last &
     run tile.fits -c /dev/null $none -PARAMETERS_NAME from -CATALOG_NAME to -VERBOSE_TYPE QUIET
     wait
     grep -Eq '^ +[0-9]+ +[0-9.]+ *$' ../last || cat ../last >>../err
