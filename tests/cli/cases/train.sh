@@ -80,7 +80,7 @@ trains 'no loss'
 expect 2 '^rextract-train: -LOSS_IDT: no term of the loss trains RESTORE' -LOSS_IDT 0 -LOSS_REC 0 -LOSS_REC_PSF 0 -LOSS_FFL 0
 
 trains 'one name for two outputs'
-expect 2 '^rextract-train: -CHECKPOINT_NAME: a\.fits is also MODEL_NAME; give each a name of its own$' -MODEL_NAME a.fits -CHECKPOINT_NAME a.fits
+expect 2 '^rextract-train: CHECKPOINT_NAME a\.fits is also MODEL_NAME; give each output its own name$' -MODEL_NAME a.fits -CHECKPOINT_NAME a.fits
 
 trains 'nothing in the sky'
 expect 2 '^rextract-train: -SIM\.STAR_COUNT: there are no stars' -SIM.STAR_COUNT 0 -SIM.GALAXY_COUNT 0
