@@ -195,7 +195,7 @@ expect 3 '^rextract: weight\.fits\[0\]: the weight map has 64 x 48 pixels, the t
 
 begin 'weight that is a cube'
 make_fits tile tile.fits && make_fits cube weight.fits
-expect 3 '^rextract: weight\.fits\[0\]: holds an image of 3 axes, a 2-D one was expected' tile.fits $none -WEIGHT_TYPE MAP_VAR
+expect 3 '^rextract: weight\.fits\[0\]: holds an image of 3 axes \(96 x 96 x 3\), a 2-D one was expected; name one plane' tile.fits $none -WEIGHT_TYPE MAP_VAR
 
 begin 'flag map that is not there'
 make_fits tile tile.fits && printf 'NUMBER\nIMAFLAGS_ISO\n' >my.param
