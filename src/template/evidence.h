@@ -18,7 +18,7 @@ typedef struct rx_fit_neighbour {
 rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_joint_member *members,
                                        const int *member, int n, int i);
 
-/* Subject rival->one, of which the canvas shows its footprint, and rx_refine_alone_window() of its rival where it has one. Whether
+/* Source rival->one, whose footprint is shown, and rx_refine_alone_window() of its rival where it has one. Whether
  * it is there its own photons cannot say. Without a brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
  * 0.2)
  *
