@@ -124,6 +124,7 @@ ladder() {
     (cd free && "$@") >log 2>&1 || return 1
     wrong=0 refused=0
     for megabytes in 28 34 38 42 45 46 48 52 64 120; do
+        # shellcheck disable=SC3045 # dash and bash have ulimit -v
         (cd limited && ulimit -v $((1024 * megabytes)) && "$@") >said 2>&1
         code=$?
         if [ $code -eq 0 ] && diff -r free limited >/dev/null && [ ! -s said ]; then
