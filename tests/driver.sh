@@ -4,7 +4,8 @@
 # A test tells its cases in one of three ways: TAP lines as cmocka writes them ("ok 1 - name",
 # "not ok 2 - name", "not ok 3 # SKIP name"; any number of groups), a closing line
 # "N passed, N failed, N skipped", or its exit code alone (77: skipped). However it counts, a test
-# that ends in failure without a failed case, or before all planned cases ran, is an error.
+# that ends in failure without a failed case, or before all planned cases ran, is an error. What took long has its seconds in the
+# line that is printed, so that who waits for the suite sees for what.
 set -u
 
 while [ $# -gt 0 ]; do
@@ -18,10 +19,11 @@ while [ $# -gt 0 ]; do
     esac
 done
 
+begun=$(date +%s)
 "$@" >"$log" 2>&1 </dev/null
 code=$?
 
-awk -v code="$code" -v name="$name" -v trs="$trs" '
+awk -v code="$code" -v seconds=$(($(date +%s) - begun)) -v name="$name" -v trs="$trs" '
     /^1\.\.[0-9]+$/ { planned += substr($0, 4); tap = 1 }
     /^(not )?ok [0-9]+ # SKIP/ { skipped++; ran++; next }
     /^ok [0-9]+/ { passed++; ran++ }
@@ -51,5 +53,6 @@ awk -v code="$code" -v name="$name" -v trs="$trs" '
         if (failed > 0) text = text ", " failed " failed"
         if (skipped > 0) text = text ", " skipped " skipped"
         if (error != "") text = text ", " error
+        if (seconds >= 10) text = text ", " seconds " s"
         print result ": " name " (" text ")"
     }' "$log"
