@@ -8,6 +8,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/memory.h"
 #include "base/point.h"
 #include "base/printable.h"
 #include "io/fits_read.h"
@@ -425,29 +426,58 @@ void rx_cards_drop_illegal(rx_text *cards, rx_text *names)
     cards->length = kept * CARD;
 }
 
+typedef struct keyword {
+    char text[CARD + 1];
+} keyword;
+
+/* "" without one. */
+static keyword keyword_of(const char *card)
+{
+    keyword key = {""};
+    memcpy(key.text, card, KEY);
+    key.text[strcspn(key.text, " ")] = '\0';
+    if (strcmp(key.text, "HIERARCH") == 0) {
+        const char *equals = memchr(card, '=', CARD);
+        size_t n = equals != NULL && equals > card + 9 ? (size_t)(equals - card) - 9 : 0;
+        memcpy(key.text, card + 9, n);
+        while (n > 0 && key.text[n - 1] == ' ')
+            n--;
+        key.text[n] = '\0';
+    }
+    return key;
+}
+
+static int compare_keywords(const void *a, const void *b)
+{
+    return strcasecmp(((const keyword *)a)->text, ((const keyword *)b)->text);
+}
+
 void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
 {
-    size_t own = cards->length / CARD;
-    int skipped = 0; /* CONTINUE follows what its first card did */
+    const size_t ncards = cards->length / CARD;
+    keyword *own = RX_NEW(keyword, ncards + 1); /* sorted: a header may have 1e5 cards */
+    size_t nown = 0;
+    bool skipped = false; /* CONTINUE follows what its first card did */
+    if (own == NULL) {
+        cards->failed = true;
+        return;
+    }
+    for (size_t i = 0; i < ncards; i++) {
+        own[nown] = keyword_of(cards->data + i * CARD);
+        nown += value_of(cards->data + i * CARD, own[nown].text) != NULL;
+    }
+    qsort(own, nown, sizeof *own, compare_keywords);
     for (size_t i = 0; i < nparent && !cards->failed; i++) {
         const char *card = parent + i * CARD;
-        char key[CARD + 1] = "";
-        memcpy(key, card, KEY);
-        key[strcspn(key, " ")] = '\0';
-        if (strcmp(key, "HIERARCH") == 0) {
-            const char *equals = memchr(card, '=', CARD);
-            size_t n = equals != NULL && equals > card + 9 ? (size_t)(equals - card) - 9 : 0;
-            memcpy(key, card + 9, n);
-            while (n > 0 && key[n - 1] == ' ')
-                n--;
-            key[n] = '\0';
-        }
-        if (strcmp(key, "CONTINUE") != 0)
-            skipped = !rx_card_is_useful(card) || key[0] == '\0' || strcmp(key, "COMMENT") == 0 ||
-                      strcmp(key, "HISTORY") == 0 || rx_cards_find(cards->data, own, key) >= 0;
+        const keyword key = keyword_of(card);
+        if (strcmp(key.text, "CONTINUE") != 0)
+            skipped = !rx_card_is_useful(card) || key.text[0] == '\0' || strcmp(key.text, "COMMENT") == 0 ||
+                      strcmp(key.text, "HISTORY") == 0 ||
+                      bsearch(&key, own, nown, sizeof *own, compare_keywords) != NULL;
         if (!skipped)
             rx_text_add_bytes(cards, card, CARD);
     }
+    free(own);
 }
 
 /* Up to 8 of A-Z 0-9 - _, and marked as ours: GAIN or SEED of the configuration must not look like the
