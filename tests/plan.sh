@@ -5,7 +5,7 @@ top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
 . "$top/tests/lib.sh"
 program=$programs/rextract
 python=/usr/bin/python3
-need rextract rextract-simulate tests/cli/make_model
+need rextract rextract-simulate tests/cli/make_model tests/cli/make_fits
 if [ ! -x $python ]; then
     skip plans "$python is missing"
     finish
@@ -52,6 +52,16 @@ result 'the page of a tile and the VOTable' $? err
 plan a.fits -PLAN_DENSITY 100 -NTHREADS 1 && cp out less && plan a.fits -PLAN_DENSITY 20000 -NTHREADS 8 && says 't[0]["threads"] == 8
     and t[0]["memory_bytes"] > json.load(open("less"))["all"]["memory_bytes"] and a["cpu_seconds"] > json.load(open("less"))["all"]["cpu_seconds"]'
 result 'more sources and threads take more' $? err
+
+# a variance that is taken by default costs what it costs when it is named, in both images
+"$build/tests/cli/make_fits" calexp ../maps.fits
+map='../maps.fits[VARIANCE]'
+plan ../maps.fits -WEIGHT_TYPE MAP_VAR -WEIGHT_IMAGE "$map" && cp out ../named &&
+    plan ../maps.fits,../maps.fits -WEIGHT_TYPE MAP_VAR,MAP_VAR -WEIGHT_IMAGE "$map,$map" && cp out ../both &&
+    plan ../maps.fits,../maps.fits && says 'a["memory_bytes"] == json.load(open("../both"))["all"]["memory_bytes"]' &&
+    plan ../maps.fits -WEIGHT_TYPE NONE && cp out ../without && plan ../maps.fits && says 't[0]["images"] == 1 and
+    json.load(open("../without"))["all"]["memory_bytes"] < a["memory_bytes"] == json.load(open("../named"))["all"]["memory_bytes"]'
+result 'maps beside the image in its file' $? err
 
 # noise like the tile's, before the tile: at worst a window of 1024 x 1024, in time a quarter and more of a large tile; a
 # copy of a small one, in memory

@@ -121,19 +121,25 @@ static uint32_t bits_of(const char *cards, size_t n, const char *const *names, s
     return bits;
 }
 
-/* HDUs named MASK and VARIANCE, -1 where there is none. */
-static rx_status find_maps(fitsfile *file, const char *path, int *mask, int *variance, rx_error *err)
+rx_status rx_planes_find(fitsfile *file, const char *path, const char *extname, int *mask, int *variance,
+                         rx_error *err)
 {
-    int n = 0;
+    int n = 0, last[2] = {-1, -1};
     *mask = *variance = -1;
+    if (strcmp(extname, "IMAGE") != 0)
+        return RX_OK;
     rx_status status = rx_fits_count(file, path, &n, NULL, err);
     for (int hdu = 0; hdu < n && status == RX_OK; hdu++) {
         char name[RX_EXTNAME];
         status = rx_planes_name(file, path, hdu, name, err);
         if (strcmp(name, "MASK") == 0)
-            *mask = hdu;
+            last[0] = hdu;
         else if (strcmp(name, VARIANCE) == 0)
-            *variance = hdu;
+            last[1] = hdu;
+    }
+    if (last[0] >= 0 && last[1] >= 0) {
+        *mask = last[0];
+        *variance = last[1];
     }
     return status;
 }
@@ -149,10 +155,8 @@ rx_status rx_planes_add(const rx_tile_params *par, fitsfile *file, const rx_tile
     char *cards = NULL;
     uint32_t *flags = NULL;
     rx_text map = {0}, weight = {0};
-    if (strcmp(tile->extname, "IMAGE") != 0)
-        return RX_OK;
-    rx_status status = find_maps(file, path, &mask, &variance, err);
-    if (status != RX_OK || mask < 0 || variance < 0)
+    rx_status status = rx_planes_find(file, path, tile->extname, &mask, &variance, err);
+    if (status != RX_OK || mask < 0)
         return status;
     rx_text_printf(&weight, "%s[%d]", path, variance);
     rx_text_printf(&map, "%s[%d]", path, mask);

@@ -15,9 +15,13 @@ rx_status rx_planes_name(fitsfile *file, const char *path, int hdu, char dst[RX_
 rx_status rx_planes_keep_images(fitsfile *file, const char *path, rx_log *log, int *hdus, int *n,
                                 rx_error *err);
 
-/* An image IMAGE beside MASK and VARIANCE, as Rubin's pipelines and HSC's write: the variance becomes the tile's weight
- * map, and what the mask's header calls BAD, CR, NO_DATA (no data) or SAT (saturated) joins tile->mask. Of other files
- * nothing. Errors: as of rx_tile_add_weight(). */
+/* HDUs of the MASK and the VARIANCE beside an image of this EXTNAME, if it is IMAGE and both are there, as Rubin's pipelines
+ * and HSC's write; else -1 and -1. The file is left at another HDU. */
+rx_status rx_planes_find(fitsfile *file, const char *path, const char *extname, int *mask, int *variance,
+                         rx_error *err);
+
+/* Of an image with both the variance becomes the tile's weight map, and what the mask's header calls BAD, CR, NO_DATA
+ * (no data) or SAT (saturated) joins tile->mask. Of other files nothing. Errors: as of rx_tile_add_weight(). */
 rx_status rx_planes_add(const rx_tile_params *par, fitsfile *file, const rx_tile_place *place, rx_log *log,
                         rx_tile *tile, rx_error *err);
 

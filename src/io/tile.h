@@ -37,6 +37,7 @@ typedef struct rx_tile_shape {
     int hdu;
     int width, height; /* of the section, where the name has one */
     int compressed;    /* a tile-compressed image */
+    int own_maps;      /* a variance and a mask stand beside it, which rx_tile_params.own_maps takes */
     size_t ncards;     /* of its header */
     size_t held;       /* bytes of the file that are in memory while it is read: gzip and the like */
 } rx_tile_shape;

@@ -315,10 +315,13 @@ static void count_rows(const rx_plan_job *job, int i, const rx_restorer *kind, d
     times[RX_COST_FURTHER] = options->nrestorers - 1;
     times[RX_COST_REPORT] = options->reference.name != NULL || options->tile_page ? options->nrestorers : 0;
     for (int role = 0; role <= dual; role++) {
+        const rx_tile_shape *shape = &(role == 0 ? job->detect : job->measure)[i];
         times[RX_COST_TILE]++;
-        times[RX_COST_WEIGHT] += options->tile[role].weight_type != RX_WEIGHT_NONE;
+        /* of own maps, too; the mask's bits and a second copy of a file in gzip go before the peak */
+        times[RX_COST_WEIGHT] += options->tile[role].weight_type != RX_WEIGHT_NONE ||
+                                 (options->tile[role].own_maps && shape->own_maps);
         times[RX_COST_FLAG_MAP] += options->tile[role].nflags;
-        times[RX_COST_COMPRESSED] += (role == 0 ? job->detect : job->measure)[i].compressed;
+        times[RX_COST_COMPRESSED] += shape->compressed;
     }
 }
 

@@ -71,7 +71,7 @@ KINDS = {
 }
 # memory is then no measure; not read here, where it would count as memory of what we start
 SANITIZED = subprocess.run(["grep", "-qa", "__asan_init", os.path.join(BUILD, "rextract")], check=False).returncode == 0
-FORMS = ("integer", "gzip", "rice", "three images")  # of an ordinary tile, by NONE and RL
+FORMS = ("integer", "gzip", "rice", "three images", "own maps")  # of an ordinary tile, by NONE and RL
 
 
 def call(words, **more):
@@ -173,9 +173,12 @@ def convert(form, name, other):
         else:
             write_hdu(file, [card("SIMPLE", "T"), card("BITPIX", 8), card("NAXIS", 0), card("EXTEND", "T")], b"")
             kept = [one for one in bare if not one.startswith((b"SIMPLE", b"EXTEND"))]
-            for _ in range(3):
-                write_hdu(file, [b"XTENSION= 'IMAGE   '".ljust(80), *kept[:4], card("PCOUNT", 0), card("GCOUNT", 1),
-                                 *kept[4:]], data)
+            planes = [("", -32, data)] * 3
+            if form == "own maps":
+                planes = [("IMAGE", -32, data), ("MASK", 32, b"\0" * len(data)), ("VARIANCE", -32, struct.pack(">f", 4) * (side * side))]
+            for plane, bitpix, pixels in planes:
+                write_hdu(file, [b"XTENSION= 'IMAGE   '".ljust(80), card("BITPIX", bitpix), *kept[1:4], card("PCOUNT", 0),
+                                 card("GCOUNT", 1), card("EXTNAME", f"'{plane:8}'"), *kept[4:]], pixels)
 
 
 def in_form(form, name):
@@ -256,7 +259,7 @@ def matrix(size):
     everything = list(KINDS)
     some = ["NONE", "RL", "RL_BLIND", "NET", "NET templates", "RL self check"]
     if size == "small":
-        return [("o", 128, 2, ["NONE", "RL", "NET", "RL check-images", "NONE two images", "RL VOTable"], ["gzip"]),
+        return [("o", 128, 2, ["NONE", "RL", "NET", "RL check-images", "NONE two images", "RL VOTable"], ["gzip", "own maps"]),
                 ("c", 256, 1, ["NONE", "NET", "NONE templates", "NONE,RL report", "RL self check"], ["three images"]),
                 ("o", 700, 1, ["NONE self check"], ())]
     return [("o", 128, 1, everything, FORMS), ("c", 128, 16, everything, ()), ("o", 1024, 1, everything, FORMS),
