@@ -165,6 +165,12 @@ result 'a tile that its restorer cannot do is not tried again' $? log
 mv good.yaml my.yaml
 mv whole.list tiles.list
 
+slurm=$top/workflow/profiles/slurm
+sed 's/^cluster-generic-submit-cmd:/cluster:/; s/^cluster-generic-\(.*\)-cmd:/cluster-\1:/; /^executor: cluster-generic$/d; /^#/d' \
+    "$slurm/config.v8+.yaml" >after7
+grep -v '^#' "$slurm/config.yaml" | diff - after7 >log
+result 'the profiles of Snakemake 7 and of 8 and later say the same' $? log
+
 # --- what is wrong with the configuration ---
 
 # refused TITLE PATTERN: the run fails with that line, and nothing is done.
