@@ -71,8 +71,6 @@ static rx_status take_image(const char *word, found *words, rx_error *err)
 
 static rx_status take_file(const char *word, found *words, rx_error *err)
 {
-    if (word[0] == '\0')
-        return rx_error_set(err, RX_USAGE, "the name of the configuration file is empty; give one");
     if (words->plain != NULL)
         return rx_error_set(err, RX_USAGE,
                             "'%.200s' is one configuration file too many, after '%.200s'; give one", word,
@@ -207,6 +205,8 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
         status = take_file(words->file, words, err);
     if (words->plain != NULL)
         words->file = words->plain;
+    if (status == RX_OK && words->file != NULL && words->file[0] == '\0')
+        return rx_error_set(err, RX_USAGE, "the name of the configuration file is empty; give one");
     const bool needed = table->plain == RX_PLAIN_IMAGES || table->plain == RX_PLAIN_RECORDS;
     if (status == RX_OK && needed && words->nimages == 0)
         return rx_error_set(err, RX_USAGE, "no %s named; see %s -h",

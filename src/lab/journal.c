@@ -253,8 +253,6 @@ static rx_status read_all(int file, const char *path, char **text, size_t *lengt
     struct stat info;
     if (fstat(file, &info) != 0)
         return cannot(path, "read", err);
-    if (!S_ISREG(info.st_mode))
-        return rx_error_at(err, RX_USAGE, path, -1, 0, "is no plain file; give another JOURNAL_NAME");
     const size_t size = (size_t)info.st_size;
     char *data = NULL;
     RX_TRY(RX_MAKE(data, size + 1, err));

@@ -230,14 +230,34 @@ int rx_fields_noise_hidden(rx_fields fields)
     return hides_noise(fields.detect) || hides_noise(fields.measure);
 }
 
+/* What may be hidden of its pixels, the caller's or its own. */
+static uint8_t *own_mask(const rx_field *field)
+{
+    return field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
+}
+
+static bool has_pixels(const rx_field *field)
+{
+    const uint8_t *mask = own_mask(field);
+    const size_t n = (size_t)field->image.width * (size_t)field->image.height;
+    for (size_t i = 0; i < n; i++)
+        if (mask == NULL || (mask[i] & RX_HIDE_PLAIN) == 0)
+            return true;
+    return false;
+}
+
 static void say_anomalies(const rx_field *field, rx_log *log)
 {
     const rx_anomalies *a = &field->anomalies;
     const rx_image *image = &field->image;
-    if (field->plain->constant)
+    if (field->plain->constant && !has_pixels(field))
         rx_log_warning(log,
-                       "%s[%d]: it has no noise that could be measured (no pixel, a map, rounded numbers?): "
-                       "sigma is taken for 1, thresholds and errors mean nothing, every source has "
+                       "%s[%d]: all of its pixels are masked or hold no data, so that no source is found",
+                       image->name, image->hdu);
+    else if (field->plain->constant)
+        rx_log_warning(log,
+                       "%s[%d]: it has no noise that could be measured (a map, rounded numbers?): sigma is "
+                       "taken for 1, thresholds and errors mean nothing, every source has "
                        "FLAGS_RESTORE 1024; give the noise (WEIGHT_TYPE MAP_RMS)",
                        image->name, image->hdu);
     else if (rx_anomalies_is_coarse(a, field->plain->global_sigma))
@@ -684,10 +704,12 @@ static rx_status measure_backgrounds(const rx_pipeline_params *params, int role,
     static const double many = 0.1; /* of the pixels: no sky has so many bright stars */
     const double saturated = saturated_share(&field->image);
     if (saturated > many)
-        rx_log_warning(log,
-                       "%s[%d]: %.0f %% of its pixels are at SATUR_LEVEL %g or above, so that their sources "
-                       "count as saturated (FLAGS 4): give SATUR_LEVEL in the unit of the pixels",
-                       field->image.name, field->image.hdu, 100.0 * saturated, field->image.saturation);
+        rx_log_warning(
+            log,
+            "%s[%d]: %.0f %% of its pixels are at SATUR_LEVEL %g or above, so that their sources "
+            "count as saturated (FLAGS 4): give SATUR_LEVEL in the unit of the pixels and, where the "
+            "header has SATUR_KEY, a SATUR_KEY that it lacks",
+            field->image.name, field->image.hdu, 100.0 * saturated, field->image.saturation);
     int hide_plain = params->saturated_in_none ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
     rx_status status = measure_background(params, role, &field->image, hide_plain, &field->plain, err);
     field->restored = field->plain;
@@ -695,12 +717,6 @@ static rx_status measure_backgrounds(const rx_pipeline_params *params, int role,
         return status;
     field->restored = NULL;
     return measure_background(params, role, &field->image, RX_HIDE_RESTORED, &field->restored, err);
-}
-
-/* What may be hidden of its pixels, the caller's or its own. */
-static uint8_t *own_mask(const rx_field *field)
-{
-    return field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
 }
 
 /* With SExtractor's sky (BACK_PASSES 1) a constant at its level is sky, as there. */

@@ -353,16 +353,22 @@ static rx_status jackknife(fitted_star *stars, int n, int nthreads, const joint_
     return status;
 }
 
+/* What SEEING_FWHM needs in pixels. */
+static const char *scale_too(const rx_image *image)
+{
+    return image->wcs == NULL ? " with PIXEL_SCALE" : "";
+}
+
 static rx_status too_few(const rx_psf_params *par, const rx_image *image, int found, int needed,
                          rx_error *err)
 {
     return rx_error_at(
         err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
         "PSF_TYPE %s found %d usable star%s of S/N above %g%s and needs %d; give PSF_FWHM in pixels, "
-        "SEEING_FWHM in arcsec, or a lower PSF_MINSNR",
+        "SEEING_FWHM in arcsec%s, or a lower PSF_MINSNR",
         rx_psf_type_name(par->type), found, found == 1 ? "" : "s", par->min_snr,
-        par->stars_file != NULL && par->stars_file[0] != '\0' ? " among those of PSF_STARS_NAME" : "",
-        needed);
+        par->stars_file != NULL && par->stars_file[0] != '\0' ? " among those of PSF_STARS_NAME" : "", needed,
+        scale_too(image));
 }
 
 /* Of the mean of single widths, relative, by their scatter: robust of five or more, else the standard deviation, with the 68 %
@@ -709,8 +715,8 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
             status =
                 rx_error_at(err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
                             "PSF_TYPE %s found sources of %d sizes that may be stars, and no two alike; give "
-                            "PSF_FWHM in pixels, SEEING_FWHM in arcsec, or PSF_STARS_NAME, a list of stars",
-                            rx_psf_type_name(par->type), sizes);
+                            "PSF_FWHM in pixels, SEEING_FWHM in arcsec%s, or PSF_STARS_NAME, a list of stars",
+                            rx_psf_type_name(par->type), sizes, scale_too(image));
             goto exit;
         }
         if (status == RX_OK && best.kept < par->min_stars)

@@ -266,7 +266,7 @@ static rx_status check(const rx_survey_config *config, const rx_file_names *name
     if (config->weight_image.n > 0 && config->weight_image.n != names->n)
         return rx_error_set(
             err, RX_USAGE,
-            "WEIGHT_IMAGE has %d of %d names; give a map for each catalogue, in their order, or NONE",
+            "WEIGHT_IMAGE has %d of %d names; give a map, or NONE, for each catalogue, in their order",
             config->weight_image.n, names->n);
     return RX_OK;
 }

@@ -210,7 +210,7 @@ expect 3 '^rextract-survey: the visits overlap, but no source .* is within 1 arc
 begin 'too few weight maps for the visits'
 of rextract-survey
 visit a.cat 10 ALPHA_J2000 DELTA_J2000 MAG_AUTO MAGERR_AUTO
-expect 2 '^rextract-survey: WEIGHT_IMAGE has 1 of 2 names; give a map for each catalogue, in their order, or NONE$' -REPEAT a.cat b.cat \
+expect 2 '^rextract-survey: WEIGHT_IMAGE has 1 of 2 names; give a map, or NONE, for each catalogue, in their order$' -REPEAT a.cat b.cat \
     -WEIGHT_IMAGE w.fits
 
 begin 'a weight map without world coordinates'
