@@ -11,9 +11,10 @@ librextract_la_SOURCES += \
 	src/data/restorers.h \
 	src/data/sources.c \
 	src/data/splines.c \
-	src/data/table.c
+	src/data/table.c \
+	src/data/unit.c
 
 rx_datadir = $(pkgincludedir)/data
-rx_data_HEADERS = src/data/flags.h src/data/image.h src/data/map.h src/data/noise_correlation.h src/data/psf.h src/data/record.h src/data/restored.h src/data/sources.h src/data/splines.h src/data/table.h src/data/tile.h
+rx_data_HEADERS = src/data/flags.h src/data/image.h src/data/map.h src/data/noise_correlation.h src/data/psf.h src/data/record.h src/data/restored.h src/data/sources.h src/data/splines.h src/data/table.h src/data/tile.h src/data/unit.h
 dist_rx_data_DATA = src/data/flags.def
 installed_headers += $(rx_data_HEADERS)

@@ -17,7 +17,7 @@ RX_BEGIN_DECLS
 
 /* Why a pixel must not be used. 0 = good. */
 enum {
-    RX_MASK_BAD = 1,       /* NaN, infinite, BLANK, or beyond RX_PIXEL_LIMIT */
+    RX_MASK_BAD = 1,       /* NaN, infinite, BLANK, or beyond rx_pixel_limit() (data/unit.h) */
     RX_MASK_WEIGHT = 2,    /* weight says: no data (WEIGHT_THRESH) */
     RX_MASK_SATURATED = 4, /* at or above the saturation level */
     RX_MASK_UNTOUCHED = 8, /* of a restored image while it is detected on: belongs to a saturated star that is
@@ -25,14 +25,6 @@ enum {
     RX_MASK_DEEP = 16,     /* so far below its sky as no dark cloud is */
     RX_MASK_GAP = 32       /* while a network restores: masked, but its light is estimated (data/gaps.h) */
 };
-
-/* A value of no detector. Beyond it squares and sums leave single precision, so such pixels are bad, as NaN is. */
-#define RX_PIXEL_LIMIT 1e20f
-
-static inline bool rx_pixel_usable(float value) /* false for NaN */
-{
-    return value >= -RX_PIXEL_LIMIT && value <= RX_PIXEL_LIMIT;
-}
 
 /* What the WEIGHT_IMAGE holds (SExtractor WEIGHT_TYPE). */
 typedef enum rx_weight_type {

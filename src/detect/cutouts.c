@@ -1,6 +1,7 @@
 /* Shelves: the highest groups first, from left to right, then the next shelf. */
 #include "detect/cutouts.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -10,7 +11,7 @@
 #include "base/min_max.h"
 
 enum { LEAST_WIDTH = 64 };
-static const float NOTHING = 1e30f;         /* noise where there is no pixel */
+static const float NOTHING = FLT_MAX;       /* noise where there is no pixel */
 static const float ROUNDING = 1.0f + 2e-6f; /* of threshold * (lowest / threshold) in float */
 
 static int width_of(const rx_group *g, int ring)

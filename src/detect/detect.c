@@ -1,6 +1,7 @@
 /* Detection: filter, groups above the threshold, sep on these, the result as rx_sources. */
 #include "detect/detect.h"
 
+#include <float.h>
 #include <limits.h>
 #include <math.h>
 #include <stdbool.h>
@@ -86,7 +87,7 @@ static rx_status matched_noise(const rx_detect_params *par, const rx_image *imag
     if (image->variable_noise)
         rx_map_fill(&image->noise, image->height, par->nthreads, work->sigma);
     for (size_t i = 0; i < work->n; i++)
-        work->sigma[i] = is_hidden(image, i)     ? 1e30f
+        work->sigma[i] = is_hidden(image, i)     ? FLT_MAX
                          : image->variable_noise ? work->sigma[i]
                                                  : (float)image->global_noise;
     work->noise = rx_map_plane(work->sigma, image->width);

@@ -1,6 +1,7 @@
 /* The detection filter on planes. */
 #include "detect/filter.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -170,7 +171,7 @@ void rx_filter_sigma(const rx_filter *kernel, const rx_noise_rows *rows, int y, 
         return;
     }
     for (int x = 0; x < rows->width; x++)
-        line[x] = rows->hidden[row + (size_t)x] ? 1e30f
+        line[x] = rows->hidden[row + (size_t)x] ? FLT_MAX
                   : kernel->values == NULL      ? rows->sigma[row + (size_t)x]
                                                 : (float)sqrt(filtered_variance(kernel, rows, x, y));
 }

@@ -33,7 +33,7 @@ typedef struct rx_noise_rows {
     const uint8_t *hidden; /* 0 or 1 */
 } rx_noise_rows;
 
-/* Row y: line = sqrt(sum |k| sigma^2 / sum |k|). Hidden pixels stay out of both sums and get 1e30; beyond the
+/* Row y: line = sqrt(sum |k| sigma^2 / sum |k|). Hidden pixels stay out of both sums and get FLT_MAX; beyond the
  * border is sigma 0, as in SExtractor, where the filtered image is lower too. Rows: those of the tile that
  * the kernel reaches from y. sums[width]: scratch. */
 void rx_filter_sigma(const rx_filter *kernel, const rx_noise_rows *rows, int y, double *sums, float *line);

@@ -19,7 +19,7 @@ static const double FILLING = 4.0;                /* pixels in a level at the to
 static const double LEAST_SIGMA = 0.1;            /* levels */
 static const double SETTLED = 1e-4;               /* relative change of sigma */
 static const double CROWDED = 0.3;                /* median - mean, sigmas */
-static const float NONE = -1e30f;                 /* of a mesh without enough pixels */
+static const float NONE = -FLT_MAX;               /* of a mesh without enough pixels */
 
 /* Memory of one thread. count[i], first[i], second[i]: sums over levels below i of the pixels in a level,
  * times its number and its square. */

@@ -5,9 +5,9 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
+#include "data/unit.h"
 #include "detect/batches.h"
 #include "detect/cutouts.h"
 #include "detect/libsep.h"
@@ -67,32 +67,6 @@ static bool loosen(int failed, rx_extraction *job, limits *limit)
         return true;
     }
     return false;
-}
-
-/* sep squares pixels and noise in single precision, which neither images of 1e-18 erg/s/cm2 nor their like of 1e18
- * survive: where the noise is beyond 2^30 or below 2^-30 it is given in this power of two. Elsewhere 1. */
-static double unit_of(const rx_extraction *job)
-{
-    enum { MOST = 30 };
-    const int power = job->noise_value > 0.0 ? ilogb(job->noise_value) : 0;
-    return abs(power) > MOST ? ldexp(1.0, power) : 1.0;
-}
-
-static void divide(float *values, size_t n, double unit)
-{
-    for (size_t i = 0; values != NULL && i < n; i++)
-        values[i] = (float)(values[i] / unit);
-}
-
-/* A copy of a plane of the tile in that unit; NULL: no memory. */
-static float *in_unit(const float *plane, size_t n, double unit)
-{
-    float *copy = RX_NEW(float, n);
-    if (copy != NULL) {
-        memcpy(copy, plane, n * sizeof *copy);
-        divide(copy, n, unit);
-    }
-    return copy;
 }
 
 /* Row i of sep's catalogue, its places still those of the image that sep saw. */
@@ -187,7 +161,7 @@ static bool take(const rx_extraction *job, const rx_cutouts *cutouts, const sep_
         rx_detection *d = &dst->list[i];
         const int width = cutouts != NULL ? cutouts->width : job->image.width;
         int dx = 0, dy = 0;
-        *d = detection_of(cat, i, unit_of(job));
+        *d = detection_of(cat, i, rx_unit_of(job->noise_value));
         if (cutouts != NULL) {
             const rx_cutout *cut = rx_cutouts_at(cutouts, d->xmin, d->ymin);
             d->group = cut->group;
@@ -212,19 +186,19 @@ static void extract(const rx_detect_params *par, const rx_extraction *job, const
 {
     const bool whole = cutouts == NULL; /* with sep's own matched filter */
     const bool filters = whole || cutouts->ring > 1;
-    const double unit = unit_of(job);
+    const double unit = rx_unit_of(job->noise_value); /* sep squares pixels and noise in single precision */
     const size_t n = (size_t)job->image.width * (size_t)job->image.height;
     sep_catalog *cat = NULL;
     float *pixels = NULL, *noise = NULL; /* of the whole tile, where it has a unit */
     if (whole && unit != 1.0) {
-        pixels = in_unit(job->pixels, n, unit);
-        noise = job->noise != NULL ? in_unit(job->noise, n, unit) : NULL;
+        pixels = rx_unit_copy(job->pixels, n, unit);
+        noise = job->noise != NULL ? rx_unit_copy(job->noise, n, unit) : NULL;
         dst->failed = pixels == NULL || (job->noise != NULL && noise == NULL) ? SEP_STATUS_MEMORY : 0;
         if (dst->failed != 0)
             goto exit;
     } else if (unit != 1.0) {
-        divide(cutouts->pixels, (size_t)cutouts->width * (size_t)cutouts->height, unit);
-        divide(cutouts->noise, (size_t)cutouts->width * (size_t)cutouts->height, unit);
+        rx_unit_divide(cutouts->pixels, (size_t)cutouts->width * (size_t)cutouts->height, unit);
+        rx_unit_divide(cutouts->noise, (size_t)cutouts->width * (size_t)cutouts->height, unit);
     }
     sep_image image = {.data = !whole           ? cutouts->pixels
                                : pixels != NULL ? pixels

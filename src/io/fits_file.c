@@ -17,6 +17,7 @@
 
 #include "base/memory.h"
 #include "base/text.h"
+#include "data/unit.h"
 #include "io/cards.h"
 #include "io/guard/guard.h"
 
@@ -565,11 +566,33 @@ static int holds_floats(fitsfile *file)
     return !failed && !compressed && type == FLOAT_IMG && equivalent == FLOAT_IMG;
 }
 
+/* The values of an image against what a float holds. */
+typedef struct extent {
+    size_t tiny, huge,
+        others; /* pixels too small for a float's full precision but not 0, too large, neither */
+    double brightest;
+} extent;
+
+/* An image of which all pixels are too large, or most too small and none is large: not the faint wings of one without noise. */
+static rx_status check_extent(const extent *of, const char *path, int hdu, rx_error *err)
+{
+    const bool large = of->huge > 0 && of->tiny + of->others == 0;
+    const bool small = of->tiny > of->others && of->brightest < RX_PIXEL_MOST * (double)FLT_MIN;
+    if (!large && !small)
+        return RX_OK;
+    return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                       "its values, %.3g at the most, are beyond what single precision holds; multiply them "
+                       "by 1e%d",
+                       of->brightest, (int)-floor(log10(of->brightest)));
+}
+
 /* These are read as they are: no doubles, no search for blank values. What is too small for a float's full
  * precision becomes 0, as cfitsio would have made it. */
 static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
                              float *dst, rx_error *err)
 {
+    float brightest = 0.0f;
+    extent all = {0};
     int failed = 0, anynul = 0;
     const long *first = part->first, *last = part->last;
     const size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
@@ -581,13 +604,20 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx
         rx_fits_rows(part, row, n, low, high);
         if (fits_read_subset(file, TFLOAT, low, high, step, NULL, to, &anynul, &failed))
             return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read");
-#pragma omp simd
+        unsigned tiny = 0, others = 0; /* of CACHED_PIXELS or a row */
+#pragma omp simd reduction(+ : tiny, others) reduction(max : brightest)
         for (size_t i = 0; i < n * width; i++) {
             const float size = fabsf(to[i]);
+            tiny += (size > 0.0f) & (size < FLT_MIN);
+            others += (size >= FLT_MIN) & (size <= FLT_MAX);
+            brightest = size <= FLT_MAX && size > brightest ? size : brightest;
             to[i] = size < FLT_MIN ? 0.0f : size <= FLT_MAX ? to[i] : NAN;
         }
+        all.tiny += tiny;
+        all.others += others;
     }
-    return RX_OK;
+    all.brightest = (double)brightest;
+    return check_extent(&all, path, hdu, err);
 }
 
 rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
@@ -599,6 +629,7 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     size_t rows = CHUNK_PIXELS / width + 1;
     rows = rows < height ? rows : height;
+    extent all = {0};
     if (holds_floats(file))
         return read_floats(file, path, hdu, part, dst, err);
     double *buffer;
@@ -611,9 +642,18 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
         rx_fits_rows(part, row, n, low, high);
         if (fits_read_subset(file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed))
             RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read"));
-        for (size_t i = 0; i < n * width; i++)
-            dst[row * width + i] = fabs(buffer[i]) <= (double)FLT_MAX ? (float)buffer[i] : NAN;
+        for (size_t i = 0; i < n * width; i++) {
+            const double size = fabs(buffer[i]);
+            all.tiny += size > 0.0 && size < (double)FLT_MIN;
+            all.huge += size > (double)FLT_MAX && size <= DBL_MAX;
+            all.others += size >= (double)FLT_MIN && size <= (double)FLT_MAX;
+            all.brightest = size <= DBL_MAX ? fmax(all.brightest, size) : all.brightest;
+            dst[row * width + i] = size <= (double)FLT_MAX ? (float)buffer[i]
+                                   : size <= DBL_MAX       ? copysignf(INFINITY, (float)buffer[i])
+                                                           : NAN;
+        }
     }
+    status = check_extent(&all, path, hdu, err);
 exit:
     free(buffer);
     return status;

@@ -90,8 +90,8 @@ rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2]);
 typedef long rx_fits_corner[RX_FITS_AXES];
 void rx_fits_rows(const rx_fits_section *part, size_t row, size_t n, rx_fits_corner low, rx_fits_corner high);
 
-/* Pixels of a part of the current image HDU: BLANK, NaN, infinity and what no float can hold become NAN. dst is
- * [height][width] of the part. */
+/* Pixels of a part of the current image HDU: BLANK, NaN and infinity become NAN, what is too large for a float infinite. dst
+ * is [height][width] of the part. Errors: RX_INPUT, also of an image whose values are too small for floats. */
 rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
                               float *dst, rx_error *err);
 

@@ -13,6 +13,7 @@
 #include "base/memory.h"
 #include "base/simd.h"
 #include "base/text.h"
+#include "data/unit.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
 #include "io/fits_read.h"
@@ -231,26 +232,29 @@ const char *rx_tile_checksum(rx_tile *tile)
 }
 
 /* No pixel is bad or saturated, as in nearly all rows. */
-RX_SIMD static bool all_good(const float *pixels, size_t n, double saturation)
+RX_SIMD static bool all_good(const float *pixels, size_t n, double saturation, float limit)
 {
     int bad = 0;
 #pragma omp simd reduction(| : bad)
     for (size_t i = 0; i < n; i++)
-        bad |= !((double)pixels[i] < saturation) | !rx_pixel_usable(pixels[i]);
+        bad |= !((double)pixels[i] < saturation) | !rx_pixel_usable(pixels[i], limit);
     return bad == 0;
 }
 
-/* Number of bad pixels in row y, which become 0 unless they are lent; most of the mask is never touched. */
-static size_t mask_row(rx_tile *tile, int y)
+/* Number of bad pixels in row y, which become 0 unless they are lent, and of those among them that hold a number; most of
+ * the mask is never touched. */
+static size_t mask_row(rx_tile *tile, int y, float limit, size_t *beyond)
 {
     const size_t width = (size_t)tile->width;
     float *pixels = tile->pixels + (size_t)y * width;
     uint8_t *mask = tile->mask + (size_t)y * width;
     size_t bad = 0;
-    if (all_good(pixels, width, tile->saturation))
+    *beyond = 0;
+    if (all_good(pixels, width, tile->saturation, limit))
         return 0;
     for (size_t i = 0; i < width; i++) {
-        if (!rx_pixel_usable(pixels[i])) {
+        if (!rx_pixel_usable(pixels[i], limit)) {
+            *beyond += !isnan(pixels[i]);
             if (!tile->lent)
                 pixels[i] = 0.f;
             mask[i] = RX_MASK_BAD;
@@ -262,22 +266,32 @@ static size_t mask_row(rx_tile *tile, int y)
     return bad;
 }
 
-static rx_status mask_pixels(rx_tile *tile, int nthreads, size_t *bad, rx_error *err)
+static rx_status mask_pixels(rx_tile *tile, int nthreads, rx_log *log, size_t *bad, rx_error *err)
 {
     const size_t n = (size_t)tile->width * (size_t)tile->height;
-    size_t found = 0;
-#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : found)
-    for (int y = 0; y < tile->height; y++)
-        found += mask_row(tile, y);
+    const float limit = rx_pixel_limit(tile->pixels, tile->width, tile->height);
+    size_t found = 0, beyond = 0;
+#pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : found, beyond)
+    for (int y = 0; y < tile->height; y++) {
+        size_t in_row;
+        found += mask_row(tile, y, limit, &in_row);
+        beyond += in_row;
+    }
     *bad = found;
-    return found < n
-               ? RX_OK
-               : rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
-                             "all %zu pixels are NaN, BLANK or beyond 1e20; there is nothing to measure", n);
+    if (found == n)
+        return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                           "all %zu pixels are NaN, BLANK or beyond %.3g; there is nothing to measure", n,
+                           (double)limit);
+    if (beyond > 0)
+        rx_log_warning(
+            log,
+            "%s[%d]: %zu pixels hold values beyond %.3g, which no detector has: they are left out, as NaN is",
+            tile->name, tile->hdu, beyond, (double)limit);
+    return RX_OK;
 }
 
-static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nthreads, rx_tile *tile,
-                             rx_error *err)
+static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nthreads, rx_log *log,
+                             rx_tile *tile, rx_error *err)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height, bad;
     tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, nthreads);
@@ -285,7 +299,7 @@ static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nth
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));
     RX_TRY(rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, tile->pixels, err));
-    return mask_pixels(tile, nthreads, &bad, err);
+    return mask_pixels(tile, nthreads, log, &bad, err);
 }
 
 /* --- header --- */
@@ -422,7 +436,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    RX_TRY_EXIT(read_pixels(source.file, &place, par->nthreads, tile, err));
+    RX_TRY_EXIT(read_pixels(source.file, &place, par->nthreads, log, tile, err));
     RX_TRY_EXIT(take_wcs(par, log, tile, err));
     RX_TRY_EXIT(rx_tile_add_weight(par, &place, tile, err));
     if (par->own_maps)
@@ -441,7 +455,8 @@ exit:
 /* --- from arrays --- */
 
 /* The caller's pixels as they are, or where some are bad a copy without these; and the caller's mask. */
-static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_tile *tile, rx_error *err)
+static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_log *log, rx_tile *tile,
+                             rx_error *err)
 {
     const size_t n = (size_t)tile->width * (size_t)tile->height;
     size_t bad;
@@ -450,7 +465,7 @@ static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_tile
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->mask == NULL)
         return rx_error_memory(err, n);
-    RX_TRY(mask_pixels(tile, nthreads, &bad, err));
+    RX_TRY(mask_pixels(tile, nthreads, log, &bad, err));
     if (bad > 0) {
         float *copy = rx_alloc_filled(n, sizeof *copy, nthreads);
         if (copy == NULL)
@@ -469,7 +484,7 @@ static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_tile
     return bad < n
                ? RX_OK
                : rx_error_at(err, RX_INPUT, tile->name, -1, 0,
-                             "all %zu pixels are NaN, masked or beyond 1e20; there is nothing to measure", n);
+                             "all %zu pixels are NaN, masked or too large; there is nothing to measure", n);
 }
 
 rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, rx_log *log, rx_tile **dst,
@@ -501,7 +516,7 @@ rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, 
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    RX_TRY_EXIT(lend_pixels(arrays, par->nthreads, tile, err));
+    RX_TRY_EXIT(lend_pixels(arrays, par->nthreads, log, tile, err));
     RX_TRY_EXIT(take_wcs(par, log, tile, err));
     RX_TRY_EXIT(rx_tile_take_weight(par, arrays->weight, tile, err));
     *dst = tile;

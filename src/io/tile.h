@@ -52,7 +52,7 @@ rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int
  * Weights and flags: the image of the tile's EXTNAME, else the map's only image for the only tile, else the HDU of the
  * tile's number when the tile was named by HDU, else the extension-th image; a map of the whole tile serves for a section too. In
  * tile->weight no NaN is left (0 for MAP_WEIGHT, 1e30 else; MAP_IVAR is read as MAP_RMS); masked are weights <= weight_threshold
- * (default 0), rms and variances >= it (default 1e30) or <= 0.
+ * (default 0), rms and variances >= it (default 1e30, or 1e6 times that of the tile's pixels where that is more) or <= 0.
  * Errors: RX_INPUT for anything wrong with a file (missing, cut off, damaged, wrong shape, all NaN). */
 rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int extension, rx_log *log,
                        rx_tile **dst, rx_error *err);

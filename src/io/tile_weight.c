@@ -1,6 +1,7 @@
 /* The maps that go with a tile: weights and flags. */
 #include "io/tile_weight.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -8,10 +9,13 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "data/unit.h"
 #include "io/planes.h"
 
-/* SExtractor's BIG: a variance of that much means no data. */
+/* SExtractor's BIG: a variance of that much means no data, unless it is within MOST_VARIANCE of that of the tile's pixels, in
+ * whatever unit these are. */
 static const float NO_DATA = 1e30f;
+static const double MOST_VARIANCE = 1e6; /* a pixel of more has no weight in any sum */
 
 /* Names of the images of a file; *dst [*n] to be freed. */
 typedef char extname[RX_EXTNAME];
@@ -145,12 +149,20 @@ static void rms_of_ivar(double threshold, rx_tile *tile)
     const size_t n = (size_t)tile->width * (size_t)tile->height;
     const float limit = threshold > 0.0 ? (float)threshold : 0.0f; /* 0 where it is not given, too */
     for (size_t i = 0; i < n; i++)
-        tile->weight[i] = tile->weight[i] > limit ? 1.0f / sqrtf(tile->weight[i]) : NO_DATA;
+        tile->weight[i] = tile->weight[i] > limit ? 1.0f / sqrtf(tile->weight[i]) : NAN;
     tile->weight_type = RX_WEIGHT_MAP_RMS;
 }
 
+static float no_data_from(const rx_tile *tile)
+{
+    const double noise = rx_unit_of_pixels(tile->pixels, tile->width, tile->height),
+                 most = tile->weight_type == RX_WEIGHT_MAP_VAR ? MOST_VARIANCE * noise * noise
+                                                               : sqrt(MOST_VARIANCE) * noise;
+    return (float)fmin(fmax((double)NO_DATA, most), (double)FLT_MAX);
+}
+
 /* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
- * 1e30), means no data; so does what is no noise at all: not a number, rms or variance <= 0. */
+ * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height;
@@ -158,7 +170,7 @@ static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
     if (tile->weight_type == RX_WEIGHT_MAP_WEIGHT) {
         float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : 0.f;
         for (size_t i = 0; i < n; i++) {
-            if (isnan(tile->weight[i]))
+            if (!isfinite(tile->weight[i]))
                 tile->weight[i] = 0.f;
             if (tile->weight[i] <= limit)
                 tile->mask[i] |= RX_MASK_WEIGHT;
@@ -169,11 +181,13 @@ static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
         rms_of_ivar(par->weight_threshold, tile);
         given = 0;
     }
-    float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : NO_DATA;
+    const float most = no_data_from(tile);
+    const float limit = given && par->weight_threshold > 0 ? fminf((float)par->weight_threshold, most) : most;
     for (size_t i = 0; i < n; i++) {
-        if (isnan(tile->weight[i]))
+        const float noise = tile->weight[i];
+        if (!isfinite(noise))
             tile->weight[i] = NO_DATA;
-        if (tile->weight[i] >= limit || tile->weight[i] >= NO_DATA || tile->weight[i] <= 0.f)
+        if (!isfinite(noise) || noise >= limit || noise <= 0.f)
             tile->mask[i] |= RX_MASK_WEIGHT;
     }
 }

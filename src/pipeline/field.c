@@ -12,6 +12,7 @@
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
 #include "data/map.h"
+#include "data/unit.h"
 #include "detect/correlation.h"
 #include "detect/filter.h"
 #include "detect/no_data.h"
@@ -914,12 +915,13 @@ rx_status rx_field_prepare(const rx_pipeline_params *params, int what, rx_tile *
 /* The caller's mask, and what the values themselves say: not a number, at saturation, a weight of no data. */
 static void make_mask(const rx_image *image, uint8_t *dst)
 {
+    const float limit = rx_pixel_limit(image->pixels, image->width, image->height);
     const size_t n = (size_t)image->width * (size_t)image->height;
     const int weighted = image->weight_type == RX_WEIGHT_MAP_WEIGHT && image->weight != NULL;
     for (size_t i = 0; i < n; i++) {
         const float value = image->pixels[i];
         int bits = rx_image_hides(image, i) ? RX_MASK_BAD : 0;
-        if (!rx_pixel_usable(value))
+        if (!rx_pixel_usable(value, limit))
             bits |= RX_MASK_BAD;
         else if (image->saturation > 0.0 && (double)value >= image->saturation)
             bits |= RX_MASK_SATURATED;

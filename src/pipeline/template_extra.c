@@ -394,6 +394,8 @@ rx_status rx_template_extra_append(const rx_template_extra *extra, const rx_tpho
         const int k = tphot->list[tphot->nlisted + i].added;
         rx_source *s = &list[listed + i];
         *s = found->list[k];
+        s->threshold *= extra->unit;
+        s->analysis_threshold *= extra->unit;
         s->number = listed + i + 1;
         s->segment = segments[k + 1] = last + 1 + i;
         s->flags |= RX_FLAG_MERGED;

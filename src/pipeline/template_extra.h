@@ -16,9 +16,10 @@ typedef struct rx_template_extra {
     double crowd_threshold;         /* the same in a crowd */
     double crowd_error;             /* of the models' light there, that counts as noise */
     const rx_psf *psf;
-    const float *pixels;       /* [h][w] ADU, of the tile */
-    const uint8_t *mask;       /* [h][w] RX_MASK_* bits, of the tile */
-    rx_map level;              /* ADU */
+    double unit;         /* ADU, of pixels and level (data/unit.h) */
+    const float *pixels; /* [h][w] of the tile */
+    const uint8_t *mask; /* [h][w] RX_MASK_* bits, of the tile */
+    rx_map level;
     const rx_sources *sources; /* the list, with its segments */
     int nthreads;
     rx_log *log;

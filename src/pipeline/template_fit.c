@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/unit.h"
 #include "pipeline/preal.h"
 #include "pipeline/template_extra.h"
 
@@ -39,15 +40,72 @@ static const rx_psf *psf_of(const work *w, const rx_field *field)
     return field == w->on.detect && w->restored->blur != NULL ? w->restored->blur : field->psf;
 }
 
-static rx_tphot_input input_of(const work *w, const rx_field *field, const rx_sources *sources)
+/* What is fitted, and the restored image, each in the unit that is its own: weights are 1 / noise^2 in single precision. */
+typedef struct fitted {
+    rx_tphot_input input;
+    double unit; /* of the image */
+    rx_restored restored;
+    rx_scaled_map level, noise, found;
+    float *pixels, *shapes; /* owned; NULL: those of the tile */
+} fitted;
+
+static double unit_of(const rx_field *field)
 {
-    rx_tphot_input input = {.restored = w->restored,
-                            .shape_mask = w->on.detect->image.mask,
-                            .shape_bits = RX_MASK_SATURATED,
-                            .sources = sources,
-                            .image = rx_field_restorable(field)};
-    input.image.psf = psf_of(w, field);
-    return input;
+    return rx_unit_of(rx_field_restorable(field).global_noise);
+}
+
+/* Maps without values stay so. */
+static void divide_map(rx_scaled_map *room, double unit, rx_map *map)
+{
+    if (rx_map_given(map))
+        *map = rx_map_scaled(room, *map, (float)(1.0 / unit));
+}
+
+static rx_status open_fitted(const work *w, const rx_field *field, const rx_sources *sources, fitted *dst,
+                             rx_error *err)
+{
+    const double unit = unit_of(field), found = unit_of(w->on.detect);
+    const size_t n = (size_t)field->image.width * (size_t)field->image.height;
+    *dst = (fitted){.unit = unit, .restored = *w->restored};
+    dst->input = (rx_tphot_input){.restored = &dst->restored,
+                                  .shape_mask = w->on.detect->image.mask,
+                                  .shape_bits = RX_MASK_SATURATED,
+                                  .sources = sources,
+                                  .image = rx_field_restorable(field)};
+    rx_image *image = &dst->input.image;
+    image->psf = psf_of(w, field);
+    if (unit != 1.0) {
+        dst->pixels = rx_unit_copy(image->pixels, n, unit);
+        if (dst->pixels == NULL)
+            return rx_error_memory(err, n * sizeof(float));
+        image->pixels = dst->pixels;
+        image->global_noise /= unit;
+        image->gain *= unit;
+        divide_map(&dst->level, unit, &image->level);
+        divide_map(&dst->noise, unit, &image->noise);
+    }
+    if (found != 1.0) {
+        dst->shapes = rx_unit_copy(w->restored->pixels, n, found);
+        if (dst->shapes == NULL)
+            return rx_error_memory(err, n * sizeof(float));
+        dst->restored.pixels = dst->shapes;
+        divide_map(&dst->found, found, &dst->restored.noise);
+    }
+    return RX_OK;
+}
+
+static void close_fitted(fitted *f)
+{
+    free(f->pixels);
+    free(f->shapes);
+}
+
+static rx_status run(const rx_tphot_params *par, const fitted *f, rx_tphot **dst, rx_error *err)
+{
+    const rx_status status = rx_tphot_run(par, &f->input, dst, err);
+    if (status == RX_OK && f->unit != 1.0)
+        rx_tphot_multiply(*dst, f->unit);
+    return status;
 }
 
 /* Positions of the sources that only the residual of the detection image showed. */
@@ -71,27 +129,32 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
     const int forced = w->on.measure != w->on.detect;
     rx_tphot_params par = w->params->templates.par;
     par.least = w->extra.crowd_threshold;
-    rx_tphot_input input = input_of(w, w->on.detect, sources);
+    fitted detect = {0}, measure = {0};
     rx_tphot *shapes = NULL;
     double(*at)[2] = NULL;
-    input.more = rx_template_extra_find;
-    input.user = &w->extra;
+    rx_status status;
+    RX_TRY_EXIT(open_fitted(w, w->on.detect, sources, &detect, err));
+    w->extra.pixels = detect.input.image.pixels;
+    w->extra.level = detect.input.image.level;
+    w->extra.unit = detect.unit;
+    detect.input.more = rx_template_extra_find;
+    detect.input.user = &w->extra;
     par.keep_model = par.keep_model && !forced;
     par.covariance = par.covariance && !forced;
-    rx_status status = rx_tphot_run(&par, &input, forced ? &shapes : &w->dst->tphot, err);
-    if (status != RX_OK || !forced)
-        return status;
-    status = extra_positions(shapes, &at, err);
-    if (status == RX_OK) {
-        input = input_of(w, w->on.measure, sources);
-        input.shapes = shapes;
-        input.extra = (const double(*)[2])at;
-        input.nextra = shapes->n - shapes->nlisted;
-        par = w->params->templates.par;
-        status = rx_tphot_run(&par, &input, &w->dst->tphot, err);
-        for (int i = shapes->nlisted; i < shapes->n && status == RX_OK; i++)
-            w->dst->tphot->list[i].added = shapes->list[i].added;
-    }
+    RX_TRY_EXIT(run(&par, &detect, forced ? &shapes : &w->dst->tphot, err));
+    if (!forced)
+        goto exit;
+    RX_TRY_EXIT(extra_positions(shapes, &at, err));
+    RX_TRY_EXIT(open_fitted(w, w->on.measure, sources, &measure, err));
+    measure.input.shapes = shapes;
+    measure.input.extra = (const double(*)[2])at;
+    measure.input.nextra = shapes->n - shapes->nlisted;
+    RX_TRY_EXIT(run(&w->params->templates.par, &measure, &w->dst->tphot, err));
+    for (int i = shapes->nlisted; i < shapes->n; i++)
+        w->dst->tphot->list[i].added = shapes->list[i].added;
+exit:
+    close_fitted(&detect);
+    close_fitted(&measure);
     free(at);
     rx_tphot_free(shapes);
     return status;
@@ -199,10 +262,6 @@ static void leave_empty(rx_sources *sources)
                                                     .restore = RX_RESTORE_UNTESTED};
 }
 
-/* Weights are 1 / noise^2 in single precision, which ends at 2^127: of noise up to 2^60 and down to 2^-60 they leave
- * 2^7 for pixels of a template. */
-enum { MOST_POWER = 60 };
-
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
                               rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err)
 {
@@ -219,26 +278,13 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
         return RX_OK;
     }
     const rx_image measured = rx_field_restorable(fields.measure);
-    const int power = measured.global_noise > 0.0 ? ilogb(measured.global_noise) : 0;
-    if (abs(power) > MOST_POWER) {
-        leave_empty(sources);
-        rx_log_warning(
-            log,
-            "%s[%d]: no templates are fitted to noise of %.3g a pixel, whose square single precision "
-            "does not hold; multiply the image by %g and give a MAG_ZEROPOINT that is larger by %.4g",
-            measured.name, measured.hdu, measured.global_noise, pow(10.0, -round(0.30103 * power)),
-            -2.5 * round(0.30103 * power));
-        return RX_OK;
-    }
     w.extra =
         (rx_template_extra){.detect = &params->detect,
                             .threshold = params->templates.threshold,
                             .crowd_threshold = CROWD_SNR,
                             .crowd_error = params->templates.par.isolate > 0 ? NEIGHBOUR_ERROR : CROWD_ERROR,
                             .psf = psf_of(&w, detect),
-                            .pixels = detect->image.pixels,
                             .mask = detect->image.mask,
-                            .level = rx_background_level(detect->restored),
                             .sources = sources,
                             .nthreads = params->nthreads,
                             .log = log};

@@ -182,6 +182,9 @@ typedef struct rx_tphot_input {
  * RX_INTERRUPTED, and what `more` returns. */
 rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst,
                        rx_error *err);
+/* Of an image that was given in that unit (data/unit.h): fluxes and planes in ADU. */
+void rx_tphot_multiply(rx_tphot *tphot, double unit);
+
 void rx_tphot_free(rx_tphot *tphot); /* NULL is fine */
 
 RX_END_DECLS

@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "data/unit.h"
+
 enum { SHOWN = 1 << 24 }; /* pixels */
 
 rx_tphot_params rx_tphot_defaults(void)
@@ -51,6 +53,24 @@ rx_status rx_tphot_check(const rx_tphot_input *input, rx_error *err)
                 return rx_error_set(err, RX_INPUT,
                                     "the PSF has a pixel that is not a number; give another one");
     return RX_OK;
+}
+
+void rx_tphot_multiply(rx_tphot *tphot, double unit)
+{
+    const size_t n = (size_t)tphot->width * (size_t)tphot->height;
+    for (int i = 0; i < tphot->n; i++) {
+        rx_tphot_source *s = &tphot->list[i];
+        s->flux *= unit;
+        s->fluxerr *= unit;
+        s->background *= unit;
+        s->unseen *= unit;
+    }
+    for (int i = 0; i < tphot->npairs && tphot->pairs != NULL; i++)
+        tphot->pairs[i].covariance *= unit * unit;
+    tphot->sky *= unit;
+    tphot->least *= unit;
+    rx_unit_divide(tphot->model, n, 1.0 / unit);
+    rx_unit_divide(tphot->residual, n, 1.0 / unit);
 }
 
 void rx_tphot_free(rx_tphot *tphot)

@@ -18,3 +18,5 @@ check_PROGRAMS += tests/unit/pipeline/test_preal
 tests_unit_pipeline_test_preal_SOURCES = tests/unit/pipeline/test_preal.c
 check_PROGRAMS += tests/unit/pipeline/test_gaps
 tests_unit_pipeline_test_gaps_SOURCES = tests/unit/pipeline/test_gaps.c $(bench)
+check_PROGRAMS += tests/unit/pipeline/test_units
+tests_unit_pipeline_test_units_SOURCES = tests/unit/pipeline/test_units.c $(bench)
