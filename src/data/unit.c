@@ -10,7 +10,7 @@
 #include "base/simd.h"
 
 enum { MOST = 30 }; /* ordinary tiles are within: they are worked on as they are */
-enum { FEW = 10 };  /* a tenth of the pixels: what differs in fewer is marks in a constant, not noise */
+enum { FEW = 4 };   /* a quarter of the pixels: what differs in fewer is marks in a constant, not noise */
 
 double rx_unit_of(double noise)
 {

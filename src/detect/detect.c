@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/unit.h"
 #include "detect/clean.h"
 #include "detect/filter.h"
 #include "detect/groups.h"
@@ -81,13 +82,15 @@ static rx_status filter_pixels(const rx_detect_params *par, const rx_image *imag
 static rx_status matched_noise(const rx_detect_params *par, const rx_image *image, workspace *work,
                                rx_error *err)
 {
+    /* no data, in the unit that sep is given: a threshold of a peak there is finite */
+    const float big = (float)fmin(1e30 * fmax(rx_unit_of(image->global_noise), 1.0), FLT_MAX / 1e3);
     work->sigma = RX_NEW(float, work->n);
     if (work->sigma == NULL)
         return rx_error_memory(err, work->n * sizeof(float));
     if (image->variable_noise)
         rx_map_fill(&image->noise, image->height, par->nthreads, work->sigma);
     for (size_t i = 0; i < work->n; i++)
-        work->sigma[i] = is_hidden(image, i)     ? FLT_MAX
+        work->sigma[i] = is_hidden(image, i)     ? big
                          : image->variable_noise ? work->sigma[i]
                                                  : (float)image->global_noise;
     work->noise = rx_map_plane(work->sigma, image->width);

@@ -568,9 +568,10 @@ static int holds_floats(fitsfile *file)
 
 /* The values of an image against what a float holds. */
 typedef struct extent {
-    size_t tiny, huge,
-        others; /* pixels too small for a float's full precision but not 0, too large, neither */
-    double brightest;
+    size_t tiny, huge; /* pixels too small for a float's full precision but not 0, and too large */
+    size_t others;     /* neither; not 0 */
+    double brightest;  /* but for what stands for no data, from RX_PIXEL_MOST on */
+    double huge_one;   /* of those too large, the last */
 } extent;
 
 /* An image of which all pixels are too large, or most too small and none is large: not the faint wings of one without noise. */
@@ -580,10 +581,11 @@ static rx_status check_extent(const extent *of, const char *path, int hdu, rx_er
     const bool small = of->tiny > of->others && of->brightest < RX_PIXEL_MOST * (double)FLT_MIN;
     if (!large && !small)
         return RX_OK;
-    return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                       "its values, %.3g at the most, are beyond what single precision holds; multiply them "
-                       "by 1e%d",
-                       of->brightest, (int)-floor(log10(of->brightest)));
+    const double value = large ? of->huge_one : of->brightest;
+    return rx_error_at(
+        err, RX_INPUT, path, hdu, 0,
+        "its values, such as %.3g, are beyond what single precision holds; multiply them by 1e%d", value,
+        (int)-floor(log10(value)));
 }
 
 /* These are read as they are: no doubles, no search for blank values. What is too small for a float's full
@@ -610,7 +612,7 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx
             const float size = fabsf(to[i]);
             tiny += (size > 0.0f) & (size < FLT_MIN);
             others += (size >= FLT_MIN) & (size <= FLT_MAX);
-            brightest = size <= FLT_MAX && size > brightest ? size : brightest;
+            brightest = size < (float)RX_PIXEL_MOST && size > brightest ? size : brightest;
             to[i] = size < FLT_MIN ? 0.0f : size <= FLT_MAX ? to[i] : NAN;
         }
         all.tiny += tiny;
@@ -647,7 +649,8 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
             all.tiny += size > 0.0 && size < (double)FLT_MIN;
             all.huge += size > (double)FLT_MAX && size <= DBL_MAX;
             all.others += size >= (double)FLT_MIN && size <= (double)FLT_MAX;
-            all.brightest = size <= DBL_MAX ? fmax(all.brightest, size) : all.brightest;
+            all.brightest = size < RX_PIXEL_MOST ? fmax(all.brightest, size) : all.brightest;
+            all.huge_one = size > (double)FLT_MAX && size <= DBL_MAX ? size : all.huge_one;
             dst[row * width + i] = size <= (double)FLT_MAX ? (float)buffer[i]
                                    : size <= DBL_MAX       ? copysignf(INFINITY, (float)buffer[i])
                                                            : NAN;

@@ -98,6 +98,70 @@ static void test_no_numbers(void **state)
     check_refused(&PLAIN, in(state, "f.fits"), "NaN");
 }
 
+/* The same of pixels in other units, of which a value that is of no detector is 1e20, and no data is 1e30. */
+static void test_units(void **state)
+{
+    static const double units[] = {1e-37, 1e-17, 1, 1e16, 1e28};
+    for (size_t u = 0; u < sizeof units / sizeof *units; u++)
+        for (int bitpix = -64; bitpix <= -32; bitpix += 32) {
+            double d[W * H], variance[W * H];
+            float f[W * H];
+            for (int i = 0; i < W * H; i++) {
+                d[i] = (100 + 10 * sin(3.0 * i)) * units[u];
+                variance[i] = 25 * units[u] * units[u];
+            }
+            d[3] = units[u] < 1e10 ? -2e30 : -3.4e38;
+            variance[5] = 1e300;
+            for (int i = 0; i < W * H; i++)
+                f[i] = (float)d[i];
+            swap(f, W * H, 4);
+            swap(variance, W * H, 8);
+            rx_tile_params par = PLAIN;
+            par.saturation = 0;
+            par.weight_type = RX_WEIGHT_MAP_VAR;
+            par.weight_name = in(state, "variance.fits");
+            make_image(par.weight_name, -64, "", variance);
+            double copy[W * H];
+            memcpy(copy, d, sizeof copy);
+            swap(copy, W * H, 8);
+            make_image(in(state, "a.fits"), bitpix, "", bitpix == -64 ? (void *)copy : (void *)f);
+            if (units[u] < 1e-30 || units[u] > 1e19) {
+                check_refused(&par, in(state, "a.fits"), "multiply them by 1e");
+                par.weight_type = RX_WEIGHT_NONE;
+            }
+            rx_tile *tile = read_tile(&par, in(state, "a.fits"), 0, 1);
+            for (int i = 0; i < W * H; i++) {
+                assert_int_equal(tile->mask[i], (i == 3 && units[u] < 1e19 ? RX_MASK_BAD : 0) |
+                                                    (i == 5 && tile->weight != NULL ? RX_MASK_WEIGHT : 0));
+                if (tile->mask[i] == 0)
+                    assert_near(tile->pixels[i], d[i], 1e-6 * fabs(d[i]));
+            }
+            rx_tile_free(tile);
+        }
+}
+
+/* Doubles that no float holds are an error that says by what to multiply them; faint wings of a bright source are not. */
+static void test_doubles_beyond_floats(void **state)
+{
+    double d[W * H];
+    static const struct {
+        double unit;
+        const char *says;
+    } cases[] = {{1e-44, "such as 1e-43, are beyond"}, {1e40, "multiply them by 1e-41"}};
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        for (int i = 0; i < W * H; i++)
+            d[i] = (i % 10 + 1) * cases[k].unit;
+        swap(d, W * H, 8);
+        make_image(in(state, "d.fits"), -64, "", d);
+        check_refused(&PLAIN, in(state, "d.fits"), cases[k].says);
+    }
+    for (int i = 0; i < W * H; i++)
+        d[i] = 1000 * exp(-0.5 * i * i);
+    swap(d, W * H, 8);
+    make_image(in(state, "d.fits"), -64, "", d);
+    rx_tile_free(read_tile(&PLAIN, in(state, "d.fits"), 0, 1));
+}
+
 /* --- numbers of the header --- */
 
 static void test_keys(void **state)
@@ -884,6 +948,8 @@ int main(void)
         cmocka_unit_test(test_bitpix),
         cmocka_unit_test(test_scaling_and_blank),
         cmocka_unit_test(test_no_numbers),
+        cmocka_unit_test(test_units),
+        cmocka_unit_test(test_doubles_beyond_floats),
         cmocka_unit_test(test_keys),
         cmocka_unit_test(test_inherit),
         cmocka_unit_test(test_inherit_much),
