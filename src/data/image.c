@@ -1,7 +1,10 @@
 /* Views of what others own. */
 #include "data/image.h"
 
+#include <stdlib.h>
+
 #include "data/restored.h"
+#include "data/unit.h"
 
 rx_image rx_tile_image(const rx_tile *tile)
 {
@@ -62,4 +65,26 @@ void rx_image_above_sky(const rx_image *image, int nthreads, float *dst)
                 dst[at + (size_t)i] =
                     rx_image_hides(image, at + (size_t)i) ? 0.0f : image->pixels[at + (size_t)i] - level[i];
         }
+}
+
+int rx_image_in_unit(const rx_image *image, rx_image_scaled *dst)
+{
+    const double unit = rx_unit_of(image->global_noise);
+    *dst = (rx_image_scaled){.image = *image, .unit = unit};
+    if (unit == 1.0)
+        return 1;
+    dst->pixels = rx_unit_copy(image->pixels, (size_t)image->width * (size_t)image->height, unit);
+    dst->image.pixels = dst->pixels;
+    dst->image.level = rx_map_scaled(&dst->level, image->level, (float)(1.0 / unit));
+    dst->image.noise = rx_map_scaled(&dst->noise, image->noise, (float)(1.0 / unit));
+    dst->image.global_noise /= unit;
+    dst->image.gain *= unit;
+    dst->image.saturation /= unit;
+    return dst->pixels != NULL;
+}
+
+void rx_image_scaled_clear(rx_image_scaled *scaled)
+{
+    free(scaled->pixels);
+    *scaled = (rx_image_scaled){0};
 }

@@ -65,6 +65,18 @@ rx_image rx_image_on_sky(const rx_image *image, const rx_background *sky);
 struct rx_restored;
 rx_image rx_restored_image(const struct rx_restored *restored, const rx_image *input);
 
+/* An image in the unit that is its own (data/unit.h). With a unit of 1 it is the image itself. */
+typedef struct rx_image_scaled {
+    rx_image image; /* lives as long as what it was made of */
+    double unit;    /* ADU */
+    float *pixels;  /* owned; NULL with a unit of 1 */
+    rx_scaled_map level, noise;
+} rx_image_scaled;
+
+/* 1; 0: no memory. The struct may not be copied afterwards. Free its contents with rx_image_scaled_clear(). */
+int rx_image_in_unit(const rx_image *image, rx_image_scaled *dst);
+void rx_image_scaled_clear(rx_image_scaled *scaled);
+
 /* dst[height][width]: the pixels above the sky's level; 0 where hidden. */
 void rx_image_above_sky(const rx_image *image, int nthreads, float *dst);
 

@@ -31,7 +31,7 @@ static void make_scaled(const rx_map_maker *maker, int x, int y, int n, int rows
 
 rx_map rx_map_scaled(rx_scaled_map *room, rx_map of, float factor)
 {
-    if (factor == 1.0f)
+    if (factor == 1.0f || !rx_map_given(&of))
         return of;
     *room = (rx_scaled_map){.maker.make = make_scaled, .of = of, .factor = factor};
     return rx_map_made(&room->maker, of.width);

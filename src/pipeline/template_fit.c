@@ -43,68 +43,45 @@ static const rx_psf *psf_of(const work *w, const rx_field *field)
 /* What is fitted, and the restored image, each in the unit that is its own: weights are 1 / noise^2 in single precision. */
 typedef struct fitted {
     rx_tphot_input input;
-    double unit; /* of the image */
+    rx_image_scaled own;
     rx_restored restored;
-    rx_scaled_map level, noise, found;
-    float *pixels, *shapes; /* owned; NULL: those of the tile */
+    rx_scaled_map noise; /* of the restored image */
+    float *pixels;       /* of the restored image, owned; NULL: those of the tile */
 } fitted;
-
-static double unit_of(const rx_field *field)
-{
-    return rx_unit_of(rx_field_restorable(field).global_noise);
-}
-
-/* Maps without values stay so. */
-static void divide_map(rx_scaled_map *room, double unit, rx_map *map)
-{
-    if (rx_map_given(map))
-        *map = rx_map_scaled(room, *map, (float)(1.0 / unit));
-}
 
 static rx_status open_fitted(const work *w, const rx_field *field, const rx_sources *sources, fitted *dst,
                              rx_error *err)
 {
-    const double unit = unit_of(field), found = unit_of(w->on.detect);
-    const size_t n = (size_t)field->image.width * (size_t)field->image.height;
-    *dst = (fitted){.unit = unit, .restored = *w->restored};
+    const rx_image image = rx_field_restorable(field);
+    const double unit = rx_unit_of(rx_field_restorable(w->on.detect).global_noise);
+    const size_t n = (size_t)image.width * (size_t)image.height;
+    *dst = (fitted){.restored = *w->restored};
+    if (!rx_image_in_unit(&image, &dst->own))
+        return rx_error_memory(err, n * sizeof(float));
     dst->input = (rx_tphot_input){.restored = &dst->restored,
                                   .shape_mask = w->on.detect->image.mask,
                                   .shape_bits = RX_MASK_SATURATED,
                                   .sources = sources,
-                                  .image = rx_field_restorable(field)};
-    rx_image *image = &dst->input.image;
-    image->psf = psf_of(w, field);
-    if (unit != 1.0) {
-        dst->pixels = rx_unit_copy(image->pixels, n, unit);
-        if (dst->pixels == NULL)
-            return rx_error_memory(err, n * sizeof(float));
-        image->pixels = dst->pixels;
-        image->global_noise /= unit;
-        image->gain *= unit;
-        divide_map(&dst->level, unit, &image->level);
-        divide_map(&dst->noise, unit, &image->noise);
-    }
-    if (found != 1.0) {
-        dst->shapes = rx_unit_copy(w->restored->pixels, n, found);
-        if (dst->shapes == NULL)
-            return rx_error_memory(err, n * sizeof(float));
-        dst->restored.pixels = dst->shapes;
-        divide_map(&dst->found, found, &dst->restored.noise);
-    }
-    return RX_OK;
+                                  .image = dst->own.image};
+    dst->input.image.psf = psf_of(w, field);
+    if (unit == 1.0)
+        return RX_OK;
+    dst->restored.pixels = dst->pixels = rx_unit_copy(w->restored->pixels, n, unit);
+    dst->restored.noise = rx_map_scaled(&dst->noise, w->restored->noise, (float)(1.0 / unit));
+    return dst->pixels != NULL ? RX_OK : rx_error_memory(err, n * sizeof(float));
 }
 
 static void close_fitted(fitted *f)
 {
+    rx_image_scaled_clear(&f->own);
     free(f->pixels);
-    free(f->shapes);
 }
 
 static rx_status run(const rx_tphot_params *par, const fitted *f, rx_tphot **dst, rx_error *err)
 {
     const rx_status status = rx_tphot_run(par, &f->input, dst, err);
-    if (status == RX_OK && f->unit != 1.0)
-        rx_tphot_multiply(*dst, f->unit);
+    if (status == RX_OK && f->own.unit != 1.0)
+        rx_tphot_multiply(*dst, f->own.unit);
     return status;
 }
 
@@ -136,7 +113,7 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
     RX_TRY_EXIT(open_fitted(w, w->on.detect, sources, &detect, err));
     w->extra.pixels = detect.input.image.pixels;
     w->extra.level = detect.input.image.level;
-    w->extra.unit = detect.unit;
+    w->extra.unit = detect.own.unit;
     detect.input.more = rx_template_extra_find;
     detect.input.user = &w->extra;
     par.keep_model = par.keep_model && !forced;

@@ -111,6 +111,43 @@ static rx_status make_moffat(const rx_psf_params *par, const rx_image *image, rx
     return rx_psf_moffat(par->fwhm, par->beta, 1.0, 0.0, most - 1 + most % 2, dst, err);
 }
 
+/* Of the stars of the list, on the image in its own unit: variances of pixels are in single precision. */
+static rx_status measure(const rx_psf_params *par, const rx_image *image, const rx_sources *stars,
+                         rx_log *log, rx_psf **dst, rx_error *err)
+{
+    rx_psf_params own = *par;
+    rx_sources list = *stars;
+    rx_image_scaled scaled;
+    rx_source *copies = NULL;
+    rx_status status = RX_OK;
+    if (!rx_image_in_unit(image, &scaled))
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)image->width * (size_t)image->height * sizeof(float)));
+    if (scaled.unit != 1.0) {
+        RX_TRY_EXIT(RX_MAKE(copies, (size_t)stars->n, err));
+        memcpy(copies, stars->list, (size_t)stars->n * sizeof *copies);
+        list.list = copies;
+    }
+    own.unit = scaled.unit;
+    own.flattened /= scaled.unit;
+    for (int i = 0; copies != NULL && i < stars->n; i++) {
+        rx_source *s = &copies[i];
+        s->peak /= scaled.unit;
+        s->flux_auto /= scaled.unit;
+        s->fluxerr_auto /= scaled.unit;
+    }
+    status = par->type == RX_PSF_AUTO ? rx_psf_measure(&own, &scaled.image, &list, log, dst, err)
+                                      : rx_psf_fit_moffat(&own, &scaled.image, &list, log, NULL, dst, err);
+    if (status != RX_OK)
+        goto exit;
+    (*dst)->quality.limit *= scaled.unit;
+    for (int i = 0; (*dst)->judged != NULL && i < (*dst)->judged->nstars; i++)
+        (*dst)->judged->star[i].flux *= scaled.unit;
+exit:
+    rx_image_scaled_clear(&scaled);
+    free(copies);
+    return status;
+}
+
 rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_sources *stars, rx_log *log,
                       rx_psf **dst, rx_error *err)
 {
@@ -129,8 +166,7 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_
     case RX_PSF_MOFFAT_FIT:
         if (stars == NULL)
             return rx_error_set(err, RX_USAGE, "PSF_TYPE AUTO measures the stars of a list; none was given");
-        return par->type == RX_PSF_AUTO ? rx_psf_measure(par, image, stars, log, dst, err)
-                                        : rx_psf_fit_moffat(par, image, stars, log, NULL, dst, err);
+        return measure(par, image, stars, log, dst, err);
     case RX_PSF_GAUSS: /* what restored images have, never a tile */
     case RX_PSF_PIXEL:
         break;

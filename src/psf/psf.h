@@ -43,7 +43,8 @@ typedef struct rx_psf_params {
         flattened; /* AUTO, MOFFAT_FIT: stars that reach this (ADU) are no stars; 0: their peaks and sizes decide; HUGE_VAL: all are */
     int max_degree;         /* AUTO: of the polynomial over the tile [6] */
     rx_psf_library library; /* AUTO, MOFFAT_FIT */
-    int nthreads;           /* AUTO; the result does not depend on it */
+    double unit;  /* ADU, of the pixels that stars are measured on (data/unit.h); rx_psf_make() sets it */
+    int nthreads; /* AUTO; the result does not depend on it */
 } rx_psf_params;
 
 /* The PSF of an image. AUTO asks for its pixels with their sky, level, noise (none: 1), mask, gain and

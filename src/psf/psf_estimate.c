@@ -680,6 +680,7 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
     if (needed > 0)
         RX_TRY(search_below(search, needed, enough, best, &without, err));
     RX_TRY(find_limit(search, best->radius, limit, &flattened, err));
+    const double level = *limit * (search->par->unit > 0.0 ? search->par->unit : 1.0);
     rx_log_warning(
         log,
         "PSF_TYPE %s: %d sources whose peaks reach %.4g ADU are flattened, as by soft saturation or on a "
@@ -687,10 +688,10 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
         "and their fluxes are too low: "
         "the PSF %s; give SATUR_LEVEL %.4g and, where the header has SATUR_KEY, a SATUR_KEY that it "
         "lacks to have them flagged",
-        rx_psf_type_name(search->par->type), flattened, *limit,
+        rx_psf_type_name(search->par->type), flattened, level,
         without ? "is made without them, and does not fit them"
                 : "may be too wide: without them there are too few stars for it",
-        *limit);
+        level);
     return RX_OK;
 }
 
