@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "data/unit.h"
 
 #include <sep.h>
 
@@ -38,10 +39,12 @@ rx_status rx_local_sky(const rx_view *view, const rx_source *s, int thickness, d
             if (!inside(&inner, x, y) && rx_view_state(view, x, y) == RX_SEEN_GOOD)
                 values[n++] = rx_view_value(image, (size_t)y * (size_t)image->width + (size_t)x);
     if (n > 0) {
+        const double unit = rx_unit_of(image->global_noise); /* sep takes nothing beyond 1e30 */
+        rx_unit_divide(values, unit != 1.0 ? (size_t)n : 0, unit);
         sep_bkg *mesh = NULL;
         sep_image list = {.data = values, .dtype = SEP_TFLOAT, .w = n, .h = 1, .noise_type = SEP_NOISE_NONE};
         if (sep_background(&list, n, 1, 1, 1, 0.0, &mesh) == 0)
-            *sky = sep_bkg_global(mesh);
+            *sky = sep_bkg_global(mesh) * unit;
         else
             status = rx_error_memory(err, (size_t)n * sizeof *values);
         sep_bkg_free(mesh);

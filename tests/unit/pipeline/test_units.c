@@ -18,9 +18,9 @@
 
 enum { WIDTH = 130, HEIGHT = 120, N = WIDTH * HEIGHT, STARS = 24 };
 
-/* One restorer, with a map of the noise or without. */
+/* One restorer, with a PSF that is given or measured, and with a map of the noise or without. */
 typedef struct kind {
-    const char *name;
+    const char *name, *psf;
     int map;
     double error; /* relative: NET takes the mean of the logarithms of noise, which rounds */
 } kind;
@@ -94,13 +94,17 @@ static void same_source(const rx_source *a, const rx_source *b, double unit, int
 static void test_units_change_nothing(void **state)
 {
     (void)state;
-    static const kind kinds[] = {{"NONE", 0, 1e-12}, {"NONE", 1, 1e-12}, {"RL", 0, 1e-12}, {"NET", 0, 2e-4}};
+    static const kind kinds[] = {{"NONE", "MOFFAT", 0, 1e-12},
+                                 {"NONE", "MOFFAT", 1, 1e-12},
+                                 {"RL", "AUTO", 0, 1e-12},
+                                 {"NET", "MOFFAT", 0, 2e-4}};
     static const int powers[] = {-110, -66, 62, 108};
     char model[1024];
     snprintf(model, sizeof model, "%s/config/psfnet-fast.fits", getenv("srcdir"));
     for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
         const setting settings[] = {{"RESTORE_TYPE", kinds[i].name},
                                     {"NET_MODEL", model},
+                                    {"PSF_TYPE", kinds[i].psf},
                                     {"NTHREADS", "1"},
                                     {"OUT_OF_DOMAIN", "WARN"},
                                     {"CHECKIMAGE_TYPE", "TEMPLATE_RESIDUAL"},
