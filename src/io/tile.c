@@ -280,8 +280,7 @@ static rx_status mask_pixels(rx_tile *tile, int nthreads, rx_log *log, size_t *b
     *bad = found;
     if (found == n)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
-                           "all %zu pixels are NaN, BLANK or beyond %.3g; there is nothing to measure", n,
-                           (double)limit);
+                           "all %zu pixels are NaN, BLANK or beyond 1e20; there is nothing to measure", n);
     if (beyond > 0)
         rx_log_warning(
             log,
@@ -484,7 +483,7 @@ static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_log 
     return bad < n
                ? RX_OK
                : rx_error_at(err, RX_INPUT, tile->name, -1, 0,
-                             "all %zu pixels are NaN, masked or too large; there is nothing to measure", n);
+                             "all %zu pixels are NaN, masked or beyond 1e20; there is nothing to measure", n);
 }
 
 rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, rx_log *log, rx_tile **dst,
