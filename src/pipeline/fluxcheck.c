@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "data/psf.h"
@@ -13,6 +14,10 @@ static const double LEAST_SNR = 30.0;
 static const double SIGMAS = 5.0; /* that a ratio lies from 1 before it is off, and at least */
 static const double TOLERANCE = 0.01;
 static const double MOST_BROUGHT = 0.1, REACH = 10.0; /* of other sources' light; radii of the aperture */
+/* Sigmas of a pixel that the sky of an aperture is known to. A sky that is off, and what Richardson-Lucy gathers around any source,
+ * bright or faint, is no scale: apertures of 314 pixels on twelve simulated crowds of 3,500 stars per Mpixel gain 0.02 sigmas a
+ * pixel, 1.2 % of a star of S/N 50 and a tenth of that ten times as bright. */
+static const double SKY = 0.02;
 /* FLUX_AUTO of stars ends inside the dark ring that Richardson-Lucy leaves, and has 1.1 to 1.3 % too much */
 static const double RING = 0.02;
 
@@ -182,6 +187,14 @@ rx_status rx_fluxcheck_run(const rx_measure_params *par, const rx_image *restore
     int used = median_ratio(on_restored, on_original, picked.n, work, &dst->wide, &dst->wide_error);
     median_ratio(automatic, on_original, picked.n, work, &dst->automatic, &dst->automatic_error);
     dst->n = used >= FEWEST ? used : 0;
+    memcpy(work, on_original, n * sizeof *work);
+    const double typical = rx_median(work, n);
+    if (dst->n > 0 && typical > 0.0) {
+        const double area = 0.25 * acos(-1.0) * dst->diameter * dst->diameter,
+                     sky = SKY * original->global_noise * area / typical;
+        dst->wide_error += sky / SIGMAS;
+        dst->automatic_error += sky / SIGMAS;
+    }
 exit:
     free(work);
     free(picked.list);

@@ -16,9 +16,11 @@ typedef struct rx_fluxcheck {
     double diameter; /* of the wide aperture, pixels: 5 FWHM of the tile's PSF, at least 10 */
     double
         wide; /* median of wide aperture flux, restored / untouched, both as of all the light of their PSFs */
-    double wide_error; /* 1 sigma of the median */
-    double automatic;  /* median of FLUX_AUTO restored / wide aperture flux untouched; NAN without AUTO */
-    double automatic_error;
+    double
+        wide_error; /* 1 sigma of the median, and a fifth of what a sky off by 0.02 sigma a pixel adds to the median
+                          source: 5 errors hold all of that */
+    double automatic; /* median of FLUX_AUTO restored / wide aperture flux untouched; NAN without AUTO */
+    double automatic_error; /* likewise */
 } rx_fluxcheck;
 
 /* How wrong the flux scale is: the distance of the worse ratio from 1, in units of its error (taken as 0.2 % at
