@@ -3,10 +3,18 @@
 
 #include <math.h>
 
+#include "base/min_max.h"
+#include "num/normal.h"
 #include "template/patch.h"
 
 static const double OVERLAP = 0.3, BLEND = 0.2;
 static const double LUMPS = 0.3; /* of a large galaxy's light, on the scale of a source */
+
+static const double CORE = 0.1; /* of a template's peak: what its width is that of */
+/* Widths of a template, in steps of half of one. Of 16 false sources at an edge of two sigmas and 15 real ones on a dark cloud that
+ * had P_REAL above 0.5, 4 and 13 keep it by 2.5 widths, 7 and 13 by 1.5, 3 and 9 by 2.5 about a level instead of a plane. */
+static const double AROUND = 2.5;
+enum { STEPS = 5 };
 
 /* The brighter member with most light under the template of i; -1: none. *light: in units of i's flux. */
 static int brightest_over(const rx_fit_source *subjects, const int *member, int n, int i, double *light)
@@ -78,5 +86,121 @@ rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view
         other->kind == RX_TPHOT_POINT ? 0 : LUMPS * (1 - other->point) * r2 / (r2 + fwhm * fwhm);
     const double lumps = rough * rival->light;
     *evidence = 1 / (1 / fmin(*evidence, fmax(rise, 1e-3)) + lumps * lumps);
+    return RX_OK;
+}
+
+/* Where a template is above CORE of its peak, and how wide it is: sqrt(N) of N pixels that it is worth. */
+typedef struct core {
+    rx_window box;
+    double least, width;
+} core;
+
+static core core_of(const rx_footprint *f)
+{
+    core dst = {{f->width, f->height, 0, 0}, CORE * rx_footprint_peak(f), 0};
+    double sum = 0, power = 0;
+    for (int v = 0; v < f->height; v++)
+        for (int u = 0; u < f->width; u++) {
+            const double t = f->values[(size_t)v * (size_t)f->width + (size_t)u];
+            if (!(t > dst.least))
+                continue;
+            dst.box = (rx_window){rx_min_int(dst.box.x0, u), rx_min_int(dst.box.y0, v),
+                                  rx_max_int(dst.box.x1, u + 1), rx_max_int(dst.box.y1, v + 1)};
+            sum += t;
+            power += t * t;
+        }
+    dst.width = power > 0 ? sum / sqrt(power) : 0;
+    return dst;
+}
+
+/* What the template, moved by (dx, dy), finds in what the models leave, in errors; 0 where less than half of it is seen. */
+static int response(const rx_fit_image *c, const rx_fit_source *s, const core *of, int dx, int dy, double *z)
+{
+    const rx_footprint *f = &s->footprint;
+    double value = 0, power = 0, seen = 0, all = 0;
+    for (int v = of->box.y0; v < of->box.y1; v++)
+        for (int u = of->box.x0; u < of->box.x1; u++) {
+            const double t = f->values[(size_t)v * (size_t)f->width + (size_t)u];
+            const int x = f->x0 + u + dx, y = f->y0 + v + dy;
+            if (!(t > of->least))
+                continue;
+            all += t * t;
+            if (x < 0 || x >= c->width || y < 0 || y >= c->height)
+                continue;
+            const size_t k = rx_fit_image_row(c, y) + (size_t)x;
+            const double w = c->weight[k];
+            value += w * t * ((double)c->data[k] - c->model[k]);
+            power += w * t * t;
+            seen += w > 0 ? t * t : 0;
+        }
+    *z = power > 0 ? value / sqrt(power) / s->grain : 0;
+    return power > 0 && seen >= 0.5 * all;
+}
+
+rx_window rx_evidence_window(const rx_fit_image *canvas, const rx_fit_source *subject)
+{
+    const rx_window own = rx_footprint_window(&subject->footprint);
+    const int reach = (int)ceil(AROUND * core_of(&subject->footprint).width) + 1;
+    if (own.x1 <= own.x0)
+        return own;
+    return (rx_window){rx_max_int(own.x0 - reach, 0), rx_max_int(own.y0 - reach, 0),
+                       rx_min_int(own.x1 + reach, canvas->width), rx_min_int(own.y1 + reach, canvas->height)};
+}
+
+/* z around a source, and where. */
+typedef struct samples {
+    double x[(2 * STEPS + 1) * (2 * STEPS + 1)], y[(2 * STEPS + 1) * (2 * STEPS + 1)],
+        z[(2 * STEPS + 1) * (2 * STEPS + 1)];
+    int n;
+} samples;
+
+static void sample(const rx_fit_image *c, const rx_fit_source *s, const core *of, samples *dst)
+{
+    const double step = AROUND / STEPS * of->width;
+    dst->n = 0;
+    for (int j = -STEPS; j <= STEPS; j++)
+        for (int i = -STEPS; i <= STEPS; i++) {
+            const int dx = (int)lround(i * step), dy = (int)lround(j * step);
+            double z;
+            if (i * i + j * j > STEPS * STEPS || !response(c, s, of, dx, dy, &z))
+                continue;
+            dst->x[dst->n] = dx;
+            dst->y[dst->n] = dy;
+            dst->z[dst->n++] = z;
+        }
+}
+
+rx_status rx_evidence_amid_sky(const rx_fit_image *canvas, const rx_fit_source *subject, double alone,
+                               double *evidence, rx_error *err)
+{
+    const core of = core_of(&subject->footprint);
+    samples at;
+    if (!(*evidence > 0) || !(alone > 0) || !(of.width > 0))
+        return RX_OK;
+    sample(canvas, subject, &of, &at);
+    const double n = at.n * AROUND / STEPS * AROUND / STEPS; /* independent ones: a width apart */
+    double a[9] = {0}, b[3] = {0}, plane[3];
+    int singular;
+    for (int i = 0; i < at.n; i++) {
+        const double by[3] = {1, at.x[i], at.y[i]};
+        for (int k = 0; k < 9; k++)
+            a[k] += by[k / 3] * by[k % 3];
+        for (int k = 0; k < 3; k++)
+            b[k] += by[k] * at.z[i];
+    }
+    if (!(n > 4) || !(a[4] > 0) || !(a[8] > 0)) /* no more than is fitted */
+        return RX_OK;
+    RX_TRY(rx_normal_solve(a, b, 3, plane, NULL, &singular, err));
+    double below = 0, square = 0;
+    for (int i = 0; i < at.n; i++) {
+        const double rest = at.z[i] - plane[0] - plane[1] * at.x[i] - plane[2] * at.y[i];
+        below += rest < 0;
+        square += rest < 0 ? rest * rest : 0;
+    }
+    const double level = plane[0], width = fmax(below > 0 ? square / below : 1, 1);
+    const double gain = 0.5 * n * (width + level * level - 1 - log(width)) - log(n);
+    const double share = 1 / (1 + exp(-fmin(fmax(gain, -80), 80)));
+    const double brighter = fmax(1 - share * level / sqrt(alone), 0);
+    *evidence = fmin(*evidence, brighter * brighter / (1 / *evidence + share * (width - 1) / alone));
     return RX_OK;
 }

@@ -39,4 +39,21 @@ rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view
                          const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
                          rx_error *err);
 
+/* What that evidence is amid a sky whose structure the models and the mesh do not follow: the edge of a chip, a filament, a
+ * dark cloud. The template, moved about the source by half of its width sqrt(N), N = (sum T)^2 / sum T^2, finds z_k errors of
+ * flux in data - model within 2.5 widths. Noise alone makes them 0 +- 1 about a plane's slopes, structure `level` +- sqrt(1 + S^2):
+ *
+ *   1 + S^2 = mean square below the plane (light that no model has only adds), at least 1
+ *   share   = 1 / (1 + exp(-gain)), gain = n / 2 (S^2 + level^2 - ln(1 + S^2)) - ln n
+ *
+ * the probability of structure by Schwarz's criterion (1978, Ann. Stat. 6, 461) for its two numbers, n the z_k that are a width
+ * apart. A source there stands above the level only, and within that spread: with alone = flux^2 / variance
+ *
+ *   evidence = (1 - share level / sqrt(alone))^2 / (1 / evidence + share S^2 / alone), never more than before.
+ *
+ * What is shown of the canvas: rx_evidence_window(). Errors: RX_SYSTEM. */
+rx_window rx_evidence_window(const rx_fit_image *canvas, const rx_fit_source *subject);
+rx_status rx_evidence_amid_sky(const rx_fit_image *canvas, const rx_fit_source *subject, double alone,
+                               double *evidence, rx_error *err);
+
 #endif

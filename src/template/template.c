@@ -706,8 +706,10 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
 {
     const weighing *g = user;
     work *w = g->w;
-    return rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i],
-                          &w->subjects[i].presence, err);
+    RX_TRY(rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i],
+                          &w->subjects[i].presence, err));
+    return rx_evidence_amid_sky(&w->canvas, &w->subjects[i], g->rivals[i].alone, &w->subjects[i].presence,
+                                err);
 }
 
 /* Evidence of every source; long groups are no one thread's. */
@@ -725,7 +727,7 @@ static rx_status weigh_evidence(work *w, rx_error *err)
         const int group = w->blends.group[w->blends.member[k]], i = w->blends.member[k];
         const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
         g.rivals[i] = rx_evidence_neighbour(w->subjects, w->members, w->blends.member + first, m, k - first);
-        windows[i] = rx_footprint_window(&w->subjects[i].footprint);
+        windows[i] = rx_evidence_window(&w->canvas, &w->subjects[i]);
         if (g.rivals[i].other >= 0) {
             const rx_window all =
                 rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other], &w->subjects[i]);

@@ -144,6 +144,8 @@ static void test_chain(void **state)
             const rx_fit_neighbour rival = rx_evidence_neighbour(c.s, c.m, (int[]){0, 1, 2}, N, i);
             assert_int_equal(rx_evidence_of(&par, &c.view, c.lens, c.s, &rival, &c.s[i].presence, NULL),
                              RX_OK);
+            assert_int_equal(rx_evidence_amid_sky(&c.canvas, &c.s[i], rival.alone, &c.s[i].presence, NULL),
+                             RX_OK);
         }
         for (int i = 0; i < N; i++) {
             rx_tphot_source told = {.blend = c.m[i].blend, .flags = c.m[i].flags};

@@ -265,10 +265,56 @@ static void test_own_photons(void **state)
     field_close(&f);
 }
 
+/* The edge of a chip as a mesh leaves it, a ridge on one side and a trough on the other: what a list has along the ridge is no
+ * source, stars elsewhere are as before, and one in the trough is there. */
+static void test_structure(void **state)
+{
+    (void)state;
+    enum { FALSE = 4, TRUE = 6, W = 320, H = 240, EDGE = 150 };
+    static const double star[TRUE][3] = {{40, 40, 90},  {40, 120, 90},  {60, 200, 140},
+                                         {260, 60, 90}, {280, 180, 90}, {EDGE - 12, 120, 200}};
+    double left[2][FALSE + TRUE]; /* evidence over (S/N)^2, without and with the edge */
+    for (int k = 0; k < 2; k++) {
+        field f;
+        field_open(&f, W, H, 4, 1, FALSE + TRUE);
+        for (int i = 0; i < W * H && k == 1; i++) {
+            const int x = i % W - EDGE;
+            f.pixels[i] += (float)((x < 0 ? -1 : 1) * exp(-abs(x) / 20.0));
+        }
+        for (int i = 0; i < TRUE; i++)
+            field_star(&f, star[i][0], star[i][1], star[i][2]);
+        for (int i = 0; i < FALSE; i++)
+            field_list(&f, EDGE + 5, 45 + 50 * i, 6, 3, 3, 0);
+        for (int i = 0; i < TRUE; i++)
+            field_list(&f, star[i][0], star[i][1], 4, 1.7, 1.7, 0);
+        field_noise(&f, 11);
+        field_restore_none(&f);
+        rx_tphot_params par = rx_tphot_defaults();
+        rx_tphot_input input = field_input(&f);
+        rx_tphot *t = NULL;
+        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        for (int i = 0; i < FALSE + TRUE; i++) {
+            const rx_tphot_source *s = &t->list[i];
+            left[k][i] = s->evidence / pow(s->snr * s->shape_error, 2);
+            print_message("%d %d: S/N %.1f evidence %.1f\n", k, i, s->snr, s->evidence);
+            if (k == 1 && i < FALSE) {
+                assert_true(s->snr > 7);
+                assert_true(s->evidence < 16);
+            }
+        }
+        assert_true(k == 0 || t->list[FALSE + TRUE - 1].evidence > 60);
+        rx_tphot_free(t);
+        field_close(&f);
+    }
+    for (int i = FALSE; i < FALSE + TRUE - 1; i++)
+        for (int k = 0; k < 2; k++)
+            assert_near(left[k][i], 1, 0.1);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_column), cmocka_unit_test(test_usual),
-                                       cmocka_unit_test(test_average), cmocka_unit_test(test_evidence),
-                                       cmocka_unit_test(test_own_photons)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_column),    cmocka_unit_test(test_usual),
+                                       cmocka_unit_test(test_average),   cmocka_unit_test(test_evidence),
+                                       cmocka_unit_test(test_structure), cmocka_unit_test(test_own_photons)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
