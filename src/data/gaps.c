@@ -6,8 +6,11 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
+#include "data/image.h"
 
 static const double WIDEST = 1.0, WIDEST_HOLE = 1.5; /* FWHM */
+static const double WIDEST_CORE = 3.4;               /* FWHM */
 static const double UNKNOWN_FWHM = 5.0;              /* pixels */
 enum { MOST = 127 };                                 /* pixels; steps are kept in bytes */
 
@@ -69,7 +72,7 @@ static bool in_gap(const plane *p, int x, int y, double fwhm, double widest, rx_
     return shortest <= widest;
 }
 
-rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int saturated, rx_gaps **dst,
+rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int cut, rx_gaps **dst,
                        rx_error *err)
 {
     const plane p = {mask, width, height};
@@ -82,8 +85,8 @@ rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, 
         for (int x = 0; x < width; x++) {
             const size_t k = (size_t)y * (size_t)width + (size_t)x;
             rx_gap gap = {.at = (int)k, .mask = mask[k]};
-            const int full = mask[k] & RX_MASK_SATURATED;
-            if (mask[k] == 0 || (full && !saturated) || !in_gap(&p, x, y, star, full ? MOST : widest, &gap))
+            const int full = mask[k] & RX_MASK_CUT;
+            if (mask[k] == 0 || (full && !cut) || !in_gap(&p, x, y, star, full ? MOST : widest, &gap))
                 continue;
             if (gaps.n == room)
                 RX_TRY_EXIT(RX_GROW(gaps.list, room = 2 * room + 256, err));
@@ -97,6 +100,79 @@ rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, 
 exit:
     free(gaps.list);
     return status;
+}
+
+/* What a good pixel beside a hole shows, looked at from the hole. */
+typedef enum side { DARK, FALLS, OTHER } side;
+
+/* n steps away; whether it falls is seen over the distance `far`. */
+static side side_at(const rx_image *image, int x, int y, int dx, int dy, int n, int far)
+{
+    static const double SURE = 3.0; /* sigmas of the difference of two pixels */
+    const int x0 = x + n * dx, y0 = y + n * dy, x1 = x0 + far * dx, y1 = y0 + far * dy;
+    if (x0 < 0 || y0 < 0 || x0 >= image->width || y0 >= image->height)
+        return DARK;
+    const size_t width = (size_t)image->width, near = (size_t)y0 * width + (size_t)x0;
+    const rx_map sky = rx_image_sky(image);
+    const double sigma = (double)rx_map_at(&image->noise, x0, y0),
+                 light = (double)image->pixels[near] - (double)rx_map_at(&sky, x0, y0),
+                 photons = image->gain > 0.0 ? fmax(0.0, light) / image->gain : 0.0,
+                 limit = SURE * sqrt(2.0 * (sigma * sigma + photons));
+    if (light <= limit)
+        return DARK;
+    if (x1 < 0 || y1 < 0 || x1 >= image->width || y1 >= image->height)
+        return OTHER;
+    const size_t beyond = (size_t)y1 * width + (size_t)x1;
+    return image->mask[beyond] == 0 && (double)(image->pixels[near] - image->pixels[beyond]) > limit ? FALLS
+                                                                                                     : OTHER;
+}
+
+/* The two ends of a hidden pixel's run along an axis. */
+typedef struct ends {
+    int width; /* pixels between them; 0: not both fall */
+    bool other;
+} ends;
+
+static ends ends_of(const rx_image *image, size_t at, int axis, int before, int after, int most, int far)
+{
+    const int x = (int)(at % (size_t)image->width), y = (int)(at / (size_t)image->width), dx = axes[axis].x,
+              dy = axes[axis].y;
+    const side ahead = after > most ? DARK : side_at(image, x, y, dx, dy, after, far),
+               behind = before > most ? DARK : side_at(image, x, y, -dx, -dy, before, far);
+    return (ends){.width = ahead == FALLS && behind == FALLS ? before + after - 1 : 0,
+                  .other = ahead == OTHER || behind == OTHER};
+}
+
+size_t rx_gaps_mark_cores(const rx_image *image, double fwhm, uint8_t *mask)
+{
+    const plane p = {mask, image->width, image->height};
+    const double star = fmin(fwhm > 0.0 ? fwhm : UNKNOWN_FWHM, MOST / WIDEST_HOLE);
+    const int far = (int)ceil(star), widest = rx_min_int((int)(WIDEST_CORE * star), MOST);
+    size_t n = 0;
+    for (int y = 0; y < p.height; y++)
+        for (int x = 0, before = 0, after = 0; x < p.width; x++) {
+            const size_t at = (size_t)y * (size_t)p.width + (size_t)x;
+            uint8_t *bits = &mask[at];
+            rx_gap gap = {0};
+            before = *bits != 0 ? before + 1 : 0;
+            if (before > 0)
+                after = before > 1 ? after - 1 : steps_to_good(&p, x, y, 1, 0, p.width);
+            if ((*bits & RX_HIDE_PLAIN) == 0)
+                continue;
+            const ends row = ends_of(image, at, 0, before, after, MOST, far);
+            const int most = row.width > 0 ? MOST : widest,
+                      above = row.other ? 0 : steps_to_good(&p, x, y, 0, -1, most);
+            if (row.other || (row.width == 0 && above > most)) /* wide masks take no time */
+                continue;
+            const ends column = ends_of(image, at, 1, above, steps_to_good(&p, x, y, 0, 1, most), most, far);
+            const bool both = row.width > 0 && column.width > 0;
+            if (column.other || row.width + column.width == 0 ||
+                (!both && row.width + column.width > widest) || in_gap(&p, x, y, star, WIDEST * star, &gap))
+                continue;
+            *bits |= RX_MASK_CORE;
+            n++;
+        }
+    return n;
 }
 
 void rx_gaps_free(rx_gaps *gaps)

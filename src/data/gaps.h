@@ -6,13 +6,19 @@
  * = 1, 0.025 in a hole of w = 1.5. These are the widest gaps; beyond them next to nothing is known, and wide masks, of
  * bright stars or borders, stay empty.
  * Masked pixels that are saturated hold light for sure, but not known how much: for detection they are gaps however
- * wide they are, for restorers none.
+ * wide they are, for restorers none. So are those of a wider hole from which the light falls to all four sides: the
+ * core of a star that a pipeline has masked. A hole in a nebula, or beside the middle of a galaxy, has a side to which
+ * it rises or stays. Of a masked bleed only the sides across it are lit and the others are sky; such a hole is at most
+ * 3.4 FWHM across, which is as far as a star of S/N 10^4 (Gaussian) is seen at 4 sigma: light on both sides of a
+ * wider one is that of two.
  */
 #ifndef RX_DATA_GAPS_H
 #define RX_DATA_GAPS_H
 
 #include "base/error.h"
 #include "data/map.h"
+
+struct rx_image;
 
 typedef struct rx_gap {
     int at;                /* the pixel */
@@ -29,11 +35,15 @@ typedef struct rx_gaps {
 } rx_gaps;
 
 /* Those of mask[height][width], 0 being good, for a PSF of that FWHM, pixels; 0: not known, 5 pixels, the middle of
- * common seeing. saturated: pixels with that bit are in gaps of any width, 0: in none. NULL: there are none. Free with
+ * common seeing. cut: pixels of RX_MASK_CUT are in gaps of any width, 0: in none. NULL: there are none. Free with
  * rx_gaps_free(). Errors: RX_SYSTEM. */
-rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int saturated, rx_gaps **dst,
+rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int cut, rx_gaps **dst,
                        rx_error *err);
 void rx_gaps_free(rx_gaps *gaps);
+
+/* RX_MASK_CORE at hidden pixels from which the light of the image, on its sky, falls over a FWHM by 3 sigma of the
+ * difference; not in gaps. mask: that of the image. How many. */
+size_t rx_gaps_mark_cores(const struct rx_image *image, double fwhm, uint8_t *mask);
 
 /* The plane[height][width] at its gaps: on the straight line between the good pixels, so that a source across a gap
  * is not cut, and none grows by it. gaps may be NULL. */

@@ -21,8 +21,8 @@ struct rx_noise_law; /* measure/noise.h */
 /* Pixels that hide in a plain extraction (as in SExtractor, saturated ones are used and flagged) and in
  * a restored image (a saturated value is a lower limit and would ring). */
 enum {
-    RX_HIDE_PLAIN = RX_MASK_BAD | RX_MASK_WEIGHT,
-    RX_HIDE_RESTORED = RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_SATURATED | RX_MASK_UNTOUCHED | RX_MASK_DEEP
+    RX_HIDE_PLAIN = RX_MASK_BAD | RX_MASK_WEIGHT | RX_MASK_CORE,
+    RX_HIDE_RESTORED = RX_HIDE_PLAIN | RX_MASK_SATURATED | RX_MASK_UNTOUCHED | RX_MASK_DEEP
 };
 
 typedef struct rx_image {

@@ -23,7 +23,10 @@ enum {
     RX_MASK_UNTOUCHED = 8, /* of a restored image while it is detected on: belongs to a saturated star that is
                               left as it was observed */
     RX_MASK_DEEP = 16,     /* so far below its sky as no dark cloud is */
-    RX_MASK_GAP = 32       /* while a network restores: masked, but its light is estimated (data/gaps.h) */
+    RX_MASK_GAP = 32,      /* while a network restores: masked, but its light is estimated (data/gaps.h) */
+    RX_MASK_CORE = 64,     /* beside another bit: light falls from it to all sides (data/gaps.h) */
+    /* Holds light for sure, but not known how much. */
+    RX_MASK_CUT = RX_MASK_SATURATED | RX_MASK_CORE
 };
 
 /* What the WEIGHT_IMAGE holds (SExtractor WEIGHT_TYPE). */

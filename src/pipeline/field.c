@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
+#include "data/gaps.h"
 #include "data/map.h"
 #include "data/unit.h"
 #include "detect/correlation.h"
@@ -847,6 +848,11 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     rx_lap_add(&last, &field->psf_lap);
     if (status == RX_OK && image->psf == NULL && field->psf != NULL)
         rx_log_info(log, "%s[%d]: PSF %s", image->name, image->hdu, field->psf->description);
+    if (status == RX_OK && own_mask(field) != NULL) {
+        const rx_image observed = rx_field_observed(field);
+        field->cores =
+            rx_gaps_mark_cores(&observed, field->psf != NULL ? field->psf->fwhm : 0.0, own_mask(field));
+    }
     const rx_noise_correlation noise = field->noise;
     field->image.psf = field->psf;
     rx_psf *of_light = NULL;

@@ -30,6 +30,7 @@ typedef struct rx_field {
     double psf_bound;
     rx_record inputs; /* files that were read for the PSF of stars that say nothing: keyword, name */
     size_t deep;      /* pixels with RX_MASK_DEEP */
+    size_t cores;     /* pixels with RX_MASK_CORE */
     size_t no_data;   /* pixels that are hidden by detect/no_data.h */
     int nstars;       /* sources that the PSF's stars were chosen among */
     int unrestorable; /* neither stars nor what was stated give a PSF */

@@ -420,7 +420,12 @@ static const struct {
                   [TEMPLATES] = {fit_templates, "templates", 0.8},
                   [MEASURE] = {measure_sources, "measurement", 1.0}};
 
-/* Where a restorer is at work, what RESTORE_TYPE NONE makes of saturated stars; before it runs, for the planes
+static int same_skies(const rx_field *field)
+{
+    return field->plain == field->restored && field->cores == 0;
+}
+
+/* Where a restorer is at work, what RESTORE_TYPE NONE makes of saturated stars and masked cores; before it runs, for the planes
  * of both are never needed at once. The two skies of a field are one where nothing is saturated, and where
  * saturated pixels are to be masked for all kinds. */
 static rx_status find_saturated(work *w, rx_error *err)
@@ -430,8 +435,7 @@ static rx_status find_saturated(work *w, rx_error *err)
     work plain = {
         .params = w->params, .kind = none, .detect = w->detect, .measure = w->measure, .result = &result};
     if (kind_for(w, w->detect) == none ||
-        (!w->params->saturated_in_none && w->detect->plain == w->detect->restored &&
-         w->measure->plain == w->measure->restored))
+        (!w->params->saturated_in_none && same_skies(w->detect) && same_skies(w->measure)))
         return RX_OK;
     rx_status status = RX_OK;
     RX_TRY_EXIT(restore_image(&plain, err));

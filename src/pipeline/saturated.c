@@ -23,7 +23,7 @@ static size_t count_pixels(const rx_image *detect, const rx_image *measure, cons
             if (sources->segments[k] != s->segment)
                 continue;
             n++;
-            saturated |= (detect->mask[k] | measure->mask[k]) & RX_MASK_SATURATED;
+            saturated |= (detect->mask[k] | measure->mask[k]) & RX_MASK_CUT;
         }
     return saturated ? n : 0;
 }

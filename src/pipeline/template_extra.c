@@ -120,7 +120,7 @@ static rx_status mark_saturated(const rx_template_extra *extra, unsigned char **
     if (saturated == NULL)
         return rx_error_memory(err, (size_t)sources->n);
     for (size_t i = 0; i < npixels; i++)
-        if ((extra->mask[i] & RX_MASK_SATURATED) != 0 && sources->segments[i] > 0)
+        if ((extra->mask[i] & RX_MASK_CUT) != 0 && sources->segments[i] > 0)
             saturated[sources->segments[i] - 1] = 1;
     *dst = saturated;
     return RX_OK;

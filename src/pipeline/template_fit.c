@@ -60,7 +60,7 @@ static rx_status open_fitted(const work *w, const rx_field *field, const rx_sour
         return rx_error_memory(err, n * sizeof(float));
     dst->input = (rx_tphot_input){.restored = &dst->restored,
                                   .shape_mask = w->on.detect->image.mask,
-                                  .shape_bits = RX_MASK_SATURATED,
+                                  .shape_bits = RX_MASK_CUT,
                                   .sources = sources,
                                   .image = dst->own.image};
     dst->input.image.psf = psf_of(w, field);
