@@ -4,6 +4,7 @@
 #include <wcslib/wcs.h>
 #include <wcslib/wcsfix.h>
 #include <wcslib/wcshdr.h>
+#include <wcslib/wcsmath.h>
 
 #include <math.h>
 #include <stdbool.h>
@@ -64,11 +65,26 @@ static int is_usable(rx_wcs *wcs, int width, int height)
     return 0;
 }
 
-static void take_frame(rx_wcs *wcs, rx_text *details)
+static bool is_frame(const char *radesys)
+{
+    static const char *const known[] = {"", "ICRS", "FK5", "FK4", "FK4-NO-E", "GAPPT"};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (strcmp(radesys, known[i]) == 0)
+            return true;
+    return false;
+}
+
+static void take_frame(rx_wcs *wcs, rx_wcs_notes *notes)
 {
     struct wcsprm *prm = &wcs->prm;
-    double equinox = isfinite(prm->equinox) && prm->equinox > 1000 ? prm->equinox : 0;
-    wcs->frame = rx_sky_frame_of(prm->lngtyp, prm->radesys, equinox);
+    rx_text *details = &notes->details;
+    const bool stated = isfinite(prm->equinox) && !undefined(prm->equinox) && prm->equinox > 1000;
+    wcs->frame = rx_sky_frame_of(prm->lngtyp, prm->radesys, stated ? prm->equinox : 0);
+    if (!is_frame(prm->radesys)) {
+        rx_wcs_note(&notes->warnings, "RADESYS = '");
+        rx_text_printf(&notes->warnings, "%s' is no reference system; positions are taken for %s",
+                       prm->radesys, stated ? "FK5 of EQUINOX" : "ICRS");
+    }
     if (!wcs->frame.known)
         rx_wcs_note(details, "longitudes of this type cannot be taken to J2000");
     else if (wcs->frame.eterms)
@@ -128,7 +144,7 @@ static rx_status make(char *cards, size_t ncards, const int size[2], rx_wcs **ds
     if (guarded)
         RX_TRY(set_up(cards, ncards, size, dst, &why, err));
     if (*dst != NULL) {
-        take_frame(*dst, &notes->details);
+        take_frame(*dst, notes);
         if (!is_usable(*dst, size[0], size[1])) {
             why = "neither the centre nor a corner has sky coordinates";
             rx_wcs_free(*dst);

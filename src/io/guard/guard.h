@@ -97,7 +97,7 @@ rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pi
 
 /* Change cards in place, of which the first RX_WCS_OWN are free; what was changed in a way that users should know
  * goes to the notes. false: there are no world coordinates, notes->why says for what reason. */
-enum { RX_WCS_OWN = 2 };
+enum { RX_WCS_OWN = 4 };
 bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes);
 
 /* How many of the first two axes have a type of the sky. */

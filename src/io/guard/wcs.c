@@ -507,8 +507,11 @@ static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_t
             memset(card, ' ', CARD);
             continue;
         }
-        if (!number)
+        if (!number) { /* a type without quotes */
+            if (!is_whole_card(card) && rx_cards_text(card, 1, key, text, sizeof text))
+                set_text(card, key, text);
             continue;
+        }
         if (!read_number(card, key, &value)) {
             if (strcmp(key, "EQUINOX") == 0 && rx_cards_text(card, 1, key, text, sizeof text) &&
                 (strncmp(text, "J2000", 5) == 0 || strncmp(text, "B1950", 5) == 0))
@@ -550,10 +553,12 @@ int rx_wcs_means_sky(const char *cards, size_t ncards)
 {
     int n = 0;
     for (int i = 0; i < 2; i++) {
-        char type[32];
-        rx_cards_text(cards, (long)ncards, i == 0 ? "CTYPE1" : "CTYPE2", type, sizeof type);
-        n += strncmp(type, "RA--", 4) == 0 || strncmp(type, "DEC-", 4) == 0 ||
-             (type[0] != '\0' && (strncmp(type + 1, "LON", 3) == 0 || strncmp(type + 1, "LAT", 3) == 0));
+        char text[32];
+        rx_cards_text(cards, (long)ncards, i == 0 ? "CTYPE1" : "CTYPE2", text, sizeof text);
+        const char *type = text + strspn(text, " "); /* so written, wcslib cannot read it */
+        n += strncasecmp(type, "RA--", 4) == 0 || strncasecmp(type, "DEC-", 4) == 0 ||
+             (type[0] != '\0' &&
+              (strncasecmp(type + 1, "LON", 3) == 0 || strncasecmp(type + 1, "LAT", 3) == 0));
     }
     return n;
 }
@@ -687,6 +692,24 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
     rx_wcs_note(&notes->details, "PV coefficients beside SIP are ignored");
 }
 
+/* TPV takes a PVi_1 that is not there for 1, all others for 0; wcslib 7.12 takes 0, so that a whole axis is one place. */
+static void complete_tpv(char *cards, size_t ncards)
+{
+    enum { FREE = 2 }; /* of the first cards */
+    for (int axis = 1; axis <= 2; axis++) {
+        char ctype[32], key[9];
+        rx_text one = {0};
+        rx_cards_text(cards, (long)ncards, axis == 1 ? "CTYPE1" : "CTYPE2", ctype, sizeof ctype);
+        snprintf(key, sizeof key, "PV%d_1", axis);
+        if (strlen(ctype) < 8 || strncmp(ctype + 5, "TPV", 3) != 0 || rx_cards_find(cards, ncards, key) >= 0)
+            continue;
+        rx_card_number(&one, key, 1.0, "");
+        if (!one.failed)
+            memcpy(cards + (FREE + axis - 1) * CARD, one.data, CARD);
+        rx_text_free(&one);
+    }
+}
+
 /* Numbers of the sky that are not there: wcslib, as the standard, would take 0, and SExtractor 0 or 1. */
 static bool is_complete(const char *cards, size_t ncards, rx_wcs_notes *notes)
 {
@@ -719,6 +742,7 @@ bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes)
     settle_numbers(cards, ncards, notes, &unreadable, &sip);
     bool good = are_numbers(cards, ncards, &unreadable, &sip, notes);
     repair_distortion(cards, ncards, notes);
+    complete_tpv(cards, ncards);
     repair_exponents(cards, ncards);
     keep_whole_cards(cards, ncards);
     set_axes(cards, ncards, notes);

@@ -246,12 +246,63 @@ static void test_half_of_sip(void **state)
     }
 }
 
+/* TPV without coefficients, or with some, of which a linear one is 1. */
+static void test_tpv_defaults(void **state)
+{
+    (void)state;
+    static const char *const headers[] = {TAN_HEADER("TPV"), TAN_HEADER("TPV") "PV1_1   = 1.0",
+                                          TAN_HEADER("TAN") "PV2_1   = 1.0"};
+    for (size_t i = 0; i < sizeof headers / sizeof *headers; i++) {
+        char note[256];
+        rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
+        assert_non_null(wcs);
+        assert_null(strstr(note, "warning"));
+        check_against(wcs, linear);
+        rx_wcs_free(wcs);
+    }
+}
+
 /* --- numbers and contradictions --- */
 
 #define TYPES "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\n"
 #define CENTRE "CRVAL1  = 150.25\nCRVAL2  = 2.5\n"
 #define PIXEL "CRPIX1  = 500.5\nCRPIX2  = 400.5\n"
 #define MATRIX "CD1_1   = -5.5E-5\nCD1_2   = 1.0E-6\nCD2_1   = 1.2E-6\nCD2_2   = 5.4E-5\n"
+
+/* A type that only looks like one is no silent want of coordinates. */
+static void test_types_of_another_spelling(void **state)
+{
+    (void)state;
+    static const char *const headers[] = {
+        "CTYPE1  = 'ra---tan'\nCTYPE2  = 'dec--tan'\n" CENTRE PIXEL MATRIX,
+        "CTYPE1  = ' RA---TAN'\nCTYPE2  = ' DEC--TAN'\n" CENTRE PIXEL MATRIX,
+        "CTYPE1  = RA---TAN\nCTYPE2  = DEC--TAN\n" CENTRE PIXEL MATRIX};
+    for (size_t i = 0; i < sizeof headers / sizeof *headers; i++) {
+        char note[256];
+        rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
+        assert_true(wcs != NULL || strstr(note, "warning: no world coordinates") != NULL);
+        rx_wcs_free(wcs);
+    }
+}
+
+/* A frame that is none is warned of, and takes no position away. */
+static void test_unknown_frame(void **state)
+{
+    (void)state;
+    static const char *const frames[] = {"ICRS", "FK5", "J2000"};
+    double x = 10, y = 20, alpha[3], delta[3];
+    for (int i = 0; i < 3; i++) {
+        char note[256], lines[1024];
+        snprintf(lines, sizeof lines, "RADESYS = '%s'\n%s", frames[i], TYPES CENTRE PIXEL MATRIX);
+        rx_wcs *wcs = from_lines(lines, 1000, 800, note);
+        assert_non_null(wcs);
+        assert_int_equal(strstr(note, "warning: RADESYS = 'J2000' is no reference system") != NULL, i == 2);
+        rx_wcs_to_sky(wcs, 1, &x, &y, &alpha[i], &delta[i]);
+        assert_near(alpha[i], alpha[0], 1e-9);
+        assert_near(delta[i], delta[0], 1e-9);
+        rx_wcs_free(wcs);
+    }
+}
 
 /* The same sky, however it is written; what contradicts it is warned of, and what only repeats it is not. */
 static void test_numbers(void **state)
@@ -667,6 +718,9 @@ int main(void)
         cmocka_unit_test(test_hostile_cards),
         cmocka_unit_test(test_halves_of_distortions),
         cmocka_unit_test(test_plate),
+        cmocka_unit_test(test_tpv_defaults),
+        cmocka_unit_test(test_unknown_frame),
+        cmocka_unit_test(test_types_of_another_spelling),
         cmocka_unit_test(test_linear),
         cmocka_unit_test(test_shared_by_threads),
     };
