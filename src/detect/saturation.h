@@ -6,6 +6,7 @@
  * that near to its peak (a Gaussian; Moffat's and galaxies' have less), 0.13 with pixels that are a tenth of its FWHM;
  * narrower ones have no 3 x 3 pixels within 5 %, so that their peaks stand above T. Of one that is cut off at a level,
  * a fourth at 0.85 of its peak, half at 0.5. 5 %: what flat fields make of one level on the detector.
+ * A star of a few pixels shows it by the highest value: many have just that one, hardly any others come near.
  *
  * Where nothing piles up, cores may be hollow, as bleeding, bias and interpolation leave them: a pixel less than half as high as both
  * of its neighbours in its row or its column. No sum of sources is that dark between two of its pixels, if its PSF has a FWHM of 1.42

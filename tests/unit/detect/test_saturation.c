@@ -64,6 +64,18 @@ static void finds_the_level(void **state)
         }
 }
 
+/* One narrow star is full, in a few pixels: too small a plateau to have 3 x 3 pixels. */
+static void finds_the_level_of_one_star(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed < 5; seed++) {
+        make_stars(30000, 4, 0, seed);
+        for (int i = 0; i < N; i++)
+            pixels[i] = fminf(pixels[i], 19000);
+        assert_near(level_of(), 19000, 1e-9);
+    }
+}
+
 /* What is above `level` becomes anything up to three times as much. */
 static void make_hollow(double level)
 {
@@ -106,6 +118,9 @@ static void finds_none_where_stars_grow_to_their_centres(void **state)
             for (int alike = 0; alike < 2; alike++) {
                 make_stars(30000, fwhm, alike, seed);
                 assert_true(level_of() == HUGE_VAL);
+                for (int i = 0; i < N; i++)
+                    pixels[i] = roundf(pixels[i] / 3); /* steps of a sigma */
+                assert_true(level_of() == HUGE_VAL);
                 pixels[150] = 60000;
                 assert_true(level_of() == HUGE_VAL);
             }
@@ -133,6 +148,7 @@ static void finds_none_where_there_is_no_top(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(finds_the_level),
+                                       cmocka_unit_test(finds_the_level_of_one_star),
                                        cmocka_unit_test(finds_the_level_of_hollow_cores),
                                        cmocka_unit_test(finds_none_where_columns_are_dead),
                                        cmocka_unit_test(finds_none_where_stars_grow_to_their_centres),
