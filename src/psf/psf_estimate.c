@@ -753,11 +753,11 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                 "some are no stars",
                 rx_psf_type_name(par->type), best.kept, 100.0 * best.scatter);
         if (off_stated(par, &best) > 3.0)
-            rx_log_warning(
-                log,
-                "PSF_TYPE %s: PSF_FWHM is %.3g pixels, but %d like stars have %.3g, which is taken; give "
-                "PSF_TYPE MOFFAT to have PSF_FWHM",
-                rx_psf_type_name(par->type), par->fwhm, best.kept, fwhm_of(&best));
+            rx_log_warning(log, "PSF_TYPE %s: PSF_FWHM is %.3g pixels, but %d %s %.3g%s",
+                           rx_psf_type_name(par->type), par->fwhm, best.kept,
+                           best.kept == 1 ? "star has" : "like stars have", fwhm_of(&best),
+                           few ? ": is it this tile's?" /* few stars are believed less, by the caller */
+                               : ", which is taken; give PSF_TYPE MOFFAT to have PSF_FWHM");
         status = fit_joint(best.stars, best.list.n, par->nthreads, 30, &best.fit, err);
     }
     if (status == RX_OK)

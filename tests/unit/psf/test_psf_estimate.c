@@ -840,6 +840,44 @@ static void test_width_of_few_stars(void **state)
     assert_between((double)within / all, 0.68, 1.0); /* of two, their error is that they may be galaxies */
 }
 
+/* A PSF_FWHM that stars contradict counts where they are few, and they do where they are many: what is said is what is
+ * done (pipeline/field.c takes PSF_FWHM for few). */
+static void test_contradicted_width(void **state)
+{
+    (void)state;
+    rx_psf_params par = {
+        .type = RX_PSF_AUTO, .beta = 4.765, .fwhm = 2.0, .min_stars = 1, .min_snr = 20.0, .max_degree = 0};
+    for (int few = 0; few < 2; few++) {
+        field f;
+        rx_psf *psf = NULL;
+        rx_text said = {0};
+        rx_log log = {.level = RX_QUIET, .warnings = &said};
+        make_field(&f, 3.0, 4.765, 1.0, 0.0, 60, 0);
+        const rx_image tile = rx_tile_image(&f.tile);
+        rx_image image = rx_image_on_sky(&tile, &f.background);
+        image.hide = RX_HIDE_RESTORED;
+        rx_status status = RX_INPUT;
+        for (int first = 0; first < 40 && status != RX_OK; first += 4) { /* some are galaxies */
+            rx_sources some = f.sources;
+            some.n = 3;
+            some.list += first;
+            rx_text_free(&said);
+            status = rx_psf_make(&par, &image, few ? &some : &f.sources, &log, &psf, NULL);
+        }
+        assert_int_equal(status, RX_OK);
+        assert_int_equal(strcmp(psf->quality.how, "MOFFAT_BETA") == 0, few);
+        const char *at = NULL; /* each message ends in 0 */
+        for (const char *c = said.data; at == NULL && c < said.data + said.length; c += strlen(c) + 1)
+            at = strstr(c, "PSF_FWHM is 2 pixels");
+        if (at == NULL)
+            fail_msg("few %d, FWHM %g: '%s'", few, psf->fwhm, said.data);
+        assert_int_equal(strstr(at, "which is taken") != NULL, !few);
+        rx_text_free(&said);
+        rx_psf_free(psf);
+        free_field(&f);
+    }
+}
+
 /* Every star that the PSF is from is one of the field's own, and `good` says so too. */
 static void check_stars(const field *f, const rx_psf *psf, int (*good)(const field *, const rx_source *))
 {
@@ -1185,6 +1223,7 @@ int main(void)
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
         cmocka_unit_test(test_width_of_few_stars),
+        cmocka_unit_test(test_contradicted_width),
         cmocka_unit_test(test_particles_and_sizes),
         cmocka_unit_test(test_specks),
         cmocka_unit_test(test_cosmic_rays),
