@@ -176,7 +176,8 @@ def make_inputs(folder):
     write("single.fits", image([100 + (i * 7919 % 61 if i % 17 == 0 else 0) for i in range(side * side)], side, side, GAIN=1))
     write("rms.fits", image([1] * side * side, side, side))
     write("soft.fits", image([1000 + 400 * (1 - math.exp((1000 - p) / 400)) if p > 1000 else p for p in sky], side, side, **tile))
-    write("faint.fits", image([1e-20 * (p - 900) for p in sky], side, side))
+    faint = struct.pack(f">{side * side}d", *[1e-42 * (p - 900) for p in sky])
+    write("faint.fits", ({"SIMPLE": "T", "BITPIX": -64, "NAXIS": 2, "NAXIS1": side, "NAXIS2": side}, faint))
     wcs = {"CTYPE1": "RA---TAN", "CTYPE2": "DEC--TAN", "CRVAL1": 150.0, "CRVAL2": 2.2, "CRPIX1": 100.0, "CRPIX2": 100.0}
     wcs |= {"CDELT1": -0.00011, "CDELT2": 0.00011}
     cards, data = image(sky, side, side, PCOUNT=0, GCOUNT=1, **tile, **wcs)

@@ -192,31 +192,32 @@ static size_t image_length(const char *line)
     return end != NULL ? (size_t)(end - line) + 3 : 0;
 }
 
-/* Neighbours of one image become one message; the line of the second moves to the left within the text of all. */
-static void join(waiting *of, int n)
+/* Neighbours of one image become one message, where it would not be too long for the lines that are left; the line of
+ * the second moves to the left within the text of all. What may be left out first stays by itself. */
+static void join(waiting *of, int n, int room)
 {
     waiting *before = NULL;
     for (int i = 0; i < n; i++) {
         const size_t length = image_length(of[i].line);
-        if (before == NULL || length == 0 || strncmp(before->line, of[i].line, length) != 0) {
+        if (before == NULL || length == 0 || strncmp(before->line, of[i].line, length) != 0 ||
+            before->hint != of[i].hint || before->lines + of[i].lines > room) {
             before = &of[i];
             continue;
         }
         char *to = before->line + strlen(before->line);
         memcpy(to, "; ", 2);
         memmove(to + 2, of[i].line + length, strlen(of[i].line + length) + 1);
-        before->hint &= of[i].hint;
+        before->lines += of[i].lines;
         of[i].line = NULL;
     }
 }
 
-/* Hints first, then what was said first, until `room` lines hold the others and the line that says so. The number of
- * lines that are left out. */
+/* Hints first, then what was said first, until `room` lines hold the others. The number of lines that are left out. */
 static int leave_out(waiting *of, int n, int lines, int room)
 {
     int gone = 0;
     for (int pass = 0; pass < 2; pass++)
-        for (int i = 0; i < n && lines - gone > room - 1; i++)
+        for (int i = 0; i < n && lines - gone > room; i++)
             if (of[i].line != NULL && (of[i].hint || pass == 1)) {
                 of[i].line = NULL;
                 gone += of[i].lines;
@@ -224,9 +225,10 @@ static int leave_out(waiting *of, int n, int lines, int room)
     return gone;
 }
 
-/* What waits, in `room` lines at most. */
+/* What waits, in `room` lines at most; but what was said last, which is what was found, always has its line. */
 static void print_waiting(rx_log *log, int room)
 {
+    const int most = room > 2 ? room - 1 : 1; /* and one for what is left out */
     const size_t length = log->waiting.length;
     int n = 0, gone = 0;
     for (size_t i = 0; i < length; i++)
@@ -242,17 +244,17 @@ static void print_waiting(rx_log *log, int room)
     if (of == NULL)
         return;
     if (count_lines(log, of, n) > room)
-        join(of, n);
+        join(of, n, most);
     const int lines = count_lines(log, of, n);
     if (lines > room)
-        gone = leave_out(of, n, lines, room);
+        gone = leave_out(of, n, lines, most);
     for (int i = 0; i < n; i++)
         if (of[i].line != NULL)
             print(log, "", of[i].line);
     char note[96];
     snprintf(note, sizeof note, "%d more line%s of information with VERBOSE_TYPE FULL", gone,
              gone > 1 ? "s" : "");
-    if (gone > 0 && room > 0)
+    if (gone > 0 && room > 1)
         print(log, "", note);
     free(of);
 }
