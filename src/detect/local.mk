@@ -9,6 +9,7 @@ librextract_la_SOURCES += \
 	src/detect/sep_extract.c src/detect/sep_extract.h \
 	src/detect/filter.c src/detect/filter.h \
 	src/detect/groups.c src/detect/groups.h \
+	src/detect/hollow.c src/detect/hollow.h \
 	src/detect/mesh.c src/detect/mesh.h \
 	src/detect/no_data.c src/detect/no_data.h \
 	src/detect/photons.c src/detect/photons.h \

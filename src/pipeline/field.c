@@ -16,6 +16,7 @@
 #include "data/unit.h"
 #include "detect/correlation.h"
 #include "detect/filter.h"
+#include "detect/hollow.h"
 #include "detect/no_data.h"
 #include "detect/photons.h"
 #include "detect/saturation.h"
@@ -767,6 +768,24 @@ static rx_status find_saturation(rx_field *field, rx_log *log, rx_error *err)
     return RX_OK;
 }
 
+/* Cores that were left at 0 or another low value are below any level. */
+static rx_status hide_hollow(rx_field *field, rx_log *log, rx_error *err)
+{
+    const rx_image observed = rx_field_observed(field);
+    uint8_t *mask = own_mask(field);
+    size_t n = 0;
+    if (mask == NULL)
+        return RX_OK;
+    RX_TRY(rx_hollow_hide(&observed, mask, &n, err));
+    if (n > 0)
+        rx_log_warning(
+            log,
+            "%s[%d]: %zu pixels, low ones with bright ones all around that fall outwards, are taken as "
+            "saturated cores without a value (FLAGS 4), and left out",
+            observed.name, observed.hdu, n);
+    return RX_OK;
+}
+
 /* A gain in another unit than the pixels' claims photon noise that is not there, or none. */
 static rx_status check_gain(rx_field *field, rx_log *log, rx_error *err)
 {
@@ -831,6 +850,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     RX_TRY(hide_no_data(params, role, field, log, err));
     RX_TRY(find_saturation(field, log, err));
     RX_TRY(measure_backgrounds(params, role, field, log, err));
+    RX_TRY(hide_hollow(field, log, err));
     hide_deep(field, log);
     RX_TRY(measure_noise(params, field, err));
     RX_TRY(check_gain(field, log, err));

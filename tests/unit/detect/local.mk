@@ -17,3 +17,6 @@ tests_unit_detect_test_saturation_SOURCES = tests/unit/detect/test_saturation.c
 
 check_PROGRAMS += tests/unit/detect/test_photons
 tests_unit_detect_test_photons_SOURCES = tests/unit/detect/test_photons.c
+
+check_PROGRAMS += tests/unit/detect/test_hollow
+tests_unit_detect_test_hollow_SOURCES = tests/unit/detect/test_hollow.c

@@ -222,6 +222,33 @@ static void test_masked_saturated_star(void **state)
     }
 }
 
+/* Its core is 0, as no card and no map says. */
+static void test_hollow_star(void **state)
+{
+    (void)state;
+    static const char *const kinds[] = {"NONE", "RL", "NET"};
+    static const double flux[] = {3e4, 2e6};
+    for (int i = 0; i < 6; i++) {
+        enum { FULL = 2000 };
+        scene s;
+        night n;
+        scene_make(&s, SIDE, SIDE, 0, 5);
+        scene_star(&s, 60, 60, flux[i / 3], FWHM);
+        for (int k = 0; k < SIDE * SIDE; k++)
+            if (s.pixels[k] > FULL)
+                s.pixels[k] = 0;
+        rx_tile *tile = bench_tile(s.pixels, SIDE, SIDE, 0);
+        scene_free(&s);
+        restore(&n, kinds[i % 3], tile, NULL);
+        const rx_source *star = only_source(&n, 60, 60, 3 * FWHM);
+        if (star == NULL)
+            fail_msg("%s: the star of %g ADU is not one source", kinds[i % 3], flux[i / 3]);
+        assert_near(star->x, 60, 1.5);
+        assert_int_equal(star->flags & RX_FLAG_SATURATED, RX_FLAG_SATURATED);
+        forget(&n);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -230,6 +257,7 @@ int main(void)
         cmocka_unit_test(test_pairs_stay_two),
         cmocka_unit_test(test_noise),
         cmocka_unit_test(test_masked_saturated_star),
+        cmocka_unit_test(test_hollow_star),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
