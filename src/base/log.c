@@ -200,14 +200,14 @@ static void join(waiting *of, int n, int room)
     for (int i = 0; i < n; i++) {
         const size_t length = image_length(of[i].line);
         if (before == NULL || length == 0 || strncmp(before->line, of[i].line, length) != 0 ||
-            before->hint != of[i].hint || before->lines + of[i].lines > room) {
+            before->hint != of[i].hint ||
+            strlen(before->line) + strlen(of[i].line) > (size_t)(room * MOST_COLUMNS)) {
             before = &of[i];
             continue;
         }
         char *to = before->line + strlen(before->line);
         memcpy(to, "; ", 2);
         memmove(to + 2, of[i].line + length, strlen(of[i].line + length) + 1);
-        before->lines += of[i].lines;
         of[i].line = NULL;
     }
 }

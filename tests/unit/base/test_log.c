@@ -159,14 +159,19 @@ static void a_tile_has_ten_lines(void **state)
     assert_int_equal(tile_lines(RX_NORMAL, 0, 4, 1, text, sizeof text), 7);
     assert_non_null(strstr(text, "rextract: tile.fits[0]: a hint\nrextract: tile.fits[0]: fact0\n"));
     assert_non_null(strstr(text, "\nrextract: written: catalogue_with_a_name0.cat\n"));
-    /* information on one image in one line */
-    assert_int_equal(tile_lines(RX_NORMAL, 2, 8, 1, text, sizeof text), 1 + 4 + 2 + 1);
-    assert_non_null(strstr(text, "rextract: tile.fits[0]: a hint; fact0; fact1; fact2; fact3\n"
+    /* information on one image in one line, but for hints */
+    assert_int_equal(tile_lines(RX_NORMAL, 2, 8, 1, text, sizeof text), 1 + 4 + 3 + 1);
+    assert_non_null(strstr(text, "rextract: tile.fits[0]: a hint\n"
+                                 "rextract: tile.fits[0]: fact0; fact1; fact2; fact3\n"
                                  "rextract: tile.fits[1]: fact4; fact5; fact6; fact7\nrextract: written: "));
     /* more than fits */
-    assert_int_equal(tile_lines(RX_NORMAL, 3, 60, 1, text, sizeof text), 9);
+    assert_int_equal(tile_lines(RX_NORMAL, 2, 60, 1, text, sizeof text), 9);
     assert_null(strstr(text, "fact0"));
+    assert_non_null(strstr(text, "fact59\n"));
     assert_non_null(strstr(text, "more lines of information with VERBOSE_TYPE FULL\nrextract: written: "));
+    /* one line is left: what was said last */
+    assert_int_equal(tile_lines(RX_NORMAL, 3, 60, 1, text, sizeof text), 9);
+    assert_non_null(strstr(text, "fact59\nrextract: written: "));
     /* many files: the first of them and the number of the others */
     assert_int_equal(tile_lines(RX_NORMAL, 3, 2, 60, text, sizeof text), 9);
     assert_non_null(strstr(text, "written: catalogue_with_a_name0.cat, "));
@@ -177,8 +182,9 @@ static void a_tile_has_ten_lines(void **state)
         shown++;
     assert_int_equal(sscanf(and, " and %d more", &more), 1);
     assert_int_equal(shown + more, 60);
-    /* no warning is lost where they alone take more than there is */
-    assert_int_equal(tile_lines(RX_NORMAL, 7, 8, 9, text, sizeof text), 1 + 14 + 1);
+    /* no warning is lost where they alone take more than there is, nor what was said last */
+    assert_int_equal(tile_lines(RX_NORMAL, 7, 8, 9, text, sizeof text), 1 + 14 + 1 + 1);
+    assert_non_null(strstr(text, "fact7"));
     for (int i = 0; i < 7; i++) {
         char warning[32];
         snprintf(warning, sizeof warning, "warning: careful%d", i);

@@ -1,5 +1,7 @@
 /* Groups of pixels above the threshold, what may fall apart, and the images they are packed into, against plain
  * searches. */
+#include <float.h>
+
 #include "../near.h"
 #include "data/map.h"
 #include "detect/batches.h"
@@ -504,7 +506,7 @@ static void check_cutouts(const scene *s, const rx_groups *groups, const rx_unfi
                 if (noisy && span == NULL && unfiltered == NULL && beside && s->image.relative)
                     assert_near(cut->noise[k] * s->image.limit / g->lowest, 1.0, 1e-5);
                 if (noisy && span == NULL && unfiltered == NULL && !s->image.relative)
-                    assert_near(cut->noise[k], 1e30f, 0.0);
+                    assert_near(cut->noise[k], FLT_MAX, 0.0);
             }
     }
     int top = 0;
@@ -539,7 +541,7 @@ static void check_fence(const rx_groups *groups, const rx_unfiltered *unfiltered
             if (rx_groups_span(groups, c->group, NULL, x, y) != NULL)
                 continue;
             const double lowest = fmax((double)g->lowest, (double)filtered[k]) / unfiltered->threshold;
-            assert_near(cut->noise[k] / (near > 0 ? lowest : 1e30), 1.0, 1e-5);
+            assert_near(cut->noise[k] / (near > 0 ? lowest : (double)FLT_MAX), 1.0, 1e-5);
             assert_true(near == 0 || filtered[k] <= cut->noise[k] * (float)unfiltered->threshold);
         }
     free(filtered);

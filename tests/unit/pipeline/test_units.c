@@ -64,8 +64,9 @@ static void alike(double a, double b, double error)
 
 static void same_source(const rx_source *a, const rx_source *b, double unit, int dual, double exact)
 {
-    /* In dual-image mode fluxes are fitted from a first guess on the detection image, which has other units. */
-    const double error = dual ? 2e-6 : exact, *same[][2] = {{&a->x, &b->x},
+    /* In dual-image mode fluxes are fitted from a first guess on the detection image, which has other units, until they change by
+     * less than 1e-5 or so. */
+    const double error = dual ? 1e-5 : exact, *same[][2] = {{&a->x, &b->x},
                                                             {&a->y, &b->y},
                                                             {&a->a, &b->a},
                                                             {&a->errx2, &b->errx2},
