@@ -534,7 +534,6 @@ static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name
 {
     rx_fits_shape shape;
     rx_text cards = {0}, parent = {0};
-    char extname[RX_EXTNAME] = "";
     int mask = -1, variance = -1;
     rx_tile_place place = {.name = name, .hdu = hdu, .extension = 1};
     rx_status status = find_place(source, &place, err);
@@ -543,10 +542,8 @@ static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name
     int failed = status == RX_OK ? rx_fits_shape_of(source->file, &shape) : 0;
     if (failed)
         status = rx_fits_failed(err, RX_INPUT, name->path, hdu, failed, "this HDU cannot be read");
-    if (status == RX_OK) {
-        rx_cards_text(cards.data, (long)(cards.length / 80), "EXTNAME", extname, sizeof extname);
-        status = rx_planes_find(source->file, name->path, extname, &mask, &variance, err);
-    }
+    if (status == RX_OK)
+        status = rx_planes_find(source->file, name->path, hdu, &mask, &variance, err);
     if (status == RX_OK)
         *dst = (rx_tile_shape){.hdu = hdu,
                                .width = (int)(place.part.last[0] - place.part.first[0] + 1),

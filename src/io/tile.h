@@ -49,7 +49,7 @@ rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int
 /* Read one of them. `extension` counts from 1 among those processed. Values of header keys come from
  * the HDU, else from the primary header; with INHERIT = T the primary's other cards join tile->cards.
  * A section `[x1:x2,y1:y2]` has its own CRPIX in cards and wcs.
- * Weights and flags: the image of the tile's EXTNAME, else the map's only image for the only tile, else the HDU of the
+ * Weights and flags: the image of the tile's EXTNAME and EXTVER, else the map's only image for the only tile, else the HDU of the
  * tile's number when the tile was named by HDU, else the extension-th image; a map of the whole tile serves for a section too. In
  * tile->weight no NaN is left (0 for MAP_WEIGHT, 1e30 else; MAP_IVAR is read as MAP_RMS); masked are weights <= weight_threshold
  * (default 0), rms and variances >= it (default 1e30, or 1e6 times that of the tile's pixels where that is more) or <= 0.

@@ -588,7 +588,7 @@ static void test_companions(void **state)
 typedef struct plane {
     const char *name;
     float value;
-    int bits;
+    int bits; /* 0 = an image of the value; else the value in one pixel, 1 = bits that the header names, -1 = floats */
 } plane;
 
 static void make_planes(const char *path, const plane *planes, int n)
@@ -602,11 +602,16 @@ static void make_planes(const char *path, const plane *planes, int n)
     for (int i = 0; i < n; i++) {
         float pixels[W * H];
         for (int k = 0; k < W * H; k++)
-            pixels[k] = k == 7 ? planes[i].value : planes[i].bits ? 0 : planes[i].value;
-        fits_create_img(file, planes[i].bits ? LONG_IMG : FLOAT_IMG, 2, axes, &failed);
-        if (planes[i].name[0] != '\0')
-            fits_write_key_str(file, "EXTNAME", planes[i].name, NULL, &failed);
-        if (planes[i].bits) {
+            pixels[k] = k == 7 || planes[i].bits == 0 ? planes[i].value : 0;
+        fits_create_img(file, planes[i].bits > 0 ? LONG_IMG : FLOAT_IMG, 2, axes, &failed);
+        char name[72];
+        const int length = (int)strcspn(planes[i].name, ",");
+        snprintf(name, sizeof name, "%.*s", length, planes[i].name);
+        if (length > 0)
+            fits_write_key_str(file, "EXTNAME", name, NULL, &failed);
+        if (planes[i].name[length] == ',')
+            fits_write_key_lng(file, "EXTVER", atol(planes[i].name + length + 1), NULL, &failed);
+        if (planes[i].bits > 0) {
             fits_write_key_lng(file, "MP_SAT", 1, NULL, &failed);
             fits_write_key_lng(file, "HIERARCH MP_NO_DATA", 8, NULL, &failed);
             fits_write_key_lng(file, "HIERARCH MP_DETECTED", 5, NULL, &failed);
@@ -651,6 +656,48 @@ static void companions_go_by_their_names(void **state)
     rx_tile_free(tile);
 }
 
+/* The version of an image counts as its name does: in another file, and of a name that several HDUs have. */
+static void companions_go_by_their_versions(void **state)
+{
+    static const plane images[] = {{"SCI,1", 1, 0}, {"WHT,1", 10, 0}, {"SCI,2", 2, 0}, {"WHT,2", 20, 0}},
+                       swapped[] = {{"SCI,2", 20, 0}, {"SCI,1", 10, 0}},
+                       others[] = {{"W,2", 20, 0}, {"W,1", 10, 0}},
+                       unversioned[] = {{"SCI", 10, 0}, {"SCI", 20, 0}},
+                       wrong[] = {{"W,2", 20, 0}, {"X", 10, 0}};
+    static const struct {
+        const plane *planes;
+        const char *suffix; /* of the map's name */
+        int n, found;       /* 0: refused */
+    } maps[] = {{swapped, "", 2, 1},     {others, "", 2, 1},      {others, "[w]", 2, 1},
+                {images, "[WHT]", 4, 1}, {unversioned, "", 2, 1}, {unversioned, "[SCI]", 2, 0},
+                {wrong, "", 2, 0}};
+    char path[900], map[900], name[920];
+    rx_tile_params par = PLAIN;
+    snprintf(path, sizeof path, "%s", in(state, "images.fits"));
+    snprintf(map, sizeof map, "%s", in(state, "maps.fits"));
+    make_planes(path, images, 4);
+    par.weight_type = RX_WEIGHT_MAP_WEIGHT;
+    par.weight_name = name;
+    for (size_t k = 0; k < sizeof maps / sizeof *maps; k++) {
+        make_planes(map, maps[k].planes, maps[k].n);
+        snprintf(name, sizeof name, "%s%s", map, maps[k].suffix);
+        for (int i = 0; i < 2; i++) {
+            rx_error err = RX_ERROR_NONE;
+            rx_tile *tile = NULL;
+            const rx_status status = rx_tile_read(&par, path, 1 + 2 * i, 1 + i, NULL, &tile, &err);
+            if (maps[k].found == 0 && i == 0) {
+                assert_int_equal(status, RX_INPUT);
+                assert_non_null(strstr(err.text, "belongs to HDU 1, SCI"));
+                assert_non_null(strstr(err.text, "maps.fits[n]"));
+            } else if (maps[k].found != 0) {
+                assert_int_equal(status, RX_OK);
+                assert_near(tile->weight[0], 10 * tile->pixels[0], 0);
+            }
+            rx_tile_free(tile);
+        }
+    }
+}
+
 /* Maps beside their image are no tiles; those of Rubin's files are taken unless WEIGHT_TYPE is set. */
 static void maps_in_the_file_of_the_image(void **state)
 {
@@ -691,6 +738,65 @@ static void maps_in_the_file_of_the_image(void **state)
     rx_tile_free(tile);
 }
 
+/* Names in other letters, several detectors in a file, each with its own maps. */
+static void maps_of_several_images(void **state)
+{
+    static const plane images[] = {{"image", 1, 0}, {"Mask", 2, 1},   {"VARIANCE", 10, 0},
+                                   {"IMAGE", 2, 0}, {"MASK", 256, 1}, {"VARIANCE", 20, 0}},
+                       euclid[] = {{"DET11.SCI", 1, 0}, {"DET11.RMS", 2, 0}, {"DET11.FLG", 0, 1},
+                                   {"DET12.SCI", 2, 0}, {"DET12.RMS", 2, 0}, {"DET12.FLG", 0, 1}},
+                       hubble[] = {{"SCI,1", 1, 0}, {"D2IMARR,1", 2, 0}, {"WCSDVARR,1", 2, 0},
+                                   {"SCI,2", 2, 0}, {"MASKBITS", 2, 0},  {"CHI2", 2, 0}};
+    static const plane *const files[] = {images, euclid, hubble};
+    char path[900];
+    rx_tile_params par = PLAIN;
+    snprintf(path, sizeof path, "%s", in(state, "several.fits"));
+    par.own_maps = 1;
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        int *hdus = NULL, n = 0;
+        make_planes(path, files[k], 6);
+        assert_int_equal(rx_tile_list(path, NULL, &hdus, &n, NULL), RX_OK);
+        assert_int_equal(n, 2);
+        assert_int_equal(hdus[1], 4);
+        free(hdus);
+        for (int i = 0; k == 0 && i < 2; i++) {
+            rx_tile *tile = read_tile(&par, path, 1 + 3 * i, 1 + i);
+            assert_near(tile->weight[0], 10 * tile->pixels[0], 0);
+            assert_int_equal(tile->mask[7], i == 0 ? RX_MASK_SATURATED : RX_MASK_WEIGHT);
+            rx_tile_free(tile);
+        }
+    }
+}
+
+/* A mask of floats, and one whose header does not say what its bits are. */
+static void masks_without_their_bits(void **state)
+{
+    static const plane truth[] = {{"IMAGE", 100, 0}, {"MASK", 1, -1}, {"VARIANCE", 9, 0}},
+                       bits[] = {{"IMAGE", 100, 0}, {"MASK", 6, -1}, {"VARIANCE", 9, 0}},
+                       half[] = {{"IMAGE", 100, 0}, {"MASK", .5F, -1}, {"VARIANCE", 9, 0}};
+    char path[900];
+    rx_tile_params par = PLAIN;
+    rx_error err = RX_ERROR_NONE;
+    snprintf(path, sizeof path, "%s", in(state, "mask.fits"));
+    par.own_maps = 1;
+    make_planes(path, truth, 3);
+    rx_tile *tile = read_tile(&par, path, 1, 1);
+    assert_int_equal(tile->mask[7], RX_MASK_WEIGHT);
+    assert_int_equal(tile->mask[8], 0);
+    rx_tile_free(tile);
+    make_planes(path, bits, 3);
+    tile = read_tile(&par, path, 1, 1);
+    assert_int_equal(tile->mask[7], 0);
+    rx_tile_free(tile);
+    make_planes(path, half, 3);
+    tile = NULL;
+    assert_int_equal(rx_tile_read(&par, path, 1, 1, NULL, &tile, &err), RX_INPUT);
+    assert_string_equal(err.where, path); /* the HDU once */
+    assert_int_equal(err.hdu, 2);
+    assert_non_null(strstr(err.text, "no integer"));
+    assert_non_null(strstr(err.text, "WEIGHT_TYPE NONE"));
+}
+
 static void test_bad_companions(void **state)
 {
     float map[12] = {0};
@@ -712,7 +818,7 @@ static void test_bad_companions(void **state)
     par.nflags = 1;
     par.flag_names[0] = in(state, "w.fits");
     check_refused(&par, in(state, "a.fits"), "4 x 3");
-    make_ramp(in(state, "f.fits"), -32, "");
+    make_ramp(in(state, "f.fits"), -32, "BSCALE  =                  0.5");
     par.flag_names[0] = in(state, "f.fits");
     check_refused(&par, in(state, "a.fits"), "integers");
 }
@@ -962,7 +1068,10 @@ int main(void)
         cmocka_unit_test(test_weights),
         cmocka_unit_test(test_companions),
         cmocka_unit_test(companions_go_by_their_names),
+        cmocka_unit_test(companions_go_by_their_versions),
         cmocka_unit_test(maps_in_the_file_of_the_image),
+        cmocka_unit_test(maps_of_several_images),
+        cmocka_unit_test(masks_without_their_bits),
         cmocka_unit_test(test_bad_companions),
         cmocka_unit_test(test_flag_bits),
 
