@@ -173,9 +173,17 @@ rx_status rx_idle_add(rx_idle *idle, const rx_settings *settings, rx_error *err)
 void rx_idle_warn(rx_idle *idle, rx_log *log)
 {
     rx_text all = {0};
-    for (int row = 0; row < idle->nrows && idle->why != NULL && idle->counts != NULL; row++)
-        if (idle->why[row] != NULL && !idle->counts[row])
-            rx_text_printf(&all, "%s%s", all.length > 0 ? "; " : "", idle->why[row]);
+    const char *last = ""; /* a reason that several keywords have in turn is given once */
+    for (int row = 0; row < idle->nrows && idle->why != NULL && idle->counts != NULL; row++) {
+        const char *why = idle->why[row], *reason = why != NULL ? strstr(why, " has no effect") : NULL;
+        if (reason == NULL || idle->counts[row])
+            continue;
+        if (strcmp(reason, last) == 0)
+            rx_text_printf(&all, "; nor has %.*s", (int)(reason - why), why);
+        else
+            rx_text_printf(&all, "%s%s", all.length > 0 ? "; " : "", why);
+        last = reason;
+    }
     if (!all.failed && all.length > 0)
         rx_log_warning(log, "%s", all.data);
     rx_text_free(&all);

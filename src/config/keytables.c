@@ -25,6 +25,7 @@
 #define RX_NEEDS_TEMPLATES \
     "column TEMPLATE, P_REAL, FLAGS_RESTORE or _INJECTED, INVENTED_TYPE DROP, TEMPLATE_COVAR_NAME, QA_MAG MAG_TEMPLATE, " \
     "CHECKIMAGE_TYPE TEMPLATE_MODEL, TEMPLATE_RESIDUAL or TEMPLATE_CHI"
+#define RX_NEEDS_PSF RX_NEEDS_RESTORED ", SELF_CHECK Y, QA_TYPE TILE, CHECKIMAGE_TYPE PSF, " RX_NEEDS_TEMPLATES
 #define RX_NEEDS_ASSOC "column VECTOR_ASSOC or NUMBER_ASSOC"
 #define SECTION(id, title) {.kind = RX_KIND_SECTION, .name = (title), .help = ""},
 #define KEY(kind_, NAME, field, initial_, low_, high_, nmin_, nmax_, words_, status_, level_, ...)            \

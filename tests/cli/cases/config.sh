@@ -172,9 +172,16 @@ printf 'X_IMAGE\n' >my.param
 leaves test.cat
 talks 'warning: PSF_NAME a\.psf has no effect without PSF_TYPE FILE or PSFEX; ASSOC_NAME a\.list has no effect without column VECTOR_ASSOC' \
     tile.fits $none -PARAMETERS_NAME my.param -PSF_NAME a.psf -ASSOC_NAME a.list
+
+begin 'keywords that have no effect for the same reason'
+make_fits tile tile.fits
+leaves test.cat
+talks 'PSF_TYPE MOFFAT has no effect without RESTORE_TYPE RL[^;]*; PSF_NAME a has no [^;]*; PSF_FWHM 3 has no effect without RESTORE_TYPE RL[^;]*; nor has PSF_SIZE 51 ' \
+    tile.fits $none -PSF_TYPE MOFFAT -PSF_NAME a -PSF_FWHM 3 -PSF_SIZE 51
+
 begin 'keywords of a list that count for one of its tiles'
 make_fits tile tile.fits
 cp tile.fits b.fits
-printf 'tile.fits\nb.fits -PSF_TYPE MOFFAT -PSF_FWHM 3\n' >my.list
+printf 'tile.fits\nb.fits -BACKPHOTO_TYPE LOCAL\n' >my.list
 leaves tile.cat b.cat
-talks 'warning: BACK_VALUE 3 has no effect without BACK_TYPE MANUAL tile 1 of 2' @my.list $none -CATALOG_NAME '{tile}.cat' -PSF_BETA 3 -BACK_VALUE 3
+talks 'warning: BACK_VALUE 3 has no effect without BACK_TYPE MANUAL tile 1 of 2' @my.list $none -CATALOG_NAME '{tile}.cat' -BACKPHOTO_THICK 30 -BACK_VALUE 3

@@ -53,7 +53,7 @@ expect_exactly 4 '^rextract: /proc/absent/report: cannot be written' tile.fits $
 begin 'report: in a folder that cannot be made, before any work'
 says 2 # no default.sex
 make_fits tile tile.fits && make_fits table ref.fits
-expect_exactly 4 '^rextract: /proc/absent/qa: cannot be written' tile.fits $known -REFERENCE_NAME ref.fits -QA_NAME /proc/absent/qa -VERBOSE_TYPE FULL
+expect_exactly 4 '^rextract: /proc/absent/qa: cannot be written' tile.fits -RESTORE_TYPE NONE -REFERENCE_NAME ref.fits -QA_NAME /proc/absent/qa -VERBOSE_TYPE FULL
 
 begin 'report: a reference without positions, before any work'
 says 3 # no default.sex, the PSF

@@ -10,6 +10,7 @@
 #include "config/arguments.h"
 #include "config/config_fields.h"
 #include "config/idle.h"
+#include "config/keyword.h"
 
 static rx_campaign_config *campaign(void)
 {
@@ -374,6 +375,42 @@ static void files_hold_keywords_ready(void **state)
     }
 }
 
+/* Where nothing is restored and no column, image, check or page needs it, no PSF is made. */
+static void keywords_of_a_psf_that_is_not_made(void **state)
+{
+    static const char *const lines[] = {"PSF_TYPE MOFFAT", "PSF_FWHM 3",    "PSF_SIZE 51",
+                                        "PSF_MINSTARS 9",  "PSF_MINSNR 30", "PSF_STARS_NAME stars.cat"},
+                             *const needs[][2] = {{"RESTORE_TYPE", "NONE,RL"},
+                                                  {"SELF_CHECK", "Y"},
+                                                  {"QA_TYPE", "TILE"},
+                                                  {"CHECKIMAGE_TYPE", "PSF"},
+                                                  {"TEMPLATE_COVAR_NAME", "c.fits"}};
+    (void)state;
+    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++)
+        for (size_t k = 0; k <= sizeof needs / sizeof *needs; k++) {
+            rx_error err;
+            rx_settings *settings = NULL;
+            rx_idle idle = {.has_column = only_x_image};
+            char name[32], value[32], expected[80];
+            assert_int_equal(sscanf(lines[i], "%31s %31s", name, value), 2);
+            assert_int_equal(rx_settings_new(rx_keytable_rextract(), &settings, &err), RX_OK);
+            assert_int_equal(rx_settings_set(settings, "RESTORE_TYPE", "NONE", NULL, &err), RX_OK);
+            assert_int_equal(rx_settings_set(settings, name, value, NULL, &err), RX_OK);
+            if (k > 0)
+                assert_int_equal(rx_settings_set(settings, needs[k - 1][0], needs[k - 1][1], NULL, &err),
+                                 RX_OK);
+            assert_int_equal(rx_idle_add(&idle, settings, &err), RX_OK);
+            const char *why = idle.why[rx_keyword_find(settings->table, name)];
+            snprintf(expected, sizeof expected, "%s has no effect without RESTORE_TYPE RL", lines[i]);
+            if (k == 0)
+                assert_true(why != NULL && strstr(why, expected) == why);
+            else
+                assert_null(why);
+            rx_idle_free(&idle);
+            rx_settings_free(settings);
+        }
+}
+
 /* Of a list: idle is what counts for no tile that gives it. */
 static void tiles_of_a_list_are_idle_together(void **state)
 {
@@ -533,6 +570,7 @@ int main(void)
         cmocka_unit_test(self_checks_are_checked),
         cmocka_unit_test(keywords_set_in_vain_warn),
         IN_FOLDER(files_hold_keywords_ready),
+        cmocka_unit_test(keywords_of_a_psf_that_is_not_made),
         cmocka_unit_test(tiles_of_a_list_are_idle_together),
         IN_FOLDER(relations_of_parts_name_their_line),
         cmocka_unit_test(shards_are_read),
