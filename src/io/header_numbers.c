@@ -152,9 +152,10 @@ static const char *derived_zeropoint(const rx_header *header, double exptime, co
 static void hint_zeropoint(const rx_header *header, double exptime, const char *text, const char *unit)
 {
     /* DECam, HSC, DES; VISTA, UKIDSS; ESO's and others' products; ZTF; Pan-STARRS1 */
-    static const char *const keys[] = {"MAGZERO",  "MAGZPT",    "PHOTZP",   "MAGZP",   "ZEROPT", "ZEROPNT",
-                                       "ZEROPOIN", "ZEROPOINT", "MAGZEROP", "MAG_ZP",  "MAG0",   "SEXMGZPT",
-                                       "ZPT",      "ZP",        "ZP_AB",    "ABMAGZP", "PHOT_C", "FPA.ZP"};
+    static const char *const keys[] = {
+        "MAGZERO", "MAGZPT", "PHOTZP",   "MAGZP",    "ZEROPT", "ZEROPNT", "ZEROPOIN", "ZEROPOINT", "MAGZEROP",
+        "MAG_ZP",  "MAG0",   "SEXMGZPT", "ZPT",      "ZP",     "ZP_AB",   "ABMAGZP",  "PHOT_C",    "FPA.ZP",
+        "PHOT_ZP", "ZPAB",   "MAGZPT1",  "MAG_ZERO", "ZPTMAG", "CALMAG",  "ZMAG"};
     double value;
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
         if (!number_of(header, keys[i], "mag", &value) || value == 0)
