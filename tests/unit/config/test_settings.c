@@ -402,10 +402,12 @@ static void keywords_of_a_psf_that_is_not_made(void **state)
             assert_int_equal(rx_idle_add(&idle, settings, &err), RX_OK);
             const char *why = idle.why[rx_keyword_find(settings->table, name)];
             snprintf(expected, sizeof expected, "%s has no effect without RESTORE_TYPE RL", lines[i]);
-            if (k == 0)
-                assert_true(why != NULL && strstr(why, expected) == why);
-            else
+            if (k == 0) {
+                assert_non_null(why);
+                assert_ptr_equal(strstr(why, expected), why);
+            } else {
                 assert_null(why);
+            }
             rx_idle_free(&idle);
             rx_settings_free(settings);
         }
