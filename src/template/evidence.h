@@ -41,9 +41,12 @@ rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view
 
 /* What that evidence is amid a sky whose structure the models and the mesh do not follow: the edge of a chip, a filament, a
  * dark cloud. The template, moved about the source by half of its width sqrt(N), N = (sum T)^2 / sum T^2, finds z_k errors of
- * flux in data - model within 2.5 widths. Noise alone makes them 0 +- 1 about a plane's slopes, structure `level` +- sqrt(1 + S^2):
+ * flux in data - model within 2.5 widths. Noise alone makes them 0 +- 1 about a plane's slopes, structure `level` +- sqrt(1 + S^2).
+ * A star or cosmic ray beside it that no model has, or that its model does not fit (then they are of both signs), is no structure
+ * of the sky, and few places see it: the plane is Huber's (1964, Ann. Math. Stat. 35, 73), and
  *
- *   1 + S^2 = mean square below the plane (light that no model has only adds), at least 1
+ *   1 + S^2 = mean square below the plane (light that no model has only adds), at least 1, without the z_k within 1.2 widths of the
+ *             one farthest from it, what a point covers
  *   share   = 1 / (1 + exp(-gain)), gain = n / 2 (S^2 + level^2 - ln(1 + S^2)) - ln n
  *
  * the probability of structure by Schwarz's criterion (1978, Ann. Stat. 6, 461) for its two numbers, n the z_k that are a width

@@ -311,10 +311,39 @@ static void test_structure(void **state)
             assert_near(left[k][i], 1, 0.1);
 }
 
+/* A hot pixel 7 pixels away, listed and without a model that fits it (then there is a trough around it) or not listed, hides no star. */
+static void test_beside_cosmic_ray(void **state)
+{
+    (void)state;
+    enum { SIDE = 100, X = 50 };
+    for (int listed = 0; listed < 2; listed++) {
+        field f;
+        field_open(&f, SIDE, SIDE, 2.5, 1, 1 + listed);
+        field_star(&f, X, X, 60);
+        f.pixels[(X + 1) * SIDE + X - 7] += 150;
+        field_list(&f, X, X, 3, 1.2, 1.2, 0);
+        if (listed)
+            field_list(&f, X - 7, X + 1, 1, 0.5, 0.5, 0);
+        field_noise(&f, 12);
+        field_restore_none(&f);
+        rx_tphot_params par = rx_tphot_defaults();
+        rx_tphot_input input = field_input(&f);
+        rx_tphot *t = NULL;
+        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        const rx_tphot_source *s = &t->list[0];
+        print_message("listed %d: S/N %.1f evidence %.1f\n", listed, s->snr, s->evidence);
+        assert_true(s->snr > 9);
+        assert_true(s->evidence > 40);
+        rx_tphot_free(t);
+        field_close(&f);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_column),    cmocka_unit_test(test_usual),
                                        cmocka_unit_test(test_average),   cmocka_unit_test(test_evidence),
-                                       cmocka_unit_test(test_structure), cmocka_unit_test(test_own_photons)};
+                                       cmocka_unit_test(test_structure), cmocka_unit_test(test_own_photons),
+                                       cmocka_unit_test(test_beside_cosmic_ray)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
