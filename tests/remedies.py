@@ -195,6 +195,7 @@ def make_inputs(folder):
                     pixels[v * side + u] += peak * math.exp(-2.7726 * ((u - x) ** 2 + (v - y) ** 2) / fwhm**2)
         return image(pixels, side, side, **tile)
 
+    write("smooth.fits", objects((50, 50, 4, 3000)))
     write("unlike.fits", objects((50, 50, 3, 500), (150, 150, 5, 500)))
     grid = [(20 + 30 * (k % 6), 20 + 30 * (k // 6), 5 if k % 3 == 0 else 3, 1000 + 100 * k) for k in range(36)]
     write("sizes.fits", objects(*grid))

@@ -166,11 +166,30 @@ static rx_status reject_outliers(fitted_star *stars, int n, rx_error *err)
     return RX_OK;
 }
 
-/* The shape that stars share, where it starts, and what is known of it without them: prior +- width (0: nothing). */
+/* 1 / exponent that profiles of stars have about 1 / PSF_BETA, 1 sigma on either side. Kolmogorov's turbulence is fitted by 4.765
+ * (Trujillo et al. 2001, MNRAS 328, 977). Scattered light makes wings, down to 2.5 (Moffat 1969, A&A 3, 455), taken as 2 sigma: one
+ * instrument in 40 has more; jitter and charges that spread make it smoother, up to 6 or so, taken as 1 sigma. */
+static const double WINGS = (1.0 / 2.5 - 1.0 / 4.765) / 2.0, SMOOTH = 1.0 / 4.765 - 1.0 / 6.0;
+
+/* The shape that stars share, where it starts, and what is known of it without them: prior +- width (0: nothing); of the last,
+ * 1 / exponent, +width -less. */
 typedef struct joint_fit {
-    double shape[RX_MOFFAT_SHAPE], prior[RX_MOFFAT_SHAPE], width[RX_MOFFAT_SHAPE];
+    double shape[RX_MOFFAT_SHAPE], prior[RX_MOFFAT_SHAPE], width[RX_MOFFAT_SHAPE], less;
     double error[RX_MOFFAT_SHAPE];
 } joint_fit;
+
+enum { EXPONENT = RX_MOFFAT_SHAPE - 1 };
+
+static double exponent_width(const joint_fit *fit, double u)
+{
+    return u < fit->prior[EXPONENT] ? fit->less : fit->width[EXPONENT];
+}
+
+/* Of u = 1 / exponent by the parameter that stands for it. */
+static double exponent_slope(double u)
+{
+    return u * (1.0 - u / RX_MOFFAT_U_MAX);
+}
 
 typedef struct joint_task {
     const fitted_star *stars;
@@ -233,9 +252,11 @@ static int joint_model(void *user, const double *parameters, double *residuals, 
     profile.rough = 1;
     for (int k = 0; k < RX_MOFFAT_SHAPE; k++) {
         double *row = jacobian + (task->prior + (size_t)k) * RX_MOFFAT_SHAPE;
+        const double value = k == EXPONENT ? profile.u : parameters[k];
+        const double width = k == EXPONENT ? exponent_width(fit, value) : fit->width[k];
         memset(row, 0, RX_MOFFAT_SHAPE * sizeof *row);
-        row[k] = fit->width[k] > 0.0 ? 1.0 / fit->width[k] : 0.0;
-        residuals[task->prior + (size_t)k] = row[k] * (parameters[k] - fit->prior[k]);
+        row[k] = width > 0.0 ? (k == EXPONENT ? exponent_slope(value) : 1.0) / width : 0.0;
+        residuals[task->prior + (size_t)k] = width > 0.0 ? (value - fit->prior[k]) / width : 0.0;
     }
     int failed = 0;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(task->nthreads) reduction(| : failed)
@@ -496,16 +517,32 @@ static double badness(const rx_psf_params *par, const attempt *a, int enough)
            sqrt(fmax(1.0, (double)enough / fmax(a->kept, 1.0)) / fmax(a->bright, 1e-300));
 }
 
+/* That what was found is galaxies: of one 0.1 (6 of the 60 single ones of simulated tiles with 20 to 500 stars and 200 galaxies
+ * per Mpixel are), of two that the other is one as well and as like the first in radius as stars must be, within 10 % of a factor
+ * e or so (0.2). */
+static double chance_of_galaxies(const attempt *a)
+{
+    return a->kept >= ALIKE ? 0.0 : a->kept == 2 ? 0.1 * 0.2 : 0.1;
+}
+
 /* What fewer than three like objects leave open, relative to their width w (1 sigma). One may be a galaxy on a PSF of any width
- * from a pixel's to w, evenly: (w - 1.2) / sqrt(12). Of two the variance is less by the chance that the other is a galaxy as well (0.1:
- * 6 of the 60 single ones of simulated tiles with 20 to 500 stars and 200 galaxies per Mpixel are) and as like the first in radius as
- * stars must be, within 10 % of a factor e or so (0.2). */
+ * from a pixel's to w, evenly: rms from w, which is what is stated, (w - 1.2) / sqrt(3). Of two the variance is less by the
+ * chance of it. */
 static double spread_of(const attempt *a)
 {
-    static const double CHANCE = 0.1 * 0.2;
-    return a->kept >= ALIKE
-               ? 0.0
-               : fmax(1.0 - NARROW / fwhm_of(a), 0.0) * sqrt((a->kept == 2 ? CHANCE : 1.0) / 12.0);
+    const double chance = a->kept == 1 ? 1.0 : chance_of_galaxies(a);
+    return fmax(1.0 - NARROW / fwhm_of(a), 0.0) * sqrt(chance / 3.0);
+}
+
+/* Whether galaxies are likelier than stars to have the exponent: by 1 / exponent galaxies lie evenly from 0 to its limit, stars as
+ * the prior says. It was part of the fit, so faint ones are near to it. */
+static int are_galaxies(const attempt *a)
+{
+    const double chance = chance_of_galaxies(a), most = 2.0 / (sqrt(2.0 * M_PI) * (WINGS + SMOOTH));
+    rx_moffat profile;
+    rx_moffat_set(&profile, a->fit.shape);
+    const double off = (profile.u - a->fit.prior[EXPONENT]) / exponent_width(&a->fit, profile.u);
+    return (1.0 - chance) * most * exp(-0.5 * off * off) < chance / RX_MOFFAT_U_MAX;
 }
 
 /* Try each place where candidates crowd in radius; *best (to be freed) is the one whose members are most
@@ -698,8 +735,7 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
 rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
                             rx_log *log, rx_moffat_tile *found, rx_psf **dst, rx_error *err)
 {
-    /* 1 / exponent 0.21 +- 0.1: profiles of seeing have exponents from 2.5 on, smooth ones 10 and more */
-    static const double ANY_EXPONENT = 0.8, ROUND = 0.1;
+    static const double ROUND = 0.1; /* of one object's ellipse */
     rx_star_search search = {.par = par, .image = image, .sources = sources};
     attempt best = {.kept = 0};
     const int ladder = par->type == RX_PSF_AUTO && par->min_stars < FULL;
@@ -724,17 +760,12 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
             free_attempt(&best);
         how = best.kept > 1 ? "MOFFAT_BETA" : "WIDTH";
         rx_moffat_shape(2.0, fmax(par->beta, 1.2), 1.0, 0.0, best.fit.prior);
-        best.fit.width[3] = ANY_EXPONENT;
+        memcpy(best.fit.shape + 1, best.fit.prior + 1, 3 * sizeof(double));
+        best.fit.prior[EXPONENT] = 1.0 / fmax(par->beta, 1.2);
+        best.fit.width[EXPONENT] = WINGS;
+        best.fit.less = SMOOTH;
         if (best.kept == 1)
             best.fit.width[1] = best.fit.width[2] = ROUND;
-        memcpy(best.fit.shape + 1, best.fit.prior + 1, 3 * sizeof(double));
-        if (status == RX_OK && best.kept > 0 && !(par->fwhm > 0.0)) /* which is believed more */
-            rx_log_warning(log,
-                           "PSF_TYPE AUTO: the PSF is from %d star%s only: a Moffat of an exponent near %.3g "
-                           "was fitted; "
-                           "%s; give PSF_FWHM or a PSF file where it is known better",
-                           best.kept, best.kept == 1 ? "" : "s", par->beta,
-                           best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
     }
     if (status == RX_OK && best.kept == 0)
         status = too_few(par, image, most, ladder ? par->min_stars : needed, err);
@@ -760,8 +791,26 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                                : ", which is taken; give PSF_TYPE MOFFAT to have PSF_FWHM");
         status = fit_joint(best.stars, best.list.n, par->nthreads, 30, &best.fit, err);
     }
+    const int listed = par->stars_file != NULL && par->stars_file[0] != '\0';
+    if (status == RX_OK && few && !listed && are_galaxies(&best)) {
+        rx_moffat fitted;
+        rx_moffat_set(&fitted, best.fit.shape);
+        status = rx_error_at(
+            err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
+            "PSF_TYPE AUTO found %d source%s that may be %s, but a Moffat's exponent of %.3g there is no "
+            "star's (PSF_BETA %.4g); give PSF_FWHM in pixels, SEEING_FWHM in arcsec%s, or "
+            "PSF_STARS_NAME, a list of stars",
+            best.kept, best.kept == 1 ? "" : "s", best.kept == 1 ? "a star" : "stars",
+            fmin(fitted.beta, 100.0), par->beta, scale_too(image));
+    }
     if (status == RX_OK)
         status = build(par, image, &best, dst, err);
+    if (status == RX_OK && few && !(par->fwhm > 0.0)) /* which is believed more */
+        rx_log_warning(log,
+                       "PSF_TYPE AUTO: the PSF is from %d star%s only: a Moffat of exponent %.3g was fitted; "
+                       "%s; give PSF_FWHM or a PSF file where it is known better",
+                       best.kept, best.kept == 1 ? "" : "s", (*dst)->beta,
+                       best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
     if (status == RX_OK)
         (*dst)->quality.limit = limit;
     if (status == RX_OK && par->type == RX_PSF_AUTO)

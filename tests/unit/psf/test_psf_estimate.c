@@ -782,11 +782,11 @@ static void test_too_few(void **state)
         assert_string_equal(psf->quality.how, steps[k].how);
         assert_near(psf->fwhm / 3.0, 1.0, 0.05);
         /* the error of one is what it may be, a galaxy on a PSF of any width down to a pixel's */
-        assert_between(psf->fwhm_error, k == 2 ? 0.5 : 1e-4, k == 2 ? 0.6 : 0.2);
+        assert_between(psf->fwhm_error, k == 2 ? 0.9 : 1e-4, k == 2 ? 1.2 : 0.2);
         if (k == 2)
-            assert_between(psf->quality.flux_error, 0.1, 0.2);
+            assert_between(psf->quality.flux_error, 0.2, 0.4);
         else if (k == 1)
-            assert_between(psf->quality.flux_error, 0.05, 0.06);
+            assert_between(psf->quality.flux_error, 0.05, 0.07);
         else /* what seven noisy stars leave open of the shape, beside what a Moffat is wrong by */
             assert_between(psf->quality.flux_error, 0.04 + 1e-6, 0.06);
         assert_between(psf->nstars, 1, steps[k].stars);
@@ -838,6 +838,84 @@ static void test_width_of_few_stars(void **state)
     print_message("%d of %d are within 1 sigma\n", within, all);
     assert_between(all, 30, 120);
     assert_between((double)within / all, 0.68, 1.0); /* of two, their error is that they may be galaxies */
+}
+
+/* The pixels of f become one object: of Sersic's index on that PSF, half of its light within 4 pixels; index 0: a star. */
+static void make_single(field *f, double index, double fwhm, double exponent)
+{
+    enum { REACH = 40, FINE = 5, N = 2 * REACH + 1 };
+    static double light[N * N];
+    rx_psf *psf;
+    make_field(f, 4.0, 4.0, 1.0, 0.0, 100, 0);
+    rx_source *s = &f->sources.list[0];
+    f->sources.n = 1;
+    s->x = s->y = SIDE / 2;
+    assert_int_equal(rx_psf_moffat(fwhm, exponent, 1.0, 0.0, 0, &psf, NULL), RX_OK);
+    memset(light, 0, sizeof light);
+    const double radius = 4.0, b = 2.0 * index - 1.0 / 3.0 + 0.009876 / fmax(index, 1.0);
+    const int half = psf->size / 2;
+    double whole = 0.0;
+    for (int at = 0; at < N * N; at++) {
+        double value = index > 0.0 ? 0.0 : at == N * N / 2;
+        for (int k = 0; k < FINE * FINE && index > 0.0; k++)
+            value += exp(-b * pow(hypot(at % N - REACH + (k % FINE - FINE / 2) / (double)FINE,
+                                        at / N - REACH + (k / FINE - FINE / 2) / (double)FINE) /
+                                      radius,
+                                  1.0 / index));
+        light[at] = value;
+        whole += value;
+    }
+    for (int i = 0; i < SIDE * SIDE; i++)
+        f->tile.pixels[i] = 100.0F;
+    for (int at = 0; at < N * N; at++)
+        for (int k = 0; k < psf->size * psf->size && light[at] > 0.0; k++) {
+            const int x = SIDE / 2 + at % N - REACH + k % psf->size - half,
+                      y = SIDE / 2 + at / N - REACH + k / psf->size - half;
+            if (x >= 0 && y >= 0 && x < SIDE && y < SIDE)
+                f->tile.pixels[y * SIDE + x] += (float)(3e5 * light[at] / whole * (double)psf->basis[k]);
+        }
+    s->peak = (double)f->tile.pixels[SIDE / 2 * SIDE + SIDE / 2] - 100.0;
+    for (size_t i = 0; i < (size_t)SIDE * SIDE; i++)
+        f->tile.pixels[i] +=
+            (float)(rx_random_normal(9, 0, i) *
+                    sqrt(25.0 + fmax((double)f->tile.pixels[i] - 100.0, 0.0) / f->tile.gain));
+    measure_source(f, s, index > 0.0 ? 25.0 : 3.0 * fwhm, 1.0);
+    rx_psf_free(psf);
+}
+
+/* A single galaxy is not the PSF where its wings, or the want of them, are no star's; a disc on a PSF may have a star's, and the
+ * error covers. A single star of any instrument is the PSF. */
+static void test_single_object(void **state)
+{
+    (void)state;
+    static const struct {
+        double index, exponent;
+        int known;
+    } kinds[] = {{4.0, 4.0, 0}, {0.5, 4.0, 0}, {1.0, 4.0, 1}, {0.0, 2.5, 1}, {0.0, 6.0, 1}};
+    const double fwhm = 3.35;
+    for (int k = 0; k < 5; k++) {
+        field f;
+        rx_psf *psf;
+        rx_error err = RX_ERROR_NONE;
+        make_single(&f, kinds[k].index, fwhm, kinds[k].exponent);
+        const rx_status status = estimate(&f, &psf, &err);
+        print_message("index %g: %s\n", kinds[k].index, status == RX_OK ? psf->description : err.text);
+        assert_int_equal(status, kinds[k].known ? RX_OK : RX_INPUT);
+        if (status != RX_OK) {
+            assert_non_null(strstr(err.text, "no star's"));
+            assert_non_null(strstr(err.text, "PSF_FWHM"));
+        } else {
+            assert_string_equal(psf->quality.how, "WIDTH");
+            assert_near((psf->fwhm - fwhm) / psf->fwhm_error, 0.0, 1.5);
+            assert_between(psf->beta, 2.4, 6.5);
+        }
+        if (kinds[k].index == 0.0) {
+            assert_near(psf->fwhm / fwhm, 1.0, 0.02);
+            assert_near(1.0 / psf->beta, 1.0 / kinds[k].exponent, 0.03);
+        }
+        rx_psf_free(psf);
+        free_field(&f);
+    }
 }
 
 /* A PSF_FWHM that stars contradict counts where they are few, and they do where they are many: what is said is what is
@@ -1223,6 +1301,7 @@ int main(void)
         cmocka_unit_test(test_threads),
         cmocka_unit_test(test_too_few),
         cmocka_unit_test(test_width_of_few_stars),
+        cmocka_unit_test(test_single_object),
         cmocka_unit_test(test_contradicted_width),
         cmocka_unit_test(test_particles_and_sizes),
         cmocka_unit_test(test_specks),
