@@ -183,6 +183,10 @@ def make_inputs(folder):
     cards, data = image(sky, side, side, PCOUNT=0, GCOUNT=1, **tile, **wcs)
     extension = {"XTENSION": "IMAGE"} | {key: value for key, value in cards.items() if key != "SIMPLE"}
     write("skies.fits", ({"SIMPLE": "T", "BITPIX": 8, "NAXIS": 0}, b""), (extension, data), (extension, data))
+    half = extension | {"EXTNAME": "VARIANCE", "NAXIS2": side // 2}
+    good = extension | {"EXTNAME": "MASK", "BITPIX": 32}
+    write("half.fits", ({"SIMPLE": "T", "BITPIX": 8, "NAXIS": 0}, b""), (extension | {"EXTNAME": "IMAGE"}, data), (good, bytes(len(data))),
+          (half, data[: len(data) // 2]))
     draw = random.Random(1)
     noise = [1000 + draw.gauss(0, 5) for _ in sky]
     write("ridge.fits", image([p + 7 * math.exp(-0.5 * ((i % side - i // side) / 14) ** 2) for i, p in enumerate(noise)], side, side, **tile))
