@@ -18,9 +18,13 @@ static const double CORE = 0.1; /* of a template's peak: what its width is that 
 static const double AROUND = 2.5;
 enum { STEPS = 5, PLACES = (2 * STEPS + 1) * (2 * STEPS + 1) };
 
-static const double HUBER = 1.345; /* sigmas: 95 % of the efficiency of least squares where errors are normal */
-enum { TURNS = 10 }; /* of weights: beside 326 sources of a real field no level then moves by more than 0.04 of the spread */
-static const double POINT = 1.2; /* widths by which z of a Gaussian's point, exp(-pi (r / width)^2), has fallen from 90 to 1 */
+static const double HUBER =
+    1.345; /* sigmas: 95 % of the efficiency of least squares where errors are normal */
+enum {
+    TURNS = 10
+}; /* of weights: beside 326 sources of a real field no level then moves by more than 0.04 of the spread */
+static const double POINT =
+    1.2; /* widths by which z of a Gaussian's point, exp(-pi (r / width)^2), has fallen from 90 to 1 */
 
 /* The brighter member with most light under the template of i; -1: none. *light: in units of i's flux. */
 static int brightest_over(const rx_fit_source *subjects, const int *member, int n, int i, double *light)

@@ -697,10 +697,10 @@ static void complete_tpv(char *cards, size_t ncards)
 {
     enum { FREE = 2 }; /* of the first cards */
     for (int axis = 1; axis <= 2; axis++) {
-        char ctype[32], key[9];
+        const char *key = axis == 1 ? "PV1_1" : "PV2_1";
+        char ctype[32];
         rx_text one = {0};
         rx_cards_text(cards, (long)ncards, axis == 1 ? "CTYPE1" : "CTYPE2", ctype, sizeof ctype);
-        snprintf(key, sizeof key, "PV%d_1", axis);
         if (strlen(ctype) < 8 || strncmp(ctype + 5, "TPV", 3) != 0 || rx_cards_find(cards, ncards, key) >= 0)
             continue;
         rx_card_number(&one, key, 1.0, "");

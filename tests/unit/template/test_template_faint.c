@@ -341,9 +341,10 @@ static void test_beside_cosmic_ray(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_column),    cmocka_unit_test(test_usual),
-                                       cmocka_unit_test(test_average),   cmocka_unit_test(test_evidence),
-                                       cmocka_unit_test(test_structure), cmocka_unit_test(test_own_photons),
-                                       cmocka_unit_test(test_beside_cosmic_ray)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_column),           cmocka_unit_test(test_usual),
+        cmocka_unit_test(test_average),          cmocka_unit_test(test_evidence),
+        cmocka_unit_test(test_structure),        cmocka_unit_test(test_own_photons),
+        cmocka_unit_test(test_beside_cosmic_ray)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
