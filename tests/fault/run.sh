@@ -2,7 +2,7 @@
 # Memory that runs out, anywhere: fault.c refuses one request after another, the first from each place in the program.
 # RX_FAULT_LAST: up to which number every single one is tried (RX_FAULT_LAST=1000: minutes, with a case more).
 # RX_FAULT_SHARE=n: one place in n. Then the same in all libraries, by refuse.c loaded before them, where a place is tried with that
-# request refused and with all from there on: one place in four, as every one (RX_FAULT_LIBRARIES=1) takes five minutes of a core.
+# request refused and with all from there on: one place in ten, as every one (RX_FAULT_LIBRARIES=1) takes five minutes of a core.
 # RX_FAULT_ONLY: a regular expression of the cases.
 set -u
 LC_ALL=C
@@ -62,7 +62,7 @@ refuse_of() {
     sed 's/^/    | /' log
     [ -e refuse.so ] || return 0
     for all in 0 1; do
-        RX_FAULT_ALL=$all RX_FAULT_SHARE=$((${RX_FAULT_LIBRARIES:-4} * ${RX_FAULT_SHARE:-1})) LD_PRELOAD="$scratch/refuse.so" "$build/tests/fault/$program" 0 \
+        RX_FAULT_ALL=$all RX_FAULT_SHARE=$((${RX_FAULT_LIBRARIES:-10} * ${RX_FAULT_SHARE:-1})) LD_PRELOAD="$scratch/refuse.so" "$build/tests/fault/$program" 0 \
             "$scratch/$program.libraries.$all" "$@" -VERBOSE_TYPE QUIET >log 2>&1
         result "$name, in libraries$([ $all -eq 0 ] || echo ', all from there on')" $?
         sed 's/^/    | /' log
