@@ -23,37 +23,14 @@ PATH=$programs:$build/tests/cli:$PATH OMP_NUM_THREADS=1
 export PATH OMP_NUM_THREADS
 
 # What the cases read, one folder up, and how they begin.
-cat >tiny.conf <<'END'
-CAMPAIGN_TYPE  RESTORATION
-SCENES_FWHM    2
-SCENES_SIGMA   2
-SCENE_SIDE     64
-FWHM_RANGE     3,3
-SIGMA_RANGE    5,5
-TUNE_SCENES    1
-TUNE_NITER     5
-TUNE_FILTER    0,0.5
-QA_FIGURES     N
+cat "$top/tests/data/campaign.conf" - >tiny.conf <<'END'
 MAGNITUDES     17,17,1
 TILES          1,1
 SCENE_TILES    1,1
 STARS_PER_TILE 400
 SIM.IMAGE_SIZE 128
 END
-cat >training.conf <<'END'
-EPOCHS          1
-WIDTH           4
-BLOCKS          1
-PATCH           48
-PATCH_MARGIN    8
-FIELD_PATCHES   2
-GRID            1,1
-BIN_IMAGES      16
-LOSS_IDT_PSF    0
-LOSS_REC        0
-LOSS_REC_PSF    0
-QA_FIGURES      N
-END
+cat "$top/tests/data/training.conf" >training.conf
 make_fits tile tile.fits 'GAIN    = 10' && make_fits psf psf.fits && make_fits table table.fits && make_fits extensions two.fits 'GAIN    = 10' &&
     make_fits ones ones.fits && make_fits cube cube.fits && make_fits small small.fits && make_fits calexp calexp.fits && make_fits nan nan.fits && make_fits flat flat.fits &&
     { head -c 2880 two.fits && tail -c 40320 two.fits; } >second.fits &&

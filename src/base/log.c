@@ -212,7 +212,7 @@ static void join(waiting *of, int n, int room)
     }
 }
 
-/* Hints first, then what was said first, until `room` lines hold the others. The number of lines that are left out. */
+/* Hints first, then the first messages, until `room` lines hold the others. The number of lines that are left out. */
 static int leave_out(waiting *of, int n, int lines, int room)
 {
     int gone = 0;
@@ -225,7 +225,7 @@ static int leave_out(waiting *of, int n, int lines, int room)
     return gone;
 }
 
-/* What waits, in `room` lines at most; but what was said last, which is what was found, always has its line. */
+/* What waits, in `room` lines at most; but the last message, the result, always has its line. */
 static void print_waiting(rx_log *log, int room)
 {
     const int most = room > 2 ? room - 1 : 1; /* and one for what is left out */

@@ -54,8 +54,9 @@ void rx_log_hint(rx_log *log, const char *format, ...) RX_PRINTF(2, 3); /* info;
 void rx_log_warning(rx_log *log, const char *format, ...) RX_PRINTF(2, 3); /* not shown when QUIET */
 
 /* What of a tile is said between the two has, with what was said since the tile before, ten lines at NORMAL. Where
- * warnings and names of files leave too few of them, information on the same image shares lines, and then hints and
- * what was said first are left out, which a line says if there is one; what was said last stays. `to_come`: lines that the caller will add, of an error, say. */
+ * warnings and names of files leave too few of them, information on the same image shares lines, and then hints and the
+ * first messages are left out, which a line reports if there is room; the last message stays. `to_come`: lines that the
+ * caller will add, of an error, say. */
 void rx_log_tile_begin(rx_log *log);
 void rx_log_tile_next(rx_log *log); /* the next image of the same file, with ten lines of its own */
 void rx_log_tile_end(rx_log *log, int to_come);

@@ -14,9 +14,8 @@
 static const char IMAGE[] = "IMAGE";
 
 /* EXTNAMEs of maps in the files of Rubin and HSC (MASK, VARIANCE), HST and JWST (ERR, DQ, VAR_*, WHT, CON, CTX, AREA,
- * SAMP, TIME, and the distortion of WCSDVARR and D2IMARR), Euclid (RMS, FLG, CHI2), DES and the Legacy Surveys (MSK, WGT, IVAR,
- * MASKBITS), of astropy (UNCERT) and others; type: of WEIGHT_TYPE that
- * reads it, NULL: none does. */
+ * SAMP, TIME, and the distortion of WCSDVARR and D2IMARR), Euclid (RMS, FLG, CHI2), DES and the Legacy Surveys (MSK,
+ * WGT, IVAR, MASKBITS), of astropy (UNCERT) and others; type: of WEIGHT_TYPE that reads it, NULL: none does. */
 static const struct {
     const char *name, *type;
 } MAPS[] = {{"MASK", NULL},
@@ -84,7 +83,7 @@ bool rx_planes_same(const rx_plane_name *a, const rx_plane_name *b)
            (a->version == b->version || a->version == 0 || b->version == 0);
 }
 
-/* Says which maps stay out, each kind once, and by which keywords one of them is read that is not taken as it is. */
+/* The log names the maps that are left out, each kind once, and the keywords that read one that is not taken by default. */
 static rx_status log_maps(fitsfile *file, const char *path, rx_log *log, int first_image,
                           const bool *is_there, bool plain, rx_error *err)
 {

@@ -92,12 +92,15 @@ static void galactic(double dst[3][3])
 
 rx_sky_frame rx_sky_frame_of(const char *type, const char *radesys, double equinox)
 {
+    static const char *const systems[] = {"", "ICRS", "FK5", "FK4", "FK4-NO-E", "GAPPT"};
     rx_sky_frame frame = {.known = 1};
     double b1950_to_j2000[3][3] = {{0.9999256794956877, -0.0111814832204662, -0.0048590038153592},
                                    {0.0111814832391717, 0.9999374848933135, -0.0000271625947142},
                                    {0.0048590037723143, -0.0000271702937440, 0.9999881946023742}};
     int fk4 = strncmp(radesys, "FK4", 3) == 0 || (radesys[0] == '\0' && equinox > 0 && equinox < 1984);
     int icrs = strcmp(radesys, "ICRS") == 0 || strcmp(radesys, "GAPPT") == 0;
+    for (size_t i = 0; i < sizeof systems / sizeof *systems; i++)
+        frame.named |= strcmp(radesys, systems[i]) == 0;
     rotation(0, 0, frame.matrix);
     if (strncmp(type, "RA", 2) == 0 && fk4) {
         from_b1950(equinox > 0 ? equinox : 1950, frame.matrix);

@@ -12,6 +12,7 @@
 
 typedef struct rx_sky_frame {
     int known;           /* 0: a frame that cannot be taken to J2000 */
+    int named;           /* 0: RADESYS is there and no reference system of the FITS standard */
     int eterms;          /* 1: FK4 positions hold the elliptic terms of aberration */
     double matrix[3][3]; /* to J2000; rotation */
 } rx_sky_frame;

@@ -65,22 +65,13 @@ static int is_usable(rx_wcs *wcs, int width, int height)
     return 0;
 }
 
-static bool is_frame(const char *radesys)
-{
-    static const char *const known[] = {"", "ICRS", "FK5", "FK4", "FK4-NO-E", "GAPPT"};
-    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (strcmp(radesys, known[i]) == 0)
-            return true;
-    return false;
-}
-
 static void take_frame(rx_wcs *wcs, rx_wcs_notes *notes)
 {
     struct wcsprm *prm = &wcs->prm;
     rx_text *details = &notes->details;
     const bool stated = isfinite(prm->equinox) && !undefined(prm->equinox) && prm->equinox > 1000;
     wcs->frame = rx_sky_frame_of(prm->lngtyp, prm->radesys, stated ? prm->equinox : 0);
-    if (!is_frame(prm->radesys)) {
+    if (!wcs->frame.named) {
         rx_wcs_note(&notes->warnings, "RADESYS = '");
         rx_text_printf(&notes->warnings, "%s' is no reference system; positions are taken for %s",
                        prm->radesys, stated ? "FK5 of EQUINOX" : "ICRS");

@@ -11,20 +11,17 @@
 static const double OVERLAP = 0.3, BLEND = 0.2;
 static const double LUMPS = 0.3; /* of a large galaxy's light, on the scale of a source */
 
-static const double CORE = 0.1; /* of a template's peak: what its width is that of */
-/* Widths of a template, in steps of half of one. Of 16 false sources at an edge of two sigmas and 15 real ones on a dark cloud that
- * had P_REAL above 0.5, 4 and 13 keep it by 2.5 widths, 7 and 13 by 1.5, 3 and 9 by 2.5 about a level instead of a plane (of least
- * squares). */
+static const double CORE = 0.1; /* of a template's peak; its width is that of the pixels above */
+/* Widths of a template, in steps of half of one. At edges of 1, 2 and 3 sigmas 26, 24 and 37 false sources keep P_REAL above 0.5 and
+ * 16 real ones lose it; within 1.5 widths 35, 39 and 58, and 10 (validation/edges.py; results/edges, narrow.json). */
 static const double AROUND = 2.5;
 enum { STEPS = 5, PLACES = (2 * STEPS + 1) * (2 * STEPS + 1) };
 
-static const double HUBER =
-    1.345; /* sigmas: 95 % of the efficiency of least squares where errors are normal */
-enum {
-    TURNS = 10
-}; /* of weights: beside 326 sources of a real field no level then moves by more than 0.04 of the spread */
-static const double POINT =
-    1.2; /* widths by which z of a Gaussian's point, exp(-pi (r / width)^2), has fallen from 90 to 1 */
+/* Sigmas: 95 % of the efficiency of least squares where errors are normal. */
+static const double HUBER = 1.345;
+/* Widths by which z beside a point (a Gaussian), exp(-pi (r / width)^2), has fallen from 90 to 1. */
+static const double POINT = 1.2;
+enum { TURNS = 10 }; /* of weights */
 
 /* The brighter member with most light under the template of i; -1: none. *light: in units of i's flux. */
 static int brightest_over(const rx_fit_source *subjects, const int *member, int n, int i, double *light)
@@ -147,14 +144,14 @@ static int response(const rx_fit_image *c, const rx_fit_source *s, const core *o
     return power > 0 && seen >= 0.5 * all;
 }
 
-rx_window rx_evidence_window(const rx_fit_image *canvas, const rx_fit_source *subject)
+rx_window rx_evidence_window(const rx_fit_image *image, const rx_fit_source *source)
 {
-    const rx_window own = rx_footprint_window(&subject->footprint);
-    const int reach = (int)ceil(AROUND * core_of(&subject->footprint).width) + 1;
+    const rx_window own = rx_footprint_window(&source->footprint);
+    const int reach = (int)ceil(AROUND * core_of(&source->footprint).width) + 1;
     if (own.x1 <= own.x0)
         return own;
     return (rx_window){rx_max_int(own.x0 - reach, 0), rx_max_int(own.y0 - reach, 0),
-                       rx_min_int(own.x1 + reach, canvas->width), rx_min_int(own.y1 + reach, canvas->height)};
+                       rx_min_int(own.x1 + reach, image->width), rx_min_int(own.y1 + reach, image->height)};
 }
 
 /* z around a source, and where. */
@@ -222,14 +219,14 @@ static double square_below(const samples *at, const double *rest, double width)
     return n > 0 ? fmax(square / n, 1) : 1;
 }
 
-rx_status rx_evidence_amid_sky(const rx_fit_image *canvas, const rx_fit_source *subject, double alone,
+rx_status rx_evidence_amid_sky(const rx_fit_image *image, const rx_fit_source *source, double alone,
                                double *evidence, rx_error *err)
 {
-    const core of = core_of(&subject->footprint);
+    const core of = core_of(&source->footprint);
     samples at;
     if (!(*evidence > 0) || !(alone > 0) || !(of.width >= 1))
         return RX_OK;
-    sample(canvas, subject, &of, &at);
+    sample(image, source, &of, &at);
     const double n = at.n * AROUND / STEPS * AROUND / STEPS; /* independent ones: a width apart */
     double plane[3], rest[PLACES];
     if (!(n > 4)) /* no more than is fitted */

@@ -54,9 +54,9 @@ rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view
  *
  *   evidence = (1 - share level / sqrt(alone))^2 / (1 / evidence + share S^2 / alone), never more than before.
  *
- * What is shown of the canvas: rx_evidence_window(). Errors: RX_SYSTEM. */
-rx_window rx_evidence_window(const rx_fit_image *canvas, const rx_fit_source *subject);
-rx_status rx_evidence_amid_sky(const rx_fit_image *canvas, const rx_fit_source *subject, double alone,
+ * data and model must be filled within rx_evidence_window(). Errors: RX_SYSTEM. */
+rx_window rx_evidence_window(const rx_fit_image *image, const rx_fit_source *source);
+rx_status rx_evidence_amid_sky(const rx_fit_image *image, const rx_fit_source *source, double alone,
                                double *evidence, rx_error *err);
 
 #endif

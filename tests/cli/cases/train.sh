@@ -9,20 +9,7 @@ trains() {
 
 # A training of a second.
 make_training() {
-    cat >tiny.conf <<'END'
-EPOCHS          1
-WIDTH           4
-BLOCKS          1
-PATCH           48
-PATCH_MARGIN    8
-FIELD_PATCHES   2
-GRID            1,1
-BIN_IMAGES      16
-LOSS_IDT_PSF    0
-LOSS_REC        0
-LOSS_REC_PSF    0
-QA_FIGURES      N
-END
+    cat "$top/tests/data/training.conf" >tiny.conf
 }
 
 # --- printed

@@ -9,17 +9,7 @@ validates() {
 
 # A campaign of seconds.
 make_campaign() {
-    cat >tiny.conf <<'END'
-CAMPAIGN_TYPE  RESTORATION
-SCENES_FWHM    2
-SCENES_SIGMA   2
-SCENE_SIDE     64
-FWHM_RANGE     3,3
-SIGMA_RANGE    5,5
-TUNE_SCENES    1
-TUNE_NITER     5
-TUNE_FILTER    0,0.5
-QA_FIGURES     N
+    cat "$top/tests/data/campaign.conf" - >tiny.conf <<'END'
 OUTPUT_NAME    report
 JOURNAL_NAME   journal
 END

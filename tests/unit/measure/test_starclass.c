@@ -70,7 +70,7 @@ static void refuses_what_is_no_network(void **state)
 {
     (void)state;
     const char *bad[] = {"",
-                         "XXX\n3 10 2 1",
+                         "NET\n3 10 2 1",
                          "NNW\n3 9 2 1\n",
                          "NNW\n3 10 2000 1\n",
                          "NNW\n3 10 2 1\n0 0 0 0 zero\n",

@@ -200,6 +200,16 @@ static void test_average(void **state)
     close_patch(&p);
 }
 
+/* By default, all sources of the list. */
+static rx_tphot *fit(field *f)
+{
+    rx_tphot_params par = rx_tphot_defaults();
+    rx_tphot_input input = field_input(f);
+    rx_tphot *t = NULL;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+    return t;
+}
+
 /* Disks with a star on them, and disks with a source in the list that is not there or is a knot. */
 static void test_evidence(void **state)
 {
@@ -220,10 +230,7 @@ static void test_evidence(void **state)
     }
     field_noise(&f, 4);
     field_restore_none(&f);
-    rx_tphot_params par = rx_tphot_defaults();
-    rx_tphot_input input = field_input(&f);
-    rx_tphot *t = NULL;
-    assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+    rx_tphot *t = fit(&f);
     for (int i = 0; i < CELLS; i++) {
         const rx_tphot_source *disk = &t->list[2 * i], *s = &t->list[2 * i + 1];
         print_message("%d: S/N %.1f evidence %.1f, disk %.1f\n", i, s->snr, s->evidence, disk->evidence);
@@ -289,10 +296,7 @@ static void test_structure(void **state)
             field_list(&f, star[i][0], star[i][1], 4, 1.7, 1.7, 0);
         field_noise(&f, 11);
         field_restore_none(&f);
-        rx_tphot_params par = rx_tphot_defaults();
-        rx_tphot_input input = field_input(&f);
-        rx_tphot *t = NULL;
-        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        rx_tphot *t = fit(&f);
         for (int i = 0; i < FALSE + TRUE; i++) {
             const rx_tphot_source *s = &t->list[i];
             left[k][i] = s->evidence / pow(s->snr * s->shape_error, 2);
@@ -326,10 +330,7 @@ static void test_beside_cosmic_ray(void **state)
             field_list(&f, X - 7, X + 1, 1, 0.5, 0.5, 0);
         field_noise(&f, 12);
         field_restore_none(&f);
-        rx_tphot_params par = rx_tphot_defaults();
-        rx_tphot_input input = field_input(&f);
-        rx_tphot *t = NULL;
-        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        rx_tphot *t = fit(&f);
         const rx_tphot_source *s = &t->list[0];
         print_message("listed %d: S/N %.1f evidence %.1f\n", listed, s->snr, s->evidence);
         assert_true(s->snr > 9);
