@@ -15,6 +15,20 @@ int rx_keyword_find(const rx_keytable *table, const char *name)
     return -1;
 }
 
+const rx_gone *rx_keyword_gone(const rx_keytable *table, const char *name, const char *value)
+{
+#define GONE(PROGRAM, NAME, VALUE, INITIAL, INSTEAD) {PROGRAM, NAME, VALUE, INITIAL, INSTEAD},
+    static const rx_gone rows[] = {
+#include "config/gone.def"
+        {0}};
+#undef GONE
+    for (const rx_gone *row = rows; row->name != NULL; row++)
+        if (strcmp(row->program, table->program) == 0 && strcasecmp(row->name, name) == 0 &&
+            (value == NULL ? row->value == NULL : row->value != NULL && strcasecmp(row->value, value) == 0))
+            return row;
+    return NULL;
+}
+
 bool rx_keyword_among(const char *const *names, const char *name)
 {
     for (; *names != NULL; names++)

@@ -95,13 +95,23 @@ int rx_keyword_part(const rx_keytable *table, const char **name);
 /* The known name that is nearest, with its prefix; dst empty when nothing is near. */
 void rx_keyword_nearest(const rx_keytable *table, const char *name, char *dst, size_t size);
 
+/* A row of gone.def: a keyword that earlier versions had (value NULL), or a word of one. */
+typedef struct rx_gone {
+    const char *program, *name, *value;
+    const char *initial; /* default of the keyword, which changes nothing; NULL: every value is an error */
+    const char *instead; /* "give ...": what to use now */
+} rx_gone;
+/* The row of keyword `name` without prefix and word `value`, NULL where there is none. */
+const rx_gone *rx_keyword_gone(const rx_keytable *table, const char *name, const char *value);
+
 /* Where messages about a value say it comes from: file NULL for the command line. */
 typedef struct rx_place {
     const char *file;
     long line;
 } rx_place;
 
-/* Is `name` in the table or its parts? Errors: RX_USAGE, with the nearest name. */
+/* Is `name` in the table or its parts, or was it, with a default that may still be stated? Errors: RX_USAGE, with the
+ * nearest name, or with what to use now. */
 rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err);
 
 /* Give the keyword of `row` the n items; on error the old value stays. */

@@ -62,6 +62,7 @@ const void *rx_keyword_item(rx_kind kind, const void *field, int i, rx_kind *ite
 
 /* The keyword that is read, with its prefix, and from where. */
 typedef struct target {
+    const rx_keytable *table;
     const rx_keyword *key;
     const char *prefix;
     rx_place place;
@@ -120,6 +121,9 @@ static rx_status read_word(const target *at, const char *item, const char **dst,
             *dst = at->key->words[n];
             return RX_OK;
         }
+    const rx_gone *gone = rx_keyword_gone(at->table, at->key->name, item);
+    if (gone != NULL)
+        return refuse(at, err, "%s is no longer offered; %s", gone->value, gone->instead);
     static const char *const tables[] = {"CSV", "ECSV", "TSV", "PARQUET", "HDF5"};
     for (size_t i = 0;
          rx_keyword_among(at->key->words, "ASCII_VOTABLE") && i < sizeof tables / sizeof *tables; i++)
@@ -185,7 +189,7 @@ rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, 
                             rx_log *log, rx_error *err)
 {
     const rx_keyword *key = &settings->table->rows[row];
-    const target at = {.key = key, .prefix = settings->prefix, .place = place};
+    const target at = {.table = settings->table, .key = key, .prefix = settings->prefix, .place = place};
     scratch value;
     char *empty[] = {""};
     memset(&value, 0, sizeof value);

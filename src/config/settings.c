@@ -5,9 +5,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/lines.h"
 #include "base/memory.h"
+#include "base/point.h"
 #include "config/keyword.h"
 #include "config/tokens.h"
 
@@ -118,33 +120,75 @@ static rx_status unknown_keyword(const rx_keytable *table, const char *name, rx_
     return rx_error_set(err, RX_USAGE, "unknown keyword '-%.80s'; %s", name, hint);
 }
 
+/* "NAME is no longer a keyword; give ..." */
+static rx_status gone_keyword(const rx_gone *gone, const char *name, rx_place place, rx_error *err)
+{
+    if (place.file != NULL)
+        return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "%.80s is no longer a keyword; %s",
+                           name, gone->instead);
+    return rx_error_set(err, RX_USAGE, "-%.80s is no longer a keyword; %s", name, gone->instead);
+}
+
 rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
 {
     const char *rest = name;
     const int part = rx_keyword_part(table, &rest);
-    return rx_keyword_find(part < 0 ? table : table->part[part].table(), rest) >= 0
-               ? RX_OK
-               : unknown_keyword(table, name, place, err);
+    const rx_keytable *owner = part < 0 ? table : table->part[part].table();
+    if (rx_keyword_find(owner, rest) >= 0)
+        return RX_OK;
+    const rx_gone *gone = rx_keyword_gone(owner, rest, NULL);
+    if (gone == NULL)
+        return unknown_keyword(table, name, place, err);
+    return gone->initial != NULL ? RX_OK : gone_keyword(gone, name, place, err);
 }
 
-/* The settings and the row that `name` is for. */
+/* The same items, numbers by their value? */
+static bool is_same_value(char *const *items, int n, char *const *others, int nothers)
+{
+    bool same = n == nothers;
+    for (int i = 0; i < n && same; i++) {
+        char *end[2];
+        const double value = rx_point_number(items[i], &end[0]), other = rx_point_number(others[i], &end[1]);
+        same = strcasecmp(items[i], others[i]) == 0 ||
+               (*end[0] == '\0' && *end[1] == '\0' && end[0] != items[i] && value == other);
+    }
+    return same;
+}
+
+/* A keyword that earlier versions had does no harm at its old default. */
+static rx_status check_gone(const rx_gone *gone, const char *name, char *const *values, int n, rx_place place,
+                            rx_error *err)
+{
+    rx_tokens initial = {0};
+    rx_status status = rx_tokens_read(gone->initial, &initial, err);
+    const bool none =
+        initial.n == 0 && n == 1 && (values[0][0] == '\0' || strcasecmp(values[0], "NONE") == 0);
+    if (status == RX_OK && !none && !is_same_value(values, n, initial.v, initial.n))
+        status = gone_keyword(gone, name, place, err);
+    rx_tokens_free(&initial);
+    return status;
+}
+
+/* The settings and the row that `name` is for; of one that is gone, row -1 and the row of gone.def. */
 static rx_status find(rx_settings *settings, const char *name, rx_place place, rx_settings **owner, int *row,
-                      rx_error *err)
+                      const rx_gone **gone, rx_error *err)
 {
     const char *rest = name;
     int part = rx_keyword_part(settings->table, &rest);
     *owner = part < 0 ? settings : settings->part[part];
     *row = rx_keyword_find((*owner)->table, rest);
+    *gone = *row < 0 ? rx_keyword_gone((*owner)->table, rest, NULL) : NULL;
     return rx_keyword_known(settings->table, name, place, err);
 }
 
-/* One line of a file: nothing, or a keyword and its values. */
-static rx_status read_line(rx_settings *settings, const char *line, rx_place place, rx_log *log,
+/* One line of a file: nothing, or a keyword and its values; the names of those that are gone are added to *old. */
+static rx_status read_line(rx_settings *settings, const char *line, rx_place place, rx_text *old, rx_log *log,
                            rx_error *err)
 {
     rx_tokens items = {0};
     rx_text values = {0}; /* what it was, then what it is */
     rx_settings *owner = NULL;
+    const rx_gone *gone = NULL;
     int row = 0;
     rx_status status = rx_tokens_read(line, &items, err);
     if (status == RX_USAGE && err != NULL) {
@@ -153,7 +197,12 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
     }
     if (status != RX_OK || items.n == 0)
         goto exit;
-    RX_TRY_EXIT(find(settings, items.v[0], place, &owner, &row, err));
+    RX_TRY_EXIT(find(settings, items.v[0], place, &owner, &row, &gone, err));
+    if (gone != NULL) {
+        rx_text_printf(old, "%s%s", old->length > 0 ? ", " : "", items.v[0]);
+        RX_TRY_EXIT(check_gone(gone, items.v[0], items.v + 1, items.n - 1, place, err));
+        goto exit;
+    }
     rx_text_add(&values, "");
     rx_keyword_print(&values, owner, row, true);
     const size_t before = values.length;
@@ -188,13 +237,20 @@ static rx_status keep_name(rx_settings *settings, const char *path, rx_error *er
 rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
 {
     rx_lines lines = {0};
+    rx_text old = {0}; /* one warning for all */
     char *line = NULL;
     rx_status status = keep_name(settings, path, err);
     if (status == RX_OK)
         status = rx_lines_open(&lines, path, 0, err);
     while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
-        status = read_line(settings, line, (rx_place){.file = path, .line = lines.number}, log, err);
+        status = read_line(settings, line, (rx_place){.file = path, .line = lines.number}, &old, log, err);
     rx_lines_close(&lines);
+    if (status == RX_OK && old.failed)
+        status = rx_error_memory(err, 0);
+    if (status == RX_OK && old.length > 0)
+        rx_log_warning(log, "%s: no longer keywords, and without effect at their old defaults: %s", path,
+                       old.data);
+    rx_text_free(&old);
     if (status == RX_INPUT) { /* a configuration file is usage, not data */
         if (err != NULL)
             err->status = RX_USAGE;
@@ -203,13 +259,29 @@ rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log,
     return status;
 }
 
+static rx_status set_gone(const rx_gone *gone, const char *name, const char *value, rx_log *log,
+                          rx_error *err)
+{
+    rx_tokens items = {0};
+    rx_status status = rx_tokens_read(value, &items, err);
+    if (status == RX_OK)
+        status = check_gone(gone, name, items.v, items.n, (rx_place){0}, err);
+    rx_tokens_free(&items);
+    if (status == RX_OK && log != NULL)
+        rx_log_warning(log, "%s is no longer a keyword, and without effect at its old default", name);
+    return status;
+}
+
 rx_status rx_settings_set(rx_settings *settings, const char *name, const char *value, rx_log *log,
                           rx_error *err)
 {
     rx_tokens items = {0};
     rx_settings *owner = NULL;
+    const rx_gone *gone = NULL;
     int row = 0;
-    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, err));
+    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, &gone, err));
+    if (gone != NULL)
+        return set_gone(gone, name, value, log, err);
     rx_status status = owner->table->rows[row].kind == RX_KIND_STRING ? rx_tokens_expand(value, &items, err)
                                                                       : rx_tokens_read(value, &items, err);
     if (status == RX_OK)
@@ -279,8 +351,11 @@ rx_status rx_settings_take(rx_settings *settings, const char *name, const char *
 {
     rx_tokens items = {0};
     rx_settings *owner = NULL;
+    const rx_gone *gone = NULL;
     int row = 0;
-    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, err));
+    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, &gone, err));
+    if (gone != NULL)
+        return set_gone(gone, name, value, NULL, err);
     rx_status status = rx_tokens_read(value, &items, err);
     if (status == RX_OK)
         status = rx_keyword_assign(owner, row, items.v, items.n, (rx_place){0}, NULL, err);

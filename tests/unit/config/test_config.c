@@ -118,6 +118,7 @@ static void bad_lines_say_where_and_what(void **state)
         {"FILTER maybe", "FILTER: 'maybe' is not Y or N"},
         {"CATALOG_TYPE FITS_LADC",
          "unknown word 'FITS_LADC' (did you mean FITS_LDAC?); give one of NONE, ASCII,"},
+        {"PSF_TYPE piff", "PSF_TYPE: PIFF is no longer offered; give FILE"},
         {"RESTORE_TYPE NONE,CNN", "RESTORE_TYPE: unknown word 'CNN'"},
         {"PHOT_AUTOPARAMS 2.5", "PHOT_AUTOPARAMS: has 1 item(s), needs at least 2"},
         {"PHOT_AUTOPARAMS 2.5,3.5,4.5", "PHOT_AUTOPARAMS: has 3 items, takes at most 2"},
