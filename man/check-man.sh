@@ -9,7 +9,7 @@ scratch=$(mktemp -d) || exit 2
 trap 'rm -rf "$scratch"' EXIT
 passed=0 failed=0 skipped=0
 
-for list in keywords columns simulate validate train survey FLAGS FLAGS_WEIGHT FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE completion; do
+for list in keywords columns facts simulate validate train survey FLAGS FLAGS_WEIGHT FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE completion; do
     if ! "$make_man" "$list" >"$scratch/$list"; then
         echo "$make_man cannot be run"
         exit 2

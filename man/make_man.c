@@ -1,11 +1,12 @@
 /* Prints the generated sections of the manual pages: `make_man keywords`, `make_man simulate`, `make_man
- * validate`, `make_man train`, `make_man survey` (keywords of these programs), `make_man columns`, the name of a
+ * validate`, `make_man train`, `make_man survey` (keywords of these programs), `make_man columns`, `make_man facts`, the name of a
  * column of flags, or `make_man completion`, for the shell. Run by man/check-man.sh, never installed. */
 #include <stdio.h>
 #include <string.h>
 
 #include "catalog/catalog.h"
 #include "config/config.h"
+#include "data/facts.h"
 #include "data/flags.h"
 
 int main(int argc, char **argv)
@@ -23,6 +24,8 @@ int main(int argc, char **argv)
         rx_settings_man(&text, rx_keytable_survey());
     else if (argc == 2 && strcmp(argv[1], "columns") == 0)
         rx_columns_man(&text);
+    else if (argc == 2 && strcmp(argv[1], "facts") == 0)
+        rx_facts_man(&text);
     else if (argc == 2 && strcmp(argv[1], "completion") == 0) {
         rx_settings_completion(&text, rx_keytable_rextract());
         rx_settings_completion(&text, rx_keytable_simulate());

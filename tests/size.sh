@@ -7,7 +7,7 @@
 #
 # A room is a folder of src. Counted are its lines (.c, .h and .def), public functions and tables (what its headers declare,
 # src/symbols.awk), and named numbers (NAME = 3.5 in capitals: thresholds, limits, sizes, constants). Keywords are rows of the
-# keyword tables, cards the names RX... that a catalogue's header may hold.
+# keyword tables, facts rows of the table of facts, cards those of them that a header holds by default.
 set -u
 LC_ALL=C
 export LC_ALL
@@ -35,7 +35,8 @@ done >"$scratch/rooms"
     awk -F '\t' '{ sum[$2] += $3 } END { for (kind in sum) printf "all\t%s\t%d\n", kind, sum[kind] }' "$scratch/rooms"
     cat "$scratch/rooms"
     printf 'all\tkeywords\t%d\n' "$(grep -hE '^ *(KEY|KEYWORD)\(' config/*.def | wc -l)"
-    printf 'all\tcards\t%d\n' "$(grep -ohE '"RX[A-Z0-9_]{2,7}"' $(files .) | sort -u | wc -l)"
+    printf 'all\tcards\t%d\n' "$(grep -cE '^FACT\(.* HEADER, ' data/facts.def)"
+    printf 'all\tfacts\t%d\n' "$(grep -cE '^(FACT|ESTIMATE|CANDIDATE)\(' data/facts.def)"
 } | sort >"$scratch/now"
 
 # A room that is not in the table has no place in it: it is written there by hand.

@@ -128,7 +128,7 @@ crowd() {
     "$programs/rextract-simulate" -IMAGE_SIZE 320 -SEED 5 -PSF_FWHM 4 -STAR_COUNT "$1" -GALAXY_COUNT "$2" -STAR_MAG 16,21 \
         -GALAXY_MAG 16,21 -STAR_SLOPE 0.2 -GALAXY_SLOPE 0.2 -MAG_ZEROPOINT 22.5 -SKY_LEVEL 0.87 -NOISE_TYPE CCD -GAIN 987 -READ_NOISE 9 \
         -IMAGE_NAME crowd.fits -TRUTH_NAME truth.fits -VERBOSE_TYPE QUIET >log 2>&1 && "$program" crowd.fits -RESTORE_TYPE NONE \
-        -PSF_TYPE MOFFAT -PSF_FWHM 4 -PARAMETERS_NAME crowd.param -CATALOG_TYPE FITS_1.0 -CATALOG_NAME crowd.cat -VERBOSE_TYPE QUIET \
+        -PSF_TYPE MOFFAT -PSF_FWHM 4 -PARAMETERS_NAME crowd.param -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -CATALOG_NAME crowd.cat -VERBOSE_TYPE QUIET \
         >>log 2>&1 && "$python" crowd.py "$3" "$4" "$5" >>log 2>&1
     result "a crowd of $1 stars and $2 galaxies per Mpixel" $? log
     rm -f crowd.cat crowd.fits truth.fits

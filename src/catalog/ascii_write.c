@@ -27,28 +27,21 @@ static void add_head(rx_text *dst, const rx_table *table)
 /* Whose work each table is, of its facts. */
 static void add_facts(rx_text *dst, rx_table *const *tables, int n)
 {
-    static const char *const keys[] = {
-        "RXREST",   "RXASKED",  "RXWHY",    "RXAUN",    "RXAU1F",   "RXAU1S",   "RXAU2F",   "RXAU2S",
-        "RXAU2O",   "RXAU3F",   "RXAU3S",   "RXAU3O",   "RXPSF",    "RXFWHM",   "RXPSFHOW", "RXPSFNST",
-        "RXPSFLIB", "RXPSFLDT", "RXPSFLDS", "RXPSFLN",  "RXPSFDEG", "RXPSFRAD", "RXPSFOUT", "RXPSFERR",
-        "RXPSFHID", "RXPSFERX", "RXPSFEPX", "RXPSFEPY", "RXPSFMAX", "RXPSFLIM", "RXPSFSHN", "RXPSFSHR",
-        "RXPREAL",  "RXPRLIM",  "RXPSFCOG", "RXPSFCGR", "RXPSFRES", "RXPSFNRS", "RXPSFDT",  "RXPSFDTE",
-        "RXPSFE1",  "RXPSFE1E", "RXPSFE2",  "RXPSFE2E", "RXNCOR",   "RXNFACT",  "RXNOISOK", "RXSTEP",
-        "RXCUT",    "RXPIXOK",  "RXNETIN",  "RXNETWHY", "RXNETOUT", "RXBLKR",   "RXBLKT",   "RXUNEX",
-        "RXDARK",   "RXROWS",   "RXCOLS",   "RXLIGHT",  "RXSHARP",  "RXFLXW",   "RXFLXWE",  "RXFLXA",
-        "RXFLXAE",  "RXFLXOK",  "RXTPOK",   "RXTPCHI2", "RXCROWD",  "RXCROWDG", "RXUNSEEN", "RXPSFNBR",
-        "RXDEEP",   "RXNODATA"};
-    char value[512];
+    char key[9] = "", value[512];
     for (int i = 0; i < n; i++)
-        for (size_t k = 0; k < sizeof keys / sizeof *keys && tables[i]->facts != NULL; k++)
-            if (rx_cards_text(tables[i]->facts, tables[i]->nfacts, keys[k], value, sizeof value)) {
-                rx_text_add(dst, "# ");
-                if (n > 1)
-                    rx_text_printf(dst, "extension %d: ", i + 1);
-                rx_text_printf(dst, "%s = ", keys[k]);
-                rx_printable_add(dst, value);
-                rx_text_add(dst, "\n");
-            }
+        for (long k = 0; tables[i]->facts != NULL && k < tables[i]->nfacts; k++) {
+            const char *card = tables[i]->facts + 80 * k;
+            snprintf(key, sizeof key, "%.*s", (int)strcspn(card, "= "), card);
+            if (card[8] != '=' ||
+                !rx_cards_text(tables[i]->facts, tables[i]->nfacts, key, value, sizeof value))
+                continue;
+            rx_text_add(dst, "# ");
+            if (n > 1)
+                rx_text_printf(dst, "extension %d: ", i + 1);
+            rx_text_printf(dst, "%s = ", key);
+            rx_printable_add(dst, value);
+            rx_text_add(dst, "\n");
+        }
 }
 
 static double cell(const rx_table *table, const char *name, long row)

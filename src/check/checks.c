@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "check/quality.h"
 #include "check/selfcheck_numbers.h"
+#include "data/facts.h"
 #include "report/qa_page.h"
 
 struct rx_checks {
@@ -253,78 +254,70 @@ void rx_check_results_free(rx_check_results *results)
     rx_blankcheck_free(&results->blank);
 }
 
-static void estimate_facts(rx_record *facts, const char *name, const char *comment, const rx_estimate *e)
+static void estimate_facts(rx_record *facts, rx_fact fact, const rx_estimate *e)
 {
-    static const char *const ends[] = {"L", "H"};
-    const double bounds[] = {e->low, e->high};
     if (!isfinite(e->value))
         return;
-    rx_record_add(facts, name, comment, "%.5f", e->value);
-    for (int k = 0; k < 2; k++) {
-        char key[16];
-        snprintf(key, sizeof key, "%s%s", name, ends[k]);
-        if (isfinite(bounds[k]))
-            rx_record_add(facts, key, k == 0 ? "from, at 95 %" : "to, at 95 %", "%.5f", bounds[k]);
-    }
+    rx_fact_number(facts, fact, e->value);
+    rx_fact_number(facts, fact + 1, e->low);
+    rx_fact_number(facts, fact + 2, e->high);
 }
 
 static void selfcheck_facts(const rx_checks *checks, const rx_selfcheck *self, rx_record *facts)
 {
     const rx_selfcheck_plan *plan = checks->plan;
-    rx_record_add(facts, "RXSCN", "objects injected into copies of this tile", "%ld", self->injected);
-    rx_record_add(facts, "RXSCFND", "of these found", "%ld", self->found);
-    rx_record_add(facts, "RXSCGAL", "share of galaxies", "%.4g", self->galaxies);
-    rx_record_add(facts, "RXSCGSZ", "their sizes, in those of the stated law", "%.4g", plan->galaxy_scale);
-    rx_record_add(facts, "RXSCGN", "resolved sources behind both, 0 = too few", "%ld", plan->resolved);
-    rx_record_add(facts, "RXSCM1", "their magnitudes, from", "%.4f", plan->mag_low);
-    rx_record_add(facts, "RXSCM2", "to", "%.4f", plan->mag_high);
-    rx_record_add(facts, "RXSCLIM", "5 sigma limit of a point source, mag", "%.4f", plan->limit);
-    rx_record_add(facts, "RXSCPSF", "PSF of the injected objects", "%s", plan->field->psf->description);
-    estimate_facts(facts, "RXSC90", "magnitude of 90 % completeness", &self->mag90);
-    estimate_facts(facts, "RXSC50", "magnitude of 50 % completeness", &self->mag50);
-    estimate_facts(facts, "RXSCNEW", "of new detections, share that was injected", &self->injected_share);
-    estimate_facts(facts, "RXSCBIA", "median of measured - true mag, FLAGS 0", &self->bias);
-    estimate_facts(facts, "RXSCSCA", "sigma_MAD of the same", &self->scatter);
-    estimate_facts(facts, "RXSCWID", "in wide apertures: isolated, S/N > 20, mag", &self->wide_bias);
+    rx_fact_number(facts, RX_FACT_SCN, self->injected);
+    rx_fact_number(facts, RX_FACT_SCFND, self->found);
+    rx_fact_number(facts, RX_FACT_SCGAL, self->galaxies);
+    rx_fact_number(facts, RX_FACT_SCGSZ, plan->galaxy_scale);
+    rx_fact_number(facts, RX_FACT_SCGN, plan->resolved);
+    rx_fact_number(facts, RX_FACT_SCM1, plan->mag_low);
+    rx_fact_number(facts, RX_FACT_SCM2, plan->mag_high);
+    rx_fact_number(facts, RX_FACT_SCLIM, plan->limit);
+    rx_fact_text(facts, RX_FACT_SCPSF, plan->field->psf->description);
+    estimate_facts(facts, RX_FACT_SC90, &self->mag90);
+    estimate_facts(facts, RX_FACT_SC50, &self->mag50);
+    estimate_facts(facts, RX_FACT_SCNEW, &self->injected_share);
+    estimate_facts(facts, RX_FACT_SCBIA, &self->bias);
+    estimate_facts(facts, RX_FACT_SCSCA, &self->scatter);
+    estimate_facts(facts, RX_FACT_SCWID, &self->wide_bias);
     if (self->errors != NULL) {
-        rx_record_add(facts, "RXSCERN", "objects behind MAGERR_INJECTED", "%ld",
-                      rx_conformal_cases(self->errors));
-        rx_record_add(facts, "RXSCERG", "groups of S/N and blending they make", "%d",
-                      rx_conformal_groups(self->errors));
+        rx_fact_number(facts, RX_FACT_SCERN, rx_conformal_cases(self->errors));
+        rx_fact_number(facts, RX_FACT_SCERG, rx_conformal_groups(self->errors));
     }
-    estimate_facts(facts, "RXSCSKY", "sky left in these apertures, ADU/pixel", &self->sky);
-    estimate_facts(facts, "RXSCAP", "RXSCWID without this sky: flux scale, mag", &self->aperture_bias);
-    rx_record_add(facts, "RXSCAPN", "objects behind RXSCAP", "%ld", self->aperture_bias.n);
-    rx_record_add(facts, "RXSCAPD", "aperture of RXSCAP, pixels", "%.2f", plan->diameter);
+    estimate_facts(facts, RX_FACT_SCSKY, &self->sky);
+    estimate_facts(facts, RX_FACT_SCAP, &self->aperture_bias);
+    rx_fact_number(facts, RX_FACT_SCAPN, self->aperture_bias.n);
+    rx_fact_number(facts, RX_FACT_SCAPD, plan->diameter);
 }
 
 static void blankcheck_facts(const rx_pipeline_params *params, const rx_blankcheck *blank, rx_record *facts)
 {
-    rx_record_add(facts, "RXBLKN", "realisations of this tile's noise", "%d", blank->realisations);
-    rx_record_add(facts, "RXBLKQ", "of a part of the tile only", "%s", blank->quick ? "T" : "F");
-    rx_record_add(facts, "RXBLKC", "correlated noise", "%s", blank->correlated ? "T" : "F");
-    rx_record_add(facts, "RXBLKT", "raised DETECT_THRESH by this factor", "%.4f", blank->raised);
+    rx_fact_number(facts, RX_FACT_BLKN, blank->realisations);
+    rx_fact_flag(facts, RX_FACT_BLKQ, blank->quick);
+    rx_fact_flag(facts, RX_FACT_BLKC, blank->correlated);
+    rx_fact_number(facts, RX_FACT_BLKT, blank->raised);
     if (blank->raised > 1.0) {
-        rx_record_add(facts, "RXBLKD", "to this", "%.6g", params->detect.threshold);
-        rx_record_add(facts, "RXBLKRA", "false detections per Mpixel without that", "%.6g", blank->asked);
+        rx_fact_number(facts, RX_FACT_BLKD, params->detect.threshold);
+        rx_fact_number(facts, RX_FACT_BLKRA, blank->asked);
     }
-    rx_record_add(facts, "RXBLKA", "Mpixel searched", "%.6g", blank->mpixels);
-    rx_record_add(facts, "RXBLKF", "false detections", "%ld", blank->false_detections);
-    rx_record_add(facts, "RXBLKR", "false detections per Mpixel", "%.6g", blank->rate.value);
-    rx_record_add(facts, "RXBLKRL", "from, at 95 %", "%.6g", blank->rate.low);
-    rx_record_add(facts, "RXBLKRH", "to, at 95 %", "%.6g", blank->rate.high);
-    rx_record_add(facts, "RXBLKU", "one-sided 95 % upper limit", "%.6g", blank->upper);
-    rx_record_add(facts, "RXBLKS", "Mpixel of this tile without a source", "%.6g", blank->sky);
-    estimate_facts(facts, "RXBLKP", "share of its detections that is no noise peak", &blank->real);
+    rx_fact_number(facts, RX_FACT_BLKA, blank->mpixels);
+    rx_fact_number(facts, RX_FACT_BLKF, blank->false_detections);
+    rx_fact_number(facts, RX_FACT_BLKR, blank->rate.value);
+    rx_fact_number(facts, RX_FACT_BLKRL, blank->rate.low);
+    rx_fact_number(facts, RX_FACT_BLKRH, blank->rate.high);
+    rx_fact_number(facts, RX_FACT_BLKU, blank->upper);
+    rx_fact_number(facts, RX_FACT_BLKS, blank->sky);
+    estimate_facts(facts, RX_FACT_BLKP, &blank->real);
 }
 
 void rx_checks_facts(const rx_checks *checks, const rx_pipeline_params *params,
                      const rx_check_results *results, rx_record *facts)
 {
     if (checks != NULL && checks->no_self[0] != '\0')
-        rx_record_add(facts, "RXSCWHY", "why there is no self check", "%s", checks->no_self);
+        rx_fact_text(facts, RX_FACT_SCWHY, checks->no_self);
     if (checks != NULL && checks->no_blank[0] != '\0')
-        rx_record_add(facts, "RXBLKWHY", "why there is no blank check", "%s", checks->no_blank);
+        rx_fact_text(facts, RX_FACT_BLKWHY, checks->no_blank);
     if (results->self.injected > 0)
         selfcheck_facts(checks, &results->self, facts);
     if (results->blank.realisations > 0)

@@ -12,6 +12,7 @@
 #include "check/checks.h"
 #include "check/quality.h"
 #include "check/selfcheck.h"
+#include "data/facts.h"
 #include "io/tile.h"
 #include "pipeline/domain.h"
 #include "pipeline/pipeline.h"
@@ -350,27 +351,21 @@ void rx_choice_facts(const rx_choice *choice, rx_record *facts)
 {
     if (choice->taken == NULL)
         return;
-    rx_record_add(facts, "RXAUN", "AUTO: sources injected to choose", "%ld", choice->injected);
-    rx_record_add(facts, "RXAUA", "Mpixel of this tile that was tried", "%.6g", choice->mpixels);
+    rx_fact_number(facts, RX_FACT_AUN, choice->injected);
+    rx_fact_number(facts, RX_FACT_AUA, choice->mpixels);
     for (int i = NONE; i < RX_CHOICE_CANDIDATES; i++) {
         const rx_choice_candidate *c = &choice->of[i];
-        char key[24];
-#define ADD(letter, comment, format, value)                                                                  \
-    (snprintf(key, sizeof key, "RXAU%d" letter, i + 1), rx_record_add(facts, key, comment, format, value))
-        ADD("", "AUTO: candidate", "%s", c->kind->name);
+        const rx_fact first = RX_FACT_AU1 + (i - NONE) * (RX_FACT_AU2 - RX_FACT_AU1);
+        rx_fact_text(facts, first, c->kind->name);
         if (c->out[0] != '\0')
-            ADD("O", "why it is out", "%s", c->out);
+            rx_fact_text(facts, first + RX_FACT_AU1O - RX_FACT_AU1, c->out);
         if (!c->tried)
             continue;
-        ADD("F", "injected sources that it finds", "%ld", c->found);
-        ADD("S", "spurious: new detections that are none", "%ld", c->spurious);
-        ADD("T", "DETECT_THRESH raised by this for it", "%.4f", c->raised);
-        if (isfinite(c->false_rate))
-            ADD("R", "false detections per Mpixel of noise there", "%.6g", c->false_rate);
-        if (isfinite(c->bias.value))
-            ADD("B", "measured - true mag, S/N > 10, FLAGS 0", "%.5f", c->bias.value);
-        if (isfinite(c->scatter.value))
-            ADD("D", "sigma_MAD of the same", "%.5f", c->scatter.value);
-#undef ADD
+        rx_fact_number(facts, first + RX_FACT_AU1F - RX_FACT_AU1, c->found);
+        rx_fact_number(facts, first + RX_FACT_AU1S - RX_FACT_AU1, c->spurious);
+        rx_fact_number(facts, first + RX_FACT_AU1T - RX_FACT_AU1, c->raised);
+        rx_fact_number(facts, first + RX_FACT_AU1R - RX_FACT_AU1, c->false_rate);
+        rx_fact_number(facts, first + RX_FACT_AU1B - RX_FACT_AU1, c->bias.value);
+        rx_fact_number(facts, first + RX_FACT_AU1D - RX_FACT_AU1, c->scatter.value);
     }
 }

@@ -5,39 +5,30 @@
 #include <stdio.h>
 #include <string.h>
 
-static void add_fact(rx_record *facts, const char *name, const char *comment, const char *format,
-                     double value)
-{
-    char text[40];
-    if (!isfinite(value))
-        return;
-    snprintf(text, sizeof text, format, value);
-    rx_record_add(facts, name, comment, "%s", text);
-}
+#include "data/facts.h"
 
 void rx_domain_facts(const rx_domain *domain, rx_record *facts)
 {
     const rx_model_bin *bin = domain->bin;
     if (domain->place == RX_DOMAIN_NONE)
         return;
-    rx_record_add(facts, "RXNETMOD", "model of the network", "%s", domain->model->name);
-    rx_record_add(facts, "RXNETSUM", "its digest", "%s", domain->model->digest);
+    rx_fact_text(facts, RX_FACT_NETMOD, domain->model->name);
+    rx_fact_text(facts, RX_FACT_NETSUM, domain->model->digest);
     if (!domain->model->ended)
-        rx_record_add(facts, "RXNETEND", "has its training ended?", "F");
-    add_fact(facts, "RXNETFW", "FWHM of this tile, pixels", "%.4f", domain->fwhm);
-    add_fact(facts, "RXNETNOI", "its noise level: 255 / brightness", "%.4f", domain->noise);
-    add_fact(facts, "RXNETFAC", "largest noise factor (RXNFACT) it is known for", "%.2f",
-             rx_model_factor(domain->model));
+        rx_fact_text(facts, RX_FACT_NETEND, "F");
+    rx_fact_number(facts, RX_FACT_NETFW, domain->fwhm);
+    rx_fact_number(facts, RX_FACT_NETNOI, domain->noise);
+    rx_fact_number(facts, RX_FACT_NETFAC, rx_model_factor(domain->model));
     if (domain->place != RX_DOMAIN_UNKNOWN)
-        rx_record_add(facts, "RXNETIN", "the model was trained for these", "%s", bin != NULL ? "T" : "F");
+        rx_fact_flag(facts, RX_FACT_NETIN, bin != NULL);
     if (bin == NULL) {
-        rx_record_add(facts, "RXNETWHY", "why nothing is promised", "%s", domain->why);
+        rx_fact_text(facts, RX_FACT_NETWHY, domain->why);
         return;
     }
-    add_fact(facts, "RXNETLOS", "its mean test loss there", "%.6g", bin->loss);
-    add_fact(facts, "RXNETREC", "recall of test stars, S/N > 5", "%.4f", bin->recall);
-    add_fact(facts, "RXNETBIA", "flux bias of test stars, S/N > 12", "%.5f", bin->bias);
-    add_fact(facts, "RXNETSCA", "flux scatter of test stars, S/N > 12", "%.5f", bin->scatter);
+    rx_fact_number(facts, RX_FACT_NETLOS, bin->loss);
+    rx_fact_number(facts, RX_FACT_NETREC, bin->recall);
+    rx_fact_number(facts, RX_FACT_NETBIA, bin->bias);
+    rx_fact_number(facts, RX_FACT_NETSCA, bin->scatter);
 }
 
 static void add_promise(rx_text *dst, const char *what, double value, double factor, const char *unit)

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "catalog/assoc.h"
+#include "data/facts.h"
 #include "io/fits_write.h"
 #include "io/tile.h"
 #include "pipeline/coordinates.h"
@@ -292,7 +293,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
               .measure = measure != NULL ? measure : detect,
               .headers = has_headers(options, run),
               .params = options->pipeline};
-    rx_record facts = {0};
+    rx_record facts = {0}, shown = {0};
     const double begun = rx_seconds();
     run->checks = (rx_check_results){0};
     rx_status status = choose(run, &w, log, err);
@@ -336,12 +337,13 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     tell_sources(run, &w, log);
     rx_result_facts(&w.result, &facts);
     if (w.headers)
-        rx_record_add(&facts, "RXINSUM", "digest of the input pixels", "%s", rx_tile_checksum(detect->tile));
+        rx_fact_text(&facts, RX_FACT_INSUM, rx_tile_checksum(detect->tile));
     rx_domain_facts(&w.result.domain, &facts);
     rx_choice_facts(&run->choice, &facts);
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
-    RX_TRY_EXIT(facts.failed ? rx_error_memory(err, 0) : add_table(run, &w, &facts, err));
-    RX_TRY_EXIT(write_images(run, &w, in->record, &facts, in->products, log, err));
+    rx_facts_of_header(&facts, options->all_facts, &shown);
+    RX_TRY_EXIT(shown.failed ? rx_error_memory(err, 0) : add_table(run, &w, &shown, err));
+    RX_TRY_EXIT(write_images(run, &w, in->record, &shown, in->products, log, err));
     if (options->tile_page)
         RX_TRY_EXIT(measure_chi2(run, &w, err));
     if (in->kept != NULL) {
@@ -352,12 +354,15 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     } else {
         run->restored = w.result.restored; /* the report wants them */
         run->sources = sources;
+        run->facts = facts;
+        facts = (rx_record){0};
         w.result.restored = NULL;
         w.result.sources = NULL;
     }
 exit:
     run->seconds = rx_seconds() - begun;
     rx_record_free(&facts);
+    rx_record_free(&shown);
     rx_result_free(&w.result);
     return status;
 }
@@ -410,6 +415,7 @@ void rx_run_forget(rx_run *run)
     rx_restored_free(run->restored);
     rx_sources_free(run->sources);
     rx_check_results_free(&run->checks);
+    rx_record_free(&run->facts);
     rx_tile_cells_free(&run->chi2.cells);
     run->restored = NULL;
     run->sources = NULL;

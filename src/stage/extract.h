@@ -49,6 +49,7 @@ typedef struct rx_run {
     char outside[400];        /* what the restorer was not made for on this tile, "" nothing */
     rx_tile_chi2 chi2;        /* of the tile's page; nx 0: none */
     double seconds;           /* of all of rx_run_extract() */
+    rx_record facts;          /* of the current extension (data/facts.def) */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 

@@ -42,6 +42,7 @@ typedef struct rx_options {
     const char *self_check_name; /* SELF_CHECK_NAME, "" = no report */
     const char *qa_name;
     int tile_page;           /* QA_TYPE TILE */
+    int all_facts;           /* HEADER_FACTS ALL */
     rx_kernel *kernel;       /* owned */
     rx_kernel *noise_kernel; /* of NOISE_CORRELATION FILE, owned */
     double plan_density;     /* PLAN_DENSITY, sources per Mpixel */

@@ -116,7 +116,7 @@ void rx_tile_facts_cards(rx_extension_facts *facts, const rx_tile *tile, int n, 
     }
 }
 
-rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const rx_run *runs, int nruns,
+rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run *runs, int nruns,
                             int with_reference, rx_extension_facts **dst, rx_error *err)
 {
     RX_TRY(RX_GROW(facts->extension, (size_t)facts->n + 1, err));
@@ -152,6 +152,8 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const r
         snprintf(run->why, sizeof run->why, "%s", runs[i].why);
         if (runs[i].choice.taken != NULL)
             snprintf(run->taken, sizeof run->taken, "%s", runs[i].choice.taken->name);
+        run->facts = runs[i].facts;
+        runs[i].facts = (rx_record){0};
         snprintf(run->outside, sizeof run->outside, "%s", runs[i].outside);
         if (with_reference && (e->run[i].tally = RX_NEW(rx_tally, 1)) == NULL)
             return rx_error_memory(err, sizeof(rx_tally));
@@ -167,6 +169,7 @@ void rx_tile_facts_free(rx_tile_facts *facts)
             if (tally != NULL)
                 rx_tally_free(tally);
             free(tally);
+            rx_record_free(&facts->extension[k].run[i].facts);
         }
     free(facts->extension);
     *facts = (rx_tile_facts){0};

@@ -3,6 +3,7 @@
 #define RX_STAGE_TILE_FACTS_H
 
 #include "base/error.h"
+#include "data/record.h"
 #include "pipeline/field.h"
 #include "quality/qa.h"
 #include "quality/rho.h"
@@ -28,6 +29,7 @@ typedef struct rx_run_facts {
     double chi2;       /* residual, of the tile's page; NAN without it, or not judged; not in records */
     rx_run_guard guard;
     double sharp, lit; /* shares of the sources with FLAGS_RESTORE 256 (RXSHARP) and 512; NAN: not known */
+    rx_record facts;   /* of data/facts.def; owned */
     rx_tally *tally;   /* against the reference catalogue; NULL without one */
 } rx_run_facts;
 
@@ -85,8 +87,8 @@ typedef struct rx_tile_facts {
     rx_extension_facts *extension;
 } rx_tile_facts;
 
-/* A further extension, its sources counted; with_reference: with empty tallies. */
-rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, const rx_run *runs, int nruns,
+/* A further extension, its sources counted, and the facts of the runs taken over; with_reference: with empty tallies. */
+rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run *runs, int nruns,
                             int with_reference, rx_extension_facts **dst, rx_error *err);
 
 /* Those of the header among n cards. */

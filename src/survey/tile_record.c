@@ -107,6 +107,11 @@ static void add_extension(rx_text *dst, const rx_extension_facts *e)
                            run->guard.unexplained);
         if (isfinite(run->lit))
             rx_text_printf(dst, "SHARES %.9g %.9g\n", run->sharp, run->lit);
+        for (int k = 0; k < run->facts.n; k++) {
+            rx_text_printf(dst, "FACT %s", run->facts.pairs[k][0]);
+            add_string(dst, run->facts.pairs[k][1]);
+            rx_text_add(dst, "\n");
+        }
         for (int b = 0; run->tally != NULL && b < RX_TALLY_BINS; b++)
             add_bin(dst, b, &run->tally->bin[b]);
     }
@@ -344,6 +349,17 @@ static rx_status read_shares(reader *r)
     return take_real(r, 2, &r->run->lit);
 }
 
+static rx_status read_fact(reader *r)
+{
+    char *value = NULL;
+    if (r->run == NULL || r->words.n < 2)
+        return refuse(r, "FACT is out of place");
+    RX_TRY(take_string(r, 2, &value));
+    rx_record_add(&r->run->facts, r->words.v[1], "", "%s", value);
+    free(value);
+    return r->run->facts.failed ? rx_error_memory(r->err, 0) : RX_OK;
+}
+
 /* Into a field of a fixed size, cut where it is longer. */
 static rx_status take_name(reader *r, int word, char *dst, size_t size)
 {
@@ -490,22 +506,12 @@ static rx_status read_words(reader *r)
     static const struct {
         const char *kind;
         rx_status (*read)(reader *r);
-    } lines[] = {{"EXTENSION", read_extension},
-                 {"STATE", read_state},
-                 {"ANOMALIES", read_anomalies},
-                 {"CARD", read_card},
-                 {"PAGE", read_page},
-                 {"PSF", read_psf},
-                 {"STARS", read_stars},
-                 {"RHO", read_rho},
-                 {"RUN", read_run},
-                 {"DONE", read_done},
-                 {"TOOK", read_took},
-                 {"OUTSIDE", read_outside},
-                 {"FLUX", read_flux},
-                 {"GUARD", read_guard},
-                 {"SHARES", read_shares},
-                 {"END", end_record}};
+    } lines[] = {{"EXTENSION", read_extension}, {"STATE", read_state}, {"ANOMALIES", read_anomalies},
+                 {"CARD", read_card},           {"PAGE", read_page},   {"PSF", read_psf},
+                 {"STARS", read_stars},         {"RHO", read_rho},     {"RUN", read_run},
+                 {"DONE", read_done},           {"TOOK", read_took},   {"OUTSIDE", read_outside},
+                 {"FLUX", read_flux},           {"GUARD", read_guard}, {"SHARES", read_shares},
+                 {"FACT", read_fact},           {"END", end_record}};
     const char *kind = r->words.v[0];
     if (strcmp(kind, "TILE") == 0)
         return begin_record(r);

@@ -22,6 +22,7 @@
  *   FLUX n diameter wide error auto error    restored over untouched fluxes (pipeline/fluxcheck.h); only where measured
  *   GUARD false raised unexplained    per Mpixel of the tile's noise, factor of DETECT_THRESH, share of cells; only where known
  *   SHARES sharp lit                  of the sources with FLAGS_RESTORE 256 and 512; only where known
+ *   FACT RXTPGRP "12"                 of data/facts.def, as a header has it (HEADER_FACTS ALL)
  *   BIN k references found detections right step:count ...             quality/tally.h; bins that count
  *   END                                                                nothing are left out
  */

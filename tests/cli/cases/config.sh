@@ -143,7 +143,7 @@ catalogue_says() {
     printf 'CONV NORM\n1 1\n1 1\n' >noise.conv
     if [ "$active" = 1 ]; then
         leaves test.cat
-        run tile.fits -RESTORE_TYPE NONE -VERBOSE_TYPE QUIET "$@"
+        run tile.fits -RESTORE_TYPE NONE -HEADER_FACTS ALL -VERBOSE_TYPE QUIET "$@"
         grep -Eq -- "$pattern" test.cat || echo "test.cat does not say $pattern" >>../err
         judge 0 ''
     fi

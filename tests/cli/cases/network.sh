@@ -73,7 +73,7 @@ make_model model.fits UNFINISHED
 if [ "$active" = 1 ]; then
     list_files >../before
     {
-        timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE FULL >../log 2>&1
+        timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -VERBOSE_TYPE FULL >../log 2>&1
         echo $? >../code
         tr -d '\000' <test.cat | grep -q "RXNETEND= 'F" || echo 'no RXNETEND in the header'
         grep -q '^rextract: warning: ./model.fits: its training has not ended, it is of epoch 0 after 0$' ../log || echo 'no warning'
@@ -81,7 +81,7 @@ if [ "$active" = 1 ]; then
         tr -d '\000' <test.cat | grep -q 'NET_MODEL = ./model.fits' || echo 'its header may mean an installed one'
         grep -q 'NET: model toy (.*, training not ended)' ../log || echo 'not said of the tile'
         rm -f model.fits test.cat
-        make_model model.fits && timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE QUIET
+        make_model model.fits && timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -VERBOSE_TYPE QUIET
         tr -d '\000' <test.cat | grep -o 'RXNETEND= .F'
         rm -f model.fits test.cat
         make_model model.fits UNFINISHED
@@ -95,7 +95,7 @@ make_fits tile tile.fits
 if [ "$active" = 1 ]; then
     list_files >../before
     {
-        low="$net -NET_MODEL $top/config/psfnet.fits -DETECT_THRESH 0.2 -DETECT_MINAREA 3 -CATALOG_TYPE FITS_1.0"
+        low="$net -NET_MODEL $top/config/psfnet.fits -DETECT_THRESH 0.2 -DETECT_MINAREA 3 -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL"
         timeout 60 "$program" tile.fits $low -VERBOSE_TYPE NORMAL >../log 2>&1
         echo $? >../code
         grep -q 'above NOISE_FALSE_MAX 10: DETECT_THRESH is raised' ../log || cat ../log
@@ -159,11 +159,14 @@ make_model model.fits
 if [ "$active" = 1 ]; then
     list_files >../before
     {
-        timeout 60 "$program" tile.fits $net -VERIFY_SEAMS Y -CATALOG_TYPE FITS_1.0 -CATALOG_NAME test.fits -VERBOSE_TYPE QUIET
+        timeout 60 "$program" tile.fits $net -VERIFY_SEAMS Y -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -CATALOG_NAME test.fits -VERBOSE_TYPE QUIET
         echo $? >../code
         for card in "RXREST  = 'NET" 'RXSEAM  =' 'RXCHI2  =' 'model toy'; do
             tr -d '\000' <test.fits | grep -q "$card" || echo "no $card in the header"
         done
+        timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -CATALOG_NAME test.fits -VERBOSE_TYPE QUIET
+        cards=$(tr -d '\000' <test.fits | fold -b -w 80 | grep -a -c '^RX')
+        [ "$cards" -ge 18 ] && [ "$cards" -le 25 ] || echo "$cards cards of ours by default"
         rm -f test.fits
     } >../err 2>&1
     : >../out

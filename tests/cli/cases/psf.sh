@@ -23,7 +23,7 @@ rung() {
     shift
     if [ "$active" = 1 ]; then
         leaves test.cat
-        run tile.fits -c /dev/null -CATALOG_TYPE ASCII_HEAD -VERBOSE_TYPE QUIET $arguments
+        run tile.fits -c /dev/null -CATALOG_TYPE ASCII_HEAD -HEADER_FACTS ALL -VERBOSE_TYPE QUIET $arguments
         facts "$@"
         judge 0 ''
     fi

@@ -86,7 +86,7 @@ if [ "$active" = 1 ]; then
     {
         timeout 60 "$program" tile.fits $known -CATALOG_TYPE ASCII -CATALOG_NAME plain.cat -VERBOSE_TYPE QUIET &&
             timeout 60 "$program" tile.fits $known $check -BLANK_CHECK 1 -CATALOG_TYPE ASCII -CATALOG_NAME checked.cat -VERBOSE_TYPE QUIET &&
-            timeout 60 "$program" tile.fits $known $check -BLANK_CHECK 1 -CATALOG_TYPE FITS_1.0 -CATALOG_NAME checked.fits -VERBOSE_TYPE QUIET
+            timeout 60 "$program" tile.fits $known $check -BLANK_CHECK 1 -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -CATALOG_NAME checked.fits -VERBOSE_TYPE QUIET
         echo $? >../code
         cmp plain.cat checked.cat
         for card in RXSCN RXSCFND RXBLKN RXBLKU; do
@@ -116,7 +116,7 @@ fi
 
 # --- RESTORE_TYPE AUTO
 
-auto="-RESTORE_TYPE AUTO -NET_MODEL $top/config/psfnet.fits -SELF_CHECK_COUNT 40 -CATALOG_TYPE FITS_1.0"
+auto="-RESTORE_TYPE AUTO -NET_MODEL $top/config/psfnet.fits -SELF_CHECK_COUNT 40 -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL"
 begin 'AUTO: without a PSF it is NONE, and says why'
 make_fits tile tile.fits
 if [ "$active" = 1 ]; then
@@ -191,9 +191,9 @@ if [ "$active" = 1 ]; then
     {
         for threads in 1 3; do
             timeout 300 "$program" tile.fits $known $check -CROWDING N -SELF_CHECK_COUNT 60 -BLANK_CHECK 1 -PARAMETERS_NAME my.param \
-                -CATALOG_TYPE FITS_1.0 -CATALOG_NAME $threads.cat -NTHREADS $threads -VERBOSE_TYPE QUIET || echo 'failed'
+                -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -CATALOG_NAME $threads.cat -NTHREADS $threads -VERBOSE_TYPE QUIET || echo 'failed'
         done
-        timeout 300 "$program" tile.fits $known -PARAMETERS_NAME short.param -CATALOG_TYPE FITS_1.0 -CATALOG_NAME default.cat \
+        timeout 300 "$program" tile.fits $known -PARAMETERS_NAME short.param -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -CATALOG_NAME default.cat \
             -VERBOSE_TYPE QUIET
         echo $? >../code
         tail -c 2880 1.cat >../one # the rows; the header names NTHREADS

@@ -837,12 +837,12 @@ static void write_two_extensions(const char *path)
 static void test_extensions_and_threads(void **state)
 {
     (void)state;
-    static const setting one[] = {{"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},
-                                  {"NTHREADS", "1"},           {"SELF_CHECK_NAME", "check"},
-                                  {"CATALOG_NAME", "one.cat"}, {NULL, NULL}};
-    static const setting three[] = {{"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},
-                                    {"NTHREADS", "3"},           {"SELF_CHECK_NAME", "check"},
-                                    {"CATALOG_NAME", "one.cat"}, {NULL, NULL}};
+    static const setting one[] = {
+        {"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},    {"NTHREADS", "1"}, {"SELF_CHECK_NAME", "check"},
+        {"CATALOG_NAME", "one.cat"}, {"HEADER_FACTS", "ALL"}, {NULL, NULL}};
+    static const setting three[] = {
+        {"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},    {"NTHREADS", "3"}, {"SELF_CHECK_NAME", "check"},
+        {"CATALOG_NAME", "one.cat"}, {"HEADER_FACTS", "ALL"}, {NULL, NULL}};
     rx_error err = RX_ERROR_NONE;
     write_two_extensions("two.fits");
     if (run_stage("two.fits", one, &err) != RX_OK)

@@ -43,6 +43,7 @@ static const char columns_text[] =
 static rx_status run_stage(const char *image, const setting *settings, rx_error *err)
 {
     static const setting common[] = {{"PARAMETERS_NAME", "columns.param"},
+                                     {"HEADER_FACTS", "ALL"},
                                      {"PHOT_APERTURES", "6,10"},
                                      {"MAG_ZEROPOINT", "25"},
                                      {"CATALOG_TYPE", "FITS_1.0"},
