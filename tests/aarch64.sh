@@ -19,9 +19,15 @@ trap 'exit 2' INT TERM HUP
 cd "$top" || exit 2
 status=0
 # the flags of configure; without threads (base/threads.c needs OpenMP) some parameters of base/ are unused
-"$cc" -std=c11 -O2 -Wall -Wextra -Wpedantic -Werror -Wno-unused-parameter -fopenmp-simd -ffp-contract=off -fno-math-errno \
-    -D_GNU_SOURCE -static -Itests/cross -Isrc tests/unit/nn/test_direct.c src/nn/direct*.c src/nn/layers.c src/base/[!t]*.c \
-    src/base/text.c -o "$scratch/test_direct" -lm &&
+compile() {
+    "$cc" -std=c11 -O2 -Wall -Wextra -Wpedantic -Werror -Wno-unused-parameter -fopenmp-simd -ffp-contract=off -fno-math-errno \
+        -D_GNU_SOURCE -static -Itests/cross -Isrc "$@"
+}
+for lanes in 4 8 16; do
+    compile -DRX_LANES=$lanes -c src/nn/direct_kernels.c -o "$scratch/direct$lanes.o" || status=1
+done
+compile tests/unit/nn/test_direct.c src/nn/direct.c src/nn/layers.c src/base/[!t]*.c src/base/text.c "$scratch"/direct*.o \
+    -o "$scratch/test_direct" -lm &&
     "$qemu" "$scratch/test_direct" || status=1
 [ $status -eq 0 ] && echo '1 passed, 0 failed, 0 skipped' || echo '0 passed, 1 failed, 0 skipped'
 exit $status

@@ -5,23 +5,11 @@
 #include "base/memory.h"
 #include "nn/direct_kernels.h"
 
-/* Reals as the plain kernel reads and writes them. */
+/* A number of a plane, as the plain kernel reads it. */
 static float real_at(const rx_plane *plane, size_t at)
 {
-    float value;
-    if (plane->real == RX_REAL_F32)
-        return ((const float *)plane->data)[at];
-    const uint32_t bits = (uint32_t)((const uint16_t *)plane->data)[at] << 16;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
-/* The nearest bfloat16 (even). */
-static uint16_t narrow(float value)
-{
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    return (uint16_t)((bits + 0x7fffU + (bits >> 16 & 1U)) >> 16);
+    return plane->real == RX_REAL_F32 ? ((const float *)plane->data)[at]
+                                      : rx_bf16_widen(((const uint16_t *)plane->data)[at]);
 }
 
 static void run_plain(const rx_direct *d, const rx_plane *x, const rx_plane *add, const rx_plane *y,
@@ -52,7 +40,7 @@ static void run_plain(const rx_direct *d, const rx_plane *x, const rx_plane *add
                 if (y->real == RX_REAL_F32)
                     ((float *)y->data)[to] = value;
                 else
-                    ((uint16_t *)y->data)[to] = narrow(value);
+                    ((uint16_t *)y->data)[to] = rx_bf16_narrow(value);
             }
 }
 
@@ -129,14 +117,13 @@ int rx_direct_can_fine(const rx_conv_shape *shape)
 
 static void put(const rx_direct *d, size_t word, int half, float value)
 {
-    const uint16_t nearest = narrow(value);
+    const uint16_t nearest = rx_bf16_narrow(value);
     if (d->shape.x == RX_REAL_F32)
         ((float *)d->weights)[word] = value;
     else if (d->kernels->lanes > 1)
         ((uint16_t *)d->weights)[2 * word + (size_t)half] = nearest;
     else
-        ((float *)d->weights)[word] =
-            real_at(&(rx_plane){.data = (void *)(size_t)&nearest, .real = RX_REAL_BF16}, 0);
+        ((float *)d->weights)[word] = rx_bf16_widen(nearest);
 }
 
 /* Where the weight from channel i to o at place (v, u) of the kernel goes, in words. */
@@ -151,7 +138,7 @@ static size_t place(const rx_direct *d, int o, int v, int u, int word)
            (size_t)(o % group);
 }
 
-/* G g G' of a kernel (direct_winograd.h). */
+/* G g G' of a kernel (direct_kernels.c). */
 static void transform_weights(const float *kernel, double *points)
 {
     double half[4][3];

@@ -1,28 +1,9 @@
 /* What stands between convolutions: plain loops over NHWC planes. */
 #include "nn/layers.h"
 
-#include <stdint.h>
 #include <string.h>
 
-/* ---- bfloat16: the upper half of a float ---- */
-
-static float widen(uint16_t half)
-{
-    uint32_t bits = (uint32_t)half << 16;
-    float value;
-    memcpy(&value, &bits, sizeof value);
-    return value;
-}
-
-static uint16_t narrow(float value)
-{
-    uint32_t bits;
-    memcpy(&bits, &value, sizeof bits);
-    /* Rounding must not carry a NaN into infinity or another sign. */
-    if ((bits & 0x7fffffffU) > 0x7f800000U)
-        return (uint16_t)(bits >> 16 | 0x40U);
-    return (uint16_t)((bits + 0x7fffU + (bits >> 16 & 1U)) >> 16);
-}
+/* ---- rows of planes ---- */
 
 static void load(const rx_plane *src, size_t at, size_t n, float *restrict dst)
 {
@@ -33,7 +14,7 @@ static void load(const rx_plane *src, size_t at, size_t n, float *restrict dst)
     const uint16_t *from = (const uint16_t *)src->data + at;
 #pragma omp simd
     for (size_t i = 0; i < n; i++)
-        dst[i] = widen(from[i]);
+        dst[i] = rx_bf16_widen(from[i]);
 }
 
 static void store(const float *restrict src, size_t n, rx_plane *dst, size_t at)
@@ -45,7 +26,7 @@ static void store(const float *restrict src, size_t n, rx_plane *dst, size_t at)
     uint16_t *to = (uint16_t *)dst->data + at;
 #pragma omp simd
     for (size_t i = 0; i < n; i++)
-        to[i] = narrow(src[i]);
+        to[i] = rx_bf16_narrow(src[i]);
 }
 
 static void add_from(const rx_plane *src, size_t at, size_t n, float *restrict dst)
@@ -60,7 +41,7 @@ static void add_from(const rx_plane *src, size_t at, size_t n, float *restrict d
     const uint16_t *from = (const uint16_t *)src->data + at;
 #pragma omp simd
     for (size_t i = 0; i < n; i++)
-        dst[i] += widen(from[i]);
+        dst[i] += rx_bf16_widen(from[i]);
 }
 
 static void cut(float *values, size_t n)

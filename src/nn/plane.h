@@ -3,11 +3,32 @@
 #define RX_NN_PLANE_H
 
 #include <stddef.h>
+#include <stdint.h>
+#include <string.h>
 
 typedef enum rx_real { RX_REAL_F32, RX_REAL_BF16 } rx_real;
 static inline size_t rx_real_bytes(rx_real real)
 {
     return real == RX_REAL_F32 ? 4 : 2;
+}
+
+/* bfloat16 is the upper half of a float. */
+static inline float rx_bf16_widen(uint16_t half)
+{
+    const uint32_t bits = (uint32_t)half << 16;
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* The nearest one (even); rounding carries no NaN into infinity or another sign. */
+static inline uint16_t rx_bf16_narrow(float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    if ((bits & 0x7fffffffU) > 0x7f800000U)
+        return (uint16_t)(bits >> 16 | 0x40U);
+    return (uint16_t)((bits + 0x7fffU + (bits >> 16 & 1U)) >> 16);
 }
 
 typedef struct rx_plane {
