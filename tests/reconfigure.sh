@@ -10,7 +10,7 @@ if ! pkg-config --exists mpich 2>/dev/null; then
 fi
 enter
 
-parallel=src/par/librextract_train_la-ranks_mpi.o
+parallel=src/par/librextract_train_la-ranks.o
 plain=src/base/names.o
 # What does not change is looked up once: in the file of a cache, which holds for the same flags alone.
 configured() {

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Training end to end, a tiny one: it learns; the model has the same bytes for one and two threads, one and two
-# generators, after kill -9 at random moments and after a polite signal; checkpoints of other settings and
+# Training end to end, a tiny one: it learns; the model has the same bytes for one and two threads,
+# after kill -9 at random moments and after a polite signal; checkpoints of other settings and
 # foreign files are refused; what is written can be read.
 set -u
 top=$(cd "${srcdir:-$(dirname "$0")/..}" && pwd)
@@ -50,7 +50,7 @@ begun=$(date +%s%N)
 training whole -NTHREADS 1 -VERBOSE_TYPE FULL
 result 'a whole training on one thread' $? whole.log
 took=$(($(date +%s%N) - begun)) # ns
-[ "$(grep -Ec ' steps: [0-9.]+ s for [0-9]+ images, [0-9.]+ s waiting .* generators: [0-9.]+ s for [0-9]+ images$' whole.log)" = 3 ]
+[ "$(grep -Ec ' steps: [0-9.]+ s for [0-9]+ images; making images: [0-9.]+ s for [0-9]+ images$' whole.log)" = 3 ]
 result 'tells what steps and images cost, epoch by epoch' $? whole.log
 [ -e whole/training.html ] && [ -e whole/dictionary.ecsv ] && [ -e whole/log.ecsv ]
 result 'leaves a page and tables' $? whole.log
@@ -73,9 +73,9 @@ host=$(hostname)
 ! grep -q -F -e "$scratch" -e "$host" whole/training.html whole.model/model.fits
 result 'nothing of this machine is in it' $? info
 
-training threads -NTHREADS 2 -GENERATORS 2
+training threads -NTHREADS 2
 same threads >difference 2>&1
-result 'two threads and two generators: the same bytes' $? difference
+result 'two threads: the same bytes' $? difference
 
 # noise and skies as surveys deliver them
 surveys="-EPOCHS 1 -FWHM_RANGE 2,5 -SMOOTHED_NOISE 0.3 -RESAMPLED_NOISE 0.3 -UNEVEN_NOISE 0.5 -SKY_OFFSETS 0.5 -SKY_WAVES 0.5
@@ -84,9 +84,9 @@ surveys="-EPOCHS 1 -FWHM_RANGE 2,5 -SMOOTHED_NOISE 0.3 -RESAMPLED_NOISE 0.3 -UNE
 training survey $surveys -NTHREADS 1
 result 'a training on what surveys deliver' $? survey.log
 # shellcheck disable=SC2086 # a list
-training surveys $surveys -NTHREADS 2 -GENERATORS 2
+training surveys $surveys -NTHREADS 2
 cmp survey.ck surveys.ck >difference 2>&1
-result 'has the same bytes for two threads and two generators' $? difference
+result 'has the same bytes for two threads' $? difference
 "$program" -INFO survey.model/model.fits >info 2>&1 && grep -q '^DARK_SKY 0.5$' info && ! grep -q SMOOTHED_FWHM info
 result 'and its model says what it was trained on' $? info
 training refused -SMOOTHED_NOISE 0.6 -RESAMPLED_NOISE 0.6

@@ -429,20 +429,6 @@ static rx_status check_training_images(const rx_train_config *config, rx_error *
     return RX_OK;
 }
 
-static rx_status check_ranks(const rx_train_config *config, rx_error *err)
-{
-    if (config->batch % config->train_ranks != 0)
-        return REFUSE(BATCH, "%d images cannot be shared alike by %d training ranks; give a multiple",
-                      config->batch, config->train_ranks);
-    const double epoch = (double)config->grid.v[0] * config->grid.v[1] * config->bin_images;
-    if (config->images_ahead < epoch)
-        return REFUSE(IMAGES_AHEAD,
-                      "%d is less than the %.0f images of an epoch; give that at least, better "
-                      "twice as many",
-                      config->images_ahead, epoch);
-    return RX_OK;
-}
-
 /* What makes no training images. */
 static rx_status check_training_scenes(const rx_train_config *config, rx_error *err)
 {
@@ -466,7 +452,6 @@ rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
         0)
         return REFUSE(LOSS_IDT, "no term of the loss trains RESTORE; give this one a weight above 0");
     RX_TRY(check_training_images(config, err));
-    RX_TRY(check_ranks(config, err));
     return check_training_scenes(config, err);
 }
 

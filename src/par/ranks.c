@@ -1,5 +1,8 @@
-/* Messages and sums, whatever carries them. */
-#include "par/transport.h"
+/* Ranks as processes under MPI; without it, the words for a single process.
+ *
+ * BYE is the last message of a process, sent by rx_par_end() and read by rx_par_end() alone: until then it can be
+ * probed, which shows that its sender has ended. */
+#include "par/ranks.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -7,298 +10,301 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 
-void rx_parcels_add(rx_parcels *list, rx_parcel *parcel)
+#if RX_MPI
+
+#include <limits.h>
+#include <mpi.h>
+#include <sched.h>
+#include <time.h>
+
+enum { BYE = 0, DATA = 1 };
+
+static bool active(void)
 {
-    parcel->next = NULL;
-    if (list->last)
-        list->last->next = parcel;
-    else
-        list->first = parcel;
-    list->last = parcel;
+    int begun = 0, ended = 0;
+    MPI_Initialized(&begun);
+    MPI_Finalized(&ended);
+    return begun && !ended;
 }
 
-void rx_parcel_free(rx_parcel *parcel)
+static rx_status check(int code, const char *what, rx_error *err)
 {
-    if (parcel)
-        free(parcel->message.data);
-    free(parcel);
-}
-
-void rx_parcels_free(rx_parcels *list)
-{
-    while (list->first) {
-        rx_parcel *next = list->first->next;
-        rx_parcel_free(list->first);
-        list->first = next;
-    }
-    list->last = NULL;
-}
-
-rx_status rx_ranks_start(int trainers, int generators, rx_rank_run run, void *user, rx_ranks **dst,
-                         rx_error *err)
-{
-    *dst = NULL;
-    int processes = rx_par_processes();
-    if (processes > 1 && trainers >= processes)
-        return rx_error_set(
-            err, RX_USAGE,
-            "%d training ranks of %d processes leave none to make images; start mpiexec -n %d or "
-            "more, or lower TRAIN_RANKS",
-            trainers, processes, trainers + 1);
-    if (processes > 1)
-        return rx_ranks_start_mpi(trainers, dst, err);
-    if (trainers > 1)
-        return rx_error_set(
-            err, RX_USAGE,
-            "%d training ranks need as many processes; start mpiexec -n %d or more (with a build "
-            "that has MPI), or set TRAIN_RANKS 1",
-            trainers, trainers + 1);
-    return rx_ranks_start_threads(generators < 1 ? 1 : generators, run, user, dst, err);
-}
-
-void rx_ranks_stop(rx_ranks *ranks)
-{
-    if (!ranks)
-        return;
-    ranks->via->stop(ranks);
-    rx_parcels_free(&ranks->arrived);
-    free(ranks);
-}
-
-int rx_ranks_rank(const rx_ranks *ranks)
-{
-    return ranks->rank;
-}
-
-int rx_ranks_count(const rx_ranks *ranks)
-{
-    return ranks->count;
-}
-
-int rx_ranks_trainers(const rx_ranks *ranks)
-{
-    return ranks->trainers;
-}
-
-bool rx_ranks_over(const rx_ranks *ranks)
-{
-    return ranks->failed.status != RX_OK;
-}
-
-rx_status rx_ranks_give(rx_ranks *ranks, int to, int tag, void *data, size_t size, rx_error *err)
-{
-    rx_parcel *parcel = RX_NEW(rx_parcel, 1);
-    if (!parcel) {
-        free(data);
-        return rx_error_memory(err, sizeof *parcel);
-    }
-    parcel->message = (rx_message){.from = ranks->rank, .tag = tag, .size = size, .data = data};
-    return ranks->via->send(ranks, to, parcel, err);
-}
-
-rx_status rx_ranks_send(rx_ranks *ranks, int to, int tag, const void *data, size_t size, rx_error *err)
-{
-    void *copy = rx_alloc(size, 1);
-    if (!copy)
-        return rx_error_memory(err, size);
-    if (size > 0)
-        memcpy(copy, data, size);
-    return rx_ranks_give(ranks, to, tag, copy, size, err);
-}
-
-/* To the first `count` ranks, once; a rank that cannot be reached will see that this rank is gone. */
-static void tell_failure(rx_ranks *ranks, const rx_error *why, int count)
-{
-    if (ranks->announced)
-        return;
-    ranks->announced = true;
-    for (int to = 0; to < count; to++)
-        if (to != ranks->rank)
-            rx_ranks_send(ranks, to, RX_TAG_FAIL, why, sizeof *why, NULL);
-}
-
-void rx_ranks_fail(rx_ranks *ranks, const rx_error *why)
-{
-    if (!rx_ranks_over(ranks))
-        tell_failure(ranks, why, ranks->count);
-}
-
-/* The error that another rank has brought about, again. */
-static rx_status say_failed(const rx_ranks *ranks, rx_error *err)
-{
-    rx_error_take(err, &ranks->failed);
-    return ranks->failed.status;
-}
-
-/* A rank that is gone while this one waits, -1 if none is. A sum, and whatever a generator waits for, needs
- * training ranks only. */
-static int find_gone(rx_ranks *ranks, int tag)
-{
-    bool all = ranks->rank < ranks->trainers && tag != RX_TAG_SUM;
-    int count = all ? ranks->count : ranks->trainers;
-    for (int rank = 0; rank < count; rank++)
-        if (rank != ranks->rank && ranks->via->gone(ranks, rank))
-            return rank;
-    return -1;
-}
-
-static bool wanted(const rx_parcel *parcel, int from, int tag)
-{
-    if (tag >= 0) /* any of the callers' tags */
-        return parcel->message.tag >= 0;
-    return parcel->message.tag == tag && parcel->message.from == from;
-}
-
-/* The first of the arrived parcels that is wanted leaves the list; NULL. */
-static rx_parcel *take(rx_parcels *list, int from, int tag)
-{
-    rx_parcel *before = NULL, *parcel = list->first;
-    while (parcel && !wanted(parcel, from, tag)) {
-        before = parcel;
-        parcel = parcel->next;
-    }
-    if (!parcel)
-        return NULL;
-    if (before)
-        before->next = parcel->next;
-    else
-        list->first = parcel->next;
-    if (list->last == parcel)
-        list->last = before;
-    return parcel;
-}
-
-/* Move one parcel from the transport to the arrived ones; *got says whether there was one. */
-static rx_status fetch(rx_ranks *ranks, bool *got, rx_error *err)
-{
-    rx_parcel *parcel = NULL;
-    rx_status status = ranks->via->poll(ranks, &parcel, err);
-    *got = parcel != NULL;
-    if (status != RX_OK || !parcel)
-        return status;
-    if (parcel->message.tag != RX_TAG_FAIL) {
-        rx_parcels_add(&ranks->arrived, parcel);
+    if (code == MPI_SUCCESS)
         return RX_OK;
-    }
-    if (parcel->message.size == sizeof ranks->failed)
-        memcpy(&ranks->failed, parcel->message.data, sizeof ranks->failed);
-    if (ranks->failed.status == RX_OK)
-        rx_error_set(&ranks->failed, RX_SYSTEM, "rank %d failed", parcel->message.from);
-    rx_parcel_free(parcel);
-    /* This rank will end now. Who trains must hear why before it sees that. */
-    tell_failure(ranks, &ranks->failed, ranks->trainers);
-    return say_failed(ranks, err);
+    char text[MPI_MAX_ERROR_STRING] = "";
+    int length = 0;
+    MPI_Error_string(code, text, &length);
+    for (int i = 0; i < length; i++)
+        if (text[i] == '\n')
+            text[i] = ' ';
+    return rx_error_set(err, RX_SYSTEM, "MPI cannot %s: %.400s", what, text);
 }
 
-/* tag < 0: that tag from that rank; otherwise any of the callers'. *dst NULL when nothing came and wait 0. */
-static rx_status next_parcel(rx_ranks *ranks, int from, int tag, bool wait, rx_parcel **dst, rx_error *err)
+/* A launcher says so in the environment; without one MPI_Init() is neither needed nor always possible. */
+static bool launched(void)
 {
-    bool interruptible = tag >= 0 && ranks->rank == 0 && ranks->trainers == 1;
-    *dst = NULL;
-    if (rx_ranks_over(ranks))
-        return say_failed(ranks, err);
+    const char *const signs[] = {"PMI_RANK", "PMI_FD", "PMI_PORT", "PMIX_RANK"};
+    for (size_t i = 0; i < sizeof signs / sizeof signs[0]; i++)
+        if (getenv(signs[i]))
+            return true;
+    return false;
+}
+
+rx_status rx_par_begin(int *argc, char ***argv, rx_error *err)
+{
+    int level = 0;
+    if (!launched())
+        return RX_OK;
+    rx_interrupt_block(); /* threads that MPI starts would take signals otherwise */
+    RX_TRY(check(MPI_Init_thread(argc, argv, MPI_THREAD_FUNNELED, &level), "begin (MPI_Init_thread)", err));
+    RX_TRY(check(MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN), "hand on its errors", err));
+    if (level < MPI_THREAD_FUNNELED)
+        RX_TRY(rx_error_set(err, RX_SYSTEM,
+                            "this MPI library knows no threads (MPI_THREAD_FUNNELED); use one that does"));
+    return RX_OK;
+}
+
+int rx_par_processes(void)
+{
+    int count = 1;
+    if (active())
+        MPI_Comm_size(MPI_COMM_WORLD, &count);
+    return count;
+}
+
+int rx_par_rank(void)
+{
+    int rank = 0;
+    if (active())
+        MPI_Comm_rank(MPI_COMM_WORLD, &rank);
+    return rank;
+}
+
+/* At first only let others go ahead: most answers come within microseconds. */
+static void pause_a_little(long round)
+{
+    if (round < 50) {
+        sched_yield();
+        return;
+    }
+    const long steps = round - 49;
+    struct timespec time = {.tv_nsec = steps < 20 ? steps * 50 * 1000 : 1000 * 1000};
+    nanosleep(&time, NULL);
+}
+
+rx_status rx_par_send(int to, const void *data, size_t size, rx_error *err)
+{
+    MPI_Request request;
+    int done = 0;
+    if (size > INT_MAX)
+        return rx_error_set(err, RX_SYSTEM, "a message of %zu bytes is too long for MPI", size);
+    RX_TRY(check(MPI_Isend(data, (int)size, MPI_BYTE, to, DATA, MPI_COMM_WORLD, &request), "send", err));
+    for (long round = 0; !done; round++) {
+        RX_TRY(check(MPI_Test(&request, &done, MPI_STATUS_IGNORE), "send", err));
+        if (!done)
+            pause_a_little(round);
+    }
+    return RX_OK;
+}
+
+/* A rank that has ended, of one or all; -1: none. */
+static int find_ended(int from)
+{
+    int there = 0;
+    MPI_Status about;
+    if (MPI_Iprobe(from == RX_ANY_RANK ? MPI_ANY_SOURCE : from, BYE, MPI_COMM_WORLD, &there, &about) !=
+        MPI_SUCCESS)
+        return -1;
+    return there ? about.MPI_SOURCE : -1;
+}
+
+rx_status rx_par_receive(int from, void *data, size_t size, int *sender, rx_error *err)
+{
+    const int source = from == RX_ANY_RANK ? MPI_ANY_SOURCE : from;
+    MPI_Message message;
+    MPI_Status about;
     for (long round = 0;; round++) {
-        *dst = take(&ranks->arrived, from, tag);
-        if (*dst)
-            return RX_OK;
-        int gone = wait ? find_gone(ranks, tag) : -1; /* before the poll: what it had sent comes first */
-        bool got = false;
-        rx_status status = fetch(ranks, &got, err);
-        if (status != RX_OK)
-            return status;
-        if (got) {
+        int there = 0, length = 0;
+        const int ended = find_ended(from); /* before the look for data: what it had sent comes first */
+        RX_TRY(check(MPI_Improbe(source, DATA, MPI_COMM_WORLD, &there, &message, &about), "look for messages",
+                     err));
+        if (there) {
+            RX_TRY(check(MPI_Get_count(&about, MPI_BYTE, &length), "find the size of a message", err));
+            if ((size_t)length != size)
+                return rx_error_set(
+                    err, RX_SYSTEM,
+                    "rank %d sent %d bytes, not %zu; all ranks must run the same program with "
+                    "the same configuration",
+                    about.MPI_SOURCE, length, size);
+            if (sender != NULL)
+                *sender = about.MPI_SOURCE;
+            return check(MPI_Mrecv(data, length, MPI_BYTE, &message, MPI_STATUS_IGNORE), "receive", err);
+        }
+        if (ended >= 0)
+            return rx_error_set(err, RX_SYSTEM, "rank %d ended while it was still needed", ended);
+        if (from == RX_ANY_RANK)
+            RX_TRY(rx_interrupt_check(err));
+        pause_a_little(round);
+    }
+}
+
+/* Read and drop one message, if one is there; true if it was a BYE. */
+static bool drop_one(int *there)
+{
+    MPI_Message message;
+    MPI_Status about;
+    int size = 0;
+    if (MPI_Improbe(MPI_ANY_SOURCE, MPI_ANY_TAG, MPI_COMM_WORLD, there, &message, &about) != MPI_SUCCESS) {
+        *there = 0;
+        return false;
+    }
+    if (!*there)
+        return false;
+    MPI_Get_count(&about, MPI_BYTE, &size);
+    void *data = rx_alloc((size_t)size, 1);
+    MPI_Mrecv(data, data ? size : 0, MPI_BYTE, &message, MPI_STATUS_IGNORE);
+    free(data);
+    return about.MPI_TAG == BYE;
+}
+
+void rx_par_end(rx_status status)
+{
+    (void)status; /* all processes end alike, by their own exit codes */
+    if (!active())
+        return;
+    /* mpiexec calls a process that ends by a signal a crash, and loses its exit code */
+    rx_interrupt_forget();
+    int count = rx_par_processes(), rank = rx_par_rank(), here = 1;
+    for (int to = 0; to < count; to++) {
+        MPI_Request request;
+        if (to != rank && MPI_Isend(NULL, 0, MPI_BYTE, to, BYE, MPI_COMM_WORLD, &request) == MPI_SUCCESS)
+            MPI_Request_free(&request);
+    }
+    for (long round = 0; here < count; round++) {
+        int there = 0;
+        if (drop_one(&there))
+            here++;
+        if (there)
             round = -1;
-            continue;
-        }
-        if (!wait)
-            return RX_OK;
-        if (gone >= 0) {
-            rx_error_set(&ranks->failed, RX_SYSTEM, "rank %d ended while it was still needed", gone);
-            if (ranks->rank < ranks->trainers)
-                tell_failure(ranks, &ranks->failed, ranks->trainers);
-            return say_failed(ranks, err);
-        }
-        if (interruptible && rx_interrupt_check(err) != RX_OK)
-            return RX_INTERRUPTED;
-        ranks->via->sleep(ranks, round);
+        else
+            pause_a_little(round);
     }
+    MPI_Finalize();
 }
 
-rx_status rx_ranks_receive(rx_ranks *ranks, int wait, rx_message *dst, rx_error *err)
+#else
+
+rx_status rx_par_begin(int *argc, char ***argv, rx_error *err)
 {
-    rx_parcel *parcel = NULL;
-    *dst = (rx_message){.from = -1};
-    rx_status status = next_parcel(ranks, RX_ANY_RANK, 0, wait != 0, &parcel, err);
-    if (parcel)
-        *dst = parcel->message;
-    free(parcel); /* its data belong to the caller now */
-    return status;
-}
-
-/* --- sums: to rank 0 in rank order, and back --- */
-
-typedef void add_values(void *sum, const void *part, long n);
-
-static void add_floats(void *sum, const void *part, long n)
-{
-    float *s = sum;
-    const float *p = part;
-    for (long i = 0; i < n; i++)
-        s[i] += p[i];
-}
-
-static void add_doubles(void *sum, const void *part, long n)
-{
-    double *s = sum;
-    const double *p = part;
-    for (long i = 0; i < n; i++)
-        s[i] += p[i];
-}
-
-static rx_status receive_values(rx_ranks *ranks, int from, size_t size, rx_parcel **dst, rx_error *err)
-{
-    RX_TRY(next_parcel(ranks, from, RX_TAG_SUM, true, dst, err));
-    if ((*dst)->message.size != size)
-        RX_TRY(rx_error_set(err, RX_SYSTEM, "rank %d sums %zu bytes where rank %d sums %zu", from,
-                            (*dst)->message.size, ranks->rank, size));
+    (void)argc;
+    (void)argv;
+    (void)err;
     return RX_OK;
 }
 
-static rx_status sum(rx_ranks *ranks, void *values, long n, size_t each, add_values *add, rx_error *err)
+void rx_par_end(rx_status status)
 {
-    size_t size = (size_t)n * each;
-    rx_parcel *parcel = NULL;
-    rx_status status = RX_OK;
-    if (ranks->trainers == 1)
-        return RX_OK;
-    if (ranks->rank > 0) {
-        status = rx_ranks_send(ranks, 0, RX_TAG_SUM, values, size, err);
-        if (status == RX_OK)
-            status = receive_values(ranks, 0, size, &parcel, err);
-        if (status == RX_OK && size > 0)
-            memcpy(values, parcel->message.data, size);
-        rx_parcel_free(parcel);
+    (void)status;
+}
+
+int rx_par_processes(void)
+{
+    return 1;
+}
+
+int rx_par_rank(void)
+{
+    return 0;
+}
+
+rx_status rx_par_send(int to, const void *data, size_t size, rx_error *err)
+{
+    (void)to;
+    (void)data;
+    (void)size;
+    return rx_error_set(err, RX_SYSTEM, "this build has no MPI; build it with MPICH");
+}
+
+rx_status rx_par_receive(int from, void *data, size_t size, int *sender, rx_error *err)
+{
+    (void)from;
+    (void)data;
+    (void)size;
+    (void)sender;
+    return rx_error_set(err, RX_SYSTEM, "this build has no MPI; build it with MPICH");
+}
+
+#endif
+
+/* The same bytes from rank `from` to all others. */
+static rx_status broadcast(int from, void *data, size_t size, rx_error *err)
+{
+    if (rx_par_rank() != from)
+        return rx_par_receive(from, data, size, NULL, err);
+    for (int to = 0; to < rx_par_processes(); to++)
+        if (to != from)
+            RX_TRY(rx_par_send(to, data, size, err));
+    return RX_OK;
+}
+
+/* Rank 0 hears all, also of those that have ended, and tells them the first error. */
+rx_status rx_par_agree(rx_status status, rx_error *err)
+{
+    rx_error own = rx_error_part(err), first = rx_error_part(err);
+    if (rx_par_processes() == 1)
         return status;
+    if (status != RX_OK && err != NULL)
+        rx_error_take(&own, err);
+    own.status = status;
+    if (rx_par_rank() > 0) {
+        RX_TRY(rx_par_send(0, &own, sizeof own, err));
+        RX_TRY(rx_par_receive(0, &first, sizeof first, NULL, err));
+        return rx_error_take(err, &first);
     }
-    for (int from = 1; from < ranks->trainers && status == RX_OK; from++) {
-        status = receive_values(ranks, from, size, &parcel, err);
-        if (status == RX_OK)
-            add(values, parcel->message.data, n);
-        rx_parcel_free(parcel);
-        parcel = NULL;
+    rx_error_take(&first, &own);
+    for (int from = 1; from < rx_par_processes(); from++) {
+        if (rx_par_receive(from, &own, sizeof own, NULL, &own) != RX_OK && own.status == RX_OK)
+            own.status = RX_SYSTEM;
+        if (first.status == RX_OK)
+            rx_error_take(&first, &own);
     }
-    RX_TRY(status);
-    for (int to = 1; to < ranks->trainers; to++)
-        RX_TRY(rx_ranks_send(ranks, to, RX_TAG_SUM, values, size, err));
-    return RX_OK;
+    for (int to = 1; to < rx_par_processes(); to++)
+        RX_TRY(rx_par_send(to, &first, sizeof first, err));
+    return rx_error_take(err, &first);
 }
 
-rx_status rx_ranks_sum(rx_ranks *ranks, float *values, long n, rx_error *err)
+rx_status rx_par_sum(double *values, long n, rx_error *err)
 {
-    return sum(ranks, values, n, sizeof *values, add_floats, err);
+    const size_t size = (size_t)n * sizeof *values;
+    double *part;
+    if (rx_par_processes() == 1)
+        return RX_OK;
+    if (rx_par_rank() > 0) {
+        RX_TRY(rx_par_send(0, values, size, err));
+        return broadcast(0, values, size, err);
+    }
+    RX_TRY(RX_MAKE(part, (size_t)n, err));
+    rx_status status = RX_OK;
+    for (int from = 1; from < rx_par_processes() && status == RX_OK; from++) {
+        status = rx_par_receive(from, part, size, NULL, err);
+        for (long i = 0; i < n && status == RX_OK; i++)
+            values[i] += part[i];
+    }
+    free(part);
+    return status == RX_OK ? broadcast(0, values, size, err) : status;
 }
 
-rx_status rx_ranks_sum_double(rx_ranks *ranks, double *values, long n, rx_error *err)
+rx_status rx_par_fold(float *values, long n, void (*add)(void *user, float *values, long n), void *user,
+                      rx_error *err)
 {
-    return sum(ranks, values, n, sizeof *values, add_doubles, err);
+    const size_t size = (size_t)n * sizeof *values;
+    const int rank = rx_par_rank(), last = rx_par_processes() - 1;
+    if (rank > 0)
+        RX_TRY(rx_par_receive(rank - 1, values, size, NULL, err));
+    else
+        memset(values, 0, size);
+    add(user, values, n);
+    if (rank < last)
+        RX_TRY(rx_par_send(rank + 1, values, size, err));
+    return last > 0 ? broadcast(last, values, size, err) : RX_OK;
 }

@@ -15,7 +15,7 @@ static const char help[] =
     "\n"
     "Train PSF-NET, the network that restores images, on simulated ones. The state is kept\n"
     "after every epoch; the same command goes on after an interruption. Under mpiexec the\n"
-    "first process trains and the others make images.\n"
+    "processes share images and steps.\n"
     "\n"
     "  FILE, -c FILE        training file\n"
     "  -KEYWORD VALUE       overrides the file, any number of times\n"

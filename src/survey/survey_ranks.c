@@ -1,8 +1,6 @@
 /* Tiles to whoever is ready. */
 #include "survey/survey_ranks.h"
 
-#include <stdlib.h>
-
 #include "base/interrupt.h"
 #include "config/config_fields.h"
 #include "config/tiles.h"
@@ -11,7 +9,7 @@
 #include "survey/plan_run.h"
 #include "survey/tile_run.h"
 
-enum { READY = 0, TILE = 1, NO_TILE = -1 };
+enum { NO_TILE = -1 };
 
 /* What a process sends when it is ready for a tile: how the one before has ended. */
 typedef struct ready {
@@ -28,35 +26,32 @@ typedef struct account {
     rx_log *log;
 } account;
 
-static rx_status take_ready(const account *a, rx_message *message, int *interrupted, rx_error *err)
+static rx_status take_ready(const account *a, const ready *report, int *interrupted, rx_error *err)
 {
-    const ready *report = message->data;
-    rx_status status = RX_OK;
     if (report->tile != NO_TILE && report->status == RX_INTERRUPTED)
         *interrupted = 1;
     else if (report->tile != NO_TILE)
-        status = rx_outcomes_add(
+        return rx_outcomes_add(
             a->outcomes, a->tiles, report->tile,
             (rx_outcome){.status = report->status, .others = report->others, .seconds = report->seconds},
             &report->why, a->log, err);
-    free(message->data);
-    return status;
+    return RX_OK;
 }
 
 /* Rank 0: answers each that is ready with a tile; one that gets none waits until all shall end, as a rank
  * that is gone means trouble to those who still work. */
-static rx_status hand_out(const account *a, rx_ranks *ranks, rx_error *err)
+static rx_status hand_out(const account *a, rx_error *err)
 {
-    const int workers = rx_ranks_count(ranks) - 1, none = NO_TILE;
+    const int workers = rx_par_processes() - 1, none = NO_TILE;
     int next = 0, waiting = 0, interrupted = 0;
     rx_status status = RX_OK;
     while (waiting < workers && status == RX_OK) {
-        rx_message message;
-        status = rx_ranks_receive(ranks, 1, &message, err);
+        ready report;
+        int from;
+        status = rx_par_receive(RX_ANY_RANK, &report, sizeof report, &from, err);
         if (status != RX_OK)
             break;
-        const int from = message.from;
-        status = take_ready(a, &message, &interrupted, err);
+        status = take_ready(a, &report, &interrupted, err);
         interrupted |= rx_interrupt_pending();
         if (interrupted || next == a->tiles->n) {
             waiting++;
@@ -65,26 +60,26 @@ static rx_status hand_out(const account *a, rx_ranks *ranks, rx_error *err)
         rx_log_info(a->log, "tile %d of %d: %s, by process %d", next + 1, a->tiles->n,
                     rx_tiles_image(a->tiles, next), from);
         if (status == RX_OK)
-            status = rx_ranks_send(ranks, from, TILE, &next, sizeof next, err);
+            status = rx_par_send(from, &next, sizeof next, err);
         next++;
     }
     for (int rank = 1; rank <= workers && status == RX_OK; rank++)
-        status = rx_ranks_send(ranks, rank, TILE, &none, sizeof none, err);
+        status = rx_par_send(rank, &none, sizeof none, err);
     return status == RX_INTERRUPTED || (status == RX_OK && interrupted)
                ? rx_outcomes_interrupted(a->outcomes, a->tiles, err)
                : status;
 }
 
 /* The other ranks. */
-static rx_status work(const rx_tiles *tiles, const rx_settings *common, FILE *standard_out, rx_ranks *ranks,
-                      rx_log *log, rx_error *err)
+static rx_status work(const rx_tiles *tiles, const rx_settings *common, FILE *standard_out, rx_log *log,
+                      rx_error *err)
 {
     ready report = {.tile = NO_TILE, .why = RX_ERROR_NONE};
     for (;;) {
-        rx_message message;
-        rx_status status = rx_ranks_send(ranks, 0, READY, &report, sizeof report, err);
+        int tile;
+        rx_status status = rx_par_send(0, &report, sizeof report, err);
         if (status == RX_OK)
-            status = rx_ranks_receive(ranks, 1, &message, err);
+            status = rx_par_receive(0, &tile, sizeof tile, NULL, err);
         if (status != RX_OK && rx_interrupt_pending()) {
             if (err != NULL)
                 *err = RX_ERROR_NONE; /* rank 0 has heard the same signal, and says so once for all */
@@ -92,8 +87,7 @@ static rx_status work(const rx_tiles *tiles, const rx_settings *common, FILE *st
         }
         if (status != RX_OK)
             return status;
-        report = (ready){.tile = *(const int *)message.data, .why = RX_ERROR_NONE};
-        free(message.data);
+        report = (ready){.tile = tile, .why = RX_ERROR_NONE};
         if (report.tile == NO_TILE)
             return RX_OK;
         const double begun = rx_seconds();
@@ -117,7 +111,6 @@ rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE 
     const double begun = rx_seconds();
     rx_tiles *tiles = NULL;
     rx_settings *own = NULL;
-    rx_ranks *ranks = NULL;
     account a = {.log = log};
     const int first = rx_par_rank() == 0;
     rx_status status = rx_tiles_read(path, &tiles, err);
@@ -133,21 +126,16 @@ rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE 
         status = one_thread(common, &own, log, err);
     if (status == RX_OK && first)
         status = rx_outcomes_new(tiles->n, &a.outcomes, err);
-    if (status == RX_OK)
-        status = rx_ranks_start(1, 0, NULL, NULL, &ranks, err);
     if (status != RX_OK)
         goto exit;
     a.tiles = tiles;
-    status = first ? hand_out(&a, ranks, err) : work(tiles, own, standard_out, ranks, log, err);
-    if (status != RX_OK && status != RX_INTERRUPTED)
-        rx_ranks_fail(ranks, err);
+    status = first ? hand_out(&a, err) : work(tiles, own, standard_out, log, err);
     if (first) {
         const rx_status whole =
             rx_outcomes_summary(a.outcomes, tiles, rx_seconds() - begun, log, status == RX_OK ? err : NULL);
         status = status == RX_OK ? whole : status;
     }
 exit:
-    rx_ranks_stop(ranks);
     rx_outcomes_free(a.outcomes);
     rx_settings_free(own);
     rx_tiles_free(tiles);

@@ -179,21 +179,18 @@ static rx_status share(rx_learner *l, work *function, rx_sample *const *samples,
     return status;
 }
 
-rx_status rx_learner_gradients(rx_learner *l, rx_sample *const *samples, int n,
-                               float *const gradient[RX_MODEL_NETS], rx_step_values *values, rx_error *err)
+rx_status rx_learner_gradients(rx_learner *l, rx_sample *const *samples, int n, rx_step_values *values,
+                               rx_error *err)
 {
-    rx_status status = share(l, learn, samples, n, values, err);
-    for (int k = 0; k < RX_MODEL_NETS && status == RX_OK; k++) {
-        float *sum = gradient[k];
+    return share(l, learn, samples, n, values, err);
+}
+
+void rx_learner_add(const rx_learner *l, int net, int n, float *sum)
+{
 #pragma omp parallel for num_threads(l->nthreads) schedule(static)
-        for (long p = 0; p < l->n[k]; p++) {
-            float total = 0;
-            for (int i = 0; i < n; i++)
-                total += l->each[k][i][p];
-            sum[p] = total;
-        }
-    }
-    return status;
+    for (long p = 0; p < l->n[net]; p++)
+        for (int i = 0; i < n; i++)
+            sum[p] += l->each[net][i][p];
 }
 
 rx_status rx_learner_test(rx_learner *l, rx_sample *const *samples, int n, rx_test_image *dst, rx_error *err)

@@ -27,9 +27,12 @@ void rx_learner_free(rx_learner *learner); /* NULL is fine */
 /* Take the model's parameters into use. */
 void rx_learner_load(rx_learner *learner);
 
-/* gradient[k][parameters of network k], where the model has it, = sums over the n <= most samples; values[i]: terms of each sample. */
-rx_status rx_learner_gradients(rx_learner *learner, rx_sample *const *samples, int n,
-                               float *const gradient[RX_MODEL_NETS], rx_step_values *values, rx_error *err);
+/* The gradients of n <= most samples, each kept in a place of its own; values[i]: terms of each sample. */
+rx_status rx_learner_gradients(rx_learner *learner, rx_sample *const *samples, int n, rx_step_values *values,
+                               rx_error *err);
+/* sum[parameters of the network] += those of the n samples, one after the other: the bytes of the sum do not depend on
+ * the threads, nor on how ranks share the samples. */
+void rx_learner_add(const rx_learner *learner, int net, int n, float *sum);
 
 /* Test any number of samples. */
 rx_status rx_learner_test(rx_learner *learner, rx_sample *const *samples, int n, rx_test_image *dst,

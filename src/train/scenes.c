@@ -2,9 +2,11 @@
 #include "train/scenes.h"
 
 #include <math.h>
+#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "num/convolve.h"
@@ -15,6 +17,7 @@
 /* Independent sets of random numbers. */
 #define SAMPLE_SEED 0x73616d706c650000u
 #define NOISE_SEED 0x6e6f697365000000u
+#define VALIDATION_SEED 0x76616c6964617465u
 
 /* What is drawn for a sample: its slot; for a field beyond what scenes_field.c draws: the turn of each place.
  */
@@ -25,21 +28,28 @@ enum { STAR_MARGIN = 8 };           /* listed stars keep this distance from the 
 static const double FARTHEST = 3.0; /* errors are cut at so many sigma */
 static const double BETA_LEAST = 1.1;
 
+/* What one thread makes samples with. */
+typedef struct bench {
+    rx_fft *fft;                           /* of the window */
+    float *x, *half, *spectrum, *coloured; /* planes of fft */
+    float *normal;                         /* [window][window] */
+} bench;
+
 struct rx_scenes {
     rx_scenes_params par;
     rx_selection grid;
     rx_simulation *simulation;
-    int window;                            /* pixels: patch and frame */
-    rx_fft *fft;                           /* of the window */
-    float *x, *half, *spectrum, *coloured; /* planes of fft */
-    float *normal;                         /* [window][window] */
-    rx_scenes_field_data *fields;          /* [capacity] */
-    int capacity;
-    long clock;
+    int window; /* pixels: patch and frame */
+    int nthreads;
+    bench *benches;             /* [nthreads] */
+    rx_scenes_field_data *kept; /* [nkept] fields for the next epoch, in [room] places */
+    long nkept, room;
 };
 
 /* One sample in the making. */
 typedef struct draft {
+    const rx_scenes *of;
+    const bench *bench;
     const rx_scenes_field_data *field;
     rx_scenes_key key;
     int x0, y0;   /* of the window in the field */
@@ -68,16 +78,41 @@ static uint64_t stream_of(rx_sample_id id)
     return (uint64_t)id.set << 32 | id.bin;
 }
 
+/* Validation images have a seed of their own, so that trainings of the same sky and another SEED are judged by the same
+ * images. */
+static uint64_t seed_of(const rx_scenes_params *par, rx_sample_id id)
+{
+    return id.epoch == RX_EPOCH_VALIDATION ? VALIDATION_SEED : par->seed;
+}
+
+static uint32_t era_of(const rx_scenes_params *par, uint32_t epoch)
+{
+    return epoch / (uint32_t)par->uses;
+}
+
 uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id)
 {
-    uint64_t era = id.epoch / (uint32_t)par->uses, number = id.index / (uint32_t)places(par);
-    return hash(par->seed ^ RX_SCENES_FIELD_SEED, stream_of(id), era << 32 | number);
+    const uint64_t era = era_of(par, id.epoch), number = id.index / (uint32_t)places(par);
+    return hash(seed_of(par, id) ^ RX_SCENES_FIELD_SEED, stream_of(id), era << 32 | number);
 }
 
 static rx_scenes_key sample_key(const rx_scenes_params *par, rx_sample_id id)
 {
-    uint64_t seed = par->seed ^ SAMPLE_SEED;
+    uint64_t seed = seed_of(par, id) ^ SAMPLE_SEED;
     return (rx_scenes_key){seed, hash(seed, stream_of(id), (uint64_t)id.epoch << 32 | id.index)};
+}
+
+/* Fields of all bins are dealt out like cards, along the diagonal of the grid, so that no rank gets all the wide PSFs,
+ * and from another one on whenever the fields change. */
+int rx_scenes_owner(const rx_scenes *s, rx_sample_id id, int ranks)
+{
+    const unsigned n = (unsigned)ranks, field = id.index / (unsigned)places(&s->par);
+    return (int)((id.bin + id.bin / n + id.set + field + era_of(&s->par, id.epoch)) % n);
+}
+
+int rx_scenes_side(const rx_scenes *s)
+{
+    return s->par.side;
 }
 
 static double error_of(rx_scenes_key key, uint64_t slot, double rms)
@@ -125,9 +160,6 @@ static rx_status check(const rx_scenes_params *par, rx_error *err)
                             "patches of %d pixels in fields of %d: multiples of 4 from 16, and of the patch, "
                             "are possible",
                             par->side, par->field_side);
-    if (par->set != RX_SET_TRAIN && par->set != RX_SET_TEST)
-        return rx_error_set(err, RX_USAGE, "set %d: training images are %d, test images %d", par->set,
-                            (int)RX_SET_TRAIN, (int)RX_SET_TEST);
     if (par->uses < 1)
         return rx_error_set(err, RX_USAGE, "%d uses of each place: 1 or more are possible", par->uses);
     if (!is_range(par->beta, 1.1, 1000.0) || !is_within(par->ellipticity, 0.0, 0.8))
@@ -193,42 +225,57 @@ static rx_status open_simulation(rx_scenes *s, const rx_simulate_config *config,
     return status;
 }
 
-static rx_status open_scenes(rx_scenes *s, const rx_simulate_config *config, rx_log *log, rx_error *err)
+static rx_status open_bench(const rx_scenes *s, bench *b, rx_error *err)
 {
-    const int side = s->par.field_side + s->window - s->par.side;
-    const size_t bytes = 2 * sizeof(float) * (size_t)side * (size_t)side;
-    RX_TRY(check_psf(s, err));
-    RX_TRY(open_simulation(s, config, side, log, err));
-    RX_TRY(rx_fft_new(s->window, s->window, 1, &s->fft, err));
-    s->capacity = RX_SCENES_MEMORY > 2 * bytes ? (int)(RX_SCENES_MEMORY / bytes) : 2;
-    s->fields = RX_NEW(rx_scenes_field_data, s->capacity);
-    s->x = rx_fft_real(s->fft);
-    s->half = rx_fft_complex(s->fft);
-    s->spectrum = rx_fft_complex(s->fft);
-    s->coloured = rx_fft_complex(s->fft);
-    s->normal = RX_NEW(float, (size_t)s->window *(size_t)s->window);
-    if (s->fields == NULL || s->x == NULL || s->half == NULL || s->spectrum == NULL || s->coloured == NULL ||
-        s->normal == NULL)
+    RX_TRY(rx_fft_new(s->window, s->window, 1, &b->fft, err));
+    b->x = rx_fft_real(b->fft);
+    b->half = rx_fft_complex(b->fft);
+    b->spectrum = rx_fft_complex(b->fft);
+    b->coloured = rx_fft_complex(b->fft);
+    b->normal = RX_NEW(float, (size_t)s->window *(size_t)s->window);
+    if (b->x == NULL || b->half == NULL || b->spectrum == NULL || b->coloured == NULL || b->normal == NULL)
         return rx_error_memory(err, 0);
     return RX_OK;
 }
 
-rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
-                        const rx_simulate_config *config, rx_log *log, rx_scenes **dst, rx_error *err)
+static void close_bench(bench *b)
 {
+    free(b->x);
+    free(b->half);
+    free(b->spectrum);
+    free(b->coloured);
+    free(b->normal);
+    rx_fft_free(b->fft);
+}
+
+/* Pixels on a side of a field with its frame. */
+static int field_side(const rx_scenes *s)
+{
+    return s->par.field_side + s->window - s->par.side;
+}
+
+rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
+                        const rx_simulate_config *config, int nthreads, rx_log *log, rx_scenes **dst,
+                        rx_error *err)
+{
+    rx_scenes *s;
+    rx_status status;
     *dst = NULL;
     RX_TRY(check(par, err));
-    rx_scenes *s = RX_NEW(rx_scenes, 1);
-    if (s == NULL)
-        return rx_error_memory(err, sizeof *s);
+    RX_TRY(RX_MAKE(s, 1, err));
     s->par = *par;
     s->grid = *grid;
     s->window = rx_fft_good_size(par->side + 2 * RX_SCENES_FRAME);
-    rx_status status = open_scenes(s, config, log, err);
-    if (status == RX_OK)
-        *dst = s;
-    else
-        rx_scenes_free(s);
+    s->nthreads = nthreads;
+    RX_TRY_EXIT(check_psf(s, err));
+    RX_TRY_EXIT(open_simulation(s, config, field_side(s), log, err));
+    RX_TRY_EXIT(RX_MAKE(s->benches, (size_t)nthreads, err));
+    for (int t = 0; t < nthreads; t++)
+        RX_TRY_EXIT(open_bench(s, &s->benches[t], err));
+    *dst = s;
+    return RX_OK;
+exit:
+    rx_scenes_free(s);
     return status;
 }
 
@@ -236,72 +283,57 @@ void rx_scenes_free(rx_scenes *s)
 {
     if (s == NULL)
         return;
-    for (int i = 0; i < s->capacity && s->fields != NULL; i++)
-        rx_scenes_field_clear(&s->fields[i]);
-    free(s->fields);
-    free(s->x);
-    free(s->half);
-    free(s->spectrum);
-    free(s->coloured);
-    free(s->normal);
-    rx_fft_free(s->fft);
+    for (long i = 0; i < s->nkept; i++)
+        rx_scenes_field_clear(&s->kept[i]);
+    free(s->kept);
+    for (int t = 0; t < s->nthreads && s->benches != NULL; t++)
+        close_bench(&s->benches[t]);
+    free(s->benches);
     rx_simulation_free(s->simulation);
     free(s);
 }
 
 /* --- fields --- */
 
-/* The field if it is kept, else an empty place or that of the one not used for longest. */
-static rx_scenes_field_data *find_field(rx_scenes *s, uint64_t number)
-{
-    rx_scenes_field_data *oldest = &s->fields[0];
-    for (int i = 0; i < s->capacity; i++) {
-        if (s->fields[i].number == number)
-            return &s->fields[i];
-        if (s->fields[i].used < oldest->used)
-            oldest = &s->fields[i];
-    }
-    return oldest;
-}
-
-int rx_scenes_kept(const rx_scenes *s)
-{
-    int n = 0;
-    for (int i = 0; i < s->capacity; i++)
-        n += s->fields[i].number != 0;
-    return n;
-}
-
 /* Epochs only rise: fields of those that are over serve no more. */
 static void drop_past(rx_scenes *s, uint32_t era)
 {
-    for (int i = 0; i < s->capacity; i++)
-        if (s->fields[i].number != 0 && s->fields[i].era < era)
-            rx_scenes_field_clear(&s->fields[i]);
+    long n = 0;
+    for (long i = 0; i < s->nkept; i++)
+        if (s->kept[i].era < era)
+            rx_scenes_field_clear(&s->kept[i]);
+        else
+            s->kept[n++] = s->kept[i];
+    s->nkept = n;
 }
 
-static rx_status get_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_data **dst, rx_error *err)
+/* *dst is one of those kept, or is made; then it is to be cleared or kept. */
+static rx_status get_field(const rx_scenes *s, long nkept, rx_sample_id id, rx_scenes_field_data *dst,
+                           rx_error *err)
 {
     const uint64_t number = rx_scenes_field(&s->par, id);
-    const uint32_t era = id.epoch / (uint32_t)s->par.uses;
-    drop_past(s, era);
-    rx_scenes_field_data *field = find_field(s, number);
-    *dst = field;
-    if (field->number != number) {
-        rx_scenes_sky sky = {
-            .par = &s->par, .simulation = s->simulation, .side = s->par.field_side + s->window - s->par.side};
-        double sigma[2];
-        rx_selection_bin(&s->grid, (int)id.bin, sky.fwhm, sigma);
-        rx_scenes_field_clear(field);
-        rx_status status = rx_scenes_field_make(
-            &sky, (rx_scenes_key){s->par.seed ^ RX_SCENES_FIELD_SEED, number}, field, err);
-        if (status != RX_OK)
-            return status;
-        field->number = number;
-        field->era = era;
-    }
-    field->used = ++s->clock;
+    for (long i = 0; i < nkept; i++)
+        if (s->kept[i].number == number) {
+            *dst = s->kept[i];
+            return RX_OK;
+        }
+    rx_scenes_sky sky = {.par = &s->par, .simulation = s->simulation, .side = field_side(s)};
+    double sigma[2];
+    rx_selection_bin(&s->grid, (int)id.bin, sky.fwhm, sigma);
+    RX_TRY(rx_scenes_field_make(&sky, (rx_scenes_key){seed_of(&s->par, id) ^ RX_SCENES_FIELD_SEED, number},
+                                dst, err));
+    dst->number = number;
+    dst->era = era_of(&s->par, id.epoch);
     return RX_OK;
+}
+
+/* For the next epoch, if that has the same fields and there is room. */
+static bool keep_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_data *field)
+{
+    if (id.epoch == RX_EPOCH_VALIDATION || era_of(&s->par, id.epoch + 1) != field->era || s->nkept == s->room)
+        return false;
+    s->kept[s->nkept++] = *field;
+    return true;
 }
 
 /* --- samples --- */
@@ -318,40 +350,44 @@ static void choose_place(const rx_scenes *s, rx_sample_id id, draft *d)
     }
 }
 
-/* s->normal becomes correlated, of the same noise behind a filter matched to the PSF. s->x is overwritten. */
-static rx_status colour(rx_scenes *s, const draft *d, rx_error *err)
+/* b->normal becomes correlated, of the same noise behind a filter matched to the PSF. b->x is overwritten. */
+static rx_status colour(const draft *d, rx_error *err)
 {
+    const bench *b = d->bench;
     const rx_scenes_field_data *field = d->field;
-    const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
+    const size_t stride = (size_t)rx_fft_stride_real(b->fft), w = (size_t)d->of->window;
     rx_psf *psf = NULL;
     RX_TRY(rx_scenes_psf(field, &psf, err));
-    rx_convolve_spectrum(s->fft, psf->basis, psf->size, s->coloured);
+    rx_convolve_spectrum(b->fft, psf->basis, psf->size, b->coloured);
     rx_psf_free(psf);
-    RX_TRY(rx_correlation_filter(&d->survey.correlation, s->fft, s->coloured, s->coloured, err));
+    RX_TRY(rx_correlation_filter(&d->survey.correlation, b->fft, b->coloured, b->coloured, err));
     for (size_t y = 0; y < w; y++)
-        memcpy(s->x + y * stride, s->normal + y * w, w * sizeof *s->x);
-    rx_fft_filter(s->fft, s->x, s->coloured, false, s->half, s->x);
+        memcpy(b->x + y * stride, b->normal + y * w, w * sizeof *b->x);
+    rx_fft_filter(b->fft, b->x, b->coloured, false, b->half, b->x);
     for (size_t y = 0; y < w; y++)
-        memcpy(s->normal + y * w, s->x + y * stride, w * sizeof *s->x);
+        memcpy(b->normal + y * w, b->x + y * stride, w * sizeof *b->x);
     return RX_OK;
 }
 
-/* s->normal: the noise of the sample, in true noise units. */
-static rx_status draw_noise(rx_scenes *s, const draft *d, rx_error *err)
+/* b->normal: the noise of the sample, in true noise units. */
+static rx_status draw_noise(const draft *d, uint64_t seed, rx_error *err)
 {
-    const int w = s->window;
-    rx_noise_normals(s->par.seed ^ NOISE_SEED, d->key.stream, 0, (long)w * w, s->normal);
+    const bench *b = d->bench;
+    const int w = d->of->window;
+    rx_noise_normals(seed ^ NOISE_SEED, d->key.stream, 0, (long)w * w, b->normal);
     if (d->survey.correlation.kind != RX_CORRELATION_NONE)
-        RX_TRY(colour(s, d, err));
+        RX_TRY(colour(d, err));
     for (int y = 0; d->survey.uneven && y < w; y++)
         for (int x = 0; x < w; x++)
-            s->normal[y * w + x] *= (float)exp(rx_survey_noise(&d->survey, x, y));
+            b->normal[y * w + x] *= (float)exp(rx_survey_noise(&d->survey, x, y));
     return RX_OK;
 }
 
-/* The window's light with its noise, s->normal, into s->x, and what is known of it into dst. */
-static void expose(rx_scenes *s, draft *d, rx_sample *dst)
+/* The window's light with its noise, b->normal, into b->x, and what is known of it into dst. */
+static void expose(draft *d, rx_sample *dst)
 {
+    const rx_scenes *s = d->of;
+    const bench *b = d->bench;
     const rx_scenes_field_data *field = d->field;
     const rx_scenes_params *par = &s->par;
     double fwhm[2], sigma[2];
@@ -360,15 +396,15 @@ static void expose(rx_scenes *s, draft *d, rx_sample *dst)
     const double photon = rx_scenes_log_uniform(d->key, DRAW_PHOTON, par->photon[0], par->photon[1]);
     const double sky = error_of(d->key, DRAW_SKY, par->sky_error) + d->survey.sky;
     const double scale = field->level > 0.0 ? RX_NOISE_LEVEL_SCALE / (bin_sigma * field->level) : 0.0;
-    const size_t stride = (size_t)rx_fft_stride_real(s->fft), w = (size_t)s->window;
+    const size_t stride = (size_t)rx_fft_stride_real(b->fft), w = (size_t)s->window;
     d->given = exp(error_of(d->key, DRAW_NOISE, par->noise_error));
     d->scale = scale / d->given;
     dst->sigma = (float)bin_sigma;
     dst->true_fwhm = (float)field->fwhm;
     for (size_t y = 0; y < w; y++) {
         const float *light = field->blurred + ((size_t)d->y0 + y) * (size_t)field->side + (size_t)d->x0;
-        const float *normal = s->normal + y * w;
-        float *x = s->x + y * stride;
+        const float *normal = b->normal + y * w;
+        float *x = b->x + y * stride;
         for (size_t i = 0; i < w; i++) {
             float v = (float)scale * light[i];
             x[i] = (v + sqrtf(1.0f + (float)photon * v) * normal[i] + (float)sky) / (float)d->given;
@@ -386,10 +422,10 @@ static void cut(const float *plane, size_t stride, int x0, int y0, int side, dou
     }
 }
 
-static void list_stars(const rx_scenes *s, const draft *d, rx_sample *dst)
+static void list_stars(const draft *d, rx_sample *dst)
 {
     const rx_scenes_field_data *field = d->field;
-    const double frame = 0.5 * (s->window - dst->side), last = dst->side - 1.0;
+    const double frame = 0.5 * (d->of->window - dst->side), last = dst->side - 1.0;
     dst->nstars = 0;
     memset(dst->star, 0, sizeof dst->star);
     for (long i = 0; i < field->nstars && dst->nstars < RX_SAMPLE_STARS; i++) {
@@ -406,8 +442,10 @@ static void list_stars(const rx_scenes *s, const draft *d, rx_sample *dst)
 }
 
 /* K' and the filter of w, from the PSF as it is given. */
-static rx_status give_psf(rx_scenes *s, const draft *d, rx_sample *dst, rx_error *err)
+static rx_status give_psf(const draft *d, rx_sample *dst, rx_error *err)
 {
+    const rx_scenes *s = d->of;
+    const bench *b = d->bench;
     const rx_front *front = &s->par.front;
     rx_psf *psf = NULL;
     const rx_survey *survey = &d->survey;
@@ -420,36 +458,40 @@ static rx_status give_psf(rx_scenes *s, const draft *d, rx_sample *dst, rx_error
     RX_TRY_EXIT(rx_scenes_psf(&given, &psf, err));
     RX_TRY_EXIT(
         rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1, dst->kernel, err));
-    status = rx_deblur_tikhonov(s->fft, psf->basis, psf->size,
-                                &(rx_tikhonov){front->target_fwhm, front->tikhonov, 0}, s->spectrum, err);
+    status = rx_deblur_tikhonov(b->fft, psf->basis, psf->size,
+                                &(rx_tikhonov){front->target_fwhm, front->tikhonov, 0}, b->spectrum, err);
 exit:
     dst->fwhm = (float)given.fwhm;
     rx_psf_free(psf);
     return status;
 }
 
-/* s->x += what is in s->normal, true noise units; and the light of the sample where it is true. */
-static void add(rx_scenes *s, const draft *d, int true_light, rx_sample *dst)
+/* b->x += what is in b->normal, true noise units; and the light of the sample where it is true. */
+static void add(const draft *d, int true_light, rx_sample *dst)
 {
-    const int w = s->window, side = dst->side, frame = (w - side) / 2, stride = rx_fft_stride_real(s->fft);
+    const bench *b = d->bench;
+    const int w = d->of->window, side = dst->side, frame = (w - side) / 2,
+              stride = rx_fft_stride_real(b->fft);
     for (int y = 0; y < w; y++)
         for (int x = 0; x < w; x++)
-            s->x[y * stride + x] += s->normal[y * w + x] / (float)d->given;
+            b->x[y * stride + x] += b->normal[y * w + x] / (float)d->given;
     for (int y = 0; true_light && y < side; y++)
         for (int x = 0; x < side; x++) {
-            const float light = s->normal[(y + frame) * w + x + frame] / (float)d->given;
+            const float light = b->normal[(y + frame) * w + x + frame] / (float)d->given;
             dst->y[y * side + x] += light;
             dst->blurred[y * side + x] += light;
         }
 }
 
 /* From units of the patch's noise to those of the noise that is given at each place. */
-static void divide(rx_scenes *s, const draft *d, rx_sample *dst)
+static void divide(const draft *d, rx_sample *dst)
 {
-    const int w = s->window, side = dst->side, frame = (w - side) / 2, stride = rx_fft_stride_real(s->fft);
+    const bench *b = d->bench;
+    const int w = d->of->window, side = dst->side, frame = (w - side) / 2,
+              stride = rx_fft_stride_real(b->fft);
     for (int y = 0; y < w; y++)
         for (int x = 0; x < w; x++)
-            s->x[y * stride + x] *= (float)exp(-rx_survey_scale(&d->survey, x, y));
+            b->x[y * stride + x] *= (float)exp(-rx_survey_scale(&d->survey, x, y));
     for (int y = 0; y < side; y++)
         for (int x = 0; x < side; x++) {
             const float unit = (float)exp(-rx_survey_scale(&d->survey, x + frame, y + frame));
@@ -463,59 +505,135 @@ static void divide(rx_scenes *s, const draft *d, rx_sample *dst)
     }
 }
 
-/* What surveys deliver beyond noise and PSF, to the window in s->x and the planes cut from the field. */
-static void deliver(rx_scenes *s, const draft *d, rx_sample *dst)
+/* What surveys deliver beyond noise and PSF, to the window in b->x and the planes cut from the field. */
+static void deliver(const draft *d, rx_sample *dst)
 {
-    const int w = s->window;
+    const bench *b = d->bench;
+    const int w = d->of->window;
     if (d->survey.nwaves + d->survey.nholes > 0) {
         for (int y = 0; y < w; y++)
             for (int x = 0; x < w; x++)
-                s->normal[y * w + x] = (float)rx_survey_light(&d->survey, x, y);
-        add(s, d, 1, dst);
+                b->normal[y * w + x] = (float)rx_survey_light(&d->survey, x, y);
+        add(d, 1, dst);
     }
     if (d->survey.defects) {
-        memset(s->normal, 0, (size_t)w * (size_t)w * sizeof *s->normal);
-        rx_survey_defects(&d->survey, s->normal);
-        add(s, d, 0, dst);
+        memset(b->normal, 0, (size_t)w * (size_t)w * sizeof *b->normal);
+        rx_survey_defects(&d->survey, b->normal);
+        add(d, 0, dst);
     }
     if (d->survey.uneven)
-        divide(s, d, dst);
+        divide(d, dst);
 }
 
-static rx_status develop(rx_scenes *s, draft *d, rx_sample *dst, rx_error *err)
+static rx_status develop(draft *d, rx_sample *dst, rx_error *err)
 {
+    const rx_scenes *s = d->of;
+    const bench *b = d->bench;
     const rx_scenes_field_data *field = d->field;
     const int frame = (s->window - dst->side) / 2, side = dst->side, x0 = d->x0 + frame, y0 = d->y0 + frame;
-    const size_t stride = (size_t)rx_fft_stride_real(s->fft);
+    const size_t stride = (size_t)rx_fft_stride_real(b->fft);
     rx_survey_draw(&s->par.survey, d->key, s->window, side, field->fwhm, &d->survey);
-    RX_TRY(give_psf(s, d, dst, err));
-    RX_TRY(draw_noise(s, d, err));
-    expose(s, d, dst);
+    RX_TRY(give_psf(d, dst, err));
+    RX_TRY(draw_noise(d, seed_of(&s->par, dst->id), err));
+    expose(d, dst);
     cut(field->sharp, (size_t)field->side, x0, y0, side, d->scale, dst->y);
     cut(field->blurred, (size_t)field->side, x0, y0, side, d->scale, dst->blurred);
-    list_stars(s, d, dst);
-    deliver(s, d, dst);
-    cut(s->x, stride, frame, frame, side, 1.0, dst->x);
-    rx_convolve(s->fft, s->spectrum, s->x, s->half, s->x);
-    cut(s->x, stride, frame, frame, side, 1.0, dst->w);
-    rx_scenes_key turns = {s->par.seed ^ RX_SCENES_FIELD_SEED, field->number};
+    list_stars(d, dst);
+    deliver(d, dst);
+    cut(b->x, stride, frame, frame, side, 1.0, dst->x);
+    rx_convolve(b->fft, b->spectrum, b->x, b->half, b->x);
+    cut(b->x, stride, frame, frame, side, 1.0, dst->w);
+    rx_scenes_key turns = {seed_of(&s->par, dst->id) ^ RX_SCENES_FIELD_SEED, field->number};
     const uint64_t place = dst->id.index % (uint32_t)places(&s->par);
     const int first = (int)rx_scenes_uniform(turns, DRAW_TURN + place, 0.0, TURNS);
     return rx_sample_turn(dst, (int)((uint32_t)first + dst->id.epoch % (uint32_t)s->par.uses) % TURNS, err);
 }
 
-rx_status rx_scenes_make(rx_scenes *s, rx_sample_id id, rx_sample *dst, rx_error *err)
+/* The samples of one field, ids[n]. */
+static rx_status make_run(const rx_scenes *s, const bench *b, const rx_scenes_field_data *field,
+                          const rx_sample_id *ids, long n, rx_sample **samples, rx_error *err)
 {
-    if (id.set != (uint32_t)s->par.set || id.bin >= (uint32_t)s->grid.nbins ||
-        id.index >= (uint32_t)s->grid.total)
-        return rx_error_set(
-            err, RX_USAGE, "image %u of bin %u, set %u: there are %d bins of %d images, set %d",
-            (unsigned)id.index, (unsigned)id.bin, (unsigned)id.set, s->grid.nbins, s->grid.total, s->par.set);
-    if (dst->side != s->par.side)
-        return rx_error_set(err, RX_USAGE, "a sample of %d pixels for patches of %d", dst->side, s->par.side);
-    draft d = {.key = sample_key(&s->par, id)};
-    RX_TRY(get_field(s, id, &d.field, err));
-    dst->id = id;
-    choose_place(s, id, &d);
-    return develop(s, &d, dst, err);
+    for (long i = 0; i < n; i++) {
+        RX_TRY(rx_interrupt_check(err));
+        samples[i] = rx_sample_new(s->par.side);
+        if (samples[i] == NULL)
+            return rx_error_memory(err, rx_sample_bytes(s->par.side));
+        draft d = {.of = s, .bench = b, .field = field, .key = sample_key(&s->par, ids[i])};
+        samples[i]->id = ids[i];
+        choose_place(s, ids[i], &d);
+        RX_TRY(develop(&d, samples[i], err));
+    }
+    return RX_OK;
+}
+
+/* begin[runs + 1]: where the ids of another field begin. */
+static rx_status find_runs(const rx_scenes *s, const rx_sample_id *ids, long n, long **begin, long *runs,
+                           rx_error *err)
+{
+    RX_TRY(RX_MAKE(*begin, (size_t)n + 1, err));
+    *runs = 0;
+    for (long i = 0; i < n; i++) {
+        const rx_sample_id id = ids[i];
+        if (id.set > RX_SET_TEST || id.bin >= (uint32_t)s->grid.nbins || id.index >= (uint32_t)s->grid.total)
+            return rx_error_set(
+                err, RX_USAGE, "image %u of bin %u, set %u: there are %d bins of %d images, and two sets",
+                (unsigned)id.index, (unsigned)id.bin, (unsigned)id.set, s->grid.nbins, s->grid.total);
+        if (i == 0 || rx_scenes_field(&s->par, id) != rx_scenes_field(&s->par, ids[i - 1]))
+            (*begin)[(*runs)++] = i;
+    }
+    (*begin)[*runs] = n;
+    return RX_OK;
+}
+
+static rx_status prepare_room(rx_scenes *s, uint32_t epoch, long runs, rx_error *err)
+{
+    const size_t bytes = 2 * sizeof(float) * (size_t)field_side(s) * (size_t)field_side(s);
+    const long most = (long)(RX_SCENES_MEMORY / bytes);
+    if (epoch == RX_EPOCH_VALIDATION)
+        return RX_OK;
+    drop_past(s, era_of(&s->par, epoch));
+    s->room = s->nkept + runs < most ? s->nkept + runs : most;
+    return RX_GROW(s->kept, (size_t)s->room + 1, err);
+}
+
+/* Runs are shared among threads; of several errors that of the first run is reported. */
+rx_status rx_scenes_make(rx_scenes *s, const rx_sample_id *ids, long n, rx_sample **samples, rx_error *err)
+{
+    long *begin = NULL, runs = 0, first = n;
+    rx_status status;
+    RX_TRY_EXIT(find_runs(s, ids, n, &begin, &runs, err));
+    if (n > 0)
+        RX_TRY_EXIT(prepare_room(s, ids[0].epoch, runs, err));
+    const long nkept = s->nkept;
+#pragma omp parallel num_threads(s->nthreads)
+    {
+        const int thread = omp_get_thread_num();
+        omp_set_num_threads(1); /* what is called from here, and has threads of its own, keeps to this one */
+#pragma omp for schedule(dynamic, 1)
+        for (long r = 0; r < runs; r++) {
+            rx_error own = rx_error_part(thread == 0 ? err : NULL);
+            rx_scenes_field_data field = {0};
+            const rx_sample_id *run = ids + begin[r];
+            rx_status made = get_field(s, nkept, *run, &field, &own);
+            if (made == RX_OK)
+                made = make_run(s, &s->benches[thread], &field, run, begin[r + 1] - begin[r],
+                                samples + begin[r], &own);
+#pragma omp critical(rx_scenes_run)
+            {
+                bool kept = false;
+                for (long i = 0; i < nkept; i++)
+                    kept |= s->kept[i].number == field.number;
+                if (!kept && (made != RX_OK || !keep_field(s, *run, &field)))
+                    rx_scenes_field_clear(&field);
+                if (made != RX_OK && r < first) {
+                    first = r;
+                    status = made;
+                    rx_error_take(err, &own);
+                }
+            }
+        }
+    }
+exit:
+    free(begin);
+    return status;
 }

@@ -94,33 +94,35 @@ typedef struct rx_scenes_params {
     rx_scenes_survey survey;
     uint64_t seed;
     rx_front front; /* target PSF, Tikhonov */
-    int set;        /* rx_sample_set: whose samples are made; test scenes come from other random streams */
 } rx_scenes_params;
 
-typedef struct rx_scenes rx_scenes; /* one per generator thread; keeps fields that it made */
+typedef struct rx_scenes rx_scenes; /* keeps fields that later epochs need */
 
 /* `config`: SIM. keywords for the population (its size, noise and PSF keywords have no effect here). It is
  * not kept. Errors: RX_USAGE parameters out of range, or a PSF that does not fit a patch and its frame; those
  * of reading templates; RX_SYSTEM. */
 rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
-                        const rx_simulate_config *config, rx_log *log, rx_scenes **dst, rx_error *err);
+                        const rx_simulate_config *config, int nthreads, rx_log *log, rx_scenes **dst,
+                        rx_error *err);
 void rx_scenes_free(rx_scenes *scenes); /* NULL is fine */
 
-/* Make one sample. Fields are kept up to RX_SCENES_MEMORY bytes, the one not used for longest goes first, and those
- * of epochs that are over go at once: samples may be asked for in any order, but an epoch of more fields than that, or
- * an earlier epoch, costs rendering them again.
- * Errors: RX_USAGE for a bin or an index that is not in the grid, another set, or a dst of another side;
- * RX_SYSTEM, RX_INTERRUPTED. */
+/* samples[n] of one epoch become new ones, ids[n]; after an error some of them are there. Threads share the fields:
+ * those of one field stand one after the other (sorted by set, bin and index). Fields that serve another epoch are kept
+ * up to RX_SCENES_MEMORY bytes, those of epochs that are over go.
+ * Errors: RX_USAGE for a bin, an index or a set that is not there; RX_SYSTEM, RX_INTERRUPTED. */
 #define RX_SCENES_MEMORY ((size_t)1 << 29)
-rx_status rx_scenes_make(rx_scenes *scenes, rx_sample_id id, rx_sample *dst, rx_error *err);
-int rx_scenes_kept(const rx_scenes *scenes); /* fields kept now */
+rx_status rx_scenes_make(rx_scenes *scenes, const rx_sample_id *ids, long n, rx_sample **samples,
+                         rx_error *err);
+int rx_scenes_side(const rx_scenes *scenes); /* of a sample, pixels */
+
+/* Number of the field that a sample comes from: the same for all samples of one field, otherwise different with near
+ * certainty. */
+uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id);
+/* Which of so many ranks makes a sample: those of one field, the same one. */
+int rx_scenes_owner(const rx_scenes *scenes, rx_sample_id id, int ranks);
 
 /* The largest noise factor (data/noise_correlation.h) that samples with these shares have: of the matched filter of the widest PSF, a
  * Gaussian, under the widest smoothing and the worst resampling; 1 of white noise. */
 double rx_scenes_factor(const rx_scenes_survey *par, double fwhm);
-
-/* Number of the field that a sample comes from (the same for all samples of one field, otherwise different
- * with near certainty): work is shared so that those of one field go to one generator. */
-uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id);
 
 #endif

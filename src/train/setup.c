@@ -178,7 +178,7 @@ rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *
             },
         .grid = *grid,
         .sim = config->sim,
-        .ahead = config->images_ahead,
+        .batch = config->batch,
     };
 }
 
@@ -192,10 +192,9 @@ typedef struct lines {
 /* Does the keyword decide what the model's bytes are? */
 static int decides(const char *name, rx_setup_lines which)
 {
-    static const char *const never[] = {"MODEL_NAME",   "OUTPUT_NAME",  "CHECKPOINT_NAME", "GENERATORS",
-                                        "IMAGES_AHEAD", "QA_FIGURES",   "PLOT_EPOCHS",     "NTHREADS",
-                                        "VERBOSE_TYPE", "SIM.NTHREADS", "SIM.VERBOSE_TYPE"};
-    static const char *const may_change[] = {"EPOCHS", "PATIENCE", "TRAIN_RANKS", "CLIP_IMAGE"};
+    static const char *const never[] = {"MODEL_NAME", "OUTPUT_NAME",  "CHECKPOINT_NAME", "QA_FIGURES",
+                                        "NTHREADS",   "VERBOSE_TYPE", "SIM.NTHREADS",    "SIM.VERBOSE_TYPE"};
+    static const char *const may_change[] = {"EPOCHS", "PATIENCE", "CLIP_IMAGE"};
     for (size_t i = 0; i < sizeof never / sizeof *never; i++)
         if (is(name, never[i]))
             return 0;

@@ -31,12 +31,11 @@ rx_status rx_train_output_open(const rx_train_config *config, rx_train_output *d
 void rx_train_output_close(rx_train_output *output)
 {
     free(output->settings);
-    rx_figures_free(&output->figures);
     *output = (rx_train_output){0};
 }
 
-rx_status rx_train_output_epoch(rx_train_output *output, const rx_model *model, const rx_train_state *state,
-                                int last, rx_error *err)
+rx_status rx_train_output_epoch(const rx_train_output *output, const rx_model *model,
+                                const rx_train_state *state, rx_error *err)
 {
     const rx_train_config *config = output->config;
     const rx_train_page page = {
@@ -48,8 +47,6 @@ rx_status rx_train_output_epoch(rx_train_output *output, const rx_model *model, 
     };
     const char *model_file, *checkpoint, *folder;
     rx_outputs *outputs = NULL;
-    if (last || state->epoch % config->plot_epochs == 0)
-        rx_figures_free(&output->figures); /* new ones */
     rx_status status;
     RX_TRY_EXIT(rx_outputs_new(&outputs, err));
     RX_TRY_EXIT(rx_outputs_file(outputs, config->model_name, &model_file, err));
@@ -57,7 +54,7 @@ rx_status rx_train_output_epoch(rx_train_output *output, const rx_model *model, 
     RX_TRY_EXIT(rx_outputs_file(outputs, config->checkpoint_name, &checkpoint, err));
     RX_TRY_EXIT(rx_checkpoint_write(checkpoint, config->checkpoint_name, output->settings, state, NULL, err));
     RX_TRY_EXIT(rx_outputs_folder(outputs, config->output_name, &folder, err));
-    RX_TRY_EXIT(rx_train_page_write(&page, &output->figures, folder, config->output_name, err));
+    RX_TRY_EXIT(rx_train_page_write(&page, folder, config->output_name, err));
     status = rx_outputs_commit(outputs, err);
 exit:
     rx_outputs_free(outputs);

@@ -3,23 +3,20 @@
 #define RX_TRAIN_TRAIN_OUTPUT_H
 
 #include "config/config_fields.h"
-#include "report/figure.h"
 #include "train/state.h"
 
 typedef struct rx_train_output {
     const rx_train_config *config;
-    char *settings;     /* of the checkpoint, owned */
-    rx_figures figures; /* the last ones drawn */
+    char *settings; /* of the checkpoint, owned */
 } rx_train_output;
 
 /* Errors: RX_USAGE, RX_SYSTEM: outputs that cannot be written are reported before the work. */
 rx_status rx_train_output_open(const rx_train_config *config, rx_train_output *dst, rx_error *err);
 void rx_train_output_close(rx_train_output *output); /* content only */
 
-/* At the end of an epoch: model, checkpoint and folder; new figures when there are none yet, when the
- * training is over, and every PLOT_EPOCHS. The model is that of the best epoch, with its dictionary. */
-rx_status rx_train_output_epoch(rx_train_output *output, const rx_model *model, const rx_train_state *state,
-                                int last, rx_error *err);
+/* At the end of an epoch: model, checkpoint and folder. The model is that of the best epoch, with its dictionary. */
+rx_status rx_train_output_epoch(const rx_train_output *output, const rx_model *model,
+                                const rx_train_state *state, rx_error *err);
 
 /* Within an epoch: the checkpoint alone. */
 rx_status rx_train_output_within(const rx_train_output *output, const rx_train_state *kept,

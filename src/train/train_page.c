@@ -1,6 +1,8 @@
 /* The report of a training. */
 #include "train/train_page.h"
 
+#include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,7 +10,8 @@
 #include "base/memory.h"
 #include "report/page.h"
 #include "report/report.h"
-#include "train/train_figures.h"
+
+#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
 enum { EPOCHS_SHOWN = 50 };
 
@@ -46,8 +49,6 @@ RX_COLUMNS(DICTIONARY, RX_COUNT("epoch", "from 1"), RX_NUMBER("fwhm_low", 2, "pi
            RX_NUMBER("test", 0, "", "test images of this epoch"), RX_NUMBER("recall", 3, "", RECALL),
            RX_NUMBER("bias", 4, "", BIAS), RX_NUMBER("scatter", 4, "", SCATTER));
 
-#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
-
 static rx_report_table *add_log(rx_report *report, const rx_history *h)
 {
     rx_report_table *t = RX_REPORT_TABLE(report, "log", LOG, RX_REPORT_EVERYWHERE);
@@ -61,7 +62,7 @@ static rx_report_table *add_log(rx_report *report, const rx_history *h)
     return t;
 }
 
-static void add_dictionary(rx_report *report, const rx_history *h, const rx_selection *grid)
+static rx_report_table *add_dictionary(rx_report *report, const rx_history *h, const rx_selection *grid)
 {
     rx_report_table *t = RX_REPORT_TABLE(report, "dictionary", DICTIONARY, RX_REPORT_IN_FILE);
     for (long e = 0; e < h->n; e++)
@@ -72,6 +73,71 @@ static void add_dictionary(rx_report *report, const rx_history *h, const rx_sele
             rx_report_put(t, (double)e + 1, fwhm[0], fwhm[1], sigma[0], sigma[1], x->loss, x->list, x->train,
                           x->test, x->recall, x->bias, x->scatter);
         }
+    return t;
+}
+
+/* Numbers of every epoch against the epoch. */
+typedef struct chart {
+    const char *id, *title, *reading;
+    struct {
+        const char *name;
+        size_t offset; /* in rx_epoch */
+    } curve[4];
+} chart;
+
+static const chart CHARTS[] = {
+    {"curve-loss",
+     "Loss",
+     "Means of an epoch. Training: weighted sum of all terms. Test: RESTORE(blurred) against sharp, mean "
+     "over the "
+     "bins; unrestored: the blurred test images themselves. Validation: as test, on the same images in every "
+     "epoch; "
+     "the lowest is the model.",
+     {{"training", offsetof(rx_epoch, losses.total)},
+      {"test", offsetof(rx_epoch, test_loss)},
+      {"test unrestored", offsetof(rx_epoch, input_loss)},
+      {"validation", offsetof(rx_epoch, validation)}}},
+    {"curve-stars",
+     "Test stars",
+     "Recall: share of those of S/N above 5 with a peak above 1.7 sky sigmas within 1.5 pixels. Fluxes: "
+     "isolated stars "
+     "of S/N above 12, sum within 2 FWHM of the target PSF, relative to the truth's.",
+     {{"recall", offsetof(rx_epoch, recall)},
+      {"error of fluxes", offsetof(rx_epoch, bias)},
+      {"scatter of fluxes", offsetof(rx_epoch, scatter)}}},
+};
+
+static void draw_chart(rx_figures *dst, const rx_history *h, const chart *what)
+{
+    enum { MOST = COUNT(what->curve) };
+    rx_axes axes = {.xlabel = "epoch", .ylabel = what->title, .x1 = (double)h->n};
+    rx_curve curve[MOST];
+    int n = 0;
+    const size_t length = (size_t)h->n;
+    double *x = RX_NEW(double, length *(MOST + 1));
+    if (x == NULL) {
+        dst->script.failed = true;
+        return;
+    }
+    for (size_t e = 0; e < length; e++)
+        x[e] = (double)e + 1;
+    for (; n < MOST && what->curve[n].name != NULL; n++) {
+        double *y = x + (size_t)(n + 1) * length;
+        for (size_t e = 0; e < length; e++) {
+            y[e] = *(const double *)((const char *)&h->epoch[e] + what->curve[n].offset);
+            if (isfinite(y[e])) {
+                axes.y0 = fmin(axes.y0, 1.05 * y[e]);
+                axes.y1 = fmax(axes.y1, 1.05 * y[e]);
+            }
+        }
+        curve[n] = (rx_curve){
+            .name = what->curve[n].name, .kind = RX_CURVE_JOINED, .color = n, .n = h->n, .x = x, .y = y};
+    }
+    if (axes.y1 > axes.y0) {
+        rx_figure_add(dst, what->id, what->title, what->reading, RX_FIGURE_CHART);
+        rx_plot_curves(dst, &axes, n, curve);
+    }
+    free(x);
 }
 
 /* Do the parameters that are kept beat the images as they are? */
@@ -120,11 +186,12 @@ static void add_model(rx_report *report, const char *words)
     rx_report_lines(report, *line != '\0' ? line + 1 : line);
 }
 
-rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, const char *folder,
-                              const char *shown, rx_error *err)
+rx_status rx_train_page_write(const rx_train_page *page, const char *folder, const char *shown, rx_error *err)
 {
     static const char *const columns[] = {"epoch",      "patches", "loss", "test_loss", "input_loss",
-                                          "validation", "recall",  "bias", "scatter"};
+                                          "validation", "recall",  "bias", "scatter"},
+                             *const bins[] = {"fwhm_low", "fwhm_high", "sigma_low", "sigma_high", "loss",
+                                              "list",     "recall",    "bias",      "scatter"};
     const rx_report_files files = {
         .folder = folder, .shown = shown, .figures = page->figures, .page = "training.html"};
     const rx_history *h = page->history;
@@ -144,20 +211,11 @@ rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, cons
     rx_report_fact_number(report, "best_epoch", (double)page->model->best);
     rx_report_fact(report, "ended", page->model->ended ? "yes" : "no");
     add_verdict(report, page->model, h);
-    rx_figures *figures = rx_report_figures_of(report);
-    if (drawn->n > 0) {
-        rx_figures_free(figures);
-        *figures = *drawn;
-        *drawn = (rx_figures){0};
-    } else if (page->figures) {
-        rx_train_figures(figures, h, page->selection);
-    }
     if (page->figures) {
+        for (int i = 0; i < COUNT(CHARTS); i++)
+            draw_chart(rx_report_figures_of(report), h, &CHARTS[i]);
         rx_report_section(report, "curves", "Curves");
         rx_report_place(report, "curve-");
-        rx_report_section(report, "dictionary", "Dictionary");
-        rx_report_place(report, "list-");
-        rx_report_place(report, "last-");
     }
     rx_report_section(report, "epochs", "Epochs");
     rx_report_show(report, add_log(report, h),
@@ -165,12 +223,12 @@ rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, cons
                            .ncolumns = COUNT(columns), .columns = columns));
     rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
                            "dictionary.ecsv.");
-    add_dictionary(report, h, page->selection);
+    rx_report_section(report, "dictionary", "Dictionary of the last epoch");
+    rx_report_show(report, add_dictionary(report, h, page->selection),
+                   RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = COUNT(bins), .columns = bins));
     add_model(report, words.data);
     rx_report_record(report, npairs, (const char *const(*)[2])pairs);
     status = rx_report_write(report, &files, NULL, err);
-    *drawn = *figures;
-    *figures = (rx_figures){0};
 exit:
     rx_report_free(report);
     rx_text_free(&words);

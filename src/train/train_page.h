@@ -1,9 +1,8 @@
-/* The report of a training: curves, heat maps of the dictionary, a row for every epoch and bin. */
+/* The report of a training: curves, a row for every epoch, and for every bin of the last one. */
 #ifndef RX_TRAIN_TRAIN_PAGE_H
 #define RX_TRAIN_TRAIN_PAGE_H
 
 #include "nn/model.h"
-#include "report/figure.h"
 #include "train/history.h"
 
 typedef struct rx_train_page {
@@ -14,10 +13,9 @@ typedef struct rx_train_page {
     int figures;                   /* 1: by gnuplot */
 } rx_train_page;
 
-/* training.html, summary.json, log.ecsv and dictionary.ecsv into the existing folder (`shown` in errors). The
- * page's figures are those in `drawn`, or where there are none new ones, which are left there; to be freed with
- * rx_figures_free(). Errors: RX_SYSTEM, RX_INTERRUPTED. */
-rx_status rx_train_page_write(const rx_train_page *page, rx_figures *drawn, const char *folder,
-                              const char *shown, rx_error *err);
+/* training.html, summary.json, log.ecsv and dictionary.ecsv into the existing folder (`shown` in errors). Errors:
+ * RX_SYSTEM, RX_INTERRUPTED. */
+rx_status rx_train_page_write(const rx_train_page *page, const char *folder, const char *shown,
+                              rx_error *err);
 
 #endif

@@ -18,54 +18,43 @@
 /* Divergence: so many batches in a row above so many times the running mean, known from so many batches. */
 enum { HIGH_BATCHES = 3, KNOWN_BATCHES = 5, MOST_RETURNS = 3 };
 static const double HIGH = 20, FORGETS = 0.02;
+enum { STEP_NUMBERS = sizeof(rx_step_values) / sizeof(double) };
 
 typedef struct job {
     const rx_train_config *config;
     rx_log *log; /* NULL on all ranks but the first */
     rx_feed_params feed_par;
-    rx_ranks *ranks;
     rx_feed *feed;
     rx_model *model;
     rx_learner *learner;
     rx_train_output output;
     rx_train_state *kept, *now;     /* at the last end of an epoch, and now */
     float *gradient[RX_MODEL_NETS]; /* NULL: the model has no such network */
-    rx_sample **sample;             /* [most]: of this rank's share of a batch */
-    rx_sample **validation;         /* [nvalidation]: this rank's share of those images */
-    int nvalidation;
-    rx_step_values *values;
-    int most, rank, nranks;
+    rx_sample **sample;             /* [most]: this rank's share of a batch */
+    rx_sample **validation;         /* [nvalidation]: of those images this rank's share, others NULL */
+    long nvalidation;
+    rx_step_values *values; /* [batch] */
+    int most;
     double begun, begun_at; /* seconds; share of the training done then */
     double learning;        /* seconds spent on gradients and improvements */
     long learnt;            /* from so many images, by this rank */
-    int has_diverged, interrupted;
+    int has_diverged;
 } job;
-
-/* Sums over a batch that all ranks must agree on. */
-typedef struct batch_sums {
-    rx_step_values values;
-    double interrupted;
-} batch_sums;
-
-static void generate(void *user, rx_ranks *ranks)
-{
-    /* its errors go to the trainer */
-    rx_feed_generate(user, ranks, NULL, NULL);
-}
 
 /* --- a batch --- */
 
-/* This rank's share of positions from .. to - 1 of the epoch. */
-static rx_status take_samples(job *j, long from, long to, int *n, rx_error *err)
+/* This rank's share of positions from .. to - 1 of the epoch: they follow one another. Returns their number, and in
+ * *first the first one. */
+static int take_samples(job *j, long from, long to, long *first)
 {
-    rx_status status = RX_OK;
-    *n = 0;
-    for (long at = from; at < to && status == RX_OK; at++)
-        if (at % j->nranks == j->rank) {
-            status = rx_feed_next(j->feed, at, &j->sample[*n], err);
-            *n += status == RX_OK;
+    int n = 0;
+    *first = to;
+    for (long at = from; at < to; at++)
+        if (rx_feed_is_mine(j->feed, at)) {
+            *first = at < *first ? at : *first;
+            j->sample[n++] = rx_feed_take(j->feed, at);
         }
-    return status;
+    return n;
 }
 
 static void free_samples(job *j, int n)
@@ -130,32 +119,42 @@ static void improve(job *j, long n, long epoch_images, const rx_step_values *mea
     rx_learner_load(j->learner);
 }
 
+/* This rank's gradients of one network onto those of the ranks before. */
+typedef struct share_of_net {
+    const rx_learner *learner;
+    int net, n;
+} share_of_net;
+
+static void add_gradients(void *user, float *sum, long n)
+{
+    const share_of_net *of = user;
+    (void)n;
+    rx_learner_add(of->learner, of->net, of->n, sum);
+}
+
 /* One step of the optimiser, on the next images of an epoch that has n. */
 static rx_status run_batch(job *j, long n, rx_error *err)
 {
     const long from = j->now->at, to = from + j->config->batch < n ? from + j->config->batch : n;
-    batch_sums sums = {.interrupted = rx_interrupt_pending()};
-    int mine = 0;
-    rx_status status = take_samples(j, from, to, &mine, err);
     const double begun = rx_seconds();
-    if (status == RX_OK)
-        status = rx_learner_gradients(j->learner, j->sample, mine, j->gradient, j->values, err);
+    long first;
+    const int mine = take_samples(j, from, to, &first);
+    memset(j->values, 0, (size_t)j->config->batch * sizeof *j->values);
+    rx_status status = rx_learner_gradients(j->learner, j->sample, mine, j->values + (first - from), err);
     free_samples(j, mine);
-    for (int i = 0; i < mine && status == RX_OK; i++)
-        add_values(&sums.values, &j->values[i], 1);
-    for (int k = 0; k < RX_MODEL_NETS && status == RX_OK; k++)
+    RX_TRY(rx_par_agree(status, err));
+    for (int k = 0; k < RX_MODEL_NETS; k++)
         if (j->gradient[k] != NULL)
-            status = rx_ranks_sum(j->ranks, j->gradient[k], j->now->adam[k]->n, err);
-    if (status == RX_OK)
-        status = rx_ranks_sum_double(j->ranks, (double *)&sums, sizeof sums / sizeof(double), err);
-    if (status != RX_OK)
-        return status;
-    rx_step_values mean = {0};
-    add_values(&mean, &sums.values, 1 / (double)(to - from));
+            RX_TRY(rx_par_fold(j->gradient[k], j->now->adam[k]->n, add_gradients,
+                               &(share_of_net){j->learner, k, mine}, err));
+    RX_TRY(rx_par_sum((double *)j->values, j->config->batch * STEP_NUMBERS, err));
+    rx_step_values sum = {0}, mean = {0};
+    for (long i = 0; i < to - from; i++)
+        add_values(&sum, &j->values[i], 1);
+    add_values(&mean, &sum, 1 / (double)(to - from));
     improve(j, to - from, n, &mean);
     j->learning += rx_seconds() - begun;
     j->learnt += mine;
-    j->interrupted = sums.interrupted > 0;
     return RX_OK;
 }
 
@@ -179,26 +178,18 @@ static void show_progress(const job *j, long n)
 /* All test images of the epoch, those of other ranks included. */
 static rx_status run_tests(job *j, long first, long n, rx_test_image *images, rx_error *err)
 {
-    rx_test_image *mine = RX_NEW(rx_test_image, (size_t)j->most);
-    rx_status status = mine != NULL ? RX_OK : rx_error_memory(err, (size_t)j->most * sizeof *mine);
+    rx_status status = RX_OK;
     for (long from = 0; from < n && status == RX_OK; from += j->config->batch) {
         const long to = from + j->config->batch < n ? from + j->config->batch : n;
-        int count = 0, next = 0;
-        status = take_samples(j, first + from, first + to, &count, err);
+        long at;
+        const int mine = take_samples(j, first + from, first + to, &at);
+        status = rx_learner_test(j->learner, j->sample, mine, images + (at - first), err);
+        free_samples(j, mine);
         if (status == RX_OK)
-            status = rx_learner_test(j->learner, j->sample, count, mine, err);
-        free_samples(j, count);
-        for (long i = from; i < to && status == RX_OK; i++)
-            if ((first + i) % j->nranks == j->rank)
-                images[i] = mine[next++];
-        /* of several ranks none may leave the others alone */
-        if (status == RX_OK && j->nranks == 1)
             status = rx_interrupt_check(err);
     }
-    free(mine);
-    if (status == RX_OK)
-        status = rx_ranks_sum_double(j->ranks, (double *)images, n * RX_TEST_NUMBERS, err);
-    return status;
+    RX_TRY(rx_par_agree(status, err));
+    return rx_par_sum((double *)images, n * RX_TEST_NUMBERS, err);
 }
 
 /* The validation images, before the first epoch. */
@@ -209,36 +200,36 @@ static rx_status draw_validation(job *j, rx_error *err)
         set.train[b] = 0;
         set.test[b] = j->config->validation_images;
     }
-    const long n = (long)set.nbins * j->config->validation_images;
-    j->validation = RX_NEW(rx_sample *, (size_t)n);
-    if (j->validation == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof *j->validation);
-    rx_status status = rx_feed_epoch(j->feed, RX_EPOCH_VALIDATION, &set, NULL, 0, err);
-    for (long at = j->rank; at < n && status == RX_OK; at += j->nranks) {
-        status = rx_feed_next(j->feed, at, &j->validation[j->nvalidation], err);
-        j->nvalidation += status == RX_OK;
-    }
-    return status;
+    j->nvalidation = (long)set.nbins * j->config->validation_images;
+    rx_status status = RX_MAKE(j->validation, (size_t)j->nvalidation, err);
+    RX_TRY(rx_par_agree(status, err));
+    RX_TRY(rx_feed_epoch(j->feed, RX_EPOCH_VALIDATION, &set, NULL, 0, 0, err));
+    for (long at = 0; at < j->nvalidation; at++)
+        j->validation[at] = rx_feed_take(j->feed, at);
+    return RX_OK;
 }
 
 /* Mean loss of RESTORE over the validation images, those of other ranks included, in their order. */
 static rx_status validate(job *j, double *mean, rx_error *err)
 {
-    const long n = (long)j->feed_par.grid.nbins * j->config->validation_images;
-    rx_test_image *mine = RX_NEW(rx_test_image, (size_t)j->nvalidation);
-    double *loss = RX_NEW(double, (size_t)n);
-    rx_status status = mine != NULL && loss != NULL ? RX_OK : rx_error_memory(err, (size_t)n * sizeof *mine);
+    const long n = j->nvalidation;
+    rx_test_image *images = NULL;
+    rx_status status = RX_MAKE(images, (size_t)n, err);
+    for (long at = 0, to; at < n && status == RX_OK; at = to) {
+        to = at + 1;
+        if (j->validation[at] == NULL)
+            continue;
+        while (to < n && j->validation[to] != NULL)
+            to++;
+        status = rx_learner_test(j->learner, j->validation + at, (int)(to - at), images + at, err);
+    }
+    status = rx_par_agree(status, err);
     if (status == RX_OK)
-        status = rx_learner_test(j->learner, j->validation, j->nvalidation, mine, err);
-    for (int i = 0; i < j->nvalidation && status == RX_OK; i++)
-        loss[j->rank + (long)i * j->nranks] = mine[i].loss;
-    if (status == RX_OK)
-        status = rx_ranks_sum_double(j->ranks, loss, n, err);
+        status = rx_par_sum((double *)images, n * RX_TEST_NUMBERS, err);
     *mean = 0;
     for (long i = 0; i < n && status == RX_OK; i++)
-        *mean += loss[i] / (double)n;
-    free(mine);
-    free(loss);
+        *mean += images[i].loss / (double)n;
+    free(images);
     return status;
 }
 
@@ -288,14 +279,14 @@ static rx_status save(job *j, rx_error *err)
     j->model->ended = is_over(j);
     j->model->patches = s->patches;
     rx_status status = rx_epoch_dictionary(&s->selection, bins, j->model, err);
-    if (status == RX_OK && j->rank == 0)
-        status = rx_train_output_epoch(&j->output, j->model, s, j->model->ended, err);
+    if (status == RX_OK && rx_par_rank() == 0)
+        status = rx_train_output_epoch(&j->output, j->model, s, err);
     rx_train_state_load(s, j->model);
     return status;
 }
 
 /* "1h05m" or "40 s". */
-static void tell_epoch(const job *j, double seconds, double waited, long images)
+static void tell_epoch(const job *j, double seconds, double making, long images)
 {
     const rx_history *h = &j->kept->history;
     const rx_epoch *e = &h->epoch[h->n - 1];
@@ -309,19 +300,18 @@ static void tell_epoch(const job *j, double seconds, double waited, long images)
         h->n, j->config->epochs, e->losses.total, e->test_loss, e->input_loss, e->validation,
         j->kept->best_epoch == h->n ? " (best)" : "", e->recall, 100 * e->bias, (double)images / seconds,
         left);
-    rx_log_detail(j->log, "flux scatter %.2f %%; %.0f %% of the time spent waiting for images",
-                  100 * e->scatter, 100 * waited / seconds);
+    rx_log_detail(j->log, "flux scatter %.2f %%; %.0f %% of the time spent making images", 100 * e->scatter,
+                  100 * making / seconds);
 }
 
-/* What steps and images have cost so far. */
+/* What steps and images have cost so far, on this rank. */
 static void tell_costs(const job *j)
 {
-    long images = 0;
-    double seconds = 0;
-    rx_feed_drawn(j->feed, &images, &seconds);
-    rx_log_detail(j->log,
-                  "steps: %.2f s for %ld images, %.2f s waiting for them; generators: %.2f s for %ld images",
-                  j->learning, j->learnt, rx_feed_waited(j->feed), seconds, images);
+    long images;
+    double seconds;
+    rx_feed_made(j->feed, &images, &seconds);
+    rx_log_detail(j->log, "steps: %.2f s for %ld images; making images: %.2f s for %ld images", j->learning,
+                  j->learnt, seconds, images);
 }
 
 /* Back to the last end of an epoch, with half the rate. */
@@ -347,30 +337,29 @@ static rx_status go_back(job *j, rx_error *err)
 
 static rx_status train_images(job *j, long n, rx_error *err)
 {
-    rx_status status = RX_OK;
-    while (status == RX_OK && j->now->at < n && !j->has_diverged) {
-        status = run_batch(j, n, err);
+    while (j->now->at < n && !j->has_diverged) {
+        RX_TRY(run_batch(j, n, err));
         show_progress(j, n);
-        if (status == RX_OK && j->interrupted)
-            status = rx_error_set(err, RX_INTERRUPTED, "interrupted by a signal");
+        RX_TRY(rx_par_agree(rx_interrupt_check(err), err));
     }
-    return status;
+    return RX_OK;
 }
 
 /* The epoch in `now`, from where it stands to its end, or to where the loss diverges. */
 static rx_status run_epoch(job *j, rx_error *err)
 {
     rx_train_state *s = j->now;
-    const double begun = rx_seconds(), waited = rx_feed_waited(j->feed);
+    const double begun = rx_seconds();
     const long at = s->at;
     rx_pick *order = NULL;
     rx_test_image *images = NULL;
-    long n = 0, ntest = 0;
-    double validation = 0;
+    long n = 0, ntest = 0, made;
+    double validation = 0, making_before, making;
+    rx_feed_made(j->feed, &made, &making_before);
     rx_status status =
         rx_selection_order(&s->selection, (uint64_t)j->config->seed, (uint32_t)s->epoch, &order, &n, err);
     if (status == RX_OK)
-        status = rx_feed_epoch(j->feed, (uint32_t)s->epoch, &s->selection, order, n, err);
+        status = rx_feed_epoch(j->feed, (uint32_t)s->epoch, &s->selection, order, n, s->at, err);
     if (status == RX_OK)
         status = train_images(j, n, err);
     if (status != RX_OK || j->has_diverged)
@@ -387,7 +376,8 @@ static rx_status run_epoch(job *j, rx_error *err)
     if (status == RX_OK)
         status = save(j, err);
     if (status == RX_OK) {
-        tell_epoch(j, rx_seconds() - begun, rx_feed_waited(j->feed) - waited, n - at + ntest);
+        rx_feed_made(j->feed, &made, &making);
+        tell_epoch(j, rx_seconds() - begun, making - making_before, n - at + ntest);
         tell_costs(j);
     }
 exit:
@@ -402,7 +392,7 @@ exit:
 static rx_status keep_interrupted(job *j, rx_error *err)
 {
     rx_error trouble = rx_error_part(err);
-    if (j->rank != 0)
+    if (rx_par_rank() != 0)
         return RX_INTERRUPTED;
     const rx_status status = rx_train_output_within(&j->output, j->kept, j->now, &trouble);
     if (status != RX_OK) {
@@ -443,9 +433,9 @@ static rx_status train(job *j, rx_error *err)
 
 static rx_status make_buffers(job *j, rx_error *err)
 {
-    j->most = (j->config->batch + j->nranks - 1) / j->nranks;
+    j->most = (j->config->batch + rx_par_processes() - 1) / rx_par_processes();
     j->sample = RX_NEW(rx_sample *, (size_t)j->most);
-    j->values = RX_NEW(rx_step_values, (size_t)j->most);
+    j->values = RX_NEW(rx_step_values, (size_t)j->config->batch);
     if (j->sample == NULL || j->values == NULL)
         return rx_error_memory(err, 0);
     for (int k = 0; k < RX_MODEL_NETS; k++) {
@@ -485,10 +475,9 @@ static void tell_size(const job *j, int nthreads)
                   1e-3 * (rx_net_macs(first) + (second != NULL ? rx_net_macs(second) : 0)), nthreads);
 }
 
-static rx_status prepare(job *j, rx_error *err)
+static rx_status prepare(job *j, int nthreads, rx_error *err)
 {
     const rx_step_params par = rx_setup_step(j->config);
-    const int nthreads = rx_threads_had(j->config->nthreads, j->log);
     rx_status status = rx_setup_model(j->config, &j->model, err);
     if (status == RX_OK)
         status = rx_train_output_open(j->config, &j->output, err);
@@ -517,30 +506,21 @@ static void clean_up(job *j)
     rx_train_output_close(&j->output);
     for (int k = 0; k < RX_MODEL_NETS; k++)
         free(j->gradient[k]);
-    for (int i = 0; i < j->nvalidation; i++)
+    for (long i = 0; i < j->nvalidation && j->validation != NULL; i++)
         rx_sample_free(j->validation[i]);
     free(j->validation);
     free(j->sample);
     free(j->values);
 }
 
-/* The life of a rank that trains. */
-static rx_status run_trainer(job *j, rx_error *err)
+static rx_status run(job *j, rx_error *err)
 {
-    rx_error own = rx_error_part(err);
-    rx_status status = prepare(j, &own);
-    if (status == RX_OK && is_over(j)) {
-        status = save(j, &own); /* what a kill between two files may have kept from being written */
-    } else if (status == RX_OK) {
-        status = rx_feed_new(&j->feed_par, j->ranks, &j->feed, &own);
-    }
-    if (status == RX_OK)
-        status = train(j, &own);
-    if (status != RX_OK && status != RX_INTERRUPTED)
-        rx_ranks_fail(j->ranks, &own);
-    rx_error_take(err, &own);
-    clean_up(j);
-    return status;
+    const int nthreads = rx_threads_had(j->config->nthreads, j->log);
+    RX_TRY(rx_par_agree(prepare(j, nthreads, err), err));
+    if (is_over(j))
+        return save(j, err); /* what a kill between two files may have kept from being written */
+    RX_TRY(rx_par_agree(rx_feed_new(&j->feed_par, nthreads, j->log, &j->feed, err), err));
+    return train(j, err);
 }
 
 rx_status rx_train_run(const rx_train_config *config, rx_log *log, rx_error *err)
@@ -551,17 +531,10 @@ rx_status rx_train_run(const rx_train_config *config, rx_log *log, rx_error *err
                                                  : rx_setup_selection(config, grid, err);
     if (status == RX_OK) {
         j->config = config;
+        j->log = rx_par_rank() == 0 ? log : NULL;
         j->feed_par = rx_setup_feed(config, grid);
-        status =
-            rx_ranks_start(config->train_ranks, config->generators, generate, &j->feed_par, &j->ranks, err);
-    }
-    if (status == RX_OK) {
-        j->rank = rx_ranks_rank(j->ranks);
-        j->nranks = rx_ranks_trainers(j->ranks);
-        j->log = j->rank == 0 ? log : NULL;
-        status =
-            j->rank >= j->nranks ? rx_feed_generate(&j->feed_par, j->ranks, NULL, err) : run_trainer(j, err);
-        rx_ranks_stop(j->ranks);
+        status = run(j, err);
+        clean_up(j);
     }
     free(grid);
     free(j);

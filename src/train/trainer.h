@@ -10,9 +10,9 @@
  * so a training that ends at a high rate has not learnt what it could. PATIENCE therefore ends none by default,
  * and counts only the epochs that begin below a tenth of the highest rate, the last fifth of the training.
  *
- * Gradients of a batch are computed per sample and added in sample order, so the bytes of the model do not
- * depend on the number of threads; several training ranks (TRAIN_RANKS) agree with one to rounding. The
- * gradient of a step is the mean over its images; the last step of an epoch may have fewer. */
+ * Gradients of a batch are computed per sample and added in sample order, so the bytes of the model depend neither on
+ * the number of threads nor on that of processes. The gradient of a step is the mean over its images; the last step of
+ * an epoch may have fewer. */
 #ifndef RX_TRAIN_TRAINER_H
 #define RX_TRAIN_TRAINER_H
 
@@ -22,13 +22,11 @@
 #include "config/config_fields.h"
 
 /* Everything the configuration asks for: the job of rextract-train. Outputs: MODEL_NAME, CHECKPOINT_NAME and
- * the tables in OUTPUT_NAME each epoch, there also at the end and every PLOT_EPOCHS a page with loss curves
- * and heat maps of the dictionary. When interrupted (RX_INTERRUPTED) the step is finished and the state
+ * a page with tables in OUTPUT_NAME, each epoch. When interrupted (RX_INTERRUPTED) the step is finished and the state
  * within the epoch is kept in CHECKPOINT_NAME. Continues CHECKPOINT_NAME where it exists and belongs to the
  * same configuration; another one is an error that says which keyword differs. Diverging loss (not finite, or
  * 20 times its running mean for 3 batches) goes back to the last end of an epoch with half the rate, three
- * times, then fails with RX_INPUT. Under MPI all processes call this; those that generate return when the
- * training ends. */
+ * times, then fails with RX_INPUT. Under MPI all processes call this together. */
 rx_status rx_train_run(const rx_train_config *config, rx_log *log, rx_error *err);
 
 /* What is in a model file, several lines (-INFO). Errors: those of rx_model_read(). */

@@ -54,12 +54,6 @@ expect 2 '^rextract-train: -PATCH: 50 is no multiple of 4; give 52$' -PATCH 50
 trains 'all margin'
 expect 2 '^rextract-train: -PATCH_MARGIN: 16 leaves less than half of an image.s side of 64; give at most 15$' -PATCH 64 -PATCH_MARGIN 16
 
-trains 'batches that cannot be shared'
-expect 2 '^rextract-train: -BATCH: 8 images cannot be shared alike by 3 training ranks; give a multiple$' -TRAIN_RANKS 3
-
-trains 'an epoch that does not fit'
-expect 2 '^rextract-train: -IMAGES_AHEAD: 100 is less than the 1000 images of an epoch' -IMAGES_AHEAD 100
-
 trains 'ranges the wrong way round'
 expect 2 '^rextract-train: -FWHM_RANGE: 8 is above 2; give <from>,<to>$' -FWHM_RANGE 8,2
 
@@ -78,9 +72,6 @@ expect 2 '^rextract-train: -SIM\.INJECT_IMAGE: has no place in a training' -SIM.
 trains 'its own settings as an output'
 make_training
 expect 2 '^rextract-train: MODEL_NAME tiny\.conf is also read, as tiny\.conf; give the output another name$' tiny.conf -MODEL_NAME tiny.conf
-
-trains 'training ranks without mpiexec'
-expect 2 '^rextract-train: .*mpiexec' -TRAIN_RANKS 2
 
 trains 'a folder that cannot be made'
 expect 4 '^rextract-train: /proc/no/model\.fits: ' -MODEL_NAME /proc/no/model.fits

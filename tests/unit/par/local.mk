@@ -1,6 +1,3 @@
-check_PROGRAMS += tests/unit/par/test_ranks
-tests_unit_par_test_ranks_SOURCES = tests/unit/par/test_ranks.c
-tests_unit_par_test_ranks_LDADD = $(with_train)
 noinst_PROGRAMS += tests/unit/par/mpi_ranks
 tests_unit_par_mpi_ranks_SOURCES = tests/unit/par/mpi_ranks.c
 tests_unit_par_mpi_ranks_LDADD = librextract-train.la librextract-all.la $(RX_LIBS)

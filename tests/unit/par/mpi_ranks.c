@@ -1,5 +1,5 @@
-/* What tests/mpi.sh runs under mpiexec: mpi_ranks CASE [TRAINERS]; has-mpi: exit status 0 if it can. Rank 0
- * says what it found; an exit status of 1 is a failed check, otherwise that of the ranks' error. */
+/* What tests/mpi.sh runs under mpiexec: mpi_ranks CASE; has-mpi: exit status 0 if it can. Rank 0 says what it found;
+ * an exit status of 1 is a failed check, otherwise that of the ranks' error. */
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +11,7 @@
 #include "base/random.h"
 #include "par/ranks.h"
 
-enum { BIG = 300000, MESSAGES = 50, STOP = 7, NUMBERS = 100001 };
+enum { BIG = 300000, MESSAGES = 50, NUMBERS = 100001, ITEMS = 7 };
 
 #define CHECK(condition)                                                                                     \
     do {                                                                                                     \
@@ -21,185 +21,181 @@ enum { BIG = 300000, MESSAGES = 50, STOP = 7, NUMBERS = 100001 };
         }                                                                                                    \
     } while (0)
 
-static bool trains(const rx_ranks *ranks)
-{
-    return rx_ranks_rank(ranks) < rx_ranks_trainers(ranks);
-}
+/* --- messages: big ones to rank 0, which takes them as they come and answers each sender --- */
 
-/* --- messages, small and big, back and forth --- */
-
-static void echo(rx_ranks *ranks)
+static rx_status messages(rx_error *err)
 {
-    rx_message message;
-    while (rx_ranks_receive(ranks, 1, &message, NULL) == RX_OK) {
-        if (message.tag == STOP) {
-            free(message.data);
-            return;
-        }
-        CHECK(rx_ranks_give(ranks, message.from, message.tag, message.data, message.size, NULL) == RX_OK);
-    }
-    CHECK(!"reached");
-}
-
-static rx_status messages(rx_ranks *ranks, rx_error *err)
-{
-    int next[64] = {0}, count = rx_ranks_count(ranks), first = rx_ranks_trainers(ranks);
+    const int rank = rx_par_rank(), others = rx_par_processes() - 1;
+    int next[64] = {0};
     size_t seen = 0;
     unsigned char *data = RX_NEW(unsigned char, BIG);
-    CHECK(data && count <= 64);
-    if (!trains(ranks)) {
-        echo(ranks);
-        free(data);
-        return RX_OK;
+    CHECK(data && others < 64);
+    for (int i = 0; i < MESSAGES && rank > 0; i++) {
+        int answer = -1;
+        memset(data, i, BIG);
+        CHECK(rx_par_send(0, data, BIG, err) == RX_OK);
+        memset(data, 255, BIG); /* it was sent */
+        CHECK(rx_par_receive(0, &answer, sizeof answer, NULL, err) == RX_OK && answer == rank * MESSAGES + i);
     }
-    for (int i = 0; i < MESSAGES; i++)
-        for (int to = first; to < count; to++) { /* sizes on both sides of what MPI sends at once */
-            memset(data, i, BIG);
-            CHECK(rx_ranks_send(ranks, to, i % 2, data, i % 3 ? BIG : 8, err) == RX_OK);
-        }
-    for (int i = 0; i < MESSAGES * (count - first); i++) {
-        rx_message message;
-        CHECK(rx_ranks_receive(ranks, 1, &message, err) == RX_OK);
-        unsigned char *back = message.data;
-        int which = 2 * next[message.from * 2 + message.tag]++ + message.tag;
-        CHECK(message.size == (which % 3 ? BIG : 8) && back[0] == which && back[message.size - 1] == which);
-        seen += message.size;
-        free(back);
+    for (int i = 0; i < MESSAGES * others && rank == 0; i++) {
+        int from = 0;
+        CHECK(rx_par_receive(RX_ANY_RANK, data, BIG, &from, err) == RX_OK && from > 0 && from <= others);
+        CHECK(data[0] == next[from] && data[BIG - 1] == next[from]);
+        const int answer = from * MESSAGES + next[from]++;
+        CHECK(rx_par_send(from, &answer, sizeof answer, err) == RX_OK);
+        seen += BIG;
     }
-    double done = 1; /* all have theirs back */
-    CHECK(rx_ranks_sum_double(ranks, &done, 1, err) == RX_OK && done == first);
-    for (int to = first; to < count && rx_ranks_rank(ranks) == 0; to++)
-        CHECK(rx_ranks_send(ranks, to, STOP, NULL, 0, err) == RX_OK);
-    if (rx_ranks_rank(ranks) == 0)
-        printf("%zu bytes came back\n", seen);
+    if (rank == 0)
+        printf("%zu bytes of each came\n", seen / (size_t)others);
+    /* none ends while rank 0 still waits for any */
+    for (int to = 1; to <= others && rank == 0; to++)
+        CHECK(rx_par_send(to, data, 1, err) == RX_OK);
+    CHECK(rank == 0 || rx_par_receive(0, data, 1, NULL, err) == RX_OK);
     free(data);
     return RX_OK;
 }
 
-/* --- sums: the order of ranks, the same bytes everywhere --- */
+/* --- sums: the order of ranks or items, the same bytes everywhere --- */
 
-static float number(int rank, int i)
+static double number(int item, int i)
 {
-    return (float)(rx_random_normal(7, (uint64_t)rank, (uint64_t)i) * (rank == 1 ? 1e6 : 1));
+    return rx_random_normal(7, (uint64_t)item, (uint64_t)i) * (item == 1 ? 1e6 : 1);
 }
 
-static rx_status sums(rx_ranks *ranks, rx_error *err)
+/* Items from first to last - 1. */
+typedef struct items {
+    int first, last;
+} items;
+
+static void add(void *user, float *values, long n)
 {
-    float *values = RX_NEW(float, NUMBERS);
-    double doubles[3] = {1e16, 1, rx_ranks_rank(ranks)};
-    CHECK(values);
+    const items *own = user;
+    for (int item = own->first; item < own->last; item++)
+        for (int i = 0; i < n; i++)
+            values[i] += (float)number(item, i);
+}
+
+static rx_status sums(rx_error *err)
+{
+    const int rank = rx_par_rank(), count = rx_par_processes();
+    double *doubles = RX_NEW(double, NUMBERS);
+    float *values = RX_NEW(float, NUMBERS), *whole = RX_NEW(float, NUMBERS);
+    CHECK(doubles && values && whole);
     for (int i = 0; i < NUMBERS; i++)
-        values[i] = number(rx_ranks_rank(ranks), i);
-    if (trains(ranks)) {
-        CHECK(rx_ranks_sum(ranks, values, NUMBERS, err) == RX_OK);
-        CHECK(rx_ranks_sum_double(ranks, doubles, 3, err) == RX_OK);
-        for (int i = 0; i < NUMBERS; i++) {
-            float expected = number(0, i);
-            for (int rank = 1; rank < rx_ranks_trainers(ranks); rank++)
-                expected += number(rank, i);
-            CHECK(values[i] == expected);
-        }
-        CHECK(doubles[1] == rx_ranks_trainers(ranks));
-        if (rx_ranks_rank(ranks) == 0)
-            printf("sums of %d ranks in order\n", rx_ranks_trainers(ranks));
+        doubles[i] = number(rank, i);
+    CHECK(rx_par_sum(doubles, NUMBERS, err) == RX_OK);
+    for (int i = 0; i < NUMBERS; i++) {
+        double expected = number(0, i);
+        for (int other = 1; other < count; other++)
+            expected += number(other, i);
+        CHECK(doubles[i] == expected);
     }
+    items own = {rank * ITEMS / count, (rank + 1) * ITEMS / count}, all = {0, ITEMS};
+    values[0] = 5; /* what is there before does not matter */
+    CHECK(rx_par_fold(values, NUMBERS, add, &own, err) == RX_OK);
+    add(&all, whole, NUMBERS);
+    CHECK(memcmp(values, whole, NUMBERS * sizeof *values) == 0);
+    if (rank == 0)
+        printf("sums of %d ranks in order\n", count);
+    free(doubles);
     free(values);
+    free(whole);
     return RX_OK;
 }
 
 /* --- ends of all kinds --- */
 
-static rx_status wait_on(rx_ranks *ranks, rx_error *err)
+static int last(void)
 {
+    return rx_par_rank() + 1 == rx_par_processes();
+}
+
+/* Of two that fail the lower one is heard, by all. */
+static rx_status failing(rx_error *err)
+{
+    rx_error own = RX_ERROR_NONE;
     rx_status status = RX_OK;
-    while (status == RX_OK) {
-        rx_message message;
-        status = rx_ranks_receive(ranks, 1, &message, err);
-        free(message.data);
-    }
-    return trains(ranks) ? status : RX_OK;
+    CHECK(rx_par_agree(RX_OK, &own) == RX_OK);
+    if (rx_par_rank() == 1)
+        status = rx_error_at(&own, RX_INPUT, "a.fits", 2, 0, "no galaxies are left");
+    else if (last())
+        status = rx_error_set(&own, RX_SYSTEM, "no disk");
+    status = rx_par_agree(status, &own);
+    CHECK(status == RX_INPUT && own.status == RX_INPUT && own.hdu == 2 && strcmp(own.where, "a.fits") == 0);
+    return rx_error_take(err, &own);
 }
 
-/* The last rank sends what nobody reads, then fails. */
-static rx_status failing(rx_ranks *ranks, rx_error *err)
+/* The last rank ends without a word, while all others agree, */
+static rx_status leaving(rx_error *err)
 {
-    if (rx_ranks_rank(ranks) + 1 < rx_ranks_count(ranks))
-        return wait_on(ranks, err);
-    for (int i = 0; i < 100; i++)
-        CHECK(rx_ranks_give(ranks, 0, 0, rx_alloc(BIG, 1), BIG, err) == RX_OK);
-    rx_status status = rx_error_set(err, RX_INPUT, "no galaxies are left");
-    rx_ranks_fail(ranks, err);
-    return status;
+    return last() ? RX_OK : rx_par_agree(RX_OK, err);
 }
 
-static rx_status leaving(rx_ranks *ranks, rx_error *err)
+/* or sum, */
+static rx_status leaving_sum(rx_error *err)
 {
-    return rx_ranks_rank(ranks) + 1 < rx_ranks_count(ranks) ? wait_on(ranks, err) : RX_OK;
+    float values[3] = {0};
+    items none = {0};
+    return last() ? RX_OK : rx_par_fold(values, 3, add, &none, err);
 }
 
-/* Training rank 1 fails while rank 0 sums. */
-static rx_status failing_sum(rx_ranks *ranks, rx_error *err)
+/* or wait for any, having sent what no one reads. */
+static rx_status unread(rx_error *err)
 {
-    float one = 1;
-    if (!trains(ranks))
-        return wait_on(ranks, err);
-    if (rx_ranks_rank(ranks) == 0)
-        return rx_ranks_sum(ranks, &one, 1, err);
-    rx_status status = rx_error_set(err, RX_SYSTEM, "the gradient does not fit into memory");
-    rx_ranks_fail(ranks, err);
-    return status;
+    char *data = RX_NEW(char, BIG), byte;
+    rx_status status = RX_OK;
+    CHECK(data);
+    if (rx_par_rank() == 0)
+        CHECK(rx_par_receive(1, data, BIG, NULL, err) == RX_OK);
+    if (rx_par_rank() == 1)
+        for (int i = 0; i < 10 && status == RX_OK; i++)
+            status = rx_par_send(0, data, BIG, err); /* the rest goes while rank 0 ends */
+    if (rx_par_rank() > 1)
+        status = rx_par_receive(0, &byte, 1, NULL, err);
+    free(data);
+    return rx_par_rank() == 0 ? RX_OK : status;
 }
 
-/* The trainer stops although images are on their way, and says nothing. */
-static rx_status stopping(rx_ranks *ranks, rx_error *err)
+static rx_status other_size(rx_error *err)
 {
-    if (trains(ranks)) {
-        printf("stopped\n");
-        return RX_OK;
-    }
-    for (int i = 0; i < 100; i++)
-        CHECK(rx_ranks_give(ranks, 0, 0, rx_alloc(BIG, 1), BIG, err) == RX_OK);
-    return wait_on(ranks, err);
+    long number = 3;
+    int half;
+    return rx_par_rank() > 0 ? rx_par_send(0, &number, sizeof number, err)
+                             : rx_par_receive(RX_ANY_RANK, &half, sizeof half, NULL, err);
 }
 
-/* The single trainer waits for what never comes until a signal comes. */
-static rx_status interrupted(rx_ranks *ranks, rx_error *err)
+/* Rank 0 waits for what never comes until a signal comes; the others, which wait for it, hear that it has ended. */
+static rx_status interrupted(rx_error *err)
 {
-    if (rx_ranks_rank(ranks) == 0)
-        kill(getpid(), SIGTERM);
-    return wait_on(ranks, err);
+    char byte;
+    if (rx_par_rank() > 0)
+        return rx_par_receive(0, &byte, 1, NULL, err);
+    kill(getpid(), SIGTERM);
+    return rx_par_receive(RX_ANY_RANK, &byte, 1, NULL, err);
 }
 
 /* Killed from outside: mpiexec ends the others. */
-static rx_status killed(rx_ranks *ranks, rx_error *err)
+static rx_status killed(rx_error *err)
 {
-    if (rx_ranks_rank(ranks) + 1 == rx_ranks_count(ranks))
+    if (last())
         kill(getpid(), SIGKILL);
-    return wait_on(ranks, err);
+    return rx_par_agree(RX_OK, err);
 }
 
-typedef rx_status test_case(rx_ranks *ranks, rx_error *err);
-
-static rx_status run_case(const char *name, int trainers, rx_error *err)
+static rx_status run_case(const char *name, rx_error *err)
 {
     const struct {
         const char *name;
-        test_case *run;
-    } cases[] = {{"messages", messages},       {"sums", sums},         {"failing", failing},
-                 {"leaving", leaving},         {"stopping", stopping}, {"failing-sum", failing_sum},
-                 {"interrupted", interrupted}, {"killed", killed}};
-    rx_ranks *ranks = NULL;
-    if (strcmp(name, "before") == 0 && rx_par_rank() == 1) /* fails before there are ranks */
-        return rx_error_set(err, RX_SYSTEM, "out of memory");
-    rx_status status = rx_ranks_start(trainers, 1, NULL, NULL, &ranks, err);
-    if (status != RX_OK)
-        return status;
-    status = strcmp(name, "before") == 0 ? wait_on(ranks, err) : RX_USAGE;
+        rx_status (*run)(rx_error *err);
+    } cases[] = {{"messages", messages}, {"sums", sums},
+                 {"failing", failing},   {"leaving", leaving},
+                 {"unread", unread},     {"leaving-sum", leaving_sum},
+                 {"size", other_size},   {"interrupted", interrupted},
+                 {"killed", killed}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++)
         if (strcmp(name, cases[i].name) == 0)
-            status = cases[i].run(ranks, err);
-    rx_ranks_stop(ranks);
-    return status;
+            return cases[i].run(err);
+    return RX_USAGE;
 }
 
 static bool has_mpi(void)
@@ -221,7 +217,7 @@ int main(int argc, char **argv)
     if (status == RX_OK && rx_par_processes() < 2)
         status = rx_error_set(&err, RX_USAGE, "for mpiexec -n 2 or more");
     if (status == RX_OK)
-        status = run_case(argc > 1 ? argv[1] : "", argc > 2 ? atoi(argv[2]) : 1, &err);
+        status = run_case(argc > 1 ? argv[1] : "", &err);
     if (status != RX_OK && rx_par_rank() == 0)
         fprintf(stderr, "mpi_ranks: %s\n", err.text);
     rx_par_end(status);

@@ -1,6 +1,3 @@
-check_PROGRAMS += tests/unit/train/test_feed
-tests_unit_train_test_feed_SOURCES = tests/unit/train/test_feed.c tests/unit/train/scenes_test.h
-tests_unit_train_test_feed_LDADD = $(with_train)
 check_PROGRAMS += tests/unit/train/test_sample
 tests_unit_train_test_sample_SOURCES = tests/unit/train/test_sample.c
 tests_unit_train_test_sample_LDADD = $(with_train)

@@ -6,6 +6,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include <cmocka.h>
 
@@ -40,7 +41,7 @@ static inline rx_scenes *scenes_test_make(const scenes_test *t)
 {
     rx_scenes *scenes = NULL;
     rx_error err = RX_ERROR_NONE;
-    if (rx_scenes_new(&t->par, &t->grid, t->config, NULL, &scenes, &err) != RX_OK)
+    if (rx_scenes_new(&t->par, &t->grid, t->config, 2, NULL, &scenes, &err) != RX_OK)
         fail_msg("%s", err.text);
     return scenes;
 }
@@ -48,8 +49,12 @@ static inline rx_scenes *scenes_test_make(const scenes_test *t)
 static inline void scenes_test_sample(rx_scenes *scenes, rx_sample_id id, rx_sample *dst)
 {
     rx_error err = RX_ERROR_NONE;
-    if (rx_scenes_make(scenes, id, dst, &err) != RX_OK)
+    rx_sample *made = NULL;
+    if (rx_scenes_make(scenes, &id, 1, &made, &err) != RX_OK)
         fail_msg("%s", err.text);
+    memcpy(dst, made, rx_sample_bytes(dst->side));
+    rx_sample_attach(dst);
+    rx_sample_free(made);
 }
 
 #endif

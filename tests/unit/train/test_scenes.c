@@ -210,39 +210,76 @@ static scenes_test with_everything(void)
     return t;
 }
 
+/* One by one or all of an epoch together, on one thread or three. */
 static void test_any_order_any_thread(void **state)
 {
     (void)state;
-    enum { IMAGES = 12 };
+    enum { EPOCHS = 3, IMAGES = 12 };
     scenes_test t = with_everything();
-    rx_sample *alone[IMAGES], *together[IMAGES];
-    rx_sample_id id[IMAGES];
-    rx_scenes *both[2];
-    for (int i = 0; i < IMAGES; i++) {
-        id[i] =
-            (rx_sample_id){.epoch = (uint32_t)(i % 3), .bin = (uint32_t)(i * 7 % 25), .index = (uint32_t)i};
-        alone[i] = rx_sample_new(P);
-        together[i] = rx_sample_new(P);
+    rx_sample *alone = rx_sample_new(P), *together[IMAGES];
+    rx_scenes *one = scenes_test_make(&t), *three = NULL;
+    assert_int_equal(rx_scenes_new(&t.par, &t.grid, t.config, 3, NULL, &three, NULL), RX_OK);
+    for (uint32_t epoch = 0; epoch < EPOCHS; epoch++) {
+        rx_sample_id id[IMAGES];
+        for (uint32_t i = 0; i < IMAGES; i++)
+            id[i] = (rx_sample_id){.epoch = epoch, .set = i / 6, .bin = i / 2 * 7 % 25, .index = i};
+        assert_int_equal(rx_scenes_make(three, id, IMAGES, together, NULL), RX_OK);
+        for (int i = IMAGES - 1; i >= 0; i--) {
+            scenes_test_sample(one, id[i], alone);
+            assert_same(alone, together[i]);
+            rx_sample_free(together[i]);
+        }
+    }
+    rx_sample_free(alone);
+    rx_scenes_free(one);
+    rx_scenes_free(three);
+    rx_simulate_config_free(t.config);
+}
+
+/* Images of one field are made by one rank, which changes with the field, and all ranks get their share. */
+static void test_owners(void **state)
+{
+    (void)state;
+    enum { RANKS = 3, PLACES = 4 };
+    scenes_test t = scenes_test_open(1.0, 15.0);
+    rx_scenes *scenes = scenes_test_make(&t);
+    int share[RANKS] = {0}, moved = 0;
+    for (uint32_t bin = 0; bin < 25; bin++)
+        for (uint32_t index = 0; index < 40; index++) {
+            rx_sample_id id = {.epoch = 2, .bin = bin, .index = index};
+            const int owner = rx_scenes_owner(scenes, id, RANKS);
+            assert_in_range(owner, 0, RANKS - 1);
+            share[owner]++;
+            id.index = index / PLACES * PLACES;
+            assert_int_equal(rx_scenes_owner(scenes, id, RANKS), owner);
+            id.epoch = 3; /* of two uses the second */
+            assert_int_equal(rx_scenes_owner(scenes, id, RANKS), owner);
+            id.epoch = 4;
+            moved += rx_scenes_owner(scenes, id, RANKS) != owner;
+        }
+    for (int rank = 0; rank < RANKS; rank++)
+        assert_in_range(share[rank], 300, 370);
+    assert_int_equal(moved, 1000);
+    rx_scenes_free(scenes);
+    rx_simulate_config_free(t.config);
+}
+
+/* Those that no SEED changes. */
+static void test_validation(void **state)
+{
+    (void)state;
+    const rx_sample_id id = {.epoch = RX_EPOCH_VALIDATION, .set = RX_SET_TEST, .bin = 3};
+    scenes_test t = scenes_test_open(1.0, 15.0);
+    rx_sample *s[2] = {rx_sample_new(P), rx_sample_new(P)};
+    for (int i = 0; i < 2; i++) {
+        t.par.seed += (uint64_t)i;
         rx_scenes *scenes = scenes_test_make(&t);
-        scenes_test_sample(scenes, id[i], alone[i]);
+        scenes_test_sample(scenes, id, s[i]);
         rx_scenes_free(scenes);
     }
-    rx_status status[2] = {RX_OK, RX_OK};
-    for (int k = 0; k < 2; k++)
-        both[k] = scenes_test_make(&t);
-#pragma omp parallel for num_threads(2) schedule(static)
-    for (int k = 0; k < 2; k++)
-        for (int i = IMAGES - 1 - k; i >= 0 && status[k] == RX_OK; i -= 2)
-            status[k] = rx_scenes_make(both[k], id[i], together[i], NULL);
-    for (int k = 0; k < 2; k++) {
-        assert_int_equal(status[k], RX_OK);
-        rx_scenes_free(both[k]);
-    }
-    for (int i = 0; i < IMAGES; i++) {
-        assert_same(alone[i], together[i]);
-        rx_sample_free(alone[i]);
-        rx_sample_free(together[i]);
-    }
+    assert_same(s[0], s[1]);
+    rx_sample_free(s[0]);
+    rx_sample_free(s[1]);
     rx_simulate_config_free(t.config);
 }
 
@@ -261,7 +298,6 @@ static void test_uses(void **state)
         const rx_sample_id id = {.epoch = epoch, .bin = 3};
         int alike = 0;
         scenes_test_sample(scenes, id, s);
-        assert_int_equal(rx_scenes_field(&t.par, id) == rx_scenes_field(&t.par, first->id), epoch < 4);
         assert_memory_not_equal(s->x, first->x, N * sizeof(float));
         for (int turn = 0; turn < 8; turn++) {
             double off = 0.0, most = 0.0;
@@ -276,7 +312,6 @@ static void test_uses(void **state)
             assert_true(turn != 0 || off > 1e-4 * most);
         }
         assert_int_equal(alike, epoch < 4 ? 1 : 0);
-        assert_int_equal(rx_scenes_kept(scenes), 1); /* that of epochs that are over is gone */
     }
     rx_sample_free(first);
     rx_sample_free(s);
@@ -289,16 +324,14 @@ static void test_streams_differ(void **state)
 {
     (void)state;
     scenes_test t = scenes_test_open(1.0, 15.0), other = t;
-    other.par.set = RX_SET_TEST;
-    rx_scenes *train = scenes_test_make(&t), *test = scenes_test_make(&other);
-    other.par.set = RX_SET_TRAIN;
+    rx_scenes *train = scenes_test_make(&t);
     other.par.seed++;
     rx_scenes *reseeded = scenes_test_make(&other);
     rx_sample *s[4];
     for (int i = 0; i < 4; i++)
         s[i] = rx_sample_new(P);
     scenes_test_sample(train, (rx_sample_id){.index = 1}, s[0]);
-    scenes_test_sample(test, (rx_sample_id){.set = RX_SET_TEST, .index = 1}, s[1]);
+    scenes_test_sample(train, (rx_sample_id){.set = RX_SET_TEST, .index = 1}, s[1]);
     scenes_test_sample(reseeded, (rx_sample_id){.index = 1}, s[2]);
     scenes_test_sample(train, (rx_sample_id){.index = 2}, s[3]); /* the same field, another place */
     for (int i = 0; i < 4; i++)
@@ -315,7 +348,6 @@ static void test_streams_differ(void **state)
     for (int i = 0; i < 4; i++)
         rx_sample_free(s[i]);
     rx_scenes_free(train);
-    rx_scenes_free(test);
     rx_scenes_free(reseeded);
     rx_simulate_config_free(t.config);
 }
@@ -324,7 +356,7 @@ static void expect_usage(const scenes_test *t)
 {
     rx_scenes *scenes = NULL;
     rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_scenes_new(&t->par, &t->grid, t->config, NULL, &scenes, &err), RX_USAGE);
+    assert_int_equal(rx_scenes_new(&t->par, &t->grid, t->config, 1, NULL, &scenes, &err), RX_USAGE);
     assert_null(scenes);
     assert_true(err.text[0] != '\0');
 }
@@ -359,16 +391,12 @@ static void test_usage(void **state)
     REFUSED(survey.dark = NAN);
     REFUSED(survey.smoothed_fwhm[0] = 1.0);
     REFUSED(survey.sky_offset = -0.3);
-    REFUSED(set = 2);
 #undef REFUSED
     rx_scenes *scenes = scenes_test_make(&good);
-    rx_sample *s = rx_sample_new(P), *small = rx_sample_new(P / 2);
-    assert_int_equal(rx_scenes_make(scenes, (rx_sample_id){.bin = 25}, s, NULL), RX_USAGE);
-    assert_int_equal(rx_scenes_make(scenes, (rx_sample_id){.index = 40}, s, NULL), RX_USAGE);
-    assert_int_equal(rx_scenes_make(scenes, (rx_sample_id){.set = RX_SET_TEST}, s, NULL), RX_USAGE);
-    assert_int_equal(rx_scenes_make(scenes, (rx_sample_id){.bin = 1}, small, NULL), RX_USAGE);
-    rx_sample_free(s);
-    rx_sample_free(small);
+    rx_sample *s = NULL;
+    const rx_sample_id wrong[] = {{.bin = 25}, {.index = 40}, {.set = 2}};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        assert_int_equal(rx_scenes_make(scenes, &wrong[i], 1, &s, NULL), RX_USAGE);
     rx_scenes_free(scenes);
     rx_simulate_config_free(good.config);
 }
@@ -381,6 +409,8 @@ int main(void)
         cmocka_unit_test(test_errors_told),
         cmocka_unit_test(test_stars),
         cmocka_unit_test(test_any_order_any_thread),
+        cmocka_unit_test(test_owners),
+        cmocka_unit_test(test_validation),
         cmocka_unit_test(test_uses),
         cmocka_unit_test(test_streams_differ),
         cmocka_unit_test(test_usage),
