@@ -24,11 +24,11 @@ restore   nn num psf
 detect    num
 measure   num
 template  num
-simulate  io num psf
+simulate  io num psf config
 catalog   io num psf
 quality   io num psf
 report    quality io num psf
-train     report nn stage pipeline simulate par quality config io num psf
+train     report nn simulate par quality config io num psf
 pipeline  nn psf restore detect measure template catalog config num io
 check     report pipeline simulate quality restore measure num io
 stage     report check pipeline io num nn psf restore detect measure template catalog quality simulate config

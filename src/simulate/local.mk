@@ -10,3 +10,4 @@ librextract_la_SOURCES += src/simulate/truth.c src/simulate/truth.h
 librextract_la_SOURCES += src/simulate/coadd.c src/simulate/coadd.h
 librextract_la_SOURCES += src/simulate/inject.c src/simulate/inject.h
 librextract_la_SOURCES += src/simulate/sky_noise.c src/simulate/sky_noise.h
+librextract_la_SOURCES += src/simulate/simulation.c src/simulate/simulation.h

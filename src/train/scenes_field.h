@@ -3,7 +3,7 @@
 #define RX_TRAIN_SCENES_FIELD_H
 
 #include "psf/psf.h"
-#include "stage/simulation.h"
+#include "simulate/simulation.h"
 #include "train/scenes.h"
 
 /* One rendered field. Coordinates are those of the whole, frame included. */
