@@ -24,7 +24,7 @@ restore   nn num psf
 detect    num
 measure   num
 template  num
-simulate  io num psf config
+simulate  io num nn psf config
 catalog   io num psf
 quality   io num psf
 report    quality io num psf

@@ -65,6 +65,18 @@ double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter)
     return both[0];
 }
 
+double rx_random_between(rx_random_stream from, uint64_t slot, double low, double high)
+{
+    return low + (high - low) * rx_random_uniform(from.seed, from.stream, slot);
+}
+
+double rx_random_log_between(rx_random_stream from, uint64_t slot, double low, double high)
+{
+    if (!(low > 0.0))
+        return rx_random_between(from, slot, low, high);
+    return exp(rx_random_between(from, slot, log(low), log(high)));
+}
+
 double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter)
 {
     double both[2];

@@ -25,6 +25,10 @@ double rx_random_uniform(uint64_t seed, uint64_t stream, uint64_t counter);
 /* Two of them, independent; the first is rx_random_uniform(). */
 void rx_random_two(uint64_t seed, uint64_t stream, uint64_t counter, double dst[2]);
 
+/* Number `slot` of a stream: uniform in low .. high, and log-uniform (uniform where `low` is not above 0). */
+double rx_random_between(rx_random_stream from, uint64_t slot, double low, double high);
+double rx_random_log_between(rx_random_stream from, uint64_t slot, double low, double high);
+
 /* Normal deviate, mean 0, width 1 (Box-Muller on one block). */
 double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter);
 

@@ -11,7 +11,7 @@
  *
  * What is inside a training for levels N1 to N2: B is that of whole fields, and what the network sees of them, a
  * patch, may have any of it: half of the patches of fields of N 12 to 15 are above 15, one in fourteen above 130, as
- * good as empty (tests/unit/train/test_scenes_light). So a model knows every B up to 255 / N1, pixels up to 40 times
+ * good as empty (tests/unit/train/test_samples_light). So a model knows every B up to 255 / N1, pixels up to 40 times
  * that, and no tile is too faint for it; what it did in the bin of N2 is the nearest that is known of fainter ones. */
 #ifndef RX_NN_NOISE_LEVEL_H
 #define RX_NN_NOISE_LEVEL_H

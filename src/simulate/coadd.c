@@ -392,6 +392,58 @@ rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const
     return status;
 }
 
+/* --- what it leaves of white noise --- */
+
+/* Of a pixel `distance` away from the place, before their sum is made 1. */
+static double tap(rx_resampler kind, double distance, double drop)
+{
+    const double d = fabs(distance);
+    switch (kind) {
+    case RX_RESAMPLER_LINEAR:
+        return fmax(1.0 - d, 0.0);
+    case RX_RESAMPLER_CUBIC:
+        if (d >= 2.0)
+            return 0.0;
+        return d < 1.0 ? (1.5 * d - 2.5) * d * d + 1.0 : ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0;
+    case RX_RESAMPLER_LANCZOS:
+        return lanczos(distance);
+    default:
+        return overlap(distance, drop, 1.0);
+    }
+}
+
+/* lag[TAPS] of one direction: sums of products of weights. */
+static void correlate_taps(rx_resampler kind, double size, double *lag)
+{
+    const int places = kind == RX_RESAMPLER_DRIZZLE ? 16 : 1;
+    for (int d = 0; d < TAPS; d++)
+        lag[d] = 0.0;
+    for (int p = 0; p < places; p++) {
+        const double shift = kind == RX_RESAMPLER_DRIZZLE ? (p + 0.5) / places : size;
+        double weight[TAPS], sum = 0.0;
+        for (int i = 0; i < TAPS; i++) {
+            weight[i] = tap(kind, i - (ORDER - 1) - shift, size);
+            sum += weight[i];
+        }
+        for (int d = 0; d < TAPS; d++)
+            for (int i = 0; i + d < TAPS; i++)
+                lag[d] += weight[i] * weight[i + d] / (sum * sum);
+    }
+}
+
+rx_noise_correlation rx_resampled_noise(rx_resampler kind, const double size[2])
+{
+    rx_noise_correlation noise = rx_noise_white(RX_NOISE_GIVEN);
+    double x[TAPS], y[TAPS];
+    correlate_taps(kind, size[0], x);
+    correlate_taps(kind, size[1], y);
+    noise.correlated = 1;
+    for (int dy = 1 - TAPS; dy < TAPS; dy++)
+        for (int dx = 1 - TAPS; dx < TAPS; dx++)
+            noise.at[dy + RX_NOISE_REACH][dx + RX_NOISE_REACH] = x[abs(dx)] * y[abs(dy)] / (x[0] * y[0]);
+    return noise;
+}
+
 /* --- width --- */
 
 enum { NODES = 4, MOST_POINTS = TAPS * NODES * NODES };

@@ -12,6 +12,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "data/noise_correlation.h"
 #include "simulate/noise.h"
 #include "simulate/optics.h"
 #include "simulate/scene.h"
@@ -66,6 +67,15 @@ typedef struct rx_coadd {
  * RX_USAGE parameters; RX_SYSTEM memory; RX_INTERRUPTED. */
 rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const rx_optics *optics,
                         const rx_noise_params *noise, int nthreads, rx_coadd *dst, rx_error *err);
+
+/* What resampling leaves of white noise, far from any edge. */
+typedef enum rx_resampler {
+    RX_RESAMPLER_LINEAR,  /* size: shift, 0..1 pixel; so for the next two */
+    RX_RESAMPLER_CUBIC,   /* Keys 1981, a = -1/2 */
+    RX_RESAMPLER_LANCZOS, /* of order 3, sum 1 */
+    RX_RESAMPLER_DRIZZLE, /* size: side of the drop, at most 2 pixels of the image; mean over all dithers */
+} rx_resampler;
+rx_noise_correlation rx_resampled_noise(rx_resampler kind, const double size[2] /* x, y */);
 
 /* FWHM (output pixels) of a star on the coadd: a Moffat of that FWHM and exponent over input pixels, drops and
  * output pixels (Lanczos' kernel instead of these two), the mean over all dithers. */

@@ -11,3 +11,6 @@ librextract_la_SOURCES += src/simulate/coadd.c src/simulate/coadd.h
 librextract_la_SOURCES += src/simulate/inject.c src/simulate/inject.h
 librextract_la_SOURCES += src/simulate/sky_noise.c src/simulate/sky_noise.h
 librextract_la_SOURCES += src/simulate/simulation.c src/simulate/simulation.h
+# what only the trainer needs
+librextract_train_la_SOURCES += src/simulate/sky_field.c src/simulate/sky_field.h
+librextract_train_la_SOURCES += src/simulate/survey_sky.c src/simulate/survey_sky.h

@@ -143,7 +143,7 @@ static rx_noise_params noise_params(const rx_simulate_config *config)
 /* --- all of it --- */
 
 rx_status rx_simulation_build(const rx_simulate_config *config, const rx_simulation_ground *ground,
-                                     rx_log *log, rx_simulation **dst, rx_error *err)
+                              rx_log *log, rx_simulation **dst, rx_error *err)
 {
     double fwhm = config->psf_fwhm;
     rx_status status = RX_OK;

@@ -49,7 +49,7 @@ rx_status rx_simulation_from_config(const rx_simulate_config *config, rx_log *lo
                                     rx_error *err);
 rx_status rx_simulation_build(const rx_simulate_config *config, const rx_simulation_ground *ground,
                               rx_log *log, rx_simulation **dst, rx_error *err); /* the same on other ground */
-void rx_simulation_free(rx_simulation *simulation); /* NULL is fine */
+void rx_simulation_free(rx_simulation *simulation);                             /* NULL is fine */
 
 /* One simulated field in memory. */
 typedef struct rx_simulated {

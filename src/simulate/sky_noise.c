@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "num/fft.h"
 #include "simulate/noise.h"
 
 enum {
@@ -48,6 +47,13 @@ static rx_status filter_spectrum(const rx_noise_correlation *noise, rx_unit unit
             value[0] = (float)(sqrt((double)value[0] / one) / cells);
         }
     return RX_OK;
+}
+
+rx_status rx_sky_noise_filter(const rx_noise_correlation *noise, const rx_fft *fft, float *plane,
+                              float *filter, rx_error *err)
+{
+    memset(plane, 0, (size_t)rx_fft_height(fft) * (size_t)rx_fft_stride_real(fft) * sizeof *plane);
+    return filter_spectrum(noise, UNIT_PIXEL, fft, plane, filter, err);
 }
 
 static void scale_row(double scale, int width, int y, const rx_map *sigmas, const float *unit, float *dst)

@@ -8,6 +8,7 @@
 #include "base/random.h"
 #include "data/map.h"
 #include "data/noise_correlation.h"
+#include "num/fft.h"
 
 /* dst = one realisation: noise->scale * sigma(x, y) times unit noise with that correlation (white when not
  * `correlated`); 0 where sigma is. Correlated noise is white noise filtered with the root of the power
@@ -16,6 +17,11 @@
  * a correlation is met as nearly as a possible one can. Errors: RX_INPUT (no power at any frequency), RX_SYSTEM. */
 rx_status rx_sky_noise_draw(const rx_noise_correlation *noise, const rx_map *sigma, int height,
                             rx_random_stream from, int nthreads, float *dst, rx_error *err);
+
+/* The filter (a complex plane of fft, for rx_fft_filter()) that makes noise of such a correlation, of the same rms, from
+ * white noise; plane: a real one for scratch. Errors: RX_INPUT (no power at any frequency). */
+rx_status rx_sky_noise_filter(const rx_noise_correlation *noise, const rx_fft *fft, float *plane,
+                              float *filter, rx_error *err);
 
 /* pixels [height][width], independent from pixel to pixel, is convolved with the kernel of sum 1 whose power spectrum
  * is that of the noise: sums over many pixels keep their variance, what is at the borders is not wrapped around.

@@ -9,7 +9,7 @@
 
 struct rx_feed {
     int batch;
-    rx_scenes *scenes;
+    rx_samples *scenes;
     long n, all;       /* training images of the epoch, all images */
     rx_sample **image; /* [all] by position; NULL where it is not here */
     long made;
@@ -28,7 +28,7 @@ rx_status rx_feed_new(const rx_feed_params *par, int nthreads, rx_log *log, rx_f
     RX_TRY(RX_MAKE(feed, 1, err));
     feed->batch = par->batch;
     const rx_status status =
-        rx_scenes_new(&par->scenes, &par->grid, par->sim, nthreads, log, &feed->scenes, err);
+        rx_samples_new(&par->scenes, &par->grid, par->sim, nthreads, log, &feed->scenes, err);
     if (status == RX_OK)
         *dst = feed;
     else
@@ -50,7 +50,7 @@ void rx_feed_free(rx_feed *feed)
     if (feed == NULL)
         return;
     drop_images(feed);
-    rx_scenes_free(feed->scenes);
+    rx_samples_free(feed->scenes);
     free(feed);
 }
 
@@ -101,12 +101,12 @@ static rx_status make_share(rx_feed *feed, const job *jobs, long from, rx_error 
     RX_TRY_EXIT(RX_MAKE(ids, (size_t)feed->all, err));
     RX_TRY_EXIT(RX_MAKE(samples, (size_t)feed->all, err));
     for (long at = from; at < feed->all; at++)
-        if (rx_scenes_owner(feed->scenes, jobs[at].id, rx_par_processes()) == rx_par_rank())
+        if (rx_samples_owner(feed->scenes, jobs[at].id, rx_par_processes()) == rx_par_rank())
             mine[n++] = jobs[at];
     qsort(mine, (size_t)n, sizeof *mine, compare_jobs);
     for (long i = 0; i < n; i++)
         ids[i] = mine[i].id;
-    status = rx_scenes_make(feed->scenes, ids, n, samples, err);
+    status = rx_samples_make(feed->scenes, ids, n, samples, err);
     for (long i = 0; i < n; i++)
         feed->image[mine[i].at] = samples[i];
     feed->made += n;
@@ -121,9 +121,9 @@ exit:
 /* Every image to the rank that needs it, in the same order everywhere: no two ranks wait for each other. */
 static rx_status hand_over(rx_feed *feed, const job *jobs, long from, rx_error *err)
 {
-    const int side = rx_scenes_side(feed->scenes);
+    const int side = rx_samples_side(feed->scenes);
     for (long at = from; at < feed->all; at++) {
-        const int maker = rx_scenes_owner(feed->scenes, jobs[at].id, rx_par_processes()),
+        const int maker = rx_samples_owner(feed->scenes, jobs[at].id, rx_par_processes()),
                   user = user_of(feed, at);
         if (maker == user)
             continue;

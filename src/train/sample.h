@@ -1,6 +1,6 @@
 /* One training image: a patch of a simulated field, blurred and noisy, with its sharp truth.
  *
- * All planes are in units of the noise of the sky of that patch as it is given (train/scenes.h). Content
+ * All planes are in units of the noise of the sky of that patch as it is given (train/samples.h). Content
  * depends on (seed, epoch, set, bin, index) alone, never on which rank makes it, when, or how many others there are:
  * that is what makes training repeatable for any number of threads and ranks. */
 #ifndef RX_TRAIN_SAMPLE_H

@@ -71,9 +71,9 @@ static rx_status make_net(const rx_psfnet_shape *shape, int inputs, uint64_t see
     return status;
 }
 
-static rx_scenes_survey survey_of(const rx_train_config *config)
+static rx_survey_params survey_of(const rx_train_config *config)
 {
-    return (rx_scenes_survey){
+    return (rx_survey_params){
         .smoothed = config->smoothed_noise,
         .resampled = config->resampled_noise,
         .smoothed_fwhm = {config->smoothed_fwhm.v[0], config->smoothed_fwhm.v[1]},
@@ -115,13 +115,14 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
         status = rx_first_model(config->init_model, model, err);
     if (status == RX_OK)
         status = rx_setup_text(config, RX_SETUP_RECORD, &record, err);
+    const rx_survey_params survey = survey_of(config);
+    if (status == RX_OK)
+        status = rx_survey_factor(&survey, config->fwhm_range.v[1], &model->factor, err);
     if (status != RX_OK) {
         rx_text_free(&record);
         rx_model_free(model);
         return status;
     }
-    const rx_scenes_survey survey = survey_of(config);
-    model->factor = rx_scenes_factor(&survey, config->fwhm_range.v[1]);
     model->dark = config->dark_sky;
     model->provenance = record.data;
     *dst = model;
@@ -163,11 +164,11 @@ rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *
                 .side = config->patch,
                 .field_side = config->patch * config->field_patches,
                 .uses = config->field_uses,
-                .halos = config->psf_halos,
-                .beta = {config->beta_range.v[0], config->beta_range.v[1]},
-                .ellipticity = config->psf_ellipticity,
-                .density = config->density_spread,
-                .nebulae = config->nebulae,
+                .sky = {.beta = {config->beta_range.v[0], config->beta_range.v[1]},
+                        .ellipticity = config->psf_ellipticity,
+                        .density = config->density_spread,
+                        .nebulae = config->nebulae,
+                        .halos = config->psf_halos},
                 .photon = {config->photon_range.v[0], config->photon_range.v[1]},
                 .sky_error = config->sky_error,
                 .noise_error = config->noise_error,

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "scenes_test.h"
+#include "samples_test.h"
 /* after cmocka.h, which it needs */
 #include "../near.h"
 #include "../restore/network_model.h"
@@ -47,18 +47,18 @@ static void tile_free(tile *t)
 
 static rx_sample *make_sample(uint32_t bin)
 {
-    scenes_test t = scenes_test_open(1.0, 15.0);
+    samples_test t = samples_test_open(1.0, 15.0);
     t.par.side = t.par.field_side = P;
-    t.par.beta[0] = t.par.beta[1] = BETA;
-    t.par.ellipticity = 0;
+    t.par.sky.beta[0] = t.par.sky.beta[1] = BETA;
+    t.par.sky.ellipticity = 0;
     t.par.photon[0] = t.par.photon[1] = 0.01;
     t.par.sky_error = 0.03;
     t.par.noise_error = 0.05;
     t.par.psf_error = 0.02;
-    rx_scenes *scenes = scenes_test_make(&t);
+    rx_samples *scenes = samples_test_make(&t);
     rx_sample *s = rx_sample_new(P);
-    scenes_test_sample(scenes, (rx_sample_id){.bin = bin, .index = 1}, s);
-    rx_scenes_free(scenes);
+    samples_test_sample(scenes, (rx_sample_id){.bin = bin, .index = 1}, s);
+    rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
     return s;
 }

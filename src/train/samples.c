@@ -1,5 +1,5 @@
 /* From fields to samples: which field, which place, its noise, and what is known of it. */
-#include "train/scenes.h"
+#include "train/samples.h"
 
 #include <math.h>
 #include <omp.h>
@@ -12,15 +12,15 @@
 #include "num/convolve.h"
 #include "psf/psf.h"
 #include "simulate/noise.h"
-#include "train/scenes_survey.h"
+#include "simulate/sky_noise.h"
 
 /* Independent sets of random numbers. */
+#define FIELD_SEED 0x6669656c64000000u
 #define SAMPLE_SEED 0x73616d706c650000u
 #define NOISE_SEED 0x6e6f697365000000u
 #define VALIDATION_SEED 0x76616c6964617465u
 
-/* What is drawn for a sample: its slot; for a field beyond what scenes_field.c draws: the turn of each place.
- */
+/* What is drawn for a sample: its slot; for a field beyond what sky_field.c draws: the turn of each place. */
 enum { DRAW_SIGMA, DRAW_PHOTON, DRAW_X, DRAW_Y, DRAW_SKY, DRAW_NOISE, DRAW_GIVEN };
 enum { DRAW_TURN = 1024, TURNS = 8 };
 
@@ -35,23 +35,29 @@ typedef struct bench {
     float *normal;                         /* [window][window] */
 } bench;
 
-struct rx_scenes {
-    rx_scenes_params par;
+typedef struct kept_field {
+    rx_sky_field sky;
+    uint64_t number; /* rx_samples_field(); 0: none */
+    uint32_t era;    /* the epochs that it serves: epoch / uses */
+} kept_field;
+
+struct rx_samples {
+    rx_samples_params par;
     rx_selection grid;
     rx_simulation *simulation;
     int window; /* pixels: patch and frame */
     int nthreads;
-    bench *benches;             /* [nthreads] */
-    rx_scenes_field_data *kept; /* [nkept] fields for the next epoch, in [room] places */
+    bench *benches;   /* [nthreads] */
+    kept_field *kept; /* [nkept] fields for the next epoch, in [room] places */
     long nkept, room;
 };
 
 /* One sample in the making. */
 typedef struct draft {
-    const rx_scenes *of;
+    const rx_samples *of;
     const bench *bench;
-    const rx_scenes_field_data *field;
-    rx_scenes_key key;
+    const rx_sky_field *field;
+    rx_random_stream key;
     int x0, y0;   /* of the window in the field */
     double scale; /* given noise units per unit of the field's flux */
     double given; /* noise as given / true */
@@ -60,7 +66,7 @@ typedef struct draft {
 
 /* --- keys --- */
 
-static int places(const rx_scenes_params *par)
+static int places(const rx_samples_params *par)
 {
     return par->field_side / par->side * (par->field_side / par->side);
 }
@@ -80,126 +86,64 @@ static uint64_t stream_of(rx_sample_id id)
 
 /* Validation images have a seed of their own, so that trainings of the same sky and another SEED are judged by the same
  * images. */
-static uint64_t seed_of(const rx_scenes_params *par, rx_sample_id id)
+static uint64_t seed_of(const rx_samples_params *par, rx_sample_id id)
 {
     return id.epoch == RX_EPOCH_VALIDATION ? VALIDATION_SEED : par->seed;
 }
 
-static uint32_t era_of(const rx_scenes_params *par, uint32_t epoch)
+static uint32_t era_of(const rx_samples_params *par, uint32_t epoch)
 {
     return epoch / (uint32_t)par->uses;
 }
 
-uint64_t rx_scenes_field(const rx_scenes_params *par, rx_sample_id id)
+uint64_t rx_samples_field(const rx_samples_params *par, rx_sample_id id)
 {
     const uint64_t era = era_of(par, id.epoch), number = id.index / (uint32_t)places(par);
-    return hash(seed_of(par, id) ^ RX_SCENES_FIELD_SEED, stream_of(id), era << 32 | number);
+    return hash(seed_of(par, id) ^ FIELD_SEED, stream_of(id), era << 32 | number);
 }
 
-static rx_scenes_key sample_key(const rx_scenes_params *par, rx_sample_id id)
+static rx_random_stream sample_key(const rx_samples_params *par, rx_sample_id id)
 {
     uint64_t seed = seed_of(par, id) ^ SAMPLE_SEED;
-    return (rx_scenes_key){seed, hash(seed, stream_of(id), (uint64_t)id.epoch << 32 | id.index)};
+    return (rx_random_stream){seed, hash(seed, stream_of(id), (uint64_t)id.epoch << 32 | id.index)};
 }
 
 /* Fields of all bins are dealt out like cards, along the diagonal of the grid, so that no rank gets all the wide PSFs,
  * and from another one on whenever the fields change. */
-int rx_scenes_owner(const rx_scenes *s, rx_sample_id id, int ranks)
+int rx_samples_owner(const rx_samples *s, rx_sample_id id, int ranks)
 {
     const unsigned n = (unsigned)ranks, field = id.index / (unsigned)places(&s->par);
     return (int)((id.bin + id.bin / n + id.set + field + era_of(&s->par, id.epoch)) % n);
 }
 
-int rx_scenes_side(const rx_scenes *s)
+int rx_samples_side(const rx_samples *s)
 {
     return s->par.side;
 }
 
-static double error_of(rx_scenes_key key, uint64_t slot, double rms)
+static double error_of(rx_random_stream key, uint64_t slot, double rms)
 {
     return rms * fmin(fmax(rx_random_normal(key.seed, key.stream, slot), -FARTHEST), FARTHEST);
 }
 
 /* --- making and freeing --- */
 
-static int is_range(const double range[2], double least, double most)
-{
-    return range[0] >= least && range[0] <= range[1] && range[1] <= most;
-}
-
-static int is_within(double value, double least, double most)
-{
-    return value >= least && value <= most;
-}
-
-static rx_status check_survey(const rx_scenes_survey *s, rx_error *err)
-{
-    const double shares[] = {s->smoothed, s->resampled, s->smoothed + s->resampled,
-                             s->uneven,   s->offsets,   s->waves,
-                             s->dark,     s->defects,   s->psf};
-    for (size_t i = 0; i < sizeof shares / sizeof *shares; i++)
-        if (!is_within(shares[i], 0.0, 1.0))
-            return rx_error_set(
-                err, RX_USAGE,
-                "a share of %g of the images: 0 to 1 are possible, for smoothed and resampled "
-                "noise together",
-                shares[i]);
-    if (!is_range(s->smoothed_fwhm, 0.0, 20.0) || !is_within(s->sky_offset, 0.0, 10.0))
-        return rx_error_set(err, RX_USAGE,
-                            "noise smoothed by %g to %g pixels, a sky off by %g: 0 to 20, the smaller first, "
-                            "and 0 to 10 are possible",
-                            s->smoothed_fwhm[0], s->smoothed_fwhm[1], s->sky_offset);
-    return RX_OK;
-}
-
-static rx_status check(const rx_scenes_params *par, rx_error *err)
-{
-    if (par->side < 16 || par->side % 4 != 0 || par->field_side < par->side ||
-        par->field_side % par->side != 0 || par->field_side > 1 << 14)
-        return rx_error_set(err, RX_USAGE,
-                            "patches of %d pixels in fields of %d: multiples of 4 from 16, and of the patch, "
-                            "are possible",
-                            par->side, par->field_side);
-    if (par->uses < 1)
-        return rx_error_set(err, RX_USAGE, "%d uses of each place: 1 or more are possible", par->uses);
-    if (!is_range(par->beta, 1.1, 1000.0) || !is_within(par->ellipticity, 0.0, 0.8))
-        return rx_error_set(
-            err, RX_USAGE,
-            "Moffat exponents from %g to %g and ellipticities to %g: 1.1 to 1000, the smaller "
-            "first, and 0 to 0.8 are possible",
-            par->beta[0], par->beta[1], par->ellipticity);
-    if (!is_within(par->density, 1.0, 1e6) || !is_within(par->nebulae, 0.0, 1.0) ||
-        !is_within(par->halos, 0.0, 1.0))
-        return rx_error_set(
-            err, RX_USAGE,
-            "a spread of densities of %g and shares of nebulae and halos of %g and %g: 1 or more, and "
-            "0 to 1 are possible",
-            par->density, par->nebulae, par->halos);
-    if (!is_range(par->photon, 0.0, 1e6) || !is_within(par->sky_error, 0.0, 1e6) ||
-        !is_within(par->noise_error, 0.0, 10.0) || !is_within(par->psf_error, 0.0, 1.0))
-        return rx_error_set(err, RX_USAGE,
-                            "photon noise from %g to %g, errors of sky, noise and PSF of %g, %g and %g: none "
-                            "is negative, and the smaller comes first",
-                            par->photon[0], par->photon[1], par->sky_error, par->noise_error, par->psf_error);
-    return check_survey(&par->survey, err);
-}
-
 /* The widest PSF that may be given has to fit the window. */
-static rx_status check_psf(const rx_scenes *s, rx_error *err)
+static rx_status check_psf(const rx_samples *s, rx_error *err)
 {
-    const rx_scenes_params *par = &s->par;
+    const rx_samples_params *par = &s->par;
     rx_psf *psf = NULL;
     const int wrong = par->survey.psf > 0.0;
     const double widest = s->grid.fwhm[1] * exp(FARTHEST * (par->psf_error + (wrong ? RX_SURVEY_FWHM : 0.0)));
-    const double beta = par->beta[0] * (wrong ? exp(-FARTHEST * RX_SURVEY_BETA) : 1.0);
-    const rx_scenes_field_data worst = {.fwhm = widest,
-                                        .beta = fmax(beta, BETA_LEAST),
-                                        .ratio = 1.0 - par->ellipticity -
-                                                 (wrong ? FARTHEST * RX_SURVEY_RATIO : 0.0),
-                                        .halo = par->halos > 0.0 ? RX_SCENES_HALO : 0.0,
-                                        .halo_fwhm = fmax(RX_SCENES_HALO_FWHM, s->grid.fwhm[1]),
-                                        .halo_beta = RX_SCENES_HALO_BETA};
-    rx_status status = rx_scenes_psf(&worst, &psf, err);
+    const double beta = par->sky.beta[0] * (wrong ? exp(-FARTHEST * RX_SURVEY_BETA) : 1.0);
+    const rx_sky_field worst = {.fwhm = widest,
+                                .beta = fmax(beta, BETA_LEAST),
+                                .ratio =
+                                    1.0 - par->sky.ellipticity - (wrong ? FARTHEST * RX_SURVEY_RATIO : 0.0),
+                                .halo = par->sky.halos > 0.0 ? RX_SKY_HALO : 0.0,
+                                .halo_fwhm = fmax(RX_SKY_HALO_FWHM, s->grid.fwhm[1]),
+                                .halo_beta = RX_SKY_HALO_BETA};
+    rx_status status = rx_sky_field_psf(&worst, &psf, err);
     if (status == RX_OK && psf->size > s->window)
         status = rx_error_set(err, RX_USAGE,
                               "a PSF of FWHM %.3g has %d pixels and does not fit a patch and its frame, %d "
@@ -209,7 +153,7 @@ static rx_status check_psf(const rx_scenes *s, rx_error *err)
     return status;
 }
 
-static rx_status open_simulation(rx_scenes *s, const rx_simulate_config *config, int side, rx_log *log,
+static rx_status open_simulation(rx_samples *s, const rx_simulate_config *config, int side, rx_log *log,
                                  rx_error *err)
 {
     rx_simulate_config *own = NULL;
@@ -225,7 +169,7 @@ static rx_status open_simulation(rx_scenes *s, const rx_simulate_config *config,
     return status;
 }
 
-static rx_status open_bench(const rx_scenes *s, bench *b, rx_error *err)
+static rx_status open_bench(const rx_samples *s, bench *b, rx_error *err)
 {
     RX_TRY(rx_fft_new(s->window, s->window, 1, &b->fft, err));
     b->x = rx_fft_real(b->fft);
@@ -249,23 +193,22 @@ static void close_bench(bench *b)
 }
 
 /* Pixels on a side of a field with its frame. */
-static int field_side(const rx_scenes *s)
+static int field_side(const rx_samples *s)
 {
     return s->par.field_side + s->window - s->par.side;
 }
 
-rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
-                        const rx_simulate_config *config, int nthreads, rx_log *log, rx_scenes **dst,
-                        rx_error *err)
+rx_status rx_samples_new(const rx_samples_params *par, const rx_selection *grid,
+                         const rx_simulate_config *config, int nthreads, rx_log *log, rx_samples **dst,
+                         rx_error *err)
 {
-    rx_scenes *s;
+    rx_samples *s;
     rx_status status;
     *dst = NULL;
-    RX_TRY(check(par, err));
     RX_TRY(RX_MAKE(s, 1, err));
     s->par = *par;
     s->grid = *grid;
-    s->window = rx_fft_good_size(par->side + 2 * RX_SCENES_FRAME);
+    s->window = rx_fft_good_size(par->side + 2 * RX_SAMPLES_FRAME);
     s->nthreads = nthreads;
     RX_TRY_EXIT(check_psf(s, err));
     RX_TRY_EXIT(open_simulation(s, config, field_side(s), log, err));
@@ -275,16 +218,16 @@ rx_status rx_scenes_new(const rx_scenes_params *par, const rx_selection *grid,
     *dst = s;
     return RX_OK;
 exit:
-    rx_scenes_free(s);
+    rx_samples_free(s);
     return status;
 }
 
-void rx_scenes_free(rx_scenes *s)
+void rx_samples_free(rx_samples *s)
 {
     if (s == NULL)
         return;
     for (long i = 0; i < s->nkept; i++)
-        rx_scenes_field_clear(&s->kept[i]);
+        rx_sky_field_clear(&s->kept[i].sky);
     free(s->kept);
     for (int t = 0; t < s->nthreads && s->benches != NULL; t++)
         close_bench(&s->benches[t]);
@@ -296,39 +239,36 @@ void rx_scenes_free(rx_scenes *s)
 /* --- fields --- */
 
 /* Epochs only rise: fields of those that are over serve no more. */
-static void drop_past(rx_scenes *s, uint32_t era)
+static void drop_past(rx_samples *s, uint32_t era)
 {
     long n = 0;
     for (long i = 0; i < s->nkept; i++)
         if (s->kept[i].era < era)
-            rx_scenes_field_clear(&s->kept[i]);
+            rx_sky_field_clear(&s->kept[i].sky);
         else
             s->kept[n++] = s->kept[i];
     s->nkept = n;
 }
 
 /* *dst is one of those kept, or is made; then it is to be cleared or kept. */
-static rx_status get_field(const rx_scenes *s, long nkept, rx_sample_id id, rx_scenes_field_data *dst,
-                           rx_error *err)
+static rx_status get_field(const rx_samples *s, long nkept, rx_sample_id id, kept_field *dst, rx_error *err)
 {
-    const uint64_t number = rx_scenes_field(&s->par, id);
+    double fwhm[2], sigma[2];
+    dst->number = rx_samples_field(&s->par, id);
+    dst->era = era_of(&s->par, id.epoch);
     for (long i = 0; i < nkept; i++)
-        if (s->kept[i].number == number) {
+        if (s->kept[i].number == dst->number) {
             *dst = s->kept[i];
             return RX_OK;
         }
-    rx_scenes_sky sky = {.par = &s->par, .simulation = s->simulation, .side = field_side(s)};
-    double sigma[2];
-    rx_selection_bin(&s->grid, (int)id.bin, sky.fwhm, sigma);
-    RX_TRY(rx_scenes_field_make(&sky, (rx_scenes_key){seed_of(&s->par, id) ^ RX_SCENES_FIELD_SEED, number},
-                                dst, err));
-    dst->number = number;
-    dst->era = era_of(&s->par, id.epoch);
-    return RX_OK;
+    rx_selection_bin(&s->grid, (int)id.bin, fwhm, sigma);
+    return rx_sky_field_make(s->simulation, &s->par.sky, fwhm,
+                             (rx_random_stream){seed_of(&s->par, id) ^ FIELD_SEED, dst->number}, &dst->sky,
+                             err);
 }
 
 /* For the next epoch, if that has the same fields and there is room. */
-static bool keep_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_data *field)
+static bool keep_field(rx_samples *s, rx_sample_id id, const kept_field *field)
 {
     if (id.epoch == RX_EPOCH_VALIDATION || era_of(&s->par, id.epoch + 1) != field->era || s->nkept == s->room)
         return false;
@@ -338,34 +278,42 @@ static bool keep_field(rx_scenes *s, rx_sample_id id, const rx_scenes_field_data
 
 /* --- samples --- */
 
-static void choose_place(const rx_scenes *s, rx_sample_id id, draft *d)
+static void choose_place(const rx_samples *s, rx_sample_id id, draft *d)
 {
     const int side = s->par.side, row = s->par.field_side / side, room = s->par.field_side - side + 1;
     const int place = (int)(id.index % (uint32_t)places(&s->par));
     d->x0 = place % row * side;
     d->y0 = place / row * side;
     if (id.epoch % (uint32_t)s->par.uses != 0) {
-        d->x0 = (int)rx_scenes_uniform(d->key, DRAW_X, 0.0, room);
-        d->y0 = (int)rx_scenes_uniform(d->key, DRAW_Y, 0.0, room);
+        d->x0 = (int)rx_random_between(d->key, DRAW_X, 0.0, room);
+        d->y0 = (int)rx_random_between(d->key, DRAW_Y, 0.0, room);
     }
 }
 
-/* b->normal becomes correlated, of the same noise behind a filter matched to the PSF. b->x is overwritten. */
-static rx_status colour(const draft *d, rx_error *err)
+/* b->normal becomes correlated, of the same noise behind a filter matched to the PSF, which hardly any light is further
+ * from the centre of than `MIDDLE` pixels. b->x is overwritten. */
+static rx_status correlate(const draft *d, rx_error *err)
 {
+    enum { MIDDLE = 20, SIDE = 2 * MIDDLE + 1 };
     const bench *b = d->bench;
-    const rx_scenes_field_data *field = d->field;
     const size_t stride = (size_t)rx_fft_stride_real(b->fft), w = (size_t)d->of->window;
+    float middle[SIDE * SIDE] = {0};
     rx_psf *psf = NULL;
-    RX_TRY(rx_scenes_psf(field, &psf, err));
-    rx_convolve_spectrum(b->fft, psf->basis, psf->size, b->coloured);
+    RX_TRY(rx_sky_noise_filter(&d->survey.correlation, b->fft, b->x, b->coloured, err));
+    RX_TRY(rx_sky_field_psf(d->field, &psf, err));
+    const int half = psf->size / 2 < MIDDLE ? psf->size / 2 : MIDDLE;
+    for (int y = -half; y <= half; y++)
+        memcpy(&middle[(MIDDLE + y) * SIDE + MIDDLE - half],
+               &psf->basis[(psf->size / 2 + y) * psf->size + psf->size / 2 - half],
+               (size_t)(2 * half + 1) * sizeof *middle);
     rx_psf_free(psf);
-    RX_TRY(rx_correlation_filter(&d->survey.correlation, b->fft, b->coloured, b->coloured, err));
+    const float scale = (float)(1.0 / rx_noise_factor(&d->survey.correlation, middle, SIDE, SIDE));
     for (size_t y = 0; y < w; y++)
         memcpy(b->x + y * stride, b->normal + y * w, w * sizeof *b->x);
     rx_fft_filter(b->fft, b->x, b->coloured, false, b->half, b->x);
     for (size_t y = 0; y < w; y++)
-        memcpy(b->normal + y * w, b->x + y * stride, w * sizeof *b->x);
+        for (size_t x = 0; x < w; x++)
+            b->normal[y * w + x] = scale * b->x[y * stride + x];
     return RX_OK;
 }
 
@@ -375,8 +323,8 @@ static rx_status draw_noise(const draft *d, uint64_t seed, rx_error *err)
     const bench *b = d->bench;
     const int w = d->of->window;
     rx_noise_normals(seed ^ NOISE_SEED, d->key.stream, 0, (long)w * w, b->normal);
-    if (d->survey.correlation.kind != RX_CORRELATION_NONE)
-        RX_TRY(colour(d, err));
+    if (d->survey.correlation.correlated)
+        RX_TRY(correlate(d, err));
     for (int y = 0; d->survey.uneven && y < w; y++)
         for (int x = 0; x < w; x++)
             b->normal[y * w + x] *= (float)exp(rx_survey_noise(&d->survey, x, y));
@@ -386,14 +334,14 @@ static rx_status draw_noise(const draft *d, uint64_t seed, rx_error *err)
 /* The window's light with its noise, b->normal, into b->x, and what is known of it into dst. */
 static void expose(draft *d, rx_sample *dst)
 {
-    const rx_scenes *s = d->of;
+    const rx_samples *s = d->of;
     const bench *b = d->bench;
-    const rx_scenes_field_data *field = d->field;
-    const rx_scenes_params *par = &s->par;
+    const rx_sky_field *field = d->field;
+    const rx_samples_params *par = &s->par;
     double fwhm[2], sigma[2];
     rx_selection_bin(&s->grid, (int)dst->id.bin, fwhm, sigma);
-    const double bin_sigma = rx_scenes_uniform(d->key, DRAW_SIGMA, sigma[0], sigma[1]);
-    const double photon = rx_scenes_log_uniform(d->key, DRAW_PHOTON, par->photon[0], par->photon[1]);
+    const double bin_sigma = rx_random_between(d->key, DRAW_SIGMA, sigma[0], sigma[1]);
+    const double photon = rx_random_log_between(d->key, DRAW_PHOTON, par->photon[0], par->photon[1]);
     const double sky = error_of(d->key, DRAW_SKY, par->sky_error) + d->survey.sky;
     const double scale = field->level > 0.0 ? RX_NOISE_LEVEL_SCALE / (bin_sigma * field->level) : 0.0;
     const size_t stride = (size_t)rx_fft_stride_real(b->fft), w = (size_t)s->window;
@@ -424,13 +372,13 @@ static void cut(const float *plane, size_t stride, int x0, int y0, int side, dou
 
 static void list_stars(const draft *d, rx_sample *dst)
 {
-    const rx_scenes_field_data *field = d->field;
+    const rx_sky_field *field = d->field;
     const double frame = 0.5 * (d->of->window - dst->side), last = dst->side - 1.0;
     dst->nstars = 0;
     memset(dst->star, 0, sizeof dst->star);
     for (long i = 0; i < field->nstars && dst->nstars < RX_SAMPLE_STARS; i++) {
         double x = field->stars[i][0] - d->x0 - frame, y = field->stars[i][1] - d->y0 - frame;
-        if (!is_within(x, STAR_MARGIN, last - STAR_MARGIN) || !is_within(y, STAR_MARGIN, last - STAR_MARGIN))
+        if (fmin(x, y) < STAR_MARGIN || fmax(x, y) > last - STAR_MARGIN)
             continue;
         float *star = dst->star[dst->nstars++];
         double flux = field->stars[i][2] * d->scale;
@@ -444,18 +392,18 @@ static void list_stars(const draft *d, rx_sample *dst)
 /* K' and the filter of w, from the PSF as it is given. */
 static rx_status give_psf(const draft *d, rx_sample *dst, rx_error *err)
 {
-    const rx_scenes *s = d->of;
+    const rx_samples *s = d->of;
     const bench *b = d->bench;
     const rx_front *front = &s->par.front;
     rx_psf *psf = NULL;
     const rx_survey *survey = &d->survey;
-    rx_scenes_field_data given = *d->field; /* its numbers */
+    rx_sky_field given = *d->field; /* its numbers */
     given.fwhm *= exp(error_of(d->key, DRAW_GIVEN, s->par.psf_error)) * survey->fwhm;
     given.beta = fmax(given.beta * survey->beta, BETA_LEAST);
     given.ratio = fmin(given.ratio + survey->ratio, 1.0);
     given.halo = survey->no_halo ? 0.0 : given.halo;
     rx_status status;
-    RX_TRY_EXIT(rx_scenes_psf(&given, &psf, err));
+    RX_TRY_EXIT(rx_sky_field_psf(&given, &psf, err));
     RX_TRY_EXIT(
         rx_deblur_relative(psf->basis, psf->size, front->target_fwhm, RX_SAMPLE_KERNEL, 1, dst->kernel, err));
     status = rx_deblur_tikhonov(b->fft, psf->basis, psf->size,
@@ -527,9 +475,9 @@ static void deliver(const draft *d, rx_sample *dst)
 
 static rx_status develop(draft *d, rx_sample *dst, rx_error *err)
 {
-    const rx_scenes *s = d->of;
+    const rx_samples *s = d->of;
     const bench *b = d->bench;
-    const rx_scenes_field_data *field = d->field;
+    const rx_sky_field *field = d->field;
     const int frame = (s->window - dst->side) / 2, side = dst->side, x0 = d->x0 + frame, y0 = d->y0 + frame;
     const size_t stride = (size_t)rx_fft_stride_real(b->fft);
     rx_survey_draw(&s->par.survey, d->key, s->window, side, field->fwhm, &d->survey);
@@ -543,14 +491,14 @@ static rx_status develop(draft *d, rx_sample *dst, rx_error *err)
     cut(b->x, stride, frame, frame, side, 1.0, dst->x);
     rx_convolve(b->fft, b->spectrum, b->x, b->half, b->x);
     cut(b->x, stride, frame, frame, side, 1.0, dst->w);
-    rx_scenes_key turns = {seed_of(&s->par, dst->id) ^ RX_SCENES_FIELD_SEED, field->number};
+    rx_random_stream turns = {seed_of(&s->par, dst->id) ^ FIELD_SEED, rx_samples_field(&s->par, dst->id)};
     const uint64_t place = dst->id.index % (uint32_t)places(&s->par);
-    const int first = (int)rx_scenes_uniform(turns, DRAW_TURN + place, 0.0, TURNS);
+    const int first = (int)rx_random_between(turns, DRAW_TURN + place, 0.0, TURNS);
     return rx_sample_turn(dst, (int)((uint32_t)first + dst->id.epoch % (uint32_t)s->par.uses) % TURNS, err);
 }
 
 /* The samples of one field, ids[n]. */
-static rx_status make_run(const rx_scenes *s, const bench *b, const rx_scenes_field_data *field,
+static rx_status make_run(const rx_samples *s, const bench *b, const rx_sky_field *field,
                           const rx_sample_id *ids, long n, rx_sample **samples, rx_error *err)
 {
     for (long i = 0; i < n; i++) {
@@ -567,7 +515,7 @@ static rx_status make_run(const rx_scenes *s, const bench *b, const rx_scenes_fi
 }
 
 /* begin[runs + 1]: where the ids of another field begin. */
-static rx_status find_runs(const rx_scenes *s, const rx_sample_id *ids, long n, long **begin, long *runs,
+static rx_status find_runs(const rx_samples *s, const rx_sample_id *ids, long n, long **begin, long *runs,
                            rx_error *err)
 {
     RX_TRY(RX_MAKE(*begin, (size_t)n + 1, err));
@@ -578,17 +526,17 @@ static rx_status find_runs(const rx_scenes *s, const rx_sample_id *ids, long n, 
             return rx_error_set(
                 err, RX_USAGE, "image %u of bin %u, set %u: there are %d bins of %d images, and two sets",
                 (unsigned)id.index, (unsigned)id.bin, (unsigned)id.set, s->grid.nbins, s->grid.total);
-        if (i == 0 || rx_scenes_field(&s->par, id) != rx_scenes_field(&s->par, ids[i - 1]))
+        if (i == 0 || rx_samples_field(&s->par, id) != rx_samples_field(&s->par, ids[i - 1]))
             (*begin)[(*runs)++] = i;
     }
     (*begin)[*runs] = n;
     return RX_OK;
 }
 
-static rx_status prepare_room(rx_scenes *s, uint32_t epoch, long runs, rx_error *err)
+static rx_status prepare_room(rx_samples *s, uint32_t epoch, long runs, rx_error *err)
 {
     const size_t bytes = 2 * sizeof(float) * (size_t)field_side(s) * (size_t)field_side(s);
-    const long most = (long)(RX_SCENES_MEMORY / bytes);
+    const long most = (long)(RX_SAMPLES_MEMORY / bytes);
     if (epoch == RX_EPOCH_VALIDATION)
         return RX_OK;
     drop_past(s, era_of(&s->par, epoch));
@@ -597,7 +545,7 @@ static rx_status prepare_room(rx_scenes *s, uint32_t epoch, long runs, rx_error 
 }
 
 /* Runs are shared among threads; of several errors that of the first run is reported. */
-rx_status rx_scenes_make(rx_scenes *s, const rx_sample_id *ids, long n, rx_sample **samples, rx_error *err)
+rx_status rx_samples_make(rx_samples *s, const rx_sample_id *ids, long n, rx_sample **samples, rx_error *err)
 {
     long *begin = NULL, runs = 0, first = n;
     rx_status status;
@@ -612,19 +560,19 @@ rx_status rx_scenes_make(rx_scenes *s, const rx_sample_id *ids, long n, rx_sampl
 #pragma omp for schedule(dynamic, 1)
         for (long r = 0; r < runs; r++) {
             rx_error own = rx_error_part(thread == 0 ? err : NULL);
-            rx_scenes_field_data field = {0};
+            kept_field field = {0};
             const rx_sample_id *run = ids + begin[r];
             rx_status made = get_field(s, nkept, *run, &field, &own);
             if (made == RX_OK)
-                made = make_run(s, &s->benches[thread], &field, run, begin[r + 1] - begin[r],
+                made = make_run(s, &s->benches[thread], &field.sky, run, begin[r + 1] - begin[r],
                                 samples + begin[r], &own);
-#pragma omp critical(rx_scenes_run)
+#pragma omp critical(rx_samples_run)
             {
                 bool kept = false;
                 for (long i = 0; i < nkept; i++)
                     kept |= s->kept[i].number == field.number;
                 if (!kept && (made != RX_OK || !keep_field(s, *run, &field)))
-                    rx_scenes_field_clear(&field);
+                    rx_sky_field_clear(&field.sky);
                 if (made != RX_OK && r < first) {
                     first = r;
                     status = made;

@@ -9,28 +9,30 @@
 #include "nn/deblur.h"
 #include "num/convolve.h"
 #include "psf/psf.h"
-#include "scenes_test.h"
-#include "train/scenes_field.h"
+#include "samples_test.h"
+#include "simulate/sky_field.h"
 
 enum { P = 64, N = P * P, WINDOW = 160, FRAME = (WINDOW - P) / 2, K = RX_SAMPLE_KERNEL };
 
+/* As in train/samples.c. */
+#define FIELD_SEED 0x6669656c64000000u
+
 /* The whole field of image 0 of a bin. */
-static void make_field(const scenes_test *t, uint32_t bin, rx_scenes_field_data *dst)
+static void make_field(const samples_test *t, uint32_t bin, rx_sky_field *dst)
 {
     rx_simulate_config *config = NULL;
     rx_simulation *simulation = NULL;
     double sigma[2];
-    rx_scenes_sky sky = {.par = &t->par, .side = t->par.field_side + WINDOW - P};
+    double fwhm[2];
     assert_int_equal(rx_simulate_config_copy(t->config, &config, NULL), RX_OK);
-    config->image_size = (rx_ints){.n = 1, .v = {sky.side}};
+    config->image_size = (rx_ints){.n = 1, .v = {t->par.field_side + WINDOW - P}};
     config->psf_fwhm = 1.0;
     config->sharp_fwhm = t->par.front.target_fwhm;
     assert_int_equal(rx_simulation_from_config(config, NULL, &simulation, NULL), RX_OK);
-    sky.simulation = simulation;
-    rx_selection_bin(&t->grid, (int)bin, sky.fwhm, sigma);
-    rx_scenes_key key = {t->par.seed ^ RX_SCENES_FIELD_SEED,
-                         rx_scenes_field(&t->par, (rx_sample_id){.bin = bin})};
-    assert_int_equal(rx_scenes_field_make(&sky, key, dst, NULL), RX_OK);
+    rx_selection_bin(&t->grid, (int)bin, fwhm, sigma);
+    const rx_random_stream from = {t->par.seed ^ FIELD_SEED,
+                                   rx_samples_field(&t->par, (rx_sample_id){.bin = bin})};
+    assert_int_equal(rx_sky_field_make(simulation, &t->par.sky, fwhm, from, dst, NULL), RX_OK);
     rx_simulation_free(simulation);
     rx_simulate_config_free(config);
 }
@@ -50,7 +52,7 @@ static double compare(const float *plane, int side, double scale, const float *s
 }
 
 /* Turns a sample back so that it lies as its field does. */
-static void turn_back(const rx_scenes_field_data *field, double scale, rx_sample *s)
+static void turn_back(const rx_sky_field *field, double scale, rx_sample *s)
 {
     rx_sample *copy = rx_sample_new(P);
     int found = 0;
@@ -68,13 +70,13 @@ static void turn_back(const rx_scenes_field_data *field, double scale, rx_sample
 
 /* plane [side][side] = Tikhonov copy of the field's light, mirrored at its borders onto twice the size: what
  * lies beyond is far from place 0. */
-static void filter_field(const scenes_test *t, const rx_scenes_field_data *field, float *plane)
+static void filter_field(const samples_test *t, const rx_sky_field *field, float *plane)
 {
     rx_fft *fft = NULL;
     rx_psf *psf = NULL;
     const int side = field->side, twice = 2 * side;
     assert_int_equal(rx_fft_new(twice, twice, 1, &fft, NULL), RX_OK);
-    assert_int_equal(rx_scenes_psf(field, &psf, NULL), RX_OK);
+    assert_int_equal(rx_sky_field_psf(field, &psf, NULL), RX_OK);
     float *work = rx_fft_real(fft), *half = rx_fft_complex(fft), *spectrum = rx_fft_complex(fft);
     assert_int_equal(rx_deblur_tikhonov(fft, psf->basis, psf->size,
                                         &(rx_tikhonov){t->par.front.target_fwhm, t->par.front.tikhonov, 0},
@@ -101,16 +103,16 @@ static void filter_field(const scenes_test *t, const rx_scenes_field_data *field
 static void test_cut_from_a_field(void **state)
 {
     (void)state;
-    scenes_test t = scenes_test_open(0.001, 0.00101);
-    t.par.nebulae = 0.3;
-    rx_scenes *scenes = scenes_test_make(&t);
+    samples_test t = samples_test_open(0.001, 0.00101);
+    t.par.sky.nebulae = 0.3;
+    rx_samples *scenes = samples_test_make(&t);
     rx_sample *s = rx_sample_new(P);
     for (uint32_t bin = 0; bin < 10; bin++) {
-        rx_scenes_field_data field;
+        rx_sky_field field;
         make_field(&t, bin, &field);
         float *filtered = calloc((size_t)field.side * (size_t)field.side, sizeof *filtered);
         assert_non_null(filtered);
-        scenes_test_sample(scenes, (rx_sample_id){.bin = bin}, s);
+        samples_test_sample(scenes, (rx_sample_id){.bin = bin}, s);
         const double scale = 255.0 / ((double)s->sigma * field.level);
         turn_back(&field, scale, s);
         assert_true(compare(field.blurred, field.side, scale, s->blurred) < 1e-5);
@@ -120,10 +122,10 @@ static void test_cut_from_a_field(void **state)
                       field.beta, off);
         assert_true(off < 4e-3);
         free(filtered);
-        rx_scenes_field_clear(&field);
+        rx_sky_field_clear(&field);
     }
     rx_sample_free(s);
-    rx_scenes_free(scenes);
+    rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
 
@@ -132,10 +134,10 @@ static void test_cut_from_a_field(void **state)
 static void test_level(void **state)
 {
     (void)state;
-    scenes_test t = scenes_test_open(1.0, 15.0);
+    samples_test t = samples_test_open(1.0, 15.0);
     int exact = 0, bounded = 0, more = 0;
     for (uint32_t bin = 0; bin < 25; bin++) {
-        rx_scenes_field_data field;
+        rx_sky_field field;
         t.config->star_count = bin % 5 == 0 ? 40.0 : 1500.0;
         t.config->galaxy_count = bin % 5 == 0 ? 0.0 : 600.0;
         make_field(&t, bin, &field);
@@ -155,7 +157,7 @@ static void test_level(void **state)
             assert_true(fabs(field.level / peak * RX_NOISE_LEVEL_PEAK - 1.0) < 1e-6);
             bounded++;
         }
-        rx_scenes_field_clear(&field);
+        rx_sky_field_clear(&field);
     }
     print_message("level: %d fields exact, %d with bright stars, %d bounded\n", exact, more, bounded);
     assert_true(exact >= 10);
@@ -171,21 +173,21 @@ static void test_patches_are_fainter_than_fields(void **state)
 {
     (void)state;
     enum { SIDE = 128, SAMPLES = 200 };
-    scenes_test t = scenes_test_open(12.1, 15.0);
+    samples_test t = samples_test_open(12.1, 15.0);
     t.par.side = SIDE;
     t.par.field_side = 2 * SIDE;
-    t.par.density = 4.0;
-    t.par.nebulae = 0.25;
+    t.par.sky.density = 4.0;
+    t.par.sky.nebulae = 0.25;
     t.config->star_count = 1200.0;
     t.config->galaxy_count = 800.0;
     t.config->galaxy_slope = 0.3;
     t.config->pair_share = t.config->clustering = 0.1;
-    rx_scenes *scenes = scenes_test_make(&t);
+    rx_samples *scenes = samples_test_make(&t);
     rx_sample *s = rx_sample_new(SIDE);
     int empty = 0, fainter = 0;
     assert_non_null(s);
     for (uint32_t i = 0; i < SAMPLES; i++) {
-        scenes_test_sample(scenes, (rx_sample_id){.bin = 2 + i % 5 * 5, .index = i / 5 % 40, .epoch = 0}, s);
+        samples_test_sample(scenes, (rx_sample_id){.bin = 2 + i % 5 * 5, .index = i / 5 % 40, .epoch = 0}, s);
         const double level = rx_noise_level(rx_brightness(s->blurred, (size_t)SIDE * SIDE, 0));
         empty += level > 130.0;
         fainter += level > 15.0;
@@ -194,7 +196,7 @@ static void test_patches_are_fainter_than_fields(void **state)
     assert_true(fainter > 2 * SAMPLES / 5);
     assert_true(empty > SAMPLES / 20);
     rx_sample_free(s);
-    rx_scenes_free(scenes);
+    rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
 
@@ -221,12 +223,12 @@ static double check_kernel(const rx_sample *s)
 static void test_relative_psf(void **state)
 {
     (void)state;
-    scenes_test t = scenes_test_open(1.0, 15.0);
+    samples_test t = samples_test_open(1.0, 15.0);
     t.par.side = t.par.field_side = 128;
-    rx_scenes *scenes = scenes_test_make(&t);
+    rx_samples *scenes = samples_test_make(&t);
     rx_sample *s = rx_sample_new(128);
     for (uint32_t i = 0; i < 15; i++) {
-        scenes_test_sample(scenes, (rx_sample_id){.epoch = i % 2, .bin = i % 5, .index = i}, s);
+        samples_test_sample(scenes, (rx_sample_id){.epoch = i % 2, .bin = i % 5, .index = i}, s);
         double off = check_kernel(s);
         print_message("K' * y of FWHM %.2f: differs by %.1e of the highest pixel\n", (double)s->true_fwhm,
                       off);
@@ -234,7 +236,7 @@ static void test_relative_psf(void **state)
         assert_true(off < (s->true_fwhm < 2.5f ? 0.02 : s->true_fwhm < 3.2f ? 5e-3 : 2e-3));
     }
     rx_sample_free(s);
-    rx_scenes_free(scenes);
+    rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
 
@@ -243,31 +245,31 @@ static void test_relative_psf(void **state)
 static void test_halos(void **state)
 {
     (void)state;
-    scenes_test t = scenes_test_open(1.0, 15.0), with;
+    samples_test t = samples_test_open(1.0, 15.0), with;
     t.par.side = t.par.field_side = 128;
     with = t;
-    with.par.halos = 1.0;
-    rx_scenes *scenes = scenes_test_make(&with);
+    with.par.sky.halos = 1.0;
+    rx_samples *scenes = samples_test_make(&with);
     rx_sample *s = rx_sample_new(128);
     for (uint32_t bin = 0; bin < 5; bin++) {
-        rx_scenes_field_data plain, field;
+        rx_sky_field plain, field;
         make_field(&t, bin, &plain);
         make_field(&with, bin, &field);
         assert_near(plain.halo, 0.0, 0.0);
         assert_true(field.halo >= 0.02);
-        assert_true(field.halo <= RX_SCENES_HALO);
+        assert_true(field.halo <= RX_SKY_HALO);
         assert_true(field.halo_fwhm >= 1.99 * field.fwhm);
-        assert_true(field.halo_fwhm <= RX_SCENES_HALO_FWHM);
+        assert_true(field.halo_fwhm <= RX_SKY_HALO_FWHM);
         assert_near(field.fwhm, plain.fwhm, 0.0);
         assert_true(field.peak < (1.0 - 0.75 * field.halo) * plain.peak);
         assert_true(field.peak > (1.0 - field.halo) * plain.peak);
-        scenes_test_sample(scenes, (rx_sample_id){.bin = bin}, s);
+        samples_test_sample(scenes, (rx_sample_id){.bin = bin}, s);
         assert_true(check_kernel(s) < (s->true_fwhm < 2.5f ? 0.02 : 6e-3));
-        rx_scenes_field_clear(&plain);
-        rx_scenes_field_clear(&field);
+        rx_sky_field_clear(&plain);
+        rx_sky_field_clear(&field);
     }
     rx_sample_free(s);
-    rx_scenes_free(scenes);
+    rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
 

@@ -1,13 +1,15 @@
 /* One field: what is in it, through two optics. */
+#include "simulate/sky_field.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/random.h"
+#include "nn/noise_level.h"
 #include "psf/moffat.h"
+#include "psf/psf.h"
 #include "simulate/render.h"
-#include "train/scenes_field.h"
 
 /* What is drawn for a field: its slot. */
 enum {
@@ -39,17 +41,12 @@ static const double STAR_FIELDS = 0.40, GALAXY_FIELDS = 0.25, MINORITY = 0.1, SL
 static const double BORDER = 2.0;
 static const double HALO_LEAST = 0.02, HALO_WIDTH[2] = {2.0, 6.0} /* FWHM */, HALO_BETA = 5.0;
 
-double rx_scenes_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
-{
-    return from + (to - from) * rx_random_uniform(key.seed, key.stream, slot);
-}
-
-double rx_scenes_log_uniform(rx_scenes_key key, uint64_t slot, double from, double to)
-{
-    if (!(from > 0.0))
-        return rx_scenes_uniform(key, slot, from, to);
-    return exp(rx_scenes_uniform(key, slot, log(from), log(to)));
-}
+/* What fields are made from. */
+typedef struct sky_ground {
+    const rx_simulation *simulation;
+    const rx_sky_variety *variety;
+    const double *fwhm; /* from, to */
+} sky_ground;
 
 /* --- population --- */
 
@@ -61,20 +58,20 @@ static double share(const rx_scene_params *base, double margin)
     return (base->width + 2.0 * margin) * (base->height + 2.0 * margin) / field;
 }
 
-static rx_scene_params population(const rx_scenes_sky *sky, rx_scenes_key key, double fwhm)
+static rx_scene_params population(const sky_ground *sky, rx_random_stream key, double fwhm)
 {
-    const double density = sky->par->density, kind = rx_scenes_uniform(key, DRAW_KIND, 0.0, 1.0);
+    const double density = sky->variety->density, kind = rx_random_between(key, DRAW_KIND, 0.0, 1.0);
     rx_scene_params scene = sky->simulation->scene;
     const double margin = ceil(BORDER * fwhm), area = share(&scene, margin);
     const int stars = kind < STAR_FIELDS, galaxies = !stars && kind < STAR_FIELDS + GALAXY_FIELDS;
     scene.stars.count *=
-        area * (galaxies ? MINORITY : 1.0) * pow(density, rx_scenes_uniform(key, DRAW_STARS, -1.0, 1.0));
+        area * (galaxies ? MINORITY : 1.0) * pow(density, rx_random_between(key, DRAW_STARS, -1.0, 1.0));
     scene.galaxies.count *=
-        area * (stars ? MINORITY : 1.0) * pow(density, rx_scenes_uniform(key, DRAW_GALAXIES, -1.0, 1.0));
+        area * (stars ? MINORITY : 1.0) * pow(density, rx_random_between(key, DRAW_GALAXIES, -1.0, 1.0));
     scene.templates.count *=
-        area * (stars ? MINORITY : 1.0) * pow(density, rx_scenes_uniform(key, DRAW_TEMPLATES, -1.0, 1.0));
-    scene.stars.slope += rx_scenes_uniform(key, DRAW_SLOPE, -SLOPE, SLOPE);
-    scene.clustering = rx_scenes_uniform(key, DRAW_CLUMPS, 0.0, scene.clustering);
+        area * (stars ? MINORITY : 1.0) * pow(density, rx_random_between(key, DRAW_TEMPLATES, -1.0, 1.0));
+    scene.stars.slope += rx_random_between(key, DRAW_SLOPE, -SLOPE, SLOPE);
+    scene.clustering = rx_random_between(key, DRAW_CLUMPS, 0.0, scene.clustering);
     scene.pair_low *= fwhm;
     scene.pair_high *= fwhm;
     scene.least_distance *= fwhm;
@@ -94,7 +91,7 @@ static int brighter_first(const void *a, const void *b)
 }
 
 /* Stars of one more scene into the field's list. */
-static rx_status list_stars(const rx_scene *scene, rx_scenes_field_data *dst, rx_error *err)
+static rx_status list_stars(const rx_scene *scene, rx_sky_field *dst, rx_error *err)
 {
     size_t room = (size_t)(dst->nstars + scene->n);
     double(*stars)[3] = rx_regrow(dst->stars, room, sizeof *stars);
@@ -114,41 +111,40 @@ static rx_status list_stars(const rx_scene *scene, rx_scenes_field_data *dst, rx
     return RX_OK;
 }
 
-static rx_status make_bright_stars(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst,
+static rx_status make_bright_stars(const rx_sky_field *field, rx_random_stream key, rx_scene **dst,
                                    rx_error *err)
 {
-    int n = 1 + (int)rx_scenes_uniform(key, DRAW_BRIGHTS, 0.0, BRIGHT_MOST);
+    int n = 1 + (int)rx_random_between(key, DRAW_BRIGHTS, 0.0, BRIGHT_MOST);
     rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
     for (int i = 0; i < n && status == RX_OK; i++) {
         const uint64_t slot = DRAW_STAR + (uint64_t)i * STAR_SLOTS;
-        double peak = field->level * rx_scenes_log_uniform(key, slot + 2, 2.0, RX_NOISE_LEVEL_PEAK);
+        double peak = field->level * rx_random_log_between(key, slot + 2, 2.0, RX_NOISE_LEVEL_PEAK);
         (*dst)->objects[i] = (rx_object){.type = RX_OBJECT_STAR,
                                          .ratio = 1.0,
-                                         .x = rx_scenes_uniform(key, slot, 0.0, field->side - 1.0),
-                                         .y = rx_scenes_uniform(key, slot + 1, 0.0, field->side - 1.0),
+                                         .x = rx_random_between(key, slot, 0.0, field->side - 1.0),
+                                         .y = rx_random_between(key, slot + 1, 0.0, field->side - 1.0),
                                          .flux = peak / field->peak};
     }
     return status;
 }
 
 /* Gaussians (Sersic index 1/2): the brightness in the centre is flux ln 2 / (pi r^2 b/a). */
-static rx_status make_nebulae(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst,
-                              rx_error *err)
+static rx_status make_nebulae(const rx_sky_field *field, rx_random_stream key, rx_scene **dst, rx_error *err)
 {
-    int n = 1 + (int)rx_scenes_uniform(key, DRAW_NEBULAE, 0.0, NEBULAE_MOST);
+    int n = 1 + (int)rx_random_between(key, DRAW_NEBULAE, 0.0, NEBULAE_MOST);
     rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
     for (int i = 0; i < n && status == RX_OK; i++) {
         const uint64_t slot = DRAW_NEBULA + (uint64_t)i * NEBULA_SLOTS;
-        double radius = rx_scenes_log_uniform(key, slot, 12.0, 80.0);
-        double ratio = rx_scenes_uniform(key, slot + 1, 0.3, 1.0);
-        double centre = field->level * rx_scenes_log_uniform(key, slot + 2, 0.01, 3.0);
+        double radius = rx_random_log_between(key, slot, 12.0, 80.0);
+        double ratio = rx_random_between(key, slot + 1, 0.3, 1.0);
+        double centre = field->level * rx_random_log_between(key, slot + 2, 0.01, 3.0);
         (*dst)->objects[i] = (rx_object){.type = RX_OBJECT_GALAXY,
-                                         .x = rx_scenes_uniform(key, slot + 3, 0.0, field->side - 1.0),
-                                         .y = rx_scenes_uniform(key, slot + 4, 0.0, field->side - 1.0),
+                                         .x = rx_random_between(key, slot + 3, 0.0, field->side - 1.0),
+                                         .y = rx_random_between(key, slot + 4, 0.0, field->side - 1.0),
                                          .flux = centre * M_PI * radius * radius * ratio / M_LN2,
                                          .radius = radius,
                                          .ratio = ratio,
-                                         .angle = rx_scenes_uniform(key, slot + 5, 0.0, M_PI),
+                                         .angle = rx_random_between(key, slot + 5, 0.0, M_PI),
                                          .bulge_share = 1.0,
                                          .bulge_n = 0.5,
                                          .bulge_radius = radius,
@@ -159,7 +155,7 @@ static rx_status make_nebulae(const rx_scenes_field_data *field, rx_scenes_key k
 
 /* --- pixels --- */
 
-static rx_status set_level(rx_scenes_field_data *field, rx_error *err)
+static rx_status set_level(rx_sky_field *field, rx_error *err)
 {
     const size_t n = (size_t)field->side * (size_t)field->side;
     float *light = RX_NEW(float, n);
@@ -183,8 +179,8 @@ typedef struct two_optics {
     rx_optics *core, *halo;
 } two_optics;
 
-static rx_status render(const rx_scenes_sky *sky, const rx_scene *scene, const two_optics *optics,
-                        rx_scenes_field_data *field, rx_error *err)
+static rx_status render(const sky_ground *sky, const rx_scene *scene, const two_optics *optics,
+                        rx_sky_field *field, rx_error *err)
 {
     const size_t n = (size_t)field->side * (size_t)field->side;
     if (optics->halo == NULL) {
@@ -209,7 +205,7 @@ static rx_status render(const rx_scenes_sky *sky, const rx_scene *scene, const t
     return RX_OK;
 }
 
-rx_status rx_scenes_psf(const rx_scenes_field_data *field, rx_psf **dst, rx_error *err)
+rx_status rx_sky_field_psf(const rx_sky_field *field, rx_psf **dst, rx_error *err)
 {
     rx_psf *halo = NULL;
     *dst = NULL;
@@ -234,21 +230,21 @@ rx_status rx_scenes_psf(const rx_scenes_field_data *field, rx_psf **dst, rx_erro
     return status;
 }
 
-static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *field,
+static rx_status draw_psf(const sky_ground *sky, rx_random_stream key, rx_sky_field *field,
                           two_optics *optics, rx_error *err)
 {
-    const rx_scenes_params *par = sky->par;
+    const rx_sky_variety *par = sky->variety;
     rx_psf *psf = NULL;
-    field->fwhm = rx_scenes_uniform(key, DRAW_FWHM, sky->fwhm[0], sky->fwhm[1]);
-    field->beta = rx_scenes_uniform(key, DRAW_BETA, par->beta[0], par->beta[1]);
-    field->ratio = 1.0 - rx_scenes_uniform(key, DRAW_ELLIPTICITY, 0.0, par->ellipticity);
-    field->angle = rx_scenes_uniform(key, DRAW_ANGLE, 0.0, M_PI);
-    if (rx_scenes_uniform(key, DRAW_HALO, 0.0, 1.0) < par->halos) {
-        field->halo = rx_scenes_uniform(key, DRAW_HALO + 1, HALO_LEAST, RX_SCENES_HALO);
+    field->fwhm = rx_random_between(key, DRAW_FWHM, sky->fwhm[0], sky->fwhm[1]);
+    field->beta = rx_random_between(key, DRAW_BETA, par->beta[0], par->beta[1]);
+    field->ratio = 1.0 - rx_random_between(key, DRAW_ELLIPTICITY, 0.0, par->ellipticity);
+    field->angle = rx_random_between(key, DRAW_ANGLE, 0.0, M_PI);
+    if (rx_random_between(key, DRAW_HALO, 0.0, 1.0) < par->halos) {
+        field->halo = rx_random_between(key, DRAW_HALO + 1, HALO_LEAST, RX_SKY_HALO);
         field->halo_fwhm =
-            fmin(field->fwhm * rx_scenes_log_uniform(key, DRAW_HALO_FWHM, HALO_WIDTH[0], HALO_WIDTH[1]),
-                 fmax(RX_SCENES_HALO_FWHM, field->fwhm));
-        field->halo_beta = rx_scenes_uniform(key, DRAW_HALO_BETA, RX_SCENES_HALO_BETA, HALO_BETA);
+            fmin(field->fwhm * rx_random_log_between(key, DRAW_HALO_FWHM, HALO_WIDTH[0], HALO_WIDTH[1]),
+                 fmax(RX_SKY_HALO_FWHM, field->fwhm));
+        field->halo_beta = rx_random_between(key, DRAW_HALO_BETA, RX_SKY_HALO_BETA, HALO_BETA);
         RX_TRY(rx_optics_moffat(
             &(rx_moffat_profile){.fwhm = field->halo_fwhm, .beta = field->halo_beta, .ratio = 1.0},
             field->side, field->side, &optics->halo, err));
@@ -257,7 +253,7 @@ static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes
         &(rx_moffat_profile){
             .fwhm = field->fwhm, .beta = field->beta, .ratio = field->ratio, .angle = field->angle},
         field->side, field->side, &optics->core, err));
-    RX_TRY(rx_scenes_psf(field, &psf, err));
+    RX_TRY(rx_sky_field_psf(field, &psf, err));
     double sum = 0.0;
     for (int i = 0; i < psf->size * psf->size; i++)
         sum += (double)psf->basis[i] * (double)psf->basis[i];
@@ -268,10 +264,10 @@ static rx_status draw_psf(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes
 }
 
 /* What a second scene adds; `make` decides by what is there. */
-typedef rx_status maker(const rx_scenes_field_data *field, rx_scenes_key key, rx_scene **dst, rx_error *err);
+typedef rx_status maker(const rx_sky_field *field, rx_random_stream key, rx_scene **dst, rx_error *err);
 
-static rx_status add(const rx_scenes_sky *sky, rx_scenes_key key, maker *make, const two_optics *optics,
-                     rx_scenes_field_data *field, rx_error *err)
+static rx_status add(const sky_ground *sky, rx_random_stream key, maker *make, const two_optics *optics,
+                     rx_sky_field *field, rx_error *err)
 {
     rx_scene *scene = NULL;
     rx_status status = make(field, key, &scene, err);
@@ -283,8 +279,8 @@ static rx_status add(const rx_scenes_sky *sky, rx_scenes_key key, maker *make, c
     return status;
 }
 
-static rx_status fill(const rx_scenes_sky *sky, rx_scenes_key key, const two_optics *optics,
-                      rx_scenes_field_data *field, rx_error *err)
+static rx_status fill(const sky_ground *sky, rx_random_stream key, const two_optics *optics,
+                      rx_sky_field *field, rx_error *err)
 {
     rx_scene *scene = NULL;
     rx_scene_params par = population(sky, key, field->fwhm);
@@ -296,43 +292,45 @@ static rx_status fill(const rx_scenes_sky *sky, rx_scenes_key key, const two_opt
     if (status == RX_OK)
         status = set_level(field, err);
     const int light = status == RX_OK && field->level > 0.0;
-    if (light && rx_scenes_uniform(key, DRAW_NEBULOUS, 0.0, 1.0) < sky->par->nebulae) {
+    if (light && rx_random_between(key, DRAW_NEBULOUS, 0.0, 1.0) < sky->variety->nebulae) {
         status = add(sky, key, make_nebulae, optics, field, err);
         if (status == RX_OK)
             status = set_level(field, err);
     }
-    if (light && status == RX_OK && rx_scenes_uniform(key, DRAW_BRIGHT, 0.0, 1.0) < BRIGHT_FIELDS)
+    if (light && status == RX_OK && rx_random_between(key, DRAW_BRIGHT, 0.0, 1.0) < BRIGHT_FIELDS)
         status = add(sky, key, make_bright_stars, optics, field, err);
     rx_scene_free(scene);
     return status;
 }
 
-rx_status rx_scenes_field_make(const rx_scenes_sky *sky, rx_scenes_key key, rx_scenes_field_data *dst,
-                               rx_error *err)
+rx_status rx_sky_field_make(const rx_simulation *simulation, const rx_sky_variety *variety,
+                            const double fwhm[2], rx_random_stream from, rx_sky_field *dst, rx_error *err)
 {
-    const size_t n = (size_t)sky->side * (size_t)sky->side;
+    const sky_ground sky = {simulation, variety, fwhm};
+    const int side = simulation->scene.width;
+    const size_t n = (size_t)side * (size_t)side;
     two_optics optics = {NULL, NULL};
-    *dst = (rx_scenes_field_data){.side = sky->side};
+    *dst = (rx_sky_field){.side = side};
     dst->sharp = RX_NEW(float, n);
     dst->blurred = RX_NEW(float, n);
     if (dst->sharp == NULL || dst->blurred == NULL) {
-        rx_scenes_field_clear(dst);
+        rx_sky_field_clear(dst);
         return rx_error_memory(err, n * sizeof(float));
     }
-    rx_status status = draw_psf(sky, key, dst, &optics, err);
+    rx_status status = draw_psf(&sky, from, dst, &optics, err);
     if (status == RX_OK)
-        status = fill(sky, key, &optics, dst, err);
+        status = fill(&sky, from, &optics, dst, err);
     rx_optics_free(optics.core);
     rx_optics_free(optics.halo);
     if (status != RX_OK)
-        rx_scenes_field_clear(dst);
+        rx_sky_field_clear(dst);
     return status;
 }
 
-void rx_scenes_field_clear(rx_scenes_field_data *field)
+void rx_sky_field_clear(rx_sky_field *field)
 {
     free(field->sharp);
     free(field->blurred);
     free(field->stars);
-    *field = (rx_scenes_field_data){0};
+    *field = (rx_sky_field){0};
 }

@@ -6,73 +6,67 @@
 #include "../near.h"
 #include "data/noise_correlation.h"
 #include "psf/psf.h"
-#include "scenes_test.h"
-#include "train/scenes_survey.h"
+#include "samples_test.h"
+#include "simulate/coadd.h"
+#include "simulate/survey_sky.h"
 
 enum { P = 64, N = P * P };
 
 /* --- kernels --- */
 
-/* Autocorrelation at a lag: the integral of the power over one period. */
-static double correlation(rx_correlation_kind kind, double size, int lag)
+/* Of two pixels `lag` apart in x. */
+static double correlation(rx_resampler kind, double size, int lag)
 {
-    enum { STEPS = 512 };
-    const rx_correlation c = {kind, {size, size}};
-    double sum = 0.0;
-    for (int i = -STEPS / 2; i < STEPS / 2; i++)
-        sum += rx_correlation_power(&c, 0, (double)i / STEPS) * cos(2.0 * M_PI * lag * i / STEPS) / STEPS;
-    return sum;
+    const rx_noise_correlation noise = rx_resampled_noise(kind, (const double[]){size, size});
+    return noise.at[RX_NOISE_REACH][RX_NOISE_REACH + lag];
 }
 
 static void test_kernels(void **state)
 {
     (void)state;
     for (double d = 0.0; d <= 1.0; d += 0.25) {
-        assert_near(correlation(RX_CORRELATION_LINEAR, d, 0), d * d + (1.0 - d) * (1.0 - d), 1e-12);
-        assert_near(correlation(RX_CORRELATION_LINEAR, d, 1), d * (1.0 - d), 1e-12);
-        assert_near(correlation(RX_CORRELATION_LINEAR, d, 2), 0.0, 1e-12);
+        assert_near(correlation(RX_RESAMPLER_LINEAR, d, 1), d * (1.0 - d) / (d * d + (1.0 - d) * (1.0 - d)),
+                    1e-12);
+        assert_near(correlation(RX_RESAMPLER_LINEAR, d, 2), 0.0, 1e-12);
     }
-    assert_near(correlation(RX_CORRELATION_CUBIC, 0.5, 0), 164.0 / 256.0, 1e-12);
-    assert_near(correlation(RX_CORRELATION_CUBIC, 0.5, 1), 63.0 / 256.0, 1e-12);
-    assert_near(correlation(RX_CORRELATION_LANCZOS, 0.0, 0), 1.0, 1e-12);
+    assert_near(correlation(RX_RESAMPLER_CUBIC, 0.5, 0), 1.0, 1e-12);
+    assert_near(correlation(RX_RESAMPLER_CUBIC, 0.5, 1), 63.0 / 164.0, 1e-12);
+    assert_near(correlation(RX_RESAMPLER_LANCZOS, 0.0, 1), 0.0, 1e-12);
     /* weights at half a pixel: 24, -100/9 ... of sinc(d) sinc(d / 3), which is 3 sin(pi d) sin(pi d / 3) / (pi
      * d)^2 */
-    const double a = 12.0 * 0.5, b = -12.0 / 9.0, c = 12.0 / 25.0 * 0.5, sum = 2.0 * (a + b + c);
-    assert_near(correlation(RX_CORRELATION_LANCZOS, 0.5, 0), 2.0 * (a * a + b * b + c * c) / (sum * sum),
-                1e-12);
-    assert_near(correlation(RX_CORRELATION_LANCZOS, 0.5, 5), c * c / (sum * sum), 1e-12);
+    const double a = 12.0 * 0.5, b = -12.0 / 9.0, c = 12.0 / 25.0 * 0.5;
+    assert_near(correlation(RX_RESAMPLER_LANCZOS, 0.5, 5), c * c / (2.0 * (a * a + b * b + c * c)), 1e-12);
     /* boxes of one pixel on pixels: the cubic B-spline */
-    assert_near(correlation(RX_CORRELATION_DRIZZLE, 1.0, 1) / correlation(RX_CORRELATION_DRIZZLE, 1.0, 0),
-                0.25, 1e-4);
-    const double sigma = 1.0, fwhm = sigma * sqrt(8.0 * log(2.0));
-    for (int lag = 1; lag < 4; lag++)
-        assert_near(correlation(RX_CORRELATION_GAUSS, fwhm, lag) / correlation(RX_CORRELATION_GAUSS, fwhm, 0),
-                    exp(-0.25 * lag * lag), 1e-4);
+    assert_near(correlation(RX_RESAMPLER_DRIZZLE, 1.0, 1), 0.25, 2e-3);
+    /* shifts that differ in x and y */
+    const rx_noise_correlation noise = rx_resampled_noise(RX_RESAMPLER_LINEAR, (const double[]){0.5, 0.0});
+    assert_near(noise.at[RX_NOISE_REACH][RX_NOISE_REACH + 1], 0.5, 1e-12);
+    assert_near(noise.at[RX_NOISE_REACH + 1][RX_NOISE_REACH], 0.0, 1e-12);
 }
 
 /* --- noise --- */
 
-static scenes_test open_blank(void)
+static samples_test open_blank(void)
 {
-    scenes_test t = scenes_test_open(1.0, 15.0);
+    samples_test t = samples_test_open(1.0, 15.0);
     t.config->star_count = t.config->galaxy_count = 0.0;
-    t.par.beta[0] = t.par.beta[1] = 4.0;
-    t.par.ellipticity = 0.0;
+    t.par.sky.beta[0] = t.par.sky.beta[1] = 4.0;
+    t.par.sky.ellipticity = 0.0;
     return t;
 }
 
 /* Of images of the first bins of FWHM: the width of pixels, over that of white noise of the same matched
  * filter; the width behind that filter; and `expected`, what the first should be of a Gaussian of sigma 1. */
-static void noise_widths(const scenes_test *t, double *pixel, double *matched, double *expected)
+static void noise_widths(const samples_test *t, double *pixel, double *matched, double *expected)
 {
     enum { IMAGES = 60, R = 7 };
-    rx_scenes *scenes = scenes_test_make(t);
+    rx_samples *scenes = samples_test_make(t);
     rx_sample *s = rx_sample_new(P);
     double squares = 0.0, filtered = 0.0, places = 0.0;
     *expected = 0.0;
     for (uint32_t i = 0; i < IMAGES; i++) {
         rx_psf *psf = NULL;
-        scenes_test_sample(scenes, (rx_sample_id){.bin = i % 5, .index = i / 5}, s);
+        samples_test_sample(scenes, (rx_sample_id){.bin = i % 5, .index = i / 5}, s);
         assert_int_equal(rx_psf_moffat((double)s->true_fwhm, 4.0, 1.0, 0.0, 2 * R + 1, &psf, NULL), RX_OK);
         const float *h = psf->basis;
         double norm = 0.0, joint = 0.0;
@@ -101,14 +95,14 @@ static void noise_widths(const scenes_test *t, double *pixel, double *matched, d
     *matched = sqrt(filtered / places);
     *expected = sqrt(*expected);
     rx_sample_free(s);
-    rx_scenes_free(scenes);
+    rx_samples_free(scenes);
 }
 
 static void test_effective_noise(void **state)
 {
     (void)state;
     double pixel, matched, expected;
-    scenes_test t = open_blank();
+    samples_test t = open_blank();
     noise_widths(&t, &pixel, &matched, &expected);
     assert_near(pixel, 1.0, 0.01);
     assert_near(matched, 1.0, 0.015);
@@ -131,22 +125,22 @@ static void test_effective_noise(void **state)
 typedef void watcher(const rx_sample *plain, const rx_sample *s, double *sums);
 
 /* Both of some samples, for which `watch` adds up what it wants. */
-static void compare(const scenes_test *with, int images, watcher *watch, double *sums)
+static void compare(const samples_test *with, int images, watcher *watch, double *sums)
 {
-    scenes_test without = *with;
-    without.par.survey = (rx_scenes_survey){0};
-    rx_scenes *both[2] = {scenes_test_make(&without), scenes_test_make(with)};
+    samples_test without = *with;
+    without.par.survey = (rx_survey_params){0};
+    rx_samples *both[2] = {samples_test_make(&without), samples_test_make(with)};
     rx_sample *plain = rx_sample_new(P), *s = rx_sample_new(P);
     for (uint32_t i = 0; i < (uint32_t)images; i++) {
         const rx_sample_id id = {.bin = i % 25, .index = i / 25};
-        scenes_test_sample(both[0], id, plain);
-        scenes_test_sample(both[1], id, s);
+        samples_test_sample(both[0], id, plain);
+        samples_test_sample(both[1], id, s);
         watch(plain, s, sums);
     }
     rx_sample_free(plain);
     rx_sample_free(s);
-    rx_scenes_free(both[0]);
-    rx_scenes_free(both[1]);
+    rx_samples_free(both[0]);
+    rx_samples_free(both[1]);
 }
 
 static int is_same(const float *a, const float *b)
@@ -187,25 +181,29 @@ static void test_factor(void **state)
         psf[i] = (float)exp(-4.0 * M_LN2 * (pow(i % PSF - PSF / 2, 2) + pow(i / PSF - PSF / 2, 2)) /
                             (fwhm * fwhm));
     const rx_noise_correlation smoothed = rx_noise_of_kernel(kernel, K, K);
-    rx_scenes_survey survey = {0};
-    assert_near(rx_scenes_factor(&survey, fwhm), 1, 0);
+    rx_survey_params survey = {0};
+    double factor;
+    assert_int_equal(rx_survey_factor(&survey, fwhm, &factor, NULL), RX_OK);
+    assert_near(factor, 1, 0);
     survey.smoothed = 0.5;
     survey.smoothed_fwhm[1] = wide;
-    assert_near(rx_scenes_factor(&survey, fwhm), rx_noise_factor(&smoothed, psf, PSF, PSF), 0.02);
+    assert_int_equal(rx_survey_factor(&survey, fwhm, &factor, NULL), RX_OK);
+    assert_near(factor, rx_noise_factor(&smoothed, psf, PSF, PSF), 0.02);
     survey.smoothed = 0.0;
     survey.resampled = 0.5; /* drops of two pixels: 2.4 of wide sums (Fruchter & Hook 2002) */
-    assert_near(rx_scenes_factor(&survey, 60.0), 2.4, 0.02);
+    assert_int_equal(rx_survey_factor(&survey, 60.0, &factor, NULL), RX_OK);
+    assert_near(factor, 2.4, 0.02);
 }
 
 static void test_shares(void **state)
 {
     (void)state;
     enum { IMAGES = 100 };
-    const scenes_test blank = open_blank();
+    const samples_test blank = open_blank();
     for (int which = 0; which < 8; which++) {
-        scenes_test t = blank;
+        samples_test t = blank;
         double sums[2] = {0.0};
-        rx_scenes_survey *v = &t.par.survey;
+        rx_survey_params *v = &t.par.survey;
         double *const share[8] = {&v->smoothed, &v->resampled, &v->uneven,  &v->offsets,
                                   &v->waves,    &v->dark,      &v->defects, &v->psf};
         v->smoothed_fwhm[1] = 3.0;
@@ -243,7 +241,7 @@ static void watch_uneven(const rx_sample *plain, const rx_sample *s, double *sum
 static void test_uneven(void **state)
 {
     (void)state;
-    scenes_test t = scenes_test_open(1.0, 15.0);
+    samples_test t = samples_test_open(1.0, 15.0);
     double sums[4] = {0.0};
     t.par.survey.uneven = 1.0;
     compare(&t, 50, watch_uneven, sums);
@@ -268,7 +266,7 @@ static void test_offsets(void **state)
 {
     (void)state;
     enum { IMAGES = 150 };
-    scenes_test t = open_blank();
+    samples_test t = open_blank();
     double sums[2] = {0.0};
     t.par.survey.offsets = 1.0;
     t.par.survey.sky_offset = 0.3;
@@ -301,9 +299,9 @@ static void watch_light(const rx_sample *plain, const rx_sample *s, double *sums
 static void test_dark_sky_and_waves(void **state)
 {
     (void)state;
-    const scenes_test blank = open_blank();
+    const samples_test blank = open_blank();
     for (int dark = 0; dark < 2; dark++) {
-        scenes_test t = blank;
+        samples_test t = blank;
         double sums[5] = {0.0};
         if (dark)
             t.par.survey.dark = 1.0;
@@ -335,7 +333,7 @@ static void watch_defects(const rx_sample *plain, const rx_sample *s, double *su
 static void test_defects(void **state)
 {
     (void)state;
-    scenes_test t = open_blank();
+    samples_test t = open_blank();
     double sums[4] = {0.0};
     t.par.survey.defects = 1.0;
     compare(&t, 100, watch_defects, sums);
@@ -360,7 +358,7 @@ static void test_psf(void **state)
 {
     (void)state;
     enum { IMAGES = 150 };
-    scenes_test t = open_blank();
+    samples_test t = open_blank();
     double sums[2] = {0.0};
     t.par.survey.psf = 1.0;
     compare(&t, IMAGES, watch_psf, sums);

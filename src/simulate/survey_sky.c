@@ -1,10 +1,14 @@
 /* What surveys deliver: what a sample has of it, and what that is pixel by pixel. */
-#include <math.h>
+#include "simulate/survey_sky.h"
 
-#include "base/random.h"
+#include <math.h>
+#include <stdlib.h>
+
+#include "base/memory.h"
+#include "num/convolve.h"
+#include "simulate/coadd.h"
 #include "simulate/cosmic_rays.h"
 #include "simulate/noise.h"
-#include "train/scenes_survey.h"
 
 /* Slots of a sample's key, beyond those of scenes.c. */
 enum {
@@ -48,116 +52,127 @@ static const double DEPTH[2] = {0.3, 10.0};   /* noise units */
 static const double RAYS = 3.0, GAIN[2] = {5.0, 100.0}, COLUMN[2] = {1.0, 30.0};
 static const double PSF_FARTHEST = 3.0;
 
-static int happens(rx_scenes_key key, uint64_t slot, double share)
+static int happens(rx_random_stream key, uint64_t slot, double share)
 {
-    return rx_scenes_uniform(key, slot, 0.0, 1.0) < share;
+    return rx_random_between(key, slot, 0.0, 1.0) < share;
 }
 
 /* first .. last, all alike */
-static int number(rx_scenes_key key, uint64_t slot, int first, int last)
+static int number(rx_random_stream key, uint64_t slot, int first, int last)
 {
-    return first + (int)rx_scenes_uniform(key, slot, 0.0, last - first + 1);
+    return first + (int)rx_random_between(key, slot, 0.0, last - first + 1);
 }
 
-static double sign(rx_scenes_key key, uint64_t slot)
+static double sign(rx_random_stream key, uint64_t slot)
 {
     return happens(key, slot, 0.5) ? -1.0 : 1.0;
 }
 
 /* --- drawing --- */
 
-static void draw_correlation(const rx_scenes_survey *par, rx_scenes_key key, rx_correlation *dst)
+/* By a Gaussian, as far as RX_NOISE_REACH. */
+static rx_noise_correlation smoothed_noise(double fwhm)
 {
-    const double which = rx_scenes_uniform(key, DRAW_NOISE, 0.0, 1.0);
-    *dst = (rx_correlation){.kind = RX_CORRELATION_NONE};
-    double from = 0.0, to = 1.0;
-    if (which < par->smoothed) {
-        dst->kind = RX_CORRELATION_GAUSS;
-        dst->size[0] = dst->size[1] =
-            rx_scenes_uniform(key, DRAW_SIZE, par->smoothed_fwhm[0], par->smoothed_fwhm[1]);
-        return;
-    }
+    rx_noise_correlation noise = rx_noise_white(RX_NOISE_GIVEN);
+    const double variance = fwhm * fwhm / (8.0 * M_LN2);
+    noise.correlated = variance > 0.0;
+    for (int y = 0; y < RX_NOISE_SIDE && noise.correlated; y++)
+        for (int x = 0; x < RX_NOISE_SIDE; x++) {
+            const double dx = x - RX_NOISE_REACH, dy = y - RX_NOISE_REACH;
+            noise.at[y][x] = exp(-(dx * dx + dy * dy) / (4.0 * variance));
+        }
+    return noise;
+}
+
+static rx_noise_correlation draw_correlation(const rx_survey_params *par, rx_random_stream key)
+{
+    const double which = rx_random_between(key, DRAW_NOISE, 0.0, 1.0);
+    double size[2], from = 0.0, to = 1.0;
+    if (which < par->smoothed)
+        return smoothed_noise(
+            rx_random_between(key, DRAW_SIZE, par->smoothed_fwhm[0], par->smoothed_fwhm[1]));
     if (which >= par->smoothed + par->resampled)
-        return;
-    dst->kind = (rx_correlation_kind)number(key, DRAW_KIND, RX_CORRELATION_LINEAR, RX_CORRELATION_DRIZZLE);
-    if (dst->kind == RX_CORRELATION_DRIZZLE) {
+        return rx_noise_white(RX_NOISE_GIVEN);
+    const rx_resampler kind = (rx_resampler)number(key, DRAW_KIND, RX_RESAMPLER_LINEAR, RX_RESAMPLER_DRIZZLE);
+    if (kind == RX_RESAMPLER_DRIZZLE) {
         from = 0.5;
         to = RX_SURVEY_DROP;
     }
     for (int i = 0; i < 2; i++)
-        dst->size[i] = rx_scenes_uniform(key, DRAW_SIZE + (uint64_t)i, from, to);
-    if (dst->kind == RX_CORRELATION_DRIZZLE)
-        dst->size[1] = dst->size[0];
+        size[i] = rx_random_between(key, DRAW_SIZE + (uint64_t)i, from, to);
+    if (kind == RX_RESAMPLER_DRIZZLE)
+        size[1] = size[0];
+    return rx_resampled_noise(kind, size);
 }
 
-static void draw_uneven(rx_scenes_key key, rx_survey *dst)
+static void draw_uneven(rx_random_stream key, rx_survey *dst)
 {
-    const double angle = rx_scenes_uniform(key, DRAW_SLOPED, 0.0, 2.0 * M_PI);
-    const double slope = 2.0 * rx_scenes_uniform(key, DRAW_SLOPE, 0.0, SLOPE) / dst->side;
+    const double angle = rx_random_between(key, DRAW_SLOPED, 0.0, 2.0 * M_PI);
+    const double slope = 2.0 * rx_random_between(key, DRAW_SLOPE, 0.0, SLOPE) / dst->side;
     dst->uneven = 1;
     dst->slope[0] = slope * cos(angle);
     dst->slope[1] = slope * sin(angle);
     dst->nedges = number(key, DRAW_EDGES, 0, EDGES);
     for (int i = 0; i < dst->nedges; i++) {
         const uint64_t slot = DRAW_EDGE + (uint64_t)i * SLOTS;
-        const double turn = rx_scenes_uniform(key, slot, 0.0, 2.0 * M_PI), a = cos(turn), b = sin(turn);
-        const double x = dst->centre + rx_scenes_uniform(key, slot + 1, -0.5, 0.5) * dst->side;
-        const double y = dst->centre + rx_scenes_uniform(key, slot + 2, -0.5, 0.5) * dst->side;
+        const double turn = rx_random_between(key, slot, 0.0, 2.0 * M_PI), a = cos(turn), b = sin(turn);
+        const double x = dst->centre + rx_random_between(key, slot + 1, -0.5, 0.5) * dst->side;
+        const double y = dst->centre + rx_random_between(key, slot + 2, -0.5, 0.5) * dst->side;
         dst->edge[i].a = a;
         dst->edge[i].b = b;
         dst->edge[i].c = -a * x - b * y;
-        dst->edge[i].step = rx_scenes_uniform(key, slot + 3, STEP[0], STEP[1]);
+        dst->edge[i].step = rx_random_between(key, slot + 3, STEP[0], STEP[1]);
     }
 }
 
-static void draw_waves(rx_scenes_key key, double fwhm, rx_survey *dst)
+static void draw_waves(rx_random_stream key, double fwhm, rx_survey *dst)
 {
     dst->nwaves = number(key, DRAW_WAVES, 1, WAVES);
     for (int i = 0; i < dst->nwaves; i++) {
         const uint64_t slot = DRAW_WAVE + (uint64_t)i * SLOTS;
-        const double angle = rx_scenes_uniform(key, slot, 0.0, 2.0 * M_PI), least = WAVE[0] * fwhm;
-        const double length = rx_scenes_log_uniform(key, slot + 1, least, fmax(WAVE[1], least));
+        const double angle = rx_random_between(key, slot, 0.0, 2.0 * M_PI), least = WAVE[0] * fwhm;
+        const double length = rx_random_log_between(key, slot + 1, least, fmax(WAVE[1], least));
         dst->wave[i].u = 2.0 * M_PI * cos(angle) / length;
         dst->wave[i].v = 2.0 * M_PI * sin(angle) / length;
-        dst->wave[i].phase = rx_scenes_uniform(key, slot + 2, 0.0, 2.0 * M_PI);
-        dst->wave[i].height = rx_scenes_log_uniform(key, slot + 3, HEIGHT[0], HEIGHT[1]);
+        dst->wave[i].phase = rx_random_between(key, slot + 2, 0.0, 2.0 * M_PI);
+        dst->wave[i].height = rx_random_log_between(key, slot + 3, HEIGHT[0], HEIGHT[1]);
     }
 }
 
-static void draw_holes(rx_scenes_key key, double fwhm, rx_survey *dst)
+static void draw_holes(rx_random_stream key, double fwhm, rx_survey *dst)
 {
     const double least = HOLE[0] * fwhm, most = fmax(HOLE[1], least);
     dst->nholes = number(key, DRAW_HOLES, 1, HOLES);
     for (int i = 0; i < dst->nholes; i++) {
         const uint64_t slot = DRAW_HOLE + (uint64_t)i * SLOTS;
-        const double major = rx_scenes_log_uniform(key, slot, least, most);
-        const double minor = rx_scenes_log_uniform(key, slot + 1, least, major);
-        const double angle = rx_scenes_uniform(key, slot + 2, 0.0, M_PI), c = cos(angle), d = sin(angle);
+        const double major = rx_random_log_between(key, slot, least, most);
+        const double minor = rx_random_log_between(key, slot + 1, least, major);
+        const double angle = rx_random_between(key, slot + 2, 0.0, M_PI), c = cos(angle), d = sin(angle);
         const double p = 0.5 / (major * major), q = 0.5 / (minor * minor);
         dst->hole[i].xx = p * c * c + q * d * d;
         dst->hole[i].yy = p * d * d + q * c * c;
         dst->hole[i].xy = (p - q) * c * d;
-        dst->hole[i].depth = rx_scenes_log_uniform(key, slot + 3, DEPTH[0], DEPTH[1]);
-        dst->hole[i].x = rx_scenes_uniform(key, slot + 4, 0.0, dst->window);
-        dst->hole[i].y = rx_scenes_uniform(key, slot + 5, 0.0, dst->window);
+        dst->hole[i].depth = rx_random_log_between(key, slot + 3, DEPTH[0], DEPTH[1]);
+        dst->hole[i].x = rx_random_between(key, slot + 4, 0.0, dst->window);
+        dst->hole[i].y = rx_random_between(key, slot + 5, 0.0, dst->window);
     }
 }
 
-static double deviate(rx_scenes_key key, uint64_t slot, double rms)
+static double deviate(rx_random_stream key, uint64_t slot, double rms)
 {
     return rms * fmin(fmax(rx_random_normal(key.seed, key.stream, slot), -PSF_FARTHEST), PSF_FARTHEST);
 }
 
-void rx_survey_draw(const rx_scenes_survey *par, rx_scenes_key key, int window, int side, double fwhm,
+void rx_survey_draw(const rx_survey_params *par, rx_random_stream key, int window, int side, double fwhm,
                     rx_survey *dst)
 {
     *dst = (rx_survey){.window = window, .side = side, .centre = 0.5 * (window - 1), .key = key};
-    draw_correlation(par, key, &dst->correlation);
+    dst->correlation = draw_correlation(par, key);
     dst->fwhm = dst->beta = 1.0;
     if (happens(key, DRAW_UNEVEN, par->uneven))
         draw_uneven(key, dst);
     if (happens(key, DRAW_OFFSET, par->offsets))
-        dst->sky = rx_scenes_uniform(key, DRAW_OFF, -par->sky_offset, par->sky_offset);
+        dst->sky = rx_random_between(key, DRAW_OFF, -par->sky_offset, par->sky_offset);
     if (happens(key, DRAW_WAVY, par->waves))
         draw_waves(key, fwhm, dst);
     if (happens(key, DRAW_DARK, par->dark))
@@ -212,7 +227,7 @@ double rx_survey_light(const rx_survey *s, double x, double y)
 /* From its first row to its last one, or a part that begins or ends inside. */
 static void add_column(const rx_survey *s, uint64_t slot, float *pixels)
 {
-    const double height = sign(s->key, slot) * rx_scenes_log_uniform(s->key, slot + 1, COLUMN[0], COLUMN[1]);
+    const double height = sign(s->key, slot) * rx_random_log_between(s->key, slot + 1, COLUMN[0], COLUMN[1]);
     const int x = (s->window - s->side) / 2 + number(s->key, slot + 2, 0, s->side - 1);
     const int half = happens(s->key, slot + 3, 0.5), from = number(s->key, slot + 4, 0, s->window - 1);
     for (int y = half ? from : 0; y < s->window; y++)
@@ -222,7 +237,7 @@ static void add_column(const rx_survey *s, uint64_t slot, float *pixels)
 void rx_survey_defects(const rx_survey *s, float *pixels)
 {
     const uint64_t seed = s->key.seed ^ COSMIC_SEED;
-    const double gain = rx_scenes_log_uniform(s->key, DRAW_GAIN, GAIN[0], GAIN[1]);
+    const double gain = rx_random_log_between(s->key, DRAW_GAIN, GAIN[0], GAIN[1]);
     const double area = (double)s->window * s->window / ((double)s->side * s->side);
     const uint64_t rays = (uint64_t)rx_noise_poisson(RAYS * area, s->key.seed, s->key.stream, DRAW_RAYS);
     const int columns = number(s->key, DRAW_COLUMNS, 0, COLUMNS);
@@ -233,4 +248,29 @@ void rx_survey_defects(const rx_survey *s, float *pixels)
     }
     for (int i = 0; i < columns; i++)
         add_column(s, DRAW_COLUMN + (uint64_t)i * SLOTS, pixels);
+}
+
+/* --- the most of it --- */
+
+rx_status rx_survey_factor(const rx_survey_params *par, double fwhm, double *factor, rx_error *err)
+{
+    const int radius = rx_gauss_radius(fwhm), side = 2 * radius + 1;
+    float *psf, *along;
+    RX_TRY(RX_MAKE(psf, (size_t)side * (size_t)(side + 1), err));
+    along = psf + (size_t)side * (size_t)side;
+    rx_gauss_weights(fwhm, radius, along);
+    for (int i = 0; i < side * side; i++)
+        psf[i] = along[i % side] * along[i / side];
+    const rx_noise_correlation smoothed = smoothed_noise(par->smoothed_fwhm[1]);
+    *factor = 1.0;
+    if (par->smoothed > 0.0)
+        *factor = fmax(*factor, rx_noise_factor(&smoothed, psf, side, side));
+    for (int kind = RX_RESAMPLER_LINEAR; par->resampled > 0.0 && kind <= RX_RESAMPLER_DRIZZLE; kind++) {
+        const double worst = kind == RX_RESAMPLER_DRIZZLE ? RX_SURVEY_DROP : 0.5;
+        const rx_noise_correlation noise =
+            rx_resampled_noise((rx_resampler)kind, (const double[]){worst, worst});
+        *factor = fmax(*factor, rx_noise_factor(&noise, psf, side, side));
+    }
+    free(psf);
+    return RX_OK;
 }
