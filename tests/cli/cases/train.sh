@@ -54,8 +54,11 @@ expect 2 '^rextract-train: -PATCH: 50 is no multiple of 4; give 52$' -PATCH 50
 trains 'all margin'
 expect 2 '^rextract-train: -PATCH_MARGIN: 16 leaves less than half of an image.s side of 64; give at most 15$' -PATCH 64 -PATCH_MARGIN 16
 
+trains 'a keyword that is gone'
+expect 2 'TRAIN_RANKS is no longer a keyword; all processes of mpiexec train; leave it out' -TRAIN_RANKS 2
+
 trains 'a field that is too large'
-expect 2 '^rextract-train: -FIELD_PATCHES: fields of 64 images of 512 pixels are too large; give at most 32$' -PATCH 512 -FIELD_PATCHES 64
+expect 2 '^rextract-train: -FIELD_PATCHES: fields of 64 images of 512 pixels are too large; at most 32 are possible$' -PATCH 512 -FIELD_PATCHES 64
 
 trains 'ranges the wrong way round'
 expect 2 '^rextract-train: -FWHM_RANGE: 8 is above 2; give <from>,<to>$' -FWHM_RANGE 8,2
