@@ -413,7 +413,8 @@ static rx_status check_training_images(const rx_train_config *config, rx_error *
     if (config->patch % 4 != 0)
         return REFUSE(PATCH, "%d is no multiple of 4; give %d", config->patch, config->patch / 4 * 4 + 4);
     if (config->field_patches > 16384 / config->patch)
-        return REFUSE(FIELD_PATCHES, "fields of %d images of %d pixels are too large; at most %d are possible",
+        return REFUSE(FIELD_PATCHES,
+                      "fields of %d images of %d pixels are too large; at most %d are possible",
                       config->field_patches, config->patch, 16384 / config->patch);
     if (4 * config->patch_margin >= config->patch)
         return REFUSE(PATCH_MARGIN, "%d leaves less than half of an image's side of %d; give at most %d",

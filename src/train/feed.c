@@ -8,8 +8,8 @@
 #include "par/ranks.h"
 
 struct rx_feed {
-    int batch;
-    rx_samples *scenes;
+    int batch, side; /* images of a step, pixels of an image */
+    rx_samples *samples;
     long n, all;       /* training images of the epoch, all images */
     rx_sample **image; /* [all] by position; NULL where it is not here */
     long made;
@@ -27,8 +27,9 @@ rx_status rx_feed_new(const rx_feed_params *par, int nthreads, rx_log *log, rx_f
     *dst = NULL;
     RX_TRY(RX_MAKE(feed, 1, err));
     feed->batch = par->batch;
+    feed->side = par->samples.side;
     const rx_status status =
-        rx_samples_new(&par->scenes, &par->grid, par->sim, nthreads, log, &feed->scenes, err);
+        rx_samples_new(&par->samples, &par->grid, par->sim, nthreads, log, &feed->samples, err);
     if (status == RX_OK)
         *dst = feed;
     else
@@ -50,7 +51,7 @@ void rx_feed_free(rx_feed *feed)
     if (feed == NULL)
         return;
     drop_images(feed);
-    rx_samples_free(feed->scenes);
+    rx_samples_free(feed->samples);
     free(feed);
 }
 
@@ -101,12 +102,12 @@ static rx_status make_share(rx_feed *feed, const job *jobs, long from, rx_error 
     RX_TRY_EXIT(RX_MAKE(ids, (size_t)feed->all, err));
     RX_TRY_EXIT(RX_MAKE(samples, (size_t)feed->all, err));
     for (long at = from; at < feed->all; at++)
-        if (rx_samples_owner(feed->scenes, jobs[at].id, rx_par_processes()) == rx_par_rank())
+        if (rx_samples_owner(feed->samples, jobs[at].id, rx_par_processes()) == rx_par_rank())
             mine[n++] = jobs[at];
     qsort(mine, (size_t)n, sizeof *mine, compare_jobs);
     for (long i = 0; i < n; i++)
         ids[i] = mine[i].id;
-    status = rx_samples_make(feed->scenes, ids, n, samples, err);
+    status = rx_samples_make(feed->samples, ids, n, samples, err);
     for (long i = 0; i < n; i++)
         feed->image[mine[i].at] = samples[i];
     feed->made += n;
@@ -121,9 +122,9 @@ exit:
 /* Every image to the rank that needs it, in the same order everywhere: no two ranks wait for each other. */
 static rx_status hand_over(rx_feed *feed, const job *jobs, long from, rx_error *err)
 {
-    const int side = rx_samples_side(feed->scenes);
+    const int side = feed->side;
     for (long at = from; at < feed->all; at++) {
-        const int maker = rx_samples_owner(feed->scenes, jobs[at].id, rx_par_processes()),
+        const int maker = rx_samples_owner(feed->samples, jobs[at].id, rx_par_processes()),
                   user = user_of(feed, at);
         if (maker == user)
             continue;

@@ -15,7 +15,7 @@
 typedef struct rx_feed rx_feed;
 
 typedef struct rx_feed_params {
-    rx_samples_params scenes;
+    rx_samples_params samples;
     rx_selection grid;             /* its counts are not used */
     const rx_simulate_config *sim; /* same on all ranks */
     int batch;                     /* images of a step, shared out in runs: the first run is rank 0's */

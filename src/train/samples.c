@@ -116,11 +116,6 @@ int rx_samples_owner(const rx_samples *s, rx_sample_id id, int ranks)
     return (int)((id.bin + id.bin / n + id.set + field + era_of(&s->par, id.epoch)) % n);
 }
 
-int rx_samples_side(const rx_samples *s)
-{
-    return s->par.side;
-}
-
 static double error_of(rx_random_stream key, uint64_t slot, double rms)
 {
     return rms * fmin(fmax(rx_random_normal(key.seed, key.stream, slot), -FARTHEST), FARTHEST);

@@ -59,21 +59,20 @@ typedef struct rx_samples rx_samples; /* keeps fields that later epochs need */
 rx_status rx_samples_new(const rx_samples_params *par, const rx_selection *grid,
                          const rx_simulate_config *config, int nthreads, rx_log *log, rx_samples **dst,
                          rx_error *err);
-void rx_samples_free(rx_samples *scenes); /* NULL is fine */
+void rx_samples_free(rx_samples *samples); /* NULL is fine */
 
-/* samples[n] of one epoch become new ones, ids[n]; after an error some of them are there. Threads share the fields:
+/* dst[n] become new samples of one epoch, ids[n]; after an error some of them are there. Threads share the fields:
  * those of one field stand one after the other (sorted by set, bin and index). Fields that serve another epoch are kept
  * up to RX_SAMPLES_MEMORY bytes, those of epochs that are over go.
  * Errors: RX_USAGE for a bin, an index or a set that is not there; RX_SYSTEM, RX_INTERRUPTED. */
 #define RX_SAMPLES_MEMORY ((size_t)1 << 29)
-rx_status rx_samples_make(rx_samples *scenes, const rx_sample_id *ids, long n, rx_sample **samples,
+rx_status rx_samples_make(rx_samples *samples, const rx_sample_id *ids, long n, rx_sample **dst,
                           rx_error *err);
-int rx_samples_side(const rx_samples *scenes); /* of a sample, pixels */
 
 /* Number of the field that a sample comes from: the same for all samples of one field, otherwise different with near
  * certainty. */
 uint64_t rx_samples_field(const rx_samples_params *par, rx_sample_id id);
 /* Which of so many ranks makes a sample: those of one field, the same one. */
-int rx_samples_owner(const rx_samples *scenes, rx_sample_id id, int ranks);
+int rx_samples_owner(const rx_samples *samples, rx_sample_id id, int ranks);
 
 #endif

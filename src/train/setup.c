@@ -159,7 +159,7 @@ rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, r
 rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *grid)
 {
     return (rx_feed_params){
-        .scenes =
+        .samples =
             {
                 .side = config->patch,
                 .field_side = config->patch * config->field_patches,
