@@ -14,7 +14,7 @@
 
 #include "config/config_fields.h"
 #include "programs/program.h"
-#include "train/scenes.h"
+#include "train/samples.h"
 #include "train/setup.h"
 #include "train/step.h"
 
@@ -84,21 +84,27 @@ static void write_sample(FILE *file, const rx_sample *s)
     write_floats(file, s->kernel, KERNEL);
 }
 
-/* All images of one field, which the thread's scenes render once. */
-static rx_status write_field(rx_scenes *scenes, const rx_train_config *c, const rx_selection *grid, int field,
-                             int test, rx_sample *s, FILE *file, rx_error *err)
+/* All images of one field, which the thread's samples render once. */
+static rx_status write_field(rx_samples *samples, const rx_train_config *c, const rx_selection *grid,
+                             int field, int test, FILE *file, rx_error *err)
 {
+    enum { MOST = 64 * 64 };
     const int places = c->field_patches * c->field_patches, of_epoch = grid->total / places,
               uses = test ? 1 : c->field_uses;
     const int bin = field % grid->nbins, number = field / grid->nbins;
-    for (int use = 0; use < uses; use++)
+    rx_sample_id id[MOST];
+    rx_sample *made[MOST];
+    for (int use = 0; use < uses; use++) {
+        for (int place = 0; place < places; place++)
+            id[place] = (rx_sample_id){(uint32_t)(number / of_epoch * c->field_uses + use),
+                                       test ? RX_SET_TEST : RX_SET_TRAIN, (uint32_t)bin,
+                                       (uint32_t)(number % of_epoch * places + place)};
+        RX_TRY(rx_samples_make(samples, id, places, made, err));
         for (int place = 0; place < places; place++) {
-            const rx_sample_id id = {(uint32_t)(number / of_epoch * c->field_uses + use),
-                                     test ? RX_SET_TEST : RX_SET_TRAIN, (uint32_t)bin,
-                                     (uint32_t)(number % of_epoch * places + place)};
-            RX_TRY(rx_scenes_make(scenes, id, s, err));
-            write_sample(file, s);
+            write_sample(file, made[place]);
+            rx_sample_free(made[place]);
         }
+    }
     return RX_OK;
 }
 
@@ -106,29 +112,25 @@ static rx_status images(const rx_train_config *c, rx_error *err)
 {
     rx_selection grid;
     RX_TRY(rx_setup_selection(c, &grid, err));
-    rx_scenes_params par = rx_setup_feed(c, &grid).scenes;
+    const rx_samples_params par = rx_setup_feed(c, &grid).samples;
     const int test = (int)count("TEST", 0), fields = (int)count("FIELDS", 1) * grid.nbins;
     const long each =
         (long)(test ? 1 : c->field_uses) * c->field_patches * c->field_patches * record_bytes(c->patch);
-    par.set = test ? RX_SET_TEST : RX_SET_TRAIN;
     fclose(opened(word("TWINS_OUT"), "", "wb"));
 #pragma omp parallel num_threads(c->nthreads)
     {
         rx_error mine = RX_ERROR_NONE;
-        rx_scenes *scenes = NULL;
-        rx_sample *s = rx_sample_new(c->patch);
+        rx_samples *samples = NULL;
         FILE *file = opened(word("TWINS_OUT"), "", "r+b");
         omp_set_num_threads(1);
-        must(s != NULL, "no memory");
-        must(rx_scenes_new(&par, &grid, c->sim, NULL, &scenes, &mine) == RX_OK, mine.text);
+        must(rx_samples_new(&par, &grid, c->sim, 1, NULL, &samples, &mine) == RX_OK, mine.text);
 #pragma omp for schedule(dynamic, 1)
         for (int field = 0; field < fields; field++) {
             must(fseek(file, field * each, SEEK_SET) == 0, "cannot write");
-            must(write_field(scenes, c, &grid, field, test, s, file, &mine) == RX_OK, mine.text);
+            must(write_field(samples, c, &grid, field, test, file, &mine) == RX_OK, mine.text);
         }
         must(fclose(file) == 0, "cannot write");
-        rx_sample_free(s);
-        rx_scenes_free(scenes);
+        rx_samples_free(samples);
     }
     return RX_OK;
 }
