@@ -182,7 +182,6 @@ def make_inputs(folder):
     wcs |= {"CDELT1": -0.00011, "CDELT2": 0.00011}
     cards, data = image(sky, side, side, PCOUNT=0, GCOUNT=1, **tile, **wcs)
     extension = {"XTENSION": "IMAGE"} | {key: value for key, value in cards.items() if key != "SIMPLE"}
-    write("skies.fits", ({"SIMPLE": "T", "BITPIX": 8, "NAXIS": 0}, b""), (extension, data), (extension, data))
     half = extension | {"EXTNAME": "VARIANCE", "NAXIS2": side // 2}
     good = extension | {"EXTNAME": "MASK", "BITPIX": 32}
     write("half.fits", ({"SIMPLE": "T", "BITPIX": 8, "NAXIS": 0}, b""), (extension | {"EXTNAME": "IMAGE"}, data), (good, bytes(len(data))),

@@ -127,11 +127,6 @@ rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n
  * with rx_table_free(). Errors: RX_INPUT, RX_SYSTEM. */
 rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error *err);
 
-/* *n: how many tables such a file has (1 of text and of a VOTable); and where it holds it (FITS_LDAC) the header of the
- * image that the index-th one is of, else *cards NULL. *cards to be freed. Errors: RX_INPUT, RX_SYSTEM. */
-rx_status rx_catalog_read_image(const char *path, int index, int *n, char **cards, long *ncards,
-                                rx_error *err);
-
 /* Columns of positions by the names that programs and surveys give them: degrees, or pixels from 1. */
 bool rx_catalog_find_positions(const rx_table *table, bool sky, int *x, int *y);
 

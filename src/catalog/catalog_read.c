@@ -92,14 +92,3 @@ rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error 
     rx_point_locale_end(&locale);
     return status;
 }
-
-rx_status rx_catalog_read_image(const char *path, int index, int *n, char **cards, long *ncards,
-                                rx_error *err)
-{
-    kind found;
-    *n = 1;
-    *cards = NULL;
-    *ncards = 0;
-    RX_TRY(tell_kind(path, &found, err));
-    return found == KIND_FITS ? rx_fits_read_ldac(path, index, n, cards, ncards, err) : RX_OK;
-}

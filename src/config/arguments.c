@@ -133,12 +133,11 @@ static rx_status check_replay(found *words, rx_error *err)
     return RX_OK;
 }
 
-/* -PLAN alone is -PLAN Y, and so is -REPEAT. */
+/* -PLAN alone is -PLAN Y. */
 static bool is_bare(const rx_keytable *table, int argc, char *const *argv, int a)
 {
     static const char *const answers[] = {"Y", "YES", "N", "NO"};
-    if (!(table->plain == RX_PLAIN_IMAGES && strcasecmp(argv[a], "-PLAN") == 0) &&
-        !(table->plain == RX_PLAIN_RECORDS && strcasecmp(argv[a], "-REPEAT") == 0))
+    if (table->plain != RX_PLAIN_IMAGES || strcasecmp(argv[a], "-PLAN") != 0)
         return false;
     for (size_t i = 0; a + 1 < argc && i < sizeof answers / sizeof answers[0]; i++)
         if (strcasecmp(argv[a + 1], answers[i]) == 0)

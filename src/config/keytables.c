@@ -151,7 +151,6 @@ const rx_keytable *rx_keytable_survey(void)
         ROWS(survey_rows),
         .size = sizeof(rx_survey_config),
         .plain = RX_PLAIN_RECORDS,
-        .idle = rx_survey_idle,
         .check = rx_survey_relations,
     };
     return &table;

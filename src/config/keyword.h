@@ -151,7 +151,6 @@ const char *rx_config_idle(const rx_settings *settings, const char *name);
 const char *rx_simulate_idle(const rx_settings *settings, const char *name);
 const char *rx_train_idle(const rx_settings *settings, const char *name);
 const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
-const char *rx_survey_idle(const rx_settings *settings, const char *name);
 bool rx_config_opens(const rx_settings *settings, const char *name, int i);
 bool rx_simulate_opens(const rx_settings *settings, const char *name, int i);
 void rx_campaign_complete(rx_settings *settings);

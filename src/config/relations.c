@@ -488,17 +488,6 @@ const char *rx_train_sim_idle(const rx_settings *settings, const char *name)
 
 /* --- rextract-survey --- */
 
-const char *rx_survey_idle(const rx_settings *settings, const char *name)
-{
-    static const char *const rolls[] = {"TILES_NAME", "MERGED_NAME", "MAG_RANGE", NULL};
-    static const char *const repeats[] = {"REPEAT_COLUMNS", "MATCH_RADIUS", "REPEAT_SNR", "REPEAT_STAR",
-                                          "REPEAT_OUTLIER", "WEIGHT_IMAGE", NULL};
-    const bool repeat = ((const rx_survey_config *)settings)->repeat;
-    if (!repeat && rx_keyword_among(repeats, name))
-        return "without REPEAT";
-    return repeat && rx_keyword_among(rolls, name) ? "with REPEAT" : NULL;
-}
-
 rx_status rx_survey_relations(const rx_settings *settings, rx_error *err)
 {
     const rx_survey_config *config = (const rx_survey_config *)settings;
@@ -507,9 +496,5 @@ rx_status rx_survey_relations(const rx_settings *settings, rx_error *err)
         return rx_settings_refuse(settings, "MAG_RANGE", err,
                                   "%g,%g is no range of half magnitudes; give two in order, such as 18,21.5",
                                   low, high);
-    if (config->repeat_columns.n == 1)
-        return rx_settings_refuse(settings, "REPEAT_COLUMNS", err,
-                                  "%s is one column; give magnitude and error, such as MAG_AUTO,MAGERR_AUTO",
-                                  config->repeat_columns.v[0]);
     return RX_OK;
 }

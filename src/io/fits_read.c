@@ -544,55 +544,6 @@ rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_err
     return status;
 }
 
-/* The one cell of the LDAC_IMHEAD that is the current HDU: cards of 80 characters. */
-static rx_status read_imhead(const rx_fits_source *source, const char *path, int hdu, char **cards,
-                             long *ncards, rx_error *err)
-{
-    rx_fits_shape shape;
-    long bytes = 0, rows = 0;
-    int failed = rx_fits_shape_of(source->file, &shape);
-    RX_TRY(failed ? RX_OK : rx_fits_check_size(source, path, hdu, &shape, err));
-    fits_read_key(source->file, TLONG, "NAXIS1", &bytes, NULL, &failed);
-    fits_get_num_rows(source->file, &rows, &failed);
-    if (!failed && rows == 1 && bytes >= 80) {
-        char *all = RX_NEW(char, (size_t)bytes);
-        if (all == NULL)
-            return rx_error_memory(err, (size_t)bytes);
-        fits_read_tblbytes(source->file, 1, 1, bytes, (unsigned char *)all, &failed);
-        *cards = all;
-        while (*ncards < bytes / 80 && strncmp(all + 80 * *ncards, "END     ", 8) != 0)
-            ++*ncards;
-    }
-    return failed ? rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the image's header cannot be read")
-                  : RX_OK;
-}
-
-rx_status rx_fits_read_ldac(const char *name, int index, int *n, char **cards, long *ncards, rx_error *err)
-{
-    rx_fits_name parsed;
-    rx_fits_source source = {0};
-    int *hdus = NULL, absent = 0;
-    char extname[FLEN_VALUE] = "";
-    *n = 0;
-    *cards = NULL;
-    *ncards = 0;
-    rx_status status = open_tables(name, &parsed, &source, &hdus, n, err);
-    if (status == RX_OK && index >= 0 && index < *n && hdus[index] > 0) {
-        status = rx_fits_goto(source.file, parsed.path, hdus[index] - 1, err);
-        fits_read_key(source.file, TSTRING, "EXTNAME", extname, NULL, &absent);
-        fits_clear_errmsg();
-        if (status == RX_OK && strcmp(extname, "LDAC_IMHEAD") == 0)
-            status = read_imhead(&source, parsed.path, hdus[index] - 1, cards, ncards, err);
-    }
-    if (status != RX_OK) {
-        free(*cards);
-        *cards = NULL;
-    }
-    rx_fits_done(&source);
-    free(hdus);
-    return status;
-}
-
 rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **dst, int *hdu, rx_error *err)
 {
     rx_fits_source source = {0};

@@ -29,10 +29,6 @@ void rx_fits_cube_free(rx_fits_cube *cube);
  * columns of variable length are left out. *dst to be freed by rx_table_free(). */
 rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_error *err);
 
-/* *n: how many tables of that file this reads; and of a FITS_LDAC file the header of the image that the index-th one is of,
- * from the LDAC_IMHEAD before it, else *cards NULL. *cards to be freed. */
-rx_status rx_fits_read_ldac(const char *name, int index, int *n, char **cards, long *ncards, rx_error *err);
-
 /* The table of that EXTNAME, read in the same way; no such HDU is no error: *dst NULL, *hdu -1. `path` is a
  * plain file name. */
 rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **dst, int *hdu, rx_error *err);

@@ -1,21 +1,17 @@
 /* rextract-survey: records of tiles in; the report of a survey out. */
 #include "config/config_fields.h"
 #include "programs/program.h"
-#include "survey/repeat_field.h"
 #include "survey/rollup_run.h"
 
 static const char usage[] = "usage: rextract-survey RECORDS... [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract-survey @LIST [-c FILE] [-KEYWORD VALUE]...\n"
-                            "       rextract-survey -REPEAT CATALOGUES... [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract-survey -d | -dd | -v | -h\n";
 
 static const char help[] =
     "\n"
-    "Put the records of tiles (RECORD_NAME of rextract) together to the report of a survey; or\n"
-    "compare catalogues of visits of one field with each other (-REPEAT).\n"
+    "Put the records of tiles (RECORD_NAME of rextract) together to the report of a survey.\n"
     "\n"
     "  RECORDS          files of records, each any number one after the other\n"
-    "  CATALOGUES       FITS_LDAC, FITS_1.0, ASCII_HEAD or VOTable, one for each visit\n"
     "  @LIST            a file that lists such files, one a line\n"
     "  -c FILE          configuration file\n"
     "  -KEYWORD VALUE   overrides the file, any number of times\n"
@@ -24,14 +20,12 @@ static const char help[] =
     "  -h, --help       print this\n"
     "\n"
     "Exit status: 0 fine, whatever became of the tiles, 2 usage or configuration, 3 records\n"
-    "or catalogues that cannot be used, 4 system or resources, 7 interrupted.\n"
+    "that cannot be used, 4 system or resources, 7 interrupted.\n"
     "More, and all keywords, in rextract-survey(1).\n";
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
-    const rx_survey_config *config = (const rx_survey_config *)settings;
-    return config->repeat ? rx_repeat_files(config, image, log, err)
-                          : rx_rollup_files(config, image, log, err);
+    return rx_rollup_files((const rx_survey_config *)settings, image, log, err);
 }
 
 int main(int argc, char **argv)

@@ -4,9 +4,6 @@ librextract_lab_la_SOURCES += \
 	src/survey/replay.c src/survey/replay.h \
 	src/survey/replay_record.c src/survey/replay_record.h \
 	src/survey/plan_run.c src/survey/plan_run.h \
-	src/survey/repeat.c src/survey/repeat.h \
-	src/survey/repeat_field.c src/survey/repeat_field.h \
-	src/survey/repeat_report.c \
 	src/survey/rollup.c src/survey/rollup.h \
 	src/survey/rollup_figures.c \
 	src/survey/rollup_junit.c \
@@ -16,6 +13,5 @@ librextract_lab_la_SOURCES += \
 	src/survey/rollup_sky.c \
 	src/survey/survey.c src/survey/survey.h \
 	src/survey/tile_record.c src/survey/tile_record.h \
-	src/survey/tile_run.c src/survey/tile_run.h \
-	src/survey/visit.c src/survey/visit.h
+	src/survey/tile_run.c src/survey/tile_run.h
 librextract_train_la_SOURCES += src/survey/survey_ranks.c src/survey/survey_ranks.h

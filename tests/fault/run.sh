@@ -95,12 +95,6 @@ refuse 'a list of tiles' @../tiles.list -RESTORE_TYPE NONE -CATALOG_TYPE ASCII -
 "$programs/rextract" tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE NONE -RECORD_NAME all.records -REFERENCE_NAME ref.fits \
     -QA_NAME qa -QA_FIGURES N -VERBOSE_TYPE QUIET || exit 2
 refuse_of fault_survey 'the roll-up of a survey' ../all.records -OUTPUT_NAME survey -MERGED_NAME all -QA_FIGURES N
-for seed in 1 2; do
-    "$programs/rextract-simulate" -IMAGE_SIZE 96 -STAR_COUNT 2000 -STAR_MAG 12,16 -NOISE_SEED $seed -IMAGE_NAME v$seed.fits -TRUTH_NAME NONE \
-        -VERBOSE_TYPE QUIET && "$programs/rextract" v$seed.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 4 -CATALOG_NAME v$seed.cat \
-        -CATALOG_TYPE FITS_LDAC -VERBOSE_TYPE QUIET || exit 2
-done
-refuse_of fault_survey 'visits of a field' -REPEAT ../v1.cat ../v2.cat -WEIGHT_IMAGE ../v1.fits,NONE -OUTPUT_NAME repeat -QA_FIGURES N
 mkdir made && (cd made && "$programs/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat \
     -CHECKIMAGE_TYPE SEGMENTATION -CHECKIMAGE_NAME s.fits -VERBOSE_TYPE QUIET)
 refuse 'a run repeated' -REPLAY ../made/x.cat

@@ -78,7 +78,6 @@ every_pair rextract-validate -SIM.PSF_TYPE FILE -STAGE.WEIGHT_TYPE MAP_RMS -STAG
     -STAGE.RESTORE_TYPE NET -TILE_NAME tile.fits -FIELDS INJECTED
 every_pair rextract-train -INIT_MODEL tile.fits
 every_pair rextract-survey tile.fits
-title=' (REPEAT)' every_pair rextract-survey tile.fits -REPEAT Y
 
 begin 'lists: a file that one holds is not written'
 of rextract-simulate
