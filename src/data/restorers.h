@@ -5,8 +5,8 @@
  * NAME      word of RESTORE_TYPE
  * function  what does it, an rx_status function(...) of restore/ as restore/runs.h declares them all
  * psf       1 where it needs the PSF of the tile or makes use of it, else 0
- * cost      row of stage/plan_costs.def for its memory and time in -PLAN; NET only for the network and for AUTO,
- *           which is none itself but chooses one for each tile (check/choice.h)
+ * cost      row of the memory that -PLAN reckons with (stage/plan.c); NET only for the network and for AUTO, which
+ *           is none itself but chooses one for each tile (check/choice.h)
  * help      one line
  *
  * The restorers of restore/restore.c, the words of RESTORE_TYPE (config/keys.def, config/campaign.def) and what

@@ -5,7 +5,7 @@
 
 #include "catalog/catalog.h"
 #include "config/config_fields.h"
-#include "survey/plan_run.h"
+#include "stage/plan.h"
 #include "survey/survey.h"
 #include "survey/tile_run.h"
 
@@ -26,7 +26,7 @@ static const char help[] =
     "  -c FILE          configuration file (default.sex where there is one)\n"
     "  -KEYWORD VALUE   overrides the file, any number of times\n"
     "  -REPLAY OUTPUT   repeat the run that wrote a catalogue or image, and compare\n"
-    "  -PLAN            only print what the run will take: memory, seconds, sizes\n"
+    "  -PLAN            only print what the run will take: memory and disk\n"
     "  -FLAGS SUM       say what each bit of a sum of flags means, or of one column:\n"
     "                   -FLAGS 19, -FLAGS FLAGS_RESTORE=19; without SUM all bits\n"
     "  -d               print a default configuration file\n"

@@ -8,7 +8,7 @@ librextract_la_SOURCES += \
 	src/stage/machine.c src/stage/machine.h \
 	src/stage/open.c src/stage/open.h \
 	src/stage/options.c src/stage/options.h \
-	src/stage/plan.c src/stage/plan.h src/stage/plan_costs.def \
+	src/stage/plan.c src/stage/plan.h \
 	src/stage/provenance.c src/stage/provenance.h \
 	src/stage/reference.c src/stage/reference.h \
 	src/stage/report.c src/stage/report.h \

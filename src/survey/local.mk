@@ -3,7 +3,6 @@ librextract_lab_la_SOURCES += \
 	src/survey/outcome.c src/survey/outcome.h \
 	src/survey/replay.c src/survey/replay.h \
 	src/survey/replay_record.c src/survey/replay_record.h \
-	src/survey/plan_run.c src/survey/plan_run.h \
 	src/survey/rollup.c src/survey/rollup.h \
 	src/survey/rollup_figures.c \
 	src/survey/rollup_junit.c \

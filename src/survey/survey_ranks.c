@@ -5,8 +5,8 @@
 #include "config/config_fields.h"
 #include "config/tiles.h"
 #include "par/ranks.h"
+#include "stage/plan.h"
 #include "survey/outcome.h"
-#include "survey/plan_run.h"
 #include "survey/tile_run.h"
 
 enum { NO_TILE = -1 };

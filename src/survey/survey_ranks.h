@@ -15,7 +15,7 @@
 rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE *standard_out, rx_log *log,
                               rx_error *err);
 
-/* The plan (survey/plan_run.h) of such a run, by rank 0; the others do nothing. */
+/* The plan (stage/plan.h) of such a run, by rank 0; the others do nothing. */
 rx_status rx_survey_plan_ranks(const rx_settings *common, const char *image, FILE *standard_out, rx_log *log,
                                rx_error *err);
 

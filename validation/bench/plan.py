@@ -3,14 +3,14 @@
 
     validation/bench/plan.py [small|full] [CASE...]
     validation/bench/plan.py measure RUNS.json [small|full] [CASE...]   the same, and each run into a file
-    validation/bench/plan.py fit RUNS.json [MARGIN]                     src/stage/plan_costs.def anew, from such a file
+    validation/bench/plan.py fit RUNS.json [MARGIN]                     the table of src/stage/plan.c anew, from such a file
 
 small: tiles of 128, 256 and 700 pixels, some seconds; full: up to 4096 pixels and 16 threads, ordinary and crowded tiles,
 up to half an hour on two cores. CASE: only those whose line has one of these words.
 
 A line per run: peak resident memory, the plan at the default PLAN_DENSITY (at what was found, where that is more) and at 1000
-sources per Mpixel, each over what was measured; CPU seconds, and the estimate for as many sources as were found, over them; largest size of an output over its
-plan. Exit status 1 when memory or an output was above the plan. fit (numpy, scipy) makes the least table that is above every
+sources per Mpixel, each over what was measured; size of all outputs over the plan. Exit status 1 when memory or outputs were above
+the plan. fit (numpy, scipy) makes the least table that is above every
 run by MARGIN (1.1); run it on what `measure` of full gave on a quiet machine, then `full` again. RX_BUILD_DIR is the build (default: build/). Needs nothing else but Python and
 the build; fpack (Debian: libcfitsio-bin) for a compressed tile.
 """
@@ -79,7 +79,7 @@ def call(words, **more):
 
 
 class Measured:
-    """A run: peak memory in bytes, CPU seconds, sources found, sizes of outputs by name."""
+    """A run: peak memory in bytes, sources found, bytes of all outputs."""
 
     def __init__(self, words, log):
         before = set(os.listdir("."))
@@ -89,11 +89,12 @@ class Measured:
             file.seek(0)
             self.text = file.read()
         process.returncode = self.status = os.waitstatus_to_exitcode(status)
-        self.memory, self.seconds = 1024 * usage.ru_maxrss, usage.ru_utime + usage.ru_stime
+        self.memory = 1024 * usage.ru_maxrss
         found = [int(n) for n in re.findall(r": (\d+) sources", self.text)]
         self.found = max(found, default=0)
-        self.sizes = {name: size_of(name) for name in set(os.listdir(".")) - before - {log}}
-        for name in self.sizes:
+        made = set(os.listdir(".")) - before - {log}
+        self.size = sum(size_of(name) for name in made)
+        for name in made:
             shutil.rmtree(name) if os.path.isdir(name) else os.remove(name)
 
 
@@ -238,19 +239,17 @@ def hold(title, name, image, more, threads, runs):
     if run.status != 0:
         print(f"{name:6} {threads:2} {title:28} ended with {run.status}: {run.text.strip().splitlines()[-1]}")
         return 1
-    like = plan_of(words, 1e6 * run.found / (plan["pixels"] / plan["images"]))
     if title in KINDS and plan["images"] == 1:
         runs.append({"title": title, "pixels": plan["pixels"], "width": math.isqrt(plan["pixels"]), "sources": run.found,
-                     "threads": threads, "memory": run.memory, "seconds": run.seconds})
+                     "threads": threads, "memory": run.memory})
     if run.found > plan["sources"]:
-        plan = like
-    sizes = {one["name"]: one["bytes"] for one in plan["outputs"]}
-    worst = max((size / sizes.get(one, 1e-9) for one, size in run.sizes.items()), default=0)
-    above = worst > 1 or (run.memory > plan["memory_bytes"] and not SANITIZED)
+        plan = plan_of(words, 1e6 * run.found / (plan["pixels"] / plan["images"]))
+    outputs = run.size / plan["output_bytes"]
+    above = outputs > 1 or (run.memory > plan["memory_bytes"] and not SANITIZED)
     print(f"{name:6} {threads:2} {title:28} {run.memory / 1e6:8.1f} MB {plan['memory_bytes'] / 1e6:8.1f} "
           f"{plan['memory_bytes'] / run.memory:6.2f} {usual['memory_bytes'] / 1e6:8.1f} "
-          f"{usual['memory_bytes'] / run.memory:6.2f} {run.seconds:8.2f} s {like['cpu_seconds'] / run.seconds:6.2f} "
-          f"{run.found:6d} {worst:6.3f}{'  ABOVE THE PLAN' if above else ''}", flush=True)
+          f"{usual['memory_bytes'] / run.memory:6.2f} "
+          f"{run.found:6d} {outputs:6.3f}{'  ABOVE THE PLAN' if above else ''}", flush=True)
     return int(above)
 
 
@@ -272,30 +271,26 @@ def matrix(size):
 
 PIXELS, SOURCES, BLOCK = 1 << 20, 1 << 14, 2048  # where slopes change, as in src/stage/plan.c; the default NET_BLOCK
 COLUMNS = ["fixed", "pixel", "large", "source", "many", "thread"]
-ONLY = {"PROGRAM": ["fixed", "thread"], "NET_BLOCK": ["fixed"], "GUARD": ["fixed", "pixel"], "REPORT": ["fixed", "source", "many"],
-        "WEIGHT": ["fixed", "pixel", "large"], "FLAG_MAP": ["fixed", "pixel", "large"], "CHECKIMAGE": ["fixed", "pixel", "large"],
-        "SECOND": ["fixed", "pixel", "large"], "SECOND_RESTORED": ["fixed", "pixel", "large", "thread"],
-        "SEAMS": ["fixed", "pixel", "large", "thread"]}  # what else there is to a row does not depend on it
+ONLY = {"NET_BLOCK": ["fixed"], "REPORT": ["fixed", "source", "many"], "WEIGHT": ["fixed", "pixel", "large"],
+        "FLAG_MAP": ["fixed", "pixel", "large"], "CHECKIMAGE": ["fixed", "pixel", "large"],
+        "SECOND": ["fixed", "pixel", "large", "thread"]}  # what else there is to a row does not depend on it
 
 
 def rows_of(title, width, threads):
-    """How often each row of plan_costs.def counts, for each restorer: count_rows() of src/stage/plan.c."""
+    """How often each row of the table in src/stage/plan.c counts, for each restorer."""
     words = KINDS[title]
     kinds, on = words[0].split(","), set(words[1:])
     checked, dual = "-SELF_CHECK" in on or title.endswith(" blank check"), "DUAL" in on
     ways = []
     for kind in kinds:
-        row = {"PROGRAM": 1, kind: 1, "TILE": 1 + dual, "FURTHER": len(kinds) - 1}
+        row = {kind: 1, "TILE": 1 + dual, "FURTHER": len(kinds) - 1}
         if kind == "NET":
             row["NET_BLOCK"] = threads * min(width, BLOCK) / BLOCK
-            row["GUARD"] = int(title != "NET without guard")
-            row["SEAMS"] = int("-VERIFY_SEAMS" in on)
-            row["RL_INSTEAD"] = int("-OUT_OF_DOMAIN" in on)
+            row["NET_AGAIN"] = int("-VERIFY_SEAMS" in on or "-OUT_OF_DOMAIN" in on)
         row["PSF_AUTO"] = int(kind == "NONE" and ("TEMPLATES" in on or "-SELF_CHECK" in on or len(kinds) > 1))
         row["TEMPLATES"], row["MATCHED"] = int("TEMPLATES" in on), int("-FILTER_TYPE" in on)
         row["CHECKIMAGE"] = 4 if "IMAGES" in on else 0
-        row["SECOND" if kind == "NONE" else "SECOND_RESTORED"] = int(dual)
-        row["SELF_CHECK"], row["CHECK"] = int("-SELF_CHECK" in on), int(checked)
+        row["SECOND"], row["CHECK"] = int(dual), int(checked)
         row["CHECK_TEMPLATES"] = int(checked and "TEMPLATES" in on)
         row["REPORT"] = len(kinds) if "REPORT" in on else 0
         row["WEIGHT"], row["FLAG_MAP"] = (1 + dual) * int("WEIGHTS" in on), int("FLAGS" in on)
@@ -340,24 +335,23 @@ def fit(runs, margin):
 
 
 def fit_command(path, margin=1.1):
-    """Writes the lines of src/stage/plan_costs.def anew, with the seconds that stand there."""
+    """Writes the rows of src/stage/plan.c anew."""
     with open(path, encoding="utf-8") as file:
         runs = [run for run in json.load(file) if run["title"] in KINDS and run["title"] not in ("RL vignets", "RL small meshes")]
     names, table, ratios = fit(runs, margin)
     ratios.sort()
     print(f"{len(runs)} runs, the table over them: {ratios[0]:.2f} to {ratios[-1]:.2f}, median {ratios[len(ratios) // 2]:.2f}, "
           f"a tenth above {ratios[9 * len(ratios) // 10]:.2f}", file=sys.stderr)
-    target = os.path.join(TOP, "src", "stage", "plan_costs.def")
+    target = os.path.join(TOP, "src", "stage", "plan.c")
     with open(target, encoding="utf-8") as file:
         lines = file.read().splitlines()
     for i, line in enumerate(lines):
-        found = re.match(r"COST\((\w+),([^)]*)\)(.*)", line)
-        if not found or found[1] not in names:
-            continue
-        old = [cell.strip() for cell in found[2].split(",")]
-        new = [f"{table[found[1], 'fixed'] / 1e6 + 0.005:.2f}e6"] + [f"{max(1.001 * table[found[1], column], 0):.4g}" for column in COLUMNS[1:5]]
-        new += [f"{max(table[found[1], 'thread'], 0) / 1e6:.2f}e6"] + old[6:]
-        lines[i] = f"COST({found[1] + ',':17}" + ",".join(f"{cell:>9}" for cell in new) + ")" + found[3]
+        row = re.match(r"( +\{)(?:[^,]*,){6}( *[^ ].*/\* (\w+).*)", line)
+        if row and row[3] in names:
+            new = [f"{table[row[3], 'fixed'] / 1e6 + 0.005:.2f}e6"]
+            new += [f"{max(1.001 * table[row[3], column], 0):.4g}" for column in COLUMNS[1:5]]
+            new += [f"{max(table[row[3], 'thread'], 0) / 1e6:.2f}e6"]
+            lines[i] = row[1] + " ".join(f"{cell + ',':8}" for cell in new) + row[2]
     with open(target, "w", encoding="utf-8") as file:
         file.write("\n".join(lines) + "\n")
 
@@ -376,7 +370,7 @@ def main():
         for name, line in (("flags", "IMAFLAGS_ISO(1)"), ("vignets", "VIGNET(25,25)")):
             with open(name + ".param", "w", encoding="utf-8") as file:
                 file.write(f"NUMBER\nX_IMAGE\nY_IMAGE\nFLUX_AUTO\n{line}\n")
-        print("tile  threads kind              measured      plan  ratio  at 1000  ratio      CPU   plan  found outputs")
+        print("tile  threads kind              measured      plan  ratio  at 1000  ratio  found outputs")
         for sky, side, threads, kinds, forms in matrix(size):
             for title in [*kinds, *forms]:
                 label = f"{sky}{side} {threads} {title}"

@@ -55,7 +55,7 @@ def stem(image):
 def check(config):
     """What the configuration holds is of the kind that it has to be."""
     kinds = {"tiles": str, "rextract": str, "survey": str, "settings": str, "options": list, "survey_options": list,
-             "threads": int, "density": (int, float), "memory_mb": int, "retries": int}
+             "threads": int, "density": (int, float), "memory_mb": int, "minutes": int, "retries": int}
     for key, kind in kinds.items():
         value = config[key]
         if not isinstance(value, kind) or isinstance(value, bool):
@@ -126,24 +126,22 @@ def arguments(tile, settings, options, threads):
 
 
 WORKFLOW_MB = 300  # of the workflow's own process in a job, beside rextract
-PATIENCE = 5  # times the CPU seconds that rextract reckons with, for slower machines
-LEAST_MINUTES = 10
 
 
 class Plans:
-    """What tiles take by rextract -PLAN Y.
+    """Memory of tiles by rextract -PLAN Y.
 
     To start rextract takes longer than to plan a tile, so that each call plans twice as many as the one before, the ones
     that follow in the list: a job asks for its own tile alone, and 1e4 tiles take 14 calls."""
 
     def __init__(self, tiles, program, settings, options, threads, otherwise):
-        self.tiles, self.threads, self.otherwise = tiles, threads, otherwise
+        self.tiles, self.otherwise = tiles, otherwise
         own = [word for tile in tiles.values() for word in words(tile.line)]
         self.command = [program, *common(settings, options, threads, own), "-RECORD_NAME", "records/{tile}.record", "-PLAN", "Y"]
         self.known, self.left, self.size = {}, {}, {}
 
     def of(self, name, density):
-        """(MB, minutes) of a tile; of one that cannot be planned `otherwise` and an hour."""
+        """MB of a tile; of one that cannot be planned `otherwise`."""
         if (name, density) not in self.known:
             left = self.left.setdefault(density, dict.fromkeys(self.tiles))
             size = self.size.get(density, 1)
@@ -165,7 +163,7 @@ class Plans:
             for name, found in zip(batch, json.loads(done.stdout)["tiles"]):
                 self.known[name, density] = self._ask(found)
         elif len(batch) == 1:
-            self.known[batch[0], density] = self.otherwise, 60
+            self.known[batch[0], density] = self.otherwise
         else:  # a line of the list is wrong, and no other shall suffer
             half = len(batch) // 2
             self._plan(batch[:half], density)
@@ -173,6 +171,5 @@ class Plans:
 
     def _ask(self, found):
         if "error" in found:
-            return self.otherwise, 60
-        return (math.ceil(found["memory_bytes"] / 1e6) + WORKFLOW_MB,
-                max(LEAST_MINUTES, math.ceil(PATIENCE * found["cpu_seconds"] / self.threads / 60)))
+            return self.otherwise
+        return math.ceil(found["memory_bytes"] / 1e6) + WORKFLOW_MB

@@ -148,12 +148,12 @@ unset PMI_SIZE PMI_RANK
 
 begin '-PLAN alone, before the image'
 make_fits tile tile.fits
-prints '"cpu_seconds"'
+prints '"memory_bytes"'
 expect 0 '' -PLAN tile.fits -RESTORE_TYPE NONE
 
 begin '-PLAN alone, at the end'
 make_fits tile tile.fits
-prints '"cpu_seconds"'
+prints '"memory_bytes"'
 expect_exactly 0 '' tile.fits -RESTORE_TYPE NONE -VERBOSE_TYPE QUIET -PLAN
 
 begin 'many images'
