@@ -2,7 +2,6 @@ librextract_lab_la_SOURCES += \
 	src/survey/file_names.c src/survey/file_names.h \
 	src/survey/outcome.c src/survey/outcome.h \
 	src/survey/replay.c src/survey/replay.h \
-	src/survey/replay_record.c src/survey/replay_record.h \
 	src/survey/rollup.c src/survey/rollup.h \
 	src/survey/rollup_figures.c \
 	src/survey/rollup_junit.c \

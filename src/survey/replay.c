@@ -6,379 +6,375 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/input.h"
 #include "base/memory.h"
-#include "base/names.h"
+#include "base/printable.h"
 #include "config/config_fields.h"
 #include "io/claim.h"
+#include "io/fits_digest.h"
+#include "io/fits_read.h"
 #include "stage/inputs.h"
 #include "stage/machine.h"
+#include "stage/provenance.h"
 #include "stage/stage.h"
-#include "survey/replay_record.h"
 
-/* A name of an output, and where it goes instead. */
-typedef struct detour {
-    char *name, *path; /* owned */
-} detour;
-
-typedef struct replay {
+/* The records of all parts of a file, each with a pair DATA behind it: the digest of the rows or pixels there now. */
+typedef struct reading {
     const char *path;
-    rx_log *log;
-    rx_replay_record *record, *again; /* of the file, and of the same file made once more */
-    rx_config *config;
-    char *folder; /* of the outputs, NULL: not made yet */
-    int claim;    /* on it */
-    int ndetours;
-    detour detours[RX_LIST + 2];
-    char *repeated; /* path of the file made once more */
-    int compared, different;
-    rx_text first; /* what differs first, for the error */
-} replay;
+    rx_record record;
+    rx_text part; /* record of the current one, "NAME = value" a line, as it stands in the file */
+    bool open, complete, changed;
+    rx_hash sum;
+} reading;
 
-static const char *file_name(const char *path)
+/* Of several records in one header (that of the tile goes on in check-images) the last one counts. */
+static rx_status take_line(void *user, const char *line, rx_error *err)
 {
-    const char *slash = strrchr(path, '/');
-    return slash != NULL ? slash + 1 : path;
+    reading *r = user;
+    char digest[RX_HASH_TEXT];
+    const size_t length = strcspn(line, " ");
+    if (length == 0 || strncmp(line + length, " =", 2) != 0)
+        return RX_OK;
+    const char *value = line + length + 2; /* blanks at the end of a header's line may be lost */
+    value += *value == ' ';
+    if (length == 6 && strncmp(line, "RECORD", 6) == 0) {
+        if (strncmp(value, RX_RECORD_VERSION, 2) != 0)
+            return rx_error_at(
+                err, RX_INPUT, r->path, -1, 0,
+                "its record is of another kind, '%.40s'; repeat it with the version that wrote it", value);
+        r->part.length = 0;
+        r->open = true;
+        r->complete = false;
+        rx_hash_begin(&r->sum);
+    }
+    if (!r->open)
+        return RX_OK;
+    if (length == 3 && strncmp(line, "END", 3) == 0) {
+        rx_hash_text(&r->sum, digest);
+        r->changed |= strcmp(digest, value) != 0;
+        r->open = false;
+        r->complete = true;
+        return RX_OK;
+    }
+    const size_t before = r->part.length;
+    rx_text_printf(&r->part, "%.*s = %s\n", (int)length, line, value);
+    if (!r->part.failed)
+        rx_hash_add(&r->sum, r->part.data + before, r->part.length - before);
+    return RX_OK;
 }
 
-/* Keywords that change no result. */
-static const char *const harmless[] = {"NTHREADS", "VERBOSE_TYPE", "NET_BLOCK", "MEMORY_PIXSTACK", NULL};
+static rx_status end_part(reading *r, const char *digest, rx_error *err)
+{
+    for (char *line = r->complete ? r->part.data : NULL, *end; line != NULL && *line != '\0';
+         line = end + 1) {
+        char *equal = strstr(line, " = ");
+        end = strchr(line, '\n');
+        *equal = *end = '\0';
+        if (!rx_printable_read(equal + 3))
+            return rx_error_at(err, RX_INPUT, r->path, -1, 0,
+                               "its record cannot be read: '%.60s' has a %% without two digits after it",
+                               equal + 3);
+        rx_record_add(&r->record, line, "", "%s", equal + 3);
+    }
+    if (r->complete)
+        rx_record_add(&r->record, "DATA", "", "%s", digest);
+    r->part.length = 0;
+    r->open = r->complete = false;
+    return r->record.failed || r->part.failed ? rx_error_memory(err, 0) : RX_OK;
+}
 
-/* --- the record against this program and these files --- */
+static rx_status read_fits(reading *r, rx_error *err)
+{
+    int n = 0;
+    char version[72] = "", digest[RX_HASH_TEXT] = "";
+    RX_TRY(rx_fits_hdus(r->path, &n, err));
+    for (int hdu = 0; hdu < n; hdu++) {
+        char *cards = NULL;
+        long ncards = 0;
+        RX_TRY(rx_fits_read_header(r->path, hdu, &cards, &ncards, err));
+        if (version[0] == '\0')
+            rx_cards_text(cards, ncards, "RXVERS", version, sizeof version);
+        rx_status status = rx_cards_history(cards, ncards, take_line, r, err);
+        free(cards);
+        if (status == RX_OK && r->complete)
+            status = rx_fits_digest_hdu(r->path, hdu, digest, err);
+        if (status == RX_OK)
+            status = end_part(r, digest, err);
+        if (status != RX_OK)
+            return status;
+    }
+    if (r->record.n == 0 && version[0] != '\0')
+        return rx_error_at(
+            err, RX_INPUT, r->path, -1, 0,
+            "was written by Rextract %.20s without a record of the run; nothing can be repeated", version);
+    return RX_OK;
+}
 
-static rx_status check_machine(replay *r, rx_error *err)
+static rx_status read_text(reading *r, rx_error *err)
+{
+    char *text = NULL, digest[RX_HASH_TEXT];
+    rx_hash rows;
+    RX_TRY(rx_text_read_file(r->path, 1 << 30, &text, NULL, err));
+    rx_status status = RX_OK;
+    rx_hash_begin(&rows);
+    for (char *line = text, *next; status == RX_OK && line != NULL; line = next) {
+        if ((next = strchr(line, '\n')) != NULL)
+            *next++ = '\0';
+        if (strncmp(line, "# ", 2) == 0)
+            status = take_line(r, line + 2, err);
+        else if (line[0] != '#')
+            rx_hash_add(&rows, line, strlen(line) + 1);
+    }
+    rx_hash_text(&rows, digest);
+    free(text);
+    return status == RX_OK ? end_part(r, digest, err) : status;
+}
+
+static const char *value_of(const reading *r, const char *name)
+{
+    for (int i = 0; i < r->record.n; i++)
+        if (strcmp(r->record.pairs[i][0], name) == 0)
+            return r->record.pairs[i][1];
+    return NULL;
+}
+
+static rx_status read_record(reading *r, rx_error *err)
+{
+    static const char *const needed[] = {"VERSION", "MACHINE", "IMAGE", "SET", "OUTPUT", "READ", "MADE"};
+    char head[6] = "";
+    FILE *file = rx_input_open(r->path);
+    const bool fits = file != NULL && fread(head, 1, sizeof head, file) == sizeof head &&
+                      memcmp(head, "SIMPLE", sizeof head) == 0;
+    if (file != NULL)
+        fclose(file);
+    RX_TRY(fits ? read_fits(r, err) : read_text(r, err));
+    if (r->record.n == 0)
+        return rx_error_at(err, RX_INPUT, r->path, -1, 0,
+                           "holds no record of a run of rextract; give a FITS catalogue, a check-image or an "
+                           "ASCII_HEAD catalogue that it wrote");
+    for (size_t i = 0; i < sizeof needed / sizeof needed[0]; i++)
+        if (value_of(r, needed[i]) == NULL)
+            return rx_error_at(err, RX_INPUT, r->path, -1, 0,
+                               "its record lacks the line %s; it was changed after it was written",
+                               needed[i]);
+    return RX_OK;
+}
+
+/* Every file that was read has the digest that it had; another version or class of machines is only said. */
+static rx_status check_inputs(const reading *r, rx_log *log, rx_error *err)
 {
     rx_text here = {0};
-    const char *version = rx_replay_record_value(r->record, "VERSION"),
-               *machine = rx_replay_record_value(r->record, "MACHINE");
-    if (strcmp(version, RX_VERSION) != 0)
-        rx_log_warning(r->log, "%s was made by rextract %s, this is %s: results may differ", r->path, version,
-                       RX_VERSION);
+    const char *version = value_of(r, "VERSION"), *machine = value_of(r, "MACHINE");
     rx_machine_describe(&here);
-    if (!here.failed && strcmp(here.data, machine) != 0) {
-        rx_log_warning(r->log, "%s was made on another class of machines, the last digits may differ",
-                       r->path);
-        rx_log_detail(r->log, "made on: %s; here: %s", machine, here.data);
+    if (strcmp(version, RX_VERSION) != 0)
+        rx_log_warning(log, "%s was made by rextract %s, this is %s: results may differ", r->path, version,
+                       RX_VERSION);
+    if (here.data != NULL && strcmp(here.data, machine) != 0) {
+        rx_log_warning(log, "%s was made on another class of machines, the last digits may differ", r->path);
+        rx_log_detail(log, "made on: %s; here: %s", machine, here.data);
     }
-    rx_status status = here.failed ? rx_error_memory(err, 0) : RX_OK;
     rx_text_free(&here);
-    return status;
-}
-
-static rx_status check_input(const replay *r, const char *value, rx_error *err)
-{
-    rx_replay_item item;
-    char digest[RX_HASH_TEXT];
-    int there = 0;
-    rx_replay_item_read(value, &item);
-    RX_TRY(rx_input_digest(item.key, item.name, digest, &there, err));
-    if (!there)
-        return rx_error_at(
-            err, RX_INPUT, item.name, -1, 0,
-            "is not there (%s of the run that wrote %.200s); repeat it in the folder where it ran", item.key,
-            r->path);
-    if (strcmp(item.digest, "-") == 0)
-        return rx_error_at(err, RX_INPUT, item.name, -1, 0,
-                           "was no regular file (%s of the run that wrote %.200s); it cannot be repeated",
-                           item.key, r->path);
-    if (strcmp(digest, item.digest) != 0)
-        return rx_error_at(
-            err, RX_INPUT, item.name, -1, 0,
-            "has changed since it was read (%s of the run that wrote %.200s); give it as it was", item.key,
-            r->path);
-    return RX_OK;
-}
-
-static rx_status check_inputs(const replay *r, rx_error *err)
-{
-    rx_status status = RX_OK;
-    for (int i = 0; i < r->record->n && status == RX_OK; i++)
-        if (strcmp(r->record->lines[i].name, "READ") == 0)
-            status = check_input(r, r->record->lines[i].value, err);
-    return status;
-}
-
-/* --- outputs elsewhere --- */
-
-static rx_status make_folder(replay *r, rx_error *err)
-{
-    const char *scratch = getenv("TMPDIR");
-    rx_text text = {0};
-    rx_text_printf(&text, "%s/rextract-replay.tmp-XXXXXX",
-                   scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp");
-    if (text.failed)
-        return rx_error_memory(err, 0);
-    r->claim = rx_claim_folder(text.data);
-    if (r->claim < 0) {
-        rx_status status = rx_error_at(err, RX_SYSTEM, text.data, -1, 0,
-                                       "cannot be made: %s; name a folder by TMPDIR", strerror(errno));
-        rx_text_free(&text);
-        return status;
-    }
-    r->folder = text.data;
-    return RX_OK;
-}
-
-/* *name, a field of the configuration, becomes a name in the folder. */
-static rx_status divert(replay *r, char **name, rx_error *err)
-{
-    rx_text path = {0};
-    detour *way = &r->detours[r->ndetours];
-    rx_text_printf(&path, "%s/%d", r->folder, r->ndetours);
-    char *copy = rx_strdup(path.data);
-    if (path.failed || copy == NULL) {
-        rx_text_free(&path);
-        free(copy);
-        return rx_error_memory(err, 0);
-    }
-    *way = (detour){.name = *name, .path = path.data};
-    r->ndetours++;
-    *name = copy;
-    return RX_OK;
-}
-
-/* The library as the run saw it: a folder of links to the models that it looked at, whatever else is there by now. */
-static rx_status restore_library(replay *r, rx_error *err)
-{
-    rx_text folder = {0};
-    rx_replay_item item;
-    rx_text_printf(&folder, "%s/library", r->folder);
-    rx_status status = folder.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (status == RX_OK && mkdir(folder.data, 0700) != 0)
-        status = rx_error_at(err, RX_SYSTEM, folder.data, -1, 0, "cannot be made: %s", strerror(errno));
-    for (int i = 0; i < r->record->n && status == RX_OK; i++) {
-        if (strcmp(r->record->lines[i].name, "READ") != 0 ||
-            !rx_replay_item_read(r->record->lines[i].value, &item) || strcmp(item.key, "PSF_LIBRARY") != 0)
+    for (int i = 0; i < r->record.n; i++) {
+        const char *value = r->record.pairs[i][1];
+        char then[RX_HASH_TEXT], now[RX_HASH_TEXT], key[64];
+        int there = 0, used = 0;
+        if (strcmp(r->record.pairs[i][0], "READ") != 0)
             continue;
-        rx_text path = {0};
-        char *real = rx_name_real(item.name);
-        rx_text_printf(&path, "%s/%s", folder.data, file_name(item.name));
-        if (real == NULL || path.failed)
-            status = rx_error_memory(err, 0);
-        else if (symlink(real, path.data) != 0)
-            status = rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be made: %s", strerror(errno));
-        rx_text_free(&path);
-        free(real);
+        if (sscanf(value, "%32s %63s%n", then, key, &used) < 2 || value[used] != ' ')
+            return rx_error_at(err, RX_INPUT, r->path, -1, 0,
+                               "its record cannot be read: READ '%.60s'; it was changed after it was written",
+                               value);
+        const char *name = value + used + 1;
+        RX_TRY(rx_input_digest(key, name, now, &there, err));
+        const char *wrong = NULL;
+        if (!there)
+            wrong = "is not there (%s of the run that wrote %.200s); repeat it in the folder where it ran";
+        else if (strcmp(then, "-") == 0)
+            wrong = "was no regular file (%s of the run that wrote %.200s); it cannot be repeated";
+        else if (strcmp(then, now) != 0)
+            wrong = "has changed since it was read (%s of the run that wrote %.200s); give it as it was";
+        if (wrong != NULL)
+            return rx_error_at(err, RX_INPUT, name, -1, 0, wrong, key, r->path);
     }
-    if (status != RX_OK) {
-        rx_text_free(&folder);
-        return status;
-    }
-    free(r->config->psf_library);
-    r->config->psf_library = folder.data;
     return RX_OK;
 }
 
-static rx_status divert_outputs(replay *r, rx_error *err)
-{
-    rx_config *config = r->config;
-    rx_text report = {0};
-    rx_status status = divert(r, &config->catalog_name, err);
-    for (int i = 0; i < config->checkimage_name.n && status == RX_OK; i++)
-        status = divert(r, &config->checkimage_name.v[i], err);
-    if (config->template_covar_name[0] != '\0' && status == RX_OK)
-        status = divert(r, &config->template_covar_name, err);
-    /* reports are written, as they may decide what is measured, but not compared: no pictures */
-    config->qa_figures = false;
-    rx_text_printf(&report, "%s/report", r->folder);
-    if (status == RX_OK && report.failed)
-        status = rx_error_memory(err, 0);
-    if (status != RX_OK) {
-        rx_text_free(&report);
-        return status;
-    }
-    free(config->qa_name);
-    config->qa_name = report.data;
-    config->self_check_name[0] = '\0';
-    config->record_name[0] = '\0';
-    if (strcmp(config->psf_library_type, "WRITE") == 0)
-        config->psf_library[0] = '\0';
-    return config->psf_library[0] != '\0' ? restore_library(r, err) : RX_OK;
-}
-
-/* Is `name` that output with that tag? Then *dst is where it went. */
-static rx_status try_tag(const detour *way, const char *name, const char *tag, char **dst, rx_error *err)
-{
-    char *tagged = rx_name_with_tag(way->name, tag);
-    if (tagged == NULL)
-        return rx_error_memory(err, 0);
-    const int fits = strcmp(tagged, name) == 0;
-    free(tagged);
-    if (fits && (*dst = rx_name_with_tag(way->path, tag)) == NULL)
-        return rx_error_memory(err, 0);
-    return RX_OK;
-}
-
-/* *dst, to be freed: where the output of that name went, NULL: nowhere. */
-static rx_status find_repeated(const replay *r, const char *name, char **dst, rx_error *err)
-{
-    const rx_words *kinds = &r->config->restore_type;
-    rx_status status = RX_OK;
-    *dst = NULL;
-    for (int i = 0; i < r->ndetours && *dst == NULL && status == RX_OK; i++)
-        for (int k = 0; k < kinds->n && *dst == NULL && status == RX_OK; k++)
-            status = try_tag(&r->detours[i], name, kinds->n > 1 ? kinds->v[k] : NULL, dst, err);
-    return status;
-}
-
-/* --- the run --- */
-
-static rx_status run(replay *r, rx_error *err)
+/* Keywords stand between IMAGE and SET, which names those that were set. */
+static rx_status read_config(const reading *r, rx_config **dst, rx_error *err)
 {
     rx_error why = rx_error_part(err);
-    const char *image = rx_replay_record_value(r->record, "IMAGE");
-    rx_status status = rx_stage_run(r->config, image, NULL, r->log, NULL, &why);
-    rx_log_progress_end(r->log);
-    if (status == RX_GATE_FAIL || status == RX_GATE_INSUFFICIENT)
-        return RX_OK; /* all outputs are written */
-    rx_error_take(err, &why);
+    rx_text set = {0}, one = {0};
+    bool keyword = false;
+    rx_text_printf(&set, " %s ", value_of(r, "SET"));
+    rx_status status = set.failed ? rx_error_memory(&why, 0) : rx_config_new(dst, &why);
+    for (int i = 0; i < r->record.n && status == RX_OK; i++) {
+        const char *name = r->record.pairs[i][0];
+        keyword &= strcmp(name, "SET") != 0;
+        one.length = 0;
+        rx_text_printf(&one, " %s ", name);
+        if (keyword && one.failed)
+            status = rx_error_memory(&why, 0);
+        else if (keyword)
+            status = rx_settings_take(&(*dst)->settings, name, r->record.pairs[i][1],
+                                      strstr(set.data, one.data) != NULL ? RX_FROM_COMMAND : RX_FROM_DEFAULT,
+                                      &why);
+        keyword |= strcmp(name, "IMAGE") == 0;
+    }
+    rx_text_free(&set);
+    rx_text_free(&one);
+    if (status == RX_USAGE) /* a header is data */
+        return rx_error_at(err, RX_INPUT, r->path, -1, 0, "its record cannot be used: %.300s", why.text);
+    if (status != RX_OK)
+        rx_error_take(err, &why);
     return status;
 }
 
-/* --- comparing --- */
+/* *dst = where the output of that name goes: into the folder, in which there is one file for each. */
+static rx_status divert(const char *folder, const char *name, char **dst, rx_error *err)
+{
+    rx_text path = {0};
+    rx_text_printf(&path, "%s/%s", folder, name);
+    if (path.failed)
+        return rx_error_memory(err, 0);
+    char *last = strrchr(path.data, '/');
+    for (char *c = path.data + strlen(folder) + 1; c <= last; c++)
+        *c = *c == '/' || *c == '.' ? '_' : *c;
+    free(*dst);
+    *dst = path.data;
+    return RX_OK;
+}
 
-RX_PRINTF(2, 3)
-static void differs(replay *r, const char *format, ...)
+/* Reports are written, as they may decide what is measured, but without figures. */
+static rx_status divert_outputs(rx_config *config, const char *folder, rx_error *err)
+{
+    char *report = NULL;
+    RX_TRY(divert(folder, config->catalog_name, &config->catalog_name, err));
+    for (int i = 0; i < config->checkimage_name.n; i++)
+        RX_TRY(divert(folder, config->checkimage_name.v[i], &config->checkimage_name.v[i], err));
+    if (config->template_covar_name[0] != '\0')
+        RX_TRY(divert(folder, config->template_covar_name, &config->template_covar_name, err));
+    RX_TRY(divert(folder, ".report", &report, err));
+    free(config->qa_name);
+    config->qa_name = report;
+    config->qa_figures = false;
+    config->self_check_name[0] = config->record_name[0] = '\0';
+    return RX_OK;
+}
+
+/* The value of the nth pair of that name, from 0; NULL: there are fewer. */
+static const char *nth(const reading *r, const char *name, int n)
+{
+    for (int i = 0; i < r->record.n; i++)
+        if (strcmp(r->record.pairs[i][0], name) == 0 && n-- == 0)
+            return r->record.pairs[i][1];
+    return NULL;
+}
+
+static bool has_read(const reading *r, const char *value)
+{
+    const char *one = NULL;
+    for (int n = 0; (one = nth(r, "READ", n)) != NULL; n++)
+        if (strcmp(one, value) == 0)
+            return true;
+    return false;
+}
+
+RX_PRINTF(3, 4)
+static void differs(rx_text *said, rx_log *log, const char *format, ...)
 {
     char text[RX_ERROR_TEXT];
     va_list args;
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    if (r->different++ == 0)
-        rx_text_add(&r->first, text);
-    rx_log_warning(r->log, "%s: %s", r->path, text);
+    rx_log_warning(log, "%s", text);
+    rx_text_printf(said, "%s%s", said->length > 0 ? "; " : "", text);
 }
 
-/* The file against its own record. */
-static void check_itself(replay *r)
+/* Digests of what was made stand in one order. What the file itself holds counts where these are the same. */
+static rx_status compare(const reading *then, const reading *now, rx_log *log, rx_error *err)
 {
-    const char *name = rx_replay_record_value(r->record, "OUTPUT");
-    const char *what = r->record->fits ? "rows or pixels" : "rows";
-    if (!r->record->intact)
-        differs(r, "its record was changed after it was written");
-    for (int part = 1; part <= r->record->nparts; part++) {
-        const char *made = rx_replay_record_made(r->record, name, part);
-        if (made == NULL)
-            differs(r, "part %d is not in its record", part);
-        else if (strncmp(made, r->record->digests[part - 1], RX_HASH_TEXT - 1) != 0)
-            differs(r, "%s of part %d were changed after they were written", what, part);
+    rx_text said = {0};
+    const char *value;
+    int n;
+    if (then->changed)
+        differs(&said, log, "its record was changed after it was written");
+    for (n = 0; (value = nth(now, "READ", n)) != NULL; n++)
+        if (!has_read(then, value))
+            differs(&said, log, "%.200s is read now, and was not then", value + RX_HASH_TEXT);
+    for (n = 0; (value = nth(then, "READ", n)) != NULL; n++)
+        if (!has_read(now, value))
+            differs(&said, log, "%.200s was read then, and is not now", value + RX_HASH_TEXT);
+    for (n = 0; (value = nth(then, "MADE", n)) != NULL; n++) {
+        const char *made = nth(now, "MADE", n);
+        if (made == NULL || strncmp(made, value, RX_HASH_TEXT) != 0)
+            differs(&said, log, "part %.200s has other rows or pixels", value + RX_HASH_TEXT);
     }
-}
-
-/* Does the record have that file? Models of PSF_LIBRARY are read by links to them, elsewhere. */
-static int has_read(const rx_replay_record *record, const rx_replay_item *one)
-{
-    rx_replay_item item;
-    for (int i = 0; i < record->n; i++)
-        if (strcmp(record->lines[i].name, "READ") == 0 &&
-            rx_replay_item_read(record->lines[i].value, &item) && strcmp(item.digest, one->digest) == 0 &&
-            strcmp(item.key, one->key) == 0 &&
-            (strcmp(item.key, "PSF_LIBRARY") == 0 ? strcmp(file_name(item.name), file_name(one->name)) == 0
-                                                  : strcmp(item.name, one->name) == 0))
-            return 1;
-    return 0;
-}
-
-/* A file that is read now and was not then, or the other way round. */
-static void compare_inputs(replay *r)
-{
-    rx_replay_item item;
-    for (int i = 0; i < r->again->n; i++)
-        if (strcmp(r->again->lines[i].name, "READ") == 0 &&
-            rx_replay_item_read(r->again->lines[i].value, &item) && !has_read(r->record, &item))
-            differs(r, "%.200s (%s) is read now, and was not then", item.name, item.key);
-    for (int i = 0; i < r->record->n; i++)
-        if (strcmp(r->record->lines[i].name, "READ") == 0 &&
-            rx_replay_item_read(r->record->lines[i].value, &item) && !has_read(r->again, &item))
-            differs(r, "%.200s (%s) was read then, and is not now", item.name, item.key);
-}
-
-static rx_status compare_made(replay *r, const rx_replay_item *item, rx_error *err)
-{
-    char *path = NULL;
-    const int part = atoi(item->key);
-    RX_TRY(find_repeated(r, item->name, &path, err));
-    const char *made = path != NULL ? rx_replay_record_made(r->again, path, part) : NULL;
-    r->compared++;
-    if (made == NULL)
-        differs(r, "%.200s, part %d, was not made again", item->name, part);
-    else if (strncmp(made, item->digest, RX_HASH_TEXT - 1) != 0)
-        differs(r, "%.200s, part %d, has other rows or pixels; run rextract again and compare the files",
-                item->name, part);
-    free(path);
-    return RX_OK;
-}
-
-static rx_status compare(replay *r, rx_error *err)
-{
-    const char *output = rx_replay_record_value(r->record, "OUTPUT");
-    rx_replay_item item;
-    rx_status status = find_repeated(r, output, &r->repeated, err);
-    if (status == RX_OK && r->repeated == NULL)
-        return rx_error_at(err, RX_INPUT, r->path, -1, 0,
-                           "its record cannot be used: no keyword of it names the output '%.200s'", output);
-    if (status == RX_OK)
-        status = rx_replay_record_read(r->repeated, &r->again, err);
-    if (status != RX_OK)
-        return status;
-    compare_inputs(r);
-    for (int i = 0; i < r->record->n && status == RX_OK; i++)
-        if (strcmp(r->record->lines[i].name, "MADE") == 0 &&
-            rx_replay_item_read(r->record->lines[i].value, &item))
-            status = compare_made(r, &item, err);
+    const int compared = n;
+    for (n = 0; said.length == 0 && (value = nth(then, "DATA", n)) != NULL; n++)
+        if (nth(now, "DATA", n) == NULL || strcmp(nth(now, "DATA", n), value) != 0)
+            differs(&said, log, "rows or pixels of part %d were changed after they were written", n + 1);
+    rx_status status = said.failed ? rx_error_memory(err, 0) : RX_OK;
+    if (said.length == 0)
+        rx_log_info(log, "%s: repeated; %d of %d digests are the same", then->path, compared, compared);
+    else if (status == RX_OK)
+        status = rx_error_at(err, RX_DIFFERENT, then->path, -1, 0, "is not repeated: %s", said.data);
+    rx_text_free(&said);
     return status;
-}
-
-static rx_status judge(const replay *r, rx_error *err)
-{
-    if (r->different == 0) {
-        rx_log_info(r->log, "%s: repeated; %d of %d digests are the same", r->path, r->compared, r->compared);
-        return RX_OK;
-    }
-    if (r->different == 1)
-        return rx_error_at(err, RX_DIFFERENT, r->path, -1, 0, "is not repeated: %s",
-                           r->first.failed ? "it differs" : r->first.data);
-    return rx_error_at(err, RX_DIFFERENT, r->path, -1, 0, "is not repeated, %d differences; first: %s",
-                       r->different, r->first.failed ? "it differs" : r->first.data);
-}
-
-static void forget(replay *r)
-{
-    if (r->folder != NULL)
-        rx_claim_remove(r->claim, r->folder);
-    for (int i = 0; i < r->ndetours; i++) {
-        free(r->detours[i].name);
-        free(r->detours[i].path);
-    }
-    free(r->folder);
-    free(r->repeated);
-    rx_replay_record_free(r->record);
-    rx_replay_record_free(r->again);
-    rx_config_free(r->config);
-    rx_text_free(&r->first);
 }
 
 rx_status rx_replay_run(const rx_settings *extra, const char *path, rx_log *log, rx_error *err)
 {
-    replay r = {.path = path, .log = log};
+    static const char *const harmless[] = {"NTHREADS", "VERBOSE_TYPE", "NET_BLOCK", "MEMORY_PIXSTACK", NULL};
+    const char *scratch = getenv("TMPDIR");
+    reading then = {.path = path}, now = {0};
+    rx_config *config = NULL;
+    rx_text folder = {0};
+    char *again = NULL;
+    int claim = -1;
     rx_status status;
-    RX_TRY_EXIT(rx_replay_record_read(path, &r.record, err));
-    RX_TRY_EXIT(check_machine(&r, err));
-    RX_TRY_EXIT(check_inputs(&r, err));
-    RX_TRY_EXIT(rx_replay_record_config(r.record, r.path, &r.config, err));
-    RX_TRY_EXIT(rx_settings_overlay(&r.config->settings, extra, harmless,
+    rx_text_printf(&folder, "%s/rextract-replay.tmp-XXXXXX",
+                   scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp");
+    if (folder.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(read_record(&then, err));
+    RX_TRY_EXIT(check_inputs(&then, log, err));
+    RX_TRY_EXIT(read_config(&then, &config, err));
+    RX_TRY_EXIT(rx_settings_overlay(&config->settings, extra, harmless,
                                     "would change what is compared; leave it out", err));
-    RX_TRY_EXIT(rx_settings_check(&r.config->settings, err));
-    RX_TRY_EXIT(make_folder(&r, err));
-    RX_TRY_EXIT(divert_outputs(&r, err));
-    check_itself(&r);
-    RX_TRY_EXIT(run(&r, err));
-    RX_TRY_EXIT(compare(&r, err));
-    status = judge(&r, err);
+    RX_TRY_EXIT(rx_settings_check(&config->settings, err));
+    claim = rx_claim_folder(folder.data);
+    if (claim < 0)
+        RX_TRY_EXIT(rx_error_at(err, RX_SYSTEM, folder.data, -1, 0,
+                                "cannot be made: %s; name a folder by TMPDIR", strerror(errno)));
+    RX_TRY_EXIT(divert_outputs(config, folder.data, err));
+    rx_error why = rx_error_part(err);
+    status = rx_stage_run(config, value_of(&then, "IMAGE"), NULL, log, NULL, &why);
+    rx_log_progress_end(log);
+    if (status != RX_OK && status != RX_GATE_FAIL &&
+        status != RX_GATE_INSUFFICIENT) { /* of gates all is written */
+        rx_error_take(err, &why);
+        goto exit;
+    }
+    RX_TRY_EXIT(divert(folder.data, value_of(&then, "OUTPUT"), &again, err));
+    now.path = again;
+    if (access(again, F_OK) != 0)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
+                                "its record cannot be used: no keyword of it names the output '%.200s'",
+                                value_of(&then, "OUTPUT")));
+    RX_TRY_EXIT(read_record(&now, err));
+    status = compare(&then, &now, log, err);
 exit:
-    forget(&r);
+    if (claim >= 0)
+        rx_claim_remove(claim, folder.data);
+    rx_record_free(&then.record);
+    rx_record_free(&now.record);
+    rx_text_free(&then.part);
+    rx_text_free(&now.part);
+    rx_text_free(&folder);
+    rx_config_free(config);
+    free(again);
     return status;
 }

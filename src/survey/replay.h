@@ -1,4 +1,4 @@
-/* Running again from the record in an output, and comparing. */
+/* Running again from the record in an output (stage/provenance.h), and comparing digests. */
 #ifndef RX_SURVEY_REPLAY_H
 #define RX_SURVEY_REPLAY_H
 
@@ -6,14 +6,11 @@
 #include "base/log.h"
 #include "config/settings.h"
 
-/* Repeat the run that wrote the file at `path` and compare the digests of all that its record names. Nothing
- * is written but a folder in TMPDIR, which is removed. `extra` are settings of rextract of which only those
- * count that were set; they may hold nothing that changes results. Another version or class of machines is
- * reported, and the run is compared all the same.
+/* Repeat the run that wrote the file at `path`, FITS or a text with its record in lines of '#', in a folder in TMPDIR that is
+ * removed, and compare all that it has read and made. Of `extra` only settings count that change no result.
  *
- * Errors: RX_DIFFERENT when anything differs, rows or pixels here from those that were recorded included
- * (each is named in the log); RX_INPUT when the file holds no record, or an input of the run is missing or has
- * changed; RX_USAGE (extra); else those of the run. */
+ * Errors: RX_DIFFERENT (each difference is a warning of the log), RX_INPUT (no record; an input is missing or has changed),
+ * RX_USAGE (extra), else those of the run. */
 rx_status rx_replay_run(const rx_settings *extra, const char *path, rx_log *log, rx_error *err);
 
 #endif

@@ -17,7 +17,7 @@
 #include "psf/psf.h"
 #include "simulate/templates.h"
 #include "stage/reference.h"
-#include "survey/replay_record.h"
+#include "survey/replay.h"
 
 enum { CARD = 80 };
 
@@ -93,61 +93,19 @@ void fuzz_table(const uint8_t *data, size_t size)
 
 /* --- records of runs --- */
 
-/* Keywords as a record has them, and the configuration that comes of them. */
-typedef struct copy {
-    rx_text text;
-    rx_config *config;
-} copy;
-
-static void take_keyword(void *user, const char *name, const char *value, const char *help)
-{
-    copy *c = user;
-    (void)help;
-    rx_text_printf(&c->text, "%s = %s\n", name, value);
-    if (c->config != NULL)
-        fuzz_require(rx_settings_take(&c->config->settings, name, value, RX_FROM_COMMAND, NULL) == RX_OK,
-                     "a keyword as it goes into a record is taken");
-}
-
-static void record_again(const rx_config *config)
-{
-    copy first = {0}, second = {0};
-    fuzz_require(rx_config_new(&first.config, NULL) == RX_OK, "settings can be made");
-    fuzz_require(rx_config_visit(config, take_keyword, &first), "there is memory");
-    fuzz_require(rx_config_visit(first.config, take_keyword, &second), "there is memory");
-    fuzz_require(first.text.length == second.text.length &&
-                     memcmp(first.text.data, second.text.data, first.text.length) == 0,
-                 "a configuration comes back from its record the same");
-    rx_config_free(first.config);
-    rx_text_free(&first.text);
-    rx_text_free(&second.text);
-}
-
+/* The files that a damaged record names are not there with their digests: it is refused, whatever else it says. */
 void fuzz_replay(const uint8_t *data, size_t size)
 {
     const char *path = file_of(data, size);
-    rx_replay_record *record = NULL;
-    rx_replay_item item;
     rx_config *config = NULL;
     rx_error err = RX_ERROR_NONE;
     char line[RX_ERROR_WHERE + RX_ERROR_TEXT + 100] = "";
-    rx_status status = rx_replay_record_read(path, &record, &err);
-    if (status == RX_OK) {
-        for (int i = 0; i < record->n; i++) {
-            fuzz_require(record->lines[i].name[0] != '\0', "a line of a record has a name");
-            if (rx_replay_item_read(record->lines[i].value, &item))
-                rx_replay_record_made(record, item.name, 1);
-        }
-        status = rx_replay_record_config(record, path, &config, &err);
-    }
-    if (status == RX_OK)
-        record_again(config);
-    else
-        rx_error_format(&err, "rextract", line, sizeof line);
+    fuzz_require(rx_config_new(&config, NULL) == RX_OK, "settings can be made");
+    fuzz_require(rx_replay_run(&config->settings, path, NULL, &err) != RX_OK, "nothing is repeated");
+    rx_error_format(&err, "rextract", line, sizeof line);
     for (const char *c = line; *c != '\0'; c++)
         fuzz_require((unsigned char)*c >= ' ' && *c != 127, "an error is one line without controls");
     rx_config_free(config);
-    rx_replay_record_free(record);
 }
 
 /* --- PSFs and models --- */

@@ -150,7 +150,6 @@ if [ "$active" = 1 ]; then
     run near.fits -c /dev/null -RESTORE_TYPE NONE -CATALOG_TYPE NONE -PSF_LIBRARY library -PSF_LIBRARY_TYPE WRITE -VERBOSE_TYPE QUIET
     cp test.cat first.cat
 fi
-expect 0 '' -REPLAY first.cat
 rung "$read" 'RXPSFLIB = near_0-.*'
 [ "$active" = 0 ] || rm library/model1_0-*.psf
 expect 3 'library/model1_0-.*\.psf: is not there \(PSF_LIBRARY of the run that wrote first\.cat\)' -REPLAY first.cat

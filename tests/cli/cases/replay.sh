@@ -18,7 +18,7 @@ sealed() {
     sed "s/^# END = .*/# END = $sum/" "$1" >sealed.tmp && mv sealed.tmp "$1"
 }
 
-for type in FITS_1.0 FITS_LDAC ASCII_HEAD ASCII_VOTABLE; do
+for type in FITS_1.0 FITS_LDAC ASCII_HEAD; do
     begin "replay: $type, names of all kinds"
     image=$(printf 'a %% %%41 "b" $d \303\251 #&.fits') out=$(printf 'm\303\251 1,2;=#%%41 "q" [x] $$ &')
     make_fits tile "$image"
@@ -74,7 +74,7 @@ expect 0 '' -REPLAY cov.fits
 expect 3 '^rextract: my\.param: has changed since it was read \(PARAMETERS_NAME of the run that wrote test\.cat\); give it as it was$' \
     -REPLAY test.cat
 
-begin 'replay: a VOTable names each PARAM once'
+begin 'a VOTable names each PARAM once, and is not repeated itself'
 make_fits tile tile.fits
 make_fits ones weight.fits
 printf 'NUMBER\nX_IMAGE\n' >my.param
@@ -85,10 +85,7 @@ if [ "$active" = 1 ]; then
     run -REPLAY test_RL.cat -VERBOSE_TYPE QUIET
     sed -n 's/^ *<PARAM name="\([^"]*\)".*/\1/p' test_RL.cat | sort | uniq -d >>../err
     [ "$(grep -Ec 'name="READ([23])?"' test_RL.cat)" = 3 ] || echo 'not READ, READ2, READ3' >>../err
-    judge 0 ''
-    printf 'NUMBER\n' >my.param
-    run -REPLAY test_RL.cat -VERBOSE_TYPE QUIET
-    judge 3 '^rextract: my\.param: has changed since it was read'
+    judge 3 '^rextract: test_RL\.cat: holds no record of a run of rextract; give a FITS catalogue, a check-image or an ASCII_HEAD catalogue'
 fi
 
 begin 'replay: two images, the catalogue from standard output'
@@ -115,9 +112,9 @@ if [ "$active" = 1 ]; then
     cp other.cat sealed.cat
     sealed sealed.cat
 fi
-expect 9 '^rextract: other\.cat: is not repeated, 2 differences; first: its record was changed after it was written$' -REPLAY other.cat
+expect 9 '^rextract: other\.cat: is not repeated: its record was changed after it was written; part 1 test\.cat has other rows or pixels$' -REPLAY other.cat
 if command -v xxh128sum >/dev/null; then
-    expect 9 '^rextract: sealed\.cat: is not repeated: test\.cat, part 1, has other rows or pixels; run rextract again and compare the files$' -REPLAY sealed.cat
+    expect 9 '^rextract: sealed\.cat: is not repeated: part 1 test\.cat has other rows or pixels$' -REPLAY sealed.cat
 else
     skip "$no_sum"
 fi
@@ -126,7 +123,7 @@ begin 'replay: a row that was changed'
 make_fits tile tile.fits
 made tile.fits -RESTORE_TYPE NONE
 [ "$active" = 0 ] || sed '$s/1/2/' test.cat >changed.cat
-expect 9 '^rextract: changed\.cat: is not repeated: rows of part 1 were changed after they were written$' -REPLAY changed.cat
+expect 9 '^rextract: changed\.cat: is not repeated: rows or pixels of part 1 were changed after they were written$' -REPLAY changed.cat
 
 begin 'replay: a pixel that was changed'
 make_fits tile tile.fits
@@ -146,7 +143,7 @@ begin 'replay: a file that was not there then'
 make_fits tile tile.fits
 made tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0
 [ "$active" = 0 ] || printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >default.conv
-expect 9 'default\.conv \(FILTER_NAME\) is read now, and was not then' -REPLAY test.cat
+expect 9 'FILTER_NAME default\.conv is read now, and was not then' -REPLAY test.cat
 
 begin 'replay: another version and another machine are told'
 make_fits tile tile.fits
@@ -190,7 +187,7 @@ expect 3 "^rextract: value\.cat: its record cannot be used: -DETECT_THRESH: 'man
 expect 3 '^rextract: name\.cat: its record cannot be used: unknown keyword' -REPLAY name.cat
 expect 3 '^rextract: lacks\.cat: its record lacks the line SET; it was changed' -REPLAY lacks.cat
 expect 3 "^rextract: kind\.cat: its record is of another kind, '7, " -REPLAY kind.cat
-expect 3 "^rextract: made\.cat: its record cannot be read: MADE 'x'" -REPLAY made.cat
+expect 9 '^rextract: made\.cat: is not repeated: its record was changed' -REPLAY made.cat
 expect 3 '^rextract: escape\.cat: its record cannot be read' -REPLAY escape.cat
 expect 3 '^rextract: end\.cat: holds no record of a run' -REPLAY end.cat
 expect 3 "^rextract: output\.cat: its record cannot be used: no keyword of it names the output 'any\.cat'$" -REPLAY output.cat
