@@ -32,7 +32,7 @@ column() {
 # psnr FOLDER: mean over its scenes, by another way than the script's
 psnr() {
     awk -F, '/^#/ { next } !head { head = 1; for (i = 1; i <= NF; i++) if ($i == "psnr") at = i; next }
-        { sum += $at; n++ } END { printf "%.6f\n", sum / n }' "$1/restoration/scenes.ecsv"
+        $1 == "\"scene\"" { sum += $at; n++ } END { printf "%.6f\n", sum / n }' "$1/restoration/rows.ecsv"
 }
 
 ablation() {

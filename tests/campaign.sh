@@ -38,27 +38,16 @@ END
 cat >detection.conf <<'END'
 CAMPAIGN_TYPE   DETECTION
 RESTORE_TYPE    NONE,RL
-SCENES          STARS,PAIRS,RINGS,PLATEAU,OUTSKIRTS
+SCENES          STARS,GALAXIES,PAIRS,BLANK,RINGS,PLATEAU,OUTSKIRTS
 SCENE_TILES     2
 SEEING          3
 SKY_ERROR       0,0.3
-TUNE_NITER      5
+TUNE_NITER      5,10
 TUNE_FILTER     0.5
 QA_FIGURES      N
 SIM.IMAGE_SIZE  192
-END
-
-cat >fluxes.conf <<'END'
-CAMPAIGN_TYPE   FLUXES
-RESTORE_TYPE    NONE,RL
-FLUX_SCENES     FIELD,PAIRS,RINGS,SHREDS
-SCENE_TILES     2
-SEEING          3
-PSF_ERROR       0,0.05
-QA_FIGURES      N
-SIM.IMAGE_SIZE  192
-SIM.PAIR_DISTANCE 0.5,3
-SIM.PIXEL_SCALE 0.396
+SIM.STAR_COUNT  800
+STAGE.DETECT_THRESH 1.1
 END
 
 # start KIND OUTPUT JOURNAL THREADS ARGUMENT...: in the background as process $job, what it says in OUTPUT.log.
@@ -85,11 +74,21 @@ a_moment() {
     awk -v seed="$(date +%N)" -v took="$1" 'BEGIN { srand(seed); printf "%d %.3f", 2 * rand(), 0.1e-9 * took * rand() }'
 }
 
+python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import scipy' 2>/dev/null && echo "$p" && break; done)
 kills=${RX_KILLS:-10} # fewer where time is short
-for kind in restoration photometry detection fluxes; do
+for kind in restoration photometry detection; do
     began=$(date +%s%N)
     campaign $kind $kind-whole $kind.whole 1
     result "$kind: a whole run on one thread" $? $kind-whole.log
+    if [ -n "$python" ]; then
+        "$python" -B "$top/tests/rows.py" $kind-whole >numbers 2>&1
+        result "$kind: its numbers are those of its rows, by scipy" $? numbers
+        "$python" -B "$top/validation/contests.py" $kind-whole >numbers 2>&1 && grep -q '"McNemar"\|"paired t"' contests.ecsv &&
+            [ -s claims.ecsv ]
+        result "$kind: its runs are tested against each other" $? numbers
+    else
+        skip "$kind: numbers and tests" "no python3 with scipy"
+    fi
 
     # killed: what is done stays done; a run that came to its end before its moment is begun anew
     took=$(($(date +%s%N) - began)) hits=0 tries=0 kept=0

@@ -10,7 +10,7 @@ set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
 names=(restoration restoration-real restoration-fast restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
-    fluxes fluxes-errors fluxes-template fluxes-sdss invented robustness unknown_psf faint_galaxies preal quality auto)
+    fluxes fluxes-errors robustness unknown_psf faint_galaxies preal quality auto)
 usage="final.sh: usage: final.sh SEED FOLDER [NAME...] | take FOLDER; names: ${names[*]}"
 [[ $# -ge 2 ]] || { echo "$usage" >&2; exit 2; }
 python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy, scipy' 2>/dev/null && echo "$p" && break; done) ||
@@ -48,7 +48,7 @@ for name in "${@:3}"; do
     [[ " ${names[*]} " == *" $name "* ]] || { echo "$usage" >&2; exit 2; }
 done
 for name in "${@:3}" $([[ $# -gt 2 ]] || echo "${names[@]}"); do
-    case $name in restoration-real | photometry-sdss | fluxes-sdss | faint_galaxies | auto) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
+    case $name in restoration-real | photometry-sdss | faint_galaxies | auto) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
     if [[ -f $out/$name/complete ]]; then
         [[ $(<"$out/$name/complete") == "seed $1, $size, "* ]] ||
             { echo "final.sh: $out/$name is of $(<"$out/$name/complete"); take another folder" >&2; exit 2; }
@@ -57,5 +57,8 @@ for name in "${@:3}" $([[ $# -gt 2 ]] || echo "${names[@]}"); do
     echo "final.sh: $name" >&2
     start=$SECONDS
     run "$name" "$1" "$out/$name"
+    for rows in "$out/$name"/*/rows.ecsv; do
+        [[ ! -f $rows ]] || "$python" "$here/contests.py" "$(dirname "$rows")"
+    done
     echo "seed $1, $size, $((SECONDS - start)) s" >"$out/$name/complete"
 done

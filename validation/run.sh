@@ -3,12 +3,12 @@
 #
 #   validation/run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]
 #
-# restoration, restoration-real, photometry, sdss, detection, detection-errors, fluxes, fluxes-errors, fluxes-template,
-# fluxes-template-errors, invented, fluxes-sdss; robustness [FOLDER [SEED]] is robustness.py. NET takes part with the model of RX_MODEL, else with
+# restoration, restoration-real, photometry, sdss, detection, detection-errors, fluxes, fluxes-errors; robustness
+# [FOLDER [SEED]] is robustness.py. NET takes part with the model of RX_MODEL, else with
 # config/psfnet.fits; where there is neither, the other restorers compete without it.
 #
 # Journal and report go into FOLDER (default: <campaign>-out), the report as FOLDER/<campaign>/report.html. Started
-# again after an interruption it goes on where it was. `sdss` and `fluxes-sdss` inject into a real frame,
+# again after an interruption it goes on where it was. `sdss` injects into a real frame,
 # restoration-real takes galaxies of COSMOS; they need the data folder: RX_SHARED_DATA, or ../shared/data beside the sources, and bunzip2.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
@@ -17,7 +17,7 @@ program=${RX_VALIDATE:-$top/build/rextract-validate}
 usage() {
     echo "run.sh: $1; usage: run.sh CAMPAIGN [small|paper] [FOLDER [-KEYWORD VALUE ...]]" >&2
     echo "campaigns: restoration restoration-real photometry sdss detection detection-errors fluxes fluxes-errors" >&2
-    echo "    fluxes-template fluxes-template-errors invented fluxes-sdss; robustness [FOLDER [SEED]]" >&2
+    echo "    robustness [FOLDER [SEED]]" >&2
     exit 2
 }
 if [[ ${1:-} == robustness ]]; then
@@ -27,7 +27,6 @@ if [[ ${1:-} == robustness ]]; then
 fi
 case ${1:-} in
 restoration | restoration-real | photometry | detection | detection-errors | fluxes | fluxes-errors) name=$1 ;;
-fluxes-template | fluxes-template-errors | invented | fluxes-sdss) name=$1 ;;
 sdss) name=photometry-sdss ;;
 *) usage "which campaign?" ;;
 esac
@@ -49,7 +48,7 @@ done
 mkdir -p "$out"
 # everything is named from inside the folder, so that the report holds no path of this machine
 cp "$here/$name.conf" "$out"
-if [[ $1 == sdss || $1 == fluxes-sdss ]]; then
+if [[ $1 == sdss ]]; then
     frame=${RX_SHARED_DATA:-$top/../shared/data}/sdss/94-1-12/frame-r-000094-1-0012.fits.bz2
     [[ -f $frame ]] || { echo "run.sh: $frame is missing; the SDSS frame is not part of this repository" >&2; exit 2; }
     [[ -f $out/frame.fits ]] || { bunzip2 -c "$frame" >"$out/frame.part" && mv "$out/frame.part" "$out/frame.fits"; }

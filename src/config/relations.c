@@ -316,7 +316,6 @@ static rx_status check_ranges(const rx_campaign_config *config, rx_error *err)
     ORDER(FWHM_TRAINED, fwhm_trained);
     ORDER(SIGMA_TRAINED, sigma_trained);
     ORDER(MAGNITUDES, magnitudes);
-    ORDER(SHRED_SNR, shred_snr);
     const double *mag = config->magnitudes.v;
     if (mag[2] <= 0.0)
         return REFUSE(MAGNITUDES, "the step %g must be above 0", mag[2]);
@@ -325,32 +324,14 @@ static rx_status check_ranges(const rx_campaign_config *config, rx_error *err)
     return RX_OK;
 }
 
-static bool has_errors(const rx_reals *list)
-{
-    for (int i = 0; i < list->n; i++)
-        if (list->v[i] != 0.0)
-            return true;
-    return false;
-}
-
 static rx_status check_fields(const rx_campaign_config *config, rx_error *err)
 {
-    const bool fluxes = is(config->campaign_type, "FLUXES");
-    const rx_words *where = fluxes ? &config->flux_scenes : &config->fields;
     bool injects = false;
-    if (is(config->campaign_type, "RESTORATION"))
-        return RX_OK;
-    for (int i = 0; i < where->n; i++)
-        injects |= is(where->v[i], "INJECTED");
-    if (injects && config->tile_name[0] == '\0')
-        return REFUSE(TILE_NAME, "is empty; name the real tile that %s are added to (%s INJECTED)",
-                      fluxes ? "objects" : "stars", fluxes ? "FLUX_SCENES" : "FIELDS");
-    if (fluxes && injects &&
-        (where->n > 1 || config->seeing.n > 0 || has_errors(&config->psf_error) ||
-         has_errors(&config->sky_error) || has_errors(&config->noise_error)))
-        return REFUSE(FLUX_SCENES, "INJECTED stands alone: SEEING, PSF_ERROR, SKY_ERROR, NOISE_ERROR and the "
-                                   "other scenes are of simulated tiles; leave them out, or INJECTED");
-    return RX_OK;
+    for (int i = 0; i < config->fields.n; i++)
+        injects |= is(config->fields.v[i], "INJECTED");
+    return injects && !is(config->campaign_type, "RESTORATION") && config->tile_name[0] == '\0'
+               ? REFUSE(TILE_NAME, "is empty; name the real tile that stars are added to (FIELDS INJECTED)")
+               : RX_OK;
 }
 
 /* What the simulator cannot do as part of a campaign. */
@@ -392,7 +373,6 @@ rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
     RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
     RX_TRY(check_once(settings, "RESTORE_TYPE", &config->restore_type, err));
     RX_TRY(check_once(settings, "FIELDS", &config->fields, err));
-    RX_TRY(check_once(settings, "FLUX_SCENES", &config->flux_scenes, err));
     RX_TRY(check_once(settings, "FLUXES", &config->fluxes, err));
     RX_TRY(check_ranges(config, err));
     RX_TRY(check_fields(config, err));

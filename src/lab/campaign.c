@@ -9,12 +9,11 @@
 #include "base/threads.h"
 #include "io/output.h"
 #include "lab/facts.h"
-#include "lab/findings.h"
 #include "lab/journal.h"
+#include "lab/report.h"
 #include "lab/units.h"
 
-static const rx_lab_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection,
-                                           &rx_kind_fluxes};
+static const rx_lab_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection};
 
 typedef struct job {
     const rx_campaign_config *config;

@@ -237,4 +237,5 @@ RX_LAB_KIND(rx_kind_detection, .name = "DETECTION", .title = "Detection campaign
             .most = RX_LAB_RUNS, .ntables = RX_DETECTION_TABLES, .tables = rx_detection_tables,
             .objects = RX_DETECTION_OBJECT, .wrong = RX_DETECTION_FALSE, .deep = 1, .open = open_runs,
             .tile = rx_lab_tile_make, .rows = add_objects, .found = found, .unit = unit, .describe = describe,
-            .results = &rx_detection_results);
+            .name_set = rx_detection_name_set, .report = rx_detection_report,
+            .reading = rx_detection_reading);

@@ -9,7 +9,6 @@
 #define RX_LAB_DETECTION_H
 
 #include "lab/lists.h"
-#include "lab/store.h"
 
 enum {
     RX_DETECTION_TILE,
@@ -54,12 +53,8 @@ enum { RX_OUTSKIRT_RADII = RX_GROWTH_TRUE };
 extern const rx_lab_schema rx_detection_tables[RX_DETECTION_TABLES];
 int rx_detection_table(rx_scene_id id); /* in which a scene's objects are */
 
-/* A group of the store for each scene. A method's cut for a precision: the lowest score at which precision over STARS and
- * GALAXIES of the condition together is at least that (no such scenes: the whole list). The column RL is RL at its best:
- * for ap and the recalls of STARS and GALAXIES and for PAIRS the one of its settings with the highest value, each for
- * itself, chosen on the very tiles of the test, in RL's favour; for everything else the setting of the highest ap over
- * both scenes of the condition together. Contests: objects found by only one of two, each at its own cut for the first
- * precision on that scene, of NET (else RL at its best) and NONE, MATCHED and RL. */
-extern const rx_lab_results rx_detection_results;
+void rx_detection_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96]);
+rx_status rx_detection_report(const rx_lab *lab, struct rx_lab_page *page, rx_error *err);
+extern const char rx_detection_reading[];
 
 #endif

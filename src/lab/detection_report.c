@@ -1,4 +1,8 @@
-/* What a detection campaign has found, and its report. */
+/* The report of a detection campaign: a group for each scene. A method's cut for a precision: the lowest score at which
+ * precision over STARS and GALAXIES of the condition together is at least that (no such scenes: the whole list). The
+ * column RL is RL at its best: for ap and the recalls of STARS and GALAXIES and for PAIRS the one of its settings with the
+ * highest value, each for itself, chosen on the very tiles of the test, in RL's favour; for everything else the setting of
+ * the highest ap over both scenes of the condition together. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,8 +10,8 @@
 
 #include "base/memory.h"
 #include "lab/detection.h"
-#include "lab/findings.h"
-#include "report/curves.h"
+#include "lab/report.h"
+#include "quality/hypothesis.h"
 
 #define ALL HUGE_VAL
 
@@ -72,7 +76,7 @@ static const rx_quantity FIXED[RX_SCENE_IDS][FIXED_MOST] = {
                            "range of the means of the 4 x 4 phases, the worst tile"}},
 };
 
-static void name_quantities(const rx_lab *lab, rx_scene_id scene, rx_store_group *g)
+static void name_quantities(const rx_lab *lab, rx_scene_id scene, rx_lab_group *g)
 {
     static const char *const growth[][2] = {{"r1", "within r50"},
                                             {"r2", "within 2 r50"},
@@ -125,15 +129,13 @@ static rx_estimate worst(const rx_lab_table *plateau, int run, int part)
     return e;
 }
 
-/* Mean of the measured over the mean of the true flux, bootstrap over galaxies. */
-static rx_status stacked(const rx_lab_table *growth, int run, const rx_quantity *q, uint64_t seed,
-                         rx_estimate *dst, rx_error *err)
+/* Mean of the measured over the mean of the true flux; the interval is that of the mean of the measured. */
+static rx_status stacked(const rx_lab_table *growth, int run, const rx_quantity *q, rx_estimate *dst,
+                         rx_error *err)
 {
-    double truth = 0, *work = RX_NEW(double, 2 * (size_t)growth->n + 1);
+    double truth = 0, *work = NULL;
     long n = 0;
-    *dst = (rx_estimate){NAN, NAN, NAN, 0};
-    if (work == NULL)
-        return rx_error_memory(err, 2 * (size_t)growth->n * sizeof *work);
+    RX_TRY(RX_MAKE(work, (size_t)growth->n + 1, err));
     for (long i = 0; i < growth->n; i++) {
         const double *v = rx_lab_each(growth, i, run), *t = v + RX_OUTSKIRT_RADII;
         const double snr = rx_lab_own(growth, i)[RX_GALAXY_SNR];
@@ -144,10 +146,9 @@ static rx_status stacked(const rx_lab_table *growth, int run, const rx_quantity 
     }
     for (long i = 0; i < n; i++)
         work[i] *= (double)n / truth;
-    const rx_status status =
-        n > 0 ? rx_paired_bootstrap(n, work, work + growth->n, LEVEL, seed, dst, err) : RX_OK;
+    *dst = rx_mean_estimate(n, work, LEVEL);
     free(work);
-    return status;
+    return RX_OK;
 }
 
 static double cut_of(const rx_pr *pr, double precision)
@@ -156,22 +157,21 @@ static double cut_of(const rx_pr *pr, double precision)
     return point != NULL ? point->score : HUGE_VAL;
 }
 
-/* All quantities of a run; all: the curve of both lists, of nall objects. */
-static rx_status measure_run(rx_store *s, const rx_list *list, int run, const rx_pr *all, long nall,
-                             rx_error *err)
+/* All quantities of a run on a scene; all: the curve of both lists, of nall objects. */
+static rx_status measure_run(const rx_lab_group *g, uint64_t seed, const rx_list *list, int run,
+                             const rx_pr *all, long nall, rx_error *err)
 {
-    const rx_lab *lab = s->lab;
-    const int scene = list->first;
-    const rx_lab_table *table = rx_lab_set_of(lab, list->condition, scene)->table;
-    const rx_lab_table *own = &table[rx_detection_table(lab->scene[scene].id)];
+    const rx_lab *lab = g->lab;
+    const rx_lab_table *table = rx_lab_set_of(lab, list->condition, list->first)->table;
+    const rx_lab_table *own = &table[rx_detection_table(lab->scene[list->first].id)];
     const double mpixels = rx_lab_sum(&table[RX_DETECTION_TILE], RX_TILE_MPIXELS),
                  fwhm = lab->sky[list->condition].fwhm;
     rx_pr pr = {0};
     long objects = 0;
     rx_status status = rx_list_curve(list, run, &objects, &pr, err);
-    for (int k = 0; k < s->group[scene].nquantities && status == RX_OK; k++) {
-        const rx_quantity *q = &s->group[scene].quantity[k];
-        rx_estimate *dst = &rx_store_at(s, scene, k, list->condition, run)->value;
+    for (int k = 0; k < g->nquantities && status == RX_OK; k++) {
+        const rx_quantity *q = &g->quantity[k];
+        rx_estimate *dst = &rx_lab_group_at(g, k, list->condition, run)->value;
         const int of_all = q->cut == LAST ? lab->nprecisions - 1 : 0;
         const double cut = lab->nprecisions == 0 || q->cut == WHOLE ? -HUGE_VAL
                            : q->cut >= 0                            ? cut_of(&pr, lab->precision[q->cut])
@@ -180,8 +180,8 @@ static rx_status measure_run(rx_store *s, const rx_list *list, int run, const rx
         const long found = rx_list_found(list, run, cut);
         switch ((statistic)q->statistic) {
         case AP:
-            status = rx_pr_interval(&pr, objects, LEVEL, (rx_resampling){.seed = s->seed, .nthreads = 1}, dst,
-                                    err);
+            status =
+                rx_pr_interval(&pr, objects, LEVEL, (rx_resampling){.seed = seed, .nthreads = 1}, dst, err);
             break;
         case SHARE:
             *dst = rx_list_share(list, run, cut, q->part, q->low, q->high);
@@ -201,7 +201,7 @@ static rx_status measure_run(rx_store *s, const rx_list *list, int run, const rx
             *dst = worst(own, run, q->part);
             break;
         case STACKED:
-            status = stacked(own, run, q, s->seed, dst, err);
+            status = stacked(own, run, q, dst, err);
         }
     }
     rx_pr_free(&pr);
@@ -209,45 +209,22 @@ static rx_status measure_run(rx_store *s, const rx_list *list, int run, const rx
 }
 
 /* The column of RL at its best; `chosen`: the setting of the highest ap over the condition's lists. */
-static void fill_best(rx_store *s, int condition, int chosen)
+static void fill_best(const rx_lab_group *g, int condition, int chosen)
 {
-    for (int g = 0; g < s->ngroups; g++)
-        for (int q = 0; q < s->group[g].nquantities; q++) {
-            int from = chosen;
-            for (int k = 0; k < s->lab->nruns && s->group[g].quantity[q].best; k++)
-                if (s->lab->run[k].tuned && rx_store_at(s, g, q, condition, k)->value.value >
-                                                rx_store_at(s, g, q, condition, from)->value.value)
-                    from = k;
-            rx_finding *best = rx_store_at(s, g, q, condition, s->lab->nruns);
-            best->value = rx_store_at(s, g, q, condition, from)->value;
-            best->setting = s->lab->run[from].name;
-        }
-}
-
-/* Objects that only one of a pair has found on a list; RL at its best: with the setting for the recall there. */
-static rx_status contest(rx_store *s, const rx_list *list, int pair, rx_error *err)
-{
-    int run[2];
-    double cut[2] = {0};
-    long only[2], objects;
-    for (int i = 0; i < 2; i++) {
-        const int column = s->pair[pair][i];
-        rx_pr pr = {0};
-        run[i] = column < s->lab->nruns
-                     ? column
-                     : rx_store_column(s, rx_store_at(s, list->first, 1, list->condition, column)->setting);
-        RX_TRY(rx_list_curve(list, run[i], &objects, &pr, err));
-        cut[i] = cut_of(&pr, s->lab->precision[0]);
-        rx_pr_free(&pr);
+    for (int q = 0; q < g->nquantities; q++) {
+        int from = chosen;
+        for (int k = 0; k < g->lab->nruns && g->quantity[q].best; k++)
+            if (g->lab->run[k].tuned && rx_lab_group_at(g, q, condition, k)->value.value >
+                                            rx_lab_group_at(g, q, condition, from)->value.value)
+                from = k;
+        *rx_lab_group_at(g, q, condition, g->lab->nruns) =
+            (rx_finding){rx_lab_group_at(g, q, condition, from)->value, g->lab->run[from].name};
     }
-    rx_list_compare(list, run, cut, only);
-    *rx_contest_of(s, list->first, pair, 0, list->condition) = rx_contest_found(only[0], only[1]);
-    return RX_OK;
 }
 
-static rx_status measure_condition(rx_store *s, int condition, rx_error *err)
+static rx_status measure_condition(rx_lab_group *groups, uint64_t seed, int condition, rx_error *err)
 {
-    const rx_lab *lab = s->lab;
+    const rx_lab *lab = groups->lab;
     double highest = -1;
     int chosen = -1;
     rx_status status = RX_OK;
@@ -261,198 +238,78 @@ static rx_status measure_condition(rx_store *s, int condition, rx_error *err)
             chosen = k;
             highest = ap;
         }
-        for (int g = 0; g < s->ngroups && status == RX_OK; g++) {
+        for (int g = 0; g < lab->nscenes && status == RX_OK; g++) {
             const rx_list list = rx_list_of(lab, condition, g);
-            status = measure_run(s, &list, k, &pr, objects, err);
+            status = measure_run(&groups[g], seed, &list, k, &pr, objects, err);
         }
         rx_pr_free(&pr);
     }
-    if (status == RX_OK && s->ncolumns > lab->nruns)
-        fill_best(s, condition, chosen);
-    for (int g = 0; g < s->ngroups; g++)
-        for (int p = 0; p < s->npairs && status == RX_OK; p++)
-            if (lab->nprecisions > 0 && rx_scene_is_list(lab->scene[g].id)) {
-                const rx_list list = rx_list_of(lab, condition, g);
-                status = contest(s, &list, p, err);
-            }
+    for (int g = 0; g < lab->nscenes && status == RX_OK && chosen >= 0; g++)
+        fill_best(&groups[g], condition, chosen);
     return status;
 }
 
-static rx_status measure(rx_store *s, rx_error *err)
+static rx_status open_group(rx_lab_group *g, const rx_lab *lab, int scene, rx_error *err)
 {
-    const rx_lab *lab = s->lab;
-    RX_TRY(rx_store_groups(s, lab->nscenes, err));
+    *g = (rx_lab_group){.name = rx_scene_name(lab->scene[scene].id), .axis = "FWHM of the PSF (pixels)"};
+    name_quantities(lab, lab->scene[scene].id, g);
     for (int k = 0; k < lab->nruns; k++) {
-        s->hidden[k] = lab->run[k].tuned;
-        if (lab->run[k].tuned)
-            s->ncolumns = lab->nruns + 1;
-    }
-    if (s->ncolumns > lab->nruns)
-        s->column[lab->nruns] = "RL";
-    const int net = rx_store_column(s, "NET"), best = rx_store_column(s, "RL"), hero = net >= 0 ? net : best;
-    rx_store_add_pair(s, hero, rx_store_column(s, "NONE"));
-    rx_store_add_pair(s, hero, rx_store_column(s, "MATCHED"));
-    rx_store_add_pair(s, hero, best);
-    s->about[s->nabouts++] = (rx_about){"found at the first precision", "McNemar", 0, 0};
-    rx_status status = RX_OK;
-    for (int g = 0; g < s->ngroups && status == RX_OK; g++) {
-        s->group[g].name = rx_scene_name(lab->scene[g].id);
-        name_quantities(lab, lab->scene[g].id, &s->group[g]);
-        status = rx_group_open(s, g, lab->nconditions, err);
-        for (int c = 0; c < lab->nconditions && status == RX_OK; c++)
-            rx_lab_condition_name(lab, c, s->group[g].condition[c], sizeof *s->group[g].condition);
-    }
-    for (int c = 0; c < lab->nconditions && status == RX_OK; c++)
-        status = measure_condition(s, c, err);
-    return status;
-}
-
-/* --- goals --- */
-
-/* Where restorers are given the truth. */
-static int counts(const rx_store *s, int condition, int g, rx_scene_id kind)
-{
-    return rx_condition_true(&s->lab->sky[condition].condition) && s->lab->scene[g].id == kind;
-}
-
-/* ap and the recall at the first precision of both lists, of one pair. */
-static int above(const rx_store *s, int pair, rx_claim_verdict *v)
-{
-    static const char *const names[] = {"ap", "recall"};
-    int wins = 0, all = 0, sure = 0, fights = 0;
-    rx_text lost = {0};
-    for (int c = 0; c < s->lab->nconditions; c++)
-        for (int g = 0; g < s->ngroups; g++) {
-            if (!counts(s, c, g, RX_SCENE_STARS) && !counts(s, c, g, RX_SCENE_GALAXIES))
-                continue;
-            for (int q = 0; q < 1 + (s->lab->nprecisions > 0); q++) {
-                const double own = rx_store_at(s, g, q, c, s->pair[pair][0])->value.value;
-                const double other = rx_store_at(s, g, q, c, s->pair[pair][1])->value.value;
-                all++;
-                wins += own > other;
-                if (!(own > other))
-                    rx_text_printf(&lost, "%s%s of %s at FWHM %g (%.3f against %.3f)",
-                                   lost.length > 0 ? ", " : "", names[q], s->group[g].name,
-                                   s->lab->sky[c].fwhm, own, other);
-            }
-            const rx_contest *contest = rx_contest_of(s, g, pair, 0, c);
-            fights++;
-            sure += contest->only_first > contest->only_second && contest->test.p < 0.05;
-        }
-    rx_text_printf(
-        &v->said,
-        "NET against %s: above in %d of %d numbers; more objects found, McNemar's p below 0.05, in %d of %d "
-        "lists",
-        s->column[s->pair[pair][1]], wins, all, sure, fights);
-    if (lost.length > 0)
-        rx_text_printf(&v->said, "; not above: %s", lost.data);
-    rx_text_add(&v->said, ". ");
-    v->said.failed |= lost.failed;
-    rx_text_free(&lost);
-    return all > 0 ? wins == all : -1;
-}
-
-static void judge_lists(const rx_store *s, rx_claim_verdict *v)
-{
-    int holds = 1, judged = 0;
-    for (int pair = 0; pair < s->npairs; pair++) {
-        const int one = above(s, pair, v);
-        judged |= one >= 0;
-        holds = holds && one != 0;
-    }
-    if (judged)
-        v->state = rx_claim_state_of(holds);
-}
-
-/* Numbers of NET on one scene, every seeing: pairs against the better one of the unrestored images, or phases. */
-static void judge_scene(const rx_store *s, rx_claim_verdict *v)
-{
-    const int net = rx_store_column(s, "NET"), pairs = v->claim == RX_CLAIM_PAIRS;
-    const double limit = 0.01;
-    int holds = 1, judged = 0;
-    for (int c = 0; c < s->lab->nconditions; c++)
-        for (int g = 0; g < s->ngroups; g++) {
-            if (!counts(s, c, g, pairs ? RX_SCENE_PAIRS : RX_SCENE_PLATEAU))
-                continue;
-            const double
-                own = rx_store_at(s, g, 0, c, net)->value.value,
-                other = pairs ? fmax(rx_store_value(s, g, "resolved", c, rx_store_column(s, "MATCHED")).value,
-                                     rx_store_value(s, g, "resolved", c, rx_store_column(s, "NONE")).value)
-                              : rx_store_at(s, g, 1, c, net)->value.value;
-            judged = 1;
-            holds = holds && (pairs ? own > 0 && own >= 2 * other : own < limit && other < limit);
-            rx_text_printf(&v->said,
-                           pairs ? "FWHM %g: %.3f against %.3f. " : "FWHM %g: %.2g (2 x 2), %.2g (4 x 4). ",
-                           s->lab->sky[c].fwhm, own, other);
-        }
-    if (judged)
-        v->state = rx_claim_state_of(holds);
-}
-
-/* --- page --- */
-
-static const char READING[] =
-    "Shares have Clopper-Pearson intervals, counts Poisson ones, ap and flux ratios bootstrap intervals, of "
-    "objects taken "
-    "as independent; PLATEAU: the interval holds all tiles. <b>MATCHED</b> is the unrestored image with a "
-    "Gaussian of the "
-    "PSF's width as its detection filter, NONE the same with FILTER_NAME. <b>RL</b> is Richardson-Lucy at "
-    "its best: for "
-    "ap, the recalls and PAIRS the setting of the highest value, each for itself and chosen on the tiles of "
-    "the test, in "
-    "its favour; for everything else that of the highest ap over STARS and GALAXIES together (cells.ecsv has "
-    "each). "
-    "<b>Thresholds</b>: recall at a precision is at the lowest score with that precision on the scene "
-    "itself; PAIRS, "
-    "BLANK and RINGS use those of STARS and GALAXIES together; contests are at the first precision.";
-
-/* ap and recall over the seeing, where restorers are given the truth. */
-static void plot(rx_figures *dst, const rx_store *s, int g, int q)
-{
-    const rx_quantity *quantity = &s->group[g].quantity[q];
-    rx_axes axes = {"FWHM of the PSF (pixels)", quantity->name, HUGE_VAL, 0, 0, 1.02, false, false};
-    rx_curves curves = {0};
-    char id[RX_FIGURE_ID];
-    for (int k = 0; k < s->ncolumns; k++) {
-        if (s->hidden[k])
-            continue;
-        rx_curves_add(&curves, RX_CURVE_BARS, rx_method_color(s->column[k]), s->column[k]);
-        for (int c = 0; c < s->lab->nconditions; c++) {
-            const rx_estimate *e = &rx_store_at(s, g, q, c, k)->value;
-            const double x = s->lab->sky[c].fwhm + 0.03 * (curves.n - 1);
-            if (!rx_condition_true(&s->lab->sky[c].condition))
-                continue;
-            rx_curves_put(&curves, x, e->value, e->low, e->high);
-            axes.x0 = fmin(axes.x0, x - 0.5);
-            axes.x1 = fmax(axes.x1, x + 0.5);
+        g->hidden[k] = lab->run[k].tuned;
+        if (lab->run[k].tuned) {
+            g->ncolumns = 1;
+            g->column[lab->nruns] = "RL";
         }
     }
-    snprintf(id, sizeof id, "%s-%d", s->group[g].name, q);
-    rx_curves_figure(dst, id, quantity->name, quantity->help, &axes, &curves);
-}
-
-static rx_status page(const rx_store *s, rx_findings *f, rx_error *err)
-{
-    (void)err;
-    for (int k = 0; k < RX_SCENE_IDS * s->ngroups; k++) { /* the scenes in the order of their ids */
-        const int g = k % s->ngroups, list = rx_scene_is_list(s->lab->scene[g].id);
-        const char *name = s->group[g].name;
-        if ((int)s->lab->scene[g].id != k / s->ngroups)
-            continue;
-        for (int q = 0; q < OPEN && list; q++)
-            plot(rx_report_figures_of(f->report), s, g, q);
-        rx_findings_section(f, name, name, list ? name : NULL);
-        rx_report_paragraph(f->report, rx_scene_about(s->lab->scene[g].id));
-        rx_findings_quantities(f, s, g, OPEN);
-        if (list && s->lab->nprecisions > 0)
-            rx_findings_contests(f, s, g, "objects");
+    RX_TRY(rx_lab_group_open(g, lab, lab->nconditions, err));
+    for (int c = 0; c < lab->nconditions; c++) {
+        rx_lab_condition_name(lab, c, g->condition[c], sizeof *g->condition);
+        g->place[c] = rx_condition_true(&lab->sky[c].condition) ? lab->sky[c].fwhm : NAN;
     }
     return RX_OK;
 }
 
-static const rx_claim_judge JUDGES[] = {{RX_CLAIM_LISTS, 0, judge_lists, {"NET"}},
-                                        {RX_CLAIM_PAIRS, 0, judge_scene, {"NET", "NONE"}},
-                                        {RX_CLAIM_PLATEAU, 0, judge_scene, {"NET"}}};
+/* --- page --- */
 
-const rx_lab_results rx_detection_results = {measure, NULL, sizeof JUDGES / sizeof *JUDGES,
-                                             JUDGES,  page, READING};
+const char rx_detection_reading[] = "Shares have Clopper-Pearson intervals, counts Poisson ones, ap "
+                                    "bootstrap and flux ratios t intervals, of "
+                                    "objects taken as independent; PLATEAU: the interval holds all tiles. "
+                                    "<b>MATCHED</b> is the unrestored image "
+                                    "with a Gaussian of the PSF's width as its detection filter, NONE the "
+                                    "same with FILTER_NAME. <b>RL</b> is "
+                                    "Richardson-Lucy at its best: for ap, the recalls and PAIRS the setting "
+                                    "of the highest value, each for itself "
+                                    "and chosen on the tiles of the test, in its favour; for everything else "
+                                    "that of the highest ap over STARS and "
+                                    "GALAXIES together (rows.ecsv has each). <b>Thresholds</b>: recall at a "
+                                    "precision is at the lowest score with "
+                                    "that precision on the scene itself; PAIRS, BLANK and RINGS use those of "
+                                    "STARS and GALAXIES together. Figures: "
+                                    "where restorers are given the truth.";
+
+void rx_detection_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96])
+{
+    snprintf(names[0], sizeof *names, "%s", rx_scene_name(lab->scene[unit->scene].id));
+    rx_lab_condition_name(lab, unit->condition, names[1], sizeof *names);
+}
+
+rx_status rx_detection_report(const rx_lab *lab, rx_lab_page *page, rx_error *err)
+{
+    rx_lab_group *groups = NULL;
+    RX_TRY(RX_MAKE(groups, (size_t)lab->nscenes, err));
+    rx_status status = RX_OK;
+    for (int g = 0; g < lab->nscenes && status == RX_OK; g++)
+        status = open_group(&groups[g], lab, g, err);
+    for (int c = 0; c < lab->nconditions && status == RX_OK; c++)
+        status = measure_condition(groups, page->seed, c, err);
+    for (int k = 0; k < RX_SCENE_IDS * lab->nscenes && status == RX_OK; k++) { /* in the order of their ids */
+        const rx_scene_id id = lab->scene[k % lab->nscenes].id;
+        const rx_lab_group *g = &groups[k % lab->nscenes];
+        if ((int)id == k / lab->nscenes)
+            rx_lab_group_show(page, g, g->name, g->name, rx_scene_is_list(id) ? OPEN : 0, OPEN,
+                              rx_scene_about(id));
+    }
+    for (int g = 0; g < lab->nscenes; g++)
+        rx_lab_group_free(&groups[g]);
+    free(groups);
+    return status;
+}

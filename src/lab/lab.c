@@ -10,8 +10,6 @@
 #include "base/random.h"
 #include "lab/facts.h"
 
-static const double WIDE = 4.0; /* diameter of the second aperture, FWHM */
-
 /* --- opening --- */
 
 rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error *err)
@@ -103,11 +101,6 @@ static rx_status stage_options(rx_lab *lab, rx_log *log, rx_error *err)
     rx_pipeline_params *params = &lab->options->pipeline;
     params->nthreads = params->restore.nthreads = params->measure.nthreads = 1;
     params->detect.nthreads = params->templates.par.nthreads = 1;
-    if (lab->kind->fluxes) {
-        params->templates.wanted = 1;
-        params->templates.drop = 0; /* what it would drop is counted */
-        params->measure.skip &= ~(unsigned)(RX_SKIP_AUTO | RX_SKIP_APER);
-    }
     return RX_OK;
 }
 
@@ -193,10 +186,6 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
         options.pipeline.restore.rl_stop_discrepancy = 0;
         options.pipeline.restore.rl_denoise = run->filter;
         options.pipeline.restore.rl_denoise_by_psf = 1;
-    }
-    if (lab->kind->fluxes) {
-        options.pipeline.measure.naper = 2; /* the first is that of the keywords */
-        options.pipeline.measure.aperture_diameter[1] = WIDE * sky->fwhm;
     }
     if (run->templates)
         options.check.quality.flux = RX_QUALITY_TEMPLATE;

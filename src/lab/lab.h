@@ -1,12 +1,13 @@
 /* The laboratory: experiments whose truth is known. There are two kinds of them, restored images against the true one,
- * and sources against the true ones; the kinds of campaign are entries: RESTORATION of the first, DETECTION, FLUXES
- * and PHOTOMETRY of the second.
+ * and sources against the true ones; the kinds of campaign are entries: RESTORATION of the first, DETECTION and
+ * PHOTOMETRY of the second.
  *
- *   scenes x conditions x runs -> units of work -> tables with named columns -> sets -> numbers, claims, pages
+ *   scenes x conditions x runs -> units of work -> tables with named columns -> sets -> rows, numbers, pages
  *
  * A unit is one tile of a scene under a condition, through every run (a restorer and its settings). It depends on
  * nothing but its place, the settings, and, where a campaign tunes, on units of the first scene. A set holds the
- * tables of all units of one scene and condition. */
+ * tables of all units of one scene and condition. What a campaign leaves is rows (report.h); its page has the paper's
+ * numbers, and tests between runs, claims and goals are made from rows by scripts (validation/contests.py). */
 #ifndef RX_LAB_LAB_H
 #define RX_LAB_LAB_H
 
@@ -46,15 +47,11 @@ typedef struct rx_lab_run {
 typedef enum rx_scene_id {
     RX_SCENE_STARS,
     RX_SCENE_GALAXIES,
-    RX_SCENE_FIELD,
-    RX_SCENE_PAIRS,       /* of stars, much alike */
-    RX_SCENE_MIXED_PAIRS, /* of stars or galaxies, up to 2 mag apart */
+    RX_SCENE_PAIRS, /* of stars, much alike */
     RX_SCENE_BLANK,
     RX_SCENE_RINGS,
     RX_SCENE_PLATEAU,
     RX_SCENE_OUTSKIRTS,
-    RX_SCENE_SHREDS,
-    RX_SCENE_INJECTED,
     RX_SCENE_MAGNITUDE, /* PHOTOMETRY: stars of one magnitude */
     RX_SCENE_TUNING,    /* RESTORATION: scenes that methods are tuned on */
     RX_SCENE_TEST,      /* RESTORATION: the others */
@@ -90,8 +87,6 @@ typedef struct rx_lab_sky {
     unsigned char *covered;     /* and what detections of the untouched tile cover; owned */
     rx_lab_objects known;       /* and these detections */
     rx_noise_correlation noise; /* and its noise without sources */
-    double model_noise;         /* real tile, FLUXES: rx_domain_noise(), copies are restored as it was */
-    rx_sources *before[RX_METHODS_MAX]; /* and what each restorer finds on it; owned */
 } rx_lab_sky;
 
 /* RESTORATION: the condition of its sets. Its scenes' quantities are uniform in these ranges. */
@@ -118,16 +113,12 @@ typedef struct rx_lab_set {
 } rx_lab_set;
 
 typedef struct rx_lab rx_lab;
-struct rx_store;
-struct rx_report;
-struct rx_findings;
-struct rx_claim_judge;
+struct rx_lab_page;
 
 /* One tile and what is on it. */
 typedef struct rx_lab_tile {
     rx_field *field, *blank; /* blank: PHOTOMETRY on a real tile, its noise and nothing else; owned */
     rx_lab_objects objects;
-    float *light; /* INJECTED: what was added to the pixels; owned */
     float *truth
         [2]; /* OUTSKIRTS: the scene without noise through its own PSF and through the target PSF; owned */
 } rx_lab_tile;
@@ -146,17 +137,6 @@ typedef struct rx_lab_search {
     rx_matches matches;
 } rx_lab_search;
 
-/* What is made of the tables: the numbers (store.h), facts of the report's head (may be NULL), claims, and figures and
- * tables of the page (findings.h). */
-typedef struct rx_lab_results {
-    rx_status (*measure)(struct rx_store *store, rx_error *err);
-    void (*facts)(const struct rx_store *store, struct rx_report *report);
-    int njudges;
-    const struct rx_claim_judge *judges;
-    rx_status (*page)(const struct rx_store *store, struct rx_findings *findings, rx_error *err);
-    const char *reading; /* HTML: how to read the page */
-} rx_lab_results;
-
 /* An entry of the table of campaigns. */
 typedef struct rx_lab_kind {
     const char *name, *title; /* as in CAMPAIGN_TYPE; of the report */
@@ -166,7 +146,6 @@ typedef struct rx_lab_kind {
     const rx_lab_schema *tables;
     int objects, wrong; /* DETECTION, PHOTOMETRY: tables of lists.h */
     int deep;           /* NET_DEPTH counts */
-    int fluxes;         /* two apertures, templates, and the company of objects are asked for */
     int in_turns;       /* units of the first scene come before the others of their condition, in one shard */
     rx_status (*open)(rx_lab *lab, rx_log *log, rx_error *err); /* runs, scenes, conditions, skies */
     /* Of sources against the true ones, for rx_lab_search_unit(): a tile, rows of what is on it, and what a run has found. */
@@ -181,7 +160,10 @@ typedef struct rx_lab_kind {
                       rx_lab_table *dst, rx_error *err);
     /* Words and numbers of the report that are no table's; the sets are there. */
     rx_status (*describe)(rx_lab *lab, rx_error *err);
-    const rx_lab_results *results;
+    /* Its scene and its condition, as rows and tables name them. */
+    void (*name_set)(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96]);
+    rx_status (*report)(const rx_lab *lab, struct rx_lab_page *page, rx_error *err);
+    const char *reading; /* HTML: how to read the page */
 } rx_lab_kind;
 
 struct rx_lab {
@@ -214,7 +196,7 @@ struct rx_lab {
 };
 
 #define RX_LAB_KIND(kind, ...) const rx_lab_kind kind = {__VA_ARGS__}
-extern const rx_lab_kind rx_kind_restoration, rx_kind_photometry, rx_kind_detection, rx_kind_fluxes;
+extern const rx_lab_kind rx_kind_restoration, rx_kind_photometry, rx_kind_detection;
 
 /* Errors: RX_USAGE (settings that give nothing), those of files they name. */
 rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config, int nthreads, rx_log *log,
@@ -277,7 +259,7 @@ double rx_lab_beyond(const rx_lab_sky *sky, double x, double y);
 
 /* --- tiles: tile.c --- */
 
-/* A tile of a scene of DETECTION or FLUXES. Tile t of a scene is drawn alike under every condition. Of PAIRS number
+/* A tile of a scene of DETECTION. Tile t of a scene is drawn alike under every condition. Of PAIRS number
  * 2 k and 2 k + 1 belong together. */
 rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
 void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
@@ -299,8 +281,5 @@ rx_status rx_lab_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_tile 
 /* unit() of campaigns of sources. */
 rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                              rx_lab_table *dst, rx_error *err);
-
-/* company and partner of every object. `others` [nothers][3]: x, y, flux of what else is there. */
-void rx_lab_company(rx_lab_objects *objects, long nothers, const double (*others)[3], double fwhm);
 
 #endif

@@ -8,7 +8,7 @@
 #include "quality/pr.h"
 
 #define RX_WRONG_COLUMNS(X)                                                                                  \
-    X(RX_WRONG_RUN, "run", "", "number of the run")                                                          \
+    X(RX_WRONG_RUN, RX_LAB_RUN, "", "number of the run")                                                     \
     X(RX_WRONG_SCORE, "score", "", "of the false detection")
 enum { RX_WRONG_COLUMNS(RX_LAB_ID) RX_WRONG_WIDTH };
 enum { RX_LIST_SCORE };

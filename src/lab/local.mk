@@ -4,10 +4,8 @@ librextract_lab_la_SOURCES += \
 	src/lab/rows.c src/lab/rows.h src/lab/journal.c src/lab/journal.h src/lab/units.c src/lab/units.h \
 	src/lab/facts.c src/lab/facts.h \
 	src/lab/conditions.c src/lab/conditions.h \
-	src/lab/store.c src/lab/store.h src/lab/lists.c src/lab/lists.h src/lab/findings.c src/lab/findings.h \
-	src/lab/claims.c src/lab/claims.h src/lab/claims.def src/lab/paper.c src/lab/paper.h \
+	src/lab/lists.c src/lab/lists.h src/lab/report.c src/lab/report.h src/lab/paper.c src/lab/paper.h \
 	src/lab/restoration.c src/lab/restoration.h src/lab/restoration_trial.c src/lab/restoration_tune.c \
 	src/lab/restoration_report.c \
 	src/lab/photometry.c src/lab/photometry.h src/lab/photometry_report.c \
-	src/lab/detection.c src/lab/detection.h src/lab/detection_report.c \
-	src/lab/fluxes.c src/lab/fluxes.h src/lab/fluxes_report.c
+	src/lab/detection.c src/lab/detection.h src/lab/detection_report.c

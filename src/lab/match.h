@@ -12,20 +12,13 @@
 
 typedef enum rx_truth_role { RX_LISTED, RX_RIVAL, RX_OTHER } rx_truth_role;
 
-typedef enum rx_blend_state { RX_ISOLATED, RX_BLENDED, RX_NEITHER } rx_blend_state;
-
 /* One object that is really there. Pixels from 0, ADU. */
 typedef struct rx_lab_object {
     double x, y, flux;
     double radius; /* half-light, round, before the PSF; 0 of a star */
     double snr;    /* in a matched filter on the bare sky: lab.h */
-    double
-        bound; /* FLUXES: error of a star's flux in a matched filter, noise of sky and photons, over the flux */
-    double reach; /* 0: none */
-    int galaxy;
+    double reach;  /* 0: none */
     rx_truth_role role;
-    rx_blend_state company; /* FLUXES */
-    long partner;           /* the nearest object it is blended with; of a pair the other member; else -1 */
 } rx_lab_object;
 
 typedef struct rx_lab_objects {

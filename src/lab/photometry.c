@@ -439,4 +439,5 @@ RX_LAB_KIND(rx_kind_photometry, .name = "PHOTOMETRY", .title = "Photometry campa
             .most = RX_METHODS_MAX, .ntables = RX_PHOTOMETRY_TABLES, .tables = rx_photometry_tables,
             .objects = RX_PHOTOMETRY_STAR, .wrong = RX_PHOTOMETRY_FALSE, .open = open_runs,
             .untouched = untouched, .tile = rx_photometry_tile_make, .rows = add_stars, .found = found,
-            .unit = rx_lab_search_unit, .describe = describe, .results = &rx_photometry_results);
+            .unit = rx_lab_search_unit, .describe = describe, .name_set = rx_photometry_name_set,
+            .report = rx_photometry_report, .reading = rx_photometry_reading);

@@ -15,7 +15,6 @@
 #define RX_LAB_PHOTOMETRY_H
 
 #include "lab/lists.h"
-#include "lab/store.h"
 
 enum { RX_PHOTOMETRY_TILE, RX_PHOTOMETRY_STAR, RX_PHOTOMETRY_FALSE, RX_PHOTOMETRY_TABLES };
 
@@ -40,8 +39,7 @@ extern const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES];
 /* One tile with its stars, which come first among the objects; what else is known to be on it follows. */
 rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst,
                                   rx_error *err);
-/* A group of the store for each field, its conditions the magnitudes. For one run and the stars of one magnitude, above a
- * score s:
+/* For one run and the stars of one magnitude, above a score s:
  *   recall(s)    = stars found with a score >= s / all stars
  *   precision(s) = stars found with a score >= s / (those + false detections with a score >= s)
  * where false detections are those on the set's own tiles. Precision therefore depends on how many stars a tile was
@@ -49,20 +47,9 @@ rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx
  *
  * Equal precision: for each run and field the lowest score at which precision over all magnitudes together is at least
  * P; completeness there is compared. A run whose whole list has precision above P is not helped by this: its list ends
- * early (whole_list).
- *
- * What pairs (the later run and each earlier one) are compared in: stars found on whole lists, then at each precision,
- * then by Student's and by Wilcoxon's test 100 |F - F0| / F0 of the stars that both found. */
-extern const rx_lab_results rx_photometry_results;
-
-/* A threshold of a run on a field, all magnitudes together: precision number 0.., or -1: the whole list. */
-typedef struct rx_photometry_cut {
-    double score;   /* +infinity: the precision is never reached */
-    int whole_list; /* the list ends before precision falls so low: completeness is a lower limit */
-    rx_estimate precision, recall;
-    rx_estimate mag50, mag90;     /* magnitudes of 50 and 90 % completeness */
-    rx_estimate false_per_mpixel; /* of the whole list; n: false detections */
-} rx_photometry_cut;
-rx_photometry_cut *rx_photometry_cut_of(const rx_store *store, int field, int run, int precision);
+ * early (whole_list). */
+void rx_photometry_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96]);
+rx_status rx_photometry_report(const rx_lab *lab, struct rx_lab_page *page, rx_error *err);
+extern const char rx_photometry_reading[];
 
 #endif

@@ -177,4 +177,5 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 RX_LAB_KIND(rx_kind_restoration, .name = "RESTORATION", .title = "Restoration campaign",
             .tag = 0x726573746f7265, .most = RX_METHODS_MAX, .ntables = RX_RESTORATION_TABLES,
             .tables = rx_restoration_tables, .in_turns = 1, .open = open_bins, .unit = unit,
-            .describe = describe, .results = &rx_restoration_results);
+            .describe = describe, .name_set = rx_restoration_name_set, .report = rx_restoration_report,
+            .reading = rx_restoration_reading);

@@ -8,8 +8,7 @@
 #ifndef RX_LAB_RESTORATION_H
 #define RX_LAB_RESTORATION_H
 
-#include "lab/paper.h"
-#include "lab/store.h"
+#include "lab/lab.h"
 #include "quality/image_metrics.h"
 
 enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
@@ -23,8 +22,11 @@ enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
     X(RX_SCORE_PSNR, "psnr", "dB", "with the settings for PSNR")                                             \
     X(RX_SCORE_SSIM, "ssim", "", "with the settings for SSIM")
 
-/* A candidate of RL, in the order of rx_tuning_get(). */
+/* A candidate, in the order of rx_tuning_get(). */
 #define RX_RESTORATION_TUNING_COLUMNS(X)                                                                     \
+    X(RX_TUNING_NITER, "niter", "", "iterations of RL; 0: none")                                             \
+    X(RX_TUNING_FILTER, "filter", "pixel", "FWHM of the Gaussian")                                           \
+    X(RX_TUNING_THRESHOLD, "threshold", "", "in sigmas of the noise: what is below is sky; negative: none")  \
     X(RX_TUNING_PSNR, "psnr", "dB", "on one scene")                                                          \
     X(RX_TUNING_SSIM, "ssim", "", "on one scene")
 
@@ -95,21 +97,10 @@ typedef struct rx_picture {
 } rx_picture;
 rx_status rx_restoration_picture(const rx_lab *lab, const rx_picture *what, float *plane, rx_error *err);
 
-/* A group of the store for bins of FWHM, and one for those of noise; quantities psnr and ssim, each compared by Student's
- * paired t, Wilcoxon's signed ranks, the paper's two samples, and the bootstrapped mean difference. */
-enum { RX_PSNR, RX_SSIM, RX_QUALITIES };
-enum { RX_BY_PAIRED, RX_BY_WILCOXON, RX_BY_TWO_SAMPLES, RX_BY_BOOTSTRAP, RX_TESTS };
-extern const rx_lab_results rx_restoration_results;
+/* --- report --- */
 
-/* A bin as the store has it. */
-typedef struct rx_restoration_bin {
-    rx_five_numbers level; /* noise levels of its scenes */
-    int inside;            /* seeing and median noise level are inside the training */
-    int fainter;           /* that level is above those of all fields of it, which yet has patches so faint */
-    rx_five_numbers box[RX_QUALITIES][RX_METHODS_MAX];
-} rx_restoration_bin;
-rx_restoration_bin *rx_restoration_bin_of(const rx_store *store, int group, int condition);
-/* Of a larger FWHM, or of more noise than the fields of the training: what the paper calls beyond its range. */
-int rx_bin_is_beyond(const rx_store *store, int group, int condition);
+void rx_restoration_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96]);
+rx_status rx_restoration_report(const rx_lab *lab, struct rx_lab_page *page, rx_error *err);
+extern const char rx_restoration_reading[];
 
 #endif

@@ -81,8 +81,9 @@ long rx_tuning_choose(const rx_lab *lab, int bin, const rx_lab_run *method, int 
             continue;
         for (long u = 0; u < lab->nunits; u++)
             if (lab->unit[u].condition == bin && lab->scene[lab->unit[u].scene].id == RX_SCENE_TUNING)
-                sum += rx_lab_values(lab, &done[u],
-                                     RX_RESTORATION_TUNING)[RX_RESTORATION_TUNING_WIDTH * c + metric];
+                sum += rx_lab_values(
+                    lab, &done[u],
+                    RX_RESTORATION_TUNING)[RX_RESTORATION_TUNING_WIDTH * c + RX_TUNING_PSNR + metric];
         if (best < 0 || sum > highest) {
             best = c;
             highest = sum;
@@ -146,6 +147,11 @@ rx_status rx_restoration_tune(const rx_lab *lab, const rx_trial *trial, rx_lab_t
         float *restored = planes, *filtered = planes + n, *cut = planes + 2 * n;
         rx_tuning tuning;
         rx_tuning_get(lab, trial->fwhm, c, &tuning);
+        double *row = &values[RX_RESTORATION_TUNING_WIDTH * c];
+        row[RX_TUNING_NITER] = tuning.niter;
+        row[RX_TUNING_FILTER] = tuning.filter;
+        row[RX_TUNING_THRESHOLD] = tuning.threshold;
+        row[RX_TUNING_PSNR] = row[RX_TUNING_SSIM] = NAN;
         if (c < nt * nf && c % nt > 0)
             continue;
         if (c == 0)
@@ -160,7 +166,7 @@ rx_status rx_restoration_tune(const rx_lab *lab, const rx_trial *trial, rx_lab_t
             cut[k] =
                 tuning.threshold >= 0 && filtered[k] < tuning.threshold * trial->sigma ? 0.0f : filtered[k];
         if (status == RX_OK)
-            status = measure(trial, cut, &values[RX_RESTORATION_TUNING_WIDTH * c], err);
+            status = measure(trial, cut, &row[RX_TUNING_PSNR], err);
     }
     free(planes);
     return status;

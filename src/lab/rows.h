@@ -10,6 +10,7 @@
 typedef struct rx_lab_column {
     const char *name, *unit, *help;
 } rx_lab_column;
+#define RX_LAB_RUN "run" /* a table's own column of that name holds the number of a run */
 #define RX_LAB_ID(id, name, unit, help) id,
 #define RX_LAB_COLUMN(id, name, unit, help) {name, unit, help},
 

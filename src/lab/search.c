@@ -5,7 +5,6 @@
 
 #include "base/memory.h"
 #include "check/quality.h"
-#include "check/selfcheck.h"
 #include "lab/lists.h"
 #include "pipeline/pipeline.h"
 
@@ -17,20 +16,6 @@ rx_status rx_lab_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_tile 
     RX_TRY(rx_quality_radius(&lab->options->check.quality, tile, pixels, err));
     *pixels = fmax(*pixels, HALF * sky->fwhm);
     return RX_OK;
-}
-
-/* What was on a real tile before the injection does not count: 0 in *use, which is made. */
-static rx_status sift(const rx_lab_search *s, unsigned char **use, rx_error *err)
-{
-    const rx_image image = rx_field_observed(s->tile.field);
-    const rx_sift sift = {.before = s->sky->before[s->run],
-                          .after = s->sources,
-                          .image = &image,
-                          .injected = s->tile.light,
-                          .radius = s->radius};
-    RX_TRY(RX_MAKE(*use, (size_t)s->list.n, err));
-    memset(*use, 1, (size_t)s->list.n);
-    return rx_selfcheck_sift(&sift, *use, err);
 }
 
 /* False detections of the run at work: those of a list with that outcome, NULL: all of it. */
@@ -59,23 +44,19 @@ static rx_status judge(rx_lab_search *s, const rx_options *options, const rx_sou
 {
     const rx_quality_params *par = &options->check.quality;
     rx_qa_list noise = {0};
-    unsigned char *use = NULL;
     rx_status status = rx_quality_list(par, s->tile.field->tile, s->sources, &s->list, err);
-    if (status == RX_OK && s->scene == RX_SCENE_INJECTED)
-        status = sift(s, &use, err);
     if (status == RX_OK)
-        status = rx_lab_match(&s->tile.objects, &(rx_match_list){s->list.n, s->list.x, s->list.y, use},
+        status = rx_lab_match(&s->tile.objects, &(rx_match_list){s->list.n, s->list.x, s->list.y, NULL},
                               s->radius, &s->matches, err);
     if (status == RX_OK) {
         s->lab->kind->found(s);
-        if (s->lab->kind->wrong > 0 && s->scene != RX_SCENE_PAIRS)
+        if (s->scene != RX_SCENE_PAIRS)
             status = add_wrong(s, &s->list, s->matches.outcome, err);
     }
     if (status == RX_OK && blank != NULL)
         status = rx_quality_list(par, s->tile.blank->tile, blank, &noise, err);
     if (status == RX_OK && blank != NULL)
         status = add_wrong(s, &noise, NULL, err);
-    free(use);
     rx_matches_free(&s->matches);
     rx_qa_list_free(&noise);
     rx_qa_list_free(&s->list);
@@ -90,8 +71,6 @@ rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const r
         .lab = lab, .sky = &lab->sky[unit->condition], .scene = lab->scene[unit->scene].id, .table = dst};
     RX_TRY(lab->kind->tile(lab, unit, &s.tile, err));
     rx_status status = rx_lab_radius(lab, s.sky, s.tile.field->tile, &s.radius, err);
-    if (s.scene == RX_SCENE_SHREDS) /* the middle of a large galaxy is a wide place */
-        s.radius = fmax(s.radius, s.sky->fwhm);
     if (status == RX_OK)
         status = lab->kind->rows(&s, err);
     for (int first = 0; first < lab->nruns && status == RX_OK; first = s.run) {

@@ -130,8 +130,6 @@ rx_status rx_lab_sky_read(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_er
 
 void rx_lab_sky_close(rx_lab_sky *sky)
 {
-    for (int r = 0; r < RX_METHODS_MAX; r++)
-        rx_sources_free(sky->before[r]);
     rx_simulation_free(sky->simulation);
     rx_field_free(sky->field);
     rx_psf_free(sky->psf);

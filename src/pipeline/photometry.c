@@ -11,7 +11,7 @@ static const size_t WHOLE = (size_t)1 << 25;
 
 /* Of the Kron factor, on a network's image, whose galaxies are not as wide as the seeing makes them: with 1 more of their light
  * lies outside the ellipse than on the untouched pixels, with 1.2 no more but at FWHM 8 (AUTO of galaxies in
- * validation/run.sh fluxes-template). Stars keep the least radius. */
+ * validation/results/fluxes-template). Stars keep the least radius. */
 static const double SHARP_KRON = 1.2;
 
 /* One run. */

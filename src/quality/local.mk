@@ -14,5 +14,4 @@ librextract_la_SOURCES += \
 	src/quality/rho.c src/quality/rho.h \
 	src/quality/sample.c src/quality/sample.h \
 	src/quality/tally.c src/quality/tally.h \
-	src/quality/tile_quality.c src/quality/tile_quality.h \
-	src/quality/wilcoxon.c
+	src/quality/tile_quality.c src/quality/tile_quality.h

@@ -84,8 +84,9 @@ def samples(name):
 def campaigns(name):
     """The same of the campaigns of one folder."""
     found = {metric: {} for metric in METRICS}
-    for row in table(f"{name}/restoration/scenes.ecsv"):
-        key = (str(row["scene"]), float(row["condition"]), int(row["number"]))
+    scenes = table(f"{name}/restoration/rows.ecsv")
+    for row in scenes[scenes["table"] == "scene"]:
+        key = (str(row["scene"]), float(row["condition"]), int(row["tile"]))
         found["psnr"][key], found["ssim"][key] = float(row["psnr"]), float(row["ssim"])
     board = 0.0
     for row in table(f"{name}/detection/cells.ecsv"):

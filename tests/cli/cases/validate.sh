@@ -74,14 +74,6 @@ expect 2 "unknown word 'RL_BLID' \(did you mean RL_BLIND\?\)" -RESTORE_TYPE RL_B
 validates 'stars injected nowhere'
 expect 2 '^rextract-validate: -TILE_NAME: is empty' -FIELDS INJECTED
 
-validates 'objects injected nowhere'
-expect 2 '^rextract-validate: -TILE_NAME: is empty; name the real tile that objects' -CAMPAIGN_TYPE FLUXES \
-    -FLUX_SCENES INJECTED
-
-validates 'objects injected under a seeing'
-expect 2 '^rextract-validate: -FLUX_SCENES: INJECTED stands alone' -CAMPAIGN_TYPE FLUXES -FLUX_SCENES INJECTED \
-    -TILE_NAME absent.fits -SEEING 3
-
 validates 'fluxes of an unknown kind'
 expect 2 "unknown word 'TEMPLAT' \(did you mean TEMPLATE\?\)" -FLUXES AUTO,TEMPLAT
 
@@ -116,9 +108,6 @@ expect 2 '^rextract-validate: my\.conf:4: SIM\.GAIN: 0 e-/ADU is no gain' -c my.
 
 validates 'tile that is not there'
 expect 3 'absent\.fits' -FIELDS INJECTED -TILE_NAME absent.fits -TILES 1
-
-validates 'tile for fluxes that is not there'
-expect 3 'absent\.fits' -CAMPAIGN_TYPE FLUXES -FLUX_SCENES INJECTED -TILE_NAME absent.fits
 
 validates 'journal that would replace the campaign file'
 make_campaign

@@ -15,16 +15,9 @@ tests_unit_lab_test_restoration_SOURCES = tests/unit/lab/test_restoration.c \
 check_PROGRAMS += tests/unit/lab/test_facts
 tests_unit_lab_test_facts_SOURCES = tests/unit/lab/test_facts.c \
 	tests/unit/lab/settings.h tests/unit/scratch.h
-check_PROGRAMS += tests/unit/lab/test_campaign_report
-tests_unit_lab_test_campaign_report_SOURCES = tests/unit/lab/test_campaign_report.c \
-	tests/unit/lab/made_results.h tests/unit/lab/verdict.h tests/unit/lab/check_restoration.py \
-	tests/unit/lab/check_photometry.py
 check_PROGRAMS += tests/unit/lab/test_conditions
 tests_unit_lab_test_conditions_SOURCES = tests/unit/lab/test_conditions.c \
 	tests/unit/lab/settings.h tests/unit/scratch.h
 check_PROGRAMS += tests/unit/lab/test_detection
-tests_unit_lab_test_detection_SOURCES = tests/unit/lab/test_detection.c tests/unit/lab/verdict.h \
-	tests/unit/lab/settings.h tests/unit/scratch.h
-check_PROGRAMS += tests/unit/lab/test_fluxes
-tests_unit_lab_test_fluxes_SOURCES = tests/unit/lab/test_fluxes.c tests/unit/lab/verdict.h \
+tests_unit_lab_test_detection_SOURCES = tests/unit/lab/test_detection.c \
 	tests/unit/lab/settings.h tests/unit/scratch.h

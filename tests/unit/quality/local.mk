@@ -9,8 +9,7 @@ check_PROGRAMS += \
 	tests/unit/quality/test_pr \
 	tests/unit/quality/test_qa_numbers \
 	tests/unit/quality/test_rho \
-	tests/unit/quality/test_tally \
-	tests/unit/quality/test_wilcoxon
+	tests/unit/quality/test_tally
 tests_unit_quality_test_binomial_SOURCES = tests/unit/quality/test_binomial.c
 tests_unit_quality_test_completeness_SOURCES = tests/unit/quality/test_completeness.c
 tests_unit_quality_test_gates_SOURCES = tests/unit/quality/test_gates.c
@@ -22,4 +21,3 @@ tests_unit_quality_test_pr_SOURCES = tests/unit/quality/test_pr.c
 tests_unit_quality_test_qa_numbers_SOURCES = tests/unit/quality/test_qa_numbers.c
 tests_unit_quality_test_rho_SOURCES = tests/unit/quality/test_rho.c
 tests_unit_quality_test_tally_SOURCES = tests/unit/quality/test_tally.c
-tests_unit_quality_test_wilcoxon_SOURCES = tests/unit/quality/test_wilcoxon.c

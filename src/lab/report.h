@@ -1,0 +1,80 @@
+/* The report of a campaign: its rows as they were measured, numbers made of them, tables and figures of these.
+ *
+ * rows.ecsv has every row of every table (rows.h), one for each thing and run: what a question that was not asked here is
+ * answered from. A group (a scene, a field, bins of FWHM or of noise) has quantities, each of them a number for every
+ * condition (a seeing, a magnitude, a bin) and column (a run; DETECTION: and RL at its best): rows of "cells", a table and
+ * a figure of the page. */
+#ifndef RX_LAB_REPORT_H
+#define RX_LAB_REPORT_H
+
+#include "lab/facts.h"
+#include "lab/lab.h"
+#include "report/report.h"
+
+enum { RX_QUANTITIES_MAX = 24 };
+
+/* How it is named, and of what it is made: a statistic of the campaign's kind, and what that needs. */
+typedef struct rx_quantity {
+    char name[32];
+    const char *unit;
+    int digits, statistic, part, cut;
+    double low, high;
+    int best; /* where the best of several settings is shown: highest value of each */
+    char help[160];
+} rx_quantity;
+
+/* setting: what was chosen for the number, NULL where nothing was; not owned. */
+typedef struct rx_finding {
+    rx_estimate value;
+    const char *setting;
+} rx_finding;
+
+typedef struct rx_lab_group {
+    const rx_lab *lab;
+    const char *name, *axis; /* as "scene" of all tables; below figures; not owned */
+    int nquantities;
+    rx_quantity quantity[RX_QUANTITIES_MAX];
+    int nconditions;
+    char (*condition)[96]; /* owned, as what follows */
+    double *place;         /* of a condition in figures, NAN: it is not drawn */
+    rx_finding *finding;   /* [nquantities][nconditions][ncolumns] */
+    int ncolumns;          /* the runs, and as many as were set before, which are behind them */
+    const char *column[RX_LAB_RUNS + 1];
+    int hidden[RX_LAB_RUNS + 1]; /* 1: of a setting that is not the best: its rows are in rows.ecsv */
+} rx_lab_group;
+
+/* The page under work. */
+typedef struct rx_lab_page {
+    const rx_lab *lab;
+    uint64_t seed; /* of intervals by resampling */
+    rx_report *report;
+    rx_report_table *cells;
+} rx_lab_page;
+
+/* report.html (self-contained), summary.json, tables (ECSV) and figures go into the existing folder; `shown` is its name
+ * in errors. brief (may be NULL) gets a short table for the terminal. No dates and no timings in the files. */
+typedef struct rx_lab_output {
+    const rx_campaign_record *record;
+    const char *folder, *shown;
+    rx_log *log;
+    rx_text *brief;
+} rx_lab_output;
+
+/* Of a campaign whose sets are there. Errors: as rx_report_write(). */
+rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
+
+/* --- for report() of a kind --- */
+
+/* name, axis, quantities and columns beside the runs are set; then the rest. rx_lab_group_free(). */
+rx_status rx_lab_group_open(rx_lab_group *group, const rx_lab *lab, int nconditions, rx_error *err);
+void rx_lab_group_free(rx_lab_group *group); /* content only */
+
+int rx_lab_group_column(const rx_lab_group *group, const char *name); /* -1: none */
+rx_finding *rx_lab_group_at(const rx_lab_group *group, int quantity, int condition, int column);
+
+/* A section: its figures (the first `drawn` quantities, and others whose ids begin with "ID-"), words (NULL: none), and
+ * the quantities, of which the first `open` lie open and are lines of the terminal; all are rows of "cells". */
+void rx_lab_group_show(rx_lab_page *page, const rx_lab_group *group, const char *id, const char *title,
+                       int drawn, int open, const char *words);
+
+#endif
