@@ -74,13 +74,6 @@ texts compare sdss run 2
 result "and to agree in two" $? log
 texts take sdss run && cmp -s run/AUTO.json copy/validation/results/sdss/AUTO.json
 result "a new run's files take the place of the committed ones" $? log
-# of pages only the tables are kept
-cp --remove-destination "$top/validation/results/fluxes-sdss/tables.md" copy/validation/results/fluxes-sdss
-cp "$top/validation/results/detection/report.html" run
-texts take fluxes-sdss run && grep -Fxq '#### recall_snr50' copy/validation/results/fluxes-sdss/tables.md && texts compare fluxes-sdss run &&
-    grep -q '^tables.md: [0-9]* values, 0 differ' log
-result "and of a page the tables" $? log
-
 # final seeds: once each, by a commit, with its settings
 if command -v git >/dev/null; then
     mkdir ledger && git -C ledger init -q && printf 'experiment\tseed\tcommit\n' >ledger/final_seeds.tsv && echo 1 >ledger/code && git -C ledger add . &&

@@ -13,7 +13,6 @@ its words there. Needs nothing but Python's own library. RX_TEXTS_TOP is another
 import csv
 import functools
 import difflib
-import html
 import json
 import os
 import re
@@ -43,17 +42,19 @@ def summary(name):
 
 def rows_of(name, table, **keys):
     """The rows of a campaign's table that have these values."""
-    return [row for row in summary(f"{name}/summary")[table] if all(row[key] == value for key, value in keys.items())]
+    rows = ecsv(f"{name}/{table}") if table in ("cells", "claims", "contests") else summary(f"{name}/summary")[table]
+    return [row for row in rows if all(row[key] == value for key, value in keys.items())]
 
 
 def number(name, scene, condition, run, quantity):
-    return one(rows_of(name, "cells"), scene=scene, condition=condition, run=run, quantity=quantity)["value"]["value"]
+    return float(one(rows_of(name, "cells"), scene=scene, condition=condition, run=run, quantity=quantity)["value"])
 
 
 def distinct(values):
     return list(dict.fromkeys(values))
 
 
+@functools.lru_cache
 def ecsv(name):
     lines = [line for line in text_of(f"validation/results/{name}.ecsv").splitlines() if not line.startswith("#")]
     return list(csv.DictReader(lines))
@@ -66,25 +67,6 @@ def tables(path):
         cells = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in lines.splitlines()]
         found.append((lines, [dict(zip(cells[0], row)) for row in cells[2:]]))
     return found
-
-
-def page_tables(page):
-    """A report's tables in Markdown, under its titles; of each cell the value and the number of objects, without the interval."""
-    out = [f"# {html.unescape(re.search('<h1>(.*?)</h1>', page)[1])}\n\nThe tables of its page, `report.html`: value (objects).\n"]
-    kinds = r"<h2[^>]*>(?P<h2>.*?)</h2>|<summary>(?P<h3>.*?)</summary>|<h3[^>]*>(?P<h4>.*?)</h3>|(?P<table><table.*?</table>)"
-    for found in re.finditer(kinds, page, re.S):
-        kind = found.lastgroup
-        if kind != "table":
-            out.append(f"{'#' * int(kind[1])} {html.unescape(re.sub('<[^>]*>', '', found[kind])).strip()}\n")
-            continue
-        rows = []
-        for row in re.findall(r"<tr[^>]*>(.*?)</tr>", found["table"], re.S):
-            cells = re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row)
-            cells = [re.sub(r" *<small>[^<]*?n=(\d+)[^<]*</small>", r" (\1)", cell) for cell in cells]
-            cells = [html.unescape(re.sub(r" *<small>.*?</small>|<[^>]*>", "", cell)).strip().replace("|", "\\|") for cell in cells]
-            rows.append([rows[-1][0] if cells[0] == "\u2013" else cells[0]] + cells[1:])
-        out.append(table(rows[0], rows[1:]))
-    return "\n".join(out)
 
 
 def page_table(name, *titles):
@@ -196,11 +178,11 @@ def five():
 def restoration_numbers():
     """Mean over the bins of each axis, by method and quality; and where one is above another."""
     def mean(axis, method, quality):
-        return statistics.mean(row["value"]["value"] for row in rows_of("restoration", "cells", scene=axis, run=method, quantity=quality))
+        return statistics.mean(float(row["value"]) for row in rows_of("restoration", "cells", scene=axis, run=method, quantity=quality))
 
     def wins(axis, winner, loser, quality):
         both = (winner, loser), (loser, winner)  # a contest stands there in one order
-        return [(float(row["condition"]), abs(row["difference"]["value"])) for first, second in both
+        return [(float(row["condition"]), abs(float(row["difference"]))) for first, second in both
                 for row in rows_of("restoration", "contests", scene=axis, quantity=quality, first=first, second=second, winner=winner)]
     return mean, wins
 
@@ -431,7 +413,7 @@ def template_faint():
     at = photometry["sets"][-2]
 
     def value(quantity, run):
-        return one(photometry["cells"], condition=at["condition"], run=run, quantity=quantity)["value"]["value"]
+        return float(one(rows_of("photometry", "cells"), condition=at["condition"], run=run, quantity=quantity)["value"])
     return (item("""**Faint isolated sources** (the same fields, on NET's list): median of measured - true MAG_TEMPLATE, over the five seeings. A star
         that could be a galaxy has the mean of both fluxes, and so has a galaxy that could be a star:""") + "\n" +
             table(["S/N", "stars", "galaxies"], [[bin_.replace("-", " to ")] + [bias(kind, bin_) for kind in ("Stars", "Galaxies")]
@@ -849,7 +831,7 @@ def auto():
 def limits():
     right, *wrong = (biases(f"FWHM 4{error}", "NET") for error in ("", ", PSF -5 %", ", PSF +5 %"))
     changes = [abs(b - a) for row in wrong for a, b in zip(right, row)]
-    faint = [100 - 100 * row["value"]["value"]
+    faint = [100 - 100 * float(row["value"])
              for row in rows_of("detection", "cells", scene="OUTSKIRTS", run="NET", quantity="r2_snr0")]
     dwarfs = tables("validation/results/real/dwarfs.md")[0][1]
     light = max(100 - 100 * float(row["20 to 40 px"]) for row in dwarfs if row["run"] == "NET")
@@ -1033,7 +1015,7 @@ def beside_rl(model, name):
         for quality, form in (("psnr", "{:+.1f}"), ("ssim", "{:+.2f}")):
             found = duels(second, quality, first)
             winners = [row["winner"] for row in found]
-            cells.append(f'{span([row["difference"]["value"] for row in found], form)}; above in {winners.count(first)}, '
+            cells.append(f'{span([float(row["difference"]) for row in found], form)}; above in {winners.count(first)}, '
                          f"below in {winners.count(second)} of {len(found)}")
         return cells
 
@@ -1147,19 +1129,12 @@ def leaves(value, path=""):
         yield path, value
 
 
-def content(path):
-    """A result's text; of a page its tables."""
-    with open(path, encoding="utf-8") as file:
-        return page_tables(file.read()) if path.endswith("/report.html") else file.read()
-
-
 def numbers_of(path):
-    """Path or line, and value, of everything in a result that can be compared; tests of significance only by their winners,
-    as ranks jump where values move in their last digits."""
-    text = content(path)
+    """Path or line, and value, of everything in a result that can be compared."""
+    with open(path, encoding="utf-8") as file:
+        text = file.read()
     if path.endswith(".json"):
-        found = {key: value for key, value in leaves(json.loads(text)) if not key.startswith("/record/")}
-        return {key: value for key, value in found.items() if "/contests/" not in key or key.endswith("winner")}
+        return {key: value for key, value in leaves(json.loads(text)) if not key.startswith("/record/")}
     words = [(f"line {i + 1}, word {j + 1}", word) for i, line in enumerate(text.splitlines()) if not line.startswith("#")
              for j, word in enumerate(re.split(r"[,|\s]+", line))]
     return {place: float(word) if NUMBER.fullmatch(word) and word != "null" else word for place, word in words}
@@ -1177,8 +1152,7 @@ def committed(name, folder):
     if not os.path.isdir(folder):
         raise SystemExit(f"texts.py: {folder} is no folder")
     for file in sorted(os.listdir(home)) if os.path.isdir(home) else ("summary.json",):
-        page = "report.html" if file == "tables.md" else file
-        places = [os.path.join(folder, *path) for path in ((name, page), (page,), ("qa_" + file[:-5], "summary.json"))]
+        places = [os.path.join(folder, *path) for path in ((name, file), (file,), ("..", file), ("qa_" + file[:-5], "summary.json"))]
         yield os.path.join(home, file), next((place for place in places if os.path.isfile(place)), None)
 
 
@@ -1201,10 +1175,7 @@ def compare(name, folder, digits):
 
 def take(name, folder):
     for old, new in committed(name, folder):
-        if new and old.endswith("/tables.md"):
-            with open(old, "w", encoding="utf-8") as file:
-                file.write(content(new))
-        elif new and open(old, "rb").read() != open(new, "rb").read():
+        if new and open(old, "rb").read() != open(new, "rb").read():
             shutil.copyfile(new, old)
             print(f"{os.path.relpath(old, TOP)}: renewed")
     return 0
