@@ -110,33 +110,32 @@ def restoration():
 
 
 def photometry():
-    runs = [run["name"] for run in summary["runs"]]
+    runs = list(dict.fromkeys(key[2] for key in cells))
     fields = {}
     for one in summary["sets"]:
         fields.setdefault(one["scene"], []).append(one)
     for field, sets in fields.items():
         for run in runs:
-            scores, wrong = (np.concatenate([values(table, field, s["condition"], run, "score") for s in sets]) for table in ("star", "false"))
+            scores, wrong = (np.concatenate([values(table, field, s["condition"], run, "score") for s in sets]) for table in ("object", "false"))
             points, cuts = curve(scores, wrong), {}
             for c in (c for c in summary["cuts"] if (c["scene"], c["run"]) == (field, run)):
                 whole = c["precision_from"] is None
                 s = -math.inf if whole else cut(points, c["precision_from"])
                 cuts[c["precision_from"]] = s
-                if whole:
-                    rate("false", c["false_per_mpixel"], len(wrong), sum(s["mpixels"] for s in sets))
-                else:
+                if not whole:
                     same("threshold", c["score"], s)
                 if s < math.inf:
                     share("precision", c["precision"], np.sum(scores >= s), np.sum(scores >= s) + np.sum(wrong >= s))
                 share("recall", c["recall"], np.sum(scores >= s), len(scores))
             for s in sets:
-                star = {key: values("star", field, s["condition"], run, key) for key in ("score", "ratio", "pull", "crowded")}
+                star = {key: values("object", field, s["condition"], run, key) for key in ("score", "ratio", "pull", "crowded")}
                 false = values("false", field, s["condition"], run, "score")
                 found, n = ~np.isnan(star["score"]), len(star["score"])
                 percent, crowded, k = 100 * (star["ratio"] - 1)[found], star["crowded"][found] > 0, np.sum(found)
                 ours = {key[3]: value for key, value in cells.items() if key[:3] == (field, s["condition"], run)}
                 share("recall", ours["recall"], k, n)
                 share("precision", ours["precision"], k, k + len(false))
+                rate("false", ours["false"], len(false), s["mpixels"])
                 share("blended", ours["blended"], np.sum(crowded), k)
                 for precision in summary["precisions"]:
                     share("at precision", ours[f"recall_p{precision:g}"], np.sum(star["score"] >= cuts[precision]), n)
@@ -161,34 +160,24 @@ def detection():
             ours = {key[3]: c for key, c in cells.items() if key[:3] == (scene, condition, run)}
             both = [np.concatenate([values(t, s, condition, run, "score") for s in ("STARS", "GALAXIES")]) for t in ("object", "false")]
             points = curve(*both)
-            first, last = (cut(points, p) if points else -math.inf for p in (0.95, 0.99))
+            first = cut(points, 0.95) if points else -math.inf
             found, wrong = (values(table, scene, condition, run, "score") for table in ("object", "false"))
-            area = sum(float(row["mpixels"]) for row in rows["tile", scene, condition, ""])
-            if scene in ("STARS", "GALAXIES"):
-                own = curve(found, wrong)
-                estimate("ap", ours["ap"], average_precision(own, len(found)))
-                for p in (0.95, 0.99):
-                    share("recall", ours[f"recall_p{p}"], np.sum(found >= cut(own, p)), len(found))
-                k = np.sum(~np.isnan(found))
-                share("whole", ours["recall_whole"], k, len(found))
-                share("precision", ours["precision_whole"], k, k + len(wrong))
-            elif scene == "PAIRS":
+            if scene == "PAIRS":
                 apart = values("object", scene, condition, run, "apart")
                 share("resolved", ours["resolved"], np.sum(found >= first), len(found))
                 share("close", ours["resolved_close"], np.sum(found[apart < 0.75] >= first), np.sum(apart < 0.75))
-            elif scene == "BLANK":
-                rate("blank", ours["false_cut"], np.sum(wrong >= last), area)
-            elif scene == "PLATEAU":
-                for key in ("phases2", "phases4", "range4"):
-                    estimate(key, ours[key], values("plateau", scene, condition, run, key).max())
-            elif scene == "OUTSKIRTS":
-                snr, r, true = (values("growth", scene, condition, run, key) for key in ("snr", "r2", "true2"))
-                faint = snr < 10
-                estimate("light", ours["r2_snr0"], r[faint].mean() / true[faint].mean() if any(faint) else math.nan)
-            else:
-                near = values("false", scene, condition, run, "distance")
-                rate("rings", ours["false_whole"], np.sum((near >= 0) & (near < 6)),
-                     1e-6 * math.pi * float(condition.split()[1].rstrip(",")) ** 2 * len(found) * 36)
+                continue
+            own, k = curve(found, wrong), np.sum(~np.isnan(found))
+            estimate("ap", ours["ap"], average_precision(own, len(found)))
+            for p in (0.95, 0.99):
+                share("recall", ours[f"recall_p{p}"], np.sum(found >= cut(own, p)), len(found))
+            snr = values("object", scene, condition, run, "true_snr")
+            share("faint", ours["recall_snr5"], np.sum(found[snr < 10] >= cut(own, 0.95)), np.sum(snr < 10))
+            share("recall", ours["recall"], k, len(found))
+            share("precision", ours["precision"], k, k + len(wrong))
+            rate("false", ours["false"], len(wrong), sum(float(row["mpixels"]) for row in rows["tile", scene, condition, ""]))
+            ratio = values("object", scene, condition, run, "ratio")[~np.isnan(found)]
+            mean("magerr", ours["magerr"], 100 * abs(ratio - 1))
         if tuned and scene in ("STARS", "GALAXIES"):  # RL at its best is the setting of the highest number
             lists = {run: [values(t, scene, condition, run, "score") for t in ("object", "false")] for run in tuned}
             aps = {run: average_precision(curve(*some), len(some[0])) for run, some in lists.items()}

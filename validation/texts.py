@@ -240,8 +240,8 @@ def restoration():
 def detection():
     conditions = distinct(row["condition"] for row in rows_of("detection", "cells"))
 
-    def over(scene, run, quantity):
-        return [number("detection", scene, condition, run, quantity) for condition in conditions]
+    def over(scene, run, quantity, name="detection"):
+        return [number(name, scene, condition, run, quantity) for condition in conditions]
     rows, lead = [], []
     for scene, words in ("STARS", "stars"), ("GALAXIES", "galaxies"):
         values = {run: over(scene, run, "ap") for run in ("MATCHED", "RL", "NET")}
@@ -257,10 +257,10 @@ def detection():
                  for scene in ("STARS", "GALAXIES") for condition in conditions}
         less = [f"{scene.lower()} at {condition} ({row[2]:.2f} against {max(row[:2]):.2f})" for (scene, condition), row in found.items() if row[2] <= max(row[:2])]
         return f"{len(found) - len(less)} of {len(found)} lists" + (f", not of {listed(less)}" if less else "")
-    blank = {run: over("BLANK", run, "false_cut") for run in ("NONE", "RL", "NET")}
-    light = [1 - value for value in over("OUTSKIRTS", "NET", "r2_snr0")]
-    bright = [1 - value for value in over("OUTSKIRTS", "NET", "r2_snr20")]
-    check = max(value for key in ("phases2", "phases4") for value in over("PLATEAU", "NET", key))
+    blank = {run: over("BLANK", run, "false_cut", "pixels") for run in ("NONE", "RL", "NET")}
+    light = [1 - value for value in over("OUTSKIRTS", "NET", "r2_snr0", "pixels")]
+    bright = [1 - value for value in over("OUTSKIRTS", "NET", "r2_snr20", "pixels")]
+    check = max(value for key in ("phases2", "phases4") for value in over("PLATEAU", "NET", key, "pixels"))
     resolved = listed(f"{v:.2f}" for v in pairs["NET"])
     seeing = [condition.removeprefix("FWHM ") for condition in conditions]
     return (item("""**Detection**, average precision on 512 x 512 pixels with 800 stars or 500 galaxies per Mpixel of S/N above 5,
@@ -832,7 +832,7 @@ def limits():
     right, *wrong = (biases(f"FWHM 4{error}", "NET") for error in ("", ", PSF -5 %", ", PSF +5 %"))
     changes = [abs(b - a) for row in wrong for a, b in zip(right, row)]
     faint = [100 - 100 * float(row["value"])
-             for row in rows_of("detection", "cells", scene="OUTSKIRTS", run="NET", quantity="r2_snr0")]
+             for row in rows_of("pixels", "cells", scene="OUTSKIRTS", run="NET", quantity="r2_snr0")]
     dwarfs = tables("validation/results/real/dwarfs.md")[0][1]
     light = max(100 - 100 * float(row["20 to 40 px"]) for row in dwarfs if row["run"] == "NET")
     bright = [row["condition"] for row in rows_of("photometry", "sets") if row["snr"] > 10]

@@ -11,6 +11,7 @@
 #include "lab/facts.h"
 #include "lab/journal.h"
 #include "lab/report.h"
+#include "lab/sources.h"
 #include "lab/units.h"
 
 static const rx_lab_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection};
@@ -82,7 +83,7 @@ static rx_status work(job *j, rx_error *err)
     rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - missing);
     if (missing == 0)
         return RX_OK;
-    RX_TRY(rx_lab_prepare(j->lab, j->log, err));
+    RX_TRY(rx_sources_prepare(j->lab, j->log, err));
     return rx_units_run(&j->work, j->nthreads, j->journal, j->values, j->log, err);
 }
 

@@ -1,40 +1,46 @@
-/* The detection campaign: runs, scenes, and one tile through every run. */
-#include "lab/detection.h"
-
+/* The campaign DETECTION: whole scenes through every restorer, and what its list of detections is worth. Runs: every restorer of
+ * RESTORE_TYPE; beside NONE also MATCHED, the unrestored image with a Gaussian of the PSF's FWHM for a detection filter, at
+ * the threshold of the same S/N as that of NONE; RL once for each number of TUNE_NITER and of TUNE_FILTER. */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
-#include "base/min_max.h"
-#include "check/quality.h"
+#include "base/memory.h"
+#include "base/random.h"
+#include "lab/sources.h"
 #include "pipeline/pipeline.h"
 
-static const rx_lab_column TILE[] = {RX_DETECTION_TILE_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column OBJECT[] = {RX_DETECTION_OBJECT_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column FOUND[] = {{"score", "",
-                                       "of the detection, NAN: not found; PAIRS: the lower of both, NAN "
-                                       "unless two detections lie within half the separation "
-                                       "(and the match radius) of the two stars"}};
-static const rx_lab_column PHASES[] = {RX_DETECTION_PHASES_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column GALAXY[] = {RX_DETECTION_GALAXY_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column GROWTH[] = {RX_DETECTION_GROWTH_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column WRONG[] = {
-    RX_WRONG_COLUMNS(RX_LAB_COLUMN){"distance", "FWHM", "RINGS: from the nearest object"}};
+/* Pairs are so many FWHM apart, and so many from the border; of their companions. */
+static const double PAIRS_APART = 8.0, INSIDE = 6.0, ALIKE_MAG = 0.5;
 
-const rx_lab_schema rx_detection_tables[RX_DETECTION_TABLES] = {
-    [RX_DETECTION_TILE] = {"tile", RX_DETECTION_TILE_WIDTH, 0, TILE, NULL, 0},
-    [RX_DETECTION_OBJECT] = {"object", RX_DETECTION_OBJECT_WIDTH, 1, OBJECT, FOUND, 0},
-    [RX_DETECTION_PLATEAU] = {"plateau", 0, RX_DETECTION_PHASES_WIDTH, NULL, PHASES, 0},
-    [RX_DETECTION_GROWTH] = {"growth", RX_DETECTION_GALAXY_WIDTH, RX_DETECTION_GROWTH_WIDTH, GALAXY, GROWTH,
-                             0},
-    [RX_DETECTION_FALSE] = {"false", RX_DETECTION_FALSE_WIDTH, 0, WRONG, NULL, 0},
-};
+/* What random numbers are for. */
+enum { DRAW_SCENE = 1, DRAW_NOISE = 2, DRAW_PAIRS = 3 };
 
-int rx_detection_table(rx_scene_id id)
+/* Numbered by their places here. */
+static const struct {
+    rx_scene_id id;
+    const char *name, *about;
+} SCENES[] = {{RX_SCENE_STARS, "STARS",
+               "Stars alone, all that the population puts on a tile, blends and all. A detection that is no "
+               "star of the "
+               "least S/N, nor a fainter one, is false."},
+              {RX_SCENE_GALAXIES, "GALAXIES",
+               "Galaxies alone. A galaxy in two pieces is one right and one false detection."},
+              {RX_SCENE_PAIRS, "PAIRS",
+               "Close pairs of stars: resolved when there are two detections, each nearer than half the "
+               "separation to its "
+               "star, both above the threshold."}};
+enum { NSCENES = sizeof SCENES / sizeof *SCENES };
+
+const char *rx_scene_name(rx_scene_id id)
 {
-    return id == RX_SCENE_PLATEAU     ? RX_DETECTION_PLATEAU
-           : id == RX_SCENE_OUTSKIRTS ? RX_DETECTION_GROWTH
-                                      : RX_DETECTION_OBJECT;
+    return SCENES[id].name;
+}
+
+const char *rx_scene_about(rx_scene_id id)
+{
+    return SCENES[id].about;
 }
 
 /* RL with every number of iterations and every filter that is tried. */
@@ -57,164 +63,115 @@ static rx_status add_runs(rx_lab *lab, const char *word, rx_error *err)
 
 static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    /* numbered by their places here */
-    static const rx_scene_id scenes[] = {RX_SCENE_STARS, RX_SCENE_GALAXIES, RX_SCENE_PAIRS,    RX_SCENE_BLANK,
-                                         RX_SCENE_RINGS, RX_SCENE_PLATEAU,  RX_SCENE_OUTSKIRTS};
+    const rx_words *scenes = &lab->config->scenes;
     for (int i = 0; i < lab->config->restore_type.n; i++)
         RX_TRY(add_runs(lab, lab->config->restore_type.v[i], err));
-    RX_TRY(rx_lab_add_scenes(lab, &lab->config->scenes, sizeof scenes / sizeof *scenes, scenes, err));
+    for (int i = 0; i < scenes->n; i++)
+        for (int k = 0; k < NSCENES; k++)
+            if (strcmp(scenes->v[i], SCENES[k].name) == 0)
+                RX_TRY(rx_lab_add_scene(lab, SCENES[k].id, k, 0, err));
     return rx_lab_skies_simulate(lab, log, err);
 }
 
-/* --- one tile --- */
+/* --- tiles --- */
 
-static double separation(const rx_lab_search *w, long pair)
+static rx_scene_params params_of(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_id id, uint64_t stream)
 {
-    const rx_lab_object *a = &w->tile.objects.list[2 * pair];
-    return hypot(a[0].x - a[1].x, a[0].y - a[1].y);
+    static const rx_population none = {0};
+    const double *snr = lab->config->pair_snr.v, step = 1.3 * PAIRS_APART * sky->fwhm;
+    rx_scene_params par = sky->simulation->scene;
+    par.seed = rx_lab_seed(lab, DRAW_SCENE);
+    par.stream = stream;
+    if (id == RX_SCENE_GALAXIES)
+        par.stars = none;
+    else
+        par.galaxies = par.templates = none;
+    if (id != RX_SCENE_PAIRS)
+        return par;
+    /* the brighter ones: of PAIR_SNR, uniform in magnitude, as many as find a place so far apart */
+    par.stars = (rx_population){.count = fmax(floor((double)sky->width * sky->height / (step * step)), 1),
+                                .mag_low = rx_lab_mag(sky, snr[1]),
+                                .mag_high = rx_lab_mag(sky, snr[0])};
+    par.pair_share = par.clustering = 0;
+    par.margin = -fmin(INSIDE * sky->fwhm, fmin(par.width, par.height) / 4);
+    par.least_distance = PAIRS_APART * sky->fwhm;
+    return par;
 }
 
-/* Rows of the objects that are listed. */
-static rx_status add_objects(const rx_lab_search *w, rx_error *err)
+/* Every object gets a companion, right after it in the list, at most ALIKE_MAG brighter or fainter. */
+static rx_status add_companions(const rx_lab *lab, const rx_lab_sky *sky, uint64_t stream, rx_scene **scene,
+                                rx_error *err)
 {
-    const rx_lab_objects *o = &w->tile.objects;
-    const rx_tile *tile = w->tile.field->tile;
-    double *row;
-    RX_TRY(rx_lab_rows_add(&w->table[RX_DETECTION_TILE], 1, &row, err));
-    row[RX_TILE_MPIXELS] = 1e-6 * (double)tile->width * (double)tile->height;
-    if (w->scene == RX_SCENE_PLATEAU)
-        return rx_lab_rows_add(&w->table[RX_DETECTION_PLATEAU], 1, &row, err);
-    for (long i = 0; i < o->n; i++) {
-        const int pair = w->scene == RX_SCENE_PAIRS;
-        if (pair ? i % 2 == 0 : w->scene != RX_SCENE_OUTSKIRTS && o->list[i].role != RX_LISTED)
-            continue;
-        RX_TRY(rx_lab_rows_add(&w->table[rx_detection_table(w->scene)], 1, &row, err));
-        row[RX_OBJECT_SNR] = pair ? fmin(o->list[i].snr, o->list[i - 1].snr) : o->list[i].snr;
-        if (pair)
-            row[RX_OBJECT_APART] = separation(w, i / 2) / w->sky->fwhm;
+    const uint64_t seed = rx_lab_seed(lab, DRAW_PAIRS);
+    const double *distance = lab->config->sim->pair_distance.v;
+    rx_scene *all = NULL;
+    RX_TRY(rx_scene_new((*scene)->width, (*scene)->height, 2 * (*scene)->n, &all, err));
+    for (long i = 0; i < (*scene)->n; i++) {
+        const uint64_t k = 4 * (uint64_t)i;
+        const rx_object *first = &(*scene)->objects[i];
+        const double angle = 2 * M_PI * rx_random_uniform(seed, stream, k);
+        const double apart =
+            sky->fwhm * (distance[0] + (distance[1] - distance[0]) * rx_random_uniform(seed, stream, k + 1));
+        rx_object other = *first;
+        other.x = first->x + apart * cos(angle);
+        other.y = first->y + apart * sin(angle);
+        other.mag = first->mag + ALIKE_MAG * (2 * rx_random_uniform(seed, stream, k + 2) - 1);
+        other.flux = pow(10.0, -0.4 * (other.mag - sky->simulation->scene.zeropoint));
+        all->objects[2 * i] = *first;
+        all->objects[2 * i + 1] = other;
+    }
+    all->templates = (*scene)->templates;
+    rx_scene_free(*scene);
+    *scene = all;
+    return RX_OK;
+}
+
+/* Objects of TRUTH_SNR and more that lie inside are to be found. Of an object beyond the border the light that comes in, most
+ * of it where the border is nearest, is no false source. */
+static rx_status take_objects(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_id id, const rx_scene *scene,
+                              rx_lab_objects *dst, rx_error *err)
+{
+    *dst = (rx_lab_objects){.n = scene->n};
+    RX_TRY(RX_MAKE(dst->list, (size_t)scene->n, err));
+    for (long i = 0; i < scene->n; i++) {
+        const rx_object *o = &scene->objects[i];
+        const double beyond = rx_lab_beyond(sky, o->x, o->y), snr = rx_lab_snr(sky, o);
+        const int listed = id != RX_SCENE_PAIRS && snr >= lab->config->truth_snr && !(beyond > 0);
+        dst->list[i] =
+            (rx_lab_object){.x = o->x,
+                            .y = o->y,
+                            .flux = o->flux,
+                            .snr = snr,
+                            .reach = beyond > 0 ? beyond + sky->fwhm + o->radius * sqrt(o->ratio) : 0,
+                            .role = listed ? RX_LISTED : RX_OTHER};
     }
     return RX_OK;
 }
 
-/* The detection nearest to an object, within the radius, or -1. */
-static long nearest_detection(const rx_qa_list *list, const rx_lab_object *o, double radius)
+rx_status rx_detection_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
 {
-    long best = -1;
-    for (long k = 0; k < list->n; k++) {
-        const double d = hypot(list->x[k] - o->x, list->y[k] - o->y);
-        if (d <= radius) {
-            best = k;
-            radius = d;
-        }
-    }
-    return best;
-}
-
-static void found(const rx_lab_search *w)
-{
-    const rx_lab_objects *o = &w->tile.objects;
-    const rx_lab_table *table = &w->table[RX_DETECTION_OBJECT];
-    long row = 0;
-    for (long i = 0; i < o->n; i++) {
-        const long k = w->matches.found[i];
-        if (o->list[i].role == RX_LISTED)
-            rx_lab_each(table, row++, w->run)[RX_LIST_SCORE] = k >= 0 ? w->list.score[k] : NAN;
-    }
-    for (long p = 0; p < o->n / 2 && w->scene == RX_SCENE_PAIRS; p++) {
-        const double reach = fmin(w->radius, 0.5 * separation(w, p));
-        const long a = nearest_detection(&w->list, &o->list[2 * p], reach),
-                   b = nearest_detection(&w->list, &o->list[2 * p + 1], reach);
-        rx_lab_each(table, p, w->run)[RX_LIST_SCORE] =
-            a >= 0 && b >= 0 && a != b ? fmin(w->list.score[a], w->list.score[b]) : NAN;
-    }
-}
-
-/* --- pixels --- */
-
-/* rms of the means of side x side phases about their mean, and their range, in the middle of a plateau. */
-static void phases(const rx_tile *tile, const float *pixels, int side, double *rms, double *range)
-{
-    double sum[16] = {0}, mean = 0, low = HUGE_VAL, high = -HUGE_VAL;
-    const int n = side * side, box = rx_min_int(tile->width, tile->height) / 16 * 4;
-    const int x0 = (tile->width - box) / 2, y0 = (tile->height - box) / 2;
-    for (int y = 0; y < box; y++)
-        for (int x = 0; x < box; x++)
-            sum[y % side * side + x % side] +=
-                (double)pixels[(size_t)(y0 + y) * (size_t)tile->width + (size_t)(x0 + x)];
-    for (int i = 0; i < n; i++) {
-        sum[i] /= (double)box * box / n;
-        mean += sum[i] / n;
-        low = fmin(low, sum[i]);
-        high = fmax(high, sum[i]);
-    }
-    *rms = 0;
-    for (int i = 0; i < n; i++)
-        *rms += (sum[i] - mean) * (sum[i] - mean) / n;
-    *rms = sqrt(*rms);
-    *range = high - low;
-}
-
-/* Sum within a radius; pixels on the edge with the share of 5 x 5 points that are inside. */
-static double aperture(const rx_tile *tile, const float *pixels, double x, double y, double radius)
-{
-    enum { FINE = 5 };
-    double sum = 0;
-    const int x0 = (int)fmax(floor(x - radius), 0), x1 = (int)fmin(ceil(x + radius), tile->width - 1);
-    const int y0 = (int)fmax(floor(y - radius), 0), y1 = (int)fmin(ceil(y + radius), tile->height - 1);
-    for (int v = y0; v <= y1; v++)
-        for (int u = x0; u <= x1; u++) {
-            int inside = 0;
-            for (int k = 0; k < FINE * FINE; k++)
-                inside += hypot(u - x + (k % FINE + 0.5) / FINE - 0.5,
-                                v - y + (k / FINE + 0.5) / FINE - 0.5) <= radius;
-            sum += (double)pixels[(size_t)v * (size_t)tile->width + (size_t)u] * inside / (FINE * FINE);
-        }
-    return sum;
-}
-
-static rx_status measure(const rx_lab_search *w, int run, rx_error *err)
-{
-    const rx_restorer *restorer = w->lab->run[run].restorer;
-    const rx_options options = rx_lab_options(w->lab, w->sky, &w->lab->run[run]);
-    const rx_tile *tile = w->tile.field->tile;
-    const int plain = strcmp(restorer->name, "NONE") == 0;
-    rx_restored *restored = NULL;
-    rx_image image = plain ? rx_field_observed(w->tile.field) : rx_field_restorable(w->tile.field);
-    image.hide = options.pipeline.restore.mask_saturated ? RX_HIDE_RESTORED : RX_HIDE_PLAIN;
-    RX_TRY(restorer->run(&options.pipeline.restore, &image, NULL, &restored, err));
-    if (w->scene == RX_SCENE_PLATEAU) {
-        double *row = rx_lab_each(&w->table[RX_DETECTION_PLATEAU], 0, run);
-        phases(tile, restored->pixels, 2, &row[RX_PHASES_2], &row[RX_PHASES_RANGE]);
-        phases(tile, restored->pixels, 4, &row[RX_PHASES_4], &row[RX_PHASES_RANGE]);
-        for (int i = 0; i < RX_DETECTION_PHASES_WIDTH; i++)
-            row[i] /= w->sky->sigma;
-    }
-    for (long i = 0; w->scene == RX_SCENE_OUTSKIRTS && i < w->tile.objects.n; i++) {
-        const rx_lab_object *o = &w->tile.objects.list[i];
-        double *row = rx_lab_each(&w->table[RX_DETECTION_GROWTH], i, run);
-        const double r50 = hypot(o->radius, 0.5 * w->sky->fwhm);
-        for (int k = 0; k < RX_OUTSKIRT_RADII; k++) {
-            row[RX_GROWTH + k] = aperture(tile, restored->pixels, o->x, o->y, r50 * (1 << k)) / o->flux;
-            row[RX_GROWTH_TRUE + k] =
-                aperture(tile, w->tile.truth[!plain], o->x, o->y, r50 * (1 << k)) / o->flux;
-        }
-    }
-    rx_restored_free(restored);
-    return RX_OK;
-}
-
-static rx_status unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                      rx_lab_table *dst, rx_error *err)
-{
-    rx_lab_search w = {
-        .lab = lab, .sky = &lab->sky[unit->condition], .scene = lab->scene[unit->scene].id, .table = dst};
-    if (w.scene != RX_SCENE_PLATEAU && w.scene != RX_SCENE_OUTSKIRTS)
-        return rx_lab_search_unit(lab, unit, done, dst, err);
-    RX_TRY(rx_lab_tile_make(lab, unit, &w.tile, err));
-    rx_status status = add_objects(&w, err);
-    for (int run = 0; run < lab->nruns && status == RX_OK; run++)
-        status = measure(&w, run, err);
-    rx_lab_tile_free(&w.tile);
+    const rx_lab_sky *sky = &lab->sky[unit->condition];
+    const rx_scene_id id = lab->scene[unit->scene].id;
+    const uint64_t stream = (uint64_t)lab->scene[unit->scene].number << 40 | (uint64_t)unit->number;
+    const rx_scene_params par = params_of(lab, sky, id, stream);
+    rx_scene *scene = NULL;
+    rx_tile *tile = NULL;
+    rx_status status;
+    *dst = (rx_lab_tile){0};
+    RX_TRY_EXIT(rx_scene_make(&par, sky->simulation->templates, &scene, err));
+    if (id == RX_SCENE_PAIRS)
+        RX_TRY_EXIT(add_companions(lab, sky, stream, &scene, err));
+    RX_TRY_EXIT(take_objects(lab, sky, id, scene, &dst->objects, err));
+    status = rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), stream, scene, &tile, err);
+    scene = NULL;
+    RX_TRY_EXIT(status);
+    RX_TRY_EXIT(
+        rx_field_prepare(&lab->options->pipeline, RX_FIELD_PSF, tile, sky->given, NULL, &dst->field, err));
+    rx_condition_apply(&sky->condition, dst->field);
+exit:
+    rx_scene_free(scene);
+    if (status != RX_OK)
+        rx_lab_tile_free(dst);
     return status;
 }
 
@@ -234,8 +191,6 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 }
 
 RX_LAB_KIND(rx_kind_detection, .name = "DETECTION", .title = "Detection campaign", .tag = 0x6465746563,
-            .most = RX_LAB_RUNS, .ntables = RX_DETECTION_TABLES, .tables = rx_detection_tables,
-            .objects = RX_DETECTION_OBJECT, .wrong = RX_DETECTION_FALSE, .deep = 1, .open = open_runs,
-            .tile = rx_lab_tile_make, .rows = add_objects, .found = found, .unit = unit, .describe = describe,
-            .name_set = rx_detection_name_set, .report = rx_detection_report,
-            .reading = rx_detection_reading);
+            .most = RX_LAB_RUNS, .ntables = RX_SOURCES_TABLES, .tables = rx_sources_tables, .deep = 1,
+            .open = open_runs, .tile = rx_detection_tile, .unit = rx_sources_unit, .describe = describe,
+            .name_set = rx_sources_name_set, .report = rx_sources_report, .reading = rx_sources_reading);

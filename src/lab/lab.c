@@ -39,16 +39,6 @@ rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, 
     return RX_OK;
 }
 
-rx_status rx_lab_add_scenes(rx_lab *lab, const rx_words *words, int n, const rx_scene_id *known,
-                            rx_error *err)
-{
-    for (int i = 0; i < words->n; i++)
-        for (int k = 0; k < n; k++)
-            if (strcmp(words->v[i], rx_scene_name(known[k])) == 0)
-                RX_TRY(rx_lab_add_scene(lab, known[k], k, 0, err));
-    return RX_OK;
-}
-
 long rx_lab_size(const rx_lab *lab, const rx_ints *list)
 {
     return strcmp(lab->config->size, "PAPER") == 0 ? list->v[list->n - 1] : list->v[0];
@@ -113,7 +103,6 @@ rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config,
     lab->config = config;
     lab->nthreads = nthreads;
     lab->ntiles = rx_lab_size(lab, &config->scene_tiles);
-    lab->truth_snr = config->truth_snr;
     for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
         lab->precision[lab->nprecisions++] = config->precisions.v[i];
     rx_status status = stage_options(lab, log, err);

@@ -41,17 +41,12 @@ typedef struct rx_lab_run {
     int flat;      /* RESTORATION: what is below a threshold, tuned too, is set to the sky */
     int smooth;    /* RESTORATION: the filter alone, no iteration */
     int network;   /* RESTORATION: flat, without filter and iterations */
-    char settings[200]; /* PHOTOMETRY: keywords, for the report */
 } rx_lab_run;
 
 typedef enum rx_scene_id {
     RX_SCENE_STARS,
     RX_SCENE_GALAXIES,
-    RX_SCENE_PAIRS, /* of stars, much alike */
-    RX_SCENE_BLANK,
-    RX_SCENE_RINGS,
-    RX_SCENE_PLATEAU,
-    RX_SCENE_OUTSKIRTS,
+    RX_SCENE_PAIRS,     /* of stars, much alike */
     RX_SCENE_MAGNITUDE, /* PHOTOMETRY: stars of one magnitude */
     RX_SCENE_TUNING,    /* RESTORATION: scenes that methods are tuned on */
     RX_SCENE_TEST,      /* RESTORATION: the others */
@@ -64,9 +59,8 @@ typedef struct rx_lab_scene {
     double mag; /* MAGNITUDE */
 } rx_lab_scene;
 
-const char *rx_scene_name(rx_scene_id id);
+const char *rx_scene_name(rx_scene_id id); /* of DETECTION, as the next one */
 const char *rx_scene_about(rx_scene_id id);
-int rx_scene_is_list(rx_scene_id id); /* recall and precision are of these: STARS, GALAXIES, MAGNITUDE */
 
 /* What the tiles of a condition share: a simulation, or a real tile that objects are added to. Of a campaign of
  * restored images the first one is that of all bins. */
@@ -119,23 +113,7 @@ struct rx_lab_page;
 typedef struct rx_lab_tile {
     rx_field *field, *blank; /* blank: PHOTOMETRY on a real tile, its noise and nothing else; owned */
     rx_lab_objects objects;
-    float *truth
-        [2]; /* OUTSKIRTS: the scene without noise through its own PSF and through the target PSF; owned */
 } rx_lab_tile;
-
-/* A tile of a campaign of sources, and what the run at work has found on it. */
-typedef struct rx_lab_search {
-    const rx_lab *lab;
-    const rx_lab_sky *sky;
-    rx_scene_id scene;
-    rx_lab_tile tile;
-    double radius; /* of matching, pixels */
-    rx_lab_table *table;
-    int run;
-    const rx_sources *sources;
-    rx_qa_list list; /* the same sources */
-    rx_matches matches;
-} rx_lab_search;
 
 /* An entry of the table of campaigns. */
 typedef struct rx_lab_kind {
@@ -144,17 +122,14 @@ typedef struct rx_lab_kind {
     int most;                 /* runs */
     int ntables;
     const rx_lab_schema *tables;
-    int objects, wrong; /* DETECTION, PHOTOMETRY: tables of lists.h */
-    int deep;           /* NET_DEPTH counts */
-    int in_turns;       /* units of the first scene come before the others of their condition, in one shard */
+    int deep;     /* NET_DEPTH counts */
+    int in_turns; /* units of the first scene come before the others of their condition, in one shard */
     rx_status (*open)(rx_lab *lab, rx_log *log, rx_error *err); /* runs, scenes, conditions, skies */
-    /* Of sources against the true ones, for rx_lab_search_unit(): a tile, rows of what is on it, and what a run has found. */
+    /* Of sources against the true ones (sources.h): a tile, and, before the first unit, what a run has found on an untouched
+     * real one. */
     rx_status (*tile)(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
-    rx_status (*rows)(const rx_lab_search *search, rx_error *err);
-    void (*found)(const rx_lab_search *search);
-    /* What a run has found on an untouched real tile, before the first unit; the result may be taken from. NULL: nothing is
-     * asked there. */
-    rx_status (*untouched)(const rx_lab *lab, rx_lab_sky *sky, int run, rx_result *result, rx_error *err);
+    rx_status (*untouched)(const rx_lab *lab, rx_lab_sky *sky, int run, const rx_sources *sources,
+                           rx_error *err);
     /* The tables of one unit, on one thread; several at the same time. done: values of earlier units. */
     rx_status (*unit)(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                       rx_lab_table *dst, rx_error *err);
@@ -185,7 +160,6 @@ struct rx_lab {
     rx_lab_unit *unit; /* [nunits] by condition, scene and tile; owned */
     /* when the units are done */
     rx_lab_set *set; /* [nconditions][nscenes]; owned */
-    double truth_snr;
     int nprecisions; /* at which completeness is compared, as PRECISIONS */
     double precision[RX_PRECISIONS_MAX];
     char about[600];
@@ -208,10 +182,6 @@ void rx_lab_close(rx_lab *lab); /* NULL is fine */
 rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error *err);
 long rx_lab_size(const rx_lab *lab, const rx_ints *list); /* as SIZE says: the first number, or the last */
 rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
-/* Those of the words, numbered by their places in known[n]. */
-rx_status rx_lab_add_scenes(rx_lab *lab, const rx_words *words, int n, const rx_scene_id *known,
-                            rx_error *err);
-
 /* Digests of what was read and names of columns, for the journal's header. */
 rx_status rx_lab_facts(const rx_lab *lab, rx_journal_facts *facts, rx_error *err);
 
@@ -256,30 +226,5 @@ double rx_lab_snr(const rx_lab_sky *sky, const rx_object *object);
 double rx_lab_mag(const rx_lab_sky *sky, double snr);
 /* Pixels from a place beyond the border of a tile to the nearest one on it; 0 inside. */
 double rx_lab_beyond(const rx_lab_sky *sky, double x, double y);
-
-/* --- tiles: tile.c --- */
-
-/* A tile of a scene of DETECTION. Tile t of a scene is drawn alike under every condition. Of PAIRS number
- * 2 k and 2 k + 1 belong together. */
-rx_status rx_lab_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
-void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
-
-/* The scene, which is freed, as an exposed tile; truth: its light without noise through the true PSF and through that of
- * restored images, NULL: not kept. */
-rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_scene *scene,
-                        float *const truth[2], rx_tile **tile, rx_error *err);
-
-/* --- search.c --- */
-
-/* Before the first unit, what a report alone does not need: untouched() of every real tile and run. */
-rx_status rx_lab_prepare(rx_lab *lab, rx_log *log, rx_error *err);
-
-/* How far from an object a detection of it may lie: MATCH_RADIUS, and half a FWHM of its sky at least. */
-rx_status rx_lab_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_tile *tile, double *pixels,
-                        rx_error *err);
-
-/* unit() of campaigns of sources. */
-rx_status rx_lab_search_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
-                             rx_lab_table *dst, rx_error *err);
 
 #endif

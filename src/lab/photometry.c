@@ -1,6 +1,15 @@
-/* The photometry campaign: runs, fields, tiles, and one tile through every run. */
-#include "lab/photometry.h"
-
+/* The campaign PHOTOMETRY: stars of one magnitude per set on tiles of a field, through the stage once per restorer. The paper's
+ * last figure.
+ *
+ * SIMULATED: the sky of the SIM. keywords, another one on each tile; the restorers are given its true PSF, unless
+ * STAGE.PSF_TYPE is set: then the stage finds it as on any tile. A field for each of the conditions of SEEING, PSF_ERROR,
+ * SKY_ERROR and NOISE_ERROR. INJECTED: stars added to a real tile with the tile's own PSF (of the STAGE. keywords, measured on
+ * the untouched tile by default), which the restorers are given too, and with the photon noise of its gain. Its noise is the
+ * same on every tile, and what is found on it before the injection, by any restorer, is known and neither right nor false: of
+ * that, no one can distinguish faint sources from peaks of the noise. So every tile comes with a blank one, a realisation of
+ * the tile's own noise without any source, whose detections are all false.
+ *
+ * Stars are listed, known objects at least as bright their rivals, and all known ones have a reach (match.h). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +20,7 @@
 #include "check/blankcheck.h"
 #include "check/quality.h"
 #include "check/replica.h"
+#include "lab/sources.h"
 #include "pipeline/pipeline.h"
 #include "simulate/inject.h"
 
@@ -22,16 +32,6 @@ static const double MPIXEL = 1024.0 * 1024.0; /* STARS_PER_TILE */
 
 /* What random numbers are for. */
 enum { DRAW_SKY = 1, DRAW_STARS = 2, DRAW_NOISE = 3, DRAW_BLANK = 4 };
-
-static const rx_lab_column TILE[] = {RX_PHOTOMETRY_TILE_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column STAR[] = {RX_PHOTOMETRY_STAR_COLUMNS(RX_LAB_COLUMN)};
-static const rx_lab_column WRONG[] = {RX_WRONG_COLUMNS(RX_LAB_COLUMN){"mag", "mag", "measured"}};
-
-const rx_lab_schema rx_photometry_tables[RX_PHOTOMETRY_TABLES] = {
-    [RX_PHOTOMETRY_TILE] = {"tile", RX_PHOTOMETRY_TILE_WIDTH, 0, TILE, NULL, 0},
-    [RX_PHOTOMETRY_STAR] = {"star", 0, RX_PHOTOMETRY_STAR_WIDTH, NULL, STAR, 0},
-    [RX_PHOTOMETRY_FALSE] = {"false", RX_PHOTOMETRY_FALSE_WIDTH, 0, WRONG, NULL, 0},
-};
 
 /* --- open --- */
 
@@ -181,7 +181,7 @@ static rx_status know_objects(const rx_lab *lab, const rx_lab_sky *sky, const rx
                                     .flux = stars->objects[i].flux,
                                     .role = RX_LISTED};
     if (others != NULL)
-        RX_TRY(rx_lab_radius(lab, sky, dst->field->tile, &radius, err));
+        RX_TRY(rx_sources_radius(lab, sky, dst->field->tile, &radius, err));
     for (long i = 0; i < nothers; i++, object++) {
         const rx_object *o = others != NULL ? &others->objects[i] : NULL;
         *object = o == NULL
@@ -209,7 +209,7 @@ static rx_status simulated_tile(const rx_lab *lab, const rx_lab_sky *sky, const 
     memcpy(all->objects, (*others)->objects, (size_t)(*others)->n * sizeof *all->objects);
     memcpy(all->objects + (*others)->n, stars->objects, (size_t)stars->n * sizeof *all->objects);
     all->templates = (*others)->templates;
-    return rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), number, all, NULL, tile, err);
+    return rx_lab_expose(sky, rx_lab_seed(lab, DRAW_NOISE), number, all, tile, err);
 }
 
 static rx_status injected_tile(const rx_lab *lab, const rx_lab_sky *sky, const rx_scene *stars,
@@ -237,7 +237,7 @@ static uint64_t number_of(const rx_lab *lab, const rx_lab_unit *unit)
     return (uint64_t)lab->scene[unit->scene].number << 32 | (uint64_t)unit->number;
 }
 
-rx_status rx_photometry_tile_make(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
+rx_status rx_photometry_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
 {
     const rx_lab_sky *sky = &lab->sky[unit->condition];
     const double mag = lab->scene[unit->scene].mag;
@@ -285,14 +285,14 @@ exit:
 /* --- before the units: an untouched tile --- */
 
 /* Detections that no earlier restorer had become known, and the footprints of all; and the noise without them. */
-static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, rx_result *result, rx_error *err)
+static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, const rx_sources *sources,
+                           rx_error *err)
 {
     const size_t n = (size_t)sky->width * (size_t)sky->height;
-    const rx_sources *sources = result->sources;
     const long before = run > 0 ? sky->known.n : 0;
     rx_qa_list list = {0};
     double radius = 0;
-    RX_TRY(rx_lab_radius(lab, sky, sky->field->tile, &radius, err));
+    RX_TRY(rx_sources_radius(lab, sky, sky->field->tile, &radius, err));
     if (run == 0)
         RX_TRY(rx_blankcheck_noise(sky->field, sources->segments, lab->nthreads, &sky->noise, err));
     rx_lab_object *all = rx_regrow(sky->known.list, (size_t)(before + sources->n), sizeof *all);
@@ -316,46 +316,6 @@ static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, rx_resul
     for (size_t i = 0; i < n; i++)
         sky->covered[i] |= sources->segments[i] != 0;
     return RX_OK;
-}
-
-/* --- one tile --- */
-
-static double searched(const rx_tile *tile)
-{
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    size_t good = 0;
-    for (size_t i = 0; i < n; i++)
-        good += (tile->mask[i] & RX_HIDE_PLAIN) == 0;
-    return 1e-6 * (double)good;
-}
-
-static rx_status add_stars(const rx_lab_search *w, rx_error *err)
-{
-    const rx_lab_objects *o = &w->tile.objects;
-    double *row;
-    long nstars = 0;
-    while (nstars < o->n && o->list[nstars].role == RX_LISTED)
-        nstars++;
-    RX_TRY(rx_lab_rows_add(&w->table[RX_PHOTOMETRY_TILE], 1, &row, err));
-    row[RX_FIELD_MPIXELS] = searched(w->tile.field->tile);
-    row[RX_FIELD_SNR] =
-        nstars > 0 ? o->list[0].flux * sqrt(w->sky->power) / w->tile.field->plain->global_sigma : 0;
-    return rx_lab_rows_add(&w->table[RX_PHOTOMETRY_STAR], nstars, &row, err);
-}
-
-static void found(const rx_lab_search *w)
-{
-    const rx_qa_list *list = &w->list;
-    for (long i = 0; i < w->table[RX_PHOTOMETRY_STAR].n; i++) {
-        double *row = rx_lab_each(&w->table[RX_PHOTOMETRY_STAR], i, w->run);
-        const double flux = w->tile.objects.list[i].flux;
-        const long k = w->matches.found[i];
-        const double error = k >= 0 ? list->flux_error[k] : 0;
-        row[RX_STAR_SCORE] = k >= 0 ? list->score[k] : NAN;
-        row[RX_STAR_RATIO] = k >= 0 ? list->flux[k] / flux : NAN;
-        row[RX_STAR_PULL] = error > 0 ? (list->flux[k] - flux) / error : NAN;
-        row[RX_STAR_CROWDED] = k >= 0 && (list->flags[k] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0;
-    }
 }
 
 /* --- words --- */
@@ -399,45 +359,16 @@ static rx_status describe_sky(const rx_lab *lab, rx_lab_sky *sky, rx_error *err)
     return RX_OK;
 }
 
-/* Settings of a restorer: the keywords that begin with its name, or with the first part of it, and with that of no other
- * one: RL_BLIND_... is not for RL. */
-static void add_setting(void *user, const char *name, const char *value, const char *help)
-{
-    rx_lab_run *run = user;
-    const char *keyword = strrchr(name, '.') != NULL ? strrchr(name, '.') + 1 : name; /* without STAGE. */
-    const char *restorer = run->restorer->name;
-    const size_t length = strlen(restorer), part = strcspn(restorer, "_"), used = strlen(run->settings);
-    int n, is_its = strncmp(keyword, restorer, part) == 0 && keyword[part] == '_';
-    const rx_restorer *all = rx_restorers(&n);
-    (void)help;
-    for (int i = 0; i < n; i++) {
-        const size_t other = strlen(all[i].name);
-        is_its =
-            is_its && !(other > length && strncmp(keyword, all[i].name, other) == 0 && keyword[other] == '_');
-    }
-    if (is_its)
-        snprintf(run->settings + used, sizeof run->settings - used, "%s%s %s", used > 0 ? ", " : "", keyword,
-                 value);
-}
-
 static rx_status describe(rx_lab *lab, rx_error *err)
 {
-    for (int r = 0; r < lab->nruns; r++) {
-        rx_lab_run *run = &lab->run[r];
-        run->settings[0] = '\0';
-        if (!rx_settings_visit(&lab->config->stage->settings, add_setting, run))
-            return rx_error_memory(err, 0);
-        if (strcmp(run->restorer->name, "NET") == 0)
-            rx_lab_add_model(lab, run->settings, sizeof run->settings);
-    }
+    rx_lab_add_model(lab, lab->about, sizeof lab->about);
     for (int s = 0; s < lab->nskies; s++)
         RX_TRY(describe_sky(lab, &lab->sky[s], err));
     return RX_OK;
 }
 
 RX_LAB_KIND(rx_kind_photometry, .name = "PHOTOMETRY", .title = "Photometry campaign", .tag = 0x70686f746f,
-            .most = RX_METHODS_MAX, .ntables = RX_PHOTOMETRY_TABLES, .tables = rx_photometry_tables,
-            .objects = RX_PHOTOMETRY_STAR, .wrong = RX_PHOTOMETRY_FALSE, .open = open_runs,
-            .untouched = untouched, .tile = rx_photometry_tile_make, .rows = add_stars, .found = found,
-            .unit = rx_lab_search_unit, .describe = describe, .name_set = rx_photometry_name_set,
-            .report = rx_photometry_report, .reading = rx_photometry_reading);
+            .most = RX_METHODS_MAX, .ntables = RX_SOURCES_TABLES, .tables = rx_sources_tables,
+            .open = open_runs, .untouched = untouched, .tile = rx_photometry_tile, .unit = rx_sources_unit,
+            .describe = describe, .name_set = rx_sources_name_set, .report = rx_sources_report,
+            .reading = rx_sources_reading);

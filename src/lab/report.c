@@ -117,23 +117,23 @@ static void show(rx_lab_page *page, const rx_lab_group *g, int q, int in_brief)
 }
 
 void rx_lab_group_show(rx_lab_page *page, const rx_lab_group *g, const char *id, const char *title, int drawn,
-                       int open, const char *words)
+                       const char *words)
 {
     char prefix[RX_FIGURE_ID];
-    for (int q = 0; q < drawn; q++)
+    for (int q = 0; q < g->open && drawn; q++)
         plot(rx_report_figures_of(page->report), g, id, q);
     rx_report_section(page->report, id, title);
     snprintf(prefix, sizeof prefix, "%.12s-", id);
-    if (drawn > 0)
+    if (drawn)
         rx_report_place(page->report, prefix);
     if (words != NULL)
         rx_report_sentence(page->report, words);
     for (int q = 0; q < g->nquantities; q++) {
-        if (q == open)
+        if (q == g->open)
             rx_report_fold(page->report, "More tables");
-        show(page, g, q, q < open);
+        show(page, g, q, q < g->open);
     }
-    if (g->nquantities > open)
+    if (g->nquantities > g->open)
         rx_report_unfold(page->report);
 }
 

@@ -32,7 +32,7 @@ typedef struct rx_finding {
 typedef struct rx_lab_group {
     const rx_lab *lab;
     const char *name, *axis; /* as "scene" of all tables; below figures; not owned */
-    int nquantities;
+    int nquantities, open;   /* open: the first ones, drawn, not folded away, and lines of the terminal */
     rx_quantity quantity[RX_QUANTITIES_MAX];
     int nconditions;
     char (*condition)[96]; /* owned, as what follows */
@@ -72,9 +72,9 @@ void rx_lab_group_free(rx_lab_group *group); /* content only */
 int rx_lab_group_column(const rx_lab_group *group, const char *name); /* -1: none */
 rx_finding *rx_lab_group_at(const rx_lab_group *group, int quantity, int condition, int column);
 
-/* A section: its figures (the first `drawn` quantities, and others whose ids begin with "ID-"), words (NULL: none), and
- * the quantities, of which the first `open` lie open and are lines of the terminal; all are rows of "cells". */
+/* A section: figures (those whose ids begin with "ID-", too; drawn 0: none), words (NULL: none), and the quantities, all of
+ * them rows of "cells". */
 void rx_lab_group_show(rx_lab_page *page, const rx_lab_group *group, const char *id, const char *title,
-                       int drawn, int open, const char *words);
+                       int drawn, const char *words);
 
 #endif

@@ -109,7 +109,8 @@ static rx_status measure(results *r, rx_error *err)
         RX_TRY(RX_MAKE(r->work[i], room, err));
     for (int g = 0; g < 2; g++) {
         rx_lab_group *group = &r->group[g];
-        *group = (rx_lab_group){.name = g == 1 ? "noise" : "FWHM", .axis = AXES[g], .nquantities = QUALITIES};
+        *group = (rx_lab_group){
+            .name = g == 1 ? "noise" : "FWHM", .axis = AXES[g], .nquantities = QUALITIES, .open = QUALITIES};
         memcpy(group->quantity, QUALITY, sizeof QUALITY);
         RX_TRY(rx_lab_group_open(group, lab, nbins[g], err));
         for (int c = 0; c < nbins[g]; c++) {
@@ -365,8 +366,7 @@ rx_status rx_restoration_report(const rx_lab *lab, rx_lab_page *page, rx_error *
             continue;
         for (int q = 0; q < QUALITIES; q++)
             plot_boxes(rx_report_figures_of(page->report), &r, g, q);
-        rx_lab_group_show(page, &r.group[g], r.group[g].name, g == 1 ? "By noise" : "By FWHM", QUALITIES,
-                          QUALITIES, NULL);
+        rx_lab_group_show(page, &r.group[g], r.group[g].name, g == 1 ? "By noise" : "By FWHM", 1, NULL);
     }
     if (n > 0)
         rx_report_section(page->report, "examples", "Examples");

@@ -6,6 +6,7 @@
 
 #include "config/config_fields.h"
 #include "lab/lab.h"
+#include "lab/sources.h"
 #include "lab/units.h"
 
 /* Names and values, ending with NULL. */
@@ -45,7 +46,7 @@ static inline rx_unit_values *run_units(void **scratch, const char *name, rx_lab
         places[u] = rx_lab_place(lab, u);
     const rx_unit_work work = {lab->kind->title, lab->nunits, places, 1, 1, lab, rx_lab_do_unit};
     assert_int_equal(rx_journal_open(path, &facts, lab->nunits, values, &journal, &err), RX_OK);
-    assert_int_equal(rx_lab_prepare(lab, NULL, &err), RX_OK);
+    assert_int_equal(rx_sources_prepare(lab, NULL, &err), RX_OK);
     if (rx_units_run(&work, nthreads, journal, values, NULL, &err) != RX_OK)
         fail_msg("%s", err.text);
     rx_journal_close(journal);

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "lab/photometry.h"
+#include "lab/sources.h"
 #include "num/stats.h"
 #include "pipeline/pipeline.h"
 
@@ -46,24 +46,24 @@ static double moffat_power(double fwhm, double beta)
 static long nfalse_of(const rx_lab_table *table, int run)
 {
     long n = 0;
-    for (long i = 0; i < table[RX_PHOTOMETRY_FALSE].n; i++)
-        n += rx_lab_own(&table[RX_PHOTOMETRY_FALSE], i)[RX_WRONG_RUN] == run;
+    for (long i = 0; i < table[RX_SOURCES_FALSE].n; i++)
+        n += rx_lab_own(&table[RX_SOURCES_FALSE], i)[RX_FALSE_RUN] == run;
     return n;
 }
 
 /* Every star is found with its flux, and nothing else. */
 static void check_bright(const rx_lab *campaign, const rx_lab_table *table, double lowest, double highest)
 {
-    const rx_lab_table *star = &table[RX_PHOTOMETRY_STAR];
+    const rx_lab_table *star = &table[RX_SOURCES_OBJECT];
     assert_true(star->n >= 6);
     for (int r = 0; r < campaign->nruns; r++) {
         double *ratios = calloc((size_t)star->n, sizeof *ratios);
         for (long i = 0; i < star->n; i++) {
             const double *v = rx_lab_each(star, i, r);
-            assert_true(v[RX_STAR_SCORE] > 20);
-            ratios[i] = v[RX_STAR_RATIO];
+            assert_true(v[RX_FOUND_SCORE] > 20);
+            ratios[i] = v[RX_FOUND_RATIO];
             /* the pull is the flux's difference in units of its error */
-            assert_int_equal(v[RX_STAR_RATIO] > 1, v[RX_STAR_PULL] > 0);
+            assert_int_equal(v[RX_FOUND_RATIO] > 1, v[RX_FOUND_PULL] > 0);
         }
         assert_in_range((unsigned long)(1e6 * rx_median(ratios, (size_t)star->n)),
                         (unsigned long)(1e6 * lowest), (unsigned long)(1e6 * highest));
@@ -82,13 +82,13 @@ static void bright_stars_come_back(void **state)
     for (long u = 0; u < 2; u++) {
         rx_lab_table table[RX_LAB_TABLES];
         tables_of(campaign, values, u, table);
-        const double *tile = rx_lab_own(&table[RX_PHOTOMETRY_TILE], 0);
+        const double *tile = rx_lab_own(&table[RX_SOURCES_TILE], 0);
         /* MAG_AUTO holds 98 % of a star here; its Kron radius on restored pixels gives 3 % too much */
         check_bright(campaign, table, 0.95, 1.05);
-        assert_near(tile[RX_FIELD_MPIXELS], 1e-6 * 256 * 256, 1e-6);
+        assert_near(tile[RX_TILE_MPIXELS], 1e-6 * 256 * 256, 1e-6);
         /* pixels widen the PSF of 4 pixels by 1.5 %: 3 % of the power; the noise is measured to 2 % */
-        assert_near(tile[RX_FIELD_SNR] / (flux * sqrt(moffat_power(4.0, 4.765)) / sigma), 0.985, 0.03);
-        rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
+        assert_near(tile[RX_TILE_SNR] / (flux * sqrt(moffat_power(4.0, 4.765)) / sigma), 0.985, 0.03);
+        rx_lab_tables_free(RX_SOURCES_TABLES, table);
     }
     rx_unit_values_free(2, values);
     rx_lab_close(campaign);
@@ -108,15 +108,15 @@ static void templates_compete(void **state)
     for (int r = 0; r < campaign->nruns; r++) {
         assert_int_equal(campaign->run[r].templates, r % 2);
         assert_ptr_equal(campaign->run[r].restorer, campaign->run[r / 2 * 2].restorer);
-        for (long i = 0; i < table[RX_PHOTOMETRY_STAR].n && r % 2; i++) {
-            const double *before = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, r - 1),
-                         *v = before + RX_PHOTOMETRY_STAR_WIDTH;
-            assert_near(v[RX_STAR_SCORE], before[RX_STAR_SCORE], 0);
-            assert_near(v[RX_STAR_RATIO], 1, 0.015);
-            assert_true(v[RX_STAR_RATIO] != before[RX_STAR_RATIO]);
+        for (long i = 0; i < table[RX_SOURCES_OBJECT].n && r % 2; i++) {
+            const double *before = rx_lab_each(&table[RX_SOURCES_OBJECT], i, r - 1),
+                         *v = before + RX_SOURCES_FOUND_WIDTH;
+            assert_near(v[RX_FOUND_SCORE], before[RX_FOUND_SCORE], 0);
+            assert_near(v[RX_FOUND_RATIO], 1, 0.015);
+            assert_true(v[RX_FOUND_RATIO] != before[RX_FOUND_RATIO]);
         }
     }
-    rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
+    rx_lab_tables_free(RX_SOURCES_TABLES, table);
     rx_unit_values_free(campaign->nunits, values);
     rx_lab_close(campaign);
     rx_campaign_config_free(config);
@@ -130,8 +130,7 @@ static void stars_are_apart(void **state)
     rx_lab *campaign = open_lab(&rx_kind_photometry, config, 1);
     rx_lab_tile tile[3];
     for (int t = 0; t < 3; t++)
-        assert_int_equal(rx_photometry_tile_make(campaign, &(rx_lab_unit){0, 0, t % 2}, &tile[t], NULL),
-                         RX_OK);
+        assert_int_equal(rx_photometry_tile(campaign, &(rx_lab_unit){0, 0, t % 2}, &tile[t], NULL), RX_OK);
     const rx_lab_object *one = tile[0].objects.list, *other = tile[1].objects.list;
     assert_true(tile[0].objects.n >= 6);
     for (long i = 0; i < tile[0].objects.n; i++) {
@@ -167,14 +166,14 @@ static void others_are_neither(void **state)
     for (long u = 0; u < 4; u++) {
         rx_lab_table table[RX_LAB_TABLES];
         tables_of(campaign, values, u, table);
-        for (long i = 0; i < table[RX_PHOTOMETRY_STAR].n; i++)
+        for (long i = 0; i < table[RX_SOURCES_OBJECT].n; i++)
             for (int r = 0; r < campaign->nruns; r++) {
-                const double *v = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, r);
-                found += isfinite(v[RX_STAR_SCORE]);
-                assert_int_equal(isfinite(v[RX_STAR_SCORE]), isfinite(v[RX_STAR_RATIO]));
+                const double *v = rx_lab_each(&table[RX_SOURCES_OBJECT], i, r);
+                found += isfinite(v[RX_FOUND_SCORE]);
+                assert_int_equal(isfinite(v[RX_FOUND_SCORE]), isfinite(v[RX_FOUND_RATIO]));
             }
         nfalse += nfalse_of(table, 0);
-        rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
+        rx_lab_tables_free(RX_SOURCES_TABLES, table);
     }
     assert_true(found <= 1);
     assert_true(nfalse <= 2); /* NONE, on a quarter of a Mpixel with 160 stars and galaxies */
@@ -201,23 +200,23 @@ static void injected_stars_come_back(void **state)
     rx_lab_table table[RX_LAB_TABLES];
     assert_int_equal(campaign->nunits, 1);
     tables_of(campaign, values, 0, table);
-    const long nstars = table[RX_PHOTOMETRY_STAR].n;
+    const long nstars = table[RX_SOURCES_OBJECT].n;
     assert_true(campaign->sky[0].known.n > 10);
     assert_non_null(campaign->sky[0].covered);
     for (int r = 0; r < campaign->nruns; r++) {
         long found = 0;
         double *ratios = calloc((size_t)nstars, sizeof *ratios);
         for (long i = 0; i < nstars; i++) {
-            const double *v = rx_lab_each(&table[RX_PHOTOMETRY_STAR], i, r);
-            if (isfinite(v[RX_STAR_SCORE]))
-                ratios[found++] = v[RX_STAR_RATIO];
+            const double *v = rx_lab_each(&table[RX_SOURCES_OBJECT], i, r);
+            if (isfinite(v[RX_FOUND_SCORE]))
+                ratios[found++] = v[RX_FOUND_RATIO];
         }
         assert_true(found >= nstars - nstars / 10); /* some lie on brighter sources */
         assert_near(rx_median(ratios, (size_t)found), 1.0, 0.06);
         free(ratios);
         assert_true(nfalse_of(table, r) <= 3); /* what was there before is not false */
     }
-    rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
+    rx_lab_tables_free(RX_SOURCES_TABLES, table);
     rx_unit_values_free(1, values);
     rx_lab_close(campaign);
     rx_campaign_config_free(config);
@@ -246,8 +245,8 @@ static void noise_counts_on_real_tiles(void **state)
         rx_error err = RX_ERROR_NONE;
         tables_of(campaign, values, unit, table);
         nfalse[unit] = nfalse_of(table, 0);
-        rx_lab_tables_free(RX_PHOTOMETRY_TABLES, table);
-        assert_int_equal(rx_photometry_tile_make(campaign, &campaign->unit[unit], &tile, &err), RX_OK);
+        rx_lab_tables_free(RX_SOURCES_TABLES, table);
+        assert_int_equal(rx_photometry_tile(campaign, &campaign->unit[unit], &tile, &err), RX_OK);
         assert_int_equal(rx_field_extract(&campaign->options->pipeline, campaign->run[0].restorer, tile.blank,
                                           NULL, NULL, &result, &err),
                          RX_OK);

@@ -1,0 +1,255 @@
+/* Sources against the true ones: one tile through every run. */
+#include "lab/sources.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/memory.h"
+#include "check/quality.h"
+#include "pipeline/pipeline.h"
+#include "simulate/noise.h"
+#include "simulate/render.h"
+
+static const double HALF = 0.5; /* of the FWHM: noise moves faint sources so far, and blends of two */
+
+static const rx_lab_column TILE[] = {RX_SOURCES_TILE_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column OBJECT[] = {RX_SOURCES_OBJECT_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column FOUND[] = {RX_SOURCES_FOUND_COLUMNS(RX_LAB_COLUMN)};
+static const rx_lab_column WRONG[] = {RX_SOURCES_FALSE_COLUMNS(RX_LAB_COLUMN)};
+
+const rx_lab_schema rx_sources_tables[RX_SOURCES_TABLES] = {
+    [RX_SOURCES_TILE] = {"tile", RX_SOURCES_TILE_WIDTH, 0, TILE, NULL, 0},
+    [RX_SOURCES_OBJECT] = {"object", RX_SOURCES_OBJECT_WIDTH, RX_SOURCES_FOUND_WIDTH, OBJECT, FOUND, 0},
+    [RX_SOURCES_FALSE] = {"false", RX_SOURCES_FALSE_WIDTH, 0, WRONG, NULL, 0},
+};
+
+/* A tile and what the run at work has found on it. */
+typedef struct search {
+    const rx_lab *lab;
+    const rx_lab_sky *sky;
+    int pairs;
+    rx_lab_tile tile;
+    double radius; /* of matching, pixels */
+    rx_lab_table *table;
+    int run;
+    rx_qa_list list;
+    rx_matches matches;
+} search;
+
+rx_status rx_sources_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_tile *tile, double *pixels,
+                            rx_error *err)
+{
+    RX_TRY(rx_quality_radius(&lab->options->check.quality, tile, pixels, err));
+    *pixels = fmax(*pixels, HALF * sky->fwhm);
+    return RX_OK;
+}
+
+void rx_lab_tile_free(rx_lab_tile *tile)
+{
+    rx_field_free(tile->field);
+    rx_field_free(tile->blank);
+    free(tile->objects.list);
+    *tile = (rx_lab_tile){0};
+}
+
+rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, rx_scene *scene,
+                        rx_tile **tile, rx_error *err)
+{
+    const rx_optics *const optics[] = {sky->simulation->optics};
+    const size_t n = (size_t)scene->width * (size_t)scene->height;
+    rx_simulated simulated = {.width = scene->width, .height = scene->height, .scene = scene};
+    rx_noise_params noise = sky->simulation->noise;
+    simulated.noise = noise;
+    simulated.image = RX_NEW(float, n);
+    simulated.defects = RX_NEW(uint8_t, n);
+    noise.seed = seed;
+    noise.stream = stream;
+    rx_status status = simulated.image == NULL || simulated.defects == NULL
+                           ? rx_error_memory(err, n * sizeof(float))
+                           : rx_render(scene, 1, optics, &simulated.image, 1, err);
+    if (status == RX_OK)
+        status = rx_noise_expose(&noise, simulated.width, simulated.height, simulated.image,
+                                 simulated.defects, 1, err);
+    if (status == RX_OK) {
+        /* world coordinates: not every version of wcslib reads headers in several threads */
+#pragma omp critical(rx_campaign_tile)
+        status = rx_simulation_tile(sky->simulation, &simulated, "simulated", tile, err);
+    }
+    rx_simulated_free(&simulated);
+    return status;
+}
+
+/* --- rows --- */
+
+static double searched(const rx_tile *tile)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    size_t good = 0;
+    for (size_t i = 0; i < n; i++)
+        good += (tile->mask[i] & RX_HIDE_PLAIN) == 0;
+    return 1e-6 * (double)good;
+}
+
+static double separation(const search *s, long pair)
+{
+    const rx_lab_object *a = &s->tile.objects.list[2 * pair];
+    return hypot(a[0].x - a[1].x, a[0].y - a[1].y);
+}
+
+/* Rows of what is to be found. */
+static rx_status add_objects(const search *s, rx_error *err)
+{
+    const rx_lab_objects *o = &s->tile.objects;
+    const rx_field *field = s->tile.field;
+    const int stars = s->lab->scene[0].id == RX_SCENE_MAGNITUDE && o->n > 0 && o->list[0].role == RX_LISTED;
+    double *row;
+    RX_TRY(rx_lab_rows_add(&s->table[RX_SOURCES_TILE], 1, &row, err));
+    row[RX_TILE_MPIXELS] = searched(field->tile);
+    row[RX_TILE_SNR] = stars ? o->list[0].flux * sqrt(s->sky->power) / field->plain->global_sigma : 0;
+    for (long i = 0; i < o->n; i++) {
+        if (s->pairs ? i % 2 == 0 : o->list[i].role != RX_LISTED)
+            continue;
+        RX_TRY(rx_lab_rows_add(&s->table[RX_SOURCES_OBJECT], 1, &row, err));
+        row[RX_OBJECT_SNR] = s->pairs ? fmin(o->list[i].snr, o->list[i - 1].snr) : o->list[i].snr;
+        row[RX_OBJECT_APART] = s->pairs ? separation(s, i / 2) / s->sky->fwhm : 0;
+    }
+    return RX_OK;
+}
+
+/* The detection nearest to an object, within the radius, or -1. */
+static long nearest_detection(const rx_qa_list *list, const rx_lab_object *o, double radius)
+{
+    long best = -1;
+    for (long k = 0; k < list->n; k++) {
+        const double d = hypot(list->x[k] - o->x, list->y[k] - o->y);
+        if (d <= radius) {
+            best = k;
+            radius = d;
+        }
+    }
+    return best;
+}
+
+static void fill_objects(const search *s)
+{
+    const rx_lab_objects *o = &s->tile.objects;
+    const rx_qa_list *list = &s->list;
+    rx_lab_table *table = &s->table[RX_SOURCES_OBJECT];
+    for (long i = 0, n = 0; i < o->n && !s->pairs; i++) {
+        const long k = s->matches.found[i];
+        if (o->list[i].role != RX_LISTED)
+            continue;
+        double *row = rx_lab_each(table, n++, s->run);
+        const double flux = o->list[i].flux, error = k >= 0 ? list->flux_error[k] : 0;
+        row[RX_FOUND_SCORE] = k >= 0 ? list->score[k] : NAN;
+        row[RX_FOUND_RATIO] = k >= 0 ? list->flux[k] / flux : NAN;
+        row[RX_FOUND_PULL] = error > 0 ? (list->flux[k] - flux) / error : NAN;
+        row[RX_FOUND_CROWDED] = k >= 0 && (list->flags[k] & (RX_FLAG_CROWDED | RX_FLAG_MERGED)) != 0;
+    }
+    for (long p = 0; p < o->n / 2 && s->pairs; p++) {
+        const double reach = fmin(s->radius, 0.5 * separation(s, p));
+        const long a = nearest_detection(list, &o->list[2 * p], reach),
+                   b = nearest_detection(list, &o->list[2 * p + 1], reach);
+        double *row = rx_lab_each(table, p, s->run);
+        row[RX_FOUND_SCORE] = a >= 0 && b >= 0 && a != b ? fmin(list->score[a], list->score[b]) : NAN;
+        row[RX_FOUND_RATIO] = row[RX_FOUND_PULL] = NAN;
+    }
+}
+
+/* Of a list those with that outcome, NULL: all of it. */
+static rx_status add_false(const search *s, const rx_qa_list *list, const unsigned char *outcome,
+                           rx_error *err)
+{
+    for (long k = 0; k < list->n; k++) {
+        double *row;
+        if (outcome != NULL && outcome[k] != RX_IS_FALSE)
+            continue;
+        RX_TRY(rx_lab_rows_add(&s->table[RX_SOURCES_FALSE], 1, &row, err));
+        row[RX_FALSE_RUN] = s->run;
+        row[RX_FALSE_SCORE] = list->score[k];
+    }
+    return RX_OK;
+}
+
+/* One run whose sources are there; blank: what was found on the blank tile. */
+static rx_status add_run(search *s, const rx_options *options, const rx_sources *sources,
+                         const rx_sources *blank, rx_error *err)
+{
+    const rx_quality_params *par = &options->check.quality;
+    rx_qa_list noise = {0};
+    rx_status status = rx_quality_list(par, s->tile.field->tile, sources, &s->list, err);
+    if (status == RX_OK)
+        status = rx_lab_match(&s->tile.objects, &(rx_match_list){s->list.n, s->list.x, s->list.y, NULL},
+                              s->radius, &s->matches, err);
+    if (status == RX_OK) {
+        fill_objects(s);
+        status = s->pairs ? RX_OK : add_false(s, &s->list, s->matches.outcome, err);
+    }
+    if (status == RX_OK && blank != NULL)
+        status = rx_quality_list(par, s->tile.blank->tile, blank, &noise, err);
+    if (status == RX_OK && blank != NULL)
+        status = add_false(s, &noise, NULL, err);
+    rx_matches_free(&s->matches);
+    rx_qa_list_free(&noise);
+    rx_qa_list_free(&s->list);
+    return status;
+}
+
+rx_status rx_sources_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                          rx_lab_table *dst, rx_error *err)
+{
+    (void)done;
+    search s = {.lab = lab,
+                .sky = &lab->sky[unit->condition],
+                .pairs = lab->scene[unit->scene].id == RX_SCENE_PAIRS,
+                .table = dst};
+    RX_TRY(lab->kind->tile(lab, unit, &s.tile, err));
+    rx_status status = rx_sources_radius(lab, s.sky, s.tile.field->tile, &s.radius, err);
+    if (status == RX_OK)
+        status = add_objects(&s, err);
+    for (int first = 0; first < lab->nruns && status == RX_OK; first = s.run) {
+        const rx_lab_run *run = &lab->run[first];
+        const rx_options options = rx_lab_options(lab, s.sky, run);
+        rx_result result = {0}, empty = {0};
+        status = rx_field_extract(&options.pipeline, run->restorer, s.tile.field, NULL, NULL, &result, err);
+        if (status == RX_OK && s.tile.blank != NULL)
+            status =
+                rx_field_extract(&options.pipeline, run->restorer, s.tile.blank, NULL, NULL, &empty, err);
+        /* other fluxes of the same sources follow as runs of their own */
+        for (s.run = first; status == RX_OK && s.run < lab->nruns; s.run++) {
+            const rx_lab_run *next = &lab->run[s.run];
+            const rx_options own = rx_lab_options(lab, s.sky, next);
+            if (s.run > first && (next->restorer != run->restorer || next->matched || next->tuned))
+                break;
+            status = add_run(&s, &own, result.sources, empty.sources, err);
+        }
+        rx_result_free(&empty);
+        rx_result_free(&result);
+    }
+    rx_lab_tile_free(&s.tile);
+    return status;
+}
+
+rx_status rx_sources_prepare(rx_lab *lab, rx_log *log, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < lab->nskies * lab->nruns && status == RX_OK; i++) {
+        const int r = i % lab->nruns;
+        rx_lab_sky *sky = &lab->sky[i / lab->nruns];
+        const rx_lab_run *run = &lab->run[r];
+        rx_options options = rx_lab_options(lab, sky, run);
+        rx_pipeline_params *par = &options.pipeline;
+        rx_result result = {0};
+        if (sky->field == NULL ||
+            (r > 0 && run[-1].restorer == run->restorer && run[-1].templates != run->templates))
+            continue; /* other fluxes of the same sources */
+        par->nthreads = par->restore.nthreads = par->measure.nthreads = par->templates.par.nthreads =
+            lab->nthreads;
+        status = rx_field_extract(par, run->restorer, sky->field, NULL, log, &result, err);
+        if (status == RX_OK)
+            status = lab->kind->untouched(lab, sky, r, result.sources, err);
+        rx_result_free(&result);
+    }
+    return status;
+}
