@@ -442,16 +442,14 @@ while IFS='|' read -r file said; do
 done <wrong.list
 result 'files with one thing wrong are refused, each by a line that says it' $ok wrong.log
 
-# what other readers ask for, of a wide PSF that varies and of a narrow one; and of a PSF that was measured, from PSF_LIBRARY
+# what other readers ask for, of a wide PSF that varies and of a narrow one; and of a PSF that was measured
 files layout piff_uv.psf 1 >layout.log 2>&1
 result 'cards for the readers of PSFEx models: PSF_SAMP 1' $? layout.log
-mkdir -p library
 for width in 3.3 2.2; do
-    rm -f library/*
     { "$programs/rextract-simulate" -c /dev/null -IMAGE_NAME auto.fits -TRUTH_NAME auto_truth.fits -IMAGE_SIZE 700 -PSF_FWHM $width -PSF_RATIO 0.9 \
         -STAR_COUNT 250 -STAR_MAG 13,18 -GALAXY_COUNT 0 -NOISE_SIGMA 5 &&
-        "$programs/rextract" auto.fits -c /dev/null -RESTORE_TYPE NONE -CATALOG_TYPE NONE -PSF_LIBRARY library -PSF_LIBRARY_TYPE WRITE &&
-        cp library/*.psf auto_$width.psf && files layout auto_$width.psf "$([ $width = 2.2 ] && echo 2 || echo 1)"; } >layout.log 2>&1
+        "$programs/rextract" auto.fits -c /dev/null -RESTORE_TYPE NONE -CATALOG_TYPE NONE -CHECKIMAGE_TYPE PSF \
+            -CHECKIMAGE_NAME auto_$width.psf && files layout auto_$width.psf "$([ $width = 2.2 ] && echo 2 || echo 1)"; } >layout.log 2>&1
     result "cards of a measured PSF of FWHM $width" $? layout.log
 done
 
@@ -473,7 +471,7 @@ if command -v source-extractor >/dev/null; then
         source-extractor auto.fits -c /dev/null -PARAMETERS_NAME theirs.param -FILTER N -PSF_NAME auto_2.2.psf -CATALOG_TYPE FITS_1.0 \
             -CATALOG_NAME theirs.fits -DETECT_THRESH 5 -VERBOSE_TYPE QUIET &&
         files fluxes ours.fits theirs.fits auto_truth.fits 5e-3; } >sextractor.log 2>&1
-    result 'SExtractor reads a PSF of PSF_LIBRARY, measured, FWHM 2.2' $? sextractor.log
+    result 'SExtractor reads a measured PSF, FWHM 2.2' $? sextractor.log
 else
     skip 'the PSF in SExtractor' 'source-extractor is not installed'
 fi

@@ -49,7 +49,7 @@ import tiles
 from psf_truth import GAIN, SATURATION, ZEROPOINT, Truth
 
 TOP = Path(__file__).resolve().parent.parent
-WAYS = ("AUTO", "MOFFAT_FIT", "PSFEX")  # PSF_TYPE; of PSFEX the model is psfex's, from source-extractor's catalogue
+WAYS = ("AUTO", "PSFEX")  # PSF_TYPE; of PSFEX the model is psfex's, from source-extractor's catalogue
 BRIGHT, PLACES, CORNER = 100, 12, 0.2  # S/N of bright stars, positions a side, share of the side that is a corner
 COLUMNS = "NUMBER X_IMAGE Y_IMAGE FLUX_TEMPLATE FLUXERR_TEMPLATE CLASS_TEMPLATE FLAGS FLAGS_TEMPLATE"
 RADII = np.array([1, 2, 3, 5, 8, 12, 20])  # FWHM, of curves of growth
@@ -541,7 +541,7 @@ def real(out, ways=None):
     data = Path(os.environ.get("RX_SHARED_DATA", TOP / "../shared/data")).resolve()
     if not data.is_dir():
         sys.exit(f"psf.py: {data} is missing (RX_SHARED_DATA); real tiles are left out")
-    ways = ways.split(",") if ways else ["MOFFAT_FIT", "AUTO", "PSFEX"]
+    ways = ways.split(",") if ways else ["AUTO", "PSFEX"]
     rows = []
     for tile in real_tiles(data):
         folder = Path(out) / tile.name.replace(" ", "-")

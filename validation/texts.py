@@ -683,7 +683,7 @@ def resampled():
 def psf():
     """The PSF of the tile against known truths: medians over the tiles, by PSF_TYPE."""
     tiles = [row for row in summary("psf/truth") if "failed" not in row]
-    names = {"AUTO": "PSF_TYPE AUTO", "MOFFAT_FIT": "MOFFAT_FIT, one Moffat", "PSFEX": "psfex's model"}
+    names = {"AUTO": "PSF_TYPE AUTO", "PSFEX": "psfex's model"}
 
     def middle(way, value):
         return statistics.median(value(row) for row in tiles if row["way"] == way)

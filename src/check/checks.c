@@ -59,7 +59,7 @@ static rx_status prepare_selfcheck(rx_checks *checks, rx_log *log, rx_error *err
                        tile->name, tile->hdu);
         return RX_OK;
     }
-    if (rx_psf_type_measured(checks->params->psf.type) && !rx_psf_type_measured(field->psf->type))
+    if (checks->params->psf.type == RX_PSF_AUTO && field->psf->type != RX_PSF_AUTO)
         rx_log_warning(log,
                        "%s[%d]: SELF_CHECK injects objects of a PSF that was not measured on the tile: %s",
                        tile->name, tile->hdu, field->psf->description);

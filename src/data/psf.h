@@ -22,27 +22,20 @@ RX_BEGIN_DECLS
 
 /* Where it comes from. */
 typedef enum rx_psf_type {
-    RX_PSF_MOFFAT,    /* a stated profile */
-    RX_PSF_FILE,      /* an image of it */
-    RX_PSF_PSFEX,     /* a model of PSFEx or of ours */
-    RX_PSF_AUTO,      /* stars of the tile, by pixels where they allow it */
-    RX_PSF_PIXEL,     /* a single pixel: of restored images that are not smoothed */
-    RX_PSF_GAUSS,     /* of restored images */
-    RX_PSF_MOFFAT_FIT /* stars of the tile, one Moffat */
+    RX_PSF_MOFFAT, /* a stated profile */
+    RX_PSF_FILE,   /* an image of it */
+    RX_PSF_PSFEX,  /* a model of PSFEx or of ours */
+    RX_PSF_AUTO,   /* stars of the tile, by pixels where they allow it */
+    RX_PSF_PIXEL,  /* a single pixel: of restored images that are not smoothed */
+    RX_PSF_GAUSS   /* of restored images */
 } rx_psf_type;
-
-/* PSF_TYPE of those that stars of the tile give. */
-static inline int rx_psf_type_measured(rx_psf_type type)
-{
-    return type == RX_PSF_AUTO || type == RX_PSF_MOFFAT_FIT;
-}
 
 enum { RX_PSF_CELLS = 5 };
 
 /* How PSF_TYPE AUTO came to a PSF, and how well that describes reserved stars, which were never fitted. Where
  * nothing was measured `how` is empty and the numbers are 0. */
 typedef struct rx_psf_quality {
-    char how[16];      /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, BESIDE, STATED, LIBRARY: RXPSFHOW */
+    char how[16];      /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, BESIDE, STATED: RXPSFHOW */
     int reserved;      /* stars behind what follows `beyond` */
     int degree;        /* of the polynomial over the tile */
     double radius;     /* pixels, the sum of the PSF within is 1 */
@@ -61,10 +54,6 @@ typedef struct rx_psf_quality {
     int sharper;          /* sources that crowd at a smaller size than the stars; 0: none */
     double sharpness;     /* their half-light radius over that of the stars */
     double limit;         /* ADU: stars with such pixels are flattened, and left out; 0: none */
-    /* LIBRARY: name of the file; how far that tile is, NAN not known; models that say how much they differ */
-    char library[160];
-    double library_days, library_degrees;
-    int library_compared;
 } rx_psf_quality;
 
 /* Of a star, data - model: (T - T_model) / T_model, e1, e2 of rx_psf_quality, and 1 sigma of each. */

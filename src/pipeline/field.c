@@ -26,7 +26,6 @@
 #include "pipeline/crowd_psf.h"
 #include "pipeline/field_noise.h"
 #include "psf/psf_files.h"
-#include "psf/psf_library.h"
 
 /* Share of the pixels at SATUR_LEVEL or above. */
 static double saturated_share(const rx_image *image)
@@ -494,7 +493,7 @@ static rx_status psf_beside(const rx_pipeline_params *params, const rx_error *wh
     rx_psf_params par = params->psf;
     rx_error local = rx_error_part(err);
     bool failed = false;
-    char *path = rx_psf_type_measured(par.type) ? beside(field, log, &failed) : NULL;
+    char *path = par.type == RX_PSF_AUTO ? beside(field, log, &failed) : NULL;
     if (path == NULL)
         return failed ? rx_error_memory(err, 0) : RX_OK;
     rx_record_add(&field->inputs, "PSF_NAME", "", "%s", path);
@@ -535,33 +534,8 @@ static int is_stated(const rx_pipeline_params *params, const rx_field *field)
            (params->seeing_stated && scale > 0.0);
 }
 
-/* The PSF of a neighbour in PSF_LIBRARY; without one field->psf stays. */
-static rx_status library_psf(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
-                             rx_log *log, rx_error *err)
-{
-    const rx_psf_library *library = &params->psf.library;
-    rx_psf_origin origin;
-    rx_psf *found = NULL;
-    if (field->tile == NULL || library->folder == NULL || library->folder[0] == '\0' || library->write ||
-        !rx_psf_type_measured(params->psf.type))
-        return RX_OK;
-    rx_psf_origin_of(field->tile, &origin);
-    RX_TRY(rx_psf_library_find(library, &origin, log, &field->inputs, &found, err));
-    if (found == NULL) {
-        rx_log_info(
-            log, "%s[%d]: PSF_LIBRARY has no PSF of CCD '%s' and filter '%s' within %g days and %g degrees",
-            field->tile->name, field->tile->hdu, origin.ccd, origin.filter, library->days, library->degrees);
-        return RX_OK;
-    }
-    rx_log_warning(log, "%s[%d]: %.*s; the PSF is that of another tile, %s of PSF_LIBRARY", field->tile->name,
-                   field->tile->hdu, (int)strcspn(why->text, ";"), why->text, found->quality.library);
-    rx_psf_free(field->psf);
-    field->psf = found;
-    return RX_OK;
-}
-
-/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, a file beside the image, the header, a tile of
- * PSF_LIBRARY, a SEEING_FWHM that was given), loudly where stars were asked; where nothing was, the tile stays as it is.
+/* Where no stars say it, what was stated of the PSF serves (PSF_FWHM, a file beside the image, the header, a
+ * SEEING_FWHM that was given), loudly where stars were asked; where nothing was, the tile stays as it is.
  * The narrowest sources are a bound only. */
 static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *why, rx_field *field,
                             rx_log *log, rx_error *err)
@@ -578,11 +552,6 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
     if (key == NULL) {
         par.fwhm = header_fwhm(field->tile, scale, &key);
         where = " of the header";
-    }
-    if (!(par.fwhm > 0.0)) {
-        RX_TRY(library_psf(params, why, field, log, err));
-        if (field->psf != NULL)
-            return RX_OK;
     }
     if (!(par.fwhm > 0.0) && params->seeing_stated && scale > 0.0) {
         par.fwhm = params->seeing_arcsec / scale;
@@ -603,7 +572,7 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
         rx_log_warning(
             log, "%s[%d]: a FWHM of %.3g pixels is stated (%s), but sources are narrower: it is below %.2g",
             image->name, image->hdu, par.fwhm, key, field->psf_bound);
-    if (rx_psf_type_measured(params->psf.type))
+    if (params->psf.type == RX_PSF_AUTO)
         rx_log_warning(log, "%s[%d]: %.*s; %s%s is taken: Moffat of FWHM %.2f pixels", image->name,
                        image->hdu, (int)strcspn(why->text, ";"), why->text, key, where, par.fwhm);
     const rx_image restorable = rx_field_restorable(field);
@@ -628,15 +597,15 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
     const bool listed = par.stars_file != NULL && par.stars_file[0] != '\0';
     rx_sources *stars = NULL;
     rx_error why = rx_error_part(err);
-    if (listed && !rx_psf_type_measured(par.type))
-        rx_log_warning(log, "PSF_STARS_NAME is for PSF_TYPE AUTO and MOFFAT_FIT, and is not used");
+    if (listed && par.type != RX_PSF_AUTO)
+        rx_log_warning(log, "PSF_STARS_NAME is for PSF_TYPE AUTO, and is not used");
     if (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0)) {
         rx_error_set(&why, RX_INPUT,
                      "PSF_TYPE MOFFAT needs the FWHM of stars; give PSF_FWHM in pixels, or "
                      "SEEING_FWHM in arcsec, with PIXEL_SCALE where there is no WCS");
         return stated_psf(params, &why, field, log, err);
     }
-    if (!rx_psf_type_measured(par.type))
+    if (par.type != RX_PSF_AUTO)
         return rx_psf_make(&par, &image, NULL, log, &field->psf, err);
     rx_status status = find_stars(params, field, log, &stars, err);
     if (status == RX_OK && listed)
@@ -657,7 +626,7 @@ static rx_status make_psf(const rx_pipeline_params *params, int role, rx_field *
                               "PSF_TYPE AUTO found only %d star%s; what is stated is believed more",
                               field->psf->nstars, one ? "" : "s");
         if (!is_stated(params, field))
-            return library_psf(params, &why, field, log, err);
+            return RX_OK;
         rx_psf *own = field->psf;
         field->psf = NULL;
         status = stated_psf(params, &why, field, log, err);
@@ -691,7 +660,7 @@ static rx_status measure_light(const rx_pipeline_params *params, int role, const
     if (field->noise.origin != RX_NOISE_MEASURED || !field->noise.correlated ||
         !rx_noise_reaches_far(&field->noise) || (par.type == RX_PSF_MOFFAT && !(par.fwhm > 0.0)))
         return RX_OK;
-    if (rx_psf_type_measured(par.type))
+    if (par.type == RX_PSF_AUTO)
         RX_TRY(find_stars(params, field, NULL, &stars, err));
     const rx_status status = rx_psf_make(&par, &image, stars, NULL, dst, &why);
     rx_sources_free(stars);
@@ -881,8 +850,7 @@ static rx_status measure_field(const rx_pipeline_params *params, int what, rx_fi
     if (status == RX_OK)
         status = make_effective_noise(field, of_light, log, err);
     rx_psf_free(of_light);
-    if (status == RX_OK && image->psf != NULL && rx_psf_type_measured(params->psf.type) &&
-        field->nstars > 0) {
+    if (status == RX_OK && image->psf != NULL && params->psf.type == RX_PSF_AUTO && field->nstars > 0) {
         rx_lap_add(&last, &field->background_lap);
         double by = HUGE_VAL, all = 0;
         for (int round = 0; round < PSF_ROUNDS && fabs(by) > PSF_STAYS && status == RX_OK; round++) {

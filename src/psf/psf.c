@@ -135,8 +135,7 @@ static rx_status measure(const rx_psf_params *par, const rx_image *image, const 
         s->flux_auto /= scaled.unit;
         s->fluxerr_auto /= scaled.unit;
     }
-    status = par->type == RX_PSF_AUTO ? rx_psf_measure(&own, &scaled.image, &list, log, dst, err)
-                                      : rx_psf_fit_moffat(&own, &scaled.image, &list, log, NULL, dst, err);
+    status = rx_psf_measure(&own, &scaled.image, &list, log, dst, err);
     if (status != RX_OK)
         goto exit;
     (*dst)->quality.limit *= scaled.unit;
@@ -163,7 +162,6 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_
     case RX_PSF_PSFEX:
         return rx_psf_psfex(par, image->width, image->height, log, dst, err);
     case RX_PSF_AUTO:
-    case RX_PSF_MOFFAT_FIT:
         if (stars == NULL)
             return rx_error_set(err, RX_USAGE, "PSF_TYPE AUTO measures the stars of a list; none was given");
         return measure(par, image, stars, log, dst, err);
@@ -171,5 +169,5 @@ rx_status rx_psf_make(const rx_psf_params *par, const rx_image *image, const rx_
     case RX_PSF_PIXEL:
         break;
     }
-    return rx_error_set(err, RX_USAGE, "PSF_TYPE is none of MOFFAT, FILE, PSFEX, MOFFAT_FIT and AUTO");
+    return rx_error_set(err, RX_USAGE, "PSF_TYPE is none of MOFFAT, FILE, PSFEX and AUTO");
 }

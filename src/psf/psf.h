@@ -20,13 +20,6 @@ typedef enum rx_psf_integration {
     RX_PSF_INTERPOLATE
 } rx_psf_integration;
 
-/* PSF_LIBRARY: models of other tiles, for those whose stars give none (psf/psf_library.h). */
-typedef struct rx_psf_library {
-    const char *folder;   /* "" or NULL: none */
-    int write;            /* this run adds to it, and takes nothing from it */
-    double days, degrees; /* a model is no farther away */
-} rx_psf_library;
-
 typedef struct rx_psf_params {
     rx_psf_type type; /* MOFFAT, FILE, PSFEX, AUTO */
     double fwhm;      /* pixels, MOFFAT */
@@ -36,15 +29,14 @@ typedef struct rx_psf_params {
     rx_psf_integration integrate; /* FILE, sampling above 1 */
     int extension; /* PSFEX: of a file with several models that of this image HDU, from 1; 0: the first */
     int size; /* odd stamp size in pixels, 0 = from the fwhm, or the file's; FILE and PSFEX are cut to it */
-    int min_stars; /* AUTO: fewer usable stars is an error; below 5 a simpler profile is fitted. MOFFAT_FIT: 1 stands for 5 [1] */
-    double min_snr;         /* AUTO [20] */
+    int min_stars;  /* AUTO: fewer usable stars is an error; below 5 a simpler profile is fitted. [1] */
+    double min_snr; /* AUTO [20] */
     const char *stars_file; /* PSF_STARS_NAME: only sources with number_assoc may be stars; NULL, "": all */
     double
-        flattened; /* AUTO, MOFFAT_FIT: stars that reach this (ADU) are no stars; 0: their peaks and sizes decide; HUGE_VAL: all are */
-    int max_degree;         /* AUTO: of the polynomial over the tile [6] */
-    rx_psf_library library; /* AUTO, MOFFAT_FIT */
-    double unit;  /* ADU, of the pixels that stars are measured on (data/unit.h); rx_psf_make() sets it */
-    int nthreads; /* AUTO; the result does not depend on it */
+        flattened; /* AUTO: stars that reach this (ADU) are no stars; 0: their peaks and sizes decide; HUGE_VAL: all are */
+    int max_degree; /* AUTO: of the polynomial over the tile [6] */
+    double unit;    /* ADU, of the pixels that stars are measured on (data/unit.h); rx_psf_make() sets it */
+    int nthreads;   /* AUTO; the result does not depend on it */
 } rx_psf_params;
 
 /* The PSF of an image. AUTO asks for its pixels with their sky, level, noise (none: 1), mask, gain and

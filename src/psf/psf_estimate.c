@@ -1,5 +1,5 @@
-/* PSF_TYPE MOFFAT_FIT: choose among the sources of a list those that are stars, fit them one by one, leave out what
- * does not agree, then fit one elliptical Moffat to all of them together. PSF_TYPE AUTO starts from it.
+/* What PSF_TYPE AUTO starts from: choose among the sources of a list those that are stars, fit them one by one, leave out
+ * what does not agree, then fit one elliptical Moffat to all of them together.
  *
  * Weights: 1/sigma^2 with sigma^2 = sky noise^2 + star / gain + (2 % of the star)^2; the last term keeps the
  * few brightest stars, on which a Moffat never fits to the noise, from deciding alone.
@@ -385,9 +385,9 @@ static rx_status too_few(const rx_psf_params *par, const rx_image *image, int fo
 {
     return rx_error_at(
         err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
-        "PSF_TYPE %s found %d usable star%s of S/N above %g%s and needs %d; give PSF_FWHM in pixels, "
+        "PSF_TYPE AUTO found %d usable star%s of S/N above %g%s and needs %d; give PSF_FWHM in pixels, "
         "SEEING_FWHM in arcsec%s, or a lower PSF_MINSNR",
-        rx_psf_type_name(par->type), found, found == 1 ? "" : "s", par->min_snr,
+        found, found == 1 ? "" : "s", par->min_snr,
         par->stars_file != NULL && par->stars_file[0] != '\0' ? " among those of PSF_STARS_NAME" : "", needed,
         scale_too(image));
 }
@@ -613,10 +613,9 @@ static rx_status build(const rx_psf_params *par, const rx_image *image, const at
             psf->stars[psf->nstars++][1] = stars[i].fit.y;
         }
     snprintf(psf->description, sizeof psf->description,
-             "%s: elliptical Moffat FWHM %.3f +- %.3f px, beta %.2f, ellipticity %.3f, from %d of %d "
+             "AUTO: elliptical Moffat FWHM %.3f +- %.3f px, beta %.2f, ellipticity %.3f, from %d of %d "
              "candidate stars",
-             rx_psf_type_name(par->type), fwhm, psf->fwhm_error, beta, psf->ellipticity, psf->nstars,
-             best->candidates);
+             fwhm, psf->fwhm_error, beta, psf->ellipticity, psf->nstars, best->candidates);
     *dst = psf;
     psf = NULL;
 exit:
@@ -720,12 +719,12 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
     const double level = *limit * (search->par->unit > 0.0 ? search->par->unit : 1.0);
     rx_log_warning(
         log,
-        "PSF_TYPE %s: %d sources whose peaks reach %.4g ADU are flattened, as by soft saturation or on a "
+        "PSF_TYPE AUTO: %d sources whose peaks reach %.4g ADU are flattened, as by soft saturation or on a "
         "photographic plate, "
         "and their fluxes are too low: "
         "the PSF %s; give SATUR_LEVEL %.4g and, where the header has SATUR_KEY, a SATUR_KEY that it "
         "lacks to have them flagged",
-        rx_psf_type_name(search->par->type), flattened, level,
+        flattened, level,
         without ? "is made without them, and does not fit them"
                 : "may be too wide: without them there are too few stars for it",
         level);
@@ -738,8 +737,8 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     static const double ROUND = 0.1; /* of one object's ellipse */
     rx_star_search search = {.par = par, .image = image, .sources = sources};
     attempt best = {.kept = 0};
-    const int ladder = par->type == RX_PSF_AUTO && par->min_stars < FULL;
-    int needed = par->min_stars > 1 && !ladder ? par->min_stars : FULL, most = 0, sizes = 0;
+    const int ladder = par->min_stars < FULL;
+    int needed = ladder ? FULL : par->min_stars, most = 0, sizes = 0;
     const char *how = "MOFFAT";
     double limit = 0.0;
     *dst = NULL;
@@ -749,11 +748,11 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     if (few) {
         status = search_few(&search, &best, &sizes, err);
         if (status == RX_OK && best.kept == 1 && sizes > 1) {
-            status =
-                rx_error_at(err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
-                            "PSF_TYPE %s found sources of %d sizes that may be stars, and no two alike; give "
-                            "PSF_FWHM in pixels, SEEING_FWHM in arcsec%s, or PSF_STARS_NAME, a list of stars",
-                            rx_psf_type_name(par->type), sizes, scale_too(image));
+            status = rx_error_at(
+                err, RX_INPUT, image->name != NULL ? image->name : "", image->hdu, 0,
+                "PSF_TYPE AUTO found sources of %d sizes that may be stars, and no two alike; give "
+                "PSF_FWHM in pixels, SEEING_FWHM in arcsec%s, or PSF_STARS_NAME, a list of stars",
+                sizes, scale_too(image));
             goto exit;
         }
         if (status == RX_OK && best.kept < par->min_stars)
@@ -780,13 +779,12 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         if (best.scatter > ALIKE_SCATTER)
             rx_log_warning(
                 log,
-                "PSF_TYPE %s: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
+                "PSF_TYPE AUTO: the %d stars differ by %.0f %% in width and shape; the PSF varies, or "
                 "some are no stars",
-                rx_psf_type_name(par->type), best.kept, 100.0 * best.scatter);
+                best.kept, 100.0 * best.scatter);
         if (off_stated(par, &best) > 3.0)
-            rx_log_warning(log, "PSF_TYPE %s: PSF_FWHM is %.3g pixels, but %d %s %.3g%s",
-                           rx_psf_type_name(par->type), par->fwhm, best.kept,
-                           best.kept == 1 ? "star has" : "like stars have", fwhm_of(&best),
+            rx_log_warning(log, "PSF_TYPE AUTO: PSF_FWHM is %.3g pixels, but %d %s %.3g%s", par->fwhm,
+                           best.kept, best.kept == 1 ? "star has" : "like stars have", fwhm_of(&best),
                            few ? ": is it this tile's?" /* few stars are believed less, by the caller */
                                : ", which is taken; give PSF_TYPE MOFFAT to have PSF_FWHM");
         status = fit_joint(best.stars, best.list.n, par->nthreads, 30, &best.fit, err);
@@ -813,7 +811,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                        best.kept == 1 ? "it may be a galaxy" : "they may be galaxies");
     if (status == RX_OK)
         (*dst)->quality.limit = limit;
-    if (status == RX_OK && par->type == RX_PSF_AUTO)
+    if (status == RX_OK)
         snprintf((*dst)->quality.how, sizeof(*dst)->quality.how, "%s", how);
     if (status == RX_OK && few) { /* an exponent that no star says, and a width that may be another */
         double narrower[RX_MOFFAT_SHAPE];
@@ -826,7 +824,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, NOT_MOFFAT);
     }
     if (status == RX_OK && sharper > 0)
-        rx_stars_set_sharper(par->type, sharper, sharpness / best.radius, &(*dst)->quality, log);
+        rx_stars_set_sharper(sharper, sharpness / best.radius, &(*dst)->quality, log);
     if (status == RX_OK && found != NULL) {
         memcpy(found->shape, best.fit.shape, sizeof found->shape);
         found->radius = best.radius;

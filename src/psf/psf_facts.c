@@ -1,6 +1,5 @@
 /* What is known of a PSF, as facts. */
 #include <math.h>
-#include <string.h>
 
 #include "data/facts.h"
 #include "psf/psf.h"
@@ -30,12 +29,6 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
     rx_fact_text(facts, RX_FACT_PSFHOW, q->how);
     if (psf->nstars > 0)
         rx_fact_number(facts, RX_FACT_PSFNST, psf->nstars);
-    if (strcmp(q->how, "LIBRARY") == 0) {
-        rx_fact_text(facts, RX_FACT_PSFLIB, q->library);
-        rx_fact_number(facts, RX_FACT_PSFLDT, q->library_days);
-        rx_fact_number(facts, RX_FACT_PSFLDS, q->library_degrees);
-        rx_fact_number(facts, RX_FACT_PSFLN, q->library_compared);
-    }
     if (q->neighbours > 0)
         rx_fact_number(facts, RX_FACT_PSFNBR, q->neighbours);
     if (q->sharper > 0) {
@@ -51,8 +44,6 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
     rx_fact_number(facts, RX_FACT_PSFOUT, q->beyond);
     if (q->hidden > 0.0)
         rx_fact_number(facts, RX_FACT_PSFHID, q->hidden);
-    if (strcmp(q->how, "LIBRARY") == 0) /* its stars are not this tile's */
-        return;
     rx_fact_number(facts, RX_FACT_PSFCOG, q->growth);
     rx_fact_number(facts, RX_FACT_PSFCGR, q->growth_radius);
     rx_fact_number(facts, RX_FACT_PSFRES, q->residual);

@@ -818,11 +818,9 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         warn(&(*dst)->quality, &job.variation, log);
         /* the first stars were sharper than those that suit one another in the end */
         if (moffat->quality.sharper == 0 && moffat->fwhm < 0.9 * (*dst)->fwhm)
-            rx_stars_set_sharper(par->type, moffat->nstars, moffat->fwhm / (*dst)->fwhm, &(*dst)->quality,
-                                 log);
+            rx_stars_set_sharper(moffat->nstars, moffat->fwhm / (*dst)->fwhm, &(*dst)->quality, log);
         else if (moffat->quality.sharper > 0) /* the warning was given */
-            rx_stars_set_sharper(par->type, moffat->quality.sharper, moffat->quality.sharpness,
-                                 &(*dst)->quality, NULL);
+            rx_stars_set_sharper(moffat->quality.sharper, moffat->quality.sharpness, &(*dst)->quality, NULL);
     }
 exit:
     rx_psf_free(moffat);

@@ -292,17 +292,17 @@ rx_status rx_stars_sharper(const rx_star_search *search, double radius, int *n, 
     return RX_OK;
 }
 
-void rx_stars_set_sharper(rx_psf_type type, int n, double ratio, rx_psf_quality *dst, rx_log *log)
+void rx_stars_set_sharper(int n, double ratio, rx_psf_quality *dst, rx_log *log)
 {
     dst->sharper = n;
     dst->sharpness = ratio;
     dst->flux_error = hypot(dst->flux_error, 0.5 * (1.0 - ratio)); /* as likely as not */
     rx_log_warning(
         log,
-        "PSF_TYPE %s: %d sources crowd at %.2f of the size of those that were taken for stars: if they "
+        "PSF_TYPE AUTO: %d sources crowd at %.2f of the size of those that were taken for stars: if they "
         "are the stars, these are compact galaxies and fluxes may be off by %.0f %%, half of which is "
         "part of their errors; give PSF_STARS_NAME, a list of stars, or PSF_FWHM",
-        rx_psf_type_name(type), n, ratio, 100.0 * (1.0 - ratio));
+        n, ratio, 100.0 * (1.0 - ratio));
 }
 
 /* Copy those within the locus: around the median of what lies around the top (once: repeated, the

@@ -56,18 +56,12 @@ rx_status rx_stars_sharper(const rx_star_search *search, double radius, int *n, 
                            rx_error *err);
 
 /* Into the quality, errors and the log: n sources of that size over the stars'. */
-void rx_stars_set_sharper(rx_psf_type type, int n, double ratio, rx_psf_quality *dst, rx_log *log);
+void rx_stars_set_sharper(int n, double ratio, rx_psf_quality *dst, rx_log *log);
 
 /* Isolated candidates of that half-light radius, by falling S/N, at most RX_STARS_MAX. *radius becomes their
  * median. */
 rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candidates, double *radius,
                         rx_star_list *dst, rx_error *err);
-
-/* AUTO or MOFFAT_FIT, for messages. */
-static inline const char *rx_psf_type_name(rx_psf_type type)
-{
-    return type == RX_PSF_MOFFAT_FIT ? "MOFFAT_FIT" : "AUTO";
-}
 
 /* What the Moffat of a tile was fitted to. */
 typedef struct rx_moffat_tile {
@@ -75,7 +69,7 @@ typedef struct rx_moffat_tile {
     double radius; /* half-light radius of the stars, pixels */
 } rx_moffat_tile;
 
-/* PSF_TYPE MOFFAT_FIT: one elliptical Moffat for the tile; found may be NULL. RX_INPUT: too few stars. */
+/* What AUTO begins with, and has of few stars: one elliptical Moffat for the tile; found may be NULL. RX_INPUT: too few stars. */
 rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, const rx_sources *sources,
                             rx_log *log, rx_moffat_tile *found, rx_psf **dst, rx_error *err);
 

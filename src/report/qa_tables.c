@@ -112,7 +112,6 @@ RX_COLUMNS(COMPARISONS, RX_TEXT("first", ""), RX_TEXT("second", ""),
            {"mcnemar_p", RX_REPORT_P, 0, "", "two-sided, McNemar's exact test", "p"});
 
 RX_COLUMNS(PSF, {.name = "how", .help = "how it came about", .heading = "RXPSFHOW"},
-           RX_TEXT("library", "file of PSF_LIBRARY"),
            {"fwhm", RX_REPORT_MEASURED, 3, "pix", "at the centre", "FWHM"},
            RX_NUMBER("stars", 0, "", "that it was fitted to"),
            {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from it", "error of fluxes"},
@@ -455,9 +454,8 @@ static void add_psf(builder *p)
     const bool is_judged = judged != NULL;
     rx_report_table *t = RX_REPORT_TABLE(p->report, "psf", PSF, RX_REPORT_IN_JSON);
     rx_report_put(
-        t, quality->how, quality->library,
-        known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN), psf->nstars,
-        known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
+        t, quality->how, known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN),
+        psf->nstars, known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
         known(is_judged, quality->reserved), known_to(is_judged, quality->trace[0], quality->trace[1]),
         known_to(is_judged, quality->shape[0][0], quality->shape[0][1]),
         known_to(is_judged, quality->shape[1][0], quality->shape[1][1]), known(is_judged, quality->residual),

@@ -79,7 +79,7 @@ rx_status rx_inputs_visit(const rx_config *config, const rx_options *options, co
     for (int role = 0; role < nroles; role++) {
         if (psf_file && (role == 0 || options->pipeline.psf_files[1] != options->pipeline.psf_files[0]))
             take(&r, "PSF_NAME", options->pipeline.psf_files[role]);
-        if (role == 0 && rx_psf_type_measured(options->pipeline.psf.type))
+        if (role == 0 && options->pipeline.psf.type == RX_PSF_AUTO)
             take(&r, "PSF_STARS_NAME", options->pipeline.psf.stars_file);
         if (role == 0 || options->tile[1].weight_name != options->tile[0].weight_name)
             take(&r, "WEIGHT_IMAGE", options->tile[role].weight_name);

@@ -304,7 +304,6 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
                                             : rx_threads_had(cfg->nthreads, log));
     surface_brightness(cfg, &cfg->detect_thresh, &detect->threshold, &detect->absolute);
     surface_brightness(cfg, &cfg->analysis_thresh, &detect->analysis_threshold, &detect->analysis_absolute);
-    dst->write_psf = pipeline->psf.library.write && pipeline->psf.library.folder[0] != '\0';
     pipeline->seeing_stated = rx_config_states(cfg, "SEEING_FWHM");
     pipeline->stated_scale = rx_config_states(cfg, "PIXEL_SCALE") ? cfg->pixel_scale : 0.0;
     dst->model_set = rx_config_states(cfg, "NET_MODEL");
@@ -321,24 +320,6 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
                        "CATALOG_NAME %s is the name of a file, as in SExtractor; give CATALOG_TYPE NONE for "
                        "no catalogue",
                        cfg->catalog_name);
-}
-
-static rx_status check_library(const char *folder, int write, rx_error *err)
-{
-    struct stat found;
-    if (stat(folder, &found) == 0 && !S_ISDIR(found.st_mode))
-        return rx_error_at(
-            err, RX_USAGE, folder, -1, 0,
-            "is a file, and PSF_LIBRARY a folder of .psf files; give that, or PSF_TYPE PSFEX and "
-            "PSF_NAME for a single model");
-    if (access(folder, (write ? W_OK : R_OK) | X_OK) != 0)
-        return rx_error_at(err, RX_USAGE, folder, -1, 0,
-                           "cannot be %s as PSF_LIBRARY: %s; give a folder that %s",
-                           write ? "written" : "read", strerror(errno),
-                           errno == ENOENT ? "is there"
-                           : write         ? "you may write to"
-                                           : "you may read");
-    return RX_OK;
 }
 
 /* Without a configuration and without the file, those of the shipped default.param. */
@@ -385,8 +366,6 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     tile_options(cfg, options);
     RX_TRY_EXIT(measure_options(cfg, log, options, err));
     RX_TRY_EXIT(checkimage_options(cfg, log, options, err));
-    if (cfg->psf_library[0] != '\0')
-        RX_TRY_EXIT(check_library(cfg->psf_library, options->pipeline.psf.library.write, err));
     RX_TRY_EXIT(assoc_options(cfg, options, err));
     RX_TRY_EXIT(reference_options(cfg, options, err));
     RX_TRY_EXIT(template_options(options, err));

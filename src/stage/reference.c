@@ -11,8 +11,8 @@
 
 #include "base/memory.h"
 #include "catalog/catalog.h"
+#include "io/exposure.h"
 #include "io/wcs.h"
-#include "psf/psf_library.h"
 
 /* Names that other programs give to what we look for, tried in this order. */
 static const char *const value_names[] = {"MAG",     "MAG_TRUE", "MAG_AUTO",  "MAG_BEST",
@@ -168,8 +168,8 @@ static rx_status choose_survey(const rx_reference_params *par, const rx_table *t
                                chosen *dst, rx_error *err)
 {
     const survey *s = dst->survey;
-    rx_psf_origin origin;
-    rx_psf_origin_of(tile, &origin);
+    rx_exposure exposure;
+    rx_exposure_of(tile, &exposure);
     dst->x = rx_table_find(table, s->x);
     dst->y = rx_table_find(table, s->y);
     dst->sky = 1;
@@ -180,7 +180,7 @@ static rx_status choose_survey(const rx_reference_params *par, const rx_table *t
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "has no magnitudes of REFERENCE_BAND %s; %s has %s", par->band, s->title,
                                s->bands);
-    } else if (take_band(s->bands, -1, origin.filter, dst->band)) {
+    } else if (take_band(s->bands, -1, exposure.filter, dst->band)) {
         dst->value = find_band(table, s->mag, dst->band);
     }
     for (int k = 0; dst->value < 0 && take_band(s->bands, k, NULL, dst->band); k++)
@@ -314,9 +314,9 @@ static void move(double motion_x, double motion_y, double years, double *alpha, 
 /* Julian year of the tile's exposure, NAN when its header has no date. */
 static double tile_year(const rx_tile *tile)
 {
-    rx_psf_origin origin;
-    rx_psf_origin_of(tile, &origin);
-    return 2000.0 + (origin.mjd - 51544.5) / 365.25;
+    rx_exposure exposure;
+    rx_exposure_of(tile, &exposure);
+    return 2000.0 + (exposure.mjd - 51544.5) / 365.25;
 }
 
 /* Rows whose motion or epoch is not known stay where they are. */
@@ -419,15 +419,15 @@ rx_status rx_reference_list(const rx_reference_params *par, const rx_table *tabl
         return rx_error_memory(err, 0);
     if (column.survey != NULL)
         rx_log_info(log, "reference %s", note->shown.data);
-    rx_psf_origin origin;
+    rx_exposure exposure;
     char band[sizeof column.band];
-    rx_psf_origin_of(tile, &origin);
-    if (column.survey != NULL && (par->band == NULL || par->band[0] == '\0') && origin.filter[0] != '\0' &&
-        !(take_band(column.survey->bands, -1, origin.filter, band) && strcmp(band, column.band) == 0))
+    rx_exposure_of(tile, &exposure);
+    if (column.survey != NULL && (par->band == NULL || par->band[0] == '\0') && exposure.filter[0] != '\0' &&
+        !(take_band(column.survey->bands, -1, exposure.filter, band) && strcmp(band, column.band) == 0))
         rx_log_warning(log,
                        "%s: the tile's filter is %s, its magnitudes are of %s; fluxes will look off; state "
                        "REFERENCE_BAND or REFERENCE_COLOR_TERM",
-                       par->name, origin.filter, column.band);
+                       par->name, exposure.filter, column.band);
     if (note->moved == 0 && column.motion_x >= 0)
         rx_log_warning(log, "%s: proper motions are not applied; matches of fast stars may be missed",
                        par->name);

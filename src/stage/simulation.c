@@ -77,7 +77,7 @@ exit:
 /* A PSF that was only stated would pass for the tile's own. */
 static rx_status check_measured(const rx_field *field, rx_error *err)
 {
-    if (field->psf != NULL && rx_psf_type_measured(field->psf->type))
+    if (field->psf != NULL && field->psf->type == RX_PSF_AUTO)
         return RX_OK;
     return rx_error_at(
         err, RX_INPUT, field->tile->name, field->tile->hdu, 0,

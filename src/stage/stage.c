@@ -22,7 +22,6 @@
 #include "io/tile.h"
 #include "pipeline/field.h"
 #include "stage/extract.h"
-#include "stage/library.h"
 #include "stage/open.h"
 #include "stage/provenance.h"
 #include "stage/report.h"
@@ -170,8 +169,6 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
         status = rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err);
     if (status == RX_OK)
         status = record_inputs(job, detect, measure, err);
-    if (status == RX_OK)
-        status = rx_library_add(options, detect, &job->record, job->outputs, job->log, err);
     const rx_extraction_input work = {.options = options,
                                       .detect = detect,
                                       .measure = measure,

@@ -8,9 +8,9 @@
 #include <strings.h>
 
 #include "base/memory.h"
+#include "io/exposure.h"
 #include "io/fits_read.h"
 #include "io/wcs.h"
-#include "psf/psf_library.h"
 #include "quality/tile_quality.h"
 
 int rx_psf_account_is_lower(const rx_psf_account *psf)
@@ -53,7 +53,6 @@ static rx_status describe_psf(const rx_field *field, const rx_extension_facts *e
         return RX_OK;
     const rx_psf_quality *q = &psf->quality;
     snprintf(dst->how, sizeof dst->how, "%s", q->how);
-    snprintf(dst->library, sizeof dst->library, "%s", q->library);
     dst->stars = psf->nstars;
     dst->flux_error = rx_psf_flux_error_mean(psf);
     dst->growth = q->growth;
@@ -107,9 +106,9 @@ void rx_tile_facts_cards(rx_extension_facts *facts, const rx_tile *tile, int n, 
         snprintf(card->name, sizeof card->name, "%s", names[i]);
         int found = rx_cards_number(tile->cards, (long)tile->ncards, names[i], &card->value);
         if (!found && strcasecmp(names[i], "MJD-OBS") == 0) {
-            rx_psf_origin origin;
-            rx_psf_origin_of(tile, &origin);
-            card->value = origin.mjd;
+            rx_exposure exposure;
+            rx_exposure_of(tile, &exposure);
+            card->value = exposure.mjd;
             found = 1;
         }
         facts->ncards += found && isfinite(card->value);

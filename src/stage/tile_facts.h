@@ -36,7 +36,6 @@ typedef struct rx_run_facts {
 /* How its PSF came about, and what reserved stars say of it. */
 typedef struct rx_psf_account {
     char how[16]; /* RXPSFHOW; "" where that does not say */
-    char library[160];
     int stars, reserved;
     double flux_error, growth, residual;
     double off[3], error[3]; /* means of rx_psf_star.off, and errors */

@@ -51,7 +51,6 @@ RX_COLUMNS(NOT_FINE, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
 
 RX_COLUMNS(PSFS, RX_TEXT("tile", "name"), {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
            {.name = "how", .help = "how its PSF came about (RXPSFHOW)", .heading = "PSF"},
-           {.name = "library", .help = "file of PSF_LIBRARY", .heading = "of PSF_LIBRARY"},
            RX_COUNT("stars", "that it was fitted to"),
            RX_COUNT("reserved", "stars that were not fitted, for what follows"),
            {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from the PSF",
@@ -160,12 +159,12 @@ static rx_report_table *add_psfs(rx_report *report, const rx_rollup *r)
             const double numbers[] = {p->stars, p->reserved, p->flux_error > 0 ? p->flux_error : NAN,
                                       p->growth, p->residual};
             rx_cell row[COUNT(PSFS)] = {rx_cell_words(r->psf[i].tile->name), rx_cell_number(r->psf[i].hdu),
-                                        rx_cell_words(p->how), rx_cell_words(p->library)};
+                                        rx_cell_words(p->how)};
             for (int k = 0; k < COUNT(numbers); k++)
-                row[4 + k] = rx_cell_number(numbers[k]);
+                row[3 + k] = rx_cell_number(numbers[k]);
             for (int k = 0; k < 3; k++) {
-                row[4 + COUNT(numbers) + 2 * k] = rx_cell_number(p->reserved > 0 ? p->off[k] : NAN);
-                row[5 + COUNT(numbers) + 2 * k] = rx_cell_number(p->reserved > 0 ? p->error[k] : NAN);
+                row[3 + COUNT(numbers) + 2 * k] = rx_cell_number(p->reserved > 0 ? p->off[k] : NAN);
+                row[4 + COUNT(numbers) + 2 * k] = rx_cell_number(p->reserved > 0 ? p->error[k] : NAN);
             }
             rx_report_row(t, row);
         }
@@ -327,7 +326,7 @@ static void show_figures(rx_report *report, const rx_rollup *r)
 
 static void show_psfs(rx_report *report, const rx_rollup *r, const rx_report_table *psfs)
 {
-    static const char *const columns[] = {"tile", "hdu", "how", "library", "flux_error"};
+    static const char *const columns[] = {"tile", "hdu", "how", "flux_error"};
     char sentence[160];
     if (r->npsfs == 0)
         return;

@@ -47,7 +47,6 @@ static void add_psf(rx_text *dst, const rx_psf_account *psf)
         return;
     rx_text_add(dst, "PSF");
     add_string(dst, psf->how);
-    add_string(dst, psf->library);
     rx_text_printf(dst, " %d %d %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n", psf->stars, psf->reserved,
                    psf->flux_error, psf->growth, psf->residual, psf->off[0], psf->off[1], psf->off[2],
                    psf->error[0], psf->error[1], psf->error[2]);
@@ -391,7 +390,7 @@ static rx_status read_page(reader *r)
 
 static rx_status read_psf(reader *r)
 {
-    char *how = NULL, *library = NULL;
+    char *how = NULL;
     long stars = 0, reserved = 0;
     if (r->extension == NULL || r->extension->psf.how[0] != '\0')
         return refuse(r, "PSF is out of place");
@@ -400,22 +399,19 @@ static rx_status read_psf(reader *r)
                               &psf->off[2],     &psf->error[0], &psf->error[1], &psf->error[2]};
     rx_status status;
     RX_TRY_EXIT(take_string(r, 1, &how));
-    RX_TRY_EXIT(take_string(r, 2, &library));
     if (!is_run_name(how))
         RX_TRY_EXIT(refuse(r, "a PSF has no word of RXPSFHOW"));
-    RX_TRY_EXIT(take_whole(r, 3, 0, INT_MAX, &stars));
-    RX_TRY_EXIT(take_whole(r, 4, 0, INT_MAX, &reserved));
+    RX_TRY_EXIT(take_whole(r, 2, 0, INT_MAX, &stars));
+    RX_TRY_EXIT(take_whole(r, 3, 0, INT_MAX, &reserved));
     for (int i = 0; i < 9; i++)
-        RX_TRY_EXIT(take_real(r, 5 + i, values[i]));
+        RX_TRY_EXIT(take_real(r, 4 + i, values[i]));
     snprintf(psf->how, sizeof psf->how, "%s", how);
-    snprintf(psf->library, sizeof psf->library, "%s", library);
     psf->stars = (int)stars;
     psf->reserved = (int)reserved;
     psf->rho.alpha = r->extension->alpha;
     psf->rho.delta = r->extension->delta;
 exit:
     free(how);
-    free(library);
     return status;
 }
 

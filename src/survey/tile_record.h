@@ -12,7 +12,7 @@
  *   ANOMALIES rows columns light       RXROWS, RXCOLS, RXLIGHT; only where one is known
  *   CARD "AIRMASS" 1.23               of RECORD_CARDS; those that the header has
  *   PAGE "night/m31_qa/tile.html"     of the tile; only where there is one
- *   PSF "PIXELS" "" stars reserved error growth residual dT de1 de2 errors    RXPSFHOW, RXPSFLIB ...; only where known
+ *   PSF "PIXELS" stars reserved error growth residual dT de1 de2 errors    RXPSFHOW ...; only where known
  *   STARS n t e1 e2 reach             sums of residuals of reserved stars, and of their pairs by angle:
  *   RHO k pairs tt ee                 quality/rho.h
  *   RUN "RL" sources reference        reference: 1 when BIN lines count against a reference catalogue

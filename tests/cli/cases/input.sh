@@ -344,7 +344,7 @@ talks 'stars\.cat: [0-9]+ of [0-9]+ sources are among its [0-9]+ stars .*PSF AUT
 begin 'PSF_STARS_NAME where no stars are asked for'
 make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n10 20\n' >stars.cat
 leaves test.cat
-talks 'PSF_STARS_NAME is for PSF_TYPE AUTO and MOFFAT_FIT, and is not used' tile.fits $moffat -RL_NITER 2 -PSF_STARS_NAME stars.cat
+talks 'PSF_STARS_NAME is for PSF_TYPE AUTO, and is not used' tile.fits $moffat -RL_NITER 2 -PSF_STARS_NAME stars.cat
 
 begin 'PSF file beside an image whose stars give none'
 make_fits flat tile.fits && make_fits psf tile.psf

@@ -94,8 +94,9 @@ mkdir 'night[1]' && make_fits tile 'night[1]/tile.fits'
 expect 2 'CATALOG_NAME night\[1\]/tile\.fits is also read' 'night[1]/tile.fits[0]' -CATALOG_NAME 'night[1]/tile.fits'
 
 begin 'a file of a folder that is read'
-make_fits tile tile.fits && mkdir library && make_fits tile library/a.psf
-expect 2 'CATALOG_NAME library/a\.psf is also read, from the folder library' tile.fits -PSF_LIBRARY library -CATALOG_NAME library/a.psf
+of rextract-simulate
+mkdir cutouts && make_fits tile cutouts/a.fits
+expect 2 'IMAGE_NAME cutouts/a\.fits is also read, from the folder cutouts' -TEMPLATE_NAME cutouts -TEMPLATE_COUNT 10 -IMAGE_NAME cutouts/a.fits
 
 begin 'what the configuration of INJECT_CONFIG reads'
 of rextract-simulate

@@ -72,12 +72,6 @@ begin 'image that this user must not read'
 make_fits tile tile.fits && chmod 000 tile.fits
 refused 3 '^rextract: tile\.fits.*Permission denied' tile.fits $none
 
-begin 'PSF_LIBRARY that this user must not write'
-make_fits tile tile.fits
-[ "$active" = 0 ] || { mkdir library && chmod 555 library; }
-refused 2 '^rextract: library: cannot be written as PSF_LIBRARY: Permission denied; give a folder that you may write to$' tile.fits \
-    -PSF_LIBRARY library -PSF_LIBRARY_TYPE WRITE
-
 begin 'configuration that this user must not read'
 make_fits tile tile.fits && echo 'DETECT_THRESH 3' >my.sex && chmod 000 my.sex
 refused 2 '^rextract: my\.sex: cannot be opened: Permission denied' tile.fits $none -c my.sex

@@ -118,6 +118,8 @@ static void bad_lines_say_where_and_what(void **state)
         {"FILTER maybe", "FILTER: 'maybe' is not Y or N"},
         {"CATALOG_TYPE FITS_LADC",
          "unknown word 'FITS_LADC' (did you mean FITS_LDAC?); give one of NONE, ASCII,"},
+        {"PSF_LIBRARY lib", "PSF_LIBRARY is no longer a keyword; give PSF_FWHM"},
+        {"PSF_LIBRARY_MAX 1,6", "PSF_LIBRARY_MAX is no longer a keyword"},
         {"PSF_TYPE piff", "PSF_TYPE: PIFF is no longer offered; give FILE"},
         {"RESTORE_TYPE NONE,CNN", "RESTORE_TYPE: unknown word 'CNN'"},
         {"PHOT_AUTOPARAMS 2.5", "PHOT_AUTOPARAMS: has 1 item(s), needs at least 2"},
@@ -206,6 +208,10 @@ static void keywords_without_effect_warn_once(void **state)
     logged(state, "WRITE_XML N\nINTERP_TYPE all\nINTERP_MAXXLAG 16.0\nHEADER_SUFFIX .head\nFILTER_THRESH\n",
            RX_OK, said, sizeof said, &err);
     assert_string_equal(said, "");
+    logged(state, "PSF_LIBRARY_MAX 1,5.00\nGAIN 2\nPSF_LIBRARY none\n", RX_OK, said, sizeof said, &err);
+    assert_non_null(strstr(
+        said,
+        "no longer keywords, and without effect at their old defaults: PSF_LIBRARY_MAX, PSF_LIBRARY\n"));
     logged(state, "PIXEL_SCALE 0.4 arcsec\n", RX_OK, said, sizeof said, &err);
     assert_non_null(strstr(said, "test.sex:1: PIXEL_SCALE takes one value, 'arcsec' is ignored"));
 }

@@ -66,8 +66,7 @@ static void check_field(const rx_fill *row, const rx_keyword *key, const int *wo
     if (row->how == RX_FILL_BIT && !is_word(key))
         fail_msg("%s has no bits", key->name);
     /* the pipeline's own rows hold no names: rx_pipeline_defaults() has none that would last */
-    if (string && inside && strcmp(key->name, "PSF_NAME") != 0 && strcmp(key->name, "PSF_LIBRARY") != 0 &&
-        strcmp(key->name, "PSF_STARS_NAME") != 0)
+    if (string && inside && strcmp(key->name, "PSF_NAME") != 0 && strcmp(key->name, "PSF_STARS_NAME") != 0)
         fail_msg("%s: names in the pipeline's params are the stage's business", key->name);
 }
 

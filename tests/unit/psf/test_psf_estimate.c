@@ -1,4 +1,4 @@
-/* PSF_TYPE AUTO and MOFFAT_FIT on simulated fields of known PSF: stars among galaxies, hot pixels, saturation, halos. */
+/* PSF_TYPE AUTO on simulated fields of known PSF: stars among galaxies, hot pixels, saturation, halos. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -200,9 +200,9 @@ static void free_field(field *f)
     free(f->sources.segments);
 }
 
-static rx_status estimate_as(const field *f, rx_psf_type type, int nthreads, rx_psf **psf, rx_error *err)
+static rx_status estimate_on(const field *f, int nthreads, rx_psf **psf, rx_error *err)
 {
-    rx_psf_params par = {.type = type,
+    rx_psf_params par = {.type = RX_PSF_AUTO,
                          .beta = 4.765,
                          .min_stars = 1,
                          .min_snr = 20.0,
@@ -216,24 +216,23 @@ static rx_status estimate_as(const field *f, rx_psf_type type, int nthreads, rx_
 
 static rx_status estimate(const field *f, rx_psf **psf, rx_error *err)
 {
-    return estimate_as(f, RX_PSF_AUTO, 1, psf, err);
+    return estimate_on(f, 1, psf, err);
 }
 
-static void check_field_as(rx_psf_type type, double fwhm, double beta, double ratio, double angle, int nstars,
-                           int hot)
+static void check_field(double fwhm, double beta, double ratio, double angle, int nstars, int hot)
 {
     field f;
     rx_psf *psf, *truth;
     rx_error err = RX_ERROR_NONE;
     make_field(&f, fwhm, beta, ratio, angle, nstars, hot);
-    if (estimate_as(&f, type, 1, &psf, &err) != RX_OK)
+    if (estimate(&f, &psf, &err) != RX_OK)
         fail_msg("FWHM %g: %s", fwhm, err.text);
     print_message("true FWHM %g, beta %g, ellipticity %g: %s\n", fwhm, beta, 1.0 - ratio, psf->description);
     assert_near(psf->fwhm / fwhm, 1.0, 0.005);
     assert_near(psf->ellipticity, 1.0 - ratio, 0.003);
     assert_between(psf->fwhm_error, 0.0, 0.02 * fwhm);
-    assert_true(type != RX_PSF_AUTO || (psf->nstars < 10) == (psf->quality.flux_error > 0.03));
-    assert_true(psf->type == type);
+    assert_true((psf->nstars < 10) == (psf->quality.flux_error > 0.03));
+    assert_true(psf->type == RX_PSF_AUTO);
     assert_between(psf->nstars, nstars / 2, nstars);
     for (int i = 0; i < psf->nstars; i++) { /* every one is a star */
         int found = 0;
@@ -251,12 +250,6 @@ static void check_field_as(rx_psf_type type, double fwhm, double beta, double ra
     rx_psf_free(truth);
     rx_psf_free(psf);
     free_field(&f);
-}
-
-static void check_field(double fwhm, double beta, double ratio, double angle, int nstars, int hot)
-{
-    check_field_as(RX_PSF_AUTO, fwhm, beta, ratio, angle, nstars, hot);
-    check_field_as(RX_PSF_MOFFAT_FIT, fwhm, beta, ratio, angle, nstars, hot);
 }
 
 static void test_known_widths(void **state)
@@ -374,9 +367,6 @@ static void test_halo(void **state)
     assert_between(psf->quality.radius, 15.0, 60.0);
     assert_between(psf->quality.beyond, 0.0, 0.004);
     assert_between(psf->quality.flux_error, 1e-5, 0.01);
-    rx_psf_free(psf);
-    assert_int_equal(estimate_as(&f, RX_PSF_MOFFAT_FIT, 1, &psf, NULL), RX_OK);
-    assert_true(encircled(psf, 320.0, 320.0, 6.0) > 0.9 * core + 0.1 * halo + 0.03);
     rx_psf_free(psf);
     free_field(&f);
 }
@@ -752,8 +742,8 @@ static void test_threads(void **state)
     field f;
     rx_psf *one, *many;
     make_field_of(&f, 3.0, 3.5, 0.9, 0.3, 80, 0, 0.05, 0.1);
-    assert_int_equal(estimate_as(&f, RX_PSF_AUTO, 1, &one, NULL), RX_OK);
-    assert_int_equal(estimate_as(&f, RX_PSF_AUTO, 3, &many, NULL), RX_OK);
+    assert_int_equal(estimate_on(&f, 1, &one, NULL), RX_OK);
+    assert_int_equal(estimate_on(&f, 3, &many, NULL), RX_OK);
     assert_int_equal(one->nbasis, many->nbasis);
     assert_int_equal(one->size, many->size);
     assert_memory_equal(one->basis, many->basis,
@@ -764,7 +754,7 @@ static void test_threads(void **state)
     free_field(&f);
 }
 
-/* Step by step: a Moffat, one of a fixed exponent, its width alone, nothing. MOFFAT_FIT asks for its five stars. */
+/* Step by step: a Moffat, one of a fixed exponent, its width alone, nothing. */
 static void test_too_few(void **state)
 {
     (void)state;
@@ -792,10 +782,6 @@ static void test_too_few(void **state)
         assert_between(psf->nstars, 1, steps[k].stars);
         rx_psf_free(psf);
     }
-    assert_int_equal(estimate_as(&f, RX_PSF_MOFFAT_FIT, 1, &psf, &err), RX_INPUT);
-    assert_null(psf);
-    assert_non_null(strstr(err.text, "needs 5"));
-    assert_non_null(strstr(err.text, "PSF_FWHM"));
     const rx_psf_params most = {
         .type = RX_PSF_AUTO, .beta = 4.765, .min_stars = 4, .min_snr = 20.0, .max_degree = 6};
     const rx_image tile = rx_tile_image(&f.tile);
@@ -1039,14 +1025,10 @@ static void test_specks(void **state)
     for (int i = 0; i < 160; i++)
         add_speck(&f, (i % 16 + 0.1) * 40.0 + uniform(11, (uint64_t)i),
                   (i / 16 + 0.03) * CELL + uniform(12, (uint64_t)i), 1500.0 + 10.0 * i, 2.0, 2.0);
-    for (rx_psf_type type = RX_PSF_AUTO;; type = RX_PSF_MOFFAT_FIT) {
-        assert_int_equal(estimate_as(&f, type, 1, &psf, &err), RX_OK);
-        assert_near(psf->fwhm / 4.0, 1.0, 0.005);
-        check_stars(&f, psf, any);
-        rx_psf_free(psf);
-        if (type == RX_PSF_MOFFAT_FIT)
-            break;
-    }
+    assert_int_equal(estimate(&f, &psf, &err), RX_OK);
+    assert_near(psf->fwhm / 4.0, 1.0, 0.005);
+    check_stars(&f, psf, any);
+    rx_psf_free(psf);
     free_field(&f);
 }
 
@@ -1176,7 +1158,6 @@ static void test_soft_saturation(void **state)
 static void test_flattened(void **state)
 {
     (void)state;
-    static const rx_psf_type types[] = {RX_PSF_MOFFAT_FIT, RX_PSF_AUTO};
     const size_t centre = (size_t)(SIDE / 2) * SIDE + SIDE / 2;
     const float level = 1200.0F;
     field f;
@@ -1193,13 +1174,11 @@ static void test_flattened(void **state)
     }
     f.background.level[centre] += 5000.0F;
     f.tile.pixels[centre] += 5000.0F;
-    for (int k = 0; k < 2; k++) {
-        assert_int_equal(estimate_as(&f, types[k], 1, &psf, NULL), RX_OK);
-        print_message("limit %g: %s\n", psf->quality.limit, psf->description);
-        assert_near(psf->fwhm, 4.0, types[k] == RX_PSF_MOFFAT_FIT ? 0.02 : 0.15);
-        assert_between(psf->quality.limit, 400.0, 1200.0);
-        rx_psf_free(psf);
-    }
+    assert_int_equal(estimate(&f, &psf, NULL), RX_OK);
+    print_message("limit %g: %s\n", psf->quality.limit, psf->description);
+    assert_near(psf->fwhm, 4.0, 0.15);
+    assert_between(psf->quality.limit, 400.0, 1200.0);
+    rx_psf_free(psf);
     free_field(&f);
 }
 

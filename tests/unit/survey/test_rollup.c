@@ -179,20 +179,20 @@ static void files_for_programs(void **state)
 static void psfs(void **state)
 {
     static const char a[] = "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
-                            "PSF PIXELS \"\" 40 10 0.003 0.001 0.01 0.001 0.002 -0.003 0.004 0.005 0.006\n"
+                            "PSF PIXELS 40 10 0.003 0.001 0.01 0.001 0.002 -0.003 0.004 0.005 0.006\n"
                             "STARS 10 100 20 0 0.05\nRHO 3 45 900 1800\nRUN RL 95 0\nEND\n",
                       b[] = "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 11 20 3 0 1 0\n"
-                            "PSF LIBRARY \"<x>.psf\" 25 0 0.05 0 0 0 0 0 0 0 0\nRUN RL 95 0\nEND\n",
+                            "PSF STATED 25 0 0.05 0 0 0 0 0 0 0 0\nRUN RL 95 0\nEND\n",
                       c[] = "TILE c.fits c\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 21 3 0 1 0\n"
-                            "PSF PIXELS \"\" 40 5 0.003 0.001 0.01 0.001 0.002 -0.003 0.004 0.005 0.006\n"
+                            "PSF PIXELS 40 5 0.003 0.001 0.01 0.001 0.002 -0.003 0.004 0.005 0.006\n"
                             "STARS 5 200 10 3 0.05\nRHO 3 10 -100 500\nRUN RL 95 0\nEND\n";
     static const char *const names[] = {"summary.json", "psfs.ecsv", "psf_rho.ecsv", "report.html"};
     static const char *const words[][3] = {
-        {"\"psf_not_from_stars\": 1", "\"how\": \"LIBRARY\", \"library\": \"<x>.psf\"", NULL},
+        {"\"psf_not_from_stars\": 1", "\"how\": \"STATED\"", NULL},
         /* the one of a lower rung comes first */
-        {"de2_error\n\"b\",0,\"LIBRARY\",\"<x>.psf\",25,0,0.05,0,0,nan,nan,nan,nan,nan,nan\n", NULL},
+        {"de2_error\n\"b\",0,\"STATED\",25,0,0.05,0,0,nan,nan,nan,nan,nan,nan\n", NULL},
         {"\n32,64,50,", NULL},
-        {"1 of 3 images", "&lt;x&gt;.psf", NULL}};
+        {"1 of 3 images", "STATED", NULL}};
     char *texts[2][4] = {{NULL}};
     for (int order = 0; order < 2; order++) {
         rx_rollup r = {0};

@@ -38,7 +38,7 @@ static void add_record(rx_text *dst, int tile, int way)
     rx_text_printf(dst, "STATE %.6f %.6f %.6f 0.01 0.0001 %.6f 0 0\nCARD AIRMASS %.6f\nCARD MJD-OBS %.6f\n",
                    ellipticity, depth, 1.2 + 0.02 * normal(tile, 9), 1 + 0.02 * normal(tile, 10), airmass,
                    60000 + 0.01 * tile);
-    rx_text_printf(dst, "PSF PIXELS \"\" 80 20 0.002 %.6f 0.01 0.001 0 0 0.001 0.001 0.001\n",
+    rx_text_printf(dst, "PSF PIXELS 80 20 0.002 %.6f 0.01 0.001 0 0 0.001 0.001 0.001\n",
                    way == 9 ? 0.04 : 0.002 * normal(tile, 11));
     rx_text_printf(
         dst,

@@ -15,30 +15,29 @@
 #include "../near.h"
 #include "survey/tile_record.h"
 
-static const char whole[] =
-    "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
-    "VERSION \"0.1.0\"\n"
-    "STATUS 5 \"rextract: a quality gate FAILED%0Aand more\"\n"
-    "EXTENSION 1 2048 1489 150.1 -2.25 nan 1000.5 9.75 2\n"
-    "STATE 0.1 24 1.5 0.02 0.001 nan 1 2\n"
-    "ANOMALIES 0.25 nan 0.03\n"
-    "PSF \"LIBRARY\" \"b_0-%22.psf\" 31 8 0.0125 -0.003 0.011 0.001 -0.002 0.003 0.004 0.005 nan\n"
-    "STARS 8 -120 14 2 0.0625\n"
-    "RHO 2 20 -345 1000000000000\n"
-    "RUN \"NONE\" 812 1\n"
-    "BIN 96 10 9 11 9 0:1 244:7 489:1\n"
-    "BIN 100 5 0 0 0\n"
-    "RUN \"RL_BLIND\" 900 0\n"
-    "FLUX 439 10 1.03204 0.00083 1.05893 nan\n"
-    "RUN \"NET\" 700 0\n"
-    "DONE \"RL\" \"FWHM 1.2 is %22narrow%22\"\n"
-    "OUTSIDE \"noise factor 3.2\"\n"
-    "GUARD 9.5 1.25 nan\n"
-    "SHARES nan 0.125\n"
-    "RUN \"AUTO\" 900 0\n"
-    "TOOK \"NET\" \"finds most\"\n"
-    "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
-    "END\n";
+static const char whole[] = "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\n"
+                            "VERSION \"0.1.0\"\n"
+                            "STATUS 5 \"rextract: a quality gate FAILED%0Aand more\"\n"
+                            "EXTENSION 1 2048 1489 150.1 -2.25 nan 1000.5 9.75 2\n"
+                            "STATE 0.1 24 1.5 0.02 0.001 nan 1 2\n"
+                            "ANOMALIES 0.25 nan 0.03\n"
+                            "PSF \"STATED\" 31 8 0.0125 -0.003 0.011 0.001 -0.002 0.003 0.004 0.005 nan\n"
+                            "STARS 8 -120 14 2 0.0625\n"
+                            "RHO 2 20 -345 1000000000000\n"
+                            "RUN \"NONE\" 812 1\n"
+                            "BIN 96 10 9 11 9 0:1 244:7 489:1\n"
+                            "BIN 100 5 0 0 0\n"
+                            "RUN \"RL_BLIND\" 900 0\n"
+                            "FLUX 439 10 1.03204 0.00083 1.05893 nan\n"
+                            "RUN \"NET\" 700 0\n"
+                            "DONE \"RL\" \"FWHM 1.2 is %22narrow%22\"\n"
+                            "OUTSIDE \"noise factor 3.2\"\n"
+                            "GUARD 9.5 1.25 nan\n"
+                            "SHARES nan 0.125\n"
+                            "RUN \"AUTO\" 900 0\n"
+                            "TOOK \"NET\" \"finds most\"\n"
+                            "EXTENSION 2 10 10 nan nan 3 0 1 0\n"
+                            "END\n";
 
 /* Reads all of the file; what the last call of rx_record_reader_next() says. */
 static rx_status read_all(const char *path, int *n, rx_error *err)
@@ -76,8 +75,7 @@ static void what_is_written_is_read(void **state)
     assert_near(e->state.light, 0.03, 0);
     assert_near(e->run[2].lit, 0.125, 0);
     assert_true(isnan(e->run[1].lit));
-    assert_string_equal(e->psf.how, "LIBRARY");
-    assert_string_equal(e->psf.library, "b_0-\".psf");
+    assert_string_equal(e->psf.how, "STATED");
     assert_int_equal(e->psf.stars, 31);
     assert_int_equal(e->psf.reserved, 8);
     assert_near(e->psf.flux_error, 0.0125, 0);
@@ -180,19 +178,18 @@ static void nonsense_is_refused(void **state)
                   "no name of a restorer");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nBIN 1 1 1 1 1\n",
                   "a bin is out of place");
-    check_refused(state, "TILE a.fits a\nPSF W \"\" 1 0 0 0 0 0 0 0 0 0 0\n", "PSF is out of place");
-    check_refused(state,
-                  "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF \"<b>\" \"\" 1 0 0 0 0 0 0 0 0 0 0\n",
+    check_refused(state, "TILE a.fits a\nPSF W 1 0 0 0 0 0 0 0 0 0 0\n", "PSF is out of place");
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF \"<b>\" 1 0 0 0 0 0 0 0 0 0 0\n",
                   "no word of RXPSFHOW");
-    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF W \"\" 1 0 0 0 0 0 0 0 0 0\n",
+    check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF W 1 0 0 0 0 0 0 0 0 0\n",
                   "a number is missing");
     check_refused(state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nSTARS 1 0 0 0 0\n",
                   "STARS is out of place");
-    check_refused(
-        state, "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF W \"\" 1 0 0 0 0 0 0 0 0 0 0\nRHO 0 1 0 0\n",
-        "RHO is out of place");
     check_refused(state,
-                  "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF W \"\" 1 0 0 0 0 0 0 0 0 0 0\nSTARS 2 0 0 "
+                  "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF W 1 0 0 0 0 0 0 0 0 0 0\nRHO 0 1 0 0\n",
+                  "RHO is out of place");
+    check_refused(state,
+                  "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\nPSF W 1 0 0 0 0 0 0 0 0 0 0\nSTARS 2 0 0 "
                   "0 0\nRHO 11 1 0 0\n",
                   "a number is out of place");
     check_refused(state, "TILE a.fits a\nGUARD 1 1 0\n", "GUARD is out of place");
