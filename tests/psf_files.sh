@@ -1,5 +1,5 @@
 #!/bin/sh
-# PSFs that others made, held against an evaluation of each file in NumPy or against an analytic profile, through the PSF
+# PSFs that others made, those of Piff and DAOPHOT by way of the Python package (rextract.psf_models), held against an evaluation of each file in NumPy or against an analytic profile, through the PSF
 # that CHECKIMAGE_TYPE PSF writes; that one is read back by ourselves and by the real source-extractor. Files of Piff,
 # WebbPSF and STScI are written here in their layouts; that of DAOPHOT is IRAF's own (tests/data/make_daophot.cl).
 set -u
@@ -290,6 +290,22 @@ def same(one, two, limit):
     raise SystemExit(not worst < limit)
 
 
+GAUSS = dict(FUNCTION="gauss", VARORDER=0, NPARS=2, PAR1=1.0, PAR2=1.0, PSFHEIGH=1.0)
+DAOPHOT = [
+    (dict(FUNCTION="gauss", VARORDER=0), "no NPARS: not a PSF as IRAF's DAOPHOT writes it"),
+    (GAUSS | dict(FUNCTION="cosine"), "FUNCTION 'cosine' of the DAOPHOT PSF is none of"),
+    (GAUSS | dict(VARORDER=9), "VARORDER = 9 of the DAOPHOT PSF is not in -1 to 2"),
+    (GAUSS | dict(VARORDER=2), "1 tables of 15 x 15 in a DAOPHOT PSF of VARORDER 2, which has 6"),
+    (GAUSS | dict(VARORDER=-1), "no PSFRAD"),
+    (GAUSS | dict(VARORDER=-1, PSFRAD=1e20), "a radius of 1e+20 pixels of the DAOPHOT PSF cannot be right"),
+    (GAUSS | dict(FEXPAND=True), "the DAOPHOT PSF was made with fexpand"),
+    (GAUSS | dict(PAR1=0.0), "PAR1 = 0 of the DAOPHOT PSF is not in"),
+    (GAUSS | dict(PSFHEIGH=-1.0), "PSFHEIGH = -1 of the DAOPHOT PSF"),
+    (GAUSS | dict(), "the tables of the DAOPHOT PSF hold values that are not numbers"),
+    (GAUSS | dict(FUNCTION="lorentz", NPARS=3, PAR3=-2.0), "PAR3 = -2 of the DAOPHOT PSF opens the ellipse"),
+]
+
+
 def spoil():
     """Good files with one thing wrong, and what is to be said of each."""
     def change(name, hdu, column, value):
@@ -339,12 +355,19 @@ def spoil():
             else:
                 do(hdus)
             hdus.writeto(f"wrong{k}.fits", overwrite=True)
-        print(f"wrong{k}.fits|{said}")
+        print(f"wrong{k}.fits|{said}|{name}")
+    for k, (head, said) in enumerate(DAOPHOT):
+        hdu = cube_hdu(np.full((15, 15), np.nan if "not numbers" in said else 1.0)) if "PSFRAD" not in said else fits.PrimaryHDU()
+        if "radius" in said:
+            hdu = fits.PrimaryHDU()
+        hdu.header.update(dict(PSFX=40.0, PSFY=40.0) | head)
+        hdu.writeto(f"daophot{k}.fits", overwrite=True)
+        print(f"daophot{k}.fits|{said}|daophot")
     for name in ("piff_uv", "cube", "piff_rows"):  # cut off anywhere
         whole = open(f"{name}.fits", "rb").read()
         for share in (0.2, 0.5, 0.8, 0.9):
             open(f"cut_{name}_{share}.fits", "wb").write(whole[:int(share * len(whole))])
-            print(f"cut_{name}_{share}.fits|")
+            print(f"cut_{name}_{share}.fits||{name}")
 
 
 def fluxes(ours, theirs, truth, limit):
@@ -406,11 +429,19 @@ holds() {
     psf "$name" "$@" && ! grep -q warning "$name.log" && files compare "$name" "$limit" >>"$name.log" 2>&1
     result "$what" $? "$name.log"
 }
-holds daophot 1e-4 "DAOPHOT's penny2 with VARORDER 2 is IRAF's seepsf" large.fits -PSF_NAME "$top/tests/data/daophot.psf.fits"
+# models MODEL OUT [IMAGE]: what the Python package makes of a model of Piff or DAOPHOT
+models() { "$python" -W ignore "$top/python/rextract/psf_models.py" "$@" >models.log 2>&1 || cat models.log >&2; }
+models "$top/tests/data/daophot.psf.fits" daophot.model.fits large.fits
+holds daophot 1e-4 "DAOPHOT's penny2 with VARORDER 2 is IRAF's seepsf" large.fits -PSF_NAME daophot.model.fits
 for kind in uv xy rows mean old; do
-    holds piff_$kind 2e-4 "Piff's PixelGrid, $kind" blank.fits -PSF_NAME piff_$kind.fits
+    models piff_$kind.fits piff_$kind.model.fits blank.fits
+    holds piff_$kind 2e-4 "Piff's PixelGrid, $kind" blank.fits -PSF_NAME piff_$kind.model.fits
 done
-holds chips1 2e-4 'the first of several chips' two.fits -PSF_NAME chips.fits
+models chips.fits chips.model.fits two.fits
+holds chips1 2e-4 'the first of several chips' two.fits -PSF_NAME chips.model.fits
+cp piff_uv.psf with_image.psf && models piff_uv.fits stars.model.fits && psf piff_uv blank.fits -PSF_NAME stars.model.fits && files compare piff_uv 2e-4 >stars.log 2>&1
+result 'a Piff model without its image: the range of its stars' $? stars.log
+cp with_image.psf piff_uv.psf
 cp chips1.psf chips2.psf && files compare chips2 2e-4 >chips2.log 2>&1
 result 'the second of several chips' $? chips2.log
 for kind in 4_101 4_100 5_121 3_90; do
@@ -432,10 +463,19 @@ result 'PSF_TYPE FILE reads a PSFEx model' $? either.log
 # files with one thing wrong: one line that says what, and never a PSF
 files spoil >wrong.list || exit 2
 ok=0
-while IFS='|' read -r file said; do
-    psf broken blank.fits -PSF_NAME "$file" -VERBOSE_TYPE QUIET
-    code=$?
-    [ $code -eq 3 ] && [ "$(wc -l <broken.log)" -eq 1 ] && grep -qF "rextract: $file" broken.log && grep -qF -- "$said" broken.log && continue
+while IFS='|' read -r file said name; do
+    case $name in
+    cube)
+        psf broken blank.fits -PSF_NAME "$file" -VERBOSE_TYPE QUIET
+        code=$? whose=rextract
+        ;;
+    *)
+        "$python" -W ignore "$top/python/rextract/psf_models.py" "$file" broken.fits blank.fits >broken.log 2>&1
+        code=$? whose=rextract.psf_models
+        ;;
+    esac
+    [ $code -eq 3 ] && [ "$(wc -l <broken.log)" -eq 1 ] && grep -qF "$whose: $file" broken.log && grep -qF -- "$said" broken.log &&
+        [ ! -e broken.fits ] && continue
     ok=1
     echo "$file: exit $code, expected 3 and '$said'" >>wrong.log
     cat broken.log >>wrong.log
@@ -477,7 +517,7 @@ else
 fi
 
 # a run with it can be repeated, byte by byte
-"$programs/rextract" two.fits -c /dev/null -RESTORE_TYPE NONE -PSF_TYPE FILE -PSF_NAME chips.fits -CATALOG_NAME c.fits -CATALOG_TYPE FITS_1.0 \
+"$programs/rextract" two.fits -c /dev/null -RESTORE_TYPE NONE -PSF_TYPE FILE -PSF_NAME chips.model.fits -CATALOG_NAME c.fits -CATALOG_TYPE FITS_1.0 \
     -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME two.psf >replay.log 2>&1 && "$programs/rextract" -REPLAY two.psf >>replay.log 2>&1
 result 'the record of a PSF repeats it' $? replay.log
 finish

@@ -1,6 +1,5 @@
 librextract_la_SOURCES += src/psf/psf.c
 librextract_la_SOURCES += src/psf/psf_files.c src/psf/psf_files.h src/psf/psf_images.c src/psf/psf_psfex.c src/psf/psf_psfex.h
-librextract_la_SOURCES += src/psf/psf_daophot.c src/psf/psf_piff.c
 librextract_la_SOURCES += src/psf/psf_estimate.c src/psf/psf_facts.c
 librextract_la_SOURCES += src/psf/psf_stars.c src/psf/psf_stars.h
 librextract_la_SOURCES += src/psf/psf_measure.c src/psf/psf_model.c src/psf/psf_model.h

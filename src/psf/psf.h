@@ -59,8 +59,7 @@ double rx_psf_bound(const rx_psf_params *par, const rx_image *image, const rx_so
 rx_status rx_psf_moffat(double fwhm, double beta, double ratio, double angle, int size, rx_psf **dst,
                         rx_error *err);
 
-/* What par->file holds, by its content: a PSFEx model, a Piff file (PixelGrid by polynomials of the position), a PSF of
- * DAOPHOT's as IRAF writes it, a cube of images with their places, or an image; resampled to the tile's pixels, varying
+/* What par->file holds, by its content: a PSFEx model, a cube of images with their places, or an image; resampled to the tile's pixels, varying
  * as a polynomial and normalised everywhere on the tile of width x height, into which it must fit. The centre of an
  * image is the geometric centre of its frame: an odd axis has it in the middle pixel; an even axis between two pixels,
  * and is then shifted by half a pixel (Lanczos 12, flux and centroid kept) onto an odd one, so that what is restored

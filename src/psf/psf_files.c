@@ -275,12 +275,27 @@ rx_status rx_psf_project(const rx_psf_source *src, int width, int height, rx_psf
 
 /* --- what a file holds --- */
 
-static void say_unused(const rx_psf_params *par, rx_log *log)
+static rx_status refuse_model(const char *file, const char *whose, rx_error *err)
 {
-    if (par->sampling > 0.0 || par->integrate != RX_PSF_INTEGRATE_AUTO)
-        rx_log_warning(log,
-                       "%s: PSF_SAMPLING and PSF_INTEGRATE are for images, and are not used for this file",
-                       par->file);
+    return rx_error_at(err, RX_INPUT, file, -1, 0,
+                       "is a model of %s; give the file that python3 -m rextract.psf_models MODEL OUT.fits "
+                       "makes of it",
+                       whose);
+}
+
+/* A profile of DAOPHOT's alone is a header without an image, which is read as no cube. */
+static bool is_daophot(const rx_fits_cube *cube, const char *file)
+{
+    char *cards = NULL, word[80];
+    long n = 0;
+    if (cube == NULL && rx_fits_read_header(file, 0, &cards, &n, NULL) != RX_OK)
+        return false;
+    const char *all = cube != NULL ? cube->cards : cards;
+    const long count = cube != NULL ? cube->ncards : n;
+    const bool found = rx_cards_text(all, count, "FUNCTION", word, sizeof word) &&
+                       rx_cards_text(all, count, "VARORDER", word, sizeof word);
+    free(cards);
+    return found;
 }
 
 rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *log, rx_psf **dst,
@@ -288,41 +303,34 @@ rx_status rx_psf_file(const rx_psf_params *par, int width, int height, rx_log *l
 {
     rx_table *table = NULL;
     rx_fits_cube cube = {0};
-    char word[80];
     int hdu = -1;
     *dst = NULL;
-    if (rx_fits_read_named(par->file, "psf", &table, &hdu, NULL) == RX_OK && table != NULL &&
-        rx_table_find(table, "type") >= 0) {
-        say_unused(par, log);
-        rx_status status = rx_psf_piff(par, table, width, height, log, dst, err);
-        rx_table_free(table);
-        return status;
-    }
+    const int piff = rx_fits_read_named(par->file, "psf", &table, &hdu, NULL) == RX_OK && table != NULL &&
+                     rx_table_find(table, "type") >= 0;
     rx_table_free(table);
+    if (piff)
+        return refuse_model(par->file, "Piff", err);
     table = NULL;
     const int psfex =
         rx_fits_read_table(par->file, 0, &table, NULL) == RX_OK && rx_table_find(table, "PSF_MASK") >= 0;
     rx_table_free(table);
     if (psfex) {
-        say_unused(par, log);
+        if (par->sampling > 0.0 || par->integrate != RX_PSF_INTEGRATE_AUTO)
+            rx_log_warning(
+                log, "%s: PSF_SAMPLING and PSF_INTEGRATE are for images, and are not used for this file",
+                par->file);
         return rx_psf_psfex(par, width, height, log, dst, err);
     }
     rx_error why = rx_error_part(err);
     rx_status status = rx_fits_read_cube(par->file, &cube, &why);
-    if (status == RX_INPUT && rx_fits_read_header(par->file, 0, &cube.cards, &cube.ncards, NULL) == RX_OK &&
-        rx_cards_text(cube.cards, cube.ncards, "FUNCTION", word, sizeof word))
-        status = RX_OK; /* a profile of DAOPHOT's alone is a header without an image */
-    if (status != RX_OK) {
+    if (is_daophot(status == RX_OK ? &cube : NULL, par->file))
+        status = refuse_model(par->file, "DAOPHOT", err);
+    else if (status != RX_OK)
         rx_error_take(err, &why);
-    } else if (rx_cards_text(cube.cards, cube.ncards, "FUNCTION", word, sizeof word) &&
-               rx_cards_text(cube.cards, cube.ncards, "VARORDER", word, sizeof word)) {
-        say_unused(par, log);
-        status = rx_psf_daophot(par, &cube, width, height, log, dst, err);
-    } else if (cube.planes == 0) {
+    else if (cube.planes == 0)
         status = rx_error_at(err, RX_INPUT, par->file, -1, 0, "holds no image; is it a PSF?");
-    } else {
+    else
         status = rx_psf_images(par, &cube, width, height, log, dst, err);
-    }
     rx_fits_cube_free(&cube);
     return status;
 }

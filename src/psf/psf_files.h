@@ -42,13 +42,7 @@ const char *rx_psf_base_name(const char *file);
 /* Side that is left of a square stamp of odd side `from` when `size` (0 = all) is asked for. */
 int rx_psf_cut_size(int from, int size);
 
-/* Images, Piff, DAOPHOT; `table` is that of EXTNAME "psf", `cube` the image with its header (for DAOPHOT perhaps
- * the header alone). */
 rx_status rx_psf_images(const rx_psf_params *par, const rx_fits_cube *cube, int width, int height,
                         rx_log *log, rx_psf **dst, rx_error *err);
-rx_status rx_psf_piff(const rx_psf_params *par, const rx_table *table, int width, int height, rx_log *log,
-                      rx_psf **dst, rx_error *err);
-rx_status rx_psf_daophot(const rx_psf_params *par, const rx_fits_cube *cube, int width, int height,
-                         rx_log *log, rx_psf **dst, rx_error *err);
 
 #endif

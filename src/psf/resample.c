@@ -74,14 +74,3 @@ exit:
     free(rows);
     return status;
 }
-
-double rx_psf_interpolate(const double *image, int side, double x, double y, int order)
-{
-    double wx[2 * RX_LANCZOS_MAX], wy[2 * RX_LANCZOS_MAX], sum = 0.0;
-    const int left = rx_lanczos_weights(x, order, wx), low = rx_lanczos_weights(y, order, wy);
-    for (int j = 0; j < 2 * order; j++)
-        for (int i = 0; i < 2 * order; i++)
-            if (left + i >= 0 && left + i < side && low + j >= 0 && low + j < side)
-                sum += wx[i] * wy[j] * image[(size_t)(low + j) * (size_t)side + (size_t)(left + i)];
-    return sum;
-}

@@ -24,7 +24,4 @@ typedef struct rx_psf_raster {
 rx_status rx_psf_resample(const rx_psf_raster *src, double step, int order, double *dst, int size,
                           rx_error *err);
 
-/* Value at (x, y) of an image [side][side] by Lanczos interpolation, 0 outside. */
-double rx_psf_interpolate(const double *image, int side, double x, double y, int order);
-
 #endif

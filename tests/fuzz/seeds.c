@@ -317,97 +317,30 @@ static void psfex_seed(const char *folder, const char *scratch)
     put_fits(folder, PSFS, "psfex", scratch);
 }
 
-/* A cube with places in its header, and the same as a DAOPHOT PSF of VARORDER 1. */
-static void cube_seeds(const char *folder, const char *scratch)
+/* A cube with places in its header. */
+static void cube_seed(const char *folder, const char *scratch)
 {
     enum { N = 11 };
     static const char *const places[] = {"(3.0, 5.0)", "(3.0, 50.0)", "(40.5, 20.0)"};
-    static const struct {
-        const char *name;
-        double value;
-    } numbers[] = {{"PSFX", 30},  {"PSFY", 30},  {"PSFHEIGH", 500},
-                   {"PAR1", 1.2}, {"PAR2", 1.3}, {"PAR3", 0.1}};
     long axes[3] = {N, N, 3};
     float cube[3 * N * N];
-    for (int daophot = 0; daophot < 2; daophot++) {
-        fitsfile *file = NULL;
-        int failed = 0;
-        char key[24];
-        for (int k = 0; k < 3; k++)
-            blob(cube + k * N * N, N);
-        remove(scratch);
-        fits_create_diskfile(&file, scratch, &failed);
-        fits_create_img(file, FLOAT_IMG, 3, axes, &failed);
-        for (int k = 0; k < 3 && !daophot; k++) {
-            snprintf(key, sizeof key, "DET_YX%d", k);
-            fits_write_key_str(file, key, places[k], "", &failed);
-        }
-        fits_write_key_lng(file, daophot ? "NPARS" : "OVERSAMP", daophot ? 3 : 2, "", &failed);
-        for (size_t i = 0; i < sizeof numbers / sizeof *numbers && daophot; i++)
-            fits_write_key_dbl(file, numbers[i].name, numbers[i].value, 6, "", &failed);
-        if (daophot) {
-            fits_write_key_str(file, "FUNCTION", "moffat25", "", &failed);
-            fits_write_key_lng(file, "VARORDER", 1, "", &failed);
-        }
-        fits_write_img(file, TFLOAT, 1, 3 * N * N, cube, &failed);
-        fits_close_file(file, &failed);
-        fuzz_require(failed == 0, "cfitsio writes a cube");
-        put_fits(folder, PSFS, daophot ? "daophot" : "grid", scratch);
-    }
-}
-
-typedef struct seed_column {
-    const char *name, *form, *text;
-    double first, step; /* of the rows, or of the values of the only one */
-} seed_column;
-
-static void seed_table(fitsfile *file, const char *extname, long rows, const seed_column *columns, int n,
-                       int *failed)
-{
-    fits_create_tbl(file, BINARY_TBL, rows, 0, NULL, NULL, NULL, extname, failed);
-    for (int i = 0; i < n; i++) {
-        fits_insert_col(file, i + 1, (char *)(uintptr_t)columns[i].name, (char *)(uintptr_t)columns[i].form,
-                        failed);
-        const long values = rows > 1 ? rows : atol(columns[i].form);
-        for (long k = 0; k < values && columns[i].text == NULL; k++) {
-            double value =
-                columns[i].first + columns[i].step * (double)(rows > 1 ? k * k % 7 : k == values / 2);
-            fits_write_col(file, TDOUBLE, i + 1, rows > 1 ? k + 1 : 1, rows > 1 ? 1 : k + 1, 1, &value,
-                           failed);
-        }
-        if (columns[i].text != NULL)
-            fits_write_col(file, TSTRING, i + 1, 1, 1, 1, (void *)(uintptr_t)&columns[i].text, failed);
-    }
-}
-
-/* A Piff file: a grid of 5 x 5 that varies with x. */
-static void piff_seed(const char *folder, const char *scratch)
-{
-    static const seed_column psf[] = {{"type", "6A", "Simple", 0, 0}};
-    static const seed_column stars[] = {{"x", "1D", NULL, 1, 9},    {"y", "1D", NULL, 3, 8},
-                                        {"u", "1D", NULL, 1, 9},    {"v", "1D", NULL, 3, 8},
-                                        {"dudx", "1D", NULL, 1, 0}, {"dudy", "1D", NULL, 0, 0},
-                                        {"dvdx", "1D", NULL, 0, 0}, {"dvdy", "1D", NULL, 1, 0}};
-    static const seed_column model[] = {{"type", "9A", "PixelGrid", 0, 0},
-                                        {"scale", "1D", NULL, 2, 0},
-                                        {"size", "1K", NULL, 5, 0},
-                                        {"interp", "10A", "Lanczos(3)", 0, 0}};
-    static const seed_column interp[] = {{"type", "15A", "BasisPolynomial", 0, 0},
-                                         {"order", "1K", NULL, 0, 0}};
-    static const seed_column solution[] = {{"q", "25D", NULL, 0, 1}};
     fitsfile *file = NULL;
     int failed = 0;
+    char key[24];
+    for (int k = 0; k < 3; k++)
+        blob(cube + k * N * N, N);
     remove(scratch);
     fits_create_diskfile(&file, scratch, &failed);
-    fits_create_img(file, BYTE_IMG, 0, NULL, &failed);
-    seed_table(file, "psf", 1, psf, 1, &failed);
-    seed_table(file, "psf_stars", 6, stars, 8, &failed);
-    seed_table(file, "psf_model", 1, model, 4, &failed);
-    seed_table(file, "psf_interp", 1, interp, 2, &failed);
-    seed_table(file, "psf_interp_solution", 1, solution, 1, &failed);
+    fits_create_img(file, FLOAT_IMG, 3, axes, &failed);
+    for (int k = 0; k < 3; k++) {
+        snprintf(key, sizeof key, "DET_YX%d", k);
+        fits_write_key_str(file, key, places[k], "", &failed);
+    }
+    fits_write_key_lng(file, "OVERSAMP", 2, "", &failed);
+    fits_write_img(file, TFLOAT, 1, 3 * N * N, cube, &failed);
     fits_close_file(file, &failed);
-    fuzz_require(failed == 0, "cfitsio writes a Piff file");
-    put_fits(folder, PSFS, "piff", scratch);
+    fuzz_require(failed == 0, "cfitsio writes a cube");
+    put_fits(folder, PSFS, "grid", scratch);
 }
 
 /* Every type of column, scaled ones, one with a TNULL; and the same as an ASCII table. */
@@ -781,8 +714,7 @@ int main(int argc, char **argv)
     catalog_seeds(argv[1]);
     image_seeds(argv[1], scratch);
     psfex_seed(argv[1], scratch);
-    cube_seeds(argv[1], scratch);
-    piff_seed(argv[1], scratch);
+    cube_seed(argv[1], scratch);
     table_seeds(argv[1], scratch);
     own_catalogues(argv[1], scratch);
     model_seeds(argv[1], scratch);

@@ -295,18 +295,8 @@ cube|NAXIS3  = 0|holds no
 psf|OVERSAMP= -4|: OVERSAMP = -4 samples of the PSF image per pixel of the tile cannot be right
 psf|DET_SAMP= 1E9|: DET_SAMP = 1e.09 samples of the PSF image per pixel
 psf|OVERSAMP= 0.5|: OVERSAMP = 0.5 samples of the PSF image per pixel
-psf|FUNCTION= 'gauss';VARORDER= 0|: no NPARS: not a PSF as IRAF's DAOPHOT writes it
-psf|FUNCTION= 'cosine';VARORDER= 0|: FUNCTION 'cosine' of the DAOPHOT PSF is none of
-psf|FUNCTION= 'gauss';VARORDER= 9|: VARORDER = 9 of the DAOPHOT PSF is not in -1 to 2
-psf|FUNCTION= 'gauss';VARORDER= 2|: 1 tables of 15 x 15 in a DAOPHOT PSF of VARORDER 2, which has 6
-psf|FUNCTION= 'gauss';VARORDER= -1|: no PSFRAD
-psf|FUNCTION= 'gauss';VARORDER= -1;PSFRAD  = 1E20|: a radius of 1e.20 pixels of the DAOPHOT PSF cannot be right
-psf|FUNCTION= 'gauss';VARORDER= 0;FEXPAND = T|: the DAOPHOT PSF was made with fexpand
-psf|FUNCTION= 'gauss';VARORDER= 0;NPARS   = 2;PAR1    = 0|: PAR1 = 0 of the DAOPHOT PSF is not in
-psf|FUNCTION= 'gauss';VARORDER= 0;NPARS   = 2;PAR1    = 1;PAR2    = 1;PSFHEIGH= -1|: PSFHEIGH = -1 of the DAOPHOT PSF
-psf-nan|FUNCTION= 'gauss';VARORDER= 0|: the tables of the DAOPHOT PSF hold values that are not numbers
-psf|FUNCTION= 'lorentz';VARORDER= 0;NPARS   = 3;PAR1    = 1;PAR2    = 1;PAR3    = -2|: PAR3 = -2 of the DAOPHOT PSF opens the ellipse
-psf-zero|FUNCTION= 'gauss';VARORDER= -1;PSFRAD  = 300;NPARS   = 2;PAR1    = 2;PAR2    = 2;PSFHEIGH= 1;PSFX    = 40;PSFY    = 40|: a PSF of 601 x 601 pixels is larger than the tile of 96 x 96
+psf|FUNCTION= 'gauss';VARORDER= 0|: is a model of DAOPHOT; give the file that python3 -m rextract.psf_models MODEL OUT.fits makes of it
+psf-zero|FUNCTION= 'gauss';VARORDER= -1|: is a model of DAOPHOT; give
 cards
 
 begin 'PSF_SAMPLING below 1'

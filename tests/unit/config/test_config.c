@@ -120,7 +120,7 @@ static void bad_lines_say_where_and_what(void **state)
          "unknown word 'FITS_LADC' (did you mean FITS_LDAC?); give one of NONE, ASCII,"},
         {"PSF_LIBRARY lib", "PSF_LIBRARY is no longer a keyword; give PSF_FWHM"},
         {"PSF_LIBRARY_MAX 1,6", "PSF_LIBRARY_MAX is no longer a keyword"},
-        {"PSF_TYPE piff", "PSF_TYPE: PIFF is no longer offered; give FILE"},
+        {"PSF_TYPE piff", "PSF_TYPE: PIFF is no longer offered; give FILE, and the file"},
         {"RESTORE_TYPE NONE,CNN", "RESTORE_TYPE: unknown word 'CNN'"},
         {"PHOT_AUTOPARAMS 2.5", "PHOT_AUTOPARAMS: has 1 item(s), needs at least 2"},
         {"PHOT_AUTOPARAMS 2.5,3.5,4.5", "PHOT_AUTOPARAMS: has 3 items, takes at most 2"},

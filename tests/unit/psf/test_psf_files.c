@@ -793,19 +793,6 @@ static void test_model_of_a_merged_table(void **state)
     }
 }
 
-/* A position far off, or no number, lies outside. */
-static void test_hostile_positions(void **state)
-{
-    (void)state;
-    static const double at[] = {1e300, -1e300, 3e9, -3e9, HUGE_VAL, -HUGE_VAL, NAN};
-    static double image[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
-    for (size_t i = 0; i < sizeof at / sizeof *at; i++) {
-        assert_near(rx_psf_interpolate(image, 3, at[i], 1.0, 3), 0.0, 0.0);
-        assert_near(rx_psf_interpolate(image, 3, 1.0, at[i], 3), 0.0, 0.0);
-    }
-    assert_near(rx_psf_interpolate(image, 3, 1.0, 1.0, 3), 1.0, 1e-12);
-}
-
 /* Narrow PSFs of files that know them finer than the tile's pixels keep their samples, and are written and read with them;
  * wide ones, and those of whole pixels, have none. */
 static void test_samples(void **state)
@@ -901,7 +888,6 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_box),
         cmocka_unit_test(test_written_model),
-        cmocka_unit_test(test_hostile_positions),
         cmocka_unit_test(test_samples),
         cmocka_unit_test(test_image_sizes),
         cmocka_unit_test(test_image_cut_to_size),
