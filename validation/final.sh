@@ -10,7 +10,7 @@ set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
 names=(restoration restoration-real restoration-fast restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
-    fluxes fluxes-errors robustness unknown_psf faint_galaxies preal quality auto)
+    fluxes fluxes-errors robustness preal quality)
 usage="final.sh: usage: final.sh SEED FOLDER [NAME...] | take FOLDER; names: ${names[*]}"
 [[ $# -ge 2 ]] || { echo "$usage" >&2; exit 2; }
 python=$(for p in python3 /usr/bin/python3; do "$p" -c 'import astropy, scipy' 2>/dev/null && echo "$p" && break; done) ||
@@ -25,11 +25,8 @@ run() {
     restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration "$size" "$3" -SEED "$2" ;;
     photometry-sdss) "$here/run.sh" sdss "$size" "$3" -SEED "$2" ;;
     robustness) "$python" "$here/robustness.py" "$3" "$2" ;;
-    unknown_psf) "$python" "$here/unknown_psf.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" ;;
-    faint_galaxies) "$python" "$here/faint_galaxies.py" "$data" "$3" "$2,$(($2 + 1))" ;;
     preal) "$python" "$here/preal.py" "$3" "$2,$(($2 + 1)),$(($2 + 2))" ;;
     quality) "$python" "$here/bench/quality.py" run "$3" "$2" ;;
-    auto) "$python" "$here/auto.py" "$3" "$2" "$data" ;;
     *) "$here/run.sh" "$1" "$size" "$3" -SEED "$2" ;;
     esac
 }
@@ -48,7 +45,7 @@ for name in "${@:3}"; do
     [[ " ${names[*]} " == *" $name "* ]] || { echo "$usage" >&2; exit 2; }
 done
 for name in "${@:3}" $([[ $# -gt 2 ]] || echo "${names[@]}"); do
-    case $name in restoration-real | photometry-sdss | faint_galaxies | auto) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
+    case $name in restoration-real | photometry-sdss) [[ -d $data ]] || { echo "final.sh: $name skips: no data folder" >&2; continue; } ;; esac
     if [[ -f $out/$name/complete ]]; then
         [[ $(<"$out/$name/complete") == "seed $1, $size, "* ]] ||
             { echo "final.sh: $out/$name is of $(<"$out/$name/complete"); take another folder" >&2; exit 2; }

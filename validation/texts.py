@@ -675,7 +675,7 @@ def resampled():
                 f"{float(row['cards']['RXNFACT']):.2f}"]
     missed = [f"{v['tile']}, {v['way']}" for v in results["verdicts"] if not v["holds"]]
     return (table(["", "", "sources", "false per Mpixel", "kept", "recall", "RXNFACT"], [line(row) for row in rows]) + "\n" +
-            paragraph(f"""(`validation/resampled.py`, the definitions on top of it; [all tiles](../validation/results/resampled/resampled.md).)
+            paragraph(f"""([all tiles](../validation/results/resampled/resampled.md).)
         Of {len(results["verdicts"])} resampled tiles {len(results["verdicts"]) - len(missed)} meet the goal: at most 10 false per
         Mpixel or 1.5 times those as taken, 0.97 of the recall and of the list. Those that miss it: {"; ".join(missed)}."""))
 

@@ -1,8 +1,7 @@
-"""The tiles that the scripts on noise and sky look at, and a run of the program on them (resampled.py,
-low_frequencies.py, robustness.py).
+"""Tiles, simulated and real, and a run of the program on them (pixels.py, psf.py, robustness.py).
 
 RX_PROGRAM is the program (default: build/rextract, else rextract in the root), RX_MODEL the network's model (default:
-config/psfnet.fits); rextract-simulate is the one beside the program. Keywords are those of validation/real/run.sh: gain,
+config/psfnet.fits); rextract-simulate is the one beside the program. Keywords are those of validation/restorers.sh: gain,
 zero point and saturation where the header lacks them, the PSF where the tile cannot tell it; all else has its default.
 """
 import bz2
@@ -18,7 +17,6 @@ from pathlib import Path
 import numpy as np
 from astropy.io import fits
 from astropy.wcs import WCS
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
 warnings.filterwarnings("ignore")  # headers of old tiles are odd, and the program has its own say
@@ -190,65 +188,6 @@ def decam(data):
     tile, _ = plain(Path(f"{path}_ooi_r_ls9.N6.fits"), "DECam stamp", "as taken", PSF_TYPE="MOFFAT",
                     PSF_FWHM=4.023)  # of the header
     return replace(tile, weight=plain(Path(f"{path}_oow_r_ls9.N6.fits"), "", "")[0].pixels)
-
-
-def pair(data, survey, galaxy, kind):
-    """A cut-out of a stack: maggies, sky subtracted, with its noise map."""
-    path = data / "pairs" / survey / galaxy
-    tile, _ = plain(Path(f"{path}fitim.fits"), f"{survey} {galaxy}", kind, BACK_TYPE="MANUAL", BACK_VALUE=0,
-                    MAG_ZEROPOINT=0, SATUR_LEVEL=1e9, GAIN=0, PSF_TYPE="FILE", PSF_NAME=f"{path}psfim.fits",
-                    WEIGHT_TYPE="MAP_RMS", RESCALE_WEIGHTS="N")
-    tile.header.remove("GAIN", ignore_missing=True)
-    sigma = fits.getdata(f"{path}sigma.fits").astype(np.float32)
-    return replace(tile, weight=sigma) if sigma.shape == tile.pixels.shape else None
-
-
-def others(data):
-    """Tiles that are looked at as they are: (name, what it is)."""
-    fields, wide = data / "fields", {"SATUR_LEVEL": 1e9}
-    return [
-        plain(data / "sdss/reprojected_sdss_r.fits.bz2", "SDSS reprojected", "stacked", MAG_ZEROPOINT=22.5, **wide)[0],
-        plain(fields / "aligned_eso085-030-004.fit", "ESO 085-030", "stacked")[0],
-        *(t for g in ("G265911", "G266035", "G266662") for s in ("KiDS", "SDSS") if (t := pair(data, s, g, "stacked"))),
-        plain(data / "templates/hst_147246_masknoise.fits", "HST COSMOS spiral", "drizzled", PSF_TYPE="FILE",
-              PSF_NAME=data / "templates/hst_147246_psf.fits", **wide)[0],
-        plain(fields / "spitzer_example_image.fits", "Spitzer IRAC", "mosaic", **wide)[0],
-        plain(fields / "M6707HH.fits", "M67", "photographic")[0],
-        plain(fields / "M13_blue_0001.fits", "M13", "as taken", PSF_TYPE="MOFFAT", PSF_FWHM=3)[0],
-        plain(data / "sextractor/galaxies.fits", "galaxies", "as taken")[0],
-    ]
-
-
-def autocorrelation(image, usable, lags=8):
-    """Of the usable pixels' deviations, clipped at 4 sigma: (2 lags + 1)^2 numbers, 1 in the middle."""
-    values = np.where(usable, image, np.nan)
-    center, spread = np.nanmedian(values), 1.4826 * np.nanmedian(abs(values - np.nanmedian(values)))
-    good = np.isfinite(values) & (abs(values - center) < 4 * spread)
-    values = np.where(good, values - (values[good].mean() if good.any() else 0), 0)
-    out = np.zeros((2 * lags + 1,) * 2)
-    height, width = values.shape
-    for dy in range(lags + 1):
-        for dx in range(-lags, lags + 1):
-            a = np.s_[:height - dy, max(0, -dx):width - max(0, dx)]
-            b = np.s_[dy:, max(0, dx):width + min(0, dx)]
-            both = good[a] & good[b]
-            out[lags + dy, lags + dx] = out[lags - dy, lags - dx] = (values[a] * values[b])[both].mean()
-    return out / out[lags, lags]
-
-
-def noise_facts(run):
-    """Of a run with -BACKGROUND and SEGMENTATION: the noise beside the sources."""
-    above = run.images["-BACKGROUND"]
-    empty = ~ndimage.binary_dilation(run.images["SEGMENTATION"] > 0, iterations=4) & np.isfinite(above) & (above != 0)
-    if empty.sum() < 2000:
-        return {"empty": int(empty.sum())}
-    rho, mid = autocorrelation(above, empty), 8
-    far = (rho.sum() - rho[2:15, 2:15].sum()) / (17 ** 2 - 13 ** 2)  # of lags of 7 and 8: sky and faint sources, not noise
-    core = rho[mid - 3:mid + 4, mid - 3:mid + 4] - far
-    spread = np.median(abs(above[empty] - np.median(above[empty])))
-    return {"empty": int(empty.sum()), "sigma": 1.4826 * float(spread),
-            "lag 1": float((rho[mid, mid + 1] + rho[mid + 1, mid]) / 2),
-            "factor": float(np.sqrt(max(core.sum(), 0) / (1 - far)))}
 
 
 def near(positions, reference, radius):

@@ -20,7 +20,7 @@
  * 13,000 sigmas, FWHM 4, restored with a PSF of FWHM 4.3: |L| is up to 13.8 sigmas without it, 3.0 with 0.02 m, 0.6
  * with 0.3 m. Without stars it costs nothing but a mean that is lower by 0.001 sigmas (0.007 with 1 m). Boxes of 32
  * pixels below the sky come back by 90 to 95 % (dark clouds, M67), those of a tenth of the noise
- * by 71 to 72 % (SDSS frame, HST; validation/low_frequencies.py). */
+ * by 71 to 72 % (SDSS frame, HST; validation/results/low_frequencies). */
 #ifndef RX_RESTORE_NETWORK_SKY_H
 #define RX_RESTORE_NETWORK_SKY_H
 
