@@ -58,7 +58,7 @@ static double image_memory(const rx_options *o, int k, const rx_tile_shape *shap
         {39.97e6, 0,     0,     0,       0,       0,      (kind == NET) * threads * width / 2048.0}, /* NET_BLOCK */
         {0.5e6,   5,     4.5,   0,       0,       0,      restore->rl_accelerate && !plain && (rl || kind != NET)}, /* RL_ACCELERATE */
         {4.5e6,   0,     0,     0,       0,       0,      file && !plain ? 14 + 2 * threads : 0},    /* PSF_TERM, of 15 */
-        {7.02e6,  12.14, 2.384, 0,       0,       0,      plain && stars && rx_psf_type_measured(par->psf.type)}, /* PSF_AUTO */
+        {7.02e6,  12.14, 2.384, 0,       0,       0,      plain && stars && par->psf.type == RX_PSF_AUTO}, /* PSF_AUTO */
         {0.01e6,  11.78, 22.92, 1.844e4, 1.421e4, 3.55e6, par->templates.wanted},                    /* TEMPLATES */
         {0.01e6,  25.55, 41.42, 2913,    207.2,   0,      par->detect.matched},                      /* MATCHED */
         {0.31e6,  4.199, 4.918, 0,       0,       0,      images},             /* CHECKIMAGE */
