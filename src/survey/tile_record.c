@@ -6,6 +6,7 @@
 #include <limits.h>
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +16,82 @@
 #include "config/tokens.h"
 
 static const char blanks[] = " \t\r\v\f";
+
+/* --- the lines that hold fields of a struct, once for both ways --- */
+
+/* NAME goes into reports and names of files: letters, digits and '_'. EXACT: 15 digits. */
+typedef enum kind { NONE, INT, LONG, REAL, EXACT, TEXT, NAME } kind;
+
+typedef struct item {
+    kind kind;
+    size_t offset, size;
+    long low, high;
+} item;
+
+typedef enum line_name {
+    EXTENSION,
+    STATE,
+    ANOMALIES,
+    CARD,
+    PAGE,
+    PSF,
+    STARS,
+    RHO,
+    RUN,
+    TOOK,
+    DONE,
+    OUTSIDE,
+    FLUX,
+    GUARD,
+    SHARES,
+    NLINES
+} line_name;
+
+typedef struct line {
+    const char *word;
+    item items[14]; /* ends with NONE */
+} line;
+
+#define FIELD(kind, type, field, low, high)                                                                  \
+    {                                                                                                        \
+        kind, offsetof(type, field), sizeof((type *)NULL)->field, low, high                                  \
+    }
+#define OF_E(kind, field, ...) FIELD(kind, rx_extension_facts, field, __VA_ARGS__)
+#define OF_R(kind, field, ...) FIELD(kind, rx_run_facts, field, __VA_ARGS__)
+#define E_REAL(field) OF_E(REAL, field, 0, 0)
+#define R_REAL(field) OF_R(REAL, field, 0, 0)
+/* clang-format off */
+static const line lines[NLINES] = {
+    [EXTENSION] = {"EXTENSION", {OF_E(INT, hdu, 0, 1 << 30), OF_E(INT, width, 0, 1 << 30), OF_E(INT, height, 0, 1 << 30),
+                                 E_REAL(alpha), E_REAL(delta), E_REAL(fwhm), E_REAL(sky), E_REAL(noise),
+                                 OF_E(INT, verdict, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT)}},
+    [STATE] = {"STATE", {E_REAL(state.ellipticity), E_REAL(state.depth), E_REAL(state.factor), E_REAL(state.masked),
+                         E_REAL(state.saturated), E_REAL(state.chi2), OF_E(INT, state.wrong, -1, INT_MAX),
+                         OF_E(INT, state.look, -1, INT_MAX)}},
+    [ANOMALIES] = {"ANOMALIES", {E_REAL(state.rows), E_REAL(state.columns), E_REAL(state.light)}},
+    [CARD] = {"CARD", {FIELD(TEXT, rx_tile_card, name, 0, 0), FIELD(EXACT, rx_tile_card, value, 0, 0)}},
+    [PAGE] = {"PAGE", {OF_E(TEXT, page, 0, 0)}},
+    [PSF] = {"PSF", {OF_E(NAME, psf.how, 0, 0), OF_E(INT, psf.stars, 0, INT_MAX),
+                     OF_E(INT, psf.reserved, 0, INT_MAX), E_REAL(psf.flux_error), E_REAL(psf.growth), E_REAL(psf.residual),
+                     E_REAL(psf.off[0]), E_REAL(psf.off[1]), E_REAL(psf.off[2]), E_REAL(psf.error[0]),
+                     E_REAL(psf.error[1]), E_REAL(psf.error[2])}},
+    [STARS] = {"STARS", {OF_E(LONG, psf.rho.n, 1, INT_MAX), OF_E(LONG, psf.rho.t, -(1L << 40), 1L << 40),
+                         OF_E(LONG, psf.rho.e1, -(1L << 40), 1L << 40), OF_E(LONG, psf.rho.e2, -(1L << 40), 1L << 40),
+                         E_REAL(psf.rho.reach)}},
+    [RHO] = {"RHO", {OF_E(LONG, psf.rho.pairs, 1, 1L << 60), OF_E(LONG, psf.rho.tt, -(1L << 60), 1L << 60),
+                     OF_E(LONG, psf.rho.ee, -(1L << 60), 1L << 60)}}, /* behind the number of the bin */
+    [RUN] = {"RUN", {OF_R(NAME, name, 0, 0), OF_R(LONG, sources, 0, 1L << 40)}}, /* and whether there are bins */
+    [TOOK] = {"TOOK", {OF_R(NAME, taken, 0, 0), OF_R(TEXT, why, 0, 0)}},
+    [DONE] = {"DONE", {OF_R(NAME, by, 0, 0), OF_R(TEXT, why, 0, 0)}},
+    [OUTSIDE] = {"OUTSIDE", {OF_R(TEXT, outside, 0, 0)}},
+    [FLUX] = {"FLUX", {OF_R(INT, flux.n, 1, INT_MAX), R_REAL(flux.diameter), R_REAL(flux.wide), R_REAL(flux.wide_error),
+                       R_REAL(flux.automatic), R_REAL(flux.automatic_error)}},
+    [GUARD] = {"GUARD", {R_REAL(guard.false_per_mpixel), R_REAL(guard.raised), R_REAL(guard.unexplained)}},
+    [SHARES] = {"SHARES", {R_REAL(sharp), R_REAL(lit)}},
+};
+/* clang-format on */
+
+/* --- to text --- */
 
 /* In quotes; what would end them or the line is written as %XX. */
 static void add_string(rx_text *dst, const char *string)
@@ -26,6 +103,29 @@ static void add_string(rx_text *dst, const char *string)
         else
             rx_text_add_bytes(dst, (const char *)c, 1);
     rx_text_add(dst, "\"");
+}
+
+/* The items of a line, from the struct at `base`. */
+static void add_items(rx_text *dst, line_name name, const void *base)
+{
+    for (const item *i = lines[name].items; i->kind != NONE; i++) {
+        const void *field = (const char *)base + i->offset;
+        if (i->kind == INT)
+            rx_text_printf(dst, " %d", *(const int *)field);
+        else if (i->kind == LONG)
+            rx_text_printf(dst, " %ld", *(const long *)field);
+        else if (i->kind == TEXT || i->kind == NAME)
+            add_string(dst, field);
+        else
+            rx_text_printf(dst, i->kind == REAL ? " %.9g" : " %.15g", *(const double *)field);
+    }
+}
+
+static void add_line(rx_text *dst, line_name name, const void *base)
+{
+    rx_text_add(dst, lines[name].word);
+    add_items(dst, name, base);
+    rx_text_add(dst, "\n");
 }
 
 static void add_bin(rx_text *dst, int k, const rx_tally_bin *bin)
@@ -40,80 +140,54 @@ static void add_bin(rx_text *dst, int k, const rx_tally_bin *bin)
     rx_text_add(dst, "\n");
 }
 
-static void add_psf(rx_text *dst, const rx_psf_account *psf)
+static void add_run(rx_text *dst, const rx_run_facts *run)
 {
-    const rx_rho *rho = &psf->rho;
-    if (psf->how[0] == '\0')
-        return;
-    rx_text_add(dst, "PSF");
-    add_string(dst, psf->how);
-    rx_text_printf(dst, " %d %d %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n", psf->stars, psf->reserved,
-                   psf->flux_error, psf->growth, psf->residual, psf->off[0], psf->off[1], psf->off[2],
-                   psf->error[0], psf->error[1], psf->error[2]);
-    if (rho->n > 0)
-        rx_text_printf(dst, "STARS %ld %ld %ld %ld %.9g\n", rho->n, rho->t, rho->e1, rho->e2, rho->reach);
-    for (int k = 0; k < RX_RHO_BINS; k++)
-        if (rho->pairs[k] > 0)
-            rx_text_printf(dst, "RHO %d %ld %ld %ld\n", k, rho->pairs[k], rho->tt[k], rho->ee[k]);
+    rx_text_add(dst, lines[RUN].word);
+    add_items(dst, RUN, run);
+    rx_text_printf(dst, " %d\n", run->tally != NULL);
+    const struct {
+        line_name name;
+        bool is_there;
+    } of[] = {{TOOK, run->taken[0] != '\0'}, {DONE, run->by[0] != '\0'}, {OUTSIDE, run->outside[0] != '\0'},
+              {FLUX, run->flux.n > 0},       {GUARD, run->guard.known},  {SHARES, isfinite(run->lit)}};
+    for (size_t i = 0; i < sizeof of / sizeof *of; i++)
+        if (of[i].is_there)
+            add_line(dst, of[i].name, run);
+    for (int k = 0; k < run->facts.n; k++) {
+        rx_text_printf(dst, "FACT %s", run->facts.pairs[k][0]);
+        add_string(dst, run->facts.pairs[k][1]);
+        rx_text_add(dst, "\n");
+    }
+    for (int b = 0; run->tally != NULL && b < RX_TALLY_BINS; b++)
+        add_bin(dst, b, &run->tally->bin[b]);
 }
 
 static void add_extension(rx_text *dst, const rx_extension_facts *e)
 {
-    rx_text_printf(dst, "EXTENSION %d %d %d %.9g %.9g %.9g %.9g %.9g %d\n", e->hdu, e->width, e->height,
-                   e->alpha, e->delta, e->fwhm, e->sky, e->noise, (int)e->verdict);
+    const rx_tile_state *s = &e->state;
+    const bool measured = e->psf.how[0] != '\0';
+    add_line(dst, EXTENSION, e);
     if (e->known)
-        rx_text_printf(dst, "STATE %.9g %.9g %.9g %.9g %.9g %.9g %d %d\n", e->state.ellipticity,
-                       e->state.depth, e->state.factor, e->state.masked, e->state.saturated, e->state.chi2,
-                       e->state.wrong, e->state.look);
-    if (e->known && (isfinite(e->state.rows) || isfinite(e->state.columns) || isfinite(e->state.light)))
-        rx_text_printf(dst, "ANOMALIES %.9g %.9g %.9g\n", e->state.rows, e->state.columns, e->state.light);
-    for (int i = 0; i < e->ncards; i++) {
-        rx_text_add(dst, "CARD");
-        add_string(dst, e->card[i].name);
-        rx_text_printf(dst, " %.15g\n", e->card[i].value);
-    }
-    if (e->page[0] != '\0') {
-        rx_text_add(dst, "PAGE");
-        add_string(dst, e->page);
+        add_line(dst, STATE, e);
+    if (e->known && (isfinite(s->rows) || isfinite(s->columns) || isfinite(s->light)))
+        add_line(dst, ANOMALIES, e);
+    for (int i = 0; i < e->ncards; i++)
+        add_line(dst, CARD, &e->card[i]);
+    if (e->page[0] != '\0')
+        add_line(dst, PAGE, e);
+    if (measured)
+        add_line(dst, PSF, e);
+    if (measured && e->psf.rho.n > 0)
+        add_line(dst, STARS, e);
+    for (int k = 0; k < RX_RHO_BINS && measured; k++) {
+        if (e->psf.rho.pairs[k] == 0)
+            continue;
+        rx_text_printf(dst, "%s %d", lines[RHO].word, k);
+        add_items(dst, RHO, (const long *)(const void *)e + k);
         rx_text_add(dst, "\n");
     }
-    add_psf(dst, &e->psf);
-    for (int i = 0; i < e->nruns; i++) {
-        const rx_run_facts *run = &e->run[i];
-        rx_text_add(dst, "RUN");
-        add_string(dst, run->name);
-        rx_text_printf(dst, " %ld %d\n", run->sources, run->tally != NULL);
-        const char *const others[][2] = {{"TOOK", run->taken}, {"DONE", run->by}};
-        for (int k = 0; k < 2; k++) {
-            if (others[k][1][0] == '\0')
-                continue;
-            rx_text_add(dst, others[k][0]);
-            add_string(dst, others[k][1]);
-            add_string(dst, run->why);
-            rx_text_add(dst, "\n");
-        }
-        if (run->outside[0] != '\0') {
-            rx_text_add(dst, "OUTSIDE");
-            add_string(dst, run->outside);
-            rx_text_add(dst, "\n");
-        }
-        if (run->flux.n > 0)
-            rx_text_printf(dst, "FLUX %d %.9g %.9g %.9g %.9g %.9g\n", run->flux.n, run->flux.diameter,
-                           run->flux.wide, run->flux.wide_error, run->flux.automatic,
-                           run->flux.automatic_error);
-        if (run->guard.known)
-            rx_text_printf(dst, "GUARD %.9g %.9g %.9g\n", run->guard.false_per_mpixel, run->guard.raised,
-                           run->guard.unexplained);
-        if (isfinite(run->lit))
-            rx_text_printf(dst, "SHARES %.9g %.9g\n", run->sharp, run->lit);
-        for (int k = 0; k < run->facts.n; k++) {
-            rx_text_printf(dst, "FACT %s", run->facts.pairs[k][0]);
-            add_string(dst, run->facts.pairs[k][1]);
-            rx_text_add(dst, "\n");
-        }
-        for (int b = 0; run->tally != NULL && b < RX_TALLY_BINS; b++)
-            add_bin(dst, b, &run->tally->bin[b]);
-    }
+    for (int i = 0; i < e->nruns; i++)
+        add_run(dst, &e->run[i]);
 }
 
 void rx_tile_record_print(rx_text *dst, const rx_tile_record *record)
@@ -197,248 +271,122 @@ static rx_status take_whole(const reader *r, int word, long low, long high, long
     return status == RX_OK && *end != '\0' ? refuse(r, "a number is out of place") : status;
 }
 
-static rx_status read_extension(reader *r)
+/* Of a restorer or a PSF. */
+static bool is_name(const char *name, size_t size)
 {
-    long v[4] = {0};
-    double x[5] = {0};
-    for (int i = 0; i < 3; i++)
-        RX_TRY(take_whole(r, 1 + i, 0, 1L << 30, &v[i]));
-    for (int i = 0; i < 5; i++)
-        RX_TRY(take_real(r, 4 + i, &x[i]));
-    RX_TRY(take_whole(r, 9, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT, &v[3]));
+    const size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_");
+    return n > 0 && name[n] == '\0' && n < size;
+}
+
+/* A text is cut where it is longer than its field. */
+static rx_status take_item(const reader *r, int word, const item *i, void *field)
+{
+    char *text = NULL;
+    long value = 0;
+    if (i->kind == REAL || i->kind == EXACT)
+        return take_real(r, word, field);
+    if (i->kind == INT || i->kind == LONG) {
+        RX_TRY(take_whole(r, word, i->low, i->high, &value));
+        if (i->kind == INT)
+            *(int *)field = (int)value;
+        else
+            *(long *)field = value;
+        return RX_OK;
+    }
+    RX_TRY(take_string(r, word, &text));
+    const bool wrong = i->kind == NAME && !is_name(text, i->size);
+    if (!wrong)
+        snprintf(field, i->size, "%s", text);
+    free(text);
+    return wrong ? refuse(r, "a restorer or a PSF has no name") : RX_OK;
+}
+
+/* Words from `first` on into the struct at `base`. */
+static rx_status take_items(const reader *r, line_name name, int first, void *base)
+{
+    for (const item *i = lines[name].items; i->kind != NONE; i++)
+        RX_TRY(take_item(r, first++, i, (char *)base + i->offset));
+    return RX_OK;
+}
+
+static rx_status begin_extension(reader *r)
+{
     rx_tile_facts *facts = &r->record.facts;
     RX_TRY(RX_GROW(facts->extension, (size_t)facts->n + 1, r->err));
     r->extension = &facts->extension[facts->n++];
     r->run = NULL;
-    *r->extension = (rx_extension_facts){.hdu = (int)v[0],
-                                         .width = (int)v[1],
-                                         .height = (int)v[2],
-                                         .alpha = x[0],
-                                         .delta = x[1],
-                                         .fwhm = x[2],
-                                         .sky = x[3],
-                                         .noise = x[4],
-                                         .verdict = (rx_verdict)v[3]};
-    return RX_OK;
+    *r->extension = (rx_extension_facts){.state = {.rows = NAN, .columns = NAN, .light = NAN}};
+    return take_items(r, EXTENSION, 1, r->extension);
 }
 
-/* Of a restorer: into reports and names of files, so nothing but letters, digits and '_'. */
-static int is_run_name(const char *name)
+static rx_status begin_run(reader *r)
 {
-    const size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_");
-    return n > 0 && name[n] == '\0' && n < sizeof((rx_run_facts *)NULL)->name;
-}
-
-static rx_status read_run(reader *r)
-{
-    long sources, reference;
-    if (r->extension == NULL || r->extension->nruns == RX_MAX_RUNS)
-        return refuse(r, "a run is out of place");
-    RX_TRY(take_whole(r, 2, 0, 1L << 40, &sources));
-    RX_TRY(take_whole(r, 3, 0, 1, &reference));
-    if (!is_run_name(r->words.v[1]))
-        RX_TRY(refuse(r, "a run has no name of a restorer"));
+    long reference;
     r->run = &r->extension->run[r->extension->nruns++];
-    *r->run = (rx_run_facts){.sources = sources, .sharp = NAN, .lit = NAN};
-    snprintf(r->run->name, sizeof r->run->name, "%s", r->words.v[1]);
+    *r->run = (rx_run_facts){.sharp = NAN, .lit = NAN};
+    RX_TRY(take_items(r, RUN, 1, r->run));
+    RX_TRY(take_whole(r, 3, 0, 1, &reference));
     return reference ? RX_MAKE(r->run->tally, 1, r->err) : RX_OK;
 }
 
-/* Which restorer, in a field of that size, and why. */
-static rx_status read_restorer(reader *r, char *dst, size_t size)
+/* A line may come where what it belongs to has come. */
+static bool is_in_place(const reader *r, line_name name)
 {
-    char *why = NULL;
-    rx_status status = take_string(r, 2, &why);
-    if (status == RX_OK) {
-        snprintf(dst, size, "%s", r->words.v[1]);
-        snprintf(r->run->why, sizeof r->run->why, "%s", why);
+    const rx_extension_facts *e = r->extension;
+    switch (name) {
+    case EXTENSION:
+        return true;
+    case ANOMALIES:
+        return e != NULL && e->known;
+    case CARD:
+        return e != NULL && e->ncards < RX_RECORD_CARDS;
+    case PSF:
+        return e != NULL && e->psf.how[0] == '\0';
+    case STARS:
+        return e != NULL && e->psf.how[0] != '\0';
+    case RHO:
+        return e != NULL && e->psf.rho.n > 0;
+    case RUN:
+        return e != NULL && e->nruns < RX_MAX_RUNS;
+    default:
+        return name < RUN ? e != NULL : r->run != NULL;
     }
-    free(why);
-    return status;
 }
 
-static rx_status read_done(reader *r)
+static rx_status read_fields(reader *r, line_name name)
 {
-    if (r->run == NULL || r->words.n < 3 || !is_run_name(r->words.v[1]))
-        return refuse(r, "DONE is out of place");
-    return read_restorer(r, r->run->by, sizeof r->run->by);
-}
-
-static rx_status read_took(reader *r)
-{
-    if (r->run == NULL || r->words.n < 3 || !is_run_name(r->words.v[1]))
-        return refuse(r, "TOOK is out of place");
-    return read_restorer(r, r->run->taken, sizeof r->run->taken);
-}
-
-static rx_status read_outside(reader *r)
-{
-    char *what = NULL;
-    if (r->run == NULL || r->words.n < 2)
-        return refuse(r, "OUTSIDE is out of place");
-    rx_status status = take_string(r, 1, &what);
-    if (status == RX_OK)
-        snprintf(r->run->outside, sizeof r->run->outside, "%s", what);
-    free(what);
-    return status;
-}
-
-static rx_status read_flux(reader *r)
-{
-    long n;
-    if (r->run == NULL)
-        return refuse(r, "FLUX is out of place");
-    rx_fluxcheck *flux = &r->run->flux;
-    double *const values[] = {&flux->diameter, &flux->wide, &flux->wide_error, &flux->automatic,
-                              &flux->automatic_error};
-    rx_status status = take_whole(r, 1, 1, INT_MAX, &n);
-    for (int i = 0; i < 5 && status == RX_OK; i++)
-        status = take_real(r, 2 + i, values[i]);
-    flux->n = status == RX_OK ? (int)n : 0;
-    return status;
-}
-
-static rx_status read_guard(reader *r)
-{
-    if (r->run == NULL)
-        return refuse(r, "GUARD is out of place");
-    rx_run_guard *guard = &r->run->guard;
-    guard->known = 1;
-    RX_TRY(take_real(r, 1, &guard->false_per_mpixel));
-    RX_TRY(take_real(r, 2, &guard->raised));
-    return take_real(r, 3, &guard->unexplained);
-}
-
-static rx_status read_state(reader *r)
-{
-    long wrong = 0, look = 0;
-    if (r->extension == NULL)
-        return refuse(r, "STATE is out of place");
-    rx_tile_state *s = &r->extension->state;
-    double *const values[] = {&s->ellipticity, &s->depth, &s->factor, &s->masked, &s->saturated, &s->chi2};
-    rx_status status = RX_OK;
-    for (int i = 0; i < 6 && status == RX_OK; i++)
-        status = take_real(r, 1 + i, values[i]);
-    if (status == RX_OK)
-        status = take_whole(r, 7, -1, INT_MAX, &wrong);
-    if (status == RX_OK)
-        status = take_whole(r, 8, -1, INT_MAX, &look);
-    s->wrong = (int)wrong;
-    s->look = (int)look;
-    s->rows = s->columns = s->light = NAN;
-    r->extension->known = 1;
-    return status;
-}
-
-static rx_status read_anomalies(reader *r)
-{
-    if (r->extension == NULL || !r->extension->known)
-        return refuse(r, "ANOMALIES is out of place");
-    rx_tile_state *s = &r->extension->state;
-    RX_TRY(take_real(r, 1, &s->rows));
-    RX_TRY(take_real(r, 2, &s->columns));
-    return take_real(r, 3, &s->light);
-}
-
-static rx_status read_shares(reader *r)
-{
-    if (r->run == NULL)
-        return refuse(r, "SHARES is out of place");
-    RX_TRY(take_real(r, 1, &r->run->sharp));
-    return take_real(r, 2, &r->run->lit);
-}
-
-static rx_status read_fact(reader *r)
-{
-    char *value = NULL;
-    if (r->run == NULL || r->words.n < 2)
-        return refuse(r, "FACT is out of place");
-    RX_TRY(take_string(r, 2, &value));
-    rx_record_add(&r->run->facts, r->words.v[1], "", "%s", value);
-    free(value);
-    return r->run->facts.failed ? rx_error_memory(r->err, 0) : RX_OK;
-}
-
-/* Into a field of a fixed size, cut where it is longer. */
-static rx_status take_name(reader *r, int word, char *dst, size_t size)
-{
-    char *own = NULL;
-    const rx_status status = take_string(r, word, &own);
-    if (status == RX_OK)
-        snprintf(dst, size, "%s", own);
-    free(own);
-    return status;
-}
-
-static rx_status read_card(reader *r)
-{
-    if (r->extension == NULL || r->extension->ncards == RX_RECORD_CARDS)
-        return refuse(r, "CARD is out of place");
-    rx_tile_card *card = &r->extension->card[r->extension->ncards];
-    RX_TRY(take_name(r, 1, card->name, sizeof card->name));
-    RX_TRY(take_real(r, 2, &card->value));
-    r->extension->ncards++;
-    return RX_OK;
-}
-
-static rx_status read_page(reader *r)
-{
-    if (r->extension == NULL)
-        return refuse(r, "PAGE is out of place");
-    return take_name(r, 1, r->extension->page, sizeof r->extension->page);
-}
-
-static rx_status read_psf(reader *r)
-{
-    char *how = NULL;
-    long stars = 0, reserved = 0;
-    if (r->extension == NULL || r->extension->psf.how[0] != '\0')
-        return refuse(r, "PSF is out of place");
-    rx_psf_account *psf = &r->extension->psf;
-    double *const values[] = {&psf->flux_error, &psf->growth,   &psf->residual, &psf->off[0],  &psf->off[1],
-                              &psf->off[2],     &psf->error[0], &psf->error[1], &psf->error[2]};
-    rx_status status;
-    RX_TRY_EXIT(take_string(r, 1, &how));
-    if (!is_run_name(how))
-        RX_TRY_EXIT(refuse(r, "a PSF has no word of RXPSFHOW"));
-    RX_TRY_EXIT(take_whole(r, 2, 0, INT_MAX, &stars));
-    RX_TRY_EXIT(take_whole(r, 3, 0, INT_MAX, &reserved));
-    for (int i = 0; i < 9; i++)
-        RX_TRY_EXIT(take_real(r, 4 + i, values[i]));
-    snprintf(psf->how, sizeof psf->how, "%s", how);
-    psf->stars = (int)stars;
-    psf->reserved = (int)reserved;
-    psf->rho.alpha = r->extension->alpha;
-    psf->rho.delta = r->extension->delta;
-exit:
-    free(how);
-    return status;
-}
-
-static rx_status read_stars(reader *r)
-{
-    const long most = 1L << 40;
-    if (r->extension == NULL || r->extension->psf.how[0] == '\0')
-        return refuse(r, "STARS is out of place");
-    rx_rho *rho = &r->extension->psf.rho;
-    long *const values[] = {&rho->t, &rho->e1, &rho->e2};
-    RX_TRY(take_whole(r, 1, 1, INT_MAX, &rho->n));
-    for (int i = 0; i < 3; i++)
-        RX_TRY(take_whole(r, 2 + i, -most, most, values[i]));
-    return take_real(r, 5, &rho->reach);
-}
-
-static rx_status read_rho(reader *r)
-{
-    const long most = 1L << 60;
+    rx_extension_facts *e = r->extension;
+    char why[40];
     long k = 0;
-    if (r->extension == NULL || r->extension->psf.rho.n == 0)
-        return refuse(r, "RHO is out of place");
-    rx_rho *rho = &r->extension->psf.rho;
-    RX_TRY(take_whole(r, 1, 0, RX_RHO_BINS - 1, &k));
-    RX_TRY(take_whole(r, 2, 1, most, &rho->pairs[k]));
-    RX_TRY(take_whole(r, 3, -most, most, &rho->tt[k]));
-    return take_whole(r, 4, -most, most, &rho->ee[k]);
+    snprintf(why, sizeof why, "%s is out of place", lines[name].word);
+    if (!is_in_place(r, name))
+        return refuse(r, why);
+    switch (name) {
+    case EXTENSION:
+        return begin_extension(r);
+    case RUN:
+        return begin_run(r);
+    case CARD:
+        RX_TRY(take_items(r, name, 1, &e->card[e->ncards]));
+        e->ncards++;
+        return RX_OK;
+    case RHO:
+        RX_TRY(take_whole(r, 1, 0, RX_RHO_BINS - 1, &k));
+        return take_items(r, name, 2, (long *)(void *)e + k);
+    case STATE:
+        e->known = 1;
+        break;
+    case PSF:
+        e->psf.rho.alpha = e->alpha;
+        e->psf.rho.delta = e->delta;
+        break;
+    case GUARD:
+        r->run->guard.known = 1;
+        break;
+    default:
+        break;
+    }
+    return take_items(r, name, 1, name < RUN ? (void *)e : r->run);
 }
 
 /* Most of a record are these lines; a survey has millions, so they are not cut into words first. */
@@ -497,33 +445,39 @@ static rx_status end_record(reader *r)
     return RX_OK;
 }
 
+static rx_status read_fact(reader *r)
+{
+    char *value = NULL;
+    if (r->run == NULL || r->words.n < 2)
+        return refuse(r, "FACT is out of place");
+    RX_TRY(take_string(r, 2, &value));
+    rx_record_add(&r->run->facts, r->words.v[1], "", "%s", value);
+    free(value);
+    return r->run->facts.failed ? rx_error_memory(r->err, 0) : RX_OK;
+}
+
 static rx_status read_words(reader *r)
 {
-    static const struct {
-        const char *kind;
-        rx_status (*read)(reader *r);
-    } lines[] = {{"EXTENSION", read_extension}, {"STATE", read_state}, {"ANOMALIES", read_anomalies},
-                 {"CARD", read_card},           {"PAGE", read_page},   {"PSF", read_psf},
-                 {"STARS", read_stars},         {"RHO", read_rho},     {"RUN", read_run},
-                 {"DONE", read_done},           {"TOOK", read_took},   {"OUTSIDE", read_outside},
-                 {"FLUX", read_flux},           {"GUARD", read_guard}, {"SHARES", read_shares},
-                 {"FACT", read_fact},           {"END", end_record}};
-    const char *kind = r->words.v[0];
-    if (strcmp(kind, "TILE") == 0)
+    const char *word = r->words.v[0];
+    if (strcmp(word, "TILE") == 0)
         return begin_record(r);
     if (!r->open)
         return refuse(r, "TILE does not come first");
-    if (strcmp(kind, "VERSION") == 0 && r->record.version == NULL)
+    if (strcmp(word, "VERSION") == 0 && r->record.version == NULL)
         return take_string(r, 1, &r->record.version);
-    if (strcmp(kind, "STATUS") == 0 && r->record.what == NULL) {
+    if (strcmp(word, "STATUS") == 0 && r->record.what == NULL) {
         long code;
         rx_status status = take_whole(r, 1, 0, 255, &code);
         r->record.status = (int)code;
         return status == RX_OK ? take_string(r, 2, &r->record.what) : status;
     }
-    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++)
-        if (strcmp(kind, lines[i].kind) == 0)
-            return lines[i].read(r);
+    if (strcmp(word, "FACT") == 0)
+        return read_fact(r);
+    if (strcmp(word, "END") == 0)
+        return end_record(r);
+    for (int i = 0; i < NLINES; i++)
+        if (strcmp(word, lines[i].word) == 0)
+            return read_fields(r, (line_name)i);
     return refuse(r, "this is no line of a record");
 }
 
