@@ -81,5 +81,5 @@ double rx_random_normal(uint64_t seed, uint64_t stream, uint64_t counter)
 {
     double both[2];
     rx_random_two(seed, stream, counter, both);
-    return sqrt(-2.0 * log(both[0])) * cos(2.0 * 3.14159265358979323846 * both[1]);
+    return sqrt(-2.0 * log(both[0])) * cos(2.0 * M_PI * both[1]);
 }

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "base/simd.h"
@@ -20,7 +21,6 @@ enum {
     LEAST_LINES = 20 /* rows or columns with a scatter */
 };
 
-static const double MEDIAN_ERROR = 1.2533;      /* of a median over that of a mean */
 static const double ENOUGH = 0.25;              /* of the pixels of a row, column or box */
 static const double FAINT = 8.0;                /* sigmas of the brightest pixel */
 static const double LIGHT = 0.3, ERRORS = 5.0;  /* sigmas of a pixel; errors of the median */
@@ -288,7 +288,7 @@ static double offsets(double *medians, int n, int pixels, double wide)
             medians[known++] = medians[i - 1] - medians[i];
     if (known < LEAST_LINES)
         return NAN;
-    const double step = rx_sigma_mad(medians, known, NULL), noise = MEDIAN_ERROR * wide;
+    const double step = rx_sigma_mad(medians, known, NULL), noise = RX_MEDIAN_ERROR * wide;
     return sqrt(fmax(0.5 * step * step - noise * noise / pixels, 0.0));
 }
 
@@ -396,7 +396,7 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
 {
     const int width = image->width, height = image->height, threads = rx_max_int(nthreads, 1);
     work w = {.image = image,
-              .limit = fmax(LIGHT, ERRORS * MEDIAN_ERROR * wide / BOX),
+              .limit = fmax(LIGHT, ERRORS * RX_MEDIAN_ERROR * wide / BOX),
               .nx = (width + BOX - 1) / BOX,
               .ny = (height + BOX - 1) / BOX,
               .along = sampled(width),

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "base/simd.h"
@@ -121,9 +122,9 @@ static rx_status fill_sigma(const rx_background_params *par, const rx_image *src
     return status;
 }
 
-enum { REACH = 2 };                                         /* beside what stands out, pixels */
-static const double FILTER_FWHM = 2.0 * 2.3548200450309493; /* of the Gaussian that shows sources, pixels */
-static const float STANDS_OUT = 3.0f;                       /* sigmas of the filtered image */
+enum { REACH = 2 };                                    /* beside what stands out, pixels */
+static const double FILTER_FWHM = 2.0 * RX_FWHM_SIGMA; /* of the Gaussian that shows sources, pixels */
+static const float STANDS_OUT = 3.0f;                  /* sigmas of the filtered image */
 
 /* What stands out within REACH of row y, in x and in y, is set in dst. */
 RX_SIMD static void spread_row(const uint8_t *out, int width, int height, int y, uint8_t *dst)

@@ -9,7 +9,6 @@
 
 #include "base/memory.h"
 
-static const double PI = 3.14159265358979323846;
 static const double REACH = 10.0; /* sums of major axes within which sources may eat each other */
 
 /* A source as cleaning sees it; flux and area grow by what it eats. */
@@ -67,7 +66,7 @@ static double axis_correction(const rx_detection *list, int i, const rx_clean_im
         above_half += image->pixels[list[i].pixels[k]] > half;
     double difference = above_half - list[i].npix_raw;
     double correction = (difference < 0.0 ? difference : -1.0) /
-                        (2.0 * PI * log(ratio < 1.0 ? ratio : 0.99) * list[i].a * list[i].b);
+                        (2.0 * M_PI * log(ratio < 1.0 ? ratio : 0.99) * list[i].a * list[i].b);
     return fmin(correction, 1.0);
 }
 
@@ -75,7 +74,7 @@ static double axis_correction(const rx_detection *list, int i, const rx_clean_im
 static bool swallows(const rx_detection *list, const wing *wings, int big, int small, double beta)
 {
     double dx = list[small].x - list[big].x, dy = list[small].y - list[big].y;
-    double unit_area = PI * list[big].a * list[big].b;
+    double unit_area = M_PI * list[big].a * list[big].b;
     double amplitude = wings[big].flux / (2.0 * unit_area * wings[big].axis_correction);
     double alpha = (pow(amplitude / list[big].threshold, 1.0 / beta) - 1.0) * unit_area / wings[big].area;
     double fall = 1.0 + alpha * (list[big].cxx * dx * dx + list[big].cyy * dy * dy + list[big].cxy * dx * dy);

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "base/simd.h"
@@ -32,7 +33,6 @@ static const double STANDS_OUT = 3.5, BRIGHT = 20.0; /* widths of the filtered c
 static const double LEAST = 0.02;                    /* correlation that matters */
 static const double LEAST_SUM = 0.15;                /* the same of their sum */
 static const double FLOOR = 0.3;                     /* more than that at the reach is noise, not sky */
-static const double MEDIAN_ERROR = 1.2533;           /* of a median over that of a mean */
 
 typedef struct cell {
     long used;
@@ -305,7 +305,7 @@ static rx_noise_correlation combine(const cell *cells, const int *which, int n, 
             if (abs(dx) <= NEAR && abs(dy) <= NEAR)
                 sum += value;
         }
-    noise.error = (n > 2 ? MEDIAN_ERROR : 1.0) * sqrt(squares / (double)noise.pixels);
+    noise.error = (n > 2 ? RX_MEDIAN_ERROR : 1.0) * sqrt(squares / (double)noise.pixels);
     /* of the sum, half are the others again */
     const double sum_error = sqrt(2.0 * ((2 * NEAR + 1) * (2 * NEAR + 1) - 1)) * noise.error;
     noise.correlated =
@@ -350,7 +350,7 @@ static void judge_quadrant(const cell *cells, const int *which, int n, int q, do
         sorted[i] = near_sum(&cells[which[i]]);
     const double width = rx_sigma_mad(sorted, (size_t)n, &middle);
     dst->quadrant[q] = middle;
-    dst->quadrant_error[q] = MEDIAN_ERROR * width / sqrt((double)n);
+    dst->quadrant_error[q] = RX_MEDIAN_ERROR * width / sqrt((double)n);
 }
 
 rx_status rx_correlation_measure(const rx_image *image, const unsigned char *used, int nthreads,

@@ -181,7 +181,7 @@ static void cure_ellipse(rx_source *s)
                  s->cxx > 0.0 && s->cyy > 0.0 && 4.0 * s->cxx * s->cyy > s->cxy * s->cxy;
     if (sound)
         return;
-    double radius2 = fmax(s->npix, 1) / (4.0 * 3.14159265358979323846);
+    double radius2 = fmax(s->npix, 1) / (4.0 * M_PI);
     s->x2 = s->y2 = radius2;
     s->xy = 0.0;
     s->a = s->b = sqrt(radius2);

@@ -170,7 +170,7 @@ static void measure_mesh(workspace *work, int n, int area, rx_mesh_level how, fl
     const moments all = measure_moments(work->values, n, -HUGE_VALF, HUGE_VALF);
     const moments kept = measure_moments(work->values, n, (float)(all.mean - FIRST_CLIP * all.sigma),
                                          (float)(all.mean + FIRST_CLIP * all.sigma));
-    const double step = sqrt(2.0 / 3.14159265358979323846) * REACH / FILLING;
+    const double step = sqrt(2.0 / M_PI) * REACH / FILLING;
     const int levels = (int)(step * kept.n + 1.0);
     work->levels = levels < MAX_LEVELS ? levels : MAX_LEVELS;
     work->scale = kept.sigma > 0.0 ? (float)(2.0 * REACH * kept.sigma / work->levels) : 1.0f;

@@ -101,7 +101,7 @@ static void set_window_ellipse(double x2, double y2, double xy, rx_source *s)
     s->xywin = xy;
     s->awin = sqrt(mean + split);
     s->bwin = sqrt(fmax(mean - split, 0.0));
-    s->thetawin = difference != 0.0 ? 0.5 * atan2(2.0 * xy, difference) : 0.25 * 3.14159265358979323846;
+    s->thetawin = difference != 0.0 ? 0.5 * atan2(2.0 * xy, difference) : 0.25 * M_PI;
     s->cxxwin = y2 / det;
     s->cyywin = x2 / det;
     s->cxywin = -2.0 * xy / det;
@@ -125,7 +125,7 @@ void rx_measure_window(const rx_view *view, double half_light, rx_source *s)
 {
     double sigma = half_light * 2.0 / 2.35, cx = s->x, cy = s->y, dx = 0.0, dy = 0.0, at[2] = {cx, cy};
     /* effective area (sum w)^2 / sum w^2 of a Gaussian */
-    double law = rx_view_noise_factor(view, 4.0 * 3.14159265358979323846 * sigma * sigma);
+    double law = rx_view_noise_factor(view, 4.0 * M_PI * sigma * sigma);
     bool truncated = false;
     int step = 0;
     for (; step < MAX_STEPS; step++) {

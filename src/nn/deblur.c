@@ -29,7 +29,7 @@ static void target_spectrum(double fwhm, int n, int count, float *dst)
     for (int u = 0; u < count; u++) {
         double sum = weights[radius];
         for (int i = 1; i <= radius; i++)
-            sum += 2 * weights[radius + i] * cos(2 * 3.14159265358979323846 * (((long)u * i) % n) / n);
+            sum += 2 * weights[radius + i] * cos(2 * M_PI * (((long)u * i) % n) / n);
         dst[u] = (float)sum;
     }
 }

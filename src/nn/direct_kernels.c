@@ -390,7 +390,7 @@ static void run_wide(const rx_direct *d, const rx_plane *x, const rx_plane *add,
  * decides the last bit.) */
 PART quad sums_of(const vector *s)
 {
-    enum { NEXT = LANES == 16 ? 1 : 2, OTHER = 3 - NEXT };
+    enum { NEXT = LANES == 16 ? 1 : 2, OTHER = LANES == 16 ? 2 : 1 };
     const vector a = BY_TURNS(s[0], s[1], 0, NEXT) + BY_TURNS(s[0], s[1], OTHER, 3);
     const vector b = BY_TURNS(s[2], s[3], 0, NEXT) + BY_TURNS(s[2], s[3], OTHER, 3);
     const vector quarters = BY_TURNS(a, b, 0, 2) + BY_TURNS(a, b, 1, 3);

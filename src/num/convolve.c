@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/simd.h"
 
@@ -86,7 +87,7 @@ void rx_correlate(const rx_fft *fft, const float *kernel, const float *src, floa
 /* FWHM = 2 sqrt(2 ln 2) sigma */
 static double gauss_sigma(double fwhm)
 {
-    return fwhm / 2.3548200450309493;
+    return fwhm / RX_FWHM_SIGMA;
 }
 
 int rx_gauss_radius(double fwhm)

@@ -204,3 +204,31 @@ exit:
     free(s.free_index);
     return status;
 }
+
+int rx_cholesky(double *a, int n, int stride)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = a[i * stride + j];
+            for (int k = 0; k < j; k++)
+                sum -= a[i * stride + k] * a[j * stride + k];
+            if (i == j && !(sum > 0.0))
+                return 0;
+            a[i * stride + j] = i == j ? sqrt(sum) : sum / a[j * stride + j];
+        }
+    return 1;
+}
+
+void rx_cholesky_solve(const double *factor, int n, int stride, double *b)
+{
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++)
+            b[i] -= factor[i * stride + k] * b[k];
+        b[i] /= factor[i * stride + i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++)
+            b[i] -= factor[k * stride + i] * b[k];
+        b[i] /= factor[i * stride + i];
+    }
+}

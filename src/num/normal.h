@@ -25,4 +25,9 @@ typedef struct rx_normal_bounded {
 rx_status rx_normal_nonnegative(const rx_normal_bounded *equations, double *x, double *covariance,
                                 int *at_bound, int *singular, rx_error *err);
 
+/* For a few unknowns in a loop: memory of the caller, a [n] rows at distances of `stride`, only the lower triangle read.
+ * The factor L with L L^T = a takes its place; 0 where a is not positive definite. Then b becomes a^-1 b. */
+int rx_cholesky(double *a, int n, int stride);
+void rx_cholesky_solve(const double *factor, int n, int stride, double *b);
+
 #endif

@@ -1,5 +1,6 @@
 /* Selection instead of sorting: linear time on average, and no allocation. */
 #include "num/stats.h"
+#include "base/constants.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -74,7 +75,7 @@ double rx_sigma_mad(double *values, size_t n, double *median)
         *median = middle;
     for (size_t i = 0; i < n; i++)
         values[i] = fabs(values[i] - middle);
-    return 1.4826 * rx_median(values, n);
+    return RX_MAD_SIGMA * rx_median(values, n);
 }
 
 static int by_value(const void *left, const void *right)
@@ -87,4 +88,30 @@ void rx_sort(double *values, size_t n)
 {
     if (n > 1)
         qsort(values, n, sizeof *values, by_value);
+}
+
+static int rising(const void *left, const void *right)
+{
+    const rx_ranked *a = left, *b = right;
+    return a->value != b->value ? (a->value > b->value) - (a->value < b->value)
+                                : (a->index > b->index) - (a->index < b->index);
+}
+
+static int falling(const void *left, const void *right)
+{
+    const rx_ranked *a = left, *b = right;
+    return a->value != b->value ? (a->value < b->value) - (a->value > b->value)
+                                : (a->index > b->index) - (a->index < b->index);
+}
+
+void rx_rank(rx_ranked *list, size_t n)
+{
+    if (n > 1)
+        qsort(list, n, sizeof *list, rising);
+}
+
+void rx_rank_falling(rx_ranked *list, size_t n)
+{
+    if (n > 1)
+        qsort(list, n, sizeof *list, falling);
 }

@@ -19,4 +19,12 @@ double rx_sigma_mad(double *values, size_t n, double *median);
 /* Into rising order. */
 void rx_sort(double *values, size_t n);
 
+/* Things in an order of their values, rising or falling, equal ones by their number. */
+typedef struct rx_ranked {
+    double value;
+    int index;
+} rx_ranked;
+void rx_rank(rx_ranked *list, size_t n);
+void rx_rank_falling(rx_ranked *list, size_t n);
+
 #endif

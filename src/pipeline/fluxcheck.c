@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "data/psf.h"
 #include "num/stats.h"
@@ -127,7 +128,7 @@ static int median_ratio(const double *a, const double *b, int n, double *work, d
             work[kept++] = a[i] / b[i];
     *median = *error = NAN;
     if (kept >= FEWEST)
-        *error = 1.2533 * rx_sigma_mad(work, kept, median) / sqrt((double)kept);
+        *error = RX_MEDIAN_ERROR * rx_sigma_mad(work, kept, median) / sqrt((double)kept);
     return (int)kept;
 }
 

@@ -19,6 +19,7 @@
 
 #include "base/memory.h"
 #include "base/simd.h"
+#include "num/normal.h"
 #include "num/special.h"
 #include "num/stats.h"
 #include "psf/psf_stretch.h"
@@ -193,31 +194,6 @@ double rx_psf_job_radius(const rx_psf_job *job, double x, double y)
 
 /* ---- one star ---- */
 
-/* x [n] of a x = b, a symmetric and positive definite [n][n], overwritten; 0 where it is not. */
-static int solve_small(double a[4][4], double b[4], int n)
-{
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            double sum = a[i][j];
-            for (int k = 0; k < j; k++)
-                sum -= a[i][k] * a[j][k];
-            if (i == j && !(sum > 0.0))
-                return 0;
-            a[i][j] = i == j ? sqrt(sum) : sum / a[j][j];
-        }
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= a[i][k] * b[k];
-        b[i] /= a[i][i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= a[k][i] * b[k];
-        b[i] /= a[i][i];
-    }
-    return 1;
-}
-
 /* A row of a star's stamp. */
 typedef struct stamp_row {
     int n;
@@ -356,8 +332,10 @@ static void step(const rx_psf_job *job, rx_psf_point *p, int with_positions, flo
         a[1][1] = a[3][3];
         b[1] = b[3];
     }
-    if (!solve_small(a, b, places ? 4 : 2))
+    const int unknowns = places ? 4 : 2;
+    if (!rx_cholesky(a[0], unknowns, 4))
         return;
+    rx_cholesky_solve(a[0], unknowns, 4, b);
     const double most = 0.3;
     p->sky += b[places ? 3 : 1];
     if (places && p->flux > 0.0) {
@@ -851,9 +829,11 @@ static double chi2_of(const rx_psf_model *model, const rx_psf_point *p, float *r
         chi2 += w * off * off;
     }
     const double right[3] = {b[0], b[1], b[2]};
-    if (solve_small(a, b, 3))
+    if (rx_cholesky(a[0], 3, 4)) {
+        rx_cholesky_solve(a[0], 3, 4, b);
         for (int u = 0; u < 3; u++)
             along += b[u] * right[u];
+    }
     return chi2 - along;
 }
 

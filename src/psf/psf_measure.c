@@ -58,36 +58,25 @@ static const uint64_t SEED = 20, RESERVE = 1, FOLD = 2;
 
 /* ---- points ---- */
 
-typedef struct by_row {
-    double y;
-    int i;
-} by_row;
-
-static int compare_rows(const void *a, const void *b)
-{
-    const by_row *p = a, *q = b;
-    return p->y != q->y ? (p->y > q->y) - (p->y < q->y) : (p->i > q->i) - (p->i < q->i);
-}
-
 /* Steps of sources whose light overlaps add up: each takes a smaller one. */
 static rx_status set_damping(rx_psf_job *job, rx_error *err)
 {
-    by_row *rows = RX_NEW(by_row, (size_t)job->n + 1);
+    rx_ranked *rows = RX_NEW(rx_ranked, (size_t)job->n + 1);
     if (rows == NULL)
         return rx_error_memory(err, 0);
     for (int i = 0; i < job->n; i++)
-        rows[i] = (by_row){job->points[i].y, i};
-    qsort(rows, (size_t)job->n, sizeof *rows, compare_rows);
+        rows[i] = (rx_ranked){job->points[i].y, i};
+    rx_rank(rows, (size_t)job->n);
     for (int i = 0; i < job->n; i++) {
         double overlap = 0.0;
         for (int side = -1; side <= 1; side += 2)
-            for (int k = i + side; k >= 0 && k < job->n && fabs(rows[k].y - rows[i].y) < 2.0 * job->fwhm;
-                 k += side) {
-                const double dx = job->points[rows[k].i].x - job->points[rows[i].i].x,
-                             dy = rows[k].y - rows[i].y;
+            for (int k = i + side;
+                 k >= 0 && k < job->n && fabs(rows[k].value - rows[i].value) < 2.0 * job->fwhm; k += side) {
+                const double dx = job->points[rows[k].index].x - job->points[rows[i].index].x,
+                             dy = rows[k].value - rows[i].value;
                 overlap += exp(-1.39 * (dx * dx + dy * dy) / (job->fwhm * job->fwhm));
             }
-        job->points[rows[i].i].damping = 1.0 / (1.0 + 0.7 * overlap);
+        job->points[rows[i].index].damping = 1.0 / (1.0 + 0.7 * overlap);
     }
     free(rows);
     return RX_OK;
@@ -96,16 +85,16 @@ static rx_status set_damping(rx_psf_job *job, rx_error *err)
 /* Saturated stars of the smallest cores are ringed, too. */
 static rx_status ring_saturated(rx_psf_job *job, rx_error *err)
 {
-    by_row *cores = RX_NEW(by_row, (size_t)job->n + 1);
+    rx_ranked *cores = RX_NEW(rx_ranked, (size_t)job->n + 1);
     int n = 0;
     if (cores == NULL)
         return rx_error_memory(err, 0);
     for (int i = 0; i < job->n; i++)
         if (job->points[i].saturated > 0.0)
-            cores[n++] = (by_row){job->points[i].saturated, i};
-    qsort(cores, (size_t)n, sizeof *cores, compare_rows);
+            cores[n++] = (rx_ranked){job->points[i].saturated, i};
+    rx_rank(cores, (size_t)n);
     for (int k = 0; k < n && k < MOST_RINGED / 3; k++)
-        job->points[cores[k].i].ringed = 1;
+        job->points[cores[k].index].ringed = 1;
     free(cores);
     return RX_OK;
 }
@@ -144,14 +133,6 @@ static rx_status leave_out_far(rx_psf_job *job, rx_error *err)
     return RX_OK;
 }
 
-static int by_brightness(const void *a, const void *b)
-{
-    const rx_candidate *x = a, *y = b;
-    if (x->snr != y->snr)
-        return x->snr < y->snr ? 1 : -1;
-    return (x->source > y->source) - (x->source < y->source);
-}
-
 /* Candidates of the locus, *n of them, brightest first, then wider ones, which may be stars of a bad corner or galaxies:
  * at most MOST_STARS. */
 static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, double radius,
@@ -171,8 +152,8 @@ static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, d
     for (int i = near; i < dst->n; i++)
         if (dst->list[i].radius > radius && dst->list[i].radius < POINT * radius)
             dst->list[all++] = dst->list[i];
-    qsort(dst->list, (size_t)near, sizeof *dst->list, by_brightness);
-    qsort(dst->list + near, (size_t)(all - near), sizeof *dst->list, by_brightness);
+    rx_candidates_sort(dst->list, near);
+    rx_candidates_sort(dst->list + near, all - near);
     *n = near < MOST_STARS ? near : MOST_STARS;
     dst->n = all < MOST_STARS ? all : MOST_STARS;
     return RX_OK;
@@ -362,7 +343,7 @@ static int list_stars(const rx_psf_job *job, int reserved, int *dst)
 /* Marks stars that are wider than most by that many sigmas, [n] of shapes, as more of the seven around them are than chance
  * explains (binomial): the PSF is wider there, where galaxies and blends lie everywhere. */
 static void find_together(rx_psf_job *job, const rx_star_shape *shapes, double sigmas, double *values,
-                          by_row *near)
+                          rx_ranked *near)
 {
     enum { AROUND = 7 };
     static const double chance = 1e-3;
@@ -387,12 +368,12 @@ static void find_together(rx_psf_job *job, const rx_star_shape *shapes, double s
         int n = 0, same = 0;
         for (int j = 0; j < job->n && values[i] > 0.0; j++)
             if (j != i && !isnan(values[j]))
-                near[n++] = (by_row){hypot(job->points[j].x - p->x, job->points[j].y - p->y), j};
+                near[n++] = (rx_ranked){hypot(job->points[j].x - p->x, job->points[j].y - p->y), j};
         if (n < AROUND)
             continue;
-        qsort(near, (size_t)n, sizeof *near, compare_rows);
+        rx_rank(near, (size_t)n);
         for (int k = 0; k < AROUND; k++)
-            same += values[near[k].i] > 0.0;
+            same += values[near[k].index] > 0.0;
         if (same > 0 && rx_beta_inc(same, AROUND - same + 1.0, wider / all) < chance)
             p->together = 1;
     }
@@ -405,7 +386,7 @@ static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
 {
     rx_star_shape *shapes = rx_alloc((size_t)job->n + 1, sizeof *shapes);
     double *values = RX_NEW(double, (size_t)job->n + 1);
-    by_row *near = RX_NEW(by_row, (size_t)job->n + 1);
+    rx_ranked *near = RX_NEW(rx_ranked, (size_t)job->n + 1);
     if (shapes == NULL || values == NULL || near == NULL) {
         free(shapes);
         free(values);
@@ -473,12 +454,6 @@ static rx_status held_out(const rx_psf_job *job, const int *stars, int n, int pi
     return status;
 }
 
-static int by_light(const void *a, const void *b)
-{
-    const by_row *p = a, *q = b;
-    return p->y != q->y ? (p->y < q->y) - (p->y > q->y) : (p->i > q->i) - (p->i < q->i);
-}
-
 /* Pixels are freer where stars that were held out, the brightest, fit better by more than the scatter of that from star to
  * star. */
 static rx_status choose_pixels(const rx_psf_job *job, const int *stars, int n, int *best, rx_log *log,
@@ -486,15 +461,15 @@ static rx_status choose_pixels(const rx_psf_job *job, const int *stars, int n, i
 {
     const int m = n < CHOSEN_BY ? n : CHOSEN_BY;
     double *least = RX_NEW(double, 2 * (size_t)m + 1), *chi2 = least + m;
-    by_row *order = RX_NEW(by_row, (size_t)n + 1);
+    rx_ranked *order = RX_NEW(rx_ranked, (size_t)n + 1);
     int *some = RX_NEW(int, (size_t)m + 1);
     rx_status status = least == NULL || some == NULL || order == NULL ? rx_error_memory(err, 0) : RX_OK;
     for (int i = 0; i < n && status == RX_OK; i++)
-        order[i] = (by_row){job->points[stars[i]].flux, stars[i]};
+        order[i] = (rx_ranked){job->points[stars[i]].flux, stars[i]};
     if (status == RX_OK)
-        qsort(order, (size_t)n, sizeof *order, by_light);
+        rx_rank_falling(order, (size_t)n);
     for (int i = 0; i < m && status == RX_OK; i++)
-        some[i] = order[i].i;
+        some[i] = order[i].index;
     *best = RX_PSF_STIFF;
     for (int next = RX_PSF_STIFF; next < RX_PSF_FREEDOMS && status == RX_OK; next++) {
         if (next == RX_PSF_LOOSE_ALL && job->variation.degree == 0)

@@ -124,17 +124,6 @@ static void look_around(const rx_psf_job *job, const rx_psf_point *p, const ring
     }
 }
 
-typedef struct bright {
-    double flux;
-    int i;
-} bright;
-
-static int by_flux(const void *a, const void *b)
-{
-    const bright *x = a, *y = b;
-    return x->flux != y->flux ? (x->flux < y->flux) - (x->flux > y->flux) : (x->i > y->i) - (x->i < y->i);
-}
-
 /* Pixels of the square around a star that look_around() may want to sort. */
 static size_t area_of(const rings *r)
 {
@@ -143,38 +132,38 @@ static size_t area_of(const rings *r)
 }
 
 /* around [n][r->n + 1]; values [threads][area_of()]: work. */
-static void look_around_all(const rx_psf_job *job, const bright *stars, int n, const rings *r,
+static void look_around_all(const rx_psf_job *job, const rx_ranked *stars, int n, const rings *r,
                             const double *level, double *values, ring *around)
 {
     const size_t area = area_of(r);
 #pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
     for (int s = 0; s < n; s++)
-        look_around(job, &job->points[stars[s].i], r, level, values + (size_t)omp_get_thread_num() * area,
+        look_around(job, &job->points[stars[s].index], r, level, values + (size_t)omp_get_thread_num() * area,
                     around + (size_t)s * (size_t)(r->n + 1));
 }
 
 /* The brightest stars that are fitted, at most BRIGHT, down to a hundredth of the tenth brightest. */
-static int list_bright(const rx_psf_job *job, bright *list)
+static int list_bright(const rx_psf_job *job, rx_ranked *list)
 {
     int n = 0, m;
     for (int i = 0; i < job->n; i++)
         if (job->points[i].kept && !job->points[i].reserved && job->points[i].ringed)
-            list[n++] = (bright){job->points[i].flux, i};
-    qsort(list, (size_t)n, sizeof *list, by_flux);
+            list[n++] = (rx_ranked){job->points[i].flux, i};
+    rx_rank_falling(list, (size_t)n);
     for (m = 0; m < n && m < BRIGHT; m++)
-        if (m >= 10 && list[m].flux < 0.01 * list[9].flux)
+        if (m >= 10 && list[m].value < 0.01 * list[9].value)
             break;
     return m;
 }
 
 /* Saturated ones, the smallest core first, at most SATURATED. */
-static int list_saturated(const rx_psf_job *job, bright *list)
+static int list_saturated(const rx_psf_job *job, rx_ranked *list)
 {
     int n = 0;
     for (int i = 0; i < job->n; i++)
         if (job->points[i].saturated > 0.0 && job->points[i].ringed && job->points[i].unlike < UNLIKE)
-            list[n++] = (bright){-job->points[i].saturated, i};
-    qsort(list, (size_t)n, sizeof *list, by_flux);
+            list[n++] = (rx_ranked){-job->points[i].saturated, i};
+    rx_rank_falling(list, (size_t)n);
     return n < SATURATED ? n : SATURATED;
 }
 
@@ -215,8 +204,8 @@ static void scale(rx_psf_point *p, const rings *r, const double *level, const ri
 
 /* Mean of a ring over the stars [n], each on its own sky, in units of their fluxes; what sticks out by four sigmas is
  * left out. */
-static ring combine(const rx_psf_job *job, const bright *stars, int n, const ring *around, int nrings, int j,
-                    double level)
+static ring combine(const rx_psf_job *job, const rx_ranked *stars, int n, const ring *around, int nrings,
+                    int j, double level)
 {
     ring result = {.error = HUGE_VAL};
     double low = -HUGE_VAL, high = HUGE_VAL;
@@ -225,7 +214,7 @@ static ring combine(const rx_psf_job *job, const bright *stars, int n, const rin
         result.n = 0;
         for (int s = 0; s < n; s++) {
             const ring *own = around + (size_t)s * (size_t)(nrings + 1), *sky = own + nrings;
-            const double flux = job->points[stars[s].i].flux, away = sky->n > 100 ? sky->mean : 0.0;
+            const double flux = job->points[stars[s].index].flux, away = sky->n > 100 ? sky->mean : 0.0;
             const double value = (own[j].mean - away) / flux,
                          error = hypot(own[j].error, sky->n > 100 ? sky->error : 0.0) / flux;
             if (own[j].n < 1 || value < low || value > high || !isfinite(error))
@@ -516,7 +505,7 @@ static void choose_radius(const rx_psf_job *job, const float *stamp, double leas
 
 /* The stars of the rings: *few bright ones, *n with saturated ones, which are scaled; each on its own sky. */
 typedef struct ringed {
-    bright *stars;
+    rx_ranked *stars;
     int few, n, scaled;
     rings r;
     ring *around; /* [n][r.n + 1] */
@@ -528,7 +517,7 @@ static void scale_saturated(rx_psf_job *job, ringed *of, rx_log *log)
 {
     ring w[RINGS + 1];
     for (int s = of->few; s < of->n; s++) { /* each knows rings farther out for the next */
-        rx_psf_point *p = &job->points[of->stars[s].i];
+        rx_psf_point *p = &job->points[of->stars[s].index];
         int known = -1;
         for (int j = 0; j < of->r.n && known == j - 1; j++) {
             w[j] = combine(job, of->stars, s, of->around, of->r.n, j, of->level[j]);
@@ -557,7 +546,7 @@ static void look_at_stars(rx_psf_job *job, ringed *of, double *values, const flo
     look_around_all(job, of->stars, of->n, r, of->level, values, of->around);
     for (int s = 0; s < of->n; s++) {
         const ring *sky = of->around + (size_t)s * (size_t)(r->n + 1) + r->n;
-        rx_psf_point *p = &job->points[of->stars[s].i];
+        rx_psf_point *p = &job->points[of->stars[s].index];
         if (sky->n <= 100)
             continue;
         p->sky_guess += sky->mean;
@@ -595,7 +584,7 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
     const rings *r = &of.r;
     const int n = r->n;
     const size_t core = (size_t)(2 * model->half + 1) * (size_t)(2 * model->half + 1);
-    of.stars = RX_NEW(bright, 2 * (size_t)job->n + 1);
+    of.stars = RX_NEW(rx_ranked, 2 * (size_t)job->n + 1);
     of.around = RX_NEW(ring, (size_t)(BRIGHT + SATURATED) * (size_t)(n + 1));
     float *stamp = RX_NEW(float, core);
     double *values = RX_NEW(double, (size_t)job->nthreads *area_of(r));
@@ -767,21 +756,21 @@ static void core_excess(const rx_psf_job *job, const rx_psf_point *p, double dst
 }
 
 /* Stars of the growth curve: reserved ones, or all where there are fewer than three. */
-static int list_judges(const rx_psf_job *job, bright *list)
+static int list_judges(const rx_psf_job *job, rx_ranked *list)
 {
     int n = 0;
     for (int all = 0; all < 2 && n < 3; all++) {
         n = 0;
         for (int i = 0; i < job->n; i++)
             if (job->points[i].kept && job->points[i].ringed && (all || job->points[i].reserved))
-                list[n++] = (bright){job->points[i].flux, i};
+                list[n++] = (rx_ranked){job->points[i].flux, i};
     }
-    qsort(list, (size_t)n, sizeof *list, by_flux);
+    rx_rank_falling(list, (size_t)n);
     return n < BRIGHT ? n : BRIGHT;
 }
 
 /* The residuals of stars around their nearest pixels, added, over the light of these stars and the PSF's peak. */
-static void stack(const rx_psf_job *job, const bright *stars, int n, double peak, rx_psf_judged *judged)
+static void stack(const rx_psf_job *job, const rx_ranked *stars, int n, double peak, rx_psf_judged *judged)
 {
     const rx_image *image = job->image;
     const int half = judged->side / 2;
@@ -789,7 +778,7 @@ static void stack(const rx_psf_job *job, const bright *stars, int n, double peak
         for (int i = -half; i <= half; i++) {
             double sum = 0.0, light = 0.0;
             for (int s = 0; s < n; s++) {
-                const rx_psf_point *p = &job->points[stars[s].i];
+                const rx_psf_point *p = &job->points[stars[s].index];
                 const long x = lround(p->x) + i, y = lround(p->y) + j;
                 const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
                 if (x < 0 || y < 0 || x >= image->width || y >= image->height || job->used[at] != 1)
@@ -815,7 +804,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
     const rings r = rings_of(job);
     const size_t area = area_of(&r), n = (size_t)job->n + 1;
     rx_star_shape *shapes = RX_NEW(rx_star_shape, n);
-    bright *stars = RX_NEW(bright, n);
+    rx_ranked *stars = RX_NEW(rx_ranked, n);
     ring *around = RX_NEW(ring, (size_t)BRIGHT * (size_t)(r.n + 1));
     double *values = RX_NEW(double, 4 * n + (size_t)job->nthreads * area), level[RINGS + 1];
     float *stamp = RX_NEW(float, (size_t)(2 * job->model.half + 1) * (size_t)(2 * job->model.half + 1));

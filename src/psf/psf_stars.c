@@ -349,6 +349,11 @@ static int by_snr(const void *a, const void *b)
     return (x->source > y->source) - (x->source < y->source);
 }
 
+void rx_candidates_sort(rx_candidate *list, int n)
+{
+    qsort(list, (size_t)n, sizeof *list, by_snr);
+}
+
 rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candidates, double *radius,
                         rx_star_list *dst, rx_error *err)
 {
@@ -360,7 +365,7 @@ rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candid
         rx_star_list_free(dst);
         return status;
     }
-    qsort(dst->list, (size_t)dst->n, sizeof *dst->list, by_snr);
+    rx_candidates_sort(dst->list, dst->n);
     double limit = search->level > 0 ? 0.2 : 0.03;
     int kept = 0;
     for (int i = 0; i < dst->n && kept < RX_STARS_MAX; i++)

@@ -18,6 +18,7 @@ typedef struct rx_star_list {
     double limit; /* ADU of the pixels from which on sources are flattened: soft saturation; HUGE_VAL: none */
     int flattened; /* sources that were left out for it */
 } rx_star_list;
+void rx_candidates_sort(rx_candidate *list, int n); /* by falling S/N */
 
 void rx_star_list_free(rx_star_list *stars);
 

@@ -8,6 +8,7 @@
 
 #include "base/memory.h"
 #include "base/random.h"
+#include "num/normal.h"
 #include "num/stats.h"
 
 enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5 };
@@ -87,35 +88,6 @@ double rx_psf_stretched(const float *c, int side, double x, double y, const doub
     return value;
 }
 
-/* Lower triangle of a [n][n] (symmetric, positive definite) becomes its Cholesky factor; 0 where it has none. */
-static int factorise(double *a, int n)
-{
-    for (int i = 0; i < n; i++)
-        for (int j = 0; j <= i; j++) {
-            double sum = a[i * n + j];
-            for (int k = 0; k < j; k++)
-                sum -= a[i * n + k] * a[j * n + k];
-            if (i == j && !(sum > 0.0))
-                return 0;
-            a[i * n + j] = i == j ? sqrt(sum) : sum / a[j * n + j];
-        }
-    return 1;
-}
-
-static void substitute(const double *factor, double *b, int n)
-{
-    for (int i = 0; i < n; i++) {
-        for (int k = 0; k < i; k++)
-            b[i] -= factor[i * n + k] * b[k];
-        b[i] /= factor[i * n + i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        for (int k = i + 1; k < n; k++)
-            b[i] -= factor[k * n + i] * b[k];
-        b[i] /= factor[i * n + i];
-    }
-}
-
 /* ---- single stars ---- */
 
 typedef struct star {
@@ -152,9 +124,9 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
                         normal[u * UNKNOWNS + v] += w * g[u] * g[v];
                 }
             }
-        if (!factorise(normal, UNKNOWNS))
+        if (!rx_cholesky(normal, UNKNOWNS, UNKNOWNS))
             return;
-        substitute(normal, b, UNKNOWNS);
+        rx_cholesky_solve(normal, UNKNOWNS, UNKNOWNS, b);
         flux = fmax(flux + b[0], 0.5 * flux);
         dx += fmax(fmin(b[1], 0.3), -0.3);
         dy += fmax(fmin(b[2], 0.3), -0.3);
@@ -164,7 +136,7 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
     for (int q = 0; q < RX_PSF_STRETCH; q++) {
         double unit[UNKNOWNS] = {0};
         unit[3 + q] = 1.0;
-        substitute(normal, unit, UNKNOWNS);
+        rx_cholesky_solve(normal, UNKNOWNS, UNKNOWNS, unit);
         dst->value[q] = a[q];
         dst->variance[q] = unit[3 + q];
     }
@@ -205,9 +177,9 @@ static int fit(const stars_of *s, int q, int nterms, int fold, double *c)
     }
     for (int k = 0; k < nterms; k++)
         s->normal[k * nterms + k] += 1.0 / (s->prior[k] * s->prior[k]);
-    if (!factorise(s->normal, nterms))
+    if (!rx_cholesky(s->normal, nterms, nterms))
         return 0;
-    substitute(s->normal, c, nterms);
+    rx_cholesky_solve(s->normal, nterms, nterms, c);
     return 1;
 }
 
@@ -285,7 +257,7 @@ static void judge(const rx_psf_job *job, const stars_of *s, double (*work)[2], r
         model.nterms = v->nterms;
         rx_psf_model_terms(&model, x, y, terms);
         memcpy(half, terms, sizeof half);
-        substitute(s->normal, half, v->nterms);
+        rx_cholesky_solve(s->normal, v->nterms, v->nterms, half);
         for (int k = 0; k < v->nterms; k++)
             variance += terms[k] * half[k];
         int n = 0, near;

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "num/stats.h"
 #include "quality/match.h"
@@ -21,7 +22,7 @@ void rx_robust_estimates(double *values, long n, double level, rx_estimate *medi
         return;
     for (int pass = 0; pass < 2; pass++) {
         rx_estimate *dst = pass == 0 ? median : sigma;
-        double scale = pass == 0 ? 1 : 1.4826;
+        double scale = pass == 0 ? 1 : RX_MAD_SIGMA;
         rx_sort(values, (size_t)n);
         dst->value = scale * 0.5 * (values[(n - 1) / 2] + values[n / 2]);
         if (rank > 0) {

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 
 static const double END = 50; /* mag, of the histogram on each side */
@@ -145,5 +146,5 @@ void rx_tally_errors(const rx_tally_bin *bin, long *n, double *median, double *s
     *median = middle(bin->dmag, sum, 0, 0, half);
     const double spread = middle(bin->dmag, sum, *median, 1, half);
     if (fabs(*median) + spread < END)
-        *sigma = 1.4826 * spread;
+        *sigma = RX_MAD_SIGMA * spread;
 }

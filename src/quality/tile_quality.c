@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "num/stats.h"
@@ -160,7 +161,7 @@ rx_tile_ellipse rx_tile_ellipse_of(const float *pixels, int width, int height, d
         return (rx_tile_ellipse){0};
     const double cxx = b / inverse, cyy = a / inverse, cxy = -c / inverse;
     const double half = 0.5 * (cxx + cyy), spread = hypot(0.5 * (cxx - cyy), cxy);
-    return (rx_tile_ellipse){.fwhm = 2.354820045 * pow(cxx * cyy - cxy * cxy, 0.25),
+    return (rx_tile_ellipse){.fwhm = RX_FWHM_SIGMA * pow(cxx * cyy - cxy * cxy, 0.25),
                              .ellipticity = 1 - sqrt(fmax(half - spread, 0) / (half + spread)),
                              .theta = 0.5 * atan2(2 * cxy, cxx - cyy)};
 }
@@ -233,7 +234,7 @@ static void add_star(rx_tile_quality *q, float *stamp, float *room, double x, do
     const rx_image *image = &q->about->image;
     const rx_psf *psf = image->psf;
     const rx_map sky = rx_image_sky(image);
-    const int reach = (int)ceil(4 * psf->fwhm / 2.354820045) + 2, side = 2 * reach + 1;
+    const int reach = (int)ceil(4 * psf->fwhm / RX_FWHM_SIGMA) + 2, side = 2 * reach + 1;
     const int x0 = (int)lround(x) - reach, y0 = (int)lround(y) - reach;
     if (q->nstars == RX_TILE_STARS || x0 < 0 || y0 < 0 || x0 + side > image->width ||
         y0 + side > image->height)
@@ -284,7 +285,7 @@ static rx_status measure_stars(rx_tile_quality *q, float *stamp, float *room, rx
     for (int i = 0; i < q->nstars; i++)
         wider[n++] = q->star[i].shape.fwhm / q->star[i].psf.fwhm - 1;
     q->wider_scatter = n > 1 ? rx_sigma_mad(wider, n, &median) : NAN;
-    q->wider_error = 1.2533 * q->wider_scatter / sqrt((double)n);
+    q->wider_error = RX_MEDIAN_ERROR * q->wider_scatter / sqrt((double)n);
     q->wider = median;
     q->wider_n = (double)n;
     free(wider);
@@ -573,7 +574,7 @@ rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst
     q->noise_factor = rx_noise_factor_wide(about->image.correlation);
     rx_status status = measure_pixels(q, err);
     if (status == RX_OK && psf != NULL) {
-        const size_t reach = (size_t)ceil(4 * psf->fwhm / 2.354820045) + 2;
+        const size_t reach = (size_t)ceil(4 * psf->fwhm / RX_FWHM_SIGMA) + 2;
         float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
         float *room = RX_NEW(float, (2 * reach + 1) * (2 * reach + 1));
         if (stamp == NULL || room == NULL)
@@ -649,41 +650,30 @@ rx_tile_counts rx_tile_count(const rx_image *image, const rx_sources *sources)
     return c;
 }
 
-typedef struct ranked {
-    double flux;
-    int source;
-} ranked;
-
-static int by_flux(const void *a, const void *b)
-{
-    const ranked *x = a, *y = b;
-    return x->flux != y->flux ? (x->flux < y->flux ? 1 : -1) : x->source - y->source;
-}
-
 int rx_tile_cuts(const rx_sources *sources, uint64_t seed, rx_tile_cut dst[RX_TILE_CUTS])
 {
-    ranked *order = RX_NEW(ranked, (size_t)sources->n + 1);
+    rx_ranked *order = RX_NEW(rx_ranked, (size_t)sources->n + 1);
     int n = 0, left;
     for (int i = 0; i < sources->n && order != NULL; i++)
-        order[i] = (ranked){isfinite(sources->list[i].flux_auto) ? sources->list[i].flux_auto : 0, i};
+        order[i] = (rx_ranked){isfinite(sources->list[i].flux_auto) ? sources->list[i].flux_auto : 0, i};
     if (order == NULL)
         return -1;
-    qsort(order, (size_t)sources->n, sizeof *order, by_flux);
+    rx_rank_falling(order, (size_t)sources->n);
     for (int kind = 0; kind < 2; kind++)
         for (int i = 0, m = 0; i < sources->n && m < RX_TILE_CUTS_EACH; i++)
-            if (order[i].source >= 0 &&
-                (kind == 0 || (sources->list[order[i].source].flags & RX_FLAG_MERGED))) {
-                dst[n++] = (rx_tile_cut){order[i].source, kind};
-                order[i].source = -1;
+            if (order[i].index >= 0 &&
+                (kind == 0 || (sources->list[order[i].index].flags & RX_FLAG_MERGED))) {
+                dst[n++] = (rx_tile_cut){order[i].index, kind};
+                order[i].index = -1;
                 m++;
             }
     left = 0;
     for (int i = 0; i < sources->n; i++)
-        if (order[i].source >= 0)
+        if (order[i].index >= 0)
             order[left++] = order[i];
     for (int m = 0; m < RX_TILE_CUTS_EACH && left > 0; m++) {
         const int i = (int)(rx_random_uniform(seed, 0x71e5, (uint64_t)m) * left);
-        dst[n++] = (rx_tile_cut){order[i].source, 2};
+        dst[n++] = (rx_tile_cut){order[i].index, 2};
         order[i] = order[--left];
     }
     free(order);

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/simd.h"
 #include "num/convolve.h"
@@ -71,7 +72,7 @@ rx_status rx_cells_smooth(const rx_cells *c, double sigma, double empty, int nth
     if (status == RX_OK && weight != NULL)
         status = new_coarse(c, weight, err);
     if (status == RX_OK) {
-        rx_gauss_weights(cells * 2.3548200450309493, g.radius, g.weight);
+        rx_gauss_weights(cells * RX_FWHM_SIGMA, g.radius, g.weight);
         smooth_cells(c, &g, nthreads, c->sum, room, sums);
         smooth_cells(c, &g, nthreads, c->weight, room, weights);
         for (size_t k = 0; k < n; k++)

@@ -5,6 +5,7 @@
 #include <omp.h>
 #include <stdlib.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/simd.h"
 #include "data/gaps.h"
@@ -225,7 +226,7 @@ static rx_status fill(filler *f, double psf_fwhm, int nthreads, rx_error *err)
 {
     const double fwhm = fmin(fmax(2 * psf_fwhm, FILL_MIN), FILL_MAX);
     rx_status status = RX_OK;
-    f->radius = (int)ceil(3 * fwhm / 2.3548200450309493);
+    f->radius = (int)ceil(3 * fwhm / RX_FWHM_SIGMA);
     f->area = (size_t)(f->blocks->width + 2 * f->radius) * (size_t)(f->blocks->height + 2 * f->radius);
     f->area = (f->area + 15) / 16 * 16;
     RX_TRY_EXIT(RX_MAKE(f->g, 2 * (size_t)f->radius + 1, err));

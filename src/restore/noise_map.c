@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/simd.h"
 #include "data/map.h"
@@ -14,8 +15,8 @@
 /* A block is done at a time, its sums stay in the cache; TOGETHER of a row grow in registers. */
 enum { ROWS = 96, COLUMNS = 256, TOGETHER = 64, RADIUS_MOST = 8 };
 enum { LINE = COLUMNS + 2 * RADIUS_MOST, LINES = ROWS + 2 * RADIUS_MOST };
-static const double SMOOTH_FWHM = 1.5 * 2.3548200450309493; /* pixels */
-static const float SHARE = 0.1f;                            /* of the brightness around, in sigmas */
+static const double SMOOTH_FWHM = 1.5 * RX_FWHM_SIGMA; /* pixels */
+static const float SHARE = 0.1f;                       /* of the brightness around, in sigmas */
 
 /* Sums along x of a block's rows, of brightness and of weights. */
 typedef struct sums {

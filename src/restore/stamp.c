@@ -112,7 +112,7 @@ rx_status rx_stamp_fwhm(const float *stamp, int size, double *fwhm, double *elli
         double half = hypot((xx - yy) / 2, xy), mean = (xx + yy) / 2;
         *ellipticity = 1 - sqrt(fmax(mean - half, 0) / (mean + half));
     }
-    *fwhm = 2 * sqrt(n / 3.14159265358979323846) / FINE;
+    *fwhm = 2 * sqrt(n / M_PI) / FINE;
     return RX_OK;
 }
 

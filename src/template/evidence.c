@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "base/constants.h"
 #include "base/min_max.h"
 #include "num/normal.h"
 #include "num/stats.h"
@@ -197,7 +198,7 @@ static rx_status fit_plane(const samples *at, double plane[3], double *rest, rx_
             rest[i] = at->z[i] - plane[0] - plane[1] * at->x[i] - plane[2] * at->y[i];
             away[i] = fabs(rest[i]);
         }
-        const double most = HUBER * fmax(1.4826 * rx_median(away, (size_t)at->n), 1);
+        const double most = HUBER * fmax(RX_MAD_SIGMA * rx_median(away, (size_t)at->n), 1);
         for (int i = 0; i < at->n; i++)
             weight[i] = fabs(rest[i]) > most ? most / fabs(rest[i]) : 1;
     }

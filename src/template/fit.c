@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "base/simd.h"
+#include "num/normal.h"
 
 enum { CHUNK = 256, LANES = 16 }; /* pixels that are summed up together, in steps of LANES */
 
@@ -23,31 +24,13 @@ static void render(const rx_fit *fit, rx_template_domain *size, int gradient)
                               extended && gradient ? 5 : 1);
 }
 
-/* x [n] = a^-1 b by Cholesky, a [n][n] overwritten; 0 when not definite. */
+/* x [n] = a^-1 b, a [n][n] overwritten; 0 when it is not definite. */
 static int solve(int n, double *a, const double *b, double *x)
 {
-    for (int j = 0; j < n; j++) {
-        for (int i = j; i < n; i++) {
-            double sum = a[i * n + j];
-            for (int k = 0; k < j; k++)
-                sum -= a[i * n + k] * a[j * n + k];
-            if (i == j && !(sum > 0))
-                return 0;
-            a[i * n + j] = i == j ? sqrt(sum) : sum / a[j * n + j];
-        }
-    }
-    for (int i = 0; i < n; i++) {
-        double sum = b[i];
-        for (int k = 0; k < i; k++)
-            sum -= a[i * n + k] * x[k];
-        x[i] = sum / a[i * n + i];
-    }
-    for (int i = n - 1; i >= 0; i--) {
-        double sum = x[i];
-        for (int k = i + 1; k < n; k++)
-            sum -= a[k * n + i] * x[k];
-        x[i] = sum / a[i * n + i];
-    }
+    memcpy(x, b, (size_t)n * sizeof *x);
+    if (!rx_cholesky(a, n, n))
+        return 0;
+    rx_cholesky_solve(a, n, n, x);
     return 1;
 }
 

@@ -3,9 +3,9 @@
 
 #include <math.h>
 
+#include "base/constants.h"
 #include "template/patch.h"
 
-static const double GAUSS = 2.3548200450309493;      /* FWHM / sigma */
 static const double HALF_LIGHT = 1.1774100225154747; /* of a Gaussian, in sigmas */
 static const double CUT = 1.3; /* what a segment's threshold cuts off an exponential's rms radius, roughly */
 static const double RESOLVED = 0.5; /* pixels: smaller guesses start as points */
@@ -13,7 +13,7 @@ static const double RESOLVED = 0.5; /* pixels: smaller guesses start as points *
 /* Second moments of the segment less those of the PSF that it was found behind. */
 static void guess_shape(const rx_source *s, double fwhm, rx_fit_source *subject)
 {
-    const double blur = fwhm / GAUSS;
+    const double blur = fwhm / RX_FWHM_SIGMA;
     const double a2 = fmax(s->a * s->a - blur * blur, 0), b2 = fmax(s->b * s->b - blur * blur, 0);
     subject->guess = CUT * HALF_LIGHT * pow(a2 * b2, 0.25);
     if (!isfinite(subject->guess) || !(subject->guess > RESOLVED))

@@ -1,5 +1,6 @@
 /* Pixels of the restored image in a template. */
 #include "template/substructure.h"
+#include "base/constants.h"
 
 #include <math.h>
 #include <string.h>
@@ -73,7 +74,7 @@ static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, 
     }
     if (count < 30)
         return 0;
-    return 1.4826 * (double)select_value(work, count, count - 1 - count / 2);
+    return RX_MAD_SIGMA * (double)select_value(work, count, count - 1 - count / 2);
 }
 
 /* Of the restored pixels from (x0, y0) to (x1, y1), in rows: read at once, as a restorer that makes them has

@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "num/stats.h"
 
 enum { RINGS = 12, FEWEST = 50, STEPS = 6 };
 static const double RING = 0.125; /* FWHM */
@@ -22,23 +23,6 @@ typedef struct stars {
     double *sums;    /* [m + 1][2] and of the first k of them sum f, sum f^2 */
     double *ratio;   /* room for [m]: errors by what is unseen over those of the noise */
 } stars;
-
-static int by_flux(const void *one, const void *other)
-{
-    const double a = *(const double *)one, b = *(const double *)other;
-    return (a > b) - (a < b);
-}
-
-typedef struct line {
-    double y;
-    int entry;
-} line;
-
-static int by_line(const void *one, const void *other)
-{
-    const line *a = one, *b = other;
-    return a->y != b->y ? (a->y > b->y) - (a->y < b->y) : (a->entry > b->entry) - (a->entry < b->entry);
-}
 
 static int cell_of(const rx_crowding *crowd, double x, double y)
 {
@@ -70,7 +54,7 @@ static void find_densities(const rx_crowding *crowd, const rx_tphot_source *list
 static rx_status gather(const rx_crowding *crowd, const rx_tphot_source *list, int n, stars *s, rx_error *err)
 {
     const size_t cells = (size_t)crowd->nx * (size_t)crowd->ny, room = (size_t)n + 1;
-    line *lines = RX_NEW(line, room);
+    rx_ranked *lines = RX_NEW(rx_ranked, room);
     int *count = RX_NEW(int, cells);
     s->entry = RX_NEW(int, room);
     s->density = RX_NEW(double, room);
@@ -86,14 +70,14 @@ static rx_status gather(const rx_crowding *crowd, const rx_tphot_source *list, i
     for (int i = 0; i < n; i++)
         if (list[i].crowded && list[i].flux > 0 && isfinite(list[i].flux)) {
             s->flux[s->m] = list[i].flux;
-            lines[s->m++] = (line){list[i].y, i};
+            lines[s->m++] = (rx_ranked){list[i].y, i};
         }
     if (s->m > 0) {
-        qsort(lines, (size_t)s->m, sizeof *lines, by_line);
-        qsort(s->flux, (size_t)s->m, sizeof *s->flux, by_flux);
+        rx_rank(lines, (size_t)s->m);
+        rx_sort(s->flux, (size_t)s->m);
     }
     for (int k = 0; k < s->m; k++) {
-        s->entry[k] = lines[k].entry;
+        s->entry[k] = lines[k].index;
         s->sums[2 * k + 2] = s->sums[2 * k] + s->flux[k];
         s->sums[2 * k + 3] = s->sums[2 * k + 1] + s->flux[k] * s->flux[k];
     }
@@ -192,7 +176,7 @@ rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source
         s.ratio[points++] = sqrt(variance) * one->snr / one->flux;
     }
     if (points > 0) {
-        qsort(s.ratio, (size_t)points, sizeof *s.ratio, by_flux);
+        rx_sort(s.ratio, (size_t)points);
         *excess = s.ratio[points / 2];
     }
     for (int k = 0; k < s.m && status == RX_OK; k++) /* fluxes that others are judged by stay until here */

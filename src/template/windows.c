@@ -6,31 +6,22 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "num/stats.h"
 
 enum { TOGETHER = 8 }; /* pieces that a thread takes at once */
-
-typedef struct start {
-    int y, i;
-} start;
-
-static int by_row(const void *one, const void *other)
-{
-    const start *a = one, *b = other;
-    return a->y != b->y ? (a->y > b->y) - (a->y < b->y) : (a->i > b->i) - (a->i < b->i);
-}
 
 /* Their order: by first row, so that what lies together is taken together. */
 static rx_status sort_windows(const rx_window *windows, int n, int in_order, int *order, rx_error *err)
 {
-    start *starts = RX_NEW(start, (size_t)n);
+    rx_ranked *starts = RX_NEW(rx_ranked, (size_t)n);
     if (starts == NULL)
         return rx_error_memory(err, (size_t)n * sizeof *starts);
     for (int i = 0; i < n; i++)
-        starts[i] = (start){windows[i].y0, i};
+        starts[i] = (rx_ranked){windows[i].y0, i};
     if (!in_order)
-        qsort(starts, (size_t)n, sizeof *starts, by_row);
+        rx_rank(starts, (size_t)n);
     for (int i = 0; i < n; i++)
-        order[i] = starts[i].i;
+        order[i] = starts[i].index;
     free(starts);
     return RX_OK;
 }
