@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "pipeline/pipeline.h"
+#include "pipeline/prepare.h"
 
 enum { PASSES = 3 };
 static const double BEAMS = 30.0;  /* areas of FWHM^2 a source that is detected: fewer are no such crowd */
@@ -86,7 +87,10 @@ static rx_status measure(const rx_pipeline_params *params, int role, const rx_fi
     par.noise.origin = RX_NOISE_WHITE;
     /* Peaks that pile up are those of the brightest stars here, the others being off. */
     par.psf.flattened = field->psf->quality.limit > 0.0 ? field->psf->quality.limit : HUGE_VAL;
-    rx_status status = rx_field_new(&par, role | RX_FIELD_PSF, &image, NULL, &between, err);
+    rx_noise_correlation noise;
+    rx_status status = rx_field_of_image(&image, &between, err);
+    if (status == RX_OK)
+        status = rx_field_begin(&par, role | RX_FIELD_PSF, between, &noise, NULL, err);
     const int found =
         status == RX_OK && between->psf != NULL && strcmp(between->psf->quality.how, "PIXELS") == 0;
     if (found)

@@ -11,7 +11,6 @@
 #include "catalog/catalog.h"
 #include "data/gaps.h"
 #include "detect/filter.h"
-#include "pipeline/coordinates.h"
 #include "pipeline/saturated.h"
 #include "restore/noise_map.h"
 
@@ -555,27 +554,6 @@ rx_status rx_result_count(const rx_pipeline_params *params, const rx_result *res
     *n = sources->n;
     rx_sources_free(sources);
     return RX_OK;
-}
-
-rx_status rx_pipeline_run(const rx_pipeline_params *params, const rx_image *image, rx_log *log,
-                          rx_result *dst, rx_error *err)
-{
-    const rx_restorer *kind = params->restorer != NULL ? params->restorer : rx_restorer_find("RL");
-    rx_field *field = NULL;
-    *dst = (rx_result){0};
-    rx_log_part(log, "sky and PSF", 0.0, 0.1);
-    rx_status status = rx_field_new(params, kind->needs_psf || params->templates.wanted ? RX_FIELD_PSF : 0,
-                                    image, log, &field, err);
-    if (status == RX_OK)
-        status = rx_field_extract(params, kind, field, NULL, log, dst, err);
-    if (status == RX_OK)
-        status = rx_coordinates_fill(&field->image, dst->sources, err);
-    dst->own = field;
-    if (status != RX_OK)
-        rx_result_free(dst);
-    else
-        rx_log_part(log, "done", 1.0, 1.0);
-    return status;
 }
 
 rx_status rx_result_table(const rx_result *result, const char *const *columns, int n, rx_table **dst,
