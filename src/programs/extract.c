@@ -7,7 +7,6 @@
 #include "config/config_fields.h"
 #include "stage/plan.h"
 #include "survey/survey.h"
-#include "survey/tile_run.h"
 
 static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"

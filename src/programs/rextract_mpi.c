@@ -5,7 +5,7 @@
 #include "par/ranks.h"
 #include "programs/extract.h"
 #include "survey/replay.h"
-#include "survey/survey_ranks.h"
+#include "survey/survey.h"
 
 static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {

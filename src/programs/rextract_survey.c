@@ -1,7 +1,7 @@
 /* rextract-survey: records of tiles in; the report of a survey out. */
 #include "config/config_fields.h"
 #include "programs/program.h"
-#include "survey/rollup_run.h"
+#include "survey/rollup.h"
 
 static const char usage[] = "usage: rextract-survey RECORDS... [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract-survey @LIST [-c FILE] [-KEYWORD VALUE]...\n"

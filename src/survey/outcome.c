@@ -1,5 +1,5 @@
 /* The account of a list of tiles. */
-#include "survey/outcome.h"
+#include "survey/survey.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -9,7 +9,6 @@
 #include <strings.h>
 
 #include "base/memory.h"
-#include "survey/rollup_quality.h"
 
 static const double LEVEL = 0.95;
 static const double LEAST_ERROR = 0.001; /* mag: a bias below this never makes a tile bad */

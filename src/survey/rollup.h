@@ -7,10 +7,15 @@
 
 #include <stdint.h>
 
+#include "base/error.h"
 #include "base/hash.h"
+#include "base/log.h"
+#include "base/text.h"
 #include "config/config_fields.h"
 #include "config/tiles.h"
 #include "quality/binomial.h"
+#include "report/figure.h"
+#include "report/report.h"
 #include "survey/tile_record.h"
 
 /* What is counted in a range of magnitudes, as shares and errors. Intervals: Clopper-Pearson, 0.95. */
@@ -123,5 +128,45 @@ rx_status rx_rollup_add(rx_rollup *rollup, const rx_tile_record *record, const c
 rx_status rx_rollup_end(rx_rollup *rollup, const rx_tiles *tiles, rx_error *err);
 
 void rx_rollup_free(rx_rollup *rollup); /* content only */
+
+/* --- what stands out, and what goes with what (rollup_quality.c) --- */
+
+/* rollup->outliers. Far: more than 6 robust sigmas (sigma_MAD of the images that one restorer did, not below a floor of each
+ * quantity) from the median, with ten images or more. Errors: RX_SYSTEM. */
+rx_status rx_rollup_outliers_find(rx_rollup *rollup, rx_error *err);
+
+/* Begin a further note behind those of dst; returns dst. run: "" for what is of the image. */
+rx_text *rx_rollup_note(rx_text *dst, const char *before, const char *run);
+
+/* What a row says of itself, whatever the others are: work of another restorer, a flux scale that is off (unless dst has
+ * it), what the page of the tile calls wrong. */
+void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before, const char *run);
+
+/* Rank correlation (Spearman) of each quantity with each card that the records hold; a table, and figures "trend-..." of
+ * the strongest where it is beyond 4 sigma. Errors: RX_SYSTEM. */
+rx_status rx_rollup_trends(const rx_rollup *rollup, rx_report *report, rx_report_table **dst, rx_error *err);
+
+/* --- the report (rollup_report.c, _figures.c, _junit.c) --- */
+
+/* Into the existing folder (`shown` in errors): report.html, summary.json, tiles.ecsv, bins.ecsv,
+ * psfs.ecsv, psf_rho.ecsv and junit.xml. No dates, no paths but those of the records. figures 0: no gnuplot. */
+rx_status rx_rollup_report(const rx_rollup *rollup, int figures, const char *folder, const char *shown,
+                           rx_log *log, rx_error *err);
+
+/* JUnit's XML: a test case per tile; failure: a gate that fails, error: a tile that failed or has no record,
+ * skipped: a gate that cannot be decided. */
+void rx_rollup_junit(rx_text *dst, const rx_rollup *rollup);
+
+/* Completeness, purity and bias by magnitude and over the sky (by images or, where they are many, by cells), and residuals of
+ * PSFs by angle. */
+void rx_rollup_figures(rx_figures *dst, const rx_rollup *rollup);
+
+/* --- all of it (rollup_run.c): rextract-survey's job --- */
+
+/* Read the records in the files of `given`, one a line, of which "@FILE" stands for those that it lists; write the
+ * merged records and the report. Errors: RX_INPUT (records, survey/tile_record.h; the list), RX_USAGE
+ * (TILES_NAME, folders), RX_SYSTEM, RX_INTERRUPTED. Tiles that failed are named in the report and the log, and
+ * are no error. */
+rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_log *log, rx_error *err);
 
 #endif

@@ -4,8 +4,7 @@
 
 #include "base/memory.h"
 #include "report/escape.h"
-#include "survey/rollup_quality.h"
-#include "survey/rollup_report.h"
+#include "survey/rollup.h"
 
 /* kind: element of what is wrong, or NULL; notes: lines to read all the same, or NULL. */
 static void junit_case(rx_text *dst, const char *image, const char *kind, const char *what, const char *notes)

@@ -1,5 +1,5 @@
 /* Outliers and trends of a survey. */
-#include "survey/rollup_quality.h"
+#include "survey/rollup.h"
 
 #include <math.h>
 #include <stdio.h>

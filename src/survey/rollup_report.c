@@ -1,5 +1,5 @@
 /* The report of a survey: its tables, and the page. */
-#include "survey/rollup_report.h"
+#include "survey/rollup.h"
 
 #include <limits.h>
 #include <stdio.h>
@@ -10,7 +10,6 @@
 #include "report/page.h"
 #include "report/report.h"
 #include "report/report_file.h"
-#include "survey/rollup_quality.h"
 
 enum { ROWS_SHOWN = 200, NCELL = 5 };
 

@@ -1,5 +1,5 @@
 /* Records in, report out. */
-#include "survey/rollup_run.h"
+#include "survey/rollup.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -8,10 +8,66 @@
 #include <sys/stat.h>
 
 #include "base/interrupt.h"
+#include "base/lines.h"
+#include "base/memory.h"
 #include "io/output.h"
-#include "survey/file_names.h"
-#include "survey/rollup.h"
-#include "survey/rollup_report.h"
+
+/* Names of files: one by one, or in lists, "@FILE", one a line (blank lines and those that begin with # do not count). */
+typedef struct file_names {
+    int n;
+    char **of; /* [n] owned */
+} file_names;
+
+static rx_status add_name(file_names *files, const char *name, rx_error *err)
+{
+    char **grown = rx_regrow(files->of, (size_t)files->n + 1, sizeof *grown), *own = rx_strdup(name);
+    if (grown != NULL)
+        files->of = grown;
+    if (grown == NULL || own == NULL) {
+        free(own);
+        return rx_error_memory(err, 0);
+    }
+    files->of[files->n++] = own;
+    return RX_OK;
+}
+
+static rx_status read_list(file_names *files, const char *path, rx_error *err)
+{
+    rx_lines lines;
+    char *line = NULL;
+    rx_status status = rx_lines_open(&lines, path, 0, err);
+    while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL) {
+        line[strcspn(line, "\r")] = '\0';
+        if (line[0] != '#' && line[strspn(line, " \t")] != '\0')
+            status = add_name(files, line, err);
+    }
+    rx_lines_close(&lines);
+    return status;
+}
+
+static rx_status read_names(const char *given, file_names *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    *dst = (file_names){0};
+    for (const char *at = given; *at != '\0' && status == RX_OK;) {
+        const size_t length = strcspn(at, "\n");
+        char *one = strndup(at, length);
+        status = one == NULL     ? rx_error_memory(err, length)
+                 : one[0] == '@' ? read_list(dst, one + 1, err)
+                                 : add_name(dst, one, err);
+        free(one);
+        at += length + (at[length] == '\n');
+    }
+    return status;
+}
+
+static void free_names(file_names *names)
+{
+    for (int i = 0; i < names->n; i++)
+        free(names->of[i]);
+    free(names->of);
+    *names = (file_names){0};
+}
 
 static rx_status read_records(rx_rollup *rollup, const char *path, rx_error *err)
 {
@@ -100,7 +156,7 @@ static void tell(const rx_rollup *r, rx_log *log)
     }
 }
 
-static rx_status read_all(rx_rollup *rollup, const rx_survey_config *config, const rx_file_names *files,
+static rx_status read_all(rx_rollup *rollup, const rx_survey_config *config, const file_names *files,
                           rx_error *err)
 {
     rx_status status = RX_OK;
@@ -138,10 +194,10 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
 {
     rx_tiles *tiles = NULL;
     rx_rollup rollup;
-    rx_file_names files = {0};
+    file_names files = {0};
     rx_status status;
     rx_rollup_begin(config, &rollup);
-    RX_TRY_EXIT(rx_file_names_read(given, &files, err));
+    RX_TRY_EXIT(read_names(given, &files, err));
     RX_TRY_EXIT(read_all(&rollup, config, &files, err));
     if (config->tiles_name[0] != '\0')
         RX_TRY_EXIT(rx_tiles_read(config->tiles_name, &tiles, err));
@@ -159,6 +215,6 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
 exit:
     rx_rollup_free(&rollup);
     rx_tiles_free(tiles);
-    rx_file_names_free(&files);
+    free_names(&files);
     return status;
 }

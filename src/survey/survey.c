@@ -3,8 +3,6 @@
 
 #include "base/interrupt.h"
 #include "config/tiles.h"
-#include "survey/outcome.h"
-#include "survey/tile_run.h"
 
 rx_status rx_survey_run(const rx_settings *common, const char *path, FILE *standard_out, rx_log *log,
                         rx_error *err)

@@ -1,13 +1,11 @@
 /* Tiles to whoever is ready. */
-#include "survey/survey_ranks.h"
+#include "survey/survey.h"
 
 #include "base/interrupt.h"
 #include "config/config_fields.h"
 #include "config/tiles.h"
 #include "par/ranks.h"
 #include "stage/plan.h"
-#include "survey/outcome.h"
-#include "survey/tile_run.h"
 
 enum { NO_TILE = -1 };
 

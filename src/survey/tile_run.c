@@ -1,5 +1,5 @@
 /* Tiles through the stage. */
-#include "survey/tile_run.h"
+#include "survey/survey.h"
 
 #include <stdlib.h>
 #include <sys/stat.h>

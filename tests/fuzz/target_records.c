@@ -7,7 +7,7 @@
 #include "io/output.h"
 #include "lab/journal.h"
 #include "nn/psfnet.h"
-#include "survey/rollup_report.h"
+#include "survey/rollup.h"
 #include "train/checkpoint.h"
 
 /* Prints all records of a file, and adds them to a roll-up where there is one. */

@@ -5,7 +5,6 @@
 #include <math.h>
 
 #include "survey/rollup.h"
-#include "survey/rollup_report.h"
 
 static const char records_text[] =
     /* good: 90 of 100 found, half of the errors in the step of 0 to 0.005, half in the one below */

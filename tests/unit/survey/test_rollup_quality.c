@@ -6,8 +6,7 @@
 #include <math.h>
 
 #include "base/random.h"
-#include "survey/rollup_quality.h"
-#include "survey/rollup_report.h"
+#include "survey/rollup.h"
 
 enum { WAYS = 10 };
 
