@@ -13,54 +13,38 @@
 enum { FEW = 10, WHYS = 3, TREND_FIGURES = 8, TREND_BINS = 12, MOST_DOTS = 500 };
 static const double FAR = 6.0, CLEAR = 4.0;
 
-/* What is compared. The spread of the survey is taken to be `floor` at least, so that what is the same everywhere makes no
- * outlier of its last digit; of a logarithm that is a relative change. */
+/* What is compared, of rollup_facts.def. */
 typedef struct quantity {
     const char *name, *title, *unit;
-    int image; /* of the image alone, not of what a restorer finds */
-    int logarithmic;
+    int image, logarithmic;
     double floor;
-    double (*value)(const rx_rollup_row *row);
+    double (*value)(const rx_rollup_row *row), (*error)(const rx_rollup_row *row);
 } quantity;
 
-/* function, name, title, unit, image, logarithmic, floor, value of rx_rollup_row *r */
-#define QUANTITY_TABLE(Q)                                                                                    \
-    Q(fwhm, "fwhm", "FWHM", " pix", 1, 0, 0.05, r->fwhm)                                                     \
-    Q(ellipticity, "ellipticity", "ellipticity", "", 1, 0, 0.01, r->state.ellipticity)                       \
-    Q(sky, "sky", "sky", " adu", 1, 0, 1e-6, r->sky)                                                         \
-    Q(noise, "noise", "noise", " adu", 1, 1, 0.01, r->noise)                                                 \
-    Q(depth, "depth", "depth", " mag", 1, 0, 0.02, r->state.depth)                                           \
-    Q(factor, "noise_factor", "noise of sums", "", 1, 1, 0.02, r->state.factor)                              \
-    Q(masked, "masked", "masked share", "", 1, 0, 0.01, r->state.masked)                                     \
-    Q(saturated, "saturated", "saturated share", "", 1, 0, 0.001, r->state.saturated)                        \
-    Q(rows, "rows", "offsets of rows", " sigma", 1, 0, 0.02, r->state.rows)                                  \
-    Q(columns, "columns", "offsets of columns", " sigma", 1, 0, 0.02, r->state.columns)                      \
-    Q(light, "light", "share with light of no source", "", 1, 0, 0.003, r->state.light)                      \
-    Q(chi2, "chi2", "residual chi2", "", 1, 1, 0.05, r->state.chi2)                                          \
-    Q(growth, "psf_growth", "curve of growth, stars - PSF", "", 1, 0, 0.002, r->psf_growth)                  \
-    Q(residual, "psf_residual", "stacked stars - PSF", "", 1, 0, 0.005, r->psf_residual)                     \
-    Q(size, "psf_size", "dT/T of stars", "", 1, 0, 0.002, r->psf_size)                                       \
-    Q(sources, "sources", "sources", "", 0, 1, 0.05, (double)r->sources + 1)                                 \
-    Q(flux_scale, "flux_scale", "flux scale", "", 0, 0, 0.001, r->flux.n > 0 ? r->flux.wide : NAN)           \
-    Q(unexplained, "not_explained", "share not explained", "", 0, 0, 0.01,                                   \
-      r->guard.known ? r->guard.unexplained : NAN)                                                           \
-    Q(sharp, "sharp", "share of sources sharper than the PSF", "", 0, 0, 0.003, r->sharp)                    \
-    Q(lit, "on_light", "share of faint sources on light of no source", "", 0, 0, 0.005, r->lit)              \
-    Q(spurious, "false_per_mpixel", "false per Mpixel", "", 0, 0, 0.5,                                       \
-      r->guard.known ? r->guard.false_per_mpixel : NAN)                                                      \
-    Q(recall, "recall", "recall", "", 0, 0, 0.01, r->cell.recall.value)                                      \
-    Q(precision, "precision", "precision", "", 0, 0, 0.01, r->cell.precision.value)                          \
-    Q(bias, "bias_mag", "bias", " mag", 0, 0, 0.002, r->cell.bias)                                           \
-    Q(scatter, "scatter_mag", "scatter", " mag", 0, 1, 0.03, r->cell.scatter)
-#define AS_FUNCTION(function, name, title, unit, image, logarithmic, floor, expression)                      \
+static double error_of(const rx_estimate *e)
+{
+    return e->n > 0 ? 0.25 * (e->high - e->low) : 0;
+}
+
+#define SHOWN(...)
+#define FACT(function, name, digits, unit, help, heading, ...) COMPARED(function, name, __VA_ARGS__)
+#define COMPARED(function, name, title, suffix, image, log, floor, error, value)                             \
     static double function(const rx_rollup_row *r)                                                           \
     {                                                                                                        \
-        return expression;                                                                                   \
+        return value;                                                                                        \
+    }                                                                                                        \
+    static double function##_error(const rx_rollup_row *r)                                                   \
+    {                                                                                                        \
+        (void)r;                                                                                             \
+        return error;                                                                                        \
     }
-#define AS_ROW(function, name, title, unit, image, logarithmic, floor, expression)                           \
-    {name, title, unit, image, logarithmic, floor, function},
-QUANTITY_TABLE(AS_FUNCTION)
-static const quantity QUANTITIES[] = {QUANTITY_TABLE(AS_ROW)};
+#include "survey/rollup_facts.def"
+#undef COMPARED
+#define COMPARED(function, name, title, suffix, image, log, floor, error, value)                             \
+    {name, title, suffix, image, log, floor, function, function##_error},
+static const quantity QUANTITIES[] = {
+#include "survey/rollup_facts.def"
+};
 enum { NQUANTITIES = sizeof QUANTITIES / sizeof *QUANTITIES };
 
 /* As it is compared; NAN: not known, or not of this row. */
@@ -75,21 +59,6 @@ static double scaled(const quantity *q, const rx_rollup_row *row)
 typedef struct level {
     double median, spread; /* spread 0: too few */
 } level;
-
-/* How far the value's own error reaches: of shares and medians of few sources. */
-static double own_error(const quantity *q, const rx_rollup_row *row)
-{
-    const rx_estimate *e = q->value == recall      ? &row->cell.recall
-                           : q->value == precision ? &row->cell.precision
-                                                   : NULL;
-    if (e != NULL)
-        return e->n > 0 ? 0.25 * (e->high - e->low) : 0;
-    if (q->value == bias)
-        return row->cell.pairs > 0 ? 1.2533 * row->cell.scatter / sqrt((double)row->cell.pairs) : 0;
-    if (q->value == flux_scale)
-        return row->flux.wide_error;
-    return q->value == sources ? 1 / sqrt((double)row->sources + 1) : 0;
-}
 
 static level level_of(const rx_rollup *r, int run, const quantity *q, double *room)
 {
@@ -108,8 +77,7 @@ static level level_of(const rx_rollup *r, int run, const quantity *q, double *ro
 static double distance(const quantity *q, const level *l, const rx_rollup_row *row)
 {
     const double value = scaled(q, row);
-    return l->spread > 0 && isfinite(value) ? fabs(value - l->median) / fmax(l->spread, own_error(q, row))
-                                            : 0;
+    return l->spread > 0 && isfinite(value) ? fabs(value - l->median) / fmax(l->spread, q->error(row)) : 0;
 }
 
 static void say(rx_text *why, const quantity *q, const level *l, const rx_rollup_row *row, const char *run)

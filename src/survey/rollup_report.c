@@ -13,7 +13,7 @@
 
 enum { ROWS_SHOWN = 200, NCELL = 5 };
 
-static const char CENTRE[] = "of the centre", ERROR[] = "1 sigma";
+static const char ERROR[] = "1 sigma";
 
 /* What every table of a run ends with: put_cell(). */
 #define CELL                                                                                                 \
@@ -67,33 +67,19 @@ RX_COLUMNS(RHO, RX_NUMBER("arcmin_low", 2, "arcmin", "between two stars, from"),
            RX_NUMBER("rho_t", 6, "", "mean of the product of both dT/T"),
            RX_NUMBER("rho_t_error", 6, "", ERROR));
 
-RX_COLUMNS(TILES, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
-           {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
-           {.name = "run", .help = "restorer that was asked for", .heading = "restorer"},
-           {.name = "done_by", .help = "restorer that did it", .heading = "done by"},
-           RX_TEXT("why", "why that one"),
-           {.name = "outside", .help = "what the restorer was not made for", .heading = "not made for"},
-           {"flux_scale", RX_REPORT_NUMBER, 4, "", "restored against untouched pixels", "flux scale"},
-           RX_NUMBER("flux_scale_error", 4, "", ERROR),
-           RX_TEXT("flux_scale_is", "right or off; empty: not measured"),
-           RX_NUMBER("false_per_mpixel", 1, "", "false detections on the tile's noise"),
-           RX_NUMBER("threshold_raised", 2, "", "DETECT_THRESH was multiplied by this for them"),
-           RX_NUMBER("not_explained", 2, "", "share of cells that the restored image does not explain"),
-           RX_NUMBER("off", 1, "", "errors that it lies off the survey in what is worst"),
-           {.name = "worst_in", .help = "what that is", .heading = "in"},
-           {"verdict", RX_REPORT_VERDICT, 0, "", "of the gates", "gates"},
-           RX_NUMBER("alpha_j2000", 5, "deg", CENTRE), RX_NUMBER("delta_j2000", 5, "deg", CENTRE),
-           {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the PSF", "FWHM"}, RX_NUMBER("sky", 3, "adu", "level"),
-           RX_NUMBER("noise", 3, "adu", "of a pixel"), RX_NUMBER("ellipticity", 3, "", "1 - b/a of the PSF"),
-           RX_NUMBER("depth", 2, "mag", "point source of S/N 5"),
-           RX_NUMBER("chi2", 2, "", "of the tile's page"),
-           RX_NUMBER("rows", 2, "", "their offsets, sigmas of a pixel (RXROWS)"),
-           RX_NUMBER("columns", 2, "", "the same (RXCOLS)"),
-           RX_NUMBER("light", 3, "", "share with light of no source (RXLIGHT)"),
-           RX_NUMBER("sharp", 3, "", "share of the sources with FLAGS_RESTORE 256 (RXSHARP)"),
-           RX_NUMBER("on_light", 3, "", "share of the sources with FLAGS_RESTORE 512"),
-           {"page", RX_REPORT_FILE, 0, "", "of the tile (QA_TYPE TILE)", NULL},
-           RX_COUNT("sources", "in the catalogue"), CELL);
+#define COLUMN(name, kind, help, heading)                                                                    \
+    {                                                                                                        \
+        name, kind, 0, "", help, heading                                                                     \
+    }
+#define SHOWN(column, cell) column,
+#define FACT(function, name, digits, unit, help, heading, ...)                                               \
+    {name, RX_REPORT_NUMBER, digits, unit, help, heading},
+#define COMPARED(...)
+static const rx_report_column TILES[] = {
+#include "survey/rollup_facts.def"
+    CELL};
+#undef SHOWN
+#undef FACT
 
 #define COUNT(columns) ((int)(sizeof(columns) / sizeof *(columns)))
 
@@ -194,53 +180,20 @@ static const char *link_to(const char *page, const char *folder, char *dst, size
     return dst;
 }
 
-static rx_report_table *add_tiles(rx_report *report, const rx_rollup *r, const char *shown)
+static rx_report_table *add_tiles(rx_report *report, const rx_rollup *all, const char *shown)
 {
     char link[2 * PATH_MAX];
     rx_report_table *t = RX_REPORT_TABLE(report, "tiles", TILES, RX_REPORT_EVERYWHERE);
-    for (int i = 0; i < r->nrows; i++) {
-        const rx_rollup_row *row = &r->row[i];
-        const rx_run_guard *guard = &row->guard;
-        const char *run = r->run[row->run].name;
-        const bool measured = row->flux.n > 0;
+#define SHOWN(column, cell) cell,
+#define FACT(function, name, digits, unit, help, heading, title, suffix, image, log, floor, error, value)    \
+    rx_cell_number(value),
+    for (int i = 0; i < all->nrows; i++) {
+        const rx_rollup_row *r = &all->row[i];
+        const char *run = all->run[r->run].name;
         rx_cell cells[COUNT(TILES)] = {
-            rx_cell_words(row->tile->name),
-            rx_cell_words(row->tile->image),
-            rx_cell_number(row->hdu),
-            rx_cell_words(run),
-            rx_cell_words(row->by[0] != '\0'      ? row->by
-                          : row->taken[0] != '\0' ? row->taken
-                                                  : run),
-            rx_cell_words(row->why),
-            rx_cell_words(row->outside),
-            rx_cell_number(measured ? row->flux.wide : NAN),
-            rx_cell_number(measured ? row->flux.wide_error : NAN),
-            rx_cell_words(!measured                         ? ""
-                          : rx_fluxcheck_is_off(&row->flux) ? "off"
-                                                            : "right"),
-            rx_cell_number(guard->known ? guard->false_per_mpixel : NAN),
-            rx_cell_number(guard->known ? guard->raised : NAN),
-            rx_cell_number(guard->known ? guard->unexplained : NAN),
-            rx_cell_number(row->off),
-            rx_cell_words(row->what),
-            rx_cell_words(rx_verdict_name(row->verdict)),
-            rx_cell_number(row->alpha),
-            rx_cell_number(row->delta),
-            rx_cell_number(row->fwhm),
-            rx_cell_number(row->sky),
-            rx_cell_number(row->noise),
-            rx_cell_number(row->state.ellipticity),
-            rx_cell_number(row->state.depth),
-            rx_cell_number(row->state.chi2),
-            rx_cell_number(row->state.rows),
-            rx_cell_number(row->state.columns),
-            rx_cell_number(row->state.light),
-            rx_cell_number(row->sharp),
-            rx_cell_number(row->lit),
-            rx_cell_words(link_to(row->page, shown, link, sizeof link)),
-            rx_cell_number((double)row->sources),
+#include "survey/rollup_facts.def"
         };
-        put_cell(cells + COUNT(TILES) - NCELL, &row->cell);
+        put_cell(cells + COUNT(TILES) - NCELL, &r->cell);
         rx_report_row(t, cells);
     }
     return t;
