@@ -70,7 +70,7 @@ moffat='-PSF_TYPE MOFFAT -PSF_FWHM 3'
 images='-TEMPLATE_COVAR_NAME covariances.fits -CHECKIMAGE_TYPE
     RESTORED,RESIDUAL,SUPPORT,TEMPLATE_RESIDUAL,TEMPLATE_MODEL,TEMPLATE_CHI,BACKGROUND,BACKGROUND_RMS,SEGMENTATION,OBJECTS,APERTURES
     -CHECKIMAGE_NAME 1.fits,2.fits,3.fits,4.fits,5.fits,6.fits,7.fits,8.fits,9.fits,10.fits,11.fits'
-few='-RL_NITER 10 -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 3'
+few='-RL_NITER 10'
 # shellcheck disable=SC2086 # lists of arguments
 {
     same 'templates after Richardson-Lucy, 16 threads, eight times' 8 16 "$blends" -RESTORE_TYPE RL $moffat

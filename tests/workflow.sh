@@ -158,7 +158,7 @@ exec "$programs/rextract" "\$@"
 END
 chmod +x counting
 sed -i "s,^rextract:.*,rextract: \"$scratch/counting\"," my.yaml
-echo 'a.fits -RESTORE_TYPE RL -PSF_TYPE AUTO -PSF_MINSTARS 5000 -RESTORE_FALLBACK N' >tiles.list
+echo 'a.fits -RESTORE_TYPE RL -PSF_TYPE AUTO -PSF_MINSNR 1e6 -RESTORE_FALLBACK N' >tiles.list
 rm -rf ./done survey records tries
 workflow && [ -f done/a ] && [ "$(wc -l <tries)" = 1 ] && grep -q 'cannot be done by RL' logs/a.log
 result 'a tile that its restorer cannot do is not tried again' $? log

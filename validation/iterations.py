@@ -95,7 +95,7 @@ def campaign(out, *seeds):
                 for niter in numbers:
                     restore(folder, fwhm, niter, accelerate)
                     row = {"seed": int(seed), "fwhm": fwhm, "accelerate": accelerate, "niter": niter} | judge(folder, fwhm)
-                    restore(folder, fwhm, niter, accelerate, "-RL_DENOISE", 2, "-RL_DENOISE_UNIT", "PIXEL")
+                    restore(folder, fwhm, niter, accelerate, "-RL_DENOISE", 2 / fwhm)
                     restored = crowded.image(f"{folder}/rl.fits")
                     row |= {"psnr": psnr(restored - np.median(restored), sharp - np.median(sharp))}
                     rows.append(row)

@@ -75,16 +75,13 @@ static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
     plan->allowed = RX_NEW(unsigned char, n);
     if (plan->allowed == NULL)
         return rx_error_memory(err, n);
-    /* away means clear of the wide aperture */
-    const int away = plan->par->away;
-    rx_status status = rx_inject_allowed(tile->width, tile->height, away ? plan->segments : NULL, tile->mask,
-                                         away ? 0.5 * plan->diameter : 0.0, plan->allowed, err);
+    rx_status status =
+        rx_inject_allowed(tile->width, tile->height, NULL, tile->mask, 0.0, plan->allowed, err);
     for (size_t i = 0; i < n && status == RX_OK; i++)
         good += plan->allowed[i] != 0;
     if (status == RX_OK && good == 0)
         status = rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
-                             "self check: no pixel is left to put an object on; give SELF_CHECK_PLACE AMONG, "
-                             "or leave out SELF_CHECK");
+                             "self check: no pixel is left to put an object on; leave out SELF_CHECK");
     plan->per_round = (long)ceil(plan->par->density * (double)n / 1e6);
     return status;
 }

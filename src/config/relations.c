@@ -51,6 +51,9 @@ static rx_status check_restorers(const rx_config *config, rx_error *err)
     if (!config->restore_fallback && is(config->out_of_domain, "RL"))
         return REFUSE(RESTORE_FALLBACK,
                       "N forbids what OUT_OF_DOMAIN RL asks for; give OUT_OF_DOMAIN WARN or FAIL");
+    if (config->net_block % 4 != 0)
+        return REFUSE(NET_BLOCK, "%d is no multiple of 4; give %d", config->net_block,
+                      (config->net_block + 2) / 4 * 4);
     return RX_OK;
 }
 
@@ -75,20 +78,6 @@ static rx_status check_images(const rx_config *config, rx_error *err)
     return RX_OK;
 }
 
-static rx_status check_limits(const rx_config *config, rx_error *err)
-{
-    if (config->memory_pixstack_max < config->memory_pixstack)
-        return REFUSE(MEMORY_PIXSTACK_MAX, "%d is below MEMORY_PIXSTACK, %d; give at least that",
-                      config->memory_pixstack_max, config->memory_pixstack);
-    if (config->net_block % 4 != 0)
-        return REFUSE(NET_BLOCK, "%d is no multiple of 4; give %d", config->net_block,
-                      (config->net_block + 2) / 4 * 4);
-    if (config->deblend_maxobj_max < config->deblend_maxobj)
-        return REFUSE(DEBLEND_MAXOBJ_MAX, "%d is below DEBLEND_MAXOBJ, %d; give at least that",
-                      config->deblend_maxobj_max, config->deblend_maxobj);
-    return RX_OK;
-}
-
 static rx_status check_report(const rx_config *config, rx_error *err)
 {
     if (config->qa_gates[0] != '\0' && config->reference_name[0] == '\0')
@@ -96,9 +85,6 @@ static rx_status check_report(const rx_config *config, rx_error *err)
     if (config->reference_columns.n == 1 || config->reference_columns.n == 2)
         return REFUSE(REFERENCE_COLUMNS, "has %d item(s), needs <x>,<y>,<magnitude or flux>[,<error>]",
                       config->reference_columns.n);
-    if (config->qa_mag_range.v[2] <= 0.0)
-        return REFUSE(QA_MAG_RANGE, "the step %g must be above 0", config->qa_mag_range.v[2]);
-    ORDER(QA_MAG_RANGE, qa_mag_range);
     return RX_OK;
 }
 
@@ -118,7 +104,6 @@ rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
     const rx_config *config = (const rx_config *)settings;
     RX_TRY(check_restorers(config, err));
     RX_TRY(check_images(config, err));
-    RX_TRY(check_limits(config, err));
     RX_TRY(check_report(config, err));
     return check_self(config, err);
 }

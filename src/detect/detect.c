@@ -159,7 +159,7 @@ static rx_status find_groups(const rx_detect_params *par, workspace *work, rx_ex
     if ((job->flags & RX_FLAG_EXTRACT_OVER) != 0)
         rx_log_warning(log,
                        "more than %ld pixels above the threshold: threshold raised by %.2f, all sources "
-                       "flagged; raise MEMORY_PIXSTACK_MAX or DETECT_THRESH",
+                       "flagged; raise DETECT_THRESH",
                        allowed, raised);
     return RX_OK;
 }

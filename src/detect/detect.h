@@ -12,6 +12,9 @@
 
 RX_BEGIN_DECLS
 
+/* How far limits of memory grow: pixels above the threshold, parts of one detection (and the first limit of these). */
+enum { RX_DETECT_PIXSTACK_MAX = 100000000, RX_DETECT_PARTS = 1024, RX_DETECT_PARTS_MAX = 65536 };
+
 typedef struct rx_detect_params {
     double threshold;          /* DETECT_THRESH: sigmas, or ADU when absolute */
     int absolute;              /* THRESH_TYPE ABSOLUTE */
@@ -21,7 +24,7 @@ typedef struct rx_detect_params {
     const float *filter;    /* FILTER_NAME kernel as in the file, NULL = no filter */
     int filter_width, filter_height;
     int filter_normalise;    /* CONV NORM */
-    int matched;             /* FILTER_TYPE MATCHED: sep's matched filter */
+    int matched;             /* sep's matched filter: of campaigns */
     int deblend_levels;      /* DEBLEND_NTHRESH */
     double deblend_contrast; /* DEBLEND_MINCONT */
     int clean;

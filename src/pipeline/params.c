@@ -44,6 +44,12 @@ void rx_pipeline_fill(rx_pipeline_params *dst, const rx_settings *settings)
 {
     dst->templates.par = rx_tphot_defaults();
     dst->judge_residual = 1;
+    dst->restore.rl_denoise_by_psf = 1;
+    dst->restore.rl_pedestal = RX_RL_PEDESTAL;
+    dst->psf.min_stars = 1;
+    dst->detect.pixstack_max = RX_DETECT_PIXSTACK_MAX;
+    dst->detect.subobjects = RX_DETECT_PARTS;
+    dst->detect.subobjects_max = RX_DETECT_PARTS_MAX;
     rx_fill_all(rows, ROWS, settings, dst);
     settle(dst);
 }

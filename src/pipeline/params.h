@@ -44,7 +44,6 @@ enum { RX_TEMPLATE_EXTENDED = 1, RX_TEMPLATE_PIXELS = 2 };
 typedef struct rx_template_params {
     int wanted;
     rx_tphot_params par; /* keep_model, covariance: of the image that is measured */
-    double threshold;    /* TEMPLATE_THRESH: S/N on the residual of a source to be added */
     int drop;            /* INVENTED_TYPE DROP */
 } rx_template_params;
 
@@ -62,15 +61,13 @@ typedef struct rx_pipeline_params {
     int significance;             /* THRESH_TYPE SIGNIFICANCE: of untouched images */
     rx_detect_noise detect_noise; /* DETECT_NOISE, of restored images */
     rx_correlation_params noise;
-    int filter_restored; /* FILTER_RESTORED */
-    int judge_residual;  /* of what a network restored: rx_result.residual */
-    int keep_filtered;   /* the filtered image is wanted after detection: CHECKIMAGE_TYPE FILTERED */
+    int judge_residual; /* of what a network restored: rx_result.residual */
+    int keep_filtered;  /* the filtered image is wanted after detection: CHECKIMAGE_TYPE FILTERED */
     rx_template_params templates;
     rx_measure_params measure;
     int saturated_in_none; /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */
     int measure_original;  /* MEASURE_ON ORIGINAL */
     int calibrate_none, calibrate_restored; /* ERROR_CALIBRATION */
-    int error_apertures;
     uint64_t seed;
     int flag_types[RX_MAX_FLAGMAPS]; /* FLAG_TYPE */
     int nthreads;

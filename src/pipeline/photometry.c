@@ -100,6 +100,8 @@ static rx_status collecting_area(const rx_psf *psf, const rx_image *image, doubl
     return RX_OK;
 }
 
+enum { EMPTY_APERTURES = 300 }; /* per radius, for the noise law */
+
 /* A network's image, which leaves no noise on empty sky and brings a map of it. */
 static int by_network(const rx_restored *restored)
 {
@@ -117,10 +119,9 @@ static rx_status calibrate(work *w, const rx_image *image, int apertures, rx_err
     rx_noise_law *law = &w->dst->law;
     double area = 0;
     if (apertures)
-        RX_TRY(rx_noise_law_fit(
-            hides ? &w->untouched : image, w->sources,
-            &(rx_noise_apertures){w->params->error_apertures, w->params->seed, w->params->nthreads}, law,
-            w->log, err));
+        RX_TRY(rx_noise_law_fit(hides ? &w->untouched : image, w->sources,
+                                &(rx_noise_apertures){EMPTY_APERTURES, w->params->seed, w->params->nthreads},
+                                law, w->log, err));
     if (law->nradii == 0 && (hides || restored == NULL))
         *law = rx_noise_law_of(image->correlation);
     if (hides && restored->blur != NULL)

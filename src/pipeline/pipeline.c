@@ -188,17 +188,6 @@ static int by_input_noise(const work *w)
            (wanted == RX_DETECT_NOISE_AUTO && rx_map_given(&w->result->restored->noise));
 }
 
-static rx_detect_params detect_params(const rx_pipeline_params *params, int plain)
-{
-    rx_detect_params par = params->detect;
-    if (plain || params->filter_restored)
-        return par;
-    par.filter = NULL;
-    par.filter_width = par.filter_height = 0;
-    par.matched = 0;
-    return par;
-}
-
 /* The restorer's own map, or the one that it would have brought. */
 static rx_status input_noise(work *w, rx_error *err)
 {
@@ -221,7 +210,7 @@ static rx_status prepare_detection(work *w, rx_error *err)
     rx_result *result = w->result;
     const rx_restored *restored = result->restored;
     const size_t n = (size_t)input->width * (size_t)input->height;
-    w->par = detect_params(w->params, result->plain);
+    w->par = w->params->detect;
     RX_TRY(rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err));
     result->filtered = restored->pixels;
     result->filtered_scale = par->filter_normalise ? 1.0f : (float)w->filter.sum; /* 1 without a filter */
@@ -545,7 +534,7 @@ rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *
 rx_status rx_result_count(const rx_pipeline_params *params, const rx_result *result, double factor, long *n,
                           rx_error *err)
 {
-    rx_detect_params par = detect_params(params, result->plain);
+    rx_detect_params par = params->detect;
     const rx_image image = detection_image(result, hidden_bits(params, result->plain));
     const rx_filtered filtered = {.pixels = result->filtered};
     rx_sources *sources = NULL;

@@ -12,6 +12,7 @@
 
 /* In a crowd sources down to that S/N are added: each that is left out is light that its neighbours take, and among so many
  * sources the few false ones are rare; below, peaks of noise would be added by the hundred. */
+static const double ADDED_SNR = 5; /* on the residual, of a source to be added where it is not crowded */
 static const double CROWD_SNR = 3.2;
 
 /* Of the models' light in a crowd that counts as noise. Where neighbours are taken off the stars that a PSF is made of, what is
@@ -257,7 +258,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     const rx_image measured = rx_field_restorable(fields.measure);
     w.extra =
         (rx_template_extra){.detect = &params->detect,
-                            .threshold = params->templates.threshold,
+                            .threshold = ADDED_SNR,
                             .crowd_threshold = CROWD_SNR,
                             .crowd_error = params->templates.par.isolate > 0 ? NEIGHBOUR_ERROR : CROWD_ERROR,
                             .psf = psf_of(&w, detect),

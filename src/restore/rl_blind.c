@@ -18,6 +18,7 @@ static const double NARROWEST = 1;      /* pixels */
 static const float SHARE_FLOOR = 1e-6f; /* of the largest: fewer data behind a PSF pixel, and it stays */
 
 enum { FEWEST_POINTS = 3 };
+enum { CYCLES = 5, NITER = 10 }; /* of PSF and image updates; iterations of each update */
 
 typedef struct rx_seeker {
     const rx_prepared *prepared;
@@ -264,11 +265,11 @@ static rx_status restore_image(rx_seeker *seeker, int niter, rx_error *err)
     return status;
 }
 
-static rx_status seek(rx_seeker *seeker, const rx_restore_params *par, rx_log *log, rx_error *err)
+static rx_status seek(rx_seeker *seeker, rx_log *log, rx_error *err)
 {
-    for (int cycle = 0; cycle < par->blind_cycles; cycle++) {
+    for (int cycle = 0; cycle < CYCLES; cycle++) {
         int n = 0;
-        rx_status status = restore_image(seeker, par->blind_psf_niter, err);
+        rx_status status = restore_image(seeker, NITER, err);
         if (status == RX_OK)
             status = split(seeker, &n, err);
         if (status != RX_OK)
@@ -278,7 +279,7 @@ static rx_status seek(rx_seeker *seeker, const rx_restore_params *par, rx_log *l
             return RX_OK;
         }
         int sound = 1;
-        for (int i = 0; i < par->blind_psf_niter && sound; i++) {
+        for (int i = 0; i < NITER && sound; i++) {
             if ((status = rx_interrupt_check(err)) != RX_OK)
                 return status;
             sound = improve(seeker);
@@ -290,7 +291,7 @@ static rx_status seek(rx_seeker *seeker, const rx_restore_params *par, rx_log *l
                            cycle + 1);
             return RX_OK;
         }
-        rx_log_progress(log, "RL_BLIND: PSF", (cycle + 1.0) / par->blind_cycles);
+        rx_log_progress(log, "RL_BLIND: PSF", (cycle + 1.0) / CYCLES);
     }
     return RX_OK;
 }
@@ -310,7 +311,7 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_image *image, r
         status = seeker_start(&seeker, par, prepared, err);
     if (status == RX_OK && prepared->good > 0) {
         rx_log_progress_begin(log);
-        status = seek(&seeker, par, log, err);
+        status = seek(&seeker, log, err);
         rx_log_progress_end(log);
     }
     if (status != RX_OK)
@@ -321,8 +322,7 @@ rx_status rx_rl_blind_run(const rx_restore_params *par, const rx_image *image, r
     seeker = (rx_seeker){0};
     snprintf(found->description, sizeof found->description, "found by RL_BLIND, FWHM %.3f pixels",
              found->fwhm);
-    snprintf(settings, sizeof settings, "RL_BLIND_CYCLES %d, RL_BLIND_NITER %d", par->blind_cycles,
-             par->blind_psf_niter);
+    snprintf(settings, sizeof settings, "RL_BLIND_CYCLES %d, RL_BLIND_NITER %d", CYCLES, NITER);
     status = rx_rl_restore(par, prepared, "RL_BLIND", settings, log, dst, err);
     if (status == RX_OK)
         (*dst)->seconds = rx_seconds() - begun;

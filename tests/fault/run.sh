@@ -77,12 +77,12 @@ refuse 'configuration, columns, filter, weights and a list to associate with' ..
     -ASSOC_NAME ../my.list -ASSOC_PARAMS 1,2,3 -ASSOC_DATA 1,2 -ASSOCSELEC_TYPE ALL -WEIGHT_TYPE MAP_WEIGHT \
     -WEIGHT_IMAGE ../weight.fits
 refuse 'a PSF of stars' ../stars.fits -RL_NITER 2 -PSF_TYPE AUTO -CATALOG_TYPE ASCII
-refuse 'blind restoration' ../tile.fits -RESTORE_TYPE RL_BLIND -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 2 \
+refuse 'blind restoration' ../tile.fits -RESTORE_TYPE RL_BLIND \
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0
 refuse 'a network of two stages, verified' ../tile.fits -RESTORE_TYPE NET -NET_MODEL ../model.fits -VERIFY_SEAMS Y -NET_BLOCK 32 \
     -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE FITS_1.0 -CHECKIMAGE_TYPE RESIDUAL -CHECKIMAGE_NAME x.fits
 refuse 'two images' ../tile.fits,../tile.fits -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 3 -MEASURE_ON ORIGINAL \
-    -FILTER_TYPE MATCHED -CATALOG_TYPE ASCII
+    -CATALOG_TYPE ASCII
 refuse 'templates, their images and covariances' ../tile.fits -RESTORE_TYPE NONE,RL -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 2.5 \
     -CATALOG_TYPE FITS_LDAC -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.fits -INVENTED_TYPE DROP \
     -DETECT_THRESH 0.6 -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL,TEMPLATE_CHI -CHECKIMAGE_NAME r.fits,x.fits

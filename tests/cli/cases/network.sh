@@ -49,7 +49,7 @@ for boxed in "$top"/config/psfnet*.fits; do
     expect 0 '' tile.fits $net -NET_MODEL "$boxed" -OUT_OF_DOMAIN WARN -VERBOSE_TYPE QUIET -VERIFY_SEAMS Y -NET_BLOCK 32
 done
 
-unknown='-RESTORE_TYPE NET -NET_MODEL model.fits -PSF_TYPE AUTO -PSF_MINSTARS 1000 -CATALOG_TYPE FITS_1.0'
+unknown='-RESTORE_TYPE NET -NET_MODEL model.fits -PSF_TYPE AUTO -PSF_MINSNR 1e6 -CATALOG_TYPE FITS_1.0'
 
 begin 'network: blind and without a PSF'
 make_fits tile tile.fits

@@ -41,7 +41,7 @@ expect 0 '' -REPLAY ' r.fits'
 for threads in 1 2 3; do
     begin "replay: images, $threads threads"
     make_fits extensions tile.fits
-    made tile.fits -RESTORE_TYPE RL_BLIND,NONE -RL_BLIND_CYCLES 1 -RL_BLIND_NITER 2 $moffat -CATALOG_TYPE NONE \
+    made tile.fits -RESTORE_TYPE RL_BLIND,NONE $moffat -CATALOG_TYPE NONE \
         -CHECKIMAGE_TYPE SEGMENTATION,RESIDUAL,MINIBACKGROUND -CHECKIMAGE_NAME s.fits,d.fits,m.fits -NTHREADS $threads
     expect 0 '' -REPLAY d_RL_BLIND.fits -NTHREADS $((4 - threads))
     expect 0 '' -REPLAY s_NONE.fits -NTHREADS 2

@@ -17,10 +17,6 @@ TEMPLATE_PASSES 0 0 is out of range, give 1 to 100$
 TEMPLATE_PASSES 101 101 is out of range, give 1 to 100$
 CROWDING MAYBE unknown word 'MAYBE'; give one of AUTO, Y, N$
 TEMPLATE_PASSES one 'one' is not a number$
-TEMPLATE_THRESH 1.9 1\.9 is out of range, give 2 to
-TEMPLATE_THRESH nan 'nan' is not a number$
-TEMPLATE_NONNEG maybe 'maybe' is not Y or N$
-TEMPLATE_GROUPMAX 0 0 is out of range, give 1 to 1000$
 TEMPLATE_BACKSIZE -1 -1 is out of range, give 0 to
 TEMPLATE_PSFERR 1.5 1\.5 is out of range, give 0 to 1$
 TEMPLATE_PSFERR -0.1 -0\.1 is out of range, give 0 to 1$

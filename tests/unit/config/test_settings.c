@@ -259,10 +259,10 @@ static void keywords_set_in_vain_warn(void **state)
         {rx_keytable_rextract, "CHECKIMAGE_NAME a.fits",
          "t: warning: CHECKIMAGE_NAME a.fits has no effect without CHECKIMAGE_TYPE\n"},
         {rx_keytable_rextract, "QA_NAME qa;QA_TYPE TILE;MATCH_RADIUS 3;SELF_CHECK Y", NULL},
-        {rx_keytable_rextract, "FILTER_RESTORED N;RESTORE_TYPE NONE",
-         "t: warning: FILTER_RESTORED N has no effect without RESTORE_TYPE RL, RL_BLIND, NET or AUTO\n"},
-        {rx_keytable_rextract, "FILTER_RESTORED N;FILTER N",
-         "t: warning: FILTER_RESTORED N has no effect without FILTER Y\n"},
+        {rx_keytable_rextract, "DETECT_NOISE INPUT;RESTORE_TYPE NONE",
+         "t: warning: DETECT_NOISE INPUT has no effect without RESTORE_TYPE RL, RL_BLIND, NET or AUTO\n"},
+        {rx_keytable_rextract, "FILTER_NAME a.conv;FILTER N",
+         "t: warning: FILTER_NAME a.conv has no effect without FILTER Y\n"},
         {rx_keytable_rextract, "PHOT_APERTURES 3;ASSOC_NAME a.list;STARNNW_NAME a.nnw",
          NULL},                                                 /* any column */
         {rx_keytable_validate, "STAGE.NET_MODEL a.fits", NULL}, /* the campaign decides */
@@ -375,7 +375,7 @@ static void files_hold_keywords_ready(void **state)
 static void keywords_of_a_psf_that_is_not_made(void **state)
 {
     static const char *const lines[] = {"PSF_TYPE MOFFAT", "PSF_FWHM 3",    "PSF_SIZE 51",
-                                        "PSF_MINSTARS 9",  "PSF_MINSNR 30", "PSF_STARS_NAME stars.cat"},
+                                        "PSF_DEGREE 2",    "PSF_MINSNR 30", "PSF_STARS_NAME stars.cat"},
                              *const needs[][2] = {{"RESTORE_TYPE", "NONE,RL"},
                                                   {"SELF_CHECK", "Y"},
                                                   {"QA_TYPE", "TILE"},

@@ -334,40 +334,6 @@ static void test_noise_all_but_white(void **state)
     bench_close(&b);
 }
 
-/* FILTER_RESTORED decides on its own, and nothing of this touches the unrestored image. */
-static void test_filter_of_restored(void **state)
-{
-    (void)state;
-    static const struct {
-        const char *kind, *filter, *noise;
-        int filtered;
-    } cases[] = {{"RL", "N", "MEASURED", 0},
-                 {"RL", "N", "INPUT", 0},
-                 {"RL", "Y", "INPUT", 1},
-                 {"NONE", "N", "INPUT", 1}};
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        const setting settings[] = {
-            {"DETECT_NOISE", cases[i].noise}, {"FILTER_RESTORED", cases[i].filter}, {NULL, NULL}};
-        bench b;
-        scene s;
-        rx_result result;
-        bench_open(&b, settings);
-        scene_make(&s, SIDE, SIDE, 12, 5);
-        rx_field *field = bench_field(&b, s.pixels, SIDE, SIDE, 2.0);
-        b.options->pipeline.keep_filtered = 1;
-        assert_int_equal(rx_field_extract(&b.options->pipeline, rx_restorer_find(cases[i].kind), field, NULL,
-                                          NULL, &result, NULL),
-                         RX_OK);
-        assert_int_equal(
-            memcmp(result.filtered, result.restored->pixels, (size_t)SIDE * SIDE * sizeof(float)) != 0,
-            cases[i].filtered);
-        rx_result_free(&result);
-        rx_field_free(field);
-        scene_free(&s);
-        bench_close(&b);
-    }
-}
-
 /* SEEING_FWHM's default is no statement, nor is a given one without a pixel scale. */
 /* Aperture errors of untouched pixels: of the noise as it is, of independent pixels where SExtractor's way is asked for
  * or nothing but the rms of pixels. */
@@ -842,7 +808,6 @@ int main(void)
                                        cmocka_unit_test(test_detection_noise),
                                        cmocka_unit_test(test_kron_factor_of_networks),
                                        cmocka_unit_test(test_noise_all_but_white),
-                                       cmocka_unit_test(test_filter_of_restored),
                                        cmocka_unit_test(test_saturated_pixels),
                                        cmocka_unit_test(test_saturation_of_the_pixels),
                                        cmocka_unit_test(test_deep_pixels),

@@ -35,13 +35,8 @@ static inline void sky_new(sky *s, int width, int height)
     }
     s->background.global_level = 100;
     s->background.global_sigma = 1;
-    s->par = (rx_restore_params){.rl_niter = 30,
-                                 .rl_pedestal = 5,
-                                 .blind_cycles = 5,
-                                 .blind_psf_niter = 10,
-                                 .keep_reblurred = 1,
-                                 .keep_support = 1,
-                                 .nthreads = 1};
+    s->par = (rx_restore_params){
+        .rl_niter = 30, .rl_pedestal = 5, .keep_reblurred = 1, .keep_support = 1, .nthreads = 1};
     s->hide = RX_HIDE_RESTORED;
 }
 
