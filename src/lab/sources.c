@@ -68,10 +68,8 @@ rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, r
     rx_status status = simulated.image == NULL || simulated.defects == NULL
                            ? rx_error_memory(err, n * sizeof(float))
                            : rx_render(scene, 1, optics, &simulated.image, 1, err);
-    if (status == RX_OK)
-        status = rx_noise_expose(&noise, simulated.width, simulated.height, simulated.image,
-                                 simulated.defects, 1, err);
     if (status == RX_OK) {
+        rx_noise_expose(&noise, simulated.width, simulated.height, simulated.image, simulated.defects, 1);
         /* world coordinates: not every version of wcslib reads headers in several threads */
 #pragma omp critical(rx_campaign_tile)
         status = rx_simulation_tile(sky->simulation, &simulated, "simulated", tile, err);

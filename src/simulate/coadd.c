@@ -252,7 +252,7 @@ static rx_status expose(const sight *of, int k, sums *dst, rx_error *err)
     RX_TRY_EXIT(pixels == NULL || defects == NULL ? rx_error_memory(err, n * sizeof(float)) : RX_OK);
     RX_TRY_EXIT(frame_scene(scene, par->scale, &e.frame, &seen, err));
     RX_TRY_EXIT(rx_render(seen, 1, &through, &pixels, nthreads, err));
-    RX_TRY_EXIT(rx_noise_expose(&own, e.frame.width, e.frame.height, pixels, defects, nthreads, err));
+    rx_noise_expose(&own, e.frame.width, e.frame.height, pixels, defects, nthreads);
     e.pixels = pixels;
     e.defects = defects;
     e.weight = frame_weight(&own, &e.frame);
@@ -265,19 +265,6 @@ exit:
 }
 
 /* --- the coadd --- */
-
-static rx_status check(const rx_coadd_params *par, rx_error *err)
-{
-    if (par->frames < 1 || par->frames > RX_COADD_MOST || !(par->scale >= 0.3 && par->scale <= 1.0) ||
-        (par->type == RX_COADD_DRIZZLE && !(par->pixfrac >= 0.1 && par->pixfrac <= 1.0)) ||
-        !(par->uneven >= 0.0 && par->uneven <= 1.0))
-        return rx_error_set(
-            err, RX_USAGE,
-            "%d frames at scale %g, pixfrac %g, uneven by %g cannot be combined; give 1 to %d "
-            "frames, 0.3 to 1, 0.1 to 1, 0 to 1",
-            par->frames, par->scale, par->pixfrac, par->uneven, RX_COADD_MOST);
-    return RX_OK;
-}
 
 /* Light of a source is sum_k w_k f_k / sum_k w_k, and f_k has flux / gain_k of variance. */
 static rx_noise_params noise_of_all(const rx_coadd_params *par, const rx_scene *scene,
@@ -374,7 +361,6 @@ rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const
 {
     const size_t n = (size_t)scene->width * (size_t)scene->height;
     rx_status status = RX_OK;
-    RX_TRY(check(par, err));
     sums *all;
     RX_TRY(RX_MAKE(all, n, err));
     const sight of = {par, scene, optics, noise, nthreads < 1 ? 1 : nthreads};

@@ -64,7 +64,7 @@ typedef struct rx_coadd {
  *            2000, AJ 120, 2747: R = r / (1 - 1/(3r)), r = pixfrac / scale >= 1, for many dithers)
  *   LANCZOS: the inverse of each pixel's variance, a_i^2 propagated
  * both from the sky alone; without noise as if of variance 1. The same bytes for any nthreads. Errors:
- * RX_USAGE parameters; RX_SYSTEM memory; RX_INTERRUPTED. */
+ * RX_SYSTEM memory; RX_INTERRUPTED. */
 rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const rx_optics *optics,
                         const rx_noise_params *noise, int nthreads, rx_coadd *dst, rx_error *err);
 

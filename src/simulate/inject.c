@@ -99,8 +99,6 @@ rx_status rx_inject_allowed(int width, int height, const int32_t *segments, cons
                             double distance, unsigned char *allowed, rx_error *err)
 {
     const size_t n = (size_t)width * (size_t)height;
-    if (!(distance >= 0.0))
-        return rx_error_set(err, RX_USAGE, "a distance of %g pixels from sources makes no sense", distance);
     for (size_t i = 0; i < n; i++)
         allowed[i] = !((mask != NULL && mask[i] != 0) || (segments != NULL && segments[i] != 0));
     if (!(distance > 0.0))

@@ -24,35 +24,6 @@ double rx_noise_sigma(const rx_noise_params *par)
     return par->type == RX_NOISE_GAUSS ? par->sigma : 0.0;
 }
 
-static rx_status check(const rx_noise_params *p, rx_error *err)
-{
-    if (!isfinite(p->sky) || (p->type == RX_NOISE_GAUSS && !(p->sigma >= 0.0 && isfinite(p->sigma))))
-        return rx_error_set(
-            err, RX_USAGE,
-            "a sky of %g with noise %g ADU cannot be made; give SKY_LEVEL and NOISE_SIGMA from 0", p->sky,
-            p->sigma);
-    if (!(p->saturation > 0.0))
-        return rx_error_set(err, RX_USAGE,
-                            "no pixel can hold %g ADU at most; give a SATUR_LEVEL above 0, or 0 "
-                            "in the configuration for none",
-                            p->saturation);
-    if (p->type != RX_NOISE_CCD)
-        return RX_OK;
-    if (!(p->gain > 0.0 && isfinite(p->gain)) || !(p->read_noise >= 0.0 && isfinite(p->read_noise)))
-        return rx_error_set(
-            err, RX_USAGE,
-            "NOISE_TYPE CCD with gain %g e-/ADU and read noise %g e- cannot be; give GAIN above 0 "
-            "and READ_NOISE from 0",
-            p->gain, p->read_noise);
-    if (!(p->bad_columns >= 0.0 && p->bad_columns <= 1.0) ||
-        !(p->cosmic_rays >= 0.0 && p->cosmic_rays <= 1e6))
-        return rx_error_set(err, RX_USAGE,
-                            "a share of %g dead columns and %g cosmic rays per Mpixel cannot be; give "
-                            "BAD_COLUMNS 0 to 1 and COSMIC_RAYS 0 to 1e6",
-                            p->bad_columns, p->cosmic_rays);
-    return RX_OK;
-}
-
 /* Pixels first .. first + n - 1: sky, photons, read noise. */
 static void expose_chunk(const rx_noise_params *p, size_t first, size_t n, float *pixels)
 {
@@ -116,11 +87,10 @@ static void kill_columns(const rx_noise_params *p, int width, int height, float 
     }
 }
 
-rx_status rx_noise_expose(const rx_noise_params *par, int width, int height, float *pixels, uint8_t *defects,
-                          int nthreads, rx_error *err)
+void rx_noise_expose(const rx_noise_params *par, int width, int height, float *pixels, uint8_t *defects,
+                     int nthreads)
 {
     const size_t n = (size_t)width * (size_t)height;
-    RX_TRY(check(par, err));
     if (nthreads < 1)
         nthreads = 1;
 #pragma omp parallel for schedule(static) num_threads(nthreads)
@@ -134,5 +104,4 @@ rx_status rx_noise_expose(const rx_noise_params *par, int width, int height, flo
                  defects != NULL ? defects + first : NULL);
     if (par->type == RX_NOISE_CCD && par->bad_columns > 0.0)
         kill_columns(par, width, height, pixels, defects);
-    return RX_OK;
 }

@@ -29,9 +29,9 @@ double rx_noise_sigma(const rx_noise_params *par);
 /* pixels [height][width] in ADU become the exposed image in place; defects (may be NULL) gets RX_DEFECT_
  * bits, those it has are kept (in a dead column only RX_DEFECT_COLUMN remains). CCD: (Poisson((pixel + sky)
  * gain) + read_noise normal + cosmic rays) / gain, then saturation, then dead columns; not rounded to whole
- * ADU; light below zero counts as none. Errors: RX_USAGE when a parameter is out of range. */
-rx_status rx_noise_expose(const rx_noise_params *par, int width, int height, float *pixels, uint8_t *defects,
-                          int nthreads, rx_error *err);
+ * ADU; light below zero counts as none. */
+void rx_noise_expose(const rx_noise_params *par, int width, int height, float *pixels, uint8_t *defects,
+                     int nthreads);
 
 /* dst[n] = normal deviates of width 1, the ones numbered first, first + 1, ... of (seed, stream): Box and
  * Muller (1958) on pairs of 32-bit words, number i from words of block i / 4. Values end at 6.76 (once in

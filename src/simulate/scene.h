@@ -103,7 +103,7 @@ typedef struct rx_scene_params {
     uint64_t seed, stream; /* stream: number of the scene in a series */
 } rx_scene_params;
 
-/* *dst is freed by rx_scene_free(). Errors: RX_USAGE (impossible parameters), RX_SYSTEM memory,
+/* *dst is freed by rx_scene_free(). Errors: RX_USAGE (too many objects, or too much light), RX_SYSTEM memory,
  * RX_INTERRUPTED. With least_distance or `allowed`, what finds no place after many trials is left out: n may
  * be smaller. */
 rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *templates, rx_scene **dst,

@@ -253,11 +253,9 @@ static rx_status expose(const rx_simulation *simulation, uint64_t stream, rx_sim
     dst->sigma = rx_noise_sigma(&noise);
     if (simulation->coadd.type == RX_COADD_NONE) {
         memcpy(dst->image, dst->clean, n * sizeof(float));
-        rx_status status = rx_noise_expose(&noise, dst->width, dst->height, dst->image, dst->defects,
-                                           simulation->nthreads, err);
-        if (status == RX_OK)
-            even_weight(dst, n);
-        return status;
+        rx_noise_expose(&noise, dst->width, dst->height, dst->image, dst->defects, simulation->nthreads);
+        even_weight(dst, n);
+        return RX_OK;
     }
     rx_coadd coadd = {.image = dst->image, .weight = dst->weight, .defects = dst->defects};
     rx_status status = rx_coadd_make(&simulation->coadd, dst->scene, simulation->optics, &noise,

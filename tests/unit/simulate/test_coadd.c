@@ -361,29 +361,6 @@ static void threads_change_no_byte(void **state)
     rx_scene_free(scene);
 }
 
-static void bad_parameters_are_refused(void **state)
-{
-    (void)state;
-    rx_scene *scene = scene_of(20, 0);
-    rx_optics *optics = NULL;
-    rx_coadd made = {0};
-    assert_int_equal(
-        rx_optics_moffat(&(rx_moffat_profile){.fwhm = 2, .beta = 3, .ratio = 1}, 20, 20, &optics, NULL),
-        RX_OK);
-    for (int what = 0; what < 4; what++) {
-        rx_coadd_params par = DRIZZLE;
-        rx_error err = RX_ERROR_NONE;
-        par.frames = what == 0 ? 0 : par.frames;
-        par.scale = what == 1 ? 0.2 : par.scale;
-        par.pixfrac = what == 2 ? NAN : par.pixfrac;
-        par.uneven = what == 3 ? 1.5 : par.uneven;
-        assert_int_equal(rx_coadd_make(&par, scene, optics, &SILENT, 1, &made, &err), RX_USAGE);
-        assert_non_null(strstr(err.text, "frames"));
-    }
-    rx_optics_free(optics);
-    rx_scene_free(scene);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -395,7 +372,6 @@ int main(void)
         cmocka_unit_test(defects_of_frames_do_not_show),
         cmocka_unit_test(frames_are_a_latin_square),
         cmocka_unit_test(threads_change_no_byte),
-        cmocka_unit_test(bad_parameters_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
