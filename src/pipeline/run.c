@@ -50,7 +50,7 @@ static rx_status prepare(const rx_pipeline_params *params, int what, rx_field *f
     rx_noise_correlation noise;
     rx_status status;
     RX_TRY_EXIT(rx_field_begin(params, what, field, &noise, log, err));
-    if (field->psf != NULL && rx_psf_type_measured(params->psf.type) && field->nstars > 0) {
+    if (field->psf != NULL && params->psf.type == RX_PSF_AUTO && field->nstars > 0) {
         rx_lap last = rx_lap_now();
         RX_TRY_EXIT(measure_between(params, what, &noise, field, log, err));
         rx_lap_add(&last, &field->psf_lap);
