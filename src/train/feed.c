@@ -62,11 +62,6 @@ static int user_of(const rx_feed *feed, long at)
     return (int)(within * rx_par_processes() / feed->batch);
 }
 
-bool rx_feed_is_mine(const rx_feed *feed, long at)
-{
-    return user_of(feed, at) == rx_par_rank();
-}
-
 /* Images, by set, bin and index. */
 static int compare_jobs(const void *a, const void *b)
 {

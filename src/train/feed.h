@@ -30,8 +30,7 @@ void rx_feed_free(rx_feed *feed); /* NULL is fine */
  * `from` are not made. Images that were not taken before are dropped. Errors: those of rx_samples_make() on any rank. */
 rx_status rx_feed_epoch(rx_feed *feed, uint32_t epoch, const rx_selection *selection, const rx_pick *order,
                         long n, long from, rx_error *err);
-bool rx_feed_is_mine(const rx_feed *feed, long at);
-/* The image at a position that is this rank's, once. Free with rx_sample_free(). */
+/* The image at a position, once; NULL where it is another rank's. Free with rx_sample_free(). */
 rx_sample *rx_feed_take(rx_feed *feed, long at);
 
 /* Images that this rank has made so far, and the seconds that it took. */

@@ -30,9 +30,9 @@ static const double BETA_LEAST = 1.1;
 
 /* What one thread makes samples with. */
 typedef struct bench {
-    rx_fft *fft;                           /* of the window */
-    float *x, *half, *spectrum, *coloured; /* planes of fft */
-    float *normal;                         /* [window][window] */
+    rx_fft *fft;                         /* of the window */
+    float *x, *half, *spectrum, *filter; /* planes of fft */
+    float *normal;                       /* [window][window] */
 } bench;
 
 typedef struct kept_field {
@@ -170,9 +170,9 @@ static rx_status open_bench(const rx_samples *s, bench *b, rx_error *err)
     b->x = rx_fft_real(b->fft);
     b->half = rx_fft_complex(b->fft);
     b->spectrum = rx_fft_complex(b->fft);
-    b->coloured = rx_fft_complex(b->fft);
+    b->filter = rx_fft_complex(b->fft);
     b->normal = RX_NEW(float, (size_t)s->window *(size_t)s->window);
-    if (b->x == NULL || b->half == NULL || b->spectrum == NULL || b->coloured == NULL || b->normal == NULL)
+    if (b->x == NULL || b->half == NULL || b->spectrum == NULL || b->filter == NULL || b->normal == NULL)
         return rx_error_memory(err, 0);
     return RX_OK;
 }
@@ -182,7 +182,7 @@ static void close_bench(bench *b)
     free(b->x);
     free(b->half);
     free(b->spectrum);
-    free(b->coloured);
+    free(b->filter);
     free(b->normal);
     rx_fft_free(b->fft);
 }
@@ -294,7 +294,7 @@ static rx_status correlate(const draft *d, rx_error *err)
     const size_t stride = (size_t)rx_fft_stride_real(b->fft), w = (size_t)d->of->window;
     float middle[SIDE * SIDE] = {0};
     rx_psf *psf = NULL;
-    RX_TRY(rx_sky_noise_filter(&d->survey.correlation, b->fft, b->x, b->coloured, err));
+    RX_TRY(rx_sky_noise_filter(&d->survey.correlation, b->fft, b->x, b->filter, err));
     RX_TRY(rx_sky_field_psf(d->field, &psf, err));
     const int half = psf->size / 2 < MIDDLE ? psf->size / 2 : MIDDLE;
     for (int y = -half; y <= half; y++)
@@ -305,7 +305,7 @@ static rx_status correlate(const draft *d, rx_error *err)
     const float scale = (float)(1.0 / rx_noise_factor(&d->survey.correlation, middle, SIDE, SIDE));
     for (size_t y = 0; y < w; y++)
         memcpy(b->x + y * stride, b->normal + y * w, w * sizeof *b->x);
-    rx_fft_filter(b->fft, b->x, b->coloured, false, b->half, b->x);
+    rx_fft_filter(b->fft, b->x, b->filter, false, b->half, b->x);
     for (size_t y = 0; y < w; y++)
         for (size_t x = 0; x < w; x++)
             b->normal[y * w + x] = scale * b->x[y * stride + x];

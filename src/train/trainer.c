@@ -49,11 +49,13 @@ static int take_samples(job *j, long from, long to, long *first)
 {
     int n = 0;
     *first = to;
-    for (long at = from; at < to; at++)
-        if (rx_feed_is_mine(j->feed, at)) {
-            *first = at < *first ? at : *first;
-            j->sample[n++] = rx_feed_take(j->feed, at);
-        }
+    for (long at = from; at < to; at++) {
+        rx_sample *sample = rx_feed_take(j->feed, at);
+        if (sample == NULL)
+            continue;
+        *first = n == 0 ? at : *first;
+        j->sample[n++] = sample;
+    }
     return n;
 }
 
