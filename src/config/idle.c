@@ -42,13 +42,15 @@ static bool is_stated(const rx_settings *settings, int row)
 }
 
 /* One condition, up to a semicolon: alternatives by commas and "or", each a keyword that is on, a keyword with one of
- * its words, or "column" with parts of names. Is one of them met, and is a keyword among them stated? */
+ * its words, or "column" with parts of names. Is one of them met, and is a keyword among them stated? *only: the row of
+ * the keyword, where there is but one. */
 static bool is_met(const rx_idle *idle, const rx_settings *settings, const char *condition, size_t length,
-                   bool *stated)
+                   bool *stated, int *only)
 {
     int row = NO_ROW;
     bool met = false, alone = false;
     *stated = false;
+    *only = NO_ROW;
     for (size_t at = 0, size = 0; at < length; at += size + strspn(condition + at + size, " ,")) {
         char word[48];
         size = strcspn(condition + at, " ,;");
@@ -63,6 +65,7 @@ static bool is_met(const rx_idle *idle, const rx_settings *settings, const char 
             continue;
         }
         met |= alone && has_item(settings, row, NULL);
+        *only = row == NO_ROW ? named : COLUMN;
         row = named;
         alone = row != COLUMN;
         *stated |= row == COLUMN || is_stated(settings, row);
@@ -70,21 +73,31 @@ static bool is_met(const rx_idle *idle, const rx_settings *settings, const char 
     return met || (alone && has_item(settings, row, NULL));
 }
 
-/* The first condition of a keyword that is not met, its length behind *length; NULL = it has its effect. */
-static const char *unmet(const rx_idle *idle, const rx_settings *settings, int row, int *length)
+/* The first condition of a keyword that is not met, its length behind *length; NULL = it has its effect. A condition that
+ * names one keyword has the conditions of that one as well. `strict`: whether a file states what decides or not. */
+static const char *unmet(const rx_idle *idle, const rx_settings *settings, int row, bool strict, int *length)
 {
-    const char *condition = settings->table->rows[row].needs;
+    const char *condition = settings->table->rows[row].needs, *deeper;
     while (condition != NULL && *condition != '\0') {
         const size_t size = strcspn(condition, ";");
         bool stated;
-        if (!is_met(idle, settings, condition, size, &stated) &&
-            (settings->origin[row] == RX_FROM_COMMAND || !stated)) {
+        int only;
+        if (!is_met(idle, settings, condition, size, &stated, &only) && (strict || !stated)) {
             *length = (int)size;
             return condition;
         }
+        if (only >= 0 && (deeper = unmet(idle, settings, only, strict, length)) != NULL)
+            return deeper;
         condition += size + strspn(condition + size, "; ");
     }
     return NULL;
+}
+
+bool rx_keyword_counts(const rx_settings *settings, int row)
+{
+    const rx_idle any_column = {0};
+    int length;
+    return unmet(&any_column, settings, row, true, &length) == NULL;
 }
 
 /* Why row has no effect, into *why; nothing when it has, or when it was not given. */
@@ -105,7 +118,7 @@ static void explain(const rx_idle *idle, const rx_settings *settings, rx_idle_fu
             rx_text_printf(why, "%s%s %s has no effect %s (%s)", settings->prefix, key->name, value.data,
                            with, key->help);
     } else if (settings->prefix[0] == '\0' && settings->origin[row] > RX_FROM_DUMP) {
-        const char *condition = unmet(idle, settings, row, &length);
+        const char *condition = unmet(idle, settings, row, settings->origin[row] == RX_FROM_COMMAND, &length);
         if (condition != NULL)
             rx_text_printf(why, "%s %s has no effect without %.*s", key->name, value.data, length, condition);
     }

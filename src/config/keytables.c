@@ -89,7 +89,6 @@ const rx_keytable *rx_keytable_rextract(void)
         .plain = RX_PLAIN_IMAGES,
         .default_file = "default.sex",
         .idle = rx_config_idle,
-        .opens = rx_config_opens,
         .find_files = rx_config_find_files,
         .check = rx_config_relations,
     };
@@ -105,7 +104,6 @@ const rx_keytable *rx_keytable_simulate(void)
         .size = sizeof(rx_simulate_config),
         .plain = RX_PLAIN_NONE,
         .idle = rx_simulate_idle,
-        .opens = rx_simulate_opens,
         .check = rx_simulate_relations,
     };
     return &table;

@@ -80,8 +80,6 @@ struct rx_keytable {
     void (*complete)(rx_settings *settings);
     /* NULL = all keywords have an effect. */
     rx_idle_function *idle;
-    /* Does a run open item i of the file keyword `name`, by what other keywords say? NULL = all. */
-    bool (*opens)(const rx_settings *settings, const char *name, int i);
     /* Names of input files, where they are not as given, become those of the files that are meant; NULL = none. */
     rx_status (*find_files)(rx_settings *settings, rx_log *log, rx_error *err);
     /* Relations between keywords. */
@@ -143,16 +141,17 @@ rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_e
 /* Is `name` in a list that ends with NULL? */
 bool rx_keyword_among(const char *const *names, const char *name);
 
+/* Is what the row needs there (NEEDS), whatever the columns? A run opens the files of no other. */
+bool rx_keyword_counts(const rx_settings *settings, int row);
+
 /* What decides on keywords of part i. */
 rx_idle_function *rx_settings_part_idle(const rx_settings *settings, int i);
 
-/* rx_keytable.complete, .idle, .opens and .check. */
+/* rx_keytable.complete, .idle and .check. */
 const char *rx_config_idle(const rx_settings *settings, const char *name);
 const char *rx_simulate_idle(const rx_settings *settings, const char *name);
 const char *rx_train_idle(const rx_settings *settings, const char *name);
 const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
-bool rx_config_opens(const rx_settings *settings, const char *name, int i);
-bool rx_simulate_opens(const rx_settings *settings, const char *name, int i);
 void rx_campaign_complete(rx_settings *settings);
 void rx_train_complete(rx_settings *settings);
 /* The names of input files become those of the files that are meant: thresholds of a survey's file; then columns,

@@ -146,12 +146,14 @@ static rx_status add_row(const row_names *row, rx_error *err)
     const rx_settings *settings = row->settings;
     const rx_keyword *key = row->key;
     const void *field = (const char *)settings + key->offset;
+    const rx_words *images = strcmp(key->name, "CHECKIMAGE_NAME") == 0
+                                 ? &((const rx_config *)settings)->checkimage_type
+                                 : NULL; /* a file for each */
     rx_status status = RX_OK;
     for (int i = 0; i < rx_keyword_count(key->kind, field) && status == RX_OK; i++) {
         rx_kind kind;
         const char *name = *(char *const *)rx_keyword_item(key->kind, field, i, &kind);
-        const bool opened = settings->table->opens == NULL || settings->table->opens(settings, key->name, i);
-        if (name[0] != '\0' && opened)
+        if (name[0] != '\0' && (images == NULL || (i < images->n && strcmp(images->v[i], "NONE") != 0)))
             status = add_item(row, name, err);
     }
     return status;
@@ -164,7 +166,10 @@ static rx_status add_settings(rx_run_files *dst, const rx_settings *settings, rx
     rx_status status = settings->file != NULL ? add_input(dst, "", "", settings->file, err) : RX_OK;
     for (int row = 0; row < table->nrows && status == RX_OK; row++) {
         const rx_keyword *key = &table->rows[row];
-        if (key->role >= RX_FILE_READS && (idle == NULL || idle(settings, key->name) == NULL))
+        /* an input that the command line names is not written, whether it is read or not */
+        const bool named = key->role == RX_FILE_READS && settings->origin[row] == RX_FROM_COMMAND;
+        if (key->role >= RX_FILE_READS && (idle == NULL || idle(settings, key->name) == NULL) &&
+            (named || rx_keyword_counts(settings, row)))
             status = add_row(&(row_names){settings, key, dst}, err);
     }
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)

@@ -133,39 +133,6 @@ const char *rx_config_idle(const rx_settings *settings, const char *name)
     return settings->prefix[0] != '\0' && rx_keyword_among(outputs, name) ? "in a campaign" : NULL;
 }
 
-static bool has_map(const rx_words *weights)
-{
-    for (int i = 0; i < weights->n; i++)
-        if (strncmp(weights->v[i], "MAP_", 4) == 0)
-            return true;
-    return false;
-}
-
-bool rx_config_opens(const rx_settings *settings, const char *name, int i)
-{
-    const rx_config *config = (const rx_config *)settings;
-    const rx_words *checks = &config->checkimage_type;
-    const struct {
-        const char *name;
-        bool opened;
-    } some[] = {
-        {"CATALOG_NAME", !is(config->catalog_type, "NONE")},
-        {"CHECKIMAGE_NAME", i < checks->n && !is(checks->v[i], "NONE")},
-        {"XML_NAME", config->write_xml},
-        {"QA_NAME", config->reference_name[0] != '\0' || is(config->qa_type, "TILE")},
-        {"SELF_CHECK_NAME", config->self_check},
-        {"WEIGHT_IMAGE", has_map(&config->weight_type)},
-        {"PSF_NAME", is(config->psf_type, "FILE") || is(config->psf_type, "PSFEX")},
-        {"NET_MODEL", has(&config->restore_type, "NET") || has(&config->restore_type, "AUTO")},
-        {"NOISE_KERNEL_NAME", is(config->noise_correlation, "FILE")},
-        {"FILTER_NAME", config->filter},
-    };
-    for (size_t k = 0; k < sizeof some / sizeof some[0]; k++)
-        if (is(some[k].name, name))
-            return some[k].opened;
-    return true;
-}
-
 /* --- rextract-simulate --- */
 
 static rx_status check_injection(const rx_simulate_config *config, rx_error *err)
@@ -246,13 +213,6 @@ const char *rx_simulate_idle(const rx_settings *settings, const char *name)
     if (is(config->coadd_type, "NONE") && rx_keyword_among(coadd, name))
         return "with COADD_TYPE NONE";
     return !injects && rx_keyword_among(injection, name) ? "without INJECT_IMAGE" : NULL;
-}
-
-bool rx_simulate_opens(const rx_settings *settings, const char *name, int i)
-{
-    const rx_simulate_config *config = (const rx_simulate_config *)settings;
-    (void)i;
-    return !is(name, "PSF_NAME") || is(config->psf_type, "FILE") || is(config->psf_type, "PSFEX");
 }
 
 /* --- rextract-validate --- */
