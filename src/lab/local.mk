@@ -4,7 +4,7 @@ librextract_lab_la_SOURCES += \
 	src/lab/rows.c src/lab/rows.h src/lab/journal.c src/lab/journal.h src/lab/units.c src/lab/units.h \
 	src/lab/facts.c src/lab/facts.h \
 	src/lab/conditions.c src/lab/conditions.h \
-	src/lab/report.c src/lab/report.h src/lab/paper.c src/lab/paper.h \
+	src/lab/report.c src/lab/report.h \
 	src/lab/restoration.c src/lab/restoration.h src/lab/restoration_trial.c src/lab/restoration_tune.c \
 	src/lab/restoration_report.c \
 	src/lab/sources.c src/lab/sources.h src/lab/sources_report.c src/lab/photometry.c src/lab/detection.c

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "lab/paper.h"
 #include "lab/report.h"
 #include "lab/restoration.h"
+#include "num/special.h"
 #include "quality/hypothesis.h"
 
 enum { TEST = 1 }; /* of the scenes of a bin; 0: those that methods are tuned on */
@@ -122,6 +122,62 @@ static rx_status measure(results *r, rx_error *err)
     return RX_OK;
 }
 
+/* --- the paper --- */
+
+enum { PAPER_TABLES = 4, PAPER_COLUMNS = 8 };
+
+/* Jia, Lv, Ning, Song, Li, Ji, Cui, Li 2023, "Image restoration with point spread function regularization and active learning",
+ * MNRAS 527, 6581 (arXiv:2311.00186), Tables 1 to 4: two-sample t of SSIM or PSNR, of its own network ("NET" here) and
+ * Richardson-Lucy with a Gaussian filter ("RL"). The degrees of freedom are not printed; these are the ones that give the
+ * printed p of 28 of the 30 columns: 138 = 2 x 70 - 2 and 78 = 2 x 40 - 2. */
+typedef struct paper_table {
+    int by_sigma, quality;
+    double dof;
+    int n;
+    double bin[PAPER_COLUMNS];                 /* FWHM in pixels, or noise sigma on the 0..255 scale */
+    double t[PAPER_COLUMNS], p[PAPER_COLUMNS]; /* as printed */
+} paper_table;
+
+static const paper_table PAPER[PAPER_TABLES] = {
+    {.quality = SSIM,
+     .dof = 138,
+     .n = 7,
+     .bin = {2, 4, 6, 8, 10, 12, 14},
+     .t = {17.97, 20.46, 17.57, 20.27, 20.76, 18.79, 24.56},
+     .p = {5.96e-38, 1.23e-43, 5.08e-37, 3.40e-43, 2.72e-44, 7.41e-40, 3.21e-52}},
+    {.quality = PSNR,
+     .dof = 138,
+     .n = 7,
+     .bin = {2, 4, 6, 8, 10, 12, 14},
+     .t = {49.69, 73.94, 56.31, 75.21, 76.49, 68.05, 110.96},
+     .p = {6.02e-90, 6.82e-113, 4.29e-97, 6.88e-114, 7.09e-115, 4.77e-108, 8.31e-137}},
+    {.by_sigma = 1,
+     .quality = SSIM,
+     .dof = 78,
+     .n = 8,
+     .bin = {2, 9, 12, 15, 18, 21, 23, 25},
+     .t = {1.70, 17.81, 26.46, 32.40, 32.12, 40.43, 40.60, 43.98},
+     .p = {4.88e-02, 3.25e-29, 1.05e-40, 5.35e-47, 1.00e-46, 4.40e-54, 3.24e-54, 1.63e-54}},
+    {.by_sigma = 1,
+     .quality = PSNR,
+     .dof = 78,
+     .n = 8,
+     .bin = {2, 9, 12, 15, 18, 21, 23, 25},
+     .t = {6.66, 34.76, 42.52, 39.62, 43.38, 50.09, 47.96, 59.78},
+     .p = {3.52e-09, 3.11e-49, 1.02e-55, 1.98e-53, 2.27e-56, 4.52e-61, 1.19e-59, 6.52e-67}}};
+
+/* Whether the printed p of a column follows from its t (two-sided, the table's dof) within what rounding t to 0.01 and p to
+ * three digits allows; *p = the p that follows, *ln_p its logarithm. */
+static int column_fits(const paper_table *table, int column, double *p, double *ln_p)
+{
+    const double digits = log1p(0.005), printed = log(table->p[column]); /* 1.00 may stand for 1.005 */
+    double most, least;
+    *p = rx_student_p(table->t[column], table->dof, ln_p);
+    rx_student_p(table->t[column] - 0.005, table->dof, &most);
+    rx_student_p(table->t[column] + 0.005, table->dof, &least);
+    return printed >= least - digits && printed <= most + digits;
+}
+
 /* --- figures --- */
 
 enum { SHOWN_SIDE = 128, PICTURE_WIDTH = 200 };
@@ -227,7 +283,7 @@ RX_COLUMNS(BOXES, RX_TEXT("scene", ""), RX_TEXT("condition", ""), RX_TEXT("run",
            RX_NUMBER("median", 3, "", ""), RX_NUMBER("q3", 3, "", "quartile"), RX_NUMBER("high", 3, "", ""),
            RX_COUNT("outliers", ""));
 
-RX_COLUMNS(PAPER, RX_COUNT("table", "of the paper"), RX_TEXT("scene", ""), RX_TEXT("quantity", ""),
+RX_COLUMNS(COLUMNS, RX_COUNT("table", "of the paper"), RX_TEXT("scene", ""), RX_TEXT("quantity", ""),
            RX_NUMBER("bin", 0, "", ""), RX_NUMBER("dof", 0, "", "degrees of freedom that give its p"),
            RX_NUMBER("paper_t", 2, "", "printed: its network against Richardson-Lucy"),
            RX_P("paper_p", "printed"), RX_P("p_from_t", "that follows from the printed t"),
@@ -262,14 +318,14 @@ static void add_bins(rx_report *report, const results *r)
 }
 
 /* Both tests of two runs in the bin of a printed column; NAN where there is no such bin. */
-static rx_status test_column(const results *r, const rx_paper_table *table, int column, const int run[2],
+static rx_status test_column(const results *r, const paper_table *table, int column, const int run[2],
                              rx_test *two, rx_test *paired, rx_error *err)
 {
     *two = *paired = (rx_test){NAN, NAN, NAN, NAN};
     for (int b = 0; b < r->lab->nconditions; b++) {
         if (r->lab->bin[b].by_sigma != table->by_sigma || fabs(centre(r->lab, b) - table->bin[column]) > 0.25)
             continue;
-        const long n = gather(scenes_of(r->lab, b), table->ssim ? SSIM : PSNR, run, r->work);
+        const long n = gather(scenes_of(r->lab, b), table->quality, run, r->work);
         if (n < 2)
             return RX_OK;
         RX_TRY(rx_test_two_sample(n, r->work[0], n, r->work[1], two, err));
@@ -282,24 +338,24 @@ static rx_status test_column(const results *r, const rx_paper_table *table, int 
 static rx_status add_paper(rx_report *report, const results *r, rx_error *err)
 {
     static const char *const pairs[][2] = {{"NET", "RL"}, {"RL", "SMOOTHED"}, {"RL", "BLURRED"}};
-    rx_report_table *t = RX_REPORT_TABLE(report, "paper", PAPER, RX_REPORT_IN_JSON);
+    rx_report_table *t = RX_REPORT_TABLE(report, "paper", COLUMNS, RX_REPORT_IN_JSON);
     int run[2] = {-1, -1};
     char words[128];
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs && (run[0] < 0 || run[1] < 0); i++)
         for (int k = 0; k < 2; k++)
             run[k] = rx_lab_group_column(&r->group[0], pairs[i][k]);
     const int both = run[0] >= 0 && run[1] >= 0;
-    for (const rx_paper_table *table = rx_paper_tables; table < rx_paper_tables + RX_PAPER_TABLES; table++)
+    for (const paper_table *table = PAPER; table < PAPER + PAPER_TABLES; table++)
         for (int k = 0; k < table->n; k++) {
             rx_test two = {NAN, NAN, NAN, NAN}, paired = two;
             double p, ln_p;
-            const int fits = rx_paper_column_fits(table, k, &p, &ln_p);
+            const int fits = column_fits(table, k, &p, &ln_p);
             if (both)
                 RX_TRY(test_column(r, table, k, run, &two, &paired, err));
-            rx_report_put(t, table->number, table->by_sigma ? "noise" : "FWHM", table->ssim ? "ssim" : "psnr",
-                          table->bin[k], table->dof, table->t[k], rx_cell_p(table->p[k], log(table->p[k])),
-                          rx_cell_p(p, ln_p), fits, two.statistic, rx_cell_p(two.p, two.ln_p),
-                          paired.statistic);
+            rx_report_put(t, table - PAPER + 1, table->by_sigma ? "noise" : "FWHM",
+                          QUALITY[table->quality].name, table->bin[k], table->dof, table->t[k],
+                          rx_cell_p(table->p[k], log(table->p[k])), rx_cell_p(p, ln_p), fits, two.statistic,
+                          rx_cell_p(two.p, two.ln_p), paired.statistic);
         }
     rx_report_section(report, "paper", "Beside the paper's Tables 1 to 4");
     if (both) {

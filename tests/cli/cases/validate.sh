@@ -74,6 +74,15 @@ expect 2 "unknown word 'RL_BLID' \(did you mean RL_BLIND\?\)" -RESTORE_TYPE RL_B
 validates 'stars injected nowhere'
 expect 2 '^rextract-validate: -TILE_NAME: is empty' -FIELDS INJECTED
 
+validates 'a campaign that went'
+expect 2 'CAMPAIGN_TYPE: FLUXES is no longer offered; give PHOTOMETRY with FLUXES AUTO,TEMPLATE' -CAMPAIGN_TYPE FLUXES
+
+validates 'a scene that went'
+expect 2 'SCENES: PLATEAU is no longer offered; validation/pixels\.py has plateaus' -SCENES STARS,PLATEAU
+
+validates 'a keyword that went'
+expect 2 'RING_SNR is no longer a keyword; validation/pixels\.py has bright stars' -RING_SNR 5,6
+
 validates 'fluxes of an unknown kind'
 expect 2 "unknown word 'TEMPLAT' \(did you mean TEMPLATE\?\)" -FLUXES AUTO,TEMPLAT
 

@@ -5,7 +5,6 @@
 
 #include <math.h>
 
-#include "lab/paper.h"
 #include "lab/restoration.h"
 #include "num/convolve.h"
 #include "num/stats.h"
@@ -367,35 +366,6 @@ static void methods_come_from_the_table(void **state)
     rx_campaign_config_free(config);
 }
 
-/* scipy.stats.t.sf(t, dof) * 2 of all printed columns: two do not fit. */
-static void the_papers_own_numbers(void **state)
-{
-    int n = 0, fits = 0;
-    (void)state;
-    for (int i = 0; i < RX_PAPER_TABLES; i++) {
-        const rx_paper_table *table = &rx_paper_tables[i];
-        assert_int_equal(table->number, i + 1);
-        assert_int_equal(table->by_sigma, i >= 2);
-        assert_int_equal(table->ssim, i % 2 == 0);
-        for (int k = 0; k < table->n; k++, n++) {
-            double p, ln_p;
-            int fit = rx_paper_column_fits(table, k, &p, &ln_p);
-            fits += fit;
-            assert_near(ln_p, log(p), 1e-9);
-            if (!fit) {
-                assert_true(table->number == 3);
-                assert_true(table->bin[k] == 2 || table->bin[k] == 25);
-            }
-        }
-    }
-    assert_int_equal(n, 30);
-    assert_int_equal(fits, 28);
-    double p, ln_p;
-    assert_near(rx_paper_tables[2].bin[0], 2, 0);
-    assert_int_equal(rx_paper_column_fits(&rx_paper_tables[2], 0, &p, &ln_p), 0);
-    assert_near(p, 0.09311549953989567, 1e-9);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -405,7 +375,6 @@ int main(void)
         cmocka_unit_test(tuning_takes_the_best),
         cmocka_unit_test(results_are_the_scores),
         cmocka_unit_test(methods_come_from_the_table),
-        cmocka_unit_test(the_papers_own_numbers),
         cmocka_unit_test(a_flat_network_is_the_network_below_a_threshold),
     };
     return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
