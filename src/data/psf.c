@@ -151,6 +151,12 @@ void rx_psf_free(rx_psf *psf)
     free(psf);
 }
 
+const char *rx_psf_how_name(rx_psf_how how)
+{
+    static const char *const names[] = {"", "PIXELS", "MOFFAT", "MOFFAT_BETA", "WIDTH", "BESIDE", "STATED"};
+    return names[how];
+}
+
 double rx_psf_flux_error(const rx_psf *psf, double x, double y)
 {
     const double at[2] = {(x - psf->x0) / psf->xs, (y - psf->y0) / psf->ys};

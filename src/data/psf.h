@@ -32,10 +32,22 @@ typedef enum rx_psf_type {
 
 enum { RX_PSF_CELLS = 5 };
 
+/* How PSF_TYPE AUTO came to a PSF; the names are those of RXPSFHOW. */
+typedef enum rx_psf_how {
+    RX_PSF_BY_NOTHING, /* nothing was measured */
+    RX_PSF_BY_PIXELS,
+    RX_PSF_BY_MOFFAT,
+    RX_PSF_BY_MOFFAT_BETA,
+    RX_PSF_BY_WIDTH,
+    RX_PSF_BY_BESIDE,
+    RX_PSF_BY_STATED
+} rx_psf_how;
+const char *rx_psf_how_name(rx_psf_how how); /* "" for nothing */
+
 /* How PSF_TYPE AUTO came to a PSF, and how well that describes reserved stars, which were never fitted. Where
- * nothing was measured `how` is empty and the numbers are 0. */
+ * nothing was measured the numbers are 0. */
 typedef struct rx_psf_quality {
-    char how[16];      /* PIXELS, MOFFAT, MOFFAT_BETA, WIDTH, BESIDE, STATED: RXPSFHOW */
+    rx_psf_how how;
     int reserved;      /* stars behind what follows `beyond` */
     int degree;        /* of the polynomial over the tile */
     double radius;     /* pixels, the sum of the PSF within is 1 */

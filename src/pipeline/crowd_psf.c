@@ -92,7 +92,7 @@ static rx_status measure(const rx_pipeline_params *params, int role, const rx_fi
     if (status == RX_OK)
         status = rx_field_begin(&par, role | RX_FIELD_PSF, between, &noise, NULL, err);
     const int found =
-        status == RX_OK && between->psf != NULL && strcmp(between->psf->quality.how, "PIXELS") == 0;
+        status == RX_OK && between->psf != NULL && between->psf->quality.how == RX_PSF_BY_PIXELS;
     if (found)
         status = change(field->psf, between->psf, &image, by, err);
     if (found && status == RX_OK) {
@@ -119,7 +119,7 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
     *dst = NULL;
     *by = 0;
     if (!par.templates.wanted || par.templates.par.crowding == RX_CROWDING_NO ||
-        strcmp(psf->quality.how, "PIXELS") != 0 || field->nstars * psf->fwhm * psf->fwhm * BEAMS < area)
+        psf->quality.how != RX_PSF_BY_PIXELS || field->nstars * psf->fwhm * psf->fwhm * BEAMS < area)
         return RX_OK;
     par.judge_residual = 0;
     par.templates.drop = 0;

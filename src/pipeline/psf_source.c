@@ -240,7 +240,7 @@ static rx_status psf_beside(const rx_pipeline_params *params, const rx_error *wh
     } else {
         rx_psf *psf = field->psf;
         const size_t used = strlen(psf->description);
-        snprintf(psf->quality.how, sizeof psf->quality.how, "BESIDE");
+        psf->quality.how = RX_PSF_BY_BESIDE;
         snprintf(psf->description + used, sizeof psf->description - used, ", %s beside the image", name);
         rx_log_warning(log, "%s[%d]: %.*s; the PSF is that of %s beside the image", image->name, image->hdu,
                        (int)strcspn(why->text, ";"), why->text, name);
@@ -306,7 +306,7 @@ static rx_status stated_psf(const rx_pipeline_params *params, const rx_error *wh
     rx_status status = rx_psf_make(&par, &restorable, NULL, log, &field->psf, err);
     if (status == RX_OK) {
         char *said = field->psf->description;
-        snprintf(field->psf->quality.how, sizeof field->psf->quality.how, "STATED");
+        field->psf->quality.how = RX_PSF_BY_STATED;
         field->psf->quality.flux_error = STATED_ERROR;
         const size_t used = strlen(said);
         snprintf(said + used, sizeof field->psf->description - used, ", from %s%s", key, where);
@@ -347,8 +347,8 @@ rx_status rx_field_psf(const rx_pipeline_params *params, int role, rx_field *fie
         field->psf_bound = rx_psf_bound(&par, &image, stars);
     rx_sources_free(stars);
     /* one source that may be a galaxy says less than whoever stated a width, few say less than PSF_FWHM */
-    const int one = status == RX_OK && strcmp(field->psf->quality.how, "WIDTH") == 0;
-    if (one || (status == RX_OK && par.fwhm > 0.0 && strcmp(field->psf->quality.how, "MOFFAT_BETA") == 0)) {
+    const int one = status == RX_OK && field->psf->quality.how == RX_PSF_BY_WIDTH;
+    if (one || (status == RX_OK && par.fwhm > 0.0 && field->psf->quality.how == RX_PSF_BY_MOFFAT_BETA)) {
         status = rx_error_set(&why, RX_INPUT,
                               "PSF_TYPE AUTO found only %d star%s; what is stated is believed more",
                               field->psf->nstars, one ? "" : "s");

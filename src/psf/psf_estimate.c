@@ -739,7 +739,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     attempt best = {.kept = 0};
     const int ladder = par->min_stars < FULL;
     int needed = ladder ? FULL : par->min_stars, most = 0, sizes = 0;
-    const char *how = "MOFFAT";
+    rx_psf_how how = RX_PSF_BY_MOFFAT;
     double limit = 0.0;
     *dst = NULL;
     const int enough = needed > 10 ? needed : 10;
@@ -757,7 +757,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         }
         if (status == RX_OK && best.kept < par->min_stars)
             free_attempt(&best);
-        how = best.kept > 1 ? "MOFFAT_BETA" : "WIDTH";
+        how = best.kept > 1 ? RX_PSF_BY_MOFFAT_BETA : RX_PSF_BY_WIDTH;
         rx_moffat_shape(2.0, fmax(par->beta, 1.2), 1.0, 0.0, best.fit.prior);
         memcpy(best.fit.shape + 1, best.fit.prior + 1, 3 * sizeof(double));
         best.fit.prior[EXPONENT] = 1.0 / fmax(par->beta, 1.2);
@@ -812,7 +812,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     if (status == RX_OK)
         (*dst)->quality.limit = limit;
     if (status == RX_OK)
-        snprintf((*dst)->quality.how, sizeof(*dst)->quality.how, "%s", how);
+        (*dst)->quality.how = how;
     if (status == RX_OK && few) { /* an exponent that no star says, and a width that may be another */
         double narrower[RX_MOFFAT_SHAPE];
         memcpy(narrower, best.fit.shape, sizeof narrower);

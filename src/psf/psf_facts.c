@@ -24,9 +24,9 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
         rx_fact_number(facts, RX_FACT_PSFEPX, psf->x0 + (at % RX_PSF_CELLS / middle - 1.0) * psf->xs + 1.0);
         rx_fact_number(facts, RX_FACT_PSFEPY, psf->y0 + (at / RX_PSF_CELLS / middle - 1.0) * psf->ys + 1.0);
     }
-    if (q->how[0] == '\0')
+    if (q->how == RX_PSF_BY_NOTHING)
         return;
-    rx_fact_text(facts, RX_FACT_PSFHOW, q->how);
+    rx_fact_text(facts, RX_FACT_PSFHOW, rx_psf_how_name(q->how));
     if (psf->nstars > 0)
         rx_fact_number(facts, RX_FACT_PSFNST, psf->nstars);
     if (q->neighbours > 0)

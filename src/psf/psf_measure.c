@@ -726,7 +726,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         status = choose_stars(par, &job, found.radius, &stars, &near, err);
     if (status != RX_OK)
         goto exit;
-    if (moffat->fwhm > WIDEST || near < LEAST_STARS || strcmp(moffat->quality.how, "MOFFAT") != 0) {
+    if (moffat->fwhm > WIDEST || near < LEAST_STARS || moffat->quality.how != RX_PSF_BY_MOFFAT) {
         *dst = moffat;
         moffat = NULL;
         goto exit;
@@ -782,7 +782,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         status = build(&job, moffat->fwhm, wing.radius, dst, err);
     if (status == RX_OK) {
         rx_psf_quality *q = &(*dst)->quality;
-        snprintf(q->how, sizeof q->how, "PIXELS");
+        q->how = RX_PSF_BY_PIXELS;
         status = rx_psf_judge(&job, &wing, *dst, err);
         if (n < FEW) /* that judge themselves */
             q->flux_error = hypot(q->flux_error, FEW_ERROR);

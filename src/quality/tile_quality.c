@@ -426,12 +426,12 @@ static void judge_psf(rx_tile_quality *q)
         remark(q, "psf", 1, "No PSF is known: nothing is restored, and no flux of a point source is exact.");
         return;
     }
-    const char *how = psf->quality.how;
-    if (how[0] != '\0' && strcmp(how, "PIXELS") != 0 && strcmp(how, "MOFFAT") != 0)
+    const rx_psf_how how = psf->quality.how;
+    if (how != RX_PSF_BY_NOTHING && how != RX_PSF_BY_PIXELS && how != RX_PSF_BY_MOFFAT)
         remark(q, "psf", 0,
                "The PSF is not from several stars of the tile itself, but %s (RXPSFHOW): give PSF_TYPE PSFEX "
                "or FILE.",
-               how);
+               rx_psf_how_name(how));
     judge_locus(q);
     if (fabs(psf->quality.growth) > GROWTH)
         remark(q, "growth", 1,

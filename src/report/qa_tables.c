@@ -454,8 +454,9 @@ static void add_psf(builder *p)
     const bool is_judged = judged != NULL;
     rx_report_table *t = RX_REPORT_TABLE(p->report, "psf", PSF, RX_REPORT_IN_JSON);
     rx_report_put(
-        t, quality->how, known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN),
-        psf->nstars, known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
+        t, rx_psf_how_name(quality->how),
+        known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN), psf->nstars,
+        known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
         known(is_judged, quality->reserved), known_to(is_judged, quality->trace[0], quality->trace[1]),
         known_to(is_judged, quality->shape[0][0], quality->shape[0][1]),
         known_to(is_judged, quality->shape[1][0], quality->shape[1][1]), known(is_judged, quality->residual),

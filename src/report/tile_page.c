@@ -118,8 +118,9 @@ static void add_numbers(rx_report *report, const rx_tile_quality *q)
         {"stars_wider", 100 * q->wider, "%", "FWHM of stars over that of the PSF, less 1, median"},
         {"stars_wider_error", 100 * q->wider_error, "%", "1 sigma of it"},
         {"psf_flux_error",
-         image->psf != NULL && image->psf->quality.how[0] != '\0' ? 100 * rx_psf_flux_error_mean(image->psf)
-                                                                  : NAN,
+         image->psf != NULL && image->psf->quality.how != RX_PSF_BY_NOTHING
+             ? 100 * rx_psf_flux_error_mean(image->psf)
+             : NAN,
          "%", "of fluxes of point sources, from the PSF (RXPSFERR)"},
         {"psf_half_light", q->half_light, "pixels", "half-light radius of the PSF at the centre"},
         {"sky", q->sky_median, "ADU", "median level"},

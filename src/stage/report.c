@@ -154,7 +154,7 @@ static rx_status compare(const rx_report_input *in, const char *folder, rx_verdi
                          .runs = qa_runs,
                          .npictures = options->nrestorers,
                          .pictures = pictures};
-    if (input.psf.psf != NULL && input.psf.psf->quality.how[0] == '\0')
+    if (input.psf.psf != NULL && input.psf.psf->quality.how == RX_PSF_BY_NOTHING)
         input.psf.psf = NULL;
     unsigned char *blind = NULL;
     rx_reference_note note = {0};

@@ -49,10 +49,10 @@ static rx_status describe_psf(const rx_field *field, const rx_extension_facts *e
                               rx_error *err)
 {
     const rx_psf *psf = field->psf;
-    if (psf == NULL || psf->quality.how[0] == '\0')
+    if (psf == NULL || psf->quality.how == RX_PSF_BY_NOTHING)
         return RX_OK;
     const rx_psf_quality *q = &psf->quality;
-    snprintf(dst->how, sizeof dst->how, "%s", q->how);
+    snprintf(dst->how, sizeof dst->how, "%s", rx_psf_how_name(q->how));
     dst->stars = psf->nstars;
     dst->flux_error = rx_psf_flux_error_mean(psf);
     dst->growth = q->growth;

@@ -125,7 +125,7 @@ static void psf_metrics(void **state)
     rx_qa_run run;
     rx_evaluation e;
     rx_estimate m[RX_METRIC_COUNT];
-    const rx_psf psf = {.quality = {.how = "PIXELS",
+    const rx_psf psf = {.quality = {.how = RX_PSF_BY_PIXELS,
                                     .reserved = 11,
                                     .trace = {0.004, 0.001},
                                     .shape = {{-0.002, 0.0005}, {0.001, 0.0005}},

@@ -112,7 +112,7 @@ static void one_error_of_the_psf(void **state)
                   .y0 = 49.5,
                   .xs = 99.5,
                   .ys = 49.5,
-                  .quality = {.how = "PIXELS", .radius = 20.0, .flux_error = 0.003}};
+                  .quality = {.how = RX_PSF_BY_PIXELS, .radius = 20.0, .flux_error = 0.003}};
     psf.quality.flux_errors[0][4] = 0.05;
     psf.quality.flux_errors[4][2] = 0.02;
     const double mean = sqrt(0.003 * 0.003 + (0.05 * 0.05 + 0.02 * 0.02) / 25.0);
