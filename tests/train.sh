@@ -195,7 +195,7 @@ training again $stages -NTHREADS 2
 cmp again.model/model.fits stages.model/model.fits >difference 2>&1
 result 'has the same bytes after kill -9, on two threads' $? difference
 "$programs/rextract-simulate" -IMAGE_SIZE 200 -PSF_FWHM 4 -IMAGE_NAME tile.fits -TRUTH_NAME NONE -VERBOSE_TYPE QUIET &&
-    "$programs/rextract" tile.fits -RESTORE_TYPE NET -NET_MODEL ./stages.model/model.fits -PSF_TYPE MOFFAT -PSF_FWHM 4 -VERIFY_SEAMS Y -BLANK_CHECK 0 \
+    "$programs/rextract" tile.fits -RESTORE_TYPE NET -NET_MODEL ./stages.model/model.fits -PSF_TYPE MOFFAT -PSF_FWHM 4 -VERIFY_SEAMS Y -BLANK_CHECK 0 -HEADER_FACTS ALL \
         -CATALOG_TYPE FITS_1.0 -CATALOG_NAME stages.cat -VERBOSE_TYPE QUIET >net.log 2>&1 && grep -aq ' stages, each ' stages.cat
 result 'restores a tile, and header says so' $? net.log
 
