@@ -1,10 +1,10 @@
 /* Every restorer, once:
  *
- *   RESTORER(NAME, function, psf, cost, help)
+ *   RESTORER(NAME, function, traits, cost, help)
  *
  * NAME      word of RESTORE_TYPE
  * function  what does it, an rx_status function(...) of restore/ as restore/runs.h declares them all
- * psf       1 where it needs the PSF of the tile or makes use of it, else 0
+ * traits    what it is: RX_TRAIT_... of restore/restore.h
  * cost      row of the memory that -PLAN reckons with (stage/plan.c); NET only for the network and for AUTO, which
  *           is none itself but chooses one for each tile (check/choice.h)
  * help      one line
@@ -16,12 +16,13 @@
 #define RX_DATA_RESTORERS_H
 
 /* clang-format off */
+#define RX_NETWORK_TRAITS RX_TRAIT_PSF | RX_TRAIT_WHITE | RX_TRAIT_INVENTS | RX_TRAIT_TRAINED
 #define RX_RESTORERS(RESTORER)                                                                              \
-    RESTORER(NONE,     rx_none_run,     0, NONE,     "the tile as it is, background subtracted")            \
-    RESTORER(RL,       rx_rl_run,       1, RL,       "Richardson-Lucy with the given PSF")                  \
-    RESTORER(RL_BLIND, rx_rl_blind_run, 1, RL_BLIND, "Richardson-Lucy that improves the PSF as well")       \
-    RESTORER(NET,      rx_network_run,  1, NET,      "a trained network")                                    \
-    RESTORER(AUTO,     rx_auto_run,     1, NET,      "the one of NONE, RL and NET that finds most injected sources")
+    RESTORER(NONE,     rx_none_run,     RX_TRAIT_PLAIN,    NONE,     "the tile as it is, background subtracted")      \
+    RESTORER(RL,       rx_rl_run,       RX_TRAIT_PSF,      RL,       "Richardson-Lucy with the given PSF")            \
+    RESTORER(RL_BLIND, rx_rl_blind_run, RX_TRAIT_PSF,      RL_BLIND, "Richardson-Lucy that improves the PSF as well") \
+    RESTORER(NET,      rx_network_run,  RX_NETWORK_TRAITS, NET,      "a trained network")                             \
+    RESTORER(AUTO,     rx_auto_run,     RX_TRAIT_PSF,      NET,      "the one of NONE, RL and NET that finds most injected sources")
 
 /* How many there are, and their names as the words of a keyword, NULL behind them. */
 #define RX_RESTORER_ONE(...) + 1

@@ -250,7 +250,7 @@ rx_status rx_photometry_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_
     rx_status status;
     int needs_psf = 0;
     for (int r = 0; r < lab->nruns; r++)
-        needs_psf |= lab->run[r].restorer->needs_psf;
+        needs_psf |= (lab->run[r].restorer->traits & RX_TRAIT_PSF) != 0;
     *dst = (rx_lab_tile){0};
     RX_TRY_EXIT(make_stars(lab, sky, mag, zeropoint, number, &stars, err));
     for (long i = 0; i < stars->n; i++) {

@@ -135,7 +135,7 @@ rx_status rx_domain_obey(const rx_restore_params *par, const rx_field *field, rx
                          const rx_restorer **kind, rx_domain *dst, rx_error *err)
 {
     *dst = (rx_domain){.fwhm = NAN, .noise = NAN};
-    if (strcmp((*kind)->name, "NET") != 0 || par->model == NULL)
+    if (((*kind)->traits & RX_TRAIT_TRAINED) == 0 || par->model == NULL)
         return RX_OK;
     dst->model = par->model;
     dst->place = RX_DOMAIN_UNKNOWN;

@@ -52,7 +52,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
                        (double)field->no_data / ((double)field->image.width * (double)field->image.height));
     if (field->deep > 0)
         rx_fact_number(facts, RX_FACT_DEEP, (double)field->deep);
-    if (strcmp(restored->name, "NET") == 0)
+    if ((rx_restorer_find(restored->name)->traits & RX_TRAIT_TRAINED) != 0)
         rx_fact_number(facts, RX_FACT_NETOUT, result->outside);
     rx_fact_number(facts, RX_FACT_SEAM, restored->seam);
     if (restored->blur != NULL) {

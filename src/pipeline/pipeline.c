@@ -41,8 +41,8 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
     const rx_restorer *kind = kind_for(w, field);
     const char *why = kind != w->kind ? "its PSF is not known" : domain->why;
     rx_restore_params par = w->params->restore;
-    /* a network knows independent pixels only */
-    rx_image image = strcmp(kind->name, "NET") == 0 ? rx_field_effective(field) : rx_field_restorable(field);
+    rx_image image =
+        (kind->traits & RX_TRAIT_WHITE) != 0 ? rx_field_effective(field) : rx_field_restorable(field);
     RX_TRY(rx_domain_obey(&par, field, w->log, &kind, domain, err));
     if (kind != w->kind && !par.fallback)
         return rx_error_at(err, RX_NOT_RESTORED, input->name, input->hdu, 0,
@@ -57,8 +57,9 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
                      field == w->detect ? "" : "measurement image: ", why);
         }
     }
-    *plain = !kind->needs_psf && strcmp(kind->name, "NONE") == 0;
-    par.keep_reblurred |= w->params->judge_residual && field == w->detect && strcmp(kind->name, "NET") == 0;
+    *plain = (kind->traits & RX_TRAIT_PLAIN) != 0;
+    par.keep_reblurred |=
+        w->params->judge_residual && field == w->detect && (kind->traits & RX_TRAIT_INVENTS) != 0;
     if (kind != w->kind)
         image = rx_field_restorable(field);
     if (*plain)
@@ -83,7 +84,8 @@ static rx_status restore_image(work *w, rx_error *err)
     RX_TRY(restore(w, w->detect, &result->plain, &result->domain, &result->restored, err));
     w->hide = hidden_bits(w->params, result->plain);
     rx_restored *restored = result->restored;
-    if (!w->params->judge_residual || restored->reblurred == NULL || strcmp(restored->name, "NET") != 0)
+    if (!w->params->judge_residual || restored->reblurred == NULL ||
+        (rx_restorer_find(restored->name)->traits & RX_TRAIT_INVENTS) == 0)
         return RX_OK;
     const rx_image image = rx_field_restorable(w->detect);
     RX_TRY(rx_residual_flag(&image, restored, w->params->nthreads, &result->residual, err));
@@ -454,7 +456,7 @@ static void mark_sources(const work *w)
     const rx_domain *domain = &result->domain;
     const rx_image image = rx_field_effective(w->detect), observed = rx_field_restorable(w->detect);
     const rx_map sky = rx_image_sky(&image);
-    const int net = strcmp(result->restored->name, "NET") == 0,
+    const int net = (rx_restorer_find(result->restored->name)->traits & RX_TRAIT_TRAINED) != 0,
               outside = net && domain->place == RX_DOMAIN_OUTSIDE,
               all = (result->by != NULL ? RX_RESTORE_OTHER : 0) | (outside ? RX_RESTORE_OUTSIDE : 0) |
                     (rx_noise_is_structure(&w->detect->noise) ? RX_RESTORE_STRUCTURE : 0) |

@@ -94,8 +94,9 @@ rx_status rx_pipeline_run(const rx_pipeline_params *params, const rx_image *imag
     rx_field *field = NULL;
     *dst = (rx_result){0};
     rx_log_part(log, "sky and PSF", 0.0, 0.1);
-    rx_status status = rx_field_new(params, kind->needs_psf || params->templates.wanted ? RX_FIELD_PSF : 0,
-                                    image, log, &field, err);
+    rx_status status = rx_field_new(
+        params, (kind->traits & RX_TRAIT_PSF) != 0 || params->templates.wanted ? RX_FIELD_PSF : 0, image, log,
+        &field, err);
     if (status == RX_OK)
         status = rx_field_extract(params, kind, field, NULL, log, dst, err);
     if (status == RX_OK)

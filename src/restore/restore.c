@@ -8,7 +8,7 @@
 #include "restore/runs.h"
 
 /* clang-format off */
-#define RESTORER(name, run, psf, cost, help) {#name, help, psf, run},
+#define RESTORER(name, run, traits, cost, help) {#name, help, traits, run},
 static const rx_restorer restorers[] = {RX_RESTORERS(RESTORER)};
 #undef RESTORER
 /* clang-format on */
@@ -42,8 +42,9 @@ rx_status rx_auto_run(const rx_restore_params *par, const rx_image *image, rx_lo
 
 int rx_restorer_must_have_psf(const rx_restorer *kind, const rx_restore_params *par)
 {
-    return kind->needs_psf &&
-           !(strcmp(kind->name, "NET") == 0 && par->model != NULL && par->model->front.mode == RX_MODE_BLIND);
+    return (kind->traits & RX_TRAIT_PSF) != 0 &&
+           !((kind->traits & RX_TRAIT_TRAINED) != 0 && par->model != NULL &&
+             par->model->front.mode == RX_MODE_BLIND);
 }
 
 const rx_restorer *rx_restorer_find(const char *name)

@@ -45,10 +45,19 @@ typedef struct rx_restore_params {
 
 enum { RX_MAX_RUNS = 16 }; /* restorers of one run */
 
+/* What a restorer is. */
+enum {
+    RX_TRAIT_PLAIN = 1,   /* hands on the pixels as they are */
+    RX_TRAIT_PSF = 2,     /* needs the PSF of the tile, or makes use of it */
+    RX_TRAIT_WHITE = 4,   /* knows noise of independent pixels only */
+    RX_TRAIT_INVENTS = 8, /* may show what the pixels do not */
+    RX_TRAIT_TRAINED = 16 /* works by a model, on tiles such as that was trained for */
+};
+
 typedef struct rx_restorer {
     const char *name; /* as in RESTORE_TYPE */
     const char *help; /* one line */
-    int needs_psf;    /* or makes use of one: rx_restorer_must_have_psf() */
+    int traits;       /* RX_TRAIT_... */
     rx_status (*run)(const rx_restore_params *par, const rx_image *image, rx_log *log, rx_restored **dst,
                      rx_error *err);
 } rx_restorer;

@@ -156,8 +156,8 @@ static rx_status run_arrays(const rx_job *job, const rx_job_images *images, rx_l
     const rx_options *options = dst->options;
     const rx_pipeline_params *params = &options->pipeline;
     const bool checked = options->check.self_check || options->check.blank_check > 0;
-    const bool psf = job->psf_only || options->restorers[0]->needs_psf || options->check.self_check ||
-                     params->templates.wanted;
+    const bool psf = job->psf_only || (options->restorers[0]->traits & RX_TRAIT_PSF) != 0 ||
+                     options->check.self_check || params->templates.wanted;
     if (images->measure != NULL && checked)
         return rx_error_set(err, RX_USAGE,
                             "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "

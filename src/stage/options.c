@@ -83,7 +83,8 @@ exit:
 static int wants_network(const rx_options *options)
 {
     for (int i = 0; i < options->nrestorers; i++)
-        if (strcmp(options->restorers[i]->name, "NET") == 0 || rx_restorer_is_auto(options->restorers[i]))
+        if ((options->restorers[i]->traits & RX_TRAIT_TRAINED) != 0 ||
+            rx_restorer_is_auto(options->restorers[i]))
             return 1;
     return 0;
 }

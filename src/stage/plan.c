@@ -42,7 +42,7 @@ static double image_memory(const rx_options *o, int k, const rx_tile_shape *shap
     const int reports = o->reference.name != NULL || o->tile_page ? o->nrestorers : 0;
     /* clang-format off */
     enum { NONE, RL, RL_BLIND, NET };
-#define RESTORER(name, run, psf, cost, help) cost,
+#define RESTORER(name, run, traits, cost, help) cost,
     static const int kinds[] = {RX_RESTORERS(RESTORER)};
 #undef RESTORER
     int n;

@@ -50,7 +50,7 @@ typedef struct job {
 static int any_needs_psf(const rx_options *options)
 {
     for (int i = 0; i < options->nrestorers; i++)
-        if (options->restorers[i]->needs_psf)
+        if ((options->restorers[i]->traits & RX_TRAIT_PSF) != 0)
             return 1;
     return 0;
 }

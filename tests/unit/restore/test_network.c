@@ -365,7 +365,7 @@ static void who_must_have_a_psf(void **state)
     rx_restore_params par = {0};
     (void)state;
     rx_model *blind = small_model(RX_MODE_BLIND, 0), *informed = small_model(RX_MODE_INFORMED, 0);
-    assert_true(net->needs_psf);
+    assert_true((net->traits & RX_TRAIT_PSF) != 0);
     assert_true(rx_restorer_must_have_psf(net, &par));
     par.model = informed;
     assert_true(rx_restorer_must_have_psf(net, &par));
