@@ -40,7 +40,9 @@ typedef struct { int n; char *(*pairs)[3]; ...; } rx_record;
 typedef struct { const char *column; int bit; const char *name; const char *meaning; ...; } rx_flag;
 const rx_flag *rx_flags(int *n);
 
-typedef struct { char how[...]; int reserved; double flux_error; ...; } rx_psf_quality;
+typedef enum { RX_PSF_BY_NOTHING, ... } rx_psf_how;
+const char *rx_psf_how_name(rx_psf_how how);
+typedef struct { rx_psf_how how; int reserved; double flux_error; ...; } rx_psf_quality;
 typedef struct { int size; double fwhm; double ellipticity; double beta; int nstars; double fwhm_error;
     double (*stars)[2]; rx_psf_quality quality; char description[...]; ...; } rx_psf;
 void rx_psf_at(const rx_psf *psf, double x, double y, float *stamp);

@@ -23,7 +23,7 @@ class PSF:
         self.size: int = pointer.size
         self.nstars: int = pointer.nstars
         self.fwhm_error: float = pointer.fwhm_error
-        self.how: str = text_of(pointer.quality.how)
+        self.how: str = text_of(lib.rx_psf_how_name(pointer.quality.how))
         self.facts: dict = facts or {}
         n = pointer.nstars if pointer.stars != ffi.NULL else 0
         self.stars = np.empty((n, 2))
