@@ -76,7 +76,7 @@ def extract(folder):
     with open(f"{folder}/gauss.conv", "w") as conv:
         conv.write("CONV NORM\n")
         conv.writelines(" ".join(f"{a * b:.6f}" for a in axis) + "\n" for b in axis)
-    common = ["sim.fits", "-CATALOG_TYPE", "FITS_1.0", "-FILTER_NAME", "gauss.conv", "-MAG_ZEROPOINT", "25",
+    common = ["sim.fits", "-CATALOG_TYPE", "FITS_1.0", "-HEADER_FACTS", "ALL", "-FILTER_NAME", "gauss.conv", "-MAG_ZEROPOINT", "25",
               "-PHOT_APERTURES", str(APERTURE), "-WEIGHT_TYPE", "MAP_WEIGHT", "-WEIGHT_IMAGE", "weight.fits",
               "-NET_MODEL", MODEL]
     with open(f"{folder}/c.param", "w") as param:

@@ -80,7 +80,7 @@ def run(folder, name, *arguments):
 
 def extract(folder, image, restorer, name, *arguments):
     (Path(folder) / "c.param").write_text("\n".join(COLUMNS) + "\n")
-    return run(folder, "REXTRACT", image, "-RESTORE_TYPE", restorer, "-NET_MODEL", MODEL, "-CATALOG_TYPE", "FITS_1.0",
+    return run(folder, "REXTRACT", image, "-RESTORE_TYPE", restorer, "-NET_MODEL", MODEL, "-CATALOG_TYPE", "FITS_1.0", "-HEADER_FACTS", "ALL",
                "-CATALOG_NAME", f"{name}.cat", "-PARAMETERS_NAME", "c.param", "-FILTER", "Y", "-FILTER_NAME",
                TOP / "config/default.conv", "-MAG_ZEROPOINT", ZERO, "-BLANK_CHECK", "0", "-SATUR_LEVEL", "1e9", "-CHECKIMAGE_TYPE",
                "TEMPLATE_RESIDUAL", "-CHECKIMAGE_NAME", f"{name}.res.fits", *arguments,

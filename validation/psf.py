@@ -269,7 +269,7 @@ def photometry(folder, truth, x, y, flux):
 
 def measure(folder, truth, way):
     """out.cat by that PSF; the model, the log and seconds."""
-    common = keywords(RESTORE_TYPE="NONE", CATALOG_TYPE="FITS_1.0", CATALOG_NAME="out.cat", PARAMETERS_NAME="out.param",
+    common = keywords(RESTORE_TYPE="NONE", CATALOG_TYPE="FITS_1.0", HEADER_FACTS="ALL", CATALOG_NAME="out.cat", PARAMETERS_NAME="out.param",
                       GAIN=GAIN, SATUR_LEVEL=SATURATION, MAG_ZEROPOINT=ZEROPOINT, VERBOSE_TYPE="FULL", NTHREADS=2)
     made = 0.0
     for name in ("out.cat", "model.psf"):
@@ -413,7 +413,7 @@ def extract(folder, tile, way, fwhm=4.0):
     for name in ("out.cat", "model.psf"):
         (folder / name).unlink(missing_ok=True)
     images = {"-BACKGROUND": "image.fits", "TEMPLATE_MODEL": "templates.fits"}
-    arguments = {"RESTORE_TYPE": "NONE", "CATALOG_TYPE": "FITS_1.0", "CATALOG_NAME": "out.cat",
+    arguments = {"RESTORE_TYPE": "NONE", "CATALOG_TYPE": "FITS_1.0", "HEADER_FACTS": "ALL", "CATALOG_NAME": "out.cat",
                  "PARAMETERS_NAME": "out.param", "VERBOSE_TYPE": "FULL", "NTHREADS": 2, **tile.keywords}
     if tile.weight is not None:
         arguments |= {"WEIGHT_IMAGE": "weight.fits", "WEIGHT_TYPE": "MAP_WEIGHT"}
@@ -645,7 +645,7 @@ def small(out, seed="1"):
 
 def answer(folder, tile, keys, x=(), y=(), flux=()):
     """What the program says and does: cards, warnings, MAG_TEMPLATE of the bright stars against the truth."""
-    arguments = {"RESTORE_TYPE": "RL", "PSF_TYPE": "AUTO", "CATALOG_TYPE": "FITS_1.0", "CATALOG_NAME": "out.cat",
+    arguments = {"RESTORE_TYPE": "RL", "PSF_TYPE": "AUTO", "CATALOG_TYPE": "FITS_1.0", "HEADER_FACTS": "ALL", "CATALOG_NAME": "out.cat",
                  "PARAMETERS_NAME": "out.param", "NTHREADS": 2, **keys}
     try:
         log, _ = call(folder, find("rextract"), tile, *keywords(**arguments))
@@ -691,7 +691,7 @@ def few(out, seeds="1"):
                 bright = np.flatnonzero(lonely(x, y, flux, 2.5 * truth.fwhm)[:stars])
                 for way in ("AUTO", "MOFFAT"):
                     call(folder, find("rextract"), "tile.fits", *keywords(
-                        RESTORE_TYPE="NONE", PSF_TYPE=way, CATALOG_TYPE="FITS_1.0", CATALOG_NAME="out.cat",
+                        RESTORE_TYPE="NONE", PSF_TYPE=way, CATALOG_TYPE="FITS_1.0", HEADER_FACTS="ALL", CATALOG_NAME="out.cat",
                         PARAMETERS_NAME="out.param", GAIN=GAIN, SATUR_LEVEL=SATURATION, NTHREADS=1))
                     found, head = fits.getdata(folder / "out.cat", 1, header=True)
                     if "RXPSFERR" not in head or not len(found):

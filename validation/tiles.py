@@ -113,7 +113,7 @@ class Program:
         fits.writeto(self.folder / "tile.fits", tile.pixels.astype(np.float32), tile.header, overwrite=True,
                      output_verify="silentfix")
         arguments = {"RESTORE_TYPE": ",".join(restorers), "NET_MODEL": "./psfnet.fits", "PARAMETERS_NAME": "columns.param",
-                     "CATALOG_TYPE": "FITS_1.0", "CATALOG_NAME": "out.cat", **tile.keywords, **keywords}
+                     "CATALOG_TYPE": "FITS_1.0", "HEADER_FACTS": "ALL", "CATALOG_NAME": "out.cat", **tile.keywords, **keywords}
         if tile.weight is not None:
             fits.writeto(self.folder / "weight.fits", tile.weight.astype(np.float32), overwrite=True)
             arguments |= {"WEIGHT_IMAGE": "weight.fits", "WEIGHT_TYPE": tile.keywords.get("WEIGHT_TYPE", "MAP_WEIGHT")}

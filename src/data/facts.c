@@ -52,14 +52,14 @@ void rx_fact_flag(rx_record *facts, rx_fact fact, bool value)
 
 void rx_facts_of_header(const rx_record *facts, bool all, rx_record *dst)
 {
-    for (int i = 0; i < facts->n; i++) {
+    dst->failed |= facts->failed;
+    for (int i = 0; i < facts->n && !dst->failed; i++) {
         bool wanted = all;
         for (int row = 0; row < RX_FACTS && !wanted; row++)
             wanted = rows[row].in_header && strcmp(rows[row].card, facts->pairs[i][0]) == 0;
         if (wanted)
             rx_record_add(dst, facts->pairs[i][0], facts->pairs[i][2], "%s", facts->pairs[i][1]);
     }
-    dst->failed |= facts->failed;
 }
 
 void rx_facts_man(rx_text *dst)

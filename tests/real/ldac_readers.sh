@@ -88,7 +88,7 @@ scamp_reads() {
 # A PSF that fits leaves residuals of the noise's own size: reduced chi2 near 1.
 restored_with_model() {
     "$program" 'frame.fits[0]' -RESTORE_TYPE RL -PSF_TYPE PSFEX -PSF_NAME frame.psf -PARAMETERS_NAME wanted.param \
-        -CATALOG_TYPE FITS_1.0 -CATALOG_NAME restored.cat -GAIN 980 -SATUR_LEVEL 1e9 -VERBOSE_TYPE QUIET || return 1
+        -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -CATALOG_NAME restored.cat -GAIN 980 -SATUR_LEVEL 1e9 -VERBOSE_TYPE QUIET || return 1
     chi2=$(dd if=restored.cat bs=80 2>/dev/null | tr '\0' ' ' | fold -w 80 |
         sed -n 's/^RXCHI2 *= *\([0-9.]*\).*/\1/p' | head -n 1)
     echo "reduced chi2 with the psfex model: $chi2"

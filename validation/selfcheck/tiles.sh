@@ -27,7 +27,7 @@ echo '| --- | --- | --- | --- | --- | --- | --- |'
 tile() {
     local title=$1 image=$2
     shift 2
-    "$program" "$image" -RESTORE_TYPE NONE,RL -CATALOG_NAME tile.cat -CATALOG_TYPE FITS_1.0 -VERBOSE_TYPE QUIET \
+    "$program" "$image" -RESTORE_TYPE NONE,RL -CATALOG_NAME tile.cat -CATALOG_TYPE FITS_1.0 -HEADER_FACTS ALL -VERBOSE_TYPE QUIET \
         -SELF_CHECK Y -SELF_CHECK_GALAXIES 0 -SELF_CHECK_COUNT 200 -BLANK_CHECK 2 "$@"
     "$python" - "$title" <<'END'
 import sys
