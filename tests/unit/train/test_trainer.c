@@ -320,9 +320,8 @@ static void piece_by_piece(void **state)
         status = rx_train_run(config, NULL, &err);
         pthread_join(thread, NULL);
         sigwait(&set, &ignored);
-        if (status == RX_INTERRUPTED) {
-            const char *after = strstr(err.text, ", after ");
-            assert_non_null(after);
+        const char *after = status == RX_INTERRUPTED ? strstr(err.text, ", after ") : NULL;
+        if (after != NULL) { /* NULL: stopped before the training began, or not at all */
             assert_int_equal(access(config->checkpoint_name, F_OK), 0);
             within += atoi(after + strlen(", after ")) > 0;
         }
