@@ -97,12 +97,12 @@ compare() {
     fi
     digests now "$how" "$programs" "$@" >now.tsv
     case $mode in
-    --against) digests then "$how" "$before" "$@" >then.tsv && diff then.tsv now.tsv >differences ;;
+    --against) digests earlier "$how" "$before" "$@" >earlier.tsv && diff earlier.tsv now.tsv >differences ;;
     --write) printf '%s\t%s\n' "$name" "$(md5sum <now.tsv | cut -c1-32)" >>written ;;
     *) grep -qxF "$name$(printf '\t')$(md5sum <now.tsv | cut -c1-32)" "$table" >differences ;;
     esac
     result "$name" $? differences
-    rm -rf now then differences
+    rm -rf now earlier differences
 }
 
 # every NAME HOW ...: what only --against compares

@@ -1,6 +1,6 @@
 librextract_la_SOURCES += \
 	src/data/data.c \
-	src/data/facts.c src/data/facts.h \
+	src/data/facts.c src/data/facts.def src/data/facts.h \
 	src/data/flags.c \
 	src/data/gaps.c \
 	src/data/gaps.h \
