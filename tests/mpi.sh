@@ -247,7 +247,7 @@ processes 3 "$train" -c small.conf -EPOCHS none >wrong.log 2>&1
 said_once "a wrong keyword is told once" 2 'EPOCHS' wrong.log $?
 processes 3 "$train" -c small.conf -MODEL_NAME none.fits -CHECKPOINT_NAME none.checkpoint \
     -SIM.TEMPLATE_COUNT 1000 -SIM.TEMPLATE_NAME absent.fits >wrong.log 2>&1
-said_once "what fails in all processes is told once" 3 'absent.fits' wrong.log $?
+said_once "what fails in all processes is said once" 3 'absent.fits' wrong.log $?
 
 # Stopped by a signal to mpiexec after its first epoch; the same command goes on, in one process as well.
 mkdir stopped && cd stopped || exit 2

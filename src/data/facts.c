@@ -6,20 +6,22 @@
 #include <string.h>
 
 enum { HEADER = 1, RECORD = 0 };
+enum { TEXT, FLAG, COUNT, FIXED, DIGITS };
 
-static const rx_fact_row rows[RX_FACTS] = {
-#define FACT(name, kind, digits, unit, where, help)                                                          \
-    {"RX" #name, RX_FACT_KIND_##kind, digits, unit, help, where},
+typedef struct fact_row {
+    const char *card; /* "RXFWHM" */
+    int kind, digits;
+    const char *unit, *help;
+    bool in_header; /* by default */
+} fact_row;
+
+static const fact_row rows[RX_FACTS] = {
+#define FACT(name, kind, digits, unit, where, help) {"RX" #name, kind, digits, unit, help, where},
 #include "data/facts.def"
 #undef FACT
 };
 
-const rx_fact_row *rx_fact_row_of(rx_fact fact)
-{
-    return &rows[fact];
-}
-
-static void add(rx_record *facts, const rx_fact_row *row, const char *value)
+static void add(rx_record *facts, const fact_row *row, const char *value)
 {
     char comment[80];
     snprintf(comment, sizeof comment, row->unit[0] != '\0' ? "[%s] %s" : "%s%s", row->unit, row->help);
@@ -28,11 +30,11 @@ static void add(rx_record *facts, const rx_fact_row *row, const char *value)
 
 void rx_fact_number(rx_record *facts, rx_fact fact, double value)
 {
-    const rx_fact_row *row = &rows[fact];
+    const fact_row *row = &rows[fact];
     rx_text text = {0};
     if (!isfinite(value))
         return;
-    rx_text_printf(&text, row->kind == RX_FACT_KIND_DIGITS ? "%.*g" : "%.*f", row->digits, value);
+    rx_text_printf(&text, row->kind == DIGITS ? "%.*g" : "%.*f", row->digits, value);
     if (text.failed)
         facts->failed = true;
     else
@@ -65,7 +67,7 @@ void rx_facts_of_header(const rx_record *facts, bool all, rx_record *dst)
 void rx_facts_man(rx_text *dst)
 {
     for (int i = 0; i < RX_FACTS; i++) {
-        const rx_fact_row *row = &rows[i];
+        const fact_row *row = &rows[i];
         rx_text_printf(dst, ".TP\n.BR %s%s\n%s", row->card, row->in_header ? " \" *\"" : "", row->help);
         rx_text_printf(dst, row->unit[0] != '\0' ? " [%s]\n" : "%s\n", row->unit);
     }

@@ -15,24 +15,6 @@ typedef enum rx_fact {
     RX_FACTS
 } rx_fact;
 
-typedef enum rx_fact_kind {
-    RX_FACT_KIND_TEXT,
-    RX_FACT_KIND_FLAG,
-    RX_FACT_KIND_COUNT,
-    RX_FACT_KIND_FIXED,
-    RX_FACT_KIND_DIGITS
-} rx_fact_kind;
-
-typedef struct rx_fact_row {
-    const char *card; /* "RXFWHM" */
-    rx_fact_kind kind;
-    int digits;
-    const char *unit, *help;
-    bool in_header; /* by default */
-} rx_fact_row;
-
-const rx_fact_row *rx_fact_row_of(rx_fact fact);
-
 /* A number that is not known (NAN) is left out. */
 void rx_fact_number(rx_record *facts, rx_fact fact, double value);
 void rx_fact_text(rx_record *facts, rx_fact fact, const char *value);

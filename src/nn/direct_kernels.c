@@ -293,7 +293,7 @@ PART void wide_row(const rx_direct *d, const run *r, int left, int right, way ho
 
 typedef void row_function(const rx_direct *d, const run *r, int left, int right);
 
-/* One function for each usual way to step through the words of a pixel, and one for all others. */
+/* One function for each common way to step through the words of a pixel, and one for all others. */
 #define ROW(name, vectors, words, reals)                                                                     \
     WIDE static void name(const rx_direct *d, const run *r, int left, int right)                             \
     {                                                                                                        \

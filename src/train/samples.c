@@ -84,7 +84,7 @@ static uint64_t stream_of(rx_sample_id id)
     return (uint64_t)id.set << 32 | id.bin;
 }
 
-/* Validation images have a seed of their own, so that trainings of the same sky and another SEED are judged by the same
+/* Validation images have a seed of their own, so that trainings of the same sky and another SEED are compared on the same
  * images. */
 static uint64_t seed_of(const rx_samples_params *par, rx_sample_id id)
 {
