@@ -160,7 +160,7 @@ static void judge(const rx_result *result, rx_choice_candidate *c)
     else if (rx_residual_is_large(result->residual.share))
         snprintf(c->out, sizeof c->out, "the restored image does not explain %.0f %% of the pixels",
                  100.0 * result->residual.share);
-    else if (rx_residual_is_dark(result->residual.dark) && !(result->domain.model->dark > 0.0))
+    else if (rx_result_is_dark(result))
         snprintf(c->out, sizeof c->out,
                  "%.0f %% of the tile lies below the sky, which it was not trained for",
                  100.0 * result->residual.dark);

@@ -1,6 +1,7 @@
 /* Facts of a run, by their rows. */
 #include "data/facts.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -52,13 +53,21 @@ void rx_fact_flag(rx_record *facts, rx_fact fact, bool value)
     add(facts, &rows[fact], value ? "T" : "F");
 }
 
+void rx_fact_warned(rx_record *facts, rx_fact fact, bool warned)
+{
+    static_assert(RX_FACTS <= 64 * sizeof facts->warned / sizeof *facts->warned, "a bit for every fact");
+    if (warned)
+        facts->warned[fact / 64] |= (uint64_t)1 << fact % 64;
+}
+
 void rx_facts_of_header(const rx_record *facts, bool all, rx_record *dst)
 {
     dst->failed |= facts->failed;
     for (int i = 0; i < facts->n && !dst->failed; i++) {
         bool wanted = all;
         for (int row = 0; row < RX_FACTS && !wanted; row++)
-            wanted = rows[row].in_header && strcmp(rows[row].card, facts->pairs[i][0]) == 0;
+            wanted = (rows[row].in_header || (facts->warned[row / 64] >> row % 64 & 1) != 0) &&
+                     strcmp(rows[row].card, facts->pairs[i][0]) == 0;
         if (wanted)
             rx_record_add(dst, facts->pairs[i][0], facts->pairs[i][2], "%s", facts->pairs[i][1]);
     }

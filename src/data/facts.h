@@ -20,7 +20,11 @@ void rx_fact_number(rx_record *facts, rx_fact fact, double value);
 void rx_fact_text(rx_record *facts, rx_fact fact, const char *value);
 void rx_fact_flag(rx_record *facts, rx_fact fact, bool value);
 
-/* Those that a header holds: all, or what in_header says of them. *dst is the caller's, as after rx_record_add(). */
+/* Where `warned`, the log has a warning about this fact: every header holds it then. */
+void rx_fact_warned(rx_record *facts, rx_fact fact, bool warned);
+
+/* Those that a header holds: all, or those of the rows marked HEADER and those that a warning is about. *dst is the caller's, as
+ * after rx_record_add(). */
 void rx_facts_of_header(const rx_record *facts, bool all, rx_record *dst);
 
 /* The list of the manual page. */

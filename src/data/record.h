@@ -3,6 +3,7 @@
 #define RX_DATA_RECORD_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #include "base/error.h"
 #include "base/extern.h"
@@ -12,8 +13,9 @@ RX_BEGIN_DECLS
 
 typedef struct rx_record { /* all 0: empty */
     int n, capacity;
-    char *(*pairs)[3]; /* [n] name, value, comment; owned */
-    bool failed;       /* memory ran out while adding */
+    char *(*pairs)[3];  /* [n] name, value, comment; owned */
+    bool failed;        /* memory ran out while adding */
+    uint64_t warned[4]; /* bits of rx_fact: those that a warning is about (data/facts.h) */
 } rx_record;
 
 void rx_record_add(rx_record *record, const char *name, const char *comment, const char *format, ...)

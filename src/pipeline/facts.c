@@ -47,11 +47,14 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     rx_fact_number(facts, RX_FACT_CHI2, restored->chi2);
     rx_fact_number(facts, RX_FACT_UNEX, result->residual.share);
     rx_fact_number(facts, RX_FACT_DARK, result->residual.dark);
+    rx_fact_warned(facts, RX_FACT_DARK, rx_result_is_dark(result));
     if (field->no_data > 0)
         rx_fact_number(facts, RX_FACT_NODATA,
                        (double)field->no_data / ((double)field->image.width * (double)field->image.height));
+    rx_fact_warned(facts, RX_FACT_NODATA, field->no_data > 0);
     if (field->deep > 0)
         rx_fact_number(facts, RX_FACT_DEEP, (double)field->deep);
+    rx_fact_warned(facts, RX_FACT_DEEP, field->deep > 0);
     if ((rx_restorer_find(restored->name)->traits & RX_TRAIT_TRAINED) != 0)
         rx_fact_number(facts, RX_FACT_NETOUT, result->outside);
     rx_fact_number(facts, RX_FACT_SEAM, restored->seam);
@@ -65,6 +68,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         rx_fact_text(facts, RX_FACT_PSFHOW, "UNKNOWN");
     if (field->psf_bound > 0.0)
         rx_fact_number(facts, RX_FACT_PSFMAX, field->psf_bound);
+    rx_fact_warned(facts, RX_FACT_PSFMAX, field->psf_bound > 0.0);
     rx_fact_text(facts, RX_FACT_MEAS, result->original ? "ORIGINAL" : "RESTORED");
     rx_fact_number(facts, RX_FACT_BACK, background->global_level);
     rx_fact_number(facts, RX_FACT_BACKN, background->passes);
@@ -89,17 +93,25 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         if (isfinite(noise->quadrant[q]))
             rx_fact_number(facts, RX_FACT_NQLL + q, rx_noise_quadrant_factor(noise, q));
     rx_fact_flag(facts, RX_FACT_NEVEN, !rx_noise_uneven(noise));
+    rx_fact_warned(facts, RX_FACT_NEVEN, rx_noise_uneven(noise));
+    rx_fact_warned(facts, RX_FACT_NWIDE, rx_noise_is_structure(noise));
     if (noise->origin == RX_NOISE_MEASURED)
         rx_fact_flag(facts, RX_FACT_NOISOK, !rx_noise_is_structure(noise));
     const rx_anomalies *anomalies = &field->anomalies;
     rx_fact_number(facts, RX_FACT_STEP, anomalies->step);
+    rx_fact_warned(facts, RX_FACT_STEP, rx_anomalies_is_coarse(anomalies, field->plain->global_sigma));
     rx_fact_number(facts, RX_FACT_CUT, anomalies->cut);
+    rx_fact_warned(facts, RX_FACT_CUT, rx_anomalies_is_cut(anomalies));
     rx_fact_flag(facts, RX_FACT_PIXOK, !rx_fields_noise_hidden((rx_fields){field, result->measure}));
     rx_fact_number(facts, RX_FACT_ROWS, anomalies->rows);
     rx_fact_number(facts, RX_FACT_COLS, anomalies->columns);
+    rx_fact_warned(facts, RX_FACT_ROWS, rx_anomalies_is_striped(anomalies));
+    rx_fact_warned(facts, RX_FACT_COLS, rx_anomalies_is_striped(anomalies));
     rx_fact_number(facts, RX_FACT_LIGHT, anomalies->light);
+    rx_fact_warned(facts, RX_FACT_LIGHT, rx_anomalies_is_lit(anomalies));
     if (anomalies->ratio[0] > 0.0)
         rx_fact_number(facts, RX_FACT_SHARP, rx_result_sharp(result));
+    rx_fact_warned(facts, RX_FACT_SHARP, rx_result_is_sharp(rx_result_sharp(result), result->sources->n));
     rx_fact_number(facts, RX_FACT_LAWS, result->photometry.law.scale);
     rx_fact_number(facts, RX_FACT_LAWP, result->photometry.law.power);
     rx_fact_number(facts, RX_FACT_LAWN, result->photometry.law.apertures);

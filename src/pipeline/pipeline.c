@@ -494,6 +494,12 @@ int rx_result_is_sharp(double share, long n)
     return share > LARGE && share * (double)n > 2.5;
 }
 
+bool rx_result_is_dark(const rx_result *result)
+{
+    return rx_residual_is_dark(result->residual.dark) && result->by == NULL &&
+           !(result->domain.model->dark > 0.0);
+}
+
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,
                            const rx_field *measure, rx_log *log, rx_result *dst, rx_error *err)
 {

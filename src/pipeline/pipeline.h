@@ -96,6 +96,9 @@ rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *
 double rx_result_sharp(const rx_result *result);
 int rx_result_is_sharp(double share, long n);
 
+/* So many boxes of what a network restored lie below the sky that it is no chance, and it was not trained for dark structure. */
+bool rx_result_is_dark(const rx_result *result);
+
 /* How many sources there were if DETECT_THRESH were `factor` times params->detect.threshold: detected again on what was
  * restored and filtered with these params, keep_filtered among them; without templates. Errors: RX_SYSTEM. */
 rx_status rx_result_count(const rx_pipeline_params *params, const rx_result *result, double factor, long *n,

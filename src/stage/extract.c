@@ -102,11 +102,6 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
     add_account(run, text);
 }
 
-static bool is_dark(const rx_run *run)
-{
-    return rx_residual_is_dark(run->dark) && run->by == NULL && !(run->domain.model->dark > 0.0);
-}
-
 /* For the record of a survey: what the log has warned of. */
 static void describe_outside(const rx_result *result, rx_run *run)
 {
@@ -119,7 +114,7 @@ static void describe_outside(const rx_result *result, rx_run *run)
     if (rx_noise_is_structure(noise))
         snprintf(structure, sizeof structure, "noise %.1f times as wide as that of independent pixels, ",
                  rx_noise_factor_wide(noise));
-    if (is_dark(run))
+    if (run->is_dark)
         snprintf(dark, sizeof dark, "%.0f %% of it below the sky, ", 100.0 * run->dark);
     const int length = snprintf(run->outside, sizeof run->outside, "%s%s%s%s%s",
                                 trained ? "" : run->domain.why, trained ? "" : ", ", structure, hidden, dark);
@@ -318,6 +313,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->flux = w.result.photometry.check;
     run->unexplained = w.result.residual.share;
     run->dark = w.result.residual.dark;
+    run->is_dark = rx_result_is_dark(&w.result);
     run->sharp = rx_result_sharp(&w.result);
     run->many_sharp = rx_result_is_sharp(run->sharp, sources->n);
     describe_outside(&w.result, run);
@@ -390,7 +386,7 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
                 "(RXUNEX; sources there have FLAGS_RESTORE 32): is its PSF right, its sky?",
                 tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].unexplained);
     for (int i = 0; i < n; i++)
-        if (is_dark(&runs[i]))
+        if (runs[i].is_dark)
             rx_log_warning(
                 log,
                 "%s[%d]: %s: %.0f %% of the tile's boxes of 32 pixels lie below the sky, which the network "

@@ -44,6 +44,7 @@ typedef struct rx_run {
     char label[48];             /* of log lines: "NET", "NET (done by RL)", "AUTO (done by NET)" */
     rx_fluxcheck flux;
     double unexplained, dark; /* as of rx_residual; NAN where they are not known */
+    bool is_dark;             /* rx_result_is_dark() */
     double sharp;             /* rx_result_sharp() */
     int many_sharp;           /* rx_result_is_sharp() */
     char outside[400];        /* what the restorer was not made for on this tile, "" nothing */

@@ -21,6 +21,7 @@
 #include "base/text.h"
 #include "bench.h"
 #include "check/blankcheck.h"
+#include "data/facts.h"
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "num/stats.h"
@@ -816,6 +817,15 @@ static void test_anomalies(void **state)
         assert_near(atof(fact(&e.facts, "RXROWS")), bad ? 0.5 : 0, 0.07);
         assert_near(atof(fact(&e.facts, "RXCOLS")), 0, 0.07);
         assert_int_equal(atof(fact(&e.facts, "RXLIGHT")) > 0.05, bad);
+        rx_record header = {0};
+        rx_facts_of_header(&e.facts, false, &header);
+        assert_false(header.failed);
+        assert_int_equal(fact(&header, "RXROWS") != NULL, bad);
+        assert_int_equal(fact(&header, "RXLIGHT") != NULL, bad);
+        assert_int_equal(fact(&header, "RXSHARP") != NULL, bad);
+        assert_null(fact(&header, "RXNODATA"));
+        assert_between(header.n, 8, 25);
+        rx_record_free(&header);
         forget(&e);
         scene_free(&s);
     }
