@@ -5,7 +5,6 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "measure/aperture.h"
 #include "quality/evaluate.h"
 #include "quality/metrics.h"
 
@@ -35,21 +34,6 @@ rx_status rx_selfcheck_grow(rx_qa_list *list, rx_selfcheck_found **measured, lon
     }
     list->n = n;
     return RX_OK;
-}
-
-double rx_selfcheck_enclosed(const rx_psf *psf, double x, double y, double diameter, float *stamp)
-{
-    double inside = 0.0, all = 0.0;
-    const int half = psf->size / 2;
-    rx_psf_at(psf, x, y, stamp);
-    for (int j = 0; j < psf->size; j++) {
-        for (int i = 0; i < psf->size; i++) {
-            double value = stamp[(size_t)j * (size_t)psf->size + (size_t)i];
-            all += value;
-            inside += value * rx_pixel_in_circle((float)(i - half), (float)(j - half), 0.5 * diameter, 5);
-        }
-    }
-    return all != 0.0 ? inside / all : 1.0;
 }
 
 void rx_selfcheck_input(const rx_selfcheck_plan *plan, const rx_selfcheck *check, const char *name,

@@ -3,7 +3,7 @@
 #define RX_CHECK_SELFCHECK_NUMBERS_H
 
 #include "base/error.h"
-#include "check/selfcheck.h"
+#include "check/selfcheck_plan.h"
 #include "quality/qa.h"
 
 /* Make room for n rows: positions, magnitudes and fluxes, and, when `measured` is not NULL, score, flags and
@@ -17,9 +17,5 @@ rx_status rx_selfcheck_measure(const rx_selfcheck_plan *plan, rx_selfcheck *chec
 void rx_selfcheck_input(const rx_selfcheck_plan *plan, const rx_selfcheck *check, const char *name,
                         rx_qa_input *input, rx_qa_run *run);
 rx_qa_params rx_selfcheck_qa(const rx_selfcheck_plan *plan);
-
-/* Share of a PSF's light within a circle of that diameter (pixels) about its centre, at 0-based tile position
- * (x, y); stamp: room for size * size floats. */
-double rx_selfcheck_enclosed(const rx_psf *psf, double x, double y, double diameter, float *stamp);
 
 #endif

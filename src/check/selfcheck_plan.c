@@ -1,11 +1,12 @@
 /* What is injected, where, and how bright. */
+#include "check/selfcheck_plan.h"
+
 #include <math.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "check/quality.h"
-#include "check/selfcheck.h"
-#include "check/selfcheck_numbers.h"
+#include "measure/aperture.h"
 #include "simulate/inject.h"
 #include "simulate/population.h"
 
@@ -84,6 +85,21 @@ static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
                              "self check: no pixel is left to put an object on; leave out SELF_CHECK");
     plan->per_round = (long)ceil(plan->par->density * (double)n / 1e6);
     return status;
+}
+
+double rx_selfcheck_enclosed(const rx_psf *psf, double x, double y, double diameter, float *stamp)
+{
+    double inside = 0.0, all = 0.0;
+    const int half = psf->size / 2;
+    rx_psf_at(psf, x, y, stamp);
+    for (int j = 0; j < psf->size; j++) {
+        for (int i = 0; i < psf->size; i++) {
+            double value = stamp[(size_t)j * (size_t)psf->size + (size_t)i];
+            all += value;
+            inside += value * rx_pixel_in_circle((float)(i - half), (float)(j - half), 0.5 * diameter, 5);
+        }
+    }
+    return all != 0.0 ? inside / all : 1.0;
 }
 
 /* Half-light radius of the PSF at the middle of the tile, pixels. */

@@ -4,9 +4,11 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "base/point.h"
+#include "base/printable.h"
 
 /* The value becomes the record's. */
 static void add_owned(rx_record *record, const char *name, const char *comment, char *value)
@@ -59,6 +61,61 @@ rx_status rx_record_list(const rx_record *record, const char *(**dst)[2], rx_err
     }
     *dst = pairs;
     return RX_OK;
+}
+
+void rx_record_product(rx_record *products, const char *digest, int part, const char *name)
+{
+    rx_record_add(products, "MADE", "digest of pixels or rows, part and name of an output", "%s %d %s",
+                  digest, part, name);
+}
+
+void rx_record_digest_line(rx_hash *sum, const char *name, const char *printable)
+{
+    rx_hash_add(sum, name, strlen(name));
+    rx_hash_add(sum, " = ", 3);
+    rx_hash_add(sum, printable, strlen(printable));
+    rx_hash_add(sum, "\n", 1);
+}
+
+static void copy(rx_record *dst, const rx_record *src)
+{
+    for (int i = 0; i < src->n; i++)
+        rx_record_add(dst, src->pairs[i][0], src->pairs[i][2], "%s", src->pairs[i][1]);
+}
+
+/* The line END. */
+static void end_record(rx_record *record)
+{
+    char digest[RX_HASH_TEXT];
+    rx_hash sum;
+    rx_text value = {0};
+    int i = 0;
+    rx_hash_begin(&sum);
+    while (i < record->n && strcmp(record->pairs[i][0], "RECORD") != 0)
+        i++;
+    for (; i < record->n && !value.failed; i++) {
+        value.length = 0;
+        rx_printable_add(&value, record->pairs[i][1]);
+        if (!value.failed)
+            rx_record_digest_line(&sum, record->pairs[i][0], value.data);
+    }
+    record->failed |= value.failed;
+    rx_hash_text(&sum, digest);
+    rx_record_add(record, "END", "digest of the lines from RECORD on", "%s", digest);
+    rx_text_free(&value);
+}
+
+rx_status rx_record_of(const rx_record *run, const rx_record *products, const char *output, rx_record *dst,
+                       rx_error *err)
+{
+    if (run->failed || products->failed)
+        return rx_error_memory(err, 0);
+    copy(dst, run);
+    copy(dst, products);
+    rx_record_add(dst, "OUTPUT", "name of this output", "%s", output);
+    if (!dst->failed)
+        end_record(dst);
+    return dst->failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
 void rx_record_free(rx_record *record)

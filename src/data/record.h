@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/extern.h"
+#include "base/hash.h"
 #include "base/text.h"
 
 RX_BEGIN_DECLS
@@ -24,6 +25,16 @@ void rx_record_add(rx_record *record, const char *name, const char *comment, con
 /* Name and value of each entry, as report/ shows them: *dst[record->n] points into the record, the array is
  * the caller's to free. */
 rx_status rx_record_list(const rx_record *record, const char *(**dst)[2], rx_error *err);
+
+void rx_record_product(rx_record *products, const char *digest, int part, const char *name);
+
+/* dst (empty) = the whole record of the output of that name: that of the run, the products, the end. Free it
+ * after success and failure. */
+rx_status rx_record_of(const rx_record *run, const rx_record *products, const char *output, rx_record *dst,
+                       rx_error *err);
+
+/* Part of a digest of END: one line. */
+void rx_record_digest_line(rx_hash *sum, const char *name, const char *printable);
 
 void rx_record_free(rx_record *record); /* content only */
 

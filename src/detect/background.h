@@ -2,26 +2,13 @@
 #ifndef RX_DETECT_BACKGROUND_H
 #define RX_DETECT_BACKGROUND_H
 
-#include <stdint.h>
-
 #include "base/error.h"
 #include "base/extern.h"
 #include "base/log.h"
 #include "data/image.h"
+#include "detect/params.h"
 
 RX_BEGIN_DECLS
-
-typedef struct rx_background_params {
-    int mesh_width, mesh_height;     /* BACK_SIZE */
-    int filter_width, filter_height; /* BACK_FILTERSIZE */
-    double filter_threshold;         /* BACK_FILTTHRESH */
-    int manual;                      /* BACK_TYPE MANUAL */
-    double manual_value;             /* BACK_VALUE */
-    int weight_gain;                 /* WEIGHT_GAIN */
-    int no_rescale;                  /* RESCALE_WEIGHTS N: variances of MAP_VAR and MAP_WEIGHT are absolute */
-    int passes;                      /* BACK_PASSES; 0 is 1 */
-    int nthreads;
-} rx_background_params;
 
 /* Background of the image's pixels, to be read through data/map.h; what the image says of sky and noise is not
  * looked at. Hidden pixels are ignored to the bit; the mask must live as long as the result. Every pixel has a

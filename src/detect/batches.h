@@ -3,8 +3,8 @@
 #define RX_DETECT_BATCHES_H
 
 #include "base/error.h"
-#include "detect/detect.h"
 #include "detect/groups.h"
+#include "detect/params.h"
 
 typedef struct rx_batch {
     int first, n; /* in `members` */

@@ -3,9 +3,9 @@
 #define RX_DETECT_CLEAN_H
 
 #include "base/error.h"
-#include "detect/detect.h"
 #include "detect/detections.h"
 #include "detect/groups.h"
+#include "detect/params.h"
 
 /* What cleaning looks at besides the detections. */
 typedef struct rx_clean_image {

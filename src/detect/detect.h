@@ -9,30 +9,9 @@
 #include "base/log.h"
 #include "data/image.h"
 #include "data/sources.h"
+#include "detect/params.h"
 
 RX_BEGIN_DECLS
-
-/* How far limits of memory grow: pixels above the threshold, parts of one detection (and the first limit of these). */
-enum { RX_DETECT_PIXSTACK_MAX = 100000000, RX_DETECT_PARTS = 1024, RX_DETECT_PARTS_MAX = 65536 };
-
-typedef struct rx_detect_params {
-    double threshold;          /* DETECT_THRESH: sigmas, or ADU when absolute */
-    int absolute;              /* THRESH_TYPE ABSOLUTE */
-    double analysis_threshold; /* ANALYSIS_THRESH: sigmas, or ADU when analysis_absolute */
-    int analysis_absolute;
-    int min_area, max_area; /* DETECT_MINAREA, DETECT_MAXAREA (0 = none) */
-    const float *filter;    /* FILTER_NAME kernel as in the file, NULL = no filter */
-    int filter_width, filter_height;
-    int filter_normalise;    /* CONV NORM */
-    int matched;             /* sep's matched filter: of campaigns */
-    int deblend_levels;      /* DEBLEND_NTHRESH */
-    double deblend_contrast; /* DEBLEND_MINCONT */
-    int clean;
-    double clean_param;
-    long pixstack, pixstack_max;    /* MEMORY_PIXSTACK, and how far it may grow */
-    int subobjects, subobjects_max; /* deblending limit, and how far it may grow */
-    int nthreads;
-} rx_detect_params;
 
 /* The pixels after the filter, where the caller has them: finite, hidden ones 0. *spare, where they lie in memory
  * that is no longer wanted once the pixels above the threshold are known, is freed then, and set to NULL; spare

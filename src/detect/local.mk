@@ -19,5 +19,5 @@ librextract_la_SOURCES += \
 	src/detect/libsep.h
 
 rx_detectdir = $(pkgincludedir)/detect
-rx_detect_HEADERS = src/detect/anomalies.h src/detect/background.h src/detect/detect.h
+rx_detect_HEADERS = src/detect/anomalies.h src/detect/background.h src/detect/detect.h src/detect/params.h
 installed_headers += $(rx_detect_HEADERS)

@@ -9,8 +9,9 @@
 #define RX_DETECT_MESH_H
 
 #include "base/error.h"
-#include "detect/background.h"
+#include "data/image.h"
 #include "detect/libsep.h"
+#include "detect/params.h"
 
 /* Whether the level is that one, or the clipped mean: of pixels without sources, where it is twice as sure, and
  * as right where pixels come in steps of a detector's counts, of which a median is one or the next. */

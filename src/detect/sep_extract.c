@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "data/sources.h"
 #include "data/unit.h"
 #include "detect/batches.h"
 #include "detect/cutouts.h"

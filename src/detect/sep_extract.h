@@ -8,10 +8,10 @@
 
 #include "base/error.h"
 #include "base/log.h"
-#include "detect/detect.h"
 #include "detect/detections.h"
 #include "detect/filter.h"
 #include "detect/groups.h"
+#include "detect/params.h"
 
 /* What goes in, and how the run ended. */
 typedef struct rx_extraction {

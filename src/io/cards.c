@@ -545,3 +545,9 @@ rx_status rx_cards_history(const char *cards, long ncards, rx_history_visitor vi
     rx_text_free(&line);
     return status;
 }
+
+void rx_record_cards(const rx_record *record, rx_text *cards)
+{
+    for (int i = 0; i < record->n; i++)
+        rx_card_record(cards, record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]);
+}

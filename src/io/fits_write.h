@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "data/record.h"
 #include "data/table.h"
 #include "data/tile.h"
 
@@ -61,5 +62,8 @@ void rx_card_history(rx_text *dst, const char *line);
  * hold it, else HISTORY, "NAME = value" with the value as
  * base/printable.h has it. */
 void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment);
+
+/* All entries of a record, a line each. */
+void rx_record_cards(const rx_record *record, rx_text *cards);
 
 #endif

@@ -12,8 +12,17 @@
 #ifndef RX_PIPELINE_PREAL_H
 #define RX_PIPELINE_PREAL_H
 
-#include "base/error.h"
-#include "pipeline/template_fit.h"
+#include "base/extern.h"
+
+RX_BEGIN_DECLS
+
+/* How probable sources are, by their evidence. */
+typedef struct rx_preal {
+    double bright;       /* sources above 6 sigma a pixel */
+    double peaks;        /* of noise: F(s) / ((s^2 - 1) exp(-s^2 / 2)) a pixel */
+    double shift, slope; /* of ln(R / F), as realisations of the tile's noise say; 0 */
+    int tile;            /* there were such */
+} rx_preal;
 
 /* Of a tile with that many usable pixels; evidence[n] of its sources, NAN where there is none. */
 rx_preal rx_preal_default(const double *evidence, int n, double pixels, double fwhm);
@@ -45,5 +54,7 @@ typedef struct rx_preal_sample {
  * logistic regression). Maximum of that likelihood and a prior: shift 0 +- 1, slope 0 +- 0.5, which hold where little
  * is found. */
 void rx_preal_fit(rx_preal *preal, const rx_preal_sample *tile, const rx_preal_sample *noise);
+
+RX_END_DECLS
 
 #endif

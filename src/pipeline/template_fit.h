@@ -10,16 +10,9 @@
 #include "data/sources.h"
 #include "pipeline/field.h"
 #include "pipeline/params.h"
+#include "pipeline/preal.h"
 
 RX_BEGIN_DECLS
-
-/* How probable sources are, by their evidence (preal.h). */
-typedef struct rx_preal {
-    double bright;       /* sources above 6 sigma a pixel */
-    double peaks;        /* of noise: F(s) / ((s^2 - 1) exp(-s^2 / 2)) a pixel */
-    double shift, slope; /* of ln(R / F), as realisations of the tile's noise say; 0 */
-    int tile;            /* there were such */
-} rx_preal;
 
 /* What one call found, for header, report and check-images. */
 typedef struct rx_template_fit {

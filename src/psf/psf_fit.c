@@ -22,7 +22,6 @@
 #include "num/normal.h"
 #include "num/special.h"
 #include "num/stats.h"
-#include "psf/psf_stretch.h"
 
 enum { STARS_A_BLOCK = 16, POINTS_A_BLOCK = 256 };
 /* Of a pixel of the model, relative, where a saturated star is fitted: its core is steep there. */

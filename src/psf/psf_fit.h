@@ -7,6 +7,7 @@
 #include "data/sources.h"
 #include "psf/moffat.h"
 #include "psf/psf_model.h"
+#include "psf/psf_profile.h"
 
 /* A source that is subtracted as a point, and may be one of the stars that the PSF is measured from. */
 typedef struct rx_psf_point {
@@ -29,8 +30,6 @@ typedef struct rx_psf_point {
 
 /* How size and ellipse of the stars vary over the tile (psf_stretch.h): each of s, g1, g2 is a polynomial of the position,
  * sum_k c_k L_k(X, Y). */
-enum { RX_PSF_STRETCH = 3 };
-
 typedef struct rx_psf_variation {
     int degree, nterms, with_wider; /* wider ones are stars of a bad corner */
     double c[RX_PSF_STRETCH][RX_PSF_TERMS];

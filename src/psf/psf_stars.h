@@ -2,8 +2,12 @@
 #ifndef RX_PSF_STARS_H
 #define RX_PSF_STARS_H
 
+#include "base/error.h"
+#include "base/log.h"
+#include "data/image.h"
+#include "data/sources.h"
 #include "psf/moffat.h"
-#include "psf/psf.h"
+#include "psf/params.h"
 
 typedef struct rx_candidate {
     int source; /* index in the source list */

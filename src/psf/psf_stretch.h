@@ -9,11 +9,6 @@
 #include "base/log.h"
 #include "psf/psf_fit.h"
 
-/* Value at (x, y) nodes off the middle, 0 outside, of the profile stretched by a, whose spline has the coefficients
- * [side][side]; its derivatives by x, y and a, or NULL. */
-double rx_psf_stretched(const float *c, int side, double x, double y, const double a[RX_PSF_STRETCH],
-                        double gradient[2 + RX_PSF_STRETCH]);
-
 /* job->variation from the stars that are kept and not reserved, of that degree at most: a higher one is taken where stars that were
  * held out are predicted better, by more than the scatter of that from star to star. The last ones tried have terms that are small
  * unless stars insist: of few stars, they alone can follow a bad corner. Points that are wider are kept where, besides, the other stars

@@ -17,5 +17,5 @@ librextract_la_SOURCES += src/restore/network_otf.c src/restore/network_otf.h
 librextract_la_SOURCES += src/restore/network_optics.c src/restore/network_optics.h
 
 rx_restoredir = $(pkgincludedir)/restore
-rx_restore_HEADERS = src/restore/restore.h
+rx_restore_HEADERS = src/restore/params.h src/restore/restore.h
 installed_headers += $(rx_restore_HEADERS)

@@ -2,8 +2,12 @@
 #ifndef RX_RESTORE_RUNS_H
 #define RX_RESTORE_RUNS_H
 
+#include "base/error.h"
+#include "base/log.h"
+#include "data/image.h"
+#include "data/restored.h"
 #include "data/restorers.h"
-#include "restore/restore.h"
+#include "restore/params.h"
 
 /* clang-format off */
 #define RX_RESTORER_RUN(name, run, ...)                                                                     \

@@ -6,7 +6,6 @@
 #include "base/text.h"
 #include "io/output.h"
 #include "pipeline/pipeline.h"
-#include "stage/provenance.h"
 
 typedef struct rx_checkimages rx_checkimages; /* the open files of one restorer */
 

@@ -3,7 +3,6 @@ librextract_la_SOURCES += \
 	src/stage/domain_facts.c src/stage/domain_facts.h \
 	src/stage/extract.c src/stage/extract.h \
 	src/stage/job.c \
-	src/stage/inputs.c src/stage/inputs.h \
 	src/stage/machine.c src/stage/machine.h \
 	src/stage/open.c src/stage/open.h \
 	src/stage/options.c src/stage/options.h \

@@ -16,7 +16,6 @@
 #include "config/fill.h"
 #include "config/kernel.h"
 #include "stage/checkimages.h"
-#include "stage/inputs.h"
 
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
@@ -44,12 +43,23 @@ static const rx_fill rows[] = {
 };
 /* clang-format on */
 
+void rx_options_model_path(const char *name, const char *installed, rx_text *dst)
+{
+    if (strchr(name, '/') == NULL) {
+        rx_text_printf(dst, "%s/%s", installed, name);
+        if (dst->failed || access(dst->data, F_OK) == 0)
+            return;
+        rx_text_free(dst);
+    }
+    rx_text_add(dst, name);
+}
+
 rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err)
 {
     rx_text path = {0};
     if (options->model != NULL)
         return RX_OK;
-    rx_input_model(options->model_name, RX_DATA_FOLDER, &path);
+    rx_options_model_path(options->model_name, RX_DATA_FOLDER, &path);
     const int bare = strchr(options->model_name, '/') == NULL;
     rx_status status = RX_OK;
     if (path.failed)

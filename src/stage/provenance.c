@@ -4,11 +4,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "base/memory.h"
-#include "base/printable.h"
-#include "io/fits_write.h"
-#include "stage/inputs.h"
+#include "config/config_fields.h"
 #include "stage/machine.h"
 
 /* Visiting the keywords. */
@@ -53,25 +52,95 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
     rx_text_free(&machine);
 }
 
-static void add_input(void *user, const char *key, const char *name, const char *digest)
+rx_status rx_record_digest(const char *key, const char *name, char dst[RX_HASH_TEXT], int *there,
+                           rx_error *err)
 {
-    rx_record_add(user, "READ", "digest, keyword and name of a file that was read", "%s %s %s", digest, key,
+    struct stat info;
+    rx_text path = {0};
+    int regular = 0;
+    if (strcmp(key, "NET_MODEL") == 0)
+        rx_options_model_path(name, RX_DATA_FOLDER, &path);
+    else
+        rx_text_add(&path, name);
+    if (path.failed)
+        return rx_error_memory(err, 0);
+    *there = stat(path.data, &info) == 0;
+    if (!*there) {
+        path.data[strcspn(path.data, "[")] = '\0';
+        *there = stat(path.data, &info) == 0;
+    }
+    rx_status status = *there ? rx_hash_file(path.data, dst, &regular, err) : RX_OK;
+    if (!regular)
+        strcpy(dst, "-");
+    rx_text_free(&path);
+    return status;
+}
+
+static void add_input(rx_record *record, const char *key, const char *name, const char *digest)
+{
+    rx_record_add(record, "READ", "digest, keyword and name of a file that was read", "%s %s %s", digest, key,
                   name);
+}
+
+typedef struct reading {
+    rx_record *record;
+    rx_status status;
+    rx_error *err;
+} reading;
+
+static void take(reading *r, const char *key, const char *name)
+{
+    char digest[RX_HASH_TEXT];
+    int there = 0;
+    if (r->status != RX_OK || name == NULL || name[0] == '\0')
+        return;
+    r->status = rx_record_digest(key, name, digest, &there, r->err);
+    if (r->status == RX_OK && there)
+        add_input(r->record, key, name, digest);
 }
 
 rx_status rx_record_inputs(rx_record *record, const rx_config *config, const rx_options *options,
                            const char *detect, const char *measure, rx_error *err)
 {
-    rx_status status =
-        rx_inputs_visit(config, options, (const char *const[2]){detect, measure}, 1, add_input, record, err);
-    return status == RX_OK && record->failed ? rx_error_memory(err, 0) : status;
+    const char *const images[2] = {detect, measure};
+    reading r = {.record = record, .err = err};
+    const int nroles = images[1] != NULL ? 2 : 1;
+    const int psf_file =
+        options->pipeline.psf.type == RX_PSF_FILE || options->pipeline.psf.type == RX_PSF_PSFEX;
+    take(&r, "IMAGE", images[0]);
+    take(&r, "IMAGE", images[1]);
+    if (options->model != NULL)
+        take(&r, "NET_MODEL", options->model_name);
+    for (int role = 0; role < nroles; role++) {
+        if (psf_file && (role == 0 || options->pipeline.psf_files[1] != options->pipeline.psf_files[0]))
+            take(&r, "PSF_NAME", options->pipeline.psf_files[role]);
+        if (role == 0 && options->pipeline.psf.type == RX_PSF_AUTO)
+            take(&r, "PSF_STARS_NAME", options->pipeline.psf.stars_file);
+        if (role == 0 || options->tile[1].weight_name != options->tile[0].weight_name)
+            take(&r, "WEIGHT_IMAGE", options->tile[role].weight_name);
+    }
+    for (int i = 0; i < options->tile[0].nflags; i++)
+        take(&r, "FLAG_IMAGE", options->tile[0].flag_names[i]);
+    take(&r, "PARAMETERS_NAME", config->parameters_name);
+    if (config->noise_kernel_name[0] != '\0' && strcmp(config->noise_correlation, "FILE") == 0)
+        take(&r, "NOISE_KERNEL_NAME", config->noise_kernel_name);
+    if (config->filter)
+        take(&r, "FILTER_NAME", config->filter_name);
+    if (options->star_net != NULL)
+        take(&r, "STARNNW_NAME", config->starnnw_name);
+    if (options->assoc_list != NULL)
+        take(&r, "ASSOC_NAME", config->assoc_name);
+    take(&r, "REFERENCE_NAME", config->reference_name);
+    if (config->reference_name[0] != '\0')
+        take(&r, "QA_GATES", config->qa_gates);
+    return r.status == RX_OK && record->failed ? rx_error_memory(err, 0) : r.status;
 }
 
 rx_status rx_record_file(rx_record *record, const char *key, const char *name, rx_error *err)
 {
     char digest[RX_HASH_TEXT];
     int there = 0;
-    RX_TRY(rx_input_digest(key, name, digest, &there, err));
+    RX_TRY(rx_record_digest(key, name, digest, &there, err));
     if (!there)
         return rx_error_at(err, RX_INPUT, name, -1, 0, "was removed after it was read (%s)", key);
     const size_t used = strlen(digest) + strlen(key) + 2;
@@ -83,65 +152,4 @@ rx_status rx_record_file(rx_record *record, const char *key, const char *name, r
     }
     add_input(record, key, name, digest);
     return record->failed ? rx_error_memory(err, 0) : RX_OK;
-}
-
-void rx_record_product(rx_record *products, const char *digest, int part, const char *name)
-{
-    rx_record_add(products, "MADE", "digest of pixels or rows, part and name of an output", "%s %d %s",
-                  digest, part, name);
-}
-
-void rx_record_digest_line(rx_hash *sum, const char *name, const char *printable)
-{
-    rx_hash_add(sum, name, strlen(name));
-    rx_hash_add(sum, " = ", 3);
-    rx_hash_add(sum, printable, strlen(printable));
-    rx_hash_add(sum, "\n", 1);
-}
-
-static void copy(rx_record *dst, const rx_record *src)
-{
-    for (int i = 0; i < src->n; i++)
-        rx_record_add(dst, src->pairs[i][0], src->pairs[i][2], "%s", src->pairs[i][1]);
-}
-
-/* The line END. */
-static void end_record(rx_record *record)
-{
-    char digest[RX_HASH_TEXT];
-    rx_hash sum;
-    rx_text value = {0};
-    int i = 0;
-    rx_hash_begin(&sum);
-    while (i < record->n && strcmp(record->pairs[i][0], "RECORD") != 0)
-        i++;
-    for (; i < record->n && !value.failed; i++) {
-        value.length = 0;
-        rx_printable_add(&value, record->pairs[i][1]);
-        if (!value.failed)
-            rx_record_digest_line(&sum, record->pairs[i][0], value.data);
-    }
-    record->failed |= value.failed;
-    rx_hash_text(&sum, digest);
-    rx_record_add(record, "END", "digest of the lines from RECORD on", "%s", digest);
-    rx_text_free(&value);
-}
-
-rx_status rx_record_of(const rx_record *run, const rx_record *products, const char *output, rx_record *dst,
-                       rx_error *err)
-{
-    if (run->failed || products->failed)
-        return rx_error_memory(err, 0);
-    copy(dst, run);
-    copy(dst, products);
-    rx_record_add(dst, "OUTPUT", "name of this output", "%s", output);
-    if (!dst->failed)
-        end_record(dst);
-    return dst->failed ? rx_error_memory(err, 0) : RX_OK;
-}
-
-void rx_record_cards(const rx_record *record, rx_text *cards)
-{
-    for (int i = 0; i < record->n; i++)
-        rx_card_record(cards, record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]);
 }

@@ -20,7 +20,6 @@
 
 #include "base/error.h"
 #include "base/hash.h"
-#include "base/text.h"
 #include "config/config.h"
 #include "data/record.h"
 #include "stage/options.h"
@@ -37,17 +36,9 @@ rx_status rx_record_inputs(rx_record *record, const rx_config *config, const rx_
 /* One more file, unless it is there already. Errors: as above. */
 rx_status rx_record_file(rx_record *record, const char *key, const char *name, rx_error *err);
 
-void rx_record_product(rx_record *products, const char *digest, int part, const char *name);
-
-/* dst (empty) = the whole record of the output of that name: that of the run, the products, the end. Free it
- * after success and failure. */
-rx_status rx_record_of(const rx_record *run, const rx_record *products, const char *output, rx_record *dst,
-                       rx_error *err);
-
-/* Part of a digest of END: one line. */
-void rx_record_digest_line(rx_hash *sum, const char *name, const char *printable);
-
-/* As FITS cards: names RX... of up to 8 characters become keywords, others HISTORY lines. */
-void rx_record_cards(const rx_record *record, rx_text *cards);
+/* The digest of the file behind a name of that keyword: what stands in brackets is cut off where no file has
+ * that name, a bare name of NET_MODEL may be one of the installed data. *there 0: there is none; "-" where it is no regular file. Errors: RX_INPUT (cannot be read), RX_SYSTEM. */
+rx_status rx_record_digest(const char *key, const char *name, char dst[RX_HASH_TEXT], int *there,
+                           rx_error *err);
 
 #endif

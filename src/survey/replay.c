@@ -15,7 +15,6 @@
 #include "io/claim.h"
 #include "io/fits_digest.h"
 #include "io/fits_read.h"
-#include "stage/inputs.h"
 #include "stage/machine.h"
 #include "stage/provenance.h"
 #include "stage/stage.h"
@@ -187,7 +186,7 @@ static rx_status check_inputs(const reading *r, rx_log *log, rx_error *err)
                                "its record cannot be read: READ '%.60s'; it was changed after it was written",
                                value);
         const char *name = value + used + 1;
-        RX_TRY(rx_input_digest(key, name, now, &there, err));
+        RX_TRY(rx_record_digest(key, name, now, &there, err));
         const char *wrong = NULL;
         if (!there)
             wrong = "is not there (%s of the run that wrote %.200s); repeat it in the folder where it ran";

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "template/sky_mesh.h"
-#include "template/template.h"
+#include "template/tphot.h"
 
 /* Part of a template on the image: values[height][width], its first pixel at (x0, y0), inside the image;
  * width 0: nothing of it is. */

@@ -13,15 +13,15 @@ librextract_la_SOURCES += \
 	src/template/refine.c src/template/refine.h \
 	src/template/sky_mesh.c src/template/sky_mesh.h \
 	src/template/spergel.c src/template/spergel.h \
-	src/template/fit_sources.c src/template/fit_sources.h \
+	src/template/fit_source.h src/template/fit_sources.c src/template/fit_sources.h \
 	src/template/substructure.c src/template/substructure.h \
 	src/template/template.c \
-	src/template/tphot.c src/template/tphot.h \
+	src/template/tphot.c \
 	src/template/windows.c src/template/windows.h \
 	src/template/residual_sky.c src/template/residual_sky.h \
 	src/template/unseen.c src/template/unseen.h \
 	src/template/prior.c src/template/prior.h
 
 rx_templatedir = $(pkgincludedir)/template
-rx_template_HEADERS = src/template/template.h
+rx_template_HEADERS = src/template/template.h src/template/tphot.h
 installed_headers += $(rx_template_HEADERS)

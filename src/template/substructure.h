@@ -2,8 +2,8 @@
 #ifndef RX_TEMPLATE_SUBSTRUCTURE_H
 #define RX_TEMPLATE_SUBSTRUCTURE_H
 
+#include "template/fit_source.h"
 #include "template/patch.h"
-#include "template/refine.h"
 
 /* subject holds a fitted profile and its flux, plane 0 of the domain its template T, chi2 that of F T alone
  * on the patch (without priors). With

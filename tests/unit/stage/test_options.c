@@ -15,7 +15,6 @@
 #include "../near.h"
 #include "../scratch.h"
 #include "../small_net.h"
-#include "stage/inputs.h"
 #include "stage/options.h"
 
 static rx_options *options_with(const char *name, const char *value)
@@ -94,7 +93,7 @@ static void a_model_is_looked_for_here_and_among_installed_data(void **state)
 static void is_found(const char *name, const char *installed, const char *expected)
 {
     rx_text path = {0};
-    rx_input_model(name, installed, &path);
+    rx_options_model_path(name, installed, &path);
     assert_false(path.failed);
     assert_string_equal(path.data, expected);
     rx_text_free(&path);
