@@ -1,11 +1,8 @@
 check_PROGRAMS += tests/unit/detect/test_correlation
 tests_unit_detect_test_correlation_SOURCES = tests/unit/detect/test_correlation.c
-check_PROGRAMS += tests/unit/detect/test_background tests/unit/detect/test_detect \
-                  tests/unit/detect/test_clean tests/unit/detect/test_groups
+check_PROGRAMS += tests/unit/detect/test_background tests/unit/detect/test_detect
 tests_unit_detect_test_background_SOURCES = tests/unit/detect/test_background.c tests/unit/detect/field.h
 tests_unit_detect_test_detect_SOURCES = tests/unit/detect/test_detect.c tests/unit/detect/field.h
-tests_unit_detect_test_clean_SOURCES = tests/unit/detect/test_clean.c tests/unit/detect/field.h
-tests_unit_detect_test_groups_SOURCES = tests/unit/detect/test_groups.c tests/unit/detect/field.h
 check_PROGRAMS += tests/unit/detect/test_no_data
 tests_unit_detect_test_no_data_SOURCES = tests/unit/detect/test_no_data.c
 

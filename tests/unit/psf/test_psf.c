@@ -1,27 +1,15 @@
 /* Analytic PSFs against analytic and brute-force numbers; evaluation; copies. */
-#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include <cmocka.h>
 
 #include "../near.h"
-#include "psf/moffat.h"
 #include "psf/moffat_fit.h"
 #include "psf/psf.h"
-
-static double stamp_sum(const float *stamp, int size)
-{
-    double sum = 0.0;
-    for (int i = 0; i < size * size; i++)
-        sum += (double)stamp[i];
-    return sum;
-}
 
 /* Moffat by the midpoint rule on a fine grid in each pixel, elliptical form written the textbook way. */
 static double brute_force(double fwhm, double beta, double ratio, double angle, int dx, int dy)
@@ -87,56 +75,6 @@ static void test_moffat_gradient(void **state)
     }
 }
 
-/* xx, yy and xy against their differences, on both sides of where the series of small eta ends. */
-static void test_moffat_ellipse_gradient(void **state)
-{
-    (void)state;
-    const double etas[] = {0.0, 0.0099, 0.0101, 0.7}, step = 1e-4;
-    for (int k = 0; k < 4; k++)
-        for (int i = 0; i < 2; i++) {
-            double shape[RX_MOFFAT_SHAPE] = {0.0, etas[k] * cos(0.9), etas[k] * sin(0.9), 1.0};
-            rx_moffat m, side[2];
-            rx_moffat_set(&m, shape);
-            for (int s = 0; s < 2; s++) {
-                double moved[RX_MOFFAT_SHAPE];
-                memcpy(moved, shape, sizeof moved);
-                moved[1 + i] += s ? step : -step;
-                rx_moffat_set(&side[s], moved);
-            }
-            assert_near((side[1].xx - side[0].xx) / (2.0 * step), m.gradient_e[i][0], 5e-9);
-            assert_near((side[1].yy - side[0].yy) / (2.0 * step), m.gradient_e[i][1], 5e-9);
-            assert_near((side[1].xy - side[0].xy) / (2.0 * step), m.gradient_e[i][2], 5e-9);
-        }
-}
-
-/* A fit gone astray stays within numbers: eta at most 5 in the same direction, exponents up to 1000. */
-static void test_moffat_bounds(void **state)
-{
-    (void)state;
-    const double far[RX_MOFFAT_SHAPE] = {0.3, -40.0, 30.0, 1.0},
-                 near[RX_MOFFAT_SHAPE] = {0.3, -4.0, 3.0, 1.0};
-    rx_moffat a, b;
-    rx_moffat_set(&a, far);
-    rx_moffat_set(&b, near);
-    assert_near(a.e1, -4.0, 1e-12);
-    assert_near(a.e2, 3.0, 1e-12);
-    assert_close(a.xx, b.xx, 1e-9);
-    assert_close(a.yy, b.yy, 1e-9);
-    assert_close(a.xy, b.xy, 1e-9);
-    assert_near(a.narrow, b.narrow, 1e-12);
-    const double given[] = {5000.0, 1000.0, 0.5}, kept[] = {1000.0, 1000.0, 1.0 / (0.999 * RX_MOFFAT_U_MAX)};
-    for (int i = 0; i < 3; i++) {
-        double shape[RX_MOFFAT_SHAPE];
-        rx_moffat_shape(3.0, given[i], 1.0, 0.0, shape);
-        assert_near(RX_MOFFAT_U_MAX / (1.0 + exp(-shape[3])), 1.0 / kept[i], 1e-12);
-        rx_moffat_set(&a, shape);
-        assert_near(a.beta, kept[i], 1e-9 * kept[i]);
-    }
-    const double smooth[RX_MOFFAT_SHAPE] = {0.0, 0.0, 0.0, -50.0};
-    rx_moffat_set(&a, smooth);
-    assert_near(a.beta, 1000.0, 1e-9);
-}
-
 /* Share of the flux inside r: 1 - (1 + r^2/alpha^2)^(1 - beta). Wide, so that the pixels' own
  * smoothing (a share of about 1/(12 sigma^2) of the slope) stays below the tolerance. */
 static void test_encircled_energy(void **state)
@@ -164,21 +102,6 @@ static void test_encircled_energy(void **state)
     assert_near(ellipticity, 0.0, 1e-3);
     assert_near(exponent / beta, 1.0, 1e-2);
     rx_psf_free(psf);
-}
-
-/* (1 + k r^2)^(1 - beta) of the flux is outside, (1 + k r^2)^-beta of the peak is there. */
-static void test_moffat_radii(void **state)
-{
-    (void)state;
-    const double beta[] = {1.5, 2.0, 4.765, 100.0}, part[] = {0.5, 1e-3, 1e-5};
-    for (int b = 0; b < 4; b++)
-        for (int p = 0; p < 3; p++) {
-            const double k = pow(2.0, 1.0 / beta[b]) - 1.0;
-            const double flux = rx_moffat_radius_flux(beta[b], part[p]),
-                         level = rx_moffat_radius_level(beta[b], part[p]);
-            assert_near(pow(1.0 + k * flux * flux, 1.0 - beta[b]) / part[p], 1.0, 1e-9);
-            assert_near(pow(1.0 + k * level * level, -beta[b]) / part[p], 1.0, 1e-9);
-        }
 }
 
 /* A star of known numbers on its sky, from a start far off: all come back, and chi2 is that of the pixel that
@@ -230,34 +153,6 @@ static void test_moffat_fit(void **state)
     rx_moffat_pixels_free(&pixels);
 }
 
-/* As many pixels as parameters are enough, fewer leave the start as it is. */
-static void test_moffat_fit_of_few_pixels(void **state)
-{
-    (void)state;
-    static const double places[8][2] = {{0, 0}, {1, 0}, {0, 1}, {-2, 0}, {0, -3}, {2, 2}, {-3, 3}, {4, -1}};
-    rx_moffat_pixels pixels;
-    rx_moffat profile;
-    rx_moffat_fit start = {.peak = 500.0, .sky = 20.0};
-    rx_moffat_shape(3.7, 3.2, 0.8, 0.4, start.shape);
-    rx_moffat_set(&profile, start.shape);
-    assert_int_equal(rx_moffat_pixels_new(8, &pixels, NULL), RX_OK);
-    for (int i = 0; i < 8; i++) {
-        pixels.x[i] = places[i][0];
-        pixels.y[i] = places[i][1];
-        pixels.value[i] = rx_moffat_fit_value(&start, &profile, places[i][0], places[i][1]);
-        pixels.sigma[i] = 1.0;
-    }
-    for (int n = 6; n <= 8; n++)
-        for (int free_sky = 0; free_sky < 2; free_sky++) {
-            rx_moffat_fit fit = start;
-            pixels.n = n;
-            assert_int_equal(rx_moffat_fit_run(&pixels, free_sky, &fit, NULL), RX_OK);
-            assert_int_equal(fit.converged, n >= 7 + free_sky);
-            assert_near(fit.peak, 500.0, 1e-3);
-        }
-    rx_moffat_pixels_free(&pixels);
-}
-
 /* The shape follows from the pixels within four widths of the disc that is above half of the peak, and not
  * from any other; in a small stamp from all. */
 static void test_shape_is_of_the_core(void **state)
@@ -289,29 +184,6 @@ static void test_shape_is_of_the_core(void **state)
     }
 }
 
-/* The smallest stamp at whose edge 1e-3 of the flux is outside or the profile is down to 1e-5. */
-static void test_moffat_sizes(void **state)
-{
-    (void)state;
-    const double beta[] = {2.0, 3.0, 4.765, 100.0};
-    for (double fwhm = 0.5; fwhm < 20.0; fwhm *= 1.07)
-        for (size_t b = 0; b < 4; b++) {
-            rx_psf *psf;
-            assert_int_equal(rx_psf_moffat(fwhm, beta[b], 0.8, 0.3, 0, &psf, NULL), RX_OK);
-            assert_int_equal(psf->size % 2, 1);
-            assert_between(psf->size, 5, 255);
-            assert_near(stamp_sum(psf->basis, psf->size), 1.0, 1e-6);
-            const double alpha = 0.5 * fwhm / sqrt(pow(2.0, 1.0 / beta[b]) - 1.0);
-            for (int less = 0; less < 2; less++) {
-                const double r = psf->size / 2 - less, outside = 1.0 + r * r * 0.8 / (alpha * alpha);
-                const bool enough = pow(outside, 1.0 - beta[b]) < 1e-3 || pow(outside, -beta[b]) < 1e-5;
-                if ((less || psf->size < 255) && (!less || psf->size > 5))
-                    assert_int_equal(enough, !less);
-            }
-            rx_psf_free(psf);
-        }
-}
-
 /* PSF_TYPE MOFFAT: of the tile at most where the size is ours to choose, else as asked for or refused. */
 static void test_moffat_of_a_tile(void **state)
 {
@@ -335,16 +207,6 @@ static void test_moffat_of_a_tile(void **state)
         rx_psf_free(psf);
         rx_psf_free(same);
     }
-}
-
-/* Beyond 127 pixels a stamp reaches two FWHM, whole pixels of it. */
-static void test_moffat_largest(void **state)
-{
-    (void)state;
-    rx_psf *psf;
-    assert_int_equal(rx_psf_moffat(127.45, 1.5, 1.0, 0.0, 0, &psf, NULL), RX_OK);
-    assert_int_equal(psf->size, 2 * 254 + 1);
-    rx_psf_free(psf);
 }
 
 /* A wide ellipse: second moments of the stamp point along the angle. */
@@ -438,22 +300,11 @@ static void test_polynomial_and_copy(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_moffat_ellipse_gradient),
-        cmocka_unit_test(test_auto_without_stars),
-        cmocka_unit_test(test_moffat_bounds),
-        cmocka_unit_test(test_moffat_fit_of_few_pixels),
-        cmocka_unit_test(test_shape_is_of_the_core),
-        cmocka_unit_test(test_moffat_of_a_tile),
-        cmocka_unit_test(test_moffat_pixels),
-        cmocka_unit_test(test_moffat_gradient),
-        cmocka_unit_test(test_moffat_largest),
-        cmocka_unit_test(test_encircled_energy),
-        cmocka_unit_test(test_moffat_sizes),
-        cmocka_unit_test(test_moffat_angle),
-        cmocka_unit_test(test_moffat_radii),
-        cmocka_unit_test(test_moffat_fit),
-        cmocka_unit_test(test_moffat_refused),
-        cmocka_unit_test(test_polynomial_and_copy),
+        cmocka_unit_test(test_auto_without_stars), cmocka_unit_test(test_shape_is_of_the_core),
+        cmocka_unit_test(test_moffat_of_a_tile),   cmocka_unit_test(test_moffat_pixels),
+        cmocka_unit_test(test_moffat_gradient),    cmocka_unit_test(test_encircled_energy),
+        cmocka_unit_test(test_moffat_angle),       cmocka_unit_test(test_moffat_fit),
+        cmocka_unit_test(test_moffat_refused),     cmocka_unit_test(test_polynomial_and_copy),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,12 +4,9 @@
 #include <stddef.h>
 /* cmocka.h comes after the headers it needs */
 #include <cmocka.h>
-#include <stdio.h>
-#include <string.h>
 
 #include "../near.h"
 #include "network_model.h"
-#include "nn/front.h"
 #include "restore/network.h"
 #include "restore/network_sky.h"
 #include "sky.h"
@@ -247,49 +244,12 @@ static void masked_pixels_have_no_weight(void **state)
     free(b);
 }
 
-/* Pixels, reblurred and chi2 by their formulas; a sigma that is none counts as the scale. */
-static void added_by_its_formula(void **state)
-{
-    (void)state;
-    bench *b = bench_new(3);
-    float low[4] = {0.5f, 0.5f, 0.5f, 0.5f}, *pixels = calloc((size_t)SIDE * SIDE, sizeof *pixels),
-          *reblurred = calloc((size_t)SIDE * SIDE, sizeof *reblurred);
-    const rx_coarse sky = {8, 2, 2, low};
-    double sum = 0;
-    long good = 0;
-    rx_network_adu made = {pixels, reblurred, 0};
-    assert_non_null(pixels);
-    assert_non_null(reblurred);
-    b->image.gain = 2;
-    for (int k = 0; k < SIDE * SIDE; k++) {
-        b->m[k] = (float)(k % 13 - 3);
-        b->mask[k] = k % 17 == 0;
-        b->sigma[k] = k % 9 == 0 ? -1 : k % 11 == 0 ? INFINITY : (float)(1 + k % 7);
-        pixels[k] = (float)(k % 5);
-        if (b->mask[k])
-            continue;
-        const double known = k % 9 == 0 || k % 11 == 0 ? 3 : b->sigma[k], m = b->m[k];
-        const double x = ((double)b->pixels[k] - 100) / 3;
-        sum += pow(x - m - 0.5, 2) / (pow(known / 3, 2) + fmax(m, 0) / (2 * 3.0));
-        good++;
-    }
-    assert_int_equal(rx_network_sky_add(&b->input, b->m, &sky, 3, &made, NULL), RX_OK);
-    for (int k = 0; k < SIDE * SIDE; k++) {
-        assert_near(pixels[k], b->mask[k] ? 0 : 3 * (k % 5 + 0.5), 1e-5);
-        assert_near(reblurred[k], 3 * ((double)b->m[k] + 0.5), 1e-4);
-    }
-    assert_near(made.chi2, sum / (double)good, 1e-5 * made.chi2);
-    free(pixels);
-    free(reblurred);
-    free(b);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(faint_structure_comes_back), cmocka_unit_test(the_sky_and_not_the_stars),
         cmocka_unit_test(outskirts_come_back),        cmocka_unit_test(masked_pixels_have_no_weight),
-        cmocka_unit_test(added_by_its_formula),       cmocka_unit_test(waves_are_not_shown),
+        cmocka_unit_test(waves_are_not_shown),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,7 +8,6 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,7 +15,6 @@
 #include "base/random.h"
 #include "num/convolve.h"
 #include "psf/psf.h"
-#include "template/fit_image.h"
 
 /* Nothing that blurs comparisons with closed forms: no background, no sky, a perfect PSF. */
 static rx_tphot_params plain_params(void)
@@ -592,6 +590,77 @@ static void test_refused(void **state)
     field_close(&f);
 }
 
+/* Two pairs on skies of their own: each has its background and its covariance, and the sky that is taken off
+ * is told. */
+static void test_two_groups(void **state)
+{
+    (void)state;
+    field f;
+    rx_tphot *t = NULL;
+    field_open(&f, 260, 120, 4, 1, 4);
+    for (int i = 0; i < 4; i++) {
+        const double x = 60.3 + i / 2 * 140 + i % 2 * (i / 2 ? 5 : 7), y = 60.4;
+        field_star(&f, x, y, 4e3 + 1e3 * i);
+        field_list(&f, x, y, 3, 1.7, 1.7, 0);
+    }
+    for (int k = 0; k < 260 * 120; k++)
+        f.pixels[k] += 2 + (k % 260 < 130 ? 0.05f : -0.02f);
+    field_restore_none(&f);
+    rx_tphot_params par = rx_tphot_defaults();
+    par.extended = 0;
+    par.covariance = 1;
+    par.psf_error = 0;
+    par.background_sigma = 10; /* hardly a prior */
+    for (int sky = 0; sky < 2; sky++) {
+        par.sky_cell = sky ? 400 : 0;
+        const rx_tphot_input input = field_input(&f);
+        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        assert_int_equal(t->ngroups, 2);
+        assert_int_equal(t->largest, 2);
+        assert_int_equal(t->npairs, 2);
+        double off = t->sky;
+        assert_near(off, sky ? 2.015 : 0, 1e-3);
+        for (int i = 0; i < 4; i++) {
+            assert_close(t->list[i].flux, 4e3 + 1e3 * i, 1e-3);
+            assert_near(t->list[i].background, 2 + (i < 2 ? 0.05 : -0.02) - off, 5e-3);
+            const rx_tphot_pair *p = &t->pairs[i / 2];
+            assert_int_equal(p->i, i / 2 * 2);
+            assert_int_equal(p->j, i / 2 * 2 + 1);
+            assert_close(fabs(p->covariance),
+                         t->list[i].blend * t->list[p->i].fluxerr * t->list[p->j].fluxerr, 1e-6);
+        }
+        rx_tphot_free(t);
+    }
+    field_close(&f);
+}
+
+/* A point that is in no list stays where it was asked for when nothing is refined. */
+static void test_extra(void **state)
+{
+    (void)state;
+    static const double at[2][2] = {{40.3, 50.8}, {80.6, 44.1}};
+    field f;
+    rx_tphot *t = NULL;
+    field_open(&f, 110, 100, 4, 1, 0);
+    for (int i = 0; i < 2; i++)
+        field_star(&f, at[i][0], at[i][1], 5e3);
+    field_restore_none(&f);
+    rx_tphot_params par = rx_tphot_defaults();
+    par.rounds = par.sky_cell = 0;
+    rx_tphot_input input = field_input(&f);
+    input.extra = at;
+    input.nextra = 2;
+    assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+    assert_int_equal(t->n, 2);
+    for (int i = 0; i < 2; i++) {
+        assert_near(t->list[i].x, at[i][0], 0);
+        assert_near(t->list[i].y, at[i][1], 0);
+        assert_close(t->list[i].flux, 5e3, 1e-3);
+    }
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_star),
@@ -607,6 +676,8 @@ int main(void)
                                        cmocka_unit_test(test_border_and_mask),
                                        cmocka_unit_test(test_pixels),
                                        cmocka_unit_test(test_varying),
+                                       cmocka_unit_test(test_two_groups),
+                                       cmocka_unit_test(test_extra),
                                        cmocka_unit_test(test_refused)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

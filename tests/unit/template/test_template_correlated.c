@@ -8,15 +8,11 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 #include "base/random.h"
-#include "template/correlated.h"
-#include "template/joint.h"
-#include "template/template_residual.h"
 
 enum { KERNEL = 5, HALF = KERNEL / 2 };
 
@@ -57,76 +53,6 @@ static void add_noise(field *f, uint64_t seed)
             f->pixels[k] += (float)((double)f->sigma[k] * sum / sqrt(power));
         }
     free(white);
-}
-
-static double value_at(const rx_footprint *f, int x, int y)
-{
-    const int u = x - f->x0, v = y - f->y0;
-    return u < 0 || v < 0 || u >= f->width || v >= f->height ? 0 : (double)f->values[v * f->width + u];
-}
-
-/* Two overlapping templates on uneven noise with holes: A^-1 B A^-1, pixel by pixel. */
-static void test_covariance(void **state)
-{
-    (void)state;
-    enum { W = 30, H = 26 };
-    const rx_noise_correlation noise = correlation();
-    field f;
-    rx_fit_image canvas;
-    field_open(&f, W, H, 3, 1, 0);
-    for (int k = 0; k < W * H; k++) {
-        f.sigma[k] = (float)(0.5 + rx_random_uniform(3, 2, (uint64_t)k));
-        f.mask[k] = k % 11 == 0;
-    }
-    rx_tphot_input input = field_input(&f);
-    input.image.correlation = &noise;
-    input.image.gain = 2;
-    rx_fit_image_open(&input, (size_t)W * H, 1, &canvas);
-    /* a sum of many pixels has the photon noise that it would have had before */
-    assert_near(canvas.gain / pow(rx_noise_factor_wide(&noise), 2), 2, 1e-9);
-    rx_footprint t[2] = {boxed(2, 2, 14, 12, 1), boxed(10, 8, 16, 15, 2)};
-    assert_int_equal(rx_fit_image_load_rows(&canvas, 0, H, NULL), RX_OK);
-    rx_joint_member m[2];
-    for (int i = 0; i < 2; i++)
-        m[i] = (rx_joint_member){.footprint = &t[i], .grain = 1};
-    const rx_joint_params par = {.nthreads = 1};
-    double background, covariance[4], a[3] = {0}, b[3] = {0};
-    assert_int_equal(rx_joint_fit(&par, &canvas, 2, m, &background, covariance, NULL), RX_OK);
-    for (int k = 0; k < W * H; k++) {
-        const int x = k % W, y = k / W;
-        const double s = 1 / (double)f.sigma[k], p = value_at(&t[0], x, y), q = value_at(&t[1], x, y);
-        if (f.mask[k])
-            continue;
-        a[0] += s * s * p * p;
-        a[1] += s * s * p * q;
-        a[2] += s * s * q * q;
-        for (int l = 0; l < W * H; l++) {
-            const int dx = l % W - x, dy = l / W - y;
-            if (f.mask[l] || abs(dx) > RX_NOISE_REACH || abs(dy) > RX_NOISE_REACH)
-                continue;
-            const double c = noise.at[dy + RX_NOISE_REACH][dx + RX_NOISE_REACH] * s / (double)f.sigma[l];
-            const double u = value_at(&t[0], l % W, l / W), v = value_at(&t[1], l % W, l / W);
-            b[0] += c * p * u;
-            b[1] += c * p * v;
-            b[2] += c * q * v;
-        }
-    }
-    const double det = a[0] * a[2] - a[1] * a[1], i[3] = {a[2] / det, -a[1] / det, a[0] / det};
-    const double first = i[0] * i[0] * b[0] + 2 * i[0] * i[1] * b[1] + i[1] * i[1] * b[2];
-    const double second = i[1] * i[1] * b[0] + 2 * i[1] * i[2] * b[1] + i[2] * i[2] * b[2];
-    const double both = i[0] * i[1] * b[0] + (i[0] * i[2] + i[1] * i[1]) * b[1] + i[1] * i[2] * b[2];
-    assert_near(m[0].variance / first, 1, 1e-4);
-    assert_near(m[1].variance / second, 1, 1e-4);
-    assert_near(covariance[1] / both, 1, 1e-4);
-    assert_near(covariance[2] / both, 1, 1e-4);
-    assert_near(m[0].alone / (b[0] / a[0] / a[0]), 1, 1e-4);
-    assert_near(fabs(m[0].blend) / (fabs(both) / sqrt(first * second)), 1, 1e-4);
-    /* of independent pixels another one */
-    assert_true(m[0].variance > 2 * i[0]);
-    for (int k = 0; k < 2; k++)
-        free(t[k].values);
-    rx_fit_image_clear(&canvas);
-    field_close(&f);
 }
 
 enum { ACROSS = 20, UP = 25, CELL = 48, SKIES = 4, PLACES = ACROSS * UP };
@@ -244,59 +170,9 @@ static void test_white(void **state)
     field_close(&f);
 }
 
-/* Empty sky through a filter of sum 0: as many sigmas as there are. */
-static void test_leftover(void **state)
-{
-    (void)state;
-    enum { SIDE = 7, W = 400, H = 300 };
-    const rx_noise_correlation noise = correlation();
-    float filter[SIDE * SIDE], *filtered = RX_NEW(float, W *H), *sigma = RX_NEW(float, W *H);
-    uint8_t *mask = RX_NEW(uint8_t, W * H);
-    double sum = 0, size = 0, power = 0, square = 0;
-    field f;
-    rx_fit_image canvas;
-    assert_non_null(filtered);
-    assert_non_null(sigma);
-    assert_non_null(mask);
-    field_open(&f, W, H, 3, 2, 0);
-    add_noise(&f, 11);
-    for (int k = 0; k < SIDE * SIDE; k++) {
-        filter[k] = (float)exp(-0.3 * (pow(k % SIDE - 3, 2) + pow(k / SIDE - 3, 2)));
-        sum += (double)filter[k];
-    }
-    for (int k = 0; k < SIDE * SIDE; k++) {
-        filter[k] -= (float)(sum / (SIDE * SIDE));
-        size += fabs((double)filter[k]);
-    }
-    for (int k = 0; k < SIDE * SIDE; k++) {
-        filter[k] /= (float)size;
-        power += (double)filter[k] * (double)filter[k];
-    }
-    rx_tphot_input input = field_input(&f);
-    input.image.correlation = &noise;
-    rx_fit_image_open(&input, (size_t)W * H, 1, &canvas);
-    const rx_template_residual of = {.canvas = &canvas,
-                                     .pixels = f.pixels,
-                                     .reach = 1,
-                                     .grain = rx_noise_factor(&noise, filter, SIDE, SIDE),
-                                     .filter = filter,
-                                     .side = SIDE};
-    assert_int_equal(rx_template_residual_filter(&of, 0, H, filtered, sigma, mask, NULL), RX_OK);
-    for (int k = 0; k < W * H; k++)
-        square += pow((double)filtered[k] / ((double)sigma[k] * sqrt(power)), 2) / (W * H);
-    assert_near(sqrt(square), 1, 0.02);
-    rx_fit_image_clear(&canvas);
-    free(filtered);
-    free(sigma);
-    free(mask);
-    field_close(&f);
-}
-
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_covariance),
-                                       cmocka_unit_test(test_scatter_alone),
-                                       cmocka_unit_test(test_scatter_of_pairs), cmocka_unit_test(test_white),
-                                       cmocka_unit_test(test_leftover)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_scatter_alone),
+                                       cmocka_unit_test(test_scatter_of_pairs), cmocka_unit_test(test_white)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

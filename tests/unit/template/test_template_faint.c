@@ -8,90 +8,9 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-#include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
-#include "base/random.h"
-#include "psf/psf.h"
 #include "template/fit.h"
-#include "template/prior.h"
-#include "template/spergel.h"
-
-/* Columns in single precision against the doubles. */
-static void test_column(void **state)
-{
-    (void)state;
-    enum { N = 65, FIRST = -20 };
-    static const rx_spergel profiles[] = {
-        {2.5, 0.2, -0.1, 0.3}, {0.2, 0, 0, -0.7}, {30, -0.5, 0.6, 8}, {9, 0.1, 0, -0.78}};
-    float values[5][N];
-    float *columns[5];
-    for (int k = 0; k < 5; k++)
-        columns[k] = values[k];
-    for (size_t p = 0; p < sizeof profiles / sizeof *profiles; p++)
-        for (int u = 0; u <= 64; u += 8) {
-            rx_spergel_form form;
-            rx_spergel_set(&profiles[p], &form);
-            rx_spergel_column(&form, u / 128.0, 1.0 / 128, FIRST, N, 5, columns);
-            for (int v = 0; v < N; v++) {
-                double gradient[4];
-                const double value = rx_spergel_at(&form, u / 128.0, (FIRST + v) / 128.0, gradient);
-                assert_near(values[0][v], value, 1e-6);
-                for (int k = 0; k < 4; k++)
-                    assert_near(values[k + 1][v], gradient[k], 3e-6 * (1 + fabs(gradient[k])));
-            }
-            float alone[N];
-            columns[0] = alone;
-            rx_spergel_column(&form, u / 128.0, 1.0 / 128, FIRST, N, 1, columns);
-            columns[0] = values[0];
-            for (int v = 0; v < N; v++)
-                assert_near(alone[v], values[0][v], 1e-6f);
-        }
-}
-
-/* 900 sources of S/N 20 to 100, a third of them points; radii follow a law with scatter and are known to
- * +- 0.3. */
-static void test_usual(void **state)
-{
-    (void)state;
-    enum { N = 900 };
-    rx_prior_sample *cases = RX_NEW(rx_prior_sample, N);
-    assert_non_null(cases);
-    double pivot = 0;
-    for (uint64_t i = 0; i < N; i++) {
-        const double flux = 100 * pow(5, rx_random_uniform(3, 1, i)), u = log(flux / 224);
-        const int point = i % 3 == 0;
-        const double radius = 0.7 + 0.4 * u + 0.5 * rx_random_normal(3, 2, i);
-        const double nu = 0.2 + 0.6 * rx_random_normal(3, 3, i);
-        cases[i] = (rx_prior_sample){.flux = flux, .snr = flux / 5, .evidence = point ? -20 : 30};
-        if (!point) {
-            cases[i].radius = (rx_likelihood){radius + 0.3 * rx_random_normal(3, 4, i), 1 / 0.09};
-            cases[i].nu = (rx_likelihood){nu + 0.3 * rx_random_normal(3, 5, i), 1 / 0.09};
-        }
-        pivot += log(flux) / N;
-    }
-    rx_tile_prior usual = rx_tile_prior_start(4);
-    rx_tile_prior_fit(cases, 19, 0, 4, &usual);
-    assert_true(usual.star_odds == 1);
-    assert_true(usual.radius.mean == log(2.4));
-    assert_true(usual.radius.slope == 0);
-    rx_tile_prior_fit(cases, N, 0, 4, &usual);
-    assert_near(usual.star_odds, 0.5, 0.0025);
-    assert_near(usual.pivot, pivot, 1e-12);
-    /* 600 sources: means known to 0.025, the slope to 0.05 */
-    assert_near(rx_prior_scaling_mean(&usual, &usual.radius, 224), 0.7, 0.004);
-    assert_near(usual.radius.slope, 0.4, 0.15);
-    assert_near(usual.radius.width / 1.4, 0.5, 0.03); /* used 1.4 times as wide */
-    assert_near(usual.nu.mean, 0.2, 0.08);
-    assert_near(usual.nu.width, 0.6, 0.015);
-    /* a prior goes in and comes out */
-    const rx_likelihood word = rx_likelihood_of((4 * 2.0 + 1 * 0.5) / 5, 1 / 5.0, 0.5, 1);
-    assert_near(word.mean, 2, 1e-12);
-    assert_near(word.precision, 4, 1e-12);
-    assert_true(rx_likelihood_of(1, 1, 1, 1).precision == 0);
-    free(cases);
-}
 
 typedef struct patch {
     rx_template_otf *lens;
@@ -99,106 +18,6 @@ typedef struct patch {
     rx_patch patch;
     rx_psf *psf;
 } patch;
-
-/* An exponential of radius 3 behind a Moffat, flux `flux`, noise 1. */
-static void open_patch(patch *p, double flux, uint64_t seed)
-{
-    enum { HALF = 20 };
-    const rx_spergel truth = {3, 0, 0, 0.5};
-    assert_int_equal(rx_psf_moffat(4, 3.5, 1, 0, 25, &p->psf, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_new(p->psf, NULL, &p->lens, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_at(p->lens, rx_template_otf_side(p->lens, 15, 0), 0, 0, &p->size, NULL),
-                     RX_OK);
-    rx_template_domain_render(p->size, &truth, 0, 0, NULL, 1);
-    const int side = 2 * HALF + 1, corner = p->size->n / 2 - HALF;
-    const size_t stride = (size_t)rx_fft_stride_real(p->size->fft);
-    p->patch = (rx_patch){.side = side, .corner = corner};
-    p->patch.data = RX_NEW(double, 2 * side * side);
-    assert_non_null(p->patch.data);
-    p->patch.weight = p->patch.data + side * side;
-    for (int k = 0; k < side * side; k++) {
-        const size_t at = (size_t)(k / side + corner) * stride + (size_t)(k % side + corner);
-        p->patch.data[k] = flux * p->size->plane[0][at] + rx_random_normal(seed, 1, (uint64_t)k);
-        p->patch.weight[k] = 1;
-    }
-}
-
-static void close_patch(patch *p)
-{
-    rx_patch_clear(&p->patch);
-    rx_template_otf_free(p->lens);
-    rx_psf_free(p->psf);
-}
-
-/* All but flux and radius are held by their priors. */
-static rx_fit only_radius(void)
-{
-    rx_fit fit = {.n = RX_FIT_ALL, .iterations = 30};
-    for (int j = 0; j < RX_FIT_ALL; j++)
-        fit.width[j] = j == RX_FIT_FLUX ? 0 : j == RX_FIT_RADIUS ? 0.8 : 1e-4;
-    fit.p[RX_FIT_RADIUS] = fit.prior[RX_FIT_RADIUS] = log(3);
-    fit.p[RX_FIT_NU] = fit.prior[RX_FIT_NU] = log(1.5);
-    fit.high[RX_FIT_G1] = 0.8;
-    fit.low[RX_FIT_G1] = -0.8;
-    return fit;
-}
-
-/* The mean flux over the posterior of the radius, summed up over 241 radii. */
-static double exact_mean(const rx_fit *best, const patch *p)
-{
-    const size_t stride = (size_t)rx_fft_stride_real(p->size->fft);
-    double sum = 0, flux = 0;
-    for (int k = 0; k <= 240; k++) {
-        const double r = best->p[RX_FIT_RADIUS] - 3 + 6 * k / 240.0;
-        const rx_spergel profile = {exp(r), 0, 0, 0.5};
-        double tt = 0, td = 0, dd = 0;
-        rx_template_domain_render(p->size, &profile, best->p[RX_FIT_X], best->p[RX_FIT_Y], NULL, 1);
-        for (int i = 0; i < p->patch.side * p->patch.side; i++) {
-            const double t = p->size->plane[0][(size_t)(i / p->patch.side + p->patch.corner) * stride +
-                                               (size_t)(i % p->patch.side + p->patch.corner)];
-            tt += t * t;
-            td += t * p->patch.data[i];
-            dd += p->patch.data[i] * p->patch.data[i];
-        }
-        const double off = (r - log(3)) / 0.8, chi2 = dd - td * td / tt + off * off;
-        const double w = exp(-0.5 * (chi2 - best->chi2)) / sqrt(tt);
-        sum += w;
-        flux += w * td / tt;
-    }
-    return flux / sum;
-}
-
-static void test_average(void **state)
-{
-    (void)state;
-    double left = 0, before = 0;
-    for (uint64_t seed = 1; seed <= 12; seed++) {
-        patch p;
-        rx_fit fit = only_radius();
-        open_patch(&p, 150, seed); /* S/N 12 */
-        rx_fit_run(&fit, p.size, &p.patch);
-        const rx_fit_mean mean = rx_fit_average(&fit, p.size, &p.patch);
-        const double best = fit.p[RX_FIT_FLUX], exact = exact_mean(&fit, &p);
-        before += fabs(best - exact);
-        left += fabs(mean.flux - exact);
-        assert_true(mean.variance > 0.5 * rx_fit_variance(&fit, 0));
-        assert_true(mean.variance < 2.5 * rx_fit_variance(&fit, 0));
-        close_patch(&p);
-    }
-    print_message("off the mean: best fit %.2f, average %.2f\n", before / 12, left / 12);
-    assert_true(left < 0.4 * before);
-    /* a bright one is a Gaussian */
-    patch p;
-    rx_fit fit = only_radius();
-    open_patch(&p, 20000, 5);
-    rx_fit_run(&fit, p.size, &p.patch);
-    const rx_fit_mean mean = rx_fit_average(&fit, p.size, &p.patch);
-    const double variance = rx_fit_variance(&fit, 0);
-    assert_near(mean.flux, fit.p[RX_FIT_FLUX], 0.05 * sqrt(variance));
-    assert_near(mean.variance / variance, 1, 0.005);
-    assert_near(mean.evidence, 0, 0.05);
-    close_patch(&p);
-}
 
 /* By default, all sources of the list. */
 static rx_tphot *fit(field *f)
@@ -342,10 +161,8 @@ static void test_beside_cosmic_ray(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_column),           cmocka_unit_test(test_usual),
-        cmocka_unit_test(test_average),          cmocka_unit_test(test_evidence),
-        cmocka_unit_test(test_structure),        cmocka_unit_test(test_own_photons),
-        cmocka_unit_test(test_beside_cosmic_ray)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_evidence), cmocka_unit_test(test_structure),
+                                       cmocka_unit_test(test_own_photons),
+                                       cmocka_unit_test(test_beside_cosmic_ray)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
