@@ -94,15 +94,6 @@ static void test_rendering(void **state)
     rx_psf_free(psf);
 }
 
-enum { HALF = 45, PIXELS = (2 * HALF + 1) * (2 * HALF + 1) };
-
-typedef struct bench {
-    rx_psf *psf;
-    rx_template_otf *lens;
-    rx_template_domain *size;
-    rx_patch patch; /* wider than a stretch of the fit's sums */
-} bench;
-
 /* An exponential disk holds half of its light within 1.67835 scale lengths; gradients against differences. */
 static void test_spergel(void **state)
 {
