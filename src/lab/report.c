@@ -8,9 +8,8 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "report/curves.h"
+#include "report/figure.h"
 #include "report/ecsv.h"
-#include "report/report_file.h"
 
 static const double LEVEL = 0.95; /* of all intervals */
 

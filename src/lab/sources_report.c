@@ -11,7 +11,7 @@
 #include "lab/sources.h"
 #include "quality/evaluate.h"
 #include "quality/hypothesis.h"
-#include "report/curves.h"
+#include "report/figure.h"
 
 #define ALL HUGE_VAL
 

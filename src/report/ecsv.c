@@ -1,6 +1,7 @@
 /* Tables as ECSV. */
 #include "report/ecsv.h"
 
+#include <math.h>
 #include <strings.h>
 
 #include "report/escape.h"
@@ -74,7 +75,10 @@ static void next_cell(rx_ecsv *table)
 void rx_ecsv_number(rx_ecsv *table, double value)
 {
     next_cell(table);
-    rx_number_cell(table->text, value);
+    if (isfinite(value))
+        rx_text_printf(table->text, "%.9g", value == 0 ? 0 : value);
+    else
+        rx_text_add(table->text, isnan(value) ? "nan" : value > 0 ? "inf" : "-inf");
 }
 
 void rx_ecsv_count(rx_ecsv *table, long value)

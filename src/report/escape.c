@@ -1,7 +1,6 @@
-/* Outside strings and numbers for HTML, JSON and ECSV. */
+/* Outside strings for HTML, JSON and ECSV. */
 #include "report/escape.h"
 
-#include <math.h>
 #include <stdbool.h>
 #include <string.h>
 
@@ -88,22 +87,4 @@ void rx_escape_stem(char *dst, size_t size, const char *text)
     keep_only(dst, size, text, "_-", '_');
     if (dst[0] == '\0')
         memcpy(dst, "run", 4);
-}
-
-void rx_number_json(rx_text *dst, double value)
-{
-    if (isfinite(value))
-        rx_text_printf(dst, "%.9g", value == 0 ? 0 : value); /* no "-0" */
-    else
-        rx_text_add(dst, "null");
-}
-
-void rx_number_cell(rx_text *dst, double value)
-{
-    if (isnan(value))
-        rx_text_add(dst, "nan");
-    else if (isinf(value))
-        rx_text_add(dst, value > 0 ? "inf" : "-inf");
-    else
-        rx_text_printf(dst, "%.9g", value == 0 ? 0 : value);
 }

@@ -13,8 +13,4 @@ void rx_escape_plain(char *dst, size_t size,
                      const char *text); /* letters, digits and " _-+." only, for figures */
 void rx_escape_stem(char *dst, size_t size, const char *text); /* letters, digits, - and _, for file names */
 
-/* A number as JSON and as ECSV know it: 9 significant digits; not finite: null, or nan and inf. */
-void rx_number_json(rx_text *dst, double value);
-void rx_number_cell(rx_text *dst, double value);
-
 #endif

@@ -125,24 +125,6 @@ void rx_plot_value(rx_text *script, double value)
         rx_text_add(script, " NaN"); /* gnuplot's own name for what is not there */
 }
 
-void rx_plot_interval(rx_text *script, double value, double low, double high, double y0, double y1)
-{
-    bool bounded = isfinite(low) && isfinite(high);
-    rx_plot_value(script, value);
-    rx_plot_value(script, bounded ? fmax(low, y0) : value);
-    rx_plot_value(script, bounded ? fmin(high, y1) : value);
-}
-
-void rx_plot_title(rx_text *script, const char *name)
-{
-    char plain[64];
-    rx_escape_plain(plain, sizeof plain, name);
-    if (plain[0] != '\0')
-        rx_text_printf(script, " title '%s'", plain);
-    else
-        rx_text_add(script, " notitle");
-}
-
 /* In single quotes gnuplot knows no escape but the doubled quote. */
 static void write_label(rx_text *script, const char *axis, const char *label)
 {
@@ -186,21 +168,6 @@ void rx_plot_begin(rx_figures *dst, const rx_axes *axes)
                    axes->log_x ? "%g" : "% h", axes->log_y ? "%g" : "% h");
     write_range(script, "xrange", axes->x0, axes->x1, axes->log_x);
     write_range(script, "yrange", axes->y0, axes->y1, axes->log_y);
-}
-
-void rx_plot_colours_begin(rx_text *script, const char *palette, double low, double high, const char *label)
-{
-    rx_text_printf(
-        script,
-        "set palette defined %s\nset cbrange [%.6g:%.6g]\nset colorbox\nset cblabel '%s' offset 2\n"
-        "set rmargin at screen 0.78\nset size ratio -1\n",
-        palette, low, high, label);
-}
-
-void rx_plot_colours_end(rx_text *script)
-{
-    rx_text_add(script,
-                "\nset size noratio\nset rmargin -1\nunset cblabel\nset cbrange [*:*]\nset palette gray\n");
 }
 
 /* The end of the first `what` in `from`, or NULL. */
@@ -371,43 +338,23 @@ exit:
     return status;
 }
 
-static rx_status cannot_be_written(rx_error *err, const char *shown)
-{
-    return rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s", strerror(errno));
-}
-
-static rx_status write_script(const rx_text *script, const char *folder, const char *shown, rx_error *err)
-{
-    rx_text path = {0};
-    rx_status status = RX_OK;
-    FILE *file = NULL;
-    rx_text_printf(&path, "%s/figures.gp", folder);
-    if (script->failed || path.failed)
-        RX_TRY_EXIT(rx_error_memory(err, script->length));
-    file = fopen(path.data, "wb");
-    if (file == NULL || fwrite(script->data, 1, script->length, file) != script->length || fflush(file) != 0)
-        status = cannot_be_written(err, shown);
-exit:
-    if (file != NULL)
-        fclose(file);
-    rx_text_free(&path);
-    return status;
-}
-
 rx_status rx_figures_start(rx_figures *dst, const char *program, const char *folder, const char *shown,
                            rx_error *err)
 {
-    rx_text work = {0};
+    rx_text work = {0}, path = {0};
     rx_text_printf(&work, "%s/.figures-XXXXXX", folder);
-    if (work.failed)
-        return rx_error_memory(err, 0);
-    if (mkdtemp(work.data) == NULL) {
-        const rx_status failed = cannot_be_written(err, shown);
+    rx_status status = work.failed ? rx_error_memory(err, 0) : RX_OK;
+    if (status == RX_OK && mkdtemp(work.data) == NULL)
+        status =
+            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s", strerror(errno));
+    if (status != RX_OK) {
         rx_text_free(&work);
-        return failed;
+        return status;
     }
     dst->work = work.data;
-    rx_status status = write_script(&dst->script, dst->work, shown, err);
+    rx_text_printf(&path, "%s/figures.gp", dst->work);
+    status = path.failed ? rx_error_memory(err, 0) : rx_text_write_file(&dst->script, path.data, shown, err);
+    rx_text_free(&path);
     if (status == RX_OK)
         dst->gnuplot =
             rx_gnuplot_start(name_of(program), dst->work, "figures.gp", dst->note, sizeof dst->note);

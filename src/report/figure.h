@@ -82,14 +82,35 @@ typedef enum rx_curve_kind {
 typedef struct rx_curve {
     const char *name; /* of the key, made plain; NULL or "" = not in the key */
     rx_curve_kind kind;
-    int color;                        /* 0.. (modulo RX_PALETTE); -1 = grey and dotted: a reference line */
-    bool dashed;                      /* so that two curves of one method differ */
-    long n;                           /* a value that is not finite leaves a gap */
-    const double *x, *y, *low, *high; /* [n]; low, high for BARS and BAND, else NULL */
+    int color;   /* 0.. (modulo RX_PALETTE); -1 = grey and dotted: a reference line */
+    bool dashed; /* so that two curves of one method differ */
+    long n, room;
+    double (*point)[4]; /* x, y, low, high; one that is not finite leaves a gap */
 } rx_curve;
 
-/* Curves in one frame, drawn in this order. Lines, steps and dots of more than 2000 points are thinned. */
-void rx_plot_curves(rx_figures *dst, const rx_axes *axes, int n, const rx_curve *curves);
+/* Curves in one frame as they grow, point by point, drawn in this order. Lines, steps and dots of more than 2000
+ * points are thinned.
+ *
+ *   rx_curves c = {0};
+ *   rx_curves_add(&c, RX_CURVE_BARS, rx_method_color(name), name);
+ *   rx_curves_put(&c, x, y, low, high);                            any number
+ *   rx_curves_figure(figures, "recall", "Recall", "how to read it", &axes, &c); */
+typedef struct rx_curves {
+    int n;
+    rx_curve *curve;
+    long points; /* with a value, of all curves that are not grey */
+    bool equal;  /* both axes to one scale */
+    bool failed; /* memory ran out */
+} rx_curves;
+
+/* Where a curve with a name has that colour already, the new one is dashed. */
+void rx_curves_add(rx_curves *curves, rx_curve_kind kind, int color, const char *name);
+void rx_curves_put(rx_curves *curves, double x, double y, double low, double high);
+void rx_curves_reference(rx_curves *curves, double x0, double y0, double x1, double y1); /* a grey line */
+
+/* A chart of them, if there is a point to show; the curves are freed. axes->y0 == y1: from the points and their bars. */
+void rx_curves_figure(rx_figures *dst, const char *id, const char *title, const char *reading,
+                      const rx_axes *axes, rx_curves *curves);
 
 /* Box plots: groups along x (names made plain), in each group one box per method, boxes[group * nmethods +
  * method] (n = 0: left out). Box = quartiles, bar = median, ring = mean, whiskers = box.low, box.high. axes:
@@ -111,17 +132,22 @@ typedef struct rx_grey_image {
 } rx_grey_image;
 void rx_plot_picture(rx_figures *dst, const rx_grey_image *picture);
 
-/* For figures that are none of these: output file, labels and ranges of the figure announced last; values
- * (NaN where not finite), value and ends (cut to y0..y1, where the plot ends; both the value when one is not
- * finite) and names made harmless, to be written into dst->script. Line style k + 1 and color(k + 1,
- * transparency) are those of method k; a logarithmic axis stays until unset. */
+/* For figures that are none of these: output file, labels and ranges of the figure announced last, and values
+ * (NaN where not finite), to be written into dst->script. Line style k + 1 and color(k + 1, transparency) are those
+ * of method k; a logarithmic axis stays until unset. */
 void rx_plot_begin(rx_figures *dst, const rx_axes *axes);
 void rx_plot_value(rx_text *script, double value);
-void rx_plot_interval(rx_text *script, double value, double low, double high, double y0, double y1);
-/* A colour bar with room for its numbers and words, and an undistorted plot; then what it leaves as others expect it.
- * palette: gnuplot's, "(0 '#440154', ...)"; label a constant without quotes. */
-void rx_plot_colours_begin(rx_text *script, const char *palette, double low, double high, const char *label);
-void rx_plot_colours_end(rx_text *script);
-void rx_plot_title(rx_text *script, const char *name); /* " title 'name'", " notitle" without one */
+
+/* Numbers in colour, undistorted, with a colour bar: the caller writes "$data using ..." for gnuplot's plot, then
+ * comes rx_plot_coloured_end(). */
+#define RX_PLOT_VIRIDIS "(0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725')"
+typedef struct rx_coloured {
+    const char *palette, *label; /* gnuplot's; a constant without quotes */
+    double low, high;
+    int rows, columns;
+    const double *values; /* [rows][columns] */
+} rx_coloured;
+void rx_plot_coloured_begin(rx_figures *dst, const rx_axes *axes, const rx_coloured *what);
+void rx_plot_coloured_end(rx_figures *dst);
 
 #endif

@@ -37,50 +37,33 @@ static char **clean_environment(char *locale)
 }
 
 /* The parent blocks the signals that end it, to clean up after itself; the child must not inherit that.
- * What is ignored (nohup) stays ignored, but for SIGPIPE. */
-static int default_signals(posix_spawnattr_t *attributes)
-{
-    sigset_t none, pipe;
-    sigemptyset(&none);
-    sigemptyset(&pipe);
-    sigaddset(&pipe, SIGPIPE);
-    int failed = posix_spawnattr_setsigmask(attributes, &none);
-    failed = failed != 0 ? failed : posix_spawnattr_setsigdefault(attributes, &pipe);
-    return failed != 0 ? failed
-                       : posix_spawnattr_setflags(attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
-}
-
-static int redirect(posix_spawn_file_actions_t *actions, const char *folder)
-{
-    int failed = posix_spawn_file_actions_addchdir_np(actions, folder);
-    if (failed == 0)
-        failed = posix_spawn_file_actions_addopen(actions, 0, "/dev/null", O_RDONLY, 0);
-    if (failed == 0)
-        failed =
-            posix_spawn_file_actions_addopen(actions, 1, "gnuplot.log", O_WRONLY | O_CREAT | O_TRUNC, 0600);
-    if (failed == 0)
-        failed = posix_spawn_file_actions_adddup2(actions, 1, 2);
-    return failed;
-}
-
+ * What is ignored (nohup) stays ignored, but for SIGPIPE. 0 or an error number. */
 static int spawn(pid_t *child, const char *program, const char *folder, const char *script)
 {
     posix_spawn_file_actions_t actions;
     posix_spawnattr_t attributes;
+    sigset_t none, pipe;
+    int failed = ENOMEM;
     char options[] = "-d", locale[] = "LC_ALL=C";
     char *name = rx_strdup(program), *file = rx_strdup(script), **environment = clean_environment(locale);
-    int failed = name != NULL && file != NULL && environment != NULL ? 0 : ENOMEM;
     char *arguments[] = {name, options, file, NULL};
-    if (failed == 0 && (failed = posix_spawn_file_actions_init(&actions)) == 0) {
-        failed = redirect(&actions, folder);
-        if (failed == 0 && (failed = posix_spawnattr_init(&attributes)) == 0) {
-            failed = default_signals(&attributes);
-            if (failed == 0)
-                failed = posix_spawnp(child, program, &actions, &attributes, arguments, environment);
-            posix_spawnattr_destroy(&attributes);
-        }
-        posix_spawn_file_actions_destroy(&actions);
-    }
+    sigemptyset(&none);
+    sigemptyset(&pipe);
+    sigaddset(&pipe, SIGPIPE);
+    posix_spawn_file_actions_init(&actions); /* as the next one it only sets fields */
+    posix_spawnattr_init(&attributes);
+    if (name != NULL && file != NULL && environment != NULL &&
+        posix_spawn_file_actions_addchdir_np(&actions, folder) == 0 &&
+        posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0) == 0 &&
+        posix_spawn_file_actions_addopen(&actions, 1, "gnuplot.log", O_WRONLY | O_CREAT | O_TRUNC, 0600) ==
+            0 &&
+        posix_spawn_file_actions_adddup2(&actions, 1, 2) == 0 &&
+        posix_spawnattr_setsigmask(&attributes, &none) == 0 &&
+        posix_spawnattr_setsigdefault(&attributes, &pipe) == 0 &&
+        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF) == 0)
+        failed = posix_spawnp(child, program, &actions, &attributes, arguments, environment);
+    posix_spawnattr_destroy(&attributes);
+    posix_spawn_file_actions_destroy(&actions);
     free(name);
     free(file);
     free(environment);

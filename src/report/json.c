@@ -2,6 +2,7 @@
 #include "report/json.h"
 
 #include <inttypes.h>
+#include <math.h>
 
 #include "report/escape.h"
 
@@ -71,7 +72,10 @@ void rx_json_end(rx_json *json)
 void rx_json_number(rx_json *json, const char *key, double value)
 {
     before(json, key);
-    rx_number_json(json->text, value);
+    if (isfinite(value))
+        rx_text_printf(json->text, "%.9g", value == 0 ? 0 : value); /* no "-0" */
+    else
+        rx_text_add(json->text, "null");
 }
 
 void rx_json_count(rx_json *json, const char *key, uint64_t value)
@@ -87,34 +91,4 @@ void rx_json_string(rx_json *json, const char *key, const char *value)
         rx_escape_quoted(json->text, value);
     else
         rx_text_add(json->text, "null");
-}
-
-void rx_json_estimate(rx_json *json, const char *key, const rx_estimate *e)
-{
-    rx_json_object(json, key, true);
-    rx_json_number(json, "value", e->value);
-    rx_json_number(json, "low", e->low);
-    rx_json_number(json, "high", e->high);
-    rx_json_number(json, "n", (double)e->n);
-    rx_json_end(json);
-}
-
-void rx_json_numbers(rx_json *json, const char *key, long n, const double *values)
-{
-    rx_json_array(json, key, true);
-    for (long i = 0; i < n; i++)
-        rx_json_number(json, NULL, values[i]);
-    rx_json_end(json);
-}
-
-void rx_json_record(rx_json *json, int n, const char *const (*pairs)[2])
-{
-    rx_json_array(json, "record", false);
-    for (int i = 0; i < n; i++) {
-        rx_json_object(json, NULL, true);
-        rx_json_string(json, "name", pairs[i][0]);
-        rx_json_string(json, "value", pairs[i][1]);
-        rx_json_end(json);
-    }
-    rx_json_end(json);
 }

@@ -7,7 +7,6 @@
 #include <stdint.h>
 
 #include "base/text.h"
-#include "quality/binomial.h"
 
 enum { RX_JSON_DEPTH = 32 };
 
@@ -33,12 +32,5 @@ void rx_json_end(rx_json *json);
 void rx_json_number(rx_json *json, const char *key, double value);
 void rx_json_count(rx_json *json, const char *key, uint64_t value);     /* whole, every digit */
 void rx_json_string(rx_json *json, const char *key, const char *value); /* NULL = null */
-/* {"value": , "low": , "high": , "n": }; an end that is not bounded is null. */
-void rx_json_estimate(rx_json *json, const char *key, const rx_estimate *e);
-/* [v, v, ...] on one line. */
-void rx_json_numbers(rx_json *json, const char *key, long n, const double *values);
-
-/* "record": [{"name": , "value": }, ...]: configuration and provenance. */
-void rx_json_record(rx_json *json, int n, const char *const (*pairs)[2]);
 
 #endif

@@ -7,7 +7,7 @@
 
 #include "base/memory.h"
 #include "num/stats.h"
-#include "report/curves.h"
+#include "report/figure.h"
 
 enum { FEW = 5, PULL_BINS = 48, CIRCLE = 96, PICTURE_SIDE = 300 };
 static const double PULL_REACH = 6;
@@ -116,7 +116,7 @@ static void draw_error(drawing *d, rx_axes *axes)
     axes->ylabel = "m - m0  [mag]";
     for (int k = 0; k < d->q->input->nruns && !d->curves.failed; k++)
         for (long i = 0; i < d->curves.curve[k].n; i++)
-            farthest = fmax(farthest, fabs(d->curves.curve[k].y[i]));
+            farthest = fmax(farthest, fabs(d->curves.curve[k].point[i][1]));
     axes->y1 = fmin(fmax(reach > 0 ? reach : 1.2 * farthest, 0.1), 2);
     axes->y0 = -axes->y1;
 }
@@ -126,11 +126,11 @@ static void draw_magerr(drawing *d, rx_axes *axes)
     double low = 10, high = 0;
     put_bins(d, RX_METRIC_MAGERR, false);
     for (int k = 0; k < d->curves.n; k++)
-        for (long i = 0; i < d->curves.curve[k].n; i++)
-            if (d->curves.curve[k].y[i] > 0) {
-                low = fmin(low, d->curves.curve[k].y[i]);
-                high = fmax(high, d->curves.curve[k].y[i]);
-            }
+        for (long i = 0; i < d->curves.curve[k].n; i++) {
+            const double value = d->curves.curve[k].point[i][1];
+            low = value > 0 ? fmin(low, value) : low;
+            high = fmax(high, value);
+        }
     axes->ylabel = "MagErr  [%]";
     axes->y0 = fmax(0.5 * low, 0.01);
     axes->y1 = fmax(3 * high, 10 * axes->y0);

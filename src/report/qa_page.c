@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "report/page.h"
 #include "report/qa_figures.h"
 #include "report/qa_regions.h"
 #include "report/qa_tables.h"

@@ -6,7 +6,7 @@
 #include "base/memory.h"
 #include "data/psf.h"
 #include "num/stats.h"
-#include "report/curves.h"
+#include "report/figure.h"
 #include "report/qa_figures.h"
 
 enum { PICTURE_SIDE = 300, FEW = 5, SHAPES = 3 };
@@ -81,28 +81,30 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
         "their major axis; one of %.2g is as long as 10 %% of the tile's longer side. Colours or whiskers "
         "that flock are a PSF that varies in another way than the model.",
         ellipse);
-    rx_figure_add(dst, "psf-map", "Stars - PSF over the tile", reading, RX_FIGURE_CHART);
-    rx_plot_begin(
-        dst,
-        &(rx_axes){.xlabel = "X_IMAGE", .ylabel = "Y_IMAGE", .x1 = q->input->width, .y1 = q->input->height});
-    rx_text_add(&dst->script, "$stars << EOD\n");
-    for (int i = 0; i < judged->nstars; i++) {
+    double *values = RX_NEW(double, 5 * (size_t)judged->nstars), *v = values;
+    dst->script.failed |= values == NULL;
+    for (int i = 0; i < judged->nstars && values != NULL; i++) {
         const rx_psf_star *s = &judged->star[i];
         const double half = 0.5 * length * hypot(s->off[1], s->off[2]),
                      angle = 0.5 * atan2(s->off[2], s->off[1]);
-        const double values[] = {s->x + 1.0, s->y + 1.0, s->off[0], half * cos(angle), half * sin(angle)};
-        for (size_t k = 0; k < sizeof values / sizeof *values; k++)
-            rx_plot_value(&dst->script, values[k]);
-        rx_text_add(&dst->script, "\n");
+        *v++ = s->x + 1.0;
+        *v++ = s->y + 1.0;
+        *v++ = s->off[0];
+        *v++ = half * cos(angle);
+        *v++ = half * sin(angle);
     }
-    rx_text_add(&dst->script, "NaN NaN NaN NaN NaN\nEOD\n");
-    rx_plot_colours_begin(&dst->script, "(-1 '#2166ac', 0 '#cccccc', 1 '#b2182b')", -size, size, "dT/T");
-    rx_text_add(&dst->script, "plot $stars using ($1-$4):($2-$5):(2*$4):(2*$5) with vectors nohead lc rgb "
-                              "'#404040' lw 1.6 notitle, "
-                              "$stars using 1:2:3 with points pt 7 ps 0.9 palette notitle, $stars using 1:2 "
-                              "with points pt 6 ps 0.9 "
-                              "lw 0.7 lc rgb '#808080' notitle");
-    rx_plot_colours_end(&dst->script);
+    rx_figure_add(dst, "psf-map", "Stars - PSF over the tile", reading, RX_FIGURE_CHART);
+    rx_plot_coloured_begin(
+        dst,
+        &(rx_axes){.xlabel = "X_IMAGE", .ylabel = "Y_IMAGE", .x1 = q->input->width, .y1 = q->input->height},
+        &(rx_coloured){"(-1 '#2166ac', 0 '#cccccc', 1 '#b2182b')", "dT/T", -size, size,
+                       values ? judged->nstars : 0, 5, values});
+    rx_text_add(&dst->script,
+                "$data using ($1-$4):($2-$5):(2*$4):(2*$5) with vectors nohead lc rgb '#404040' lw 1.6 "
+                "notitle, $data using 1:2:3 with points pt 7 ps 0.9 palette notitle, $data using 1:2 with "
+                "points pt 6 ps 0.9 lw 0.7 lc rgb '#808080' notitle");
+    rx_plot_coloured_end(dst);
+    free(values);
 }
 
 static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)

@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-#include "report/report_file.h"
+#include "report/report.h"
 
 /* On the sky where the place there is known, else in pixels from 1. */
 static void add_circle(rx_text *dst, const rx_qa_numbers *q, const rx_qa_list *list, long i)

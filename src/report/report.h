@@ -24,6 +24,12 @@
 #include "data/table.h"
 #include "report/figure.h"
 
+/* Classes of colour: green, red, amber, grey. */
+#define RX_MARK_GOOD "PASS"
+#define RX_MARK_BAD "FAIL"
+#define RX_MARK_OPEN "INSUFFICIENT"
+#define RX_MARK_PALE "pale"
+
 typedef enum rx_report_kind {
     RX_REPORT_WORDS,
     RX_REPORT_COUNT,
@@ -31,7 +37,7 @@ typedef enum rx_report_kind {
     RX_REPORT_ESTIMATE, /* files: <name>, <name>_low, <name>_high, <name>_n; JSON: an object of the four */
     RX_REPORT_MEASURED, /* value and 1 sigma; files: <name> and <name>_error */
     RX_REPORT_P,        /* a p-value; files: <name> and its natural logarithm ln_<name> */
-    RX_REPORT_VERDICT,  /* words in colour: RX_MARK_... of page.h, or the word before a space or comma */
+    RX_REPORT_VERDICT,  /* words in colour: RX_MARK_... or the word before a space or comma */
     RX_REPORT_FILE      /* words: a file beside the page, which has a link to it */
 } rx_report_kind;
 
@@ -54,10 +60,9 @@ typedef struct rx_report_column {
 #define RX_MEASURED(name, digits, unit, help) {name, RX_REPORT_MEASURED, digits, unit, help, NULL}
 /* clang-format on */
 
-/* One cell. */
+/* One cell: words, or numbers: value and low are that of RX_REPORT_MEASURED and its error, and p and ln p. */
 typedef struct rx_cell {
     const char *words;
-    double number;
     rx_estimate estimate;
 } rx_cell;
 
@@ -68,12 +73,12 @@ static inline rx_cell rx_cell_words(const char *words)
 
 static inline rx_cell rx_cell_number(double number)
 {
-    return (rx_cell){.number = number};
+    return (rx_cell){.estimate.value = number};
 }
 
 static inline rx_cell rx_cell_count(long n)
 {
-    return (rx_cell){.number = (double)n};
+    return rx_cell_number((double)n);
 }
 
 static inline rx_cell rx_cell_estimate(rx_estimate estimate)
@@ -83,7 +88,7 @@ static inline rx_cell rx_cell_estimate(rx_estimate estimate)
 
 static inline rx_cell rx_cell_measured(double value, double error)
 {
-    return (rx_cell){.number = value, .estimate.value = error};
+    return (rx_cell){.estimate = {.value = value, .low = error}};
 }
 
 /* ln_p serves where p is below the smallest double. */
@@ -112,7 +117,7 @@ void rx_report_fact_numbers(rx_report *report, const char *name, long n,
 
 /* --- the page, in the order of the calls --- */
 
-/* What is to be known first; mark: colour, RX_MARK_... of page.h. */
+/* What is to be known first; mark: colour, RX_MARK_.... */
 void rx_report_verdict(rx_report *report, const char *mark, const char *word, const char *sentence);
 void rx_report_section(rx_report *report, const char *id, const char *title); /* linked from the top */
 void rx_report_heading(rx_report *report, const char *title, const char *unit);
@@ -226,5 +231,10 @@ typedef struct rx_report_files {
 /* All files; `brief` (NULL: not wanted) gets the lines for the terminal. Errors: RX_SYSTEM (memory, disk),
  * RX_INTERRUPTED. */
 rx_status rx_report_write(rx_report *report, const rx_report_files *files, rx_text *brief, rx_error *err);
+
+/* text into folder/name (errors say shown/name); the text is freed in any case, ready for the next file.
+ * Errors: RX_SYSTEM (memory, disk). */
+rx_status rx_report_file(const char *folder, const char *shown, const char *name, rx_text *text,
+                         rx_error *err);
 
 #endif

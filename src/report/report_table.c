@@ -8,170 +8,78 @@
 #include "base/memory.h"
 #include "report/ecsv.h"
 #include "report/escape.h"
-#include "report/json.h"
-#include "report/page.h"
 
-enum { PLAIN = 96 };
-
-/* Columns of the table behind one of the report. */
-static int parts_of(rx_report_kind kind)
-{
-    return kind == RX_REPORT_ESTIMATE ? 4 : kind == RX_REPORT_P || kind == RX_REPORT_MEASURED ? 2 : 1;
-}
+enum { PLAIN = 96, LONG_WORDS = 40 };
+static const char LEFT[] = "<th scope=\"col\" class=\"t\">", RIGHT[] = "<th scope=\"col\">";
 
 static bool is_words(rx_report_kind kind)
 {
     return kind == RX_REPORT_WORDS || kind == RX_REPORT_VERDICT || kind == RX_REPORT_FILE;
 }
 
-static void make_column(rx_column *dst, const rx_report_column *from, int part)
+static int slots_of(rx_report_kind kind)
 {
-    static const char *const ends[] = {"", "_low", "_high", "_n"};
-    static const char *const meanings[] = {"", "lower end of the interval", "upper end of the interval",
-                                           "sources behind it"};
-    const bool logarithm = from->kind == RX_REPORT_P && part == 1;
-    const bool error = from->kind == RX_REPORT_MEASURED && part == 1;
-    const bool whole = from->kind == RX_REPORT_COUNT || (from->kind == RX_REPORT_ESTIMATE && part == 3);
-    snprintf(dst->name, sizeof dst->name, "%s%s%s", logarithm ? "ln_" : "", from->name,
-             logarithm ? ""
-             : error   ? "_error"
-                       : ends[part]);
-    if (part < 3 && from->unit != NULL)
-        snprintf(dst->unit, sizeof dst->unit, "%s", from->unit);
-    snprintf(dst->description, sizeof dst->description, "%s",
-             logarithm            ? "its natural logarithm"
-             : error              ? "1 sigma"
-             : part > 0           ? meanings[part]
-             : from->help != NULL ? from->help
-                                  : "");
-    dst->type = is_words(from->kind) ? RX_CELL_TEXT : whole ? RX_CELL_INT64 : RX_CELL_DOUBLE;
-    dst->text_width = 1;
-}
-
-void rx_report_table_make(rx_report_table *dst, const char *name, int ncolumns,
-                          const rx_report_column *columns, int where)
-{
-    int n = 0;
-    *dst = (rx_report_table){.ncolumns = ncolumns, .columns = columns, .where = where};
-    dst->first = RX_NEW(int, (size_t)ncolumns);
-    for (int i = 0; dst->first != NULL && i < ncolumns; i++) {
-        dst->first[i] = n;
-        n += parts_of(columns[i].kind);
-    }
-    dst->table = dst->first != NULL ? rx_table_new(n) : NULL;
-    if (dst->table == NULL) {
-        dst->failed = true;
-        return;
-    }
-    free(dst->table->name);
-    dst->table->name = rx_strdup(name);
-    dst->failed = dst->table->name == NULL;
-    for (int i = 0; i < ncolumns; i++)
-        for (int part = 0; part < parts_of(columns[i].kind); part++)
-            make_column(&dst->table->columns[dst->first[i] + part], &columns[i], part);
-}
-
-void rx_report_table_clear(rx_report_table *table)
-{
-    rx_table_free(table->table);
-    free(table->first);
-    free(table->fact.text);
+    return kind == RX_REPORT_ESTIMATE ? 4 : kind == RX_REPORT_P || kind == RX_REPORT_MEASURED ? 2 : 1;
 }
 
 /* --- rows --- */
 
-static bool grow(rx_report_table *t)
+void rx_report_table_make(rx_report_table *dst, const char *name, int ncolumns,
+                          const rx_report_column *columns, int where)
 {
-    const long room = t->room > 0 ? 2 * t->room : 16;
-    for (int i = 0; i < t->table->ncolumns; i++) {
-        rx_column *column = &t->table->columns[i];
-        void *data = rx_regrow(column->data, (size_t)room, (size_t)rx_column_element_size(column));
-        if (data == NULL)
-            return false;
-        column->data = data;
+    *dst =
+        (rx_report_table){.name = rx_strdup(name), .ncolumns = ncolumns, .columns = columns, .where = where};
+    dst->first = RX_NEW(int, (size_t)ncolumns);
+    dst->failed = dst->name == NULL || dst->first == NULL;
+    for (int i = 0; !dst->failed && i < ncolumns; i++) {
+        dst->first[i] = dst->nslots;
+        dst->nslots += slots_of(columns[i].kind);
     }
-    t->room = room;
-    return true;
 }
 
-/* Words longer than all before them: every row becomes wider. */
-static bool widen(rx_column *column, long rows, long room, int width)
+void rx_report_table_clear(rx_report_table *t)
 {
-    char *data = rx_alloc((size_t)room, (size_t)width);
-    if (data == NULL)
-        return false;
-    for (long k = 0; k < rows; k++)
-        memcpy(data + k * width, (const char *)column->data + k * column->text_width,
-               (size_t)column->text_width);
-    free(column->data);
-    column->data = data;
-    column->text_width = width;
-    return true;
-}
-
-static bool put_words(rx_report_table *t, rx_column *column, const char *words)
-{
-    const int needed = words != NULL ? (int)strlen(words) + 1 : 1;
-    if (needed > column->text_width) {
-        const int twice = 2 * column->text_width;
-        if (!widen(column, t->table->nrows, t->room, needed > twice ? needed : twice))
-            return false;
-    }
-    char *cell = (char *)column->data + t->table->nrows * column->text_width;
-    memset(cell, 0, (size_t)column->text_width);
-    memcpy(cell, words != NULL ? words : "", (size_t)needed);
-    return true;
-}
-
-static void put_number(rx_column *column, long row, double value)
-{
-    if (column->type == RX_CELL_INT64)
-        ((int64_t *)column->data)[row] = (int64_t)value;
-    else
-        ((double *)column->data)[row] = value;
+    for (int i = 0; i < t->ncolumns; i++)
+        for (long row = 0; is_words(t->columns[i].kind) && row < t->nrows; row++)
+            free(t->slot[row * t->nslots + t->first[i]].words);
+    free(t->slot);
+    free(t->first);
+    free(t->name);
+    free(t->fact.text);
 }
 
 void rx_report_row(rx_report_table *t, const rx_cell *values)
 {
     if (t == NULL || t->failed)
         return;
-    if (t->table->nrows == t->room && !grow(t)) {
-        t->failed = true;
-        return;
+    if (t->nrows == t->room) {
+        const long room = t->room > 0 ? 2 * t->room : 16;
+        rx_report_slot *grown = rx_regrow(t->slot, (size_t)room * (size_t)t->nslots, sizeof *grown);
+        if (grown == NULL) {
+            t->failed = true;
+            return;
+        }
+        t->slot = grown;
+        t->room = room;
     }
-    const long row = t->table->nrows;
+    rx_report_slot *slot = t->slot + t->nslots * t->nrows++;
     for (int i = 0; i < t->ncolumns; i++) {
-        rx_column *column = &t->table->columns[t->first[i]];
         const rx_estimate *e = &values[i].estimate;
-        switch (t->columns[i].kind) {
-        case RX_REPORT_WORDS:
-        case RX_REPORT_VERDICT:
-        case RX_REPORT_FILE:
-            t->failed = !put_words(t, column, values[i].words) || t->failed;
-            break;
-        case RX_REPORT_ESTIMATE:
-            put_number(column, row, e->value);
-            put_number(column + 1, row, e->low);
-            put_number(column + 2, row, e->high);
-            put_number(column + 3, row, (double)e->n);
-            break;
-        case RX_REPORT_P:
-        case RX_REPORT_MEASURED:
-            put_number(column + 1, row, e->value);
-            put_number(column, row, values[i].number);
-            break;
-        case RX_REPORT_COUNT:
-        case RX_REPORT_NUMBER:
-            put_number(column, row, values[i].number);
-            break;
+        const double numbers[] = {e->value, e->low, e->high, (double)e->n};
+        if (is_words(t->columns[i].kind)) {
+            slot->words = rx_strdup(values[i].words != NULL ? values[i].words : "");
+            t->failed = t->failed || slot->words == NULL;
+            slot++;
+        } else {
+            for (int k = 0; k < slots_of(t->columns[i].kind); k++)
+                (slot++)->number = numbers[k];
         }
     }
-    t->table->nrows++;
 }
 
 long rx_report_rows(const rx_report_table *t)
 {
-    return t != NULL && t->table != NULL ? t->table->nrows : 0;
+    return t != NULL ? t->nrows : 0;
 }
 
 void rx_report_table_fact(rx_report_table *t, const char *name, const char *text)
@@ -182,23 +90,14 @@ void rx_report_table_fact(rx_report_table *t, const char *name, const char *text
     t->failed = t->failed || t->fact.text == NULL;
 }
 
-/* --- cells --- */
-
-static const char *words_at(const rx_report_table *t, int column, long row)
+static const rx_report_slot *at(const rx_report_table *t, int column, long row)
 {
-    const rx_column *c = &t->table->columns[t->first[column]];
-    return (const char *)c->data + row * c->text_width;
+    return &t->slot[row * t->nslots + t->first[column]];
 }
 
-static double number_at(const rx_report_table *t, int column, int part, long row)
+static rx_estimate estimate_of(const rx_report_slot *slot)
 {
-    return rx_column_value(&t->table->columns[t->first[column] + part], row, 0);
-}
-
-static rx_estimate estimate_at(const rx_report_table *t, int column, long row)
-{
-    return (rx_estimate){number_at(t, column, 0, row), number_at(t, column, 1, row),
-                         number_at(t, column, 2, row), (long)number_at(t, column, 3, row)};
+    return (rx_estimate){slot[0].number, slot[1].number, slot[2].number, (long)slot[3].number};
 }
 
 static const char *heading_of(const rx_report_column *column)
@@ -214,8 +113,57 @@ static int column_of(const rx_report_table *t, const char *name)
     return -1;
 }
 
-/* The colour of a verdict's words; those that are not listed name their class themselves (PASS, FAIL). */
-static const char *mark_of(const char *words)
+/* --- cells of a page; what is not known is a dash --- */
+
+void rx_report_html_named(rx_text *dst, const char *open, const char *text, const char *unit,
+                          const char *close)
+{
+    rx_text_add(dst, open);
+    rx_escape_html(dst, text);
+    if (unit != NULL && unit[0] != '\0') {
+        rx_text_add(dst, " [");
+        rx_escape_html(dst, unit);
+        rx_text_add(dst, "]");
+    }
+    rx_text_add(dst, close);
+}
+
+static void html_head(rx_text *dst, const rx_report_column *c)
+{
+    rx_report_html_named(dst, is_words(c->kind) ? LEFT : RIGHT, heading_of(c), c->unit, "</th>");
+}
+
+void rx_report_html_words(rx_text *dst, const char *words)
+{
+    const bool known =
+        words != NULL && words[0] != '\0'; /* long ones keep some width beside numbers, which do not wrap */
+    rx_text_add(dst, known && strlen(words) > LONG_WORDS ? "<td class=\"t l\">" : "<td class=\"t\">");
+    if (known)
+        rx_escape_html(dst, words);
+    else
+        rx_text_add(dst, "&ndash;");
+    rx_text_add(dst, "</td>");
+}
+
+/* A link to a file beside the page. */
+static void html_file(rx_text *dst, const char *name)
+{
+    const char *shown = name;
+    rx_text_add(dst, "<td class=\"t\"><a href=\"");
+    for (const char *c = name; *c != '\0'; c++) /* what means something in an address */
+        if ((unsigned char)*c < 0x20 || (unsigned char)*c > 0x7e || strchr("%#? ", *c) != NULL)
+            rx_text_printf(dst, "%%%02X", (unsigned char)*c);
+        else if (strchr("&<>\"'", *c) != NULL)
+            rx_text_printf(dst, "&#%d;", *c);
+        else
+            rx_text_add_bytes(dst, c, 1);
+    while (strncmp(shown, "../", 3) == 0)
+        shown += 3;
+    rx_report_html_named(dst, "\">", shown, NULL, "</a></td>");
+}
+
+/* A word in bold and in its colour; those that are not listed name their class themselves (PASS, FAIL). */
+static void html_verdict(rx_text *dst, const char *words)
 {
     static const char *const marks[][2] = {
         {"reproduced", RX_MARK_GOOD},    {"held", RX_MARK_GOOD},
@@ -224,46 +172,91 @@ static const char *mark_of(const char *words)
         {"undecided", RX_MARK_OPEN},     {"not yet testable", RX_MARK_OPEN},
         {"not measured", RX_MARK_PALE},  {"not tested here", RX_MARK_PALE},
         {"NONE", RX_MARK_PALE}};
+    const char *mark = words;
     for (size_t i = 0; i < sizeof marks / sizeof *marks; i++)
         if (strcmp(words, marks[i][0]) == 0)
-            return marks[i][1];
-    return words;
+            mark = marks[i][1];
+    rx_text_printf(dst, "<td class=\"t %s\">", mark);
+    rx_report_html_named(dst, "<b>", words, NULL, "</b></td>");
+}
+
+static void html_number(rx_text *dst, double value, int digits)
+{
+    if (isnan(value))
+        rx_text_add(dst, "&ndash;");
+    else if (isinf(value))
+        rx_text_add(dst, value > 0 ? "&infin;" : "&minus;&infin;");
+    else if (digits < 0)
+        rx_text_printf(dst, "%.*g", -digits, value);
+    else if (fabs(value) >= (digits > 0 ? 1e6 : 1e15)) /* whole numbers keep their digits */
+        rx_text_printf(dst, "%.3g", value);
+    else /* never -0.00 */
+        rx_text_printf(dst, "%.*f", digits, fabs(value) < 0.5 * pow(10, -digits) ? 0.0 : value);
+}
+
+/* value [low, high] n=... */
+static void html_estimate(rx_text *dst, const rx_estimate *e, int digits)
+{
+    html_number(dst, e->value, digits);
+    if (e->n == 0 && isnan(e->value))
+        return;
+    rx_text_add(dst, " <small>[");
+    html_number(dst, e->low, digits);
+    rx_text_add(dst, ", ");
+    html_number(dst, e->high, digits);
+    rx_text_printf(dst, "] n=%ld</small>", e->n);
+}
+
+/* A p-value, 2 digits: 0.031, 5.2 x 10^-38; mantissa and exponent from the logarithm, as p may be below the smallest
+ * double. */
+static void html_p(rx_text *dst, double p, double ln_p)
+{
+    if (isnan(p) || isnan(ln_p)) {
+        rx_text_add(dst, "&ndash;");
+    } else if (p >= 0.001) {
+        rx_text_printf(dst, "%.2g", p);
+    } else if (isinf(ln_p)) { /* where no more is known than that p vanished */
+        rx_text_add(dst, "&lt;10<sup>&minus;307</sup>");
+    } else {
+        double decades = ln_p / M_LN10, exponent = floor(decades);
+        double mantissa = round(pow(10, decades - exponent) * 10) / 10;
+        if (mantissa >= 10) {
+            mantissa /= 10;
+            exponent += 1;
+        }
+        rx_text_printf(dst, "%.1f&middot;10<sup>&minus;%.0f</sup>", mantissa, -exponent);
+    }
 }
 
 static void html_cell(rx_text *dst, const rx_report_table *t, int column, long row, int digits)
 {
-    const rx_report_column *c = &t->columns[column];
-    rx_estimate e;
-    switch (c->kind) {
-    case RX_REPORT_WORDS:
-        rx_page_cell_text(dst, words_at(t, column, row));
-        break;
-    case RX_REPORT_VERDICT:
-        if (words_at(t, column, row)[0] == '\0')
-            rx_page_cell_text(dst, NULL);
+    const rx_report_kind kind = t->columns[column].kind;
+    const rx_report_slot *slot = at(t, column, row);
+    if (is_words(kind)) {
+        if (kind == RX_REPORT_WORDS || slot->words[0] == '\0')
+            rx_report_html_words(dst, slot->words);
+        else if (kind == RX_REPORT_FILE)
+            html_file(dst, slot->words);
         else
-            rx_page_cell_verdict(dst, mark_of(words_at(t, column, row)), words_at(t, column, row));
-        break;
-    case RX_REPORT_FILE:
-        rx_page_cell_file(dst, words_at(t, column, row));
-        break;
-    case RX_REPORT_COUNT:
-        rx_page_cell_count(dst, (long)number_at(t, column, 0, row));
-        break;
-    case RX_REPORT_MEASURED:
-        rx_page_cell_measured(dst, number_at(t, column, 0, row), number_at(t, column, 1, row), digits);
-        break;
-    case RX_REPORT_NUMBER:
-        rx_page_cell_number(dst, number_at(t, column, 0, row), digits);
-        break;
-    case RX_REPORT_ESTIMATE:
-        e = estimate_at(t, column, row);
-        rx_page_cell_estimate(dst, &e, digits);
-        break;
-    case RX_REPORT_P:
-        rx_page_cell_p(dst, number_at(t, column, 0, row), number_at(t, column, 1, row));
-        break;
+            html_verdict(dst, slot->words);
+        return;
     }
+    rx_text_add(dst, "<td>");
+    if (kind == RX_REPORT_COUNT) {
+        rx_text_printf(dst, "%ld", (long)slot->number);
+    } else if (kind == RX_REPORT_ESTIMATE) {
+        const rx_estimate e = estimate_of(slot);
+        html_estimate(dst, &e, digits);
+    } else if (kind == RX_REPORT_P) {
+        html_p(dst, slot[0].number, slot[1].number);
+    } else {
+        html_number(dst, slot->number, digits);
+        if (kind == RX_REPORT_MEASURED && isfinite(slot[0].number) && isfinite(slot[1].number)) {
+            rx_text_add(dst, " &plusmn; ");
+            html_number(dst, slot[1].number, digits);
+        }
+    }
+    rx_text_add(dst, "</td>");
 }
 
 /* A cell as a terminal shows it: nothing that could drive it. */
@@ -271,22 +264,19 @@ static void plain_cell(char dst[PLAIN], const rx_report_table *t, int column, lo
                        const rx_report_view *v, int digits)
 {
     const rx_report_kind kind = t->columns[column].kind;
-    const double value = is_words(kind) ? NAN : number_at(t, column, 0, row);
-    if (is_words(kind) && words_at(t, column, row)[0] != '\0') {
-        snprintf(dst, PLAIN, "%s", words_at(t, column, row));
+    const rx_report_slot *slot = at(t, column, row);
+    snprintf(dst, PLAIN, "-");
+    if (is_words(kind)) {
+        if (slot->words[0] != '\0')
+            snprintf(dst, PLAIN, "%s", slot->words);
         for (char *c = dst; *c != '\0'; c++)
             *c = *c >= ' ' && *c <= '~' ? *c : '?';
-    } else if (kind == RX_REPORT_ESTIMATE && v->intervals && isfinite(value)) {
-        const rx_estimate e = estimate_at(t, column, row);
+    } else if (isfinite(slot->number) && kind == RX_REPORT_ESTIMATE && v->intervals) {
+        const rx_estimate e = estimate_of(slot);
         snprintf(dst, PLAIN, "%.4g [%.4g, %.4g] n=%ld", e.value, e.low, e.high, e.n);
-    } else if (isfinite(value)) {
-        snprintf(dst, PLAIN, digits < 0 ? "%.*g" : "%.*f",
-                 kind == RX_REPORT_COUNT ? 0
-                 : digits < 0            ? -digits
-                                         : digits,
-                 value);
-    } else {
-        snprintf(dst, PLAIN, "-");
+    } else if (isfinite(slot->number)) {
+        const int shown = kind == RX_REPORT_COUNT ? 0 : digits;
+        snprintf(dst, PLAIN, shown < 0 ? "%.*g" : "%.*f", abs(shown), slot->number);
     }
 }
 
@@ -302,36 +292,32 @@ typedef struct pivot {
     int value;
 } pivot;
 
-static bool key_of(const rx_report_table *t, const char *const *names, key *dst)
+static key key_of(const rx_report_table *t, const char *const *names)
 {
-    *dst = (key){0};
-    for (int i = 0; i < 2 && names[i] != NULL; i++) {
-        dst->column[i] = column_of(t, names[i]);
-        if (dst->column[i] < 0)
-            return false;
-        dst->n++;
-    }
-    return dst->n > 0;
+    key k = {0};
+    for (; k.n < 2 && names[k.n] != NULL; k.n++)
+        k.column[k.n] = column_of(t, names[k.n]);
+    return k;
 }
 
+/* false: the view shows rows as they are. */
 static bool pivot_of(const rx_report_table *t, const rx_report_view *v, pivot *dst)
 {
-    if (v->value == NULL || !key_of(t, v->rows, &dst->rows) || !key_of(t, v->across, &dst->across))
+    if (v->value == NULL)
         return false;
-    dst->value = column_of(t, v->value);
-    return dst->value >= 0;
+    *dst = (pivot){key_of(t, v->rows), key_of(t, v->across), column_of(t, v->value)};
+    return true;
 }
 
 static bool same(const rx_report_table *t, const key *k, long one, long other)
 {
-    for (int i = 0; i < k->n; i++) {
-        const rx_column *c = &t->table->columns[t->first[k->column[i]]];
-        const size_t size = (size_t)rx_column_element_size(c);
-        if (memcmp((const char *)c->data + (size_t)one * size, (const char *)c->data + (size_t)other * size,
-                   size) != 0)
-            return false;
+    bool equal = true;
+    for (int i = 0; i < k->n && equal; i++) {
+        const rx_report_slot *a = at(t, k->column[i], one), *b = at(t, k->column[i], other);
+        equal = is_words(t->columns[k->column[i]].kind) ? strcmp(a->words, b->words) == 0
+                                                        : memcmp(a, b, sizeof *a) == 0;
     }
-    return true;
+    return equal;
 }
 
 /* The row from `from` on whose words are new since view->from; view->to: none. */
@@ -374,10 +360,11 @@ static bool is_empty(const rx_report_table *t, int column, long from, long to)
 {
     const rx_report_kind kind = t->columns[column].kind;
     bool empty = kind != RX_REPORT_COUNT;
-    for (long row = from; row < to && empty; row++)
-        empty = is_words(kind) ? words_at(t, column, row)[0] == '\0'
-                               : isnan(number_at(t, column, 0, row)) &&
-                                     (kind != RX_REPORT_ESTIMATE || estimate_at(t, column, row).n == 0);
+    for (long row = from; row < to && empty; row++) {
+        const rx_report_slot *slot = at(t, column, row);
+        empty = is_words(kind) ? slot->words[0] == '\0'
+                               : isnan(slot->number) && (kind != RX_REPORT_ESTIMATE || slot[3].number == 0);
+    }
     return empty;
 }
 
@@ -399,18 +386,15 @@ static void html_rows(rx_text *dst, const rx_report_table *t, const rx_report_vi
     const long to = v->most > 0 && v->to - v->from > v->most ? v->from + v->most : v->to;
     int n, *columns = columns_of(t, v, to, &n);
     dst->failed = dst->failed || columns == NULL;
-    rx_page_row(dst, NULL);
-    for (int i = 0; i < n; i++) {
-        const rx_report_column *c = &t->columns[columns[i]];
-        rx_page_head(dst, is_words(c->kind) ? RX_LEFT : RX_RIGHT, heading_of(c), c->unit);
-    }
-    rx_page_row_end(dst);
+    rx_text_add(dst, "<tr>");
+    for (int i = 0; i < n; i++)
+        html_head(dst, &t->columns[columns[i]]);
     for (long k = v->from; k < to; k++) {
-        rx_page_row(dst, NULL);
+        rx_text_add(dst, "</tr>\n<tr>");
         for (int i = 0; i < n; i++)
             html_cell(dst, t, columns[i], k, t->columns[columns[i]].digits);
-        rx_page_row_end(dst);
     }
+    rx_text_add(dst, "</tr>\n");
     free(columns);
 }
 
@@ -418,22 +402,21 @@ static void html_turned(rx_text *dst, const rx_report_table *t, const rx_report_
 {
     int n, *columns = columns_of(t, v, v->to, &n);
     dst->failed = dst->failed || columns == NULL;
-    rx_page_row(dst, NULL);
     const char *corner = n > 0 ? heading_of(&t->columns[columns[0]]) : "";
-    rx_page_head(dst, RX_LEFT, corner[0] != '\0' ? corner : "number", NULL);
-    rx_page_head(dst, RX_LEFT, "what it is", NULL);
+    rx_text_add(dst, "<tr>");
+    rx_report_html_named(dst, LEFT, corner[0] != '\0' ? corner : "number", NULL, "</th>");
+    rx_report_html_named(dst, LEFT, "what it is", NULL, "</th>");
     for (long k = v->from; k < v->to && n > 0; k++)
-        rx_page_head(dst, RX_RIGHT, words_at(t, columns[0], k), NULL);
-    rx_page_row_end(dst);
+        rx_report_html_named(dst, RIGHT, at(t, columns[0], k)->words, NULL, "</th>");
     for (int i = 1; i < n; i++) {
         const rx_report_column *c = &t->columns[columns[i]];
-        rx_page_row(dst, "u");
-        rx_page_cell_title(dst, heading_of(c), c->unit);
-        rx_page_cell_text(dst, c->help);
+        rx_text_add(dst, "</tr>\n<tr class=\"u\">");
+        rx_report_html_named(dst, "<th scope=\"row\" class=\"t\">", heading_of(c), c->unit, "</th>");
+        rx_report_html_words(dst, c->help);
         for (long k = v->from; k < v->to; k++)
             html_cell(dst, t, columns[i], k, c->digits);
-        rx_page_row_end(dst);
     }
+    rx_text_add(dst, "</tr>\n");
     free(columns);
 }
 
@@ -450,20 +433,17 @@ static void html_pivot(rx_text *dst, const rx_report_table *t, const rx_report_v
 {
     char label[PLAIN];
     const long first = next_new(t, v, &p->across, v->from);
-    rx_page_row(dst, NULL);
-    for (int i = 0; i < p->rows.n; i++) {
-        const rx_report_column *c = &t->columns[p->rows.column[i]];
-        rx_page_head(dst, is_words(c->kind) ? RX_LEFT : RX_RIGHT, heading_of(c), c->unit);
-    }
+    rx_text_add(dst, "<tr>");
+    for (int i = 0; i < p->rows.n; i++)
+        html_head(dst, &t->columns[p->rows.column[i]]);
     for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
         label_of(label, t, &p->across, a);
-        rx_page_head(dst, is_words(t->columns[p->value].kind) ? RX_LEFT : RX_RIGHT, label, NULL);
+        rx_report_html_named(dst, is_words(t->columns[p->value].kind) ? LEFT : RIGHT, label, NULL, "</th>");
     }
-    rx_page_row_end(dst);
     for (long k = next_new(t, v, &p->rows, v->from); k < v->to; k = next_new(t, v, &p->rows, k + 1)) {
         if (v->without_empty && is_empty_row(t, v, p, k))
             continue;
-        rx_page_row(dst, NULL);
+        rx_text_add(dst, "</tr>\n<tr>");
         for (int i = 0; i < p->rows.n; i++)
             html_cell(dst, t, p->rows.column[i], k, t->columns[p->rows.column[i]].digits);
         for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
@@ -471,10 +451,10 @@ static void html_pivot(rx_text *dst, const rx_report_table *t, const rx_report_v
             if (row >= 0)
                 html_cell(dst, t, p->value, row, v->digits);
             else
-                rx_page_cell_text(dst, NULL);
+                rx_report_html_words(dst, NULL);
         }
-        rx_page_row_end(dst);
     }
+    rx_text_add(dst, "</tr>\n");
 }
 
 /* The same view with the end of its rows. */
@@ -482,22 +462,16 @@ static rx_report_view view_of(const rx_report_table *t, const rx_report_view *v)
 {
     rx_report_view view = *v;
     if (view.to == 0)
-        view.to = rx_report_rows(t);
+        view.to = t->nrows;
     return view;
 }
 
 void rx_report_table_html(rx_text *dst, const rx_report_table *t, const rx_report_view *view)
 {
     const rx_report_view v = view_of(t, view);
+    const bool in_file = t->where & RX_REPORT_IN_FILE;
     pivot p;
-    if (v.title != NULL)
-        rx_page_heading(dst, v.title, v.unit);
-    if (v.note != NULL) {
-        rx_text_add(dst, "<p class=\"r\">");
-        rx_escape_html(dst, v.note);
-        rx_text_add(dst, "</p>\n");
-    }
-    rx_page_table_begin(dst);
+    rx_text_add(dst, "<div class=\"w\" tabindex=\"0\"><table>\n");
     const bool is_pivot = pivot_of(t, &v, &p);
     if (is_pivot)
         html_pivot(dst, t, &v, &p);
@@ -505,18 +479,17 @@ void rx_report_table_html(rx_text *dst, const rx_report_table *t, const rx_repor
         html_turned(dst, t, &v);
     else
         html_rows(dst, t, &v);
-    rx_page_table_end(dst);
+    rx_text_add(dst, "</table></div>\n");
     if (!is_pivot && v.most > 0 && v.to - v.from > v.most)
         rx_text_printf(dst, "<p class=\"r\">%ld of %ld rows. All are in %s%s.</p>\n", v.most, v.to - v.from,
-                       t->where & RX_REPORT_IN_FILE ? t->table->name : "summary",
-                       t->where & RX_REPORT_IN_FILE ? ".ecsv" : ".json");
+                       in_file ? t->name : "summary", in_file ? ".ecsv" : ".json");
 }
 
 static void brief_pivot(rx_text *dst, const rx_report_table *t, const rx_report_view *v, const pivot *p)
 {
     char cell[PLAIN];
     const long first = next_new(t, v, &p->across, v->from);
-    rx_text_printf(dst, "%s\n%-28s", v->title != NULL ? v->title : t->table->name, "");
+    rx_text_printf(dst, "%s\n%-28s", v->title != NULL ? v->title : t->name, "");
     for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
         label_of(cell, t, &p->across, a);
         rx_text_printf(dst, " %9s", cell);
@@ -539,34 +512,26 @@ static void brief_pivot(rx_text *dst, const rx_report_table *t, const rx_report_
 static void brief_rows(rx_text *dst, const rx_report_table *t, const rx_report_view *v)
 {
     char cell[PLAIN];
-    rx_text *lines = RX_NEW(rx_text, (size_t)(v->to - v->from) + 1);
-    int n, *columns = columns_of(t, v, v->to, &n);
-    dst->failed = dst->failed || columns == NULL || lines == NULL;
-    for (int i = 0; i < n && !dst->failed; i++) {
-        const rx_report_column *c = &t->columns[columns[i]];
-        int width = (int)strlen(heading_of(c));
-        for (int pass = 0; pass < 2; pass++) /* how wide, then the text */
-            for (long k = v->from - 1; k < v->to; k++) {
+    int n, *columns = columns_of(t, v, v->to, &n), *width = RX_NEW(int, (size_t)n + 1);
+    dst->failed = dst->failed || columns == NULL || width == NULL;
+    for (int pass = 0; pass < 2 && !dst->failed; pass++) /* how wide, then the text */
+        for (long k = v->from - 1; k < v->to; k++)
+            for (int i = 0; i < n; i++) {
+                const rx_report_column *c = &t->columns[columns[i]];
                 if (k >= v->from)
                     plain_cell(cell, t, columns[i], k, v, c->digits);
                 else
                     snprintf(cell, PLAIN, "%s", heading_of(c));
-                if (pass == 0 && (int)strlen(cell) > width)
-                    width = (int)strlen(cell);
-                if (pass == 1)
-                    rx_text_printf(&lines[k - v->from + 1], "%s%*s", i > 0 ? "  " : "",
-                                   !is_words(c->kind) ? width
-                                   : i + 1 < n        ? -width
+                if (pass == 0)
+                    width[i] = (int)fmax(width[i], (double)strlen(cell));
+                else
+                    rx_text_printf(dst, "%s%*s%s", i > 0 ? "  " : "",
+                                   !is_words(c->kind) ? width[i]
+                                   : i + 1 < n        ? -width[i]
                                                       : 0,
-                                   cell);
+                                   cell, i + 1 < n ? "" : "\n");
             }
-    }
-    for (long k = 0; lines != NULL && k <= v->to - v->from; k++) {
-        rx_text_printf(dst, "%s\n", lines[k].data != NULL ? lines[k].data : "");
-        dst->failed = dst->failed || lines[k].failed;
-        rx_text_free(&lines[k]);
-    }
-    free(lines);
+    free(width);
     free(columns);
 }
 
@@ -582,29 +547,63 @@ void rx_report_table_brief(rx_text *dst, const rx_report_table *t, const rx_repo
 
 /* --- files --- */
 
+/* What the second number of a measured value and of a p-value is called. */
+static void name_second(char dst[PLAIN], const rx_report_column *c)
+{
+    snprintf(dst, PLAIN, c->kind == RX_REPORT_P ? "ln_%s" : "%s_error", c->name);
+}
+
 void rx_report_table_json(rx_json *j, const rx_report_table *t)
 {
-    rx_json_array(j, t->table->name, false);
-    for (long k = 0; k < rx_report_rows(t); k++) {
+    rx_json_array(j, t->name, false);
+    for (long k = 0; k < t->nrows; k++) {
         rx_json_object(j, NULL, true);
         for (int i = 0; i < t->ncolumns; i++) {
             const rx_report_column *c = &t->columns[i];
-            const rx_estimate e =
-                c->kind == RX_REPORT_ESTIMATE ? estimate_at(t, i, k) : (rx_estimate){NAN, NAN, NAN, 0};
-            if (is_words(c->kind))
-                rx_json_string(j, c->name, words_at(t, i, k)[0] != '\0' ? words_at(t, i, k) : NULL);
-            else if (c->kind == RX_REPORT_ESTIMATE)
-                rx_json_estimate(j, c->name, &e);
-            else if (c->kind == RX_REPORT_COUNT && number_at(t, i, 0, k) >= 0)
-                rx_json_count(j, c->name, (uint64_t)number_at(t, i, 0, k)); /* every digit */
-            else
-                rx_json_number(j, c->name, number_at(t, i, 0, k));
-            if (c->kind == RX_REPORT_P || c->kind == RX_REPORT_MEASURED)
-                rx_json_number(j, t->table->columns[t->first[i] + 1].name, number_at(t, i, 1, k));
+            const rx_report_slot *slot = at(t, i, k);
+            char second[PLAIN];
+            if (is_words(c->kind)) {
+                rx_json_string(j, c->name, slot->words[0] != '\0' ? slot->words : NULL);
+            } else if (c->kind == RX_REPORT_ESTIMATE) { /* an end that is not bounded is null */
+                rx_json_object(j, c->name, true);
+                rx_json_number(j, "value", slot[0].number);
+                rx_json_number(j, "low", slot[1].number);
+                rx_json_number(j, "high", slot[2].number);
+                rx_json_number(j, "n", slot[3].number);
+                rx_json_end(j);
+            } else if (c->kind == RX_REPORT_COUNT && slot->number >= 0) {
+                rx_json_count(j, c->name, (uint64_t)slot->number); /* every digit */
+            } else {
+                rx_json_number(j, c->name, slot->number);
+            }
+            if (c->kind == RX_REPORT_P || c->kind == RX_REPORT_MEASURED) {
+                name_second(second, c);
+                rx_json_number(j, second, slot[1].number);
+            }
         }
         rx_json_end(j);
     }
     rx_json_end(j);
+}
+
+/* One of the columns that an ECSV file has for one of the table. */
+static void ecsv_column(rx_ecsv *file, const rx_report_column *c, int part)
+{
+    static const char *const ends[] = {"", "_low", "_high", "_n"};
+    static const char *const meanings[] = {"", "lower end of the interval", "upper end of the interval",
+                                           "sources behind it"};
+    char name[PLAIN];
+    const char *help = part > 0 ? meanings[part] : c->help != NULL ? c->help : "";
+    snprintf(name, PLAIN, "%s%s", c->name, ends[part]);
+    if (part > 0 && c->kind != RX_REPORT_ESTIMATE) {
+        name_second(name, c);
+        help = c->kind == RX_REPORT_P ? "its natural logarithm" : "1 sigma";
+    }
+    rx_ecsv_column(file, name,
+                   is_words(c->kind)                         ? RX_ECSV_TEXT
+                   : c->kind == RX_REPORT_COUNT || part == 3 ? RX_ECSV_LONG
+                                                             : RX_ECSV_FLOAT,
+                   part < 3 && c->unit != NULL ? c->unit : "", help);
 }
 
 void rx_report_table_ecsv(rx_text *dst, const rx_report_table *t, int nfacts, const rx_report_entry *facts)
@@ -617,25 +616,21 @@ void rx_report_table_ecsv(rx_text *dst, const rx_report_table *t, int nfacts, co
             rx_ecsv_meta_number(&file, facts[i].name, facts[i].numbers[0]);
     if (t->fact.name != NULL)
         rx_ecsv_meta(&file, t->fact.name, t->fact.text);
-    for (int i = 0; i < t->table->ncolumns; i++) {
-        const rx_column *c = &t->table->columns[i];
-        rx_ecsv_column(&file, c->name,
-                       c->type == RX_CELL_TEXT    ? RX_ECSV_TEXT
-                       : c->type == RX_CELL_INT64 ? RX_ECSV_LONG
-                                                  : RX_ECSV_FLOAT,
-                       c->unit, c->description);
-    }
+    for (int i = 0; i < t->ncolumns; i++)
+        for (int part = 0; part < slots_of(t->columns[i].kind); part++)
+            ecsv_column(&file, &t->columns[i], part);
     rx_ecsv_columns_end(&file);
-    for (long k = 0; k < t->table->nrows; k++) {
-        for (int i = 0; i < t->table->ncolumns; i++) {
-            const rx_column *c = &t->table->columns[i];
-            if (c->type == RX_CELL_TEXT)
-                rx_ecsv_text(&file, (const char *)c->data + k * c->text_width);
-            else if (c->type == RX_CELL_INT64)
-                rx_ecsv_count(&file, (long)((const int64_t *)c->data)[k]);
-            else
-                rx_ecsv_number(&file, ((const double *)c->data)[k]);
-        }
+    for (long k = 0; k < t->nrows; k++) {
+        for (int i = 0; i < t->ncolumns; i++)
+            for (int part = 0; part < slots_of(t->columns[i].kind); part++) {
+                const rx_report_slot *slot = at(t, i, k) + part;
+                if (is_words(t->columns[i].kind))
+                    rx_ecsv_text(&file, slot->words);
+                else if (t->columns[i].kind == RX_REPORT_COUNT || part == 3)
+                    rx_ecsv_count(&file, (long)slot->number);
+                else
+                    rx_ecsv_number(&file, slot->number);
+            }
         rx_ecsv_row_end(&file);
     }
 }

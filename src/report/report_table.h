@@ -16,15 +16,22 @@ typedef struct rx_report_entry {
     double *numbers;
 } rx_report_entry;
 
+/* Of an estimate there are four numbers, of a measured value and of a p-value two. */
+typedef union rx_report_slot {
+    double number;
+    char *words; /* owned, never NULL */
+} rx_report_slot;
+
 struct rx_report_table {
-    rx_table *table; /* NULL: memory ran out */
-    int ncolumns;
+    char *name;
+    int ncolumns, nslots;
     const rx_report_column *columns; /* not owned */
-    int *first;                      /* [ncolumns] the first of its columns in `table` */
+    int *first;                      /* [ncolumns] first slot of a row */
     int where;
-    long room;            /* rows there is memory for */
+    long nrows, room;     /* room: rows there is memory for */
+    rx_report_slot *slot; /* [nrows][nslots] */
     rx_report_entry fact; /* of its file alone; name NULL: none */
-    bool failed;
+    bool failed;          /* memory ran out */
 };
 
 void rx_report_table_make(rx_report_table *dst, const char *name, int ncolumns,
@@ -37,5 +44,11 @@ void rx_report_table_json(rx_json *json,
                           const rx_report_table *table); /* "name": [{...}, ...], a row a line */
 void rx_report_table_ecsv(rx_text *dst, const rx_report_table *table, int nfacts,
                           const rx_report_entry *facts);
+
+/* A cell of words, a dash for NULL and "". */
+void rx_report_html_words(rx_text *dst, const char *words);
+/* <open>text [unit]<close>; unit may be NULL. */
+void rx_report_html_named(rx_text *dst, const char *open, const char *text, const char *unit,
+                          const char *close);
 
 #endif

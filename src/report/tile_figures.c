@@ -6,13 +6,11 @@
 
 #include "base/memory.h"
 #include "num/stats.h"
-#include "report/curves.h"
+#include "report/figure.h"
 #include "report/tile_page.h"
 
 enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 600, FEW_DOTS = 60, HOVER = 150 };
 static const double CHI2_MOST = 5;
-
-static const char VIRIDIS[] = "(0 '#440154', 1 '#31688e', 2 '#35b779', 3 '#fde725')";
 
 /* From 1 to 99 % of the values, with some extent. */
 static void reach(const double *values, size_t n, double *low, double *high)
@@ -31,6 +29,17 @@ static void reach(const double *values, size_t n, double *low, double *high)
     free(copy);
 }
 
+/* Pixels of the tile, from 1. */
+static rx_axes axes_of(double width, double height)
+{
+    return (rx_axes){.xlabel = "X_IMAGE [pixels]",
+                     .ylabel = "Y_IMAGE [pixels]",
+                     .x0 = 0.5,
+                     .x1 = width + 0.5,
+                     .y0 = 0.5,
+                     .y1 = height + 0.5};
+}
+
 typedef struct map {
     const char *id, *title, *reading, *label;
     double most; /* what is above is shown as this */
@@ -40,34 +49,29 @@ typedef struct map {
 static void draw_map(rx_figures *dst, const rx_tile_quality *q, const rx_tile_cells *cells, const map *of)
 {
     const rx_image *image = &q->about->image;
-    rx_text *script = &dst->script;
     const int times = cells->nx > 1 && cells->ny > 1 ? 1 : 2; /* gnuplot draws no image of a single row */
-    double low, high;
+    const int nx = times * cells->nx, ny = times * cells->ny;
+    const double side = (double)cells->side / times;
+    const rx_axes axes =
+        axes_of(fmax(image->width, cells->nx * cells->side), fmax(image->height, cells->ny * cells->side));
+    double low, high, *values = RX_NEW(double, (size_t)nx *(size_t)ny);
+    dst->script.failed |= values == NULL;
     reach(cells->value, (size_t)cells->nx * (size_t)cells->ny, &low, &high);
     if (high > of->most) {
         high = of->most;
         low = fmin(low, 0.5 * high);
     }
-    rx_figure_add(dst, of->id, of->title, of->reading, RX_FIGURE_CHART);
-    rx_plot_begin(dst, &(rx_axes){.xlabel = "X_IMAGE [pixels]",
-                                  .ylabel = "Y_IMAGE [pixels]",
-                                  .x0 = 0.5,
-                                  .x1 = fmax(image->width, cells->nx * cells->side) + 0.5,
-                                  .y0 = 0.5,
-                                  .y1 = fmax(image->height, cells->ny * cells->side) + 0.5});
-    rx_text_add(script, "$map << EOD\n");
-    for (int y = 0; y < times * cells->ny; y++) {
-        for (int x = 0; x < times * cells->nx; x++) {
-            const double value = cells->value[y / times * cells->nx + x / times];
-            rx_plot_value(script, value > of->most ? of->most : value);
-        }
-        rx_text_add(script, "\n");
+    for (int k = 0; k < nx * ny && values != NULL; k++) {
+        const double value = cells->value[k / nx / times * cells->nx + k % nx / times];
+        values[k] = value > of->most ? of->most : value;
     }
-    rx_text_add(script, "EOD\n");
-    rx_plot_colours_begin(script, VIRIDIS, low, high, of->label);
-    rx_text_printf(script, "plot $map matrix using (($1+0.5)*%g+0.5):(($2+0.5)*%g+0.5):3 with image notitle",
-                   (double)cells->side / times, (double)cells->side / times);
-    rx_plot_colours_end(script);
+    rx_figure_add(dst, of->id, of->title, of->reading, RX_FIGURE_CHART);
+    rx_plot_coloured_begin(
+        dst, &axes, &(rx_coloured){RX_PLOT_VIRIDIS, of->label, low, high, values ? ny : 0, nx, values});
+    rx_text_printf(&dst->script,
+                   "$data matrix using (($1+0.5)*%g+0.5):(($2+0.5)*%g+0.5):3 with image notitle", side, side);
+    rx_plot_coloured_end(dst);
+    free(values);
 }
 
 /* Colour: FWHM; whiskers: as long as the ellipticity, along the major axis. */
@@ -79,10 +83,13 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
     /* a whisker of ellipticity 0.1 is one such part of the longer side, a smaller one where many would cover each other */
     const int part = (int)lround(12 * fmax(1, sqrt(n / 100.0)));
     const double length = 10.0 / part * fmax(image->width, image->height);
+    const rx_axes axes = axes_of(image->width, image->height);
     const char *size = stars ? "0.9" : "1.6";
     char reading[400], hover[320];
+    double *values = RX_NEW(double, 5 * (size_t)n), *v = values;
+    dst->script.failed |= values == NULL;
     snprintf(hover, sizeof hover,
-             ", $points using 1:2:(sprintf('x %%.0f, y %%.0f: FWHM %%.3g pixels, 1 - b/a %%.3f, major axis "
+             ", $data using 1:2:(sprintf('x %%.0f, y %%.0f: FWHM %%.3g pixels, 1 - b/a %%.3f, major axis "
              "%%.0f deg from x', $1, $2, $3, sqrt($4*$4+$5*$5)*%.9g, 180/pi*atan2($5, $4 + 1e-30))) "
              "with labels hypertext point pt 7 ps 0.9 notitle",
              2 / length); /* gnuplot has no atan2(0, 0) */
@@ -93,34 +100,28 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
              : q->chosen ? "Sources as small as the PSF, on their own pixels (no list of stars made the PSF)."
                          : "The stars that made the PSF, on their own pixels.",
              part);
+    for (int i = 0; i < n && values != NULL; i++) {
+        const rx_tile_ellipse *s = stars ? &points[i].shape : &points[i].psf;
+        const double half = 0.5 * length * s->ellipticity;
+        *v++ = points[i].x + 1;
+        *v++ = points[i].y + 1;
+        *v++ = s->fwhm;
+        *v++ = half * cos(s->theta);
+        *v++ = half * sin(s->theta);
+    }
     rx_figure_add(dst, stars ? "star-whiskers" : "tile-whiskers",
                   stars ? "Seeing and ellipticity of stars" : "Seeing and ellipticity of the PSF", reading,
                   RX_FIGURE_CHART);
-    rx_plot_begin(dst, &(rx_axes){.xlabel = "X_IMAGE [pixels]",
-                                  .ylabel = "Y_IMAGE [pixels]",
-                                  .x0 = 0.5,
-                                  .x1 = image->width + 0.5,
-                                  .y0 = 0.5,
-                                  .y1 = image->height + 0.5});
-    rx_text_add(&dst->script, "$points << EOD\n");
-    for (int i = 0; i < n; i++) {
-        const rx_tile_ellipse *s = stars ? &points[i].shape : &points[i].psf;
-        const double half = 0.5 * length * s->ellipticity;
-        const double values[] = {points[i].x + 1, points[i].y + 1, s->fwhm, half * cos(s->theta),
-                                 half * sin(s->theta)};
-        for (size_t k = 0; k < sizeof values / sizeof *values; k++)
-            rx_plot_value(&dst->script, values[k]);
-        rx_text_add(&dst->script, "\n");
-    }
-    rx_text_add(&dst->script, "NaN NaN NaN NaN NaN\nEOD\n");
-    rx_plot_colours_begin(&dst->script, VIRIDIS, low, high, "FWHM [pixels]");
+    rx_plot_coloured_begin(
+        dst, &axes, &(rx_coloured){RX_PLOT_VIRIDIS, "FWHM [pixels]", low, high, values ? n : 0, 5, values});
     rx_text_printf(
         &dst->script,
-        "plot $points using 1:2:3 with points pt %d ps %s palette notitle, $points using 1:2 with points "
-        "pt %d ps %s lw 0.7 lc rgb '#808080' notitle, $points using ($1-$4):($2-$5):(2*$4):(2*$5) with "
+        "$data using 1:2:3 with points pt %d ps %s palette notitle, $data using 1:2 with points "
+        "pt %d ps %s lw 0.7 lc rgb '#808080' notitle, $data using ($1-$4):($2-$5):(2*$4):(2*$5) with "
         "vectors nohead lc rgb '#404040' lw 1.6 notitle%s",
         stars ? 7 : 5, size, stars ? 6 : 4, size, n <= HOVER ? hover : "");
-    rx_plot_colours_end(&dst->script);
+    rx_plot_coloured_end(dst);
+    free(values);
 }
 
 static void whiskers(rx_figures *dst, const rx_tile_quality *q)
@@ -168,7 +169,6 @@ static void pulls(rx_figures *dst, const rx_tile_quality *q)
 static void correlation(rx_figures *dst, const rx_tile_quality *q)
 {
     const rx_noise_correlation *noise = q->about->image.correlation;
-    rx_text *script = &dst->script;
     double most = 0.05;
     if (noise == NULL || noise->origin == RX_NOISE_WHITE || noise->origin == RX_NOISE_UNKNOWN)
         return;
@@ -181,23 +181,18 @@ static void correlation(rx_figures *dst, const rx_tile_quality *q)
                   "around the middle, "
                   "fringes and stripes a pattern.",
                   RX_FIGURE_CHART);
-    rx_plot_begin(dst, &(rx_axes){.xlabel = "dx [pixels]",
-                                  .ylabel = "dy [pixels]",
-                                  .x0 = -RX_NOISE_REACH - 0.5,
-                                  .x1 = RX_NOISE_REACH + 0.5,
-                                  .y0 = -RX_NOISE_REACH - 0.5,
-                                  .y1 = RX_NOISE_REACH + 0.5});
-    rx_text_add(script, "$map << EOD\n");
-    for (int y = 0; y < RX_NOISE_SIDE; y++) {
-        for (int x = 0; x < RX_NOISE_SIDE; x++)
-            rx_plot_value(script, at[y][x]);
-        rx_text_add(script, "\n");
-    }
-    rx_text_add(script, "EOD\n");
-    rx_plot_colours_begin(script, "(-1 '#2166ac', 0 '#dddddd', 1 '#b2182b')", -most, most, "correlation");
-    rx_text_printf(script, "plot $map matrix using ($1-%d):($2-%d):3 with image notitle", RX_NOISE_REACH,
+    const rx_axes axes = {.xlabel = "dx [pixels]",
+                          .ylabel = "dy [pixels]",
+                          .x0 = -RX_NOISE_REACH - 0.5,
+                          .x1 = RX_NOISE_REACH + 0.5,
+                          .y0 = -RX_NOISE_REACH - 0.5,
+                          .y1 = RX_NOISE_REACH + 0.5};
+    rx_plot_coloured_begin(dst, &axes,
+                           &(rx_coloured){"(-1 '#2166ac', 0 '#dddddd', 1 '#b2182b')", "correlation", -most,
+                                          most, RX_NOISE_SIDE, RX_NOISE_SIDE, at[0]});
+    rx_text_printf(&dst->script, "$data matrix using ($1-%d):($2-%d):3 with image notitle", RX_NOISE_REACH,
                    RX_NOISE_REACH);
-    rx_plot_colours_end(script);
+    rx_plot_coloured_end(dst);
 }
 
 /* Is there a star of the PSF there? */

@@ -7,7 +7,6 @@
 
 #include "data/flags.h"
 #include "io/wcs.h"
-#include "report/page.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "report/curves.h"
+#include "report/figure.h"
 #include "survey/rollup.h"
 
 enum { FEW = 5 };

@@ -8,7 +8,7 @@
 
 #include "base/memory.h"
 #include "quality/sample.h"
-#include "report/curves.h"
+#include "report/figure.h"
 
 enum { FEW = 10, WHYS = 3, TREND_FIGURES = 8, TREND_BINS = 12, MOST_DOTS = 500 };
 static const double FAR = 6.0, CLEAR = 4.0;

@@ -7,9 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "report/page.h"
 #include "report/report.h"
-#include "report/report_file.h"
 
 enum { ROWS_SHOWN = 200, NCELL = 5 };
 

@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "report/page.h"
 #include "report/report.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
@@ -109,35 +108,20 @@ static const chart CHARTS[] = {
 
 static void draw_chart(rx_figures *dst, const rx_history *h, const chart *what)
 {
-    enum { MOST = COUNT(what->curve) };
     rx_axes axes = {.xlabel = "epoch", .ylabel = what->title, .x1 = (double)h->n};
-    rx_curve curve[MOST];
-    int n = 0;
-    const size_t length = (size_t)h->n;
-    double *x = RX_NEW(double, length *(MOST + 1));
-    if (x == NULL) {
-        dst->script.failed = true;
-        return;
-    }
-    for (size_t e = 0; e < length; e++)
-        x[e] = (double)e + 1;
-    for (; n < MOST && what->curve[n].name != NULL; n++) {
-        double *y = x + (size_t)(n + 1) * length;
-        for (size_t e = 0; e < length; e++) {
-            y[e] = *(const double *)((const char *)&h->epoch[e] + what->curve[n].offset);
-            if (isfinite(y[e])) {
-                axes.y0 = fmin(axes.y0, 1.05 * y[e]);
-                axes.y1 = fmax(axes.y1, 1.05 * y[e]);
+    rx_curves c = {0};
+    for (int k = 0; k < COUNT(what->curve) && what->curve[k].name != NULL; k++) {
+        rx_curves_add(&c, RX_CURVE_JOINED, k, what->curve[k].name);
+        for (int e = 0; e < h->n; e++) {
+            const double y = *(const double *)((const char *)&h->epoch[e] + what->curve[k].offset);
+            rx_curves_put(&c, e + 1, y, NAN, NAN);
+            if (isfinite(y)) {
+                axes.y0 = fmin(axes.y0, 1.05 * y);
+                axes.y1 = fmax(axes.y1, 1.05 * y);
             }
         }
-        curve[n] = (rx_curve){
-            .name = what->curve[n].name, .kind = RX_CURVE_JOINED, .color = n, .n = h->n, .x = x, .y = y};
     }
-    if (axes.y1 > axes.y0) {
-        rx_figure_add(dst, what->id, what->title, what->reading, RX_FIGURE_CHART);
-        rx_plot_curves(dst, &axes, n, curve);
-    }
-    free(x);
+    rx_curves_figure(dst, what->id, what->title, what->reading, &axes, &c);
 }
 
 /* Do the parameters that are kept beat the images as they are? */
