@@ -32,7 +32,7 @@ train     report nn simulate par quality config io num psf
 pipeline  nn psf restore detect measure template catalog config num io
 check     report pipeline simulate quality restore measure num io
 stage     report check pipeline io num nn psf restore detect measure template catalog quality simulate config
-survey    report stage pipeline par quality catalog io config
+survey    report stage pipeline par quality catalog io config num
 lab       stage check pipeline simulate report quality restore catalog config io nn num psf
 programs  stage survey lab train par quality simulate config catalog
 END

@@ -11,7 +11,7 @@
 #include "pipeline/domain.h"
 #include "pipeline/field_noise.h"
 #include "pipeline/preal.h"
-#include "quality/hypothesis.h"
+#include "quality/statistics.h"
 #include "simulate/inject.h"
 #include "simulate/sky_noise.h"
 
@@ -165,13 +165,8 @@ static rx_pipeline_params counting(const rx_pipeline_params *params)
 
 static void set_rate(rx_blankcheck *dst)
 {
-    const rx_estimate count = rx_poisson_interval(dst->false_detections, LEVEL);
-    const double area = dst->mpixels;
-    dst->rate = (rx_estimate){.value = (double)dst->false_detections / area,
-                              .low = count.low / area,
-                              .high = count.high / area,
-                              .n = dst->false_detections};
-    dst->upper = rx_poisson_upper(dst->false_detections, LEVEL) / area;
+    dst->rate = rx_poisson_rate(dst->false_detections, dst->mpixels, LEVEL);
+    dst->upper = rx_poisson_upper(dst->false_detections, dst->mpixels, LEVEL);
 }
 
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,

@@ -19,7 +19,7 @@
 #include "pipeline/field.h"
 #include "pipeline/params.h"
 #include "pipeline/pipeline.h"
-#include "quality/binomial.h"
+#include "quality/statistics.h"
 
 typedef struct rx_blankcheck {
     int realisations; /* 0: was not run */

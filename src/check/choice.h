@@ -25,7 +25,7 @@
 #include "data/record.h"
 #include "pipeline/field.h"
 #include "pipeline/params.h"
-#include "quality/binomial.h"
+#include "quality/statistics.h"
 #include "restore/restore.h"
 
 enum { RX_CHOICE_CANDIDATES = 3, RX_CHOICE_SIDE = 512, RX_CHOICE_WINDOWS = 4 };

@@ -10,7 +10,7 @@
 #include "pipeline/field.h"
 #include "pipeline/params.h"
 #include "pipeline/pipeline.h"
-#include "quality/binomial.h"
+#include "quality/statistics.h"
 #include "quality/qa.h"
 #include "simulate/optics.h"
 

@@ -8,7 +8,7 @@
 #include "lab/report.h"
 #include "lab/restoration.h"
 #include "num/special.h"
-#include "quality/hypothesis.h"
+#include "quality/statistics.h"
 
 enum { TEST = 1 }; /* of the scenes of a bin; 0: those that methods are tuned on */
 enum { PSNR, SSIM, QUALITIES };

@@ -10,7 +10,7 @@
 #include "lab/report.h"
 #include "lab/sources.h"
 #include "quality/evaluate.h"
-#include "quality/hypothesis.h"
+#include "quality/statistics.h"
 #include "report/figure.h"
 
 #define ALL HUGE_VAL

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "quality/bootstrap.h"
+#include "quality/statistics.h"
 
 int rx_bins_index(const rx_bins *bins, double mag)
 {

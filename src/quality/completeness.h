@@ -12,8 +12,7 @@
 #define RX_QUALITY_COMPLETENESS_H
 
 #include "base/error.h"
-#include "quality/binomial.h"
-#include "quality/bootstrap.h"
+#include "quality/statistics.h"
 
 enum { RX_COMPLETENESS_MIN = 5, RX_MAX_BINS = 60 };
 

@@ -2,37 +2,16 @@
 #include "quality/evaluate.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
+#include <string.h>
 
-#include "base/constants.h"
 #include "base/memory.h"
-#include "num/stats.h"
 #include "quality/match.h"
 
 enum { SHIFTS = 8, FLAG_SATURATED_OR_WORSE = 4 };
 static const double UNKNOWN_MAG = 90; /* as faint or fainter: SExtractor's 99 */
 static const double BRIGHT_MAG_ERROR = 0.05;
-
-void rx_robust_estimates(double *values, long n, double level, rx_estimate *median, rx_estimate *sigma)
-{
-    long rank = rx_median_rank(n, level);
-    *median = (rx_estimate){NAN, -INFINITY, INFINITY, n};
-    *sigma = (rx_estimate){NAN, 0, INFINITY, n};
-    if (n == 0)
-        return;
-    for (int pass = 0; pass < 2; pass++) {
-        rx_estimate *dst = pass == 0 ? median : sigma;
-        double scale = pass == 0 ? 1 : RX_MAD_SIGMA;
-        rx_sort(values, (size_t)n);
-        dst->value = scale * 0.5 * (values[(n - 1) / 2] + values[n / 2]);
-        if (rank > 0) {
-            dst->low = scale * values[rank - 1];
-            dst->high = scale * values[n - rank];
-        }
-        for (long i = 0; i < n && pass == 0; i++)
-            values[i] = fabs(values[i] - median->value);
-    }
-}
 
 static int counts(const rx_qa_input *input, double x, double y)
 {
@@ -79,122 +58,110 @@ rx_status rx_evaluate_bins(const rx_qa_params *par, const rx_qa_input *input, rx
 
 static rx_status allocate(rx_evaluation *dst, rx_error *err)
 {
-    size_t nt = (size_t)dst->input->truth.n, nr = (size_t)dst->run->list.n;
+    const size_t nt = (size_t)dst->input->truth.n, nr = (size_t)dst->run->list.n;
+    double **const columns[] = {&dst->run_mag, &dst->dx, &dst->dy, &dst->dmag, &dst->ratio, &dst->pull};
+    bool complete = true;
+    for (size_t i = 0; i < sizeof columns / sizeof *columns; i++)
+        complete &= (*columns[i] = RX_TAKE(&dst->memory, double, nr)) != NULL;
+    dst->truth_mag = RX_TAKE(&dst->memory, double, nt);
+    dst->origin = RX_TAKE(&dst->memory, long, nr);
+    dst->truth_role = RX_TAKE(&dst->memory, unsigned char, nt);
+    dst->run_role = RX_TAKE(&dst->memory, unsigned char, nr);
+    dst->bright = RX_TAKE(&dst->memory, unsigned char, nr);
     dst->partner = RX_NEW(long, nt);
-    dst->truth_role = RX_NEW(unsigned char, nt);
-    dst->truth_mag = RX_NEW(double, nt);
-    dst->origin = RX_NEW(long, nr);
-    dst->run_role = RX_NEW(unsigned char, nr);
-    dst->bright = RX_NEW(unsigned char, nr);
-    double **columns[] = {&dst->run_mag, &dst->dx, &dst->dy, &dst->dmag, &dst->ratio, &dst->pull};
-    int complete =
-        dst->partner && dst->truth_role && dst->truth_mag && dst->origin && dst->run_role && dst->bright;
-    for (size_t i = 0; i < sizeof columns / sizeof *columns; i++) {
-        *columns[i] = RX_NEW(double, nr);
-        complete = complete && *columns[i] != NULL;
-    }
-    return complete ? RX_OK : rx_error_memory(err, nr * sizeof(double));
+    complete = complete && dst->truth_mag && dst->origin && dst->truth_role && dst->run_role && dst->bright;
+    return complete && dst->partner ? RX_OK : rx_error_memory(err, nr * sizeof(double));
 }
 
 void rx_evaluation_free(rx_evaluation *e)
 {
+    rx_arena_free(&e->memory);
     free(e->partner);
-    free(e->truth_role);
-    free(e->truth_mag);
-    free(e->origin);
-    free(e->run_role);
-    free(e->bright);
-    free(e->run_mag);
-    free(e->dx);
-    free(e->dy);
-    free(e->dmag);
-    free(e->ratio);
-    free(e->pull);
     rx_pr_free(&e->pr);
     *e = (rx_evaluation){0};
 }
 
-/* Second pass: detections that belong to references which do not count. */
-static rx_status match_ignored(rx_evaluation *e, double radius, unsigned char *use_truth,
-                               unsigned char *use_run, rx_error *err)
+/* What matching needs for a while. */
+typedef struct matching {
+    rx_evaluation *e;
+    double radius;
+    long *partner, *origin; /* as those of the evaluation, of another pass */
+    unsigned char *use_truth, *use_run;
+    double *x, *y; /* [run.n] detections that were moved */
+} matching;
+
+static rx_status match_moved(const matching *m, const unsigned char *use_run, const double *x,
+                             const double *y, rx_error *err)
 {
-    const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
-    rx_status status = RX_OK;
-    long *partner = RX_NEW(long, (size_t)truth->n), *origin = RX_NEW(long, (size_t)list->n);
-    if (partner == NULL || origin == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 0));
-    for (long i = 0; i < truth->n; i++)
-        use_truth[i] = !use_truth[i];
-    for (long j = 0; j < list->n; j++)
-        use_run[j] = e->origin[j] < 0;
-    status = rx_match(&(rx_match_list){truth->n, truth->x, truth->y, use_truth},
-                      &(rx_match_list){list->n, list->x, list->y, use_run}, radius, partner, origin, err);
-    for (long j = 0; j < list->n && status == RX_OK; j++) {
-        int outside = !counts(e->input, list->x[j], list->y[j]);
-        if (e->origin[j] < 0 && (origin[j] >= 0 || outside))
-            e->run_role[j] = RX_ROLE_IGNORED;
-    }
-exit:
-    free(partner);
-    free(origin);
-    return status;
+    const rx_qa_list *truth = &m->e->input->truth;
+    return rx_match(&(rx_match_list){truth->n, truth->x, truth->y, m->use_truth},
+                    &(rx_match_list){m->e->run->list.n, x, y, use_run}, m->radius, m->partner, m->origin,
+                    err);
 }
 
 /* Matches between counted references and the detections moved by SHIFTS vectors, round the tile's edges. */
-static rx_status chance_matches(rx_evaluation *e, double radius, const unsigned char *use_truth,
-                                rx_error *err)
+static rx_status chance_matches(const matching *m, rx_error *err)
 {
-    const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
-    double reach = fmin(fmax(10 * radius, 30), 0.3 * fmin(e->input->width, e->input->height));
-    rx_status status = RX_OK;
-    double *x = RX_NEW(double, (size_t)list->n), *y = RX_NEW(double, (size_t)list->n);
-    long *partner = RX_NEW(long, (size_t)truth->n), *origin = RX_NEW(long, (size_t)list->n), sum = 0;
-    if (x == NULL || y == NULL || partner == NULL || origin == NULL)
-        status = rx_error_memory(err, 0);
-    for (int k = 0; k < SHIFTS && status == RX_OK; k++) {
-        double angle = 2 * acos(-1.0) * (k + 0.5) / SHIFTS;
+    const rx_qa_list *list = &m->e->run->list;
+    const int width = m->e->input->width, height = m->e->input->height;
+    const double reach = fmin(fmax(10 * m->radius, 30), 0.3 * fmin(width, height));
+    long sum = 0;
+    for (int k = 0; k < SHIFTS; k++) {
+        const double angle = 2 * acos(-1.0) * (k + 0.5) / SHIFTS;
         for (long j = 0; j < list->n; j++) {
-            x[j] = fmod(list->x[j] + reach * cos(angle) + e->input->width, e->input->width);
-            y[j] = fmod(list->y[j] + reach * sin(angle) + e->input->height, e->input->height);
+            m->x[j] = fmod(list->x[j] + reach * cos(angle) + width, width);
+            m->y[j] = fmod(list->y[j] + reach * sin(angle) + height, height);
         }
-        status = rx_match(&(rx_match_list){truth->n, truth->x, truth->y, use_truth},
-                          &(rx_match_list){list->n, x, y, NULL}, radius, partner, origin, err);
-        for (long i = 0; i < truth->n && status == RX_OK; i++)
-            sum += partner[i] >= 0;
+        RX_TRY(match_moved(m, NULL, m->x, m->y, err));
+        for (long i = 0; i < m->e->input->truth.n; i++)
+            sum += m->partner[i] >= 0;
     }
-    e->chance = (double)sum / SHIFTS;
-    free(x);
-    free(y);
-    free(partner);
-    free(origin);
-    return status;
+    m->e->chance = (double)sum / SHIFTS;
+    return RX_OK;
+}
+
+/* Those that count, then with what is left detections that belong to references which do not. */
+static rx_status match_all(const matching *m, rx_error *err)
+{
+    rx_evaluation *e = m->e;
+    const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
+    for (long i = 0; i < truth->n; i++)
+        m->use_truth[i] = counts(e->input, truth->x[i], truth->y[i]) && !isnan(known_mag(truth->mag[i]));
+    RX_TRY(match_moved(m, NULL, list->x, list->y, err));
+    memcpy(e->partner, m->partner, (size_t)truth->n * sizeof *e->partner);
+    memcpy(e->origin, m->origin, (size_t)list->n * sizeof *e->origin);
+    RX_TRY(chance_matches(m, err));
+    for (long i = 0; i < truth->n; i++) {
+        e->truth_role[i] = !m->use_truth[i]     ? RX_ROLE_IGNORED
+                           : e->partner[i] >= 0 ? RX_ROLE_MATCHED
+                                                : RX_ROLE_UNMATCHED;
+        m->use_truth[i] = !m->use_truth[i];
+    }
+    for (long j = 0; j < list->n; j++)
+        m->use_run[j] = e->origin[j] < 0;
+    RX_TRY(match_moved(m, m->use_run, list->x, list->y, err));
+    for (long j = 0; j < list->n; j++)
+        e->run_role[j] = e->origin[j] >= 0                                                ? RX_ROLE_MATCHED
+                         : m->origin[j] >= 0 || !counts(e->input, list->x[j], list->y[j]) ? RX_ROLE_IGNORED
+                                                                                          : RX_ROLE_UNMATCHED;
+    return RX_OK;
 }
 
 static rx_status find_roles(rx_evaluation *e, double radius, rx_error *err)
 {
-    const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
-    rx_status status = RX_OK;
-    unsigned char *use_truth = RX_NEW(unsigned char, (size_t)truth->n);
-    unsigned char *use_run = RX_NEW(unsigned char, (size_t)list->n);
-    if (use_truth == NULL || use_run == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, 0));
-    for (long i = 0; i < truth->n; i++)
-        use_truth[i] = counts(e->input, truth->x[i], truth->y[i]) && !isnan(known_mag(truth->mag[i]));
-    status = rx_match(&(rx_match_list){truth->n, truth->x, truth->y, use_truth},
-                      &(rx_match_list){list->n, list->x, list->y, NULL}, radius, e->partner, e->origin, err);
-    if (status == RX_OK)
-        status = chance_matches(e, radius, use_truth, err);
-    for (long i = 0; i < truth->n && status == RX_OK; i++)
-        e->truth_role[i] = !use_truth[i]        ? RX_ROLE_IGNORED
-                           : e->partner[i] >= 0 ? RX_ROLE_MATCHED
-                                                : RX_ROLE_UNMATCHED;
-    for (long j = 0; j < list->n && status == RX_OK; j++)
-        e->run_role[j] = e->origin[j] >= 0 ? RX_ROLE_MATCHED : RX_ROLE_UNMATCHED;
-    if (status == RX_OK)
-        status = match_ignored(e, radius, use_truth, use_run, err);
-exit:
-    free(use_truth);
-    free(use_run);
+    const size_t nt = (size_t)e->input->truth.n, nr = (size_t)e->run->list.n;
+    rx_arena memory = {0};
+    const matching m = {.e = e,
+                        .radius = radius,
+                        .partner = RX_TAKE(&memory, long, nt),
+                        .origin = RX_TAKE(&memory, long, nr),
+                        .use_truth = RX_TAKE(&memory, unsigned char, nt),
+                        .use_run = RX_TAKE(&memory, unsigned char, nr),
+                        .x = RX_TAKE(&memory, double, nr),
+                        .y = RX_TAKE(&memory, double, nr)};
+    const bool complete = m.partner && m.origin && m.use_truth && m.use_run && m.x && m.y;
+    const rx_status status = complete ? match_all(&m, err) : rx_error_memory(err, 0);
+    rx_arena_free(&memory);
     return status;
 }
 

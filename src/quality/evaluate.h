@@ -9,6 +9,7 @@
 #ifndef RX_QUALITY_EVALUATE_H
 #define RX_QUALITY_EVALUATE_H
 
+#include "base/arena.h"
 #include "base/error.h"
 #include "quality/completeness.h"
 #include "quality/pr.h"
@@ -38,7 +39,8 @@ typedef struct rx_evaluation {
     double chance;                 /* matches expected if positions were unrelated: mean over shifted lists */
     rx_estimate offset;            /* zero point: median dmag of bright matches */
     rx_pr pr;
-    double level; /* of the intervals above */
+    double level;    /* of the intervals above */
+    rx_arena memory; /* of the arrays above but for `partner`, which may be taken over */
 } rx_evaluation;
 
 /* Bins from the parameters or, low >= high, from the counted references (whole magnitudes). At most
@@ -51,10 +53,5 @@ void rx_evaluation_free(rx_evaluation *evaluation); /* content only */
 
 /* Precision of the detections that count and are not marked as spurious; NAN without any. */
 double rx_evaluation_precision_without(const rx_evaluation *evaluation);
-
-/* Median and sigma_MAD of n finite values (reordered), intervals by order statistics: the rank interval of
- * the median, and that of |v - median| for sigma_MAD. Unbounded when n is too small (below 6 at 0.95).
- * Normal samples of 6 to 200: the 95 % intervals hold the truth in 95 to 98 % of cases (4000 trials each). */
-void rx_robust_estimates(double *values, long n, double level, rx_estimate *median, rx_estimate *sigma);
 
 #endif

@@ -2,6 +2,7 @@
 #include "quality/image_metrics.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
@@ -41,90 +42,14 @@ static double psnr(double high, double mse)
     return mse > 0 ? 20 * log10(high) - 10 * log10(mse) : mse == 0 ? INFINITY : NAN;
 }
 
-/* --- sums over the window, row by row --- */
-
-/* The last WINDOW rows of some planes, smoothed along x, stand in a ring; each new row completes one row of
- * windows. */
-typedef struct smoother {
-    size_t width, columns, planes;
-    double weight[WINDOW];
-    double *row;  /* [planes][width], the next row */
-    double *ring; /* [WINDOW][planes][columns] */
-    double *mean; /* [planes][columns], the sums of the windows that the last row completed */
-} smoother;
-
-static void window_weights(double weight[WINDOW])
-{
-    double sum = 0;
-    for (int i = 0; i < WINDOW; i++) {
-        double u = (i - RADIUS) / WINDOW_SIGMA;
-        weight[i] = exp(-0.5 * u * u);
-        sum += weight[i];
-    }
-    for (int i = 0; i < WINDOW; i++)
-        weight[i] /= sum;
-}
-
-static void smoother_free(smoother *s)
-{
-    free(s->row);
-    free(s->ring);
-    free(s->mean);
-}
-
-static rx_status smoother_make(int width, int planes, smoother *dst, rx_error *err)
-{
-    const size_t columns = (size_t)(width - 2 * RADIUS), n = (size_t)planes;
-    *dst = (smoother){.width = (size_t)width,
-                      .columns = columns,
-                      .planes = n,
-                      .row = RX_NEW(double, n *(size_t)width),
-                      .ring = RX_NEW(double, WINDOW *n *columns),
-                      .mean = RX_NEW(double, n *columns)};
-    window_weights(dst->weight);
-    if (dst->row != NULL && dst->ring != NULL && dst->mean != NULL)
-        return RX_OK;
-    smoother_free(dst);
-    return rx_error_memory(err, (WINDOW + 1) * n * columns * sizeof *dst->ring);
-}
-
-/* dst = sum of w[k] from[k], in the order of k; written out so that the loop over x is one of vectors. */
-static void weigh(size_t n, const double w[restrict WINDOW], const double *const from[WINDOW],
-                  double *restrict dst)
-{
-    const double *f0 = from[0], *f1 = from[1], *f2 = from[2], *f3 = from[3], *f4 = from[4], *f5 = from[5],
-                 *f6 = from[6], *f7 = from[7], *f8 = from[8], *f9 = from[9], *f10 = from[10];
-#pragma omp simd
-    for (size_t x = 0; x < n; x++)
-        dst[x] = w[0] * f0[x] + w[1] * f1[x] + w[2] * f2[x] + w[3] * f3[x] + w[4] * f4[x] + w[5] * f5[x] +
-                 w[6] * f6[x] + w[7] * f7[x] + w[8] * f8[x] + w[9] * f9[x] + w[10] * f10[x];
-}
-
-/* Row y of the image is in s->row: is a row of windows complete, its sums in s->mean? */
-static int smoother_push(smoother *s, int y)
-{
-    const size_t size = s->planes * s->columns;
-    const double *from[WINDOW];
-    for (size_t p = 0; p < s->planes; p++) {
-        for (size_t k = 0; k < WINDOW; k++)
-            from[k] = s->row + p * s->width + k;
-        weigh(s->columns, s->weight, from, s->ring + (size_t)(y % WINDOW) * size + p * s->columns);
-    }
-    if (y < WINDOW - 1)
-        return 0;
-    for (int k = 0; k < WINDOW; k++)
-        from[k] = s->ring + (size_t)((y - WINDOW + 1 + k) % WINDOW) * size;
-    weigh(size, s->weight, from, s->mean);
-    return 1;
-}
-
 /* --- SSIM --- */
 
 struct rx_image_reference {
     int width, height;
     const float *pixels; /* not owned */
-    double high, c1, c2;
+    double high, c;      /* C1 = C2 */
     double centre; /* taken off all values, so that a high background does not eat the digits of variances */
+    double weight[WINDOW];
     double *mean, *variance; /* of the windows, [height - 2 RADIUS][width - 2 RADIUS] */
 };
 
@@ -137,36 +62,54 @@ void rx_image_reference_free(rx_image_reference *reference)
     free(reference);
 }
 
-static rx_status take_moments(rx_image_reference *reference, rx_error *err)
+/* dst[x] = sum of w[k] f[x + k stride], in the order of k; written out so that the loop over x is one of vectors. */
+static void weigh(size_t n, const double w[restrict WINDOW], const double *f, size_t stride,
+                  double *restrict dst)
 {
-    const size_t width = (size_t)reference->width, columns = width - 2 * RADIUS;
-    smoother s;
-    RX_TRY(smoother_make(reference->width, 2, &s, err));
-    for (int y = 0; y < reference->height; y++) {
-        const float *b = reference->pixels + (size_t)y * width;
-        for (size_t x = 0; x < width; x++) {
-            double v = b[x] - reference->centre;
-            s.row[x] = v;
-            s.row[width + x] = v * v;
-        }
-        if (!smoother_push(&s, y))
-            continue;
-        const size_t first = (size_t)(y - WINDOW + 1) * columns;
-        for (size_t x = 0; x < columns; x++) {
-            double mean = s.mean[x];
-            reference->mean[first + x] = mean;
-            reference->variance[first + x] = s.mean[columns + x] - mean * mean;
-        }
+    const double *f1 = f + stride, *f2 = f1 + stride, *f3 = f2 + stride, *f4 = f3 + stride, *f5 = f4 + stride,
+                 *f6 = f5 + stride, *f7 = f6 + stride, *f8 = f7 + stride, *f9 = f8 + stride,
+                 *f10 = f9 + stride;
+#pragma omp simd
+    for (size_t x = 0; x < n; x++)
+        dst[x] = w[0] * f[x] + w[1] * f1[x] + w[2] * f2[x] + w[3] * f3[x] + w[4] * f4[x] + w[5] * f5[x] +
+                 w[6] * f6[x] + w[7] * f7[x] + w[8] * f8[x] + w[9] * f9[x] + w[10] * f10[x];
+}
+
+static size_t columns_of(const rx_image_reference *r)
+{
+    return (size_t)(r->width - 2 * RADIUS);
+}
+
+static size_t windows_of(const rx_image_reference *r)
+{
+    return columns_of(r) * (size_t)(r->height - 2 * RADIUS);
+}
+
+/* Means over each window of a, or of the products of a and b, the centre taken off; room: [width + height columns]. */
+static void take_means(const rx_image_reference *r, const float *a, const float *b, double *room, double *dst)
+{
+    const size_t width = (size_t)r->width, columns = columns_of(r);
+    double *rows = room + width;
+    for (size_t y = 0; y < (size_t)r->height; y++) {
+        for (size_t x = 0; x < width; x++)
+            room[x] = ((double)a[y * width + x] - r->centre) *
+                      (b != NULL ? (double)b[y * width + x] - r->centre : 1);
+        weigh(columns, r->weight, room, 1, rows + y * columns);
     }
-    smoother_free(&s);
-    return RX_OK;
+    for (size_t k = 0; k < windows_of(r); k += columns)
+        weigh(columns, r->weight, rows + k, columns, dst + k);
+}
+
+static double *new_room(const rx_image_reference *r, size_t planes)
+{
+    return RX_NEW(double, (size_t)r->width + (size_t)r->height * columns_of(r) + planes * windows_of(r));
 }
 
 rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_image_reference **dst,
                                  rx_error *err)
 {
     static const double k = 0.001; /* the paper's K1 = K2 */
-    double low, high;
+    double low, high, sum = 0;
     *dst = NULL;
     if (width < WINDOW || height < WINDOW)
         return rx_error_set(err, RX_USAGE, "SSIM needs images of %d x %d pixels or more, not %d x %d", WINDOW,
@@ -176,48 +119,37 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
     if (!(range > 0) || !isfinite(range))
         return rx_error_set(err, RX_INPUT,
                             "SSIM needs a reference with contrast, its values go from %g to %g", low, high);
-    const size_t windows = (size_t)(width - 2 * RADIUS) * (size_t)(height - 2 * RADIUS);
-    rx_image_reference *reference = RX_NEW(rx_image_reference, 1);
-    if (reference == NULL)
-        return rx_error_memory(err, sizeof *reference);
-    *reference = (rx_image_reference){.width = width,
-                                      .height = height,
-                                      .pixels = pixels,
-                                      .high = high,
-                                      .c1 = (k * range) * (k * range),
-                                      .c2 = (k * range) * (k * range),
-                                      .centre = 0.5 * (low + high),
-                                      .mean = RX_NEW(double, windows),
-                                      .variance = RX_NEW(double, windows)};
-    rx_status status = reference->mean == NULL || reference->variance == NULL
-                           ? rx_error_memory(err, 2 * windows * sizeof(double))
-                           : take_moments(reference, err);
-    if (status == RX_OK)
-        *dst = reference;
-    else
-        rx_image_reference_free(reference);
-    return status;
-}
-
-/* SSIM of the windows of one row, the first one being window `first`; `mean`: of the image, of its square and
- * of its product with the reference. */
-static double row_sum(const rx_image_reference *r, size_t first, size_t n, const double *mean,
-                      double *restrict ssim)
-{
-    const double *image = mean, *square = mean + n, *product = mean + 2 * n;
-    const double *reference = r->mean + first, *variance = r->variance + first;
-    const double centre = r->centre, c1 = r->c1, c2 = r->c2;
-#pragma omp simd
-    for (size_t x = 0; x < n; x++) {
-        double ua = image[x], ub = reference[x];
-        double va = square[x] - ua * ua, vb = variance[x], cov = product[x] - ua * ub;
-        double ma = ua + centre, mb = ub + centre;
-        ssim[x] = (2 * ma * mb + c1) * (2 * cov + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
+    rx_image_reference *r = RX_NEW(rx_image_reference, 1);
+    if (r == NULL)
+        return rx_error_memory(err, sizeof *r);
+    *r = (rx_image_reference){.width = width,
+                              .height = height,
+                              .pixels = pixels,
+                              .high = high,
+                              .c = (k * range) * (k * range),
+                              .centre = 0.5 * (low + high)};
+    r->mean = RX_NEW(double, windows_of(r));
+    r->variance = RX_NEW(double, windows_of(r));
+    double *room = new_room(r, 0);
+    const bool complete = r->mean != NULL && r->variance != NULL && room != NULL;
+    for (int i = 0; i < WINDOW; i++) {
+        const double u = (i - RADIUS) / WINDOW_SIGMA;
+        r->weight[i] = exp(-0.5 * u * u);
+        sum += r->weight[i];
     }
-    double sum = 0;
-    for (size_t x = 0; x < n; x++)
-        sum += ssim[x];
-    return sum;
+    for (int i = 0; i < WINDOW; i++)
+        r->weight[i] /= sum;
+    if (complete) {
+        take_means(r, pixels, NULL, room, r->mean);
+        take_means(r, pixels, pixels, room, r->variance);
+        for (size_t i = 0; i < windows_of(r); i++)
+            r->variance[i] -= r->mean[i] * r->mean[i];
+        *dst = r;
+    } else {
+        rx_image_reference_free(r);
+    }
+    free(room);
+    return complete ? RX_OK : rx_error_memory(err, 0);
 }
 
 double rx_reference_psnr(const rx_image_reference *reference, const float *image)
@@ -225,29 +157,29 @@ double rx_reference_psnr(const rx_image_reference *reference, const float *image
     return psnr(reference->high, mean_square(reference->width, reference->height, image, reference->pixels));
 }
 
-rx_status rx_reference_ssim(const rx_image_reference *reference, const float *image, double *dst,
-                            rx_error *err)
+rx_status rx_reference_ssim(const rx_image_reference *r, const float *image, double *dst, rx_error *err)
 {
-    const size_t width = (size_t)reference->width, columns = width - 2 * RADIUS;
-    const double centre = reference->centre;
-    double sum = 0;
-    smoother s;
+    const size_t columns = columns_of(r), windows = windows_of(r);
+    const double centre = r->centre, c = r->c;
+    double total = 0, *room = new_room(r, 3);
     *dst = NAN;
-    RX_TRY(smoother_make(reference->width, 3, &s, err));
-    for (int y = 0; y < reference->height; y++) {
-        const float *a = image + (size_t)y * width, *b = reference->pixels + (size_t)y * width;
-        double *plain = s.row, *square = s.row + width, *product = s.row + 2 * width;
-#pragma omp simd
-        for (size_t x = 0; x < width; x++) {
-            double u = a[x] - centre, v = b[x] - centre;
-            plain[x] = u;
-            square[x] = u * u;
-            product[x] = u * v;
+    if (room == NULL)
+        return rx_error_memory(err, 3 * windows * sizeof *room);
+    double *mean = room + r->width + (size_t)r->height * columns, *square = mean + windows,
+           *product = square + windows;
+    take_means(r, image, NULL, room, mean);
+    take_means(r, image, image, room, square);
+    take_means(r, image, r->pixels, room, product);
+    for (size_t first = 0; first < windows; first += columns) {
+        double sum = 0; /* sums of rows keep the rounding of large images small */
+        for (size_t i = first; i < first + columns; i++) {
+            const double ua = mean[i], ub = r->mean[i], ma = ua + centre, mb = ub + centre;
+            const double va = square[i] - ua * ua, vb = r->variance[i], cov = product[i] - ua * ub;
+            sum += (2 * ma * mb + c) * (2 * cov + c) / ((ma * ma + mb * mb + c) * (va + vb + c));
         }
-        if (smoother_push(&s, y)) /* the ring is done with s.row, which takes the SSIM of the windows */
-            sum += row_sum(reference, (size_t)(y - WINDOW + 1) * columns, columns, s.mean, s.row);
+        total += sum;
     }
-    *dst = sum / ((double)columns * (double)(reference->height - 2 * RADIUS));
-    smoother_free(&s);
+    *dst = total / (double)windows;
+    free(room);
     return RX_OK;
 }

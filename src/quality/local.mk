@@ -1,10 +1,7 @@
 librextract_la_SOURCES += \
-	src/quality/binomial.c src/quality/binomial.h \
-	src/quality/bootstrap.c src/quality/bootstrap.h \
 	src/quality/completeness.c src/quality/completeness.h \
 	src/quality/evaluate.c src/quality/evaluate.h \
 	src/quality/gates.c src/quality/gates.h \
-	src/quality/hypothesis.c src/quality/hypothesis.h \
 	src/quality/image_metrics.c src/quality/image_metrics.h \
 	src/quality/match.c src/quality/match.h \
 	src/quality/metrics.c src/quality/metrics.h \
@@ -12,6 +9,6 @@ librextract_la_SOURCES += \
 	src/quality/qa.c src/quality/qa.h \
 	src/quality/qa_numbers.c src/quality/qa_numbers.h \
 	src/quality/rho.c src/quality/rho.h \
-	src/quality/sample.c src/quality/sample.h \
+	src/quality/statistics.c src/quality/statistics.h \
 	src/quality/tally.c src/quality/tally.h \
 	src/quality/tile_quality.c src/quality/tile_quality.h

@@ -1,6 +1,6 @@
 /* Measuring the metrics over a range of magnitudes. */
 #include "quality/metrics.h"
-#include "quality/hypothesis.h"
+#include "quality/statistics.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -9,7 +9,6 @@
 #include "base/memory.h"
 #include "data/psf.h"
 #include "num/special.h"
-#include "quality/bootstrap.h"
 
 #define RX_METRIC_ROW(id, name, unit, whole, help) {name, unit, help, whole},
 static const rx_metric_row rows[RX_METRIC_COUNT] = {RX_METRICS(RX_METRIC_ROW)};

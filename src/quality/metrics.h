@@ -7,8 +7,8 @@
 #ifndef RX_QUALITY_METRICS_H
 #define RX_QUALITY_METRICS_H
 
-#include "quality/bootstrap.h"
 #include "quality/evaluate.h"
+#include "quality/statistics.h"
 
 /* METRIC(id, name, unit, whole, help): `whole` metrics exist for "all" only. Precision goes by measured
  * magnitude, everything else by reference magnitude. */

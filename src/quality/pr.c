@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "quality/bootstrap.h"
+#include "quality/statistics.h"
 
 typedef struct ranked {
     double score;

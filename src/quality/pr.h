@@ -9,8 +9,7 @@
 #define RX_QUALITY_PR_H
 
 #include "base/error.h"
-#include "quality/binomial.h"
-#include "quality/bootstrap.h"
+#include "quality/statistics.h"
 
 typedef struct rx_pr_point {
     double score, recall, precision;

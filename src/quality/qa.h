@@ -10,8 +10,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
-#include "quality/binomial.h"
-#include "quality/bootstrap.h"
+#include "quality/statistics.h"
 
 /* What is compared: plain arrays, made by the stage from tables and source lists. Positions or magnitudes
  * that are unknown are NAN; magnitudes of 90 and fainter count as unknown (SExtractor writes 99). A reference

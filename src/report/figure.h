@@ -15,7 +15,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "quality/hypothesis.h"
+#include "quality/statistics.h"
 
 enum { RX_FIGURES_MAX = 128, RX_FIGURE_ID = 32, RX_PALETTE = 7 };
 

@@ -7,7 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "quality/sample.h"
+#include "num/stats.h"
 #include "report/figure.h"
 
 enum { FEW = 10, WHYS = 3, TREND_FIGURES = 8, TREND_BINS = 12, MOST_DOTS = 500 };
@@ -70,7 +70,7 @@ static level level_of(const rx_rollup *r, int run, const quantity *q, double *ro
             room[n++] = value;
     }
     if (n >= FEW)
-        l.spread = fmax(rx_sample_sigma(room, (long)n, &l.median), q->floor);
+        l.spread = fmax(rx_sigma_mad(room, n, &l.median), q->floor);
     return l;
 }
 
@@ -358,8 +358,8 @@ static void draw_trend(rx_figures *dst, const rx_rollup *r, const trend *t, int 
     qsort(points, (size_t)n, sizeof *points, by_x);
     for (int i = 0; i < n; i++)
         room[i] = points[i].y;
-    low = rx_sample_quantile(room, n, 0.005);
-    high = rx_sample_quantile(room, n, 0.995);
+    low = rx_quantile(room, (size_t)n, 0.005);
+    high = rx_quantile(room, (size_t)n, 0.995);
     rx_curves_add(&c, RX_CURVE_DOTS, 0, "images");
     const int step = (n + MOST_DOTS - 1) / MOST_DOTS;
     for (int i = 0; i < n; i += step)
@@ -369,7 +369,8 @@ static void draw_trend(rx_figures *dst, const rx_rollup *r, const trend *t, int 
         const int from = b * n / bins, to = (b + 1) * n / bins;
         for (int i = from; i < to; i++)
             room[i - from] = points[i].y;
-        rx_curves_put(&c, points[(from + to - 1) / 2].x, rx_sample_quantile(room, to - from, 0.5), NAN, NAN);
+        rx_curves_put(&c, points[(from + to - 1) / 2].x, rx_quantile(room, (size_t)(to - from), 0.5), NAN,
+                      NAN);
     }
     snprintf(id, sizeof id, "trend-%02d", number);
     snprintf(title, sizeof title, "%s%s%s against %s", q->image ? "" : r->run[t->run].name,

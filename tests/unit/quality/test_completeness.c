@@ -1,11 +1,4 @@
 /* Completeness magnitudes: hand-made bins, limits, and the truth of a simulated error function. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <math.h>
 
 #include "../near.h"
 #include "base/random.h"
@@ -14,18 +7,6 @@
 #define BY ((rx_resampling){.seed = 3, .nthreads = 2})
 
 static const rx_bins bins = {.n = 5, .edge = {18, 19, 20, 21, 22, 23}};
-
-static void bin_of_a_magnitude(void **state)
-{
-    (void)state;
-    assert_int_equal(rx_bins_index(&bins, 18), 0);
-    assert_int_equal(rx_bins_index(&bins, 18.999), 0);
-    assert_int_equal(rx_bins_index(&bins, 19), 1);
-    assert_int_equal(rx_bins_index(&bins, 22.999), 4);
-    assert_int_equal(rx_bins_index(&bins, 23), -1);
-    assert_int_equal(rx_bins_index(&bins, 17.999), -1);
-    assert_int_equal(rx_bins_index(&bins, NAN), -1);
-}
 
 /* found[i] of total[i] references, all of magnitude mag[i]. */
 static rx_estimate of_counts(int n, const double *mag, const int *found, const int *total, double share)
@@ -53,44 +34,6 @@ static void interpolates(void **state)
     /* a rise is levelled: 0.4 and 0.8 are 0.6 twice */
     assert_near(of_counts(5, mag, dips, total, 0.5).value, 20.5 + 0.1 / 0.4, 1e-9);
     assert_near(of_counts(5, mag, dips, total, 0.9).value, 18.5 + 0.1 / 0.4, 1e-9);
-}
-
-static void limits(void **state)
-{
-    const double mag[] = {18.5, 19.5, 20.5};
-    const int total[] = {10, 10, 10}, all[] = {10, 10, 9}, none[] = {1, 0, 0}, few[] = {1, 1, 2};
-    (void)state;
-    rx_estimate e = of_counts(3, mag, all, total, 0.5);
-    assert_in_range((long)(1000 * e.value), 20500, 20500 + 5000 / 36 + 1); /* the end of its narrow bin */
-    assert_true(isinf(e.high));
-    e = of_counts(3, mag, none, total, 0.5);
-    assert_in_range((long)(1000 * e.value), 18500 - 5000 / 36 - 1, 18500);
-    assert_true(isinf(e.low));
-    assert_true(isnan(of_counts(3, mag, few, few, 0.5).value));
-}
-
-/* Found with a probability that falls through one half at 21.3. */
-static void finds_the_truth(void **state)
-{
-    enum { N = 4000 };
-    static double mag[N];
-    static unsigned char found[N];
-    rx_bins fine = {.n = 10};
-    rx_estimate e, again;
-    (void)state;
-    for (int i = 0; i <= 10; i++)
-        fine.edge[i] = 18 + 0.5 * i;
-    for (int i = 0; i < N; i++) {
-        mag[i] = 18 + 5 * rx_random_uniform(1, 0, (uint64_t)i);
-        found[i] = rx_random_uniform(1, 1, (uint64_t)i) < 0.5 * erfc((mag[i] - 21.3) / 0.6);
-    }
-    assert_int_equal(rx_completeness(&fine, &(rx_found){N, mag, found}, 0.5, 0.95, BY, &e, NULL), RX_OK);
-    assert_near(e.value, 21.3, 0.06);
-    assert_true(e.low < 21.3);
-    assert_true(21.3 < e.high);
-    assert_true(e.high - e.low < 0.2);
-    assert_int_equal(rx_completeness(&fine, &(rx_found){N, mag, found}, 0.5, 0.95, BY, &again, NULL), RX_OK);
-    assert_memory_equal(&e, &again, sizeof e);
 }
 
 /* Steep curves, few references, wide bins of the tables: neither biased nor surer than it may be. */
@@ -152,10 +95,7 @@ static void open_interval(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bin_of_a_magnitude),
         cmocka_unit_test(interpolates),
-        cmocka_unit_test(limits),
-        cmocka_unit_test(finds_the_truth),
         cmocka_unit_test(open_interval),
         cmocka_unit_test(holds_the_truth),
     };

@@ -1,11 +1,4 @@
 /* The grammar of .qa files and the three verdicts. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -84,7 +77,9 @@ static void malformed(void **state)
         {"", 0, "holds no gate"},
         {"# only a comment\n", 0, "holds no gate"},
     };
+    rx_gates *none = NULL;
     (void)state;
+    assert_int_equal(rx_gates_read("/nowhere/x.qa", &none, NULL), RX_USAGE);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         rx_gates *gates = NULL;
         rx_error err = RX_ERROR_NONE;
@@ -96,16 +91,6 @@ static void malformed(void **state)
         if (strstr(err.text, bad[i].says) == NULL)
             fail_msg("'%s' gave: %s", bad[i].content, err.text);
     }
-}
-
-static void missing_file(void **state)
-{
-    rx_gates *gates = NULL;
-    rx_error err = RX_ERROR_NONE;
-    (void)state;
-    assert_int_equal(rx_gates_read("/nowhere/x.qa", &gates, &err), RX_USAGE);
-    assert_int_equal(err.status, RX_USAGE);
-    assert_null(gates);
 }
 
 static rx_verdict judge(rx_gate_operator op, double value, double value_high, double low, double high)
@@ -135,14 +120,10 @@ static void verdicts(void **state)
     assert_int_equal(judge(RX_GATE_GE, 0, 0, -INFINITY, INFINITY), RX_VERDICT_INSUFFICIENT);
     assert_int_equal(judge(RX_GATE_IN, -1, 1, -INFINITY, INFINITY), RX_VERDICT_INSUFFICIENT);
     assert_int_equal(judge(RX_GATE_GE, 21, 0, 22, INFINITY), RX_VERDICT_PASS);
-}
-
-static void nothing_measured_is_insufficient(void **state)
-{
-    rx_gate gate = {.op = RX_GATE_GE, .value = 0};
-    (void)state;
-    assert_int_equal(rx_gate_judge(&gate, &(rx_estimate){NAN, 0, 1, 0}), RX_VERDICT_INSUFFICIENT);
-    assert_int_equal(rx_gate_judge(&gate, &(rx_estimate){NAN, 1, 1, 5}), RX_VERDICT_INSUFFICIENT);
+    assert_int_equal(judge(RX_GATE_GE, 0, 0, NAN, NAN), RX_VERDICT_INSUFFICIENT); /* nothing was measured */
+    assert_int_equal(rx_verdict_worse(RX_VERDICT_PASS, RX_VERDICT_INSUFFICIENT), RX_VERDICT_INSUFFICIENT);
+    assert_int_equal(rx_verdict_worse(RX_VERDICT_FAIL, RX_VERDICT_INSUFFICIENT), RX_VERDICT_FAIL);
+    assert_int_equal(rx_verdict_worse(RX_VERDICT_NONE, RX_VERDICT_PASS), RX_VERDICT_PASS);
 }
 
 /* However lucky, ten references are too few for 0.9; and a true share of 0.9 needs hundreds. */
@@ -156,15 +137,6 @@ static void nine_of_ten_never_pass(void **state)
     assert_int_equal(rx_gate_judge(&gate, &ten), RX_VERDICT_INSUFFICIENT);
     assert_int_equal(rx_gate_judge(&gate, &many), RX_VERDICT_PASS);
     assert_int_equal(rx_gate_judge(&gate, &poor), RX_VERDICT_FAIL);
-}
-
-static void the_worst_wins(void **state)
-{
-    (void)state;
-    assert_int_equal(rx_verdict_worse(RX_VERDICT_PASS, RX_VERDICT_INSUFFICIENT), RX_VERDICT_INSUFFICIENT);
-    assert_int_equal(rx_verdict_worse(RX_VERDICT_FAIL, RX_VERDICT_INSUFFICIENT), RX_VERDICT_FAIL);
-    assert_int_equal(rx_verdict_worse(RX_VERDICT_NONE, RX_VERDICT_PASS), RX_VERDICT_PASS);
-    assert_string_equal(rx_verdict_name(RX_VERDICT_INSUFFICIENT), "INSUFFICIENT");
 }
 
 /* The file that is shipped is itself well formed and names every metric. */
@@ -189,13 +161,8 @@ static void shipped_file(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(grammar),
-        cmocka_unit_test(malformed),
-        cmocka_unit_test(missing_file),
-        cmocka_unit_test(verdicts),
-        cmocka_unit_test(nothing_measured_is_insufficient),
-        cmocka_unit_test(nine_of_ten_never_pass),
-        cmocka_unit_test(the_worst_wins),
+        cmocka_unit_test(grammar),      cmocka_unit_test(malformed),
+        cmocka_unit_test(verdicts),     cmocka_unit_test(nine_of_ten_never_pass),
         cmocka_unit_test(shipped_file),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,12 +1,5 @@
 /* The numbers of a tile's QA: stars that judge the PSF by magnitude, errors on common sources, runs on the same
  * references. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <math.h>
 
 #include "../near.h"
 #include "quality/qa_numbers.h"

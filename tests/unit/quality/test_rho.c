@@ -1,13 +1,6 @@
 /* Correlations of PSF residuals against sums over all pairs. */
 #include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "quality/rho.h"
@@ -114,66 +107,6 @@ static void test_pairs_of_images(void **state)
         }
 }
 
-static bool at_the_tenth(void *asked)
-{
-    return ++*(int *)asked >= 10;
-}
-
-/* A whole sky of 20,000 images, in any order, against all 200 million pairs of them. */
-static void test_many_images(void **state)
-{
-    enum { MANY = 20000 };
-    rx_rho *rho = calloc(MANY, sizeof *rho);
-    const rx_rho **images = calloc(MANY, sizeof *images);
-    double(*at)[3] = calloc(MANY, sizeof *at), pairs[RX_RHO_BINS] = {0}, t[RX_RHO_BINS] = {0};
-    rx_rho_bin bins[RX_RHO_BINS];
-    rx_error err = {0};
-    unsigned seed = 5;
-    (void)state;
-    assert_non_null(rho);
-    assert_non_null(images);
-    assert_non_null(at);
-    for (int i = 0; i < MANY; i++) {
-        const double z = 2.0 * uniform(&seed) - 1.0, alpha = 360.0 * uniform(&seed);
-        rho[i] = (rx_rho){.n = 10,
-                          .t = (long)(2000.0 * uniform(&seed)) - 1000,
-                          .alpha = alpha,
-                          .delta = 180.0 / M_PI * asin(z),
-                          .reach = 0.1};
-        at[i][0] = sqrt(1.0 - z * z) * cos(M_PI / 180.0 * alpha);
-        at[i][1] = sqrt(1.0 - z * z) * sin(M_PI / 180.0 * alpha);
-        at[i][2] = z;
-        images[i] = &rho[i];
-    }
-    for (int i = 0; i < MANY; i++)
-        for (int j = 0; j < i; j++) {
-            const double cosine = at[i][0] * at[j][0] + at[i][1] * at[j][1] + at[i][2] * at[j][2];
-            if (cosine < 0.98)
-                continue;
-            const double apart = 60.0 * 180.0 / M_PI * acos(fmin(cosine, 1.0));
-            for (int k = 0; k < RX_RHO_BINS; k++)
-                if (apart > 12.0 && apart >= rx_rho_edge(k) && apart < rx_rho_edge(k + 1)) {
-                    pairs[k] += 100.0;
-                    t[k] += 1e-8 * (double)rho[i].t * (double)rho[j].t;
-                }
-        }
-    assert_int_equal(rx_rho_all(MANY, images, bins, &err), RX_OK);
-    assert_true(pairs[RX_RHO_BINS - 1] > 5e7);
-    int asked = 0;
-    rx_error stopped = {.stop = at_the_tenth, .user = &asked};
-    rx_rho_bin none[RX_RHO_BINS];
-    assert_int_equal(rx_rho_all(MANY, images, none, &stopped), RX_INTERRUPTED);
-    assert_in_range(asked, 10, 20);
-    for (int k = 0; k < RX_RHO_BINS; k++) {
-        assert_near(bins[k].pairs, pairs[k], 0);
-        if (pairs[k] > 0.0)
-            assert_close(bins[k].t, t[k] / pairs[k], 1e-9);
-    }
-    free(at);
-    free(images);
-    free(rho);
-}
-
 static void test_units(void **state)
 {
     (void)state;
@@ -187,7 +120,6 @@ static void test_units(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_one_image),
-                                       cmocka_unit_test(test_pairs_of_images),
-                                       cmocka_unit_test(test_many_images), cmocka_unit_test(test_units)};
+                                       cmocka_unit_test(test_pairs_of_images), cmocka_unit_test(test_units)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

