@@ -10,7 +10,7 @@
 #include "data/psf.h"
 #include "num/special.h"
 
-#define RX_METRIC_ROW(id, name, unit, whole, help) {name, unit, help, whole},
+#define RX_METRIC_ROW(id, name, unit, digits, whole, help) {name, unit, help, digits, whole},
 static const rx_metric_row rows[RX_METRIC_COUNT] = {RX_METRICS(RX_METRIC_ROW)};
 #undef RX_METRIC_ROW
 

@@ -5,10 +5,8 @@ librextract_la_SOURCES += \
 	src/report/gnuplot.c src/report/gnuplot.h \
 	src/report/json.c src/report/json.h \
 	src/report/plot.c \
-	src/report/qa_figures.c src/report/qa_figures.h \
+	src/report/qa_figures.c \
 	src/report/qa_page.c src/report/qa_page.h \
-	src/report/qa_psf_figures.c \
-	src/report/qa_regions.c src/report/qa_regions.h \
 	src/report/qa_tables.c src/report/qa_tables.h \
 	src/report/report.c src/report/report.h \
 	src/report/report_table.c src/report/report_table.h \

@@ -3,11 +3,10 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "report/qa_figures.h"
-#include "report/qa_regions.h"
 #include "report/qa_tables.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
@@ -31,7 +30,6 @@ typedef struct page {
     const rx_qa_numbers *q;
     rx_report *report;
     rx_qa_tables t;
-    bool fluxes, real, tested; /* of any run */
 } page;
 
 /* The gates and, in a sentence, what was found; then whatever makes the numbers mean something else. */
@@ -114,57 +112,21 @@ static void show_summary(page *p)
         if (m == RX_METRIC_MAGERR &&
             p->q->input->nruns > 1) /* lists of other depths differ in magerr for that */
             columns[n++] = "common_magerr";
-        if (m != RX_METRIC_FLUX_SCALE || p->fluxes)
+        if (m != RX_METRIC_FLUX_SCALE || rx_report_knows(p->t.runs, "flux_sources"))
             columns[n++] = rx_metric_get((rx_metric)m)->name;
     }
     rx_report_section(p->report, "summary", "Summary");
     show_runs(p, n, columns);
 }
 
-static void show_gates(page *p)
+static void add_radius(page *p)
 {
-    static const char *const columns[] = {"line", "gate", "run", "measured", "level", "verdict"};
-    if (rx_report_rows(p->t.gates) == 0)
-        return;
-    rx_report_section(p->report, "gates", "Gates");
-    rx_report_show(p->report, p->t.gates, RX_VIEW(.ncolumns = COUNT(columns), .columns = columns));
-    rx_report_note(
-        p->report,
-        "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. "
-        "INSUFFICIENT: the interval lies across the limit, more sources are needed to decide; or no "
-        "run has the name of the gate.");
-}
-
-static void show_noise(page *p)
-{
-    static const char *const columns[] = {"run", "no_noise_peak", "false_per_mpixel", "threshold_raised",
-                                          "false_per_mpixel_as_asked"};
-    if (!p->real)
-        return;
-    rx_report_section(p->report, "noise", "Noise or sources");
-    show_runs(p, COUNT(columns), columns);
-    rx_report_note(
-        p->report,
-        "1 &minus; (false detections per Mpixel of this tile's noise, BLANK_CHECK) &times; (Mpixel of the "
-        "tile without a mask or a source) / detections, with the interval of the rate. It covers noise on "
-        "blank sky only: pieces of bright sources, ghosts, cosmic rays, and noise on top of sources count "
-        "as real here. Where large or crowded sources raise the map of the noise, the rate is too high, and "
-        "this share too low: then neither is more than a hint.");
-}
-
-static void show_fluxes(page *p)
-{
-    static const char *const columns[] = {"run",           "flux_sources", "flux_aperture_pixels",
-                                          "flux_aperture", "flux_auto",    "flux_scale_is"};
-    if (!p->fluxes)
-        return;
-    rx_report_section(p->report, "flux-scale", "Flux scale");
-    show_runs(p, COUNT(columns), columns);
-    rx_report_note(
-        p->report,
-        "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the "
-        "measure. Off: the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO "
-        "so much above it; FLUX_AUTO below it is the light that it leaves out.");
+    char sentence[120], arcsec[40] = "";
+    if (p->q->par->match_radius_arcsec > 0)
+        snprintf(arcsec, sizeof arcsec, " (%.4g arcsec)", p->q->par->match_radius_arcsec);
+    snprintf(sentence, sizeof sentence, "Matched one to one, nearest pairs first, within %.4g pixels%s.",
+             p->q->par->match_radius, arcsec);
+    rx_report_sentence(p->report, sentence);
 }
 
 static void show_psf(page *p)
@@ -183,77 +145,114 @@ static void show_psf(page *p)
                    "PSF. psf_stars.ecsv and psf_growth.ecsv hold what is drawn.");
 }
 
-static void show_counts(page *p)
-{
-    static const char *const columns[] = {"run",
-                                          "references",
-                                          "references_ignored",
-                                          "detections",
-                                          "detections_ignored",
-                                          "matched",
-                                          "chance_matches",
-                                          "common",
-                                          "common_magerr"};
-    char sentence[120], arcsec[40] = "";
-    rx_report_section(p->report, "counts", "What was compared");
-    if (p->q->par->match_radius_arcsec > 0)
-        snprintf(arcsec, sizeof arcsec, " (%.4g arcsec)", p->q->par->match_radius_arcsec);
-    snprintf(sentence, sizeof sentence, "Matched one to one, nearest pairs first, within %.4g pixels%s.",
-             p->q->par->match_radius, arcsec);
-    rx_report_sentence(p->report, sentence);
-    show_runs(p, COUNT(columns), columns);
-    rx_report_note(p->report,
-                   "Where matches by chance are not few against the matches, recall and precision are "
-                   "flattered; take a smaller radius.");
-}
+/* Sections of a table and how to read it: some of its columns, or all; there if something comes before it, or the
+ * second one says something of any row. */
+enum { COLUMNS_MAX = 9 };
+static const struct section {
+    const char *id, *title;
+    size_t table; /* in rx_qa_tables */
+    int turned;
+    const char *columns[COLUMNS_MAX], *note;
+    void (*before)(page *p); /* what comes before the table */
+    void (*after)(page *p);  /* the next section */
+} SECTIONS[] = {
+    {"gates",
+     "Gates",
+     offsetof(rx_qa_tables, gates),
+     0,
+     {"line", "gate", "run", "measured", "level", "verdict"},
+     "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. "
+     "INSUFFICIENT: the interval lies across the limit, more sources are needed to decide; or no "
+     "run has the name of the gate.",
+     NULL,
+     NULL},
+    {"counts",
+     "What was compared",
+     offsetof(rx_qa_tables, runs),
+     1,
+     {"run", "references", "references_ignored", "detections", "detections_ignored", "matched",
+      "chance_matches", "common", "common_magerr"},
+     "Where matches by chance are not few against the matches, recall and precision are "
+     "flattered; take a smaller radius.",
+     add_radius,
+     NULL},
+    {"noise",
+     "Noise or sources",
+     offsetof(rx_qa_tables, runs),
+     1,
+     {"run", "no_noise_peak", "false_per_mpixel", "threshold_raised", "false_per_mpixel_as_asked"},
+     "1 &minus; (false detections per Mpixel of this tile's noise, BLANK_CHECK) &times; (Mpixel of the "
+     "tile without a mask or a source) / detections, with the interval of the rate. It covers noise on "
+     "blank sky only: pieces of bright sources, ghosts, cosmic rays, and noise on top of sources count "
+     "as real here. Where large or crowded sources raise the map of the noise, the rate is too high, and "
+     "this share too low: then neither is more than a hint.",
+     NULL,
+     NULL},
+    {"spurious",
+     "Spurious or real",
+     offsetof(rx_qa_tables, runs),
+     1,
+     {"run", "spurious", "spurious_matched", "spurious_per_mpixel", "precision", "precision_without"},
+     "A source is marked when a template of it, fitted to the original pixels together with its "
+     "neighbours, says that it is rather not there (P_REAL below 0.5).",
+     NULL,
+     NULL},
+    {"flags",
+     "With and without each flag",
+     offsetof(rx_qa_tables, flags),
+     0,
+     {NULL},
+     "What leaving out the sources of a flag costs in recall, and gains in precision.",
+     NULL,
+     NULL},
+    {"flux-scale",
+     "Flux scale",
+     offsetof(rx_qa_tables, runs),
+     1,
+     {"run", "flux_sources", "flux_aperture_pixels", "flux_aperture", "flux_auto", "flux_scale_is"},
+     "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the "
+     "measure. Off: the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO "
+     "so much above it; FLUX_AUTO below it is the light that it leaves out.",
+     NULL,
+     show_psf},
+    {"duel",
+     "Restorers on the same references",
+     offsetof(rx_qa_tables, comparisons),
+     0,
+     {NULL},
+     "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both "
+     "found sources equally well. With several pairs multiply p by their number. A run that detects "
+     "more finds more: read it together with precision.",
+     NULL,
+     NULL},
+    {"models",
+     "What the model promises here",
+     offsetof(rx_qa_tables, models),
+     1,
+     {NULL},
+     "Promised: what the model did on its test images of this seeing and noise. Here: as in the "
+     "summary; faint sources lower the recall, galaxies and blends widen the scatter.",
+     NULL,
+     NULL},
+};
 
-static void show_comparisons(page *p)
+static void show_section(page *p, const struct section *s)
 {
-    if (rx_report_rows(p->t.comparisons) == 0)
-        return;
-    rx_report_section(p->report, "duel", "Restorers on the same references");
-    rx_report_show(p->report, p->t.comparisons, RX_VIEW(.from = 0));
-    rx_report_note(
-        p->report,
-        "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both "
-        "found sources equally well. With several pairs multiply p by their number. A run that detects "
-        "more finds more: read it together with precision.");
-}
-
-static void show_spurious(page *p)
-{
-    static const char *const columns[] = {
-        "run", "spurious", "spurious_matched", "spurious_per_mpixel", "precision", "precision_without"};
-    if (!p->tested)
-        return;
-    rx_report_section(p->report, "spurious", "Spurious or real");
-    show_runs(p, COUNT(columns), columns);
-    rx_report_note(
-        p->report,
-        "A source is marked when a template of it, fitted to the original pixels together with its "
-        "neighbours, says that it is rather not there (P_REAL below 0.5).");
-}
-
-static void show_flags(page *p)
-{
-    if (rx_report_rows(p->t.flags) == 0)
-        return;
-    rx_report_section(p->report, "flags", "With and without each flag");
-    rx_report_show(p->report, p->t.flags, &(rx_report_view){0});
-    rx_report_note(p->report,
-                   "What leaving out the sources of a flag costs in recall, and gains in precision.");
-}
-
-static void show_models(page *p)
-{
-    if (rx_report_rows(p->t.models) == 0)
-        return;
-    rx_report_section(p->report, "models", "What the model promises here");
-    rx_report_show(p->report, p->t.models, RX_VIEW(.turned = 1, .without_empty = 1));
-    rx_report_note(
-        p->report,
-        "Promised: what the model did on its test images of this seeing and noise. Here: as in the "
-        "summary; faint sources lower the recall, galaxies and blends widen the scatter.");
+    const rx_report_table *t = *(rx_report_table *const *)((const char *)&p->t + s->table);
+    int n = 0;
+    while (n < COLUMNS_MAX && s->columns[n] != NULL)
+        n++;
+    if (s->before != NULL || (n > 0 ? rx_report_knows(t, s->columns[1]) : rx_report_rows(t) > 0)) {
+        rx_report_section(p->report, s->id, s->title);
+        if (s->before != NULL)
+            s->before(p);
+        rx_report_show(
+            p->report, t,
+            RX_VIEW(.turned = s->turned, .without_empty = s->turned, .ncolumns = n, .columns = s->columns));
+        rx_report_note(p->report, s->note);
+    }
+    if (s->after != NULL)
+        s->after(p);
 }
 
 static void show_bins(page *p)
@@ -267,7 +266,7 @@ static void show_bins(page *p)
     rx_report_section(p->report, "bins", "Tables by magnitude");
     rx_report_fold(p->report, "Recall, precision, errors of magnitudes, fluxes and positions");
     for (int i = 0; i < COUNT(shown); i++) {
-        const rx_report_column column = rx_qa_metric_column(p->q->input, shown[i]);
+        const rx_report_column column = p->t.run_column[RX_QA_RUN_COLUMNS + shown[i]];
         rx_report_show(p->report, p->t.bins,
                        RX_VIEW(.from = p->q->input->nruns, .title = column.name, .unit = column.unit,
                                .note = column.help, .rows = {"mag_low", "mag_high"}, .across = {"run"},
@@ -379,11 +378,6 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
     const rx_qa_input *input = p->q->input;
     rx_report *report = p->report;
     rx_qa_tables_add(report, p->q, &p->t);
-    for (int run = 0; run < input->nruns; run++) {
-        p->fluxes |= input->runs[run].flux.n > 0;
-        p->real |= input->runs[run].real.n > 0;
-        p->tested |= input->runs[run].tested;
-    }
     add_verdicts(p);
     add_brief(p, !rx_log_is_short(files->log));
     if (files->figures)
@@ -397,15 +391,8 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
                        "&sigma; of the first picture, black at &minus;2&sigma;, white where 99.8 % of it is "
                        "darker.");
     show_summary(p);
-    show_gates(p);
-    show_counts(p);
-    show_noise(p);
-    show_spurious(p);
-    show_flags(p);
-    show_fluxes(p);
-    show_psf(p);
-    show_comparisons(p);
-    show_models(p);
+    for (int i = 0; i < COUNT(SECTIONS); i++)
+        show_section(p, &SECTIONS[i]);
     show_bins(p);
     show_reading(p);
     rx_report_section(report, "restorers", "Restorers");
@@ -415,6 +402,41 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
         rx_report_record(report, input->nrecord, input->record);
     }
     return rx_report_write(report, files, brief, err);
+}
+
+/* On the sky where the place there is known, else in pixels from 1. */
+static void add_circle(rx_text *dst, const rx_qa_numbers *q, const rx_qa_list *list, long i)
+{
+    const double radius = q->par->match_radius, scale = q->input->pixel_scale;
+    if (scale > 0 && list->alpha != NULL && isfinite(list->alpha[i]))
+        rx_text_printf(dst, "icrs;circle(%.7f,%.7f,%.3f\")", list->alpha[i], list->delta[i], radius * scale);
+    else
+        rx_text_printf(dst, "image;circle(%.3f,%.3f,%.3f)", list->x[i] + 1, list->y[i] + 1, radius);
+}
+
+/* What a run missed and which of its detections are false, for DS9: a circle of the matching radius around each missed
+ * reference (its magnitude beside it) and each false detection (its number). */
+static rx_status write_regions(const rx_qa_numbers *numbers, int run, const char *stem,
+                               const rx_report_files *files, rx_error *err)
+{
+    const rx_evaluation *e = &numbers->evaluation[run];
+    const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
+    rx_text text = {0};
+    char name[RX_QA_STEM + 16];
+    rx_text_add(&text, "# Region file format: DS9 version 4.1\n"
+                       "# cyan: missed, magnitude of the reference; red: false, row of the catalogue\n");
+    for (long i = 0; i < truth->n; i++)
+        if (e->truth_role[i] == RX_ROLE_UNMATCHED) {
+            add_circle(&text, numbers, truth, i);
+            rx_text_printf(&text, " # color=cyan text={%.2f} tag={missed}\n", truth->mag[i]);
+        }
+    for (long j = 0; j < list->n; j++)
+        if (e->run_role[j] == RX_ROLE_UNMATCHED) {
+            add_circle(&text, numbers, list, j);
+            rx_text_printf(&text, " # color=red text={%ld} tag={false}\n", j + 1);
+        }
+    snprintf(name, sizeof name, "regions_%s.reg", stem);
+    return rx_report_file(files->folder, files->shown, name, &text, err);
 }
 
 rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
@@ -432,7 +454,7 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
         status = write_page(&p, &files, brief, err);
     }
     for (int run = 0; run < input->nruns && status == RX_OK; run++)
-        status = rx_qa_regions(&numbers, run, p.t.stem[run], folder, shown, err);
+        status = write_regions(&numbers, run, p.t.stem[run], &files, err);
     if (status == RX_OK && verdict != NULL)
         *verdict = numbers.verdict;
     free(p.t.stem);

@@ -175,26 +175,16 @@ typedef struct builder {
 
 /* --- the rows --- */
 
-static int digits_of(rx_metric metric)
-{
-    if (metric >= RX_METRIC_FLUX_SCALE && metric <= RX_METRIC_PSF_GROWTH)
-        return 4;
-    return strcmp(rx_metric_get(metric)->unit, "%") == 0 || metric == RX_METRIC_PULL_MEDIAN ||
-                   metric == RX_METRIC_PULL_WIDTH || metric == RX_METRIC_MAG50 || metric == RX_METRIC_MAG90
-               ? 2
-               : 3;
-}
-
-rx_report_column rx_qa_metric_column(const rx_qa_input *input, rx_metric metric)
+/* How a metric is shown; precision may be something else (rx_qa_input.precision_is). */
+static rx_report_column column_of(const rx_qa_input *input, rx_metric metric)
 {
     const rx_metric_row *row = rx_metric_get(metric);
     const bool renamed = metric == RX_METRIC_PRECISION && input->precision_is != NULL;
-    return (rx_report_column){row->name,
-                              RX_REPORT_ESTIMATE,
-                              digits_of(metric),
-                              row->unit,
-                              renamed ? input->precision_is : row->help,
-                              NULL};
+    return (rx_report_column){.name = row->name,
+                              .kind = RX_REPORT_ESTIMATE,
+                              .digits = row->digits,
+                              .unit = row->unit,
+                              .help = renamed ? input->precision_is : row->help};
 }
 
 static rx_cell known(bool is, double value)
@@ -391,7 +381,7 @@ static void add_runs(builder *p)
     memcpy(of_bins, BINS, sizeof BINS);
     rx_report_table *metrics = RX_REPORT_TABLE(p->report, "metrics", METRICS, RX_REPORT_IN_JSON);
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
-        const rx_report_column column = rx_qa_metric_column(input, (rx_metric)m);
+        const rx_report_column column = column_of(input, (rx_metric)m);
         of_runs[NRUNS + m] = column;
         if (!rx_metric_get((rx_metric)m)->whole)
             of_bins[nbins++] = column;

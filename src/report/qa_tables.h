@@ -1,4 +1,5 @@
-/* The tables of the QA report, and its facts: what its files hold. How they are shown is the page's. */
+/* The tables of the QA report, its facts and figures: what its files hold. How they are shown is the page's. Internal to
+ * report/. */
 #ifndef RX_REPORT_QA_TABLES_H
 #define RX_REPORT_QA_TABLES_H
 
@@ -18,7 +19,8 @@ typedef struct rx_qa_tables {
 /* dst and numbers must live as long as the report. */
 void rx_qa_tables_add(rx_report *report, const rx_qa_numbers *numbers, rx_qa_tables *dst);
 
-/* How a metric is shown; precision may be something else (rx_qa_input.precision_is). */
-rx_report_column rx_qa_metric_column(const rx_qa_input *input, rx_metric metric);
+/* The figures of the report, "plot-...", "picture..." and, where stars judge the PSF, "psf-...". Those without any data
+ * are left out. */
+void rx_qa_figures(rx_figures *dst, const rx_qa_numbers *numbers);
 
 #endif

@@ -191,6 +191,8 @@ void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns]
     RX_CELLS_6, RX_CELLS_5, RX_CELLS_4, RX_CELLS_3, RX_CELLS_2, RX_CELLS_1, 0)(__VA_ARGS__)})
 /* clang-format on */
 long rx_report_rows(const rx_report_table *table);
+/* Does the column say anything, of any row? */
+bool rx_report_knows(const rx_report_table *table, const char *column);
 /* An entry in the head of this table's file alone; one a table. */
 void rx_report_table_fact(rx_report_table *table, const char *name, const char *text);
 

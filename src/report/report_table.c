@@ -368,6 +368,11 @@ static bool is_empty(const rx_report_table *t, int column, long from, long to)
     return empty;
 }
 
+bool rx_report_knows(const rx_report_table *t, const char *column)
+{
+    return rx_report_rows(t) > 0 && !is_empty(t, column_of(t, column), 0, t->nrows);
+}
+
 /* The columns that a view of rows as they are shows; their number in *n. To be freed; NULL without memory. */
 static int *columns_of(const rx_report_table *t, const rx_report_view *v, long to, int *n)
 {

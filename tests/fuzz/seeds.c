@@ -678,7 +678,7 @@ static void dictionary(const char *folder, const char *target)
     const rx_column_def *columns = rx_column_defs(&ncolumns);
     for (int i = 0; strcmp(target, "param") == 0 && i < ncolumns; i++)
         word(file, columns[i].name);
-#define METRIC(id, name, unit, whole, help) word(file, name);
+#define METRIC(id, name, unit, digits, whole, help) word(file, name);
     if (strcmp(target, "qa") == 0) {
         RX_METRICS(METRIC)
     }
