@@ -9,7 +9,7 @@
 
 #include "base/memory.h"
 #include "report/figure.h"
-#include "report/ecsv.h"
+#include "report/formats.h"
 
 static const double LEVEL = 0.95; /* of all intervals */
 

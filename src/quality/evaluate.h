@@ -11,9 +11,16 @@
 
 #include "base/arena.h"
 #include "base/error.h"
-#include "quality/completeness.h"
 #include "quality/pr.h"
 #include "quality/qa.h"
+
+enum { RX_MAX_BINS = 60 };
+
+/* edge[n + 1] rising; bin i holds edge[i] <= m < edge[i + 1]. */
+typedef struct rx_bins {
+    int n;
+    double edge[RX_MAX_BINS + 1];
+} rx_bins;
 
 typedef enum rx_role { RX_ROLE_UNMATCHED, RX_ROLE_MATCHED, RX_ROLE_IGNORED } rx_role;
 

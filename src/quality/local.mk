@@ -1,12 +1,11 @@
 librextract_la_SOURCES += \
-	src/quality/completeness.c src/quality/completeness.h \
 	src/quality/evaluate.c src/quality/evaluate.h \
 	src/quality/gates.c src/quality/gates.h \
 	src/quality/image_metrics.c src/quality/image_metrics.h \
 	src/quality/match.c src/quality/match.h \
 	src/quality/metrics.c src/quality/metrics.h \
 	src/quality/pr.c src/quality/pr.h \
-	src/quality/qa.c src/quality/qa.h \
+	src/quality/qa.h \
 	src/quality/qa_numbers.c src/quality/qa_numbers.h \
 	src/quality/rho.c src/quality/rho.h \
 	src/quality/statistics.c src/quality/statistics.h \

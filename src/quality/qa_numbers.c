@@ -97,7 +97,8 @@ double rx_qa_star_mag(const rx_qa_psf *psf, const rx_psf_star *star)
     return star->flux > 0.0 ? psf->zeropoint - 2.5 * log10(star->flux) : NAN;
 }
 
-int rx_qa_psf_bins(const rx_qa_psf *psf, rx_qa_psf_bin dst[RX_QA_PSF_BINS])
+/* Empty ranges are left out; returns how many are left. */
+static int psf_bins(const rx_qa_psf *psf, rx_qa_psf_bin dst[RX_QA_PSF_BINS])
 {
     const rx_psf_judged *judged = psf->psf->judged;
     double low = HUGE_VAL, high = -HUGE_VAL;
@@ -157,7 +158,7 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     compare_runs(dst);
     compare_errors(dst);
     if (input->psf.psf != NULL && input->psf.psf->judged != NULL)
-        dst->npsf_bins = rx_qa_psf_bins(&input->psf, dst->psf_bin);
+        dst->npsf_bins = psf_bins(&input->psf, dst->psf_bin);
     for (long i = 0; i < gates && status == RX_OK; i++)
         status = judge_gate(dst, &par->gates->gate[i], err);
     for (long i = 0; i < dst->nresults; i++)

@@ -23,7 +23,8 @@ typedef struct rx_qa_comparison {
     double p;                     /* McNemar's exact test */
 } rx_qa_comparison;
 
-/* Means over stars of one range of magnitude: rx_psf_star.off and 1 sigma, NAN of a single star. */
+/* Means over stars of one range of magnitude, a whole number of half magnitudes wide: rx_psf_star.off and 1 sigma, NAN of
+ * a single star. */
 enum { RX_QA_PSF_BINS = 12 };
 typedef struct rx_qa_psf_bin {
     double mag, mean[3], error[3]; /* mag: middle of the range */
@@ -62,8 +63,5 @@ static inline const rx_estimate *rx_qa_binned(const rx_qa_numbers *numbers, int 
 
 /* Of a star that judges the PSF; NAN without a flux. */
 double rx_qa_star_mag(const rx_qa_psf *psf, const rx_psf_star *star);
-
-/* Those stars in ranges of a whole number of half magnitudes, empty ones left out; returns how many ranges. */
-int rx_qa_psf_bins(const rx_qa_psf *psf, rx_qa_psf_bin dst[RX_QA_PSF_BINS]);
 
 #endif

@@ -144,8 +144,8 @@ static int weigh(const float *pixels, int width, int height, double *x, double *
     return fabs(mx) < reach && fabs(my) < reach;
 }
 
-rx_tile_ellipse rx_tile_ellipse_of(const float *pixels, int width, int height, double x, double y,
-                                   double fwhm)
+/* The shape around (x, y) of pixels, a row `width` long; all of them count. */
+static rx_tile_ellipse ellipse_of(const float *pixels, int width, int height, double x, double y, double fwhm)
 {
     const double s2 = fwhm * fwhm / 5.545177444; /* 8 ln 2 */
     const double x0 = x, y0 = y;
@@ -193,7 +193,7 @@ static rx_status half_light(const float *stamp, int size, double *dst, rx_error 
 static rx_tile_ellipse psf_moments(const rx_psf *psf, float *stamp, double x, double y)
 {
     rx_psf_at(psf, x, y, stamp);
-    return rx_tile_ellipse_of(stamp, psf->size, psf->size, psf->size / 2, psf->size / 2, psf->fwhm);
+    return ellipse_of(stamp, psf->size, psf->size, psf->size / 2, psf->size / 2, psf->fwhm);
 }
 
 /* Moments hold the pixel and the wings: their widths are scaled so that the PSF's at the centre is its FWHM. */
@@ -258,7 +258,7 @@ static void add_star(rx_tile_quality *q, float *stamp, float *room, double x, do
     rx_tile_point *p = &q->star[q->nstars];
     *p = (rx_tile_point){.x = x,
                          .y = y,
-                         .shape = scaled(q, rx_tile_ellipse_of(room, side, side, x - x0, y - y0, psf->fwhm)),
+                         .shape = scaled(q, ellipse_of(room, side, side, x - x0, y - y0, psf->fwhm)),
                          .psf = scaled(q, psf_moments(psf, stamp, x, y))};
     q->nstars += p->shape.fwhm > 0 && p->psf.fwhm > 0;
 }

@@ -111,10 +111,6 @@ void rx_tile_quality_free(rx_tile_quality *quality); /* NULL is fine */
 /* Magnitude of a point source of S/N 5 at the image's global noise. */
 double rx_tile_depth(const rx_image *image);
 
-/* The shape around (x, y) of pixels, a row `width` long; all of them count. */
-rx_tile_ellipse rx_tile_ellipse_of(const float *pixels, int width, int height, double x, double y,
-                                   double fwhm);
-
 /* Median of the cells of that run's residual chi2, NAN where it is not judged: there is none, or after a fallback nothing
  * was restored, which the first run says of the same pixels. */
 double rx_tile_chi2_middle(const rx_tile_about *about, int run);

@@ -5,8 +5,8 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "report/escape.h"
 #include "report/figure.h"
+#include "report/formats.h"
 
 enum { MAX_POINTS = 2000, MAX_HOVER = 150, LONG_LABELS = 72 };
 

@@ -11,7 +11,7 @@
 #include "base/memory.h"
 #include "data/flags.h"
 #include "data/sources.h"
-#include "report/escape.h"
+#include "report/formats.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
@@ -204,44 +204,42 @@ static void add_run(builder *p, int run, char (*name)[STEM + 16])
     const rx_qa_run *r = e->run;
     const bool checked = r->blank.n > 0, fluxes = r->flux.n > 0;
     const rx_estimate none = {NAN, NAN, NAN, 0};
-    rx_cell row[NRUNS + RX_METRIC_COUNT] = {
-        rx_cell_words(r->name),
-        rx_cell_words(rx_qa_done_by(r)),
-        rx_cell_words(r->by != NULL || r->taken != NULL ? r->why : NULL),
-        rx_cell_words(r->settings),
-        rx_cell_words(r->psf),
-        rx_cell_number(r->law_scale),
-        rx_cell_number(r->law_power),
-        rx_cell_words(e->pull_in_flux ? "flux" : "magnitude"),
-        rx_cell_words(name[0]),
-        rx_cell_words(name[1]),
-        rx_cell_words(name[2]),
-        rx_cell_number((double)e->references),
-        rx_cell_number((double)e->references_ignored),
-        rx_cell_number((double)e->detections),
-        rx_cell_number((double)e->detections_ignored),
-        rx_cell_number((double)e->matched),
-        rx_cell_number(e->chance),
-        rx_cell_number((double)p->q->ncommon),
-        rx_cell_number(p->q->common[run]),
-        known(r->tested, (double)e->made_up),
-        known(r->tested, (double)e->made_up_matched),
-        known(r->tested, r->made_up_per_mpixel),
-        known(r->tested, rx_evaluation_precision_without(e)),
-        known(checked, r->blank.n),
-        known(checked, r->blank.mpixels),
-        rx_cell_estimate(checked ? r->blank.rate : none),
-        known(checked, r->blank.raised),
-        known(checked && r->blank.raised > 1.0, r->blank.asked),
-        rx_cell_estimate(r->real.n > 0 ? r->real : none),
-        known(fluxes, (double)r->flux.n),
-        known(fluxes, r->flux.diameter),
-        known_to(fluxes, r->flux.wide, r->flux.wide_error),
-        known_to(fluxes, r->flux.automatic, r->flux.automatic_error),
-        rx_cell_words(!fluxes       ? ""
-                      : r->flux.off ? "off"
-                                    : "right"),
-    };
+    rx_cell row[NRUNS + RX_METRIC_COUNT] = {RX_CELL(r->name),
+                                            RX_CELL(rx_qa_done_by(r)),
+                                            rx_cell_words(r->by != NULL || r->taken != NULL ? r->why : NULL),
+                                            RX_CELL(r->settings),
+                                            RX_CELL(r->psf),
+                                            RX_CELL(r->law_scale),
+                                            RX_CELL(r->law_power),
+                                            RX_CELL(e->pull_in_flux ? "flux" : "magnitude"),
+                                            RX_CELL(name[0]),
+                                            RX_CELL(name[1]),
+                                            RX_CELL(name[2]),
+                                            RX_CELL(e->references),
+                                            RX_CELL(e->references_ignored),
+                                            RX_CELL(e->detections),
+                                            RX_CELL(e->detections_ignored),
+                                            RX_CELL(e->matched),
+                                            RX_CELL(e->chance),
+                                            RX_CELL(p->q->ncommon),
+                                            RX_CELL(p->q->common[run]),
+                                            known(r->tested, (double)e->made_up),
+                                            known(r->tested, (double)e->made_up_matched),
+                                            known(r->tested, r->made_up_per_mpixel),
+                                            known(r->tested, rx_evaluation_precision_without(e)),
+                                            known(checked, r->blank.n),
+                                            known(checked, r->blank.mpixels),
+                                            RX_CELL(checked ? r->blank.rate : none),
+                                            known(checked, r->blank.raised),
+                                            known(checked && r->blank.raised > 1.0, r->blank.asked),
+                                            RX_CELL(r->real.n > 0 ? r->real : none),
+                                            known(fluxes, (double)r->flux.n),
+                                            known(fluxes, r->flux.diameter),
+                                            known_to(fluxes, r->flux.wide, r->flux.wide_error),
+                                            known_to(fluxes, r->flux.automatic, r->flux.automatic_error),
+                                            RX_CELL(!fluxes       ? ""
+                                                    : r->flux.off ? "off"
+                                                                  : "right")};
     for (int m = 0; m < RX_METRIC_COUNT; m++)
         row[NRUNS + m] = rx_cell_estimate(p->q->whole[run][m]);
     rx_report_row(p->to->runs, row);
@@ -249,18 +247,13 @@ static void add_run(builder *p, int run, char (*name)[STEM + 16])
         return;
     const rx_qa_promise *promise = r->promise;
     const bool inside = promise->inside;
-    rx_report_row(
-        p->to->models,
-        (rx_cell[]){
-            rx_cell_words(r->name), rx_cell_words(promise->model), rx_cell_words(promise->digest),
-            rx_cell_words(promise->why), rx_cell_words(promise->unfinished ? "has not ended" : "has ended"),
-            rx_cell_number(promise->fwhm), known(inside, promise->fwhm_bin[0]),
-            known(inside, promise->fwhm_bin[1]), rx_cell_number(promise->noise),
-            known(inside, promise->noise_bin[0]), known(inside, promise->noise_bin[1]),
-            rx_cell_number(promise->recall), rx_cell_estimate(p->q->whole[run][RX_METRIC_RECALL]),
-            rx_cell_number(promise->bias), rx_cell_estimate(p->q->whole[run][RX_METRIC_BIAS_PERCENT]),
-            rx_cell_number(promise->scatter), rx_cell_estimate(p->q->whole[run][RX_METRIC_SCATTER_PERCENT]),
-            rx_cell_number(promise->loss)});
+    const rx_estimate *here = p->q->whole[run];
+    rx_report_put(p->to->models, r->name, promise->model, promise->digest, promise->why,
+                  promise->unfinished ? "has not ended" : "has ended", promise->fwhm,
+                  known(inside, promise->fwhm_bin[0]), known(inside, promise->fwhm_bin[1]), promise->noise,
+                  known(inside, promise->noise_bin[0]), known(inside, promise->noise_bin[1]), promise->recall,
+                  here[RX_METRIC_RECALL], promise->bias, here[RX_METRIC_BIAS_PERCENT], promise->scatter,
+                  here[RX_METRIC_SCATTER_PERCENT], promise->loss);
 }
 
 /* A run over all magnitudes (bin -1) or in one bin: what exists for both. */

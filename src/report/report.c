@@ -7,7 +7,7 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
-#include "report/escape.h"
+#include "report/formats.h"
 #include "report/report_table.h"
 
 enum { TABLES_MAX = 64, ENTRIES_MAX = 48, PLACES_MAX = 64, PREFIX = 32 };

@@ -157,39 +157,15 @@ void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns]
         rx_estimate: rx_cell_estimate,                                                                       \
         rx_cell: rx_cell_itself,                                                                             \
         default: rx_cell_number)(v)
-/* clang-format off */
-#define RX_CELLS_1(v) RX_CELL(v)
-#define RX_CELLS_2(v, ...) RX_CELL(v), RX_CELLS_1(__VA_ARGS__)
-#define RX_CELLS_3(v, ...) RX_CELL(v), RX_CELLS_2(__VA_ARGS__)
-#define RX_CELLS_4(v, ...) RX_CELL(v), RX_CELLS_3(__VA_ARGS__)
-#define RX_CELLS_5(v, ...) RX_CELL(v), RX_CELLS_4(__VA_ARGS__)
-#define RX_CELLS_6(v, ...) RX_CELL(v), RX_CELLS_5(__VA_ARGS__)
-#define RX_CELLS_7(v, ...) RX_CELL(v), RX_CELLS_6(__VA_ARGS__)
-#define RX_CELLS_8(v, ...) RX_CELL(v), RX_CELLS_7(__VA_ARGS__)
-#define RX_CELLS_9(v, ...) RX_CELL(v), RX_CELLS_8(__VA_ARGS__)
-#define RX_CELLS_10(v, ...) RX_CELL(v), RX_CELLS_9(__VA_ARGS__)
-#define RX_CELLS_11(v, ...) RX_CELL(v), RX_CELLS_10(__VA_ARGS__)
-#define RX_CELLS_12(v, ...) RX_CELL(v), RX_CELLS_11(__VA_ARGS__)
-#define RX_CELLS_13(v, ...) RX_CELL(v), RX_CELLS_12(__VA_ARGS__)
-#define RX_CELLS_14(v, ...) RX_CELL(v), RX_CELLS_13(__VA_ARGS__)
-#define RX_CELLS_15(v, ...) RX_CELL(v), RX_CELLS_14(__VA_ARGS__)
-#define RX_CELLS_16(v, ...) RX_CELL(v), RX_CELLS_15(__VA_ARGS__)
-#define RX_CELLS_17(v, ...) RX_CELL(v), RX_CELLS_16(__VA_ARGS__)
-#define RX_CELLS_18(v, ...) RX_CELL(v), RX_CELLS_17(__VA_ARGS__)
-#define RX_CELLS_19(v, ...) RX_CELL(v), RX_CELLS_18(__VA_ARGS__)
-#define RX_CELLS_20(v, ...) RX_CELL(v), RX_CELLS_19(__VA_ARGS__)
-#define RX_CELLS_21(v, ...) RX_CELL(v), RX_CELLS_20(__VA_ARGS__)
-#define RX_CELLS_22(v, ...) RX_CELL(v), RX_CELLS_21(__VA_ARGS__)
-#define RX_CELLS_23(v, ...) RX_CELL(v), RX_CELLS_22(__VA_ARGS__)
-#define RX_CELLS_24(v, ...) RX_CELL(v), RX_CELLS_23(__VA_ARGS__)
-#define RX_CELLS_PICK(_1, _2, _3, _4, _5, _6, _7, _8, _9, _10, _11, _12, _13, _14, _15, _16, _17, _18, \
-    _19, _20, _21, _22, _23, _24, name, ...) name
-#define rx_report_put(table, ...) \
-    rx_report_row(table, (rx_cell[]){RX_CELLS_PICK(__VA_ARGS__, RX_CELLS_24, RX_CELLS_23, RX_CELLS_22, \
-    RX_CELLS_21, RX_CELLS_20, RX_CELLS_19, RX_CELLS_18, RX_CELLS_17, RX_CELLS_16, RX_CELLS_15, \
-    RX_CELLS_14, RX_CELLS_13, RX_CELLS_12, RX_CELLS_11, RX_CELLS_10, RX_CELLS_9, RX_CELLS_8, RX_CELLS_7, \
-    RX_CELLS_6, RX_CELLS_5, RX_CELLS_4, RX_CELLS_3, RX_CELLS_2, RX_CELLS_1, 0)(__VA_ARGS__)})
-/* clang-format on */
+#define RX_CELLS(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v, w, x, ...)                \
+    {                                                                                                        \
+        RX_CELL(a), RX_CELL(b), RX_CELL(c), RX_CELL(d), RX_CELL(e), RX_CELL(f), RX_CELL(g), RX_CELL(h),      \
+            RX_CELL(i), RX_CELL(j), RX_CELL(k), RX_CELL(l), RX_CELL(m), RX_CELL(n), RX_CELL(o), RX_CELL(p),  \
+            RX_CELL(q), RX_CELL(r), RX_CELL(s), RX_CELL(t), RX_CELL(u), RX_CELL(v), RX_CELL(w), RX_CELL(x)   \
+    }
+#define rx_report_put(table, ...)                                                                            \
+    rx_report_row(table, (rx_cell[])RX_CELLS(__VA_ARGS__, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, \
+                                             0, 0, 0, 0, 0, 0, 0))
 long rx_report_rows(const rx_report_table *table);
 /* Does the column say anything, of any row? */
 bool rx_report_knows(const rx_report_table *table, const char *column);

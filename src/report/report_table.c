@@ -6,8 +6,7 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "report/ecsv.h"
-#include "report/escape.h"
+#include "report/formats.h"
 
 enum { PLAIN = 96, LONG_WORDS = 40 };
 static const char LEFT[] = "<th scope=\"col\" class=\"t\">", RIGHT[] = "<th scope=\"col\">";

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "report/json.h"
+#include "report/formats.h"
 #include "report/report.h"
 
 /* An entry of the head: a text, numbers, or null. */

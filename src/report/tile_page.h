@@ -20,10 +20,4 @@ typedef struct rx_tile_page_facts {
 rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *files,
                              rx_tile_page_facts *found, rx_error *err);
 
-/* Arcsec a pixel at the centre, by the world coordinates; without them PIXEL_SCALE, of which the default, 1, says nothing: NAN. */
-double rx_tile_scale(const rx_image *image);
-
-/* Its figures: ids tile-..., star-..., cut-... */
-void rx_tile_figures(rx_figures *dst, const rx_tile_quality *q);
-
 #endif

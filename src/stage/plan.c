@@ -13,7 +13,7 @@
 #include "data/restorers.h"
 #include "io/tile.h"
 #include "nn/stream.h"
-#include "report/json.h"
+#include "report/formats.h"
 #include "stage/options.h"
 
 /* Of one tile, or of all. */

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
-#include "report/escape.h"
+#include "report/formats.h"
 #include "survey/rollup.h"
 
 /* kind: element of what is wrong, or NULL; notes: lines to read all the same, or NULL. */

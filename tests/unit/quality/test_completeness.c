@@ -2,11 +2,27 @@
 
 #include "../near.h"
 #include "base/random.h"
-#include "quality/completeness.h"
-
-#define BY ((rx_resampling){.seed = 3, .nthreads = 2})
+#include "quality/metrics.h"
 
 static const rx_bins bins = {.n = 5, .edge = {18, 19, 20, 21, 22, 23}};
+
+/* Of references of these magnitudes, found or not: the magnitude of 50 or 90 %. */
+static rx_estimate depth_of(const rx_bins *in, long n, double *mag, const unsigned char *found,
+                            rx_metric metric)
+{
+    unsigned char role[1000];
+    const rx_qa_run run = {.name = "A"};
+    const rx_qa_input input = {.truth = {.n = n}};
+    const rx_evaluation e = {
+        .input = &input, .run = &run, .bins = *in, .truth_mag = mag, .truth_role = role, .level = 0.95};
+    rx_estimate m[RX_METRIC_COUNT];
+    for (long i = 0; i < n; i++)
+        role[i] = found[i] ? RX_ROLE_MATCHED : RX_ROLE_UNMATCHED;
+    assert_int_equal(rx_metrics_measure(&e, (rx_mag_range){.whole = 1}, 0.95,
+                                        (rx_resampling){.seed = 3, .nthreads = 2}, metric, m, NULL),
+                     RX_OK);
+    return m[metric];
+}
 
 /* found[i] of total[i] references, all of magnitude mag[i]. */
 static rx_estimate of_counts(int n, const double *mag, const int *found, const int *total, double share)
@@ -14,14 +30,12 @@ static rx_estimate of_counts(int n, const double *mag, const int *found, const i
     double m[200];
     unsigned char f[200];
     long all = 0;
-    rx_estimate e;
     for (int i = 0; i < n; i++)
         for (int k = 0; k < total[i]; k++, all++) {
             m[all] = mag[i];
             f[all] = k < found[i];
         }
-    assert_int_equal(rx_completeness(&bins, &(rx_found){all, m, f}, share, 0.95, BY, &e, NULL), RX_OK);
-    return e;
+    return depth_of(&bins, all, m, f, share < 0.7 ? RX_METRIC_MAG50 : RX_METRIC_MAG90);
 }
 
 static void interpolates(void **state)
@@ -55,13 +69,12 @@ static void holds_the_truth(void **state)
                 found[i] =
                     rx_random_uniform(7 + s, round, 2 * (uint64_t)i + 1) < 0.985 / (1 + exp(mag[i] / 0.12));
             }
-            assert_int_equal(
-                rx_completeness(&wide, &(rx_found){sizes[s], mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
+            e = depth_of(&wide, sizes[s], mag, found, RX_METRIC_MAG90);
             sum += e.value / ROUNDS;
             inside += (e.low <= truth && truth <= e.high) / (double)ROUNDS;
         }
         assert_near(sum, truth, 0.05);
-        assert_true(inside >= 0.8); /* percentile intervals are a little short, bootstrap.h */
+        assert_true(inside >= 0.8); /* percentile intervals are a little short, statistics.h */
     }
 }
 
@@ -76,19 +89,19 @@ static void open_interval(void **state)
         mag[i] = 18 + 0.05 * i;
         found[i] = 1;
     }
-    assert_int_equal(rx_completeness(&bins, &(rx_found){100, mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    e = depth_of(&bins, 100, mag, found, RX_METRIC_MAG90);
     assert_near(e.value, 23, 1e-9);
     assert_true(e.low > 22.5);
     assert_true(isinf(e.high));
     assert_true(e.high > 0);
     for (int i = 0; i < 100; i++)
         found[i] = 0;
-    assert_int_equal(rx_completeness(&bins, &(rx_found){100, mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    e = depth_of(&bins, 100, mag, found, RX_METRIC_MAG90);
     assert_near(e.value, 18, 1e-9);
     assert_true(e.high < 18.5);
     assert_true(isinf(e.low));
     assert_true(e.low < 0);
-    assert_int_equal(rx_completeness(&bins, &(rx_found){3, mag, found}, 0.9, 0.95, BY, &e, NULL), RX_OK);
+    e = depth_of(&bins, 3, mag, found, RX_METRIC_MAG90);
     assert_true(isnan(e.value));
 }
 

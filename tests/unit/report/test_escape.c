@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "report/escape.h"
+#include "report/formats.h"
 
 #define FFFD "\xEF\xBF\xBD"
 
@@ -44,22 +44,18 @@ static void utf8(void **state)
     check(rx_escape_html, "x\xE2\x82", "x" FFFD FFFD);              /* cut off at the end */
 }
 
+/* U+0085, U+2028, U+2029 end lines for YAML and Python. */
 static void quoted(void **state)
 {
+    rx_text text = {0};
+    rx_json json = rx_json_on(&text);
+    rx_ecsv table = {.text = &text};
     (void)state;
-    check(rx_escape_quoted, "a\"b\\c\td", "\"a\\\"b\\\\c" FFFD "d\"");
-    check(rx_escape_cell, "a\"b,c\\", "\"a\"\"b,c\\\"");
-    /* U+0085, U+2028, U+2029 end lines for YAML and Python */
-    check(rx_escape_quoted,
-          "a\xC2\x85"
-          "b\xE2\x80\xA8"
-          "c\xE2\x80\xA9",
-          "\"a\\u0085b\\u2028c\\u2029\"");
-    check(rx_escape_cell,
-          "a\xC2\x85"
-          "b\xE2\x80\xA8"
-          "c\xE2\x80\xA9",
-          "\"a" FFFD "b" FFFD "c" FFFD "\"");
+    rx_json_string(&json, NULL, "a\"b\\c\td\xC2\x85 \xE2\x80\xA8 \xE2\x80\xA9");
+    rx_ecsv_text(&table, "a\"b,c\\\xC2\x85 \xE2\x80\xA8 \xE2\x80\xA9");
+    assert_string_equal(text.data, "\"a\\\"b\\\\c" FFFD "d\\u0085 \\u2028 \\u2029\"\"a\"\"b,c\\" FFFD " " FFFD
+                                   " " FFFD "\"");
+    rx_text_free(&text);
 }
 
 static void reduced(void **state)
