@@ -13,39 +13,42 @@ enum { SHIFTS = 8, FLAG_SATURATED_OR_WORSE = 4 };
 static const double UNKNOWN_MAG = 90; /* as faint or fainter: SExtractor's 99 */
 static const double BRIGHT_MAG_ERROR = 0.05;
 
+enum { NUMBERS = 9 };
+
+static void numbers_of(rx_qa_list *list, double **dst[NUMBERS])
+{
+    double **const columns[NUMBERS] = {&list->x,     &list->y,          &list->alpha,
+                                       &list->delta, &list->mag,        &list->mag_error,
+                                       &list->flux,  &list->flux_error, &list->score};
+    memcpy(dst, columns, sizeof columns);
+}
+
 rx_status rx_qa_list_new(rx_qa_list *list, long n, int with_flags, rx_error *err)
 {
     const size_t rows = (size_t)n;
+    double **columns[NUMBERS];
+    bool complete = true;
     *list = (rx_qa_list){.n = n};
-    double **const columns[] = {&list->x,         &list->y,    &list->alpha,      &list->delta, &list->mag,
-                                &list->mag_error, &list->flux, &list->flux_error, &list->score};
-    const size_t ncolumns = sizeof columns / sizeof *columns - (with_flags ? 0 : 1);
-    int complete = 1;
-    for (size_t i = 0; i < ncolumns; i++)
+    numbers_of(list, columns);
+    for (int i = 0; i < NUMBERS - !with_flags; i++)
         complete &= (*columns[i] = RX_NEW(double, rows)) != NULL;
     if (with_flags) {
-        list->flags = RX_NEW(int, rows);
-        list->restore = RX_NEW(int, rows);
-        list->made_up = RX_NEW(unsigned char, rows);
-        complete &= list->flags != NULL && list->restore != NULL && list->made_up != NULL;
+        complete &= (list->flags = RX_NEW(int, rows)) != NULL;
+        complete &= (list->restore = RX_NEW(int, rows)) != NULL;
+        complete &= (list->made_up = RX_NEW(unsigned char, rows)) != NULL;
     }
     if (complete)
         return RX_OK;
     rx_qa_list_free(list);
-    return rx_error_memory(err, 9 * rows * sizeof(double));
+    return rx_error_memory(err, NUMBERS * rows * sizeof(double));
 }
 
 void rx_qa_list_free(rx_qa_list *list)
 {
-    free(list->x);
-    free(list->y);
-    free(list->alpha);
-    free(list->delta);
-    free(list->mag);
-    free(list->mag_error);
-    free(list->flux);
-    free(list->flux_error);
-    free(list->score);
+    double **columns[NUMBERS];
+    numbers_of(list, columns);
+    for (int i = 0; i < NUMBERS; i++)
+        free(*columns[i]);
     free(list->flags);
     free(list->restore);
     free(list->made_up);
@@ -228,15 +231,6 @@ double rx_evaluation_precision_without(const rx_evaluation *evaluation)
     return kept > 0 ? (double)(evaluation->matched - evaluation->made_up_matched) / (double)kept : NAN;
 }
 
-/* The zero point that ties flux and mag of a list together, NAN when it has no fluxes. */
-static double list_zeropoint(const rx_qa_list *list)
-{
-    for (long j = 0; j < list->n && list->flux != NULL; j++)
-        if (list->flux[j] > 0 && isfinite(list->flux[j]) && !isnan(known_mag(list->mag[j])))
-            return list->mag[j] + 2.5 * log10(list->flux[j]);
-    return NAN;
-}
-
 /* Differences of one matched pair; what cannot be known stays NAN. */
 static void difference(rx_evaluation *e, long j, double zeropoint)
 {
@@ -260,7 +254,10 @@ static void difference(rx_evaluation *e, long j, double zeropoint)
 static void find_differences(rx_evaluation *e)
 {
     const rx_qa_list *list = &e->run->list;
-    double zeropoint = list_zeropoint(list);
+    double zeropoint = NAN; /* that ties flux and mag of a list together */
+    for (long j = 0; j < list->n && list->flux != NULL && isnan(zeropoint); j++)
+        if (list->flux[j] > 0 && isfinite(list->flux[j]))
+            zeropoint = known_mag(list->mag[j]) + 2.5 * log10(list->flux[j]);
     e->pull_in_flux = isfinite(zeropoint) && list->flux_error != NULL;
     for (long i = 0; i < e->input->truth.n; i++)
         e->truth_mag[i] = known_mag(e->input->truth.mag[i]);
@@ -296,21 +293,19 @@ static rx_status find_offset(rx_evaluation *e, rx_error *err)
 static rx_status find_curve(rx_evaluation *e, rx_resampling by, rx_error *err)
 {
     const rx_qa_list *list = &e->run->list;
-    rx_status status = RX_OK;
     long n = 0;
     double *score = RX_NEW(double, (size_t)list->n);
     unsigned char *matched = RX_NEW(unsigned char, (size_t)list->n);
-    if (score == NULL || matched == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)list->n * sizeof *score));
-    for (long j = 0; j < list->n; j++) {
-        if (e->run_role[j] == RX_ROLE_IGNORED)
-            continue;
-        score[n] = list->score != NULL ? list->score[j] : -e->run_mag[j];
-        matched[n++] = e->run_role[j] == RX_ROLE_MATCHED;
-    }
-    RX_TRY_EXIT(rx_pr_make(n, score, matched, e->references, &e->pr, err));
-    status = rx_pr_interval(&e->pr, e->references, e->level, by, &e->pr.ap, err);
-exit:
+    rx_status status = score == NULL || matched == NULL ? rx_error_memory(err, 0) : RX_OK;
+    for (long j = 0; j < list->n && status == RX_OK; j++)
+        if (e->run_role[j] != RX_ROLE_IGNORED) {
+            score[n] = list->score != NULL ? list->score[j] : -e->run_mag[j];
+            matched[n++] = e->run_role[j] == RX_ROLE_MATCHED;
+        }
+    if (status == RX_OK)
+        status = rx_pr_make(n, score, matched, e->references, &e->pr, err);
+    if (status == RX_OK)
+        status = rx_pr_interval(&e->pr, e->references, e->level, by, &e->pr.ap, err);
     free(score);
     free(matched);
     return status;

@@ -6,10 +6,11 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/lines.h"
 #include "base/memory.h"
 #include "base/text.h"
 
-enum { MAX_FILE = 1 << 20, MAX_WORDS = 7 };
+enum { MAX_WORDS = 7 };
 static const char *const operators[] = {">=", ">", "<=", "<", "in"};
 static const char *const verdicts[] = {"NONE", "PASS", "FAIL", "INSUFFICIENT"};
 static const double DEFAULT_LEVEL = 0.95, LEVEL_LOW = 0.5, LEVEL_HIGH = 0.995;
@@ -129,10 +130,9 @@ static rx_status read_value(const char *path, long line, char *const *word, rx_g
 }
 
 /* One line, already cut into words. */
-static rx_status read_gate(const char *path, long line, int nwords, char *const *word, rx_gate *dst,
-                           rx_error *err)
+static rx_status read_gate(const char *path, int nwords, char *const *word, rx_gate *dst, rx_error *err)
 {
-    *dst = (rx_gate){.line = line, .level = DEFAULT_LEVEL};
+    const long line = dst->line;
     if (nwords < 4 || nwords > 6)
         return rx_error_at(err, RX_USAGE, path, -1, line,
                            "a gate has 4 to 6 words, METRIC BIN OPERATOR VALUE [LEVEL [RUN]], here are %s%d",
@@ -149,66 +149,53 @@ static rx_status read_gate(const char *path, long line, int nwords, char *const 
     return dst->run != NULL ? RX_OK : rx_error_memory(err, 0);
 }
 
-static int cut_words(char *line, char **word)
-{
-    int n = 0;
-    char *rest = NULL;
-    for (char *w = strtok_r(line, " \t\r", &rest); w != NULL && n < MAX_WORDS;
-         w = strtok_r(NULL, " \t\r", &rest))
-        word[n++] = w;
-    return n;
-}
-
+/* A line without its comment; one without words holds no gate. */
 static rx_status add_line(rx_gates *gates, const char *path, long number, char *line, rx_error *err)
 {
-    char *word[MAX_WORDS];
-    line[strcspn(line, "#")] = '\0';
+    char *word[MAX_WORDS], *rest = NULL;
     rx_text text = {0};
-    int nwords = cut_words(line, word);
+    int nwords = 0;
+    line[strcspn(line, "#")] = '\0';
+    for (char *w = strtok_r(line, " \t\r", &rest); w != NULL && nwords < MAX_WORDS;
+         w = strtok_r(NULL, " \t\r", &rest)) {
+        rx_text_printf(&text, nwords > 0 ? " %s" : "%s", w);
+        word[nwords++] = w;
+    }
     if (nwords == 0)
         return RX_OK;
-    rx_gate *more = rx_regrow(gates->gate, (size_t)gates->n + 1, sizeof *more);
-    if (more == NULL)
-        return rx_error_memory(err, 0);
-    gates->gate = more;
-    RX_TRY(read_gate(path, number, nwords, word, &more[gates->n], err));
-    for (int i = 0; i < nwords; i++) {
-        rx_text_add(&text, i > 0 ? " " : "");
-        rx_text_add(&text, word[i]);
+    rx_status status = RX_GROW(gates->gate, (size_t)gates->n + 1, err);
+    if (status != RX_OK) {
+        rx_text_free(&text);
+        return status;
     }
-    more[gates->n++].text = text.data;
-    return text.failed ? rx_error_memory(err, 0) : RX_OK;
+    rx_gate *gate = &gates->gate[gates->n++];
+    *gate = (rx_gate){.line = number, .level = DEFAULT_LEVEL, .text = text.data};
+    return text.failed ? rx_error_memory(err, 0) : read_gate(path, nwords, word, gate, err);
 }
 
 rx_status rx_gates_read(const char *path, rx_gates **dst, rx_error *err)
 {
-    char *content = NULL;
+    rx_lines lines;
+    char *line = NULL;
     rx_gates *gates = RX_NEW(rx_gates, 1);
-    rx_status status = rx_text_read_file(path, MAX_FILE, &content, NULL, err);
+    rx_status status = rx_lines_open(&lines, path, 0, err);
+    if (status == RX_OK && (gates == NULL || (gates->path = rx_strdup(path)) == NULL))
+        status = rx_error_memory(err, 0);
+    while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
+        status = add_line(gates, path, lines.number, line, err);
+    rx_lines_close(&lines);
     if (status == RX_INPUT) { /* a configuration file, not data */
         status = RX_USAGE;
         if (err != NULL)
             err->status = RX_USAGE;
     }
-    if (status == RX_OK && (gates == NULL || (gates->path = rx_strdup(path)) == NULL))
-        status = rx_error_memory(err, 0);
-    long number = 1;
-    for (char *line = content; line != NULL && status == RX_OK; number++) {
-        char *end = strchr(line, '\n');
-        if (end != NULL)
-            *end = '\0';
-        status = add_line(gates, path, number, line, err);
-        line = end != NULL ? end + 1 : NULL;
-    }
     if (status == RX_OK && gates->n == 0)
         status =
             rx_error_at(err, RX_USAGE, path, -1, 0, "holds no gate; write one like 'recall 18:20 >= 0.9'");
-    if (status == RX_OK) {
+    if (status == RX_OK)
         *dst = gates;
-        gates = NULL;
-    }
-    rx_gates_free(gates);
-    free(content);
+    else
+        rx_gates_free(gates);
     return status;
 }
 

@@ -25,23 +25,6 @@ static double mean_square(int width, int height, const float *image, const float
     return isfinite(sum) ? sum / ((double)width * (double)height) : NAN;
 }
 
-static void range_of(int width, int height, const float *image, double *low, double *high)
-{
-    *low = INFINITY;
-    *high = -INFINITY;
-    for (size_t i = 0; i < (size_t)width * (size_t)height; i++) {
-        *low = image[i] < *low ? image[i] : *low;
-        *high = image[i] > *high ? image[i] : *high;
-    }
-}
-
-static double psnr(double high, double mse)
-{
-    if (!(high > 0))
-        return NAN;
-    return mse > 0 ? 20 * log10(high) - 10 * log10(mse) : mse == 0 ? INFINITY : NAN;
-}
-
 /* --- SSIM --- */
 
 struct rx_image_reference {
@@ -109,12 +92,15 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
                                  rx_error *err)
 {
     static const double k = 0.001; /* the paper's K1 = K2 */
-    double low, high, sum = 0;
+    double low = INFINITY, high = -INFINITY, sum = 0;
     *dst = NULL;
     if (width < WINDOW || height < WINDOW)
         return rx_error_set(err, RX_USAGE, "SSIM needs images of %d x %d pixels or more, not %d x %d", WINDOW,
                             WINDOW, width, height);
-    range_of(width, height, pixels, &low, &high);
+    for (size_t i = 0; i < (size_t)width * (size_t)height; i++) {
+        low = pixels[i] < low ? pixels[i] : low;
+        high = pixels[i] > high ? pixels[i] : high;
+    }
     const double range = high - low;
     if (!(range > 0) || !isfinite(range))
         return rx_error_set(err, RX_INPUT,
@@ -154,7 +140,10 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
 
 double rx_reference_psnr(const rx_image_reference *reference, const float *image)
 {
-    return psnr(reference->high, mean_square(reference->width, reference->height, image, reference->pixels));
+    const double mse = mean_square(reference->width, reference->height, image, reference->pixels);
+    if (!(reference->high > 0))
+        return NAN;
+    return mse > 0 ? 20 * log10(reference->high) - 10 * log10(mse) : mse == 0 ? INFINITY : NAN;
 }
 
 rx_status rx_reference_ssim(const rx_image_reference *r, const float *image, double *dst, rx_error *err)

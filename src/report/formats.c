@@ -64,15 +64,6 @@ static void escape_quoted(rx_text *dst, const char *text)
     rx_text_add(dst, "\"");
 }
 
-/* With its quotes: a text cell of ECSV. */
-static void escape_cell(rx_text *dst, const char *text)
-{
-    static const char *const escaped[] = {"\"\""};
-    rx_text_add(dst, "\"");
-    escape(dst, text, "\"", escaped, false);
-    rx_text_add(dst, "\"");
-}
-
 static void keep_only(char *dst, size_t size, const char *text, const char *others, char instead)
 {
     size_t n = 0;
@@ -204,22 +195,16 @@ void rx_ecsv_meta_number(rx_ecsv *table, const char *name, double value)
     rx_text_printf(table->text, "#   %s: %.9g\n", name, value);
 }
 
-/* YAML, the language of the header, takes these words for true and false. */
-static int is_truth(const char *name)
-{
-    static const char *const words[] = {"true", "false", "yes", "no", "on", "off"};
-    for (size_t i = 0; i < sizeof words / sizeof words[0]; i++)
-        if (strcasecmp(name, words[i]) == 0)
-            return 1;
-    return 0;
-}
-
 void rx_ecsv_column(rx_ecsv *table, const char *name, rx_ecsv_type type, const char *unit,
                     const char *description)
 {
     static const char *const types[] = {"float64", "int64", "string"};
+    /* YAML, the language of the header, takes these words for true and false */
+    static const char *const truths[] = {"true", "false", "yes", "no", "on", "off"};
+    const char *quote = "";
     part_begin(table, &table->in_columns, "# datatype:\n");
-    const char *quote = is_truth(name) ? "'" : "";
+    for (size_t i = 0; i < sizeof truths / sizeof truths[0]; i++)
+        quote = strcasecmp(name, truths[i]) == 0 ? "'" : quote;
     rx_text_printf(table->text, "# - {name: %s%s%s, datatype: %s", quote, name, quote, types[type]);
     if (unit[0] != '\0')
         rx_text_printf(table->text, ", unit: '%s'", unit);
@@ -259,8 +244,11 @@ void rx_ecsv_count(rx_ecsv *table, long value)
 
 void rx_ecsv_text(rx_ecsv *table, const char *value)
 {
+    static const char *const escaped[] = {"\"\""};
     next_cell(table);
-    escape_cell(table->text, value);
+    rx_text_add(table->text, "\"");
+    escape(table->text, value, "\"", escaped, false);
+    rx_text_add(table->text, "\"");
 }
 
 void rx_ecsv_row_end(rx_ecsv *table)

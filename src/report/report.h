@@ -184,7 +184,7 @@ typedef struct rx_report_view {
     const char *const *columns;
     /* a pivot: words or numbers of `rows` (one column or two) against words of `across`, and in the middle
      * `value` with so many digits; value NULL: the rows as they are */
-    const char *rows[2], *across[2], *value;
+    const char *rows[2], *across[1], *value;
     int digits;
     int in_brief;  /* also for the terminal */
     int intervals; /* there: with those of estimates */

@@ -281,50 +281,38 @@ static void plain_cell(char dst[PLAIN], const rx_report_table *t, int column, lo
 
 /* --- views --- */
 
-/* Columns whose words together name a row of a pivot, or a column of it. */
-typedef struct key {
-    int n, column[2];
-} key;
-
 typedef struct pivot {
-    key rows, across;
-    int value;
+    int nrows, rows[2], across, value; /* columns; nrows: that together name a row */
 } pivot;
-
-static key key_of(const rx_report_table *t, const char *const *names)
-{
-    key k = {0};
-    for (; k.n < 2 && names[k.n] != NULL; k.n++)
-        k.column[k.n] = column_of(t, names[k.n]);
-    return k;
-}
 
 /* false: the view shows rows as they are. */
 static bool pivot_of(const rx_report_table *t, const rx_report_view *v, pivot *dst)
 {
     if (v->value == NULL)
         return false;
-    *dst = (pivot){key_of(t, v->rows), key_of(t, v->across), column_of(t, v->value)};
+    *dst = (pivot){.across = column_of(t, v->across[0]), .value = column_of(t, v->value)};
+    for (; dst->nrows < 2 && v->rows[dst->nrows] != NULL; dst->nrows++)
+        dst->rows[dst->nrows] = column_of(t, v->rows[dst->nrows]);
     return true;
 }
 
-static bool same(const rx_report_table *t, const key *k, long one, long other)
+static bool same(const rx_report_table *t, int n, const int *columns, long one, long other)
 {
     bool equal = true;
-    for (int i = 0; i < k->n && equal; i++) {
-        const rx_report_slot *a = at(t, k->column[i], one), *b = at(t, k->column[i], other);
-        equal = is_words(t->columns[k->column[i]].kind) ? strcmp(a->words, b->words) == 0
-                                                        : memcmp(a, b, sizeof *a) == 0;
+    for (int i = 0; i < n && equal; i++) {
+        const rx_report_slot *a = at(t, columns[i], one), *b = at(t, columns[i], other);
+        equal = is_words(t->columns[columns[i]].kind) ? strcmp(a->words, b->words) == 0
+                                                      : memcmp(a, b, sizeof *a) == 0;
     }
     return equal;
 }
 
 /* The row from `from` on whose words are new since view->from; view->to: none. */
-static long next_new(const rx_report_table *t, const rx_report_view *v, const key *k, long from)
+static long next_new(const rx_report_table *t, const rx_report_view *v, int n, const int *columns, long from)
 {
     for (long row = from; row < v->to; row++) {
         long before = v->from;
-        while (before < row && !same(t, k, before, row))
+        while (before < row && !same(t, n, columns, before, row))
             before++;
         if (before == row)
             return row;
@@ -336,22 +324,9 @@ static long next_new(const rx_report_table *t, const rx_report_view *v, const ke
 static long row_of(const rx_report_table *t, const rx_report_view *v, const pivot *p, long like, long across)
 {
     for (long row = v->from; row < v->to; row++)
-        if (same(t, &p->rows, row, like) && same(t, &p->across, row, across))
+        if (same(t, p->nrows, p->rows, row, like) && same(t, 1, &p->across, row, across))
             return row;
     return -1;
-}
-
-/* The words of both columns, "NET TEMPLATE". */
-static void label_of(char dst[PLAIN], const rx_report_table *t, const key *k, long row)
-{
-    static const rx_report_view as_it_is = {0};
-    plain_cell(dst, t, k->column[0], row, &as_it_is, -6);
-    if (k->n > 1) {
-        const size_t length = strlen(dst);
-        char second[PLAIN];
-        plain_cell(second, t, k->column[1], row, &as_it_is, -6);
-        snprintf(dst + length, PLAIN - length, " %s", second);
-    }
 }
 
 /* Would the page have nothing but dashes? */
@@ -424,33 +399,28 @@ static void html_turned(rx_text *dst, const rx_report_table *t, const rx_report_
     free(columns);
 }
 
-/* Has no cell of a pivot's row anything to say? */
-static bool is_empty_row(const rx_report_table *t, const rx_report_view *v, const pivot *p, long like)
-{
-    bool empty = true;
-    for (long row = v->from; row < v->to && empty; row++)
-        empty = !same(t, &p->rows, row, like) || is_empty(t, p->value, row, row + 1);
-    return empty;
-}
-
 static void html_pivot(rx_text *dst, const rx_report_table *t, const rx_report_view *v, const pivot *p)
 {
     char label[PLAIN];
-    const long first = next_new(t, v, &p->across, v->from);
+    const long first = next_new(t, v, 1, &p->across, v->from);
     rx_text_add(dst, "<tr>");
-    for (int i = 0; i < p->rows.n; i++)
-        html_head(dst, &t->columns[p->rows.column[i]]);
-    for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
-        label_of(label, t, &p->across, a);
+    for (int i = 0; i < p->nrows; i++)
+        html_head(dst, &t->columns[p->rows[i]]);
+    for (long a = first; a < v->to; a = next_new(t, v, 1, &p->across, a + 1)) {
+        plain_cell(label, t, p->across, a, v, -6);
         rx_report_html_named(dst, is_words(t->columns[p->value].kind) ? LEFT : RIGHT, label, NULL, "</th>");
     }
-    for (long k = next_new(t, v, &p->rows, v->from); k < v->to; k = next_new(t, v, &p->rows, k + 1)) {
-        if (v->without_empty && is_empty_row(t, v, p, k))
+    for (long k = next_new(t, v, p->nrows, p->rows, v->from); k < v->to;
+         k = next_new(t, v, p->nrows, p->rows, k + 1)) {
+        bool empty = v->without_empty; /* no cell of the row says anything */
+        for (long row = v->from; row < v->to && empty; row++)
+            empty = !same(t, p->nrows, p->rows, row, k) || is_empty(t, p->value, row, row + 1);
+        if (empty)
             continue;
         rx_text_add(dst, "</tr>\n<tr>");
-        for (int i = 0; i < p->rows.n; i++)
-            html_cell(dst, t, p->rows.column[i], k, t->columns[p->rows.column[i]].digits);
-        for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
+        for (int i = 0; i < p->nrows; i++)
+            html_cell(dst, t, p->rows[i], k, t->columns[p->rows[i]].digits);
+        for (long a = first; a < v->to; a = next_new(t, v, 1, &p->across, a + 1)) {
             const long row = row_of(t, v, p, k, a);
             if (row >= 0)
                 html_cell(dst, t, p->value, row, v->digits);
@@ -492,16 +462,17 @@ void rx_report_table_html(rx_text *dst, const rx_report_table *t, const rx_repor
 static void brief_pivot(rx_text *dst, const rx_report_table *t, const rx_report_view *v, const pivot *p)
 {
     char cell[PLAIN];
-    const long first = next_new(t, v, &p->across, v->from);
+    const long first = next_new(t, v, 1, &p->across, v->from);
     rx_text_printf(dst, "%s\n%-28s", v->title != NULL ? v->title : t->name, "");
-    for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
-        label_of(cell, t, &p->across, a);
+    for (long a = first; a < v->to; a = next_new(t, v, 1, &p->across, a + 1)) {
+        plain_cell(cell, t, p->across, a, v, -6);
         rx_text_printf(dst, " %9s", cell);
     }
-    for (long k = next_new(t, v, &p->rows, v->from); k < v->to; k = next_new(t, v, &p->rows, k + 1)) {
-        label_of(cell, t, &p->rows, k);
+    for (long k = next_new(t, v, p->nrows, p->rows, v->from); k < v->to;
+         k = next_new(t, v, p->nrows, p->rows, k + 1)) {
+        plain_cell(cell, t, p->rows[0], k, v, -6);
         rx_text_printf(dst, "\n%-28s", cell);
-        for (long a = first; a < v->to; a = next_new(t, v, &p->across, a + 1)) {
+        for (long a = first; a < v->to; a = next_new(t, v, 1, &p->across, a + 1)) {
             const long row = row_of(t, v, p, k, a);
             snprintf(cell, PLAIN, "-");
             if (row >= 0)

@@ -149,29 +149,6 @@ static void tables_grow(void **state)
     holds(state, "t.ecsv", ecsv);
 }
 
-/* Rows of a pivot that two columns name, and columns that two name. */
-static void pivots_of_two_keys(void **state)
-{
-    static const char *const page[] = {
-        "<tr><th scope=\"col\" class=\"t\">a</th><th scope=\"col\" class=\"t\">b</th><th scope=\"col\">u "
-        "x</th><th scope=\"col\">v x</th></tr>",
-        "<tr><td class=\"t\">1</td><td class=\"t\">1</td><td>1</td><td>2</td></tr>\n<tr><td "
-        "class=\"t\">1</td><td "
-        "class=\"t\">2</td><td>3</td><td>4</td></tr>\n</table>",
-        NULL};
-    RX_COLUMNS(columns, RX_TEXT("a", ""), RX_TEXT("b", ""), RX_TEXT("c", ""), RX_TEXT("d", ""),
-               RX_NUMBER("value", 0, "", ""));
-    rx_report *r = rx_report_new("", "x");
-    rx_report_table *t = rx_report_table_add(r, "t", 5, columns, RX_REPORT_IN_JSON);
-    for (int k = 0; k < 4; k++)
-        rx_report_put(t, "1", k < 2 ? "1" : "2", k % 2 ? "v" : "u", "x", k + 1);
-    rx_report_show(r, t,
-                   &(rx_report_view){.to = 4, .rows = {"a", "b"}, .across = {"c", "d"}, .value = "value"});
-    write_report(state, r, NULL);
-    rx_report_free(r);
-    holds(state, "report.html", page);
-}
-
 /* One row a run, turned: a line for each column that says something, with its help; a link, a value with its error. A
  * pivot whose rows are numbers, those that say nothing left out. In the terminal columns are as wide as their words. */
 static void tables_turned(void **state)
@@ -316,7 +293,6 @@ int main(void)
         cmocka_unit_test_setup_teardown(one_table_in_all_files, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(tables_stand_where_they_are_asked_for, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(tables_grow, make_scratch, remove_scratch),
-        cmocka_unit_test_setup_teardown(pivots_of_two_keys, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(tables_turned, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(what_a_page_leaves_out, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(numbers_as_readers_want_them, make_scratch, remove_scratch),
