@@ -87,27 +87,6 @@ static void one_window_by_hand(void **state)
                 (2 * ma * mb + c) * (2 * v[2] + c) / ((ma * ma + mb * mb + c) * (v[0] + v[1] + c)), 1e-11);
 }
 
-static void what_follows_from_the_formulas(void **state)
-{
-    float image[32 * 16], reference[32 * 16];
-    double psnr;
-    (void)state;
-    fill(32, 16, 1, image, reference);
-    assert_near(ssim_of(32, 16, reference, reference, &psnr), 1, 1e-14);
-    assert_true(isinf(psnr));
-    double high = 0;
-    for (int i = 0; i < 32 * 16; i++) {
-        image[i] = reference[i] + 2.5f;
-        high = fmax(high, reference[i]);
-    }
-    ssim_of(32, 16, image, reference, &psnr);
-    assert_near(psnr, 20 * log10(high / 2.5), 1e-12);
-    /* an image upside down about its mean is anticorrelated */
-    for (int i = 0; i < 32 * 16; i++)
-        image[i] = 300 - reference[i];
-    assert_true(ssim_of(32, 16, image, reference, NULL) < -0.8);
-}
-
 static void what_cannot_be_measured(void **state)
 {
     float image[16 * 16], reference[16 * 16] = {0};
@@ -141,7 +120,6 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(as_skimage),
         cmocka_unit_test(one_window_by_hand),
-        cmocka_unit_test(what_follows_from_the_formulas),
         cmocka_unit_test(what_cannot_be_measured),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

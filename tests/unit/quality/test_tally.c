@@ -83,8 +83,9 @@ static void medians_are_those_of_a_sort(void **state)
 
 static void sums_do_not_depend_on_order(void **state)
 {
-    (void)state;
     rx_tally part[3] = {0}, forth = {0}, back = {0};
+    long references = 0;
+    (void)state;
     for (int i = 0; i < 3; i++) {
         made *m = make(18.0 + i, 0.01 * i, 0.1, (uint64_t)(10 + i));
         assert_int_equal(rx_tally_evaluation(&part[i], &m->e, NULL), RX_OK);
@@ -94,18 +95,14 @@ static void sums_do_not_depend_on_order(void **state)
         assert_int_equal(rx_tally_add(&forth, &part[i], NULL), RX_OK);
         assert_int_equal(rx_tally_add(&back, &part[2 - i], NULL), RX_OK);
     }
-    long references = 0, detections = 0;
     for (int b = 0; b < RX_TALLY_BINS; b++) {
-        assert_int_equal(forth.bin[b].references, back.bin[b].references);
-        assert_int_equal(forth.bin[b].right, back.bin[b].right);
-        assert_int_equal(forth.bin[b].dmag != NULL, back.bin[b].dmag != NULL);
-        if (forth.bin[b].dmag != NULL)
-            assert_memory_equal(forth.bin[b].dmag, back.bin[b].dmag, RX_TALLY_STEPS * sizeof(uint32_t));
-        references += forth.bin[b].references;
-        detections += forth.bin[b].detections;
+        const rx_tally_bin *x = &forth.bin[b], *y = &back.bin[b];
+        assert_memory_equal(x, y, offsetof(rx_tally_bin, dmag));
+        if (x->dmag != NULL)
+            assert_memory_equal(x->dmag, y->dmag, RX_TALLY_STEPS * sizeof(uint32_t));
+        references += x->references;
     }
     assert_int_equal(references, 3 * (N - 1));
-    assert_int_equal(detections, 3 * (N - 1));
     for (int i = 0; i < 3; i++)
         rx_tally_free(&part[i]);
     rx_tally_free(&forth);
