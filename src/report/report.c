@@ -10,7 +10,7 @@
 #include "report/formats.h"
 #include "report/report_table.h"
 
-enum { TABLES_MAX = 64, ENTRIES_MAX = 48, PLACES_MAX = 64, PREFIX = 32 };
+enum { TABLES_MAX = 64, PLACES_MAX = 64, PREFIX = 32 };
 
 /* Light and dark by what the reader's system asks for; paper is always light. Text has a contrast of 4.5 at least on
  * its ground, lines of 3 (WCAG 2, AA; tests/pages.py measures it). Figures take --ink and --grid: report/figure.c. */
@@ -55,8 +55,9 @@ struct rx_report {
         size_t at;
         char prefix[PREFIX];
     } place[PLACES_MAX];
-    int nentries;
-    rx_report_entry entry[ENTRIES_MAX];
+    rx_text summary, meta; /* summary.json and the head of every ECSV file, as far as the facts go */
+    rx_json json;
+    rx_ecsv ecsv;
     int ntables;
     rx_report_table table[TABLES_MAX];
     int nrecord;
@@ -80,6 +81,9 @@ rx_report *rx_report_new(const char *kind, const char *title)
                    STYLE);
     rx_escape_html(&r->head, kind);
     rx_report_html_named(&r->head, "", title, NULL, "</h1>\n");
+    r->json = rx_json_on(&r->summary);
+    rx_json_object(&r->json, NULL, false);
+    r->ecsv = rx_ecsv_on(&r->meta);
     rx_figures_begin(&r->figures);
     return r;
 }
@@ -92,10 +96,8 @@ void rx_report_free(rx_report *r)
     rx_text_free(&r->links);
     rx_text_free(&r->body);
     rx_text_free(&r->brief);
-    for (int i = 0; i < r->nentries; i++) {
-        free(r->entry[i].text);
-        free(r->entry[i].numbers);
-    }
+    rx_text_free(&r->summary);
+    rx_text_free(&r->meta);
     for (int i = 0; i < r->ntables; i++)
         rx_report_table_clear(&r->table[i]);
     rx_figures_free(&r->figures);
@@ -104,49 +106,25 @@ void rx_report_free(rx_report *r)
 
 /* --- facts --- */
 
-static rx_report_entry *entry_new(rx_report *r, const char *name)
-{
-    if (r->nentries == ENTRIES_MAX) {
-        r->failed = true;
-        return NULL;
-    }
-    rx_report_entry *entry = &r->entry[r->nentries++];
-    *entry = (rx_report_entry){.name = name};
-    return entry;
-}
-
 void rx_report_fact(rx_report *r, const char *name, const char *text)
 {
-    rx_report_entry *entry = entry_new(r, name);
-    if (entry == NULL || text == NULL)
-        return;
-    entry->text = rx_strdup(text);
-    r->failed = r->failed || entry->text == NULL;
-}
-
-static void put_numbers(rx_report *r, const char *name, long n, const double *values, bool list)
-{
-    rx_report_entry *entry = entry_new(r, name);
-    if (entry == NULL)
-        return;
-    entry->numbers = RX_NEW(double, (size_t)n);
-    entry->list = list;
-    if (entry->numbers == NULL) {
-        r->failed = true;
-        return;
-    }
-    entry->nnumbers = n;
-    memcpy(entry->numbers, values, (size_t)n * sizeof *values);
+    rx_json_string(&r->json, name, text);
+    if (text != NULL)
+        rx_ecsv_meta(&r->ecsv, name, text);
 }
 
 void rx_report_fact_number(rx_report *r, const char *name, double value)
 {
-    put_numbers(r, name, 1, &value, false);
+    rx_json_number(&r->json, name, value);
+    rx_ecsv_meta_number(&r->ecsv, name, value);
 }
 
 void rx_report_fact_numbers(rx_report *r, const char *name, long n, const double *values)
 {
-    put_numbers(r, name, n, values, true);
+    rx_json_array(&r->json, name, true);
+    for (long i = 0; i < n; i++)
+        rx_json_number(&r->json, NULL, values[i]);
+    rx_json_end(&r->json);
 }
 
 /* --- the page --- */
@@ -298,33 +276,22 @@ rx_status rx_report_file(const char *folder, const char *shown, const char *name
     return status;
 }
 
-static void write_json(rx_text *dst, const rx_report *r)
+/* The tables and the record after the facts. */
+static void finish_json(rx_report *r)
 {
-    rx_json j = rx_json_on(dst);
-    rx_json_object(&j, NULL, false);
-    for (int i = 0; i < r->nentries; i++) {
-        const rx_report_entry *entry = &r->entry[i];
-        if (entry->list)
-            rx_json_array(&j, entry->name, true);
-        for (long k = 0; k < entry->nnumbers; k++)
-            rx_json_number(&j, entry->name, entry->numbers[k]);
-        if (entry->list)
-            rx_json_end(&j);
-        else if (entry->nnumbers == 0)
-            rx_json_string(&j, entry->name, entry->text);
-    }
+    rx_json *j = &r->json;
     for (int i = 0; i < r->ntables; i++)
         if (r->table[i].where & RX_REPORT_IN_JSON)
-            rx_report_table_json(&j, &r->table[i]);
-    rx_json_array(&j, "record", false);
+            rx_report_table_json(j, &r->table[i]);
+    rx_json_array(j, "record", false);
     for (int i = 0; i < r->nrecord; i++) {
-        rx_json_object(&j, NULL, true);
-        rx_json_string(&j, "name", r->record[i][0]);
-        rx_json_string(&j, "value", r->record[i][1]);
-        rx_json_end(&j);
+        rx_json_object(j, NULL, true);
+        rx_json_string(j, "name", r->record[i][0]);
+        rx_json_string(j, "value", r->record[i][1]);
+        rx_json_end(j);
     }
-    rx_json_end(&j);
-    rx_json_end(&j);
+    rx_json_end(j);
+    rx_json_end(j);
 }
 
 /* Its SVG (or "not drawn"), title and reading. */
@@ -386,7 +353,7 @@ static rx_status write_tables(const rx_report *r, const rx_report_files *files, 
         if (status != RX_OK)
             break;
         snprintf(name, sizeof name, "%.*s.ecsv", (int)sizeof name - 6, r->table[i].name);
-        rx_report_table_ecsv(&text, &r->table[i], r->nentries, r->entry);
+        rx_report_table_ecsv(&text, &r->table[i], &r->ecsv);
         status = rx_report_file(files->folder, files->shown, name, &text, err);
     }
     return status;
@@ -395,7 +362,7 @@ static rx_status write_tables(const rx_report *r, const rx_report_files *files, 
 static bool has_failed(const rx_report *r)
 {
     bool failed = r->failed || r->figures.script.failed || r->head.failed || r->links.failed ||
-                  r->body.failed || r->brief.failed;
+                  r->body.failed || r->brief.failed || r->meta.failed || r->summary.failed;
     for (int i = 0; i < r->ntables; i++)
         failed = failed || r->table[i].failed;
     return failed;
@@ -413,9 +380,9 @@ rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *b
     else if (!files->figures)
         snprintf(r->figures.note, sizeof r->figures.note, "figures were not asked for");
     if (status == RX_OK) { /* while gnuplot draws */
-        write_json(&text, r);
+        finish_json(r);
         status = rx_report_file(files->folder, files->shown,
-                                files->summary != NULL ? files->summary : "summary.json", &text, err);
+                                files->summary != NULL ? files->summary : "summary.json", &r->summary, err);
     }
     if (status == RX_OK)
         status = write_tables(r, files, err);

@@ -44,7 +44,7 @@ void rx_report_table_clear(rx_report_table *t)
     free(t->slot);
     free(t->first);
     free(t->name);
-    free(t->fact.text);
+    rx_text_free(&t->fact);
 }
 
 void rx_report_row(rx_report_table *t, const rx_cell *values)
@@ -83,10 +83,8 @@ long rx_report_rows(const rx_report_table *t)
 
 void rx_report_table_fact(rx_report_table *t, const char *name, const char *text)
 {
-    if (t == NULL)
-        return;
-    t->fact = (rx_report_entry){.name = name, .text = rx_strdup(text)};
-    t->failed = t->failed || t->fact.text == NULL;
+    if (t != NULL)
+        rx_ecsv_meta(&(rx_ecsv){.text = &t->fact, .in_meta = true}, name, text);
 }
 
 static const rx_report_slot *at(const rx_report_table *t, int column, long row)
@@ -581,16 +579,14 @@ static void ecsv_column(rx_ecsv *file, const rx_report_column *c, int part)
                    part < 3 && c->unit != NULL ? c->unit : "", help);
 }
 
-void rx_report_table_ecsv(rx_text *dst, const rx_report_table *t, int nfacts, const rx_report_entry *facts)
+void rx_report_table_ecsv(rx_text *dst, const rx_report_table *t, const rx_ecsv *head)
 {
-    rx_ecsv file = rx_ecsv_on(dst);
-    for (int i = 0; i < nfacts; i++)
-        if (facts[i].text != NULL)
-            rx_ecsv_meta(&file, facts[i].name, facts[i].text);
-        else if (facts[i].nnumbers == 1)
-            rx_ecsv_meta_number(&file, facts[i].name, facts[i].numbers[0]);
-    if (t->fact.name != NULL)
-        rx_ecsv_meta(&file, t->fact.name, t->fact.text);
+    rx_ecsv file = *head;
+    file.text = dst;
+    rx_text_add(dst, head->text->data);
+    if (t->fact.data != NULL)
+        rx_text_printf(dst, "%s%s", head->in_meta ? "" : "# meta:\n", t->fact.data);
+    dst->failed = dst->failed || t->fact.failed;
     for (int i = 0; i < t->ncolumns; i++)
         for (int part = 0; part < slots_of(t->columns[i].kind); part++)
             ecsv_column(&file, &t->columns[i], part);

@@ -7,15 +7,6 @@
 #include "report/formats.h"
 #include "report/report.h"
 
-/* An entry of the head: a text, numbers, or null. */
-typedef struct rx_report_entry {
-    const char *name; /* not owned */
-    char *text;       /* owned, as numbers */
-    long nnumbers;
-    bool list;
-    double *numbers;
-} rx_report_entry;
-
 /* Of an estimate there are four numbers, of a measured value and of a p-value two. */
 typedef union rx_report_slot {
     double number;
@@ -30,7 +21,7 @@ struct rx_report_table {
     int where;
     long nrows, room;     /* room: rows there is memory for */
     rx_report_slot *slot; /* [nrows][nslots] */
-    rx_report_entry fact; /* of its file alone; name NULL: none */
+    rx_text fact;         /* of its file alone, as it stands there */
     bool failed;          /* memory ran out */
 };
 
@@ -42,8 +33,8 @@ void rx_report_table_html(rx_text *dst, const rx_report_table *table, const rx_r
 void rx_report_table_brief(rx_text *dst, const rx_report_table *table, const rx_report_view *view);
 void rx_report_table_json(rx_json *json,
                           const rx_report_table *table); /* "name": [{...}, ...], a row a line */
-void rx_report_table_ecsv(rx_text *dst, const rx_report_table *table, int nfacts,
-                          const rx_report_entry *facts);
+/* head: of every file, with the facts of the report. */
+void rx_report_table_ecsv(rx_text *dst, const rx_report_table *table, const rx_ecsv *head);
 
 /* A cell of words, a dash for NULL and "". */
 void rx_report_html_words(rx_text *dst, const char *words);
