@@ -1,5 +1,5 @@
 /* The figures of the QA report. */
-#include "report/qa_tables.h"
+#include "report/qa_page.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -6,7 +6,8 @@
 
 #include "base/log.h"
 #include "base/text.h"
-#include "quality/qa.h"
+#include "quality/qa_numbers.h"
+#include "report/figure.h"
 
 /* Write the report into the existing folder (`shown` is its name in errors: the one it will have):
  * report.html, summary.json, bins.ecsv and, per run, matches_<run>.ecsv and pr_<run>.ecsv (names reduced to
@@ -16,5 +17,8 @@
  * disk), RX_INTERRUPTED. */
 rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const char *folder,
                        const char *shown, rx_verdict *verdict, rx_text *brief, rx_error *err);
+
+/* Its figures, "plot-...", "picture..." and, where stars judge the PSF, "psf-...". Those without any data are left out. */
+void rx_qa_figures(rx_figures *dst, const rx_qa_numbers *numbers);
 
 #endif
