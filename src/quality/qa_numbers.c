@@ -3,12 +3,10 @@
 
 #include <math.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/interrupt.h"
-#include "base/memory.h"
 #include "quality/tally.h"
 
 static const double LEVEL = 0.95;
@@ -143,12 +141,12 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     *dst = (rx_qa_numbers){.par = par, .input = input, .level = LEVEL};
     rx_status status = RX_OK;
     RX_TRY(rx_evaluate_bins(par, input, &dst->bins, err));
-    dst->evaluation = RX_NEW(rx_evaluation, runs);
-    dst->whole = rx_alloc(runs, sizeof *dst->whole);
-    dst->binned = rx_alloc(runs * (size_t)dst->bins.n, sizeof *dst->binned);
-    dst->common = RX_NEW(double, runs);
-    dst->result = RX_NEW(rx_gate_result, (size_t)gates * (runs + 1));
-    dst->comparison = RX_NEW(rx_qa_comparison, runs * runs);
+    dst->evaluation = RX_TAKE(&dst->memory, rx_evaluation, runs);
+    dst->whole = rx_arena_take(&dst->memory, runs, sizeof *dst->whole);
+    dst->binned = rx_arena_take(&dst->memory, runs * (size_t)dst->bins.n, sizeof *dst->binned);
+    dst->common = RX_TAKE(&dst->memory, double, runs);
+    dst->result = RX_TAKE(&dst->memory, rx_gate_result, (size_t)gates * (runs + 1));
+    dst->comparison = RX_TAKE(&dst->memory, rx_qa_comparison, runs * runs);
     if (!dst->evaluation || !dst->whole || !dst->binned || !dst->common || !dst->result || !dst->comparison)
         return rx_error_memory(err, 0);
     for (int run = 0; run < input->nruns && status == RX_OK; run++)
@@ -170,11 +168,6 @@ void rx_qa_numbers_free(rx_qa_numbers *q)
 {
     for (int i = 0; q->evaluation != NULL && i < q->input->nruns; i++)
         rx_evaluation_free(&q->evaluation[i]);
-    free(q->evaluation);
-    free(q->whole);
-    free(q->binned);
-    free(q->common);
-    free(q->result);
-    free(q->comparison);
+    rx_arena_free(&q->memory);
     *q = (rx_qa_numbers){0};
 }

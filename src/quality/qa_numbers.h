@@ -48,6 +48,7 @@ typedef struct rx_qa_numbers {
     rx_verdict verdict;
     int npsf_bins; /* 0: no star judges the PSF */
     rx_qa_psf_bin psf_bin[RX_QA_PSF_BINS];
+    rx_arena memory; /* of the arrays above */
 } rx_qa_numbers;
 
 /* par and input must live as long. Free with rx_qa_numbers_free in any case. Errors: RX_USAGE (radius, magnitude

@@ -228,44 +228,37 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
     const rx_image *image = &q->about->image;
     const rx_tile_restored *of = &q->about->runs[run];
     const rx_sources *sources = of->sources;
+    const size_t n = (size_t)sources->n;
     char id[RX_FIGURE_ID], title[80];
-    double *radii = RX_NEW(double, (size_t)sources->n + 1), *mags = RX_NEW(double, (size_t)sources->n + 1),
-           r0, r1, m0, m1;
+    double *radii = RX_NEW(double, 2 * n + 1), *mags = radii + n, r0, r1, m0 = INFINITY, m1 = -INFINITY;
     rx_curves c = {0};
-    for (int i = 0; i < sources->n && radii != NULL && mags != NULL; i++) {
-        const rx_source *s = &sources->list[i];
-        mags[i] = rx_tile_mag(image, s->flux_auto);
-        radii[i] = isfinite(mags[i]) && s->flux_radius[0] > 0 ? s->flux_radius[0] : NAN;
-    }
-    if (radii == NULL || mags == NULL) {
+    if (radii == NULL) {
         dst->script.failed = true;
-        free(radii);
-        free(mags);
         return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        const rx_source *s = &sources->list[i];
+        const double mag = rx_tile_mag(image, s->flux_auto);
+        const bool known = isfinite(mag) && s->flux_radius[0] > 0;
+        radii[i] = known ? s->flux_radius[0] : NAN;
+        mags[i] = known ? mag : NAN;
+        m0 = known ? fmin(m0, mag) : m0;
+        m1 = known ? fmax(m1, mag) : m1;
     }
     const int step = 1 + sources->n / LOCUS_DOTS;
     rx_curves_add(&c, sources->n < FEW_DOTS ? RX_CURVE_POINTS : RX_CURVE_DOTS,
                   rx_method_color(of->about->name),
                   step > 1 ? "some of all" : "all"); /* dots are too pale for a few */
-    for (int i = 0; i < sources->n; i += step)
+    for (size_t i = 0; i < n; i += (size_t)step)
         rx_curves_put(&c, radii[i], mags[i], NAN, NAN);
     for (int kind = 0; kind < 2; kind++) {
         rx_curves_add(&c, RX_CURVE_POINTS, kind == 0 ? 6 : 5, kind == 0 ? "made the PSF" : "saturated");
-        for (int i = 0; i < sources->n; i++)
+        for (size_t i = 0; i < n; i++)
             if (kind == 0 ? made_psf(image->psf, &sources->list[i])
                           : (sources->list[i].flags & RX_FLAG_SATURATED) != 0)
                 rx_curves_put(&c, radii[i], mags[i], NAN, NAN);
     }
-    reach(radii, (size_t)sources->n, &r0, &r1);
-    for (int i = 0; i < sources->n; i++)
-        mags[i] = isfinite(radii[i]) ? mags[i] : NAN;
-    m0 = INFINITY;
-    m1 = -INFINITY;
-    for (int i = 0; i < sources->n; i++)
-        if (isfinite(mags[i])) {
-            m0 = fmin(m0, mags[i]);
-            m1 = fmax(m1, mags[i]);
-        }
+    reach(radii, n, &r0, &r1);
     if (of->plain && isfinite(q->half_light)) {
         rx_curves_add(&c, RX_CURVE_LINE, -1, "half-light radius of the PSF");
         rx_curves_put(&c, q->half_light, m0 - 0.5, NAN, NAN);
@@ -285,7 +278,6 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
                                 .y1 = m0 - 0.3},
                      &c);
     free(radii);
-    free(mags);
 }
 
 static void counts(rx_figures *dst, const rx_tile_quality *q)
