@@ -44,10 +44,7 @@ rx_status rx_program_extract_alone(const rx_settings *settings, const char *imag
 {
     if (((const rx_config *)settings)->plan)
         return rx_plan_run(settings, image, stdout, log, err);
-    if (image[0] == '@')
-        return rx_survey_run(settings, image + 1, stdout, log, err);
-    RX_TRY(rx_tile_check(settings, NULL, log, err));
-    return rx_tile_run(settings, image, stdout, log, NULL, err);
+    return rx_survey_run(settings, image, stdout, log, err);
 }
 
 int rx_program_extract(const char *name,

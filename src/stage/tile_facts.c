@@ -125,8 +125,9 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run 
                               .height = field->tile->height,
                               .fwhm = field->psf != NULL ? field->psf->fwhm : NAN,
                               .sky = field->plain->global_level,
-                              .noise = field->plain->global_sigma,
-                              .nruns = nruns};
+                              .noise = field->plain->global_sigma};
+    RX_TRY(RX_MAKE(e->run, (size_t)nruns, err));
+    e->nruns = nruns;
     const double x = 0.5 * (e->width - 1), y = 0.5 * (e->height - 1);
     e->alpha = e->delta = NAN;
     if (field->tile->wcs != NULL)
@@ -162,7 +163,7 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run 
 
 void rx_tile_facts_free(rx_tile_facts *facts)
 {
-    for (int k = 0; k < facts->n; k++)
+    for (int k = 0; k < facts->n; k++) {
         for (int i = 0; i < facts->extension[k].nruns; i++) {
             rx_tally *tally = facts->extension[k].run[i].tally;
             if (tally != NULL)
@@ -170,6 +171,8 @@ void rx_tile_facts_free(rx_tile_facts *facts)
             free(tally);
             rx_record_free(&facts->extension[k].run[i].facts);
         }
+        free(facts->extension[k].run);
+    }
     free(facts->extension);
     *facts = (rx_tile_facts){0};
 }

@@ -78,7 +78,7 @@ typedef struct rx_extension_facts {
     rx_tile_card card[RX_RECORD_CARDS];
     char page[512]; /* of the tile, as the user named its folder; "" none */
     int nruns;
-    rx_run_facts run[RX_MAX_RUNS];
+    rx_run_facts *run; /* [nruns] owned */
 } rx_extension_facts;
 
 typedef struct rx_tile_facts {

@@ -5,12 +5,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/memory.h"
 #include "num/stats.h"
 #include "report/figure.h"
 
-enum { FEW = 10, WHYS = 3, TREND_FIGURES = 8, TREND_BINS = 12, MOST_DOTS = 500 };
+enum { FEW = 10, REASONS = 3, TREND_FIGURES = 8, TREND_BINS = 12, MOST_DOTS = 500 };
 static const double FAR = 6.0, CLEAR = 4.0;
 
 /* What is compared, of rollup_facts.def. */
@@ -18,40 +19,44 @@ typedef struct quantity {
     const char *name, *title, *unit;
     int image, logarithmic;
     double floor;
-    double (*value)(const rx_rollup_row *row), (*error)(const rx_rollup_row *row);
 } quantity;
+
+#define SHOWN(...)
+#define FACT(name, digits, unit, help, heading, ...) COMPARED(name, __VA_ARGS__)
+#define COMPARED(name, title, suffix, image, log, floor, ...) {name, title, suffix, image, log, floor},
+static const quantity QUANTITIES[] = {
+#include "survey/rollup_facts.def"
+};
+#undef COMPARED
+enum { NQUANTITIES = sizeof QUANTITIES / sizeof *QUANTITIES };
 
 static double error_of(const rx_estimate *e)
 {
     return e->n > 0 ? 0.25 * (e->high - e->low) : 0;
 }
 
-#define SHOWN(...)
-#define FACT(function, name, digits, unit, help, heading, ...) COMPARED(function, name, __VA_ARGS__)
-#define COMPARED(function, name, title, suffix, image, log, floor, error, value)                             \
-    static double function(const rx_rollup_row *r)                                                           \
-    {                                                                                                        \
-        return value;                                                                                        \
-    }                                                                                                        \
-    static double function##_error(const rx_rollup_row *r)                                                   \
-    {                                                                                                        \
-        (void)r;                                                                                             \
-        return error;                                                                                        \
-    }
-#include "survey/rollup_facts.def"
-#undef COMPARED
-#define COMPARED(function, name, title, suffix, image, log, floor, error, value)                             \
-    {name, title, suffix, image, log, floor, function, function##_error},
-static const quantity QUANTITIES[] = {
-#include "survey/rollup_facts.def"
-};
-enum { NQUANTITIES = sizeof QUANTITIES / sizeof *QUANTITIES };
-
-/* As it is compared; NAN: not known, or not of this row. */
-static double scaled(const quantity *q, const rx_rollup_row *row)
+static void measure(const rx_rollup_row *r, rx_rollup_number dst[NQUANTITIES])
 {
-    const double value = q->image && !row->leads ? NAN : q->value(row);
-    return q->logarithmic ? (value > 0 ? log(value) : NAN) : value;
+    const rx_extension_facts *e = r->image;
+    const rx_run_facts *f = r->facts;
+#define COMPARED(name, title, suffix, image, log, floor, error, value) {value, error},
+    const rx_rollup_number numbers[NQUANTITIES] = {
+#include "survey/rollup_facts.def"
+    };
+    memcpy(dst, numbers, sizeof numbers);
+}
+
+/* NAN where it is not of this row: numbers of an image are of its first run. */
+static double value_of(const rx_rollup_row *row, int q)
+{
+    return QUANTITIES[q].image && row->facts != row->image->run ? NAN : row->number[q].value;
+}
+
+/* As it is compared. */
+static double scaled(const rx_rollup_row *row, int q)
+{
+    const double value = value_of(row, q);
+    return QUANTITIES[q].logarithmic ? (value > 0 ? log(value) : NAN) : value;
 }
 
 /* --- outliers --- */
@@ -60,79 +65,45 @@ typedef struct level {
     double median, spread; /* spread 0: too few */
 } level;
 
-static level level_of(const rx_rollup *r, int run, const quantity *q, double *room)
+static level level_of(const rx_rollup *r, const rx_rollup_run *run, int q, double *room)
 {
     size_t n = 0;
     level l = {0};
     for (int i = 0; i < r->nrows; i++) {
-        const double value = r->row[i].run == run ? scaled(q, &r->row[i]) : NAN;
+        const double value = r->row[i]->run == run ? scaled(r->row[i], q) : NAN;
         if (isfinite(value))
             room[n++] = value;
     }
     if (n >= FEW)
-        l.spread = fmax(rx_sigma_mad(room, n, &l.median), q->floor);
+        l.spread = fmax(rx_sample_sigma(room, (long)n, &l.median), QUANTITIES[q].floor);
     return l;
 }
 
-static double distance(const quantity *q, const level *l, const rx_rollup_row *row)
+/* The REASONS quantities that are furthest, into `why`; returns the distance of the first, 0: none is far. */
+static double add_reasons(const level *own, const rx_rollup_row *row, rx_text *why)
 {
-    const double value = scaled(q, row);
-    return l->spread > 0 && isfinite(value) ? fabs(value - l->median) / fmax(l->spread, q->error(row)) : 0;
-}
-
-static void say(rx_text *why, const quantity *q, const level *l, const rx_rollup_row *row, const char *run)
-{
-    const double middle = q->logarithmic ? exp(l->median) : l->median;
-    rx_text_printf(why, "%s%s%s%s %.4g%s (the others: %.4g +- %.2g)", why->length > 0 ? "; " : "",
-                   q->image ? "" : run, q->image ? "" : " ", q->title, q->value(row), q->unit, middle,
-                   q->logarithmic ? middle * l->spread : l->spread);
-}
-
-static rx_status keep(rx_rollup *r, rx_rollup_outlier outlier, rx_text *why, rx_error *err)
-{
-    rx_rollup_outlier *grown = rx_regrow(r->outlier, (size_t)r->noutliers + 1, sizeof *grown);
-    if (grown != NULL)
-        r->outlier = grown;
-    if (grown == NULL || why->failed || why->data == NULL) {
-        rx_text_free(why);
-        return rx_error_memory(err, 0);
+    double off[NQUANTITIES], most = 0;
+    for (int q = 0; q < NQUANTITIES; q++) {
+        const double value = scaled(row, q);
+        off[q] = own[q].spread > 0 && isfinite(value)
+                     ? fabs(value - own[q].median) / fmax(own[q].spread, row->number[q].error)
+                     : 0;
     }
-    outlier.why = why->data;
-    *why = (rx_text){0};
-    r->outlier[r->noutliers++] = outlier;
-    return RX_OK;
-}
-
-/* The WHYS quantities that are furthest, into `why`; returns the distance of the first, 0: none is far. */
-static double reasons(const rx_rollup *r, const level *levels, const rx_rollup_row *row, rx_text *why)
-{
-    int said[NQUANTITIES] = {0};
-    double most = 0;
-    const level *own = &levels[row->run * NQUANTITIES];
-    for (int k = 0; k < WHYS; k++) {
-        int best = -1;
-        double at = FAR;
-        for (int i = 0; i < NQUANTITIES; i++) {
-            const double off = said[i] ? 0 : distance(&QUANTITIES[i], &own[i], row);
-            if (off > at) {
-                at = off;
-                best = i;
-            }
-        }
-        if (best < 0)
+    for (int k = 0; k < REASONS; k++) {
+        int best = 0;
+        for (int q = 1; q < NQUANTITIES; q++)
+            best = off[q] > off[best] ? q : best;
+        if (!(off[best] > FAR))
             break;
-        said[best] = 1;
-        most = fmax(most, at);
-        say(why, &QUANTITIES[best], &own[best], row, r->run[row->run].name);
+        const quantity *q = &QUANTITIES[best];
+        const double middle = q->logarithmic ? exp(own[best].median) : own[best].median;
+        rx_text_printf(why, "%s%s%s%s %.4g%s (the others: %.4g +- %.2g)", why->length > 0 ? "; " : "",
+                       q->image ? "" : row->run->name, q->image ? "" : " ", q->title, row->number[best].value,
+                       q->unit, middle, q->logarithmic ? middle * own[best].spread : own[best].spread);
+        most = fmax(most, off[best]);
+        off[best] = 0;
     }
     return most;
-}
-
-/* Rows of one tile and HDU together: by tile, HDU, and the place among them. */
-static int by_image(const void *a, const void *b)
-{
-    const rx_rollup_row *x = *(const rx_rollup_row *const *)a, *y = *(const rx_rollup_row *const *)b;
-    return x->tile != y->tile ? x->tile->place - y->tile->place : x->place - y->place;
 }
 
 rx_text *rx_rollup_note(rx_text *dst, const char *before, const char *run)
@@ -141,96 +112,87 @@ rx_text *rx_rollup_note(rx_text *dst, const char *before, const char *run)
     return dst;
 }
 
-void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before, const char *run)
+void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before)
 {
-    if (row->by[0] != '\0')
-        rx_text_printf(rx_rollup_note(dst, before, run), "done by %s, %s", row->by, row->why);
-    if (row->outside != NULL)
-        rx_text_printf(rx_rollup_note(dst, before, run), "not made for this tile: %s", row->outside);
-    if (rx_fluxcheck_is_off(&row->flux) && strstr(dst->data != NULL ? dst->data : "", "flux scale") == NULL)
-        rx_text_printf(rx_rollup_note(dst, before, run),
-                       "the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f", row->flux.wide,
-                       row->flux.wide_error, row->flux.automatic, row->flux.automatic_error);
-    if (row->guard.known && rx_residual_is_large(row->guard.unexplained))
-        rx_text_printf(rx_rollup_note(dst, before, run),
+    const rx_run_facts *f = row->facts;
+    const rx_tile_state *state = &row->image->state;
+    const rx_anomalies anomalies = {.rows = state->rows, .columns = state->columns, .light = state->light};
+    if (f->by[0] != '\0')
+        rx_text_printf(rx_rollup_note(dst, before, f->name), "done by %s, %s", f->by, f->why);
+    if (f->outside[0] != '\0')
+        rx_text_printf(rx_rollup_note(dst, before, f->name), "not made for this tile: %s", f->outside);
+    if (rx_fluxcheck_is_off(&f->flux) && strstr(dst->data != NULL ? dst->data : "", "flux scale") == NULL)
+        rx_text_printf(rx_rollup_note(dst, before, f->name),
+                       "the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f", f->flux.wide,
+                       f->flux.wide_error, f->flux.automatic, f->flux.automatic_error);
+    if (f->guard.known && rx_residual_is_large(f->guard.unexplained))
+        rx_text_printf(rx_rollup_note(dst, before, f->name),
                        "%.0f %% of the tile are not explained by the restored image",
-                       100.0 * row->guard.unexplained);
-    if (rx_result_is_sharp(row->sharp, row->sources))
-        rx_text_printf(rx_rollup_note(dst, before, run), "%.0f %% of the sources are sharper than the PSF",
-                       100.0 * row->sharp);
-    const rx_anomalies anomalies = {
-        .rows = row->state.rows, .columns = row->state.columns, .light = row->state.light};
-    if (row->leads && rx_anomalies_is_striped(&anomalies))
+                       100.0 * f->guard.unexplained);
+    if (rx_result_is_sharp(f->sharp, f->sources))
+        rx_text_printf(rx_rollup_note(dst, before, f->name),
+                       "%.0f %% of the sources are sharper than the PSF", 100.0 * f->sharp);
+    if (f != row->image->run)
+        return;
+    if (rx_anomalies_is_striped(&anomalies))
         rx_text_printf(rx_rollup_note(dst, before, ""),
                        "rows are offset by %.2g sigma of a pixel, columns by %.2g", anomalies.rows,
                        anomalies.columns);
-    if (row->leads && rx_anomalies_is_lit(&anomalies))
+    if (rx_anomalies_is_lit(&anomalies))
         rx_text_printf(rx_rollup_note(dst, before, ""), "%.0f %% of the tile hold light of no source",
                        100.0 * anomalies.light);
-    if (row->leads && row->state.wrong > 0)
-        rx_text_printf(rx_rollup_note(dst, before, ""), "its page has %d marked Wrong", row->state.wrong);
+    if (state->wrong > 0)
+        rx_text_printf(rx_rollup_note(dst, before, ""), "its page has %d marked Wrong", state->wrong);
 }
 
-static rx_status find_far(rx_rollup *r, const level *levels, const rx_rollup_row **order, rx_error *err)
+/* Takes the text over, if there is one. */
+static rx_status add_outlier(rx_rollup *r, rx_rollup_outlier outlier, rx_text *why, rx_error *err)
 {
-    const rx_rollup_tile *last = NULL;
-    rx_status status = RX_OK;
-    for (int i = 0; i < r->nrows; i++)
-        order[i] = &r->row[i];
-    if (r->nrows > 1)
-        qsort(order, (size_t)r->nrows, sizeof *order, by_image);
-    for (int i = 0, end; i < r->nrows && status == RX_OK; i = end) {
-        const rx_rollup_row *first = order[i];
-        rx_text why = {0};
+    rx_status status = why->failed ? rx_error_memory(err, 0) : RX_OK;
+    if (status == RX_OK && why->length > 0)
+        status = RX_GROW(r->outlier, (size_t)r->noutliers + 1, err);
+    if (status == RX_OK && why->length > 0) {
+        outlier.why = why->data;
+        r->outlier[r->noutliers++] = outlier;
+        *why = (rx_text){0};
+    }
+    rx_text_free(why);
+    return status;
+}
+
+/* A tile that failed, or its images. levels: [nruns][NQUANTITIES]. */
+static rx_status check_tile(rx_rollup *r, const rx_rollup_tile *tile, const level *levels, rx_error *err)
+{
+    const rx_tile_record *record = &tile->record;
+    const rx_rollup_row *row = tile->row, *end = tile->row + tile->nrows;
+    const int before = r->noutliers;
+    rx_text why = {0};
+    while (row < end) {
+        const rx_extension_facts *e = row->image;
+        const int gate = e->verdict == RX_VERDICT_FAIL;
         double most = 0;
-        for (end = i; end < r->nrows && order[end]->tile == first->tile && order[end]->hdu == first->hdu;
-             end++) {
-            const rx_rollup_row *row = order[end];
-            most = fmax(most, reasons(r, levels, row, &why));
-            rx_rollup_row_notes(&why, row, "", r->run[row->run].name);
+        for (; row < end && row->image == e; row++) {
+            most = fmax(most, add_reasons(&levels[row->run->place * NQUANTITIES], row, &why));
+            rx_rollup_row_notes(&why, row, "");
         }
-        const int gate = first->verdict == RX_VERDICT_FAIL;
         if (gate)
             rx_text_add(rx_rollup_note(&why, "", ""), "a quality gate failed");
-        if (why.length > 0 && first->tile != last && first->tile->status == RX_OK)
-            r->apart++;
-        last = why.length > 0 ? first->tile : last;
-        if (why.length > 0)
-            status = keep(r,
-                          (rx_rollup_outlier){.row = first,
-                                              .name = first->tile->name,
-                                              .image = first->tile->image,
-                                              .page = first->page,
-                                              .hdu = first->hdu,
-                                              .rank = gate,
-                                              .off = most},
-                          &why, err);
-        rx_text_free(&why);
+        RX_TRY(add_outlier(r,
+                           (rx_rollup_outlier){.name = record->name,
+                                               .image = record->image,
+                                               .page = e->page,
+                                               .hdu = e->hdu,
+                                               .rank = gate,
+                                               .off = most},
+                           &why, err));
     }
-    return status;
-}
-
-/* Tiles without an image, and those that no record is of. */
-static rx_status find_failed(rx_rollup *r, rx_error *err)
-{
-    rx_status status = RX_OK;
-    rx_text why = {0};
-    for (int i = 0; i < r->ntiles && status == RX_OK; i++) {
-        const rx_rollup_tile *tile = r->tile[i];
-        if (tile->status == RX_OK || tile->status == RX_GATE_FAIL || tile->status == RX_GATE_INSUFFICIENT)
-            continue;
-        rx_text_printf(&why, "failed, exit status %d: %s", tile->status, tile->what);
-        status = keep(r, (rx_rollup_outlier){.name = tile->name, .image = tile->image, .rank = 2}, &why, err);
-    }
-    for (int i = 0; i < r->nmissing && status == RX_OK; i++) {
-        rx_text_add(&why, "no record: it was not run, or was killed");
-        status = keep(r,
-                      (rx_rollup_outlier){.name = r->tiles->tile[r->missing[i]].name,
-                                          .image = rx_tiles_image(r->tiles, r->missing[i]),
-                                          .rank = 2},
-                      &why, err);
-    }
-    return status;
+    r->apart += r->noutliers > before && record->status == RX_OK;
+    if (record->status == RX_OK || record->status == RX_GATE_FAIL || record->status == RX_GATE_INSUFFICIENT)
+        return RX_OK;
+    rx_text_printf(&why, "failed, exit status %d: %s", record->status, record->what);
+    return add_outlier(
+        r, (rx_rollup_outlier){.name = record->name, .image = record->image, .hdu = -1, .rank = 2}, &why,
+        err);
 }
 
 static int worse(const void *a, const void *b)
@@ -244,23 +206,33 @@ static int worse(const void *a, const void *b)
     return order != 0 ? order : x->hdu - y->hdu;
 }
 
-rx_status rx_rollup_outliers_find(rx_rollup *r, rx_error *err)
+rx_status rx_rollup_outliers(rx_rollup *r, rx_error *err)
 {
     double *room = RX_NEW(double, (size_t)r->nrows + 1);
     level *levels = RX_NEW(level, (size_t)r->nruns * NQUANTITIES + 1);
-    const rx_rollup_row **order = rx_alloc((size_t)r->nrows + 1, sizeof *order);
-    rx_status status = room != NULL && levels != NULL && order != NULL ? RX_OK : rx_error_memory(err, 0);
-    for (int run = 0; run < r->nruns && status == RX_OK; run++)
-        for (int i = 0; i < NQUANTITIES; i++)
-            levels[run * NQUANTITIES + i] = level_of(r, run, &QUANTITIES[i], room);
-    if (status == RX_OK)
-        status = find_failed(r, err);
-    if (status == RX_OK)
-        status = find_far(r, levels, order, err);
+    rx_rollup_number *number = RX_TAKE(&r->arena, rx_rollup_number, (size_t)r->nrows * NQUANTITIES);
+    rx_status status = room != NULL && levels != NULL && number != NULL ? RX_OK : rx_error_memory(err, 0);
+    for (int i = 0; i < r->nrows && status == RX_OK; i++, number += NQUANTITIES) {
+        measure(r->row[i], number);
+        r->row[i]->number = number;
+    }
+    for (int i = 0; i < r->nruns * NQUANTITIES && status == RX_OK; i++)
+        levels[i] = level_of(r, r->run[i / NQUANTITIES], i % NQUANTITIES, room);
+    for (int i = 0; i < r->ntiles && status == RX_OK; i++)
+        status = check_tile(r, r->tile[i], levels, err);
+    for (int i = 0; i < r->nmissing && status == RX_OK; i++) {
+        rx_text why = {0};
+        rx_text_add(&why, "no record: it was not run, or was killed");
+        status = add_outlier(r,
+                             (rx_rollup_outlier){.name = r->tiles->tile[r->missing[i]].name,
+                                                 .image = rx_tiles_image(r->tiles, r->missing[i]),
+                                                 .hdu = -1,
+                                                 .rank = 2},
+                             &why, err);
+    }
     r->fine -= r->apart;
     if (status == RX_OK && r->noutliers > 1)
         qsort(r->outlier, (size_t)r->noutliers, sizeof *r->outlier, worse);
-    free(order);
     free(levels);
     free(room);
     return status;
@@ -274,40 +246,44 @@ RX_COLUMNS(TRENDS, RX_TEXT("card", "of the header (RECORD_CARDS)"),
            RX_NUMBER("rho", 3, "", "rank correlation (Spearman)"),
            RX_NUMBER("sigmas", 1, "", "of no correlation"));
 
+typedef struct trend {
+    const char *card;
+    int order; /* of equal ones */
+    int quantity, n;
+    const rx_rollup_run *run; /* NULL: of the image alone */
+    double rho, sigmas;
+} trend;
+
+/* A card and a quantity of one image, and their ranks from the middle. */
 typedef struct point {
-    double x, y, rank[2];
+    double v[2], rank[2];
 } point;
 
-static int by_x(const void *a, const void *b)
+static int by_card(const void *a, const void *b)
 {
-    const double x = ((const point *)a)->x, y = ((const point *)b)->x;
+    const double x = ((const point *)a)->v[0], y = ((const point *)b)->v[0];
     return (x > y) - (x < y);
 }
 
-static int by_y(const void *a, const void *b)
+static int by_quantity(const void *a, const void *b)
 {
-    const double x = ((const point *)a)->y, y = ((const point *)b)->y;
+    const double x = ((const point *)a)->v[1], y = ((const point *)b)->v[1];
     return (x > y) - (x < y);
 }
 
-/* Ranks of one side, equal ones shared; the points are left in its order. */
-static void rank(point *points, int n, int side)
-{
-    qsort(points, (size_t)n, sizeof *points, side ? by_y : by_x);
-    for (int i = 0, end; i < n; i = end) {
-        for (end = i; end < n && (side ? points[end].y == points[i].y : points[end].x == points[i].x); end++)
-            ;
-        for (int k = i; k < end; k++)
-            points[k].rank[side] = 0.5 * (i + end - 1) - 0.5 * (n - 1);
-    }
-}
-
-/* Left in the order of x. */
+/* By the quantity, then by the card: in its order they are left. Equal ones share a rank. */
 static double spearman(point *points, int n)
 {
     double xx = 0, yy = 0, xy = 0;
-    rank(points, n, 1);
-    rank(points, n, 0);
+    for (int side = 1; side >= 0; side--) {
+        qsort(points, (size_t)n, sizeof *points, side ? by_quantity : by_card);
+        for (int i = 0, end; i < n; i = end) {
+            for (end = i; end < n && points[end].v[side] == points[i].v[side]; end++)
+                ;
+            for (int k = i; k < end; k++)
+                points[k].rank[side] = 0.5 * (i + end - 1) - 0.5 * (n - 1);
+        }
+    }
     for (int i = 0; i < n; i++) {
         xx += points[i].rank[0] * points[i].rank[0];
         yy += points[i].rank[1] * points[i].rank[1];
@@ -316,19 +292,20 @@ static double spearman(point *points, int n)
     return xx > 0 && yy > 0 ? xy / sqrt(xx * yy) : NAN;
 }
 
-typedef struct trend {
-    int card, run, quantity, n;
-    double rho, sigmas;
-} trend;
-
-static int collect(const rx_rollup *r, int run, const quantity *q, int card, point *dst)
+/* The images of a trend. */
+static int collect(const rx_rollup *r, const trend *t, point *dst)
 {
     int n = 0;
     for (int i = 0; i < r->nrows; i++) {
-        const rx_rollup_row *row = &r->row[i];
-        const double value = q->image && !row->leads ? NAN : q->value(row);
-        if ((q->image || row->run == run) && isfinite(value) && isfinite(row->card[card]))
-            dst[n++] = (point){.x = row->card[card], .y = value};
+        const rx_extension_facts *e = r->row[i]->image;
+        double card = NAN;
+        const double value =
+            t->run == NULL || t->run == r->row[i]->run ? value_of(r->row[i], t->quantity) : NAN;
+        for (int k = 0; k < e->ncards && isfinite(value); k++)
+            if (strcasecmp(e->card[k].name, t->card) == 0)
+                card = e->card[k].value;
+        if (isfinite(card))
+            dst[n++] = (point){.v = {card, value}};
     }
     return n;
 }
@@ -337,92 +314,104 @@ static int stronger(const void *a, const void *b)
 {
     const trend *x = a, *y = b;
     const double p = fabs(x->sigmas), q = fabs(y->sigmas);
-    if (p != q)
-        return p < q ? 1 : -1;
-    return x->card != y->card           ? x->card - y->card
-           : x->quantity != y->quantity ? x->quantity - y->quantity
-                                        : x->run - y->run;
+    return p != q ? (p < q ? 1 : -1) : x->order - y->order;
 }
 
-static void draw_trend(rx_figures *dst, const rx_rollup *r, const trend *t, int number, point *points)
+static void draw_trend(rx_figures *dst, const trend *t, int number, int n, const point *points, double *room)
 {
     const quantity *q = &QUANTITIES[t->quantity];
-    const int n = collect(r, t->run, q, t->card, points), bins = n / FEW < TREND_BINS ? n / FEW : TREND_BINS;
-    double *room = RX_NEW(double, (size_t)n + 1), low, high;
-    char id[RX_FIGURE_ID], title[160], xlabel[RX_CARD_NAME], ylabel[80];
+    const int bins = n / FEW < TREND_BINS ? n / FEW : TREND_BINS, step = (n + MOST_DOTS - 1) / MOST_DOTS;
+    const char *run = t->run != NULL ? t->run->name : "";
+    char id[RX_FIGURE_ID], title[160], ylabel[80], reading[120];
     rx_curves c = {0};
-    if (room == NULL) {
-        dst->script.failed = true;
-        return;
-    }
-    qsort(points, (size_t)n, sizeof *points, by_x);
-    for (int i = 0; i < n; i++)
-        room[i] = points[i].y;
-    low = rx_quantile(room, (size_t)n, 0.005);
-    high = rx_quantile(room, (size_t)n, 0.995);
     rx_curves_add(&c, RX_CURVE_DOTS, 0, "images");
-    const int step = (n + MOST_DOTS - 1) / MOST_DOTS;
     for (int i = 0; i < n; i += step)
-        rx_curves_put(&c, points[i].x, points[i].y, NAN, NAN);
+        rx_curves_put(&c, points[i].v[0], points[i].v[1], NAN, NAN);
     rx_curves_add(&c, RX_CURVE_JOINED, 1, "median of as many");
     for (int b = 0; b < bins; b++) {
         const int from = b * n / bins, to = (b + 1) * n / bins;
         for (int i = from; i < to; i++)
-            room[i - from] = points[i].y;
-        rx_curves_put(&c, points[(from + to - 1) / 2].x, rx_quantile(room, (size_t)(to - from), 0.5), NAN,
+            room[i - from] = points[i].v[1];
+        rx_curves_put(&c, points[(from + to - 1) / 2].v[0], rx_sample_quantile(room, to - from, 0.5), NAN,
                       NAN);
     }
+    for (int i = 0; i < n; i++)
+        room[i] = points[i].v[1];
+    const double low = rx_sample_quantile(room, n, 0.005), high = rx_sample_quantile(room, n, 0.995);
     snprintf(id, sizeof id, "trend-%02d", number);
-    snprintf(title, sizeof title, "%s%s%s against %s", q->image ? "" : r->run[t->run].name,
-             q->image ? "" : " ", q->title, r->card[t->card]);
-    snprintf(xlabel, sizeof xlabel, "%s", r->card[t->card]);
-    snprintf(ylabel, sizeof ylabel, "%s%s%s%s", q->title, q->unit[0] != '\0' ? " [" : "",
-             q->unit[0] != '\0' ? q->unit + 1 : "", q->unit[0] != '\0' ? "]" : "");
-    char reading[120];
-    snprintf(reading, sizeof reading, "Rank correlation %.2f, %.1f sigma, %d images%s.", t->rho, t->sigmas,
-             t->n, step > 1 ? ", some of which are drawn" : "");
+    snprintf(title, sizeof title, "%s%s%s against %s", run, run[0] != '\0' ? " " : "", q->title, t->card);
+    snprintf(ylabel, sizeof ylabel, q->unit[0] != '\0' ? "%s [%s]" : "%s", q->title,
+             q->unit[0] != '\0' ? q->unit + 1 : "");
+    snprintf(reading, sizeof reading, "Rank correlation %.2f, %.1f sigma, %d images%s.", t->rho, t->sigmas, n,
+             step > 1 ? ", some of which are drawn" : "");
     rx_curves_figure(dst, id, title, reading,
-                     &(rx_axes){.xlabel = xlabel,
+                     &(rx_axes){.xlabel = t->card,
                                 .ylabel = ylabel,
-                                .x0 = points[0].x,
-                                .x1 = points[n - 1].x,
+                                .x0 = points[0].v[0],
+                                .x1 = points[n - 1].v[0],
                                 .y0 = low - 0.2 * (high - low),
                                 .y1 = high + 0.2 * (high - low)},
                      &c);
-    free(room);
+}
+
+/* The names of the cards that records hold, RX_RECORD_CARDS at most; returns how many. */
+static int name_cards(const rx_rollup *r, const char *dst[RX_RECORD_CARDS])
+{
+    int n = 0;
+    for (int i = 0; i < r->ntiles; i++)
+        for (int row = 0; row < r->tile[i]->nrows; row++) {
+            const rx_extension_facts *e = r->tile[i]->row[row].image;
+            for (int c = 0; c < e->ncards; c++) {
+                int k = 0;
+                while (k < n && strcasecmp(dst[k], e->card[c].name) != 0)
+                    k++;
+                if (k == n && n < RX_RECORD_CARDS)
+                    dst[n++] = e->card[c].name;
+            }
+        }
+    return n;
 }
 
 rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_table **dst, rx_error *err)
 {
+    const char *card[RX_RECORD_CARDS];
+    const int all = name_cards(r, card) * NQUANTITIES * r->nruns;
     point *points = RX_NEW(point, (size_t)r->nrows + 1);
-    trend *trends = RX_NEW(trend, (size_t)r->ncards * NQUANTITIES * (size_t)r->nruns + 1);
+    double *room = RX_NEW(double, (size_t)r->nrows + 1);
+    trend *trends = RX_NEW(trend, (size_t)all + 1);
     rx_report_table *t = *dst = RX_REPORT_TABLE(report, "trends", TRENDS, RX_REPORT_EVERYWHERE);
+    const rx_status status =
+        points != NULL && room != NULL && trends != NULL ? RX_OK : rx_error_memory(err, 0);
     int n = 0;
-    if (points == NULL || trends == NULL) {
-        free(points);
-        free(trends);
-        return rx_error_memory(err, 0);
+    for (int i = 0; i < all && status == RX_OK; i++) {
+        const int q = i / r->nruns % NQUANTITIES, run = i % r->nruns, image = QUANTITIES[q].image;
+        trend one = {.card = card[i / r->nruns / NQUANTITIES],
+                     .order = i,
+                     .quantity = q,
+                     .run = image ? NULL : r->run[run]};
+        if (image && run > 0)
+            continue;
+        one.n = collect(r, &one, points);
+        one.rho = one.n >= FEW ? spearman(points, one.n) : NAN;
+        /* Fieller, Hartley and Pearson 1957, Biometrika 44, 470 */
+        one.sigmas = atanh(fmax(fmin(one.rho, 0.999999), -0.999999)) * sqrt((one.n - 3) / 1.06);
+        if (isfinite(one.rho))
+            trends[n++] = one;
     }
-    for (int card = 0; card < r->ncards; card++)
-        for (int k = 0; k < NQUANTITIES; k++)
-            for (int run = 0; run < (QUANTITIES[k].image && r->nruns > 0 ? 1 : r->nruns); run++) {
-                const int m = collect(r, run, &QUANTITIES[k], card, points);
-                const double rho = m >= FEW ? spearman(points, m) : NAN;
-                if (isfinite(rho)) /* Fieller, Hartley and Pearson 1957, Biometrika 44, 470 */
-                    trends[n++] = (trend){
-                        card, run, k,
-                        m,    rho, atanh(fmax(fmin(rho, 0.999999), -0.999999)) * sqrt((m - 3) / 1.06)};
-            }
     if (n > 1)
         qsort(trends, (size_t)n, sizeof *trends, stronger);
     for (int i = 0; i < n; i++) {
-        const quantity *q = &QUANTITIES[trends[i].quantity];
-        rx_report_put(t, r->card[trends[i].card], q->image ? "" : (const char *)r->run[trends[i].run].name,
-                      q->name, trends[i].n, trends[i].rho, trends[i].sigmas);
-        if (i < TREND_FIGURES && fabs(trends[i].sigmas) > CLEAR)
-            draw_trend(rx_report_figures_of(report), r, &trends[i], i, points);
+        const trend *one = &trends[i];
+        rx_report_put(t, one->card, one->run != NULL ? one->run->name : "", QUANTITIES[one->quantity].name,
+                      one->n, one->rho, one->sigmas);
+        if (i < TREND_FIGURES && fabs(one->sigmas) > CLEAR) {
+            const int m = collect(r, one, points);
+            qsort(points, (size_t)m, sizeof *points, by_card);
+            draw_trend(rx_report_figures_of(report), one, i, m, points, room);
+        }
     }
     free(trends);
     free(points);
-    return RX_OK;
+    free(room);
+    return status;
 }

@@ -17,10 +17,11 @@
 
 static const char blanks[] = " \t\r\v\f";
 
-/* --- the lines that hold fields of a struct, once for both ways --- */
+/* --- the lines, whose items are fields of a struct, once for both ways --- */
 
-/* NAME goes into reports and names of files: letters, digits and '_'. EXACT: 15 digits. */
-typedef enum kind { NONE, INT, LONG, REAL, EXACT, TEXT, NAME } kind;
+/* EXACT: 15 digits. NAME goes into reports and names of files: letters, digits and '_'. OWNED: a char *. TALLY: 1 where
+ * there is one. ANY_REAL: several, of which one is known. */
+typedef enum kind { NONE, INT, LONG, REAL, EXACT, TEXT, NAME, OWNED, TALLY, ANY_REAL } kind;
 
 typedef struct item {
     kind kind;
@@ -28,7 +29,11 @@ typedef struct item {
     long low, high;
 } item;
 
+/* In the order in which they are written, those of a tile, of an image, of a run. */
 typedef enum line_name {
+    TILE,
+    VERSION,
+    STATUS,
     EXTENSION,
     STATE,
     ANOMALIES,
@@ -49,45 +54,54 @@ typedef enum line_name {
 
 typedef struct line {
     const char *word;
+    item there;     /* the line is written where this is above 0, not "", or finite; NONE: always */
     item items[14]; /* ends with NONE */
 } line;
 
-#define FIELD(kind, type, field, low, high)                                                                  \
-    {                                                                                                        \
-        kind, offsetof(type, field), sizeof((type *)NULL)->field, low, high                                  \
-    }
+/* clang-format off */
+#define FIELD(kind, type, field, low, high) {kind, offsetof(type, field), sizeof((type *)NULL)->field, low, high}
+#define OF_T(kind, field, ...) FIELD(kind, rx_tile_record, field, __VA_ARGS__)
 #define OF_E(kind, field, ...) FIELD(kind, rx_extension_facts, field, __VA_ARGS__)
 #define OF_R(kind, field, ...) FIELD(kind, rx_run_facts, field, __VA_ARGS__)
 #define E_REAL(field) OF_E(REAL, field, 0, 0)
 #define R_REAL(field) OF_R(REAL, field, 0, 0)
-/* clang-format off */
+#define ALWAYS {NONE, 0, 0, 0, 0}
 static const line lines[NLINES] = {
-    [EXTENSION] = {"EXTENSION", {OF_E(INT, hdu, 0, 1 << 30), OF_E(INT, width, 0, 1 << 30), OF_E(INT, height, 0, 1 << 30),
-                                 E_REAL(alpha), E_REAL(delta), E_REAL(fwhm), E_REAL(sky), E_REAL(noise),
-                                 OF_E(INT, verdict, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT)}},
-    [STATE] = {"STATE", {E_REAL(state.ellipticity), E_REAL(state.depth), E_REAL(state.factor), E_REAL(state.masked),
-                         E_REAL(state.saturated), E_REAL(state.chi2), OF_E(INT, state.wrong, -1, INT_MAX),
-                         OF_E(INT, state.look, -1, INT_MAX)}},
-    [ANOMALIES] = {"ANOMALIES", {E_REAL(state.rows), E_REAL(state.columns), E_REAL(state.light)}},
-    [CARD] = {"CARD", {FIELD(TEXT, rx_tile_card, name, 0, 0), FIELD(EXACT, rx_tile_card, value, 0, 0)}},
-    [PAGE] = {"PAGE", {OF_E(TEXT, page, 0, 0)}},
-    [PSF] = {"PSF", {OF_E(NAME, psf.how, 0, 0), OF_E(INT, psf.stars, 0, INT_MAX),
-                     OF_E(INT, psf.reserved, 0, INT_MAX), E_REAL(psf.flux_error), E_REAL(psf.growth), E_REAL(psf.residual),
-                     E_REAL(psf.off[0]), E_REAL(psf.off[1]), E_REAL(psf.off[2]), E_REAL(psf.error[0]),
-                     E_REAL(psf.error[1]), E_REAL(psf.error[2])}},
-    [STARS] = {"STARS", {OF_E(LONG, psf.rho.n, 1, INT_MAX), OF_E(LONG, psf.rho.t, -(1L << 40), 1L << 40),
-                         OF_E(LONG, psf.rho.e1, -(1L << 40), 1L << 40), OF_E(LONG, psf.rho.e2, -(1L << 40), 1L << 40),
-                         E_REAL(psf.rho.reach)}},
-    [RHO] = {"RHO", {OF_E(LONG, psf.rho.pairs, 1, 1L << 60), OF_E(LONG, psf.rho.tt, -(1L << 60), 1L << 60),
-                     OF_E(LONG, psf.rho.ee, -(1L << 60), 1L << 60)}}, /* behind the number of the bin */
-    [RUN] = {"RUN", {OF_R(NAME, name, 0, 0), OF_R(LONG, sources, 0, 1L << 40)}}, /* and whether there are bins */
-    [TOOK] = {"TOOK", {OF_R(NAME, taken, 0, 0), OF_R(TEXT, why, 0, 0)}},
-    [DONE] = {"DONE", {OF_R(NAME, by, 0, 0), OF_R(TEXT, why, 0, 0)}},
-    [OUTSIDE] = {"OUTSIDE", {OF_R(TEXT, outside, 0, 0)}},
-    [FLUX] = {"FLUX", {OF_R(INT, flux.n, 1, INT_MAX), R_REAL(flux.diameter), R_REAL(flux.wide), R_REAL(flux.wide_error),
-                       R_REAL(flux.automatic), R_REAL(flux.automatic_error)}},
-    [GUARD] = {"GUARD", {R_REAL(guard.false_per_mpixel), R_REAL(guard.raised), R_REAL(guard.unexplained)}},
-    [SHARES] = {"SHARES", {R_REAL(sharp), R_REAL(lit)}},
+    [TILE] = {"TILE", ALWAYS, {OF_T(OWNED, image, 0, 0), OF_T(OWNED, name, 0, 0)}},
+    [VERSION] = {"VERSION", ALWAYS, {OF_T(OWNED, version, 0, 0)}},
+    [STATUS] = {"STATUS", ALWAYS, {OF_T(INT, status, 0, 255), OF_T(OWNED, what, 0, 0)}},
+    [EXTENSION] = {"EXTENSION", ALWAYS, {OF_E(INT, hdu, 0, 1 << 30), OF_E(INT, width, 0, 1 << 30), OF_E(INT, height, 0, 1 << 30),
+                                         E_REAL(alpha), E_REAL(delta), E_REAL(fwhm), E_REAL(sky), E_REAL(noise),
+                                         OF_E(INT, verdict, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT)}},
+    [STATE] = {"STATE", OF_E(INT, known, 0, 1),
+               {E_REAL(state.ellipticity), E_REAL(state.depth), E_REAL(state.factor), E_REAL(state.masked),
+                E_REAL(state.saturated), E_REAL(state.chi2), OF_E(INT, state.wrong, -1, INT_MAX),
+                OF_E(INT, state.look, -1, INT_MAX)}},
+    [ANOMALIES] = {"ANOMALIES", OF_E(ANY_REAL, state.rows, 0, 0),
+                   {E_REAL(state.rows), E_REAL(state.columns), E_REAL(state.light)}},
+    [CARD] = {"CARD", ALWAYS, {FIELD(TEXT, rx_tile_card, name, 0, 0), FIELD(EXACT, rx_tile_card, value, 0, 0)}},
+    [PAGE] = {"PAGE", OF_E(TEXT, page, 0, 0), {OF_E(TEXT, page, 0, 0)}},
+    [PSF] = {"PSF", OF_E(TEXT, psf.how, 0, 0),
+             {OF_E(NAME, psf.how, 0, 0), OF_E(INT, psf.stars, 0, INT_MAX), OF_E(INT, psf.reserved, 0, INT_MAX),
+              E_REAL(psf.flux_error), E_REAL(psf.growth), E_REAL(psf.residual), E_REAL(psf.off[0]), E_REAL(psf.off[1]),
+              E_REAL(psf.off[2]), E_REAL(psf.error[0]), E_REAL(psf.error[1]), E_REAL(psf.error[2])}},
+    [STARS] = {"STARS", OF_E(LONG, psf.rho.n, 0, 0),
+               {OF_E(LONG, psf.rho.n, 1, INT_MAX), OF_E(LONG, psf.rho.t, -(1L << 40), 1L << 40),
+                OF_E(LONG, psf.rho.e1, -(1L << 40), 1L << 40), OF_E(LONG, psf.rho.e2, -(1L << 40), 1L << 40),
+                E_REAL(psf.rho.reach)}},
+    [RHO] = {"RHO", OF_E(LONG, psf.rho.pairs, 0, 0), /* behind the number of the bin */
+             {OF_E(LONG, psf.rho.pairs, 1, 1L << 60), OF_E(LONG, psf.rho.tt, -(1L << 60), 1L << 60),
+              OF_E(LONG, psf.rho.ee, -(1L << 60), 1L << 60)}},
+    [RUN] = {"RUN", ALWAYS, {OF_R(NAME, name, 0, 0), OF_R(LONG, sources, 0, 1L << 40), OF_R(TALLY, tally, 0, 1)}},
+    [TOOK] = {"TOOK", OF_R(TEXT, taken, 0, 0), {OF_R(NAME, taken, 0, 0), OF_R(TEXT, why, 0, 0)}},
+    [DONE] = {"DONE", OF_R(TEXT, by, 0, 0), {OF_R(NAME, by, 0, 0), OF_R(TEXT, why, 0, 0)}},
+    [OUTSIDE] = {"OUTSIDE", OF_R(TEXT, outside, 0, 0), {OF_R(TEXT, outside, 0, 0)}},
+    [FLUX] = {"FLUX", OF_R(INT, flux.n, 0, 0),
+              {OF_R(INT, flux.n, 1, INT_MAX), R_REAL(flux.diameter), R_REAL(flux.wide), R_REAL(flux.wide_error),
+               R_REAL(flux.automatic), R_REAL(flux.automatic_error)}},
+    [GUARD] = {"GUARD", OF_R(INT, guard.known, 0, 1),
+               {R_REAL(guard.false_per_mpixel), R_REAL(guard.raised), R_REAL(guard.unexplained)}},
+    [SHARES] = {"SHARES", R_REAL(lit), {R_REAL(sharp), R_REAL(lit)}},
 };
 /* clang-format on */
 
@@ -105,27 +119,64 @@ static void add_string(rx_text *dst, const char *string)
     rx_text_add(dst, "\"");
 }
 
-/* The items of a line, from the struct at `base`. */
-static void add_items(rx_text *dst, line_name name, const void *base)
+static void add_item(rx_text *dst, const item *i, const void *base)
 {
-    for (const item *i = lines[name].items; i->kind != NONE; i++) {
-        const void *field = (const char *)base + i->offset;
-        if (i->kind == INT)
-            rx_text_printf(dst, " %d", *(const int *)field);
-        else if (i->kind == LONG)
-            rx_text_printf(dst, " %ld", *(const long *)field);
-        else if (i->kind == TEXT || i->kind == NAME)
-            add_string(dst, field);
-        else
-            rx_text_printf(dst, i->kind == REAL ? " %.9g" : " %.15g", *(const double *)field);
+    const void *field = (const char *)base + i->offset;
+    if (i->kind == INT)
+        rx_text_printf(dst, " %d", *(const int *)field);
+    else if (i->kind == LONG)
+        rx_text_printf(dst, " %ld", *(const long *)field);
+    else if (i->kind == TALLY)
+        rx_text_printf(dst, " %d", *(rx_tally *const *)field != NULL);
+    else if (i->kind == OWNED)
+        add_string(dst, *(char *const *)field);
+    else if (i->kind == TEXT || i->kind == NAME)
+        add_string(dst, field);
+    else
+        rx_text_printf(dst, i->kind == REAL ? " %.9g" : " %.15g", *(const double *)field);
+}
+
+static bool is_there(const line *l, const void *base)
+{
+    const void *field = (const char *)base + l->there.offset;
+    const double *real = field;
+    switch (l->there.kind) {
+    case INT:
+        return *(const int *)field > 0;
+    case LONG:
+        return *(const long *)field > 0;
+    case TEXT:
+        return *(const char *)field != '\0';
+    case REAL:
+        return isfinite(*real);
+    case ANY_REAL: /* of one after the other, as the items are */
+        for (const item *i = l->items; i->kind != NONE; i++, real++)
+            if (isfinite(*real))
+                return true;
+        return false;
+    default:
+        return true;
     }
 }
 
-static void add_line(rx_text *dst, line_name name, const void *base)
+/* The line, where it is there; k: number that comes first, -1: none. */
+static void add_line(rx_text *dst, line_name name, int k, const void *base)
 {
-    rx_text_add(dst, lines[name].word);
-    add_items(dst, name, base);
+    const line *l = &lines[name];
+    if (!is_there(l, base))
+        return;
+    rx_text_add(dst, l->word);
+    if (k >= 0)
+        rx_text_printf(dst, " %d", k);
+    for (const item *i = l->items; i->kind != NONE; i++)
+        add_item(dst, i, base);
     rx_text_add(dst, "\n");
+}
+
+static void add_lines(rx_text *dst, line_name first, line_name last, const void *base)
+{
+    for (int name = first; name <= (int)last; name++)
+        add_line(dst, (line_name)name, -1, base);
 }
 
 static void add_bin(rx_text *dst, int k, const rx_tally_bin *bin)
@@ -142,17 +193,7 @@ static void add_bin(rx_text *dst, int k, const rx_tally_bin *bin)
 
 static void add_run(rx_text *dst, const rx_run_facts *run)
 {
-    rx_text_add(dst, lines[RUN].word);
-    add_items(dst, RUN, run);
-    rx_text_printf(dst, " %d\n", run->tally != NULL);
-    const struct {
-        line_name name;
-        bool is_there;
-    } of[] = {{TOOK, run->taken[0] != '\0'}, {DONE, run->by[0] != '\0'}, {OUTSIDE, run->outside[0] != '\0'},
-              {FLUX, run->flux.n > 0},       {GUARD, run->guard.known},  {SHARES, isfinite(run->lit)}};
-    for (size_t i = 0; i < sizeof of / sizeof *of; i++)
-        if (of[i].is_there)
-            add_line(dst, of[i].name, run);
+    add_lines(dst, RUN, SHARES, run);
     for (int k = 0; k < run->facts.n; k++) {
         rx_text_printf(dst, "FACT %s", run->facts.pairs[k][0]);
         add_string(dst, run->facts.pairs[k][1]);
@@ -162,60 +203,35 @@ static void add_run(rx_text *dst, const rx_run_facts *run)
         add_bin(dst, b, &run->tally->bin[b]);
 }
 
-static void add_extension(rx_text *dst, const rx_extension_facts *e)
-{
-    const rx_tile_state *s = &e->state;
-    const bool measured = e->psf.how[0] != '\0';
-    add_line(dst, EXTENSION, e);
-    if (e->known)
-        add_line(dst, STATE, e);
-    if (e->known && (isfinite(s->rows) || isfinite(s->columns) || isfinite(s->light)))
-        add_line(dst, ANOMALIES, e);
-    for (int i = 0; i < e->ncards; i++)
-        add_line(dst, CARD, &e->card[i]);
-    if (e->page[0] != '\0')
-        add_line(dst, PAGE, e);
-    if (measured)
-        add_line(dst, PSF, e);
-    if (measured && e->psf.rho.n > 0)
-        add_line(dst, STARS, e);
-    for (int k = 0; k < RX_RHO_BINS && measured; k++) {
-        if (e->psf.rho.pairs[k] == 0)
-            continue;
-        rx_text_printf(dst, "%s %d", lines[RHO].word, k);
-        add_items(dst, RHO, (const long *)(const void *)e + k);
-        rx_text_add(dst, "\n");
-    }
-    for (int i = 0; i < e->nruns; i++)
-        add_run(dst, &e->run[i]);
-}
-
 void rx_tile_record_print(rx_text *dst, const rx_tile_record *record)
 {
-    rx_text_add(dst, "TILE");
-    add_string(dst, record->image);
-    add_string(dst, record->name);
-    rx_text_add(dst, "\nVERSION");
-    add_string(dst, record->version);
-    rx_text_printf(dst, "\nSTATUS %d", record->status);
-    add_string(dst, record->what);
-    rx_text_add(dst, "\n");
-    for (int i = 0; i < record->facts.n; i++)
-        add_extension(dst, &record->facts.extension[i]);
+    add_lines(dst, TILE, STATUS, record);
+    for (int k = 0; k < record->facts.n; k++) {
+        const rx_extension_facts *e = &record->facts.extension[k];
+        add_lines(dst, EXTENSION, ANOMALIES, e);
+        for (int i = 0; i < e->ncards; i++)
+            add_line(dst, CARD, -1, &e->card[i]);
+        add_lines(dst, PAGE, STARS, e);
+        for (int b = 0; b < RX_RHO_BINS; b++)
+            add_line(dst, RHO, b, (const long *)(const void *)e + b);
+        for (int i = 0; i < e->nruns; i++)
+            add_run(dst, &e->run[i]);
+    }
     rx_text_add(dst, "END\n");
 }
 
-struct rx_record_reader {
+/* --- from text --- */
+
+typedef struct reader {
     rx_lines lines;
     rx_tokens words; /* of the line */
     rx_tile_record record;
-    int64_t at; /* where it begins */
-    bool open;  /* TILE was read, END was not */
-    rx_extension_facts *extension;
-    rx_run_facts *run;
+    int64_t at;            /* where it begins */
+    bool open;             /* TILE was read, END was not */
+    rx_extension_facts *e; /* the last one; NULL: none yet */
+    rx_run_facts *run;     /* its last one */
     rx_error *err;
-};
-typedef struct rx_record_reader reader;
+} reader;
 
 static rx_status refuse(const reader *r, const char *why)
 {
@@ -228,15 +244,11 @@ static int hex(char c)
     return c >= '0' && c <= '9' ? c - '0' : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
 }
 
-/* A string's own copy, %XX resolved. */
-static rx_status take_string(const reader *r, int word, char **dst)
+/* %XX resolved, in place. */
+static void unquote(char *text)
 {
-    if (word >= r->words.n)
-        return refuse(r, "a word is missing");
-    char *to = *dst = rx_strdup(r->words.v[word]);
-    if (to == NULL)
-        return rx_error_memory(r->err, 0);
-    for (const char *from = to; *from != '\0';)
+    char *to = text;
+    for (const char *from = text; *from != '\0';)
         if (*from == '%' && hex(from[1]) >= 0 && hex(from[2]) >= 0) {
             *to++ = (char)(16 * hex(from[1]) + hex(from[2]));
             from += 3;
@@ -244,14 +256,6 @@ static rx_status take_string(const reader *r, int word, char **dst)
             *to++ = *from++;
         }
     *to = '\0';
-    return RX_OK;
-}
-
-static rx_status take_real(const reader *r, int word, double *dst)
-{
-    char *end = NULL;
-    *dst = word < r->words.n ? strtod(r->words.v[word], &end) : NAN;
-    return end != NULL && *end == '\0' && end != r->words.v[word] ? RX_OK : refuse(r, "a number is missing");
 }
 
 static rx_status whole(const reader *r, const char *text, char **end, long low, long high, long *dst)
@@ -262,13 +266,11 @@ static rx_status whole(const reader *r, const char *text, char **end, long low, 
                                                                      : refuse(r, "a number is out of place");
 }
 
-static rx_status take_whole(const reader *r, int word, long low, long high, long *dst)
+static rx_status take_whole(const reader *r, const char *word, long low, long high, long *dst)
 {
     char *end = NULL;
-    if (word >= r->words.n)
-        return refuse(r, "a number is missing");
-    rx_status status = whole(r, r->words.v[word], &end, low, high, dst);
-    return status == RX_OK && *end != '\0' ? refuse(r, "a number is out of place") : status;
+    RX_TRY(whole(r, word, &end, low, high, dst));
+    return *end == '\0' ? RX_OK : refuse(r, "a number is out of place");
 }
 
 /* Of a restorer or a PSF. */
@@ -279,114 +281,123 @@ static bool is_name(const char *name, size_t size)
 }
 
 /* A text is cut where it is longer than its field. */
-static rx_status take_item(const reader *r, int word, const item *i, void *field)
+static rx_status take_item(const reader *r, const item *i, char *word, void *field)
 {
-    char *text = NULL;
+    char *end;
     long value = 0;
-    if (i->kind == REAL || i->kind == EXACT)
-        return take_real(r, word, field);
-    if (i->kind == INT || i->kind == LONG) {
+    switch (i->kind) {
+    case REAL:
+    case EXACT:
+        *(double *)field = strtod(word, &end);
+        return *end == '\0' && end != word ? RX_OK : refuse(r, "a number is missing");
+    case INT:
         RX_TRY(take_whole(r, word, i->low, i->high, &value));
-        if (i->kind == INT)
-            *(int *)field = (int)value;
-        else
-            *(long *)field = value;
+        *(int *)field = (int)value;
+        return RX_OK;
+    case LONG:
+        return take_whole(r, word, i->low, i->high, field);
+    case TALLY:
+        RX_TRY(take_whole(r, word, i->low, i->high, &value));
+        return value ? RX_MAKE(*(rx_tally **)field, 1, r->err) : RX_OK;
+    case OWNED:
+        unquote(word);
+        free(*(char **)field);
+        return (*(char **)field = rx_strdup(word)) != NULL ? RX_OK : rx_error_memory(r->err, 0);
+    default:
+        unquote(word);
+        if (i->kind == NAME && !is_name(word, i->size))
+            return refuse(r, "a restorer or a PSF has no name");
+        snprintf(field, i->size, "%s", word);
         return RX_OK;
     }
-    RX_TRY(take_string(r, word, &text));
-    const bool wrong = i->kind == NAME && !is_name(text, i->size);
-    if (!wrong)
-        snprintf(field, i->size, "%s", text);
-    free(text);
-    return wrong ? refuse(r, "a restorer or a PSF has no name") : RX_OK;
 }
 
 /* Words from `first` on into the struct at `base`. */
 static rx_status take_items(const reader *r, line_name name, int first, void *base)
 {
-    for (const item *i = lines[name].items; i->kind != NONE; i++)
-        RX_TRY(take_item(r, first++, i, (char *)base + i->offset));
+    const item *there = &lines[name].there;
+    for (const item *i = lines[name].items; i->kind != NONE; i++, first++) {
+        if (first >= r->words.n)
+            return refuse(r, i->kind == TEXT || i->kind == NAME || i->kind == OWNED ? "a word is missing"
+                                                                                    : "a number is missing");
+        RX_TRY(take_item(r, i, r->words.v[first], (char *)base + i->offset));
+    }
+    if (there->kind == INT && *(int *)((char *)base + there->offset) == 0)
+        *(int *)((char *)base + there->offset) = 1; /* known, as the line is there */
     return RX_OK;
+}
+
+static void forget_record(rx_tile_record *record)
+{
+    free(record->image);
+    free(record->name);
+    free(record->version);
+    free(record->what);
+    rx_tile_facts_free(&record->facts);
+    *record = (rx_tile_record){.status = -1};
+}
+
+static rx_status begin_record(reader *r)
+{
+    if (r->open)
+        return refuse(r, "the record before has no END");
+    forget_record(&r->record);
+    r->open = true;
+    r->at = r->lines.at;
+    r->e = NULL;
+    r->run = NULL;
+    return take_items(r, TILE, 1, &r->record);
 }
 
 static rx_status begin_extension(reader *r)
 {
+    static const rx_tile_state unknown = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1};
     rx_tile_facts *facts = &r->record.facts;
     RX_TRY(RX_GROW(facts->extension, (size_t)facts->n + 1, r->err));
-    r->extension = &facts->extension[facts->n++];
+    r->e = &facts->extension[facts->n++];
     r->run = NULL;
-    *r->extension = (rx_extension_facts){.state = {.rows = NAN, .columns = NAN, .light = NAN}};
-    return take_items(r, EXTENSION, 1, r->extension);
+    *r->e = (rx_extension_facts){.state = unknown};
+    RX_TRY(take_items(r, EXTENSION, 1, r->e));
+    r->e->psf.rho.alpha = r->e->alpha;
+    r->e->psf.rho.delta = r->e->delta;
+    return RX_OK;
 }
 
 static rx_status begin_run(reader *r)
 {
-    long reference;
-    r->run = &r->extension->run[r->extension->nruns++];
+    RX_TRY(RX_GROW(r->e->run, (size_t)r->e->nruns + 1, r->err));
+    r->run = &r->e->run[r->e->nruns++];
     *r->run = (rx_run_facts){.sharp = NAN, .lit = NAN};
-    RX_TRY(take_items(r, RUN, 1, r->run));
-    RX_TRY(take_whole(r, 3, 0, 1, &reference));
-    return reference ? RX_MAKE(r->run->tally, 1, r->err) : RX_OK;
+    return take_items(r, RUN, 1, r->run);
 }
 
-/* A line may come where what it belongs to has come. */
-static bool is_in_place(const reader *r, line_name name)
-{
-    const rx_extension_facts *e = r->extension;
-    switch (name) {
-    case EXTENSION:
-        return true;
-    case ANOMALIES:
-        return e != NULL && e->known;
-    case CARD:
-        return e != NULL && e->ncards < RX_RECORD_CARDS;
-    case PSF:
-        return e != NULL && e->psf.how[0] == '\0';
-    case STARS:
-        return e != NULL && e->psf.how[0] != '\0';
-    case RHO:
-        return e != NULL && e->psf.rho.n > 0;
-    case RUN:
-        return e != NULL && e->nruns < RX_MAX_RUNS;
-    default:
-        return name < RUN ? e != NULL : r->run != NULL;
-    }
-}
-
+/* A line may come where what it belongs to has begun. */
 static rx_status read_fields(reader *r, line_name name)
 {
-    rx_extension_facts *e = r->extension;
     char why[40];
     long k = 0;
-    snprintf(why, sizeof why, "%s is out of place", lines[name].word);
-    if (!is_in_place(r, name))
-        return refuse(r, why);
-    switch (name) {
-    case EXTENSION:
+    if (name == TILE)
+        return begin_record(r);
+    if (name <= STATUS)
+        return take_items(r, name, 1, &r->record);
+    if (name == EXTENSION)
         return begin_extension(r);
-    case RUN:
+    snprintf(why, sizeof why, "%s is out of place", lines[name].word);
+    if (name > RUN ? r->run == NULL
+                   : r->e == NULL || (name == CARD && r->e->ncards == RX_RECORD_CARDS) ||
+                         (name == RUN && r->e->nruns == RX_MAX_RUNS))
+        return refuse(r, why);
+    if (name == CARD)
+        return take_items(r, name, 1, &r->e->card[r->e->ncards++]);
+    if (name == RUN)
         return begin_run(r);
-    case CARD:
-        RX_TRY(take_items(r, name, 1, &e->card[e->ncards]));
-        e->ncards++;
-        return RX_OK;
-    case RHO:
-        RX_TRY(take_whole(r, 1, 0, RX_RHO_BINS - 1, &k));
-        return take_items(r, name, 2, (long *)(void *)e + k);
-    case STATE:
-        e->known = 1;
-        break;
-    case PSF:
-        e->psf.rho.alpha = e->alpha;
-        e->psf.rho.delta = e->delta;
-        break;
-    case GUARD:
-        r->run->guard.known = 1;
-        break;
-    default:
-        break;
+    if (name == RHO) {
+        if (r->words.n < 2)
+            return refuse(r, "a number is missing");
+        RX_TRY(take_whole(r, r->words.v[1], 0, RX_RHO_BINS - 1, &k));
+        return take_items(r, name, 2, (long *)(void *)r->e + k);
     }
-    return take_items(r, name, 1, name < RUN ? (void *)e : r->run);
+    return take_items(r, name, 1, name < RUN ? (void *)r->e : r->run);
 }
 
 /* Most of a record are these lines; a survey has millions, so they are not cut into words first. */
@@ -413,72 +424,29 @@ static rx_status read_bin(reader *r, char *text)
     return RX_OK;
 }
 
-static void forget_record(rx_tile_record *record)
-{
-    free(record->image);
-    free(record->name);
-    free(record->version);
-    free(record->what);
-    rx_tile_facts_free(&record->facts);
-    *record = (rx_tile_record){0};
-}
-
-static rx_status begin_record(reader *r)
-{
-    if (r->open)
-        return refuse(r, "the record before has no END");
-    forget_record(&r->record);
-    r->open = true;
-    r->at = r->lines.at;
-    r->extension = NULL;
-    r->run = NULL;
-    r->record.status = -1;
-    RX_TRY(take_string(r, 1, &r->record.image));
-    return take_string(r, 2, &r->record.name);
-}
-
-static rx_status end_record(reader *r)
-{
-    r->open = false;
-    if (r->record.version == NULL || r->record.what == NULL)
-        return refuse(r, "VERSION or STATUS is missing");
-    return RX_OK;
-}
-
-static rx_status read_fact(reader *r)
-{
-    char *value = NULL;
-    if (r->run == NULL || r->words.n < 2)
-        return refuse(r, "FACT is out of place");
-    RX_TRY(take_string(r, 2, &value));
-    rx_record_add(&r->run->facts, r->words.v[1], "", "%s", value);
-    free(value);
-    return r->run->facts.failed ? rx_error_memory(r->err, 0) : RX_OK;
-}
-
 static rx_status read_words(reader *r)
 {
     const char *word = r->words.v[0];
-    if (strcmp(word, "TILE") == 0)
-        return begin_record(r);
-    if (!r->open)
+    int name = 0;
+    while (name < NLINES && strcmp(word, lines[name].word) != 0)
+        name++;
+    if (name != TILE && !r->open)
         return refuse(r, "TILE does not come first");
-    if (strcmp(word, "VERSION") == 0 && r->record.version == NULL)
-        return take_string(r, 1, &r->record.version);
-    if (strcmp(word, "STATUS") == 0 && r->record.what == NULL) {
-        long code;
-        rx_status status = take_whole(r, 1, 0, 255, &code);
-        r->record.status = (int)code;
-        return status == RX_OK ? take_string(r, 2, &r->record.what) : status;
+    if (name < NLINES)
+        return read_fields(r, (line_name)name);
+    if (strcmp(word, "END") == 0) {
+        r->open = false;
+        return r->record.version != NULL && r->record.what != NULL
+                   ? RX_OK
+                   : refuse(r, "VERSION or STATUS is missing");
     }
-    if (strcmp(word, "FACT") == 0)
-        return read_fact(r);
-    if (strcmp(word, "END") == 0)
-        return end_record(r);
-    for (int i = 0; i < NLINES; i++)
-        if (strcmp(word, lines[i].word) == 0)
-            return read_fields(r, (line_name)i);
-    return refuse(r, "this is no line of a record");
+    if (strcmp(word, "FACT") != 0)
+        return refuse(r, "this is no line of a record");
+    if (r->run == NULL || r->words.n < 3)
+        return refuse(r, "FACT is out of place");
+    unquote(r->words.v[2]);
+    rx_record_add(&r->run->facts, r->words.v[1], "", "%s", r->words.v[2]);
+    return r->run->facts.failed ? rx_error_memory(r->err, 0) : RX_OK;
 }
 
 static rx_status read_line(reader *r, char *line)
@@ -495,48 +463,26 @@ static rx_status read_line(reader *r, char *line)
     return status;
 }
 
-rx_status rx_record_reader_open(const char *path, int64_t from, rx_record_reader **dst, rx_error *err)
+rx_status rx_tile_record_read(const char *path, int64_t from, long most, rx_tile_record_visitor visit,
+                              void *user, rx_error *err)
 {
-    *dst = RX_NEW(rx_record_reader, 1);
-    if (*dst == NULL)
-        return rx_error_memory(err, sizeof **dst);
-    rx_status status = rx_lines_open(&(*dst)->lines, path, from, err);
-    if (status != RX_OK) {
-        rx_record_reader_close(*dst);
-        *dst = NULL;
-    }
-    return status;
-}
-
-void rx_record_reader_close(rx_record_reader *r)
-{
-    if (r == NULL)
-        return;
-    rx_lines_close(&r->lines);
-    forget_record(&r->record);
-    free(r);
-}
-
-rx_status rx_record_reader_next(rx_record_reader *r, const rx_tile_record **record, int64_t *at,
-                                rx_error *err)
-{
+    reader r = {.err = err};
     char *line = NULL;
-    bool begun = false; /* a record, and with END it is whole */
-    r->err = err;
-    *record = NULL;
-    do {
-        rx_status status = rx_lines_next(&r->lines, &line, err);
-        if (status == RX_OK && line != NULL)
-            status = read_line(r, line);
-        if (status != RX_OK)
-            return status;
-        begun |= r->open;
-    } while (line != NULL && (r->open || !begun));
-    if (r->open)
-        return refuse(r, "the last record has no END");
-    if (begun) {
-        *record = &r->record;
-        *at = r->at;
+    rx_status status = rx_lines_open(&r.lines, path, from, err);
+    for (long n = 0; status == RX_OK && (most == 0 || n < most);) {
+        const bool open = r.open;
+        status = rx_lines_next(&r.lines, &line, err);
+        if (status != RX_OK || line == NULL)
+            break;
+        status = read_line(&r, line);
+        if (status == RX_OK && open && !r.open) {
+            status = visit(user, &r.record, r.at, err);
+            n++;
+        }
     }
-    return RX_OK;
+    if (status == RX_OK && r.open)
+        status = refuse(&r, "the last record has no END");
+    rx_lines_close(&r.lines);
+    forget_record(&r.record);
+    return status;
 }

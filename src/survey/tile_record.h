@@ -16,8 +16,8 @@
  *   STARS n t e1 e2 reach             sums of residuals of reserved stars, and of their pairs by angle:
  *   RHO k pairs tt ee                 quality/rho.h
  *   RUN "RL" sources reference        reference: 1 when BIN lines count against a reference catalogue
- *   DONE "RL" "FWHM ..."              restorer that did it instead of the one of RUN, and why; only then
  *   TOOK "NET" "finds ..."            restorer that AUTO took, and why; only then
+ *   DONE "RL" "FWHM ..."              restorer that did it instead of the one of RUN, and why; only then
  *   OUTSIDE "FWHM ..."                what of the tile the restorer was not made for; only then
  *   FLUX n diameter wide error auto error    restored over untouched fluxes (pipeline/fluxcheck.h); only where measured
  *   GUARD false raised unexplained    per Mpixel of the tile's noise, factor of DETECT_THRESH, share of cells; only where known
@@ -45,16 +45,14 @@ typedef struct rx_tile_record {
 /* As text, TILE to END. Memory trouble shows in dst->failed. */
 void rx_tile_record_print(rx_text *dst, const rx_tile_record *record);
 
-/* Records of a file, one at a time: there can be more than fit into memory. */
-typedef struct rx_record_reader rx_record_reader;
+/* A record, there until the next one is read, which begins at byte `at` of its file. */
+typedef rx_status (*rx_tile_record_visitor)(void *user, const rx_tile_record *record, int64_t at,
+                                            rx_error *err);
 
-/* From byte `from` on, where a record begins. Errors: RX_INPUT, RX_SYSTEM. */
-rx_status rx_record_reader_open(const char *path, int64_t from, rx_record_reader **dst, rx_error *err);
-void rx_record_reader_close(rx_record_reader *reader); /* NULL is fine */
-
-/* *record, there until the next one is asked for, begins at byte *at; NULL after the last. Errors: RX_INPUT
- * with file and line (a record that is cut short, a line that is none of ours), RX_SYSTEM. */
-rx_status rx_record_reader_next(rx_record_reader *reader, const rx_tile_record **record, int64_t *at,
-                                rx_error *err);
+/* Each record of a file in turn, as there can be more than fit into memory: from byte `from` on, where one begins, `most`
+ * of them (0: all). Errors: RX_INPUT with file and line (a record that is cut short, a line that is none of ours),
+ * RX_SYSTEM, those of `visit`. */
+rx_status rx_tile_record_read(const char *path, int64_t from, long most, rx_tile_record_visitor visit,
+                              void *user, rx_error *err);
 
 #endif
