@@ -98,7 +98,7 @@ static rx_status check(const rx_settings *common, const rx_tiles *tiles, rx_log 
 
 /* --- a list --- */
 
-rx_status rx_survey_open(rx_survey *s, const char *path, rx_error *err)
+rx_status rx_survey_open(rx_survey_list *s, const char *path, rx_error *err)
 {
     s->begun = rx_seconds();
     RX_TRY(rx_tiles_read(path, &s->tiles, err));
@@ -106,7 +106,7 @@ rx_status rx_survey_open(rx_survey *s, const char *path, rx_error *err)
     return RX_MAKE(s->outcome, (size_t)s->tiles->n, err);
 }
 
-rx_outcome rx_survey_tile(const rx_survey *s, int i, rx_error *why)
+rx_outcome rx_survey_tile(const rx_survey_list *s, int i, rx_error *why)
 {
     const double begun = rx_seconds();
     rx_settings *settings = NULL;
@@ -120,7 +120,7 @@ rx_outcome rx_survey_tile(const rx_survey *s, int i, rx_error *why)
     return outcome;
 }
 
-rx_status rx_survey_add(rx_survey *s, int i, rx_outcome outcome, const rx_error *why, rx_error *err)
+rx_status rx_survey_add(rx_survey_list *s, int i, rx_outcome outcome, const rx_error *why, rx_error *err)
 {
     char line[LINE];
     rx_error named = *why;
@@ -138,7 +138,7 @@ rx_status rx_survey_add(rx_survey *s, int i, rx_outcome outcome, const rx_error 
 }
 
 /* To the log. Returns what the whole ends with, with its error. */
-static rx_status summarise(const rx_survey *s, rx_error *err)
+static rx_status summarise(const rx_survey_list *s, rx_error *err)
 {
     const char *path = s->tiles->path;
     const int n = s->tiles->n;
@@ -174,7 +174,7 @@ static rx_status summarise(const rx_survey *s, rx_error *err)
     return RX_OK;
 }
 
-void rx_survey_free(rx_survey *s)
+void rx_survey_free(rx_survey_list *s)
 {
     for (int i = 0; s->outcome != NULL && i < s->tiles->n; i++)
         free(s->outcome[i].what);
@@ -182,7 +182,7 @@ void rx_survey_free(rx_survey *s)
     rx_tiles_free(s->tiles);
 }
 
-rx_status rx_survey_close(rx_survey *s, rx_status status, rx_error *err)
+rx_status rx_survey_close(rx_survey_list *s, rx_status status, rx_error *err)
 {
     int ended = 0;
     if (s->outcome != NULL) {
@@ -201,7 +201,7 @@ rx_status rx_survey_close(rx_survey *s, rx_status status, rx_error *err)
 rx_status rx_survey_run(const rx_settings *settings, const char *image, FILE *standard_out, rx_log *log,
                         rx_error *err)
 {
-    rx_survey s = {.common = settings, .standard_out = standard_out, .log = log};
+    rx_survey_list s = {.common = settings, .standard_out = standard_out, .log = log};
     int others = 0;
     if (image[0] != '@') {
         RX_TRY(check(settings, NULL, log, err));

@@ -37,26 +37,27 @@ typedef struct rx_outcome {
     char *what; /* the error in a line, without the program's name; NULL where there is none; owned */
 } rx_outcome;
 
-typedef struct rx_survey {
+typedef struct rx_survey_list {
     const rx_settings *common; /* this and the next two are the caller's */
     FILE *standard_out;
     rx_log *log;
     double begun;
     rx_tiles *tiles;
     rx_outcome *outcome; /* [tiles->n] */
-} rx_survey;
+} rx_survey_list;
 
 /* Reads and checks the list. Close or free it in any case. */
-rx_status rx_survey_open(rx_survey *survey, const char *path, rx_error *err);
+rx_status rx_survey_open(rx_survey_list *survey, const char *path, rx_error *err);
 
 /* Tile i; how it ended, and `why` where that is not RX_OK. */
-rx_outcome rx_survey_tile(const rx_survey *survey, int i, rx_error *why);
+rx_outcome rx_survey_tile(const rx_survey_list *survey, int i, rx_error *why);
 
 /* It has ended so. Says so in the log at once, unless all is well. */
-rx_status rx_survey_add(rx_survey *survey, int i, rx_outcome outcome, const rx_error *why, rx_error *err);
+rx_status rx_survey_add(rx_survey_list *survey, int i, rx_outcome outcome, const rx_error *why,
+                        rx_error *err);
 
 /* The summary, where the list was sound, and what the whole ends with: how it went on (status), else as the tiles did. */
-rx_status rx_survey_close(rx_survey *survey, rx_status status, rx_error *err);
-void rx_survey_free(rx_survey *survey); /* content only */
+rx_status rx_survey_close(rx_survey_list *survey, rx_status status, rx_error *err);
+void rx_survey_free(rx_survey_list *survey); /* content only */
 
 #endif

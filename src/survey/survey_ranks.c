@@ -15,7 +15,7 @@ typedef struct ready {
 
 /* Rank 0: answers each that is ready with a tile; one that gets none waits until all shall end, as a rank
  * that is gone means trouble to those who still work. */
-static rx_status hand_out(rx_survey *s, rx_error *err)
+static rx_status hand_out(rx_survey_list *s, rx_error *err)
 {
     const int workers = rx_par_processes() - 1, none = NO_TILE;
     int next = 0, interrupted = 0;
@@ -45,7 +45,7 @@ static rx_status hand_out(rx_survey *s, rx_error *err)
 }
 
 /* The other ranks. */
-static rx_status work(const rx_survey *s, rx_error *err)
+static rx_status work(const rx_survey_list *s, rx_error *err)
 {
     ready report = {.tile = NO_TILE, .why = RX_ERROR_NONE};
     for (;;) {
@@ -68,7 +68,7 @@ static rx_status work(const rx_survey *s, rx_error *err)
 rx_status rx_survey_run_ranks(const rx_settings *common, const char *path, FILE *standard_out, rx_log *log,
                               rx_error *err)
 {
-    rx_survey s = {.common = common, .standard_out = standard_out, .log = log};
+    rx_survey_list s = {.common = common, .standard_out = standard_out, .log = log};
     rx_status status = rx_survey_open(&s, path, err);
     if (rx_par_rank() == 0)
         return rx_survey_close(&s, status == RX_OK ? hand_out(&s, err) : status, err);
