@@ -1,20 +1,21 @@
-/* A campaign from its settings to its report. */
+/* A campaign from its settings to its report: one unit per thread at a time, a journal line for each. */
 #include "lab/campaign.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
+#include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/threads.h"
 #include "io/output.h"
-#include "lab/facts.h"
-#include "lab/journal.h"
 #include "lab/report.h"
 #include "lab/sources.h"
-#include "lab/units.h"
 
 static const rx_lab_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection};
+
+enum { LOG_EVERY = 10 }; /* per cent, where no progress line can be shown */
 
 typedef struct job {
     const rx_campaign_config *config;
@@ -23,68 +24,142 @@ typedef struct job {
     int k, n; /* SHARD */
     int nthreads;
     rx_lab *lab;
-    rx_journal_facts facts;
-    rx_unit_place *places;
-    rx_unit_work work;
+    rx_text facts; /* of the journal */
     rx_unit_values *values;
     rx_journal *journal;
+    /* of the threads, changed in the critical section only */
+    long todo, done; /* units of this run */
+    long logged;     /* per cent */
+    double begun;
+    rx_status status;
+    rx_error *err;
 } job;
 
-/* Name of the journal of shard k of n, to be freed. */
-static char *journal_name(const job *j, int k)
+/* Units of campaigns whose units take turns go to one shard by condition, and those of the first scene come first; else
+ * any number of shards has work. */
+static int shard_of(const job *j, long unit)
 {
-    const char *name = j->config->journal_name;
-    const size_t size = strlen(name) + 16;
-    char *path = RX_NEW(char, size);
-    if (path != NULL)
-        snprintf(path, size, j->n > 1 ? "%s.%d" : "%s", name, k);
-    return path;
+    return (int)((j->kind->in_turns ? j->lab->unit[unit].condition : unit) % j->n) + 1;
 }
 
-/* Can the report be written at all: asked before the work. */
-static rx_status check_output(const job *j, rx_error *err)
+static int phase_of(const job *j, long unit)
 {
-    rx_outputs *outputs = NULL;
-    const char *temporary;
-    rx_status status = rx_outputs_new(&outputs, err);
-    if (status == RX_OK)
-        status = rx_outputs_folder(outputs, j->config->output_name, &temporary, err);
-    rx_outputs_free(outputs);
+    return j->kind->in_turns && j->lab->unit[unit].scene > 0;
+}
+
+/* Units of shard k that have no values, and all of them. */
+static long count_missing(const job *j, int k, long *all)
+{
+    long missing = 0;
+    *all = 0;
+    for (long u = 0; u < j->lab->nunits; u++) {
+        *all += shard_of(j, u) == k;
+        missing += shard_of(j, u) == k && j->values[u].v == NULL;
+    }
+    return missing;
+}
+
+/* The journal of shard k; dst NULL: only read. *found (may be NULL): it is there. */
+static rx_status open_journal(job *j, int k, rx_journal **dst, int *found, rx_error *err)
+{
+    rx_text path = {0};
+    rx_text_add(&path, j->config->journal_name);
+    if (j->n > 1)
+        rx_text_printf(&path, ".%d", k);
+    if (path.failed)
+        return rx_error_memory(err, 0);
+    if (found != NULL)
+        *found = access(path.data, F_OK) == 0;
+    const rx_status status = rx_journal_open(path.data, &j->facts, j->lab->nunits, j->values, dst, err);
+    rx_text_free(&path);
     return status;
 }
 
-static rx_status open_lab(job *j, rx_error *err)
+/* Keep what a unit has given, or why it failed. What is done when a signal stops the others is done. */
+static void finish_unit(job *j, long unit, rx_status status, rx_unit_values *values, rx_error *why)
 {
-    RX_TRY(rx_lab_open(j->kind, j->config, j->nthreads, j->log, &j->lab, err));
-    RX_TRY(rx_facts_collect(j->config, &j->facts, err));
-    RX_TRY(rx_lab_facts(j->lab, &j->facts, err));
-    const long n = j->lab->nunits;
-    j->places = RX_NEW(rx_unit_place, (size_t)n + 1);
-    j->values = RX_NEW(rx_unit_values, (size_t)n + 1);
-    if (j->places == NULL || j->values == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof *j->values);
-    for (long u = 0; u < n; u++)
-        j->places[u] = rx_lab_place(j->lab, u);
-    j->work = (rx_unit_work){j->kind->title, n, j->places, j->k, j->n, j->lab, rx_lab_do_unit};
-    return RX_OK;
+    if (status == RX_OK && (j->status == RX_OK || j->status == RX_INTERRUPTED))
+        status = rx_journal_append(j->journal, unit, values, why);
+    else if (status == RX_OK)
+        status = j->status;
+    if (status != RX_OK) {
+        if (j->status == RX_OK) {
+#pragma omp atomic write
+            j->status = status; /* read by others outside the critical section */
+            if (j->err != NULL)
+                *j->err = *why;
+        }
+        free(values->v);
+        return;
+    }
+    j->values[unit] = *values;
+    j->done++;
+    if (j->log == NULL)
+        return;
+    rx_log_progress(j->log, j->kind->title, (double)j->done / (double)j->todo);
+    const long percent = 100 * j->done / j->todo;
+    if (j->log->terminal || percent < j->logged + LOG_EVERY)
+        return;
+    char left[RX_TIME_LEFT];
+    j->logged = percent - percent % LOG_EVERY;
+    rx_log_info(
+        j->log, "%ld of %ld units, about %s left", j->done, j->todo,
+        rx_time_left((rx_seconds() - j->begun) * (double)(j->todo - j->done) / (double)j->done, left));
+}
+
+static void run_units(job *j, long n, const long *units)
+{
+#pragma omp parallel for schedule(dynamic, 1) num_threads(j->nthreads)
+    for (long i = 0; i < n; i++) {
+        rx_status status;
+#pragma omp atomic read
+        status = j->status;
+        if (status != RX_OK)
+            continue;
+        rx_error why = RX_ERROR_NONE;
+        rx_unit_values values = {0};
+        status = rx_interrupt_check(&why);
+        if (status == RX_OK)
+            status = rx_lab_do_unit(j->lab, units[i], j->values, &values, &why);
+#pragma omp critical(rx_campaign_unit)
+        finish_unit(j, units[i], status, &values, &why);
+    }
 }
 
 /* The units of this shard that no earlier run has done. */
 static rx_status work(job *j, rx_error *err)
 {
-    char *path = journal_name(j, j->k);
-    if (path == NULL)
-        return rx_error_memory(err, 0);
-    long missing = 0, all = 0;
-    const rx_status status = rx_journal_open(path, &j->facts, j->work.n, j->values, &j->journal, err);
-    free(path);
-    RX_TRY(status);
-    rx_units_count(&j->work, j->values, &missing, &all);
-    rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - missing);
-    if (missing == 0)
+    long all, *units = NULL;
+    RX_TRY(open_journal(j, j->k, &j->journal, NULL, err));
+    j->todo = count_missing(j, j->k, &all);
+    rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - j->todo);
+    if (j->todo == 0)
         return RX_OK;
     RX_TRY(rx_sources_prepare(j->lab, j->log, err));
-    return rx_units_run(&j->work, j->nthreads, j->journal, j->values, j->log, err);
+    RX_TRY(RX_MAKE(units, (size_t)j->todo, err));
+    j->begun = rx_seconds();
+    j->err = err;
+    rx_log_progress_begin(j->log);
+    for (int phase = 0; phase < 2 && j->status == RX_OK; phase++) {
+        long n = 0;
+        for (long u = 0; u < j->lab->nunits; u++)
+            if (shard_of(j, u) == j->k && phase_of(j, u) == phase && j->values[u].v == NULL)
+                units[n++] = u;
+        run_units(j, n, units);
+    }
+    rx_log_progress_end(j->log);
+    free(units);
+    if (j->status == RX_INTERRUPTED)
+        return rx_error_set(
+            err, RX_INTERRUPTED,
+            "interrupted by a signal; what is done is in the journal, %ld of %ld units, and the "
+            "same command goes on from there",
+            all - j->todo + j->done, all);
+    const double used = rx_seconds() - j->begun;
+    if (j->status == RX_OK)
+        rx_log_info(j->log, "%ld units in %.1f s on %d threads, %.3g s each", j->done, used, j->nthreads,
+                    used * j->nthreads / (double)j->done);
+    return j->status;
 }
 
 /* The journals of all shards; what is missing is said shard by shard. */
@@ -92,43 +167,40 @@ static rx_status merge(job *j, rx_error *err)
 {
     rx_text missing = {0};
     rx_status status = RX_OK;
-    int *found = NULL;
-    RX_TRY(RX_MAKE(found, (size_t)j->n + 1, err));
     for (int k = 1; status == RX_OK && k <= j->n; k++) {
-        char *path = journal_name(j, k);
-        status = path == NULL ? rx_error_memory(err, 0)
-                              : rx_journal_read(path, &j->facts, j->work.n, j->values, &found[k], err);
-        free(path);
-    }
-    for (int k = 1; status == RX_OK && k <= j->n; k++) {
-        rx_unit_work shard = j->work;
-        long lacking, all;
-        shard.k = k;
-        rx_units_count(&shard, j->values, &lacking, &all);
+        long all;
+        int found;
+        status = open_journal(j, k, NULL, &found, err);
+        const long lacking = count_missing(j, k, &all);
         if (lacking > 0)
             rx_text_printf(&missing, "%sshard %d/%d lacks %ld of %ld units%s", missing.length > 0 ? ", " : "",
-                           k, j->n, lacking, all, found[k] ? "" : " (no journal)");
+                           k, j->n, lacking, all, found ? "" : " (no journal)");
     }
-    if (missing.failed)
+    if (status == RX_OK && missing.failed)
         status = rx_error_memory(err, 0);
     else if (status == RX_OK && missing.length > 0)
         status = rx_error_at(err, RX_INPUT, j->config->journal_name, -1, 0,
                              "%.600s; finish that first, then merge again", missing.data);
     rx_text_free(&missing);
-    free(found);
     return status;
+}
+
+/* The folder of the report; rx_outputs_free() in any case. */
+static rx_status open_output(const job *j, rx_outputs **outputs, const char **folder, rx_error *err)
+{
+    RX_TRY(rx_outputs_new(outputs, err));
+    return rx_outputs_folder(*outputs, j->config->output_name, folder, err);
 }
 
 static rx_status report(const job *j, rx_error *err)
 {
     rx_outputs *outputs = NULL;
+    const char *folder = NULL;
     rx_campaign_record record = {0};
     rx_text brief = {0};
-    const char *folder = NULL;
     rx_status status;
     RX_TRY_EXIT(rx_campaign_record_make(j->config, j->kind->title, &record, err));
-    RX_TRY_EXIT(rx_outputs_new(&outputs, err));
-    RX_TRY_EXIT(rx_outputs_folder(outputs, j->config->output_name, &folder, err));
+    RX_TRY_EXIT(open_output(j, &outputs, &folder, err));
     RX_TRY_EXIT(rx_lab_collect(j->lab, j->values, err));
     RX_TRY_EXIT(rx_lab_report(
         j->lab, &(rx_lab_output){&record, folder, j->config->output_name, j->log, &brief}, err));
@@ -148,10 +220,15 @@ exit:
 
 static rx_status run(job *j, rx_error *err)
 {
+    rx_outputs *outputs = NULL;
+    const char *folder;
     const int with_report = j->n == 1 || j->config->merge;
-    if (with_report)
-        RX_TRY(check_output(j, err));
-    RX_TRY(open_lab(j, err));
+    rx_status status = with_report ? open_output(j, &outputs, &folder, err) : RX_OK;
+    rx_outputs_free(outputs); /* whether it can be written at all is asked before the work */
+    RX_TRY(status);
+    RX_TRY(rx_lab_open(j->kind, j->config, j->nthreads, j->log, &j->lab, err));
+    RX_TRY(rx_lab_facts(j->lab, &j->facts, err));
+    RX_TRY(RX_MAKE(j->values, (size_t)j->lab->nunits + 1, err));
     RX_TRY(j->config->merge ? merge(j, err) : work(j, err));
     if (with_report)
         return report(j, err);
@@ -174,9 +251,9 @@ rx_status rx_campaign_run(const rx_campaign_config *config, rx_log *log, rx_erro
     if (status == RX_OK)
         status = run(&j, err);
     rx_journal_close(j.journal);
-    rx_unit_values_free(j.work.n, j.values);
-    free(j.places);
-    rx_journal_facts_free(&j.facts);
+    if (j.lab != NULL)
+        rx_unit_values_free(j.lab->nunits, j.values);
+    rx_text_free(&j.facts);
     rx_lab_close(j.lab);
     return status;
 }

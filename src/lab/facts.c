@@ -1,5 +1,5 @@
 /* Settings and inputs of a campaign as names and values. */
-#include "lab/facts.h"
+#include "lab/report.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -43,11 +43,11 @@ static int names_file(const char *name)
 }
 
 /* A fact for each file in a list of names apart by commas; [hdu] after a name belongs to the fact. */
-static void add_files(rx_journal_facts *facts, const char *name, const char *value)
+static void add_files(rx_text *facts, const char *name, const char *value)
 {
     char *copy = rx_strdup(value);
     if (copy == NULL) {
-        facts->lines.failed = true;
+        facts->failed = true;
         return;
     }
     for (char *rest, *item = strtok_r(copy, ",", &rest); item != NULL; item = strtok_r(NULL, ",", &rest)) {
@@ -79,21 +79,36 @@ static void visit_fact(void *user, const char *name, const char *value, const ch
         rx_journal_fact(user, name, value);
 }
 
-rx_status rx_facts_collect(const rx_campaign_config *config, rx_journal_facts *dst, rx_error *err)
+static void add_names(rx_text *dst, int n, const rx_lab_column *columns)
 {
-    rx_journal_fact(dst, "version", RX_VERSION);
-    if (!rx_settings_visit(&config->settings, visit_fact, dst) || dst->lines.failed)
-        return rx_error_memory(err, dst->lines.length);
-    return RX_OK;
+    for (int i = 0; i < n; i++)
+        rx_text_printf(dst, "%s%s%s%s%s", dst->length > 0 ? " " : "", columns[i].name,
+                       columns[i].unit[0] != '\0' ? "[" : "", columns[i].unit,
+                       columns[i].unit[0] != '\0' ? "]" : "");
 }
 
-rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *dst, rx_error *err)
+/* "= TABLE.name ..." */
+static void add_schema(rx_text *facts, const rx_lab_schema *schema)
+{
+    rx_text names = {0};
+    char name[64];
+    snprintf(name, sizeof name, "TABLE.%s", schema->name);
+    add_names(&names, schema->nown, schema->own);
+    if (schema->neach > 0)
+        rx_text_add(&names, names.length > 0 ? "; each run:" : "each run:");
+    add_names(&names, schema->neach, schema->each);
+    facts->failed |= names.failed;
+    if (!names.failed)
+        rx_journal_fact(facts, name, names.data);
+    rx_text_free(&names);
+}
+
+/* Templates may come from a folder or a list: what was read counts. */
+static void add_templates(rx_text *facts, const rx_templates *templates)
 {
     char digest[RX_HASH_TEXT];
     rx_hash sum;
     rx_hash_begin(&sum);
-    if (templates == NULL)
-        return RX_OK;
     for (int i = 0; i < templates->n; i++) {
         const rx_template *one = &templates->list[i];
         const size_t n = (size_t)one->width * (size_t)one->height;
@@ -102,8 +117,23 @@ rx_status rx_facts_templates(const rx_templates *templates, rx_journal_facts *ds
         rx_hash_add(&sum, one->pixels, n * sizeof *one->pixels);
     }
     rx_hash_text(&sum, digest);
-    rx_journal_fact(dst, "templates", digest);
-    return dst->lines.failed ? rx_error_memory(err, dst->lines.length) : RX_OK;
+    rx_journal_fact(facts, "templates", digest);
+}
+
+rx_status rx_lab_facts(const rx_lab *lab, rx_text *dst, rx_error *err)
+{
+    int c = 0;
+    rx_journal_fact(dst, "version", RX_VERSION);
+    dst->failed |= !rx_settings_visit(&lab->config->settings, visit_fact, dst);
+    if (lab->options->model != NULL)
+        rx_journal_fact(dst, "model", lab->options->model->digest);
+    while (c < lab->nskies && lab->sky[c].simulation == NULL)
+        c++; /* templates are the same under every condition */
+    if (c < lab->nskies && lab->sky[c].simulation->templates != NULL)
+        add_templates(dst, lab->sky[c].simulation->templates);
+    for (int t = 0; t < lab->kind->ntables; t++)
+        add_schema(dst, &lab->kind->tables[t]);
+    return dst->failed ? rx_error_memory(err, dst->length) : RX_OK;
 }
 
 /* --- for the report --- */

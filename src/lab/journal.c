@@ -44,36 +44,23 @@ void rx_unit_values_free(long nunits, rx_unit_values *values)
 
 /* --- header --- */
 
-void rx_journal_fact(rx_journal_facts *facts, const char *name, const char *value)
+void rx_journal_fact(rx_text *facts, const char *name, const char *value)
 {
-    rx_text_printf(&facts->lines, "= %s ", name);
+    rx_text_printf(facts, "= %s ", name);
     for (const char *c = value; *c != '\0'; c++)
-        rx_text_add_bytes(&facts->lines, *c == '\n' || *c == '\r' ? " " : c, 1);
-    rx_text_add(&facts->lines, "\n");
+        rx_text_add_bytes(facts, *c == '\n' || *c == '\r' ? " " : c, 1);
+    rx_text_add(facts, "\n");
 }
 
-void rx_journal_facts_free(rx_journal_facts *facts)
-{
-    rx_text_free(&facts->lines);
-}
-
-static rx_status make_header(const rx_journal_facts *facts, rx_text *dst, char digest[RX_HASH_TEXT],
-                             rx_error *err)
+static rx_status make_header(const rx_text *facts, rx_text *dst, char digest[RX_HASH_TEXT], rx_error *err)
 {
     rx_text_add(dst, MAGIC);
-    if (facts->lines.data != NULL)
-        rx_text_add(dst, facts->lines.data);
-    if (facts->lines.failed || dst->failed)
+    rx_text_add(dst, facts->data != NULL ? facts->data : "");
+    if (facts->failed || dst->failed)
         return rx_error_memory(err, dst->length);
     rx_journal_digest("", dst->data, dst->length, digest);
     rx_text_printf(dst, "* %s\n", digest);
     return dst->failed ? rx_error_memory(err, dst->length) : RX_OK;
-}
-
-static size_t line_length(const char *line)
-{
-    const char *end = strchr(line, '\n');
-    return end != NULL ? (size_t)(end - line) : strlen(line);
 }
 
 /* Say which setting differs. */
@@ -81,22 +68,21 @@ static rx_status other_settings(const char *path, const char *old, const char *n
 {
     static const char advice[] =
         "give the old settings, or another JOURNAL_NAME for the new ones, or delete the journal";
-    for (const char *line = now; *line == '='; line += line_length(line) + 1) {
+    for (const char *line = now; *line == '='; line += strcspn(line, "\n") + 1) {
         const int n = (int)strcspn(line + 2, " \n") + 3; /* "= NAME " */
-        const char *value = line + n, *was = old;
-        while (was != NULL && strncmp(was, line, (size_t)n) != 0) {
-            const char *end = strchr(was, '\n');
-            was = end != NULL ? end + 1 : NULL;
+        const int length = (int)strcspn(line + n, "\n"), shown = length > 80 ? 80 : length;
+        const char *was = old;
+        while (*was != '\0' && strncmp(was, line, (size_t)n) != 0) {
+            was += strcspn(was, "\n");
+            was += *was == '\n';
         }
-        const int length = (int)line_length(value), shown = length > 80 ? 80 : length;
-        if (was == NULL)
+        if (*was == '\0')
             return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun without %.*s, which is now %.*s; %s",
-                               n - 3, line + 2, shown, value, advice);
-        was += n;
-        const int before = (int)line_length(was);
-        if (before != length || strncmp(was, value, (size_t)length) != 0)
+                               n - 3, line + 2, shown, line + n, advice);
+        const int before = (int)strcspn(was + n, "\n");
+        if (before != length || strncmp(was, line, (size_t)(n + length)) != 0)
             return rx_error_at(err, RX_USAGE, path, -1, 0, "was begun with %.*s %.*s, now it is %.*s; %s",
-                               n - 3, line + 2, before > 80 ? 80 : before, was, shown, value, advice);
+                               n - 3, line + 2, before > 80 ? 80 : before, was + n, shown, line + n, advice);
     }
     return rx_error_at(err, RX_USAGE, path, -1, 0, "belongs to a campaign of other settings; %s", advice);
 }
@@ -312,53 +298,55 @@ static rx_status append(rx_journal *journal, const char *text, size_t length, rx
     return RX_OK;
 }
 
-/* A FIFO would wait for what no process writes. */
-static rx_status check_kind(const char *path, int file, rx_error *err)
+/* For appending: locked, and what is not whole cut off. */
+static rx_status prepare(rx_journal *journal, const reading *r, rx_error *err)
 {
-    struct stat info;
-    if (fstat(file, &info) == 0 && S_ISREG(info.st_mode))
-        return RX_OK;
-    return rx_error_at(err, RX_USAGE, path, -1, 0, "is no regular file; give JOURNAL_NAME the name of one");
+    size_t whole = 0;
+    if (flock(journal->file, LOCK_EX | LOCK_NB) != 0)
+        return errno != EWOULDBLOCK ? cannot(r->path, "locked", err)
+                                    : rx_error_at(err, RX_SYSTEM, r->path, -1, 0,
+                                                  "is in use by another rextract-validate; wait for it, or "
+                                                  "divide the work with SHARD");
+    RX_TRY(load(r, journal->file, &whole, err));
+    journal->size = (off_t)whole;
+    if (ftruncate(journal->file, journal->size) != 0)
+        return cannot(r->path, "written", err);
+    return whole > 0 ? RX_OK : append(journal, r->header->data, r->header->length, err);
 }
 
-static rx_status lock(const char *path, int file, rx_error *err)
-{
-    if (flock(file, LOCK_EX | LOCK_NB) == 0)
-        return RX_OK;
-    if (errno != EWOULDBLOCK)
-        return cannot(path, "locked", err);
-    return rx_error_at(err, RX_SYSTEM, path, -1, 0,
-                       "is in use by another rextract-validate; wait for it, or divide the work with SHARD");
-}
-
-rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long nunits,
-                          rx_unit_values *values, rx_journal **dst, rx_error *err)
+rx_status rx_journal_open(const char *path, const rx_text *facts, long nunits, rx_unit_values *values,
+                          rx_journal **dst, rx_error *err)
 {
     rx_text header = {0};
     rx_folders made = {0};
     rx_journal *journal = NULL;
-    RX_TRY(RX_MAKE(journal, 1, err));
+    struct stat info;
     size_t whole = 0;
+    rx_status status;
+    RX_TRY(RX_MAKE(journal, 1, err));
     journal->file = -1;
     journal->path = rx_strdup(path);
-    rx_status status;
     RX_TRY_EXIT(journal->path == NULL ? rx_error_memory(err, strlen(path))
                                       : make_header(facts, &header, journal->digest, err));
-    RX_TRY_EXIT(rx_name_trusted(path, err));
-    RX_TRY_EXIT(rx_folders_make(&made, path, path, err));
-    journal->file = open(path, O_RDWR | O_CREAT | O_NONBLOCK | O_CLOEXEC, 0666);
-    RX_TRY_EXIT(journal->file < 0 ? cannot(path, "opened", err) : check_kind(path, journal->file, err));
-    RX_TRY_EXIT(lock(path, journal->file, err));
-    RX_TRY_EXIT(load(&(reading){path, &header, journal->digest, nunits, values}, journal->file, &whole, err));
-    journal->size = (off_t)whole;
-    if (ftruncate(journal->file, journal->size) != 0)
-        status = cannot(path, "written", err);
-    else if (whole == 0)
-        status = append(journal, header.data, header.length, err);
+    const reading r = {path, &header, journal->digest, nunits, values};
+    if (dst != NULL) {
+        RX_TRY_EXIT(rx_name_trusted(path, err));
+        RX_TRY_EXIT(rx_folders_make(&made, path, path, err));
+    }
+    journal->file = open(path, (dst != NULL ? O_RDWR | O_CREAT : O_RDONLY) | O_NONBLOCK | O_CLOEXEC, 0666);
+    if (journal->file < 0 && dst == NULL && errno == ENOENT)
+        goto exit; /* status is RX_OK */
+    if (journal->file < 0)
+        RX_TRY_EXIT(cannot(path, "opened", err));
+    if (fstat(journal->file, &info) != 0 ||
+        !S_ISREG(info.st_mode)) /* a FIFO would wait for what no process writes */
+        RX_TRY_EXIT(
+            rx_error_at(err, RX_USAGE, path, -1, 0, "is no regular file; give JOURNAL_NAME the name of one"));
+    status = dst != NULL ? prepare(journal, &r, err) : load(&r, journal->file, &whole, err);
 exit:
     rx_text_free(&header);
     rx_folders_free(&made);
-    if (status == RX_OK)
+    if (dst != NULL && status == RX_OK)
         *dst = journal;
     else
         rx_journal_close(journal);
@@ -383,25 +371,4 @@ void rx_journal_close(rx_journal *journal)
         close(journal->file);
     free(journal->path);
     free(journal);
-}
-
-rx_status rx_journal_read(const char *path, const rx_journal_facts *facts, long nunits,
-                          rx_unit_values *values, int *found, rx_error *err)
-{
-    rx_text header = {0};
-    char digest[RX_HASH_TEXT];
-    size_t whole = 0;
-    *found = 0;
-    int file = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
-    if (file < 0)
-        return errno == ENOENT ? RX_OK : cannot(path, "opened", err);
-    *found = 1;
-    rx_status status = check_kind(path, file, err);
-    if (status == RX_OK)
-        status = make_header(facts, &header, digest, err);
-    if (status == RX_OK)
-        status = load(&(reading){path, &header, digest, nunits, values}, file, &whole, err);
-    rx_text_free(&header);
-    close(file);
-    return status;
 }

@@ -20,35 +20,26 @@ typedef struct rx_unit_values {
     long n;
     double *v; /* owned */
 } rx_unit_values;
+void rx_unit_values_free(long nunits, rx_unit_values *values); /* with the array */
 
-/* The lines of the header: names and values without line ends. */
-typedef struct rx_journal_facts {
-    rx_text lines; /* "= NAME value\n" each */
-} rx_journal_facts;
-void rx_journal_fact(rx_journal_facts *facts, const char *name, const char *value);
-void rx_journal_facts_free(rx_journal_facts *facts);
+/* A line of the header; line ends in the value become blanks. */
+void rx_journal_fact(rx_text *facts, const char *name, const char *value);
+
+/* Of a line, without the blank and the digest behind it; header: the digest of the header, "" for its own. */
+void rx_journal_digest(const char *header, const char *bytes, size_t n, char dst[RX_HASH_TEXT]);
 
 typedef struct rx_journal rx_journal;
 
-/* Open or begin the journal for appending and read what is in it into values[nunits], which the caller has
- * zeroed. Errors: RX_USAGE (a file that is no journal, or one of other settings: what differs is said),
- * RX_INPUT (damaged before its end; a unit twice with other values), RX_SYSTEM (locked by another process,
+/* Open or begin the journal with that header for appending, and read what is in it into values[nunits]: units that are
+ * done already must have the same values. dst NULL: only read, nothing is locked, made or changed, and a journal that is
+ * not there is an empty one. Errors: RX_USAGE (a file that is no journal, or one of other settings: what differs is said),
+ * RX_INPUT (damaged before its end; a unit with other values), RX_SYSTEM (locked by another process,
  * cannot be written, memory). */
-rx_status rx_journal_open(const char *path, const rx_journal_facts *facts, long nunits,
-                          rx_unit_values *values, rx_journal **dst, rx_error *err);
+rx_status rx_journal_open(const char *path, const rx_text *facts, long nunits, rx_unit_values *values,
+                          rx_journal **dst, rx_error *err);
 
 /* Append the values of a unit. Errors: RX_SYSTEM; the journal then ends with the line before. */
 rx_status rx_journal_append(rx_journal *journal, long unit, const rx_unit_values *values, rx_error *err);
 void rx_journal_close(rx_journal *journal); /* NULL is fine */
-
-/* Only read, nothing is locked or changed: units that are in `values` already must have the same values. A
- * journal that does not exist leaves *found 0, without an error. */
-rx_status rx_journal_read(const char *path, const rx_journal_facts *facts, long nunits,
-                          rx_unit_values *values, int *found, rx_error *err);
-
-void rx_unit_values_free(long nunits, rx_unit_values *values); /* with the array */
-
-/* Of a line, without the blank and the digest behind it; header: the digest of the header, "" for its own. */
-void rx_journal_digest(const char *header, const char *bytes, size_t n, char dst[RX_HASH_TEXT]);
 
 #endif

@@ -8,7 +8,6 @@
 
 #include "base/memory.h"
 #include "base/random.h"
-#include "lab/facts.h"
 
 /* --- opening --- */
 
@@ -124,7 +123,7 @@ void rx_lab_close(rx_lab *lab)
     for (int c = 0; c < lab->nskies; c++)
         rx_lab_sky_close(&lab->sky[c]);
     for (int k = 0; lab->set != NULL && k < lab->nconditions * lab->nscenes; k++)
-        rx_lab_tables_free(lab->kind->ntables, lab->set[k].table);
+        rx_lab_tables_free(lab, lab->set[k].table);
     free(lab->set);
     free(lab->tuned);
     free(lab->sky);
@@ -183,42 +182,84 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
 
 /* --- units --- */
 
-/* Templates may come from a folder or a list: what was read counts. */
-rx_status rx_lab_facts(const rx_lab *lab, rx_journal_facts *facts, rx_error *err)
+void rx_lab_tables_begin(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES])
 {
-    rx_status status = RX_OK;
-    if (lab->options->model != NULL)
-        rx_journal_fact(facts, "model", lab->options->model->digest);
-    for (int c = 0; status == RX_OK && c < lab->nskies; c++)
-        if (lab->sky[c].simulation != NULL) { /* the same under every condition */
-            status = rx_facts_templates(lab->sky[c].simulation->templates, facts, err);
-            break;
-        }
+    for (int t = 0; t < lab->kind->ntables; t++) {
+        const rx_lab_schema *schema = &lab->kind->tables[t];
+        table[t] = (rx_lab_table){
+            .schema = schema, .nruns = lab->nruns, .width = schema->nown + lab->nruns * schema->neach};
+    }
+}
+
+void rx_lab_tables_free(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES])
+{
     for (int t = 0; t < lab->kind->ntables; t++)
-        rx_lab_schema_fact(&lab->kind->tables[t], facts);
-    return status == RX_OK && facts->lines.failed ? rx_error_memory(err, facts->lines.length) : status;
+        free(table[t].v);
 }
 
-rx_unit_place rx_lab_place(const rx_lab *lab, long unit)
+rx_status rx_lab_rows_add(rx_lab_table *t, long n, double **first, rx_error *err)
 {
-    const rx_lab_unit *u = &lab->unit[unit];
-    return lab->kind->in_turns
-               ? (rx_unit_place){u->condition, u->scene > 0}
-               : (rx_unit_place){.group = (int)unit}; /* so that any number of shards has work */
+    const size_t width = (size_t)t->width;
+    if (t->v == NULL || t->n + n > t->capacity) {
+        const long capacity = t->n + n > 2 * t->capacity ? t->n + n : 2 * t->capacity;
+        double *v = rx_regrow(t->v, (size_t)capacity * width + 1, sizeof *v);
+        if (v == NULL)
+            return rx_error_memory(err, (size_t)capacity * width * sizeof *v);
+        t->v = v;
+        t->capacity = capacity;
+    }
+    *first = t->v + t->n * t->width;
+    memset(*first, 0, (size_t)n * width * sizeof **first);
+    t->n += n;
+    return RX_OK;
 }
 
-rx_status rx_lab_do_unit(const void *pointer, long unit, const rx_unit_values *done, rx_unit_values *dst,
+double rx_lab_sum(const rx_lab_table *table, int column)
+{
+    double sum = 0;
+    for (long i = 0; i < table->n; i++)
+        sum += rx_lab_own(table, i)[column];
+    return sum;
+}
+
+rx_status rx_lab_do_unit(const rx_lab *lab, long unit, const rx_unit_values *done, rx_unit_values *dst,
                          rx_error *err)
 {
-    const rx_lab *lab = pointer;
     rx_lab_table table[RX_LAB_TABLES];
-    for (int t = 0; t < lab->kind->ntables; t++)
-        rx_lab_table_begin(&lab->kind->tables[t], lab->nruns, &table[t]);
+    long n = lab->kind->ntables;
+    rx_lab_tables_begin(lab, table);
     rx_status status = lab->kind->unit(lab, &lab->unit[unit], done, table, err);
+    for (int t = 0; t < lab->kind->ntables; t++)
+        n += table[t].n * table[t].width;
     if (status == RX_OK)
-        status = rx_lab_pack(lab->kind->ntables, table, dst, err);
-    rx_lab_tables_free(lab->kind->ntables, table);
+        status = RX_MAKE(dst->v, (size_t)n, err);
+    double *v = dst->v;
+    for (int t = 0; t < lab->kind->ntables && status == RX_OK; t++) {
+        *v++ = (double)table[t].n;
+        for (long i = 0; i < table[t].n * table[t].width; i++)
+            *v++ = table[t].schema->exact ? table[t].v[i] : (double)(float)table[t].v[i];
+    }
+    dst->n = n;
+    rx_lab_tables_free(lab, table);
     return status;
+}
+
+rx_status rx_lab_unpack(const rx_lab *lab, const rx_unit_values *src, rx_lab_table table[RX_LAB_TABLES],
+                        rx_error *err)
+{
+    const double *v = src->v, *end = src->v + src->n;
+    for (int t = 0; t < lab->kind->ntables; t++) {
+        double *first;
+        const long n = v < end ? (long)*v++ : -1, values = n * table[t].width;
+        if (n < 0 || values > end - v)
+            return rx_error_set(err, RX_INPUT, "the journal holds a unit without a table '%s'; delete it",
+                                table[t].schema->name);
+        RX_TRY(rx_lab_rows_add(&table[t], n, &first, err));
+        memcpy(first, v, (size_t)values * sizeof *v);
+        v += values;
+    }
+    return v == end ? RX_OK
+                    : rx_error_set(err, RX_INPUT, "the journal holds a unit of more tables; delete it");
 }
 
 /* --- results --- */
@@ -233,11 +274,10 @@ rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err)
     const int nsets = lab->nconditions * lab->nscenes;
     RX_TRY(RX_MAKE(lab->set, (size_t)nsets + 1, err));
     for (int k = 0; k < nsets; k++)
-        for (int t = 0; t < lab->kind->ntables; t++)
-            rx_lab_table_begin(&lab->kind->tables[t], lab->nruns, &lab->set[k].table[t]);
+        rx_lab_tables_begin(lab, lab->set[k].table);
     for (long u = 0; u < lab->nunits; u++) {
         rx_lab_set *set = rx_lab_set_of(lab, lab->unit[u].condition, lab->unit[u].scene);
-        RX_TRY(rx_lab_unpack(lab->kind->ntables, set->table, &all[u], err));
+        RX_TRY(rx_lab_unpack(lab, &all[u], set->table, err));
         set->ntiles++;
     }
     lab->values = all;

@@ -17,10 +17,8 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "config/config_fields.h"
-#include "lab/conditions.h"
+#include "lab/journal.h"
 #include "lab/match.h"
-#include "lab/rows.h"
-#include "lab/units.h"
 #include "pipeline/pipeline.h"
 #include "quality/qa.h"
 #include "restore/restore.h"
@@ -28,6 +26,83 @@
 #include "stage/simulation.h"
 
 enum { RX_LAB_RUNS = 48, RX_LAB_TABLES = 6, RX_METHODS_MAX = 16, RX_METHOD_NAME = 24, RX_PRECISIONS_MAX = 8 };
+
+/* --- what a unit measures --- */
+
+/* Tables whose columns have names. A row is a thing (an object, a tile, a false detection): first its own columns, then
+ * those that every run has in turn. The columns of a table are declared once, by a list of X(identifier, name, unit, text),
+ * of which the identifiers and the names are made; the journal's header holds the names, so that numbers of other columns
+ * are never read as these. */
+typedef struct rx_lab_column {
+    const char *name, *unit, *help;
+} rx_lab_column;
+#define RX_LAB_RUN "run" /* a table's own column of that name holds the number of a run */
+#define RX_LAB_ID(id, name, unit, help) id,
+#define RX_LAB_COLUMN(id, name, unit, help) {name, unit, help},
+
+typedef struct rx_lab_schema {
+    const char *name;
+    int nown, neach;
+    const rx_lab_column *own, *each;
+    int exact; /* 1: doubles; 0: floats, which nine digits of the journal hold */
+} rx_lab_schema;
+
+typedef struct rx_lab_table {
+    const rx_lab_schema *schema;
+    int nruns, width; /* width = nown + nruns neach */
+    long n, capacity; /* rows */
+    double *v;        /* [n][width]; owned */
+} rx_lab_table;
+
+/* n more rows of zeros, the first one at *first. Rows move when more are added. Errors: RX_SYSTEM. */
+rx_status rx_lab_rows_add(rx_lab_table *table, long n, double **first, rx_error *err);
+
+/* Columns of row i: its own, and those of a run. */
+static inline double *rx_lab_own(const rx_lab_table *table, long i)
+{
+    return table->v + i * table->width;
+}
+
+static inline double *rx_lab_each(const rx_lab_table *table, long i, int run)
+{
+    return table->v + i * table->width + table->schema->nown + run * table->schema->neach;
+}
+
+double rx_lab_sum(const rx_lab_table *table, int column); /* of an own column over the rows */
+
+/* --- conditions: sky.c --- */
+
+/* Under which tiles are made, and what their restorers are given of them: the seeing, and errors in PSF, sky and noise. */
+typedef struct rx_condition {
+    double fwhm;        /* of the PSF, pixels; 0: SIM.PSF_FWHM */
+    double psf_error;   /* the PSF given is wider by this share */
+    double sky_error;   /* so much of the sky is left in the image, in sigmas of its noise */
+    double noise_error; /* the noise given is higher by this share */
+} rx_condition;
+
+/* For each number of SEEING (none: one of the simulator's own FWHM) the truth first, then one condition for
+ * every number but 0 of PSF_ERROR, SKY_ERROR and NOISE_ERROR. *dst [*n] is to be freed. Errors: RX_SYSTEM. */
+rx_status rx_conditions_make(const rx_campaign_config *config, int *n, rx_condition **dst, rx_error *err);
+
+/* 1: restorers are given the truth. */
+int rx_condition_true(const rx_condition *condition);
+
+/* "FWHM 4, sky +0.3 sigma"; "" for the simulator's own FWHM and no error. */
+void rx_condition_name(const rx_condition *condition, char *dst, size_t size);
+
+/* The simulation of the SIM. keywords at that seeing, on one thread. *dst belongs to the caller
+ * (rx_simulation_free()). Errors: RX_USAGE (no Moffat whose FWHM could be set, or an INJECT_IMAGE). */
+rx_status rx_condition_simulation(const rx_condition *condition, const rx_simulate_config *sim, rx_log *log,
+                                  rx_simulation **dst, rx_error *err);
+
+/* The PSF that restorers are given, on pixels; rx_psf_free(). */
+rx_status rx_condition_psf(const rx_condition *condition, const rx_simulate_config *sim,
+                           const rx_simulation *simulation, rx_psf **dst, rx_error *err);
+
+/* Sky and noise of a prepared field become those that restorers are given. */
+void rx_condition_apply(const rx_condition *condition, rx_field *field);
+
+/* --- what a campaign is made of --- */
 
 /* A column of every report: a restorer with its settings. */
 typedef struct rx_lab_run {
@@ -182,13 +257,17 @@ void rx_lab_close(rx_lab *lab); /* NULL is fine */
 rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error *err);
 long rx_lab_size(const rx_lab *lab, const rx_ints *list); /* as SIZE says: the first number, or the last */
 rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
-/* Digests of what was read and names of columns, for the journal's header. */
-rx_status rx_lab_facts(const rx_lab *lab, rx_journal_facts *facts, rx_error *err);
 
-/* A unit as journals keep it; `lab` is a rx_lab: for rx_units_run(). */
-rx_status rx_lab_do_unit(const void *lab, long unit, const rx_unit_values *done, rx_unit_values *dst,
+/* Tables of the campaign's kind, without rows; content only. */
+void rx_lab_tables_begin(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES]);
+void rx_lab_tables_free(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES]);
+
+/* A unit as journals keep it: of each table the number of rows, then the rows. */
+rx_status rx_lab_do_unit(const rx_lab *lab, long unit, const rx_unit_values *done, rx_unit_values *dst,
                          rx_error *err);
-rx_unit_place rx_lab_place(const rx_lab *lab, long unit);
+/* Its rows, behind those that the tables have. Errors: RX_SYSTEM; RX_INPUT (values of other tables). */
+rx_status rx_lab_unpack(const rx_lab *lab, const rx_unit_values *src, rx_lab_table table[RX_LAB_TABLES],
+                        rx_error *err);
 
 /* Sets from the values of all units. */
 rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err);

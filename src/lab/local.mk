@@ -1,9 +1,6 @@
 librextract_lab_la_SOURCES += \
-	src/lab/campaign.c src/lab/campaign.h \
+	src/lab/campaign.c src/lab/campaign.h src/lab/journal.c src/lab/journal.h src/lab/facts.c \
 	src/lab/lab.c src/lab/lab.h src/lab/sky.c src/lab/match.c src/lab/match.h \
-	src/lab/rows.c src/lab/rows.h src/lab/journal.c src/lab/journal.h src/lab/units.c src/lab/units.h \
-	src/lab/facts.c src/lab/facts.h \
-	src/lab/conditions.c src/lab/conditions.h \
 	src/lab/report.c src/lab/report.h \
 	src/lab/restoration.c src/lab/restoration.h src/lab/restoration_trial.c src/lab/restoration_tune.c \
 	src/lab/restoration_report.c \

@@ -216,14 +216,13 @@ static rx_status write_rows(const rx_lab *lab, const rx_lab_output *output, rx_e
         char names[2][96];
         rx_lab_table table[RX_LAB_TABLES];
         lab->kind->name_set(lab, &lab->unit[u], names);
-        for (int t = 0; t < lab->kind->ntables; t++)
-            rx_lab_table_begin(&lab->kind->tables[t], lab->nruns, &table[t]);
-        status = rx_lab_unpack(lab->kind->ntables, table, &lab->values[u], err);
+        rx_lab_tables_begin(lab, table);
+        status = rx_lab_unpack(lab, &lab->values[u], table, err);
         for (int t = 0; t < lab->kind->ntables; t++)
             for (long i = 0; i < table[t].n && status == RX_OK; i++)
                 put_row(&out, lab, &table[t], i, &all, (const char *[]){names[0], names[1]},
                         lab->unit[u].number + 1);
-        rx_lab_tables_free(lab->kind->ntables, table);
+        rx_lab_tables_free(lab, table);
     }
     if (status == RX_OK)
         return rx_report_file(output->folder, output->shown, "rows.ecsv", &text, err);

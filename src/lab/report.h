@@ -7,7 +7,7 @@
 #ifndef RX_LAB_REPORT_H
 #define RX_LAB_REPORT_H
 
-#include "lab/facts.h"
+#include "data/record.h"
 #include "lab/lab.h"
 #include "report/report.h"
 
@@ -50,6 +50,28 @@ typedef struct rx_lab_page {
     rx_report *report;
     rx_report_table *cells;
 } rx_lab_page;
+
+/* --- settings: facts.c --- */
+
+/* For the journal's header: program version, every keyword that decides a result, a digest of each file that a keyword
+ * names, of the model and of the templates, and names of columns. NTHREADS, VERBOSE_TYPE, SHARD, MERGE, names of outputs and
+ * what only the report uses stay out; names of files do, too: their content counts. */
+rx_status rx_lab_facts(const rx_lab *lab, rx_text *dst, rx_error *err);
+
+/* What a report says of the campaign that made it. */
+typedef struct rx_campaign_record {
+    const char *title;  /* not owned */
+    char name[64];      /* of its file of settings, without folder and end; "" none */
+    rx_text command;    /* as a reader can repeat it */
+    rx_record keywords; /* every one, with names of files and what only the report uses; program version */
+    uint64_t seed;
+    int figures; /* 0: no gnuplot */
+} rx_campaign_record;
+rx_status rx_campaign_record_make(const rx_campaign_config *config, const char *title,
+                                  rx_campaign_record *dst, rx_error *err);
+void rx_campaign_record_free(rx_campaign_record *record); /* content only */
+
+/* --- files --- */
 
 /* report.html (self-contained), summary.json, tables (ECSV) and figures go into the existing folder; `shown` is its name
  * in errors. brief (may be NULL) gets a short table for the terminal. No dates and no timings in the files. */

@@ -63,13 +63,11 @@ void fuzz_records(const uint8_t *data, size_t size)
 void fuzz_journal(const uint8_t *data, size_t size)
 {
     enum { UNITS = 6 };
-    rx_journal_facts facts = {0};
-    rx_text file = {0};
-    int found = 0;
+    rx_text facts = {0}, file = {0};
     rx_unit_values *values = calloc(UNITS, sizeof *values);
     fuzz_require(values != NULL, "there is memory");
     rx_journal_fact(&facts, "SEED", "1");
-    rx_text_printf(&file, "rextract-validate journal 3\n%s", facts.lines.data);
+    rx_text_printf(&file, "rextract-validate journal 3\n%s", facts.data);
     char header[RX_HASH_TEXT], digest[RX_HASH_TEXT];
     rx_journal_digest("", file.data, file.length, header);
     rx_text_printf(&file, "* %s\n", header);
@@ -84,10 +82,10 @@ void fuzz_journal(const uint8_t *data, size_t size)
         rx_text_add(&file, stop != NULL ? "\n" : "");
         at += n + (stop != NULL);
     }
-    rx_journal_read(fuzz_file(0, file.data, file.length), &facts, UNITS, values, &found, NULL);
-    rx_journal_read(fuzz_file(0, data, size), &facts, UNITS, values, &found, NULL);
+    rx_journal_open(fuzz_file(0, file.data, file.length), &facts, UNITS, values, NULL, NULL);
+    rx_journal_open(fuzz_file(0, data, size), &facts, UNITS, values, NULL, NULL);
     rx_unit_values_free(UNITS, values);
-    rx_journal_facts_free(&facts);
+    rx_text_free(&facts);
     rx_text_free(&file);
 }
 
