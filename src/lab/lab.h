@@ -113,9 +113,7 @@ typedef struct rx_lab_run {
     int tuned;     /* RL; DETECTION: with what follows; RESTORATION: as chosen bin by bin, NET_FLAT too */
     int niter;     /* iterations */
     double filter; /* FWHM of the Gaussian afterwards, units of the PSF's */
-    int flat;      /* RESTORATION: what is below a threshold, tuned too, is set to the sky */
-    int smooth;    /* RESTORATION: the filter alone, no iteration */
-    int network;   /* RESTORATION: flat, without filter and iterations */
+    int method;    /* RESTORATION: how it is tuned */
 } rx_lab_run;
 
 typedef enum rx_scene_id {

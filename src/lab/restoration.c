@@ -1,4 +1,10 @@
-/* The restoration campaign: its runs, bins and results. */
+/* The restoration campaign: its runs, bins, scenes, tuning and scores.
+ *
+ * The population of a scene is that of the SIM. keywords. The brightest galaxy (or template) takes the place of the
+ * galaxy images of the paper: it is moved to the middle and drawn so large that it fills the scene, at its
+ * own surface brightness; all others stay as they are, small and fainter than the main one.
+ *
+ * Tuned are iterations, filter and threshold per bin, in the method's own favour, on scenes that are not in the test. */
 #include "lab/restoration.h"
 
 #include <math.h>
@@ -7,6 +13,37 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/random.h"
+#include "nn/noise_level.h"
+#include "num/convolve.h"
+#include "psf/psf.h"
+#include "quality/image_metrics.h"
+#include "simulate/noise.h"
+#include "simulate/optics.h"
+#include "simulate/render.h"
+#include "simulate/scene.h"
+
+/* Half-light radius of the main galaxy, in sides of the scene; its place, sides from the middle. */
+static const double FILL_LOW = 0.07, FILL_HIGH = 0.15, PLACE = 0.08;
+/* Mean surface brightness of any other object, at most so many of the main galaxy's. */
+static const double OTHERS = 0.5;
+
+/* What random numbers are for. */
+enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
+
+/* How a run is tuned; none: its restorer as it is. Those of SMOOTHED are filters of the blurred image, of RL iterations and
+ * filters, of the flat ones thresholds, too, below which all is sky. */
+enum { UNTUNED, SMOOTHED, RL, RL_FLAT, NET_FLAT };
+
+/* One scene: planes [side][side], 0 = sky. */
+typedef struct trial {
+    double fwhm, sigma;
+    double level;                  /* noise level: nn/noise_level.h */
+    float *image;                  /* blurred and noisy */
+    float *sharp;                  /* the scene through the target PSF, its brightest pixel SCENE_PEAK */
+    rx_psf *psf;                   /* that blurred it */
+    rx_image_reference *reference; /* of `sharp`, for PSNR and SSIM */
+} trial;
 
 static const rx_lab_column SCENE[] = {RX_RESTORATION_SCENE_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column SCORE[] = {RX_RESTORATION_SCORE_COLUMNS(RX_LAB_COLUMN)};
@@ -31,16 +68,18 @@ static rx_status add_runs(rx_lab *lab, rx_error *err)
     for (int i = 0; i < words->n; i++) {
         const int none = strcmp(words->v[i], "NONE") == 0, rl = strcmp(words->v[i], "RL") == 0;
         const int net = strcmp(words->v[i], "NET") == 0;
-        rx_lab_run run = {.tuned = rl};
+        rx_lab_run run = {.tuned = rl, .method = rl ? RL : UNTUNED};
         snprintf(run.name, sizeof run.name, "%s", none ? "BLURRED" : "");
         RX_TRY(rx_lab_add_run(lab, words->v[i], run, err));
         if (none && lab->tunes)
-            RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "SMOOTHED", .tuned = 1, .smooth = 1}, err));
+            RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "SMOOTHED", .tuned = 1, .method = SMOOTHED},
+                                  err));
         if (rl)
-            RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "RL_FLAT", .tuned = 1, .flat = 1}, err));
+            RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "RL_FLAT", .tuned = 1, .method = RL_FLAT},
+                                  err));
         if (net && lab->tunes)
-            RX_TRY(rx_lab_add_run(
-                lab, "NET", (rx_lab_run){.name = "NET_FLAT", .tuned = 1, .flat = 1, .network = 1}, err));
+            RX_TRY(rx_lab_add_run(lab, "NET",
+                                  (rx_lab_run){.name = "NET_FLAT", .tuned = 1, .method = NET_FLAT}, err));
     }
     return RX_OK;
 }
@@ -122,15 +161,442 @@ static rx_status open_bins(rx_lab *lab, rx_log *log, rx_error *err)
     return set_simulation(lab, log, err);
 }
 
+/* --- scenes --- */
+
+static size_t pixels_of(const rx_lab *lab)
+{
+    return (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
+}
+
+/* Number of a scene: the same whatever the number of scenes per bin. */
+static uint64_t stream_of(const rx_lab *lab, const rx_lab_unit *unit)
+{
+    const rx_lab_bin *bin = &lab->bin[unit->condition];
+    const uint64_t which = (uint64_t)lround(8.0 * bin->low) << 1 | (uint64_t)bin->by_sigma;
+    return which << 40 | (uint64_t)(lab->scene[unit->scene].id == RX_SCENE_TUNING) << 36 |
+           (uint64_t)unit->number;
+}
+
+static double brightness(const rx_object *object, double least_radius)
+{
+    const double radius = fmax(object->radius, least_radius);
+    return object->flux / (radius * radius);
+}
+
+/* See the head of this file. */
+static void compose(const rx_lab *lab, uint64_t seed, uint64_t stream, rx_scene *scene)
+{
+    const double side = lab->config->scene_side;
+    rx_object *main = NULL;
+    for (long i = 0; i < scene->n; i++)
+        if (scene->objects[i].type != RX_OBJECT_STAR && (main == NULL || scene->objects[i].flux > main->flux))
+            main = &scene->objects[i];
+    if (main == NULL || !(main->radius > 0))
+        return;
+    const double radius =
+        side * (FILL_LOW + (FILL_HIGH - FILL_LOW) * rx_random_uniform(seed, stream, UINT64_C(1) << 62));
+    const double factor = radius / main->radius;
+    main->radius *= factor;
+    main->bulge_radius *= factor;
+    main->disk_radius *= factor;
+    main->bar_radius *= factor;
+    main->stretch *= factor;
+    main->flux *= factor * factor;
+    main->x =
+        0.5 * (side - 1) + PLACE * side * (2 * rx_random_uniform(seed, stream, (UINT64_C(1) << 62) + 1) - 1);
+    main->y =
+        0.5 * (side - 1) + PLACE * side * (2 * rx_random_uniform(seed, stream, (UINT64_C(1) << 62) + 2) - 1);
+    const double limit = OTHERS * brightness(main, 0);
+    for (long i = 0; i < scene->n; i++) {
+        rx_object *other = &scene->objects[i];
+        const double bright = brightness(other, lab->sky[0].simulation->sharp_fwhm);
+        if (other != main && bright > limit)
+            other->flux *= limit / bright;
+    }
+}
+
+/* The PSF as a restorer is given it; one that is larger than the scene is cut to it. */
+static rx_status known_psf(const rx_lab *lab, const rx_optics *optics, rx_psf **dst, rx_error *err)
+{
+    rx_status status = rx_optics_on_pixels(optics, dst, err);
+    if (status != RX_OK || (*dst)->size <= lab->config->scene_side)
+        return status;
+    const rx_simulate_config *sim = lab->config->sim;
+    rx_psf_free(*dst);
+    *dst = NULL;
+    return rx_psf_moffat(optics->fwhm, sim->psf_beta, sim->psf_ratio, sim->psf_angle * M_PI / 180.0,
+                         lab->config->scene_side - 1 + lab->config->scene_side % 2, dst, err);
+}
+
+static rx_status expose(const rx_lab *lab, uint64_t stream, const rx_scene *scene, trial *dst, rx_error *err)
+{
+    const rx_simulate_config *sim = lab->config->sim;
+    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
+    rx_optics *optics = NULL;
+    float *noise = RX_NEW(float, n);
+    rx_status status = noise == NULL
+                           ? rx_error_memory(err, n * sizeof *noise)
+                           : rx_optics_moffat(&(rx_moffat_profile){.fwhm = dst->fwhm,
+                                                                   .beta = sim->psf_beta,
+                                                                   .ratio = sim->psf_ratio,
+                                                                   .angle = sim->psf_angle * M_PI / 180.0},
+                                              lab->config->scene_side, lab->config->scene_side, &optics, err);
+    if (status == RX_OK)
+        status = rx_render(scene, 2, (const rx_optics *const[]){optics, lab->sky[0].simulation->target},
+                           (float *const[]){dst->image, dst->sharp}, 1, err);
+    if (status == RX_OK)
+        status = known_psf(lab, optics, &dst->psf, err);
+    if (status != RX_OK)
+        goto exit;
+    double peak = 0;
+    for (size_t i = 0; i < n; i++)
+        peak = fmax(peak, dst->sharp[i]);
+    const double factor = peak > 0 ? lab->config->scene_peak / peak : 0;
+    for (size_t i = 0; i < n; i++) {
+        dst->sharp[i] = (float)(dst->sharp[i] * factor);
+        dst->image[i] = (float)(dst->image[i] * factor);
+    }
+    memcpy(noise, dst->image, n * sizeof *noise);
+    dst->level = rx_noise_level(rx_brightness(noise, n, 0) / dst->sigma);
+    rx_noise_normals(rx_lab_seed(lab, DRAW_NOISE), stream, 0, (long)n, noise);
+    for (size_t i = 0; i < n; i++)
+        dst->image[i] += (float)(dst->sigma * noise[i]);
+exit:
+    rx_optics_free(optics);
+    free(noise);
+    return status;
+}
+
+static void free_trial(trial *t)
+{
+    free(t->image);
+    free(t->sharp);
+    rx_image_reference_free(t->reference);
+    rx_psf_free(t->psf);
+    *t = (trial){0};
+}
+
+static rx_status make_trial(const rx_lab *lab, const rx_lab_unit *unit, trial *dst, rx_error *err)
+{
+    const int side = lab->config->scene_side;
+    const size_t n = (size_t)side * (size_t)side;
+    const rx_lab_bin *bin = &lab->bin[unit->condition];
+    const uint64_t stream = stream_of(lab, unit), seed = rx_lab_seed(lab, DRAW_QUANTITIES);
+    const double u = rx_random_uniform(seed, stream, 0), v = rx_random_uniform(seed, stream, 1);
+    const double binned = bin->low + (bin->high - bin->low) * u,
+                 other = bin->other_low + (bin->other_high - bin->other_low) * v;
+    rx_scene_params par = lab->sky[0].simulation->scene;
+    rx_scene *scene = NULL;
+    par.seed = rx_lab_seed(lab, DRAW_SCENE);
+    par.stream = stream;
+    *dst = (trial){.fwhm = bin->by_sigma ? other : binned,
+                   .sigma = bin->by_sigma ? binned : other,
+                   .image = RX_NEW(float, n),
+                   .sharp = RX_NEW(float, n)};
+    rx_status status = dst->image == NULL || dst->sharp == NULL
+                           ? rx_error_memory(err, 2 * n * sizeof(float))
+                           : rx_scene_make(&par, lab->sky[0].simulation->templates, &scene, err);
+    if (status == RX_OK) {
+        compose(lab, par.seed, stream, scene);
+        status = expose(lab, stream, scene, dst, err);
+    }
+    if (status == RX_OK)
+        status = rx_image_reference_new(side, side, dst->sharp, &dst->reference, err);
+    rx_scene_free(scene);
+    if (status != RX_OK)
+        free_trial(dst);
+    return status;
+}
+
+/* dst = the scene restored. niter > 0: so many iterations and no filter; 0: as STAGE. has it. */
+static rx_status restore(const rx_lab *lab, const trial *t, const rx_restorer *restorer, int niter,
+                         float *dst, rx_error *err)
+{
+    rx_restored *restored = NULL;
+    rx_restore_params par = lab->options->pipeline.restore;
+    if (niter > 0) {
+        par.rl_niter = niter;
+        par.rl_stop_discrepancy = 0;
+        par.rl_denoise = 0;
+        par.rl_denoise_by_psf = 0;
+    }
+    rx_background sky = {.width = lab->config->scene_side, .height = lab->config->scene_side};
+    rx_background_flatten(&sky, 0, t->sigma);
+    const rx_image image = {.name = "scene",
+                            .width = lab->config->scene_side,
+                            .height = lab->config->scene_side,
+                            .pixels = t->image,
+                            .noise = rx_background_noise(&sky),
+                            .saturation = HUGE_VAL,
+                            .psf = t->psf};
+    rx_status status = restorer->run(&par, &image, NULL, &restored, err);
+    if (status == RX_OK)
+        memcpy(dst, restored->pixels,
+               (size_t)lab->config->scene_side * (size_t)lab->config->scene_side * sizeof *dst);
+    rx_restored_free(restored);
+    return status;
+}
+
+/* --- tuning --- */
+
+/* Below so many sigmas of the input's noise all is set to the sky; 0 = negative values only. The first one is
+ * no threshold. */
+static const double THRESHOLDS[] = {-1.0, 0.0, 0.25, 0.5, 1.0, 2.0};
+enum { NTHRESHOLDS = sizeof THRESHOLDS / sizeof *THRESHOLDS };
+
+/* One candidate. */
+typedef struct tuning {
+    int method;       /* whose it is; UNTUNED: nobody's */
+    int niter;        /* 0: the image as it is */
+    double filter;    /* FWHM of the Gaussian, pixels; 0 = none */
+    double threshold; /* in sigmas of the input's noise: what is below becomes sky; negative = none */
+    char text[120];   /* for the report: filters in units of the PSF's FWHM */
+} tuning;
+
+static const rx_restorer *network_of(const rx_lab *lab)
+{
+    for (int m = 0; m < lab->nruns; m++)
+        if (lab->run[m].method == NET_FLAT)
+            return lab->run[m].restorer;
+    return NULL;
+}
+
+/* Candidates: (0 and TUNE_NITER) x (TUNE_FILTER and, last, the target PSF) x thresholds, and behind `without` the network's
+ * image with every threshold. */
+static long count_candidates(const rx_lab *lab, long *without)
+{
+    *without = (long)(lab->config->tune_niter.n + 1) * (lab->config->tune_filter.n + 1) * NTHRESHOLDS;
+    return *without + (network_of(lab) != NULL ? NTHRESHOLDS : 0);
+}
+
+static tuning get_tuning(const rx_lab *lab, double fwhm, long candidate)
+{
+    const rx_reals *filters = &lab->config->tune_filter;
+    const int cut = (int)(candidate % NTHRESHOLDS),
+              filter = (int)(candidate / NTHRESHOLDS % (filters->n + 1)),
+              niter = (int)(candidate / NTHRESHOLDS / (filters->n + 1));
+    long without;
+    char width[48], iterations[32] = "", flat[40] = "";
+    tuning t = {.threshold = THRESHOLDS[cut]};
+    count_candidates(lab, &without);
+    if (t.threshold >= 0)
+        snprintf(flat, sizeof flat, ", sky below %g sigma", t.threshold);
+    if (candidate >= without) {
+        t.method = cut > 0 ? NET_FLAT : UNTUNED;
+        snprintf(t.text, sizeof t.text, "sky below %g sigma", t.threshold);
+        return t;
+    }
+    t.method = niter > 0 ? (cut > 0 ? RL_FLAT : RL) : cut > 0 ? UNTUNED : SMOOTHED;
+    t.niter = niter > 0 ? lab->config->tune_niter.v[niter - 1] : 0;
+    t.filter = filter < filters->n ? filters->v[filter] * fwhm : lab->sky[0].simulation->sharp_fwhm;
+    if (filter < filters->n)
+        snprintf(width, sizeof width, "filter %g FWHM", filters->v[filter]);
+    else
+        snprintf(width, sizeof width, "filter %g pixels", t.filter);
+    if (niter > 0)
+        snprintf(iterations, sizeof iterations, "RL_NITER %d, ", t.niter);
+    snprintf(t.text, sizeof t.text, "%s%s%s", iterations, width, flat);
+    return t;
+}
+
+/* The candidate of a run of the highest mean over the tuning scenes of a bin; metric 0: PSNR, 1: SSIM. done:
+ * values of all units. */
+static long choose(const rx_lab *lab, int bin, const rx_lab_run *run, int metric, const rx_unit_values *done)
+{
+    long without, best = -1;
+    double highest = 0;
+    const long n = count_candidates(lab, &without);
+    for (long c = 0; c < n; c++) {
+        double sum = 0;
+        if (get_tuning(lab, 1.0, c).method != run->method)
+            continue;
+        for (long u = 0; u < lab->nunits; u++)
+            if (lab->unit[u].condition == bin && lab->scene[lab->unit[u].scene].id == RX_SCENE_TUNING)
+                sum += rx_lab_values(
+                    lab, &done[u],
+                    RX_RESTORATION_TUNING)[RX_RESTORATION_TUNING_WIDTH * c + RX_TUNING_PSNR + metric];
+        if (best < 0 || sum > highest) {
+            best = c;
+            highest = sum;
+        }
+    }
+    return best;
+}
+
+/* Is the candidate's number of iterations the lowest (above 1) or highest tried, or its filter the widest (but for the target
+ * PSF) or its threshold the highest: a longer list may hold a better one. */
+static int is_at_end(const rx_lab *lab, long candidate)
+{
+    const rx_ints *niter = &lab->config->tune_niter;
+    const rx_reals *filter = &lab->config->tune_filter;
+    const tuning t = get_tuning(lab, 1.0, candidate);
+    int lower = t.niter == 1, higher = 0, wider = candidate / NTHRESHOLDS % (filter->n + 1) == filter->n;
+    for (int i = 0; i < niter->n; i++) {
+        lower |= niter->v[i] < t.niter;
+        higher |= niter->v[i] > t.niter;
+    }
+    for (int i = 0; i < filter->n; i++)
+        wider |= filter->v[i] > t.filter;
+    return (t.niter > 0 && (!lower || !higher)) || t.threshold >= THRESHOLDS[NTHRESHOLDS - 1] || !wider;
+}
+
+/* plane = filtered and cut as the candidate says, from what so many iterations gave. */
+static rx_status apply(const rx_lab *lab, double sigma, const tuning *what, const float *restored,
+                       float *plane, rx_error *err)
+{
+    const int side = lab->config->scene_side;
+    memcpy(plane, restored, pixels_of(lab) * sizeof *plane);
+    RX_TRY(rx_gauss_masked(side, side, what->filter, NULL, 1, plane, err));
+    for (size_t i = 0; i < pixels_of(lab) && what->threshold >= 0; i++)
+        plane[i] = plane[i] < what->threshold * sigma ? 0.0f : plane[i];
+    return RX_OK;
+}
+
+static rx_status measure(const trial *t, const float *plane, double *dst, rx_error *err)
+{
+    dst[0] = rx_reference_psnr(t->reference, plane);
+    return rx_reference_ssim(t->reference, plane, &dst[1], err);
+}
+
+/* Every candidate that is somebody's. */
+static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *dst, rx_error *err)
+{
+    const size_t n = pixels_of(lab);
+    double *row = NULL;
+    long without;
+    const long candidates = count_candidates(lab, &without),
+               of_image = NTHRESHOLDS * (lab->config->tune_filter.n + 1);
+    float *restored = RX_NEW(float, 2 * n), *plane = restored + n;
+    rx_status status = restored == NULL ? rx_error_memory(err, 2 * n * sizeof(float))
+                                        : rx_lab_rows_add(&dst[RX_RESTORATION_TUNING], candidates, &row, err);
+    for (long c = 0; status == RX_OK && c < candidates; c++, row += RX_RESTORATION_TUNING_WIDTH) {
+        const tuning one = get_tuning(lab, t->fwhm, c);
+        row[RX_TUNING_NITER] = one.niter;
+        row[RX_TUNING_FILTER] = one.filter;
+        row[RX_TUNING_THRESHOLD] = one.threshold;
+        row[RX_TUNING_PSNR] = row[RX_TUNING_SSIM] = NAN;
+        if (one.method == UNTUNED && c != without)
+            continue;
+        if (c == 0)
+            memcpy(restored, t->image, n * sizeof *restored);
+        else if (c == without)
+            status = restore(lab, t, network_of(lab), 0, restored, err);
+        else if (c % of_image == 0)
+            status = restore(lab, t, rx_restorer_find("RL"), one.niter, restored, err);
+        if (status == RX_OK)
+            status = apply(lab, t->sigma, &one, restored, plane, err);
+        if (status == RX_OK)
+            status = measure(t, plane, &row[RX_TUNING_PSNR], err);
+    }
+    free(restored);
+    return status;
+}
+
+/* --- test scenes --- */
+
+/* What a restorer gave for a number of iterations, kept for the next method that asks for the same. */
+typedef struct memory {
+    const rx_restorer *restorer;
+    int niter;
+    float *plane;
+} memory;
+
+/* A run's picture of a scene of a bin with the settings tuned for a metric. */
+typedef struct picture_of {
+    int bin;
+    const trial *trial;
+    const rx_lab_run *run;
+    int metric;
+    const rx_unit_values *done; /* values of all units */
+} picture_of;
+
+static rx_status picture(const rx_lab *lab, const picture_of *what, memory *last, float *plane, rx_error *err)
+{
+    const rx_lab_run *run = what->run;
+    tuning one = {.threshold = -1.0};
+    if (run->tuned)
+        one = get_tuning(lab, what->trial->fwhm, choose(lab, what->bin, run, what->metric, what->done));
+    if (last->restorer != run->restorer || last->niter != one.niter) {
+        last->restorer = NULL;
+        if (run->method == SMOOTHED)
+            memcpy(last->plane, what->trial->image, pixels_of(lab) * sizeof *plane);
+        else
+            RX_TRY(restore(lab, what->trial, run->restorer, one.niter, last->plane, err));
+    }
+    last->restorer = run->restorer;
+    last->niter = one.niter;
+    return apply(lab, what->trial->sigma, &one, last->plane, plane, err);
+}
+
+static rx_status score(const rx_lab *lab, int bin, const trial *t, const rx_unit_values *done,
+                       rx_lab_table *dst, rx_error *err)
+{
+    const size_t n = pixels_of(lab);
+    rx_lab_table *scene = &dst[RX_RESTORATION_SCENE];
+    double *row = NULL;
+    float *planes = RX_NEW(float, 2 * n);
+    memory last = {.plane = planes};
+    rx_status status =
+        planes == NULL ? rx_error_memory(err, 2 * n * sizeof *planes) : rx_lab_rows_add(scene, 1, &row, err);
+    if (status == RX_OK) {
+        row[RX_SCENE_FWHM] = t->fwhm;
+        row[RX_SCENE_SIGMA] = t->sigma;
+        row[RX_SCENE_LEVEL] = t->level;
+    }
+    for (int i = 0; status == RX_OK && i < 2 * lab->nruns; i++) {
+        const int metric = i / lab->nruns, m = i % lab->nruns, tuned = lab->run[m].tuned;
+        double values[2];
+        if (metric == 1 && !tuned)
+            continue; /* both were measured on the same picture */
+        status = picture(lab, &(picture_of){bin, t, &lab->run[m], metric, done}, &last, planes + n, err);
+        if (status == RX_OK)
+            status = measure(t, planes + n, values, err);
+        for (int k = 0; k < 2 && status == RX_OK; k++)
+            if (k == metric || !tuned)
+                rx_lab_each(scene, 0, m)[k] = values[k];
+    }
+    free(planes);
+    return status;
+}
+
+rx_status rx_restoration_example(const rx_lab *lab, int bin, rx_restoration_show show, void *user,
+                                 rx_error *err)
+{
+    const size_t n = pixels_of(lab);
+    trial t;
+    RX_TRY(make_trial(lab, &(rx_lab_unit){bin, 1, 0}, &t, err));
+    float *planes = RX_NEW(float, 2 * n);
+    memory last = {.plane = planes};
+    rx_status status = planes == NULL ? rx_error_memory(err, 2 * n * sizeof *planes) : RX_OK;
+    char text[96];
+    snprintf(text, sizeof text, "FWHM %.2f pixels, noise %.1f", t.fwhm, t.sigma);
+    show(user, text, NULL);
+    show(user, "BLURRED", t.image);
+    for (int m = 0; status == RX_OK && m < lab->nruns; m++) {
+        if (strcmp(lab->run[m].name, "BLURRED") == 0)
+            continue;
+        last.restorer = NULL;
+        status = picture(lab, &(picture_of){bin, &t, &lab->run[m], 0, lab->values}, &last, planes + n, err);
+        if (status == RX_OK)
+            show(user, lab->run[m].name, planes + n);
+    }
+    show(user, "SHARP", t.sharp);
+    free(planes);
+    free_trial(&t);
+    return status;
+}
+
+/* --- the kind --- */
+
 static rx_status unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                       rx_lab_table *dst, rx_error *err)
 {
-    rx_trial trial;
-    RX_TRY(rx_trial_make(lab, unit, &trial, err));
+    trial t;
+    RX_TRY(make_trial(lab, unit, &t, err));
     rx_status status = lab->scene[unit->scene].id == RX_SCENE_TUNING
-                           ? rx_restoration_tune(lab, &trial, dst, err)
-                           : rx_restoration_score(lab, unit->condition, &trial, done, dst, err);
-    rx_trial_free(&trial);
+                           ? tune(lab, &t, dst, err)
+                           : score(lab, unit->condition, &t, done, dst, err);
+    free_trial(&t);
     return status;
 }
 
@@ -148,13 +614,11 @@ static rx_status describe(rx_lab *lab, rx_error *err)
     for (size_t i = 0; i < 2 * n; i++) {
         const int metric = (int)(i % 2), run = (int)(i / 2) % lab->nruns, bin = (int)(i / 2) / lab->nruns;
         rx_lab_tuned *dst = &lab->tuned[i / 2][metric];
-        rx_tuning tuning;
         if (!lab->run[run].tuned)
             continue;
-        const long chosen = rx_tuning_choose(lab, bin, &lab->run[run], metric, lab->values);
-        rx_tuning_get(lab, 1.0, chosen, &tuning);
-        dst->at_end = rx_tuning_at_end(lab, chosen);
-        snprintf(dst->setting, sizeof dst->setting, "%s%s", tuning.text,
+        const long chosen = choose(lab, bin, &lab->run[run], metric, lab->values);
+        dst->at_end = is_at_end(lab, chosen);
+        snprintf(dst->setting, sizeof dst->setting, "%s%s", get_tuning(lab, 1.0, chosen).text,
                  dst->at_end ? " (at an end of what was tried)" : "");
     }
     for (int i = 0; i < 2; i++) {

@@ -217,54 +217,38 @@ static void plot_boxes(rx_figures *dst, const results *r, int g, int quality)
     free(groups);
 }
 
+/* The pictures of one scene under work. */
+typedef struct example {
+    const rx_lab *lab;
+    rx_report *report;
+    int number;
+} example;
+
 /* The middle of a plane, SHOWN_SIDE pixels at most; the same grey scale for all: noise shows as noise, and faint parts are
  * seen. */
-static void plot_plane(rx_figures *dst, const rx_lab *lab, int example, const char *title, const float *plane)
+static void show_plane(void *user, const char *title, const float *plane)
 {
-    const int side = lab->config->scene_side, shown = side < SHOWN_SIDE ? side : SHOWN_SIDE,
+    const example *e = user;
+    rx_figures *dst = rx_report_figures_of(e->report);
+    const int side = e->lab->config->scene_side, shown = side < SHOWN_SIDE ? side : SHOWN_SIDE,
               from = (side - shown) / 2;
-    const double peak = lab->config->scene_peak;
-    float *pixels = RX_NEW(float, (size_t)shown *(size_t)shown);
+    const double peak = e->lab->config->scene_peak;
     char id[RX_FIGURE_ID];
+    if (plane == NULL) {
+        rx_report_heading(e->report, title, NULL);
+        return;
+    }
+    float *pixels = RX_NEW(float, (size_t)shown *(size_t)shown);
     dst->script.failed |= pixels == NULL;
     for (int i = 0; i < shown * shown && pixels != NULL; i++)
         pixels[i] = plane[(size_t)(from + i / shown) * (size_t)side + (size_t)(from + i % shown)];
-    snprintf(id, sizeof id, "example%d-%.12s", example, title);
+    snprintf(id, sizeof id, "example%d-%.12s", e->number, title);
     if (pixels != NULL && dst->n < RX_FIGURES_MAX) {
         rx_figure_add(dst, id, title, "", RX_FIGURE_PICTURE);
         rx_plot_picture(dst, &(rx_grey_image){shown, shown, PICTURE_WIDTH, pixels, -0.06 * peak, 0.7 * peak,
                                               0.06 * peak});
     }
     free(pixels);
-}
-
-/* The first scene of a bin through all methods. */
-static rx_status add_example(rx_report *report, const rx_lab *lab, int example, int b, rx_error *err)
-{
-    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
-    rx_figures *figures = rx_report_figures_of(report);
-    rx_trial trial;
-    char text[96];
-    RX_TRY(rx_trial_make(lab, &(rx_lab_unit){b, TEST, 0}, &trial, err));
-    float *plane = NULL;
-    rx_status status = RX_MAKE(plane, n, err);
-    snprintf(text, sizeof text, "FWHM %.2f pixels, noise %.1f", trial.fwhm, trial.sigma);
-    rx_report_heading(report, text, NULL);
-    plot_plane(figures, lab, example, "BLURRED", trial.image);
-    for (int m = 0; status == RX_OK && m < lab->nruns; m++) {
-        if (strcmp(lab->run[m].name, "BLURRED") == 0)
-            continue;
-        status =
-            rx_restoration_picture(lab, &(rx_picture){b, &trial, &lab->run[m], 0, lab->values}, plane, err);
-        if (status == RX_OK)
-            plot_plane(figures, lab, example, lab->run[m].name, plane);
-    }
-    plot_plane(figures, lab, example, "SHARP", trial.sharp);
-    snprintf(text, sizeof text, "example%d-", example);
-    rx_report_place(report, text);
-    free(plane);
-    rx_trial_free(&trial);
-    return status;
 }
 
 /* --- page --- */
@@ -426,8 +410,13 @@ rx_status rx_restoration_report(const rx_lab *lab, rx_lab_page *page, rx_error *
     }
     if (n > 0)
         rx_report_section(page->report, "examples", "Examples");
-    for (int e = 0; e < n; e++) /* the first scenes of bins evenly apart */
-        RX_TRY_EXIT(add_example(page->report, lab, e, (2 * e + 1) * lab->nconditions / (2 * n), err));
+    for (int e = 0; e < n; e++) { /* of bins evenly apart */
+        char id[RX_FIGURE_ID];
+        RX_TRY_EXIT(rx_restoration_example(lab, (2 * e + 1) * lab->nconditions / (2 * n), show_plane,
+                                           &(example){lab, page->report, e}, err));
+        snprintf(id, sizeof id, "example%d-", e);
+        rx_report_place(page->report, id);
+    }
     add_bins(page->report, &r);
     status = add_paper(page->report, &r, err);
 exit:
