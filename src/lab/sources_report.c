@@ -99,11 +99,12 @@ static void name_quantities(const rx_lab *lab, rx_scene_id scene, rx_lab_group *
     }
 }
 
-/* --- lists: scenes first to last of a condition, but PAIRS --- */
+/* --- lists --- */
 
+/* Scenes first to last of a condition, but PAIRS, by one run. */
 typedef struct list {
     const rx_lab *lab;
-    int condition, first, last;
+    int condition, first, last, run;
 } list;
 
 static const rx_lab_table *table_of(const list *l, int scene, int table)
@@ -111,27 +112,8 @@ static const rx_lab_table *table_of(const list *l, int scene, int table)
     return &rx_lab_set_of(l->lab, l->condition, scene)->table[table];
 }
 
-/* Objects, and those found with that score or a higher one; false detections. */
-static rx_pr_point count(const list *l, int run, double score, long *objects)
-{
-    rx_pr_point p = {.score = score};
-    *objects = 0;
-    for (int s = l->first; s <= l->last; s++) {
-        const rx_lab_table *object = table_of(l, s, RX_SOURCES_OBJECT),
-                           *wrong = table_of(l, s, RX_SOURCES_FALSE);
-        *objects += object->n;
-        for (long i = 0; i < object->n; i++)
-            p.matched += rx_lab_each(object, i, run)[RX_FOUND_SCORE] >= score; /* NAN is below every score */
-        for (long i = 0; i < wrong->n; i++)
-            p.detections += rx_lab_own(wrong, i)[RX_FALSE_RUN] == run &&
-                            (rx_lab_own(wrong, i)[RX_FALSE_SCORE] >= score || score == -ALL);
-    }
-    p.detections += p.matched;
-    return p;
-}
-
 /* *objects of them. rx_pr_free(). */
-static rx_status curve(const list *l, int run, long *objects, rx_pr *dst, rx_error *err)
+static rx_status make_curve(const list *l, long *objects, rx_pr *dst, rx_error *err)
 {
     size_t room = 1;
     long n = 0;
@@ -148,19 +130,28 @@ static rx_status curve(const list *l, int run, long *objects, rx_pr *dst, rx_err
             continue;
         *objects += object->n;
         for (long i = 0; i < object->n; i++)
-            if (!isnan(rx_lab_each(object, i, run)[RX_FOUND_SCORE])) {
-                right[n] = 1;
-                score[n++] = rx_lab_each(object, i, run)[RX_FOUND_SCORE];
-            }
+            if (!isnan(score[n] = rx_lab_each(object, i, l->run)[RX_FOUND_SCORE]))
+                right[n++] = 1;
         for (long i = 0; i < wrong->n; i++)
-            if (rx_lab_own(wrong, i)[RX_FALSE_RUN] == run)
-                score[n++] = rx_lab_own(wrong, i)[RX_FALSE_SCORE]; /* right: 0 */
+            if (rx_lab_own(wrong, i)[RX_FALSE_RUN] == l->run) {
+                right[n] = 0;
+                score[n++] = rx_lab_own(wrong, i)[RX_FALSE_SCORE];
+            }
     }
     if (status == RX_OK)
         status = rx_pr_make(n, score, right, *objects, dst, err);
     free(score);
     free(right);
     return status;
+}
+
+/* What has that score or a higher one. */
+static rx_pr_point count_from(const rx_pr *pr, double score)
+{
+    rx_pr_point p = {0};
+    for (long k = 0; k < pr->n && pr->point[k].score >= score; k++)
+        p = pr->point[k];
+    return p;
 }
 
 /* A threshold: the lowest score at which precision is at least the one named; +infinity where it never is. No lists (PAIRS
@@ -170,20 +161,14 @@ typedef struct cut {
     int whole_list; /* the list ends before precision falls so low: recall is a lower limit */
 } cut;
 
-static rx_status choose_cuts(const list *l, int run, cut *dst, double *ap, rx_error *err)
+static void choose_cuts(const rx_lab *lab, const rx_pr *pr, long objects, cut *dst)
 {
-    rx_pr pr = {0};
-    long objects;
-    RX_TRY(curve(l, run, &objects, &pr, err));
-    for (int p = 0; p < l->lab->nprecisions; p++) {
+    for (int p = 0; p < lab->nprecisions; p++) {
         dst[p] = (cut){objects > 0 ? ALL : -ALL, 0};
-        for (long k = pr.n - 1; k >= 0 && dst[p].score == ALL; k--)
-            if (pr.point[k].precision >= l->lab->precision[p])
-                dst[p] = (cut){pr.point[k].score, k == pr.n - 1};
+        for (long k = pr->n - 1; k >= 0 && dst[p].score == ALL; k--)
+            if (pr->point[k].precision >= lab->precision[p])
+                dst[p] = (cut){pr->point[k].score, k == pr->n - 1};
     }
-    *ap = objects > 0 ? pr.ap.value : NAN;
-    rx_pr_free(&pr);
-    return RX_OK;
 }
 
 /* --- numbers --- */
@@ -206,84 +191,68 @@ static double value_of(const double *found, found_value kind)
     return NAN;
 }
 
-/* Of the values of the objects found. */
-static rx_status measure_values(const rx_lab_table *object, int run, const rx_quantity *q, rx_estimate *dst,
-                                rx_error *err)
+/* Of the objects found: a statistic of their values. work: [objects]. */
+static rx_estimate measure_values(const rx_lab_table *object, int run, const rx_quantity *q, double *work)
 {
     rx_estimate median, width;
-    double *work = NULL;
     long n = 0;
-    RX_TRY(RX_MAKE(work, (size_t)object->n + 1, err));
     for (long i = 0; i < object->n; i++) {
         const double *v = rx_lab_each(object, i, run);
         work[n] = isnan(v[RX_FOUND_SCORE]) ? NAN : value_of(v, (found_value)q->part);
         n += isfinite(work[n]) != 0;
     }
-    if (q->statistic == MEAN) {
-        *dst = rx_mean_estimate(n, work, LEVEL);
-    } else {
-        rx_robust_estimates(work, n, LEVEL, &median, &width);
-        *dst = q->statistic == MEDIAN ? median : width;
-    }
-    free(work);
-    return RX_OK;
+    if (q->statistic == MEAN)
+        return rx_mean_estimate(n, work, LEVEL);
+    rx_robust_estimates(work, n, LEVEL, &median, &width);
+    return q->statistic == MEDIAN ? median : width;
 }
 
-static rx_estimate share(const rx_lab_table *object, int run, const rx_quantity *q, double score)
+static rx_estimate measure_share(const rx_lab_table *object, int run, const rx_quantity *q, double score)
 {
     long n = 0, found = 0;
     for (long i = 0; i < object->n; i++) {
         const double own = rx_lab_own(object, i)[q->part];
         const int counts = own >= q->low && own < q->high;
         n += counts;
-        found += counts && rx_lab_each(object, i, run)[RX_FOUND_SCORE] >= score;
+        found +=
+            counts && rx_lab_each(object, i, run)[RX_FOUND_SCORE] >= score; /* NAN is below every score */
     }
     return rx_binomial_interval(found, n, LEVEL);
 }
 
-/* All quantities of a run on one scene and condition, entry c of the group. */
-static rx_status measure_set(const rx_lab_group *g, int c, const list *l, int run, const cut *cuts,
-                             uint64_t seed, rx_error *err)
+/* All quantities of a list of one scene, entry c of the group. */
+static rx_status measure_list(const rx_lab_group *g, int c, const list *l, const rx_pr *pr, const cut *cuts,
+                              uint64_t seed, rx_error *err)
 {
     const rx_lab_table *object = table_of(l, l->first, RX_SOURCES_OBJECT);
-    long objects, crowded = 0;
-    const rx_pr_point all = count(l, run, -ALL, &objects);
-    rx_pr pr = {0};
+    const rx_pr_point all = count_from(pr, -ALL);
+    const double mpixels = rx_lab_sum(table_of(l, l->first, RX_SOURCES_TILE), RX_TILE_MPIXELS);
+    double *work = NULL;
+    long crowded = 0;
     RX_TRY(rx_interrupt_check(err));
-    rx_status status = curve(l, run, &objects, &pr, err);
+    rx_status status = RX_MAKE(work, (size_t)object->n + 1, err);
     for (long i = 0; i < object->n; i++)
-        crowded += !isnan(rx_lab_each(object, i, run)[RX_FOUND_SCORE]) &&
-                   rx_lab_each(object, i, run)[RX_FOUND_CROWDED] > 0;
+        crowded += !isnan(rx_lab_each(object, i, l->run)[RX_FOUND_SCORE]) &&
+                   rx_lab_each(object, i, l->run)[RX_FOUND_CROWDED] > 0;
     for (int i = 0; i < g->nquantities && status == RX_OK; i++) {
         const rx_quantity *q = &g->quantity[i];
-        rx_estimate *dst = &rx_lab_group_at(g, i, c, run)->value;
-        switch ((statistic)q->statistic) {
-        case AP:
+        const int whole = q->cut == WHOLE || l->lab->nprecisions == 0;
+        rx_estimate *dst = &rx_lab_group_at(g, i, c, l->run)->value;
+        if (q->statistic == AP)
             status =
-                rx_pr_interval(&pr, objects, LEVEL, (rx_resampling){.seed = seed, .nthreads = 1}, dst, err);
-            break;
-        case SHARE:
-            *dst = share(object, run, q,
-                         q->cut == WHOLE || l->lab->nprecisions == 0 ? -ALL : cuts[q->cut].score);
-            break;
-        case PRECISION:
+                rx_pr_interval(pr, object->n, LEVEL, (rx_resampling){.seed = seed, .nthreads = 1}, dst, err);
+        else if (q->statistic == SHARE)
+            *dst = measure_share(object, l->run, q, whole ? -ALL : cuts[q->cut].score);
+        else if (q->statistic == PRECISION)
             *dst = rx_binomial_interval(all.matched, all.detections, LEVEL);
-            break;
-        case RATE:
-            *dst =
-                rx_poisson_rate(all.detections - all.matched,
-                                rx_lab_sum(table_of(l, l->first, RX_SOURCES_TILE), RX_TILE_MPIXELS), LEVEL);
-            break;
-        case CROWDED:
+        else if (q->statistic == RATE)
+            *dst = rx_poisson_rate(all.detections - all.matched, mpixels, LEVEL);
+        else if (q->statistic == CROWDED)
             *dst = rx_binomial_interval(crowded, all.matched, LEVEL);
-            break;
-        case MEAN:
-        case MEDIAN:
-        case WIDTH:
-            status = measure_values(object, run, q, dst, err);
-        }
+        else
+            *dst = measure_values(object, l->run, q, work);
     }
-    rx_pr_free(&pr);
+    free(work);
     return status;
 }
 
@@ -309,22 +278,28 @@ static rx_status measure_condition(rx_lab_group *groups, int condition, int fiel
                                    rx_error *err)
 {
     const rx_lab *lab = groups->lab;
-    double highest = -1, ap;
+    double highest = -1;
     int chosen = -1;
     for (int k = 0; k < lab->nruns; k++) {
         cut *all = cuts + k * lab->nprecisions, own[RX_PRECISIONS_MAX];
-        RX_TRY(choose_cuts(&(list){lab, condition, 0, lab->nscenes - 1}, k, all, &ap, err));
-        if (lab->run[k].tuned && (chosen < 0 || ap > highest)) {
+        rx_pr pr = {0};
+        long objects;
+        RX_TRY(make_curve(&(list){lab, condition, 0, lab->nscenes - 1, k}, &objects, &pr, err));
+        choose_cuts(lab, &pr, objects, all);
+        if (lab->run[k].tuned && (chosen < 0 || (objects > 0 && pr.ap.value > highest))) {
             chosen = k;
-            highest = ap;
+            highest = objects > 0 ? pr.ap.value : NAN;
         }
+        rx_pr_free(&pr);
         for (int s = 0; s < lab->nscenes; s++) {
-            const list one = {lab, condition, s, s};
+            const list one = {lab, condition, s, s, k};
             const int together = fields || lab->scene[s].id == RX_SCENE_PAIRS;
-            if (!together)
-                RX_TRY(choose_cuts(&one, k, own, &ap, err));
-            RX_TRY(measure_set(&groups[fields ? 0 : s], fields ? s : condition, &one, k, together ? all : own,
-                               seed, err));
+            RX_TRY(make_curve(&one, &objects, &pr, err));
+            choose_cuts(lab, &pr, objects, own);
+            const rx_status status = measure_list(&groups[fields ? 0 : s], fields ? s : condition, &one, &pr,
+                                                  together ? all : own, seed, err);
+            rx_pr_free(&pr);
+            RX_TRY(status);
         }
     }
     for (int s = 0; s < lab->nscenes && chosen >= 0; s++)
@@ -356,31 +331,33 @@ RX_COLUMNS(PR, RX_TEXT("scene", "field"), RX_TEXT("condition", "magnitude of the
            RX_NUMBER("precision", 4, "", "the same"));
 
 /* Precision over recall of one magnitude, thinned. */
-static rx_status add_curves(rx_lab_page *page, const rx_lab_group *g, const list *l, rx_report_table *t,
-                            rx_error *err)
+static rx_status add_curves(rx_lab_page *page, const rx_lab_group *g, int field, int scene,
+                            rx_report_table *t, rx_error *err)
 {
     static const rx_axes axes = {"recall", "precision", 0, 1.02, 0, 1.02, false, false};
-    const int k = l->first, n = l->lab->nscenes, drawn = l->condition < FIELDS_WITH_CURVES && k >= n - CURVES;
-    rx_status status = RX_OK;
+    const rx_lab *lab = page->lab;
+    const int drawn = field < FIELDS_WITH_CURVES && scene >= lab->nscenes - CURVES;
     rx_curves c = {0};
     char id[RX_FIGURE_ID], title[96];
-    for (int run = 0; run < l->lab->nruns && status == RX_OK; run++) {
+    rx_status status = RX_OK;
+    for (int run = 0; run < lab->nruns && status == RX_OK; run++) {
         rx_pr pr = {0};
         long objects;
-        status = curve(l, run, &objects, &pr, err);
+        status = make_curve(&(list){lab, field, scene, scene, run}, &objects, &pr, err);
         if (drawn)
             rx_curves_add(&c, RX_CURVE_LINE, rx_method_color(g->column[run]), g->column[run]);
         for (long j = 0; j < pr.n; j++)
             if (j % (pr.n / POINTS_MAX + 1) == 0 || j + 1 == pr.n) {
                 const rx_pr_point *p = &pr.point[j];
-                rx_report_put(t, g->name, g->condition[k], g->column[run], p->score, p->recall, p->precision);
+                rx_report_put(t, g->name, g->condition[scene], g->column[run], p->score, p->recall,
+                              p->precision);
                 if (drawn)
                     rx_curves_put(&c, p->recall, p->precision, NAN, NAN);
             }
         rx_pr_free(&pr);
     }
-    snprintf(id, sizeof id, "field%d-curve%d", l->condition, k);
-    snprintf(title, sizeof title, "Magnitude %s", g->condition[k]);
+    snprintf(id, sizeof id, "field%d-curve%d", field, scene);
+    snprintf(title, sizeof title, "Magnitude %s", g->condition[scene]);
     rx_curves_figure(rx_report_figures_of(page->report), id, title, "", &axes, &c);
     return status;
 }
@@ -391,24 +368,25 @@ static rx_status add_field(rx_lab_page *page, const rx_lab_group *g, int field, 
 {
     const rx_lab *lab = page->lab;
     const rx_lab_sky *sky = &lab->sky[field];
-    const list all = {lab, field, 0, lab->nscenes - 1};
     for (int k = 0; k < lab->nscenes; k++) {
-        const list one = {lab, field, k, k};
-        const rx_lab_table *tile = table_of(&one, k, RX_SOURCES_TILE);
+        const rx_lab_table *table = rx_lab_set_of(lab, field, k)->table, *tile = &table[RX_SOURCES_TILE];
         rx_report_put(tables[0], g->name, g->condition[k], lab->scene[k].mag,
-                      rx_lab_sum(tile, RX_TILE_SNR) / (double)tile->n, tile->n,
-                      table_of(&one, k, RX_SOURCES_OBJECT)->n, rx_lab_sum(tile, RX_TILE_MPIXELS), sky->about);
-        RX_TRY(add_curves(page, g, &one, tables[2], err));
+                      rx_lab_sum(tile, RX_TILE_SNR) / (double)tile->n, tile->n, table[RX_SOURCES_OBJECT].n,
+                      rx_lab_sum(tile, RX_TILE_MPIXELS), sky->about);
+        RX_TRY(add_curves(page, g, field, k, tables[2], err));
     }
-    for (int i = 0; i < (lab->nprecisions + 1) * lab->nruns; i++) {
-        const int p = i / lab->nruns - 1, run = i % lab->nruns;
-        const cut whole = {-ALL, 1}, *c = p < 0 ? &whole : &cuts[run * lab->nprecisions + p];
-        long objects;
-        const rx_pr_point at = count(&all, run, c->score, &objects);
-        rx_report_put(tables[1], g->name, g->column[run], p < 0 ? NAN : lab->precision[p], c->score,
-                      c->whole_list, rx_binomial_interval(at.matched, at.detections, LEVEL),
-                      rx_binomial_interval(at.matched, objects, LEVEL));
-    }
+    for (int p = -1; p < lab->nprecisions; p++)
+        for (int run = 0; run < lab->nruns; run++) {
+            const cut whole = {-ALL, 1}, *c = p < 0 ? &whole : &cuts[run * lab->nprecisions + p];
+            rx_pr pr = {0};
+            long objects;
+            RX_TRY(make_curve(&(list){lab, field, 0, lab->nscenes - 1, run}, &objects, &pr, err));
+            const rx_pr_point at = count_from(&pr, c->score);
+            rx_report_put(tables[1], g->name, g->column[run], p < 0 ? NAN : lab->precision[p], c->score,
+                          c->whole_list, rx_binomial_interval(at.matched, at.detections, LEVEL),
+                          rx_binomial_interval(at.matched, objects, LEVEL));
+            rx_pr_free(&pr);
+        }
     return RX_OK;
 }
 
