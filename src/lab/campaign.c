@@ -150,11 +150,10 @@ static rx_status work(job *j, rx_error *err)
     rx_log_progress_end(j->log);
     free(units);
     if (j->status == RX_INTERRUPTED)
-        return rx_error_set(
-            err, RX_INTERRUPTED,
-            "interrupted by a signal; what is done is in the journal, %ld of %ld units, and the "
-            "same command goes on from there",
-            all - j->todo + j->done, all);
+        return rx_error_set(err, RX_INTERRUPTED,
+                            "interrupted by a signal; what is done is in the journal, %ld of %ld units, and "
+                            "the same command goes on from there",
+                            all - j->todo + j->done, all);
     const double used = rx_seconds() - j->begun;
     if (j->status == RX_OK)
         rx_log_info(j->log, "%ld units in %.1f s on %d threads, %.3g s each", j->done, used, j->nthreads,
@@ -233,8 +232,8 @@ static rx_status run(job *j, rx_error *err)
     if (with_report)
         return report(j, err);
     rx_log_info(j->log,
-                "shard %d/%d is complete; once all %d are, the same command with -SHARD 1/%d -MERGE Y "
-                "writes the report",
+                "shard %d/%d is complete; once all %d are, the same command with -SHARD 1/%d -MERGE Y writes "
+                "the report",
                 j->k, j->n, j->n, j->n);
     return RX_OK;
 }

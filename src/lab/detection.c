@@ -23,14 +23,12 @@ static const struct {
     const char *name, *about;
 } SCENES[] = {{RX_SCENE_STARS, "STARS",
                "Stars alone, all that the population puts on a tile, blends and all. A detection that is no "
-               "star of the "
-               "least S/N, nor a fainter one, is false."},
+               "star of the least S/N, nor a fainter one, is false."},
               {RX_SCENE_GALAXIES, "GALAXIES",
                "Galaxies alone. A galaxy in two pieces is one right and one false detection."},
               {RX_SCENE_PAIRS, "PAIRS",
                "Close pairs of stars: resolved when there are two detections, each nearer than half the "
-               "separation to its "
-               "star, both above the threshold."}};
+               "separation to its star, both above the threshold."}};
 enum { NSCENES = sizeof SCENES / sizeof *SCENES };
 
 const char *rx_scene_name(rx_scene_id id)

@@ -17,11 +17,10 @@ rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error
     if (run.restorer == NULL)
         return rx_error_set(err, RX_USAGE, "RESTORE_TYPE %s is not made here", word);
     if (lab->nruns == lab->kind->most)
-        return rx_error_set(
-            err, RX_USAGE,
-            "RESTORE_TYPE, and what FLUXES, TUNE_NITER and TUNE_FILTER make of it, gives more than %d "
-            "runs; name fewer",
-            lab->kind->most);
+        return rx_error_set(err, RX_USAGE,
+                            "RESTORE_TYPE, and what FLUXES, TUNE_NITER and TUNE_FILTER make of it, gives "
+                            "more than %d runs; name fewer",
+                            lab->kind->most);
     if (run.name[0] == '\0')
         snprintf(run.name, sizeof run.name, "%s", run.restorer->name);
     lab->run[lab->nruns++] = run;

@@ -67,10 +67,9 @@ static rx_status simulate_sky(const rx_lab *lab, const rx_condition *condition, 
 {
     const int find = rx_settings_was_set(&lab->config->settings, "STAGE.PSF_TYPE") != RX_FROM_DEFAULT;
     if (find && condition->psf_error != 0.0)
-        return rx_error_set(
-            err, RX_USAGE,
-            "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they find it; leave "
-            "out one of them");
+        return rx_error_set(err, RX_USAGE,
+                            "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they find it; "
+                            "leave out one of them");
     return rx_lab_sky_simulate(lab, condition, find, log, dst, err);
 }
 
@@ -108,10 +107,9 @@ static rx_status add_fields(rx_lab *lab, rx_log *log, rx_error *err)
     for (int i = 0; i < words->n; i++) {
         const int injected = strcmp(words->v[i], "INJECTED") == 0;
         if (status == RX_OK && injected && (n > 1 || conditions[0].fwhm > 0))
-            status = rx_error_set(
-                err, RX_USAGE,
-                "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; leave them out, "
-                "or INJECTED");
+            status = rx_error_set(err, RX_USAGE,
+                                  "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; "
+                                  "leave them out, or INJECTED");
         for (int c = 0; status == RX_OK && c < (injected ? 1 : n); c++) {
             rx_lab_sky *sky = &lab->sky[lab->nskies];
             lab->nconditions = ++lab->nskies;
@@ -269,10 +267,9 @@ rx_status rx_photometry_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_
             rx_blankcheck_field(par, sky->field, &sky->noise, NULL,
                                 (rx_random_stream){rx_lab_seed(lab, DRAW_BLANK), number}, &dst->blank, err);
     if (status == RX_OK && dst->field->unrestorable && needs_psf)
-        status = rx_error_set(
-            err, RX_INPUT,
-            "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; leave it out, "
-            "and restorers are given the true one");
+        status = rx_error_set(err, RX_INPUT,
+                              "a simulated tile has too few stars for the PSF that STAGE.PSF_TYPE asks for; "
+                              "leave it out, and restorers are given the true one");
 exit:
     rx_tile_free(tile);
     rx_scene_free(stars);
@@ -330,32 +327,31 @@ static rx_status describe_sky(const rx_lab *lab, rx_lab_sky *sky, rx_error *err)
             return rx_error_memory(err, 0);
         snprintf(sky->name, sizeof sky->name, "%s", name);
         free(name);
-        snprintf(
-            sky->about, sizeof sky->about,
-            "%d stars added to %d x %d real pixels, among the tile's own sources, again and again; PSF "
-            "%s; noise %.4g, gain %g; what was found before the injection counts neither as right nor as "
-            "false; false detections are those that the injection brings, and all on as many blank tiles: "
-            "realisations of the tile's own noise without sources",
-            (int)fmax(floor(config->stars_per_tile * (double)tile->width * tile->height / 1048576.0 + 0.5),
-                      1),
-            tile->width, tile->height, sky->psf->description, sky->field->plain->global_sigma, tile->gain);
+        snprintf(sky->about, sizeof sky->about,
+                 "%d stars added to %d x %d real pixels, among the tile's own sources, again and again; PSF "
+                 "%s; noise %.4g, gain %g; what was found before the injection counts neither as right nor "
+                 "as false; false detections are those that the injection brings, and all on as many blank "
+                 "tiles: realisations of the tile's own noise without sources",
+                 (int)fmax(
+                     floor(config->stars_per_tile * (double)tile->width * tile->height / 1048576.0 + 0.5), 1),
+                 tile->width, tile->height, sky->psf->description, sky->field->plain->global_sigma,
+                 tile->gain);
         return RX_OK;
     }
     const rx_simulate_config *sim = config->sim;
     rx_condition_name(&sky->condition, sky->name, sizeof sky->name);
     if (sky->name[0] == '\0')
         snprintf(sky->name, sizeof sky->name, "simulated");
-    snprintf(
-        sky->about, sizeof sky->about,
-        "%d x %d pixels, PSF %s, %s%s; noise %s (sky %g ADU, sigma %g), per Mpixel %g stars of %g to %g mag "
-        "and %g galaxies of %g to %g mag besides the test stars, another sky on each tile",
-        sky->width, sky->height, sky->simulation->optics->description,
-        sky->given != NULL ? "known to the restorers" : "found by the stage",
-        !rx_condition_true(&sky->condition)
-            ? " (or what is given of PSF, sky and noise, with the error named)"
-            : "",
-        sim->noise_type, sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0],
-        sim->star_mag.v[1], sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
+    snprintf(sky->about, sizeof sky->about,
+             "%d x %d pixels, PSF %s, %s%s; noise %s (sky %g ADU, sigma %g), per Mpixel %g stars of %g to %g "
+             "mag and %g galaxies of %g to %g mag besides the test stars, another sky on each tile",
+             sky->width, sky->height, sky->simulation->optics->description,
+             sky->given != NULL ? "known to the restorers" : "found by the stage",
+             !rx_condition_true(&sky->condition)
+                 ? " (or what is given of PSF, sky and noise, with the error named)"
+                 : "",
+             sim->noise_type, sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0],
+             sim->star_mag.v[1], sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
     return RX_OK;
 }
 

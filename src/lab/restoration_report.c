@@ -205,9 +205,8 @@ static void plot_boxes(rx_figures *dst, const results *r, int g, int quality)
     snprintf(title, sizeof title, "%s by %s", UPPER[quality], group->name);
     rx_figure_add(
         dst, id, title,
-        "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths; a "
-        "plus: beyond the training range. As the paper's Figure 5: blurred blue, RL red, the network "
-        "green.",
+        "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths; a plus: "
+        "beyond the training range. As the paper's Figure 5: blurred blue, RL red, the network green.",
         RX_FIGURE_CHART);
     if (!dst->script.failed)
         rx_plot_boxes(dst, &(rx_axes){.xlabel = AXES[g], .ylabel = quality == PSNR ? "PSNR (dB)" : "SSIM"},
@@ -296,9 +295,8 @@ static void add_bins(rx_report *report, const results *r)
     }
     rx_report_section(report, "bins", "Bins, and where the network's training lies");
     rx_report_show(report, bins,
-                   RX_VIEW(.note = "Models know noise on a scale of their own, the noise level: "
-                                   "255 times the noise over what the brightest 0.1 % of the "
-                                   "blurred scene exceed."));
+                   RX_VIEW(.note = "Models know noise on a scale of their own, the noise level: 255 times "
+                                   "the noise over what the brightest 0.1 % of the blurred scene exceed."));
 }
 
 /* Both tests of two runs in the bin of a printed column; NAN where there is no such bin. */
@@ -358,14 +356,10 @@ const char rx_restoration_reading[] =
     "SSIM. SMOOTHED is the blurred image through such a filter alone; RL_FLAT is RL, and NET_FLAT NET, with "
     "all below a threshold, tuned too, set to the sky. <b>PSNR</b> = 20 log<sub>10</sub>(max(reference) / "
     "&radic;MSE) dB (the paper prints it without the square). <b>SSIM</b>: Wang et al. 2004, 11 x 11 "
-    "Gaussian "
-    "window of sigma 1.5, K1 = K2 = 0.001 as in the paper: the noise of empty sky weighs heavily, which "
-    "favours "
-    "smooth pictures. The two-sample test is the paper's (Jia et al. 2023, MNRAS 527, 6581); the paired one, "
-    "on "
-    "the same scenes, fits. Pictures: the middle of the first scene of a bin, asinh(p / 6 %) of the peak "
-    "from "
-    "&minus;6 to 70 % of it.";
+    "Gaussian window of sigma 1.5, K1 = K2 = 0.001 as in the paper: the noise of empty sky weighs heavily, "
+    "which favours smooth pictures. The two-sample test is the paper's (Jia et al. 2023, MNRAS 527, 6581); "
+    "the paired one, on the same scenes, fits. Pictures: the middle of the first scene of a bin, asinh(p / 6 "
+    "%) of the peak from &minus;6 to 70 % of it.";
 
 /* Facts of the head, and how many choices of tuning lie at an end of what was tried. */
 static void add_facts(rx_report *report, const rx_lab *lab)

@@ -2,7 +2,6 @@
 #include "survey/replay.h"
 
 #include <errno.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,65 +22,73 @@
 typedef struct reading {
     const char *path;
     rx_record record;
-    rx_text part; /* record of the current one, "NAME = value" a line, as it stands in the file */
+    int part; /* where the record of the current one begins */
     bool open, complete, changed;
     rx_hash sum;
 } reading;
 
-/* Of several records in one header (that of the tile goes on in check-images) the last one counts. */
+/* Of several records in one header (that of the tile goes on in check-images) the last one counts, and none that has no
+ * end. */
+static void drop_part(reading *r)
+{
+    for (; r->record.n > r->part; r->record.n--)
+        for (int k = 0; k < 3; k++)
+            free(r->record.pairs[r->record.n - 1][k]);
+}
+
+/* A line "NAME = value". */
 static rx_status take_line(void *user, const char *line, rx_error *err)
 {
     reading *r = user;
-    char digest[RX_HASH_TEXT];
+    char digest[RX_HASH_TEXT], name[64];
     const size_t length = strcspn(line, " ");
-    if (length == 0 || strncmp(line + length, " =", 2) != 0)
+    if (length == 0 || length >= sizeof name || strncmp(line + length, " =", 2) != 0)
         return RX_OK;
+    snprintf(name, sizeof name, "%.*s", (int)length, line);
     const char *value = line + length + 2; /* blanks at the end of a header's line may be lost */
     value += *value == ' ';
-    if (length == 6 && strncmp(line, "RECORD", 6) == 0) {
+    if (strcmp(name, "RECORD") == 0) {
         if (strncmp(value, RX_RECORD_VERSION, 2) != 0)
             return rx_error_at(
                 err, RX_INPUT, r->path, -1, 0,
                 "its record is of another kind, '%.40s'; repeat it with the version that wrote it", value);
-        r->part.length = 0;
+        drop_part(r);
         r->open = true;
         r->complete = false;
         rx_hash_begin(&r->sum);
     }
     if (!r->open)
         return RX_OK;
-    if (length == 3 && strncmp(line, "END", 3) == 0) {
+    if (strcmp(name, "END") == 0) {
         rx_hash_text(&r->sum, digest);
         r->changed |= strcmp(digest, value) != 0;
         r->open = false;
         r->complete = true;
         return RX_OK;
     }
-    const size_t before = r->part.length;
-    rx_text_printf(&r->part, "%.*s = %s\n", (int)length, line, value);
-    if (!r->part.failed)
-        rx_hash_add(&r->sum, r->part.data + before, r->part.length - before);
-    return RX_OK;
+    rx_record_digest_line(&r->sum, name, value);
+    char *own = rx_strdup(value);
+    if (own == NULL)
+        return rx_error_memory(err, 0);
+    const int printable = rx_printable_read(own);
+    if (printable)
+        rx_record_add(&r->record, name, "", "%s", own);
+    free(own);
+    return printable ? RX_OK
+                     : rx_error_at(err, RX_INPUT, r->path, -1, 0,
+                                   "its record cannot be read: '%.60s' has a %% without two digits after it",
+                                   value);
 }
 
 static rx_status end_part(reading *r, const char *digest, rx_error *err)
 {
-    for (char *line = r->complete ? r->part.data : NULL, *end; line != NULL && *line != '\0';
-         line = end + 1) {
-        char *equal = strstr(line, " = ");
-        end = strchr(line, '\n');
-        *equal = *end = '\0';
-        if (!rx_printable_read(equal + 3))
-            return rx_error_at(err, RX_INPUT, r->path, -1, 0,
-                               "its record cannot be read: '%.60s' has a %% without two digits after it",
-                               equal + 3);
-        rx_record_add(&r->record, line, "", "%s", equal + 3);
-    }
     if (r->complete)
         rx_record_add(&r->record, "DATA", "", "%s", digest);
-    r->part.length = 0;
+    else
+        drop_part(r);
+    r->part = r->record.n;
     r->open = r->complete = false;
-    return r->record.failed || r->part.failed ? rx_error_memory(err, 0) : RX_OK;
+    return r->record.failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
 static rx_status read_fits(reading *r, rx_error *err)
@@ -97,12 +104,10 @@ static rx_status read_fits(reading *r, rx_error *err)
             rx_cards_text(cards, ncards, "RXVERS", version, sizeof version);
         rx_status status = rx_cards_history(cards, ncards, take_line, r, err);
         free(cards);
-        if (status == RX_OK && r->complete)
-            status = rx_fits_digest_hdu(r->path, hdu, digest, err);
-        if (status == RX_OK)
-            status = end_part(r, digest, err);
-        if (status != RX_OK)
-            return status;
+        RX_TRY(status);
+        if (r->complete)
+            RX_TRY(rx_fits_digest_hdu(r->path, hdu, digest, err));
+        RX_TRY(end_part(r, digest, err));
     }
     if (r->record.n == 0 && version[0] != '\0')
         return rx_error_at(
@@ -113,30 +118,34 @@ static rx_status read_fits(reading *r, rx_error *err)
 
 static rx_status read_text(reading *r, rx_error *err)
 {
-    char *text = NULL, digest[RX_HASH_TEXT];
+    char *text = NULL, *rest = NULL, digest[RX_HASH_TEXT];
     rx_hash rows;
     RX_TRY(rx_text_read_file(r->path, 1 << 30, &text, NULL, err));
     rx_status status = RX_OK;
     rx_hash_begin(&rows);
-    for (char *line = text, *next; status == RX_OK && line != NULL; line = next) {
-        if ((next = strchr(line, '\n')) != NULL)
-            *next++ = '\0';
+    for (char *line = strtok_r(text, "\n", &rest); status == RX_OK && line != NULL;
+         line = strtok_r(NULL, "\n", &rest))
         if (strncmp(line, "# ", 2) == 0)
             status = take_line(r, line + 2, err);
         else if (line[0] != '#')
             rx_hash_add(&rows, line, strlen(line) + 1);
-    }
     rx_hash_text(&rows, digest);
     free(text);
     return status == RX_OK ? end_part(r, digest, err) : status;
 }
 
-static const char *value_of(const reading *r, const char *name)
+/* The value of the nth pair of that name, from 0; NULL: there are fewer. */
+static const char *nth(const reading *r, const char *name, int n)
 {
     for (int i = 0; i < r->record.n; i++)
-        if (strcmp(r->record.pairs[i][0], name) == 0)
+        if (strcmp(r->record.pairs[i][0], name) == 0 && n-- == 0)
             return r->record.pairs[i][1];
     return NULL;
+}
+
+static const char *value_of(const reading *r, const char *name)
+{
+    return nth(r, name, 0);
 }
 
 static rx_status read_record(reading *r, rx_error *err)
@@ -262,65 +271,48 @@ static rx_status divert_outputs(rx_config *config, const char *folder, rx_error 
     return RX_OK;
 }
 
-/* The value of the nth pair of that name, from 0; NULL: there are fewer. */
-static const char *nth(const reading *r, const char *name, int n)
+/* For each READ of one that the other has not. */
+static void compare_inputs(const reading *one, const reading *other, const char *what, rx_text *dst)
 {
-    for (int i = 0; i < r->record.n; i++)
-        if (strcmp(r->record.pairs[i][0], name) == 0 && n-- == 0)
-            return r->record.pairs[i][1];
-    return NULL;
-}
-
-static bool has_read(const reading *r, const char *value)
-{
-    const char *one = NULL;
-    for (int n = 0; (one = nth(r, "READ", n)) != NULL; n++)
-        if (strcmp(one, value) == 0)
-            return true;
-    return false;
-}
-
-RX_PRINTF(3, 4)
-static void differs(rx_text *said, rx_log *log, const char *format, ...)
-{
-    char text[RX_ERROR_TEXT];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    rx_log_warning(log, "%s", text);
-    rx_text_printf(said, "%s%s", said->length > 0 ? "; " : "", text);
+    const char *value, *same;
+    for (int n = 0; (value = nth(one, "READ", n)) != NULL; n++) {
+        for (int k = 0; (same = nth(other, "READ", k)) != NULL && strcmp(same, value) != 0; k++)
+            ;
+        if (same == NULL)
+            rx_text_printf(dst, "%.200s %s\n", value + RX_HASH_TEXT, what);
+    }
 }
 
 /* Digests of what was made stand in one order. What the file itself holds counts where these are the same. */
 static rx_status compare(const reading *then, const reading *now, rx_log *log, rx_error *err)
 {
-    rx_text said = {0};
-    const char *value;
+    rx_text found = {0}, all = {0}; /* differences, a line each */
+    const char *value, *made;
+    char *rest = NULL;
     int n;
     if (then->changed)
-        differs(&said, log, "its record was changed after it was written");
-    for (n = 0; (value = nth(now, "READ", n)) != NULL; n++)
-        if (!has_read(then, value))
-            differs(&said, log, "%.200s is read now, and was not then", value + RX_HASH_TEXT);
-    for (n = 0; (value = nth(then, "READ", n)) != NULL; n++)
-        if (!has_read(now, value))
-            differs(&said, log, "%.200s was read then, and is not now", value + RX_HASH_TEXT);
-    for (n = 0; (value = nth(then, "MADE", n)) != NULL; n++) {
-        const char *made = nth(now, "MADE", n);
-        if (made == NULL || strncmp(made, value, RX_HASH_TEXT) != 0)
-            differs(&said, log, "part %.200s has other rows or pixels", value + RX_HASH_TEXT);
+        rx_text_add(&found, "its record was changed after it was written\n");
+    compare_inputs(now, then, "is read now, and was not then", &found);
+    compare_inputs(then, now, "was read then, and is not now", &found);
+    for (n = 0; (value = nth(then, "MADE", n)) != NULL; n++)
+        if ((made = nth(now, "MADE", n)) == NULL || strncmp(made, value, RX_HASH_TEXT) != 0)
+            rx_text_printf(&found, "part %.200s has other rows or pixels\n", value + RX_HASH_TEXT);
+    const int compared = n, same = found.length == 0;
+    for (n = 0; same && (value = nth(then, "DATA", n)) != NULL; n++)
+        if ((made = nth(now, "DATA", n)) == NULL || strcmp(made, value) != 0)
+            rx_text_printf(&found, "rows or pixels of part %d were changed after they were written\n", n + 1);
+    for (char *line = found.length > 0 ? strtok_r(found.data, "\n", &rest) : NULL; line != NULL;
+         line = strtok_r(NULL, "\n", &rest)) {
+        rx_log_warning(log, "%s", line);
+        rx_text_printf(&all, "%s%s", all.length > 0 ? "; " : "", line);
     }
-    const int compared = n;
-    for (n = 0; said.length == 0 && (value = nth(then, "DATA", n)) != NULL; n++)
-        if (nth(now, "DATA", n) == NULL || strcmp(nth(now, "DATA", n), value) != 0)
-            differs(&said, log, "rows or pixels of part %d were changed after they were written", n + 1);
-    rx_status status = said.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (said.length == 0)
+    rx_status status = found.failed || all.failed ? rx_error_memory(err, 0) : RX_OK;
+    if (status == RX_OK && found.length == 0)
         rx_log_info(log, "%s: repeated; %d of %d digests are the same", then->path, compared, compared);
     else if (status == RX_OK)
-        status = rx_error_at(err, RX_DIFFERENT, then->path, -1, 0, "is not repeated: %s", said.data);
-    rx_text_free(&said);
+        status = rx_error_at(err, RX_DIFFERENT, then->path, -1, 0, "is not repeated: %s", all.data);
+    rx_text_free(&found);
+    rx_text_free(&all);
     return status;
 }
 
@@ -370,8 +362,6 @@ exit:
         rx_claim_remove(claim, folder.data);
     rx_record_free(&then.record);
     rx_record_free(&now.record);
-    rx_text_free(&then.part);
-    rx_text_free(&now.part);
     rx_text_free(&folder);
     rx_config_free(config);
     free(again);

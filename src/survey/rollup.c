@@ -415,11 +415,10 @@ static rx_status write_merged(const rx_rollup *r, rx_outputs *outputs, rx_error 
 
 static void write_log(const rx_rollup *r, rx_log *log)
 {
-    rx_log_info(
-        log,
-        "%d tiles: %d fine, %d failed, %d without a record, %d with a quality gate that failed, %d with "
-        "one that is undecided, %d others stand out",
-        r->ntiles + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided, r->apart);
+    rx_log_info(log,
+                "%d tiles: %d fine, %d failed, %d without a record, %d with a quality gate that failed, %d "
+                "with one that is undecided, %d others stand out",
+                r->ntiles + r->nmissing, r->fine, r->failed, r->nmissing, r->gates, r->undecided, r->apart);
     if (r->lower > 0)
         rx_log_info(log, "%d of %d images have a PSF that is not from several stars of their own: psfs.ecsv",
                     r->lower, r->nimages);
@@ -468,13 +467,13 @@ rx_status rx_rollup_files(const rx_survey_config *config, const char *given, rx_
         RX_TRY_EXIT(rx_tiles_read(config->tiles_name, &tiles, err));
     r.tiles = tiles;
     if (r.ntiles == 0 && tiles == NULL)
-        RX_TRY_EXIT(n == 1 ? rx_error_at(err, RX_INPUT, r.path, -1, 0,
-                                         "holds no record of a tile; give what RECORD_NAME of rextract has "
-                                         "written")
-                           : rx_error_set(err, RX_INPUT,
-                                          "none of the %d files holds a record of a tile; give what "
-                                          "RECORD_NAME of rextract has written",
-                                          n));
+        RX_TRY_EXIT(
+            n == 1 ? rx_error_at(err, RX_INPUT, r.path, -1, 0,
+                                 "holds no record of a tile; give what RECORD_NAME of rextract has written")
+                   : rx_error_set(err, RX_INPUT,
+                                  "none of the %d files holds a record of a tile; give what RECORD_NAME of "
+                                  "rextract has written",
+                                  n));
     RX_TRY_EXIT(finish(&r, err));
     status = write_all(&r, log, err);
 exit:

@@ -224,11 +224,10 @@ static void add_facts(rx_report *report, const rx_rollup *r)
     for (int i = 0; i < COUNT(counts); i++)
         rx_report_fact_number(report, counts[i].name, counts[i].n);
     snprintf(word, sizeof word, "%d of %d tiles are fine:", r->fine, r->ntiles + r->nmissing);
-    snprintf(
-        sentence, sizeof sentence,
-        "%d failed, %d without a record, %d with a quality gate that failed, %d with one that is undecided, "
-        "%d others stand out.",
-        r->failed, r->nmissing, r->gates, r->undecided, r->apart);
+    snprintf(sentence, sizeof sentence,
+             "%d failed, %d without a record, %d with a quality gate that failed, %d with one that is "
+             "undecided, %d others stand out.",
+             r->failed, r->nmissing, r->gates, r->undecided, r->apart);
     rx_report_verdict(report,
                       r->failed + r->nmissing + r->gates > 0 ? RX_MARK_BAD
                       : r->undecided + r->apart > 0          ? RX_MARK_OPEN
@@ -281,10 +280,9 @@ static void show_psfs(rx_report *report, const rx_rollup *r, const rx_report_tab
     rx_report_note(
         report,
         "Correlation of residuals: of stars that no PSF was fitted to, between pairs: &rho;<sub>1</sub> = "
-        "&lt;Re(&delta;e &delta;e*)&gt;, &rho;<sub>T</sub> the same of &delta;T/T; of pairs in "
-        "one image, and of pairs of images that do not overlap. Errors are from image to image. What is not "
-        "0 within them, the PSFs miss alike over that angle. Numbers: psf_rho.ecsv, and of all PSFs: "
-        "psfs.ecsv.");
+        "&lt;Re(&delta;e &delta;e*)&gt;, &rho;<sub>T</sub> the same of &delta;T/T; of pairs in one image, "
+        "and of pairs of images that do not overlap. Errors are from image to image. What is not 0 within "
+        "them, the PSFs miss alike over that angle. Numbers: psf_rho.ecsv, and of all PSFs: psfs.ecsv.");
 }
 
 static rx_status make_page(rx_report *report, const rx_rollup *r, rx_error *err)
@@ -303,20 +301,18 @@ static rx_status make_page(rx_report *report, const rx_rollup *r, rx_error *err)
     RX_TRY(rx_rollup_trends(r, report, &trends, err));
     rx_report_section(report, "outliers", "Tiles that stand out, worst first");
     show(report, outliers, 0, of_outliers);
-    rx_report_note(report, "Tiles that failed, then those with a gate that failed, then by robust sigmas: "
-                           "the distance from the median of "
-                           "all images over their sigma_MAD (and over the tile's own error, where that is "
-                           "larger). Listed: what a "
-                           "restorer was not made for or did not do, fluxes that are off, and whatever is "
-                           "more than 6 from the others.");
+    rx_report_note(report,
+                   "Tiles that failed, then those with a gate that failed, then by robust sigmas: the "
+                   "distance from the median of all images over their sigma_MAD (and over the tile's own "
+                   "error, where that is larger). Listed: what a restorer was not made for or did not do, "
+                   "fluxes that are off, and whatever is more than 6 from the others.");
     show_figures(report, r);
     if (rx_report_rows(trends) > 0) {
         rx_report_section(report, "trends", "Trends");
         rx_report_place(report, "trend-");
         show(report, trends, 0, NULL);
         rx_report_note(report, "Strongest first; figures where a correlation is clear (beyond 4 sigma). Of "
-                               "many pairs some reach 3 by "
-                               "chance.");
+                               "many pairs some reach 3 by chance.");
     }
     rx_report_section(report, "overview", "Restorers");
     show(report, add_runs(report, r), 0, NULL);
@@ -333,10 +329,10 @@ static rx_status make_page(rx_report *report, const rx_rollup *r, rx_error *err)
     show(report, add_tiles(report, r, shown), 0, of_tiles);
     rx_report_note(
         report,
-        "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the "
-        "survey in recall or precision, or beside it in bias, whichever is worst; differences of seeing "
-        "and depth count as well. A flux scale that is off (restored against untouched pixels, more than "
-        "1 % and 5 errors) counts by its errors from 1, with or without a reference.");
+        "Tiles whose gates fail come first. off: by how many of its own errors a tile lies below the survey "
+        "in recall or precision, or beside it in bias, whichever is worst; differences of seeing and depth "
+        "count as well. A flux scale that is off (restored against untouched pixels, more than 1 % and 5 "
+        "errors) counts by its errors from 1, with or without a reference.");
     return RX_OK;
 }
 
@@ -390,11 +386,10 @@ static void add_tile_case(rx_text *dst, const rx_rollup_tile *tile)
 
 static void make_junit(rx_text *dst, const rx_rollup *r)
 {
-    rx_text_printf(
-        dst,
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"rextract survey\" tests=\"%d\" "
-        "failures=\"%d\" errors=\"%d\" skipped=\"%d\">\n",
-        r->ntiles + r->nmissing, r->gates, r->failed + r->nmissing, r->undecided);
+    rx_text_printf(dst,
+                   "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<testsuite name=\"rextract survey\" "
+                   "tests=\"%d\" failures=\"%d\" errors=\"%d\" skipped=\"%d\">\n",
+                   r->ntiles + r->nmissing, r->gates, r->failed + r->nmissing, r->undecided);
     for (int i = 0; i < r->ntiles; i++)
         add_tile_case(dst, r->tile[i]);
     for (int i = 0; i < r->nmissing; i++)

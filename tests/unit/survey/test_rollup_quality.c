@@ -126,15 +126,14 @@ static int count_wide(double times)
     rx_text records = {0};
     char *text, *lines[43];
     for (int i = 0; i < 43; i++)
-        rx_text_printf(
-            &records,
-            "TILE t%02d.fits t%02d\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 2048 2048 150 2 %.9f 200 10 "
-            "0\nRUN NONE 1500 0\nEND\n",
-            i, i,
-            3 * (i < 21    ? 1 - off
-                 : i == 21 ? 1
-                 : i < 42  ? 1 + off
-                           : times));
+        rx_text_printf(&records,
+                       "TILE t%02d.fits t%02d\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 2048 2048 150 2 %.9f "
+                       "200 10 0\nRUN NONE 1500 0\nEND\n",
+                       i, i,
+                       3 * (i < 21    ? 1 - off
+                            : i == 21 ? 1
+                            : i < 42  ? 1 + off
+                                      : times));
     const int n = outliers_of(&records, &text, lines, 43);
     assert_true(n == 0 || strncmp(lines[0], "\"t42\"", 5) == 0);
     free(text);
