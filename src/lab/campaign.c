@@ -195,14 +195,11 @@ static rx_status report(const job *j, rx_error *err)
 {
     rx_outputs *outputs = NULL;
     const char *folder = NULL;
-    rx_campaign_record record = {0};
     rx_text brief = {0};
     rx_status status;
-    RX_TRY_EXIT(rx_campaign_record_make(j->config, j->kind->title, &record, err));
     RX_TRY_EXIT(open_output(j, &outputs, &folder, err));
     RX_TRY_EXIT(rx_lab_collect(j->lab, j->values, err));
-    RX_TRY_EXIT(rx_lab_report(
-        j->lab, &(rx_lab_output){&record, folder, j->config->output_name, j->log, &brief}, err));
+    RX_TRY_EXIT(rx_lab_report(j->lab, folder, &brief, j->log, err));
     RX_TRY_EXIT(rx_outputs_commit(outputs, err));
     for (const char *line = brief.data; line != NULL && *line != '\0';) {
         const int n = (int)strcspn(line, "\n");
@@ -212,7 +209,6 @@ static rx_status report(const job *j, rx_error *err)
     rx_log_info(j->log, "the report is %s/report.html", j->config->output_name);
 exit:
     rx_text_free(&brief);
-    rx_campaign_record_free(&record);
     rx_outputs_free(outputs);
     return status;
 }

@@ -138,8 +138,9 @@ rx_status rx_lab_facts(const rx_lab *lab, rx_text *dst, rx_error *err)
 /* --- for the report --- */
 
 typedef struct visitor {
-    const rx_campaign_config *config;
-    rx_campaign_record *record;
+    const rx_settings *settings;
+    rx_record *keywords;
+    rx_text *command;
 } visitor;
 
 /* A keyword, and those of the command line as arguments that a shell takes. */
@@ -152,34 +153,21 @@ static void visit_record(void *user, const char *name, const char *value, const 
     bare(name, &kept);
     if (!kept)
         return;
-    rx_record_add(&v->record->keywords, name, "", "%s", value);
+    rx_record_add(v->keywords, name, "", "%s", value);
     const char *quote = value[0] != '\0' && value[strspn(value, plain)] == '\0' ? "" : "'";
-    if (rx_settings_was_set(&v->config->settings, name) == RX_FROM_COMMAND)
-        rx_text_printf(&v->record->command, " -%s %s%s%s", name, quote, value, quote);
+    if (rx_settings_was_set(v->settings, name) == RX_FROM_COMMAND)
+        rx_text_printf(v->command, " -%s %s%s%s", name, quote, value, quote);
 }
 
-rx_status rx_campaign_record_make(const rx_campaign_config *config, const char *title,
-                                  rx_campaign_record *dst, rx_error *err)
+rx_status rx_lab_settings(const rx_lab *lab, rx_record *keywords, rx_text *command, rx_error *err)
 {
-    visitor v = {config, dst};
-    *dst =
-        (rx_campaign_record){.title = title, .seed = (uint64_t)config->seed, .figures = config->qa_figures};
-    rx_text_add(&dst->command, "rextract-validate");
-    if (config->settings.file != NULL) {
-        const char *folder = strrchr(config->settings.file, '/');
-        const char *name = folder != NULL ? folder + 1 : config->settings.file;
-        rx_text_printf(&dst->command, " -c %s", config->settings.file);
-        snprintf(dst->name, sizeof dst->name, "%.*s", (int)strcspn(name, "."), name);
-    }
-    rx_record_add(&dst->keywords, "version", "", "%s", RX_VERSION);
-    return rx_settings_visit(&config->settings, visit_record, &v) && !dst->keywords.failed &&
-                   !dst->command.failed
+    const rx_settings *settings = &lab->config->settings;
+    rx_text_add(command, "rextract-validate");
+    if (settings->file != NULL)
+        rx_text_printf(command, " -c %s", settings->file);
+    rx_record_add(keywords, "version", "", "%s", RX_VERSION);
+    return rx_settings_visit(settings, visit_record, &(visitor){settings, keywords, command}) &&
+                   !keywords->failed && !command->failed
                ? RX_OK
                : rx_error_memory(err, 0);
-}
-
-void rx_campaign_record_free(rx_campaign_record *record)
-{
-    rx_record_free(&record->keywords);
-    rx_text_free(&record->command);
 }

@@ -210,7 +210,7 @@ typedef struct rx_lab_kind {
     rx_status (*describe)(rx_lab *lab, rx_error *err);
     /* Its scene and its condition, as rows and tables name them. */
     void (*name_set)(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96]);
-    rx_status (*report)(const rx_lab *lab, struct rx_lab_page *page, rx_error *err);
+    rx_status (*report)(struct rx_lab_page *page, rx_error *err);
     const char *reading; /* HTML: how to read the page */
 } rx_lab_kind;
 

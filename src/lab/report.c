@@ -138,31 +138,31 @@ void rx_lab_group_show(rx_lab_page *page, const rx_lab_group *g, const char *id,
 
 /* --- rows.ecsv --- */
 
-/* Columns of all tables, each name once: a row has a value in those of its own table alone. */
+/* Columns of all tables, each name once, but the run, which has a column of its own: a row has a value in those of its own
+ * table alone. */
 typedef struct columns {
     int n;
     const rx_lab_column *list[64];
 } columns;
 
-/* The run has a column of its own, by its name. */
+static int find_column(const char *name, int n, const rx_lab_column *list)
+{
+    int i = 0;
+    while (i < n && strcmp(list[i].name, name) != 0)
+        i++;
+    return i;
+}
+
 static void add_columns(columns *dst, int n, const rx_lab_column *list)
 {
     for (int i = 0; i < n; i++) {
-        int k = strcmp(list[i].name, RX_LAB_RUN) == 0 ? dst->n + 1 : 0;
+        int k = 0;
         while (k < dst->n && strcmp(dst->list[k]->name, list[i].name) != 0)
             k++;
-        if (k == dst->n && k < (int)(sizeof dst->list / sizeof *dst->list))
+        if (k == dst->n && strcmp(list[i].name, RX_LAB_RUN) != 0 &&
+            k < (int)(sizeof dst->list / sizeof *dst->list))
             dst->list[dst->n++] = &list[i];
     }
-}
-
-/* NULL: the table has no such column. */
-static const double *value_of(const char *name, int n, const rx_lab_column *list, const double *values)
-{
-    for (int i = 0; i < n; i++)
-        if (strcmp(list[i].name, name) == 0)
-            return &values[i];
-    return NULL;
 }
 
 /* A row for each run, or one where the table is of no run, or of the one that it names. */
@@ -170,7 +170,8 @@ static void put_row(rx_ecsv *out, const rx_lab *lab, const rx_lab_table *table, 
                     const char *const names[2], long tile)
 {
     const rx_lab_schema *schema = table->schema;
-    const double *own = rx_lab_own(table, i), *run = value_of(RX_LAB_RUN, schema->nown, schema->own, own);
+    const double *own = rx_lab_own(table, i);
+    const int of = find_column(RX_LAB_RUN, schema->nown, schema->own);
     for (int k = 0; k < (schema->neach > 0 ? lab->nruns : 1); k++) {
         const double *each = rx_lab_each(table, i, k);
         rx_ecsv_text(out, schema->name);
@@ -178,13 +179,14 @@ static void put_row(rx_ecsv *out, const rx_lab *lab, const rx_lab_table *table, 
         rx_ecsv_text(out, names[1]);
         rx_ecsv_count(out, tile);
         rx_ecsv_count(out, i + 1);
-        rx_ecsv_text(out, schema->neach > 0 ? lab->run[k].name : run == NULL ? "" : lab->run[(int)*run].name);
+        rx_ecsv_text(out, schema->neach > 0    ? lab->run[k].name
+                          : of == schema->nown ? ""
+                                               : lab->run[(int)own[of]].name);
         for (int c = 0; c < all->n; c++) {
-            const double *v = value_of(all->list[c]->name, schema->nown, schema->own, own);
-            if (v == NULL)
-                v = value_of(all->list[c]->name, schema->neach, schema->each, each);
-            if (v != NULL)
-                rx_ecsv_number(out, *v);
+            const int a = find_column(all->list[c]->name, schema->nown, schema->own),
+                      b = find_column(all->list[c]->name, schema->neach, schema->each);
+            if (a < schema->nown || b < schema->neach)
+                rx_ecsv_number(out, a < schema->nown ? own[a] : each[b]);
             else
                 rx_ecsv_text(out, "");
         }
@@ -192,7 +194,7 @@ static void put_row(rx_ecsv *out, const rx_lab *lab, const rx_lab_table *table, 
     }
 }
 
-static rx_status write_rows(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
+static rx_status write_rows(const rx_lab *lab, const char *folder, rx_error *err)
 {
     columns all = {0};
     rx_text text = {0};
@@ -225,69 +227,71 @@ static rx_status write_rows(const rx_lab *lab, const rx_lab_output *output, rx_e
         rx_lab_tables_free(lab, table);
     }
     if (status == RX_OK)
-        return rx_report_file(output->folder, output->shown, "rows.ecsv", &text, err);
+        return rx_report_file(folder, lab->config->output_name, "rows.ecsv", &text, err);
     rx_text_free(&text);
     return status;
 }
 
 /* --- page --- */
 
-static void begin(rx_lab_page *dst, const rx_lab *lab, const rx_campaign_record *record)
+/* The heading, with the name of the file of settings, and first facts; NULL without memory. */
+static rx_report *begin(const rx_lab *lab, const char *command)
 {
-    char seed[32], type[16] = "", title[128];
-    const int named = record->name[0] != '\0' && strcmp(record->name, "default") != 0;
-    snprintf(title, sizeof title, "%s%s%s", record->title, named ? ", " : "", named ? record->name : "");
+    const char *file = lab->config->settings.file, *slash = file != NULL ? strrchr(file, '/') : NULL;
+    char seed[32], type[16] = "", title[128], name[64] = "";
+    if (file != NULL)
+        snprintf(name, sizeof name, "%.*s", (int)strcspn(slash != NULL ? slash + 1 : file, "."),
+                 slash != NULL ? slash + 1 : file);
+    const int named = name[0] != '\0' && strcmp(name, "default") != 0;
+    snprintf(title, sizeof title, "%s%s%s", lab->kind->title, named ? ", " : "", named ? name : "");
     rx_report *r = rx_report_new("Validation: ", title);
-    *dst = (rx_lab_page){.lab = lab, .seed = record->seed, .report = r};
     if (r == NULL)
-        return;
-    snprintf(seed, sizeof seed, "%llu", (unsigned long long)record->seed);
+        return NULL;
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)lab->config->seed);
     for (int i = 0; lab->kind->name[i] != '\0'; i++)
         type[i] = (char)tolower((unsigned char)lab->kind->name[i]);
     rx_report_fact(r, "format", "rextract-campaign 3");
     rx_report_fact(r, "type", type);
-    rx_report_fact(r, "title", record->title);
-    rx_report_fact(r, "command", record->command.data);
+    rx_report_fact(r, "title", lab->kind->title);
+    rx_report_fact(r, "command", command);
     rx_report_fact(r, "seed", seed);
     rx_report_fact_number(r, "interval_level", LEVEL);
     rx_report_fact(r, "about", lab->about[0] != '\0' ? lab->about : NULL);
-    dst->cells = RX_REPORT_TABLE(r, "cells", CELLS, RX_REPORT_IN_FILE);
     if (lab->about[0] != '\0')
         rx_report_sentence(r, lab->about);
+    return r;
 }
 
-/* How to read it, what made it, and the files. */
-static rx_status finish(const rx_lab_page *page, const rx_lab_output *output, rx_error *err)
+rx_status rx_lab_report(const rx_lab *lab, const char *folder, rx_text *brief, rx_log *log, rx_error *err)
 {
-    const rx_campaign_record *record = output->record;
+    const rx_campaign_config *config = lab->config;
     const rx_report_files files = {
-        .folder = output->folder, .shown = output->shown, .figures = record->figures, .log = output->log};
+        .folder = folder, .shown = config->output_name, .figures = config->qa_figures, .log = log};
     const char *(*pairs)[2] = NULL;
-    rx_text command = {0};
-    rx_report_section(page->report, "reading", "How to read this");
-    rx_report_paragraph(page->report, page->lab->kind->reading);
-    rx_report_section(page->report, "record", "What made this page");
-    rx_text_printf(&command, "Seed %llu; %s", (unsigned long long)record->seed, record->command.data);
-    rx_report_sentence(page->report, command.data);
+    rx_lab_page page = {.lab = lab};
+    rx_record keywords = {0};
+    rx_text command = {0}, words = {0};
+    rx_status status;
+    RX_TRY_EXIT(rx_lab_settings(lab, &keywords, &command, err));
+    RX_TRY_EXIT(rx_record_list(&keywords, &pairs, err));
+    rx_report *r = page.report = begin(lab, command.data);
+    if (r == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    page.cells = RX_REPORT_TABLE(r, "cells", CELLS, RX_REPORT_IN_FILE);
+    RX_TRY_EXIT(lab->kind->report(&page, err));
+    rx_report_section(r, "reading", "How to read this");
+    rx_report_paragraph(r, lab->kind->reading);
+    rx_report_section(r, "record", "What made this page");
+    rx_text_printf(&words, "Seed %llu; %s", (unsigned long long)config->seed, command.data);
+    rx_report_sentence(r, words.data);
+    rx_report_record(r, keywords.n, (const char *const(*)[2])pairs);
+    RX_TRY_EXIT(rx_report_write(r, &files, brief, err));
+    status = write_rows(lab, folder, err);
+exit:
+    rx_report_free(page.report);
+    rx_record_free(&keywords);
     rx_text_free(&command);
-    rx_status status = rx_record_list(&record->keywords, &pairs, err);
-    if (status == RX_OK) {
-        rx_report_record(page->report, record->keywords.n, (const char *const(*)[2])pairs);
-        status = rx_report_write(page->report, &files, output->brief, err);
-    }
+    rx_text_free(&words);
     free(pairs);
     return status;
-}
-
-rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err)
-{
-    rx_lab_page page;
-    begin(&page, lab, output->record);
-    if (page.report == NULL)
-        return rx_error_memory(err, 0);
-    rx_status status = lab->kind->report(lab, &page, err);
-    if (status == RX_OK)
-        status = finish(&page, output, err);
-    rx_report_free(page.report);
-    return status == RX_OK ? write_rows(lab, output, err) : status;
 }

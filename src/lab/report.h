@@ -1,6 +1,6 @@
 /* The report of a campaign: its rows as they were measured, numbers made of them, tables and figures of these.
  *
- * rows.ecsv has every row of every table (rows.h), one for each thing and run: what a question that was not asked here is
+ * rows.ecsv has every row of every table (lab.h), one for each thing and run: what a question that was not asked here is
  * answered from. A group (a scene, a field, bins of FWHM or of noise) has quantities, each of them a number for every
  * condition (a seeing, a magnitude, a bin) and column (a run; DETECTION: and RL at its best): rows of "cells", a table and
  * a figure of the page. */
@@ -46,7 +46,6 @@ typedef struct rx_lab_group {
 /* The page under work. */
 typedef struct rx_lab_page {
     const rx_lab *lab;
-    uint64_t seed; /* of intervals by resampling */
     rx_report *report;
     rx_report_table *cells;
 } rx_lab_page;
@@ -58,32 +57,16 @@ typedef struct rx_lab_page {
  * what only the report uses stay out; names of files do, too: their content counts. */
 rx_status rx_lab_facts(const rx_lab *lab, rx_text *dst, rx_error *err);
 
-/* What a report says of the campaign that made it. */
-typedef struct rx_campaign_record {
-    const char *title;  /* not owned */
-    char name[64];      /* of its file of settings, without folder and end; "" none */
-    rx_text command;    /* as a reader can repeat it */
-    rx_record keywords; /* every one, with names of files and what only the report uses; program version */
-    uint64_t seed;
-    int figures; /* 0: no gnuplot */
-} rx_campaign_record;
-rx_status rx_campaign_record_make(const rx_campaign_config *config, const char *title,
-                                  rx_campaign_record *dst, rx_error *err);
-void rx_campaign_record_free(rx_campaign_record *record); /* content only */
+/* For the report: every keyword, with names of files and what only the report uses, and program version; the command as a
+ * reader can repeat it. */
+rx_status rx_lab_settings(const rx_lab *lab, rx_record *keywords, rx_text *command, rx_error *err);
 
 /* --- files --- */
 
-/* report.html (self-contained), summary.json, tables (ECSV) and figures go into the existing folder; `shown` is its name
- * in errors. brief (may be NULL) gets a short table for the terminal. No dates and no timings in the files. */
-typedef struct rx_lab_output {
-    const rx_campaign_record *record;
-    const char *folder, *shown;
-    rx_log *log;
-    rx_text *brief;
-} rx_lab_output;
-
-/* Of a campaign whose sets are there. Errors: as rx_report_write(). */
-rx_status rx_lab_report(const rx_lab *lab, const rx_lab_output *output, rx_error *err);
+/* report.html (self-contained), summary.json, tables (ECSV) and figures, of a campaign whose sets are there, go into the
+ * existing folder. brief gets a short table for the terminal. No dates and no timings in the files. Errors: as
+ * rx_report_write(). */
+rx_status rx_lab_report(const rx_lab *lab, const char *folder, rx_text *brief, rx_log *log, rx_error *err);
 
 /* --- for report() of a kind --- */
 

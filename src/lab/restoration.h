@@ -44,7 +44,7 @@ rx_status rx_restoration_example(const rx_lab *lab, int bin, rx_restoration_show
 /* --- report --- */
 
 void rx_restoration_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96]);
-rx_status rx_restoration_report(const rx_lab *lab, struct rx_lab_page *page, rx_error *err);
+rx_status rx_restoration_report(struct rx_lab_page *page, rx_error *err);
 extern const char rx_restoration_reading[];
 
 #endif

@@ -388,8 +388,9 @@ static void add_facts(rx_report *report, const rx_lab *lab)
     }
 }
 
-rx_status rx_restoration_report(const rx_lab *lab, rx_lab_page *page, rx_error *err)
+rx_status rx_restoration_report(rx_lab_page *page, rx_error *err)
 {
+    const rx_lab *lab = page->lab;
     const int n = lab->config->examples < lab->nconditions ? lab->config->examples : lab->nconditions;
     results r = {.lab = lab};
     rx_status status;

@@ -54,7 +54,7 @@ rx_status rx_sources_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_t
 rx_status rx_sources_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                           rx_lab_table *dst, rx_error *err);
 void rx_sources_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96]);
-rx_status rx_sources_report(const rx_lab *lab, struct rx_lab_page *page, rx_error *err);
+rx_status rx_sources_report(struct rx_lab_page *page, rx_error *err);
 extern const char rx_sources_reading[];
 
 /* A tile: its field, and what is on it. DETECTION: tile t of a scene is drawn alike under every condition; of PAIRS objects

@@ -447,8 +447,9 @@ static rx_status open_group(rx_lab_group *g, const rx_lab *lab, int fields, int 
     return RX_OK;
 }
 
-rx_status rx_sources_report(const rx_lab *lab, rx_lab_page *page, rx_error *err)
+rx_status rx_sources_report(rx_lab_page *page, rx_error *err)
 {
+    const rx_lab *lab = page->lab;
     const int fields = lab->scene[0].id == RX_SCENE_MAGNITUDE, n = fields ? lab->nconditions : lab->nscenes;
     rx_report_table *tables[3] = {NULL};
     rx_lab_group *groups = RX_NEW(rx_lab_group, (size_t)n);
@@ -464,7 +465,8 @@ rx_status rx_sources_report(const rx_lab *lab, rx_lab_page *page, rx_error *err)
     for (int g = 0; g < n && status == RX_OK; g++)
         status = open_group(&groups[g], lab, fields, g, err);
     for (int c = 0; c < lab->nconditions && status == RX_OK; c++) {
-        status = measure_condition(&groups[fields ? c : 0], c, fields, page->seed, cuts, err);
+        status =
+            measure_condition(&groups[fields ? c : 0], c, fields, (uint64_t)lab->config->seed, cuts, err);
         if (status == RX_OK && fields)
             status = add_field(page, &groups[c], c, cuts, tables, err);
     }
