@@ -45,14 +45,6 @@ void rx_lab_group_free(rx_lab_group *g)
     *g = (rx_lab_group){0};
 }
 
-int rx_lab_group_column(const rx_lab_group *g, const char *name)
-{
-    for (int k = 0; k < g->ncolumns; k++)
-        if (strcmp(g->column[k], name) == 0)
-            return k;
-    return -1;
-}
-
 rx_finding *rx_lab_group_at(const rx_lab_group *g, int quantity, int condition, int column)
 {
     return &g->finding[((size_t)quantity * (size_t)g->nconditions + (size_t)condition) * (size_t)g->ncolumns +

@@ -74,7 +74,6 @@ rx_status rx_lab_report(const rx_lab *lab, const char *folder, rx_text *brief, r
 rx_status rx_lab_group_open(rx_lab_group *group, const rx_lab *lab, int nconditions, rx_error *err);
 void rx_lab_group_free(rx_lab_group *group); /* content only */
 
-int rx_lab_group_column(const rx_lab_group *group, const char *name); /* -1: none */
 rx_finding *rx_lab_group_at(const rx_lab_group *group, int quantity, int condition, int column);
 
 /* A section: figures (those whose ids begin with "ID-", too; drawn 0: none), words (NULL: none), and the quantities, all of

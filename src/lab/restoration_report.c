@@ -25,14 +25,17 @@ typedef struct bin {
     rx_five_numbers level; /* noise levels of its scenes */
     int inside;            /* seeing and median noise level are inside the training */
     int fainter;           /* that level is above those of all fields of it, which yet has patches so faint */
-    rx_five_numbers box[QUALITIES][RX_METHODS_MAX];
+    char label[100];       /* below the boxes */
 } bin;
 
+/* By FWHM, and by noise: bins of the lab from `first` on. */
 typedef struct results {
     const rx_lab *lab;
-    rx_lab_group group[2]; /* by FWHM, by noise */
-    bin *bin;              /* [nconditions of the lab], those of FWHM first; owned */
-    double *work[2];       /* a value for each scene of a bin; owned */
+    rx_lab_group group;
+    int first;
+    bin *bin;                        /* [nconditions]; this and what follows is owned */
+    rx_five_numbers *box[QUALITIES]; /* [nconditions][nruns] */
+    double *work[2];                 /* a value for each scene of a bin */
 } results;
 
 static double centre(const rx_lab *lab, int b)
@@ -63,63 +66,72 @@ static long gather(const rx_lab_table *scene, int quality, const int run[2], dou
     return n;
 }
 
-static int is_between(double value, const double range[2])
-{
-    return range[1] > range[0] && value >= range[0] && value <= range[1];
-}
-
-/* Condition c of a group, bin b of the lab. */
-static rx_status measure_bin(results *r, int g, int c, int b, rx_error *err)
+/* Condition c of the group. */
+static rx_status measure_bin(results *r, int c, rx_error *err)
 {
     const rx_lab *lab = r->lab;
+    const int b = r->first + c;
     const rx_lab_bin *drawn = &lab->bin[b];
     const rx_lab_table *scene = scenes_of(lab, b);
-    bin *own = &r->bin[b];
+    const double fwhm = drawn->by_sigma ? 0.5 * (drawn->other_low + drawn->other_high) : centre(lab, b),
+                 *trained = lab->fwhm_trained;
+    bin *own = &r->bin[c];
+    snprintf(r->group.condition[c], sizeof *r->group.condition, "%g", r->group.place[c] = centre(lab, b));
     for (long i = 0; i < scene->n; i++)
         r->work[0][i] = rx_lab_own(scene, i)[RX_SCENE_LEVEL];
     RX_TRY(rx_five_numbers_of(scene->n, r->work[0], &own->level, err));
-    own->inside = is_between(g == 1 ? 0.5 * (drawn->other_low + drawn->other_high) : centre(lab, b),
-                             lab->fwhm_trained) &&
+    own->inside = trained[1] > trained[0] && fwhm >= trained[0] && fwhm <= trained[1] &&
                   !(own->level.median < lab->level_trained[0]);
     own->fainter = lab->level_trained[1] > 0.0 && own->level.median > lab->level_trained[1];
+    snprintf(own->label, sizeof own->label, "%s%s", r->group.condition[c],
+             !own->inside || own->fainter ? "+" : "");
     for (int i = 0; i < QUALITIES * lab->nruns; i++) {
         const int q = i / lab->nruns, run = i % lab->nruns;
         const long n = gather(scene, q, (int[]){run, run}, r->work);
-        rx_finding *dst = rx_lab_group_at(&r->group[g], q, c, run);
-        own->box[q][run] = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, 0, 0, NAN};
+        rx_five_numbers *box = &r->box[q][c * lab->nruns + run];
+        *box = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, 0, 0, NAN};
         if (n > 0)
-            RX_TRY(rx_five_numbers_of(n, r->work[0], &own->box[q][run], err));
-        *dst =
+            RX_TRY(rx_five_numbers_of(n, r->work[0], box, err));
+        *rx_lab_group_at(&r->group, q, c, run) =
             (rx_finding){rx_mean_estimate(n, r->work[0], LEVEL), lab->tuned[b * lab->nruns + run][q].setting};
     }
     return RX_OK;
 }
 
-static rx_status measure(results *r, rx_error *err)
+static rx_status measure(const rx_lab *lab, int by_sigma, results *r, rx_error *err)
 {
-    const rx_lab *lab = r->lab;
-    int nbins[2] = {0};
+    int n = 0;
     size_t room = 1;
+    *r = (results){.lab = lab,
+                   .group = {.name = by_sigma ? "noise" : "FWHM",
+                             .axis = AXES[by_sigma],
+                             .nquantities = QUALITIES,
+                             .open = QUALITIES}};
     for (int b = 0; b < lab->nconditions; b++) {
-        nbins[lab->bin[b].by_sigma]++;
+        n += lab->bin[b].by_sigma == by_sigma;
+        r->first += lab->bin[b].by_sigma < by_sigma; /* those of FWHM come first */
         room += (size_t)scenes_of(lab, b)->n;
     }
-    RX_TRY(RX_MAKE(r->bin, (size_t)lab->nconditions, err));
-    for (int i = 0; i < 2; i++)
+    memcpy(r->group.quantity, QUALITY, sizeof QUALITY);
+    RX_TRY(rx_lab_group_open(&r->group, lab, n, err));
+    RX_TRY(RX_MAKE(r->bin, (size_t)n, err));
+    for (int i = 0; i < 2; i++) {
         RX_TRY(RX_MAKE(r->work[i], room, err));
-    for (int g = 0; g < 2; g++) {
-        rx_lab_group *group = &r->group[g];
-        *group = (rx_lab_group){
-            .name = g == 1 ? "noise" : "FWHM", .axis = AXES[g], .nquantities = QUALITIES, .open = QUALITIES};
-        memcpy(group->quantity, QUALITY, sizeof QUALITY);
-        RX_TRY(rx_lab_group_open(group, lab, nbins[g], err));
-        for (int c = 0; c < nbins[g]; c++) {
-            const int b = c + g * nbins[0];
-            snprintf(group->condition[c], sizeof *group->condition, "%g", group->place[c] = centre(lab, b));
-            RX_TRY(measure_bin(r, g, c, b, err));
-        }
+        RX_TRY(RX_MAKE(r->box[i], (size_t)n * (size_t)lab->nruns, err));
     }
+    for (int c = 0; c < n; c++)
+        RX_TRY(measure_bin(r, c, err));
     return RX_OK;
+}
+
+static void forget(results *r)
+{
+    rx_lab_group_free(&r->group);
+    free(r->bin);
+    for (int i = 0; i < 2; i++) {
+        free(r->box[i]);
+        free(r->work[i]);
+    }
 }
 
 /* --- the paper --- */
@@ -138,33 +150,21 @@ typedef struct paper_table {
     double t[PAPER_COLUMNS], p[PAPER_COLUMNS]; /* as printed */
 } paper_table;
 
+/* clang-format off */
 static const paper_table PAPER[PAPER_TABLES] = {
-    {.quality = SSIM,
-     .dof = 138,
-     .n = 7,
-     .bin = {2, 4, 6, 8, 10, 12, 14},
-     .t = {17.97, 20.46, 17.57, 20.27, 20.76, 18.79, 24.56},
-     .p = {5.96e-38, 1.23e-43, 5.08e-37, 3.40e-43, 2.72e-44, 7.41e-40, 3.21e-52}},
-    {.quality = PSNR,
-     .dof = 138,
-     .n = 7,
-     .bin = {2, 4, 6, 8, 10, 12, 14},
-     .t = {49.69, 73.94, 56.31, 75.21, 76.49, 68.05, 110.96},
-     .p = {6.02e-90, 6.82e-113, 4.29e-97, 6.88e-114, 7.09e-115, 4.77e-108, 8.31e-137}},
-    {.by_sigma = 1,
-     .quality = SSIM,
-     .dof = 78,
-     .n = 8,
-     .bin = {2, 9, 12, 15, 18, 21, 23, 25},
-     .t = {1.70, 17.81, 26.46, 32.40, 32.12, 40.43, 40.60, 43.98},
-     .p = {4.88e-02, 3.25e-29, 1.05e-40, 5.35e-47, 1.00e-46, 4.40e-54, 3.24e-54, 1.63e-54}},
-    {.by_sigma = 1,
-     .quality = PSNR,
-     .dof = 78,
-     .n = 8,
-     .bin = {2, 9, 12, 15, 18, 21, 23, 25},
-     .t = {6.66, 34.76, 42.52, 39.62, 43.38, 50.09, 47.96, 59.78},
-     .p = {3.52e-09, 3.11e-49, 1.02e-55, 1.98e-53, 2.27e-56, 4.52e-61, 1.19e-59, 6.52e-67}}};
+    {0, SSIM, 138, 7, {2, 4, 6, 8, 10, 12, 14},
+     {17.97, 20.46, 17.57, 20.27, 20.76, 18.79, 24.56},
+     {5.96e-38, 1.23e-43, 5.08e-37, 3.40e-43, 2.72e-44, 7.41e-40, 3.21e-52}},
+    {0, PSNR, 138, 7, {2, 4, 6, 8, 10, 12, 14},
+     {49.69, 73.94, 56.31, 75.21, 76.49, 68.05, 110.96},
+     {6.02e-90, 6.82e-113, 4.29e-97, 6.88e-114, 7.09e-115, 4.77e-108, 8.31e-137}},
+    {1, SSIM, 78, 8, {2, 9, 12, 15, 18, 21, 23, 25},
+     {1.70, 17.81, 26.46, 32.40, 32.12, 40.43, 40.60, 43.98},
+     {4.88e-02, 3.25e-29, 1.05e-40, 5.35e-47, 1.00e-46, 4.40e-54, 3.24e-54, 1.63e-54}},
+    {1, PSNR, 78, 8, {2, 9, 12, 15, 18, 21, 23, 25},
+     {6.66, 34.76, 42.52, 39.62, 43.38, 50.09, 47.96, 59.78},
+     {3.52e-09, 3.11e-49, 1.02e-55, 1.98e-53, 2.27e-56, 4.52e-61, 1.19e-59, 6.52e-67}}};
+/* clang-format on */
 
 /* Whether the printed p of a column follows from its t (two-sided, the table's dof) within what rounding t to 0.01 and p to
  * three digits allows; *p = the p that follows, *ln_p its logarithm. */
@@ -183,23 +183,16 @@ static int column_fits(const paper_table *table, int column, double *p, double *
 enum { SHOWN_SIDE = 128, PICTURE_WIDTH = 200 };
 
 /* One box per method and bin, as the paper's figure. */
-static void plot_boxes(rx_figures *dst, const results *r, int g, int quality)
+static void plot_boxes(rx_figures *dst, const results *r, int quality)
 {
-    const rx_lab_group *group = &r->group[g];
-    const size_t nbins = (size_t)group->nconditions, nmethods = (size_t)group->ncolumns;
-    char id[RX_FIGURE_ID], title[80], (*label)[100] = rx_alloc(nbins, sizeof *label);
+    const rx_lab_group *group = &r->group;
+    char id[RX_FIGURE_ID], title[80];
     int colors[RX_METHODS_MAX];
-    rx_five_numbers *box = RX_NEW(rx_five_numbers, nbins * nmethods);
-    const char **groups = RX_NEW(const char *, nbins);
-    dst->script.failed |= label == NULL || box == NULL || groups == NULL;
-    for (size_t c = 0; c < nbins && !dst->script.failed; c++) {
-        const bin *own = &r->bin[(int)c + g * r->group[0].nconditions];
-        memcpy(&box[c * nmethods], own->box[quality], nmethods * sizeof *box);
-        snprintf(label[c], sizeof *label, "%s%s", group->condition[c],
-                 !own->inside || own->fainter ? "+" : "");
-        groups[c] = label[c];
-    }
-    for (size_t k = 0; k < nmethods; k++)
+    const char **labels = rx_alloc((size_t)group->nconditions, sizeof *labels);
+    dst->script.failed |= labels == NULL;
+    for (int c = 0; c < group->nconditions && labels != NULL; c++)
+        labels[c] = r->bin[c].label;
+    for (int k = 0; k < group->ncolumns; k++)
         colors[k] = rx_method_color(group->column[k]);
     snprintf(id, sizeof id, "%.5s-box-%.8s", group->name, QUALITY[quality].name);
     snprintf(title, sizeof title, "%s by %s", UPPER[quality], group->name);
@@ -208,12 +201,11 @@ static void plot_boxes(rx_figures *dst, const results *r, int g, int quality)
         "Box: quartiles, bar: median, ring: mean, whiskers: last value within 1.5 box lengths; a plus: "
         "beyond the training range. As the paper's Figure 5: blurred blue, RL red, the network green.",
         RX_FIGURE_CHART);
-    if (!dst->script.failed)
-        rx_plot_boxes(dst, &(rx_axes){.xlabel = AXES[g], .ylabel = quality == PSNR ? "PSNR (dB)" : "SSIM"},
-                      &(rx_boxes){(int)nbins, group->ncolumns, groups, group->column, colors, box});
-    free(box);
-    free(label);
-    free(groups);
+    if (labels != NULL)
+        rx_plot_boxes(
+            dst, &(rx_axes){.xlabel = group->axis, .ylabel = quality == PSNR ? "PSNR (dB)" : "SSIM"},
+            &(rx_boxes){group->nconditions, group->ncolumns, labels, group->column, colors, r->box[quality]});
+    free(labels);
 }
 
 /* The pictures of one scene under work. */
@@ -274,25 +266,25 @@ RX_COLUMNS(COLUMNS, RX_COUNT("table", "of the paper"), RX_TEXT("scene", ""), RX_
            RX_NUMBER("t", 2, "", "here, two samples as in the paper"), RX_P("p", "here"),
            RX_NUMBER("paired_t", 2, "", "here, on the same scenes: the fitting test"));
 
-static void add_bins(rx_report *report, const results *r)
+static void add_bins(rx_report *report, const results by[2])
 {
     rx_report_table *bins = RX_REPORT_TABLE(report, "bins", BINS, RX_REPORT_EVERYWHERE),
                     *boxes = RX_REPORT_TABLE(report, "boxes", BOXES, RX_REPORT_IN_FILE);
-    for (int b = 0; b < r->lab->nconditions; b++) {
-        const rx_lab_bin *drawn = &r->lab->bin[b];
-        const rx_lab_group *group = &r->group[drawn->by_sigma];
-        const char *name = group->condition[b - drawn->by_sigma * r->group[0].nconditions];
-        const bin *own = &r->bin[b];
-        rx_report_put(bins, group->name, name, drawn->low, drawn->high, drawn->other_low, drawn->other_high,
-                      scenes_of(r->lab, b)->n, own->level.low, own->level.median, own->level.high,
-                      own->inside, own->fainter);
-        for (int i = 0; i < QUALITIES * group->ncolumns; i++) {
-            const rx_five_numbers *box = &own->box[i / group->ncolumns][i % group->ncolumns];
-            rx_report_put(boxes, group->name, name, group->column[i % group->ncolumns],
-                          QUALITY[i / group->ncolumns].name, box->low, box->q1, box->median, box->q3,
-                          box->high, box->outliers);
+    for (const results *r = by; r < by + 2; r++)
+        for (int c = 0; c < r->group.nconditions; c++) {
+            const rx_lab_group *g = &r->group;
+            const rx_lab_bin *drawn = &r->lab->bin[r->first + c];
+            const bin *own = &r->bin[c];
+            rx_report_put(bins, g->name, g->condition[c], drawn->low, drawn->high, drawn->other_low,
+                          drawn->other_high, scenes_of(r->lab, r->first + c)->n, own->level.low,
+                          own->level.median, own->level.high, own->inside, own->fainter);
+            for (int i = 0; i < QUALITIES * g->ncolumns; i++) {
+                const int q = i / g->ncolumns, k = i % g->ncolumns;
+                const rx_five_numbers *box = &r->box[q][c * g->ncolumns + k];
+                rx_report_put(boxes, g->name, g->condition[c], g->column[k], QUALITY[q].name, box->low,
+                              box->q1, box->median, box->q3, box->high, box->outliers);
+            }
         }
-    }
     rx_report_section(report, "bins", "Bins, and where the network's training lies");
     rx_report_show(report, bins,
                    RX_VIEW(.note = "Models know noise on a scale of their own, the noise level: 255 times "
@@ -304,10 +296,10 @@ static rx_status test_column(const results *r, const paper_table *table, int col
                              rx_test *two, rx_test *paired, rx_error *err)
 {
     *two = *paired = (rx_test){NAN, NAN, NAN, NAN};
-    for (int b = 0; b < r->lab->nconditions; b++) {
-        if (r->lab->bin[b].by_sigma != table->by_sigma || fabs(centre(r->lab, b) - table->bin[column]) > 0.25)
+    for (int c = 0; c < r->group.nconditions && run[0] >= 0 && run[1] >= 0; c++) {
+        if (fabs(centre(r->lab, r->first + c) - table->bin[column]) > 0.25)
             continue;
-        const long n = gather(scenes_of(r->lab, b), table->quality, run, r->work);
+        const long n = gather(scenes_of(r->lab, r->first + c), table->quality, run, r->work);
         if (n < 2)
             return RX_OK;
         RX_TRY(rx_test_two_sample(n, r->work[0], n, r->work[1], two, err));
@@ -317,32 +309,34 @@ static rx_status test_column(const results *r, const paper_table *table, int col
 }
 
 /* The printed numbers of the paper beside ours: of NET and RL, or of RL and what is filtered or not restored. */
-static rx_status add_paper(rx_report *report, const results *r, rx_error *err)
+static rx_status add_paper(rx_report *report, const results by[2], rx_error *err)
 {
     static const char *const pairs[][2] = {{"NET", "RL"}, {"RL", "SMOOTHED"}, {"RL", "BLURRED"}};
     rx_report_table *t = RX_REPORT_TABLE(report, "paper", COLUMNS, RX_REPORT_IN_JSON);
+    const rx_lab *lab = by->lab;
     int run[2] = {-1, -1};
     char words[128];
     for (size_t i = 0; i < sizeof pairs / sizeof *pairs && (run[0] < 0 || run[1] < 0); i++)
-        for (int k = 0; k < 2; k++)
-            run[k] = rx_lab_group_column(&r->group[0], pairs[i][k]);
-    const int both = run[0] >= 0 && run[1] >= 0;
+        for (int k = 0; k < 2; k++) {
+            run[k] = lab->nruns - 1;
+            while (run[k] >= 0 && strcmp(lab->run[run[k]].name, pairs[i][k]) != 0)
+                run[k]--;
+        }
     for (const paper_table *table = PAPER; table < PAPER + PAPER_TABLES; table++)
         for (int k = 0; k < table->n; k++) {
-            rx_test two = {NAN, NAN, NAN, NAN}, paired = two;
+            rx_test two, paired;
             double p, ln_p;
             const int fits = column_fits(table, k, &p, &ln_p);
-            if (both)
-                RX_TRY(test_column(r, table, k, run, &two, &paired, err));
+            RX_TRY(test_column(&by[table->by_sigma], table, k, run, &two, &paired, err));
             rx_report_put(t, table - PAPER + 1, table->by_sigma ? "noise" : "FWHM",
                           QUALITY[table->quality].name, table->bin[k], table->dof, table->t[k],
                           rx_cell_p(table->p[k], log(table->p[k])), rx_cell_p(p, ln_p), fits, two.statistic,
                           rx_cell_p(two.p, two.ln_p), paired.statistic);
         }
     rx_report_section(report, "paper", "Beside the paper's Tables 1 to 4");
-    if (both) {
+    if (run[0] >= 0 && run[1] >= 0) {
         snprintf(words, sizeof words, "The paper's columns are NET against RL, ours %s against %s.",
-                 r->lab->run[run[0]].name, r->lab->run[run[1]].name);
+                 lab->run[run[0]].name, lab->run[run[1]].name);
         rx_report_sentence(report, words);
     }
     rx_report_show(report, t, RX_VIEW(.from = 0));
@@ -392,16 +386,16 @@ rx_status rx_restoration_report(rx_lab_page *page, rx_error *err)
 {
     const rx_lab *lab = page->lab;
     const int n = lab->config->examples < lab->nconditions ? lab->config->examples : lab->nconditions;
-    results r = {.lab = lab};
+    results by[2] = {{0}};
     rx_status status;
     add_facts(page->report, lab);
-    RX_TRY_EXIT(measure(&r, err));
     for (int g = 0; g < 2; g++) {
-        if (r.group[g].nconditions == 0)
+        RX_TRY_EXIT(measure(lab, g, &by[g], err));
+        if (by[g].group.nconditions == 0)
             continue;
         for (int q = 0; q < QUALITIES; q++)
-            plot_boxes(rx_report_figures_of(page->report), &r, g, q);
-        rx_lab_group_show(page, &r.group[g], r.group[g].name, g == 1 ? "By noise" : "By FWHM", 1, NULL);
+            plot_boxes(rx_report_figures_of(page->report), &by[g], q);
+        rx_lab_group_show(page, &by[g].group, by[g].group.name, g == 1 ? "By noise" : "By FWHM", 1, NULL);
     }
     if (n > 0)
         rx_report_section(page->report, "examples", "Examples");
@@ -412,13 +406,10 @@ rx_status rx_restoration_report(rx_lab_page *page, rx_error *err)
         snprintf(id, sizeof id, "example%d-", e);
         rx_report_place(page->report, id);
     }
-    add_bins(page->report, &r);
-    status = add_paper(page->report, &r, err);
+    add_bins(page->report, by);
+    status = add_paper(page->report, by, err);
 exit:
-    for (int i = 0; i < 2; i++) {
-        rx_lab_group_free(&r.group[i]);
-        free(r.work[i]);
-    }
-    free(r.bin);
+    forget(&by[0]);
+    forget(&by[1]);
     return status;
 }
