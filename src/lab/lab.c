@@ -122,7 +122,8 @@ void rx_lab_close(rx_lab *lab)
     for (int c = 0; c < lab->nskies; c++)
         rx_lab_sky_close(&lab->sky[c]);
     for (int k = 0; lab->set != NULL && k < lab->nconditions * lab->nscenes; k++)
-        rx_lab_tables_free(lab, lab->set[k].table);
+        for (int t = 0; t < lab->kind->ntables; t++)
+            free(lab->set[k][t].v);
     free(lab->set);
     free(lab->tuned);
     free(lab->sky);
@@ -181,19 +182,11 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
 
 /* --- units --- */
 
-void rx_lab_tables_begin(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES])
+static rx_lab_table new_table(const rx_lab *lab, int t)
 {
-    for (int t = 0; t < lab->kind->ntables; t++) {
-        const rx_lab_schema *schema = &lab->kind->tables[t];
-        table[t] = (rx_lab_table){
-            .schema = schema, .nruns = lab->nruns, .width = schema->nown + lab->nruns * schema->neach};
-    }
-}
-
-void rx_lab_tables_free(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES])
-{
-    for (int t = 0; t < lab->kind->ntables; t++)
-        free(table[t].v);
+    const rx_lab_schema *schema = &lab->kind->tables[t];
+    return (rx_lab_table){
+        .schema = schema, .nruns = lab->nruns, .width = schema->nown + lab->nruns * schema->neach};
 }
 
 rx_status rx_lab_rows_add(rx_lab_table *t, long n, double **first, rx_error *err)
@@ -213,84 +206,73 @@ rx_status rx_lab_rows_add(rx_lab_table *t, long n, double **first, rx_error *err
     return RX_OK;
 }
 
-double rx_lab_sum(const rx_lab_table *table, int column)
-{
-    double sum = 0;
-    for (long i = 0; i < table->n; i++)
-        sum += rx_lab_own(table, i)[column];
-    return sum;
-}
-
 rx_status rx_lab_do_unit(const rx_lab *lab, long unit, const rx_unit_values *done, rx_unit_values *dst,
                          rx_error *err)
 {
     rx_lab_table table[RX_LAB_TABLES];
-    long n = lab->kind->ntables;
-    rx_lab_tables_begin(lab, table);
+    const int ntables = lab->kind->ntables;
+    long n = ntables;
+    for (int t = 0; t < ntables; t++)
+        table[t] = new_table(lab, t);
     rx_status status = lab->kind->unit(lab, &lab->unit[unit], done, table, err);
-    for (int t = 0; t < lab->kind->ntables; t++)
+    for (int t = 0; t < ntables; t++)
         n += table[t].n * table[t].width;
     if (status == RX_OK)
         status = RX_MAKE(dst->v, (size_t)n, err);
     double *v = dst->v;
-    for (int t = 0; t < lab->kind->ntables && status == RX_OK; t++) {
-        *v++ = (double)table[t].n;
-        for (long i = 0; i < table[t].n * table[t].width; i++)
+    for (int t = 0; t < ntables; t++) {
+        if (status == RX_OK)
+            *v++ = (double)table[t].n;
+        for (long i = 0; i < table[t].n * table[t].width && status == RX_OK; i++)
             *v++ = table[t].schema->exact ? table[t].v[i] : (double)(float)table[t].v[i];
+        free(table[t].v);
     }
     dst->n = n;
-    rx_lab_tables_free(lab, table);
     return status;
 }
 
-rx_status rx_lab_unpack(const rx_lab *lab, const rx_unit_values *src, rx_lab_table table[RX_LAB_TABLES],
-                        rx_error *err)
+rx_lab_table rx_lab_unit_table(const rx_lab *lab, const rx_unit_values *unit, int t)
 {
-    const double *v = src->v, *end = src->v + src->n;
-    for (int t = 0; t < lab->kind->ntables; t++) {
-        double *first;
-        const long n = v < end ? (long)*v++ : -1, values = n * table[t].width;
-        if (n < 0 || values > end - v)
-            return rx_error_set(err, RX_INPUT, "the journal holds a unit without a table '%s'; delete it",
-                                table[t].schema->name);
-        RX_TRY(rx_lab_rows_add(&table[t], n, &first, err));
-        memcpy(first, v, (size_t)values * sizeof *v);
-        v += values;
+    double *v = unit->v, *end = unit->v + unit->n;
+    rx_lab_table table = {.n = -1};
+    for (int k = 0; k <= t && v < end; k++, v += table.n * table.width) {
+        table = new_table(lab, k);
+        table.n = (long)*v++;
+        table.v = v;
+        if (table.n < 0 || table.n * table.width > end - v)
+            return (rx_lab_table){.n = -1};
     }
-    return v == end ? RX_OK
-                    : rx_error_set(err, RX_INPUT, "the journal holds a unit of more tables; delete it");
+    return table;
 }
 
 /* --- results --- */
 
-rx_lab_set *rx_lab_set_of(const rx_lab *lab, int condition, int scene)
+rx_lab_table *rx_lab_tables_of(const rx_lab *lab, int condition, int scene)
 {
-    return &lab->set[condition * lab->nscenes + scene];
+    return lab->set[condition * lab->nscenes + scene];
 }
 
 rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err)
 {
     const int nsets = lab->nconditions * lab->nscenes;
-    RX_TRY(RX_MAKE(lab->set, (size_t)nsets + 1, err));
-    for (int k = 0; k < nsets; k++)
-        rx_lab_tables_begin(lab, lab->set[k].table);
-    for (long u = 0; u < lab->nunits; u++) {
-        rx_lab_set *set = rx_lab_set_of(lab, lab->unit[u].condition, lab->unit[u].scene);
-        RX_TRY(rx_lab_unpack(lab, &all[u], set->table, err));
-        set->ntiles++;
-    }
     lab->values = all;
+    lab->set = rx_alloc((size_t)nsets + 1, sizeof *lab->set);
+    if (lab->set == NULL)
+        return rx_error_memory(err, (size_t)nsets * sizeof *lab->set);
+    for (int k = 0; k < nsets * lab->kind->ntables; k++)
+        lab->set[k / lab->kind->ntables][k % lab->kind->ntables] = new_table(lab, k % lab->kind->ntables);
+    for (long u = 0; u < lab->nunits; u++)
+        for (int t = 0; t < lab->kind->ntables; t++) {
+            const rx_lab_table own = rx_lab_unit_table(lab, &all[u], t);
+            double *rows;
+            if (own.n < 0)
+                return rx_error_set(err, RX_INPUT, "the journal holds a unit without a table '%s'; delete it",
+                                    lab->kind->tables[t].name);
+            RX_TRY(rx_lab_rows_add(&rx_lab_tables_of(lab, lab->unit[u].condition, lab->unit[u].scene)[t],
+                                   own.n, &rows, err));
+            memcpy(rows, own.v, (size_t)(own.n * own.width) * sizeof *rows);
+        }
     return lab->kind->describe(lab, err);
-}
-
-const double *rx_lab_values(const rx_lab *lab, const rx_unit_values *unit, int table)
-{
-    const double *v = unit->v;
-    for (int t = 0; t < table; t++) {
-        const rx_lab_schema *schema = &lab->kind->tables[t];
-        v += 1 + (long)*v * (schema->nown + lab->nruns * schema->neach);
-    }
-    return v + 1;
 }
 
 void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size)

@@ -68,8 +68,6 @@ static inline double *rx_lab_each(const rx_lab_table *table, long i, int run)
     return table->v + i * table->width + table->schema->nown + run * table->schema->neach;
 }
 
-double rx_lab_sum(const rx_lab_table *table, int column); /* of an own column over the rows */
-
 /* --- conditions: sky.c --- */
 
 /* Under which tiles are made, and what their restorers are given of them: the seeing, and errors in PSF, sky and noise. */
@@ -174,11 +172,6 @@ typedef struct rx_lab_unit {
     long number; /* of the tile, from 0 in its set */
 } rx_lab_unit;
 
-typedef struct rx_lab_set {
-    long ntiles;
-    rx_lab_table table[RX_LAB_TABLES];
-} rx_lab_set;
-
 typedef struct rx_lab rx_lab;
 struct rx_lab_page;
 
@@ -232,8 +225,8 @@ struct rx_lab {
     long nunits;
     rx_lab_unit *unit; /* [nunits] by condition, scene and tile; owned */
     /* when the units are done */
-    rx_lab_set *set; /* [nconditions][nscenes]; owned */
-    int nprecisions; /* at which completeness is compared, as PRECISIONS */
+    rx_lab_table (*set)[RX_LAB_TABLES]; /* [nconditions][nscenes] of all units of each; owned */
+    int nprecisions;                    /* at which completeness is compared, as PRECISIONS */
     double precision[RX_PRECISIONS_MAX];
     char about[600];
     const rx_unit_values *values; /* of all units; not owned */
@@ -256,26 +249,18 @@ rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error
 long rx_lab_size(const rx_lab *lab, const rx_ints *list); /* as SIZE says: the first number, or the last */
 rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
 
-/* Tables of the campaign's kind, without rows; content only. */
-void rx_lab_tables_begin(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES]);
-void rx_lab_tables_free(const rx_lab *lab, rx_lab_table table[RX_LAB_TABLES]);
-
 /* A unit as journals keep it: of each table the number of rows, then the rows. */
 rx_status rx_lab_do_unit(const rx_lab *lab, long unit, const rx_unit_values *done, rx_unit_values *dst,
                          rx_error *err);
-/* Its rows, behind those that the tables have. Errors: RX_SYSTEM; RX_INPUT (values of other tables). */
-rx_status rx_lab_unpack(const rx_lab *lab, const rx_unit_values *src, rx_lab_table table[RX_LAB_TABLES],
-                        rx_error *err);
+/* Table t of a unit, whose values it shows; n -1: these are no values of such tables. */
+rx_lab_table rx_lab_unit_table(const rx_lab *lab, const rx_unit_values *unit, int t);
 
-/* Sets from the values of all units. */
+/* Sets from the values of all units. Errors: RX_INPUT (values of other tables), RX_SYSTEM. */
 rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err);
-rx_lab_set *rx_lab_set_of(const rx_lab *lab, int condition, int scene);
+rx_lab_table *rx_lab_tables_of(const rx_lab *lab, int condition, int scene); /* of a set */
 
 /* "; NET: model NAME, digest DIGEST" behind what is in dst, where there is a model. */
 void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size);
-
-/* The first row of a table in the values of a unit. */
-const double *rx_lab_values(const rx_lab *lab, const rx_unit_values *unit, int table);
 
 /* "FWHM 4, PSF +5 %"; of one seeing without a name: its width. */
 void rx_lab_condition_name(const rx_lab *lab, int condition, char *dst, size_t size);

@@ -191,7 +191,6 @@ static rx_status write_rows(const rx_lab *lab, const char *folder, rx_error *err
     columns all = {0};
     rx_text text = {0};
     rx_ecsv out = rx_ecsv_on(&text);
-    rx_status status = RX_OK;
     rx_ecsv_meta(&out, "type", lab->kind->name);
     rx_ecsv_column(&out, "table", RX_ECSV_TEXT, "", "what the row is of");
     rx_ecsv_column(&out, "scene", RX_ECSV_TEXT, "", CELLS[0].help);
@@ -206,22 +205,17 @@ static rx_status write_rows(const rx_lab *lab, const char *folder, rx_error *err
     for (int c = 0; c < all.n; c++)
         rx_ecsv_column(&out, all.list[c]->name, RX_ECSV_FLOAT, all.list[c]->unit, all.list[c]->help);
     rx_ecsv_columns_end(&out);
-    for (long u = 0; u < lab->nunits && status == RX_OK; u++) {
+    for (long u = 0; u < lab->nunits; u++) {
         char names[2][96];
-        rx_lab_table table[RX_LAB_TABLES];
         lab->kind->name_set(lab, &lab->unit[u], names);
-        rx_lab_tables_begin(lab, table);
-        status = rx_lab_unpack(lab, &lab->values[u], table, err);
-        for (int t = 0; t < lab->kind->ntables; t++)
-            for (long i = 0; i < table[t].n && status == RX_OK; i++)
-                put_row(&out, lab, &table[t], i, &all, (const char *[]){names[0], names[1]},
+        for (int t = 0; t < lab->kind->ntables; t++) {
+            const rx_lab_table table = rx_lab_unit_table(lab, &lab->values[u], t);
+            for (long i = 0; i < table.n; i++)
+                put_row(&out, lab, &table, i, &all, (const char *[]){names[0], names[1]},
                         lab->unit[u].number + 1);
-        rx_lab_tables_free(lab, table);
+        }
     }
-    if (status == RX_OK)
-        return rx_report_file(folder, lab->config->output_name, "rows.ecsv", &text, err);
-    rx_text_free(&text);
-    return status;
+    return rx_report_file(folder, lab->config->output_name, "rows.ecsv", &text, err);
 }
 
 /* --- page --- */

@@ -411,10 +411,10 @@ static long choose(const rx_lab *lab, int bin, const rx_lab_run *run, int metric
         if (get_tuning(lab, 1.0, c).method != run->method)
             continue;
         for (long u = 0; u < lab->nunits; u++)
-            if (lab->unit[u].condition == bin && lab->scene[lab->unit[u].scene].id == RX_SCENE_TUNING)
-                sum += rx_lab_values(
-                    lab, &done[u],
-                    RX_RESTORATION_TUNING)[RX_RESTORATION_TUNING_WIDTH * c + RX_TUNING_PSNR + metric];
+            if (lab->unit[u].condition == bin && lab->scene[lab->unit[u].scene].id == RX_SCENE_TUNING) {
+                const rx_lab_table table = rx_lab_unit_table(lab, &done[u], RX_RESTORATION_TUNING);
+                sum += c < table.n ? rx_lab_own(&table, c)[RX_TUNING_PSNR + metric] : NAN;
+            }
         if (best < 0 || sum > highest) {
             best = c;
             highest = sum;

@@ -51,7 +51,7 @@ void rx_restoration_name_set(const rx_lab *lab, const rx_lab_unit *unit, char na
 
 static const rx_lab_table *scenes_of(const rx_lab *lab, int b)
 {
-    return &rx_lab_set_of(lab, b, TEST)->table[RX_RESTORATION_SCENE];
+    return &rx_lab_tables_of(lab, b, TEST)[RX_RESTORATION_SCENE];
 }
 
 /* A quality of two runs on the scenes where both have one. */

@@ -109,7 +109,16 @@ typedef struct list {
 
 static const rx_lab_table *table_of(const list *l, int scene, int table)
 {
-    return &rx_lab_set_of(l->lab, l->condition, scene)->table[table];
+    return &rx_lab_tables_of(l->lab, l->condition, scene)[table];
+}
+
+/* Of an own column over the rows. */
+static double sum_of(const rx_lab_table *table, int column)
+{
+    double sum = 0;
+    for (long i = 0; i < table->n; i++)
+        sum += rx_lab_own(table, i)[column];
+    return sum;
 }
 
 /* *objects of them. rx_pr_free(). */
@@ -226,7 +235,7 @@ static rx_status measure_list(const rx_lab_group *g, int c, const list *l, const
 {
     const rx_lab_table *object = table_of(l, l->first, RX_SOURCES_OBJECT);
     const rx_pr_point all = count_from(pr, -ALL);
-    const double mpixels = rx_lab_sum(table_of(l, l->first, RX_SOURCES_TILE), RX_TILE_MPIXELS);
+    const double mpixels = sum_of(table_of(l, l->first, RX_SOURCES_TILE), RX_TILE_MPIXELS);
     double *work = NULL;
     long crowded = 0;
     RX_TRY(rx_interrupt_check(err));
@@ -369,10 +378,10 @@ static rx_status add_field(rx_lab_page *page, const rx_lab_group *g, int field, 
     const rx_lab *lab = page->lab;
     const rx_lab_sky *sky = &lab->sky[field];
     for (int k = 0; k < lab->nscenes; k++) {
-        const rx_lab_table *table = rx_lab_set_of(lab, field, k)->table, *tile = &table[RX_SOURCES_TILE];
+        const rx_lab_table *table = rx_lab_tables_of(lab, field, k), *tile = &table[RX_SOURCES_TILE];
         rx_report_put(tables[0], g->name, g->condition[k], lab->scene[k].mag,
-                      rx_lab_sum(tile, RX_TILE_SNR) / (double)tile->n, tile->n, table[RX_SOURCES_OBJECT].n,
-                      rx_lab_sum(tile, RX_TILE_MPIXELS), sky->about);
+                      sum_of(tile, RX_TILE_SNR) / (double)tile->n, tile->n, table[RX_SOURCES_OBJECT].n,
+                      sum_of(tile, RX_TILE_MPIXELS), sky->about);
         RX_TRY(add_curves(page, g, field, k, tables[2], err));
     }
     for (int p = -1; p < lab->nprecisions; p++)
