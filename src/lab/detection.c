@@ -14,6 +14,8 @@
 /* Pairs are so many FWHM apart, and so many from the border; of their companions. */
 static const double PAIRS_APART = 8.0, INSIDE = 6.0, ALIKE_MAG = 0.5;
 
+static const double EXTENDED = 9.06; /* 4 pi / (2 ln 2): r_e^2 of a Gaussian to 1 / sum of its squares */
+
 /* What random numbers are for. */
 enum { DRAW_SCENE = 1, DRAW_NOISE = 2, DRAW_PAIRS = 3 };
 
@@ -68,10 +70,20 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
         for (int k = 0; k < NSCENES; k++)
             if (strcmp(scenes->v[i], SCENES[k].name) == 0)
                 RX_TRY(rx_lab_add_scene(lab, SCENES[k].id, k, 0, err));
-    return rx_lab_skies_simulate(lab, log, err);
+    RX_TRY(rx_lab_skies_simulate(lab, 0, log, err));
+    return lab->sky[0].sigma > 0
+               ? RX_OK
+               : rx_error_set(err, RX_USAGE,
+                              "SIM.NOISE_TYPE, SIM.NOISE_SIGMA: the sky of a DETECTION campaign needs noise");
 }
 
 /* --- tiles --- */
+
+/* Of a star of that S/N in a matched filter on the bare sky, flux / (sigma sqrt(A)), A = 1 / sum PSF^2. */
+static double mag_of(const rx_lab_sky *sky, double snr)
+{
+    return sky->simulation->scene.zeropoint - 2.5 * log10(snr * sky->sigma * sqrt(sky->area));
+}
 
 static rx_scene_params params_of(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_id id, uint64_t stream)
 {
@@ -88,8 +100,8 @@ static rx_scene_params params_of(const rx_lab *lab, const rx_lab_sky *sky, rx_sc
         return par;
     /* the brighter ones: of PAIR_SNR, uniform in magnitude, as many as find a place so far apart */
     par.stars = (rx_population){.count = fmax(floor((double)sky->width * sky->height / (step * step)), 1),
-                                .mag_low = rx_lab_mag(sky, snr[1]),
-                                .mag_high = rx_lab_mag(sky, snr[0])};
+                                .mag_low = mag_of(sky, snr[1]),
+                                .mag_high = mag_of(sky, snr[0])};
     par.pair_share = par.clustering = 0;
     par.margin = -fmin(INSIDE * sky->fwhm, fmin(par.width, par.height) / 4);
     par.least_distance = PAIRS_APART * sky->fwhm;
@@ -124,7 +136,7 @@ static rx_status add_companions(const rx_lab *lab, const rx_lab_sky *sky, uint64
     return RX_OK;
 }
 
-/* Objects of TRUTH_SNR and more that lie inside are to be found. Of an object beyond the border the light that comes in, most
+/* S/N: A + 9.06 r_e^2 b/a, as if the profile was a Gaussian of its half-light radius. Objects of TRUTH_SNR and more that lie inside are to be found. Of an object beyond the border the light that comes in, most
  * of it where the border is nearest, is no false source. */
 static rx_status take_objects(const rx_lab *lab, const rx_lab_sky *sky, rx_scene_id id, const rx_scene *scene,
                               rx_lab_objects *dst, rx_error *err)
@@ -133,7 +145,9 @@ static rx_status take_objects(const rx_lab *lab, const rx_lab_sky *sky, rx_scene
     RX_TRY(RX_MAKE(dst->list, (size_t)scene->n, err));
     for (long i = 0; i < scene->n; i++) {
         const rx_object *o = &scene->objects[i];
-        const double beyond = rx_lab_beyond(sky, o->x, o->y), snr = rx_lab_snr(sky, o);
+        const double beyond = rx_lab_beyond(sky, o->x, o->y),
+                     area = sky->area + EXTENDED * o->radius * o->radius * o->ratio,
+                     snr = o->flux / (sky->sigma * sqrt(area));
         const int listed = id != RX_SCENE_PAIRS && snr >= lab->config->truth_snr && !(beyond > 0);
         dst->list[i] =
             (rx_lab_object){.x = o->x,
@@ -146,7 +160,7 @@ static rx_status take_objects(const rx_lab *lab, const rx_lab_sky *sky, rx_scene
     return RX_OK;
 }
 
-rx_status rx_detection_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
+static rx_status make_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
 {
     const rx_lab_sky *sky = &lab->sky[unit->condition];
     const rx_scene_id id = lab->scene[unit->scene].id;
@@ -190,5 +204,5 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 
 RX_LAB_KIND(rx_kind_detection, .name = "DETECTION", .title = "Detection campaign", .tag = 0x6465746563,
             .most = RX_LAB_RUNS, .ntables = RX_SOURCES_TABLES, .tables = rx_sources_tables, .deep = 1,
-            .open = open_runs, .tile = rx_detection_tile, .unit = rx_sources_unit, .describe = describe,
+            .open = open_runs, .tile = make_tile, .unit = rx_sources_unit, .describe = describe,
             .name_set = rx_sources_name_set, .report = rx_sources_report, .reading = rx_sources_reading);

@@ -78,24 +78,11 @@ typedef struct rx_condition {
     double noise_error; /* the noise given is higher by this share */
 } rx_condition;
 
-/* For each number of SEEING (none: one of the simulator's own FWHM) the truth first, then one condition for
- * every number but 0 of PSF_ERROR, SKY_ERROR and NOISE_ERROR. *dst [*n] is to be freed. Errors: RX_SYSTEM. */
-rx_status rx_conditions_make(const rx_campaign_config *config, int *n, rx_condition **dst, rx_error *err);
-
 /* 1: restorers are given the truth. */
 int rx_condition_true(const rx_condition *condition);
 
 /* "FWHM 4, sky +0.3 sigma"; "" for the simulator's own FWHM and no error. */
 void rx_condition_name(const rx_condition *condition, char *dst, size_t size);
-
-/* The simulation of the SIM. keywords at that seeing, on one thread. *dst belongs to the caller
- * (rx_simulation_free()). Errors: RX_USAGE (no Moffat whose FWHM could be set, or an INJECT_IMAGE). */
-rx_status rx_condition_simulation(const rx_condition *condition, const rx_simulate_config *sim, rx_log *log,
-                                  rx_simulation **dst, rx_error *err);
-
-/* The PSF that restorers are given, on pixels; rx_psf_free(). */
-rx_status rx_condition_psf(const rx_condition *condition, const rx_simulate_config *sim,
-                           const rx_simulation *simulation, rx_psf **dst, rx_error *err);
 
 /* Sky and noise of a prepared field become those that restorers are given. */
 void rx_condition_apply(const rx_condition *condition, rx_field *field);
@@ -273,19 +260,14 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
 
 /* --- skies: sky.c --- */
 
-/* A simulated one; find: the stage measures its PSF. Errors: those of conditions.h. */
-rx_status rx_lab_sky_simulate(const rx_lab *lab, const rx_condition *condition, int find, rx_log *log,
-                              rx_lab_sky *dst, rx_error *err);
-/* One for each of the conditions. Errors: RX_USAGE (a sky without noise), and those. */
-rx_status rx_lab_skies_simulate(rx_lab *lab, rx_log *log, rx_error *err);
-/* TILE_NAME with a PSF of its own. */
-rx_status rx_lab_sky_read(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_error *err);
+/* A simulated one for each condition: for each number of SEEING (none: one of the simulator's own FWHM) the truth first,
+ * then one for every number but 0 of PSF_ERROR, SKY_ERROR and NOISE_ERROR. find: the stage measures its PSF. Errors:
+ * RX_USAGE (no Moffat whose FWHM could be set, an INJECT_IMAGE, a PSF that is found and given wrongly). */
+rx_status rx_lab_skies_simulate(rx_lab *lab, int find, rx_log *log, rx_error *err);
+/* TILE_NAME with a PSF of its own, as a further one. */
+rx_status rx_lab_sky_read(rx_lab *lab, rx_log *log, rx_lab_sky **sky, rx_error *err);
 void rx_lab_sky_close(rx_lab_sky *sky); /* content only */
 
-/* S/N of an object in a matched filter on the bare sky, flux / (sigma sqrt(A)), A = 1 / sum PSF^2 + 9.06 r_e^2 b/a (the
- * second term as if its profile was a Gaussian of its half-light radius); the magnitude of a star of that S/N. */
-double rx_lab_snr(const rx_lab_sky *sky, const rx_object *object);
-double rx_lab_mag(const rx_lab_sky *sky, double snr);
 /* Pixels from a place beyond the border of a tile to the nearest one on it; 0 inside. */
 double rx_lab_beyond(const rx_lab_sky *sky, double x, double y);
 

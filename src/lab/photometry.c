@@ -62,62 +62,34 @@ static rx_status add_magnitudes(rx_lab *lab, rx_error *err)
     return status;
 }
 
-static rx_status simulate_sky(const rx_lab *lab, const rx_condition *condition, rx_log *log, rx_lab_sky *dst,
-                              rx_error *err)
-{
-    const int find = rx_settings_was_set(&lab->config->settings, "STAGE.PSF_TYPE") != RX_FROM_DEFAULT;
-    if (find && condition->psf_error != 0.0)
-        return rx_error_set(err, RX_USAGE,
-                            "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they find it; "
-                            "leave out one of them");
-    return rx_lab_sky_simulate(lab, condition, find, log, dst, err);
-}
-
 /* The first image of TILE_NAME, with its PSF whether a restorer needs it or not. */
-static rx_status read_sky(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_error *err)
+static rx_status read_sky(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    if (lab->config->tile_name[0] == '\0')
+    const rx_campaign_config *config = lab->config;
+    const rx_reals *const errors[] = {&config->psf_error, &config->sky_error, &config->noise_error};
+    int simulated = config->seeing.n > 0;
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k < errors[i]->n; k++)
+            simulated |= errors[i]->v[k] != 0.0;
+    if (simulated)
+        return rx_error_set(err, RX_USAGE,
+                            "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; leave "
+                            "them out, or INJECTED");
+    if (config->tile_name[0] == '\0')
         return rx_error_set(err, RX_USAGE,
                             "FIELDS INJECTED needs TILE_NAME, the tile that stars are added to");
-    RX_TRY(rx_lab_sky_read(lab, log, dst, err));
+    rx_lab_sky *dst;
+    uint8_t *mask = NULL;
+    RX_TRY(rx_lab_sky_read(lab, log, &dst, err));
     RX_TRY(rx_optics_psf(dst->psf, &dst->optics, err));
     const rx_tile *tile = dst->field->tile;
     const size_t n = (size_t)tile->width * (size_t)tile->height;
-    uint8_t *mask = RX_NEW(uint8_t, n);
-    dst->allowed = RX_NEW(unsigned char, n);
-    rx_status status = mask == NULL || dst->allowed == NULL ? rx_error_memory(err, 2 * n) : RX_OK;
-    for (size_t i = 0; i < n && status == RX_OK; i++)
+    RX_TRY(RX_MAKE(dst->allowed, n, err));
+    RX_TRY(RX_MAKE(mask, n, err));
+    for (size_t i = 0; i < n; i++)
         mask[i] = tile->mask[i] & RX_HIDE_PLAIN;
-    if (status == RX_OK)
-        status = rx_inject_allowed(tile->width, tile->height, NULL, mask, 0, dst->allowed, err);
+    const rx_status status = rx_inject_allowed(tile->width, tile->height, NULL, mask, 0, dst->allowed, err);
     free(mask);
-    return status;
-}
-
-/* A sky for each condition of simulated fields, one of a real tile. */
-static rx_status add_fields(rx_lab *lab, rx_log *log, rx_error *err)
-{
-    const rx_words *words = &lab->config->fields;
-    int n = 0;
-    rx_condition *conditions = NULL;
-    rx_status status = rx_conditions_make(lab->config, &n, &conditions, err);
-    lab->sky = RX_NEW(rx_lab_sky, (size_t)(n + words->n));
-    if (status == RX_OK && lab->sky == NULL)
-        status = rx_error_memory(err, (size_t)(n + words->n) * sizeof *lab->sky);
-    for (int i = 0; i < words->n; i++) {
-        const int injected = strcmp(words->v[i], "INJECTED") == 0;
-        if (status == RX_OK && injected && (n > 1 || conditions[0].fwhm > 0))
-            status = rx_error_set(err, RX_USAGE,
-                                  "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; "
-                                  "leave them out, or INJECTED");
-        for (int c = 0; status == RX_OK && c < (injected ? 1 : n); c++) {
-            rx_lab_sky *sky = &lab->sky[lab->nskies];
-            lab->nconditions = ++lab->nskies;
-            status =
-                injected ? read_sky(lab, log, sky, err) : simulate_sky(lab, &conditions[c], log, sky, err);
-        }
-    }
-    free(conditions);
     return status;
 }
 
@@ -131,7 +103,12 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
     }
     RX_TRY(add_runs(lab, err));
     RX_TRY(add_magnitudes(lab, err));
-    return add_fields(lab, log, err);
+    const int find = rx_settings_was_set(&lab->config->settings, "STAGE.PSF_TYPE") != RX_FROM_DEFAULT;
+    for (int i = 0; i < lab->config->fields.n; i++) /* each word comes once */
+        RX_TRY(strcmp(lab->config->fields.v[i], "INJECTED") == 0
+                   ? read_sky(lab, log, err)
+                   : rx_lab_skies_simulate(lab, find, log, err));
+    return RX_OK;
 }
 
 /* --- tiles --- */
@@ -235,7 +212,7 @@ static uint64_t number_of(const rx_lab *lab, const rx_lab_unit *unit)
     return (uint64_t)lab->scene[unit->scene].number << 32 | (uint64_t)unit->number;
 }
 
-rx_status rx_photometry_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
+static rx_status make_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
 {
     const rx_lab_sky *sky = &lab->sky[unit->condition];
     const double mag = lab->scene[unit->scene].mag;
@@ -365,6 +342,6 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 
 RX_LAB_KIND(rx_kind_photometry, .name = "PHOTOMETRY", .title = "Photometry campaign", .tag = 0x70686f746f,
             .most = RX_METHODS_MAX, .ntables = RX_SOURCES_TABLES, .tables = rx_sources_tables,
-            .open = open_runs, .untouched = untouched, .tile = rx_photometry_tile, .unit = rx_sources_unit,
+            .open = open_runs, .untouched = untouched, .tile = make_tile, .unit = rx_sources_unit,
             .describe = describe, .name_set = rx_sources_name_set, .report = rx_sources_report,
             .reading = rx_sources_reading);

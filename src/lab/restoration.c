@@ -49,7 +49,7 @@ static const rx_lab_column SCENE[] = {RX_RESTORATION_SCENE_COLUMNS(RX_LAB_COLUMN
 static const rx_lab_column SCORE[] = {RX_RESTORATION_SCORE_COLUMNS(RX_LAB_COLUMN)};
 static const rx_lab_column TUNING[] = {RX_RESTORATION_TUNING_COLUMNS(RX_LAB_COLUMN)};
 
-const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES] = {
+static const rx_lab_schema TABLES[RX_RESTORATION_TABLES] = {
     [RX_RESTORATION_SCENE] = {"scene", RX_RESTORATION_SCENE_WIDTH, RX_RESTORATION_SCORE_WIDTH, SCENE, SCORE,
                               1},
     [RX_RESTORATION_TUNING] = {"tuning", RX_RESTORATION_TUNING_WIDTH, 0, TUNING, NULL, 1},
@@ -640,6 +640,6 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 
 RX_LAB_KIND(rx_kind_restoration, .name = "RESTORATION", .title = "Restoration campaign",
             .tag = 0x726573746f7265, .most = RX_METHODS_MAX, .ntables = RX_RESTORATION_TABLES,
-            .tables = rx_restoration_tables, .in_turns = 1, .open = open_bins, .unit = unit,
-            .describe = describe, .name_set = rx_restoration_name_set, .report = rx_restoration_report,
+            .tables = TABLES, .in_turns = 1, .open = open_bins, .unit = unit, .describe = describe,
+            .name_set = rx_restoration_name_set, .report = rx_restoration_report,
             .reading = rx_restoration_reading);

@@ -33,8 +33,6 @@ enum { RX_RESTORATION_SCENE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCENE_WIDTH };
 enum { RX_RESTORATION_SCORE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCORE_WIDTH };
 enum { RX_RESTORATION_TUNING_COLUMNS(RX_LAB_ID) RX_RESTORATION_TUNING_WIDTH };
 
-extern const rx_lab_schema rx_restoration_tables[RX_RESTORATION_TABLES];
-
 /* The first test scene of a bin through all runs: a line that describes it, without a plane, then each picture
  * [side][side] with its name, blurred first and sharp last. */
 typedef void (*rx_restoration_show)(void *user, const char *name, const float *plane);

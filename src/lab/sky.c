@@ -12,19 +12,6 @@
 #include "num/convolve.h"
 #include "stage/open.h"
 
-static const double EXTENDED = 9.06; /* 4 pi / (2 ln 2): r_e^2 of a Gaussian to 1 / sum of its squares */
-
-double rx_lab_mag(const rx_lab_sky *sky, double snr)
-{
-    return sky->simulation->scene.zeropoint - 2.5 * log10(snr * sky->sigma * sqrt(sky->area));
-}
-
-double rx_lab_snr(const rx_lab_sky *sky, const rx_object *object)
-{
-    const double area = sky->area + EXTENDED * object->radius * object->radius * object->ratio;
-    return object->flux / (sky->sigma * sqrt(area));
-}
-
 double rx_lab_beyond(const rx_lab_sky *sky, double x, double y)
 {
     return hypot(fmax(fmax(-x, x - (sky->width - 1)), 0), fmax(fmax(-y, y - (sky->height - 1)), 0));
@@ -68,13 +55,14 @@ exit:
 
 /* --- conditions --- */
 
-rx_status rx_conditions_make(const rx_campaign_config *config, int *n, rx_condition **dst, rx_error *err)
+/* For each number of SEEING (none: one of the simulator's own FWHM) the truth first, then one condition for
+ * every number but 0 of PSF_ERROR, SKY_ERROR and NOISE_ERROR. *dst [*n] is to be freed. */
+static rx_status make_conditions(const rx_campaign_config *config, int *n, rx_condition **dst, rx_error *err)
 {
     const rx_reals *lists[] = {&config->psf_error, &config->sky_error, &config->noise_error};
     const int nfwhm = config->seeing.n > 0 ? config->seeing.n : 1;
-    const size_t most = (size_t)nfwhm * (size_t)(1 + lists[0]->n + lists[1]->n + lists[2]->n);
     *n = 0;
-    RX_TRY(RX_MAKE(*dst, most, err));
+    RX_TRY(RX_MAKE(*dst, (size_t)nfwhm * (size_t)(1 + lists[0]->n + lists[1]->n + lists[2]->n), err));
     for (int f = 0; f < nfwhm; f++) {
         const rx_condition truth = {.fwhm = config->seeing.n > 0 ? config->seeing.v[f] : 0.0};
         (*dst)[(*n)++] = truth;
@@ -109,8 +97,8 @@ void rx_condition_name(const rx_condition *c, char *dst, size_t size)
     snprintf(dst, size, "%s%s%s", fwhm, fwhm[0] != '\0' && error[0] != '\0' ? ", " : "", error);
 }
 
-rx_status rx_condition_simulation(const rx_condition *c, const rx_simulate_config *sim, rx_log *log,
-                                  rx_simulation **dst, rx_error *err)
+static rx_status make_simulation(const rx_condition *c, const rx_simulate_config *sim, rx_log *log,
+                                 rx_simulation **dst, rx_error *err)
 {
     rx_simulate_config *own = NULL;
     char fwhm[40];
@@ -133,8 +121,8 @@ rx_status rx_condition_simulation(const rx_condition *c, const rx_simulate_confi
     return status;
 }
 
-rx_status rx_condition_psf(const rx_condition *c, const rx_simulate_config *sim,
-                           const rx_simulation *simulation, rx_psf **dst, rx_error *err)
+static rx_status make_psf(const rx_condition *c, const rx_simulate_config *sim,
+                          const rx_simulation *simulation, rx_psf **dst, rx_error *err)
 {
     rx_optics *given = NULL;
     if (c->psf_error == 0.0)
@@ -176,55 +164,61 @@ void rx_condition_apply(const rx_condition *c, rx_field *field)
 
 /* --- skies --- */
 
-rx_status rx_lab_sky_simulate(const rx_lab *lab, const rx_condition *condition, int find, rx_log *log,
-                              rx_lab_sky *dst, rx_error *err)
+/* A further one; NULL without memory. */
+static rx_lab_sky *add_sky(rx_lab *lab, rx_error *err)
+{
+    if (RX_GROW(lab->sky, (size_t)lab->nskies + 1, err) != RX_OK)
+        return NULL;
+    lab->sky[lab->nskies] = (rx_lab_sky){0};
+    lab->nconditions = lab->nskies + 1;
+    return &lab->sky[lab->nskies++];
+}
+
+static rx_status simulate(rx_lab *lab, const rx_condition *condition, int find, rx_log *log, rx_error *err)
 {
     const rx_simulate_config *sim = lab->config->sim;
+    rx_lab_sky *dst = add_sky(lab, err);
+    if (dst == NULL)
+        return RX_SYSTEM;
     dst->condition = *condition;
-    RX_TRY(rx_condition_simulation(condition, sim, log, &dst->simulation, err));
+    RX_TRY(make_simulation(condition, sim, log, &dst->simulation, err));
     dst->width = dst->simulation->scene.width;
     dst->height = dst->simulation->scene.height;
     dst->fwhm = dst->simulation->optics->fwhm;
     dst->sigma = sky_noise(&dst->simulation->noise);
-    rx_status status = rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err);
-    if (status == RX_OK)
-        status = measure_psf(dst, err);
-    if (status == RX_OK && !find)
-        status = rx_condition_psf(condition, sim, dst->simulation, &dst->given, err);
-    return status;
+    RX_TRY(rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err));
+    RX_TRY(measure_psf(dst, err));
+    return find ? RX_OK : make_psf(condition, sim, dst->simulation, &dst->given, err);
 }
 
-rx_status rx_lab_skies_simulate(rx_lab *lab, rx_log *log, rx_error *err)
+rx_status rx_lab_skies_simulate(rx_lab *lab, int find, rx_log *log, rx_error *err)
 {
     rx_condition *conditions = NULL;
-    rx_status status = rx_conditions_make(lab->config, &lab->nconditions, &conditions, err);
-    if (status == RX_OK) {
-        lab->sky = RX_NEW(rx_lab_sky, (size_t)lab->nconditions);
-        status = lab->sky == NULL ? rx_error_memory(err, (size_t)lab->nconditions * sizeof *lab->sky) : RX_OK;
-    }
-    for (int c = 0; status == RX_OK && c < lab->nconditions; c++) {
-        lab->nskies = c + 1;
-        status = rx_lab_sky_simulate(lab, &conditions[c], 0, log, &lab->sky[c], err);
-        if (status == RX_OK && !(lab->sky[c].sigma > 0))
-            status = rx_error_set(err, RX_USAGE,
-                                  "SIM.NOISE_TYPE, SIM.NOISE_SIGMA: the sky of a %s campaign needs noise",
-                                  lab->config->campaign_type);
-    }
+    int n = 0;
+    rx_status status = make_conditions(lab->config, &n, &conditions, err);
+    for (int c = 0; status == RX_OK && c < n; c++)
+        status = find && conditions[c].psf_error != 0.0
+                     ? rx_error_set(err, RX_USAGE,
+                                    "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they "
+                                    "find it; leave out one of them")
+                     : simulate(lab, &conditions[c], find, log, err);
     free(conditions);
     return status;
 }
 
-rx_status rx_lab_sky_read(const rx_lab *lab, rx_log *log, rx_lab_sky *dst, rx_error *err)
+rx_status rx_lab_sky_read(rx_lab *lab, rx_log *log, rx_lab_sky **sky, rx_error *err)
 {
     const rx_campaign_config *config = lab->config;
     int *hdus = NULL, n = 0;
+    rx_lab_sky *dst = *sky = add_sky(lab, err);
+    if (dst == NULL)
+        return RX_SYSTEM;
     rx_status status = rx_tile_list(config->tile_name, log, &hdus, &n, err);
     if (status == RX_OK)
         status = rx_field_open(lab->options, RX_FIELD_PSF, &(rx_image_place){config->tile_name, hdus[0], 1},
                                log, &dst->field, err);
     free(hdus);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(status);
     rx_tile *tile = dst->field->tile;
     if (dst->field->psf == NULL)
         return rx_error_at(

@@ -57,10 +57,6 @@ void rx_sources_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[
 rx_status rx_sources_report(struct rx_lab_page *page, rx_error *err);
 extern const char rx_sources_reading[];
 
-/* A tile: its field, and what is on it. DETECTION: tile t of a scene is drawn alike under every condition; of PAIRS objects
- * 2 k and 2 k + 1 belong together. PHOTOMETRY: the stars come first, what else is known to be there follows. */
-rx_status rx_detection_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
-rx_status rx_photometry_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
 void rx_lab_tile_free(rx_lab_tile *tile); /* content only */
 
 /* The scene, which is freed, as an exposed tile. */
