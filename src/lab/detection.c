@@ -203,6 +203,6 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 }
 
 RX_LAB_KIND(rx_kind_detection, .name = "DETECTION", .title = "Detection campaign", .tag = 0x6465746563,
-            .most = RX_LAB_RUNS, .ntables = RX_SOURCES_TABLES, .tables = rx_sources_tables, .deep = 1,
+            .most = RX_LAB_RUNS, .ntables = RX_SOURCES_TABLES, .tables = rx_sources_tables, .by_width = 1,
             .open = open_runs, .tile = make_tile, .unit = rx_sources_unit, .describe = describe,
             .name_set = rx_sources_name_set, .report = rx_sources_report, .reading = rx_sources_reading);

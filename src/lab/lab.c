@@ -29,11 +29,8 @@ rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error
 
 rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err)
 {
-    rx_lab_scene *scene = rx_regrow(lab->scene, (size_t)lab->nscenes + 1, sizeof *scene);
-    if (scene == NULL)
-        return rx_error_memory(err, ((size_t)lab->nscenes + 1) * sizeof *scene);
-    lab->scene = scene;
-    scene[lab->nscenes++] = (rx_lab_scene){id, number, mag};
+    RX_TRY(RX_GROW(lab->scene, (size_t)lab->nscenes + 1, err));
+    lab->scene[lab->nscenes++] = (rx_lab_scene){id, number, mag};
     return RX_OK;
 }
 
@@ -165,7 +162,7 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
         detect->filter_normalise = 1;
         detect->matched = 0;
     }
-    if (lab->kind->deep && strcmp(run->restorer->name, "NET") == 0) {
+    if (lab->kind->by_width && strcmp(run->restorer->name, "NET") == 0) {
         detect->threshold *= lab->config->net_depth;
         detect->analysis_threshold *= lab->config->net_depth;
     }
@@ -281,12 +278,4 @@ void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size)
     if (lab->options->model != NULL)
         snprintf(dst + used, size - used, "; NET: model %s, digest %s", lab->options->model->name,
                  lab->options->model->digest);
-}
-
-void rx_lab_condition_name(const rx_lab *lab, int condition, char *dst, size_t size)
-{
-    rx_condition named = lab->sky[condition].condition;
-    if (!(named.fwhm > 0))
-        named.fwhm = lab->sky[condition].fwhm;
-    rx_condition_name(&named, dst, size);
 }

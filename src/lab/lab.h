@@ -18,7 +18,6 @@
 #include "base/text.h"
 #include "config/config_fields.h"
 #include "lab/journal.h"
-#include "lab/match.h"
 #include "pipeline/pipeline.h"
 #include "quality/qa.h"
 #include "restore/restore.h"
@@ -81,9 +80,6 @@ typedef struct rx_condition {
 /* 1: restorers are given the truth. */
 int rx_condition_true(const rx_condition *condition);
 
-/* "FWHM 4, sky +0.3 sigma"; "" for the simulator's own FWHM and no error. */
-void rx_condition_name(const rx_condition *condition, char *dst, size_t size);
-
 /* Sky and noise of a prepared field become those that restorers are given. */
 void rx_condition_apply(const rx_condition *condition, rx_field *field);
 
@@ -120,10 +116,32 @@ typedef struct rx_lab_scene {
 const char *rx_scene_name(rx_scene_id id); /* of DETECTION, as the next one */
 const char *rx_scene_about(rx_scene_id id);
 
+/* Objects of a tile and their roles in a match: sources.h. */
+typedef enum rx_truth_role { RX_LISTED, RX_RIVAL, RX_OTHER } rx_truth_role;
+
+/* One object that is really there. Pixels from 0, ADU. */
+typedef struct rx_lab_object {
+    double x, y, flux;
+    double radius; /* half-light, round, before the PSF; 0 of a star */
+    double snr;    /* in a matched filter on the bare sky: lab.h */
+    double reach;  /* 0: none */
+    rx_truth_role role;
+} rx_lab_object;
+
+typedef struct rx_lab_objects {
+    long n;
+    rx_lab_object *list; /* owned */
+    int width, height;
+    const unsigned char
+        *covered; /* [height][width], 1: belongs to what was there before; NULL: no such map */
+} rx_lab_objects;
+
 /* What the tiles of a condition share: a simulation, or a real tile that objects are added to. Of a campaign of
  * restored images the first one is that of all bins. */
 typedef struct rx_lab_sky {
-    char name[64], about[600]; /* PHOTOMETRY: of the field */
+    char
+        name[64]; /* "FWHM 4, PSF +5 %"; of PHOTOMETRY "simulated" without SEEING and errors, or the tile's */
+    char about[600];           /* PHOTOMETRY: of the field */
     rx_condition condition;    /* a real tile: all zero */
     rx_simulation *simulation; /* NULL: PHOTOMETRY on a real tile; owned */
     rx_field *field;           /* the untouched real tile, NULL: none; owned */
@@ -175,7 +193,7 @@ typedef struct rx_lab_kind {
     int most;                 /* runs */
     int ntables;
     const rx_lab_schema *tables;
-    int deep;     /* NET_DEPTH counts */
+    int by_width; /* DETECTION: skies have their FWHM in their names, and NET_DEPTH counts */
     int in_turns; /* units of the first scene come before the others of their condition, in one shard */
     rx_status (*open)(rx_lab *lab, rx_log *log, rx_error *err); /* runs, scenes, conditions, skies */
     /* Of sources against the true ones (sources.h): a tile, and, before the first unit, what a run has found on an untouched
@@ -248,9 +266,6 @@ rx_lab_table *rx_lab_tables_of(const rx_lab *lab, int condition, int scene); /* 
 
 /* "; NET: model NAME, digest DIGEST" behind what is in dst, where there is a model. */
 void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size);
-
-/* "FWHM 4, PSF +5 %"; of one seeing without a name: its width. */
-void rx_lab_condition_name(const rx_lab *lab, int condition, char *dst, size_t size);
 
 /* The seed of random numbers for a purpose: their streams never meet. */
 uint64_t rx_lab_seed(const rx_lab *lab, uint64_t purpose);

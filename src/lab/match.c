@@ -1,5 +1,5 @@
 /* Right, false, and neither. */
-#include "lab/match.h"
+#include "lab/sources.h"
 
 #include <math.h>
 #include <stdlib.h>

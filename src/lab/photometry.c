@@ -316,9 +316,6 @@ static rx_status describe_sky(const rx_lab *lab, rx_lab_sky *sky, rx_error *err)
         return RX_OK;
     }
     const rx_simulate_config *sim = config->sim;
-    rx_condition_name(&sky->condition, sky->name, sizeof sky->name);
-    if (sky->name[0] == '\0')
-        snprintf(sky->name, sizeof sky->name, "simulated");
     snprintf(sky->about, sizeof sky->about,
              "%d x %d pixels, PSF %s, %s%s; noise %s (sky %g ADU, sigma %g), per Mpixel %g stars of %g to %g "
              "mag and %g galaxies of %g to %g mag besides the test stars, another sky on each tile",

@@ -83,7 +83,8 @@ int rx_condition_true(const rx_condition *c)
     return c->psf_error == 0.0 && c->sky_error == 0.0 && c->noise_error == 0.0;
 }
 
-void rx_condition_name(const rx_condition *c, char *dst, size_t size)
+/* "FWHM 4, sky +0.3 sigma"; "" for the simulator's own FWHM and no error. */
+static void name_condition(const rx_condition *c, char *dst, size_t size)
 {
     char fwhm[32] = "", error[64] = "";
     if (c->fwhm > 0)
@@ -186,6 +187,12 @@ static rx_status simulate(rx_lab *lab, const rx_condition *condition, int find, 
     dst->height = dst->simulation->scene.height;
     dst->fwhm = dst->simulation->optics->fwhm;
     dst->sigma = sky_noise(&dst->simulation->noise);
+    rx_condition named = *condition;
+    if (lab->kind->by_width && !(named.fwhm > 0))
+        named.fwhm = dst->fwhm;
+    name_condition(&named, dst->name, sizeof dst->name);
+    if (dst->name[0] == '\0')
+        snprintf(dst->name, sizeof dst->name, "simulated");
     RX_TRY(rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err));
     RX_TRY(measure_psf(dst, err));
     return find ? RX_OK : make_psf(condition, sim, dst->simulation, &dst->given, err);

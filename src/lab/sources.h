@@ -1,5 +1,5 @@
 /* Sources against the true ones: what the campaigns DETECTION and PHOTOMETRY have in common. A tile goes through every run;
- * rows are of the objects that are to be found, and of false detections (match.h).
+ * rows are of the objects that are to be found, and of false detections (below).
  *
  * Above a score s (S/N of the detection) of one run and one scene
  *   recall(s)    = objects found with a score >= s / all objects
@@ -10,6 +10,7 @@
 #define RX_LAB_SOURCES_H
 
 #include "lab/lab.h"
+#include "quality/match.h"
 #include "quality/pr.h"
 
 enum { RX_SOURCES_TILE, RX_SOURCES_OBJECT, RX_SOURCES_FALSE, RX_SOURCES_TABLES };
@@ -42,6 +43,28 @@ enum { RX_SOURCES_FOUND_COLUMNS(RX_LAB_ID) RX_SOURCES_FOUND_WIDTH };
 enum { RX_SOURCES_FALSE_COLUMNS(RX_LAB_ID) RX_SOURCES_FALSE_WIDTH };
 
 extern const rx_lab_schema rx_sources_tables[RX_SOURCES_TABLES];
+
+/* --- matching: match.c --- */
+
+/* Which detections of a tile are right, which are false, and which are neither.
+ *
+ * Objects have roles. LISTED ones are to be found. RIVALS are other ones that are at least as bright: they compete with
+ * the listed ones, one to one, nearest first, so that an object on top of a brighter one is found only when it is
+ * resolved from it. OTHERS take what is then left: one to one, too, or, where objects have a reach, whatever lies
+ * within that (of rivals as well) or where `covered` says so. What is left after that is false. */
+typedef enum rx_match_outcome { RX_IS_NEITHER, RX_IS_RIGHT, RX_IS_FALSE } rx_match_outcome;
+
+typedef struct rx_matches {
+    long *found;            /* [objects] the detection of a listed one, else -1 */
+    long *taken;            /* [detections] the listed object, else -1 */
+    unsigned char *outcome; /* [detections] rx_match_outcome; those that are not in use are neither */
+} rx_matches;
+
+rx_status rx_lab_match(const rx_lab_objects *objects, const rx_match_list *detections, double radius,
+                       rx_matches *dst, rx_error *err);
+void rx_matches_free(rx_matches *matches); /* content only */
+
+/* --- campaigns --- */
 
 /* Before the first unit, what a report alone does not need: untouched() of every real tile and run. */
 rx_status rx_sources_prepare(rx_lab *lab, rx_log *log, rx_error *err);

@@ -425,7 +425,7 @@ void rx_sources_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[
         snprintf(names[1], sizeof *names, "%g", scene->mag);
     } else {
         snprintf(names[0], sizeof *names, "%s", rx_scene_name(scene->id));
-        rx_lab_condition_name(lab, unit->condition, names[1], sizeof *names);
+        snprintf(names[1], sizeof *names, "%s", lab->sky[unit->condition].name);
     }
 }
 

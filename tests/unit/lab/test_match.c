@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "lab/match.h"
+#include "lab/sources.h"
 
 enum { OBJECTS = 8, DETECTIONS = 9 };
 
