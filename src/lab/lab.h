@@ -69,16 +69,14 @@ static inline double *rx_lab_each(const rx_lab_table *table, long i, int run)
 
 /* --- conditions: sky.c --- */
 
-/* Under which tiles are made, and what their restorers are given of them: the seeing, and errors in PSF, sky and noise. */
+/* Under which tiles are made, and what their restorers are given of them: the seeing, and an error in one of PSF (wider by
+ * this share), sky (so much of it is left in the image, in sigmas of its noise) and noise (higher by this share). */
+typedef enum rx_given { RX_GIVEN_PSF, RX_GIVEN_SKY, RX_GIVEN_NOISE } rx_given;
 typedef struct rx_condition {
-    double fwhm;        /* of the PSF, pixels; 0: SIM.PSF_FWHM */
-    double psf_error;   /* the PSF given is wider by this share */
-    double sky_error;   /* so much of the sky is left in the image, in sigmas of its noise */
-    double noise_error; /* the noise given is higher by this share */
+    double fwhm; /* of the PSF, pixels; 0: SIM.PSF_FWHM */
+    rx_given of;
+    double error; /* 0: restorers are given the truth */
 } rx_condition;
-
-/* 1: restorers are given the truth. */
-int rx_condition_true(const rx_condition *condition);
 
 /* Sky and noise of a prepared field become those that restorers are given. */
 void rx_condition_apply(const rx_condition *condition, rx_field *field);

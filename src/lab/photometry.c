@@ -321,9 +321,8 @@ static rx_status describe_sky(const rx_lab *lab, rx_lab_sky *sky, rx_error *err)
              "mag and %g galaxies of %g to %g mag besides the test stars, another sky on each tile",
              sky->width, sky->height, sky->simulation->optics->description,
              sky->given != NULL ? "known to the restorers" : "found by the stage",
-             !rx_condition_true(&sky->condition)
-                 ? " (or what is given of PSF, sky and noise, with the error named)"
-                 : "",
+             sky->condition.error != 0.0 ? " (or what is given of PSF, sky and noise, with the error named)"
+                                         : "",
              sim->noise_type, sim->sky_level, sim->noise_sigma, sim->star_count, sim->star_mag.v[0],
              sim->star_mag.v[1], sim->galaxy_count, sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
     return RX_OK;

@@ -55,47 +55,21 @@ exit:
 
 /* --- conditions --- */
 
-/* For each number of SEEING (none: one of the simulator's own FWHM) the truth first, then one condition for
- * every number but 0 of PSF_ERROR, SKY_ERROR and NOISE_ERROR. *dst [*n] is to be freed. */
-static rx_status make_conditions(const rx_campaign_config *config, int *n, rx_condition **dst, rx_error *err)
+/* "FWHM 4, sky +0.3 sigma"; "" without a FWHM and an error. */
+static void name_condition(double fwhm, const rx_condition *c, char *dst, size_t size)
 {
-    const rx_reals *lists[] = {&config->psf_error, &config->sky_error, &config->noise_error};
-    const int nfwhm = config->seeing.n > 0 ? config->seeing.n : 1;
-    *n = 0;
-    RX_TRY(RX_MAKE(*dst, (size_t)nfwhm * (size_t)(1 + lists[0]->n + lists[1]->n + lists[2]->n), err));
-    for (int f = 0; f < nfwhm; f++) {
-        const rx_condition truth = {.fwhm = config->seeing.n > 0 ? config->seeing.v[f] : 0.0};
-        (*dst)[(*n)++] = truth;
-        for (int which = 0; which < 3; which++)
-            for (int i = 0; i < lists[which]->n; i++) {
-                rx_condition given = truth;
-                *(double *[]){&given.psf_error, &given.sky_error, &given.noise_error}[which] =
-                    lists[which]->v[i];
-                if (lists[which]->v[i] != 0.0)
-                    (*dst)[(*n)++] = given;
-            }
-    }
-    return RX_OK;
+    static const char *const formats[] = {"PSF %+g %%", "sky %+g sigma", "noise %+g %%"};
+    char width[32] = "", error[64] = "";
+    if (fwhm > 0)
+        snprintf(width, sizeof width, "FWHM %g", fwhm);
+    if (c->error != 0.0)
+        snprintf(error, sizeof error, formats[c->of], (c->of == RX_GIVEN_SKY ? 1 : 100) * c->error);
+    snprintf(dst, size, "%s%s%s", width, fwhm > 0 && c->error != 0.0 ? ", " : "", error);
 }
 
-int rx_condition_true(const rx_condition *c)
+static double psf_error_of(const rx_condition *c)
 {
-    return c->psf_error == 0.0 && c->sky_error == 0.0 && c->noise_error == 0.0;
-}
-
-/* "FWHM 4, sky +0.3 sigma"; "" for the simulator's own FWHM and no error. */
-static void name_condition(const rx_condition *c, char *dst, size_t size)
-{
-    char fwhm[32] = "", error[64] = "";
-    if (c->fwhm > 0)
-        snprintf(fwhm, sizeof fwhm, "FWHM %g", c->fwhm);
-    if (c->psf_error != 0.0)
-        snprintf(error, sizeof error, "PSF %+g %%", 100 * c->psf_error);
-    else if (c->sky_error != 0.0)
-        snprintf(error, sizeof error, "sky %+g sigma", c->sky_error);
-    else if (c->noise_error != 0.0)
-        snprintf(error, sizeof error, "noise %+g %%", 100 * c->noise_error);
-    snprintf(dst, size, "%s%s%s", fwhm, fwhm[0] != '\0' && error[0] != '\0' ? ", " : "", error);
+    return c->of == RX_GIVEN_PSF ? c->error : 0;
 }
 
 static rx_status make_simulation(const rx_condition *c, const rx_simulate_config *sim, rx_log *log,
@@ -106,7 +80,7 @@ static rx_status make_simulation(const rx_condition *c, const rx_simulate_config
     if (sim->inject_image[0] != '\0')
         return rx_error_set(
             err, RX_USAGE, "SIM.INJECT_IMAGE has no place in a campaign; give FIELDS INJECTED and TILE_NAME");
-    if ((c->fwhm > 0 || c->psf_error != 0.0) && strcmp(sim->psf_type, "MOFFAT") != 0)
+    if ((c->fwhm > 0 || psf_error_of(c) != 0.0) && strcmp(sim->psf_type, "MOFFAT") != 0)
         return rx_error_set(err, RX_USAGE,
                             "SIM.PSF_TYPE %s has no FWHM that SEEING or PSF_ERROR could change; give MOFFAT",
                             sim->psf_type);
@@ -126,10 +100,10 @@ static rx_status make_psf(const rx_condition *c, const rx_simulate_config *sim,
                           const rx_simulation *simulation, rx_psf **dst, rx_error *err)
 {
     rx_optics *given = NULL;
-    if (c->psf_error == 0.0)
+    if (psf_error_of(c) == 0.0)
         return rx_optics_on_pixels(simulation->optics, dst, err);
     rx_status status = rx_optics_moffat(
-        &(rx_moffat_profile){(c->fwhm > 0 ? c->fwhm : sim->psf_fwhm) * (1 + c->psf_error), sim->psf_beta,
+        &(rx_moffat_profile){(c->fwhm > 0 ? c->fwhm : sim->psf_fwhm) * (1 + psf_error_of(c)), sim->psf_beta,
                              sim->psf_ratio, sim->psf_angle * M_PI / 180.0, sim->psf_variation},
         simulation->scene.width, simulation->scene.height, &given, err);
     if (status == RX_OK)
@@ -138,11 +112,11 @@ static rx_status make_psf(const rx_condition *c, const rx_simulate_config *sim,
     return status;
 }
 
-static void tell(const rx_condition *c, rx_background *sky)
+static void spoil(rx_background *sky, double level, double noise)
 {
     const size_t n = (size_t)sky->width * (size_t)sky->height;
-    const double more = 1 + c->noise_error;
-    sky->level_error += c->sky_error * (1 + sky->sigma_error);
+    const double more = 1 + noise;
+    sky->level_error += level * (1 + sky->sigma_error);
     if (sky->sigma == NULL) {
         sky->sigma_error = (1 + sky->sigma_error) * more - 1;
     } else {
@@ -150,17 +124,18 @@ static void tell(const rx_condition *c, rx_background *sky)
         for (size_t i = 0; i < n; i++)
             sky->sigma[i] = (float)((double)sky->sigma[i] * more);
     }
-    sky->global_level -= c->sky_error * sky->global_sigma;
-    sky->global_sigma *= 1 + c->noise_error;
+    sky->global_level -= level * sky->global_sigma;
+    sky->global_sigma *= more;
 }
 
 void rx_condition_apply(const rx_condition *c, rx_field *field)
 {
-    if (c->sky_error == 0.0 && c->noise_error == 0.0)
+    const double level = c->of == RX_GIVEN_SKY ? c->error : 0, noise = c->of == RX_GIVEN_NOISE ? c->error : 0;
+    if (level == 0.0 && noise == 0.0)
         return;
-    tell(c, field->plain);
+    spoil(field->plain, level, noise);
     if (field->restored != field->plain)
-        tell(c, field->restored);
+        spoil(field->restored, level, noise);
 }
 
 /* --- skies --- */
@@ -175,42 +150,48 @@ static rx_lab_sky *add_sky(rx_lab *lab, rx_error *err)
     return &lab->sky[lab->nskies++];
 }
 
-static rx_status simulate(rx_lab *lab, const rx_condition *condition, int find, rx_log *log, rx_error *err)
+static rx_status simulate(rx_lab *lab, rx_condition condition, int find, rx_log *log, rx_error *err)
 {
     const rx_simulate_config *sim = lab->config->sim;
     rx_lab_sky *dst = add_sky(lab, err);
     if (dst == NULL)
         return RX_SYSTEM;
-    dst->condition = *condition;
-    RX_TRY(make_simulation(condition, sim, log, &dst->simulation, err));
+    if (find && psf_error_of(&condition) != 0.0)
+        return rx_error_set(
+            err, RX_USAGE,
+            "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they find it; leave out one of "
+            "them");
+    dst->condition = condition;
+    RX_TRY(make_simulation(&condition, sim, log, &dst->simulation, err));
     dst->width = dst->simulation->scene.width;
     dst->height = dst->simulation->scene.height;
     dst->fwhm = dst->simulation->optics->fwhm;
     dst->sigma = sky_noise(&dst->simulation->noise);
-    rx_condition named = *condition;
-    if (lab->kind->by_width && !(named.fwhm > 0))
-        named.fwhm = dst->fwhm;
-    name_condition(&named, dst->name, sizeof dst->name);
+    name_condition(condition.fwhm > 0 || !lab->kind->by_width ? condition.fwhm : dst->fwhm, &condition,
+                   dst->name, sizeof dst->name);
     if (dst->name[0] == '\0')
         snprintf(dst->name, sizeof dst->name, "simulated");
     RX_TRY(rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err));
     RX_TRY(measure_psf(dst, err));
-    return find ? RX_OK : make_psf(condition, sim, dst->simulation, &dst->given, err);
+    return find ? RX_OK : make_psf(&condition, sim, dst->simulation, &dst->given, err);
 }
 
 rx_status rx_lab_skies_simulate(rx_lab *lab, int find, rx_log *log, rx_error *err)
 {
-    rx_condition *conditions = NULL;
-    int n = 0;
-    rx_status status = make_conditions(lab->config, &n, &conditions, err);
-    for (int c = 0; status == RX_OK && c < n; c++)
-        status = find && conditions[c].psf_error != 0.0
-                     ? rx_error_set(err, RX_USAGE,
-                                    "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they "
-                                    "find it; leave out one of them")
-                     : simulate(lab, &conditions[c], find, log, err);
-    free(conditions);
-    return status;
+    const rx_campaign_config *config = lab->config;
+    const rx_reals *const errors[] = {&config->psf_error, &config->sky_error, &config->noise_error};
+    for (int f = 0; f == 0 || f < config->seeing.n; f++) {
+        rx_condition condition = {.fwhm = config->seeing.n > 0 ? config->seeing.v[f] : 0.0};
+        RX_TRY(simulate(lab, condition, find, log, err));
+        for (int of = 0; of < 3; of++)
+            for (int i = 0; i < errors[of]->n; i++) {
+                condition.of = (rx_given)of;
+                condition.error = errors[of]->v[i];
+                if (condition.error != 0.0)
+                    RX_TRY(simulate(lab, condition, find, log, err));
+            }
+    }
+    return RX_OK;
 }
 
 rx_status rx_lab_sky_read(rx_lab *lab, rx_log *log, rx_lab_sky **sky, rx_error *err)

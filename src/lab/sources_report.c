@@ -449,9 +449,9 @@ static rx_status open_group(rx_lab_group *g, const rx_lab *lab, int fields, int 
         const rx_lab_unit unit = fields ? (rx_lab_unit){number, c, 0} : (rx_lab_unit){c, number, 0};
         rx_sources_name_set(lab, &unit, names);
         memcpy(g->condition[c], names[1], sizeof names[1]);
-        g->place[c] = fields                                      ? lab->scene[c].mag
-                      : rx_condition_true(&lab->sky[c].condition) ? lab->sky[c].fwhm
-                                                                  : NAN;
+        g->place[c] = fields                               ? lab->scene[c].mag
+                      : lab->sky[c].condition.error == 0.0 ? lab->sky[c].fwhm
+                                                           : NAN;
     }
     return RX_OK;
 }

@@ -51,19 +51,21 @@ static void the_told_sky_and_noise(void **state)
                                   .sigma = sigma[i],
                                   .global_level = 150,
                                   .global_sigma = i ? 35 : 15};
-    rx_condition_apply(&(rx_condition){.sky_error = 0.5}, &shared);
+    rx_condition_apply(&(rx_condition){.of = RX_GIVEN_SKY, .error = 0.5}, &shared);
     check_sky(&back[0], 0, 95, 10); /* too low: half a sigma of sky is left in the image */
     check_sky(&back[0], 1, 190, 20);
     assert_near(back[0].global_level, 142.5, 1e-9);
-    rx_condition_apply(&(rx_condition){.noise_error = 0.2}, &apart);
+    rx_condition_apply(&(rx_condition){.of = RX_GIVEN_NOISE, .error = 0.2}, &apart);
     check_sky(&back[0], 1, 190, 24);
     check_sky(&back[1], 0, 100, 36);
     assert_near(back[1].global_sigma, 42, 1e-9);
-    rx_condition_apply(&(rx_condition){.sky_error = 1}, &apart); /* a sigma as it was told */
+    rx_condition_apply(&(rx_condition){.of = RX_GIVEN_SKY, .error = 1}, &apart); /* a sigma as it was told */
     check_sky(&back[0], 1, 166, 24);
     check_sky(&back[1], 0, 64, 36);
     rx_background_flatten(&flat, 100, 10);
-    rx_condition_apply(&(rx_condition){.sky_error = 0.5, .noise_error = 0.2}, &both);
+    rx_condition_apply(&(rx_condition){.of = RX_GIVEN_SKY, .error = 0.5}, &both);
+    check_sky(&flat, 1, 95, 10);
+    rx_condition_apply(&(rx_condition){.of = RX_GIVEN_NOISE, .error = 0.2}, &both);
     check_sky(&flat, 1, 95, 12);
 }
 
