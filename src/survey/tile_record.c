@@ -19,9 +19,9 @@ static const char blanks[] = " \t\r\v\f";
 
 /* --- the lines, whose items are fields of a struct, once for both ways --- */
 
-/* EXACT: 15 digits. NAME goes into reports and names of files: letters, digits and '_'. OWNED: a char *. TALLY: 1 where
- * there is one. ANY_REAL: several, of which one is known. */
-typedef enum kind { NONE, INT, LONG, REAL, EXACT, TEXT, NAME, OWNED, TALLY, ANY_REAL } kind;
+/* COUNT: an INT; FLAG: one that is not written, and 1 where the line is. EXACT: 15 digits. NAME goes into reports and names
+ * of files: letters, digits and '_'. OWNED: a char *. TALLY: 1 where there is one. */
+typedef enum kind { NONE, INT, COUNT, FLAG, LONG, REAL, EXACT, TEXT, NAME, OWNED, TALLY } kind;
 
 typedef struct item {
     kind kind;
@@ -52,9 +52,10 @@ typedef enum line_name {
     NLINES
 } line_name;
 
+/* It is written where its first item is something: a FLAG, COUNT or LONG above 0, a TEXT or NAME; where that is a REAL, where
+ * one of them is finite. */
 typedef struct line {
     const char *word;
-    item there;     /* the line is written where this is above 0, not "", or finite; NONE: always */
     item items[14]; /* ends with NONE */
 } line;
 
@@ -65,43 +66,36 @@ typedef struct line {
 #define OF_R(kind, field, ...) FIELD(kind, rx_run_facts, field, __VA_ARGS__)
 #define E_REAL(field) OF_E(REAL, field, 0, 0)
 #define R_REAL(field) OF_R(REAL, field, 0, 0)
-#define ALWAYS {NONE, 0, 0, 0, 0}
 static const line lines[NLINES] = {
-    [TILE] = {"TILE", ALWAYS, {OF_T(OWNED, image, 0, 0), OF_T(OWNED, name, 0, 0)}},
-    [VERSION] = {"VERSION", ALWAYS, {OF_T(OWNED, version, 0, 0)}},
-    [STATUS] = {"STATUS", ALWAYS, {OF_T(INT, status, 0, 255), OF_T(OWNED, what, 0, 0)}},
-    [EXTENSION] = {"EXTENSION", ALWAYS, {OF_E(INT, hdu, 0, 1 << 30), OF_E(INT, width, 0, 1 << 30), OF_E(INT, height, 0, 1 << 30),
-                                         E_REAL(alpha), E_REAL(delta), E_REAL(fwhm), E_REAL(sky), E_REAL(noise),
-                                         OF_E(INT, verdict, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT)}},
-    [STATE] = {"STATE", OF_E(INT, known, 0, 1),
-               {E_REAL(state.ellipticity), E_REAL(state.depth), E_REAL(state.factor), E_REAL(state.masked),
-                E_REAL(state.saturated), E_REAL(state.chi2), OF_E(INT, state.wrong, -1, INT_MAX),
-                OF_E(INT, state.look, -1, INT_MAX)}},
-    [ANOMALIES] = {"ANOMALIES", OF_E(ANY_REAL, state.rows, 0, 0),
-                   {E_REAL(state.rows), E_REAL(state.columns), E_REAL(state.light)}},
-    [CARD] = {"CARD", ALWAYS, {FIELD(TEXT, rx_tile_card, name, 0, 0), FIELD(EXACT, rx_tile_card, value, 0, 0)}},
-    [PAGE] = {"PAGE", OF_E(TEXT, page, 0, 0), {OF_E(TEXT, page, 0, 0)}},
-    [PSF] = {"PSF", OF_E(TEXT, psf.how, 0, 0),
-             {OF_E(NAME, psf.how, 0, 0), OF_E(INT, psf.stars, 0, INT_MAX), OF_E(INT, psf.reserved, 0, INT_MAX),
-              E_REAL(psf.flux_error), E_REAL(psf.growth), E_REAL(psf.residual), E_REAL(psf.off[0]), E_REAL(psf.off[1]),
-              E_REAL(psf.off[2]), E_REAL(psf.error[0]), E_REAL(psf.error[1]), E_REAL(psf.error[2])}},
-    [STARS] = {"STARS", OF_E(LONG, psf.rho.n, 0, 0),
-               {OF_E(LONG, psf.rho.n, 1, INT_MAX), OF_E(LONG, psf.rho.t, -(1L << 40), 1L << 40),
-                OF_E(LONG, psf.rho.e1, -(1L << 40), 1L << 40), OF_E(LONG, psf.rho.e2, -(1L << 40), 1L << 40),
-                E_REAL(psf.rho.reach)}},
-    [RHO] = {"RHO", OF_E(LONG, psf.rho.pairs, 0, 0), /* behind the number of the bin */
-             {OF_E(LONG, psf.rho.pairs, 1, 1L << 60), OF_E(LONG, psf.rho.tt, -(1L << 60), 1L << 60),
-              OF_E(LONG, psf.rho.ee, -(1L << 60), 1L << 60)}},
-    [RUN] = {"RUN", ALWAYS, {OF_R(NAME, name, 0, 0), OF_R(LONG, sources, 0, 1L << 40), OF_R(TALLY, tally, 0, 1)}},
-    [TOOK] = {"TOOK", OF_R(TEXT, taken, 0, 0), {OF_R(NAME, taken, 0, 0), OF_R(TEXT, why, 0, 0)}},
-    [DONE] = {"DONE", OF_R(TEXT, by, 0, 0), {OF_R(NAME, by, 0, 0), OF_R(TEXT, why, 0, 0)}},
-    [OUTSIDE] = {"OUTSIDE", OF_R(TEXT, outside, 0, 0), {OF_R(TEXT, outside, 0, 0)}},
-    [FLUX] = {"FLUX", OF_R(INT, flux.n, 0, 0),
-              {OF_R(INT, flux.n, 1, INT_MAX), R_REAL(flux.diameter), R_REAL(flux.wide), R_REAL(flux.wide_error),
-               R_REAL(flux.automatic), R_REAL(flux.automatic_error)}},
-    [GUARD] = {"GUARD", OF_R(INT, guard.known, 0, 1),
-               {R_REAL(guard.false_per_mpixel), R_REAL(guard.raised), R_REAL(guard.unexplained)}},
-    [SHARES] = {"SHARES", R_REAL(lit), {R_REAL(sharp), R_REAL(lit)}},
+    [TILE] = {"TILE", {OF_T(OWNED, image, 0, 0), OF_T(OWNED, name, 0, 0)}},
+    [VERSION] = {"VERSION", {OF_T(OWNED, version, 0, 0)}},
+    [STATUS] = {"STATUS", {OF_T(INT, status, 0, 255), OF_T(OWNED, what, 0, 0)}},
+    [EXTENSION] = {"EXTENSION", {OF_E(INT, hdu, 0, 1 << 30), OF_E(INT, width, 0, 1 << 30), OF_E(INT, height, 0, 1 << 30),
+                                 E_REAL(alpha), E_REAL(delta), E_REAL(fwhm), E_REAL(sky), E_REAL(noise),
+                                 OF_E(INT, verdict, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT)}},
+    [STATE] = {"STATE", {OF_E(FLAG, known, 0, 0), E_REAL(state.ellipticity), E_REAL(state.depth), E_REAL(state.factor),
+                         E_REAL(state.masked), E_REAL(state.saturated), E_REAL(state.chi2),
+                         OF_E(INT, state.wrong, -1, INT_MAX), OF_E(INT, state.look, -1, INT_MAX)}},
+    [ANOMALIES] = {"ANOMALIES", {E_REAL(state.rows), E_REAL(state.columns), E_REAL(state.light)}},
+    [CARD] = {"CARD", {FIELD(TEXT, rx_tile_card, name, 0, 0), FIELD(EXACT, rx_tile_card, value, 0, 0)}},
+    [PAGE] = {"PAGE", {OF_E(TEXT, page, 0, 0)}},
+    [PSF] = {"PSF", {OF_E(NAME, psf.how, 0, 0), OF_E(INT, psf.stars, 0, INT_MAX), OF_E(INT, psf.reserved, 0, INT_MAX),
+                     E_REAL(psf.flux_error), E_REAL(psf.growth), E_REAL(psf.residual), E_REAL(psf.off[0]), E_REAL(psf.off[1]),
+                     E_REAL(psf.off[2]), E_REAL(psf.error[0]), E_REAL(psf.error[1]), E_REAL(psf.error[2])}},
+    [STARS] = {"STARS", {OF_E(LONG, psf.rho.n, 1, INT_MAX), OF_E(LONG, psf.rho.t, -(1L << 40), 1L << 40),
+                         OF_E(LONG, psf.rho.e1, -(1L << 40), 1L << 40), OF_E(LONG, psf.rho.e2, -(1L << 40), 1L << 40),
+                         E_REAL(psf.rho.reach)}},
+    [RHO] = {"RHO", {OF_E(LONG, psf.rho.pairs, 1, 1L << 60), OF_E(LONG, psf.rho.tt, -(1L << 60), 1L << 60),
+                     OF_E(LONG, psf.rho.ee, -(1L << 60), 1L << 60)}}, /* behind the number of the bin */
+    [RUN] = {"RUN", {OF_R(NAME, name, 0, 0), OF_R(LONG, sources, 0, 1L << 40), OF_R(TALLY, tally, 0, 1)}},
+    [TOOK] = {"TOOK", {OF_R(NAME, taken, 0, 0), OF_R(TEXT, why, 0, 0)}},
+    [DONE] = {"DONE", {OF_R(NAME, by, 0, 0), OF_R(TEXT, why, 0, 0)}},
+    [OUTSIDE] = {"OUTSIDE", {OF_R(TEXT, outside, 0, 0)}},
+    [FLUX] = {"FLUX", {OF_R(COUNT, flux.n, 1, INT_MAX), R_REAL(flux.diameter), R_REAL(flux.wide), R_REAL(flux.wide_error),
+                       R_REAL(flux.automatic), R_REAL(flux.automatic_error)}},
+    [GUARD] = {"GUARD", {OF_R(FLAG, guard.known, 0, 0), R_REAL(guard.false_per_mpixel), R_REAL(guard.raised),
+                         R_REAL(guard.unexplained)}},
+    [SHARES] = {"SHARES", {R_REAL(sharp), R_REAL(lit)}},
 };
 /* clang-format on */
 
@@ -122,7 +116,7 @@ static void add_string(rx_text *dst, const char *string)
 static void add_item(rx_text *dst, const item *i, const void *base)
 {
     const void *field = (const char *)base + i->offset;
-    if (i->kind == INT)
+    if (i->kind == INT || i->kind == COUNT)
         rx_text_printf(dst, " %d", *(const int *)field);
     else if (i->kind == LONG)
         rx_text_printf(dst, " %ld", *(const long *)field);
@@ -132,38 +126,30 @@ static void add_item(rx_text *dst, const item *i, const void *base)
         add_string(dst, *(char *const *)field);
     else if (i->kind == TEXT || i->kind == NAME)
         add_string(dst, field);
-    else
+    else if (i->kind != FLAG)
         rx_text_printf(dst, i->kind == REAL ? " %.9g" : " %.15g", *(const double *)field);
 }
 
-static bool is_there(const line *l, const void *base)
+static bool is_there(const item *i, const void *base)
 {
-    const void *field = (const char *)base + l->there.offset;
-    const double *real = field;
-    switch (l->there.kind) {
-    case INT:
+    const void *field = (const char *)base + i->offset;
+    bool known = false;
+    if (i->kind == FLAG || i->kind == COUNT)
         return *(const int *)field > 0;
-    case LONG:
+    if (i->kind == LONG)
         return *(const long *)field > 0;
-    case TEXT:
+    if (i->kind == TEXT || i->kind == NAME)
         return *(const char *)field != '\0';
-    case REAL:
-        return isfinite(*real);
-    case ANY_REAL: /* of one after the other, as the items are */
-        for (const item *i = l->items; i->kind != NONE; i++, real++)
-            if (isfinite(*real))
-                return true;
-        return false;
-    default:
-        return true;
-    }
+    for (const item *real = i; real->kind == REAL; real++)
+        known |= isfinite(*(const double *)(const void *)((const char *)base + real->offset));
+    return known || i->kind != REAL;
 }
 
 /* The line, where it is there; k: number that comes first, -1: none. */
 static void add_line(rx_text *dst, line_name name, int k, const void *base)
 {
     const line *l = &lines[name];
-    if (!is_there(l, base))
+    if (!is_there(l->items, base))
         return;
     rx_text_add(dst, l->word);
     if (k >= 0)
@@ -291,6 +277,7 @@ static rx_status take_item(const reader *r, const item *i, char *word, void *fie
         *(double *)field = strtod(word, &end);
         return *end == '\0' && end != word ? RX_OK : refuse(r, "a number is missing");
     case INT:
+    case COUNT:
         RX_TRY(take_whole(r, word, i->low, i->high, &value));
         *(int *)field = (int)value;
         return RX_OK;
@@ -315,15 +302,16 @@ static rx_status take_item(const reader *r, const item *i, char *word, void *fie
 /* Words from `first` on into the struct at `base`. */
 static rx_status take_items(const reader *r, line_name name, int first, void *base)
 {
-    const item *there = &lines[name].there;
-    for (const item *i = lines[name].items; i->kind != NONE; i++, first++) {
-        if (first >= r->words.n)
+    for (const item *i = lines[name].items; i->kind != NONE; i++) {
+        void *field = (char *)base + i->offset;
+        if (i->kind == FLAG)
+            *(int *)field = 1;
+        else if (first < r->words.n)
+            RX_TRY(take_item(r, i, r->words.v[first++], field));
+        else
             return refuse(r, i->kind == TEXT || i->kind == NAME || i->kind == OWNED ? "a word is missing"
                                                                                     : "a number is missing");
-        RX_TRY(take_item(r, i, r->words.v[first], (char *)base + i->offset));
     }
-    if (there->kind == INT && *(int *)((char *)base + there->offset) == 0)
-        *(int *)((char *)base + there->offset) = 1; /* known, as the line is there */
     return RX_OK;
 }
 
