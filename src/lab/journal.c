@@ -63,7 +63,7 @@ static rx_status make_header(const rx_text *facts, rx_text *dst, char digest[RX_
     return dst->failed ? rx_error_memory(err, dst->length) : RX_OK;
 }
 
-/* Say which setting differs. */
+/* Names the setting that differs. */
 static rx_status other_settings(const char *path, const char *old, const char *now, rx_error *err)
 {
     static const char advice[] =
@@ -87,7 +87,7 @@ static rx_status other_settings(const char *path, const char *old, const char *n
     return rx_error_at(err, RX_USAGE, path, -1, 0, "belongs to a campaign of other settings; %s", advice);
 }
 
-/* RX_OK with *used = length of the header, or 0 when the file is empty or holds a torn header of ours. */
+/* RX_OK with *used = length of the header, or 0 when the file is empty or holds the beginning of a header of ours. */
 static rx_status check_header(const char *path, const char *text, size_t length, const rx_text *header,
                               size_t *used, rx_error *err)
 {
@@ -290,7 +290,7 @@ static rx_status append(rx_journal *journal, const char *text, size_t length, rx
     if (done < length || fdatasync(journal->file) != 0) {
         rx_status status = cannot(journal->path, "written", err);
         if (ftruncate(journal->file, journal->size) != 0) {
-            /* the torn line is cut off when the journal is opened again */
+            /* the incomplete line is cut off when the journal is opened again */
         }
         return status;
     }

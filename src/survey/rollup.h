@@ -113,7 +113,7 @@ rx_status rx_rollup_outliers(rx_rollup *rollup, rx_error *err);
 /* Begin a further note behind those of dst; returns dst. run: "" for what is of the image. */
 rx_text *rx_rollup_note(rx_text *dst, const char *before, const char *run);
 
-/* What a row says of itself, whatever the others are: work of another restorer, a flux scale that is off (unless dst has
+/* Notes on a row alone, whatever the others are: work of another restorer, a flux scale that is off (unless dst has
  * it), what the page of the tile calls wrong. */
 void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *before);
 

@@ -52,7 +52,7 @@ rx_status rx_survey_open(rx_survey_list *survey, const char *path, rx_error *err
 /* Tile i; how it ended, and `why` where that is not RX_OK. */
 rx_outcome rx_survey_tile(const rx_survey_list *survey, int i, rx_error *why);
 
-/* It has ended so. Says so in the log at once, unless all is well. */
+/* Its outcome, which the log has at once unless all is well. */
 rx_status rx_survey_add(rx_survey_list *survey, int i, rx_outcome outcome, const rx_error *why,
                         rx_error *err);
 

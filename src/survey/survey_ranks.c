@@ -14,7 +14,7 @@ typedef struct ready {
 } ready;
 
 /* Rank 0: answers each that is ready with a tile; one that gets none waits until all shall end, as a rank
- * that is gone means trouble to those who still work. */
+ * that has ended means trouble to those who still work. */
 static rx_status hand_out(rx_survey_list *s, rx_error *err)
 {
     const int workers = rx_par_processes() - 1, none = NO_TILE;

@@ -1,12 +1,12 @@
-/* What restorers are told under a condition. */
+/* What restorers are given under a condition. */
 #include "../near.h"
 #include "../scratch.h"
 
 #include "data/map.h"
 #include "lab/lab.h"
 
-/* The PSF told is a Moffat of the width asked for; the true one stays. */
-static void the_told_psf(void **state)
+/* The PSF given is a Moffat of the width asked for; the true one stays. */
+static void the_given_psf(void **state)
 {
     static const char *const pairs[][2] = {
         {"SEEING", "4,4.4"}, {"PSF_ERROR", "0.1"}, {"SIM.IMAGE_SIZE", "128"}};
@@ -37,7 +37,7 @@ static void check_sky(const rx_background *sky, int x, double level, double nois
 }
 
 /* A background that both share is changed once. */
-static void the_told_sky_and_noise(void **state)
+static void the_given_sky_and_noise(void **state)
 {
     float level[2][2] = {{100, 200}, {100, 200}}, sigma[2][2] = {{10, 20}, {30, 40}};
     rx_background back[2], flat = {.width = 2, .height = 1};
@@ -59,7 +59,7 @@ static void the_told_sky_and_noise(void **state)
     check_sky(&back[0], 1, 190, 24);
     check_sky(&back[1], 0, 100, 36);
     assert_near(back[1].global_sigma, 42, 1e-9);
-    rx_condition_apply(&(rx_condition){.of = RX_GIVEN_SKY, .error = 1}, &apart); /* a sigma as it was told */
+    rx_condition_apply(&(rx_condition){.of = RX_GIVEN_SKY, .error = 1}, &apart); /* a sigma as it was given */
     check_sky(&back[0], 1, 166, 24);
     check_sky(&back[1], 0, 64, 36);
     rx_background_flatten(&flat, 100, 10);
@@ -71,7 +71,7 @@ static void the_told_sky_and_noise(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(the_told_psf),
-                                       cmocka_unit_test(the_told_sky_and_noise)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(the_given_psf),
+                                       cmocka_unit_test(the_given_sky_and_noise)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
