@@ -273,9 +273,12 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
 
 /* --- skies: sky.c --- */
 
+/* A further simulated one, of the SIM. keywords, of which one (or none: NULL) has another value, on one thread. */
+rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log *log, rx_lab_sky **sky,
+                         rx_error *err);
 /* A simulated one for each condition: for each number of SEEING (none: one of the simulator's own FWHM) the truth first,
  * then one for every number but 0 of PSF_ERROR, SKY_ERROR and NOISE_ERROR. find: the stage measures its PSF. Errors:
- * RX_USAGE (no Moffat whose FWHM could be set, an INJECT_IMAGE, a PSF that is found and given wrongly). */
+ * RX_USAGE (no Moffat whose FWHM could be set, a PSF that is found and given wrongly). */
 rx_status rx_lab_skies_simulate(rx_lab *lab, int find, rx_log *log, rx_error *err);
 /* TILE_NAME with a PSF of its own, as a further one. */
 rx_status rx_lab_sky_read(rx_lab *lab, rx_log *log, rx_lab_sky **sky, rx_error *err);

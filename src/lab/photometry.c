@@ -49,19 +49,6 @@ static rx_status add_runs(rx_lab *lab, rx_error *err)
     return RX_OK;
 }
 
-static rx_status add_magnitudes(rx_lab *lab, rx_error *err)
-{
-    const double *range = lab->config->magnitudes.v;
-    const double steps = floor((range[1] - range[0]) / range[2] + 1e-6);
-    rx_status status = RX_OK;
-    if (!(range[2] > 0) || range[1] < range[0] || steps > 1000)
-        return rx_error_set(err, RX_USAGE,
-                            "MAGNITUDES are <from>,<to>,<step> from bright to faint, at most 1000 steps");
-    for (int i = 0; i <= (int)steps && status == RX_OK; i++)
-        status = rx_lab_add_scene(lab, RX_SCENE_MAGNITUDE, i, range[0] + i * range[2], err);
-    return status;
-}
-
 /* The first image of TILE_NAME, with its PSF whether a restorer needs it or not. */
 static rx_status read_sky(rx_lab *lab, rx_log *log, rx_error *err)
 {
@@ -75,9 +62,6 @@ static rx_status read_sky(rx_lab *lab, rx_log *log, rx_error *err)
         return rx_error_set(err, RX_USAGE,
                             "SEEING, PSF_ERROR, SKY_ERROR and NOISE_ERROR are of simulated fields; leave "
                             "them out, or INJECTED");
-    if (config->tile_name[0] == '\0')
-        return rx_error_set(err, RX_USAGE,
-                            "FIELDS INJECTED needs TILE_NAME, the tile that stars are added to");
     rx_lab_sky *dst;
     uint8_t *mask = NULL;
     RX_TRY(rx_lab_sky_read(lab, log, &dst, err));
@@ -95,6 +79,7 @@ static rx_status read_sky(rx_lab *lab, rx_log *log, rx_error *err)
 
 static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
 {
+    const double *range = lab->config->magnitudes.v; /* from, to, step */
     lab->ntiles = rx_lab_size(lab, &lab->config->tiles);
     if (lab->nprecisions == 0) {
         lab->nprecisions = 2;
@@ -102,7 +87,8 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
         lab->precision[1] = 0.99;
     }
     RX_TRY(add_runs(lab, err));
-    RX_TRY(add_magnitudes(lab, err));
+    for (int i = 0; i <= (int)floor((range[1] - range[0]) / range[2] + 1e-6); i++)
+        RX_TRY(rx_lab_add_scene(lab, RX_SCENE_MAGNITUDE, i, range[0] + i * range[2], err));
     const int find = rx_settings_was_set(&lab->config->settings, "STAGE.PSF_TYPE") != RX_FROM_DEFAULT;
     for (int i = 0; i < lab->config->fields.n; i++) /* each word comes once */
         RX_TRY(strcmp(lab->config->fields.v[i], "INJECTED") == 0

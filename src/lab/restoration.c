@@ -84,81 +84,40 @@ static rx_status add_runs(rx_lab *lab, rx_error *err)
     return RX_OK;
 }
 
-static int bin_count(const rx_reals *range)
-{
-    return (int)floor(range->v[1] - range->v[0] + 1e-6) + 1;
-}
-
 /* Bins of one quantity, 1 wide, one centre per unit from the first to the last. */
-static void add_bins(rx_lab *lab, int by_sigma, const rx_reals *range, const rx_reals *other,
-                     const rx_ints *scenes)
+static rx_status add_bins(rx_lab *lab, int by_sigma, const rx_reals *range, const rx_reals *other,
+                          const rx_ints *scenes, rx_error *err)
 {
-    for (int i = 0; i < bin_count(range); i++)
+    const int n = (int)floor(range->v[1] - range->v[0] + 1e-6) + 1;
+    RX_TRY(RX_GROW(lab->bin, (size_t)(lab->nconditions + n), err));
+    for (int i = 0; i < n; i++)
         lab->bin[lab->nconditions++] = (rx_lab_bin){.by_sigma = by_sigma,
                                                     .low = fmax(range->v[0] + i - 0.5, 0),
                                                     .high = range->v[0] + i + 0.5,
                                                     .other_low = other->v[0],
                                                     .other_high = other->v[1],
                                                     .nscenes = rx_lab_size(lab, scenes)};
-}
-
-static rx_status set_bins(rx_lab *lab, rx_error *err)
-{
-    const rx_campaign_config *config = lab->config;
-    if (config->fwhm_range.v[1] < config->fwhm_range.v[0] ||
-        config->sigma_range.v[1] < config->sigma_range.v[0] ||
-        config->fwhm_trained.v[1] < config->fwhm_trained.v[0] ||
-        config->sigma_trained.v[1] < config->sigma_trained.v[0])
-        return rx_error_set(err, RX_USAGE,
-                            "FWHM_RANGE, SIGMA_RANGE, FWHM_TRAINED and SIGMA_TRAINED go from low to high");
-    const size_t n = (size_t)bin_count(&config->fwhm_range) + (size_t)bin_count(&config->sigma_range);
-    RX_TRY(RX_MAKE(lab->bin, n, err));
-    add_bins(lab, 0, &config->fwhm_range, &config->sigma_trained, &config->scenes_fwhm);
-    add_bins(lab, 1, &config->sigma_range, &config->fwhm_trained, &config->scenes_sigma);
     return RX_OK;
 }
 
-/* The population on a scene, without stars unless they were asked for, and with one galaxy at least. */
-static rx_status set_simulation(rx_lab *lab, rx_log *log, rx_error *err)
-{
-    const rx_campaign_config *config = lab->config;
-    rx_simulate_config *sim = NULL;
-    char side[32];
-    snprintf(side, sizeof side, "%d", config->scene_side);
-    rx_status status = rx_simulate_config_copy(config->sim, &sim, err);
-    if (status == RX_OK)
-        status = rx_settings_set(&sim->settings, "IMAGE_SIZE", side, log, err);
-    if (status == RX_OK && sim->inject_image[0] != '\0')
-        status = rx_error_set(err, RX_USAGE, "SIM.INJECT_IMAGE has no place in a restoration campaign");
-    if (status == RX_OK && strcmp(sim->psf_type, "MOFFAT") != 0)
-        status = rx_error_set(err, RX_USAGE,
-                              "SIM.PSF_TYPE %s has no FWHM to vary in a restoration campaign; give MOFFAT",
-                              sim->psf_type);
-    if (status == RX_OK)
-        status = rx_simulation_from_config(sim, log, &lab->sky->simulation, err);
-    rx_simulate_config_free(sim);
-    if (status != RX_OK)
-        return status;
-    rx_simulation *simulation = lab->sky->simulation;
-    simulation->nthreads = 1;
-    if (rx_settings_was_set(&config->settings, "SIM.STAR_COUNT") == RX_FROM_DEFAULT)
-        simulation->scene.stars.count = 0;
-    if (simulation->scene.galaxies.count + simulation->scene.templates.count < 1)
-        *(simulation->templates != NULL && simulation->scene.templates.count > 0
-              ? &simulation->scene.templates.count
-              : &simulation->scene.galaxies.count) = 1;
-    return RX_OK;
-}
-
+/* The population on a scene: without stars unless they were asked for, and with one galaxy at least. */
 static rx_status open_bins(rx_lab *lab, rx_log *log, rx_error *err)
 {
-    RX_TRY(RX_MAKE(lab->sky, 1, err));
-    lab->nskies = 1;
+    const rx_campaign_config *config = lab->config;
+    rx_lab_sky *sky;
+    RX_TRY(rx_lab_sky_add(lab, "IMAGE_SIZE", config->scene_side, log, &sky, err));
+    rx_scene_params *scene = &sky->simulation->scene;
+    if (rx_settings_was_set(&config->settings, "SIM.STAR_COUNT") == RX_FROM_DEFAULT)
+        scene->stars.count = 0;
+    if (scene->galaxies.count + scene->templates.count < 1)
+        *(sky->simulation->templates != NULL && scene->templates.count > 0 ? &scene->templates.count
+                                                                           : &scene->galaxies.count) = 1;
     RX_TRY(add_runs(lab, err));
-    RX_TRY(set_bins(lab, err));
+    lab->nconditions = 0;
+    RX_TRY(add_bins(lab, 0, &config->fwhm_range, &config->sigma_trained, &config->scenes_fwhm, err));
+    RX_TRY(add_bins(lab, 1, &config->sigma_range, &config->fwhm_trained, &config->scenes_sigma, err));
     RX_TRY(rx_lab_add_scene(lab, RX_SCENE_TUNING, 0, 0, err));
-    RX_TRY(rx_lab_add_scene(lab, RX_SCENE_TEST, 1, 0, err));
-    return set_simulation(lab, log, err);
+    return rx_lab_add_scene(lab, RX_SCENE_TEST, 1, 0, err);
 }
 
 /* --- scenes --- */

@@ -72,30 +72,6 @@ static double psf_error_of(const rx_condition *c)
     return c->of == RX_GIVEN_PSF ? c->error : 0;
 }
 
-static rx_status make_simulation(const rx_condition *c, const rx_simulate_config *sim, rx_log *log,
-                                 rx_simulation **dst, rx_error *err)
-{
-    rx_simulate_config *own = NULL;
-    char fwhm[40];
-    if (sim->inject_image[0] != '\0')
-        return rx_error_set(
-            err, RX_USAGE, "SIM.INJECT_IMAGE has no place in a campaign; give FIELDS INJECTED and TILE_NAME");
-    if ((c->fwhm > 0 || psf_error_of(c) != 0.0) && strcmp(sim->psf_type, "MOFFAT") != 0)
-        return rx_error_set(err, RX_USAGE,
-                            "SIM.PSF_TYPE %s has no FWHM that SEEING or PSF_ERROR could change; give MOFFAT",
-                            sim->psf_type);
-    snprintf(fwhm, sizeof fwhm, "%.17g", c->fwhm);
-    rx_status status = rx_simulate_config_copy(sim, &own, err);
-    if (status == RX_OK && c->fwhm > 0)
-        status = rx_settings_set(&own->settings, "PSF_FWHM", fwhm, log, err);
-    if (status == RX_OK)
-        status = rx_simulation_from_config(own, log, dst, err);
-    if (status == RX_OK)
-        (*dst)->nthreads = 1;
-    rx_simulate_config_free(own);
-    return status;
-}
-
 static rx_status make_psf(const rx_condition *c, const rx_simulate_config *sim,
                           const rx_simulation *simulation, rx_psf **dst, rx_error *err)
 {
@@ -150,25 +126,50 @@ static rx_lab_sky *add_sky(rx_lab *lab, rx_error *err)
     return &lab->sky[lab->nskies++];
 }
 
+rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log *log, rx_lab_sky **sky,
+                         rx_error *err)
+{
+    const rx_simulate_config *sim = lab->config->sim;
+    rx_simulate_config *own = NULL;
+    char text[40];
+    rx_lab_sky *dst = *sky = add_sky(lab, err);
+    if (dst == NULL)
+        return RX_SYSTEM;
+    snprintf(text, sizeof text, "%.17g", value);
+    rx_status status = rx_simulate_config_copy(sim, &own, err);
+    if (status == RX_OK && keyword != NULL)
+        status = rx_settings_set(&own->settings, keyword, text, log, err);
+    if (status == RX_OK)
+        status = rx_simulation_from_config(own, log, &dst->simulation, err);
+    rx_simulate_config_free(own);
+    RX_TRY(status);
+    dst->simulation->nthreads = 1;
+    dst->width = dst->simulation->scene.width;
+    dst->height = dst->simulation->scene.height;
+    dst->fwhm = dst->simulation->optics->fwhm;
+    dst->sigma = sky_noise(&dst->simulation->noise);
+    return RX_OK;
+}
+
+/* One of that condition. */
 static rx_status simulate(rx_lab *lab, rx_condition condition, int find, rx_log *log, rx_error *err)
 {
     const rx_simulate_config *sim = lab->config->sim;
-    rx_lab_sky *dst = add_sky(lab, err);
-    if (dst == NULL)
-        return RX_SYSTEM;
+    const char *width = condition.fwhm > 0 ? "PSF_FWHM" : NULL;
+    rx_lab_sky *dst;
     if (find && psf_error_of(&condition) != 0.0)
         return rx_error_set(
             err, RX_USAGE,
             "PSF_ERROR says what PSF restorers are given, STAGE.PSF_TYPE that they find it; leave out one of "
             "them");
+    if ((width != NULL || psf_error_of(&condition) != 0.0) && strcmp(sim->psf_type, "MOFFAT") != 0)
+        return rx_error_set(err, RX_USAGE,
+                            "SIM.PSF_TYPE %s has no FWHM that SEEING or PSF_ERROR could change; give MOFFAT",
+                            sim->psf_type);
+    RX_TRY(rx_lab_sky_add(lab, width, condition.fwhm, log, &dst, err));
     dst->condition = condition;
-    RX_TRY(make_simulation(&condition, sim, log, &dst->simulation, err));
-    dst->width = dst->simulation->scene.width;
-    dst->height = dst->simulation->scene.height;
-    dst->fwhm = dst->simulation->optics->fwhm;
-    dst->sigma = sky_noise(&dst->simulation->noise);
-    name_condition(condition.fwhm > 0 || !lab->kind->by_width ? condition.fwhm : dst->fwhm, &condition,
-                   dst->name, sizeof dst->name);
+    name_condition(width != NULL || !lab->kind->by_width ? condition.fwhm : dst->fwhm, &condition, dst->name,
+                   sizeof dst->name);
     if (dst->name[0] == '\0')
         snprintf(dst->name, sizeof dst->name, "simulated");
     RX_TRY(rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err));
