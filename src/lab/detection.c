@@ -19,29 +19,17 @@ static const double EXTENDED = 9.06; /* 4 pi / (2 ln 2): r_e^2 of a Gaussian to 
 /* What random numbers are for. */
 enum { DRAW_SCENE = 1, DRAW_NOISE = 2, DRAW_PAIRS = 3 };
 
-/* Numbered by their places here. */
-static const struct {
-    rx_scene_id id;
-    const char *name, *about;
-} SCENES[] = {{RX_SCENE_STARS, "STARS",
-               "Stars alone, all that the population puts on a tile, blends and all. A detection that is no "
-               "star of the least S/N, nor a fainter one, is false."},
-              {RX_SCENE_GALAXIES, "GALAXIES",
-               "Galaxies alone. A galaxy in two pieces is one right and one false detection."},
-              {RX_SCENE_PAIRS, "PAIRS",
-               "Close pairs of stars: resolved when there are two detections, each nearer than half the "
-               "separation to its star, both above the threshold."}};
+static const rx_lab_scene SCENES[] = {
+    {RX_SCENE_STARS, 0, 0, "STARS",
+     "Stars alone, all that the population puts on a tile, blends and all. A detection that is no star of "
+     "the "
+     "least S/N, nor a fainter one, is false."},
+    {RX_SCENE_GALAXIES, 1, 0, "GALAXIES",
+     "Galaxies alone. A galaxy in two pieces is one right and one false detection."},
+    {RX_SCENE_PAIRS, 2, 0, "PAIRS",
+     "Close pairs of stars: resolved when there are two detections, each nearer than half the separation to "
+     "its star, both above the threshold."}};
 enum { NSCENES = sizeof SCENES / sizeof *SCENES };
-
-const char *rx_scene_name(rx_scene_id id)
-{
-    return SCENES[id].name;
-}
-
-const char *rx_scene_about(rx_scene_id id)
-{
-    return SCENES[id].about;
-}
 
 /* RL with every number of iterations and every filter that is tried. */
 static rx_status add_runs(rx_lab *lab, const char *word, rx_error *err)
@@ -69,7 +57,7 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
     for (int i = 0; i < scenes->n; i++)
         for (int k = 0; k < NSCENES; k++)
             if (strcmp(scenes->v[i], SCENES[k].name) == 0)
-                RX_TRY(rx_lab_add_scene(lab, SCENES[k].id, k, 0, err));
+                RX_TRY(rx_lab_add_scene(lab, SCENES[k], err));
     RX_TRY(rx_lab_skies_simulate(lab, 0, log, err));
     return lab->sky[0].sigma > 0
                ? RX_OK

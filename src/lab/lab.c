@@ -27,10 +27,10 @@ rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error
     return RX_OK;
 }
 
-rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err)
+rx_status rx_lab_add_scene(rx_lab *lab, rx_lab_scene scene, rx_error *err)
 {
     RX_TRY(RX_GROW(lab->scene, (size_t)lab->nscenes + 1, err));
-    lab->scene[lab->nscenes++] = (rx_lab_scene){id, number, mag};
+    lab->scene[lab->nscenes++] = scene;
     return RX_OK;
 }
 

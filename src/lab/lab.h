@@ -109,10 +109,9 @@ typedef struct rx_lab_scene {
     rx_scene_id id;
     int number; /* of its random numbers */
     double mag; /* MAGNITUDE */
+    char name[32];
+    const char *about; /* DETECTION */
 } rx_lab_scene;
-
-const char *rx_scene_name(rx_scene_id id); /* of DETECTION, as the next one */
-const char *rx_scene_about(rx_scene_id id);
 
 /* Objects of a tile and their roles in a match: sources.h. */
 typedef enum rx_truth_role { RX_LISTED, RX_RIVAL, RX_OTHER } rx_truth_role;
@@ -250,7 +249,7 @@ void rx_lab_close(rx_lab *lab); /* NULL is fine */
 /* Of the restorer of that word, whose name it has where it comes without one. */
 rx_status rx_lab_add_run(rx_lab *lab, const char *word, rx_lab_run run, rx_error *err);
 long rx_lab_size(const rx_lab *lab, const rx_ints *list); /* as SIZE says: the first number, or the last */
-rx_status rx_lab_add_scene(rx_lab *lab, rx_scene_id id, int number, double mag, rx_error *err);
+rx_status rx_lab_add_scene(rx_lab *lab, rx_lab_scene scene, rx_error *err);
 
 /* A unit as journals keep it: of each table the number of rows, then the rows. */
 rx_status rx_lab_do_unit(const rx_lab *lab, long unit, const rx_unit_values *done, rx_unit_values *dst,

@@ -87,8 +87,11 @@ static rx_status open_runs(rx_lab *lab, rx_log *log, rx_error *err)
         lab->precision[1] = 0.99;
     }
     RX_TRY(add_runs(lab, err));
-    for (int i = 0; i <= (int)floor((range[1] - range[0]) / range[2] + 1e-6); i++)
-        RX_TRY(rx_lab_add_scene(lab, RX_SCENE_MAGNITUDE, i, range[0] + i * range[2], err));
+    for (int i = 0; i <= (int)floor((range[1] - range[0]) / range[2] + 1e-6); i++) {
+        rx_lab_scene scene = {.id = RX_SCENE_MAGNITUDE, .number = i, .mag = range[0] + i * range[2]};
+        snprintf(scene.name, sizeof scene.name, "%g", scene.mag);
+        RX_TRY(rx_lab_add_scene(lab, scene, err));
+    }
     const int find = rx_settings_was_set(&lab->config->settings, "STAGE.PSF_TYPE") != RX_FROM_DEFAULT;
     for (int i = 0; i < lab->config->fields.n; i++) /* each word comes once */
         RX_TRY(strcmp(lab->config->fields.v[i], "INJECTED") == 0

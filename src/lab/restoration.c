@@ -116,8 +116,8 @@ static rx_status open_bins(rx_lab *lab, rx_log *log, rx_error *err)
     lab->nconditions = 0;
     RX_TRY(add_bins(lab, 0, &config->fwhm_range, &config->sigma_trained, &config->scenes_fwhm, err));
     RX_TRY(add_bins(lab, 1, &config->sigma_range, &config->fwhm_trained, &config->scenes_sigma, err));
-    RX_TRY(rx_lab_add_scene(lab, RX_SCENE_TUNING, 0, 0, err));
-    return rx_lab_add_scene(lab, RX_SCENE_TEST, 1, 0, err);
+    RX_TRY(rx_lab_add_scene(lab, (rx_lab_scene){.id = RX_SCENE_TUNING}, err));
+    return rx_lab_add_scene(lab, (rx_lab_scene){.id = RX_SCENE_TEST}, err);
 }
 
 /* --- scenes --- */

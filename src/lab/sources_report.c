@@ -419,23 +419,17 @@ const char rx_sources_reading[] =
 
 void rx_sources_name_set(const rx_lab *lab, const rx_lab_unit *unit, char names[2][96])
 {
-    const rx_lab_scene *scene = &lab->scene[unit->scene];
-    if (scene->id == RX_SCENE_MAGNITUDE) {
-        snprintf(names[0], sizeof *names, "%s", lab->sky[unit->condition].name);
-        snprintf(names[1], sizeof *names, "%g", scene->mag);
-    } else {
-        snprintf(names[0], sizeof *names, "%s", rx_scene_name(scene->id));
-        snprintf(names[1], sizeof *names, "%s", lab->sky[unit->condition].name);
-    }
+    const int fields = lab->scene[unit->scene].id == RX_SCENE_MAGNITUDE;
+    snprintf(names[!fields], sizeof *names, "%s", lab->sky[unit->condition].name);
+    snprintf(names[fields], sizeof *names, "%s", lab->scene[unit->scene].name);
 }
 
 /* Of a field, or of a scene of DETECTION. */
 static rx_status open_group(rx_lab_group *g, const rx_lab *lab, int fields, int number, rx_error *err)
 {
-    char names[2][96];
     const int n = fields ? lab->nscenes : lab->nconditions;
     *g = (rx_lab_group){.axis = fields ? "magnitude" : "FWHM of the PSF (pixels)"};
-    g->name = fields ? lab->sky[number].name : rx_scene_name(lab->scene[number].id);
+    g->name = fields ? lab->sky[number].name : lab->scene[number].name;
     name_quantities(lab, lab->scene[fields ? 0 : number].id, g);
     for (int k = 0; k < lab->nruns && !fields; k++) {
         g->hidden[k] = lab->run[k].tuned;
@@ -446,9 +440,7 @@ static rx_status open_group(rx_lab_group *g, const rx_lab *lab, int fields, int 
     }
     RX_TRY(rx_lab_group_open(g, lab, n, err));
     for (int c = 0; c < n; c++) {
-        const rx_lab_unit unit = fields ? (rx_lab_unit){number, c, 0} : (rx_lab_unit){c, number, 0};
-        rx_sources_name_set(lab, &unit, names);
-        memcpy(g->condition[c], names[1], sizeof names[1]);
+        snprintf(g->condition[c], sizeof *g->condition, "%s", fields ? lab->scene[c].name : lab->sky[c].name);
         g->place[c] = fields                               ? lab->scene[c].mag
                       : lab->sky[c].condition.error == 0.0 ? lab->sky[c].fwhm
                                                            : NAN;
@@ -483,7 +475,7 @@ rx_status rx_sources_report(rx_lab_page *page, rx_error *err)
         char id[32];
         snprintf(id, sizeof id, fields ? "field%d" : "scene%d", g);
         rx_lab_group_show(page, &groups[g], id, groups[g].name, g < FIELDS_DRAWN,
-                          fields ? lab->sky[g].about : rx_scene_about(lab->scene[g].id));
+                          fields ? lab->sky[g].about : lab->scene[g].about);
     }
     if (fields) {
         rx_report_section(page->report, "cuts", "Thresholds of equal precision, and sets");
