@@ -186,7 +186,6 @@ static rx_status describe(rx_lab *lab, rx_error *err)
         lab->sky[0].width, lab->sky[0].height, lab->ntiles, sim->psf_beta, sim->noise_type, sim->sky_level,
         lab->sky[0].sigma, sim->star_count, sim->star_mag.v[0], sim->star_mag.v[1], sim->galaxy_count,
         sim->galaxy_mag.v[0], sim->galaxy_mag.v[1]);
-    rx_lab_add_model(lab, lab->about, sizeof lab->about);
     return RX_OK;
 }
 

@@ -269,13 +269,11 @@ rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err)
                                    own.n, &rows, err));
             memcpy(rows, own.v, (size_t)(own.n * own.width) * sizeof *rows);
         }
-    return lab->kind->describe(lab, err);
-}
-
-void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size)
-{
-    const size_t used = strlen(dst);
-    if (lab->options->model != NULL)
-        snprintf(dst + used, size - used, "; NET: model %s, digest %s", lab->options->model->name,
-                 lab->options->model->digest);
+    RX_TRY(lab->kind->describe(lab, err));
+    const size_t used = strlen(lab->about);
+    const rx_model *model = lab->options->model;
+    if (model != NULL)
+        snprintf(lab->about + used, sizeof lab->about - used, "; NET: model %s, digest %s", model->name,
+                 model->digest);
+    return RX_OK;
 }

@@ -261,9 +261,6 @@ rx_lab_table rx_lab_unit_table(const rx_lab *lab, const rx_unit_values *unit, in
 rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err);
 rx_lab_table *rx_lab_tables_of(const rx_lab *lab, int condition, int scene); /* of a set */
 
-/* "; NET: model NAME, digest DIGEST" behind what is in dst, where there is a model. */
-void rx_lab_add_model(const rx_lab *lab, char *dst, size_t size);
-
 /* The seed of random numbers for a purpose: their streams never meet. */
 uint64_t rx_lab_seed(const rx_lab *lab, uint64_t purpose);
 

@@ -319,7 +319,6 @@ static rx_status describe_sky(const rx_lab *lab, rx_lab_sky *sky, rx_error *err)
 
 static rx_status describe(rx_lab *lab, rx_error *err)
 {
-    rx_lab_add_model(lab, lab->about, sizeof lab->about);
     for (int s = 0; s < lab->nskies; s++)
         RX_TRY(describe_sky(lab, &lab->sky[s], err));
     return RX_OK;

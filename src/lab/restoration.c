@@ -593,7 +593,6 @@ static rx_status describe(rx_lab *lab, rx_error *err)
              "reference (Gaussian PSF of FWHM %g pixels) is %g, the sky 0",
              sim->galaxy_type, templates, sim->psf_beta, sim->pixel_scale, lab->sky[0].simulation->sharp_fwhm,
              config->scene_peak);
-    rx_lab_add_model(lab, lab->about, sizeof lab->about);
     return RX_OK;
 }
 
