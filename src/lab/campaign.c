@@ -11,7 +11,6 @@
 #include "base/threads.h"
 #include "io/output.h"
 #include "lab/report.h"
-#include "lab/sources.h"
 
 static const rx_lab_kind *const KINDS[] = {&rx_kind_restoration, &rx_kind_photometry, &rx_kind_detection};
 
@@ -135,7 +134,8 @@ static rx_status work(job *j, rx_error *err)
     rx_log_info(j->log, "%s: %ld units, %ld of them are in the journal", j->kind->title, all, all - j->todo);
     if (j->todo == 0)
         return RX_OK;
-    RX_TRY(rx_sources_prepare(j->lab, j->log, err));
+    if (j->kind->prepare != NULL)
+        RX_TRY(j->kind->prepare(j->lab, j->log, err));
     RX_TRY(RX_MAKE(units, (size_t)j->todo, err));
     j->begun = rx_seconds();
     j->err = err;

@@ -193,11 +193,10 @@ typedef struct rx_lab_kind {
     int by_width; /* DETECTION: skies have their FWHM in their names, and NET_DEPTH counts */
     int in_turns; /* units of the first scene come before the others of their condition, in one shard */
     rx_status (*open)(rx_lab *lab, rx_log *log, rx_error *err); /* runs, scenes, conditions, skies */
-    /* Of sources against the true ones (sources.h): a tile, and, before the first unit, what a run has found on an untouched
-     * real one. */
-    rx_status (*tile)(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err);
-    rx_status (*untouched)(const rx_lab *lab, rx_lab_sky *sky, int run, const rx_sources *sources,
-                           rx_error *err);
+    /* Before the first unit, what a report alone does not need; may be NULL. */
+    rx_status (*prepare)(rx_lab *lab, rx_log *log, rx_error *err);
+    rx_status (*tile)(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst,
+                      rx_error *err); /* of sources against the true ones (sources.h) */
     /* The tables of one unit, on one thread; several at the same time. done: values of earlier units. */
     rx_status (*unit)(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
                       rx_lab_table *dst, rx_error *err);

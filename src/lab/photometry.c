@@ -248,37 +248,54 @@ exit:
 /* --- before the units: an untouched tile --- */
 
 /* Detections that no earlier restorer had become known, and the footprints of all; and the noise without them. */
-static rx_status untouched(const rx_lab *lab, rx_lab_sky *sky, int run, const rx_sources *sources,
-                           rx_error *err)
+static rx_status keep_known(const rx_lab *lab, rx_lab_sky *sky, const rx_sources *sources, rx_error *err)
 {
     const size_t n = (size_t)sky->width * (size_t)sky->height;
-    const long before = run > 0 ? sky->known.n : 0;
+    const long before = sky->known.n;
     rx_qa_list list = {0};
     double radius = 0;
     RX_TRY(rx_sources_radius(lab, sky, sky->field->tile, &radius, err));
-    if (run == 0)
+    if (sky->covered == NULL) { /* the first restorer */
+        RX_TRY(RX_MAKE(sky->covered, n, err));
         RX_TRY(rx_blankcheck_noise(sky->field, sources->segments, lab->nthreads, &sky->noise, err));
-    rx_lab_object *all = rx_regrow(sky->known.list, (size_t)(before + sources->n), sizeof *all);
-    if (sky->covered == NULL)
-        sky->covered = RX_NEW(unsigned char, n);
-    if (all != NULL)
-        sky->known.list = all;
-    if (all == NULL || sky->covered == NULL)
-        return rx_error_memory(err, n);
+    }
+    RX_TRY(RX_GROW(sky->known.list, (size_t)(before + sources->n), err));
     RX_TRY(rx_quality_list(&lab->options->check.quality, sky->field->tile, sources, &list, err));
-    sky->known.n = before;
     for (long i = 0; i < list.n; i++) {
         int is_known = 0;
         for (long k = 0; k < before; k++)
-            is_known |= hypot(list.x[i] - all[k].x, list.y[i] - all[k].y) <= radius;
+            is_known |= hypot(list.x[i] - sky->known.list[k].x, list.y[i] - sky->known.list[k].y) <= radius;
         if (!is_known)
-            all[sky->known.n++] = (rx_lab_object){
+            sky->known.list[sky->known.n++] = (rx_lab_object){
                 .x = list.x[i], .y = list.y[i], .flux = list.flux[i], .reach = fmax(radius, sky->fwhm)};
     }
     rx_qa_list_free(&list);
     for (size_t i = 0; i < n; i++)
         sky->covered[i] |= sources->segments[i] != 0;
     return RX_OK;
+}
+
+static rx_status prepare(rx_lab *lab, rx_log *log, rx_error *err)
+{
+    rx_status status = RX_OK;
+    for (int i = 0; i < lab->nskies * lab->nruns && status == RX_OK; i++) {
+        const int r = i % lab->nruns;
+        rx_lab_sky *sky = &lab->sky[i / lab->nruns];
+        const rx_lab_run *run = &lab->run[r];
+        rx_options options = rx_lab_options(lab, sky, run);
+        rx_pipeline_params *par = &options.pipeline;
+        rx_result result = {0};
+        if (sky->field == NULL ||
+            (r > 0 && run[-1].restorer == run->restorer && run[-1].templates != run->templates))
+            continue; /* other fluxes of the same sources */
+        par->nthreads = par->restore.nthreads = par->measure.nthreads = par->templates.par.nthreads =
+            lab->nthreads;
+        status = rx_field_extract(par, run->restorer, sky->field, NULL, log, &result, err);
+        if (status == RX_OK)
+            status = keep_known(lab, sky, result.sources, err);
+        rx_result_free(&result);
+    }
+    return status;
 }
 
 /* --- words --- */
@@ -326,6 +343,6 @@ static rx_status describe(rx_lab *lab, rx_error *err)
 
 RX_LAB_KIND(rx_kind_photometry, .name = "PHOTOMETRY", .title = "Photometry campaign", .tag = 0x70686f746f,
             .most = RX_METHODS_MAX, .ntables = RX_SOURCES_TABLES, .tables = rx_sources_tables,
-            .open = open_runs, .untouched = untouched, .tile = make_tile, .unit = rx_sources_unit,
+            .open = open_runs, .prepare = prepare, .tile = make_tile, .unit = rx_sources_unit,
             .describe = describe, .name_set = rx_sources_name_set, .report = rx_sources_report,
             .reading = rx_sources_reading);

@@ -228,26 +228,3 @@ rx_status rx_sources_unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_u
     rx_lab_tile_free(&s.tile);
     return status;
 }
-
-rx_status rx_sources_prepare(rx_lab *lab, rx_log *log, rx_error *err)
-{
-    rx_status status = RX_OK;
-    for (int i = 0; i < lab->nskies * lab->nruns && status == RX_OK; i++) {
-        const int r = i % lab->nruns;
-        rx_lab_sky *sky = &lab->sky[i / lab->nruns];
-        const rx_lab_run *run = &lab->run[r];
-        rx_options options = rx_lab_options(lab, sky, run);
-        rx_pipeline_params *par = &options.pipeline;
-        rx_result result = {0};
-        if (sky->field == NULL ||
-            (r > 0 && run[-1].restorer == run->restorer && run[-1].templates != run->templates))
-            continue; /* other fluxes of the same sources */
-        par->nthreads = par->restore.nthreads = par->measure.nthreads = par->templates.par.nthreads =
-            lab->nthreads;
-        status = rx_field_extract(par, run->restorer, sky->field, NULL, log, &result, err);
-        if (status == RX_OK)
-            status = lab->kind->untouched(lab, sky, r, result.sources, err);
-        rx_result_free(&result);
-    }
-    return status;
-}

@@ -66,9 +66,6 @@ void rx_matches_free(rx_matches *matches); /* content only */
 
 /* --- campaigns --- */
 
-/* Before the first unit, what a report alone does not need: untouched() of every real tile and run. */
-rx_status rx_sources_prepare(rx_lab *lab, rx_log *log, rx_error *err);
-
 /* How far from an object a detection of it may lie: MATCH_RADIUS, and half a FWHM of its sky at least. */
 rx_status rx_sources_radius(const rx_lab *lab, const rx_lab_sky *sky, const rx_tile *tile, double *pixels,
                             rx_error *err);
