@@ -52,7 +52,7 @@ static double cell(const rx_table *table, const char *name, long row)
 
 /* The Kron ellipse of a source, on the sky where it has a place there: angles of regions count from west over north.
  * Colours are those of the head of the file; each flag is a tag, by which DS9 forms groups. */
-static void add_region(const rx_table *table, long row, rx_text *text)
+static void add_region(rx_text *text, const rx_table *table, long row)
 {
     const int flags = (int)cell(table, "FLAGS", row);
     const double restore = cell(table, "FLAGS_RESTORE", row), ra = cell(table, "ALPHA_J2000", row);
@@ -83,113 +83,82 @@ static void add_region(const rx_table *table, long row, rx_text *text)
     rx_text_add(text, "\n");
 }
 
-/* One row into the text that was there. */
-static void format_row(const rx_table *table, long row, rx_catalog_type type, rx_text *text)
+static void add_cells(rx_text *dst, const rx_table *table, long row, const char *separator)
 {
-    const char *separator = type == RX_CATALOG_ASCII_SKYCAT ? " \t" : " ";
-    text->length = 0;
-    if (type == RX_CATALOG_DS9) {
-        add_region(table, row, text);
-        return;
-    }
     for (int i = 0; i < table->ncolumns; i++) {
-        long elements = rx_column_elements(&table->columns[i]);
+        const long elements = rx_column_elements(&table->columns[i]);
         for (long e = 0; e < elements; e++) {
             if (i > 0 || e > 0)
-                rx_text_add(text, separator);
-            rx_cell_format(text, &table->columns[i], row, e);
+                rx_text_add(dst, separator);
+            rx_cell_format(dst, &table->columns[i], row, e);
         }
     }
-    rx_text_add(text, "\n");
+    rx_text_add(dst, "\n");
 }
 
-rx_status rx_ascii_digest(rx_table *const *tables, int n, rx_catalog_type type, char dst[RX_HASH_TEXT],
-                          rx_error *err)
+static void plain_row(rx_text *dst, const rx_table *table, long row)
 {
-    rx_text text = {0};
-    rx_hash sum;
-    rx_hash_begin(&sum);
-    for (int i = 0; i < n; i++)
-        for (long row = 0; row < tables[i]->nrows && !text.failed; row++) {
-            format_row(tables[i], row, type, &text);
-            rx_hash_add(&sum, text.data, text.length);
-        }
-    rx_status status = text.failed ? rx_error_memory(err, text.capacity) : RX_OK;
-    rx_hash_text(&sum, dst);
-    rx_text_free(&text);
-    return status;
+    add_cells(dst, table, row, " ");
 }
 
-/* text is reused as the line's buffer. */
-static rx_status write_rows(FILE *file, const rx_table *table, rx_catalog_type type, rx_text *text,
-                            rx_error *err)
+static void skycat_row(rx_text *dst, const rx_table *table, long row)
 {
-    for (long row = 0; row < table->nrows; row++) {
-        format_row(table, row, type, text);
-        if (text->failed)
-            return rx_error_memory(err, text->capacity);
-        fwrite(text->data, 1, text->length, file);
-    }
-    return RX_OK;
+    add_cells(dst, table, row, " \t");
 }
 
-rx_status rx_ascii_write(FILE *file, const rx_catalog *catalog, rx_error *err)
+static void add_record(rx_text *dst, const rx_catalog *catalog)
 {
-    rx_status status = RX_OK;
-    rx_text text = {0};
-    if (catalog->type == RX_CATALOG_DS9)
-        rx_text_add(
-            &text,
-            "# Region file format: DS9 version 4.1\n"
-            "# Kron ellipses. Colours: green FLAGS 0, yellow 1 to 3, red 4 and above, magenta spurious\n"
-            "# (FLAGS_RESTORE, where that column is chosen); tags: names of flags (rextract -FLAGS)\n");
-    if (catalog->type == RX_CATALOG_ASCII_HEAD && catalog->n > 0)
-        add_head(&text, catalog->tables[0]);
-    if (catalog->type != RX_CATALOG_ASCII && catalog->n > 0) {
-        add_facts(&text, catalog->tables, catalog->n);
-        for (int i = 0; i < catalog->npairs; i++) {
-            const rx_record_pair *pair = &catalog->record[i];
-            rx_text_printf(&text, "# %s = ", pair->name);
-            rx_printable_add(&text, pair->value != NULL ? pair->value : "");
-            rx_text_add(&text, "\n");
-        }
+    add_facts(dst, catalog->tables, catalog->n);
+    for (int i = 0; i < catalog->npairs && catalog->n > 0; i++) {
+        const rx_record_pair *pair = &catalog->record[i];
+        rx_text_printf(dst, "# %s = ", pair->name);
+        rx_printable_add(dst, pair->value != NULL ? pair->value : "");
+        rx_text_add(dst, "\n");
     }
-    if (text.failed)
-        RX_TRY_EXIT(rx_error_memory(err, text.capacity));
-    if (text.length > 0)
-        fwrite(text.data, 1, text.length, file);
-    for (int i = 0; i < catalog->n && status == RX_OK; i++) {
-        if (catalog->type == RX_CATALOG_DS9 && catalog->n > 1)
-            fprintf(file, "# extension %d\n", i + 1);
-        status = write_rows(file, catalog->tables[i], catalog->type, &text, err);
-    }
-exit:
-    rx_text_free(&text);
-    return status;
+}
+
+static void ascii_head(rx_text *dst, const rx_catalog *catalog)
+{
+    if (catalog->n > 0)
+        add_head(dst, catalog->tables[0]);
+    add_record(dst, catalog);
 }
 
 /* SkyCat takes the first four columns as identifier, right ascension, declination and magnitude. */
-rx_status rx_skycat_write(FILE *file, const rx_catalog *catalog, rx_error *err)
+static void skycat_head(rx_text *dst, const rx_catalog *catalog)
 {
-    rx_table *const *tables = catalog->tables;
-    const int n = catalog->n;
     static const char *const first[] = {"id", "ra", "dec", "mag"};
-    rx_status status = RX_OK;
-    rx_text text = {0};
-    rx_text_add(&text, "QueryResult\n\n# Config entry for original catalog server:\nserv_type: catalog\n"
-                       "long_name: Rextract catalog\nshort_name: RxCat\nsymbol: id diamond  8.0\n"
-                       "# End config entry\n\n");
-    for (int i = 0; n > 0 && i < tables[0]->ncolumns; i++)
-        rx_text_printf(&text, "%s%s", i > 0 ? "\t" : "", i < 4 ? first[i] : tables[0]->columns[i].name);
-    rx_text_add(&text, "\n------------------\n");
-    if (text.failed)
-        RX_TRY_EXIT(rx_error_memory(err, text.capacity));
-    fwrite(text.data, 1, text.length, file);
-    for (int i = 0; i < n && status == RX_OK; i++)
-        status = write_rows(file, tables[i], catalog->type, &text, err);
-    if (status == RX_OK)
-        fputs("[EOD]", file);
-exit:
-    rx_text_free(&text);
-    return status;
+    rx_text_add(dst, "QueryResult\n\n# Config entry for original catalog server:\nserv_type: catalog\n"
+                     "long_name: Rextract catalog\nshort_name: RxCat\nsymbol: id diamond  8.0\n"
+                     "# End config entry\n\n");
+    for (int i = 0; catalog->n > 0 && i < catalog->tables[0]->ncolumns; i++)
+        rx_text_printf(dst, "%s%s", i > 0 ? "\t" : "",
+                       i < 4 ? first[i] : catalog->tables[0]->columns[i].name);
+    rx_text_add(dst, "\n------------------\n");
+}
+
+static void ds9_head(rx_text *dst, const rx_catalog *catalog)
+{
+    rx_text_add(dst,
+                "# Region file format: DS9 version 4.1\n"
+                "# Kron ellipses. Colours: green FLAGS 0, yellow 1 to 3, red 4 and above, magenta spurious\n"
+                "# (FLAGS_RESTORE, where that column is chosen); tags: names of flags (rextract -FLAGS)\n");
+    add_record(dst, catalog);
+}
+
+static void ds9_table(rx_text *dst, const rx_catalog *catalog, int i)
+{
+    if (catalog->n > 1)
+        rx_text_printf(dst, "# extension %d\n", i + 1);
+}
+
+const rx_text_format *rx_ascii_format(rx_catalog_type type)
+{
+    static const rx_text_format plain = {.row = plain_row}, head = {.head = ascii_head, .row = plain_row},
+                                skycat = {.head = skycat_head, .row = skycat_row, .end = "[EOD]"},
+                                ds9 = {.head = ds9_head, .table = ds9_table, .row = add_region};
+    return type == RX_CATALOG_ASCII_HEAD     ? &head
+           : type == RX_CATALOG_ASCII_SKYCAT ? &skycat
+           : type == RX_CATALOG_DS9          ? &ds9
+                                             : &plain;
 }

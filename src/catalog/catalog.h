@@ -58,9 +58,9 @@ rx_status rx_columns_need(rx_column_list *list, rx_catalog_type type, rx_error *
 /* The columns of config/default.param, for a run without any .param file. */
 rx_status rx_columns_default(rx_column_list **dst, rx_error *err);
 
-/* Dimensions asked of a column, {0,0} when it is not chosen: VIGNET, FLUX_APER ... say what to measure. */
-void rx_columns_requested(const rx_column_list *list, const char *name, int dim[2]);
-int rx_columns_has(const rx_column_list *list, const char *name);
+/* Is the column chosen? The dimensions asked of it, {0,0} when it is not, into dim, unless NULL: VIGNET, FLUX_APER ... say what
+ * to measure. */
+int rx_columns_requested(const rx_column_list *list, const char *name, int dim[2]);
 
 /* Is a column chosen whose name contains `part`? "_APER" stands for all aperture columns. */
 int rx_columns_mention(const rx_column_list *list, const char *part);

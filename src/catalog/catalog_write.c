@@ -15,17 +15,56 @@ static bool is_fits(rx_catalog_type type)
     return type == RX_CATALOG_FITS_1_0 || type == RX_CATALOG_FITS_LDAC;
 }
 
+static const rx_text_format *format_of(rx_catalog_type type)
+{
+    return type == RX_CATALOG_VOTABLE ? rx_votable_format() : rx_ascii_format(type);
+}
+
+/* What the text holds goes into the file, NULL: nowhere, and into the sum. */
+static rx_status flush(FILE *file, rx_hash *sum, rx_text *text, rx_error *err)
+{
+    if (text->failed)
+        return rx_error_memory(err, text->capacity);
+    if (file != NULL && text->length > 0)
+        fwrite(text->data, 1, text->length, file);
+    else if (text->length > 0)
+        rx_hash_add(sum, text->data, text->length);
+    text->length = 0;
+    return RX_OK;
+}
+
+static rx_status put_rows(const rx_text_format *format, const rx_table *table, FILE *file, rx_hash *sum,
+                          rx_text *text, rx_error *err)
+{
+    for (long row = 0; row < table->nrows; row++) {
+        format->row(text, table, row);
+        RX_TRY(flush(file, sum, text, err));
+    }
+    return RX_OK;
+}
+
+/* A full disk shows when the caller closes the file. */
 static rx_status write_text(FILE *file, const rx_catalog *catalog, rx_error *err)
 {
+    const rx_text_format *format = format_of(catalog->type);
     rx_point_locale locale;
-    rx_status status = RX_OK;
+    rx_text text = {0};
+    rx_status status;
     RX_TRY(rx_point_locale_begin(&locale, err));
-    if (catalog->type == RX_CATALOG_VOTABLE)
-        status = rx_votable_write(file, catalog, err);
-    else if (catalog->type == RX_CATALOG_ASCII_SKYCAT)
-        status = rx_skycat_write(file, catalog, err);
-    else
-        status = rx_ascii_write(file, catalog, err);
+    if (format->head != NULL)
+        format->head(&text, catalog);
+    RX_TRY_EXIT(flush(file, NULL, &text, err));
+    for (int i = 0; i < catalog->n; i++) {
+        if (format->table != NULL)
+            format->table(&text, catalog, i);
+        RX_TRY_EXIT(flush(file, NULL, &text, err));
+        RX_TRY_EXIT(put_rows(format, catalog->tables[i], file, NULL, &text, err));
+        rx_text_add(&text, format->table_end != NULL ? format->table_end : "");
+    }
+    rx_text_add(&text, format->end != NULL ? format->end : "");
+    status = flush(file, NULL, &text, err);
+exit:
+    rx_text_free(&text);
     rx_point_locale_end(&locale);
     return status;
 }
@@ -126,14 +165,21 @@ int rx_catalog_parts(rx_catalog_type type, int n)
 rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n, int part,
                             char dst[RX_HASH_TEXT], rx_error *err)
 {
+    const int end = type == RX_CATALOG_VOTABLE ? part + 1 : n;
     rx_point_locale locale;
+    rx_text text = {0};
+    rx_hash sum;
+    rx_status status = RX_OK;
     if (is_fits(type)) {
         rx_fits_digest_table(tables[part], dst);
         return RX_OK;
     }
     RX_TRY(rx_point_locale_begin(&locale, err));
-    rx_status status = type == RX_CATALOG_VOTABLE ? rx_votable_digest(tables[part], dst, err)
-                                                  : rx_ascii_digest(tables, n, type, dst, err);
+    rx_hash_begin(&sum);
+    for (int i = part; i < end && status == RX_OK; i++)
+        status = put_rows(format_of(type), tables[i], NULL, &sum, &text, err);
+    rx_hash_text(&sum, dst);
+    rx_text_free(&text);
     rx_point_locale_end(&locale);
     return status;
 }

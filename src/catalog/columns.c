@@ -189,12 +189,6 @@ static const rx_column_def columns[] = {
 };
 #undef COLUMN
 
-#define MISSING(name) #name,
-static const char *const missing[] = {
-#include "catalog/missing.def"
-};
-#undef MISSING
-
 const rx_column_def *rx_column_defs(int *n)
 {
     *n = (int)(sizeof columns / sizeof *columns);
@@ -207,12 +201,6 @@ int rx_column_index(const char *name)
         if (strcasecmp(columns[i].name, name) == 0)
             return (int)i;
     return -1;
-}
-
-const char *const *rx_columns_missing(int *n)
-{
-    *n = (int)(sizeof missing / sizeof *missing);
-    return missing;
 }
 
 int rx_column_limit(const rx_column_def *def)

@@ -26,12 +26,15 @@ static void names_add(names *dst, const char *name)
     dst->n++;
 }
 
+/* A column of SExtractor's that is not offered? */
 static bool is_missing(const char *name)
 {
-    int n;
-    const char *const *missing = rx_columns_missing(&n);
-    for (int i = 0; i < n; i++)
-        if (strcasecmp(missing[i], name) == 0)
+    static const char missing[] =
+#include "catalog/missing.def"
+        ;
+    const size_t length = strlen(name);
+    for (const char *at = missing; *at != '\0'; at += strcspn(at, " ") + 1)
+        if (strcspn(at, " ") == length && strncasecmp(at, name, length) == 0)
             return true;
     return false;
 }
@@ -129,6 +132,19 @@ static rx_status parse_line(const char *path, long line, char *text, rx_column_l
     return RX_OK;
 }
 
+/* A list without columns that has room for n. */
+static rx_status new_list(int n, rx_column_list **dst, rx_error *err)
+{
+    rx_column_list *list;
+    RX_TRY(RX_MAKE(list, 1, err));
+    const rx_status status = RX_MAKE(list->choice, (size_t)n, err);
+    if (status == RX_OK)
+        *dst = list;
+    else
+        free(list);
+    return status;
+}
+
 rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, rx_error *err)
 {
     char *data = NULL;
@@ -143,30 +159,22 @@ rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, r
             err->status = RX_USAGE;
         return status == RX_INPUT ? RX_USAGE : status;
     }
-    list = RX_NEW(rx_column_list, 1);
-    if (list != NULL)
-        list->choice = RX_NEW(rx_column_choice, (size_t)n);
-    if (list == NULL || list->choice == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * sizeof(rx_column_choice)));
+    RX_TRY_EXIT(new_list(n, &list, err));
     long number = 1;
-    for (char *text = data, *next; text != NULL && status == RX_OK; text = next, number++) {
+    for (char *text = data, *next; text != NULL; text = next, number++) {
         next = strchr(text, '\n');
         if (next != NULL)
             *next++ = '\0';
-        status = parse_line(path, number, text, list, &left_out, &twice, err);
+        RX_TRY_EXIT(parse_line(path, number, text, list, &left_out, &twice, err));
     }
-    if (status != RX_OK)
-        goto exit;
     if (left_out.n > 0 && left_out.text.data != NULL)
         rx_log_warning(log, "%s: columns of SExtractor that are not offered here are left out: %s", path,
                        left_out.text.data);
     if (twice.n > 0 && twice.text.data != NULL)
         rx_log_warning(log, "%s: columns named twice are written once: %s", path, twice.text.data);
-    if (list->n == 0) {
-        status = rx_error_at(err, RX_USAGE, path, -1, 0,
-                             "chooses no column; name at least one of those that -dp lists");
-        goto exit;
-    }
+    if (list->n == 0)
+        RX_TRY_EXIT(rx_error_at(err, RX_USAGE, path, -1, 0,
+                                "chooses no column; name at least one of those that -dp lists"));
     *dst = list;
     list = NULL;
 exit:
@@ -180,18 +188,12 @@ exit:
 rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err)
 {
     char name[64];
-    rx_status status = RX_OK;
-    rx_column_list *list = RX_NEW(rx_column_list, 1);
+    rx_column_list *list = NULL;
     *dst = NULL;
-    if (list != NULL)
-        list->choice = RX_NEW(rx_column_choice, (size_t)n);
-    if (list == NULL || list->choice == NULL) {
-        rx_columns_free(list);
-        return rx_error_memory(err, (size_t)n * sizeof(rx_column_choice));
-    }
-    for (list->n = 0; list->n < n && status == RX_OK; list->n++) {
-        rx_column_choice *choice = &list->choice[list->n];
-        status = parse_choice(NULL, 0, names[list->n], name, choice, err);
+    rx_status status = new_list(n, &list, err);
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        rx_column_choice *choice = &list->choice[list->n++];
+        status = parse_choice(NULL, 0, names[i], name, choice, err);
         if (status == RX_OK && choice->index < 0)
             status = rx_error_set(err, RX_USAGE, "column %s of SExtractor is not offered here; leave it out",
                                   name);
@@ -205,13 +207,9 @@ rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, r
 
 rx_status rx_columns_add(rx_column_list *list, const char *const *names, int n, rx_error *err)
 {
-    const size_t size = (size_t)(list->n + n) * sizeof(rx_column_choice);
-    rx_column_choice *grown = realloc(list->choice, size);
-    if (grown == NULL)
-        return rx_error_memory(err, size);
-    list->choice = grown;
+    RX_TRY(RX_GROW(list->choice, (size_t)(list->n + n), err));
     for (int i = 0; i < n; i++)
-        if (!rx_columns_has(list, names[i]))
+        if (!rx_columns_requested(list, names[i], NULL))
             list->choice[list->n++] = (rx_column_choice){.index = rx_column_index(names[i])};
     return RX_OK;
 }
@@ -241,25 +239,15 @@ void rx_columns_free(rx_column_list *list)
     free(list);
 }
 
-static const rx_column_choice *find_choice(const rx_column_list *list, const char *name)
+int rx_columns_requested(const rx_column_list *list, const char *name, int dim[2])
 {
-    int index = rx_column_index(name);
-    for (int i = 0; i < list->n; i++)
-        if (list->choice[i].index == index)
-            return &list->choice[i];
-    return NULL;
-}
-
-void rx_columns_requested(const rx_column_list *list, const char *name, int dim[2])
-{
-    const rx_column_choice *choice = find_choice(list, name);
-    dim[0] = choice != NULL ? choice->dim[0] : 0;
-    dim[1] = choice != NULL ? choice->dim[1] : 0;
-}
-
-int rx_columns_has(const rx_column_list *list, const char *name)
-{
-    return find_choice(list, name) != NULL;
+    const int index = rx_column_index(name);
+    int i = 0;
+    while (i < list->n && list->choice[i].index != index)
+        i++;
+    for (int k = 0; dim != NULL && k < 2; k++)
+        dim[k] = i < list->n ? list->choice[i].dim[k] : 0;
+    return i < list->n;
 }
 
 int rx_columns_mention(const rx_column_list *list, const char *part)
@@ -274,17 +262,13 @@ int rx_columns_mention(const rx_column_list *list, const char *part)
 
 void rx_columns_clip(rx_column_list *list, const char *name, int available, const char *keyword, rx_log *log)
 {
-    int index = rx_column_index(name);
-    for (int i = 0; i < list->n; i++) {
-        rx_column_choice *choice = &list->choice[i];
-        if (choice->index != index || choice->dim[0] <= available)
-            continue;
-        int shown = available > 0 ? available : 1;
-        if (choice->dim[0] > shown)
-            rx_log_warning(log, "%s(%d) is cut to %d, as %s gives no more", name, choice->dim[0], shown,
-                           keyword);
-        choice->dim[0] = shown;
-    }
+    const int index = rx_column_index(name), shown = available > 0 ? available : 1;
+    for (int i = 0; i < list->n; i++)
+        if (list->choice[i].index == index && list->choice[i].dim[0] > shown) {
+            rx_log_warning(log, "%s(%d) is cut to %d, as %s gives no more", name, list->choice[i].dim[0],
+                           shown, keyword);
+            list->choice[i].dim[0] = shown;
+        }
 }
 
 void rx_columns_dump(rx_text *dst)

@@ -90,26 +90,30 @@ static void add_field(rx_text *dst, const rx_column *column)
     rx_text_add(dst, "</FIELD>\n");
 }
 
-static void add_row(rx_text *dst, const rx_table *table, long row, rx_text *cell)
+static void add_row(rx_text *dst, const rx_table *table, long row)
 {
     rx_text_add(dst, "   <TR>");
     for (int i = 0; i < table->ncolumns; i++) {
         const rx_column *column = &table->columns[i];
-        long elements = rx_column_elements(column);
+        const long elements = rx_column_elements(column);
         rx_text_add(dst, "<TD>");
         for (long e = 0; e < elements; e++) {
-            cell->length = 0;
-            rx_text_add(cell, "");
-            rx_cell_exact(cell, column, row, e);
+            rx_text text = {0};
             if (e > 0)
                 rx_text_add(dst, " ");
-            if (cell->data != NULL)
-                add_xml(dst, cell->data);
+            if (column->type != RX_CELL_TEXT) {
+                rx_cell_exact(dst, column, row, e);
+                continue;
+            }
+            rx_text_add(&text, "");
+            rx_cell_exact(&text, column, row, e);
+            add_xml(dst, text.failed ? "" : text.data);
+            dst->failed |= text.failed;
+            rx_text_free(&text);
         }
         rx_text_add(dst, "</TD>");
     }
     rx_text_add(dst, "</TR>\n");
-    dst->failed |= cell->failed;
 }
 
 static void add_param(rx_text *dst, const char *name, const char *value, const char *comment)
@@ -143,89 +147,56 @@ static void add_facts(rx_text *dst, const rx_table *table)
     }
 }
 
-static rx_status flush(FILE *file, rx_text *text, rx_error *err)
+static void begin_table(rx_text *dst, const rx_catalog *catalog, int i)
 {
-    if (text->failed)
-        return rx_error_memory(err, text->capacity);
-    if (text->length > 0)
-        fwrite(text->data, 1, text->length, file);
-    text->length = 0;
-    return RX_OK;
-}
-
-static rx_status write_table(FILE *file, const rx_table *table, int number, rx_text *text, rx_text *cell,
-                             rx_error *err)
-{
-    rx_text_printf(text, " <TABLE ID=\"table%d\" name=\"", number);
-    add_xml(text, table->name);
-    rx_text_printf(text, "\" nrows=\"%ld\">\n", table->nrows);
-    add_facts(text, table);
-    for (int i = 0; i < table->ncolumns; i++)
-        add_field(text, &table->columns[i]);
-    rx_text_add(text, "  <DATA><TABLEDATA>\n");
-    rx_status status = flush(file, text, err);
-    for (long row = 0; row < table->nrows && status == RX_OK; row++) {
-        add_row(text, table, row, cell);
-        status = flush(file, text, err);
-    }
-    rx_text_add(text, "  </TABLEDATA></DATA>\n </TABLE>\n");
-    return status;
-}
-
-rx_status rx_votable_digest(const rx_table *table, char dst[RX_HASH_TEXT], rx_error *err)
-{
-    rx_text text = {0}, cell = {0};
-    rx_hash sum;
-    rx_hash_begin(&sum);
-    for (long row = 0; row < table->nrows && !text.failed; row++) {
-        text.length = 0;
-        add_row(&text, table, row, &cell);
-        rx_hash_add(&sum, text.data, text.length);
-    }
-    rx_status status = text.failed ? rx_error_memory(err, text.capacity) : RX_OK;
-    rx_hash_text(&sum, dst);
-    rx_text_free(&text);
-    rx_text_free(&cell);
-    return status;
+    const rx_table *table = catalog->tables[i];
+    rx_text_printf(dst, " <TABLE ID=\"table%d\" name=\"", i + 1);
+    add_xml(dst, table->name);
+    rx_text_printf(dst, "\" nrows=\"%ld\">\n", table->nrows);
+    add_facts(dst, table);
+    for (int k = 0; k < table->ncolumns; k++)
+        add_field(dst, &table->columns[k]);
+    rx_text_add(dst, "  <DATA><TABLEDATA>\n");
 }
 
 /* Line i of the record: READ, READ2, READ3, for no name of a PARAM may come twice; text that XML could not
  * hold is escaped as it is in other formats. */
-static void add_record(rx_text *dst, const rx_record_pair *record, int i, rx_text *value)
+static void add_record(rx_text *dst, const rx_record_pair *record, int i)
 {
     char name[80], number[12] = "";
+    rx_text value = {0};
     int count = 1;
     for (int k = 0; k < i; k++)
         count += strcmp(record[k].name, record[i].name) == 0;
     if (count > 1)
         snprintf(number, sizeof number, "%d", count);
     snprintf(name, sizeof name, "%s%s", record[i].name, number);
-    value->length = 0;
-    rx_printable_add(value, record[i].value != NULL ? record[i].value : "");
-    dst->failed |= value->failed;
-    if (!value->failed)
-        add_param(dst, name, value->data, record[i].comment);
+    rx_printable_add(&value, record[i].value != NULL ? record[i].value : "");
+    dst->failed |= value.failed;
+    if (!value.failed)
+        add_param(dst, name, value.data, record[i].comment);
+    rx_text_free(&value);
 }
 
-rx_status rx_votable_write(FILE *file, const rx_catalog *catalog, rx_error *err)
+static void begin_file(rx_text *dst, const rx_catalog *catalog)
 {
-    rx_text text = {0}, cell = {0};
-    rx_text_add(&text, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
-                       "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
-                       "<RESOURCE type=\"results\">\n"
-                       " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
+    rx_text_add(dst, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
+                     "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
+                     "<RESOURCE type=\"results\">\n"
+                     " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
     for (int i = 0; i < catalog->npairs; i++)
-        add_record(&text, catalog->record, i, &cell);
-    rx_text_add(&text, " <COOSYS ID=\"J2000\" equinox=\"J2000\" epoch=\"J2000\" system=\"ICRS\"/>\n");
-    rx_status status = RX_OK;
-    for (int i = 0; i < catalog->n && status == RX_OK; i++)
-        status = write_table(file, catalog->tables[i], i + 1, &text, &cell, err);
-    rx_text_add(&text, "</RESOURCE>\n</VOTABLE>\n");
-    if (status == RX_OK)
-        status = flush(file, &text, err);
-    rx_text_free(&text);
-    rx_text_free(&cell);
-    return status;
+        add_record(dst, catalog->record, i);
+    rx_text_add(dst, " <COOSYS ID=\"J2000\" equinox=\"J2000\" epoch=\"J2000\" system=\"ICRS\"/>\n");
+}
+
+const rx_text_format *rx_votable_format(void)
+{
+    static const rx_text_format format = {.head = begin_file,
+                                          .table = begin_table,
+                                          .row = add_row,
+                                          .table_end = "  </TABLEDATA></DATA>\n </TABLE>\n",
+                                          .end = "</RESOURCE>\n</VOTABLE>\n"};
+    return &format;
 }
 
 /* --- facts of a run --- */
@@ -256,7 +227,6 @@ static void add_typed(rx_text *dst, const rx_votable_param *p)
 
 rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error *err)
 {
-    rx_text cell = {0};
     rx_text_add(dst, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
                      "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
                      "<RESOURCE ID=\"Rextract\" name=\"Rextract\">\n"
@@ -272,13 +242,12 @@ rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error 
             add_field(dst, &table->columns[k]);
         rx_text_add(dst, "   <DATA><TABLEDATA>\n");
         for (long row = 0; row < table->nrows; row++)
-            add_row(dst, table, row, &cell);
+            add_row(dst, table, row);
         rx_text_add(dst, "   </TABLEDATA></DATA>\n  </TABLE>\n");
     }
     rx_text_add(dst, " </RESOURCE>\n <RESOURCE ID=\"Config\" name=\"Config\">\n");
     for (int i = 0; i < run->nkeywords; i++)
-        add_record(dst, run->keywords, i, &cell);
+        add_record(dst, run->keywords, i);
     rx_text_add(dst, " </RESOURCE>\n</RESOURCE>\n</VOTABLE>\n");
-    rx_text_free(&cell);
     return dst->failed ? rx_error_memory(err, 0) : RX_OK;
 }

@@ -26,10 +26,15 @@
 #define NOWORDS NULL
 #define TEXT NULL
 #define READS NULL
+#define SEARCHED NULL
+#define SEARCHED_OR_BUILT_IN NULL
+#define SEARCHED_INSTALLED NULL
+#define RANGE NULL
 #define WRITES NULL
 #define WRITES_EACH NULL
 #define FOLDER NULL
 #define WORDLIST(...) NULL
+#define ONCE(...) NULL
 #define W(word, value) value
 #define NEEDS(text) RX_FILL_NOTHING
 #define STAGE_WORDS RX_FILL_WORDS
@@ -159,7 +164,8 @@ static void tile_options(const rx_config *cfg, rx_options *dst)
         if (tile->weight_type > RX_WEIGHT_BACKGROUND && weights->n > 0)
             tile->weight_name = weights->v[role < weights->n ? role : weights->n - 1];
     }
-    if (!rx_columns_has(dst->columns, "IMAFLAGS_ISO") && !rx_columns_has(dst->columns, "NIMAFLAGS_ISO"))
+    if (!rx_columns_requested(dst->columns, "IMAFLAGS_ISO", NULL) &&
+        !rx_columns_requested(dst->columns, "NIMAFLAGS_ISO", NULL))
         return;
     for (int i = 0; i < cfg->flag_image.n && i < RX_MAX_FLAGMAPS; i++)
         dst->tile[0].flag_names[dst->tile[0].nflags++] = cfg->flag_image.v[i];
@@ -195,7 +201,7 @@ static rx_status measure_options(const rx_config *cfg, rx_log *log, rx_options *
     rx_measure_params *par = &dst->pipeline.measure;
     int vignet[2];
     par->skip = skipped_measurements(cfg, dst);
-    if (rx_columns_has(dst->columns, "CLASS_STAR"))
+    if (rx_columns_requested(dst->columns, "CLASS_STAR", NULL))
         RX_TRY(rx_starclass_read(cfg->starnnw_name, &dst->star_net, err));
     par->star_net = dst->star_net;
     static const char *const aper[] = {"FLUX_APER", "FLUXERR_APER", "MAG_APER", "MAGERR_APER"};
@@ -228,7 +234,8 @@ static rx_status template_options(rx_options *dst, rx_error *err)
         par->par.keep_model |= strncmp(dst->check_types[i], "TEMPLATE_", 9) == 0;
     par->wanted = injected || par->drop || par->par.covariance || par->par.keep_model ||
                   (compared && dst->reference.name != NULL) || rx_columns_mention(dst->columns, "TEMPLATE") ||
-                  rx_columns_has(dst->columns, "FLAGS_RESTORE") || rx_columns_has(dst->columns, "P_REAL");
+                  rx_columns_requested(dst->columns, "FLAGS_RESTORE", NULL) ||
+                  rx_columns_requested(dst->columns, "P_REAL", NULL);
     par->par.keep_model |= par->wanted && dst->tile_page;
     return RX_OK;
 }
@@ -289,7 +296,8 @@ static rx_status reference_options(const rx_config *cfg, rx_options *dst, rx_err
 
 static rx_status assoc_options(const rx_config *cfg, rx_options *dst, rx_error *err)
 {
-    if (!rx_columns_has(dst->columns, "VECTOR_ASSOC") && !rx_columns_has(dst->columns, "NUMBER_ASSOC"))
+    if (!rx_columns_requested(dst->columns, "VECTOR_ASSOC", NULL) &&
+        !rx_columns_requested(dst->columns, "NUMBER_ASSOC", NULL))
         return RX_OK;
     rx_status status = rx_assoc_read(cfg->assoc_name, &dst->assoc_list, err);
     if (status == RX_OK)
