@@ -43,27 +43,7 @@ rx_status rx_config_set(rx_config *config, const char *name, const char *value, 
     return rx_settings_set(&config->settings, name, value, log, err);
 }
 
-rx_status rx_config_check(const rx_config *config, rx_error *err)
-{
-    return rx_settings_check(&config->settings, err);
-}
-
-rx_status rx_config_complete(rx_config *config, rx_log *log, rx_error *err)
-{
-    return rx_settings_complete(&config->settings, log, err);
-}
-
-rx_status rx_config_check_read(const rx_config *config, const char *name, rx_error *err)
-{
-    return rx_settings_check_read(&config->settings, name, err);
-}
-
 bool rx_config_states(const rx_config *config, const char *name)
 {
     return rx_settings_states(&config->settings, name);
-}
-
-bool rx_config_visit(const rx_config *config, rx_settings_visitor visit, void *user)
-{
-    return rx_settings_visit_exact(&config->settings, visit, user);
 }

@@ -18,12 +18,6 @@ void rx_config_free(rx_config *config); /* NULL is fine */
 
 rx_status rx_config_read(rx_config *config, const char *path, rx_log *log, rx_error *err);
 rx_status rx_config_set(rx_config *config, const char *name, const char *value, rx_log *log, rx_error *err);
-rx_status rx_config_check(const rx_config *config, rx_error *err);
-rx_status rx_config_complete(rx_config *config, rx_log *log, rx_error *err);
 bool rx_config_states(const rx_config *config, const char *name);
-/* rx_settings_visit_exact() */
-bool rx_config_visit(const rx_config *config, rx_settings_visitor visit, void *user);
-
-rx_status rx_config_check_read(const rx_config *config, const char *name, rx_error *err);
 
 #endif

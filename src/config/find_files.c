@@ -13,14 +13,6 @@ static bool there(const rx_text *path)
     return !path->failed && access(path->data, F_OK) == 0;
 }
 
-static bool reads_network(const rx_config *config)
-{
-    for (int i = 0; i < config->restore_type.n; i++)
-        if (strcmp(config->restore_type.v[i], "NET") == 0 || strcmp(config->restore_type.v[i], "AUTO") == 0)
-            return true;
-    return false;
-}
-
 /* A survey's file that does without restoration means SExtractor's thresholds and sky where it does not name its own. */
 static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
 {
@@ -41,55 +33,52 @@ static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err)
+/* The file that the row means, where that is not as given, into *path; nothing where it is, or where it is nowhere. */
+static void look_for(const rx_settings *settings, const rx_keyword *key, const char *name, rx_text *path)
 {
-    const rx_config *config = (const rx_config *)settings;
-    const struct {
-        const char *key, *name;
-        bool read;      /* or nothing of the configuration asks for it */
-        bool built_in;  /* where a file of the default's name is missing */
-        bool installed; /* its reader takes a name without a slash for an installed file first */
-    } files[] = {{"PARAMETERS_NAME", config->parameters_name, true, true, false},
-                 {"FILTER_NAME", config->filter_name, config->filter, true, false},
-                 {"NOISE_KERNEL_NAME", config->noise_kernel_name,
-                  strcmp(config->noise_correlation, "FILE") == 0, false, false},
-                 {"STARNNW_NAME", config->starnnw_name, true, false, false},
-                 {"QA_GATES", config->qa_gates, config->reference_name[0] != '\0', false, false},
-                 {"NET_MODEL", config->net_model, reads_network(config), false, true}};
-    const char *file = settings->file != NULL ? settings->file : "", *slash = strrchr(file, '/');
-    rx_status status = take_survey_ways(settings, err);
+    const char *slash = settings->file != NULL ? strrchr(settings->file, '/') : NULL;
+    const bool bare = strchr(name, '/') == NULL; /* its reader takes an installed file of that name first */
+    rx_text_add(path, name);
+    if (there(path)) {
+        rx_text_free(path);
+        if (key->search == RX_SEARCH_INSTALLED && bare)
+            rx_text_printf(path, "./%s", name);
+        return;
+    }
+    if (name[0] != '/' && slash != NULL) {
+        rx_text_free(path);
+        rx_text_printf(path, "%.*s/%s", (int)(slash - settings->file), settings->file, name);
+    }
+    if (!there(path) && bare) {
+        rx_text_free(path);
+        rx_text_printf(path, "%s/%s", RX_DATA_FOLDER, name);
+    }
+}
+
+rx_status rx_settings_find_files(rx_settings *settings, rx_log *log, rx_error *err)
+{
+    rx_status status = RX_OK;
     rx_text said = {0}; /* in one line of the log */
-    for (size_t i = 0; i < sizeof files / sizeof files[0] && status == RX_OK; i++) {
-        const int row = rx_keyword_find(settings->table, files[i].key);
-        const char *name = files[i].name;
+    if (settings->table == rx_keytable_rextract())
+        RX_TRY(take_survey_ways(settings, err));
+    for (int row = 0; row < settings->table->nrows && status == RX_OK; row++) {
+        const rx_keyword *key = &settings->table->rows[row];
+        const char *name = *(char *const *)((const char *)settings + key->offset);
         rx_text path = {0};
-        rx_text_add(&path, name);
-        if (settings->origin[row] == RX_FROM_DEFAULT || !files[i].read || name[0] == '\0' ||
-            (there(&path) && !(files[i].installed && strchr(name, '/') == NULL))) {
-            rx_text_free(&path);
+        if (key->search == RX_SEARCH_NONE || settings->origin[row] == RX_FROM_DEFAULT || name[0] == '\0' ||
+            !rx_keyword_counts(settings, row))
             continue;
-        }
-        if (there(&path)) { /* named and here: not the installed one */
-            rx_text_free(&path);
-            rx_text_printf(&path, "./%s", name);
-        } else if (name[0] != '/' && slash != NULL) {
-            rx_text_free(&path);
-            rx_text_printf(&path, "%.*s/%s", (int)(slash - file), file, name);
-        }
-        if (!there(&path) && strchr(name, '/') == NULL) {
-            rx_text_free(&path);
-            rx_text_printf(&path, "%s/%s", RX_DATA_FOLDER, name);
-        }
-        if (there(&path)) {
-            rx_text_printf(&said, "%s%s %s is %s", said.length > 0 ? "; " : "", files[i].key, name,
-                           path.data);
-            char *found = path.data;
-            status = rx_keyword_assign(settings, row, &found, 1, (rx_place){0}, NULL, err);
-        } else if (path.failed)
+        look_for(settings, key, name, &path);
+        const char *joint = said.length > 0 ? "; " : "";
+        if (path.failed)
             status = rx_error_memory(err, 0);
-        else if (files[i].built_in && strcmp(name, settings->table->rows[row].initial) == 0)
-            rx_text_printf(&said, "%s%s %s is found nowhere: the built-in one is used",
-                           said.length > 0 ? "; " : "", files[i].key, name);
+        else if (path.data != NULL && there(&path)) {
+            char *found = path.data;
+            rx_text_printf(&said, "%s%s %s is %s", joint, key->name, name, found);
+            status = rx_keyword_assign(settings, row, &found, 1, (rx_place){0}, NULL, err);
+        } else if (path.data != NULL && key->search == RX_SEARCH_BUILT_IN && strcmp(name, key->initial) == 0)
+            rx_text_printf(&said, "%s%s %s is found nowhere: the built-in one is used", joint, key->name,
+                           name);
         rx_text_free(&path);
     }
     if (said.failed && status == RX_OK)

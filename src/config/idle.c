@@ -8,6 +8,7 @@
 #include "config/keyword.h"
 
 enum { NO_ROW = -1, COLUMN = -2 };
+static const char NOT[] = "no ";
 
 static const void *field_of(const rx_settings *settings, int row)
 {
@@ -42,7 +43,7 @@ static bool is_stated(const rx_settings *settings, int row)
 }
 
 /* One condition, up to a semicolon: alternatives by commas and "or", each a keyword that is on, a keyword with one of
- * its words, or "column" with parts of names. Is one of them met, and is a keyword among them stated? *only: the row of
+ * its words, or "column" with parts of names; or "no" and a keyword that is not on. Is one of them met, and is a keyword among them stated? *only: the row of
  * the keyword, where there is but one. */
 static bool is_met(const rx_idle *idle, const rx_settings *settings, const char *condition, size_t length,
                    bool *stated, int *only)
@@ -51,6 +52,11 @@ static bool is_met(const rx_idle *idle, const rx_settings *settings, const char 
     bool met = false, alone = false;
     *stated = false;
     *only = NO_ROW;
+    if (strncmp(condition, NOT, strlen(NOT)) == 0) {
+        char name[48];
+        snprintf(name, sizeof name, "%.*s", (int)(length - strlen(NOT)), condition + strlen(NOT));
+        return !has_item(settings, rx_keyword_find(settings->table, name), NULL);
+    }
     for (size_t at = 0, size = 0; at < length; at += size + strspn(condition + at + size, " ,")) {
         char word[48];
         size = strcspn(condition + at, " ,;");
@@ -101,40 +107,39 @@ bool rx_keyword_counts(const rx_settings *settings, int row)
 }
 
 /* Why row has no effect, into *why; nothing when it has, or when it was not given. */
-static void explain(const rx_idle *idle, const rx_settings *settings, rx_idle_function *function, int row,
-                    const char *initial, rx_text *why)
+static void explain(const rx_idle *idle, const rx_settings *settings, const rx_settings *defaults, int row,
+                    rx_text *why)
 {
     const rx_keyword *key = &settings->table->rows[row];
-    const char *with = key->status == RX_STATUS_IGNORED ? "here"
-                       : function != NULL               ? function(settings, key->name)
-                                                        : NULL;
-    rx_text value = {0};
+    const bool ignored = key->status == RX_STATUS_IGNORED;
+    const char *where = ignored ? "here" : rx_keyword_idle(settings, row), *condition;
+    const rx_origin origin = settings->origin[row];
+    rx_text value = {0}, initial = {0};
     int length = 0;
     rx_keyword_print(&value, settings, row, false);
-    if (value.failed) {
-        why->failed = true;
-    } else if (with != NULL) {
-        if (strcmp(value.data, initial) != 0)
+    rx_keyword_print(&initial, defaults, row, false);
+    why->failed = value.failed || initial.failed;
+    if (!why->failed && where != NULL) {
+        if (strcmp(value.data, initial.data) != 0)
             rx_text_printf(why, "%s%s %s has no effect %s (%s)", settings->prefix, key->name, value.data,
-                           with, key->help);
-    } else if (settings->prefix[0] == '\0' && settings->origin[row] > RX_FROM_DUMP) {
-        const char *condition = unmet(idle, settings, row, settings->origin[row] == RX_FROM_COMMAND, &length);
-        if (condition != NULL)
-            rx_text_printf(why, "%s %s has no effect without %.*s", key->name, value.data, length, condition);
+                           where, key->help);
+    } else if (!why->failed && settings->prefix[0] == '\0' && origin > RX_FROM_DUMP &&
+               (condition = unmet(idle, settings, row, origin == RX_FROM_COMMAND, &length)) != NULL) {
+        const bool not = strncmp(condition, NOT, strlen(NOT)) == 0;
+        const int skip = not ? (int)strlen(NOT) : 0;
+        rx_text_printf(why, "%s %s has no effect %s %.*s", key->name, value.data, not ? "with" : "without",
+                       length - skip, condition + skip);
     }
     rx_text_free(&value);
+    rx_text_free(&initial);
 }
 
 static rx_status add_row(rx_idle *idle, int at, const rx_settings *settings, const rx_settings *defaults,
-                         rx_idle_function *function, int row, rx_error *err)
+                         int row, rx_error *err)
 {
-    rx_text why = {0}, initial = {0};
-    rx_keyword_print(&initial, defaults, row, false);
-    if (!initial.failed)
-        explain(idle, settings, function, row, initial.data, &why);
-    const bool failed = initial.failed || why.failed;
-    rx_text_free(&initial);
-    if (failed) {
+    rx_text why = {0};
+    explain(idle, settings, defaults, row, &why);
+    if (why.failed) {
         rx_text_free(&why);
         return rx_error_memory(err, 0);
     }
@@ -156,17 +161,16 @@ static int count_rows(const rx_settings *settings)
 }
 
 /* The rows from *at on. */
-static rx_status add_rows(rx_idle *idle, int *at, const rx_settings *settings, rx_idle_function *function,
-                          rx_error *err)
+static rx_status add_rows(rx_idle *idle, int *at, const rx_settings *settings, rx_error *err)
 {
     rx_settings *defaults = NULL;
     rx_status status = rx_settings_new(settings->table, &defaults, err);
     for (int row = 0; row < settings->table->nrows && status == RX_OK; row++, ++*at)
         if (settings->table->rows[row].kind != RX_KIND_SECTION)
-            status = add_row(idle, *at, settings, defaults, function, row, err);
+            status = add_row(idle, *at, settings, defaults, row, err);
     rx_settings_free(defaults);
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
-        status = add_rows(idle, at, settings->part[i], rx_settings_part_idle(settings, i), err);
+        status = add_rows(idle, at, settings->part[i], err);
     return status;
 }
 
@@ -175,12 +179,10 @@ rx_status rx_idle_add(rx_idle *idle, const rx_settings *settings, rx_error *err)
     int at = 0;
     if (idle->why == NULL) {
         idle->nrows = count_rows(settings);
-        idle->why = RX_NEW(char *, (size_t)idle->nrows);
-        idle->counts = RX_NEW(bool, (size_t)idle->nrows);
-        if (idle->why == NULL || idle->counts == NULL)
-            return rx_error_memory(err, (size_t)idle->nrows * sizeof *idle->why);
+        RX_TRY(RX_MAKE(idle->why, (size_t)idle->nrows, err));
+        RX_TRY(RX_MAKE(idle->counts, (size_t)idle->nrows, err));
     }
-    return add_rows(idle, &at, settings, settings->table->idle, err);
+    return add_rows(idle, &at, settings, err);
 }
 
 void rx_idle_warn(rx_idle *idle, rx_log *log)

@@ -7,10 +7,15 @@
 #define NOWORDS NULL
 #define TEXT NULL, .role = RX_FILE_TEXT
 #define READS NULL, .role = RX_FILE_READS
+#define SEARCHED READS, .search = RX_SEARCH_FOLDERS
+#define SEARCHED_OR_BUILT_IN READS, .search = RX_SEARCH_BUILT_IN
+#define SEARCHED_INSTALLED READS, .search = RX_SEARCH_INSTALLED
 #define WRITES NULL, .role = RX_FILE_WRITES
 #define WRITES_EACH WRITES, .each_restorer = true
 #define FOLDER NULL, .role = RX_FILE_FOLDER
 #define WORDLIST(...) ((const char *const[]){__VA_ARGS__, NULL})
+#define ONCE(...) WORDLIST(__VA_ARGS__), .once = true
+#define RANGE NULL, .ordered = true
 #define PIPELINE_WORDS WORDLIST
 #define STAGE_WORDS WORDLIST
 #define W(word, value) word
@@ -79,33 +84,39 @@ static const rx_keyword survey_rows[] = {
 
 #define ROWS(array) .rows = (array), .nrows = (int)(sizeof(array) / sizeof(array)[0])
 
+/* A campaign and a training decide themselves on these. */
+static const char *const of_campaign[] = {"CATALOG_TYPE", "RESTORE_TYPE",   "CHECKIMAGE_TYPE", "NTHREADS",
+                                          "VERBOSE_TYPE", "REFERENCE_NAME", "QA_TYPE",         "WRITE_XML",
+                                          "QA_GATES",     "SELF_CHECK",     "BLANK_CHECK",     NULL};
+static const char *const sky_of_campaign[] = {"TRUTH_TYPE", "SCENE_NUMBER", "SEED", "NOISE_SEED",
+                                              "NTHREADS",   "VERBOSE_TYPE", NULL};
+static const char *const sky_of_training[] = {
+    "TRUTH_TYPE",  "IMAGE_SIZE",   "SKY_CENTER", "SEED",        "SCENE_NUMBER",    "INJECT_PLACE",
+    "PSF_TYPE",    "PSF_NAME",     "PSF_FWHM",   "PSF_BETA",    "INJECT_DISTANCE", "INJECT_CONFIG",
+    "PSF_RATIO",   "PSF_ANGLE",    "SHARP_FWHM", "NOISE_TYPE",  "PSF_VARIATION",   "SKY_LEVEL",
+    "NOISE_SIGMA", "GAIN",         "READ_NOISE", "SATUR_LEVEL", "BAD_COLUMNS",     "COSMIC_RAYS",
+    "NTHREADS",    "VERBOSE_TYPE", NULL};
+
 const rx_keytable *rx_keytable_rextract(void)
 {
-    static const rx_keytable table = {
-        .program = "rextract",
-        .title = "Rextract",
-        ROWS(rextract_rows),
-        .size = sizeof(rx_config),
-        .plain = RX_PLAIN_IMAGES,
-        .default_file = "default.sex",
-        .idle = rx_config_idle,
-        .find_files = rx_config_find_files,
-        .check = rx_config_relations,
-    };
+    static const rx_keytable table = {.program = "rextract",
+                                      .title = "Rextract",
+                                      ROWS(rextract_rows),
+                                      .size = sizeof(rx_config),
+                                      .plain = RX_PLAIN_IMAGES,
+                                      .default_file = "default.sex",
+                                      .check = rx_config_relations};
     return &table;
 }
 
 const rx_keytable *rx_keytable_simulate(void)
 {
-    static const rx_keytable table = {
-        .program = "rextract-simulate",
-        .title = "rextract-simulate",
-        ROWS(simulate_rows),
-        .size = sizeof(rx_simulate_config),
-        .plain = RX_PLAIN_NONE,
-        .idle = rx_simulate_idle,
-        .check = rx_simulate_relations,
-    };
+    static const rx_keytable table = {.program = "rextract-simulate",
+                                      .title = "rextract-simulate",
+                                      ROWS(simulate_rows),
+                                      .size = sizeof(rx_simulate_config),
+                                      .plain = RX_PLAIN_NONE,
+                                      .check = rx_simulate_relations};
     return &table;
 }
 
@@ -117,39 +128,35 @@ const rx_keytable *rx_keytable_validate(void)
         ROWS(campaign_rows),
         .size = sizeof(rx_campaign_config),
         .plain = RX_PLAIN_FILE,
-        .part = {{"SIM.", rx_keytable_simulate, NULL}, {"STAGE.", rx_keytable_rextract, NULL}},
-        .complete = rx_campaign_complete,
-        .check = rx_campaign_relations,
-    };
+        .part = {{"SIM.", rx_keytable_simulate, offsetof(rx_campaign_config, sim), sky_of_campaign,
+                  "in a campaign"},
+                 {"STAGE.", rx_keytable_rextract, offsetof(rx_campaign_config, stage), of_campaign,
+                  "in a campaign"}},
+        .check = rx_campaign_relations};
     return &table;
 }
 
 const rx_keytable *rx_keytable_train(void)
 {
-    static const rx_keytable table = {
-        .program = "rextract-train",
-        .title = "rextract-train",
-        ROWS(train_rows),
-        .size = sizeof(rx_train_config),
-        .plain = RX_PLAIN_FILE,
-        .describes = true,
-        .part = {{"SIM.", rx_keytable_simulate, rx_train_sim_idle}},
-        .complete = rx_train_complete,
-        .idle = rx_train_idle,
-        .check = rx_train_relations,
-    };
+    static const rx_keytable table = {.program = "rextract-train",
+                                      .title = "rextract-train",
+                                      ROWS(train_rows),
+                                      .size = sizeof(rx_train_config),
+                                      .plain = RX_PLAIN_FILE,
+                                      .describes = true,
+                                      .part = {{"SIM.", rx_keytable_simulate, offsetof(rx_train_config, sim),
+                                                sky_of_training, "in a training"}},
+                                      .check = rx_train_relations};
     return &table;
 }
 
 const rx_keytable *rx_keytable_survey(void)
 {
-    static const rx_keytable table = {
-        .program = "rextract-survey",
-        .title = "rextract-survey",
-        ROWS(survey_rows),
-        .size = sizeof(rx_survey_config),
-        .plain = RX_PLAIN_RECORDS,
-        .check = rx_survey_relations,
-    };
+    static const rx_keytable table = {.program = "rextract-survey",
+                                      .title = "rextract-survey",
+                                      ROWS(survey_rows),
+                                      .size = sizeof(rx_survey_config),
+                                      .plain = RX_PLAIN_RECORDS,
+                                      .check = rx_survey_relations};
     return &table;
 }

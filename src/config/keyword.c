@@ -1,6 +1,7 @@
 /* Finding rows of a keyword table. */
 #include "config/keyword.h"
 
+#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <strings.h>
@@ -49,6 +50,15 @@ int rx_keyword_part(const rx_keytable *table, const char **name)
     return -1;
 }
 
+const char *rx_keyword_idle(const rx_settings *settings, int row)
+{
+    const rx_keyword *key = &settings->table->rows[row];
+    return settings->idle != NULL && (key->role == RX_FILE_WRITES || key->role == RX_FILE_FOLDER ||
+                                      rx_keyword_among(settings->idle, key->name))
+               ? settings->where
+               : NULL;
+}
+
 /* The own keyword of the table that is nearest, or NULL. */
 static const char *nearest_row(const rx_keytable *table, const char *name)
 {
@@ -60,45 +70,81 @@ static const char *nearest_row(const rx_keytable *table, const char *name)
     return rx_text_nearest(name, names, n);
 }
 
-/* The prefix that is nearest to what stands before the dot, or NULL; *name moves behind the dot. */
-static const char *nearest_prefix(const rx_keytable *table, const char **name, int *part)
+/* The part whose prefix is nearest to what stands before the dot, -1 where none is; *name moves behind the dot. */
+static int nearest_part(const rx_keytable *table, const char **name)
 {
     const char *prefixes[RX_PARTS] = {0};
     char head[16];
     size_t n = 0, length = strcspn(*name, ".") + 1;
     if (length >= sizeof head || (*name)[length - 1] != '.')
-        return NULL;
-    memcpy(head, *name, length);
-    head[length] = '\0';
+        return -1;
+    snprintf(head, sizeof head, "%.*s", (int)length, *name);
     *name += length;
-    while (n < RX_PARTS && table->part[n].prefix != NULL) {
+    for (; n < RX_PARTS && table->part[n].prefix != NULL; n++)
         prefixes[n] = table->part[n].prefix;
-        n++;
-    }
     const char *near = rx_text_nearest(head, prefixes, n);
-    for (size_t i = 0; i < n; i++)
-        if (prefixes[i] == near)
-            *part = (int)i;
-    return near;
+    int part = (int)n - 1;
+    while (part >= 0 && (near == NULL || prefixes[part] != near))
+        part--;
+    return part;
 }
 
-void rx_keyword_nearest(const rx_keytable *table, const char *name, char *dst, size_t size)
+/* The known name that is nearest, with its prefix; dst empty when nothing is near. */
+static void find_nearest(const rx_keytable *table, const char *name, char *dst, size_t size)
 {
-    int part = 0;
-    const char *rest = name, *prefix = nearest_prefix(table, &rest, &part);
-    const char *near = NULL;
-    dst[0] = '\0';
-    if (prefix != NULL)
-        near = nearest_row(table->part[part].table(), rest);
-    for (int i = 0; prefix == NULL && i < RX_PARTS && table->part[i].prefix != NULL; i++)
+    const char *rest = name;
+    int part = nearest_part(table, &rest);
+    const char *near = part >= 0 ? nearest_row(table->part[part].table(), rest) : NULL;
+    for (int i = 0; part < 0 && i < RX_PARTS && table->part[i].prefix != NULL; i++)
         if (rx_keyword_find(table->part[i].table(), name) >= 0) { /* only the prefix is missing */
-            prefix = table->part[i].prefix;
+            part = i;
             near = name;
         }
-    if (near == NULL) {
-        prefix = NULL;
+    const char *prefix = near != NULL ? table->part[part].prefix : "";
+    if (near == NULL)
         near = nearest_row(table, name);
-    }
-    if (near != NULL)
-        snprintf(dst, size, "%s%s", prefix != NULL ? prefix : "", near);
+    snprintf(dst, size, "%s%s", prefix, near != NULL ? near : "");
+}
+
+static rx_status unknown_keyword(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
+{
+    char near[64], hint[96] = "-dd lists all";
+    if (place.file == NULL)
+        snprintf(hint, sizeof hint, "see %s -h", table->program);
+    find_nearest(table, name, near, sizeof near);
+    if (near[0] != '\0')
+        snprintf(hint, sizeof hint, "did you mean %s%s?", place.file != NULL ? "" : "-", near);
+    if (place.file != NULL)
+        return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "unknown keyword '%.80s'; %s", name,
+                           hint);
+    return rx_error_set(err, RX_USAGE, "unknown keyword '-%.80s'; %s", name, hint);
+}
+
+rx_status rx_keyword_refuse(rx_place place, rx_error *err, const char *format, ...)
+{
+    char text[RX_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    return place.file != NULL ? rx_error_at(err, RX_USAGE, place.file, -1, place.line, "%s", text)
+                              : rx_error_set(err, RX_USAGE, "-%s", text);
+}
+
+rx_status rx_keyword_refuse_gone(const rx_gone *gone, const char *name, rx_place place, rx_error *err)
+{
+    return rx_keyword_refuse(place, err, "%.80s is no longer a keyword; %s", name, gone->instead);
+}
+
+rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
+{
+    const char *rest = name;
+    const int part = rx_keyword_part(table, &rest);
+    const rx_keytable *owner = part < 0 ? table : table->part[part].table();
+    if (rx_keyword_find(owner, rest) >= 0)
+        return RX_OK;
+    const rx_gone *gone = rx_keyword_gone(owner, rest, NULL);
+    if (gone == NULL)
+        return unknown_keyword(table, name, place, err);
+    return gone->initial != NULL ? RX_OK : rx_keyword_refuse_gone(gone, name, place, err);
 }

@@ -38,6 +38,15 @@ typedef enum rx_file_role {
     RX_FILE_FOLDER
 } rx_file_role;
 
+/* How a file that is read is looked for where it is not as given: not at all, beside the configuration file and among the installed
+ * data, the same but with a built-in one in place of what is missing under the default's name, or first among the installed data. */
+typedef enum rx_file_search {
+    RX_SEARCH_NONE,
+    RX_SEARCH_FOLDERS,
+    RX_SEARCH_BUILT_IN,
+    RX_SEARCH_INSTALLED
+} rx_file_search;
+
 typedef enum rx_level { RX_LEVEL_D, RX_LEVEL_DD } rx_level;
 
 typedef struct rx_keyword {
@@ -49,15 +58,15 @@ typedef struct rx_keyword {
     int nmin, nmax;
     const char *const *words; /* ends with NULL; NULL when the kind has none */
     rx_file_role role;
+    rx_file_search search;
     bool each_restorer; /* several restorers write a file each */
+    bool ordered;       /* the second number is not below the first */
+    bool once;          /* no word comes twice */
     rx_keyword_status status;
     rx_level level;
     const char *help;
     const char *needs; /* NEEDS of the row, NULL = nothing */
 } rx_keyword;
-
-/* Why keyword `name` has no effect with these settings, "with INJECT_IMAGE", or NULL. */
-typedef const char *rx_idle_function(const rx_settings *settings, const char *name);
 
 /* Words of the command line that are no option. */
 typedef enum rx_plain { RX_PLAIN_NONE, RX_PLAIN_IMAGES, RX_PLAIN_FILE, RX_PLAIN_RECORDS } rx_plain;
@@ -73,15 +82,11 @@ struct rx_keytable {
     struct {
         const char *prefix;
         const rx_keytable *(*table)(void);
-        rx_idle_function *idle; /* instead of the table's */
+        size_t offset;           /* of the typed pointer to the part in the struct */
+        const char *const *idle; /* keywords that have no effect there, besides outputs; ends with NULL */
+        const char *where;       /* "in a campaign" */
     } part[RX_PARTS];
 
-    /* What new settings need besides the values of the rows; NULL = nothing. */
-    void (*complete)(rx_settings *settings);
-    /* NULL = all keywords have an effect. */
-    rx_idle_function *idle;
-    /* Names of input files, where they are not as given, become those of the files that are meant; NULL = none. */
-    rx_status (*find_files)(rx_settings *settings, rx_log *log, rx_error *err);
     /* Relations between keywords. */
     rx_status (*check)(const rx_settings *settings, rx_error *err);
 };
@@ -90,9 +95,6 @@ struct rx_keytable {
 int rx_keyword_find(const rx_keytable *table, const char *name);
 /* The part that a prefixed name is for, *name then behind the prefix; -1 when it is for the table itself. */
 int rx_keyword_part(const rx_keytable *table, const char **name);
-/* The known name that is nearest, with its prefix; dst empty when nothing is near. */
-void rx_keyword_nearest(const rx_keytable *table, const char *name, char *dst, size_t size);
-
 /* A row of gone.def: a keyword that earlier versions had (value NULL), or a word of one. */
 typedef struct rx_gone {
     const char *program, *name, *value;
@@ -107,6 +109,12 @@ typedef struct rx_place {
     const char *file;
     long line;
 } rx_place;
+
+/* RX_USAGE at a place; of the command line the text has a dash in front. */
+rx_status rx_keyword_refuse(rx_place place, rx_error *err, const char *format, ...) RX_PRINTF(3, 4);
+
+/* "NAME is no longer a keyword; give ..." */
+rx_status rx_keyword_refuse_gone(const rx_gone *gone, const char *name, rx_place place, rx_error *err);
 
 /* Is `name` in the table or its parts, or was it, with a default that may still be stated? Errors: RX_USAGE, with the
  * nearest name, or with what to use now. */
@@ -144,20 +152,14 @@ bool rx_keyword_among(const char *const *names, const char *name);
 /* Is what the row needs there (NEEDS), whatever the columns? A run opens the files of no other. */
 bool rx_keyword_counts(const rx_settings *settings, int row);
 
-/* What decides on keywords of part i. */
-rx_idle_function *rx_settings_part_idle(const rx_settings *settings, int i);
+/* In a part of other settings: why the keyword has no effect there, "in a campaign"; else NULL. */
+const char *rx_keyword_idle(const rx_settings *settings, int row);
 
-/* rx_keytable.complete, .idle and .check. */
-const char *rx_config_idle(const rx_settings *settings, const char *name);
-const char *rx_simulate_idle(const rx_settings *settings, const char *name);
-const char *rx_train_idle(const rx_settings *settings, const char *name);
-const char *rx_train_sim_idle(const rx_settings *settings, const char *name);
-void rx_campaign_complete(rx_settings *settings);
-void rx_train_complete(rx_settings *settings);
-/* The names of input files become those of the files that are meant: thresholds of a survey's file; then columns,
- * filter, star weights, gates and the network's model, looked for as given, beside the configuration file, in the
- * folder of installed data. What is not found keeps its name: its reader refuses it. */
-rx_status rx_config_find_files(rx_settings *settings, rx_log *log, rx_error *err);
+/* The names of input files become those of the files that are meant: thresholds of a survey's file; then what is looked for
+ * (rx_file_search). What is not found keeps its name: its reader refuses it. */
+rx_status rx_settings_find_files(rx_settings *settings, rx_log *log, rx_error *err);
+
+/* rx_keytable.check. */
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);
 rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err);

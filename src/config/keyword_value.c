@@ -77,10 +77,7 @@ static rx_status refuse(const target *at, rx_error *err, const char *format, ...
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
-    if (at->place.file != NULL)
-        return rx_error_at(err, RX_USAGE, at->place.file, -1, at->place.line, "%s%s: %s", at->prefix,
-                           at->key->name, text);
-    return rx_error_set(err, RX_USAGE, "-%s%s: %s", at->prefix, at->key->name, text);
+    return rx_keyword_refuse(at->place, err, "%s%s: %s", at->prefix, at->key->name, text);
 }
 
 static rx_status read_real(const target *at, const char *item, double *dst, rx_error *err)
@@ -219,30 +216,28 @@ rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, 
     return RX_OK;
 }
 
+/* The strings of a field, NULL where it holds others; *n of them. */
+static char **strings_of(const rx_keyword *key, void *field, int *n)
+{
+    const layout *l = layout_of(key->kind);
+    *n = rx_keyword_count(key->kind, field);
+    return l->item == RX_KIND_STRING ? (char **)((char *)field + (l->list ? l->first : 0)) : NULL;
+}
+
 rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_error *err)
 {
     const rx_keyword *key = &src->table->rows[row];
-    const void *from = (const char *)src + key->offset;
     void *to = (char *)dst + key->offset;
+    int n;
     rx_keyword_clear(dst, row);
-    if (key->kind == RX_KIND_STRING) {
-        const char *value = *(char *const *)from;
-        *(char **)to = rx_strdup(value);
-        return *(char **)to != NULL ? RX_OK : rx_error_memory(err, strlen(value));
+    memcpy(to, (const char *)src + key->offset, layout_of(key->kind)->field);
+    char **strings = strings_of(key, to, &n);
+    bool failed = false;
+    for (int i = 0; strings != NULL && i < n; i++) {
+        strings[i] = failed ? NULL : rx_strdup(strings[i]);
+        failed |= strings[i] == NULL;
     }
-    if (key->kind != RX_KIND_STRINGS) {
-        memcpy(to, from, layout_of(key->kind)->field);
-        return RX_OK;
-    }
-    rx_strings *list = to;
-    for (int i = 0; i < ((const rx_strings *)from)->n; i++) {
-        const char *value = ((const rx_strings *)from)->v[i];
-        list->v[i] = rx_strdup(value);
-        if (list->v[i] == NULL)
-            return rx_error_memory(err, strlen(value));
-        list->n = i + 1;
-    }
-    return RX_OK;
+    return failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
 static rx_status replace(char **string, const char *what, const char *with, rx_error *err)
@@ -268,29 +263,23 @@ static rx_status replace(char **string, const char *what, const char *with, rx_e
 rx_status rx_keyword_replace(rx_settings *settings, int row, const char *what, const char *with,
                              rx_error *err)
 {
-    const rx_keyword *key = &settings->table->rows[row];
-    void *field = (char *)settings + key->offset;
-    rx_status status = RX_OK;
-    if (key->kind == RX_KIND_STRING)
-        status = replace(field, what, with, err);
-    for (int i = 0; key->kind == RX_KIND_STRINGS && i < ((rx_strings *)field)->n && status == RX_OK; i++)
-        status = replace(&((rx_strings *)field)->v[i], what, with, err);
-    return status;
+    int n;
+    char **strings =
+        strings_of(&settings->table->rows[row], (char *)settings + settings->table->rows[row].offset, &n);
+    for (int i = 0; strings != NULL && i < n; i++)
+        RX_TRY(replace(&strings[i], what, with, err));
+    return RX_OK;
 }
 
 void rx_keyword_clear(rx_settings *settings, int row)
 {
     const rx_keyword *key = &settings->table->rows[row];
+    int n;
     void *field = (char *)settings + key->offset;
-    if (key->kind == RX_KIND_STRING) {
-        free(*(char **)field);
-        *(char **)field = NULL;
-    } else if (key->kind == RX_KIND_STRINGS) {
-        rx_strings *list = field;
-        for (int i = 0; i < list->n; i++)
-            free(list->v[i]);
-        *list = (rx_strings){0};
-    }
+    char **strings = strings_of(key, field, &n);
+    for (int i = 0; strings != NULL && i < n; i++)
+        free(strings[i]);
+    memset(field, 0, layout_of(key->kind)->field);
 }
 
 /* Shortest decimal that reads back as the same double. */

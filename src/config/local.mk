@@ -11,7 +11,6 @@ librextract_la_SOURCES += \
 	src/config/overwrite.c src/config/overwrite.h \
 	src/config/relations.c \
 	src/config/settings.c \
-	src/config/settings_check.c \
 	src/config/settings_dump.c \
 	src/config/tiles.c src/config/tiles.h \
 	src/config/tokens.c src/config/tokens.h

@@ -159,8 +159,7 @@ static rx_status add_row(const row_names *row, rx_error *err)
     return status;
 }
 
-static rx_status add_settings(rx_run_files *dst, const rx_settings *settings, rx_idle_function *idle,
-                              rx_error *err)
+static rx_status add_settings(rx_run_files *dst, const rx_settings *settings, rx_error *err)
 {
     const rx_keytable *table = settings->table;
     rx_status status = settings->file != NULL ? add_input(dst, "", "", settings->file, err) : RX_OK;
@@ -168,12 +167,12 @@ static rx_status add_settings(rx_run_files *dst, const rx_settings *settings, rx
         const rx_keyword *key = &table->rows[row];
         /* an input that the command line names is not written, whether it is read or not */
         const bool named = key->role == RX_FILE_READS && settings->origin[row] == RX_FROM_COMMAND;
-        if (key->role >= RX_FILE_READS && (idle == NULL || idle(settings, key->name) == NULL) &&
+        if (key->role >= RX_FILE_READS && rx_keyword_idle(settings, row) == NULL &&
             (named || rx_keyword_counts(settings, row)))
             status = add_row(&(row_names){settings, key, dst}, err);
     }
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
-        status = add_settings(dst, settings->part[i], rx_settings_part_idle(settings, i), err);
+        status = add_settings(dst, settings->part[i], err);
     return status;
 }
 
@@ -204,7 +203,7 @@ rx_status rx_run_files_of(const rx_settings *settings, const char *image, rx_run
     *dst = (rx_run_files){0};
     if (image != NULL)
         RX_TRY(add_words(dst, settings->table, image, err));
-    return add_settings(dst, settings, settings->table->idle, err);
+    return add_settings(dst, settings, err);
 }
 
 void rx_run_files_free(rx_run_files *files)

@@ -1,4 +1,4 @@
-/* What one keyword of a program says about another, and which have no effect then. */
+/* What one keyword of a program says about another; what a row says of its own value: settings.c. */
 #include <string.h>
 
 #include "config/config_fields.h"
@@ -10,30 +10,6 @@ static bool is(const char *word, const char *other)
 {
     return strcmp(word, other) == 0;
 }
-
-/* Each word once. */
-static rx_status check_once(const rx_settings *settings, const char *name, const rx_words *list,
-                            rx_error *err)
-{
-    for (int i = 0; i < list->n; i++)
-        for (int j = 0; j < i; j++)
-            if (is(list->v[i], list->v[j]))
-                return rx_settings_refuse(settings, name, err, "%s is named twice; name each once",
-                                          list->v[i]);
-    return RX_OK;
-}
-
-/* <from>,<to>[,<step>] in this order. */
-static rx_status check_order(const rx_settings *settings, const char *name, const rx_reals *range,
-                             rx_error *err)
-{
-    if (range->n > 1 && range->v[0] > range->v[1])
-        return rx_settings_refuse(settings, name, err, "%g is above %g; give <from>,<to>%s", range->v[0],
-                                  range->v[1], range->n > 2 ? ",<step>" : "");
-    return RX_OK;
-}
-
-#define ORDER(NAME, field) RX_TRY(check_order(&config->settings, #NAME, &config->field, err))
 
 /* --- rextract --- */
 
@@ -47,7 +23,6 @@ static bool has(const rx_words *list, const char *word)
 
 static rx_status check_restorers(const rx_config *config, rx_error *err)
 {
-    RX_TRY(check_once(&config->settings, "RESTORE_TYPE", &config->restore_type, err));
     if (!config->restore_fallback && is(config->out_of_domain, "RL"))
         return REFUSE(RESTORE_FALLBACK,
                       "N forbids what OUT_OF_DOMAIN RL asks for; give OUT_OF_DOMAIN WARN or FAIL");
@@ -78,59 +53,22 @@ static rx_status check_images(const rx_config *config, rx_error *err)
     return RX_OK;
 }
 
-static rx_status check_report(const rx_config *config, rx_error *err)
-{
-    if (config->qa_gates[0] != '\0' && config->reference_name[0] == '\0')
-        return REFUSE(QA_GATES, "needs a reference catalogue; give REFERENCE_NAME too");
-    if (config->reference_columns.n == 1 || config->reference_columns.n == 2)
-        return REFUSE(REFERENCE_COLUMNS, "has %d item(s), needs <x>,<y>,<magnitude or flux>[,<error>]",
-                      config->reference_columns.n);
-    return RX_OK;
-}
-
-static rx_status check_self(const rx_config *config, rx_error *err)
-{
-    if (config->self_check_galaxies < 0 && config->self_check_galaxies != -1)
-        return REFUSE(SELF_CHECK_GALAXIES, "%g is no share; give 0 to 1, or -1 for that of the tile",
-                      config->self_check_galaxies);
-    if (config->self_check_mag.n == 1)
-        return REFUSE(SELF_CHECK_MAG, "has 1 item, needs <from>,<to>, or none");
-    ORDER(SELF_CHECK_MAG, self_check_mag);
-    return RX_OK;
-}
-
 rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
 {
     const rx_config *config = (const rx_config *)settings;
     RX_TRY(check_restorers(config, err));
     RX_TRY(check_images(config, err));
-    RX_TRY(check_report(config, err));
-    return check_self(config, err);
-}
-
-/* A campaign decides itself which restorers run, on how many threads, and what is written. */
-const char *rx_config_idle(const rx_settings *settings, const char *name)
-{
-    static const char *const outputs[] = {"CATALOG_NAME",
-                                          "CATALOG_TYPE",
-                                          "RESTORE_TYPE",
-                                          "CHECKIMAGE_TYPE",
-                                          "CHECKIMAGE_NAME",
-                                          "NTHREADS",
-                                          "VERBOSE_TYPE",
-                                          "REFERENCE_NAME",
-                                          "QA_NAME",
-                                          "QA_TYPE",
-                                          "WRITE_XML",
-                                          "XML_NAME",
-                                          "QA_GATES",
-                                          "SELF_CHECK",
-                                          "BLANK_CHECK",
-                                          "SELF_CHECK_NAME",
-                                          "RECORD_NAME",
-                                          "TEMPLATE_COVAR_NAME",
-                                          NULL};
-    return settings->prefix[0] != '\0' && rx_keyword_among(outputs, name) ? "in a campaign" : NULL;
+    if (config->qa_gates[0] != '\0' && config->reference_name[0] == '\0')
+        return REFUSE(QA_GATES, "needs a reference catalogue; give REFERENCE_NAME too");
+    if (config->reference_columns.n == 1 || config->reference_columns.n == 2)
+        return REFUSE(REFERENCE_COLUMNS, "has %d item(s), needs <x>,<y>,<magnitude or flux>[,<error>]",
+                      config->reference_columns.n);
+    if (config->self_check_galaxies < 0 && config->self_check_galaxies != -1)
+        return REFUSE(SELF_CHECK_GALAXIES, "%g is no share; give 0 to 1, or -1 for that of the tile",
+                      config->self_check_galaxies);
+    if (config->self_check_mag.n == 1)
+        return REFUSE(SELF_CHECK_MAG, "has 1 item, needs <from>,<to>, or none");
+    return RX_OK;
 }
 
 /* --- rextract-simulate --- */
@@ -185,46 +123,14 @@ rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
     RX_TRY(check_injection(config, err));
     RX_TRY(check_noise(config, err));
     RX_TRY(check_coadd(config, err));
-    ORDER(STAR_MAG, star_mag);
-    ORDER(PAIR_DISTANCE, pair_distance);
-    ORDER(GALAXY_MAG, galaxy_mag);
-    ORDER(TEMPLATE_MAG, template_mag);
     if (config->template_count > 0.0 && config->template_name[0] == '\0')
         return REFUSE(TEMPLATE_NAME, "is empty; name the cut-outs that TEMPLATE_COUNT asks for");
     return RX_OK;
 }
 
-const char *rx_simulate_idle(const rx_settings *settings, const char *name)
-{
-    static const char *const outputs[] = {"IMAGE_NAME", "SHARP_NAME",  "TRUTH_NAME",   "TRUTH_TYPE",
-                                          "FLAG_NAME",  "WEIGHT_NAME", "SCENE_NUMBER", "SEED",
-                                          "NOISE_SEED", "NTHREADS",    "VERBOSE_TYPE", NULL};
-    static const char *const field[] = {"IMAGE_SIZE",  "SKY_CENTER", "NOISE_TYPE",  "SKY_LEVEL",
-                                        "NOISE_SIGMA", "READ_NOISE", "SATUR_LEVEL", "BAD_COLUMNS",
-                                        "COSMIC_RAYS", NULL};
-    static const char *const injection[] = {"INJECT_PLACE", "INJECT_DISTANCE", NULL};
-    static const char *const coadd[] = {"COADD_FRAMES", "COADD_SCALE", "COADD_PIXFRAC", "COADD_UNEVEN", NULL};
-    const rx_simulate_config *config = (const rx_simulate_config *)settings;
-    bool injects = config->inject_image[0] != '\0';
-    if (settings->prefix[0] != '\0' && rx_keyword_among(outputs, name))
-        return "in a campaign";
-    if (injects && rx_keyword_among(field, name))
-        return "with INJECT_IMAGE";
-    if (is(config->coadd_type, "NONE") && rx_keyword_among(coadd, name))
-        return "with COADD_TYPE NONE";
-    return !injects && rx_keyword_among(injection, name) ? "without INJECT_IMAGE" : NULL;
-}
-
 /* --- rextract-validate --- */
 
 enum { MAX_SHARDS = 10000 };
-
-void rx_campaign_complete(rx_settings *settings)
-{
-    rx_campaign_config *config = (rx_campaign_config *)settings;
-    config->sim = (rx_simulate_config *)settings->part[0];
-    config->stage = (rx_config *)settings->part[1];
-}
 
 /* A whole number of 1 to MAX_SHARDS at *text, which moves behind it; 0 when there is none. */
 static int read_count(const char **text)
@@ -256,11 +162,6 @@ rx_status rx_campaign_config_shard(const rx_campaign_config *config, int *k, int
 
 static rx_status check_ranges(const rx_campaign_config *config, rx_error *err)
 {
-    ORDER(FWHM_RANGE, fwhm_range);
-    ORDER(SIGMA_RANGE, sigma_range);
-    ORDER(FWHM_TRAINED, fwhm_trained);
-    ORDER(SIGMA_TRAINED, sigma_trained);
-    ORDER(MAGNITUDES, magnitudes);
     const double *mag = config->magnitudes.v;
     if (mag[2] <= 0.0)
         return REFUSE(MAGNITUDES, "the step %g must be above 0", mag[2]);
@@ -316,9 +217,6 @@ rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
     const rx_campaign_config *config = (const rx_campaign_config *)settings;
     int k, n;
     RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
-    RX_TRY(check_once(settings, "RESTORE_TYPE", &config->restore_type, err));
-    RX_TRY(check_once(settings, "FIELDS", &config->fields, err));
-    RX_TRY(check_once(settings, "FLUXES", &config->fluxes, err));
     RX_TRY(check_ranges(config, err));
     RX_TRY(check_fields(config, err));
     RX_TRY(check_campaign_simulator(config, err));
@@ -326,12 +224,6 @@ rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
 }
 
 /* --- rextract-train --- */
-
-void rx_train_complete(rx_settings *settings)
-{
-    rx_train_config *config = (rx_train_config *)settings;
-    config->sim = (rx_simulate_config *)settings->part[0];
-}
 
 static rx_status check_training_images(const rx_train_config *config, rx_error *err)
 {
@@ -347,11 +239,6 @@ static rx_status check_training_images(const rx_train_config *config, rx_error *
     if (config->validation_images > config->bin_images)
         return REFUSE(VALIDATION_IMAGES, "%d is above BIN_IMAGES, %d; give at most that",
                       config->validation_images, config->bin_images);
-    ORDER(FWHM_RANGE, fwhm_range);
-    ORDER(SIGMA_RANGE, sigma_range);
-    ORDER(BETA_RANGE, beta_range);
-    ORDER(PHOTON_RANGE, photon_range);
-    ORDER(SMOOTHED_FWHM, smoothed_fwhm);
     if (config->smoothed_noise + config->resampled_noise > 1)
         return REFUSE(RESAMPLED_NOISE, "%g and SMOOTHED_NOISE %g are more than all images; give at most %g",
                       config->resampled_noise, config->smoothed_noise, 1 - config->smoothed_noise);
@@ -382,33 +269,6 @@ rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
         return REFUSE(LOSS_IDT, "no term of the loss trains RESTORE; give this one a weight above 0");
     RX_TRY(check_training_images(config, err));
     return check_training_scenes(config, err);
-}
-
-const char *rx_train_idle(const rx_settings *settings, const char *name)
-{
-    static const char *const informed[] = {"STAGES", "TIKHONOV", "RL_STEPS", "RL_STEP_PEDESTAL", NULL};
-    const rx_train_config *config = (const rx_train_config *)settings;
-    if (is(config->mode, "BLIND") && rx_keyword_among(informed, name))
-        return "with MODE BLIND";
-    if (config->rl_steps == 0 && is(name, "RL_STEP_PEDESTAL"))
-        return "with RL_STEPS 0";
-    if (!is(config->loss_type, "LINEAR") && is(name, "LOSS_FLOOR"))
-        return "without LOSS_TYPE LINEAR";
-    return NULL;
-}
-
-/* Of the simulator's keywords, those of the population decide; the rest follows from the training's own. */
-const char *rx_train_sim_idle(const rx_settings *settings, const char *name)
-{
-    static const char *const own[] = {
-        "IMAGE_NAME", "SHARP_NAME",    "TRUTH_NAME",   "TRUTH_TYPE",   "FLAG_NAME",       "IMAGE_SIZE",
-        "SKY_CENTER", "SEED",          "SCENE_NUMBER", "INJECT_PLACE", "INJECT_DISTANCE", "INJECT_CONFIG",
-        "PSF_TYPE",   "PSF_NAME",      "PSF_FWHM",     "PSF_BETA",     "PSF_RATIO",       "PSF_ANGLE",
-        "SHARP_FWHM", "PSF_VARIATION", "NOISE_TYPE",   "SKY_LEVEL",    "NOISE_SIGMA",     "GAIN",
-        "READ_NOISE", "SATUR_LEVEL",   "BAD_COLUMNS",  "COSMIC_RAYS",  "NTHREADS",        "VERBOSE_TYPE",
-        NULL};
-    (void)settings;
-    return rx_keyword_among(own, name) ? "in a training" : NULL;
 }
 
 /* --- rextract-survey --- */

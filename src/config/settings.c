@@ -13,15 +13,16 @@
 #include "config/keyword.h"
 #include "config/tokens.h"
 
-/* Hand the finished settings over, or free them. */
+/* Hand the finished settings over, their parts typed, or free them. */
 static void hand_over(rx_status status, rx_settings *settings, rx_settings **dst)
 {
     if (status != RX_OK) {
         rx_settings_free(settings);
         return;
     }
-    if (settings->table->complete != NULL)
-        settings->table->complete(settings);
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        memcpy((char *)settings + settings->table->part[i].offset, &settings->part[i],
+               sizeof settings->part[i]);
     *dst = settings;
 }
 
@@ -61,8 +62,11 @@ rx_status rx_settings_new(const rx_keytable *table, rx_settings **dst, rx_error 
             status = set_default(settings, row, err);
     for (int i = 0; i < RX_PARTS && table->part[i].prefix != NULL && status == RX_OK; i++) {
         status = rx_settings_new(table->part[i].table(), &settings->part[i], err);
-        if (status == RX_OK)
+        if (status == RX_OK) {
             settings->part[i]->prefix = table->part[i].prefix;
+            settings->part[i]->idle = table->part[i].idle;
+            settings->part[i]->where = table->part[i].where;
+        }
     }
     hand_over(status, settings, dst);
     return status;
@@ -85,8 +89,11 @@ rx_status rx_settings_copy(const rx_settings *src, rx_settings **dst, rx_error *
     }
     for (int i = 0; i < RX_PARTS && src->part[i] != NULL && status == RX_OK; i++)
         status = rx_settings_copy(src->part[i], &settings->part[i], err);
-    if (status == RX_OK)
+    if (status == RX_OK) {
         settings->prefix = src->prefix;
+        settings->idle = src->idle;
+        settings->where = src->where;
+    }
     hand_over(status, settings, dst);
     return status;
 }
@@ -104,42 +111,6 @@ void rx_settings_free(rx_settings *settings)
     free(settings->line);
     free(settings->file);
     free(settings);
-}
-
-static rx_status unknown_keyword(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
-{
-    char near[64], hint[96] = "-dd lists all";
-    if (place.file == NULL)
-        snprintf(hint, sizeof hint, "see %s -h", table->program);
-    rx_keyword_nearest(table, name, near, sizeof near);
-    if (near[0] != '\0')
-        snprintf(hint, sizeof hint, "did you mean %s%s?", place.file != NULL ? "" : "-", near);
-    if (place.file != NULL)
-        return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "unknown keyword '%.80s'; %s", name,
-                           hint);
-    return rx_error_set(err, RX_USAGE, "unknown keyword '-%.80s'; %s", name, hint);
-}
-
-/* "NAME is no longer a keyword; give ..." */
-static rx_status gone_keyword(const rx_gone *gone, const char *name, rx_place place, rx_error *err)
-{
-    if (place.file != NULL)
-        return rx_error_at(err, RX_USAGE, place.file, -1, place.line, "%.80s is no longer a keyword; %s",
-                           name, gone->instead);
-    return rx_error_set(err, RX_USAGE, "-%.80s is no longer a keyword; %s", name, gone->instead);
-}
-
-rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
-{
-    const char *rest = name;
-    const int part = rx_keyword_part(table, &rest);
-    const rx_keytable *owner = part < 0 ? table : table->part[part].table();
-    if (rx_keyword_find(owner, rest) >= 0)
-        return RX_OK;
-    const rx_gone *gone = rx_keyword_gone(owner, rest, NULL);
-    if (gone == NULL)
-        return unknown_keyword(table, name, place, err);
-    return gone->initial != NULL ? RX_OK : gone_keyword(gone, name, place, err);
 }
 
 /* The same items, numbers by their value? */
@@ -164,21 +135,37 @@ static rx_status check_gone(const rx_gone *gone, const char *name, char *const *
     const bool none =
         initial.n == 0 && n == 1 && (values[0][0] == '\0' || strcasecmp(values[0], "NONE") == 0);
     if (status == RX_OK && !none && !is_same_value(values, n, initial.v, initial.n))
-        status = gone_keyword(gone, name, place, err);
+        status = rx_keyword_refuse_gone(gone, name, place, err);
     rx_tokens_free(&initial);
     return status;
 }
 
-/* The settings and the row that `name` is for; of one that is gone, row -1 and the row of gone.def. */
-static rx_status find(rx_settings *settings, const char *name, rx_place place, rx_settings **owner, int *row,
-                      const rx_gone **gone, rx_error *err)
+/* A name: the settings and the row that it is for; of one that is gone, row -1 and the row of gone.def. */
+typedef struct found {
+    rx_settings *owner;
+    int row;
+    const rx_gone *gone;
+} found;
+
+static rx_status find(rx_settings *settings, const char *name, rx_place place, found *dst, rx_error *err)
 {
     const char *rest = name;
-    int part = rx_keyword_part(settings->table, &rest);
-    *owner = part < 0 ? settings : settings->part[part];
-    *row = rx_keyword_find((*owner)->table, rest);
-    *gone = *row < 0 ? rx_keyword_gone((*owner)->table, rest, NULL) : NULL;
+    const int part = rx_keyword_part(settings->table, &rest);
+    dst->owner = part < 0 ? settings : settings->part[part];
+    dst->row = rx_keyword_find(dst->owner->table, rest);
+    dst->gone = dst->row < 0 ? rx_keyword_gone(dst->owner->table, rest, NULL) : NULL;
     return rx_keyword_known(settings->table, name, place, err);
+}
+
+/* Does the file give the value that the keyword has anyway? *value: what it was. */
+static rx_status repeats(const found *at, const rx_text *value, bool *dst, rx_error *err)
+{
+    rx_text now = {0};
+    rx_keyword_print(&now, at->owner, at->row, true);
+    const bool failed = now.failed || value->failed;
+    *dst = !failed && at->owner->origin[at->row] <= RX_FROM_DUMP && strcmp(now.data, value->data) == 0;
+    rx_text_free(&now);
+    return failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
 /* One line of a file: nothing, or a keyword and its values; the names of those that are gone are added to *old. */
@@ -186,36 +173,27 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
                            rx_error *err)
 {
     rx_tokens items = {0};
-    rx_text values = {0}; /* what it was, then what it is */
-    rx_settings *owner = NULL;
-    const rx_gone *gone = NULL;
-    int row = 0;
+    rx_text before = {0};
+    found at;
+    bool same = false;
     rx_status status = rx_tokens_read(line, &items, err);
-    if (status == RX_USAGE && err != NULL) {
-        snprintf(err->where, sizeof err->where, "%s", place.file);
-        err->line = place.line;
-    }
+    if (status == RX_USAGE)
+        status = rx_error_where(err, status, place.file, -1, place.line);
     if (status != RX_OK || items.n == 0)
         goto exit;
-    RX_TRY_EXIT(find(settings, items.v[0], place, &owner, &row, &gone, err));
-    if (gone != NULL) {
+    RX_TRY_EXIT(find(settings, items.v[0], place, &at, err));
+    if (at.gone != NULL) {
         rx_text_printf(old, "%s%s", old->length > 0 ? ", " : "", items.v[0]);
-        RX_TRY_EXIT(check_gone(gone, items.v[0], items.v + 1, items.n - 1, place, err));
+        RX_TRY_EXIT(check_gone(at.gone, items.v[0], items.v + 1, items.n - 1, place, err));
         goto exit;
     }
-    rx_text_add(&values, "");
-    rx_keyword_print(&values, owner, row, true);
-    const size_t before = values.length;
-    RX_TRY_EXIT(rx_keyword_assign(owner, row, items.v + 1, items.n - 1, place, log, err));
-    rx_keyword_print(&values, owner, row, true);
-    if (values.failed)
-        RX_TRY_EXIT(rx_error_memory(err, 0));
-    const bool repeats = owner->origin[row] <= RX_FROM_DUMP && values.length == 2 * before &&
-                         memcmp(values.data, values.data + before, before) == 0;
-    owner->origin[row] = repeats ? RX_FROM_DUMP : RX_FROM_FILE;
-    owner->line[row] = place.line;
+    rx_keyword_print(&before, at.owner, at.row, true);
+    RX_TRY_EXIT(rx_keyword_assign(at.owner, at.row, items.v + 1, items.n - 1, place, log, err));
+    RX_TRY_EXIT(repeats(&at, &before, &same, err));
+    at.owner->origin[at.row] = same ? RX_FROM_DUMP : RX_FROM_FILE;
+    at.owner->line[at.row] = place.line;
 exit:
-    rx_text_free(&values);
+    rx_text_free(&before);
     rx_tokens_free(&items);
     return status;
 }
@@ -259,37 +237,36 @@ rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log,
     return status;
 }
 
-static rx_status set_gone(const rx_gone *gone, const char *name, const char *value, rx_log *log,
-                          rx_error *err)
+/* The value as one word of text; `whole`: a STRING takes it as it is. */
+static rx_status give(rx_settings *settings, const char *name, const char *value, bool whole,
+                      rx_origin origin, rx_log *log, rx_error *err)
 {
     rx_tokens items = {0};
-    rx_status status = rx_tokens_read(value, &items, err);
-    if (status == RX_OK)
-        status = check_gone(gone, name, items.v, items.n, (rx_place){0}, err);
+    found at;
+    RX_TRY(find(settings, name, (rx_place){0}, &at, err));
+    whole = whole && at.gone == NULL && at.owner->table->rows[at.row].kind == RX_KIND_STRING;
+    rx_status status = whole ? rx_tokens_expand(value, &items, err) : rx_tokens_read(value, &items, err);
+    if (status == RX_OK && at.gone != NULL) {
+        status = check_gone(at.gone, name, items.v, items.n, (rx_place){0}, err);
+        if (status == RX_OK && log != NULL)
+            rx_log_warning(log, "%s is no longer a keyword, and without effect at its old default", name);
+    } else if (status == RX_OK && (status = rx_keyword_assign(at.owner, at.row, items.v, items.n,
+                                                              (rx_place){0}, log, err)) == RX_OK)
+        at.owner->origin[at.row] = origin;
     rx_tokens_free(&items);
-    if (status == RX_OK && log != NULL)
-        rx_log_warning(log, "%s is no longer a keyword, and without effect at its old default", name);
     return status;
 }
 
 rx_status rx_settings_set(rx_settings *settings, const char *name, const char *value, rx_log *log,
                           rx_error *err)
 {
-    rx_tokens items = {0};
-    rx_settings *owner = NULL;
-    const rx_gone *gone = NULL;
-    int row = 0;
-    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, &gone, err));
-    if (gone != NULL)
-        return set_gone(gone, name, value, log, err);
-    rx_status status = owner->table->rows[row].kind == RX_KIND_STRING ? rx_tokens_expand(value, &items, err)
-                                                                      : rx_tokens_read(value, &items, err);
-    if (status == RX_OK)
-        status = rx_keyword_assign(owner, row, items.v, items.n, (rx_place){0}, log, err);
-    if (status == RX_OK)
-        owner->origin[row] = RX_FROM_COMMAND;
-    rx_tokens_free(&items);
-    return status;
+    return give(settings, name, value, true, RX_FROM_COMMAND, log, err);
+}
+
+rx_status rx_settings_take(rx_settings *settings, const char *name, const char *value, rx_origin origin,
+                           rx_error *err)
+{
+    return give(settings, name, value, false, origin, NULL, err);
 }
 
 rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_error *err)
@@ -315,7 +292,7 @@ bool rx_settings_states(const rx_settings *settings, const char *name)
     return rx_settings_was_set(settings, name) > RX_FROM_DUMP;
 }
 
-static bool visit_rows(const rx_settings *settings, bool quoted, rx_settings_visitor visit, void *user)
+bool rx_settings_visit(const rx_settings *settings, bool exact, rx_settings_visitor visit, void *user)
 {
     const rx_keytable *table = settings->table;
     bool complete = true;
@@ -324,7 +301,7 @@ static bool visit_rows(const rx_settings *settings, bool quoted, rx_settings_vis
         if (table->rows[row].kind == RX_KIND_SECTION)
             continue;
         rx_text_printf(&name, "%s%s", settings->prefix, table->rows[row].name);
-        rx_keyword_print(&value, settings, row, quoted);
+        rx_keyword_print(&value, settings, row, exact);
         complete = !name.failed && !value.failed;
         if (complete)
             visit(user, name.data, value.data, table->rows[row].help);
@@ -332,37 +309,8 @@ static bool visit_rows(const rx_settings *settings, bool quoted, rx_settings_vis
         rx_text_free(&value);
     }
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && complete; i++)
-        complete = visit_rows(settings->part[i], quoted, visit, user);
+        complete = rx_settings_visit(settings->part[i], exact, visit, user);
     return complete;
-}
-
-bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, void *user)
-{
-    return visit_rows(settings, false, visit, user);
-}
-
-bool rx_settings_visit_exact(const rx_settings *settings, rx_settings_visitor visit, void *user)
-{
-    return visit_rows(settings, true, visit, user);
-}
-
-rx_status rx_settings_take(rx_settings *settings, const char *name, const char *value, rx_origin origin,
-                           rx_error *err)
-{
-    rx_tokens items = {0};
-    rx_settings *owner = NULL;
-    const rx_gone *gone = NULL;
-    int row = 0;
-    RX_TRY(find(settings, name, (rx_place){0}, &owner, &row, &gone, err));
-    if (gone != NULL)
-        return set_gone(gone, name, value, NULL, err);
-    rx_status status = rx_tokens_read(value, &items, err);
-    if (status == RX_OK)
-        status = rx_keyword_assign(owner, row, items.v, items.n, (rx_place){0}, NULL, err);
-    if (status == RX_OK)
-        owner->origin[row] = origin;
-    rx_tokens_free(&items);
-    return status;
 }
 
 rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const char *const *allowed,
@@ -378,4 +326,52 @@ rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const ch
         dst->origin[row] = src->origin[row];
     }
     return status;
+}
+
+rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_error *err, const char *format,
+                             ...)
+{
+    char text[RX_ERROR_TEXT];
+    rx_place place = {0};
+    const int row = rx_keyword_find(settings->table, name);
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    if (row >= 0 && settings->line[row] > 0 && settings->origin[row] != RX_FROM_COMMAND)
+        place = (rx_place){.file = settings->file, .line = settings->line[row]};
+    return rx_keyword_refuse(place, err, "%s%s: %s", settings->prefix, name, text);
+}
+
+/* What a row says of its own value: each word once, <from>,<to>[,<step>] in this order. */
+static rx_status check_row(const rx_settings *settings, const rx_keyword *key, rx_error *err)
+{
+    const void *field = (const char *)settings + key->offset;
+    const rx_words *words = field;
+    const rx_reals *range = field;
+    for (int i = 0; key->once && i < words->n; i++)
+        for (int j = 0; j < i; j++)
+            if (strcmp(words->v[i], words->v[j]) == 0)
+                return rx_settings_refuse(settings, key->name, err, "%s is named twice; name each once",
+                                          words->v[i]);
+    if (key->ordered && range->n > 1 && range->v[0] > range->v[1])
+        return rx_settings_refuse(settings, key->name, err, "%g is above %g; give <from>,<to>%s", range->v[0],
+                                  range->v[1], range->n > 2 ? ",<step>" : "");
+    return RX_OK;
+}
+
+rx_status rx_settings_check(const rx_settings *settings, rx_error *err)
+{
+    for (int row = 0; row < settings->table->nrows; row++)
+        RX_TRY(check_row(settings, &settings->table->rows[row], err));
+    RX_TRY(settings->table->check(settings, err));
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        RX_TRY(rx_settings_check(settings->part[i], err));
+    return RX_OK;
+}
+
+rx_status rx_settings_complete(rx_settings *settings, rx_log *log, rx_error *err)
+{
+    RX_TRY(rx_settings_find_files(settings, log, err));
+    return rx_settings_check(settings, err);
 }

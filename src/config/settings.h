@@ -67,7 +67,9 @@ const rx_keytable *rx_keytable_survey(void);   /* rx_survey_config */
 typedef struct rx_settings rx_settings;
 struct rx_settings {
     const rx_keytable *table;
-    const char *prefix;          /* "SIM." where these are part of other settings, else "" */
+    const char *prefix;      /* "SIM." where these are part of other settings, else "" */
+    const char *const *idle; /* then: keywords without effect there, and "in a campaign"; else NULL */
+    const char *where;
     rx_origin *origin;           /* what set the value of each row of the table */
     long *line;                  /* and on which line of `file`, 0 = not in the file */
     char *file;                  /* the configuration file last read, or NULL */
@@ -114,13 +116,12 @@ rx_status rx_settings_check_inputs(const rx_settings *settings, const rx_setting
                                    rx_error *err);
 
 /* Every keyword with its current value as text, in table order, those of parts with their prefix after the
- * others: for headers and reports. Returns false when memory ran out. */
+ * others: for headers and reports; `exact`: as a file would have it. Returns false when memory ran out. */
 typedef void (*rx_settings_visitor)(void *user, const char *name, const char *value, const char *help);
-bool rx_settings_visit(const rx_settings *settings, rx_settings_visitor visit, void *user);
+bool rx_settings_visit(const rx_settings *settings, bool exact, rx_settings_visitor visit, void *user);
 
-/* The same with values as a file would have them, and the way back: the value as it was given to the visitor,
- * to the bit. Errors: RX_USAGE (no such keyword, not its value), RX_SYSTEM. */
-bool rx_settings_visit_exact(const rx_settings *settings, rx_settings_visitor visit, void *user);
+/* The way back: an exact value as it was given to the visitor, to the bit. Errors: RX_USAGE (no such keyword, not its
+ * value), RX_SYSTEM. */
 rx_status rx_settings_take(rx_settings *settings, const char *name, const char *value, rx_origin origin,
                            rx_error *err);
 

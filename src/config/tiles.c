@@ -118,9 +118,7 @@ rx_status rx_tiles_settings(const rx_tiles *tiles, int i, const rx_settings *com
     for (int k = 1; k < tile->words.n; k += 2)
         RX_TRY_EXIT(rx_settings_set(settings, tile->words.v[k] + 1, tile->words.v[k + 1], log, err));
     RX_TRY_EXIT(rx_settings_name_tile(settings, tile->name, err));
-    if (settings->table->find_files != NULL)
-        RX_TRY_EXIT(settings->table->find_files(settings, NULL, err));
-    RX_TRY_EXIT(rx_settings_check(settings, err));
+    RX_TRY_EXIT(rx_settings_complete(settings, NULL, err));
     RX_TRY_EXIT(rx_overwrite_check(settings, tile->words.v[0], err));
     *dst = settings;
     settings = NULL;

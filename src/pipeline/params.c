@@ -15,10 +15,15 @@
 #define NOWORDS NULL
 #define TEXT NULL
 #define READS NULL
+#define SEARCHED NULL
+#define SEARCHED_OR_BUILT_IN NULL
+#define SEARCHED_INSTALLED NULL
+#define RANGE NULL
 #define WRITES NULL
 #define WRITES_EACH NULL
 #define FOLDER NULL
 #define WORDLIST(...) NULL
+#define ONCE(...) NULL
 #define W(word, value) value
 #define NEEDS(text) RX_FILL_NOTHING
 #define PIPELINE_WORDS RX_FILL_WORDS

@@ -45,7 +45,7 @@ static rx_status configure(const rx_job *job, rx_log *log, rx_config **dst, rx_e
     for (int i = 0; i < job->nsettings && status == RX_OK; i++)
         status = rx_config_set(*dst, job->settings[i].name, job->settings[i].value, log, err);
     if (status == RX_OK)
-        status = rx_config_complete(*dst, log, err);
+        status = rx_settings_complete(&(*dst)->settings, log, err);
     return status == RX_OK ? refuse_files(*dst, err) : status;
 }
 

@@ -7,7 +7,10 @@
 #include <sys/stat.h>
 
 #include "base/memory.h"
+#include "base/printable.h"
 #include "config/config_fields.h"
+#include "io/fits_write.h"
+#include "stage/inputs.h"
 #include "stage/machine.h"
 
 /* Visiting the keywords. */
@@ -44,7 +47,7 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
     rx_record_add(record, "MACHINE", "class of machines that gives the same bits", "%s",
                   machine.data != NULL ? machine.data : "");
     rx_record_add(record, "IMAGE", "image, or two", "%s", images);
-    if (!rx_config_visit(config, add_keyword, &k) || k.set.failed || machine.failed)
+    if (!rx_settings_visit(&config->settings, true, add_keyword, &k) || k.set.failed || machine.failed)
         record->failed = true;
     rx_record_add(record, "SET", "keywords that were set; the others are defaults", "%s",
                   k.set.data != NULL ? k.set.data : "");

@@ -157,7 +157,7 @@ static rx_status record_run(job *job, rx_error *err)
     rx_record *record = &job->record;
     rx_record_add(record, "PROGRAM", "made by", "rextract-simulate");
     rx_record_add(record, "RXVERS", "version of rextract", "%s", RX_VERSION);
-    if (!rx_settings_visit(&job->config->settings, add_keyword, record) || record->failed)
+    if (!rx_settings_visit(&job->config->settings, false, add_keyword, record) || record->failed)
         return rx_error_memory(err, 0);
     return RX_OK;
 }
@@ -559,7 +559,7 @@ static rx_status read_stage_config(const job *job, rx_config **dst, rx_error *er
     if (strcmp(config->psf_type, "AUTO") == 0)
         RX_TRY_EXIT(rx_config_set(stage, "PSF_TYPE", "AUTO", job->log, err));
     RX_TRY_EXIT(rx_config_set(stage, "NTHREADS", threads, job->log, err));
-    RX_TRY_EXIT(rx_config_check(stage, err));
+    RX_TRY_EXIT(rx_settings_check(&stage->settings, err));
     RX_TRY_EXIT(
         rx_settings_check_inputs(&config->settings, (const rx_settings *)stage, config->inject_image, err));
     *dst = stage;

@@ -133,7 +133,7 @@ static rx_status record_inputs(job *job, const rx_field *detect, const rx_field 
         if (read != NULL && read->failed)
             return rx_error_memory(err, 0);
         for (int i = 0; read != NULL && i < read->n; i++) {
-            RX_TRY(rx_config_check_read(job->config, read->pairs[i][1], err));
+            RX_TRY(rx_settings_check_read(&job->config->settings, read->pairs[i][1], err));
             if (recorded)
                 RX_TRY(rx_record_file(&job->record, read->pairs[i][0], read->pairs[i][1], err));
         }

@@ -236,9 +236,9 @@ rx_status rx_setup_text(const rx_train_config *config, rx_setup_lines which, rx_
     rx_text_add(dst, "");
     rx_status status = rx_train_config_new(&defaults, err);
     if (status == RX_OK) {
-        rx_settings_visit(&defaults->settings, add_normal, &l.normal);
+        rx_settings_visit(&defaults->settings, false, add_normal, &l.normal);
         l.next = l.normal.data;
-        rx_settings_visit(&config->settings, add_line, &l);
+        rx_settings_visit(&config->settings, false, add_line, &l);
         if (l.normal.failed || dst->failed)
             status = rx_error_memory(err, 0);
     }

@@ -186,7 +186,7 @@ static void logged(void **state, const char *text, rx_status expected, char *dst
     rx_log_init(&log, "t", stream, RX_NORMAL);
     if (rx_config_read(c, path, &log, err) != RX_OK)
         fail_msg("%s", err->text);
-    const rx_status status = rx_config_check(c, err);
+    const rx_status status = rx_settings_check(&c->settings, err);
     assert_int_equal(status, expected);
     if (status == RX_OK)
         assert_int_equal(rx_settings_warn_idle(&c->settings, &log, err), RX_OK);
@@ -349,7 +349,7 @@ static void visitor_sees_every_keyword(void **state)
     (void)state;
     int n = 0, keys = 0;
     rx_config *c = defaults();
-    assert_true(rx_config_visit(c, count_keywords, &n));
+    assert_true(rx_settings_visit(&c->settings, true, count_keywords, &n));
 #define SECTION(id, title)
 #define KEY(...) keys++;
 #include "config/keys.def"
