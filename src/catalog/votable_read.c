@@ -17,16 +17,35 @@
 enum { CHUNK = 65536, CELL_BYTES = 1 << 20 };
 static const int64_t NO_INTEGER = INT64_MIN; /* a null cell until the column's type is settled */
 
+/* What a FIELD's datatype says: its cells here, and an element in a stream. */
+typedef struct datatype {
+    const char *name;
+    rx_cell_type cell;
+    int width; /* bytes; 0: of a type that is not read from streams */
+} datatype;
+
+static const datatype datatypes[] = {
+    {"boolean", RX_CELL_INT64, 1},     {"unsignedByte", RX_CELL_INT64, 1},  {"char", RX_CELL_TEXT, 1},
+    {"short", RX_CELL_INT64, 2},       {"unicodeChar", RX_CELL_TEXT, 2},    {"int", RX_CELL_INT64, 4},
+    {"float", RX_CELL_FLOAT, 4},       {"long", RX_CELL_INT64, 8},          {"double", RX_CELL_DOUBLE, 8},
+    {"floatComplex", RX_CELL_TEXT, 8}, {"doubleComplex", RX_CELL_TEXT, 16}, {"", RX_CELL_TEXT, 0}};
+enum { BOOLEAN = 0, BYTE = 1, CHAR = 2, UNICODE = 4 };
+
 /* A FIELD and its cells; texts are offsets into votable.pool until the end. */
 typedef struct field {
     rx_column column;
+    const datatype *type;
     char null[32]; /* VALUES null="..." */
-    bool has_null, boolean;
+    bool has_null;
     size_t longest;
-    int width;              /* of an element in a stream, bytes; 0: of a type that is not read there */
-    bool whole, characters; /* unsigned there; char, unicodeChar */
-    long items;             /* elements of a cell there; -1: their number stands before them */
+    long
+        items; /* elements of a cell; -1: their number stands before them in a stream, 0: nothing that can be read there */
 } field;
+
+static bool is_of(const field *f, int type)
+{
+    return f->type == &datatypes[type];
+}
 
 typedef struct votable {
     const char *path;
@@ -68,57 +87,34 @@ static void copy_attribute(const char **attributes, const char *name, char *dst,
             snprintf(dst, size, "%s", attributes[i + 1]);
 }
 
-/* "5", "3x5"; false for lengths that vary or more than two dimensions. */
-static bool parse_arraysize(const char *text, rx_column *column)
+/* "5", "3x5", "*", "10*". Numbers whose cells have no shape, or more than two dimensions, are read as text. */
+static void read_arraysize(field *f, const char *text)
 {
+    rx_column *column = &f->column;
+    int ndim = 0;
     char *end;
-    for (column->ndim = 0; column->ndim < 2;) {
-        long n = strtol(text, &end, 10);
-        if (end == text || n < 1 || n > 1 << 20)
-            return false;
-        column->dim[column->ndim++] = (int)n;
-        if (*end == '\0')
-            return (int64_t)column->dim[0] * (column->ndim > 1 ? column->dim[1] : 1) <= CELL_BYTES;
-        if (*end != 'x')
-            return false;
-        text = end + 1;
-    }
-    return false;
-}
-
-/* How the field's cells stand in a stream. */
-static void settle_stream(field *f, const char *datatype, const char *arraysize)
-{
-    static const struct {
-        const char *name;
-        int width;
-    } types[] = {{"boolean", 1},     {"unsignedByte", 1}, {"char", 1},          {"short", 2},
-                 {"unicodeChar", 2}, {"int", 4},          {"float", 4},         {"long", 8},
-                 {"double", 8},      {"floatComplex", 8}, {"doubleComplex", 16}};
-    char *end;
-    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
-        if (strcmp(datatype, types[i].name) == 0)
-            f->width = types[i].width;
-    f->whole = strcmp(datatype, "unsignedByte") == 0;
-    f->characters = strcmp(datatype, "char") == 0 || strcmp(datatype, "unicodeChar") == 0;
     f->items = 1;
-    for (const char *at = arraysize; *at != '\0'; at = *end == 'x' ? end + 1 : end) {
+    for (const char *at = text; *at != '\0' && f->items > 0; at = *end == 'x' ? end + 1 : end) {
         const long n = strtol(at, &end, 10);
-        if (*end == '*' && at == arraysize) {
+        if (*end == '*' && at == text)
             f->items = -1;
-            return;
-        }
-        if (end == at || n < 1 || n > CELL_BYTES || (f->items *= n) > CELL_BYTES ||
-            (*end != 'x' && *end != '\0')) {
-            f->width = 0;
-            return;
-        }
+        else if (end == at || n < 1 || n > CELL_BYTES || f->items * n > CELL_BYTES ||
+                 (*end != 'x' && *end != '\0'))
+            f->items = 0;
+        else
+            f->items *= n;
+        if (ndim < 2)
+            column->dim[ndim] = (int)n;
+        ndim++;
     }
+    if (f->items < 1 || ndim > 2)
+        column->type = RX_CELL_TEXT;
+    column->ndim = column->type == RX_CELL_TEXT || (ndim == 1 && f->items == 1) ? 0 : ndim;
 }
 
 static void begin_field(votable *in, const char **attributes)
 {
-    char datatype[24] = "", arraysize[48] = "";
+    char type[24] = "", arraysize[48] = "";
     if (in->nfields == RX_READ_COLUMNS || in->capacity > 0) {
         fail(in, RX_INPUT,
              in->capacity > 0 ? "a FIELD stands behind the data"
@@ -132,24 +128,13 @@ static void begin_field(votable *in, const char **attributes)
     copy_attribute(attributes, "name", column->name, sizeof column->name);
     copy_attribute(attributes, "unit", column->unit, sizeof column->unit);
     copy_attribute(attributes, "ucd", column->ucd, sizeof column->ucd);
-    copy_attribute(attributes, "datatype", datatype, sizeof datatype);
+    copy_attribute(attributes, "datatype", type, sizeof type);
     copy_attribute(attributes, "arraysize", arraysize, sizeof arraysize);
-    f->boolean = strcmp(datatype, "boolean") == 0;
-    settle_stream(f, datatype, arraysize);
-    if (strcmp(datatype, "float") == 0)
-        column->type = RX_CELL_FLOAT;
-    else if (strcmp(datatype, "double") == 0)
-        column->type = RX_CELL_DOUBLE;
-    else if (f->boolean || strcmp(datatype, "short") == 0 || strcmp(datatype, "int") == 0 ||
-             strcmp(datatype, "long") == 0 || strcmp(datatype, "unsignedByte") == 0)
-        column->type = RX_CELL_INT64;
-    else
-        column->type = RX_CELL_TEXT;
-    if (column->type != RX_CELL_TEXT && arraysize[0] != '\0' && strcmp(arraysize, "1") != 0 &&
-        !parse_arraysize(arraysize, column)) {
-        column->type = RX_CELL_TEXT;
-        column->ndim = 0;
-    }
+    f->type = datatypes;
+    while (f->type->name[0] != '\0' && strcmp(f->type->name, type) != 0)
+        f->type++;
+    column->type = f->type->cell;
+    read_arraysize(f, arraysize);
     in->in_field = true;
 }
 
@@ -188,6 +173,20 @@ static bool is_word(const char *text, size_t length, const char *word)
     return strlen(word) == length && strncasecmp(text, word, length) == 0;
 }
 
+static int64_t truth_of(char letter)
+{
+    return letter == '\0'                  ? NO_INTEGER
+           : strchr("tT1", letter) != NULL ? 1
+           : strchr("fF0", letter) != NULL ? 0
+                                           : NO_INTEGER;
+}
+
+static void put_integer(field *f, long i, int64_t value)
+{
+    f->has_null |= value == NO_INTEGER;
+    ((int64_t *)f->column.data)[i] = value;
+}
+
 /* One number of a cell; nothing at all, NaN and the field's null are null. False when it is no number. */
 static bool store_number(field *f, long i, const char *text, size_t length)
 {
@@ -200,15 +199,14 @@ static bool store_number(field *f, long i, const char *text, size_t length)
     word[length] = '\0';
     if (f->column.type == RX_CELL_INT64) {
         int64_t value = NO_INTEGER;
-        if (f->boolean && !null)
-            value = strchr("tT1", word[0]) != NULL ? 1 : strchr("fF0", word[0]) != NULL ? 0 : NO_INTEGER;
         errno = 0;
-        if (!f->boolean && !null)
+        if (!null && is_of(f, BOOLEAN))
+            value = truth_of(word[0]);
+        else if (!null)
             value = strtoll(word, &end, strncasecmp(word, "0x", 2) == 0 ? 16 : 10);
-        if (!f->boolean && !null && (end == word || *end != '\0' || errno != 0))
+        if (!null && !is_of(f, BOOLEAN) && (end == word || *end != '\0' || errno != 0))
             return false;
-        f->has_null |= value == NO_INTEGER;
-        ((int64_t *)f->column.data)[i] = value;
+        put_integer(f, i, value);
         return true;
     }
     double value = null ? NAN : strtod(word, &end);
@@ -273,21 +271,14 @@ static uint64_t bytes_at(const unsigned char *at, int width)
 /* Element i of all cells of a number. */
 static void store_binary(field *f, long i, const unsigned char *at, bool null)
 {
-    const uint64_t bits = bytes_at(at, f->width);
+    const int width = f->type->width, unused = is_of(f, BYTE) ? 0 : 64 - 8 * width;
+    const uint64_t bits = bytes_at(at, width);
     const uint32_t low = (uint32_t)bits;
     if (f->column.type == RX_CELL_INT64) {
-        const int unused = f->whole ? 0 : 64 - 8 * f->width;
-        int64_t value = (int64_t)(bits << unused) >> unused;
+        const int64_t value = is_of(f, BOOLEAN) ? truth_of((char)at[0]) : (int64_t)(bits << unused) >> unused;
         char word[32];
-        if (f->boolean)
-            value = strchr("tT1", at[0]) != NULL && at[0] != 0   ? 1
-                    : strchr("fF0", at[0]) != NULL && at[0] != 0 ? 0
-                                                                 : NO_INTEGER;
         snprintf(word, sizeof word, "%lld", (long long)value);
-        if (null || (f->null[0] != '\0' && strcmp(word, f->null) == 0))
-            value = NO_INTEGER;
-        f->has_null |= value == NO_INTEGER;
-        ((int64_t *)f->column.data)[i] = value;
+        put_integer(f, i, null || (f->null[0] != '\0' && strcmp(word, f->null) == 0) ? NO_INTEGER : value);
     } else if (f->column.type == RX_CELL_FLOAT) {
         memcpy((float *)f->column.data + i, &low, sizeof low);
         if (null)
@@ -303,30 +294,32 @@ static void store_binary(field *f, long i, const unsigned char *at, bool null)
 static const unsigned char *take_cell(votable *in, field *f, const unsigned char *at,
                                       const unsigned char *end, bool null)
 {
+    const int width = f->items != 0 ? f->type->width : 0;
+    const bool letters = !null && (is_of(f, CHAR) || is_of(f, UNICODE));
     int64_t n = f->items;
     if (n < 0 && end - at >= 4) {
         n = (int64_t)bytes_at(at, 4);
         at += 4;
     }
-    if (f->width == 0 || n < 0 || n > (end - at) / f->width) {
+    if (width == 0 || n < 0 || n > (end - at) / width) {
         fail(in, RX_INPUT,
-             f->width == 0
+             width == 0
                  ? "a field is of a type that is not read from a binary stream; save it as TABLEDATA or FITS"
                  : "the binary stream ends within a row, or its fields are others");
         return NULL;
     }
     if (f->column.type == RX_CELL_TEXT) {
         char word[RX_READ_TEXT + 1] = "";
-        for (int64_t i = 0; i < n && i < RX_READ_TEXT && f->characters && !null; i++) {
-            const uint64_t c = bytes_at(at + i * f->width, f->width);
+        for (int64_t i = 0; i < n && i < RX_READ_TEXT && letters; i++) {
+            const uint64_t c = bytes_at(at + i * width, width);
             word[i] = (char)(c < 256 ? c : '?');
         }
         store_text(in, f, word);
     } else {
         for (long i = 0; i < n; i++)
-            store_binary(f, in->nrows * n + i, at + i * f->width, null);
+            store_binary(f, in->nrows * n + i, at + i * width, null);
     }
-    return at + n * f->width;
+    return at + n * width;
 }
 
 /* All rows of a stream; BINARY2 has a bit for each null before every row. */
@@ -540,20 +533,17 @@ static rx_status settle(votable *in, field *f)
 
 static rx_status make_table(votable *in, rx_table **dst)
 {
-    for (int i = 0; i < in->nfields; i++) {
-        rx_status status = settle(in, &in->fields[i]);
-        if (status != RX_OK)
-            return status;
-    }
+    for (int i = 0; i < in->nfields; i++)
+        RX_TRY(settle(in, &in->fields[i]));
     rx_table *table = rx_table_new(in->nfields);
-    char *name = rx_strdup(in->name);
-    if (table == NULL || name == NULL) {
-        free(name);
+    if (table != NULL) {
+        free(table->name);
+        table->name = rx_strdup(in->name);
+    }
+    if (table == NULL || table->name == NULL) {
         rx_table_free(table);
         return rx_error_memory(in->err, (size_t)in->nfields * sizeof(rx_column));
     }
-    free(table->name);
-    table->name = name;
     table->nrows = in->nrows;
     for (int i = 0; i < in->nfields; i++) {
         table->columns[i] = in->fields[i].column;

@@ -23,24 +23,6 @@ typedef struct found {
     const char *replay; /* of -REPLAY */
 } found;
 
-/* Action of a plain option, RX_ACTION_RUN when the word is none. */
-static rx_action plain_option(const rx_keytable *table, const char *word)
-{
-    static const struct {
-        const char *word;
-        rx_action action;
-    } options[] = {
-        {"-h", RX_ACTION_HELP},    {"-help", RX_ACTION_HELP},       {"--help", RX_ACTION_HELP},
-        {"-v", RX_ACTION_VERSION}, {"-version", RX_ACTION_VERSION}, {"--version", RX_ACTION_VERSION},
-        {"-d", RX_ACTION_DUMP},    {"-dd", RX_ACTION_DUMP_ALL},     {"-dp", RX_ACTION_DUMP_COLUMNS},
-    };
-    for (size_t i = 0; i < sizeof options / sizeof options[0]; i++)
-        if (strcmp(word, options[i].word) == 0 &&
-            (options[i].action != RX_ACTION_DUMP_COLUMNS || table->plain == RX_PLAIN_IMAGES))
-            return options[i].action;
-    return RX_ACTION_RUN;
-}
-
 /* A comma outside [..] parts two images; cfitsio's sections hold commas of their own. */
 static int count_images(const char *word)
 {
@@ -69,34 +51,24 @@ static rx_status take_image(const char *word, found *words, rx_error *err)
     return RX_OK;
 }
 
-static rx_status take_file(const char *word, found *words, rx_error *err)
-{
-    if (words->plain != NULL)
-        return rx_error_set(err, RX_USAGE,
-                            "'%.200s' is one configuration file too many, after '%.200s'; give one", word,
-                            words->plain);
-    words->plain = word;
-    return RX_OK;
-}
-
-static rx_status take_records(const char *word, found *words, rx_error *err)
-{
-    if (word[word[0] == '@'] == '\0')
-        return rx_error_set(err, RX_USAGE, "the name of the records is empty; give FILE or @LIST");
-    rx_text_printf(&words->records, "%s%s", words->nimages > 0 ? "\n" : "", word);
-    words->nimages++;
-    return words->records.failed ? rx_error_memory(err, 0) : RX_OK;
-}
-
+/* A word that is no option. */
 static rx_status take_plain(const rx_keytable *table, const char *word, found *words, rx_error *err)
 {
     switch (table->plain) {
     case RX_PLAIN_IMAGES:
         return take_image(word, words, err);
     case RX_PLAIN_FILE:
-        return take_file(word, words, err);
+        if (words->plain != NULL)
+            return rx_error_set(err, RX_USAGE,
+                                "'%.200s' is one configuration file too many, after '%.200s'; give one", word,
+                                words->plain);
+        words->plain = word;
+        return RX_OK;
     case RX_PLAIN_RECORDS:
-        return take_records(word, words, err);
+        if (word[word[0] == '@'] == '\0')
+            return rx_error_set(err, RX_USAGE, "the name of the records is empty; give FILE or @LIST");
+        rx_text_printf(&words->records, "%s%s", words->nimages++ > 0 ? "\n" : "", word);
+        return words->records.failed ? rx_error_memory(err, 0) : RX_OK;
     case RX_PLAIN_NONE:
         break;
     }
@@ -104,33 +76,42 @@ static rx_status take_plain(const rx_keytable *table, const char *word, found *w
                         word, table->program);
 }
 
-/* The only word, and no file of that name: what other programs call their help. */
-static bool asks_for_help(int argc, char *const *argv)
-{
-    return argc == 2 && strcasecmp(argv[1], "help") == 0 && access(argv[1], F_OK) != 0;
-}
+/* Options that are no keywords, by what comes of them. */
+typedef struct option {
+    const char *word;
+    rx_action action;
+    bool takes; /* a word behind it */
+    bool any_case;
+    int programs; /* bits of rx_plain whose programs have it; 0: all */
+} option;
 
-static bool is_flags(const rx_keytable *table, const char *option)
-{
-    return table->plain == RX_PLAIN_IMAGES && strcasecmp(option, "-FLAGS") == 0;
-}
+enum { IMAGES = 1 << RX_PLAIN_IMAGES, FILES = 1 << RX_PLAIN_FILE };
 
-static bool is_replay(const rx_keytable *table, const char *option)
+static const option *option_of(const rx_keytable *table, const char *word)
 {
-    return table->plain == RX_PLAIN_IMAGES && strcasecmp(option, "-REPLAY") == 0;
-}
-
-/* The image and the configuration are those of the run that is repeated. */
-static rx_status check_replay(found *words, rx_error *err)
-{
-    if (words->replay[0] == '\0')
-        return rx_error_set(err, RX_USAGE, "the name of the output to repeat is empty; give -REPLAY FILE");
-    if (words->image[0] != NULL || words->file != NULL)
-        return rx_error_set(err, RX_USAGE,
-                            "-REPLAY takes image and configuration from %.200s; leave out '%.200s'",
-                            words->replay, words->image[0] != NULL ? words->image[0] : words->file);
-    words->image[0] = words->replay;
-    return RX_OK;
+    static const option options[] = {
+        {"-h", RX_ACTION_HELP, false, false, 0},
+        {"-help", RX_ACTION_HELP, false, false, 0},
+        {"--help", RX_ACTION_HELP, false, false, 0},
+        {"-v", RX_ACTION_VERSION, false, false, 0},
+        {"-version", RX_ACTION_VERSION, false, false, 0},
+        {"--version", RX_ACTION_VERSION, false, false, 0},
+        {"-d", RX_ACTION_DUMP, false, false, 0},
+        {"-dd", RX_ACTION_DUMP_ALL, false, false, 0},
+        {"-dp", RX_ACTION_DUMP_COLUMNS, false, false, IMAGES},
+        {"-c", RX_ACTION_RUN, true, false, 0},
+        {"-FLAGS", RX_ACTION_FLAGS, false, true, IMAGES},
+        {"-REPLAY", RX_ACTION_REPLAY, true, true, IMAGES},
+        {"-INFO", RX_ACTION_INFO, true, true, FILES},
+    };
+    for (size_t i = 0; i < sizeof options / sizeof *options; i++) {
+        const option *o = &options[i];
+        if ((o->any_case ? strcasecmp(word, o->word) : strcmp(word, o->word)) == 0 &&
+            (o->programs == 0 || (o->programs & 1 << table->plain)) &&
+            (o->action != RX_ACTION_INFO || table->describes))
+            return o;
+    }
+    return NULL;
 }
 
 /* -PLAN alone is -PLAN Y. */
@@ -146,104 +127,112 @@ static bool is_bare(const rx_keytable *table, int argc, char *const *argv, int a
 }
 
 /* A word that begins with '-' and is no keyword is said to be none before its value is missed. */
-static rx_status check_option(const rx_keytable *table, const char *option, rx_error *err)
+static rx_status check_keyword(const rx_keytable *table, const char *word, rx_error *err)
 {
     char name[80];
-    const size_t length = strcspn(option + 1, "=");
-    if (strcmp(option, "-c") == 0 || is_flags(table, option) || is_replay(table, option) ||
-        (table->describes && strcasecmp(option, "-INFO") == 0))
-        return RX_OK;
-    snprintf(name, sizeof name, "%.*s", (int)length, option + 1);
+    const size_t length = strcspn(word + 1, "=");
+    snprintf(name, sizeof name, "%.*s", (int)length, word + 1);
     RX_TRY(rx_keyword_known(table, name, (rx_place){0}, err));
-    if (option[1 + length] == '=')
-        return rx_error_set(err, RX_USAGE, "%.200s: keyword and value are two words; give -%s %.200s", option,
-                            name, option + 2 + length);
+    if (word[1 + length] == '=')
+        return rx_error_set(err, RX_USAGE, "%.200s: keyword and value are two words; give -%s %.200s", word,
+                            name, word + 2 + length);
     return RX_OK;
 }
 
-/* Sort the words; keywords are only known to be followed by something. */
+/* The word that begins with '-' at argv[*a], which moves on to its value. */
+static rx_status take_option(const rx_keytable *table, int argc, char *const *argv, int *a, rx_action *action,
+                             found *words, rx_error *err)
+{
+    const char *word = argv[*a];
+    const option *o = option_of(table, word);
+    if (o == NULL && is_bare(table, argc, argv, *a))
+        return RX_OK;
+    if (o == NULL)
+        RX_TRY(check_keyword(table, word, err));
+    const bool takes = o == NULL || o->takes;
+    if (takes && *a + 1 == argc)
+        return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", word,
+                            table->program);
+    if (takes)
+        ++*a;
+    if (o != NULL && o->action == RX_ACTION_REPLAY)
+        words->replay = argv[*a];
+    else if (o != NULL && o->action == RX_ACTION_RUN)
+        words->file = argv[*a];
+    else if (o != NULL)
+        *action = o->action;
+    if (*action == RX_ACTION_INFO)
+        words->image[0] = argv[*a];
+    else if (*action == RX_ACTION_FLAGS)
+        words->image[0] = argv[*a + 1]; /* NULL behind the last word */
+    return RX_OK;
+}
+
+/* The image and the configuration are those of the run that is repeated. */
+static rx_status check_replay(found *words, rx_error *err)
+{
+    if (words->replay[0] == '\0')
+        return rx_error_set(err, RX_USAGE, "the name of the output to repeat is empty; give -REPLAY FILE");
+    if (words->image[0] != NULL || words->file != NULL)
+        return rx_error_set(err, RX_USAGE,
+                            "-REPLAY takes image and configuration from %.200s; leave out '%.200s'",
+                            words->replay, words->image[0] != NULL ? words->image[0] : words->file);
+    words->image[0] = words->replay;
+    return RX_OK;
+}
+
+/* Sort the words, up to one that asks for something else than a run; keywords are only known to be followed by something. */
 static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_action *action, found *words,
                       rx_error *err)
 {
-    rx_status status = RX_OK;
-    if (asks_for_help(argc, argv)) {
-        *action = RX_ACTION_HELP;
+    if (argc == 2 && strcasecmp(argv[1], "help") == 0 && access(argv[1], F_OK) != 0)
+        *action = RX_ACTION_HELP; /* what other programs call it */
+    for (int a = 1; a < argc && *action == RX_ACTION_RUN; a++)
+        RX_TRY(argv[a][0] == '-' ? take_option(table, argc, argv, &a, action, words, err)
+                                 : take_plain(table, argv[a], words, err));
+    if (*action != RX_ACTION_RUN)
         return RX_OK;
-    }
-    for (int a = 1; a < argc && status == RX_OK; a++) {
-        if (argv[a][0] != '-') {
-            status = take_plain(table, argv[a], words, err);
-            continue;
-        }
-        *action = plain_option(table, argv[a]);
-        if (*action != RX_ACTION_RUN)
-            return RX_OK;
-        if (is_bare(table, argc, argv, a))
-            continue;
-        const bool flags = is_flags(table, argv[a]);
-        RX_TRY(check_option(table, argv[a], err));
-        if (a + 1 == argc && !flags)
-            return rx_error_set(err, RX_USAGE, "%.80s has no value; give one after it, or see %s -h", argv[a],
-                                table->program);
-        const char *option = argv[a++];
-        if (flags || (table->describes && strcasecmp(option, "-INFO") == 0)) {
-            *action = flags ? RX_ACTION_FLAGS : RX_ACTION_INFO;
-            words->image[0] = argv[a];
-            return RX_OK;
-        }
-        if (is_replay(table, option))
-            words->replay = argv[a];
-        if (strcmp(option, "-c") == 0)
-            words->file = argv[a];
-    }
-    if (status == RX_OK && words->replay != NULL) {
+    if (words->replay != NULL) {
         *action = RX_ACTION_REPLAY;
         return check_replay(words, err);
     }
-    if (status == RX_OK && words->plain != NULL && words->file != NULL)
-        status = take_file(words->file, words, err);
+    if (words->plain != NULL && words->file != NULL)
+        RX_TRY(take_plain(table, words->file, words, err));
     if (words->plain != NULL)
         words->file = words->plain;
-    if (status == RX_OK && words->file != NULL && words->file[0] == '\0')
+    if (words->file != NULL && words->file[0] == '\0')
         return rx_error_set(err, RX_USAGE, "the name of the configuration file is empty; give one");
-    const bool needed = table->plain == RX_PLAIN_IMAGES || table->plain == RX_PLAIN_RECORDS;
-    if (status == RX_OK && needed && words->nimages == 0)
-        return rx_error_set(err, RX_USAGE, "no %s named; see %s -h",
-                            table->plain == RX_PLAIN_IMAGES ? "image is" : "records are", table->program);
-    return status;
-}
-
-/* log->level as VERBOSE_TYPE has it. */
-static void set_level(const rx_settings *settings, rx_log *log)
-{
-    int row = rx_keyword_find(settings->table, "VERBOSE_TYPE");
-    const char *word = *(const char *const *)((const char *)settings + settings->table->rows[row].offset);
-    if (strcmp(word, "QUIET") == 0)
-        log->level = RX_QUIET;
-    else
-        log->level = strcmp(word, "FULL") == 0 ? RX_FULL : RX_NORMAL;
+    const bool images = table->plain == RX_PLAIN_IMAGES;
+    return (images || table->plain == RX_PLAIN_RECORDS) && words->nimages == 0
+               ? rx_error_set(err, RX_USAGE, "no %s named; see %s -h", images ? "image is" : "records are",
+                              table->program)
+               : RX_OK;
 }
 
 static rx_status configure(int argc, char *const *argv, const found *words, rx_settings *settings,
                            rx_log *log, rx_error *err)
 {
-    rx_status status = RX_OK;
-    const char *usual = words->replay == NULL ? settings->table->default_file : NULL;
-    bool missing = words->file == NULL && usual != NULL && access(usual, F_OK) != 0;
+    const rx_keytable *table = settings->table;
+    const char *usual = words->replay == NULL ? table->default_file : NULL;
+    const bool missing = words->file == NULL && usual != NULL && access(usual, F_OK) != 0;
     const char *file = words->file != NULL || missing ? words->file : usual;
     if (file != NULL)
-        status = rx_settings_read(settings, file, log, err);
-    for (int a = 1; a < argc && status == RX_OK; a++)
-        if (is_bare(settings->table, argc, argv, a))
-            status = rx_settings_set(settings, argv[a] + 1, "Y", log, err);
-        else if (argv[a][0] == '-') {
-            const char *option = argv[a++];
-            if (strcmp(option, "-c") != 0 && !is_replay(settings->table, option))
-                status = rx_settings_set(settings, option + 1, argv[a], log, err);
-        }
-    if (status != RX_OK)
-        return status;
-    set_level(settings, log);
+        RX_TRY(rx_settings_read(settings, file, log, err));
+    for (int a = 1; a < argc; a++) {
+        const option *o = argv[a][0] == '-' ? option_of(table, argv[a]) : NULL;
+        if (argv[a][0] != '-')
+            continue;
+        if (o == NULL && is_bare(table, argc, argv, a))
+            RX_TRY(rx_settings_set(settings, argv[a] + 1, "Y", log, err));
+        else if (o == NULL)
+            RX_TRY(rx_settings_set(settings, argv[a] + 1, argv[a + 1], log, err));
+        a += o != NULL || !is_bare(table, argc, argv, a);
+    }
+    const int row = rx_keyword_find(table, "VERBOSE_TYPE");
+    const char *verbose = *(const char *const *)((const char *)settings + table->rows[row].offset);
+    log->level = strcmp(verbose, "QUIET") == 0  ? RX_QUIET
+                 : strcmp(verbose, "FULL") == 0 ? RX_FULL
+                                                : RX_NORMAL;
     if (missing)
         rx_log_warning(log, "%s not found, using internal defaults", usual);
     return rx_settings_complete(settings, log, err);
@@ -252,24 +241,14 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
 /* What is known once the image is: the names of outputs, and that none of them is an input. */
 static rx_status settle(rx_settings *settings, const char *image, rx_error *err)
 {
-    rx_status status = RX_OK;
     if (image != NULL && settings->table->plain == RX_PLAIN_IMAGES) {
         char *name = rx_name_stem(image);
-        status = name != NULL ? rx_settings_name_tile(settings, name, err) : rx_error_memory(err, 0);
+        const rx_status status =
+            name != NULL ? rx_settings_name_tile(settings, name, err) : rx_error_memory(err, 0);
         free(name);
+        RX_TRY(status);
     }
-    return status == RX_OK ? rx_overwrite_check(settings, image, err) : status;
-}
-
-static char *join_images(const found *words)
-{
-    rx_text text = {0};
-    rx_text_add(&text, words->image[0]);
-    if (words->image[1] != NULL)
-        rx_text_printf(&text, ",%s", words->image[1]);
-    if (text.failed)
-        rx_text_free(&text);
-    return text.data;
+    return rx_overwrite_check(settings, image, err);
 }
 
 rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *argv, rx_log *log,
@@ -280,24 +259,19 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
     if (dst->action == RX_ACTION_NONE)
         return RX_OK;
     rx_status status = scan(table, argc, argv, &dst->action, &words, err);
-    const bool runs = dst->action == RX_ACTION_RUN, replays = dst->action == RX_ACTION_REPLAY;
-    const bool takes = dst->action == RX_ACTION_INFO || dst->action == RX_ACTION_FLAGS;
-    if (status != RX_OK || (!runs && !replays && !takes)) {
-        rx_text_free(&words.records);
+    const bool runs = dst->action == RX_ACTION_RUN;
+    for (int i = 0; i < 2 && words.image[i] != NULL; i++)
+        rx_text_printf(&words.records, "%s%s", i > 0 ? "," : "", words.image[i]);
+    dst->image = words.records.data; /* given on */
+    if (status == RX_OK && words.records.failed)
+        status = rx_error_memory(err, 0);
+    if (status != RX_OK || (!runs && dst->action != RX_ACTION_REPLAY))
         return status;
-    }
-    if (words.records.length > 0)
-        dst->image = words.records.data; /* given on */
-    else if (words.image[0] != NULL && (dst->image = join_images(&words)) == NULL)
-        return rx_error_memory(err, 0);
-    if (!runs && !replays)
-        return RX_OK;
-    status = rx_settings_new(table, &dst->settings, err);
-    if (status == RX_OK)
-        status = configure(argc, argv, &words, dst->settings, log, err);
-    if (status == RX_OK && runs && (table->plain != RX_PLAIN_IMAGES || dst->image[0] != '@'))
-        status = settle(dst->settings, dst->image, err);
-    return status;
+    RX_TRY(rx_settings_new(table, &dst->settings, err));
+    RX_TRY(configure(argc, argv, &words, dst->settings, log, err));
+    return runs && (table->plain != RX_PLAIN_IMAGES || dst->image[0] != '@')
+               ? settle(dst->settings, dst->image, err)
+               : RX_OK;
 }
 
 void rx_arguments_free(rx_arguments *arguments)

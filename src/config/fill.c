@@ -25,25 +25,12 @@ static double number_of(const rx_keyword *key, const int *words, const void *val
     return words[at];
 }
 
-static size_t size_of(rx_fill_type type)
-{
-    static const size_t sizes[] = {[RX_FILLS_NOTHING] = 1,
-                                   [RX_FILLS_INT] = sizeof(int),
-                                   [RX_FILLS_UNSIGNED] = sizeof(unsigned),
-                                   [RX_FILLS_LONG] = sizeof(long),
-                                   [RX_FILLS_UINT64] = sizeof(uint64_t),
-                                   [RX_FILLS_DOUBLE] = sizeof(double),
-                                   [RX_FILLS_BOOL] = sizeof(bool),
-                                   [RX_FILLS_STRING] = sizeof(const char *)};
-    return sizes[type];
-}
-
 /* Items that the field can take. */
 static int room_of(const rx_fill *row)
 {
     switch (row->how) {
     case RX_FILL_ALL:
-        return (int)(row->size / size_of(row->type));
+        return (int)(row->size / (row->type == RX_FILLS_INT ? sizeof(int) : sizeof(double)));
     case RX_FILL_COUNT:
         return 0;
     case RX_FILL_BIT:
@@ -53,32 +40,21 @@ static int room_of(const rx_fill *row)
     }
 }
 
-/* Element `at` of the field. */
+/* Element `at` of the field; only arrays have more than one. */
 static void put(void *field, rx_fill_type type, int at, double value)
 {
-    switch (type) {
-    case RX_FILLS_INT:
+    if (type == RX_FILLS_INT)
         ((int *)field)[at] = (int)value;
-        break;
-    case RX_FILLS_UNSIGNED:
-        *(unsigned *)field = (unsigned)value;
-        break;
-    case RX_FILLS_LONG:
-        *(long *)field = (long)value;
-        break;
-    case RX_FILLS_UINT64:
-        *(uint64_t *)field = (uint64_t)value;
-        break;
-    case RX_FILLS_DOUBLE:
+    else if (type == RX_FILLS_DOUBLE)
         ((double *)field)[at] = value;
-        break;
-    case RX_FILLS_BOOL:
+    else if (type == RX_FILLS_UNSIGNED)
+        *(unsigned *)field = (unsigned)value;
+    else if (type == RX_FILLS_LONG)
+        *(long *)field = (long)value;
+    else if (type == RX_FILLS_UINT64)
+        *(uint64_t *)field = (uint64_t)value;
+    else if (type == RX_FILLS_BOOL)
         *(bool *)field = value != 0;
-        break;
-    case RX_FILLS_STRING:
-    case RX_FILLS_NOTHING:
-        break;
-    }
 }
 
 static void fill(const rx_fill *row, const rx_keyword *key, const int *words, const void *value, void *field)

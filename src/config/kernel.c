@@ -5,10 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/lines.h"
 #include "base/memory.h"
-#include "base/text.h"
-
-enum { MAX_FILE_BYTES = 32 << 20 };
 
 /* The line "CONV NORM" or "CONV NONORM"; CONV alone means NORM, as for SExtractor. */
 static rx_status read_head(const char *path, long number, char *line, bool *normalise, rx_error *err)
@@ -56,63 +54,54 @@ static rx_status read_row(const char *path, long number, char *line, rx_kernel *
 
 static rx_status check(const char *path, const rx_kernel *kernel, rx_error *err)
 {
-    int n = kernel->width * kernel->height;
-    if (n == 0)
-        return rx_error_at(err, RX_USAGE, path, -1, 0, "the filter holds no numbers");
-    for (int i = 0; i < n; i++)
-        if (kernel->values[i] != 0.0f)
-            return RX_OK;
-    return rx_error_at(err, RX_USAGE, path, -1, 0, "the filter is zero everywhere");
+    const int n = kernel->width * kernel->height;
+    int i = 0;
+    while (i < n && kernel->values[i] == 0.0f)
+        i++;
+    return i < n ? RX_OK
+                 : rx_error_at(err, RX_USAGE, path, -1, 0,
+                               n == 0 ? "the filter holds no numbers" : "the filter is zero everywhere");
 }
 
 rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err)
 {
-    char *text = NULL;
-    bool head = false;
+    rx_lines lines = {0};
+    char none[] = "", *line = none;
     rx_kernel *kernel;
     RX_TRY(RX_MAKE(kernel, 1, err));
-    rx_status status = rx_text_read_file(path, MAX_FILE_BYTES, &text, NULL, err);
-    if (status == RX_INPUT) {
-        status = RX_USAGE; /* a filter belongs to the configuration */
-        if (err != NULL)
-            err->status = RX_USAGE;
-    }
-    long number = 0;
-    char *line = text;
-    while (status == RX_OK && line != NULL) {
-        char *end = strchr(line, '\n');
-        if (end != NULL)
-            *end = '\0';
-        number++;
-        status = head ? read_row(path, number, line, kernel, err)
-                      : read_head(path, number, line, &kernel->normalise, err);
-        head = true;
-        line = end != NULL ? end + 1 : NULL;
-    }
+    rx_status status = rx_lines_open(&lines, path, 0, err);
+    if (status == RX_OK)
+        status = rx_lines_next(&lines, &line, err);
+    if (status == RX_OK)
+        status = read_head(path, 1, line != NULL ? line : none, &kernel->normalise, err);
+    while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
+        status = read_row(path, lines.number, line, kernel, err);
+    rx_lines_close(&lines);
     if (status == RX_OK)
         status = check(path, kernel, err);
-    if (status == RX_OK) {
+    if (status == RX_OK)
         *dst = kernel;
-        kernel = NULL;
-    }
-    free(text);
-    rx_kernel_free(kernel);
-    return status;
+    else
+        rx_kernel_free(kernel);
+    if (status == RX_INPUT && err != NULL)
+        err->status = RX_USAGE;
+    return status == RX_INPUT ? RX_USAGE : status; /* a filter belongs to the configuration */
 }
 
 const float rx_kernel_built_in[9] = {1, 2, 1, 2, 4, 2, 1, 2, 1};
 
 rx_status rx_kernel_default(rx_kernel **dst, rx_error *err)
 {
-    rx_kernel *kernel = RX_NEW(rx_kernel, 1);
-    float *values = RX_NEW(float, 9);
-    if (kernel == NULL || values == NULL) {
+    rx_kernel *kernel;
+    RX_TRY(RX_MAKE(kernel, 1, err));
+    const rx_status status = RX_MAKE(kernel->values, 9, err);
+    if (status != RX_OK) {
         free(kernel);
-        free(values);
-        return rx_error_memory(err, sizeof *kernel);
+        return status;
     }
-    memcpy(values, rx_kernel_built_in, sizeof rx_kernel_built_in);
-    *kernel = (rx_kernel){.width = 3, .height = 3, .normalise = true, .values = values};
+    memcpy(kernel->values, rx_kernel_built_in, sizeof rx_kernel_built_in);
+    kernel->width = kernel->height = 3;
+    kernel->normalise = true;
     *dst = kernel;
     return RX_OK;
 }

@@ -13,13 +13,6 @@
 
 /* --- which files there are --- */
 
-/* What is asked of one row. */
-typedef struct row_names {
-    const rx_settings *settings;
-    const rx_keyword *key;
-    rx_run_files *dst;
-} row_names;
-
 static rx_status add(rx_run_files *dst, rx_file_role role, const char *prefix, const char *key,
                      const char *shown, const char *path, rx_error *err)
 {
@@ -99,64 +92,53 @@ static rx_status add_input(rx_run_files *dst, const char *prefix, const char *ke
     return status;
 }
 
-/* A shard of a campaign has a journal of its own. */
-static rx_status add_journal(rx_run_files *dst, const rx_campaign_config *config, const char *key,
-                             rx_error *err)
+/* The file that becomes of an output's name: with several restorers there is one of each, of a campaign's journal one of each
+ * shard. NULL without memory; the caller frees. */
+static char *output_name(const rx_settings *settings, const rx_keyword *key, const char *name, int restorer)
 {
+    const rx_campaign_config *campaign = (const rx_campaign_config *)settings;
+    rx_text text = {0};
     int k, n;
-    rx_text name = {0};
-    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
-    rx_text_add(&name, config->journal_name);
-    if (n > 1)
-        rx_text_printf(&name, ".%d", k);
-    rx_status status =
-        name.failed ? rx_error_memory(err, 0) : add(dst, RX_FILE_WRITES, "", key, name.data, name.data, err);
-    rx_text_free(&name);
-    return status;
+    if (restorer >= 0)
+        return rx_name_with_tag(name, ((const rx_config *)settings)->restore_type.v[restorer]);
+    if (settings->table != rx_keytable_validate() || key->role != RX_FILE_WRITES ||
+        rx_campaign_config_shard(campaign, &k, &n, NULL) != RX_OK || n == 1)
+        return rx_strdup(name);
+    rx_text_printf(&text, "%s.%d", name, k);
+    if (text.failed)
+        rx_text_free(&text);
+    return text.data;
 }
 
-static rx_status add_each(const row_names *row, const char *name, const rx_words *restorers, rx_error *err)
+static rx_status add_item(rx_run_files *dst, const rx_settings *settings, const rx_keyword *key,
+                          const char *name, rx_error *err)
 {
+    const int n = key->each_restorer ? ((const rx_config *)settings)->restore_type.n : 1;
     rx_status status = RX_OK;
-    for (int i = 0; i < restorers->n && status == RX_OK; i++) {
-        char *tagged = rx_name_with_tag(name, restorers->v[i]);
-        status = tagged == NULL ? rx_error_memory(err, strlen(name))
-                                : add(row->dst, RX_FILE_WRITES, row->settings->prefix, row->key->name, tagged,
-                                      tagged, err);
-        free(tagged);
+    if (key->role == RX_FILE_READS)
+        return add_input(dst, settings->prefix, key->name, name, err);
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        char *path = output_name(settings, key, name, n > 1 ? i : -1);
+        status = path == NULL ? rx_error_memory(err, strlen(name))
+                              : add(dst, key->role, settings->prefix, key->name, path, path, err);
+        free(path);
     }
     return status;
 }
 
-static rx_status add_item(const row_names *row, const char *name, rx_error *err)
+static rx_status add_row(rx_run_files *dst, const rx_settings *settings, const rx_keyword *key, rx_error *err)
 {
-    const rx_settings *settings = row->settings;
-    const rx_keyword *key = row->key;
-    if (key->role == RX_FILE_READS)
-        return add_input(row->dst, settings->prefix, key->name, name, err);
-    if (key->each_restorer && ((const rx_config *)settings)->restore_type.n > 1)
-        return add_each(row, name, &((const rx_config *)settings)->restore_type, err);
-    if (settings->table == rx_keytable_validate() && key->role == RX_FILE_WRITES)
-        return add_journal(row->dst, (const rx_campaign_config *)settings, key->name, err);
-    return add(row->dst, key->role, settings->prefix, key->name, name, name, err);
-}
-
-static rx_status add_row(const row_names *row, rx_error *err)
-{
-    const rx_settings *settings = row->settings;
-    const rx_keyword *key = row->key;
     const void *field = (const char *)settings + key->offset;
     const rx_words *images = strcmp(key->name, "CHECKIMAGE_NAME") == 0
                                  ? &((const rx_config *)settings)->checkimage_type
                                  : NULL; /* a file for each */
-    rx_status status = RX_OK;
-    for (int i = 0; i < rx_keyword_count(key->kind, field) && status == RX_OK; i++) {
+    for (int i = 0; i < rx_keyword_count(key->kind, field); i++) {
         rx_kind kind;
         const char *name = *(char *const *)rx_keyword_item(key->kind, field, i, &kind);
         if (name[0] != '\0' && (images == NULL || (i < images->n && strcmp(images->v[i], "NONE") != 0)))
-            status = add_item(row, name, err);
+            RX_TRY(add_item(dst, settings, key, name, err));
     }
-    return status;
+    return RX_OK;
 }
 
 static rx_status add_settings(rx_run_files *dst, const rx_settings *settings, rx_error *err)
@@ -169,7 +151,7 @@ static rx_status add_settings(rx_run_files *dst, const rx_settings *settings, rx
         const bool named = key->role == RX_FILE_READS && settings->origin[row] == RX_FROM_COMMAND;
         if (key->role >= RX_FILE_READS && rx_keyword_idle(settings, row) == NULL &&
             (named || rx_keyword_counts(settings, row)))
-            status = add_row(&(row_names){settings, key, dst}, err);
+            status = add_row(dst, settings, key, err);
     }
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
         status = add_settings(dst, settings->part[i], err);
@@ -324,14 +306,19 @@ static rx_status compare_all(const rx_run_files *files, int first, rx_error *err
     return status;
 }
 
+/* Compares where what was collected is complete, and frees it. */
+static rx_status finish(rx_run_files *files, int first, rx_status status, rx_error *err)
+{
+    if (status == RX_OK)
+        status = compare_all(files, first, err);
+    rx_run_files_free(files);
+    return status;
+}
+
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err)
 {
     rx_run_files files;
-    rx_status status = rx_run_files_of(settings, image, &files, err);
-    if (status == RX_OK)
-        status = compare_all(&files, 0, err);
-    rx_run_files_free(&files);
-    return status;
+    return finish(&files, 0, rx_run_files_of(settings, image, &files, err), err);
 }
 
 rx_status rx_settings_check_read(const rx_settings *settings, const char *name, rx_error *err)
@@ -341,10 +328,7 @@ rx_status rx_settings_check_read(const rx_settings *settings, const char *name, 
     const int known = files.n;
     if (status == RX_OK)
         status = add_input(&files, "", "", name, err);
-    if (status == RX_OK)
-        status = compare_all(&files, known, err);
-    rx_run_files_free(&files);
-    return status;
+    return finish(&files, known, status, err);
 }
 
 rx_status rx_settings_check_folder(const rx_settings *settings, const char *image, const char *key,
@@ -354,10 +338,7 @@ rx_status rx_settings_check_folder(const rx_settings *settings, const char *imag
     rx_status status = rx_run_files_of(settings, image, &files, err);
     if (status == RX_OK)
         status = add(&files, RX_FILE_FOLDER, settings->prefix, key, folder, folder, err);
-    if (status == RX_OK)
-        status = compare_all(&files, 0, err);
-    rx_run_files_free(&files);
-    return status;
+    return finish(&files, 0, status, err);
 }
 
 rx_status rx_settings_check_inputs(const rx_settings *settings, const rx_settings *others, const char *image,
@@ -371,9 +352,6 @@ rx_status rx_settings_check_inputs(const rx_settings *settings, const rx_setting
     for (int i = 0; i < inputs.n && status == RX_OK; i++)
         if (inputs.of[i].role == RX_FILE_READS)
             status = add_input(&files, "", "", inputs.of[i].path, err);
-    if (status == RX_OK)
-        status = compare_all(&files, known, err);
-    rx_run_files_free(&files);
     rx_run_files_free(&inputs);
-    return status;
+    return finish(&files, known, status, err);
 }

@@ -15,27 +15,24 @@ static void pad(rx_text *dst, size_t from, int column)
     while (!dst->failed && ++used < (size_t)column);
 }
 
-/* Words of `text` as comments from COMMENT_COLUMN on; the first line is begun by the caller. */
+/* Words of `text` as comments from COMMENT_COLUMN on, behind what stands in the line. */
 static void add_comment(rx_text *dst, size_t line, const char *text)
 {
-    bool fresh = true;
-    if (dst->length - line >= COMMENT_COLUMN) {
-        rx_text_add(dst, "\n");
-        line = dst->length;
-    }
-    pad(dst, line, COMMENT_COLUMN);
-    rx_text_add(dst, "#");
-    while (*text != '\0' && !dst->failed) {
-        size_t word = strcspn(text, " ");
-        if (!fresh && dst->length - line + 1 + word > WIDTH) {
+    bool fresh = dst->length - line >= COMMENT_COLUMN; /* must a new line begin? */
+    for (bool first = true; *text != '\0' && !dst->failed; first = false) {
+        const size_t word = strcspn(text, " ");
+        if (fresh || (!first && dst->length - line + 1 + word > WIDTH)) {
             rx_text_add(dst, "\n");
             line = dst->length;
+            fresh = false;
+            first = true;
+        }
+        if (first) {
             pad(dst, line, COMMENT_COLUMN);
             rx_text_add(dst, "#");
         }
         rx_text_add(dst, " ");
         rx_text_add_bytes(dst, text, word);
-        fresh = false;
         text += word + strspn(text + word, " ");
     }
     rx_text_add(dst, "\n");
@@ -64,19 +61,25 @@ static void dump_section(rx_text *dst, const char *prefix, const char *title)
     rx_text_add(dst, "\n\n");
 }
 
-/* What becomes of the file that a keyword names. */
-static const char *role(const rx_keyword *key)
+static bool has_effect(const rx_keyword *key)
 {
-    return key->role == RX_FILE_READS    ? " [read]"
-           : key->role == RX_FILE_WRITES ? " [written]"
-           : key->role == RX_FILE_FOLDER ? " [folder that is replaced]"
-                                         : "";
+    return key->status == RX_STATUS_SEX || key->status == RX_STATUS_OURS;
+}
+
+static bool is_bool(const rx_keyword *key)
+{
+    return key->kind == RX_KIND_BOOL || key->kind == RX_KIND_BOOLS;
 }
 
 /* One keyword of the table; settings NULL: with its default. */
 static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *settings, const char *prefix,
                      int row)
 {
+    static const char *const roles[] = {[RX_FILE_NONE] = "",
+                                        [RX_FILE_TEXT] = "",
+                                        [RX_FILE_READS] = " [read]",
+                                        [RX_FILE_WRITES] = " [written]",
+                                        [RX_FILE_FOLDER] = " [folder that is replaced]"};
     const rx_keyword *key = &table->rows[row];
     rx_text help = {0};
     size_t line = dst->length;
@@ -86,15 +89,15 @@ static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *
         rx_keyword_print(dst, settings, row, true);
     else
         rx_text_add(dst, key->initial);
-    rx_text_printf(&help, "%s%s", key->help, role(key));
+    rx_text_printf(&help, "%s%s", key->help, roles[key->role]);
     if (key->words != NULL) {
         rx_text_add(&help, " [");
         add_words(&help, key->words, "-");
         rx_text_add(&help, "]");
-    } else if (key->kind == RX_KIND_BOOL || key->kind == RX_KIND_BOOLS) {
+    } else if (is_bool(key)) {
         rx_text_add(&help, " [Y or N]");
     }
-    if (key->status == RX_STATUS_IGNORED || key->status == RX_STATUS_INERT)
+    if (!has_effect(key))
         rx_text_add(&help, "; no effect here");
     add_comment(dst, line, help.failed ? key->help : help.data);
     rx_text_free(&help);
@@ -135,7 +138,7 @@ static void help_section(rx_text *dst, const rx_keytable *table, int section)
     size_t line = 0;
     for (int row = section + 1; row < table->nrows && table->rows[row].kind != RX_KIND_SECTION; row++) {
         const rx_keyword *key = &table->rows[row];
-        if (key->status == RX_STATUS_IGNORED || key->status == RX_STATUS_INERT)
+        if (!has_effect(key))
             continue;
         if (line == 0) {
             line = dst->length;
@@ -177,71 +180,36 @@ static void man_range(rx_text *dst, const rx_keyword *key)
         rx_text_printf(dst, "A list of %d.\n", key->nmax);
 }
 
-/* Are there keywords of SExtractor's in the table, so that own ones must be marked? */
-static bool is_mixed(const rx_keytable *table)
-{
-    for (int row = 0; row < table->nrows; row++)
-        if (table->rows[row].kind != RX_KIND_SECTION && table->rows[row].status != RX_STATUS_OURS)
-            return true;
-    return false;
-}
-
-static const char *man_status(rx_keyword_status status)
-{
-    switch (status) {
-    case RX_STATUS_OURS:
-        return "Own keyword.\n";
-    case RX_STATUS_IGNORED:
-        return "Accepted, without effect here: a warning when it is not at its default.\n";
-    case RX_STATUS_INERT:
-        return "Accepted, without effect here.\n";
-    case RX_STATUS_SEX:
-        break;
-    }
-    return "";
-}
-
 static const char *man_kind(rx_kind kind)
 {
-    switch (kind) {
-    case RX_KIND_STRING:
-    case RX_KIND_STRINGS:
-        return "text";
-    case RX_KIND_INT:
-    case RX_KIND_INTS:
-        return "integer";
-    case RX_KIND_REAL:
-    case RX_KIND_REALS:
-        return "number";
-    case RX_KIND_BOOL:
-    case RX_KIND_BOOLS:
-        return "Y|N";
-    default:
-        return "word";
-    }
+    static const char *const kinds[] = {
+        [RX_KIND_STRING] = "text",  [RX_KIND_STRINGS] = "text", [RX_KIND_INT] = "integer",
+        [RX_KIND_INTS] = "integer", [RX_KIND_REAL] = "number",  [RX_KIND_REALS] = "number",
+        [RX_KIND_BOOL] = "Y|N",     [RX_KIND_BOOLS] = "Y|N",    [RX_KIND_WORD] = "word",
+        [RX_KIND_WORDS] = "word"};
+    return kinds[kind];
 }
 
 void rx_settings_man(rx_text *dst, const rx_keytable *table)
 {
-    const bool mixed = is_mixed(table);
+    static const char *const status[] = {
+        [RX_STATUS_SEX] = "",
+        [RX_STATUS_OURS] = "Own keyword.\n",
+        [RX_STATUS_IGNORED] = "Accepted, without effect here: a warning when it is not at its default.\n",
+        [RX_STATUS_INERT] = "Accepted, without effect here.\n"};
     for (int row = 0; row < table->nrows; row++) {
         const rx_keyword *key = &table->rows[row];
         if (key->kind == RX_KIND_SECTION) {
             rx_text_printf(dst, ".SS %s\n", key->name);
             continue;
         }
-        rx_text_printf(dst, ".TP\n.BR %s \" \\fI%s\\fP ", key->name, man_kind(key->kind));
-        if (key->initial[0] == '\0')
-            rx_text_add(dst, "(empty)\"\n");
-        else
-            rx_text_printf(dst, "(%s)\"\n", key->initial);
-        rx_text_add(dst, key->help);
-        rx_text_add(dst, ".\n");
+        rx_text_printf(dst, ".TP\n.BR %s \" \\fI%s\\fP (%s)\"\n%s.\n", key->name, man_kind(key->kind),
+                       key->initial[0] == '\0' ? "empty" : key->initial, key->help);
         man_range(dst, key);
         if (key->needs != NULL)
             rx_text_printf(dst, "Needs %s.\n", key->needs);
-        if (mixed)
-            rx_text_add(dst, man_status(key->status));
+        if (table == rx_keytable_rextract()) /* SExtractor's are among its keywords */
+            rx_text_add(dst, status[key->status]);
     }
 }
 
@@ -250,11 +218,10 @@ void rx_settings_completion(rx_text *dst, const rx_keytable *table)
     rx_text_printf(dst, "    %s)\n        keys='", table->program);
     for (int row = 0; row < table->nrows; row++) {
         const rx_keyword *key = &table->rows[row];
-        if (key->kind == RX_KIND_SECTION || key->status == RX_STATUS_IGNORED ||
-            key->status == RX_STATUS_INERT)
+        if (key->kind == RX_KIND_SECTION || !has_effect(key))
             continue;
         rx_text_printf(dst, " %s:", key->name);
-        if (key->kind == RX_KIND_BOOL || key->kind == RX_KIND_BOOLS)
+        if (is_bool(key))
             rx_text_add(dst, "Y,N");
         for (size_t i = 0; key->words != NULL && key->words[i] != NULL; i++)
             rx_text_printf(dst, "%s%s", i > 0 ? "," : "", key->words[i]);

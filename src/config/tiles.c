@@ -140,28 +140,18 @@ typedef struct place_taken {
 /* All names in one piece: small ones between the settings that come and go would leave holes, 8 kB for each
  * tile. */
 typedef struct places_taken {
-    int n, capacity;
+    int n;
     rx_text names, reals;
     place_taken *at;
     long line; /* of the tile whose files are added */
-    bool failed;
 } places_taken;
 
-static void take(places_taken *taken, const char *name, role role)
+static rx_status take(places_taken *taken, const char *name, role role, rx_error *err)
 {
-    if (taken->n == taken->capacity) {
-        const int capacity = taken->capacity > 0 ? 2 * taken->capacity : 64;
-        place_taken *at = rx_regrow(taken->at, (size_t)capacity, sizeof *at);
-        if (at == NULL) {
-            taken->failed = true;
-            return;
-        }
-        taken->at = at;
-        taken->capacity = capacity;
-    }
+    RX_TRY(RX_GROW(taken->at, (size_t)taken->n + 1, err));
     taken->at[taken->n++] = (place_taken){.at = taken->names.length, .line = taken->line, .role = role};
     rx_text_add_bytes(&taken->names, name, strlen(name) + 1);
-    taken->failed |= taken->names.failed;
+    return taken->names.failed ? rx_error_memory(err, taken->names.length) : RX_OK;
 }
 
 static int by_name(const void *a, const void *b)
@@ -180,32 +170,30 @@ static int by_real_name(const void *a, const void *b)
 }
 
 /* The same file may be named in many ways. What all tiles read is looked up once. */
-static void resolve(places_taken *taken)
+static rx_status resolve(places_taken *taken, rx_error *err)
 {
     for (int i = 0; i < taken->n; i++)
         taken->at[i].name = taken->names.data + taken->at[i].at;
     qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_name);
     for (int i = 0; i < taken->n; i++) {
         place_taken *at = &taken->at[i];
-        if (i > 0 && strcmp(at->name, at[-1].name) == 0) {
-            at->at = at[-1].at;
-            continue;
-        }
-        char *real = rx_name_real(at->name);
-        at->at = taken->reals.length;
+        const bool again = i > 0 && strcmp(at->name, at[-1].name) == 0;
+        char *real = again ? NULL : rx_name_real(at->name);
+        at->at = again ? at[-1].at : taken->reals.length;
         if (real != NULL)
             rx_text_add_bytes(&taken->reals, real, strlen(real) + 1);
-        taken->failed |= real == NULL || taken->reals.failed;
+        const bool failed = taken->reals.failed || (!again && real == NULL);
         free(real);
-        if (taken->failed)
-            return;
+        if (failed)
+            return rx_error_memory(err, taken->reals.length);
     }
     for (int i = 0; i < taken->n; i++)
         taken->at[i].real = taken->reals.data + taken->at[i].at;
     qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_real_name);
+    return RX_OK;
 }
 
-static rx_status tell(const rx_tiles *tiles, const place_taken *at, const place_taken *other, rx_error *err)
+static rx_status refuse(const rx_tiles *tiles, const place_taken *at, const place_taken *other, rx_error *err)
 {
     if (other->role == THE_LIST)
         return rx_error_at(err, RX_USAGE, tiles->path, -1, at->line,
@@ -232,7 +220,7 @@ static rx_status find_conflict(const rx_tiles *tiles, const places_taken *taken,
             continue;
         for (int k = first; k < i; k++)
             if (taken->at[k].line != at->line)
-                return tell(tiles, at, &taken->at[k], err);
+                return refuse(tiles, at, &taken->at[k], err);
     }
     return RX_OK;
 }
@@ -242,18 +230,18 @@ static rx_status take_tile(const rx_tiles *tiles, int i, const rx_settings *comm
                            rx_idle *idle, rx_log *log, rx_error *err)
 {
     rx_settings *settings = NULL;
-    rx_status status = rx_tiles_settings(tiles, i, common, log, &settings, err);
     rx_run_files files = {0};
+    rx_status status;
     taken->line = tiles->tile[i].line;
-    if (status == RX_OK)
-        status = rx_run_files_of(settings, rx_tiles_image(tiles, i), &files, err);
+    RX_TRY(rx_tiles_settings(tiles, i, common, log, &settings, err));
+    RX_TRY_EXIT(rx_run_files_of(settings, rx_tiles_image(tiles, i), &files, err));
     for (int k = 0; k < files.n; k++)
-        take(taken, files.of[k].path,
-             files.of[k].role != RX_FILE_READS       ? OUTPUT
-             : strcmp(files.of[k].key, "IMAGE") == 0 ? IMAGE
-                                                     : INPUT);
-    rx_run_files_free(&files);
-    if (status == RX_OK && idle != NULL) {
+        RX_TRY_EXIT(take(taken, files.of[k].path,
+                         files.of[k].role != RX_FILE_READS       ? OUTPUT
+                         : strcmp(files.of[k].key, "IMAGE") == 0 ? IMAGE
+                                                                 : INPUT,
+                         err));
+    if (idle != NULL) {
         rx_idle of_tile = *idle;
         if (strcmp(((const rx_config *)settings)->parameters_name,
                    ((const rx_config *)common)->parameters_name) != 0)
@@ -262,22 +250,23 @@ static rx_status take_tile(const rx_tiles *tiles, int i, const rx_settings *comm
         of_tile.has_column = idle->has_column;
         *idle = of_tile;
     }
+exit:
+    rx_run_files_free(&files);
     rx_settings_free(settings);
-    return status == RX_OK && taken->failed ? rx_error_memory(err, 0) : status;
+    return status;
 }
 
 rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_idle *idle, rx_log *log,
                          rx_error *err)
 {
     places_taken taken = {0};
-    rx_status status = RX_OK;
-    take(&taken, tiles->path, THE_LIST);
+    rx_status status = take(&taken, tiles->path, THE_LIST, err);
     for (int i = 0; i < tiles->n && status == RX_OK; i++)
         status = take_tile(tiles, i, common, &taken, idle, log, err);
-    if (status == RX_OK) {
-        resolve(&taken);
-        status = taken.failed ? rx_error_memory(err, 0) : find_conflict(tiles, &taken, err);
-    }
+    if (status == RX_OK)
+        status = resolve(&taken, err);
+    if (status == RX_OK)
+        status = find_conflict(tiles, &taken, err);
     rx_text_free(&taken.names);
     rx_text_free(&taken.reals);
     free(taken.at);

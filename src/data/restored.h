@@ -32,7 +32,7 @@ typedef struct rx_restored {
     double chi2;               /* reduced chi2 of reblurred - input over good pixels; NAN for NONE */
     double seam; /* VERIFY_SEAMS: largest difference to a restoration in other blocks, sigmas; else NAN */
     double seconds;
-    char settings[256]; /* "RL_NITER 30, RL_DAMPING 0, ..." for headers and report */
+    char settings[256]; /* "RL_NITER 18, RL_DENOISE 2.4 pixels, ..." for headers and report */
 } rx_restored;
 
 /* Zeroed planes of pixels and mask, the rest empty, chi2 NAN; NULL without memory. */

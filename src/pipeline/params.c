@@ -38,6 +38,7 @@ static const rx_fill rows[] = {
 /* clang-format on */
 
 enum { ROWS = sizeof rows / sizeof rows[0] };
+enum { PSF_DEGREE = 6 }; /* of the polynomial over a tile, at most: stars that are held out choose it */
 
 /* The second item of THRESH_TYPE knows RELATIVE and ABSOLUTE. */
 static void settle(rx_pipeline_params *params)
@@ -52,6 +53,7 @@ void rx_pipeline_fill(rx_pipeline_params *dst, const rx_settings *settings)
     dst->restore.rl_denoise_by_psf = 1;
     dst->restore.rl_pedestal = RX_RL_PEDESTAL;
     dst->psf.min_stars = 1;
+    dst->psf.max_degree = PSF_DEGREE;
     dst->detect.pixstack_max = RX_DETECT_PIXSTACK_MAX;
     dst->detect.subobjects = RX_DETECT_PARTS;
     dst->detect.subobjects_max = RX_DETECT_PARTS_MAX;

@@ -47,7 +47,6 @@ rx_status rx_rl_new(const rx_restore_params *par, const rx_prepared *prepared, c
     RX_TRY(RX_MAKE(rl, 1, err));
     rl->prepared = prepared;
     rl->blur = blur;
-    rl->damping = par->rl_damping;
     rl->bound = (float)fmin(BOUND * fmax(prepared->peak, 1), 1e12);
     plan_strips(blur, whole, rl);
     rl->object = rx_blur_sky(blur);
@@ -188,7 +187,6 @@ double rx_rl_chi2(rx_rl *rl)
     return sum / (double)prepared->good;
 }
 
-/* D of the header. */
 static float damp(float residual, float variance, float scale)
 {
     const float u = scale * residual * residual / variance;
@@ -209,32 +207,16 @@ RX_SIMD static void plain_residual(const float *restrict data, const float *rest
     }
 }
 
-static void damped_residual(const rx_rl *rl, const float *data, const float *weight, const float *model,
-                            const float *sky, int n, float *dst)
-{
-    const float scale = (float)(1 / (rl->damping * rl->damping)), photon = (float)rl->prepared->photon;
-    for (int i = 0; i < n; i++) {
-        const float m = fmaxf(model[i], MODEL_FLOOR);
-        const float variance = sky[i] + photon * fmaxf(m - 1, 0);
-        dst[i] = weight[i] * damp(data[i] - m, variance, scale) * ((data[i] - m) / m);
-    }
-}
-
 void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst)
 {
     const rx_prepared *prepared = rl->prepared;
     for (int end = x + n; x < end; x += PIECE, dst += PIECE) {
-        float data_room[PIECE], weight_room[PIECE], variance[PIECE];
+        float data_room[PIECE], weight_room[PIECE];
         const int count = end - x < PIECE ? end - x : PIECE;
         const float *data = rx_prepared_data(prepared, y, x, count, data_room),
                     *weight = rx_prepared_weight(prepared, y, x, count, weight_room),
                     *model = model_at(rl, y, x);
-        if (!(rl->damping > 0)) {
-            plain_residual(data, weight, model, count, dst);
-            continue;
-        }
-        rx_prepared_variance(prepared, y, x, count, variance);
-        damped_residual(rl, data, weight, model, variance, count, dst);
+        plain_residual(data, weight, model, count, dst);
     }
 }
 
@@ -360,11 +342,11 @@ static void describe(const rx_restore_params *par, const rx_prepared *prepared, 
                      rx_restored *dst)
 {
     snprintf(dst->settings, sizeof dst->settings,
-             "RL_NITER %d%s, RL_STOP %s, RL_DAMPING %g, RL_DENOISE %.4g pixels, RL_PEDESTAL %g (used: %.4g "
+             "RL_NITER %d%s, RL_STOP %s, RL_DENOISE %.4g pixels, RL_PEDESTAL %g (used: %.4g "
              "ADU)%s%s",
              par->rl_niter, par->rl_accelerate ? ", RL_ACCELERATE Y" : "",
-             par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_damping, par->rl_denoise,
-             par->rl_pedestal, prepared->pedestal, settings[0] != '\0' ? ", " : "", settings);
+             par->rl_stop_discrepancy ? "DISCREPANCY" : "NITER", par->rl_denoise, par->rl_pedestal,
+             prepared->pedestal, settings[0] != '\0' ? ", " : "", settings);
 }
 
 static rx_status new_restored(const rx_restore_params *par, const rx_prepared *prepared, const char *name,

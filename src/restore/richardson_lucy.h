@@ -1,9 +1,9 @@
 /* Richardson-Lucy (Richardson 1972, JOSA 62, 55; Lucy 1974, AJ 79, 745) for a tile with masks and
  * borders, by the weight-normalised update
  *
- *   f <- f (1 + K^T (W D (d - K f) / K f) / K^T W)
+ *   f <- f (1 + K^T (W (d - K f) / K f) / K^T W)
  *
- * which is f K^T(W d / K f) / K^T W for damping D = 1, written so that rounding errors scale
+ * which is f K^T(W d / K f) / K^T W, written so that rounding errors scale
  * with the residual. The sky is unknown beyond the border and under masks: f is free there and
  * constrained only through the PSF; where K^T W < 1e-3, nothing is known and f stays
  * at the sky (a sky misjudged by c thus shows at most 1e-3 c at an edge).
@@ -27,13 +27,6 @@
  * needs fewer iterations still, but medium scales overshoot and with them the noise: 0.2 to 0.4 dB at the same
  * completeness in trials. No pixel falls below a tenth of what it was by being carried on. The last update is not
  * carried on; RL_STOP DISCREPANCY judges, and returns, what was. The flux is kept as without.
- *
- * Damping (after White 1994, in The Restoration of HST Images and Spectra II, 104): with T = RL_DAMPING
- *   U = min(1, (d - K f)^2 / (T^2 var(K f))),   D = U^9 (10 - 9 U)
- * so that residuals well below T sigmas stop driving the iteration. White's U is twice the logarithm of the
- * Poisson likelihood ratio, of which this is the limit for many counts. The noise of a sky on a pedestal is
- * no Poisson noise: there White's form damps positive residuals more than negative ones and draws the sky
- * down by 0.1 sigma (T = 3).
  *
  * Memory: besides tile and sky a mask, f and K^T W on the sky and K f on the tile, 13 bytes a pixel, and two
  * planes more of a tile of up to 2^26 pixels (restore/prepared.h); pixels and the planes that are asked for
@@ -62,21 +55,20 @@ rx_status rx_rl_restore(const rx_restore_params *par, const rx_prepared *prepare
 typedef struct rx_rl {
     const rx_prepared *prepared; /* both belong to the caller and must outlive it */
     const rx_blur *blur;
-    double damping; /* sigmas, 0 = off */
-    float bound;    /* f never exceeds it */
-    float *object;  /* f on the sky (restore/blur.h), units of the pedestal; 1 at the start */
-    float *norm;    /* K^T W, likewise */
-    float *model;   /* K f, [kept][width]: row y of the tile is row y % kept */
-    int kept;       /* rows of the model: all, or those that a strip of the object needs */
-    int made;       /* rows of the tile that the model has been made of, for the present object */
-    int strip;      /* rows of blocks of the object that are updated at a time */
-    double *rows;   /* sums of tile rows */
-    float *before;  /* f_k-1 on the sky; NULL: not accelerated */
-    int updates;    /* k, since the start */
-    float carried;  /* a_k of the update at work */
+    float bound;   /* f never exceeds it */
+    float *object; /* f on the sky (restore/blur.h), units of the pedestal; 1 at the start */
+    float *norm;   /* K^T W, likewise */
+    float *model;  /* K f, [kept][width]: row y of the tile is row y % kept */
+    int kept;      /* rows of the model: all, or those that a strip of the object needs */
+    int made;      /* rows of the tile that the model has been made of, for the present object */
+    int strip;     /* rows of blocks of the object that are updated at a time */
+    double *rows;  /* sums of tile rows */
+    float *before; /* f_k-1 on the sky; NULL: not accelerated */
+    int updates;   /* k, since the start */
+    float carried; /* a_k of the update at work */
 } rx_rl;
 
-/* par: damping and acceleration. whole: the model is kept as a plane. The same bytes. */
+/* par: acceleration. whole: the model is kept as a plane. The same bytes. */
 rx_status rx_rl_new(const rx_restore_params *par, const rx_prepared *prepared, const rx_blur *blur, int whole,
                     rx_rl **dst, rx_error *err);
 void rx_rl_free(rx_rl *rl);
@@ -88,7 +80,7 @@ double rx_rl_chi2(rx_rl *rl);    /* mean over good pixels of (d - K f)^2 / var(K
 /* One update of the object, carried on unless it is the last one. Makes what is missing of the model. */
 void rx_rl_update(rx_rl *rl, int last);
 
-/* dst = W D (d - model) / model at n tile pixels from (x, y) on, which the model has been made of. */
+/* dst = W (d - model) / model at n tile pixels from (x, y) on, which the model has been made of. */
 void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst);
 
 #endif

@@ -24,10 +24,10 @@ static const char *const error_names[] = {"MAGERR", "MAGERR_AUTO", "MAG_ERR",
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
 /* Catalogues of surveys as their archives and VizieR give them. A magnitude is `mag` with a band of `bands` in place of %s;
- * AUTO takes the catalogue for what the first row says whose columns `mark`, x and y it has. Motions in mas/yr, that
+ * a catalogue is taken for what the first row says whose columns `mark`, x and y it has. Motions in mas/yr, that
  * along x times cos(delta); the epoch is that of a column (Julian years), or `year`. */
 typedef struct survey {
-    const char *type, *title, *mark, *x, *y, *mag, *error, *bands;
+    const char *title, *mark, *x, *y, *mag, *error, *bands;
     const char *motion_x, *motion_y, *epoch;
     double year;
 } survey;
@@ -35,24 +35,20 @@ typedef struct survey {
 #define GAIA_MOTIONS "pmra", "pmdec", "ref_epoch", 2016.0
 #define NO_MOTIONS NULL, NULL, NULL, NAN
 static const survey surveys[] = {
-    {"GAIA", "Gaia", "phot_g_mean_mag", "ra", "dec", "phot_%s_mean_mag", "phot_%s_mean_flux_over_error",
-     "G,BP,RP", GAIA_MOTIONS},
-    {"GAIA", "Gaia (VizieR)", "BPmag", "RA_ICRS", "DE_ICRS", "%smag", "e_%smag", "G,BP,RP", "pmRA", "pmDE",
-     "Epoch", 2016.0},
-    {"PS1", "Pan-STARRS1, means", "rMeanPSFMag", "raMean", "decMean", "%sMeanPSFMag", "%sMeanPSFMagErr",
-     "r,g,i,z,y", NO_MOTIONS},
-    {"PS1", "Pan-STARRS1, stacks", "rPSFMag", "raStack", "decStack", "%sPSFMag", "%sPSFMagErr", "r,g,i,z,y",
+    {"Gaia", "phot_g_mean_mag", "ra", "dec", "phot_%s_mean_mag", "phot_%s_mean_flux_over_error", "G,BP,RP",
+     GAIA_MOTIONS},
+    {"Gaia (VizieR)", "BPmag", "RA_ICRS", "DE_ICRS", "%smag", "e_%smag", "G,BP,RP", "pmRA", "pmDE", "Epoch",
+     2016.0},
+    {"Pan-STARRS1, means", "rMeanPSFMag", "raMean", "decMean", "%sMeanPSFMag", "%sMeanPSFMagErr", "r,g,i,z,y",
      NO_MOTIONS},
-    {"PS1", "Pan-STARRS1 (VizieR)", "ymag", "RAJ2000", "DEJ2000", "%smag", "e_%smag", "r,g,i,z,y",
+    {"Pan-STARRS1, stacks", "rPSFMag", "raStack", "decStack", "%sPSFMag", "%sPSFMagErr", "r,g,i,z,y",
      NO_MOTIONS},
-    {"SDSS", "SDSS", "psfMag_r", "ra", "dec", "psfMag_%s", "psfMagErr_%s", "r,u,g,i,z", "pmRa", "pmDec", NULL,
-     NAN},
-    {"SDSS", "SDSS, models", "modelMag_r", "ra", "dec", "modelMag_%s", "modelMagErr_%s", "r,u,g,i,z",
-     NO_MOTIONS},
-    {"SDSS", "SDSS (VizieR)", "umag", "RA_ICRS", "DE_ICRS", "%smag", "e_%smag", "r,u,g,i,z", NO_MOTIONS},
-    {"DES", "DES", "WAVG_MAG_PSF_R", "RA", "DEC", "WAVG_MAG_PSF_%s", "WAVG_MAGERR_PSF_%s", "R,G,I,Z,Y",
-     NO_MOTIONS},
-    {"DES", "DES", "MAG_AUTO_R", "RA", "DEC", "MAG_AUTO_%s", "MAGERR_AUTO_%s", "R,G,I,Z,Y", NO_MOTIONS},
+    {"Pan-STARRS1 (VizieR)", "ymag", "RAJ2000", "DEJ2000", "%smag", "e_%smag", "r,g,i,z,y", NO_MOTIONS},
+    {"SDSS", "psfMag_r", "ra", "dec", "psfMag_%s", "psfMagErr_%s", "r,u,g,i,z", "pmRa", "pmDec", NULL, NAN},
+    {"SDSS, models", "modelMag_r", "ra", "dec", "modelMag_%s", "modelMagErr_%s", "r,u,g,i,z", NO_MOTIONS},
+    {"SDSS (VizieR)", "umag", "RA_ICRS", "DE_ICRS", "%smag", "e_%smag", "r,u,g,i,z", NO_MOTIONS},
+    {"DES", "WAVG_MAG_PSF_R", "RA", "DEC", "WAVG_MAG_PSF_%s", "WAVG_MAGERR_PSF_%s", "R,G,I,Z,Y", NO_MOTIONS},
+    {"DES", "MAG_AUTO_R", "RA", "DEC", "MAG_AUTO_%s", "MAGERR_AUTO_%s", "R,G,I,Z,Y", NO_MOTIONS},
 };
 
 typedef struct chosen {
@@ -130,37 +126,14 @@ static bool take_band(const char *bands, int number, const char *text, char dst[
     return false;
 }
 
-static bool has_survey(const rx_table *table, const survey *s)
+/* The survey that the columns show; NULL: none. */
+static const survey *find_survey(const rx_reference_params *par, const rx_table *table)
 {
-    return rx_table_find(table, s->x) >= 0 && rx_table_find(table, s->y) >= 0;
-}
-
-/* The survey that REFERENCE_TYPE names or the columns show; NULL: none. */
-static rx_status find_survey(const rx_reference_params *par, const rx_table *table, const survey **dst,
-                             rx_error *err)
-{
-    const char *type = par->type != NULL ? par->type : "AUTO";
-    const bool automatic = strcmp(type, "AUTO") == 0;
-    *dst = NULL;
-    if (strcmp(type, "PLAIN") == 0 || par->ncolumns > 0)
-        return RX_OK;
-    for (size_t i = 0; i < COUNT(surveys) && *dst == NULL; i++)
-        if ((automatic || strcmp(surveys[i].type, type) == 0) && has_survey(table, &surveys[i]) &&
+    for (size_t i = 0; i < COUNT(surveys) && par->ncolumns == 0; i++)
+        if (rx_table_find(table, surveys[i].x) >= 0 && rx_table_find(table, surveys[i].y) >= 0 &&
             rx_table_find(table, surveys[i].mark) >= 0)
-            *dst = &surveys[i];
-    char band[8];
-    for (size_t i = 0; i < COUNT(surveys) && !automatic; i++) /* named: any band will do */
-        for (int k = 0; *dst == NULL && strcmp(surveys[i].type, type) == 0 &&
-                        has_survey(table, &surveys[i]) && take_band(surveys[i].bands, k, NULL, band);
-             k++)
-            if (find_band(table, surveys[i].mag, band) >= 0)
-                *dst = &surveys[i];
-    if (*dst == NULL && !automatic)
-        return rx_error_at(err, RX_INPUT, par->name, -1, 0,
-                           "has no columns of positions and magnitudes by the names of %s; name them in "
-                           "REFERENCE_COLUMNS",
-                           type);
-    return RX_OK;
+            return &surveys[i];
+    return NULL;
 }
 
 /* Columns of a survey: the band of REFERENCE_BAND, that of the tile's filter, or the survey's first one that is there. */
@@ -219,7 +192,6 @@ static rx_status choose_colour(const rx_reference_params *par, const rx_table *t
 static rx_status choose_columns(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                                 chosen *dst, rx_error *err)
 {
-    int want_sky = strcmp(par->coords, "SKY") == 0, want_pixel = strcmp(par->coords, "PIXEL") == 0;
     *dst = (chosen){.x = -1,
                     .y = -1,
                     .value = -1,
@@ -228,22 +200,14 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
                     .motion_y = -1,
                     .epoch = -1,
                     .colour = {-1, -1}};
-    RX_TRY(find_survey(par, table, &dst->survey, err));
-    if (dst->survey != NULL && (want_pixel || (tile->wcs == NULL && !want_sky &&
-                                               (par->type == NULL || strcmp(par->type, "AUTO") == 0))))
-        dst->survey = NULL; /* positions in pixels stand beside */
+    dst->survey = tile->wcs != NULL ? find_survey(par, table) : NULL; /* else pixels may stand beside */
     if (par->ncolumns > 0) {
-        rx_status status = choose_named(par, table, dst, err);
-        if (status != RX_OK)
-            return status;
-        if (want_sky || want_pixel)
-            dst->sky = want_sky;
+        RX_TRY(choose_named(par, table, dst, err));
     } else if (dst->survey != NULL) {
         RX_TRY(choose_survey(par, table, tile, dst, err));
     } else {
-        if (!want_pixel && (tile->wcs != NULL || want_sky))
-            dst->sky = rx_catalog_find_positions(table, true, &dst->x, &dst->y);
-        if (!dst->sky && (want_sky || !rx_catalog_find_positions(table, false, &dst->x, &dst->y)))
+        dst->sky = tile->wcs != NULL && rx_catalog_find_positions(table, true, &dst->x, &dst->y);
+        if (!dst->sky && !rx_catalog_find_positions(table, false, &dst->x, &dst->y))
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "no position columns were recognised; name them in REFERENCE_COLUMNS");
         dst->value = find_first(table, value_names, COUNT(value_names));
@@ -252,9 +216,7 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "no magnitude or flux column was recognised; name it in REFERENCE_COLUMNS");
     }
-    dst->flux = strcmp(par->photometry, "FLUX") == 0 ||
-                (strcmp(par->photometry, "AUTO") == 0 &&
-                 strncasecmp(table->columns[dst->value].name, "FLUX", 4) == 0);
+    dst->flux = strcasestr(table->columns[dst->value].name, "FLUX") != NULL;
     RX_TRY(choose_colour(par, table, dst, err));
     const int numbers[] = {dst->x,        dst->y,     dst->value,     dst->error,    dst->motion_x,
                            dst->motion_y, dst->epoch, dst->colour[0], dst->colour[1]};
@@ -267,7 +229,7 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
     if (dst->sky && tile->wcs == NULL)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
                            "has no celestial coordinates, so the reference's sky positions cannot be used; "
-                           "give REFERENCE_COORDS PIXEL and pixel columns");
+                           "give pixel columns in REFERENCE_COLUMNS");
     return RX_OK;
 }
 

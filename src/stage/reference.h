@@ -10,17 +10,14 @@
 #include "quality/qa.h"
 
 typedef struct rx_reference_params {
-    const char *name;   /* REFERENCE_NAME */
-    const char *coords; /* REFERENCE_COORDS: AUTO, PIXEL or SKY */
-    int ncolumns;       /* REFERENCE_COLUMNS: x, y, magnitude or flux[, its error]; 0 = known names */
+    const char *name; /* REFERENCE_NAME */
+    int ncolumns;     /* REFERENCE_COLUMNS: x, y, magnitude or flux[, its error]; 0 = known names */
     const char *const *columns;
-    const char *type; /* REFERENCE_TYPE: AUTO (or NULL), PLAIN or a survey */
     const char *band; /* REFERENCE_BAND; "" or NULL: by the tile's filter */
     int ncolour;      /* 0 or 3: REFERENCE_COLOR_TERM, of which [1] and [2] are bands or columns */
     const char *const *colour;
-    double colour_term;     /* its [0] */
-    const char *photometry; /* REFERENCE_PHOTOMETRY: AUTO (by its name), MAG or FLUX */
-    double flux_zeropoint;  /* magnitude of flux 1, NAN = the tile's zero point */
+    double colour_term;    /* its [0] */
+    double flux_zeropoint; /* magnitude of flux 1, NAN = the tile's zero point */
 } rx_reference_params;
 
 /* What was done with the reference: the name that the page shows, with survey, band, colour and epoch. Free .shown in any
@@ -31,7 +28,7 @@ typedef struct rx_reference_note {
 } rx_reference_note;
 
 /* Rows of `table` (from rx_catalog_read) inside the tile and just outside it; the magnitude is NAN where
- * there is none. AUTO takes sky coordinates when the tile and the table have them, else pixels. Errors:
+ * there is none. Sky coordinates are taken when the tile and the table have them, else pixels. Errors:
  * RX_INPUT naming the column that is missing. Free with rx_qa_list_free(). */
 rx_status rx_reference_list(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                             rx_log *log, rx_qa_list *dst, rx_reference_note *note, rx_error *err);

@@ -379,8 +379,8 @@ make_fits tile tile.fits && make_fits table ref.fits
 expect '[23]' 'ref\.fits.*MAG_ATUO' tile.fits $none -REFERENCE_NAME ref.fits -REFERENCE_COLUMNS X_IMAGE,Y_IMAGE,MAG_ATUO
 
 begin 'reference in degrees, tile without coordinates'
-make_fits tile tile.fits && make_fits table ref.fits
-expect 3 '^rextract: ' tile.fits $none -REFERENCE_NAME ref.fits -REFERENCE_COORDS SKY -REFERENCE_COLUMNS X_IMAGE,Y_IMAGE,MAG_AUTO
+make_fits tile tile.fits && printf 'ra,dec,mag\n10,10,15\n' >ref.csv
+expect 3 '^rextract: ' tile.fits $none -REFERENCE_NAME ref.csv -REFERENCE_COLUMNS ra,dec,mag
 
 begin 'reference list with a ragged row'
 make_fits tile tile.fits

@@ -38,14 +38,6 @@ static void head_of_sextractor(void **state)
     rx_table_free(t);
 }
 
-static void last_vector_reaches_to_the_end_of_the_line(void **state)
-{
-    (void)state;
-    rx_table *t = good("# 1 NUMBER n\n# 2 VIGNET v\n1 5 6 7 8\n");
-    assert_int_equal(rx_column_elements(&t->columns[1]), 4);
-    rx_table_free(t);
-}
-
 static void names_from_a_comment_or_a_first_line(void **state)
 {
     (void)state;
@@ -295,7 +287,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(head_of_sextractor),
-        cmocka_unit_test(last_vector_reaches_to_the_end_of_the_line),
         cmocka_unit_test(names_from_a_comment_or_a_first_line),
         cmocka_unit_test(a_comment_behind_the_names_changes_nothing),
         cmocka_unit_test(cells_of_text_and_nothing),

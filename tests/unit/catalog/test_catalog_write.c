@@ -91,19 +91,6 @@ static void ascii_head_is_laid_out_as_sextractors(void **state)
     end(&s);
 }
 
-static void ascii_is_the_same_without_head(void **state)
-{
-    (void)state;
-    scene s;
-    begin(&s, 2, 0);
-    assert_int_equal(write_all(RX_CATALOG_ASCII, "out.cat", s.tables, 1, NULL), RX_OK);
-    char *text = file_bytes("out.cat", NULL);
-    assert_memory_equal(text, "         1     11.2500", 22);
-    assert_null(strchr(text, '#'));
-    free(text);
-    end(&s);
-}
-
 static void skycat_has_its_frame(void **state)
 {
     (void)state;
@@ -160,27 +147,6 @@ static void what_is_written_reads_back(void **state)
         }
         end(&s);
     }
-}
-
-static void fits_keeps_the_record(void **state)
-{
-    (void)state;
-    scene s;
-    begin(&s, 1, 0);
-    rx_table *back = NULL;
-    char value[80];
-    assert_int_equal(write_all(RX_CATALOG_FITS_1_0, "out.cat", s.tables, 1, NULL), RX_OK);
-    assert_int_equal(rx_catalog_read("out.cat", 0, &back, NULL), RX_OK);
-    assert_true(rx_cards_text(back->cards, back->ncards, "RXVERS", value, sizeof value));
-    assert_string_equal(value, "Rextract <&> \"test\"");
-    assert_false(rx_cards_text(back->cards, back->ncards, "FILTER", value, sizeof value));
-    int found = 0;
-    for (long i = 0; i < back->ncards; i++)
-        found += strncmp(back->cards + 80 * i, "HISTORY DETECT_MINAREA = 5 ", 27) == 0 ||
-                 strncmp(back->cards + 80 * i, "HISTORY FILTER = Y ", 19) == 0;
-    assert_int_equal(found, 2);
-    rx_table_free(back);
-    end(&s);
 }
 
 static void no_source_is_a_catalogue_too(void **state)
@@ -357,10 +323,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(ascii_head_is_laid_out_as_sextractors),
-        cmocka_unit_test(ascii_is_the_same_without_head),
         cmocka_unit_test(skycat_has_its_frame),
         cmocka_unit_test(what_is_written_reads_back),
-        cmocka_unit_test(fits_keeps_the_record),
         cmocka_unit_test(no_source_is_a_catalogue_too),
         cmocka_unit_test(standard_output_takes_text_only),
         cmocka_unit_test(a_decimal_comma_changes_nothing),

@@ -1,7 +1,5 @@
 check_PROGRAMS += tests/unit/config/test_arguments
 tests_unit_config_test_arguments_SOURCES = tests/unit/config/test_arguments.c tests/unit/scratch.h
-check_PROGRAMS += tests/unit/config/test_config
-tests_unit_config_test_config_SOURCES = tests/unit/config/test_config.c tests/unit/scratch.h
 check_PROGRAMS += tests/unit/config/test_kernel
 tests_unit_config_test_kernel_SOURCES = tests/unit/config/test_kernel.c tests/unit/scratch.h
 check_PROGRAMS += tests/unit/config/test_keywords
@@ -10,5 +8,3 @@ check_PROGRAMS += tests/unit/config/test_tiles
 tests_unit_config_test_tiles_SOURCES = tests/unit/config/test_tiles.c tests/unit/scratch.h
 check_PROGRAMS += tests/unit/config/test_settings
 tests_unit_config_test_settings_SOURCES = tests/unit/config/test_settings.c tests/unit/scratch.h
-check_PROGRAMS += tests/unit/config/test_fill
-tests_unit_config_test_fill_SOURCES = tests/unit/config/test_fill.c

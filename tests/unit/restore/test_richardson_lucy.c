@@ -120,7 +120,6 @@ static void follows_its_equations(void **state)
     static double d[EQ_H][EQ_W], w[EQ_H][EQ_W], sky_var[EQ_H][EQ_W], good[EQ_H][EQ_W], m[EQ_H][EQ_W],
         r[EQ_H][EQ_W];
     static double f[EQ_SH][EQ_SW], c[EQ_SH][EQ_SW], norm[EQ_SH][EQ_SW], seen[EQ_SH][EQ_SW];
-    static const double damping[] = {0, 3};
     const double pedestal = 5, gain = 2, photon = 1 / (gain * pedestal);
     float stamp[EQ_SIDE * EQ_SIDE];
     rx_psf *psf = NULL;
@@ -138,7 +137,6 @@ static void follows_its_equations(void **state)
         for (int k = 0; k < 8; k++) /* too few for the pedestal */
             s.background.sigma[8 * EQ_W + 6 + k] = 1.5;
         s.par.rl_niter = 3;
-        s.par.rl_damping = damping[run_of];
         for (int y = 0; y < EQ_H; y++)
             for (int x = 0; x < EQ_W; x++) {
                 const size_t k = (size_t)(y * EQ_W + x);
@@ -155,10 +153,7 @@ static void follows_its_equations(void **state)
             plain_blur(stamp, f, m);
             for (int y = 0; y < EQ_H; y++)
                 for (int x = 0; x < EQ_W; x++) {
-                    const double variance = sky_var[y][x] + photon * fmax(m[y][x] - 1, 0),
-                                 t = damping[run_of];
-                    const double u = t > 0 ? fmin(1, pow(d[y][x] - m[y][x], 2) / (t * t * variance)) : 1;
-                    r[y][x] = w[y][x] * pow(u, 9) * (10 - 9 * u) * (d[y][x] - m[y][x]) / m[y][x];
+                    r[y][x] = w[y][x] * (d[y][x] - m[y][x]) / m[y][x];
                 }
             plain_adjoint(stamp, r, c);
             for (int k = 0; k < EQ_SH * EQ_SW; k++)
@@ -299,7 +294,6 @@ static void crowded(sky *s, uint64_t seed_of_masked)
     sky_noise(s, 1, 21);
     s->tile.gain = 2;
     s->par.rl_denoise = 1.5;
-    s->par.rl_damping = 2;
     s->par.rl_niter = 12;
     for (int k = 0; k < 128 * 120; k++) {
         if (rx_random_uniform(4, 0, (uint64_t)k) < 0.02)
@@ -498,27 +492,6 @@ static double scatter(const sky *s, const float *plane)
     return sqrt(sum / (s->tile.width * 40));
 }
 
-static void damping_calms(void **state)
-{
-    (void)state;
-    sky s;
-    sky_new(&s, 100, 100);
-    sky_star(&s, 50, 70, 3.5, 20000);
-    sky_noise(&s, 1, 14);
-    s.par.rl_niter = 100;
-    rx_psf *psf = rx_stamp_gauss(3.5);
-    rx_restored *free_run = run("RL", &s, psf);
-    s.par.rl_damping = 3;
-    rx_restored *damped = run("RL", &s, psf);
-    assert_true(scatter(&s, damped->pixels) < 0.4 * scatter(&s, free_run->pixels));
-    assert_near(sky_sum(&s, damped->pixels, 50, 70, 15) / 20000, 1, 0.01);
-    assert_true(sky_fwhm(&s, damped->pixels, 50, 70) < 2.2);
-    rx_restored_free(free_run);
-    rx_restored_free(damped);
-    rx_psf_free(psf);
-    sky_free(&s);
-}
-
 static void hopeless_tiles(void **state)
 {
     (void)state;
@@ -678,7 +651,6 @@ int main(void)
                                        cmocka_unit_test(varying_psf),
                                        cmocka_unit_test(sharpens),
                                        cmocka_unit_test(stops_at_discrepancy),
-                                       cmocka_unit_test(damping_calms),
                                        cmocka_unit_test(hopeless_tiles),
                                        cmocka_unit_test(never_runs_away),
                                        cmocka_unit_test(any_unit)};

@@ -146,7 +146,8 @@ static void chooses_stars(void **state)
     const rx_image image = sky_image(&s, NULL);
     assert_int_equal(rx_prepared_new(&s.par, &image, &prepared, NULL), RX_OK);
     assert_int_equal(rx_blur_new(psf, W, H, 1, &blur, NULL), RX_OK);
-    assert_int_equal(rx_rl_new(&(rx_restore_params){.rl_damping = 0}, prepared, blur, 1, &rl, NULL), RX_OK);
+    assert_int_equal(rx_rl_new(&(rx_restore_params){.rl_accelerate = 0}, prepared, blur, 1, &rl, NULL),
+                     RX_OK);
     for (int i = 0; i < 10; i++) {
         rx_rl_model(rl);
         rx_rl_update(rl, 0);

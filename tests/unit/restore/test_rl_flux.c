@@ -112,25 +112,21 @@ static void in_noise(void **state)
     rx_psf_free(psf);
 }
 
-/* The level of an empty sky, in sigmas; damping holds back noise of either sign alike. */
+/* The level of an empty sky, in sigmas. */
 static void empty_sky(void **state)
 {
     (void)state;
-    static const double damping[] = {0, 3}, limit[] = {0.003, 0.01};
     rx_psf *psf = rx_stamp_gauss(FWHM);
-    for (int i = 0; i < 2; i++) {
-        sky s;
-        shipped(&s, 400, 400);
-        s.par.rl_damping = damping[i];
-        sky_noise(&s, 1, 9);
-        rx_restored *plain = run("NONE", &s, psf), *r = run("RL", &s, psf);
-        const double in = sky_sum(&s, plain->pixels, 200, 200, 1000) / 160000;
-        const double out = sky_sum(&s, r->pixels, 200, 200, 1000) / 160000;
-        assert_true(fabs(out - in) < limit[i]);
-        rx_restored_free(plain);
-        rx_restored_free(r);
-        sky_free(&s);
-    }
+    sky s;
+    shipped(&s, 400, 400);
+    sky_noise(&s, 1, 9);
+    rx_restored *plain = run("NONE", &s, psf), *r = run("RL", &s, psf);
+    const double in = sky_sum(&s, plain->pixels, 200, 200, 1000) / 160000;
+    const double out = sky_sum(&s, r->pixels, 200, 200, 1000) / 160000;
+    assert_true(fabs(out - in) < 0.003);
+    rx_restored_free(plain);
+    rx_restored_free(r);
+    sky_free(&s);
     rx_psf_free(psf);
 }
 
@@ -180,20 +176,19 @@ static void smallest(void **state)
     static const float shift[] = {0, -50, 5000};
     static const char *const kinds[] = {"RL", "RL_BLIND"};
     rx_psf *psf = rx_stamp_gauss(0);
-    for (int k = 0; k < 2 * 4 * 3 * 4; k++) {
+    for (int k = 0; k < 4 * 3 * 4; k++) {
         const int *size = sizes[k % 4];
         sky s;
         shipped(&s, size[0], size[1]);
         s.par.rl_denoise = 0;
-        s.par.rl_stop_discrepancy = k / 48;
-        s.par.rl_damping = k / 12 % 2 != 0 ? 3 : 0;
+        s.par.rl_stop_discrepancy = k / 24;
         sky_noise(&s, 1, 4);
         for (int i = 0; i < size[0] * size[1]; i++)
             s.tile.pixels[i] += shift[k / 4 % 3];
-        rx_restored *r = run(kinds[k / 24 % 2], &s, psf);
+        rx_restored *r = run(kinds[k / 12 % 2], &s, psf);
         for (int i = 0; i < size[0] * size[1]; i++) {
             const double in = s.tile.pixels[i] - 100.0, cut = fmax(in, -4);
-            assert_near(r->pixels[i], cut, s.par.rl_damping > 0 ? 3 : 0.005 + 1e-4 * fabs(cut));
+            assert_near(r->pixels[i], cut, 0.005 + 1e-4 * fabs(cut));
         }
         rx_restored_free(r);
         sky_free(&s);
@@ -223,11 +218,10 @@ static void extremes(void **state)
     (void)state;
     rx_psf *psf = rx_stamp_gauss(FWHM);
     for (int kind = 0; kind < EXTREMES; kind++)
-        for (int how = 0; how < 4; how++) {
+        for (int how = 0; how < 2; how++) {
             sky s;
             make_extreme(&s, (enum extreme)kind, kind == PSF_OF_THE_TILE ? psf->size : 64);
-            s.par.rl_stop_discrepancy = how % 2;
-            s.par.rl_damping = how / 2 * 3;
+            s.par.rl_stop_discrepancy = how;
             s.par.rl_niter = kind != PSF_OF_THE_TILE ? 30 : accelerated ? 18 : 300;
             rx_restored *r = run("RL", &s, psf);
             const int c = s.tile.width / 2;

@@ -45,7 +45,7 @@ static void known_names_are_found_and_counted_from_zero(void **state)
     const double rows[] = {11.0, 21.0, 20.0, 0.02, 5.0, 900.0, 21.0, 0.1, 7.0, 8.0, 99.0, 99.0};
     rx_table *table =
         table_of(4, (const char *const[]){"X_IMAGE", "Y_IMAGE", "MAG_AUTO", "MAGERR_AUTO"}, 3, rows);
-    rx_reference_params par = {.name = "ref", .coords = "AUTO", .photometry = "AUTO", .flux_zeropoint = NAN};
+    rx_reference_params par = {.name = "ref", .flux_zeropoint = NAN};
     rx_tile tile = plain_tile();
     rx_qa_list list;
     rx_reference_note note = {0};
@@ -67,14 +67,9 @@ static void fluxes_become_magnitudes(void **state)
 {
     (void)state;
     const double rows[] = {11.0, 21.0, 100.0};
-    rx_table *table = table_of(3, (const char *const[]){"px", "py", "FLUX"}, 1, rows);
-    const char *const columns[] = {"px", "py", "FLUX"};
-    rx_reference_params par = {.name = "ref",
-                               .coords = "PIXEL",
-                               .photometry = "AUTO",
-                               .ncolumns = 3,
-                               .columns = columns,
-                               .flux_zeropoint = 22.5};
+    rx_table *table = table_of(3, (const char *const[]){"px", "py", "r_psfFlux"}, 1, rows);
+    const char *const columns[] = {"px", "py", "r_psfFlux"};
+    rx_reference_params par = {.name = "ref", .ncolumns = 3, .columns = columns, .flux_zeropoint = 22.5};
     rx_tile tile = plain_tile();
     rx_qa_list list;
     rx_reference_note note = {0};
@@ -104,10 +99,9 @@ static void what_is_missing_is_named(void **state)
 {
     (void)state;
     const char *const columns[] = {"X_IMAGE", "Y_IMAGE", "MAGNITUDE"};
-    rx_reference_params named = {
-        .name = "ref", .coords = "AUTO", .photometry = "AUTO", .ncolumns = 3, .columns = columns};
-    rx_reference_params plain = {.name = "ref", .coords = "AUTO", .photometry = "AUTO"};
-    rx_reference_params sky = {.name = "ref", .coords = "SKY", .photometry = "AUTO"};
+    rx_reference_params named = {.name = "ref", .ncolumns = 3, .columns = columns};
+    const char *const degrees[] = {"RA", "DEC", "MAG"};
+    rx_reference_params plain = {.name = "ref"}, sky = {.name = "ref", .ncolumns = 3, .columns = degrees};
     expect_error(named, (const char *const[]){"X_IMAGE", "Y_IMAGE", "MAG"}, RX_INPUT, "'MAGNITUDE'");
     expect_error(plain, (const char *const[]){"a", "b", "MAG"}, RX_INPUT, "position");
     expect_error(plain, (const char *const[]){"X_IMAGE", "Y_IMAGE", "c"}, RX_INPUT, "magnitude");
@@ -150,8 +144,7 @@ static void gaia_moves_to_the_epoch_of_the_tile(void **state)
                                  "phot_g_mean_mag",
                                  "phot_g_mean_flux_over_error",
                                  "phot_rp_mean_mag"};
-    const rx_reference_params par = {
-        .name = "gaia", .type = "AUTO", .coords = "AUTO", .photometry = "AUTO", .flux_zeropoint = NAN};
+    const rx_reference_params par = {.name = "gaia", .flux_zeropoint = NAN};
     for (int i = 0; i < 4; i++) { /* the second pair: a tile without a date */
         const int k = i % 2, dated = i < 2;
         rx_text cards = {0};
@@ -188,42 +181,28 @@ static void surveys_are_known_by_their_columns(void **state)
 {
     (void)state;
     static const struct {
-        const char *type, *band, *filter, *names[6];
+        const char *band, *filter, *names[6];
         double mag; /* NAN: refused */
     } cases[] = {
-        {"AUTO",
-         "",
+        {"",
          "FILTER  = 'i DECam SDSS c0003'",
          {"RA", "DEC", "MAG_AUTO_R", "MAG_AUTO_I", "MAGERR_AUTO_R", "MAGERR_AUTO_I"},
          20.5},
-        {"AUTO", "", "", {"RA", "DEC", "MAG_AUTO_R", "MAG_AUTO_I", "MAGERR_AUTO_R", "MAGERR_AUTO_I"}, 20.0},
-        {"AUTO",
-         "g",
+        {"", "", {"RA", "DEC", "MAG_AUTO_R", "MAG_AUTO_I", "MAGERR_AUTO_R", "MAGERR_AUTO_I"}, 20.0},
+        {"g",
          "FILTER  = 'r'",
          {"raMean", "decMean", "rMeanPSFMag", "gMeanPSFMag", "rMeanPSFMagErr", "gMeanPSFMagErr"},
          20.5},
-        {"AUTO",
-         "",
-         "FILTER  = 'g'",
-         {"ra", "dec", "psfMag_r", "psfMag_g", "psfMagErr_r", "psfMagErr_g"},
-         20.5},
-        {"AUTO", "", "FILTER  = 'r'", {"RA_ICRS", "DE_ICRS", "umag", "rmag", "e_umag", "e_rmag"}, 20.5},
-        {"AUTO", "", "FILTER  = 'N662'", {"RA_ICRS", "DE_ICRS", "rmag", "umag", "e_rmag", "e_umag"}, 20.0},
-        {"AUTO", "BP", "", {"RA_ICRS", "DE_ICRS", "Gmag", "BPmag", "e_Gmag", "e_BPmag"}, 20.5},
-        {"AUTO", "", "FILTER  = 'i'", {"RAJ2000", "DEJ2000", "ymag", "imag", "e_ymag", "e_imag"}, 20.5},
-        {"SDSS", "", "FILTER  = 'g'", {"RA_ICRS", "DE_ICRS", "zmag", "gmag", "e_zmag", "e_gmag"}, 20.5},
-        {"DES", "", "", {"ra", "dec", "psfMag_r", "psfMag_g", "psfMagErr_r", "psfMagErr_g"}, NAN},
-        {"AUTO", "K", "", {"ra", "dec", "psfMag_r", "psfMag_g", "psfMagErr_r", "psfMagErr_g"}, NAN},
-        {"PLAIN", "", "FILTER  = 'g'", {"ra", "dec", "psfMag_r", "psfMag_g", "magerr", "c"}, 20.0},
+        {"", "FILTER  = 'g'", {"ra", "dec", "psfMag_r", "psfMag_g", "psfMagErr_r", "psfMagErr_g"}, 20.5},
+        {"", "FILTER  = 'r'", {"RA_ICRS", "DE_ICRS", "umag", "rmag", "e_umag", "e_rmag"}, 20.5},
+        {"", "FILTER  = 'N662'", {"RA_ICRS", "DE_ICRS", "rmag", "umag", "e_rmag", "e_umag"}, 20.0},
+        {"BP", "", {"RA_ICRS", "DE_ICRS", "Gmag", "BPmag", "e_Gmag", "e_BPmag"}, 20.5},
+        {"", "FILTER  = 'i'", {"RAJ2000", "DEJ2000", "ymag", "imag", "e_ymag", "e_imag"}, 20.5},
+        {"K", "", {"ra", "dec", "psfMag_r", "psfMag_g", "psfMagErr_r", "psfMagErr_g"}, NAN},
     };
     const double row[] = {150.0, 2.0, 20.0, 20.5, 0.01, 0.02};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        const rx_reference_params par = {.name = "ref",
-                                         .type = cases[i].type,
-                                         .band = cases[i].band,
-                                         .coords = "AUTO",
-                                         .photometry = "AUTO",
-                                         .flux_zeropoint = NAN};
+        const rx_reference_params par = {.name = "ref", .band = cases[i].band, .flux_zeropoint = NAN};
         char filter[80] = "";
         snprintf(filter, sizeof filter - 1, "%s", cases[i].filter);
         rx_text cards = {0};
@@ -257,13 +236,8 @@ static void colours_shift_magnitudes(void **state)
     const char *const names[] = {"raMean",      "decMean",        "rMeanPSFMag",
                                  "gMeanPSFMag", "rMeanPSFMagErr", "gMeanPSFMagErr"};
     const char *const term[] = {"0.2", "g", "rMeanPSFMag"}, *const absent[] = {"0.2", "g", "i"};
-    rx_reference_params par = {.name = "ref",
-                               .coords = "AUTO",
-                               .photometry = "AUTO",
-                               .flux_zeropoint = NAN,
-                               .ncolour = 3,
-                               .colour = term,
-                               .colour_term = 0.2};
+    rx_reference_params par = {
+        .name = "ref", .flux_zeropoint = NAN, .ncolour = 3, .colour = term, .colour_term = 0.2};
     rx_text cards = {0};
     rx_tile tile = sky_tile(150.0, 2.0, "\0", &cards);
     rx_table *table = table_of(6, names, 2, rows);
