@@ -1,4 +1,4 @@
-/* Every catalogue type: bytes of the text ones, what readers get back, what astropy and xmllint say. */
+/* Every catalogue type: bytes of the text ones, what readers get back; what other programs make of them: tests/formats.sh. */
 #include "../near.h"
 #include "scene.h"
 
@@ -169,30 +169,6 @@ static void no_source_is_a_catalogue_too(void **state)
     }
 }
 
-static void standard_output_takes_text_only(void **state)
-{
-    (void)state;
-    scene s;
-    begin(&s, 1, 0);
-    rx_error err = RX_ERROR_NONE;
-    FILE *out = tmpfile();
-    assert_non_null(out);
-    const rx_catalog text = catalog_of(RX_CATALOG_ASCII, s.tables, 1);
-    const rx_catalog fits = catalog_of(RX_CATALOG_FITS_LDAC, s.tables, 1);
-    const rx_catalog nothing = catalog_of(RX_CATALOG_NONE, s.tables, 1);
-    assert_int_equal(rx_catalog_write(&text, "STDOUT", NULL, out, NULL), RX_OK);
-    assert_true(ftell(out) > 100);
-    assert_int_equal(rx_catalog_write(&fits, "STDOUT", NULL, out, &err), RX_USAGE);
-    assert_int_equal(rx_catalog_write(&nothing, "any", NULL, NULL, &err), RX_OK);
-    fclose(out);
-    FILE *full = fopen("/dev/full", "w");
-    if (full != NULL) {
-        assert_int_equal(rx_catalog_write(&text, "STDOUT", NULL, full, &err), RX_SYSTEM);
-        fclose(full);
-    }
-    end(&s);
-}
-
 static void a_decimal_comma_changes_nothing(void **state)
 {
     char text_of[81];
@@ -239,86 +215,6 @@ static void a_decimal_comma_changes_nothing(void **state)
     end(&s);
 }
 
-/* All columns of columns.def, as astropy and xmllint see them. */
-static const char script[] =
-    "import sys, warnings\n"
-    "try:\n"
-    "    import numpy as np\n"
-    "    from astropy.io import fits\n"
-    "    from astropy.io.votable import parse\n"
-    "    from astropy import units\n"
-    "except ImportError:\n"
-    "    sys.exit(77)\n"
-    "warnings.simplefilter('error')\n"
-    "folder = sys.argv[1]\n"
-    "vo = list(parse(folder + '/all.vot', verify='exception').iter_tables())\n"
-    "assert len(vo) == 2\n"
-    "with fits.open(folder + '/all.fits', checksum=True) as f, fits.open(folder + '/all.ldac') as l:\n"
-    "    f.verify('exception'); l.verify('exception')\n"
-    "    assert [h.name for h in l][1:] == 2 * ['LDAC_IMHEAD', 'LDAC_OBJECTS'], l.info()\n"
-    "    for k in (0, 1):\n"
-    "        t, v, d = f[k + 1].data, vo[k].array, l[2 * k + 2].data\n"
-    "        assert len(t) == len(v) == len(d) == 3 - k and len(t.columns) == len(v.dtype.names)\n"
-    "        for c in t.columns:\n"
-    "            if c.unit: units.Unit(c.unit)\n"
-    "            a, b = np.asarray(t[c.name]), np.ma.filled(v[c.name], np.nan if v[c.name].dtype.kind == 'f' "
-    "else 0)\n"
-    "            assert np.array_equal(a, np.asarray(b).reshape(a.shape), equal_nan=a.dtype.kind == 'f'), "
-    "c.name\n"
-    "            assert np.array_equal(a, d[c.name], equal_nan=a.dtype.kind == 'f'), c.name\n"
-    "    p = {x.name: x.value for x in vo[0].params}\n"
-    "    assert p == {'RXREST': 'NONE'} and not vo[1].params, p\n"
-    "    for x in vo[0].fields:\n"
-    "        assert x.ucd and x.description and not isinstance(x.unit, units.UnrecognizedUnit), x\n";
-
-static void astropy_reads_all_columns(void **state)
-{
-    (void)state;
-    if (access("/usr/bin/python3", X_OK) != 0) {
-        print_message("python3 is not installed\n");
-        skip();
-    }
-    static const struct {
-        rx_catalog_type type;
-        const char *name;
-    } files[] = {{RX_CATALOG_VOTABLE, "all.vot"},
-                 {RX_CATALOG_FITS_1_0, "all.fits"},
-                 {RX_CATALOG_FITS_LDAC, "all.ldac"}};
-    int n;
-    rx_text names = {0};
-    rx_table *tables[2];
-    const rx_column_def *defs = rx_column_defs(&n);
-    for (int i = 0; i < n; i++)
-        rx_text_printf(&names, "%s%s\n", defs[i].name,
-                       defs[i].naxis == 2                      ? "(3,2)"
-                       : strstr(defs[i].name, "_APER") != NULL ? "(3)"
-                                                               : "");
-    for (int i = 0; i < 2; i++) {
-        rx_sources *sources = scene_sources(3 - i);
-        sources->list[0].fwhm = NAN;
-        tables[i] = scene_table(names.data, sources);
-        rx_sources_free(sources);
-    }
-    rx_text facts = {0};
-    rx_card_text(&facts, "RXREST", "NONE", "restorer");
-    tables[0]->facts = facts.data;
-    tables[0]->nfacts = 1;
-    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        assert_int_equal(write_all(files[i].type, files[i].name, tables, 2, NULL), RX_OK);
-    }
-    write_text("check.py", script);
-    int status = system("/usr/bin/python3 check.py .");
-    assert_int_equal(system("! command -v xmllint >/dev/null || xmllint --noout --nonet all.vot"), 0);
-    rx_table_free(tables[0]);
-    rx_table_free(tables[1]);
-    rx_text_free(&names);
-    if (WEXITSTATUS(status) == 77) {
-        print_message("astropy is not installed\n");
-        skip();
-    }
-    assert_int_equal(status, 0);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -326,9 +222,7 @@ int main(void)
         cmocka_unit_test(skycat_has_its_frame),
         cmocka_unit_test(what_is_written_reads_back),
         cmocka_unit_test(no_source_is_a_catalogue_too),
-        cmocka_unit_test(standard_output_takes_text_only),
         cmocka_unit_test(a_decimal_comma_changes_nothing),
-        cmocka_unit_test(astropy_reads_all_columns),
     };
     return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }
