@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "catalog/catalog.h"
-#include "config/config.h"
+#include "config/config_fields.h"
 #include "data/facts.h"
 #include "data/flags.h"
 

@@ -130,9 +130,10 @@ static bool is_bare(const rx_keytable *table, int argc, char *const *argv, int a
 static rx_status check_keyword(const rx_keytable *table, const char *word, rx_error *err)
 {
     char name[80];
+    rx_found found;
     const size_t length = strcspn(word + 1, "=");
     snprintf(name, sizeof name, "%.*s", (int)length, word + 1);
-    RX_TRY(rx_keyword_known(table, name, (rx_place){0}, err));
+    RX_TRY(rx_keyword_look_up(table, name, (rx_place){0}, &found, err));
     if (word[1 + length] == '=')
         return rx_error_set(err, RX_USAGE, "%.200s: keyword and value are two words; give -%s %.200s", word,
                             name, word + 2 + length);

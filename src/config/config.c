@@ -1,6 +1,4 @@
 /* The typed faces of the settings of each program. */
-#include "config/config.h"
-
 #include "config/config_fields.h"
 
 /* rx_settings is the first member of each of these structs, so that a pointer to one is a pointer to the
@@ -32,18 +30,3 @@ NEW_AND_FREE(rx_campaign_config, rx_keytable_validate)
 NEW_AND_FREE(rx_train_config, rx_keytable_train)
 COPY(rx_config)
 COPY(rx_simulate_config)
-
-rx_status rx_config_read(rx_config *config, const char *path, rx_log *log, rx_error *err)
-{
-    return rx_settings_read(&config->settings, path, log, err);
-}
-
-rx_status rx_config_set(rx_config *config, const char *name, const char *value, rx_log *log, rx_error *err)
-{
-    return rx_settings_set(&config->settings, name, value, log, err);
-}
-
-bool rx_config_states(const rx_config *config, const char *name)
-{
-    return rx_settings_states(&config->settings, name);
-}

@@ -6,6 +6,9 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/point.h"
+#include "config/tokens.h"
+
 enum { MAX_NAMES = 512 };
 
 int rx_keyword_find(const rx_keytable *table, const char *name)
@@ -38,7 +41,8 @@ bool rx_keyword_among(const char *const *names, const char *name)
     return false;
 }
 
-int rx_keyword_part(const rx_keytable *table, const char **name)
+/* The part that a prefixed name is for, *name then behind the prefix; -1 when it is for the table itself. */
+static int take_prefix(const rx_keytable *table, const char **name)
 {
     for (int part = 0; part < RX_PARTS && table->part[part].prefix != NULL; part++) {
         size_t length = strlen(table->part[part].prefix);
@@ -131,20 +135,47 @@ rx_status rx_keyword_refuse(rx_place place, rx_error *err, const char *format, .
                               : rx_error_set(err, RX_USAGE, "-%s", text);
 }
 
-rx_status rx_keyword_refuse_gone(const rx_gone *gone, const char *name, rx_place place, rx_error *err)
+static rx_status refuse_gone(const rx_gone *gone, const char *name, rx_place place, rx_error *err)
 {
     return rx_keyword_refuse(place, err, "%.80s is no longer a keyword; %s", name, gone->instead);
 }
 
-rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
+rx_status rx_keyword_look_up(const rx_keytable *table, const char *name, rx_place place, rx_found *dst,
+                             rx_error *err)
 {
     const char *rest = name;
-    const int part = rx_keyword_part(table, &rest);
-    const rx_keytable *owner = part < 0 ? table : table->part[part].table();
-    if (rx_keyword_find(owner, rest) >= 0)
-        return RX_OK;
-    const rx_gone *gone = rx_keyword_gone(owner, rest, NULL);
-    if (gone == NULL)
-        return unknown_keyword(table, name, place, err);
-    return gone->initial != NULL ? RX_OK : rx_keyword_refuse_gone(gone, name, place, err);
+    dst->part = take_prefix(table, &rest);
+    const rx_keytable *owner = dst->part < 0 ? table : table->part[dst->part].table();
+    dst->row = rx_keyword_find(owner, rest);
+    dst->gone = dst->row < 0 ? rx_keyword_gone(owner, rest, NULL) : NULL;
+    return dst->row >= 0                ? RX_OK
+           : dst->gone == NULL          ? unknown_keyword(table, name, place, err)
+           : dst->gone->initial != NULL ? RX_OK
+                                        : refuse_gone(dst->gone, name, place, err);
+}
+
+/* The same items, numbers by their value? */
+static bool is_same_value(char *const *items, int n, char *const *others, int nothers)
+{
+    bool same = n == nothers;
+    for (int i = 0; i < n && same; i++) {
+        char *end[2];
+        const double value = rx_point_number(items[i], &end[0]), other = rx_point_number(others[i], &end[1]);
+        same = strcasecmp(items[i], others[i]) == 0 ||
+               (*end[0] == '\0' && *end[1] == '\0' && end[0] != items[i] && value == other);
+    }
+    return same;
+}
+
+rx_status rx_keyword_check_gone(const rx_gone *gone, const char *name, char *const *values, int n,
+                                rx_place place, rx_error *err)
+{
+    rx_tokens initial = {0};
+    rx_status status = rx_tokens_read(gone->initial, &initial, err);
+    const bool none =
+        initial.n == 0 && n == 1 && (values[0][0] == '\0' || strcasecmp(values[0], "NONE") == 0);
+    if (status == RX_OK && !none && !is_same_value(values, n, initial.v, initial.n))
+        status = refuse_gone(gone, name, place, err);
+    rx_tokens_free(&initial);
+    return status;
 }

@@ -93,8 +93,6 @@ struct rx_keytable {
 
 /* The row of a name (case ignored), -1 when unknown. */
 int rx_keyword_find(const rx_keytable *table, const char *name);
-/* The part that a prefixed name is for, *name then behind the prefix; -1 when it is for the table itself. */
-int rx_keyword_part(const rx_keytable *table, const char **name);
 /* A row of gone.def: a keyword that earlier versions had (value NULL), or a word of one. */
 typedef struct rx_gone {
     const char *program, *name, *value;
@@ -113,12 +111,19 @@ typedef struct rx_place {
 /* RX_USAGE at a place; of the command line the text has a dash in front. */
 rx_status rx_keyword_refuse(rx_place place, rx_error *err, const char *format, ...) RX_PRINTF(3, 4);
 
-/* "NAME is no longer a keyword; give ..." */
-rx_status rx_keyword_refuse_gone(const rx_gone *gone, const char *name, rx_place place, rx_error *err);
+/* A name that is in the table or its parts, or was there. */
+typedef struct rx_found {
+    int part;            /* -1: the table's own */
+    int row;             /* of that table; -1: gone, with a default that may still be stated */
+    const rx_gone *gone; /* then */
+} rx_found;
+/* Errors: RX_USAGE, with the nearest name, or with what to use now. */
+rx_status rx_keyword_look_up(const rx_keytable *table, const char *name, rx_place place, rx_found *dst,
+                             rx_error *err);
 
-/* Is `name` in the table or its parts, or was it, with a default that may still be stated? Errors: RX_USAGE, with the
- * nearest name, or with what to use now. */
-rx_status rx_keyword_known(const rx_keytable *table, const char *name, rx_place place, rx_error *err);
+/* A keyword that earlier versions had does no harm at its old default; RX_USAGE for another value. */
+rx_status rx_keyword_check_gone(const rx_gone *gone, const char *name, char *const *values, int n,
+                                rx_place place, rx_error *err);
 
 /* Give the keyword of `row` the n items; on error the old value stays. */
 rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, int n, rx_place place,

@@ -15,6 +15,6 @@ librextract_la_SOURCES += \
 	src/config/tiles.c src/config/tiles.h \
 	src/config/tokens.c src/config/tokens.h
 librextract_la_SOURCES += src/config/arguments.h src/config/campaign.def \
-	src/config/config.h src/config/config_fields.h src/config/gone.def src/config/kernel.h src/config/keys.def src/config/settings.h \
+	src/config/config_fields.h src/config/gone.def src/config/kernel.h src/config/keys.def src/config/settings.h \
 	src/config/simulate.def src/config/survey.def \
 	src/config/train.def

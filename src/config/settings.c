@@ -5,11 +5,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "base/lines.h"
 #include "base/memory.h"
-#include "base/point.h"
 #include "config/keyword.h"
 #include "config/tokens.h"
 
@@ -113,52 +111,23 @@ void rx_settings_free(rx_settings *settings)
     free(settings);
 }
 
-/* The same items, numbers by their value? */
-static bool is_same_value(char *const *items, int n, char *const *others, int nothers)
-{
-    bool same = n == nothers;
-    for (int i = 0; i < n && same; i++) {
-        char *end[2];
-        const double value = rx_point_number(items[i], &end[0]), other = rx_point_number(others[i], &end[1]);
-        same = strcasecmp(items[i], others[i]) == 0 ||
-               (*end[0] == '\0' && *end[1] == '\0' && end[0] != items[i] && value == other);
-    }
-    return same;
-}
-
-/* A keyword that earlier versions had does no harm at its old default. */
-static rx_status check_gone(const rx_gone *gone, const char *name, char *const *values, int n, rx_place place,
-                            rx_error *err)
-{
-    rx_tokens initial = {0};
-    rx_status status = rx_tokens_read(gone->initial, &initial, err);
-    const bool none =
-        initial.n == 0 && n == 1 && (values[0][0] == '\0' || strcasecmp(values[0], "NONE") == 0);
-    if (status == RX_OK && !none && !is_same_value(values, n, initial.v, initial.n))
-        status = rx_keyword_refuse_gone(gone, name, place, err);
-    rx_tokens_free(&initial);
-    return status;
-}
-
-/* A name: the settings and the row that it is for; of one that is gone, row -1 and the row of gone.def. */
-typedef struct found {
+/* The settings and the row that a name is for; of a keyword that is gone, row -1 and the row of gone.def. */
+typedef struct target {
     rx_settings *owner;
     int row;
     const rx_gone *gone;
-} found;
+} target;
 
-static rx_status find(rx_settings *settings, const char *name, rx_place place, found *dst, rx_error *err)
+static rx_status find(rx_settings *settings, const char *name, rx_place place, target *dst, rx_error *err)
 {
-    const char *rest = name;
-    const int part = rx_keyword_part(settings->table, &rest);
-    dst->owner = part < 0 ? settings : settings->part[part];
-    dst->row = rx_keyword_find(dst->owner->table, rest);
-    dst->gone = dst->row < 0 ? rx_keyword_gone(dst->owner->table, rest, NULL) : NULL;
-    return rx_keyword_known(settings->table, name, place, err);
+    rx_found found;
+    RX_TRY(rx_keyword_look_up(settings->table, name, place, &found, err));
+    *dst = (target){found.part < 0 ? settings : settings->part[found.part], found.row, found.gone};
+    return RX_OK;
 }
 
 /* Does the file give the value that the keyword has anyway? *value: what it was. */
-static rx_status repeats(const found *at, const rx_text *value, bool *dst, rx_error *err)
+static rx_status repeats(const target *at, const rx_text *value, bool *dst, rx_error *err)
 {
     rx_text now = {0};
     rx_keyword_print(&now, at->owner, at->row, true);
@@ -174,7 +143,7 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
 {
     rx_tokens items = {0};
     rx_text before = {0};
-    found at;
+    target at;
     bool same = false;
     rx_status status = rx_tokens_read(line, &items, err);
     if (status == RX_USAGE)
@@ -184,7 +153,7 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
     RX_TRY_EXIT(find(settings, items.v[0], place, &at, err));
     if (at.gone != NULL) {
         rx_text_printf(old, "%s%s", old->length > 0 ? ", " : "", items.v[0]);
-        RX_TRY_EXIT(check_gone(at.gone, items.v[0], items.v + 1, items.n - 1, place, err));
+        RX_TRY_EXIT(rx_keyword_check_gone(at.gone, items.v[0], items.v + 1, items.n - 1, place, err));
         goto exit;
     }
     rx_keyword_print(&before, at.owner, at.row, true);
@@ -242,12 +211,12 @@ static rx_status give(rx_settings *settings, const char *name, const char *value
                       rx_origin origin, rx_log *log, rx_error *err)
 {
     rx_tokens items = {0};
-    found at;
+    target at;
     RX_TRY(find(settings, name, (rx_place){0}, &at, err));
     whole = whole && at.gone == NULL && at.owner->table->rows[at.row].kind == RX_KIND_STRING;
     rx_status status = whole ? rx_tokens_expand(value, &items, err) : rx_tokens_read(value, &items, err);
     if (status == RX_OK && at.gone != NULL) {
-        status = check_gone(at.gone, name, items.v, items.n, (rx_place){0}, err);
+        status = rx_keyword_check_gone(at.gone, name, items.v, items.n, (rx_place){0}, err);
         if (status == RX_OK && log != NULL)
             rx_log_warning(log, "%s is no longer a keyword, and without effect at its old default", name);
     } else if (status == RX_OK && (status = rx_keyword_assign(at.owner, at.row, items.v, items.n,
@@ -280,11 +249,10 @@ rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_erro
 
 rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)
 {
-    const char *rest = name;
-    int part = rx_keyword_part(settings->table, &rest);
-    const rx_settings *owner = part < 0 ? settings : settings->part[part];
-    int row = rx_keyword_find(owner->table, rest);
-    return row < 0 ? RX_FROM_DEFAULT : owner->origin[row];
+    rx_found found;
+    if (rx_keyword_look_up(settings->table, name, (rx_place){0}, &found, NULL) != RX_OK || found.row < 0)
+        return RX_FROM_DEFAULT;
+    return (found.part < 0 ? settings : settings->part[found.part])->origin[found.row];
 }
 
 bool rx_settings_states(const rx_settings *settings, const char *name)

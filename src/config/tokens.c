@@ -9,10 +9,7 @@
 #include "base/memory.h"
 #include "base/text.h"
 
-static bool is_separator(char c)
-{
-    return c != '\0' && strchr(" \t\r\n\v\f=,;", c) != NULL;
-}
+static const char BLANKS[] = " \t\r\n\v\f", SEPARATORS[] = " \t\r\n\v\f=,;";
 
 static rx_status append(rx_tokens *dst, rx_text *item, rx_error *err)
 {
@@ -56,77 +53,59 @@ static rx_status expand_variable(const char **text, rx_text *item, rx_error *err
     return RX_OK;
 }
 
-/* One item from *line on (no separator, no comment there). */
-static rx_status read_item(const char **line, rx_text *item, rx_error *err)
+/* One item from *line on (no separator, no comment there), up to one of `separators`. Between blanks alone brackets, doubled
+ * quotes and dollars mean nothing. */
+static rx_status read_item(const char **line, const char *separators, rx_text *item, rx_error *err)
 {
+    const bool rich = separators != BLANKS;
     bool quoted = false;
     int depth = 0;
     const char *c = *line;
-    while (*c != '\0' && (quoted || depth > 0 || !is_separator(*c))) {
-        if (*c == '$') {
-            rx_status status = expand_variable(&c, item, err);
-            if (status != RX_OK)
-                return status;
+    while (*c != '\0' && (quoted || depth > 0 || strchr(separators, *c) == NULL)) {
+        if (rich && *c == '$') {
+            RX_TRY(expand_variable(&c, item, err));
             continue;
         }
-        if (*c == '"' && quoted && c[1] == '"') {
+        if (rich && *c == '"' && quoted && c[1] == '"') {
             c++;
         } else if (*c == '"') {
             quoted = !quoted;
             c++;
             continue;
         }
-        if (*c == '[' && !quoted && (depth > 0 || strchr(c, ']') != NULL))
+        if (rich && *c == '[' && !quoted && (depth > 0 || strchr(c, ']') != NULL))
             depth++;
         else if (*c == ']' && !quoted && depth > 0)
             depth--;
         rx_text_add_bytes(item, c++, 1);
     }
     *line = c;
-    if (quoted)
-        return rx_error_set(err, RX_USAGE, "a quote is not closed; add the missing \"");
-    return RX_OK;
+    return quoted ? rx_error_set(err, RX_USAGE, "a quote is not closed; add the missing \"") : RX_OK;
+}
+
+static rx_status cut(const char *line, const char *separators, rx_tokens *dst, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_text item = {0};
+    *dst = (rx_tokens){0};
+    for (line += strspn(line, separators); *line != '\0' && *line != '#' && status == RX_OK;
+         line += strspn(line, separators)) {
+        status = read_item(&line, separators, &item, err);
+        if (status == RX_OK)
+            status = append(dst, &item, err);
+    }
+    rx_text_free(&item);
+    return status;
 }
 
 rx_status rx_tokens_read(const char *line, rx_tokens *dst, rx_error *err)
 {
-    rx_status status = RX_OK;
-    rx_text item = {0};
-    *dst = (rx_tokens){0};
-    for (;;) {
-        while (is_separator(*line))
-            line++;
-        if (*line == '\0' || *line == '#')
-            break;
-        status = read_item(&line, &item, err);
-        if (status == RX_OK)
-            status = append(dst, &item, err);
-        if (status != RX_OK)
-            break;
-    }
-    rx_text_free(&item);
-    return status;
+    return cut(line, SEPARATORS, dst, err);
 }
 
 rx_status rx_tokens_words(const char *line, rx_tokens *dst, rx_error *err)
 {
-    static const char blanks[] = " \t\r\n\v\f";
-    rx_status status = RX_OK;
-    rx_text item = {0};
-    *dst = (rx_tokens){0};
-    for (line += strspn(line, blanks); *line != '\0' && *line != '#' && status == RX_OK;
-         line += strspn(line, blanks)) {
-        bool quoted = false;
-        for (; *line != '\0' && (quoted || strchr(blanks, *line) == NULL); line++)
-            if (*line == '"')
-                quoted = !quoted;
-            else
-                rx_text_add_bytes(&item, line, 1);
-        status = quoted ? rx_error_set(err, RX_USAGE, "a quote is not closed; add the missing \"")
-                        : append(dst, &item, err);
-    }
-    rx_text_free(&item);
-    return status;
+    return cut(line, BLANKS, dst, err);
 }
 
 rx_status rx_tokens_expand(const char *text, rx_tokens *dst, rx_error *err)

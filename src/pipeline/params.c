@@ -97,7 +97,7 @@ rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const ch
     rx_config *config = NULL;
     rx_status status = rx_config_new(&config, err);
     if (status == RX_OK)
-        status = rx_config_set(config, name, value, NULL, err);
+        status = rx_settings_set(&config->settings, name, value, NULL, err);
     if (status != RX_OK) {
         rx_config_free(config);
         return status;

@@ -22,10 +22,11 @@ static rx_status refuse_files(const rx_config *config, rx_error *err)
         const char *key;
         bool set;
         const char *instead;
-    } files[] = {{"WEIGHT_IMAGE", rx_config_states(config, "WEIGHT_IMAGE"), "give the map as an array"},
-                 {"FLAG_IMAGE", rx_config_states(config, "FLAG_IMAGE"), "run rextract on files"},
-                 {"REFERENCE_NAME", config->reference_name[0] != '\0', "run rextract on files"},
-                 {"RECORD_NAME", config->record_name[0] != '\0', "run rextract on files"}};
+    } files[] = {
+        {"WEIGHT_IMAGE", rx_settings_states(&config->settings, "WEIGHT_IMAGE"), "give the map as an array"},
+        {"FLAG_IMAGE", rx_settings_states(&config->settings, "FLAG_IMAGE"), "run rextract on files"},
+        {"REFERENCE_NAME", config->reference_name[0] != '\0', "run rextract on files"},
+        {"RECORD_NAME", config->record_name[0] != '\0', "run rextract on files"}};
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (files[i].set)
             return rx_error_set(err, RX_USAGE, "%s is not for an image in memory; %s", files[i].key,
@@ -41,9 +42,9 @@ static rx_status configure(const rx_job *job, rx_log *log, rx_config **dst, rx_e
     rx_status status = RX_OK;
     RX_TRY(rx_config_new(dst, err));
     if (job->config != NULL)
-        status = rx_config_read(*dst, job->config, log, err);
+        status = rx_settings_read(&(*dst)->settings, job->config, log, err);
     for (int i = 0; i < job->nsettings && status == RX_OK; i++)
-        status = rx_config_set(*dst, job->settings[i].name, job->settings[i].value, log, err);
+        status = rx_settings_set(&(*dst)->settings, job->settings[i].name, job->settings[i].value, log, err);
     if (status == RX_OK)
         status = rx_settings_complete(&(*dst)->settings, log, err);
     return status == RX_OK ? refuse_files(*dst, err) : status;

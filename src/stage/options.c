@@ -160,7 +160,8 @@ static void tile_options(const rx_config *cfg, rx_options *dst)
     for (int role = 0; role < 2; role++) {
         rx_tile_params *tile = &dst->tile[role];
         tile->nthreads = dst->pipeline.nthreads;
-        tile->own_maps = tile->weight_type == RX_WEIGHT_NONE && !rx_config_states(cfg, "WEIGHT_TYPE");
+        tile->own_maps =
+            tile->weight_type == RX_WEIGHT_NONE && !rx_settings_states(&cfg->settings, "WEIGHT_TYPE");
         if (tile->weight_type > RX_WEIGHT_BACKGROUND && weights->n > 0)
             tile->weight_name = weights->v[role < weights->n ? role : weights->n - 1];
     }
@@ -323,9 +324,9 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
                                             : rx_threads_had(cfg->nthreads, log));
     surface_brightness(cfg, &cfg->detect_thresh, &detect->threshold, &detect->absolute);
     surface_brightness(cfg, &cfg->analysis_thresh, &detect->analysis_threshold, &detect->analysis_absolute);
-    pipeline->seeing_stated = rx_config_states(cfg, "SEEING_FWHM");
-    pipeline->stated_scale = rx_config_states(cfg, "PIXEL_SCALE") ? cfg->pixel_scale : 0.0;
-    dst->model_set = rx_config_states(cfg, "NET_MODEL");
+    pipeline->seeing_stated = rx_settings_states(&cfg->settings, "SEEING_FWHM");
+    pipeline->stated_scale = rx_settings_states(&cfg->settings, "PIXEL_SCALE") ? cfg->pixel_scale : 0.0;
+    dst->model_set = rx_settings_states(&cfg->settings, "NET_MODEL");
     for (int i = 0; i < cfg->restore_type.n; i++)
         dst->restorers[dst->nrestorers++] = rx_restorer_find(cfg->restore_type.v[i]);
     /* readers of tables go by the name: they will not open a text that is called cat.fits */

@@ -7,7 +7,7 @@
 #include "catalog/assoc.h"
 #include "catalog/catalog.h"
 #include "check/params.h"
-#include "config/config.h"
+#include "config/config_fields.h"
 #include "config/idle.h"
 #include "config/kernel.h"
 #include "io/tile.h"

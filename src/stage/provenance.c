@@ -28,7 +28,7 @@ static void add_keyword(void *user, const char *name, const char *value, const c
         if (strcmp(name, apart[i]) == 0)
             return;
     rx_record_add(k->record, name, help, "%s", value);
-    if (rx_config_states(k->config, name))
+    if (rx_settings_states(&k->config->settings, name))
         rx_text_printf(&k->set, "%s%s", k->set.length > 0 ? " " : "", name);
 }
 

@@ -20,7 +20,8 @@
 
 #include "base/error.h"
 #include "base/hash.h"
-#include "config/config.h"
+#include "base/text.h"
+#include "config/config_fields.h"
 #include "data/record.h"
 #include "stage/options.h"
 

@@ -555,10 +555,10 @@ static rx_status read_stage_config(const job *job, rx_config **dst, rx_error *er
     rx_status status;
     RX_TRY_EXIT(rx_config_new(&stage, err));
     if (config->inject_config[0] != '\0')
-        RX_TRY_EXIT(rx_config_read(stage, config->inject_config, job->log, err));
+        RX_TRY_EXIT(rx_settings_read(&stage->settings, config->inject_config, job->log, err));
     if (strcmp(config->psf_type, "AUTO") == 0)
-        RX_TRY_EXIT(rx_config_set(stage, "PSF_TYPE", "AUTO", job->log, err));
-    RX_TRY_EXIT(rx_config_set(stage, "NTHREADS", threads, job->log, err));
+        RX_TRY_EXIT(rx_settings_set(&stage->settings, "PSF_TYPE", "AUTO", job->log, err));
+    RX_TRY_EXIT(rx_settings_set(&stage->settings, "NTHREADS", threads, job->log, err));
     RX_TRY_EXIT(rx_settings_check(&stage->settings, err));
     RX_TRY_EXIT(
         rx_settings_check_inputs(&config->settings, (const rx_settings *)stage, config->inject_image, err));

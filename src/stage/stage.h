@@ -6,7 +6,7 @@
 
 #include "base/error.h"
 #include "base/log.h"
-#include "config/config.h"
+#include "config/config_fields.h"
 
 /* Run everything `config` asks for on `image` ("tile.fits" or "detect.fits,measure.fits").
  * A catalogue named STDOUT goes to `standard_out`. `facts` (NULL, or empty) gets what was found out, as far

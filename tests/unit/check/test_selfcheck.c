@@ -784,9 +784,9 @@ static rx_status run_stage(const char *image, const setting *settings, rx_error 
                                      {"SELF_CHECK_GALAXIES", "0.5"},
                                      {NULL, NULL}};
     for (const setting *s = common; s->name != NULL; s++)
-        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
     for (const setting *s = settings; s->name != NULL; s++)
-        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
     rx_status status = rx_stage_run(config, image, stdout, NULL, NULL, err);
     rx_config_free(config);
     return status;

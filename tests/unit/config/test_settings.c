@@ -78,7 +78,7 @@ static void syntax_follows_sextractor(void **state)
     assert_true(c->detect_thresh.v[0] == 4.0); /* the last one wins */
     assert_int_equal(rx_settings_was_set((const rx_settings *)c, "DETECT_THRESH"), RX_FROM_FILE);
     assert_int_equal(rx_settings_was_set((const rx_settings *)c, "ANALYSIS_THRESH"), RX_FROM_DEFAULT);
-    assert_int_equal(rx_config_set(c, "detect_thresh", "5", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(&c->settings, "detect_thresh", "5", NULL, &err), RX_OK);
     assert_int_equal(rx_settings_was_set((const rx_settings *)c, "DETECT_THRESH"), RX_FROM_COMMAND);
     rx_config_free(c);
 }
@@ -99,7 +99,7 @@ static void environment_is_expanded(void **state)
     assert_string_equal(c->checkimage_name.v[0], "xx");
     assert_string_equal(c->checkimage_name.v[1], "a$b");
     assert_string_equal(c->checkimage_name.v[2], "x c");
-    assert_int_equal(rx_config_set(c, "CATALOG_NAME", "$RX_TEST_X y.cat", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(&c->settings, "CATALOG_NAME", "$RX_TEST_X y.cat", NULL, &err), RX_OK);
     assert_string_equal(c->catalog_name, "x y.cat");
     assert_int_equal(read_text(state, &c->settings, "\nCATALOG_NAME $RX_TEST_UNSET/a.cat\n", &err), RX_USAGE);
     assert_int_equal(err.line, 2);
@@ -179,15 +179,16 @@ static void command_line_values_are_strict(void **state)
     (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_config *c = defaults();
-    assert_int_equal(rx_config_set(c, "DETECT_MINAREA", "5 6", NULL, &err), RX_USAGE);
+    assert_int_equal(rx_settings_set(&c->settings, "DETECT_MINAREA", "5 6", NULL, &err), RX_USAGE);
     assert_string_equal(err.text, "-DETECT_MINAREA: has 2 items, takes at most 1");
-    assert_int_equal(rx_config_set(c, "DETECT_MINARREA", "5", NULL, &err), RX_USAGE);
+    assert_int_equal(rx_settings_set(&c->settings, "DETECT_MINARREA", "5", NULL, &err), RX_USAGE);
     assert_string_equal(err.text, "unknown keyword '-DETECT_MINARREA'; did you mean -DETECT_MINAREA?");
-    assert_int_equal(rx_config_set(c, "REFERENCE_NAME", "ref.fits[1][MAG < 22, x]", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(&c->settings, "REFERENCE_NAME", "ref.fits[1][MAG < 22, x]", NULL, &err),
+                     RX_OK);
     assert_string_equal(c->reference_name, "ref.fits[1][MAG < 22, x]");
-    assert_int_equal(rx_config_set(c, "REFERENCE_NAME", "none", NULL, &err), RX_OK);
+    assert_int_equal(rx_settings_set(&c->settings, "REFERENCE_NAME", "none", NULL, &err), RX_OK);
     assert_string_equal(c->reference_name, "");
-    assert_int_equal(rx_config_set(c, "CATALOG_NAME", "", NULL, &err), RX_USAGE);
+    assert_int_equal(rx_settings_set(&c->settings, "CATALOG_NAME", "", NULL, &err), RX_USAGE);
     rx_config_free(c);
     rx_campaign_config *campaigns = campaign();
     assert_int_equal(rx_settings_set(&campaigns->settings, "SIM.SEED", "x", NULL, &err), RX_USAGE);
@@ -205,7 +206,7 @@ static void logged(void **state, const char *text, rx_status expected, char *dst
     const char *path = put(state, "test.conf", text);
     *err = RX_ERROR_NONE;
     rx_log_init(&log, "t", stream, RX_NORMAL);
-    if (rx_config_read(c, path, &log, err) != RX_OK)
+    if (rx_settings_read(&c->settings, path, &log, err) != RX_OK)
         fail_msg("%s", err->text);
     const rx_status status = rx_settings_check(&c->settings, err);
     assert_int_equal(status, expected);
@@ -613,7 +614,7 @@ static void copies_are_equal_and_independent(void **state)
     rx_config *stage = NULL; /* a part alone keeps its prefix */
     assert_int_equal(rx_config_copy(c->stage, &stage, &err), RX_OK);
     assert_int_equal(stage->flag_image.n, 3);
-    assert_int_equal(rx_config_set(stage, "SEED", "x", NULL, &err), RX_USAGE);
+    assert_int_equal(rx_settings_set(&stage->settings, "SEED", "x", NULL, &err), RX_USAGE);
     assert_string_equal(err.text, "-STAGE.SEED: 'x' is not a number");
     rx_config_free(stage);
     rx_settings_free(copy);

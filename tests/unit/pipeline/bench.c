@@ -20,9 +20,9 @@ void bench_open(bench *dst, const setting *settings)
     *dst = (bench){0};
     assert_int_equal(rx_config_new(&dst->config, NULL), RX_OK);
     for (const setting *s = common; s->name != NULL; s++)
-        assert_int_equal(rx_config_set(dst->config, s->name, s->value, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&dst->config->settings, s->name, s->value, NULL, NULL), RX_OK);
     for (const setting *s = settings; s != NULL && s->name != NULL; s++)
-        assert_int_equal(rx_config_set(dst->config, s->name, s->value, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&dst->config->settings, s->name, s->value, NULL, NULL), RX_OK);
     assert_int_equal(rx_options_from_config(dst->config, NULL, &dst->options, NULL), RX_OK);
 }
 

@@ -2,7 +2,7 @@
 #ifndef RX_TESTS_BENCH_H
 #define RX_TESTS_BENCH_H
 
-#include "config/config.h"
+#include "config/config_fields.h"
 #include "pipeline/field.h"
 #include "stage/options.h"
 

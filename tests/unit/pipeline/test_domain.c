@@ -861,7 +861,7 @@ static rx_status run_stage(const char *fwhm, const char *out_of_domain, rx_error
     fclose(file);
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
     for (const setting *s = settings; s->name != NULL; s++)
-        if (rx_config_set(config, s->name, s->value, NULL, err) != RX_OK)
+        if (rx_settings_set(&config->settings, s->name, s->value, NULL, err) != RX_OK)
             fail_msg("%s: %s", s->name, err->text);
     rx_status status = rx_stage_run(config, "tile.fits", stdout, NULL, NULL, err);
     rx_config_free(config);

@@ -24,7 +24,7 @@ static rx_options *options_with(const char *name, const char *value)
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
     if (name != NULL)
-        assert_int_equal(rx_config_set(config, name, value, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, name, value, NULL, NULL), RX_OK);
     if (rx_options_from_config(config, NULL, &options, &err) != RX_OK)
         fail_msg("%s %s: %s", name, value, err.text);
     /* names in options belong to the configuration: only numbers are looked at here */
@@ -55,8 +55,9 @@ static void every_restorer_of_the_table_is_a_word(void **state)
         rx_config *config = NULL;
         rx_options *options = NULL;
         assert_int_equal(rx_config_new(&config, NULL), RX_OK);
-        assert_int_equal(rx_config_set(config, "NET_MODEL", path, NULL, NULL), RX_OK);
-        assert_int_equal(rx_config_set(config, "RESTORE_TYPE", kinds[i].name, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, "NET_MODEL", path, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", kinds[i].name, NULL, NULL),
+                         RX_OK);
         assert_int_equal(rx_options_from_config(config, NULL, &options, NULL), RX_OK);
         assert_int_equal(options->nrestorers, 1);
         assert_ptr_equal(options->restorers[0], &kinds[i]);
@@ -78,12 +79,14 @@ static void a_model_is_looked_for_here_and_among_installed_data(void **state)
     rx_options *options = NULL;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
-    assert_int_equal(rx_config_set(config, "RESTORE_TYPE", "NET", NULL, NULL), RX_OK);
-    assert_int_equal(rx_config_set(config, "NET_MODEL", "no-such-model.fits", NULL, NULL), RX_OK);
+    assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", "NET", NULL, NULL), RX_OK);
+    assert_int_equal(rx_settings_set(&config->settings, "NET_MODEL", "no-such-model.fits", NULL, NULL),
+                     RX_OK);
     assert_int_equal(rx_options_from_config(config, NULL, &options, &err), RX_INPUT);
     assert_string_equal(err.where, "no-such-model.fits");
     assert_non_null(strstr(err.text, RX_DATA_FOLDER));
-    assert_int_equal(rx_config_set(config, "NET_MODEL", "./no-such-model.fits", NULL, NULL), RX_OK);
+    assert_int_equal(rx_settings_set(&config->settings, "NET_MODEL", "./no-such-model.fits", NULL, NULL),
+                     RX_OK);
     err = RX_ERROR_NONE;
     assert_int_equal(rx_options_from_config(config, NULL, &options, &err), RX_INPUT);
     assert_null(strstr(err.text, RX_DATA_FOLDER));
@@ -183,7 +186,7 @@ static void gates_need_a_reference(void **state)
     rx_options *options = NULL;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
-    assert_int_equal(rx_config_set(config, "QA_GATES", "gates.qa", NULL, NULL), RX_OK);
+    assert_int_equal(rx_settings_set(&config->settings, "QA_GATES", "gates.qa", NULL, NULL), RX_OK);
     assert_int_equal(rx_options_from_config(config, NULL, &options, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "REFERENCE_NAME"));
     rx_config_free(config);

@@ -26,7 +26,7 @@ static void the_run_is_recorded_without_threads(void **state)
     rx_config *config = NULL;
     rx_record record = {0};
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
-    assert_int_equal(rx_config_set(config, "DETECT_THRESH", "2.25", NULL, NULL), RX_OK);
+    assert_int_equal(rx_settings_set(&config->settings, "DETECT_THRESH", "2.25", NULL, NULL), RX_OK);
     rx_record_run(&record, config, "tile.fits");
     assert_false(record.failed);
     assert_string_equal(find(&record, "DETECT_THRESH"), "2.25");

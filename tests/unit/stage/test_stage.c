@@ -20,7 +20,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "catalog/catalog.h"
-#include "config/config.h"
+#include "config/config_fields.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 #include "stage/stage.h"
@@ -57,9 +57,9 @@ static rx_status run_stage(const char *image, const setting *settings, rx_error 
     write_text("columns.param", columns_text);
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
     for (const setting *s = common; s->name != NULL; s++)
-        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
     for (const setting *s = settings; s->name != NULL; s++)
-        assert_int_equal(rx_config_set(config, s->name, s->value, NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
     rx_status status = rx_stage_run(config, image, stdout, NULL, NULL, err);
     rx_config_free(config);
     return status;
