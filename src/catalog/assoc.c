@@ -27,40 +27,25 @@ typedef struct matcher {
 
 rx_status rx_assoc_read(const char *path, rx_assoc **dst, rx_error *err)
 {
-    rx_table *table = NULL;
-    rx_assoc *list = NULL;
-    long columns = 0;
-    rx_status status = RX_OK;
-    RX_TRY(rx_catalog_read(path, 0, &table, err));
-    for (int i = 0; i < table->ncolumns && columns <= RX_ASSOC_COLUMNS; i++)
-        columns += rx_column_elements(&table->columns[i]);
-    if (columns > RX_ASSOC_COLUMNS)
-        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
-                                "has more than %d columns, too many for an ASSOC list", RX_ASSOC_COLUMNS));
-    list = RX_NEW(rx_assoc, 1);
-    if (list != NULL) {
-        list->path = rx_strdup(path);
-        list->rows = table->nrows;
-        list->columns = (int)columns;
-        list->values = rx_alloc((size_t)table->nrows, (size_t)columns * sizeof(double));
-    }
-    if (list == NULL || list->path == NULL || list->values == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)table->nrows * (size_t)columns * sizeof(double)));
-    double *value = list->values;
-    for (long row = 0; row < table->nrows; row++)
-        for (int i = 0; i < table->ncolumns; i++)
-            for (long e = 0; e < rx_column_elements(&table->columns[i]); e++)
-                *value++ = rx_column_value(&table->columns[i], row, e);
-    for (int i = 0, n = 0; i < table->ncolumns; i++)
-        for (long e = 0; e < rx_column_elements(&table->columns[i]); e++)
-            list->of[n++] = i;
-    list->table = table;
-    table = NULL;
+    rx_assoc *list;
+    rx_status status;
+    RX_TRY(RX_MAKE(list, 1, err));
+    RX_TRY_EXIT(rx_catalog_read(path, 0, &list->table, err));
+    if ((list->path = rx_strdup(path)) == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, strlen(path)));
+    for (int i = 0; i < list->table->ncolumns; i++)
+        for (long e = 0; e < rx_column_elements(&list->table->columns[i]); e++) {
+            if (list->columns == RX_ASSOC_COLUMNS)
+                RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
+                                        "has more than %d columns, too many for an ASSOC list",
+                                        RX_ASSOC_COLUMNS));
+            list->of[list->columns] = i;
+            list->element[list->columns++] = e;
+        }
     *dst = list;
     list = NULL;
 exit:
     rx_assoc_free(list);
-    rx_table_free(table);
     return status;
 }
 
@@ -69,26 +54,27 @@ void rx_assoc_free(rx_assoc *list)
     if (list == NULL)
         return;
     free(list->path);
-    free(list->values);
     rx_table_free(list->table);
     free(list);
+}
+
+static double value_of(const rx_assoc *list, long row, int column)
+{
+    return rx_column_value(&list->table->columns[list->of[column]], row, list->element[column]);
 }
 
 rx_status rx_assoc_check(const rx_assoc_params *par, const rx_assoc *list, rx_error *err)
 {
     const int wanted[3] = {par->x, par->y, par->weight};
-    rx_status status = RX_OK;
-    if (list->rows == 0) /* an empty list has no columns to check against */
+    if (list->table->nrows == 0) /* an empty list has no columns to check against */
         return RX_OK;
-    for (int i = 0; i < 3 && status == RX_OK; i++)
-        if (i == 2 && wanted[i] == 0)
-            continue;
-        else if (wanted[i] < 1 || wanted[i] > list->columns)
-            status = rx_error_at(err, RX_USAGE, list->path, -1, 0,
-                                 "has %d columns, ASSOC_PARAMS asks for number %d", list->columns, wanted[i]);
-        else
-            status = rx_catalog_need_numbers(list->path, list->table, list->of[wanted[i] - 1], err);
-    return status;
+    for (int i = 0; i < (par->weight != 0 ? 3 : 2); i++) {
+        if (wanted[i] < 1 || wanted[i] > list->columns)
+            return rx_error_at(err, RX_USAGE, list->path, -1, 0,
+                               "has %d columns, ASSOC_PARAMS asks for number %d", list->columns, wanted[i]);
+        RX_TRY(rx_catalog_need_numbers(list->path, list->table, list->of[wanted[i] - 1], err));
+    }
+    return RX_OK;
 }
 
 /* Columns to copy: those of ASSOC_DATA that the list has, or all when it names none of them. */
@@ -96,7 +82,7 @@ static void choose_data(matcher *m, rx_log *log)
 {
     const rx_assoc_params *par = m->par;
     for (int i = 0; i < par->ndata; i++) {
-        if (par->data[i] > m->list->columns && m->list->rows > 0)
+        if (par->data[i] > m->list->columns && m->list->table->nrows > 0)
             rx_log_warning(log, "%s has %d columns; number %d of ASSOC_DATA is left out", m->list->path,
                            m->list->columns, par->data[i]);
         else if (par->data[i] > 0)
@@ -107,7 +93,7 @@ static void choose_data(matcher *m, rx_log *log)
     m->ndata = m->ndata > 0 ? m->ndata : m->list->columns;
     for (int i = 0; i < m->ndata; i++) {
         const rx_column *column =
-            m->list->rows > 0 ? &m->list->table->columns[m->list->of[m->data[i]]] : NULL;
+            m->list->table->nrows > 0 ? &m->list->table->columns[m->list->of[m->data[i]]] : NULL;
         if (column != NULL && column->type == RX_CELL_TEXT)
             rx_log_warning(log, "%s: column %d holds words; VECTOR_ASSOC has NaN for it", m->list->path,
                            m->data[i] + 1);
@@ -127,23 +113,21 @@ static rx_status make_entries(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_er
 {
     const rx_assoc *list = m->list;
     long without = 0;
-    RX_TRY(RX_MAKE(m->entries, (size_t)list->rows, err));
-    for (long row = 0; row < list->rows; row++) {
-        const double *values = list->values + row * list->columns;
-        entry e = {values[m->par->x - 1] - 1, values[m->par->y - 1] - 1, 0, row};
-        if (m->par->world) {
-            double alpha = values[m->par->x - 1], delta = values[m->par->y - 1];
-            rx_wcs_to_pixel(wcs, 1, &alpha, &delta, &e.x, &e.y);
-        }
+    RX_TRY(RX_MAKE(m->entries, (size_t)list->table->nrows, err));
+    for (long row = 0; row < list->table->nrows; row++) {
+        const double x = value_of(list, row, m->par->x - 1), y = value_of(list, row, m->par->y - 1);
+        entry e = {x - 1, y - 1, 0, row};
+        if (m->par->world)
+            rx_wcs_to_pixel(wcs, 1, &x, &y, &e.x, &e.y);
         if (m->par->weight > 0)
-            e.weight = values[m->par->weight - 1];
-        without += !isfinite(values[m->par->x - 1]) || !isfinite(values[m->par->y - 1]);
+            e.weight = value_of(list, row, m->par->weight - 1);
+        without += !isfinite(x) || !isfinite(y);
         if (isfinite(e.x) && isfinite(e.y)) /* the sky's other side has no pixels */
             m->entries[m->n++] = e;
     }
     if (without > 0)
         rx_log_warning(log, "%s: %ld of %ld entries have no position and are left out", list->path, without,
-                       list->rows);
+                       list->table->nrows);
     qsort(m->entries, (size_t)m->n, sizeof(entry), by_y);
     return RX_OK;
 }
@@ -151,7 +135,6 @@ static rx_status make_entries(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_er
 static rx_status prepare(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_error *err)
 {
     const rx_assoc_params *par = m->par;
-    rx_status status = RX_OK;
     if (par->world && wcs == NULL)
         return rx_error_set(
             err, RX_INPUT,
@@ -163,10 +146,10 @@ static rx_status prepare(matcher *m, struct rx_wcs *wcs, rx_log *log, rx_error *
         m->type = RX_ASSOC_FIRST;
     }
     choose_data(m, log);
-    if (m->list->rows == 0)
+    if (m->list->table->nrows == 0)
         return RX_OK;
-    status = rx_assoc_check(par, m->list, err);
-    return status != RX_OK ? status : make_entries(m, wcs, log, err);
+    RX_TRY(rx_assoc_check(par, m->list, err));
+    return make_entries(m, wcs, log, err);
 }
 
 static double flux_of(double mag)
@@ -174,17 +157,19 @@ static double flux_of(double mag)
     return fabs(mag) < 99 ? pow(10, -0.4 * mag) : 0;
 }
 
-static void copy(const matcher *m, const double *values, double *dst)
+static void copy(const matcher *m, long row, double *dst)
 {
     for (int i = 0; i < m->ndata; i++)
-        dst[i] = values[m->data[i]];
+        dst[i] = value_of(m->list, row, m->data[i]);
 }
 
 /* dst += weight * values, or their fluxes. */
-static void add(const matcher *m, const double *values, double weight, double *dst)
+static void add(const matcher *m, long row, double weight, double *dst)
 {
-    for (int i = 0; i < m->ndata; i++)
-        dst[i] += m->type == RX_ASSOC_MAG_SUM ? flux_of(values[m->data[i]]) : weight * values[m->data[i]];
+    for (int i = 0; i < m->ndata; i++) {
+        const double value = value_of(m->list, row, m->data[i]);
+        dst[i] += m->type == RX_ASSOC_MAG_SUM ? flux_of(value) : weight * value;
+    }
 }
 
 /* First entry whose y is above the limit. */
@@ -208,13 +193,12 @@ static int match_one(const matcher *m, double x, double y, double *dst)
     int count = 0;
     for (long i = first_above(m, y - radius); i < m->n && m->entries[i].y < y + radius; i++) {
         const entry *e = &m->entries[i];
-        const double *values = m->list->values + e->row * m->list->columns;
         double dx = e->x - x, dy = e->y - y, distance = dx * dx + dy * dy;
         if (!(distance < radius * radius))
             continue;
         count++;
         if (m->type == RX_ASSOC_FIRST) {
-            copy(m, values, dst);
+            copy(m, e->row, dst);
             return 1;
         }
         double rank = m->type == RX_ASSOC_NEAREST ? distance
@@ -225,10 +209,10 @@ static int match_one(const matcher *m, double x, double y, double *dst)
                                                      : 1;
         if (m->type == RX_ASSOC_NEAREST || m->type == RX_ASSOC_MIN || m->type == RX_ASSOC_MAX) {
             if (rank < best)
-                copy(m, values, dst);
+                copy(m, e->row, dst);
             best = rank < best ? rank : best;
         } else {
-            add(m, values, weight, dst);
+            add(m, e->row, weight, dst);
             sum += weight;
         }
     }
@@ -248,12 +232,11 @@ static int match_one(const matcher *m, double x, double y, double *dst)
 
 static rx_status select_sources(const matcher *m, rx_sources *sources, rx_error *err)
 {
-    unsigned char *keep = RX_NEW(unsigned char, (size_t)sources->n);
-    if (keep == NULL)
-        return rx_error_memory(err, (size_t)sources->n);
+    unsigned char *keep;
+    RX_TRY(RX_MAKE(keep, (size_t)sources->n, err));
     for (int i = 0; i < sources->n; i++)
         keep[i] = (sources->list[i].number_assoc > 0) == (m->par->select == RX_ASSOC_MATCHED);
-    rx_status status = rx_sources_select(sources, keep, err);
+    const rx_status status = rx_sources_select(sources, keep, err);
     free(keep);
     return status;
 }
@@ -265,9 +248,7 @@ rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struc
     double *values = NULL;
     rx_status status;
     RX_TRY_EXIT(prepare(&m, wcs, log, err));
-    values = rx_alloc((size_t)sources->n, (size_t)m.ndata * sizeof(double));
-    if (values == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)sources->n * (size_t)m.ndata * sizeof(double)));
+    RX_TRY_EXIT(RX_MAKE(values, (size_t)sources->n * (size_t)m.ndata, err));
     for (int i = 0; i < sources->n; i++) {
         rx_source *s = &sources->list[i];
         s->number_assoc = match_one(&m, s->x, s->y, values + (size_t)i * (size_t)m.ndata);

@@ -37,14 +37,13 @@ typedef struct rx_assoc_params {
     rx_assoc_select select; /* ASSOCSELEC_TYPE */
 } rx_assoc_params;
 
-/* A table of numbers; cells of text are NAN. */
+/* A table as columns of numbers; cells of text are NAN. */
 typedef struct rx_assoc {
     char *path;
-    long rows;
-    int columns;
-    double *values; /* [rows][columns] */
     rx_table *table;
-    int of[RX_ASSOC_COLUMNS]; /* the table's column that each comes from */
+    int columns;
+    int of[RX_ASSOC_COLUMNS];       /* the table's column that each comes from, */
+    long element[RX_ASSOC_COLUMNS]; /* and the element of its cells */
 } rx_assoc;
 
 /* Any file that rx_catalog_read() reads; vector columns count once an element. No rows is fine.

@@ -130,7 +130,7 @@ static bool is_bare(const rx_keytable *table, int argc, char *const *argv, int a
 static rx_status check_keyword(const rx_keytable *table, const char *word, rx_error *err)
 {
     char name[80];
-    rx_found found;
+    rx_named found;
     const size_t length = strcspn(word + 1, "=");
     snprintf(name, sizeof name, "%.*s", (int)length, word + 1);
     RX_TRY(rx_keyword_look_up(table, name, (rx_place){0}, &found, err));

@@ -140,7 +140,7 @@ static rx_status refuse_gone(const rx_gone *gone, const char *name, rx_place pla
     return rx_keyword_refuse(place, err, "%.80s is no longer a keyword; %s", name, gone->instead);
 }
 
-rx_status rx_keyword_look_up(const rx_keytable *table, const char *name, rx_place place, rx_found *dst,
+rx_status rx_keyword_look_up(const rx_keytable *table, const char *name, rx_place place, rx_named *dst,
                              rx_error *err)
 {
     const char *rest = name;

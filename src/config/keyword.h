@@ -112,13 +112,13 @@ typedef struct rx_place {
 rx_status rx_keyword_refuse(rx_place place, rx_error *err, const char *format, ...) RX_PRINTF(3, 4);
 
 /* A name that is in the table or its parts, or was there. */
-typedef struct rx_found {
+typedef struct rx_named {
     int part;            /* -1: the table's own */
     int row;             /* of that table; -1: gone, with a default that may still be stated */
     const rx_gone *gone; /* then */
-} rx_found;
+} rx_named;
 /* Errors: RX_USAGE, with the nearest name, or with what to use now. */
-rx_status rx_keyword_look_up(const rx_keytable *table, const char *name, rx_place place, rx_found *dst,
+rx_status rx_keyword_look_up(const rx_keytable *table, const char *name, rx_place place, rx_named *dst,
                              rx_error *err);
 
 /* A keyword that earlier versions had does no harm at its old default; RX_USAGE for another value. */

@@ -120,7 +120,7 @@ typedef struct target {
 
 static rx_status find(rx_settings *settings, const char *name, rx_place place, target *dst, rx_error *err)
 {
-    rx_found found;
+    rx_named found;
     RX_TRY(rx_keyword_look_up(settings->table, name, place, &found, err));
     *dst = (target){found.part < 0 ? settings : settings->part[found.part], found.row, found.gone};
     return RX_OK;
@@ -249,7 +249,7 @@ rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_erro
 
 rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)
 {
-    rx_found found;
+    rx_named found;
     if (rx_keyword_look_up(settings->table, name, (rx_place){0}, &found, NULL) != RX_OK || found.row < 0)
         return RX_FROM_DEFAULT;
     return (found.part < 0 ? settings : settings->part[found.part])->origin[found.row];

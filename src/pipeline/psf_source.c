@@ -137,7 +137,7 @@ static rx_status mark_stars(const rx_pipeline_params *params, const rx_image *im
         matched += sources->list[i].number_assoc > 0;
     if (status == RX_OK)
         rx_log_info(log, "%s[%d]: PSF_STARS_NAME %s: %d of %d sources are among its %ld stars", image->name,
-                    image->hdu, file, matched, sources->n, list->rows);
+                    image->hdu, file, matched, sources->n, list->table->nrows);
     rx_assoc_free(list);
     return status;
 }

@@ -168,7 +168,7 @@ static void empty_lists_and_empty_catalogues(void **state)
     rx_sources *sources = scene_sources(2), *nothing = scene_sources(0);
     rx_assoc_params par = params(RX_ASSOC_SUM);
     par.select = RX_ASSOC_MATCHED;
-    assert_int_equal(empty->rows, 0);
+    assert_int_equal(empty->table->nrows, 0);
     assert_int_equal(rx_assoc_match(&par, list, NULL, NULL, nothing, NULL), RX_OK);
     assert_int_equal(rx_assoc_match(&par, empty, NULL, NULL, sources, NULL), RX_OK);
     assert_int_equal(sources->n, 0);
