@@ -259,30 +259,6 @@ static void what_is_no_catalogue(void **state)
     }
 }
 
-static void other_ways_to_fail(void **state)
-{
-    (void)state;
-    rx_table other, *table = &other;
-    rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_catalog_read("/nowhere/reference.cat", 0, &table, &err), RX_INPUT);
-    assert_null(table);
-    assert_int_equal(rx_catalog_read("/nowhere/reference.fits[1]", 0, &table, &err), RX_INPUT);
-    assert_int_equal(rx_catalog_read("/", 0, &table, &err), RX_INPUT);
-    assert_int_equal(read_text("1 2\n", 1, &table, &err), RX_INPUT);
-    assert_int_equal(read_text("SIMPLE  =                    T / and no more\n", 0, &table, &err), RX_INPUT);
-    rx_text text = {0};
-    for (int i = 0; i < 5000; i++)
-        rx_text_add(&text, "1 ");
-    assert_int_equal(read_text(text.data, 0, &table, &err), RX_INPUT);
-    text.length = 0;
-    for (int i = 0; i < 5000; i++)
-        rx_text_printf(&text, "%s", "x");
-    rx_text_add(&text, "\n1\n1 2\n");
-    assert_int_equal(read_text(text.data, 0, &table, &err), RX_INPUT);
-    assert_null(table);
-    rx_text_free(&text);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -296,7 +272,6 @@ int main(void)
         cmocka_unit_test(binary_streams_cut_short),
         cmocka_unit_test(many_rows_of_a_votable),
         cmocka_unit_test(what_is_no_catalogue),
-        cmocka_unit_test(other_ways_to_fail),
     };
     return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }

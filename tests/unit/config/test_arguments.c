@@ -59,14 +59,11 @@ static void actions_are_told_apart(void **state)
         {"rextract -FLAGS 19", RX_ACTION_FLAGS},
         {"rextract -flags", RX_ACTION_FLAGS},
         {"rextract-validate HELP", RX_ACTION_HELP},
-        {"rextract-simulate -version", RX_ACTION_VERSION},
         {"rextract a.fits -h", RX_ACTION_HELP},
         {"rextract-simulate", RX_ACTION_NONE},
-        {"rextract-simulate -d", RX_ACTION_DUMP},
         {"rextract-simulate -SEED 3 -dd", RX_ACTION_DUMP_ALL},
         {"rextract-simulate -v", RX_ACTION_VERSION},
         {"rextract-validate", RX_ACTION_NONE},
-        {"rextract-validate a.conf --help", RX_ACTION_HELP},
         {"rextract-validate -dd", RX_ACTION_DUMP_ALL},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -86,9 +83,7 @@ static void images_and_keywords_come_in_any_order(void **state)
         const char *line, *image;
     } cases[] = {
         {"rextract a.fits -VERBOSE_TYPE QUIET -detect_minarea 9", "a.fits"},
-        {"rextract -VERBOSE_TYPE QUIET a.fits -DETECT_MINAREA 9", "a.fits"},
         {"rextract -DETECT_MINAREA 3 -VERBOSE_TYPE QUIET -DETECT_MINAREA 9 a.fits,b.fits", "a.fits,b.fits"},
-        {"rextract a.fits b.fits -DETECT_MINAREA 9 -VERBOSE_TYPE QUIET", "a.fits,b.fits"},
         {"rextract a.fits -DETECT_MINAREA 9 -VERBOSE_TYPE QUIET b.fits", "a.fits,b.fits"},
         {"rextract a.fits[2][1:5,2:6] -DETECT_MINAREA 9 -VERBOSE_TYPE QUIET", "a.fits[2][1:5,2:6]"},
         {"rextract a.fits[1:5,2:6],b.fits[1:5,2:6] -DETECT_MINAREA 9 -VERBOSE_TYPE QUIET",
@@ -103,41 +98,6 @@ static void images_and_keywords_come_in_any_order(void **state)
         assert_int_equal(arguments.action, RX_ACTION_RUN);
         assert_string_equal(arguments.image, cases[i].image);
         assert_int_equal(config_of(&arguments)->detect_minarea, 9);
-        rx_arguments_free(&arguments);
-    }
-}
-
-static void bad_command_lines_say_why(void **state)
-{
-    static const struct {
-        const char *line, *error;
-    } cases[] = {
-        {"rextract a.fits -DETECT_THRESH", "-DETECT_THRESH has no value"},
-        {"rextract a.fits -c", "-c has no value"},
-        {"rextract a.fits,b.fits,c.fits", "is one image too many"},
-        {"rextract a.fits --DETECT_THRESH 3",
-         "unknown keyword '--DETECT_THRESH'; did you mean -DETECT_THRESH?"},
-        {"rextract-simulate a.fits", "'a.fits' is no option; give -c FILE or -KEYWORD VALUE"},
-        {"rextract --foo", "unknown keyword '--foo'; see rextract -h"},
-        {"rextract a.fits -DETECT_TRESH", "did you mean -DETECT_THRESH?"},
-        {"rextract -RESTORE_TYPE=RL",
-         "-RESTORE_TYPE=RL: keyword and value are two words; give -RESTORE_TYPE RL"},
-        {"rextract a.fits --RESTORE_TYPE=RL", "did you mean -RESTORE_TYPE?"},
-        {"rextract a.fits -", "unknown keyword '-'; see rextract -h"},
-        {"rextract-simulate -dp", "unknown keyword '-dp'; see rextract-simulate -h"},
-        {"rextract-simulate -c absent.conf", "cannot be opened"},
-        {"rextract-validate absent.conf", "cannot be opened"},
-        {"rextract-validate a.conf b.conf", "'b.conf' is one configuration file too many, after 'a.conf'"},
-        {"rextract-validate a.conf -c b.conf", "'b.conf' is one configuration file too many, after 'a.conf'"},
-        {"rextract-validate -SIM.STAR_CONT 3", "did you mean -SIM.STAR_COUNT?"},
-    };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        rx_error err;
-        rx_arguments arguments;
-        rx_log log = quiet(stderr);
-        assert_int_equal(read_line(state, cases[i].line, &arguments, &log, &err), RX_USAGE);
-        if (strstr(err.text, cases[i].error) == NULL)
-            fail_msg("'%s' gives '%s'", cases[i].line, err.text);
         rx_arguments_free(&arguments);
     }
 }
@@ -205,7 +165,6 @@ int main(void)
     const struct CMUnitTest tests[] = {
         IN_FOLDER(actions_are_told_apart),
         IN_FOLDER(images_and_keywords_come_in_any_order),
-        IN_FOLDER(bad_command_lines_say_why),
         IN_FOLDER(files_are_found_and_overridden),
         IN_FOLDER(campaign_files_are_named_either_way),
     };
