@@ -247,47 +247,35 @@ static rx_status first_pass(ascii *in, rx_error *err)
     return RX_OK;
 }
 
-/* Columns from SExtractor's head; a vector reaches to the next number. */
-static rx_status head_columns(ascii *in, rx_table **dst, rx_error *err)
+/* Columns by SExtractor's head, where a vector reaches to the next number, or of one value each, named by the line of names when
+ * it has as many. */
+static rx_status make_columns(ascii *in, rx_table **dst, rx_error *err)
 {
-    const head_line *last = &in->head[in->nhead - 1];
-    if (in->nrows > 0 && in->nvalues < last->number)
-        return rx_error_at(err, RX_INPUT, in->path, -1, 0,
-                           "holds %d values in a line, its head numbers %ld; the head is not of this table",
-                           in->nvalues, last->number);
-    rx_table *table = rx_table_new(in->nhead);
-    if (table == NULL)
-        return rx_error_memory(err, (size_t)in->nhead * sizeof(rx_column));
-    for (int i = 0; i < in->nhead; i++) {
-        rx_column *column = &table->columns[i];
-        long next = i + 1 < in->nhead ? in->head[i + 1].number
-                    : in->nrows > 0   ? in->nvalues + 1
-                                      : last->number + 1;
-        memcpy(column->name, in->head[i].name, sizeof column->name);
-        memcpy(column->unit, in->head[i].unit, sizeof column->unit);
-        column->dim[0] = (int)(next - in->head[i].number);
-        column->ndim = column->dim[0] > 1;
-    }
-    *dst = table;
-    return RX_OK;
-}
-
-/* Columns of one value each, named by the line of names when it has as many. */
-static rx_status plain_columns(ascii *in, rx_table **dst, rx_error *err)
-{
-    int named = in->names != NULL ? split(in, in->names, has_comma(in->names)) : 0;
-    int n = in->nrows > 0 ? in->nvalues : named;
+    const int named = in->nhead == 0 && in->names != NULL ? split(in, in->names, has_comma(in->names)) : 0;
+    const int n = in->nhead > 0 ? in->nhead : in->nrows > 0 ? in->nvalues : named;
+    const long last = in->nhead > 0 ? in->head[in->nhead - 1].number : 0;
     if (n == 0 || n > RX_READ_COLUMNS)
         return rx_error_at(
             err, RX_INPUT, in->path, -1, 0,
             "holds no table; FITS, FITS_LDAC, ASCII_HEAD, VOTable and columns of text are read");
+    if (in->nrows > 0 && in->nvalues < last)
+        return rx_error_at(err, RX_INPUT, in->path, -1, 0,
+                           "holds %d values in a line, its head numbers %ld; the head is not of this table",
+                           in->nvalues, last);
     rx_table *table = rx_table_new(n);
     if (table == NULL)
         return rx_error_memory(err, (size_t)n * sizeof(rx_column));
     for (int i = 0; i < n; i++) {
         rx_column *column = &table->columns[i];
-        token t = in->tokens[i];
-        if (named == n && t.length > 0)
+        const token t = in->tokens[i];
+        const head_line *head = &in->head[i];
+        if (in->nhead > 0) {
+            const long end = i + 1 < n ? head[1].number : (in->nrows > 0 ? in->nvalues : last) + 1;
+            memcpy(column->name, head->name, sizeof column->name);
+            memcpy(column->unit, head->unit, sizeof column->unit);
+            column->dim[0] = (int)(end - head->number);
+            column->ndim = column->dim[0] > 1;
+        } else if (named == n && t.length > 0)
             snprintf(column->name, sizeof column->name, "%.*s", (int)(t.length < 71 ? t.length : 71), t.text);
         else
             snprintf(column->name, sizeof column->name, "col%d", i + 1);
@@ -376,7 +364,7 @@ rx_status rx_ascii_read(const char *path, rx_table **dst, rx_error *err)
         if (in.data[i] == '\n')
             in.data[i] = '\0';
     RX_TRY_EXIT(first_pass(&in, err));
-    RX_TRY_EXIT(in.nhead > 0 ? head_columns(&in, &table, err) : plain_columns(&in, &table, err));
+    RX_TRY_EXIT(make_columns(&in, &table, err));
     RX_TRY_EXIT(allocate(&in, table, err));
     second_pass(&in, table);
     *dst = table;

@@ -217,11 +217,6 @@ static rx_status find(const rx_run_file *file, bool named, place *dst, rx_error 
     return named && dst->real == NULL ? rx_error_memory(err, strlen(file->path)) : RX_OK;
 }
 
-static bool is_one(const struct stat *a, const struct stat *b)
-{
-    return a->st_dev == b->st_dev && a->st_ino == b->st_ino;
-}
-
 /* A device takes the place of nothing, and a catalogue may go to standard output. */
 static bool is_same(const place *a, const place *b)
 {
@@ -229,26 +224,14 @@ static bool is_same(const place *a, const place *b)
         (strcmp(a->file->key, "CATALOG_NAME") == 0 && strcmp(a->file->path, "STDOUT") == 0))
         return false;
     return (b->real != NULL && strcmp(a->real, b->real) == 0) ||
-           (a->there && b->there && is_one(&a->info, &b->info));
+           (a->there && b->there && a->info.st_dev == b->info.st_dev && a->info.st_ino == b->info.st_ino);
 }
 
-/* Does the file, which need not exist, lie in that folder? `deep`: or in one below it? */
-static bool lies_in(const place *file, const place *folder, bool deep)
+/* Does a file, which need not exist, lie in that folder, both by their real names? `deep`: or in one below it? */
+static bool lies_in(const char *file, const char *folder, bool deep)
 {
-    bool found = false;
-    char *slash;
-    struct stat info;
-    const size_t length = strlen(file->real);
-    for (size_t n = length;
-         !found && (n == length || deep) && (slash = memrchr(file->real, '/', n)) != NULL;) {
-        n = (size_t)(slash - file->real);
-        char *const end = n > 0 ? slash : slash + 1, kept = *end;
-        *end = '\0';
-        found = (folder->real != NULL && strcmp(file->real, folder->real) == 0) ||
-                (folder->there && stat(file->real, &info) == 0 && is_one(&info, &folder->info));
-        *end = kept;
-    }
-    return found;
+    const size_t n = strcmp(folder, "/") == 0 ? 0 : strlen(folder);
+    return strncmp(file, folder, n) == 0 && file[n] == '/' && (deep || strchr(file + n + 1, '/') == NULL);
 }
 
 static rx_status refuse_read(const rx_run_file *output, const rx_run_file *input, const char *how,
@@ -267,15 +250,17 @@ static rx_status compare(const place *output, const place *other, rx_error *err)
         return read ? refuse_read(of, with, "as", err)
                     : rx_error_set(err, RX_USAGE, "%s %.200s is also %s; give each output its own name",
                                    of->key, of->shown, with->key);
-    if (folder && other->real != NULL && lies_in(other, output, true))
+    if (folder && other->real != NULL && lies_in(other->real, output->real, true))
         return rx_error_set(
             err, RX_USAGE,
             "%.200s lies in the folder %.200s, which is replaced as a whole (%s); keep it elsewhere",
             with->shown, of->shown, of->key);
-    if (!folder && read && output->there && other->there && S_ISDIR(other->info.st_mode) &&
-        lies_in(output, other, false))
-        return refuse_read(of, with, "from the folder", err);
-    return RX_OK;
+    char *real = !folder && read && output->there && other->there && S_ISDIR(other->info.st_mode)
+                     ? rx_name_real(with->path)
+                     : NULL;
+    const bool from = real != NULL && lies_in(output->real, real, false);
+    free(real);
+    return from ? refuse_read(of, with, "from the folder", err) : RX_OK;
 }
 
 /* The outputs among the files with all of them from `first` on. */

@@ -6,6 +6,7 @@
 #include "catalog/catalog.h"
 #include "config/config_fields.h"
 #include "stage/plan.h"
+#include "survey/replay.h"
 #include "survey/survey.h"
 
 static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
@@ -47,23 +48,13 @@ rx_status rx_program_extract_alone(const rx_settings *settings, const char *imag
     return rx_survey_run(settings, image, stdout, log, err);
 }
 
-int rx_program_extract(const char *name,
-                       rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,
-                                        rx_error *err),
-                       rx_status (*replay)(const rx_settings *settings, const char *path, rx_log *log,
-                                           rx_error *err),
-                       int (*processes)(void), void (*end)(rx_status status), int argc, char **argv)
+rx_program rx_program_extract(void)
 {
-    const rx_program program = {
-        .name = name,
-        .usage = usage,
-        .help = help,
-        .table = rx_keytable_rextract(),
-        .columns = rx_columns_dump,
-        .run = run,
-        .replay = replay,
-        .processes = processes,
-        .end = end,
-    };
-    return rx_program_main(&program, argc, argv);
+    return (rx_program){.name = "rextract",
+                        .usage = usage,
+                        .help = help,
+                        .table = rx_keytable_rextract(),
+                        .columns = rx_columns_dump,
+                        .run = rx_program_extract_alone,
+                        .replay = rx_replay_run};
 }

@@ -8,12 +8,7 @@
 rx_status rx_program_extract_alone(const rx_settings *settings, const char *image, rx_log *log,
                                    rx_error *err);
 
-/* The main function of a program called `name`; the others as in rx_program. */
-int rx_program_extract(const char *name,
-                       rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log,
-                                        rx_error *err),
-                       rx_status (*replay)(const rx_settings *settings, const char *path, rx_log *log,
-                                           rx_error *err),
-                       int (*processes)(void), void (*end)(rx_status status), int argc, char **argv);
+/* The program as one process does it. */
+rx_program rx_program_extract(void);
 
 #endif

@@ -3,7 +3,6 @@
 #include <unistd.h>
 
 #include "programs/extract.h"
-#include "survey/replay.h"
 
 /* Linking MPI would cost every run tens of libraries at its start, so that it lives in a program of its own
  * beside this one, which takes over under mpiexec. */
@@ -22,5 +21,6 @@ int main(int argc, char **argv)
 {
     if (rx_program_launched(NULL) > 1)
         hand_over(argv); /* returns where there is none: rx_program_main() says so */
-    return rx_program_extract("rextract", rx_program_extract_alone, rx_replay_run, NULL, NULL, argc, argv);
+    const rx_program program = rx_program_extract();
+    return rx_program_main(&program, argc, argv);
 }

@@ -43,7 +43,12 @@ static rx_status replay(const rx_settings *settings, const char *path, rx_log *l
 int main(int argc, char **argv)
 {
     rx_error err = RX_ERROR_NONE;
+    rx_program program = rx_program_extract();
+    program.run = run;
+    program.replay = replay;
+    program.processes = rx_par_processes;
+    program.end = rx_par_end;
     if (rx_par_begin(&argc, &argv, &err) != RX_OK)
-        return rx_program_fail("rextract", &err);
-    return rx_program_extract("rextract", run, replay, rx_par_processes, rx_par_end, argc, argv);
+        return rx_program_fail(program.name, &err);
+    return rx_program_main(&program, argc, argv);
 }
