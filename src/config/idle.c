@@ -10,16 +10,11 @@
 enum { NO_ROW = -1, COLUMN = -2 };
 static const char NOT[] = "no ";
 
-static const void *field_of(const rx_settings *settings, int row)
-{
-    return (const char *)settings + settings->table->rows[row].offset;
-}
-
 /* Does the keyword have this item? Without a word: is it on, that is, not empty, NONE, N or 0? */
 static bool has_item(const rx_settings *settings, int row, const char *word)
 {
     const rx_kind kind = settings->table->rows[row].kind;
-    const void *field = field_of(settings, row);
+    const void *field = (const char *)settings + settings->table->rows[row].offset;
     for (int i = 0; i < rx_keyword_count(kind, field); i++) {
         rx_kind is;
         const void *item = rx_keyword_item(kind, field, i, &is);
@@ -125,10 +120,12 @@ static void explain(const rx_idle *idle, const rx_settings *settings, const rx_s
                            where, key->help);
     } else if (!why->failed && settings->prefix[0] == '\0' && origin > RX_FROM_DUMP &&
                (condition = unmet(idle, settings, row, origin == RX_FROM_COMMAND, &length)) != NULL) {
-        const bool not = strncmp(condition, NOT, strlen(NOT)) == 0;
-        const int skip = not ? (int)strlen(NOT) : 0;
-        rx_text_printf(why, "%s %s has no effect %s %.*s", key->name, value.data, not ? "with" : "without",
-                       length - skip, condition + skip);
+        const int skip = strncmp(condition, NOT, strlen(NOT)) == 0 ? (int)strlen(NOT) : 0;
+        if (skip > 0)
+            rx_text_printf(why, "%s %s has no effect with %.*s", key->name, value.data, length - skip,
+                           condition + skip);
+        else
+            rx_text_printf(why, "%s %s has no effect without %.*s", key->name, value.data, length, condition);
     }
     rx_text_free(&value);
     rx_text_free(&initial);

@@ -92,24 +92,6 @@ static rx_status read_real(const target *at, const char *item, double *dst, rx_e
     return RX_OK;
 }
 
-static rx_status read_int(const target *at, const char *item, int *dst, rx_error *err)
-{
-    double value;
-    RX_TRY(read_real(at, item, &value, err));
-    if (value != floor(value))
-        return refuse(at, err, "%.80s is not a whole number", item);
-    *dst = (int)value;
-    return RX_OK;
-}
-
-static rx_status read_bool(const target *at, const char *item, bool *dst, rx_error *err)
-{
-    *dst = strcasecmp(item, "Y") == 0 || strcasecmp(item, "YES") == 0;
-    if (*dst || strcasecmp(item, "N") == 0 || strcasecmp(item, "NO") == 0)
-        return RX_OK;
-    return refuse(at, err, "'%.80s' is not Y or N", item);
-}
-
 static rx_status read_word(const target *at, const char *item, const char **dst, rx_error *err)
 {
     size_t n = 0;
@@ -164,17 +146,24 @@ static rx_status count_items(const target *at, char *const *items, int *n, rx_lo
 /* Item i into the scratch value. */
 static rx_status read_item(const target *at, const char *item, int i, scratch *value, rx_error *err)
 {
+    const bool yes = strcasecmp(item, "Y") == 0 || strcasecmp(item, "YES") == 0;
+    double number = 0;
     switch (layout_of(at->key->kind)->item) {
     case RX_KIND_STRING:
         value->strings.v[i] = rx_strdup(item);
         value->strings.n = i + 1;
         return value->strings.v[i] != NULL ? RX_OK : rx_error_memory(err, strlen(item));
     case RX_KIND_INT:
-        return read_int(at, item, &value->ints.v[i], err);
+        RX_TRY(read_real(at, item, &number, err));
+        value->ints.v[i] = (int)number;
+        return number == floor(number) ? RX_OK : refuse(at, err, "%.80s is not a whole number", item);
     case RX_KIND_REAL:
         return read_real(at, item, &value->reals.v[i], err);
     case RX_KIND_BOOL:
-        return read_bool(at, item, &value->bools.v[i], err);
+        value->bools.v[i] = yes;
+        return yes || strcasecmp(item, "N") == 0 || strcasecmp(item, "NO") == 0
+                   ? RX_OK
+                   : refuse(at, err, "'%.80s' is not Y or N", item);
     case RX_KIND_WORD:
         return read_word(at, item, &value->words.v[i], err);
     default:
@@ -198,18 +187,15 @@ rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, 
         items = empty;
         n = 1;
     }
-    for (int i = 0; i < n; i++) {
+    const layout *l = layout_of(key->kind);
+    for (int i = 0; i < n && status == RX_OK; i++)
         status = items[i][0] == '\0' && key->nmin > 0
                      ? refuse(&at, err, "has an empty value; give one, or remove the keyword")
                      : read_item(&at, items[i], i, &value, err);
-        if (status != RX_OK) {
-            if (layout_of(key->kind)->item == RX_KIND_STRING)
-                for (int j = 0; j < value.strings.n; j++)
-                    free(value.strings.v[j]);
-            return status;
-        }
-    }
-    const layout *l = layout_of(key->kind);
+    for (int i = 0; status != RX_OK && l->item == RX_KIND_STRING && i < value.strings.n; i++)
+        free(value.strings.v[i]);
+    if (status != RX_OK)
+        return status;
     value.ints.n = n;
     rx_keyword_clear(settings, row);
     memcpy((char *)settings + key->offset, (const char *)&value + (l->list ? 0 : l->first), l->field);
@@ -312,38 +298,25 @@ static void print_string(rx_text *dst, const char *value, bool quoted)
         rx_text_add(dst, "\"");
 }
 
-static void print_item(rx_text *dst, rx_kind kind, const void *item, bool quoted)
-{
-    switch (kind) {
-    case RX_KIND_STRING:
-        print_string(dst, *(char *const *)item, quoted);
-        break;
-    case RX_KIND_INT:
-        rx_text_printf(dst, "%d", *(const int *)item);
-        break;
-    case RX_KIND_REAL:
-        print_real(dst, *(const double *)item);
-        break;
-    case RX_KIND_BOOL:
-        rx_text_add(dst, *(const bool *)item ? "Y" : "N");
-        break;
-    default:
-        rx_text_add(dst, *(const char *const *)item);
-        break;
-    }
-}
-
 void rx_keyword_print(rx_text *dst, const rx_settings *settings, int row, bool quoted)
 {
     const rx_keyword *key = &settings->table->rows[row];
     const void *field = (const char *)settings + key->offset;
-    int n = rx_keyword_count(key->kind, field);
     rx_text_add(dst, ""); /* never NULL, even for an empty value */
-    for (int i = 0; i < n; i++) {
-        if (i > 0)
-            rx_text_add(dst, ",");
+    for (int i = 0; i < rx_keyword_count(key->kind, field); i++) {
         rx_kind kind;
         const void *item = rx_keyword_item(key->kind, field, i, &kind);
-        print_item(dst, kind, item, quoted);
+        if (i > 0)
+            rx_text_add(dst, ",");
+        if (kind == RX_KIND_STRING)
+            print_string(dst, *(char *const *)item, quoted);
+        else if (kind == RX_KIND_INT)
+            rx_text_printf(dst, "%d", *(const int *)item);
+        else if (kind == RX_KIND_REAL)
+            print_real(dst, *(const double *)item);
+        else
+            rx_text_add(dst, kind != RX_KIND_BOOL  ? *(const char *const *)item
+                             : *(const bool *)item ? "Y"
+                                                   : "N");
     }
 }

@@ -1,4 +1,5 @@
 /* What one keyword of a program says about another; what a row says of its own value: settings.c. */
+#include <stdio.h>
 #include <string.h>
 
 #include "config/config_fields.h"
@@ -13,51 +14,30 @@ static bool is(const char *word, const char *other)
 
 /* --- rextract --- */
 
-static bool has(const rx_words *list, const char *word)
+rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
 {
-    for (int i = 0; i < list->n; i++)
-        if (is(list->v[i], word))
-            return true;
-    return false;
-}
-
-static rx_status check_restorers(const rx_config *config, rx_error *err)
-{
+    const rx_config *config = (const rx_config *)settings;
+    int images = 0; /* names that check-images need */
+    bool maps = false;
     if (!config->restore_fallback && is(config->out_of_domain, "RL"))
         return REFUSE(RESTORE_FALLBACK,
                       "N forbids what OUT_OF_DOMAIN RL asks for; give OUT_OF_DOMAIN WARN or FAIL");
     if (config->net_block % 4 != 0)
         return REFUSE(NET_BLOCK, "%d is no multiple of 4; give %d", config->net_block,
                       (config->net_block + 2) / 4 * 4);
-    return RX_OK;
-}
-
-static rx_status check_images(const rx_config *config, rx_error *err)
-{
-    const rx_words *checks = &config->checkimage_type;
-    const rx_words *weights = &config->weight_type;
-    int needed = 0;
-    for (int i = 0; i < checks->n; i++)
-        if (!is(checks->v[i], "NONE"))
-            needed = i + 1;
-    if (needed > config->checkimage_name.n)
+    for (int i = 0; i < config->checkimage_type.n; i++)
+        if (!is(config->checkimage_type.v[i], "NONE"))
+            images = i + 1;
+    if (images > config->checkimage_name.n)
         return REFUSE(CHECKIMAGE_NAME,
                       "names %d file(s) for %d check-image(s) of CHECKIMAGE_TYPE; give one each",
-                      config->checkimage_name.n, needed);
-    bool maps = has(weights, "MAP_RMS") || has(weights, "MAP_VAR") || has(weights, "MAP_WEIGHT") ||
-                has(weights, "MAP_IVAR");
+                      config->checkimage_name.n, images);
+    for (int i = 0; i < config->weight_type.n; i++)
+        maps |= strncmp(config->weight_type.v[i], "MAP_", 4) == 0;
     if (maps && config->weight_image.n == 0)
         return REFUSE(WEIGHT_IMAGE, "is empty; name the weight map that WEIGHT_TYPE asks for");
     if (is(config->detect_type, "PHOTO"))
         return REFUSE(DETECT_TYPE, "PHOTO (photographic plates) is not offered; give CCD");
-    return RX_OK;
-}
-
-rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
-{
-    const rx_config *config = (const rx_config *)settings;
-    RX_TRY(check_restorers(config, err));
-    RX_TRY(check_images(config, err));
     if (config->qa_gates[0] != '\0' && config->reference_name[0] == '\0')
         return REFUSE(QA_GATES, "needs a reference catalogue; give REFERENCE_NAME too");
     if (config->reference_columns.n == 1 || config->reference_columns.n == 2)
@@ -73,56 +53,34 @@ rx_status rx_config_relations(const rx_settings *settings, rx_error *err)
 
 /* --- rextract-simulate --- */
 
-static rx_status check_injection(const rx_simulate_config *config, rx_error *err)
+rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
 {
-    bool injects = config->inject_image[0] != '\0';
+    const rx_simulate_config *config = (const rx_simulate_config *)settings;
+    if (config->sky_center.v[1] < -90.0 || config->sky_center.v[1] > 90.0)
+        return REFUSE(SKY_CENTER, "no declination is %g; give one of -90 to 90", config->sky_center.v[1]);
+    const bool injects = config->inject_image[0] != '\0';
     if (is(config->psf_type, "AUTO") && !injects)
         return REFUSE(PSF_TYPE, "AUTO is measured on a real tile; give INJECT_IMAGE, or another PSF_TYPE");
     if (!is(config->psf_type, "MOFFAT") && !is(config->psf_type, "AUTO") && config->psf_name[0] == '\0')
         return REFUSE(PSF_NAME, "is empty; name the file that PSF_TYPE %s reads", config->psf_type);
     if (config->inject_config[0] != '\0' && !injects)
         return REFUSE(INJECT_CONFIG, "is about a real tile; give INJECT_IMAGE too");
-    return RX_OK;
-}
-
-static rx_status check_noise(const rx_simulate_config *config, rx_error *err)
-{
-    if (config->inject_image[0] != '\0') /* the tile's own */
-        return RX_OK;
-    if (is(config->noise_type, "CCD") && config->gain <= 0.0)
+    if (!injects && is(config->noise_type, "CCD") && config->gain <= 0.0)
         return REFUSE(GAIN, "0 e-/ADU is no gain for NOISE_TYPE CCD; give one above 0");
-    if (config->satur_level > 0.0 && config->satur_level <= config->sky_level)
+    if (!injects && config->satur_level > 0.0 && config->satur_level <= config->sky_level)
         return REFUSE(SATUR_LEVEL, "%g is not above SKY_LEVEL, %g: every pixel would be saturated",
                       config->satur_level, config->sky_level);
-    return RX_OK;
-}
-
-static rx_status check_coadd(const rx_simulate_config *config, rx_error *err)
-{
-    bool injects = config->inject_image[0] != '\0';
     if (injects && config->weight_name[0] != '\0')
         return REFUSE(WEIGHT_NAME, "is of simulated fields; a real tile has its own weights");
-    if (is(config->coadd_type, "NONE"))
-        return RX_OK;
-    if (config->settings.prefix[0] != '\0' || injects)
+    const bool coadds = !is(config->coadd_type, "NONE");
+    if (coadds && (settings->prefix[0] != '\0' || injects))
         return REFUSE(COADD_TYPE, "%s is for simulated fields of rextract-simulate alone",
                       config->coadd_type);
-    if (config->coadd_scale != 0.0 && config->coadd_scale < 0.3)
+    if (coadds && config->coadd_scale != 0.0 && config->coadd_scale < 0.3)
         return REFUSE(COADD_SCALE, "%g is too fine; give 0.3 to 1, or 0", config->coadd_scale);
-    if (!is(config->psf_type, "MOFFAT"))
+    if (coadds && !is(config->psf_type, "MOFFAT"))
         return REFUSE(PSF_TYPE, "%s is a PSF on pixels of the image, and frames have others; give MOFFAT",
                       config->psf_type);
-    return RX_OK;
-}
-
-rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
-{
-    const rx_simulate_config *config = (const rx_simulate_config *)settings;
-    if (config->sky_center.v[1] < -90.0 || config->sky_center.v[1] > 90.0)
-        return REFUSE(SKY_CENTER, "no declination is %g; give one of -90 to 90", config->sky_center.v[1]);
-    RX_TRY(check_injection(config, err));
-    RX_TRY(check_noise(config, err));
-    RX_TRY(check_coadd(config, err));
     if (config->template_count > 0.0 && config->template_name[0] == '\0')
         return REFUSE(TEMPLATE_NAME, "is empty; name the cut-outs that TEMPLATE_COUNT asks for");
     return RX_OK;
@@ -132,27 +90,10 @@ rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err)
 
 enum { MAX_SHARDS = 10000 };
 
-/* A whole number of 1 to MAX_SHARDS at *text, which moves behind it; 0 when there is none. */
-static int read_count(const char **text)
-{
-    int value = 0;
-    const char *c = *text;
-    for (; *c >= '0' && *c <= '9' && value <= MAX_SHARDS; c++)
-        value = 10 * value + (*c - '0');
-    *text = c;
-    return value <= MAX_SHARDS ? value : 0;
-}
-
 rx_status rx_campaign_config_shard(const rx_campaign_config *config, int *k, int *n, rx_error *err)
 {
-    const char *text = config->shard;
-    *k = read_count(&text);
-    *n = 0;
-    if (*k > 0 && *text == '/') {
-        text++;
-        *n = read_count(&text);
-    }
-    if (*n < 1 || *text != '\0')
+    char more;
+    if (sscanf(config->shard, "%5d/%5d%c", k, n, &more) != 2 || *k < 1 || *n < 1 || *n > MAX_SHARDS)
         return REFUSE(SHARD, "'%.40s' is not k/n; give for instance 2/3, n at most %d", config->shard,
                       MAX_SHARDS);
     if (*k > *n)
@@ -160,73 +101,56 @@ rx_status rx_campaign_config_shard(const rx_campaign_config *config, int *k, int
     return RX_OK;
 }
 
-static rx_status check_ranges(const rx_campaign_config *config, rx_error *err)
+rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
 {
+    const rx_campaign_config *config = (const rx_campaign_config *)settings;
+    const rx_simulate_config *sim = config->sim;
     const double *mag = config->magnitudes.v;
+    const bool restores = is(config->campaign_type, "RESTORATION");
+    const struct {
+        const char *name;
+        int n;
+    } sizes[] = {{"SCENES_FWHM", config->scenes_fwhm.n},
+                 {"SCENES_SIGMA", config->scenes_sigma.n},
+                 {"TILES", config->tiles.n}};
+    int k, n;
+    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
     if (mag[2] <= 0.0)
         return REFUSE(MAGNITUDES, "the step %g must be above 0", mag[2]);
     if ((mag[1] - mag[0]) / mag[2] > 1000.0)
         return REFUSE(MAGNITUDES, "more than 1000 sets of stars; give a larger step");
-    return RX_OK;
-}
-
-static rx_status check_fields(const rx_campaign_config *config, rx_error *err)
-{
-    bool injects = false;
     for (int i = 0; i < config->fields.n; i++)
-        injects |= is(config->fields.v[i], "INJECTED");
-    return injects && !is(config->campaign_type, "RESTORATION") && config->tile_name[0] == '\0'
-               ? REFUSE(TILE_NAME, "is empty; name the real tile that stars are added to (FIELDS INJECTED)")
-               : RX_OK;
-}
-
-/* What the simulator cannot do as part of a campaign. */
-static rx_status check_campaign_simulator(const rx_campaign_config *config, rx_error *err)
-{
-    const rx_simulate_config *sim = config->sim;
+        if (is(config->fields.v[i], "INJECTED") && !restores && config->tile_name[0] == '\0')
+            return REFUSE(TILE_NAME,
+                          "is empty; name the real tile that stars are added to (FIELDS INJECTED)");
+    /* what the simulator cannot do as part of a campaign */
     if (sim->inject_image[0] != '\0')
         return rx_settings_refuse(&sim->settings, "INJECT_IMAGE", err,
                                   "has no place in a campaign; give FIELDS INJECTED and TILE_NAME");
-    if (is(config->campaign_type, "RESTORATION") && !is(sim->psf_type, "MOFFAT"))
+    if (restores && !is(sim->psf_type, "MOFFAT"))
         return rx_settings_refuse(&sim->settings, "PSF_TYPE", err,
                                   "%s has no FWHM that a RESTORATION campaign could vary; give MOFFAT",
                                   sim->psf_type);
-    return RX_OK;
-}
-
-static rx_status check_small_and_paper(const rx_campaign_config *config, rx_error *err)
-{
-    const struct {
-        const char *name;
-        int n;
-    } sizes[] = {
-        {"SCENES_FWHM", config->scenes_fwhm.n},
-        {"SCENES_SIGMA", config->scenes_sigma.n},
-        {"TILES", config->tiles.n},
-    };
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++)
         if (is(config->size, "PAPER") && sizes[i].n < 2)
             return rx_settings_refuse(
-                &config->settings, sizes[i].name, err,
+                settings, sizes[i].name, err,
                 "has no second number, which SIZE PAPER asks for; give <small>,<paper>");
     return RX_OK;
 }
 
-rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err)
-{
-    const rx_campaign_config *config = (const rx_campaign_config *)settings;
-    int k, n;
-    RX_TRY(rx_campaign_config_shard(config, &k, &n, err));
-    RX_TRY(check_ranges(config, err));
-    RX_TRY(check_fields(config, err));
-    RX_TRY(check_campaign_simulator(config, err));
-    return check_small_and_paper(config, err);
-}
-
 /* --- rextract-train --- */
 
-static rx_status check_training_images(const rx_train_config *config, rx_error *err)
+rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
 {
+    const rx_train_config *config = (const rx_train_config *)settings;
+    const rx_simulate_config *sim = config->sim;
+    for (int i = 0; i < config->kernels.n; i++)
+        if (config->kernels.v[i] % 2 == 0)
+            return REFUSE(KERNELS, "%d is even; give odd numbers", config->kernels.v[i]);
+    if (config->loss_idt + config->loss_rec + config->loss_rec_psf + config->loss_light + config->loss_ffl <=
+        0)
+        return REFUSE(LOSS_IDT, "no term of the loss trains RESTORE; give this one a weight above 0");
     if (config->patch % 4 != 0)
         return REFUSE(PATCH, "%d is no multiple of 4; give %d", config->patch, config->patch / 4 * 4 + 4);
     if (config->field_patches > 16384 / config->patch)
@@ -242,13 +166,6 @@ static rx_status check_training_images(const rx_train_config *config, rx_error *
     if (config->smoothed_noise + config->resampled_noise > 1)
         return REFUSE(RESAMPLED_NOISE, "%g and SMOOTHED_NOISE %g are more than all images; give at most %g",
                       config->resampled_noise, config->smoothed_noise, 1 - config->smoothed_noise);
-    return RX_OK;
-}
-
-/* What makes no training images. */
-static rx_status check_training_scenes(const rx_train_config *config, rx_error *err)
-{
-    const rx_simulate_config *sim = config->sim;
     if (sim->inject_image[0] != '\0')
         return rx_settings_refuse(&sim->settings, "INJECT_IMAGE", err,
                                   "has no place in a training; its images are simulated");
@@ -256,19 +173,6 @@ static rx_status check_training_scenes(const rx_train_config *config, rx_error *
         return rx_settings_refuse(&sim->settings, "STAR_COUNT", err,
                                   "there are no stars, galaxies or templates to train on; give some");
     return RX_OK;
-}
-
-rx_status rx_train_relations(const rx_settings *settings, rx_error *err)
-{
-    const rx_train_config *config = (const rx_train_config *)settings;
-    for (int i = 0; i < config->kernels.n; i++)
-        if (config->kernels.v[i] % 2 == 0)
-            return REFUSE(KERNELS, "%d is even; give odd numbers", config->kernels.v[i]);
-    if (config->loss_idt + config->loss_rec + config->loss_rec_psf + config->loss_light + config->loss_ffl <=
-        0)
-        return REFUSE(LOSS_IDT, "no term of the loss trains RESTORE; give this one a weight above 0");
-    RX_TRY(check_training_images(config, err));
-    return check_training_scenes(config, err);
 }
 
 /* --- rextract-survey --- */

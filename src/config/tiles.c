@@ -20,19 +20,14 @@ static rx_status at_line(const rx_tiles *tiles, long line, rx_status status, rx_
     return status == RX_USAGE ? rx_error_where(err, status, tiles->path, -1, line) : status;
 }
 
-/* "." and ".." would lead a name that holds {tile} to another folder. */
-static rx_status check_name(const rx_tiles *tiles, const rx_listed_tile *tile, rx_error *err)
-{
-    if (tile->words.v[0][0] != '-' && tile->name[0] != '\0' && strcmp(tile->name, ".") != 0 &&
-        strcmp(tile->name, "..") != 0)
-        return RX_OK;
-    return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
-                       "'%.200s' names no file; give the name of an image first", tile->words.v[0]);
-}
-
+/* The words of a line; "." and ".." would lead a name that holds {tile} to another folder. */
 static rx_status check_words(const rx_tiles *tiles, const rx_listed_tile *tile, rx_error *err)
 {
     const rx_tokens *words = &tile->words;
+    if (words->v[0][0] == '-' || tile->name[0] == '\0' || strcmp(tile->name, ".") == 0 ||
+        strcmp(tile->name, "..") == 0)
+        return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
+                           "'%.200s' names no file; give the name of an image first", words->v[0]);
     for (int i = 1; i < words->n; i += 2)
         if (words->v[i][0] != '-' || words->v[i][1] == '\0')
             return rx_error_at(err, RX_USAGE, tiles->path, -1, tile->line,
@@ -59,8 +54,7 @@ static rx_status read_line(rx_tiles *tiles, long number, const char *line, rx_er
     *tile = (rx_listed_tile){.line = number, .words = words};
     words = (rx_tokens){0};
     tile->name = rx_name_stem(tile->words.v[0]);
-    RX_TRY_EXIT(tile->name == NULL ? rx_error_memory(err, 0) : check_name(tiles, tile, err));
-    status = check_words(tiles, tile, err);
+    status = tile->name == NULL ? rx_error_memory(err, 0) : check_words(tiles, tile, err);
 exit:
     rx_tokens_free(&words);
     return status;
