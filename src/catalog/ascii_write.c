@@ -7,7 +7,6 @@
 #include "catalog/cell.h"
 #include "catalog/writers.h"
 #include "data/flags.h"
-#include "io/fits_read.h"
 
 /* `#   5 FLUX_APER              description          [unit]`; a vector takes as many numbers as
  * it has elements. */
@@ -27,18 +26,15 @@ static void add_head(rx_text *dst, const rx_table *table)
 /* Whose work each table is, of its facts. */
 static void add_facts(rx_text *dst, rx_table *const *tables, int n)
 {
-    char key[9] = "", value[512];
+    char name[9], value[512];
     for (int i = 0; i < n; i++)
         for (long k = 0; tables[i]->facts != NULL && k < tables[i]->nfacts; k++) {
-            const char *card = tables[i]->facts + 80 * k;
-            snprintf(key, sizeof key, "%.*s", (int)strcspn(card, "= "), card);
-            if (card[8] != '=' ||
-                !rx_cards_text(tables[i]->facts, tables[i]->nfacts, key, value, sizeof value))
+            if (!rx_table_fact(tables[i], k, name, value))
                 continue;
             rx_text_add(dst, "# ");
             if (n > 1)
                 rx_text_printf(dst, "extension %d: ", i + 1);
-            rx_text_printf(dst, "%s = ", key);
+            rx_text_printf(dst, "%s = ", name);
             rx_printable_add(dst, value);
             rx_text_add(dst, "\n");
         }

@@ -15,6 +15,13 @@ static bool is_fits(rx_catalog_type type)
     return type == RX_CATALOG_FITS_1_0 || type == RX_CATALOG_FITS_LDAC;
 }
 
+bool rx_table_fact(const rx_table *table, long i, char name[9], char value[512])
+{
+    const char *card = table->facts + 80 * i;
+    snprintf(name, 9, "%.*s", (int)strcspn(card, "= "), card);
+    return card[8] == '=' && rx_cards_text(card, table->nfacts - i, name, value, 512);
+}
+
 static const rx_text_format *format_of(rx_catalog_type type)
 {
     return type == RX_CATALOG_VOTABLE ? rx_votable_format() : rx_ascii_format(type);

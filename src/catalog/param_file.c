@@ -5,11 +5,12 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/lines.h"
 #include "base/memory.h"
 #include "catalog/catalog.h"
 #include "catalog/columns.h"
 
-enum { PARAM_FILE_BYTES = 1 << 20, NAMES_SHOWN = 12 };
+enum { NAMES_SHOWN = 12 };
 
 /* Names met in the file that deserve one common warning. */
 typedef struct names {
@@ -147,26 +148,20 @@ static rx_status new_list(int n, rx_column_list **dst, rx_error *err)
 
 rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, rx_error *err)
 {
-    char *data = NULL;
     names left_out = {0}, twice = {0};
+    rx_lines lines = {0};
     rx_column_list *list = NULL;
+    char *line = NULL;
     int n;
+    rx_status status;
     rx_column_defs(&n);
     *dst = NULL;
-    rx_status status = rx_text_read_file(path, PARAM_FILE_BYTES, &data, NULL, err);
-    if (status != RX_OK) { /* a file of the configuration, not data */
-        if (status == RX_INPUT && err != NULL)
-            err->status = RX_USAGE;
-        return status == RX_INPUT ? RX_USAGE : status;
-    }
     RX_TRY_EXIT(new_list(n, &list, err));
-    long number = 1;
-    for (char *text = data, *next; text != NULL; text = next, number++) {
-        next = strchr(text, '\n');
-        if (next != NULL)
-            *next++ = '\0';
-        RX_TRY_EXIT(parse_line(path, number, text, list, &left_out, &twice, err));
-    }
+    RX_TRY_EXIT(rx_lines_open(&lines, path, 0, err));
+    while ((status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
+        RX_TRY_EXIT(parse_line(path, lines.number, line, list, &left_out, &twice, err));
+    if (status != RX_OK)
+        goto exit;
     if (left_out.n > 0 && left_out.text.data != NULL)
         rx_log_warning(log, "%s: columns of SExtractor that are not offered here are left out: %s", path,
                        left_out.text.data);
@@ -178,11 +173,13 @@ rx_status rx_columns_read(const char *path, rx_log *log, rx_column_list **dst, r
     *dst = list;
     list = NULL;
 exit:
+    rx_lines_close(&lines);
     rx_columns_free(list);
     rx_text_free(&left_out.text);
     rx_text_free(&twice.text);
-    free(data);
-    return status;
+    if (status == RX_INPUT && err != NULL) /* a file of the configuration, not data */
+        err->status = RX_USAGE;
+    return status == RX_INPUT ? RX_USAGE : status;
 }
 
 rx_status rx_columns_of(const char *const *names, int n, rx_column_list **dst, rx_error *err)

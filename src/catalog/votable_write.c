@@ -4,7 +4,6 @@
 #include "base/printable.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
-#include "io/fits_read.h"
 
 /* Text and attribute values; what is not printable ASCII (datatype char) becomes '?'. */
 static void add_xml(rx_text *dst, const char *text)
@@ -132,28 +131,16 @@ static void add_param(rx_text *dst, const char *name, const char *value, const c
     }
 }
 
-/* The keywords among the table's own cards. */
-static void add_facts(rx_text *dst, const rx_table *table)
-{
-    for (long i = 0; table->facts != NULL && i < table->nfacts; i++) {
-        const char *card = table->facts + 80 * i;
-        char name[9], value[512];
-        if (card[8] != '=')
-            continue;
-        snprintf(name, sizeof name, "%.8s", card);
-        name[strcspn(name, " ")] = '\0';
-        if (rx_cards_text(card, table->nfacts - i, name, value, sizeof value))
-            add_param(dst, name, value, NULL);
-    }
-}
-
 static void begin_table(rx_text *dst, const rx_catalog *catalog, int i)
 {
     const rx_table *table = catalog->tables[i];
     rx_text_printf(dst, " <TABLE ID=\"table%d\" name=\"", i + 1);
     add_xml(dst, table->name);
     rx_text_printf(dst, "\" nrows=\"%ld\">\n", table->nrows);
-    add_facts(dst, table);
+    char name[9], value[512];
+    for (long k = 0; table->facts != NULL && k < table->nfacts; k++)
+        if (rx_table_fact(table, k, name, value))
+            add_param(dst, name, value, NULL);
     for (int k = 0; k < table->ncolumns; k++)
         add_field(dst, &table->columns[k]);
     rx_text_add(dst, "  <DATA><TABLEDATA>\n");

@@ -13,6 +13,9 @@ typedef struct rx_text_format {
     const char *table_end, *end;
 } rx_text_format;
 
+/* Name and value of the i-th card of a table's own facts; false where it is no keyword's. */
+bool rx_table_fact(const rx_table *table, long i, char name[9], char value[512]);
+
 /* Of any text type but a VOTable. */
 const rx_text_format *rx_ascii_format(rx_catalog_type type);
 const rx_text_format *rx_votable_format(void);
