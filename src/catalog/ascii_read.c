@@ -46,37 +46,26 @@ typedef struct ascii {
     long nrows;
 } ascii;
 
-static bool is_blank(char letter)
-{
-    return letter == ' ' || letter == '\t' || letter == '\r' || letter == '\v' || letter == '\f';
-}
+static const char BLANKS[] = " \t\r\v\f";
 
 static const char *skip_blanks(const char *text)
 {
-    while (is_blank(*text))
-        text++;
-    return text;
+    return text + strspn(text, BLANKS);
 }
 
 /* One cell from *text on, which is left behind it. */
 static token take_token(const char **text, bool commas)
 {
-    const char *begin = *text, *end;
-    token t;
-    if (*begin == '"') {
-        t = (token){begin + 1, strcspn(begin + 1, "\"")};
-        end = t.text + t.length + (t.text[t.length] == '"');
-        while (commas && *end != '\0' && *end != ',')
-            end++;
-    } else {
-        end = begin;
-        while (*end != '\0' && (commas ? *end != ',' : !is_blank(*end)))
-            end++;
-        t = (token){begin, (size_t)(end - begin)};
-        while (t.length > 0 && is_blank(t.text[t.length - 1]))
-            t.length--;
+    const bool quoted = **text == '"';
+    token t = {*text + quoted, strcspn(*text + quoted, quoted ? "\"" : commas ? "," : BLANKS)};
+    *text = t.text + t.length;
+    if (quoted) {
+        *text += **text == '"';
+        *text += commas ? strcspn(*text, ",") : 0;
+        return t;
     }
-    *text = end;
+    while (t.length > 0 && strchr(BLANKS, t.text[t.length - 1]) != NULL)
+        t.length--;
     return t;
 }
 
@@ -151,8 +140,8 @@ static bool parse_head_line(const char *line, long before, head_line *out)
     char *end;
     const char *text = skip_blanks(line + 1);
     out->number = strtol(text, &end, 10);
-    if (end == text || !is_blank(*end) || out->number <= before || out->number > RX_READ_COLUMNS ||
-        (before == 0 && out->number != 1))
+    if (end == text || *end == '\0' || strchr(BLANKS, *end) == NULL || out->number <= before ||
+        out->number > RX_READ_COLUMNS || (before == 0 && out->number != 1))
         return false;
     text = skip_blanks(end);
     size_t n = strcspn(text, " \t\r");

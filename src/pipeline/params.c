@@ -5,27 +5,12 @@
 
 #include "base/threads.h"
 #include "config/config_fields.h"
-#include "config/fill.h"
 #include "config/kernel.h"
 #include "config/settings.h"
 
+#include "config/fill_rows.h"
+
 /* clang-format off */
-#define SECTION(id, title)
-#define KEY RX_FILL_KEY
-#define NOWORDS NULL
-#define TEXT NULL
-#define READS NULL
-#define SEARCHED NULL
-#define SEARCHED_OR_BUILT_IN NULL
-#define SEARCHED_INSTALLED NULL
-#define RANGE NULL
-#define WRITES NULL
-#define WRITES_EACH NULL
-#define FOLDER NULL
-#define WORDLIST(...) NULL
-#define ONCE(...) NULL
-#define W(word, value) value
-#define NEEDS(text) RX_FILL_NOTHING
 #define PIPELINE_WORDS RX_FILL_WORDS
 #define PIPELINE(how, field) RX_FILL(rx_pipeline_params, how, field)
 #define BACKGROUNDS(how, field) PIPELINE(how, background[0].field), PIPELINE(how, background[1].field)

@@ -13,30 +13,15 @@
 #include "base/memory.h"
 #include "base/threads.h"
 #include "config/config_fields.h"
-#include "config/fill.h"
 #include "config/kernel.h"
 #include "stage/checkimages.h"
+
+#include "config/fill_rows.h"
 
 #define COUNT(a) (sizeof(a) / sizeof((a)[0]))
 
 /* The rows of config/keys.def that fill rx_options itself; those of its pipeline: rx_pipeline_fill(). */
 /* clang-format off */
-#define SECTION(id, title)
-#define KEY RX_FILL_KEY
-#define NOWORDS NULL
-#define TEXT NULL
-#define READS NULL
-#define SEARCHED NULL
-#define SEARCHED_OR_BUILT_IN NULL
-#define SEARCHED_INSTALLED NULL
-#define RANGE NULL
-#define WRITES NULL
-#define WRITES_EACH NULL
-#define FOLDER NULL
-#define WORDLIST(...) NULL
-#define ONCE(...) NULL
-#define W(word, value) value
-#define NEEDS(text) RX_FILL_NOTHING
 #define STAGE_WORDS RX_FILL_WORDS
 #define STAGE(how, field) RX_FILL(rx_options, how, field)
 #define TILES(how, field) STAGE(how, tile[0].field), STAGE(how, tile[1].field)

@@ -9,22 +9,12 @@
 
 #include "../near.h"
 #include "base/threads.h"
-#include "config/fill.h"
 #include "config/keyword.h"
 #include "stage/options.h"
 
+#include "config/fill_rows.h"
+
 /* clang-format off */
-#define SECTION(id, title)
-#define KEY RX_FILL_KEY
-#define NOWORDS NULL
-#define TEXT NULL
-#define READS NULL
-#define WRITES NULL
-#define WRITES_EACH NULL
-#define FOLDER NULL
-#define WORDLIST(...) NULL
-#define W(word, value) value
-#define NEEDS(text) RX_FILL_NOTHING
 #define PIPELINE_WORDS RX_FILL_WORDS
 #define PIPELINE(how, field) STAGE(how, pipeline.field)
 #define BACKGROUNDS(how, field) PIPELINE(how, background[0].field), PIPELINE(how, background[1].field)
