@@ -99,17 +99,11 @@ typedef struct rx_gone {
     const char *initial; /* default of the keyword, which changes nothing; NULL: every value is an error */
     const char *instead; /* "give ...": what to use now */
 } rx_gone;
-/* The row of keyword `name` without prefix and word `value`, NULL where there is none. */
-const rx_gone *rx_keyword_gone(const rx_keytable *table, const char *name, const char *value);
-
 /* Where messages about a value say it comes from: file NULL for the command line. */
 typedef struct rx_place {
     const char *file;
     long line;
 } rx_place;
-
-/* RX_USAGE at a place; of the command line the text has a dash in front. */
-rx_status rx_keyword_refuse(rx_place place, rx_error *err, const char *format, ...) RX_PRINTF(3, 4);
 
 /* A name that is in the table or its parts, or was there. */
 typedef struct rx_named {

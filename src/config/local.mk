@@ -7,7 +7,6 @@ librextract_la_SOURCES += \
 	src/config/kernel.c \
 	src/config/keytables.c \
 	src/config/keyword.c src/config/keyword.h \
-	src/config/keyword_value.c \
 	src/config/overwrite.c src/config/overwrite.h \
 	src/config/relations.c \
 	src/config/settings.c \

@@ -1,7 +1,6 @@
 /* Settings as a whole: made, copied, read, overridden, checked, visited. */
 #include "config/settings.h"
 
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -294,21 +293,6 @@ rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const ch
         dst->origin[row] = src->origin[row];
     }
     return status;
-}
-
-rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_error *err, const char *format,
-                             ...)
-{
-    char text[RX_ERROR_TEXT];
-    rx_place place = {0};
-    const int row = rx_keyword_find(settings->table, name);
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    if (row >= 0 && settings->line[row] > 0 && settings->origin[row] != RX_FROM_COMMAND)
-        place = (rx_place){.file = settings->file, .line = settings->line[row]};
-    return rx_keyword_refuse(place, err, "%s%s: %s", settings->prefix, name, text);
 }
 
 /* What a row says of its own value: each word once, <from>,<to>[,<step>] in this order. */
