@@ -12,7 +12,7 @@
 #include "base/point.h"
 #include "config/tokens.h"
 
-enum { MAX_NAMES = 512 };
+enum { MAX_NAMES = 384, MAX_LENGTH = 32 };
 
 /* --- names --- */
 
@@ -69,51 +69,29 @@ const char *rx_keyword_idle(const rx_settings *settings, int row)
                : NULL;
 }
 
-/* The own keyword of the table that is nearest, or NULL. */
-static const char *nearest_row(const rx_keytable *table, const char *name)
-{
-    const char *names[MAX_NAMES];
-    size_t n = 0;
-    for (int row = 0; row < table->nrows && n < MAX_NAMES; row++)
-        if (table->rows[row].kind != RX_KIND_SECTION)
-            names[n++] = table->rows[row].name;
-    return rx_text_nearest(name, names, n);
-}
-
-/* The part whose prefix is nearest to what stands before the dot, -1 where none is; *name moves behind the dot. */
-static int nearest_part(const rx_keytable *table, const char **name)
-{
-    const char *prefixes[RX_PARTS] = {0};
-    char head[16];
-    size_t n = 0, length = strcspn(*name, ".") + 1;
-    if (length >= sizeof head || (*name)[length - 1] != '.')
-        return -1;
-    snprintf(head, sizeof head, "%.*s", (int)length, *name);
-    *name += length;
-    for (; n < RX_PARTS && table->part[n].prefix != NULL; n++)
-        prefixes[n] = table->part[n].prefix;
-    const char *near = rx_text_nearest(head, prefixes, n);
-    int part = (int)n - 1;
-    while (part >= 0 && (near == NULL || prefixes[part] != near))
-        part--;
-    return part;
-}
-
 /* The known name that is nearest, with its prefix; dst empty when nothing is near. */
 static void find_nearest(const rx_keytable *table, const char *name, char *dst, size_t size)
 {
-    const char *rest = name;
-    int part = nearest_part(table, &rest);
-    const char *near = part >= 0 ? nearest_row(table->part[part].table(), rest) : NULL;
-    for (int i = 0; part < 0 && i < RX_PARTS && table->part[i].prefix != NULL; i++)
-        if (rx_keyword_find(table->part[i].table(), name) >= 0) { /* only the prefix is missing */
-            part = i;
-            near = name;
+    char room[MAX_NAMES][MAX_LENGTH];
+    const char *names[MAX_NAMES];
+    size_t n = 0;
+    for (int part = -1; part < RX_PARTS && (part < 0 || table->part[part].prefix != NULL); part++) {
+        const rx_keytable *of = part < 0 ? table : table->part[part].table();
+        for (int row = 0; row < of->nrows && n < MAX_NAMES; row++) {
+            const char *own = of->rows[row].name;
+            if (of->rows[row].kind == RX_KIND_SECTION)
+                continue;
+            snprintf(room[n], MAX_LENGTH, "%s%s", part < 0 ? "" : table->part[part].prefix, own);
+            if (part >= 0 && strcasecmp(own, name) == 0) { /* only the prefix is missing */
+                snprintf(dst, size, "%s", room[n]);
+                return;
+            }
+            names[n] = room[n];
+            n++;
         }
-    const char *prefix = near != NULL ? table->part[part].prefix : "";
-    if (near == NULL)
-        near = nearest_row(table, name);
-    snprintf(dst, size, "%s%s", prefix, near != NULL ? near : "");
+    }
+    const char *near = rx_text_nearest(name, names, n);
+    snprintf(dst, size, "%s", near != NULL ? near : "");
 }
 
 static rx_status unknown_keyword(const rx_keytable *table, const char *name, rx_place place, rx_error *err)
