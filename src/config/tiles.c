@@ -125,8 +125,8 @@ exit:
 typedef enum role { THE_LIST, IMAGE, INPUT, OUTPUT } role;
 
 typedef struct place_taken {
-    size_t at; /* where its name is among the names, then where its real one is among those */
-    const char *name, *real;
+    size_t name, real; /* where it is among the names, and its real one */
+    const char *at;    /* the real one, once all names are there */
     long line;
     role role;
 } place_taken;
@@ -135,67 +135,58 @@ typedef struct place_taken {
  * tile. */
 typedef struct places_taken {
     int n;
-    rx_text names, reals;
-    place_taken *at;
+    rx_text names;
+    place_taken *of;
     long line; /* of the tile whose files are added */
 } places_taken;
 
+enum { RECENT = 64 }; /* the files of the last tiles: what many of them read is looked up once */
+
 static rx_status take(places_taken *taken, const char *name, role role, rx_error *err)
 {
-    RX_TRY(RX_GROW(taken->at, (size_t)taken->n + 1, err));
-    taken->at[taken->n++] = (place_taken){.at = taken->names.length, .line = taken->line, .role = role};
-    rx_text_add_bytes(&taken->names, name, strlen(name) + 1);
-    return taken->names.failed ? rx_error_memory(err, taken->names.length) : RX_OK;
-}
-
-static int by_name(const void *a, const void *b)
-{
-    const place_taken *x = a, *y = b;
-    return strcmp(x->name, y->name);
+    place_taken place = {.name = taken->names.length, .line = taken->line, .role = role};
+    int same = taken->n - 1;
+    while (same >= 0 && strcmp(taken->names.data + taken->of[same].name, name) != 0)
+        same = same > taken->n - RECENT ? same - 1 : -1;
+    if (same >= 0) {
+        place.name = taken->of[same].name;
+        place.real = taken->of[same].real;
+    } else {
+        char *real = rx_name_real(name);
+        rx_text_add_bytes(&taken->names, name, strlen(name) + 1);
+        place.real = taken->names.length;
+        if (real != NULL)
+            rx_text_add_bytes(&taken->names, real, strlen(real) + 1);
+        taken->names.failed |= real == NULL;
+        free(real);
+    }
+    if (taken->names.failed)
+        return rx_error_memory(err, taken->names.length);
+    RX_TRY(RX_GROW(taken->of, (size_t)taken->n + 1, err));
+    taken->of[taken->n++] = place;
+    return RX_OK;
 }
 
 static int by_real_name(const void *a, const void *b)
 {
     const place_taken *x = a, *y = b;
-    const int order = strcmp(x->real, y->real);
+    const int order = strcmp(x->at, y->at);
     return order != 0           ? order
            : x->role != y->role ? (int)x->role - (int)y->role
                                 : (x->line > y->line) - (x->line < y->line);
 }
 
-/* The same file may be named in many ways. What all tiles read is looked up once. */
-static rx_status resolve(places_taken *taken, rx_error *err)
-{
-    for (int i = 0; i < taken->n; i++)
-        taken->at[i].name = taken->names.data + taken->at[i].at;
-    qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_name);
-    for (int i = 0; i < taken->n; i++) {
-        place_taken *at = &taken->at[i];
-        const bool again = i > 0 && strcmp(at->name, at[-1].name) == 0;
-        char *real = again ? NULL : rx_name_real(at->name);
-        at->at = again ? at[-1].at : taken->reals.length;
-        if (real != NULL)
-            rx_text_add_bytes(&taken->reals, real, strlen(real) + 1);
-        const bool failed = taken->reals.failed || (!again && real == NULL);
-        free(real);
-        if (failed)
-            return rx_error_memory(err, taken->reals.length);
-    }
-    for (int i = 0; i < taken->n; i++)
-        taken->at[i].real = taken->reals.data + taken->at[i].at;
-    qsort(taken->at, (size_t)taken->n, sizeof *taken->at, by_real_name);
-    return RX_OK;
-}
-
-static rx_status refuse(const rx_tiles *tiles, const place_taken *at, const place_taken *other, rx_error *err)
+/* `other` is read, or written by an earlier line, under the name that `place` is written to. */
+static rx_status refuse(const rx_tiles *tiles, const char *name, const place_taken *place,
+                        const place_taken *other, rx_error *err)
 {
     if (other->role == THE_LIST)
-        return rx_error_at(err, RX_USAGE, tiles->path, -1, at->line,
-                           "would write %.200s, this list itself; give the output another name", at->name);
-    return rx_error_at(err, RX_USAGE, tiles->path, -1, at->line,
+        return rx_error_at(err, RX_USAGE, tiles->path, -1, place->line,
+                           "would write %.200s, this list itself; give the output another name", name);
+    return rx_error_at(err, RX_USAGE, tiles->path, -1, place->line,
                        "would write %.200s, %s line %ld; put {tile} into the names of outputs, and name "
                        "tiles differently",
-                       at->name,
+                       name,
                        other->role == OUTPUT  ? "as would"
                        : other->role == IMAGE ? "the tile of"
                                               : "which is read by",
@@ -203,18 +194,19 @@ static rx_status refuse(const rx_tiles *tiles, const place_taken *at, const plac
 }
 
 /* Sorted, what is read stands before what is written under the same name. */
-static rx_status find_conflict(const rx_tiles *tiles, const places_taken *taken, rx_error *err)
+static rx_status find_conflict(const rx_tiles *tiles, places_taken *taken, rx_error *err)
 {
     int first = 0; /* of those with the same name */
+    for (int i = 0; i < taken->n; i++)
+        taken->of[i].at = taken->names.data + taken->of[i].real;
+    qsort(taken->of, (size_t)taken->n, sizeof *taken->of, by_real_name);
     for (int i = 0; i < taken->n; i++) {
-        const place_taken *at = &taken->at[i];
-        if (strcmp(taken->at[first].real, at->real) != 0)
+        const place_taken *place = &taken->of[i];
+        if (strcmp(taken->of[first].at, place->at) != 0)
             first = i;
-        if (at->role != OUTPUT)
-            continue;
-        for (int k = first; k < i; k++)
-            if (taken->at[k].line != at->line)
-                return refuse(tiles, at, &taken->at[k], err);
+        for (int k = first; place->role == OUTPUT && k < i; k++)
+            if (taken->of[k].line != place->line)
+                return refuse(tiles, taken->names.data + place->name, place, &taken->of[k], err);
     }
     return RX_OK;
 }
@@ -258,11 +250,8 @@ rx_status rx_tiles_check(const rx_tiles *tiles, const rx_settings *common, rx_id
     for (int i = 0; i < tiles->n && status == RX_OK; i++)
         status = take_tile(tiles, i, common, &taken, idle, log, err);
     if (status == RX_OK)
-        status = resolve(&taken, err);
-    if (status == RX_OK)
         status = find_conflict(tiles, &taken, err);
     rx_text_free(&taken.names);
-    rx_text_free(&taken.reals);
-    free(taken.at);
+    free(taken.of);
     return status;
 }
