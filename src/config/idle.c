@@ -102,50 +102,53 @@ bool rx_keyword_counts(const rx_settings *settings, int row)
 }
 
 /* Why row has no effect, into *why; nothing when it has, or when it was not given. */
-static void explain(const rx_idle *idle, const rx_settings *settings, const rx_settings *defaults, int row,
-                    rx_text *why)
+static void explain(const rx_idle *idle, const rx_settings *settings, int row, rx_text *why)
 {
     const rx_keyword *key = &settings->table->rows[row];
-    const bool ignored = key->status == RX_STATUS_IGNORED;
-    const char *where = ignored ? "here" : rx_keyword_idle(settings, row), *condition;
-    const rx_origin origin = settings->origin[row];
-    rx_text value = {0}, initial = {0};
+    const char *where = key->status == RX_STATUS_IGNORED ? "here" : rx_keyword_idle(settings, row);
+    const char *condition = NULL;
+    rx_text value = {0};
     int length = 0;
+    if (settings->origin[row] <= RX_FROM_DUMP)
+        return;
+    if (where == NULL && settings->prefix[0] == '\0')
+        condition = unmet(idle, settings, row, settings->origin[row] == RX_FROM_COMMAND, &length);
+    const int skip = condition != NULL && strncmp(condition, NOT, strlen(NOT)) == 0 ? (int)strlen(NOT) : 0;
     rx_keyword_print(&value, settings, row, false);
-    rx_keyword_print(&initial, defaults, row, false);
-    why->failed = value.failed || initial.failed;
-    if (!why->failed && where != NULL) {
-        if (strcmp(value.data, initial.data) != 0)
-            rx_text_printf(why, "%s%s %s has no effect %s (%s)", settings->prefix, key->name, value.data,
-                           where, key->help);
-    } else if (!why->failed && settings->prefix[0] == '\0' && origin > RX_FROM_DUMP &&
-               (condition = unmet(idle, settings, row, origin == RX_FROM_COMMAND, &length)) != NULL) {
-        const int skip = strncmp(condition, NOT, strlen(NOT)) == 0 ? (int)strlen(NOT) : 0;
-        if (skip > 0)
-            rx_text_printf(why, "%s %s has no effect with %.*s", key->name, value.data, length - skip,
-                           condition + skip);
-        else
-            rx_text_printf(why, "%s %s has no effect without %.*s", key->name, value.data, length, condition);
-    }
+    if (value.failed)
+        why->failed = true;
+    else if (where != NULL)
+        rx_text_printf(why, "%s%s %s has no effect %s (%s)", settings->prefix, key->name, value.data, where,
+                       key->help);
+    else if (skip > 0)
+        rx_text_printf(why, "%s %s has no effect with %.*s", key->name, value.data, length - skip,
+                       condition + skip);
+    else if (condition != NULL)
+        rx_text_printf(why, "%s %s has no effect without %.*s", key->name, value.data, length, condition);
     rx_text_free(&value);
-    rx_text_free(&initial);
 }
 
-static rx_status add_row(rx_idle *idle, int at, const rx_settings *settings, const rx_settings *defaults,
-                         int row, rx_error *err)
+/* The rows from *at on. */
+static rx_status add_rows(rx_idle *idle, int *at, const rx_settings *settings, rx_error *err)
 {
-    rx_text why = {0};
-    explain(idle, settings, defaults, row, &why);
-    if (why.failed) {
+    for (int row = 0; row < settings->table->nrows; row++, ++*at) {
+        rx_text why = {0};
+        if (settings->table->rows[row].kind == RX_KIND_SECTION)
+            continue;
+        explain(idle, settings, row, &why);
+        if (why.length == 0)
+            idle->counts[*at] |= settings->origin[row] > RX_FROM_DUMP;
+        if (!why.failed && idle->why[*at] == NULL) {
+            idle->why[*at] = why.data;
+            continue;
+        }
+        const bool failed = why.failed;
         rx_text_free(&why);
-        return rx_error_memory(err, 0);
+        if (failed)
+            return rx_error_memory(err, 0);
     }
-    if (why.length == 0)
-        idle->counts[at] |= settings->origin[row] > RX_FROM_DUMP;
-    if (idle->why[at] != NULL)
-        rx_text_free(&why);
-    else
-        idle->why[at] = why.data;
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        RX_TRY(add_rows(idle, at, settings->part[i], err));
     return RX_OK;
 }
 
@@ -155,20 +158,6 @@ static int count_rows(const rx_settings *settings)
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
         n += count_rows(settings->part[i]);
     return n;
-}
-
-/* The rows from *at on. */
-static rx_status add_rows(rx_idle *idle, int *at, const rx_settings *settings, rx_error *err)
-{
-    rx_settings *defaults = NULL;
-    rx_status status = rx_settings_new(settings->table, &defaults, err);
-    for (int row = 0; row < settings->table->nrows && status == RX_OK; row++, ++*at)
-        if (settings->table->rows[row].kind != RX_KIND_SECTION)
-            status = add_row(idle, *at, settings, defaults, row, err);
-    rx_settings_free(defaults);
-    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
-        status = add_rows(idle, at, settings->part[i], err);
-    return status;
 }
 
 rx_status rx_idle_add(rx_idle *idle, const rx_settings *settings, rx_error *err)
