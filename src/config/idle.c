@@ -38,8 +38,8 @@ static bool is_stated(const rx_settings *settings, int row)
 }
 
 /* One condition, up to a semicolon: alternatives by commas and "or", each a keyword that is on, a keyword with one of
- * its words, or "column" with parts of names; or "no" and a keyword that is not on. Is one of them met, and is a keyword among them stated? *only: the row of
- * the keyword, where there is but one. */
+ * its words, or "column" with parts of names; or "no" and a keyword that is not on. Is one of them met, and is a keyword
+ * among them stated? *only: the row of the keyword, where there is but one. */
 static bool is_met(const rx_idle *idle, const rx_settings *settings, const char *condition, size_t length,
                    bool *stated, int *only)
 {

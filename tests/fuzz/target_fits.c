@@ -54,8 +54,7 @@ static const char *packed_file_of(const uint8_t *data, size_t size)
 static void read_catalogue(const char *path)
 {
     rx_tile tile = {.name = "tile", .width = 64, .height = 48, .zeropoint = 25};
-    const rx_reference_params par = {
-        .name = "reference", .coords = "AUTO", .photometry = "AUTO", .flux_zeropoint = NAN};
+    const rx_reference_params par = {.name = "reference", .flux_zeropoint = NAN};
     rx_assoc *assoc = NULL;
     for (int index = 0; index < 2; index++) {
         rx_qa_list list = {0};
