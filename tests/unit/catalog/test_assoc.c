@@ -131,36 +131,6 @@ static void what_cannot_work_is_said(void **state)
     rx_assoc_free(list);
 }
 
-/* Words, and decimal commas, where a position should be: file, line and value are named. */
-static void words_are_not_positions(void **state)
-{
-    (void)state;
-    static const struct {
-        const char *text, *said;
-        int y;
-        long line;
-    } lists[] = {{"# x y\n11.25 21.5 20\n\n11.25 nowhere 20\n", "'nowhere' in column col2", 2, 4},
-                 {"11.25 21.5 20\n11,25 21,5 20\n", "'11,25' in column col1", 2, 2},
-                 {"11,25 21,5\n12,25 22,5\n", "'25 21' in column col2", 2, 1},
-                 {"1 11,25 21,5\n", "'1 11' in column col1", 2, 1},
-                 {"11.25 21.5 M31\n", "'M31' in column col3", 3, 1}};
-    for (size_t i = 0; i < sizeof lists / sizeof *lists; i++) {
-        rx_error err = RX_ERROR_NONE;
-        rx_assoc *list = read_list(lists[i].text);
-        const rx_assoc_params par = {.x = 1, .y = lists[i].y, .radius = 1};
-        assert_int_equal(rx_assoc_check(&par, list, &err), RX_INPUT);
-        if (strstr(err.text, lists[i].said) == NULL)
-            fail_msg("'%s' does not say '%s'", err.text, lists[i].said);
-        assert_int_equal(err.line, lists[i].line);
-        assert_non_null(strstr(err.where, "sky.list"));
-        rx_assoc_free(list);
-    }
-    rx_assoc *named = read_list("M31 11.25 21.5\n"); /* words elsewhere do no harm */
-    const rx_assoc_params par = {.x = 2, .y = 3, .radius = 1};
-    assert_int_equal(rx_assoc_check(&par, named, NULL), RX_OK);
-    rx_assoc_free(named);
-}
-
 static void empty_lists_and_empty_catalogues(void **state)
 {
     (void)state;
@@ -181,9 +151,9 @@ static void empty_lists_and_empty_catalogues(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_combines_its_way),    cmocka_unit_test(selection_renumbers_everything),
-        cmocka_unit_test(all_columns_when_none_is_named), cmocka_unit_test(what_cannot_work_is_said),
-        cmocka_unit_test(words_are_not_positions),        cmocka_unit_test(empty_lists_and_empty_catalogues),
+        cmocka_unit_test(every_type_combines_its_way),      cmocka_unit_test(selection_renumbers_everything),
+        cmocka_unit_test(all_columns_when_none_is_named),   cmocka_unit_test(what_cannot_work_is_said),
+        cmocka_unit_test(empty_lists_and_empty_catalogues),
     };
     return cmocka_run_group_tests(tests, enter_scratch, leave_scratch);
 }

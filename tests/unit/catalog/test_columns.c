@@ -147,27 +147,6 @@ static void default_columns_are_those_of_the_file(void **state)
     rx_columns_free(file);
 }
 
-static void dump_can_be_uncommented_and_read(void **state)
-{
-    (void)state;
-    int n;
-    rx_text text = {0};
-    rx_column_list *list = NULL;
-    rx_columns_dump(&text);
-    assert_false(text.failed);
-    assert_memory_equal(text.data, "#NUMBER                   Number of the source", 40);
-    assert_non_null(strstr(text.data, "#FLUX_ISO                 Flux within the isophotal footprint"
-                                      "                       [count]\n"));
-    for (char *c = text.data; c != NULL && *c == '#';
-         c = strchr(c, '\n') != NULL ? strchr(c, '\n') + 1 : NULL)
-        *c = ' ';
-    assert_int_equal(read_param(text.data, NULL, &list, NULL), RX_OK);
-    rx_column_defs(&n);
-    assert_int_equal(list->n, n);
-    rx_columns_free(list);
-    rx_text_free(&text);
-}
-
 static void values_leave_in_catalogue_conventions(void **state)
 {
     (void)state;
@@ -275,7 +254,6 @@ int main(void)
         cmocka_unit_test(warnings_are_said_once),
         cmocka_unit_test(bad_param_files),
         cmocka_unit_test(default_columns_are_those_of_the_file),
-        cmocka_unit_test(dump_can_be_uncommented_and_read),
         cmocka_unit_test(values_leave_in_catalogue_conventions),
         cmocka_unit_test(world_shapes_as_in_sextractor),
         cmocka_unit_test(vignets_are_cut_around_their_centre),
