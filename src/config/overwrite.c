@@ -16,20 +16,10 @@
 static rx_status add(rx_run_files *dst, rx_file_role role, const char *prefix, const char *key,
                      const char *shown, const char *path, rx_error *err)
 {
-    rx_text name = {0};
-    rx_text_printf(&name, "%s%s", prefix, key);
-    rx_run_file file = {.role = role, .key = name.data, .shown = rx_strdup(shown), .path = rx_strdup(path)};
-    rx_status status = name.failed || file.shown == NULL || file.path == NULL
-                           ? rx_error_memory(err, 0)
-                           : RX_GROW(dst->of, (size_t)dst->n + 1, err);
-    if (status == RX_OK) {
-        dst->of[dst->n++] = file;
-        return RX_OK;
-    }
-    free(name.data);
-    free(file.shown);
-    free(file.path);
-    return status;
+    RX_TRY(RX_GROW(dst->of, (size_t)dst->n + 1, err));
+    rx_run_file *file = &dst->of[dst->n++];
+    *file = (rx_run_file){role, prefix, key, rx_strdup(shown), rx_strdup(path)};
+    return file->shown == NULL || file->path == NULL ? rx_error_memory(err, strlen(path)) : RX_OK;
 }
 
 static rx_status add_input(rx_run_files *dst, const char *prefix, const char *key, const char *name,
@@ -191,7 +181,6 @@ rx_status rx_run_files_of(const rx_settings *settings, const char *image, rx_run
 void rx_run_files_free(rx_run_files *files)
 {
     for (int i = 0; i < files->n; i++) {
-        free(files->of[i].key);
         free(files->of[i].shown);
         free(files->of[i].path);
     }
@@ -237,8 +226,8 @@ static bool lies_in(const char *file, const char *folder, bool deep)
 static rx_status refuse_read(const rx_run_file *output, const rx_run_file *input, const char *how,
                              rx_error *err)
 {
-    return rx_error_set(err, RX_USAGE, "%s %.200s is also read, %s %.200s; give the output another name",
-                        output->key, output->shown, how, input->shown);
+    return rx_error_set(err, RX_USAGE, "%s%s %.200s is also read, %s %.200s; give the output another name",
+                        output->prefix, output->key, output->shown, how, input->shown);
 }
 
 /* `output` is written; `other` read or written. */
@@ -248,13 +237,13 @@ static rx_status compare(const place *output, const place *other, rx_error *err)
     const bool folder = of->role == RX_FILE_FOLDER, read = with->role == RX_FILE_READS;
     if (is_same(output, other))
         return read ? refuse_read(of, with, "as", err)
-                    : rx_error_set(err, RX_USAGE, "%s %.200s is also %s; give each output its own name",
-                                   of->key, of->shown, with->key);
+                    : rx_error_set(err, RX_USAGE, "%s%s %.200s is also %s%s; give each output its own name",
+                                   of->prefix, of->key, of->shown, with->prefix, with->key);
     if (folder && other->real != NULL && lies_in(other->real, output->real, true))
         return rx_error_set(
             err, RX_USAGE,
-            "%.200s lies in the folder %.200s, which is replaced as a whole (%s); keep it elsewhere",
-            with->shown, of->shown, of->key);
+            "%.200s lies in the folder %.200s, which is replaced as a whole (%s%s); keep it elsewhere",
+            with->shown, of->shown, of->prefix, of->key);
     char *real = !folder && read && output->there && other->there && S_ISDIR(other->info.st_mode)
                      ? rx_name_real(with->path)
                      : NULL;

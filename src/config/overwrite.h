@@ -5,14 +5,14 @@
 
 #include "config/keyword.h"
 
+/* The path of an input is without what stands in brackets behind its name, and without '@' before a list; that of an output is
+ * the name that it gets: with several restorers there is one of each. */
 typedef struct rx_run_file {
     rx_file_role role;
-    char *
-        key; /* with its prefix; "IMAGE" for images, "" for other words of the command line and what lists hold */
-    char *shown; /* as the user wrote it */
-    char *
-        path; /* of the file: without what stands in brackets behind the name of an input, and '@' before a list;
-                  * of an output the name that it gets: with several restorers there is one of each */
+    const char *prefix; /* of the keyword; both live as long as the program */
+    const char *key;    /* "IMAGE" for images, "" for other words of the command line and what lists hold */
+    char *shown;        /* as the user wrote it */
+    char *path;
 } rx_run_file;
 
 typedef struct rx_run_files {
