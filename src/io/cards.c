@@ -11,9 +11,6 @@
 #include "base/memory.h"
 #include "base/point.h"
 #include "base/printable.h"
-#include "io/fits_read.h"
-#include "io/fits_write.h"
-#include "io/units.h"
 
 enum { CARD = 80, KEY = 8, MAX_VALUE = 68 };
 
@@ -200,6 +197,71 @@ int rx_cards_comment(const char *cards, long ncards, const char *key, char *dst,
     return dst[0] != '\0';
 }
 
+/* --- units --- */
+
+/* Only in Jy do capitals matter: mJy is no MJy. */
+static const char *spelling_of(const char *word)
+{
+    static const char *const exact[] = {"Jy", "mJy", "uJy", "nJy", "MJy"};
+    static const char *const others[][2] = {
+        {"e", "e"},         {"e-", "e"},       {"el", "e"},           {"electron", "e"},
+        {"electrons", "e"}, {"adu", "adu"},    {"dn", "adu"},         {"ct", "adu"},
+        {"cts", "adu"},     {"count", "adu"},  {"counts", "adu"},     {"s", "s"},
+        {"sec", "s"},       {"second", "s"},   {"seconds", "s"},      {"mag", "mag"},
+        {"mags", "mag"},    {"deg", "deg"},    {"degree", "deg"},     {"degrees", "deg"},
+        {"pix", "pix"},     {"pixel", "pix"},  {"pixels", "pix"},     {"sr", "sr"},
+        {"nmgy", "nmgy"},   {"nmgys", "nmgy"}, {"nanomaggy", "nmgy"}, {"nanomaggies", "nmgy"},
+        {"mgy", "mgy"},     {"maggy", "mgy"},  {"maggies", "mgy"},    {"microJy", "uJy"}};
+    for (size_t i = 0; i < sizeof exact / sizeof *exact; i++)
+        if (strcmp(word, exact[i]) == 0)
+            return exact[i];
+    for (size_t i = 0; i < sizeof others / sizeof *others; i++)
+        if (strcasecmp(word, others[i][0]) == 0)
+            return others[i][1];
+    return NULL;
+}
+
+void rx_unit_spelling(const char *text, char dst[RX_UNIT_TEXT])
+{
+    const char *part[2] = {NULL, NULL}; /* it, and what it is per */
+    bool per = false;
+    dst[0] = '\0';
+    if (strcasecmp(text, "cps") == 0)
+        text = "adu/s";
+    for (const char *c = text; *c != '\0';) {
+        char word[RX_UNIT_TEXT] = "";
+        size_t n = 0;
+        if (strchr(" []()*./", *c) != NULL) {
+            per = per || *c == '/';
+            c++;
+            continue;
+        }
+        while (isalpha((unsigned char)c[n]) || (n == 1 && c[n] == '-' && !isdigit((unsigned char)c[2])))
+            n++;
+        if (n == 0 || n >= sizeof word)
+            return;
+        memcpy(word, c, n);
+        c += n;
+        if (strcasecmp(word, "per") == 0) {
+            per = true;
+            continue;
+        }
+        for (size_t k = 0; k < 3; k++) { /* a power: only that of "s-1", "s^-1", "s**-1" */
+            static const char *const powers[] = {"**-1", "^-1", "-1"};
+            const size_t length = strlen(powers[k]);
+            if (strncmp(c, powers[k], length) != 0)
+                continue;
+            per = true;
+            c += length;
+            break;
+        }
+        if (isdigit((unsigned char)*c) || part[per] != NULL || (part[per] = spelling_of(word)) == NULL)
+            return;
+    }
+    if (part[0] != NULL)
+        snprintf(dst, RX_UNIT_TEXT, "%s%s%s", part[0], per ? "/" : "", per && part[1] != NULL ? part[1] : "");
+}
+
 /* --- building --- */
 
 /* One card of exactly 80 characters; what is not printable ASCII becomes '?'. */
@@ -298,7 +360,8 @@ void rx_card_text(rx_text *dst, const char *key, const char *value, const char *
     } while (*c != '\0');
 }
 
-void rx_card_history(rx_text *dst, const char *line)
+/* `line` is printable and ends in neither a blank nor '&'. */
+static void add_history(rx_text *dst, const char *line)
 {
     enum { ROOM = CARD - KEY };
     size_t left = strlen(line);
@@ -509,7 +572,7 @@ void rx_card_record(rx_text *dst, const char *name, const char *value, const cha
     if (line.failed)
         dst->failed = true;
     else
-        rx_card_history(dst, line.data);
+        add_history(dst, line.data);
     rx_text_free(&line);
 }
 

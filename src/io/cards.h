@@ -1,5 +1,5 @@
-/* Header cards in memory: blocks of 80 characters a card, without END. For io/ alone;
- * what others need of them is in fits_read.h and fits_write.h. */
+/* Header cards in memory: blocks of 80 characters a card, without END. Keys: case ignored; those of more than 8
+ * characters or with blanks are ESO's HIERARCH ones. */
 #ifndef RX_IO_CARDS_H
 #define RX_IO_CARDS_H
 
@@ -7,9 +7,32 @@
 
 #include "base/text.h"
 
-/* Index of the first card of that key (case ignored; keys of more than 8 characters or with
- * blanks are ESO's HIERARCH ones), -1 when absent. */
+/* --- reading --- */
+
+/* Index of the first card of that key, -1 when absent. */
 long rx_cards_find(const char *cards, size_t ncards, const char *key);
+
+/* Value of a key as text (quotes stripped, trimmed) or number (with or without quotes, its exponent by E or D); 0 when it
+ * is absent or no such value. */
+int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size);
+int rx_cards_number(const char *cards, long ncards, const char *key, double *value);
+
+/* The same of a number, or of one with its unit, which must be that one. */
+int rx_cards_quantity(const char *cards, long ncards, const char *key, const char *unit, double *value);
+
+/* What stands behind the number of a card as its comment; 0 when there is none. */
+int rx_cards_comment(const char *cards, long ncards, const char *key, char *dst, int size);
+
+/* The HISTORY as lines of rx_card_record(), in their order, to `visit`, whose status goes on to the caller. */
+typedef rx_status (*rx_history_visitor)(void *user, const char *line, rx_error *err);
+rx_status rx_cards_history(const char *cards, long ncards, rx_history_visitor visit, void *user,
+                           rx_error *err);
+
+/* One spelling for the many of a unit: "e" (electrons), "adu" (ADU, DN, counts), "s", "mag", "deg", "pix", "sr",
+ * "nmgy" (nanomaggies), "mgy", "Jy" with its prefixes m, u, n and M, and one of them per another, "e/s". "":
+ * another unit, or none. */
+enum { RX_UNIT_TEXT = 16 };
+void rx_unit_spelling(const char *text, char dst[RX_UNIT_TEXT]);
 
 /* Behind the closing quote of the text whose first quote is at `c`, in which two of them stand for one; NULL
  * when there is none before `end`. */
@@ -18,8 +41,17 @@ const char *rx_card_text_end(const char *c, const char *end);
 /* Behind the number that begins at `c`, its exponent by E or D; NULL when there is none before `end`. */
 const char *rx_card_number_end(const char *c, const char *end);
 
-/* rx_cards_number(), or a number with its unit, which must be that one (io/units.h). */
-int rx_cards_quantity(const char *cards, long ncards, const char *key, const char *unit, double *value);
+/* --- building: a card "KEY = value / comment" is appended; values are sanitised to printable ASCII --- */
+
+void rx_card_text(rx_text *dst, const char *key, const char *value, const char *comment);
+void rx_card_number(rx_text *dst, const char *key, double value, const char *comment);
+void rx_card_integer(rx_text *dst, const char *key, long value, const char *comment);
+
+/* A line of provenance: a keyword (a number where the value is one) when the name begins with RX and FITS can hold it, else
+ * HISTORY, "NAME = value" with the value as rx_printable_add() has it; a card that goes on in the next one ends in '&'. */
+void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment);
+
+/* --- changing and choosing --- */
 
 /* Header of an image after a section of it was cut out: CRPIXj (all versions) and LTVj move
  * by the section's first pixel (from 1), NAXISj become its size. In place. */

@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "io/output.h"
+#include "io/folders.h"
 
 static const char LOCK[] = ".lock", TEMP[] = ".tmp", ASIDE[] = ".tmp.old";
 enum { RANDOM = 6 }; /* letters that mkdtemp() chooses */

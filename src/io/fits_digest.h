@@ -1,5 +1,7 @@
-/* Digests (base/hash.h) of the data units of FITS files, without what fills their last block: of what is
- * about to be written, and of what a file holds. */
+/* Data units as they stand in a FITS file, without what fills their last block: digests (base/hash.h) of what is about to
+ * be written and of what a file holds, and its DATASUM (FITS 4.0, 4.4.2.7 and appendix J), the one's complement sum of the
+ * 32-bit words. That comes from memory, as cfitsio forms it from what it reads back, so that a write that failed unnoticed
+ * would get a sum that fits. */
 #ifndef RX_IO_FITS_DIGEST_H
 #define RX_IO_FITS_DIGEST_H
 
@@ -10,12 +12,16 @@
 #include "base/hash.h"
 #include "data/table.h"
 
-/* As rx_fits_image() and rx_fits_image_int() write n pixels: 4 bytes each, the most significant first. */
-void rx_fits_digest_floats(const float *pixels, size_t n, char dst[RX_HASH_TEXT]);
-void rx_fits_digest_ints(const int32_t *pixels, size_t n, char dst[RX_HASH_TEXT]);
+/* DATASUM of n pixels of 4 bytes, float or int32, as rx_fits_image() writes them, and of a table as rx_fits_table() does;
+ * their digest to dst, unless that is NULL. */
+uint32_t rx_fits_digest_pixels(const void *pixels, size_t n, char dst[RX_HASH_TEXT]);
+uint32_t rx_fits_digest_table(const rx_table *table, char dst[RX_HASH_TEXT]);
 
-/* As rx_fits_table() writes it, row by row. */
-void rx_fits_digest_table(const rx_table *table, char dst[RX_HASH_TEXT]);
+/* `sum` of what came before, whole words of it, goes on over these bytes as they stand in the file. */
+uint32_t rx_fits_sum_bytes(uint32_t sum, const void *bytes, size_t n);
+
+/* Characters of a text cell in the file: the terminating zero does not go there. */
+long rx_fits_text_length(const rx_column *column);
 
 /* Of HDU number hdu (from 0) of a file. `path` is a plain file name. Errors: RX_INPUT (no FITS file, no such
  * HDU, its data cut off), RX_SYSTEM. */
@@ -23,5 +29,11 @@ rx_status rx_fits_digest_hdu(const char *path, int hdu, char dst[RX_HASH_TEXT], 
 
 /* How many HDUs a file has. Errors: RX_INPUT. */
 rx_status rx_fits_hdus(const char *path, int *n, rx_error *err);
+
+/* For files that are only good as a whole, such as models: nothing is missing, nothing has changed since they were written.
+ * Every HDU has CHECKSUM and DATASUM and both are right, the HDUs fill the file to its last byte, and there are `nhdus` of
+ * them (0: as many as there are). From the bytes alone, before cfitsio trusts a header: a single changed byte anywhere is
+ * found. Errors: RX_INPUT, with the HDU; RX_SYSTEM. */
+rx_status rx_fits_verify(const char *path, int nhdus, rx_error *err);
 
 #endif

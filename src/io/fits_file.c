@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "base/text.h"
 #include "data/unit.h"
 #include "io/cards.h"
@@ -200,8 +201,11 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
     if (status == RX_OK)
         status = about.packed || about.unpadded ? open_held(path, &about, dst, err)
                                                 : open_plain(path, &about, dst, err);
+    int failed = 0;
     if (status == RX_OK)
-        status = rx_fits_walk_open(dst->file, path, err);
+        status = rx_fits_walk_open(dst->file, path, &failed, err);
+    if (failed)
+        status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read");
     if (status != RX_OK)
         rx_fits_done(dst);
     return status;
@@ -528,7 +532,9 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
     if (!shape->is_compressed || status != RX_OK)
         return status;
     status = check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);
-    return status == RX_OK ? rx_fits_check_tiles(file, path, hdu, shape, err) : status;
+    return status == RX_OK ? rx_fits_check_tiles(file, path, hdu, rx_min_int(shape->naxis, RX_FITS_AXES),
+                                                 shape->axes, err)
+                           : status;
 }
 
 rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2])

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "data/table.h"
+#include "io/cards.h"
 
 /* First 2-D (or first) image of the file as floats; *pixels to be freed. NaN kept. */
 rx_status rx_fits_read_image(const char *name, float **pixels, int *width, int *height, rx_error *err);
@@ -36,20 +37,6 @@ rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **d
 /* Header of HDU number hdu (from 0) as 80-character cards without END; *cards to be freed. `path` is a plain
  * file name. */
 rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *ncards, rx_error *err);
-
-/* The HISTORY of a block of cards as lines of rx_card_record(), in their order, to `visit`, whose status goes
- * on to the caller. */
-typedef rx_status (*rx_history_visitor)(void *user, const char *line, rx_error *err);
-rx_status rx_cards_history(const char *cards, long ncards, rx_history_visitor visit, void *user,
-                           rx_error *err);
-
-/* Value of a key in a block of cards as text (quotes stripped, trimmed) or number (with or without quotes, its
- * exponent by E or D); 0 when it is absent or no such value. */
-int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, int size);
-int rx_cards_number(const char *cards, long ncards, const char *key, double *value);
-
-/* What stands behind the number of a card as its comment; 0 when there is none. */
-int rx_cards_comment(const char *cards, long ncards, const char *key, char *dst, int size);
 
 /* Version of the library (cfitsio). */
 void rx_fits_library(char *dst, size_t size);

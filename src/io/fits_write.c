@@ -11,9 +11,8 @@
 
 #include "base/memory.h"
 #include "io/cards.h"
+#include "io/fits_digest.h"
 #include "io/fits_file.h"
-#include "io/fits_sum.h"
-#include "io/fits_verify.h"
 
 enum { CARD = 80, BLOCK_BYTES = 1 << 22 };
 
@@ -205,7 +204,8 @@ rx_status rx_fits_image(rx_fits_writer *writer, const rx_fits_plane *plane, cons
     write_extra(writer->file, extra, &failed);
     fits_write_img(writer->file, plane->floats != NULL ? TFLOAT : TINT, 1, axes[0] * axes[1], data.taken,
                    &failed);
-    write_checksum(writer->file, rx_fits_sum_pixels(data.given, (size_t)(axes[0] * axes[1])), &failed);
+    write_checksum(writer->file, rx_fits_digest_pixels(data.given, (size_t)(axes[0] * axes[1]), NULL),
+                   &failed);
     writer->hdus++;
     return failed ? broken(writer, failed, err) : RX_OK;
 }
@@ -385,7 +385,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     write_extra(writer->file, extra, &failed);
     fits_set_hdustruc(writer->file, &failed);
     RX_TRY_EXIT(write_rows(writer, table, &failed, err));
-    write_checksum(writer->file, rx_fits_sum_table(table), &failed);
+    write_checksum(writer->file, rx_fits_digest_table(table, NULL), &failed);
     writer->hdus++;
     if (failed)
         status = broken(writer, failed, err);

@@ -7,10 +7,9 @@
 #include <stdint.h>
 
 #include "base/error.h"
-#include "base/text.h"
-#include "data/record.h"
 #include "data/table.h"
 #include "data/tile.h"
+#include "io/cards.h"
 
 typedef struct rx_fits_writer rx_fits_writer; /* one open FITS file */
 
@@ -49,21 +48,5 @@ rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const rx_t
 /* Close with checksums; the writer is freed in any case (NULL is fine for abort). */
 rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err);
 void rx_fits_abort(rx_fits_writer *writer);
-
-/* Cards: build an 80-character card ("KEY = value / comment")
- * and append it to a growing block. Values are sanitised to printable ASCII. */
-void rx_card_text(rx_text *dst, const char *key, const char *value, const char *comment);
-void rx_card_number(rx_text *dst, const char *key, double value, const char *comment);
-void rx_card_integer(rx_text *dst, const char *key, long value, const char *comment);
-/* `line` is printable and ends in neither a blank nor '&'; a card that goes on in the next one ends in '&'.
- */
-void rx_card_history(rx_text *dst, const char *line);
-/* A line of provenance: a keyword (a number where the value is one) when the name begins with RX and FITS can
- * hold it, else HISTORY, "NAME = value" with the value as
- * base/printable.h has it. */
-void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment);
-
-/* All entries of a record, a line each. */
-void rx_record_cards(const rx_record *record, rx_text *cards);
 
 #endif

@@ -17,6 +17,9 @@ typedef struct rx_folders {
  * cannot be made. */
 rx_status rx_folders_make(rx_folders *made, const char *path, const char *shown, rx_error *err);
 
+/* Remove a file, or a folder with all that is in it; links are not followed, failures are ignored. */
+void rx_output_remove(const char *path);
+
 /* Remove those that are empty, and free the list. */
 void rx_folders_free(rx_folders *made);
 

@@ -7,8 +7,6 @@
 #include <strings.h>
 
 #include "io/cards.h"
-#include "io/fits_read.h"
-#include "io/units.h"
 
 enum { CARD = 80 };
 

@@ -20,7 +20,7 @@ typedef struct rx_header_number {
     const char *keyword;  /* of the configuration, for where no card has the number; its _KEY names the */
     const char *key;      /* card; "" or NONE: none */
     const char *standard; /* the default of that, which need not be in the header */
-    const char *unit;     /* that may follow the number (io/units.h) */
+    const char *unit;     /* that may follow the number (io/cards.h) */
     double otherwise;     /* where no card has it */
 } rx_header_number;
 

@@ -73,32 +73,6 @@ static char *folder_of(const char *path, const char **name)
     return folder;
 }
 
-/* Asks for no memory of its own, which may be what is missing, and follows no link, even one that is put
- * there now. */
-static void remove_at(int folder, const char *name)
-{
-    if (unlinkat(folder, name, 0) == 0 || (errno != EISDIR && errno != EPERM))
-        return;
-    /* more than once where the gnuplot of a killed process still writes in there */
-    for (int tries = 0, left = 1; left && tries < 5; tries++) {
-        const int inner = openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-        DIR *dir = inner >= 0 ? fdopendir(inner) : NULL;
-        if (dir == NULL && inner >= 0)
-            close(inner);
-        for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;)
-            if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
-                remove_at(inner, entry->d_name);
-        if (dir != NULL)
-            closedir(dir);
-        left = unlinkat(folder, name, AT_REMOVEDIR) != 0 && errno == ENOTEMPTY;
-    }
-}
-
-void rx_output_remove(const char *path)
-{
-    remove_at(AT_FDCWD, path);
-}
-
 /* What is at the target already decides the kind; errors for what cannot be replaced. */
 static rx_status inspect(output *out, int want_folder, rx_error *err)
 {

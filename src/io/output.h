@@ -27,9 +27,6 @@ rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **
  * means nothing to a user. `temporary` itself when it is none of ours; owned by the transaction. */
 const char *rx_outputs_shown(const rx_outputs *outputs, const char *temporary);
 
-/* Remove a file, or a folder with all that is in it; links are not followed, failures are ignored. */
-void rx_output_remove(const char *path);
-
 /* fsync and rename everything; what a failure leaves is removed by rx_outputs_free(). */
 rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err);
 

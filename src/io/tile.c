@@ -16,160 +16,10 @@
 #include "data/unit.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
-#include "io/fits_read.h"
 #include "io/header_numbers.h"
-#include "io/planes.h"
-#include "io/tile_weight.h"
+#include "io/tile_list.h"
+#include "io/tile_maps.h"
 #include "io/wcs.h"
-
-/* --- which HDUs --- */
-
-/* How to name the first plane of a cube. */
-static rx_status is_cube(const char *path, int hdu, const rx_fits_shape *shape, rx_error *err)
-{
-    rx_text lengths = {0}, places = {0};
-    for (int i = 0; i < shape->naxis; i++) {
-        rx_text_printf(&lengths, "%s%lld", i > 0 ? " x " : "", shape->axes[i]);
-        if (i >= 2)
-            rx_text_add(&places, ",1");
-    }
-    const rx_status status =
-        lengths.failed || places.failed
-            ? rx_error_memory(err, 0)
-            : rx_error_at(err, RX_INPUT, path, hdu, 0,
-                          "holds an image of %d axes (%s), a 2-D one was expected; name one plane of it, the "
-                          "first by '%s[%d][*,*%s]'",
-                          shape->naxis, lengths.data, path, hdu, places.data);
-    rx_text_free(&lengths);
-    rx_text_free(&places);
-    return status;
-}
-
-/* RX_OK when the current HDU is a 2-D image with pixels, or the section gives a plane of it, else the reason. */
-static rx_status check_plane(const char *path, int hdu, const rx_fits_shape *shape,
-                             const rx_fits_section *section, rx_error *err)
-{
-    if (!shape->is_image)
-        return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds a table, a 2-D image was expected");
-    if (shape->naxis == 0)
-        return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                           "holds no pixels (NAXIS = 0); name an image extension");
-    if (!rx_fits_is_plane(shape, section))
-        return shape->naxis > 2 && shape->naxis <= RX_FITS_AXES
-                   ? is_cube(path, hdu, shape, err)
-                   : rx_error_at(err, RX_INPUT, path, hdu, 0,
-                                 "holds an image of %d ax%s, a 2-D one was expected", shape->naxis,
-                                 shape->naxis == 1 ? "is" : "es");
-    for (int i = 2; i < RX_FITS_AXES; i++) {
-        const LONGLONG length = i < shape->naxis ? shape->axes[i] : 1;
-        if (section->plane[i - 2] > length)
-            return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                               "has no plane %ld on axis %d; give one from 1 to %lld", section->plane[i - 2],
-                               i + 1, length);
-    }
-    if (shape->axes[0] < 1 || shape->axes[1] < 1)
-        return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                           "the image has %lld x %lld pixels, there is nothing in it", shape->axes[0],
-                           shape->axes[1]);
-    if (shape->axes[0] > INT_MAX / 4 || shape->axes[1] > INT_MAX / 4)
-        return rx_error_at(err, RX_INPUT, path, hdu, 0,
-                           "the header says %lld x %lld pixels, which no tile has", shape->axes[0],
-                           shape->axes[1]);
-    return RX_OK;
-}
-
-/* All usable HDUs; those that are not are logged, the reason of the first, or of the first cube, is kept for the case
- * of none. */
-static rx_status list_all(fitsfile *file, const rx_fits_name *name, rx_log *log, int *hdus, int count, int *n,
-                          rx_error *err)
-{
-    const char *path = name->path;
-    bool cubes = false;
-    rx_error reason = rx_error_part(err), first = reason;
-    *n = 0;
-    for (int hdu = 0; hdu < count; hdu++) {
-        rx_fits_shape shape;
-        rx_status status = rx_fits_goto(file, path, hdu, err); /* it was reached before: the disk fails */
-        if (status != RX_OK)
-            return status;
-        const int failed = rx_fits_shape_of(file, &shape);
-        if (failed)
-            status = rx_fits_failed(&reason, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
-        if (status == RX_OK)
-            status = check_plane(path, hdu, &shape, &name->section, &reason);
-        if (status == RX_OK) {
-            hdus[(*n)++] = hdu;
-            continue;
-        }
-        int silent = !failed && shape.is_image && shape.naxis == 0; /* the usual empty primary */
-        const bool cube = !failed && shape.is_image && shape.naxis > 2;
-        if (!silent && (first.status == RX_OK || (cube && !cubes)))
-            first = reason;
-        cubes |= cube;
-        if (!silent && !failed && shape.is_image && shape.naxis != 1)
-            rx_log_warning(log, "%s[%d]: skipped: %s", path, hdu, reason.text);
-        else if (!silent)
-            rx_log_detail(log, "%s[%d]: skipped: %s", path, hdu, reason.text);
-    }
-    if (*n > 0)
-        return RX_OK;
-    if (first.status != RX_OK && (count <= 2 || cubes)) {
-        rx_error_take(err, &first);
-        return first.status;
-    }
-    return rx_error_at(err, RX_INPUT, path, -1, 0, "holds no 2-D image in its %d HDUs", count);
-}
-
-rx_status rx_tile_list_named(const rx_fits_name *name, bool maps, rx_log *log, int **hdus, int *n,
-                             rx_error *err)
-{
-    rx_fits_shape shape;
-    rx_fits_source source = {0};
-    int *found = NULL, count = 1, failed = 0, broken = 0;
-    *n = 0;
-    *hdus = NULL;
-    rx_status status;
-    RX_TRY_EXIT(rx_fits_open(name->path, &source, err));
-    if (!rx_fits_name_selects(name))
-        RX_TRY_EXIT(rx_fits_count(source.file, name->path, &count, &broken, err));
-    RX_TRY_EXIT(RX_MAKE(found, (size_t)count, err));
-    if (rx_fits_name_selects(name)) {
-        status = rx_fits_goto_name(source.file, name, &found[0], err);
-        if (status == RX_OK && (failed = rx_fits_shape_of(source.file, &shape)) != 0)
-            status = rx_fits_failed(err, RX_INPUT, name->path, found[0], failed, "this HDU cannot be read");
-        if (status == RX_OK)
-            status = check_plane(name->path, found[0], &shape, &name->section, err);
-        *n = 1;
-    } else {
-        status = list_all(source.file, name, log, found, count, n, err);
-        if (status == RX_INPUT && broken)
-            status = rx_error_at(err, RX_INPUT, name->path, count, 0,
-                                 "this HDU cannot be read, and none before it holds a 2-D image; the file is "
-                                 "damaged, fetch it again");
-        if (status == RX_OK && broken)
-            rx_log_warning(log, "%s: what follows HDU %d cannot be read and is skipped; the file is damaged",
-                           name->path, count - 1);
-    }
-    if (status == RX_OK && !maps)
-        status = rx_planes_keep_images(source.file, name->path, log, found, n, err);
-    if (status != RX_OK)
-        goto exit;
-    *hdus = found;
-    found = NULL;
-exit:
-    rx_fits_done(&source);
-    free(found);
-    return status;
-}
-
-rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
-{
-    rx_fits_name parsed;
-    *n = 0;
-    *hdus = NULL;
-    RX_TRY(rx_fits_name_parse(name, &parsed, err));
-    return rx_tile_list_named(&parsed, false, log, hdus, n, err);
-}
 
 /* --- numbers from header or keyword --- */
 
@@ -389,7 +239,7 @@ static rx_status find_place(const rx_fits_source *source, rx_tile_place *place, 
     int failed = rx_fits_shape_of(file, &shape);
     if (failed)
         return rx_fits_failed(err, RX_INPUT, name->path, place->hdu, failed, "this HDU cannot be read");
-    RX_TRY(check_plane(name->path, place->hdu, &shape, &name->section, err));
+    RX_TRY(rx_image_check(name->path, place->hdu, &shape, &name->section, err));
     RX_TRY(rx_fits_check_size(source, name->path, place->hdu, &shape, err));
     for (int i = 0; i < 2; i++)
         place->full[i] = (long)shape.axes[i];
@@ -437,10 +287,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     cards = (rx_text){0};
     RX_TRY_EXIT(read_pixels(source.file, &place, par->nthreads, log, tile, err));
     RX_TRY_EXIT(take_wcs(par, log, tile, err));
-    RX_TRY_EXIT(rx_tile_add_weight(par, &place, tile, err));
-    if (par->own_maps)
-        RX_TRY_EXIT(rx_planes_add(par, source.file, &place, log, tile, err));
-    RX_TRY_EXIT(rx_tile_add_flags(par, &place, tile, err));
+    RX_TRY_EXIT(rx_tile_add_maps(par, &place, log, tile, err));
     *dst = tile;
     tile = NULL;
 exit:
@@ -528,13 +375,12 @@ exit:
 
 /* --- headers alone --- */
 
-/* Of the current place. */
-static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name, int hdu, rx_tile_shape *dst,
-                          rx_error *err)
+static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name, int hdu,
+                          const rx_image_list *all, rx_tile_shape *dst, rx_error *err)
 {
     rx_fits_shape shape;
     rx_text cards = {0}, parent = {0};
-    int mask = -1, variance = -1;
+    int mask, variance;
     rx_tile_place place = {.name = name, .hdu = hdu, .extension = 1};
     rx_status status = find_place(source, &place, err);
     if (status == RX_OK)
@@ -542,8 +388,7 @@ static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name
     int failed = status == RX_OK ? rx_fits_shape_of(source->file, &shape) : 0;
     if (failed)
         status = rx_fits_failed(err, RX_INPUT, name->path, hdu, failed, "this HDU cannot be read");
-    if (status == RX_OK)
-        status = rx_planes_find(source->file, name->path, hdu, &mask, &variance, err);
+    rx_images_own_maps(all, hdu, &mask, &variance);
     if (status == RX_OK)
         *dst = (rx_tile_shape){.hdu = hdu,
                                .width = (int)(place.part.last[0] - place.part.first[0] + 1),
@@ -561,24 +406,23 @@ rx_status rx_tile_shapes(const char *name, rx_log *log, rx_tile_shape **dst, int
 {
     rx_fits_name parsed;
     rx_fits_source source = {0};
+    rx_image_list all = {0};
     rx_tile_shape *shapes = NULL;
     int *hdus = NULL;
     *dst = NULL;
     rx_status status;
     RX_TRY_EXIT(rx_tile_list(name, log, &hdus, n, err));
     RX_TRY_EXIT(rx_fits_name_parse(name, &parsed, err));
+    RX_TRY_EXIT(rx_images_of_file(&parsed, NULL, &all, err));
     RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
-    shapes = RX_NEW(rx_tile_shape, (size_t)*n);
-    if (shapes == NULL)
-        status = rx_error_memory(err, (size_t)*n * sizeof *shapes);
-    for (int i = 0; i < *n && status == RX_OK; i++)
-        status = shape_of(&source, &parsed, hdus[i], &shapes[i], err);
-    if (status == RX_OK) {
-        *dst = shapes;
-        shapes = NULL;
-    }
+    RX_TRY_EXIT(RX_MAKE(shapes, (size_t)*n, err));
+    for (int i = 0; i < *n; i++)
+        RX_TRY_EXIT(shape_of(&source, &parsed, hdus[i], &all, &shapes[i], err));
+    *dst = shapes;
+    shapes = NULL;
 exit:
     rx_fits_done(&source);
+    free(all.list);
     free(hdus);
     free(shapes);
     return status;

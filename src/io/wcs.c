@@ -14,7 +14,7 @@
 
 #include "base/memory.h"
 #include "io/cards.h"
-#include "io/guard/guard.h"
+#include "io/guard/wcs.h"
 #include "io/sky.h"
 
 enum { CHUNK = 64, CARD = 80 };

@@ -384,7 +384,7 @@ static rx_status write_segments(checkimage *image, const rx_checkimage_data *dat
     plane.integers = segments;
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
-    rx_fits_digest_ints(segments, (size_t)tile->width * (size_t)tile->height, digest);
+    rx_fits_digest_pixels(segments, (size_t)tile->width * (size_t)tile->height, digest);
     rx_status status = make_cards(image, data, digest, &cards, err);
     if (status == RX_OK)
         status = rx_fits_image(image->writer, &plane, &cards, err);
@@ -430,7 +430,7 @@ static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data,
     plane.width = src->width;
     plane.height = src->height;
     plane.floats = src->pixels;
-    rx_fits_digest_floats(src->pixels, npixels(src), digest);
+    rx_fits_digest_pixels(src->pixels, npixels(src), digest);
     rx_status status = make_cards(image, data, digest, &cards, err);
     if (status == RX_OK)
         status = rx_fits_image(image->writer, &plane, &cards, err);

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "fuzz.h"
-#include "io/output.h"
+#include "io/folders.h"
 #include "lab/journal.h"
 #include "nn/psfnet.h"
 #include "survey/rollup.h"

@@ -16,7 +16,7 @@
 #include <cmocka.h>
 
 #include "files.h"
-#include "io/output.h"
+#include "io/folders.h"
 
 /* The state of a test: the name comes first, so that *state is it. */
 typedef struct scratch {

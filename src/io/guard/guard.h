@@ -12,8 +12,6 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "io/fits_file.h"
-#include "io/wcs.h"
 
 /* --- header.c: headers as cfitsio may see them --- */
 
@@ -48,14 +46,18 @@ rx_status rx_fits_header_rebuild(rx_fits_header *header, rx_error *err);
 
 /* --- walk.c: from header to header through a file, before cfitsio goes there --- */
 
+/* Reads the header at *place, as cfitsio may see it, and moves that behind it. *whole: it is one, with END before the end
+ * of the file. */
+rx_status rx_fits_walk_header(int file, int64_t *place, rx_fits_header *dst, bool *whole, rx_error *err);
+
 /* RX_INPUT when cfitsio must not see a header of the file. `mend`: those that had to be rebuilt are written back;
  * otherwise *odd says whether there are any, and cfitsio must get a copy in memory that has gone through here. A
  * header that makes no sense ends the walk, and cfitsio says what is wrong.
  *
  * rx_fits_walk_open() goes through the headers of a file just opened, to where cfitsio takes them to be, and back
- * to the first HDU: they must be as if rebuilt. */
+ * to the first HDU: they must be as if rebuilt. *failed: what cfitsio says where the disk fails. */
 rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_error *err);
-rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err);
+rx_status rx_fits_walk_open(fitsfile *file, const char *path, int *failed, rx_error *err);
 
 /* How many bytes from its beginning a file must have so that the walk through its headers can go on, when
  * `size` of them are there; no more than `size` where it has ended. *place, 0 at first, is where it goes on
@@ -79,10 +81,10 @@ rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err);
 
 /* --- tiles.c: damaged compressed images, whose bytes cfitsio trusts and reads beyond --- */
 
-/* Of the current HDU, a compressed image: every tile lies in the heap; a Rice stream (FITS 4.0, 10.4.1), a
+/* Of the current HDU, a compressed image of these axes: every tile lies in the heap; a Rice stream (FITS 4.0, 10.4.1), a
  * gzip stream and plain pixels hold as many as their tile, a PLIO list ends where it should, an HCOMPRESS
  * stream too. RX_INPUT otherwise. */
-rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
+rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, int naxis, const LONGLONG *axes,
                               rx_error *err);
 
 /* --- hcompress.c: streams that are cut off, behind which cfitsio reads on --- */
@@ -92,18 +94,5 @@ rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const r
  * 0 where it is cut off, has other than `pixels` pixels, or is no such stream. RX_SYSTEM without memory. */
 rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pixels, size_t *used,
                             rx_error *err);
-
-/* --- wcs.c: damage that would make wcslib read beyond its memory is taken out, what writers usually mean is put in --- */
-
-/* Change cards in place, of which the first RX_WCS_OWN are free; what was changed in a way that users should know
- * goes to the notes. false: there are no world coordinates, notes->why says for what reason. */
-enum { RX_WCS_OWN = 4 };
-bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes);
-
-/* How many of the first two axes have a type of the sky. */
-int rx_wcs_means_sky(const char *cards, size_t ncards);
-
-/* Append a text, behind "; " where there is one before. */
-void rx_wcs_note(rx_text *note, const char *text);
 
 #endif

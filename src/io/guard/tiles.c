@@ -105,7 +105,7 @@ typedef struct method {
     int bytes, block; /* Rice's */
     int bitpix, dither;
     bool unquantised; /* floating point as it is: pixels of fewer than 4 bytes would be taken for more */
-    LONGLONG tile[RX_FITS_AXES]; /* nominal shape */
+    LONGLONG tile[MAX_COMPRESS_DIM]; /* nominal shape */
 } method;
 
 static method method_of(const fitsfile *file)
@@ -118,15 +118,15 @@ static method method_of(const fitsfile *file)
                   .bitpix = all->zbitpix,
                   .dither = all->dither_seed,
                   .unquantised = (int)all->quantize_level == NO_QUANTIZE};
-    for (int i = 0; i < RX_FITS_AXES; i++)
-        dst.tile[i] = i < all->zndim && i < MAX_COMPRESS_DIM ? all->tilesize[i] : 1;
+    for (int i = 0; i < MAX_COMPRESS_DIM; i++)
+        dst.tile[i] = i < all->zndim ? all->tilesize[i] : 1;
     return dst;
 }
 
 /* ZDITHER0 is where in a table of 10000 numbers cfitsio begins. */
 static bool is_possible(const method *m)
 {
-    for (int i = 0; i < RX_FITS_AXES; i++)
+    for (int i = 0; i < MAX_COMPRESS_DIM; i++)
         if (m->tile[i] < 1)
             return false;
     return m->dither >= 1 && m->dither <= 10000 &&
@@ -135,13 +135,13 @@ static bool is_possible(const method *m)
 }
 
 /* Pixels of the tile in that row (from 0) of the table; those at the far edges are smaller. */
-static LONGLONG tile_pixels(const method *m, const rx_fits_shape *shape, LONGLONG row)
+static LONGLONG tile_pixels(const method *m, int naxis, const LONGLONG *axes, LONGLONG row)
 {
     LONGLONG pixels = 1;
-    for (int i = 0; i < shape->naxis && i < RX_FITS_AXES; i++) {
-        const LONGLONG across = (shape->axes[i] + m->tile[i] - 1) / m->tile[i];
-        const LONGLONG rest = shape->axes[i] - row % across * m->tile[i];
-        pixels *= rest < m->tile[i] ? rest : m->tile[i];
+    for (int i = 0; i < naxis; i++) {
+        const LONGLONG tile = i < MAX_COMPRESS_DIM ? m->tile[i] : 1, across = (axes[i] + tile - 1) / tile;
+        const LONGLONG rest = axes[i] - row % across * tile;
+        pixels *= rest < tile ? rest : tile;
         row /= across;
     }
     return pixels;
@@ -246,7 +246,7 @@ static rx_status check_tile(const cells *normal, const cells *plain, const cells
     return length > 0 ? check_cell(gzip, m, row, length, pixels, false, err) : RX_INPUT;
 }
 
-rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
+rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, int naxis, const LONGLONG *axes,
                               rx_error *err)
 {
     LONGLONG rows = 0, heap = 0;
@@ -259,7 +259,7 @@ rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, const r
                 gzip = cells_of(file, file->Fptr->cn_gzip_data, heap);
     rx_status status = !failed && normal.column > 0 && is_possible(&m) ? RX_OK : RX_INPUT;
     for (LONGLONG row = 0; row < rows && status == RX_OK; row++)
-        status = check_tile(&normal, &plain, &gzip, &m, row, tile_pixels(&m, shape, row), err);
+        status = check_tile(&normal, &plain, &gzip, &m, row, tile_pixels(&m, naxis, axes, row), err);
     fits_clear_errmsg();
     return status != RX_INPUT ? status
                               : rx_error_at(err, RX_INPUT, path, hdu, 0,

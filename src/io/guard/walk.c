@@ -7,9 +7,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "io/cards.h"
-#include "io/fits_file.h"
-
 enum { CARD = 80, BLOCK = 2880, MAX_BLOCKS = 4096 };
 
 static const char END[] = "END                                     "
@@ -168,6 +165,16 @@ static rx_status write_header(int file, LONGLONG place, rx_fits_header *header, 
     return RX_OK;
 }
 
+rx_status rx_fits_walk_header(int file, int64_t *place, rx_fits_header *dst, bool *whole, rx_error *err)
+{
+    source s = {.plain = file};
+    LONGLONG at = *place;
+    const rx_status status = read_header(&s, &at, dst, whole, err);
+    rx_text_tame(dst->fault); /* it may quote a damaged card */
+    *place = at;
+    return status;
+}
+
 rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_error *err)
 {
     source s = {.plain = file};
@@ -218,14 +225,15 @@ int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place)
     return enough;
 }
 
-rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)
+rx_status rx_fits_walk_open(fitsfile *file, const char *path, int *failed, rx_error *err)
 {
     source s = {.open = file};
     rx_fits_header header = {0};
     rx_status status = RX_OK;
-    int failed = 0;
+    int ignored = 0, end = 0;
     bool whole = true;
-    for (int hdu = 1; whole && !failed; hdu++) {
+    *failed = 0;
+    for (int hdu = 1; whole && !end; hdu++) {
         LONGLONG place = file->Fptr->headstart[hdu]; /* known as soon as cfitsio has read the HDU before */
         if (place <= file->Fptr->headstart[hdu - 1])
             RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, hdu - 1, 0,
@@ -235,14 +243,13 @@ rx_status rx_fits_walk_open(fitsfile *file, const char *path, rx_error *err)
         if (header.is_rebuilt)
             RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, hdu, 0,
                                     "its header is not as the standard has it; unpack the file"));
-        fits_movabs_hdu(file, hdu + 1, NULL, &failed);
+        fits_movabs_hdu(file, hdu + 1, NULL, &end);
     }
-    if (rx_fits_is_unreadable(failed))
-        status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read");
+    *failed = rx_fits_is_unreadable(end) ? end : 0;
 exit:
-    failed = 0;
-    fits_movabs_hdu(file, 1, NULL, &failed);
-    fits_clear_errmsg();
+    if (*failed == 0)
+        fits_clear_errmsg();
+    fits_movabs_hdu(file, 1, NULL, &ignored);
     rx_text_free(&header.cards);
     return status;
 }

@@ -1,5 +1,5 @@
 /* Headers that do not say what they mean, mended for wcslib. */
-#include "io/guard/guard.h"
+#include "io/guard/wcs.h"
 
 #include <ctype.h>
 #include <math.h>
@@ -11,8 +11,6 @@
 #include "base/point.h"
 #include "base/text.h"
 #include "io/cards.h"
-#include "io/fits_read.h"
-#include "io/fits_write.h"
 
 enum { CARD = 80 };
 

@@ -8,8 +8,8 @@
 #include <sys/resource.h>
 
 #include "base/memory.h"
+#include "io/fits_digest.h"
 #include "io/fits_read.h"
-#include "io/fits_verify.h"
 #include "io/fits_write.h"
 
 /* Each HDU's 32-bit one's complement sum must be all ones (FITS 4.0, appendix J), here from the
@@ -79,7 +79,7 @@ static void test_image(void **state)
         "odd card",
         &cards);
     rx_card_text(&extra, "SOFTNAME", "Rextract", "what made this");
-    rx_card_history(&extra, "restored");
+    rx_card_record(&extra, "NOTE", "restored", "");
     assert_int_equal(rx_fits_create(in(state, "i.fits"), "shown", &writer, NULL), RX_OK);
     assert_int_equal(rx_fits_image(writer,
                                    &(rx_fits_plane){.extname = "RESTORED",
@@ -117,7 +117,7 @@ static void test_image(void **state)
                                        "HISTORY reduced by hand",
                                        "ESO-LOG",
                                        "SOFTNAME= 'Rextract'",
-                                       "HISTORY restored",
+                                       "HISTORY NOTE = restored",
                                        "EXTNAME = 'RESTORED'"};
     static const char *const dropped[] = {"BSCALE", "BZERO",    "BLANK",
                                           "TTYPE3", "ZCMPTYPE", "=                   99"};
@@ -582,9 +582,10 @@ static void test_cards(void **state)
     rx_card_number(&t, "NOTHING", NAN, "");
     rx_card_integer(&t, "N", -7, "");
     rx_card_text(&t, "ESO DET NAME", "caf\xc3\xa9\n", "");
-    rx_card_history(&t,
-                    "a line that is so long that it must be wrapped into two cards because it has more than "
-                    "seventy-two characters");
+    rx_card_record(&t, "a",
+                   "line that is so long that it must be wrapped into two cards because it has more than "
+                   "seventy-two characters",
+                   "");
     long n = (long)t.length / 80;
     assert_int_equal(t.length % 80, 0);
     for (size_t i = 0; i < t.length; i++) {
@@ -610,7 +611,7 @@ static void test_cards(void **state)
     assert_true(value == -7);
     assert_int_equal(rx_cards_text(t.data, n, "ESO DET NAME", back, sizeof back), 1);
     assert_string_equal(back, "caf???");
-    assert_memory_equal(t.data + (n - 2) * 80, "HISTORY a line", 14);
+    assert_memory_equal(t.data + (n - 2) * 80, "HISTORY a = line", 16);
     assert_memory_equal(t.data + (n - 1) * 80, "HISTORY ", 8);
     assert_int_equal(rx_cards_text(t.data, n, "LONG", back, 10), 1); /* cut, never beyond the end */
     assert_int_equal(strlen(back), 9);

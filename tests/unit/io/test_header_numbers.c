@@ -3,7 +3,7 @@
 
 #include "../near.h"
 #include "base/log.h"
-#include "io/units.h"
+#include "io/cards.h"
 
 static void keep(void *user, rx_log_kind kind, const char *text)
 {

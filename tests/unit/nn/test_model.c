@@ -19,7 +19,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "io/fits_read.h"
-#include "io/fits_verify.h"
+#include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "nn/model.h"
 #include "nn/psfnet.h"

@@ -1,5 +1,5 @@
 /* The maps that go with a tile: weights and flags. */
-#include "io/tile_weight.h"
+#include "io/tile_maps.h"
 
 #include <float.h>
 #include <math.h>
@@ -9,66 +9,48 @@
 
 #include "base/memory.h"
 #include "data/unit.h"
-#include "io/planes.h"
+#include "io/cards.h"
+#include "io/tile_list.h"
 
 /* SExtractor's BIG: a variance of that much means no data, unless it is within MOST_VARIANCE of that of the tile's pixels, in
  * whatever unit these are. */
 static const float NO_DATA = 1e30f;
 static const double MOST_VARIANCE = 1e6; /* a pixel of more has no weight in any sum */
 
-/* Names of the images of a file; *dst [*n] to be freed. */
-static rx_status image_names(const char *path, const int *hdus, int n, rx_plane_name **dst, rx_error *err)
-{
-    rx_fits_source source = {0};
-    rx_status status = rx_fits_open(path, &source, err);
-    if (status == RX_OK)
-        status = RX_MAKE(*dst, (size_t)n, err);
-    for (int i = 0; i < n && status == RX_OK; i++)
-        status = rx_planes_name(source.file, path, hdus[i], &(*dst)[i], err);
-    rx_fits_done(&source);
-    return status;
-}
-
-static int count_name(const rx_plane_name *names, int n, const rx_plane_name *name, int *last)
+/* How many have the name and version of `wanted`, or the version alone; *last of them. */
+static int count(const rx_image_list *of, const rx_image_hdu *wanted, bool by_name, int *last)
 {
     int found = 0;
-    for (int i = 0; i < n; i++)
-        if (rx_planes_same(&names[i], name)) {
-            found++;
-            *last = i;
-        }
-    return found;
-}
-
-static int count_version(const rx_plane_name *names, int n, int version, int *last)
-{
-    int found = 0;
-    for (int i = 0; i < n && version > 0; i++)
-        if (names[i].version == version) {
-            found++;
-            *last = i;
-        }
+    for (int i = 0; i < of->n; i++) {
+        const rx_image_hdu *one = &of->list[i];
+        if (by_name ? !rx_images_same(one, wanted) : wanted->version <= 0 || one->version != wanted->version)
+            continue;
+        found++;
+        *last = i;
+    }
     return found;
 }
 
 /* Of the HDUs with the name that is given the one of the tile's version, *hdu; -1: there are none or several. */
 static rx_status choose_version(const rx_fits_name *parsed, int version, int *hdu, rx_error *err)
 {
-    rx_fits_name all = *parsed;
-    rx_plane_name *names = NULL, name = {.version = version};
-    int *hdus = NULL, n = 0, last;
-    rx_status status;
-    snprintf(name.name, sizeof name.name, "%s", parsed->extname);
-    all.extname[0] = '\0';
-    *hdu = -1;
-    RX_TRY_EXIT(rx_tile_list_named(&all, true, NULL, &hdus, &n, err));
-    RX_TRY_EXIT(image_names(parsed->path, hdus, n, &names, err));
-    if (count_name(names, n, &name, &last) == 1)
-        *hdu = hdus[last];
-exit:
-    free(hdus);
-    free(names);
-    return status;
+    rx_image_list all;
+    rx_image_hdu wanted = {.version = version};
+    int last;
+    snprintf(wanted.name, sizeof wanted.name, "%s", parsed->extname);
+    RX_TRY(rx_images_of_file(parsed, NULL, &all, err));
+    *hdu = count(&all, &wanted, true, &last) == 1 ? all.list[last].hdu : -1;
+    free(all.list);
+    return RX_OK;
+}
+
+/* Is it, by its name or its version, that of another image than `own` of the tile's file? */
+static bool is_of_another(const rx_image_hdu *map, const rx_image_list *tiles, const rx_image_hdu *own)
+{
+    int last;
+    return tiles->n > 1 && !rx_images_same(map, own) &&
+           (count(tiles, map, true, &last) > 0 ||
+            (own->version > 0 && map->version != own->version && count(tiles, map, false, &last) > 0));
 }
 
 /* Which HDU of a companion file belongs to the tile: the one that is named, by a name alone the one of the tile's EXTVER; else
@@ -79,50 +61,42 @@ static rx_status choose_hdu(const char *what, const char *name, const rx_fits_na
                             const rx_tile_place *place, int *hdu, rx_error *err)
 {
     const bool selected = rx_fits_name_selects(place->name), named = rx_fits_name_selects(parsed);
-    rx_fits_name all = *place->name; /* the file's images, of which the tile is one */
-    int *hdus = NULL, *tiles = NULL, n = 0, ntiles = 0, chosen = -1, found;
-    rx_plane_name *names = NULL, *others = NULL, *own = NULL;
+    rx_image_list maps = {0}, tiles = {0};
+    rx_image_hdu own = {0};
+    int chosen = -1, found;
     rx_status status;
-    all.hdu = -1;
-    all.extname[0] = '\0';
-    RX_TRY_EXIT(rx_tile_list_named(parsed, true, NULL, &hdus, &n, err));
-    RX_TRY_EXIT(rx_tile_list_named(&all, false, NULL, &tiles, &ntiles, err));
-    RX_TRY_EXIT(image_names(place->name->path, &place->hdu, 1, &own, err));
-    RX_TRY_EXIT(image_names(parsed->path, hdus, n, &names, err));
-    RX_TRY_EXIT(image_names(place->name->path, tiles, ntiles, &others, err));
-    if (named || (n == 1 && ntiles == 1))
+    RX_TRY_EXIT(rx_images_of(parsed, NULL, &maps, err));
+    RX_TRY_EXIT(rx_images_of_file(place->name, NULL, &tiles, err));
+    for (int i = 0; i < tiles.n; i++)
+        if (tiles.list[i].hdu == place->hdu)
+            own = tiles.list[i];
+    rx_images_drop_maps(&tiles);
+    if (named || (maps.n == 1 && tiles.n == 1))
         chosen = 0;
-    else if (count_name(names, n, own, &found) == 1 ||
-             (count_version(others, ntiles, own->version, &found) == 1 &&
-              count_version(names, n, own->version, &found) == 1))
+    else if (count(&maps, &own, true, &found) == 1 ||
+             (count(&tiles, &own, false, &found) == 1 && count(&maps, &own, false, &found) == 1))
         chosen = found;
-    else if (selected && n == 1)
+    else if (selected && maps.n == 1)
         chosen = 0;
     else if (selected) {
-        for (int i = 0; i < n; i++)
-            chosen = hdus[i] == place->hdu ? i : chosen;
-    } else if (place->extension >= 1 && place->extension <= n && (n > 1 || ntiles == 1))
+        for (int i = 0; i < maps.n; i++)
+            chosen = maps.list[i].hdu == place->hdu ? i : chosen;
+    } else if (place->extension >= 1 && place->extension <= maps.n && (maps.n > 1 || tiles.n == 1))
         chosen = place->extension - 1;
-    *hdu = chosen < 0 ? -1 : hdus[chosen];
-    if (parsed->extname[0] != '\0' && parsed->extver == 0 && ntiles > 1)
-        RX_TRY_EXIT(choose_version(parsed, own->version, hdu, err));
-    else if (chosen >= 0 && !named && ntiles > 1 && !rx_planes_same(&names[chosen], own) &&
-             (count_name(others, ntiles, &names[chosen], &found) > 0 ||
-              (own->version > 0 && names[chosen].version != own->version &&
-               count_version(others, ntiles, names[chosen].version, &found) > 0)))
-        *hdu = -1; /* that of another image */
+    *hdu = chosen < 0 || (!named && is_of_another(&maps.list[chosen], &tiles, &own)) ? -1
+                                                                                     : maps.list[chosen].hdu;
+    if (parsed->extname[0] != '\0' && parsed->extver == 0 && tiles.n > 1)
+        RX_TRY_EXIT(choose_version(parsed, own.version, hdu, err));
     if (*hdu < 0)
         status = rx_error_at(
             err, RX_INPUT, name, -1, 0,
             "none of its %d images belongs to HDU %d%s%s of the tile (number %d of those processed); name "
             "the %s with its HDU: '%s[n]'",
-            n, place->hdu, own->name[0] != '\0' ? ", " : "", own->name, place->extension, what, parsed->path);
+            maps.n, place->hdu, own.name[0] != '\0' ? ", " : "", own.name, place->extension, what,
+            parsed->path);
 exit:
-    free(hdus);
-    free(tiles);
-    free(names);
-    free(others);
-    free(own);
+    free(maps.list);
+    free(tiles.list);
     return status;
 }
 
@@ -226,8 +200,8 @@ static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
     }
 }
 
-rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
-                             rx_error *err)
+static rx_status add_weight(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
+                            rx_error *err)
 {
     companion map;
     tile->weight_type = par->weight_type;
@@ -237,8 +211,8 @@ rx_status rx_tile_add_weight(const rx_tile_params *par, const rx_tile_place *pla
         return rx_error_set(err, RX_USAGE, "WEIGHT_TYPE asks for a map; give WEIGHT_IMAGE");
     const size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_status status = open_companion("weight map", par->weight_name, place, &map, err);
-    if (status == RX_OK && (tile->weight = RX_NEW(float, n)) == NULL)
-        status = rx_error_memory(err, n * sizeof(float));
+    if (status == RX_OK)
+        status = RX_MAKE(tile->weight, n, err);
     if (status == RX_OK)
         status = rx_fits_read_pixels(map.source.file, map.name.path, map.hdu, &map.part, tile->weight, err);
     if (status == RX_OK)
@@ -304,30 +278,120 @@ static rx_status read_flags(const companion *map, uint32_t *dst, rx_error *err)
                : RX_OK;
 }
 
-rx_status rx_tile_read_flags(const char *name, const rx_tile_place *place, uint32_t *dst, rx_error *err)
+static rx_status add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
+                           rx_error *err)
 {
-    companion map;
-    rx_status status = open_companion("flag map", name, place, &map, err);
-    if (status == RX_OK)
-        status = read_flags(&map, dst, err);
-    rx_fits_done(&map.source);
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    rx_status status = RX_OK;
+    if (par->nflags > 0)
+        status = RX_MAKE(tile->flagmaps, (size_t)par->nflags, err);
+    for (int i = 0; status == RX_OK && i < par->nflags; i++) {
+        companion map;
+        RX_TRY(RX_MAKE(tile->flagmaps[i], n, err));
+        tile->nflagmaps = i + 1;
+        status = open_companion("flag map", par->flag_names[i], place, &map, err);
+        if (status == RX_OK)
+            status = read_flags(&map, tile->flagmaps[i], err);
+        rx_fits_done(&map.source);
+    }
     return status;
 }
 
-rx_status rx_tile_add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
-                            rx_error *err)
+/* --- maps beside the image --- */
+
+/* The bits of a mask plane by the names that its header gives: MP_SAT = 1 is the second. */
+static uint32_t bits_of(const char *cards, size_t n, const char *const *names, size_t nnames)
 {
-    rx_status status = RX_OK;
-    size_t n = (size_t)tile->width * (size_t)tile->height;
-    if (par->nflags <= 0)
-        return RX_OK;
-    RX_TRY(RX_MAKE(tile->flagmaps, (size_t)par->nflags, err));
-    for (int i = 0; status == RX_OK && i < par->nflags; i++) {
-        status = RX_MAKE(tile->flagmaps[i], n, err);
-        if (status == RX_OK) {
-            tile->nflagmaps = i + 1;
-            status = rx_tile_read_flags(par->flag_names[i], place, tile->flagmaps[i], err);
-        }
+    uint32_t bits = 0;
+    for (size_t i = 0; i < nnames; i++) {
+        double bit;
+        if (rx_cards_number(cards, (long)n, names[i], &bit) && bit >= 0 && bit < 32)
+            bits |= (uint32_t)1 << (int)bit;
     }
+    return bits;
+}
+
+/* A mask whose header names no bits marks by 1 what is bad where it holds 0 and 1 alone; else its bits may say anything. */
+static bool is_yes_or_no(const uint32_t *flags, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (flags[i] > 1)
+            return false;
+    return true;
+}
+
+/* What the mask says joins tile->mask; *said: of which bits, "" where it is left out. */
+static rx_status add_mask(const char *name, const rx_tile_place *place, rx_log *log, rx_tile *tile,
+                          const char **said, rx_error *err)
+{
+    static const char *const no_data[] = {"MP_BAD", "MP_CR", "MP_NO_DATA"}, *const saturated[] = {"MP_SAT"};
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    size_t ncards = 0;
+    char *cards = NULL;
+    uint32_t *flags = NULL;
+    companion map;
+    rx_status status;
+    RX_TRY_EXIT(open_companion("flag map", name, place, &map, err));
+    RX_TRY_EXIT(RX_MAKE(flags, n, err));
+    RX_TRY_EXIT(read_flags(&map, flags, err));
+    RX_TRY_EXIT(rx_fits_read_cards(map.source.file, map.name.path, map.hdu, &cards, &ncards, err));
+    uint32_t bad = bits_of(cards, ncards, no_data, sizeof no_data / sizeof *no_data);
+    const uint32_t full = bits_of(cards, ncards, saturated, 1);
+    const bool named = (bad | full) != 0, simple = !named && is_yes_or_no(flags, n);
+    bad |= simple ? 1 : 0;
+    for (size_t i = 0; i < n; i++)
+        tile->mask[i] |=
+            (uint8_t)((flags[i] & bad ? RX_MASK_WEIGHT : 0) | (flags[i] & full ? RX_MASK_SATURATED : 0));
+    if (!named && !simple)
+        rx_log_warning(
+            log,
+            "%s[%d]: is a MASK of several bits and names none of them (MP_BAD, MP_SAT): it is left "
+            "out; FLAG_IMAGE '%s' puts its bits into IMAFLAGS_ISO",
+            map.name.path, map.hdu, name);
+    *said = named ? " and the MASK (BAD, CR, NO_DATA, SAT)" : simple ? " and the MASK (1 is bad)" : "";
+exit:
+    rx_fits_done(&map.source);
+    free(cards);
+    free(flags);
     return status;
+}
+
+static rx_status add_own_maps(const rx_tile_params *par, const rx_tile_place *place, rx_log *log,
+                              rx_tile *tile, rx_error *err)
+{
+    const char *path = place->name->path, *said = "";
+    char name[sizeof place->name->path + 16];
+    int mask, variance;
+    rx_image_list all;
+    rx_tile_params own = *par;
+    rx_error reason = rx_error_part(err);
+    RX_TRY(rx_images_of_file(place->name, NULL, &all, err));
+    rx_images_own_maps(&all, place->hdu, &mask, &variance);
+    free(all.list);
+    if (mask < 0)
+        return RX_OK;
+    own.weight_type = RX_WEIGHT_MAP_VAR;
+    own.weight_name = name;
+    snprintf(name, sizeof name, "%s[%d]", path, variance);
+    rx_status status = add_weight(&own, place, tile, &reason);
+    snprintf(name, sizeof name, "%s[%d]", path, mask);
+    if (status == RX_OK)
+        status = add_mask(name, place, log, tile, &said, &reason);
+    if (status == RX_INPUT) /* of a map that was not asked for */
+        return rx_error_at(err, status, reason.where, reason.hdu, reason.line,
+                           "%s; WEIGHT_TYPE NONE leaves it out", reason.text);
+    if (status != RX_OK)
+        return rx_error_take(err, &reason);
+    rx_log_info(log, "%s[%d]: measured with the VARIANCE%s of its file; WEIGHT_TYPE NONE leaves %s out", path,
+                place->hdu, said, said[0] != '\0' ? "them" : "it");
+    return RX_OK;
+}
+
+rx_status rx_tile_add_maps(const rx_tile_params *par, const rx_tile_place *place, rx_log *log, rx_tile *tile,
+                           rx_error *err)
+{
+    RX_TRY(add_weight(par, place, tile, err));
+    if (par->own_maps)
+        RX_TRY(add_own_maps(par, place, log, tile, err));
+    return add_flags(par, place, tile, err);
 }
