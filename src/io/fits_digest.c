@@ -180,7 +180,8 @@ rx_status rx_fits_digest_hdu(const char *path, int hdu, char dst[RX_HASH_TEXT], 
     RX_TRY_EXIT(rx_fits_open(path, &source, err));
     RX_TRY_EXIT(rx_fits_goto(source.file, path, hdu, err));
     RX_TRY_EXIT(find_data(source.file, path, hdu, &from, &left, err));
-    ffmbyt(source.file, from, REPORT_EOF, &failed);
+    if (left > 0)
+        ffmbyt(source.file, from, REPORT_EOF, &failed);
     for (LONGLONG some; left > 0 && !failed; left -= some) {
         some = left < ROOM ? left : ROOM;
         ffgbyt(source.file, some, room, &failed);
