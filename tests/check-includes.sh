@@ -223,7 +223,7 @@ if [ -n "${RX_BUILD_DIR:-}" ] && command -v nm >/dev/null; then
         END { tell() }' >"$scratch/variables"
     objects=$(grep -c '^object ' "$scratch/variables")
     # malloc() has no argument that a reserve could be passed down by
-    grep -v -e '^object ' -e '^src/base/reserve\.c reserve$' -e '^src/programs/reserve\.c next$' "$scratch/variables" | while read -r source variable; do
+    grep -v -e '^object ' -e '^src/base/memory\.c is_refused$' -e '^src/programs/reserve\.c \(next\|reserve\)$' "$scratch/variables" | while read -r source variable; do
         line=$(grep -nw "$variable" "$source" | head -n 1 | cut -d: -f1)
         echo "$source:${line:-1}: $variable is a variable that outlives its function; pass it down instead"
     done >>"$scratch/found"

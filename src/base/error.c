@@ -1,12 +1,10 @@
-/* The error object: filling and formatting. */
+/* The error object: filling and formatting; lines from outside. */
 #include "base/error.h"
 
 #include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
-
-#include "base/text.h"
 
 static rx_status fill(rx_error *err, rx_status status, const char *file, int hdu, long line,
                       const char *format, va_list args)
@@ -100,4 +98,32 @@ void rx_error_format(const rx_error *err, const char *program, char *dst, size_t
     else
         snprintf(dst, size, "%s: %s", program, err->text);
     rx_text_tame(dst);
+}
+
+int rx_text_utf8(const char *text)
+{
+    const unsigned char *s = (const unsigned char *)text;
+    if (s[0] < 0x80)
+        return s[0] >= 0x20 && s[0] != 0x7f;
+    int n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
+            : s[0] >= 0xe0 && s[0] <= 0xef ? 3
+            : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4
+                                           : 0;
+    for (int i = 1; i < n; i++)
+        if ((s[i] & 0xc0) != 0x80)
+            return 0;
+    bool overlong = (s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xf0 && s[1] < 0x90);
+    bool outside = (s[0] == 0xed && s[1] > 0x9f) || (s[0] == 0xf4 && s[1] > 0x8f);
+    bool control = s[0] == 0xc2 && s[1] < 0xa0;
+    return overlong || outside || control ? 0 : n;
+}
+
+void rx_text_tame(char *line)
+{
+    for (char *c = line; *c != '\0';) {
+        const int n = rx_text_utf8(c);
+        if (n == 0)
+            *c = '?';
+        c += n > 0 ? n : 1;
+    }
 }

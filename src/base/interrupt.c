@@ -4,7 +4,7 @@
 #include <pthread.h>
 #include <signal.h>
 
-#include "base/reserve.h"
+#include "base/memory.h"
 
 /* what a terminal, a shell and batch systems send: Slurm and PBS announce the end of a job's time as they are asked
  * to, mostly by one of the users' signals, and the kernel that of its processor time */
@@ -58,7 +58,7 @@ rx_status rx_interrupt_check(rx_error *err)
 {
     if (err != NULL && err->stop != NULL && err->stop(err->user))
         return rx_error_set(err, RX_INTERRUPTED, "stopped by the caller");
-    if (rx_reserve_is_needed())
+    if (rx_memory_is_refused())
         return rx_error_memory(err, 0);
     if (!rx_interrupt_pending())
         return RX_OK;

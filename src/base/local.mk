@@ -6,13 +6,11 @@ librextract_la_SOURCES += \
 	src/base/min_max.h \
 	src/base/lines.c \
 	src/base/log.c \
-	src/base/arena.c src/base/arena.h src/base/constants.h \
+	src/base/constants.h \
 	src/base/memory.c \
 	src/base/names.c \
 	src/base/point.c src/base/point.h \
-	src/base/printable.c src/base/printable.h \
 	src/base/random.c \
-	src/base/reserve.c src/base/reserve.h \
 	src/base/text.c \
 	src/base/threads.c
 librextract_la_SOURCES += src/base/interrupt.h src/base/lines.h src/base/memory.h src/base/names.h \

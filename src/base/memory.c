@@ -1,6 +1,7 @@
 /* Allocation that cannot overflow. */
 #include "base/memory.h"
 
+#include <stdatomic.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,12 +11,30 @@
 #endif
 #include <sys/mman.h>
 
-#include "base/reserve.h"
-
 enum { ALIGNMENT = 64 };
 /* PAGE is a multiple of every usual page size, HUGE of the next larger one, LARGE what malloc maps anew each
  * time. */
 enum { PAGE = 1 << 16, HUGE = 2 << 20, LARGE = 32 << 20 };
+
+/* One for the process, as the memory is. */
+static atomic_bool is_refused;
+
+void rx_memory_refuse(void)
+{
+    atomic_store(&is_refused, true);
+}
+
+bool rx_memory_is_refused(void)
+{
+    return atomic_load_explicit(&is_refused, memory_order_relaxed);
+}
+
+rx_status rx_memory_end(rx_status status, rx_error *err)
+{
+    if (atomic_exchange(&is_refused, false) && status != RX_OK && status != RX_INTERRUPTED)
+        return rx_error_memory(err, 0);
+    return status;
+}
 
 /* What was in a large block is given back to the system rather than overwritten: its pages come as zeros when
  * they are first touched, by the threads that fill them, and those of a plane that stays empty never do.
@@ -25,7 +44,7 @@ enum { PAGE = 1 << 16, HUGE = 2 << 20, LARGE = 32 << 20 };
  * fetched) for them where small ones are at hand. */
 void *rx_alloc(size_t count, size_t size)
 {
-    if (rx_reserve_is_needed() || (size != 0 && count > (SIZE_MAX - LARGE) / size))
+    if (rx_memory_is_refused() || (size != 0 && count > (SIZE_MAX - LARGE) / size))
         return NULL;
     const size_t want = count * size > 0 ? count * size : 1;
     const size_t alignment = want >= LARGE ? PAGE : want >= HUGE ? HUGE : ALIGNMENT;
@@ -57,7 +76,7 @@ void *rx_alloc_filled(size_t count, size_t size, int nthreads)
 
 void *rx_regrow(void *ptr, size_t count, size_t size)
 {
-    if (rx_reserve_is_needed() || (size != 0 && count > SIZE_MAX / size))
+    if (rx_memory_is_refused() || (size != 0 && count > SIZE_MAX / size))
         return NULL;
     return realloc(ptr, count * size > 0 ? count * size : 1);
 }
@@ -101,7 +120,7 @@ char *rx_strdup(const char *text)
     if (text == NULL)
         return NULL;
     size_t bytes = strlen(text) + 1;
-    char *copy = rx_reserve_is_needed() ? NULL : malloc(bytes);
+    char *copy = rx_memory_is_refused() ? NULL : malloc(bytes);
     if (copy != NULL)
         memcpy(copy, text, bytes);
     return copy;

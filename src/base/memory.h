@@ -2,6 +2,7 @@
 #ifndef RX_BASE_MEMORY_H
 #define RX_BASE_MEMORY_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "base/error.h"
@@ -35,6 +36,18 @@ void rx_memory_spend(void *ptr, size_t from, size_t to);
 
 /* What has been freed in small blocks goes back to the system, as far as its C library can make it. */
 void rx_memory_trim(void);
+
+/* Some libraries end the process where a small request is refused (FFTW's planner, OpenMP's runtime), read through the null
+ * pointer (wcslib, sep), or go on without what they could not have. The programs therefore answer a request that the system
+ * refuses out of a reserve, if it is small (src/programs/reserve.c), and say so here: the library's call ends as ever, and
+ * everything of ours that comes next fails for want of memory: rx_alloc(), rx_interrupt_check(), the end of a tile. In a
+ * process with another main program nothing does that, and it is as its allocator has it. */
+void rx_memory_refuse(void);
+bool rx_memory_is_refused(void);
+
+/* The end of a tile, or of a program: what went wrong since memory was refused went wrong for want of it. The next tile
+ * may have what it asks for. */
+rx_status rx_memory_end(rx_status status, rx_error *err);
 
 /* Copy of a string; NULL when memory is out or text is NULL. */
 char *rx_strdup(const char *text);

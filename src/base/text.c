@@ -1,4 +1,4 @@
-/* A string that grows, whole text files, and the nearest word. */
+/* A string that grows, whole text files, printable text, and the nearest word. */
 #include "base/text.h"
 
 #include <ctype.h>
@@ -212,30 +212,36 @@ rx_status rx_text_write_file(const rx_text *text, const char *path, const char *
     return rx_text_file_close(&file, status, err);
 }
 
-int rx_text_utf8(const char *text)
+void rx_printable_add(rx_text *dst, const char *text)
 {
-    const unsigned char *s = (const unsigned char *)text;
-    if (s[0] < 0x80)
-        return s[0] >= 0x20 && s[0] != 0x7f;
-    int n = s[0] >= 0xc2 && s[0] <= 0xdf   ? 2
-            : s[0] >= 0xe0 && s[0] <= 0xef ? 3
-            : s[0] >= 0xf0 && s[0] <= 0xf4 ? 4
-                                           : 0;
-    for (int i = 1; i < n; i++)
-        if ((s[i] & 0xc0) != 0x80)
-            return 0;
-    bool overlong = (s[0] == 0xe0 && s[1] < 0xa0) || (s[0] == 0xf0 && s[1] < 0x90);
-    bool outside = (s[0] == 0xed && s[1] > 0x9f) || (s[0] == 0xf4 && s[1] > 0x8f);
-    bool control = s[0] == 0xc2 && s[1] < 0xa0;
-    return overlong || outside || control ? 0 : n;
+    for (const char *c = text; *c != '\0'; c++) {
+        const int at_end = c[1] == '\0', edge = c == text || at_end;
+        const int plain =
+            *c >= ' ' && *c <= '~' && *c != '%' && !(*c == ' ' && edge) && !(*c == '&' && at_end);
+        if (plain)
+            rx_text_add_bytes(dst, c, 1);
+        else
+            rx_text_printf(dst, "%%%02X", (unsigned)(unsigned char)*c);
+    }
+    rx_text_add(dst, ""); /* never NULL */
 }
 
-void rx_text_tame(char *line)
+int rx_printable_read(char *text)
 {
-    for (char *c = line; *c != '\0';) {
-        const int n = rx_text_utf8(c);
-        if (n == 0)
-            *c = '?';
-        c += n > 0 ? n : 1;
+    char *to = text;
+    for (const char *from = text; *from != '\0'; from++) {
+        if (*from != '%') {
+            *to++ = *from;
+            continue;
+        }
+        if (!isxdigit((unsigned char)from[1]) || !isxdigit((unsigned char)from[2]))
+            return 0;
+        const char digits[] = {from[1], from[2], '\0'};
+        *to = (char)strtol(digits, NULL, 16);
+        if (*to++ == '\0')
+            return 0;
+        from += 2;
     }
+    *to = '\0';
+    return 1;
 }

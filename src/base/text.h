@@ -1,4 +1,4 @@
-/* A string that grows, and whole text files. */
+/* A string that grows, whole text files, printable text, and the nearest word. */
 #ifndef RX_BASE_TEXT_H
 #define RX_BASE_TEXT_H
 
@@ -46,13 +46,14 @@ rx_status rx_text_file_close(rx_text_file *file, rx_status status, rx_error *err
  * read what it wanted (rextract -dd | head): that is no failure. */
 bool rx_stream_end(FILE *stream);
 
-/* Bytes of the UTF-8 character at s; 0 when none stands there (overlong, a surrogate, cut off, the end) or a
- * control character does: C0, DEL and C1, which terminals obey in their two-byte form as well. */
-int rx_text_utf8(const char *s);
+/* Appends any text as printable ASCII, which headers of FITS files and catalogues can hold: as in addresses of the web, a
+ * byte that is no printable ASCII character, a '%', a blank at either end and an '&' at the end (which means "goes on" in a
+ * header) become '%' and two hexadecimal digits. */
+void rx_printable_add(rx_text *dst, const char *text);
 
-/* What rx_text_utf8() does not know becomes '?', byte by byte and in place: names and header values from
- * outside must not drive a terminal, nor make two lines of one. */
-void rx_text_tame(char *line);
+/* The way back, in place. Returns 0 where a '%' is followed by anything else, or the text would hold a 0
+ * byte. */
+int rx_printable_read(char *text);
 
 /* The word of `words` (n of them) nearest to `word` by edit distance, case
  * ignored, or NULL when nothing is near: for "did you mean". */

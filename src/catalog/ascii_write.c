@@ -3,7 +3,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-#include "base/printable.h"
+#include "base/text.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
 #include "data/flags.h"

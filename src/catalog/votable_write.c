@@ -1,7 +1,7 @@
 /* VOTable 1.4 (IVOA Recommendation 2019-10-21), TABLEDATA: one RESOURCE, one TABLE an extension. */
 #include <string.h>
 
-#include "base/printable.h"
+#include "base/text.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
 

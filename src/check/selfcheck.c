@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/arena.h"
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "check/quality.h"
@@ -24,7 +23,6 @@ static const uint64_t SCENES = UINT64_C(0x53434e0000000000), PHOTONS = UINT64_C(
 
 /* One round: a copy of the field with objects in it. */
 typedef struct injection {
-    rx_arena memory;
     rx_scene *scene;
     rx_field *field;
     float *light; /* pixels after - before */
@@ -70,10 +68,8 @@ static rx_status inject(const rx_selfcheck_plan *plan, int round, long done, inj
     rx_tile *copy = NULL;
     rx_status status = RX_OK;
     RX_TRY(make_scene(plan, round, done, left < plan->per_round ? left : plan->per_round, &dst->scene, err));
-    dst->light = RX_TAKE(&dst->memory, float, npixels);
-    dst->clean = RX_TAKE(&dst->memory, float, npixels);
-    if (dst->light == NULL || dst->clean == NULL)
-        return rx_error_memory(err, npixels * sizeof(float));
+    RX_TRY(RX_MAKE(dst->light, npixels, err));
+    RX_TRY(RX_MAKE(dst->clean, npixels, err));
     RX_TRY(rx_replica_new(tile, NULL, &copy, err));
     RX_TRY_EXIT(rx_render(dst->scene, 1, &(const rx_optics *){plan->optics}, &(float *const){dst->clean},
                           plan->params.nthreads, err));
@@ -126,10 +122,9 @@ rx_status rx_selfcheck_sift(const rx_sift *in, unsigned char *new_one, rx_error 
 {
     const rx_sources *before = in->before, *after = in->after;
     const size_t nb = (size_t)before->n, na = (size_t)after->n;
-    rx_arena memory = {0};
     rx_status status = RX_OK;
-    double *xy = RX_TAKE(&memory, double, 2 * (nb + na));
-    long *partners = RX_TAKE(&memory, long, nb + na);
+    double *xy = RX_NEW(double, 2 * (nb + na));
+    long *partners = RX_NEW(long, nb + na);
     if (xy == NULL || partners == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 2 * (nb + na) * sizeof(double)));
     double *xb = xy, *yb = xy + nb, *xa = xy + 2 * nb, *ya = xa + na;
@@ -140,7 +135,8 @@ rx_status rx_selfcheck_sift(const rx_sift *in, unsigned char *new_one, rx_error 
     for (size_t i = 0; i < na; i++)
         new_one[i] = partners[nb + i] < 0 ? 1 : mostly_injected(in, &after->list[i]) ? 2 : 0;
 exit:
-    rx_arena_free(&memory);
+    free(xy);
+    free(partners);
     return status;
 }
 
@@ -191,19 +187,18 @@ static rx_status empty_apertures(const rx_selfcheck_plan *plan, const rx_result 
         plan->params.measure.local_background ? 0.0 : acos(-1.0) * 0.25 * plan->diameter * plan->diameter;
     const size_t n = (size_t)after->n;
     same.vignets = NULL;
-    same.list = RX_TAKE(&in->memory, rx_source, n);
-    if (same.list == NULL)
-        return rx_error_memory(err, n * sizeof(rx_source));
+    RX_TRY(RX_MAKE(same.list, n, err));
     memcpy(same.list, after->list, n * sizeof(rx_source));
     const rx_photometry_input input = {.detect = plan->field, .field = plan->field, .restored = on};
-    RX_TRY(rx_photometry_run(&plan->apertures, &input, &same, NULL, &unused, err));
-    for (size_t i = 0; i < n; i++) {
+    const rx_status status = rx_photometry_run(&plan->apertures, &input, &same, NULL, &unused, err);
+    for (size_t i = 0; i < n && status == RX_OK; i++) {
         const rx_source *s = &same.list[i];
         const float gained = rx_map_at(&new, s->xpeak, s->ypeak),
                     before_it = rx_map_at(&old, s->xpeak, s->ypeak);
         flux[i] = s->flux_aper[0] - area * ((double)gained - (double)before_it);
     }
-    return RX_OK;
+    free(same.list);
+    return status;
 }
 
 /* Sum of a plane in the wide aperture at (x, y), as MAG_APER sums it. */
@@ -233,19 +228,18 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_result *befo
     const int wide = plan->params.measure.naper - 1;
     rx_qa_list all = {0}, *to = &dst->found_list;
     long n = to->n, added = 0;
-    unsigned char *new_one = RX_TAKE(&in->memory, unsigned char, (size_t)sources->n);
-    double *empty = RX_TAKE(&in->memory, double, (size_t)sources->n),
-           *light = RX_TAKE(&in->memory, double, (size_t)sources->n);
+    unsigned char *new_one = RX_NEW(unsigned char, (size_t)sources->n);
+    double *empty = RX_NEW(double, (size_t)sources->n), *light = RX_NEW(double, (size_t)sources->n);
     rx_status status = RX_OK;
     if (new_one == NULL || empty == NULL || light == NULL)
-        return rx_error_memory(err, (size_t)sources->n * sizeof(double));
-    RX_TRY(rx_selfcheck_sift(&sift, new_one, err));
-    RX_TRY(empty_apertures(plan, before, in, sources, empty, err));
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)sources->n * sizeof(double)));
+    RX_TRY_EXIT(rx_selfcheck_sift(&sift, new_one, err));
+    RX_TRY_EXIT(empty_apertures(plan, before, in, sources, empty, err));
     for (int i = 0; i < sources->n; i++)
         light[i] = untouched(plan, result) ? in_aperture(plan->field->tile, in->clean, sources->list[i].x,
                                                          sources->list[i].y, 0.5 * plan->diameter)
                                            : NAN;
-    RX_TRY(rx_quality_list(&plan->par->quality, in->field->tile, sources, &all, err));
+    RX_TRY_EXIT(rx_quality_list(&plan->par->quality, in->field->tile, sources, &all, err));
     RX_TRY_EXIT(keep_truth(in->scene, shift, dst, err));
     /* new detections, behind those of the rounds before */
     for (int i = 0; i < sources->n; i++)
@@ -273,6 +267,9 @@ static rx_status keep_round(const rx_selfcheck_plan *plan, const rx_result *befo
     }
 exit:
     rx_qa_list_free(&all);
+    free(new_one);
+    free(empty);
+    free(light);
     return status;
 }
 
@@ -300,7 +297,8 @@ exit:
     rx_result_free(&result);
     rx_scene_free(in.scene);
     rx_field_free(in.field);
-    rx_arena_free(&in.memory);
+    free(in.light);
+    free(in.clean);
     return status;
 }
 

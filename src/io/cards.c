@@ -10,7 +10,7 @@
 
 #include "base/memory.h"
 #include "base/point.h"
-#include "base/printable.h"
+#include "base/text.h"
 
 enum { CARD = 80, KEY = 8, MAX_VALUE = 68 };
 

@@ -15,7 +15,6 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/names.h"
-#include "base/reserve.h"
 #include "base/text.h"
 #include "io/claim.h"
 #include "io/folders.h"
@@ -430,7 +429,7 @@ rx_status rx_outputs_commit(rx_outputs *outputs, rx_error *err)
     for (size_t i = 0; i < outputs->n; i++)
         if (!outputs->list[i].done)
             RX_TRY(complete(&outputs->list[i], err));
-    if (rx_reserve_is_needed()) /* what was written may be less than it should be */
+    if (rx_memory_is_refused()) /* what was written may be less than it should be */
         return rx_error_memory(err, 0);
     /* devices first: they may refuse bytes (a full disk behind a pipe, /dev/full), names hardly ever */
     for (size_t i = 0; i < 2 * outputs->n; i++) {

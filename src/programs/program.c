@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "base/interrupt.h"
-#include "base/reserve.h"
+#include "base/memory.h"
 #include "config/idle.h"
 #include "data/flags.h"
 
@@ -122,7 +122,7 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         status = print(program, arguments.action, arguments.image, &err);
     }
     rx_log_progress_end(&log);
-    status = rx_reserve_end(status, &err);
+    status = rx_memory_end(status, &err);
     if (err.status != RX_OK)
         rx_program_fail(program->name, &err);
     rx_arguments_free(&arguments);

@@ -1,6 +1,6 @@
 /* The program's own malloc() and its like, which all libraries call: those of the C library (or of what is loaded before
- * it), and the reserve where these refuse. Not under a sanitizer, which has to be the only one to do so. */
-#include "base/reserve.h"
+ * it), and a reserve where these refuse (base/memory.h). Not under a sanitizer, which has to be the only one to do so. */
+#include "base/memory.h"
 
 #if defined(__has_feature)
 #define RX_HAS(feature) __has_feature(feature)
@@ -14,9 +14,68 @@
 #include <dlfcn.h>
 #include <errno.h>
 #include <malloc.h>
+#include <pthread.h>
+#include <stdalign.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+
+/* LARGE: what libraries have by the MB (planes, stacks of pixels) they know how to be refused; all that FFTW, wcslib
+ * and OpenMP ask for at a time is below 300 kB. RESERVE: ten of these, as we stop at our own next request. */
+enum { RESERVE = 4 << 20, LARGE = 1 << 20, ALIGNMENT = 64 };
+
+/* Block behind block of the program's zeroed data, whose pages are not there before they are touched. */
+static struct {
+    pthread_mutex_t lock;
+    size_t used;
+    int blocks;
+    alignas(ALIGNMENT) char room[RESERVE];
+} reserve = {.lock = PTHREAD_MUTEX_INITIALIZER};
+
+/* What stands before every block. */
+typedef union head {
+    size_t bytes;
+    alignas(ALIGNMENT) char room[ALIGNMENT];
+} head;
+
+/* So many bytes that hold zeros, aligned to 64; NULL for large requests, and where the reserve is used up. */
+static void *take(size_t bytes)
+{
+    head *block = NULL;
+    if (bytes >= LARGE)
+        return NULL;
+    const size_t size = sizeof *block + (bytes + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
+    pthread_mutex_lock(&reserve.lock);
+    rx_memory_refuse();
+    if (size <= RESERVE - reserve.used) {
+        block = (head *)(void *)(reserve.room + reserve.used);
+        memset(block, 0, size);
+        block->bytes = bytes;
+        reserve.used += size;
+        reserve.blocks++;
+    }
+    pthread_mutex_unlock(&reserve.lock);
+    return block != NULL ? block + 1 : NULL;
+}
+
+static bool is_of_reserve(const void *ptr)
+{
+    return (uintptr_t)ptr >= (uintptr_t)reserve.room && (uintptr_t)ptr < (uintptr_t)reserve.room + RESERVE;
+}
+
+static size_t size_of(const void *ptr)
+{
+    return ((const head *)ptr - 1)->bytes;
+}
+
+/* It begins anew when all blocks have come back. */
+static void give_back(void)
+{
+    pthread_mutex_lock(&reserve.lock);
+    if (--reserve.blocks == 0)
+        reserve.used = 0;
+    pthread_mutex_unlock(&reserve.lock);
+}
 
 /* Found at the first call, which comes before main() and any thread. */
 static struct {
@@ -49,14 +108,14 @@ static bool is_found(void)
     find(&next.free, "free");
     find(&next.malloc_usable_size, "malloc_usable_size");
     find(&next.malloc, "malloc");
-    (void)rx_reserve_end(RX_OK, NULL); /* what dlsym() took */
+    (void)rx_memory_end(RX_OK, NULL); /* what dlsym() took */
     return true;
 }
 
 void *malloc(size_t bytes)
 {
     void *made = is_found() ? next.malloc(bytes) : NULL;
-    return made != NULL ? made : rx_reserve_take(bytes);
+    return made != NULL ? made : take(bytes);
 }
 
 void *calloc(size_t n, size_t size)
@@ -67,19 +126,19 @@ void *calloc(size_t n, size_t size)
         return NULL;
     }
     void *made = is_found() ? next.calloc(n, size) : NULL;
-    return made != NULL ? made : rx_reserve_take(bytes);
+    return made != NULL ? made : take(bytes);
 }
 
 void *realloc(void *old, size_t bytes)
 {
     if (old == NULL)
         return malloc(bytes);
-    const bool held = rx_reserve_holds(old);
+    const bool held = is_of_reserve(old);
     void *made = held ? malloc(bytes) : next.realloc(old, bytes);
     if (held && made != NULL) {
-        memcpy(made, old, rx_reserve_size(old) < bytes ? rx_reserve_size(old) : bytes);
-        rx_reserve_give(old);
-    } else if (made == NULL && !held && bytes > 0 && (made = rx_reserve_take(bytes)) != NULL) {
+        memcpy(made, old, size_of(old) < bytes ? size_of(old) : bytes);
+        give_back();
+    } else if (made == NULL && !held && bytes > 0 && (made = take(bytes)) != NULL) {
         const size_t size = next.malloc_usable_size(old);
         memcpy(made, old, size < bytes ? size : bytes);
         next.free(old);
@@ -90,7 +149,7 @@ void *realloc(void *old, size_t bytes)
 void *memalign(size_t alignment, size_t bytes)
 {
     void *made = is_found() ? next.memalign(alignment, bytes) : NULL;
-    return made != NULL || alignment > 64 ? made : rx_reserve_take(bytes);
+    return made != NULL || alignment > 64 ? made : take(bytes);
 }
 
 void *aligned_alloc(size_t alignment, size_t bytes)
@@ -110,13 +169,13 @@ int posix_memalign(void **dst, size_t alignment, size_t bytes)
 
 size_t malloc_usable_size(void *ptr)
 {
-    return rx_reserve_holds(ptr) ? rx_reserve_size(ptr) : is_found() ? next.malloc_usable_size(ptr) : 0;
+    return is_of_reserve(ptr) ? size_of(ptr) : is_found() ? next.malloc_usable_size(ptr) : 0;
 }
 
 void free(void *ptr)
 {
-    if (rx_reserve_holds(ptr))
-        rx_reserve_give(ptr);
+    if (is_of_reserve(ptr))
+        give_back();
     else if (ptr != NULL)
         next.free(ptr);
 }

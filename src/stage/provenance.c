@@ -7,8 +7,7 @@
 #include <sys/stat.h>
 
 #include "base/memory.h"
-#include "base/printable.h"
-#include "config/config_fields.h"
+#include "base/text.h"
 #include "io/fits_write.h"
 #include "stage/inputs.h"
 #include "stage/machine.h"

@@ -12,7 +12,7 @@
  *   READ        digest, keyword and name of a file that was read
  *   MADE        digest of its pixels or rows, number of the part (from 1) and name of an output
  *   OUTPUT      the name of this one
- *   END         digest of the lines "NAME = value" from RECORD on, values as base/printable.h has them
+ *   END         digest of the lines "NAME = value" from RECORD on, values as rx_printable_add() has them
  *
  * NTHREADS, VERBOSE_TYPE, PLAN and PLAN_DENSITY stay out: outputs do not depend on them, to the byte. */
 #ifndef RX_STAGE_PROVENANCE_H

@@ -9,7 +9,7 @@
 
 #include "base/input.h"
 #include "base/memory.h"
-#include "base/printable.h"
+#include "base/text.h"
 #include "config/config_fields.h"
 #include "io/claim.h"
 #include "io/fits_digest.h"

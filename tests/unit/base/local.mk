@@ -1,7 +1,5 @@
 check_PROGRAMS += tests/unit/base/test_hash
 tests_unit_base_test_hash_SOURCES = tests/unit/base/test_hash.c
-check_PROGRAMS += tests/unit/base/test_printable
-tests_unit_base_test_printable_SOURCES = tests/unit/base/test_printable.c
 check_PROGRAMS += tests/unit/base/test_error
 tests_unit_base_test_error_SOURCES = tests/unit/base/test_error.c
 check_PROGRAMS += tests/unit/base/test_interrupt

@@ -11,39 +11,6 @@
 #include "../near.h"
 #include "base/log.h"
 
-/* What one message of each kind, and a progress line, write at this level. */
-static void say_all(rx_verbosity level, char *dst, size_t size)
-{
-    FILE *stream = tmpfile();
-    assert_non_null(stream);
-    rx_log log;
-    rx_log_init(&log, "rextract", stream, level);
-    rx_log_info(&log, "read %s", "a\033b\n");
-    rx_log_detail(&log, "detail");
-    rx_log_warning(&log, "careful");
-    rx_log_progress_begin(&log);
-    log.begun -= 10.0;
-    log.shown -= 10.0;
-    rx_log_progress(&log, "restoring", 0.5);
-    rx_log_progress_end(&log);
-    rewind(stream);
-    size_t n = fread(dst, 1, size - 1, stream);
-    dst[n] = '\0';
-    fclose(stream);
-}
-
-static void levels_choose_what_is_said(void **state)
-{
-    (void)state;
-    char text[512];
-    say_all(RX_QUIET, text, sizeof text);
-    assert_string_equal(text, "");
-    say_all(RX_NORMAL, text, sizeof text);
-    assert_string_equal(text, "rextract: read a?b?\nrextract: warning: careful\n");
-    say_all(RX_FULL, text, sizeof text);
-    assert_string_equal(text, "rextract: read a?b?\nrextract: detail\nrextract: warning: careful\n");
-}
-
 /* The same on what is told to be a terminal: the line comes with a share and an estimate, and goes. */
 static void progress_shows_share_and_time_left(void **state)
 {
@@ -70,15 +37,6 @@ static void progress_shows_share_and_time_left(void **state)
     fclose(stream);
     assert_non_null(strstr(text, "\r\033[Krextract: sky\r\033[Krextract: restoring  50 %, 10 s left"));
     assert_string_equal(text + n - 4, "\r\033[K");
-}
-
-static void time_left_is_in_hours_and_minutes(void **state)
-{
-    (void)state;
-    char left[RX_TIME_LEFT];
-    assert_string_equal(rx_time_left(47.4, left), "47 s");
-    assert_string_equal(rx_time_left(720, left), "12 min");
-    assert_string_equal(rx_time_left(11100, left), "3h05m");
 }
 
 /* At NORMAL no line is longer than 160 characters, and no word is lost; at FULL a message is a line. */
@@ -226,41 +184,6 @@ static void lines_are_counted_anew(void **state)
     assert_int_equal(lines, 2 * (7 + 1 + 7 + 1 + 1) + 1);
 }
 
-/* A message of any length is whole. */
-static void a_long_message_is_whole(void **state)
-{
-    (void)state;
-    FILE *stream = tmpfile();
-    assert_non_null(stream);
-    rx_log log;
-    char line[8192];
-    rx_log_init(&log, "rextract", stream, RX_FULL);
-    rx_log_warning(&log, "%05000d end", 7);
-    rewind(stream);
-    assert_non_null(fgets(line, sizeof line, stream));
-    fclose(stream);
-    assert_non_null(strstr(line, "07 end\n"));
-}
-
-static void no_log_is_silent(void **state)
-{
-    (void)state;
-    rx_log_info(NULL, "x");
-    rx_log_detail(NULL, "x");
-    rx_log_warning(NULL, "x");
-    rx_log_progress_begin(NULL);
-    rx_log_progress(NULL, "x", 0.5);
-    rx_log_progress_end(NULL);
-    rx_log_hint(NULL, "x");
-    rx_log_written(NULL, "x");
-    rx_log_tile_begin(NULL);
-    rx_log_tile_next(NULL);
-    rx_log_tile_end(NULL, 0);
-    assert_false(rx_log_is_short(NULL));
-    double before = rx_seconds();
-    assert_true(rx_seconds() >= before);
-}
-
 /* What the caller's functions were given. */
 typedef struct heard {
     char text[512];
@@ -348,17 +271,6 @@ static void shares_are_of_the_whole(void **state)
     rx_log_part(NULL, "restoring", 0, 1);
 }
 
-/* Neither a stream nor functions: silent, and nothing is kept. */
-static void a_log_of_nothing_is_silent(void **state)
-{
-    (void)state;
-    rx_log log;
-    rx_log_calls(&log, RX_NORMAL, NULL, NULL, NULL);
-    say_to(&log);
-    assert_null(log.waiting.data);
-    assert_null(log.names.data);
-}
-
 /* What asks for warnings gets them whatever is shown, and nothing else. */
 static void warnings_are_kept_when_quiet(void **state)
 {
@@ -391,17 +303,12 @@ static void warnings_are_kept_when_quiet(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(levels_choose_what_is_said),
         cmocka_unit_test(progress_shows_share_and_time_left),
-        cmocka_unit_test(time_left_is_in_hours_and_minutes),
         cmocka_unit_test(long_lines_are_folded),
         cmocka_unit_test(a_tile_has_ten_lines),
         cmocka_unit_test(lines_are_counted_anew),
-        cmocka_unit_test(a_long_message_is_whole),
-        cmocka_unit_test(no_log_is_silent),
         cmocka_unit_test(a_caller_hears_and_sees),
         cmocka_unit_test(shares_are_of_the_whole),
-        cmocka_unit_test(a_log_of_nothing_is_silent),
         cmocka_unit_test(warnings_are_kept_when_quiet),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -8,7 +8,6 @@
 
 #include <cmocka.h>
 
-#include "base/arena.h"
 #include "base/memory.h"
 
 static void memory_is_zeroed_and_aligned(void **state)
@@ -35,19 +34,6 @@ static void products_that_overflow_give_null(void **state)
     assert_null(rx_regrow(NULL, huge / 2, 3));
 }
 
-static void nothing_is_still_a_pointer(void **state)
-{
-    (void)state;
-    void *p = rx_alloc(0, 8);
-    assert_non_null(p);
-    free(p);
-    p = RX_NEW(double, 0);
-    assert_non_null(p);
-    p = rx_regrow(p, 0, 8);
-    assert_non_null(p);
-    free(p);
-}
-
 static void regrow_keeps_the_content(void **state)
 {
     (void)state;
@@ -60,17 +46,6 @@ static void regrow_keeps_the_content(void **state)
     for (int i = 0; i < 4; i++)
         assert_int_equal(more[i], i);
     free(more);
-}
-
-static void strdup_copies(void **state)
-{
-    (void)state;
-    const char *text = "NONE,RL";
-    char *copy = rx_strdup(text);
-    assert_string_equal(copy, text);
-    assert_ptr_not_equal(copy, text);
-    free(copy);
-    assert_null(rx_strdup(NULL));
 }
 
 static int count_of(const unsigned char *p, size_t from, size_t to, int value)
@@ -111,40 +86,12 @@ static void less_than_a_page_stays(void **state)
     free(p);
 }
 
-/* Objects of an arena are apart, zeroed, aligned, and stay where they are; large ones too. */
-static void an_arena_keeps_its_objects(void **state)
-{
-    (void)state;
-    enum { OBJECTS = 300 };
-    rx_arena arena = {0};
-    unsigned char *object[OBJECTS];
-    for (int i = 0; i < OBJECTS; i++) {
-        const size_t n = i % 50 == 49 ? 100000 : (size_t)(i % 200);
-        object[i] = RX_TAKE(&arena, unsigned char, n);
-        assert_non_null(object[i]);
-        assert_int_equal((uintptr_t)object[i] % 64, 0);
-        for (size_t k = 0; k < n; k++)
-            assert_int_equal(object[i][k], 0);
-        memset(object[i], i % 251 + 1, n);
-    }
-    for (int i = 0; i < OBJECTS; i++)
-        for (size_t k = 0, n = i % 50 == 49 ? 100000 : (size_t)(i % 200); k < n; k++)
-            assert_int_equal(object[i][k], i % 251 + 1);
-    volatile size_t huge = SIZE_MAX;
-    assert_null(rx_arena_take(&arena, huge / 2, 3));
-    assert_null(rx_arena_take(&arena, huge, 1));
-    rx_arena_free(&arena);
-    assert_null(arena.last);
-    rx_arena_free(&arena);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(an_arena_keeps_its_objects),       cmocka_unit_test(memory_is_zeroed_and_aligned),
-        cmocka_unit_test(products_that_overflow_give_null), cmocka_unit_test(nothing_is_still_a_pointer),
-        cmocka_unit_test(regrow_keeps_the_content),         cmocka_unit_test(strdup_copies),
-        cmocka_unit_test(what_is_spent_is_given_back),      cmocka_unit_test(less_than_a_page_stays),
+        cmocka_unit_test(memory_is_zeroed_and_aligned), cmocka_unit_test(products_that_overflow_give_null),
+        cmocka_unit_test(regrow_keeps_the_content),     cmocka_unit_test(what_is_spent_is_given_back),
+        cmocka_unit_test(less_than_a_page_stays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

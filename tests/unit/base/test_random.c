@@ -29,16 +29,6 @@ static void philox_gives_the_known_answers(void **state)
                 (const uint32_t[]){0xd16cfe09, 0x94fdcceb, 0x5001e420, 0x24126ea1});
 }
 
-static void numbers_depend_on_all_three_and_on_nothing_else(void **state)
-{
-    (void)state;
-    double first = rx_random_uniform(1, 2, 3);
-    assert_true(rx_random_uniform(2, 2, 3) != first);
-    assert_true(rx_random_uniform(1, 3, 3) != first);
-    assert_true(rx_random_uniform(1, 2, 4) != first);
-    assert_true(rx_random_uniform(1, 2, 3) == first);
-}
-
 /* The first four moments, each within 5 of its own standard errors. */
 static void uniform_has_its_moments(void **state)
 {
@@ -103,7 +93,6 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(philox_gives_the_known_answers),
-        cmocka_unit_test(numbers_depend_on_all_three_and_on_nothing_else),
         cmocka_unit_test(uniform_has_its_moments),
         cmocka_unit_test(two_at_once_are_independent),
         cmocka_unit_test(normal_has_its_moments_and_tails),

@@ -90,18 +90,10 @@ static void the_nearest_word_is_found(void **state)
     assert_string_equal(rx_text_nearest("GAINKEY", words, N), "GAIN_KEY");
     assert_null(rx_text_nearest("CHECKIMAGE_TYPE", words, N));
     assert_null(rx_text_nearest("X", words, N));
-    assert_null(rx_text_nearest("GAIN", words, 0));
-}
-
-/* Words longer than the table of distances holds are never near, and never overrun it. */
-static void endless_words_are_near_to_nothing(void **state)
-{
-    (void)state;
-    char endless[4001];
+    char endless[4001]; /* more than the table of distances holds */
     memset(endless, 'A', sizeof endless - 1);
     endless[sizeof endless - 1] = '\0';
-    const char *words[] = {"GAIN"};
-    assert_null(rx_text_nearest(endless, words, 1));
+    assert_null(rx_text_nearest(endless, words, N));
 }
 
 static void lines_from_outside_are_tamed(void **state)
@@ -115,6 +107,51 @@ static void lines_from_outside_are_tamed(void **state)
     assert_int_equal(rx_text_utf8(""), 0);
 }
 
+static void expect(const char *text, const char *printable)
+{
+    rx_text t = {0};
+    rx_printable_add(&t, text);
+    assert_false(t.failed);
+    assert_string_equal(t.data, printable);
+    assert_int_equal(rx_printable_read(t.data), 1);
+    assert_string_equal(t.data, text);
+    rx_text_free(&t);
+}
+
+static void text_becomes_printable_and_comes_back(void **state)
+{
+    (void)state;
+    expect("", "");
+    expect("a b  c,d=\"e'f\"&g", "a b  c,d=\"e'f\"&g");
+    expect("100%", "100%25");
+    expect("%41", "%2541");
+    expect(" a ", "%20a%20");
+    expect(" ", "%20");
+    expect("a&", "a%26");
+    expect("\xc3\xa9\n\x7f\t", "%C3%A9%0A%7F%09");
+    char every[256];
+    for (int i = 1; i < 256; i++)
+        every[i - 1] = (char)i;
+    every[255] = '\0';
+    rx_text t = {0};
+    rx_printable_add(&t, every);
+    for (size_t i = 0; i < t.length; i++) {
+        assert_true(t.data[i] >= ' ');
+        assert_true(t.data[i] <= '~');
+    }
+    assert_int_equal(rx_printable_read(t.data), 1);
+    assert_string_equal(t.data, every);
+    rx_text_free(&t);
+}
+
+static void what_is_no_escape_is_refused(void **state)
+{
+    (void)state;
+    char bad[][8] = {"%", "a%4", "%zz", "%4z", "%00"};
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++)
+        assert_int_equal(rx_printable_read(bad[i]), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -122,8 +159,9 @@ int main(void)
         cmocka_unit_test_setup_teardown(files_come_whole, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(bad_files_are_refused, make_scratch, remove_scratch),
         cmocka_unit_test(the_nearest_word_is_found),
-        cmocka_unit_test(endless_words_are_near_to_nothing),
         cmocka_unit_test(lines_from_outside_are_tamed),
+        cmocka_unit_test(text_becomes_printable_and_comes_back),
+        cmocka_unit_test(what_is_no_escape_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-#include "base/printable.h"
+#include "base/text.h"
 #include "io/fits_read.h"
 #include "psf/psf.h"
 #include "report/qa_page.h"
