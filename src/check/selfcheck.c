@@ -12,7 +12,7 @@
 #include "check/replica.h"
 #include "check/selfcheck_numbers.h"
 #include "io/tile.h"
-#include "measure/aperture.h"
+#include "measure/view.h"
 #include "quality/match.h"
 #include "simulate/inject.h"
 #include "simulate/render.h"

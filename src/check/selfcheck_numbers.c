@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "measure/view.h"
 #include "quality/evaluate.h"
 #include "quality/metrics.h"
 

@@ -10,7 +10,7 @@ librextract_la_SOURCES += \
 	src/io/marker.c src/io/marker.h \
 	src/io/output.c \
 	src/io/sky.c src/io/sky.h \
-	src/io/tile.c \
+	src/io/tile_read.c \
 	src/io/header_numbers.c src/io/header_numbers.h \
 	src/io/tile_list.c src/io/tile_list.h \
 	src/io/tile_maps.c src/io/tile_maps.h \

@@ -1,6 +1,6 @@
 /* Sums in circles and ellipses. Positions are floats where SExtractor's are, so that the same
  * pixels fall inside. */
-#include "measure/aperture.h"
+#include "measure/view.h"
 
 #include <math.h>
 

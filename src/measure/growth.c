@@ -1,5 +1,5 @@
 /* Growth curve in 64 rings out to 6 A, as SExtractor's: rim pixels in 5 x 5 samples. */
-#include "measure/growth.h"
+#include "measure/view.h"
 
 #include <math.h>
 #include <stdint.h>

@@ -1,5 +1,5 @@
 /* Isophotal quantities. */
-#include "measure/isophote.h"
+#include "measure/view.h"
 
 #include <math.h>
 

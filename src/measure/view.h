@@ -1,5 +1,5 @@
 /* The image as one source sees it: neighbours and masked pixels hidden, or replaced by the pixel
- * mirrored at the centre (MASK_TYPE CORRECT). */
+ * mirrored at the centre (MASK_TYPE CORRECT); and what is measured on it, a file for each kind. */
 #ifndef RX_MEASURE_VIEW_H
 #define RX_MEASURE_VIEW_H
 
@@ -90,5 +90,56 @@ bool rx_view_clip(const rx_view *view, rx_box *box);
 
 /* The same for the box around a circle, SExtractor's rounding; any radius. */
 bool rx_view_circle_box(const rx_view *view, double x, double y, double radius, rx_box *box);
+
+/* --- isophote.c: what the pixels of a source's own segment hold --- */
+
+/* Fills isoarea, flux_iso, flux_isocor and errors, peak, iso[], fwhm, analysis_threshold, flags_weight
+ * and the flags SATURATED and MASKED_CORE.
+ *
+ * FLUX_ISOCOR: Maddox et al. 1990 as in SExtractor's manual, 1 - 0.196099 t - 0.751208 t^2 with
+ * t = area * threshold / flux. FWHM: Gaussian core, log I against r^2 weighted by I^2 over pixels
+ * above a fifth of the peak. */
+void rx_measure_isophote(const rx_view *view, const rx_measure_params *par, rx_source *s);
+
+/* --- aperture.c: sums in circles and ellipses --- */
+
+/* A sum: flux (ADU, local sky subtracted) and its error; pixels whose centre is inside. */
+typedef struct rx_sum {
+    double flux, error;
+    double area;    /* pixels, shares counted */
+    int pixels;     /* whole pixels looked at */
+    int hidden;     /* of these, neighbours or masked */
+    int masked;     /* of these, masked */
+    bool truncated; /* the aperture leaves the image */
+} rx_sum;
+
+/* Share of pixel (dx, dy off the centre) inside a circle: `oversampling`^2 samples near the rim. */
+double rx_pixel_in_circle(float dx, float dy, float radius, int oversampling);
+
+/* MAG_APER: 5 x 5 samples in rim pixels. */
+void rx_sum_circle(const rx_view *view, double x, double y, double radius, rx_sum *sum);
+
+/* FLUX_AUTO (Kron 1980): radius factor * sum(r I) / sum(I) within 6 rms ellipses, at least
+ * auto_min_radius, in units of A and B. Fills flux_auto, fluxerr_auto, kron_radius (factor included,
+ * 0 where the circle of PHOT_AUTOAPERS was used or the flux is not positive), masked_fraction, flags. */
+void rx_measure_auto(const rx_view *view, const rx_measure_params *par, rx_source *s);
+
+/* FLUX_PETRO (Petrosian 1976): radius where the local surface brightness falls to 0.2 of the mean inside. */
+void rx_measure_petro(const rx_view *view, const rx_measure_params *par, rx_source *s);
+
+/* --- growth.c --- */
+
+/* Fills flux_radius (pixels) for the shares in par; sets RX_FLAGM_RADIUS_FAILED when the flux is not
+ * positive. Returns the half-light radius, at least 0.5 pixel, that windowed measurements start from. */
+double rx_measure_radii(const rx_view *view, const rx_measure_params *par, rx_source *s);
+
+/* --- window.c: a Gaussian of the half-light radius iterated onto the source --- */
+
+/* Fills xwin .. snr_win, niter_win, flags_win (SExtractor's bits; RX_FLAGWIN_AWAY: more than a
+ * pixel in x and y and an rms ellipse away). `half_light` in pixels:
+ * sigma = 2 half_light / 2.35, sums within 4 sigma. Each step moves by twice the offset of the windowed
+ * barycentre (exact for a Gaussian). Any of these: the isophotal position, moments and errors, and
+ * RX_FLAGM_WIN_FAILED. */
+void rx_measure_window(const rx_view *view, double half_light, rx_source *s);
 
 #endif

@@ -1,9 +1,7 @@
 /* Windowed measurements. */
-#include "measure/window.h"
+#include "measure/view.h"
 
 #include <math.h>
-
-#include "measure/aperture.h"
 
 enum { MAX_STEPS = 16, OVERSAMPLING = 11 };
 static const double EXTENT = 4.0; /* sigmas */

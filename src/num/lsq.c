@@ -1,3 +1,4 @@
+/* Levenberg and Marquardt by GSL. */
 #include "num/lsq.h"
 
 #include <math.h>
@@ -5,53 +6,10 @@
 
 #include <gsl/gsl_blas.h>
 #include <gsl/gsl_errno.h>
-#include <gsl/gsl_multifit.h>
 #include <gsl/gsl_multifit_nlinear.h>
 #include <gsl/gsl_version.h>
 
 #include "base/memory.h"
-
-rx_status rx_lsq_linear(const rx_lsq_equations *equations, double *x, double *covariance, double *chi2,
-                        rx_error *err)
-{
-    const size_t rows = equations->rows, columns = equations->columns;
-    const double *weights = equations->weights;
-    rx_status status = RX_OK;
-    if (columns == 0 || rows < columns)
-        return rx_error_set(err, RX_INPUT, "%zu equations cannot fix %zu unknowns", rows, columns);
-    gsl_set_error_handler_off();
-    gsl_multifit_linear_workspace *work = gsl_multifit_linear_alloc(rows, columns);
-    gsl_matrix *cov = gsl_matrix_alloc(columns, columns);
-    double *ones = NULL, minimum = 0.0;
-    if (weights == NULL && (ones = RX_NEW(double, rows)) != NULL)
-        for (size_t i = 0; i < rows; i++)
-            ones[i] = 1.0;
-    if (work == NULL || cov == NULL || (weights == NULL && ones == NULL))
-        RX_TRY_EXIT(rx_error_memory(err, rows * columns * sizeof(double)));
-    gsl_matrix_const_view va = gsl_matrix_const_view_array(equations->a, rows, columns);
-    gsl_vector_const_view vb = gsl_vector_const_view_array(equations->b, rows);
-    gsl_vector_const_view vw = gsl_vector_const_view_array(weights != NULL ? weights : ones, rows);
-    gsl_vector_view vx = gsl_vector_view_array(x, columns);
-    size_t rank;
-    int code = gsl_multifit_wlinear_tsvd(&va.matrix, &vw.vector, &vb.vector, 1e-12, &vx.vector, cov, &minimum,
-                                         &rank, work);
-    int finite = isfinite(minimum);
-    for (size_t j = 0; j < columns; j++)
-        finite = finite && isfinite(x[j]);
-    if (code != GSL_SUCCESS || !finite)
-        RX_TRY_EXIT(rx_error_set(err, RX_INPUT, "linear least squares failed: %s",
-                                 code != GSL_SUCCESS ? gsl_strerror(code) : "numbers are not finite"));
-    if (chi2 != NULL)
-        *chi2 = minimum;
-    for (size_t i = 0; covariance != NULL && i < columns; i++)
-        for (size_t j = 0; j < columns; j++)
-            covariance[i * columns + j] = gsl_matrix_get(cov, i, j);
-exit:
-    free(ones);
-    gsl_matrix_free(cov);
-    gsl_multifit_linear_free(work);
-    return status;
-}
 
 /* What GSL's callbacks carry around: our problem and plain arrays to talk to its model in. */
 typedef struct bridge {

@@ -1,4 +1,4 @@
-/* Least squares, linear and not, through GSL; the only place where GSL's fitting is called.
+/* Least squares of models that are not linear, through GSL; the only place where GSL's fitting is called.
  *
  * GSL's default error handler aborts the program. It is switched off at the start of each
  * call here and stays off for the whole process (a handler cannot be had per thread, and putting
@@ -10,20 +10,6 @@
 #include <stddef.h>
 
 #include "base/error.h"
-
-/* Equations a x = b, rows >= columns >= 1. */
-typedef struct rx_lsq_equations {
-    size_t rows, columns;
-    const double *a, *b;   /* [rows][columns], [rows] */
-    const double *weights; /* [rows]; NULL: 1 */
-} rx_lsq_equations;
-
-/* x (columns) that minimises sum_i weight_i (b_i - sum_j a_ij x_j)^2, by singular values (weak directions,
- * below 1e-12 of the strongest, are left at 0). covariance [columns][columns] or NULL: with weights =
- * 1/sigma^2 that of x; chi2 (the minimum) or NULL. Errors: RX_SYSTEM memory, RX_INPUT numbers that are not
- * finite or too few rows. */
-rx_status rx_lsq_linear(const rx_lsq_equations *equations, double *x, double *covariance, double *chi2,
-                        rx_error *err);
 
 /* residuals[i] = (model_i(parameters) - data_i) / sigma_i; jacobian [n][p] = d residuals_i / d
  * parameter_j, NULL where the problem has none. Returns 0, or 1 where the model cannot be evaluated. */

@@ -3,7 +3,6 @@
 
 #include <gsl/gsl_errno.h>
 #include <gsl/gsl_integration.h>
-#include <gsl/gsl_sf_erf.h>
 #include <gsl/gsl_sf_gamma.h>
 #include <gsl/gsl_sf_hyperg.h>
 #include <gsl/gsl_sf_lambert.h>
@@ -26,14 +25,6 @@ double rx_gamma_p(double a, double x)
         return NAN;
     gsl_set_error_handler_off();
     return x > 0 ? gsl_sf_gamma_inc_P(a, x) : 0;
-}
-
-double rx_gamma_q(double a, double x)
-{
-    if (!(a > 0) || isnan(x))
-        return NAN;
-    gsl_set_error_handler_off();
-    return x > 0 ? gsl_sf_gamma_inc_Q(a, x) : 1;
 }
 
 double rx_lambert_w(double x)
@@ -74,12 +65,6 @@ double rx_student_p(double t, double dof, double *ln_p)
     return exp(*ln);
 }
 
-double rx_normal_log_p(double z)
-{
-    gsl_set_error_handler_off();
-    return fmin(0, gsl_sf_log_erfc(fabs(z) * M_SQRT1_2));
-}
-
 static double student_p(double dof, double unused, double t)
 {
     (void)unused;
@@ -95,7 +80,8 @@ static double gamma_p(double a, double unused, double x)
 static double gamma_q(double a, double unused, double x)
 {
     (void)unused;
-    return rx_gamma_q(a, x);
+    gsl_set_error_handler_off();
+    return x > 0 ? gsl_sf_gamma_inc_Q(a, x) : 1;
 }
 
 /* x >= 0 with f(a, b, x) = target, f growing with x or falling: the bracket from 0 to high is first doubled

@@ -1,4 +1,4 @@
-/* Distributions: beta, gamma (Poisson), Student's t, the normal tail; Lambert's function; a rule of integration. GSL's
+/* Distributions: beta, gamma (Poisson), Student's t; Lambert's function; a rule of integration. GSL's
  * functions behind one header; their inverses are found by bisection to neighbouring doubles, since GSL's own
  * (gsl_cdf_*_Pinv of 2.7) end without a root for shapes of some hundred and more. No function has state; of a distribution an
  * argument outside of the range gives NAN. */
@@ -13,11 +13,9 @@ double rx_beta_inc(double a, double b, double x);
 /* x in 0..1 with I_x(a, b) = q. */
 double rx_beta_inverse(double a, double b, double q);
 
-/* Regularised incomplete gamma functions P(a, x) and Q = 1 - P, a > 0; P is 0 below x = 0. Relative accuracy
- * 1e-12 for a up to 100. */
+/* Regularised incomplete gamma function P(a, x), a > 0; 0 below x = 0. Relative accuracy 1e-12 for a up to 100. */
 double rx_gamma_p(double a, double x);
-double rx_gamma_q(double a, double x);
-/* x >= 0 with P(a, x) = p or with Q(a, x) = q, p and q between 0 and 1. */
+/* x >= 0 with P(a, x) = p or with Q(a, x) = 1 - P = q, p and q between 0 and 1. */
 double rx_gamma_p_inverse(double a, double p);
 double rx_gamma_q_inverse(double a, double q);
 /* Logarithm of the gamma function, a > 0; unlike lgamma() it writes no variable that threads share. */
@@ -31,9 +29,6 @@ double rx_lambert_w(double x);
 double rx_student_p(double t, double dof, double *ln_p);
 /* t with rx_student_p(t, dof) = p, positive, for p in 0..1: half width of intervals in standard errors. */
 double rx_student_quantile(double p, double dof);
-
-/* Logarithm of the two-sided p of a normal deviate z. */
-double rx_normal_log_p(double z);
 
 /* The n >= 1 places and weights of Gauss and Legendre's rule on -1..1, which is exact for polynomials of degree 2 n - 1.
  * Errors: RX_SYSTEM memory. */

@@ -5,9 +5,9 @@
 #include "../detect/field.h"
 #include "../files.h"
 #include "../near.h"
-#include "measure/aperture.h"
 #include "measure/measure.h"
 #include "measure/starclass.h"
+#include "measure/view.h"
 #include "num/stats.h"
 
 enum { W = 110, H = 100, OWN = 1, OTHER = 2, RINGS = 64 };

@@ -11,51 +11,6 @@
 
 #include "num/lsq.h"
 
-/* Weighted straight line: the textbook sums. */
-static void test_line(void **state)
-{
-    (void)state;
-    const double t[5] = {0, 1, 2, 4, 7}, b[5] = {1.1, 2.9, 5.2, 8.8, 15.3}, w[5] = {1, 4, 1, 2, 0.5};
-    double a[10], x[2], covariance[4], chi2, s = 0, st = 0, stt = 0, sb = 0, stb = 0, want = 0;
-    for (int i = 0; i < 5; i++) {
-        a[2 * i] = 1.0;
-        a[2 * i + 1] = t[i];
-        s += w[i];
-        st += w[i] * t[i];
-        stt += w[i] * t[i] * t[i];
-        sb += w[i] * b[i];
-        stb += w[i] * t[i] * b[i];
-    }
-    double det = s * stt - st * st, x0 = (stt * sb - st * stb) / det, x1 = (s * stb - st * sb) / det;
-    for (int i = 0; i < 5; i++)
-        want += w[i] * (b[i] - x0 - x1 * t[i]) * (b[i] - x0 - x1 * t[i]);
-    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){5, 2, a, b, w}, x, covariance, &chi2, NULL), RX_OK);
-    assert_true(fabs(x[0] - x0) < 1e-12);
-    assert_true(fabs(x[1] - x1) < 1e-12);
-    assert_true(fabs(chi2 - want) < 1e-12);
-    assert_true(fabs(covariance[0] - stt / det) < 1e-12);
-    assert_true(fabs(covariance[1] + st / det) < 1e-12);
-    assert_true(fabs(covariance[3] - s / det) < 1e-12);
-    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){2, 2, a, b, NULL}, x, NULL, NULL, NULL), RX_OK);
-    assert_true(fabs(x[0] - 1.1) < 1e-12);
-    assert_true(fabs(x[1] - 1.8) < 1e-12);
-}
-
-static void test_linear_refused(void **state)
-{
-    (void)state;
-    double a[4] = {1, 0, NAN, 1}, b[2] = {1, 2}, x[2];
-    rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){1, 2, a, b, NULL}, x, NULL, NULL, &err), RX_INPUT);
-    assert_non_null(strstr(err.text, "1 equations"));
-    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){2, 2, a, b, NULL}, x, NULL, NULL, &err), RX_INPUT);
-    /* two equal columns: the smallest solution, not an error */
-    double twice[6] = {1, 1, 2, 2, 3, 3}, c[3] = {2, 4, 6};
-    assert_int_equal(rx_lsq_linear(&(rx_lsq_equations){3, 2, twice, c, NULL}, x, NULL, NULL, NULL), RX_OK);
-    assert_true(fabs(x[0] - 1.0) < 1e-9);
-    assert_true(fabs(x[1] - 1.0) < 1e-9);
-}
-
 /* NIST StRD Misra1a: y = b1 (1 - exp(-b2 x)). */
 static const double misra_y[14] = {10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02,
                                    44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78};
@@ -135,11 +90,6 @@ static void test_failures(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_line),
-        cmocka_unit_test(test_linear_refused),
-        cmocka_unit_test(test_misra1a),
-        cmocka_unit_test(test_failures),
-    };
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_misra1a), cmocka_unit_test(test_failures)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

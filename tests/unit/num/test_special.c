@@ -54,12 +54,9 @@ static void gamma_as_scipy(void **state)
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const double *e = cases[i];
         assert_close(rx_gamma_p(e[0], e[1]), e[2], 1e-11);
-        assert_near(rx_gamma_q(e[0], e[1]), 1 - e[2], 1e-12);
     }
     assert_near(rx_gamma_p(2, 0), 0, 0);
-    assert_near(rx_gamma_q(2, 0), 1, 0);
     assert_true(isnan(rx_gamma_p(0, 1)));
-    assert_true(isnan(rx_gamma_q(1, NAN)));
 }
 
 static void gamma_inverses_as_scipy(void **state)
@@ -142,19 +139,6 @@ static void student_quantile_as_scipy(void **state)
     assert_true(isnan(rx_student_quantile(0.5, 0)));
 }
 
-static void normal_tail_as_scipy(void **state)
-{
-    static const double expected[][2] = {{0, 0},
-                                         {1, -1.147874464449319},
-                                         {1.96, -2.995816471169693},
-                                         {5, -14.37185121342878},
-                                         {-40, -803.915294833194},
-                                         {1000, -500007.1335476317}};
-    (void)state;
-    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
-        assert_close(rx_normal_log_p(expected[i][0]), expected[i][1], 1e-13);
-}
-
 /* By its definition, and scipy.special.lambertw(-0.2). */
 static void lambert_by_its_definition(void **state)
 {
@@ -183,17 +167,14 @@ static void polynomials_are_integrated_exactly(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(beta_as_scipy),
-        cmocka_unit_test(beta_inverse_as_scipy),
-        cmocka_unit_test(gamma_as_scipy),
-        cmocka_unit_test(gamma_inverses_as_scipy),
-        cmocka_unit_test(student_p_in_many_digits),
-        cmocka_unit_test(student_p_at_the_ends),
-        cmocka_unit_test(student_quantile_as_scipy),
-        cmocka_unit_test(normal_tail_as_scipy),
-        cmocka_unit_test(lambert_by_its_definition),
-        cmocka_unit_test(polynomials_are_integrated_exactly),
-    };
+    const struct CMUnitTest tests[] = {cmocka_unit_test(beta_as_scipy),
+                                       cmocka_unit_test(beta_inverse_as_scipy),
+                                       cmocka_unit_test(gamma_as_scipy),
+                                       cmocka_unit_test(gamma_inverses_as_scipy),
+                                       cmocka_unit_test(student_p_in_many_digits),
+                                       cmocka_unit_test(student_p_at_the_ends),
+                                       cmocka_unit_test(student_quantile_as_scipy),
+                                       cmocka_unit_test(lambert_by_its_definition),
+                                       cmocka_unit_test(polynomials_are_integrated_exactly)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

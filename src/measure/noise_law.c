@@ -6,8 +6,7 @@
 
 #include "base/memory.h"
 #include "base/random.h"
-#include "measure/aperture.h"
-#include "measure/measure.h"
+#include "measure/view.h"
 #include "num/stats.h"
 
 static const double RADII[] = {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0};
