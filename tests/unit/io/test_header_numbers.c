@@ -104,6 +104,8 @@ static void test_gains(void **state)
         {"GAIN    = 1.7\nGAIN    = 3.4", 1.7, "GAIN is there twice, 1.7 and 3.4"},
         {"GAIN    = 1.7\nGAIN    = 1.70", 1.7, ""},
         {"GAIN    = -2", 0, "GAIN = -2 is no gain"},
+        {"GAINMODE= 'slow'\nGAINA   = 3.7\nGAINB   = 4.1", 3.7,
+         ""}, /* the first number whose key begins so */
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         rx_text said = {0};
@@ -176,14 +178,6 @@ static void test_hints(void **state)
         {"GAIN    = 4\nMAGZERO = 31.2", "header's MAGZERO 31.2; MAG_ZEROPOINT_KEY MAGZERO takes it"},
         {"GAIN    = 4\nMAGZPT  = 23.9", "header's MAGZPT 23.9; MAG_ZEROPOINT_KEY"},
         {"GAIN    = 4\nPHOTZP  = '25.1 mag'", "header's PHOTZP 25.1; MAG_ZEROPOINT_KEY"},
-        {"GAIN    = 4\nPHOT_ZP = 25.1", "header's PHOT_ZP 25.1; MAG_ZEROPOINT_KEY PHOT_ZP takes it"},
-        {"GAIN    = 4\nZPAB    = 25.1", "header's ZPAB 25.1; MAG_ZEROPOINT_KEY"},
-        {"GAIN    = 4\nMAGZPT1 = 25.1", "header's MAGZPT1 25.1; MAG_ZEROPOINT_KEY"},
-        {"GAIN    = 4\nMAG_ZERO= 25.1", "header's MAG_ZERO 25.1; MAG_ZEROPOINT_KEY"},
-        {"GAIN    = 4\nZPTMAG  = 25.1", "header's ZPTMAG 25.1; MAG_ZEROPOINT_KEY"},
-        {"GAIN    = 4\nCALMAG  = 25.1", "header's CALMAG 25.1; MAG_ZEROPOINT_KEY"},
-        {"GAIN    = 4\nZMAG    = 25.1", "header's ZMAG 25.1; MAG_ZEROPOINT_KEY"},
-        {"GAIN    = 4\nMAGZP   = 26.275", "header's MAGZP 26.275; MAG_ZEROPOINT_KEY"},
         {"GAIN    = 4\nHIERARCH FPA.ZP = 24.5", "header's FPA.ZP 24.5; MAG_ZEROPOINT_KEY"},
         {"GAIN    = 4\nFLUXMAG0= 63095734448.0194", "by the header's FLUXMAG0 it is 27.0000"},
         /* ACS F814W: AB 25.94 (for one electron a second) */
@@ -237,9 +231,8 @@ static void test_hints(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_units),       cmocka_unit_test(test_gains), cmocka_unit_test(test_others),
-        cmocka_unit_test(test_named_cards), cmocka_unit_test(test_hints),
-    };
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_units), cmocka_unit_test(test_gains),
+                                       cmocka_unit_test(test_others), cmocka_unit_test(test_named_cards),
+                                       cmocka_unit_test(test_hints)};
     return cmocka_run_group_tests_name("header numbers", tests, make_scratch, remove_scratch);
 }

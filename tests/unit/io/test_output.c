@@ -43,55 +43,6 @@ static void test_commit(void **state)
     assert_int_equal(count_files(in(state, "")), 3);
 }
 
-static void test_abort(void **state)
-{
-    rx_outputs *outputs = NULL;
-    const char *a = NULL, *folder = NULL;
-    char inner[1000];
-    int before = count_files(in(state, ""));
-    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-    assert_int_equal(rx_outputs_file(outputs, in(state, "a"), &a, NULL), RX_OK);
-    assert_int_equal(rx_outputs_folder(outputs, in(state, "fresh"), &folder, NULL), RX_OK);
-    write_text(a, "half");
-    snprintf(inner, sizeof inner, "%s/sub", folder);
-    assert_int_equal(mkdir(inner, 0777), 0);
-    rx_outputs_free(outputs);
-    check_content(in(state, "a"), "new"); /* of the test before */
-    assert_int_equal(access(in(state, "fresh"), F_OK), -1);
-    assert_int_equal(count_files(in(state, "")), before);
-    rx_outputs_free(NULL);
-}
-
-/* Folders that are missing are made, and go again with a run that fails, but where something of others lies in them. */
-static void test_missing_folders(void **state)
-{
-    rx_outputs *outputs = NULL;
-    const char *file = NULL, *folder = NULL;
-    rx_error err = RX_ERROR_NONE;
-    for (int committed = 0; committed < 2; committed++) {
-        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-        assert_int_equal(rx_outputs_file(outputs, in(state, "night/cats/x"), &file, NULL), RX_OK);
-        write_text(file, "x");
-        assert_int_equal(rx_outputs_file(outputs, in(state, "night/../night//cats/x"), &file, &err),
-                         RX_USAGE);
-        assert_int_equal(rx_outputs_folder(outputs, in(state, "night/qa/x/"), &folder, NULL), RX_OK);
-        if (committed)
-            assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
-        rx_outputs_free(outputs);
-        assert_int_equal(access(in(state, "night"), F_OK), committed ? 0 : -1);
-    }
-    check_content(in(state, "night/cats/x"), "x");
-    assert_int_equal(access(in(state, "night/qa/x"), F_OK), 0);
-    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-    assert_int_equal(rx_outputs_file(outputs, in(state, "common/inner/x"), &file, NULL), RX_OK);
-    write_text(in(state, "common/theirs"), "theirs");
-    assert_int_equal(rx_outputs_file(outputs, in(state, "a/b/x"), &file, &err), RX_SYSTEM); /* a is a file */
-    assert_non_null(strstr(err.text, "cannot be made: Not a directory"));
-    rx_outputs_free(outputs);
-    assert_int_equal(access(in(state, "common/inner"), F_OK), -1);
-    check_content(in(state, "common/theirs"), "theirs");
-}
-
 /* One process removes what it has made while another one is about to write there. */
 static void test_folders_of_two(void **state)
 {
@@ -112,34 +63,6 @@ static void test_folders_of_two(void **state)
     assert_int_equal(failed, 0);
     rx_output_remove(
         in(state, "both")); /* what one of them made while the other one was in it may be left, empty */
-}
-
-/* A folder of ours is replaced, with what it held; any other is refused. */
-static void test_folders(void **state)
-{
-    rx_outputs *outputs = NULL;
-    const char *folder = NULL;
-    char inner[1000];
-    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-    assert_int_equal(rx_outputs_folder(outputs, in(state, "report"), &folder, NULL), RX_OK);
-    snprintf(inner, sizeof inner, "%s/second", folder);
-    write_text(inner, "2");
-    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
-    rx_outputs_free(outputs);
-    assert_int_equal(access(in(state, "report/page"), F_OK), -1);
-    check_content(in(state, "report/second"), "2");
-    assert_int_equal(mkdir(in(state, "mine"), 0777), 0);
-    write_text(in(state, "mine/letter"), "dear");
-    assert_int_equal(mkdir(in(state, "empty"), 0777), 0);
-    rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-    assert_int_equal(rx_outputs_folder(outputs, in(state, "mine"), &folder, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "never replaced"));
-    assert_int_equal(rx_outputs_folder(outputs, in(state, "a"), &folder, &err), RX_USAGE);
-    assert_int_equal(rx_outputs_folder(outputs, in(state, "empty"), &folder, &err), RX_OK);
-    assert_int_equal(rx_outputs_commit(outputs, NULL), RX_OK);
-    rx_outputs_free(outputs);
-    check_content(in(state, "mine/letter"), "dear");
 }
 
 /* A process that reserves a file and a folder, begins them, says so, and waits to be killed. */
@@ -502,29 +425,6 @@ static void test_aside(void **state)
     }
 }
 
-static void test_refused(void **state)
-{
-    rx_outputs *outputs = NULL;
-    const char *a = NULL;
-    char name[700];
-    rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-    assert_int_equal(rx_outputs_file(outputs, in(state, "a/x"), &a, &err), RX_SYSTEM);
-    assert_non_null(strstr(err.text, "folder"));
-    assert_int_equal(rx_outputs_file(outputs, in(state, "mine"), &a, &err), RX_USAGE);
-    assert_int_equal(rx_outputs_file(outputs, "", &a, &err), RX_USAGE);
-    assert_int_equal(rx_outputs_file(outputs, in(state, "c"), &a, &err), RX_OK);
-    assert_int_equal(rx_outputs_file(outputs, in(state, "c"), &a, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "twice"));
-    assert_int_equal(rx_outputs_file(outputs, in(state, "./c"), &a, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "twice"));
-    memset(name, 'x', 250);
-    name[250] = '\0';
-    assert_int_equal(rx_outputs_file(outputs, in(state, name), &a, &err), RX_USAGE);
-    assert_int_equal(rx_outputs_file(outputs, "/proc/x", &a, &err), RX_SYSTEM); /* for root too */
-    rx_outputs_free(outputs);
-}
-
 /* Links are followed, so that what they point to is made or replaced and they stay links. */
 static void test_links(void **state)
 {
@@ -542,31 +442,6 @@ static void test_links(void **state)
         check_content(in(state, "b"), there ? "again" : "through");
         assert_int_equal(lstat(in(state, "link"), &info), 0);
         assert_true(S_ISLNK(info.st_mode));
-    }
-}
-
-/* Devices are written to, never replaced; a full one is an error. */
-static void test_devices(void **state)
-{
-    (void)state;
-    static const char *const names[] = {"/dev/null", "/dev/full"};
-    for (int i = 0; i < 2; i++) {
-        rx_outputs *outputs = NULL;
-        const char *a = NULL;
-        char kept[1000];
-        struct stat info;
-        rx_error err = RX_ERROR_NONE;
-        assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
-        assert_int_equal(rx_outputs_file(outputs, names[i], &a, NULL), RX_OK);
-        snprintf(kept, sizeof kept, "%s", a);
-        write_text(a, "content");
-        assert_int_equal(rx_outputs_commit(outputs, &err), i == 0 ? RX_OK : RX_SYSTEM);
-        if (i == 1)
-            assert_non_null(strstr(err.text, "No space"));
-        rx_outputs_free(outputs);
-        assert_int_equal(stat(names[i], &info), 0);
-        assert_true(S_ISCHR(info.st_mode));
-        assert_int_equal(access(kept, F_OK), -1);
     }
 }
 
@@ -593,15 +468,12 @@ static void test_failing_commit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_commit),           cmocka_unit_test(test_abort),
-        cmocka_unit_test(test_missing_folders),  cmocka_unit_test(test_folders_of_two),
-        cmocka_unit_test(test_folders),          cmocka_unit_test(test_only_ours),
-        cmocka_unit_test(test_filled_meanwhile), cmocka_unit_test(test_modes),
-        cmocka_unit_test(test_planted),          cmocka_unit_test(test_leftovers),
-        cmocka_unit_test(test_claimed_folder),   cmocka_unit_test(test_two_at_once),
-        cmocka_unit_test(test_taken_number),     cmocka_unit_test(test_aside),
-        cmocka_unit_test(test_refused),          cmocka_unit_test(test_links),
-        cmocka_unit_test(test_devices),          cmocka_unit_test(test_failing_commit),
-    };
+        cmocka_unit_test(test_commit),        cmocka_unit_test(test_folders_of_two),
+        cmocka_unit_test(test_only_ours),     cmocka_unit_test(test_filled_meanwhile),
+        cmocka_unit_test(test_modes),         cmocka_unit_test(test_planted),
+        cmocka_unit_test(test_leftovers),     cmocka_unit_test(test_claimed_folder),
+        cmocka_unit_test(test_two_at_once),   cmocka_unit_test(test_taken_number),
+        cmocka_unit_test(test_aside),         cmocka_unit_test(test_links),
+        cmocka_unit_test(test_failing_commit)};
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, remove_scratch);
 }

@@ -143,81 +143,6 @@ static void test_broken_files(void **state)
     check_refused(&PLAIN, in(state, "x.fits"), "cannot be read");
 }
 
-static void make_header_only(const char *path, int bitpix, const char *axes, size_t bytes)
-{
-    char lines[500], data[100] = {0};
-    rx_text file = {0};
-    snprintf(lines, sizeof lines, "SIMPLE  =                    T\nBITPIX  = %20d\n%s", bitpix, axes);
-    add_hdu(&file, lines, data, bytes);
-    write_bytes(path, file.data, file.length);
-    rx_text_free(&file);
-}
-
-static void test_lying_headers(void **state)
-{
-    static const struct {
-        const char *axes, *word;
-    } cases[] = {
-        {"NAXIS   =                    2\nNAXIS1  =               400000\nNAXIS2  =               400000",
-         "cut off"},
-        {"NAXIS   =                    2\nNAXIS1  =           4000000000\nNAXIS2  =           4000000000",
-         ""},
-        {"NAXIS   =                    2\nNAXIS1  =                    0\nNAXIS2  =                   10",
-         "0 x 10"},
-        {"NAXIS   =                    2\nNAXIS1  =                  -10\nNAXIS2  =                   10",
-         ""},
-        {"NAXIS   =                    0", "no 2-D image"},
-        {"NAXIS   =                    1\nNAXIS1  =                   10", "1 axis"},
-        {"NAXIS   =                    3\nNAXIS1  =                    2\nNAXIS2  =                    2\n"
-         "NAXIS3  =                    3",
-         "3 axes"},
-        {"NAXIS   =                    2\nNAXIS1  =                   60\nNAXIS2  =                  100",
-         "cut off"},
-    };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        make_header_only(in(state, "x.fits"), -32, cases[i].axes, 40);
-        check_refused(&PLAIN, in(state, "x.fits"), cases[i].word);
-    }
-}
-
-/* Real-looking compressed file: cut in the middle, and with a header that claims more. */
-static void test_broken_compressed(void **state)
-{
-    static float noise[200 * 200];
-    size_t size = 0;
-    for (int i = 0; i < 40000; i++)
-        noise[i] = (float)((i * 7919) % 30011);
-    compress_to(in(state, "a.fits.fz"), RICE_1, noise, 200, 200, 0);
-    char *data = file_bytes(in(state, "a.fits.fz"), &size);
-    for (int part = 1; part < 8; part++) {
-        write_bytes(in(state, "cut.fits.fz"), data, size * (size_t)part / 8);
-        check_refused(&PLAIN, in(state, "cut.fits.fz"), "");
-    }
-    char *axis = NULL;
-    for (size_t i = 0; i + 80 < size && axis == NULL; i += 80)
-        if (memcmp(data + i, "ZNAXIS1 ", 8) == 0)
-            axis = data + i;
-    assert_non_null(axis);
-    memcpy(axis + 10, "           100000000", 20);
-    write_bytes(in(state, "huge.fits.fz"), data, size);
-    check_refused(&PLAIN, in(state, "huge.fits.fz"), "");
-    memcpy(axis + 10, "                 200", 20);
-    for (int seed = 1; seed < 40; seed++) { /* a few wrong bytes, up to a hail of them */
-        char *hurt = malloc(size);
-        assert_non_null(hurt);
-        memcpy(hurt, data, size);
-        for (size_t i = 5760 + (size_t)seed; i < size; i += (size_t)(40000 / (seed * seed)) + 1)
-            hurt[i] = seed % 3 == 0 ? 0 : (char)(i * (size_t)(131 + seed));
-        write_bytes(in(state, "bad.fits.fz"), hurt, size);
-        free(hurt);
-        rx_tile *tile = NULL;
-        rx_status status = rx_tile_read(&PLAIN, in(state, "bad.fits.fz"), 1, 1, NULL, &tile, NULL);
-        assert_true(status == RX_OK || status == RX_INPUT);
-        rx_tile_free(tile);
-    }
-    free(data);
-}
-
 /* Files without the padding of their last block are common and complete. */
 static void test_missing_padding(void **state)
 {
@@ -635,22 +560,18 @@ static void test_huge_tiles(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_headers_that_cfitsio_does_not_survive),
-        cmocka_unit_test(test_disguised_keywords),
-        cmocka_unit_test(test_extension_that_ends_before_it_begins),
-        cmocka_unit_test(test_broken_files),
-        cmocka_unit_test(test_lying_headers),
-        cmocka_unit_test(test_broken_compressed),
-        cmocka_unit_test(test_missing_padding),
-        cmocka_unit_test(test_packed_files),
-        cmocka_unit_test(test_packed_otherwise),
-        cmocka_unit_test(test_header_is_read_once),
-        cmocka_unit_test(test_tiles_that_cfitsio_does_not_survive),
-        cmocka_unit_test(test_missing_settings),
-        cmocka_unit_test(test_line_lists),
-        cmocka_unit_test(test_hcompress_streams),
-        cmocka_unit_test(test_huge_tiles),
-    };
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_headers_that_cfitsio_does_not_survive),
+                                       cmocka_unit_test(test_disguised_keywords),
+                                       cmocka_unit_test(test_extension_that_ends_before_it_begins),
+                                       cmocka_unit_test(test_broken_files),
+                                       cmocka_unit_test(test_missing_padding),
+                                       cmocka_unit_test(test_packed_files),
+                                       cmocka_unit_test(test_packed_otherwise),
+                                       cmocka_unit_test(test_header_is_read_once),
+                                       cmocka_unit_test(test_tiles_that_cfitsio_does_not_survive),
+                                       cmocka_unit_test(test_missing_settings),
+                                       cmocka_unit_test(test_line_lists),
+                                       cmocka_unit_test(test_hcompress_streams),
+                                       cmocka_unit_test(test_huge_tiles)};
     return cmocka_run_group_tests_name("damaged tiles", tests, make_scratch, remove_scratch);
 }
