@@ -77,13 +77,8 @@ static const char *not_fits(const unsigned char *head, size_t n)
     return "is not a FITS file: it does not begin with SIMPLE";
 }
 
-/* What check_file() found. */
-typedef struct kind {
-    int64_t bytes;
-    bool packed, unpadded; /* as a whole; plain, its last block is none */
-} kind;
-
-static rx_status check_file(const char *path, kind *dst, rx_error *err)
+/* *is_held: it comes into memory, as it is packed as a whole, or plain and its last block is none. */
+static rx_status check_file(const char *path, bool *is_held, rx_error *err)
 {
     struct stat info;
     unsigned char head[160] = {0}; /* a file may be shorter than what is compared */
@@ -105,43 +100,20 @@ static rx_status check_file(const char *path, kind *dst, rx_error *err)
     fclose(file);
     if (failed)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
-    dst->bytes = (int64_t)info.st_size;
-    dst->packed = memcmp(head, "SIMPLE", 6) != 0; /* not_fits() lets no other kind of file by */
-    dst->unpadded = memcmp(head, "SIMPLE", 6) == 0 && info.st_size % BLOCK != 0;
+    *is_held = memcmp(head, "SIMPLE", 6) != 0 || info.st_size % BLOCK != 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
-}
-
-static rx_status load(const char *path, int64_t bytes, int to, int64_t *size, rx_error *err)
-{
-    char piece[1 << 13];
-    rx_status status = RX_OK;
-    RX_TRY(rx_fits_ask_memory(bytes, err));
-    FILE *from = fopen(path, "rb");
-    if (from == NULL)
-        return rx_error_file(err, path, "cannot be opened");
-    *size = 0;
-    for (size_t n; status == RX_OK && *size < bytes && (n = fread(piece, 1, sizeof piece, from)) > 0;
-         *size += (int64_t)n)
-        if (write(to, piece, n) != (ssize_t)n)
-            status =
-                rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    if (status == RX_OK && ferror(from))
-        status = rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
-    fclose(from);
-    return status;
 }
 
 /* The file comes into one in memory, its last block filled up with zeros and its headers as cfitsio may see them. cfitsio has memory of its own kind,
  * but forgets there that it could not read a header, and takes the last HDU to be as long as its header says.
  */
-static rx_status hold(const char *path, const kind *about, int to, rx_fits_source *dst, rx_error *err)
+static rx_status hold(const char *path, int to, rx_fits_source *dst, rx_error *err)
 {
     char begin[9] = "", literal[40];
     int failed = 0;
     bool odd;
-    RX_TRY(about->packed ? rx_fits_unpack(path, to, &dst->bytes, err)
-                         : load(path, about->bytes, to, &dst->bytes, err));
+    RX_TRY(rx_fits_unpack(path, to, &dst->bytes, err));
     if (pread(to, begin, sizeof begin, 0) != sizeof begin || memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
         return rx_error_at(err, RX_INPUT, path, -1, 0,
                            "is not a packed FITS file: what is in it does not begin with SIMPLE");
@@ -156,12 +128,12 @@ static rx_status hold(const char *path, const kind *about, int to, rx_fits_sourc
     return RX_OK;
 }
 
-static rx_status open_held(const char *path, const kind *about, rx_fits_source *dst, rx_error *err)
+static rx_status open_held(const char *path, rx_fits_source *dst, rx_error *err)
 {
     const int memory = memfd_create("rextract", MFD_CLOEXEC);
     if (memory < 0)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    rx_status status = hold(path, about, memory, dst, err);
+    rx_status status = hold(path, memory, dst, err);
     close(memory); /* cfitsio has it open */
     return status;
 }
@@ -171,7 +143,7 @@ void rx_fits_literal(const char *path, char dst[RX_FITS_LITERAL])
     snprintf(dst, RX_FITS_LITERAL, "%s%s", path[0] == '~' || path[0] == ' ' ? "./" : "", path);
 }
 
-static rx_status open_plain(const char *path, const kind *about, rx_fits_source *dst, rx_error *err)
+static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err)
 {
     char literal[RX_FITS_LITERAL];
     int failed = 0;
@@ -183,7 +155,7 @@ static rx_status open_plain(const char *path, const kind *about, rx_fits_source 
     if (status != RX_OK)
         return status;
     if (odd)
-        return open_held(path, about, dst, err);
+        return open_held(path, dst, err);
     rx_fits_literal(path, literal);
     if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
         dst->file = NULL;
@@ -194,13 +166,12 @@ static rx_status open_plain(const char *path, const kind *about, rx_fits_source 
 
 rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
 {
-    kind about = {0};
+    bool is_held = false;
     *dst = (rx_fits_source){0};
-    rx_status status = check_file(path, &about, err);
+    rx_status status = check_file(path, &is_held, err);
     fits_clear_errmsg();
     if (status == RX_OK)
-        status = about.packed || about.unpadded ? open_held(path, &about, dst, err)
-                                                : open_plain(path, &about, dst, err);
+        status = is_held ? open_held(path, dst, err) : open_plain(path, dst, err);
     int failed = 0;
     if (status == RX_OK)
         status = rx_fits_walk_open(dst->file, path, &failed, err);
@@ -227,63 +198,48 @@ void rx_fits_done(rx_fits_source *source)
 
 /* --- names --- */
 
-/* "3:20" or "*" into first and last; 0 when malformed. */
+/* "3:20", "*" (to the end: last 0) or "3" into first and last; how many of the two are given, 0 when malformed. */
 static int parse_range(const char **cursor, long *first, long *last)
 {
-    const char *c = *cursor;
-    char *end;
-    while (*c == ' ')
-        c++;
-    if (*c == '*') {
-        *first = 1;
-        *last = 0;
-        end = (char *)c + 1;
-    } else {
-        *first = strtol(c, &end, 10);
-        if (end == c || *end != ':')
-            return 0;
-        c = end + 1;
-        *last = strtol(c, &end, 10);
+    const char *c = *cursor + strspn(*cursor, " ");
+    char *end = (char *)c + 1;
+    int given = 2;
+    *first = 1;
+    *last = 0;
+    if (*c != '*') {
+        *first = *last = strtol(c, &end, 10);
+        given = end != c && *end == ':' ? 2 : 1;
+        if (given == 2) {
+            c = end + 1;
+            *last = strtol(c, &end, 10);
+        }
         if (end == c || *first < 1 || *last < *first)
             return 0;
     }
-    while (*end == ' ')
-        end++;
-    *cursor = end;
-    return 1;
+    *cursor = end + strspn(end, " ");
+    return given;
 }
 
-/* "3", or "3:3" as cfitsio has it; 0 when malformed. */
-static int parse_place(const char **cursor, long *place)
-{
-    char *end;
-    *place = strtol(*cursor, &end, 10);
-    if (end == *cursor || *place < 1)
-        return 0;
-    if (*end == ':') {
-        *cursor = end + 1;
-        if (strtol(*cursor, &end, 10) != *place || end == *cursor)
-            return 0;
-    }
-    while (*end == ' ')
-        end++;
-    *cursor = end;
-    return 1;
-}
-
+/* Two ranges, then perhaps places, "3" or "3:3" as cfitsio has it. */
 static int parse_section(const char *group, rx_fits_name *dst)
 {
     const char *c = group;
-    if (!parse_range(&c, &dst->section.first[0], &dst->section.last[0]) || *c != ',')
-        return 0;
-    c++;
-    if (!parse_range(&c, &dst->section.first[1], &dst->section.last[1]))
-        return 0;
-    for (int i = 0; *c == ',' && i < RX_FITS_AXES - 2; i++)
-        if (c++, !parse_place(&c, &dst->section.plane[i]))
+    for (int i = 0; i < RX_FITS_AXES; i++, c++) {
+        long first, last;
+        const int given = parse_range(&c, &first, &last);
+        if (given == 0 || (i < 2 ? given == 1 : first != last))
             return 0;
-    dst->has_section = *c == '\0';
-    return dst->has_section;
+        if (i < 2) {
+            dst->section.first[i] = first;
+            dst->section.last[i] = last;
+        } else {
+            dst->section.plane[i - 2] = first;
+        }
+        dst->has_section = *c == '\0' && i > 0;
+        if (*c != ',')
+            return dst->has_section;
+    }
+    return 0;
 }
 
 /* "2", "SCI" or "SCI,1". */

@@ -29,40 +29,33 @@ static LONGLONG count_planes(const rx_fits_shape *shape, const rx_fits_name *nam
 }
 
 /* HDU number of the image: what the name selects, else the first of planes, else the first of any
- * shape; -1 when there is none. A 1-D image is taken as one row. */
+ * shape; it is the current one then. A 1-D image is taken as one row. */
 static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes, int *hdu,
                             rx_fits_shape *shape, rx_error *err)
 {
-    int first = -1;
-    if (rx_fits_name_selects(name)) {
-        rx_status status = rx_fits_goto_name(file, name, hdu, err);
-        int failed = status == RX_OK ? rx_fits_shape_of(file, shape) : 0;
-        return failed ? rx_fits_failed(err, RX_INPUT, name->path, *hdu, failed, "this HDU cannot be read")
-                      : status;
-    }
-    int count = 0;
-    rx_status status = RX_OK;
-    RX_TRY(rx_fits_count(file, name->path, &count, NULL, err));
-    for (int i = 0; i < count; i++) {
-        status = rx_fits_goto(file, name->path, i, err);
-        if (status != RX_OK)
-            return status;
-        if (rx_fits_shape_of(file, shape) != 0)
-            continue;
-        if (count_planes(shape, name, cubes) > 0) {
+    int first = -1, count = 0;
+    if (rx_fits_name_selects(name))
+        RX_TRY(rx_fits_goto_name(file, name, hdu, err));
+    else {
+        RX_TRY(rx_fits_count(file, name->path, &count, NULL, err));
+        for (int i = 0; i < count; i++) {
+            RX_TRY(rx_fits_goto(file, name->path, i, err));
+            if (rx_fits_shape_of(file, shape) != 0)
+                continue;
             *hdu = i;
-            return RX_OK;
+            if (count_planes(shape, name, cubes) > 0)
+                return RX_OK;
+            if (first < 0 && shape->is_image && shape->naxis > 0)
+                first = i;
         }
-        if (first < 0 && shape->is_image && shape->naxis > 0)
-            first = i;
+        if (first < 0)
+            return rx_error_at(err, RX_INPUT, name->path, -1, 0, "holds no image in its %d HDUs", count);
+        *hdu = first;
+        RX_TRY(rx_fits_goto(file, name->path, first, err));
     }
-    if (first < 0)
-        return rx_error_at(err, RX_INPUT, name->path, -1, 0, "holds no image in its %d HDUs", count);
-    *hdu = first;
-    status = rx_fits_goto(file, name->path, first, err);
-    int failed = status == RX_OK ? rx_fits_shape_of(file, shape) : 0;
-    return failed ? rx_fits_failed(err, RX_INPUT, name->path, first, failed, "this HDU cannot be read")
-                  : status;
+    const int failed = rx_fits_shape_of(file, shape);
+    return failed ? rx_fits_failed(err, RX_INPUT, name->path, *hdu, failed, "this HDU cannot be read")
+                  : RX_OK;
 }
 
 static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int cubes, int hdu,
@@ -268,79 +261,66 @@ static bool heading_text(const heading *h, int stem, int number, char *dst, int 
     return rx_cards_text(h->table->cards + 80 * i, h->table->ncards - i, key, dst, size) != 0;
 }
 
-/* Cell type for a column; integers with TNULL become floating, so that NAN can stand for no value
- * (64-bit ones stay: a double would not hold them). 0 when the column is left out. */
+/* Types of columns: the cells that hold them and what cfitsio is asked for; the same where TNULL is set, as NAN then
+ * stands for no value (64-bit integers stay: a double would not hold them). */
+static const struct kind {
+    int type;
+    rx_cell_type cell;
+    int ask;
+    rx_cell_type nulled_cell;
+    int nulled_ask;
+} kinds[] = {
+    {TLOGICAL, RX_CELL_INT16, TLOGICAL, RX_CELL_INT16, TLOGICAL},
+    {TBIT, RX_CELL_INT16, TBIT, RX_CELL_INT16, TBIT},
+    {TBYTE, RX_CELL_INT16, TSHORT, RX_CELL_FLOAT, TFLOAT},
+    {TSBYTE, RX_CELL_INT16, TSHORT, RX_CELL_FLOAT, TFLOAT},
+    {TSHORT, RX_CELL_INT16, TSHORT, RX_CELL_FLOAT, TFLOAT},
+    {TUSHORT, RX_CELL_INT32, TINT, RX_CELL_DOUBLE, TDOUBLE},
+    {TINT, RX_CELL_INT32, TINT, RX_CELL_DOUBLE, TDOUBLE},
+    {TLONG, RX_CELL_INT32, TINT, RX_CELL_DOUBLE, TDOUBLE},
+    {TUINT, RX_CELL_INT64, TLONGLONG, RX_CELL_INT64, TLONGLONG},
+    {TULONG, RX_CELL_INT64, TLONGLONG, RX_CELL_INT64, TLONGLONG},
+    {TLONGLONG, RX_CELL_INT64, TLONGLONG, RX_CELL_INT64, TLONGLONG},
+    {TULONGLONG, RX_CELL_DOUBLE, TDOUBLE, RX_CELL_DOUBLE, TDOUBLE}, /* more than an int64 holds */
+    {TFLOAT, RX_CELL_FLOAT, TFLOAT, RX_CELL_FLOAT, TFLOAT},
+    {TDOUBLE, RX_CELL_DOUBLE, TDOUBLE, RX_CELL_DOUBLE, TDOUBLE},
+    {TCOMPLEX, RX_CELL_FLOAT, TCOMPLEX, RX_CELL_FLOAT, TCOMPLEX}, /* pairs of real and imaginary part */
+    {TDBLCOMPLEX, RX_CELL_DOUBLE, TDBLCOMPLEX, RX_CELL_DOUBLE, TDBLCOMPLEX},
+    {TSTRING, RX_CELL_TEXT, TSTRING, RX_CELL_TEXT, TSTRING},
+};
+
+/* Cell type for a column; 0 when the column is left out. */
 static int plan_column(fitsfile *file, const heading *heading, int number, rx_column *column, plan *dst,
                        int *failed)
 {
     int type = 0, stored = 0, hdu_type = 0;
     long repeat = 0, width = 0;
+    size_t k = 0;
+    const bool nulls = heading->card[TNULL][number] > 0;
     fits_get_hdu_type(file, &hdu_type, failed);
     fits_get_coltype(file, number, &stored, NULL, NULL, failed);
     fits_get_eqcoltype(file, number, &type, &repeat, &width, failed);
-    if (*failed || type < 0 || repeat < 1) /* negative: variable length */
+    while (k < sizeof kinds / sizeof *kinds && kinds[k].type != type)
+        k++;
+    if (*failed || k == sizeof kinds / sizeof *kinds || repeat < 1) /* negative: variable length */
         return 0;
-    int nulls = type != TSTRING && heading->card[TNULL][number] > 0;
     dst->number = number;
+    dst->ask = nulls ? kinds[k].nulled_ask : kinds[k].ask;
     dst->exact = hdu_type == BINARY_TBL && type == stored && (type == TFLOAT || type == TDOUBLE);
+    column->type = nulls ? kinds[k].nulled_cell : kinds[k].cell;
     column->ndim = repeat > 1;
     column->dim[0] = (int)repeat;
-    switch (type) {
-    case TLOGICAL:
-    case TBYTE:
-    case TSBYTE:
-    case TSHORT:
-    case TBIT:
-        column->type = nulls ? RX_CELL_FLOAT : RX_CELL_INT16;
-        dst->ask = nulls ? TFLOAT : TSHORT;
-        if (type == TLOGICAL)
-            dst->ask = TLOGICAL;
-        if (type == TBIT) {
-            column->type = RX_CELL_INT16;
-            dst->ask = TBIT;
-        }
-        return 1;
-    case TUSHORT:
-    case TINT:
-    case TLONG:
-        column->type = nulls ? RX_CELL_DOUBLE : RX_CELL_INT32;
-        dst->ask = nulls ? TDOUBLE : TINT;
-        return 1;
-    case TUINT:
-    case TULONG:
-    case TLONGLONG:
-        column->type = RX_CELL_INT64;
-        dst->ask = TLONGLONG;
-        return 1;
-    case TFLOAT:
-        column->type = RX_CELL_FLOAT;
-        dst->ask = TFLOAT;
-        return 1;
-    case TDOUBLE:
-    case TULONGLONG: /* more than an int64 holds */
-        column->type = RX_CELL_DOUBLE;
-        dst->ask = TDOUBLE;
-        return 1;
-    case TCOMPLEX:
-    case TDBLCOMPLEX: /* pairs of real and imaginary part */
-        column->type = type == TCOMPLEX ? RX_CELL_FLOAT : RX_CELL_DOUBLE;
-        dst->ask = type;
+    if (type == TCOMPLEX || type == TDBLCOMPLEX) {
         column->ndim = 1 + (repeat > 1);
         column->dim[0] = 2;
         column->dim[1] = (int)repeat;
-        return 1;
-    case TSTRING:
-        if (width < 1)
-            width = repeat;
-        column->type = RX_CELL_TEXT;
-        dst->ask = TSTRING;
+    } else if (type == TSTRING) {
+        width = width < 1 ? repeat : width;
         column->text_width = (int)width + 1;
         column->ndim = repeat / width > 1;
         column->dim[0] = (int)(repeat / width);
-        return 1;
-    default:
-        return 0;
     }
+    return 1;
 }
 
 /* TDIM: up to two axes; of more, all but the first are taken together. */

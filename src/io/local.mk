@@ -7,9 +7,7 @@ librextract_la_SOURCES += \
 	src/io/fits_read.c \
 	src/io/fits_write.c \
 	src/io/folders.c src/io/folders.h \
-	src/io/marker.c src/io/marker.h \
 	src/io/output.c \
-	src/io/sky.c src/io/sky.h \
 	src/io/tile_read.c \
 	src/io/header_numbers.c src/io/header_numbers.h \
 	src/io/tile_list.c src/io/tile_list.h \

@@ -20,7 +20,7 @@ rx_status rx_outputs_file(rx_outputs *outputs, const char *path, const char **te
 
 /* The same for a folder (report): the temporary folder is made, and takes the place of
  * an older one at commit. Only an empty folder is replaced, and one that holds nothing but what a run wrote there
- * (io/marker.h), which is asked now and again at commit; any other, or a plain file, is an RX_USAGE error. */
+ * (its file .rextract lists it), which is asked now and again at commit; any other, or a plain file, is an RX_USAGE error. */
 rx_status rx_outputs_folder(rx_outputs *outputs, const char *path, const char **temporary, rx_error *err);
 
 /* The name that the user gave for what is written as `temporary`, for error messages: a temporary name

@@ -68,16 +68,12 @@ int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place);
  * block that it could not read as if it had. */
 bool rx_fits_is_unreadable(int failed);
 
-/* --- unpack.c: files packed with gzip, bzip2 or compress --- */
+/* --- unpack.c: files packed with gzip, bzip2 or compress, or plain --- */
 
-/* Writes to the empty file `to`, and counts in *size, the bytes that the headers of the packed file announce;
+/* Writes to the empty file `to`, and counts in *size, the bytes that the headers of the file announce;
  * what it unpacks to beyond them, which may be gigabytes out of kilobytes, is left where it is. Errors:
  * RX_INPUT (cannot be opened, cut off, damaged), RX_SYSTEM. */
 rx_status rx_fits_unpack(const char *path, int to, int64_t *size, rx_error *err);
-
-/* Could so much memory be had? Files in memory grow past every limit of a process, until the system kills
- * one. RX_SYSTEM: no. */
-rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err);
 
 /* --- tiles.c: damaged compressed images, whose bytes cfitsio trusts and reads beyond --- */
 

@@ -1,4 +1,4 @@
-/* Files packed with gzip, bzip2 or compress. */
+/* Files packed with gzip, bzip2 or compress, and plain ones. */
 #include "io/guard/guard.h"
 
 #include <errno.h>
@@ -16,7 +16,9 @@
 
 enum { PIECE = 1 << 20, INPUT = 1 << 16 };
 
-rx_status rx_fits_ask_memory(int64_t bytes, rx_error *err)
+/* Could so much memory be had? Files in memory grow past every limit of a process, until the system kills
+ * one. RX_SYSTEM: no. */
+static rx_status ask_memory(int64_t bytes, rx_error *err)
 {
     void *memory = rx_alloc((size_t)bytes, 1);
     free(memory);
@@ -269,7 +271,7 @@ static rx_status unpack(packed *from, const char *path, int to, char *piece, int
     while (rx_fits_walk_selected(to, *size, &place) > *size) {
         if (*size + PIECE > most) {
             most *= 2;
-            RX_TRY(rx_fits_ask_memory(most, err));
+            RX_TRY(ask_memory(most, err));
         }
         const int n = read_piece(from, piece, PIECE);
         if (from->ending > AT_END)

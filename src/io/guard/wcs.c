@@ -34,6 +34,12 @@ static int pv_number(const char *card, int *axis)
     return end != digits && (*end == '\0' || *end == ' ') && m >= 0 ? (int)m : -1;
 }
 
+static int is_pv(const char *card)
+{
+    int axis;
+    return pv_number(card, &axis) >= 0;
+}
+
 /* The card becomes KEY = 'value'. */
 static void set_text(char *card, const char *key, const char *value)
 {
@@ -136,6 +142,12 @@ static int plate_card(const char *card)
 static int is_plate(const char *card)
 {
     return plate_card(card) >= 0;
+}
+
+/* A coefficient of its polynomials. */
+static int is_plate_term(const char *card)
+{
+    return strncmp(card, "AMD", 3) == 0;
 }
 
 /* A WATi_nnn whose type (wtype=tnx) is longer than any, or may go on in the next card: wcslib 7.12 puts the
@@ -257,6 +269,14 @@ static void drop(char *cards, size_t ncards, int (*is_one)(const char *card))
             memset(cards + i * CARD, ' ', CARD);
 }
 
+static int count(const char *cards, size_t ncards, int (*is_one)(const char *card))
+{
+    int n = 0;
+    for (size_t i = 0; i < ncards; i++)
+        n += is_one(cards + i * CARD) != 0;
+    return n;
+}
+
 static int is_wat(const char *card)
 {
     return wat_number(card, '1') > 0 || wat_number(card, '2') > 0;
@@ -376,12 +396,8 @@ static void set_plate(char *cards, size_t ncards)
  * solution of a plate, as CTYPE does where it names one. */
 static void keep_one_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
-    int sip = 0, wat = 0, plate = 0;
-    for (size_t i = 0; i < ncards; i++) {
-        sip |= is_sip_term(cards + i * CARD);
-        wat |= is_wat(cards + i * CARD);
-        plate |= strncmp(cards + i * CARD, "AMD", 3) == 0;
-    }
+    const int sip = count(cards, ncards, is_sip_term), wat = count(cards, ncards, is_wat),
+              plate = count(cards, ncards, is_plate_term);
     const int use_wat = !sip && wat && has_wat(cards, ncards);
     const int use_plate = !sip && !use_wat && has_plate(cards, ncards);
     if (!use_wat)
@@ -541,10 +557,7 @@ static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_t
 /* Do both axes mean the sky, and not the solution of a plate, which does without the rest? */
 static bool is_celestial(const char *cards, size_t ncards)
 {
-    for (size_t i = 0; i < ncards; i++)
-        if (is_plate(cards + i * CARD))
-            return false;
-    return rx_wcs_means_sky(cards, ncards) == 2;
+    return count(cards, ncards, is_plate) == 0 && rx_wcs_means_sky(cards, ncards) == 2;
 }
 
 int rx_wcs_means_sky(const char *cards, size_t ncards)
@@ -631,11 +644,8 @@ static bool has_polynomials(const char *cards, size_t ncards, rx_wcs_notes *note
 {
     char type[32];
     rx_cards_text(cards, (long)ncards, "CTYPE1", type, sizeof type);
-    if (strstr(type, "TNX") == NULL && strstr(type, "ZPX") == NULL)
+    if ((strstr(type, "TNX") == NULL && strstr(type, "ZPX") == NULL) || count(cards, ncards, is_wat) > 0)
         return true;
-    for (size_t i = 0; i < ncards; i++)
-        if (is_wat(cards + i * CARD))
-            return true;
     rx_text_printf(&notes->why, "CTYPE is %.3s, but WAT1_ and WAT2_ do not hold lngcor and latcor as a whole",
                    strstr(type, "TNX") != NULL ? "TNX" : "ZPX");
     return false;
@@ -649,7 +659,8 @@ static bool has_polynomials(const char *cards, size_t ncards, rx_wcs_notes *note
 static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
     char ctype[2][32];
-    int tan = 1, suffix = 0, high = 0, pv2 = 0, axis = 0, coefficients = 0;
+    const int coefficients = count(cards, ncards, is_sip);
+    int tan = 1, suffix = 0, high = 0, pv2 = 0, axis = 0;
     double order;
     for (int i = 0; i < 2; i++) {
         rx_cards_text(cards, (long)ncards, i == 0 ? "CTYPE1" : "CTYPE2", ctype[i], sizeof ctype[i]);
@@ -660,7 +671,6 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
         int m = pv_number(cards + i * CARD, &axis);
         high += m > 4;
         pv2 += m >= 0 && axis == 2;
-        coefficients += is_sip(cards + i * CARD);
     }
     const int orders = rx_cards_number(cards, (long)ncards, "A_ORDER", &order) +
                        rx_cards_number(cards, (long)ncards, "B_ORDER", &order);
@@ -671,9 +681,7 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
         rx_wcs_note(&notes->warnings,
                     suffix < 2 ? "SIP coefficients are not used, as CTYPE lacks -SIP"
                                : "SIP coefficients are not used, as A_ORDER or B_ORDER is missing");
-        for (size_t i = 0; i < ncards; i++)
-            if (is_sip(cards + i * CARD))
-                memset(cards + i * CARD, ' ', CARD);
+        drop(cards, ncards, is_sip);
     }
     for (int i = 0; i < 2 && !sip && (high > 0 || pv2 > 0 || (coefficients > 0 && suffix > 0)); i++) {
         char value[32];
@@ -684,9 +692,7 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
         rx_wcs_note(&notes->details, "TAN with PV coefficients is read as TPV");
     if (!sip || (high == 0 && pv2 == 0))
         return;
-    for (size_t i = 0; i < ncards; i++)
-        if (pv_number(cards + i * CARD, &axis) >= 0)
-            memset(cards + i * CARD, ' ', CARD);
+    drop(cards, ncards, is_pv);
     rx_wcs_note(&notes->details, "PV coefficients beside SIP are ignored");
 }
 
