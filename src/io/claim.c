@@ -26,18 +26,23 @@ static int is_named(int file, const char *name)
            held.st_ino == found.st_ino && held.st_uid == geteuid();
 }
 
-/* Between open() and flock() another process may take the new file for an abandoned one and remove it; then
- * once more. */
+/* Hold the lock of what has just been made: between that and flock() another process may take it for an abandoned one and
+ * remove it; then it is closed, and 0. */
+static int is_held(int file, const char *name)
+{
+    const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
+    if (locked ? is_named(file, name) : errno != EWOULDBLOCK)
+        return 1;
+    close(file);
+    return 0;
+}
+
 int rx_claim_take(const char *lock)
 {
     for (int tries = 0; tries < 100; tries++) {
         const int file = open(lock, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (file < 0)
-            return -1;
-        const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
-        if (locked ? is_named(file, lock) : errno != EWOULDBLOCK)
+        if (file < 0 || is_held(file, lock))
             return file;
-        close(file);
     }
     errno = EBUSY;
     return -1;
@@ -139,7 +144,6 @@ void rx_claim_sweep(const char *path, const char *stem)
     sweep(path, stem, is_lock, sweep_lock);
 }
 
-/* As rx_claim_take(): between mkdtemp() and flock() another process may remove it. */
 int rx_claim_folder(char *name)
 {
     char *random = name + strlen(name) - RANDOM;
@@ -150,12 +154,9 @@ int rx_claim_folder(char *name)
         if (mkdtemp(name) == NULL)
             return -1;
         const int file = open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-        if (file >= 0) {
-            const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
-            if (locked ? is_named(file, name) : errno != EWOULDBLOCK)
-                return file;
-            close(file);
-        } else if (errno != ENOENT) {
+        if (file >= 0 && is_held(file, name))
+            return file;
+        if (file < 0 && errno != ENOENT) {
             const int reason = errno;
             rmdir(name);
             errno = reason;

@@ -150,8 +150,9 @@ static rx_status find_data(fitsfile *file, const char *path, int hdu, LONGLONG *
 {
     rx_fits_shape shape;
     LONGLONG header, last;
-    int failed = rx_fits_shape_of(file, &shape);
+    int failed = 0;
     bool absurd = false;
+    RX_TRY(rx_fits_shape_of(file, path, hdu, &shape, err));
     fits_get_hduaddrll(file, &header, from, &last, &failed);
     if (!shape.is_image || shape.is_compressed) {
         shape = (rx_fits_shape){.naxis = 2, .bitpix = 8};

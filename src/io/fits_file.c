@@ -366,17 +366,16 @@ rx_status rx_fits_count(fitsfile *file, const char *path, int *n, int *broken, r
     return RX_OK;
 }
 
-int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst)
+rx_status rx_fits_shape_of(fitsfile *file, const char *path, int hdu, rx_fits_shape *dst, rx_error *err)
 {
     int failed = 0, type = 0;
     *dst = (rx_fits_shape){0};
-    if (fits_get_hdu_type(file, &type, &failed))
-        return failed;
-    dst->is_compressed = fits_is_compressed_image(file, &failed);
-    dst->is_image = type == IMAGE_HDU || dst->is_compressed;
+    fits_get_hdu_type(file, &type, &failed);
+    dst->is_compressed = !failed && fits_is_compressed_image(file, &failed);
+    dst->is_image = !failed && (type == IMAGE_HDU || dst->is_compressed);
     if (dst->is_image)
-        fits_get_img_paramll(file, 9, &dst->bitpix, &dst->naxis, dst->axes, &failed);
-    return failed;
+        fits_get_img_paramll(file, RX_FITS_AXES, &dst->bitpix, &dst->naxis, dst->axes, &failed);
+    return failed ? rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read") : RX_OK;
 }
 
 int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
@@ -493,12 +492,13 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
                            : status;
 }
 
-rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2])
+rx_fits_section rx_fits_part(const rx_fits_name *name, const rx_fits_shape *shape)
 {
-    rx_fits_section part = {.first = {1, 1}, .last = {shape[0], shape[1]}};
+    const long axes[2] = {(long)shape->axes[0], shape->naxis > 1 ? (long)shape->axes[1] : 1};
+    rx_fits_section part = {.first = {1, 1}, .last = {axes[0], axes[1]}};
     for (int i = 0; name->has_section && i < 2; i++) {
         part.first[i] = name->section.first[i];
-        part.last[i] = name->section.last[i] > 0 ? name->section.last[i] : shape[i];
+        part.last[i] = name->section.last[i] > 0 ? name->section.last[i] : axes[i];
     }
     for (int i = 0; i < RX_FITS_AXES - 2; i++)
         part.plane[i] = name->section.plane[i] > 0 ? name->section.plane[i] : 1;

@@ -71,8 +71,8 @@ rx_status rx_fits_goto_name(fitsfile *file, const rx_fits_name *name, int *hdu, 
  * disk fails. */
 rx_status rx_fits_count(fitsfile *file, const char *path, int *n, int *broken, rx_error *err);
 
-/* Shape of the current HDU; returns cfitsio's status. */
-int rx_fits_shape_of(fitsfile *file, rx_fits_shape *dst);
+/* Shape of the current HDU, which is number hdu. */
+rx_status rx_fits_shape_of(fitsfile *file, const char *path, int hdu, rx_fits_shape *dst, rx_error *err);
 
 /* 1 when the shape is an image of two axes; further ones do not count that are of length 1 or on which the section
  * gives a place. */
@@ -83,8 +83,8 @@ int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
 rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int hdu,
                              const rx_fits_shape *shape, rx_error *err);
 
-/* The part of an image of that shape that the name selects: its section, or all. */
-rx_fits_section rx_fits_part(const rx_fits_name *name, const long shape[2]);
+/* The part of an image of that shape, a line or more, that the name selects: its section, or all. */
+rx_fits_section rx_fits_part(const rx_fits_name *name, const rx_fits_shape *shape);
 
 /* Corners of n rows of a part from `row` (from 0) on, for cfitsio. */
 typedef long rx_fits_corner[RX_FITS_AXES];

@@ -40,7 +40,7 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes,
         RX_TRY(rx_fits_count(file, name->path, &count, NULL, err));
         for (int i = 0; i < count; i++) {
             RX_TRY(rx_fits_goto(file, name->path, i, err));
-            if (rx_fits_shape_of(file, shape) != 0)
+            if (rx_fits_shape_of(file, name->path, i, shape, NULL) != RX_OK)
                 continue;
             *hdu = i;
             if (count_planes(shape, name, cubes) > 0)
@@ -53,9 +53,7 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes,
         *hdu = first;
         RX_TRY(rx_fits_goto(file, name->path, first, err));
     }
-    const int failed = rx_fits_shape_of(file, shape);
-    return failed ? rx_fits_failed(err, RX_INPUT, name->path, *hdu, failed, "this HDU cannot be read")
-                  : RX_OK;
+    return rx_fits_shape_of(file, name->path, *hdu, shape, err);
 }
 
 static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int cubes, int hdu,
@@ -67,7 +65,7 @@ static rx_status check_image(const rx_fits_source *source, const rx_fits_name *n
         return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
     RX_TRY(rx_fits_check_size(source, name->path, hdu, shape, err));
     double pixels = (double)planes;
-    *part = rx_fits_part(name, (long[2]){(long)shape->axes[0], is_line ? 1 : (long)shape->axes[1]});
+    *part = rx_fits_part(name, shape);
     for (int i = 0; i < 2; i++) {
         LONGLONG length = i == 1 && is_line ? 1 : shape->axes[i];
         if (length < 1 || length > 1 << 28)
@@ -177,7 +175,7 @@ static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdu
             status = rx_fits_goto(file, name->path, i, err);
             if (status != RX_OK)
                 return status;
-            if (rx_fits_shape_of(file, &shape) != 0 || shape.is_image)
+            if (rx_fits_shape_of(file, name->path, i, &shape, NULL) != RX_OK || shape.is_image)
                 continue;
             fits_read_key(file, TSTRING, "EXTNAME", extname, NULL, &absent);
             fits_get_num_rows(file, &rows, &failed);
@@ -464,8 +462,8 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
     plan *plans = NULL;
     heading *columns = NULL;
     RX_TRY(rx_fits_goto(file, path, hdu, err));
-    failed = rx_fits_shape_of(file, &shape);
-    if (!failed && shape.is_image)
+    RX_TRY(rx_fits_shape_of(file, path, hdu, &shape, err));
+    if (shape.is_image)
         return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds an image, a table was expected");
     fits_get_num_cols(file, &ncolumns, &failed);
     fits_get_num_rows(file, &rows, &failed);

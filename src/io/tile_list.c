@@ -129,11 +129,8 @@ static rx_status list_all(fitsfile *file, const rx_fits_name *name, rx_log *log,
         rx_status status = rx_fits_goto(file, path, hdu, err); /* it was reached before: the disk fails */
         if (status != RX_OK)
             return status;
-        const int failed = rx_fits_shape_of(file, &shape);
-        if (failed)
-            status = rx_fits_failed(&reason, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
-        if (status == RX_OK)
-            status = rx_image_check(path, hdu, &shape, &name->section, &reason);
+        const bool failed = rx_fits_shape_of(file, path, hdu, &shape, &reason) != RX_OK;
+        status = failed ? RX_INPUT : rx_image_check(path, hdu, &shape, &name->section, &reason);
         if (status == RX_OK) {
             dst->list[dst->n++].hdu = hdu;
             continue;
@@ -180,10 +177,8 @@ static rx_status list_one(fitsfile *file, const rx_fits_name *name, rx_image_lis
     rx_fits_shape shape;
     dst->n = 1;
     RX_TRY(rx_fits_goto_name(file, name, &dst->list->hdu, err));
-    const int failed = rx_fits_shape_of(file, &shape);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, name->path, dst->list->hdu, failed, "this HDU cannot be read")
-               : rx_image_check(name->path, dst->list->hdu, &shape, &name->section, err);
+    RX_TRY(rx_fits_shape_of(file, name->path, dst->list->hdu, &shape, err));
+    return rx_image_check(name->path, dst->list->hdu, &shape, &name->section, err);
 }
 
 rx_status rx_images_of(const rx_fits_name *name, rx_log *log, rx_image_list *dst, rx_error *err)

@@ -119,13 +119,11 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     RX_TRY(choose_hdu(what, text, &dst->name, place, &dst->hdu, err));
     RX_TRY(rx_fits_open(path, &dst->source, err));
     RX_TRY(rx_fits_goto(dst->source.file, path, dst->hdu, err));
-    int failed = rx_fits_shape_of(dst->source.file, &dst->shape);
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, path, dst->hdu, failed, "this HDU cannot be read");
+    RX_TRY(rx_fits_shape_of(dst->source.file, path, dst->hdu, &dst->shape, err));
     RX_TRY(rx_fits_check_size(&dst->source, path, dst->hdu, &dst->shape, err));
     const long axes[2] = {(long)dst->shape.axes[0], (long)dst->shape.axes[1]};
     int same = 1, whole = 1;
-    *part = rx_fits_part(&dst->name, axes);
+    *part = rx_fits_part(&dst->name, &dst->shape);
     if (strcmp(path, place->name->path) == 0 && dst->hdu == place->hdu &&
         memcmp(part->plane, place->part.plane, sizeof part->plane) == 0)
         return rx_error_at(err, RX_INPUT, path, dst->hdu, 0,
@@ -135,7 +133,7 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
             return rx_error_at(err, RX_INPUT, path, dst->hdu, 0,
                                "the section leaves the %s of %ld x %ld pixels", what, axes[0], axes[1]);
         same = same && part->last[i] - part->first[i] == place->part.last[i] - place->part.first[i];
-        whole = whole && part->first[i] == 1 && part->last[i] == axes[i] && axes[i] == place->full[i];
+        whole = whole && part->first[i] == 1 && part->last[i] == axes[i] && axes[i] == place->shape.axes[i];
     }
     for (int i = 0; whole && i < 2; i++) { /* the whole map of a tile of which a section is read */
         part->first[i] = place->part.first[i];

@@ -10,7 +10,7 @@ typedef struct rx_tile_place {
     const rx_fits_name *name; /* of the tile */
     int hdu;
     int extension;        /* from 1 among the HDUs processed */
-    long full[2];         /* axes of the whole HDU */
+    rx_fits_shape shape;  /* of the whole HDU */
     rx_fits_section part; /* that is read */
 } rx_tile_place;
 

@@ -233,21 +233,17 @@ static rx_status take_wcs(const rx_tile_params *par, rx_log *log, rx_tile *tile,
 static rx_status find_place(const rx_fits_source *source, rx_tile_place *place, rx_error *err)
 {
     fitsfile *file = source->file;
-    rx_fits_shape shape;
     const rx_fits_name *name = place->name;
+    const LONGLONG *axes = place->shape.axes;
     RX_TRY(rx_fits_goto(file, name->path, place->hdu, err));
-    int failed = rx_fits_shape_of(file, &shape);
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, name->path, place->hdu, failed, "this HDU cannot be read");
-    RX_TRY(rx_image_check(name->path, place->hdu, &shape, &name->section, err));
-    RX_TRY(rx_fits_check_size(source, name->path, place->hdu, &shape, err));
-    for (int i = 0; i < 2; i++)
-        place->full[i] = (long)shape.axes[i];
-    place->part = rx_fits_part(name, place->full);
-    if (place->part.last[0] > place->full[0] || place->part.last[1] > place->full[1])
+    RX_TRY(rx_fits_shape_of(file, name->path, place->hdu, &place->shape, err));
+    RX_TRY(rx_image_check(name->path, place->hdu, &place->shape, &name->section, err));
+    RX_TRY(rx_fits_check_size(source, name->path, place->hdu, &place->shape, err));
+    place->part = rx_fits_part(name, &place->shape);
+    if (place->part.last[0] > axes[0] || place->part.last[1] > axes[1])
         return rx_error_at(err, RX_INPUT, name->path, place->hdu, 0,
-                           "the section ends at %ld,%ld, outside of the image of %ld x %ld pixels",
-                           place->part.last[0], place->part.last[1], place->full[0], place->full[1]);
+                           "the section ends at %ld,%ld, outside of the image of %lld x %lld pixels",
+                           place->part.last[0], place->part.last[1], axes[0], axes[1]);
     return RX_OK;
 }
 
@@ -378,22 +374,18 @@ exit:
 static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name, int hdu,
                           const rx_image_list *all, rx_tile_shape *dst, rx_error *err)
 {
-    rx_fits_shape shape;
     rx_text cards = {0}, parent = {0};
     int mask, variance;
     rx_tile_place place = {.name = name, .hdu = hdu, .extension = 1};
     rx_status status = find_place(source, &place, err);
     if (status == RX_OK)
         status = read_header(source->file, &place, NULL, &cards, &parent, err);
-    int failed = status == RX_OK ? rx_fits_shape_of(source->file, &shape) : 0;
-    if (failed)
-        status = rx_fits_failed(err, RX_INPUT, name->path, hdu, failed, "this HDU cannot be read");
     rx_images_own_maps(all, hdu, &mask, &variance);
     if (status == RX_OK)
         *dst = (rx_tile_shape){.hdu = hdu,
                                .width = (int)(place.part.last[0] - place.part.first[0] + 1),
                                .height = (int)(place.part.last[1] - place.part.first[1] + 1),
-                               .compressed = shape.is_compressed,
+                               .compressed = place.shape.is_compressed,
                                .own_maps = mask >= 0,
                                .ncards = cards.length / 80,
                                .held = rx_fits_held(source)};

@@ -43,6 +43,7 @@ typedef struct lzw {
 } lzw;
 
 typedef struct packed {
+    int (*read)(struct packed *p, char *dst, int size); /* bytes; fewer at the end, which `ending` says */
     FILE *file;
     gzFile gzip;
     lzw *lzw;
@@ -214,6 +215,7 @@ static rx_status begin(packed *p, const char *path, rx_error *err)
         return rx_error_file(err, path, "cannot be read");
     if (head[0] == 'B') {
 #if RX_HAVE_BZIP2
+        p->read = bzip2_read;
         p->ending = bzip2_begin(p);
 #else
         return rx_error_at(err, RX_INPUT, path, -1, 0,
@@ -221,25 +223,16 @@ static rx_status begin(packed *p, const char *path, rx_error *err)
                            "bunzip2");
 #endif
     } else if (head[1] == 0x9d) {
+        p->read = lzw_read;
         p->ending = lzw_begin(p);
     } else {
+        p->read = gzip_read;
         p->gzip = gzopen(path, "rb");
         if (p->gzip == NULL)
             return rx_error_file(err, path, "cannot be opened");
         gzbuffer(p->gzip, 1 << 17);
     }
     return RX_OK;
-}
-
-static int read_piece(packed *p, char *dst, int size)
-{
-    if (p->ending != GOES_ON)
-        return 0;
-#if RX_HAVE_BZIP2
-    if (p->input != NULL)
-        return bzip2_read(p, dst, size);
-#endif
-    return p->lzw != NULL ? lzw_read(p, dst, size) : gzip_read(p, dst, size);
 }
 
 static void end(packed *p)
@@ -273,7 +266,7 @@ static rx_status unpack(packed *from, const char *path, int to, char *piece, int
             most *= 2;
             RX_TRY(ask_memory(most, err));
         }
-        const int n = read_piece(from, piece, PIECE);
+        const int n = from->ending == GOES_ON ? from->read(from, piece, PIECE) : 0;
         if (from->ending > AT_END)
             return fault(from->ending, path, err);
         if (n <= 0)
