@@ -1,6 +1,7 @@
 /* What the targets share. */
 #include "fuzz.h"
 
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,6 +10,7 @@
 
 #include <fitsio.h>
 
+#include "io/fits_digest.h"
 #include "io/guard/guard.h"
 
 enum { BLOCK = 2880, CARD = 80, FILES = 2 };
@@ -110,19 +112,6 @@ int fuzz_condense(const uint8_t *data, size_t size, rx_text *dst)
     return 1;
 }
 
-/* One's complement sum over whole blocks (FITS standard 4.0, appendix J). */
-static unsigned long add(unsigned long sum, const char *data, size_t size)
-{
-    const unsigned char *byte = (const unsigned char *)data;
-    uint64_t total = sum;
-    for (size_t i = 0; i + 4 <= size; i += 4)
-        total += (uint32_t)byte[i] << 24 | (uint32_t)byte[i + 1] << 16 | (uint32_t)byte[i + 2] << 8 |
-                 (uint32_t)byte[i + 3];
-    while (total >> 32 != 0)
-        total = (total & 0xffffffff) + (total >> 32);
-    return (unsigned long)total;
-}
-
 void fuzz_checksums(char *data, size_t size)
 {
     for (size_t at = 0; at < size;) {
@@ -136,15 +125,15 @@ void fuzz_checksums(char *data, size_t size)
             checksum = memcmp(card, "CHECKSUM= '", 11) == 0 ? card : checksum;
             datasum = memcmp(card, "DATASUM = '", 11) == 0 ? card : datasum;
         }
-        const unsigned long sum = add(0, data + body, (size_t)bytes);
+        const uint32_t sum = rx_fits_sum_bytes(0, data + body, (size_t)bytes);
         if (datasum != NULL) {
-            snprintf(text, sizeof text, "%lu'", sum);
+            snprintf(text, sizeof text, "%" PRIu32 "'", sum);
             memset(datasum + 11, ' ', CARD - 11);
             memcpy(datasum + 11, text, strlen(text));
         }
         if (checksum != NULL) {
             memset(checksum + 11, '0', 16);
-            fits_encode_chksum(add(sum, data + at, body - at), 1, text);
+            fits_encode_chksum(rx_fits_sum_bytes(sum, data + at, body - at), 1, text);
             memcpy(checksum + 11, text, 16);
         }
         at = body + (size_t)bytes;

@@ -57,93 +57,41 @@ enum {
     COUNTING = 25
 }; /* the first of them: numbers by which memory and pixels are made */
 
+/* Short, longer and longest. */
 static const char *const values[] = {
-    "0",
-    "1",
-    "-1",
-    "2",
-    "8",
-    "32",
-    "9E-1",
-    "1.5",
-    "0.",
-    "1E5",
-    "1.D0",
-    "2147483647",
-    "2147483648",
-    "-2147483648",
-    "9223372036854775807",
-    "-9223372036854775808",
-    "-18446744073709551616",
+    "0",          "1",        "-1",         "2",          "8",          "32",         "9E-1",
+    "1.5",        "0.",       "1E5",        "1.D0",       "2147483647", "2147483648", "'RICE_1'",
+    "'RICE_1  '", "'GZIP_1'", "'GZIP_2'",   "'PLIO_1'",   "'RICE_ONE'", "' RICE_1'",  "'rice_1'",
+    "RICE_1",     "T",        "F",          "'T'",        "",           "'",          "'it''s",
+    "'0'",        "'0.5 '",   "NaN",        "inf",        "0x10",       "1 2",        "1/2",
+    "+1",         "(1, 2",    "'NONE'",     "'1PB(9)'",   "'0PB'",      "'9A1'",      "'1PI'",
+    "'E'",        "'(3,4)'",  "'(0,0)'",    "(2,2)",      "'BINTABLE'", "'TABLE'",    "'IMAGE'",
+    "BINTABLE",   "'ZSCALE'", "'NOISEBIT'", "'RA---TAN'", "'DEC--ZEA'", "'RA---TNX'", "'RA---ZPX'",
+    "'-'",        "4096",     ".1"};
+static const char *const longer[] = {"-2147483648",           "'HCOMPRESS_1'",       "'NOCOMPRESS'",
+                                     "'NO_DITHER'",           "'2147483647E'",       "' BINTABLE'",
+                                     "'BLOCKSIZE'",           "9223372036854775807", "-9223372036854775808",
+                                     "-18446744073709551616", "( 10 / length (1)",   "'1QB(2147483647)'",
+                                     "'99999999999A'",        "'COMPRESSED_DATA'",   "'UNCOMPRESSED_DATA'"};
+static const char *const longest[] = {
     "99999999999999999999999999",
-    "'RICE_1'",
-    "'RICE_1  '",
-    "'GZIP_1'",
-    "'GZIP_2'",
-    "'HCOMPRESS_1'",
-    "'PLIO_1'",
-    "'NOCOMPRESS'",
-    "'RICE_ONE'",
-    "' RICE_1'",
-    "'rice_1'",
-    "RICE_1",
-    "T",
-    "F",
-    "'T'",
-    "",
-    "'",
-    "'it''s",
-    "'0'",
-    "'0.5 '",
-    "NaN",
-    "inf",
-    "0x10",
-    "1 2",
-    "1/2",
-    "+1",
     "(1,22222222222222222222222222222222222222222222222222)",
-    "(1, 2",
-    "( 10 / length (1)",
     "'''''''''''''''''''''''''''''''''''''''''''''''''''''''''''''''''''",
     "LLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLL",
     "'LLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLLL'",
     "257257257257257257257257  12",
-    "'NONE'",
-    "'NO_DITHER'",
     "'SUBTRACTIVE_DITHER_2'",
-    "'1PB(9)'",
-    "'1QB(2147483647)'",
-    "'0PB'",
-    "'99999999999A'",
-    "'9A1'",
-    "'1PI'",
-    "'E'",
-    "'2147483647E'",
-    "'(3,4)'",
-    "'(0,0)'",
-    "(2,2)",
     "'(9223372036854775807,2)'",
-    "'BINTABLE'",
-    "'TABLE'",
-    "' BINTABLE'",
-    "'IMAGE'",
-    "BINTABLE",
-    "'COMPRESSED_DATA'",
     "'GZIP_COMPRESSED_DATA'",
-    "'UNCOMPRESSED_DATA'",
-    "'ZSCALE'",
-    "'NOISEBIT'",
-    "'BLOCKSIZE'",
-    "'RA---TAN'",
-    "'DEC--ZEA'",
-    "'RA---TNX'",
-    "'RA---ZPX'",
-    "'-'",
-    "4096",
-    ".1",
     "'wtype=tnx axtype=ra lngcor = \"3. 2. 2. 2. 0 1 0 1 1 2 3 \"'",
     "'wtype=zpx projp1=1 projp99=2 lngcor = \"1. 9. 9. 7. 0 1 0 1 1 2 3 \"'"};
-enum { VALUES = sizeof values / sizeof *values };
+#define COUNT(list) (sizeof(list) / sizeof *(list))
+enum { SHORT = COUNT(values), SHORTER = SHORT + COUNT(longer), VALUES = SHORTER + COUNT(longest) };
+
+static const char *value_of(uint32_t v)
+{
+    return v < SHORT ? values[v] : v < SHORTER ? longer[v - SHORT] : longest[v - SHORTER];
+}
 
 /* How a card is written: what stands before the keyword, which may be filled up to 8 characters, before its value, and
  * behind that. */
@@ -216,7 +164,7 @@ static void make_card(dice *r, const char *cards, long ncards, char card[CARD])
     if (there >= 0 && below(r, 4) == 0) /* as it was, in another way */
         snprintf(value, sizeof value, "%.*s", CARD - 10, cards + there * CARD + 10);
     else
-        snprintf(value, sizeof value, "%s", values[below(r, VALUES)]);
+        snprintf(value, sizeof value, "%s", value_of(below(r, VALUES)));
     value[strcspn(value, "/")] = '\0';
     const size_t f = way < FORMS ? way : 0;
     snprintf(text, sizeof text, "%s%-*s%s%s%s", forms[f].before, forms[f].is_filled ? 8 : 0, key,

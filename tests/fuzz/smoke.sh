@@ -34,6 +34,11 @@ all=$(sed -n 's/^TARGET(\([a-z]*\),.*/\1/p' "$source/tests/fuzz/targets.def")
 for target in $all; do
     most=$(sed -n "s/^TARGET($target, \([0-9]*\),.*/\1/p" "$source/tests/fuzz/targets.def")
     mkdir -p "corpus/$target" "found/$target"
+    case $target in
+    table | psf | model | tile | maps | wcs | templates | replay) words=fits ;;
+    *) words=text ;;
+    esac
+    cat "$source/tests/fuzz/$words.dict" >>"seeds/$target.dict"
     if "./fuzz/$target" -max_total_time="$seconds" -max_len="$most" -rss_limit_mb=2048 -timeout=20 \
         -dict="seeds/$target.dict" -artifact_prefix="found/$target/" -print_final_stats=1 \
         "corpus/$target" "seeds/$target" >"$target.log" 2>&1; then
