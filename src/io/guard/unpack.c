@@ -231,6 +231,8 @@ static rx_status begin(packed *p, const char *path, rx_error *err)
         if (p->gzip == NULL)
             return rx_error_file(err, path, "cannot be opened");
         gzbuffer(p->gzip, 1 << 17);
+        if (head[0] == 'S' && fseeko(p->file, 0, SEEK_END) == 0) /* a plain one, whose size is known */
+            return ask_memory((int64_t)ftello(p->file), err);
     }
     return RX_OK;
 }
