@@ -176,21 +176,6 @@ static void tpv(double x, double y, double *xi, double *eta)
     *eta = -2e-5 + 0.999 * b + 1e-4 * a + 0.02 * a * a - 0.5 * b * b * b;
 }
 
-static void test_tpv_and_scamp(void **state)
-{
-    (void)state;
-    char note[256];
-    rx_wcs *wcs = from_lines(TAN_HEADER("TPV") PV_CARDS, 1000, 800, note);
-    assert_non_null(wcs);
-    check_against(wcs, tpv);
-    rx_wcs_free(wcs);
-    wcs = from_lines(TAN_HEADER("TAN") PV_CARDS, 1000, 800, note);
-    assert_non_null(wcs);
-    assert_non_null(strstr(note, "TPV"));
-    check_against(wcs, tpv);
-    rx_wcs_free(wcs);
-}
-
 #define SIP_CARDS                                                                                            \
     "A_ORDER =  2\nB_ORDER =  2\nA_2_0   =  2.0E-6\nA_1_1   = -1.0E-6\nB_0_2   =  3.0E-6\nB_2_0   =  "       \
     "1.0E-6\n"
@@ -201,65 +186,6 @@ static void sip(double x, double y, double *xi, double *eta)
     double f = u + 2e-6 * u * u - 1e-6 * u * v, g = v + 3e-6 * v * v + 1e-6 * u * u;
     *xi = -5.5e-5 * f + 1e-6 * g;
     *eta = 1.2e-6 * f + 5.4e-5 * g;
-}
-
-static void test_sip(void **state)
-{
-    (void)state;
-    static const char *const headers[] = {TAN_HEADER("TAN-SIP") SIP_CARDS,
-                                          TAN_HEADER("TAN-SIP") SIP_CARDS PV_CARDS};
-    static const char *const notes[] = {"", "PV coefficients beside SIP"};
-    for (int i = 0; i < 2; i++) {
-        char note[256];
-        rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
-        assert_non_null(wcs);
-        assert_non_null(strstr(note, notes[i]));
-        assert_null(strstr(note, "warning"));
-        check_against(wcs, sip);
-        rx_wcs_free(wcs);
-    }
-}
-
-/* SExtractor takes TAN. */
-static void test_half_of_sip(void **state)
-{
-    (void)state;
-    static const char *const headers[] = {
-        TAN_HEADER("TAN") SIP_CARDS, TAN_HEADER("TAN-SIP") "A_ORDER = 2\nA_2_0   = 2E-6",
-        TAN_HEADER("TAN-SIP") "A_ORDER = 2\nB_ORDER = 'two'\nA_2_0   = 2E-6",
-        TAN_HEADER("TAN") "A_2_0   = 'x'", "CTYPE1  = 'RA---TAN-SIP'\n" TAN_HEADER("TAN") SIP_CARDS};
-    for (size_t i = 0; i < sizeof headers / sizeof *headers; i++) {
-        char note[256];
-        rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
-        if (i == 2) { /* an order that is no number */
-            assert_null(wcs);
-            assert_non_null(strstr(note, "B_ORDER = 'two': no number"));
-            continue;
-        }
-        if (wcs == NULL)
-            print_message("%zu: %s\n", i, note);
-        assert_non_null(wcs);
-        assert_non_null(strstr(note, "warning: "));
-        assert_non_null(strstr(note, "SIP coefficients are not used"));
-        check_against(wcs, linear);
-        rx_wcs_free(wcs);
-    }
-}
-
-/* TPV without coefficients, or with some, of which a linear one is 1. */
-static void test_tpv_defaults(void **state)
-{
-    (void)state;
-    static const char *const headers[] = {TAN_HEADER("TPV"), TAN_HEADER("TPV") "PV1_1   = 1.0",
-                                          TAN_HEADER("TAN") "PV2_1   = 1.0"};
-    for (size_t i = 0; i < sizeof headers / sizeof *headers; i++) {
-        char note[256];
-        rx_wcs *wcs = from_lines(headers[i], 1000, 800, note);
-        assert_non_null(wcs);
-        assert_null(strstr(note, "warning"));
-        check_against(wcs, linear);
-        rx_wcs_free(wcs);
-    }
 }
 
 /* --- numbers and contradictions --- */
@@ -310,40 +236,61 @@ static void test_numbers(void **state)
     (void)state;
     static const struct {
         const char *lines, *said;
+        int warns;
+        void (*model)(double x, double y, double *xi, double *eta);
     } cases[] = {
-        {TYPES "CRVAL1  = '150.25  '\nCRVAL2  = '2.5 deg'\n" PIXEL MATRIX, ""},
-        {TYPES CENTRE "CRPIX1  = '500.5 pix'\nCRPIX2  = 400.5 [pixel] / centre\n" MATRIX, ""},
+        {TAN_HEADER("TPV") PV_CARDS, "", 0, tpv},
+        {TAN_HEADER("TAN") PV_CARDS, "TPV", 0, tpv},
+        {TAN_HEADER("TAN-SIP") SIP_CARDS, "", 0, sip},
+        {TAN_HEADER("TAN-SIP") SIP_CARDS PV_CARDS, "PV coefficients beside SIP", 0, sip},
+        /* SExtractor takes TAN for half of SIP */
+        {TAN_HEADER("TAN") SIP_CARDS, "SIP coefficients are not used", 1, linear},
+        {TAN_HEADER("TAN-SIP") "A_ORDER = 2\nA_2_0   = 2E-6", "SIP coefficients are not used", 1, linear},
+        {TAN_HEADER("TAN") "A_2_0   = 'x'", "SIP coefficients are not used", 1, linear},
+        {"CTYPE1  = 'RA---TAN-SIP'\n" TAN_HEADER("TAN") SIP_CARDS, "SIP coefficients are not used", 1,
+         linear},
+        /* TPV without coefficients, or with some, of which a linear one is 1 */
+        {TAN_HEADER("TPV"), "", 0, linear},
+        {TAN_HEADER("TPV") "PV1_1   = 1.0", "", 0, linear},
+        {TAN_HEADER("TAN") "PV2_1   = 1.0", "", 0, linear},
+        {TYPES "CRVAL1  = '150.25  '\nCRVAL2  = '2.5 deg'\n" PIXEL MATRIX, "", 0, linear},
+        {TYPES CENTRE "CRPIX1  = '500.5 pix'\nCRPIX2  = 400.5 [pixel] / centre\n" MATRIX, "", 0, linear},
         {TYPES CENTRE PIXEL
          "CD1_1   = '-5.5D-5'\nCD1_2   =1.0E-6\nCD2_1   = 1.2E-6 deg/pix\nCD2_2   = '5.4d-05 deg'",
-         ""},
-        {TYPES CENTRE PIXEL MATRIX "EQUINOX = 'J2000.0'", ""},
-        {TYPES CENTRE PIXEL MATRIX "EQUINOX = 'now'", "EQUINOX = 'now' is no number and counts as absent"},
-        {TYPES CENTRE PIXEL MATRIX "CRVAL1  = 30", "CRVAL1 = '30': there is one before it, which is taken"},
-        {TYPES CENTRE PIXEL MATRIX "CRVAL1  = 150.25", ""},
-        {TYPES CENTRE PIXEL MATRIX "CTYPE1  = 'RA---SIN'", "CTYPE1 = 'RA---SIN': there is one before it"},
-        {TYPES CENTRE PIXEL MATRIX "PC1_1   = 1\nPC2_2   = 1\nCDELT1  = 1\nCDELT2  = 1", "contradict"},
+         "", 0, linear},
+        {TYPES CENTRE PIXEL MATRIX "EQUINOX = 'J2000.0'", "", 0, linear},
+        {TYPES CENTRE PIXEL MATRIX "EQUINOX = 'now'", "EQUINOX = 'now' is no number and counts as absent", 1,
+         linear},
+        {TYPES CENTRE PIXEL MATRIX "CRVAL1  = 30", "CRVAL1 = '30': there is one before it, which is taken", 1,
+         linear},
+        {TYPES CENTRE PIXEL MATRIX "CRVAL1  = 150.25", "", 0, linear},
+        {TYPES CENTRE PIXEL MATRIX "CTYPE1  = 'RA---SIN'", "CTYPE1 = 'RA---SIN': there is one before it", 1,
+         linear},
+        {TYPES CENTRE PIXEL MATRIX "PC1_1   = 1\nPC2_2   = 1\nCDELT1  = 1\nCDELT2  = 1", "contradict", 1,
+         linear},
         {"PC1_1   = 1\nPC2_2   = 1\nCDELT1  = -2E-4\nCDELT2  = 2E-4\n" TYPES CENTRE PIXEL MATRIX,
-         "contradict"},
-        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -1E-4\nCDELT2  = 1E-4", "CDi_j and CDELTi contradict"},
-        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -5.5E-5\nCDELT2  = 5.4E-5\nCROTA2  = 30", "contradict"},
-        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -5.5E-5\nCDELT2  = 5.4E-5", ""},
-        {TYPES CENTRE PIXEL MATRIX "CDELT1  = 1.0\nCDELT2  = 1.0", ""},
+         "contradict", 1, linear},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -1E-4\nCDELT2  = 1E-4", "CDi_j and CDELTi contradict", 1,
+         linear},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -5.5E-5\nCDELT2  = 5.4E-5\nCROTA2  = 30", "contradict", 1,
+         linear},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = -5.5E-5\nCDELT2  = 5.4E-5", "", 0, linear},
+        {TYPES CENTRE PIXEL MATRIX "CDELT1  = 1.0\nCDELT2  = 1.0", "", 0, linear},
         {TYPES CENTRE PIXEL MATRIX "PC1_1   = -5.5E-5\nPC1_2   = 1E-6\nPC2_1   = 1.2E-6\nPC2_2   = 5.4E-5",
-         ""},
+         "", 0, linear},
         {TYPES CENTRE PIXEL "PC1_1   = 1\nPC2_2   = 1\nPC1_2   = -1.818181818181818E-02\n"
                             "PC2_1   = 2.222222222222222E-02\nCDELT1  = '-5.5E-5'\nCDELT2  = 5.4E-5",
-         ""},
+         "", 0, linear},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char note[256];
         rx_wcs *wcs = from_lines(cases[i].lines, 1000, 800, note);
-        if (wcs == NULL || strstr(note, cases[i].said) == NULL ||
-            (cases[i].said[0] == '\0' && note[0] != '\0'))
+        if (wcs == NULL || strstr(note, cases[i].said) == NULL)
             print_message("%zu: %s\n", i, note);
         assert_non_null(wcs);
         assert_non_null(strstr(note, cases[i].said));
-        assert_int_equal(strncmp(note, "warning: ", 9) == 0, cases[i].said[0] != '\0');
-        check_against(wcs, linear);
+        assert_int_equal(strncmp(note, "warning: ", 9) == 0, cases[i].warns);
+        check_against(wcs, cases[i].model);
         rx_wcs_free(wcs);
     }
 }
@@ -377,6 +324,7 @@ static void test_half_read(void **state)
                            "WAT2_001= 'wtype=tnx axtype=dec'",
          "WAT1_ and WAT2_ do not hold"},
         {"CRVAL1  = '1,5'\nCRVAL2  = 2", "CRVAL1 = '1,5': no number"},
+        {TAN_HEADER("TAN-SIP") "A_ORDER = 2\nB_ORDER = 'two'\nA_2_0   = 2E-6", "B_ORDER = 'two': no number"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         char note[256];
@@ -706,9 +654,6 @@ int main(void)
         cmocka_unit_test(test_real_headers),
         cmocka_unit_test(test_sections),
         cmocka_unit_test(test_tan),
-        cmocka_unit_test(test_tpv_and_scamp),
-        cmocka_unit_test(test_sip),
-        cmocka_unit_test(test_half_of_sip),
         cmocka_unit_test(test_numbers),
         cmocka_unit_test(test_half_read),
         cmocka_unit_test(test_far_away),
@@ -718,7 +663,6 @@ int main(void)
         cmocka_unit_test(test_hostile_cards),
         cmocka_unit_test(test_halves_of_distortions),
         cmocka_unit_test(test_plate),
-        cmocka_unit_test(test_tpv_defaults),
         cmocka_unit_test(test_unknown_frame),
         cmocka_unit_test(test_types_of_another_spelling),
         cmocka_unit_test(test_linear),
