@@ -1,11 +1,7 @@
 /* Error objects: what they keep and how they look to the user. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+#include "../near.h"
 
-#include <cmocka.h>
+#include <string.h>
 
 #include "base/error.h"
 

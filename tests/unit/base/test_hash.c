@@ -1,16 +1,6 @@
 /* Digests against what xxh128sum prints. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
 #include "../files.h"
+
 #include "base/hash.h"
 
 /* `piece` bytes at a time. */

@@ -1,13 +1,9 @@
 /* A blocked signal becomes an ordinary error, and takes its effect when delivered. */
-#include <setjmp.h>
+#include "../near.h"
+
 #include <signal.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "base/interrupt.h"
 

@@ -1,15 +1,6 @@
 /* Lines of files: whole, long, from the middle, and what is none. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
 #include "../files.h"
+
 #include "base/lines.h"
 #include "base/text.h"
 

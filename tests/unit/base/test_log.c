@@ -1,14 +1,9 @@
 /* What reaches the user at each level, and that no name from outside drives the terminal. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "../near.h"
+
 #include <stdio.h>
 #include <string.h>
 
-#include <cmocka.h>
-
-#include "../near.h"
 #include "base/log.h"
 
 /* The same on what is told to be a terminal: the line comes with a share and an estimate, and goes. */

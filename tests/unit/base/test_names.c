@@ -1,16 +1,6 @@
 /* Names of outputs and the two images of the dual-image mode. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
 #include "../scratch.h"
+
 #include "base/names.h"
 
 static void check_tag(const char *path, const char *tag, const char *expected)

@@ -1,12 +1,6 @@
 /* Philox4x32-10 against the known answers of Random123 (kat_vectors), and the deviates made from it
  * against what their distributions demand. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
+#include "../near.h"
 
 #include "base/random.h"
 

@@ -1,17 +1,6 @@
 /* Growing strings, text files, and the nearest word. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
-#include <cmocka.h>
-
 #include "../scratch.h"
+
 #include "base/text.h"
 
 static void text_grows(void **state)

@@ -1,17 +1,9 @@
 /* How many threads a run takes: never more than serve it, whatever is asked for. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "../scratch.h"
 
-#include <cmocka.h>
 #include <limits.h>
 #include <omp.h>
-#include <stdio.h>
-#include <string.h>
-#include <sys/stat.h>
 
-#include "../scratch.h"
 #include "base/threads.h"
 
 static int quota(void **state, const char *groups)

@@ -2,13 +2,6 @@
 #ifndef RX_TESTS_IO_TEST_H
 #define RX_TESTS_IO_TEST_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "../scratch.h"
 #include "base/error.h"
 #include "base/text.h"

@@ -1,18 +1,7 @@
 /* The .nnw reader and its forward pass, by a network small enough to do by hand. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
-
-#include <cmocka.h>
-
 #include "../files.h"
 #include "../near.h"
+
 #include "measure/starclass.h"
 
 static char path[512];

@@ -1,15 +1,9 @@
 /* num/convolve against direct sums; Gaussian smoothing around masks. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "../near.h"
+
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
-#include "../near.h"
 #include "base/random.h"
 #include "num/convolve.h"
 

@@ -1,13 +1,8 @@
 /* Least squares against closed forms and a NIST reference problem. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "../near.h"
+
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "num/lsq.h"
 

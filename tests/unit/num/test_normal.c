@@ -1,14 +1,8 @@
 /* Normal equations against what they say, and bounds against every choice of what is held. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "../near.h"
+
 #include <string.h>
 
-#include <cmocka.h>
-
-#include "../near.h"
 #include "base/random.h"
 #include "num/normal.h"
 
