@@ -11,40 +11,11 @@
 
 #include "io/fits_read.h"
 
-/* A compressed image with one of its cards (from XTENSION = 0) replaced is refused, and why is said. */
-static void check_header_refused(void **state, size_t replaced, const char *card, const char *word)
+#define PRIMARY                                                                                              \
+    "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    0\n"
+
+static void check_list_refused(const char *path, const char *word)
 {
-    static const char *const primary[] = {"SIMPLE  =                    T", "BITPIX  =                    8",
-                                          "NAXIS   =                    0", "END"};
-    static const char *const table[] = {"XTENSION= 'BINTABLE'",
-                                        "BITPIX  =                    8",
-                                        "NAXIS   =                    2",
-                                        "NAXIS1  =                    8",
-                                        "NAXIS2  =                   10",
-                                        "PCOUNT  =                    0",
-                                        "GCOUNT  =                    1",
-                                        "TFIELDS =                    1",
-                                        "TTYPE1  = 'COMPRESSED_DATA'",
-                                        "TFORM1  = '1PB(0)'",
-                                        "ZIMAGE  =                    T",
-                                        "ZBITPIX =                   16",
-                                        "ZNAXIS  =                    2",
-                                        "ZNAXIS1 =                   10",
-                                        "ZNAXIS2 =                   10",
-                                        "ZTILE1  =                   10",
-                                        "ZTILE2  =                    1",
-                                        "ZCMPTYPE= 'RICE_1'",
-                                        "END"};
-    const char *path = in(state, "z.fits.fz");
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    for (size_t i = 0; i < 36; i++)
-        fprintf(file, "%-80s", i < sizeof primary / sizeof *primary ? primary[i] : "");
-    for (size_t i = 0; i < 36; i++)
-        fprintf(file, "%-80s", i == replaced ? card : i < sizeof table / sizeof *table ? table[i] : "");
-    for (int i = 0; i < 2880; i++)
-        fputc(0, file);
-    assert_int_equal(fclose(file), 0);
     int *hdus = NULL, n = 0;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_tile_list(path, NULL, &hdus, &n, &err), RX_INPUT);
@@ -52,6 +23,29 @@ static void check_header_refused(void **state, size_t replaced, const char *card
         print_message("'%s' does not say '%s'\n", err.text, word);
     assert_non_null(strstr(err.text, word));
     assert_int_equal(err.hdu, 1);
+}
+
+/* A compressed image with one of its cards (from XTENSION = 0) replaced is refused, and why is said. */
+static void check_header_refused(void **state, size_t replaced, const char *card, const char *word)
+{
+    static const char table[] =
+        "XTENSION= 'BINTABLE'\nBITPIX  =                    8\nNAXIS   =                    2\n"
+        "NAXIS1  =                    8\nNAXIS2  =                   10\nPCOUNT  =                    0\n"
+        "GCOUNT  =                    1\nTFIELDS =                    1\nTTYPE1  = 'COMPRESSED_DATA'\n"
+        "TFORM1  = '1PB(0)'\nZIMAGE  =                    T\nZBITPIX =                   16\n"
+        "ZNAXIS  =                    2\nZNAXIS1 =                   10\nZNAXIS2 =                   10\n"
+        "ZTILE1  =                   10\nZTILE2  =                    1\nZCMPTYPE= 'RICE_1'\n";
+    const char *path = in(state, "z.fits.fz");
+    char text[81];
+    rx_text file = {0};
+    add_hdu(&file, PRIMARY, "", 0);
+    const size_t begin = file.length;
+    add_hdu(&file, table, (char[80]){0}, 80);
+    snprintf(text, sizeof text, "%-80s", card);
+    memcpy(file.data + begin + 80 * replaced, text, 80);
+    write_bytes(path, file.data, file.length);
+    rx_text_free(&file);
+    check_list_refused(path, word);
 }
 
 static void test_headers_that_cfitsio_does_not_survive(void **state)
@@ -100,27 +94,17 @@ static void test_disguised_keywords(void **state)
 /* cfitsio would go from such an HDU to itself, or one before it, for ever. */
 static void test_extension_that_ends_before_it_begins(void **state)
 {
-    static const char *const cards[] = {"SIMPLE  =                    T", "BITPIX  =                    8",
-                                        "NAXIS   =                    0", "EXTEND  =                    T",
-                                        "END"};
-    static const char *const extension[] = {
-        "XTENSION= 'IMAGE   '",           "BITPIX  =                   16",
-        "NAXIS   =                    2", "NAXIS1  =                   12",
-        "NAXIS2  =                   12", "PCOUNT  =                    0",
-        "GCOUNT  =                  -32", "END"};
     const char *path = in(state, "g.fits");
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    for (size_t i = 0; i < 36; i++)
-        fprintf(file, "%-80s", i < sizeof cards / sizeof *cards ? cards[i] : "");
-    for (size_t i = 0; i < 36; i++)
-        fprintf(file, "%-80s", i < sizeof extension / sizeof *extension ? extension[i] : "");
-    assert_int_equal(fclose(file), 0);
-    int *hdus = NULL, n = 0;
-    rx_error err = RX_ERROR_NONE;
-    assert_int_equal(rx_tile_list(path, NULL, &hdus, &n, &err), RX_INPUT);
-    assert_non_null(strstr(err.text, "ends before it begins"));
-    assert_int_equal(err.hdu, 1);
+    rx_text file = {0};
+    add_hdu(&file, PRIMARY "EXTEND  =                    T\n", "", 0);
+    add_hdu(&file,
+            "XTENSION= 'IMAGE   '\nBITPIX  =                   16\nNAXIS   =                    2\n"
+            "NAXIS1  =                   12\nNAXIS2  =                   12\nPCOUNT  =                    0\n"
+            "GCOUNT  =                  -32\n",
+            "", 0);
+    write_bytes(path, file.data, file.length);
+    rx_text_free(&file);
+    check_list_refused(path, "ends before it begins");
 }
 
 static void test_broken_files(void **state)
@@ -392,10 +376,7 @@ static void put_tile(const char *path, const char *cards, const char *second, co
                      const void *heap, size_t size)
 {
     rx_text file = {0}, header = {0}, body = {0};
-    add_hdu(
-        &file,
-        "SIMPLE  =                    T\nBITPIX  =                    8\nNAXIS   =                    0\n",
-        "", 0);
+    add_hdu(&file, PRIMARY, "", 0);
     rx_text_printf(
         &header,
         "XTENSION= 'BINTABLE'\nBITPIX  =                    8\nNAXIS   =                    2\n"
