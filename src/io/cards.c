@@ -429,13 +429,14 @@ void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long si
     }
 }
 
-/* key begins with `stem` and goes on with digits only (at least one). */
-static int is_indexed(const char *key, const char *stem)
+bool rx_card_is(const char *card, const char *key)
 {
-    size_t n = strlen(stem);
-    if (strncmp(key, stem, n) != 0 || !isdigit((unsigned char)key[n]))
-        return 0;
-    return key[n + strspn(key + n, "0123456789")] == '\0';
+    const size_t length = strcspn(key, "#");
+    size_t end = length;
+    while (key[length] == '#' && end < KEY && isdigit((unsigned char)card[end]))
+        end++;
+    return strncmp(card, key, length) == 0 && (key[length] == '\0' || end > length) &&
+           strspn(card + end, " ") + end >= KEY;
 }
 
 int rx_card_is_useful(const char *card)
@@ -446,25 +447,15 @@ int rx_card_is_useful(const char *card)
         "EXTVER",   "EXTLEVEL", "THEAP",    "TFIELDS",  "INHERIT",  "DATAMIN",  "DATAMAX",  "ZIMAGE",
         "ZTENSION", "ZSIMPLE",  "ZEXTEND",  "ZBITPIX",  "ZNAXIS",   "ZPCOUNT",  "ZGCOUNT",  "ZCMPTYPE",
         "ZQUANTIZ", "ZDITHER0", "ZBLANK",   "ZMASKCMP", "ZHECKSUM", "ZDATASUM", "ZSCALE",   "ZZERO",
-        "FZALGOR",  "FZTILE",   "FZQMETHD", "FZQVALUE", "FZDTHRSD", "FZINT2F"};
-    static const char *const indexed[] = {"NAXIS", "ZNAXIS", "ZTILE", "ZNAME", "ZVAL",  "TTYPE",
-                                          "TFORM", "TUNIT",  "TSCAL", "TZERO", "TNULL", "TDISP",
-                                          "TDIM",  "TBCOL",  "TCOMM", "ZFORM", "ZCTYP"};
-    char key[KEY + 1];
-    memcpy(key, card, KEY);
-    key[KEY] = '\0';
-    key[strcspn(key, " ")] = '\0';
-    if (key[0] == '\0') { /* blank cards only space a header out, unless they say something */
-        for (int i = KEY; i < CARD; i++)
-            if (card[i] != ' ')
-                return 1;
-        return 0;
-    }
+        "FZALGOR",  "FZTILE",   "FZQMETHD", "FZQVALUE", "FZDTHRSD", "FZINT2F",  "NAXIS#",   "ZNAXIS#",
+        "ZTILE#",   "ZNAME#",   "ZVAL#",    "TTYPE#",   "TFORM#",   "TUNIT#",   "TSCAL#",   "TZERO#",
+        "TNULL#",   "TDISP#",   "TDIM#",    "TBCOL#",   "TCOMM#",   "ZFORM#",   "ZCTYP#"};
+    static const char blank[CARD - KEY + 1] =
+        "                                                                        ";
+    if (strncmp(card, "        ", KEY) == 0) /* only spaces a header out, unless it says something */
+        return memcmp(card + KEY, blank, CARD - KEY) != 0;
     for (size_t i = 0; i < sizeof dropped / sizeof dropped[0]; i++)
-        if (strcmp(key, dropped[i]) == 0)
-            return 0;
-    for (size_t i = 0; i < sizeof indexed / sizeof indexed[0]; i++)
-        if (is_indexed(key, indexed[i]))
+        if (rx_card_is(card, dropped[i]))
             return 0;
     return strncmp(card, "COMMENT   FITS (Flexible Image Transport System) format", 55) != 0 &&
            strncmp(card, "COMMENT   and Astrophysics', volume 376, page 359", 49) != 0;

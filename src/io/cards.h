@@ -57,6 +57,9 @@ void rx_card_record(rx_text *dst, const char *name, const char *value, const cha
  * by the section's first pixel (from 1), NAXISj become its size. In place. */
 void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long size[2]);
 
+/* Is it the card of that key, or of one of its numbered kin where the key ends in '#'? */
+bool rx_card_is(const char *card, const char *key);
+
 /* 1 when a card of an input's header may go into another file's header: not structural,
  * not about scaling, compression, table columns or checksums. */
 int rx_card_is_useful(const char *card);

@@ -145,27 +145,27 @@ uint32_t rx_fits_digest_table(const rx_table *table, char dst[RX_HASH_TEXT])
 }
 
 /* Where the data of the current HDU begin, and how many bytes they have without the heap. */
-static rx_status find_data(fitsfile *file, const char *path, int hdu, LONGLONG *from, LONGLONG *bytes,
-                           rx_error *err)
+static rx_status find_data(const rx_fits_source *source, LONGLONG *from, LONGLONG *bytes, rx_error *err)
 {
     rx_fits_shape shape;
     LONGLONG header, last;
     int failed = 0;
     bool absurd = false;
-    RX_TRY(rx_fits_shape_of(file, path, hdu, &shape, err));
-    fits_get_hduaddrll(file, &header, from, &last, &failed);
+    RX_TRY(rx_fits_shape_of(source, &shape, err));
+    fits_get_hduaddrll(source->file, &header, from, &last, &failed);
     if (!shape.is_image || shape.is_compressed) {
         shape = (rx_fits_shape){.naxis = 2, .bitpix = 8};
-        fits_read_key(file, TLONGLONG, "NAXIS1", &shape.axes[0], NULL, &failed);
-        fits_read_key(file, TLONGLONG, "NAXIS2", &shape.axes[1], NULL, &failed);
+        fits_read_key(source->file, TLONGLONG, "NAXIS1", &shape.axes[0], NULL, &failed);
+        fits_read_key(source->file, TLONGLONG, "NAXIS2", &shape.axes[1], NULL, &failed);
     }
     *bytes = shape.naxis > 0 ? abs(shape.bitpix) / 8 : 0;
     for (int i = 0; i < shape.naxis && i < RX_FITS_AXES; i++)
         absurd |= shape.axes[i] < 0 || __builtin_mul_overflow(*bytes, shape.axes[i], bytes);
     if (failed)
-        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "cannot be read");
+        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read");
     if (absurd || *bytes > last - *from)
-        return rx_error_at(err, RX_INPUT, path, hdu, 0, "is cut off or its header claims too much");
+        return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
+                           "is cut off or its header claims too much");
     return RX_OK;
 }
 
@@ -179,8 +179,8 @@ rx_status rx_fits_digest_hdu(const char *path, int hdu, char dst[RX_HASH_TEXT], 
     rx_status status;
     rx_hash_begin(&sum);
     RX_TRY_EXIT(rx_fits_open(path, &source, err));
-    RX_TRY_EXIT(rx_fits_goto(source.file, path, hdu, err));
-    RX_TRY_EXIT(find_data(source.file, path, hdu, &from, &left, err));
+    RX_TRY_EXIT(rx_fits_goto(&source, hdu, err));
+    RX_TRY_EXIT(find_data(&source, &from, &left, err));
     if (left > 0)
         ffmbyt(source.file, from, REPORT_EOF, &failed);
     for (LONGLONG some; left > 0 && !failed; left -= some) {
@@ -202,7 +202,7 @@ rx_status rx_fits_hdus(const char *path, int *n, rx_error *err)
     *n = 0;
     rx_status status = rx_fits_open(path, &source, err);
     if (status == RX_OK)
-        status = rx_fits_count(source.file, path, n, NULL, err);
+        status = rx_fits_count(&source, n, NULL, err);
     rx_fits_done(&source);
     return status;
 }

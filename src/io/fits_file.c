@@ -167,7 +167,7 @@ static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err
 rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
 {
     bool is_held = false;
-    *dst = (rx_fits_source){0};
+    *dst = (rx_fits_source){.path = path, .hdu = -1};
     rx_status status = check_file(path, &is_held, err);
     fits_clear_errmsg();
     if (status == RX_OK)
@@ -317,13 +317,15 @@ int rx_fits_name_selects(const rx_fits_name *name)
 
 /* --- moving about --- */
 
-rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err)
+rx_status rx_fits_goto(rx_fits_source *source, int hdu, rx_error *err)
 {
+    const char *path = source->path;
     int failed = 0, count = 0;
     fits_clear_errmsg();
-    if (fits_movabs_hdu(file, hdu + 1, NULL, &failed) == END_OF_FILE) {
+    source->hdu = hdu;
+    if (fits_movabs_hdu(source->file, hdu + 1, NULL, &failed) == END_OF_FILE) {
         fits_clear_errmsg();
-        rx_status status = rx_fits_count(file, path, &count, NULL, err);
+        rx_status status = rx_fits_count(source, &count, NULL, err);
         return status != RX_OK ? status
                                : rx_error_at(err, RX_INPUT, path, hdu, 0,
                                              "there is no such HDU; the file has %d, counted from 0", count);
@@ -333,41 +335,40 @@ rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_fits_goto_name(fitsfile *file, const rx_fits_name *name, int *hdu, rx_error *err)
+rx_status rx_fits_goto_name(rx_fits_source *source, const rx_fits_name *name, rx_error *err)
 {
     int failed = 0, number = 0;
-    if (name->extname[0] == '\0') {
-        *hdu = name->hdu;
-        return rx_fits_goto(file, name->path, name->hdu, err);
-    }
+    if (name->extname[0] == '\0')
+        return rx_fits_goto(source, name->hdu, err);
     char wanted[72];
     memcpy(wanted, name->extname, sizeof wanted);
     fits_clear_errmsg();
-    if (fits_movnam_hdu(file, ANY_HDU, wanted, name->extver, &failed)) {
+    if (fits_movnam_hdu(source->file, ANY_HDU, wanted, name->extver, &failed)) {
         fits_clear_errmsg();
         return rx_error_at(err, RX_INPUT, name->path, -1, 0, "has no extension named '%s'%s", name->extname,
                            name->extver > 0 ? " of that version" : "");
     }
-    fits_get_hdu_num(file, &number);
-    *hdu = number - 1;
+    fits_get_hdu_num(source->file, &number);
+    source->hdu = number - 1;
     return RX_OK;
 }
 
-rx_status rx_fits_count(fitsfile *file, const char *path, int *n, int *broken, rx_error *err)
+rx_status rx_fits_count(rx_fits_source *source, int *n, int *broken, rx_error *err)
 {
     int failed = 0;
-    for (*n = 0; fits_movabs_hdu(file, *n + 1, NULL, &failed) == 0;)
+    for (*n = 0; fits_movabs_hdu(source->file, *n + 1, NULL, &failed) == 0;)
         ++*n;
     if (broken != NULL)
         *broken = failed != END_OF_FILE;
     if (rx_fits_is_unreadable(failed))
-        return rx_fits_failed(err, RX_INPUT, path, *n, failed, "this HDU cannot be read");
+        return rx_fits_failed(err, RX_INPUT, source->path, *n, failed, "this HDU cannot be read");
     fits_clear_errmsg();
     return RX_OK;
 }
 
-rx_status rx_fits_shape_of(fitsfile *file, const char *path, int hdu, rx_fits_shape *dst, rx_error *err)
+rx_status rx_fits_shape_of(const rx_fits_source *source, rx_fits_shape *dst, rx_error *err)
 {
+    fitsfile *file = source->file;
     int failed = 0, type = 0;
     *dst = (rx_fits_shape){0};
     fits_get_hdu_type(file, &type, &failed);
@@ -375,7 +376,9 @@ rx_status rx_fits_shape_of(fitsfile *file, const char *path, int hdu, rx_fits_sh
     dst->is_image = !failed && (type == IMAGE_HDU || dst->is_compressed);
     if (dst->is_image)
         fits_get_img_paramll(file, RX_FITS_AXES, &dst->bitpix, &dst->naxis, dst->axes, &failed);
-    return failed ? rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read") : RX_OK;
+    return failed
+               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "this HDU cannot be read")
+               : RX_OK;
 }
 
 int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
@@ -392,14 +395,14 @@ int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
 
 /* A compressed image is a table with one row for each tile: more pixels than the rows can
  * hold would make cfitsio allocate for nothing. */
-static rx_status check_compressed(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
-                                  LONGLONG bytes, rx_error *err)
+static rx_status check_compressed(const rx_fits_source *source, const rx_fits_shape *shape, LONGLONG bytes,
+                                  rx_error *err)
 {
     LONGLONG tiles = 1, rows = 0, tile = 1;
     int failed = 0;
     const int bits = abs(shape->bitpix);
     if ((bits != 8 && bits != 16 && bits != 32 && bits != 64) || shape->bitpix == -8 || shape->bitpix == -16)
-        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+        return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
                            "ZBITPIX = %d of the compressed image is no kind of pixels; the header is damaged",
                            shape->bitpix);
     for (int i = 0; i < shape->naxis && i < 9; i++) {
@@ -407,22 +410,22 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
         LONGLONG length = i == 0 ? shape->axes[0] : 1;
         int absent = 0;
         snprintf(key, sizeof key, "ZTILE%d", i + 1);
-        fits_read_key(file, TLONGLONG, key, &length, NULL, &absent);
+        fits_read_key(source->file, TLONGLONG, key, &length, NULL, &absent);
         if (length < 1 || length > MOST_OF_TILE / tile)
-            return rx_error_at(err, RX_INPUT, path, hdu, 0,
+            return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
                                "compressed image with a bad %s; the file is damaged, fetch it again", key);
         tile *= length;
         LONGLONG n = (shape->axes[i] + length - 1) / length;
         tiles = n > 0 && tiles > LLONG_MAX / n ? LLONG_MAX : tiles * n;
     }
     fits_clear_errmsg();
-    fits_read_key(file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
+    fits_read_key(source->file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
     double pixels = (double)shape->axes[0] * (double)shape->axes[1];
     /* PLIO makes 2000 pixels of one byte, gzip 1000, Rice fewer; HCOMPRESS any number, but only of one value
      */
     if (failed || tiles != rows || pixels > 1e4 * (double)(bytes + 2880))
         return rx_error_at(
-            err, RX_INPUT, path, hdu, 0,
+            err, RX_INPUT, source->path, source->hdu, 0,
             "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; the "
             "file is damaged, fetch it again",
             shape->axes[0], shape->axes[1], rows, bytes);
@@ -430,39 +433,37 @@ static rx_status check_compressed(fitsfile *file, const char *path, int hdu, con
 }
 
 /* cfitsio takes a scale or a BLANK that it cannot read as none: fluxes would be wrong without a word. */
-static rx_status check_scale(fitsfile *file, const char *path, int hdu, const rx_fits_shape *shape,
-                             rx_error *err)
+static rx_status check_scale(const rx_fits_source *source, const rx_fits_shape *shape, rx_error *err)
 {
     static const char *const keys[] = {"BSCALE", "BZERO", "BLANK"};
     for (int i = 0; i < (shape->bitpix > 0 ? 3 : 2); i++) {
         char text[FLEN_VALUE] = "";
         double value = 0;
         int failed = 0;
-        fits_read_keyword(file, keys[i], text, NULL, &failed);
+        fits_read_keyword(source->file, keys[i], text, NULL, &failed);
         const bool there = failed != KEY_NO_EXIST;
         const char *end = rx_card_number_end(text, text + strlen(text));
         const bool number = end != NULL && *end == '\0',
                    whole = i < 2 || strcspn(text, ".EeDd") == strlen(text);
         if (there && number)
-            fits_read_key(file, TDOUBLE, keys[i], &value, NULL, &failed);
+            fits_read_key(source->file, TDOUBLE, keys[i], &value, NULL, &failed);
         fits_clear_errmsg();
         if (there && (failed || !number || !isfinite(value) || !whole))
-            return rx_error_at(err, RX_INPUT, path, hdu, 0,
+            return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
                                "%s = %.40s is no number%s; correct the header, or fetch the file again",
                                keys[i], text, whole ? "" : " of a pixel value");
     }
     return RX_OK;
 }
 
-rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int hdu,
-                             const rx_fits_shape *shape, rx_error *err)
+rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *shape, rx_error *err)
 {
     fitsfile *file = source->file;
     LONGLONG start = 0, end = 0, axes[2] = {0, 0}, heap = 0;
     int failed = 0, absent = 0;
     fits_get_hduaddrll(file, NULL, &start, &end, &failed);
     if (failed)
-        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
+        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "this HDU cannot be read");
     double bytes = 0;
     if (shape->is_image && !shape->is_compressed) {
         bytes = abs(shape->bitpix) / 8.;
@@ -480,15 +481,15 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int
         there = 0;
     if (failed || bytes > there)
         return rx_error_at(
-            err, RX_INPUT, path, hdu, 0,
+            err, RX_INPUT, source->path, source->hdu, 0,
             "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
             there);
-    rx_status status = shape->is_image ? check_scale(file, path, hdu, shape, err) : RX_OK;
+    rx_status status = shape->is_image ? check_scale(source, shape, err) : RX_OK;
     if (!shape->is_compressed || status != RX_OK)
         return status;
-    status = check_compressed(file, path, hdu, shape, (LONGLONG)bytes, err);
-    return status == RX_OK ? rx_fits_check_tiles(file, path, hdu, rx_min_int(shape->naxis, RX_FITS_AXES),
-                                                 shape->axes, err)
+    status = check_compressed(source, shape, (LONGLONG)bytes, err);
+    return status == RX_OK ? rx_fits_check_tiles(file, source->path, source->hdu,
+                                                 rx_min_int(shape->naxis, RX_FITS_AXES), shape->axes, err)
                            : status;
 }
 
@@ -537,7 +538,7 @@ typedef struct extent {
 } extent;
 
 /* An image of which all pixels are too large, or most too small and none is large: not the faint wings of one without noise. */
-static rx_status check_extent(const extent *of, const char *path, int hdu, rx_error *err)
+static rx_status check_extent(const extent *of, const rx_fits_source *source, rx_error *err)
 {
     const bool large = of->huge > 0 && of->tiny + of->others == 0;
     const bool small = of->tiny > of->others && of->brightest < RX_PIXEL_MOST * (double)FLT_MIN;
@@ -545,15 +546,15 @@ static rx_status check_extent(const extent *of, const char *path, int hdu, rx_er
         return RX_OK;
     const double value = large ? of->huge_one : of->brightest;
     return rx_error_at(
-        err, RX_INPUT, path, hdu, 0,
+        err, RX_INPUT, source->path, source->hdu, 0,
         "its values, such as %.3g, are beyond what single precision holds; multiply them by 1e%d", value,
         (int)-floor(log10(value)));
 }
 
 /* These are read as they are: no doubles, no search for blank values. What is too small for a float's full
  * precision becomes 0, as cfitsio would have made it. */
-static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
-                             float *dst, rx_error *err)
+static rx_status read_floats(const rx_fits_source *source, const rx_fits_section *part, float *dst,
+                             rx_error *err)
 {
     float brightest = 0.0f;
     extent all = {0};
@@ -566,8 +567,9 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx
         float *to = dst + row * width;
         rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
         rx_fits_rows(part, row, n, low, high);
-        if (fits_read_subset(file, TFLOAT, low, high, step, NULL, to, &anynul, &failed))
-            return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read");
+        if (fits_read_subset(source->file, TFLOAT, low, high, step, NULL, to, &anynul, &failed))
+            return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed,
+                                  "the pixels cannot be read");
         unsigned tiny = 0, others = 0; /* of CACHED_PIXELS or a row */
 #pragma omp simd reduction(+ : tiny, others) reduction(max : brightest)
         for (size_t i = 0; i < n * width; i++) {
@@ -581,11 +583,11 @@ static rx_status read_floats(fitsfile *file, const char *path, int hdu, const rx
         all.others += others;
     }
     all.brightest = (double)brightest;
-    return check_extent(&all, path, hdu, err);
+    return check_extent(&all, source, err);
 }
 
-rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
-                              float *dst, rx_error *err)
+rx_status rx_fits_read_pixels(const rx_fits_source *source, const rx_fits_section *part, float *dst,
+                              rx_error *err)
 {
     rx_status status = RX_OK;
     int failed = 0, anynul = 0;
@@ -594,8 +596,8 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
     size_t rows = CHUNK_PIXELS / width + 1;
     rows = rows < height ? rows : height;
     extent all = {0};
-    if (holds_floats(file))
-        return read_floats(file, path, hdu, part, dst, err);
+    if (holds_floats(source->file))
+        return read_floats(source, part, dst, err);
     double *buffer;
     RX_TRY(RX_MAKE(buffer, rows * width, err));
     fits_clear_errmsg();
@@ -604,8 +606,9 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
         double null = NAN;
         rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
         rx_fits_rows(part, row, n, low, high);
-        if (fits_read_subset(file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed))
-            RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the pixels cannot be read"));
+        if (fits_read_subset(source->file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed))
+            RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed,
+                                       "the pixels cannot be read"));
         for (size_t i = 0; i < n * width; i++) {
             const double size = fabs(buffer[i]);
             all.tiny += size > 0.0 && size < (double)FLT_MIN;
@@ -618,21 +621,10 @@ rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const r
                                                            : NAN;
         }
     }
-    status = check_extent(&all, path, hdu, err);
+    status = check_extent(&all, source, err);
 exit:
     free(buffer);
     return status;
-}
-
-/* Is it the card of that key, or of one of its numbered kin where the key ends in '#'? */
-static bool is_card(const char *card, const char *key)
-{
-    const size_t length = strlen(key) - (key[strlen(key) - 1] == '#');
-    size_t end = length;
-    while (key[length] == '#' && end < 8 && isdigit((unsigned char)card[end]))
-        end++;
-    return strncmp(card, key, length) == 0 && (key[length] == '\0' || end > length) &&
-           strspn(card + end, " ") + end >= 8;
 }
 
 /* How the header of a compressed image calls the keywords of the image, in the order in which that one must
@@ -667,15 +659,15 @@ static void image_cards(const rx_text *table, rx_text *dst)
             rx_text_printf(dst, "%-80s",
                            "SIMPLE  =                    T / file does conform to FITS standard");
         for (const char *card = table->data; card < end; card += 80)
-            if (is_card(card, image_keys[k][0]))
+            if (rx_card_is(card, image_keys[k][0]))
                 add_renamed(dst, card, image_keys[k][1]);
     }
     for (const char *card = table->data; card < end; card += 80) {
-        bool kept = !is_card(card, "EXTNAME") || strncmp(card + 8, "= 'COMPRESSED_IMAGE'", 20) != 0;
+        bool kept = !rx_card_is(card, "EXTNAME") || strncmp(card + 8, "= 'COMPRESSED_IMAGE'", 20) != 0;
         int key = 0;
         for (size_t i = 0; i < sizeof dropped / sizeof *dropped; i++)
-            kept &= !is_card(card, dropped[i]);
-        while (key < IMAGE_KEYS && !is_card(card, image_keys[key][0]))
+            kept &= !rx_card_is(card, dropped[i]);
+        while (key < IMAGE_KEYS && !rx_card_is(card, image_keys[key][0]))
             key++;
         if (kept && key == IMAGE_KEYS)
             rx_text_add_bytes(dst, card, 80);
@@ -698,22 +690,22 @@ static void add_as_read(rx_text *dst, const char *as_read)
     rx_text_add_bytes(dst, card, 80);
 }
 
-rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **cards, size_t *ncards,
-                             rx_error *err)
+rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t *ncards, rx_error *err)
 {
     int failed = 0, n = 0;
     rx_text text = {0}, image = {0};
     rx_status status = RX_OK;
     fits_clear_errmsg();
-    const int compressed = fits_is_compressed_image(file, &failed);
-    fits_get_hdrspace(file, &n, NULL, &failed);
+    const int compressed = fits_is_compressed_image(source->file, &failed);
+    fits_get_hdrspace(source->file, &n, NULL, &failed);
     for (int i = 1; i <= n && !failed; i++) {
         char card[FLEN_CARD] = "";
-        if (fits_read_record(file, i, card, &failed) == 0)
+        if (fits_read_record(source->file, i, card, &failed) == 0)
             add_as_read(&text, card);
     }
     if (failed)
-        RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the header cannot be read"));
+        RX_TRY_EXIT(
+            rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the header cannot be read"));
     if (compressed)
         image_cards(&text, &image);
     rx_text *wanted = compressed ? &image : &text;

@@ -49,7 +49,9 @@ int rx_fits_name_selects(const rx_fits_name *name);
  * padded. */
 typedef struct rx_fits_source {
     fitsfile *file;
-    int64_t bytes; /* of a file held in memory, without padding; else 0 */
+    const char *path; /* lent */
+    int hdu;          /* where it is, from 0; -1: anywhere */
+    int64_t bytes;    /* of a file held in memory, without padding; else 0 */
 } rx_fits_source;
 
 /* Check that path is a regular file that begins like FITS (or is compressed), then open it. */
@@ -63,16 +65,16 @@ void rx_fits_literal(const char *path, char dst[RX_FITS_LITERAL]);
 size_t rx_fits_held(const rx_fits_source *source);
 void rx_fits_done(rx_fits_source *source); /* close, errors ignored; a source of zeros is fine */
 
-/* Go to HDU number hdu (from 0), or to the one the name selects (*hdu given back). */
-rx_status rx_fits_goto(fitsfile *file, const char *path, int hdu, rx_error *err);
-rx_status rx_fits_goto_name(fitsfile *file, const rx_fits_name *name, int *hdu, rx_error *err);
+/* Go to HDU number hdu (from 0), or to the one the name selects. */
+rx_status rx_fits_goto(rx_fits_source *source, int hdu, rx_error *err);
+rx_status rx_fits_goto_name(rx_fits_source *source, const rx_fits_name *name, rx_error *err);
 
 /* *n: the HDUs that can be reached; a broken one ends the count and sets *broken (may be NULL). RX_INPUT: the
  * disk fails. */
-rx_status rx_fits_count(fitsfile *file, const char *path, int *n, int *broken, rx_error *err);
+rx_status rx_fits_count(rx_fits_source *source, int *n, int *broken, rx_error *err);
 
-/* Shape of the current HDU, which is number hdu. */
-rx_status rx_fits_shape_of(fitsfile *file, const char *path, int hdu, rx_fits_shape *dst, rx_error *err);
+/* Shape of the HDU where it is. */
+rx_status rx_fits_shape_of(const rx_fits_source *source, rx_fits_shape *dst, rx_error *err);
 
 /* 1 when the shape is an image of two axes; further ones do not count that are of length 1 or on which the section
  * gives a place. */
@@ -80,8 +82,7 @@ int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
 
 /* RX_INPUT when the data of the current HDU cannot be in the file: cut off, or a header that claims too much;
  * or when an image's BSCALE or BZERO is no number. */
-rx_status rx_fits_check_size(const rx_fits_source *source, const char *path, int hdu,
-                             const rx_fits_shape *shape, rx_error *err);
+rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *shape, rx_error *err);
 
 /* The part of an image of that shape, a line or more, that the name selects: its section, or all. */
 rx_fits_section rx_fits_part(const rx_fits_name *name, const rx_fits_shape *shape);
@@ -92,13 +93,12 @@ void rx_fits_rows(const rx_fits_section *part, size_t row, size_t n, rx_fits_cor
 
 /* Pixels of a part of the current image HDU: BLANK, NaN and infinity become NAN, what is too large for a float infinite. dst
  * is [height][width] of the part. Errors: RX_INPUT, also of an image whose values are too small for floats. */
-rx_status rx_fits_read_pixels(fitsfile *file, const char *path, int hdu, const rx_fits_section *part,
-                              float *dst, rx_error *err);
+rx_status rx_fits_read_pixels(const rx_fits_source *source, const rx_fits_section *part, float *dst,
+                              rx_error *err);
 
 /* Header of the current HDU as 80-character cards without END; a compressed image's header is
  * that of the image. *cards to be freed with free(). */
-rx_status rx_fits_read_cards(fitsfile *file, const char *path, int hdu, char **cards, size_t *ncards,
-                             rx_error *err);
+rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t *ncards, rx_error *err);
 
 /* Error text from a cfitsio status; the last line of its message stack comes along. */
 rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,

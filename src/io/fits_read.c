@@ -28,21 +28,20 @@ static LONGLONG count_planes(const rx_fits_shape *shape, const rx_fits_name *nam
     return rx_fits_is_plane(shape, &section) ? shape->axes[2] : 0;
 }
 
-/* HDU number of the image: what the name selects, else the first of planes, else the first of any
- * shape; it is the current one then. A 1-D image is taken as one row. */
-static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes, int *hdu,
-                            rx_fits_shape *shape, rx_error *err)
+/* Go to the image: what the name selects, else the first of planes, else the first of any shape. A 1-D image is taken as one
+ * row. */
+static rx_status find_image(rx_fits_source *source, const rx_fits_name *name, int cubes, rx_fits_shape *shape,
+                            rx_error *err)
 {
     int first = -1, count = 0;
     if (rx_fits_name_selects(name))
-        RX_TRY(rx_fits_goto_name(file, name, hdu, err));
+        RX_TRY(rx_fits_goto_name(source, name, err));
     else {
-        RX_TRY(rx_fits_count(file, name->path, &count, NULL, err));
+        RX_TRY(rx_fits_count(source, &count, NULL, err));
         for (int i = 0; i < count; i++) {
-            RX_TRY(rx_fits_goto(file, name->path, i, err));
-            if (rx_fits_shape_of(file, name->path, i, shape, NULL) != RX_OK)
+            RX_TRY(rx_fits_goto(source, i, err));
+            if (rx_fits_shape_of(source, shape, NULL) != RX_OK)
                 continue;
-            *hdu = i;
             if (count_planes(shape, name, cubes) > 0)
                 return RX_OK;
             if (first < 0 && shape->is_image && shape->naxis > 0)
@@ -50,37 +49,37 @@ static rx_status find_image(fitsfile *file, const rx_fits_name *name, int cubes,
         }
         if (first < 0)
             return rx_error_at(err, RX_INPUT, name->path, -1, 0, "holds no image in its %d HDUs", count);
-        *hdu = first;
-        RX_TRY(rx_fits_goto(file, name->path, first, err));
+        RX_TRY(rx_fits_goto(source, first, err));
     }
-    return rx_fits_shape_of(file, name->path, *hdu, shape, err);
+    return rx_fits_shape_of(source, shape, err);
 }
 
-static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int cubes, int hdu,
+static rx_status check_image(const rx_fits_source *source, const rx_fits_name *name, int cubes,
                              const rx_fits_shape *shape, rx_fits_section *part, rx_error *err)
 {
     int is_line = shape->is_image && shape->naxis == 1;
     const LONGLONG planes = is_line ? 1 : count_planes(shape, name, cubes);
     if (planes < 1)
-        return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "holds no 2-D image");
-    RX_TRY(rx_fits_check_size(source, name->path, hdu, shape, err));
+        return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0, "holds no 2-D image");
+    RX_TRY(rx_fits_check_size(source, shape, err));
     double pixels = (double)planes;
     *part = rx_fits_part(name, shape);
     for (int i = 0; i < 2; i++) {
         LONGLONG length = i == 1 && is_line ? 1 : shape->axes[i];
         if (length < 1 || length > 1 << 28)
-            return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the image has %lld x %lld pixels",
-                               shape->axes[0], is_line ? 1 : shape->axes[1]);
+            return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
+                               "the image has %lld x %lld pixels", shape->axes[0],
+                               is_line ? 1 : shape->axes[1]);
         if (part->last[i] > length)
-            return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "the section leaves the image");
+            return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0, "the section leaves the image");
         pixels *= (double)(part->last[i] - part->first[i] + 1);
     }
     for (int i = 2; i < RX_FITS_AXES; i++)
         if (part->plane[i - 2] > (i < shape->naxis ? shape->axes[i] : 1))
-            return rx_error_at(err, RX_INPUT, name->path, hdu, 0, "has no plane %ld on axis %d",
+            return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0, "has no plane %ld on axis %d",
                                part->plane[i - 2], i + 1);
     if (cubes && !(pixels <= MOST_PIXELS))
-        return rx_error_at(err, RX_INPUT, name->path, hdu, 0,
+        return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
                            "%lld planes of %lld x %lld pixels are too many", planes, shape->axes[0],
                            is_line ? 1 : shape->axes[1]);
     return RX_OK;
@@ -93,14 +92,13 @@ static rx_status read_image(const char *name, int cubes, rx_fits_cube *dst, rx_e
     rx_fits_shape shape;
     rx_fits_source source = {0};
     rx_fits_section part;
-    int hdu = 0;
     size_t ncards = 0;
     *dst = (rx_fits_cube){0};
     rx_status status;
     RX_TRY_EXIT(rx_fits_name_parse(name, &parsed, err));
     RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
-    RX_TRY_EXIT(find_image(source.file, &parsed, cubes, &hdu, &shape, err));
-    RX_TRY_EXIT(check_image(&source, &parsed, cubes, hdu, &shape, &part, err));
+    RX_TRY_EXIT(find_image(&source, &parsed, cubes, &shape, err));
+    RX_TRY_EXIT(check_image(&source, &parsed, cubes, &shape, &part, err));
     dst->width = (int)(part.last[0] - part.first[0] + 1);
     dst->height = (int)(part.last[1] - part.first[1] + 1);
     dst->planes = shape.naxis > 1 ? (int)count_planes(&shape, &parsed, cubes) : 1;
@@ -111,11 +109,10 @@ static rx_status read_image(const char *name, int cubes, rx_fits_cube *dst, rx_e
     for (int k = 0; k < dst->planes && status == RX_OK; k++) {
         if (dst->planes > 1)
             part.plane[0] = k + 1;
-        status =
-            rx_fits_read_pixels(source.file, parsed.path, hdu, &part, dst->pixels + (size_t)k * plane, err);
+        status = rx_fits_read_pixels(&source, &part, dst->pixels + (size_t)k * plane, err);
     }
     if (status == RX_OK && cubes)
-        status = rx_fits_read_cards(source.file, parsed.path, hdu, &dst->cards, &ncards, err);
+        status = rx_fits_read_cards(&source, &dst->cards, &ncards, err);
     dst->ncards = (long)ncards;
 exit:
     rx_fits_done(&source);
@@ -149,11 +146,11 @@ void rx_fits_cube_free(rx_fits_cube *cube)
 /* --- which tables --- */
 
 /* HDU numbers of the tables that count; LDAC_OBJECTS alone where there are any. */
-static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdus, int *n, rx_error *err)
+static rx_status list_tables(rx_fits_source *source, const rx_fits_name *name, int **hdus, int *n,
+                             rx_error *err)
 {
     int count = 1, ldac = 0, filled = 0;
-    rx_status status =
-        rx_fits_name_selects(name) ? RX_OK : rx_fits_count(file, name->path, &count, NULL, err);
+    rx_status status = rx_fits_name_selects(name) ? RX_OK : rx_fits_count(source, &count, NULL, err);
     *n = 0;
     *hdus = NULL;
     if (status != RX_OK)
@@ -164,7 +161,9 @@ static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdu
         return rx_error_memory(err, 0);
     if (rx_fits_name_selects(name)) {
         *n = 1;
-        return rx_fits_goto_name(file, name, &list[0], err);
+        status = rx_fits_goto_name(source, name, err);
+        list[0] = source->hdu;
+        return status;
     }
     for (int pass = 0; pass < 2; pass++)
         for (int i = 0; i < count; i++) {
@@ -172,14 +171,12 @@ static rx_status list_tables(fitsfile *file, const rx_fits_name *name, int **hdu
             char extname[FLEN_VALUE] = "";
             int absent = 0, failed = 0, columns = 0;
             long rows = 0;
-            status = rx_fits_goto(file, name->path, i, err);
-            if (status != RX_OK)
-                return status;
-            if (rx_fits_shape_of(file, name->path, i, &shape, NULL) != RX_OK || shape.is_image)
+            RX_TRY(rx_fits_goto(source, i, err));
+            if (rx_fits_shape_of(source, &shape, NULL) != RX_OK || shape.is_image)
                 continue;
-            fits_read_key(file, TSTRING, "EXTNAME", extname, NULL, &absent);
-            fits_get_num_rows(file, &rows, &failed);
-            fits_get_num_cols(file, &columns, &failed);
+            fits_read_key(source->file, TSTRING, "EXTNAME", extname, NULL, &absent);
+            fits_get_num_rows(source->file, &rows, &failed);
+            fits_get_num_cols(source->file, &columns, &failed);
             fits_clear_errmsg();
             int is_ldac = strcmp(extname, "LDAC_OBJECTS") == 0;
             if (failed || columns < 1)
@@ -203,7 +200,7 @@ static rx_status open_tables(const char *text, rx_fits_name *name, rx_fits_sourc
         RX_TRY(rx_error_at(err, RX_INPUT, text, -1, 0,
                            "a section of a table cannot be read; name its HDU alone"));
     RX_TRY(rx_fits_open(name->path, source, err));
-    return list_tables(source->file, name, hdus, n, err);
+    return list_tables(source, name, hdus, n, err);
 }
 
 /* --- columns --- */
@@ -415,8 +412,7 @@ static void read_cells(fitsfile *file, const plan *how, rx_column *column, long 
         *failed = 0;
 }
 
-static rx_status read_rows(fitsfile *file, const char *path, int hdu, const plan *plans, rx_table *table,
-                           rx_error *err)
+static rx_status read_rows(const rx_fits_source *source, const plan *plans, rx_table *table, rx_error *err)
 {
     int failed = 0;
     long row_bytes = 1;
@@ -432,18 +428,20 @@ static rx_status read_rows(fitsfile *file, const char *path, int hdu, const plan
     for (long first = 1; first <= table->nrows && !failed; first += block)
         for (int i = 0; i < table->ncolumns && !failed; i++) {
             long rows = table->nrows - first + 1 < block ? table->nrows - first + 1 : block;
-            read_cells(file, &plans[i], &table->columns[i], first, rows, &failed);
+            read_cells(source->file, &plans[i], &table->columns[i], first, rows, &failed);
         }
-    return failed ? rx_fits_failed(err, RX_INPUT, path, hdu, failed, "the table cannot be read") : RX_OK;
+    return failed
+               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the table cannot be read")
+               : RX_OK;
 }
 
 /* --- tables --- */
 
-static rx_status take_header(fitsfile *file, const char *path, int hdu, rx_table *table, rx_error *err)
+static rx_status take_header(const rx_fits_source *source, rx_table *table, rx_error *err)
 {
     char extname[FLEN_VALUE] = "";
     size_t n = 0;
-    RX_TRY(rx_fits_read_cards(file, path, hdu, &table->cards, &n, err));
+    RX_TRY(rx_fits_read_cards(source, &table->cards, &n, err));
     table->ncards = (long)n;
     rx_cards_text(table->cards, table->ncards, "EXTNAME", extname, sizeof extname);
     free(table->name);
@@ -451,8 +449,7 @@ static rx_status take_header(fitsfile *file, const char *path, int hdu, rx_table
     return table->name != NULL ? RX_OK : rx_error_memory(err, sizeof extname);
 }
 
-static rx_status read_table(const rx_fits_source *source, const char *path, int hdu, rx_table **dst,
-                            rx_error *err)
+static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_error *err)
 {
     fitsfile *file = source->file;
     rx_fits_shape shape;
@@ -461,23 +458,23 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
     rx_table *table = NULL;
     plan *plans = NULL;
     heading *columns = NULL;
-    RX_TRY(rx_fits_goto(file, path, hdu, err));
-    RX_TRY(rx_fits_shape_of(file, path, hdu, &shape, err));
+    RX_TRY(rx_fits_goto(source, hdu, err));
+    RX_TRY(rx_fits_shape_of(source, &shape, err));
     if (shape.is_image)
-        return rx_error_at(err, RX_INPUT, path, hdu, 0, "holds an image, a table was expected");
+        return rx_error_at(err, RX_INPUT, source->path, hdu, 0, "holds an image, a table was expected");
     fits_get_num_cols(file, &ncolumns, &failed);
     fits_get_num_rows(file, &rows, &failed);
     if (failed)
-        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
+        return rx_fits_failed(err, RX_INPUT, source->path, hdu, failed, "this HDU cannot be read");
     rx_status status = RX_OK;
-    RX_TRY(rx_fits_check_size(source, path, hdu, &shape, err));
+    RX_TRY(rx_fits_check_size(source, &shape, err));
     table = rx_table_new(ncolumns);
     plans = RX_NEW(plan, (size_t)ncolumns);
     columns = RX_NEW(heading, 1);
     if (table == NULL || plans == NULL || columns == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     table->nrows = rows;
-    RX_TRY_EXIT(take_header(file, path, hdu, table, err));
+    RX_TRY_EXIT(take_header(source, table, err));
     find_cards(table, columns);
     for (int i = 1; i <= ncolumns && !failed; i++) {
         rx_column *column = &table->columns[kept];
@@ -490,9 +487,9 @@ static rx_status read_table(const rx_fits_source *source, const char *path, int 
     }
     table->ncolumns = kept;
     if (failed)
-        status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "its columns cannot be understood");
+        status = rx_fits_failed(err, RX_INPUT, source->path, hdu, failed, "its columns cannot be understood");
     if (status == RX_OK)
-        status = read_rows(file, path, hdu, plans, table, err);
+        status = read_rows(source, plans, table, err);
     if (status != RX_OK)
         goto exit;
     *dst = table;
@@ -516,7 +513,7 @@ rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_err
                         : rx_error_at(err, RX_INPUT, name, -1, 0, "holds %d tables, number %d was asked for",
                                       n, index + 1);
     if (status == RX_OK)
-        status = read_table(&source, parsed.path, hdus[index], dst, err);
+        status = read_table(&source, hdus[index], dst, err);
     rx_fits_done(&source);
     free(hdus);
     return status;
@@ -537,7 +534,7 @@ rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **d
     if (!failed) {
         fits_get_hdu_num(source.file, &number);
         *hdu = number - 1;
-        status = read_table(&source, path, *hdu, dst, err);
+        status = read_table(&source, *hdu, dst, err);
     }
     rx_fits_done(&source);
     return status;
@@ -550,9 +547,9 @@ rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *nca
     *cards = NULL;
     rx_status status = rx_fits_open(path, &source, err);
     if (status == RX_OK)
-        status = rx_fits_goto(source.file, path, hdu, err);
+        status = rx_fits_goto(&source, hdu, err);
     if (status == RX_OK)
-        status = rx_fits_read_cards(source.file, path, hdu, cards, &n, err);
+        status = rx_fits_read_cards(&source, cards, &n, err);
     *ncards = (long)n;
     rx_fits_done(&source);
     return status;

@@ -117,7 +117,7 @@ rx_status rx_image_check(const char *path, int hdu, const rx_fits_shape *shape,
 
 /* All usable HDUs; those that are not are logged, the reason of the first, or of the first cube, is kept for the case
  * of none. */
-static rx_status list_all(fitsfile *file, const rx_fits_name *name, rx_log *log, int count,
+static rx_status list_all(rx_fits_source *source, const rx_fits_name *name, rx_log *log, int count,
                           rx_image_list *dst, rx_error *err)
 {
     const char *path = name->path;
@@ -126,11 +126,10 @@ static rx_status list_all(fitsfile *file, const rx_fits_name *name, rx_log *log,
     dst->n = 0;
     for (int hdu = 0; hdu < count; hdu++) {
         rx_fits_shape shape;
-        rx_status status = rx_fits_goto(file, path, hdu, err); /* it was reached before: the disk fails */
-        if (status != RX_OK)
-            return status;
-        const bool failed = rx_fits_shape_of(file, path, hdu, &shape, &reason) != RX_OK;
-        status = failed ? RX_INPUT : rx_image_check(path, hdu, &shape, &name->section, &reason);
+        RX_TRY(rx_fits_goto(source, hdu, err)); /* it was reached before: the disk fails */
+        const bool failed = rx_fits_shape_of(source, &shape, &reason) != RX_OK;
+        const rx_status status =
+            failed ? RX_INPUT : rx_image_check(path, hdu, &shape, &name->section, &reason);
         if (status == RX_OK) {
             dst->list[dst->n++].hdu = hdu;
             continue;
@@ -155,13 +154,13 @@ static rx_status list_all(fitsfile *file, const rx_fits_name *name, rx_log *log,
 }
 
 /* The file is left at that HDU. */
-static rx_status read_name(fitsfile *file, const char *path, rx_image_hdu *dst, rx_error *err)
+static rx_status read_name(rx_fits_source *source, rx_image_hdu *dst, rx_error *err)
 {
     char *cards = NULL;
     size_t n = 0;
     double version;
-    RX_TRY(rx_fits_goto(file, path, dst->hdu, err));
-    RX_TRY(rx_fits_read_cards(file, path, dst->hdu, &cards, &n, err));
+    RX_TRY(rx_fits_goto(source, dst->hdu, err));
+    RX_TRY(rx_fits_read_cards(source, &cards, &n, err));
     rx_cards_text(cards, (long)n, "EXTNAME", dst->name, sizeof dst->name);
     if (rx_cards_number(cards, (long)n, "EXTVER", &version) && version >= 1 && version <= INT_MAX)
         dst->version = (int)version;
@@ -172,13 +171,14 @@ static rx_status read_name(fitsfile *file, const char *path, rx_image_hdu *dst, 
 }
 
 /* The one that is selected. */
-static rx_status list_one(fitsfile *file, const rx_fits_name *name, rx_image_list *dst, rx_error *err)
+static rx_status list_one(rx_fits_source *source, const rx_fits_name *name, rx_image_list *dst, rx_error *err)
 {
     rx_fits_shape shape;
     dst->n = 1;
-    RX_TRY(rx_fits_goto_name(file, name, &dst->list->hdu, err));
-    RX_TRY(rx_fits_shape_of(file, name->path, dst->list->hdu, &shape, err));
-    return rx_image_check(name->path, dst->list->hdu, &shape, &name->section, err);
+    RX_TRY(rx_fits_goto_name(source, name, err));
+    dst->list->hdu = source->hdu;
+    RX_TRY(rx_fits_shape_of(source, &shape, err));
+    return rx_image_check(name->path, source->hdu, &shape, &name->section, err);
 }
 
 rx_status rx_images_of(const rx_fits_name *name, rx_log *log, rx_image_list *dst, rx_error *err)
@@ -189,10 +189,10 @@ rx_status rx_images_of(const rx_fits_name *name, rx_log *log, rx_image_list *dst
     *dst = (rx_image_list){0};
     RX_TRY_EXIT(rx_fits_open(name->path, &source, err));
     if (!rx_fits_name_selects(name))
-        RX_TRY_EXIT(rx_fits_count(source.file, name->path, &count, &broken, err));
+        RX_TRY_EXIT(rx_fits_count(&source, &count, &broken, err));
     RX_TRY_EXIT(RX_MAKE(dst->list, (size_t)count, err));
-    status = rx_fits_name_selects(name) ? list_one(source.file, name, dst, err)
-                                        : list_all(source.file, name, log, count, dst, err);
+    status = rx_fits_name_selects(name) ? list_one(&source, name, dst, err)
+                                        : list_all(&source, name, log, count, dst, err);
     if (status == RX_INPUT && broken)
         status = rx_error_at(err, RX_INPUT, name->path, count, 0,
                              "this HDU cannot be read, and none before it holds a 2-D image; the file is "
@@ -201,7 +201,7 @@ rx_status rx_images_of(const rx_fits_name *name, rx_log *log, rx_image_list *dst
         rx_log_warning(log, "%s: what follows HDU %d cannot be read and is skipped; the file is damaged",
                        name->path, count - 1);
     for (int i = 0; i < dst->n && status == RX_OK; i++)
-        status = read_name(source.file, name->path, &dst->list[i], err);
+        status = read_name(&source, &dst->list[i], err);
 exit:
     rx_fits_done(&source);
     if (status != RX_OK) {

@@ -118,9 +118,9 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     const char *path = dst->name.path;
     RX_TRY(choose_hdu(what, text, &dst->name, place, &dst->hdu, err));
     RX_TRY(rx_fits_open(path, &dst->source, err));
-    RX_TRY(rx_fits_goto(dst->source.file, path, dst->hdu, err));
-    RX_TRY(rx_fits_shape_of(dst->source.file, path, dst->hdu, &dst->shape, err));
-    RX_TRY(rx_fits_check_size(&dst->source, path, dst->hdu, &dst->shape, err));
+    RX_TRY(rx_fits_goto(&dst->source, dst->hdu, err));
+    RX_TRY(rx_fits_shape_of(&dst->source, &dst->shape, err));
+    RX_TRY(rx_fits_check_size(&dst->source, &dst->shape, err));
     const long axes[2] = {(long)dst->shape.axes[0], (long)dst->shape.axes[1]};
     int same = 1, whole = 1;
     *part = rx_fits_part(&dst->name, &dst->shape);
@@ -212,7 +212,7 @@ static rx_status add_weight(const rx_tile_params *par, const rx_tile_place *plac
     if (status == RX_OK)
         status = RX_MAKE(tile->weight, n, err);
     if (status == RX_OK)
-        status = rx_fits_read_pixels(map.source.file, map.name.path, map.hdu, &map.part, tile->weight, err);
+        status = rx_fits_read_pixels(&map.source, &map.part, tile->weight, err);
     if (status == RX_OK)
         mask_by_weight(par, tile);
     rx_fits_done(&map.source);
@@ -332,7 +332,7 @@ static rx_status add_mask(const char *name, const rx_tile_place *place, rx_log *
     RX_TRY_EXIT(open_companion("flag map", name, place, &map, err));
     RX_TRY_EXIT(RX_MAKE(flags, n, err));
     RX_TRY_EXIT(read_flags(&map, flags, err));
-    RX_TRY_EXIT(rx_fits_read_cards(map.source.file, map.name.path, map.hdu, &cards, &ncards, err));
+    RX_TRY_EXIT(rx_fits_read_cards(&map.source, &cards, &ncards, err));
     uint32_t bad = bits_of(cards, ncards, no_data, sizeof no_data / sizeof *no_data);
     const uint32_t full = bits_of(cards, ncards, saturated, 1);
     const bool named = (bad | full) != 0, simple = !named && is_yes_or_no(flags, n);

@@ -139,15 +139,15 @@ static rx_status mask_pixels(rx_tile *tile, int nthreads, rx_log *log, size_t *b
     return RX_OK;
 }
 
-static rx_status read_pixels(fitsfile *file, const rx_tile_place *place, int nthreads, rx_log *log,
-                             rx_tile *tile, rx_error *err)
+static rx_status read_pixels(const rx_fits_source *source, const rx_tile_place *place, int nthreads,
+                             rx_log *log, rx_tile *tile, rx_error *err)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height, bad;
     tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, nthreads);
     tile->mask = RX_NEW(uint8_t, n);
     if (tile->pixels == NULL || tile->mask == NULL)
         return rx_error_memory(err, n * sizeof(float));
-    RX_TRY(rx_fits_read_pixels(file, tile->name, tile->hdu, &place->part, tile->pixels, err));
+    RX_TRY(rx_fits_read_pixels(source, &place->part, tile->pixels, err));
     return mask_pixels(tile, nthreads, log, &bad, err);
 }
 
@@ -167,22 +167,22 @@ static void drop_illegal(rx_text *cards, const char *name, int hdu, rx_log *log)
 }
 
 /* Cards of the HDU, those of the primary header it inherits, and the section's coordinates. */
-static rx_status read_header(fitsfile *file, const rx_tile_place *place, rx_log *log, rx_text *cards,
+static rx_status read_header(rx_fits_source *source, const rx_tile_place *place, rx_log *log, rx_text *cards,
                              rx_text *parent, rx_error *err)
 {
     char *block = NULL, inherit[8] = "";
     size_t n = 0;
     rx_status status = RX_OK;
-    RX_TRY(rx_fits_read_cards(file, place->name->path, place->hdu, &block, &n, err));
+    RX_TRY(rx_fits_read_cards(source, &block, &n, err));
     rx_text_add_bytes(cards, block, n * 80);
     free(block);
     block = NULL;
     if (place->hdu > 0) {
-        status = rx_fits_goto(file, place->name->path, 0, err);
+        status = rx_fits_goto(source, 0, err);
         if (status == RX_OK)
-            status = rx_fits_read_cards(file, place->name->path, 0, &block, &n, err);
+            status = rx_fits_read_cards(source, &block, &n, err);
         if (status == RX_OK)
-            status = rx_fits_goto(file, place->name->path, place->hdu, err);
+            status = rx_fits_goto(source, place->hdu, err);
         if (status == RX_OK)
             rx_text_add_bytes(parent, block, n * 80);
         free(block);
@@ -230,15 +230,14 @@ static rx_status take_wcs(const rx_tile_params *par, rx_log *log, rx_tile *tile,
 /* --- all of it --- */
 
 /* Go to the HDU, check it and say which part of it is wanted. */
-static rx_status find_place(const rx_fits_source *source, rx_tile_place *place, rx_error *err)
+static rx_status find_place(rx_fits_source *source, rx_tile_place *place, rx_error *err)
 {
-    fitsfile *file = source->file;
     const rx_fits_name *name = place->name;
     const LONGLONG *axes = place->shape.axes;
-    RX_TRY(rx_fits_goto(file, name->path, place->hdu, err));
-    RX_TRY(rx_fits_shape_of(file, name->path, place->hdu, &place->shape, err));
+    RX_TRY(rx_fits_goto(source, place->hdu, err));
+    RX_TRY(rx_fits_shape_of(source, &place->shape, err));
     RX_TRY(rx_image_check(name->path, place->hdu, &place->shape, &name->section, err));
-    RX_TRY(rx_fits_check_size(source, name->path, place->hdu, &place->shape, err));
+    RX_TRY(rx_fits_check_size(source, &place->shape, err));
     place->part = rx_fits_part(name, &place->shape);
     if (place->part.last[0] > axes[0] || place->part.last[1] > axes[1])
         return rx_error_at(err, RX_INPUT, name->path, place->hdu, 0,
@@ -275,13 +274,13 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     RX_TRY_EXIT(tile != NULL ? rx_fits_name_parse(name, &parsed, err) : rx_error_memory(err, sizeof *tile));
     RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
     RX_TRY_EXIT(find_place(&source, &place, err));
-    RX_TRY_EXIT(read_header(source.file, &place, log, &cards, &parent, err));
+    RX_TRY_EXIT(read_header(&source, &place, log, &cards, &parent, err));
     RX_TRY_EXIT(name_tile(&place, &cards, tile, err));
     take_numbers(par, &(rx_header){&cards, &parent, tile->name, hdu, log}, tile);
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    RX_TRY_EXIT(read_pixels(source.file, &place, par->nthreads, log, tile, err));
+    RX_TRY_EXIT(read_pixels(&source, &place, par->nthreads, log, tile, err));
     RX_TRY_EXIT(take_wcs(par, log, tile, err));
     RX_TRY_EXIT(rx_tile_add_maps(par, &place, log, tile, err));
     *dst = tile;
@@ -371,15 +370,15 @@ exit:
 
 /* --- headers alone --- */
 
-static rx_status shape_of(const rx_fits_source *source, const rx_fits_name *name, int hdu,
-                          const rx_image_list *all, rx_tile_shape *dst, rx_error *err)
+static rx_status shape_of(rx_fits_source *source, const rx_fits_name *name, int hdu, const rx_image_list *all,
+                          rx_tile_shape *dst, rx_error *err)
 {
     rx_text cards = {0}, parent = {0};
     int mask, variance;
     rx_tile_place place = {.name = name, .hdu = hdu, .extension = 1};
     rx_status status = find_place(source, &place, err);
     if (status == RX_OK)
-        status = read_header(source->file, &place, NULL, &cards, &parent, err);
+        status = read_header(source, &place, NULL, &cards, &parent, err);
     rx_images_own_maps(all, hdu, &mask, &variance);
     if (status == RX_OK)
         *dst = (rx_tile_shape){.hdu = hdu,

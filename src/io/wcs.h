@@ -12,8 +12,6 @@ RX_BEGIN_DECLS
 
 typedef struct rx_wcs rx_wcs;
 
-void rx_wcs_notes_free(rx_wcs_notes *notes);
-
 /* From header cards (80 characters each). *dst stays NULL, status RX_OK, when the header has no celestial
  * coordinates, or none that can be read as a whole. What is to be said of them is appended to notes (may be NULL). */
 rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int height, rx_wcs **dst,

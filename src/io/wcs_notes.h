@@ -2,7 +2,10 @@
 #ifndef RX_IO_WCS_NOTES_H
 #define RX_IO_WCS_NOTES_H
 
+#include "base/extern.h"
 #include "base/text.h"
+
+RX_BEGIN_DECLS
 
 typedef struct rx_wcs_notes {
     rx_text
@@ -10,5 +13,9 @@ typedef struct rx_wcs_notes {
     rx_text details; /* what was ignored or repaired */
     rx_text why;     /* there are no world coordinates, celestial or linear ones */
 } rx_wcs_notes;
+
+void rx_wcs_notes_free(rx_wcs_notes *notes);
+
+RX_END_DECLS
 
 #endif

@@ -72,13 +72,12 @@ static rx_status fit_errors(gsl_multifit_nlinear_workspace *work, size_t p, doub
 static void iterate(const rx_lsq_problem *problem, gsl_multifit_nlinear_workspace *work,
                     rx_lsq_result *result)
 {
-    int limit = problem->max_iterations > 0 ? problem->max_iterations : 100;
-    double tolerance = problem->tolerance > 0.0 ? problem->tolerance : 1e-8;
+    const double tolerance = problem->tolerance;
     double chi2;
     gsl_blas_ddot(gsl_multifit_nlinear_residual(work), gsl_multifit_nlinear_residual(work), &chi2);
     *result = (rx_lsq_result){.converged = chi2 == 0.0, .chi2 = chi2};
     int still = 0; /* steps in a row that hardly changed chi2: parameters near 0 never pass the step test */
-    while (result->iterations < limit && !result->converged) {
+    while (result->iterations < problem->max_iterations && !result->converged) {
         double before = chi2;
         int code = gsl_multifit_nlinear_iterate(work);
         result->iterations++;
@@ -111,13 +110,11 @@ rx_status rx_lsq_fit(const rx_lsq_problem *problem, double *parameters, double *
     bridge b = {.problem = problem,
                 .parameters = RX_NEW(double, p),
                 .residuals = RX_NEW(double, n),
-                .jacobian = problem->has_jacobian ? rx_alloc(n, p * sizeof(double)) : NULL};
+                .jacobian = rx_alloc(n, p * sizeof(double))};
     rx_lsq_result local;
-    if (work == NULL || b.parameters == NULL || b.residuals == NULL ||
-        (problem->has_jacobian && b.jacobian == NULL))
+    if (work == NULL || b.parameters == NULL || b.residuals == NULL || b.jacobian == NULL)
         RX_TRY_EXIT(rx_error_memory(err, n * p * sizeof(double)));
-    gsl_multifit_nlinear_fdf fdf = {
-        .f = bridge_f, .df = problem->has_jacobian ? bridge_df : NULL, .n = n, .p = p, .params = &b};
+    gsl_multifit_nlinear_fdf fdf = {.f = bridge_f, .df = bridge_df, .n = n, .p = p, .params = &b};
     gsl_vector_view start = gsl_vector_view_array(parameters, p);
     int code = gsl_multifit_nlinear_init(&start.vector, &fdf, work);
     if (code != GSL_SUCCESS)

@@ -12,16 +12,15 @@
 #include "base/error.h"
 
 /* residuals[i] = (model_i(parameters) - data_i) / sigma_i; jacobian [n][p] = d residuals_i / d
- * parameter_j, NULL where the problem has none. Returns 0, or 1 where the model cannot be evaluated. */
+ * parameter_j. Returns 0, or 1 where the model cannot be evaluated. */
 typedef int (*rx_lsq_model)(void *user, const double *parameters, double *residuals, double *jacobian);
 
 typedef struct rx_lsq_problem {
     size_t nresiduals, nparameters;
     rx_lsq_model model;
-    int has_jacobian; /* 0: differences are used */
     void *user;
-    int max_iterations; /* 0 = 100 */
-    double tolerance;   /* relative step that counts as converged, 0 = 1e-8 */
+    int max_iterations;
+    double tolerance; /* relative step that counts as converged */
 } rx_lsq_problem;
 
 typedef struct rx_lsq_result {

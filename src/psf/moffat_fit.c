@@ -77,7 +77,6 @@ rx_status rx_moffat_fit_run(const rx_moffat_pixels *pixels, int free_sky, rx_mof
     rx_lsq_problem problem = {.nresiduals = (size_t)pixels->n,
                               .nparameters = (size_t)task.nparameters,
                               .model = fit_model,
-                              .has_jacobian = 1,
                               .user = &task,
                               .max_iterations = 60,
                               .tolerance = 1e-6};

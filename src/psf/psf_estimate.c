@@ -279,7 +279,6 @@ static rx_status fit_joint(const fitted_star *stars, int n, int nthreads, int st
         return rx_error_memory(err, (size_t)n * sizeof(size_t));
     rx_lsq_problem problem = {.nparameters = RX_MOFFAT_SHAPE,
                               .model = joint_model,
-                              .has_jacobian = 1,
                               .user = &task,
                               .max_iterations = steps,
                               .tolerance = 1e-5};

@@ -280,7 +280,7 @@ static int open_file(const rx_text *bytes, bool unguarded)
     }
     if (rx_fits_open(path, &source, NULL) != RX_OK)
         return 0;
-    for (int hdu = 0; hdu < 9 && rx_fits_goto(source.file, path, hdu, NULL) == RX_OK; hdu++)
+    for (int hdu = 0; hdu < 9 && rx_fits_goto(&source, hdu, NULL) == RX_OK; hdu++)
         compare(source.file);
     rx_fits_done(&source);
     return 1;
