@@ -66,6 +66,10 @@ result "the loss is below that of unrestored images: $(column test_loss) against
 [ "$(grep -c '^[0-9]' whole/log.ecsv)" = 3 ] && [ "$(grep -c '^[0-9]' whole/dictionary.ecsv)" = 6 ]
 result 'a row for every epoch and bin' $? whole/dictionary.ecsv
 
+# of the last step of each epoch: a warm-up of 4 %, then half a cosine
+awk -F, '/^[0-9]/ { n++; t = (n - 0.5 * (($3 - last) / 4 == int(($3 - last) / 4) ? 4 : ($3 - last) % 4) / ($3 - last)) / 3; last = $3
+    rate = 0.0025 * (1 + cos(3.14159265 * (t - 0.04) / 0.96)); if ($4 < 0.9999 * rate || $4 > 1.0001 * rate) exit 1 }' whole/log.ecsv
+result 'the rate falls as it should' $? whole/log.ecsv
 "$program" -INFO whole.model/model.fits >info 2>info.err && grep -q '^Training  *3 epochs' info && grep -q '^WIDTH 4$' info
 result '-INFO tells what the model is' $? info
 host=$(hostname)

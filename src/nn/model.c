@@ -40,6 +40,16 @@ void rx_model_nets(const rx_model *model, rx_net *dst[RX_MODEL_NETS])
     dst[RX_NET_SECOND] = model->second;
 }
 
+long rx_model_params(const rx_model *model)
+{
+    rx_net *nets[RX_MODEL_NETS];
+    long n = 0;
+    rx_model_nets(model, nets);
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        n += nets[k] != NULL ? nets[k]->nparams : 0;
+    return n;
+}
+
 /* --- digest --- */
 
 /* Fowler, Noll, Vo 1a: the little-endian bytes of a number one after the other. */

@@ -82,6 +82,7 @@ typedef struct rx_model {
 /* Its networks, NULL where it has none. */
 enum { RX_NET_RESTORE, RX_NET_PSF, RX_NET_SECOND, RX_MODEL_NETS };
 void rx_model_nets(const rx_model *model, rx_net *dst[RX_MODEL_NETS]);
+long rx_model_params(const rx_model *model); /* of all of them together */
 
 /* All zero but the default front, `ended` and `factor`; NULL without memory. */
 rx_model *rx_model_new(void);

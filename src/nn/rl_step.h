@@ -60,19 +60,21 @@ static inline float rx_rl_update(float f, float c, float q)
     return made ? f * gain : f;
 }
 
+/* K' as the steps take it: its spectrum, a complex plane of the fft that is the caller's, and its sum. */
+typedef struct rx_rl_kernel {
+    float *spectrum;
+    float sum;
+} rx_rl_kernel;
+
+/* From stamp[size][size], odd, not larger than the domain; dst->spectrum is there. */
+void rx_rl_kernel_set(const rx_fft *fft, const float *stamp, int size, rx_rl_kernel *dst);
+
 typedef struct rx_rl_step rx_rl_step;
 
-/* Scratch and kernel for one constant K'. One object, one caller at a time. `fft` must outlive it. Errors:
- * RX_SYSTEM. */
-rx_status rx_rl_step_new(const rx_fft *fft, rx_rl_step **dst, rx_error *err);
+/* Scratch for steps with a constant K', which may be another one in each forward. One object, one caller at a time; `fft`
+ * and `kernel` must outlive it. Errors: RX_SYSTEM. */
+rx_status rx_rl_step_new(const rx_fft *fft, const rx_rl_kernel *kernel, rx_rl_step **dst, rx_error *err);
 void rx_rl_step_free(rx_rl_step *step); /* NULL is fine */
-
-/* K' = stamp[size][size], odd, not larger than the domain. To be given before the first forward. */
-void rx_rl_step_kernel(rx_rl_step *step, const float *stamp, int size);
-
-/* out = K' f, and out = K'^T f; out may be f. */
-void rx_rl_step_blur(rx_rl_step *step, const float *f, float *out);
-void rx_rl_step_blur_back(rx_rl_step *step, const float *f, float *out);
 
 /* out = f'; keeps m, K'^T r and K'^T W for the gradient, until which f, x and weight must stay. out may not be f.
  * Allocates nothing. */

@@ -1,17 +1,17 @@
-/* What every epoch of a training has shown: for the log, the dictionaries, the page, and to judge whether
- * anything still improves. */
+/* What every epoch of a training has shown, from its test images: for the log, the dictionaries, the page, and to see
+ * whether anything still improves. */
 #ifndef RX_TRAIN_HISTORY_H
 #define RX_TRAIN_HISTORY_H
 
+#include "train/learner.h"
 #include "train/selection.h"
-#include "train/step.h"
 
 /* One bin in one epoch. Ratios are NAN without a star. */
 typedef struct rx_epoch_bin {
     double loss;                  /* mean of the identity term of RESTORE over its test images */
     double list;                  /* normalised (Eq. 4): decides the counts of the next epoch */
     double train, test;           /* images of this epoch */
-    double recall, bias, scatter; /* train/stars.h */
+    double recall, bias, scatter; /* train/learner.h */
 } rx_epoch_bin;
 
 typedef struct rx_epoch {
@@ -26,15 +26,24 @@ typedef struct rx_epoch {
 } rx_epoch;
 
 typedef struct rx_history {
-    long n, capacity;
+    long n;
     int nbins;
     rx_epoch *epoch;   /* [n] */
     rx_epoch_bin *bin; /* [n][nbins] */
 } rx_history;
 
 void rx_history_free(rx_history *history); /* content only */
-/* Appends a copy of the epoch and its bins[nbins]. Errors: RX_SYSTEM. */
-rx_status rx_history_add(rx_history *history, const rx_epoch *epoch, const rx_epoch_bin *bins, rx_error *err);
-rx_status rx_history_copy(const rx_history *src, rx_history *dst, rx_error *err); /* dst's content is freed */
+/* Room for n epochs, of which the first ones that were there stay. Errors: RX_SYSTEM. */
+rx_status rx_history_resize(rx_history *history, long n, rx_error *err);
+
+/* One epoch more, of the test images[sum of selection->test], bin by bin: of `epoch`, which is given but for its test,
+ * test_loss, input_loss, recall, bias and scatter follow, and all of its bins. The selection is then that of the next epoch
+ * (Eq. 4). Errors: RX_SYSTEM. */
+rx_status rx_history_add(rx_history *history, const rx_test_image *images, rx_selection *selection,
+                         rx_epoch epoch, rx_error *err);
+
+/* The bins of an epoch, from 1, as the dictionary of a model. Errors: RX_SYSTEM. */
+rx_status rx_history_dictionary(const rx_history *history, const rx_selection *grid, long epoch,
+                                rx_model *model, rx_error *err);
 
 #endif

@@ -34,14 +34,15 @@ void rx_sample_attach(rx_sample *sample)
     sample->kernel = (float *)(at + 4 * step);
 }
 
-rx_sample *rx_sample_new(int side)
+rx_status rx_sample_new(int side, rx_sample **dst, rx_error *err)
 {
-    rx_sample *sample = side > 0 ? rx_alloc(1, rx_sample_bytes(side)) : NULL;
-    if (sample == NULL)
-        return NULL;
-    sample->side = side;
-    rx_sample_attach(sample);
-    return sample;
+    const size_t bytes = rx_sample_bytes(side);
+    *dst = rx_alloc(1, bytes);
+    if (*dst == NULL)
+        return rx_error_memory(err, bytes);
+    (*dst)->side = side;
+    rx_sample_attach(*dst);
+    return RX_OK;
 }
 
 void rx_sample_free(rx_sample *sample)
@@ -49,14 +50,7 @@ void rx_sample_free(rx_sample *sample)
     free(sample);
 }
 
-/* Where pixel (x, y) of a square goes; bit 2 exchanges the axes, then bits 0 and 1 turn them around. */
-static void turn_point(int turn, double last, double *x, double *y)
-{
-    double u = turn & 4 ? *y : *x, v = turn & 4 ? *x : *y;
-    *x = turn & 1 ? last - u : u;
-    *y = turn & 2 ? last - v : v;
-}
-
+/* Bit 2 exchanges the axes, then bits 0 and 1 turn them around. */
 static void turn_plane(int turn, int side, const float *src, float *dst)
 {
     for (int y = 0; y < side; y++) {
@@ -77,9 +71,8 @@ rx_status rx_sample_turn(rx_sample *sample, int turn, rx_error *err)
         return rx_error_set(err, RX_USAGE, "turn %d of a square: there are %d, from 0", turn, (int)TURNS);
     if (turn == 0)
         return RX_OK;
-    float *copy = RX_NEW(float, n > KERNEL ? n : KERNEL);
-    if (copy == NULL)
-        return rx_error_memory(err, n * sizeof *copy);
+    float *copy;
+    RX_TRY(RX_MAKE(copy, n > KERNEL ? n : KERNEL, err));
     for (int i = 0; i < PLANES; i++) {
         memcpy(copy, planes[i], n * sizeof *copy);
         turn_plane(turn, side, copy, planes[i]);
@@ -87,10 +80,9 @@ rx_status rx_sample_turn(rx_sample *sample, int turn, rx_error *err)
     memcpy(copy, sample->kernel, KERNEL * sizeof *copy);
     turn_plane(turn, RX_SAMPLE_KERNEL, copy, sample->kernel);
     for (int i = 0; i < sample->nstars; i++) {
-        double x = (double)sample->star[i][0], y = (double)sample->star[i][1];
-        turn_point(turn, side - 1, &x, &y);
-        sample->star[i][0] = (float)x;
-        sample->star[i][1] = (float)y;
+        float *star = sample->star[i], u = star[turn & 4 ? 1 : 0], v = star[turn & 4 ? 0 : 1];
+        star[0] = turn & 1 ? (float)(side - 1) - u : u;
+        star[1] = turn & 2 ? (float)(side - 1) - v : v;
     }
     free(copy);
     return RX_OK;

@@ -14,7 +14,7 @@ enum { RX_SAMPLE_KERNEL = 63, RX_SAMPLE_STARS = 64 }; /* side of the stamp of K'
 
 typedef enum rx_sample_set { RX_SET_TRAIN, RX_SET_TEST } rx_sample_set;
 
-/* The validation images are test images of this "epoch", which no training reaches (train/feed.h). */
+/* The validation images are test images of this "epoch", which no training reaches (train/samples.h). */
 #define RX_EPOCH_VALIDATION UINT32_MAX
 
 typedef struct rx_sample_id {
@@ -40,9 +40,8 @@ typedef struct rx_sample {
 } rx_sample;
 
 /* One allocation of rx_sample_bytes(side): header, then planes; a sample travels between ranks as these bytes
- * (same machine type); rx_sample_attach() sets the pointers again after it has arrived. NULL without memory.
- */
-rx_sample *rx_sample_new(int side);
+ * (same machine type); rx_sample_attach() sets the pointers again after it has arrived. Errors: RX_SYSTEM. */
+rx_status rx_sample_new(int side, rx_sample **dst, rx_error *err);
 size_t rx_sample_bytes(int side);
 void rx_sample_attach(rx_sample *sample);
 void rx_sample_free(rx_sample *sample);

@@ -1,4 +1,4 @@
-/* From fields to samples: which field, which place, its noise, and what is known of it. */
+/* From fields to samples: which field, which place, its noise, and what is known of it; made by which rank, for which one. */
 #include "train/samples.h"
 
 #include <math.h>
@@ -9,7 +9,9 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/random.h"
+#include "base/threads.h"
 #include "num/convolve.h"
+#include "par/ranks.h"
 #include "psf/psf.h"
 #include "simulate/noise.h"
 #include "simulate/sky_noise.h"
@@ -50,6 +52,10 @@ struct rx_samples {
     bench *benches;   /* [nthreads] */
     kept_field *kept; /* [nkept] fields for the next epoch, in [room] places */
     long nkept, room;
+    long n, all;       /* training images of the epoch, all images */
+    rx_sample **image; /* [all] by position; NULL where it is not here */
+    long made;
+    double seconds;
 };
 
 /* One sample in the making. */
@@ -110,9 +116,9 @@ static rx_random_stream sample_key(const rx_samples_params *par, rx_sample_id id
 
 /* Fields of all bins are dealt out like cards, along the diagonal of the grid, so that no rank gets all the wide PSFs,
  * and from another one on whenever the fields change. */
-int rx_samples_owner(const rx_samples *s, rx_sample_id id, int ranks)
+static int owner_of(const rx_samples *s, rx_sample_id id)
 {
-    const unsigned n = (unsigned)ranks, field = id.index / (unsigned)places(&s->par);
+    const unsigned n = (unsigned)rx_par_processes(), field = id.index / (unsigned)places(&s->par);
     return (int)((id.bin + id.bin / n + id.set + field + era_of(&s->par, id.epoch)) % n);
 }
 
@@ -217,10 +223,20 @@ exit:
     return status;
 }
 
+static void drop_images(rx_samples *s)
+{
+    for (long at = 0; at < s->all && s->image != NULL; at++)
+        rx_sample_free(s->image[at]);
+    free(s->image);
+    s->image = NULL;
+    s->n = s->all = 0;
+}
+
 void rx_samples_free(rx_samples *s)
 {
     if (s == NULL)
         return;
+    drop_images(s);
     for (long i = 0; i < s->nkept; i++)
         rx_sky_field_clear(&s->kept[i].sky);
     free(s->kept);
@@ -498,9 +514,7 @@ static rx_status make_run(const rx_samples *s, const bench *b, const rx_sky_fiel
 {
     for (long i = 0; i < n; i++) {
         RX_TRY(rx_interrupt_check(err));
-        samples[i] = rx_sample_new(s->par.side);
-        if (samples[i] == NULL)
-            return rx_error_memory(err, rx_sample_bytes(s->par.side));
+        RX_TRY(rx_sample_new(s->par.side, &samples[i], err));
         draft d = {.of = s, .bench = b, .field = field, .key = sample_key(&s->par, ids[i])};
         samples[i]->id = ids[i];
         choose_place(s, ids[i], &d);
@@ -579,4 +593,125 @@ rx_status rx_samples_make(rx_samples *s, const rx_sample_id *ids, long n, rx_sam
 exit:
     free(begin);
     return status;
+}
+
+/* --- an epoch --- */
+
+typedef struct job {
+    rx_sample_id id;
+    long at;
+} job;
+
+/* The rank that needs the image at a position. */
+static int user_of(const rx_samples *s, long at)
+{
+    const long within = (at < s->n ? at : at - s->n) % s->par.batch;
+    return (int)(within * rx_par_processes() / s->par.batch);
+}
+
+/* Images, by set, bin and index. */
+static int compare_jobs(const void *a, const void *b)
+{
+    const rx_sample_id *p = &((const job *)a)->id, *q = &((const job *)b)->id;
+    if (p->set != q->set)
+        return p->set < q->set ? -1 : 1;
+    if (p->bin != q->bin)
+        return p->bin < q->bin ? -1 : 1;
+    return (p->index > q->index) - (p->index < q->index);
+}
+
+/* jobs[all] in the order of positions. */
+static void list_jobs(const rx_selection *selection, uint32_t epoch, const rx_pick *order, long n, job *jobs)
+{
+    long at = 0;
+    for (; at < n; at++)
+        jobs[at] = (job){{epoch, RX_SET_TRAIN, order[at].bin, order[at].index}, at};
+    for (int bin = 0; bin < selection->nbins; bin++)
+        for (int i = 0; i < selection->test[bin]; i++, at++)
+            jobs[at] = (job){{epoch, RX_SET_TEST, (uint32_t)bin, (uint32_t)i}, at};
+}
+
+/* This rank's share; images of one field are made together. */
+static rx_status make_share(rx_samples *s, const job *jobs, long from, rx_error *err)
+{
+    job *mine = NULL;
+    rx_sample_id *ids = NULL;
+    rx_sample **samples = NULL;
+    long n = 0;
+    const double begun = rx_seconds();
+    rx_status status;
+    RX_TRY_EXIT(RX_MAKE(mine, (size_t)s->all, err));
+    RX_TRY_EXIT(RX_MAKE(ids, (size_t)s->all, err));
+    RX_TRY_EXIT(RX_MAKE(samples, (size_t)s->all, err));
+    for (long at = from; at < s->all; at++)
+        if (owner_of(s, jobs[at].id) == rx_par_rank())
+            mine[n++] = jobs[at];
+    qsort(mine, (size_t)n, sizeof *mine, compare_jobs);
+    for (long i = 0; i < n; i++)
+        ids[i] = mine[i].id;
+    status = rx_samples_make(s, ids, n, samples, err);
+    for (long i = 0; i < n; i++)
+        s->image[mine[i].at] = samples[i];
+    s->made += n;
+    s->seconds += rx_seconds() - begun;
+exit:
+    free(mine);
+    free(ids);
+    free(samples);
+    return status;
+}
+
+/* Every image to the rank that needs it, in the same order everywhere: no two ranks wait for each other. */
+static rx_status hand_over(rx_samples *s, const job *jobs, long from, rx_error *err)
+{
+    const int side = s->par.side;
+    for (long at = from; at < s->all; at++) {
+        const int maker = owner_of(s, jobs[at].id), user = user_of(s, at);
+        if (maker == user)
+            continue;
+        if (rx_par_rank() == maker) {
+            RX_TRY(rx_par_send(user, s->image[at], rx_sample_bytes(side), err));
+            rx_sample_free(s->image[at]);
+            s->image[at] = NULL;
+        } else if (rx_par_rank() == user) {
+            RX_TRY(rx_sample_new(side, &s->image[at], err));
+            RX_TRY(rx_par_receive(maker, s->image[at], rx_sample_bytes(side), NULL, err));
+            rx_sample_attach(s->image[at]);
+        }
+    }
+    return RX_OK;
+}
+
+rx_status rx_samples_epoch(rx_samples *s, uint32_t epoch, const rx_selection *selection, const rx_pick *order,
+                           long n, long from, rx_error *err)
+{
+    job *jobs = NULL;
+    rx_status status;
+    drop_images(s);
+    s->all = s->n = n;
+    for (int bin = 0; bin < selection->nbins; bin++)
+        s->all += selection->test[bin];
+    RX_TRY_EXIT(RX_MAKE(s->image, (size_t)s->all, err));
+    RX_TRY_EXIT(RX_MAKE(jobs, (size_t)s->all, err));
+    list_jobs(selection, epoch, order, n, jobs);
+    status = make_share(s, jobs, from, err);
+exit:
+    status = rx_par_agree(status, err);
+    if (status == RX_OK)
+        status = hand_over(s, jobs, from, err);
+    free(jobs);
+    return status;
+}
+
+rx_sample *rx_samples_take(rx_samples *s, long at)
+{
+    rx_sample *sample = s->image[at];
+    s->image[at] = NULL;
+    return sample;
+}
+
+void rx_samples_made(const rx_samples *s, long *images, double *seconds)
+{
+    *images = s->made;
+    *seconds = s->seconds;
 }

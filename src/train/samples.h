@@ -21,7 +21,13 @@
  * Which field and which of its places a sample comes from follows from its id alone: samples whose indices
  * share index / places come from one field, and the same index in successive epochs that share epoch / uses
  * from one field too, turned otherwise each time. In the first of these epochs patches are cut on a grid, in
- * the others anywhere. So a field serves places * uses images. */
+ * the others anywhere. So a field serves places * uses images.
+ *
+ * Each rank makes its share of an epoch's images, and gets those that it trains on or tests. Ranks share the fields,
+ * threads those of a rank. Every image of an epoch is there before its first step: their order mixes all fields. Which
+ * ranks and threads there are decides nothing but where an image is made.
+ *
+ * The validation images are an epoch of their own that has test images alone: RX_EPOCH_VALIDATION. */
 #ifndef RX_TRAIN_SAMPLES_H
 #define RX_TRAIN_SAMPLES_H
 
@@ -49,6 +55,7 @@ typedef struct rx_samples_params {
     rx_survey_params survey;
     uint64_t seed;
     rx_front front; /* target PSF, Tikhonov */
+    int batch;      /* images of a step, shared out among ranks in runs: the first run is rank 0's */
 } rx_samples_params;
 
 typedef struct rx_samples rx_samples; /* keeps fields that later epochs need */
@@ -72,7 +79,15 @@ rx_status rx_samples_make(rx_samples *samples, const rx_sample_id *ids, long n, 
 /* Number of the field that a sample comes from: the same for all samples of one field, otherwise different with near
  * certainty. */
 uint64_t rx_samples_field(const rx_samples_params *par, rx_sample_id id);
-/* Which of so many ranks makes a sample: those of one field, the same one. */
-int rx_samples_owner(const rx_samples *samples, rx_sample_id id, int ranks);
+
+/* Make an epoch's images, on all ranks together: their counts (selection->train, test), and the order of the training
+ * images, order[n]. Positions are those of the order, then from n the test images, bin by bin; training images before
+ * `from` are not made. Images that were not taken before are dropped. Errors: those of rx_samples_make() on any rank. */
+rx_status rx_samples_epoch(rx_samples *samples, uint32_t epoch, const rx_selection *selection,
+                           const rx_pick *order, long n, long from, rx_error *err);
+/* The image at a position, once; NULL where it is another rank's. Free with rx_sample_free(). */
+rx_sample *rx_samples_take(rx_samples *samples, long at);
+/* Images that this rank has made for epochs so far, and the seconds that it took. */
+void rx_samples_made(const rx_samples *samples, long *images, double *seconds);
 
 #endif

@@ -121,9 +121,8 @@ rx_status rx_selection_order(const rx_selection *selection, uint64_t seed, uint3
     *n = 0;
     for (int b = 0; b < selection->nbins; b++)
         total += selection->train[b];
-    rx_pick *list = RX_NEW(rx_pick, (size_t)total);
-    if (list == NULL)
-        return rx_error_memory(err, (size_t)total * sizeof *list);
+    rx_pick *list;
+    RX_TRY(RX_MAKE(list, (size_t)total, err));
     for (int b = 0; b < selection->nbins; b++)
         for (int i = 0; i < selection->train[b]; i++)
             list[at++] = (rx_pick){.bin = (uint32_t)b, .index = (uint32_t)i};

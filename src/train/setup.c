@@ -6,7 +6,6 @@
 
 #include "base/memory.h"
 #include "nn/psfnet.h"
-#include "train/first_model.h"
 
 /* Streams of the seed's random numbers that the networks start from. */
 enum { STREAM_RESTORE = 0x7e570001, STREAM_PSF = 0x7e570002, STREAM_SECOND = 0x7e570003 };
@@ -87,12 +86,67 @@ static rx_survey_params survey_of(const rx_train_config *config)
     };
 }
 
+static int same_networks(const rx_net *a, const rx_net *b)
+{
+    if (a->nnodes != b->nnodes || a->nparams != b->nparams)
+        return 0;
+    for (int i = 0; i < a->nnodes; i++) {
+        const rx_node *p = &a->node[i], *q = &b->node[i];
+        if (p->op != q->op || p->src != q->src || p->add != q->add || p->relu != q->relu ||
+            p->channels != q->channels || p->kernel != q->kernel || p->stride != q->stride)
+            return 0;
+    }
+    return 1;
+}
+
+static rx_status check_first(const char *path, const rx_model *first, const rx_model *model, rx_error *err)
+{
+    rx_net *from[RX_MODEL_NETS], *to[RX_MODEL_NETS];
+    if (first->front.mode != model->front.mode)
+        return rx_error_at(err, RX_USAGE, path, -1, 0,
+                           "a model of MODE %s cannot begin a training of MODE %s",
+                           rx_mode_name(first->front.mode), rx_mode_name(model->front.mode));
+    if (first->front.target_fwhm != model->front.target_fwhm)
+        return rx_error_at(err, RX_USAGE, path, -1, 0,
+                           "its output has a FWHM of %g pixels, TARGET_FWHM is %g; make them the same",
+                           first->front.target_fwhm, model->front.target_fwhm);
+    if (first->second != NULL && model->second == NULL)
+        return rx_error_at(err, RX_USAGE, path, -1, 0,
+                           "its network has two stages, made for each other; set STAGES 2");
+    rx_model_nets(first, from);
+    rx_model_nets(model, to);
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        if (from[k] != NULL && to[k] != NULL && !same_networks(from[k], to[k]))
+            return rx_error_at(
+                err, RX_USAGE, path, -1, 0,
+                "its network has another shape; set WIDTH, BLOCKS, STEM, DECODER and KERNELS as "
+                "rextract-train -INFO shows them");
+    return RX_OK;
+}
+
+/* Networks of an earlier training. */
+static rx_status begin_with(const char *path, rx_model *model, rx_error *err)
+{
+    rx_net *from[RX_MODEL_NETS], *to[RX_MODEL_NETS];
+    rx_model *first = NULL;
+    RX_TRY(rx_model_read(path, &first, err));
+    const rx_status status = check_first(path, first, model, err);
+    rx_model_nets(first, from);
+    rx_model_nets(model, to);
+    for (int k = 0; k < RX_MODEL_NETS && status == RX_OK; k++)
+        if (from[k] != NULL && to[k] != NULL)
+            memcpy(to[k]->params, from[k]->params, (size_t)from[k]->nparams * sizeof *to[k]->params);
+    rx_model_free(first);
+    return status;
+}
+
 rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error *err)
 {
     const rx_psfnet_shape shape = shape_of(config);
+    const rx_survey_params survey = survey_of(config);
     const double psf_terms = config->loss_idt_psf + config->loss_rec + config->loss_rec_psf;
     rx_text record = {0};
-    rx_status status = RX_OK;
+    rx_status status;
     if (config->target_fwhm >= config->fwhm_range.v[1])
         return rx_error_set(
             err, RX_USAGE,
@@ -104,29 +158,25 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
         return rx_error_memory(err, sizeof *model);
     model->front = front_of(config);
     model->seed = (uint64_t)config->seed;
-    name_of(config, model->name, sizeof model->name);
-    status = make_net(&shape, rx_front_channels(model->front.mode), model->seed, STREAM_RESTORE,
-                      &model->restore, err);
-    if (status == RX_OK && config->stages == 2 && model->front.mode == RX_MODE_INFORMED)
-        status = make_net(&shape, RX_SECOND_CHANNELS, model->seed, STREAM_SECOND, &model->second, err);
-    if (status == RX_OK && psf_terms > 0)
-        status = make_net(&shape, RX_PSF_CHANNELS, model->seed, STREAM_PSF, &model->psf, err);
-    if (status == RX_OK && config->init_model[0] != '\0')
-        status = rx_first_model(config->init_model, model, err);
-    if (status == RX_OK)
-        status = rx_setup_text(config, RX_SETUP_RECORD, &record, err);
-    const rx_survey_params survey = survey_of(config);
-    if (status == RX_OK)
-        status = rx_survey_factor(&survey, config->fwhm_range.v[1], &model->factor, err);
-    if (status != RX_OK) {
-        rx_text_free(&record);
-        rx_model_free(model);
-        return status;
-    }
     model->dark = config->dark_sky;
+    name_of(config, model->name, sizeof model->name);
+    RX_TRY_EXIT(make_net(&shape, rx_front_channels(model->front.mode), model->seed, STREAM_RESTORE,
+                         &model->restore, err));
+    if (config->stages == 2 && model->front.mode == RX_MODE_INFORMED)
+        RX_TRY_EXIT(make_net(&shape, RX_SECOND_CHANNELS, model->seed, STREAM_SECOND, &model->second, err));
+    if (psf_terms > 0)
+        RX_TRY_EXIT(make_net(&shape, RX_PSF_CHANNELS, model->seed, STREAM_PSF, &model->psf, err));
+    if (config->init_model[0] != '\0')
+        RX_TRY_EXIT(begin_with(config->init_model, model, err));
+    RX_TRY_EXIT(rx_setup_text(config, RX_SETUP_RECORD, &record, err));
+    RX_TRY_EXIT(rx_survey_factor(&survey, config->fwhm_range.v[1], &model->factor, err));
     model->provenance = record.data;
     *dst = model;
     return RX_OK;
+exit:
+    rx_text_free(&record);
+    rx_model_free(model);
+    return status;
 }
 
 rx_step_params rx_setup_step(const rx_train_config *config)
@@ -156,29 +206,24 @@ rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, r
                               is(config->selection, "ACTIVE"), dst, err);
 }
 
-rx_feed_params rx_setup_feed(const rx_train_config *config, const rx_selection *grid)
+rx_samples_params rx_setup_samples(const rx_train_config *config)
 {
-    return (rx_feed_params){
-        .samples =
-            {
-                .side = config->patch,
-                .field_side = config->patch * config->field_patches,
-                .uses = config->field_uses,
-                .sky = {.beta = {config->beta_range.v[0], config->beta_range.v[1]},
-                        .ellipticity = config->psf_ellipticity,
-                        .density = config->density_spread,
-                        .nebulae = config->nebulae,
-                        .halos = config->psf_halos},
-                .photon = {config->photon_range.v[0], config->photon_range.v[1]},
-                .sky_error = config->sky_error,
-                .noise_error = config->noise_error,
-                .psf_error = config->psf_error,
-                .survey = survey_of(config),
-                .seed = (uint64_t)config->seed,
-                .front = front_of(config),
-            },
-        .grid = *grid,
-        .sim = config->sim,
+    return (rx_samples_params){
+        .side = config->patch,
+        .field_side = config->patch * config->field_patches,
+        .uses = config->field_uses,
+        .sky = {.beta = {config->beta_range.v[0], config->beta_range.v[1]},
+                .ellipticity = config->psf_ellipticity,
+                .density = config->density_spread,
+                .nebulae = config->nebulae,
+                .halos = config->psf_halos},
+        .photon = {config->photon_range.v[0], config->photon_range.v[1]},
+        .sky_error = config->sky_error,
+        .noise_error = config->noise_error,
+        .psf_error = config->psf_error,
+        .survey = survey_of(config),
+        .seed = (uint64_t)config->seed,
+        .front = front_of(config),
         .batch = config->batch,
     };
 }

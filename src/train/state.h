@@ -1,14 +1,25 @@
-/* Everything that a training goes on from: the same state gives the same training, to the byte. */
+/* Everything that a training goes on from: the same state gives the same training, to the byte. In memory, and in a file, the
+ * checkpoint: what comes out has the bytes that it would have had without the interruption.
+ *
+ *   rextract-train checkpoint 5\n       magic
+ *   settings                            text, what decides the training (train/setup.h, RX_SETUP_ALL)
+ *   state at the last end of an epoch   sizes, steps, weights, dictionary, history, running mean
+ *   whether one follows, and the state within the next epoch, of an interrupted training
+ *   digest                              base/hash.h, of all bytes before it
+ *
+ * Numbers are as this machine has them in memory; random numbers have no state (base/random.h). */
 #ifndef RX_TRAIN_STATE_H
 #define RX_TRAIN_STATE_H
 
 #include "nn/model.h"
-#include "train/adam.h"
 #include "train/history.h"
 
 typedef struct rx_train_state {
-    float *params[RX_MODEL_NETS]; /* [adam[k]->n], owned */
-    rx_adam *adam[RX_MODEL_NETS]; /* owned; NULL: the model has no such network */
+    long n; /* parameters of all networks, as rx_model_params() counts them; all four arrays are [n] */
+    float *weights;       /* owned, with the other three behind it: */
+    float *best;          /* those of the best epoch */
+    float *mean, *square; /* moments of Adam */
+    long steps;           /* of Adam */
 
     long epoch;   /* complete ones */
     long at;      /* training images done of the next one */
@@ -16,9 +27,8 @@ typedef struct rx_train_state {
     rx_selection selection;
     rx_history history;
 
-    double best;                       /* lowest validation loss */
-    long best_epoch;                   /* the epoch, from 1, whose it is; 0: none yet */
-    float *best_params[RX_MODEL_NETS]; /* [adam[k]->n] its weights, owned */
+    double best_loss; /* lowest validation loss */
+    long best_epoch;  /* the epoch, from 1, whose it is; 0: none yet */
 
     double slow;  /* the rate is multiplied by this, halved each time the loss diverged */
     long returns; /* how often it did */
@@ -39,11 +49,25 @@ void rx_train_state_free(rx_train_state *state); /* NULL is fine */
 /* Both of the same networks and bins. Errors: RX_SYSTEM, dst is then of no use. */
 rx_status rx_train_state_copy(const rx_train_state *src, rx_train_state *dst, rx_error *err);
 
+/* One step of Adam (Kingma and Ba 2015, arXiv 1412.6980; betas 0.9 and 0.99, epsilon 1e-8) with that gradient[n]. */
+void rx_train_state_step(rx_train_state *state, const float *gradient, double rate);
+
 /* The end of an epoch, with its validation loss: are its weights the best so far? Then they are kept. */
 void rx_train_state_rank(rx_train_state *state, double validation);
 
-/* Weights into the networks of the model: those of now, those of the best epoch. */
-void rx_train_state_load(const rx_train_state *state, rx_model *model);
-void rx_train_state_load_best(const rx_train_state *state, rx_model *model);
+/* weights[n] into the networks of the model. */
+void rx_train_weights_load(const float *weights, rx_model *model);
+
+/* `path` is the temporary name of rx_outputs_file(), `shown` the final one. now: NULL, or the state within
+ * the epoch. Errors: RX_SYSTEM. */
+rx_status rx_checkpoint_write(const char *path, const char *shown, const char *settings,
+                              const rx_train_state *kept, const rx_train_state *now, rx_error *err);
+
+/* Into the states, which are of the right networks and grid, as the settings have them. *found 0 when there
+ * is no such file; *within 1 when `now` is within an epoch, else it is a copy of `kept`. Errors: RX_USAGE (no
+ * checkpoint, or that of other settings: the first keyword that differs is named), RX_INPUT (damaged),
+ * RX_SYSTEM; the states are then of no use. */
+rx_status rx_checkpoint_read(const char *path, const char *settings, rx_train_state *kept,
+                             rx_train_state *now, int *found, int *within, rx_error *err);
 
 #endif

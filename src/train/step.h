@@ -8,8 +8,8 @@
  *
  * d is the pixel loss of train/loss.h, its weights from the input: x for d(RESTORE(x), y) and
  * d(PSF(RESTORE(x)), x), y for the other two. Terms of weight 0 are not computed. RESTORE includes what
- * stands around the network (nn/front.h): stretch, Tikhonov copy (of PSF(y): made on the patch),
- * Richardson-Lucy step; the gradient goes through all of it. */
+ * stands around the network (nn/front.h): stretch, Tikhonov copy (of PSF(y): made on the patch), second stage,
+ * Richardson-Lucy steps; the gradient goes through all of it. */
 #ifndef RX_TRAIN_STEP_H
 #define RX_TRAIN_STEP_H
 
@@ -32,17 +32,17 @@ typedef struct rx_step_values {
 
 /* Scratch, runners and plans for samples of one side; one per thread. The model's networks are read and must
  * live as long; call rx_step_load() after their parameters changed. Errors: RX_USAGE (side, margin, a term
- * that needs a PSF network that the model lacks), RX_SYSTEM. */
+ * that needs a PSF network that the model lacks, front.rl_steps above RX_FRONT_STEPS), RX_SYSTEM. */
 typedef struct rx_step rx_step;
 rx_status rx_step_new(const rx_model *model, const rx_step_params *par, int side, rx_step **dst,
                       rx_error *err);
 void rx_step_free(rx_step *step); /* NULL is fine */
 void rx_step_load(rx_step *step);
 
-/* gradient[k][parameters of network k] += ; NULL: only values are wanted; of a network that no term needs NULL is fine.
- * Errors: RX_INPUT (a sample of another side, a kernel that is not finite), RX_SYSTEM. */
-rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *const gradient[RX_MODEL_NETS],
-                      rx_step_values *values, rx_error *err);
+/* gradient[rx_model_params()] +=, network after network; NULL: only values are wanted. Errors: RX_INPUT (a sample of
+ * another side, a kernel that is not finite), RX_SYSTEM. */
+rx_status rx_step_run(rx_step *step, const rx_sample *sample, float *gradient, rx_step_values *values,
+                      rx_error *err);
 
 /* RESTORE(x) of the last run, [side][side]; NULL when no term needs it. */
 const float *rx_step_restored(const rx_step *step);

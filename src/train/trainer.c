@@ -9,11 +9,11 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/threads.h"
+#include "io/output.h"
 #include "par/ranks.h"
-#include "train/checkpoint.h"
-#include "train/epoch_test.h"
 #include "train/setup.h"
-#include "train/train_output.h"
+#include "train/state.h"
+#include "train/train_page.h"
 
 /* Divergence: so many batches in a row above so many times the running mean, known from so many batches. */
 enum { HIGH_BATCHES = 3, KNOWN_BATCHES = 5, MOST_RETURNS = 3 };
@@ -23,15 +23,15 @@ enum { STEP_NUMBERS = sizeof(rx_step_values) / sizeof(double) };
 typedef struct job {
     const rx_train_config *config;
     rx_log *log; /* NULL on all ranks but the first */
-    rx_feed_params feed_par;
-    rx_feed *feed;
+    rx_selection grid;
+    rx_samples *samples;
     rx_model *model;
     rx_learner *learner;
-    rx_train_output output;
-    rx_train_state *kept, *now;     /* at the last end of an epoch, and now */
-    float *gradient[RX_MODEL_NETS]; /* NULL: the model has no such network */
-    rx_sample **sample;             /* [most]: this rank's share of a batch */
-    rx_sample **validation;         /* [nvalidation]: of those images this rank's share, others NULL */
+    rx_text settings;           /* of the checkpoint */
+    rx_train_state *kept, *now; /* at the last end of an epoch, and now */
+    float *gradient;            /* [parameters] */
+    rx_sample **sample;         /* [most]: this rank's share of a batch */
+    rx_sample **validation;     /* [nvalidation]: of those images this rank's share, others NULL */
     long nvalidation;
     rx_step_values *values; /* [batch] */
     int most;
@@ -50,7 +50,7 @@ static int take_samples(job *j, long from, long to, long *first)
     int n = 0;
     *first = to;
     for (long at = from; at < to; at++) {
-        rx_sample *sample = rx_feed_take(j->feed, at);
+        rx_sample *sample = rx_samples_take(j->samples, at);
         if (sample == NULL)
             continue;
         *first = n == 0 ? at : *first;
@@ -91,47 +91,53 @@ static int diverges(rx_train_state *s, double loss, double norm)
     return 0;
 }
 
+/* Fraction (0..1) of the highest rate at `progress` (0..1) of the training: linear warm-up, then a half
+ * cosine down to 0. */
+static double schedule(const rx_train_config *config, double progress)
+{
+    const double warmup = config->warmup;
+    if (progress >= 1)
+        return 0;
+    if (progress < warmup)
+        return progress / warmup;
+    return 0.5 * (1 + cos(3.14159265358979323846 * (progress - warmup) / (1 - warmup)));
+}
+
 /* Clipped gradients into the weights. */
 static void improve(job *j, long n, long epoch_images, const rx_step_values *mean)
 {
     rx_train_state *s = j->now;
-    long sizes[RX_MODEL_NETS] = {0};
-    for (int k = 0; k < RX_MODEL_NETS; k++) {
-        sizes[k] = s->adam[k] != NULL ? s->adam[k]->n : 0;
-        for (long p = 0; p < sizes[k]; p++)
-            j->gradient[k][p] /= (float)n;
-    }
-    const double norm = rx_gradient_clip(j->gradient, sizes, RX_MODEL_NETS, j->config->clip);
+    for (long p = 0; p < s->n; p++)
+        j->gradient[p] /= (float)n;
+    const double norm = rx_gradient_clip(j->gradient, s->n, j->config->clip);
     j->has_diverged = diverges(s, mean->total, norm);
     if (j->has_diverged)
         return;
     /* the middle of the step */
     const double within = ((double)s->at + 0.5 * (double)n) / (double)epoch_images;
     const double progress = ((double)s->epoch + within) / j->config->epochs;
-    s->rate = j->config->rate * s->slow * rx_schedule(progress, j->config->warmup);
-    for (int k = 0; k < RX_MODEL_NETS; k++)
-        if (s->adam[k] != NULL)
-            rx_adam_step(s->adam[k], j->gradient[k], s->rate, s->params[k]);
+    s->rate = j->config->rate * s->slow * schedule(j->config, progress);
+    rx_train_state_step(s, j->gradient, s->rate);
     add_values(&s->sum, mean, (double)n);
     s->norm += norm;
     s->batches++;
     s->at += n;
     s->patches += n;
-    rx_train_state_load(s, j->model);
+    rx_train_weights_load(s->weights, j->model);
     rx_learner_load(j->learner);
 }
 
-/* This rank's gradients of one network onto those of the ranks before. */
-typedef struct share_of_net {
+/* This rank's gradients onto those of the ranks before. */
+typedef struct share_of_batch {
     const rx_learner *learner;
-    int net, n;
-} share_of_net;
+    int n;
+} share_of_batch;
 
 static void add_gradients(void *user, float *sum, long n)
 {
-    const share_of_net *of = user;
+    const share_of_batch *of = user;
     (void)n;
-    rx_learner_add(of->learner, of->net, of->n, sum);
+    rx_learner_add(of->learner, of->n, sum);
 }
 
 /* One step of the optimiser, on the next images of an epoch that has n. */
@@ -145,10 +151,7 @@ static rx_status run_batch(job *j, long n, rx_error *err)
     rx_status status = rx_learner_gradients(j->learner, j->sample, mine, j->values + (first - from), err);
     free_samples(j, mine);
     RX_TRY(rx_par_agree(status, err));
-    for (int k = 0; k < RX_MODEL_NETS; k++)
-        if (j->gradient[k] != NULL)
-            RX_TRY(rx_par_fold(j->gradient[k], j->now->adam[k]->n, add_gradients,
-                               &(share_of_net){j->learner, k, mine}, err));
+    RX_TRY(rx_par_fold(j->gradient, j->now->n, add_gradients, &(share_of_batch){j->learner, mine}, err));
     RX_TRY(rx_par_sum((double *)j->values, j->config->batch * STEP_NUMBERS, err));
     rx_step_values sum = {0}, mean = {0};
     for (long i = 0; i < to - from; i++)
@@ -197,7 +200,7 @@ static rx_status run_tests(job *j, long first, long n, rx_test_image *images, rx
 /* The validation images, before the first epoch. */
 static rx_status draw_validation(job *j, rx_error *err)
 {
-    rx_selection set = j->feed_par.grid;
+    rx_selection set = j->grid;
     for (int b = 0; b < set.nbins; b++) {
         set.train[b] = 0;
         set.test[b] = j->config->validation_images;
@@ -205,9 +208,9 @@ static rx_status draw_validation(job *j, rx_error *err)
     j->nvalidation = (long)set.nbins * j->config->validation_images;
     rx_status status = RX_MAKE(j->validation, (size_t)j->nvalidation, err);
     RX_TRY(rx_par_agree(status, err));
-    RX_TRY(rx_feed_epoch(j->feed, RX_EPOCH_VALIDATION, &set, NULL, 0, 0, err));
+    RX_TRY(rx_samples_epoch(j->samples, RX_EPOCH_VALIDATION, &set, NULL, 0, 0, err));
     for (long at = 0; at < j->nvalidation; at++)
-        j->validation[at] = rx_feed_take(j->feed, at);
+        j->validation[at] = rx_samples_take(j->samples, at);
     return RX_OK;
 }
 
@@ -239,21 +242,13 @@ static rx_status validate(job *j, double *mean, rx_error *err)
 static rx_status conclude(job *j, const rx_test_image *images, double validation, rx_error *err)
 {
     rx_train_state *s = j->now;
-    rx_epoch epoch = {.steps = (double)s->adam[0]->steps,
+    rx_epoch epoch = {.steps = (double)s->steps,
                       .patches = (double)s->patches,
                       .rate = s->rate,
                       .validation = validation,
                       .norm = s->norm / (double)s->batches};
-    rx_epoch_bin *bins = RX_NEW(rx_epoch_bin, (size_t)s->selection.nbins);
-    if (bins == NULL)
-        return rx_error_memory(err, (size_t)s->selection.nbins * sizeof *bins);
     add_values(&epoch.losses, &s->sum, 1 / (double)s->at);
-    rx_status status = rx_epoch_test(images, &s->selection, &epoch, bins, err);
-    if (status == RX_OK)
-        status = rx_history_add(&s->history, &epoch, bins, err);
-    free(bins);
-    if (status != RX_OK)
-        return status;
+    RX_TRY(rx_history_add(&s->history, images, &s->selection, epoch, err));
     s->epoch++;
     rx_train_state_rank(s, validation);
     s->at = s->batches = 0;
@@ -262,33 +257,87 @@ static rx_status conclude(job *j, const rx_test_image *images, double validation
     return rx_train_state_copy(s, j->kept, err);
 }
 
+/* The epochs since the best one that began on the way down and below a tenth of the highest rate count for PATIENCE: there
+ * little is left to learn, and no improvement is news. */
 static int is_over(const job *j)
 {
+    const double low = 0.1;
     const rx_train_state *s = j->kept;
     const rx_train_config *c = j->config;
-    return s->epoch >= c->epochs ||
-           (c->patience > 0 && rx_schedule_low(s->best_epoch, s->epoch, c->epochs, c->warmup) >= c->patience);
+    long n = 0;
+    for (long e = s->best_epoch; e < s->epoch; e++) {
+        const double progress = (double)e / c->epochs;
+        n += progress >= c->warmup && schedule(c, progress) < low;
+    }
+    return s->epoch >= c->epochs || (c->patience > 0 && n >= c->patience);
+}
+
+/* --- what is left on the disk, whole or not at all --- */
+
+/* Outputs that cannot be written are reported before the work. */
+static rx_status try_outputs(const job *j, rx_error *err)
+{
+    const rx_train_config *config = j->config;
+    rx_outputs *outputs = NULL;
+    const char *temporary;
+    rx_status status;
+    RX_TRY_EXIT(rx_outputs_new(&outputs, err));
+    RX_TRY_EXIT(rx_outputs_file(outputs, config->model_name, &temporary, err));
+    RX_TRY_EXIT(rx_outputs_file(outputs, config->checkpoint_name, &temporary, err));
+    status = rx_outputs_folder(outputs, config->output_name, &temporary, err);
+exit:
+    rx_outputs_free(outputs);
+    return status;
+}
+
+/* At the end of an epoch (now NULL): the model, which is that of the best epoch, checkpoint and folder. Within an epoch: the
+ * checkpoint alone. */
+static rx_status write_outputs(const job *j, const rx_train_state *now, rx_error *err)
+{
+    const rx_train_config *config = j->config;
+    const rx_train_state *s = j->kept;
+    const rx_train_page page = {.history = &s->history,
+                                .selection = &s->selection,
+                                .model = j->model,
+                                .settings = j->settings.data,
+                                .figures = config->qa_figures};
+    const char *model, *checkpoint, *folder;
+    rx_outputs *outputs = NULL;
+    rx_status status;
+    RX_TRY_EXIT(rx_outputs_new(&outputs, err));
+    if (now == NULL) {
+        RX_TRY_EXIT(rx_outputs_file(outputs, config->model_name, &model, err));
+        RX_TRY_EXIT(rx_model_write(j->model, model, config->model_name, err));
+    }
+    RX_TRY_EXIT(rx_outputs_file(outputs, config->checkpoint_name, &checkpoint, err));
+    RX_TRY_EXIT(rx_checkpoint_write(checkpoint, config->checkpoint_name, j->settings.data, s, now, err));
+    if (now == NULL) {
+        RX_TRY_EXIT(rx_outputs_folder(outputs, config->output_name, &folder, err));
+        RX_TRY_EXIT(rx_train_page_write(&page, folder, config->output_name, err));
+    }
+    status = rx_outputs_commit(outputs, err);
+exit:
+    rx_outputs_free(outputs);
+    return status;
 }
 
 /* At the end of an epoch: the best one as the model, and the state, onto the disk. */
 static rx_status save(job *j, rx_error *err)
 {
     const rx_train_state *s = j->kept;
-    const rx_epoch_bin *bins = s->history.bin + (s->best_epoch - 1) * s->history.nbins;
-    rx_train_state_load_best(s, j->model);
+    rx_train_weights_load(s->best, j->model);
     j->model->epochs = s->epoch;
     j->model->best = s->best_epoch;
     j->model->ended = is_over(j);
     j->model->patches = s->patches;
-    rx_status status = rx_epoch_dictionary(&s->selection, bins, j->model, err);
+    rx_status status = rx_history_dictionary(&s->history, &s->selection, s->best_epoch, j->model, err);
     if (status == RX_OK && rx_par_rank() == 0)
-        status = rx_train_output_epoch(&j->output, j->model, s, err);
-    rx_train_state_load(s, j->model);
+        status = write_outputs(j, NULL, err);
+    rx_train_weights_load(s->weights, j->model);
     return status;
 }
 
-/* "1h05m" or "40 s". */
-static void tell_epoch(const job *j, double seconds, double making, long images)
+static void report_epoch(const job *j, double seconds, double making, long images)
 {
     const rx_history *h = &j->kept->history;
     const rx_epoch *e = &h->epoch[h->n - 1];
@@ -307,11 +356,11 @@ static void tell_epoch(const job *j, double seconds, double making, long images)
 }
 
 /* What steps and images have cost so far, on this rank. */
-static void tell_costs(const job *j)
+static void report_costs(const job *j)
 {
     long images;
     double seconds;
-    rx_feed_made(j->feed, &images, &seconds);
+    rx_samples_made(j->samples, &images, &seconds);
     rx_log_detail(j->log, "steps: %.2f s for %ld images; making images: %.2f s for %ld images", j->learning,
                   j->learnt, seconds, images);
 }
@@ -332,7 +381,7 @@ static rx_status go_back(job *j, rx_error *err)
     j->kept->slow *= 0.5;
     RX_TRY(rx_train_state_copy(j->kept, j->now, err));
     j->has_diverged = 0;
-    rx_train_state_load(j->now, j->model);
+    rx_train_weights_load(j->now->weights, j->model);
     rx_learner_load(j->learner);
     return RX_OK;
 }
@@ -357,31 +406,24 @@ static rx_status run_epoch(job *j, rx_error *err)
     rx_test_image *images = NULL;
     long n = 0, ntest = 0, made;
     double validation = 0, making_before, making;
-    rx_feed_made(j->feed, &made, &making_before);
-    rx_status status =
-        rx_selection_order(&s->selection, (uint64_t)j->config->seed, (uint32_t)s->epoch, &order, &n, err);
-    if (status == RX_OK)
-        status = rx_feed_epoch(j->feed, (uint32_t)s->epoch, &s->selection, order, n, s->at, err);
-    if (status == RX_OK)
-        status = train_images(j, n, err);
-    if (status != RX_OK || j->has_diverged)
+    rx_samples_made(j->samples, &made, &making_before);
+    rx_status status;
+    RX_TRY_EXIT(
+        rx_selection_order(&s->selection, (uint64_t)j->config->seed, (uint32_t)s->epoch, &order, &n, err));
+    RX_TRY_EXIT(rx_samples_epoch(j->samples, (uint32_t)s->epoch, &s->selection, order, n, s->at, err));
+    RX_TRY_EXIT(train_images(j, n, err));
+    if (j->has_diverged)
         goto exit;
     for (int b = 0; b < s->selection.nbins; b++)
         ntest += s->selection.test[b];
-    images = RX_NEW(rx_test_image, (size_t)ntest);
-    status = images != NULL ? run_tests(j, n, ntest, images, err)
-                            : rx_error_memory(err, (size_t)ntest * sizeof *images);
-    if (status == RX_OK)
-        status = validate(j, &validation, err);
-    if (status == RX_OK)
-        status = conclude(j, images, validation, err);
-    if (status == RX_OK)
-        status = save(j, err);
-    if (status == RX_OK) {
-        rx_feed_made(j->feed, &made, &making);
-        tell_epoch(j, rx_seconds() - begun, making - making_before, n - at + ntest);
-        tell_costs(j);
-    }
+    RX_TRY_EXIT(RX_MAKE(images, (size_t)ntest, err));
+    RX_TRY_EXIT(run_tests(j, n, ntest, images, err));
+    RX_TRY_EXIT(validate(j, &validation, err));
+    RX_TRY_EXIT(conclude(j, images, validation, err));
+    RX_TRY_EXIT(save(j, err));
+    rx_samples_made(j->samples, &made, &making);
+    report_epoch(j, rx_seconds() - begun, making - making_before, n - at + ntest);
+    report_costs(j);
 exit:
     free(order);
     free(images);
@@ -396,7 +438,7 @@ static rx_status keep_interrupted(job *j, rx_error *err)
     rx_error trouble = rx_error_part(err);
     if (rx_par_rank() != 0)
         return RX_INTERRUPTED;
-    const rx_status status = rx_train_output_within(&j->output, j->kept, j->now, &trouble);
+    const rx_status status = write_outputs(j, j->now, &trouble);
     if (status != RX_OK) {
         rx_error_take(err, &trouble);
         return status;
@@ -428,25 +470,8 @@ static rx_status train(job *j, rx_error *err)
         "%s after %ld epoch%s and %ld training images: epoch %ld is the best, validation loss %.4g, in "
         "%s",
         j->kept->epoch >= j->config->epochs ? "complete" : "no improvement, stopped", j->kept->epoch,
-        j->kept->epoch == 1 ? "" : "s", j->kept->patches, j->kept->best_epoch, j->kept->best,
+        j->kept->epoch == 1 ? "" : "s", j->kept->patches, j->kept->best_epoch, j->kept->best_loss,
         j->config->model_name);
-    return RX_OK;
-}
-
-static rx_status make_buffers(job *j, rx_error *err)
-{
-    j->most = (j->config->batch + rx_par_processes() - 1) / rx_par_processes();
-    j->sample = RX_NEW(rx_sample *, (size_t)j->most);
-    j->values = RX_NEW(rx_step_values, (size_t)j->config->batch);
-    if (j->sample == NULL || j->values == NULL)
-        return rx_error_memory(err, 0);
-    for (int k = 0; k < RX_MODEL_NETS; k++) {
-        if (j->now->adam[k] == NULL)
-            continue;
-        j->gradient[k] = RX_NEW(float, (size_t)j->now->adam[k]->n);
-        if (j->gradient[k] == NULL)
-            return rx_error_memory(err, (size_t)j->now->adam[k]->n * sizeof(float));
-    }
     return RX_OK;
 }
 
@@ -454,7 +479,7 @@ static rx_status make_buffers(job *j, rx_error *err)
 static rx_status find_state(job *j, rx_error *err)
 {
     int found = 0, within = 0;
-    rx_status status = rx_checkpoint_read(j->config->checkpoint_name, j->output.settings, j->kept, j->now,
+    rx_status status = rx_checkpoint_read(j->config->checkpoint_name, j->settings.data, j->kept, j->now,
                                           &found, &within, err);
     if (status != RX_OK || !found)
         return status;
@@ -464,81 +489,69 @@ static rx_status find_state(job *j, rx_error *err)
     else
         rx_log_info(j->log, "%s: goes on after epoch %ld of %d", j->config->checkpoint_name, j->now->epoch,
                     j->config->epochs);
-    rx_train_state_load(j->now, j->model);
+    rx_train_weights_load(j->now->weights, j->model);
     return RX_OK;
-}
-
-/* What restores. */
-static void tell_size(const job *j, int nthreads)
-{
-    const rx_net *first = j->model->restore, *second = j->model->second;
-    rx_log_detail(j->log, "%ld parameters, %.1f kMAC per pixel, %d threads",
-                  first->nparams + (second != NULL ? second->nparams : 0),
-                  1e-3 * (rx_net_macs(first) + (second != NULL ? rx_net_macs(second) : 0)), nthreads);
 }
 
 static rx_status prepare(job *j, int nthreads, rx_error *err)
 {
-    const rx_step_params par = rx_setup_step(j->config);
-    rx_status status = rx_setup_model(j->config, &j->model, err);
-    if (status == RX_OK)
-        status = rx_train_output_open(j->config, &j->output, err);
-    if (status == RX_OK)
-        status = rx_train_state_new(j->model, &j->feed_par.grid, &j->kept, err);
-    if (status == RX_OK)
-        status = rx_train_state_new(j->model, &j->feed_par.grid, &j->now, err);
-    if (status == RX_OK)
-        status = find_state(j, err);
-    if (status == RX_OK)
-        status = make_buffers(j, err);
-    if (status == RX_OK)
-        status = rx_learner_new(j->model, &par, j->config->patch, j->most, nthreads, &j->learner, err);
-    if (status == RX_OK)
-        tell_size(j, nthreads);
-    return status;
+    const rx_train_config *config = j->config;
+    const rx_step_params par = rx_setup_step(config);
+    RX_TRY(rx_setup_model(config, &j->model, err));
+    RX_TRY(rx_setup_text(config, RX_SETUP_ALL, &j->settings, err));
+    RX_TRY(try_outputs(j, err));
+    RX_TRY(rx_train_state_new(j->model, &j->grid, &j->kept, err));
+    RX_TRY(rx_train_state_new(j->model, &j->grid, &j->now, err));
+    RX_TRY(find_state(j, err));
+    j->most = (config->batch + rx_par_processes() - 1) / rx_par_processes();
+    RX_TRY(RX_MAKE(j->sample, (size_t)j->most, err));
+    RX_TRY(RX_MAKE(j->values, (size_t)config->batch, err));
+    RX_TRY(RX_MAKE(j->gradient, (size_t)j->now->n, err));
+    RX_TRY(rx_learner_new(j->model, &par, config->patch, j->most, nthreads, &j->learner, err));
+    const rx_net *first = j->model->restore, *second = j->model->second; /* what restores */
+    rx_log_detail(j->log, "%ld parameters, %.1f kMAC per pixel, %d threads",
+                  first->nparams + (second != NULL ? second->nparams : 0),
+                  1e-3 * (rx_net_macs(first) + (second != NULL ? rx_net_macs(second) : 0)), nthreads);
+    return RX_OK;
 }
 
 static void clean_up(job *j)
 {
-    rx_feed_free(j->feed);
+    rx_samples_free(j->samples);
     rx_learner_free(j->learner);
     rx_train_state_free(j->kept);
     rx_train_state_free(j->now);
     rx_model_free(j->model);
-    rx_train_output_close(&j->output);
-    for (int k = 0; k < RX_MODEL_NETS; k++)
-        free(j->gradient[k]);
+    rx_text_free(&j->settings);
     for (long i = 0; i < j->nvalidation && j->validation != NULL; i++)
         rx_sample_free(j->validation[i]);
     free(j->validation);
+    free(j->gradient);
     free(j->sample);
     free(j->values);
 }
 
 static rx_status run(job *j, rx_error *err)
 {
+    const rx_samples_params par = rx_setup_samples(j->config);
     const int nthreads = rx_threads_had(j->config->nthreads, j->log);
+    RX_TRY(rx_setup_selection(j->config, &j->grid, err));
     RX_TRY(rx_par_agree(prepare(j, nthreads, err), err));
     if (is_over(j))
         return save(j, err); /* what a kill between two files may have kept from being written */
-    RX_TRY(rx_par_agree(rx_feed_new(&j->feed_par, nthreads, j->log, &j->feed, err), err));
+    RX_TRY(rx_par_agree(rx_samples_new(&par, &j->grid, j->config->sim, nthreads, j->log, &j->samples, err),
+                        err));
     return train(j, err);
 }
 
 rx_status rx_train_run(const rx_train_config *config, rx_log *log, rx_error *err)
 {
-    job *j = RX_NEW(job, 1);
-    rx_selection *grid = RX_NEW(rx_selection, 1);
-    rx_status status = j == NULL || grid == NULL ? rx_error_memory(err, sizeof *j + sizeof *grid)
-                                                 : rx_setup_selection(config, grid, err);
-    if (status == RX_OK) {
-        j->config = config;
-        j->log = rx_par_rank() == 0 ? log : NULL;
-        j->feed_par = rx_setup_feed(config, grid);
-        status = run(j, err);
-        clean_up(j);
-    }
-    free(grid);
+    job *j;
+    RX_TRY(RX_MAKE(j, 1, err));
+    j->config = config;
+    j->log = rx_par_rank() == 0 ? log : NULL;
+    const rx_status status = run(j, err);
+    clean_up(j);
     free(j);
     return status;
 }

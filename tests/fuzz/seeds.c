@@ -18,7 +18,7 @@
 #include "nn/psfnet.h"
 #include "quality/metrics.h"
 #include "stage/provenance.h"
-#include "train/checkpoint.h"
+#include "train/state.h"
 
 enum { SIDE = 12 };
 
@@ -518,9 +518,10 @@ static void checkpoint_seed(const char *folder, const char *scratch)
     fuzz_require(rx_selection_begin((const int[]){2, 1}, fwhm, sigma, 40, 1, &selection, NULL) == RX_OK,
                  "a grid");
     fuzz_require(rx_train_state_new(model, &selection, &state, NULL) == RX_OK, "a state");
-    const rx_epoch epoch = {.steps = 1};
-    const rx_epoch_bin bins[2] = {{.loss = 1}, {.loss = 2}};
-    fuzz_require(rx_history_add(&state->history, &epoch, bins, NULL) == RX_OK, "a history");
+    fuzz_require(rx_history_resize(&state->history, 1, NULL) == RX_OK, "a history");
+    state->history.epoch[0] = (rx_epoch){.steps = 1};
+    for (int b = 0; b < 2; b++)
+        state->history.bin[b] = (rx_epoch_bin){.loss = 1 + b};
     remove(scratch);
     fuzz_require(rx_checkpoint_write(scratch, scratch, "SEED 1\nWIDTH 1\n", state, state, NULL) == RX_OK,
                  "a checkpoint can be written");

@@ -8,7 +8,7 @@
 #include "lab/journal.h"
 #include "nn/psfnet.h"
 #include "survey/rollup.h"
-#include "train/checkpoint.h"
+#include "train/state.h"
 
 static rx_status print(void *text, const rx_tile_record *record, int64_t at, rx_error *err)
 {

@@ -44,6 +44,13 @@ static inline rx_samples *samples_test_make(const samples_test *t)
     return scenes;
 }
 
+static inline rx_sample *samples_test_new(int side)
+{
+    rx_sample *sample;
+    assert_int_equal(rx_sample_new(side, &sample, NULL), RX_OK);
+    return sample;
+}
+
 static inline void samples_test_sample(rx_samples *scenes, rx_sample_id id, rx_sample *dst)
 {
     rx_error err = RX_ERROR_NONE;

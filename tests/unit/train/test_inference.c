@@ -56,7 +56,7 @@ static rx_sample *make_sample(uint32_t bin)
     t.par.noise_error = 0.05;
     t.par.psf_error = 0.02;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(P);
+    rx_sample *s = samples_test_new(P);
     samples_test_sample(scenes, (rx_sample_id){.bin = bin, .index = 1}, s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);

@@ -13,7 +13,7 @@ static void test_bins(void **state)
     (void)state;
     samples_test t = samples_test_open(1.0, 15.0);
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(P);
+    rx_sample *s = samples_test_new(P);
     for (int b = 0; b < t.grid.nbins; b++) {
         double fwhm[2], sigma[2];
         rx_selection_bin(&t.grid, b, fwhm, sigma);
@@ -41,7 +41,7 @@ static void test_noise(void **state)
     samples_test t = samples_test_open(1.0, 15.0);
     t.par.photon[0] = t.par.photon[1] = photon;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(P);
+    rx_sample *s = samples_test_new(P);
     for (uint32_t i = 0; i < IMAGES; i++) {
         samples_test_sample(scenes, (rx_sample_id){.bin = i % 7, .index = i}, s);
         double last = 0.0;
@@ -81,7 +81,7 @@ static void test_errors_told(void **state)
     t.par.noise_error = 0.2;
     t.par.psf_error = 0.05;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(P);
+    rx_sample *s = samples_test_new(P);
     for (uint32_t i = 0; i < IMAGES; i++) {
         samples_test_sample(scenes, (rx_sample_id){.bin = i / 40, .index = i % 40}, s);
         double mean = 0.0, square = 0.0;
@@ -153,7 +153,7 @@ static void test_stars(void **state)
     t.config->galaxy_count = 0.0;
     t.par.front.target_fwhm = 2.2;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(P);
+    rx_sample *s = samples_test_new(P);
     int checked = 0;
     for (uint32_t i = 0; i < 80; i++) {
         samples_test_sample(scenes, (rx_sample_id){.bin = i % 2, .index = i / 2}, s);
@@ -170,6 +170,39 @@ static void test_stars(void **state)
     rx_sample_free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
+}
+
+/* --- turns --- */
+
+/* A kernel has to be turned as the planes are: blurring, then turning, is turning, then blurring. */
+static void test_turned_kernel_blurs_the_same(void **state)
+{
+    (void)state;
+    enum { SIDE = 20 };
+    for (int turn = 0; turn < 8; turn++) {
+        rx_sample *s;
+        assert_int_equal(rx_sample_new(SIDE, &s, NULL), RX_OK);
+        const int at = 7 * SIDE + 11;
+        s->x[at] = 1.0f;
+        for (int j = -3; j <= 3; j++)
+            for (int i = -3; i <= 3; i++) {
+                float value = (float)(1 + (j + 3) * 7 + i + 3);
+                s->kernel[(RX_SAMPLE_KERNEL / 2 + j) * RX_SAMPLE_KERNEL + RX_SAMPLE_KERNEL / 2 + i] = value;
+                s->y[at + j * SIDE + i] = value; /* the point blurred */
+            }
+        assert_int_equal(rx_sample_turn(s, turn, NULL), RX_OK);
+        for (int y = 0; y < SIDE; y++)
+            for (int x = 0; x < SIDE; x++) {
+                if (s->x[y * SIDE + x] != 1.0f)
+                    continue;
+                for (int j = -3; j <= 3; j++)
+                    for (int i = -3; i <= 3; i++)
+                        assert_true(s->y[(y + j) * SIDE + x + i] ==
+                                    s->kernel[(RX_SAMPLE_KERNEL / 2 + j) * RX_SAMPLE_KERNEL +
+                                              RX_SAMPLE_KERNEL / 2 + i]);
+            }
+        rx_sample_free(s);
+    }
 }
 
 /* --- ids --- */
@@ -216,7 +249,7 @@ static void test_any_order_any_thread(void **state)
     (void)state;
     enum { EPOCHS = 3, IMAGES = 12 };
     samples_test t = with_everything();
-    rx_sample *alone = rx_sample_new(P), *together[IMAGES];
+    rx_sample *alone = samples_test_new(P), *together[IMAGES];
     rx_samples *one = samples_test_make(&t), *three = NULL;
     assert_int_equal(rx_samples_new(&t.par, &t.grid, t.config, 3, NULL, &three, NULL), RX_OK);
     for (uint32_t epoch = 0; epoch < EPOCHS; epoch++) {
@@ -236,53 +269,6 @@ static void test_any_order_any_thread(void **state)
     rx_simulate_config_free(t.config);
 }
 
-/* Images of one field are made by one rank, which changes with the field, and all ranks get their share. */
-static void test_owners(void **state)
-{
-    (void)state;
-    enum { RANKS = 3, PLACES = 4 };
-    samples_test t = samples_test_open(1.0, 15.0);
-    rx_samples *scenes = samples_test_make(&t);
-    int share[RANKS] = {0}, moved = 0;
-    for (uint32_t bin = 0; bin < 25; bin++)
-        for (uint32_t index = 0; index < 40; index++) {
-            rx_sample_id id = {.epoch = 2, .bin = bin, .index = index};
-            const int owner = rx_samples_owner(scenes, id, RANKS);
-            assert_in_range(owner, 0, RANKS - 1);
-            share[owner]++;
-            id.index = index / PLACES * PLACES;
-            assert_int_equal(rx_samples_owner(scenes, id, RANKS), owner);
-            id.epoch = 3; /* of two uses the second */
-            assert_int_equal(rx_samples_owner(scenes, id, RANKS), owner);
-            id.epoch = 4;
-            moved += rx_samples_owner(scenes, id, RANKS) != owner;
-        }
-    for (int rank = 0; rank < RANKS; rank++)
-        assert_in_range(share[rank], 300, 370);
-    assert_int_equal(moved, 1000);
-    rx_samples_free(scenes);
-    rx_simulate_config_free(t.config);
-}
-
-/* Those that no SEED changes. */
-static void test_validation(void **state)
-{
-    (void)state;
-    const rx_sample_id id = {.epoch = RX_EPOCH_VALIDATION, .set = RX_SET_TEST, .bin = 3};
-    samples_test t = samples_test_open(1.0, 15.0);
-    rx_sample *s[2] = {rx_sample_new(P), rx_sample_new(P)};
-    for (int i = 0; i < 2; i++) {
-        t.par.seed += (uint64_t)i;
-        rx_samples *scenes = samples_test_make(&t);
-        samples_test_sample(scenes, id, s[i]);
-        rx_samples_free(scenes);
-    }
-    assert_same(s[0], s[1]);
-    rx_sample_free(s[0]);
-    rx_sample_free(s[1]);
-    rx_simulate_config_free(t.config);
-}
-
 /* Places of one field serve `uses` epochs: the light of the first two is the same where nothing is cut
  * elsewhere (one place per field), turned and with other noise. Then comes another field, in place of it. */
 static void test_uses(void **state)
@@ -292,7 +278,7 @@ static void test_uses(void **state)
     t.par.field_side = P;
     t.par.uses = 4;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *first = rx_sample_new(P), *s = rx_sample_new(P), *turned = rx_sample_new(P);
+    rx_sample *first = samples_test_new(P), *s = samples_test_new(P), *turned = samples_test_new(P);
     samples_test_sample(scenes, (rx_sample_id){.bin = 3}, first);
     for (uint32_t epoch = 1; epoch < 5; epoch++) {
         const rx_sample_id id = {.epoch = epoch, .bin = 3};
@@ -329,7 +315,7 @@ static void test_streams_differ(void **state)
     rx_samples *reseeded = samples_test_make(&other);
     rx_sample *s[4];
     for (int i = 0; i < 4; i++)
-        s[i] = rx_sample_new(P);
+        s[i] = samples_test_new(P);
     samples_test_sample(train, (rx_sample_id){.index = 1}, s[0]);
     samples_test_sample(train, (rx_sample_id){.set = RX_SET_TEST, .index = 1}, s[1]);
     samples_test_sample(reseeded, (rx_sample_id){.index = 1}, s[2]);
@@ -378,9 +364,8 @@ int main(void)
         cmocka_unit_test(test_noise),
         cmocka_unit_test(test_errors_told),
         cmocka_unit_test(test_stars),
+        cmocka_unit_test(test_turned_kernel_blurs_the_same),
         cmocka_unit_test(test_any_order_any_thread),
-        cmocka_unit_test(test_owners),
-        cmocka_unit_test(test_validation),
         cmocka_unit_test(test_uses),
         cmocka_unit_test(test_streams_differ),
         cmocka_unit_test(test_usage),

@@ -54,7 +54,7 @@ static double compare(const float *plane, int side, double scale, const float *s
 /* Turns a sample back so that it lies as its field does. */
 static void turn_back(const rx_sky_field *field, double scale, rx_sample *s)
 {
-    rx_sample *copy = rx_sample_new(P);
+    rx_sample *copy = samples_test_new(P);
     int found = 0;
     for (int turn = 0; turn < 8 && !found; turn++) {
         memcpy(copy, s, rx_sample_bytes(P));
@@ -106,7 +106,7 @@ static void test_cut_from_a_field(void **state)
     samples_test t = samples_test_open(0.001, 0.00101);
     t.par.sky.nebulae = 0.3;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(P);
+    rx_sample *s = samples_test_new(P);
     for (uint32_t bin = 0; bin < 10; bin++) {
         rx_sky_field field;
         make_field(&t, bin, &field);
@@ -183,7 +183,7 @@ static void test_patches_are_fainter_than_fields(void **state)
     t.config->galaxy_slope = 0.3;
     t.config->pair_share = t.config->clustering = 0.1;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(SIDE);
+    rx_sample *s = samples_test_new(SIDE);
     int empty = 0, fainter = 0;
     assert_non_null(s);
     for (uint32_t i = 0; i < SAMPLES; i++) {
@@ -226,7 +226,7 @@ static void test_relative_psf(void **state)
     samples_test t = samples_test_open(1.0, 15.0);
     t.par.side = t.par.field_side = 128;
     rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = rx_sample_new(128);
+    rx_sample *s = samples_test_new(128);
     for (uint32_t i = 0; i < 15; i++) {
         samples_test_sample(scenes, (rx_sample_id){.epoch = i % 2, .bin = i % 5, .index = i}, s);
         double off = check_kernel(s);
@@ -250,7 +250,7 @@ static void test_halos(void **state)
     with = t;
     with.par.sky.halos = 1.0;
     rx_samples *scenes = samples_test_make(&with);
-    rx_sample *s = rx_sample_new(128);
+    rx_sample *s = samples_test_new(128);
     for (uint32_t bin = 0; bin < 5; bin++) {
         rx_sky_field plain, field;
         make_field(&t, bin, &plain);

@@ -61,7 +61,7 @@ static void noise_widths(const samples_test *t, double *pixel, double *matched, 
 {
     enum { IMAGES = 60, R = 7 };
     rx_samples *scenes = samples_test_make(t);
-    rx_sample *s = rx_sample_new(P);
+    rx_sample *s = samples_test_new(P);
     double squares = 0.0, filtered = 0.0, places = 0.0;
     *expected = 0.0;
     for (uint32_t i = 0; i < IMAGES; i++) {
@@ -130,7 +130,7 @@ static void compare(const samples_test *with, int images, watcher *watch, double
     samples_test without = *with;
     without.par.survey = (rx_survey_params){0};
     rx_samples *both[2] = {samples_test_make(&without), samples_test_make(with)};
-    rx_sample *plain = rx_sample_new(P), *s = rx_sample_new(P);
+    rx_sample *plain = samples_test_new(P), *s = samples_test_new(P);
     for (uint32_t i = 0; i < (uint32_t)images; i++) {
         const rx_sample_id id = {.bin = i % 25, .index = i / 25};
         samples_test_sample(both[0], id, plain);

@@ -1,4 +1,4 @@
-/* Eq. 4: counts per bin, and the order of an epoch. */
+/* Eq. 4: counts per bin and the order of an epoch, what its test images say; and the settings of a training as text. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -10,7 +10,8 @@
 #include <cmocka.h>
 
 #include "base/random.h"
-#include "train/selection.h"
+#include "train/history.h"
+#include "train/setup.h"
 
 static const double FWHM[2] = {2.0, 8.0}, SIGMA[2] = {1.0, 15.0};
 
@@ -81,49 +82,6 @@ static void test_uniform(void **state)
     }
 }
 
-static void test_invariants(void **state)
-{
-    (void)state;
-    for (int total = 12; total < 400; total += 37)
-        for (uint64_t trial = 0; trial < 50; trial++) {
-            rx_selection s = begin(5, 5, total, 1);
-            double sum[25];
-            long count[25], most = 0;
-            for (int b = 0; b < 25; b++) {
-                sum[b] = exp(3.0 * rx_random_normal(1, trial, (uint64_t)b));
-                count[b] = 1;
-            }
-            rx_selection_update(&s, sum, count);
-            for (int b = 0; b < 25; b++) {
-                assert_int_equal(s.train[b] + s.test[b], total);
-                assert_true(s.test[b] >= RX_TEST_LEAST);
-                assert_true(s.train[b] >= 0);
-                assert_true(fabs(s.train[b] - (total - 10) * s.list[b]) <= 0.5 + 1e-9);
-                most = s.train[b] > most ? s.train[b] : most;
-            }
-            assert_int_equal(most, total - 10);
-        }
-}
-
-static void test_limits_of_bins(void **state)
-{
-    (void)state;
-    rx_selection s = begin(5, 4, 40, 1);
-    double covered = 0.0;
-    for (int b = 0; b < s.nbins; b++) {
-        double fwhm[2], sigma[2];
-        rx_selection_bin(&s, b, fwhm, sigma);
-        assert_true(fabs(fwhm[0] - (2.0 + 1.2 * (b % 5))) < 1e-12);
-        assert_true(fabs(sigma[0] - (1.0 + 3.5 * (b / 5))) < 1e-12);
-        covered += (fwhm[1] - fwhm[0]) * (sigma[1] - sigma[0]);
-        if (b == s.nbins - 1) {
-            assert_true(fwhm[1] == 8.0);
-            assert_true(sigma[1] == 15.0);
-        }
-    }
-    assert_true(fabs(covered - 6.0 * 14.0) < 1e-9);
-}
-
 static void test_order(void **state)
 {
     (void)state;
@@ -153,28 +111,6 @@ static void test_order(void **state)
     free(other);
 }
 
-/* Each image is as likely in each place: chi^2 of 12 images in 12 places over 6000 epochs, 121 degrees of
- * freedom, mean 121 and width 15.6. */
-static void test_order_is_even(void **state)
-{
-    (void)state;
-    rx_selection s = begin(1, 1, 34, 1);
-    double hits[12][12] = {{0.0}}, chi2 = 0.0;
-    for (uint32_t epoch = 0; epoch < 6000; epoch++) {
-        rx_pick *order;
-        long n;
-        assert_int_equal(rx_selection_order(&s, 5, epoch, &order, &n, NULL), RX_OK);
-        assert_int_equal(n, 12);
-        for (long i = 0; i < n; i++)
-            hits[i][order[i].index] += 1.0;
-        free(order);
-    }
-    for (int i = 0; i < 12; i++)
-        for (int j = 0; j < 12; j++)
-            chi2 += (hits[i][j] - 500.0) * (hits[i][j] - 500.0) / 500.0;
-    assert_true(fabs(chi2 - 121.0) < 5.0 * 15.6);
-}
-
 static void test_errors(void **state)
 {
     (void)state;
@@ -189,13 +125,108 @@ static void test_errors(void **state)
     assert_int_equal(rx_selection_begin((const int[]){20, 20}, FWHM, SIGMA, 12, 1, &s, NULL), RX_OK);
 }
 
+static void bins_follow_from_their_images(void **state)
+{
+    const double fwhm[2] = {2, 8}, sigma[2] = {1, 15};
+    rx_selection selection;
+    rx_history history = {.nbins = 2};
+    rx_model *model = rx_model_new();
+    rx_test_image images[40] = {{0}};
+    (void)state;
+    assert_non_null(model);
+    assert_int_equal(rx_selection_begin((const int[]){2, 1}, fwhm, sigma, 30, 1, &selection, NULL), RX_OK);
+    assert_int_equal(selection.train[0], 10);
+    assert_int_equal(selection.test[0], 20);
+    for (int i = 0; i < 40; i++) {
+        images[i].loss = i < 20 ? 1 : 4;
+        images[i].input = 6;
+        images[i].check.stars = i < 20 ? 2 : 0;
+        images[i].check.found = i < 20 ? 1 : 0;
+        if (i < 5) { /* -2 ... 2 per cent */
+            images[i].check.ratios = 1;
+            images[i].check.error[0] = 0.01 * (i - 2);
+        }
+    }
+    assert_int_equal(rx_history_add(&history, images, &selection, (rx_epoch){.rate = 3}, NULL), RX_OK);
+    const rx_epoch *epoch = history.epoch;
+    const rx_epoch_bin *bins = history.bin;
+    assert_int_equal(history.n, 1);
+    assert_true(epoch->rate == 3);
+    assert_true(bins[0].loss == 1);
+    assert_true(bins[1].loss == 4);
+    assert_true(fabs(bins[0].list - 0.2) < 1e-12);
+    assert_true(fabs(bins[1].list - 0.8) < 1e-12);
+    assert_true(bins[0].train == 10);
+    assert_true(bins[0].test == 20);
+    assert_true(bins[0].recall == 0.5);
+    assert_true(isnan(bins[1].recall));
+    assert_true(fabs(bins[0].bias) < 1e-12);
+    assert_true(fabs(bins[0].scatter - 0.014826) < 1e-6);
+    assert_true(isnan(bins[1].bias));
+    assert_true(isnan(bins[1].scatter));
+    assert_true(epoch->test_loss == 2.5);
+    assert_true(epoch->input_loss == 6);
+    assert_true(epoch->recall == 0.5);
+    assert_int_equal(selection.train[0], 4); /* Eq. 4: 20 times the list */
+    assert_int_equal(selection.test[0], 26);
+    assert_int_equal(selection.train[1], 16);
+    assert_int_equal(rx_history_dictionary(&history, &selection, 1, model, NULL), RX_OK);
+    assert_true(model->nfwhm == 2);
+    assert_true(model->nsigma == 1);
+    assert_true(model->bins[1].fwhm[0] == 5);
+    assert_true(model->bins[0].images == 20);
+    assert_true(model->bins[0].recall == 0.5);
+    rx_history_free(&history);
+    rx_model_free(model);
+}
+
+static rx_train_config *make_config(const char *const (*pairs)[2])
+{
+    rx_train_config *config = NULL;
+    assert_int_equal(rx_train_config_new(&config, NULL), RX_OK);
+    for (; pairs != NULL && (*pairs)[0] != NULL; pairs++)
+        assert_int_equal(rx_settings_set(&config->settings, (*pairs)[0], (*pairs)[1], NULL, NULL), RX_OK);
+    return config;
+}
+
+static void settings_as_text(void **state)
+{
+    static const char *const pairs[][2] = {{"EPOCHS", "7"},         {"MODEL_NAME", "/home/somebody/m.fits"},
+                                           {"NTHREADS", "2"},       {"RATE", "0.002"},
+                                           {"SIM.STAR_COUNT", "5"}, {NULL, NULL}};
+    rx_text record = {0}, all = {0}, none = {0};
+    rx_train_config *config = make_config(pairs), *defaults = make_config(NULL);
+    rx_model *model = NULL;
+    (void)state;
+    assert_int_equal(rx_setup_text(config, RX_SETUP_RECORD, &record, NULL), RX_OK);
+    assert_string_equal(record.data, "EPOCHS 7\nSIM.STAR_COUNT 5\n");
+    assert_int_equal(rx_setup_text(config, RX_SETUP_ALL, &all, NULL), RX_OK);
+    assert_non_null(strstr(all.data, "RATE 0.002\n"));
+    assert_non_null(strstr(all.data, "SIM.STAR_COUNT 5\n"));
+    assert_null(strstr(all.data, "EPOCHS"));
+    assert_null(strstr(all.data, "somebody"));
+    assert_null(strstr(all.data, "NTHREADS"));
+    assert_int_equal(rx_setup_text(defaults, RX_SETUP_RECORD, &none, NULL), RX_OK);
+    assert_string_equal(none.data, "");
+    assert_int_equal(rx_setup_model(config, &model, NULL), RX_OK);
+    assert_string_equal(model->name, "m");
+    assert_string_equal(model->provenance, record.data);
+    assert_non_null(model->psf);
+    rx_model_free(model);
+    rx_text_free(&record);
+    rx_text_free(&all);
+    rx_text_free(&none);
+    rx_train_config_free(config);
+    rx_train_config_free(defaults);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_equation),       cmocka_unit_test(test_bins_without_a_mean_keep_their_list),
-        cmocka_unit_test(test_uniform),        cmocka_unit_test(test_invariants),
-        cmocka_unit_test(test_limits_of_bins), cmocka_unit_test(test_order),
-        cmocka_unit_test(test_order_is_even),  cmocka_unit_test(test_errors),
+        cmocka_unit_test(test_equation),    cmocka_unit_test(test_bins_without_a_mean_keep_their_list),
+        cmocka_unit_test(test_uniform),     cmocka_unit_test(test_order),
+        cmocka_unit_test(test_errors),      cmocka_unit_test(bins_follow_from_their_images),
+        cmocka_unit_test(settings_as_text),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
