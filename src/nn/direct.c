@@ -1,7 +1,9 @@
 /* Convolutions of a band of rows: the plain kernel, which others there are, and their weights. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/log.h"
 #include "base/memory.h"
 #include "nn/direct_kernels.h"
 
@@ -246,14 +248,57 @@ void rx_direct_weights(const rx_conv_shape *shape, int lanes, const rx_plane *x,
     kernels_for(RX_REAL_F32, RX_REAL_F32, shape->out, lanes)->weights(shape, x, dy, dweights);
 }
 
-int rx_direct_can_up2(const rx_plane *src, const rx_plane *dst)
+int rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
+                  rx_direct_area area)
 {
     const rx_direct_kernels *kernels = kernels_for(src->real, dst->real, src->channels, 0);
-    return kernels->lanes > 1 && src->channels % kernels->lanes == 0;
+    const int can = kernels->lanes > 1 && src->channels % kernels->lanes == 0;
+    if (can)
+        kernels->up2(src, add, relu, dst, area);
+    return can;
 }
 
-void rx_direct_up2(const rx_plane *src, const rx_plane *add, int relu, const rx_plane *dst,
-                   rx_direct_area area)
+/* --- the peak --- */
+
+enum { SIDE = 56, CHANNELS = 64, KERNEL = 3 };
+static const double PATIENCE = 0.05; /* seconds */
+
+rx_status rx_direct_peak(rx_real real, double *flops, rx_error *err)
 {
-    kernels_for(src->real, dst->real, src->channels, 0)->up2(src, add, relu, dst, area);
+    const rx_conv_shape shape = {.height = SIDE + KERNEL - 1,
+                                 .width = SIDE + KERNEL - 1,
+                                 .in = CHANNELS,
+                                 .out = CHANNELS,
+                                 .kernel = KERNEL,
+                                 .stride = 1,
+                                 .before = KERNEL / 2,
+                                 .after = KERNEL / 2,
+                                 .x = real,
+                                 .y = real};
+    const rx_direct_area all = {KERNEL / 2, SIDE + KERNEL / 2, 0, SIDE};
+    rx_plane x = {.real = real, .height = shape.height, .width = shape.width, .channels = CHANNELS}, y = x;
+    const size_t weights = CHANNELS * CHANNELS * KERNEL * KERNEL;
+    const size_t reals = rx_plane_size(&x); /* more than there are weights, all 0 */
+    rx_direct *direct = NULL;
+    float *memory, *scratch = NULL;
+    double best = HUGE_VAL;
+    rx_status status;
+    *flops = 0;
+    RX_TRY(RX_MAKE(memory, 2 * reals, err));
+    x.data = memory;
+    y.data = memory + reals;
+    RX_TRY_EXIT(RX_MAKE(scratch, rx_direct_scratch(), err));
+    RX_TRY_EXIT(rx_direct_new(&shape, (rx_direct_options){0}, memory, memory, &direct, err));
+    const double begun = rx_seconds();
+    for (int run = 0; run < 2 || rx_seconds() - begun < PATIENCE; run++) {
+        const double from = rx_seconds();
+        rx_direct_run(direct, &x, NULL, &y, all, scratch);
+        best = fmin(best, rx_seconds() - from);
+    }
+    *flops = 2.0 * (double)(weights * SIDE * SIDE) / best;
+exit:
+    rx_direct_free(direct);
+    free(memory);
+    free(scratch);
+    return status;
 }

@@ -3,13 +3,12 @@ librextract_la_SOURCES += src/nn/model_describe.c
 librextract_la_SOURCES += src/nn/deblur.c src/nn/deblur.h
 librextract_la_SOURCES += src/nn/rl_step.c src/nn/rl_step.h
 librextract_la_SOURCES += src/nn/direct.c src/nn/direct.h src/nn/direct_kernels.h
-librextract_la_SOURCES += src/nn/plane.h src/nn/net_planes.c src/nn/net_planes.h
+librextract_la_SOURCES += src/nn/plane.h
 librextract_la_SOURCES += src/nn/net.c
 librextract_la_SOURCES += src/nn/psfnet.c src/nn/psfnet.h
 librextract_la_SOURCES += src/nn/layers.c src/nn/layers.h
 librextract_la_SOURCES += src/nn/stream.c src/nn/stream.h
 librextract_la_SOURCES += src/nn/noise_level.c
-librextract_la_SOURCES += src/nn/peak.c src/nn/peak.h
 
 # One source, compiled for vectors of 4, 8 and 16 floats.
 direct_kernels = librextract-direct4.la librextract-direct8.la librextract-direct16.la
@@ -24,7 +23,6 @@ librextract_direct8_la_CPPFLAGS = $(AM_CPPFLAGS) -DRX_LANES=8
 librextract_direct16_la_CPPFLAGS = $(AM_CPPFLAGS) -DRX_LANES=16
 
 # Of training alone.
-librextract_train_la_SOURCES += src/nn/conv.c src/nn/conv.h
 librextract_train_la_SOURCES += src/nn/runner.c src/nn/runner.h
 
 rx_nndir = $(pkgincludedir)/nn

@@ -14,11 +14,9 @@
  *   RXNFWHM, RXNSIGMA    bins of the dictionary, 0 without one
  *   RXEPOCHS, RXPATCHS, RXSEED    training done: epochs, images seen, seed (a string of digits)
  *   RXBEST    epoch, from 1, that these parameters are of: the best one
- *   RXENDED   1 when the training has ended, 0 while it goes on. Files from before these two cards have
- *             neither: they count as ended, of their last epoch
- *   RXNFMAX   largest noise factor of the training images (data/noise_correlation.h); files without it: 1, as for
- *             white noise, which all of them were trained on
- *   RXTDARK   share of them with structure darker than the sky; files without it: 0
+ *   RXENDED   1 when the training has ended, 0 while it goes on
+ *   RXNFMAX   largest noise factor of the training images (data/noise_correlation.h), 1 of white noise
+ *   RXTDARK   share of them with structure darker than the sky
  *
  * Binary tables, in this order, those in brackets where there are any:
  *

@@ -20,26 +20,18 @@ static void add_net(rx_text *dst, const char *name, const rx_net *net)
                    rx_net_halo(net));
 }
 
-/* A number, blank where it has no meaning. */
-static void add_cell(rx_text *dst, int width, int value, int there)
-{
-    if (there)
-        rx_text_printf(dst, "%*d", width, value);
-    else
-        rx_text_printf(dst, "%*s", width, "");
-}
-
 static void add_nodes(rx_text *dst, const char *name, const rx_net *net)
 {
     rx_text_printf(dst, "\n%s operation   of  plus  channels  kernel  stride  resolution\n", name);
     for (int i = 0; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
         rx_text_printf(dst, "%5d  %-10s", i, rx_op_name(n->op));
-        add_cell(dst, 4, n->src, i > 0);
-        add_cell(dst, 6, n->add, n->add >= 0);
-        rx_text_printf(dst, "%10d", n->channels);
-        add_cell(dst, 8, n->kernel, n->kernel > 0);
-        add_cell(dst, 8, n->stride, n->stride > 0);
+        const int cells[][2] = {{4, n->src}, {6, n->add}, {10, n->channels}, {8, n->kernel}, {8, n->stride}};
+        for (int c = 0; c < 5; c++) /* blank where it has no meaning */
+            if (cells[c][1] > 0 || (cells[c][1] == 0 && c < 2))
+                rx_text_printf(dst, "%*d", cells[c][0], cells[c][1]);
+            else
+                rx_text_printf(dst, "%*s", cells[c][0], "");
         rx_text_printf(dst, "  1/%d%s\n", 1 << n->level, n->relu ? "  ReLU" : "");
     }
 }

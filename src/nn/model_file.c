@@ -2,6 +2,7 @@
 #include <inttypes.h>
 #include <limits.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,14 +14,87 @@
 #include "nn/model.h"
 
 enum { VERSION = 1, TWO_STAGES = 2 }; /* of the format */
+enum { OP_WIDTH = 17, MAX_BINS = 10000, MAX_HDUS = 1000 };
 
-/* Columns of the tables, in order. */
-static const char *const node_columns[] = {"OP", "SRC", "ADD", "RELU", "CHANNELS", "KERNEL", "STRIDE"};
-enum { NNODE_COLUMNS = 7, OP_WIDTH = 17 };
+/* Numbers of the primary header, in their order: members of a model, and what they may be. */
+typedef enum kind { INTEGER, LONG, REAL } kind;
+typedef struct number {
+    const char *key;
+    kind kind;
+    size_t offset;
+    double low, high;
+    const char *comment;
+} number;
 
-static const char *const bin_columns[] = {"FWHM_LOW", "FWHM_HIGH", "SIGMA_LOW", "SIGMA_HIGH", "LOSS",
-                                          "LIST",     "RECALL",    "BIAS",      "SCATTER",    "IMAGES"};
-enum { NBIN_COLUMNS = 10 };
+#define MEMBER(member) offsetof(rx_model, member)
+static const number numbers[] = {
+    {"RXTFWHM", REAL, MEMBER(front.target_fwhm), 0.5, 30, "[pix] FWHM of the output's Gaussian PSF"},
+    {"RXTIKH", REAL, MEMBER(front.tikhonov), 1e-9, 1e3, "regularisation of the deconvolved copy"},
+    {"RXRLSTEP", INTEGER, MEMBER(front.rl_steps), 0, RX_FRONT_STEPS,
+     "Richardson-Lucy steps after each network"},
+    {"RXPEDST", REAL, MEMBER(front.pedestal), 1e-9, 1e6, "pedestal of that step, noise sigmas"},
+    {"RXNFWHM", INTEGER, MEMBER(nfwhm), 0, MAX_BINS, "bins of FWHM"},
+    {"RXNSIGMA", INTEGER, MEMBER(nsigma), 0, MAX_BINS, "bins of noise"},
+    {"RXEPOCHS", LONG, MEMBER(epochs), 0, INT_MAX, "epochs of training"},
+    {"RXBEST", LONG, MEMBER(best), 0, INT_MAX, "epoch of these parameters, the best one"},
+    {"RXENDED", INTEGER, MEMBER(ended), 0, 1, "1: the training has ended"},
+    {"RXNFMAX", REAL, MEMBER(factor), 0.1, 1e3, "largest noise factor of the training"},
+    {"RXTDARK", REAL, MEMBER(dark), 0, 1, "share of its images with dark structure"},
+    {"RXPATCHS", LONG, MEMBER(patches), 0, 1e15, "images seen in training"},
+};
+enum { NUMBERS = sizeof numbers / sizeof numbers[0] };
+
+/* Columns of a table, in order: what their cells hold, T text, I and L integers of 32 and 64 bits, F float, D double; and
+ * where that is in a node or bin. */
+typedef struct layout {
+    const char *kinds;
+    struct {
+        const char *name;
+        size_t offset;
+    } column[10];
+} layout;
+
+#define NODE(name, member)                                                                                   \
+    {                                                                                                        \
+        name, offsetof(rx_node, member)                                                                      \
+    }
+#define BIN(name, member)                                                                                    \
+    {                                                                                                        \
+        name, offsetof(rx_model_bin, member)                                                                 \
+    }
+static const layout node_layout = {"TIIIIII",
+                                   {{"OP", 0},
+                                    NODE("SRC", src),
+                                    NODE("ADD", add),
+                                    NODE("RELU", relu),
+                                    NODE("CHANNELS", channels),
+                                    NODE("KERNEL", kernel),
+                                    NODE("STRIDE", stride)}},
+                    bin_layout = {"DDDDDDDDDL",
+                                  {BIN("FWHM_LOW", fwhm[0]), BIN("FWHM_HIGH", fwhm[1]),
+                                   BIN("SIGMA_LOW", sigma[0]), BIN("SIGMA_HIGH", sigma[1]), BIN("LOSS", loss),
+                                   BIN("LIST", list), BIN("RECALL", recall), BIN("BIAS", bias),
+                                   BIN("SCATTER", scatter), BIN("IMAGES", images)}},
+                    params_layout = {"F", {{"VALUE", 0}}}, lines_layout = {"T", {{"LINE", 0}}};
+
+static rx_cell_type type_of(char kind)
+{
+    return kind == 'T'   ? RX_CELL_TEXT
+           : kind == 'I' ? RX_CELL_INT32
+           : kind == 'L' ? RX_CELL_INT64
+           : kind == 'F' ? RX_CELL_FLOAT
+                         : RX_CELL_DOUBLE;
+}
+
+/* --- does it hang together --- */
+
+static double value_of(const rx_model *model, const number *n)
+{
+    const char *at = (const char *)model + n->offset;
+    return n->kind == REAL   ? *(const double *)(const void *)at
+           : n->kind == LONG ? (double)*(const long *)(const void *)at
+                             : *(const int *)(const void *)at;
+}
 
 static const char *net_fault(const rx_net *net, const char *name, int inputs, char *text, size_t size)
 {
@@ -37,75 +111,60 @@ static const char *net_fault(const rx_net *net, const char *name, int inputs, ch
     return text;
 }
 
-/* Why the numbers before the networks make no sense (into text), or NULL when they do: front parameters,
- * channels of the networks' ends. */
+/* Why the model makes no sense (into text), or NULL when it does: numbers, channels of the networks' ends. */
 static const char *model_fault(const rx_model *model, char *text, size_t size)
 {
+    static const char *const names[RX_MODEL_NETS] = {
+        [RX_NET_RESTORE] = "RESTORE", [RX_NET_PSF] = "PSF", [RX_NET_SECOND] = "SECOND"};
     const rx_front *f = &model->front;
-    if (!(f->target_fwhm >= 0.5 && f->target_fwhm <= 30))
-        snprintf(text, size, "the FWHM of its output, %g pixels, is not within 0.5 to 30", f->target_fwhm);
-    else if (!(f->tikhonov > 0 && f->tikhonov <= 1e3))
-        snprintf(text, size, "its regularisation, %g, is not within 0 to 1000", f->tikhonov);
-    else if (!(f->pedestal > 0 && f->pedestal <= 1e6))
-        snprintf(text, size, "its pedestal, %g, is not within 0 to 1e6", f->pedestal);
-    else if (f->rl_steps < 0 || f->rl_steps > RX_FRONT_STEPS || (f->rl_steps > 0 && f->mode == RX_MODE_BLIND))
-        snprintf(text, size, "%d Richardson-Lucy steps after a network of mode %s are not possible",
-                 f->rl_steps, rx_mode_name(f->mode));
-    else if (model->second != NULL && f->mode != RX_MODE_INFORMED)
-        snprintf(text, size, "a second stage after a network of mode %s is not possible",
-                 rx_mode_name(f->mode));
-    else if (net_fault(model->restore, "RESTORE", rx_front_channels(f->mode), text, size) == NULL &&
-             (model->second == NULL ||
-              net_fault(model->second, "SECOND", RX_SECOND_CHANNELS, text, size) == NULL) &&
-             (model->psf == NULL || net_fault(model->psf, "PSF", RX_PSF_CHANNELS, text, size) == NULL))
-        return NULL;
-    return text;
+    const int inputs[RX_MODEL_NETS] = {[RX_NET_RESTORE] = rx_front_channels(f->mode),
+                                       [RX_NET_PSF] = RX_PSF_CHANNELS,
+                                       [RX_NET_SECOND] = RX_SECOND_CHANNELS};
+    rx_net *nets[RX_MODEL_NETS];
+    for (int i = 0; i < NUMBERS; i++) {
+        const number *n = &numbers[i];
+        const double value = value_of(model, n);
+        if (!(value >= n->low && value <= n->high)) {
+            snprintf(text, size, "%s, %s, is %g, not within %g to %g", n->key, n->comment, value, n->low,
+                     n->high);
+            return text;
+        }
+    }
+    if (f->mode == RX_MODE_BLIND && (f->rl_steps > 0 || model->second != NULL)) {
+        snprintf(text, size,
+                 f->rl_steps > 0 ? "%d Richardson-Lucy steps after a network of mode BLIND are not possible"
+                                 : "a second stage after a network of mode BLIND is not possible",
+                 f->rl_steps);
+        return text;
+    }
+    rx_model_nets(model, nets);
+    for (int k = 0; k < RX_MODEL_NETS; k++)
+        if (nets[k] != NULL && net_fault(nets[k], names[k], inputs[k], text, size) != NULL)
+            return text;
+    return NULL;
 }
 
 /* ---- writing ---- */
 
-enum { CARD = 80 };
-
-static rx_status new_table(const char *name, long rows, int ncolumns, rx_table **dst, rx_error *err)
+static rx_status new_table(const char *name, long rows, const layout *of, int text_width, rx_table **dst,
+                           rx_error *err)
 {
-    rx_table *table = rx_table_new(ncolumns);
+    rx_table *table = *dst = rx_table_new((int)strlen(of->kinds));
     if (table == NULL)
         return rx_error_memory(err, 0);
     free(table->name);
     table->name = rx_strdup(name);
     table->nrows = rows;
-    *dst = table;
-    return table->name != NULL ? RX_OK : rx_error_memory(err, 0);
-}
-
-static rx_status set_column(rx_table *table, int i, const char *name, rx_cell_type type, int text_width,
-                            rx_error *err)
-{
-    rx_column *column = &table->columns[i];
-    column->type = type;
-    column->text_width = text_width;
-    snprintf(column->name, sizeof column->name, "%s", name);
-    size_t size = (size_t)rx_column_element_size(column);
-    column->data = rx_alloc((size_t)table->nrows, size);
-    return column->data != NULL ? RX_OK : rx_error_memory(err, (size_t)table->nrows * size);
-}
-
-/* --- networks --- */
-
-static rx_status nodes_table(const rx_net *net, const char *name, rx_table **dst, rx_error *err)
-{
-    RX_TRY(new_table(name, net->nnodes, NNODE_COLUMNS, dst, err));
-    for (int c = 0; c < NNODE_COLUMNS; c++)
-        RX_TRY(set_column(*dst, c, node_columns[c], c == 0 ? RX_CELL_TEXT : RX_CELL_INT32,
-                          c == 0 ? OP_WIDTH : 0, err));
-    for (int i = 0; i < net->nnodes; i++) {
-        const rx_node *n = &net->node[i];
-        const int values[] = {0, n->src, n->add, n->relu, n->channels, n->kernel, n->stride};
-        snprintf((char *)(*dst)->columns[0].data + (size_t)i * OP_WIDTH, OP_WIDTH, "%s", rx_op_name(n->op));
-        for (int c = 1; c < NNODE_COLUMNS; c++)
-            ((int32_t *)(*dst)->columns[c].data)[i] = values[c];
+    int bad = table->name == NULL;
+    for (int c = 0; c < table->ncolumns; c++) {
+        rx_column *column = &table->columns[c];
+        column->type = type_of(of->kinds[c]);
+        column->text_width = of->kinds[c] == 'T' ? text_width : 0;
+        snprintf(column->name, sizeof column->name, "%s", of->column[c].name);
+        column->data = rx_alloc((size_t)rows, (size_t)rx_column_element_size(column));
+        bad |= column->data == NULL;
     }
-    return RX_OK;
+    return bad ? rx_error_memory(err, 0) : RX_OK;
 }
 
 static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char *name, rx_error *err)
@@ -114,11 +173,17 @@ static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char
     rx_table *nodes = NULL, *params = NULL;
     snprintf(extname, sizeof extname, "%s_NODES", name);
     rx_status status;
-    RX_TRY_EXIT(nodes_table(net, extname, &nodes, err));
+    RX_TRY_EXIT(new_table(extname, net->nnodes, &node_layout, OP_WIDTH, &nodes, err));
+    for (int i = 0; i < net->nnodes; i++) {
+        const rx_node *n = &net->node[i];
+        snprintf((char *)nodes->columns[0].data + (size_t)i * OP_WIDTH, OP_WIDTH, "%s", rx_op_name(n->op));
+        for (int c = 1; c < nodes->ncolumns; c++)
+            memcpy((int32_t *)nodes->columns[c].data + i, (const char *)n + node_layout.column[c].offset,
+                   sizeof(int32_t));
+    }
     RX_TRY_EXIT(rx_fits_table(writer, nodes, NULL, err));
     snprintf(extname, sizeof extname, "%s_PARAMS", name);
-    RX_TRY_EXIT(new_table(extname, net->nparams, 1, &params, err));
-    RX_TRY_EXIT(set_column(params, 0, "VALUE", RX_CELL_FLOAT, 0, err));
+    RX_TRY_EXIT(new_table(extname, net->nparams, &params_layout, 0, &params, err));
     memcpy(params->columns[0].data, net->params, (size_t)net->nparams * sizeof(float));
     status = rx_fits_table(writer, params, NULL, err);
 exit:
@@ -127,23 +192,16 @@ exit:
     return status;
 }
 
-/* --- dictionary, provenance --- */
-
 static rx_status write_bins(rx_fits_writer *writer, const rx_model *model, rx_error *err)
 {
+    const long n = (long)model->nfwhm * model->nsigma;
     rx_table *table = NULL;
-    long n = (long)model->nfwhm * model->nsigma;
-    rx_status status = new_table("DICTIONARY", n, NBIN_COLUMNS, &table, err);
-    for (int c = 0; c < NBIN_COLUMNS && status == RX_OK; c++)
-        status = set_column(table, c, bin_columns[c], c == NBIN_COLUMNS - 1 ? RX_CELL_INT64 : RX_CELL_DOUBLE,
-                            0, err);
+    rx_status status = new_table("DICTIONARY", n, &bin_layout, 0, &table, err);
     for (long i = 0; i < n && status == RX_OK; i++) {
-        const rx_model_bin *b = &model->bins[i];
-        const double values[] = {b->fwhm[0], b->fwhm[1], b->sigma[0], b->sigma[1], b->loss,
-                                 b->list,    b->recall,  b->bias,     b->scatter};
-        for (int c = 0; c < NBIN_COLUMNS - 1; c++)
-            ((double *)table->columns[c].data)[i] = values[c];
-        ((int64_t *)table->columns[NBIN_COLUMNS - 1].data)[i] = b->images;
+        for (int c = 0; c + 1 < table->ncolumns; c++)
+            memcpy((double *)table->columns[c].data + i,
+                   (const char *)&model->bins[i] + bin_layout.column[c].offset, sizeof(double));
+        ((int64_t *)table->columns[table->ncolumns - 1].data)[i] = model->bins[i].images;
     }
     if (status == RX_OK)
         status = rx_fits_table(writer, table, NULL, err);
@@ -162,9 +220,7 @@ static rx_status write_provenance(rx_fits_writer *writer, const char *text, rx_e
         longest = n > longest ? n : longest;
         c += n + (c[n] == '\n');
     }
-    rx_status status = new_table("PROVENANCE", lines, 1, &table, err);
-    if (status == RX_OK)
-        status = set_column(table, 0, "LINE", RX_CELL_TEXT, (int)longest + 1, err);
+    rx_status status = new_table("PROVENANCE", lines, &lines_layout, (int)longest + 1, &table, err);
     for (long i = 0; i < lines && status == RX_OK; i++) {
         char *cell = (char *)table->columns[0].data + (size_t)i * (longest + 1);
         size_t n = strcspn(text, "\n");
@@ -178,8 +234,6 @@ static rx_status write_provenance(rx_fits_writer *writer, const char *text, rx_e
     return status;
 }
 
-/* --- header --- */
-
 static int has_provenance(const rx_model *model)
 {
     return model->provenance != NULL && model->provenance[0] != '\0';
@@ -187,7 +241,6 @@ static int has_provenance(const rx_model *model)
 
 static void add_cards(const rx_model *model, rx_text *dst)
 {
-    const rx_front *f = &model->front;
     char digest[RX_MODEL_DIGEST], seed[24];
     int tables = 2 + 2 * (model->second != NULL) + 2 * (model->psf != NULL) + (model->bins != NULL) +
                  has_provenance(model);
@@ -198,19 +251,12 @@ static void add_cards(const rx_model *model, rx_text *dst)
     rx_card_integer(dst, "NEXTEND", tables, "number of tables that follow");
     rx_card_text(dst, "RXNAME", model->name, "name");
     rx_card_text(dst, "RXDIGEST", digest, "of front, nodes and parameters");
-    rx_card_text(dst, "RXMODE", rx_mode_name(f->mode), "what the network is given");
-    rx_card_number(dst, "RXTFWHM", f->target_fwhm, "[pix] FWHM of the output's Gaussian PSF");
-    rx_card_number(dst, "RXTIKH", f->tikhonov, "regularisation of the deconvolved copy");
-    rx_card_integer(dst, "RXRLSTEP", f->rl_steps, "Richardson-Lucy steps after each network");
-    rx_card_number(dst, "RXPEDST", f->pedestal, "pedestal of that step, noise sigmas");
-    rx_card_integer(dst, "RXNFWHM", model->bins != NULL ? model->nfwhm : 0, "bins of FWHM");
-    rx_card_integer(dst, "RXNSIGMA", model->bins != NULL ? model->nsigma : 0, "bins of noise");
-    rx_card_integer(dst, "RXEPOCHS", model->epochs, "epochs of training");
-    rx_card_integer(dst, "RXBEST", model->best, "epoch of these parameters, the best one");
-    rx_card_integer(dst, "RXENDED", model->ended, "1: the training has ended");
-    rx_card_number(dst, "RXNFMAX", model->factor, "largest noise factor of the training");
-    rx_card_number(dst, "RXTDARK", model->dark, "share of its images with dark structure");
-    rx_card_integer(dst, "RXPATCHS", model->patches, "images seen in training");
+    rx_card_text(dst, "RXMODE", rx_mode_name(model->front.mode), "what the network is given");
+    for (int i = 0; i < NUMBERS; i++)
+        if (numbers[i].kind == REAL)
+            rx_card_number(dst, numbers[i].key, value_of(model, &numbers[i]), numbers[i].comment);
+        else
+            rx_card_integer(dst, numbers[i].key, (long)value_of(model, &numbers[i]), numbers[i].comment);
     rx_card_text(dst, "RXSEED", seed, "seed of the training");
 }
 
@@ -247,8 +293,6 @@ exit:
 
 /* ---- reading ---- */
 
-enum { MAX_BINS = 10000, MAX_HDUS = 1000 };
-
 typedef struct reader {
     const char *path;
     char *cards; /* of the primary header */
@@ -259,83 +303,43 @@ typedef struct reader {
 
 /* --- header --- */
 
-static rx_status take_integer(const reader *r, const char *key, long low, long high, long *dst, rx_error *err)
+static rx_status take_number(const reader *r, const number *n, rx_error *err)
 {
-    double value = NAN;
-    if (!rx_cards_number(r->cards, r->ncards, key, &value) || value != floor(value) || value < (double)low ||
-        value > (double)high)
-        return rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                           "%s is missing or no integer from %ld to %ld; make the model again", key, low,
-                           high);
-    *dst = (long)value;
-    return RX_OK;
-}
-
-static rx_status take_number(const reader *r, const char *key, double *dst, rx_error *err)
-{
-    if (!rx_cards_number(r->cards, r->ncards, key, dst))
+    char *at = (char *)r->model + n->offset;
+    double value;
+    if (!rx_cards_number(r->cards, r->ncards, n->key, &value))
         return rx_error_at(err, RX_INPUT, r->path, 0, 0, "%s is missing or no number; make the model again",
-                           key);
-    return RX_OK;
-}
-
-static rx_status take_mode(const reader *r, rx_mode *dst, rx_error *err)
-{
-    char text[32];
-    rx_cards_text(r->cards, r->ncards, "RXMODE", text, sizeof text);
-    for (int mode = RX_MODE_BLIND; mode <= RX_MODE_INFORMED; mode++)
-        if (strcmp(text, rx_mode_name((rx_mode)mode)) == 0) {
-            *dst = (rx_mode)mode;
-            return RX_OK;
-        }
-    return rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                       "RXMODE is '%s', BLIND or INFORMED was expected; make the model again", text);
-}
-
-static rx_status take_seed(const reader *r, uint64_t *dst, rx_error *err)
-{
-    char text[32], *end;
-    rx_cards_text(r->cards, r->ncards, "RXSEED", text, sizeof text);
-    *dst = strtoull(text, &end, 10);
-    if (end == text || *end != '\0')
+                           n->key);
+    if (!(value >= n->low && value <= n->high) || (n->kind != REAL && value != floor(value)))
         return rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                           "RXSEED is missing or no number; make the model again");
+                           "%s is %g, %s from %g to %g was expected (%s); make the model again", n->key,
+                           value, n->kind == REAL ? "a number" : "an integer", n->low, n->high, n->comment);
+    if (n->kind == REAL)
+        *(double *)(void *)at = value;
+    else if (n->kind == LONG)
+        *(long *)(void *)at = (long)value;
+    else
+        *(int *)(void *)at = (int)value;
     return RX_OK;
 }
 
 static rx_status take_header(const reader *r, rx_error *err)
 {
     rx_model *m = r->model;
-    long nfwhm = 0, nsigma = 0, steps = 0, ended = 1;
+    char mode[32], seed[32], *end;
     rx_cards_text(r->cards, r->ncards, "RXNAME", m->name, sizeof m->name);
-    RX_TRY(take_mode(r, &m->front.mode, err));
-    RX_TRY(take_number(r, "RXTFWHM", &m->front.target_fwhm, err));
-    RX_TRY(take_number(r, "RXTIKH", &m->front.tikhonov, err));
-    RX_TRY(take_number(r, "RXPEDST", &m->front.pedestal, err));
-    RX_TRY(take_integer(r, "RXRLSTEP", 0, RX_FRONT_STEPS, &steps, err));
-    RX_TRY(take_integer(r, "RXNFWHM", 0, MAX_BINS, &nfwhm, err));
-    RX_TRY(take_integer(r, "RXNSIGMA", 0, MAX_BINS, &nsigma, err));
-    RX_TRY(take_integer(r, "RXEPOCHS", 0, INT_MAX, &m->epochs, err));
-    const int old = !rx_cards_number(r->cards, r->ncards, "RXENDED", &(double){0});
-    m->best = m->epochs;
-    if (!old)
-        RX_TRY(take_integer(r, "RXBEST", 0, m->epochs, &m->best, err));
-    if (!old)
-        RX_TRY(take_integer(r, "RXENDED", 0, 1, &ended, err));
-    RX_TRY(take_integer(r, "RXPATCHS", 0, LONG_MAX / 4096, &m->patches, err));
-    RX_TRY(take_seed(r, &m->seed, err));
-    if (rx_cards_number(r->cards, r->ncards, "RXNFMAX", &m->factor) &&
-        !(m->factor >= 0.1 && m->factor <= 1e3))
-        RX_TRY(rx_error_at(
-            err, RX_INPUT, r->path, 0, 0,
-            "RXNFMAX is %g, a noise factor from 0.1 to 1000 was expected; make the model again", m->factor));
-    if (rx_cards_number(r->cards, r->ncards, "RXTDARK", &m->dark) && !(m->dark >= 0.0 && m->dark <= 1.0))
-        RX_TRY(rx_error_at(err, RX_INPUT, r->path, 0, 0,
-                           "RXTDARK is %g, a share from 0 to 1 was expected; make the model again", m->dark));
-    m->front.rl_steps = (int)steps;
-    m->ended = (int)ended;
-    m->nfwhm = (int)nfwhm;
-    m->nsigma = (int)nsigma;
+    rx_cards_text(r->cards, r->ncards, "RXMODE", mode, sizeof mode);
+    m->front.mode = strcmp(mode, rx_mode_name(RX_MODE_BLIND)) == 0 ? RX_MODE_BLIND : RX_MODE_INFORMED;
+    if (strcmp(mode, rx_mode_name(m->front.mode)) != 0)
+        return rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "RXMODE is '%s', BLIND or INFORMED was expected; make the model again", mode);
+    for (int i = 0; i < NUMBERS; i++)
+        RX_TRY(take_number(r, &numbers[i], err));
+    rx_cards_text(r->cards, r->ncards, "RXSEED", seed, sizeof seed);
+    m->seed = strtoull(seed, &end, 10);
+    if (end == seed || *end != '\0')
+        return rx_error_at(err, RX_INPUT, r->path, 0, 0,
+                           "RXSEED is missing or no number; make the model again");
     return RX_OK;
 }
 
@@ -363,45 +367,24 @@ static rx_status check_file(reader *r, rx_error *err)
 
 /* --- tables --- */
 
-/* A table of named columns, numbers or text as each letter of `kinds` says: T, I: integer, F: float, D: any number. */
-typedef struct columns {
-    const char *extname;
-    const char *const *names;
-    const char *kinds;
-    int needed; /* 0: may be absent */
-} columns;
-
-/* *dst NULL when it is not there and may be absent. */
-static rx_status read_columns(const reader *r, columns c, rx_table **dst, int *hdu, rx_error *err)
+/* *dst NULL when it is not there and need not be. */
+static rx_status read_columns(const reader *r, const char *extname, const layout *of, int needed,
+                              rx_table **dst, int *hdu, rx_error *err)
 {
-    const char *extname = c.extname;
-    rx_status status = rx_fits_read_named(r->path, extname, dst, hdu, err);
-    if (status != RX_OK || (*dst == NULL && !c.needed))
-        return status;
+    RX_TRY(rx_fits_read_named(r->path, extname, dst, hdu, err));
     if (*dst == NULL)
-        return rx_error_at(err, RX_INPUT, r->path, -1, 0, "has no table %s; make the model again", extname);
-    for (int i = 0; c.kinds[i] != '\0'; i++) {
+        return needed ? rx_error_at(err, RX_INPUT, r->path, -1, 0, "has no table %s; make the model again",
+                                    extname)
+                      : RX_OK;
+    for (int i = 0; of->kinds[i] != '\0'; i++) {
         const rx_column *column = i < (*dst)->ncolumns ? &(*dst)->columns[i] : NULL;
-        int fits = column != NULL && strcmp(column->name, c.names[i]) == 0 && column->ndim == 0;
-        if (fits && c.kinds[i] == 'T')
-            fits = column->type == RX_CELL_TEXT;
-        else if (fits && c.kinds[i] == 'I')
-            fits = column->type == RX_CELL_INT32;
-        else if (fits && c.kinds[i] == 'F')
-            fits = column->type == RX_CELL_FLOAT;
-        else if (fits)
-            fits = column->type == RX_CELL_DOUBLE || column->type == RX_CELL_INT64;
-        if (!fits)
+        if (column == NULL || strcmp(column->name, of->column[i].name) != 0 || column->ndim != 0 ||
+            column->type != type_of(of->kinds[i]))
             return rx_error_at(err, RX_INPUT, r->path, *hdu, 0,
                                "column %d of %s is not what a model has there (%s); make the model again",
-                               i + 1, extname, c.names[i]);
+                               i + 1, extname, of->column[i].name);
     }
     return RX_OK;
-}
-
-static int cell(const rx_table *table, int column, long row)
-{
-    return ((const int32_t *)table->columns[column].data)[row];
 }
 
 static rx_status take_nodes(const reader *r, const rx_table *table, int hdu, rx_node *nodes, rx_error *err)
@@ -419,37 +402,12 @@ static rx_status take_nodes(const reader *r, const rx_table *table, int hdu, rx_
                                "node %ld has the unknown operation '%.20s'; use a newer program, or make the "
                                "model again",
                                i, name);
-        nodes[i] = (rx_node){.op = (rx_op)op,
-                             .src = cell(table, 1, i),
-                             .add = cell(table, 2, i),
-                             .relu = cell(table, 3, i),
-                             .channels = cell(table, 4, i),
-                             .kernel = cell(table, 5, i),
-                             .stride = cell(table, 6, i)};
+        nodes[i] = (rx_node){.op = (rx_op)op};
+        for (int c = 1; node_layout.kinds[c] != '\0'; c++)
+            memcpy((char *)&nodes[i] + node_layout.column[c].offset,
+                   (const int32_t *)table->columns[c].data + i, sizeof(int32_t));
     }
     return RX_OK;
-}
-
-/* Weights of the convolutions alone, so that a list that asks for far more memory than the file has numbers
- * is never laid out. */
-static double least_parameters(const rx_node *nodes, long n)
-{
-    double sum = 0;
-    for (long i = 1; i < n; i++)
-        if ((nodes[i].op == RX_OP_CONV || nodes[i].op == RX_OP_TRANSPOSED) && nodes[i].src >= 0 &&
-            nodes[i].src < i)
-            sum +=
-                (double)nodes[i].kernel * nodes[i].kernel * nodes[i].channels * nodes[nodes[i].src].channels;
-        else if (nodes[i].op == RX_OP_UPCONV && nodes[i].src >= 0 && nodes[i].src < i)
-            sum += 9.0 * nodes[i].channels * nodes[nodes[i].src].channels;
-    return sum;
-}
-
-static rx_status wrong_count(const reader *r, int hdu, double need, long found, rx_error *err)
-{
-    return rx_error_at(err, RX_INPUT, r->path, hdu, 0,
-                       "the network needs %.0f parameters, the table has %ld; make the model again", need,
-                       found);
 }
 
 static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const rx_table *params,
@@ -459,18 +417,12 @@ static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const
     rx_error why = rx_error_part(err);
     const float *values = params->columns[0].data;
     RX_TRY(take_nodes(r, nodes, hdu, list, err));
-    double least = least_parameters(list, nodes->nrows);
-    if (least > (double)params->nrows)
-        return wrong_count(r, params_hdu, least, params->nrows, err);
-    rx_status status = rx_net_new(list, (int)nodes->nrows, dst, &why);
+    const rx_status status = rx_net_new(list, (int)nodes->nrows, params->nrows, dst, &why);
     if (status == RX_INPUT)
-        return rx_error_at(err, RX_INPUT, r->path, hdu, 0, "its nodes make no network: %s", why.text);
-    if (status != RX_OK) {
-        rx_error_take(err, &why);
-        return status;
-    }
-    if ((*dst)->nparams != params->nrows)
-        return wrong_count(r, params_hdu, (double)(*dst)->nparams, params->nrows, err);
+        return rx_error_at(err, RX_INPUT, r->path, hdu, 0,
+                           "its nodes make no network: %s; make the model again", why.text);
+    if (status != RX_OK)
+        return rx_error_take(err, &why);
     for (long i = 0; i < params->nrows; i++) {
         if (!isfinite(values[i]))
             return rx_error_at(err, RX_INPUT, r->path, params_hdu, 0,
@@ -482,19 +434,18 @@ static rx_status make_net(const reader *r, const rx_table *nodes, int hdu, const
 
 static rx_status read_net(const reader *r, const char *name, int needed, rx_net **dst, rx_error *err)
 {
-    static const char *const value[] = {"VALUE"};
     char extname[40];
     rx_table *nodes = NULL, *params = NULL;
     int hdu = -1, params_hdu = -1;
+    rx_status status;
     snprintf(extname, sizeof extname, "%s_NODES", name);
-    rx_status status =
-        read_columns(r, (columns){extname, node_columns, "TIIIIII", needed}, &nodes, &hdu, err);
-    if (status == RX_OK && nodes != NULL) {
+    RX_TRY_EXIT(read_columns(r, extname, &node_layout, needed, &nodes, &hdu, err));
+    if (nodes != NULL) {
         snprintf(extname, sizeof extname, "%s_PARAMS", name);
-        status = read_columns(r, (columns){extname, value, "F", 1}, &params, &params_hdu, err);
-        if (status == RX_OK)
-            status = make_net(r, nodes, hdu, params, params_hdu, dst, err);
+        RX_TRY_EXIT(read_columns(r, extname, &params_layout, 1, &params, &params_hdu, err));
+        status = make_net(r, nodes, hdu, params, params_hdu, dst, err);
     }
+exit:
     rx_table_free(nodes);
     rx_table_free(params);
     return status;
@@ -530,30 +481,22 @@ static rx_status read_bins(const reader *r, rx_error *err)
 {
     rx_model *m = r->model;
     rx_table *table = NULL;
-    int hdu = -1, needed = m->nfwhm > 0 && m->nsigma > 0;
-    rx_status status =
-        read_columns(r, (columns){"DICTIONARY", bin_columns, "DDDDDDDDDD", needed}, &table, &hdu, err);
-    if (status != RX_OK || table == NULL)
+    int hdu = -1;
+    rx_status status;
+    RX_TRY_EXIT(read_columns(r, "DICTIONARY", &bin_layout, m->nfwhm > 0 && m->nsigma > 0, &table, &hdu, err));
+    if (table == NULL)
         goto exit;
-    if (table->nrows != (long)m->nfwhm * m->nsigma) {
-        status = rx_error_at(err, RX_INPUT, r->path, hdu, 0,
-                             "the dictionary has %ld bins, the header says %d x %d; make the model again",
-                             table->nrows, m->nfwhm, m->nsigma);
-        goto exit;
-    }
+    if (table->nrows != (long)m->nfwhm * m->nsigma)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, r->path, hdu, 0,
+                                "the dictionary has %ld bins, the header says %d x %d; make the model again",
+                                table->nrows, m->nfwhm, m->nsigma));
     RX_TRY_EXIT(RX_MAKE(m->bins, (size_t)table->nrows, err));
     for (long i = 0; i < table->nrows; i++) {
-        double v[NBIN_COLUMNS];
-        for (int c = 0; c < NBIN_COLUMNS; c++)
-            v[c] = rx_column_value(&table->columns[c], i, 0);
-        m->bins[i] = (rx_model_bin){.fwhm = {v[0], v[1]},
-                                    .sigma = {v[2], v[3]},
-                                    .loss = v[4],
-                                    .list = v[5],
-                                    .recall = v[6],
-                                    .bias = v[7],
-                                    .scatter = v[8],
-                                    .images = v[9] >= 0 && v[9] < 1e15 ? (long)v[9] : 0};
+        int c = 0;
+        for (; bin_layout.kinds[c] == 'D'; c++)
+            memcpy((char *)&m->bins[i] + bin_layout.column[c].offset,
+                   (const double *)table->columns[c].data + i, sizeof(double));
+        m->bins[i].images = (long)((const int64_t *)table->columns[c].data)[i];
     }
     if (!is_grid(m))
         status =
@@ -566,11 +509,10 @@ exit:
 
 static rx_status read_provenance(const reader *r, rx_error *err)
 {
-    static const char *const name[] = {"LINE"};
     rx_table *table = NULL;
     rx_text text = {0};
     int hdu = -1;
-    rx_status status = read_columns(r, (columns){"PROVENANCE", name, "T", 0}, &table, &hdu, err);
+    rx_status status = read_columns(r, "PROVENANCE", &lines_layout, 0, &table, &hdu, err);
     for (long i = 0; status == RX_OK && table != NULL && i < table->nrows; i++) {
         const rx_column *column = &table->columns[0];
         const char *line = (const char *)column->data + (size_t)i * (size_t)column->text_width;

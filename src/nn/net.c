@@ -158,24 +158,25 @@ static void lay_out(rx_net *net)
     net->nparams = next;
 }
 
-rx_status rx_net_new(const rx_node *nodes, int nnodes, rx_net **dst, rx_error *err)
+rx_status rx_net_new(const rx_node *nodes, int nnodes, long nparams, rx_net **dst, rx_error *err)
 {
-    rx_status status = RX_OK;
-    *dst = NULL;
+    rx_status status;
     rx_net *net;
+    *dst = NULL;
     RX_TRY(RX_MAKE(net, 1, err));
     net->nnodes = nnodes;
     if (nnodes > 0 && nnodes <= RX_NET_NODES)
         memcpy(net->node, nodes, (size_t)nnodes * sizeof *nodes);
     net->node[0].src = net->node[0].add = -1;
     net->node[0].level = 0;
-    status = check(net->node, nnodes, err);
-    if (status)
-        goto exit;
+    RX_TRY_EXIT(check(net->node, nnodes, err));
     lay_out(net);
+    if (nparams >= 0 && net->nparams != nparams)
+        RX_TRY_EXIT(
+            rx_error_set(err, RX_INPUT, "it needs %ld parameters, the table has %ld", net->nparams, nparams));
     RX_TRY_EXIT(RX_MAKE(net->params, (size_t)net->nparams, err));
     *dst = net;
-    net = NULL;
+    return RX_OK;
 exit:
     rx_net_free(net);
     return status;

@@ -63,9 +63,9 @@ typedef struct rx_net {
                       node by node */
 } rx_net;
 
-/* Checks the list (only op .. stride are read), lays the parameters out, zeroed. *dst is freed by
- * rx_net_free(). Errors: RX_INPUT (says which node and why), RX_SYSTEM. */
-rx_status rx_net_new(const rx_node *nodes, int nnodes, rx_net **dst, rx_error *err);
+/* Checks the list (only op .. stride are read), lays the parameters out, zeroed; nparams: how many the caller has for them,
+ * -1: none yet. *dst is freed by rx_net_free(). Errors: RX_INPUT (says which node and why), RX_SYSTEM. */
+rx_status rx_net_new(const rx_node *nodes, int nnodes, long nparams, rx_net **dst, rx_error *err);
 void rx_net_free(rx_net *net); /* NULL is fine */
 
 /* He (2015, arXiv 1502.01852) normal initialisation from (seed, stream), biases 0. Convolutions whose output

@@ -101,5 +101,5 @@ rx_status rx_psfnet_new(const rx_psfnet_shape *shape, int inputs, rx_net **dst, 
     for (int i = 0; i < shape->blocks; i++)
         trunk = residual(&b, trunk, 4 * shape->width, shape->kernel);
     decoder(&b, shape, trunk, skip);
-    return rx_net_new(b.node, b.n, dst, err);
+    return rx_net_new(b.node, b.n, -1, dst, err);
 }

@@ -5,130 +5,246 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "nn/conv.h"
+#include "nn/direct.h"
 #include "nn/layers.h"
-#include "nn/net_planes.h"
+
+/* A convolution there and back, on the kernels of nn/direct.h; planes are floats [height][width][channels] with 0 beyond the
+ * border, which a copy with a border stands in for.
+ *
+ *   y  = relu?(add? + b + sum w x)
+ *   dx : the convolution of dy, 0 between its pixels where the stride is 2, with the kernel turned round
+ *   dw = sum over pixels of x dy,  db = sum over pixels of dy      (dy by what is before sum and cut) */
+typedef struct conv {
+    rx_conv_shape shape; /* of planes without a border */
+    int fine;
+    rx_direct *forward, *backward; /* owned, like all below; NULL: no convolution */
+    float *turned;                 /* [in][out][k][k]: the weights of the way back */
+    float *packed;                 /* [k][k][in][out]: a gradient as the kernel leaves it */
+    float *dweights, *dbias;       /* [out][in][k][k], [out] */
+} conv;
 
 /* What one node does. */
 typedef struct node {
-    rx_plane gradient; /* in the memory of a slot */
-    rx_conv *conv;     /* NULL: no convolution */
-    int learns;        /* there are parameters in it or before it */
-    int slot;          /* -1: none yet */
+    rx_plane gradient; /* owned data */
+    conv conv;
+    int learns; /* there are parameters in it or before it */
 } node;
-
-typedef struct slot {
-    size_t bytes;
-    int busy;
-    void *data; /* owned */
-} slot;
 
 struct rx_runner {
     const rx_net *net;
     rx_node_planes at[RX_NET_NODES]; /* with memory; owned, like all below */
     node node[RX_NET_NODES];
-    slot slot[RX_NET_NODES]; /* memory of gradients */
-    int nslots;
     float *row;     /* scratch of the layers */
     float *folded;  /* weights, then biases, of a folded node */
     float *spare;   /* a gradient that is to be added to another */
     float *scratch; /* of the convolutions */
 };
 
-/* ---- plan ---- */
+/* ---- a convolution ---- */
 
-/* The smallest free slot that is large enough, else the largest free one, grown, else a new one. */
-static int take(rx_runner *r, size_t bytes)
+static size_t weights_of(const rx_conv_shape *s)
 {
-    int best = -1;
-    for (int k = 0; k < r->nslots; k++) {
-        if (r->slot[k].busy)
+    return (size_t)s->out * (size_t)s->in * (size_t)s->kernel * (size_t)s->kernel;
+}
+
+/* The shape of what runs on a plane with `before` rows and columns more above and on the left, `after` below and on
+ * the right. */
+static rx_conv_shape with_border(rx_conv_shape s, int before, int after)
+{
+    s.height += before + after;
+    s.width += before + after;
+    s.before = s.after = 0;
+    return s;
+}
+
+static rx_conv_shape shape_back(const rx_conv_shape *s)
+{
+    rx_conv_shape back = with_border(*s, s->kernel - 1 - s->before, s->before);
+    back.in = s->out;
+    back.out = s->in;
+    back.stride = 1;
+    back.sum = back.relu = 0;
+    return back;
+}
+
+/* fine: y is the plane of twice the size with the 2x2 pixels that are the 4 outputs, where the kernels can do that. */
+static rx_status open_conv(const rx_conv_shape *shape, int fine, conv *c, rx_error *err)
+{
+    const rx_conv_shape there = with_border(*shape, shape->before, shape->after), back = shape_back(shape);
+    const size_t n = weights_of(shape);
+    c->shape = *shape;
+    c->fine = fine && rx_direct_can_fine(&there);
+    RX_TRY(RX_MAKE(c->turned, n, err));
+    RX_TRY(RX_MAKE(c->packed, n, err));
+    RX_TRY(RX_MAKE(c->dweights, n, err));
+    RX_TRY(RX_MAKE(c->dbias, (size_t)(shape->out > shape->in ? shape->out : shape->in), err));
+    /* the weights come by load_conv(): here what is there, zeros */
+    RX_TRY(rx_direct_new(&there, (rx_direct_options){.fine = c->fine, .winograd = 1}, c->packed, c->dbias,
+                         &c->forward, err));
+    return rx_direct_new(&back, (rx_direct_options){.winograd = 1}, c->turned, c->dbias, &c->backward, err);
+}
+
+static void close_conv(conv *c)
+{
+    rx_direct_free(c->forward);
+    rx_direct_free(c->backward);
+    free(c->turned);
+    free(c->packed);
+    free(c->dweights);
+    free(c->dbias);
+}
+
+/* Floats of scratch that the functions below overwrite. */
+static size_t conv_scratch(const conv *c)
+{
+    const rx_conv_shape *s = &c->shape;
+    const size_t channels = (size_t)(s->in > s->out ? s->in : s->out);
+    return rx_direct_scratch() + (size_t)(s->height + s->kernel) * (size_t)(s->width + s->kernel) * channels;
+}
+
+/* weights [out][in][k][k], bias [out]; both are copied. */
+static void load_conv(conv *c, const float *weights, const float *bias)
+{
+    const rx_conv_shape *s = &c->shape;
+    const size_t in = (size_t)s->in, out = (size_t)s->out, area = (size_t)(s->kernel * s->kernel);
+    for (size_t o = 0; o < out; o++)
+        for (size_t i = 0; i < in; i++)
+            for (size_t k = 0; k < area; k++)
+                c->turned[(i * out + o) * area + area - 1 - k] = weights[(o * in + i) * area + k];
+    rx_direct_load(c->forward, weights, bias);
+    memset(c->dbias, 0, in * sizeof(float));
+    rx_direct_load(c->backward, c->turned, c->dbias);
+}
+
+/* A plane of height x width pixels, `apart` from each other, with zeros between, before and after them: so many
+ * rows and columns more. The scratch of the kernels lies behind it. */
+static rx_plane bordered(const float *src, rx_plane size, int apart, int before, int after, float *scratch)
+{
+    const size_t pixel = (size_t)size.channels, width = (size_t)(size.width * apart + before + after);
+    rx_plane dst = {.data = scratch + rx_direct_scratch(),
+                    .height = size.height * apart + before + after,
+                    .width = (int)width,
+                    .channels = size.channels};
+    float *to = dst.data;
+    for (int v = 0; v < dst.height; v++, to += width * pixel) {
+        const int y = v - before;
+        if (y < 0 || y >= size.height * apart || y % apart != 0) {
+            memset(to, 0, width * pixel * sizeof *to);
             continue;
-        size_t have = r->slot[k].bytes, had = best < 0 ? 0 : r->slot[best].bytes;
-        if (best < 0 || (had < bytes ? have > had : have >= bytes && have < had))
-            best = k;
-    }
-    if (best < 0)
-        best = r->nslots++;
-    if (r->slot[best].bytes < bytes)
-        r->slot[best].bytes = bytes;
-    r->slot[best].busy = 1;
-    return best;
-}
-
-/* A gradient lives from the last node that uses the value back to the node itself. */
-static void share_gradients(rx_runner *r)
-{
-    const rx_net *net = r->net;
-    const int end = net->nnodes - 1;
-    r->node[end].slot = take(r, rx_plane_bytes(&r->node[end].gradient));
-    for (int i = end; i > 0; i--) {
-        const int users[2] = {net->node[i].add, net->node[i].src};
-        for (int k = 0; k < 2; k++) {
-            node *other = users[k] >= 0 ? &r->node[users[k]] : NULL;
-            if (other != NULL && other->slot < 0)
-                other->slot = take(r, rx_plane_bytes(&other->gradient));
         }
-        if (i < end)
-            r->slot[r->node[i].slot].busy = 0;
+        const float *from = src + (size_t)(y / apart) * (size_t)size.width * pixel;
+        memset(to, 0, (size_t)before * pixel * sizeof *to);
+        memset(to + (width - (size_t)after) * pixel, 0, (size_t)after * pixel * sizeof *to);
+        float *row = to + (size_t)before * pixel;
+        if (apart == 1)
+            memcpy(row, from, (size_t)size.width * pixel * sizeof *to);
+        else
+            for (size_t u = 0; u < (size_t)size.width; u++) {
+                memcpy(row + 2 * u * pixel, from + u * pixel, pixel * sizeof *to);
+                memset(row + (2 * u + 1) * pixel, 0, pixel * sizeof *to);
+            }
     }
+    return dst;
 }
 
-static rx_status allocate(rx_runner *r, rx_error *err)
+static rx_plane inputs_of(const conv *c)
 {
-    size_t spare = 1;
-    for (int i = 0; i < r->net->nnodes; i++) {
-        rx_plane *planes[] = {&r->at[i].value, &r->at[i].raw};
-        for (int k = 0; k < 2; k++)
-            if (planes[k]->channels > 0 && (planes[k]->data = rx_alloc(rx_plane_bytes(planes[k]), 1)) == NULL)
-                return rx_error_memory(err, rx_plane_bytes(planes[k]));
-        spare = rx_plane_size(planes[0]) > spare ? rx_plane_size(planes[0]) : spare;
+    return (rx_plane){.height = c->shape.height, .width = c->shape.width, .channels = c->shape.in};
+}
+
+static rx_plane outputs_of(const conv *c)
+{
+    return (rx_plane){.height = c->shape.height / c->shape.stride,
+                      .width = c->shape.width / c->shape.stride,
+                      .channels = c->shape.out};
+}
+
+static void run_conv(const conv *c, const float *x, const float *add, float *y, float *scratch)
+{
+    const rx_plane from = bordered(x, inputs_of(c), 1, c->shape.before, c->shape.after, scratch);
+    rx_plane to = outputs_of(c), more = to;
+    const rx_direct_area all = {0, to.width, 0, to.height};
+    more.data = (float *)(size_t)add;
+    to.data = y;
+    if (c->fine) {
+        to.height *= 2;
+        to.width *= 2;
+        to.channels = 1;
     }
-    for (int k = 0; k < r->nslots; k++)
-        if ((r->slot[k].data = rx_alloc(r->slot[k].bytes, 1)) == NULL)
-            return rx_error_memory(err, r->slot[k].bytes);
-    for (int i = 0; i < r->net->nnodes; i++)
-        r->node[i].gradient.data = r->slot[r->node[i].slot].data;
-    r->row = RX_NEW(float, rx_net_row(r->net, r->at));
-    r->folded = RX_NEW(float, rx_net_folded(r->net));
-    r->spare = RX_NEW(float, spare);
-    return r->row != NULL && r->folded != NULL && r->spare != NULL
-               ? RX_OK
-               : rx_error_memory(err, spare * sizeof(float));
+    rx_direct_run(c->forward, &from, add != NULL ? &more : NULL, &to, all, scratch);
+}
+
+static void conv_data(const conv *c, const float *dy, float *dx, float *scratch)
+{
+    const rx_conv_shape *s = &c->shape;
+    const rx_plane from =
+        bordered(dy, outputs_of(c), s->stride, s->kernel - 1 - s->before, s->before, scratch);
+    rx_plane to = inputs_of(c);
+    to.data = dx;
+    rx_direct_run(c->backward, &from, NULL, &to, (rx_direct_area){0, to.width, 0, to.height}, scratch);
+}
+
+/* Afterwards c->dweights [out][in][k][k] and c->dbias [out] hold the gradient. */
+static void conv_weights(conv *c, const float *x, const float *dy, float *scratch)
+{
+    const rx_conv_shape *s = &c->shape;
+    const rx_plane from = bordered(x, inputs_of(c), 1, s->before, s->after, scratch);
+    rx_plane to = outputs_of(c);
+    const size_t in = (size_t)s->in, out = (size_t)s->out, area = (size_t)(s->kernel * s->kernel);
+    to.data = (float *)(size_t)dy;
+    memset(c->packed, 0, weights_of(s) * sizeof(float));
+    rx_direct_weights(s, 0, &from, &to, c->packed);
+    for (size_t o = 0; o < out; o++)
+        for (size_t i = 0; i < in; i++)
+            for (size_t k = 0; k < area; k++)
+                c->dweights[(o * in + i) * area + k] = c->packed[(k * in + i) * out + o];
+    memset(c->dbias, 0, out * sizeof(float));
+    for (size_t p = 0; p < (size_t)to.height * (size_t)to.width; p++)
+#pragma omp simd
+        for (size_t o = 0; o < out; o++)
+            c->dbias[o] += dy[p * out + o];
+}
+
+/* ---- making ---- */
+
+static rx_status plan_node(rx_runner *r, int i, size_t *scratch, rx_error *err)
+{
+    const rx_node *n = &r->net->node[i];
+    node *me = &r->node[i];
+    rx_plane *value = &r->at[i].value, *raw = &r->at[i].raw;
+    me->gradient = *value;
+    me->learns =
+        n->weight >= 0 || (i > 0 && r->node[n->src].learns) || (n->add >= 0 && r->node[n->add].learns);
+    rx_plane *const planes[] = {value, &me->gradient, raw};
+    for (int k = 0; k < 3; k++)
+        if (planes[k]->channels > 0 && (planes[k]->data = rx_alloc(rx_plane_bytes(planes[k]), 1)) == NULL)
+            return rx_error_memory(err, rx_plane_bytes(planes[k]));
+    if (n->weight < 0)
+        return RX_OK;
+    rx_conv_shape shape = rx_net_conv(r->net, i, r->at);
+    const int fine = n->op == RX_OP_UPCONV && n->add < 0;
+    if (fine)
+        shape.relu = n->relu;
+    RX_TRY(open_conv(&shape, fine, &me->conv, err));
+    const size_t mine = conv_scratch(&me->conv);
+    *scratch = mine > *scratch ? mine : *scratch;
+    return RX_OK;
 }
 
 static rx_status plan(rx_runner *r, int height, int width, rx_error *err)
 {
-    const rx_net *net = r->net;
-    rx_net_planes(net, RX_F32, height, width, r->at);
-    for (int i = 0; i < net->nnodes; i++) {
-        const rx_node *n = &net->node[i];
-        node *me = &r->node[i];
-        me->gradient = r->at[i].value;
-        me->slot = -1;
-        me->learns =
-            n->weight >= 0 || (i > 0 && r->node[n->src].learns) || (n->add >= 0 && r->node[n->add].learns);
+    size_t scratch = 1, spare = 1;
+    rx_net_planes(r->net, RX_F32, height, width, r->at);
+    for (int i = 0; i < r->net->nnodes; i++) {
+        RX_TRY(plan_node(r, i, &scratch, err));
+        const size_t size = rx_plane_size(&r->at[i].value);
+        spare = size > spare ? size : spare;
     }
-    share_gradients(r);
-    RX_TRY(allocate(r, err));
-    size_t scratch = 1;
-    for (int i = 1; i < net->nnodes; i++) {
-        const rx_node *n = &net->node[i];
-        if (n->weight < 0)
-            continue;
-        rx_conv_shape shape = rx_net_conv(net, i, r->at);
-        const int fine = n->op == RX_OP_UPCONV && n->add < 0;
-        if (fine)
-            shape.relu = n->relu;
-        RX_TRY(rx_conv_new(&shape, fine, &r->node[i].conv, err));
-        const size_t mine = rx_conv_scratch(r->node[i].conv);
-        scratch = mine > scratch ? mine : scratch;
-    }
-    r->scratch = RX_NEW(float, scratch);
-    return r->scratch != NULL ? RX_OK : rx_error_memory(err, scratch * sizeof(float));
+    RX_TRY(RX_MAKE(r->row, rx_net_row(r->net, r->at), err));
+    RX_TRY(RX_MAKE(r->folded, rx_net_folded(r->net), err));
+    RX_TRY(RX_MAKE(r->spare, spare, err));
+    return RX_MAKE(r->scratch, scratch, err);
 }
-
-/* ---- making ---- */
 
 rx_status rx_runner_new(const rx_net *net, int height, int width, rx_runner **dst, rx_error *err)
 {
@@ -158,10 +274,10 @@ void rx_runner_free(rx_runner *runner)
     if (runner == NULL)
         return;
     for (int i = 0; i < RX_NET_NODES; i++) {
-        rx_conv_free(runner->node[i].conv);
+        close_conv(&runner->node[i].conv);
+        free(runner->node[i].gradient.data);
         free(runner->at[i].value.data);
         free(runner->at[i].raw.data);
-        free(runner->slot[i].data);
     }
     free(runner->row);
     free(runner->folded);
@@ -174,10 +290,10 @@ void rx_runner_load(rx_runner *runner, const float *params)
 {
     const float *weights, *bias;
     for (int i = 1; i < runner->net->nnodes; i++) {
-        if (runner->node[i].conv == NULL)
+        if (runner->node[i].conv.forward == NULL)
             continue;
         rx_net_conv_params(runner->net, i, params, runner->folded, &weights, &bias);
-        rx_conv_load(runner->node[i].conv, weights, bias);
+        load_conv(&runner->node[i].conv, weights, bias);
     }
 }
 
@@ -210,18 +326,19 @@ void rx_runner_forward(rx_runner *runner)
         const rx_plane *src = &runner->at[n->src].value,
                        *add = n->add >= 0 ? &runner->at[n->add].value : NULL;
         rx_plane *value = &runner->at[i].value, *raw = &runner->at[i].raw;
-        const rx_conv *conv = runner->node[i].conv;
+        const conv *c = &runner->node[i].conv;
+        const int convolves = c->forward != NULL;
         if (n->op == RX_OP_UP2) {
             rx_layer_up2(src, value, add, n->relu, runner->row);
-        } else if (conv != NULL && (n->op == RX_OP_CONV || rx_conv_is_fine(conv))) {
-            rx_conv_run(conv, src->data, add != NULL ? add->data : NULL, value->data, runner->scratch);
+        } else if (n->op == RX_OP_CONV || c->fine) {
+            run_conv(c, src->data, add != NULL ? add->data : NULL, value->data, runner->scratch);
         } else {
-            if (conv != NULL)
-                rx_conv_run(conv, src->data, NULL, raw->data, runner->scratch);
+            if (convolves)
+                run_conv(c, src->data, NULL, raw->data, runner->scratch);
             if (n->op == RX_OP_UNSHUFFLE)
                 rx_layer_unshuffle(src, value);
             else
-                rx_layer_shuffle(conv != NULL ? raw : src, value);
+                rx_layer_shuffle(convolves ? raw : src, value);
             if (add != NULL || n->relu)
                 rx_layer_finish(value, add, n->relu, runner->row);
         }
@@ -235,18 +352,18 @@ static void learn(rx_runner *r, int i, const rx_plane *gradient, float *params)
 {
     const rx_node *n = &r->net->node[i];
     const rx_plane *src = &r->at[n->src].value;
-    const float *weights, *bias;
+    conv *c = &r->node[i].conv;
     float *to = params + n->weight, *to_bias = params + n->bias;
     size_t out = (size_t)n->channels;
-    rx_conv_weights(r->node[i].conv, src->data, gradient->data, r->scratch, &weights, &bias);
+    conv_weights(c, src->data, gradient->data, r->scratch);
     if (rx_node_folds(n)) {
-        rx_layer_unfold(n, src->channels, weights, to);
+        rx_layer_unfold(n, src->channels, c->dweights, to);
         for (size_t phase = 0; phase < 4; phase++)
-            rx_layer_add(bias + phase * out, to_bias, out);
+            rx_layer_add(c->dbias + phase * out, to_bias, out);
         return;
     }
-    rx_layer_add(weights, to, (size_t)n->nweights);
-    rx_layer_add(bias, to_bias, out);
+    rx_layer_add(c->dweights, to, (size_t)n->nweights);
+    rx_layer_add(c->dbias, to_bias, out);
 }
 
 /* Gradient by the source of node i, into `to`. */
@@ -260,7 +377,7 @@ static void pass_back(rx_runner *r, int i, const rx_plane *gradient, rx_plane *t
     else if (op == RX_OP_UP2)
         rx_layer_up2_back(gradient, to, r->row);
     else
-        rx_conv_data(r->node[i].conv, gradient->data, to->data, r->scratch);
+        conv_data(&r->node[i].conv, gradient->data, to->data, r->scratch);
 }
 
 /* filled[k]: the gradient of node k holds something already. */
@@ -284,7 +401,7 @@ static void backward_node(rx_runner *r, int i, float *params, const int *wanted,
         rx_layer_unshuffle(gradient, &r->at[i].raw);
         gradient = &r->at[i].raw;
     }
-    if (me->conv != NULL && params != NULL)
+    if (me->conv.forward != NULL && params != NULL)
         learn(r, i, gradient, params);
     if (!wanted[n->src])
         return;

@@ -15,7 +15,6 @@
 #include "base/memory.h"
 #include "nn/direct.h"
 #include "nn/layers.h"
-#include "nn/net_planes.h"
 
 enum { STEP = 16 }; /* input rows */
 
@@ -332,9 +331,7 @@ static void step_node(rx_stream *s, int i, rx_direct_area area)
     if (s->direct[i] != NULL && (s->fine[i] || !rx_node_folds(n))) {
         rx_direct_run(s->direct[i], &src, add, &value, area, s->scratch);
     } else if (n->op == RX_OP_UP2) {
-        if (rx_direct_can_up2(&src, &value))
-            rx_direct_up2(&src, add, n->relu, &value, area);
-        else
+        if (!rx_direct_up2(&src, add, n->relu, &value, area))
             rx_layer_up2(&src, &value, add, n->relu, s->row);
     } else {
         if (s->direct[i] != NULL)

@@ -9,7 +9,7 @@
 #include "base/min_max.h"
 #include "data/gaps.h"
 #include "data/map.h"
-#include "nn/peak.h"
+#include "nn/direct.h"
 #include "num/convolve.h"
 #include "restore/blur.h"
 #include "restore/network_forward.h"
@@ -335,7 +335,7 @@ static void report(const rx_network_forward *f, const rx_model *model, const tim
 {
     const rx_net *first = model->restore, *second = model->second;
     double peak = 0, macs = rx_net_macs(first);
-    if (rx_peak_measure(f->precision == RX_BF16 ? RX_REAL_BF16 : RX_REAL_F32, &peak, NULL) != RX_OK)
+    if (rx_direct_peak(f->precision == RX_BF16 ? RX_REAL_BF16 : RX_REAL_F32, &peak, NULL) != RX_OK)
         return;
     for (int i = 1; i < first->nnodes; i++)
         report_node(first, i, 1, &f->cost[i], peak, log);

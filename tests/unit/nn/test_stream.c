@@ -13,7 +13,6 @@
 #include "../near.h"
 #include "base/random.h"
 #include "nn/direct.h"
-#include "nn/peak.h"
 #include "nn/psfnet.h"
 #include "nn/runner.h"
 #include "nn/stream.h"
@@ -230,7 +229,7 @@ static void a_peak(void **state)
 {
     (void)state;
     double flops = 0;
-    assert_int_equal(rx_peak_measure(RX_REAL_F32, &flops, NULL), RX_OK);
+    assert_int_equal(rx_direct_peak(RX_REAL_F32, &flops, NULL), RX_OK);
     assert_between(flops, 1e7, 1e13);
 }
 
