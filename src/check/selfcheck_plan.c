@@ -8,7 +8,7 @@
 #include "check/quality.h"
 #include "measure/aperture.h"
 #include "simulate/inject.h"
-#include "simulate/population.h"
+#include "simulate/scene.h"
 
 /* 3 mag brighter to 1.5 mag fainter than the limit: from certain to hopeless. */
 static const double BRIGHTER = 3.0, FAINTER = 1.5;

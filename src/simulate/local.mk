@@ -1,11 +1,10 @@
 librextract_la_SOURCES += src/simulate/optics.c src/simulate/optics.h
 librextract_la_SOURCES += src/simulate/render.c src/simulate/render.h
-librextract_la_SOURCES += src/simulate/noise.c src/simulate/noise_normals.c src/simulate/noise_poisson.c src/simulate/cosmic_rays.c src/simulate/cosmic_rays.h src/simulate/noise.h
+librextract_la_SOURCES += src/simulate/noise.c src/simulate/noise.h
 librextract_la_SOURCES += src/simulate/scene.c src/simulate/scene.h
-librextract_la_SOURCES += src/simulate/population.c src/simulate/population.h
-librextract_la_SOURCES += src/simulate/galaxy.c src/simulate/sersic.c src/simulate/sersic.h
+librextract_la_SOURCES += src/simulate/draw.c src/simulate/sersic.c src/simulate/sersic.h
 librextract_la_SOURCES += src/simulate/templates.c src/simulate/templates.h
-librextract_la_SOURCES += src/simulate/template_draw.c src/simulate/template_isolate.c src/simulate/template_isolate.h
+librextract_la_SOURCES += src/simulate/template_isolate.c
 librextract_la_SOURCES += src/simulate/truth.c src/simulate/truth.h
 librextract_la_SOURCES += src/simulate/coadd.c src/simulate/coadd.h
 librextract_la_SOURCES += src/simulate/inject.c src/simulate/inject.h

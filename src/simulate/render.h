@@ -28,7 +28,7 @@ rx_status rx_render_blocks(const rx_scene *scene, int n, const rx_optics *const 
 
 /* Surface brightness of one galaxy or template, added to a grid of cells: cell (i, j) is centred on pixel
  * position (x0 + i * step, y0 + j * step). What lies outside the grid is lost; over the plane the sum is
- * object->flux. A cell's value does not depend on where the grid ends: blocks draw their parts. (galaxy.c) */
+ * object->flux. A cell's value does not depend on where the grid ends: blocks draw their parts. (draw.c) */
 typedef struct rx_fine_grid {
     int width, height; /* cells */
     double x0, y0, step;

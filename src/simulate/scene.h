@@ -110,6 +110,10 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
                         rx_error *err);
 void rx_scene_free(rx_scene *scene); /* NULL is fine; the templates stay */
 
+/* Half-light radius (arcsec) of galaxies of that magnitude; deviate: standard normal. */
+double rx_population_radius(double mag, double deviate);
+#define RX_POPULATION_SCATTER 0.45 /* of its natural logarithm */
+
 /* Room for n objects, all zero. */
 rx_status rx_scene_new(int width, int height, long n, rx_scene **dst, rx_error *err);
 

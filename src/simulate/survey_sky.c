@@ -7,7 +7,6 @@
 #include "base/memory.h"
 #include "num/convolve.h"
 #include "simulate/coadd.h"
-#include "simulate/cosmic_rays.h"
 #include "simulate/noise.h"
 
 /* Slots of a sample's key, beyond those of scenes.c. */

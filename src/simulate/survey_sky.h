@@ -17,7 +17,7 @@
  *   dark     1 to 3 Gaussian holes, sigmas from 3 FWHM to 60 pixels, 0.3..10 noise units deep (log-uniform).
  *            Waves and holes are in x and in what is true of it alike: light that the data have, above or
  *            below the sky.
- *   defects  Cosmic rays (simulate/cosmic_rays.h), 3 in a patch on average, a noise unit being 5..100
+ *   defects  Cosmic rays (simulate/noise.h), 3 in a patch on average, a noise unit being 5..100
  *            electrons, and up to two bad columns or parts of them, 1..30 noise units above or below
  *            (log-uniform). In x alone.
  *   psf      On top of psf_error: errors of 3 % in FWHM, 0.03 in b/a, 5 % in beta (rms); of every other PSF that

@@ -1,5 +1,5 @@
 /* From a cut-out to its object. */
-#include "simulate/template_isolate.h"
+#include "simulate/templates.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -16,7 +16,7 @@
 #define KEPT 5.0 /* sigma of the fine one: pixels as they are */
 #define LEAST_PIXELS 9
 
-enum { SEAM = 1, BORDER_SHARE = 8, LEAST_BORDER = 3 };
+enum { BORDER_SHARE = 8, LEAST_BORDER = 3 };
 
 typedef struct workshop {
     int width, height;
@@ -32,10 +32,7 @@ typedef struct workshop {
 static void close_workshop(workshop *w)
 {
     free(w->raw);
-    free(w->fine);
-    free(w->wide);
     free(w->bad);
-    free(w->inside);
     free(w->stack);
     free(w->scratch);
 }
@@ -45,16 +42,13 @@ static rx_status open_workshop(const float *pixels, const unsigned char *mask, i
 {
     size_t n = (size_t)width * (size_t)height;
     *w = (workshop){.width = width, .height = height, .n = n};
-    w->raw = RX_NEW(float, n);
-    w->fine = RX_NEW(float, n);
-    w->wide = RX_NEW(float, n);
-    w->bad = RX_NEW(unsigned char, n);
-    w->inside = RX_NEW(unsigned char, n);
-    w->stack = RX_NEW(long, n);
-    w->scratch = RX_NEW(double, n);
-    if (w->raw == NULL || w->fine == NULL || w->wide == NULL || w->bad == NULL || w->inside == NULL ||
-        w->stack == NULL || w->scratch == NULL)
-        return rx_error_memory(err, n * sizeof(double));
+    RX_TRY(RX_MAKE(w->raw, 3 * n, err));
+    RX_TRY(RX_MAKE(w->bad, 2 * n, err));
+    RX_TRY(RX_MAKE(w->stack, n, err));
+    RX_TRY(RX_MAKE(w->scratch, n, err));
+    w->fine = w->raw + n;
+    w->wide = w->fine + n;
+    w->inside = w->bad + n;
     for (size_t i = 0; i < n; i++) {
         w->bad[i] = !isfinite(pixels[i]) || (mask != NULL && mask[i] != 0);
         w->raw[i] = w->bad[i] ? 0.0f : pixels[i];
@@ -252,8 +246,7 @@ rx_status rx_template_isolate(const float *pixels, const unsigned char *mask, in
         status = measure_noise(&w, sky, err);
     if (status != RX_OK || flood(&w, brightest(&w)) <= LEAST_PIXELS)
         goto exit;
-    for (int i = 0; i < SEAM; i++)
-        add_seam(&w);
+    add_seam(&w);
     status = crop(&w, dst, err);
     if (status == RX_OK && dst->pixels != NULL) {
         measure_shape(dst);

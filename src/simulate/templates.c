@@ -15,7 +15,6 @@
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "psf/psf.h"
-#include "simulate/template_isolate.h"
 
 #define PIXEL_FWHM2 0.46209812037 /* 8 ln 2 / 12: a pixel as a Gaussian of its variance */
 
@@ -24,7 +23,6 @@ enum { MOST_LIST_BYTES = 1 << 24, NAME = 1024, MOST_PSF = 129 };
 /* What is read, and what is known of it. */
 typedef struct reading {
     rx_templates *all;
-    int room;
     double pixel_scale, min_snr;
     rx_log *log;
     int faint, empty;
@@ -89,12 +87,6 @@ static int is_ours(rx_status status)
     return status == RX_SYSTEM || status == RX_INTERRUPTED;
 }
 
-static rx_status pass_on(rx_status status, const rx_error *error, rx_error *err)
-{
-    rx_error_take(err, error);
-    return status;
-}
-
 /* --- one template --- */
 
 /* The square around the brightest pixel, as large as the image and MOST_PSF allow. */
@@ -110,9 +102,7 @@ static rx_status cut_psf(const float *pixels, int width, int height, float **dst
     for (int i = 0; i < 4; i++)
         half = sides[i] < half ? sides[i] : half;
     *size = 2 * half + 1;
-    *dst = RX_NEW(float, (size_t)*size *(size_t)*size);
-    if (*dst == NULL)
-        return rx_error_memory(err, (size_t)*size * (size_t)*size * sizeof(float));
+    RX_TRY(RX_MAKE(*dst, (size_t)*size * (size_t)*size, err));
     for (int i = 0; i < *size * *size; i++) {
         float value = pixels[(size_t)(y - half + i / *size) * (size_t)width + (size_t)(x - half + i % *size)];
         (*dst)[i] = isfinite(value) ? value : 0.0f;
@@ -136,7 +126,7 @@ static rx_status psf_fwhm(const char *name, rx_log *log, double *dst, rx_error *
     free(pixels);
     *dst = status == RX_OK && fwhm > 0.0 ? sqrt(fwhm * fwhm + PIXEL_FWHM2) : 0.0;
     if (is_ours(status))
-        return pass_on(status, &error, err);
+        return rx_error_take(err, &error);
     if (status != RX_OK)
         rx_log_warning(log, "%s: no width can be measured on this PSF of a template; it counts as unknown",
                        name);
@@ -152,15 +142,10 @@ static rx_status keep(reading *to, rx_template *source, rx_error *err)
         free(source->pixels);
         return RX_OK;
     }
-    if (to->all->n == to->room) {
-        int room = 2 * to->room + 16;
-        rx_template *list = rx_regrow(to->all->list, (size_t)room, sizeof *list);
-        if (list == NULL) {
-            free(source->pixels);
-            return rx_error_memory(err, (size_t)room * sizeof *list);
-        }
-        to->all->list = list;
-        to->room = room;
+    const rx_status status = RX_GROW(to->all->list, (size_t)to->all->n + 1, err);
+    if (status != RX_OK) {
+        free(source->pixels);
+        return status;
     }
     to->all->list[to->all->n++] = *source;
     return RX_OK;
@@ -212,7 +197,7 @@ static rx_status open_catalogue(const char *path, rx_table **dst, rx_error *err)
     rx_status status = rx_fits_read_table(path, 0, &table, &error);
     *dst = NULL;
     if (status != RX_OK)
-        return is_ours(status) ? pass_on(status, &error, err) : RX_OK;
+        return is_ours(status) ? rx_error_take(err, &error) : RX_OK;
     int file = rx_table_find(table, "GAL_FILENAME"), hdu = rx_table_find(table, "GAL_HDU");
     if (file >= 0 && hdu >= 0 && table->columns[file].type == RX_CELL_TEXT &&
         table->columns[hdu].type != RX_CELL_TEXT)
@@ -262,10 +247,8 @@ static rx_status add_catalogue(reading *to, const char *path, const rx_table *ta
             snprintf(psf + strlen(psf), NAME - strlen(psf), "[%d]", (int)psf_hdu);
         else
             psf[0] = '\0';
-        rx_status status = add_image(to, image, (int)hdu, number_in(table, "NOISE_MEAN", row, 0.0),
-                                     number_in(table, "PIXEL_SCALE", row, 0.0), psf, err);
-        if (status != RX_OK)
-            return status;
+        RX_TRY(add_image(to, image, (int)hdu, number_in(table, "NOISE_MEAN", row, 0.0),
+                         number_in(table, "PIXEL_SCALE", row, 0.0), psf, err));
     }
     return RX_OK;
 }

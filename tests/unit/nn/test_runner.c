@@ -1,6 +1,5 @@
-/* The runner against the definition: every operation forward and backward, random graphs, errors, threads. */
+/* The runner against the definition: every operation forward and backward, random graphs, errors. Threads: train/test_learner. */
 #include <math.h>
-#include <pthread.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,9 +8,6 @@
 #include <string.h>
 
 #include <cmocka.h>
-#ifdef _OPENMP
-#include <omp.h>
-#endif
 
 #include "base/random.h"
 #include "nn/runner.h"
@@ -21,7 +17,7 @@ static rx_net *make(const rx_node *nodes, int n, uint64_t seed)
 {
     rx_error err = RX_ERROR_NONE;
     rx_net *net = NULL;
-    if (rx_net_new(nodes, n, &net, &err))
+    if (rx_net_new(nodes, n, -1, &net, &err))
         fail_msg("%s", err.text);
     rx_net_initialise(net, seed, 1, 1, 1);
     for (int i = 1; i < n; i++)
@@ -179,39 +175,6 @@ static void test_transposed(void **state)
             }
 }
 
-static void test_shuffles(void **state)
-{
-    (void)state;
-    for (int a = 0; a < CHANNELS; a++) {
-        int c = channels[a];
-        rx_node nodes[] = {node(RX_OP_INPUT, 0, c, 0, 0), node(RX_OP_UNSHUFFLE, 0, 4 * c, 0, 0),
-                           node(RX_OP_CONV, 1, 4 * c, 1, 1), node(RX_OP_SHUFFLE, 2, c, 0, 0)};
-        nodes[1].relu = nodes[3].relu = 1;
-        nodes[3].add = 0;
-        check_nodes(nodes, 4, 6, 10);
-        rx_node more[] = {nodes[0], node(RX_OP_CONV, 0, 4 * c, 3, 2), nodes[1], nodes[2]};
-        more[2].add = 1;
-        more[3].src = 2;
-        check_nodes(more, 4, 6, 10);
-    }
-}
-
-static void test_up2(void **state)
-{
-    (void)state;
-    for (int a = 0; a < CHANNELS; a++)
-        for (int relu = 0; relu < 2; relu++) {
-            int c = channels[a];
-            rx_node nodes[] = {node(RX_OP_INPUT, 0, c, 0, 0), node(RX_OP_CONV, 0, c, 3, 2),
-                               node(RX_OP_UP2, 1, c, 0, 0)};
-            nodes[2].relu = relu;
-            nodes[2].add = relu ? 0 : -1;
-            check_nodes(nodes, 3, 10, 6);
-            check_nodes(nodes, 3, 2, 2);
-            check_nodes(nodes, 3, 2, 8);
-        }
-}
-
 static void test_upconv(void **state)
 {
     (void)state;
@@ -347,79 +310,6 @@ static void test_random_graphs(void **state)
     assert_true(most > 20);
 }
 
-/* Gradients against differences of the reference in double, along a random direction. */
-static void test_finite_differences(void **state)
-{
-    (void)state;
-    rx_node nodes[] = {
-        node(RX_OP_INPUT, 0, 3, 0, 0), node(RX_OP_UNSHUFFLE, 0, 12, 0, 0), node(RX_OP_CONV, 1, 16, 3, 1),
-        node(RX_OP_CONV, 2, 32, 3, 2), node(RX_OP_CONV, 3, 32, 3, 1),      node(RX_OP_CONV, 4, 32, 3, 1),
-        node(RX_OP_CONV, 5, 16, 1, 1), node(RX_OP_UP2, 6, 16, 0, 0),       node(RX_OP_UPCONV, 7, 1, 3, 1)};
-    nodes[2].relu = nodes[3].relu = nodes[4].relu = nodes[7].relu = 1;
-    nodes[5].add = 3;
-    nodes[7].add = 2;
-    enum { N = 9, SIDE = 16 };
-    rx_net *net = make(nodes, N, 4);
-    both b = reference_of(net, SIDE, SIDE);
-    ref_plane *in = &b.ref->node[0], *out = reference_output(b.ref);
-    rx_runner *r = runner(net, SIDE, SIDE);
-    float *dparams = calloc((size_t)net->nparams, sizeof *dparams);
-    random_values(rx_runner_input(r), in->value, ref_size(in), 6);
-    rx_runner_forward(r);
-    random_values(rx_runner_output_gradient(r), out->gradient, ref_size(out), 8);
-    rx_runner_backward(r, dparams, 1);
-    const double step = 1e-7;
-    for (int by_input = 0; by_input < 2; by_input++) {
-        double *value = by_input ? in->value : b.params, loss[2] = {0}, slope = 0;
-        const float *gradient = by_input ? rx_runner_input_gradient(r) : dparams;
-        long n = by_input ? ref_size(in) : net->nparams;
-        for (int side = 0; side < 2; side++) {
-            for (long i = 0; i < n; i++)
-                value[i] += (side ? -2 : 1) * step * rx_random_normal(9, 1, (uint64_t)i);
-            reference_forward(b.ref, b.params);
-            for (long i = 0; i < ref_size(out); i++)
-                loss[side] += out->value[i] * out->gradient[i];
-        }
-        for (long i = 0; i < n; i++) {
-            slope += (double)gradient[i] * rx_random_normal(9, 1, (uint64_t)i);
-            value[i] += step * rx_random_normal(9, 1, (uint64_t)i);
-        }
-        double want = (loss[0] - loss[1]) / (2 * step);
-        assert_true(fabs(want) > 0.1);
-        assert_true(fabs(slope - want) < 1e-4 * fabs(want));
-    }
-    free(dparams);
-    rx_runner_free(r);
-    both_free(&b);
-    rx_net_free(net);
-}
-
-/* Only the gradient by the input is wanted: the same bytes, and no array for the parameters. */
-static void test_input_gradient_alone(void **state)
-{
-    (void)state;
-    rx_node nodes[] = {node(RX_OP_INPUT, 0, 2, 0, 0), node(RX_OP_CONV, 0, 8, 3, 1),
-                       node(RX_OP_CONV, 1, 2, 3, 1)};
-    nodes[2].add = 0;
-    rx_net *net = make(nodes, 3, 2);
-    rx_runner *r = runner(net, 8, 8);
-    float *dparams = calloc((size_t)net->nparams, sizeof *dparams), first[128];
-    for (int i = 0; i < 128; i++)
-        rx_runner_input(r)[i] = (float)rx_random_normal(1, 1, (uint64_t)i);
-    rx_runner_forward(r);
-    for (int turn = 0; turn < 2; turn++) {
-        for (int i = 0; i < 128; i++)
-            rx_runner_output_gradient(r)[i] = (float)rx_random_normal(2, 1, (uint64_t)i);
-        rx_runner_backward(r, turn ? NULL : dparams, 1);
-        if (turn == 0)
-            memcpy(first, rx_runner_input_gradient(r), sizeof first);
-    }
-    assert_memory_equal(first, rx_runner_input_gradient(r), sizeof first);
-    free(dparams);
-    rx_runner_free(r);
-    rx_net_free(net);
-}
-
 static void test_load(void **state)
 {
     (void)state;
@@ -460,121 +350,16 @@ static void test_refused(void **state)
     rx_net_free(net);
 }
 
-/* ---- threads ---- */
-
-enum { SIDE = 48, TURNS = 4 };
-
-typedef struct work {
-    const rx_net *net;
-    uint64_t stream;
-    float output[SIDE * SIDE], *dparams;
-    rx_status status;
-} work;
-
-static void turn(rx_runner *r, work *w)
-{
-    rx_runner_load(r, w->net->params);
-    for (long i = 0; i < SIDE * SIDE * 3L; i++)
-        rx_runner_input(r)[i] = (float)rx_random_normal(3, w->stream, (uint64_t)i);
-    rx_runner_forward(r);
-    memcpy(w->output, rx_runner_output(r), sizeof w->output);
-    memcpy(rx_runner_output_gradient(r), w->output, sizeof w->output);
-    memset(w->dparams, 0, (size_t)w->net->nparams * sizeof(float));
-    rx_runner_backward(r, w->dparams, 0);
-}
-
-static void *whole(void *argument)
-{
-    work *w = argument;
-    rx_runner *r = NULL;
-    w->status = rx_runner_new(w->net, SIDE, SIDE, &r, NULL);
-    for (int i = 0; i < TURNS && !w->status; i++)
-        turn(r, w);
-    rx_runner_free(r);
-    return NULL;
-}
-
-static rx_net *thread_net(void)
-{
-    rx_node nodes[] = {node(RX_OP_INPUT, 0, 3, 0, 0),       node(RX_OP_CONV, 0, 16, 3, 1),
-                       node(RX_OP_CONV, 1, 32, 3, 2),       node(RX_OP_CONV, 2, 32, 3, 1),
-                       node(RX_OP_TRANSPOSED, 3, 16, 4, 2), node(RX_OP_CONV, 4, 1, 3, 1)};
-    nodes[1].relu = nodes[2].relu = nodes[4].relu = 1;
-    nodes[3].add = 2;
-    nodes[4].add = 1;
-    return make(nodes, 6, 5);
-}
-
-static void same_work(const work *a, const work *b)
-{
-    assert_int_equal(a->status, RX_OK);
-    assert_memory_equal(a->output, b->output, sizeof a->output);
-    assert_memory_equal(a->dparams, b->dparams, (size_t)a->net->nparams * sizeof(float));
-}
-
-/* Two runners at once in OpenMP threads, in POSIX threads, and one made in one thread and used in another, to
- * the same bits as one after the other; the caller's number of threads is left as it was. */
-static void test_threads(void **state)
-{
-    (void)state;
-    rx_net *net = thread_net();
-    work *w = calloc(6, sizeof *w);
-    for (int i = 0; i < 6; i++) {
-        w[i].net = net;
-        w[i].stream = (uint64_t)(i % 2);
-        w[i].dparams = calloc((size_t)net->nparams, sizeof(float));
-    }
-#ifdef _OPENMP
-    int before = omp_get_max_threads();
-#endif
-    whole(&w[0]);
-    whole(&w[1]);
-#pragma omp parallel for num_threads(2) schedule(static, 1)
-    for (int i = 2; i < 4; i++)
-        whole(&w[i]);
-    pthread_t thread[2];
-    for (int i = 0; i < 2; i++)
-        assert_int_equal(pthread_create(&thread[i], NULL, whole, &w[4 + i]), 0);
-    for (int i = 0; i < 2; i++)
-        assert_int_equal(pthread_join(thread[i], NULL), 0);
-#ifdef _OPENMP
-    assert_int_equal(omp_get_max_threads(), before);
-#endif
-    assert_memory_not_equal(w[0].output, w[1].output, sizeof w[0].output);
-    for (int i = 2; i < 6; i++)
-        same_work(&w[i], &w[i % 2]);
-
-    rx_runner *r[2];
-    for (int i = 0; i < 2; i++)
-        r[i] = runner(net, SIDE, SIDE);
-#pragma omp parallel for num_threads(2) schedule(static, 1)
-    for (int i = 0; i < 2; i++)
-        turn(r[1 - i], &w[2 + i]);
-    for (int i = 0; i < 2; i++) {
-        same_work(&w[2 + i], &w[i]);
-        rx_runner_free(r[i]);
-    }
-    for (int i = 0; i < 6; i++)
-        free(w[i].dparams);
-    free(w);
-    rx_net_free(net);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_conv),
-        cmocka_unit_test(test_transposed),
-        cmocka_unit_test(test_shuffles),
-        cmocka_unit_test(test_up2),
-        cmocka_unit_test(test_upconv),
-        cmocka_unit_test(test_orientation),
+        cmocka_unit_test(test_conv),          cmocka_unit_test(test_transposed),
+
+        cmocka_unit_test(test_upconv),        cmocka_unit_test(test_orientation),
         cmocka_unit_test(test_random_graphs),
-        cmocka_unit_test(test_finite_differences),
-        cmocka_unit_test(test_input_gradient_alone),
-        cmocka_unit_test(test_load),
-        cmocka_unit_test(test_refused),
-        cmocka_unit_test(test_threads),
+
+        cmocka_unit_test(test_load),          cmocka_unit_test(test_refused),
+
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

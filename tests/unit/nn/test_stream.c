@@ -187,7 +187,7 @@ static void other_graphs(void **state)
                 {.op = RX_OP_CONV, .src = 3, .add = -1, .channels = 7, .kernel = 1, .stride = 1},
                 {.op = RX_OP_CONV, .src = 4, .add = -1, .channels = 1, .kernel = 5, .stride = 1}};
             rx_net *net = NULL;
-            assert_int_equal(rx_net_new(nodes, N, &net, NULL), RX_OK);
+            assert_int_equal(rx_net_new(nodes, N, -1, &net, NULL), RX_OK);
             rx_net_initialise(net, 9, k, 1, 1);
             both_precisions(net);
         }

@@ -120,14 +120,15 @@ static void step_is_the_trained_one(void **state)
         bench *b = bench_new(4, 0);
         rx_fft *fft = whole(MARGIN);
         rx_rl_step *step = NULL;
+        rx_rl_kernel kernel = {.spectrum = rx_fft_complex(fft)};
         float *f = rx_fft_real(fft), *x = rx_fft_real(fft), *weight = rx_fft_real(fft),
               *out = rx_fft_real(fft);
         float stamp[129 * 129];
         int size = 0;
         assert_int_equal(rx_deblur_relative_size(b->psf->basis, b->psf->size, 2, 129, &size, NULL), RX_OK);
         assert_int_equal(rx_deblur_relative(b->psf->basis, b->psf->size, 2, size, 1, stamp, NULL), RX_OK);
-        assert_int_equal(rx_rl_step_new(fft, &step, NULL), RX_OK);
-        rx_rl_step_kernel(step, stamp, size);
+        assert_int_equal(rx_rl_step_new(fft, &kernel, &step, NULL), RX_OK);
+        rx_rl_kernel_set(fft, stamp, size, &kernel);
         if (!masked)
             memset(b->mask, 0, sizeof b->mask);
         put(fft, MARGIN, b->f, f);
@@ -144,6 +145,7 @@ static void step_is_the_trained_one(void **state)
         free(x);
         free(weight);
         free(out);
+        free(kernel.spectrum);
         rx_rl_step_free(step);
         rx_fft_free(fft);
         bench_free(b);

@@ -302,31 +302,6 @@ static void defects_of_frames_do_not_show(void **state)
 
 /* --- the rest --- */
 
-static void frames_are_a_latin_square(void **state)
-{
-    (void)state;
-    rx_coadd_params par = DRIZZLE;
-    par.frames = 8;
-    for (int uneven = 0; uneven < 2; uneven++) {
-        int seen_x[8] = {0}, seen_y[8] = {0}, cut = 0;
-        par.uneven = uneven;
-        for (int k = 0; k < 8; k++) {
-            rx_coadd_frame f;
-            rx_coadd_frame_make(&par, 7, 1, 300, 200, k, &f);
-            seen_x[(int)floor(8.0 * (f.x0 - floor(f.x0 - 0.8) - 0.8))]++;
-            seen_y[(int)floor(8.0 * (f.y0 - floor(f.y0 - 0.8) - 0.8))]++;
-            cut += f.left > 0 || f.bottom > 0 || f.right < f.width || f.top < f.height;
-            assert_int_equal(f.depth != 1.0, uneven && k > 0);
-            assert_between(f.depth, 0.5, 2.0);
-        }
-        for (int part = 0; part < 8; part++) {
-            assert_true(seen_x[part] == 1);
-            assert_true(seen_y[part] == 1);
-        }
-        assert_int_equal(cut, uneven ? 7 : 0);
-    }
-}
-
 static void threads_change_no_byte(void **state)
 {
     (void)state;
@@ -370,7 +345,7 @@ int main(void)
         cmocka_unit_test(drizzled_noise_has_the_correlation_of_the_drops),
         cmocka_unit_test(uneven_weights_are_the_variance),
         cmocka_unit_test(defects_of_frames_do_not_show),
-        cmocka_unit_test(frames_are_a_latin_square),
+
         cmocka_unit_test(threads_change_no_byte),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -189,24 +189,6 @@ static void stops_at_saturation(void **state)
     rx_scene_free(scene);
 }
 
-static void any_number_of_threads(void **state)
-{
-    (void)state;
-    rx_scene *scene = make_scene(1e4);
-    rx_optics *optics = make_optics();
-    float *one = RX_NEW(float, N), *many = RX_NEW(float, N);
-    inject(scene, optics, 1.5, 5000.0, 9, 1, one);
-    for (int nthreads = 2; nthreads <= 3; nthreads++) {
-        memset(many, 0, N * sizeof(float));
-        inject(scene, optics, 1.5, 5000.0, 9, nthreads, many);
-        assert_memory_equal(one, many, N * sizeof(float));
-    }
-    free(one);
-    free(many);
-    rx_optics_free(optics);
-    rx_scene_free(scene);
-}
-
 /* --- where --- */
 
 typedef struct tile {
@@ -249,19 +231,6 @@ static void away_by_brute_force(void **state)
     free(t);
 }
 
-static void among_is_anywhere_unmasked(void **state)
-{
-    (void)state;
-    tile *t = make_tile();
-    assert_int_equal(rx_inject_allowed(W, H, NULL, t->mask, 0, t->allowed, NULL), RX_OK);
-    for (int i = 0; i < N; i++)
-        assert_int_equal(t->allowed[i], t->mask[i] == 0);
-    assert_int_equal(rx_inject_allowed(W, H, NULL, NULL, 5.0, t->allowed, NULL), RX_OK);
-    for (int i = 0; i < N; i++)
-        assert_int_equal(t->allowed[i], 1);
-    free(t);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -269,9 +238,9 @@ int main(void)
         cmocka_unit_test(photon_noise),
         cmocka_unit_test(photon_noise_of_a_resampled_tile),
         cmocka_unit_test(stops_at_saturation),
-        cmocka_unit_test(any_number_of_threads),
+
         cmocka_unit_test(away_by_brute_force),
-        cmocka_unit_test(among_is_anywhere_unmasked),
+
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

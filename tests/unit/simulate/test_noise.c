@@ -10,26 +10,7 @@
 #include <cmocka.h>
 
 #include "base/random.h"
-#include "simulate/cosmic_rays.h"
 #include "simulate/noise.h"
-
-/* --- random blocks in bulk --- */
-
-static void test_blocks_in_bulk(void **state)
-{
-    (void)state;
-    /* the low half of the counter runs over in the middle */
-    const uint64_t firsts[] = {0, 12345, 0xFFFFFFF0u, UINT64_MAX - 10};
-    for (int f = 0; f < 4; f++) {
-        uint32_t bulk[4 * 37], one[4];
-        rx_random_blocks(77, (uint64_t)3 << 40, firsts[f], 37, bulk);
-        for (size_t i = 0; i < 37; i++) {
-            rx_random_block(77, (uint64_t)3 << 40, firsts[f] + i, one);
-            for (size_t k = 0; k < 4; k++)
-                assert_int_equal(bulk[k * 37 + i], one[k]);
-        }
-    }
-}
 
 /* --- normal deviates --- */
 
@@ -209,26 +190,6 @@ static void mean_and_variance(const float *pixels, double *mean, double *varianc
     for (int i = 0; i < PIXELS; i++)
         square += ((double)pixels[i] - *mean) * ((double)pixels[i] - *mean);
     *variance = square / PIXELS;
-}
-
-static void test_gauss_exposure(void **state)
-{
-    (void)state;
-    rx_noise_params par = {
-        .type = RX_NOISE_GAUSS, .sky = 1000.0, .sigma = 10.0, .saturation = HUGE_VAL, .seed = 1};
-    exposure e = expose(&par, 50.0f, 2);
-    double mean, variance;
-    mean_and_variance(e.pixels, &mean, &variance);
-    assert_true(fabs(mean - 1050.0) < 4.5 * 10.0 / sqrt(PIXELS));
-    assert_true(fabs(variance - 100.0) < 4.5 * 100.0 * sqrt(2.0 / PIXELS));
-    for (int i = 0; i < PIXELS; i++)
-        assert_int_equal(e.defects[i], 0);
-    drop(&e);
-    par.type = RX_NOISE_NONE;
-    e = expose(&par, 50.0f, 2);
-    for (int i = 0; i < PIXELS; i++)
-        assert_true(e.pixels[i] == 1050.0f);
-    drop(&e);
 }
 
 /* Variance: photons (sky + light) / gain, and the read noise. */
@@ -411,12 +372,10 @@ static void test_track_distribution(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_blocks_in_bulk),
         cmocka_unit_test(test_normals_are_box_muller),
         cmocka_unit_test(test_normal_moments),
         cmocka_unit_test(test_normals_are_numbered),
         cmocka_unit_test(test_poisson),
-        cmocka_unit_test(test_gauss_exposure),
         cmocka_unit_test(test_ccd_exposure),
         cmocka_unit_test(test_threads_change_nothing),
         cmocka_unit_test(test_saturation),

@@ -1,5 +1,5 @@
-/* Scenes: counts, sizes and shapes against their sources, places, and that objects do not know of each other.
- */
+/* Scenes: counts, sizes and shapes against their sources, where objects are, and that they do not know of each
+ * other. */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,9 +14,56 @@
 #include "data/table.h"
 #include "io/fits_read.h"
 #include "num/stats.h"
-#include "scene_test.h"
-#include "simulate/population.h"
+#include "simulate/scene.h"
 #include "simulate/sersic.h"
+
+static rx_scene_params plain(void)
+{
+    return (rx_scene_params){.width = 1024,
+                             .height = 512,
+                             .zeropoint = 25.0,
+                             .pixel_scale = 0.4,
+                             .stars = {100.0, 14.0, 22.0, 0.2},
+                             .galaxies = {200.0, 16.0, 22.0, 0.4},
+                             .galaxy_kind = RX_GALAXY_MIXED,
+                             .galaxy_scale = 1.0,
+                             .seed = 5,
+                             .stream = 3};
+}
+
+static rx_scene *make(const rx_scene_params *par, const rx_templates *templates)
+{
+    rx_scene *scene = NULL;
+    rx_error err = RX_ERROR_NONE;
+    if (rx_scene_make(par, templates, &scene, &err) != RX_OK)
+        fail_msg("%s", err.text);
+    return scene;
+}
+
+/* Largest distance of the distribution of n sorted values in 0..1 from the uniform one. */
+static double distance_to_uniform(double *values, long n)
+{
+    double worst = 0.0;
+    rx_sort(values, (size_t)n);
+    for (long i = 0; i < n; i++)
+        worst = fmax(worst, fmax(fabs(values[i] - (double)i / n), fabs(values[i] - (i + 1.0) / n)));
+    return worst;
+}
+
+static void assert_same(const rx_object *a, const rx_object *b, long n)
+{
+    for (long i = 0; i < n; i++) {
+        assert_true(a[i].type == b[i].type);
+        assert_true(a[i].x == b[i].x);
+        assert_true(a[i].y == b[i].y);
+        assert_true(a[i].mag == b[i].mag);
+        assert_true(a[i].flux == b[i].flux);
+        assert_true(a[i].radius == b[i].radius);
+        assert_true(a[i].angle == b[i].angle);
+        assert_true(a[i].bulge_share == b[i].bulge_share);
+        assert_true(a[i].arm_phase == b[i].arm_phase);
+    }
+}
 
 /* --- counts --- */
 
@@ -172,12 +219,13 @@ static void test_bulge_share(void **state)
     const double want[][2] = {{0.05, 1.16}, {0.1, 1.36}, {0.15, 1.59}, {0.2, 1.85}, {0.3, 2.43}};
     rx_scene_params par = plain();
     par.galaxy_kind = RX_GALAXY_SPIRAL;
+    par.stars.count = 0.0;
+    par.galaxies.count = 5000.0;
+    rx_scene *scene = make(&par, NULL);
     double share[5000];
-    for (long i = 0; i < 5000; i++) {
-        rx_object o;
-        rx_population_galaxy(&par, i, &o);
-        share[i] = o.bulge_share;
-    }
+    for (long i = 0; i < 5000; i++)
+        share[i] = scene->objects[i].bulge_share;
+    rx_scene_free(scene);
     rx_sort(share, 5000);
     /* indices by the deciles of the sample: share of galaxies below n */
     const double decile[11] = {0.502, 0.702, 0.848, 0.941, 1.095, 1.286, 1.482, 1.887, 2.535, 3.113, 4.048};
@@ -248,29 +296,6 @@ static void test_sizes_of_sdss(void **state)
     rx_table_free(table);
 }
 
-/* Sizes of the COSMOS galaxies, three magnitudes fainter and more: flux_radius is round and holds the PSF. */
-static void test_sizes_of_cosmos(void **state)
-{
-    (void)state;
-    rx_table *table = real_table("templates/cosmos/real_galaxy_catalog_26_extension_example_fits.fits");
-    if (table == NULL) {
-        print_message("the COSMOS catalogue is absent: skipped\n");
-        skip();
-        return;
-    }
-    double residual[500], median;
-    size_t n = 0;
-    for (long i = 0; i < table->nrows && n < 500; i++)
-        residual[n++] = log(value_of(table, "flux_radius", i) * 0.03 / sqrt(0.57) /
-                            rx_population_radius(value_of(table, "HSC_r", i), 0.0));
-    double sigma = rx_sigma_mad(residual, n, &median);
-    print_message("%zu galaxies of COSMOS: median ln(r / relation) %.3f, scatter %.3f\n", n, median, sigma);
-    assert_true(fabs(median) < 0.1);
-    assert_true(sigma > 0.2);
-    assert_true(sigma < 0.5);
-    rx_table_free(table);
-}
-
 /* The indices and ratios drawn are the sample's: two-sample Kolmogorov distance of smooth galaxies. */
 static double two_samples(double *a, long na, double *b, long nb)
 {
@@ -309,20 +334,21 @@ static void test_shapes_of_cosmos(void **state)
     fclose(file);
     assert_true(n > 270);
     rx_scene_params par = plain();
-    for (long i = 0; i < 5000; i++) {
-        rx_object o;
-        rx_population_galaxy(&par, i, &o);
-        drawn[i] = o.ratio;
-    }
+    par.stars.count = 0.0;
+    par.galaxies.count = 5000.0;
+    rx_scene *scene = make(&par, NULL);
+    for (long i = 0; i < 5000; i++)
+        drawn[i] = scene->objects[i].ratio;
+    rx_scene_free(scene);
     double by_ratio = two_samples(ratio, n, drawn, 5000);
     /* in SMOOTH scenes indices below 1 and from 2.5 are those of single profiles */
     par.galaxy_kind = RX_GALAXY_SMOOTH;
+    scene = make(&par, NULL);
     for (long i = 0; i < 5000; i++) {
-        rx_object o;
-        rx_population_galaxy(&par, i, &o);
-        double b = o.bulge_share; /* the relation of scene.h turned around */
-        drawn[i] = b == 1.0 ? o.bulge_n : b == 0.0 ? 1.0 : 1.0 + b / (0.31 - 0.34 * b);
+        double b = scene->objects[i].bulge_share; /* the relation of scene.h turned around */
+        drawn[i] = b == 1.0 ? scene->objects[i].bulge_n : b == 0.0 ? 1.0 : 1.0 + b / (0.31 - 0.34 * b);
     }
+    rx_scene_free(scene);
     double by_index = two_samples(index, n, drawn, 5000);
     print_message("COSMOS sample of %ld: distance of ratios %.3f, of indices %.3f\n", n, by_ratio, by_index);
     assert_true(by_ratio < 0.05);
@@ -415,14 +441,199 @@ static void test_refused(void **state)
     rx_scene_free(NULL);
 }
 
+/* --- places --- */
+
+static void test_uniform_places(void **state)
+{
+    (void)state;
+    rx_scene_params par = plain();
+    par.galaxies.count = 0.0;
+    par.stars.count = 10000.0;
+    const double margins[] = {0.0, 30.0, -100.0};
+    for (int k = 0; k < 3; k++) {
+        par.margin = margins[k];
+        rx_scene *scene = make(&par, NULL);
+        double *u = calloc(10000, sizeof *u), *v = calloc(10000, sizeof *v);
+        for (long i = 0; i < 10000; i++) {
+            u[i] = (scene->objects[i].x + 0.5 + par.margin) / (1024.0 + 2.0 * par.margin);
+            v[i] = (scene->objects[i].y + 0.5 + par.margin) / (512.0 + 2.0 * par.margin);
+        }
+        assert_true(distance_to_uniform(u, 10000) < 0.0163);
+        assert_true(distance_to_uniform(v, 10000) < 0.0163);
+        free(u);
+        free(v);
+        rx_scene_free(scene);
+    }
+}
+
+/* Pairs of objects within r: those of a Thomas process of one clump per 65536 pixels, sigma 20:
+ * K(r) = pi r^2 + 65536 (1 - exp(-r^2 / 1600)). */
+static void test_clumps(void **state)
+{
+    (void)state;
+    rx_scene_params par = plain();
+    par.width = par.height = 1024;
+    par.stars.count = 300.0;
+    par.galaxies.count = 300.0;
+    for (int clumped = 0; clumped < 2; clumped++) {
+        double pairs = 0.0;
+        par.clustering = clumped;
+        for (par.stream = 0; par.stream < 40; par.stream++) {
+            rx_scene *scene = make(&par, NULL);
+            for (long i = 0; i < scene->n; i++)
+                for (long j = 0; j < i; j++)
+                    pairs += hypot(scene->objects[i].x - scene->objects[j].x,
+                                   scene->objects[i].y - scene->objects[j].y) < 30.0;
+            rx_scene_free(scene);
+        }
+        double area = 1024.0 * 1024.0, k = 3.14159265 * 900.0;
+        double expected = 40.0 * 0.5 * 600.0 * 600.0 / area;
+        if (clumped)
+            k += 65536.0 * (1.0 - exp(-900.0 / 1600.0));
+        /* the border takes 2 % of the pairs; the 16 clumps of a scene are more or less apart */
+        assert_true(fabs(pairs / (expected * k) - 1.0) < (clumped ? 0.15 : 0.05));
+    }
+}
+
+static void test_pairs(void **state)
+{
+    (void)state;
+    rx_scene_params par = plain();
+    par.stars.count = 5000.0;
+    par.galaxies.count = 0.0;
+    par.pair_share = 0.3;
+    par.pair_low = 2.0;
+    par.pair_high = 4.0;
+    rx_scene *scene = make(&par, NULL);
+    rx_scene_params single = par;
+    single.pair_share = 0.0;
+    rx_scene *alone = make(&single, NULL);
+    double separation[5000];
+    long pairs = 0, at = 0;
+    for (long i = 0; i < 5000; i++) {
+        const rx_object *o = &scene->objects[at++];
+        assert_same(o, &alone->objects[i], 1);
+        if (at == scene->n || (i + 1 < 5000 && scene->objects[at].x == alone->objects[i + 1].x))
+            continue;
+        const rx_object *other = &scene->objects[at++];
+        double distance = hypot(other->x - o->x, other->y - o->y);
+        assert_true(distance >= 2.0);
+        assert_true(distance <= 4.0);
+        assert_true(fabs(other->mag - o->mag) <= 0.5);
+        assert_true(fabs(other->flux / o->flux - pow(10.0, 0.4 * (o->mag - other->mag))) < 1e-12);
+        separation[pairs++] = (distance - 2.0) / 2.0;
+    }
+    assert_int_equal(at, scene->n);
+    assert_true(fabs(pairs / 5000.0 - 0.3) < 4.0 * sqrt(0.21 / 5000.0));
+    assert_true(distance_to_uniform(separation, pairs) < 1.63 / sqrt((double)pairs));
+    rx_scene_free(scene);
+    rx_scene_free(alone);
+}
+
+static void test_least_distance(void **state)
+{
+    (void)state;
+    rx_scene_params par = plain();
+    par.clustering = 0.5;
+    par.least_distance = 12.0;
+    /* a companion may be near its star, but near no other */
+    par.pair_share = 1.0;
+    par.pair_low = 3.0;
+    par.pair_high = 5.0;
+    par.galaxies.count = 0.0;
+    rx_scene *scene = make(&par, NULL);
+    assert_true(scene->n > 150);
+    for (long i = 0; i < scene->n; i++) {
+        int near = 0;
+        for (long j = 0; j < scene->n; j++)
+            near += j != i && hypot(scene->objects[i].x - scene->objects[j].x,
+                                    scene->objects[i].y - scene->objects[j].y) < 12.0;
+        assert_true(near <= 1);
+    }
+    rx_scene_free(scene);
+    /* no room: what finds no place is left out and counted */
+    par = plain();
+    par.width = par.height = 30;
+    par.least_distance = 20.0;
+    scene = make(&par, NULL);
+    assert_true(scene->n >= 2);
+    assert_true(scene->n < 8);
+    assert_true(scene->left_out == 300 - scene->n);
+    rx_scene_free(scene);
+}
+
+/* Distances that the field is no multiple of, small and large against it, on both axes. */
+static void test_any_least_distance(void **state)
+{
+    (void)state;
+    rx_scene_params par = plain();
+    par.stars.count = 400.0;
+    par.galaxies.count = 0.0;
+    const double distances[] = {9.7, 15.1, 26.0, 34.0, 51.0, 99.0};
+    for (par.stream = 0; par.stream < 20; par.stream++)
+        for (size_t k = 0; k < sizeof distances / sizeof *distances; k++) {
+            par.width = 101;
+            par.height = 68 + (int)par.stream;
+            par.least_distance = distances[k];
+            rx_scene *scene = make(&par, NULL);
+            assert_true(scene->n >= 1);
+            for (long i = 0; i < scene->n; i++)
+                for (long j = 0; j < i; j++)
+                    assert_true(hypot(scene->objects[i].x - scene->objects[j].x,
+                                      scene->objects[i].y - scene->objects[j].y) >= distances[k]);
+            rx_scene_free(scene);
+        }
+}
+
+static void test_allowed(void **state)
+{
+    (void)state;
+    rx_scene_params par = plain();
+    unsigned char *map = calloc((size_t)par.width * (size_t)par.height, 1);
+    for (int y = 100; y < 140; y++)
+        for (int x = 700; x < 800; x++)
+            map[y * par.width + x] = 1;
+    par.allowed = map;
+    par.margin = 50.0;
+    par.pair_share = 0.5;
+    par.pair_low = 1.0;
+    par.pair_high = 20.0;
+    rx_scene *scene = make(&par, NULL);
+    assert_true(scene->n > 250);
+    for (long i = 0; i < scene->n; i++) {
+        long x = lround(scene->objects[i].x), y = lround(scene->objects[i].y);
+        assert_true(x >= 700);
+        assert_true(x < 800);
+        assert_true(y >= 100);
+        assert_true(y < 140);
+    }
+    rx_scene_free(scene);
+    memset(map, 0, (size_t)par.width * (size_t)par.height);
+    par.pair_share = 0.0;
+    scene = make(&par, NULL);
+    assert_true(scene->n == 0);
+    assert_true(scene->left_out == 300);
+    rx_scene_free(scene);
+    free(map);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_counts),           cmocka_unit_test(test_independent),
-        cmocka_unit_test(test_galaxies),         cmocka_unit_test(test_bulge_share),
-        cmocka_unit_test(test_sizes_of_sdss),    cmocka_unit_test(test_sizes_of_cosmos),
-        cmocka_unit_test(test_shapes_of_cosmos), cmocka_unit_test(test_template_sizes),
+        cmocka_unit_test(test_counts),
+        cmocka_unit_test(test_independent),
+        cmocka_unit_test(test_galaxies),
+        cmocka_unit_test(test_bulge_share),
+        cmocka_unit_test(test_sizes_of_sdss),
+        cmocka_unit_test(test_shapes_of_cosmos),
+        cmocka_unit_test(test_template_sizes),
         cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_uniform_places),
+        cmocka_unit_test(test_clumps),
+        cmocka_unit_test(test_pairs),
+        cmocka_unit_test(test_least_distance),
+        cmocka_unit_test(test_any_least_distance),
+        cmocka_unit_test(test_allowed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

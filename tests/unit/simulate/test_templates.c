@@ -5,7 +5,6 @@
 
 #include "base/random.h"
 #include "io/fits_write.h"
-#include "simulate/template_isolate.h"
 #include "simulate/templates.h"
 
 #define PI 3.14159265358979323846
@@ -149,7 +148,6 @@ static void test_file(void **state)
     rx_templates_free(all);
 }
 
-/* Position: what is in the middle of the crop is where the object was. */
 /* What is above the noise may have no light in the end: that is no template, and has no radius. */
 static void test_isolate_no_light(void **state)
 {
@@ -363,33 +361,6 @@ static void test_cosmos(void **state)
     rx_templates_free(good);
 }
 
-static void test_hst_spiral(void **state)
-{
-    const char *data = real_data();
-    char path[2048];
-    (void)state;
-    if (data == NULL) {
-        skip();
-        return;
-    }
-    snprintf(path, sizeof path, "%s/templates/hst_147246_masknoise.fits", data);
-    if (access(path, R_OK) != 0) {
-        print_message("no HST spiral: skipped\n");
-        skip();
-        return;
-    }
-    rx_templates *all = read_all(path, 1.0, 10.0);
-    assert_int_equal(all->n, 1);
-    const rx_template *t = &all->list[0];
-    assert_true(fabs(t->pixel_scale - 0.03) < 1e-4);
-    assert_true(fabs(t->fwhm - 0.104) < 0.005);
-    assert_true(t->width < 250);
-    assert_true(t->radius > 25.0);
-    assert_true(t->radius < 37.0);
-    assert_true(t->ratio > 0.85); /* face on */
-    rx_templates_free(all);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -399,7 +370,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(test_folder_and_list, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(test_catalogue, make_scratch, remove_scratch),
         cmocka_unit_test(test_cosmos),
-        cmocka_unit_test(test_hst_spiral),
+
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
