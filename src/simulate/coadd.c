@@ -20,102 +20,6 @@ enum {
     PAD = ORDER + 1 /* pixels of a frame beyond the output */
 };
 
-/* --- the frames --- */
-
-enum { DRAW_X, DRAW_Y, DRAW_IN_X, DRAW_IN_Y, DRAW_DEPTH, DRAW_EDGE_X, DRAW_EDGE_Y, DRAWS };
-
-typedef struct pattern {
-    uint64_t seed, stream;
-    int frames;
-} pattern;
-
-static double draw(const pattern *p, int k, int what)
-{
-    return rx_random_uniform(p->seed, p->stream, (uint64_t)(k * DRAWS + what));
-}
-
-/* Frame k's place among all that drew, plus a part of it: one frame in each part of the pixel. */
-static double dither(const pattern *p, int k, int what, int within)
-{
-    int rank = 0;
-    for (int other = 0; other < p->frames; other++)
-        rank += draw(p, other, what) < draw(p, k, what);
-    return (rank + draw(p, k, within)) / p->frames;
-}
-
-/* Of a strip, negative ones on the other side, to what is left of an axis. */
-static void cut(double strip, int *low, int *high)
-{
-    const int n = *high;
-    if (strip > 0.0)
-        *low = (int)(strip * n);
-    else
-        *high = n + (int)(strip * n);
-}
-
-/* A share of 0.1 to 0.5, on either side. */
-static double strip(double uniform)
-{
-    double signed_part = 2.0 * uniform - 1.0;
-    return copysign(0.1 + 0.4 * fabs(signed_part), signed_part);
-}
-
-void rx_coadd_frame_make(const rx_coadd_params *par, uint64_t seed, uint64_t stream, int width, int height,
-                         int k, rx_coadd_frame *dst)
-{
-    const pattern p = {seed, stream ^ PATTERN_STREAM, par->frames};
-    const double corner = PAD - 0.5 + 0.5 * par->scale; /* of the output's pixel (0, 0), before the dither */
-    *dst = (rx_coadd_frame){.width = (int)ceil(width * par->scale) + 2 * PAD + 1,
-                            .height = (int)ceil(height * par->scale) + 2 * PAD + 1,
-                            .x0 = corner + dither(&p, k, DRAW_X, DRAW_IN_X),
-                            .y0 = corner + dither(&p, k, DRAW_Y, DRAW_IN_Y),
-                            .depth = 1.0};
-    dst->right = dst->width;
-    dst->top = dst->height;
-    if (k == 0 || par->uneven == 0.0)
-        return;
-    dst->depth = exp2(par->uneven * (2.0 * draw(&p, k, DRAW_DEPTH) - 1.0));
-    cut(par->uneven * strip(draw(&p, k, DRAW_EDGE_X)), &dst->left, &dst->right);
-    cut(par->uneven * strip(draw(&p, k, DRAW_EDGE_Y)), &dst->bottom, &dst->top);
-}
-
-/* The scene in the frame's pixels; templates are shared. */
-static rx_status frame_scene(const rx_scene *scene, double scale, const rx_coadd_frame *frame, rx_scene **dst,
-                             rx_error *err)
-{
-    RX_TRY(rx_scene_new(frame->width, frame->height, scene->n, dst, err));
-    (*dst)->templates = scene->templates;
-    for (long i = 0; i < scene->n; i++) {
-        rx_object *o = &(*dst)->objects[i];
-        *o = scene->objects[i];
-        o->x = frame->x0 + scale * o->x;
-        o->y = frame->y0 + scale * o->y;
-        o->radius *= scale;
-        o->bulge_radius *= scale;
-        o->disk_radius *= scale;
-        o->bar_radius *= scale;
-        o->stretch *= scale;
-    }
-    return RX_OK;
-}
-
-/* Fluxes are calibrated, so that a longer exposure has more electrons per ADU. */
-static rx_noise_params frame_noise(const rx_noise_params *noise, const rx_coadd_frame *frame, int k)
-{
-    rx_noise_params own = *noise;
-    own.sigma /= sqrt(frame->depth);
-    own.gain *= frame->depth;
-    own.stream ^= FRAME_STREAM(k);
-    return own;
-}
-
-/* Inverse variance of the sky in one pixel of the frame. */
-static double frame_weight(const rx_noise_params *noise, const rx_coadd_frame *frame)
-{
-    double sigma = rx_noise_sigma(noise);
-    return sigma > 0.0 ? 1.0 / (sigma * sigma) : frame->depth;
-}
-
 /* --- resampling --- */
 
 /* a_i along one axis for one output pixel: of the frame's pixels first, first + 1, ... */
@@ -156,6 +60,114 @@ static taps *make_taps(const rx_coadd_params *par, double start, int n)
     return t;
 }
 
+/* What is put together. */
+typedef struct making {
+    const rx_coadd_params *par;
+    const rx_scene *scene;
+    const rx_optics *optics;
+    const rx_noise_params *noise;
+    int nthreads;
+} making;
+
+/* One frame. Position (x, y) of the output lies at (x0 + scale x, y0 + scale y) of its pixels. Of these only
+ * left <= x < right, bottom <= y < top have seen the sky. */
+typedef struct frame {
+    int width, height;
+    double x0, y0;
+    double depth; /* exposure time: fluxes are calibrated, so that a longer one has more electrons per ADU */
+    int left, right, bottom, top;
+    rx_noise_params noise;
+    double weight; /* inverse variance of the sky in one pixel */
+    taps *x, *y;   /* of each output column, row */
+} frame;
+
+/* --- the frames --- */
+
+enum { DRAW_X, DRAW_Y, DRAW_IN_X, DRAW_IN_Y, DRAW_DEPTH, DRAW_EDGE_X, DRAW_EDGE_Y, DRAWS };
+
+static double draw(const making *m, int k, int what)
+{
+    return rx_random_uniform(m->noise->seed, m->noise->stream ^ PATTERN_STREAM, (uint64_t)(k * DRAWS + what));
+}
+
+/* Frame k's place among all that drew, plus a part of it: one frame in each part of the pixel. */
+static double dither(const making *m, int k, int what, int within)
+{
+    int rank = 0;
+    for (int other = 0; other < m->par->frames; other++)
+        rank += draw(m, other, what) < draw(m, k, what);
+    return (rank + draw(m, k, within)) / m->par->frames;
+}
+
+/* From one side of an axis a strip of 0.1 to 0.5 times `uneven` is cut off. */
+static void cut(double uneven, double uniform, int *low, int *high)
+{
+    const double either = 2.0 * uniform - 1.0, strip = uneven * copysign(0.1 + 0.4 * fabs(either), either);
+    const int n = *high;
+    if (strip > 0.0)
+        *low = (int)(strip * n);
+    else
+        *high = n + (int)(strip * n);
+}
+
+static void close_frame(frame *f)
+{
+    free(f->x);
+    free(f->y);
+}
+
+/* close_frame() in any case. */
+static rx_status open_frame(const making *m, int k, frame *f, rx_error *err)
+{
+    const rx_coadd_params *par = m->par;
+    const int width = m->scene->width, height = m->scene->height;
+    const double corner = PAD - 0.5 + 0.5 * par->scale; /* of the output's pixel (0, 0), before the dither */
+    *f = (frame){.width = (int)ceil(width * par->scale) + 2 * PAD + 1,
+                 .height = (int)ceil(height * par->scale) + 2 * PAD + 1,
+                 .x0 = corner + dither(m, k, DRAW_X, DRAW_IN_X),
+                 .y0 = corner + dither(m, k, DRAW_Y, DRAW_IN_Y),
+                 .depth = 1.0,
+                 .noise = *m->noise};
+    f->right = f->width;
+    f->top = f->height;
+    if (k > 0 && par->uneven != 0.0) {
+        f->depth = exp2(par->uneven * (2.0 * draw(m, k, DRAW_DEPTH) - 1.0));
+        cut(par->uneven, draw(m, k, DRAW_EDGE_X), &f->left, &f->right);
+        cut(par->uneven, draw(m, k, DRAW_EDGE_Y), &f->bottom, &f->top);
+    }
+    f->noise.sigma /= sqrt(f->depth);
+    f->noise.gain *= f->depth;
+    f->noise.stream ^= FRAME_STREAM(k);
+    const double sigma = rx_noise_sigma(&f->noise);
+    f->weight = sigma > 0.0 ? 1.0 / (sigma * sigma) : f->depth;
+    f->x = make_taps(par, f->x0, width);
+    f->y = make_taps(par, f->y0, height);
+    return f->x == NULL || f->y == NULL ? rx_error_memory(err, (size_t)(width + height) * sizeof(taps))
+                                        : RX_OK;
+}
+
+/* The scene in the frame's pixels; templates are shared. */
+static rx_status frame_scene(const rx_scene *scene, double scale, const frame *frame, rx_scene **dst,
+                             rx_error *err)
+{
+    RX_TRY(rx_scene_new(frame->width, frame->height, scene->n, dst, err));
+    (*dst)->templates = scene->templates;
+    for (long i = 0; i < scene->n; i++) {
+        rx_object *o = &(*dst)->objects[i];
+        *o = scene->objects[i];
+        o->x = frame->x0 + scale * o->x;
+        o->y = frame->y0 + scale * o->y;
+        o->radius *= scale;
+        o->bulge_radius *= scale;
+        o->disk_radius *= scale;
+        o->bar_radius *= scale;
+        o->stretch *= scale;
+    }
+    return RX_OK;
+}
+
+/* --- one frame from the scene to the sums --- */
+
 /* Sums over the frames for one output pixel. */
 typedef struct sums {
     double light;    /* w a d */
@@ -164,20 +176,12 @@ typedef struct sums {
     uint8_t defects;
 } sums;
 
-typedef struct exposed {
-    const rx_coadd_params *par;
-    rx_coadd_frame frame;
-    const float *pixels;
-    const uint8_t *defects;
-    double weight;
-    taps *x, *y;
-} exposed;
-
 enum { LOST = RX_DEFECT_COLUMN | RX_DEFECT_COSMIC };
 
-static void add_pixel(const exposed *e, const taps *tx, const taps *ty, sums *dst)
+static void add_pixel(const making *m, const frame *f, const float *pixels, const uint8_t *defects, int x,
+                      int y, sums *dst)
 {
-    const rx_coadd_frame *f = &e->frame;
+    const taps *tx = &f->x[x], *ty = &f->y[y];
     sums own = {0};
     int lost = 0;
     for (int j = 0; j < TAPS; j++) {
@@ -188,76 +192,47 @@ static void add_pixel(const exposed *e, const taps *tx, const taps *ty, sums *ds
             if (a == 0.0)
                 continue;
             const size_t at = (size_t)v * (size_t)f->width + (size_t)u;
-            if (u < f->left || u >= f->right || v < f->bottom || v >= f->top || e->defects[at] & LOST) {
+            if (u < f->left || u >= f->right || v < f->bottom || v >= f->top || defects[at] & LOST) {
                 lost = 1;
                 continue;
             }
-            own.light += a * (double)e->pixels[at];
+            own.light += a * (double)pixels[at];
             own.weight += a;
             own.variance += a * a;
-            own.defects |= e->defects[at];
+            own.defects |= defects[at];
         }
     }
-    if (own.weight == 0.0 || (lost && e->par->type == RX_COADD_LANCZOS))
+    if (own.weight == 0.0 || (lost && m->par->type == RX_COADD_LANCZOS))
         return;
-    dst->light += e->weight * own.light;
-    dst->weight += e->weight * own.weight;
-    dst->variance += e->weight * own.variance;
+    dst->light += f->weight * own.light;
+    dst->weight += f->weight * own.weight;
+    dst->variance += f->weight * own.variance;
     dst->defects |= own.defects;
 }
 
-static rx_status add_frame(exposed *e, int width, int height, int nthreads, sums *dst, rx_error *err)
+static rx_status expose(const making *m, int k, sums *dst, rx_error *err)
 {
-    e->x = make_taps(e->par, e->frame.x0, width);
-    e->y = make_taps(e->par, e->frame.y0, height);
-    const int missing = e->x == NULL || e->y == NULL;
-#pragma omp parallel for schedule(static) num_threads(nthreads)
-    for (int y = 0; y < (missing ? 0 : height); y++)
-        for (int x = 0; x < width; x++)
-            add_pixel(e, &e->x[x], &e->y[y], &dst[(size_t)y * (size_t)width + (size_t)x]);
-    free(e->x);
-    free(e->y);
-    return missing ? rx_error_memory(err, (size_t)(width + height) * sizeof(taps)) : RX_OK;
-}
-
-/* --- one frame from the scene to the sums --- */
-
-/* What the frames see, and how. */
-typedef struct sight {
-    const rx_coadd_params *par;
-    const rx_scene *scene;
-    const rx_optics *optics;
-    const rx_noise_params *noise;
-    int nthreads;
-} sight;
-
-static rx_status expose(const sight *of, int k, sums *dst, rx_error *err)
-{
-    const rx_coadd_params *par = of->par;
-    const rx_scene *scene = of->scene;
-    const rx_noise_params *noise = of->noise;
-    const int nthreads = of->nthreads;
-    exposed e = {.par = par};
-    rx_coadd_frame_make(par, noise->seed, noise->stream, scene->width, scene->height, k, &e.frame);
-    const size_t n = (size_t)e.frame.width * (size_t)e.frame.height;
-    const rx_noise_params own = frame_noise(noise, &e.frame, k);
-    rx_optics shifted = *of->optics;
-    const rx_optics *through = &shifted;
+    const int width = m->scene->width, height = m->scene->height;
+    rx_optics shifted = *m->optics;
     rx_scene *seen = NULL;
-    float *pixels = RX_NEW(float, n);
-    uint8_t *defects = RX_NEW(uint8_t, n);
-    shifted.x0 += e.frame.x0 - 0.5 * (par->scale - 1.0);
-    shifted.y0 += e.frame.y0 - 0.5 * (par->scale - 1.0);
+    float *pixels = NULL;
+    uint8_t *defects = NULL;
+    frame f;
     rx_status status;
-    RX_TRY_EXIT(pixels == NULL || defects == NULL ? rx_error_memory(err, n * sizeof(float)) : RX_OK);
-    RX_TRY_EXIT(frame_scene(scene, par->scale, &e.frame, &seen, err));
-    RX_TRY_EXIT(rx_render(seen, 1, &through, &pixels, nthreads, err));
-    rx_noise_expose(&own, e.frame.width, e.frame.height, pixels, defects, nthreads);
-    e.pixels = pixels;
-    e.defects = defects;
-    e.weight = frame_weight(&own, &e.frame);
-    status = add_frame(&e, scene->width, scene->height, nthreads, dst, err);
+    RX_TRY_EXIT(open_frame(m, k, &f, err));
+    RX_TRY_EXIT(RX_MAKE(pixels, (size_t)f.width * (size_t)f.height, err));
+    RX_TRY_EXIT(RX_MAKE(defects, (size_t)f.width * (size_t)f.height, err));
+    shifted.x0 += f.x0 - 0.5 * (m->par->scale - 1.0);
+    shifted.y0 += f.y0 - 0.5 * (m->par->scale - 1.0);
+    RX_TRY_EXIT(frame_scene(m->scene, m->par->scale, &f, &seen, err));
+    RX_TRY_EXIT(rx_render(seen, 1, &(const rx_optics *){&shifted}, &pixels, m->nthreads, err));
+    rx_noise_expose(&f.noise, f.width, f.height, pixels, defects, m->nthreads);
+#pragma omp parallel for schedule(static) num_threads(m->nthreads)
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++)
+            add_pixel(m, &f, pixels, defects, x, y, &dst[(size_t)y * (size_t)width + (size_t)x]);
 exit:
+    close_frame(&f);
     rx_scene_free(seen);
     free(pixels);
     free(defects);
@@ -265,26 +240,6 @@ exit:
 }
 
 /* --- the coadd --- */
-
-/* Light of a source is sum_k w_k f_k / sum_k w_k, and f_k has flux / gain_k of variance. */
-static rx_noise_params noise_of_all(const rx_coadd_params *par, const rx_scene *scene,
-                                    const rx_noise_params *noise)
-{
-    rx_noise_params all = *noise;
-    double weights = 0.0, shares = 0.0;
-    for (int k = 0; k < par->frames; k++) {
-        rx_coadd_frame frame;
-        rx_coadd_frame_make(par, noise->seed, noise->stream, scene->width, scene->height, k, &frame);
-        const rx_noise_params own = frame_noise(noise, &frame, k);
-        const double weight = frame_weight(&own, &frame);
-        weights += weight;
-        shares += weight * weight / frame.depth;
-    }
-    all.sky *= par->scale * par->scale;
-    all.saturation *= par->scale * par->scale;
-    all.gain *= weights * weights / shares;
-    return all;
-}
 
 static void finish(const rx_coadd_params *par, const sums *src, size_t n, rx_coadd *dst)
 {
@@ -311,47 +266,50 @@ static void finish(const rx_coadd_params *par, const sums *src, size_t n, rx_coa
 }
 
 /* seen [height][width] of the frame = what each of its pixels adds to the sum of all output pixels. */
-static void count_seen(const rx_coadd_frame *f, const taps *x, const taps *y, const sums *src, int width,
-                       int height, double *seen)
+static void count_seen(const frame *f, const sums *src, int width, int height, double *seen)
 {
     for (int row = 0; row < height; row++)
         for (int column = 0; column < width; column++, src++)
             for (int t = 0; t < TAPS * TAPS && src->weight > 0.0; t++) {
-                const double a = x[column].weight[t % TAPS] * y[row].weight[t / TAPS];
-                const int u = x[column].first + t % TAPS, v = y[row].first + t / TAPS;
+                const double a = f->x[column].weight[t % TAPS] * f->y[row].weight[t / TAPS];
+                const int u = f->x[column].first + t % TAPS, v = f->y[row].first + t / TAPS;
                 if (a != 0.0 && u >= f->left && u < f->right && v >= f->bottom && v < f->top)
                     seen[(size_t)v * (size_t)f->width + (size_t)u] += a / src->weight;
             }
 }
 
-/* The sum of all output pixels is one of independent input pixels: its variance is exact, but for borders. */
-static rx_status measure_wide(const rx_coadd_params *par, const rx_scene *scene, const rx_noise_params *noise,
-                              const sums *src, rx_coadd *dst, rx_error *err)
+/* Noise of the whole. Light of a source is sum_k w_k f_k / sum_k w_k, and f_k has flux / gain_k of variance.
+ * The sum of all output pixels is one of independent input pixels: its variance is exact, but for borders. */
+static rx_status measure_noise(const making *m, const sums *src, rx_coadd *dst, rx_error *err)
 {
-    const double area = par->scale * par->scale;
-    const size_t n = (size_t)scene->width * (size_t)scene->height;
-    double power = 0.0;
-    for (int k = 0; k < par->frames; k++) {
-        rx_coadd_frame f;
-        rx_coadd_frame_make(par, noise->seed, noise->stream, scene->width, scene->height, k, &f);
-        const rx_noise_params own = frame_noise(noise, &f, k);
+    const double area = m->par->scale * m->par->scale;
+    const size_t n = (size_t)m->scene->width * (size_t)m->scene->height;
+    double weights = 0.0, shares = 0.0, power = 0.0;
+    for (int k = 0; k < m->par->frames; k++) {
+        frame f;
+        double *seen = NULL, squares = 0.0;
+        rx_status status = open_frame(m, k, &f, err);
         const size_t pixels = (size_t)f.width * (size_t)f.height;
-        taps *x = make_taps(par, f.x0, scene->width), *y = make_taps(par, f.y0, scene->height);
-        double *seen = RX_NEW(double, pixels), squares = 0.0;
-        const int missing = x == NULL || y == NULL || seen == NULL;
-        if (!missing)
-            count_seen(&f, x, y, src, scene->width, scene->height, seen);
-        for (size_t i = 0; i < pixels && !missing; i++)
+        if (status == RX_OK)
+            status = RX_MAKE(seen, pixels, err);
+        if (status == RX_OK)
+            count_seen(&f, src, m->scene->width, m->scene->height, seen);
+        for (size_t i = 0; i < pixels && status == RX_OK; i++)
             squares += seen[i] * seen[i];
-        power += area * area * frame_weight(&own, &f) * squares;
-        free(x);
-        free(y);
+        power += area * area * f.weight * squares;
+        weights += f.weight;
+        shares += f.weight * f.weight / f.depth;
+        close_frame(&f);
         free(seen);
-        if (missing)
-            return rx_error_memory(err, pixels * sizeof *seen);
+        if (status != RX_OK)
+            return status;
     }
+    dst->noise = *m->noise;
+    dst->noise.sky *= area;
+    dst->noise.saturation *= area;
+    dst->noise.gain *= weights * weights / shares;
     dst->wide = dst->sigma > 0.0 ? sqrt(power / (double)n) / dst->sigma : 1.0;
-    if (rx_noise_sigma(noise) == 0.0)
+    if (rx_noise_sigma(m->noise) == 0.0)
         dst->sigma = 0.0;
     return RX_OK;
 }
@@ -360,20 +318,17 @@ rx_status rx_coadd_make(const rx_coadd_params *par, const rx_scene *scene, const
                         const rx_noise_params *noise, int nthreads, rx_coadd *dst, rx_error *err)
 {
     const size_t n = (size_t)scene->width * (size_t)scene->height;
-    rx_status status = RX_OK;
+    const making m = {par, scene, optics, noise, nthreads < 1 ? 1 : nthreads};
+    rx_status status;
     sums *all;
     RX_TRY(RX_MAKE(all, n, err));
-    const sight of = {par, scene, optics, noise, nthreads < 1 ? 1 : nthreads};
-    for (int k = 0; k < par->frames && status == RX_OK; k++) {
-        status = rx_interrupt_check(err);
-        if (status == RX_OK)
-            status = expose(&of, k, all, err);
+    for (int k = 0; k < par->frames; k++) {
+        RX_TRY_EXIT(rx_interrupt_check(err));
+        RX_TRY_EXIT(expose(&m, k, all, err));
     }
-    if (status == RX_OK) {
-        finish(par, all, n, dst);
-        dst->noise = noise_of_all(par, scene, noise);
-        status = measure_wide(par, scene, noise, all, dst, err);
-    }
+    finish(par, all, n, dst);
+    status = measure_noise(&m, all, dst, err);
+exit:
     free(all);
     return status;
 }

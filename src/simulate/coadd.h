@@ -29,23 +29,12 @@ typedef struct rx_coadd_params {
 
 enum { RX_COADD_MOST = 1000 };
 
-/* One frame. Position (x, y) of the output lies at (x0 + scale x, y0 + scale y) of its pixels. Of these only
- * left <= x < right, bottom <= y < top have seen the sky. */
-typedef struct rx_coadd_frame {
-    int width, height;
-    double x0, y0;
-    double depth; /* exposure time: noise is that of `noise` at 1, fluxes are calibrated */
-    int left, right, bottom, top;
-} rx_coadd_frame;
-
-/* Frame number k of (seed, stream) for an output of width x height. The sub-pixel part of the dithers is a
- * Latin square: along each axis one frame lies in each of `frames` equal parts of a pixel, anywhere in it, as
- * planned dithers do. Frame 0 has depth 1 and covers everything; with `uneven` the others have 2^-uneven to
- * 2^uneven, and lack a strip of uneven * (0.1..0.5) of the output along one side in x and one in y. */
-void rx_coadd_frame_make(const rx_coadd_params *par, uint64_t seed, uint64_t stream, int width, int height,
-                         int k, rx_coadd_frame *dst);
-
-/* What came out. The planes are given, [height][width] of the scene. */
+/* The frames of (seed, stream): the sub-pixel part of the dithers is a Latin square: along each axis one frame
+ * lies in each of `frames` equal parts of a pixel, anywhere in it, as planned dithers do. The first has depth 1
+ * and covers everything; with `uneven` the others have depths of 2^-uneven to 2^uneven, and lack a strip of
+ * uneven * (0.1..0.5) of the output along one side in x and one in y.
+ *
+ * What came out. The planes are given, [height][width] of the scene. */
 typedef struct rx_coadd {
     float *image;     /* NAN where no frame has a good pixel */
     float *weight;    /* as the algorithm hands it out, covariances left out, 1/ADU^2: see below */

@@ -103,36 +103,52 @@ struct box {
     size_t offset; /* of its cells among those of its batch */
 };
 
-/* A scene ready to be drawn in parts: the first four are given. */
-typedef struct drawing {
+/* One of the optics on the cyclic domain of a block, and its spectra. */
+typedef struct lens {
+    const rx_optics *optics;
+    float *image; /* what it adds to */
+    rx_fft *fft;
+    float **planes; /* [nbasis] spectra that are kept, NULL = not (yet) */
+    float *scratch; /* the spectrum of an image that is not kept */
+    float *half;    /* spectrum on pixels of the grid through it */
+} lens;
+
+typedef struct renderer {
     const rx_scene *scene;
-    const star_kernel *kernel;
-    int cells; /* per pixel; cell (0, 0) is centred on pixel (0, 0) */
-    int nthreads;
+    int n, nthreads;
+    lens *lens;         /* [n] */
+    int cells;          /* per pixel; cell (0, 0) is centred on pixel (0, 0) */
+    int margin;         /* pixels from which light reaches the tile */
+    int nx, ny;         /* blocks */
+    int step_x, step_y; /* pixels of a block */
+    int width, height;  /* pixels of its cyclic domain, even numbers */
+    int columns;        /* of the spectrum that the optics need */
+    rx_fft *fine, *native;
+    float *grid, *weighted, *spectrum, *pixels; /* weighted: NULL when no optics vary */
+    size_t left;                                /* bytes of spectra that may still be kept */
+    star_kernel *kernel;
     double *reach;   /* [scene->n] rx_object_reach(), cells */
-    struct box *box; /* [scene->n] room for what is inside a part */
-} drawing;
+    struct box *box; /* [scene->n] room for what is inside a block */
+} renderer;
 
 static size_t box_cells(const struct box *b)
 {
     return (size_t)b->width * (size_t)b->height;
 }
 
-static rx_status open_drawing(drawing *d, rx_error *err)
+static rx_status measure_objects(renderer *r, rx_error *err)
 {
-    const rx_scene *scene = d->scene;
-    d->reach = RX_NEW(double, (size_t)scene->n);
-    d->box = rx_alloc((size_t)scene->n, sizeof *d->box);
-    if (d->reach == NULL || d->box == NULL)
-        return rx_error_memory(err, (size_t)scene->n * sizeof *d->box);
-#pragma omp parallel for schedule(static) num_threads(d->nthreads)
+    const rx_scene *scene = r->scene;
+    RX_TRY(RX_MAKE(r->reach, (size_t)scene->n, err));
+    RX_TRY(RX_MAKE(r->box, (size_t)scene->n, err));
+#pragma omp parallel for schedule(static) num_threads(r->nthreads)
     for (long k = 0; k < scene->n; k++)
-        d->reach[k] = rx_object_reach(&scene->objects[k], scene->templates) * d->cells;
+        r->reach[k] = rx_object_reach(&scene->objects[k], scene->templates) * r->cells;
     return RX_OK;
 }
 
 /* 0 when nothing of it is inside. */
-static int find_box(const drawing *d, long k, long column, long row, const rx_fine_grid *grid,
+static int find_box(const renderer *d, long k, long column, long row, const rx_fine_grid *grid,
                     struct box *dst)
 {
     const rx_object *o = &d->scene->objects[k];
@@ -147,7 +163,7 @@ static int find_box(const drawing *d, long k, long column, long row, const rx_fi
 
 /* Drawn by itself first, so that objects can be drawn at the same time and yet be added in their order.
  * Returns whether memory was missing. */
-static int draw_alone(const drawing *d, const struct box *b, const rx_fine_grid *grid, float *cells)
+static int draw_alone(const renderer *d, const struct box *b, const rx_fine_grid *grid, float *cells)
 {
     rx_fine_grid part = {.width = b->width,
                          .height = b->height,
@@ -178,7 +194,7 @@ static void add_box(const float *cells, const struct box *b, int first, rx_fine_
 }
 
 /* Where the batch that begins with that box ends; the cells of its boxes. */
-static long cut_batch(const drawing *d, long first, long n, size_t *cells)
+static long cut_batch(const renderer *d, long first, long n, size_t *cells)
 {
     long k = first;
     *cells = 0;
@@ -189,7 +205,7 @@ static long cut_batch(const drawing *d, long first, long n, size_t *cells)
     return k;
 }
 
-static rx_status draw_boxes(const drawing *d, long n, rx_fine_grid *grid, rx_error *err)
+static rx_status draw_boxes(const renderer *d, long n, rx_fine_grid *grid, rx_error *err)
 {
     float *work = NULL;
     size_t room = 0, cells;
@@ -222,7 +238,7 @@ static rx_status draw_boxes(const drawing *d, long n, rx_fine_grid *grid, rx_err
     return RX_OK;
 }
 
-static rx_status draw_part(const drawing *d, long column, long row, rx_fine_grid *grid, rx_error *err)
+static rx_status draw_objects(const renderer *d, long column, long row, rx_fine_grid *grid, rx_error *err)
 {
     const rx_scene *scene = d->scene;
     long n = 0;
@@ -242,74 +258,26 @@ static rx_status draw_part(const drawing *d, long column, long row, rx_fine_grid
 
 /* Reading a function at every cells-th cell adds up all frequencies of its spectrum that differ by a multiple
  * of the number of pixels. So the product is folded in Fourier space, and the inverse transform is one of the
- * pixels. Optics are known up to their own Nyquist frequency; what is beyond is 0.
- * Spectra of all images of the optics on a cyclic domain of width x height pixels (even numbers): */
-typedef struct kernels {
-    int n, width, height;
-    const rx_optics *const *optics;
-    rx_fft **ffts;   /* [n] */
-    float ***planes; /* [n][nbasis]: kept spectra, NULL = not (yet) kept */
-    float **scratch; /* [n]: the spectrum of an image that is not kept */
-    size_t left;     /* bytes that may still be kept */
-} kernels;
-
-static void close_kernels(kernels *k)
+ * pixels. Optics are known up to their own Nyquist frequency; what is beyond is 0. */
+static int spectrum_columns(const renderer *r, const lens *l)
 {
-    for (int i = 0; i < k->n; i++) {
-        if (k->ffts != NULL)
-            rx_fft_free(k->ffts[i]);
-        for (int b = 0; k->planes != NULL && k->planes[i] != NULL && b < k->optics[i]->nbasis; b++)
-            free(k->planes[i][b]);
-        if (k->planes != NULL)
-            free(k->planes[i]);
-        if (k->scratch != NULL)
-            free(k->scratch[i]);
-    }
-    free(k->ffts);
-    free(k->planes);
-    free(k->scratch);
+    return l->optics->oversampling * r->width / 2 + 1;
 }
 
-/* n, width, height, optics and left are given; close_kernels() in any case. */
-static rx_status open_kernels(kernels *k, int nthreads, rx_error *err)
+static const float *find_spectrum(renderer *r, lens *l, int image)
 {
-    const size_t n = (size_t)k->n;
-    k->ffts = RX_NEW(rx_fft *, n);
-    k->planes = RX_NEW(float **, n);
-    k->scratch = RX_NEW(float *, n);
-    if (k->ffts == NULL || k->planes == NULL || k->scratch == NULL)
-        return rx_error_memory(err, 0);
-    for (size_t i = 0; i < n; i++) {
-        const int cells = k->optics[i]->oversampling;
-        RX_TRY(rx_fft_new(cells * k->width, cells * k->height, nthreads, &k->ffts[i], err));
-        k->planes[i] = RX_NEW(float *, (size_t)k->optics[i]->nbasis);
-        k->scratch[i] = rx_fft_complex(k->ffts[i]);
-        if (k->planes[i] == NULL || k->scratch[i] == NULL)
-            return rx_error_memory(err, 0);
-    }
-    return RX_OK;
-}
-
-static int kernel_columns(const kernels *k, int i)
-{
-    return k->optics[i]->oversampling * k->width / 2 + 1;
-}
-
-static const float *find_spectrum(kernels *k, int i, int image)
-{
-    const rx_optics *o = k->optics[i];
-    const rx_fft *fft = k->ffts[i];
-    const float *stamp = o->basis + (size_t)image * (size_t)o->size * (size_t)o->size;
-    if (k->planes[i][image] != NULL)
-        return k->planes[i][image];
-    size_t bytes = rx_fft_complex_size(fft) * sizeof(float);
-    float *plane = bytes <= k->left ? rx_fft_complex(fft) : NULL;
+    const rx_optics *o = l->optics;
+    if (l->planes[image] != NULL)
+        return l->planes[image];
+    const size_t bytes = rx_fft_complex_size(l->fft) * sizeof(float);
+    float *plane = bytes <= r->left ? rx_fft_complex(l->fft) : NULL;
     if (plane != NULL) {
-        k->planes[i][image] = plane;
-        k->left -= bytes;
+        l->planes[image] = plane;
+        r->left -= bytes;
     } else
-        plane = k->scratch[i];
-    rx_convolve_spectrum(fft, stamp, o->size, plane);
+        plane = l->scratch;
+    rx_convolve_spectrum(l->fft, o->basis + (size_t)image * (size_t)o->size * (size_t)o->size, o->size,
+                         plane);
     return plane;
 }
 
@@ -365,50 +333,31 @@ static void fold_column(const column *c, int mirrored, int height, float *out)
     add(c, top, 1, 0.5f, height, out);
 }
 
-static void fold_kernel(kernels *kernels, int i, int image, const rx_fft *fine, const float *spectrum,
-                        const rx_fft *native, float *half)
+/* What is in r->spectrum, through one image of the optics. */
+static void fold_image(renderer *r, lens *l, int image)
 {
-    const float *kernel = find_spectrum(kernels, i, image);
-    const rx_fft *fft = kernels->ffts[i];
-    const int width = kernels->width, last = rx_fft_width(fft) / 2;
-    const size_t sf = 2 * (size_t)rx_fft_stride_complex(fine), sk = 2 * (size_t)rx_fft_stride_complex(fft),
-                 sn = 2 * (size_t)rx_fft_stride_complex(native);
-#pragma omp parallel for schedule(static) num_threads(rx_fft_threads(native))
+    const float *kernel = find_spectrum(r, l, image);
+    const int width = r->width, last = rx_fft_width(l->fft) / 2;
+    const size_t sf = 2 * (size_t)rx_fft_stride_complex(r->fine),
+                 sk = 2 * (size_t)rx_fft_stride_complex(l->fft),
+                 sn = 2 * (size_t)rx_fft_stride_complex(r->native);
+#pragma omp parallel for schedule(static) num_threads(r->nthreads)
     for (int u = 0; u <= width / 2; u++) {
-        column c = {.fine_rows = rx_fft_height(fine), .rows = rx_fft_height(fft)};
+        column c = {.fine_rows = rx_fft_height(r->fine), .rows = rx_fft_height(l->fft)};
         for (int first = 0; first - u <= last; first += width)
             for (int mirrored = 0; mirrored < 2; mirrored++) {
                 const int kx = mirrored ? first - u : first + u;
                 if (kx > last || (mirrored && first == 0))
                     continue;
-                c.fine = spectrum + sf * (size_t)kx;
+                c.fine = r->spectrum + sf * (size_t)kx;
                 c.kernel = kernel + sk * (size_t)kx;
                 c.weight = kx == last ? 0.5f : 1.0f;
-                fold_column(&c, mirrored, kernels->height, half + sn * (size_t)u);
+                fold_column(&c, mirrored, r->height, l->half + sn * (size_t)u);
             }
     }
 }
 
 /* --- blocks --- */
-
-typedef struct renderer {
-    const rx_scene *scene;
-    int n, nthreads;
-    const rx_optics *const *optics;
-    float *const *images;
-    int cells;          /* per pixel */
-    int margin;         /* pixels from which light reaches the tile */
-    int nx, ny;         /* blocks */
-    int step_x, step_y; /* pixels of a block */
-    int width, height;  /* pixels of its cyclic domain */
-    int columns;        /* of the spectrum that the optics need */
-    rx_fft *fine, *native;
-    float *grid, *weighted, *spectrum, *pixels; /* weighted: NULL when no optics vary */
-    float **half;                               /* [n] spectra on pixels */
-    star_kernel *kernel;
-    drawing drawing;
-    kernels kernels;
-} renderer;
 
 /* The image's weight is 1 everywhere. */
 static int is_constant(const rx_optics *o, int image)
@@ -437,7 +386,7 @@ static void set_geometry(renderer *r, int block)
 {
     r->cells = 1;
     for (int i = 0; i < r->n; i++) {
-        const rx_optics *o = r->optics[i];
+        const rx_optics *o = r->lens[i].optics;
         int cells = o->oversampling > o->grid ? o->oversampling : o->grid;
         int reach = (o->size / 2 + o->oversampling - 1) / o->oversampling;
         r->cells = cells > r->cells ? cells : r->cells;
@@ -452,58 +401,59 @@ static void set_geometry(renderer *r, int block)
 
 static void close_renderer(renderer *r)
 {
-    for (int i = 0; i < r->n && r->half != NULL; i++)
-        free(r->half[i]);
-    free(r->half);
+    for (int i = 0; i < r->n && r->lens != NULL; i++) {
+        lens *l = &r->lens[i];
+        for (int b = 0; l->planes != NULL && b < l->optics->nbasis; b++)
+            free(l->planes[b]);
+        free(l->planes);
+        free(l->scratch);
+        free(l->half);
+        rx_fft_free(l->fft);
+    }
+    free(r->lens);
     free(r->grid);
     free(r->weighted);
     free(r->spectrum);
     free(r->pixels);
     free(r->kernel);
-    free(r->drawing.reach);
-    free(r->drawing.box);
-    close_kernels(&r->kernels);
+    free(r->reach);
+    free(r->box);
     rx_fft_free(r->fine);
     rx_fft_free(r->native);
 }
 
+static rx_status open_lens(renderer *r, lens *l, rx_error *err)
+{
+    const int cells = l->optics->oversampling, columns = spectrum_columns(r, l);
+    RX_TRY(rx_fft_new(cells * r->width, cells * r->height, r->nthreads, &l->fft, err));
+    RX_TRY(RX_MAKE(l->planes, (size_t)l->optics->nbasis, err));
+    l->scratch = rx_fft_complex(l->fft);
+    l->half = rx_fft_complex(r->native);
+    r->columns = columns > r->columns ? columns : r->columns;
+    return l->scratch == NULL || l->half == NULL ? rx_error_memory(err, 0) : RX_OK;
+}
+
 static rx_status open_renderer(renderer *r, rx_error *err)
 {
-    int varying = 0, missing = 0;
-    rx_status status = rx_fft_new(r->cells * r->width, r->cells * r->height, r->nthreads, &r->fine, err);
-    if (status == RX_OK)
-        status = rx_fft_new(r->width, r->height, r->nthreads, &r->native, err);
-    r->kernels = (kernels){.n = r->n,
-                           .width = r->width,
-                           .height = r->height,
-                           .optics = r->optics,
-                           /* they are asked for again and again */
-                           .left = r->nx * r->ny > 1 ? KEEP_BYTES : 0};
-    if (status == RX_OK)
-        status = open_kernels(&r->kernels, r->nthreads, err);
-    if (status != RX_OK)
-        return status;
-    r->half = RX_NEW(float *, (size_t)r->n);
+    int varying = 0;
+    RX_TRY(rx_fft_new(r->cells * r->width, r->cells * r->height, r->nthreads, &r->fine, err));
+    RX_TRY(rx_fft_new(r->width, r->height, r->nthreads, &r->native, err));
+    r->left = r->nx * r->ny > 1 ? KEEP_BYTES : 0; /* they are asked for again and again */
+    for (int i = 0; i < r->n; i++) {
+        RX_TRY(open_lens(r, &r->lens[i], err));
+        for (int b = 0; b < r->lens[i].optics->nbasis; b++)
+            varying |= !is_constant(r->lens[i].optics, b);
+    }
     r->kernel = make_star_kernel();
     r->grid = rx_fft_real(r->fine);
     r->spectrum = rx_fft_complex(r->fine);
     r->pixels = rx_fft_real(r->native);
-    for (int i = 0; i < r->n && r->half != NULL; i++) {
-        int columns = kernel_columns(&r->kernels, i);
-        r->columns = columns > r->columns ? columns : r->columns;
-        r->half[i] = rx_fft_complex(r->native);
-        missing |= r->half[i] == NULL;
-        for (int b = 0; b < r->optics[i]->nbasis; b++)
-            varying |= !is_constant(r->optics[i], b);
-    }
     if (varying)
         r->weighted = rx_fft_real(r->fine);
-    if (missing || r->half == NULL || r->kernel == NULL || r->grid == NULL || r->spectrum == NULL ||
-        r->pixels == NULL || (varying && r->weighted == NULL))
+    if (r->kernel == NULL || r->grid == NULL || r->spectrum == NULL || r->pixels == NULL ||
+        (varying && r->weighted == NULL))
         return rx_error_memory(err, 0);
-    r->drawing =
-        (drawing){.scene = r->scene, .kernel = r->kernel, .cells = r->cells, .nthreads = r->nthreads};
-    return open_drawing(&r->drawing, err);
+    return measure_objects(r, err);
 }
 
 /* --- one block --- */
@@ -541,28 +491,30 @@ static void weigh(const renderer *r, const rx_optics *o, int image, const rx_fin
     }
 }
 
-/* half[i] = spectrum on pixels of the grid through optics i. */
+/* Each lens' half = spectrum on pixels of the grid through it. */
 static void convolve(renderer *r, const rx_fine_grid *grid)
 {
     int shared = 0;
     for (int i = 0; i < r->n; i++) {
-        memset(r->half[i], 0, rx_fft_complex_size(r->native) * sizeof(float));
-        for (int b = 0; b < r->optics[i]->nbasis; b++) {
-            if (!is_constant(r->optics[i], b))
+        lens *l = &r->lens[i];
+        memset(l->half, 0, rx_fft_complex_size(r->native) * sizeof(float));
+        for (int b = 0; b < l->optics->nbasis; b++) {
+            if (!is_constant(l->optics, b))
                 continue;
             if (!shared)
                 rx_fft_forward_low(r->fine, r->grid, r->columns, r->spectrum);
             shared = 1;
-            fold_kernel(&r->kernels, i, b, r->fine, r->spectrum, r->native, r->half[i]);
+            fold_image(r, l, b);
         }
     }
     for (int i = 0; i < r->n; i++)
-        for (int b = 0; b < r->optics[i]->nbasis; b++) {
-            if (is_constant(r->optics[i], b))
+        for (int b = 0; b < r->lens[i].optics->nbasis; b++) {
+            lens *l = &r->lens[i];
+            if (is_constant(l->optics, b))
                 continue;
-            weigh(r, r->optics[i], b, grid);
-            rx_fft_forward_low(r->fine, r->weighted, kernel_columns(&r->kernels, i), r->spectrum);
-            fold_kernel(&r->kernels, i, b, r->fine, r->spectrum, r->native, r->half[i]);
+            weigh(r, l->optics, b, grid);
+            rx_fft_forward_low(r->fine, r->weighted, spectrum_columns(r, l), r->spectrum);
+            fold_image(r, l, b);
         }
 }
 
@@ -596,11 +548,11 @@ static rx_status render_block(renderer *r, int block, rx_error *err)
                          .stride = (size_t)rx_fft_stride_real(r->fine)};
     if (block > 0) /* it was made empty */
         memset(r->grid, 0, sizeof(float) * grid.stride * (size_t)rx_fft_height(r->fine));
-    RX_TRY(draw_part(&r->drawing, (long)x0 * r->cells, (long)y0 * r->cells, &grid, err));
+    RX_TRY(draw_objects(r, (long)x0 * r->cells, (long)y0 * r->cells, &grid, err));
     convolve(r, &grid);
     for (int i = 0; i < r->n; i++) {
-        rx_fft_inverse(r->native, r->half[i], r->pixels);
-        add_pixels(r, x0, y0, r->images[i]);
+        rx_fft_inverse(r->native, r->lens[i].half, r->pixels);
+        add_pixels(r, x0, y0, r->lens[i].image);
     }
     return RX_OK;
 }
@@ -608,17 +560,20 @@ static rx_status render_block(renderer *r, int block, rx_error *err)
 rx_status rx_render_blocks(const rx_scene *scene, int n, const rx_optics *const *optics, float *const *images,
                            int block, int nthreads, rx_error *err)
 {
-    renderer r = {
-        .scene = scene, .n = n, .nthreads = nthreads < 1 ? 1 : nthreads, .optics = optics, .images = images};
+    renderer r = {.scene = scene, .n = n, .nthreads = nthreads < 1 ? 1 : nthreads};
+    rx_status status;
     if (n < 1 || scene->n < 1)
         return RX_OK;
+    RX_TRY(RX_MAKE(r.lens, (size_t)n, err));
+    for (int i = 0; i < n; i++)
+        r.lens[i] = (lens){.optics = optics[i], .image = images[i]};
     set_geometry(&r, block);
-    rx_status status = open_renderer(&r, err);
-    for (int block_index = 0; block_index < r.nx * r.ny && status == RX_OK; block_index++) {
-        status = rx_interrupt_check(err);
-        if (status == RX_OK)
-            status = render_block(&r, block_index, err);
+    RX_TRY_EXIT(open_renderer(&r, err));
+    for (int k = 0; k < r.nx * r.ny; k++) {
+        RX_TRY_EXIT(rx_interrupt_check(err));
+        RX_TRY_EXIT(render_block(&r, k, err));
     }
+exit:
     close_renderer(&r);
     return status;
 }

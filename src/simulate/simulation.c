@@ -60,21 +60,16 @@ static rx_status make_optics(const rx_simulate_config *config, const rx_simulati
                              rx_log *log, rx_optics **dst, rx_error *err)
 {
     const rx_psf_params par = {.file = config->psf_name, .extension = ground->extension};
+    const int given = is(config->psf_type, "AUTO");
     rx_psf *psf = NULL;
-    rx_status status;
     if (is(config->psf_type, "MOFFAT"))
         return moffat(config, ground, dst, err);
-    if (is(config->psf_type, "AUTO"))
-        return ground->psf != NULL
-                   ? rx_optics_psf(ground->psf, dst, err)
-                   : rx_error_set(err, RX_USAGE,
-                                  "PSF_TYPE AUTO is measured on a real tile; give INJECT_IMAGE");
-    if (is(config->psf_type, "PSFEX"))
-        status = rx_psf_psfex(&par, ground->width, ground->height, log, &psf, err);
-    else
-        status = rx_psf_file(&par, ground->width, ground->height, log, &psf, err);
-    if (status == RX_OK)
-        status = rx_optics_psf(psf, dst, err);
+    if (given && ground->psf == NULL)
+        return rx_error_set(err, RX_USAGE, "PSF_TYPE AUTO is measured on a real tile; give INJECT_IMAGE");
+    if (!given)
+        RX_TRY((is(config->psf_type, "PSFEX") ? rx_psf_psfex : rx_psf_file)(&par, ground->width,
+                                                                            ground->height, log, &psf, err));
+    const rx_status status = rx_optics_psf(given ? ground->psf : psf, dst, err);
     rx_psf_free(psf);
     return status;
 }
@@ -146,30 +141,29 @@ rx_status rx_simulation_build(const rx_simulate_config *config, const rx_simulat
                               rx_log *log, rx_simulation **dst, rx_error *err)
 {
     double fwhm = config->psf_fwhm;
-    rx_status status = RX_OK;
-    rx_simulation *simulation;
-    RX_TRY(RX_MAKE(simulation, 1, err));
-    simulation->sharp_fwhm = config->sharp_fwhm;
-    simulation->alpha = config->sky_center.v[0];
-    simulation->delta = config->sky_center.v[1];
-    simulation->nthreads = rx_threads_count(config->nthreads);
-    simulation->noise = noise_params(config);
-    simulation->coadd = coadd_params(config);
+    rx_status status;
+    rx_simulation *made;
+    RX_TRY(RX_MAKE(made, 1, err));
+    made->sharp_fwhm = config->sharp_fwhm;
+    made->alpha = config->sky_center.v[0];
+    made->delta = config->sky_center.v[1];
+    made->nthreads = rx_threads_count(config->nthreads);
+    made->noise = noise_params(config);
+    made->coadd = coadd_params(config);
     if (ground->with_optics) {
-        status = make_optics(config, ground, log, &simulation->optics, err);
-        if (status == RX_OK && simulation->coadd.type == RX_COADD_NONE)
-            fwhm = simulation->optics->fwhm;
+        RX_TRY_EXIT(make_optics(config, ground, log, &made->optics, err));
+        if (made->coadd.type == RX_COADD_NONE)
+            fwhm = made->optics->fwhm;
     }
-    if (status == RX_OK)
-        status = rx_optics_gauss(config->sharp_fwhm, &simulation->target, err);
-    if (status == RX_OK && config->template_count > 0.0)
-        status = rx_templates_read(config->template_name, config->template_scale, config->template_snr, log,
-                                   &simulation->templates, err);
-    simulation->scene = scene_params(config, ground, fwhm);
-    if (status == RX_OK)
-        *dst = simulation;
-    else
-        rx_simulation_free(simulation);
+    RX_TRY_EXIT(rx_optics_gauss(config->sharp_fwhm, &made->target, err));
+    if (config->template_count > 0.0)
+        RX_TRY_EXIT(rx_templates_read(config->template_name, config->template_scale, config->template_snr,
+                                      log, &made->templates, err));
+    made->scene = scene_params(config, ground, fwhm);
+    *dst = made;
+    made = NULL;
+exit:
+    rx_simulation_free(made);
     return status;
 }
 
@@ -217,24 +211,6 @@ static rx_scene_params rx_simulation_scene(const rx_simulation *simulation, uint
     return par;
 }
 
-/* images[i] += the scene through optics[i], but for those that are not wanted. */
-static rx_status render(const rx_simulation *simulation, const rx_scene *scene, float *clean, float *sharp,
-                        rx_error *err)
-{
-    const rx_optics *optics[2];
-    float *images[2];
-    int n = 0;
-    if (clean != NULL) {
-        optics[n] = simulation->optics;
-        images[n++] = clean;
-    }
-    if (sharp != NULL) {
-        optics[n] = simulation->target;
-        images[n++] = sharp;
-    }
-    return rx_render(scene, n, optics, images, simulation->nthreads, err);
-}
-
 /* Dead columns have no weight. */
 static void even_weight(const rx_simulated *simulated, size_t n)
 {
@@ -276,19 +252,25 @@ rx_status rx_simulation_make(const rx_simulation *simulation, uint64_t stream, r
     if (simulation->optics == NULL)
         return rx_error_set(err, RX_USAGE, "INJECT_IMAGE names a real tile; it is no simulated field");
     const rx_scene_params scene = rx_simulation_scene(simulation, stream);
+    const rx_optics *optics[2];
+    float *images[2];
+    int nimages = 0;
     rx_status status;
     RX_TRY_EXIT(rx_scene_make(&scene, simulation->templates, &dst->scene, err));
-    dst->image = RX_NEW(float, n);
-    dst->weight = RX_NEW(float, n);
-    dst->defects = RX_NEW(uint8_t, n);
-    if (exposes_once)
-        dst->clean = RX_NEW(float, n);
-    if (!simulation->without_sharp)
-        dst->sharp = RX_NEW(float, n);
-    if (dst->image == NULL || dst->weight == NULL || dst->defects == NULL ||
-        (dst->clean == NULL && exposes_once) || (dst->sharp == NULL && !simulation->without_sharp))
-        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
-    RX_TRY_EXIT(render(simulation, dst->scene, dst->clean, dst->sharp, err));
+    RX_TRY_EXIT(RX_MAKE(dst->image, n, err));
+    RX_TRY_EXIT(RX_MAKE(dst->weight, n, err));
+    RX_TRY_EXIT(RX_MAKE(dst->defects, n, err));
+    if (exposes_once) {
+        RX_TRY_EXIT(RX_MAKE(dst->clean, n, err));
+        optics[nimages] = simulation->optics;
+        images[nimages++] = dst->clean;
+    }
+    if (!simulation->without_sharp) {
+        RX_TRY_EXIT(RX_MAKE(dst->sharp, n, err));
+        optics[nimages] = simulation->target;
+        images[nimages++] = dst->sharp;
+    }
+    RX_TRY_EXIT(rx_render(dst->scene, nimages, optics, images, simulation->nthreads, err));
     status = expose(simulation, stream, dst, err);
 exit:
     if (status != RX_OK)
@@ -395,23 +377,22 @@ rx_status rx_simulation_inject(const rx_simulation *simulation, uint64_t stream,
 {
     const rx_noise_params *noise = &simulation->noise;
     const rx_scene_params par = rx_simulation_scene(simulation, stream);
-    const rx_optics *target = simulation->target;
+    const rx_inject_params light = {.gain = noise->gain,
+                                    .saturation = noise->saturation,
+                                    .seed = noise->seed,
+                                    .stream = rx_simulation_pixel_stream(stream)};
     rx_scene *scene = NULL;
-    rx_status status = rx_scene_make(&par, simulation->templates, &scene, err);
-    if (status == RX_OK)
-        status = rx_inject(scene, simulation->optics,
-                           &(rx_inject_params){.gain = noise->gain,
-                                               .saturation = noise->saturation,
-                                               .seed = noise->seed,
-                                               .stream = rx_simulation_pixel_stream(stream)},
-                           simulation->nthreads, pixels, err);
-    if (status == RX_OK && sharp != NULL) {
+    rx_status status;
+    RX_TRY_EXIT(rx_scene_make(&par, simulation->templates, &scene, err));
+    RX_TRY_EXIT(rx_inject(scene, simulation->optics, &light, simulation->nthreads, pixels, err));
+    if (sharp != NULL) {
         memset(sharp, 0, (size_t)par.width * (size_t)par.height * sizeof(float));
-        status = rx_render(scene, 1, &target, &sharp, simulation->nthreads, err);
+        RX_TRY_EXIT(
+            rx_render(scene, 1, &(const rx_optics *){simulation->target}, &sharp, simulation->nthreads, err));
     }
-    if (status == RX_OK)
-        *dst = scene;
-    else
-        rx_scene_free(scene);
+    *dst = scene;
+    scene = NULL;
+exit:
+    rx_scene_free(scene);
     return status;
 }

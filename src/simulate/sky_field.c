@@ -263,16 +263,11 @@ static rx_status draw_psf(const sky_ground *sky, rx_random_stream key, rx_sky_fi
     return RX_OK;
 }
 
-/* What a second scene adds; `make` decides by what is there. */
-typedef rx_status maker(const rx_sky_field *field, rx_random_stream key, rx_scene **dst, rx_error *err);
-
-static rx_status add(const sky_ground *sky, rx_random_stream key, maker *make, const two_optics *optics,
-                     rx_sky_field *field, rx_error *err)
+/* *scene joins the field, and is freed. */
+static rx_status add(const sky_ground *sky, rx_scene *scene, const two_optics *optics, rx_sky_field *field,
+                     rx_error *err)
 {
-    rx_scene *scene = NULL;
-    rx_status status = make(field, key, &scene, err);
-    if (status == RX_OK)
-        status = list_stars(scene, field, err);
+    rx_status status = list_stars(scene, field, err);
     if (status == RX_OK)
         status = render(sky, scene, optics, field, err);
     rx_scene_free(scene);
@@ -284,23 +279,21 @@ static rx_status fill(const sky_ground *sky, rx_random_stream key, const two_opt
 {
     rx_scene *scene = NULL;
     rx_scene_params par = population(sky, key, field->fwhm);
-    rx_status status = rx_scene_make(&par, sky->simulation->templates, &scene, err);
-    if (status == RX_OK)
-        status = list_stars(scene, field, err);
-    if (status == RX_OK)
-        status = render(sky, scene, optics, field, err);
-    if (status == RX_OK)
-        status = set_level(field, err);
-    const int light = status == RX_OK && field->level > 0.0;
-    if (light && rx_random_between(key, DRAW_NEBULOUS, 0.0, 1.0) < sky->variety->nebulae) {
-        status = add(sky, key, make_nebulae, optics, field, err);
-        if (status == RX_OK)
-            status = set_level(field, err);
+    RX_TRY(rx_scene_make(&par, sky->simulation->templates, &scene, err));
+    RX_TRY(add(sky, scene, optics, field, err));
+    RX_TRY(set_level(field, err));
+    if (!(field->level > 0.0))
+        return RX_OK;
+    if (rx_random_between(key, DRAW_NEBULOUS, 0.0, 1.0) < sky->variety->nebulae) {
+        RX_TRY(make_nebulae(field, key, &scene, err));
+        RX_TRY(add(sky, scene, optics, field, err));
+        RX_TRY(set_level(field, err));
     }
-    if (light && status == RX_OK && rx_random_between(key, DRAW_BRIGHT, 0.0, 1.0) < BRIGHT_FIELDS)
-        status = add(sky, key, make_bright_stars, optics, field, err);
-    rx_scene_free(scene);
-    return status;
+    if (rx_random_between(key, DRAW_BRIGHT, 0.0, 1.0) < BRIGHT_FIELDS) {
+        RX_TRY(make_bright_stars(field, key, &scene, err));
+        RX_TRY(add(sky, scene, optics, field, err));
+    }
+    return RX_OK;
 }
 
 rx_status rx_sky_field_make(const rx_simulation *simulation, const rx_sky_variety *variety,
@@ -310,16 +303,13 @@ rx_status rx_sky_field_make(const rx_simulation *simulation, const rx_sky_variet
     const int side = simulation->scene.width;
     const size_t n = (size_t)side * (size_t)side;
     two_optics optics = {NULL, NULL};
+    rx_status status;
     *dst = (rx_sky_field){.side = side};
-    dst->sharp = RX_NEW(float, n);
-    dst->blurred = RX_NEW(float, n);
-    if (dst->sharp == NULL || dst->blurred == NULL) {
-        rx_sky_field_clear(dst);
-        return rx_error_memory(err, n * sizeof(float));
-    }
-    rx_status status = draw_psf(&sky, from, dst, &optics, err);
-    if (status == RX_OK)
-        status = fill(&sky, from, &optics, dst, err);
+    RX_TRY_EXIT(RX_MAKE(dst->sharp, n, err));
+    RX_TRY_EXIT(RX_MAKE(dst->blurred, n, err));
+    RX_TRY_EXIT(draw_psf(&sky, from, dst, &optics, err));
+    status = fill(&sky, from, &optics, dst, err);
+exit:
     rx_optics_free(optics.core);
     rx_optics_free(optics.halo);
     if (status != RX_OK)

@@ -72,32 +72,21 @@ static double ratio_of(const rx_object *object)
     return ratio > 0.0 ? ratio : 1.0;
 }
 
-static double number_of(const rx_object *object, truth_column column)
+static void numbers_of(const rx_object *o, long number, rx_wcs *wcs, double dst[TRUTH_COLUMNS])
 {
-    switch (column) {
-    case TRUTH_X:
-        return object->x + 1.0;
-    case TRUTH_Y:
-        return object->y + 1.0;
-    case TRUTH_FLUX:
-        return object->flux;
-    case TRUTH_MAG:
-        return object->mag;
-    case TRUTH_RADIUS:
-        return object->radius;
-    case TRUTH_ELONGATION:
-        return 1.0 / ratio_of(object);
-    case TRUTH_THETA:
-        return object->type == RX_OBJECT_STAR ? 0.0 : remainder(object->angle * DEGREE, 180.0);
-    case TRUTH_BULGE:
-        return object->type == RX_OBJECT_GALAXY ? object->bulge_share : 0.0;
-    case TRUTH_SERSIC:
-        if (object->type != RX_OBJECT_GALAXY)
-            return 0.0;
-        return object->bulge_share > 0.0 ? object->bulge_n : 1.0;
-    default:
-        return NAN;
-    }
+    const int galaxy = o->type == RX_OBJECT_GALAXY;
+    dst[TRUTH_NUMBER] = (double)number;
+    dst[TRUTH_X] = o->x + 1.0;
+    dst[TRUTH_Y] = o->y + 1.0;
+    if (wcs != NULL)
+        rx_wcs_to_sky(wcs, 1, &o->x, &o->y, &dst[TRUTH_ALPHA], &dst[TRUTH_DELTA]);
+    dst[TRUTH_FLUX] = o->flux;
+    dst[TRUTH_MAG] = o->mag;
+    dst[TRUTH_RADIUS] = o->radius;
+    dst[TRUTH_ELONGATION] = 1.0 / ratio_of(o);
+    dst[TRUTH_THETA] = o->type == RX_OBJECT_STAR ? 0.0 : remainder(o->angle * DEGREE, 180.0);
+    dst[TRUTH_BULGE] = galaxy ? o->bulge_share : 0.0;
+    dst[TRUTH_SERSIC] = !galaxy ? 0.0 : o->bulge_share > 0.0 ? o->bulge_n : 1.0;
 }
 
 static const char *text_of(const rx_scene *scene, const rx_object *object, truth_column column)
@@ -134,70 +123,46 @@ static int set_format(rx_column *dst, const truth_format *format, long nrows)
     return dst->data != NULL;
 }
 
-static void fill_column(const rx_scene *scene, const long *rows, long nrows, truth_column which,
-                        rx_column *dst)
+static void set_cell(rx_column *dst, long row, double number, const char *text)
 {
-    for (long i = 0; i < nrows; i++) {
-        const rx_object *object = &scene->objects[rows[i]];
-        if (dst->type == RX_CELL_TEXT) /* memory is zeroed and the last byte stays */
-            strncpy((char *)dst->data + i * dst->text_width, text_of(scene, object, which),
-                    (size_t)dst->text_width - 1);
-        else if (dst->type == RX_CELL_INT32)
-            ((int32_t *)dst->data)[i] = (int32_t)(rows[i] + 1);
-        else if (dst->type == RX_CELL_FLOAT)
-            ((float *)dst->data)[i] = (float)number_of(object, which);
-        else
-            ((double *)dst->data)[i] = number_of(object, which);
-    }
-}
-
-/* x and y of the table, from 1, to its alpha and delta. */
-static rx_status fill_sky(const rx_scene *scene, const long *rows, long nrows, rx_wcs *wcs, double *alpha,
-                          double *delta, rx_error *err)
-{
-    double *x = RX_NEW(double, (size_t)nrows), *y = RX_NEW(double, (size_t)nrows);
-    rx_status status =
-        x == NULL || y == NULL ? rx_error_memory(err, 2 * sizeof(double) * (size_t)nrows) : RX_OK;
-    for (long i = 0; status == RX_OK && i < nrows; i++) {
-        x[i] = scene->objects[rows[i]].x;
-        y[i] = scene->objects[rows[i]].y;
-    }
-    if (status == RX_OK && nrows > 0)
-        rx_wcs_to_sky(wcs, (int)nrows, x, y, alpha, delta);
-    free(x);
-    free(y);
-    return status;
+    if (dst->type == RX_CELL_TEXT) /* memory is zeroed and the last byte stays */
+        strncpy((char *)dst->data + row * dst->text_width, text, (size_t)dst->text_width - 1);
+    else if (dst->type == RX_CELL_INT32)
+        ((int32_t *)dst->data)[row] = (int32_t)number;
+    else if (dst->type == RX_CELL_FLOAT)
+        ((float *)dst->data)[row] = (float)number;
+    else
+        ((double *)dst->data)[row] = number;
 }
 
 rx_status rx_truth_table(const rx_scene *scene, rx_wcs *wcs, int all, rx_table **dst, rx_error *err)
 {
-    long *rows = RX_NEW(long, (size_t)scene->n), nrows = 0;
     rx_table *table = rx_table_new(wcs != NULL ? TRUTH_COLUMNS : TRUTH_COLUMNS - 2);
-    rx_status status = RX_OK;
+    rx_column *column[TRUTH_COLUMNS] = {NULL};
+    int missing = table == NULL;
     *dst = NULL;
-    if (rows == NULL || table == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, sizeof(long) * (size_t)scene->n));
-    for (long i = 0; i < scene->n; i++)
-        if (all || is_inside(scene, &scene->objects[i]))
-            rows[nrows++] = i;
-    table->nrows = nrows;
-    for (int k = 0, place = 0; k < TRUTH_COLUMNS; k++) {
-        if (wcs == NULL && (k == TRUTH_ALPHA || k == TRUTH_DELTA))
-            continue;
-        rx_column *column = &table->columns[place++];
-        if (!set_format(column, &formats[k], nrows))
-            RX_TRY_EXIT(rx_error_memory(err, 0));
-        fill_column(scene, rows, nrows, (truth_column)k, column);
+    for (long i = 0; i < scene->n && !missing; i++)
+        table->nrows += all || is_inside(scene, &scene->objects[i]);
+    for (int k = 0, place = 0; k < TRUTH_COLUMNS && !missing; k++)
+        if (wcs != NULL || (k != TRUTH_ALPHA && k != TRUTH_DELTA)) {
+            column[k] = &table->columns[place++];
+            missing = !set_format(column[k], &formats[k], table->nrows);
+        }
+    if (missing) {
+        rx_table_free(table);
+        return rx_error_memory(err, 0);
     }
-    if (wcs != NULL)
-        status = fill_sky(scene, rows, nrows, wcs, table->columns[TRUTH_ALPHA].data,
-                          table->columns[TRUTH_DELTA].data, err);
-    if (status != RX_OK)
-        goto exit;
+    for (long i = 0, row = 0; i < scene->n; i++) {
+        const rx_object *object = &scene->objects[i];
+        double numbers[TRUTH_COLUMNS];
+        if (!all && !is_inside(scene, object))
+            continue;
+        numbers_of(object, i + 1, wcs, numbers);
+        for (int k = 0; k < TRUTH_COLUMNS; k++)
+            if (column[k] != NULL)
+                set_cell(column[k], row, numbers[k], text_of(scene, object, (truth_column)k));
+        row++;
+    }
     *dst = table;
-    table = NULL;
-exit:
-    rx_table_free(table);
-    free(rows);
-    return status;
+    return RX_OK;
 }
