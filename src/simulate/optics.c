@@ -19,25 +19,26 @@ typedef double spectrum_shape(const void *shape, double f);
 
 enum { GRID_LEAST = 3 }; /* galaxies have structure that pixels as cells would not resolve */
 
-/* Zeroed, one constant term of factor 1; NULL without memory. */
-static rx_optics *new_optics(int oversampling, int size, int nbasis)
+/* Zeroed, one constant term of factor 1. */
+static rx_status new_optics(int oversampling, int size, int nbasis, rx_optics **dst, rx_error *err)
 {
-    rx_optics *optics = RX_NEW(rx_optics, 1);
-    if (optics == NULL)
-        return NULL;
-    optics->basis = rx_alloc((size_t)nbasis * (size_t)size, (size_t)size * sizeof(float));
-    if (optics->basis == NULL) {
-        free(optics);
-        return NULL;
-    }
-    optics->oversampling = oversampling;
-    optics->grid = GRID_LEAST;
-    optics->size = size;
-    optics->nbasis = nbasis;
-    optics->nterms = 1;
+    rx_optics *optics;
+    *dst = NULL;
+    RX_TRY(RX_MAKE(optics, 1, err));
+    *optics = (rx_optics){.oversampling = oversampling,
+                          .grid = GRID_LEAST,
+                          .size = size,
+                          .nbasis = nbasis,
+                          .nterms = 1,
+                          .xs = 1.0,
+                          .ys = 1.0};
     optics->terms[0].factor = 1.0;
-    optics->xs = optics->ys = 1.0;
-    return optics;
+    const rx_status status = RX_MAKE(optics->basis, (size_t)nbasis * (size_t)size * (size_t)size, err);
+    if (status == RX_OK)
+        *dst = optics;
+    else
+        free(optics);
+    return status;
 }
 
 void rx_optics_free(rx_optics *optics)
@@ -69,8 +70,7 @@ static int optics_sampling(spectrum_shape *spectrum, const void *shape)
 
 static int optics_grid(spectrum_shape *spectrum, const void *shape)
 {
-    int cells = least_cells(spectrum, shape, RX_STAR_BAND, BEYOND_GRID);
-    return cells < GRID_LEAST ? GRID_LEAST : cells;
+    return (int)fmax(GRID_LEAST, least_cells(spectrum, shape, RX_STAR_BAND, BEYOND_GRID));
 }
 
 static double gauss_spectrum(const void *shape, double f)
@@ -87,12 +87,13 @@ rx_status rx_optics_gauss(double fwhm, rx_optics **dst, rx_error *err)
                             "a target FWHM of %g pixels cannot be used; give SHARP_FWHM 1 to 200", fwhm);
     double sigma = fwhm / sqrt(8.0 * M_LN2);
     int cells = optics_sampling(gauss_spectrum, &sigma), half = cells * (int)ceil(5.5 * sigma + 1.0);
-    rx_optics *optics = new_optics(cells, 2 * half + 1, 1);
-    double *line = RX_NEW(double, 2 * half + 1), total = 0.0;
-    if (optics == NULL || line == NULL) {
-        rx_optics_free(optics);
+    rx_optics *optics = NULL;
+    double *line, total = 0.0;
+    RX_TRY(RX_MAKE(line, 2 * (size_t)half + 1, err));
+    const rx_status status = new_optics(cells, 2 * half + 1, 1, &optics, err);
+    if (status != RX_OK) {
         free(line);
-        return rx_error_memory(err, 0);
+        return status;
     }
     for (int i = -half; i <= half; i++) {
         double x = fabs((double)i / cells), low = (x - 0.5) * M_SQRT1_2 / sigma,
@@ -117,10 +118,9 @@ rx_status rx_optics_gauss(double fwhm, rx_optics **dst, rx_error *err)
 rx_status rx_optics_psf(const rx_psf *psf, rx_optics **dst, rx_error *err)
 {
     size_t n = (size_t)psf->nbasis * (size_t)psf->size * (size_t)psf->size;
-    rx_optics *optics = new_optics(1, psf->size, psf->nbasis);
+    rx_optics *optics;
     *dst = NULL;
-    if (optics == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    RX_TRY(new_optics(1, psf->size, psf->nbasis, &optics, err));
     memcpy(optics->basis, psf->basis, n * sizeof(float));
     optics->nterms = psf->nbasis;
     for (int t = 0; t < psf->nbasis; t++) {
@@ -223,8 +223,8 @@ rx_status rx_optics_on_pixels(const rx_optics *optics, rx_psf **dst, rx_error *e
 enum { MOST_DEGREE = 8 };  /* in the square of the distance: 45 terms */
 
 typedef struct moffat {
-    double fwhm, beta, ratio, angle, variation;
-    double narrowest, widest; /* FWHM of the whole tile: minor axis, major axis */
+    double fwhm, beta, ratio, angle, variation; /* rx_moffat_profile */
+    double narrowest, widest;                   /* FWHM of the whole tile: minor axis, major axis */
 } moffat;
 
 static rx_status check(const moffat *m, rx_error *err)
@@ -393,13 +393,9 @@ static void set_terms(int degree, rx_optics *optics)
 static rx_status fill_basis(const moffat *m, const ladder *l, rx_optics *optics, rx_error *err)
 {
     const size_t n = (size_t)optics->size * (size_t)optics->size;
-    double *stamp = RX_NEW(double, n), *images = rx_alloc((size_t)optics->nbasis * n, sizeof(double)),
-           sum = 0.0;
-    if (stamp == NULL || images == NULL) {
-        free(stamp);
-        free(images);
-        return rx_error_memory(err, (size_t)optics->nbasis * n * sizeof(double));
-    }
+    double *images, *stamp, sum = 0.0;
+    RX_TRY(RX_MAKE(images, n * (size_t)(optics->nbasis + 1), err));
+    stamp = images + n * (size_t)optics->nbasis;
     for (int i = 0; i <= l->degree; i++) {
         fill_stamp(m, fwhm_at(m, l->s[i]), optics->oversampling, optics->size, stamp);
         for (int j = 0; j <= l->degree; j++)
@@ -411,7 +407,6 @@ static rx_status fill_basis(const moffat *m, const ladder *l, rx_optics *optics,
     for (size_t k = 0; k < n; k++)
         sum += images[k];
     optics->missing = 1.0 - sum / ((double)optics->oversampling * optics->oversampling);
-    free(stamp);
     free(images);
     return RX_OK;
 }
@@ -434,19 +429,17 @@ rx_status rx_optics_moffat(const rx_moffat_profile *profile, int width, int heig
                            rx_error *err)
 {
     const double fwhm = profile->fwhm, ratio = profile->ratio, variation = profile->variation;
-    moffat m = {
-        .fwhm = fwhm, .beta = profile->beta, .ratio = ratio, .angle = profile->angle, .variation = variation};
+    moffat m = {fwhm, profile->beta, ratio, profile->angle, variation, 0.0, 0.0};
+    rx_optics *optics;
+    rx_status status;
     ladder l;
     *dst = NULL;
-    rx_status status = RX_OK;
     RX_TRY(check(&m, err));
     RX_TRY(choose_ladder(&m, &l, err));
     m.narrowest = fmin(fwhm, fwhm_at(&m, 1.0)) * sqrt(ratio);
     m.widest = fmax(fwhm, fwhm_at(&m, 1.0)) / sqrt(ratio);
     int cells = optics_sampling(moffat_spectrum, &m), half = half_pixels(&m), cut = cut_half(&m);
-    rx_optics *optics = new_optics(cells, 2 * cells * half + 1, l.degree + 1);
-    if (optics == NULL)
-        return rx_error_memory(err, 0);
+    RX_TRY(new_optics(cells, 2 * cells * half + 1, l.degree + 1, &optics, err));
     optics->grid = optics_grid(moffat_spectrum, &m);
     optics->type = RX_PSF_MOFFAT;
     optics->fwhm = fwhm;
@@ -457,12 +450,11 @@ rx_status rx_optics_moffat(const rx_moffat_profile *profile, int width, int heig
     optics->y0 = variation == 0.0 ? 0.0 : 0.5 * (height - 1);
     optics->xs = optics->ys = variation == 0.0 ? 1.0 : fmax(0.5 * hypot(width - 1, height - 1), 1.0);
     set_terms(l.degree, optics);
-    status = fill_basis(&m, &l, optics, err);
-    if (status != RX_OK) {
-        rx_optics_free(optics);
-        return status;
-    }
+    RX_TRY_EXIT(fill_basis(&m, &l, optics, err));
     describe(&m, optics);
     *dst = optics;
-    return RX_OK;
+    optics = NULL;
+exit:
+    rx_optics_free(optics);
+    return status;
 }

@@ -480,9 +480,9 @@ static rx_status may_go_on(long number, rx_error *err)
 static rx_status add_stars(const rx_scene_params *par, long count, rx_scene *scene, places *places,
                            rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (long i = 0; i < count && (status = may_go_on(i, err)) == RX_OK; i++) {
+    for (long i = 0; i < count; i++) {
         rx_object *star = &scene->objects[scene->n];
+        RX_TRY(may_go_on(i, err));
         make_star(par, i, star);
         if (!settle(scene, places, places_find(places, STARS, i, &star->x, &star->y)))
             continue;
@@ -495,33 +495,25 @@ static rx_status add_stars(const rx_scene_params *par, long count, rx_scene *sce
         other->flux = pow(10.0, -0.4 * (other->mag - par->zeropoint));
         settle(scene, places, places_beside(places, i, primary, &other->x, &other->y));
     }
-    return status;
+    return RX_OK;
 }
 
-static rx_status add_galaxies(const rx_scene_params *par, long count, rx_scene *scene, places *places,
-                              rx_error *err)
+/* Galaxies or templates. */
+static rx_status add_extended(const rx_scene_params *par, const rx_templates *templates, int set, long count,
+                              rx_scene *scene, places *places, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (long i = 0; i < count && (status = may_go_on(i, err)) == RX_OK; i++) {
-        rx_object *galaxy = &scene->objects[scene->n];
-        make_galaxy(par, i, galaxy);
-        settle(scene, places, places_find(places, GALAXIES, i, &galaxy->x, &galaxy->y));
-    }
-    return status;
-}
-
-static rx_status add_templates(const rx_scene_params *par, const rx_templates *templates, long count,
-                               rx_scene *scene, places *places, rx_error *err)
-{
-    rx_status status = RX_OK;
-    for (long i = 0; i < count && (status = may_go_on(i, err)) == RX_OK; i++) {
+    for (long i = 0; i < count; i++) {
         rx_object *object = &scene->objects[scene->n];
-        long before = scene->shrunk;
-        make_template(par, templates, i, object, &scene->shrunk);
-        if (!settle(scene, places, places_find(places, TEMPLATES, i, &object->x, &object->y)))
+        const long before = scene->shrunk;
+        RX_TRY(may_go_on(i, err));
+        if (set == GALAXIES)
+            make_galaxy(par, i, object);
+        else
+            make_template(par, templates, i, object, &scene->shrunk);
+        if (!settle(scene, places, places_find(places, set, i, &object->x, &object->y)))
             scene->shrunk = before;
     }
-    return status;
+    return RX_OK;
 }
 
 rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *templates, rx_scene **dst,
@@ -544,8 +536,8 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
     scene->templates = others > 0 ? templates : NULL;
     RX_TRY_EXIT(places_set(par, scene->objects, room, &places, err));
     RX_TRY_EXIT(add_stars(par, stars, scene, &places, err));
-    RX_TRY_EXIT(add_galaxies(par, galaxies, scene, &places, err));
-    RX_TRY_EXIT(add_templates(par, templates, others, scene, &places, err));
+    RX_TRY_EXIT(add_extended(par, NULL, GALAXIES, galaxies, scene, &places, err));
+    RX_TRY_EXIT(add_extended(par, templates, TEMPLATES, others, scene, &places, err));
     *dst = scene;
     scene = NULL;
 exit:

@@ -79,8 +79,6 @@ static int psf_of(const char *path, char *dst)
     return 0;
 }
 
-/* --- errors --- */
-
 /* No fault of a file that was only tried. */
 static int is_ours(rx_status status)
 {
@@ -158,12 +156,12 @@ static rx_status add_image(reading *to, const char *path, int hdu, double sky, d
     const rx_tile_params par = {.weight_threshold = NAN, .saturation = HUGE_VAL, .pixel_scale = scale};
     rx_tile *tile = NULL;
     rx_template source = {0};
-    rx_status status = RX_OK;
     RX_TRY(rx_interrupt_check(err));
     RX_TRY(rx_tile_read(&par, path, hdu, 1, NULL, &tile, err));
     source.pixel_scale = tile->pixel_scale > 0.0 ? tile->pixel_scale : to->pixel_scale;
     snprintf(source.name, sizeof source.name, "%.64s[%d]", base_name(path), hdu);
-    status = rx_template_isolate(tile->pixels, tile->mask, tile->width, tile->height, sky, &source, err);
+    rx_status status =
+        rx_template_isolate(tile->pixels, tile->mask, tile->width, tile->height, sky, &source, err);
     if (status == RX_OK && source.pixels != NULL && psf[0] != '\0' && source.snr >= to->min_snr)
         status = psf_fwhm(psf, to->log, &source.fwhm, err);
     source.fwhm *= source.pixel_scale;
@@ -275,19 +273,6 @@ static int by_name(const struct dirent **a, const struct dirent **b)
     return strcmp((*a)->d_name, (*b)->d_name); /* not alphasort(): that goes by the user's language */
 }
 
-/* The first catalogue among the files, with its path; NULL when there is none. */
-static rx_status find_catalogue(const char *folder, struct dirent **entries, int n, char *path,
-                                rx_table **dst, rx_error *err)
-{
-    rx_status status = RX_OK;
-    *dst = NULL;
-    for (int i = 0; i < n && *dst == NULL && status == RX_OK; i++) {
-        snprintf(path, NAME, "%.700s/%.255s", folder, entries[i]->d_name);
-        status = open_catalogue(path, dst, err);
-    }
-    return status;
-}
-
 /* A catalogue speaks for its whole folder; without one every image counts but PSFs. */
 static rx_status add_folder(reading *to, const char *folder, rx_error *err)
 {
@@ -297,7 +282,11 @@ static rx_status add_folder(reading *to, const char *folder, rx_error *err)
     if (n < 0)
         return rx_error_at(err, RX_INPUT, folder, -1, 0, "this folder of templates cannot be read");
     rx_table *table = NULL;
-    rx_status status = find_catalogue(folder, entries, n, path, &table, err);
+    rx_status status = RX_OK;
+    for (int i = 0; i < n && table == NULL && status == RX_OK; i++) {
+        snprintf(path, NAME, "%.700s/%.255s", folder, entries[i]->d_name);
+        status = open_catalogue(path, &table, err);
+    }
     if (status == RX_OK && table != NULL)
         status = add_catalogue(to, path, table, err);
     for (int i = 0; status == RX_OK && table == NULL && i < n; i++) {
@@ -337,27 +326,27 @@ rx_status rx_templates_read(const char *name, double pixel_scale, double min_snr
 {
     struct stat about;
     reading to = {.pixel_scale = pixel_scale, .min_snr = min_snr, .log = log};
-    rx_status status = RX_OK;
+    rx_status status;
     *dst = NULL;
     RX_TRY(RX_MAKE(to.all, 1, err));
     if (name[0] == '@')
-        status = add_list(&to, name + 1, err);
+        RX_TRY_EXIT(add_list(&to, name + 1, err));
     else if (stat(name, &about) == 0 && S_ISDIR(about.st_mode))
-        status = add_folder(&to, name, err);
+        RX_TRY_EXIT(add_folder(&to, name, err));
     else
-        status = add_any(&to, name, err);
-    if (status == RX_OK && to.all->n == 0)
-        status = rx_error_at(err, RX_INPUT, name, -1, 0,
-                             "no template is left: %d without an object, %d below S/N %g; lower TEMPLATE_SNR",
-                             to.empty, to.faint, min_snr);
-    if (status != RX_OK) {
-        rx_templates_free(to.all);
-        return status;
-    }
+        RX_TRY_EXIT(add_any(&to, name, err));
+    if (to.all->n == 0)
+        RX_TRY_EXIT(
+            rx_error_at(err, RX_INPUT, name, -1, 0,
+                        "no template is left: %d without an object, %d below S/N %g; lower TEMPLATE_SNR",
+                        to.empty, to.faint, min_snr));
     rx_log_info(log, "%s: %d templates; left out: %d below S/N %g, %d without an object", name, to.all->n,
                 to.faint, min_snr, to.empty);
     *dst = to.all;
-    return RX_OK;
+    to.all = NULL;
+exit:
+    rx_templates_free(to.all);
+    return status;
 }
 
 void rx_templates_free(rx_templates *templates)
