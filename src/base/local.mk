@@ -6,7 +6,7 @@ librextract_la_SOURCES += \
 	src/base/min_max.h \
 	src/base/lines.c \
 	src/base/log.c \
-	src/base/constants.h \
+	src/base/arena.c src/base/arena.h src/base/constants.h \
 	src/base/memory.c \
 	src/base/names.c \
 	src/base/point.c src/base/point.h \

@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 #include "check/quality.h"
-#include "measure/aperture.h"
+#include "measure/view.h"
 #include "simulate/inject.h"
 #include "simulate/scene.h"
 

@@ -8,7 +8,7 @@
 
 #include "base/memory.h"
 #include "base/point.h"
-#include "base/printable.h"
+#include "base/text.h"
 
 /* The value becomes the record's. */
 static void add_owned(rx_record *record, const char *name, const char *comment, char *value)

@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "base/text.h"
+#include "data/record.h"
 
 /* --- reading --- */
 
@@ -50,6 +51,9 @@ void rx_card_integer(rx_text *dst, const char *key, long value, const char *comm
 /* A line of provenance: a keyword (a number where the value is one) when the name begins with RX and FITS can hold it, else
  * HISTORY, "NAME = value" with the value as rx_printable_add() has it; a card that goes on in the next one ends in '&'. */
 void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment);
+
+/* All entries of a record, a line each. */
+void rx_record_cards(const rx_record *record, rx_text *cards);
 
 /* --- changing and choosing --- */
 

@@ -80,10 +80,10 @@ static void visit_fact(void *user, const char *name, const char *value, const ch
 
 static void add_names(rx_text *dst, int n, const rx_lab_column *columns)
 {
-    rx_journal_fact(dst, "version", RX_VERSION);
-    if (!rx_settings_visit(&config->settings, false, visit_fact, dst) || dst->lines.failed)
-        return rx_error_memory(err, dst->lines.length);
-    return RX_OK;
+    for (int i = 0; i < n; i++)
+        rx_text_printf(dst, "%s%s%s%s%s", dst->length > 0 ? " " : "", columns[i].name,
+                       columns[i].unit[0] != '\0' ? "[" : "", columns[i].unit,
+                       columns[i].unit[0] != '\0' ? "]" : "");
 }
 
 /* "= TABLE.name ..." */
@@ -123,7 +123,7 @@ rx_status rx_lab_facts(const rx_lab *lab, rx_text *dst, rx_error *err)
 {
     int c = 0;
     rx_journal_fact(dst, "version", RX_VERSION);
-    dst->failed |= !rx_settings_visit(&lab->config->settings, visit_fact, dst);
+    dst->failed |= !rx_settings_visit(&lab->config->settings, false, visit_fact, dst);
     if (lab->options->model != NULL)
         rx_journal_fact(dst, "model", lab->options->model->digest);
     while (c < lab->nskies && lab->sky[c].simulation == NULL)
@@ -161,19 +161,13 @@ static void visit_record(void *user, const char *name, const char *value, const 
 
 rx_status rx_lab_settings(const rx_lab *lab, rx_record *keywords, rx_text *command, rx_error *err)
 {
-    visitor v = {config, dst};
-    *dst =
-        (rx_campaign_record){.title = title, .seed = (uint64_t)config->seed, .figures = config->qa_figures};
-    rx_text_add(&dst->command, "rextract-validate");
-    if (config->settings.file != NULL) {
-        const char *folder = strrchr(config->settings.file, '/');
-        const char *name = folder != NULL ? folder + 1 : config->settings.file;
-        rx_text_printf(&dst->command, " -c %s", config->settings.file);
-        snprintf(dst->name, sizeof dst->name, "%.*s", (int)strcspn(name, "."), name);
-    }
-    rx_record_add(&dst->keywords, "version", "", "%s", RX_VERSION);
-    return rx_settings_visit(&config->settings, false, visit_record, &v) && !dst->keywords.failed &&
-                   !dst->command.failed
+    const rx_settings *settings = &lab->config->settings;
+    rx_text_add(command, "rextract-validate");
+    if (settings->file != NULL)
+        rx_text_printf(command, " -c %s", settings->file);
+    rx_record_add(keywords, "version", "", "%s", RX_VERSION);
+    return rx_settings_visit(settings, false, visit_record, &(visitor){settings, keywords, command}) &&
+                   !keywords->failed && !command->failed
                ? RX_OK
                : rx_error_memory(err, 0);
 }

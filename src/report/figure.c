@@ -10,7 +10,7 @@
 
 #include "base/memory.h"
 #include "io/folders.h"
-#include "report/escape.h"
+#include "report/formats.h"
 #include "report/gnuplot.h"
 
 enum { MAX_SVG = 64 << 20, INK = 64 }; /* grey up to INK: has the colour of text */

@@ -17,7 +17,6 @@ typedef struct rx_restore_params {
     int rl_niter;                   /* RL_NITER */
     int rl_accelerate;              /* RL_ACCELERATE */
     int rl_stop_discrepancy;        /* RL_STOP DISCREPANCY: stop when the reduced chi2 falls to 1 */
-    double rl_damping;              /* RL_DAMPING, sigmas, 0 = off */
     double rl_denoise;              /* RL_DENOISE, FWHM of the Gaussian afterwards, 0 = off: in pixels, or */
     int rl_denoise_by_psf;          /* in units of the FWHM of the tile's PSF, as RL_DENOISE is */
     double rl_pedestal;             /* sky sigmas [RX_RL_PEDESTAL] */

@@ -9,7 +9,6 @@
 #include "base/memory.h"
 #include "base/text.h"
 #include "io/fits_write.h"
-#include "stage/inputs.h"
 #include "stage/machine.h"
 
 /* Visiting the keywords. */

@@ -14,7 +14,7 @@
 #include "base/text.h"
 #include "config/config_fields.h"
 #include "config/tiles.h"
-#include "quality/binomial.h"
+#include "quality/statistics.h"
 #include "report/report.h"
 #include "survey/tile_record.h"
 

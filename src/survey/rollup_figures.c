@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "report/curves.h"
+#include "report/figure.h"
 #include "survey/rollup.h"
 
 enum { FEW = 5 };

@@ -75,7 +75,7 @@ static level level_of(const rx_rollup *r, const rx_rollup_run *run, int q, doubl
             room[n++] = value;
     }
     if (n >= FEW)
-        l.spread = fmax(rx_sample_sigma(room, (long)n, &l.median), QUANTITIES[q].floor);
+        l.spread = fmax(rx_sigma_mad(room, n, &l.median), QUANTITIES[q].floor);
     return l;
 }
 
@@ -332,12 +332,12 @@ static void draw_trend(rx_figures *dst, const trend *t, int number, int n, const
         const int from = b * n / bins, to = (b + 1) * n / bins;
         for (int i = from; i < to; i++)
             room[i - from] = points[i].v[1];
-        rx_curves_put(&c, points[(from + to - 1) / 2].v[0], rx_sample_quantile(room, to - from, 0.5), NAN,
+        rx_curves_put(&c, points[(from + to - 1) / 2].v[0], rx_quantile(room, (size_t)(to - from), 0.5), NAN,
                       NAN);
     }
     for (int i = 0; i < n; i++)
         room[i] = points[i].v[1];
-    const double low = rx_sample_quantile(room, n, 0.005), high = rx_sample_quantile(room, n, 0.995);
+    const double low = rx_quantile(room, (size_t)(n), 0.005), high = rx_quantile(room, (size_t)(n), 0.995);
     snprintf(id, sizeof id, "trend-%02d", number);
     snprintf(title, sizeof title, "%s%s%s against %s", run, run[0] != '\0' ? " " : "", q->title, t->card);
     snprintf(ylabel, sizeof ylabel, q->unit[0] != '\0' ? "%s [%s]" : "%s", q->title,

@@ -7,9 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "report/escape.h"
-#include "report/page.h"
-#include "report/report_file.h"
+#include "report/formats.h"
 
 enum { ROWS_SHOWN = 200 };
 

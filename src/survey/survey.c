@@ -7,7 +7,6 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/names.h"
-#include "base/reserve.h"
 #include "config/config_fields.h"
 #include "io/output.h"
 #include "stage/options.h"
@@ -52,7 +51,7 @@ static rx_status run_tile(const rx_settings *settings, const char *image, FILE *
                              .what = line};
     rx_log_tile_begin(log);
     rx_status status = rx_stage_run(config, image, standard_out, log, &record.facts, &why);
-    status = rx_reserve_end(status, &why);
+    status = rx_memory_end(status, &why);
     rx_log_progress_end(log);
     if (config->record_name[0] != '\0' && status != RX_INTERRUPTED) {
         record.status = (int)status;
