@@ -29,7 +29,7 @@ static const datatype datatypes[] = {
     {"short", RX_CELL_INT64, 2},       {"unicodeChar", RX_CELL_TEXT, 2},    {"int", RX_CELL_INT64, 4},
     {"float", RX_CELL_FLOAT, 4},       {"long", RX_CELL_INT64, 8},          {"double", RX_CELL_DOUBLE, 8},
     {"floatComplex", RX_CELL_TEXT, 8}, {"doubleComplex", RX_CELL_TEXT, 16}, {"", RX_CELL_TEXT, 0}};
-enum { BOOLEAN = 0, BYTE = 1, CHAR = 2, UNICODE = 4 };
+enum { BOOLEAN, BYTE, CHAR, SHORT, UNICODE }; /* the first of them */
 
 /* A FIELD and its cells; texts are offsets into votable.pool until the end. */
 typedef struct field {

@@ -82,32 +82,30 @@ typedef struct option {
     rx_action action;
     bool takes; /* a word behind it */
     bool any_case;
-    int programs; /* bits of rx_plain whose programs have it; 0: all */
+    bool images; /* only of the program that takes images */
 } option;
-
-enum { IMAGES = 1 << RX_PLAIN_IMAGES, FILES = 1 << RX_PLAIN_FILE };
 
 static const option *option_of(const rx_keytable *table, const char *word)
 {
     static const option options[] = {
-        {"-h", RX_ACTION_HELP, false, false, 0},
-        {"-help", RX_ACTION_HELP, false, false, 0},
-        {"--help", RX_ACTION_HELP, false, false, 0},
-        {"-v", RX_ACTION_VERSION, false, false, 0},
-        {"-version", RX_ACTION_VERSION, false, false, 0},
-        {"--version", RX_ACTION_VERSION, false, false, 0},
-        {"-d", RX_ACTION_DUMP, false, false, 0},
-        {"-dd", RX_ACTION_DUMP_ALL, false, false, 0},
-        {"-dp", RX_ACTION_DUMP_COLUMNS, false, false, IMAGES},
-        {"-c", RX_ACTION_RUN, true, false, 0},
-        {"-FLAGS", RX_ACTION_FLAGS, false, true, IMAGES},
-        {"-REPLAY", RX_ACTION_REPLAY, true, true, IMAGES},
-        {"-INFO", RX_ACTION_INFO, true, true, FILES},
+        {"-h", RX_ACTION_HELP, false, false, false},
+        {"-help", RX_ACTION_HELP, false, false, false},
+        {"--help", RX_ACTION_HELP, false, false, false},
+        {"-v", RX_ACTION_VERSION, false, false, false},
+        {"-version", RX_ACTION_VERSION, false, false, false},
+        {"--version", RX_ACTION_VERSION, false, false, false},
+        {"-d", RX_ACTION_DUMP, false, false, false},
+        {"-dd", RX_ACTION_DUMP_ALL, false, false, false},
+        {"-dp", RX_ACTION_DUMP_COLUMNS, false, false, true},
+        {"-c", RX_ACTION_RUN, true, false, false},
+        {"-FLAGS", RX_ACTION_FLAGS, false, true, true},
+        {"-REPLAY", RX_ACTION_REPLAY, true, true, true},
+        {"-INFO", RX_ACTION_INFO, true, true, false},
     };
     for (size_t i = 0; i < sizeof options / sizeof *options; i++) {
         const option *o = &options[i];
         if ((o->any_case ? strcasecmp(word, o->word) : strcmp(word, o->word)) == 0 &&
-            (o->programs == 0 || (o->programs & 1 << table->plain)) &&
+            (!o->images || table->plain == RX_PLAIN_IMAGES) &&
             (o->action != RX_ACTION_INFO || table->describes))
             return o;
     }

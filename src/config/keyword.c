@@ -12,7 +12,7 @@
 #include "base/point.h"
 #include "config/tokens.h"
 
-enum { MAX_NAMES = 384, MAX_LENGTH = 32 };
+enum { MAX_NAMES = 384 };
 
 /* --- names --- */
 
@@ -72,7 +72,7 @@ const char *rx_keyword_idle(const rx_settings *settings, int row)
 /* The known name that is nearest, with its prefix; dst empty when nothing is near. */
 static void find_nearest(const rx_keytable *table, const char *name, char *dst, size_t size)
 {
-    char room[MAX_NAMES][MAX_LENGTH];
+    char room[MAX_NAMES][32]; /* a prefix and a name */
     const char *names[MAX_NAMES];
     size_t n = 0;
     for (int part = -1; part < RX_PARTS && (part < 0 || table->part[part].prefix != NULL); part++) {
@@ -81,7 +81,7 @@ static void find_nearest(const rx_keytable *table, const char *name, char *dst, 
             const char *own = of->rows[row].name;
             if (of->rows[row].kind == RX_KIND_SECTION)
                 continue;
-            snprintf(room[n], MAX_LENGTH, "%s%s", part < 0 ? "" : table->part[part].prefix, own);
+            snprintf(room[n], sizeof room[n], "%s%s", part < 0 ? "" : table->part[part].prefix, own);
             if (part >= 0 && strcasecmp(own, name) == 0) { /* only the prefix is missing */
                 snprintf(dst, size, "%s", room[n]);
                 return;

@@ -7,6 +7,7 @@
 #include "config/config_fields.h"
 #include "config/kernel.h"
 #include "config/settings.h"
+#include "psf/psf_model.h"
 
 #include "config/fill_rows.h"
 
@@ -23,7 +24,6 @@ static const rx_fill rows[] = {
 /* clang-format on */
 
 enum { ROWS = sizeof rows / sizeof rows[0] };
-enum { PSF_DEGREE = 6 }; /* of the polynomial over a tile, at most: stars that are held out choose it */
 
 /* The second item of THRESH_TYPE knows RELATIVE and ABSOLUTE. */
 static void settle(rx_pipeline_params *params)
@@ -38,7 +38,7 @@ void rx_pipeline_fill(rx_pipeline_params *dst, const rx_settings *settings)
     dst->restore.rl_denoise_by_psf = 1;
     dst->restore.rl_pedestal = RX_RL_PEDESTAL;
     dst->psf.min_stars = 1;
-    dst->psf.max_degree = PSF_DEGREE;
+    dst->psf.max_degree = RX_PSF_DEGREE; /* stars that are held out choose a lower one */
     dst->detect.pixstack_max = RX_DETECT_PIXSTACK_MAX;
     dst->detect.subobjects = RX_DETECT_PARTS;
     dst->detect.subobjects_max = RX_DETECT_PARTS_MAX;
