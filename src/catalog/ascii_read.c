@@ -167,16 +167,6 @@ static void take_comment(ascii *in, const char *line)
         in->names = line + 1;
 }
 
-/* A first line without any number names the columns. */
-static bool is_name_line(const ascii *in, int n)
-{
-    double value;
-    for (int i = 0; i < n; i++)
-        if (as_real(in->tokens[i], &value))
-            return false;
-    return true;
-}
-
 static void look_at(ascii *in, long line)
 {
     double real;
@@ -220,7 +210,11 @@ static rx_status first_pass(ascii *in, rx_error *err)
         if (n > RX_READ_COLUMNS)
             return rx_error_at(err, RX_INPUT, in->path, -1, number, "holds more than %d values in a line",
                                RX_READ_COLUMNS);
-        if (in->nvalues == 0 && !in->named && in->nhead == 0 && is_name_line(in, n)) {
+        bool names = in->nvalues == 0 && !in->named && in->nhead == 0;
+        double value;
+        for (int i = 0; i < n && names; i++)
+            names = !as_real(in->tokens[i], &value);
+        if (names) { /* a first line without any number */
             in->names = text;
             in->named = true;
             continue;

@@ -29,14 +29,6 @@ static bool has_item(const rx_settings *settings, int row, const char *word)
     return false;
 }
 
-/* A file that states what decides over a keyword holds that ready on purpose. Own keywords are stated by a line that
- * is not the default's: a dump that was edited has them all, and those who come from SExtractor do not know them. */
-static bool is_stated(const rx_settings *settings, int row)
-{
-    return settings->origin[row] > RX_FROM_DUMP ||
-           (settings->origin[row] == RX_FROM_DUMP && settings->table->rows[row].status == RX_STATUS_SEX);
-}
-
 /* One condition, up to a semicolon: alternatives by commas and "or", each a keyword that is on, a keyword with one of
  * its words, or "column" with parts of names; or "no" and a keyword that is not on. Is one of them met, and is a keyword
  * among them stated? *only: the row of the keyword, where there is but one. */
@@ -69,7 +61,12 @@ static bool is_met(const rx_idle *idle, const rx_settings *settings, const char 
         *only = row == NO_ROW ? named : COLUMN;
         row = named;
         alone = row != COLUMN;
-        *stated |= row == COLUMN || is_stated(settings, row);
+        /* A file that states what decides over a keyword holds that ready on purpose. Own keywords are stated by a
+         * line that is not the default's: a dump that was edited has them all, and those who come from SExtractor do
+         * not know them. */
+        *stated |=
+            row == COLUMN || settings->origin[row] > RX_FROM_DUMP ||
+            (settings->origin[row] == RX_FROM_DUMP && settings->table->rows[row].status == RX_STATUS_SEX);
     }
     return met || (alone && has_item(settings, row, NULL));
 }

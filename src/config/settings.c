@@ -39,24 +39,19 @@ static rx_status make_room(const rx_keytable *table, rx_settings **dst, rx_error
     return RX_OK;
 }
 
-/* The table's default into the field of `row`. */
-static rx_status set_default(rx_settings *settings, int row, rx_error *err)
-{
-    rx_tokens items = {0};
-    rx_status status = rx_tokens_read(settings->table->rows[row].initial, &items, err);
-    if (status == RX_OK)
-        status = rx_keyword_assign(settings, row, items.v, items.n, (rx_place){0}, NULL, err);
-    rx_tokens_free(&items);
-    return status;
-}
-
 rx_status rx_settings_new(const rx_keytable *table, rx_settings **dst, rx_error *err)
 {
     rx_settings *settings = NULL;
     rx_status status = make_room(table, &settings, err);
-    for (int row = 0; row < table->nrows && status == RX_OK; row++)
-        if (table->rows[row].kind != RX_KIND_SECTION)
-            status = set_default(settings, row, err);
+    for (int row = 0; row < table->nrows && status == RX_OK; row++) {
+        rx_tokens items = {0};
+        if (table->rows[row].kind == RX_KIND_SECTION)
+            continue;
+        status = rx_tokens_read(table->rows[row].initial, &items, err);
+        if (status == RX_OK)
+            status = rx_keyword_assign(settings, row, items.v, items.n, (rx_place){0}, NULL, err);
+        rx_tokens_free(&items);
+    }
     for (int i = 0; i < RX_PARTS && table->part[i].prefix != NULL && status == RX_OK; i++) {
         status = rx_settings_new(table->part[i].table(), &settings->part[i], err);
         if (status == RX_OK) {

@@ -180,18 +180,13 @@ static void man_range(rx_text *dst, const rx_keyword *key)
         rx_text_printf(dst, "A list of %d.\n", key->nmax);
 }
 
-static const char *man_kind(rx_kind kind)
+void rx_settings_man(rx_text *dst, const rx_keytable *table)
 {
     static const char *const kinds[] = {
         [RX_KIND_STRING] = "text",  [RX_KIND_STRINGS] = "text", [RX_KIND_INT] = "integer",
         [RX_KIND_INTS] = "integer", [RX_KIND_REAL] = "number",  [RX_KIND_REALS] = "number",
         [RX_KIND_BOOL] = "Y|N",     [RX_KIND_BOOLS] = "Y|N",    [RX_KIND_WORD] = "word",
         [RX_KIND_WORDS] = "word"};
-    return kinds[kind];
-}
-
-void rx_settings_man(rx_text *dst, const rx_keytable *table)
-{
     static const char *const status[] = {
         [RX_STATUS_SEX] = "",
         [RX_STATUS_OURS] = "Own keyword.\n",
@@ -203,7 +198,7 @@ void rx_settings_man(rx_text *dst, const rx_keytable *table)
             rx_text_printf(dst, ".SS %s\n", key->name);
             continue;
         }
-        rx_text_printf(dst, ".TP\n.BR %s \" \\fI%s\\fP (%s)\"\n%s.\n", key->name, man_kind(key->kind),
+        rx_text_printf(dst, ".TP\n.BR %s \" \\fI%s\\fP (%s)\"\n%s.\n", key->name, kinds[key->kind],
                        key->initial[0] == '\0' ? "empty" : key->initial, key->help);
         man_range(dst, key);
         if (key->needs != NULL)
