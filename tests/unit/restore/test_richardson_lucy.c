@@ -484,14 +484,6 @@ static void stops_at_discrepancy(void **state)
     check_discrepancy(1);
 }
 
-static double scatter(const sky *s, const float *plane)
-{
-    double sum = 0;
-    for (int k = 0; k < s->tile.width * 40; k++)
-        sum += (double)plane[k] * plane[k];
-    return sqrt(sum / (s->tile.width * 40));
-}
-
 static void hopeless_tiles(void **state)
 {
     (void)state;
