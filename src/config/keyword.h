@@ -93,12 +93,14 @@ struct rx_keytable {
 
 /* The row of a name (case ignored), -1 when unknown. */
 int rx_keyword_find(const rx_keytable *table, const char *name);
+
 /* A row of gone.def: a keyword that earlier versions had (value NULL), or a word of one. */
 typedef struct rx_gone {
     const char *program, *name, *value;
     const char *initial; /* default of the keyword, which changes nothing; NULL: every value is an error */
     const char *instead; /* "give ...": what to use now */
 } rx_gone;
+
 /* Where messages about a value say it comes from: file NULL for the command line. */
 typedef struct rx_place {
     const char *file;
@@ -123,7 +125,7 @@ rx_status rx_keyword_check_gone(const rx_gone *gone, const char *name, char *con
 rx_status rx_keyword_assign(rx_settings *settings, int row, char *const *items, int n, rx_place place,
                             rx_log *log, rx_error *err);
 
-/* The value of that row in src, for dst as well; both of one table. */
+/* The value of that row in src, for dst as well; both of one table. A section has none. */
 rx_status rx_keyword_copy(rx_settings *dst, const rx_settings *src, int row, rx_error *err);
 
 /* Items of the value in a field; a scalar is one. */

@@ -72,8 +72,7 @@ rx_status rx_settings_copy(const rx_settings *src, rx_settings **dst, rx_error *
     for (int row = 0; row < table->nrows && status == RX_OK; row++) {
         settings->origin[row] = src->origin[row];
         settings->line[row] = src->line[row];
-        if (table->rows[row].kind != RX_KIND_SECTION)
-            status = rx_keyword_copy(settings, src, row, err);
+        status = rx_keyword_copy(settings, src, row, err);
     }
     if (status == RX_OK && src->file != NULL) {
         settings->file = rx_strdup(src->file);
@@ -95,8 +94,7 @@ void rx_settings_free(rx_settings *settings)
     if (settings == NULL)
         return;
     for (int row = 0; row < settings->table->nrows; row++)
-        if (settings->table->rows[row].kind != RX_KIND_SECTION)
-            rx_keyword_clear(settings, row);
+        rx_keyword_clear(settings, row);
     for (int i = 0; i < RX_PARTS; i++)
         rx_settings_free(settings->part[i]);
     free(settings->origin);
@@ -236,8 +234,7 @@ rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_erro
 {
     rx_status status = RX_OK;
     for (int row = 0; row < settings->table->nrows && status == RX_OK; row++)
-        if (settings->table->rows[row].kind != RX_KIND_SECTION)
-            status = rx_keyword_replace(settings, row, "{tile}", tile, err);
+        status = rx_keyword_replace(settings, row, "{tile}", tile, err);
     return status;
 }
 
@@ -280,7 +277,7 @@ rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const ch
 {
     rx_status status = RX_OK;
     for (int row = 0; row < src->table->nrows && status == RX_OK; row++) {
-        if (src->table->rows[row].kind == RX_KIND_SECTION || src->origin[row] == RX_FROM_DEFAULT)
+        if (src->origin[row] == RX_FROM_DEFAULT)
             continue;
         if (!rx_keyword_among(allowed, src->table->rows[row].name))
             return rx_error_set(err, RX_USAGE, "-%s %s", src->table->rows[row].name, why_not);
