@@ -187,15 +187,6 @@ double rx_rl_chi2(rx_rl *rl)
     return sum / (double)prepared->good;
 }
 
-static float damp(float residual, float variance, float scale)
-{
-    const float u = scale * residual * residual / variance;
-    if (!(u < 1))
-        return 1;
-    const float u3 = u * u * u;
-    return u3 * u3 * u3 * (10 - 9 * u);
-}
-
 /* dst = W (d - m) / m */
 RX_SIMD static void plain_residual(const float *restrict data, const float *restrict weight,
                                    const float *restrict model, int n, float *restrict dst)
