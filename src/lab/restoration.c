@@ -37,6 +37,8 @@ enum { UNTUNED, SMOOTHED, RL, RL_FLAT, NET_FLAT };
 
 /* One scene: planes [side][side], 0 = sky. */
 typedef struct trial {
+    int bin;
+    const rx_unit_values *done; /* values of earlier units, of which the tuning is made; lent */
     double fwhm, sigma;
     double level;                  /* noise level: nn/noise_level.h */
     float *image;                  /* blurred and noisy */
@@ -235,7 +237,8 @@ static void free_trial(trial *t)
     *t = (trial){0};
 }
 
-static rx_status make_trial(const rx_lab *lab, const rx_lab_unit *unit, trial *dst, rx_error *err)
+static rx_status make_trial(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_values *done,
+                            trial *dst, rx_error *err)
 {
     const int side = lab->config->scene_side;
     const size_t n = (size_t)side * (size_t)side;
@@ -248,7 +251,9 @@ static rx_status make_trial(const rx_lab *lab, const rx_lab_unit *unit, trial *d
     rx_scene *scene = NULL;
     par.seed = rx_lab_seed(lab, DRAW_SCENE);
     par.stream = stream;
-    *dst = (trial){.fwhm = bin->by_sigma ? other : binned,
+    *dst = (trial){.bin = unit->condition,
+                   .done = done,
+                   .fwhm = bin->by_sigma ? other : binned,
                    .sigma = bin->by_sigma ? binned : other,
                    .image = RX_NEW(float, n),
                    .sharp = RX_NEW(float, n)};
@@ -418,7 +423,7 @@ static rx_status measure(const trial *t, const float *plane, double *dst, rx_err
 }
 
 /* Every candidate that is somebody's. */
-static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *dst, rx_error *err)
+static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx_error *err)
 {
     const size_t n = pixels_of(lab);
     double *row = NULL;
@@ -427,7 +432,7 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *dst, rx_e
                of_image = NTHRESHOLDS * (lab->config->tune_filter.n + 1);
     float *restored = RX_NEW(float, 2 * n), *plane = restored + n;
     rx_status status = restored == NULL ? rx_error_memory(err, 2 * n * sizeof(float))
-                                        : rx_lab_rows_add(&dst[RX_RESTORATION_TUNING], candidates, &row, err);
+                                        : rx_lab_rows_add(table, candidates, &row, err);
     for (long c = 0; status == RX_OK && c < candidates; c++, row += RX_RESTORATION_TUNING_WIDTH) {
         const tuning one = get_tuning(lab, t->fwhm, c);
         row[RX_TUNING_NITER] = one.niter;
@@ -460,38 +465,28 @@ typedef struct memory {
     float *plane;
 } memory;
 
-/* A run's picture of a scene of a bin with the settings tuned for a metric. */
-typedef struct picture_of {
-    int bin;
-    const trial *trial;
-    const rx_lab_run *run;
-    int metric;
-    const rx_unit_values *done; /* values of all units */
-} picture_of;
-
-static rx_status picture(const rx_lab *lab, const picture_of *what, memory *last, float *plane, rx_error *err)
+/* A run's picture of a scene with the settings tuned for a metric. */
+static rx_status picture(const rx_lab *lab, const trial *t, const rx_lab_run *run, int metric, memory *last,
+                         float *plane, rx_error *err)
 {
-    const rx_lab_run *run = what->run;
     tuning one = {.threshold = -1.0};
     if (run->tuned)
-        one = get_tuning(lab, what->trial->fwhm, choose(lab, what->bin, run, what->metric, what->done));
+        one = get_tuning(lab, t->fwhm, choose(lab, t->bin, run, metric, t->done));
     if (last->restorer != run->restorer || last->niter != one.niter) {
         last->restorer = NULL;
         if (run->method == SMOOTHED)
-            memcpy(last->plane, what->trial->image, pixels_of(lab) * sizeof *plane);
+            memcpy(last->plane, t->image, pixels_of(lab) * sizeof *plane);
         else
-            RX_TRY(restore(lab, what->trial, run->restorer, one.niter, last->plane, err));
+            RX_TRY(restore(lab, t, run->restorer, one.niter, last->plane, err));
     }
     last->restorer = run->restorer;
     last->niter = one.niter;
-    return apply(lab, what->trial->sigma, &one, last->plane, plane, err);
+    return apply(lab, t->sigma, &one, last->plane, plane, err);
 }
 
-static rx_status score(const rx_lab *lab, int bin, const trial *t, const rx_unit_values *done,
-                       rx_lab_table *dst, rx_error *err)
+static rx_status score(const rx_lab *lab, const trial *t, rx_lab_table *scene, rx_error *err)
 {
     const size_t n = pixels_of(lab);
-    rx_lab_table *scene = &dst[RX_RESTORATION_SCENE];
     double *row = NULL;
     float *planes = RX_NEW(float, 2 * n);
     memory last = {.plane = planes};
@@ -507,7 +502,7 @@ static rx_status score(const rx_lab *lab, int bin, const trial *t, const rx_unit
         double values[2];
         if (metric == 1 && !tuned)
             continue; /* both were measured on the same picture */
-        status = picture(lab, &(picture_of){bin, t, &lab->run[m], metric, done}, &last, planes + n, err);
+        status = picture(lab, t, &lab->run[m], metric, &last, planes + n, err);
         if (status == RX_OK)
             status = measure(t, planes + n, values, err);
         for (int k = 0; k < 2 && status == RX_OK; k++)
@@ -523,9 +518,8 @@ rx_status rx_restoration_example(const rx_lab *lab, int bin, rx_restoration_show
 {
     const size_t n = pixels_of(lab);
     trial t;
-    RX_TRY(make_trial(lab, &(rx_lab_unit){bin, 1, 0}, &t, err));
+    RX_TRY(make_trial(lab, &(rx_lab_unit){bin, 1, 0}, lab->values, &t, err));
     float *planes = RX_NEW(float, 2 * n);
-    memory last = {.plane = planes};
     rx_status status = planes == NULL ? rx_error_memory(err, 2 * n * sizeof *planes) : RX_OK;
     char text[96];
     snprintf(text, sizeof text, "FWHM %.2f pixels, noise %.1f", t.fwhm, t.sigma);
@@ -534,8 +528,7 @@ rx_status rx_restoration_example(const rx_lab *lab, int bin, rx_restoration_show
     for (int m = 0; status == RX_OK && m < lab->nruns; m++) {
         if (strcmp(lab->run[m].name, "BLURRED") == 0)
             continue;
-        last.restorer = NULL;
-        status = picture(lab, &(picture_of){bin, &t, &lab->run[m], 0, lab->values}, &last, planes + n, err);
+        status = picture(lab, &t, &lab->run[m], 0, &(memory){.plane = planes}, planes + n, err);
         if (status == RX_OK)
             show(user, lab->run[m].name, planes + n);
     }
@@ -551,10 +544,10 @@ static rx_status unit(const rx_lab *lab, const rx_lab_unit *unit, const rx_unit_
                       rx_lab_table *dst, rx_error *err)
 {
     trial t;
-    RX_TRY(make_trial(lab, unit, &t, err));
+    RX_TRY(make_trial(lab, unit, done, &t, err));
     rx_status status = lab->scene[unit->scene].id == RX_SCENE_TUNING
-                           ? tune(lab, &t, dst, err)
-                           : score(lab, unit->condition, &t, done, dst, err);
+                           ? tune(lab, &t, &dst[RX_RESTORATION_TUNING], err)
+                           : score(lab, &t, &dst[RX_RESTORATION_SCENE], err);
     free_trial(&t);
     return status;
 }
