@@ -101,8 +101,7 @@ typedef enum rx_scene_id {
     RX_SCENE_PAIRS,     /* of stars, much alike */
     RX_SCENE_MAGNITUDE, /* PHOTOMETRY: stars of one magnitude */
     RX_SCENE_TUNING,    /* RESTORATION: scenes that methods are tuned on */
-    RX_SCENE_TEST,      /* RESTORATION: the others */
-    RX_SCENE_IDS
+    RX_SCENE_TEST       /* RESTORATION: the others */
 } rx_scene_id;
 
 typedef struct rx_lab_scene {
