@@ -157,10 +157,6 @@ static rx_status add_record(void *user, const rx_tile_record *record, int64_t at
                            "has two records that differ; leave out the older one");
     if (known != NULL)
         return RX_OK;
-    if (r->ntiles == r->capacity) {
-        RX_TRY(RX_GROW(r->tile, 2 * (size_t)r->capacity + 64, err));
-        r->capacity = 2 * r->capacity + 64;
-    }
     tile = RX_TAKE(&r->arena, rx_rollup_tile, 1);
     if (tile == NULL)
         return rx_error_memory(err, sizeof *tile);
@@ -172,7 +168,9 @@ static rx_status add_record(void *user, const rx_tile_record *record, int64_t at
     if (tile->record.image == NULL || tile->record.name == NULL || tile->record.what == NULL ||
         tsearch(tile, &r->known, by_tile) == NULL)
         return rx_error_memory(err, 0);
-    r->tile[r->ntiles++] = tile;
+    tile->next = r->tiles_read;
+    r->tiles_read = tile;
+    r->ntiles++;
     r->fine += record->status == RX_OK;
     r->gates += record->status == RX_GATE_FAIL;
     r->undecided += record->status == RX_GATE_INSUFFICIENT;
@@ -246,10 +244,14 @@ static rx_status sort(rx_rollup *r, rx_error *err)
     int nruns = 0;
     for (const rx_rollup_run *run = r->runs; run != NULL; run = run->next)
         nruns++;
+    r->tile = rx_arena_take(&r->arena, (size_t)r->ntiles, sizeof(rx_rollup_tile *));
     r->run = rx_arena_take(&r->arena, (size_t)nruns, sizeof *r->run);
     r->missing = RX_TAKE(&r->arena, int, (size_t)listed);
-    if (row == NULL || r->run == NULL || r->missing == NULL)
+    if (row == NULL || r->tile == NULL || r->run == NULL || r->missing == NULL)
         return rx_error_memory(err, 0);
+    rx_rollup_tile **to = r->tile;
+    for (rx_rollup_tile *tile = r->tiles_read; tile != NULL; tile = tile->next)
+        *to++ = tile;
     if (r->ntiles > 1)
         qsort(r->tile, (size_t)r->ntiles, sizeof(rx_rollup_tile *), by_place);
     for (int i = 0; i < r->ntiles; i++) {
@@ -329,7 +331,6 @@ static void forget(rx_rollup *r)
     for (int i = 0; i < r->noutliers; i++)
         free(r->outlier[i].why);
     free(r->outlier);
-    free(r->tile);
     rx_arena_free(&r->arena);
 }
 

@@ -68,6 +68,7 @@ struct rx_rollup_tile {
     int64_t at;
     int place, nrows;   /* place: in the order of the tiles */
     rx_rollup_row *row; /* [nrows] by image and run */
+    rx_rollup_tile *next;
 };
 
 /* One image of a tile that stands out. `why` names what is off, its value and the survey's: up to three, the furthest first. */
@@ -93,9 +94,9 @@ typedef struct rx_rollup {
     rx_rollup_outlier *outlier;                /* [noutliers] worst first; owned */
     int fine, apart, failed, gates, undecided; /* tiles by exit status; apart: fine by it, but an outlier */
     void *known;                               /* search tree of tiles */
-    int capacity;                              /* of tile */
     rx_rollup_run *runs;                       /* all of them, as they came */
-    const char *path;                          /* of the records that are being read */
+    rx_rollup_tile *tiles_read;
+    const char *path; /* of the records that are being read */
 } rx_rollup;
 
 /* Read the records in the files of `given`, one a line, of which "@FILE" stands for those that it lists; write the

@@ -13,6 +13,7 @@
 
 #include "base/lines.h"
 #include "base/memory.h"
+#include "base/printable.h"
 #include "config/tokens.h"
 
 static const char blanks[] = " \t\r\v\f";
@@ -225,25 +226,6 @@ static rx_status refuse(const reader *r, const char *why)
                        "%s; is it the record of a tile, whole?", why);
 }
 
-static int hex(char c)
-{
-    return c >= '0' && c <= '9' ? c - '0' : c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
-}
-
-/* %XX resolved, in place. */
-static void unquote(char *text)
-{
-    char *to = text;
-    for (const char *from = text; *from != '\0';)
-        if (*from == '%' && hex(from[1]) >= 0 && hex(from[2]) >= 0) {
-            *to++ = (char)(16 * hex(from[1]) + hex(from[2]));
-            from += 3;
-        } else {
-            *to++ = *from++;
-        }
-    *to = '\0';
-}
-
 static rx_status whole(const reader *r, const char *text, char **end, long low, long high, long *dst)
 {
     errno = 0;
@@ -271,6 +253,8 @@ static rx_status take_item(const reader *r, const item *i, char *word, void *fie
 {
     char *end;
     long value = 0;
+    if (!rx_printable_read(word))
+        return refuse(r, "a % has no two digits");
     switch (i->kind) {
     case REAL:
     case EXACT:
@@ -287,11 +271,9 @@ static rx_status take_item(const reader *r, const item *i, char *word, void *fie
         RX_TRY(take_whole(r, word, i->low, i->high, &value));
         return value ? RX_MAKE(*(rx_tally **)field, 1, r->err) : RX_OK;
     case OWNED:
-        unquote(word);
         free(*(char **)field);
         return (*(char **)field = rx_strdup(word)) != NULL ? RX_OK : rx_error_memory(r->err, 0);
     default:
-        unquote(word);
         if (i->kind == NAME && !is_name(word, i->size))
             return refuse(r, "a restorer or a PSF has no name");
         snprintf(field, i->size, "%s", word);
@@ -430,9 +412,8 @@ static rx_status read_words(reader *r)
     }
     if (strcmp(word, "FACT") != 0)
         return refuse(r, "this is no line of a record");
-    if (r->run == NULL || r->words.n < 3)
+    if (r->run == NULL || r->words.n < 3 || !rx_printable_read(r->words.v[2]))
         return refuse(r, "FACT is out of place");
-    unquote(r->words.v[2]);
     rx_record_add(&r->run->facts, r->words.v[1], "", "%s", r->words.v[2]);
     return r->run->facts.failed ? rx_error_memory(r->err, 0) : RX_OK;
 }
