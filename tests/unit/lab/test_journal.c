@@ -1,4 +1,4 @@
-/* The journal: exact numbers, torn and damaged lines, journals of other campaigns, locks. */
+/* The journal: exact numbers, torn and damaged lines, journals of other campaigns. Locks, and files that are no journals: tests/campaign.sh. */
 #include "../scratch.h"
 
 #include <math.h>
@@ -225,28 +225,6 @@ static void other_settings_are_named(void **state)
     free(data);
 }
 
-static void foreign_files_are_left_alone(void **state)
-{
-    static const char letter[] = "rextract is a program\nthat I wrote a letter about\n";
-    size_t size;
-    rx_unit_values *values;
-    rx_journal *journal;
-    rx_error err = RX_ERROR_NONE;
-    const char *path = in(state, "letter");
-    write_bytes(path, letter, sizeof letter - 1);
-    assert_int_equal(begin(path, "1", &values, &journal, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "no journal"));
-    end(values, journal);
-    char *data = file_bytes(path, &size);
-    assert_string_equal(data, letter);
-    free(data);
-    assert_int_equal(begin(*state, "1", &values, &journal, &err), RX_SYSTEM); /* a folder */
-    end(values, journal);
-    path = "/proc/none/journal";
-    assert_int_equal(begin(path, "1", &values, &journal, &err), RX_SYSTEM);
-    end(values, journal);
-}
-
 /* Lines of another campaign, pasted in, are none of ours. */
 static void lines_belong_to_their_header(void **state)
 {
@@ -272,23 +250,6 @@ static void lines_belong_to_their_header(void **state)
     free(both);
     free(theirs);
     free(data);
-}
-
-static void one_process_at_a_time(void **state)
-{
-    rx_unit_values *values, *more;
-    rx_journal *journal, *second;
-    rx_error err = RX_ERROR_NONE;
-    const char *path = in(state, "locked");
-    assert_int_equal(begin(path, "1", &values, &journal, NULL), RX_OK);
-    assert_int_equal(begin(path, "1", &more, &second, &err), RX_SYSTEM);
-    assert_non_null(strstr(err.text, "in use"));
-    end(more, second);
-    append(journal, 2);
-    end(values, journal);
-    assert_int_equal(begin(path, "1", &values, &journal, NULL), RX_OK);
-    check(values, 2);
-    end(values, journal);
 }
 
 static void reading_changes_nothing(void **state)
@@ -326,9 +287,7 @@ int main(void)
         cmocka_unit_test(cut_anywhere),
         cmocka_unit_test(damage_is_seen),
         cmocka_unit_test(other_settings_are_named),
-        cmocka_unit_test(foreign_files_are_left_alone),
         cmocka_unit_test(lines_belong_to_their_header),
-        cmocka_unit_test(one_process_at_a_time),
         cmocka_unit_test(reading_changes_nothing),
     };
     return cmocka_run_group_tests(tests, make_scratch, remove_scratch);
