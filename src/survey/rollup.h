@@ -40,11 +40,6 @@ typedef struct rx_rollup_run {
     struct rx_rollup_run *next;
 } rx_rollup_run;
 
-/* A quantity of a row and how far its own error reaches. */
-typedef struct rx_rollup_number {
-    double value, error;
-} rx_rollup_number;
-
 typedef struct rx_rollup_tile rx_rollup_tile;
 
 /* One image of one tile by one restorer. */
@@ -53,9 +48,9 @@ typedef struct rx_rollup_row {
     const rx_extension_facts *image;
     const rx_run_facts *facts;
     rx_rollup_run *run;
-    bool compared;                  /* with a reference */
-    rx_rollup_cell cell;            /* MAG_RANGE */
-    const rx_rollup_number *number; /* of rollup_facts.def */
+    bool compared;                           /* with a reference */
+    rx_rollup_cell cell;                     /* MAG_RANGE */
+    const struct rx_rollup_numbers *numbers; /* rollup_quality.c */
     double off; /* how far it lies from the survey as a whole in what is worst of it: errors of its own, 0 =
                    not worse; NAN without a reference. Of a flux scale that is off: from 1 */
     const char *worst; /* what that is: "recall", "precision", "bias", "flux scale" */
@@ -84,11 +79,14 @@ typedef struct rx_rollup {
     const rx_survey_config *config;
     rx_arena arena; /* of all but tallies and reasons */
     int ntiles, nruns, nrows, nimages, nmissing, noutliers;
-    rx_rollup_tile **tile; /* [ntiles] by name and image */
-    rx_rollup_run **run;   /* [nruns] in the order they come first */
-    rx_rollup_row **row;   /* [nrows] worst first */
-    const rx_tiles *tiles; /* all that should have a record, or NULL; lent */
-    int *missing;          /* [nmissing] of tiles: without a record */
+    rx_rollup_tile **tile;             /* [ntiles] by name and image */
+    rx_rollup_run **run;               /* [nruns] in the order they come first */
+    rx_rollup_row **row;               /* [nrows] worst first */
+    struct rx_rollup_numbers *numbers; /* [nrows] of these */
+    int ncards;
+    const char *card[RX_RECORD_CARDS]; /* names of those that records hold */
+    const rx_tiles *tiles;             /* all that should have a record, or NULL; lent */
+    int *missing;                      /* [nmissing] of tiles: without a record */
     int lower; /* images whose PSF is not from several stars of the tile itself, of `nimages` whose PSF is known */
     rx_rho_bin rho[RX_RHO_BINS];
     rx_rollup_outlier *outlier;                /* [noutliers] worst first; owned */

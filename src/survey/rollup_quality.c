@@ -35,27 +35,38 @@ static double error_of(const rx_estimate *e)
     return e->n > 0 ? 0.25 * (e->high - e->low) : 0;
 }
 
-static void measure(const rx_rollup_row *r, rx_rollup_number dst[NQUANTITIES])
+/* What is compared of a row, side by side with those of others: most of the time goes through these. */
+typedef struct rx_rollup_numbers {
+    const rx_rollup_run *run;
+    double card[RX_RECORD_CARDS];
+    struct {
+        double value, error; /* error: how far the value's own reaches */
+    } of[NQUANTITIES];
+} numbers;
+
+/* Numbers of an image are of its first run, and NAN of the others. */
+static void measure(const rx_rollup *all, const rx_rollup_row *r, numbers *dst)
 {
     const rx_extension_facts *e = r->image;
     const rx_run_facts *f = r->facts;
-#define COMPARED(name, title, suffix, image, log, floor, error, value) {value, error},
-    const rx_rollup_number numbers[NQUANTITIES] = {
+#define COMPARED(name, title, suffix, image, log, floor, error, value)                                       \
+    {(image) && f != e->run ? NAN : (value), error},
+    *dst = (numbers){.run = r->run,
+                     .of = {
 #include "survey/rollup_facts.def"
-    };
-    memcpy(dst, numbers, sizeof numbers);
-}
-
-/* NAN where it is not of this row: numbers of an image are of its first run. */
-static double value_of(const rx_rollup_row *row, int q)
-{
-    return QUANTITIES[q].image && row->facts != row->image->run ? NAN : row->number[q].value;
+                     }};
+    for (int c = 0; c < all->ncards; c++) {
+        dst->card[c] = NAN;
+        for (int k = 0; k < e->ncards; k++)
+            if (strcasecmp(e->card[k].name, all->card[c]) == 0)
+                dst->card[c] = e->card[k].value;
+    }
 }
 
 /* As it is compared. */
-static double scaled(const rx_rollup_row *row, int q)
+static double scaled(const numbers *row, int q)
 {
-    const double value = value_of(row, q);
+    const double value = row->of[q].value;
     return QUANTITIES[q].logarithmic ? (value > 0 ? log(value) : NAN) : value;
 }
 
@@ -70,7 +81,7 @@ static level level_of(const rx_rollup *r, const rx_rollup_run *run, int q, doubl
     size_t n = 0;
     level l = {0};
     for (int i = 0; i < r->nrows; i++) {
-        const double value = r->row[i]->run == run ? scaled(r->row[i], q) : NAN;
+        const double value = r->numbers[i].run == run ? scaled(&r->numbers[i], q) : NAN;
         if (isfinite(value))
             room[n++] = value;
     }
@@ -84,9 +95,9 @@ static double add_reasons(const level *own, const rx_rollup_row *row, rx_text *w
 {
     double off[NQUANTITIES], most = 0;
     for (int q = 0; q < NQUANTITIES; q++) {
-        const double value = scaled(row, q);
+        const double value = scaled(row->numbers, q);
         off[q] = own[q].spread > 0 && isfinite(value)
-                     ? fabs(value - own[q].median) / fmax(own[q].spread, row->number[q].error)
+                     ? fabs(value - own[q].median) / fmax(own[q].spread, row->numbers->of[q].error)
                      : 0;
     }
     for (int k = 0; k < REASONS; k++) {
@@ -98,8 +109,9 @@ static double add_reasons(const level *own, const rx_rollup_row *row, rx_text *w
         const quantity *q = &QUANTITIES[best];
         const double middle = q->logarithmic ? exp(own[best].median) : own[best].median;
         rx_text_printf(why, "%s%s%s%s %.4g%s (the others: %.4g +- %.2g)", why->length > 0 ? "; " : "",
-                       q->image ? "" : row->run->name, q->image ? "" : " ", q->title, row->number[best].value,
-                       q->unit, middle, q->logarithmic ? middle * own[best].spread : own[best].spread);
+                       q->image ? "" : row->run->name, q->image ? "" : " ", q->title,
+                       row->numbers->of[best].value, q->unit, middle,
+                       q->logarithmic ? middle * own[best].spread : own[best].spread);
         most = fmax(most, off[best]);
         off[best] = 0;
     }
@@ -206,15 +218,31 @@ static int worse(const void *a, const void *b)
     return order != 0 ? order : x->hdu - y->hdu;
 }
 
+static void name_cards(rx_rollup *r)
+{
+    for (int i = 0; i < r->ntiles; i++)
+        for (int row = 0; row < r->tile[i]->nrows; row++) {
+            const rx_extension_facts *e = r->tile[i]->row[row].image;
+            for (int c = 0; c < e->ncards; c++) {
+                int k = 0;
+                while (k < r->ncards && strcasecmp(r->card[k], e->card[c].name) != 0)
+                    k++;
+                if (k == r->ncards && k < RX_RECORD_CARDS)
+                    r->card[r->ncards++] = e->card[c].name;
+            }
+        }
+}
+
 rx_status rx_rollup_outliers(rx_rollup *r, rx_error *err)
 {
     double *room = RX_NEW(double, (size_t)r->nrows + 1);
     level *levels = RX_NEW(level, (size_t)r->nruns * NQUANTITIES + 1);
-    rx_rollup_number *number = RX_TAKE(&r->arena, rx_rollup_number, (size_t)r->nrows * NQUANTITIES);
-    rx_status status = room != NULL && levels != NULL && number != NULL ? RX_OK : rx_error_memory(err, 0);
-    for (int i = 0; i < r->nrows && status == RX_OK; i++, number += NQUANTITIES) {
-        measure(r->row[i], number);
-        r->row[i]->number = number;
+    r->numbers = RX_TAKE(&r->arena, numbers, (size_t)r->nrows);
+    rx_status status = room != NULL && levels != NULL && r->numbers != NULL ? RX_OK : rx_error_memory(err, 0);
+    name_cards(r);
+    for (int i = 0; i < r->nrows && status == RX_OK; i++) {
+        measure(r, r->row[i], &r->numbers[i]);
+        r->row[i]->numbers = &r->numbers[i];
     }
     for (int i = 0; i < r->nruns * NQUANTITIES && status == RX_OK; i++)
         levels[i] = level_of(r, r->run[i / NQUANTITIES], i % NQUANTITIES, room);
@@ -247,9 +275,8 @@ RX_COLUMNS(TRENDS, RX_TEXT("card", "of the header (RECORD_CARDS)"),
            RX_NUMBER("sigmas", 1, "", "of no correlation"));
 
 typedef struct trend {
-    const char *card;
-    int order; /* of equal ones */
-    int quantity, n;
+    int card, quantity, n;
+    int order;                /* of equal ones */
     const rx_rollup_run *run; /* NULL: of the image alone */
     double rho, sigmas;
 } trend;
@@ -297,14 +324,9 @@ static int collect(const rx_rollup *r, const trend *t, point *dst)
 {
     int n = 0;
     for (int i = 0; i < r->nrows; i++) {
-        const rx_extension_facts *e = r->row[i]->image;
-        double card = NAN;
-        const double value =
-            t->run == NULL || t->run == r->row[i]->run ? value_of(r->row[i], t->quantity) : NAN;
-        for (int k = 0; k < e->ncards && isfinite(value); k++)
-            if (strcasecmp(e->card[k].name, t->card) == 0)
-                card = e->card[k].value;
-        if (isfinite(card))
+        const numbers *row = &r->numbers[i];
+        const double card = row->card[t->card], value = row->of[t->quantity].value;
+        if ((t->run == NULL || t->run == row->run) && isfinite(value) && isfinite(card))
             dst[n++] = (point){.v = {card, value}};
     }
     return n;
@@ -317,7 +339,8 @@ static int stronger(const void *a, const void *b)
     return p != q ? (p < q ? 1 : -1) : x->order - y->order;
 }
 
-static void draw_trend(rx_figures *dst, const trend *t, int number, int n, const point *points, double *room)
+static void draw_trend(rx_figures *dst, const rx_rollup *r, const trend *t, int number, int n,
+                       const point *points, double *room)
 {
     const quantity *q = &QUANTITIES[t->quantity];
     const int bins = n / FEW < TREND_BINS ? n / FEW : TREND_BINS, step = (n + MOST_DOTS - 1) / MOST_DOTS;
@@ -339,13 +362,14 @@ static void draw_trend(rx_figures *dst, const trend *t, int number, int n, const
         room[i] = points[i].v[1];
     const double low = rx_quantile(room, (size_t)(n), 0.005), high = rx_quantile(room, (size_t)(n), 0.995);
     snprintf(id, sizeof id, "trend-%02d", number);
-    snprintf(title, sizeof title, "%s%s%s against %s", run, run[0] != '\0' ? " " : "", q->title, t->card);
+    snprintf(title, sizeof title, "%s%s%s against %s", run, run[0] != '\0' ? " " : "", q->title,
+             r->card[t->card]);
     snprintf(ylabel, sizeof ylabel, q->unit[0] != '\0' ? "%s [%s]" : "%s", q->title,
              q->unit[0] != '\0' ? q->unit + 1 : "");
     snprintf(reading, sizeof reading, "Rank correlation %.2f, %.1f sigma, %d images%s.", t->rho, t->sigmas, n,
              step > 1 ? ", some of which are drawn" : "");
     rx_curves_figure(dst, id, title, reading,
-                     &(rx_axes){.xlabel = t->card,
+                     &(rx_axes){.xlabel = r->card[t->card],
                                 .ylabel = ylabel,
                                 .x0 = points[0].v[0],
                                 .x1 = points[n - 1].v[0],
@@ -354,28 +378,9 @@ static void draw_trend(rx_figures *dst, const trend *t, int number, int n, const
                      &c);
 }
 
-/* The names of the cards that records hold, RX_RECORD_CARDS at most; returns how many. */
-static int name_cards(const rx_rollup *r, const char *dst[RX_RECORD_CARDS])
-{
-    int n = 0;
-    for (int i = 0; i < r->ntiles; i++)
-        for (int row = 0; row < r->tile[i]->nrows; row++) {
-            const rx_extension_facts *e = r->tile[i]->row[row].image;
-            for (int c = 0; c < e->ncards; c++) {
-                int k = 0;
-                while (k < n && strcasecmp(dst[k], e->card[c].name) != 0)
-                    k++;
-                if (k == n && n < RX_RECORD_CARDS)
-                    dst[n++] = e->card[c].name;
-            }
-        }
-    return n;
-}
-
 rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_table **dst, rx_error *err)
 {
-    const char *card[RX_RECORD_CARDS];
-    const int all = name_cards(r, card) * NQUANTITIES * r->nruns;
+    const int all = r->ncards * NQUANTITIES * r->nruns;
     point *points = RX_NEW(point, (size_t)r->nrows + 1);
     double *room = RX_NEW(double, (size_t)r->nrows + 1);
     trend *trends = RX_NEW(trend, (size_t)all + 1);
@@ -385,10 +390,8 @@ rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_tabl
     int n = 0;
     for (int i = 0; i < all && status == RX_OK; i++) {
         const int q = i / r->nruns % NQUANTITIES, run = i % r->nruns, image = QUANTITIES[q].image;
-        trend one = {.card = card[i / r->nruns / NQUANTITIES],
-                     .order = i,
-                     .quantity = q,
-                     .run = image ? NULL : r->run[run]};
+        trend one = {
+            .card = i / r->nruns / NQUANTITIES, .order = i, .quantity = q, .run = image ? NULL : r->run[run]};
         if (image && run > 0)
             continue;
         one.n = collect(r, &one, points);
@@ -402,12 +405,12 @@ rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_tabl
         qsort(trends, (size_t)n, sizeof *trends, stronger);
     for (int i = 0; i < n; i++) {
         const trend *one = &trends[i];
-        rx_report_put(t, one->card, one->run != NULL ? one->run->name : "", QUANTITIES[one->quantity].name,
-                      one->n, one->rho, one->sigmas);
+        rx_report_put(t, r->card[one->card], one->run != NULL ? one->run->name : "",
+                      QUANTITIES[one->quantity].name, one->n, one->rho, one->sigmas);
         if (i < TREND_FIGURES && fabs(one->sigmas) > CLEAR) {
             const int m = collect(r, one, points);
             qsort(points, (size_t)m, sizeof *points, by_card);
-            draw_trend(rx_report_figures_of(report), one, i, m, points, room);
+            draw_trend(rx_report_figures_of(report), r, one, i, m, points, room);
         }
     }
     free(trends);
