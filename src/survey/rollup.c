@@ -288,17 +288,22 @@ static rx_status measure_run(const rx_rollup *r, rx_rollup_run *run, rx_error *e
     return sum_range(r, &run->tally, &run->whole, err);
 }
 
+/* Side by side, as each is compared with its neighbours on the sky. */
 static rx_status correlate_psfs(rx_rollup *r, rx_error *err)
 {
+    rx_rho *rho = RX_TAKE(&r->arena, rx_rho, (size_t)r->nimages);
     const rx_rho **images = rx_arena_take(&r->arena, (size_t)r->nimages, sizeof *images);
     int n = 0;
-    if (images == NULL)
+    if (rho == NULL || images == NULL)
         return rx_error_memory(err, 0);
     for (int i = 0; i < r->ntiles; i++)
         for (int k = 0; k < r->tile[i]->record.facts.n; k++) {
             const rx_psf_account *psf = &r->tile[i]->record.facts.extension[k].psf;
-            if (psf->how[0] != '\0' && psf->rho.n > 0)
-                images[n++] = &psf->rho;
+            if (psf->how[0] == '\0' || psf->rho.n == 0)
+                continue;
+            rho[n] = psf->rho;
+            images[n] = &rho[n];
+            n++;
         }
     return rx_rho_all(n, images, r->rho, err);
 }

@@ -1,7 +1,9 @@
 /* Figures of a survey: over the sky, by magnitude, and of the PSFs. */
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 
+#include "base/memory.h"
 #include "report/figure.h"
 #include "survey/rollup.h"
 
@@ -52,21 +54,23 @@ static int cell_of(double at, double low, double high)
 static void put_cells(rx_text *script, sky_map *map)
 {
     const rx_axes *a = &map->axes;
-    double value;
-    for (int y = 0; y < CELLS; y++) {
-        double sum[CELLS] = {0};
-        long n[CELLS] = {0};
-        for (int i = 0; next_value(map, &i, &value); i++) {
-            const rx_extension_facts *e = map->rollup->row[i]->image;
-            const int x = cell_of(e->alpha, a->x0, a->x1), here = cell_of(e->delta, a->y0, a->y1) == y;
-            sum[x] += here ? value : 0;
-            n[x] += here;
-        }
-        for (int x = 0; x < CELLS; x++)
-            if (n[x] > 0)
-                put(script, map, a->x0 + (a->x1 - a->x0) * (x + 0.5) / CELLS,
-                    a->y0 + (a->y1 - a->y0) * (y + 0.5) / CELLS, sum[x] / (double)n[x]);
+    double *sum = RX_NEW(double, (size_t)CELLS *CELLS), value;
+    long *n = RX_NEW(long, (size_t)CELLS *CELLS);
+    script->failed |= sum == NULL || n == NULL;
+    for (int i = 0; !script->failed && next_value(map, &i, &value); i++) {
+        const rx_extension_facts *e = map->rollup->row[i]->image;
+        const int cell = CELLS * cell_of(e->delta, a->y0, a->y1) + cell_of(e->alpha, a->x0, a->x1);
+        sum[cell] += value;
+        n[cell]++;
     }
+    for (int cell = 0; cell < CELLS * CELLS && !script->failed; cell++) {
+        const int x = cell % CELLS, y = cell / CELLS;
+        if (n[cell] > 0)
+            put(script, map, a->x0 + (a->x1 - a->x0) * (x + 0.5) / CELLS,
+                a->y0 + (a->y1 - a->y0) * (y + 0.5) / CELLS, sum[cell] / (double)n[cell]);
+    }
+    free(sum);
+    free(n);
 }
 
 static void add_map(rx_figures *dst, sky_map *map)
