@@ -30,9 +30,8 @@ typedef struct rx_rollup_cell {
 typedef struct rx_rollup_run {
     const char *name;
     int place; /* in rollup.run, -1: not there yet */
-    long images, by_others, outside, flux_off,
-        raised; /* images: all; that another did, ... as in the table of runs */
-    long unexplained, sources;
+    /* as in the table of runs: all images, those that another did, that it was not made for, ... */
+    long images, by_others, outside, flux_off, raised, unexplained, sources;
     rx_tally tally;
     rx_rollup_cell whole; /* MAG_RANGE */
     rx_rollup_cell bin[RX_TALLY_BINS];
@@ -69,10 +68,10 @@ struct rx_rollup_tile {
 /* One image of a tile that stands out. `why` names what is off, its value and the survey's: up to three, the furthest first. */
 typedef struct rx_rollup_outlier {
     const char *name, *image, *page; /* page: NULL, none */
-    int hdu,
-        rank; /* hdu: -1, the tile has no image; rank: 2 failed or without a record, 1 a gate that failed, 0 neither */
-    double off; /* robust sigmas; 0 of failures */
-    char *why;  /* owned */
+    int hdu;                         /* -1: the tile has no image */
+    int rank;                        /* 2 failed or without a record, 1 a gate that failed, 0 neither */
+    double off;                      /* robust sigmas; 0 of failures */
+    char *why;                       /* owned */
 } rx_rollup_outlier;
 
 typedef struct rx_rollup {
@@ -93,8 +92,8 @@ typedef struct rx_rollup {
     int fine, apart, failed, gates, undecided; /* tiles by exit status; apart: fine by it, but an outlier */
     void *known;                               /* search tree of tiles */
     rx_rollup_run *runs;                       /* all of them, as they came */
-    rx_rollup_tile *tiles_read;
-    const char *path; /* of the records that are being read */
+    rx_rollup_tile *tiles_read;                /* the same */
+    const char *path;                          /* of the records that are being read */
 } rx_rollup;
 
 /* Read the records in the files of `given`, one a line, of which "@FILE" stands for those that it lists; write the
