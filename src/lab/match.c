@@ -9,7 +9,6 @@
 void rx_matches_free(rx_matches *m)
 {
     free(m->found);
-    free(m->taken);
     free(m->outcome);
     *m = (rx_matches){0};
 }
@@ -35,8 +34,9 @@ rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double r
     unsigned char *use = RX_NEW(unsigned char, n + m), *left = use + n;
     long *partner = RX_NEW(long, n + m), *excuse = partner + n;
     rx_status status = RX_OK;
-    *dst = (rx_matches){RX_NEW(long, n), RX_NEW(long, m), RX_NEW(unsigned char, m)};
-    if (!x || !use || !partner || !dst->found || !dst->taken || !dst->outcome) {
+    long *taken = RX_NEW(long, m);
+    *dst = (rx_matches){RX_NEW(long, n), RX_NEW(unsigned char, m)};
+    if (!x || !use || !partner || !dst->found || !taken || !dst->outcome) {
         status = rx_error_memory(err, (4 * n + 2 * m) * sizeof(double));
         goto exit;
     }
@@ -45,21 +45,19 @@ rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double r
         y[i] = o->list[i].y;
         use[i] = o->list[i].role != RX_OTHER;
     }
-    RX_TRY_EXIT(rx_match(&(rx_match_list){o->n, x, y, use}, d, radius, dst->found, dst->taken, err));
+    RX_TRY_EXIT(rx_match(&(rx_match_list){o->n, x, y, use}, d, radius, dst->found, taken, err));
     for (size_t k = 0; k < m; k++)
-        left[k] = (d->use == NULL || d->use[k]) && dst->taken[k] < 0;
+        left[k] = (d->use == NULL || d->use[k]) && taken[k] < 0;
     for (size_t i = 0; i < n; i++)
         use[i] = o->list[i].role == RX_OTHER && !(o->list[i].reach > 0);
     RX_TRY_EXIT(rx_match(&(rx_match_list){o->n, x, y, use}, &(rx_match_list){d->n, d->x, d->y, left}, radius,
                          partner, excuse, err));
     for (size_t k = 0; k < m; k++) {
-        const long i = dst->taken[k];
+        const long i = taken[k];
         if (left[k])
             dst->outcome[k] = excuse[k] >= 0 || explained(o, d->x[k], d->y[k]) ? RX_IS_NEITHER : RX_IS_FALSE;
         else
             dst->outcome[k] = i >= 0 && o->list[i].role == RX_LISTED ? RX_IS_RIGHT : RX_IS_NEITHER;
-        if (dst->outcome[k] != RX_IS_RIGHT)
-            dst->taken[k] = -1;
     }
     for (size_t i = 0; i < n; i++)
         if (o->list[i].role != RX_LISTED)
@@ -68,6 +66,7 @@ exit:
     free(x);
     free(use);
     free(partner);
+    free(taken);
     if (status != RX_OK)
         rx_matches_free(dst);
     return status;

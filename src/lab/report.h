@@ -35,10 +35,10 @@ typedef struct rx_lab_group {
     int nquantities, open;   /* open: the first ones, drawn, not folded away, and lines of the terminal */
     rx_quantity quantity[RX_QUANTITIES_MAX];
     int nconditions;
-    char (*condition)[96]; /* owned, as what follows */
-    double *place;         /* of a condition in figures, NAN: it is not drawn */
-    rx_finding *finding;   /* [nquantities][nconditions][ncolumns] */
-    int ncolumns;          /* the runs, and as many as were set before, which are behind them */
+    const char **condition; /* names, not owned; the array is, as what follows */
+    double *place;          /* of a condition in figures, NAN: it is not drawn */
+    rx_finding *finding;    /* [nquantities][nconditions][ncolumns] */
+    int ncolumns;           /* the runs, and as many as were set before, which are behind them */
     const char *column[RX_LAB_RUNS + 1];
     int hidden[RX_LAB_RUNS + 1]; /* 1: of a setting that is not the best: its rows are in rows.ecsv */
 } rx_lab_group;

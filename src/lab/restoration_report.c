@@ -25,7 +25,7 @@ typedef struct bin {
     rx_five_numbers level; /* noise levels of its scenes */
     int inside;            /* seeing and median noise level are inside the training */
     int fainter;           /* that level is above those of all fields of it, which yet has patches so faint */
-    char label[100];       /* below the boxes */
+    char name[24], label[32]; /* its middle; the same below the boxes */
 } bin;
 
 /* By FWHM, and by noise: bins of the lab from `first` on. */
@@ -76,15 +76,16 @@ static rx_status measure_bin(results *r, int c, rx_error *err)
     const double fwhm = drawn->by_sigma ? 0.5 * (drawn->other_low + drawn->other_high) : centre(lab, b),
                  *trained = lab->fwhm_trained;
     bin *own = &r->bin[c];
-    snprintf(r->group.condition[c], sizeof *r->group.condition, "%g", r->group.place[c] = centre(lab, b));
+    r->group.place[c] = centre(lab, b);
+    r->group.condition[c] = own->name;
+    snprintf(own->name, sizeof own->name, "%g", r->group.place[c]);
     for (long i = 0; i < scene->n; i++)
         r->work[0][i] = rx_lab_own(scene, i)[RX_SCENE_LEVEL];
     RX_TRY(rx_five_numbers_of(scene->n, r->work[0], &own->level, err));
     own->inside = trained[1] > trained[0] && fwhm >= trained[0] && fwhm <= trained[1] &&
                   !(own->level.median < lab->level_trained[0]);
     own->fainter = lab->level_trained[1] > 0.0 && own->level.median > lab->level_trained[1];
-    snprintf(own->label, sizeof own->label, "%s%s", r->group.condition[c],
-             !own->inside || own->fainter ? "+" : "");
+    snprintf(own->label, sizeof own->label, "%s%s", own->name, !own->inside || own->fainter ? "+" : "");
     for (int i = 0; i < QUALITIES * lab->nruns; i++) {
         const int q = i / lab->nruns, run = i % lab->nruns;
         const long n = gather(scene, q, (int[]){run, run}, r->work);

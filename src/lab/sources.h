@@ -56,7 +56,6 @@ typedef enum rx_match_outcome { RX_IS_NEITHER, RX_IS_RIGHT, RX_IS_FALSE } rx_mat
 
 typedef struct rx_matches {
     long *found;            /* [objects] the detection of a listed one, else -1 */
-    long *taken;            /* [detections] the listed object, else -1 */
     unsigned char *outcome; /* [detections] rx_match_outcome; those that are not in use are neither */
 } rx_matches;
 

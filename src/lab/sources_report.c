@@ -440,7 +440,7 @@ static rx_status open_group(rx_lab_group *g, const rx_lab *lab, int fields, int 
     }
     RX_TRY(rx_lab_group_open(g, lab, n, err));
     for (int c = 0; c < n; c++) {
-        snprintf(g->condition[c], sizeof *g->condition, "%s", fields ? lab->scene[c].name : lab->sky[c].name);
+        g->condition[c] = fields ? lab->scene[c].name : lab->sky[c].name;
         g->place[c] = fields                               ? lab->scene[c].mag
                       : lab->sky[c].condition.error == 0.0 ? lab->sky[c].fwhm
                                                            : NAN;
