@@ -69,6 +69,33 @@ static void sums_and_comparisons(void **state)
     free(rows);
 }
 
+/* 10 pairs that are too faint beside 40, of which the median of all is that of 25 of 40 in the step of -0.005 to 0. */
+static void a_bias_counts_by_its_error(void **state)
+{
+    static const char text[] = "TILE a.fits a\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\nRUN "
+                               "RL 40 1\nBIN 96 40 40 40 40 "
+                               "244:40\nEND\n"
+                               "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 11 20 3 0 1 0\nRUN "
+                               "RL 10 1\nBIN 96 10 10 10 10 "
+                               "254:5 264:5\nEND\n";
+    double bias, scatter;
+    (void)state;
+    assert_int_equal(roll_up(text, NULL, NULL), RX_OK);
+    char *rows = slurp("survey", "tiles.ecsv"), *row = strstr(rows, "\n\"b\",\"b.fits\","),
+         *next = strstr(rows, "\n\"a\",\"a.fits\",");
+    assert_non_null(row);
+    assert_true(next > row);
+    *next = '\0';
+    char *off = strstr(row, ",\"bias\","), *pairs = strstr(row, ",10,10,");
+    assert_non_null(off);
+    assert_non_null(pairs);
+    assert_int_equal(sscanf(pairs, ",10,10,%lf,%lf", &bias, &scatter), 2);
+    while (off[-1] != ',')
+        off--;
+    assert_near(strtod(off, NULL), (bias + 0.001875) / (1.2533 * scatter / sqrt(10)), 1e-4);
+    free(rows);
+}
+
 static void a_range_of_magnitudes(void **state)
 {
     static const char *const keywords[] = {"MAG_RANGE", "18,18.5", NULL}, *const faint[] = {"MAG_RANGE",
@@ -241,6 +268,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(sums_and_comparisons),
         cmocka_unit_test(a_range_of_magnitudes),
+        cmocka_unit_test(a_bias_counts_by_its_error),
         cmocka_unit_test(psfs),
         cmocka_unit_test(whose_work_and_flux_scale),
         cmocka_unit_test(records_are_sorted_and_merged),
