@@ -15,11 +15,6 @@ static const char *const operators[] = {">=", ">", "<=", "<", "in"};
 static const char *const verdicts[] = {"NONE", "PASS", "FAIL", "INSUFFICIENT"};
 static const double DEFAULT_LEVEL = 0.95, LEVEL_LOW = 0.5, LEVEL_HIGH = 0.995;
 
-const char *rx_gate_operator_name(rx_gate_operator op)
-{
-    return operators[op];
-}
-
 const char *rx_verdict_name(rx_verdict verdict)
 {
     return verdicts[verdict];
@@ -81,13 +76,13 @@ static int read_range(const char *word, double *low, double *high)
 static rx_status read_metric(const char *path, long line, const char *word, rx_gate *dst, rx_error *err)
 {
     const char *names[RX_METRIC_COUNT];
-    int metric = rx_metric_find(word);
-    if (metric >= 0) {
-        dst->metric = (rx_metric)metric;
-        return RX_OK;
-    }
-    for (int i = 0; i < RX_METRIC_COUNT; i++)
+    for (int i = 0; i < RX_METRIC_COUNT; i++) {
         names[i] = rx_metric_get((rx_metric)i)->name;
+        if (strcasecmp(names[i], word) == 0) {
+            dst->metric = (rx_metric)i;
+            return RX_OK;
+        }
+    }
     const char *near = rx_text_nearest(word, names, RX_METRIC_COUNT);
     return rx_error_at(err, RX_USAGE, path, -1, line, "unknown metric '%s'; %s%s%s", word,
                        near != NULL ? "did you mean '" : "see config/default.qa for the list",
@@ -115,6 +110,7 @@ static rx_status read_value(const char *path, long line, char *const *word, rx_g
     if (op > RX_GATE_IN)
         return rx_error_at(err, RX_USAGE, path, -1, line, "operator '%s' is none of >= > <= < in", word[2]);
     dst->op = (rx_gate_operator)op;
+    dst->op_name = operators[op];
     if (op == RX_GATE_IN && !read_range(word[3], &dst->value, &dst->value_high))
         return rx_error_at(err, RX_USAGE, path, -1, line, "'in' wants LOW:HIGH with LOW below HIGH, not '%s'",
                            word[3]);

@@ -15,6 +15,7 @@ typedef struct rx_gate {
     int whole;        /* bin "all" */
     double low, high; /* else this range of magnitude */
     rx_gate_operator op;
+    const char *op_name;
     double value, value_high; /* value_high: upper end for RX_GATE_IN */
     double level;
 } rx_gate;
@@ -24,8 +25,6 @@ struct rx_gates {
     long n;
     rx_gate *gate;
 };
-
-const char *rx_gate_operator_name(rx_gate_operator op);
 
 /* PASS when the whole interval satisfies the gate, FAIL when the whole interval violates it, else
  * INSUFFICIENT; so it is for an estimate without sources. */

@@ -4,7 +4,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <strings.h>
 
 #include "base/memory.h"
 #include "data/psf.h"
@@ -17,14 +16,6 @@ static const rx_metric_row rows[RX_METRIC_COUNT] = {RX_METRICS(RX_METRIC_ROW)};
 const rx_metric_row *rx_metric_get(rx_metric metric)
 {
     return &rows[metric];
-}
-
-int rx_metric_find(const char *name)
-{
-    for (int i = 0; i < RX_METRIC_COUNT; i++)
-        if (strcasecmp(rows[i].name, name) == 0)
-            return i;
-    return -1;
 }
 
 /* What is measured where, handed down. */

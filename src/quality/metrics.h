@@ -54,7 +54,6 @@ typedef struct rx_metric_row {
 } rx_metric_row;
 
 const rx_metric_row *rx_metric_get(rx_metric metric);
-int rx_metric_find(const char *name); /* -1 unknown; case ignored */
 
 /* low <= magnitude < high, or everything (sources of unknown magnitude too) when `whole`. */
 typedef struct rx_mag_range {

@@ -414,8 +414,7 @@ static void judge_locus(rx_tile_quality *q)
     if (isfinite(smallest) && smaller > 5 && smaller > psf->nstars)
         remark(q, "locus", 1,
                "%d of %d clean sources above S/N 50 are smaller than all of the %d that made the PSF: these "
-               "are no stars, or those "
-               "no sources; give PSF_STARS_NAME.",
+               "are no stars, or those no sources; give PSF_STARS_NAME.",
                smaller, bright, psf->nstars);
 }
 
@@ -467,8 +466,7 @@ static void judge_noise(rx_tile_quality *q)
     if (q->about->hidden)
         remark(q, "values", 1,
                "Pixel values hide the noise, by their steps or where they are cut off, or there is none: "
-               "thresholds and errors are "
-               "wrong, every source has FLAGS_RESTORE 1024.");
+               "thresholds and errors are wrong, every source has FLAGS_RESTORE 1024.");
     if (noise != NULL && rx_noise_is_structure(noise))
         remark(q, "structure", 1,
                "Noise of sums is %.1f times that of independent pixels, more than resampling explains: "
@@ -494,8 +492,7 @@ static void judge_noise(rx_tile_quality *q)
     if (q->about->lit)
         remark(q, "light", 1,
                "%.0f %% of the tile hold light that is no source's and that the sky does not follow: "
-               "filaments, a "
-               "ghost? Faint sources there have FLAGS_RESTORE 512.",
+               "filaments, a ghost? Faint sources there have FLAGS_RESTORE 512.",
                100 * q->about->light);
     if (q->masked > MASKED)
         remark(q, "masked", 0, "%.0f %% of the pixels are not used.", 100 * q->masked);
@@ -521,8 +518,7 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
     if (rx_spurious_are_many(marked, run->sources->n))
         remark(q, "spurious", 1,
                "%s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, PSF and GAIN "
-               "those of "
-               "these pixels?",
+               "those of these pixels?",
                about->name, marked, run->sources->n);
     if (about->by != NULL)
         remark(q, "fallback", 0, "%s was done by %s instead: %s.", about->name, about->by, about->why);
@@ -541,8 +537,7 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
     if (run->many_sharp)
         remark(q, "sharp", 1,
                "%s: %.0f %% of the sources are sharper than the PSF: cosmic rays, hot pixels? They have "
-               "FLAGS_RESTORE "
-               "256.",
+               "FLAGS_RESTORE 256.",
                about->name, 100 * run->sharp);
     if (run->outside[0] != '\0' && (run == q->about->runs || strcmp(run->outside, run[-1].outside) != 0))
         remark(q, "outside", 0, "%s was not made for this tile: %s.", about->name, run->outside);

@@ -22,10 +22,8 @@ static void write_head(rx_text *dst)
     static const char *const colors[RX_PALETTE] = {"0072B2", "D55E00", "009E73", "C872A2",
                                                    "B97B00", "3A9AD0", "000000"};
     static const int points[RX_PALETTE] = {7, 5, 9, 13, 11, 6, 4};
-    rx_text_add(
-        dst,
-        "set encoding utf8\nset clip two\nset grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset style fill "
-        "solid 1 noborder\nset palette gray\nset palette maxcolors 256\nhex(k) = ");
+    rx_text_add(dst, "set encoding utf8\nset clip two\nset grid lc rgb '#e4e4e4' lt 1\nset samples 400\nset "
+                     "style fill solid 1 noborder\nset palette gray\nset palette maxcolors 256\nhex(k) = ");
     for (int i = 0; i + 1 < RX_PALETTE; i++)
         rx_text_printf(dst, "k == %d ? 0x%s : ", i + 1, colors[i]);
     rx_text_printf(dst, "0x%s\ncolor(k, transparency) = transparency * 0x1000000 + hex(k)\n",
@@ -39,14 +37,14 @@ static void write_head(rx_text *dst)
 static void write_kind(rx_text *dst, rx_figure_kind kind)
 {
     if (kind == RX_FIGURE_PICTURE) {
-        rx_text_add(dst, "unset border\nunset tics\nunset colorbox\nunset xlabel\nunset ylabel\nunset key\n"
-                         "set margins 0,0,0,0\n");
+        rx_text_add(dst, "unset border\nunset tics\nunset colorbox\nunset xlabel\nunset ylabel\nunset "
+                         "key\nset margins 0,0,0,0\n");
         return;
     }
     rx_text_printf(dst, TERMINAL, kind == RX_FIGURE_WIDE ? 1280 : 640, 400);
-    rx_text_add(dst, "set border 3 lc rgb '#404040'\nset tics nomirror out\nunset x2tics\nunset "
-                     "y2tics\nset xtics nomirror\nset ytics nomirror\nset key outside top center "
-                     "horizontal reverse Left samplen 2\nset margins -1,-1,-1,-1\n");
+    rx_text_add(dst, "set border 3 lc rgb '#404040'\nset tics nomirror out\nunset x2tics\nunset y2tics\nset "
+                     "xtics nomirror\nset ytics nomirror\nset key outside top center horizontal reverse Left "
+                     "samplen 2\nset margins -1,-1,-1,-1\n");
 }
 
 int rx_method_color(const char *name)

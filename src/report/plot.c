@@ -271,10 +271,10 @@ void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, const rx_boxes *of)
     rx_text_add(script, "plot NaN notitle");
     for (int m = 0; m < nmethods; m++) {
         int style = style_of(of->colors != NULL ? of->colors[m] : m);
-        rx_text_printf(script,
-                       ", $d%d using 1:3:2:6:5:8 with candlesticks whiskerbars 0.5 ls %d lw 1 fs solid 0.35 "
-                       "border",
-                       m, style);
+        rx_text_printf(
+            script,
+            ", $d%d using 1:3:2:6:5:8 with candlesticks whiskerbars 0.5 ls %d lw 1 fs solid 0.35 border", m,
+            style);
         plot_title(script, of->methods[m]);
         rx_text_printf(script,
                        ", $d%d using 1:4:4:4:4:8 with candlesticks ls %d lw 2.4 notitle, $d%d using 1:7 with "
@@ -323,8 +323,8 @@ void rx_plot_coloured_begin(rx_figures *dst, const rx_axes *axes, const rx_colou
         rx_text_add(script, (k + 1) % what->columns == 0 ? "\n" : "");
     }
     rx_text_printf(script,
-                   "EOD\nset palette defined %s\nset cbrange [%.6g:%.6g]\nset colorbox\n"
-                   "set cblabel '%s' offset 2\nset rmargin at screen 0.78\nset size ratio -1\nplot ",
+                   "EOD\nset palette defined %s\nset cbrange [%.6g:%.6g]\nset colorbox\nset cblabel '%s' "
+                   "offset 2\nset rmargin at screen 0.78\nset size ratio -1\nplot ",
                    what->palette, what->low, what->high, what->label);
 }
 

@@ -216,8 +216,8 @@ static const struct {
      "bootstrap intervals. It mixes bias and scatter; one bad blend can dominate a bin.",
      draw_magerr, false},
     {"plot-offsets", "Position offsets",
-     "Detection minus reference for matched sources, large symbols are medians. A cloud off the centre is "
-     "an astrometric shift; a cloud that fills the circle means chance matches or a radius too small.",
+     "Detection minus reference for matched sources, large symbols are medians. A cloud off the centre is an "
+     "astrometric shift; a cloud that fills the circle means chance matches or a radius too small.",
      draw_offsets, true},
     {"plot-pulls", "Pulls",
      "Flux error over its stated error. True errors follow the dotted curve; a wider histogram means that "
@@ -274,13 +274,12 @@ static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellip
         }
     }
     rx_curves_reference(&c, axes.x0, 0, axes.x1, 0);
-    rx_curves_figure(
-        dst, ellipse ? "psf-mag-ellipse" : "psf-mag-size",
-        ellipse ? "Ellipse, stars - PSF, by magnitude" : "Size, stars - PSF, by magnitude",
-        ellipse ? "The same of e1 and e2."
-                : "Reserved stars, and means of 5 and more with 1 sigma. A slope is a detector whose "
-                  "stars grow with brightness, or a sky that is wrong.",
-        &axes, &c);
+    rx_curves_figure(dst, ellipse ? "psf-mag-ellipse" : "psf-mag-size",
+                     ellipse ? "Ellipse, stars - PSF, by magnitude" : "Size, stars - PSF, by magnitude",
+                     ellipse ? "The same of e1 and e2."
+                             : "Reserved stars, and means of 5 and more with 1 sigma. A slope is a detector "
+                               "whose stars grow with brightness, or a sky that is wrong.",
+                     &axes, &c);
 }
 
 /* Residuals over the tile: the colour is that of the size, the whisker that of the ellipse: as long as
@@ -291,12 +290,11 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
     const double size = reach_of(judged, false), ellipse = reach_of(judged, true);
     const double side = fmax(q->input->width, q->input->height), length = 0.1 * side / ellipse;
     char reading[320];
-    snprintf(
-        reading, sizeof reading,
-        "Colour: blue stars are smaller than the PSF, red ones larger. Whiskers: residual ellipses along "
-        "their major axis; one of %.2g is as long as 10 %% of the tile's longer side. Colours or whiskers "
-        "that flock are a PSF that varies in another way than the model.",
-        ellipse);
+    snprintf(reading, sizeof reading,
+             "Colour: blue stars are smaller than the PSF, red ones larger. Whiskers: residual ellipses "
+             "along their major axis; one of %.2g is as long as 10 %% of the tile's longer side. Colours or "
+             "whiskers that flock are a PSF that varies in another way than the model.",
+             ellipse);
     double *values = RX_NEW(double, 5 * (size_t)judged->nstars), *v = values;
     dst->script.failed |= values == NULL;
     for (int i = 0; i < judged->nstars && values != NULL; i++) {
@@ -341,9 +339,9 @@ static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
     }
     rx_curves_figure(
         dst, "psf-growth", "Curve of growth, stars - PSF",
-        "Light within a radius, shares of a star's, with 1 sigma: out to 20 FWHM, or to where the "
-        "sky's error is 10 %. Beyond the dotted lines fluxes of templates are wrong by as much; the "
-        "largest difference of the table is from radii with errors below 1 %.",
+        "Light within a radius, shares of a star's, with 1 sigma: out to 20 FWHM, or to where the sky's "
+        "error is 10 %. Beyond the dotted lines fluxes of templates are wrong by as much; the largest "
+        "difference of the table is from radii with errors below 1 %.",
         &(rx_axes){
             .xlabel = "radius [pixels]", .ylabel = "share of the light", .x1 = last, .y0 = -most, .y1 = most},
         &c);

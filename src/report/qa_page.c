@@ -428,7 +428,7 @@ static void add_gates(page *p)
         const rx_gate *gate = r->gate;
         rx_report_put(t, gate->line, gate->text, r->run >= 0 ? q->input->runs[r->run].name : NULL,
                       rx_metric_get(gate->metric)->name, known(!gate->whole, gate->low),
-                      known(!gate->whole, gate->high), rx_gate_operator_name(gate->op), gate->value,
+                      known(!gate->whole, gate->high), gate->op_name, gate->value,
                       known(gate->op == RX_GATE_IN, gate->value_high), gate->level, r->estimate,
                       rx_verdict_name(r->verdict));
     }
@@ -638,9 +638,8 @@ static void show_psf(page *p)
     rx_report_place(p->report, "psf-");
     if (rx_report_rows(p->psf_bins) > 0)
         rx_report_show(p->report, p->psf_bins, RX_VIEW(.title = "Reserved stars by magnitude"));
-    rx_report_note(p->report,
-                   "Reserved stars were never fitted; shapes are under a round Gaussian as wide as the "
-                   "PSF. psf_stars.ecsv and psf_growth.ecsv hold what is drawn.");
+    rx_report_note(p->report, "Reserved stars were never fitted; shapes are under a round Gaussian as wide "
+                              "as the PSF. psf_stars.ecsv and psf_growth.ecsv hold what is drawn.");
 }
 
 /* Sections of a table and how to read it: some of its columns, or all; there if something comes before it, or the
@@ -659,9 +658,8 @@ static const struct section {
      offsetof(page, gates),
      0,
      {"line", "gate", "run", "measured", "level", "verdict"},
-     "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. "
-     "INSUFFICIENT: the interval lies across the limit, more sources are needed to decide; or no "
-     "run has the name of the gate.",
+     "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. INSUFFICIENT: the "
+     "interval lies across the limit, more sources are needed to decide; or no run has the name of the gate.",
      NULL,
      NULL},
     {"counts",
@@ -670,8 +668,8 @@ static const struct section {
      1,
      {"run", "references", "references_ignored", "detections", "detections_ignored", "matched",
       "chance_matches", "common", "common_magerr"},
-     "Where matches by chance are not few against the matches, recall and precision are "
-     "flattered; take a smaller radius.",
+     "Where matches by chance are not few against the matches, recall and precision are flattered; take a "
+     "smaller radius.",
      add_radius,
      NULL},
     {"noise",
@@ -679,11 +677,11 @@ static const struct section {
      offsetof(page, runs),
      1,
      {"run", "no_noise_peak", "false_per_mpixel", "threshold_raised", "false_per_mpixel_as_asked"},
-     "1 &minus; (false detections per Mpixel of this tile's noise, BLANK_CHECK) &times; (Mpixel of the "
-     "tile without a mask or a source) / detections, with the interval of the rate. It covers noise on "
-     "blank sky only: pieces of bright sources, ghosts, cosmic rays, and noise on top of sources count "
-     "as real here. Where large or crowded sources raise the map of the noise, the rate is too high, and "
-     "this share too low: then neither is more than a hint.",
+     "1 &minus; (false detections per Mpixel of this tile's noise, BLANK_CHECK) &times; (Mpixel of the tile "
+     "without a mask or a source) / detections, with the interval of the rate. It covers noise on blank sky "
+     "only: pieces of bright sources, ghosts, cosmic rays, and noise on top of sources count as real here. "
+     "Where large or crowded sources raise the map of the noise, the rate is too high, and this share too "
+     "low: then neither is more than a hint.",
      NULL,
      NULL},
     {"spurious",
@@ -691,8 +689,8 @@ static const struct section {
      offsetof(page, runs),
      1,
      {"run", "spurious", "spurious_matched", "spurious_per_mpixel", "precision", "precision_without"},
-     "A source is marked when a template of it, fitted to the original pixels together with its "
-     "neighbours, says that it is rather not there (P_REAL below 0.5).",
+     "A source is marked when a template of it, fitted to the original pixels together with its neighbours, "
+     "says that it is rather not there (P_REAL below 0.5).",
      NULL,
      NULL},
     {"flags",
@@ -708,9 +706,9 @@ static const struct section {
      offsetof(page, runs),
      1,
      {"run", "flux_sources", "flux_aperture_pixels", "flux_aperture", "flux_auto", "flux_scale_is"},
-     "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the "
-     "measure. Off: the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO "
-     "so much above it; FLUX_AUTO below it is the light that it leaves out.",
+     "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the measure. Off: "
+     "the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO so much above it; "
+     "FLUX_AUTO below it is the light that it leaves out.",
      NULL,
      show_psf},
     {"duel",
@@ -718,9 +716,9 @@ static const struct section {
      offsetof(page, comparisons),
      0,
      {NULL},
-     "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both "
-     "found sources equally well. With several pairs multiply p by their number. A run that detects "
-     "more finds more: read it together with precision.",
+     "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both found "
+     "sources equally well. With several pairs multiply p by their number. A run that detects more finds "
+     "more: read it together with precision.",
      NULL,
      NULL},
     {"models",
@@ -728,8 +726,8 @@ static const struct section {
      offsetof(page, models),
      1,
      {NULL},
-     "Promised: what the model did on its test images of this seeing and noise. Here: as in the "
-     "summary; faint sources lower the recall, galaxies and blends widen the scatter.",
+     "Promised: what the model did on its test images of this seeing and noise. Here: as in the summary; "
+     "faint sources lower the recall, galaxies and blends widen the scatter.",
      NULL,
      NULL},
 };
@@ -782,26 +780,23 @@ static void show_reading(page *p)
         html, sizeof html,
         "Every number is followed by its %g %% interval and the number of sources behind it. Shares have "
         "Clopper-Pearson intervals, medians and sigma_MAD (1.4826 times the median absolute deviation) "
-        "intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap intervals "
-        "(%d draws, none for fewer than %d sources). An infinite end: too few sources, or the limit lies "
-        "beyond the reference. Means, such as MagErr, follow single gross mismatches; medians and sigma_MAD "
-        "do not.",
+        "intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap intervals (%d "
+        "draws, none for fewer than %d sources). An infinite end: too few sources, or the limit lies beyond "
+        "the reference. Means, such as MagErr, follow single gross mismatches; medians and sigma_MAD do not.",
         100 * p->q->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_report_paragraph(p->report, html);
     rx_report_paragraph(
         p->report,
         "<b>Recall</b> is counted by reference magnitude, <b>precision</b> by measured magnitude, all else "
-        "by "
-        "reference magnitude. Precision against a catalogue that is not deeper than the tile is a <b>lower "
-        "bound</b>: a real source that the reference lacks counts as a false detection. <b>Fluxes</b> are "
-        "compared on the scale of the catalogue's zero point; only <b>magerr_shifted</b> takes out "
-        "<b>zp_offset</b>, the median difference of bright (error up to 0.05 mag), unsaturated matches. "
-        "<b>mag50</b> and <b>mag90</b> are read off the falling curve that is nearest to the single "
-        "references "
-        "(isotonic regression); a value with an infinite end is a limit.");
+        "by reference magnitude. Precision against a catalogue that is not deeper than the tile is a "
+        "<b>lower bound</b>: a real source that the reference lacks counts as a false detection. "
+        "<b>Fluxes</b> are compared on the scale of the catalogue's zero point; only <b>magerr_shifted</b> "
+        "takes out <b>zp_offset</b>, the median difference of bright (error up to 0.05 mag), unsaturated "
+        "matches. <b>mag50</b> and <b>mag90</b> are read off the falling curve that is nearest to the single "
+        "references (isotonic regression); a value with an infinite end is a limit.");
     rx_text_printf(&score,
-                   "Precision against recall ranks detections by %s, or by magnitude where a run has no "
-                   "such score; ap is the area under its steps, without interpolation.",
+                   "Precision against recall ranks detections by %s, or by magnitude where a run has no such "
+                   "score; ap is the area under its steps, without interpolation.",
                    p->q->input->score_name != NULL ? p->q->input->score_name : "score");
     rx_report_sentence(p->report, score.data);
     rx_report_brief_of(p->report)->failed |= score.failed;
@@ -823,7 +818,7 @@ static void add_brief(page *p, bool whole)
                           rx_verdict_name(r->verdict));
     }
     if (rx_report_rows(gates) > 0)
-        rx_report_show_brief(p->report, gates, RX_VIEW(.intervals = 1));
+        rx_report_show(p->report, gates, RX_VIEW(.in_brief = RX_BRIEF_ALONE, .intervals = 1));
     bool senseless = false;
     for (int run = 0; run < q->input->nruns; run++) {
         const rx_evaluation *e = &q->evaluation[run];
@@ -835,21 +830,18 @@ static void add_brief(page *p, bool whole)
                       own > SENSELESS ? NAN : own, m[RX_METRIC_BIAS_MAG].value, m[RX_METRIC_MAG50].value,
                       e->run->seconds);
     }
-    rx_report_show_brief(p->report, t, RX_VIEW(.from = 0));
+    rx_report_show(p->report, t, RX_VIEW(.in_brief = RX_BRIEF_ALONE));
     if (whole)
-        rx_text_printf(
-            brief,
-            "recall: share of the reference found; precision: share of detections in the reference; AP: area "
-            "under their curve; mag50: half are found here\n"
-            "MagErr: mean |F - F0| / F0 of the %ld sources that every list has; own: of all that the list "
-            "has, "
-            "the deeper the larger; bias: median; seconds: with measuring and checks\n",
-            q->ncommon);
+        rx_text_printf(brief,
+                       "recall: share of the reference found; precision: share of detections in the "
+                       "reference; AP: area under their curve; mag50: half are found here\nMagErr: mean |F - "
+                       "F0| / F0 of the %ld sources that every list has; own: of all that the list has, the "
+                       "deeper the larger; bias: median; seconds: with measuring and checks\n",
+                       q->ncommon);
     if (senseless)
-        rx_text_add(
-            brief,
-            "MagErr above 10,000 %: magnitudes and reference differ in zero point; give MAG_ZEROPOINT, or "
-            "MAG_ZEROPOINT_KEY, the name of the header's card, such as MAGZERO\n");
+        rx_text_add(brief,
+                    "MagErr above 10,000 %: magnitudes and reference differ in zero point; give "
+                    "MAG_ZEROPOINT, or MAG_ZEROPOINT_KEY, the name of the header's card, such as MAGZERO\n");
 }
 
 /* What a user should see at once. */
@@ -884,10 +876,9 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
     rx_report_place(report, "picture");
     rx_report_place(report, "plot-");
     if (input->npictures > 0 && files->figures)
-        rx_report_note(report,
-                       "Pictures: the middle of the tile, one grey scale for all: asinh(p / 2&sigma;), "
-                       "&sigma; of the first picture, black at &minus;2&sigma;, white where 99.8 % of it is "
-                       "darker.");
+        rx_report_note(
+            report, "Pictures: the middle of the tile, one grey scale for all: asinh(p / 2&sigma;), &sigma; "
+                    "of the first picture, black at &minus;2&sigma;, white where 99.8 % of it is darker.");
     show_summary(p);
     for (int i = 0; i < COUNT(SECTIONS); i++)
         show_section(p, &SECTIONS[i]);
@@ -921,8 +912,8 @@ static rx_status write_regions(const rx_qa_numbers *numbers, int run, const char
     const rx_qa_list *truth = &e->input->truth, *list = &e->run->list;
     rx_text text = {0};
     char name[STEM + 16];
-    rx_text_add(&text, "# Region file format: DS9 version 4.1\n"
-                       "# cyan: missed, magnitude of the reference; red: false, row of the catalogue\n");
+    rx_text_add(&text, "# Region file format: DS9 version 4.1\n# cyan: missed, magnitude of the reference; "
+                       "red: false, row of the catalogue\n");
     for (long i = 0; i < truth->n; i++)
         if (e->truth_role[i] == RX_ROLE_UNMATCHED) {
             add_circle(&text, numbers, truth, i);

@@ -76,8 +76,8 @@ rx_report *rx_report_new(const char *kind, const char *title)
     rx_escape_html(&r->head, kind);
     rx_escape_html(&r->head, title);
     rx_text_printf(&r->head,
-                   "</title>\n<style>%s</style></head>\n<body>\n<a class=\"skip\" "
-                   "href=\"#main\">Skip to the content</a>\n<header>\n<h1>",
+                   "</title>\n<style>%s</style></head>\n<body>\n<a class=\"skip\" href=\"#main\">Skip to the "
+                   "content</a>\n<header>\n<h1>",
                    STYLE);
     rx_escape_html(&r->head, kind);
     rx_report_html_named(&r->head, "", title, NULL, "</h1>\n");
@@ -167,17 +167,17 @@ void rx_report_note(rx_report *r, const char *html)
 
 void rx_report_lines(rx_report *r, const char *words)
 {
-    char *copy = rx_strdup(words), *line = copy;
-    r->failed = r->failed || copy == NULL;
     rx_text_add(&r->body, "<pre>");
-    while (line != NULL && *line != '\0') {
-        char *end = line + strcspn(line, "\n"), *next = *end != '\0' ? end + 1 : end;
-        *end = '\0';
-        rx_report_html_named(&r->body, "", line, NULL, "\n");
-        line = next;
+    while (*words != '\0') {
+        const size_t n = strcspn(words, "\n");
+        rx_text line = {0};
+        rx_text_add_bytes(&line, words, n);
+        rx_report_html_named(&r->body, "", line.data, NULL, "\n");
+        r->failed = r->failed || line.failed;
+        rx_text_free(&line);
+        words += n + (words[n] == '\n');
     }
     rx_text_add(&r->body, "</pre>\n");
-    free(copy);
 }
 
 void rx_report_fold(rx_report *r, const char *title)
@@ -214,8 +214,9 @@ void rx_report_record(rx_report *r, int n, const char *const (*pairs)[2])
 {
     r->nrecord = n;
     r->record = pairs;
-    rx_text_add(&r->body, "<details><summary>configuration and inputs</summary>\n<div class=\"w\" "
-                          "tabindex=\"0\"><table>\n");
+    rx_text_add(
+        &r->body,
+        "<details><summary>configuration and inputs</summary>\n<div class=\"w\" tabindex=\"0\"><table>\n");
     for (int i = 0; i < n; i++) {
         rx_report_html_named(&r->body, "<tr><th scope=\"row\" class=\"t\">", pairs[i][0], NULL, "</th>");
         rx_report_html_words(&r->body, pairs[i][1]);
@@ -242,19 +243,15 @@ void rx_report_show(rx_report *r, const rx_report_table *table, const rx_report_
 {
     if (table == NULL || table->failed)
         return;
+    if (view->in_brief != 0)
+        rx_report_table_brief(&r->brief, table, view);
+    if (view->in_brief == RX_BRIEF_ALONE)
+        return;
     if (view->title != NULL)
         rx_report_heading(r, view->title, view->unit);
     if (view->note != NULL)
         rx_report_html_named(&r->body, "<p class=\"r\">", view->note, NULL, "</p>\n");
     rx_report_table_html(&r->body, table, view);
-    if (view->in_brief)
-        rx_report_table_brief(&r->brief, table, view);
-}
-
-void rx_report_show_brief(rx_report *r, const rx_report_table *table, const rx_report_view *view)
-{
-    if (table != NULL && !table->failed)
-        rx_report_table_brief(&r->brief, table, view);
 }
 
 /* --- files --- */

@@ -172,6 +172,7 @@ bool rx_report_knows(const rx_report_table *table, const char *column);
 /* An entry in the head of this table's file alone; one a table. */
 void rx_report_table_fact(rx_report_table *table, const char *name, const char *text);
 
+enum { RX_BRIEF_ALONE = 2 };
 typedef struct rx_report_view {
     long from, to;     /* rows; to 0: all from `from` on */
     long most;         /* of rows as they are: the page says how many there are, and where; 0: all */
@@ -186,14 +187,12 @@ typedef struct rx_report_view {
      * `value` with so many digits; value NULL: the rows as they are */
     const char *rows[2], *across[1], *value;
     int digits;
-    int in_brief;  /* also for the terminal */
+    int in_brief;  /* also for the terminal; RX_BRIEF_ALONE: there alone */
     int intervals; /* there: with those of estimates */
 } rx_report_view;
 
 #define RX_VIEW(...) (&(rx_report_view){__VA_ARGS__})
 void rx_report_show(rx_report *report, const rx_report_table *table, const rx_report_view *view);
-void rx_report_show_brief(rx_report *report, const rx_report_table *table,
-                          const rx_report_view *view); /* for the terminal alone */
 
 /* --- files --- */
 

@@ -103,8 +103,8 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
     dst->script.failed |= values == NULL;
     snprintf(hover, sizeof hover,
              ", $data using 1:2:(sprintf('x %%.0f, y %%.0f: FWHM %%.3g pixels, 1 - b/a %%.3f, major axis "
-             "%%.0f deg from x', $1, $2, $3, sqrt($4*$4+$5*$5)*%.9g, 180/pi*atan2($5, $4 + 1e-30))) "
-             "with labels hypertext point pt 7 ps 0.9 notitle",
+             "%%.0f deg from x', $1, $2, $3, sqrt($4*$4+$5*$5)*%.9g, 180/pi*atan2($5, $4 + 1e-30))) with "
+             "labels hypertext point pt 7 ps 0.9 notitle",
              2 / length); /* gnuplot has no atan2(0, 0) */
     snprintf(reading, sizeof reading,
              "%s Colour: FWHM, as in the other map; whiskers: along the major axis, 1 - b/a = 0.1 is as long "
@@ -127,12 +127,11 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
                   RX_FIGURE_CHART);
     rx_plot_coloured_begin(
         dst, &axes, &(rx_coloured){RX_PLOT_VIRIDIS, "FWHM [pixels]", low, high, values ? n : 0, 5, values});
-    rx_text_printf(
-        &dst->script,
-        "$data using 1:2:3 with points pt %d ps %s palette notitle, $data using 1:2 with points "
-        "pt %d ps %s lw 0.7 lc rgb '#808080' notitle, $data using ($1-$4):($2-$5):(2*$4):(2*$5) with "
-        "vectors nohead lc rgb '#404040' lw 1.6 notitle%s",
-        stars ? 7 : 5, size, stars ? 6 : 4, size, n <= HOVER ? hover : "");
+    rx_text_printf(&dst->script,
+                   "$data using 1:2:3 with points pt %d ps %s palette notitle, $data using 1:2 with points "
+                   "pt %d ps %s lw 0.7 lc rgb '#808080' notitle, $data using ($1-$4):($2-$5):(2*$4):(2*$5) "
+                   "with vectors nohead lc rgb '#404040' lw 1.6 notitle%s",
+                   stars ? 7 : 5, size, stars ? 6 : 4, size, n <= HOVER ? hover : "");
     rx_plot_coloured_end(dst);
     free(values);
 }
@@ -165,18 +164,18 @@ static void pulls(rx_figures *dst, const rx_tile_quality *q)
     rx_curves_add(&c, RX_CURVE_STEPS, 0, "pixels without sources");
     for (int b = 0; b < RX_TILE_PULLS; b++)
         rx_curves_put(&c, -6.1 + 0.2 * (b + 1), fmax(q->pull[b] / (0.2 * q->pulls), 1e-9), NAN, NAN);
-    rx_curves_figure(dst, "tile-pulls", "Noise of pixels without sources",
-                     "(pixel - sky) / noise; the outer bins hold all that is further out. A wider histogram: "
-                     "the noise map is too low; "
-                     "a tail on the right alone is light of sources too faint to be found.",
-                     &(rx_axes){.xlabel = "(pixel - sky) / noise  [sigma]",
-                                .ylabel = "share of pixels per sigma",
-                                .x0 = -6.3,
-                                .x1 = 6.3,
-                                .y0 = 1e-7,
-                                .y1 = 1,
-                                .log_y = true},
-                     &c);
+    rx_curves_figure(
+        dst, "tile-pulls", "Noise of pixels without sources",
+        "(pixel - sky) / noise; the outer bins hold all that is further out. A wider histogram: the noise "
+        "map is too low; a tail on the right alone is light of sources too faint to be found.",
+        &(rx_axes){.xlabel = "(pixel - sky) / noise  [sigma]",
+                   .ylabel = "share of pixels per sigma",
+                   .x0 = -6.3,
+                   .x1 = 6.3,
+                   .y0 = 1e-7,
+                   .y1 = 1,
+                   .log_y = true},
+        &c);
 }
 
 static void correlation(rx_figures *dst, const rx_tile_quality *q)
@@ -191,8 +190,7 @@ static void correlation(rx_figures *dst, const rx_tile_quality *q)
             most = fmax(most, fabs(at[k / RX_NOISE_SIDE][k % RX_NOISE_SIDE]));
     rx_figure_add(dst, "tile-correlation", "Correlation of the noise",
                   "Of pixels so far apart; the middle, which is 1, is cut. Grey: none. Resampling leaves red "
-                  "around the middle, "
-                  "fringes and stripes a pattern.",
+                  "around the middle, fringes and stripes a pattern.",
                   RX_FIGURE_CHART);
     const rx_axes axes = {.xlabel = "dx [pixels]",
                           .ylabel = "dy [pixels]",
@@ -266,17 +264,17 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
     }
     snprintf(id, sizeof id, "star-locus-%d", run);
     snprintf(title, sizeof title, "%s: star locus", of->about->name);
-    rx_curves_figure(dst, id, title,
-                     "Stars stand in a narrow band whatever their magnitude; galaxies lie to the right of "
-                     "it, hot pixels and cosmic "
-                     "rays to the left, saturated stars bend to the right at the top.",
-                     &(rx_axes){.xlabel = "FLUX_RADIUS [pixels]",
-                                .ylabel = "MAG_AUTO [mag]",
-                                .x0 = 0,
-                                .x1 = 1.15 * r1,
-                                .y0 = m1 + 0.3,
-                                .y1 = m0 - 0.3},
-                     &c);
+    rx_curves_figure(
+        dst, id, title,
+        "Stars stand in a narrow band whatever their magnitude; galaxies lie to the right of it, hot pixels "
+        "and cosmic rays to the left, saturated stars bend to the right at the top.",
+        &(rx_axes){.xlabel = "FLUX_RADIUS [pixels]",
+                   .ylabel = "MAG_AUTO [mag]",
+                   .x0 = 0,
+                   .x1 = 1.15 * r1,
+                   .y0 = m1 + 0.3,
+                   .y1 = m0 - 0.3},
+        &c);
     free(radii);
 }
 
@@ -320,9 +318,8 @@ static void counts(rx_figures *dst, const rx_tile_quality *q)
     rx_curves_figure(
         dst, "tile-counts", "Counts",
         "Bars: square roots of the counts. The line has the slope of galaxies (0.4 dex per mag), through the "
-        "counts 1.5 mag "
-        "before they turn over; stars of the Galaxy are flatter at the bright end. Where counts fall the "
-        "tile is not complete.",
+        "counts 1.5 mag before they turn over; stars of the Galaxy are flatter at the bright end. Where "
+        "counts fall the tile is not complete.",
         &(rx_axes){.xlabel = "MAG_AUTO [mag]",
                    .ylabel = side > 0 ? "sources per mag and deg^2" : "sources per mag and Mpixel",
                    .x0 = low,
@@ -699,9 +696,8 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
         rx_report_note(
             report,
             "Five of the brightest sources, the five brightest blended ones of the others, five by chance "
-            "(SEED); original "
-            "pixels less the sky, and what each restorer makes of them. Grey: asinh(p / 2&sigma;), black at "
-            "&minus;2&sigma;, white where 99.5 % of the original cut-out is darker.");
+            "(SEED); original pixels less the sky, and what each restorer makes of them. Grey: asinh(p / "
+            "2&sigma;), black at &minus;2&sigma;, white where 99.5 % of the original cut-out is darker.");
     add_numbers(report, q);
     add_runs(report, q);
     add_flags(report, q);

@@ -23,11 +23,10 @@ static void grammar(void **state)
 {
     rx_gates *gates = NULL;
     (void)state;
-    assert_int_equal(
-        read_text("# comment\n\n  Recall 18:20.5 >= 0.9 0.99 RL # why\r\nbias_mag all in -0.02:0.02\n"
-                  "mag50 ALL > 21.5 0.9\nmagerr 17:18 <= 5\npull_width all < 1.1",
-                  &gates, NULL),
-        RX_OK);
+    assert_int_equal(read_text("# comment\n\n  Recall 18:20.5 >= 0.9 0.99 RL # why\r\nbias_mag all in "
+                               "-0.02:0.02\nmag50 ALL > 21.5 0.9\nmagerr 17:18 <= 5\npull_width all < 1.1",
+                               &gates, NULL),
+                     RX_OK);
     assert_int_equal(gates->n, 5);
     const rx_gate *g = gates->gate;
     assert_int_equal(g[0].line, 3);

@@ -169,24 +169,20 @@ static void other_programs_read_it(void **state)
 {
     char folder[512];
     report_into(folder, &bare, *state, NULL);
-    assert_python(
-        folder, "json",
-        "r = d['runs'][0];"
-        "assert d['format'] == 'rextract-qa 2' and r['run'] == 'NONE' and d['metrics'][0]['metric'] == "
-        "'recall';"
-        "assert r['references'] + r['references_ignored'] == 300;"
-        "assert 0.7 < r['recall']['value'] < 1 and r['recall']['low'] < r['recall']['value'];"
-        "assert len([b for b in d['bins'] if b['run'] == 'NONE' and b['mag_low'] is not None]) == 8;"
-        "assert [b['recall'] for b in d['bins'] if b['mag_low'] is None][0] == r['recall'];"
-        "assert d['verdict'] == 'NONE' and len(d['runs']) == 2;"
-        "assert len(d['comparisons']) == 1 and d['record'][0]['value'] == 'NONE,RL'");
-    assert_python(
-        folder, "astropy.table",
-        "read = astropy.table.Table.read; b = read(f + 'bins.ecsv'); m = read(f + 'matches_NONE.ecsv');"
-        "assert len(b) == 2 * 9 and b['bias_mag'].unit == 'mag'; k = m['state'] == 'matched';"
-        "assert m.meta['run'] == 'NONE' and (m['reference'] > 0).sum() == 300;"
-        "assert abs(m['x'][k] - m['x_ref'][k] - m['dx'][k]).max() < 1e-5;"
-        "p = read(f + 'pr_NONE.ecsv'); assert p['matched'][-1] == k.sum()");
+    assert_python(folder, "json",
+                  "r = d['runs'][0];assert d['format'] == 'rextract-qa 2' and r['run'] == 'NONE' and "
+                  "d['metrics'][0]['metric'] == 'recall';assert r['references'] + r['references_ignored'] == "
+                  "300;assert 0.7 < r['recall']['value'] < 1 and r['recall']['low'] < "
+                  "r['recall']['value'];assert len([b for b in d['bins'] if b['run'] == 'NONE' and "
+                  "b['mag_low'] is not None]) == 8;assert [b['recall'] for b in d['bins'] if b['mag_low'] is "
+                  "None][0] == r['recall'];assert d['verdict'] == 'NONE' and len(d['runs']) == 2;assert "
+                  "len(d['comparisons']) == 1 and d['record'][0]['value'] == 'NONE,RL'");
+    assert_python(folder, "astropy.table",
+                  "read = astropy.table.Table.read; b = read(f + 'bins.ecsv'); m = read(f + "
+                  "'matches_NONE.ecsv');assert len(b) == 2 * 9 and b['bias_mag'].unit == 'mag'; k = "
+                  "m['state'] == 'matched';assert m.meta['run'] == 'NONE' and (m['reference'] > 0).sum() == "
+                  "300;assert abs(m['x'][k] - m['x_ref'][k] - m['dx'][k]).max() < 1e-5;p = read(f + "
+                  "'pr_NONE.ecsv'); assert p['matched'][-1] == k.sum()");
     clear_folder(folder);
 }
 
@@ -217,10 +213,9 @@ static void spurious_sources_have_their_section(void **state)
         if (tested)
             assert_python(
                 folder, "json",
-                "r = d['runs'][0]; p = (r['matched'] - 5) / (r['detections'] - 15);"
-                "assert r['spurious'] == 15 and r['spurious_matched'] == 5 and r['spurious_per_mpixel'] == "
-                "123.4;"
-                "assert abs(r['precision_without'] - p) < 1e-9 and p > r['precision']['value'] + 0.01");
+                "r = d['runs'][0]; p = (r['matched'] - 5) / (r['detections'] - 15);assert r['spurious'] == "
+                "15 and r['spurious_matched'] == 5 and r['spurious_per_mpixel'] == 123.4;assert "
+                "abs(r['precision_without'] - p) < 1e-9 and p > r['precision']['value'] + 0.01");
         clear_folder(folder);
     }
 }
@@ -246,14 +241,13 @@ static void flags_and_regions_are_those_of_the_matches(void **state)
     assert_int_equal(occurrences(regions, "\nimage;circle("),
                      20 + occurrences(table, "\n\"missed\",")); /* the scene has no sky */
     assert_non_null(strstr(regions, "\nimage;circle(2.000,2.000,1.000) # color=red text={1} tag={false}\n"));
-    assert_python(folder, "json",
-                  "[f] = d['flags']; r = d['runs'][0];"
-                  "assert f['name'] == 'SATURATED' and f['bit'] == 4 and f['run'] == 'NONE';"
-                  "assert f['detections'] == 25 and f['matched'] == 5;"
-                  "assert f['recall'] == r['recall'] and f['precision'] == r['precision'];"
-                  "a = (r['matched'] - 5) / r['references']; b = (r['matched'] - 5) / (r['detections'] - 25);"
-                  "assert abs(f['recall_without']['value'] - a) < 1e-8;"
-                  "assert abs(f['precision_without']['value'] - b) < 1e-8");
+    assert_python(
+        folder, "json",
+        "[f] = d['flags']; r = d['runs'][0];assert f['name'] == 'SATURATED' and f['bit'] == 4 and f['run'] "
+        "== 'NONE';assert f['detections'] == 25 and f['matched'] == 5;assert f['recall'] == r['recall'] and "
+        "f['precision'] == r['precision'];a = (r['matched'] - 5) / r['references']; b = (r['matched'] - 5) / "
+        "(r['detections'] - 25);assert abs(f['recall_without']['value'] - a) < 1e-8;assert "
+        "abs(f['precision_without']['value'] - b) < 1e-8");
     free(page);
     free(table);
     free(regions);

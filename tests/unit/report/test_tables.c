@@ -66,11 +66,9 @@ static void one_table_in_all_files(void **state)
         "\"nothing\": null",
         "\"level\": 0.95",
         "{\"condition\": \"FWHM 3\", \"run\": \"NET\", \"recall\": {\"value\": 0.5, \"low\": 0.4, \"high\": "
-        "null, \"n\": 40}, "
-        "\"n\": 7, \"p\": 0, \"ln_p\": -2302.58509, \"verdict\": \"reproduced\"}",
+        "null, \"n\": 40}, \"n\": 7, \"p\": 0, \"ln_p\": -2302.58509, \"verdict\": \"reproduced\"}",
         "\"recall\": {\"value\": null, \"low\": null, \"high\": null, \"n\": 40}, \"n\": 7, \"p\": 0, "
-        "\"ln_p\": -2302.58509, "
-        "\"verdict\": null}",
+        "\"ln_p\": -2302.58509, \"verdict\": null}",
         NULL};
     static const char *const ecsv[] = {
         "#   level: 0.95\n",
@@ -102,10 +100,10 @@ static void one_table_in_all_files(void **state)
     holds(state, "summary.json", json);
     holds(state, "cells.ecsv", ecsv);
     holds(state, "report.html", page);
-    assert_string_equal(brief.data,
-                        "recall\n                                   NET a run of a longer name, <i>\n"
-                        "FWHM 3                            0.50      0.25\n"
-                        "FWHM 5                               -         -\n");
+    assert_string_equal(
+        brief.data,
+        "recall\n                                   NET a run of a longer name, <i>\nFWHM 3                  "
+        "          0.50      0.25\nFWHM 5                               -         -\n");
     rx_text_free(&brief);
 }
 
@@ -158,16 +156,13 @@ static void tables_turned(void **state)
                RX_NUMBER("mag", -4, "mag", ""), RX_ESTIMATE("share", -2, "", ""));
     static const char *const page[] = {
         "<tr><th scope=\"col\" class=\"t\">run</th><th scope=\"col\" class=\"t\">what it is</th><th "
-        "scope=\"col\">NET</th><th scope=\"col\">RL</th></tr>\n"
-        "<tr class=\"u\"><th scope=\"row\" class=\"t\">light [adu]</th><td class=\"t\">of all "
-        "&lt;b&gt;</td><td>1.50 "
-        "&plusmn; 0.25</td><td>2.50</td></tr>\n"
-        "<tr class=\"u\"><th scope=\"row\" class=\"t\">list</th><td class=\"t\">&ndash;</td><td "
-        "class=\"t\"><a "
-        "href=\"a.ecsv\">a.ecsv</a></td>",
+        "scope=\"col\">NET</th><th scope=\"col\">RL</th></tr>\n<tr class=\"u\"><th scope=\"row\" "
+        "class=\"t\">light [adu]</th><td class=\"t\">of all &lt;b&gt;</td><td>1.50 &plusmn; "
+        "0.25</td><td>2.50</td></tr>\n<tr class=\"u\"><th scope=\"row\" class=\"t\">list</th><td "
+        "class=\"t\">&ndash;</td><td class=\"t\"><a href=\"a.ecsv\">a.ecsv</a></td>",
         "<th scope=\"col\">mag [mag]</th><th scope=\"col\">NET</th><th "
-        "scope=\"col\">RL</th></tr>\n<tr><td>18.25</td><td>0.5 <small>[0.25, 0.75] "
-        "n=4</small></td><td class=\"t\">&ndash;</td></tr>\n</table>",
+        "scope=\"col\">RL</th></tr>\n<tr><td>18.25</td><td>0.5 <small>[0.25, 0.75] n=4</small></td><td "
+        "class=\"t\">&ndash;</td></tr>\n</table>",
         NULL};
     static const char *const ecsv[] = {
         "# meta:\n#   of: \"a \\\"t\\\"\"\n",
@@ -187,14 +182,14 @@ static void tables_turned(void **state)
         r, t,
         &(rx_report_view){
             .rows = {"mag"}, .across = {"run"}, .value = "share", .digits = -2, .without_empty = 1});
-    rx_report_show_brief(r, t, &(rx_report_view){.ncolumns = 3, .columns = names, .intervals = 1});
+    rx_report_show(
+        r, t, &(rx_report_view){.in_brief = RX_BRIEF_ALONE, .ncolumns = 3, .columns = names, .intervals = 1});
     write_report(state, r, &brief);
     rx_report_free(r);
     holds(state, "report.html", page);
     holds(state, "t.ecsv", ecsv);
-    assert_string_equal(brief.data, "run    mag                 share\n"
-                                    "NET  18.25  0.5 [0.25, 0.75] n=4\n"
-                                    "RL      19                     -\n");
+    assert_string_equal(brief.data, "run    mag                 share\nNET  18.25  0.5 [0.25, 0.75] n=4\nRL  "
+                                    "    19                     -\n");
     rx_text_free(&brief);
 }
 
@@ -205,8 +200,8 @@ static void what_a_page_leaves_out(void **state)
     static const char *const page[] = {
         "<tr><th scope=\"col\" class=\"t\">word</th><th scope=\"col\">n</th></tr>\n<tr><td "
         "class=\"t\">a</td><td>12345678901</td></tr>\n<tr><td "
-        "class=\"t\">&ndash;</td><td>1</td></tr>\n</table></div>\n<p "
-        "class=\"r\">2 of 3 rows. All are in t.ecsv.</p>",
+        "class=\"t\">&ndash;</td><td>1</td></tr>\n</table></div>\n<p class=\"r\">2 of 3 rows. All are in "
+        "t.ecsv.</p>",
         "<pre>two\n&lt;lines&gt;\n</pre>", NULL};
     static const char *const json[] = {"\"n\": 12345678901, ", NULL};
     RX_COLUMNS(columns, RX_TEXT("word", ""), RX_TEXT("nothing", ""), RX_COUNT("n", ""),
@@ -234,10 +229,10 @@ static void numbers_as_readers_want_them(void **state)
     static const char *const page[] = {
         "<tr><td>1.00</td><td>12345678</td><td>1</td><td>1.25 &plusmn; 0.50</td><td>0.0 <small>[0.0, 2.5] "
         "n=0</small></td></tr>",
-        "<tr><td>0.00</td><td>&minus;&infin;</td><td>6.0&middot;10<sup>&minus;38</sup></td><td>1.25</td>"
-        "<td>0.5 <small>[0.2, &infin;] n=7</small></td></tr>",
-        "<tr><td>1.23e+07</td><td>&ndash;</td><td>1.0&middot;10<sup>&minus;6</sup></td><td>&ndash;</td>"
-        "<td>&ndash;</td></tr>",
+        "<tr><td>0.00</td><td>&minus;&infin;</td><td>6.0&middot;10<sup>&minus;38</sup></td><td>1.25</"
+        "td><td>0.5 <small>[0.2, &infin;] n=7</small></td></tr>",
+        "<tr><td>1.23e+07</td><td>&ndash;</td><td>1.0&middot;10<sup>&minus;6</sup></td><td>&ndash;</"
+        "td><td>&ndash;</td></tr>",
         "<td>0.046</td>",
         "<td>3.4&middot;10<sup>&minus;2172</sup></td>",
         "<td>&lt;10<sup>&minus;307</sup></td>",
