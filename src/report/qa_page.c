@@ -26,83 +26,73 @@ static const double WRONG = 0.01;     /* of a curve of growth */
 
 /* Every metric over all magnitudes comes behind these. */
 RX_COLUMNS(
-    RUNS, {.name = "run", .help = "restorer", .heading = ""},
-    {.name = "done_by", .help = "restorer that did it", .heading = "done by"}, RX_TEXT("why", "why that one"),
-    RX_TEXT("settings", ""), {.name = "psf", .help = "of the restoration", .heading = "PSF"},
-    {"noise_law_scale", RX_REPORT_NUMBER, 3, "",
-     "c: noise of an aperture of A pixels is c sigma A^power, sigma that of a pixel", "noise, scale"},
-    {"noise_law_power", RX_REPORT_NUMBER, 3, "",
-     "0.5: independent pixels; what is restored is correlated, its errors grow faster with the aperture",
-     "noise, power"},
-    {.name = "pull_from", .help = "whether pulls are of fluxes or magnitudes", .heading = "pulls of"},
-    {.name = "matches", .kind = RX_REPORT_FILE, .help = "every source, matched, missed or false"},
-    {.name = "curve", .kind = RX_REPORT_FILE, .help = "precision against recall"},
-    {.name = "regions", .kind = RX_REPORT_FILE, .help = "missed and false ones, for DS9"},
+    RUNS, RX_TEXT("run", "restorer", ""), RX_TEXT("done_by", "restorer that did it", "done by"),
+    RX_TEXT("why", "why that one"), RX_TEXT("settings", ""), RX_TEXT("psf", "of the restoration", "PSF"),
+    RX_NUMBER("noise_law_scale", 3, "",
+              "c: noise of an aperture of A pixels is c sigma A^power, sigma that of a pixel",
+              "noise, scale"),
+    RX_NUMBER(
+        "noise_law_power", 3, "",
+        "0.5: independent pixels; what is restored is correlated, its errors grow faster with the aperture",
+        "noise, power"),
+    RX_TEXT("pull_from", "whether pulls are of fluxes or magnitudes", "pulls of"),
+    RX_LINK("matches", "every source, matched, missed or false"),
+    RX_LINK("curve", "precision against recall"), RX_LINK("regions", "missed and false ones, for DS9"),
     RX_COUNT("references", "that count"),
-    {"references_ignored", RX_REPORT_COUNT, 0, "", "outside the tile, masked or without a magnitude",
-     "references ignored"},
+    RX_COUNT("references_ignored", "outside the tile, masked or without a magnitude", "references ignored"),
     RX_COUNT("detections", "that count"),
-    {"detections_ignored", RX_REPORT_COUNT, 0, "", "outside, masked or on such a reference",
-     "detections ignored"},
+    RX_COUNT("detections_ignored", "outside, masked or on such a reference", "detections ignored"),
     RX_COUNT("matched", "one to one, nearest pairs first"),
-    {"chance_matches", RX_REPORT_NUMBER, 1, "",
-     "matches if positions were unrelated: mean of 8 shifted lists", "matched by chance"},
+    RX_NUMBER("chance_matches", 1, "", "matches if positions were unrelated: mean of 8 shifted lists",
+              "matched by chance"),
     RX_COUNT("common", "references that every run has matched"),
     RX_NUMBER("common_magerr", 2, "%", "magerr of these alone"),
     RX_NUMBER("spurious", 0, "", "detections marked by FLAGS_RESTORE, P_REAL below 0.5"),
-    {"spurious_matched", RX_REPORT_NUMBER, 0, "", "of these matched all the same", "matched all the same"},
-    {"spurious_per_mpixel", RX_REPORT_NUMBER, 1, "1/Mpix", "marked, those included that were dropped",
-     "spurious"},
-    {"precision_without", RX_REPORT_NUMBER, 3, "", "precision of the list without them", "precision without"},
-    {"blank_realisations", RX_REPORT_NUMBER, 0, "", "of the tile's noise (BLANK_CHECK)", "realisations"},
-    {"blank_mpixels", RX_REPORT_NUMBER, 3, "Mpix", "searched in them", "searched"},
-    {"false_per_mpixel", RX_REPORT_ESTIMATE, 3, "1/Mpix", "false detections on the tile's noise",
-     "false detections"},
-    {"threshold_raised", RX_REPORT_NUMBER, 3, "", "DETECT_THRESH was multiplied by this for them",
-     "threshold raised"},
-    {"false_per_mpixel_as_asked", RX_REPORT_NUMBER, 3, "1/Mpix", "false detections without that",
-     "at DETECT_THRESH"},
-    {"no_noise_peak", RX_REPORT_ESTIMATE, 3, "", "share of the tile's own detections that is no noise peak",
-     "no noise peak"},
-    {"flux_sources", RX_REPORT_NUMBER, 0, "", "isolated sources of FLAGS 0 and S/N above 30", "sources"},
-    {"flux_aperture_pixels", RX_REPORT_NUMBER, 2, "pix", "diameter of one wide aperture", "aperture"},
-    {"flux_aperture", RX_REPORT_MEASURED, 4, "", "restored over original flux in this aperture",
-     "flux ratio"},
-    {"flux_auto", RX_REPORT_MEASURED, 4, "", "restored FLUX_AUTO over the original flux in it", "FLUX_AUTO"},
-    {.name = "flux_scale_is", .kind = RX_REPORT_VERDICT, .help = "right or off", .heading = "flux scale"});
+    RX_NUMBER("spurious_matched", 0, "", "of these matched all the same", "matched all the same"),
+    RX_NUMBER("spurious_per_mpixel", 1, "1/Mpix", "marked, those included that were dropped", "spurious"),
+    RX_NUMBER("precision_without", 3, "", "precision of the list without them", "precision without"),
+    RX_NUMBER("blank_realisations", 0, "", "of the tile's noise (BLANK_CHECK)", "realisations"),
+    RX_NUMBER("blank_mpixels", 3, "Mpix", "searched in them", "searched"),
+    RX_ESTIMATE("false_per_mpixel", 3, "1/Mpix", "false detections on the tile's noise", "false detections"),
+    RX_NUMBER("threshold_raised", 3, "", "DETECT_THRESH was multiplied by this for them", "threshold raised"),
+    RX_NUMBER("false_per_mpixel_as_asked", 3, "1/Mpix", "false detections without that", "at DETECT_THRESH"),
+    RX_ESTIMATE("no_noise_peak", 3, "", "share of the tile's own detections that is no noise peak",
+                "no noise peak"),
+    RX_NUMBER("flux_sources", 0, "", "isolated sources of FLAGS 0 and S/N above 30", "sources"),
+    RX_NUMBER("flux_aperture_pixels", 2, "pix", "diameter of one wide aperture", "aperture"),
+    RX_MEASURED("flux_aperture", 4, "", "restored over original flux in this aperture", "flux ratio"),
+    RX_MEASURED("flux_auto", 4, "", "restored FLUX_AUTO over the original flux in it", "FLUX_AUTO"),
+    RX_MARKED("flux_scale_is", "right or off", "flux scale"));
 RX_COLUMNS(BINS, RX_TEXT("run", "restorer"),
-           {"mag_low", RX_REPORT_NUMBER, -4, "mag", "bin, inclusive; nan in both: all magnitudes", "from"},
-           {"mag_high", RX_REPORT_NUMBER, -4, "mag", "bin, exclusive", "to"});
+           RX_NUMBER("mag_low", -4, "mag", "bin, inclusive; nan in both: all magnitudes", "from"),
+           RX_NUMBER("mag_high", -4, "mag", "bin, exclusive", "to"));
 enum { STEM = 48, NRUNS = COUNT(RUNS), NBINS = COUNT(BINS) }; /* beside those of the metrics */
 
-RX_COLUMNS(
-    MODELS, {.name = "run", .help = "restorer", .heading = ""}, RX_TEXT("model", "name"),
-    RX_TEXT("digest", "of its file"),
-    RX_TEXT("outside", "what this tile has that its training had not: then nothing is promised"),
-    RX_TEXT("training", "whether it has ended"), {"fwhm", RX_REPORT_NUMBER, 2, "pix", "of the tile", "FWHM"},
-    {"fwhm_low", RX_REPORT_NUMBER, -4, "pix", "bin of the model, from", "FWHM from"},
-    {"fwhm_high", RX_REPORT_NUMBER, -4, "pix", "to", "FWHM to"},
-    RX_NUMBER("noise", 2, "", "of the tile: 255 noise / value that 0.1 % of the pixels exceed"),
-    {"noise_low", RX_REPORT_NUMBER, -4, "", "bin of the model, from", "noise from"},
-    {"noise_high", RX_REPORT_NUMBER, -4, "", "to", "noise to"},
-    RX_NUMBER("recall", 3, "", "promised: of test stars of S/N above 5"),
-    {"recall_here", RX_REPORT_ESTIMATE, 3, "", "all references, of all magnitudes and kinds", "recall here"},
-    {"bias_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12", "flux bias"},
-    {"bias_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux bias here"},
-    {"scatter_percent", RX_REPORT_NUMBER, 2, "%", "promised: fluxes of test stars of S/N above 12",
-     "flux scatter"},
-    {"scatter_percent_here", RX_REPORT_ESTIMATE, 2, "%", "of all matches", "flux scatter here"},
-    {"loss", RX_REPORT_NUMBER, 4, "", "mean over test images of this seeing and noise", "test loss"});
+RX_COLUMNS(MODELS, RX_TEXT("run", "restorer", ""), RX_TEXT("model", "name"), RX_TEXT("digest", "of its file"),
+           RX_TEXT("outside", "what this tile has that its training had not: then nothing is promised"),
+           RX_TEXT("training", "whether it has ended"), RX_NUMBER("fwhm", 2, "pix", "of the tile", "FWHM"),
+           RX_NUMBER("fwhm_low", -4, "pix", "bin of the model, from", "FWHM from"),
+           RX_NUMBER("fwhm_high", -4, "pix", "to", "FWHM to"),
+           RX_NUMBER("noise", 2, "", "of the tile: 255 noise / value that 0.1 % of the pixels exceed"),
+           RX_NUMBER("noise_low", -4, "", "bin of the model, from", "noise from"),
+           RX_NUMBER("noise_high", -4, "", "to", "noise to"),
+           RX_NUMBER("recall", 3, "", "promised: of test stars of S/N above 5"),
+           RX_ESTIMATE("recall_here", 3, "", "all references, of all magnitudes and kinds", "recall here"),
+           RX_NUMBER("bias_percent", 2, "%", "promised: fluxes of test stars of S/N above 12", "flux bias"),
+           RX_ESTIMATE("bias_percent_here", 2, "%", "of all matches", "flux bias here"),
+           RX_NUMBER("scatter_percent", 2, "%", "promised: fluxes of test stars of S/N above 12",
+                     "flux scatter"),
+           RX_ESTIMATE("scatter_percent_here", 2, "%", "of all matches", "flux scatter here"),
+           RX_NUMBER("loss", 4, "", "mean over test images of this seeing and noise", "test loss"));
 
 RX_COLUMNS(FLAGS, RX_TEXT("run", "restorer"), RX_TEXT("column", ""), RX_COUNT("bit", ""),
            RX_TEXT("name", "of the bit"), RX_TEXT("meaning", "what the bit says"),
            RX_COUNT("detections", "that count and have it"), RX_COUNT("matched", "of these"),
            RX_ESTIMATE("recall", 3, "", "of all detections"),
-           {"recall_without", RX_REPORT_ESTIMATE, 3, "", "if those that have it are left out",
-            "recall without"},
+           RX_ESTIMATE("recall_without", 3, "", "if those that have it are left out", "recall without"),
            RX_ESTIMATE("precision", 3, "", "of all detections"),
-           {"precision_without", RX_REPORT_ESTIMATE, 3, "", "if those that have it are left out",
-            "precision without"});
+           RX_ESTIMATE("precision_without", 3, "", "if those that have it are left out",
+                       "precision without"));
 
 RX_COLUMNS(METRICS, RX_TEXT("metric", ""), RX_TEXT("unit", ""), RX_TEXT("meaning", ""));
 
@@ -110,28 +100,27 @@ RX_COLUMNS(GATES, RX_COUNT("line", "of the gates file"), RX_TEXT("gate", ""), RX
            RX_TEXT("metric", ""), RX_NUMBER("mag_low", -4, "mag", "none: all magnitudes"),
            RX_NUMBER("mag_high", -4, "mag", ""), RX_TEXT("operator", ""), RX_NUMBER("limit", -4, "", ""),
            RX_NUMBER("limit_high", -4, "", ""), RX_NUMBER("level", -4, "", "of the interval"),
-           RX_ESTIMATE("measured", -4, "", ""), {.name = "verdict", .kind = RX_REPORT_VERDICT});
+           RX_ESTIMATE("measured", -4, "", ""), RX_MARKED("verdict", ""));
 
 RX_COLUMNS(COMPARISONS, RX_TEXT("first", ""), RX_TEXT("second", ""),
-           {"found_by_first_only", RX_REPORT_COUNT, 0, "", "references", "found by the first only"},
-           {"found_by_second_only", RX_REPORT_COUNT, 0, "", "references", "found by the second only"},
-           {"mcnemar_p", RX_REPORT_P, 0, "", "two-sided, McNemar's exact test", "p"});
+           RX_COUNT("found_by_first_only", "references", "found by the first only"),
+           RX_COUNT("found_by_second_only", "references", "found by the second only"),
+           RX_P("mcnemar_p", "two-sided, McNemar's exact test", "p"));
 
-RX_COLUMNS(PSF, {.name = "how", .help = "how it came about", .heading = "RXPSFHOW"},
-           {"fwhm", RX_REPORT_MEASURED, 3, "pix", "at the centre", "FWHM"},
+RX_COLUMNS(PSF, RX_TEXT("how", "how it came about", "RXPSFHOW"),
+           RX_MEASURED("fwhm", 3, "pix", "at the centre", "FWHM"),
            RX_NUMBER("stars", 0, "", "that it was fitted to"),
-           {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from it", "error of fluxes"},
+           RX_NUMBER("flux_error", 4, "", "relative error of fluxes from it", "error of fluxes"),
            RX_NUMBER("reserved", 0, "", "stars that were not fitted, to judge it"),
-           {"dt", RX_REPORT_MEASURED, 5, "", "their mean (T - T of PSF) / T, T = <x²> + <y²>", "dT/T"},
+           RX_MEASURED("dt", 5, "", "their mean (T - T of PSF) / T, T = <x²> + <y²>", "dT/T"),
            RX_MEASURED("de1", 5, "", "their mean e1 - e1 of PSF, e1 = (<x²> - <y²>) / T"),
            RX_MEASURED("de2", 5, "", "their mean e2 - e2 of PSF, e2 = 2 <xy> / T"),
            RX_NUMBER("residual", 4, "", "stacked stars - PSF, largest, share of the peak"),
            RX_MEASURED("growth", 4, "", "curve of growth, largest stars - PSF"),
-           {"growth_radius", RX_REPORT_NUMBER, 1, "pix", "where that is", "at radius"});
+           RX_NUMBER("growth_radius", 1, "pix", "where that is", "at radius"));
 
-RX_COLUMNS(PSF_BINS, {"mag", RX_REPORT_NUMBER, 2, "mag", "middle of the range", "magnitude"},
-           RX_COUNT("stars", "reserved ones"),
-           {"dt", RX_REPORT_MEASURED, 4, "", "mean (T - T of PSF) / T", "dT/T"},
+RX_COLUMNS(PSF_BINS, RX_NUMBER("mag", 2, "mag", "middle of the range", "magnitude"),
+           RX_COUNT("stars", "reserved ones"), RX_MEASURED("dt", 4, "", "mean (T - T of PSF) / T", "dT/T"),
            RX_MEASURED("de1", 4, "", "mean e1 - e1 of PSF"),
            RX_MEASURED("de2", 4, "", "mean e2 - e2 of PSF"));
 
@@ -174,15 +163,14 @@ RX_COLUMNS(CURVE, RX_NUMBER("score", 3, "", "threshold, this score and higher"),
            RX_COUNT("matched", "with this score or a higher one"));
 
 /* For the terminal alone: seconds are in no file, which are the same from run to run. */
-RX_COLUMNS(BRIEF, RX_TEXT("run", ""), {"detections", RX_REPORT_COUNT, 0, "", "", "detected"},
-           RX_COUNT("matched", ""), RX_NUMBER("recall", 3, "", ""), RX_NUMBER("precision", 3, "", ""),
-           {"ap", RX_REPORT_NUMBER, 3, "", "", "AP"}, {"common", RX_REPORT_NUMBER, 2, "%", "", "MagErr/%"},
-           {"magerr", RX_REPORT_NUMBER, 2, "%", "", "own/%"},
-           {"bias_mag", RX_REPORT_NUMBER, 3, "mag", "", "bias/mag"}, RX_NUMBER("mag50", 2, "mag", ""),
-           RX_NUMBER("seconds", 1, "s", ""));
+RX_COLUMNS(BRIEF, RX_TEXT("run", ""), RX_COUNT("detections", "", "detected"), RX_COUNT("matched", ""),
+           RX_NUMBER("recall", 3, "", ""), RX_NUMBER("precision", 3, "", ""),
+           RX_NUMBER("ap", 3, "", "", "AP"), RX_NUMBER("common", 2, "%", "", "MagErr/%"),
+           RX_NUMBER("magerr", 2, "%", "", "own/%"), RX_NUMBER("bias_mag", 3, "mag", "", "bias/mag"),
+           RX_NUMBER("mag50", 2, "mag", ""), RX_NUMBER("seconds", 1, "s", ""));
 
-RX_COLUMNS(BRIEF_GATES, {"line", RX_REPORT_COUNT, 0, "", "", "gate line"}, RX_TEXT("gate", ""),
-           RX_TEXT("run", ""), RX_ESTIMATE("measured", -4, "", ""), RX_TEXT("verdict", ""));
+RX_COLUMNS(BRIEF_GATES, RX_COUNT("line", "", "gate line"), RX_TEXT("gate", ""), RX_TEXT("run", ""),
+           RX_ESTIMATE("measured", -4, "", ""), RX_TEXT("verdict", ""));
 
 typedef struct page {
     const rx_qa_numbers *q;
@@ -224,42 +212,26 @@ static void add_run(page *p, int run, char (*name)[STEM + 16])
     const rx_qa_run *r = e->run;
     const bool checked = r->blank.n > 0, fluxes = r->flux.n > 0;
     const rx_estimate none = {NAN, NAN, NAN, 0};
-    rx_cell row[NRUNS + RX_METRIC_COUNT] = {RX_CELL(r->name),
-                                            RX_CELL(rx_qa_done_by(r)),
-                                            rx_cell_words(r->by != NULL || r->taken != NULL ? r->why : NULL),
-                                            RX_CELL(r->settings),
-                                            RX_CELL(r->psf),
-                                            RX_CELL(r->law_scale),
-                                            RX_CELL(r->law_power),
-                                            RX_CELL(e->pull_in_flux ? "flux" : "magnitude"),
-                                            RX_CELL(name[0]),
-                                            RX_CELL(name[1]),
-                                            RX_CELL(name[2]),
-                                            RX_CELL(e->references),
-                                            RX_CELL(e->references_ignored),
-                                            RX_CELL(e->detections),
-                                            RX_CELL(e->detections_ignored),
-                                            RX_CELL(e->matched),
-                                            RX_CELL(e->chance),
-                                            RX_CELL(p->q->ncommon),
-                                            RX_CELL(p->q->common[run]),
-                                            known(r->tested, (double)e->made_up),
-                                            known(r->tested, (double)e->made_up_matched),
-                                            known(r->tested, r->made_up_per_mpixel),
-                                            known(r->tested, rx_evaluation_precision_without(e)),
-                                            known(checked, r->blank.n),
-                                            known(checked, r->blank.mpixels),
-                                            RX_CELL(checked ? r->blank.rate : none),
-                                            known(checked, r->blank.raised),
-                                            known(checked && r->blank.raised > 1.0, r->blank.asked),
-                                            RX_CELL(r->real.n > 0 ? r->real : none),
-                                            known(fluxes, (double)r->flux.n),
-                                            known(fluxes, r->flux.diameter),
-                                            known_to(fluxes, r->flux.wide, r->flux.wide_error),
-                                            known_to(fluxes, r->flux.automatic, r->flux.automatic_error),
-                                            RX_CELL(!fluxes       ? ""
-                                                    : r->flux.off ? "off"
-                                                                  : "right")};
+    rx_cell row[NRUNS + RX_METRIC_COUNT];
+    memcpy(row,
+           RX_ROW(r->name, rx_qa_done_by(r), r->by != NULL || r->taken != NULL ? r->why : NULL, r->settings,
+                  r->psf, r->law_scale, r->law_power, e->pull_in_flux ? "flux" : "magnitude", name[0],
+                  name[1], name[2], e->references, e->references_ignored, e->detections,
+                  e->detections_ignored, e->matched, e->chance, p->q->ncommon, p->q->common[run],
+                  known(r->tested, (double)e->made_up), known(r->tested, (double)e->made_up_matched),
+                  known(r->tested, r->made_up_per_mpixel),
+                  known(r->tested, rx_evaluation_precision_without(e)), known(checked, r->blank.n)),
+           RX_ROW_CELLS * sizeof *row);
+    memcpy(row + RX_ROW_CELLS,
+           RX_ROW(known(checked, r->blank.mpixels), checked ? r->blank.rate : none,
+                  known(checked, r->blank.raised), known(checked && r->blank.raised > 1.0, r->blank.asked),
+                  r->real.n > 0 ? r->real : none, known(fluxes, (double)r->flux.n),
+                  known(fluxes, r->flux.diameter), known_to(fluxes, r->flux.wide, r->flux.wide_error),
+                  known_to(fluxes, r->flux.automatic, r->flux.automatic_error),
+                  !fluxes       ? ""
+                  : r->flux.off ? "off"
+                                : "right"),
+           (NRUNS - RX_ROW_CELLS) * sizeof *row);
     for (int m = 0; m < RX_METRIC_COUNT; m++)
         row[NRUNS + m] = rx_cell_estimate(p->q->whole[run][m]);
     rx_report_row(p->runs, row);

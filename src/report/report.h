@@ -49,15 +49,19 @@ typedef struct rx_report_column {
     const char *heading;     /* of the page; NULL: the name */
 } rx_report_column;
 
-/* RX_COLUMNS(BINS, RX_TEXT("scene", "binned quantity"), RX_NUMBER("low", 2, "pix", ""), ...): the columns of a table. */
+/* RX_COLUMNS(BINS, RX_TEXT("scene", "binned quantity"), RX_NUMBER("low", 2, "pix", ""), ...): the columns of a table. A
+ * heading may follow the help. */
 #define RX_COLUMNS(table, ...) static const rx_report_column table[] = {__VA_ARGS__}
 /* clang-format off */
-#define RX_TEXT(name, help) {name, RX_REPORT_WORDS, 0, "", help, NULL}
-#define RX_COUNT(name, help) {name, RX_REPORT_COUNT, 0, "", help, NULL}
-#define RX_P(name, help) {name, RX_REPORT_P, 0, "", help, NULL}
-#define RX_NUMBER(name, digits, unit, help) {name, RX_REPORT_NUMBER, digits, unit, help, NULL}
-#define RX_ESTIMATE(name, digits, unit, help) {name, RX_REPORT_ESTIMATE, digits, unit, help, NULL}
-#define RX_MEASURED(name, digits, unit, help) {name, RX_REPORT_MEASURED, digits, unit, help, NULL}
+#define RX_COLUMN(kind, name, digits, unit, help, heading, ...) {name, kind, digits, unit, help, heading}
+#define RX_TEXT(name, ...) RX_COLUMN(RX_REPORT_WORDS, name, 0, "", __VA_ARGS__, NULL, NULL)
+#define RX_MARKED(name, ...) RX_COLUMN(RX_REPORT_VERDICT, name, 0, "", __VA_ARGS__, NULL, NULL)
+#define RX_LINK(name, ...) RX_COLUMN(RX_REPORT_FILE, name, 0, "", __VA_ARGS__, NULL, NULL)
+#define RX_COUNT(name, ...) RX_COLUMN(RX_REPORT_COUNT, name, 0, "", __VA_ARGS__, NULL, NULL)
+#define RX_P(name, ...) RX_COLUMN(RX_REPORT_P, name, 0, "", __VA_ARGS__, NULL, NULL)
+#define RX_NUMBER(name, digits, unit, ...) RX_COLUMN(RX_REPORT_NUMBER, name, digits, unit, __VA_ARGS__, NULL, NULL)
+#define RX_ESTIMATE(name, digits, unit, ...) RX_COLUMN(RX_REPORT_ESTIMATE, name, digits, unit, __VA_ARGS__, NULL, NULL)
+#define RX_MEASURED(name, digits, unit, ...) RX_COLUMN(RX_REPORT_MEASURED, name, digits, unit, __VA_ARGS__, NULL, NULL)
 /* clang-format on */
 
 /* One cell: words, or numbers: value and low are that of RX_REPORT_MEASURED and its error, and p and ln p. */
@@ -157,15 +161,16 @@ void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns]
         rx_estimate: rx_cell_estimate,                                                                       \
         rx_cell: rx_cell_itself,                                                                             \
         default: rx_cell_number)(v)
+enum { RX_ROW_CELLS = 24 };
 #define RX_CELLS(a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v, w, x, ...)                \
     {                                                                                                        \
         RX_CELL(a), RX_CELL(b), RX_CELL(c), RX_CELL(d), RX_CELL(e), RX_CELL(f), RX_CELL(g), RX_CELL(h),      \
             RX_CELL(i), RX_CELL(j), RX_CELL(k), RX_CELL(l), RX_CELL(m), RX_CELL(n), RX_CELL(o), RX_CELL(p),  \
             RX_CELL(q), RX_CELL(r), RX_CELL(s), RX_CELL(t), RX_CELL(u), RX_CELL(v), RX_CELL(w), RX_CELL(x)   \
     }
-#define rx_report_put(table, ...)                                                                            \
-    rx_report_row(table, (rx_cell[])RX_CELLS(__VA_ARGS__, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, \
-                                             0, 0, 0, 0, 0, 0, 0))
+#define RX_ROW(...)                                                                                          \
+    ((rx_cell[])RX_CELLS(__VA_ARGS__, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0))
+#define rx_report_put(table, ...) rx_report_row(table, RX_ROW(__VA_ARGS__))
 long rx_report_rows(const rx_report_table *table);
 /* Does the column say anything, of any row? */
 bool rx_report_knows(const rx_report_table *table, const char *column);

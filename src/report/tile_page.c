@@ -445,10 +445,9 @@ static void add_figures(rx_figures *dst, const rx_tile_quality *q)
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
 RX_COLUMNS(NUMBERS, RX_TEXT("quantity", NULL), RX_NUMBER("value", -4, "", ""), RX_TEXT("unit", NULL),
-           {.name = "what", .heading = "what it is"});
+           RX_TEXT("what", NULL, "what it is"));
 
-RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"},
-           {.name = "taken", .help = "restorer that AUTO took", .heading = "took"},
+RX_COLUMNS(RUNS, RX_TEXT("run", NULL, "restorer"), RX_TEXT("taken", "restorer that AUTO took", "took"),
            RX_TEXT("why", "why that one"), RX_COUNT("sources", "in the catalogue"),
            RX_NUMBER("per_mpixel", 0, "", "sources per Mpixel that is used"),
            RX_NUMBER("clean", 1, "%", "share with FLAGS 0"),
@@ -460,13 +459,12 @@ RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"},
            RX_ESTIMATE("false_per_mpixel", 1, "",
                        "false detections on noise (BLANK_CHECK), with its interval at 95 %"));
 
-RX_COLUMNS(FLAGS, {.name = "run", .heading = "restorer"}, RX_TEXT("column", NULL),
+RX_COLUMNS(FLAGS, RX_TEXT("run", NULL, "restorer"), RX_TEXT("column", NULL),
            RX_COUNT("bit", "value in the column"), RX_TEXT("meaning", NULL),
            RX_COUNT("sources", "that have it"), RX_NUMBER("share", 1, "%", "of all sources"));
 
 RX_COLUMNS(REMARKS, RX_TEXT("key", NULL),
-           {"mark", RX_REPORT_VERDICT, 0, "", "FAIL: numbers are wrong; INSUFFICIENT: look at it", NULL},
-           RX_TEXT("sentence", NULL));
+           RX_MARKED("mark", "FAIL: numbers are wrong; INSUFFICIENT: look at it"), RX_TEXT("sentence", NULL));
 
 RX_COLUMNS(STARS, RX_NUMBER("x", 2, "pix", "X_IMAGE"), RX_NUMBER("y", 2, "pix", "Y_IMAGE"),
            RX_NUMBER("fwhm", 3, "pix", "of the star's pixels"),
