@@ -371,7 +371,7 @@ rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *b
     rx_status status = RX_OK;
     if (has_failed(r))
         return rx_error_memory(err, sizeof *r);
-    const bool draws = files->figures && r->figures.n > 0 && r->figures.script.length > 0;
+    const bool draws = files->figures && r->figures.n > 0;
     if (draws)
         status = rx_figures_start(&r->figures, files->gnuplot, files->folder, files->shown, err);
     else if (!files->figures)

@@ -132,9 +132,7 @@ void rx_report_lines(rx_report *report, const char *words); /* words from outsid
 /* What is folded away until rx_report_unfold(). */
 void rx_report_fold(rx_report *report, const char *title);
 void rx_report_unfold(rx_report *report);
-/* Figures are added to this, and stand where rx_report_place() names the beginning of their ids. Those of
- * another report may be put here: they are not drawn again when their script is empty, as it is after
- * rx_report_write(). */
+/* Figures are added to this, and stand where rx_report_place() names the beginning of their ids. */
 rx_figures *rx_report_figures_of(rx_report *report);
 void rx_report_place(rx_report *report, const char *prefix);
 rx_text *rx_report_brief_of(rx_report *report); /* lines for the terminal, to be added to */

@@ -4,8 +4,6 @@ check_PROGRAMS += \
 	tests/unit/quality/test_image_metrics \
 	tests/unit/quality/test_match \
 	tests/unit/quality/test_metrics \
-	tests/unit/quality/test_pr \
-	tests/unit/quality/test_qa_numbers \
 	tests/unit/quality/test_rho \
 	tests/unit/quality/test_statistics \
 	tests/unit/quality/test_tally
@@ -14,8 +12,6 @@ tests_unit_quality_test_gates_SOURCES = tests/unit/quality/test_gates.c
 tests_unit_quality_test_image_metrics_SOURCES = tests/unit/quality/test_image_metrics.c
 tests_unit_quality_test_match_SOURCES = tests/unit/quality/test_match.c
 tests_unit_quality_test_metrics_SOURCES = tests/unit/quality/test_metrics.c
-tests_unit_quality_test_pr_SOURCES = tests/unit/quality/test_pr.c
-tests_unit_quality_test_qa_numbers_SOURCES = tests/unit/quality/test_qa_numbers.c
 tests_unit_quality_test_rho_SOURCES = tests/unit/quality/test_rho.c
 tests_unit_quality_test_statistics_SOURCES = tests/unit/quality/test_statistics.c
 tests_unit_quality_test_tally_SOURCES = tests/unit/quality/test_tally.c

@@ -1,12 +1,10 @@
-/* A tile small enough to work out by hand: roles, shares, differences, zero point, chance. */
+/* A tile small enough to work out by hand: roles, shares, differences, zero point, chance; curves, runs compared. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "../near.h"
 #include "base/random.h"
-#include "data/psf.h"
-#include "quality/gates.h"
-#include "quality/metrics.h"
+#include "quality/qa_numbers.h"
 
 enum { SIDE = 100 };
 
@@ -97,8 +95,8 @@ static void shares_and_differences(void **state)
         {{.whole = 1}, RX_METRIC_SCATTER_MAG, 0.14826, 2},
         {{.whole = 1}, RX_METRIC_MAGERR, 9.2233678, 2},       /* 50 (10^0.04 - 10^-0.04) */
         {{.whole = 1}, RX_METRIC_BIAS_PERCENT, 0.4244518, 2}, /* 50 (10^0.04 + 10^-0.04 - 2) */
-        {{.whole = 1}, RX_METRIC_DX, 0.15, 2},               /* of 0.3 and 0 */
-        {{.whole = 1}, RX_METRIC_DY, -0.25, 2},              /* of 0 and -0.5 */
+        {{.whole = 1}, RX_METRIC_DX, 0.15, 2},                /* of 0.3 and 0 */
+        {{.whole = 1}, RX_METRIC_DY, -0.25, 2},               /* of 0 and -0.5 */
         {{.whole = 1}, RX_METRIC_SCATTER_Y, 1.4826 * 0.25, 2},
         {{.whole = 1}, RX_METRIC_SCATTER_Y_ARCSEC, 1.4826 * 0.125, 2},
         {{.whole = 1}, RX_METRIC_PULL_MEDIAN, 0.5 * (0.1 / 0.01 - 0.1 / 0.2), 2},
@@ -315,6 +313,102 @@ static void bins_from_data_and_keys(void **state)
     tmag[0] = 18;
 }
 
+static void curve_by_hand(void **state)
+{
+    /* in no order; 9 references; thresholds and sums worked out by hand */
+    const double score[] = {0.1, 0.9, 0.5, 0.8, 0.7, 0.5, 0.8, 0.6, 0.5, 0.3};
+    const unsigned char matched[] = {1, 1, 0, 1, 1, 1, 0, 0, 1, 0};
+    const double recall[] = {1 / 9.0, 2 / 9.0, 3 / 9.0, 3 / 9.0, 5 / 9.0, 5 / 9.0, 6 / 9.0};
+    const double precision[] = {1, 2 / 3.0, 3 / 4.0, 3 / 5.0, 5 / 8.0, 5 / 9.0, 6 / 10.0};
+    rx_estimate e;
+    rx_pr pr;
+    (void)state;
+    assert_int_equal(rx_pr_make(10, score, matched, 9, &pr, NULL), RX_OK);
+    assert_int_equal(pr.n, 7);
+    for (int i = 0; i < 7; i++) {
+        assert_near(pr.point[i].recall, recall[i], 1e-15);
+        assert_near(pr.point[i].precision, precision[i], 1e-15);
+    }
+    assert_near(pr.ap.value, 0.474074074074074, 1e-14);
+    assert_int_equal(rx_pr_interval(&pr, 9, 0.95, (rx_resampling){.seed = 5}, &e, NULL), RX_OK);
+    assert_near(e.low, 0, 0); /* too few references to resample: no bound at all */
+    assert_near(e.high, 1, 0);
+    assert_int_equal(rx_pr_interval(&pr, 40, 0.95, (rx_resampling){.seed = 5}, &e, NULL), RX_OK);
+    assert_between(e.low, 0.01, pr.ap.value);
+    assert_true(e.high < 0.9);
+    rx_pr_free(&pr);
+}
+
+/* Detections without a score come last, whatever they are; without references there is no AP. */
+static void ends_of_a_curve(void **state)
+{
+    const double score[] = {NAN, -1e9};
+    const unsigned char matched[] = {0, 1};
+    rx_pr pr;
+    (void)state;
+    assert_int_equal(rx_pr_make(2, score, matched, 1, &pr, NULL), RX_OK);
+    assert_near(pr.ap.value, 1, 1e-15);
+    rx_pr_free(&pr);
+    assert_int_equal(rx_pr_make(0, NULL, NULL, 3, &pr, NULL), RX_OK);
+    assert_near(pr.ap.value, 0, 0);
+    rx_pr_free(&pr);
+    assert_int_equal(rx_pr_make(2, score, matched, 0, &pr, NULL), RX_OK);
+    assert_true(isnan(pr.ap.value));
+    rx_pr_free(&pr);
+}
+
+static rx_psf_star star_of(double mag, double size)
+{
+    return (rx_psf_star){.flux = pow(10, -0.4 * (mag - 25)), .off = {size, 2 * size, -size}};
+}
+
+/* Of four references one run has two, the other all: the errors of the two are compared. Stars that judge the PSF, over 9
+ * magnitudes, stand in ranges of 1: mean and its error by hand; one without a flux is in none. */
+static void runs_on_the_same_references(void **state)
+{
+    (void)state;
+    double x[] = {50, 150, 250, 350}, y[] = {50, 50, 50, 50}, mag[] = {18, 19, 20, 21}, measured[2][4];
+    const double ratio[2][4] = {{1.1, 1.1, 0, 0}, {1.0, 1.1, 2.0, 2.0}};
+    rx_qa_run runs[2] = {{.name = "SHORT"}, {.name = "DEEP"}};
+    rx_psf_star stars[] = {star_of(14, 0.1), star_of(14.9, 0.3), star_of(22.9, 0.2), {.flux = -1}};
+    rx_psf_judged judged = {.nstars = 4, .star = stars};
+    const rx_psf psf = {.judged = &judged};
+    const rx_qa_input input = {.tile = "t",
+                               .reference = "r",
+                               .width = 400,
+                               .height = 100,
+                               .truth = {.n = 4, .x = x, .y = y, .mag = mag},
+                               .nruns = 2,
+                               .runs = runs,
+                               .psf = {.psf = &psf, .zeropoint = 25}};
+    const rx_qa_params params = {.match_radius = 1, .by = {.seed = 5, .nthreads = 2}};
+    rx_qa_numbers q;
+    stars[0].flux *= 1 - 1e-9;
+    for (int k = 0; k < 2; k++) {
+        for (int i = 0; i < 4; i++)
+            measured[k][i] = mag[i] - 2.5 * log10(ratio[k][i]);
+        runs[k].list = (rx_qa_list){.n = k == 0 ? 2 : 4, .x = x, .y = y, .mag = measured[k]};
+    }
+    assert_int_equal(rx_qa_numbers_make(&params, &input, &q, NULL), RX_OK);
+    assert_int_equal(q.ncommon, 2);
+    assert_near(q.common[0], 10, 1e-9);
+    assert_near(q.common[1], 5, 1e-9);
+    assert_near(q.whole[1][RX_METRIC_MAGERR].value, 52.5, 1e-9);
+    assert_int_equal(q.ncomparisons, 1);
+    assert_int_equal(q.comparison[0].only_first, 0);
+    assert_int_equal(q.comparison[0].only_second, 2);
+    assert_near(q.comparison[0].p, 0.5, 1e-12);
+    assert_int_equal(q.verdict, RX_VERDICT_NONE);
+    assert_int_equal(q.npsf_bins, 2);
+    assert_near(q.psf_bin[0].mag, 14.5, 1e-12);
+    assert_int_equal(q.psf_bin[0].n, 2);
+    assert_near(q.psf_bin[0].mean[0], 0.2, 1e-12);
+    assert_near(q.psf_bin[0].error[0], 0.1, 1e-12);
+    assert_near(q.psf_bin[1].mag, 22.5, 1e-12);
+    assert_true(isnan(q.psf_bin[1].error[0]));
+    rx_qa_numbers_free(&q);
+}
+
 int main(void)
 {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, make_scene, free_scene)
@@ -328,6 +422,9 @@ int main(void)
         cmocka_unit_test(zero_point_is_told_not_hidden),
         cmocka_unit_test(chance_matches),
         TEST(bins_from_data_and_keys),
+        cmocka_unit_test(curve_by_hand),
+        cmocka_unit_test(ends_of_a_curve),
+        cmocka_unit_test(runs_on_the_same_references),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

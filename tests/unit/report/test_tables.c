@@ -111,24 +111,17 @@ static void one_table_in_all_files(void **state)
 static void tables_stand_where_they_are_asked_for(void **state)
 {
     static const char *const both[] = {"\"shown\": [\n    {\"word\": \"here\"}\n  ]", NULL};
-    static const rx_report_column word = {.name = "word"};
-    char *text = NULL;
+    RX_COLUMNS(columns, RX_TEXT("word", ""));
     rx_report *r = rx_report_new("", "x");
-    rx_report_table *shown = rx_report_table_add(r, "shown", 1, &word, RX_REPORT_IN_JSON);
-    rx_report_table *listed = rx_report_table_add(r, "listed", 1, &word, RX_REPORT_IN_FILE);
-    rx_report_row(shown, (rx_cell[]){rx_cell_words("here")});
-    rx_report_row(listed, (rx_cell[]){rx_cell_words("there")});
+    rx_report_put(RX_REPORT_TABLE(r, "shown", columns, RX_REPORT_IN_JSON), "here");
+    rx_report_put(RX_REPORT_TABLE(r, "listed", columns, RX_REPORT_IN_FILE), "there");
     write_report(state, r, NULL);
     rx_report_free(r);
     holds(state, "summary.json", both);
-    const char *path = in(state, "summary.json");
-    assert_int_equal(rx_text_read_file(path, 1 << 20, &text, NULL, NULL), RX_OK);
+    char *text = slurp(*state, "summary.json");
     assert_null(strstr(text, "there"));
     free(text);
-    path = in(state, "listed.ecsv");
-    assert_int_equal(access(path, F_OK), 0);
-    path = in(state, "shown.ecsv");
-    assert_int_not_equal(access(path, F_OK), 0);
+    assert_int_equal(count_files(*state), 3); /* the page, summary.json, listed.ecsv */
 }
 
 /* Rows by the hundred; YAML takes the name of a column for a truth value unless it is quoted. */
@@ -252,36 +245,6 @@ static void numbers_as_readers_want_them(void **state)
     holds(state, "report.html", page);
 }
 
-/* Figures that another report has drawn are not drawn again. */
-static void figures_are_kept(void **state)
-{
-    static const char *const page[] = {"<svg>drawn before</svg>", NULL};
-    const rx_report_files files = {
-        .folder = *state, .shown = "the report", .figures = 1, .gnuplot = "/no/such"};
-    rx_report *r = rx_report_new("", "x");
-    rx_figures *figures = rx_report_figures_of(r);
-    rx_figure_add(figures, "one", "One", "", RX_FIGURE_CHART);
-    rx_text_free(&figures->script);
-    figures->figure[0].svg = strdup("<svg>drawn before</svg>");
-    rx_report_place(r, "one");
-    assert_int_equal(rx_report_write(r, &files, NULL, NULL), RX_OK);
-    assert_string_equal(figures->note, "");
-    rx_report_free(r);
-    holds(state, "report.html", page);
-}
-
-static void a_folder_that_is_not_there(void **state)
-{
-    rx_error err = RX_ERROR_NONE;
-    const rx_report_files files = {.folder = "/no/such", .shown = "the report"};
-    rx_report_table *t;
-    rx_report *r = make(&t);
-    (void)state;
-    assert_int_equal(rx_report_write(r, &files, NULL, &err), RX_SYSTEM);
-    assert_string_equal(err.where, "the report/summary.json");
-    rx_report_free(r);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -291,8 +254,6 @@ int main(void)
         cmocka_unit_test_setup_teardown(tables_turned, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(what_a_page_leaves_out, make_scratch, remove_scratch),
         cmocka_unit_test_setup_teardown(numbers_as_readers_want_them, make_scratch, remove_scratch),
-        cmocka_unit_test_setup_teardown(figures_are_kept, make_scratch, remove_scratch),
-        cmocka_unit_test(a_folder_that_is_not_there),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
