@@ -82,7 +82,7 @@ static void draw_curve(drawing *d, rx_axes *axes)
         if (pr->n > 0)
             put(d, pr->point[pr->n - 1].recall, pr->point[pr->n - 1].precision, NAN, NAN);
     }
-    *axes = (rx_axes){.xlabel = "recall", .ylabel = "precision", .x1 = 1.02, .y1 = 1.02};
+    *axes = (rx_axes){"recall", "precision", 0, 1.02, 0, 1.02, false, false};
 }
 
 /* A dot for each match: one number of it against another, that of its reference where `of_truth`. */
@@ -148,12 +148,7 @@ static void draw_offsets(drawing *d, rx_axes *axes)
         begin(d, RX_CURVE_POINTS, run, name_of(d, run));
         put(d, d->q->whole[run][RX_METRIC_DX].value, d->q->whole[run][RX_METRIC_DY].value, NAN, NAN);
     }
-    *axes = (rx_axes){.xlabel = "x - x0  [pixels]",
-                      .ylabel = "y - y0  [pixels]",
-                      .x0 = -reach,
-                      .x1 = reach,
-                      .y0 = -reach,
-                      .y1 = reach};
+    *axes = (rx_axes){"x - x0  [pixels]", "y - y0  [pixels]", -reach, reach, -reach, reach, false, false};
 }
 
 static void draw_pulls(drawing *d, rx_axes *axes)
@@ -181,11 +176,8 @@ static void draw_pulls(drawing *d, rx_axes *axes)
             put(d, -PULL_REACH + (k + 1) * width, density, NAN, NAN);
         }
     }
-    *axes = (rx_axes){.xlabel = "pull = (F - F0) / error",
-                      .ylabel = "density",
-                      .x0 = -PULL_REACH,
-                      .x1 = PULL_REACH,
-                      .y1 = highest};
+    *axes =
+        (rx_axes){"pull = (F - F0) / error", "density", -PULL_REACH, PULL_REACH, 0, highest, false, false};
 }
 
 /* One figure: its words and what draws it into axes of reference magnitude and a share, which it may change. */
@@ -248,12 +240,8 @@ static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellip
 {
     const rx_psf_judged *judged = q->input->psf.psf->judged;
     const double reach = reach_of(judged, ellipse);
-    rx_axes axes = {.xlabel = "magnitude",
-                    .ylabel = ellipse ? "de1, de2" : "dT/T",
-                    .x0 = HUGE_VAL,
-                    .x1 = -HUGE_VAL,
-                    .y0 = -reach,
-                    .y1 = reach};
+    rx_axes axes = {"magnitude", ellipse ? "de1, de2" : "dT/T", HUGE_VAL, -HUGE_VAL, -reach, reach, false,
+                    false};
     static const char *const names[SHAPES] = {"size", "de1", "de2"};
     rx_curves c = {0};
     for (int k = ellipse ? 1 : 0; k < (ellipse ? SHAPES : 1); k++) {
@@ -309,8 +297,7 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
     }
     rx_figure_add(dst, "psf-map", "Stars - PSF over the tile", reading, RX_FIGURE_CHART);
     rx_plot_coloured_begin(
-        dst,
-        &(rx_axes){.xlabel = "X_IMAGE", .ylabel = "Y_IMAGE", .x1 = q->input->width, .y1 = q->input->height},
+        dst, &(rx_axes){"X_IMAGE", "Y_IMAGE", 0, q->input->width, 0, q->input->height, false, false},
         &(rx_coloured){"(-1 '#2166ac', 0 '#cccccc', 1 '#b2182b')", "dT/T", -size, size,
                        values ? judged->nstars : 0, 5, values});
     rx_text_add(&dst->script,
@@ -342,9 +329,7 @@ static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
         "Light within a radius, shares of a star's, with 1 sigma: out to 20 FWHM, or to where the sky's "
         "error is 10 %. Beyond the dotted lines fluxes of templates are wrong by as much; the largest "
         "difference of the table is from radii with errors below 1 %.",
-        &(rx_axes){
-            .xlabel = "radius [pixels]", .ylabel = "share of the light", .x1 = last, .y0 = -most, .y1 = most},
-        &c);
+        &(rx_axes){"radius [pixels]", "share of the light", 0, last, -most, most, false, false}, &c);
 }
 
 /* What stars that it was not fitted to say of the PSF. */
@@ -362,13 +347,8 @@ static void draw_psf(rx_figures *dst, const rx_qa_numbers *q)
         growth_figure(dst, psf->judged);
     rx_figure_add(dst, "psf-residual", "Stacked stars - PSF",
                   "grey is 0, black -2 %, white 2 % of the PSF's peak.", RX_FIGURE_PICTURE);
-    rx_plot_picture(dst, &(rx_grey_image){.width = psf->judged->side,
-                                          .height = psf->judged->side,
-                                          .side = PICTURE_SIDE,
-                                          .pixels = psf->judged->residual,
-                                          .low = -0.02,
-                                          .high = 0.02,
-                                          .soft = 0.0});
+    rx_plot_picture(dst, &(rx_grey_image){psf->judged->side, psf->judged->side, PICTURE_SIDE,
+                                          psf->judged->residual, -0.02, 0.02, 0.0});
 }
 
 /* --- all --- */
@@ -400,13 +380,8 @@ static void draw_pictures(rx_figures *dst, const rx_qa_input *input)
         const double soft = first->sigma > 0 ? 2 * first->sigma : 1;
         snprintf(id, sizeof id, "picture%d", k);
         rx_figure_add(dst, id, p->title, "", RX_FIGURE_PICTURE);
-        rx_plot_picture(dst, &(rx_grey_image){.width = p->width,
-                                              .height = p->height,
-                                              .side = PICTURE_SIDE,
-                                              .pixels = p->pixels,
-                                              .low = -soft,
-                                              .high = fmax(white, soft),
-                                              .soft = soft});
+        rx_plot_picture(dst, &(rx_grey_image){p->width, p->height, PICTURE_SIDE, p->pixels, -soft,
+                                              fmax(white, soft), soft});
     }
 }
 
@@ -414,10 +389,8 @@ void rx_qa_figures(rx_figures *dst, const rx_qa_numbers *q)
 {
     for (size_t i = 0; i < sizeof FIGURES / sizeof *FIGURES; i++) {
         drawing d = {.q = q};
-        rx_axes axes = {.xlabel = "reference magnitude",
-                        .x0 = q->bins.edge[0],
-                        .x1 = q->bins.edge[q->bins.n],
-                        .y1 = 1.02};
+        rx_axes axes = {
+            "reference magnitude", NULL, q->bins.edge[0], q->bins.edge[q->bins.n], 0, 1.02, false, false};
         d.curves.equal = FIGURES[i].equal;
         FIGURES[i].draw(&d, &axes);
         rx_curves_figure(dst, FIGURES[i].id, FIGURES[i].title, FIGURES[i].reading, &axes, &d.curves);

@@ -45,12 +45,8 @@ static void reach(const double *values, size_t n, double *low, double *high)
 /* Pixels of the tile, from 1. */
 static rx_axes axes_of(double width, double height)
 {
-    return (rx_axes){.xlabel = "X_IMAGE [pixels]",
-                     .ylabel = "Y_IMAGE [pixels]",
-                     .x0 = 0.5,
-                     .x1 = width + 0.5,
-                     .y0 = 0.5,
-                     .y1 = height + 0.5};
+    return (rx_axes){
+        "X_IMAGE [pixels]", "Y_IMAGE [pixels]", 0.5, width + 0.5, 0.5, height + 0.5, false, false};
 }
 
 typedef struct map {
@@ -168,13 +164,8 @@ static void pulls(rx_figures *dst, const rx_tile_quality *q)
         dst, "tile-pulls", "Noise of pixels without sources",
         "(pixel - sky) / noise; the outer bins hold all that is further out. A wider histogram: the noise "
         "map is too low; a tail on the right alone is light of sources too faint to be found.",
-        &(rx_axes){.xlabel = "(pixel - sky) / noise  [sigma]",
-                   .ylabel = "share of pixels per sigma",
-                   .x0 = -6.3,
-                   .x1 = 6.3,
-                   .y0 = 1e-7,
-                   .y1 = 1,
-                   .log_y = true},
+        &(rx_axes){"(pixel - sky) / noise  [sigma]", "share of pixels per sigma", -6.3, 6.3, 1e-7, 1, false,
+                   true},
         &c);
 }
 
@@ -192,12 +183,8 @@ static void correlation(rx_figures *dst, const rx_tile_quality *q)
                   "Of pixels so far apart; the middle, which is 1, is cut. Grey: none. Resampling leaves red "
                   "around the middle, fringes and stripes a pattern.",
                   RX_FIGURE_CHART);
-    const rx_axes axes = {.xlabel = "dx [pixels]",
-                          .ylabel = "dy [pixels]",
-                          .x0 = -RX_NOISE_REACH - 0.5,
-                          .x1 = RX_NOISE_REACH + 0.5,
-                          .y0 = -RX_NOISE_REACH - 0.5,
-                          .y1 = RX_NOISE_REACH + 0.5};
+    const double end = RX_NOISE_REACH + 0.5;
+    const rx_axes axes = {"dx [pixels]", "dy [pixels]", -end, end, -end, end, false, false};
     rx_plot_coloured_begin(dst, &axes,
                            &(rx_coloured){"(-1 '#2166ac', 0 '#dddddd', 1 '#b2182b')", "correlation", -most,
                                           most, RX_NOISE_SIDE, RX_NOISE_SIDE, at[0]});
@@ -268,12 +255,7 @@ static void locus(rx_figures *dst, const rx_tile_quality *q, int run)
         dst, id, title,
         "Stars stand in a narrow band whatever their magnitude; galaxies lie to the right of it, hot pixels "
         "and cosmic rays to the left, saturated stars bend to the right at the top.",
-        &(rx_axes){.xlabel = "FLUX_RADIUS [pixels]",
-                   .ylabel = "MAG_AUTO [mag]",
-                   .x0 = 0,
-                   .x1 = 1.15 * r1,
-                   .y0 = m1 + 0.3,
-                   .y1 = m0 - 0.3},
+        &(rx_axes){"FLUX_RADIUS [pixels]", "MAG_AUTO [mag]", 0, 1.15 * r1, m1 + 0.3, m0 - 0.3, false, false},
         &c);
     free(radii);
 }
@@ -320,13 +302,8 @@ static void counts(rx_figures *dst, const rx_tile_quality *q)
         "Bars: square roots of the counts. The line has the slope of galaxies (0.4 dex per mag), through the "
         "counts 1.5 mag before they turn over; stars of the Galaxy are flatter at the bright end. Where "
         "counts fall the tile is not complete.",
-        &(rx_axes){.xlabel = "MAG_AUTO [mag]",
-                   .ylabel = side > 0 ? "sources per mag and deg^2" : "sources per mag and Mpixel",
-                   .x0 = low,
-                   .x1 = high,
-                   .y0 = 0.5 / area,
-                   .y1 = 3 * most,
-                   .log_y = true},
+        &(rx_axes){"MAG_AUTO [mag]", side > 0 ? "sources per mag and deg^2" : "sources per mag and Mpixel",
+                   low, high, 0.5 / area, 3 * most, false, true},
         &c);
 }
 
@@ -389,13 +366,7 @@ static void cut_out(rx_figures *dst, const rx_tile_quality *q, const rx_tile_cut
              "%s, NUMBER %d at (%.0f, %.0f), MAG_AUTO %.2f mag, FLAGS %d, %d pixels wide", kinds[cut->kind],
              s->number, s->x + 1, s->y + 1, rx_tile_mag(image, s->flux_auto), s->flags, side * step);
     rx_figure_add(dst, id, title, reading, RX_FIGURE_PICTURE);
-    rx_plot_picture(dst, &(rx_grey_image){.width = width,
-                                          .height = side,
-                                          .side = 150 * panels,
-                                          .pixels = pixels,
-                                          .low = -2 * sigma,
-                                          .high = high,
-                                          .soft = 2 * sigma});
+    rx_plot_picture(dst, &(rx_grey_image){width, side, 150 * panels, pixels, -2 * sigma, high, 2 * sigma});
 exit:
     free(copy);
     free(pixels);
