@@ -618,90 +618,53 @@ static void show_psf(page *p)
  * second one says something of any row. */
 enum { COLUMNS_MAX = 9 };
 static const struct section {
-    const char *id, *title;
-    size_t table; /* in page */
-    int turned;
+    struct {
+        const char *id, *title;
+        size_t table; /* in page */
+        int turned;
+        void (*before)(page *p); /* what comes before the table */
+        void (*after)(page *p);  /* the next section */
+    };
     const char *columns[COLUMNS_MAX], *note;
-    void (*before)(page *p); /* what comes before the table */
-    void (*after)(page *p);  /* the next section */
 } SECTIONS[] = {
-    {"gates",
-     "Gates",
-     offsetof(page, gates),
-     0,
+    {{"gates", "Gates", offsetof(page, gates), 0, NULL, NULL},
      {"line", "gate", "run", "measured", "level", "verdict"},
      "PASS: the whole interval satisfies the gate. FAIL: the whole interval violates it. INSUFFICIENT: the "
-     "interval lies across the limit, more sources are needed to decide; or no run has the name of the gate.",
-     NULL,
-     NULL},
-    {"counts",
-     "What was compared",
-     offsetof(page, runs),
-     1,
+     "interval lies across the limit, more sources are needed to decide; or no run has the name of the "
+     "gate."},
+    {{"counts", "What was compared", offsetof(page, runs), 1, add_radius, NULL},
      {"run", "references", "references_ignored", "detections", "detections_ignored", "matched",
       "chance_matches", "common", "common_magerr"},
      "Where matches by chance are not few against the matches, recall and precision are flattered; take a "
-     "smaller radius.",
-     add_radius,
-     NULL},
-    {"noise",
-     "Noise or sources",
-     offsetof(page, runs),
-     1,
+     "smaller radius."},
+    {{"noise", "Noise or sources", offsetof(page, runs), 1, NULL, NULL},
      {"run", "no_noise_peak", "false_per_mpixel", "threshold_raised", "false_per_mpixel_as_asked"},
      "1 &minus; (false detections per Mpixel of this tile's noise, BLANK_CHECK) &times; (Mpixel of the tile "
      "without a mask or a source) / detections, with the interval of the rate. It covers noise on blank sky "
      "only: pieces of bright sources, ghosts, cosmic rays, and noise on top of sources count as real here. "
      "Where large or crowded sources raise the map of the noise, the rate is too high, and this share too "
-     "low: then neither is more than a hint.",
-     NULL,
-     NULL},
-    {"spurious",
-     "Spurious or real",
-     offsetof(page, runs),
-     1,
+     "low: then neither is more than a hint."},
+    {{"spurious", "Spurious or real", offsetof(page, runs), 1, NULL, NULL},
      {"run", "spurious", "spurious_matched", "spurious_per_mpixel", "precision", "precision_without"},
      "A source is marked when a template of it, fitted to the original pixels together with its neighbours, "
-     "says that it is rather not there (P_REAL below 0.5).",
-     NULL,
-     NULL},
-    {"flags",
-     "With and without each flag",
-     offsetof(page, flags),
-     0,
+     "says that it is rather not there (P_REAL below 0.5)."},
+    {{"flags", "With and without each flag", offsetof(page, flags), 0, NULL, NULL},
      {NULL},
-     "What leaving out the sources of a flag costs in recall, and gains in precision.",
-     NULL,
-     NULL},
-    {"flux-scale",
-     "Flux scale",
-     offsetof(page, runs),
-     1,
+     "What leaving out the sources of a flag costs in recall, and gains in precision."},
+    {{"flux-scale", "Flux scale", offsetof(page, runs), 1, NULL, show_psf},
      {"run", "flux_sources", "flux_aperture_pixels", "flux_aperture", "flux_auto", "flux_scale_is"},
      "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the measure. Off: "
      "the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO so much above it; "
-     "FLUX_AUTO below it is the light that it leaves out.",
-     NULL,
-     show_psf},
-    {"duel",
-     "Restorers on the same references",
-     offsetof(page, comparisons),
-     0,
+     "FLUX_AUTO below it is the light that it leaves out."},
+    {{"duel", "Restorers on the same references", offsetof(page, comparisons), 0, NULL, NULL},
      {NULL},
      "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both found "
      "sources equally well. With several pairs multiply p by their number. A run that detects more finds "
-     "more: read it together with precision.",
-     NULL,
-     NULL},
-    {"models",
-     "What the model promises here",
-     offsetof(page, models),
-     1,
+     "more: read it together with precision."},
+    {{"models", "What the model promises here", offsetof(page, models), 1, NULL, NULL},
      {NULL},
      "Promised: what the model did on its test images of this seeing and noise. Here: as in the summary; "
-     "faint sources lower the recall, galaxies and blends widen the scatter.",
-     NULL,
-     NULL},
+     "faint sources lower the recall, galaxies and blends widen the scatter."},
 };
 
 static void show_section(page *p, const struct section *s)
