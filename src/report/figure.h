@@ -113,8 +113,8 @@ void rx_curves_figure(rx_figures *dst, const char *id, const char *title, const 
                       const rx_axes *axes, rx_curves *curves);
 
 /* Box plots: groups along x (names made plain), in each group one box per method, boxes[group * nmethods +
- * method] (n = 0: left out). Box = quartiles, bar = median, ring = mean, whiskers = box.low, box.high. axes:
- * xlabel, ylabel, y0, y1 (y0 >= y1: from the data), log_y; colors[method], NULL = 0, 1, 2 ... */
+ * method] (n = 0: left out). Box = quartiles, bar = median, ring = mean, whiskers = box.low, box.high. Of axes
+ * the labels count. */
 typedef struct rx_boxes {
     int ngroups, nmethods;
     const char *const *groups, *const *methods;

@@ -231,46 +231,30 @@ static void box_block(rx_text *dst, int ngroups, int nmethods, int method, const
     rx_text_add(dst, "EOD\n");
 }
 
-/* Range that holds every whisker, a little more on either side. */
-static void box_range(int n, const rx_five_numbers *boxes, rx_axes *axes)
+void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, const rx_boxes *of)
 {
-    double low = INFINITY, high = -INFINITY;
-    for (int i = 0; i < n; i++)
-        if (boxes[i].n > 0) {
-            low = fmin(low, fmin(boxes[i].low, boxes[i].mean));
-            high = fmax(high, fmax(boxes[i].high, boxes[i].mean));
+    rx_text *script = &dst->script;
+    const int ngroups = of->ngroups, nmethods = of->nmethods;
+    double low = INFINITY, high = -INFINITY; /* every whisker and mean */
+    for (int i = 0; i < ngroups * nmethods; i++)
+        if (of->boxes[i].n > 0) {
+            low = fmin(low, fmin(of->boxes[i].low, of->boxes[i].mean));
+            high = fmax(high, fmax(of->boxes[i].high, of->boxes[i].mean));
         }
     if (!(low <= high)) {
         low = 0;
         high = 1;
     }
-    if (axes->log_y) {
-        axes->y0 = low / 1.1;
-        axes->y1 = high * 1.1;
-        return;
-    }
-    double margin = high > low ? 0.05 * (high - low) : fmax(0.05 * fabs(high), 0.5);
-    axes->y0 = low - margin;
-    axes->y1 = high + margin;
-}
-
-void rx_plot_boxes(rx_figures *dst, const rx_axes *axes, const rx_boxes *of)
-{
-    rx_text *script = &dst->script;
-    const int ngroups = of->ngroups, nmethods = of->nmethods;
-    rx_axes used = *axes;
-    used.x0 = -0.55;
-    used.x1 = ngroups - 0.45;
-    used.log_x = false;
-    if (!(used.y0 < used.y1))
-        box_range(ngroups * nmethods, of->boxes, &used);
+    const double margin = high > low ? 0.05 * (high - low) : fmax(0.05 * fabs(high), 0.5);
+    const rx_axes used = {axes->xlabel, axes->ylabel,  -0.55, ngroups - 0.45,
+                          low - margin, high + margin, false, false};
     for (int m = 0; m < nmethods; m++)
         box_block(script, ngroups, nmethods, m, of->boxes);
     rx_plot_begin(dst, &used);
     group_tics(script, ngroups, of->groups);
     rx_text_add(script, "plot NaN notitle");
     for (int m = 0; m < nmethods; m++) {
-        int style = style_of(of->colors != NULL ? of->colors[m] : m);
+        const int style = style_of(of->colors[m]);
         rx_text_printf(
             script,
             ", $d%d using 1:3:2:6:5:8 with candlesticks whiskerbars 0.5 ls %d lw 1 fs solid 0.35 border", m,

@@ -8,7 +8,7 @@
 
 enum { GROUPS = 4, METHODS = 3, POINTS = 5000 };
 
-static void add_boxes(rx_figures *f, const char *id, int groups, int filled, rx_figure_kind kind, bool log_y)
+static void add_boxes(rx_figures *f, const char *id, int groups, int filled, rx_figure_kind kind)
 {
     static const char *const names[GROUPS] = {"a long name of a group", "another long name", "it's",
                                               "a third one, as long as these"};
@@ -19,7 +19,7 @@ static void add_boxes(rx_figures *f, const char *id, int groups, int filled, rx_
         if (i != 4)
             box[i] = (rx_five_numbers){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 70, 0, 3.5 + i};
     rx_figure_add(f, id, "Boxes", "reading", kind);
-    rx_plot_boxes(f, &(rx_axes){.xlabel = "FWHM's [pixels]", .ylabel = "PSNR [dB]", .log_y = log_y},
+    rx_plot_boxes(f, &(rx_axes){.xlabel = "FWHM's [pixels]", .ylabel = "PSNR [dB]"},
                   &(rx_boxes){groups, METHODS, names, methods, colors, box});
 }
 
@@ -66,9 +66,8 @@ static void add_crossing(rx_figures *f)
 static void add_all(rx_figures *f)
 {
     rx_figures_begin(f);
-    add_boxes(f, "box-wide", GROUPS, 1, RX_FIGURE_WIDE, false);
-    add_boxes(f, "box-log", 4, 1, RX_FIGURE_CHART, true);
-    add_boxes(f, "box-none", 4, 0, RX_FIGURE_CHART, false);
+    add_boxes(f, "box-wide", GROUPS, 1, RX_FIGURE_WIDE);
+    add_boxes(f, "box-none", 4, 0, RX_FIGURE_CHART);
     add_picture(f, "picture-linear", 0);
     add_picture(f, "picture-soft", 10);
     add_curves(f, "curves", 40, false);
@@ -100,7 +99,7 @@ static void figures_are_drawn(void **state)
     assert_int_equal(draw(&second, "", folder, "the report", NULL), RX_OK);
     assert_int_equal(clear_folder(folder), 0);
     assert_string_equal(first.note, "");
-    assert_int_equal(first.n, 9);
+    assert_int_equal(first.n, 8);
     for (int i = 0; i < first.n; i++) {
         const rx_figure *f = &first.figure[i];
         char id[64];
@@ -119,11 +118,11 @@ static void figures_are_drawn(void **state)
     assert_non_null(strstr(first.figure[0].svg, "PSNR [dB]"));
     assert_null(strstr(first.figure[0].svg, "filtered'")); /* names are made plain */
     assert_non_null(
-        strstr(first.figure[5].svg, "<g class=\"h\"><title>its: x 0.5, y 0.6065 [0.3033, 1]</title>"));
-    assert_null(strstr(first.figure[7].svg, "class=\"h\"")); /* of many points none */
-    assert_non_null(strstr(first.figure[8].svg, "#0072B2"));
+        strstr(first.figure[4].svg, "<g class=\"h\"><title>its: x 0.5, y 0.6065 [0.3033, 1]</title>"));
+    assert_null(strstr(first.figure[6].svg, "class=\"h\"")); /* of many points none */
+    assert_non_null(strstr(first.figure[7].svg, "#0072B2"));
     size_t dots = 0; /* thinned: 2000 of the 5000 at most, and the last one */
-    for (const char *c = first.figure[7].svg; (c = strstr(c, "h0")) != NULL; c++)
+    for (const char *c = first.figure[6].svg; (c = strstr(c, "h0")) != NULL; c++)
         dots++;
     assert_in_range(dots, 1000, 2002);
     rx_figures_free(&first);
