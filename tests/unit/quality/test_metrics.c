@@ -121,7 +121,7 @@ static void shares_and_differences(void **state)
 }
 
 /* What needs no reference: intervals are Student's, and gates decide by them. */
-static void psf_and_flux_scale(void **state)
+static void flux_scale(void **state)
 {
     static const struct {
         double wide;
@@ -415,7 +415,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(roles),
         TEST(shares_and_differences),
-        TEST(psf_and_flux_scale),
+        TEST(flux_scale),
         TEST(marked_detections),
         TEST(one_metric_alone),
         TEST(negative_flux_counts),
