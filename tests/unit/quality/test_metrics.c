@@ -415,7 +415,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(roles),
         TEST(shares_and_differences),
-        TEST(flux_scale),
+        cmocka_unit_test_setup_teardown(flux_scale, make_scene, free_scene),
         TEST(marked_detections),
         TEST(one_metric_alone),
         TEST(negative_flux_counts),
