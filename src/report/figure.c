@@ -66,17 +66,12 @@ void rx_figures_begin(rx_figures *dst)
     write_head(&dst->script);
 }
 
-static const char *name_of(const char *program)
-{
-    return program != NULL && program[0] != '\0' ? program : "gnuplot";
-}
-
-static int end_gnuplot(rx_figures *figures, const char *program)
+static int end_gnuplot(rx_figures *figures)
 {
     const pid_t child = figures->gnuplot;
     figures->gnuplot = 0;
     return child != 0 &&
-           rx_gnuplot_wait(child, name_of(program), figures->work, figures->note, sizeof figures->note);
+           rx_gnuplot_wait(child, figures->program, figures->work, figures->note, sizeof figures->note);
 }
 
 static void remove_work(rx_figures *figures)
@@ -89,7 +84,7 @@ static void remove_work(rx_figures *figures)
 
 void rx_figures_free(rx_figures *figures)
 {
-    end_gnuplot(figures, NULL);
+    end_gnuplot(figures);
     remove_work(figures);
     for (int i = 0; i < figures->n; i++) {
         free(figures->figure[i].title);
@@ -350,21 +345,21 @@ rx_status rx_figures_start(rx_figures *dst, const char *program, const char *fol
         return status;
     }
     dst->work = work.data;
+    dst->program = program != NULL && program[0] != '\0' ? program : "gnuplot";
     rx_text_printf(&path, "%s/figures.gp", dst->work);
     status = path.failed ? rx_error_memory(err, 0) : rx_text_write_file(&dst->script, path.data, shown, err);
     rx_text_free(&path);
     if (status == RX_OK)
-        dst->gnuplot =
-            rx_gnuplot_start(name_of(program), dst->work, "figures.gp", dst->note, sizeof dst->note);
+        dst->gnuplot = rx_gnuplot_start(dst->program, dst->work, "figures.gp", dst->note, sizeof dst->note);
     if (dst->gnuplot == 0)
         remove_work(dst);
     return status;
 }
 
-rx_status rx_figures_finish(rx_figures *dst, const char *program, rx_error *err)
+rx_status rx_figures_finish(rx_figures *dst, rx_error *err)
 {
     rx_status status = RX_OK;
-    if (end_gnuplot(dst, program))
+    if (end_gnuplot(dst))
         for (int i = 0; i < dst->n && status == RX_OK; i++) {
             rx_figure *f = &dst->figure[i];
             status = read_svg(dst->work, f->id, f->title, &f->svg, err);

@@ -4,7 +4,7 @@
  *   rx_figures f; rx_figures_begin(&f);
  *   rx_figure_add(&f, "recall", "Recall", "how to read it", RX_FIGURE_CHART);   then one rx_plot_...(&f, ...)
  *   rx_figures_start(&f, NULL, folder, shown, err);
- *   rx_figures_finish(&f, NULL, err);                  f.figure[i].svg, or f.note says why there are none
+ *   rx_figures_finish(&f, err);                        f.figure[i].svg, or f.note says why there are none
  *   rx_figures_free(&f);
  */
 #ifndef RX_REPORT_FIGURE_H
@@ -39,6 +39,7 @@ typedef struct rx_figures {
     char note[256]; /* why there are none, "" when all is well */
     char *work;     /* owned: gnuplot's folder while it works, else NULL */
     pid_t gnuplot;  /* 0: none at work */
+    const char *program;
 } rx_figures;
 
 void rx_figures_begin(rx_figures *dst);
@@ -58,7 +59,7 @@ void rx_figure_add(rx_figures *dst, const char *id, const char *title, const cha
  * dst->note says so and the status is RX_OK. Errors: RX_SYSTEM. */
 rx_status rx_figures_start(rx_figures *dst, const char *program, const char *folder, const char *shown,
                            rx_error *err);
-rx_status rx_figures_finish(rx_figures *dst, const char *program, rx_error *err);
+rx_status rx_figures_finish(rx_figures *dst, rx_error *err);
 
 /* Ranges are always given, so that empty data cannot stop gnuplot, and may fall. One that gnuplot would
  * refuse (no extent, not finite, not positive on a logarithmic axis) is mended. */

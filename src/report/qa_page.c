@@ -183,18 +183,6 @@ typedef struct page {
 
 /* --- the rows --- */
 
-/* How a metric is shown; precision may be something else (rx_qa_input.precision_is). */
-static rx_report_column column_of(const rx_qa_input *input, rx_metric metric)
-{
-    const rx_metric_row *row = rx_metric_get(metric);
-    const bool renamed = metric == RX_METRIC_PRECISION && input->precision_is != NULL;
-    return (rx_report_column){.name = row->name,
-                              .kind = RX_REPORT_ESTIMATE,
-                              .digits = row->digits,
-                              .unit = row->unit,
-                              .help = renamed ? input->precision_is : row->help};
-}
-
 static rx_cell known(bool is, double value)
 {
     return rx_cell_number(is ? value : NAN);
@@ -366,11 +354,14 @@ static void add_runs(page *p)
     memcpy(of_bins, BINS, sizeof BINS);
     rx_report_table *metrics = RX_REPORT_TABLE(p->report, "metrics", METRICS, RX_REPORT_IN_JSON);
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
-        const rx_report_column column = column_of(input, (rx_metric)m);
-        of_runs[NRUNS + m] = column;
-        if (!rx_metric_get((rx_metric)m)->whole)
-            of_bins[nbins++] = column;
-        rx_report_put(metrics, column.name, column.unit, column.help);
+        const rx_metric_row *row = rx_metric_get((rx_metric)m);
+        const bool renamed = m == RX_METRIC_PRECISION && input->precision_is != NULL;
+        const char *help = renamed ? input->precision_is : row->help;
+        of_runs[NRUNS + m] =
+            (rx_report_column){row->name, RX_REPORT_ESTIMATE, row->digits, row->unit, help, NULL};
+        if (!row->whole)
+            of_bins[nbins++] = of_runs[NRUNS + m];
+        rx_report_put(metrics, row->name, row->unit, help);
     }
     p->runs = rx_report_table_add(p->report, "runs", NRUNS + RX_METRIC_COUNT, of_runs, RX_REPORT_IN_JSON);
     p->models = RX_REPORT_TABLE(p->report, "models", MODELS, RX_REPORT_IN_JSON);

@@ -384,7 +384,7 @@ rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *b
     if (status == RX_OK)
         status = write_tables(r, files, err);
     if (status == RX_OK && draws)
-        status = rx_figures_finish(&r->figures, files->gnuplot, err);
+        status = rx_figures_finish(&r->figures, err);
     if (status != RX_OK)
         return status;
     if (draws && r->figures.note[0] != '\0')

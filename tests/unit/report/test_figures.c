@@ -80,7 +80,7 @@ static rx_status draw(rx_figures *f, const char *program, const char *folder, co
                       rx_error *err)
 {
     const rx_status status = rx_figures_start(f, program, folder, shown, err);
-    return status == RX_OK ? rx_figures_finish(f, program, err) : status;
+    return status == RX_OK ? rx_figures_finish(f, err) : status;
 }
 
 static void figures_are_drawn(void **state)
