@@ -23,49 +23,40 @@ void rx_tile_cells_free(rx_tile_cells *cells)
     *cells = (rx_tile_cells){0};
 }
 
-/* sum and count per cell while pixels come by. */
-typedef struct sums {
-    rx_tile_cells *cells;
-    double *n;
-} sums;
+static size_t cells_of(const rx_tile_cells *cells)
+{
+    return (size_t)cells->nx * (size_t)cells->ny;
+}
 
-static rx_status begin(const rx_image *image, rx_tile_cells *dst, sums *s, rx_error *err)
+/* While pixels come by: sums of the cells, and behind them the counts. */
+static rx_status begin(const rx_image *image, rx_tile_cells *dst, rx_error *err)
 {
     const int longer = image->width > image->height ? image->width : image->height;
     dst->side = longer / RX_TILE_CELLS > 15 ? (longer + RX_TILE_CELLS - 1) / RX_TILE_CELLS : 16;
     dst->nx = (image->width + dst->side - 1) / dst->side;
     dst->ny = (image->height + dst->side - 1) / dst->side;
-    const size_t n = (size_t)dst->nx * (size_t)dst->ny;
-    dst->value = RX_NEW(double, n);
-    *s = (sums){dst, RX_NEW(double, n)};
-    if (dst->value != NULL && s->n != NULL)
-        return RX_OK;
-    free(s->n);
-    rx_tile_cells_free(dst);
-    return rx_error_memory(err, n);
+    return RX_MAKE(dst->value, 2 * cells_of(dst), err);
 }
 
-static void count(sums *s, int x, int y, double value)
+static void count(rx_tile_cells *c, int x, int y, double value)
 {
-    const size_t k = (size_t)(y / s->cells->side) * (size_t)s->cells->nx + (size_t)(x / s->cells->side);
-    s->cells->value[k] += value;
-    s->n[k]++;
+    double *sum = c->value + (size_t)(y / c->side) * (size_t)c->nx + (size_t)(x / c->side);
+    *sum += value;
+    sum[cells_of(c)]++;
 }
 
 /* Sums become means; of cells with less than a tenth of their pixels nothing is said. */
-static void finish(sums *s)
+static void finish(rx_tile_cells *c)
 {
-    for (size_t k = 0; k < (size_t)s->cells->nx * (size_t)s->cells->ny; k++)
-        s->cells->value[k] =
-            s->n[k] > 0.1 * s->cells->side * s->cells->side ? s->cells->value[k] / s->n[k] : NAN;
-    free(s->n);
-    s->n = NULL;
+    const double *n = c->value + cells_of(c);
+    for (size_t k = 0; k < cells_of(c); k++)
+        c->value[k] = n[k] > 0.1 * c->side * c->side ? c->value[k] / n[k] : NAN;
 }
 
 /* Quantiles of the cells that say something. */
 static rx_status quantiles(const rx_tile_cells *cells, int n, const double *q, double *dst, rx_error *err)
 {
-    const size_t all = (size_t)cells->nx * (size_t)cells->ny;
+    const size_t all = cells_of(cells);
     double *copy;
     size_t m = 0;
     RX_TRY(RX_MAKE(copy, all + 1, err));
@@ -80,12 +71,11 @@ static rx_status quantiles(const rx_tile_cells *cells, int n, const double *q, d
 
 rx_status rx_tile_chi2_make(const rx_image *image, const rx_tile_model *of, rx_tile_chi2 *dst, rx_error *err)
 {
-    sums s;
     const rx_map sky = rx_image_sky(image), noise = image->noise;
     const int modelled = of->model != NULL || of->residual != NULL;
     dst->of = of->of;
     dst->fits_noise = of->model != NULL && of->residual == NULL;
-    RX_TRY(begin(image, &dst->cells, &s, err));
+    RX_TRY(begin(image, &dst->cells, err));
     for (int y = 0; y < image->height; y++)
         for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
             const int n = rx_map_piece(x, image->width);
@@ -101,10 +91,10 @@ rx_status rx_tile_chi2_make(const rx_image *image, const rx_tile_model *of, rx_t
                 const double d = of->residual != NULL ? (double)of->residual[k]
                                                       : (double)image->pixels[k] - (double)level[i] - model;
                 const double photons = image->gain > 0 && model > 0 ? model / image->gain : 0;
-                count(&s, x + i, y, d * d / ((double)sigma[i] * (double)sigma[i] + photons));
+                count(&dst->cells, x + i, y, d * d / ((double)sigma[i] * (double)sigma[i] + photons));
             }
         }
-    finish(&s);
+    finish(&dst->cells);
     return quantiles(&dst->cells, 1, (const double[]){0.5}, &dst->middle, err);
 }
 
@@ -325,14 +315,9 @@ static rx_status measure_pixels(rx_tile_quality *q, rx_error *err)
     const rx_image *image = &q->about->image;
     const int32_t *segments = q->about->runs[0].sources->segments;
     const rx_map sky = image->level, noise = image->noise;
-    sums levels = {0}, sigmas = {0};
     double hidden = 0, saturated = 0;
-    RX_TRY(begin(image, &q->sky, &levels, err));
-    rx_status status = begin(image, &q->noise, &sigmas, err);
-    if (status != RX_OK) {
-        free(levels.n);
-        return status;
-    }
+    RX_TRY(begin(image, &q->sky, err));
+    RX_TRY(begin(image, &q->noise, err));
     for (int y = 0; y < image->height; y++)
         for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
             const int n = rx_map_piece(x, image->width);
@@ -346,8 +331,8 @@ static rx_status measure_pixels(rx_tile_quality *q, rx_error *err)
                     hidden++;
                     continue;
                 }
-                count(&levels, x + i, y, level[i]);
-                count(&sigmas, x + i, y, sigma[i]);
+                count(&q->sky, x + i, y, level[i]);
+                count(&q->noise, x + i, y, sigma[i]);
                 if (segments[k] != 0)
                     continue;
                 const double d =
@@ -359,8 +344,8 @@ static rx_status measure_pixels(rx_tile_quality *q, rx_error *err)
                 q->pull[b < 0 ? 0 : b >= RX_TILE_PULLS ? RX_TILE_PULLS - 1 : (int)b]++;
             }
         }
-    finish(&levels);
-    finish(&sigmas);
+    finish(&q->sky);
+    finish(&q->noise);
     const double all = (double)image->width * image->height;
     q->masked = hidden / all;
     q->saturated = saturated / all;

@@ -19,7 +19,7 @@
 /* Means over cells of `side` pixels; NAN where none of a cell's pixels counts. */
 typedef struct rx_tile_cells {
     int nx, ny, side;
-    double *value; /* [ny][nx], owned */
+    double *value; /* [ny][nx], owned; as much room behind it */
 } rx_tile_cells;
 
 enum { RX_TILE_CELLS = 48, RX_TILE_GRID = 9, RX_TILE_STARS = 400, RX_TILE_PULLS = 61, RX_TILE_MAGS = 60 };
