@@ -4,6 +4,7 @@
 #include <fitsio.h>
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -264,30 +265,23 @@ static void column_form(const rx_column *column, char *dst, size_t size)
         snprintf(dst, size, "%ld%c", n, letter[column->type]);
 }
 
-/* FITS display format from a printf one: %11.4f is F11.4. Nothing for what has none. */
+/* FITS display format from a printf one: %11.4f is F11.4, %-8d is I8. Nothing for what has none. */
 static void write_display(fitsfile *file, int number, const rx_column *column, int *failed)
 {
-    char key[FLEN_KEYWORD], text[32];
-    int width = 0, digits = 0;
-    char kind = '\0';
-    if (sscanf(column->format, "%%%*[-+]%d.%d%c", &width, &digits, &kind) != 3 &&
-        sscanf(column->format, "%%%d.%d%c", &width, &digits, &kind) != 3) {
-        kind = '\0';
-        if (sscanf(column->format, "%%%d%c", &width, &kind) != 2 || kind != 'd')
-            return;
-    }
-    width = abs(width); /* %-8d is 8 wide too */
-    snprintf(key, sizeof key, "TDISP%d", number);
-    if (kind == 'd')
-        snprintf(text, sizeof text, "I%d", width);
-    else if (kind == 'f')
-        snprintf(text, sizeof text, "F%d.%d", width, digits);
-    else if (kind == 'e' || kind == 'E')
-        snprintf(text, sizeof text, "E%d.%d", width, digits);
-    else if (kind == 'g' || kind == 'G')
-        snprintf(text, sizeof text, "G%d.%d", width, digits);
-    else
+    static const char kinds[] = "dfeEgG", letters[] = "IFEEGG";
+    char key[FLEN_KEYWORD], text[48];
+    const char *c = column->format + strspn(column->format, "%-+");
+    char *end;
+    const long width = strtol(c, &end, 10);
+    const bool has_digits = *end == '.';
+    const long digits = has_digits ? strtol(end + 1, &end, 10) : 0;
+    const char *kind = *end != '\0' ? strchr(kinds, *end) : NULL;
+    if (width < 1 || kind == NULL || has_digits != (*kind != 'd'))
         return;
+    const int n = snprintf(text, sizeof text, "%c%ld", letters[kind - kinds], width);
+    if (has_digits)
+        snprintf(text + n, sizeof text - (size_t)n, ".%ld", digits);
+    snprintf(key, sizeof key, "TDISP%d", number);
     fits_update_key_str(file, key, text, NULL, failed);
 }
 

@@ -6,6 +6,7 @@
 #include <fcntl.h>
 #include <limits.h>
 #include <poll.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -224,27 +225,25 @@ rx_status rx_outputs_new(rx_outputs **dst, rx_error *err)
     return *dst != NULL ? RX_OK : rx_error_memory(err, sizeof **dst);
 }
 
-static char *format(const char *a, const char *b, const char *c)
+RX_PRINTF(1, 2) static char *format(const char *how, ...)
 {
-    size_t size = strlen(a) + strlen(b) + strlen(c) + 64;
-    char *text = malloc(size);
-    if (text != NULL)
-        snprintf(text, size, "%s%s%s", a, b, c);
-    return text;
+    va_list args, again;
+    va_start(args, how);
+    va_copy(again, args);
+    const int n = vsnprintf(NULL, 0, how, args);
+    char *made = n < 0 ? NULL : rx_regrow(NULL, (size_t)n + 1, 1);
+    if (made != NULL)
+        vsnprintf(made, (size_t)n + 1, how, again);
+    va_end(again);
+    va_end(args);
+    return made;
 }
 
-/* Folder part of a path, with the slash ("" for none), and the name after it. */
-static char *folder_of(const char *path, const char **name)
+/* Behind the last slash. */
+static const char *name_of(const char *path)
 {
     const char *slash = strrchr(path, '/');
-    size_t n = slash != NULL ? (size_t)(slash - path) + 1 : 0;
-    char *folder = malloc(n + 1);
-    if (folder != NULL) {
-        memcpy(folder, path, n);
-        folder[n] = '\0';
-    }
-    *name = path + n;
-    return folder;
+    return slash != NULL ? slash + 1 : path;
 }
 
 /* What is at the target already decides the kind; errors for what cannot be replaced. */
@@ -281,26 +280,16 @@ static rx_status place(output *out, rx_folders *made, rx_error *err)
     out->path = rx_name_real(out->shown);
     if (out->path == NULL)
         return rx_error_memory(err, length);
-    const char *name, *scratch = getenv("TMPDIR");
-    char *folder = folder_of(out->path, &name);
-    if (folder == NULL)
-        return rx_error_memory(err, length);
-    if (out->kind == OUTPUT_DEVICE) {
-        free(folder);
-        folder = format(scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp", "/", "");
-        if (folder == NULL)
-            return rx_error_memory(err, length);
-    }
-    out->stem = format(folder, ".", name);
-    rx_status status = RX_OK;
+    const char *name = name_of(out->path), *scratch = getenv("TMPDIR");
+    if (out->kind == OUTPUT_DEVICE)
+        out->stem = format("%s/.%s", scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp", name);
+    else
+        out->stem = format("%.*s.%s", (int)(name - out->path), out->path, name);
     if (out->stem == NULL)
-        status = rx_error_memory(err, length);
-    else if (strlen(name) + 24 > NAME_MAX)
-        status = rx_error_at(err, RX_USAGE, out->shown, -1, 0, "the name is too long; give a shorter one");
-    else if (out->kind != OUTPUT_DEVICE)
-        status = rx_folders_make(made, out->stem, out->shown, err);
-    free(folder);
-    return status;
+        return rx_error_memory(err, length);
+    if (strlen(name) + 24 > NAME_MAX)
+        return rx_error_at(err, RX_USAGE, out->shown, -1, 0, "the name is too long; give a shorter one");
+    return out->kind != OUTPUT_DEVICE ? rx_folders_make(made, out->stem, out->shown, err) : RX_OK;
 }
 
 /* A lock stays, without its holder, while something is left to be swept. */
@@ -339,39 +328,35 @@ static int take(output *out)
 static rx_status claim(output *out, rx_folders *made, rx_error *err)
 {
     const long first = (long)getpid(), tries = 1000;
-    const size_t size = strlen(out->stem) + 64;
-    const char *name;
-    free(folder_of(out->path, &name));
-    out->room = malloc(size);
-    out->lock = malloc(size);
-    out->temporary = malloc(size + strlen(name));
-    if (out->room == NULL || out->temporary == NULL || out->lock == NULL)
-        return rx_error_memory(err, size);
     rx_claim_sweep(out->path, out->stem);
     for (long number = first; out->claim < 0 && number < first + tries; number++) {
-        snprintf(out->room, size, "%s.rx-%ld.tmp", out->stem, number);
-        snprintf(out->lock, size, "%s.rx-%ld.lock", out->stem, number);
+        free(out->room);
+        free(out->lock);
+        out->room = format("%s.rx-%ld.tmp", out->stem, number);
+        out->lock = format("%s.rx-%ld.lock", out->stem, number);
+        if (out->room == NULL || out->lock == NULL)
+            return rx_error_memory(err, strlen(out->stem));
         out->claim = take(out);
         if (out->claim < 0 && errno == ENOENT && out->kind != OUTPUT_DEVICE)
             RX_TRY(rx_folders_make(made, out->stem, out->shown, err));
         else if (out->claim < 0 && errno != EEXIST)
             break;
     }
-    snprintf(out->temporary, size + strlen(name), "%s/%s", out->room, name);
-    return out->claim >= 0 ? RX_OK
-                           : rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be %s: %s",
-                                         out->kind == OUTPUT_FOLDER ? "made" : "written", strerror(errno));
+    if (out->claim < 0)
+        return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be %s: %s",
+                           out->kind == OUTPUT_FOLDER ? "made" : "written", strerror(errno));
+    out->temporary = format("%s/%s", out->room, name_of(out->path));
+    return out->temporary != NULL ? RX_OK : rx_error_memory(err, strlen(out->room));
 }
 
 /* Which folder it is, now that it stays. */
 static rx_status note_folder(output *out, rx_error *err)
 {
     struct stat info;
-    const char *name;
-    char *folder = folder_of(out->stem, &name);
+    char *folder = format("%.*s.", (int)(name_of(out->stem) - out->stem), out->stem);
     if (folder == NULL)
         return rx_error_memory(err, strlen(out->stem));
-    const int failed = stat(folder[0] != '\0' ? folder : ".", &info) != 0;
+    const int failed = stat(folder, &info) != 0;
     free(folder);
     if (failed)
         return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be written, its folder: %s",
@@ -402,9 +387,8 @@ static rx_status make_temporary(output *out, rx_error *err)
 /* The stem's folder may be another than the path's (devices), its name is that of the output. */
 static int is_same(const output *a, const output *b)
 {
-    const char *slash_a = strrchr(a->stem, '/'), *slash_b = strrchr(b->stem, '/');
     return a->device == b->device && a->folder == b->folder &&
-           strcmp(slash_a != NULL ? slash_a + 1 : a->stem, slash_b != NULL ? slash_b + 1 : b->stem) == 0;
+           strcmp(name_of(a->stem), name_of(b->stem)) == 0;
 }
 
 static rx_status reserve(rx_outputs *outputs, const char *path, int folder, const char **temporary,
@@ -473,7 +457,7 @@ static int sync_tree(const char *path)
         for (struct dirent *entry; failed == 0 && (entry = readdir(dir)) != NULL;) {
             if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
                 continue;
-            char *inner = format(path, "/", entry->d_name);
+            char *inner = format("%s/%s", path, entry->d_name);
             failed = inner == NULL || sync_tree(inner) != 0;
             free(inner);
         }
@@ -562,7 +546,7 @@ static rx_status replace_folder(const output *out, rx_error *err)
         return RX_OK;
     if (errno != ENOTEMPTY && errno != EEXIST)
         return cannot_be_written(out, err);
-    char *aside = format(out->room, ".old", "");
+    char *aside = format("%s.old", out->room);
     if (aside == NULL)
         return rx_error_memory(err, strlen(out->room));
     rx_status status = exchange(out, aside) == 0 ? RX_OK : cannot_be_written(out, err);
