@@ -1,5 +1,5 @@
 /* Numbers that a tile's header or a keyword of the configuration gives, and what the header says about them that a
- * user should know. Private to io/. */
+ * user should know. */
 #ifndef RX_IO_HEADER_NUMBERS_H
 #define RX_IO_HEADER_NUMBERS_H
 
@@ -30,5 +30,13 @@ double rx_header_number_or(const rx_header *header, const rx_header_number *want
 
 /* What the header says of zero point and gain where they are not given or contradict the unit of the pixels. */
 void rx_header_hints(const rx_header *header, const rx_tile *tile, const char *gain_key, bool gain_found);
+
+/* Which exposure a tile is of. */
+typedef struct rx_exposure {
+    char filter[40]; /* FILTER, BAND or FILTNAM; "" not known */
+    double mjd;      /* days, of its begin: MJD-OBS, MJD, else DATE-OBS; NAN not known */
+} rx_exposure;
+
+void rx_exposure_of(const rx_tile *tile, rx_exposure *dst);
 
 #endif

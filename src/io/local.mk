@@ -1,7 +1,6 @@
 librextract_la_SOURCES += \
 	src/io/cards.c src/io/cards.h \
 	src/io/claim.c src/io/claim.h \
-	src/io/exposure.c src/io/exposure.h \
 	src/io/fits_digest.c src/io/fits_digest.h \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \

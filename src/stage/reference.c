@@ -11,7 +11,7 @@
 
 #include "base/memory.h"
 #include "catalog/catalog.h"
-#include "io/exposure.h"
+#include "io/header_numbers.h"
 #include "io/wcs.h"
 
 /* Names that other programs give to what we look for, tried in this order. */

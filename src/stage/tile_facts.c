@@ -8,8 +8,8 @@
 #include <strings.h>
 
 #include "base/memory.h"
-#include "io/exposure.h"
 #include "io/fits_read.h"
+#include "io/header_numbers.h"
 #include "io/wcs.h"
 #include "quality/tile_quality.h"
 
