@@ -88,26 +88,20 @@ void rx_fits_abort(rx_fits_writer *writer)
     forget(writer);
 }
 
-/* The last headers are written while closing, where cfitsio does not look at every result. */
-static rx_status check_file(const rx_fits_writer *writer, rx_error *err)
-{
-    rx_error trouble = rx_error_part(err);
-    if (rx_fits_verify(writer->path, writer->hdus, &trouble) == RX_OK)
-        return RX_OK;
-    return rx_error_at(err, RX_SYSTEM, writer->shown, trouble.hdu, 0,
-                       "cannot be written, perhaps the disk is full: read back, the file %s", trouble.text);
-}
-
 rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err)
 {
     int failed = 0;
     rx_status status = RX_OK;
     if (writer == NULL)
         return RX_OK;
+    rx_error trouble = rx_error_part(err);
+    /* the last headers are written while closing, where cfitsio does not look at every result */
     if (fits_close_file(writer->file, &failed))
         status = broken(writer, failed, err);
-    else
-        status = check_file(writer, err);
+    else if (rx_fits_verify(writer->path, writer->hdus, &trouble) != RX_OK)
+        status =
+            rx_error_at(err, RX_SYSTEM, writer->shown, trouble.hdu, 0,
+                        "cannot be written, perhaps the disk is full: read back, the file %s", trouble.text);
     if (status != RX_OK)
         unlink(writer->path);
     forget(writer);

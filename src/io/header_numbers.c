@@ -15,11 +15,6 @@ static long count(const rx_text *cards)
     return (long)(cards->length / CARD);
 }
 
-static bool is_none(const char *key)
-{
-    return key == NULL || key[0] == '\0' || strcasecmp(key, "NONE") == 0;
-}
-
 /* The number of that card; a value that is none, or a second card with another number, is warned of. */
 static bool read_card(const rx_header *header, const rx_text *cards, const char *key, const char *unit,
                       double *value)
@@ -70,7 +65,7 @@ double rx_header_number_or(const rx_header *header, const rx_header_number *want
     double value = wanted->otherwise;
     char other[9];
     bool there = false;
-    if (!is_none(key)) {
+    if (key != NULL && key[0] != '\0' && strcasecmp(key, "NONE") != 0) {
         there = read_card(header, header->cards, key, unit, &value) ||
                 read_card(header, header->parent, key, unit, &value);
         const bool named = there ||
@@ -98,14 +93,6 @@ static bool number_of(const rx_header *header, const char *key, const char *unit
 {
     return rx_cards_quantity(header->cards->data, count(header->cards), key, unit, value) ||
            rx_cards_quantity(header->parent->data, count(header->parent), key, unit, value);
-}
-
-/* Unit of the pixels; *text as the header has it. */
-static void unit_of_pixels(const rx_header *header, char text[CARD], char unit[RX_UNIT_TEXT])
-{
-    if (!rx_cards_text(header->cards->data, count(header->cards), "BUNIT", text, CARD))
-        rx_cards_text(header->parent->data, count(header->parent), "BUNIT", text, CARD);
-    rx_unit_spelling(text, unit);
 }
 
 /* Zero point that follows from the physics of a card, AB magnitudes; NULL: none. */
@@ -219,7 +206,9 @@ static void check_gain(const rx_header *header, const rx_tile *tile, const char 
 void rx_header_hints(const rx_header *header, const rx_tile *tile, const char *gain_key, bool gain_found)
 {
     char text[CARD] = "", unit[RX_UNIT_TEXT];
-    unit_of_pixels(header, text, unit);
+    if (!rx_cards_text(header->cards->data, count(header->cards), "BUNIT", text, CARD))
+        rx_cards_text(header->parent->data, count(header->parent), "BUNIT", text, CARD);
+    rx_unit_spelling(text, unit);
     if (tile->zeropoint == 0)
         hint_zeropoint(header, tile->exptime, text, unit);
     if (gain_found)

@@ -384,13 +384,6 @@ static rx_status make_temporary(output *out, rx_error *err)
     return RX_OK;
 }
 
-/* The stem's folder may be another than the path's (devices), its name is that of the output. */
-static int is_same(const output *a, const output *b)
-{
-    return a->device == b->device && a->folder == b->folder &&
-           strcmp(name_of(a->stem), name_of(b->stem)) == 0;
-}
-
 static rx_status reserve(rx_outputs *outputs, const char *path, int folder, const char **temporary,
                          rx_error *err)
 {
@@ -406,10 +399,14 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
         status = claim(out, &outputs->made, err);
     if (status == RX_OK)
         status = note_folder(out, err);
-    for (size_t i = 0; status == RX_OK && i < outputs->n; i++)
-        if (is_same(&outputs->list[i], out))
+    for (size_t i = 0; status == RX_OK && i < outputs->n; i++) {
+        const output *other = &outputs->list[i];
+        /* the stem's folder may be another than the path's (devices), its name is that of the output */
+        if (other->device == out->device && other->folder == out->folder &&
+            strcmp(name_of(other->stem), name_of(out->stem)) == 0)
             status =
                 rx_error_at(err, RX_USAGE, path, -1, 0, "is asked for twice; give every output its own name");
+    }
     if (status == RX_OK)
         status = make_temporary(out, err);
     if (status != RX_OK) {

@@ -159,14 +159,6 @@ static void rms_of_ivar(double threshold, rx_tile *tile)
     tile->weight_type = RX_WEIGHT_MAP_RMS;
 }
 
-static float no_data_from(const rx_tile *tile)
-{
-    const double noise = rx_unit_of_pixels(tile->pixels, tile->width, tile->height),
-                 most = tile->weight_type == RX_WEIGHT_MAP_VAR ? MOST_VARIANCE * noise * noise
-                                                               : sqrt(MOST_VARIANCE) * noise;
-    return (float)fmin(fmax((double)NO_DATA, most), (double)FLT_MAX);
-}
-
 /* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
  * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
@@ -187,7 +179,11 @@ static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
         rms_of_ivar(par->weight_threshold, tile);
         given = 0;
     }
-    const float most = no_data_from(tile);
+    const double noise_of_pixels = rx_unit_of_pixels(tile->pixels, tile->width, tile->height),
+                 beyond = tile->weight_type == RX_WEIGHT_MAP_VAR
+                              ? MOST_VARIANCE * noise_of_pixels * noise_of_pixels
+                              : sqrt(MOST_VARIANCE) * noise_of_pixels;
+    const float most = (float)fmin(fmax((double)NO_DATA, beyond), (double)FLT_MAX);
     const float limit = given && par->weight_threshold > 0 ? fminf((float)par->weight_threshold, most) : most;
     for (size_t i = 0; i < n; i++) {
         const float noise = tile->weight[i];

@@ -91,12 +91,6 @@ typedef struct seen {
     bool is_end;
 } seen;
 
-static bool is_comment(const char *text)
-{
-    return strncmp(text, "COMMENT ", KEY) == 0 || strncmp(text, "HISTORY ", KEY) == 0 ||
-           strncmp(text, "CONTINUE", KEY) == 0 || strncmp(text, "        ", KEY) == 0;
-}
-
 static void look(const char *card, seen *dst)
 {
     memcpy(dst->text, card, CARD);
@@ -107,7 +101,8 @@ static void look(const char *card, seen *dst)
         name += KEY + 1 + strspn(name + KEY + 1, " ");
         for (n = (size_t)(equals - name); n > 0 && name[n - 1] == ' ';)
             n--;
-    } else if (is_comment(name)) {
+    } else if (strncmp(name, "COMMENT ", KEY) == 0 || strncmp(name, "HISTORY ", KEY) == 0 ||
+               strncmp(name, "CONTINUE", KEY) == 0 || strncmp(name, "        ", KEY) == 0) {
         equals = NULL;
     } else if (strlen(name) > KEY && strncmp(name + KEY, "= ", 2) == 0) {
         equals = name + KEY;
@@ -192,13 +187,6 @@ static bool is_whole(const char *c, const char *end)
     return c < end && end - c <= MOST_DIGITS && skip_digits(c, end) == end;
 }
 
-static bool is_printable(const char *c, const char *end)
-{
-    while (c < end && *c >= ' ' && *c <= '~')
-        c++;
-    return c == end;
-}
-
 /* The value that a keyword of that kind has, into dst; false: it is no such value. A number in quotes is one, a
  * word without them a text: cfitsio takes them so. An exponent it knows by the capital alone. */
 static bool read_value(kind kind, token t, char dst[CARD + 2])
@@ -215,8 +203,12 @@ static bool read_value(kind kind, token t, char dst[CARD + 2])
     snprintf(dst, CARD + 2, "%s%.*s%s", quote, (int)(t.end - t.begin), t.begin, quote);
     for (char *c = dst; kind == NUMBER && *c != '\0'; c++)
         *c = *c == 'e' ? 'E' : *c == 'd' ? 'D' : *c;
-    if (kind == TEXT)
-        return !t.is_open && t.end > t.begin && is_printable(t.begin, t.end);
+    if (kind == TEXT) {
+        const char *c = t.begin;
+        while (c < t.end && *c >= ' ' && *c <= '~')
+            c++;
+        return !t.is_open && t.end > t.begin && c == t.end;
+    }
     return kind == WHOLE    ? is_whole(t.begin, t.end)
            : kind == NUMBER ? rx_card_number_end(t.begin, t.end) == t.end
                             : t.end == t.begin + 1 && (*t.begin == 'T' || *t.begin == 'F');

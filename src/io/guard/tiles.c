@@ -195,15 +195,6 @@ static bool holds_gzip(const method *m, const unsigned char *data, size_t length
     return m->unquantised ? bytes == 4 || bytes == 8 : bytes == 1 || bytes == 2 || bytes == 4;
 }
 
-static bool holds_tile(const method *m, const void *data, size_t length, LONGLONG pixels, bool is_normal)
-{
-    if (!is_normal || m->type == GZIP_1 || m->type == GZIP_2)
-        return holds_gzip(m, data, length, pixels, is_normal);
-    if (m->type == RICE_1)
-        return holds_rice(data, length, pixels, m->bytes, m->block);
-    return m->type == PLIO_1 && holds_plio(data, length);
-}
-
 /* RX_INPUT without a text: it does not. */
 static rx_status check_stream(const method *m, const void *data, size_t length, LONGLONG pixels,
                               bool is_normal, rx_error *err)
@@ -213,7 +204,11 @@ static rx_status check_stream(const method *m, const void *data, size_t length, 
         const rx_status status = rx_hcompress_walk(data, length, pixels, &used, err);
         return status != RX_OK || used > 0 ? status : RX_INPUT;
     }
-    return holds_tile(m, data, length, pixels, is_normal) ? RX_OK : RX_INPUT;
+    const bool holds = !is_normal || m->type == GZIP_1 || m->type == GZIP_2
+                           ? holds_gzip(m, data, length, pixels, is_normal)
+                       : m->type == RICE_1 ? holds_rice(data, length, pixels, m->bytes, m->block)
+                                           : m->type == PLIO_1 && holds_plio(data, length);
+    return holds ? RX_OK : RX_INPUT;
 }
 
 /* The bytes of the cell, words of a line list. RX_INPUT without a text: they are no such tile. */

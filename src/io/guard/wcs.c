@@ -50,14 +50,6 @@ static void set_text(char *card, const char *key, const char *value)
     rx_text_free(&text);
 }
 
-static void set_ctype(char *cards, size_t ncards, int axis, const char *value)
-{
-    const char *key = axis == 1 ? "CTYPE1" : "CTYPE2";
-    const long i = rx_cards_find(cards, ncards, key);
-    if (i >= 0)
-        set_text(cards + i * CARD, key, value);
-}
-
 /* wcslib 7.12 stops reading a number at the D of a Fortran exponent (1.0D-6 becomes 1.0). */
 static void repair_exponents(char *cards, size_t ncards)
 {
@@ -180,19 +172,14 @@ static int is_long_type(const char *card)
     return 0;
 }
 
-/* wcslib takes them for numbers, whatever they are. */
-static int wants_number(const char *card)
-{
-    return is_sip(card) ||
-           (is_plate(card) && strncmp(card, "PLTDECSN", 8) != 0 && strncmp(card, "PLATEID", 7) != 0);
-}
-
 /* `KEYWORD = value / comment`. */
 static int is_whole_card(const char *card)
 {
     static const char allowed[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
     const char *c = card, *end = card + CARD;
-    const int number = wants_number(card);
+    /* wcslib takes these for numbers, whatever they are */
+    const bool number = is_sip(card) || (is_plate(card) && strncmp(card, "PLTDECSN", 8) != 0 &&
+                                         strncmp(card, "PLATEID", 7) != 0);
     c += strspn(card, allowed);
     while (c > card && c < card + 8 && *c == ' ')
         c++;
@@ -554,12 +541,6 @@ static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_t
     rx_text_free(&absent);
 }
 
-/* Do both axes mean the sky, and not the solution of a plate, which does without the rest? */
-static bool is_celestial(const char *cards, size_t ncards)
-{
-    return count(cards, ncards, is_plate) == 0 && rx_wcs_means_sky(cards, ncards) == 2;
-}
-
 int rx_wcs_means_sky(const char *cards, size_t ncards)
 {
     int n = 0;
@@ -686,7 +667,10 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
     for (int i = 0; i < 2 && !sip && (high > 0 || pv2 > 0 || (coefficients > 0 && suffix > 0)); i++) {
         char value[32];
         snprintf(value, sizeof value, "%.5s%s", ctype[i], high > 0 || pv2 > 0 ? "TPV" : "TAN");
-        set_ctype(cards, ncards, i + 1, value);
+        const char *key = i == 0 ? "CTYPE1" : "CTYPE2";
+        const long k = rx_cards_find(cards, ncards, key);
+        if (k >= 0)
+            set_text(cards + k * CARD, key, value);
     }
     if (!sip && (high > 0 || pv2 > 0))
         rx_wcs_note(&notes->details, "TAN with PV coefficients is read as TPV");
@@ -751,7 +735,8 @@ bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes)
     keep_whole_cards(cards, ncards);
     set_axes(cards, ncards, notes);
     keep_one_distortion(cards, ncards, notes);
-    if (good && is_celestial(cards, ncards))
+    /* both axes mean the sky, and there is no solution of a plate, which does without the rest */
+    if (good && count(cards, ncards, is_plate) == 0 && rx_wcs_means_sky(cards, ncards) == 2)
         good = is_complete(cards, ncards, notes) && settle_matrix(cards, ncards, notes) &&
                has_polynomials(cards, ncards, notes);
     good = good && drop_distortions(cards, ncards, notes);

@@ -6,7 +6,7 @@
 
 #include "base/log.h"
 
-/* The same on what is told to be a terminal: the line comes with a share and an estimate, and goes. */
+/* On a terminal the line comes with a share and an estimate, and goes. */
 static void progress_shows_share_and_time_left(void **state)
 {
     (void)state;
