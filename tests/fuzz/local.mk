@@ -12,7 +12,7 @@ tests_fuzz_headers_SOURCES = tests/fuzz/headers.c $(fuzz_common) $(fuzz_targets)
 tests_fuzz_headers_LDADD = $(fuzz_libs)
 
 script_tests += tests/fuzz/run.sh
-EXTRA_DIST += tests/fuzz/README.md tests/fuzz/smoke.sh tests/fuzz/libfuzzer.c tests/fuzz/lsan.supp tests/fuzz/fits.dict tests/fuzz/text.dict
+EXTRA_DIST += tests/fuzz/README.md tests/fuzz/smoke.sh tests/fuzz/libfuzzer.c tests/fuzz/lsan.supp tests/fuzz/fits.dict tests/fuzz/text.dict tests/fuzz/texts
 
 # In a build for clang, which tests/fuzz/smoke.sh makes: a program of libFuzzer for each target. The archive is
 # there so that a program holds, and counts, no more than its target needs.

@@ -21,7 +21,7 @@ result() { # TITLE STATUS
     fi
 }
 
-"$build/tests/fuzz/seeds" "$folder" 2>"$folder/errors"
+"$build/tests/fuzz/seeds" "$folder" "$source/tests/fuzz/texts" 2>"$folder/errors"
 result "every target has seeds" $?
 cd "$folder" || exit 2
 for target in $(sed -n 's/^TARGET(\([a-z]*\),.*/\1/p' "$source/tests/fuzz/targets.def"); do

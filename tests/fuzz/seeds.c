@@ -1,5 +1,5 @@
-/* seeds FOLDER: for every target a folder FOLDER/<target> of small inputs to start from, and a dictionary
- * FOLDER/<target>.dict. Everything is made here, by the project's own writers where there is one. */
+/* seeds FOLDER TEXTS: for every target a folder FOLDER/<target> of small inputs to start from, and a dictionary
+ * FOLDER/<target>.dict. They are made here, by the project's own writers where there is one, or stand in TEXTS. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,11 +29,6 @@ static void put(const char *folder, const char *target, const char *name, const 
     FILE *file = fopen(path, "wb");
     fuzz_require(file != NULL && fwrite(data, 1, size, file) == size && fclose(file) == 0,
                  "a seed can be written");
-}
-
-static void put_text(const char *folder, const char *target, const char *name, const char *text)
-{
-    put(folder, target, name, text, strlen(text));
 }
 
 /* A file as it is and as lines, for those targets. */
@@ -95,19 +90,6 @@ static void text_seeds(const char *folder)
         rx_text_free(&dump);
         rx_text_free(&line);
     }
-    put_text(folder, "config", "short",
-             "CATALOG_NAME \"a b.cat\" ; quoted\nPHOT_APERTURES 3, 5;7=9\nWEIGHT_IMAGE w.fits[1][2:3,*]\n"
-             "CHECKIMAGE_TYPE RESTORED,SEGMENTATION\nCHECKIMAGE_NAME $HOME/a.fits,${HOME}/b_{tile}.fits\n"
-             "CATALOG_NAME \"\"\"$$\"\n");
-    put_text(folder, "config", "campaign", "SIM.WIDTH 64\nSTAGE.RESTORE_TYPE NONE,RL\n");
-    put_text(folder, "arguments", "tile",
-             "tile.fits[1][1:512,*],other.fits\n-DETECT_THRESH\n2.5\n-CATALOG_NAME\n{tile}.cat\n");
-    put_text(folder, "arguments", "actions", "-dd\n-c\nnothing.sex\n--help\n-INFO\nmodel.fits\n");
-    put_text(folder, "tiles", "two",
-             "# tiles\na.fits -CATALOG_NAME {tile}.cat\nb/c.fits[1],d.fits \"-GAIN\" 2 -WEIGHT_IMAGE w,v\n");
-    put_text(folder, "tiles", "many",
-             "\"a b.fits.fz\" -SEED 3\na.fits -QA_NAME {tile} -RESTORE_TYPE NONE,RL\n"
-             "x.fits -RECORD_NAME r\ny.fits -RECORD_NAME r\n");
     rx_text dump = {0};
     rx_columns_dump(&dump);
     for (char *c = dump.data; *c != '\0'; c++)
@@ -115,13 +97,6 @@ static void text_seeds(const char *folder)
             *c = ' ';
     put(folder, "param", "all", dump.data, dump.length < 8000 ? dump.length : 8000);
     rx_text_free(&dump);
-    put_text(folder, "param", "vectors",
-             "NUMBER\nFLUX_APER(5) # comment\nVIGNET(35,35)\nFLUX_RADIUS(2)\nMAG_AUTO\nVECTOR_ASSOC(3)\n");
-    put_text(folder, "conv", "pyramid", "CONV NORM\n# 3 x 3\n1 2 1\n2 4 2\n1 2 1\n");
-    put_text(folder, "conv", "plain", "CONV NONORM\n-1e-3 0.5\n0x1p3 7\n");
-    put_text(folder, "qa", "gates",
-             "# gates\nprecision all >= 0.5\nrecall 18:20 >= 0.95 0.9\npull_width all in 0.9:1.1 0.99 RL\n"
-             "mag50 all > 21.5\nbias_percent 17:20 in -10:10\nmagerr all < 0.1\ndx_arcsec 17:18 <= 0.1\n");
     rx_text net = {0};
     rx_text_add(&net, "NNW\n# a network\n3\n10 2 1\n");
     for (int i = 0; i < 20 + 2 * 11 + 3 + 2; i++)
@@ -130,84 +105,21 @@ static void text_seeds(const char *folder)
     rx_text_free(&net);
 }
 
-static void record_seeds(const char *folder)
+/* Those of a file, each behind a line "== TARGET NAME". */
+static void written_seeds(const char *folder, const char *path)
 {
-    put_text(folder, "records", "one",
-             "TILE \"night 1/a %22b%25.fits\" \"a %22b%25\"\nVERSION \"0.1.0\"\n"
-             "STATUS 5 \"rextract: a quality gate FAILED%0Aand more\"\n"
-             "EXTENSION 1 2048 1489 150.1 -2.25 nan 1000.5 9.75 2\nRUN \"NONE\" 812 1\n"
-             "BIN 96 10 9 11 9 0:1 244:7 489:1\nBIN 100 5 0 0 0\nRUN \"RL_BLIND\" 900 0\n"
-             "EXTENSION 2 10 10 nan nan 3 0 1 0\nEND\n");
-    put_text(folder, "records", "two",
-             "TILE b.fits b\nVERSION 0.1.0\nSTATUS 3 \"<b>&amp;\"\nEND\nTILE c.fits c\nVERSION 0.1.0\n"
-             "STATUS 0 \"\"\nEXTENSION 0 64 64 10 20 3 5 1 1\nRUN NONE 9 1\nBIN 90 4 4 4 4 245:4\nEND\n");
-    put_text(folder, "journal", "units", "0 3 1.5 0.100000001f nan\n5 1 -1e-300\n2 0\n0 3 1.5 0.1f nan\n");
-    put_text(folder, "journal", "torn", "1 2 1 2\n3 2 1 0123456789abcdef!\n4 1 inf\n");
-}
-
-static void catalog_seeds(const char *folder)
-{
-    put_text(folder, "catalog", "head",
-             "#   1 NUMBER      Running object number\n#   2 FLUX_APER   Flux vector of sorts   [count]\n"
-             "#   5 X_IMAGE   Position   [pixel]\n1 1.5 2.5 -3e2 99.0\r\n\n2 1 2 3 nan\n");
-    put_text(folder, "catalog", "csv", "id,name,x,y,mag\n1,\"M 31, the nebula\",3.4,1,20\n2,,--,7,null\n");
-    put_text(folder, "catalog", "comment", "# made by hand\n# ra dec mag\n10.5 -20 20.5\n3 4 21\n");
-    put_text(folder, "catalog", "plain", "1 2\n3 4\n");
-    put_text(folder, "catalog", "ecsv",
-             "# %ECSV 1.0\n# ---\n# datatype:\n# - {name: x, datatype: float64, unit: pix}\n"
-             "# - {name: y, datatype: float64}\n# - {name: \"mag r\", datatype: string}\n"
-             "# schema: astropy-2.0\nx y \"mag r\"\n1.5 2 \"a b\"\n2 3 \"\"\n");
-    put_text(
-        folder, "catalog", "votable",
-        "<?xml version='1.0'?>\n<v:VOTABLE xmlns:v='http://www.ivoa.net/xml/VOTable/v1.3'>"
-        "<v:RESOURCE><v:TABLE name='t'><v:FIELD name='id' datatype='long'><v:VALUES null='-1'/></v:FIELD>"
-        "<v:FIELD name='ra' datatype='double' unit='deg' ucd='pos.eq.ra'><v:DESCRIPTION>a &amp; b"
-        "</v:DESCRIPTION></v:FIELD><v:FIELD name='s' datatype='char' arraysize='*'/>"
-        "<v:FIELD name='m' datatype='float' arraysize='2x2'/><v:FIELD name='b' datatype='boolean'/>"
-        "<v:DATA><v:TABLEDATA><v:TR><v:TD>-1</v:TD><v:TD> 1.5 </v:TD><v:TD>x&lt;<![CDATA[&y]]></v:TD>"
-        "<v:TD>1 2 3 4</v:TD><v:TD>T</v:TD></v:TR><v:TR><v:TD>2</v:TD><v:TD/><v:TD/><v:TD>1 2</v:TD>"
-        "<v:TD>?</v:TD></v:TR></v:TABLEDATA></v:DATA></v:TABLE></v:RESOURCE></v:VOTABLE>\n");
-    put_text(
-        folder, "catalog", "binary2",
-        "<VOTABLE><TABLE><FIELD name='x' datatype='double'/><FIELD name='n' datatype='short'/><FIELD "
-        "name='s' "
-        "datatype='char' arraysize='*'/><DATA><BINARY2><STREAM encoding='base64'>AD/gAAAAAAAAAAcAAAABYQ=="
-        "</STREAM></BINARY2></DATA></TABLE></VOTABLE>");
-    put_text(folder, "wcs", "tan",
-             "CTYPE1  = 'RA---TAN'\nCTYPE2  = 'DEC--TAN'\nCRVAL1  =  150.1\nCRVAL2  = -2.25\nCRPIX1  = 32.5\n"
-             "CRPIX2  = 24.5\nCD1_1   = -1E-4\nCD1_2   = 0.0\nCD2_1   = 0.0\nCD2_2   = 1E-4\n"
-             "RADESYS = 'FK5'\nEQUINOX = 2000.0\nCUNIT1  = 'deg'\nCUNIT2  = 'deg'\n");
-    put_text(folder, "wcs", "sip",
-             "CTYPE1  = 'RA---TAN-SIP'\nCTYPE2  = 'DEC--TAN-SIP'\nCRVAL1  =  150.1\nCRVAL2  = 2\n"
-             "CRPIX1  = 32\nCRPIX2  = 24\nCDELT1  = -1E-4\nCDELT2  = 1E-4\nCROTA2  = 30\nA_ORDER = 2\n"
-             "B_ORDER = 2\nA_0_2   = 1E-5\nA_2_0   = 2E-5\nB_1_1   = 1E-5\nAP_ORDER= 1\nBP_ORDER= 1\n"
-             "AP_1_0  = 1E-5\nBP_0_1  = 1E-6\n");
-    put_text(
-        folder, "wcs", "tpv",
-        "CTYPE1  = 'RA---TPV'\nCTYPE2  = 'DEC--TPV'\nCRVAL1  = 10\nCRVAL2  = 80\nCRPIX1  = 1\nCRPIX2  = 2\n"
-        "CD1_1   = -1E-4\nCD2_2   = 1E-4\nPV1_0   = 0\nPV1_1   = 1.0\nPV1_4   = 1E-3\nPV2_1   = 1.0\n"
-        "PV2_10  = 1E-5\nLONPOLE = 180\nLATPOLE = 0\n");
-    put_text(
-        folder, "wcs", "tnx",
-        "CTYPE1  = 'RA---TNX'\nCTYPE2  = 'DEC--TNX'\nCRVAL1  = 10\nCRVAL2  = 8\nCRPIX1  = 1\nCRPIX2  = 2\n"
-        "CD1_1   = -1E-4\nCD2_2   = 1E-4\n"
-        "WAT1_001= 'wtype=tnx axtype=ra lngcor = \"3. 4. 4. 2. -0.1 0.1 -0.1 0.1 1E-3 2E-3'\n"
-        "WAT1_002= ' 1E-4 0. 1E-5 0. 0. 0. 1E-6 0. \"'\nWAT2_001= 'wtype=tnx axtype=dec'\n");
-    put_text(
-        folder, "wcs", "galactic",
-        "CTYPE1  = 'GLON-CAR'\nCTYPE2  = 'GLAT-CAR'\nCRVAL1  = 0\nCRVAL2  = 0\nCRPIX1  = 1\nCRPIX2  = 2\n"
-        "CDELT1  = -1\nCDELT2  = 1\nPC1_2   = 0.1\nMJD-OBS = 51544.0\nDATE-OBS= '2000-01-01'\n");
-    put_text(folder, "wcs", "plate",
-             "NAXIS   = 2\nCNPIX1  = 1000\nCNPIX2  = 2000\nPPO3    = 177500.0\nPPO6    = 177500.0\n"
-             "XPIXELSZ= 15.0\nYPIXELSZ= 15.0\nPLTRAH  = 10\nPLTRAM  = 20\nPLTRAS  = 3.5\nPLTDECSN= '-'\n"
-             "PLTDECD = 30\nPLTDECM = 1\nPLTDECS = 2.0\nAMDX1   = 67.2\nAMDX2   = 0.1\nAMDX3   = -120.5\n"
-             "AMDY1   = 67.2\nAMDY2   = -0.1\nAMDY3   = 90.5\n");
-    put_text(folder, "wcs", "linear",
-             "CTYPE1  = 'LINEAR'\nCTYPE2  = 'LINEAR'\nCRVAL1  = 5\nCRPIX1  = 1\nCDELT1  = 2\nCDELT2  = 3\n");
-    put_text(folder, "wcs", "fk4",
-             "CTYPE1  = 'DEC--ZEA'\nCTYPE2  = 'RA---ZEA'\nCRVAL2  = 10\nCRVAL1  = 89.9\nCRPIX1  = 1\n"
-             "CRPIX2  = 2\nCDELT1  = -1E-3\nCDELT2  = 1E-3\nEQUINOX = 1950.0\nWCSAXES = 2\n"
-             "CPDIS1  = 'LOOKUP'\nDP1     = 'NAXES: 2'\nCTYPE1A = 'PIXEL'\n");
+    char *all = NULL, target[20], name[20];
+    int used = 0;
+    fuzz_require(rx_text_read_file(path, 1 << 20, &all, NULL, NULL) == RX_OK, "the texts can be read");
+    for (char *at = all, *end; at != NULL; at = end) {
+        fuzz_require(sscanf(at, "== %19s %19s%n", target, name, &used) == 2,
+                     "a text has a target and a name");
+        at += used + 1;
+        end = strstr(at - 1, "\n== ");
+        end = end != NULL ? end + 1 : NULL;
+        put(folder, target, name, at, end != NULL ? (size_t)(end - at) : strlen(at));
+    }
+    free(all);
 }
 
 /* --- FITS --- */
@@ -575,8 +487,8 @@ static void dictionary(const char *folder, const char *target)
 int main(int argc, char **argv)
 {
     char scratch[600];
-    if (argc != 2) {
-        fputs("usage: seeds FOLDER\n", stderr);
+    if (argc != 3) {
+        fputs("usage: seeds FOLDER TEXTS\n", stderr);
         return 2;
     }
 #define TARGET(name, most, what)                                                                             \
@@ -587,8 +499,7 @@ int main(int argc, char **argv)
 #undef TARGET
     snprintf(scratch, sizeof scratch, "%s/scratch.fits", argv[1]);
     text_seeds(argv[1]);
-    record_seeds(argv[1]);
-    catalog_seeds(argv[1]);
+    written_seeds(argv[1], argv[2]);
     image_seeds(argv[1], scratch);
     psfex_seed(argv[1], scratch);
     cube_seed(argv[1], scratch);

@@ -24,7 +24,7 @@ if [ ! -f Makefile ]; then
     make librextract-direct4.la librextract-direct8.la librextract-direct16.la CFLAGS='-O1 -g' >build.log 2>&1
 fi
 make -j"${RX_FUZZ_JOBS:-2}" fuzz-programs >>build.log 2>&1 || { tail -n 20 build.log; exit 1; }
-"$RX_BUILD_DIR/tests/fuzz/seeds" "$build/seeds" || exit 1
+"$RX_BUILD_DIR/tests/fuzz/seeds" "$build/seeds" "$source/tests/fuzz/texts" || exit 1
 LSAN_OPTIONS="suppressions=$source/tests/fuzz/lsan.supp:print_suppressions=0"
 OMP_NUM_THREADS=1
 export LSAN_OPTIONS OMP_NUM_THREADS
