@@ -145,49 +145,47 @@ void rx_fits_cube_free(rx_fits_cube *cube)
 
 /* --- which tables --- */
 
-/* HDU numbers of the tables that count; LDAC_OBJECTS alone where there are any. */
+/* What a table counts as: of the best kind that there is all are listed. A catalogue without a source is a catalogue. */
+typedef enum rank { EMPTY, FILLED, LDAC } rank;
+
+/* HDU numbers of the tables that count; *hdus to be freed in any case. */
 static rx_status list_tables(rx_fits_source *source, const rx_fits_name *name, int **hdus, int *n,
                              rx_error *err)
 {
-    int count = 1, ldac = 0, filled = 0;
-    rx_status status = rx_fits_name_selects(name) ? RX_OK : rx_fits_count(source, &count, NULL, err);
+    const bool selected = rx_fits_name_selects(name);
+    int count = 1;
+    rank best = EMPTY;
     *n = 0;
-    *hdus = NULL;
-    if (status != RX_OK)
-        return status;
-    int *list = RX_NEW(int, (size_t)count);
-    *hdus = list;
-    if (list == NULL)
-        return rx_error_memory(err, 0);
-    if (rx_fits_name_selects(name)) {
-        *n = 1;
-        status = rx_fits_goto_name(source, name, err);
-        list[0] = source->hdu;
-        return status;
+    if (!selected)
+        RX_TRY(rx_fits_count(source, &count, NULL, err));
+    RX_TRY(RX_MAKE(*hdus, (size_t)count, err));
+    if (selected) {
+        RX_TRY(rx_fits_goto_name(source, name, err));
+        (*hdus)[(*n)++] = source->hdu;
+        return RX_OK;
     }
-    for (int pass = 0; pass < 2; pass++)
-        for (int i = 0; i < count; i++) {
-            rx_fits_shape shape;
-            char extname[FLEN_VALUE] = "";
-            int absent = 0, failed = 0, columns = 0;
-            long rows = 0;
-            RX_TRY(rx_fits_goto(source, i, err));
-            if (rx_fits_shape_of(source, &shape, NULL) != RX_OK || shape.is_image)
-                continue;
-            fits_read_key(source->file, TSTRING, "EXTNAME", extname, NULL, &absent);
-            fits_get_num_rows(source->file, &rows, &failed);
-            fits_get_num_cols(source->file, &columns, &failed);
-            fits_clear_errmsg();
-            int is_ldac = strcmp(extname, "LDAC_OBJECTS") == 0;
-            if (failed || columns < 1)
-                continue;
-            if (pass == 0) {
-                ldac += is_ldac;
-                filled += rows > 0;
-            } else if (ldac > 0 ? is_ldac : rows > 0 || filled == 0) {
-                list[(*n)++] = i; /* a catalogue without a source is a catalogue */
-            }
+    for (int i = 0; i < count; i++) {
+        rx_fits_shape shape;
+        char extname[FLEN_VALUE] = "";
+        int absent = 0, failed = 0, columns = 0;
+        long rows = 0;
+        RX_TRY(rx_fits_goto(source, i, err));
+        if (rx_fits_shape_of(source, &shape, NULL) != RX_OK || shape.is_image)
+            continue;
+        fits_read_key(source->file, TSTRING, "EXTNAME", extname, NULL, &absent);
+        fits_get_num_rows(source->file, &rows, &failed);
+        fits_get_num_cols(source->file, &columns, &failed);
+        fits_clear_errmsg();
+        if (failed || columns < 1)
+            continue;
+        const rank this = strcmp(extname, "LDAC_OBJECTS") == 0 ? LDAC : rows > 0 ? FILLED : EMPTY;
+        if (this > best) {
+            best = this;
+            *n = 0;
         }
+        if (this == best)
+            (*hdus)[(*n)++] = i;
+    }
     return RX_OK;
 }
 
