@@ -1,4 +1,4 @@
-/* Noise law on white and smoothed noise against exact sums; pulls after Richardson-Lucy. */
+/* Noise law of a correlation against exact sums, and widened; pulls after Richardson-Lucy. */
 #include "../detect/field.h"
 #include "../near.h"
 #include "measure/measure.h"
@@ -78,17 +78,6 @@ static double exact_sigma(double radius, const double *kernel)
     return sqrt(total / PLACES);
 }
 
-/* Every point within 4 standard errors of a MAD (1.16 / sqrt(n)) of the exact sum. */
-static void assert_exact(const rx_noise_law *law, const double *kernel)
-{
-    const double radius[10] = {1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0};
-    assert_int_equal(law->nradii, 10);
-    for (int i = 0; i < 10; i++) {
-        double independent = fmin(2000.0, W * H / law->area[i]);
-        assert_near(law->ratio[i] / exact_sigma(radius[i], kernel), 1.0, 4.0 * 1.16 / sqrt(independent));
-    }
-}
-
 /* sigma^2 of independent pixels goes with the area: 40 pixels more add 40. */
 static void widened_law_has_the_noise_of_the_wider_area(void **state)
 {
@@ -108,18 +97,6 @@ static void widened_law_has_the_noise_of_the_wider_area(void **state)
     assert_true(none.scale == 1.0);
     assert_true(none.power == 0.5);
     assert_true(rx_noise_law_factor(&none, 9.0) == 1.0);
-    field_free(&f);
-}
-
-static void smoothed_noise_follows_the_exact_sums(void **state)
-{
-    (void)state;
-    double kernel[225];
-    field f = field_new(W, H, 1.0, 2);
-    smooth(&f, 1.5, kernel);
-    rx_noise_law law = fit(&f);
-    assert_exact(&law, kernel);
-    assert_true(law.power > 0.55);
     field_free(&f);
 }
 
@@ -284,7 +261,6 @@ static void pulls_have_unit_width_after_restoration(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(widened_law_has_the_noise_of_the_wider_area),
-                                       cmocka_unit_test(smoothed_noise_follows_the_exact_sums),
                                        cmocka_unit_test(law_of_a_correlation_has_the_exact_sums),
                                        cmocka_unit_test(no_free_sky_no_law),
                                        cmocka_unit_test(pulls_have_unit_width_after_restoration)};
