@@ -195,26 +195,33 @@ for side, margin in ((20, 3), (15, 3), (16, 0), (9, 4)):
     y, x = np.mgrid[:side, :side]
     a = (8*np.sin(.7*x+.3*y)+3*np.cos(1.9*x-1.1*y)+2).astype(np.float32).astype(float)
     b = (40*np.exp(-((x-8.3)**2+(y-6.1)**2)/6)).astype(np.float32).astype(float)
-    D = abs(np.fft.fft2((s(a)-s(b))[margin:side-margin, margin:side-margin], norm="ortho"))
-    print("{%d, %d, %.9f}," % (side, margin, (np.clip(D/D.max(), 0, 1)*D**2).mean()))' */
+    c = slice(margin, side-margin)
+    D = np.fft.fft2((s(a)-s(b))[c, c], norm="ortho"); w = abs(D)/abs(D).max(); n = (side-2*margin)**2
+    g = 2/n*np.fft.ifft2(w*D, norm="ortho").real*.5/np.sqrt(abs(a[c, c])+.25)
+    print("{%d, %d, %.9f, %.9f}," % (side, margin, (w*abs(D)**2).mean(), g[-1, 0]))' */
 static void frequencies_against_numpy(void **state)
 {
     (void)state;
     static const struct {
         int side, margin;
-        double value;
-    } expected[] = {{20, 3, 2.860592070}, {15, 3, 3.222616568}, {16, 0, 2.706944328}, {9, 4, 7.643876860}};
+        double value, gradient; /* by the first pixel of the window's last row: weights stay as they are */
+    } expected[] = {{20, 3, 2.860592070, 0.002100021},
+                    {15, 3, 3.222616568, -0.012365562},
+                    {16, 0, 2.706944328, -0.001572380},
+                    {9, 4, 7.643876860, -1.023330930}};
     static float out[LARGEST * LARGEST], truth[LARGEST * LARGEST];
     for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++) {
+        const int side = expected[i].side, margin = expected[i].margin;
         rx_ffl *ffl = NULL;
         double value = 3, alone = 0;
         float gradient[LARGEST * LARGEST] = {0};
-        waves(expected[i].side, out, truth);
-        assert_int_equal(rx_ffl_new(expected[i].side, expected[i].margin, &ffl, NULL), RX_OK);
+        waves(side, out, truth);
+        assert_int_equal(rx_ffl_new(side, margin, &ffl, NULL), RX_OK);
         rx_ffl_add(ffl, out, truth, 0.5, &value, gradient);
         rx_ffl_add(ffl, out, truth, 1, &alone, NULL);
         near("frequencies", expected[i].value, (value - 3) / 0.5, 3e-6);
         near("frequencies, without gradient", expected[i].value, alone, 3e-6);
+        near("gradient", 0.5 * expected[i].gradient, gradient[(side - margin - 1) * side + margin], 1e-3);
         rx_ffl_free(ffl);
     }
 }

@@ -8,29 +8,6 @@
 
 enum { P = 64, N = P * P };
 
-static void test_bins(void **state)
-{
-    (void)state;
-    samples_test t = samples_test_open(1.0, 15.0);
-    rx_samples *scenes = samples_test_make(&t);
-    rx_sample *s = samples_test_new(P);
-    for (int b = 0; b < t.grid.nbins; b++) {
-        double fwhm[2], sigma[2];
-        rx_selection_bin(&t.grid, b, fwhm, sigma);
-        rx_sample_id id = {.bin = (uint32_t)b, .index = (uint32_t)b};
-        samples_test_sample(scenes, id, s);
-        assert_memory_equal(&s->id, &id, sizeof id);
-        assert_true((double)s->sigma >= sigma[0] - 1e-6);
-        assert_true((double)s->sigma <= sigma[1] + 1e-6);
-        assert_true((double)s->true_fwhm >= fwhm[0] - 1e-6);
-        assert_true((double)s->true_fwhm <= fwhm[1] + 1e-6);
-        assert_true(s->fwhm == s->true_fwhm);
-    }
-    rx_sample_free(s);
-    rx_samples_free(scenes);
-    rx_simulate_config_free(t.config);
-}
-
 /* (x - v) / sqrt(1 + q v) in classes of v: mean 0, width 1, neighbours independent. */
 static void test_noise(void **state)
 {
@@ -360,7 +337,7 @@ static void test_usage(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_bins),
+
         cmocka_unit_test(test_noise),
         cmocka_unit_test(test_errors_told),
         cmocka_unit_test(test_stars),

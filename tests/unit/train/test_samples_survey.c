@@ -148,14 +148,6 @@ static int is_same(const float *a, const float *b)
     return memcmp(a, b, N * sizeof *a) == 0;
 }
 
-static double mean(const float *plane)
-{
-    double sum = 0.0;
-    for (int k = 0; k < N; k++)
-        sum += (double)plane[k] / N;
-    return sum;
-}
-
 /* In sums: samples that are the same to the byte, all. */
 static void watch_share(const rx_sample *plain, const rx_sample *s, double *sums)
 {
@@ -251,31 +243,6 @@ static void test_uneven(void **state)
     rx_simulate_config_free(t.config);
 }
 
-/* sums: of mean offset, its square; only x changes */
-static void watch_offset(const rx_sample *plain, const rx_sample *s, double *sums)
-{
-    const double offset = mean(s->x) - mean(plain->x);
-    assert_true(is_same(plain->y, s->y));
-    assert_true(is_same(plain->blurred, s->blurred));
-    assert_between(offset, -0.3001, 0.3001);
-    sums[0] += offset;
-    sums[1] += offset * offset;
-}
-
-static void test_offsets(void **state)
-{
-    (void)state;
-    enum { IMAGES = 150 };
-    samples_test t = open_blank();
-    double sums[2] = {0.0};
-    t.par.survey.offsets = 1.0;
-    t.par.survey.sky_offset = 0.3;
-    compare(&t, IMAGES, watch_offset, sums);
-    assert_near(sums[0] / IMAGES, 0.0, 4.0 * 0.3 / sqrt(3.0 * IMAGES));
-    assert_close(sqrt(sums[1] / IMAGES), 0.3 / sqrt(3.0), 0.05);
-    rx_simulate_config_free(t.config);
-}
-
 /* What is in x is true, sharp and blurred; sums: lowest and highest, means of boxes of 32 pixels in x - y,
  * their squares, boxes. */
 static void watch_light(const rx_sample *plain, const rx_sample *s, double *sums)
@@ -343,30 +310,6 @@ static void test_defects(void **state)
     rx_simulate_config_free(t.config);
 }
 
-/* sums: squares of ln FWHM; kernels as they were */
-static void watch_psf(const rx_sample *plain, const rx_sample *s, double *sums)
-{
-    assert_true(is_same(plain->x, s->x));
-    assert_true(is_same(plain->y, s->y));
-    assert_true(is_same(plain->blurred, s->blurred));
-    assert_true(s->true_fwhm == plain->true_fwhm);
-    sums[0] += pow(log((double)s->fwhm / (double)s->true_fwhm), 2);
-    sums[1] += memcmp(plain->kernel, s->kernel, RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL * sizeof(float)) == 0;
-}
-
-static void test_psf(void **state)
-{
-    (void)state;
-    enum { IMAGES = 150 };
-    samples_test t = open_blank();
-    double sums[2] = {0.0};
-    t.par.survey.psf = 1.0;
-    compare(&t, IMAGES, watch_psf, sums);
-    assert_close(sqrt(sums[0] / IMAGES), RX_SURVEY_FWHM, 4.0 / sqrt(2.0 * IMAGES));
-    assert_near(sums[1], 0.0, 0.0);
-    rx_simulate_config_free(t.config);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -375,10 +318,10 @@ int main(void)
         cmocka_unit_test(test_factor),
         cmocka_unit_test(test_shares),
         cmocka_unit_test(test_uneven),
-        cmocka_unit_test(test_offsets),
+
         cmocka_unit_test(test_dark_sky_and_waves),
         cmocka_unit_test(test_defects),
-        cmocka_unit_test(test_psf),
+
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
