@@ -1,13 +1,6 @@
 /* nn/deblur: what the relative PSF leaves, how the Tikhonov filter reaches, against direct sums and numpy. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "base/memory.h"

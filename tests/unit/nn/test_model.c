@@ -1,12 +1,4 @@
 /* Model files: what is written comes back, and nothing that is damaged or foreign is taken for a model. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

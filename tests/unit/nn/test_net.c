@@ -1,13 +1,6 @@
 /* A network as data: what is refused, how parameters lie, first values, reach and cost; and the shapes of PSF-NET. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "base/random.h"

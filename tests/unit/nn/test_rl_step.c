@@ -1,14 +1,8 @@
 /* nn/rl_step: the step and its gradients against direct sums in double. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "base/memory.h"
 #include "base/random.h"
 #include "nn/rl_step.h"

@@ -1,14 +1,8 @@
 /* The runner against the definition: every operation forward and backward, random graphs, errors. Threads: train/test_learner. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "base/random.h"
 #include "nn/runner.h"
 #include "reference.h"

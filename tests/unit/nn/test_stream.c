@@ -1,14 +1,7 @@
 /* A network that runs down a block: the values of the forward pass of training, within rounding, and the same bits in
  * any block. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "base/random.h"

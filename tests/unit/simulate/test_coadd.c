@@ -1,14 +1,7 @@
 /* simulate/coadd: stars keep flux, place and width; noise has the correlation of the geometry; weights. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "base/memory.h"

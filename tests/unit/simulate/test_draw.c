@@ -1,15 +1,9 @@
 /* Sersic profiles against scipy; galaxies and templates on the grid against brute force, moments and symmetry. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "simulate/render.h"
 #include "simulate/sersic.h"
 #include "simulate/templates.h"

@@ -1,13 +1,6 @@
 /* simulate/inject: flux, photon noise and saturation of added light; where objects may lie. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "base/memory.h"

@@ -1,14 +1,8 @@
 /* Noise against the distributions that it claims to follow. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "base/random.h"
 #include "simulate/noise.h"
 

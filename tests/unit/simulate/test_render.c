@@ -1,16 +1,10 @@
 /* Optics, and stars and galaxies rendered through them, against the profile integrated by brute force and the PSF
  * module; blocks, threads, PSFs that vary. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "base/random.h"
 #include "psf/psf.h"
 #include "simulate/render.h"

@@ -1,16 +1,10 @@
 /* Scenes: counts, sizes and shapes against their sources, where objects are, and that they do not know of each
  * other. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "data/table.h"
 #include "io/fits_read.h"
 #include "num/stats.h"

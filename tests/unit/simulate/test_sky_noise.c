@@ -1,12 +1,5 @@
 /* simulate/sky_noise: realisations have the correlation they were drawn from. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "detect/correlation.h"

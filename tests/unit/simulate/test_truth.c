@@ -1,15 +1,9 @@
 /* The truth catalogue: what a scene has, in the columns' units. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "base/text.h"
 #include "simulate/truth.h"
 

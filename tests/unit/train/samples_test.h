@@ -1,15 +1,9 @@
 /* Training scenes for tests: everything as it is ideally, unless a test says otherwise. */
 #ifndef RX_TEST_SCENES_TEST_H
 #define RX_TEST_SCENES_TEST_H
-
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "train/samples.h"
 
 typedef struct samples_test {

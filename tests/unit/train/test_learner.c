@@ -1,13 +1,6 @@
 /* What a learner makes of samples: gradients that are clipped and added in their order, and the quick look at stars. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "../small_net.h"

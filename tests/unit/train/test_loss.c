@@ -1,14 +1,8 @@
 /* train/loss: weights and terms against their definitions and numpy. Gradients: test_step.c, of whole steps. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "base/random.h"
 #include "nn/front.h"
 #include "train/loss.h"

@@ -1,14 +1,8 @@
 /* Eq. 4: counts per bin and the order of an epoch, what its test images say; and the settings of a training as text. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "base/random.h"
 #include "train/history.h"
 #include "train/setup.h"

@@ -1,16 +1,9 @@
 /* The state of a training: Adam; checkpoints, from which what is read is what was written, and nothing else is read. */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
-
-#include <cmocka.h>
 
 #include "../near.h"
 #include "../scratch.h"

@@ -1,15 +1,9 @@
 /* train/step: the joint loss by its own definition, its gradient through both networks by finite differences.
  */
-#include <math.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include <cmocka.h>
-
+#include "../near.h"
 #include "../small_net.h"
 #include "base/memory.h"
 #include "base/random.h"
