@@ -249,7 +249,8 @@ static size_t folded_at(const rx_node *n, int in, int phase, int o, int i)
     return (((size_t)phase * (size_t)n->channels + (size_t)o) * (size_t)in + (size_t)i) * (size_t)(k * k);
 }
 
-void rx_layer_fold(const rx_node *node, int in, const float *weights, float *folded)
+/* folded = of the weights, or, back, weights += of the folded ones. */
+static void fold(const rx_node *node, int in, float *weights, float *folded, int back)
 {
     int big = rx_layer_folded_kernel(node);
     for (int phase = 0; phase < 4; phase++)
@@ -257,29 +258,22 @@ void rx_layer_fold(const rx_node *node, int in, const float *weights, float *fol
             recipe made = recipe_of(node, phase, rs / big, rs % big);
             for (int o = 0; o < node->channels; o++)
                 for (int i = 0; i < in; i++) {
-                    const float *from = weights + kernel_at(node, in, o, i);
-                    float sum = 0;
+                    float *own = weights + kernel_at(node, in, o, i);
+                    float *one = folded + folded_at(node, in, phase, o, i) + rs, sum = 0;
                     for (int e = 0; e < made.n; e++)
-                        sum += made.share[e] * from[made.element[e]];
-                    folded[folded_at(node, in, phase, o, i) + (size_t)rs] = sum;
+                        if (back)
+                            own[made.element[e]] += made.share[e] * *one;
+                        else
+                            sum += made.share[e] * own[made.element[e]];
+                    if (!back)
+                        *one = sum;
                 }
         }
 }
 
 void rx_layer_unfold(const rx_node *node, int in, const float *folded, float *weights)
 {
-    int big = rx_layer_folded_kernel(node);
-    for (int phase = 0; phase < 4; phase++)
-        for (int rs = 0; rs < big * big; rs++) {
-            recipe made = recipe_of(node, phase, rs / big, rs % big);
-            for (int o = 0; o < node->channels; o++)
-                for (int i = 0; i < in; i++) {
-                    float from = folded[folded_at(node, in, phase, o, i) + (size_t)rs];
-                    float *to = weights + kernel_at(node, in, o, i);
-                    for (int e = 0; e < made.n; e++)
-                        to[made.element[e]] += made.share[e] * from;
-                }
-        }
+    fold(node, in, weights, (float *)(size_t)folded, 1);
 }
 
 /* ---- planes and convolutions of nodes ---- */
@@ -360,7 +354,7 @@ void rx_net_conv_params(const rx_net *net, int i, const float *params, float *fo
         return;
     const int in = net->node[n->src].channels, k = rx_layer_folded_kernel(n);
     float *biases = folded + 4 * out * (size_t)(in * k * k);
-    rx_layer_fold(n, in, *weights, folded);
+    fold(n, in, (float *)(size_t)*weights, folded, 0);
     for (size_t phase = 0; phase < 4; phase++)
         memcpy(biases + phase * out, *bias, out * sizeof(float));
     *weights = folded;

@@ -38,7 +38,6 @@ void rx_layer_add(const float *src, float *dst, size_t n);
  *   TRANSPOSED  [in][out][k][k]: W[dy dx o][i][r][s] = w[i][o][v][u], where the lower row y + r - K/2 gets to
  *               the upper row 2 y + dy through v (likewise s, u); 0 where there is no such v */
 int rx_layer_folded_kernel(const rx_node *node);
-void rx_layer_fold(const rx_node *node, int in, const float *weights, float *folded);
 /* The transpose: weights += from the gradient by the folded ones. */
 void rx_layer_unfold(const rx_node *node, int in, const float *folded, float *weights);
 

@@ -144,27 +144,20 @@ struct rx_ffl {
 
 rx_status rx_ffl_new(int side, int margin, rx_ffl **dst, rx_error *err)
 {
-    *dst = NULL;
-    if (margin < 0 || side - 2 * margin < 1)
-        return rx_error_set(err, RX_USAGE,
-                            "a margin of %d pixels leaves nothing of images of %d pixels; give a smaller one",
-                            margin, side);
     rx_ffl *ffl;
+    rx_status status;
+    *dst = NULL;
     RX_TRY(RX_MAKE(ffl, 1, err));
-    ffl->side = side;
-    ffl->margin = margin;
-    ffl->inner = side - 2 * margin;
-    rx_status status = rx_fft_new(ffl->inner, ffl->inner, 1, &ffl->fft, err);
-    if (status == RX_OK) {
-        ffl->plane = rx_fft_real(ffl->fft);
-        ffl->spectrum = rx_fft_complex(ffl->fft);
-        if (ffl->plane == NULL || ffl->spectrum == NULL)
-            status = rx_error_memory(err, (size_t)side * (size_t)side * 3 * sizeof(float));
-    }
-    if (status == RX_OK)
-        *dst = ffl;
-    else
-        rx_ffl_free(ffl);
+    *ffl = (rx_ffl){.side = side, .margin = margin, .inner = side - 2 * margin};
+    RX_TRY_EXIT(rx_fft_new(ffl->inner, ffl->inner, 1, &ffl->fft, err));
+    ffl->plane = rx_fft_real(ffl->fft);
+    ffl->spectrum = rx_fft_complex(ffl->fft);
+    if (ffl->plane == NULL || ffl->spectrum == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)side * (size_t)side * 3 * sizeof(float)));
+    *dst = ffl;
+    return RX_OK;
+exit:
+    rx_ffl_free(ffl);
     return status;
 }
 

@@ -37,7 +37,7 @@ void rx_loss_pixels(const rx_loss *loss, const float *out, const float *truth, d
 void rx_loss_light(const rx_loss *loss, const float *out, const float *truth, double scale, float *work,
                    double *value, float *gradient);
 
-/* Plans and scratch; one caller at a time. Errors: RX_USAGE (a margin that leaves nothing), RX_SYSTEM. */
+/* Plans and scratch, for a margin that leaves something; one caller at a time. Errors: RX_SYSTEM. */
 typedef struct rx_ffl rx_ffl;
 rx_status rx_ffl_new(int side, int margin, rx_ffl **dst, rx_error *err);
 void rx_ffl_free(rx_ffl *ffl); /* NULL is fine */
