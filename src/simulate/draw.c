@@ -15,7 +15,7 @@
  * wide.
  *
  * Accuracy of the sum on cells of 1/3 pixel, n <= 4, half-light radii of 0.1 to 10 pixels, ratios from 0.15:
- * 3e-4, at worst 1e-3; n = 8: 1e-3 for ratios from 0.5 (tests/unit/simulate/test_galaxy.c).
+ * 3e-4, at worst 1e-3; n = 8: 1e-3 for ratios from 0.5 (tests/unit/simulate/test_draw.c).
  *
  * The profile is read from a table over t, linear between 64 points per octave of t: chords of a convex
  * curve, too high by up to 2e-3 in the faint outskirts, below 3e-5 of the flux. Below t = 2^-32 (1/65536 of
@@ -323,7 +323,7 @@ rx_status rx_galaxy_draw(const rx_object *object, rx_fine_grid *grid, rx_error *
  * of a whole grid sum to 1 everywhere, so nothing is lost between pixels, however far they are stretched. A
  * cell larger than 0.9 template pixels is the mean of equal parts that are not: no pixel falls between the
  * cells. The sum over all cells is the flux to 1e-3, the rest being what the lattice of cells does not see of
- * the spline (tests/unit/simulate/test_template_draw.c). */
+ * the spline (tests/unit/simulate/test_draw.c). */
 #define FINEST 0.9 /* largest distance of samples, template pixels */
 
 enum { MOST_PARTS = 64 };
