@@ -293,42 +293,6 @@ static void defects_of_frames_do_not_show(void **state)
     }
 }
 
-/* --- the rest --- */
-
-static void threads_change_no_byte(void **state)
-{
-    (void)state;
-    const rx_noise_params noise = {.type = RX_NOISE_CCD,
-                                   .sky = 100,
-                                   .gain = 2,
-                                   .read_noise = 5,
-                                   .saturation = 800,
-                                   .bad_columns = 0.02,
-                                   .cosmic_rays = 300,
-                                   .seed = 4};
-    rx_scene *scene = scene_of(90, 30);
-    for (int i = 0; i < 30; i++)
-        scene->objects[i] = (rx_object){
-            .type = RX_OBJECT_STAR, .x = 37 * i % 91, .y = 53 * i % 89 + 0.3, .flux = 500.0 * (1 + i % 20)};
-    for (int kind = 0; kind < 2; kind++) {
-        rx_coadd_params par = kind == 0 ? DRIZZLE : LANCZOS;
-        par.uneven = 0.5;
-        rx_coadd one = coadd_of(&par, scene, 3.0, &noise, 1), two = coadd_of(&par, scene, 3.0, &noise, 2);
-        int saturated = 0;
-        for (int i = 0; i < 90 * 90; i++)
-            saturated += one.defects[i] & RX_DEFECT_SATURATED;
-        assert_true(saturated > 0);
-        assert_memory_equal(one.image, two.image, 90 * 90 * sizeof(float));
-        assert_memory_equal(one.weight, two.weight, 90 * 90 * sizeof(float));
-        assert_memory_equal(one.defects, two.defects, 90 * 90);
-        assert_true(one.sigma == two.sigma);
-        assert_true(one.wide == two.wide);
-        free_coadd(&one);
-        free_coadd(&two);
-    }
-    rx_scene_free(scene);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -339,7 +303,6 @@ int main(void)
         cmocka_unit_test(uneven_weights_are_the_variance),
         cmocka_unit_test(defects_of_frames_do_not_show),
 
-        cmocka_unit_test(threads_change_no_byte),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

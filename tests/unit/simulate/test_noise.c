@@ -209,35 +209,6 @@ static void test_ccd_exposure(void **state)
     }
 }
 
-static void test_threads_change_nothing(void **state)
-{
-    (void)state;
-    for (int type = RX_NOISE_NONE; type <= RX_NOISE_CCD; type++) {
-        rx_noise_params par = {.type = (rx_noise_type)type,
-                               .sky = 100.0,
-                               .sigma = 5.0,
-                               .gain = 1.5,
-                               .read_noise = 4.0,
-                               .saturation = 140.0,
-                               .bad_columns = 0.02,
-                               .cosmic_rays = 200.0,
-                               .seed = 11};
-        exposure one = expose(&par, 3.0f, 1);
-        for (int threads = 2; threads <= 3; threads++) {
-            exposure more = expose(&par, 3.0f, threads);
-            assert_memory_equal(one.pixels, more.pixels, sizeof(float) * PIXELS);
-            assert_memory_equal(one.defects, more.defects, PIXELS);
-            drop(&more);
-        }
-        par.seed = 12;
-        exposure other = expose(&par, 3.0f, 1);
-        if (type != RX_NOISE_NONE)
-            assert_memory_not_equal(one.pixels, other.pixels, sizeof(float) * PIXELS);
-        drop(&other);
-        drop(&one);
-    }
-}
-
 static void test_saturation(void **state)
 {
     (void)state;
@@ -371,7 +342,7 @@ int main(void)
         cmocka_unit_test(test_normals_are_numbered),
         cmocka_unit_test(test_poisson),
         cmocka_unit_test(test_ccd_exposure),
-        cmocka_unit_test(test_threads_change_nothing),
+
         cmocka_unit_test(test_saturation),
         cmocka_unit_test(test_dead_columns),
         cmocka_unit_test(test_cosmic_rays),
