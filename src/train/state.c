@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +13,7 @@
 #include "base/input.h"
 #include "base/memory.h"
 
-enum { ARRAYS = 4 };
+enum { ARRAYS = 4, NUMBERS = offsetof(rx_train_state, steps) };
 
 rx_status rx_train_state_new(const rx_model *model, const rx_selection *selection, rx_train_state **dst,
                              rx_error *err)
@@ -62,16 +63,10 @@ void rx_train_state_free(rx_train_state *state)
 
 rx_status rx_train_state_copy(const rx_train_state *src, rx_train_state *dst, rx_error *err)
 {
-    const rx_train_state own = *dst;
     const rx_history *h = &src->history;
     RX_TRY(rx_history_resize(&dst->history, h->n, err));
-    const rx_history history = dst->history;
-    *dst = *src;
-    dst->history = history;
-    dst->weights = own.weights;
-    dst->best = own.best;
-    dst->mean = own.mean;
-    dst->square = own.square;
+    memcpy((char *)dst + NUMBERS, (const char *)src + NUMBERS, sizeof *src - NUMBERS);
+    dst->selection = src->selection;
     memcpy(dst->weights, src->weights, ARRAYS * (size_t)src->n * sizeof *src->weights);
     if (h->n > 0) {
         memcpy(dst->history.epoch, h->epoch, (size_t)h->n * sizeof *h->epoch);
@@ -160,25 +155,11 @@ static rx_status state_items(stream *s, rx_train_state *x, rx_error *err)
     same(s, x->n);
     same(s, grid->nbins);
     item(s, x->weights, ARRAYS * (size_t)x->n * sizeof *x->weights);
-    ITEM(s, x->steps);
-    ITEM(s, x->epoch);
-    ITEM(s, x->at);
-    ITEM(s, x->patches);
+    item(s, (char *)x + NUMBERS, sizeof *x - NUMBERS);
     item(s, grid->loss, bins * sizeof *grid->loss);
     item(s, grid->list, bins * sizeof *grid->list);
     item(s, grid->train, bins * sizeof *grid->train);
     item(s, grid->test, bins * sizeof *grid->test);
-    ITEM(s, x->best_loss);
-    ITEM(s, x->best_epoch);
-    ITEM(s, x->slow);
-    ITEM(s, x->returns);
-    ITEM(s, x->usual);
-    ITEM(s, x->usual_n);
-    ITEM(s, x->high);
-    ITEM(s, x->sum);
-    ITEM(s, x->norm);
-    ITEM(s, x->rate);
-    ITEM(s, x->batches);
     return history_items(s, &x->history, err);
 }
 

@@ -19,13 +19,14 @@ typedef struct rx_train_state {
     float *weights;       /* owned, with the other three behind it: */
     float *best;          /* those of the best epoch */
     float *mean, *square; /* moments of Adam */
-    long steps;           /* of Adam */
+    rx_selection selection;
+    rx_history history;
 
+    /* From here on all are numbers: */
+    long steps;   /* of Adam */
     long epoch;   /* complete ones */
     long at;      /* training images done of the next one */
     long patches; /* of all epochs */
-    rx_selection selection;
-    rx_history history;
 
     double best_loss; /* lowest validation loss */
     long best_epoch;  /* the epoch, from 1, whose it is; 0: none yet */
