@@ -13,7 +13,7 @@
 #include "base/input.h"
 #include "base/memory.h"
 
-enum { ARRAYS = 4, NUMBERS = offsetof(rx_train_state, steps) };
+enum { NUMBERS = offsetof(rx_train_state, steps) };
 
 rx_status rx_train_state_new(const rx_model *model, const rx_selection *selection, rx_train_state **dst,
                              rx_error *err)
@@ -22,11 +22,12 @@ rx_status rx_train_state_new(const rx_model *model, const rx_selection *selectio
     rx_train_state *s;
     RX_TRY(RX_MAKE(s, 1, err));
     s->n = rx_model_params(model);
-    const rx_status status = RX_MAKE(s->weights, ARRAYS * (size_t)s->n, err);
+    const rx_status status = RX_MAKE(s->weights, 4 * (size_t)s->n, err);
     if (status != RX_OK) {
         free(s);
         return status;
     }
+    s->bytes = 4 * (size_t)s->n * sizeof *s->weights;
     s->best = s->weights + s->n;
     s->mean = s->best + s->n;
     s->square = s->mean + s->n;
@@ -67,7 +68,7 @@ rx_status rx_train_state_copy(const rx_train_state *src, rx_train_state *dst, rx
     RX_TRY(rx_history_resize(&dst->history, h->n, err));
     memcpy((char *)dst + NUMBERS, (const char *)src + NUMBERS, sizeof *src - NUMBERS);
     dst->selection = src->selection;
-    memcpy(dst->weights, src->weights, ARRAYS * (size_t)src->n * sizeof *src->weights);
+    memcpy(dst->weights, src->weights, src->bytes);
     if (h->n > 0) {
         memcpy(dst->history.epoch, h->epoch, (size_t)h->n * sizeof *h->epoch);
         memcpy(dst->history.bin, h->bin, (size_t)h->n * (size_t)h->nbins * sizeof *h->bin);
@@ -154,7 +155,7 @@ static rx_status state_items(stream *s, rx_train_state *x, rx_error *err)
     const size_t bins = (size_t)grid->nbins;
     same(s, x->n);
     same(s, grid->nbins);
-    item(s, x->weights, ARRAYS * (size_t)x->n * sizeof *x->weights);
+    item(s, x->weights, x->bytes);
     item(s, (char *)x + NUMBERS, sizeof *x - NUMBERS);
     item(s, grid->loss, bins * sizeof *grid->loss);
     item(s, grid->list, bins * sizeof *grid->list);

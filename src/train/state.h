@@ -19,6 +19,7 @@ typedef struct rx_train_state {
     float *weights;       /* owned, with the other three behind it: */
     float *best;          /* those of the best epoch */
     float *mean, *square; /* moments of Adam */
+    size_t bytes;         /* of the four */
     rx_selection selection;
     rx_history history;
 
