@@ -13,7 +13,7 @@
 
 #include "base/lines.h"
 #include "base/memory.h"
-#include "base/printable.h"
+#include "base/text.h"
 #include "config/tokens.h"
 
 static const char blanks[] = " \t\r\v\f";
