@@ -385,29 +385,27 @@ static void add_runs(page *p)
 static void add_gates(page *p)
 {
     const rx_qa_numbers *q = p->q;
-    rx_report_table *t = RX_REPORT_TABLE(p->report, "gates", GATES, RX_REPORT_IN_JSON);
+    p->gates = RX_REPORT_TABLE(p->report, "gates", GATES, RX_REPORT_IN_JSON);
     for (long i = 0; i < q->nresults; i++) {
         const rx_gate_result *r = &q->result[i];
         const rx_gate *gate = r->gate;
-        rx_report_put(t, gate->line, gate->text, r->run >= 0 ? q->input->runs[r->run].name : NULL,
+        rx_report_put(p->gates, gate->line, gate->text, r->run >= 0 ? q->input->runs[r->run].name : NULL,
                       rx_metric_get(gate->metric)->name, known(!gate->whole, gate->low),
                       known(!gate->whole, gate->high), gate->op_name, gate->value,
                       known(gate->op == RX_GATE_IN, gate->value_high), gate->level, r->estimate,
                       rx_verdict_name(r->verdict));
     }
-    p->gates = t;
 }
 
 static void add_comparisons(page *p)
 {
     const rx_qa_numbers *q = p->q;
-    rx_report_table *t = RX_REPORT_TABLE(p->report, "comparisons", COMPARISONS, RX_REPORT_IN_JSON);
+    p->comparisons = RX_REPORT_TABLE(p->report, "comparisons", COMPARISONS, RX_REPORT_IN_JSON);
     for (int i = 0; i < q->ncomparisons; i++) {
         const rx_qa_comparison *c = &q->comparison[i];
-        rx_report_put(t, q->input->runs[c->first].name, q->input->runs[c->second].name, c->only_first,
-                      c->only_second, rx_cell_p(c->p, log(c->p)));
+        rx_report_put(p->comparisons, q->input->runs[c->first].name, q->input->runs[c->second].name,
+                      c->only_first, c->only_second, rx_cell_p(c->p, log(c->p)));
     }
-    p->comparisons = t;
 }
 
 /* The PSF of the tile, what stars say of it by magnitude, and the stars. */
@@ -418,9 +416,9 @@ static void add_psf(page *p)
     const rx_psf_quality *quality = &psf->quality;
     const rx_psf_judged *judged = psf->judged;
     const bool is_judged = judged != NULL;
-    rx_report_table *t = RX_REPORT_TABLE(p->report, "psf", PSF, RX_REPORT_IN_JSON);
+    p->psf = RX_REPORT_TABLE(p->report, "psf", PSF, RX_REPORT_IN_JSON);
     rx_report_put(
-        t, rx_psf_how_name(quality->how),
+        p->psf, rx_psf_how_name(quality->how),
         known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN), psf->nstars,
         known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
         known(is_judged, quality->reserved), known_to(is_judged, quality->trace[0], quality->trace[1]),
@@ -428,7 +426,6 @@ static void add_psf(page *p)
         known_to(is_judged, quality->shape[1][0], quality->shape[1][1]), known(is_judged, quality->residual),
         known_to(is_judged, quality->growth, quality->growth_error),
         known(is_judged, quality->growth_radius));
-    p->psf = t;
     if (!is_judged)
         return;
     p->psf_bins = RX_REPORT_TABLE(p->report, "psf_bins", PSF_BINS, RX_REPORT_IN_JSON);

@@ -356,20 +356,15 @@ static rx_status write_tables(const rx_report *r, const rx_report_files *files, 
     return status;
 }
 
-static bool has_failed(const rx_report *r)
-{
-    bool failed = r->failed || r->figures.script.failed || r->head.failed || r->links.failed ||
-                  r->body.failed || r->brief.failed || r->meta.failed || r->summary.failed;
-    for (int i = 0; i < r->ntables; i++)
-        failed = failed || r->table[i].failed;
-    return failed;
-}
-
 rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *brief, rx_error *err)
 {
     rx_text text = {0};
     rx_status status = RX_OK;
-    if (has_failed(r))
+    bool failed = r->failed || r->figures.script.failed || r->head.failed || r->links.failed ||
+                  r->body.failed || r->brief.failed || r->meta.failed || r->summary.failed;
+    for (int i = 0; i < r->ntables; i++)
+        failed = failed || r->table[i].failed;
+    if (failed)
         return rx_error_memory(err, sizeof *r);
     const bool draws = files->figures && r->figures.n > 0;
     if (draws)
