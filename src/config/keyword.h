@@ -5,7 +5,10 @@
 
 #include <stddef.h>
 
-#include "config/settings.h"
+#include "base/error.h"
+#include "base/log.h"
+#include "base/text.h"
+#include "config/values.h"
 
 typedef enum rx_kind {
     RX_KIND_SECTION,

@@ -6,7 +6,7 @@ librextract_la_SOURCES += \
 	src/config/idle.c src/config/idle.h \
 	src/config/kernel.c \
 	src/config/keytables.c \
-	src/config/keyword.c src/config/keyword.h \
+	src/config/keyword.c src/config/keyword.h src/config/values.h \
 	src/config/overwrite.c src/config/overwrite.h \
 	src/config/relations.c \
 	src/config/settings.c \

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "config/keyword.h"
+#include "config/settings.h"
 
 enum { VALUE_COLUMN = 25, COMMENT_COLUMN = 42, WIDTH = 100 };
 
