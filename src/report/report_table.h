@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #include "report/formats.h"
-#include "report/report.h"
+#include "report/table.h"
 
 /* Of an estimate there are four numbers, of a measured value and of a p-value two. */
 typedef union rx_report_slot {
