@@ -170,14 +170,12 @@ LC_ALL=C awk -f "$scratch/arguments.awk" $(grep -E '[.][ch]$' "$scratch/files") 
 grep -E '_parts[.][ch]$' "$scratch/files" | sed 's/$/:1: parts of what? Put it into the proper header, or join the files/' \
     >>"$scratch/found"
 
-# No circle of headers, of folders, nor of files: a .c file and its .h are one. Rooms that still have circles of files are named.
-open='check config detect nn pipeline psf report restore simulate stage template'
+# No circle of headers, of folders, nor of files: a .c file and its .h are one.
 # shellcheck disable=SC2046
 awk '/^#include "[a-z_]*\// { split($0, part, "\""); print FILENAME, "src/" part[2] }' $(cat "$scratch/files") >"$scratch/uses"
 awk '$1 ~ /[.]h$/ { print }' "$scratch/uses" >"$scratch/headers"
 awk '{ split($1, a, "/"); split($2, b, "/"); if (a[2] != b[2]) print a[2], b[2] }' "$scratch/uses" | sort -u >"$scratch/rooms"
-awk -v open=" $open " '{ split($1, room, "/"); gsub(/[.](c|h|def)/, ""); if ($1 != $2 && !index(open, " " room[2] " ")) print }' \
-    "$scratch/uses" >"$scratch/pairs"
+awk '{ gsub(/[.](c|h|def)/, ""); if ($1 != $2) print }' "$scratch/uses" >"$scratch/pairs"
 for graph in headers rooms pairs; do
     tsort "$scratch/$graph" 2>&1 >/dev/null | sed -n "s;^tsort: \([a-z].*\)$;\1: in a circle of $graph;p"
 done >>"$scratch/found"

@@ -22,8 +22,6 @@
 #include "base/error.h"
 #include "nn/plane.h"
 
-typedef struct rx_direct rx_direct; /* packed weights; only read when it runs */
-
 typedef struct rx_direct_options {
     int fine;     /* rx_direct_can_fine() */
     int winograd; /* where it can be had */
@@ -46,9 +44,6 @@ int rx_direct_lanes(const rx_direct *direct); /* of the vectors that it works on
  * first that row 0 of y reads. For fine, y is the plane of twice the size, while columns and rows are those
  * of x. add may not be y. The columns that are read must be there: left and right keep half a kernel from the
  * borders of x. */
-typedef struct rx_direct_area {
-    int left, right, first, last;
-} rx_direct_area;
 void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *add, const rx_plane *y,
                    rx_direct_area area, float *scratch);
 size_t rx_direct_scratch(void); /* floats */

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "nn/direct.h"
+#include "nn/plane.h"
 
 enum {
     FINE = 4,     /* outputs of a fine one */

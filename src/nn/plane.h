@@ -56,4 +56,11 @@ typedef struct rx_conv_shape {
     int relu;          /* cuts at 0, last */
 } rx_conv_shape;
 
+/* A convolution (nn/direct.h): packed weights, only read when it runs; and the part of a plane that it makes. */
+typedef struct rx_direct rx_direct;
+
+typedef struct rx_direct_area {
+    int left, right, first, last;
+} rx_direct_area;
+
 #endif
