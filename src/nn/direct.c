@@ -5,6 +5,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "nn/direct.h"
 #include "nn/direct_kernels.h"
 
 /* A number of a plane, as the plain kernel reads it. */
