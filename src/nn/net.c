@@ -8,19 +8,23 @@
 #include "base/memory.h"
 #include "base/random.h"
 
-static const char *const op_names[] = {"INPUT",   "CONV", "TRANSPOSED", "UNSHUFFLE",
-                                       "SHUFFLE", "UP2",  "UPCONV"};
-enum { OPS = sizeof op_names / sizeof op_names[0], LEVELS = 8 };
+static const struct {
+    const char *name;
+    int params; /* it has some */
+    int level;  /* above that of its source, but for the stride of CONV */
+} ops[] = {{"INPUT", 0, 0},    {"CONV", 1, 0}, {"TRANSPOSED", 1, -1}, {"UNSHUFFLE", 0, 1},
+           {"SHUFFLE", 0, -1}, {"UP2", 0, -1}, {"UPCONV", 1, -1}};
+enum { OPS = sizeof ops / sizeof ops[0], LEVELS = 8 };
 
 const char *rx_op_name(rx_op op)
 {
-    return op_names[op];
+    return ops[op].name;
 }
 
 int rx_op_find(const char *name)
 {
     for (int i = 0; i < OPS; i++)
-        if (strcmp(op_names[i], name) == 0)
+        if (strcmp(ops[i].name, name) == 0)
             return i;
     return -1;
 }
@@ -29,7 +33,7 @@ int rx_op_find(const char *name)
 
 static rx_status wrong(rx_error *err, int i, const rx_node *n, const char *why)
 {
-    const char *name = (int)n->op >= 0 && (int)n->op < OPS ? op_names[n->op] : "?";
+    const char *name = (int)n->op >= 0 && (int)n->op < OPS ? ops[n->op].name : "?";
     return rx_error_set(err, RX_INPUT, "node %d (%s) of the network: %s", i, name, why);
 }
 
@@ -67,23 +71,6 @@ static const char *check_channels(const rx_node *n, const rx_node *src)
     return NULL;
 }
 
-static int level_of(const rx_node *n, const rx_node *src)
-{
-    switch (n->op) {
-    case RX_OP_CONV:
-        return src->level + n->stride - 1;
-    case RX_OP_UNSHUFFLE:
-        return src->level + 1;
-    case RX_OP_TRANSPOSED:
-    case RX_OP_SHUFFLE:
-    case RX_OP_UP2:
-    case RX_OP_UPCONV:
-        return src->level - 1;
-    default:
-        return src->level;
-    }
-}
-
 /* NULL: node i is fine, and its level is set. */
 static const char *check_node(rx_node *nodes, int i)
 {
@@ -105,7 +92,7 @@ static const char *check_node(rx_node *nodes, int i)
     why = why != NULL ? why : check_channels(n, src);
     if (why != NULL)
         return why;
-    n->level = level_of(n, src);
+    n->level = src->level + ops[n->op].level + (n->op == RX_OP_CONV ? n->stride - 1 : 0);
     if (n->level < 0 || n->level > LEVELS)
         return "its resolution must be 1 to 1/256 of the input's";
     if (n->add >= 0 && (nodes[n->add].level != n->level || nodes[n->add].channels != n->channels))
@@ -136,11 +123,6 @@ static rx_status check(rx_node *nodes, int nnodes, rx_error *err)
 
 /* ---- making ---- */
 
-static int has_params(const rx_node *n)
-{
-    return n->op == RX_OP_CONV || n->op == RX_OP_TRANSPOSED || n->op == RX_OP_UPCONV;
-}
-
 static void lay_out(rx_net *net)
 {
     long next = 0;
@@ -148,7 +130,7 @@ static void lay_out(rx_net *net)
         rx_node *n = &net->node[i];
         n->weight = n->bias = -1;
         n->nweights = 0;
-        if (!has_params(n))
+        if (!ops[n->op].params)
             continue;
         n->nweights = (long)net->node[n->src].channels * n->channels * n->kernel * n->kernel;
         n->weight = next;
@@ -193,11 +175,11 @@ void rx_net_free(rx_net *net)
 void rx_net_initialise(rx_net *net, uint64_t seed, uint64_t stream, double damped, double last)
 {
     int final = net->nnodes - 1;
-    while (final > 0 && !has_params(&net->node[final]))
+    while (final > 0 && !ops[net->node[final].op].params)
         final--;
     for (int i = 1; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
-        if (!has_params(n))
+        if (!ops[n->op].params)
             continue;
         /* Each output of a transposed convolution sees a quarter of the kernel. */
         double inputs = (double)net->node[n->src].channels * n->kernel * n->kernel;
