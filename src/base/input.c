@@ -52,3 +52,17 @@ FILE *rx_input_open(const char *path)
     }
     return stream;
 }
+
+ssize_t rx_input_read(int file, void *dst, size_t n, int64_t place)
+{
+    size_t have = 0;
+    while (have < n) {
+        const ssize_t more = pread(file, (char *)dst + have, n - have, (off_t)(place + (int64_t)have));
+        if (more < 0 && errno != EINTR)
+            return -1;
+        if (more == 0)
+            break;
+        have += more > 0 ? (size_t)more : 0;
+    }
+    return (ssize_t)have;
+}

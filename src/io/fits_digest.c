@@ -12,6 +12,7 @@
 
 #include <fitsio2.h> /* ffgbyt() */
 
+#include "base/input.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
 #include "io/guard/guard.h"
@@ -223,7 +224,7 @@ static rx_status damaged(const verifier *v, const char *what, rx_error *err)
 /* *n: 0 at the end of the file, else a whole block. */
 static rx_status read_block(const verifier *v, int64_t place, unsigned char *block, ssize_t *n, rx_error *err)
 {
-    *n = pread(v->file, block, BLOCK, (off_t)place);
+    *n = rx_input_read(v->file, block, BLOCK, place);
     if (*n < 0)
         return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0, "cannot be read: %s", strerror(errno));
     if (*n != 0 && *n != BLOCK)

@@ -15,6 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "base/input.h"
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "base/text.h"
@@ -114,7 +115,8 @@ static rx_status hold(const char *path, int to, rx_fits_source *dst, rx_error *e
     int failed = 0;
     bool odd;
     RX_TRY(rx_fits_unpack(path, to, &dst->bytes, err));
-    if (pread(to, begin, sizeof begin, 0) != sizeof begin || memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
+    if (rx_input_read(to, begin, sizeof begin, 0) != sizeof begin ||
+        memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
         return rx_error_at(err, RX_INPUT, path, -1, 0,
                            "is not a packed FITS file: what is in it does not begin with SIMPLE");
     if (ftruncate(to, (off_t)rx_fits_held(dst)) != 0)

@@ -29,7 +29,7 @@ typedef struct rx_joint_member {
 } rx_joint_member;
 
 /* n members; data are what the model of all others leaves. Weights are those of independent pixels, variances
- * those of the noise as canvas->correlation has it (grain.h); priors count as much as without it. covariance [n][n] of the fluxes, NULL: not
+ * those of the noise as canvas->correlation has it (correlated.h); priors count as much as without it. covariance [n][n] of the fluxes, NULL: not
  * wanted. Errors: RX_SYSTEM. */
 rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, int n,
                        rx_joint_member *members, double *background, double *covariance, rx_error *err);

@@ -19,7 +19,7 @@
  * proportion to the probabilities. So the outskirts that no segment holds are never cut off.
  *
  * Where the noise of the image is correlated (rx_image.correlation) the weights stay, and errors, S/N, evidence
- * and what decides between shapes are those of that noise (grain.h); chi2 is that of pixels.
+ * and what decides between shapes are those of that noise (correlated.h); chi2 is that of pixels.
  *
  * Fluxes of extended sources are means over what their shape may be. Flux errors hold the noise of the sky
  * and of photons, the neighbours, the local background and, of extended sources, what the freedom of the

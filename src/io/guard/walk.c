@@ -7,6 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/input.h"
+
 enum { CARD = 80, BLOCK = 2880, MAX_BLOCKS = 4096 };
 
 static const char END[] = "END                                     "
@@ -85,17 +87,9 @@ typedef struct source {
 /* EINVAL: no file has such a place. */
 static bool read_plain(source *s, LONGLONG place, char *block)
 {
-    size_t have = 0;
-    while (have < BLOCK) {
-        const ssize_t n = pread(s->plain, block + have, BLOCK - have, (off_t)(place + (LONGLONG)have));
-        if (n > 0)
-            have += (size_t)n;
-        else if (n == 0 || errno != EINTR) {
-            s->unreadable = n < 0 && errno != EINVAL && errno != EOVERFLOW;
-            return false;
-        }
-    }
-    return true;
+    const ssize_t n = rx_input_read(s->plain, block, BLOCK, place);
+    s->unreadable = n < 0 && errno != EINVAL && errno != EOVERFLOW;
+    return n == BLOCK;
 }
 
 static bool read_block(source *s, LONGLONG place, char *block)

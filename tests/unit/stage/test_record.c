@@ -6,9 +6,9 @@
 
 #include "base/text.h"
 #include "io/fits_read.h"
+#include "io/fits_write.h"
 #include "psf/psf.h"
 #include "report/qa_page.h"
-#include "io/fits_write.h"
 #include "stage/provenance.h"
 #include "stage/tile_facts.h"
 
