@@ -63,10 +63,12 @@ rx_status rx_settings_find_files(rx_settings *settings, rx_log *log, rx_error *e
         RX_TRY(take_survey_ways(settings, err));
     for (int row = 0; row < settings->table->nrows && status == RX_OK; row++) {
         const rx_keyword *key = &settings->table->rows[row];
-        const char *name = *(char *const *)((const char *)settings + key->offset);
         rx_text path = {0};
-        if (key->search == RX_SEARCH_NONE || settings->origin[row] == RX_FROM_DEFAULT || name[0] == '\0' ||
+        if (key->search == RX_SEARCH_NONE || settings->origin[row] == RX_FROM_DEFAULT ||
             !rx_keyword_counts(settings, row))
+            continue;
+        const char *name = *(char *const *)((const char *)settings + key->offset);
+        if (name[0] == '\0')
             continue;
         look_for(settings, key, name, &path);
         const char *joint = said.length > 0 ? "; " : "";

@@ -65,8 +65,9 @@ static bool is_met(const rx_idle *idle, const rx_settings *settings, const char 
          * line that is not the default's: a dump that was edited has them all, and those who come from SExtractor do
          * not know them. */
         *stated |=
-            row == COLUMN || settings->origin[row] > RX_FROM_DUMP ||
-            (settings->origin[row] == RX_FROM_DUMP && settings->table->rows[row].status == RX_STATUS_SEX);
+            settings->table != rx_keytable_train() && /* whose files hold nothing ready */
+            (row == COLUMN || settings->origin[row] > RX_FROM_DUMP ||
+             (settings->origin[row] == RX_FROM_DUMP && settings->table->rows[row].status == RX_STATUS_SEX));
     }
     return met || (alone && has_item(settings, row, NULL));
 }
@@ -114,7 +115,7 @@ static void explain(const rx_idle *idle, const rx_settings *settings, int row, r
     rx_keyword_print(&value, settings, row, false);
     if (value.failed)
         why->failed = true;
-    else if (where != NULL)
+    else if (where != NULL && strcmp(value.data, key->initial) != 0)
         rx_text_printf(why, "%s%s %s has no effect %s (%s)", settings->prefix, key->name, value.data, where,
                        key->help);
     else if (skip > 0)

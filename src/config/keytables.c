@@ -88,8 +88,19 @@ static const rx_keyword survey_rows[] = {
 static const char *const of_campaign[] = {"CATALOG_TYPE", "RESTORE_TYPE",   "CHECKIMAGE_TYPE", "NTHREADS",
                                           "VERBOSE_TYPE", "REFERENCE_NAME", "QA_TYPE",         "WRITE_XML",
                                           "QA_GATES",     "SELF_CHECK",     "BLANK_CHECK",     NULL};
-static const char *const sky_of_campaign[] = {"TRUTH_TYPE", "SCENE_NUMBER", "SEED", "NOISE_SEED",
-                                              "NTHREADS",   "VERBOSE_TYPE", NULL};
+static const char *const sky_of_campaign[] = {"TRUTH_TYPE",
+                                              "SCENE_NUMBER",
+                                              "SEED",
+                                              "NOISE_SEED",
+                                              "COADD_FRAMES",
+                                              "COADD_SCALE",
+                                              "COADD_PIXFRAC",
+                                              "COADD_UNEVEN",
+                                              "INJECT_PLACE",
+                                              "INJECT_DISTANCE",
+                                              "NTHREADS",
+                                              "VERBOSE_TYPE",
+                                              NULL};
 static const char *const sky_of_training[] = {
     "TRUTH_TYPE",  "IMAGE_SIZE",   "SKY_CENTER", "SEED",        "SCENE_NUMBER",    "INJECT_PLACE",
     "PSF_TYPE",    "PSF_NAME",     "PSF_FWHM",   "PSF_BETA",    "INJECT_DISTANCE", "INJECT_CONFIG",

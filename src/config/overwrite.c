@@ -223,6 +223,23 @@ static bool lies_in(const char *file, const char *folder, bool deep)
     return strncmp(file, folder, n) == 0 && file[n] == '/' && (deep || strchr(file + n + 1, '/') == NULL);
 }
 
+/* The same by what the folders are, which may have two names: bind mounts, names without case. */
+static rx_status lies_in_folder(const char *file, const place *folder, bool *lies, rx_error *err)
+{
+    char *way = rx_strdup(file), *slash;
+    struct stat info;
+    *lies = lies_in(file, folder->real, true);
+    if (way == NULL)
+        return rx_error_memory(err, strlen(file));
+    while (!*lies && folder->there && (slash = strrchr(way, '/')) != NULL && slash > way) {
+        *slash = '\0';
+        *lies =
+            stat(way, &info) == 0 && info.st_dev == folder->info.st_dev && info.st_ino == folder->info.st_ino;
+    }
+    free(way);
+    return RX_OK;
+}
+
 static rx_status refuse_read(const rx_run_file *output, const rx_run_file *input, const char *how,
                              rx_error *err)
 {
@@ -239,15 +256,20 @@ static rx_status compare(const place *output, const place *other, rx_error *err)
         return read ? refuse_read(of, with, "as", err)
                     : rx_error_set(err, RX_USAGE, "%s%s %.200s is also %s%s; give each output its own name",
                                    of->prefix, of->key, of->shown, with->prefix, with->key);
-    if (folder && other->real != NULL && lies_in(other->real, output->real, true))
+    bool lies = false;
+    if (folder && other->real != NULL)
+        RX_TRY(lies_in_folder(other->real, output, &lies, err));
+    if (lies)
         return rx_error_set(
             err, RX_USAGE,
             "%.200s lies in the folder %.200s, which is replaced as a whole (%s%s); keep it elsewhere",
             with->shown, of->shown, of->prefix, of->key);
-    char *real = !folder && read && output->there && other->there && S_ISDIR(other->info.st_mode)
-                     ? rx_name_real(with->path)
-                     : NULL;
-    const bool from = real != NULL && lies_in(output->real, real, false);
+    if (folder || !read || !output->there || !other->there || !S_ISDIR(other->info.st_mode))
+        return RX_OK;
+    char *real = rx_name_real(with->path);
+    if (real == NULL)
+        return rx_error_memory(err, strlen(with->path));
+    const bool from = lies_in(output->real, real, false);
     free(real);
     return from ? refuse_read(of, with, "from the folder", err) : RX_OK;
 }

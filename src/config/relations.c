@@ -93,7 +93,8 @@ enum { MAX_SHARDS = 10000 };
 rx_status rx_campaign_config_shard(const rx_campaign_config *config, int *k, int *n, rx_error *err)
 {
     char more;
-    if (sscanf(config->shard, "%5d/%5d%c", k, n, &more) != 2 || *k < 1 || *n < 1 || *n > MAX_SHARDS)
+    if (strspn(config->shard, "0123456789/") != strlen(config->shard) ||
+        sscanf(config->shard, "%5d/%5d%c", k, n, &more) != 2 || *k < 1 || *n < 1 || *n > MAX_SHARDS)
         return REFUSE(SHARD, "'%.40s' is not k/n; give for instance 2/3, n at most %d", config->shard,
                       MAX_SHARDS);
     if (*k > *n)

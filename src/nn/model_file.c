@@ -130,6 +130,10 @@ static const char *model_fault(const rx_model *model, char *text, size_t size)
             return text;
         }
     }
+    if (model->best > model->epochs) {
+        snprintf(text, size, "RXBEST, the best epoch, is %ld of %ld", model->best, model->epochs);
+        return text;
+    }
     if (f->mode == RX_MODE_BLIND && (f->rl_steps > 0 || model->second != NULL)) {
         snprintf(text, size,
                  f->rl_steps > 0 ? "%d Richardson-Lucy steps after a network of mode BLIND are not possible"
@@ -496,7 +500,8 @@ static rx_status read_bins(const reader *r, rx_error *err)
         for (; bin_layout.kinds[c] == 'D'; c++)
             memcpy((char *)&m->bins[i] + bin_layout.column[c].offset,
                    (const double *)table->columns[c].data + i, sizeof(double));
-        m->bins[i].images = (long)((const int64_t *)table->columns[c].data)[i];
+        const int64_t images = ((const int64_t *)table->columns[c].data)[i];
+        m->bins[i].images = images >= 0 && images < (int64_t)1e15 ? (long)images : 0;
     }
     if (!is_grid(m))
         status =

@@ -43,7 +43,6 @@ static int spawn(pid_t *child, const char *program, const char *folder, const ch
     posix_spawn_file_actions_t actions;
     posix_spawnattr_t attributes;
     sigset_t none, pipe;
-    int failed = ENOMEM;
     char options[] = "-d", locale[] = "LC_ALL=C";
     char *name = rx_strdup(program), *file = rx_strdup(script), **environment = clean_environment(locale);
     char *arguments[] = {name, options, file, NULL};
@@ -52,16 +51,22 @@ static int spawn(pid_t *child, const char *program, const char *folder, const ch
     sigaddset(&pipe, SIGPIPE);
     posix_spawn_file_actions_init(&actions); /* as the next one it only sets fields */
     posix_spawnattr_init(&attributes);
-    if (name != NULL && file != NULL && environment != NULL &&
-        posix_spawn_file_actions_addchdir_np(&actions, folder) == 0 &&
-        posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0) == 0 &&
-        posix_spawn_file_actions_addopen(&actions, 1, "gnuplot.log", O_WRONLY | O_CREAT | O_TRUNC, 0600) ==
-            0 &&
-        posix_spawn_file_actions_adddup2(&actions, 1, 2) == 0 &&
-        posix_spawnattr_setsigmask(&attributes, &none) == 0 &&
-        posix_spawnattr_setsigdefault(&attributes, &pipe) == 0 &&
-        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF) == 0)
+    int failed = name != NULL && file != NULL && environment != NULL
+                     ? posix_spawn_file_actions_addchdir_np(&actions, folder)
+                     : ENOMEM;
+    if (failed == 0)
+        failed = posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+    if (failed == 0)
+        failed =
+            posix_spawn_file_actions_addopen(&actions, 1, "gnuplot.log", O_WRONLY | O_CREAT | O_TRUNC, 0600);
+    if (failed == 0)
+        failed = posix_spawn_file_actions_adddup2(&actions, 1, 2);
+    if (failed == 0) { /* these only set fields */
+        posix_spawnattr_setsigmask(&attributes, &none);
+        posix_spawnattr_setsigdefault(&attributes, &pipe);
+        posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF);
         failed = posix_spawnp(child, program, &actions, &attributes, arguments, environment);
+    }
     posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
     free(name);

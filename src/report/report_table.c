@@ -342,7 +342,7 @@ static bool is_empty(const rx_report_table *t, int column, long from, long to)
 
 bool rx_report_knows(const rx_report_table *t, const char *column)
 {
-    return rx_report_rows(t) > 0 && !is_empty(t, column_of(t, column), 0, t->nrows);
+    return !t->failed && rx_report_rows(t) > 0 && !is_empty(t, column_of(t, column), 0, t->nrows);
 }
 
 /* The columns that a view of rows as they are shows; their number in *n. To be freed; NULL without memory. */

@@ -118,13 +118,12 @@ static rx_status read_fits(reading *r, rx_error *err)
 
 static rx_status read_text(reading *r, rx_error *err)
 {
-    char *text = NULL, *rest = NULL, digest[RX_HASH_TEXT];
+    char *text = NULL, *rest, *line, digest[RX_HASH_TEXT];
     rx_hash rows;
     RX_TRY(rx_text_read_file(r->path, 1 << 30, &text, NULL, err));
     rx_status status = RX_OK;
     rx_hash_begin(&rows);
-    for (char *line = strtok_r(text, "\n", &rest); status == RX_OK && line != NULL;
-         line = strtok_r(NULL, "\n", &rest))
+    for (rest = text; status == RX_OK && (line = strsep(&rest, "\n")) != NULL;)
         if (strncmp(line, "# ", 2) == 0)
             status = take_line(r, line + 2, err);
         else if (line[0] != '#')

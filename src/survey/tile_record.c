@@ -348,6 +348,8 @@ static rx_status read_fields(reader *r, line_name name)
     long k = 0;
     if (name == TILE)
         return begin_record(r);
+    if (name <= STATUS && (name == VERSION ? r->record.version : r->record.what) != NULL)
+        return refuse(r, "this line is there twice");
     if (name <= STATUS)
         return take_items(r, name, 1, &r->record);
     if (name == EXTENSION)
@@ -356,6 +358,9 @@ static rx_status read_fields(reader *r, line_name name)
     if (name > RUN ? r->run == NULL
                    : r->e == NULL || (name == CARD && r->e->ncards == RX_RECORD_CARDS) ||
                          (name == RUN && r->e->nruns == RX_MAX_RUNS))
+        return refuse(r, why);
+    if ((name == PSF && r->e->psf.how[0] != '\0') || (name == STARS && r->e->psf.how[0] == '\0') ||
+        (name == RHO && r->e->psf.rho.n == 0) || (name == ANOMALIES && !r->e->known))
         return refuse(r, why);
     if (name == CARD)
         return take_items(r, name, 1, &r->e->card[r->e->ncards++]);

@@ -150,6 +150,7 @@ static void damage_is_found(void **state)
 static void nonsense_is_refused(void **state)
 {
 #define EXTENSION "TILE a.fits a\nEXTENSION 0 1 1 0 0 0 0 0 0\n"
+#define PSF_W "PSF W 1 0 0 0 0 0 0 0 0 0 0\n"
 #define RUN EXTENSION "RUN N 1 1\n"
     static const char *const refused[][2] = {
         {"hello\n", "TILE does not come first"},
@@ -168,7 +169,13 @@ static void nonsense_is_refused(void **state)
         {EXTENSION "BIN 1 1 1 1 1\n", "a bin is out of place"},
         {EXTENSION "PSF \"<b>\" 1 0 0 0 0 0 0 0 0 0 0\n", "no name"},
         {EXTENSION "PSF W 1 0 0 0 0 0 0 0 0 0\n", "a number is missing"},
-        {EXTENSION "RHO 11 1 0 0\n", "a number is out of place"},
+        {EXTENSION "STARS 1 0 0 0 0\n", "STARS is out of place"},
+        {EXTENSION PSF_W "RHO 0 1 0 0\n", "RHO is out of place"},
+        {EXTENSION PSF_W PSF_W, "PSF is out of place"},
+        {EXTENSION PSF_W "STARS 2 0 0 0 0\nRHO 11 1 0 0\n", "a number is out of place"},
+        {EXTENSION "ANOMALIES 0 0 0\n", "ANOMALIES is out of place"},
+        {"TILE a.fits a\nVERSION 1\nVERSION 1\n", "twice"},
+        {"TILE a.fits a\nSTATUS 0 \"\"\nSTATUS 3 why\n", "twice"},
         {EXTENSION "FLUX 5 1 1 1 1 1\n", "FLUX is out of place"},
         {RUN "DONE \"<b>\" why\n", "no name"},
         {RUN "FLUX 5 1 1 1 1\n", "a number is missing"},
