@@ -10,8 +10,8 @@
 #include "pipeline/field.h"
 #include "pipeline/params.h"
 #include "pipeline/pipeline.h"
-#include "quality/statistics.h"
 #include "quality/qa.h"
+#include "quality/statistics.h"
 #include "simulate/optics.h"
 
 /* What all restorers of a field share, so that they meet the same pixels. */
