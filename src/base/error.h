@@ -83,7 +83,7 @@ rx_status rx_error_memory(rx_error *err, size_t bytes);
 void rx_error_format(const rx_error *err, const char *program, char *dst, size_t size);
 
 /* Bytes of the UTF-8 character at s; 0 when none stands there (overlong, a surrogate, cut off, the end) or a
- * control character does: C0, DEL and C1, which terminals obey in their two-byte form as well. */
+ * control character does: C0, DEL and C1, which terminals act on in their two-byte form as well. */
 int rx_text_utf8(const char *s);
 
 /* What rx_text_utf8() does not know becomes '?', byte by byte and in place: names and header values from

@@ -212,9 +212,9 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
                            rx_log *log, rx_error *err)
 {
     const rx_keytable *table = settings->table;
-    const char *usual = words->replay == NULL ? table->default_file : NULL;
-    const bool missing = words->file == NULL && usual != NULL && access(usual, F_OK) != 0;
-    const char *file = words->file != NULL || missing ? words->file : usual;
+    const char *by_default = words->replay == NULL ? table->default_file : NULL;
+    const bool missing = words->file == NULL && by_default != NULL && access(by_default, F_OK) != 0;
+    const char *file = words->file != NULL || missing ? words->file : by_default;
     if (file != NULL)
         RX_TRY(rx_settings_read(settings, file, log, err));
     for (int a = 1; a < argc; a++) {
@@ -233,7 +233,7 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
                  : strcmp(verbose, "FULL") == 0 ? RX_FULL
                                                 : RX_NORMAL;
     if (missing)
-        rx_log_warning(log, "%s not found, using internal defaults", usual);
+        rx_log_warning(log, "%s not found, using internal defaults", by_default);
     return rx_settings_complete(settings, log, err);
 }
 

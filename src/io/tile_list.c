@@ -134,7 +134,7 @@ static rx_status list_all(rx_fits_source *source, const rx_fits_name *name, rx_l
             dst->list[dst->n++].hdu = hdu;
             continue;
         }
-        int silent = !failed && shape.is_image && shape.naxis == 0; /* the usual empty primary */
+        int silent = !failed && shape.is_image && shape.naxis == 0; /* an empty primary HDU */
         const bool cube = !failed && shape.is_image && shape.naxis > 2;
         if (!silent && (first.status == RX_OK || (cube && !cubes)))
             first = reason;

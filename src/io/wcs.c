@@ -73,7 +73,7 @@ static void rotation(int axis, double angle, double dst[3][3])
     dst[k][j] = -s;
 }
 
-/* R3(-z) R2(theta) R3(-zeta): the usual product of precession angles. */
+/* R3(-z) R2(theta) R3(-zeta): the product of the precession angles. */
 static void precession(double zeta, double z, double theta, double dst[3][3])
 {
     double a[3][3], b[3][3];

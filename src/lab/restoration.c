@@ -310,7 +310,7 @@ enum { NTHRESHOLDS = sizeof THRESHOLDS / sizeof *THRESHOLDS };
 
 /* One candidate. */
 typedef struct tuning {
-    int method;       /* whose it is; UNTUNED: nobody's */
+    int method;       /* whose it is; UNTUNED: of none */
     int niter;        /* 0: the image as it is */
     double filter;    /* FWHM of the Gaussian, pixels; 0 = none */
     double threshold; /* in sigmas of the input's noise: what is below becomes sky; negative = none */

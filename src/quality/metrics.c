@@ -133,7 +133,7 @@ static rx_status measure_magerr(const range *r, double factor, rx_estimate *dst,
  * missed (isotonic regression by pooling adjacent violators, Ayer et al. 1955, Ann. Math. Statist. 26, 641),
  * counted in 36 narrow bins of the range whatever the bins of tables and figures; linear interpolation
  * between the two bins where it crosses the share. So neither one lucky match at the faint end nor wide bins
- * decide: interpolation in the usual bins of 0.25 to 1 mag puts the magnitude of 90 % by 0.05 to 0.7 mag too
+ * decide: interpolation in bins of 0.25 to 1 mag puts the magnitude of 90 % by 0.05 to 0.7 mag too
  * bright where the curve is as steep as that of point sources. */
 
 /* Fine bins that the references are counted in: narrow against the fall of a completeness curve, which linear

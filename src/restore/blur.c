@@ -388,11 +388,6 @@ void rx_blur_adjoint_rows(const rx_blur *blur, const rx_blur_lines *lines, int f
                first, last);
 }
 
-void rx_blur_apply(const rx_blur *blur, const rx_blur_lines *lines)
-{
-    rx_blur_apply_rows(blur, lines, 0, blur->tile_y.n);
-}
-
 void rx_blur_adjoint(const rx_blur *blur, const rx_blur_lines *lines)
 {
     rx_blur_adjoint_rows(blur, lines, 0, blur->sky_y.n);
@@ -443,7 +438,7 @@ static void write_tile(void *user, int y, int x, int n, const float *line)
 void rx_blur_plane(const rx_blur *blur, const float *sky, float *tile)
 {
     planes p = {blur, sky, tile};
-    rx_blur_apply(blur, &(rx_blur_lines){read_sky, write_tile, &p});
+    rx_blur_apply_rows(blur, &(rx_blur_lines){read_sky, write_tile, &p}, 0, blur->tile_y.n);
 }
 
 void rx_blur_adjoint_plane(const rx_blur *blur, const float *tile, float *sky)

@@ -110,13 +110,11 @@ void rx_blur_free(rx_blur *blur);
 /* Another constant PSF, of the size of the present one (which must be constant). */
 void rx_blur_replace(rx_blur *blur, const float *stamp);
 
-/* K: reads rows of the sky, writes rows of the tile. */
-void rx_blur_apply(const rx_blur *blur, const rx_blur_lines *lines);
-
 /* K^T: reads rows of the tile, writes rows of the sky. */
 void rx_blur_adjoint(const rx_blur *blur, const rx_blur_lines *lines);
 
-/* The same of the rows of blocks first .. last - 1 of what is made, tile_y or sky_y. */
+/* K, which reads rows of the sky and writes rows of the tile, and K^T: the rows of blocks first .. last - 1 of what is made, tile_y
+ * or sky_y. */
 void rx_blur_apply_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last);
 void rx_blur_adjoint_rows(const rx_blur *blur, const rx_blur_lines *lines, int first, int last);
 

@@ -104,25 +104,25 @@ struct box {
 };
 
 /* One of the optics on the cyclic domain of a block, and its spectra. */
-typedef struct lens {
+typedef struct optical_path {
     const rx_optics *optics;
     float *image; /* what it adds to */
     rx_fft *fft;
     float **planes; /* [nbasis] spectra that are kept, NULL = not (yet) */
     float *scratch; /* the spectrum of an image that is not kept */
     float *half;    /* spectrum on pixels of the grid through it */
-} lens;
+} optical_path;
 
 typedef struct renderer {
     const rx_scene *scene;
     int n, nthreads;
-    lens *lens;         /* [n] */
-    int cells;          /* per pixel; cell (0, 0) is centred on pixel (0, 0) */
-    int margin;         /* pixels from which light reaches the tile */
-    int nx, ny;         /* blocks */
-    int step_x, step_y; /* pixels of a block */
-    int width, height;  /* pixels of its cyclic domain, even numbers */
-    int columns;        /* of the spectrum that the optics need */
+    optical_path *optical_path; /* [n] */
+    int cells;                  /* per pixel; cell (0, 0) is centred on pixel (0, 0) */
+    int margin;                 /* pixels from which light reaches the tile */
+    int nx, ny;                 /* blocks */
+    int step_x, step_y;         /* pixels of a block */
+    int width, height;          /* pixels of its cyclic domain, even numbers */
+    int columns;                /* of the spectrum that the optics need */
     rx_fft *fine, *native;
     float *grid, *weighted, *spectrum, *pixels; /* weighted: NULL when no optics vary */
     size_t left;                                /* bytes of spectra that may still be kept */
@@ -259,12 +259,12 @@ static rx_status draw_objects(const renderer *d, long column, long row, rx_fine_
 /* Reading a function at every cells-th cell adds up all frequencies of its spectrum that differ by a multiple
  * of the number of pixels. So the product is folded in Fourier space, and the inverse transform is one of the
  * pixels. Optics are known up to their own Nyquist frequency; what is beyond is 0. */
-static int spectrum_columns(const renderer *r, const lens *l)
+static int spectrum_columns(const renderer *r, const optical_path *l)
 {
     return l->optics->oversampling * r->width / 2 + 1;
 }
 
-static const float *find_spectrum(renderer *r, lens *l, int image)
+static const float *find_spectrum(renderer *r, optical_path *l, int image)
 {
     const rx_optics *o = l->optics;
     if (l->planes[image] != NULL)
@@ -334,7 +334,7 @@ static void fold_column(const column *c, int mirrored, int height, float *out)
 }
 
 /* What is in r->spectrum, through one image of the optics. */
-static void fold_image(renderer *r, lens *l, int image)
+static void fold_image(renderer *r, optical_path *l, int image)
 {
     const float *kernel = find_spectrum(r, l, image);
     const int width = r->width, last = rx_fft_width(l->fft) / 2;
@@ -386,7 +386,7 @@ static void set_geometry(renderer *r, int block)
 {
     r->cells = 1;
     for (int i = 0; i < r->n; i++) {
-        const rx_optics *o = r->lens[i].optics;
+        const rx_optics *o = r->optical_path[i].optics;
         int cells = o->oversampling > o->grid ? o->oversampling : o->grid;
         int reach = (o->size / 2 + o->oversampling - 1) / o->oversampling;
         r->cells = cells > r->cells ? cells : r->cells;
@@ -401,8 +401,8 @@ static void set_geometry(renderer *r, int block)
 
 static void close_renderer(renderer *r)
 {
-    for (int i = 0; i < r->n && r->lens != NULL; i++) {
-        lens *l = &r->lens[i];
+    for (int i = 0; i < r->n && r->optical_path != NULL; i++) {
+        optical_path *l = &r->optical_path[i];
         for (int b = 0; l->planes != NULL && b < l->optics->nbasis; b++)
             free(l->planes[b]);
         free(l->planes);
@@ -410,7 +410,7 @@ static void close_renderer(renderer *r)
         free(l->half);
         rx_fft_free(l->fft);
     }
-    free(r->lens);
+    free(r->optical_path);
     free(r->grid);
     free(r->weighted);
     free(r->spectrum);
@@ -422,7 +422,7 @@ static void close_renderer(renderer *r)
     rx_fft_free(r->native);
 }
 
-static rx_status open_lens(renderer *r, lens *l, rx_error *err)
+static rx_status open_path(renderer *r, optical_path *l, rx_error *err)
 {
     const int cells = l->optics->oversampling, columns = spectrum_columns(r, l);
     RX_TRY(rx_fft_new(cells * r->width, cells * r->height, r->nthreads, &l->fft, err));
@@ -440,9 +440,9 @@ static rx_status open_renderer(renderer *r, rx_error *err)
     RX_TRY(rx_fft_new(r->width, r->height, r->nthreads, &r->native, err));
     r->left = r->nx * r->ny > 1 ? KEEP_BYTES : 0; /* they are asked for again and again */
     for (int i = 0; i < r->n; i++) {
-        RX_TRY(open_lens(r, &r->lens[i], err));
-        for (int b = 0; b < r->lens[i].optics->nbasis; b++)
-            varying |= !is_constant(r->lens[i].optics, b);
+        RX_TRY(open_path(r, &r->optical_path[i], err));
+        for (int b = 0; b < r->optical_path[i].optics->nbasis; b++)
+            varying |= !is_constant(r->optical_path[i].optics, b);
     }
     r->kernel = make_star_kernel();
     r->grid = rx_fft_real(r->fine);
@@ -491,12 +491,12 @@ static void weigh(const renderer *r, const rx_optics *o, int image, const rx_fin
     }
 }
 
-/* Each lens' half = spectrum on pixels of the grid through it. */
+/* The half of each optical path = spectrum on pixels of the grid through it. */
 static void convolve(renderer *r, const rx_fine_grid *grid)
 {
     int shared = 0;
     for (int i = 0; i < r->n; i++) {
-        lens *l = &r->lens[i];
+        optical_path *l = &r->optical_path[i];
         memset(l->half, 0, rx_fft_complex_size(r->native) * sizeof(float));
         for (int b = 0; b < l->optics->nbasis; b++) {
             if (!is_constant(l->optics, b))
@@ -508,8 +508,8 @@ static void convolve(renderer *r, const rx_fine_grid *grid)
         }
     }
     for (int i = 0; i < r->n; i++)
-        for (int b = 0; b < r->lens[i].optics->nbasis; b++) {
-            lens *l = &r->lens[i];
+        for (int b = 0; b < r->optical_path[i].optics->nbasis; b++) {
+            optical_path *l = &r->optical_path[i];
             if (is_constant(l->optics, b))
                 continue;
             weigh(r, l->optics, b, grid);
@@ -551,8 +551,8 @@ static rx_status render_block(renderer *r, int block, rx_error *err)
     RX_TRY(draw_objects(r, (long)x0 * r->cells, (long)y0 * r->cells, &grid, err));
     convolve(r, &grid);
     for (int i = 0; i < r->n; i++) {
-        rx_fft_inverse(r->native, r->lens[i].half, r->pixels);
-        add_pixels(r, x0, y0, r->lens[i].image);
+        rx_fft_inverse(r->native, r->optical_path[i].half, r->pixels);
+        add_pixels(r, x0, y0, r->optical_path[i].image);
     }
     return RX_OK;
 }
@@ -564,9 +564,9 @@ rx_status rx_render_blocks(const rx_scene *scene, int n, const rx_optics *const 
     rx_status status;
     if (n < 1 || scene->n < 1)
         return RX_OK;
-    RX_TRY(RX_MAKE(r.lens, (size_t)n, err));
+    RX_TRY(RX_MAKE(r.optical_path, (size_t)n, err));
     for (int i = 0; i < n; i++)
-        r.lens[i] = (lens){.optics = optics[i], .image = images[i]};
+        r.optical_path[i] = (optical_path){.optics = optics[i], .image = images[i]};
     set_geometry(&r, block);
     RX_TRY_EXIT(open_renderer(&r, err));
     for (int k = 0; k < r.nx * r.ny; k++) {

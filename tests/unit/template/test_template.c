@@ -591,7 +591,7 @@ static void test_refused(void **state)
 }
 
 /* Two pairs on skies of their own: each has its background and its covariance, and the sky that is taken off
- * is told. */
+ * is reported. */
 static void test_two_groups(void **state)
 {
     (void)state;
