@@ -59,12 +59,12 @@ exit:
 static void name_condition(double fwhm, const rx_condition *c, char *dst, size_t size)
 {
     static const char *const formats[] = {"PSF %+g %%", "sky %+g sigma", "noise %+g %%"};
-    char width[32] = "", error[64] = "";
+    dst[0] = '\0';
     if (fwhm > 0)
-        snprintf(width, sizeof width, "FWHM %g", fwhm);
+        snprintf(dst, size, "FWHM %g%s", fwhm, c->error != 0.0 ? ", " : "");
+    const size_t used = strlen(dst);
     if (c->error != 0.0)
-        snprintf(error, sizeof error, formats[c->of], (c->of == RX_GIVEN_SKY ? 1 : 100) * c->error);
-    snprintf(dst, size, "%s%s%s", width, fwhm > 0 && c->error != 0.0 ? ", " : "", error);
+        snprintf(dst + used, size - used, formats[c->of], (c->of == RX_GIVEN_SKY ? 1 : 100) * c->error);
 }
 
 static double psf_error_of(const rx_condition *c)
