@@ -17,7 +17,7 @@
 #include "base/text.h"
 #include "quality/statistics.h"
 
-enum { RX_FIGURES_MAX = 128, RX_FIGURE_ID = 32, RX_PALETTE = 7 };
+enum { RX_FIGURES_MAX = 128, RX_FIGURE_ID = 40, RX_PALETTE = 7 };
 
 typedef enum rx_figure_kind {
     RX_FIGURE_CHART,   /* two fit side by side */
