@@ -17,7 +17,7 @@ data
 num
 par
 io
-config
+config    io
 nn        num io
 psf       num io
 restore   nn num psf

@@ -58,8 +58,8 @@ result 'regions are the ellipses of the catalogue on the sky' $? log
 result 'flags are tags' $?
 [ "$(wc -l <sky.cat)" -eq "$(wc -l <sky.txt)" ]
 result 'one region for each source' $?
-"$programs/rextract" -REPLAY sky.reg >log 2>&1
-result 'a region file can be replayed' $? log
+"$programs/rextract" -c sky.reg -CATALOG_NAME again.reg >log 2>&1
+result 'a region file can be repeated' $? log
 
 # --- tables ---
 

@@ -118,12 +118,12 @@ done
 
 : >tiles.log
 for catalogue in tiles4/*.cat; do
-    "$rextract" -REPLAY "$catalogue" -VERBOSE_TYPE QUIET >>tiles.log 2>&1 || echo "$catalogue: exit code $?" >>tiles.log
+    "$rextract" -c "$catalogue" -CATALOG_NAME again -VERBOSE_TYPE QUIET >>tiles.log 2>&1 || echo "$catalogue: exit code $?" >>tiles.log
 done
 [ ! -s tiles.log ]
 result "what several processes made is repeated by one" $? tiles.log
-processes 3 "$rextract" -REPLAY tiles4/t1.cat >tiles.log 2>&1
-[ $? = 2 ] && [ "$(grep -c 'is repeated by one process' tiles.log)" = 1 ]
+processes 3 "$rextract" -c tiles4/t1.cat -CATALOG_NAME again >tiles.log 2>&1
+[ $? = 2 ] && [ "$(grep -c "t1.fits' is one tile, and mpiexec started several processes" tiles.log)" = 1 ]
 result "repeating is not for several processes" $? tiles.log
 
 # shellcheck disable=SC2086 # words
@@ -187,7 +187,7 @@ for launch in "" "processes 1"; do
     $launch "$rextract-mpi" @stdout.list $extract >stdout.cat 2>tiles.log
     code=$?
     [ $code = 0 ] && [ -s t1.cat ] && cmp stdout.cat alone.cat >>tiles.log 2>&1 &&
-        $launch "$rextract-mpi" -REPLAY t1.cat -VERBOSE_TYPE QUIET >>tiles.log 2>&1
+        $launch "$rextract-mpi" -c t1.cat -CATALOG_NAME again -VERBOSE_TYPE QUIET >>tiles.log 2>&1
     result "rextract-mpi ${launch:-without mpiexec}: one process" $? tiles.log
     rm -f t1.cat
 done

@@ -518,6 +518,6 @@ fi
 
 # a run with it can be repeated, byte by byte
 "$programs/rextract" two.fits -c /dev/null -RESTORE_TYPE NONE -PSF_TYPE FILE -PSF_NAME chips.model.fits -CATALOG_NAME c.fits -CATALOG_TYPE FITS_1.0 \
-    -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME two.psf >replay.log 2>&1 && "$programs/rextract" -REPLAY two.psf >>replay.log 2>&1
-result 'the record of a PSF repeats it' $? replay.log
+    -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME two.psf >record.log 2>&1 && "$programs/rextract" -c two.psf -CATALOG_NAME again.fits -CHECKIMAGE_NAME again.psf >>record.log 2>&1
+result 'the record of a PSF repeats it' $? record.log
 finish

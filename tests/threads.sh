@@ -1,6 +1,6 @@
 #!/bin/sh
 # No byte of any output depends on the number of threads or on which of them does what: every restorer, template
-# photometry, all images, constant and varying PSFs; and -REPLAY finds the same bytes each time. Threads that wait
+# photometry, all images, constant and varying PSFs; and -c OUTPUT finds the same bytes each time. Threads that wait
 # passively are woken in another order each time, the more so where they are more than the processors.
 # shellcheck disable=SC3045 # dash and bash have ulimit -s
 set -u
@@ -92,7 +92,7 @@ few='-RL_NITER 10'
     run one 16 "${blends}[101:260,101:260]" -RESTORE_TYPE RL $moffat
     code=$?
     for _ in 1 2 3 4 5 6 7 8 9 10; do
-        [ $code -eq 0 ] && "$program" -REPLAY one/sim.cat -NTHREADS 16 -VERBOSE_TYPE QUIET >one.log 2>&1
+        [ $code -eq 0 ] && "$program" -c one/sim.cat -CATALOG_NAME again.cat -NTHREADS 16 -VERBOSE_TYPE QUIET >one.log 2>&1
         code=$?
     done
     result 'a run with templates repeated ten times with 16 threads' $code one.log

@@ -19,8 +19,7 @@ typedef struct found {
     const char *plain; /* as a word of its own, for programs that take it so */
     const char *image[2];
     int nimages;
-    rx_text records;    /* the names of all files of records, lines */
-    const char *replay; /* of -REPLAY */
+    rx_text records; /* the names of all files of records, lines */
 } found;
 
 /* A comma outside [..] parts two images; cfitsio's sections hold commas of their own. */
@@ -99,7 +98,6 @@ static const option *option_of(const rx_keytable *table, const char *word)
         {"-dp", RX_ACTION_DUMP_COLUMNS, false, false, true},
         {"-c", RX_ACTION_RUN, true, false, false},
         {"-FLAGS", RX_ACTION_FLAGS, false, true, true},
-        {"-REPLAY", RX_ACTION_REPLAY, true, true, true},
         {"-INFO", RX_ACTION_INFO, true, true, false},
     };
     for (size_t i = 0; i < sizeof options / sizeof *options; i++) {
@@ -154,9 +152,7 @@ static rx_status take_option(const rx_keytable *table, int argc, char *const *ar
                             table->program);
     if (takes)
         ++*a;
-    if (o != NULL && o->action == RX_ACTION_REPLAY)
-        words->replay = argv[*a];
-    else if (o != NULL && o->action == RX_ACTION_RUN)
+    if (o != NULL && o->action == RX_ACTION_RUN)
         words->file = argv[*a];
     else if (o != NULL)
         *action = o->action;
@@ -167,17 +163,13 @@ static rx_status take_option(const rx_keytable *table, int argc, char *const *ar
     return RX_OK;
 }
 
-/* The image and the configuration are those of the run that is repeated. */
-static rx_status check_replay(found *words, rx_error *err)
+static rx_status check_named(const rx_keytable *table, int n, rx_error *err)
 {
-    if (words->replay[0] == '\0')
-        return rx_error_set(err, RX_USAGE, "the name of the output to repeat is empty; give -REPLAY FILE");
-    if (words->image[0] != NULL || words->file != NULL)
-        return rx_error_set(err, RX_USAGE,
-                            "-REPLAY takes image and configuration from %.200s; leave out '%.200s'",
-                            words->replay, words->image[0] != NULL ? words->image[0] : words->file);
-    words->image[0] = words->replay;
-    return RX_OK;
+    const bool images = table->plain == RX_PLAIN_IMAGES;
+    return (images || table->plain == RX_PLAIN_RECORDS) && n == 0
+               ? rx_error_set(err, RX_USAGE, "no %s named; see %s -h", images ? "image is" : "records are",
+                              table->program)
+               : RX_OK;
 }
 
 /* Sort the words, up to one that asks for something else than a run; keywords are only known to be followed by something. */
@@ -191,28 +183,21 @@ static rx_status scan(const rx_keytable *table, int argc, char *const *argv, rx_
                                  : take_plain(table, argv[a], words, err));
     if (*action != RX_ACTION_RUN)
         return RX_OK;
-    if (words->replay != NULL) {
-        *action = RX_ACTION_REPLAY;
-        return check_replay(words, err);
-    }
     if (words->plain != NULL && words->file != NULL)
         RX_TRY(take_plain(table, words->file, words, err));
     if (words->plain != NULL)
         words->file = words->plain;
     if (words->file != NULL && words->file[0] == '\0')
         return rx_error_set(err, RX_USAGE, "the name of the configuration file is empty; give one");
-    const bool images = table->plain == RX_PLAIN_IMAGES;
-    return (images || table->plain == RX_PLAIN_RECORDS) && words->nimages == 0
-               ? rx_error_set(err, RX_USAGE, "no %s named; see %s -h", images ? "image is" : "records are",
-                              table->program)
-               : RX_OK;
+    return words->file == NULL || table->plain != RX_PLAIN_IMAGES ? check_named(table, words->nimages, err)
+                                                                  : RX_OK;
 }
 
 static rx_status configure(int argc, char *const *argv, const found *words, rx_settings *settings,
                            rx_log *log, rx_error *err)
 {
     const rx_keytable *table = settings->table;
-    const char *by_default = words->replay == NULL ? table->default_file : NULL;
+    const char *by_default = table->default_file;
     const bool missing = words->file == NULL && by_default != NULL && access(by_default, F_OK) != 0;
     const char *file = words->file != NULL || missing ? words->file : by_default;
     if (file != NULL)
@@ -237,6 +222,18 @@ static rx_status configure(int argc, char *const *argv, const found *words, rx_s
     return rx_settings_complete(settings, log, err);
 }
 
+/* Without an image it is that of the run that is repeated. */
+static rx_status take_repeated(const rx_settings *settings, char **image, rx_error *err)
+{
+    if (settings->repeated.n == 0)
+        return check_named(settings->table, *image != NULL, err);
+    if (*image == NULL && (*image = rx_strdup(rx_record_find(&settings->repeated, "IMAGE"))) == NULL)
+        return rx_error_memory(err, 0);
+    return (*image)[0] == '@' ? rx_error_at(err, RX_USAGE, settings->file, -1, 0,
+                                            "is of one tile, which %.200s is not; give its image", *image)
+                              : RX_OK;
+}
+
 /* What is known once the image is: the names of outputs, and that none of them is an input. */
 static rx_status settle(rx_settings *settings, const char *image, rx_error *err)
 {
@@ -258,19 +255,18 @@ rx_status rx_arguments_read(const rx_keytable *table, int argc, char *const *arg
     if (dst->action == RX_ACTION_NONE)
         return RX_OK;
     rx_status status = scan(table, argc, argv, &dst->action, &words, err);
-    const bool runs = dst->action == RX_ACTION_RUN;
     for (int i = 0; i < 2 && words.image[i] != NULL; i++)
         rx_text_printf(&words.records, "%s%s", i > 0 ? "," : "", words.image[i]);
     dst->image = words.records.data; /* given on */
     if (status == RX_OK && words.records.failed)
         status = rx_error_memory(err, 0);
-    if (status != RX_OK || (!runs && dst->action != RX_ACTION_REPLAY))
+    if (status != RX_OK || dst->action != RX_ACTION_RUN)
         return status;
     RX_TRY(rx_settings_new(table, &dst->settings, err));
     RX_TRY(configure(argc, argv, &words, dst->settings, log, err));
-    return runs && (table->plain != RX_PLAIN_IMAGES || dst->image[0] != '@')
-               ? settle(dst->settings, dst->image, err)
-               : RX_OK;
+    RX_TRY(take_repeated(dst->settings, &dst->image, err));
+    return table->plain != RX_PLAIN_IMAGES || dst->image[0] != '@' ? settle(dst->settings, dst->image, err)
+                                                                   : RX_OK;
 }
 
 void rx_arguments_free(rx_arguments *arguments)

@@ -21,7 +21,7 @@ static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
         const char *key;
         char *value;
     } ways[] = {{"THRESH_TYPE", "RELATIVE"}, {"BACK_PASSES", "1"}};
-    if (settings->file == NULL || config->restore_type.n != 1 ||
+    if (settings->file == NULL || settings->repeated.n > 0 || config->restore_type.n != 1 ||
         strcmp(config->restore_type.v[0], "NONE") != 0)
         return RX_OK;
     for (size_t i = 0; i < sizeof ways / sizeof *ways; i++) {

@@ -311,10 +311,33 @@ static rx_status finish(rx_run_files *files, int first, rx_status status, rx_err
     return status;
 }
 
+/* A run that is repeated replaces nothing that the command line does not name. */
+static rx_status check_repeated(const rx_settings *settings, const rx_run_files *files, rx_error *err)
+{
+    rx_text found = {0};
+    struct stat info;
+    for (const rx_run_file *file = files->of; file < files->of + files->n; file++)
+        if (file->role != RX_FILE_READS && rx_settings_was_set(settings, file->key) != RX_FROM_COMMAND &&
+            stat(file->path, &info) == 0 && (S_ISREG(info.st_mode) || S_ISDIR(info.st_mode)))
+            rx_text_printf(&found, "%s%s %s", found.length > 0 ? ", " : "", file->key, file->path);
+    const rx_status status =
+        found.failed        ? rx_error_memory(err, 0)
+        : found.length == 0 ? RX_OK
+                            : rx_error_at(err, RX_USAGE, settings->file, -1, 0,
+                                          "is not repeated over outputs that are there (%.400s); give others "
+                                          "by -KEYWORD NAME",
+                                          found.data);
+    rx_text_free(&found);
+    return status;
+}
+
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err)
 {
     rx_run_files files;
-    return finish(&files, 0, rx_run_files_of(settings, image, &files, err), err);
+    rx_status status = rx_run_files_of(settings, image, &files, err);
+    if (status == RX_OK && settings->repeated.n > 0)
+        status = check_repeated(settings, &files, err);
+    return finish(&files, 0, status, err);
 }
 
 rx_status rx_settings_check_read(const rx_settings *settings, const char *name, rx_error *err)

@@ -28,7 +28,7 @@ void rx_run_files_free(rx_run_files *files);
 
 /* RX_USAGE when a file that the program of these settings writes is one that it reads or writes as well, whatever names
  * they go by, or is a file of a folder that it reads, or lies in a folder that it replaces; or when that folder holds
- * an input. */
+ * an input; and for a run that is repeated, when an output is there that the command line does not name. */
 rx_status rx_overwrite_check(const rx_settings *settings, const char *image, rx_error *err);
 
 #endif

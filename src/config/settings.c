@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "config/keyword.h"
 #include "config/tokens.h"
+#include "io/record_read.h"
 
 /* Hand the finished settings over, their parts typed, or free them. */
 static void hand_over(rx_status status, rx_settings *settings, rx_settings **dst)
@@ -100,6 +101,7 @@ void rx_settings_free(rx_settings *settings)
     free(settings->origin);
     free(settings->line);
     free(settings->file);
+    rx_record_free(&settings->repeated);
     free(settings);
 }
 
@@ -173,14 +175,12 @@ static rx_status keep_name(rx_settings *settings, const char *path, rx_error *er
     return status;
 }
 
-rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
+static rx_status read_file(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
 {
     rx_lines lines = {0};
     rx_text old = {0}; /* one warning for all */
     char *line = NULL;
-    rx_status status = keep_name(settings, path, err);
-    if (status == RX_OK)
-        status = rx_lines_open(&lines, path, 0, err);
+    rx_status status = rx_lines_open(&lines, path, 0, err);
     while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
         status = read_line(settings, line, (rx_place){.file = path, .line = lines.number}, &old, log, err);
     rx_lines_close(&lines);
@@ -224,10 +224,39 @@ rx_status rx_settings_set(rx_settings *settings, const char *name, const char *v
     return give(settings, name, value, true, RX_FROM_COMMAND, log, err);
 }
 
-rx_status rx_settings_take(rx_settings *settings, const char *name, const char *value, rx_origin origin,
-                           rx_error *err)
+/* Keywords stand between IMAGE and SET, which names those that were set. */
+static rx_status take_record(rx_settings *settings, const rx_record *record, rx_error *err)
 {
-    return give(settings, name, value, false, origin, NULL, err);
+    rx_error why = rx_error_part(err);
+    rx_text set = {0};
+    char word[80];
+    int i = 0;
+    rx_text_printf(&set, " %s ", rx_record_find(record, "SET"));
+    rx_status status = set.failed ? rx_error_memory(&why, 0) : RX_OK;
+    while (strcmp(record->pairs[i][0], "IMAGE") != 0)
+        i++;
+    for (i++; i < record->n && strcmp(record->pairs[i][0], "SET") != 0 && status == RX_OK; i++) {
+        snprintf(word, sizeof word, " %s ", record->pairs[i][0]);
+        status = give(settings, record->pairs[i][0], record->pairs[i][1], false,
+                      strstr(set.data, word) != NULL ? RX_FROM_FILE : RX_FROM_DEFAULT, NULL, &why);
+    }
+    rx_text_free(&set);
+    if (status == RX_USAGE) /* a header is data */
+        return rx_error_at(err, RX_INPUT, settings->file, -1, 0, "its record cannot be used: %.300s",
+                           why.text);
+    return status == RX_OK ? RX_OK : rx_error_take(err, &why);
+}
+
+rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
+{
+    bool found = false;
+    RX_TRY(keep_name(settings, path, err));
+    if (settings->table == rx_keytable_rextract()) {
+        RX_TRY(rx_record_read(path, &settings->repeated, &found, err));
+        if (found)
+            return take_record(settings, &settings->repeated, err);
+    }
+    return read_file(settings, path, log, err);
 }
 
 rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_error *err)
@@ -270,21 +299,6 @@ bool rx_settings_visit(const rx_settings *settings, bool exact, rx_settings_visi
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && complete; i++)
         complete = rx_settings_visit(settings->part[i], exact, visit, user);
     return complete;
-}
-
-rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const char *const *allowed,
-                              const char *why_not, rx_error *err)
-{
-    rx_status status = RX_OK;
-    for (int row = 0; row < src->table->nrows && status == RX_OK; row++) {
-        if (src->origin[row] == RX_FROM_DEFAULT)
-            continue;
-        if (!rx_keyword_among(allowed, src->table->rows[row].name))
-            return rx_error_set(err, RX_USAGE, "-%s %s", src->table->rows[row].name, why_not);
-        status = rx_keyword_copy(dst, src, row, err);
-        dst->origin[row] = src->origin[row];
-    }
-    return status;
 }
 
 /* What a row says of its own value: each word once, <from>,<to>[,<step>] in this order. */

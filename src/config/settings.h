@@ -31,7 +31,9 @@ void rx_settings_free(rx_settings *settings);
 
 /* A SExtractor-style file: `KEYWORD value[,value...] # comment`; values apart by blanks, commas, '=' or
  * ';', quotes keep them, [..] keeps its commas, $NAME and ${NAME} are replaced by the environment.
- * Errors: RX_USAGE, with file and line (unknown keyword, bad value), or because the file cannot be read. */
+ * Errors: RX_USAGE, with file and line (unknown keyword, bad value), or because the file cannot be read.
+ * Or, with the table of rextract, an output of an earlier run, FITS or a text, whose settings are taken
+ * (io/record_read.h) with its record (settings->repeated). Errors: RX_INPUT. */
 rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log, rx_error *err);
 
 /* One override: name without dash; value as on the command line (a STRING takes it whole). */
@@ -66,16 +68,6 @@ rx_status rx_settings_check_inputs(const rx_settings *settings, const rx_setting
  * others: for headers and reports; `exact`: as a file would have it. Returns false when memory ran out. */
 typedef void (*rx_settings_visitor)(void *user, const char *name, const char *value, const char *help);
 bool rx_settings_visit(const rx_settings *settings, bool exact, rx_settings_visitor visit, void *user);
-
-/* The way back: an exact value as it was given to the visitor, to the bit. Errors: RX_USAGE (no such keyword, not its
- * value), RX_SYSTEM. */
-rx_status rx_settings_take(rx_settings *settings, const char *name, const char *value, rx_origin origin,
-                           rx_error *err);
-
-/* What was set in src is set in dst, too, both of one table. Errors: RX_USAGE, "-KEYWORD why_not", for one
- * that is not in the list `allowed`, which ends with NULL. */
-rx_status rx_settings_overlay(rx_settings *dst, const rx_settings *src, const char *const *allowed,
-                              const char *why_not, rx_error *err);
 
 /* A commented configuration file: the usual keywords, or all, those of parts included. NULL settings =
  * defaults. */

@@ -4,6 +4,8 @@
 
 #include <stdbool.h>
 
+#include "data/record.h"
+
 enum { RX_LIST = 32, RX_PARTS = 2 };
 
 /* Lists: n used items. Words are static upper-case strings of the table, strings belong to the settings. */
@@ -57,6 +59,7 @@ struct rx_settings {
     rx_origin *origin;           /* what set the value of each row of the table */
     long *line;                  /* and on which line of `file`, 0 = not in the file */
     char *file;                  /* the configuration file last read, or NULL */
+    rx_record repeated;          /* where that is an output: the record of its run; else empty */
     rx_settings *part[RX_PARTS]; /* settings of other programs, set by prefixed names; owned, or NULL */
 };
 

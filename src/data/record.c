@@ -50,6 +50,22 @@ void rx_record_add(rx_record *record, const char *name, const char *comment, con
     add_owned(record, name, comment, value);
 }
 
+const char *rx_record_find(const rx_record *record, const char *name)
+{
+    for (int i = 0; i < record->n; i++)
+        if (strcmp(record->pairs[i][0], name) == 0)
+            return record->pairs[i][1];
+    return NULL;
+}
+
+bool rx_record_has(const rx_record *record, int from, const char *name, const char *value, size_t length)
+{
+    for (int i = from; i < record->n; i++)
+        if (strcmp(record->pairs[i][0], name) == 0 && strncmp(record->pairs[i][1], value, length) == 0)
+            return true;
+    return false;
+}
+
 rx_status rx_record_list(const rx_record *record, const char *(**dst)[2], rx_error *err)
 {
     const char *(*pairs)[2] = rx_alloc((size_t)record->n, sizeof *pairs);

@@ -10,6 +10,8 @@
 #include "base/hash.h"
 #include "base/text.h"
 
+#define RX_RECORD_VERSION "1, digests XXH3-128"
+
 RX_BEGIN_DECLS
 
 typedef struct rx_record { /* all 0: empty */
@@ -21,6 +23,11 @@ typedef struct rx_record { /* all 0: empty */
 
 void rx_record_add(rx_record *record, const char *name, const char *comment, const char *format, ...)
     RX_PRINTF(4, 5);
+
+/* The value of the first pair of that name, NULL without one; and is there a pair from number `from` on, of that name, whose
+ * value begins with these `length` characters? */
+const char *rx_record_find(const rx_record *record, const char *name);
+bool rx_record_has(const rx_record *record, int from, const char *name, const char *value, size_t length);
 
 /* Name and value of each entry, as report/ shows them: *dst[record->n] points into the record, the array is
  * the caller's to free. */

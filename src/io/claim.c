@@ -15,7 +15,6 @@
 #include "io/folders.h"
 
 static const char LOCK[] = ".lock", TEMP[] = ".tmp", ASIDE[] = ".tmp.old";
-enum { RANDOM = 6 }; /* letters that mkdtemp() chooses */
 
 /* Is the open file or folder still the one of this name, and ours? */
 static int is_named(int file, const char *name)
@@ -77,15 +76,17 @@ static int remove_left(const char *path, const char *stem)
     return !exists(aside) && !exists(temporary);
 }
 
-static void sweep_lock(const char *path, const char *lock)
+static void sweep_lock(const char *path, char *lock)
 {
-    char stem[PATH_MAX];
+    char *ending = lock + strlen(lock) - strlen(LOCK);
     const int file = open(lock, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     if (file < 0)
         return;
     if (flock(file, LOCK_EX | LOCK_NB) == 0 && is_named(file, lock)) {
-        snprintf(stem, sizeof stem, "%.*s", (int)(strlen(lock) - strlen(LOCK)), lock);
-        if (remove_left(path, stem))
+        *ending = '\0';
+        const int removed = remove_left(path, lock);
+        *ending = LOCK[0];
+        if (removed)
             unlink(lock);
     }
     close(file);
@@ -103,72 +104,18 @@ static int is_lock(const char *name, const char *stem)
     return digits > 0 && strcmp(number + digits, LOCK) == 0;
 }
 
-/* A folder that rx_claim_folder() has made; the lock is held while it goes. */
-static void sweep_folder(const char *path, const char *name)
-{
-    (void)path;
-    const int file = open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
-    if (file < 0)
-        return;
-    if (flock(file, LOCK_EX | LOCK_NB) == 0 && is_named(file, name))
-        rx_output_remove(name);
-    close(file);
-}
-
-/* Does `name` read STEM and the six letters of mkdtemp()? */
-static int is_claimed_folder(const char *name, const char *stem)
-{
-    const size_t n = strlen(stem);
-    return strncmp(name, stem, n) == 0 && strlen(name + n) == RANDOM;
-}
-
-/* sweep_one(path, ...) for everything beside the stem whose name belongs to it. */
-static void sweep(const char *path, const char *stem, int (*belongs)(const char *name, const char *stem),
-                  void (*sweep_one)(const char *path, const char *found))
-{
-    char folder[PATH_MAX], found[PATH_MAX];
-    const char *slash = strrchr(stem, '/'), *name = slash != NULL ? slash + 1 : stem;
-    if (snprintf(folder, sizeof folder, "%.*s", (int)(name - stem), stem) >= (int)sizeof folder)
-        return;
-    DIR *dir = opendir(folder[0] != '\0' ? folder : ".");
-    for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;)
-        if (belongs(entry->d_name, name) &&
-            snprintf(found, sizeof found, "%s%s", folder, entry->d_name) < (int)sizeof found)
-            sweep_one(path, found);
-    if (dir != NULL)
-        closedir(dir);
-}
-
 void rx_claim_sweep(const char *path, const char *stem)
 {
-    sweep(path, stem, is_lock, sweep_lock);
-}
-
-int rx_claim_folder(char *name)
-{
-    char *random = name + strlen(name) - RANDOM;
-    *random = '\0';
-    sweep(NULL, name, is_claimed_folder, sweep_folder);
-    for (int tries = 0; tries < 100; tries++) {
-        memcpy(random, "XXXXXX", RANDOM);
-        if (mkdtemp(name) == NULL)
-            return -1;
-        const int file = open(name, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-        if (file >= 0 && is_held(file, name))
-            return file;
-        if (file < 0 && errno != ENOENT) {
-            const int reason = errno;
-            rmdir(name);
-            errno = reason;
-            return -1;
-        }
-    }
-    errno = EBUSY;
-    return -1;
-}
-
-void rx_claim_remove(int claim, const char *name)
-{
-    rx_output_remove(name);
-    close(claim);
+    char found[PATH_MAX];
+    const char *slash = strrchr(stem, '/'), *name = slash != NULL ? slash + 1 : stem;
+    const int n = (int)(name - stem);
+    if (snprintf(found, sizeof found, "%.*s", n, stem) >= (int)sizeof found)
+        return;
+    DIR *dir = opendir(n > 0 ? found : ".");
+    for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;)
+        if (is_lock(entry->d_name, name) &&
+            snprintf(found, sizeof found, "%.*s%s", n, stem, entry->d_name) < (int)sizeof found)
+            sweep_lock(path, found);
+    if (dir != NULL)
+        closedir(dir);
 }

@@ -19,12 +19,4 @@ void rx_claim_drop(int claim, const char *lock);
  * ".NAME.rx-NUMBER.tmp.old" for one that never came goes back to `path`. Failures are ignored. */
 void rx_claim_sweep(const char *path, const char *stem);
 
-/* A folder for what no one shall see: `name` ends in XXXXXX, which become letters that are free (mkdtemp),
- * and the lock is held on the folder itself. Folders of such names whose processes are dead are removed
- * before, as above. Returns the descriptor, for rx_claim_remove(), or -1 with errno. */
-int rx_claim_folder(char *name);
-
-/* Remove the folder with all that is in it, and let go of it. */
-void rx_claim_remove(int claim, const char *name);
-
 #endif

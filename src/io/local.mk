@@ -4,6 +4,7 @@ librextract_la_SOURCES += \
 	src/io/fits_digest.c src/io/fits_digest.h \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \
+	src/io/record_read.c src/io/record_read.h \
 	src/io/fits_write.c \
 	src/io/folders.c src/io/folders.h \
 	src/io/output.c \

@@ -6,13 +6,12 @@
 #include "catalog/catalog.h"
 #include "config/config_fields.h"
 #include "stage/plan.h"
-#include "survey/replay.h"
 #include "survey/survey.h"
 
 static const char usage[] = "usage: rextract IMAGE [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract DETECT,MEASURE [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract @LIST [-c FILE] [-KEYWORD VALUE]...\n"
-                            "       rextract -REPLAY OUTPUT [-NTHREADS N]\n"
+                            "       rextract [IMAGE] -c OUTPUT [-KEYWORD VALUE]...\n"
                             "       rextract -PLAN IMAGE|@LIST [-c FILE] [-KEYWORD VALUE]...\n"
                             "       rextract -FLAGS [SUM]\n"
                             "       rextract -d | -dd | -dp | -v | -h\n";
@@ -24,8 +23,8 @@ static const char help[] =
     "\n"
     "  @LIST            a file with an image per line, and keywords of its own behind it\n"
     "  -c FILE          configuration file (default.sex where there is one)\n"
+    "  -c OUTPUT        repeat the run that wrote a catalogue or image, and compare\n"
     "  -KEYWORD VALUE   overrides the file, any number of times\n"
-    "  -REPLAY OUTPUT   repeat the run that wrote a catalogue or image, and compare\n"
     "  -PLAN            only print what the run will take: memory and disk\n"
     "  -FLAGS SUM       say what each bit of a sum of flags means, or of one column:\n"
     "                   -FLAGS 19, -FLAGS FLAGS_RESTORE=19; without SUM all bits\n"
@@ -55,6 +54,5 @@ rx_program rx_program_extract(void)
                         .help = help,
                         .table = rx_keytable_rextract(),
                         .columns = rx_columns_dump,
-                        .run = rx_program_extract_alone,
-                        .replay = rx_replay_run};
+                        .run = rx_program_extract_alone};
 }

@@ -106,7 +106,7 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
     signal(SIGXFSZ, SIG_IGN);
     rx_log_init(&log, program->name, stderr, RX_NORMAL);
     rx_status status = rx_arguments_read(program->table, argc, argv, &log, &arguments, &err);
-    if (status == RX_OK && (arguments.action == RX_ACTION_RUN || arguments.action == RX_ACTION_REPLAY))
+    if (status == RX_OK && arguments.action == RX_ACTION_RUN)
         status = refuse_crowd(program, &err);
     if (status == RX_OK && arguments.action == RX_ACTION_NONE) {
         fputs(program->usage, stderr);
@@ -116,8 +116,6 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
             status = rx_settings_warn_idle(arguments.settings, &log, &err);
         if (status == RX_OK)
             status = program->run(arguments.settings, arguments.image, &log, &err);
-    } else if (status == RX_OK && arguments.action == RX_ACTION_REPLAY) {
-        status = program->replay(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK) {
         status = print(program, arguments.action, arguments.image, &err);
     }

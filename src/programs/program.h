@@ -14,8 +14,6 @@ typedef struct rx_program {
     rx_status (*info)(const char *path, rx_text *dst, rx_error *err);
     /* The job. settings is the struct of the table, image NULL where the program takes none. */
     rx_status (*run)(const rx_settings *settings, const char *image, rx_log *log, rx_error *err);
-    /* -REPLAY FILE, with the settings that the command line has made; NULL where there is none. */
-    rx_status (*replay)(const rx_settings *settings, const char *path, rx_log *log, rx_error *err);
     /* How many processes share the job; NULL: it is done by one alone. */
     int (*processes)(void);
     /* After all is said, before a signal that is pending takes its effect; NULL: nothing. */

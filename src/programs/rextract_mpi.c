@@ -4,7 +4,6 @@
 #include "config/config_fields.h"
 #include "par/ranks.h"
 #include "programs/extract.h"
-#include "survey/replay.h"
 #include "survey/survey.h"
 
 /* With NTHREADS 0 each process takes one thread, as there are many. */
@@ -31,21 +30,11 @@ static rx_status run(const rx_settings *settings, const char *image, rx_log *log
     return status;
 }
 
-static rx_status replay(const rx_settings *settings, const char *path, rx_log *log, rx_error *err)
-{
-    if (rx_par_processes() == 1)
-        return rx_replay_run(settings, path, log, err);
-    return rx_par_rank() > 0
-               ? RX_OK
-               : rx_error_at(err, RX_USAGE, path, -1, 0, "is repeated by one process; leave out mpiexec");
-}
-
 int main(int argc, char **argv)
 {
     rx_error err = RX_ERROR_NONE;
     rx_program program = rx_program_extract();
     program.run = run;
-    program.replay = replay;
     program.processes = rx_par_processes;
     program.end = rx_par_end;
     if (rx_par_begin(&argc, &argv, &err) != RX_OK)

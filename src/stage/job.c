@@ -26,7 +26,8 @@ static rx_status refuse_files(const rx_config *config, rx_error *err)
         {"WEIGHT_IMAGE", rx_settings_states(&config->settings, "WEIGHT_IMAGE"), "give the map as an array"},
         {"FLAG_IMAGE", rx_settings_states(&config->settings, "FLAG_IMAGE"), "run rextract on files"},
         {"REFERENCE_NAME", config->reference_name[0] != '\0', "run rextract on files"},
-        {"RECORD_NAME", config->record_name[0] != '\0', "run rextract on files"}};
+        {"RECORD_NAME", config->record_name[0] != '\0', "run rextract on files"},
+        {"the record of a run", config->settings.repeated.n > 0, "run rextract on files"}};
     for (size_t i = 0; i < sizeof files / sizeof *files; i++)
         if (files[i].set)
             return rx_error_set(err, RX_USAGE, "%s is not for an image in memory; %s", files[i].key,
@@ -244,13 +245,12 @@ rx_status rx_job_files(const rx_job *job, const char *image, rx_log *log, rx_err
             RX_TRY_EXIT(rx_error_memory(err, 0));
     RX_TRY_EXIT(rx_arguments_read(rx_keytable_rextract(), argc, argv, log, &arguments, err));
     const rx_config *config = (const rx_config *)arguments.settings;
-    const char *alone = arguments.action == RX_ACTION_FLAGS    ? "-FLAGS"
-                        : arguments.action == RX_ACTION_INFO   ? "-INFO"
-                        : arguments.action == RX_ACTION_REPLAY ? "-REPLAY"
-                        : arguments.action != RX_ACTION_RUN    ? "an option that prints"
-                        : config->plan                         ? "-PLAN"
-                        : config->record_name[0] != '\0'       ? "RECORD_NAME"
-                                                               : NULL;
+    const char *alone = arguments.action == RX_ACTION_FLAGS  ? "-FLAGS"
+                        : arguments.action == RX_ACTION_INFO ? "-INFO"
+                        : arguments.action != RX_ACTION_RUN  ? "an option that prints"
+                        : config->plan                       ? "-PLAN"
+                        : config->record_name[0] != '\0'     ? "RECORD_NAME"
+                                                             : NULL;
     if (alone == NULL && strcmp(config->catalog_name, "STDOUT") == 0)
         alone = "CATALOG_NAME STDOUT"; /* the caller's stdout is not ours */
     if (alone != NULL)

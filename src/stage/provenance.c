@@ -39,7 +39,7 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
     rx_record_add(record, "PROGRAM", "made by", "rextract");
     rx_record_add(record, "RXVERS", "version of rextract", "%s", RX_VERSION);
     rx_record_add(record, "RXINPUT", "input image", "%s", images);
-    rx_record_add(record, "RECORD", "rextract -REPLAY repeats the run from this line to END", "%s",
+    rx_record_add(record, "RECORD", "rextract -c repeats the run from this line to END", "%s",
                   RX_RECORD_VERSION);
     rx_record_add(record, "VERSION", "of rextract", "%s", RX_VERSION);
     rx_record_add(record, "MACHINE", "class of machines that gives the same bits", "%s",
@@ -53,8 +53,11 @@ void rx_record_run(rx_record *record, const rx_config *config, const char *image
     rx_text_free(&machine);
 }
 
-rx_status rx_record_digest(const char *key, const char *name, char dst[RX_HASH_TEXT], int *there,
-                           rx_error *err)
+/* The digest of the file behind a name of that keyword: what stands in brackets is cut off where no file has
+ * that name, a bare name of NET_MODEL may be one of the installed data. *there 0: there is none; "-" where it is no
+ * regular file. Errors: RX_INPUT (cannot be read), RX_SYSTEM. */
+static rx_status digest_file(const char *key, const char *name, char dst[RX_HASH_TEXT], int *there,
+                             rx_error *err)
 {
     struct stat info;
     rx_text path = {0};
@@ -95,7 +98,7 @@ static void take(reading *r, const char *key, const char *name)
     int there = 0;
     if (r->status != RX_OK || name == NULL || name[0] == '\0')
         return;
-    r->status = rx_record_digest(key, name, digest, &there, r->err);
+    r->status = digest_file(key, name, digest, &there, r->err);
     if (r->status == RX_OK && there)
         add_input(r->record, key, name, digest);
 }
@@ -141,7 +144,7 @@ rx_status rx_record_file(rx_record *record, const char *key, const char *name, r
 {
     char digest[RX_HASH_TEXT];
     int there = 0;
-    RX_TRY(rx_record_digest(key, name, digest, &there, err));
+    RX_TRY(digest_file(key, name, digest, &there, err));
     if (!there)
         return rx_error_at(err, RX_INPUT, name, -1, 0, "was removed after it was read (%s)", key);
     const size_t used = strlen(digest) + strlen(key) + 2;
@@ -153,4 +156,78 @@ rx_status rx_record_file(rx_record *record, const char *key, const char *name, r
     }
     add_input(record, key, name, digest);
     return record->failed ? rx_error_memory(err, 0) : RX_OK;
+}
+
+/* --- a run that repeats another --- */
+
+/* Behind the first blank of a value. */
+static const char *behind(const char *value)
+{
+    value += strcspn(value, " ");
+    return value + (*value == ' ');
+}
+
+/* Does the record have that pair, but for the name of the file, its third word? */
+static bool has_same(const rx_record *record, char *const pair[3])
+{
+    return rx_record_has(record, 0, pair[0], pair[1], (size_t)(behind(behind(pair[1])) - pair[1]));
+}
+
+rx_status rx_repeat_check(const rx_settings *settings, const rx_record *now, rx_log *log, rx_error *err)
+{
+    const rx_record *then = &settings->repeated;
+    if (then->n == 0)
+        return RX_OK;
+    const char *version = rx_record_find(then, "VERSION"), *machine = rx_record_find(then, "MACHINE"),
+               *here = rx_record_find(now, "MACHINE");
+    if (strcmp(version, RX_VERSION) != 0)
+        rx_log_warning(log, "%s was made by rextract %s, this is %s: results may differ", settings->file,
+                       version, RX_VERSION);
+    if (strcmp(here, machine) != 0) {
+        rx_log_warning(log, "%s was made on another class of machines, the last digits may differ",
+                       settings->file);
+        rx_log_detail(log, "made on: %s; here: %s", machine, here);
+    }
+    for (int i = 0; i < now->n; i++) {
+        const char *key = behind(now->pairs[i][1]), *name = behind(key);
+        if (strcmp(now->pairs[i][0], "READ") == 0 && !has_same(then, now->pairs[i]))
+            return rx_error_at(err, RX_INPUT, name, -1, 0,
+                               "is not what the run that wrote %.200s read (%.*s); give it as it was",
+                               settings->file, (int)(name - key - 1), key);
+    }
+    return RX_OK;
+}
+
+/* Of keywords that the command line gives, those count that have another value; but names of files do not: inputs have
+ * digests, and outputs may lie anywhere. */
+rx_status rx_repeat_compare(const rx_settings *settings, const rx_record *now, const rx_record *made,
+                            rx_log *log, rx_error *err)
+{
+    const rx_record *then = &settings->repeated;
+    rx_status status = RX_OK;
+    rx_text found = {0}, given = {0};
+    int compared = 0;
+    for (int i = 0; i < then->n; i++) {
+        const char *name = then->pairs[i][0], *value = then->pairs[i][1], *here = rx_record_find(now, name);
+        compared += strcmp(name, "MADE") == 0;
+        if (strcmp(name, "CHANGED") == 0)
+            rx_text_printf(&found, "; %s", value);
+        else if (strcmp(name, "READ") == 0 && !has_same(now, then->pairs[i]))
+            rx_text_printf(&found, "; %.200s was read then, and is not now", behind(value));
+        else if (strcmp(name, "MADE") == 0 && !has_same(made, then->pairs[i]))
+            rx_text_printf(&found, "; part %.200s has other rows or pixels", behind(value));
+        else if (rx_settings_was_set(settings, name) == RX_FROM_COMMAND && strstr(name, "_NAME") == NULL &&
+                 here != NULL && strcmp(here, value) != 0)
+            rx_text_printf(&given, "; %s is %s, and was %s", name, here, value);
+    }
+    if (found.failed || given.failed)
+        status = rx_error_memory(err, 0);
+    else if (found.length > 0)
+        status = rx_error_at(err, RX_DIFFERENT, settings->file, -1, 0, "is not repeated: %s%s",
+                             found.data + 2, given.length > 0 ? given.data : "");
+    else if (then->n > 0)
+        rx_log_info(log, "%s: repeated; %d of %d digests are the same", settings->file, compared, compared);
+    rx_text_free(&found);
+    rx_text_free(&given);
+    return status;
 }

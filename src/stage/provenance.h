@@ -1,7 +1,7 @@
 /* What made an output: program, version, machine, inputs, every keyword, and the facts of one extension
  * (PSF, restorer, noise law). Goes into catalogue headers, image headers and the report.
  *
- * From RECORD to END it is all that rextract -REPLAY needs to repeat the run (survey/replay.h):
+ * From RECORD to END it is all that rextract -c OUTPUT needs to repeat the run:
  *
  *   RECORD      version of this list, and the digests' algorithm
  *   VERSION     of rextract
@@ -25,8 +25,6 @@
 #include "data/record.h"
 #include "stage/options.h"
 
-#define RX_RECORD_VERSION "1, digests XXH3-128"
-
 /* Program, version, machine, image names, then every keyword, to SET. */
 void rx_record_run(rx_record *record, const rx_config *config, const char *images);
 
@@ -37,9 +35,12 @@ rx_status rx_record_inputs(rx_record *record, const rx_config *config, const rx_
 /* One more file, unless it is there already. Errors: as above. */
 rx_status rx_record_file(rx_record *record, const char *key, const char *name, rx_error *err);
 
-/* The digest of the file behind a name of that keyword: what stands in brackets is cut off where no file has
- * that name, a bare name of NET_MODEL may be one of the installed data. *there 0: there is none; "-" where it is no regular file. Errors: RX_INPUT (cannot be read), RX_SYSTEM. */
-rx_status rx_record_digest(const char *key, const char *name, char dst[RX_HASH_TEXT], int *there,
-                           rx_error *err);
+/* A run whose configuration is an output of an earlier one (settings->repeated) compared with that; of other settings there is
+ * nothing to compare. Before the work: another version or class of machines is a warning, a file in the record of this run
+ * that is not, by keyword and digest, one that the earlier run read is RX_INPUT. After it, with what was made: the same is a
+ * line of the log, else RX_DIFFERENT, with all that differs, and keywords that do. */
+rx_status rx_repeat_check(const rx_settings *settings, const rx_record *now, rx_log *log, rx_error *err);
+rx_status rx_repeat_compare(const rx_settings *settings, const rx_record *now, const rx_record *made,
+                            rx_log *log, rx_error *err);
 
 #endif

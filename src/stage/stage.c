@@ -62,7 +62,7 @@ static rx_status open_runs(job *job, int nextensions, rx_error *err)
     rx_status status = RX_OK;
     for (int i = 1; i <= nextensions && status == RX_OK; i++)
         status = rx_report_try(job->config, options, job->image, nextensions > 1 ? i : 0, err);
-    if (status == RX_OK && job->config->write_xml && job->facts != NULL) /* -REPLAY has no facts */
+    if (status == RX_OK && job->config->write_xml && job->facts != NULL)
         status = rx_outputs_file(job->outputs, job->config->xml_name, &job->xml, err);
     for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
         status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
@@ -111,12 +111,13 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
     return status;
 }
 
-/* Is there an output that says what was read? */
+/* Is there an output that says what was read, or must it be compared? */
 static int is_recorded(const rx_config *config, const rx_options *options)
 {
     return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
            options->covariance_name[0] != '\0' || options->reference.name != NULL || options->tile_page ||
-           options->check.self_check || options->write_psf || config->write_xml;
+           options->check.self_check || options->write_psf || config->write_xml ||
+           config->settings.repeated.n > 0;
 }
 
 /* After the first image was read, which finds what is wrong with a file sooner than its digest; and the files that only
@@ -124,8 +125,8 @@ static int is_recorded(const rx_config *config, const rx_options *options)
 static rx_status record_inputs(job *job, const rx_field *detect, const rx_field *measure, rx_error *err)
 {
     const rx_field *fields[] = {detect, measure};
-    const int recorded = is_recorded(job->config, job->options);
-    if (recorded && !job->inputs_recorded)
+    const int recorded = is_recorded(job->config, job->options), first = !job->inputs_recorded;
+    if (recorded && first)
         RX_TRY(rx_record_inputs(&job->record, job->config, job->options, job->detect, job->measure, err));
     job->inputs_recorded = 1;
     for (int role = 0; role < 2; role++) {
@@ -138,7 +139,7 @@ static rx_status record_inputs(job *job, const rx_field *detect, const rx_field 
                 RX_TRY(rx_record_file(&job->record, read->pairs[i][0], read->pairs[i][1], err));
         }
     }
-    return RX_OK;
+    return first ? rx_repeat_check(&job->config->settings, &job->record, job->log, err) : RX_OK;
 }
 
 static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions,
@@ -286,9 +287,8 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     }
     RX_TRY_EXIT(rx_outputs_new(&j->outputs, err));
     RX_TRY_EXIT(run_all(j, err));
-    if (facts != NULL) /* -REPLAY wants none, and keeps no output */
-        rx_outputs_log(j->outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL,
-                       log);
+    rx_outputs_log(j->outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
+    RX_TRY_EXIT(rx_repeat_compare(&config->settings, &j->record, &j->products, log, err));
     status = verdict_status(j->verdict, options->qa_name, err);
 exit:
     if (log != NULL)

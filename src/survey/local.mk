@@ -1,5 +1,4 @@
 librextract_lab_la_SOURCES += \
-	src/survey/replay.c src/survey/replay.h \
 	src/survey/rollup.c src/survey/rollup.h src/survey/rollup_facts.def \
 	src/survey/rollup_figures.c src/survey/rollup_quality.c src/survey/rollup_report.c \
 	src/survey/survey.c src/survey/survey.h \

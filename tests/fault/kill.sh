@@ -1,7 +1,6 @@
 #!/bin/sh
 # Whole runs that are killed at random moments, and two at once. Afterwards each output is that of one of two
 # configurations, to the byte, and the next run leaves exactly its own outputs: no temporary of a killed one.
-# Likewise runs that are repeated (-REPLAY).
 # RX_KILLS: how many (20). RX_SEED: of the moments.
 set -u
 LC_ALL=C
@@ -72,30 +71,6 @@ while read -r share; do
 done <moments
 [ $((2 * hits)) -ge "$kills" ]
 result "$hits of $kills kills struck" $?
-
-# -REPLAY works in a folder of its own under TMPDIR; that of a killed one goes with the next run.
-mkdir scratch
-again() {
-    cd one && TMPDIR=$scratch/scratch exec "$programs/rextract" -REPLAY test_RL.cat -VERBOSE_TYPE QUIET -NTHREADS 1 2>../said
-}
-begin=$(milliseconds)
-(again)
-result 'a run repeated' $? said
-span=$(($(milliseconds) - begin)) left=0 replays=$((kills / 4 + 5)) i=0
-awk -v seed="$seed" -v n="$replays" 'BEGIN { srand(seed + 2); while (n-- > 0) print rand() }' >moments
-while read -r share; do
-    i=$((i + 1))
-    (again) &
-    process=$!
-    sleep "$(awk -v s="$share" -v ms="$span" 'BEGIN { printf "%.3f", s * ms / 1000 }')"
-    kill -s KILL $process 2>/dev/null
-    wait $process 2>/dev/null
-    [ -z "$(ls scratch)" ] || left=$((left + 1))
-    (again) && rmdir scratch 2>>said && mkdir scratch
-    result "the repetition after kill $i" $? said
-done <moments
-[ "$left" -gt 0 ]
-result "$left of $replays killed repetitions left something" $?
 
 # A polite signal: nothing is left at once, and the exit code is that of the signal, or 0 where the work was done.
 i=0

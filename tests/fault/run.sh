@@ -16,7 +16,7 @@ last=${RX_FAULT_LAST:-0}
 enter
 # What a run that is about to end still holds goes with it.
 ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
-TMPDIR=. # -REPLAY must leave nothing there
+TMPDIR=. # nothing must be left there
 export ASAN_OPTIONS TMPDIR
 
 # A sanitizer has to be the only one that stands before the C library's memory.
@@ -97,7 +97,7 @@ refuse 'a list of tiles' @../tiles.list -RESTORE_TYPE NONE -CATALOG_TYPE ASCII -
 refuse_of fault_survey 'the roll-up of a survey' ../all.records -OUTPUT_NAME survey -MERGED_NAME all -QA_FIGURES N
 mkdir made && (cd made && "$programs/rextract" ../tile.fits -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -CATALOG_NAME x.cat \
     -CHECKIMAGE_TYPE SEGMENTATION -CHECKIMAGE_NAME s.fits -VERBOSE_TYPE QUIET)
-refuse 'a run repeated' -REPLAY ../made/x.cat
+refuse 'a run repeated' -c ../made/x.cat -CATALOG_NAME x.cat -CHECKIMAGE_NAME s.fits
 
 refuse_simulate 'a simulated field' -IMAGE_SIZE 64,48 -STAR_COUNT 3000 -GALAXY_COUNT 3000 -PSF_FWHM 3 \
     -TRUTH_TYPE ASCII_HEAD

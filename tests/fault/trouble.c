@@ -352,8 +352,7 @@ static void find_wrong(char *dst, size_t size, int with_temporaries, int failed)
         char name[3][512];
         if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
             continue;
-        if (with_temporaries && (strstr(entry->d_name, ".rx-") != NULL ||
-                                 strncmp(entry->d_name, "rextract-replay.tmp-", 20) == 0))
+        if (with_temporaries && strstr(entry->d_name, ".rx-") != NULL)
             continue;
         if (failed && strcmp(entry->d_name, "record.txt") == 0)
             continue;

@@ -12,7 +12,7 @@ make_fits=$build/tests/cli/make_fits
 trouble=$build/tests/fault/trouble
 enter
 ASAN_OPTIONS=detect_leaks=0${ASAN_OPTIONS:+:$ASAN_OPTIONS}
-TMPDIR=. # -REPLAY must leave nothing there
+TMPDIR=. # nothing must be left there
 export ASAN_OPTIONS TMPDIR
 strikes=0
 
@@ -110,7 +110,7 @@ quiet='-VERBOSE_TYPE QUIET -NTHREADS 1'
     older='-EPOCHS 1'
     struck 'a training that goes on' 61 rextract-train ../train.conf $quiet
     older=-
-    struck 'a run repeated' 61 rextract -REPLAY ../made/x.cat $quiet
+    struck 'a run repeated' 61 rextract -c ../made/x.cat -CATALOG_NAME x.cat -CHECKIMAGE_NAME s.fits $quiet
 }
 
 finish

@@ -362,7 +362,7 @@ static void own_catalogues(const char *folder, const char *scratch)
     for (int i = 0; i < record.n; i++)
         pairs[i] = (rx_record_pair){record.pairs[i][0], record.pairs[i][1], record.pairs[i][2]};
     for (int i = 0; i < 8; i++) {
-        static const char *const texts[] = {"catalog", NULL}, *const replays[] = {"replay", NULL};
+        static const char *const texts[] = {"catalog", NULL}, *const repeated[] = {"repeated", NULL};
         const int k = i % 4;
         remove(scratch);
         const rx_catalog catalog = {.type = types[k].type,
@@ -372,7 +372,7 @@ static void own_catalogues(const char *folder, const char *scratch)
                                     .record = i < 4 ? &version : pairs};
         fuzz_require(rx_catalog_write(&catalog, scratch, scratch, NULL, NULL) == RX_OK,
                      "a catalogue can be written");
-        put_fits(folder, i >= 4 ? replays : k < 2 ? TABLES : texts, types[k].name, scratch);
+        put_fits(folder, i >= 4 ? repeated : k < 2 ? TABLES : texts, types[k].name, scratch);
     }
     free(pairs);
     rx_record_free(&record);

@@ -35,7 +35,7 @@ for target in $all; do
     most=$(sed -n "s/^TARGET($target, \([0-9]*\),.*/\1/p" "$source/tests/fuzz/targets.def")
     mkdir -p "corpus/$target" "found/$target"
     case $target in
-    table | psf | model | tile | maps | wcs | templates | replay) words=fits ;;
+    table | psf | model | tile | maps | wcs | templates | repeated) words=fits ;;
     *) words=text ;;
     esac
     cat "$source/tests/fuzz/$words.dict" >>"seeds/$target.dict"

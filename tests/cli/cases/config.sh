@@ -40,7 +40,7 @@ expect 2 '^rextract: my\.sex: .*binary' tile.fits -c my.sex
 
 begin 'image given as configuration'
 make_fits tile tile.fits
-expect 2 '^rextract: tile\.fits: holds binary data' tile.fits -c tile.fits
+expect 3 '^rextract: tile\.fits: holds no record of a run of rextract; give a FITS catalogue' tile.fits -c tile.fits
 
 begin 'column file that is not there'
 make_fits tile tile.fits

@@ -76,10 +76,11 @@ expect 0 '' tile.fits -c /dev/null -CATALOG_TYPE ASCII
 begin 'PSF file beside the image is an input of the run'
 make_fits flat tile.fits && make_fits psf tile.psf
 rung '-RL_NITER 2' 'RXPSFHOW = BESIDE' 'READ = [0-9a-f]{32} PSF_NAME tile\.psf'
-expect 0 '' -REPLAY test.cat
+leaves again.cat
+expect 0 '' -c test.cat -CATALOG_NAME again.cat
 expect 2 'CHECKIMAGE_NAME tile\.psf is also read, as tile\.psf' tile.fits -c /dev/null -CHECKIMAGE_TYPE PSF -CHECKIMAGE_NAME tile.psf
 [ "$active" = 0 ] || printf ' ' >>tile.psf
-expect 3 'tile\.psf: has changed since it was read \(PSF_NAME of the run that wrote test\.cat\)' -REPLAY test.cat
+expect 3 'tile\.psf: is not what the run that wrote test\.cat read \(PSF_NAME\)' -c test.cat -CATALOG_NAME again.cat
 
 begin 'PSF file beside the image that says no more than was stated'
 stars tile.fits 1

@@ -157,7 +157,7 @@ if [ "$active" = 1 ]; then
         timeout 60 "$program" tile.fits $auto -PSF_TYPE MOFFAT -PSF_FWHM 3 -CATALOG_TYPE ASCII_HEAD -RESTORE_TYPE "$taken" \
             -CATALOG_NAME it.cat -VERBOSE_TYPE QUIET
         echo $? >../code
-        timeout 60 "$program" -REPLAY 1.cat -VERBOSE_TYPE QUIET || echo 'not made again'
+        timeout 60 "$program" -c 1.cat -CATALOG_NAME again.cat -VERBOSE_TYPE QUIET || echo 'not made again'
         for file in 1 4 it; do
             grep -v '^#' $file.cat >$file.rows
             grep '^# RXAU' $file.cat >$file.facts

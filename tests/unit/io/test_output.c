@@ -4,7 +4,6 @@
 #include <signal.h>
 #include <sys/wait.h>
 
-#include "io/claim.h"
 #include "io/output.h"
 
 static void check_content(const char *path, const char *text)
@@ -125,56 +124,6 @@ static void test_leftovers(void **state)
     }
     for (int i = 0; i < 5; i++)
         assert_int_equal(unlink(in(state, alike[i])), 0);
-    assert_int_equal(count_files(in(state, "")), before);
-}
-
-/* A folder for what nobody shall see: that of a dead process goes when the next one is made, with all that is
- * in it, a living one's stays. Links in it are removed, not followed. */
-static void test_claimed_folder(void **state)
-{
-    int told[2];
-    char name[400] = "", theirs[400], inner[1000];
-    const int before = count_files(in(state, ""));
-    snprintf(name, sizeof name, "%s", in(state, "work.tmp-XXXXXX"));
-    write_text(in(state, "work.tmp-mine"), "mine");
-    assert_int_equal(mkdir(in(state, "kept"), 0777), 0);
-    write_text(in(state, "kept/file"), "kept");
-    assert_int_equal(pipe(told), 0);
-    const pid_t child = fork();
-    if (child == 0) {
-        if (rx_claim_folder(name) < 0)
-            _exit(1);
-        snprintf(inner, sizeof inner, "%s/sub", name);
-        if (mkdir(inner, 0777) != 0 || chdir(inner) != 0 || symlink("../../kept", "link") != 0)
-            _exit(1);
-        write_text("file", "half");
-        (void)!write(told[1], name, sizeof name);
-        for (;;)
-            pause();
-    }
-    assert_true(child > 0);
-    close(told[1]);
-    assert_int_equal(read(told[0], theirs, sizeof theirs), sizeof theirs);
-    close(told[0]);
-    for (int alive = 1; alive >= 0; alive--) {
-        struct stat info;
-        memcpy(name + strlen(name) - 6, "XXXXXX", 6);
-        const int claim = rx_claim_folder(name);
-        assert_true(claim >= 0);
-        assert_int_equal(access(theirs, F_OK), alive ? 0 : -1);
-        assert_int_equal(stat(name, &info), 0);
-        assert_int_equal(info.st_mode & 0777, 0700);
-        rx_claim_remove(claim, name);
-        assert_int_equal(access(name, F_OK), -1);
-        if (alive) {
-            assert_int_equal(kill(child, SIGKILL), 0);
-            assert_int_equal(waitpid(child, NULL, 0), child);
-        }
-    }
-    check_content(in(state, "kept/file"), "kept");
-    assert_int_equal(unlink(in(state, "kept/file")), 0);
-    assert_int_equal(rmdir(in(state, "kept")), 0);
-    assert_int_equal(unlink(in(state, "work.tmp-mine")), 0);
     assert_int_equal(count_files(in(state, "")), before);
 }
 
@@ -468,12 +417,11 @@ static void test_failing_commit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_commit),        cmocka_unit_test(test_folders_of_two),
-        cmocka_unit_test(test_only_ours),     cmocka_unit_test(test_filled_meanwhile),
-        cmocka_unit_test(test_modes),         cmocka_unit_test(test_planted),
-        cmocka_unit_test(test_leftovers),     cmocka_unit_test(test_claimed_folder),
-        cmocka_unit_test(test_two_at_once),   cmocka_unit_test(test_taken_number),
-        cmocka_unit_test(test_aside),         cmocka_unit_test(test_links),
-        cmocka_unit_test(test_failing_commit)};
+        cmocka_unit_test(test_commit),       cmocka_unit_test(test_folders_of_two),
+        cmocka_unit_test(test_only_ours),    cmocka_unit_test(test_filled_meanwhile),
+        cmocka_unit_test(test_modes),        cmocka_unit_test(test_planted),
+        cmocka_unit_test(test_leftovers),    cmocka_unit_test(test_two_at_once),
+        cmocka_unit_test(test_taken_number), cmocka_unit_test(test_aside),
+        cmocka_unit_test(test_links),        cmocka_unit_test(test_failing_commit)};
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, remove_scratch);
 }
