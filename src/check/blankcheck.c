@@ -35,9 +35,8 @@ rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, in
     const double fwhm = field->psf != NULL ? field->psf->fwhm : 4.0;
     const double distances[] = {2.0 * fwhm, fwhm, 0.0};
     rx_status status = RX_OK;
-    unsigned char *used = RX_NEW(unsigned char, n);
-    if (used == NULL)
-        return rx_error_memory(err, n);
+    unsigned char *used;
+    RX_TRY(RX_MAKE(used, n, err));
     *dst = rx_noise_white(RX_NOISE_UNKNOWN);
     for (size_t k = 0; k < sizeof distances / sizeof *distances && dst->origin == RX_NOISE_UNKNOWN; k++) {
         RX_TRY_EXIT(

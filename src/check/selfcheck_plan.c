@@ -73,9 +73,7 @@ static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
 {
     const rx_tile *tile = plan->field->tile;
     size_t n = (size_t)tile->width * (size_t)tile->height, good = 0;
-    plan->allowed = RX_NEW(unsigned char, n);
-    if (plan->allowed == NULL)
-        return rx_error_memory(err, n);
+    RX_TRY(RX_MAKE(plan->allowed, n, err));
     rx_status status =
         rx_inject_allowed(tile->width, tile->height, NULL, tile->mask, 0.0, plan->allowed, err);
     for (size_t i = 0; i < n && status == RX_OK; i++)

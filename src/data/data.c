@@ -8,6 +8,25 @@
 #include "data/restored.h"
 #include "data/tile.h"
 
+void rx_tile_free(rx_tile *tile)
+{
+    if (tile == NULL)
+        return;
+    for (int i = 0; tile->flagmaps != NULL && i < tile->nflagmaps; i++)
+        free(tile->flagmaps[i]);
+    free(tile->flagmaps);
+    free(tile->name);
+    free(tile->extname);
+    if (!tile->lent)
+        free(tile->pixels);
+    free(tile->mask);
+    free(tile->weight);
+    free(tile->cards);
+    if (tile->wcs != NULL)
+        tile->wcs_free(tile->wcs);
+    free(tile);
+}
+
 static void clear(rx_background *background)
 {
     free(background->level);

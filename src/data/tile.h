@@ -41,7 +41,7 @@ typedef enum rx_weight_type {
 
 struct rx_wcs; /* io/wcs.h */
 
-/* Owner of all it points to; freed by rx_tile_free() of io/tile.h. */
+/* Owner of all it points to. */
 typedef struct rx_tile {
     char *name;    /* as given by the user, without [hdu] */
     char *extname; /* EXTNAME or "" */
@@ -63,12 +63,15 @@ typedef struct rx_tile {
     double exptime;      /* s, 0 when unknown */
     char *cards;         /* the HDU's header, 80 characters a card, END excluded */
     size_t ncards;
-    struct rx_wcs *wcs; /* NULL without usable celestial coordinates */
-    int linear_wcs;     /* 1: header has only linear coordinates, then */
-    double linear[6];   /* x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y from 0 */
-    char checksum[32];  /* hex digest of the pixels that are not masked (64 bits); empty until
+    struct rx_wcs *wcs; /* NULL without usable celestial coordinates, else */
+    void (*wcs_free)(struct rx_wcs *wcs);
+    int linear_wcs;    /* 1: header has only linear coordinates, then */
+    double linear[6];  /* x_world = [0] + [1] x + [2] y, y_world = [3] + [4] x + [5] y, x and y from 0 */
+    char checksum[32]; /* hex digest of the pixels that are not masked (64 bits); empty until
                            rx_tile_checksum() of io/tile.h is asked for it */
 } rx_tile;
+
+void rx_tile_free(rx_tile *tile);
 
 /* Sky level and noise of a tile (SExtractor's background and rms maps), read through data/map.h: planes where
  * they are, else what meshes say. */

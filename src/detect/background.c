@@ -263,9 +263,7 @@ rx_status rx_background_measure(const rx_background_params *par, const rx_image 
     if (par->mesh_width < 1 || par->mesh_height < 1 || par->filter_width < 1 || par->filter_height < 1)
         return rx_error_set(err, RX_USAGE, "BACK_SIZE and BACK_FILTERSIZE must be at least 1");
 
-    back = RX_NEW(rx_background, 1);
-    if (back == NULL)
-        return rx_error_memory(err, sizeof *back);
+    RX_TRY(RX_MAKE(back, 1, err));
     back->width = image->width;
     back->height = image->height;
     back->global_sigma = 1.0;

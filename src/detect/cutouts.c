@@ -153,9 +153,8 @@ static rx_status fill_all_unfiltered(const rx_threshold *image, const rx_groups 
                                      const rx_unfiltered *unfiltered, rx_cutouts *dst, rx_error *err)
 {
     const size_t area = (size_t)dst->width * (size_t)dst->height;
-    float *filtered = RX_NEW(float, area);
-    if (filtered == NULL)
-        return rx_error_memory(err, area * sizeof *filtered);
+    float *filtered;
+    RX_TRY(RX_MAKE(filtered, area, err));
     for (int i = 0; i < dst->n; i++)
         fill_unfiltered(image, groups, unfiltered, &dst->list[i], dst);
     rx_filter_plane(unfiltered->kernel, dst->pixels, dst->width, dst->height, 1, filtered);

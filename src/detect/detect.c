@@ -84,9 +84,7 @@ static rx_status matched_noise(const rx_detect_params *par, const rx_image *imag
 {
     /* no data, in the unit that sep is given: a threshold of a peak there is finite */
     const float big = (float)fmin(1e30 * fmax(rx_unit_of(image->global_noise), 1.0), FLT_MAX / 1e3);
-    work->sigma = RX_NEW(float, work->n);
-    if (work->sigma == NULL)
-        return rx_error_memory(err, work->n * sizeof(float));
+    RX_TRY(RX_MAKE(work->sigma, work->n, err));
     if (image->variable_noise)
         rx_map_fill(&image->noise, image->height, par->nthreads, work->sigma);
     for (size_t i = 0; i < work->n; i++)

@@ -22,9 +22,7 @@ rx_status rx_filter_new(const float *values, int width, int height, rx_filter *d
     if (!(sum > 0.0f) || !isfinite(sum))
         return rx_error_set(err, RX_USAGE,
                             "FILTER_NAME: all values of the filter are zero; use FILTER N instead");
-    dst->values = RX_NEW(float, n);
-    if (dst->values == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    RX_TRY(RX_MAKE(dst->values, n, err));
     for (size_t i = 0; i < n; i++)
         dst->values[i] = values[i] / sum;
     dst->width = width;

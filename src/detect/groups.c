@@ -255,9 +255,7 @@ exit:
 static rx_status gather(const rx_span *spans, const long *group, rx_groups *dst, rx_error *err)
 {
     long first = 0;
-    dst->spans = RX_NEW(rx_span, (size_t)dst->nspans);
-    if (dst->spans == NULL)
-        return rx_error_memory(err, (size_t)dst->nspans * sizeof *dst->spans);
+    RX_TRY(RX_MAKE(dst->spans, (size_t)dst->nspans, err));
     for (int i = 0; i < dst->n; i++) {
         dst->list[i].first = first;
         first += dst->list[i].nspans;
@@ -294,9 +292,8 @@ rx_status rx_groups_find(const rx_threshold *threshold, int nthreads, rx_groups 
     long *parent = NULL;
     bool failed = false;
     *dst = (rx_groups){0};
-    strip *strips = RX_NEW(strip, (size_t)nstrips);
-    if (strips == NULL)
-        return rx_error_memory(err, (size_t)nstrips * sizeof *strips);
+    strip *strips;
+    RX_TRY(RX_MAKE(strips, (size_t)nstrips, err));
     scan_strips(threshold, nstrips, nthreads, strips);
     for (int s = 0; s < nstrips; s++) {
         failed |= strips[s].failed;

@@ -73,7 +73,6 @@ typedef struct rx_tile_arrays {
  * they are 0. Errors: RX_USAGE (no pixels, a weight map without a type or the other way round), RX_INPUT (all bad), RX_SYSTEM. */
 rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, rx_log *log, rx_tile **dst,
                        rx_error *err);
-void rx_tile_free(rx_tile *tile);
 
 /* The digest of pixels and mask (the first 64 bits of XXH3's 128), made when it is first asked for; not by several threads at a time. */
 const char *rx_tile_checksum(rx_tile *tile);

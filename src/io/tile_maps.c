@@ -227,9 +227,7 @@ rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx
                                    "MAP_VAR or MAP_IVAR)");
     if (!asked)
         return RX_OK;
-    tile->weight = RX_NEW(float, n);
-    if (tile->weight == NULL)
-        return rx_error_memory(err, n * sizeof *tile->weight);
+    RX_TRY(RX_MAKE(tile->weight, n, err));
     memcpy(tile->weight, weight, n * sizeof *tile->weight);
     mask_by_weight(par, tile);
     return RX_OK;

@@ -206,6 +206,7 @@ static rx_status read_header(rx_fits_source *source, const rx_tile_place *place,
 static rx_status take_wcs(const rx_tile_params *par, rx_log *log, rx_tile *tile, rx_error *err)
 {
     rx_wcs_notes notes = {0};
+    tile->wcs_free = rx_wcs_free;
     rx_status status =
         rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs, &notes, err);
     if (status == RX_OK && notes.warnings.length > 0)
@@ -303,9 +304,7 @@ static rx_status lend_pixels(const rx_tile_arrays *arrays, int nthreads, rx_log 
     size_t bad;
     tile->lent = true;
     tile->pixels = (float *)arrays->pixels;
-    tile->mask = RX_NEW(uint8_t, n);
-    if (tile->mask == NULL)
-        return rx_error_memory(err, n);
+    RX_TRY(RX_MAKE(tile->mask, n, err));
     RX_TRY(mask_pixels(tile, nthreads, log, &bad, err));
     if (bad > 0) {
         float *copy = rx_alloc_filled(n, sizeof *copy, nthreads);
@@ -338,9 +337,8 @@ rx_status rx_tile_lend(const rx_tile_params *par, const rx_tile_arrays *arrays, 
         arrays->height > INT_MAX / 4)
         return rx_error_at(err, RX_USAGE, name, -1, 0, "has %d x %d pixels; give an image", arrays->width,
                            arrays->height);
-    rx_tile *tile = RX_NEW(rx_tile, 1);
-    if (tile == NULL)
-        return rx_error_memory(err, sizeof *tile);
+    rx_tile *tile;
+    RX_TRY(RX_MAKE(tile, 1, err));
     tile->name = rx_strdup(name);
     tile->extname = rx_strdup("");
     tile->extension = 1;
@@ -417,22 +415,4 @@ exit:
     free(hdus);
     free(shapes);
     return status;
-}
-
-void rx_tile_free(rx_tile *tile)
-{
-    if (tile == NULL)
-        return;
-    for (int i = 0; tile->flagmaps != NULL && i < tile->nflagmaps; i++)
-        free(tile->flagmaps[i]);
-    free(tile->flagmaps);
-    free(tile->name);
-    free(tile->extname);
-    if (!tile->lent)
-        free(tile->pixels);
-    free(tile->mask);
-    free(tile->weight);
-    free(tile->cards);
-    rx_wcs_free(tile->wcs);
-    free(tile);
 }

@@ -28,9 +28,7 @@ rx_status rx_psf_squares(const rx_image *image, double fwhm, uint8_t **mask, int
     if (*step == 1)
         return RX_OK;
     const size_t n = (size_t)image->width * (size_t)image->height;
-    *mask = RX_NEW(uint8_t, n);
-    if (*mask == NULL)
-        return rx_error_memory(err, n);
+    RX_TRY(RX_MAKE(*mask, n, err));
     for (int y = 0; y < image->height; y++)
         for (int x = 0; x < image->width; x++) {
             const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
@@ -48,14 +46,13 @@ static rx_status change(const rx_psf *before, const rx_psf *after, const rx_imag
     const int half = (before->size < after->size ? before->size : after->size) / 2;
     const size_t n[2] = {(size_t)before->size * (size_t)before->size,
                          (size_t)after->size * (size_t)after->size};
-    float *a = RX_NEW(float, n[0]), *b = RX_NEW(float, n[1]);
     double aa = 0, ab = 0;
-    const rx_status status = a == NULL || b == NULL ? rx_error_memory(err, (n[0] + n[1]) * sizeof *a) : RX_OK;
-    if (status == RX_OK) {
-        rx_psf_at(before, x, y, a);
-        rx_psf_at(after, x, y, b);
-    }
-    for (int v = -half; v <= half && status == RX_OK; v++)
+    float *a;
+    RX_TRY(RX_MAKE(a, n[0] + n[1], err));
+    float *const b = a + n[0];
+    rx_psf_at(before, x, y, a);
+    rx_psf_at(after, x, y, b);
+    for (int v = -half; v <= half; v++)
         for (int u = -half; u <= half; u++) {
             const double p = a[(before->size / 2 + v) * before->size + before->size / 2 + u],
                          q = b[(after->size / 2 + v) * after->size + after->size / 2 + u];
@@ -64,8 +61,7 @@ static rx_status change(const rx_psf *before, const rx_psf *after, const rx_imag
         }
     *dst = ab / aa - 1.0;
     free(a);
-    free(b);
-    return status;
+    return RX_OK;
 }
 
 /* On the pixels without the model. */

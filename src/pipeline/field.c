@@ -3,8 +3,6 @@
 
 #include <stdlib.h>
 
-#include "io/tile.h"
-
 rx_image rx_field_observed(const rx_field *field)
 {
     rx_image image = rx_image_on_sky(&field->image, field->plain);

@@ -8,7 +8,6 @@
 #include "detect/no_data.h"
 #include "detect/saturation.h"
 
-/* What may be hidden of its pixels, the caller's or its own. */
 uint8_t *rx_field_mask(const rx_field *field)
 {
     return field->mask != NULL ? field->mask : field->tile != NULL ? field->tile->mask : NULL;
@@ -114,7 +113,6 @@ void rx_field_hide_deep(rx_field *field, rx_log *log)
             image->name, image->hdu, field->deep, deep);
 }
 
-/* The caller's mask, and what the values themselves say: not a number, at saturation, a weight of no data. */
 void rx_field_make_mask(const rx_image *image, uint8_t *dst)
 {
     const float limit = rx_pixel_limit(image->pixels, image->width, image->height);

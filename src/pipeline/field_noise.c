@@ -23,13 +23,12 @@ rx_status rx_field_noise_known(const rx_pipeline_params *params, rx_field *field
     return RX_OK;
 }
 
-/* The PSF in the middle of the tile, to be freed; NULL without memory. */
-static float *middle_stamp(const rx_field *field, const rx_psf *psf)
+/* The PSF in the middle of the tile, to be freed. */
+static rx_status middle_stamp(const rx_field *field, const rx_psf *psf, float **dst, rx_error *err)
 {
-    float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
-    if (stamp != NULL)
-        rx_psf_at(psf, 0.5 * (field->image.width - 1), 0.5 * (field->image.height - 1), stamp);
-    return stamp;
+    RX_TRY(RX_MAKE(*dst, (size_t)psf->size * (size_t)psf->size, err));
+    rx_psf_at(psf, 0.5 * (field->image.width - 1), 0.5 * (field->image.height - 1), *dst);
+    return RX_OK;
 }
 
 /* The variance of the sky's photons over what was measured of all noise; 0: not known. */
@@ -49,9 +48,8 @@ rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *use
     RX_TRY(rx_correlation_measure(&image, used, nthreads, dst, err));
     if (psf == NULL || !dst->correlated)
         return RX_OK;
-    float *stamp = middle_stamp(field, psf);
-    if (stamp == NULL)
-        return rx_error_memory(err, 0);
+    float *stamp;
+    RX_TRY(middle_stamp(field, psf, &stamp, err));
     rx_noise_without_light(dst, stamp, psf->size, psf->size, photon_share(field, dst));
     free(stamp);
     return RX_OK;
@@ -66,9 +64,8 @@ rx_status rx_field_noise_effective(rx_field *field, const rx_psf *of_light, rx_l
     const rx_psf *psf = field->psf != NULL ? field->psf : of_light;
     const rx_image *image = &field->image;
     if (psf != NULL && field->noise.correlated) {
-        float *stamp = middle_stamp(field, psf);
-        if (stamp == NULL)
-            return rx_error_memory(err, 0);
+        float *stamp;
+        RX_TRY(middle_stamp(field, psf, &stamp, err));
         rx_noise_without_light(&field->noise, stamp, psf->size, psf->size,
                                photon_share(field, &field->noise));
         field->noise_factor = rx_noise_factor(&field->noise, stamp, psf->size, psf->size);

@@ -1,20 +1,19 @@
 librextract_la_SOURCES += \
-	src/pipeline/coordinates.c src/pipeline/coordinates.h \
 	src/pipeline/crowd_psf.c src/pipeline/crowd_psf.h \
 	src/pipeline/domain.c src/pipeline/domain.h \
 	src/pipeline/facts.c \
 	src/pipeline/field.c src/pipeline/field.h \
 	src/pipeline/field_mask.c src/pipeline/field_mask.h \
+	src/pipeline/field_new.c \
 	src/pipeline/field_noise.c src/pipeline/field_noise.h \
 	src/pipeline/fluxcheck.c src/pipeline/fluxcheck.h \
-	src/pipeline/params.c src/pipeline/params.h \
+	src/pipeline/params.h \
 	src/pipeline/photometry.c src/pipeline/photometry.h \
 	src/pipeline/pipeline.c src/pipeline/pipeline.h \
 	src/pipeline/preal.c \
 	src/pipeline/prepare.c src/pipeline/prepare.h \
 	src/pipeline/psf_source.c src/pipeline/psf_source.h \
 	src/pipeline/residual.c src/pipeline/residual.h \
-	src/pipeline/run.c \
 	src/pipeline/saturated.c src/pipeline/saturated.h \
 	src/pipeline/template_extra.c src/pipeline/template_extra.h \
 	src/pipeline/template_fit.c src/pipeline/template_fit.h

@@ -48,12 +48,13 @@ typedef struct rx_template_params {
 } rx_template_params;
 
 typedef struct rx_pipeline_params {
-    const rx_restorer *restorer;        /* of rx_pipeline_run(); NULL: Richardson-Lucy */
-    rx_background_params background[2]; /* of the detection and of the measurement image */
-    rx_psf_params psf;                  /* its file: psf_files */
-    const char *psf_files[2];           /* PSF_NAME of the same two */
-    double seeing_arcsec;               /* SEEING_FWHM */
-    bool seeing_stated;                 /* the default is no statement about a tile */
+    const rx_restorer *restorer;          /* of rx_pipeline_run(); NULL: Richardson-Lucy */
+    rx_background_params background[2];   /* of the detection and of the measurement image */
+    rx_psf_params psf;                    /* its file: psf_files */
+    const char *psf_files[2];             /* PSF_NAME of the same two */
+    const struct rx_psf_hints *psf_hints; /* besides pixels and `psf` (pipeline/psf_source.h); NULL: none */
+    double seeing_arcsec;                 /* SEEING_FWHM */
+    bool seeing_stated;                   /* the default is no statement about a tile */
     /* PIXEL_SCALE, arcsec; 0 when it was not set: SExtractor's default of 1 is no fact */
     double stated_scale;
     rx_restore_params restore;
@@ -72,23 +73,6 @@ typedef struct rx_pipeline_params {
     int flag_types[RX_MAX_FLAGMAPS]; /* FLAG_TYPE */
     int nthreads;
 } rx_pipeline_params;
-
-/* The defaults of all keywords of config/keys.def that are the pipeline's, RESTORE_TYPE, the built-in FILTER and
- * NTHREADS among them. There are no names of files and no model, and everything is measured. */
-rx_status rx_pipeline_defaults(rx_pipeline_params *dst, rx_error *err);
-
-/* One of these keywords, its value as on the command line: "DETECT_THRESH", "2.0". Names of files and the model of
- * RESTORE_TYPE NET are fields; the mag/arcsec2 of DETECT_THRESH, and relations between keywords, are the stage's.
- * Errors: RX_USAGE (unknown, not its value, or not the pipeline's), RX_SYSTEM; params is then as it was. */
-rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const char *value, rx_error *err);
-
-struct rx_settings; /* config/settings.h */
-
-/* The same keywords from settings of rextract; *dst was zeroed. What depends on more than one keyword is left. */
-void rx_pipeline_fill(rx_pipeline_params *dst, const struct rx_settings *settings);
-
-/* For every stage. */
-void rx_pipeline_threads(rx_pipeline_params *params, int nthreads);
 
 RX_END_DECLS
 

@@ -59,9 +59,7 @@ static rx_status untouched_image(const work *w, const rx_field *field, int few, 
     const size_t n = (size_t)dst->width * (size_t)dst->height;
     if (few && n > WHOLE)
         return RX_OK;
-    *plane = RX_NEW(float, n);
-    if (*plane == NULL)
-        return rx_error_memory(err, n * sizeof(float));
+    RX_TRY(RX_MAKE(*plane, n, err));
     rx_image_above_sky(dst, w->params->nthreads, *plane);
     dst->pixels = *plane;
     dst->with_sky = 0;

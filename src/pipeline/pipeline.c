@@ -8,7 +8,6 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
-#include "catalog/catalog.h"
 #include "data/gaps.h"
 #include "detect/filter.h"
 #include "pipeline/saturated.h"
@@ -551,18 +550,6 @@ rx_status rx_result_count(const rx_pipeline_params *params, const rx_result *res
     *n = sources->n;
     rx_sources_free(sources);
     return RX_OK;
-}
-
-rx_status rx_result_table(const rx_result *result, const char *const *columns, int n, rx_table **dst,
-                          rx_error *err)
-{
-    rx_column_list *list = NULL;
-    *dst = NULL;
-    rx_status status = rx_columns_of(columns, n, &list, err);
-    if (status == RX_OK)
-        status = rx_catalog_table(list, &result->measure->image, result->sources, dst, err);
-    rx_columns_free(list);
-    return status;
 }
 
 void rx_result_free(rx_result *result)

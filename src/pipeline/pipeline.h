@@ -1,8 +1,8 @@
-/* The pipeline in memory: arrays in; restored image, sources, table and facts out. Without files, and without printing
+/* The pipeline in memory: arrays in; restored image, sources and facts out. Without files, and without printing
  * but through the log. The programs run it too, as do self checks and campaigns, so that what they learn holds for
  * catalogues.
  *
- *   background -> psf                         pipeline/field.h
+ *   background -> psf                         rx_field_new(), of pipeline/field.h
  *   restore -> detect -> templates -> measure rx_field_extract()
  *
  * Its parts can be called one by one: rx_background_measure(), rx_psf_make(), rx_restorer.run, rx_detect_run(),
@@ -16,7 +16,6 @@
 #include "data/record.h"
 #include "data/restored.h"
 #include "data/sources.h"
-#include "data/table.h"
 #include "pipeline/domain.h"
 #include "pipeline/field.h"
 #include "pipeline/params.h"
@@ -58,20 +57,6 @@ typedef struct rx_result {
     const char *by; /* restorer that did the tile, or its measurement image, instead of `kind`; NULL: none */
     char why[240];  /* why, or why AUTO chose it */
 } rx_result;
-
-/* An image as the caller has it: pixels with their sky, mask and what hides, gain, saturation, zero point, and
- * weights or flag maps where there are any; its sky and noise are measured here. Its PSF is that of the image, or
- * where that is NULL what params->psf says. By params->restorer, Richardson-Lucy where that is NULL. The caller's
- * arrays and params->restore.model must live as long as the result. Runs in several threads at once do not know of
- * each other. Errors: those of the parts; RX_INTERRUPTED where the caller stops it. Free with rx_result_free();
- * nothing is left after an error. */
-rx_status rx_pipeline_run(const rx_pipeline_params *params, const rx_image *image, rx_log *log,
-                          rx_result *dst, rx_error *err);
-
-/* A table of the sources with any columns of SExtractor's or ours (rextract -dp lists them), vectors with one element.
- * Errors: RX_USAGE (no such column), RX_SYSTEM. Free with rx_table_free(). */
-rx_status rx_result_table(const rx_result *result, const char *const *columns, int n, rx_table **dst,
-                          rx_error *err);
 
 /* What was found out on the way, as headers have it (RXREST, RXFWHM, RXSIGMA ...; rextract(1) explains them), added to
  * `facts`, which says in `failed` when memory ran out. */

@@ -98,7 +98,6 @@ static rx_status measure_backgrounds(const rx_pipeline_params *params, int role,
     return measure_background(params, role, &field->image, RX_HIDE_RESTORED, &field->restored, err);
 }
 
-/* The field of a caller's image, with a mask of its own. */
 rx_status rx_field_of_image(const rx_image *image, rx_field **dst, rx_error *err)
 {
     const size_t n = (size_t)image->width * (size_t)image->height;

@@ -123,9 +123,8 @@ rx_status rx_saturated_absorb(rx_saturated *saturated, rx_sources *sources, rx_e
     rx_status status = RX_OK;
     if (own == 0)
         return RX_OK;
-    unsigned char *keep = RX_NEW(unsigned char, (size_t)sources->n);
-    if (keep == NULL)
-        return rx_error_memory(err, (size_t)sources->n);
+    unsigned char *keep;
+    RX_TRY(RX_MAKE(keep, (size_t)sources->n, err));
     memset(keep, UNKNOWN, (size_t)sources->n);
     mark_known(saturated, sources, keep);
     for (size_t i = 0; i < saturated->npixels && status == RX_OK; i++)

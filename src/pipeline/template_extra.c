@@ -116,9 +116,8 @@ static rx_status mark_saturated(const rx_template_extra *extra, unsigned char **
 {
     const rx_sources *sources = extra->sources;
     const size_t npixels = (size_t)sources->width * (size_t)sources->height;
-    unsigned char *saturated = RX_NEW(unsigned char, (size_t)sources->n);
-    if (saturated == NULL)
-        return rx_error_memory(err, (size_t)sources->n);
+    unsigned char *saturated;
+    RX_TRY(RX_MAKE(saturated, (size_t)sources->n, err));
     for (size_t i = 0; i < npixels; i++)
         if ((extra->mask[i] & RX_MASK_CUT) != 0 && sources->segments[i] > 0)
             saturated[sources->segments[i] - 1] = 1;

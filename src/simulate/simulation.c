@@ -358,6 +358,7 @@ rx_status rx_simulation_tile(const rx_simulation *simulation, const rx_simulated
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
+    tile->wcs_free = rx_wcs_free;
     status = rx_wcs_from_cards(tile->cards, tile->ncards, tile->width, tile->height, &tile->wcs, NULL, err);
     if (status == RX_OK && tile->wcs != NULL)
         tile->pixel_scale = rx_wcs_pixel_scale(tile->wcs, 0.5 * (tile->width - 1), 0.5 * (tile->height - 1));

@@ -11,8 +11,8 @@
 #include "data/facts.h"
 #include "io/fits_write.h"
 #include "io/tile.h"
-#include "pipeline/coordinates.h"
 #include "pipeline/pipeline.h"
+#include "stage/coordinates.h"
 #include "stage/domain_facts.h"
 #include "stage/template_table.h"
 

@@ -15,6 +15,7 @@
 #include "config/config_fields.h"
 #include "config/kernel.h"
 #include "stage/checkimages.h"
+#include "stage/pipeline.h"
 
 #include "config/fill_rows.h"
 
@@ -304,9 +305,9 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
     dst->tile[0].weight_threshold = dst->tile[1].weight_threshold = NAN; /* where it is not given */
     dst->reference.flux_zeropoint = NAN;
     rx_fill_all(rows, (int)COUNT(rows), &cfg->settings, dst);
-    rx_pipeline_fill(pipeline, &cfg->settings);
-    rx_pipeline_threads(pipeline, cfg->plan ? rx_threads_count(cfg->nthreads) /* the run may be elsewhere */
-                                            : rx_threads_had(cfg->nthreads, log));
+    rx_pipeline_fill(pipeline, &cfg->settings,
+                     cfg->plan ? rx_threads_count(cfg->nthreads) /* the run may be elsewhere */
+                               : rx_threads_had(cfg->nthreads, log));
     surface_brightness(cfg, &cfg->detect_thresh, &detect->threshold, &detect->absolute);
     surface_brightness(cfg, &cfg->analysis_thresh, &detect->analysis_threshold, &detect->analysis_absolute);
     pipeline->seeing_stated = rx_settings_states(&cfg->settings, "SEEING_FWHM");

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "pipeline/pipeline.h"
+#include "stage/pipeline.h"
 
 enum { SIDE = 256 };
 

@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "pipeline/pipeline.h"
+#include "stage/pipeline.h"
 
 using Clock = std::chrono::steady_clock;
 

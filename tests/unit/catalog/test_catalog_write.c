@@ -9,7 +9,7 @@
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 #include "io/output.h"
-#include "pipeline/params.h"
+#include "stage/pipeline.h"
 
 static const rx_record_pair record[] = {{"RXVERS", "Rextract <&> \"test\"", "program"},
                                         {"DETECT_MINAREA", "5", "pixels above threshold"},

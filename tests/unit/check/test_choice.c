@@ -15,6 +15,7 @@
 #include "../pipeline/scene.h"
 #include "check/choice.h"
 #include "data/image.h"
+#include "stage/pipeline.h"
 
 enum { SIDE = 300 };
 
@@ -66,7 +67,7 @@ static void windows_avoid_what_is_masked(void **state)
 
 enum { AS_IT_IS, NO_PSF, MASKED, NO_NOISE };
 
-static rx_choice choose(const setting *settings, int how, int threads)
+static rx_choice choose(const setting *settings, int how, const char *threads)
 {
     rx_choice choice;
     rx_error err = RX_ERROR_NONE;
@@ -82,7 +83,7 @@ static rx_choice choose(const setting *settings, int how, int threads)
         field->plain->constant = 1;
     if (how == MASKED)
         memset(field->tile->mask, RX_MASK_BAD, SIDE * SIDE);
-    rx_pipeline_threads(&b.options->pipeline, threads);
+    assert_int_equal(rx_pipeline_set(&b.options->pipeline, "NTHREADS", threads, NULL), RX_OK);
     if (rx_choice_make(&b.options->pipeline, &b.options->check, field, NULL, &choice, &err) != RX_OK)
         fail_msg("%s", err.text);
     field->psf = psf;
@@ -99,7 +100,7 @@ static const setting unfiltered[] = {
 static void the_better_one_wins(void **state)
 {
     (void)state;
-    const rx_choice c = choose(unfiltered, AS_IT_IS, 1);
+    const rx_choice c = choose(unfiltered, AS_IT_IS, "1");
     assert_string_equal(c.taken->name, "RL");
     assert_int_equal(c.injected, 300);
     assert_near(c.mpixels, 1e-6 * SIDE * SIDE, 1e-12);
@@ -114,7 +115,7 @@ static void the_better_one_wins(void **state)
 static void without_noise_nothing_is_restored(void **state)
 {
     (void)state;
-    const rx_choice c = choose(unfiltered, NO_NOISE, 1);
+    const rx_choice c = choose(unfiltered, NO_NOISE, "1");
     assert_string_equal(c.taken->name, "NONE");
     for (int i = 1; i < RX_CHOICE_CANDIDATES; i++) {
         assert_string_equal(c.of[i].out, "the noise is not known");
@@ -130,7 +131,7 @@ static void threads_change_nothing(void **state)
                                   {"DETECT_MINAREA", "3"},
                                   {"RL_NITER", "20"},
                                   {NULL, NULL}};
-    const rx_choice one = choose(few, AS_IT_IS, 1), four = choose(few, AS_IT_IS, 4);
+    const rx_choice one = choose(few, AS_IT_IS, "1"), four = choose(few, AS_IT_IS, "4");
     assert_int_equal(one.injected, 20);
     assert_string_equal(one.why, four.why);
     for (int i = 0; i < 2; i++) {
@@ -150,10 +151,10 @@ static void a_worse_one_leaves_none(void **state)
                                     {NULL, NULL}};
     static const setting same[] = {
         {"RL_NITER", "0"}, {"RL_DENOISE", "0"}, {"SELF_CHECK_COUNT", "100"}, {NULL, NULL}};
-    rx_choice c = choose(noisy, AS_IT_IS, 1);
+    rx_choice c = choose(noisy, AS_IT_IS, "1");
     assert_string_equal(c.taken->name, "NONE");
     assert_non_null(strstr(c.why, "RL"));
-    c = choose(same, AS_IT_IS, 1);
+    c = choose(same, AS_IT_IS, "1");
     assert_string_equal(c.taken->name, "NONE");
 }
 
@@ -163,7 +164,7 @@ static void a_flux_scale_that_is_off_is_a_veto(void **state)
     (void)state;
     static const setting wide[] = {{"FILTER", "N"},     {"DETECT_MINAREA", "3"},     {"RL_NITER", "20"},
                                    {"PSF_FWHM", "4.2"}, {"SELF_CHECK_COUNT", "100"}, {NULL, NULL}};
-    const rx_choice c = choose(wide, AS_IT_IS, 1);
+    const rx_choice c = choose(wide, AS_IT_IS, "1");
     assert_string_equal(c.taken->name, "NONE");
     assert_non_null(strstr(c.of[1].out, "flux scale"));
     assert_non_null(strstr(c.why, "flux scale"));
@@ -173,7 +174,7 @@ static void a_flux_scale_that_is_off_is_a_veto(void **state)
 static void without_a_psf_it_is_none(void **state)
 {
     (void)state;
-    const rx_choice c = choose(unfiltered, NO_PSF, 1);
+    const rx_choice c = choose(unfiltered, NO_PSF, "1");
     assert_string_equal(c.taken->name, "NONE");
     assert_string_equal(c.why, "the PSF is not known");
     assert_int_equal(c.injected, 0);
@@ -183,7 +184,7 @@ static void without_a_psf_it_is_none(void **state)
 static void without_room_it_is_none(void **state)
 {
     (void)state;
-    const rx_choice c = choose(unfiltered, MASKED, 1);
+    const rx_choice c = choose(unfiltered, MASKED, "1");
     assert_string_equal(c.taken->name, "NONE");
     assert_int_equal(c.injected, 0);
     assert_true(strlen(c.why) > 10);

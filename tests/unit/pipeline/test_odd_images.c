@@ -10,7 +10,7 @@
 #include <string.h>
 
 #include "base/random.h"
-#include "pipeline/pipeline.h"
+#include "stage/pipeline.h"
 
 typedef struct odd {
     const char *name;

@@ -11,6 +11,7 @@
 #include "base/threads.h"
 #include "config/keyword.h"
 #include "stage/options.h"
+#include "stage/pipeline.h"
 
 #include "config/fill_rows.h"
 
@@ -139,8 +140,9 @@ static void defaults_are_those_of_the_program(void **state)
 static void threads_go_to_every_stage(void **state)
 {
     (void)state;
-    rx_pipeline_params params = {.nthreads = 1};
-    rx_pipeline_threads(&params, 7);
+    rx_pipeline_params params;
+    assert_int_equal(rx_pipeline_defaults(&params, NULL), RX_OK);
+    assert_int_equal(rx_pipeline_set(&params, "NTHREADS", "7", NULL), RX_OK);
     assert_int_equal(params.nthreads, 7);
     assert_int_equal(params.background[0].nthreads, 7);
     assert_int_equal(params.background[1].nthreads, 7);
@@ -148,6 +150,7 @@ static void threads_go_to_every_stage(void **state)
     assert_int_equal(params.detect.nthreads, 7);
     assert_int_equal(params.measure.nthreads, 7);
     assert_int_equal(params.templates.par.nthreads, 7);
+    assert_int_equal(params.psf.nthreads, 7);
 }
 
 static void params_by_keyword(void **state)

@@ -16,11 +16,12 @@
 #include "bench.h"
 #include "data/gaps.h"
 #include "io/tile.h"
-#include "pipeline/coordinates.h"
 #include "pipeline/crowd_psf.h"
 #include "pipeline/pipeline.h"
 #include "psf/psf.h"
 #include "scene.h"
+#include "stage/coordinates.h"
+#include "stage/pipeline.h"
 
 enum { SIDE = 200, TILES = 6 };
 
@@ -794,9 +795,42 @@ static void test_psf_squares(void **state)
     }
 }
 
+/* Where no one states a PSF, stars alone say it, or nothing does. */
+static void test_psf_without_hints(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"PSF_TYPE", "AUTO"}, {"PSF_FWHM", "0"}, {NULL, NULL}};
+    bench b;
+    bench_open(&b, settings);
+    rx_pipeline_params params[2] = {b.options->pipeline, b.options->pipeline};
+    params[1].psf_hints = NULL;
+    for (int stars = 0; stars <= 60; stars += 60) {
+        scene s;
+        rx_field *fields[2];
+        scene_make(&s, SIDE, SIDE, stars, 8);
+        const rx_image image = {.width = SIDE, .height = SIDE, .pixels = s.pixels};
+        for (int i = 0; i < 2; i++) {
+            params[i].seeing_stated = true;
+            params[i].seeing_arcsec = params[i].stated_scale = 1.5;
+            assert_int_equal(rx_field_new(&params[i], RX_FIELD_PSF, &image, NULL, &fields[i], NULL), RX_OK);
+        }
+        assert_non_null(fields[0]->psf);
+        assert_int_equal(fields[1]->unrestorable, stars == 0);
+        if (stars == 0)
+            assert_null(fields[1]->psf);
+        else
+            assert_string_equal(fields[1]->psf->description, fields[0]->psf->description);
+        rx_field_free(fields[0]);
+        rx_field_free(fields[1]);
+        scene_free(&s);
+    }
+    bench_close(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_arrays),
+                                       cmocka_unit_test(test_psf_without_hints),
                                        cmocka_unit_test(test_stop),
                                        cmocka_unit_test(test_no_stars),
                                        cmocka_unit_test(test_two_threads),

@@ -1,12 +1,9 @@
-/* The driver: prepares tiles, among them those of crowds, and runs all on one. */
+/* Fields from images and tiles, among them those of crowds. */
 #include <math.h>
 
 #include "base/memory.h"
-#include "io/tile.h"
-#include "pipeline/coordinates.h"
 #include "pipeline/crowd_psf.h"
 #include "pipeline/field_noise.h"
-#include "pipeline/pipeline.h"
 #include "pipeline/prepare.h"
 
 /* A crowd's PSF is measured again until fluxes change by less, relative. */
@@ -85,26 +82,4 @@ rx_status rx_field_new(const rx_pipeline_params *params, int what, const rx_imag
     *dst = NULL;
     RX_TRY(rx_field_of_image(image, &field, err));
     return prepare(params, what, field, log, dst, err);
-}
-
-rx_status rx_pipeline_run(const rx_pipeline_params *params, const rx_image *image, rx_log *log,
-                          rx_result *dst, rx_error *err)
-{
-    const rx_restorer *kind = params->restorer != NULL ? params->restorer : rx_restorer_find("RL");
-    rx_field *field = NULL;
-    *dst = (rx_result){0};
-    rx_log_part(log, "sky and PSF", 0.0, 0.1);
-    rx_status status = rx_field_new(
-        params, (kind->traits & RX_TRAIT_PSF) != 0 || params->templates.wanted ? RX_FIELD_PSF : 0, image, log,
-        &field, err);
-    if (status == RX_OK)
-        status = rx_field_extract(params, kind, field, NULL, log, dst, err);
-    if (status == RX_OK)
-        status = rx_coordinates_fill(&field->image, dst->sources, err);
-    dst->own = field;
-    if (status != RX_OK)
-        rx_result_free(dst);
-    else
-        rx_log_part(log, "done", 1.0, 1.0);
-    return status;
 }

@@ -1,6 +1,6 @@
 /* World coordinates of every source from the image's WCS. */
-#ifndef RX_PIPELINE_COORDINATES_H
-#define RX_PIPELINE_COORDINATES_H
+#ifndef RX_STAGE_COORDINATES_H
+#define RX_STAGE_COORDINATES_H
 
 #include "base/error.h"
 #include "data/image.h"

@@ -1,5 +1,5 @@
 /* World coordinates of the sources. */
-#include "pipeline/coordinates.h"
+#include "stage/coordinates.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -9,40 +9,23 @@
 
 enum { CENTRE, WINDOWED, PEAK, FITTED, NPOSITIONS };
 
-static void position(const rx_source *source, int kind, double *x, double *y)
-{
-    if (kind == CENTRE || (kind == FITTED && source->fit.group == 0))
-        *x = source->x, *y = source->y;
-    else if (kind == WINDOWED)
-        *x = source->xwin, *y = source->ywin;
-    else if (kind == FITTED)
-        *x = source->fit.x, *y = source->fit.y;
-    else
-        *x = source->xpeak, *y = source->ypeak;
-}
+typedef struct position {
+    double x, y;
+    double *sky[4]; /* native and J2000; NULL: no column has it */
+} position;
 
-static void store(rx_source *source, int kind, double alpha, double delta, double alpha_j2000,
-                  double delta_j2000)
+static position position_of(rx_source *s, int kind)
 {
-    if (kind == CENTRE) {
-        source->alpha = source->x_world = alpha;
-        source->delta = source->y_world = delta;
-        source->alpha_j2000 = alpha_j2000;
-        source->delta_j2000 = delta_j2000;
-    } else if (kind == WINDOWED) {
-        source->alphawin = alpha;
-        source->deltawin = delta;
-        source->alphawin_j2000 = alpha_j2000;
-        source->deltawin_j2000 = delta_j2000;
-    } else if (kind == FITTED) {
-        source->fit.alpha = source->fit.group > 0 ? alpha_j2000 : NAN;
-        source->fit.delta = source->fit.group > 0 ? delta_j2000 : NAN;
-    } else {
-        source->alphapeak = alpha;
-        source->deltapeak = delta;
-        source->alphapeak_j2000 = alpha_j2000;
-        source->deltapeak_j2000 = delta_j2000;
-    }
+    const bool fitted = s->fit.group > 0;
+    const position all[NPOSITIONS] = {
+        [CENTRE] = {s->x, s->y, {&s->alpha, &s->delta, &s->alpha_j2000, &s->delta_j2000}},
+        [WINDOWED] = {s->xwin, s->ywin, {&s->alphawin, &s->deltawin, &s->alphawin_j2000, &s->deltawin_j2000}},
+        [PEAK] = {s->xpeak,
+                  s->ypeak,
+                  {&s->alphapeak, &s->deltapeak, &s->alphapeak_j2000, &s->deltapeak_j2000}},
+        [FITTED] = {
+            fitted ? s->fit.x : s->x, fitted ? s->fit.y : s->y, {NULL, NULL, &s->fit.alpha, &s->fit.delta}}};
+    return all[kind];
 }
 
 /* Position angle of native north in the J2000 frame at a source (rad): where a small step along native
@@ -67,8 +50,10 @@ rx_status rx_coordinates_fill(const rx_image *image, rx_sources *sources, rx_err
     RX_TRY(RX_MAKE(work, 6 * n + 1, err));
     double *x = work, *y = work + n, *sky = work + 2 * n;
     for (int kind = 0; kind < NPOSITIONS; kind++) {
-        for (size_t i = 0; i < n; i++)
-            position(&sources->list[i], kind, &x[i], &y[i]);
+        for (size_t i = 0; i < n; i++) {
+            const position at = position_of(&sources->list[i], kind);
+            x[i] = at.x, y[i] = at.y;
+        }
         if (image->wcs != NULL) {
             rx_wcs_to_native(image->wcs, (int)n, x, y, sky, sky + n);
             rx_wcs_native_to_j2000(image->wcs, (int)n, sky, sky + n, sky + 2 * n, sky + 3 * n);
@@ -76,12 +61,20 @@ rx_status rx_coordinates_fill(const rx_image *image, rx_sources *sources, rx_err
             for (size_t i = 0; i < 4 * n; i++)
                 sky[i] = NAN;
         for (size_t i = 0; i < n; i++)
-            store(&sources->list[i], kind, sky[i], sky[n + i], sky[2 * n + i], sky[3 * n + i]);
+            for (size_t k = 0; k < 4; k++) {
+                double *dst = position_of(&sources->list[i], kind).sky[k];
+                if (dst != NULL)
+                    *dst = sky[k * n + i];
+            }
     }
     for (size_t i = 0; i < n; i++) {
         rx_source *source = &sources->list[i];
         for (int k = 0; k < 4; k++)
             source->world_matrix[k] = NAN;
+        source->x_world = source->alpha;
+        source->y_world = source->delta;
+        if (source->fit.group <= 0)
+            source->fit.alpha = source->fit.delta = NAN;
         if (image->linear != NULL) {
             source->x_world = image->linear[0] + image->linear[1] * source->x + image->linear[2] * source->y;
             source->y_world = image->linear[3] + image->linear[4] * source->x + image->linear[5] * source->y;
