@@ -24,12 +24,13 @@ restore   nn num psf
 detect    num
 measure   num
 template  num
+fit       num psf
 simulate  io num nn psf config
 catalog   io num psf
 quality   io num psf
 report    quality io num psf
 train     report nn simulate par quality config io num psf
-pipeline  nn psf restore detect measure template num
+pipeline  nn psf restore detect measure template fit num
 check     report pipeline simulate quality restore measure num io
 stage     report check pipeline io num nn psf restore detect measure template catalog quality simulate config
 survey    report stage pipeline par quality catalog io config num

@@ -13,24 +13,34 @@ static bool there(const rx_text *path)
     return !path->failed && access(path->data, F_OK) == 0;
 }
 
-/* A survey's file that does without restoration means SExtractor's thresholds and sky where it does not name its own. */
+static rx_status take_way(rx_settings *settings, const char *key, char *value, rx_error *err)
+{
+    const int row = rx_keyword_find(settings->table, key);
+    return settings->origin[row] == RX_FROM_DEFAULT
+               ? rx_keyword_assign(settings, row, &value, 1, (rx_place){0}, NULL, err)
+               : RX_OK;
+}
+
+/* A survey's file that does without restoration means SExtractor's thresholds, filter and sky where it does not name its own; and
+ * who names a filter, or a threshold, means sigmas of a pixel behind SExtractor's. */
 static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
 {
+    static const char *const sextractors[] = {"FILTER", "FILTER_NAME", "DETECT_THRESH", "THRESH_TYPE"};
     const rx_config *config = (const rx_config *)settings;
-    const struct {
-        const char *key;
-        char *value;
-    } ways[] = {{"THRESH_TYPE", "RELATIVE"}, {"BACK_PASSES", "1"}};
-    if (settings->file == NULL || settings->repeated.n > 0 || config->restore_type.n != 1 ||
-        strcmp(config->restore_type.v[0], "NONE") != 0)
+    bool conv = false;
+    if (settings->repeated.n > 0)
         return RX_OK;
-    for (size_t i = 0; i < sizeof ways / sizeof *ways; i++) {
-        const int row = rx_keyword_find(settings->table, ways[i].key);
-        char *value = ways[i].value;
-        if (settings->origin[row] == RX_FROM_DEFAULT)
-            RX_TRY(rx_keyword_assign(settings, row, &value, 1, (rx_place){0}, NULL, err));
+    if (settings->file != NULL && config->restore_type.n == 1 &&
+        strcmp(config->restore_type.v[0], "NONE") == 0) {
+        RX_TRY(take_way(settings, "THRESH_TYPE", "RELATIVE", err));
+        RX_TRY(take_way(settings, "BACK_PASSES", "1", err));
+        conv = true;
     }
-    return RX_OK;
+    for (size_t i = 0; i < sizeof sextractors / sizeof *sextractors; i++)
+        conv |= settings->origin[rx_keyword_find(settings->table, sextractors[i])] != RX_FROM_DEFAULT;
+    if (conv)
+        RX_TRY(take_way(settings, "FILTER_TYPE", "CONV", err));
+    return strcmp(config->filter_type, "CONV") == 0 ? take_way(settings, "DETECT_THRESH", "1.5", err) : RX_OK;
 }
 
 /* The file that the row means, where that is not as given, into *path; nothing where it is, or where it is nowhere. */
@@ -61,6 +71,9 @@ rx_status rx_settings_find_files(rx_settings *settings, rx_log *log, rx_error *e
     rx_text said = {0}; /* in one line of the log */
     if (settings->table == rx_keytable_rextract())
         RX_TRY(take_survey_ways(settings, err));
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        if (settings->part[i]->table == rx_keytable_rextract())
+            RX_TRY(take_survey_ways(settings->part[i], err));
     for (int row = 0; row < settings->table->nrows && status == RX_OK; row++) {
         const rx_keyword *key = &settings->table->rows[row];
         rx_text path = {0};

@@ -31,6 +31,8 @@ typedef struct rx_detect_params {
     int filter_width, filter_height;
     int filter_normalise;    /* CONV NORM */
     int matched;             /* sep's matched filter: of campaigns */
+    int filter_auto;         /* FILTER_TYPE AUTO: DETECT_THRESH is `significance` */
+    double significance;     /* sigmas of the PSF's matched filter */
     int deblend_levels;      /* DEBLEND_NTHRESH */
     double deblend_contrast; /* DEBLEND_MINCONT */
     int clean;

@@ -156,13 +156,15 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
     rx_detect_params *detect = &options.pipeline.detect;
     if (run->matched) { /* k sigmas are those of the unfiltered noise: at the same S/N here */
         const double now = norm(detect->filter, detect->filter_width * detect->filter_height);
-        detect->threshold *= norm(sky->kernel, sky->side * sky->side) / now;
+        const double sigmas = detect->filter_auto ? detect->significance : detect->threshold / now;
+        detect->threshold = sigmas * norm(sky->kernel, sky->side * sky->side);
+        detect->filter_auto = 0;
         detect->filter = sky->kernel;
         detect->filter_width = detect->filter_height = sky->side;
         detect->filter_normalise = 1;
         detect->matched = 0;
     }
-    if (lab->kind->by_width && strcmp(run->restorer->name, "NET") == 0) {
+    if (lab->kind->by_width && strcmp(run->restorer->name, "NET") == 0 && !detect->filter_auto) {
         detect->threshold *= lab->config->net_depth;
         detect->analysis_threshold *= lab->config->net_depth;
     }

@@ -43,8 +43,9 @@ typedef struct rx_fields {
     const rx_field *detect, *measure;
 } rx_fields;
 
-/* Bits of `what`: which of two images it is in dual-image mode, and whether its PSF is needed. */
-enum { RX_FIELD_DETECTED = 0, RX_FIELD_MEASURED = 1, RX_FIELD_PSF = 2 };
+/* Bits of `what`: which of two images it is in dual-image mode, and whether its PSF is needed, or would serve the detection
+ * filter, and nothing is said where there is none. */
+enum { RX_FIELD_DETECTED = 0, RX_FIELD_MEASURED = 1, RX_FIELD_PSF = 2, RX_FIELD_FILTER = 4 };
 
 /* The caller's arrays, which must live as long as the field. Where the PSF of the image is not given and is needed,
  * params say where it comes from. Hidden is what the caller's mask hides, what is not rx_pixel_usable(), and what has

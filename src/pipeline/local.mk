@@ -11,6 +11,7 @@ librextract_la_SOURCES += \
 	src/pipeline/photometry.c src/pipeline/photometry.h \
 	src/pipeline/pipeline.c src/pipeline/pipeline.h \
 	src/pipeline/preal.c \
+	src/pipeline/proposals.c src/pipeline/proposals.h \
 	src/pipeline/prepare.c src/pipeline/prepare.h \
 	src/pipeline/psf_source.c src/pipeline/psf_source.h \
 	src/pipeline/residual.c src/pipeline/residual.h \

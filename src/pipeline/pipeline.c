@@ -10,8 +10,16 @@
 #include "base/memory.h"
 #include "data/gaps.h"
 #include "detect/filter.h"
+#include "pipeline/proposals.h"
 #include "pipeline/saturated.h"
 #include "restore/noise_map.h"
+
+int rx_pipeline_psf(const rx_pipeline_params *params, const rx_restorer *kind)
+{
+    return (kind->traits & RX_TRAIT_PSF) != 0 || params->templates.wanted ? RX_FIELD_PSF
+           : params->detect.filter_auto                                   ? RX_FIELD_FILTER
+                                                                          : 0;
+}
 
 /* What one call works on. */
 typedef struct work {
@@ -21,6 +29,7 @@ typedef struct work {
     int hide;                         /* mask bits that hide a pixel of the detection image */
     rx_detect_params par;             /* of the detection on this image */
     rx_filter filter;                 /* its filter */
+    float *kernel;                    /* of the filter, where it follows the PSF; or NULL */
     rx_saturated saturated;           /* stars that stay as they were observed */
     rx_log *log;
     rx_result *result;
@@ -212,6 +221,8 @@ static rx_status prepare_detection(work *w, rx_error *err)
     const rx_restored *restored = result->restored;
     const size_t n = (size_t)input->width * (size_t)input->height;
     w->par = w->params->detect;
+    if (w->params->detect.filter_auto)
+        RX_TRY(rx_proposals_params(w->detect, result->plain, &w->par, &w->kernel, err));
     RX_TRY(rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err));
     result->filtered = restored->pixels;
     result->filtered_scale = par->filter_normalise ? 1.0f : (float)w->filter.sum; /* 1 without a filter */
@@ -321,6 +332,14 @@ static rx_status find_sources(work *w, rx_error *err)
     return rx_saturated_append(&w->saturated, result->sources, err);
 }
 
+static rx_status detect_sources(work *w, rx_error *err)
+{
+    RX_TRY(find_sources(w, err));
+    return rx_proposals_wanted(w->params, w->detect)
+               ? rx_proposals_decide(w->params, w->detect, w->result->sources, w->log, err)
+               : RX_OK;
+}
+
 /* One pixel of the filtered restored image. src, dst: room for the filter's area each. */
 static double filtered_at(const work *w, int x, int y, float *src, float *dst)
 {
@@ -405,7 +424,7 @@ static const struct {
     const char *name;
     double share;
 } steps[STEPS] = {[RESTORE] = {restore_image, "restoration", 0.6},
-                  [DETECT] = {find_sources, "detection", 0.7},
+                  [DETECT] = {detect_sources, "detection", 0.7},
                   [TEMPLATES] = {fit_templates, "templates", 0.8},
                   [MEASURE] = {measure_sources, "measurement", 1.0}};
 
@@ -435,6 +454,7 @@ static rx_status find_saturated(work *w, rx_error *err)
     status = rx_saturated_keep(result.sources, &w->saturated, err);
 exit:
     rx_filter_free(&plain.filter);
+    free(plain.kernel);
     rx_result_free(&result);
     return status;
 }
@@ -532,6 +552,7 @@ rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *
                       laps[TEMPLATES].cpu, laps[MEASURE].cpu);
     }
     rx_filter_free(&w.filter);
+    free(w.kernel);
     rx_saturated_free(&w.saturated);
     if (status != RX_OK)
         rx_result_free(dst);
@@ -543,6 +564,12 @@ rx_status rx_result_count(const rx_pipeline_params *params, const rx_result *res
 {
     rx_detect_params par = params->detect;
     const rx_image image = detection_image(result, hidden_bits(params, result->plain));
+    *n = 0;
+    if (rx_proposals_wanted(params, result->detect)) {
+        for (int i = 0; i < result->sources->n; i++)
+            *n += result->sources->list[i].detection_snr >= factor * par.significance;
+        return RX_OK;
+    }
     const rx_filtered filtered = {.pixels = result->filtered};
     rx_sources *sources = NULL;
     par.threshold *= factor;

@@ -62,6 +62,9 @@ typedef struct rx_result {
  * `facts`, which says in `failed` when memory ran out. */
 void rx_result_facts(const rx_result *result, rx_record *facts);
 
+/* What these params ask of a detection image with that restorer: RX_FIELD_PSF, RX_FIELD_FILTER or 0. */
+int rx_pipeline_psf(const rx_pipeline_params *params, const rx_restorer *kind);
+
 /* restore -> detect -> templates where wanted -> measure, on a prepared field. `measure`: of the same size, NULL
  * without dual-image mode. A kind that must have a PSF runs as NONE on a field that is `unrestorable`, the network as
  * OUT_OF_DOMAIN says on one that it was not trained for (pipeline/domain.h): dst->by then names what ran, every

@@ -146,8 +146,8 @@ rx_status rx_field_begin(const rx_pipeline_params *params, int what, rx_field *f
                   field->plain->global_sigma, image->gain, image->pixel_scale);
     if (image->psf != NULL && (field->psf = rx_psf_copy(image->psf)) == NULL)
         return rx_error_memory(err, 0);
-    if (image->psf == NULL && (what & RX_FIELD_PSF) != 0)
-        RX_TRY(rx_field_psf(params, role, field, log, err));
+    if (image->psf == NULL && (what & (RX_FIELD_PSF | RX_FIELD_FILTER)) != 0)
+        RX_TRY(rx_field_psf(params, role, field, (what & RX_FIELD_PSF) != 0 ? log : NULL, err));
     rx_lap_add(&last, &field->psf_lap);
     if (image->psf == NULL && field->psf != NULL)
         rx_log_info(log, "%s[%d]: PSF %s", image->name, image->hdu, field->psf->description);

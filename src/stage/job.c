@@ -158,14 +158,14 @@ static rx_status run_arrays(const rx_job *job, const rx_job_images *images, rx_l
     const rx_options *options = dst->options;
     const rx_pipeline_params *params = &options->pipeline;
     const bool checked = options->check.self_check || options->check.blank_check > 0;
-    const bool psf = job->psf_only || (options->restorers[0]->traits & RX_TRAIT_PSF) != 0 ||
-                     options->check.self_check || params->templates.wanted;
+    const int asked = rx_pipeline_psf(params, options->restorers[0]);
+    const bool psf = job->psf_only || options->check.self_check || asked == RX_FIELD_PSF;
     if (images->measure != NULL && checked)
         return rx_error_set(err, RX_USAGE,
                             "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
                             "the checks");
     rx_log_part(log, "sky and PSF", 0.0, 0.1);
-    RX_TRY(open_field(options, psf ? RX_FIELD_PSF : 0, images, log, &dst->detect, err));
+    RX_TRY(open_field(options, psf ? RX_FIELD_PSF : asked, images, log, &dst->detect, err));
     if (images->measure != NULL) {
         const bool other = params->templates.wanted || (psf && !params->measure_original);
         RX_TRY(open_field(options, RX_FIELD_MEASURED | (other ? RX_FIELD_PSF : 0), images, log, &dst->measure,

@@ -102,6 +102,8 @@ rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const ch
         status = rx_fill_one(rows, ROWS, &config->settings, name, params, err);
     if (status == RX_OK && strcasecmp(name, "SEEING_FWHM") == 0)
         params->seeing_stated = true;
+    if (status == RX_OK && strcasecmp(name, "DETECT_THRESH") == 0)
+        params->detect.filter_auto = 0;
     settle(params);
 exit:
     rx_config_free(config);
@@ -115,9 +117,7 @@ rx_status rx_pipeline_run(const rx_pipeline_params *params, const rx_image *imag
     rx_field *field = NULL;
     *dst = (rx_result){0};
     rx_log_part(log, "sky and PSF", 0.0, 0.1);
-    rx_status status = rx_field_new(
-        params, (kind->traits & RX_TRAIT_PSF) != 0 || params->templates.wanted ? RX_FIELD_PSF : 0, image, log,
-        &field, err);
+    rx_status status = rx_field_new(params, rx_pipeline_psf(params, kind), image, log, &field, err);
     if (status == RX_OK)
         status = rx_field_extract(params, kind, field, NULL, log, dst, err);
     if (status == RX_OK)

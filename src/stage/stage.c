@@ -47,12 +47,13 @@ typedef struct job {
     rx_text warnings;     /* of the run, for it */
 } job;
 
-static int any_needs_psf(const rx_options *options)
+/* Bits of rx_field_open() that say what PSF the run needs. */
+static int psf_needed(const rx_options *options)
 {
+    int what = options->check.self_check || options->write_psf || options->tile_page ? RX_FIELD_PSF : 0;
     for (int i = 0; i < options->nrestorers; i++)
-        if ((options->restorers[i]->traits & RX_TRAIT_PSF) != 0)
-            return 1;
-    return 0;
+        what |= rx_pipeline_psf(&options->pipeline, options->restorers[i]);
+    return what;
 }
 
 /* Open the outputs first: an unwritable folder is reported before the work, not after it. */
@@ -149,11 +150,10 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     rx_field *detect = NULL, *measure = NULL;
     rx_checks *checks = NULL;
     const int templates = options->pipeline.templates.wanted;
-    const int need_psf = any_needs_psf(options) || options->check.self_check || templates ||
-                         options->write_psf || options->tile_page;
+    const int asked = psf_needed(options), need_psf = (asked & RX_FIELD_PSF) != 0;
     rx_log_step(job->log, need_psf ? "reading, sky, noise, PSF" : "reading, sky, noise");
-    rx_status status = rx_field_open(options, need_psf ? RX_FIELD_PSF : 0,
-                                     &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
+    rx_status status =
+        rx_field_open(options, asked, &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
     if (status == RX_OK && job->measure != NULL) {
         const int what = templates || (need_psf && !options->pipeline.measure_original) ? RX_FIELD_PSF : 0;
         status =

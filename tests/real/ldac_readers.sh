@@ -51,7 +51,7 @@ for column in NUMBER 'VIGNET(35,35)' X_IMAGE Y_IMAGE FLUX_RADIUS SNR_WIN 'FLUX_A
 done >wanted.param
 
 extract() { # restorer, catalogue
-    "$program" 'frame.fits[0]' -RESTORE_TYPE "$1" -PARAMETERS_NAME wanted.param -CATALOG_TYPE FITS_LDAC \
+    "$program" 'frame.fits[0]' -RESTORE_TYPE "$1" -FILTER_TYPE CONV -PARAMETERS_NAME wanted.param -CATALOG_TYPE FITS_LDAC \
         -CATALOG_NAME "$2" -MAG_ZEROPOINT 22.5 -GAIN 980 -PHOT_APERTURES 15 -VERBOSE_TYPE QUIET
 }
 

@@ -125,7 +125,7 @@ mkdir night
 echo NUMBER >night/default.param
 printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >night/default.conv
 leaves test.cat
-says 3 # what was found, the count, what was written
+says 4 # the PSF, what was found, the count, what was written
 expect_exactly 0 'PARAMETERS_NAME default\.param is night/default\.param; FILTER_NAME default\.conv is night/default\.conv' tile.fits -c night/tile.sex -RESTORE_TYPE NONE
 
 begin 'columns that are nowhere'
@@ -155,7 +155,7 @@ catalogue_says 'thresholds: the default knows correlated noise' '^# THRESH_TYPE 
 catalogue_says "thresholds of a survey's file without restoration" '^# THRESH_TYPE = RELATIVE$' -c plain.sex
 catalogue_says "thresholds of a survey's file that names them" '^# THRESH_TYPE = SIGNIFICANCE$' -c named.sex
 catalogue_says "thresholds of a survey's file, named on the command line" '^# THRESH_TYPE = SIGNIFICANCE$' -c plain.sex -THRESH_TYPE SIGNIFICANCE
-catalogue_says 'noise of a kernel' '^# RXNFACT = 2\.0*$' -NOISE_CORRELATION FILE -NOISE_KERNEL_NAME noise.conv
+catalogue_says 'noise of a kernel' '^# RXNFACT = 2\.0*$' -FILTER_TYPE CONV -NOISE_CORRELATION FILE -NOISE_KERNEL_NAME noise.conv
 catalogue_says 'noise that is stated as white' '^# RXNCOR = WHITE$' -NOISE_CORRELATION WHITE
 
 begin 'noise of a kernel that is not named'

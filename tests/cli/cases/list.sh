@@ -22,7 +22,7 @@ begin 'the summary names the tiles that fail'
 make_fits tile a.fits
 printf 'a.fits\nnot-there.fits\n' >tiles.list
 leaves a.cat
-says 9
+says 10
 expect_exactly 8 'rextract: line 2, exit status 3 after [0-9.]* s: failed: not-there\.fits: cannot be opened' @tiles.list \
     $none -CATALOG_NAME '{tile}.cat'
 

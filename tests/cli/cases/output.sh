@@ -498,13 +498,13 @@ fi
 begin 'a MAGZERO that differs from MAG_ZEROPOINT is named'
 make_fits tile tile.fits 'MAGZERO = 26.1'
 leaves test.cat
-says 4 # no default.sex, this, the count, what was written
+says 5 # no default.sex, this, the PSF, the count, what was written
 expect_exactly 0 'MAG_ZEROPOINT is 0, the header.s MAGZERO 26\.1; MAG_ZEROPOINT_KEY MAGZERO takes it' tile.fits $none
 
 begin 'a MAGZERO that is taken'
 make_fits tile tile.fits 'MAGZERO = 26.1'
 leaves test.cat
-says 3
+says 4
 expect_exactly 0 'sources' tile.fits $none -MAG_ZEROPOINT_KEY MAGZERO
 
 begin 'a tile has ten lines at NORMAL, warnings and what was written among them'
@@ -533,7 +533,7 @@ fi
 begin 'what was written is told once, the record with it'
 make_fits tile tile.fits
 leaves test.cat tile.record
-says 3 # no default.sex, the count, this
+says 4 # no default.sex, the PSF, the count, this
 expect_exactly 0 '^rextract: written: test\.cat, tile\.record$' tile.fits $none -RECORD_NAME tile.record
 
 begin 'a record alone is what a tile wrote that failed'
@@ -546,7 +546,7 @@ begin 'two images: the log says which is for what'
 make_fits tile a.fits
 make_fits tile b.fits
 leaves test.cat
-says 4 # no default.sex, this, the count, what was written
+says 5 # no default.sex, the PSF, this, the count, what was written
 expect_exactly 0 '^rextract: two images: sources are detected on a\.fits\[0\] and measured on b\.fits\[0\]$' a.fits b.fits $none
 
 # Names may hold what terminals obey; no line of any program brings it to one.

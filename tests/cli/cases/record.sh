@@ -174,7 +174,7 @@ if [ "$active" = 1 ]; then
     sealed old.cat
 fi
 if command -v xxh128sum >/dev/null; then
-    says 5
+    says 6
     leaves again.cat
     expect_exactly 0 'old\.cat was made by rextract 0\.0\.1, this is ' -c old.cat $again
 else
@@ -221,7 +221,7 @@ expect 2 '^rextract: test\.cat: is not repeated over outputs that are there \(CA
 expect 2 '^rextract: -REPLAY is no longer a keyword; give the output in place of a configuration file \(rextract -c OUTPUT\)' -REPLAY test.cat
 expect 2 '^rextract: the name of the configuration file is empty' -c ''
 leaves again.cat
-expect 9 '^rextract: test\.cat: is not repeated: part 1 test\.cat has other rows or pixels; DETECT_THRESH is 3, and was 1\.5$' \
+expect 9 '^rextract: test\.cat: is not repeated: part 1 test\.cat has other rows or pixels; DETECT_THRESH is 3, and was 5$' \
     -c test.cat $again -DETECT_THRESH 3
 expect 0 '' -c test.cat $again
 

@@ -22,7 +22,7 @@ prints '^Rextract version [0-9]+\.[0-9]+'
 expect_exactly 0 '' --version
 
 begin 'default configuration'
-prints '^DETECT_THRESH +1\.5 '
+prints '^DETECT_THRESH +5\.0 '
 expect_exactly 0 '' -d
 
 begin 'extended configuration'
@@ -161,7 +161,7 @@ expect 2 'rextract @tiles\.list' a.fits b.fits c.fits d.fits
 
 begin 'the last line says what was written'
 make_fits tile tile.fits
-says 3
+says 4
 leaves x.cat back.fits
 expect_exactly 0 '^rextract: written: x\.cat, back\.fits$' tile.fits -RESTORE_TYPE NONE -CATALOG_NAME x.cat \
     -CHECKIMAGE_TYPE BACKGROUND -CHECKIMAGE_NAME back.fits

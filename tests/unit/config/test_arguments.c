@@ -192,7 +192,7 @@ static void each_line_is_a_tile(void **state)
     assert_string_equal(((rx_config *)own)->checkimage_name.v[0], "a_r.fits");
     rx_settings_free(own);
     assert_int_equal(rx_tiles_settings(tiles, 1, common, NULL, &own, NULL), RX_OK);
-    assert_near(((rx_config *)own)->detect_thresh.v[0], 1.5, 0);
+    assert_near(((rx_config *)own)->detect_thresh.v[0], 5.0, 0);
     assert_string_equal(((rx_config *)own)->catalog_name, "b c of b c.cat");
     assert_int_equal(((rx_config *)own)->phot_apertures.n, 2);
     rx_settings_free(own);

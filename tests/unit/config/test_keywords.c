@@ -143,7 +143,7 @@ static void defaults_are_those_of_sextractor(void **state)
     assert_string_equal(c->catalog_type, "ASCII_HEAD");
     assert_int_equal(c->detect_minarea, 5);
     assert_int_equal(c->detect_thresh.n, 1);
-    assert_true(c->detect_thresh.v[0] == 1.5);
+    assert_true(c->detect_thresh.v[0] == 5.0);
     assert_true(c->analysis_thresh.v[0] == 1.5);
     assert_true(c->filter);
     assert_true(c->clean);

@@ -522,17 +522,16 @@ static void files_hold_keywords_ready(void **state)
 /* Where nothing is restored and no column, image, check or page needs it, no PSF is made. */
 static void keywords_of_a_psf_that_is_not_made(void **state)
 {
-    static const char *const needs[][2] = {{"RESTORE_TYPE", "NONE,RL"},
-                                           {"SELF_CHECK", "Y"},
-                                           {"QA_TYPE", "TILE"},
-                                           {"CHECKIMAGE_TYPE", "PSF"},
-                                           {"TEMPLATE_COVAR_NAME", "c.fits"}};
+    static const char *const needs[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"FILTER_TYPE", "AUTO"},
+                                           {"SELF_CHECK", "Y"},         {"QA_TYPE", "TILE"},
+                                           {"CHECKIMAGE_TYPE", "PSF"},  {"TEMPLATE_COVAR_NAME", "c.fits"}};
     (void)state;
     for (size_t k = 0; k <= sizeof needs / sizeof *needs; k++) {
         rx_settings *settings = NULL;
         rx_idle idle = {.has_column = only_x_image};
         assert_int_equal(rx_settings_new(rx_keytable_rextract(), &settings, NULL), RX_OK);
         assert_int_equal(rx_settings_set(settings, "RESTORE_TYPE", "NONE", NULL, NULL), RX_OK);
+        assert_int_equal(rx_settings_set(settings, "FILTER_TYPE", "CONV", NULL, NULL), RX_OK);
         assert_int_equal(rx_settings_set(settings, "PSF_MINSNR", "30", NULL, NULL), RX_OK);
         if (k > 0)
             assert_int_equal(rx_settings_set(settings, needs[k - 1][0], needs[k - 1][1], NULL, NULL), RX_OK);

@@ -23,6 +23,7 @@ void bench_open(bench *dst, const setting *settings)
         assert_int_equal(rx_settings_set(&dst->config->settings, s->name, s->value, NULL, NULL), RX_OK);
     for (const setting *s = settings; s != NULL && s->name != NULL; s++)
         assert_int_equal(rx_settings_set(&dst->config->settings, s->name, s->value, NULL, NULL), RX_OK);
+    assert_int_equal(rx_settings_complete(&dst->config->settings, NULL, NULL), RX_OK);
     assert_int_equal(rx_options_from_config(dst->config, NULL, &dst->options, NULL), RX_OK);
 }
 

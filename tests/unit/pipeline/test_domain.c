@@ -800,7 +800,7 @@ static void test_anomalies(void **state)
             const rx_source *source = &e.result.sources->list[i];
             int near = 0;
             for (int k = 1; k <= RAYS; k++)
-                near |= fabs(source->x - 18 * k) < 3 && fabs(source->y - STEP * k % WIDE) < 3;
+                near |= abs(source->xpeak - 18 * k) < 3 && abs(source->ypeak - STEP * k % WIDE) < 3;
             if (source->fit.restore & RX_RESTORE_SHARP)
                 assert_int_equal(near, 1);
             if (source->fit.restore & RX_RESTORE_LIGHT)

@@ -128,7 +128,7 @@ static void defaults_are_those_of_the_program(void **state)
     assert_int_equal(alone.detect.filter_normalise, options->pipeline.detect.filter_normalise);
     assert_memory_equal(alone.detect.filter, options->pipeline.detect.filter, 9 * sizeof(float));
     assert_near(alone.templates.par.link, rx_tphot_defaults().link, 0); /* no keyword */
-    assert_near(alone.detect.threshold, 1.5, 0);                        /* once by hand */
+    assert_near(alone.detect.threshold, 5.0, 0);                        /* once by hand */
     assert_int_equal(alone.restore.rl_niter, 18);
     assert_int_equal(alone.psf.type, RX_PSF_AUTO);
     assert_int_equal(alone.seed, 1);
@@ -207,7 +207,13 @@ static void decisions_by_keyword(void **state)
     assert_int_equal(params.seeing_stated, true);
     assert_near(params.seeing_arcsec, 0.9, 0);
     assert_int_equal(rx_pipeline_set(&params, "DETECT_THRESH", "22.5,25", &err), RX_USAGE);
-    assert_near(params.detect.threshold, 1.5, 0);
+    assert_near(params.detect.threshold, 5.0, 0);
+    assert_int_equal(params.detect.filter_auto, 1);
+    assert_int_equal(rx_pipeline_set(&params, "DETECT_THRESH", "2", &err), RX_OK);
+    assert_int_equal(params.detect.filter_auto, 0);
+    assert_int_equal(rx_pipeline_set(&params, "FILTER_TYPE", "AUTO", &err), RX_OK);
+    assert_int_equal(params.detect.filter_auto, 1);
+    assert_near(params.detect.significance, 2.0, 0);
     assert_int_equal(rx_pipeline_set(&params, "DETECT_THRES", "2", &err), RX_USAGE);
     assert_non_null(strstr(err.text, "did you mean"));
 }

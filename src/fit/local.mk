@@ -1,0 +1,2 @@
+librextract_la_SOURCES += \
+	src/fit/significance.c src/fit/significance.h
