@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/random.h"
 #include "../near.h"
+#include "base/random.h"
 #include "bench.h"
 #include "pipeline/pipeline.h"
 #include "scene.h"
@@ -191,7 +191,8 @@ static void values_beyond_saturation_reach_only_the_star(void **state)
         for (int i = 0; i < one.restored.sources->n; i++)
             if (&one.restored.sources->list[i] != star) {
                 rx_source *own = &one.restored.sources->list[i], *same = &other.restored.sources->list[i];
-                assert_close(own->detection_snr, same->detection_snr, 1e-3); /* beside a star that has moved */
+                assert_close(own->detection_snr, same->detection_snr,
+                             1e-3); /* beside a star that has moved */
                 own->detection_snr = same->detection_snr;
                 assert_memory_equal(own, same, sizeof *star);
             }
