@@ -34,15 +34,16 @@ static float weakest_pixel(const rx_detection *list, int i, const rx_clean_image
                            float *heights)
 {
     int n = 0;
-    const rx_span *last = NULL;
+    const rx_threshold *threshold = image->threshold;
+    const rx_span *span = NULL;
     if (list[i].npix < min_area || min_area < 1)
         return 0.0f;
     for (int k = 0; k < list[i].npix; k++) {
-        float filtered = 0, sigma = 0;
-        if (!rx_levels_at(image->levels, list[i].group, list[i].pixels[k], &last, &filtered, &sigma))
+        const int x = list[i].pixels[k] % threshold->width, y = list[i].pixels[k] / threshold->width;
+        if ((span = rx_groups_span(image->groups, list[i].group, span, x, y)) == NULL)
             continue;
-        float limit = image->relative ? (float)image->threshold * sigma : list[i].threshold;
-        float height = filtered - limit;
+        float limit = threshold->relative ? threshold->limit * rx_span_sigma(span, x) : list[i].threshold;
+        float height = rx_span_filtered(span, x) - limit;
         if (list[i].npix == min_area)
             return height;
         if (k == min_area || (n == min_area && height <= heights[n - 1]))
@@ -60,7 +61,7 @@ static double axis_correction(const rx_detection *list, int i, const rx_clean_im
     double half = (list[i].threshold + (double)list[i].peak) / 2.0;
     double ratio = list[i].threshold / half;
     int above_half = 0;
-    if (image->relative || !(ratio > 0.0))
+    if (image->threshold->relative || !(ratio > 0.0))
         return 1.0;
     for (int k = 0; k < list[i].npix; k++)
         above_half += image->pixels[list[i].pixels[k]] > half;

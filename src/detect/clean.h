@@ -10,9 +10,8 @@
 /* What cleaning looks at besides the detections. */
 typedef struct rx_clean_image {
     const float *pixels; /* [height][width], masked ones 0 */
-    const rx_levels *levels;
-    int relative;     /* 0: one threshold, that of the detections */
-    double threshold; /* in sigmas; used with relative */
+    const rx_groups *groups;
+    const rx_threshold *threshold; /* that groups are above; read where it is relative */
 } rx_clean_image;
 
 /* eater[i] = index of the source that ate i, or -1 (to be freed). Of the params: min_area, max_area, clean_param

@@ -1,7 +1,6 @@
 /* Detection: filter, groups above the threshold, sep on these, the result as rx_sources. */
 #include "detect/detect.h"
 
-#include <float.h>
 #include <limits.h>
 #include <math.h>
 #include <stdbool.h>
@@ -9,7 +8,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "data/unit.h"
 #include "detect/clean.h"
 #include "detect/filter.h"
 #include "detect/groups.h"
@@ -26,12 +24,7 @@ typedef struct workspace {
     const float *pixels, *filtered; /* masked ones 0; before and after the filter */
     float *own_pixels, *own_filtered;
     float **spare; /* the caller's filtered image, to be freed early; or NULL */
-    rx_threshold_noise varying;
-    float *sigma; /* plane of the noise for a matched filter, else NULL */
-    rx_map noise; /* the same */
-    rx_filter none;
     rx_groups groups;
-    rx_levels levels;
     int *eater; /* of each detection, -1 none; NULL without CLEAN */
     rx_detections found;
 } workspace;
@@ -41,7 +34,6 @@ static void free_workspace(workspace *work)
     rx_filter_free(&work->kernel);
     free(work->own_pixels);
     free(work->own_filtered);
-    free(work->sigma);
     rx_groups_free(&work->groups);
     free(work->eater);
     rx_detections_free(&work->found);
@@ -78,50 +70,10 @@ static rx_status filter_pixels(const rx_detect_params *par, const rx_image *imag
     return RX_OK;
 }
 
-/* sep's matched filter asks for a plane of the noise. */
-static rx_status matched_noise(const rx_detect_params *par, const rx_image *image, workspace *work,
-                               rx_error *err)
+/* Pixels above the threshold are in the groups: what else was filtered is done with. */
+static void drop_filtered(workspace *work, rx_extraction *job)
 {
-    /* no data, in the unit that sep is given: a threshold of a peak there is finite */
-    const float big = (float)fmin(1e30 * fmax(rx_unit_of(image->global_noise), 1.0), FLT_MAX / 1e3);
-    RX_TRY(RX_MAKE(work->sigma, work->n, err));
-    if (image->variable_noise)
-        rx_map_fill(&image->noise, image->height, par->nthreads, work->sigma);
-    for (size_t i = 0; i < work->n; i++)
-        work->sigma[i] = is_hidden(image, i)     ? big
-                         : image->variable_noise ? work->sigma[i]
-                                                 : (float)image->global_noise;
-    work->noise = rx_map_plane(work->sigma, image->width);
-    work->varying.noise = &work->noise;
-    work->varying.kernel = &work->none; /* sep filters the noise itself */
-    return RX_OK;
-}
-
-/* The noise that thresholds refer to, where it is not the same everywhere. */
-static rx_status set_noise(const rx_detect_params *par, const rx_image *image, workspace *work, rx_error *err)
-{
-    work->varying = (rx_threshold_noise){.width = image->width,
-                                         .height = image->height,
-                                         .noise = &image->noise,
-                                         .pixels = image->pixels,
-                                         .mask = image->mask,
-                                         .mask_bits = image->hide,
-                                         .kernel = &work->kernel};
-    return par->matched ? matched_noise(par, image, work, err) : RX_OK;
-}
-
-/* Where the values of pixels are from now on; the filtered image is done with, but for sep's own filter. */
-static void set_levels(const rx_detect_params *par, const rx_image *image, workspace *work,
-                       rx_extraction *job)
-{
-    work->levels = (rx_levels){.width = image->width, .varies = job->image.noise != NULL};
-    if (par->matched) {
-        work->levels.filtered = work->filtered;
-        work->levels.sigma = work->sigma;
-        return;
-    }
-    work->levels.groups = &work->groups;
-    job->image.filtered = work->filtered = NULL;
+    job->image.filtered = NULL;
     free(work->own_filtered);
     work->own_filtered = NULL;
     if (work->spare != NULL) {
@@ -148,7 +100,7 @@ static rx_status find_groups(const rx_detect_params *par, workspace *work, rx_ex
         if (status != RX_OK)
             return status;
         job->grown += work->groups.above > floor;
-        if (par->matched || work->groups.above <= allowed)
+        if (work->groups.above <= allowed)
             break;
         rx_groups_free(&work->groups);
         job->flags |= RX_FLAG_EXTRACT_OVER;
@@ -160,15 +112,6 @@ static rx_status find_groups(const rx_detect_params *par, workspace *work, rx_ex
                        "flagged; raise DETECT_THRESH",
                        allowed, raised);
     return RX_OK;
-}
-
-static rx_status clean_catalog(const rx_detect_params *par, workspace *work, double threshold, rx_error *err)
-{
-    rx_clean_image image = {.pixels = work->pixels,
-                            .levels = &work->levels,
-                            .relative = !par->absolute && work->levels.varies,
-                            .threshold = threshold};
-    return rx_clean(par, &work->found, &image, &work->eater, err);
 }
 
 /* A singular ellipse (rank-deficient moments survive sep's own cure when pixels are negative)
@@ -192,11 +135,9 @@ static void cure_ellipse(rx_source *s)
 /* Noise of the pixel at the peak. */
 static double peak_noise(const rx_image *image, const workspace *work, const rx_detection *d)
 {
-    const rx_span *span = NULL;
     if (!image->variable_noise)
         return image->global_noise;
-    if (work->levels.groups != NULL)
-        span = rx_groups_span(&work->groups, d->group, NULL, d->xpeak, d->ypeak);
+    const rx_span *span = rx_groups_span(&work->groups, d->group, NULL, d->xpeak, d->ypeak);
     return (double)(span != NULL ? rx_span_noise(span, d->xpeak)
                                  : rx_map_at(&image->noise, d->xpeak, d->ypeak));
 }
@@ -246,21 +187,19 @@ static void convert_source(const rx_detect_params *par, const rx_detection *d, c
 /* Highest S/N of the filtered pixels of a detection, whose places come in runs along rows. */
 static double highest_snr(const rx_image *image, const workspace *work, double norm, const rx_detection *d)
 {
-    const bool grouped = work->levels.groups != NULL;
     const rx_span *span = NULL;
     double highest = 0.0;
     for (int k = 0, n; k < d->npix; k += n) {
         const int at = d->pixels[k], x = at % image->width, y = at / image->width;
         float room[RX_MAP_PIECE];
         n = 1;
-        if (grouped && (span = rx_groups_span(&work->groups, d->group, span, x, y)) == NULL)
+        if ((span = rx_groups_span(&work->groups, d->group, span, x, y)) == NULL)
             continue;
-        const int end = grouped ? span->x1 : image->width;
-        while (k + n < d->npix && d->pixels[k + n] == at + n && x + n < end && n < RX_MAP_PIECE)
+        while (k + n < d->npix && d->pixels[k + n] == at + n && x + n < span->x1 && n < RX_MAP_PIECE)
             n++;
-        const float *filtered = grouped ? span->values + (x - span->x0) : work->filtered + at;
-        const float *noise = grouped && work->levels.varies ? filtered + (ptrdiff_t)2 * (span->x1 - span->x0)
-                                                            : rx_map_row(&image->noise, y, x, n, room);
+        const float *filtered = span->values + (x - span->x0);
+        const float *noise = image->variable_noise ? filtered + (ptrdiff_t)2 * (span->x1 - span->x0)
+                                                   : rx_map_row(&image->noise, y, x, n, room);
         for (int i = 0; i < n; i++) {
             const double snr = (double)filtered[i] / (norm * (double)noise[i]);
             highest = snr > highest ? snr : highest;
@@ -412,30 +351,30 @@ rx_status rx_detect_run(const rx_detect_params *par, const rx_image *image, cons
         return status;
     work.n = (size_t)image->width * (size_t)image->height;
     RX_TRY_EXIT(filter_pixels(par, image, filtered, &work, err));
-    RX_TRY_EXIT(set_noise(par, image, &work, err));
-    const bool varies = image->variable_noise || par->matched;
+    const rx_threshold_noise varying = {.width = image->width,
+                                        .height = image->height,
+                                        .noise = &image->noise,
+                                        .pixels = image->pixels,
+                                        .mask = image->mask,
+                                        .mask_bits = image->hide,
+                                        .kernel = &work.kernel};
     rx_extraction job = {.image = {.width = image->width,
                                    .height = image->height,
                                    .filtered = work.filtered,
-                                   .noise = varies ? &work.varying : NULL,
-                                   .relative = varies && !par->absolute},
+                                   .noise = image->variable_noise ? &varying : NULL,
+                                   .relative = image->variable_noise && !par->absolute},
                          .pixels = work.pixels,
-                         .noise = work.sigma,
                          .noise_value = image->global_noise,
                          .gain = image->gain,
                          .kernel = &work.kernel,
                          .groups = &work.groups,
-                         .levels = &work.levels,
                          .threshold = par->threshold / (par->filter_normalise ? 1.0 : work.kernel.sum)};
-    status = find_groups(par, &work, &job, log, err);
-    if (status == RX_OK) {
-        set_levels(par, image, &work, &job);
-        status = rx_extract_run(par, &job, log, &work.found, err);
-    }
-    if (status == RX_OK && par->clean)
-        status = clean_catalog(par, &work, job.threshold * job.raised, err);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(find_groups(par, &work, &job, log, err));
+    drop_filtered(&work, &job);
+    RX_TRY_EXIT(rx_extract_run(par, &job, log, &work.found, err));
+    if (par->clean)
+        RX_TRY_EXIT(rx_clean(par, &work.found, &(rx_clean_image){work.pixels, &work.groups, &job.image},
+                             &work.eater, err));
     sources = RX_NEW(rx_sources, 1);
     RX_TRY_EXIT(sources == NULL ? rx_error_memory(err, sizeof *sources)
                                 : build_sources(par, image, &work, &job, sources, err));

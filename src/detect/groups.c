@@ -347,21 +347,3 @@ const rx_span *rx_groups_span(const rx_groups *groups, int group, const rx_span 
     }
     return spans[low].y == y && spans[low].x0 <= x && x < spans[low].x1 ? &spans[low] : NULL;
 }
-
-bool rx_levels_at(const rx_levels *levels, int group, int at, const rx_span **last, float *filtered,
-                  float *sigma)
-{
-    if (levels->groups == NULL) {
-        *filtered = levels->filtered[at];
-        *sigma = levels->sigma[at];
-        return true;
-    }
-    const int x = at % levels->width;
-    const rx_span *span = rx_groups_span(levels->groups, group, *last, x, at / levels->width);
-    if (span == NULL)
-        return false;
-    *last = span;
-    *filtered = rx_span_filtered(span, x);
-    *sigma = levels->varies ? rx_span_sigma(span, x) : 0;
-    return true;
-}

@@ -48,8 +48,8 @@ typedef struct rx_groups {
 rx_status rx_groups_find(const rx_threshold *threshold, int nthreads, rx_groups *dst, rx_error *err);
 void rx_groups_free(rx_groups *groups);
 
-/* The span of a group that pixel (x, y) is in, NULL if it is in none. `last` is tried first: that of the
- * pixel before, or NULL. */
+/* The span of a group that pixel (x, y) is in; NULL if it is in none, as where rounding has put the pixel into
+ * a detection, but not into the group. `last` is tried first: that of the pixel before, or NULL. */
 const rx_span *rx_groups_span(const rx_groups *groups, int group, const rx_span *last, int x, int y);
 
 /* Of pixel x of a span. Noise only where it varies. */
@@ -67,18 +67,5 @@ static inline float rx_span_noise(const rx_span *span, int x)
 {
     return span->values[2 * (span->x1 - span->x0) + x - span->x0];
 }
-
-/* Where the values of detections' pixels are. */
-typedef struct rx_levels {
-    int width;
-    const rx_groups *groups;       /* NULL: the planes */
-    const float *filtered, *sigma; /* [height][width] */
-    int varies;                    /* there is a sigma in the groups */
-} rx_levels;
-
-/* Filtered image and threshold noise (0 where it does not vary) of a group's pixel `at`, y * width + x; false
- * where rounding has put the pixel into a detection, but not into the group. *last: NULL to begin with. */
-bool rx_levels_at(const rx_levels *levels, int group, int at, const rx_span **last, float *filtered,
-                  float *sigma);
 
 #endif

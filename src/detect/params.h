@@ -30,7 +30,6 @@ typedef struct rx_detect_params {
     const float *filter;    /* FILTER_NAME kernel as in the file, NULL = no filter */
     int filter_width, filter_height;
     int filter_normalise;    /* CONV NORM */
-    int matched;             /* sep's matched filter: of campaigns */
     int filter_auto;         /* FILTER_TYPE AUTO: DETECT_THRESH is `significance` */
     double significance;     /* sigmas of the PSF's matched filter */
     int deblend_levels;      /* DEBLEND_NTHRESH */

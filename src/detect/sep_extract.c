@@ -1,4 +1,4 @@
-/* sep_extract() on packed groups, or on the whole tile for its matched filter. */
+/* sep_extract() on packed groups. */
 #include "detect/sep_extract.h"
 
 #include <limits.h>
@@ -14,12 +14,11 @@
 #include "detect/libsep.h"
 
 /* Status values of sep_extract(), which sep.h does not name (sepcore.h of sep 1.2.1). */
-enum { SEP_STATUS_MEMORY = 1, SEP_STATUS_STACK = 2, SEP_STATUS_DEBLEND = 7 };
+enum { SEP_STATUS_MEMORY = 1, SEP_STATUS_DEBLEND = 7 };
 
 enum {
-    STACK_SPARE = 16,              /* sep gives up with one free pixel left */
-    STACK_LIMIT = 2147483647 / 32, /* sep counts the bytes as int, 28 for a pixel */
-    SMALL_STACK = 1 << 12,         /* pixels of a batch: sep clears all of its stack at each call */
+    STACK_SPARE = 16,      /* sep gives up with one free pixel left */
+    SMALL_STACK = 1 << 12, /* pixels of a batch: sep clears all of its stack at each call */
     USUAL_STACK = 1 << 16
 };
 
@@ -50,11 +49,6 @@ static int safe_subobjects(int wanted, int levels)
 static bool loosen(int failed, rx_extraction *job, limits *limit)
 {
     job->grown++;
-    if (failed == SEP_STATUS_STACK) { /* a matched filter on more pixels than may be stacked */
-        job->flags |= RX_FLAG_EXTRACT_OVER;
-        job->raised *= 1.25;
-        return true;
-    }
     bool room = limit->subobjects < limit->subobjects_max &&
                 safe_subobjects(limit->subobjects, limit->levels) == limit->subobjects;
     if (failed == SEP_STATUS_DEBLEND && room) {
@@ -116,38 +110,39 @@ static void move(rx_detection *d, int dx, int dy)
 
 /* What the pixels before the filter say, the lowest threshold among them, and whether they end at a border.
  */
-static void look_at_pixels(const rx_extraction *job, bool matched, bool fenced, rx_detection *d)
+static void look_at_pixels(const rx_extraction *job, bool fenced, rx_detection *d)
 {
     const rx_threshold *image = &job->image;
-    const rx_span *last = NULL;
+    const rx_span *span = NULL;
     double flux = 0.0;
     float peak = -HUGE_VALF, lowest = HUGE_VALF;
     for (int k = 0; k < d->npix; k++) {
         const int at = d->pixels[k];
         const float value = job->pixels[at];
-        float filtered, sigma = 1, own = image->limit;
+        float own = image->limit;
         flux += value;
         peak = value > peak ? value : peak;
         if (image->relative) {
-            if (!rx_levels_at(job->levels, d->group, at, &last, &filtered, &sigma))
+            const int x = at % image->width, y = at / image->width;
+            if ((span = rx_groups_span(job->groups, d->group, span, x, y)) == NULL)
                 continue;
-            own *= sigma;
+            own *= rx_span_sigma(span, x);
         }
         lowest = own < lowest ? own : lowest;
         d->npix_raw += value > own;
     }
     d->flux = (float)flux;
     d->peak = peak;
-    if ((image->relative || fenced) && !matched)
+    if (image->relative || fenced)
         d->threshold = lowest;
     const bool high = d->xmax == image->width - 1 || d->ymax == image->height - 1;
     const bool whole =
         (d->flags & RX_FLAG_MERGED) == 0; /* of blends sep flags what is cut at its own level */
-    if ((whole && (high || d->xmin == 0 || d->ymin == 0)) || (high && image->relative && !matched))
+    if ((whole && (high || d->xmin == 0 || d->ymin == 0)) || (high && image->relative))
         d->flags |= RX_FLAG_TRUNCATED;
 }
 
-/* sep's catalogue on the tile; cutouts NULL: it is of the tile. */
+/* sep's catalogue on the tile. */
 static bool take(const rx_extraction *job, const rx_cutouts *cutouts, const sep_catalog *cat, part *dst)
 {
     size_t npixels = 0, used = 0;
@@ -160,23 +155,20 @@ static bool take(const rx_extraction *job, const rx_cutouts *cutouts, const sep_
     dst->n = cat->nobj;
     for (int i = 0; i < cat->nobj; i++) {
         rx_detection *d = &dst->list[i];
-        const int width = cutouts != NULL ? cutouts->width : job->image.width;
-        int dx = 0, dy = 0;
         *d = detection_of(cat, i, rx_unit_of(job->noise_value));
-        if (cutouts != NULL) {
-            const rx_cutout *cut = rx_cutouts_at(cutouts, d->xmin, d->ymin);
-            d->group = cut->group;
-            dx = job->groups->list[cut->group].xmin - cut->x;
-            dy = job->groups->list[cut->group].ymin - cut->y;
-        }
+        const rx_cutout *cut = rx_cutouts_at(cutouts, d->xmin, d->ymin);
+        const int dx = job->groups->list[cut->group].xmin - cut->x;
+        const int dy = job->groups->list[cut->group].ymin - cut->y;
+        d->group = cut->group;
         move(d, dx, dy);
         for (int k = 0; k < d->npix; k++) {
             const int at = cat->pix[i][k];
-            dst->pixels[used + (size_t)k] = (at / width + dy) * job->image.width + at % width + dx;
+            dst->pixels[used + (size_t)k] =
+                (at / cutouts->width + dy) * job->image.width + at % cutouts->width + dx;
         }
         d->pixels = dst->pixels + used;
         used += (size_t)d->npix;
-        look_at_pixels(job, cutouts == NULL, cutouts != NULL && cutouts->ring > 1, d);
+        look_at_pixels(job, cutouts->ring > 1, d);
     }
     return true;
 }
@@ -185,46 +177,31 @@ static bool take(const rx_extraction *job, const rx_cutouts *cutouts, const sep_
 static void extract(const rx_detect_params *par, const rx_extraction *job, const rx_cutouts *cutouts,
                     int levels, part *dst)
 {
-    const bool whole = cutouts == NULL; /* with sep's own matched filter */
-    const bool filters = whole || cutouts->ring > 1;
+    const bool filters = cutouts->ring > 1;
     const double unit = rx_unit_of(job->noise_value); /* sep squares pixels and noise in single precision */
-    const size_t n = (size_t)job->image.width * (size_t)job->image.height;
+    const size_t n = (size_t)cutouts->width * (size_t)cutouts->height;
     sep_catalog *cat = NULL;
-    float *pixels = NULL, *noise = NULL; /* of the whole tile, where it has a unit */
-    if (whole && unit != 1.0) {
-        pixels = rx_unit_copy(job->pixels, n, unit);
-        noise = job->noise != NULL ? rx_unit_copy(job->noise, n, unit) : NULL;
-        dst->failed = pixels == NULL || (job->noise != NULL && noise == NULL) ? SEP_STATUS_MEMORY : 0;
-        if (dst->failed != 0)
-            goto exit;
-    } else if (unit != 1.0) {
-        rx_unit_divide(cutouts->pixels, (size_t)cutouts->width * (size_t)cutouts->height, unit);
-        rx_unit_divide(cutouts->noise, (size_t)cutouts->width * (size_t)cutouts->height, unit);
+    if (unit != 1.0) {
+        rx_unit_divide(cutouts->pixels, n, unit);
+        rx_unit_divide(cutouts->noise, n, unit);
     }
-    sep_image image = {.data = !whole           ? cutouts->pixels
-                               : pixels != NULL ? pixels
-                                                : job->pixels,
-                       .noise = !whole          ? cutouts->noise
-                                : noise != NULL ? noise
-                                                : job->noise,
+    sep_image image = {.data = cutouts->pixels,
+                       .noise = cutouts->noise,
                        .dtype = SEP_TFLOAT,
                        .ndtype = SEP_TFLOAT,
-                       .w = whole ? job->image.width : cutouts->width,
-                       .h = whole ? job->image.height : cutouts->height,
+                       .w = cutouts->width,
+                       .h = cutouts->height,
                        .noiseval = job->noise_value / unit,
                        .noise_type = SEP_NOISE_STDDEV,
                        .gain = job->gain * unit};
-    dst->failed = sep_extract(&image, (float)(job->threshold * job->raised / (par->absolute ? unit : 1.0)),
-                              par->absolute ? SEP_THRESH_ABS : SEP_THRESH_REL, par->min_area,
-                              filters ? job->kernel->values : NULL, job->kernel->width, job->kernel->height,
-                              whole ? SEP_FILTER_MATCHED : SEP_FILTER_CONV, levels,
-                              levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, &cat);
+    dst->failed =
+        sep_extract(&image, (float)(job->threshold / (par->absolute ? unit : 1.0)),
+                    par->absolute ? SEP_THRESH_ABS : SEP_THRESH_REL, par->min_area,
+                    filters ? job->kernel->values : NULL, job->kernel->width, job->kernel->height,
+                    SEP_FILTER_CONV, levels, levels > 1 ? par->deblend_contrast : 1.0, 0, 1.0, &cat);
     if (dst->failed == 0 && !take(job, cutouts, cat, dst))
         dst->failed = SEP_STATUS_MEMORY;
     sep_catalog_free(cat);
-exit:
-    free(pixels);
-    free(noise);
 }
 
 /* Does sep filter this blend itself? Not with absolute thresholds, which know no noise to keep others out by,
@@ -296,17 +273,6 @@ static int extract_batches(const rx_detect_params *par, const rx_extraction *job
     return failed;
 }
 
-static void extract_whole(const rx_detect_params *par, const rx_extraction *job, const limits *limit,
-                          part *dst)
-{
-    const size_t allowed = (size_t)(par->pixstack_max > par->pixstack ? par->pixstack_max : par->pixstack);
-    size_t stack = (size_t)job->image.width * (size_t)job->image.height + STACK_SPARE;
-    stack = stack < allowed ? stack : allowed;
-    sep_set_extract_pixstack(stack < STACK_LIMIT ? stack : STACK_LIMIT);
-    *dst = (part){0};
-    extract(par, job, NULL, limit->levels, dst);
-}
-
 /* Call sep until it succeeds or nothing is left to try; its status. sep's two limits belong to the whole
  * process, so only one extraction at a time may set and use them. */
 static int extract_alone(const rx_detect_params *par, rx_extraction *job, const rx_batches *batches,
@@ -319,12 +285,7 @@ static int extract_alone(const rx_detect_params *par, rx_extraction *job, const 
         int old_subobjects = sep_get_sub_object_limit();
         do {
             sep_set_sub_object_limit(safe_subobjects(limit->subobjects, limit->levels));
-            if (par->matched) {
-                extract_whole(par, job, limit, parts);
-                failed = parts->failed;
-            } else {
-                failed = extract_batches(par, job, batches, limit->levels, parts);
-            }
+            failed = extract_batches(par, job, batches, limit->levels, parts);
         } while (failed != 0 && loosen(failed, job, limit));
         sep_set_extract_pixstack(old_stack);
         sep_set_sub_object_limit(old_subobjects);
@@ -367,18 +328,11 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
     limit.subobjects_max = par->subobjects_max > limit.subobjects ? par->subobjects_max : limit.subobjects;
     rx_batches batches = {0};
     part *parts = NULL;
-    int nparts = 1, failed = 0;
+    int failed;
     rx_status status = RX_OK;
     *dst = (rx_detections){0};
-    job->raised = 1.0;
-    if (!par->matched) {
-        status = rx_batches_make(par, &job->image, job->groups, &batches, err);
-        nparts = batches.n;
-    }
-    if (status == RX_OK && (parts = RX_NEW(part, (size_t)nparts)) == NULL)
-        status = rx_error_memory(err, (size_t)nparts * sizeof *parts);
-    if (status != RX_OK)
-        goto exit;
+    RX_TRY_EXIT(rx_batches_make(par, &job->image, job->groups, &batches, err));
+    RX_TRY_EXIT(RX_MAKE(parts, (size_t)batches.n, err));
     failed = extract_alone(par, job, &batches, &limit, parts);
     if (failed == SEP_STATUS_MEMORY)
         RX_TRY_EXIT(rx_error_memory(err, 0));
@@ -392,10 +346,10 @@ rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log
         rx_log_warning(log,
                        "too many sub-objects: deblended with %d instead of %d levels, all sources flagged",
                        limit.levels, par->deblend_levels);
-    status = join(parts, nparts, job->groups->n, dst, err);
+    status = join(parts, batches.n, job->groups->n, dst, err);
 exit:
     if (parts != NULL)
-        free_parts(parts, nparts);
+        free_parts(parts, batches.n);
     free(parts);
     rx_batches_free(&batches);
     return status;

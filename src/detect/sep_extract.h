@@ -17,22 +17,19 @@
 typedef struct rx_extraction {
     rx_threshold image;
     const float *pixels; /* before the filter, masked ones 0 */
-    const float *noise;  /* [height][width] of pixels for sep's matched filter, else NULL */
     double noise_value;  /* where noise does not vary */
     double gain;
     const rx_filter *kernel;
     const rx_groups *groups; /* of the pixels above the threshold */
-    const rx_levels *levels; /* of detections' pixels */
     double threshold;        /* of which the groups are: sigmas, or ADU when absolute */
     int grown;               /* out: times a limit was raised */
-    double raised;           /* out: factor by which the threshold had to be raised (1) */
     int flags;               /* out: RX_FLAG_ bits for every source when a limit could not be met */
 } rx_extraction;
 
 /* Groups that cannot split and those that may are packed into small images by fixed rules, and sep works
  * on these in `par->nthreads` threads; its random numbers, by which it shares out the pixels between the
- * parts of a blend, begin anew with each of them. A matched filter is sep's own: the whole tile at once.
- * Gives up only without memory. Free with rx_detections_free(). */
+ * parts of a blend, begin anew with each of them. Gives up only without memory. Free with
+ * rx_detections_free(). */
 rx_status rx_extract_run(const rx_detect_params *par, rx_extraction *job, rx_log *log, rx_detections *dst,
                          rx_error *err);
 

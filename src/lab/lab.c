@@ -162,7 +162,6 @@ rx_options rx_lab_options(const rx_lab *lab, const rx_lab_sky *sky, const rx_lab
         detect->filter = sky->kernel;
         detect->filter_width = detect->filter_height = sky->side;
         detect->filter_normalise = 1;
-        detect->matched = 0;
     }
     if (lab->kind->by_width && strcmp(run->restorer->name, "NET") == 0 && !detect->filter_auto) {
         detect->threshold *= lab->config->net_depth;

@@ -267,7 +267,6 @@ static rx_status detect(const search *of, int from, int to, rx_sources **dst, rx
     par.filter = NULL;
     par.filter_width = par.filter_height = 0;
     par.filter_normalise = 1;
-    par.matched = 0;
     par.clean = par.clean && of->look->crowd->n == 0;
     const rx_image image = {.width = width,
                             .height = height,

@@ -60,7 +60,6 @@ static double image_memory(const rx_options *o, int k, const rx_tile_shape *shap
         {4.5e6,   0,     0,     0,       0,       0,      file && !plain ? 14 + 2 * threads : 0},    /* PSF_TERM, of 15 */
         {7.02e6,  12.14, 2.384, 0,       0,       0,      plain && stars && par->psf.type == RX_PSF_AUTO}, /* PSF_AUTO */
         {0.01e6,  11.78, 22.92, 1.844e4, 1.421e4, 3.55e6, par->templates.wanted},                    /* TEMPLATES */
-        {0.01e6,  25.55, 41.42, 2913,    207.2,   0,      par->detect.matched},                      /* MATCHED */
         {0.31e6,  4.199, 4.918, 0,       0,       0,      images},             /* CHECKIMAGE */
         {1.01e6,  25.94, 25.79, 0,       0,       0.57e6, dual},               /* SECOND */
         {46.19e6, 100.86, 64.42, 1.181e4, 2796,   1.01e6, check},              /* CHECK */

@@ -62,7 +62,6 @@ KINDS = {
     "NET two images": ["NET", "DUAL"],
     "RL templates two images": ["RL", "TEMPLATES", "DUAL"],
     "RL small meshes": ["RL", "-BACK_SIZE", "8"],
-    "RL matched filter": ["RL", "-FILTER_TYPE", "MATCHED"],
     "RL vignets": ["RL", "VIGNETS"],
     "RL original": ["RL", "-MEASURE_ON", "ORIGINAL"],
     "RL ASCII": ["RL", "-CATALOG_TYPE", "ASCII_HEAD"],
@@ -288,7 +287,7 @@ def rows_of(title, width, threads):
             row["NET_BLOCK"] = threads * min(width, BLOCK) / BLOCK
             row["NET_AGAIN"] = int("-VERIFY_SEAMS" in on or "-OUT_OF_DOMAIN" in on)
         row["PSF_AUTO"] = int(kind == "NONE" and ("TEMPLATES" in on or "-SELF_CHECK" in on or len(kinds) > 1))
-        row["TEMPLATES"], row["MATCHED"] = int("TEMPLATES" in on), int("-FILTER_TYPE" in on)
+        row["TEMPLATES"] = int("TEMPLATES" in on)
         row["CHECKIMAGE"] = 4 if "IMAGES" in on else 0
         row["SECOND"], row["CHECK"] = int(dual), int(checked)
         row["CHECK_TEMPLATES"] = int(checked and "TEMPLATES" in on)

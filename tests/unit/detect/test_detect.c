@@ -40,45 +40,42 @@ static void units_change_nothing(void **state)
 {
     (void)state;
     static const int powers[] = {-110, -70, -40, 40, 50};
-    for (int matched = 0; matched < 2; matched++) {
-        field f = field_new(W, H, 1.0, 2), g = field_new(W, H, 0.0, 2);
-        field_crowd(&f, 40, 800.0, 3);
-        rx_detect_params par = field_params();
-        par.matched = matched;
-        rx_image image = field_image(&f);
-        image.gain = 2.0;
-        image.variable_noise = 1;
-        rx_sources *a = NULL;
-        assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &a, NULL), RX_OK);
-        assert_true(a->n > 20);
-        for (size_t i = 0; i < sizeof powers / sizeof *powers; i++) {
-            for (size_t k = 0; k < f.n; k++) {
-                g.pixels[k] = ldexpf(f.pixels[k], powers[i]);
-                g.sigma[k] = ldexpf(1.0f, powers[i]);
-            }
-            rx_image scaled = field_image(&g);
-            scaled.gain = ldexp(2.0, -powers[i]);
-            scaled.variable_noise = 1;
-            scaled.global_noise = ldexp(1.0, powers[i]);
-            rx_sources *b = NULL;
-            assert_int_equal(rx_detect_run(&par, &scaled, NULL, NULL, &b, NULL), RX_OK);
-            assert_int_equal(a->n, b->n);
-            assert_memory_equal(a->segments, b->segments, f.n * sizeof *a->segments);
-            for (int k = 0; k < a->n; k++) {
-                const rx_source *s = &a->list[k], *t = &b->list[k];
-                assert_near(t->x, s->x, 1e-12);
-                assert_near(t->a, s->a, 1e-12);
-                assert_near(t->errx2, s->errx2, 1e-12 * s->errx2);
-                assert_near(ldexp(t->peak, -powers[i]), s->peak, 1e-6 * s->peak);
-                assert_near(ldexp(t->flux_iso, -powers[i]), s->flux_iso, 1e-6 * fabs(s->flux_iso));
-                assert_near(ldexp(t->threshold, -powers[i]), s->threshold, 1e-6 * s->threshold);
-            }
-            rx_sources_free(b);
+    field f = field_new(W, H, 1.0, 2), g = field_new(W, H, 0.0, 2);
+    field_crowd(&f, 40, 800.0, 3);
+    rx_detect_params par = field_params();
+    rx_image image = field_image(&f);
+    image.gain = 2.0;
+    image.variable_noise = 1;
+    rx_sources *a = NULL;
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &a, NULL), RX_OK);
+    assert_true(a->n > 20);
+    for (size_t i = 0; i < sizeof powers / sizeof *powers; i++) {
+        for (size_t k = 0; k < f.n; k++) {
+            g.pixels[k] = ldexpf(f.pixels[k], powers[i]);
+            g.sigma[k] = ldexpf(1.0f, powers[i]);
         }
-        rx_sources_free(a);
-        field_free(&f);
-        field_free(&g);
+        rx_image scaled = field_image(&g);
+        scaled.gain = ldexp(2.0, -powers[i]);
+        scaled.variable_noise = 1;
+        scaled.global_noise = ldexp(1.0, powers[i]);
+        rx_sources *b = NULL;
+        assert_int_equal(rx_detect_run(&par, &scaled, NULL, NULL, &b, NULL), RX_OK);
+        assert_int_equal(a->n, b->n);
+        assert_memory_equal(a->segments, b->segments, f.n * sizeof *a->segments);
+        for (int k = 0; k < a->n; k++) {
+            const rx_source *s = &a->list[k], *t = &b->list[k];
+            assert_near(t->x, s->x, 1e-12);
+            assert_near(t->a, s->a, 1e-12);
+            assert_near(t->errx2, s->errx2, 1e-12 * s->errx2);
+            assert_near(ldexp(t->peak, -powers[i]), s->peak, 1e-6 * s->peak);
+            assert_near(ldexp(t->flux_iso, -powers[i]), s->flux_iso, 1e-6 * fabs(s->flux_iso));
+            assert_near(ldexp(t->threshold, -powers[i]), s->threshold, 1e-6 * s->threshold);
+        }
+        rx_sources_free(b);
     }
+    rx_sources_free(a);
+    field_free(&f);
+    field_free(&g);
 }
 
 static void empty_sky_has_no_source(void **state)
@@ -258,13 +255,6 @@ static void limits_grow_and_the_tile_survives(void **state)
     assert_true((shallow->list[0].flags & RX_FLAG_EXTRACT_OVER) != 0);
     const double steps = log(shallow->list[0].threshold / par.threshold) / log(1.25);
     assert_near(steps, fmax(round(steps), 1.0), 1e-5); /* it rises by quarters */
-    par.matched = 1;
-    rx_sources *matched = field_detect(&f, &par);
-    assert_true(matched->n > 10);
-    assert_true((matched->list[0].flags & RX_FLAG_EXTRACT_OVER) != 0);
-    const double raised = log(matched->list[0].threshold / par.threshold) / log(1.25);
-    assert_near(raised, fmax(round(raised), 1.0), 1e-5);
-    rx_sources_free(matched);
 
     par = field_params();
     par.subobjects = par.subobjects_max = 1;
@@ -451,28 +441,25 @@ static double filtered_at(const field *f, int k)
     return filtered;
 }
 
-/* What a source says of its pixels: with one noise, with a map, with what cleaning gave it, and of sep's own
- * matched filter with a map. */
+/* What a source says of its pixels: with one noise, with a map, and with what cleaning gave it. */
 static void numbers_follow_from_the_pixels(void **state)
 {
     (void)state;
-    enum { ONE, MAP, CLEAN, MATCHED, WAYS };
+    enum { ONE, MAP, CLEAN, WAYS };
     for (int way = 0; way < WAYS; way++) {
         field f = field_new(W, H, 1.0, 13);
         field_crowd(&f, 60, 3000.0, 14);
         field_add(&f, 80.0, 60.0, 9.0, 9.0, 4000.0);
         for (size_t k = 0; k < f.n; k++) {
-            f.sigma[k] =
-                way == MAP || way == MATCHED ? (float)(0.9 + 0.2 * rx_random_uniform(2, 1, k)) : 1.0f;
+            f.sigma[k] = way == MAP ? (float)(0.9 + 0.2 * rx_random_uniform(2, 1, k)) : 1.0f;
             f.mask[k] = k % 37 == 0;
         }
         rx_detect_params par = field_params();
         par.clean = way == CLEAN;
-        par.matched = way == MATCHED;
         par.threshold = 1.2;
         par.analysis_threshold = 1.7;
         rx_image image = field_image(&f);
-        image.variable_noise = way == MAP || way == MATCHED;
+        image.variable_noise = way == MAP;
         rx_sources *s = NULL;
         assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
         assert_true(s->n > 20);
@@ -515,71 +502,15 @@ static void numbers_follow_from_the_pixels(void **state)
             assert_near(o->peak, peak, 0);
             assert_near(o->detection_snr, snr, 1e-5 * snr);
             assert_near(o->analysis_threshold, 1.7 * at_peak, 1e-6);
-            if (way == ONE || way == CLEAN) {
+            if (way != MAP) {
                 assert_int_equal(o->isoarea, raw);
                 assert_near(o->threshold, 1.2, 1e-6);
             }
-            if (way != MATCHED) {
-                assert_int_equal(o->xpeak, highest % W);
-                assert_int_equal(o->ypeak, highest / W);
-            }
+            assert_int_equal(o->xpeak, highest % W);
+            assert_int_equal(o->ypeak, highest / W);
         }
         assert_int_equal(eaten > 0, way == CLEAN);
         rx_sources_free(s);
-        field_free(&f);
-    }
-}
-
-/* sep on the whole tile with its matched filter, hidden pixels of no weight. */
-static void matched_filter_is_seps(void **state)
-{
-    (void)state;
-    for (int variable = 0; variable < 2; variable++) {
-        field f = field_new(W, H, 1.0, 71);
-        field_crowd(&f, 40, 3000.0, 72);
-        float *pixels = RX_NEW(float, f.n), *sigma = RX_NEW(float, f.n);
-        assert_non_null(pixels);
-        assert_non_null(sigma);
-        for (size_t i = 0; i < f.n; i++) {
-            f.mask[i] = i % 41 == 0;
-            f.sigma[i] = (float)(0.9 + 0.2 * rx_random_uniform(2, 1, i));
-            pixels[i] = f.mask[i] != 0 ? 0.0f : f.pixels[i];
-            sigma[i] = f.mask[i] != 0 ? 1e30f : variable ? f.sigma[i] : 1.1f;
-        }
-        rx_detect_params par = field_params();
-        par.clean = 0;
-        par.matched = 1;
-        rx_image given = field_image(&f);
-        given.variable_noise = variable;
-        given.global_noise = 1.1;
-        rx_sources *s = NULL;
-        assert_int_equal(rx_detect_run(&par, &given, NULL, NULL, &s, NULL), RX_OK);
-        sep_image image = {.data = pixels,
-                           .noise = sigma,
-                           .dtype = SEP_TFLOAT,
-                           .ndtype = SEP_TFLOAT,
-                           .w = W,
-                           .h = H,
-                           .noise_type = SEP_NOISE_STDDEV};
-        sep_catalog *cat = NULL;
-        assert_int_equal(sep_extract(&image, (float)par.threshold, SEP_THRESH_REL, par.min_area, field_kernel,
-                                     3, 3, SEP_FILTER_MATCHED, par.deblend_levels, par.deblend_contrast, 0,
-                                     1.0, &cat),
-                         0);
-        assert_true(s->n > 20);
-        assert_int_equal(s->n, cat->nobj);
-        for (int i = 0; i < s->n; i++) {
-            assert_int_equal(s->list[i].npix, cat->npix[i]);
-            assert_near(s->list[i].x, cat->x[i], 1e-9);
-            assert_near(s->list[i].y, cat->y[i], 1e-9);
-            if (isfinite(cat->errx2[i])) /* hidden pixels within have no end of noise */
-                assert_near(s->list[i].errx2, cat->errx2[i], 1e-9);
-            assert_near(s->list[i].threshold, cat->thresh[i], 1e-6);
-        }
-        sep_catalog_free(cat);
-        rx_sources_free(s);
-        free(pixels);
-        free(sigma);
         field_free(&f);
     }
 }
@@ -594,7 +525,6 @@ static void huge_numbers_become_circles(void **state)
     for (int k = 0; k < 9; k++)
         f.pixels[(60 + k / 3) * W + 80 + k % 3] = 3e38f;
     rx_detect_params par = field_params();
-    par.matched = 1;
     rx_image image = field_image(&f);
     rx_sources *s = NULL;
     image.variable_noise = 1;
@@ -765,13 +695,11 @@ static void noise_map_sets_the_threshold(void **state)
     rx_detect_params par = field_params();
     rx_image image = field_image(&f);
     image.variable_noise = 1;
-    for (par.matched = 0; par.matched < 2; par.matched++) {
-        rx_sources *s = NULL;
-        assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
-        assert_int_equal(s->n, 1);
-        assert_non_null(field_find(s, 40.0, 60.0));
-        rx_sources_free(s);
-    }
+    rx_sources *s = NULL;
+    assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
+    assert_int_equal(s->n, 1);
+    assert_non_null(field_find(s, 40.0, 60.0));
+    rx_sources_free(s);
     field_free(&f);
 }
 
@@ -845,15 +773,14 @@ static void survives_tiny_tiles(void **state)
     static const int sizes[][2] = {{1, 1}, {2, 3}, {5, 5}, {40, 1}, {1, 40}, {7, 2}};
     for (size_t k = 0; k < sizeof sizes / sizeof sizes[0]; k++)
         for (int value = -1; value <= 100; value += 101)
-            for (int mode = 0; mode < 4; mode++) {
+            for (int variable = 0; variable < 2; variable++) {
                 field f = field_new(sizes[k][0], sizes[k][1], 0.0, 1);
                 for (size_t i = 0; i < f.n; i++)
                     f.pixels[i] = (float)value;
                 rx_detect_params par = field_params();
                 rx_image image = field_image(&f);
                 rx_sources *s = NULL;
-                image.variable_noise = mode & 1;
-                par.matched = mode >> 1;
+                image.variable_noise = variable;
                 assert_int_equal(rx_detect_run(&par, &image, NULL, NULL, &s, NULL), RX_OK);
                 assert_true(s->n == (value > 0 && f.n >= 5));
                 for (int i = 0; i < s->n; i++) {
@@ -930,7 +857,6 @@ int main(void)
                                        cmocka_unit_test(threads_change_nothing),
                                        cmocka_unit_test(finds_what_sep_finds),
                                        cmocka_unit_test(cleans_crowds_as_sep_does),
-                                       cmocka_unit_test(matched_filter_is_seps),
                                        cmocka_unit_test(huge_numbers_become_circles),
                                        cmocka_unit_test(thresholds_have_units),
                                        cmocka_unit_test(contrast_is_seps),
