@@ -9,6 +9,7 @@
 #include "base/min_max.h"
 #include "pipeline/pipeline.h"
 #include "pipeline/prepare.h"
+#include "pipeline/proposals.h"
 
 enum { PASSES = 3 };
 static const double BEAMS = 30.0;  /* areas of FWHM^2 a source that is detected: fewer are no such crowd */
@@ -118,6 +119,8 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
         psf->quality.how != RX_PSF_BY_PIXELS || field->nstars * psf->fwhm * psf->fwhm * BEAMS < area)
         return RX_OK;
     par.judge_residual = 0;
+    if (par.detect.filter_auto) /* this PSF cannot decide */
+        rx_proposals_without_psf(&par.detect);
     par.templates.drop = 0;
     par.templates.par.covariance = 0;
     par.templates.par.keep_model = 1;

@@ -26,18 +26,26 @@ static double proposed_from(double significance, double margin)
     return fmax(sigmas, 1.0); /* below, a sixth of the sky is above, and joined */
 }
 
+/* Sigmas of a pixel, of each of significance, where no PSF says that: 1.5 for the 5 of the default, SExtractor's own. */
+static const double SIGMAS_WITHOUT_PSF = 0.3;
+
 int rx_proposals_wanted(const rx_pipeline_params *params, const rx_field *field)
 {
     return params->detect.filter_auto && field->psf != NULL;
+}
+
+void rx_proposals_without_psf(rx_detect_params *par)
+{
+    par->threshold = SIGMAS_WITHOUT_PSF * par->significance;
+    par->filter_auto = 0;
 }
 
 rx_status rx_proposals_params(const rx_field *field, int plain, rx_detect_params *par, float **kernel,
                               rx_error *err)
 {
     *kernel = NULL;
-    if (field->psf == NULL) { /* as significant behind the filter that there is */
-        par->threshold =
-            par->significance * rx_filter_norm(par->filter, par->filter_width * par->filter_height);
+    if (field->psf == NULL) {
+        rx_proposals_without_psf(par);
         return RX_OK;
     }
     if (plain) {

@@ -11,8 +11,11 @@
 /* Whether detection on this field goes that way: asked for, and its PSF is known. */
 int rx_proposals_wanted(const rx_pipeline_params *params, const rx_field *field);
 
+/* FILTER_TYPE CONV at the threshold that stands for this significance: where the PSF is not known, or not yet. */
+void rx_proposals_without_psf(rx_detect_params *par);
+
 /* The filter and threshold that propose: on pixels as they were observed (`plain`) a Gaussian narrower than the PSF,
- * else, and where no PSF is known, the filter of `par`. *kernel: of the filter, to be freed; NULL: the filter is params'. Errors: RX_SYSTEM. */
+ * else, and where no PSF is known, that of `par`. *kernel: of the filter, to be freed; NULL: the filter is params'. Errors: RX_SYSTEM. */
 rx_status rx_proposals_params(const rx_field *field, int plain, rx_detect_params *par, float **kernel,
                               rx_error *err);
 

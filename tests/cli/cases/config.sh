@@ -177,7 +177,7 @@ begin 'keywords that have no effect for the same reason'
 make_fits tile tile.fits
 leaves test.cat
 talks 'PSF_TYPE MOFFAT has no effect without RESTORE_TYPE RL[^;]*; PSF_NAME a has no [^;]*; PSF_FWHM 3 has no effect without RESTORE_TYPE RL[^;]*; nor has PSF_SIZE 51 ' \
-    tile.fits $none -PSF_TYPE MOFFAT -PSF_NAME a -PSF_FWHM 3 -PSF_SIZE 51
+    tile.fits $none -FILTER_TYPE CONV -PSF_TYPE MOFFAT -PSF_NAME a -PSF_FWHM 3 -PSF_SIZE 51
 
 begin 'keywords of a list that count for one of its tiles'
 make_fits tile tile.fits

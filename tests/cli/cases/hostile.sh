@@ -47,7 +47,7 @@ make_fits extensions tile.fits 'NAXIS1  = 1000000000' 'NAXIS2  = 1000000000'
 leaves test.cat
 says 3
 expect_exactly 0 'warning: tile\.fits\[2\]: skipped: .*1000000000 x 1000000000' tile.fits $none -c "$top/config/default.sex" \
-    -PARAMETERS_NAME "$top/config/default.param" -FILTER N
+    -PARAMETERS_NAME "$top/config/default.param" -FILTER_TYPE CONV -FILTER N
 
 begin 'a file of nothing but a hole, as long as its header says'
 make_fits tile t.fits 'NAXIS1  = 1000000' 'NAXIS2  = 1000000' && head -c 2880 t.fits >tile.fits && rm t.fits

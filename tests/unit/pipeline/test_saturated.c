@@ -189,7 +189,8 @@ static void values_beyond_saturation_reach_only_the_star(void **state)
                                     sizeof(float));
         }
         for (int i = 0; i < one.restored.sources->n; i++)
-            if (&one.restored.sources->list[i] != star) {
+            if (hypot(one.restored.sources->list[i].x - star->x, one.restored.sources->list[i].y - star->y) >
+                15) {
                 rx_source *own = &one.restored.sources->list[i], *same = &other.restored.sources->list[i];
                 assert_close(own->detection_snr, same->detection_snr,
                              1e-3); /* beside a star that has moved */

@@ -60,7 +60,9 @@ static rx_status run_stage(const char *image, const setting *settings, rx_error 
         assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
     for (const setting *s = settings; s->name != NULL; s++)
         assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
-    rx_status status = rx_stage_run(config, image, stdout, NULL, NULL, err);
+    rx_status status = rx_settings_complete(&config->settings, NULL, err);
+    if (status == RX_OK)
+        status = rx_stage_run(config, image, stdout, NULL, NULL, err);
     rx_config_free(config);
     return status;
 }
