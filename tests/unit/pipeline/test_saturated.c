@@ -188,15 +188,15 @@ static void values_beyond_saturation_reach_only_the_star(void **state)
                 assert_memory_equal(&one.restored.restored->pixels[i], &other.restored.restored->pixels[i],
                                     sizeof(float));
         }
-        for (int i = 0; i < one.restored.sources->n; i++)
-            if (hypot(one.restored.sources->list[i].x - star->x, one.restored.sources->list[i].y - star->y) >
-                15) {
-                rx_source *own = &one.restored.sources->list[i], *same = &other.restored.sources->list[i];
-                assert_close(own->detection_snr, same->detection_snr,
-                             1e-3); /* beside a star that has moved */
-                own->detection_snr = same->detection_snr;
-                assert_memory_equal(own, same, sizeof *star);
-            }
+        for (int i = 0; i < one.restored.sources->n; i++) {
+            const rx_source *own = &one.restored.sources->list[i], *same = &other.restored.sources->list[i];
+            if (hypot(own->x - star->x, own->y - star->y) < 40)
+                continue; /* masks of neighbours, and the star's fitted light, follow its border */
+            assert_close(own->detection_snr, same->detection_snr, 1e-6);
+            assert_near(own->x, same->x, 0);
+            assert_near(own->y, same->y, 0);
+            assert_near(own->flux_auto, same->flux_auto, 1e-9 * fabs(own->flux_auto));
+        }
         forget(&one);
         forget(&other);
     }
