@@ -26,7 +26,7 @@ static double proposed_from(double significance, double margin)
     return fmax(sigmas, 1.0); /* below, a sixth of the sky is above, and joined */
 }
 
-/* Sigmas of a pixel, of each of significance, where no PSF says that: 1.5 for the 5 of the default, SExtractor's own. */
+/* Sigmas of a pixel, of each of significance, where no PSF or no filter says that: 1.5 for the 5 of the default, SExtractor's. */
 static const double SIGMAS_WITHOUT_PSF = 0.3;
 
 int rx_proposals_wanted(const rx_pipeline_params *params, const rx_field *field)
@@ -48,6 +48,11 @@ rx_status rx_proposals_params(const rx_field *field, int plain, rx_detect_params
         rx_proposals_without_psf(par);
         return RX_OK;
     }
+    par->min_area = 1;                  /* the likelihood decides, not the area */
+    if (plain && par->filter == NULL) { /* FILTER N */
+        par->threshold = SIGMAS_WITHOUT_PSF * par->significance;
+        return RX_OK;
+    }
     if (plain) {
         const double sigma = FILTER_WIDTH * field->psf->fwhm / (2.0 * sqrt(2.0 * M_LN2));
         const int half = (int)ceil(3.0 * sigma), side = 2 * half + 1;
@@ -62,7 +67,6 @@ rx_status rx_proposals_params(const rx_field *field, int plain, rx_detect_params
     }
     par->threshold = proposed_from(par->significance, plain ? MARGIN_PLAIN : MARGIN_RESTORED) *
                      rx_filter_norm(par->filter, par->filter_width * par->filter_height);
-    par->min_area = 1; /* the likelihood decides, not the area */
     return RX_OK;
 }
 

@@ -21,8 +21,9 @@
 #include <string.h>
 
 /* LARGE: what libraries have by the MB (planes, stacks of pixels) they know how to be refused; all that FFTW, wcslib
- * and OpenMP ask for at a time is below 300 kB. RESERVE: ten of these, as we stop at our own next request. */
-enum { RESERVE = 4 << 20, LARGE = 1 << 20, ALIGNMENT = 64 };
+ * and OpenMP ask for at a time is below 300 kB, but sep's deblending takes 1 MB a thread, and frees what it has not when that is
+ * refused. RESERVE: some of these, as we stop at our own next request. */
+enum { RESERVE = 8 << 20, LARGE = 2 << 20, ALIGNMENT = 64 };
 
 /* Block behind block of the program's zeroed data, whose pages are not there before they are touched. */
 static struct {
