@@ -29,6 +29,17 @@ typedef struct stamp {
     float *values;    /* [side][side] */
 } stamp;
 
+/* What a proposal may be besides a point: a Gaussian wider than the PSF, on whole pixels. */
+enum { SIZES = 3 };
+static const double WIDEST =
+    12.0; /* FWHM, pixels: a fifth of the mesh of the sky, which holds what is wider */
+
+typedef struct size {
+    int half;
+    float *values; /* [side][side], side = 2 half + 1 */
+    double noise;  /* of correlated pixels, under it over that under the PSF */
+} size;
+
 /* Row j of the matrix: its other elements. */
 typedef struct element {
     int column;
@@ -38,6 +49,7 @@ typedef struct element {
 typedef struct row {
     double diagonal, right; /* A_jj, b_j */
     double photons;         /* of others: what they add to the variance of b_j */
+    double noise;           /* of its size */
     element *others;
     int n;
 } row;
@@ -48,8 +60,10 @@ typedef struct equations {
     rx_proposal *list;
     stamp *stamps;
     row *rows;
-    int *order, *rank;    /* proposals by y; where each stands in that order */
-    int reach;            /* half side of the largest stamp */
+    int *order, *rank; /* proposals by y; where each stands in that order */
+    int reach;         /* half side of the largest stamp */
+    size sizes[SIZES]; /* the first nsizes of them */
+    int nsizes;
     float *data, *weight; /* [height][width] above the sky; w */
     double *work;         /* [4][n] of the solver */
 } equations;
@@ -62,6 +76,8 @@ static void free_equations(equations *eq)
         if (eq->rows != NULL)
             free(eq->rows[j].others);
     }
+    for (int k = 0; k < eq->nsizes; k++)
+        free(eq->sizes[k].values);
     free(eq->stamps);
     free(eq->rows);
     free(eq->order);
@@ -182,8 +198,71 @@ static double overlap(const equations *eq, const stamp *a, const stamp *b)
     return sum;
 }
 
-/* Every proposal gets a stamp as wide as its flux, taken alone, asks for. What is not significant alone is not beside
- * others either, whose light is above 0, and goes at once. */
+/* Twice the PSF's FWHM, four times, ... */
+static rx_status make_sizes(equations *eq, rx_error *err)
+{
+    const rx_image *image = eq->image;
+    const rx_noise_correlation *correlation = image->correlation;
+    for (double fwhm = 2.0 * image->psf->fwhm; fwhm <= WIDEST && eq->nsizes < SIZES; fwhm *= 2.0) {
+        size *s = &eq->sizes[eq->nsizes];
+        const int half = (int)ceil(1.3 * fwhm), side = 2 * half + 1;
+        double sum = 0.0;
+        RX_TRY(RX_MAKE(s->values, (size_t)(side * side), err));
+        eq->nsizes++;
+        s->half = half;
+        for (int i = 0; i < side * side; i++) {
+            const double x = i % side - half, y = i / side - half;
+            s->values[i] = (float)exp2(-4.0 * (x * x + y * y) / (fwhm * fwhm));
+            sum += (double)s->values[i];
+        }
+        for (int i = 0; i < side * side; i++)
+            s->values[i] /= (float)sum;
+        s->noise = correlation != NULL ? fmax(rx_noise_factor_wide(correlation), 1.0) : 1.0;
+    }
+    return RX_OK;
+}
+
+static rx_status cut_size(const equations *eq, int j, const size *of, rx_error *err)
+{
+    stamp *s = &eq->stamps[j];
+    const int side = 2 * of->half + 1;
+    free(s->values);
+    *s = (stamp){.x0 = (int)lround(eq->list[j].x) - of->half,
+                 .y0 = (int)lround(eq->list[j].y) - of->half,
+                 .side = side,
+                 .values = RX_NEW(float, (size_t)(side * side))};
+    if (s->values == NULL)
+        return rx_error_memory(err, (size_t)(side * side) * sizeof(float));
+    memcpy(s->values, of->values, (size_t)(side * side) * sizeof(float));
+    return RX_OK;
+}
+
+/* Is it significant by one of the sizes? Its stamp is then that of the most significant one. */
+static rx_status try_sizes(const equations *eq, int j, double significant, rx_error *err)
+{
+    rx_proposal *p = &eq->list[j];
+    const size *best = NULL;
+    for (int k = 0; k < eq->nsizes; k++) {
+        row alone;
+        RX_TRY(cut_size(eq, j, &eq->sizes[k], err));
+        weigh(eq, &eq->stamps[j], &alone);
+        const double lambda =
+            alone.diagonal > 0.0 ? alone.right / sqrt(alone.diagonal) / eq->sizes[k].noise : 0.0;
+        if (!(lambda > fmax(p->lambda, significant)))
+            continue;
+        p->lambda = lambda;
+        p->flux = alone.right / alone.diagonal;
+        best = &eq->sizes[k];
+    }
+    if (best == NULL)
+        return RX_OK;
+    p->kept = 1;
+    eq->rows[j].noise = best->noise;
+    return cut_size(eq, j, best, err);
+}
+
+/* Every proposal gets a stamp as wide as its flux, taken alone, asks for. What is not significant alone, as a point or wider, is not
+ * beside others either, whose light is above 0, and goes at once. */
 static rx_status make_stamps(equations *eq, double significant, rx_error *err)
 {
     const rx_psf *psf = eq->image->psf;
@@ -208,8 +287,12 @@ static rx_status make_stamps(equations *eq, double significant, rx_error *err)
             p->flux = alone.diagonal > 0.0 ? alone.right / alone.diagonal : 0.0;
             p->lambda = alone.diagonal > 0.0 ? p->flux * sqrt(alone.diagonal) : (double)NAN;
             p->kept = p->sure || !(p->lambda < significant);
-            if (!p->kept)
+            eq->rows[j].noise = 1.0;
+            if (!p->kept) {
+                mine = try_sizes(eq, j, significant, &local);
+                reach = p->kept && eq->stamps[j].side / 2 > reach ? eq->stamps[j].side / 2 : reach;
                 continue;
+            }
             int wide = least;
             while (wide < half && p->flux * profile[wide] > CUT * eq->image->global_noise)
                 wide++;
@@ -409,7 +492,10 @@ static void solve(const equations *eq)
     }
     for (int step = 0; step < MOST_STEPS && before > TOLERANCE * TOLERANCE * scale; step++) {
         multiply(eq, direction, product);
-        const double length = before / dot(direction, product, n);
+        const double curvature = dot(direction, product, n);
+        if (!(curvature > 0.0)) /* two at one place */
+            break;
+        const double length = before / curvature;
         double after = 0.0;
         for (int j = 0; j < n; j++) {
             flux[j] += length * direction[j];
@@ -438,9 +524,17 @@ static double information(const equations *eq, int j)
     const element *near[NEIGHBOURS];
     double matrix[NEIGHBOURS * NEIGHBOURS] = {0}, column[NEIGHBOURS], solved[NEIGHBOURS];
     int n = 0;
-    for (int k = 0; k < r->n && n < NEIGHBOURS; k++)
-        if (takes_part(eq, r->others[k].column) && coupling(eq, j, &r->others[k]) >= COUPLED)
-            near[n++] = &r->others[k];
+    for (int k = 0; k < r->n; k++) {
+        const element *e = &r->others[k];
+        if (!takes_part(eq, e->column) || coupling(eq, j, e) < COUPLED)
+            continue;
+        if (n == NEIGHBOURS && coupling(eq, j, near[n - 1]) >= coupling(eq, j, e))
+            continue;
+        int at = n < NEIGHBOURS ? n++ : n - 1; /* the strongest first, the weakest falls out */
+        for (; at > 0 && coupling(eq, j, near[at - 1]) < coupling(eq, j, e); at--)
+            near[at] = near[at - 1];
+        near[at] = e;
+    }
     for (int a = 0; a < n; a++) {
         const row *other = &eq->rows[near[a]->column];
         column[a] = solved[a] = (double)near[a]->value;
@@ -472,7 +566,8 @@ static void set_lambda(const equations *eq)
                 light += (double)r->others[k].value * fmax(eq->list[r->others[k].column].flux, 0.0);
         const double known = information(eq, j);
         p->lambda = r->diagonal > 0.0
-                        ? p->flux * known / sqrt(known + r->photons + pow(relative * light, 2.0))
+                        ? p->flux * known /
+                              sqrt(known * r->noise * r->noise + r->photons + pow(relative * light, 2.0))
                         : (double)NAN;
         if (known == 0.0 && r->diagonal > 0.0)
             p->lambda = 0.0;
@@ -529,6 +624,7 @@ rx_status rx_significance(const rx_image *image, double least, int nthreads, int
     RX_TRY_EXIT(RX_MAKE(drop, (size_t)n, err));
     rx_image_above_sky(image, eq.nthreads, eq.data);
     set_weights(&eq);
+    RX_TRY_EXIT(make_sizes(&eq, err));
     RX_TRY_EXIT(make_stamps(&eq, least, err));
     RX_TRY_EXIT(sort_by_y(&eq, err));
     RX_TRY_EXIT(fill_rows(&eq, err));

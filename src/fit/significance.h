@@ -8,6 +8,7 @@
  * M_j: the light of all others, whose photons and whose PSF, known to e, add to the error; a source's own do not, for
  * the question is whether it is there.
  *
+ * What is not significant as a point is tried as Gaussians of twice the FWHM, four times, ..., to 12 pixels.
  * Alone on the sky lambda is the matched filter's signal to noise; beside others it is what their light leaves
  * significant. Two proposals for one source share its flux, and neither is significant then: so the weakest of
  * each neighbourhood goes first, and what stays is fitted again. Where `image->noise` is that of correlated pixels,

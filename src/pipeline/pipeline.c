@@ -223,6 +223,11 @@ static rx_status prepare_detection(work *w, rx_error *err)
     w->par = w->params->detect;
     if (w->params->detect.filter_auto)
         RX_TRY(rx_proposals_params(w->detect, result->plain, &w->par, &w->kernel, err));
+    if (w->params->detect.filter_auto && w->detect->psf == NULL)
+        rx_log_detail(
+            w->log,
+            "%s[%d]: no PSF is known: detected behind FILTER_NAME at %g sigmas of a pixel (FILTER_TYPE CONV)",
+            input->name, input->hdu, w->par.threshold);
     RX_TRY(rx_filter_new(par->filter, par->filter_width, par->filter_height, &w->filter, err));
     result->filtered = restored->pixels;
     result->filtered_scale = par->filter_normalise ? 1.0f : (float)w->filter.sum; /* 1 without a filter */

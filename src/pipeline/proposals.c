@@ -11,17 +11,19 @@
 /* FWHM of the filter over the PSF's: narrower, it separates blends that the matched filter (1) joins; too narrow, it
  * loses faint galaxies. Average precision is flat between 0.5 and 0.65: validation/results/proposals. */
 static const double FILTER_WIDTH = 0.6;
+static const double LEAST_WIDTH =
+    2.0; /* pixels: of default.conv, by which faint galaxies are found where seeing is sharp */
 
 /* How far below its mean signal to noise behind the filter a source at the threshold is still proposed, in units of what
  * scatters around that mean, 0.47 sigma: at 1, 84 % of those at the threshold and 97 % of those half a sigma above, and
  * deeper ones join blends. A restored image has noise of its own, and its sources are separate. */
 static const double MARGIN_PLAIN = 1.0, MARGIN_RESTORED = 2.5;
 
-/* A source of significance T has a mean of 2 r / (1 + r^2) T = 0.88 T behind a filter r = 0.6 times as wide as the PSF, and
+/* A source of significance T has a mean of 2 r / (1 + r^2) T behind a filter r times as wide as the PSF, 0.88 T of 0.6, and
  * scatters by sqrt(1 - 0.88^2) around it. */
-static double proposed_from(double significance, double margin)
+static double proposed_from(double significance, double r, double margin)
 {
-    const double r = FILTER_WIDTH, share = 2.0 * r / (1.0 + r * r);
+    const double share = 2.0 * r / (1.0 + r * r);
     const double sigmas = share * significance - margin * sqrt(1.0 - share * share);
     return fmax(sigmas, 1.0); /* below, a sixth of the sky is above, and joined */
 }
@@ -44,17 +46,21 @@ rx_status rx_proposals_params(const rx_field *field, int plain, rx_detect_params
                               rx_error *err)
 {
     *kernel = NULL;
+    if (!(par->significance > 0.0))
+        return rx_error_set(err, RX_USAGE, "DETECT_THRESH must be positive");
     if (field->psf == NULL) {
         rx_proposals_without_psf(par);
         return RX_OK;
     }
-    par->min_area = 1;                  /* the likelihood decides, not the area */
+    if (plain)
+        par->min_area = 1;              /* the likelihood decides, not the area */
     if (plain && par->filter == NULL) { /* FILTER N */
         par->threshold = SIGMAS_WITHOUT_PSF * par->significance;
         return RX_OK;
     }
+    const double r = plain ? fmax(FILTER_WIDTH, LEAST_WIDTH / field->psf->fwhm) : FILTER_WIDTH;
     if (plain) {
-        const double sigma = FILTER_WIDTH * field->psf->fwhm / (2.0 * sqrt(2.0 * M_LN2));
+        const double sigma = r * field->psf->fwhm / (2.0 * sqrt(2.0 * M_LN2));
         const int half = (int)ceil(3.0 * sigma), side = 2 * half + 1;
         RX_TRY(RX_MAKE(*kernel, (size_t)(side * side), err));
         for (int i = 0; i < side * side; i++) {
@@ -65,7 +71,7 @@ rx_status rx_proposals_params(const rx_field *field, int plain, rx_detect_params
         par->filter_width = par->filter_height = side;
         par->filter_normalise = 1;
     }
-    par->threshold = proposed_from(par->significance, plain ? MARGIN_PLAIN : MARGIN_RESTORED) *
+    par->threshold = proposed_from(par->significance, r, plain ? MARGIN_PLAIN : MARGIN_RESTORED) *
                      rx_filter_norm(par->filter, par->filter_width * par->filter_height);
     return RX_OK;
 }
@@ -73,7 +79,15 @@ rx_status rx_proposals_params(const rx_field *field, int plain, rx_detect_params
 rx_status rx_proposals_decide(const rx_pipeline_params *params, const rx_field *field, rx_sources *sources,
                               rx_log *log, rx_error *err)
 {
-    const rx_image image = rx_field_effective(field);
+    rx_image image = rx_field_effective(field);
+    rx_scaled_map short_lags;
+    if (rx_noise_is_structure(&field->noise)) {
+        /* light of sources too many to be told from noise: what resampling can leave of it */
+        static const float default_filter[9] = {1, 2, 1, 2, 4, 2, 1, 2, 1};
+        image = rx_field_restorable(field);
+        image.noise = rx_map_scaled(&short_lags, image.noise,
+                                    (float)rx_noise_factor(&field->noise, default_filter, 3, 3));
+    }
     const int n = sources->n;
     rx_image_scaled scaled = {0};
     rx_proposal *list = RX_NEW(rx_proposal, (size_t)n + 1);

@@ -309,6 +309,7 @@ static void plain_options(const rx_config *cfg, rx_log *log, rx_options *dst)
                      cfg->plan ? rx_threads_count(cfg->nthreads) /* the run may be elsewhere */
                                : rx_threads_had(cfg->nthreads, log));
     surface_brightness(cfg, &cfg->detect_thresh, &detect->threshold, &detect->absolute);
+    detect->filter_auto &= !detect->absolute;
     surface_brightness(cfg, &cfg->analysis_thresh, &detect->analysis_threshold, &detect->analysis_absolute);
     pipeline->seeing_stated = rx_settings_states(&cfg->settings, "SEEING_FWHM");
     pipeline->stated_scale = rx_settings_states(&cfg->settings, "PIXEL_SCALE") ? cfg->pixel_scale : 0.0;

@@ -8,6 +8,7 @@
 #include "config/config_fields.h"
 #include "config/kernel.h"
 #include "config/settings.h"
+#include "pipeline/proposals.h"
 #include "psf/psf_model.h"
 #include "stage/coordinates.h"
 #include "stage/psf_hints.h"
@@ -32,6 +33,7 @@ enum { ROWS = sizeof rows / sizeof rows[0] };
 static void settle(rx_pipeline_params *params)
 {
     params->detect.analysis_absolute = (params->detect.analysis_absolute & RX_THRESH_ABSOLUTE) != 0;
+    params->detect.filter_auto &= !params->detect.absolute; /* ADU are of pixels */
 }
 
 static void set_threads(rx_pipeline_params *params, int nthreads)
@@ -85,6 +87,7 @@ rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const ch
 {
     rx_config *config = NULL;
     rx_status status;
+    const int before = params->detect.filter_auto;
     RX_TRY(rx_config_new(&config, err));
     RX_TRY_EXIT(rx_settings_set(&config->settings, name, value, NULL, err));
     if (strcasecmp(name, "RESTORE_TYPE") == 0 && config->restore_type.n == 1)
@@ -102,8 +105,12 @@ rx_status rx_pipeline_set(rx_pipeline_params *params, const char *name, const ch
         status = rx_fill_one(rows, ROWS, &config->settings, name, params, err);
     if (status == RX_OK && strcasecmp(name, "SEEING_FWHM") == 0)
         params->seeing_stated = true;
-    if (status == RX_OK && strcasecmp(name, "DETECT_THRESH") == 0)
-        params->detect.filter_auto = 0;
+    static const char *const sextractors[] = {"FILTER", "DETECT_THRESH", "THRESH_TYPE"};
+    for (size_t i = 0; i < sizeof sextractors / sizeof *sextractors; i++)
+        if (strcasecmp(name, sextractors[i]) == 0)
+            params->detect.filter_auto = 0;
+    if (before && !params->detect.filter_auto && strcasecmp(name, "DETECT_THRESH") != 0)
+        rx_proposals_without_psf(&params->detect);
     settle(params);
 exit:
     rx_config_free(config);

@@ -144,6 +144,28 @@ static void what_no_pixel_shows_is_left_to_others(void **state)
     close_sky(s);
 }
 
+/* Nothing as a point, something as wide as it is: the matched filter of its own size. */
+static void faint_and_wide_is_a_source(void **state)
+{
+    (void)state;
+    sky *s = open_sky();
+    const double spread = 2.0 * SPREAD, flux = 80.0, peak = flux / (2.0 * M_PI * spread * spread);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        s->pixels[i] =
+            (float)(peak * exp(-0.5 * (pow(i % SIDE - 32, 2) + pow(i / SIDE - 32, 2)) / (spread * spread)));
+    rx_proposal wide = {.x = 32.0, .y = 32.0};
+    const double alone = flux / NOISE / sqrt(4.0 * M_PI) / spread,
+                 point = flux / NOISE * 2.0 * SPREAD / sqrt(4.0 * M_PI) / (SPREAD * SPREAD + spread * spread);
+    assert_true(point < 0.85 * alone);
+    significance(s, 0.95 * alone, 1, 1, &wide);
+    assert_true(wide.kept);
+    assert_close(wide.lambda, alone, 0.03);
+    significance(s, 0.95 * point, 1, 1, &wide); /* a point is enough */
+    assert_true(wide.kept);
+    assert_close(wide.lambda, point, 0.03);
+    close_sky(s);
+}
+
 /* Of a crowd on noise: the same bytes by one thread and by three, and white noise in white noise. */
 static void threads_and_noise(void **state)
 {
@@ -180,6 +202,7 @@ int main(void)
         cmocka_unit_test(beside_another_it_is_what_that_leaves),
         cmocka_unit_test(two_proposals_for_one_star_leave_one),
         cmocka_unit_test(what_no_pixel_shows_is_left_to_others),
+        cmocka_unit_test(faint_and_wide_is_a_source),
         cmocka_unit_test(threads_and_noise),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -194,8 +194,11 @@ static void decisions_by_keyword(void **state)
     assert_int_equal(rx_pipeline_set(&params, "RESTORE_TYPE", "RL,NET", &err), RX_USAGE);
     assert_non_null(strstr(err.text, "2 are named; give one"));
     assert_ptr_equal(params.restorer, rx_restorer_find("NONE"));
+    assert_int_equal(params.detect.filter_auto, 1);
     assert_int_equal(rx_pipeline_set(&params, "FILTER", "N", &err), RX_OK);
     assert_null(params.detect.filter);
+    assert_int_equal(params.detect.filter_auto, 0); /* SExtractor's detection, at its threshold */
+    assert_near(params.detect.threshold, 1.5, 1e-12);
     assert_int_equal(rx_pipeline_set(&params, "FILTER", "Y", &err), RX_OK);
     assert_ptr_equal(params.detect.filter, rx_kernel_built_in);
     assert_int_equal(rx_pipeline_set(&params, "NTHREADS", "3", &err), RX_OK);
@@ -207,13 +210,16 @@ static void decisions_by_keyword(void **state)
     assert_int_equal(params.seeing_stated, true);
     assert_near(params.seeing_arcsec, 0.9, 0);
     assert_int_equal(rx_pipeline_set(&params, "DETECT_THRESH", "22.5,25", &err), RX_USAGE);
-    assert_near(params.detect.threshold, 5.0, 0);
-    assert_int_equal(params.detect.filter_auto, 1);
+    assert_near(params.detect.threshold, 1.5, 1e-12);
     assert_int_equal(rx_pipeline_set(&params, "DETECT_THRESH", "2", &err), RX_OK);
     assert_int_equal(params.detect.filter_auto, 0);
     assert_int_equal(rx_pipeline_set(&params, "FILTER_TYPE", "AUTO", &err), RX_OK);
     assert_int_equal(params.detect.filter_auto, 1);
     assert_near(params.detect.significance, 2.0, 0);
+    assert_int_equal(rx_pipeline_set(&params, "THRESH_TYPE", "ABSOLUTE", &err), RX_OK);
+    assert_int_equal(rx_pipeline_set(&params, "FILTER_TYPE", "AUTO", &err), RX_OK);
+    assert_int_equal(params.detect.filter_auto, 0); /* ADU are of pixels */
+    assert_int_equal(rx_pipeline_set(&params, "THRESH_TYPE", "SIGNIFICANCE", &err), RX_OK);
     assert_int_equal(rx_pipeline_set(&params, "DETECT_THRES", "2", &err), RX_USAGE);
     assert_non_null(strstr(err.text, "did you mean"));
 }
