@@ -275,7 +275,8 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
     rx_noise_correlation noise = field->noise;
     own.keep_filtered = 1;
     *dst = (rx_blankcheck){.raised = 1.0};
-    if (field->psf == NULL)
+    if (field->psf == NULL ||
+        params->detect.filter_auto) /* AUTO: what is made of noise is not significant in the pixels */
         return RX_OK;
     if (noise.origin != RX_NOISE_MEASURED) /* what was stated may be wrong */
         RX_TRY(rx_field_noise_measure(field, NULL, params->nthreads, &noise, err));

@@ -195,8 +195,8 @@ rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, c
     const rx_tile *tile = field->tile;
     const double asked = params->detect.threshold;
     *dst = (rx_blankcheck){.raised = 1.0};
-    if ((kind->traits & RX_TRAIT_INVENTS) == 0 || par->blank_check == 0 || params->detect.filter_auto)
-        return RX_OK; /* FILTER_TYPE AUTO: what a restorer makes of noise is not significant in the pixels */
+    if ((kind->traits & RX_TRAIT_INVENTS) == 0 || par->blank_check == 0)
+        return RX_OK;
     RX_TRY(rx_blankcheck_guard(params, kind, field, par->false_max, dst, err));
     if (dst->raised > 1.0)
         rx_log_warning(log,

@@ -122,11 +122,6 @@ static rx_status set_threshold(work *w, int i, rx_error *err)
     rx_choice_candidate *c = &w->choice->of[i];
     rx_error why = rx_error_part(err);
     rx_blankcheck blank;
-    if (w->of[i].params.detect.filter_auto) { /* as rx_checks_guard() */
-        c->raised = 1.0;
-        c->false_rate = NAN;
-        return RX_OK;
-    }
     const rx_status status =
         rx_blankcheck_guard(&w->of[i].params, c->kind, w->field, w->par->false_max, &blank, &why);
     c->raised = blank.raised;

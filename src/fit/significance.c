@@ -13,10 +13,10 @@
 enum {
     LANCZOS = 4,     /* order, of moving the PSF by parts of a pixel */
     NEIGHBOURS = 40, /* of a local solution for errors: the matrix stays on the stack */
-    MOST_STEPS = 200 /* of conjugate gradients; some 20 do in crowds */
+    MOST_STEPS = 200 /* of conjugate gradients: a limit of time */
 };
 static const double LEAST_RADIUS =
-    1.5; /* FWHM, of a stamp: holds 0.98 of the filter's power of a Moffat of beta 2.5 */
+    1.5; /* FWHM, of a stamp: holds 0.996 of the sum of P^2 of a Moffat of beta 2.5, 1 - (1 + r^2 / alpha^2)^-4 */
 static const double CUT = 0.05;       /* sigma of a pixel: what lies beyond a stamp is fainter */
 static const double TOLERANCE = 1e-8; /* of the residual of A F = b, relative */
 static const double COUPLED =
@@ -37,7 +37,8 @@ static const double WIDEST =
 typedef struct size {
     int half;
     float *values; /* [side][side], side = 2 half + 1 */
-    double noise;  /* of correlated pixels, under it over that under the PSF */
+    double
+        noise; /* of wide sums of correlated pixels; w holds that of the PSF besides, so that a size is harder to reach there */
 } size;
 
 /* Row j of the matrix: its other elements. */

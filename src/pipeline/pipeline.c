@@ -569,12 +569,6 @@ rx_status rx_result_count(const rx_pipeline_params *params, const rx_result *res
 {
     rx_detect_params par = params->detect;
     const rx_image image = detection_image(result, hidden_bits(params, result->plain));
-    *n = 0;
-    if (rx_proposals_wanted(params, result->detect)) {
-        for (int i = 0; i < result->sources->n; i++)
-            *n += result->sources->list[i].detection_snr >= factor * par.significance;
-        return RX_OK;
-    }
     const rx_filtered filtered = {.pixels = result->filtered};
     rx_sources *sources = NULL;
     par.threshold *= factor;

@@ -9,14 +9,14 @@
 #include "fit/significance.h"
 
 /* FWHM of the filter over the PSF's: narrower, it separates blends that the matched filter (1) joins; too narrow, it
- * loses faint galaxies. Average precision is flat between 0.5 and 0.65: validation/results/proposals. */
+ * loses faint galaxies. 0.5 and 0.6 beside each other: validation/results/proposals. */
 static const double FILTER_WIDTH = 0.6;
 static const double LEAST_WIDTH =
     2.0; /* pixels: of default.conv, by which faint galaxies are found where seeing is sharp */
 
 /* How far below its mean signal to noise behind the filter a source at the threshold is still proposed, in units of what
  * scatters around that mean, 0.47 sigma: at 1, 84 % of those at the threshold and 97 % of those half a sigma above, and
- * deeper ones join blends. A restored image has noise of its own, and its sources are separate. */
+ * deeper ones join blends. A restored image has noise of its own, and its sources are separate. Measured: validation/results/proposals. */
 static const double MARGIN_PLAIN = 1.0, MARGIN_RESTORED = 2.5;
 
 /* A source of significance T has a mean of 2 r / (1 + r^2) T behind a filter r times as wide as the PSF, 0.88 T of 0.6, and
@@ -82,11 +82,14 @@ rx_status rx_proposals_decide(const rx_pipeline_params *params, const rx_field *
     rx_image image = rx_field_effective(field);
     rx_scaled_map short_lags;
     if (rx_noise_is_structure(&field->noise)) {
-        /* light of sources too many to be told from noise: what resampling can leave of it */
-        static const float default_filter[9] = {1, 2, 1, 2, 4, 2, 1, 2, 1};
+        /* light of more sources than can be distinguished from noise: as correlated as FILTER_NAME sees it */
+        static const float one = 1.0f;
+        const rx_detect_params *par = &params->detect;
+        const double factor = par->filter != NULL ? rx_noise_factor(&field->noise, par->filter,
+                                                                    par->filter_width, par->filter_height)
+                                                  : rx_noise_factor(&field->noise, &one, 1, 1);
         image = rx_field_restorable(field);
-        image.noise = rx_map_scaled(&short_lags, image.noise,
-                                    (float)rx_noise_factor(&field->noise, default_filter, 3, 3));
+        image.noise = rx_map_scaled(&short_lags, image.noise, (float)factor);
     }
     const int n = sources->n;
     rx_image_scaled scaled = {0};
