@@ -5,7 +5,7 @@
 # "not ok 2 - name", "not ok 3 # SKIP name"; any number of groups), a closing line
 # "N passed, N failed, N skipped", or its exit code alone (77: skipped). However it counts, a test
 # that ends in failure without a failed case, or before all planned cases ran, is an error. What took long has its seconds in the
-# line that is printed, so that who waits for the suite sees for what.
+# line that is printed, so that who waits for the suite sees for what; cases that failed are named after it.
 set -u
 
 while [ $# -gt 0 ]; do
@@ -28,6 +28,7 @@ awk -v code="$code" -v seconds=$(($(date +%s) - begun)) -v name="$name" -v trs="
     /^(not )?ok [0-9]+ # SKIP/ { skipped++; ran++; next }
     /^ok [0-9]+/ { passed++; ran++ }
     /^not ok [0-9]+/ { failed++; ran++ }
+    /^not ok [0-9]+/ || /^FAILED: / { complaints = complaints "\n    " $0 }
     /^[0-9]+ passed, [0-9]+ failed, [0-9]+ skipped$/ { closing = $0 }
     END {
         if (!tap && closing != "") {
@@ -54,5 +55,5 @@ awk -v code="$code" -v seconds=$(($(date +%s) - begun)) -v name="$name" -v trs="
         if (skipped > 0) text = text ", " skipped " skipped"
         if (error != "") text = text ", " error
         if (seconds >= 10) text = text ", " seconds " s"
-        print result ": " name " (" text ")"
+        print result ": " name " (" text ")" complaints
     }' "$log"

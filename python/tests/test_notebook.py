@@ -28,8 +28,9 @@ class Notebook(InFolder):
 
     def check(self, printed):
         found = {name: int(n) for name, n in re.findall(r"(NONE|RL): (\d+) of \d+ found", printed)}
-        self.assertGreater(found["NONE"], 80)
-        self.assertGreater(found["RL"], found["NONE"])
+        # Of 250; before the original pixels decided, 166 and 175 were found.
+        self.assertGreater(found["NONE"], 190)
+        self.assertGreater(found["RL"], 190)
         self.assertLess(abs(float(re.search(r"median difference ([-+.\d]+) mag", printed)[1])), 0.1)
         for name in ("restored.png", "found.png"):
             self.assertGreater(os.path.getsize(name), 10000)

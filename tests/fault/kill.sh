@@ -69,7 +69,8 @@ while read -r share; do
     (cd work && with $next 2>../said) && span=$(($(milliseconds) - begin)) && diff -rq $expected work >complaint 2>&1
     result "the run after kill $i, after $moment ms" $? complaint
 done <moments
-[ $((2 * hits)) -ge "$kills" ]
+# Three of four, nine of ten on a quiet machine; the moments are those of the run before, which had perhaps a busier one.
+[ $((4 * hits)) -ge "$kills" ]
 result "$hits of $kills kills struck" $?
 
 # A polite signal: nothing is left at once, and the exit code is that of the signal, or 0 where the work was done.
