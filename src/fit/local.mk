@@ -1,2 +1,4 @@
 librextract_la_SOURCES += \
-	src/fit/significance.c src/fit/significance.h
+	src/fit/significance.c src/fit/significance.h \
+	src/fit/sky_mesh.c src/fit/sky_mesh.h \
+	src/fit/structure.c src/fit/structure.h

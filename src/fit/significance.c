@@ -7,13 +7,15 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "fit/structure.h"
 #include "num/normal.h"
 #include "psf/resample.h"
 
 enum {
-    LANCZOS = 4,     /* order, of moving the PSF by parts of a pixel */
-    NEIGHBOURS = 40, /* of a local solution for errors: the matrix stays on the stack */
-    MOST_STEPS = 200 /* of conjugate gradients: a limit of time */
+    LANCZOS = 4,      /* order, of moving the PSF by parts of a pixel */
+    NEIGHBOURS = 40,  /* of a local solution for errors: the matrix stays on the stack */
+    MOST_STEPS = 200, /* of conjugate gradients: a limit of time */
+    ROUNDS = 2        /* of the sky's structure: what was taken for sources hides some in the first */
 };
 static const double LEAST_RADIUS =
     1.5; /* FWHM, of a stamp: holds 0.996 of the sum of P^2 of a Moffat of beta 2.5, 1 - (1 + r^2 / alpha^2)^-4 */
@@ -51,6 +53,8 @@ typedef struct row {
     double diagonal, right; /* A_jj, b_j */
     double photons;         /* of others: what they add to the variance of b_j */
     double noise;           /* of its size */
+    int shape;              /* that it is tried as: 0 the PSF, k the size before */
+    double structure;       /* S^2 of the sky there (structure.h) */
     element *others;
     int n;
 } row;
@@ -259,6 +263,7 @@ static rx_status try_sizes(const equations *eq, int j, double significant, rx_er
         return RX_OK;
     p->kept = 1;
     eq->rows[j].noise = best->noise;
+    eq->rows[j].shape = 1 + (int)(best - eq->sizes);
     return cut_size(eq, j, best, err);
 }
 
@@ -332,6 +337,20 @@ static void set_weights(const equations *eq)
         }
 }
 
+/* dst += scale * light of those that are kept. */
+static void add_model(const equations *eq, float scale, float *dst)
+{
+    const size_t width = (size_t)eq->image->width;
+    for (int j = 0; j < eq->n; j++) {
+        const stamp *s = &eq->stamps[j];
+        const part on = part_of(eq->image, s);
+        const float flux = eq->list[j].kept ? scale * (float)eq->list[j].flux : 0.0f;
+        for (int y = on.low; y < on.high && flux != 0.0f; y++)
+            for (int x = on.left; x < on.right; x++)
+                dst[(size_t)(s->y0 + y) * width + (size_t)(s->x0 + x)] += flux * s->values[y * s->side + x];
+    }
+}
+
 /* sum w^2 P_j^2 (M - F_j P_j) / gain of every row: the photons of others. */
 static rx_status weigh_photons(const equations *eq, rx_error *err)
 {
@@ -341,14 +360,7 @@ static rx_status weigh_photons(const equations *eq, rx_error *err)
     if (!(image->gain > 0.0))
         return RX_OK;
     RX_TRY(RX_MAKE(model, n, err));
-    for (int j = 0; j < eq->n; j++) {
-        const stamp *s = &eq->stamps[j];
-        const part on = part_of(image, s);
-        const float flux = eq->list[j].kept ? (float)eq->list[j].flux : 0.0f;
-        for (int y = on.low; y < on.high; y++)
-            for (int x = on.left; x < on.right; x++)
-                model[(size_t)(s->y0 + y) * width + (size_t)(s->x0 + x)] += flux * s->values[y * s->side + x];
-    }
+    add_model(eq, 1.0f, model);
 #pragma omp parallel for schedule(dynamic, 16) num_threads(eq->nthreads)
     for (int j = 0; j < eq->n; j++) {
         const stamp *s = &eq->stamps[j];
@@ -365,6 +377,80 @@ static rx_status weigh_photons(const equations *eq, rx_error *err)
     }
     free(model);
     return RX_OK;
+}
+
+/* --- structure of the sky --- */
+
+/* Of every shape that a proposal may be, in what those that are kept leave of the data. [0] is that of the PSF. */
+static rx_status measure_structure(const equations *eq, rx_structure found[SIZES + 1], rx_error *err)
+{
+    const rx_image *image = eq->image;
+    const size_t n = (size_t)image->width * (size_t)image->height, side = (size_t)image->psf->size;
+    float *rest = RX_NEW(float, n), *weight = RX_NEW(float, n), *psf = RX_NEW(float, side *side);
+    rx_status status = RX_OK;
+    if (rest == NULL || weight == NULL || psf == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof *rest));
+    memcpy(rest, eq->data, n * sizeof *rest);
+    add_model(eq, -1.0f, rest);
+#pragma omp parallel for schedule(static) num_threads(eq->nthreads)
+    for (size_t k = 0; k < n; k++) {
+        weight[k] = rx_structure_weight(eq->weight[k], eq->data[k] - rest[k]);
+    }
+    rx_psf_at(image->psf, 0.5 * image->width, 0.5 * image->height, psf);
+    const int whole = (int)side / 2, first = (int)ceil(LEAST_RADIUS * image->psf->fwhm),
+              half = first < whole ? first : whole;
+    for (int y = 0; y <= 2 * half; y++) /* its middle, in rows of 2 half + 1 */
+        memmove(psf + (size_t)y * (size_t)(2 * half + 1),
+                psf + (size_t)(y + whole - half) * side + (size_t)(whole - half),
+                (size_t)(2 * half + 1) * sizeof *psf);
+    for (int k = 0; k <= eq->nsizes; k++) {
+        const size *of = k > 0 ? &eq->sizes[k - 1] : NULL;
+        const rx_structure_view view = {.width = image->width,
+                                        .height = image->height,
+                                        .nthreads = eq->nthreads,
+                                        .rest = rest,
+                                        .weight = weight,
+                                        .values = of != NULL ? of->values : psf,
+                                        .half = of != NULL ? of->half : half,
+                                        .noise = of != NULL ? of->noise : 1.0};
+        RX_TRY_EXIT(rx_structure_measure(&view, &found[k], err));
+    }
+exit:
+    free(rest);
+    free(weight);
+    free(psf);
+    return status;
+}
+
+static int inside(double at, int size)
+{
+    return (int)fmin(fmax(at + 0.5, 0.0), size - 1.0);
+}
+
+/* The level is taken off the data, and every row has the structure of its place and its shape. */
+static rx_status follow_structure(const equations *eq, rx_error *err)
+{
+    const rx_image *image = eq->image;
+    rx_structure found[SIZES + 1] = {0};
+    rx_status status = measure_structure(eq, found, err);
+    if (status == RX_OK) {
+#pragma omp parallel for schedule(static) num_threads(eq->nthreads)
+        for (int y = 0; y < image->height; y++)
+            rx_sky_mesh_subtract(&found[0].level, y, 0, image->width,
+                                 eq->weight + (size_t)y * (size_t)image->width,
+                                 eq->data + (size_t)y * (size_t)image->width);
+#pragma omp parallel for schedule(dynamic, 16) num_threads(eq->nthreads)
+        for (int j = 0; j < eq->n; j++) {
+            row *r = &eq->rows[j];
+            r->structure = rx_sky_mesh_at(&found[r->shape].variance, inside(eq->list[j].x, image->width),
+                                          inside(eq->list[j].y, image->height));
+            if (eq->list[j].kept)
+                weigh(eq, &eq->stamps[j], r);
+        }
+    }
+    for (int k = 0; k <= SIZES; k++)
+        rx_structure_clear(&found[k]);
+    return status;
 }
 
 /* --- the matrix --- */
@@ -566,10 +652,10 @@ static void set_lambda(const equations *eq)
             if (takes_part(eq, r->others[k].column))
                 light += (double)r->others[k].value * fmax(eq->list[r->others[k].column].flux, 0.0);
         const double known = information(eq, j);
-        p->lambda = r->diagonal > 0.0
-                        ? p->flux * known /
-                              sqrt(known * r->noise * r->noise + r->photons + pow(relative * light, 2.0))
-                        : (double)NAN;
+        p->lambda = r->diagonal > 0.0 ? p->flux * known /
+                                            sqrt(known * (1.0 + r->structure) * r->noise * r->noise +
+                                                 r->photons + pow(relative * light, 2.0))
+                                      : (double)NAN;
         if (known == 0.0 && r->diagonal > 0.0)
             p->lambda = 0.0;
     }
@@ -631,8 +717,14 @@ rx_status rx_significance(const rx_image *image, double least, int nthreads, int
     RX_TRY_EXIT(fill_rows(&eq, err));
     solve(&eq);
     RX_TRY_EXIT(weigh_photons(&eq, err));
-    for (set_lambda(&eq); drop_weakest(&eq, least, drop) > 0; set_lambda(&eq))
+    for (int round = 0; round <= ROUNDS && status == RX_OK; round++) {
+        for (set_lambda(&eq); drop_weakest(&eq, least, drop) > 0; set_lambda(&eq))
+            solve(&eq);
+        if (round == ROUNDS)
+            break;
+        RX_TRY_EXIT(follow_structure(&eq, err));
         solve(&eq);
+    }
 exit:
     free(drop);
     free_equations(&eq);

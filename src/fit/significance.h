@@ -8,6 +8,9 @@
  * M_j: the light of all others, whose photons and whose PSF, known to e, add to the error; a source's own do not, for
  * the question is whether it is there.
  *
+ * Where the sky has structure (structure.h), measured in what the first fit leaves, its level is taken off the data, and I_j below the root is
+ * multiplied by 1 + S^2.
+ *
  * What is not significant as a point is tried as Gaussians of twice the FWHM, four times, ..., to 12 pixels.
  * Alone on the sky lambda is the matched filter's signal to noise; beside others it is what their light leaves
  * significant. Two proposals for one source share its flux, and neither is significant then: so the weakest of

@@ -8,7 +8,7 @@
 #define RX_TEMPLATE_FIT_IMAGE_H
 
 #include "base/error.h"
-#include "template/sky_mesh.h"
+#include "fit/sky_mesh.h"
 #include "template/tphot.h"
 
 /* Part of a template on the image: values[height][width], its first pixel at (x0, y0), inside the image;

@@ -30,6 +30,7 @@ typedef struct rx_fit_source {
     double shape_error;        /* error of the flux over that at fixed shape, >= 1 */
     double position_gain; /* how much of two positions the data decide, 0..2: the flux at the best position is
                              too high by that / 2 * fluxerr^2 / flux */
+    double structure;     /* variance that the structure of the sky adds to the flux, ADU^2 */
     double presence;      /* what rx_tphot_source.evidence will be */
     int flags;
     int added;         /* number among those that were added; -1: listed */
@@ -51,6 +52,8 @@ typedef struct rx_refine_view {
     int shape_bits;
     const int32_t *segments;  /* [height][width] */
     const rx_crowding *crowd; /* where two points are tried beside a profile; NULL: nowhere */
+    const rx_sky_mesh *
+        structure; /* of the sky: what it adds to the variance of a point's flux, over that of the noise; NULL: none */
     double fwhm;
 } rx_refine_view;
 

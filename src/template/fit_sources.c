@@ -151,7 +151,7 @@ void rx_fit_source_result(const rx_fit_image *canvas, const int32_t *segments, c
     dst->x = s->x;
     dst->y = s->y;
     dst->flux = s->lift * (s->flux - climb(s->flux, sqrt(member->alone), s->position_gain));
-    dst->fluxerr = error * s->shape_error;
+    dst->fluxerr = hypot(error * s->shape_error, sqrt(s->structure));
     dst->snr = dst->flux / dst->fluxerr;
     dst->star = s->star;
     dst->point = s->point;

@@ -11,7 +11,6 @@ librextract_la_SOURCES += \
 	src/template/template_otf.c src/template/template_otf.h \
 	src/template/patch.c src/template/patch.h \
 	src/template/refine.c src/template/refine.h \
-	src/template/sky_mesh.c src/template/sky_mesh.h \
 	src/template/spergel.c src/template/spergel.h \
 	src/template/fit_source.h src/template/fit_sources.c src/template/fit_sources.h \
 	src/template/substructure.c src/template/substructure.h \

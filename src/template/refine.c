@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "base/min_max.h"
 #include "template/fit.h"
 #include "template/patch.h"
 #include "template/substructure.h"
@@ -180,13 +181,27 @@ static double misfit(double nu)
     return 0.008 + 0.065 * fmax(-nu, 0);
 }
 
+/* What structure of the sky leaves of a gain in chi2 by such a profile: it adds to the variance of a flux by as much as the
+ * profile is wider than a point, squared. */
+static double amid_structure(const job *j, double gain, double radius)
+{
+    const rx_fit_image *c = j->view->canvas;
+    const double wider = 1 + 4 * radius * radius / (j->view->fwhm * j->view->fwhm);
+    if (j->view->structure == NULL)
+        return gain;
+    const int x = rx_min_int(rx_max_int(j->cx, 0), c->width - 1),
+              y = rx_min_int(rx_max_int(j->cy, 0), c->height - 1);
+    return gain / (1 + rx_sky_mesh_at(j->view->structure, x, y) * wider);
+}
+
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
  * freedom of its shape costs and that the truth may be the one or the other. */
 static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_fit_source *after)
 {
     after->chi2_gain = point->chi2 - profile->chi2;
     const rx_fit_mean mean = rx_fit_average(profile, j->size, &j->patch);
-    const double evidence = after->chi2_gain - occam(point, profile) + mean.evidence;
+    const double evidence = amid_structure(j, after->chi2_gain, exp(profile->p[RX_FIT_RADIUS])) -
+                            occam(point, profile) + mean.evidence;
     if (!isfinite(evidence))
         return;
     after->evidence = evidence;

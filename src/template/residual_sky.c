@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/memory.h"
 #include "base/simd.h"
@@ -198,4 +199,85 @@ rx_status rx_residual_sky_rescale(rx_fit_image *canvas, const rx_residual_sky *w
     RX_TRY(measure(canvas, where, 1, &sheet, err));
     rx_fit_image_rescale(canvas, &sheet);
     return RX_OK;
+}
+
+static const double PSF_RADIUS = 1.5; /* FWHM: holds 0.996 of the sum of P^2 of a Moffat of beta 2.5 */
+
+/* The middle of the PSF of the tile's centre. */
+static rx_status cut_psf(const rx_fit_image *image, const rx_psf *psf, rx_structure_view *view,
+                         float **values, rx_error *err)
+{
+    const int half = psf->size / 2, wanted = (int)ceil(PSF_RADIUS * psf->fwhm), side = psf->size;
+    view->half = wanted < half ? wanted : half;
+    RX_TRY(RX_MAKE(*values, (size_t)side * (size_t)side, err));
+    rx_psf_at(psf, 0.5 * image->width, 0.5 * image->height, *values);
+    const int kept = 2 * view->half + 1, off = half - view->half;
+    for (int y = 0; y < kept; y++)
+        memmove(*values + y * kept, *values + (y + off) * side + off, (size_t)kept * sizeof **values);
+    view->values = *values;
+    view->noise = rx_noise_factor(image->correlation, *values, kept, kept);
+    return RX_OK;
+}
+
+/* rest = data - model, as it was before the level was taken off, and weight, of all pixels; weight 0 in the crowd. */
+static rx_status copy_rest(rx_fit_image *image, const rx_crowding *crowd, const rx_sky_mesh *level,
+                           float *rest, float *weight, rx_error *err)
+{
+    const int rows = rx_fit_image_rows(image), width = image->width;
+    for (int top = 0; top < image->height; top += rows) {
+        const int end = top + rows < image->height ? top + rows : image->height;
+        RX_TRY(rx_fit_image_load_rows(image, top, end, err));
+        for (int y = top; y < end; y++)
+            for (int x = 0; x < width; x++) {
+                const size_t k = rx_fit_image_row(image, y) + (size_t)x,
+                             to = (size_t)y * (size_t)width + (size_t)x;
+                const double before = level->nx > 0 ? rx_sky_mesh_at(level, x, y) : 0;
+                rest[to] = (float)((double)image->data[k] - (double)image->model[k] + before);
+                weight[to] = rx_crowding_at(crowd, x, y)
+                                 ? 0.0f
+                                 : rx_structure_weight(image->weight[k], image->model[k]);
+            }
+    }
+    return RX_OK;
+}
+
+/* The level that was taken off before, if any, makes room for what is found now. */
+static rx_status replace_level(rx_fit_image *image, rx_sky_mesh *before, const rx_sky_mesh *found,
+                               rx_error *err)
+{
+    rx_sky_mesh change;
+    RX_TRY(rx_sky_mesh_open(image->width, image->height, found->cell, &change, err));
+    for (int i = 0; i < found->nx * found->ny; i++)
+        change.value[i] = found->value[i] - (before->nx > 0 ? before->value[i] : 0);
+    return rx_fit_image_subtract(image, &change, err);
+}
+
+rx_status rx_residual_sky_structure(rx_fit_image *image, const rx_psf *psf, const rx_crowding *crowd,
+                                    rx_structure *structure, double *power, rx_error *err)
+{
+    const size_t n = (size_t)image->width * (size_t)image->height;
+    rx_structure_view view = {.width = image->width, .height = image->height, .nthreads = image->nthreads};
+    rx_structure found = {0};
+    float *values = NULL, *rest = NULL, *weight = NULL;
+    rx_status status = RX_OK;
+    RX_TRY_EXIT(cut_psf(image, psf, &view, &values, err));
+    *power = 0;
+    for (int i = 0; i < (2 * view.half + 1) * (2 * view.half + 1); i++)
+        *power += (double)values[i] * (double)values[i];
+    RX_TRY_EXIT(RX_MAKE(rest, n, err));
+    RX_TRY_EXIT(RX_MAKE(weight, n, err));
+    RX_TRY_EXIT(copy_rest(image, crowd, &structure->level, rest, weight, err));
+    view.rest = rest;
+    view.weight = weight;
+    RX_TRY_EXIT(rx_structure_measure(&view, &found, err));
+    RX_TRY_EXIT(replace_level(image, &structure->level, &found.level, err));
+    rx_structure_clear(structure);
+    *structure = found;
+    found = (rx_structure){0};
+exit:
+    rx_structure_clear(&found);
+    free(values);
+    free(rest);
+    free(weight);
+    return status;
 }

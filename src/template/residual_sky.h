@@ -4,6 +4,7 @@
 #define RX_TEMPLATE_RESIDUAL_SKY_H
 
 #include "base/error.h"
+#include "fit/structure.h"
 #include "template/crowd.h"
 #include "template/fit_image.h"
 
@@ -25,5 +26,10 @@ rx_status rx_residual_sky_subtract(rx_fit_image *canvas, const rx_residual_sky *
 /* canvas->sigma times the width of (data - model) / error of those pixels, clipped alike, in which models are fainter than
  * the sky's noise. Errors: RX_SYSTEM. */
 rx_status rx_residual_sky_rescale(rx_fit_image *canvas, const rx_residual_sky *where, rx_error *err);
+
+/* Structure that the tile's PSF sees outside the crowd in data - model (fit/structure.h). Its level is taken off the data in place of that of
+ * *structure, which is what was found before, or empty, and becomes what is found; *power: sum P^2 of the PSF. Errors: RX_SYSTEM. */
+rx_status rx_residual_sky_structure(rx_fit_image *image, const rx_psf *psf, const rx_crowding *crowd,
+                                    rx_structure *structure, double *power, rx_error *err);
 
 #endif

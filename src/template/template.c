@@ -50,13 +50,15 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
-    double *covariances; /* of the last fit, [members][members] group after group; NULL: not asked for */
-    size_t *place;       /* [groups] where a group begins there */
-    rx_tile_prior usual; /* among clear sources */
-    double sky;          /* taken off the level so far, mean */
-    rx_crowding crowd;   /* known after the first fit */
-    int passes, nadded;  /* so far */
-    double (*gone)[2];   /* [ngone] where what was added did not hold */
+    double *covariances;    /* of the last fit, [members][members] group after group; NULL: not asked for */
+    size_t *place;          /* [groups] where a group begins there */
+    rx_tile_prior usual;    /* among clear sources */
+    double sky;             /* taken off the level so far, mean */
+    double point_power;     /* sum P^2 of the PSF */
+    rx_structure structure; /* of the sky, as points see it; empty: not known yet */
+    rx_crowding crowd;      /* known after the first fit */
+    int passes, nadded;     /* so far */
+    double (*gone)[2];      /* [ngone] where what was added did not hold */
     int ngone;
 } work;
 
@@ -92,6 +94,7 @@ static void close_work(work *w)
     free(w->gone);
     rx_blends_clear(&w->blends);
     rx_crowding_clear(&w->crowd);
+    rx_structure_clear(&w->structure);
     rx_fit_image_clear(&w->canvas);
 }
 
@@ -124,6 +127,7 @@ static rx_refine_view refine_view(const work *w)
                             .shape_bits = w->input->shape_bits,
                             .segments = w->input->sources->segments,
                             .crowd = &w->crowd,
+                            .structure = w->structure.variance.nx > 0 ? &w->structure.variance : NULL,
                             .fwhm = fmax(w->input->image.psf->fwhm, 1.0)};
 }
 
@@ -624,6 +628,33 @@ static void describe_crowd(const work *w, rx_crowd_source *sources)
     }
 }
 
+static rx_status look_for_crowd(work *w, rx_crowding *crowd, rx_error *err)
+{
+    rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
+    if (sources == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *sources);
+    describe_crowd(w, sources);
+    const rx_status status = rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
+                                              w->par->crowding, crowd, err);
+    free(sources);
+    return status;
+}
+
+/* What structure the sky has now is followed as far as it can be. Not in crowds: there it is stars that no model has yet. */
+static rx_status follow_structure(work *w, rx_error *err)
+{
+    rx_crowding early = {0};
+    if (w->par->sky_cell <= 0)
+        return RX_OK;
+    if (w->crowd.cells == NULL)
+        RX_TRY(look_for_crowd(w, &early, err));
+    rx_status status = rx_residual_sky_structure(&w->canvas, w->input->image.psf,
+                                                 w->crowd.cells != NULL ? &w->crowd : &early, &w->structure,
+                                                 &w->point_power, err);
+    rx_crowding_clear(&early);
+    return status == RX_OK ? fit_groups(w, err) : status;
+}
+
 /* In a crowd pairs are no profiles, and sky and noise are those of the residual. */
 static rx_status find_crowd(work *w, rx_error *err)
 {
@@ -682,6 +713,8 @@ static rx_status fit_everything(work *w, rx_error *err)
             status = fit_on_sky(w, err);
         if (status == RX_OK && w->par->learn_odds && w->par->extended && !frozen)
             status = learn_usual(w, err);
+        if (status == RX_OK)
+            status = follow_structure(w, err);
     }
     w->passes = 1;
     if (status == RX_OK)
@@ -691,7 +724,7 @@ static rx_status fit_everything(work *w, rx_error *err)
     /* weights follow the photons of the model that has just been found, and in a crowd some have gone */
     if (status == RX_OK && (w->canvas.gain > 0 || w->canvas.psf_error > 0 || w->crowd.n > 0))
         status = fit_on_sky(w, err);
-    return status;
+    return status == RX_OK ? follow_structure(w, err) : status;
 }
 
 /* What all sources are weighed with. */
@@ -702,14 +735,27 @@ typedef struct weighing {
     rx_fit_neighbour *rivals; /* [n] */
 } weighing;
 
+/* Variance that the structure of the sky adds to its flux. What it does to a level counts by the width of a template, squared,
+ * which is 1 / sum T^2. */
+static double structure_of(const work *w, const rx_fit_source *s)
+{
+    const double power = rx_footprint_product(&s->footprint, &s->footprint, NULL);
+    const int x = rx_min_int(rx_max_int((int)lround(s->x), 0), w->canvas.width - 1),
+              y = rx_min_int(rx_max_int((int)lround(s->y), 0), w->canvas.height - 1);
+    if (!(power > 0) || w->structure.variance.nx == 0)
+        return 0;
+    const double noise = (double)rx_fit_image_variance(&w->canvas, x, y) * s->grain * s->grain / power;
+    return rx_sky_mesh_at(&w->structure.variance, x, y) * noise * fmax(w->point_power / power, 1);
+}
+
 static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
 {
     const weighing *g = user;
     work *w = g->w;
-    RX_TRY(rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i],
-                          &w->subjects[i].presence, err));
-    return rx_evidence_amid_sky(&w->canvas, &w->subjects[i], g->rivals[i].alone, &w->subjects[i].presence,
-                                err);
+    rx_fit_source *s = &w->subjects[i];
+    s->structure = structure_of(w, s);
+    return rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i], &s->presence,
+                          err);
 }
 
 /* Evidence of every source; long groups are no one thread's. */
@@ -727,7 +773,7 @@ static rx_status weigh_evidence(work *w, rx_error *err)
         const int group = w->blends.group[w->blends.member[k]], i = w->blends.member[k];
         const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
         g.rivals[i] = rx_evidence_neighbour(w->subjects, w->members, w->blends.member + first, m, k - first);
-        windows[i] = rx_evidence_window(&w->canvas, &w->subjects[i]);
+        windows[i] = rx_footprint_window(&w->subjects[i].footprint);
         if (g.rivals[i].other >= 0) {
             const rx_window all =
                 rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other], &w->subjects[i]);

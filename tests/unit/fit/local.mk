@@ -1,2 +1,4 @@
 check_PROGRAMS += tests/unit/fit/test_significance
 tests_unit_fit_test_significance_SOURCES = tests/unit/fit/test_significance.c
+check_PROGRAMS += tests/unit/fit/test_structure
+tests_unit_fit_test_structure_SOURCES = tests/unit/fit/test_structure.c

@@ -811,7 +811,8 @@ static void test_anomalies(void **state)
         print_message("%d sources, %d sharp, %d on light; rows %s, light %s\n", e.result.sources->n, sharp,
                       lit, fact(&e.facts, "RXROWS"), fact(&e.facts, "RXLIGHT"));
         assert_between(sharp, bad ? RAYS / 2 : 0, bad ? RAYS : 0);
-        assert_between(lit, bad ? 3 : 0, bad ? 300 : 0);
+        assert_int_equal(
+            lit, 0); /* the band is structure of the sky, and nothing faint on it is taken for a source */
         assert_near(atof(fact(&e.facts, "RXSHARP")), (double)sharp / e.result.sources->n, 1e-4);
         assert_int_equal(rx_result_is_sharp(rx_result_sharp(&e.result), e.result.sources->n), bad);
         assert_near(atof(fact(&e.facts, "RXROWS")), bad ? 0.5 : 0, 0.07);

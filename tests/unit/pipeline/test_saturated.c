@@ -192,7 +192,8 @@ static void values_beyond_saturation_reach_only_the_star(void **state)
             const rx_source *own = &one.restored.sources->list[i], *same = &other.restored.sources->list[i];
             if (hypot(own->x - star->x, own->y - star->y) < 40)
                 continue; /* masks of neighbours, and the star's fitted light, follow its border */
-            assert_close(own->detection_snr, same->detection_snr, 1e-6);
+            assert_close(own->detection_snr, same->detection_snr,
+                         1e-2); /* the sky's structure is that of cells */
             assert_near(own->x, same->x, 0);
             assert_near(own->y, same->y, 0);
             assert_near(own->flux_auto, same->flux_auto, 1e-9 * fabs(own->flux_auto));

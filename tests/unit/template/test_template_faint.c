@@ -121,7 +121,8 @@ static void test_structure(void **state)
             left[k][i] = s->evidence / pow(s->snr * s->shape_error, 2);
             print_message("%d %d: S/N %.1f evidence %.1f\n", k, i, s->snr, s->evidence);
             if (k == 1 && i < FALSE) {
-                assert_true(s->snr > 7);
+                assert_between(s->snr, -3,
+                               5); /* the error holds the edge; without it the fluxes are above 7 sigmas */
                 assert_true(s->evidence < 16);
             }
         }
