@@ -120,6 +120,7 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
     detect.input.user = &w->extra;
     par.keep_model = par.keep_model && !forced;
     par.covariance = par.covariance && !forced;
+    par.point_fits = par.point_fits && !forced;
     RX_TRY_EXIT(run(&par, &detect, forced ? &shapes : &w->dst->tphot, err));
     if (!forced)
         goto exit;
@@ -234,6 +235,7 @@ static rx_status make_rows(work *w, rx_error *err)
     for (rows->n = 0; rows->n < positions->n; rows->n++) {
         const double *at = positions->at[rows->n];
         rows->list[rows->n] = (rx_source){.number = rows->n + 1, .x = at[0], .y = at[1], .fit = NO_FIT};
+        rx_source_without_fits(&rows->list[rows->n].point_fit, &rows->list[rows->n].sersic_fit);
         rows->list[rows->n].fit.flags = RX_TPHOT_NO_DATA;
     }
     return RX_OK;
@@ -262,6 +264,8 @@ static rx_status fit_positions(work *w, const rx_sources *found, rx_error *err)
         if (k < 0)
             continue;
         rows->list[i].fit = fit_of(tphot, sources.n - match.n + k);
+        rows->list[i].point_fit = tphot->list[sources.n - match.n + k].point_fit;
+        rows->list[i].sersic_fit = tphot->list[sources.n - match.n + k].sersic_fit;
         rows->list[i].fit.flux += tphot->list[rows->list[i].fit.entry].unseen; /* whatever is there */
         rows->list[i].number_assoc = match.replaced[k];
     }
@@ -341,6 +345,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     if (psf_of(&w, without) == NULL) {
         for (int i = 0; i < sources->n; i++)
             sources->list[i].fit = NO_FIT;
+            rx_source_without_fits(&sources->list[i].point_fit, &sources->list[i].sersic_fit);
         rx_log_warning(log,
                        "%s[%d]: the PSF is not known, so no templates are fitted; give PSF_TYPE and PSF_FWHM "
                        "or PSF_NAME",
@@ -370,6 +375,8 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     RX_TRY_EXIT(rx_template_extra_append(&w.extra, dst->tphot, sources, err));
     for (int i = 0; i < sources->n; i++)
         sources->list[i].fit = fit_of(dst->tphot, i);
+        sources->list[i].point_fit = dst->tphot->list[i].point_fit;
+        sources->list[i].sersic_fit = dst->tphot->list[i].sersic_fit;
     RX_TRY_EXIT(tell_tile(&w, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);
