@@ -343,9 +343,10 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
         return status;
     }
     if (psf_of(&w, without) == NULL) {
-        for (int i = 0; i < sources->n; i++)
+        for (int i = 0; i < sources->n; i++) {
             sources->list[i].fit = NO_FIT;
             rx_source_without_fits(&sources->list[i].point_fit, &sources->list[i].sersic_fit);
+        }
         rx_log_warning(log,
                        "%s[%d]: the PSF is not known, so no templates are fitted; give PSF_TYPE and PSF_FWHM "
                        "or PSF_NAME",
