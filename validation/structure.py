@@ -2,7 +2,7 @@
 """Fluxes of isolated stars where the sky has structure: bowls, steps, a large galaxy, cirrus.
 
     structure.py take FOLDER SEED [SEED...]    tiles, runs, FOLDER/structure.json
-    structure.py page FOLDER                   FOLDER/structure.md of what is there
+    structure.py page FOLDER                   FOLDER/structure.md of what is there, beside before.json where that is, an earlier one's
 
 REXTRACT and SIMULATE name the programs (default: in build/), RX_RESTORERS who takes part (NONE,RL), RX_ARGUMENTS further arguments of rextract.
 
@@ -29,6 +29,8 @@ from astropy.io import fits
 from astropy.table import Table
 from scipy.ndimage import map_coordinates, median_filter
 from scipy.spatial import cKDTree
+
+import ledger
 
 TOP = Path(__file__).resolve().parent.parent
 SIDE, FWHM, SKY, ZERO, STARS = 1024, 4.0, 100.0, 25.0, 400
@@ -115,6 +117,7 @@ def measure(folder, restorer):
 
 def take(out, *seeds):
     out = Path(out).resolve()
+    ledger.claim("structure", str(out), [int(s) for s in seeds])
     rows = {}
     for sky in SKIES:
         for seed in map(int, seeds):
@@ -141,6 +144,10 @@ def summary(runs):
 
 def page(out):
     kept = json.loads((Path(out) / "structure.json").read_text())
+    before = Path(out) / "before.json"  # of an earlier program
+    if before.exists():
+        rows = json.loads(before.read_text())["rows"]
+        kept["rows"] = {key: row for name in kept["rows"] for key, row in ((f"{name}, before", rows[name]), (f"{name}, now", kept["rows"][name]))}
     names = [f"{a} to {b}" for a, b in zip(BINS, BINS[1:])] + ["all"]
     lines = ["# Fluxes where the sky has structure", "", f"Seeds {', '.join(map(str, kept['seeds']))}. Per bin of S/N: bias, pull, share beyond 3 errors.", "",
              "| sky, restorer | found | false | " + " | ".join(names) + " |", "| --- " * (3 + len(names)) + "|"]

@@ -374,10 +374,11 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
             measured.name, measured.hdu, measured.global_noise, dst->tphot->least);
     RX_TRY_EXIT(status);
     RX_TRY_EXIT(rx_template_extra_append(&w.extra, dst->tphot, sources, err));
-    for (int i = 0; i < sources->n; i++)
+    for (int i = 0; i < sources->n; i++) {
         sources->list[i].fit = fit_of(dst->tphot, i);
         sources->list[i].point_fit = dst->tphot->list[i].point_fit;
         sources->list[i].sersic_fit = dst->tphot->list[i].sersic_fit;
+    }
     RX_TRY_EXIT(tell_tile(&w, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);

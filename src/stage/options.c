@@ -223,8 +223,8 @@ static rx_status template_options(rx_options *dst, rx_error *err)
     par->par.sersic_fits = rx_columns_mention(dst->columns, "SPHEROID");
     par->par.point_fits = par->par.sersic_fits || rx_columns_mention(dst->columns, "PSF") ||
                           rx_columns_mention(dst->columns, "SPREAD");
-    par->wanted = injected || par->drop || dst->positions != NULL || par->par.covariance || par->par.keep_model ||
-                  par->par.point_fits || (compared && dst->reference.name != NULL) ||
+    par->wanted = injected || par->drop || dst->positions != NULL || par->par.covariance ||
+                  par->par.keep_model || par->par.point_fits || (compared && dst->reference.name != NULL) ||
                   rx_columns_mention(dst->columns, "TEMPLATE") ||
                   rx_columns_mention(dst->columns, "_MODEL") ||
                   rx_columns_requested(dst->columns, "FLAGS_RESTORE", NULL) ||
