@@ -35,10 +35,11 @@ typedef struct rx_structure_view {
 } rx_structure_view;
 
 /* W of a pixel of that weight where the models have so much light: they are known to a tenth of it, before positions and shapes
- * are refined, and what is left of them is no structure of the sky. */
+ * are refined, and what is left of them is no structure of the sky; where that tenth is more than the noise, nothing is. */
 static inline float rx_structure_weight(float weight, float model)
 {
-    return weight / (1.0f + 0.01f * weight * model * model);
+    const float doubt = 0.01f * weight * model * model;
+    return doubt > 1.0f ? 0.0f : weight / (1.0f + doubt);
 }
 
 /* Free the contents with rx_structure_clear(). Errors: RX_SYSTEM. */
