@@ -403,7 +403,12 @@ static rx_status measure_structure(const equations *eq, rx_structure found[SIZES
         memmove(psf + (size_t)y * (size_t)(2 * half + 1),
                 psf + (size_t)(y + whole - half) * side + (size_t)(whole - half),
                 (size_t)(2 * half + 1) * sizeof *psf);
+    bool asked[SIZES + 1] = {true}; /* most skies have no source of most sizes */
+    for (int j = 0; j < eq->n; j++)
+        asked[eq->rows[j].shape] |= eq->list[j].kept;
     for (int k = 0; k <= eq->nsizes; k++) {
+        if (!asked[k])
+            continue;
         const size *of = k > 0 ? &eq->sizes[k - 1] : NULL;
         const rx_structure_view view = {.width = image->width,
                                         .height = image->height,
@@ -442,8 +447,9 @@ static rx_status follow_structure(const equations *eq, rx_error *err)
 #pragma omp parallel for schedule(dynamic, 16) num_threads(eq->nthreads)
         for (int j = 0; j < eq->n; j++) {
             row *r = &eq->rows[j];
-            r->structure = rx_sky_mesh_at(&found[r->shape].variance, inside(eq->list[j].x, image->width),
-                                          inside(eq->list[j].y, image->height));
+            if (found[r->shape].variance.nx > 0)
+                r->structure = rx_sky_mesh_at(&found[r->shape].variance, inside(eq->list[j].x, image->width),
+                                              inside(eq->list[j].y, image->height));
             if (eq->list[j].kept)
                 weigh(eq, &eq->stamps[j], r);
         }

@@ -153,27 +153,40 @@ static void add_span(const work *w, const running *sums, int x0, int x1, running
     to->n += sums[end].n - sums[first].n;
 }
 
-/* The mean of z on the ring around each place of row y. */
-static void look_around(const work *w, int y)
+/* The ring around a place: in the row at a distance of j from it, the columns from near[j] to far[j] away on both sides. */
+enum { REACH = 16 }; /* STEP and FAR make it 8, more where a width is not much more than a pixel */
+
+typedef struct ring {
+    int reach, near[REACH + 1], far[REACH + 1], places;
+} ring;
+
+static ring make_ring(const work *w)
 {
-    const double width = w->light / sqrt(w->power) * w->nx / w->view->width;
-    const int reach = (int)(FAR * width);
+    const double width = w->light / sqrt(w->power) * w->nx / w->view->width, far = FAR * width,
+                 near = NEAR * width;
+    ring r = {.reach = rx_min_int((int)far, REACH)};
+    for (int j = 0; j <= r.reach; j++) {
+        r.far[j] = (int)sqrt(far * far - j * j);
+        r.near[j] = j < near ? (int)ceil(sqrt(near * near - j * j)) : 0;
+        r.places += (j > 0 ? 2 : 1) * (2 * (r.far[j] - r.near[j] + 1) - (r.near[j] == 0));
+    }
+    return r;
+}
+
+/* The mean of z on the ring around each place of row y. */
+static void look_around(const work *w, const ring *r, int y)
+{
     for (int x = 0; x < w->nx; x++) {
         running sum = {0.0, 0};
-        int all = 0;
-        for (int j = -reach; j <= reach; j++) {
-            const int far = (int)sqrt(FAR * FAR * width * width - j * j),
-                      near = abs(j) < NEAR * width ? (int)ceil(sqrt(NEAR * NEAR * width * width - j * j)) : 0;
-            all += 2 * (far - near + 1) - (near == 0);
-            if (y + j < 0 || y + j >= w->ny)
-                continue;
+        for (int j = rx_max_int(-r->reach, -y); j <= r->reach && y + j < w->ny; j++) {
             const running *sums = w->sums + (size_t)(y + j) * ((size_t)w->nx + 1);
+            const int far = r->far[abs(j)], near = r->near[abs(j)];
             add_span(w, sums, x - far, near > 0 ? x - near : x + far, &sum);
             if (near > 0)
                 add_span(w, sums, x + near, x + far, &sum);
         }
         w->p[(size_t)y * (size_t)w->nx + (size_t)x] =
-            sum.n > 0 && sum.n >= SEEN * all ? (float)(sum.z / sum.n) : 0.0f;
+            sum.n > 0 && sum.n >= SEEN * r->places ? (float)(sum.z / sum.n) : 0.0f;
     }
 }
 
@@ -250,6 +263,7 @@ rx_status rx_structure_measure(const rx_structure_view *view, rx_structure *dst,
     RX_TRY_EXIT(RX_MAKE(w.p, places, err));
     RX_TRY_EXIT(RX_MAKE(w.sums, places + (size_t)w.ny, err));
     RX_TRY_EXIT(RX_MAKE(values, room * (size_t)view->nthreads, err));
+    const ring around = make_ring(&w);
     look_everywhere(&w);
 #pragma omp parallel for schedule(dynamic) num_threads(view->nthreads)
     for (int i = 0; i < w.a.nx * w.a.ny; i++)
@@ -259,7 +273,7 @@ rx_status rx_structure_measure(const rx_structure_view *view, rx_structure *dst,
         add_up(&w, y);
 #pragma omp parallel for schedule(dynamic) num_threads(view->nthreads)
     for (int y = 0; y < w.ny; y++)
-        look_around(&w, y);
+        look_around(&w, &around, y);
 #pragma omp parallel for schedule(dynamic) num_threads(view->nthreads)
     for (int i = 0; i < w.a.nx * w.a.ny; i++)
         find_rest(&w, i, values + room * (size_t)omp_get_thread_num());

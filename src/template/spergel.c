@@ -177,6 +177,14 @@ RX_SIMD void rx_spergel_column(const rx_spergel_form *form, double kx, double st
         }
         return;
     }
+    if (count == 1 && form->power == 1.5) { /* a disk */
+#pragma omp simd
+        for (int i = 0; i < n; i++) {
+            const float x = (float)(first + i), square = 1.0f + u[0] + x * (u[1] + x * u[2]);
+            value[i] = 1.0f / (square * sqrtf(square));
+        }
+        return;
+    }
     if (count == 1) {
 #pragma omp simd
         for (int i = 0; i < n; i++) {
