@@ -23,7 +23,7 @@ psf       num io
 restore   nn num psf
 detect    num
 measure   num
-template  num
+template  fit num psf
 fit       num psf
 simulate  io num nn psf config
 catalog   io num psf

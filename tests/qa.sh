@@ -115,7 +115,7 @@ elif what == "fallback":  # RL was done by NONE: nothing is said of it twice
     assert state[0][6] == "nan", state
 elif what == "unfitted":
     columns = {r["column"] for r in json.load(open(sys.argv[2] + "/tile.json"))["flags"]}
-    assert "FLAGS" in columns and "FLAGS_WIN" in columns and not columns & {"FLAGS_TEMPLATE", "FLAGS_RESTORE"}, columns
+    assert "FLAGS" in columns and not columns & {"FLAGS_TEMPLATE", "FLAGS_RESTORE"}, columns
 elif what == "chi2":  # of each restorer its own
     runs = {r["run"]: r["chi2"] for r in json.load(open("qa/tile.json"))["runs"]}
     images = votable.parse("run.xml").resources[0].resources[0].tables[0].to_table()

@@ -142,7 +142,7 @@ lines() {
 small() { "$programs/rextract-simulate" -IMAGE_SIZE 192 -STAR_COUNT 8000 -STAR_MAG 14,20 -GALAXY_COUNT 0 -NOISE_SIGMA 5 -MAG_ZEROPOINT 25 -VERBOSE_TYPE QUIET "$@"; }
 mkdir readme survey
 small -IMAGE_NAME readme/TILE.fits -TRUTH_NAME readme/truth.fits && (
-    cd readme && for name in IMAGE R.fits G.fits DETECT.fits MEASURE.fits; do cp TILE.fits $name; done
+    cd readme && for name in IMAGE R.fits G.fits DETECT.fits MEASURE.fits; do cp TILE.fits $name; done; cp truth.fits list.fits
     cp "$top"/config/default.* . && chmod u+w default.sex && echo 'SELF_CHECK_COUNT 30' >>default.sex # the tile is small
     echo TILE.fits >tiles.list
     printf 'ALPHA_J2000\nDELTA_J2000\nMAG_AUTO\n' >sky.param

@@ -288,13 +288,13 @@ static void what_is_for_files_is_refused(void **state)
     job = job_with(room, &(rx_job_setting){"RECORD_NAME", "r.json"}, 1);
     job.ncolumns = 0;
     assert_int_equal(rx_job_files(&job, "tile.fits", NULL, &err), RX_USAGE);
-    static const char *const odd[] = {"FLUX_AUTO", "MAG_MODEL"};
+    static const char *const odd[] = {"FLUX_AUTO", "MAG_DISK"};
     job = job_with(room, NULL, 0);
     job.columns = odd;
     job.ncolumns = 2;
     rx_job_result result;
     assert_int_equal(run(&job, &f.arrays, &result, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "MAG_MODEL"));
+    assert_non_null(strstr(err.text, "MAG_DISK"));
     assert_null(result.options);
     close_fixture(&f);
 }
