@@ -9,6 +9,7 @@
 /* "night/field.cat" + "RL" -> "night/field_RL.cat"; a name without extension gets "_RL" at its end;
  * `tag` empty or NULL: a plain copy. NULL without memory; the caller frees. */
 char *rx_name_with_tag(const char *path, const char *tag);
+#define RX_FORCED_TAG "FORCED" /* of what is found at listed positions, behind the catalogue's name */
 
 /* "detect.fits,measure.fits" cut at the comma that is not inside [brackets]; *measure is NULL for a
  * single image. Both to be freed. false without memory. */

@@ -114,6 +114,20 @@ static double magnitude_error(double flux, double error)
     return flux > 0 ? 1.086 * error / flux : 99;
 }
 
+/* Of a flux that is not below 0, whatever noise has made of it: U with P(F > U, given F >= 0) = 0.05 of a Gaussian of that mean
+ * and width. It is flux + 1.645 errors at least, so that the true flux, whatever it is, is below it in 95 % of all cases or more. */
+static double upper_limit(double flux, double error)
+{
+    static const double BEYOND = 0.05, LOWEST = -30; /* errors below 0: erfc() is not 0 yet */
+    const double mean = fmax(flux / error, LOWEST), share = 0.5 * BEYOND * erfc(-M_SQRT1_2 * mean);
+    double above = sqrt(-2 * log(share)); /* Newton's method on the logarithm of the tail, which is concave */
+    for (int i = 0; i < 6; i++) {
+        const double tail = 0.5 * erfc(M_SQRT1_2 * above);
+        above += log(tail / share) * tail * sqrt(2 * M_PI) * exp(0.5 * above * above);
+    }
+    return isfinite(flux) && error > 0 ? error * (mean + above) : NAN;
+}
+
 /* Magnitude per square arcsecond of a pixel value. */
 static double surface_brightness(const rx_cell_place *c, double value)
 {

@@ -111,6 +111,13 @@ static rx_status add_item(rx_run_files *dst, const rx_settings *settings, const 
         char *path = output_name(settings, key, name, n > 1 ? i : -1);
         status = path == NULL ? rx_error_memory(err, strlen(name))
                               : add(dst, key->role, settings->prefix, key->name, path, path, err);
+        if (status == RX_OK && strcmp(key->name, "CATALOG_NAME") == 0 &&
+            ((const rx_config *)settings)->positions_name[0] != '\0') {
+            char *forced = rx_name_with_tag(path, RX_FORCED_TAG);
+            status = forced == NULL ? rx_error_memory(err, strlen(name))
+                                    : add(dst, key->role, settings->prefix, key->name, forced, forced, err);
+            free(forced);
+        }
         free(path);
     }
     return status;

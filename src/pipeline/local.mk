@@ -10,6 +10,7 @@ librextract_la_SOURCES += \
 	src/pipeline/params.h \
 	src/pipeline/photometry.c src/pipeline/photometry.h \
 	src/pipeline/pipeline.c src/pipeline/pipeline.h \
+	src/pipeline/positions.c src/pipeline/positions.h \
 	src/pipeline/preal.c \
 	src/pipeline/proposals.c src/pipeline/proposals.h \
 	src/pipeline/prepare.c src/pipeline/prepare.h \

@@ -40,11 +40,18 @@ enum { RX_OF_NONE = 1, RX_OF_RESTORED = 2 };
 /* What TEMPLATE_TYPE admits besides points: profiles, restored pixels. */
 enum { RX_TEMPLATE_EXTENDED = 1, RX_TEMPLATE_PIXELS = 2 };
 
+/* Listed positions (POSITIONS_NAME). */
+typedef struct rx_positions {
+    int n;
+    double (*at)[2]; /* [n] x, y in pixels from 0; NAN or beyond the image: nothing is fitted */
+} rx_positions;
+
 /* Template photometry: what is fitted, and what is done with sources that are not significant. */
 typedef struct rx_template_params {
     int wanted;
-    rx_tphot_params par; /* keep_model, covariance: of the image that is measured */
-    int drop;            /* INVENTED_TYPE DROP */
+    rx_tphot_params par;           /* keep_model, covariance: of the image that is measured */
+    int drop;                      /* INVENTED_TYPE DROP */
+    const rx_positions *positions; /* where fluxes are fitted whatever is there; NULL: nowhere */
 } rx_template_params;
 
 typedef struct rx_pipeline_params {

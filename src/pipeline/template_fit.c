@@ -7,6 +7,7 @@
 
 #include "base/memory.h"
 #include "data/unit.h"
+#include "pipeline/positions.h"
 #include "pipeline/preal.h"
 #include "pipeline/template_extra.h"
 
@@ -138,32 +139,139 @@ exit:
     return status;
 }
 
-static void tell_sources(const work *w, rx_sources *sources)
+/* What a catalogue has of a fit; entry: of rx_tphot.list. */
+static rx_source_template fit_of(const rx_tphot *tphot, int entry)
+{
+    const rx_tphot_source *t = &tphot->list[entry];
+    return (rx_source_template){.flux = t->flux,
+                                .fluxerr = t->fluxerr,
+                                .snr = t->snr,
+                                .chi2 = t->chi2,
+                                .evidence = t->evidence,
+                                .preal = NAN,
+                                .injected = {NAN, NAN},
+                                .blend = t->blend,
+                                .x = t->x,
+                                .y = t->y,
+                                .alpha = NAN,
+                                .delta = NAN,
+                                .star = t->star,
+                                .radius = t->radius,
+                                .ratio = t->ratio,
+                                .theta = t->angle,
+                                .group = t->group + 1,
+                                .entry = entry,
+                                .flags = t->flags,
+                                .restore = entry >= tphot->nlisted ? RX_RESTORE_ADDED : 0};
+}
+
+/* The same where nothing was fitted. */
+static const rx_source_template NO_FIT = {.flux = NAN,
+                                          .fluxerr = NAN,
+                                          .snr = NAN,
+                                          .chi2 = NAN,
+                                          .evidence = NAN,
+                                          .preal = NAN,
+                                          .injected = {NAN, NAN},
+                                          .blend = NAN,
+                                          .x = NAN,
+                                          .y = NAN,
+                                          .alpha = NAN,
+                                          .delta = NAN,
+                                          .star = NAN,
+                                          .radius = NAN,
+                                          .ratio = NAN,
+                                          .theta = NAN,
+                                          .restore = RX_RESTORE_UNTESTED};
+
+/* What was fitted, but for what listed positions stand for, as it is; behind it these positions as points without prejudice. */
+static rx_status with_positions(const work *w, const rx_sources *found, const rx_position_match *match,
+                                rx_sources *sources, rx_tphot *shapes, rx_error *err)
 {
     const rx_tphot *tphot = w->dst->tphot;
-    for (int i = 0; i < sources->n; i++) {
-        const rx_tphot_source *t = &tphot->list[i];
-        sources->list[i].fit = (rx_source_template){.flux = t->flux,
-                                                    .fluxerr = t->fluxerr,
-                                                    .snr = t->snr,
-                                                    .chi2 = t->chi2,
-                                                    .evidence = t->evidence,
-                                                    .preal = NAN,
-                                                    .injected = {NAN, NAN},
-                                                    .blend = t->blend,
-                                                    .x = t->x,
-                                                    .y = t->y,
-                                                    .alpha = NAN,
-                                                    .delta = NAN,
-                                                    .star = t->star,
-                                                    .radius = t->radius,
-                                                    .ratio = t->ratio,
-                                                    .theta = t->angle,
-                                                    .group = t->group + 1,
-                                                    .entry = i,
-                                                    .flags = t->flags,
-                                                    .restore = i >= tphot->nlisted ? RX_RESTORE_ADDED : 0};
+    const size_t most = (size_t)tphot->n + (size_t)match->n;
+    *sources = *found;
+    *shapes = *tphot;
+    sources->n = 0;
+    sources->list = NULL;
+    shapes->list = NULL;
+    RX_TRY(RX_MAKE(sources->list, most, err));
+    RX_TRY(RX_MAKE(shapes->list, most, err));
+    for (int i = 0; i < tphot->n; i++) {
+        if (!match->keep[i])
+            continue;
+        sources->list[sources->n] = found->list[i];
+        shapes->list[sources->n] = tphot->list[i];
+        shapes->list[sources->n++].movable = w->on.measure == w->on.detect;
     }
+    for (int i = 0; i < match->n; i++) {
+        const double *at = w->params->templates.positions->at[match->row[i]];
+        const int nearest = match->nearest[i];
+        sources->list[sources->n] = (rx_source){
+            .x = at[0], .y = at[1], .xmax = -1, .segment = nearest >= 0 ? found->list[nearest].segment : 0};
+        shapes->list[sources->n++] = (rx_tphot_source){.kind = RX_TPHOT_POINT,
+                                                       .x = at[0],
+                                                       .y = at[1],
+                                                       .star = 1,
+                                                       .point = 1,
+                                                       .ratio = 1,
+                                                       .index = 0.5,
+                                                       .shape_error = 1,
+                                                       .lift = 1};
+    }
+    shapes->n = shapes->nlisted = sources->n;
+    return RX_OK;
+}
+
+static rx_status make_rows(work *w, rx_error *err)
+{
+    const rx_positions *positions = w->params->templates.positions;
+    if (positions == NULL)
+        return RX_OK;
+    RX_TRY(RX_MAKE(w->dst->forced, 1, err));
+    rx_sources *rows = w->dst->forced;
+    RX_TRY(RX_MAKE(rows->list, (size_t)positions->n + 1, err));
+    for (rows->n = 0; rows->n < positions->n; rows->n++) {
+        const double *at = positions->at[rows->n];
+        rows->list[rows->n] = (rx_source){.number = rows->n + 1, .x = at[0], .y = at[1], .fit = NO_FIT};
+        rows->list[rows->n].fit.flags = RX_TPHOT_NO_DATA;
+    }
+    return RX_OK;
+}
+
+/* The same pixels once more, with a point at each listed position. */
+static rx_status fit_positions(work *w, const rx_sources *found, rx_error *err)
+{
+    rx_sources *rows = w->dst->forced, sources = {0};
+    rx_tphot_params par = w->params->templates.par;
+    rx_tphot shapes = {0}, *tphot = NULL;
+    rx_position_match match = {0};
+    fitted measure = {0};
+    rx_status status = RX_OK;
+    if (rows == NULL || rows->n == 0)
+        return RX_OK;
+    par.keep_model = par.covariance = par.substructure = 0;
+    RX_TRY_EXIT(rx_positions_match(w->params->templates.positions, w->dst->tphot,
+                                   fmax(psf_of(w, w->on.measure)->fwhm, 1.0), &match, err));
+    RX_TRY_EXIT(with_positions(w, found, &match, &sources, &shapes, err));
+    RX_TRY_EXIT(open_fitted(w, w->on.measure, &sources, &measure, err));
+    measure.input.shapes = &shapes;
+    RX_TRY_EXIT(run(&par, &measure, &tphot, err));
+    for (int i = 0; i < rows->n; i++) {
+        const int k = match.of[i];
+        if (k < 0)
+            continue;
+        rows->list[i].fit = fit_of(tphot, sources.n - match.n + k);
+        rows->list[i].fit.flux += tphot->list[rows->list[i].fit.entry].unseen; /* whatever is there */
+        rows->list[i].number_assoc = match.replaced[k];
+    }
+exit:
+    close_fitted(&measure);
+    rx_position_match_clear(&match);
+    rx_tphot_free(tphot);
+    free(sources.list);
+    free(shapes.list);
+    return status;
 }
 
 /* How well the models explain the image. */
@@ -218,37 +326,21 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
     return status;
 }
 
-static void leave_empty(rx_sources *sources)
-{
-    for (int i = 0; i < sources->n; i++)
-        sources->list[i].fit = (rx_source_template){.flux = NAN,
-                                                    .fluxerr = NAN,
-                                                    .snr = NAN,
-                                                    .chi2 = NAN,
-                                                    .evidence = NAN,
-                                                    .preal = NAN,
-                                                    .injected = {NAN, NAN},
-                                                    .blend = NAN,
-                                                    .x = NAN,
-                                                    .y = NAN,
-                                                    .alpha = NAN,
-                                                    .delta = NAN,
-                                                    .star = NAN,
-                                                    .radius = NAN,
-                                                    .ratio = NAN,
-                                                    .theta = NAN,
-                                                    .restore = RX_RESTORE_UNTESTED};
-}
-
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
                               rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err)
 {
     const rx_field *detect = fields.detect;
     work w = {.params = params, .on = fields, .restored = restored, .log = log, .dst = dst};
     *dst = (rx_template_fit){0};
+    rx_status status = make_rows(&w, err);
     const rx_field *without = psf_of(&w, detect) == NULL ? detect : fields.measure;
+    if (status != RX_OK) {
+        rx_template_fit_free(dst);
+        return status;
+    }
     if (psf_of(&w, without) == NULL) {
-        leave_empty(sources);
+        for (int i = 0; i < sources->n; i++)
+            sources->list[i].fit = NO_FIT;
         rx_log_warning(log,
                        "%s[%d]: the PSF is not known, so no templates are fitted; give PSF_TYPE and PSF_FWHM "
                        "or PSF_NAME",
@@ -266,7 +358,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                             .sources = sources,
                             .nthreads = params->nthreads,
                             .log = log};
-    rx_status status = rx_error_where(err, fit(&w, sources, err), measured.name, measured.hdu, 0);
+    status = rx_error_where(err, fit(&w, sources, err), measured.name, measured.hdu, 0);
     const int noiseless = status == RX_OK && dst->tphot->least > measured.global_noise;
     if (noiseless)
         rx_log_warning(
@@ -276,8 +368,10 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
             measured.name, measured.hdu, measured.global_noise, dst->tphot->least);
     RX_TRY_EXIT(status);
     RX_TRY_EXIT(rx_template_extra_append(&w.extra, dst->tphot, sources, err));
-    tell_sources(&w, sources);
+    for (int i = 0; i < sources->n; i++)
+        sources->list[i].fit = fit_of(dst->tphot, i);
     RX_TRY_EXIT(tell_tile(&w, err));
+    RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);
     if (dst->unknown_noise)
         rx_log_warning(
@@ -307,5 +401,6 @@ int rx_template_fit_is_off(const rx_template_fit *fit)
 void rx_template_fit_free(rx_template_fit *fit)
 {
     rx_tphot_free(fit->tphot);
+    rx_sources_free(fit->forced);
     *fit = (rx_template_fit){0};
 }

@@ -24,6 +24,8 @@ typedef struct rx_template_fit {
     double chi2;       /* reduced, of the residual over usable pixels: noise of sky and photons */
     double fwhm;       /* of the PSF that was fitted, pixels */
     rx_preal preal;
+    rx_sources *
+        forced; /* owned; a row for each listed position, in their order, `fit` filled; NULL: there is no list */
     int unknown_noise; /* pixels have next to none, and models do not explain them to that: no source can be tested */
 } rx_template_fit;
 

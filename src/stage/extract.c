@@ -14,6 +14,7 @@
 #include "pipeline/pipeline.h"
 #include "stage/coordinates.h"
 #include "stage/domain_facts.h"
+#include "stage/positions.h"
 #include "stage/template_table.h"
 
 /* One extension while it is extracted. */
@@ -24,6 +25,7 @@ typedef struct work {
     const rx_restorer *kind;          /* the run's, or what AUTO took */
     rx_pipeline_params params;        /* the options', DETECT_THRESH as the guard left it */
     rx_result result;
+    rx_positions positions; /* of POSITIONS_NAME, on this image */
 } work;
 
 rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer *kind, int tagged,
@@ -38,11 +40,16 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
     rx_status status = RX_OK;
     if (to_file)
         status = rx_outputs_file(outputs, run->catalog_name, &run->catalog_temporary, err);
-    if (status == RX_OK && options->covariance_name[0] != '\0') {
-        run->covariance_name = rx_name_with_tag(options->covariance_name, tag);
-        status = run->covariance_name == NULL
-                     ? rx_error_memory(err, 0)
-                     : rx_outputs_file(outputs, run->covariance_name, &run->covariance_temporary, err);
+    const char *const names[] = {options->covariance_name,
+                                 options->positions != NULL ? run->catalog_name : ""},
+                      *const tags[] = {tag, RX_FORCED_TAG};
+    for (int k = 0; k < RX_SIDE_TABLES && status == RX_OK; k++) {
+        rx_side_table *side = &run->side[k];
+        if (names[k][0] == '\0')
+            continue;
+        side->name = rx_name_with_tag(names[k], tags[k]);
+        status = side->name == NULL ? rx_error_memory(err, 0)
+                                    : rx_outputs_file(outputs, side->name, &side->temporary, err);
     }
     if (status != RX_OK)
         return status;
@@ -152,31 +159,30 @@ static rx_status write_images(const rx_run *run, const work *w, const rx_record 
     return rx_checkimages_write(run->images, &data, err);
 }
 
+/* What fails is freed with the run. */
 static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, rx_error *err)
 {
     rx_text cards = {0};
-    rx_table *covariances = NULL, **tables;
-    rx_status status = RX_OK;
-    RX_TRY(RX_GROW(run->tables, (size_t)run->ntables + 1, err));
-    if (run->covariance_name != NULL) {
-        RX_TRY(RX_GROW(run->covariances, (size_t)run->ntables + 1, err));
-        RX_TRY(rx_template_table(w->result.templates.tphot, w->result.sources, w->detect->tile->extension,
-                                 &covariances, err));
-    }
-    tables = run->tables;
+    const rx_template_fit *templates = &w->result.templates;
+    const rx_image *image = &w->measure->image;
     const rx_tile *tile = w->measure->tile;
-    rx_table *table = NULL;
-    status = rx_catalog_table(w->options->columns, &w->measure->image, w->result.sources, &table, err);
-    if (status == RX_OK && tile->cards != NULL)
-        status = rx_table_copy_cards(table, tile->cards, tile->ncards, err);
-    if (status != RX_OK) {
-        rx_table_free(table);
-        rx_table_free(covariances);
-        return status;
-    }
-    if (covariances != NULL)
-        run->covariances[run->ntables] = covariances;
-    tables[run->ntables++] = table;
+    const int n = run->ntables;
+    rx_side_table *covariances = &run->side[RX_SIDE_COVARIANCES], *positions = &run->side[RX_SIDE_POSITIONS];
+    RX_TRY(RX_GROW(covariances->tables, (size_t)n + 1, err));
+    RX_TRY(RX_GROW(positions->tables, (size_t)n + 1, err));
+    RX_TRY(RX_GROW(run->tables, (size_t)n + 1, err));
+    covariances->tables[n] = positions->tables[n] = run->tables[n] = NULL;
+    run->ntables++;
+    if (covariances->name != NULL)
+        RX_TRY(rx_template_table(templates->tphot, w->result.sources, w->detect->tile->extension,
+                                 &covariances->tables[n], err));
+    if (positions->name != NULL)
+        RX_TRY(rx_position_list_table(w->options->positions, image, templates->forced, &positions->tables[n],
+                                      err));
+    RX_TRY(rx_catalog_table(w->options->columns, image, w->result.sources, &run->tables[n], err));
+    rx_table *table = run->tables[n];
+    if (tile->cards != NULL)
+        RX_TRY(rx_table_copy_cards(table, tile->cards, tile->ncards, err));
     rx_record_cards(facts, &cards);
     if (cards.failed) {
         rx_text_free(&cards);
@@ -261,7 +267,7 @@ static int has_headers(const rx_options *options, const rx_run *run)
     const rx_catalog_type type = options->catalog_type;
     const int ascii = type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII || type == RX_CATALOG_ASCII_HEAD ||
                       type == RX_CATALOG_ASCII_SKYCAT || type == RX_CATALOG_DS9;
-    return !ascii || options->nchecks > 0 || run->covariance_name != NULL;
+    return !ascii || options->nchecks > 0 || run->side[RX_SIDE_COVARIANCES].name != NULL;
 }
 
 /* What AUTO stands for on this tile. */
@@ -294,11 +300,17 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_status status = choose(run, &w, log, err);
     if (status == RX_OK)
         status = rx_checks_guard(&options->check, w.kind, detect, &w.params, log, &run->checks.blank, err);
+    if (status == RX_OK && options->positions != NULL)
+        status = rx_position_list_pixels(options->positions, options->positions_name, w.measure->tile, log,
+                                         &w.positions, err);
     if (status == RX_OK) {
         w.params.templates.drop = options->pipeline.templates.drop && !rx_checks_drop(in->checks);
+        w.params.templates.positions = options->positions != NULL ? &w.positions : NULL;
         status = rx_field_extract(&w.params, w.kind, detect, measure, log, &w.result, err);
         w.params.templates.drop = options->pipeline.templates.drop;
+        w.params.templates.positions = NULL;
     }
+    free(w.positions.at);
     if (status != RX_OK)
         return status;
     rx_sources *sources = w.result.sources;
@@ -418,8 +430,8 @@ void rx_run_forget(rx_run *run)
     run->tally = NULL;
 }
 
-/* The covariances' table has the format of the catalogue, where that makes sense. */
-static rx_catalog_type covariance_type(rx_catalog_type type)
+/* A table beside the catalogue has its format, where that makes sense. */
+static rx_catalog_type side_type(rx_catalog_type type)
 {
     if (type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII_SKYCAT || type == RX_CATALOG_DS9)
         return RX_CATALOG_ASCII_HEAD;
@@ -464,9 +476,9 @@ rx_status rx_run_digest(rx_run *run, const rx_options *options, rx_record *produ
     rx_status status = RX_OK;
     if (type != RX_CATALOG_NONE)
         status = digest_tables(type, run->tables, run->ntables, run->catalog_name, products, err);
-    if (status == RX_OK && run->covariance_name != NULL)
-        status = digest_tables(covariance_type(type), run->covariances, run->ntables, run->covariance_name,
-                               products, err);
+    for (const rx_side_table *side = run->side; side < run->side + RX_SIDE_TABLES && status == RX_OK; side++)
+        if (side->name != NULL)
+            status = digest_tables(side_type(type), side->tables, run->ntables, side->name, products, err);
     return status;
 }
 
@@ -500,10 +512,11 @@ rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *
     RX_TRY(rx_checkimages_close(images, err));
     RX_TRY(write_tables((rx_catalog){.type = type, .n = run->ntables, .tables = run->tables},
                         run->catalog_name, record, products, run->catalog_temporary, standard_out, err));
-    if (run->covariance_name != NULL)
-        RX_TRY(write_tables(
-            (rx_catalog){.type = covariance_type(type), .n = run->ntables, .tables = run->covariances},
-            run->covariance_name, record, products, run->covariance_temporary, NULL, err));
+    for (const rx_side_table *side = run->side; side < run->side + RX_SIDE_TABLES; side++)
+        if (side->name != NULL)
+            RX_TRY(
+                write_tables((rx_catalog){.type = side_type(type), .n = run->ntables, .tables = side->tables},
+                             side->name, record, products, side->temporary, NULL, err));
     return RX_OK;
 }
 
@@ -512,11 +525,13 @@ void rx_run_free(rx_run *run)
     rx_run_forget(run);
     for (int i = 0; i < run->ntables; i++)
         rx_table_free(run->tables[i]);
-    for (int i = 0; i < run->ntables && run->covariances != NULL; i++)
-        rx_table_free(run->covariances[i]);
+    for (rx_side_table *side = run->side; side < run->side + RX_SIDE_TABLES; side++) {
+        for (int i = 0; i < run->ntables; i++)
+            rx_table_free(side->tables[i]);
+        free(side->tables);
+        free(side->name);
+    }
     free(run->tables);
-    free(run->covariances);
-    free(run->covariance_name);
     rx_checkimages_free(run->images);
     free(run->catalog_name);
     *run = (rx_run){0};

@@ -19,17 +19,23 @@
 #include "stage/options.h"
 #include "stage/provenance.h"
 
+/* Tables beside the catalogue, in files of their own: TEMPLATE_COVAR_NAME, and what is found at listed positions. */
+enum { RX_SIDE_COVARIANCES, RX_SIDE_POSITIONS, RX_SIDE_TABLES };
+typedef struct rx_side_table {
+    char *name; /* tagged like the catalogue; NULL: not wanted */
+    const char *temporary;
+    rx_table **tables; /* [rx_run.ntables], NULL where they are not wanted */
+} rx_side_table;
+
 /* What one restorer makes in a run: open files, a table per extension, and the current extension. */
 typedef struct rx_run {
-    const rx_restorer *kind;       /* as asked for */
-    char *catalog_name;            /* with the restorer's name when there are several */
-    const char *catalog_temporary; /* where it is written; NULL: standard output, or no catalogue */
-    char *covariance_name;         /* TEMPLATE_COVAR_NAME, tagged like the catalogue; NULL: not wanted */
-    const char *covariance_temporary;
+    const rx_restorer *kind;            /* as asked for */
+    char *catalog_name;                 /* with the restorer's name when there are several */
+    const char *catalog_temporary;      /* where it is written; NULL: standard output, or no catalogue */
+    rx_side_table side[RX_SIDE_TABLES]; /* beside the catalogue */
     rx_checkimages *images;
     int ntables;
     rx_table **tables;
-    rx_table **covariances; /* [ntables] where they are wanted, else NULL */
     /* current extension, until rx_run_forget() */
     rx_restored *restored;
     rx_sources *sources;

@@ -25,6 +25,7 @@ static rx_status refuse_files(const rx_config *config, rx_error *err)
     } files[] = {
         {"WEIGHT_IMAGE", rx_settings_states(&config->settings, "WEIGHT_IMAGE"), "give the map as an array"},
         {"FLAG_IMAGE", rx_settings_states(&config->settings, "FLAG_IMAGE"), "run rextract on files"},
+        {"POSITIONS_NAME", config->positions_name[0] != '\0', "run rextract on files"},
         {"REFERENCE_NAME", config->reference_name[0] != '\0', "run rextract on files"},
         {"RECORD_NAME", config->record_name[0] != '\0', "run rextract on files"},
         {"the record of a run", config->settings.repeated.n > 0, "run rextract on files"}};

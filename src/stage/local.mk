@@ -9,6 +9,7 @@ librextract_la_SOURCES += \
 	src/stage/options.c src/stage/options.h \
 	src/stage/pipeline.c src/stage/pipeline.h \
 	src/stage/plan.c src/stage/plan.h \
+	src/stage/positions.c src/stage/positions.h \
 	src/stage/provenance.c src/stage/provenance.h \
 	src/stage/psf_hints.c src/stage/psf_hints.h \
 	src/stage/reference.c src/stage/reference.h \

@@ -16,6 +16,7 @@
 #include "config/kernel.h"
 #include "stage/checkimages.h"
 #include "stage/pipeline.h"
+#include "stage/positions.h"
 
 #include "config/fill_rows.h"
 
@@ -219,12 +220,26 @@ static rx_status template_options(rx_options *dst, rx_error *err)
     dst->check.templates = par->drop || compared || injected;
     for (int i = 0; i < dst->nchecks; i++)
         par->par.keep_model |= strncmp(dst->check_types[i], "TEMPLATE_", 9) == 0;
-    par->wanted = injected || par->drop || par->par.covariance || par->par.keep_model ||
-                  (compared && dst->reference.name != NULL) || rx_columns_mention(dst->columns, "TEMPLATE") ||
+    par->wanted = injected || par->drop || dst->positions != NULL || par->par.covariance ||
+                  par->par.keep_model || (compared && dst->reference.name != NULL) ||
+                  rx_columns_mention(dst->columns, "TEMPLATE") ||
                   rx_columns_requested(dst->columns, "FLAGS_RESTORE", NULL) ||
                   rx_columns_requested(dst->columns, "P_REAL", NULL);
     par->par.keep_model |= par->wanted && dst->tile_page;
     return RX_OK;
+}
+
+static rx_status position_options(const rx_config *cfg, rx_options *dst, rx_error *err)
+{
+    dst->positions_name = cfg->positions_name;
+    if (cfg->positions_name[0] == '\0')
+        return RX_OK;
+    if (dst->catalog_type == RX_CATALOG_NONE || strcmp(dst->catalog_name, "STDOUT") == 0)
+        return rx_error_set(err, RX_USAGE,
+                            "fluxes at the positions of POSITIONS_NAME go into a file beside the catalogue; "
+                            "give CATALOG_NAME "
+                            "a file's name, and CATALOG_TYPE not NONE");
+    return rx_position_list_read(cfg->positions_name, &dst->positions, err);
 }
 
 static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_options *dst, rx_error *err)
@@ -375,6 +390,7 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     RX_TRY_EXIT(checkimage_options(cfg, log, options, err));
     RX_TRY_EXIT(assoc_options(cfg, options, err));
     RX_TRY_EXIT(reference_options(cfg, options, err));
+    RX_TRY_EXIT(position_options(cfg, options, err));
     RX_TRY_EXIT(template_options(options, err));
     *dst = options;
     options = NULL;
@@ -389,6 +405,7 @@ void rx_options_free(rx_options *options)
         return;
     rx_columns_free(options->columns);
     rx_assoc_free(options->assoc_list);
+    rx_table_free(options->positions);
     rx_kernel_free(options->kernel);
     rx_kernel_free(options->noise_kernel);
     rx_gates_free(options->gates);

@@ -34,7 +34,9 @@ typedef struct rx_options {
     const char *check_types[RX_LIST], *check_names[RX_LIST];
     int write_psf; /* PSF is among them */
     rx_assoc_params assoc;
-    rx_assoc *assoc_list;          /* owned, NULL without ASSOC_NAME */
+    rx_assoc *assoc_list; /* owned, NULL without ASSOC_NAME */
+    rx_table *positions;  /* owned, NULL without POSITIONS_NAME */
+    const char *positions_name;
     rx_reference_params reference; /* name NULL: no report */
     rx_qa_params qa;
     rx_starclass *star_net;      /* owned, also pipeline.measure.star_net; NULL without CLASS_STAR */

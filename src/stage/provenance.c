@@ -134,6 +134,7 @@ rx_status rx_record_inputs(rx_record *record, const rx_config *config, const rx_
         take(&r, "STARNNW_NAME", config->starnnw_name);
     if (options->assoc_list != NULL)
         take(&r, "ASSOC_NAME", config->assoc_name);
+    take(&r, "POSITIONS_NAME", config->positions_name);
     take(&r, "REFERENCE_NAME", config->reference_name);
     if (config->reference_name[0] != '\0')
         take(&r, "QA_GATES", config->qa_gates);

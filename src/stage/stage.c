@@ -116,9 +116,9 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
 static int is_recorded(const rx_config *config, const rx_options *options)
 {
     return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
-           options->covariance_name[0] != '\0' || options->reference.name != NULL || options->tile_page ||
-           options->check.self_check || options->write_psf || config->write_xml ||
-           config->settings.repeated.n > 0;
+           options->covariance_name[0] != '\0' || options->positions != NULL ||
+           options->reference.name != NULL || options->tile_page || options->check.self_check ||
+           options->write_psf || config->write_xml || config->settings.repeated.n > 0;
 }
 
 /* After the first image was read, which finds what is wrong with a file sooner than its digest; and the files that only

@@ -37,6 +37,7 @@ typedef struct rx_fit_source {
     int paired;        /* not in a crowd, and two points describe it, no profile does: */
     double pair[2][3]; /* flux, x, y of both, the brighter one first */
     int still;         /* nothing has changed around it since it was fitted */
+    int movable;       /* position and shape are fitted */
     /* from the source list; segment 0: not listed */
     int untouched; /* found on untouched pixels, not on restored ones */
     int32_t segment;

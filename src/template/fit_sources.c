@@ -53,6 +53,7 @@ static void keep_shape(const rx_tphot_source *from, rx_fit_source *subject)
     subject->shape_error = from->shape_error;
     subject->lift = from->lift;
     subject->chi2_gain = from->chi2_gain;
+    subject->movable = from->movable;
 }
 
 void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_fit_source *subjects)
@@ -71,6 +72,7 @@ void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *inpu
                                    .lift = 1,
                                    .grain = 1,
                                    .added = -1,
+                                   .movable = 1,
                                    .segment = s->segment,
                                    .untouched = s->untouched,
                                    .xmin = s->xmin,

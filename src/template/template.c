@@ -43,6 +43,7 @@ typedef struct work {
                          their noise would be taken for structure and fitted away */
     const rx_tphot_input *input;
     int nthreads;
+    int frozen; /* all positions and shapes are given, and stay */
     rx_fit_image canvas;
     rx_template_otf **lenses; /* [nthreads] */
     int n;
@@ -74,6 +75,9 @@ static rx_status open_work(work *w, rx_error *err)
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
         status = rx_template_otf_new(w->input->image.psf, w->input->restored->psf, &w->lenses[i], err);
     rx_fit_sources_start(w->par, w->input, w->subjects);
+    w->frozen = w->input->shapes != NULL;
+    for (int i = 0; i < w->n; i++)
+        w->frozen &= !w->subjects[i].movable;
     return status;
 }
 
@@ -139,7 +143,7 @@ typedef struct refinement {
 static int takes_part(const refinement *r, int i)
 {
     const rx_fit_source *s = &r->w->subjects[i];
-    return i >= r->first && !s->still && (!r->moved_only || s->moved);
+    return i >= r->first && !s->still && (!r->moved_only || s->moved) && (r->par.frozen || s->movable);
 }
 
 static rx_status refine_one(void *user, int i, int thread, rx_error *err)
@@ -253,10 +257,10 @@ static double within_light(const work *w, const rx_fit_source *s, double flux, i
 /* One group: members gathered, fitted, put back; nthreads work on it. */
 static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
 {
-    const int movable = w->input->shapes == NULL && w->par->rounds > 0;
     const double fwhm = fmax(w->input->image.psf->fwhm, 1.0);
     const rx_joint_params par = {w->par->background_sigma, w->par->non_negative, nthreads};
     const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
+    const int movable = m > 1 && w->par->rounds > 0;
     double *covariance = w->covariances != NULL ? w->covariances + w->place[group] : NULL;
     rx_joint_member *members = RX_NEW(rx_joint_member, m);
     if (members == NULL)
@@ -266,7 +270,7 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
         members[i] = (rx_joint_member){.footprint = &s->footprint,
                                        .before = s->flux,
                                        .grain = s->grain,
-                                       .shift_width = m > 1 && movable ? rx_refine_reach(fwhm) : 0,
+                                       .shift_width = movable && s->movable ? rx_refine_reach(fwhm) : 0,
                                        .shift_centre = {s->x0 - s->x, s->y0 - s->y}};
     }
     rx_status status = rx_joint_fit(&par, &w->canvas, m, members, &w->backgrounds[group], covariance, err);
@@ -428,8 +432,10 @@ static rx_status add_points(work *w, const double (*at)[2], int count, rx_error 
         return rx_error_memory(err, ((size_t)w->n + (size_t)count) * sizeof *more);
     const int first = w->n;
     w->subjects = more;
-    for (int i = 0; i < count; i++)
-        w->subjects[w->n++] = rx_fit_source_added(at[i][0], at[i][1], w->nadded++);
+    for (int i = 0; i < count; i++) {
+        w->subjects[w->n] = rx_fit_source_added(at[i][0], at[i][1], w->nadded++);
+        w->subjects[w->n++].movable = !w->frozen;
+    }
     return refine(w, first, 1, 0, 0, err);
 }
 
@@ -576,7 +582,7 @@ static void unsettle(work *w)
 
 static int movable(const work *w)
 {
-    return w->input->shapes == NULL && w->par->rounds > 0;
+    return !w->frozen && w->par->rounds > 0;
 }
 
 /* Where it is not crowded one look at the residual and a fit of everything with what it shows; else until nothing is found, most
@@ -673,7 +679,7 @@ static rx_status fit_everything(work *w, rx_error *err)
         status = add_points(w, w->input->extra, w->input->nextra, err);
     if (status == RX_OK)
         status = fit_on_sky(w, err);
-    const int frozen = w->input->shapes != NULL;
+    const int frozen = w->frozen;
     /* frozen shapes still take up their restored pixels, once the fluxes are known */
     const int rounds = frozen ? w->substructure != 0 : w->par->rounds;
     for (int i = 0; i < rounds && status == RX_OK; i++) {
@@ -909,7 +915,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     status = open_work(&w, err);
     if (status == RX_OK)
         status = fit_everything(&w, err);
-    if (status == RX_OK)
+    if (status == RX_OK && (input->shapes == NULL || w.frozen))
         status = weigh_evidence(&w, err);
     if (status == RX_OK)
         status = store(&w, tphot, err);

@@ -74,7 +74,8 @@ typedef struct rx_tphot_source {
     double lift;   /* flux is that many times the one of its template: the mean over what its shape may be */
     int crowded;   /* in a cell that is */
     double unseen; /* light of unseen neighbours that was taken off flux, ADU (unseen.h) */
-    int added;     /* of an extra one: which of those that `more` gave, counted through; -1 of others */
+    int movable; /* of shapes that are given: position and shape are fitted again from there; 0: they stay */
+    int added;   /* of an extra one: which of those that `more` gave, counted through; -1 of others */
 } rx_tphot_source;
 
 /* Covariance of two fluxes of one group, ADU^2. */
@@ -137,7 +138,7 @@ typedef struct rx_tphot_input {
      * noise is not above 0 counts as hidden. */
     rx_image image;
     /* positions and profiles from an earlier run on the same list (its first nlisted entries), to be kept as
-     * they are: forced photometry. NULL: fitted here. */
+     * they are, unless they are movable: forced photometry; evidence is not weighed where any is. NULL: fitted here. */
     const rx_tphot *shapes;
     const double (*extra)[2]; /* [nextra] x, y of points that are not in the list */
     int nextra;

@@ -82,6 +82,16 @@ expect 2 '^rextract: test\.cat: is not repeated over outputs that are there \(CA
 expect 3 '^rextract: my\.param: is not what the run that wrote test\.cat read \(PARAMETERS_NAME\); give it as it was$' \
     -c test.cat $again -TEMPLATE_COVAR_NAME covariance -QA_NAME qa
 
+begin 'record: listed positions'
+make_fits tile tile.fits
+printf '# X_IMAGE Y_IMAGE\n20 30\n40 50\n' >my.list
+made tile.fits $moffat -RESTORE_TYPE NONE -CATALOG_TYPE FITS_1.0 -POSITIONS_NAME my.list
+leaves again.cat again_FORCED.cat
+expect 0 '' -c test.cat $again
+expect 0 '' -c test_FORCED.cat $again
+[ "$active" = 0 ] || echo '60 70' >>my.list
+expect 3 '^rextract: my\.list: is not what the run that wrote test\.cat read \(POSITIONS_NAME\); give it as it was$' -c test.cat $again
+
 begin 'a VOTable names each PARAM once, and is not repeated itself'
 make_fits tile tile.fits
 make_fits ones weight.fits

@@ -155,3 +155,84 @@ for type in NONE ASCII ASCII_HEAD ASCII_SKYCAT ASCII_VOTABLE FITS_1.0 FITS_LDAC;
         judge 0 ''
     fi
 done
+
+# --- listed positions
+
+begin 'listed positions that are not there'
+make_fits tile tile.fits
+expect 3 '^rextract: my\.list: cannot be opened: ' tile.fits $moffat -POSITIONS_NAME my.list
+
+begin 'listed positions without columns of positions'
+make_fits tile tile.fits && printf '1 20 30\n2 40 50\n' >my.list
+expect 3 '^rextract: my\.list: no position columns were recognised; call them ALPHA_J2000 and DELTA_J2000, or X_IMAGE and Y_IMAGE$' \
+    tile.fits $moffat -POSITIONS_NAME my.list
+
+begin 'listed positions that are words'
+make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n20 30\n40 here\n' >my.list
+expect 3 "^rextract: my\.list:3: 'here' in column Y_IMAGE is no number" tile.fits $moffat -POSITIONS_NAME my.list
+
+begin 'listed positions on the sky of a tile without one'
+make_fits tile tile.fits && printf '# RA DEC\n150 2\n' >my.list
+expect 3 '^rextract: tile\.fits\[0\]: has no celestial coordinates, and my\.list no pixels; give it X_IMAGE and Y_IMAGE$' \
+    tile.fits $moffat -POSITIONS_NAME my.list
+
+for catalogue in '-CATALOG_NAME STDOUT' '-CATALOG_TYPE NONE'; do
+    begin "listed positions and $catalogue"
+    make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n20 30\n' >my.list
+    expect 2 'positions of POSITIONS_NAME go into a file beside the catalogue; give CATALOG_NAME' \
+        tile.fits $moffat -POSITIONS_NAME my.list $catalogue
+done
+
+begin 'listed positions that the table of them would replace'
+make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n20 30\n' >a_RL_FORCED.cat
+expect 2 'CATALOG_NAME a_RL_FORCED\.cat is also read, as a_RL_FORCED\.cat; give the output another name' \
+    tile.fits -RESTORE_TYPE NONE,RL -PSF_TYPE MOFFAT -PSF_FWHM 3 -POSITIONS_NAME a_RL_FORCED.cat -CATALOG_NAME a.cat
+
+begin 'listed positions, none of them on the tile'
+make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n2000 30\nnan nan\n' >my.list
+leaves test.cat test_FORCED.cat
+says 4
+[ "$active" = 0 ] || : >default.sex
+expect_exactly 0 'warning: tile\.fits\[0\]: none of the 2 positions of my\.list lies on it$' \
+    tile.fits -RESTORE_TYPE NONE -PSF_TYPE AUTO -POSITIONS_NAME my.list
+
+begin 'a list of no positions'
+make_fits tile tile.fits && printf '# X_IMAGE Y_IMAGE\n' >my.list
+leaves test.cat test_FORCED.cat
+expect 0 '' tile.fits $moffat -POSITIONS_NAME my.list
+
+# Rows stay in their order whatever is there, with their own names, and the catalogue has the bytes that it has without the list.
+begin 'fluxes at listed positions'
+make_fits tile tile.fits
+printf '# NAME X_IMAGE Y_IMAGE\nfar -100 5\nempty 5.5 5.5\nno nan 7\n' >my.list
+if [ "$active" = 1 ]; then
+    arguments="tile.fits $moffat -PSF_TYPE AUTO -CATALOG_TYPE ASCII -VERBOSE_TYPE QUIET"
+    printf 'X_IMAGE\nY_IMAGE\nFLUX_TEMPLATE\nXTEMPLATE_IMAGE\nYTEMPLATE_IMAGE\n' >my.param
+    list_files >../before
+    {
+        "$program" $arguments -PARAMETERS_NAME my.param -CATALOG_NAME without.cat && awk '{print "star", $4, $5}' without.cat >>my.list &&
+            tail -n 1 my.list | sed 's/star/again/' >>my.list &&
+            "$program" $arguments -PARAMETERS_NAME my.param -CATALOG_NAME with.cat -POSITIONS_NAME my.list
+    } >../out 2>../err
+    echo $? >../code
+    {
+        cmp without.cat with.cat
+        [ "$(awk '{print $1}' with_FORCED.cat | tr '\n' ' ')" = "$(awk 'NR > 1 {print $1}' my.list | tr '\n' ' ')" ] || echo 'other rows'
+        # NAME, EXT_NUMBER, ALPHA, DELTA, X, Y, FLUX, FLUXERR, FLUXLIM, MAG, MAGERR, MAGLIM, SNR, CHI2, BLEND, NUMBER_ASSOC, FLAGS
+        awk '($1 == "far" || $1 == "no") && !($7 == "nan" && $8 == "nan" && $9 == "nan" && $17 == 32) {print "fitted: " $0}
+             $1 == "empty" && !($13 < 4 && $13 > -4 && $9 > 0 && $16 == 0) {print "not empty: " $0}
+             ($1 == "star" || $1 == "again") && !($16 == 1 && $9 > $7 + 1.64 * $8) {print "no star: " $0}' with_FORCED.cat
+        awk 'NR == FNR {flux[FNR] = $3; next} $1 == "star" {n++; d = $7 - flux[n]; if (d * d > $8 * $8 / 4) print "not " flux[n] ": " $0}' \
+            without.cat with_FORCED.cat
+        [ "$(tail -n 2 with_FORCED.cat | sed 's/^ *[a-z]*//' | uniq | wc -l)" = 1 ] || echo 'a row twice is two fluxes'
+    } >>../err 2>&1
+    leaves my.list my.param without.cat with.cat with_FORCED.cat
+    judge 0 ''
+fi
+
+for type in ASCII ASCII_HEAD ASCII_SKYCAT ASCII_VOTABLE FITS_1.0 FITS_LDAC DS9; do
+    begin "listed positions beside a catalogue of CATALOG_TYPE $type"
+    make_fits extensions tile.fits && printf '# X_IMAGE Y_IMAGE\n20 30\n' >my.list
+    leaves test.cat test_FORCED.cat
+    expect 0 '' tile.fits $moffat -CATALOG_TYPE $type -POSITIONS_NAME my.list
+done

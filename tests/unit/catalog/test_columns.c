@@ -191,6 +191,31 @@ static void values_leave_in_catalogue_conventions(void **state)
     rx_sources_free(sources);
 }
 
+/* As scipy.stats.truncnorm has them: the 95 % quantiles of a Gaussian that is cut off below 0. */
+static void upper_limits_of_fluxes_that_are_not_negative(void **state)
+{
+    (void)state;
+    static const double flux[] = {-120, -30, 0, 20, 80, NAN, -1e30},
+                        limit[] = {2.454685215939456, 8.171724833937013, 19.59963984540055, 36.55984356713827,
+                                   96.44853626951472};
+    enum { N = sizeof flux / sizeof *flux };
+    rx_sources *sources = scene_sources(N);
+    for (int i = 0; i < N; i++) {
+        sources->list[i].fit.flux = flux[i];
+        sources->list[i].fit.fluxerr = 10;
+    }
+    rx_table *t = scene_table("FLUXLIM_TEMPLATE\nMAGLIM_TEMPLATE\n", sources);
+    for (int i = 0; i < 5; i++) {
+        assert_near(scene_value(t, "FLUXLIM_TEMPLATE", i, 0), limit[i], 2e-7 * limit[i]);
+        assert_near(scene_value(t, "MAGLIM_TEMPLATE", i, 0), 25 - 2.5 * log10(limit[i]), 2e-6);
+    }
+    assert_true(isnan(scene_value(t, "FLUXLIM_TEMPLATE", 5, 0)));
+    assert_near(scene_value(t, "MAGLIM_TEMPLATE", 5, 0), 99, 0);
+    assert_between(scene_value(t, "FLUXLIM_TEMPLATE", 6, 0), 0.1, 1); /* never 0 or below */
+    rx_table_free(t);
+    rx_sources_free(sources);
+}
+
 /* A source of an SDSS frame as source-extractor 2.25 has it; the matrix is the frame's CD matrix. */
 static void world_shapes_as_in_sextractor(void **state)
 {
@@ -255,6 +280,7 @@ int main(void)
         cmocka_unit_test(bad_param_files),
         cmocka_unit_test(default_columns_are_those_of_the_file),
         cmocka_unit_test(values_leave_in_catalogue_conventions),
+        cmocka_unit_test(upper_limits_of_fluxes_that_are_not_negative),
         cmocka_unit_test(world_shapes_as_in_sextractor),
         cmocka_unit_test(vignets_are_cut_around_their_centre),
     };

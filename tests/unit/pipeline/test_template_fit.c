@@ -14,6 +14,7 @@
 #include "base/memory.h"
 #include "base/random.h"
 #include "desk.h"
+#include "num/lsq.h"
 #include "psf/psf.h"
 #include "stage/template_table.h"
 
@@ -506,6 +507,140 @@ static void forced_photometry(void **state)
     scene_free(&second);
 }
 
+/* Fluxes of points at known places on the known sky of one stamp, by GSL's least squares (rx_lsq_fit). */
+enum { STAMP = 31, POINTS = 3 };
+typedef struct stamp {
+    double point[POINTS][STAMP * STAMP]; /* each of flux 1 */
+    double data[STAMP * STAMP];
+} stamp;
+
+static int stamp_model(void *user, const double *fluxes, double *residuals, double *jacobian)
+{
+    const stamp *s = user;
+    for (int i = 0; i < STAMP * STAMP; i++) {
+        double model = 1000;
+        for (int k = 0; k < POINTS; k++) {
+            model += fluxes[k] * s->point[k][i];
+            jacobian[i * POINTS + k] = s->point[k][i] / 5.0;
+        }
+        residuals[i] = (model - s->data[i]) / 5.0;
+    }
+    return 0;
+}
+
+static void cut_stamp(const float *pixels, int x0, int y0, double *dst)
+{
+    for (int i = 0; i < STAMP * STAMP; i++)
+        dst[i] = pixels[(size_t)(y0 + i / STAMP) * SIDE + (size_t)(x0 + i % STAMP)];
+}
+
+/* Two faint stars within 1.3 FWHM of one that is listed off its place, and no star at all. */
+static void fluxes_at_listed_positions(void **state)
+{
+    (void)state;
+    static const setting settings[] = {{"TEMPLATE_PSFERR", "0"}, {NULL, NULL}};
+    static double at[][2] = {{60.35, 50.7}, {64.6, 51.4}, {57.7, 54.2}, {64.6, 51.4}, {30.4, 180.2},
+                             {-5, 20},      {NAN, 20},    {20, 219.6},  {219.4, 20}};
+    enum { N = sizeof at / sizeof *at };
+    const rx_positions positions = {N, at};
+    const double faint = 180; /* 6 errors alone */
+    const int x0 = 45, y0 = 36;
+    scene s, blank = {.width = SIDE, .height = SIDE};
+    stamp *of = RX_NEW(stamp, 1);
+    blank.pixels = RX_NEW(float, (size_t)AREA);
+    assert_non_null(of);
+    assert_non_null(blank.pixels);
+    few_stars(&s, 1, FWHM, 31);
+    scene_star(&s, at[1][0], at[1][1], faint, FWHM);
+    scene_star(&s, at[2][0], at[2][1], faint, FWHM);
+    cut_stamp(s.pixels, x0, y0, of->data);
+    for (int k = 0; k < POINTS; k++) {
+        memset(blank.pixels, 0, (size_t)AREA * sizeof(float));
+        scene_star(&blank, at[k][0], at[k][1], 1, FWHM);
+        cut_stamp(blank.pixels, x0, y0, of->point[k]);
+    }
+    double fluxes[POINTS] = {1e3, 1, 1}, errors[POINTS];
+    rx_lsq_result result;
+    assert_int_equal(rx_lsq_fit(&(rx_lsq_problem){STAMP * STAMP, POINTS, stamp_model, of, 20, 1e-10}, fluxes,
+                                errors, &result, NULL),
+                     RX_OK);
+    desk without, d;
+    desk_open(&without, "NONE", &s, NULL, 0, settings);
+    desk_fit(&without, NULL);
+    desk_open(&d, "NONE", &s, NULL, 0, settings);
+    d.bench.options->pipeline.templates.positions = &positions;
+    desk_fit(&d, NULL);
+    /* the list of sources does not depend on it */
+    assert_int_equal(d.result.sources->n, without.result.sources->n);
+    for (int i = 0; i < d.result.sources->n; i++)
+        assert_memory_equal(&d.result.sources->list[i].fit, &without.result.sources->list[i].fit,
+                            sizeof(rx_source_template));
+    const rx_sources *forced = d.fit.forced;
+    assert_int_equal(forced->n, N);
+    for (int k = 0; k < POINTS; k++) {
+        const rx_source_template *fit = &forced->list[k].fit;
+        assert_near(fit->x, at[k][0], 0);
+        assert_near(fit->y, at[k][1], 0);
+        /* the sky is measured here: 0.1 of an error */
+        assert_near(fit->flux, fluxes[k], 0.15 * errors[k] + 1e-3 * fluxes[k]);
+        if (k > 0)
+            assert_close(fit->fluxerr, errors[k], 0.08);
+        assert_int_equal(forced->list[k].number_assoc, k == 0);
+    }
+    assert_memory_equal(&forced->list[1].fit, &forced->list[3].fit, sizeof(rx_source_template));
+    assert_true(fabs(forced->list[4].fit.snr) < 4);
+    for (int k = 5; k < 8; k++) {
+        assert_true(isnan(forced->list[k].fit.flux));
+        assert_int_equal(forced->list[k].fit.flags, RX_TPHOT_NO_DATA);
+        assert_int_equal(forced->list[k].number, k + 1);
+    }
+    assert_int_equal(forced->list[8].fit.flags & (RX_TPHOT_BORDER | RX_TPHOT_NO_DATA), RX_TPHOT_BORDER);
+    desk_close(&without);
+    desk_close(&d);
+    scene_free(&s);
+    free(blank.pixels);
+    free(of);
+}
+
+/* Where no star is the flux is 0 within its error, below as often as above. */
+static void fluxes_at_empty_places(void **state)
+{
+    (void)state;
+    enum { GRID = 20, N = GRID * GRID, SEEDS = 2 };
+    static double at[N][2];
+    double sum = 0, square = 0;
+    int n = 0, negative = 0;
+    for (int i = 0; i < N; i++) {
+        at[i][0] = 5.3 + 11 * (i % GRID);
+        at[i][1] = 4.8 + 11 * (i / GRID);
+    }
+    for (uint64_t seed = 0; seed < SEEDS; seed++) {
+        desk d;
+        scene s;
+        few_stars(&s, 1, FWHM, 41 + seed);
+        desk_open(&d, "NONE", &s, NULL, 0, NULL);
+        d.bench.options->pipeline.templates.positions = &(rx_positions){N, at};
+        desk_fit(&d, NULL);
+        for (int i = 0; i < N; i++) {
+            int alone = 1;
+            for (int k = 0; k < NSTARS; k++)
+                alone &= hypot(at[i][0] - STARS[k][0], at[i][1] - STARS[k][1]) > FWHM;
+            if (!alone)
+                continue;
+            const rx_source_template *fit = &d.fit.forced->list[i].fit;
+            sum += fit->flux / fit->fluxerr;
+            square += fit->flux / fit->fluxerr * fit->flux / fit->fluxerr;
+            negative += fit->flux < 0;
+            n++;
+        }
+        desk_close(&d);
+        scene_free(&s);
+    }
+    assert_near(sum / n, 0, 4 / sqrt(n));
+    assert_near(sqrt(square / n), 1, 4 / sqrt(2.0 * n));
+    assert_near((double)negative / n, 0.5, 4 * 0.5 / sqrt(n));
+}
+
 /* Without a PSF on either image the fit is empty, and the run goes on. */
 static void without_a_psf(void **state)
 {
@@ -605,6 +740,8 @@ int main(void)
         cmocka_unit_test(where_nothing_is_added),
         cmocka_unit_test(what_is_made_up_is_marked_or_dropped),
         cmocka_unit_test(forced_photometry),
+        cmocka_unit_test(fluxes_at_listed_positions),
+        cmocka_unit_test(fluxes_at_empty_places),
         cmocka_unit_test(without_a_psf),
         cmocka_unit_test(nothing_to_fit),
     };
