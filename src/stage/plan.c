@@ -109,6 +109,7 @@ static double image_outputs(const rx_config *config, const rx_options *o, const 
         each += 4 * header + 1200 * row->ncolumns + sources * (bytes + 12);
     each +=
         o->nchecks * (header + 4 * fmax(pixels, 16 * 101 * 101)) + covariance * (2 * header + 2500 * sources);
+    each += o->positions != NULL ? 4 * header + 600 * (double)o->positions->nrows : 0;
     each += o->reference.name != NULL ? report : o->tile_page ? page : 0;
     each += config->write_xml ? 4 * header : 0;
     if (o->check.self_check && o->self_check_name[0] != '\0')
@@ -139,10 +140,11 @@ static rx_status plan_tile(const rx_config *config, const char *image, rx_log *l
     dst->threads = options->pipeline.nthreads;
     for (int i = 0; i < n[0]; i++) {
         const double pixels = (double)shapes[0][i].width * shapes[0][i].height;
-        const double sources = ceil(1e-6 * pixels * options->plan_density);
+        const double sources = ceil(1e-6 * pixels * options->plan_density),
+                     listed = options->positions != NULL ? (double)options->positions->nrows : 0;
         for (int k = 0; k < options->nrestorers; k++)
-            dst->memory =
-                fmax(dst->memory, image_memory(options, k, &shapes[0][i], 1 + (names[1] != NULL), sources));
+            dst->memory = fmax(dst->memory, image_memory(options, k, &shapes[0][i], 1 + (names[1] != NULL),
+                                                         sources + listed));
         dst->pixels += pixels;
         dst->sources += sources;
         dst->outputs += image_outputs(config, options, row, &shapes[0][i], sources, (double)file.st_size);

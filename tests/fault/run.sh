@@ -39,6 +39,7 @@ printf 'recall all >= 0.01\nbias_mag all in -3:3\n' >my.qa
 printf 'DETECT_THRESH 2\nPHOT_APERTURES 3,5\n' >my.sex
 printf 'CONV NORM\n1 2 1\n2 4 2\n1 2 1\n' >my.conv
 printf 'NUMBER\nX_IMAGE\nMAG_AUTO\nVECTOR_ASSOC(2)\nVIGNET(5,5)\nALPHA_J2000\n' >my.param
+printf '# ID X_IMAGE Y_IMAGE\na 20 30\nb 20 30\nc nan 1\n' >positions.list
 printf 'NUMBER\nFLUX_TEMPLATE\nXTEMPLATE_IMAGE\nALPHATEMPLATE_J2000\nFLAGS_RESTORE\n' >template.param
 printf '13.1 12.2 3.0\n37.0 12.0 4.0\n' >my.list
 printf '../tile.fits\n' >tiles.list
@@ -87,7 +88,7 @@ refuse 'templates, their images and covariances' ../tile.fits -RESTORE_TYPE NONE
     -CATALOG_TYPE FITS_LDAC -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.fits -INVENTED_TYPE DROP \
     -DETECT_THRESH 0.6 -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL,TEMPLATE_CHI -CHECKIMAGE_NAME r.fits,x.fits
 refuse 'templates of two images' ../tile.fits,../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 2.5 \
-    -CATALOG_TYPE ASCII -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.txt
+    -CATALOG_TYPE ASCII -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.txt -POSITIONS_NAME ../positions.list
 
 refuse 'a list of tiles' @../tiles.list -RESTORE_TYPE NONE -CATALOG_TYPE ASCII -CATALOG_NAME '{tile}.cat'
 [ "$last" -eq 0 ] || refuse 'injected sources and their report' ../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 3 \
