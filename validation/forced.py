@@ -2,6 +2,7 @@
 """Forced photometry (POSITIONS_NAME): pulls and upper limits at empty places, of faint stars, and of all stars of a list.
 
     forced.py OUTPUT [SEED ...]      seeds: 61 62 63 64
+    forced.py sdss DATA OUTPUT       the SDSS frame at the places of the deep coadd of the same sky: OUTPUT/sdss.md
 
 RESTORE_TYPE NONE, PSF_TYPE AUTO, else defaults, on skies of 100 photons a pixel, FWHM 4 pixels (Moffat, beta 4.765), with stars of
 S/N 5 to 3000, N(> S) ~ S^-0.9, S/N that of an isolated point on the sky's noise:
@@ -126,7 +127,30 @@ def page(cells, seeds, version):
     return "\n".join(lines) + "\n"
 
 
+def sdss(data, out):
+    """Fluxes of points at the places of the coadd's stars beside its own PSF magnitudes."""
+    program = tiles.Program(out / "work")
+    coadd = fits.getdata(data / "sdss/94-1-12/stripe82_coadd_catalog.fit", 1)
+    coadd = coadd[(coadd["probpsf"] > 0.5) & (coadd["psfmag_r"] > 16) & (coadd["psfmag_r"] < 25)]
+    columns = [fits.Column(k, f, array=coadd[k.lower()]) for k, f in (("objid", "K"), ("ra", "D"), ("dec", "D"))]
+    fits.BinTableHDU.from_columns(columns).writeto(program.folder / "list.fits", overwrite=True)
+    program.run(tiles.sdss_frame(data), ("NONE",), POSITIONS_NAME="list.fits")
+    found, true = fits.getdata(program.folder / "out_FORCED.cat", 1), 10**(0.4 * (22.5 - coadd["psfmag_r"].astype(float)))
+    lines = ["# Stars of the deep coadd on the SDSS frame", "", f"`validation/forced.py sdss DATA OUTPUT`, {program.version()}: PSF magnitudes of the coadd "
+             "against FLUX_TEMPLATE at its positions, RESTORE_TYPE NONE, PSF_TYPE AUTO. The pull leaves out the coadd's own errors.", "",
+             "| r | stars on the frame | detected on it | median flux ratio | median pull | width | below the limit |", "| --- | --- | --- | --- | --- | --- | --- |"]
+    for low, high in ((16, 18), (18, 20), (20, 21), (21, 22), (22, 23), (23, 25)):
+        these = (coadd["psfmag_r"] >= low) & (coadd["psfmag_r"] < high) & np.isfinite(found["FLUX_TEMPLATE"])
+        f, t = found[these], true[these]
+        pull = (f["FLUX_TEMPLATE"] - t) / f["FLUXERR_TEMPLATE"]
+        lines.append(f"| {low} to {high} | {len(f)} | {np.mean(f['NUMBER_ASSOC'] > 0):.2f} | {np.median(f['FLUX_TEMPLATE'] / t):.3f} | {np.median(pull):+.2f} | "
+                     f"{np.subtract(*np.percentile(pull, [84.13, 15.87])) / 2:.2f} | {np.mean(f['FLUXLIM_TEMPLATE'] > t):.3f} |")
+    (out / "sdss.md").write_text("\n".join(lines) + "\n")
+
+
 def main():
+    if sys.argv[1] == "sdss":
+        return sdss(Path(sys.argv[2]), Path(sys.argv[3]))
     out, seeds = Path(sys.argv[1]), [int(s) for s in sys.argv[2:]] or [61, 62, 63, 64]
     ledger.claim("forced", out, seeds)
     program, cells = tiles.Program(out / "work"), {}
