@@ -184,7 +184,7 @@ static const rx_source_template NO_FIT = {.flux = NAN,
                                           .theta = NAN,
                                           .restore = RX_RESTORE_UNTESTED};
 
-/* What was fitted, but for what listed positions stand for, as it is; behind it these positions as points without prejudice. */
+/* What was fitted, but for the sources that listed positions stand for; behind it these positions, as points that stay. */
 static rx_status with_positions(const work *w, const rx_sources *found, const rx_position_match *match,
                                 rx_sources *sources, rx_tphot *shapes, rx_error *err)
 {
