@@ -17,6 +17,12 @@ int rx_source_is_spurious(const rx_source *source)
     return (source->fit.restore & (RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED)) != 0;
 }
 
+void rx_source_without_fits(rx_source_point *point, rx_source_sersic *sersic)
+{
+    *point = (rx_source_point){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};
+    *sersic = (rx_source_sersic){NAN, NAN, {NAN, NAN}, {NAN, NAN}, {NAN, NAN}, {NAN, NAN}};
+}
+
 /* Row `from` of the planes and tables that go with the list to row `to`. */
 static void move_row(rx_sources *sources, int from, int to)
 {

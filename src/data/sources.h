@@ -49,6 +49,21 @@ typedef struct rx_source_template {
     int restore;               /* FLAGS_RESTORE */
 } rx_source_template;
 
+/* The same source as a point and as Sersic's profile (template/models.h): NAN where not asked for or not fitted. */
+typedef struct rx_source_point {
+    double flux, fluxerr; /* ADU */
+    double x, y;          /* 0-based pixels */
+    double alpha, delta;  /* deg, J2000 */
+    double chi2;          /* reduced */
+    double spread, spread_error;
+} rx_source_point;
+
+typedef struct rx_source_sersic {
+    double flux, fluxerr; /* ADU, to infinity */
+    double radius[2], index[2], ratio[2],
+        theta[2]; /* half-light radius along the major axis, pixels; n; b/a; radians; errors of them */
+} rx_source_sersic;
+
 enum { RX_MAX_APERTURES = 32, RX_MAX_RADII = 16, RX_MAX_FLAGMAPS = 8, RX_NISO = 8 };
 
 typedef struct rx_source {
@@ -92,6 +107,8 @@ typedef struct rx_source {
     double cxxwin, cyywin, cxywin;
     int niter_win, flags_win;
     rx_source_template fit; /* numbers NAN, group 0 and RX_RESTORE_UNTESTED where nothing was fitted */
+    rx_source_point point_fit;
+    rx_source_sersic sersic_fit;
     /* --- sky --- */
     double alpha, delta;             /* deg, native frame of the WCS (ALPHA_SKY) ; NAN without WCS */
     double alpha_j2000, delta_j2000; /* deg, ICRS/FK5 */
@@ -129,6 +146,9 @@ typedef struct rx_sources {
     int law_apertures;           /* empty apertures behind the fit, 0 = not calibrated */
     double law_scatter;          /* robust rms of the fit in dex */
 } rx_sources;
+
+/* Both are not asked for. */
+void rx_source_without_fits(rx_source_point *point, rx_source_sersic *sersic);
 
 /* Are so many of `all` sources marked as spurious that noise, PSF or gain are to be doubted, and not they: more than a fifth, by
  * more than two errors of their number? */

@@ -40,6 +40,15 @@ double rx_gamma_log(double a)
     return lgamma_r(a, &sign);
 }
 
+void rx_gamma_log_complex(double re, double im, double *ln_size, double *angle)
+{
+    gsl_sf_result size = {NAN, 0}, turn = {NAN, 0};
+    gsl_set_error_handler_off();
+    gsl_sf_lngamma_complex_e(re, im, &size, &turn);
+    *ln_size = size.val;
+    *angle = turn.val;
+}
+
 /* With x = dof / (dof + t^2), p = I_x(dof/2, 1/2): DLMF 8.17 and Abramowitz & Stegun 26.7.1; 1 - x is
  * t^2 / (dof + t^2), never a difference. Where p underflows, its logarithm is that of
  * x^a (1-x)^b / (a B(a, b)) 2F1(a + b, 1; a + 1; x), DLMF 8.17.8. */

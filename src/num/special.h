@@ -20,6 +20,8 @@ double rx_gamma_p_inverse(double a, double p);
 double rx_gamma_q_inverse(double a, double q);
 /* Logarithm of the gamma function, a > 0; unlike lgamma() it writes no variable that threads share. */
 double rx_gamma_log(double a);
+/* Of a complex number, not 0 or a negative whole one: ln |Gamma| and the angle. */
+void rx_gamma_log_complex(double re, double im, double *ln_size, double *angle);
 
 /* Principal branch of Lambert's function: w >= -1 with w e^w = x, x >= -1/e. */
 double rx_lambert_w(double x);

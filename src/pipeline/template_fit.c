@@ -119,6 +119,7 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
     detect.input.user = &w->extra;
     par.keep_model = par.keep_model && !forced;
     par.covariance = par.covariance && !forced;
+    par.point_fits = par.point_fits && !forced;
     RX_TRY_EXIT(run(&par, &detect, forced ? &shapes : &w->dst->tphot, err));
     if (!forced)
         goto exit;
@@ -163,6 +164,8 @@ static void tell_sources(const work *w, rx_sources *sources)
                                                     .entry = i,
                                                     .flags = t->flags,
                                                     .restore = i >= tphot->nlisted ? RX_RESTORE_ADDED : 0};
+        sources->list[i].point_fit = t->point_fit;
+        sources->list[i].sersic_fit = t->sersic_fit;
     }
 }
 
@@ -220,7 +223,8 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
 
 static void leave_empty(rx_sources *sources)
 {
-    for (int i = 0; i < sources->n; i++)
+    for (int i = 0; i < sources->n; i++) {
+        rx_source_without_fits(&sources->list[i].point_fit, &sources->list[i].sersic_fit);
         sources->list[i].fit = (rx_source_template){.flux = NAN,
                                                     .fluxerr = NAN,
                                                     .snr = NAN,
@@ -238,6 +242,7 @@ static void leave_empty(rx_sources *sources)
                                                     .ratio = NAN,
                                                     .theta = NAN,
                                                     .restore = RX_RESTORE_UNTESTED};
+    }
 }
 
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,

@@ -7,7 +7,7 @@
 #include "base/memory.h"
 #include "io/wcs.h"
 
-enum { CENTRE, WINDOWED, PEAK, FITTED, NPOSITIONS };
+enum { CENTRE, WINDOWED, PEAK, FITTED, POINT, NPOSITIONS };
 
 typedef struct position {
     double x, y;
@@ -16,15 +16,19 @@ typedef struct position {
 
 static position position_of(rx_source *s, int kind)
 {
-    const bool fitted = s->fit.group > 0;
+    const bool fitted = s->fit.group > 0, point = fitted && isfinite(s->point_fit.x);
     const position all[NPOSITIONS] = {
         [CENTRE] = {s->x, s->y, {&s->alpha, &s->delta, &s->alpha_j2000, &s->delta_j2000}},
         [WINDOWED] = {s->xwin, s->ywin, {&s->alphawin, &s->deltawin, &s->alphawin_j2000, &s->deltawin_j2000}},
         [PEAK] = {s->xpeak,
                   s->ypeak,
                   {&s->alphapeak, &s->deltapeak, &s->alphapeak_j2000, &s->deltapeak_j2000}},
-        [FITTED] = {
-            fitted ? s->fit.x : s->x, fitted ? s->fit.y : s->y, {NULL, NULL, &s->fit.alpha, &s->fit.delta}}};
+        [FITTED] = {fitted ? s->fit.x : s->x,
+                    fitted ? s->fit.y : s->y,
+                    {NULL, NULL, &s->fit.alpha, &s->fit.delta}},
+        [POINT] = {point ? s->point_fit.x : s->x,
+                   point ? s->point_fit.y : s->y,
+                   {NULL, NULL, &s->point_fit.alpha, &s->point_fit.delta}}};
     return all[kind];
 }
 
@@ -75,6 +79,8 @@ rx_status rx_coordinates_fill(const rx_image *image, rx_sources *sources, rx_err
         source->y_world = source->delta;
         if (source->fit.group <= 0)
             source->fit.alpha = source->fit.delta = NAN;
+        if (source->fit.group <= 0 || !isfinite(source->point_fit.x))
+            source->point_fit.alpha = source->point_fit.delta = NAN;
         if (image->linear != NULL) {
             source->x_world = image->linear[0] + image->linear[1] * source->x + image->linear[2] * source->y;
             source->y_world = image->linear[3] + image->linear[4] * source->x + image->linear[5] * source->y;

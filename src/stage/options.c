@@ -219,8 +219,13 @@ static rx_status template_options(rx_options *dst, rx_error *err)
     dst->check.templates = par->drop || compared || injected;
     for (int i = 0; i < dst->nchecks; i++)
         par->par.keep_model |= strncmp(dst->check_types[i], "TEMPLATE_", 9) == 0;
+    par->par.sersic_fits = rx_columns_mention(dst->columns, "SPHEROID");
+    par->par.point_fits = par->par.sersic_fits || rx_columns_mention(dst->columns, "PSF") ||
+                          rx_columns_mention(dst->columns, "SPREAD");
     par->wanted = injected || par->drop || par->par.covariance || par->par.keep_model ||
-                  (compared && dst->reference.name != NULL) || rx_columns_mention(dst->columns, "TEMPLATE") ||
+                  par->par.point_fits || (compared && dst->reference.name != NULL) ||
+                  rx_columns_mention(dst->columns, "TEMPLATE") ||
+                  rx_columns_mention(dst->columns, "_MODEL") ||
                   rx_columns_requested(dst->columns, "FLAGS_RESTORE", NULL) ||
                   rx_columns_requested(dst->columns, "P_REAL", NULL);
     par->par.keep_model |= par->wanted && dst->tile_page;

@@ -12,8 +12,8 @@ enum { CHUNK = 256, LANES = 16 }; /* pixels that are summed up together, in step
 
 rx_spergel rx_fit_profile(const rx_fit *fit)
 {
-    return (rx_spergel){exp(fit->p[RX_FIT_RADIUS]), fit->p[RX_FIT_G1], fit->p[RX_FIT_G2],
-                        expm1(fit->p[RX_FIT_NU])};
+    const double nu = fit->sersic != NULL ? exp(fit->p[RX_FIT_NU]) : expm1(fit->p[RX_FIT_NU]);
+    return (rx_spergel){exp(fit->p[RX_FIT_RADIUS]), fit->p[RX_FIT_G1], fit->p[RX_FIT_G2], nu, fit->sersic};
 }
 
 static void render(const rx_fit *fit, rx_template_domain *size, int gradient)

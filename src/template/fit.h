@@ -11,10 +11,12 @@ enum { RX_FIT_FLUX, RX_FIT_X, RX_FIT_Y, RX_FIT_RADIUS, RX_FIT_G1, RX_FIT_G2, RX_
 enum { RX_FIT_POINT = RX_FIT_RADIUS };
 
 typedef struct rx_fit {
-    int n;                    /* RX_FIT_POINT or RX_FIT_ALL */
-    double p[RX_FIT_ALL];     /* x, y: off the middle of the domain; radius: its logarithm; nu: ln(1 + nu) */
-    double prior[RX_FIT_ALL]; /* centre */
-    double width[RX_FIT_ALL]; /* of the prior, 0: none */
+    int n;                         /* RX_FIT_POINT or RX_FIT_ALL */
+    const rx_sersic_table *sersic; /* profiles are Sersic's; NULL: Spergel's */
+    /* x, y: off the middle of the domain; radius: its logarithm; nu: ln(1 + nu), of Sersic's ln n */
+    double p[RX_FIT_ALL];
+    double prior[RX_FIT_ALL];                 /* centre */
+    double width[RX_FIT_ALL];                 /* of the prior, 0: none */
     double low[RX_FIT_ALL], high[RX_FIT_ALL]; /* limits, where low < high */
     int iterations;                           /* at most */
     /* found */

@@ -19,7 +19,7 @@ static void guess_shape(const rx_source *s, double fwhm, rx_fit_source *subject)
     if (!isfinite(subject->guess) || !(subject->guess > RESOLVED))
         return;
     const double q = fmax(sqrt(b2 / a2), 0.3), g = (1 - q) / (1 + q);
-    subject->profile = (rx_spergel){subject->guess, g * cos(2 * s->theta), g * sin(2 * s->theta), 0.5};
+    subject->profile = (rx_spergel){subject->guess, g * cos(2 * s->theta), g * sin(2 * s->theta), 0.5, NULL};
     subject->kind = RX_TPHOT_PROFILE;
     subject->point = 0;
 }
@@ -47,7 +47,7 @@ static void keep_shape(const rx_tphot_source *from, rx_fit_source *subject)
     subject->profile = (rx_spergel){.nu = from->index};
     if (from->kind != RX_TPHOT_POINT)
         subject->profile =
-            (rx_spergel){from->radius, g * cos(2 * from->angle), g * sin(2 * from->angle), from->index};
+            (rx_spergel){from->radius, g * cos(2 * from->angle), g * sin(2 * from->angle), from->index, NULL};
     subject->star = from->star;
     subject->point = from->point;
     subject->shape_error = from->shape_error;

@@ -13,6 +13,8 @@ librextract_la_SOURCES += \
 	src/template/refine.c src/template/refine.h \
 	src/template/sky_mesh.c src/template/sky_mesh.h \
 	src/template/spergel.c src/template/spergel.h \
+	src/template/sersic.c src/template/sersic.h \
+	src/template/models.c src/template/models.h \
 	src/template/fit_source.h src/template/fit_sources.c src/template/fit_sources.h \
 	src/template/substructure.c src/template/substructure.h \
 	src/template/template.c \

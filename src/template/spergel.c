@@ -26,7 +26,11 @@ double rx_spergel_half_light(double nu, double *slope)
 void rx_spergel_set(const rx_spergel *profile, rx_spergel_form *form)
 {
     const double pi2 = 6.283185307179586;
-    const double scale = pi2 * profile->radius / rx_spergel_half_light(profile->nu, &form->slope);
+    form->sersic = profile->sersic != NULL;
+    if (form->sersic)
+        rx_sersic_set_index(profile->sersic, profile->nu, &form->line);
+    const double scale =
+        pi2 * profile->radius / (form->sersic ? 1 : rx_spergel_half_light(profile->nu, &form->slope));
     const double g1 = profile->g1, g2 = profile->g2, gg = g1 * g1 + g2 * g2;
     const double s2 = scale * scale, norm = s2 / (1 - gg);
     /* A^T A (1 - g^2) = [[(1 + g1)^2 + g2^2, 2 g2], [2 g2, (1 - g1)^2 + g2^2]] */
@@ -96,6 +100,26 @@ static void along(double xx, double yy, double xy, double kx, double step, float
     poly[2] = (float)(yy * step * step);
 }
 
+/* Sersic's profile, u and its derivatives by g1 and g2 as polynomials in i. */
+static void sersic_column(const rx_spergel_form *form, const float *const poly[3], int first, int n,
+                          int count, float *const *dst)
+{
+    const float *u = poly[0], *a = poly[1], *b = poly[2];
+    for (int i = 0; i < n; i++) {
+        const float x = (float)(first + i), square = u[0] + x * (u[1] + x * u[2]);
+        float value[3];
+        rx_sersic_at(&form->line, square, value);
+        dst[0][i] = value[0];
+        if (count == 1)
+            continue;
+        const float by_square = square > 0 ? 0.5f * value[1] / square : 0;
+        dst[1][i] = value[1];
+        dst[2][i] = by_square * (a[0] + x * (a[1] + x * a[2]));
+        dst[3][i] = by_square * (b[0] + x * (b[1] + x * b[2]));
+        dst[4][i] = value[2];
+    }
+}
+
 RX_SIMD void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n,
                                int count, float *const *dst)
 {
@@ -103,6 +127,12 @@ RX_SIMD void rx_spergel_column(const rx_spergel_form *form, double kx, double st
     float u[3], a[3], b[3];
     float *restrict value = dst[0];
     along(form->uxx, form->uyy, form->uxy, kx, step, u);
+    along(form->g1xx, form->g1yy, form->g1xy, kx, step, a);
+    along(form->g2xx, form->g2yy, form->g2xy, kx, step, b);
+    if (form->sersic) {
+        sersic_column(form, (const float *[3]){u, a, b}, first, n, count, dst);
+        return;
+    }
     if (count == 1) {
 #pragma omp simd
         for (int i = 0; i < n; i++) {
@@ -112,8 +142,6 @@ RX_SIMD void rx_spergel_column(const rx_spergel_form *form, double kx, double st
         return;
     }
     float *restrict radius = dst[1], *restrict g1 = dst[2], *restrict g2 = dst[3], *restrict nu = dst[4];
-    along(form->g1xx, form->g1yy, form->g1xy, kx, step, a);
-    along(form->g2xx, form->g2yy, form->g2xy, kx, step, b);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         const float x = (float)(first + i), square = u[0] + x * (u[1] + x * u[2]), ln = ln_of(1.0f + square);

@@ -10,11 +10,14 @@
 #ifndef RX_TEMPLATE_SPERGEL_H
 #define RX_TEMPLATE_SPERGEL_H
 
+#include "template/sersic.h"
+
 #define RX_SPERGEL_MIN (-0.8)
 #define RX_SPERGEL_MAX 9.0
 
 typedef struct rx_spergel {
     double radius, g1, g2, nu;
+    const rx_sersic_table *sersic; /* nu is Sersic's index, the profile his; NULL: Spergel's */
 } rx_spergel;
 
 /* Half-light radius in units of the scale, c_nu; to 4e-5 for RX_SPERGEL_MIN .. MAX (a polynomial in
@@ -29,6 +32,8 @@ typedef struct rx_spergel_form {
     double g2xx, g2yy, g2xy;
     double power; /* 1 + nu */
     double slope; /* d ln c_nu / d ln(1 + nu) */
+    int sersic;   /* power and slope are not used, but */
+    rx_sersic_line line;
 } rx_spergel_form;
 
 void rx_spergel_set(const rx_spergel *profile, rx_spergel_form *form);
@@ -37,7 +42,7 @@ void rx_spergel_set(const rx_spergel *profile, rx_spergel_form *form);
 double rx_spergel_at(const rx_spergel_form *form, double kx, double ky, double gradient[4]);
 
 /* The same for n frequencies (kx, i step), i = first .. first + n - 1, in single precision (to 1e-6): dst[0]
- * = S [n], and with count = 5 dst[1 .. 4] its derivatives in the order above; with count = 1 dst[0] only. */
+ * = S [n], and with count = 5 dst[1 .. 4] its derivatives in the order above, of Sersic's by ln n; with count = 1 dst[0] only. */
 void rx_spergel_column(const rx_spergel_form *form, double kx, double step, int first, int n, int count,
                        float *const *dst);
 

@@ -15,6 +15,7 @@
 #include "template/fit_image.h"
 #include "template/fit_sources.h"
 #include "template/joint.h"
+#include "template/models.h"
 #include "template/patch.h"
 #include "template/prior.h"
 #include "template/refine.h"
@@ -835,6 +836,7 @@ static rx_status tell_one(void *user, int i, int thread, rx_error *err)
     rx_tphot_source *s = &t->dst->list[i];
     (void)thread;
     (void)err;
+    rx_source_without_fits(&s->point_fit, &s->sersic_fit);
     s->group = w->blends.group[i];
     s->added = w->subjects[i].added;
     s->crowded = in_crowd(w, &w->subjects[i]);
@@ -885,6 +887,9 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     if (status == RX_OK)
         status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n,
                                  &dst->unseen, err);
+    if (status == RX_OK && w->par->point_fits)
+        status = rx_models_fit(&(rx_models_view){&w->canvas, w->lenses, w->n, w->subjects, w->members},
+                               w->par->sersic_fits, dst->list, err);
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);
     if (status == RX_OK && w->par->isolate > 0)

@@ -64,6 +64,10 @@ void rx_tphot_multiply(rx_tphot *tphot, double unit)
         s->fluxerr *= unit;
         s->background *= unit;
         s->unseen *= unit;
+        s->point_fit.flux *= unit;
+        s->point_fit.fluxerr *= unit;
+        s->sersic_fit.flux *= unit;
+        s->sersic_fit.fluxerr *= unit;
     }
     for (int i = 0; i < tphot->npairs && tphot->pairs != NULL; i++)
         tphot->pairs[i].covariance *= unit * unit;

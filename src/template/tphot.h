@@ -39,6 +39,7 @@ typedef struct rx_tphot_params {
                        the priors of radius and index are learnt from them (prior.h) */
     int covariance; /* fill rx_tphot.pairs */
     int keep_model; /* fill rx_tphot.model and .residual */
+    int point_fits, sersic_fits; /* fill those of rx_tphot_source; the latter with the former */
     double
         isolate; /* pixels: the model kept is without points of S/N above 20 that have none brighter within that radius, so that
                        pixels - model shows these as if they were alone; 0: of all */
@@ -75,6 +76,8 @@ typedef struct rx_tphot_source {
     int crowded;   /* in a cell that is */
     double unseen; /* light of unseen neighbours that was taken off flux, ADU (unseen.h) */
     int added;     /* of an extra one: which of those that `more` gave, counted through; -1 of others */
+    rx_source_point point_fit; /* models.h */
+    rx_source_sersic sersic_fit;
 } rx_tphot_source;
 
 /* Covariance of two fluxes of one group, ADU^2. */

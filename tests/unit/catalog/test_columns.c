@@ -73,14 +73,14 @@ static void warnings_are_said_once(void **state)
     rx_column_list *list = NULL;
     FILE *stream = fmemopen(shown, sizeof shown, "w");
     rx_log_init(&log, "test", stream, RX_NORMAL);
-    assert_int_equal(read_param("NUMBER\nMAG_PSF\nSPREAD_MODEL\nNUMBER\nFLUX_APER(9)\n", &log, &list, NULL),
+    assert_int_equal(read_param("NUMBER\nMAG_DISK\nCHI2_MODEL\nNUMBER\nFLUX_APER(9)\n", &log, &list, NULL),
                      RX_OK);
     assert_int_equal(list->n, 2);
     rx_columns_clip(list, "FLUX_APER", 4, "PHOT_APERTURES", &log);
     rx_columns_clip(list, "MAG_APER", 1, "PHOT_APERTURES", &log);
     assert_int_equal(list->choice[1].dim[0], 4);
     fclose(stream);
-    assert_non_null(strstr(shown, "MAG_PSF, SPREAD_MODEL"));
+    assert_non_null(strstr(shown, "MAG_DISK, CHI2_MODEL"));
     assert_non_null(strstr(shown, "named twice are written once: NUMBER"));
     assert_non_null(strstr(shown, "FLUX_APER(9) is cut to 4"));
     int lines = 0;
@@ -110,7 +110,7 @@ static void bad_param_files(void **state)
         {"(3)\n", "unknown column", 1},
         {"# nothing\n", "chooses no column", 0},
         {"", "chooses no column", 0},
-        {"MAG_PSF\n", "chooses no column", 0},
+        {"MAG_DISK\n", "chooses no column", 0},
     };
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         rx_error err = RX_ERROR_NONE;

@@ -55,7 +55,7 @@ static void test_rendering(void **state)
 {
     (void)state;
     static const double sigma = 2, dx = 0.3, dy = -0.4;
-    const rx_spergel shape = {3, 0.2, -0.3, 0.5};
+    const rx_spergel shape = {3, 0.2, -0.3, 0.5, NULL};
     rx_psf *psf = gauss(&sigma, 1);
     rx_template_otf *lens = NULL;
     rx_template_domain *size = NULL;
@@ -98,7 +98,7 @@ static void test_rendering(void **state)
 static void test_spergel(void **state)
 {
     (void)state;
-    const rx_spergel p = {2.5, 0.2, -0.1, 0.3};
+    const rx_spergel p = {2.5, 0.2, -0.1, 0.3, NULL};
     rx_spergel_form form;
     double slope, gradient[4];
     assert_near(rx_spergel_half_light(0.5, &slope), 1.67834699, 1e-4);
@@ -125,7 +125,7 @@ static void test_spergel(void **state)
         assert_near(gradient[k], (at[1] - at[0]) / 2e-5, 1e-8);
     }
     /* an exponential of scale h has the transform (1 + (2 pi h k)^2)^-3/2 */
-    const rx_spergel disk = {1.67834699 * 2, 0, 0, 0.5};
+    const rx_spergel disk = {1.67834699 * 2, 0, 0, 0.5, NULL};
     rx_spergel_set(&disk, &form);
     const double u = 2 * 3.14159265358979323846 * 2 * 0.1;
     assert_near(rx_spergel_at(&form, 0.06, 0.08, NULL), pow(1 + u * u, -1.5), 1e-4);
@@ -155,7 +155,7 @@ static void test_narrow_star(void **state)
         assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
         for (int k = 0; k < 9; k++) {
             const double dx = -0.45 + 0.3 * (k % 3), dy = 0.4 - 0.35 * (k / 3);
-            const rx_spergel dot = {0.01, 0.0, 0.0, 0.5};
+            const rx_spergel dot = {0.01, 0.0, 0.0, 0.5, NULL};
             rx_template_domain *size = NULL;
             assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0, 0), 0, 0, &size, NULL),
                              RX_OK);
