@@ -122,7 +122,7 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
     if (par.detect.filter_auto) /* this PSF cannot decide */
         rx_proposals_without_psf(&par.detect);
     par.templates.drop = 0;
-    par.templates.par.covariance = 0;
+    par.templates.par.covariance = par.templates.par.point_fits = 0;
     par.templates.par.keep_model = 1;
     par.templates.par.isolate = ALONE * psf->fwhm;
     if (par.templates.par.passes > PASSES)

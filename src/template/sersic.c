@@ -8,8 +8,6 @@
 #include "base/min_max.h"
 #include "num/special.h"
 
-static const double FIRST = -8.0,
-                    SPACING = 0.0625;    /* of ln(2 pi k R): to 7; below, S is 1 to 2e-5 for any n */
 static const double INDEX_SPACING = 0.1; /* of ln n */
 /* Six neighbours in ln n, of which two and three are beyond the ends. */
 enum { INDICES = 38, AROUND = 6, BEFORE = 2 };
@@ -37,9 +35,9 @@ static void fill(double n, double (*dst)[2])
         rx_gamma_log_complex(0.5, -0.5 * t, &ln[1], &phase[1]); /* 1 - z/2 and z/2 are conjugate */
         (void)ln[1];
         const double size = (j > 0 ? 2 : 1) * STEP / (2 * M_PI) * exp(ln[0] - rx_gamma_log(2 * n));
-        double angle = phase[0] + 2 * phase[1] - t * M_LN2 + t * (FIRST - turn), re = cos(angle),
+        double angle = phase[0] + 2 * phase[1] - t * M_LN2 + t * (RX_SERSIC_FIRST - turn), re = cos(angle),
                im = sin(angle);
-        const double c = cos(t * SPACING), s = sin(t * SPACING);
+        const double c = cos(t * RX_SERSIC_SPACING), s = sin(t * RX_SERSIC_SPACING);
         for (int k = 0; k < RX_SERSIC_NODES; k++) {
             dst[k][0] += size * re;
             dst[k][1] += size * (-re - t * im); /* z - 2 = -1 + i t */
@@ -50,7 +48,7 @@ static void fill(double n, double (*dst)[2])
     }
     for (int k = 0; k < RX_SERSIC_NODES; k++)
         for (int i = 0; i < 2; i++)
-            dst[k][i] *= exp(turn - FIRST - k * SPACING);
+            dst[k][i] *= exp(turn - RX_SERSIC_FIRST - k * RX_SERSIC_SPACING);
 }
 
 rx_status rx_sersic_table_new(rx_sersic_table **dst, rx_error *err)
@@ -85,25 +83,6 @@ void rx_sersic_set_index(const rx_sersic_table *table, double n, rx_sersic_line 
                 sum[2 + d] += slope[i] / INDEX_SPACING * table->value[first + i][j][d];
             }
         for (int d = 0; d < 4; d++)
-            line->node[j][d] = (float)(d % 2 == 0 ? sum[d] : sum[d] * SPACING);
+            line->node[d][j] = (float)(d % 2 == 0 ? sum[d] : sum[d] * RX_SERSIC_SPACING);
     }
-}
-
-/* Hermite's cubic between two nodes; before the first one S is 1. */
-void rx_sersic_at(const rx_sersic_line *line, float u, float value[3])
-{
-    const float at = (0.5f * logf(u) - (float)FIRST) * (float)(1 / SPACING);
-    if (!(at >= 0)) {
-        value[0] = 1;
-        value[1] = value[2] = 0;
-        return;
-    }
-    const int k = at < RX_SERSIC_NODES - 1 ? (int)at : RX_SERSIC_NODES - 2;
-    const float x = fminf(at - (float)k, 1), y = 1 - x;
-    const float a = y * y * (1 + 2 * x), b = x * x * (1 + 2 * y), c = x * y * y, d = -x * x * y;
-    const float *l = line->node[k], *r = line->node[k + 1];
-    value[0] = a * l[0] + b * r[0] + c * l[1] + d * r[1];
-    value[2] = a * l[2] + b * r[2] + c * l[3] + d * r[3];
-    value[1] =
-        (6 * x * y * (r[0] - l[0]) + y * (1 - 3 * x) * l[1] + x * (1 - 3 * y) * r[1]) * (float)(1 / SPACING);
 }

@@ -12,7 +12,10 @@
 #define RX_SERSIC_LOW 0.3
 #define RX_SERSIC_HIGH 8.0
 
-enum { RX_SERSIC_NODES = 240 }; /* over ln(2 pi k R), cubic between them to 3e-6 */
+/* Nodes over ln(2 pi k R), cubic between them to 3e-6: -8 to 7; below, S is 1 to 2e-5 for any n. */
+enum { RX_SERSIC_NODES = 240 };
+#define RX_SERSIC_FIRST (-8.0)
+#define RX_SERSIC_SPACING 0.0625
 
 typedef struct rx_sersic_table rx_sersic_table;
 
@@ -21,11 +24,8 @@ rx_status rx_sersic_table_new(rx_sersic_table **dst, rx_error *err);
 
 /* One index: S, its slope from node to node, and the same of d S / d ln n. */
 typedef struct rx_sersic_line {
-    float node[RX_SERSIC_NODES][4];
+    float node[4][RX_SERSIC_NODES];
 } rx_sersic_line;
 void rx_sersic_set_index(const rx_sersic_table *table, double n, rx_sersic_line *line);
-
-/* At u = (2 pi k R)^2: S, d S / d ln R, d S / d ln n. */
-void rx_sersic_at(const rx_sersic_line *line, float u, float value[3]);
 
 #endif

@@ -100,23 +100,60 @@ static void along(double xx, double yy, double xy, double kx, double step, float
     poly[2] = (float)(yy * step * step);
 }
 
-/* Sersic's profile, u and its derivatives by g1 and g2 as polynomials in i. */
-static void sersic_column(const rx_spergel_form *form, const float *const poly[3], int first, int n,
-                          int count, float *const *dst)
+enum { LANES = 64 }; /* frequencies at a time */
+
+/* Hermite's cubic from s[k] to s[k + 1], their slopes beside. */
+static inline float between(const float *s, const float *slope, int k, float p)
 {
-    const float *u = poly[0], *a = poly[1], *b = poly[2];
+    const float q = 1 - p, h = q * q * (1 + 2 * p);
+    return h * s[k] + (1 - h) * s[k + 1] + p * q * (q * slope[k] - p * slope[k + 1]);
+}
+
+static inline float slope_between(const float *s, const float *slope, int k, float p)
+{
+    const float q = 1 - p;
+    return 6 * p * q * (s[k + 1] - s[k]) + q * (1 - 3 * p) * slope[k] + p * (1 - 3 * q) * slope[k + 1];
+}
+
+/* Sersic's profile, u and its derivatives by g1 and g2 as polynomials in i, of at most LANES. Without branches, too: u from the first
+ * node (rounded up) to the last, compared as whole numbers. */
+RX_SIMD static void sersic_column(const rx_sersic_line *line, const float *const poly[3], int first, int n,
+                                  int count, float *const *dst)
+{
+    const float u0 = poly[0][0], u1 = poly[0][1], u2 = poly[0][2];
+    const float *s = line->node[0], *slope = line->node[1], *by = line->node[2], *by_slope = line->node[3];
+    const float scale = (float)(1 / RX_SERSIC_SPACING), start = (float)RX_SERSIC_FIRST;
+    const float least = 1.1254e-7f, most = 1.06e6f; /* exp(2 FIRST), and short of the last node */
+    float square[LANES], p[LANES], *restrict value = dst[0];
+    int32_t k[LANES], limit;
+    memcpy(&limit, &most, sizeof limit);
+#pragma omp simd
     for (int i = 0; i < n; i++) {
-        const float x = (float)(first + i), square = u[0] + x * (u[1] + x * u[2]);
-        float value[3];
-        rx_sersic_at(&form->line, square, value);
-        dst[0][i] = value[0];
-        if (count == 1)
-            continue;
-        const float by_square = square > 0 ? 0.5f * value[1] / square : 0;
-        dst[1][i] = value[1];
-        dst[2][i] = by_square * (a[0] + x * (a[1] + x * a[2]));
-        dst[3][i] = by_square * (b[0] + x * (b[1] + x * b[2]));
-        dst[4][i] = value[2];
+        const float x = (float)(first + i), raw = least + u0 + x * (u1 + x * u2);
+        int32_t bits;
+        memcpy(&bits, &raw, sizeof bits);
+        bits = bits < limit ? bits : limit;
+        memcpy(&square[i], &bits, sizeof bits);
+        const float at = (0.5f * ln_of(square[i]) - start) * scale;
+        k[i] = (int32_t)at;
+        p[i] = at - (float)k[i];
+    }
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        value[i] = between(s, slope, k[i], p[i]);
+    if (count == 1)
+        return;
+    float *restrict radius = dst[1], *restrict g1 = dst[2], *restrict g2 = dst[3], *restrict index = dst[4];
+    const float a0 = poly[1][0], a1 = poly[1][1], a2 = poly[1][2];
+    const float b0 = poly[2][0], b1 = poly[2][1], b2 = poly[2][2];
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float x = (float)(first + i), ds = scale * slope_between(s, slope, k[i], p[i]);
+        const float by_square = 0.5f * ds / square[i];
+        radius[i] = ds;
+        index[i] = between(by, by_slope, k[i], p[i]);
+        g1[i] = by_square * (a0 + x * (a1 + x * a2));
+        g2[i] = by_square * (b0 + x * (b1 + x * b2));
     }
 }
 
@@ -130,7 +167,13 @@ RX_SIMD void rx_spergel_column(const rx_spergel_form *form, double kx, double st
     along(form->g1xx, form->g1yy, form->g1xy, kx, step, a);
     along(form->g2xx, form->g2yy, form->g2xy, kx, step, b);
     if (form->sersic) {
-        sersic_column(form, (const float *[3]){u, a, b}, first, n, count, dst);
+        for (int i = 0; i < n; i += LANES) {
+            float *part[5];
+            for (int k = 0; k < count; k++)
+                part[k] = dst[k] + i;
+            sersic_column(&form->line, (const float *[3]){u, a, b}, first + i, n - i < LANES ? n - i : LANES,
+                          count, part);
+        }
         return;
     }
     if (count == 1) {

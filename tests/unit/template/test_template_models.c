@@ -30,13 +30,20 @@ static int close_table(void **state)
     return 0;
 }
 
-/* q = 2 pi k R */
+/* The transform at q = 2 pi k R: its value, derivatives by ln R, g1 and g2 of a round profile along x, and by ln n. */
+static void transform_of(double n, double q, float value[5])
+{
+    const rx_spergel profile = {1 / (2 * M_PI), 0, 0, n, table};
+    float *columns[5] = {value, value + 1, value + 2, value + 3, value + 4};
+    rx_spergel_form form;
+    rx_spergel_set(&profile, &form);
+    rx_spergel_column(&form, q, 1, 0, 1, 5, columns);
+}
+
 static double transform(double n, double q)
 {
-    rx_sersic_line line;
-    float value[3];
-    rx_sersic_set_index(table, n, &line);
-    rx_sersic_at(&line, (float)(q * q), value);
+    float value[5];
+    transform_of(n, q, value);
     return (double)value[0];
 }
 
@@ -72,13 +79,13 @@ static void test_derivatives(void **state)
     const double step = 0.02;
     for (double n = 0.35; n < 7.5; n *= 1.3)
         for (double q = 0.01; q < 50; q *= 1.9) {
-            rx_sersic_line line;
-            float value[3];
-            rx_sersic_set_index(table, n, &line);
-            rx_sersic_at(&line, (float)(q * q), value);
+            float value[5];
+            transform_of(n, q, value);
             assert_near(value[1], (transform(n, q * exp(step)) - transform(n, q * exp(-step))) / (2 * step),
                         5e-4);
-            assert_near(value[2], (transform(n * exp(step), q) - transform(n * exp(-step), q)) / (2 * step),
+            assert_near(value[2], value[1], 1e-5); /* g1 stretches along x as R does */
+            assert_near(value[3], 0, 1e-6);
+            assert_near(value[4], (transform(n * exp(step), q) - transform(n * exp(-step), q)) / (2 * step),
                         5e-4);
         }
 }
@@ -136,10 +143,53 @@ static void test_fits(void **state)
     field_close(&f);
 }
 
+/* SPREAD_MODEL of a disk by its definition, from pixels drawn by other means: star, its like blurred by an exponential of a sixteenth of
+ * twice its half-light radius, and the disk. */
+static void test_spread(void **state)
+{
+    (void)state;
+    enum { SIDE = 100, HALF = 10 };
+    const double fwhm = 4, beta = 4.765, alpha = 0.5 * fwhm / sqrt(pow(2, 1 / beta) - 1);
+    const double half_light =
+        hypot(alpha * sqrt(pow(2, 1 / (beta - 1)) - 1), sqrt(log(2) / 6)); /* the latter of a pixel */
+    const double x = 50.3, y = 49.8, scale = 2 * half_light / 16;
+    field f[3];
+    double a = 0, b = 0, gp = 0, pp = 0;
+    for (int i = 0; i < 3; i++)
+        field_open(&f[i], SIDE, SIDE, fwhm, 1, 1);
+    field_star(&f[0], x, y, 1);
+    field_disk(&f[1], x, y, 1, 1.67835 * scale, 1, 0);
+    field_disk(&f[2], x, y, 1e5, 2, 1, 0);
+    for (int v = 50 - HALF; v <= 50 + HALF; v++)
+        for (int u = 50 - HALF; u <= 50 + HALF; u++) {
+            const double p = (double)f[0].pixels[v * SIDE + u], g = (double)f[1].pixels[v * SIDE + u],
+                         d = (double)f[2].pixels[v * SIDE + u];
+            a += p * d;
+            b += g * d;
+            gp += g * p;
+            pp += p * p;
+        }
+    const double expected = b / a - gp / pp;
+    assert_true(expected > 0.01);
+    field_list(&f[2], x, y, 8, 2.5, 2.5, 0);
+    field_restore_none(&f[2]);
+    rx_tphot_input input = field_input(&f[2]);
+    rx_tphot_params par = rx_tphot_defaults();
+    rx_tphot *tphot = NULL;
+    par.sky_cell = 0;
+    par.point_fits = 1;
+    assert_int_equal(rx_tphot_run(&par, &input, &tphot, NULL), RX_OK);
+    assert_near(tphot->list[0].point_fit.spread, expected, 0.02 * expected);
+    assert_true(isnan(tphot->list[0].sersic_fit.flux)); /* not asked for */
+    rx_tphot_free(tphot);
+    for (int i = 0; i < 3; i++)
+        field_close(&f[i]);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_closed_forms),
-                                       cmocka_unit_test(test_steep_profiles),
-                                       cmocka_unit_test(test_derivatives), cmocka_unit_test(test_fits)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_closed_forms), cmocka_unit_test(test_steep_profiles),
+        cmocka_unit_test(test_derivatives), cmocka_unit_test(test_fits), cmocka_unit_test(test_spread)};
     return cmocka_run_group_tests(tests, open_table, close_table);
 }
