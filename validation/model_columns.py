@@ -162,7 +162,7 @@ def middle(values):
 
 
 def slope(true, found, error):
-    if true.std() == 0:
+    if true.std() < 1e-9:
         return None
     w = error**-2
     x, y = true - np.average(true, weights=w), found - np.average(found, weights=w)
