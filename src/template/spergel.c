@@ -116,7 +116,7 @@ static inline float slope_between(const float *s, const float *slope, int k, flo
 }
 
 /* Sersic's profile, u and its derivatives by g1 and g2 as polynomials in i, of at most LANES. Without branches, too: u from the first
- * node (rounded up) to the last, compared as whole numbers. */
+ * node (rounded up) to the last, compared as whole numbers, of which what is no number is above all. */
 RX_SIMD static void sersic_column(const rx_sersic_line *line, const float *const poly[3], int first, int n,
                                   int count, float *const *dst)
 {
@@ -125,12 +125,13 @@ RX_SIMD static void sersic_column(const rx_sersic_line *line, const float *const
     const float scale = (float)(1 / RX_SERSIC_SPACING), start = (float)RX_SERSIC_FIRST;
     const float least = 1.1254e-7f, most = 1.06e6f; /* exp(2 FIRST), and short of the last node */
     float square[LANES], p[LANES], *restrict value = dst[0];
-    int32_t k[LANES], limit;
+    int32_t k[LANES];
+    uint32_t limit;
     memcpy(&limit, &most, sizeof limit);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         const float x = (float)(first + i), raw = least + u0 + x * (u1 + x * u2);
-        int32_t bits;
+        uint32_t bits;
         memcpy(&bits, &raw, sizeof bits);
         bits = bits < limit ? bits : limit;
         memcpy(&square[i], &bits, sizeof bits);
