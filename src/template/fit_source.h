@@ -21,9 +21,11 @@ typedef struct rx_fit_source {
     rx_footprint footprint;
     double grain; /* noise of its flux over that of independent pixels, rx_noise_factor() of its template */
     /* found by the last refinement */
+    double as_point, point_error; /* flux if it is a point, and its error, ADU */
     double star, chi2_gain;
-    double evidence; /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of
-                        evidences */
+    double evidence;  /* for a profile: chi2_gain - Occam's factor, before any odds; 2 ln of the ratio of
+                        evidences; NAN where none was tried */
+    double agreement; /* what of it is the law's of radii */
     rx_likelihood size, slope; /* what its pixels say of ln radius and ln(1 + nu) */
     double variance;           /* of the flux, shape free, ADU^2; 0: that at fixed shape */
     double misfit;             /* error of the flux because no galaxy is a Spergel profile, ADU */

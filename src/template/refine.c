@@ -12,12 +12,10 @@ static const double EXPONENTIAL = 0.5, G_WIDTH = 0.25, G_MOST = 0.8;
 static const double LEAST_RADIUS = 0.1; /* pixels */
 static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
 static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
-/* Chi2 that a round size gains before profiles are fitted: more where points are usual, none where they are
- * rare. */
-static const double WORTH = 1.0, WORTH_ODDS = 0.25;
-static const double SURE = 0.02;    /* a probability below that is none */
-static const double UNTRIED = -3.0; /* evidence for a profile where a round size gained too little to try */
-static const double MUCH = 100.0;   /* chi2 */
+static const double WORTH =
+    1.0; /* chi2 that a round size gains before profiles are fitted: below, noise makes it of most points */
+static const double SURE = 0.02;  /* a probability below that is none */
+static const double MUCH = 100.0; /* chi2 */
 /* Of a pair where it is not crowded: S/N of both together and of the fainter one, chi2 by which a profile must be worse,
  * errors of chi2 within which that of the pair must be what noise leaves. */
 static const double PAIR_SNR = 50.0, PAIR_FAINTER = 5.0, PAIR_BETTER = 20.0, PAIR_FITS = 5.0;
@@ -140,7 +138,8 @@ static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_fit_sou
     after->kind = RX_TPHOT_POINT;
     after->point = after->star = after->lift = 1;
     after->chi2_gain = after->variance = after->misfit = 0;
-    after->evidence = UNTRIED;
+    after->evidence = NAN;
+    after->agreement = 0;
     after->size = after->slope = (rx_likelihood){0, 0};
     after->profile = (rx_spergel){.nu = EXPONENTIAL};
     after->x = fit->p[RX_FIT_X] + j->cx;
@@ -149,6 +148,8 @@ static void take_point(const job *j, const rx_fit *fit, int ran_away, rx_fit_sou
     after->flags |= ran_away ? RX_TPHOT_POSITION : 0;
     if (isfinite(fit->p[RX_FIT_FLUX]))
         after->flux = fit->p[RX_FIT_FLUX];
+    after->as_point = after->flux;
+    after->point_error = sqrt(rx_fit_variance(fit, RX_FIT_FLUX));
 }
 
 /* What a profile must gain in chi2 for its freedom: -2 ln of the share of its prior that the data leave, by
@@ -160,11 +161,6 @@ static double occam(const rx_fit *point, const rx_fit *profile)
     for (int k = RX_FIT_POINT; k < RX_FIT_ALL; k++)
         prior += 2 * log(profile->width[k]);
     return rx_fit_log_determinant(profile) - rx_fit_log_determinant(point) + prior;
-}
-
-static double penalty(const rx_refine_params *par)
-{
-    return par->star_penalty + 2 * log(par->usual->star_odds);
 }
 
 static rx_likelihood say(const rx_fit *fit, int j)
@@ -180,72 +176,145 @@ static double misfit(double nu)
     return 0.008 + 0.065 * fmax(-nu, 0);
 }
 
+/* What is known of a source if it is extended. */
+typedef struct extended {
+    double evidence; /* 2 ln of that over the point's */
+    double x, y, flux;
+    rx_spergel profile;
+    rx_fit_mean mean;
+    double position_gain;
+    rx_likelihood size, slope;
+} extended;
+
 /* The profile with its probability, besides the point that has been taken. Its variance holds what the
  * freedom of its shape costs and that the truth may be the one or the other. */
-static void take_profile(const job *j, const rx_fit *point, const rx_fit *profile, rx_fit_source *after)
+static void take_profile(const job *j, const rx_fit *point, const extended *e, rx_fit_source *after)
 {
-    after->chi2_gain = point->chi2 - profile->chi2;
-    const rx_fit_mean mean = rx_fit_average(profile, j->size, &j->patch);
-    const double evidence = after->chi2_gain - occam(point, profile) + mean.evidence;
-    if (!isfinite(evidence))
+    if (!isfinite(e->evidence))
         return;
-    after->evidence = evidence;
-    after->size = say(profile, RX_FIT_RADIUS);
-    after->slope = say(profile, RX_FIT_NU);
-    after->star = rx_point_probability(evidence, penalty(j->par));
+    after->evidence = e->evidence;
+    after->size = e->size;
+    after->slope = e->slope;
+    after->agreement = rx_prior_agreement(j->par->usual, &e->size, after->as_point);
+    after->star = rx_prior_point(j->par->usual, after->as_point, e->evidence);
     if (after->star > 1 - SURE)
         return;
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
-    const double f = point->p[RX_FIT_FLUX], g = profile->p[RX_FIT_FLUX], spread = f - mean.flux;
+    const double f = point->p[RX_FIT_FLUX], spread = f - e->mean.flux;
     after->kind = RX_TPHOT_PROFILE;
     after->flags &= ~RX_TPHOT_POSITION;
-    if (at_end(profile))
-        after->flags |= RX_TPHOT_POSITION;
-    after->profile = rx_fit_profile(profile);
-    after->flux = p * f + q * g;
+    after->profile = e->profile;
+    after->flux = p * f + q * e->flux;
     after->point = p * f / after->flux;
-    after->lift = (p * f + q * mean.flux) / after->flux;
-    after->x = j->cx + p * point->p[RX_FIT_X] + q * profile->p[RX_FIT_X];
-    after->y = j->cy + p * point->p[RX_FIT_Y] + q * profile->p[RX_FIT_Y];
-    after->position_gain = p * position_gain(point) + q * position_gain(profile);
-    after->variance = p * rx_fit_variance(point, RX_FIT_FLUX) + q * mean.variance + p * q * spread * spread;
-    after->misfit = q * mean.flux * misfit(after->profile.nu);
-    if ((profile->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
+    after->lift = (p * f + q * e->mean.flux) / after->flux;
+    after->x = p * after->x + q * e->x;
+    after->y = p * after->y + q * e->y;
+    after->position_gain = p * after->position_gain + q * e->position_gain;
+    after->variance =
+        p * rx_fit_variance(point, RX_FIT_FLUX) + q * e->mean.variance + p * q * spread * spread;
+    after->misfit = q * e->mean.flux * misfit(e->profile.nu);
+}
+
+static void take_fit(const job *j, const rx_fit *point, const rx_fit *profile, rx_fit_source *after)
+{
+    extended e = {.x = j->cx + profile->p[RX_FIT_X],
+                  .y = j->cy + profile->p[RX_FIT_Y],
+                  .flux = profile->p[RX_FIT_FLUX],
+                  .profile = rx_fit_profile(profile),
+                  .mean = rx_fit_average(profile, j->size, &j->patch),
+                  .position_gain = position_gain(profile),
+                  .size = say(profile, RX_FIT_RADIUS),
+                  .slope = say(profile, RX_FIT_NU)};
+    after->chi2_gain = point->chi2 - profile->chi2;
+    e.evidence = after->chi2_gain - occam(point, profile) + e.mean.evidence;
+    take_profile(j, point, &e, after);
+    if (after->kind == RX_TPHOT_PROFILE && at_end(profile))
+        after->flags |= RX_TPHOT_POSITION;
+    if (after->kind == RX_TPHOT_PROFILE && (profile->at_limit & (1 << RX_FIT_RADIUS | 1 << RX_FIT_G1)) != 0)
         after->flags |= RX_TPHOT_BOUND;
 }
 
-/* Chi2 that a little round size gains over the fitted point, which plane 0 holds, to first order: F T + A (T'
- * - T), T' a profile of the usual radius. Stars are many and a profile's fit is long. */
-static double size_gain(const job *j, const rx_fit *point)
+/* A round exponential disk at the place of the point, which plane 1 holds: its best flux, the variance of that, 2 ln of its evidence
+ * over the point's, and the chi2 that a little of that size gains, to first order: F T + A (T' - T). */
+typedef struct disk {
+    double flux, variance, evidence, gain;
+} disk;
+
+static disk try_disk(const job *j, const rx_fit *point, double radius)
 {
-    const rx_tile_prior *usual = j->par->usual;
-    const rx_spergel round = {.radius =
-                                  exp(rx_prior_scaling_mean(usual, &usual->radius, point->p[RX_FIT_FLUX])),
-                              .nu = EXPONENTIAL};
     const size_t stride = (size_t)rx_fft_stride_real(j->size->fft), side = (size_t)j->patch.side;
-    /* the point, which has been fitted, moves to plane 1 */
-    float *swap = j->size->plane[0];
-    j->size->plane[0] = j->size->plane[1];
-    j->size->plane[1] = swap;
+    const rx_spergel round = {.radius = radius, .nu = EXPONENTIAL};
+    double tt = 0, tp = 0, pp = 0, td = 0, pd = 0, xx = 0, yy = 0;
     rx_template_domain_render(j->size, &round, point->p[RX_FIT_X], point->p[RX_FIT_Y], NULL, 1);
-    const double flux = point->p[RX_FIT_FLUX];
-    double tt = 0, td = 0, dd = 0, tr = 0, dr = 0;
     for (size_t v = 0; v < side; v++) {
         const size_t k = (v + (size_t)j->patch.corner) * stride + (size_t)j->patch.corner;
-        const float *profile = j->size->plane[0] + k, *star = j->size->plane[1] + k;
+        const float *p = j->size->plane[0] + k, *star = j->size->plane[1] + k, *up = p + stride,
+                    *down = p - stride;
         const double *weight = j->patch.weight + v * side, *data = j->patch.data + v * side;
-#pragma omp simd reduction(+ : tt, td, dd, tr, dr)
+#pragma omp simd reduction(+ : tt, tp, pp, td, pd, xx, yy)
         for (size_t u = 0; u < side; u++) {
-            const double w = weight[u], t = star[u], d = profile[u] - t, r = data[u] - flux * t;
+            const double w = weight[u], t = star[u], d = p[u], x = 0.5 * (p[u + 1] - p[u - 1]),
+                         y = 0.5 * (up[u] - down[u]);
             tt += w * t * t;
-            td += w * t * d;
-            dd += w * d * d;
-            tr += w * t * r;
-            dr += w * d * r;
+            tp += w * t * d;
+            pp += w * d * d;
+            td += w * t * data[u];
+            pd += w * d * data[u];
+            xx += w * x * x;
+            yy += w * y * y;
         }
     }
-    const double free = dd - td * td / tt, slope = dr - tr * td / tt;
-    return tt > 0 && free > 0 && slope > 0 ? slope * slope / free : 0;
+    const double flux = pd / pp, slope = pd - td / tt * tp, free = pp - tp * tp / tt;
+    const double prior = 1 / (point->width[RX_FIT_X] * point->width[RX_FIT_X]);
+    const double *a = point->a;
+    const double places = (prior + flux * flux * xx) * (prior + flux * flux * yy) /
+                          (a[RX_FIT_X * (RX_FIT_POINT + 1)] * a[RX_FIT_Y * (RX_FIT_POINT + 1)]);
+    return (disk){flux, 1 / pp, pd * pd / pp - td * td / tt - log(pp / tt * places),
+                  tt > 0 && free > 0 && slope > 0 ? slope * slope / free : 0};
+}
+
+/* Where the pixels say next to nothing of a shape: disks of the usual radius, and sqrt(3) widths of its prior smaller and larger, the
+ * nodes of Gauss-Hermite's rule of degree 5. 0: the fit of a profile is worth its time. */
+static int take_disks(const job *j, const rx_fit *point, rx_fit_source *after)
+{
+    static const double shares[3] = {1.0 / 6, 2.0 / 3, 1.0 / 6}, apart = 1.7320508075688772;
+    const rx_tile_prior *usual = j->par->usual;
+    const double f = point->p[RX_FIT_FLUX], width = usual->radius.width;
+    const double centre = rx_prior_scaling_mean(usual, &usual->radius, f);
+    const double most = log(fmin(widest(j), 0.25 * j->size->n));
+    disk at[3];
+    double weight[3], sum = 0, mean = 0, square = 0;
+    float *swap = j->size->plane[0]; /* the point, which has been fitted, moves to plane 1 */
+    j->size->plane[0] = j->size->plane[1];
+    j->size->plane[1] = swap;
+    at[1] = try_disk(j, point, exp(fmin(centre, most)));
+    if (at[1].gain >= WORTH)
+        return 0;
+    at[0] = try_disk(j, point, exp(fmin(centre - apart * width, most)));
+    at[2] = try_disk(j, point, exp(fmin(centre + apart * width, most)));
+    for (int k = 0; k < 3; k++)
+        sum += weight[k] = at[k].flux > 0 ? shares[k] * exp(0.5 * at[k].evidence) : 0;
+    if (!(2 * log(sum) < WORTH))
+        return 0;
+    if (!(sum > 0))
+        return 1;
+    extended e = {
+        .evidence = 2 * log(sum), .x = after->x, .y = after->y, .position_gain = after->position_gain};
+    for (int k = 0; k < 3; k++) {
+        weight[k] /= sum;
+        mean += weight[k] * (k - 1);
+        square += weight[k] * (k - 1) * (k - 1);
+        e.mean.flux += weight[k] * at[k].flux;
+    }
+    for (int k = 0; k < 3; k++)
+        e.mean.variance += weight[k] * (at[k].variance + pow(at[k].flux - e.mean.flux, 2));
+    e.flux = at[1].flux + 0.5 * mean * (at[2].flux - at[0].flux) +
+             0.5 * mean * mean * (at[2].flux + at[0].flux - 2 * at[1].flux);
+    e.profile = (rx_spergel){.radius = exp(fmin(centre + mean * apart * width, most)), .nu = EXPONENTIAL};
+    e.size = rx_likelihood_of(centre + mean * apart * width,
+                              3 * width * width * fmax(square - mean * mean, 1.0 / 12), centre, width);
+    take_profile(j, point, &e, after);
+    return 1;
 }
 
 /* What fits look at is the patch and one pixel around it. */
@@ -314,11 +383,15 @@ static void choose(const job *j, rx_fit_source *after)
     take_point(j, &point, ran_away, after);
     if (!j->par->extended || j->before->segment == 0 || !(point.p[RX_FIT_FLUX] > 0))
         return;
-    if (size_gain(j, &point) < WORTH + WORTH_ODDS * penalty(j->par))
+    if (take_disks(j, &point, after))
         return;
     fit_profile(j, point.p[RX_FIT_FLUX], &profile);
-    if (usable(&profile, &point) && !is_pair(j, &point, &profile, after))
-        take_profile(j, &point, &profile, after);
+    if (!usable(&profile, &point))
+        return;
+    if (is_pair(j, &point, &profile, after))
+        after->evidence = -HUGE_VAL;
+    else
+        take_fit(j, &point, &profile, after);
 }
 
 /* Side of the domain of a source. Light below a tenth of what its footprint will be cropped at needs no part of the PSF; where restored

@@ -9,9 +9,10 @@
  * within a factor exp(0.5). They are weak: a source of S/N 30 hardly feels them.
  *
  * Where the pixels cannot distinguish point from profile both are taken, each with the flux of its fit and its
- * probability: that of a point is p = 1 / (1 + exp((chi2 gain - Occam's factor - star_penalty) / 2)). A
+ * probability: that of a point is p = 1 / (1 + exp((chi2 gain - Occam's factor - 2 ln of the prior odds) / 2)). A
  * choice would take galaxies of S/N 10 for stars half of the time, 20 to 40 % too faint, and say nothing of
- * it in the error. */
+ * it in the error. Where a little size gains nothing, disks of three radii say
+ * what the profile would. */
 #ifndef RX_TEMPLATE_REFINE_H
 #define RX_TEMPLATE_REFINE_H
 
@@ -20,7 +21,6 @@
 
 typedef struct rx_refine_params {
     int extended, substructure;
-    double star_penalty; /* without what is learnt */
     const rx_tile_prior *usual;
     int frozen; /* positions and profiles stay, only the footprint is made */
 } rx_refine_params;

@@ -109,11 +109,8 @@ static rx_status draw(work *w, rx_error *err)
 
 static rx_refine_params refine_params(const work *w, int frozen, int substructure)
 {
-    return (rx_refine_params){.extended = w->par->extended,
-                              .substructure = substructure,
-                              .star_penalty = w->par->star_penalty,
-                              .usual = &w->usual,
-                              .frozen = frozen};
+    return (rx_refine_params){
+        .extended = w->par->extended, .substructure = substructure, .usual = &w->usual, .frozen = frozen};
 }
 
 static rx_refine_view refine_view(const work *w)
@@ -150,6 +147,27 @@ static rx_status refine_one(void *user, int i, int thread, rx_error *err)
     return rx_refine(&r->par, &r->view, r->w->lenses[thread], &r->w->subjects[i], &r->after[i], err);
 }
 
+static rx_status learn_usual(work *w, rx_error *err)
+{
+    const int n = w->input->sources->n;
+    rx_prior_sample *cases = RX_NEW(rx_prior_sample, n);
+    if (cases == NULL)
+        return rx_error_memory(err, (size_t)n * sizeof *cases);
+    for (int i = 0; i < n; i++) {
+        const rx_fit_source *s = &w->subjects[i];
+        cases[i] = (rx_prior_sample){.flux = s->as_point,
+                                     .snr = s->as_point / s->point_error,
+                                     .evidence = s->evidence,
+                                     .agreement = s->agreement,
+                                     .radius = s->size,
+                                     .nu = s->slope};
+    }
+    const rx_status status =
+        rx_tile_prior_fit(cases, n, fmax(w->input->image.psf->fwhm, 1.0), &w->usual, err);
+    free(cases);
+    return status;
+}
+
 /* Subjects from `first` on, each against the others as the model has them now; then all take their new shape
  * at once, so that no order matters. moved_only: those that shift() has moved. */
 static rx_status refine(work *w, int first, int frozen, int moved_only, int substructure, rx_error *err)
@@ -180,6 +198,8 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
 exit:
     free(r.after);
     free(windows);
+    if (status == RX_OK && w->par->extended && !frozen)
+        status = learn_usual(w, err);
     return status == RX_OK ? draw(w, err) : status;
 }
 
@@ -624,7 +644,7 @@ static void describe_crowd(const work *w, rx_crowd_source *sources)
     }
 }
 
-/* In a crowd pairs are no profiles, and sky and noise are those of the residual. */
+/* In a crowd pairs are no profiles, and sky and noise are those of the residual; elsewhere what has been learnt is for all by now. */
 static rx_status find_crowd(work *w, rx_error *err)
 {
     rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
@@ -634,36 +654,17 @@ static rx_status find_crowd(work *w, rx_error *err)
     describe_crowd(w, sources);
     RX_TRY_EXIT(rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
                                  w->par->crowding, &w->crowd, err));
-    if (w->crowd.n > 0 && movable(w))
+    if (movable(w))
         RX_TRY_EXIT(refine(w, 0, 0, 0, w->substructure, err));
     if (w->crowd.n > 0 && w->par->crowding == RX_CROWDING_AUTO) {
         describe_crowd(w, sources);
         RX_TRY_EXIT(rx_crowding_spare(sources, w->n, &w->crowd, err));
     }
-    if (w->crowd.n > 0)
+    if (w->crowd.n > 0 || movable(w))
         RX_TRY_EXIT(fit_on_sky(w, err));
 exit:
     free(sources);
     return status;
-}
-
-static rx_status learn_usual(work *w, rx_error *err)
-{
-    const int n = w->input->sources->n;
-    rx_prior_sample *cases = RX_NEW(rx_prior_sample, n);
-    if (cases == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof *cases);
-    for (int i = 0; i < n; i++) {
-        const rx_fit_source *s = &w->subjects[i];
-        cases[i] = (rx_prior_sample){.flux = s->flux,
-                                     .snr = s->flux / sqrt(w->members[i].variance),
-                                     .evidence = s->evidence,
-                                     .radius = s->size,
-                                     .nu = s->slope};
-    }
-    rx_tile_prior_fit(cases, n, w->par->star_penalty, fmax(w->input->image.psf->fwhm, 1.0), &w->usual);
-    free(cases);
-    return RX_OK;
 }
 
 static rx_status fit_everything(work *w, rx_error *err)
@@ -680,8 +681,6 @@ static rx_status fit_everything(work *w, rx_error *err)
         status = refine(w, 0, frozen, 0, w->substructure, err);
         if (status == RX_OK)
             status = fit_on_sky(w, err);
-        if (status == RX_OK && w->par->learn_odds && w->par->extended && !frozen)
-            status = learn_usual(w, err);
     }
     w->passes = 1;
     if (status == RX_OK)
@@ -874,7 +873,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->passes = w->passes;
     dst->modelled = w->n;
     dst->least = (double)w->canvas.floor;
-    dst->star_odds = w->usual.star_odds;
+    dst->star_odds = exp(w->usual.odds[0]);
     rx_window *windows = RX_NEW(rx_window, w->n);
     if (windows == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *windows);

@@ -22,8 +22,6 @@ rx_tphot_params rx_tphot_defaults(void)
                              .rounds = 2,
                              .extended = 1,
                              .substructure = 1,
-                             .star_penalty = 0,
-                             .learn_odds = 1,
                              .shown = SHOWN,
                              .nthreads = 1};
 }

@@ -29,16 +29,13 @@ typedef struct rx_tphot_params {
                          by more than the PSF is known to (Stetson 1987, PASP 99, 191: "profile error") */
     int non_negative; /* no flux below 0 */
     int passes; /* fits of everything at most, each but the first after a look at the residual; 2 where it is not crowded */
-    int crowding;        /* RX_CROWDING_ */
-    double least;        /* S/N below which what was added in a crowd is dropped */
-    int rounds;          /* how often positions and shapes are refined, neighbours taken out; 0 = never */
-    int extended;        /* 0: every source is a point */
-    int substructure;    /* 0: never PIXELS */
-    double star_penalty; /* 2 ln of the prior odds that a source is a point and not extended */
-    int learn_odds; /* 1: times the odds among the tile's own sources of S/N 15 to 150, which are clear; and
-                       the priors of radius and index are learnt from them (prior.h) */
-    int covariance; /* fill rx_tphot.pairs */
-    int keep_model; /* fill rx_tphot.model and .residual */
+    int crowding;     /* RX_CROWDING_ */
+    double least;     /* S/N below which what was added in a crowd is dropped */
+    int rounds;       /* how often positions and shapes are refined, neighbours taken out; 0 = never */
+    int extended;     /* 0: every source is a point */
+    int substructure; /* 0: never PIXELS */
+    int covariance;   /* fill rx_tphot.pairs */
+    int keep_model;   /* fill rx_tphot.model and .residual */
     double
         isolate; /* pixels: the model kept is without points of S/N above 20 that have none brighter within that radius, so that
                        pixels - model shows these as if they were alone; 0: of all */
@@ -87,7 +84,7 @@ typedef struct rx_tphot {
     int n;                 /* sources of the list, then extra ones */
     int nlisted;           /* those of the list */
     rx_tphot_source *list; /* [n] */
-    double star_odds;      /* what learn_odds has found, 1 without */
+    double star_odds;      /* of points to others at the mean ln flux of clear sources; 1 when not known */
     int ngroups, largest;  /* groups, members of the largest */
     int npairs;
     rx_tphot_pair *pairs; /* group after group, by i, then j; NULL unless asked for */

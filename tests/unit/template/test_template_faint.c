@@ -159,10 +159,52 @@ static void test_beside_cosmic_ray(void **state)
     }
 }
 
+/* Small galaxies among stars, of which there are 4 in 16 around S/N 8 and 12 in 16 around S/N 40: CLASS is their share, and fluxes
+ * are right in the mean, within errors that are wide enough for what a source may be. */
+static void test_share_of_stars(void **state)
+{
+    (void)state;
+    enum { COLUMNS = 16, ROWS = 16, CELL = 36, N = COLUMNS * ROWS / 2 };
+    field f;
+    double class[2] = {0}, ratio[2] = {0}, pull[2] = {0}, flux[2 * N];
+    field_open(&f, CELL * COLUMNS, CELL * ROWS, 3.5, 1, 2 * N);
+    for (int i = 0; i < 2 * N; i++) {
+        const int bright = i / COLUMNS % 2;
+        const double x = i % COLUMNS * CELL + 17.5 + 0.06 * (i % 17),
+                     y = (double)(i / COLUMNS) * CELL + 17.5 + 0.08 * (i % 13);
+        flux[i] = (bright ? 210 : 42) * exp(0.1 * (i * 5 % 11 - 5));
+        if (i % COLUMNS < (bright ? 12 : 4))
+            field_star(&f, x, y, flux[i]);
+        else
+            field_disk(&f, x, y, flux[i], (bright ? 1.9 : 1.2) * exp(0.09 * (i * 7 % 11 - 5)), 0.8, i);
+        field_list(&f, x, y, 4, 1.6, 1.6, 0);
+    }
+    field_noise(&f, 8);
+    field_restore_none(&f);
+    rx_tphot *t = fit(&f);
+    for (int i = 0; i < 2 * N; i++) {
+        const int bright = i / COLUMNS % 2;
+        const rx_tphot_source *s = &t->list[i];
+        class[bright] += s->star / N;
+        ratio[bright] += s->flux / flux[i] / N;
+        pull[bright] += pow((s->flux - flux[i]) / s->fluxerr, 2) / N;
+    }
+    print_message("class %.3f %.3f, flux %.3f %.3f, pulls %.2f %.2f\n", class[0], class[1], ratio[0],
+                  ratio[1], sqrt(pull[0]), sqrt(pull[1]));
+    assert_near(class[0], 0.25, 0.1);
+    assert_near(class[1], 0.75, 0.05);
+    assert_near(ratio[0], 1, 0.1);
+    assert_near(ratio[1], 1, 0.02);
+    assert_near(sqrt(pull[0]), 1, 0.2);
+    assert_near(sqrt(pull[1]), 1, 0.2);
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_evidence), cmocka_unit_test(test_structure),
-                                       cmocka_unit_test(test_own_photons),
-                                       cmocka_unit_test(test_beside_cosmic_ray)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_evidence), cmocka_unit_test(test_structure), cmocka_unit_test(test_own_photons),
+        cmocka_unit_test(test_share_of_stars), cmocka_unit_test(test_beside_cosmic_ray)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
