@@ -19,12 +19,14 @@
  * there. Where values below it were cut off, as by numbers without a sign or by a square root, or photons are few, noise is not what
  * its width says. Lone values, more than 10 sigma below the sky, are no part of it: dead pixels, small holes.
  *
- * Sharp pixels: the PSF p puts light on either side of any pixel, so that for every sum of sources, points or not,
+ * Sharp pixels: with z of the 7 x 7 pixels around the brightest of a source's peak and those that touch it, and photons in the
+ * weights w, the better of two hypotheses by chi2,
  *
- *   z(i) <= R (z(i - k) + z(i + k)) / 2,     R = p(0) / ((p(k) + p(-k)) / 2), its largest on the tile
+ *   a star  (sum w z P)^2 / sum w P^2, the PSF P wherever it may stand in that pixel, the best
+ *   a hit   sum w z^2 of that pixel and its two neighbours, none brighter, in x, y or along a diagonal, the best: what crossed the detector
  *
- * for steps k in x, y and along the diagonals, where pixels sample the PSF (a FWHM of 2.5 pixels). Beyond 1.2 R, and by 6 errors of the noise and the photons, it came to the
- * detector another way: a cosmic ray, a hot pixel or column. */
+ * Light that came through the PSF, of however many sources, is smoother than a hit, so that these need not be taken out. Where a hit is
+ * better by 10 it was a cosmic ray, a hot pixel or column. */
 #ifndef RX_DETECT_ANOMALIES_H
 #define RX_DETECT_ANOMALIES_H
 
@@ -34,16 +36,16 @@
 
 RX_BEGIN_DECLS
 
-enum { RX_ANOMALIES_BOX = 16, RX_ANOMALIES_STEPS = 4 };
+enum { RX_ANOMALIES_BOX = 16 };
 
 typedef struct rx_anomalies {
     double rows, columns; /* rms of their offsets beyond the noise, sigmas; NAN: too few of them */
     int nx, ny;
     unsigned char *lit; /* [ny][nx], owned; not 0: light that is no source's */
     double light;       /* share of such boxes among those with a quarter of their pixels; NAN without any */
-    double ratio[RX_ANOMALIES_STEPS]; /* R; 0: no PSF that is sampled is known */
-    double step;                      /* between pixel values, ADU; 0: all alike */
-    double cut;                       /* share of the lowest value */
+    float *shapes;      /* PSFs for rx_anomalies_sharp_at(), owned; NULL: none is known */
+    double step;        /* between pixel values, ADU; 0: all alike */
+    double cut;         /* share of the lowest value */
 } rx_anomalies;
 
 /* Of image->pixels with its sky, noise, mask and PSF. wide: f. The same bytes for any nthreads. Errors: RX_SYSTEM. */

@@ -109,8 +109,6 @@ static void test_an_ordinary_sky(void **state)
     assert_int_equal(rx_anomalies_is_striped(&a), 0);
     assert_int_equal(rx_anomalies_is_lit(&a), 0);
     assert_int_equal(count_sharp(&a, &image), 0);
-    assert_close(a.ratio[0], exp(0.5 / (WIDTH * WIDTH)), 1e-5);
-    assert_close(a.ratio[2], exp(1.0 / (WIDTH * WIDTH)), 1e-5);
     rx_anomalies_free(&a);
     rx_psf_free(psf);
 }
@@ -182,15 +180,14 @@ static void test_sharp_pixels(void **state)
     assert_int_equal(rx_anomalies_sharp_at(&a, &image, 200, 200), 1);
     mask[hot] = 1;
     assert_int_equal(rx_anomalies_sharp_at(&a, &image, 200, 200), 0);
-    pixels[0] += 500.0f; /* the border has no neighbours */
-    assert_int_equal(rx_anomalies_sharp_at(&a, &image, 0, 0), 0);
+    pixels[0] += 500.0f; /* at the border as well */
+    assert_int_equal(rx_anomalies_sharp_at(&a, &image, 0, 0), 1);
     rx_anomalies_free(&a);
     mask[hot] = mask[hot - 1] = 0;
-    for (int i = 0; i < 2; i++) { /* not sampled, not known */
+    for (int i = 0; i < 2; i++) { /* of FWHM 2.1, not known */
         image.psf = i == 0 ? narrow : NULL;
         a = measure(&image);
-        assert_near(a.ratio[0], 0, 0);
-        assert_int_equal(rx_anomalies_sharp_at(&a, &image, 200, 200), 0);
+        assert_int_equal(rx_anomalies_sharp_at(&a, &image, 200, 200), i == 0);
         rx_anomalies_free(&a);
     }
     rx_psf_free(psf);
