@@ -487,10 +487,9 @@ static rx_status find_misfits(const work *w, rx_error *err)
                                                                       : NULL,
                                                     .segments = imaged ? NULL : result->sources->segments,
                                                     .fwhm = psf != NULL ? psf->fwhm : 0.0,
+                                                    .dark = invents,
                                                     .nthreads = w->params->nthreads},
                                &result->residual, err));
-    if (!invents)
-        result->residual.dark = NAN;
     if (fitted && !w->params->templates.par.keep_model) {
         free(tphot->model);
         free(tphot->residual);

@@ -27,10 +27,8 @@ static const double
 static const double ALONG =
     2.0; /* mean square of sums over rows over that of columns, or the other way round: clouds, hollows, rings have 1.15 at most, edges 3 */
 static const double ENOUGH = 0.5; /* of a cell's pixels */
-static const double
-    FAINT = 3.0,
-    WIDE =
-        5.0; /* sigmas of a segment's mean; FWHM^2 of its area: a star of such a mean has 2.6 above 1 sigma; at 3 FWHM 8 is called wrong */
+/* sigmas of a segment's mean; share of a cell in segments below: 0.01 on sparse skies, 0.1 among 12,000 stars per Mpixel, 0.6 on a ghost */
+static const double FAINT = 3.0, DENSE = 0.25;
 static const double LARGE =
     0.1; /* share of cells: 0 to 0.06 on good skies, 0.13 and more on bad ones (validation/alarms.py) */
 static const double BELOW = 0.3, DARK = 0.02; /* sigmas; share of quarters */
@@ -42,6 +40,7 @@ typedef struct window {
     float *t, *wide, *scratch;
     uint8_t *hidden; /* 1: not seen, 2: of a source, or near one */
     double *values;
+    bool dense; /* faint segments are light of the sky */
 } window;
 
 /* What is found of one cell. */
@@ -57,8 +56,8 @@ typedef struct work {
         noise; /* factor: of the noise of G * u over that of independent pixels, which is noise / factor */
     int margin, grow;
     rx_residual *dst;
-    found *found;        /* [ny][nx] */
-    unsigned char *wide; /* of segments: wide and faint */
+    found *found;         /* [ny][nx] */
+    unsigned char *faint; /* of segments */
 } work;
 
 static rx_status open_window(const work *w, window *dst, rx_error *err)
@@ -114,20 +113,20 @@ static void read_pixels(const work *w, const window *v, int x, int y, int n)
                      height = seen ? ((double)image->pixels[k] - (double)level[i]) / s : 0.0,
                      light = seen && of->light != NULL ? (double)of->light[k] / s : 0.0;
         const int32_t segment = of->segments != NULL ? of->segments[k] : 0;
-        const double left = !seen || w->wide[segment] ? height
-                            : of->residual != NULL    ? (double)of->residual[k] / s
-                                                      : height - light;
+        const double left = !seen || (v->dense && w->faint[segment]) ? height
+                            : of->residual != NULL                   ? (double)of->residual[k] / s
+                                                                     : height - light;
         v->hidden[to] = !seen;
         v->d[to] = (float)left;
         v->light[to] = (float)fmax(light, 0.0);
         v->weight[to] = seen ? (float)(1.0 / (1.0 + fmax(photon * light / s, 0.0))) : 0.0f;
         v->wide[to] = (float)height;
-        v->t[to] = segment != 0 && !w->wide[segment] ? 1.0f : 0.0f;
+        v->t[to] = segment != 0 && !(v->dense && w->faint[segment]) ? 1.0f : 0.0f;
     }
 }
 
-/* Which quarters of cell k are dark; how many of its pixels are seen. */
-static double look_at_quarters(const work *w, int k, const window *v)
+/* Which quarters of cell k are dark. */
+static void look_at_quarters(const work *w, int k, const window *v)
 {
     const double quarter = 0.25 * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0]);
     double height[4] = {0}, seen[4] = {0};
@@ -143,7 +142,6 @@ static double look_at_quarters(const work *w, int k, const window *v)
             w->found[k].quarters++;
             w->dst->cell[k] |= (unsigned char)((height[q] < -BELOW * seen[q]) << (q + 1));
         }
-    return seen[0] + seen[1] + seen[2] + seen[3];
 }
 
 /* Does the PSF make fluxes wrong by more than is allowed? */
@@ -185,7 +183,7 @@ static double width_of(const window *v)
     return rx_median(v->values, n) / QUARTILE;
 }
 
-/* Mean squares of the sums of t over rows and over columns, per pixel. */
+/* Mean squares of the sums of d over rows and over columns, per pixel. */
 static void sum_lines(const window *v, double dst[2])
 {
     for (int columns = 0; columns < 2; columns++) {
@@ -197,7 +195,7 @@ static void sum_lines(const window *v, double dst[2])
             int n = 0;
             for (int j = along[0]; j < along[1]; j++) {
                 const int k = i * from + j * step;
-                sum += v->hidden[k] == 0 ? (double)v->t[k] : 0.0;
+                sum += v->hidden[k] == 0 ? (double)v->d[k] : 0.0;
                 n += v->hidden[k] == 0;
             }
             square += n > 0 ? sum * sum / n : 0.0;
@@ -226,15 +224,21 @@ static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
     bool wrong = false;
     place_window(w, k, v);
     const double enough = ENOUGH * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0]);
+    double faint = 0.0;
+    for (int y = v->y[0]; y < v->y[1] && w->of->segments != NULL; y++)
+        for (int x = v->x[0]; x < v->x[1]; x++)
+            faint +=
+                w->faint[w->of->segments[(size_t)(v->y0 + y) * (size_t)w->dst->width + (size_t)(v->x0 + x)]];
+    v->dense = ENOUGH * faint > DENSE * enough;
     for (int y = 0; y < v->height; y++)
         for (int x = 0; x < v->width; x += RX_MAP_PIECE)
             read_pixels(w, v, x, y, rx_min_int(RX_MAP_PIECE, v->width - x));
     w->dst->pull[k] = NAN;
-    if (look_at_quarters(w, k, v) < enough)
-        return RX_OK;
+    if (w->of->dark)
+        look_at_quarters(w, k, v);
     const bool sky = close_sources(v, w->grow) >= enough && w->of->segments != NULL,
                modelled = w->of->light != NULL;
-    if (!sky && close_sources(v, modelled ? -1 : 0) == 0.0)
+    if (!sky && close_sources(v, modelled ? -1 : 0) < (modelled ? enough : 0.25 * enough))
         return RX_OK;
     if (w->of->residual != NULL)
         RX_TRY(test_psf(w, v, &wrong, err));
@@ -243,7 +247,6 @@ static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
     const double u = width_of(v);
     if (!sky && !modelled && u > 1.0 / PULL)
         return RX_OK;
-    sum_lines(v, dst->along);
     RX_TRY(rx_gauss_masked(v->width, v->height, w->fwhm, v->hidden, 1, v->t, err));
     const double t = w->dst->pull[k] = width_of(v) / w->noise;
     if (u > PULL || (!(modelled && !sky) && fmin(t, u) < 1.0 / PULL))
@@ -252,11 +255,13 @@ static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
         dst->kind = sky || w->of->residual == NULL ? RX_MISFIT_SKY : RX_MISFIT_CROWD;
     else if (wrong)
         dst->kind = RX_MISFIT_PSF;
+    if (dst->kind == RX_MISFIT_SKY)
+        sum_lines(v, dst->along);
     return RX_OK;
 }
 
-/* Segments that are faint, and wider than stars and most galaxies, are light that detection has cut into sources. */
-static rx_status find_wide(work *w, rx_error *err)
+/* Segments that are faint; where these are dense they are light that detection has cut into sources. */
+static rx_status find_faint(work *w, rx_error *err)
 {
     const rx_residual_input *of = w->of;
     const rx_image *image = of->image;
@@ -267,7 +272,7 @@ static rx_status find_wide(work *w, rx_error *err)
     rx_status status = RX_OK;
     for (size_t k = 0; k < n && of->segments != NULL; k++)
         last = of->segments[k] > last ? of->segments[k] : last;
-    RX_TRY_EXIT(RX_MAKE(w->wide, (size_t)last + 1, err));
+    RX_TRY_EXIT(RX_MAKE(w->faint, (size_t)last + 1, err));
     RX_TRY_EXIT(RX_MAKE(area, (size_t)last + 1, err));
     RX_TRY_EXIT(RX_MAKE(sum, (size_t)last + 1, err));
     for (size_t k = 0; k < n && last > 0; k++) {
@@ -282,7 +287,7 @@ static rx_status find_wide(work *w, rx_error *err)
                                   (double)rx_map_at(&image->noise, x, y);
     }
     for (int32_t i = 1; i <= last; i++)
-        w->wide[i] = sum[i] < FAINT * area[i] && area[i] > WIDE * w->fwhm * w->fwhm;
+        w->faint[i] = sum[i] < FAINT * area[i];
 exit:
     free(area);
     free(sum);
@@ -365,7 +370,7 @@ rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, 
     RX_TRY_EXIT(RX_MAKE(dst->pull, (size_t)n, err));
     RX_TRY_EXIT(RX_MAKE(w.found, (size_t)n, err));
     RX_TRY_EXIT(measure_filter(&w, err));
-    RX_TRY_EXIT(find_wide(&w, err));
+    RX_TRY_EXIT(find_faint(&w, err));
 #pragma omp parallel num_threads(rx_max_int(input->nthreads, 1))
     {
         rx_error local = rx_error_part(NULL);
@@ -388,7 +393,7 @@ rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, 
         sum_up(&w);
 exit:
     free(w.found);
-    free(w.wide);
+    free(w.faint);
     if (status != RX_OK)
         rx_residual_free(dst);
     return status;

@@ -23,6 +23,7 @@
 #ifndef RX_PIPELINE_RESIDUAL_H
 #define RX_PIPELINE_RESIDUAL_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/error.h"
@@ -37,6 +38,7 @@ typedef struct rx_residual_input {
     const float *light;      /* [height][width] ADU; NULL: none is known */
     const int32_t *segments; /* of the sources; NULL: all of the pixels are modelled */
     double fwhm;             /* of the PSF, pixels; not above 0: not known */
+    bool dark;               /* dark quarters are wanted, too */
     int nthreads;
 } rx_residual_input;
 

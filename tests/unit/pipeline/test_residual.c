@@ -65,7 +65,7 @@ static rx_residual judge(const rx_residual_input *input)
 /* Between the sources. */
 static rx_residual judge_sky(const rx_image *image)
 {
-    return judge(&(rx_residual_input){.image = image, .segments = segments, .fwhm = FWHM});
+    return judge(&(rx_residual_input){.image = image, .segments = segments, .fwhm = FWHM, .dark = true});
 }
 
 static double mean_pull(const rx_residual *r)
