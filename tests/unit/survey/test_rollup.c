@@ -160,7 +160,8 @@ static void whose_work_and_flux_scale(void **state)
     static const char *const junit[] = {
         "name=\"a.fits\"><system-out>HDU 0: NET: done by RL, FWHM 1.5 is &lt;2</system-out></testcase>",
         "HDU 0: RL: the flux scale is off: 1.0500 +- 0.0050, FLUX_AUTO 0.950",
-        "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; HDU 0: NET: the model does not explain 25 % of the tile; HDU 0: NET: DETECT_THRESH was raised 1.25 times",
+        "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; HDU 0: NET: the model does not "
+        "explain 25 % of the tile; HDU 0: NET: DETECT_THRESH was raised 1.25 times",
         NULL};
     static const char *const json[] = {
         "\"fine\": 0,", "\"stand_out\": 2,",
