@@ -150,7 +150,7 @@ PY
     result 'dead pixels and a wrong noise map are named' $? out
     run rextract struck.fits -MAG_ZEROPOINT 25 -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 3.5 -QA_TYPE TILE -QA_NAME struck \
         -CATALOG_NAME s.cat -QA_FIGURES N -PARAMETERS_NAME flags.param
-    /usr/bin/python3 check.py keys struck/tile.json rows sharp >out 2>&1
+    /usr/bin/python3 check.py keys struck/tile.json model sharp >out 2>&1
     result 'rows with offsets and cosmic rays are named' $? out
     /usr/bin/python3 check.py flags qa a.cat FLAGS FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE >out 2>&1
     result 'flags are those of the catalogue' $? out

@@ -251,10 +251,10 @@ static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
     const double t = w->dst->pull[k] = width_of(v) / w->noise;
     if (u > PULL || (!(modelled && !sky) && fmin(t, u) < 1.0 / PULL))
         dst->kind = RX_MISFIT_NOISE;
+    else if (wrong) /* before the sky, which rings around stars disturb */
+        dst->kind = RX_MISFIT_PSF;
     else if (t > PULL)
         dst->kind = sky || w->of->residual == NULL ? RX_MISFIT_SKY : RX_MISFIT_CROWD;
-    else if (wrong)
-        dst->kind = RX_MISFIT_PSF;
     if (dst->kind == RX_MISFIT_SKY)
         sum_lines(v, dst->along);
     return RX_OK;
