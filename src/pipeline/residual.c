@@ -449,14 +449,13 @@ static const char *const misfits[RX_MISFITS][2] = {
         {"NOISE",
          "its noise: rounded or cut-off values, or a map that is wrong; give the tile as it was before, or "
          "its noise (WEIGHT_TYPE MAP_RMS)"},
-    [RX_MISFIT_PSF] =
-        {"PSF", "its PSF, which is too wide or too narrow; that of the tile's own stars may do"},
+    [RX_MISFIT_PSF] = {"PSF",
+                       "its PSF, which is too wide or too narrow; that of the tile's own stars may do"},
     [RX_MISFIT_DETECTOR] =
         {"DETECTOR",
          "its detector: offset rows, columns or amplifiers; subtract each one's overscan or median"},
-    [RX_MISFIT_SKY] =
-        {"SKY",
-         "its sky: filaments, ghosts or hollows that the mesh does not follow; a smaller BACK_SIZE may"},
+    [RX_MISFIT_SKY] = {"SKY", "its sky: filaments, ghosts or hollows that the mesh does not follow; a "
+                              "smaller BACK_SIZE may follow it"},
     [RX_MISFIT_CROWD] = {"CROWD", "its crowd, in which not all sources are resolved"}};
 
 const char *rx_misfit_name(rx_misfit cause)
