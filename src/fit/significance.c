@@ -53,7 +53,7 @@ typedef struct row {
     double diagonal, right; /* A_jj, b_j */
     double photons;         /* of others: what they add to the variance of b_j */
     double noise;           /* of its size */
-    int shape;              /* that it is tried as: 0 the PSF, k the size before */
+    int shape;              /* that it is fitted as: 0 the PSF, k > 0 size k - 1 */
     double structure;       /* S^2 of the sky there (structure.h) */
     element *others;
     int n;
@@ -385,39 +385,32 @@ static rx_status weigh_photons(const equations *eq, rx_error *err)
 static rx_status measure_structure(const equations *eq, rx_structure found[SIZES + 1], rx_error *err)
 {
     const rx_image *image = eq->image;
-    const size_t n = (size_t)image->width * (size_t)image->height, side = (size_t)image->psf->size;
-    float *rest = RX_NEW(float, n), *weight = RX_NEW(float, n), *psf = RX_NEW(float, side *side);
+    const size_t n = (size_t)image->width * (size_t)image->height;
+    float *rest = RX_NEW(float, n), *weight = RX_NEW(float, n), *psf = NULL;
+    rx_structure_view view = {
+        .width = image->width, .height = image->height, .nthreads = eq->nthreads, .noise = 1.0};
     rx_status status = RX_OK;
-    if (rest == NULL || weight == NULL || psf == NULL)
+    if (rest == NULL || weight == NULL)
         RX_TRY_EXIT(rx_error_memory(err, n * sizeof *rest));
     memcpy(rest, eq->data, n * sizeof *rest);
     add_model(eq, -1.0f, rest);
 #pragma omp parallel for schedule(static) num_threads(eq->nthreads)
-    for (size_t k = 0; k < n; k++) {
+    for (size_t k = 0; k < n; k++)
         weight[k] = rx_structure_weight(eq->weight[k], eq->data[k] - rest[k]);
-    }
-    rx_psf_at(image->psf, 0.5 * image->width, 0.5 * image->height, psf);
-    const int whole = (int)side / 2, first = (int)ceil(LEAST_RADIUS * image->psf->fwhm),
-              half = first < whole ? first : whole;
-    for (int y = 0; y <= 2 * half; y++) /* its middle, in rows of 2 half + 1 */
-        memmove(psf + (size_t)y * (size_t)(2 * half + 1),
-                psf + (size_t)(y + whole - half) * side + (size_t)(whole - half),
-                (size_t)(2 * half + 1) * sizeof *psf);
+    view.rest = rest;
+    view.weight = weight;
+    RX_TRY_EXIT(rx_structure_point(image->psf, &view, &psf, err));
     bool asked[SIZES + 1] = {true}; /* most skies have no source of most sizes */
     for (int j = 0; j < eq->n; j++)
         asked[eq->rows[j].shape] |= eq->list[j].kept;
     for (int k = 0; k <= eq->nsizes; k++) {
         if (!asked[k])
             continue;
-        const size *of = k > 0 ? &eq->sizes[k - 1] : NULL;
-        const rx_structure_view view = {.width = image->width,
-                                        .height = image->height,
-                                        .nthreads = eq->nthreads,
-                                        .rest = rest,
-                                        .weight = weight,
-                                        .values = of != NULL ? of->values : psf,
-                                        .half = of != NULL ? of->half : half,
-                                        .noise = of != NULL ? of->noise : 1.0};
+        if (k > 0) {
+            view.values = eq->sizes[k - 1].values;
+            view.half = eq->sizes[k - 1].half;
+            view.noise = eq->sizes[k - 1].noise;
+        }
         RX_TRY_EXIT(rx_structure_measure(&view, &found[k], err));
     }
 exit:

@@ -18,6 +18,7 @@
 #define RX_FIT_STRUCTURE_H
 
 #include "base/error.h"
+#include "data/psf.h"
 #include "fit/sky_mesh.h"
 
 typedef struct rx_structure {
@@ -41,6 +42,10 @@ static inline float rx_structure_weight(float weight, float model)
     const float doubt = 0.01f * weight * model * model;
     return doubt > 1.0f ? 0.0f : weight / (1.0f + doubt);
 }
+
+/* The middle of the PSF in the image's centre becomes T: view->values, to be freed by the caller, and half. width and height are given.
+ * Errors: RX_SYSTEM. */
+rx_status rx_structure_point(const rx_psf *psf, rx_structure_view *view, float **values, rx_error *err);
 
 /* Free the contents with rx_structure_clear(). Errors: RX_SYSTEM. */
 rx_status rx_structure_measure(const rx_structure_view *view, rx_structure *dst, rx_error *err);

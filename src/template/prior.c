@@ -23,14 +23,15 @@ rx_tile_prior rx_tile_prior_start(double fwhm)
                            .nu = {log1p(USUAL_NU), 0, NU_WIDTH}};
 }
 
-double rx_prior_scaling_mean(const rx_tile_prior *usual, const rx_prior_scaling *law, double flux)
+double rx_prior_scaling_mean(const rx_tile_prior *tile_prior, const rx_prior_scaling *law, double flux)
 {
-    return law->mean + (flux > 0 && law->slope != 0 ? law->slope * (log(flux) - usual->pivot) : 0);
+    return law->mean + (flux > 0 && law->slope != 0 ? law->slope * (log(flux) - tile_prior->pivot) : 0);
 }
 
-double rx_prior_point(const rx_tile_prior *usual, double flux, double evidence)
+double rx_prior_point(const rx_tile_prior *tile_prior, double flux, double evidence)
 {
-    const double odds = usual->odds[0] + (flux > 0 ? usual->odds[1] * (log(flux) - usual->pivot) : 0);
+    const double odds =
+        tile_prior->odds[0] + (flux > 0 ? tile_prior->odds[1] * (log(flux) - tile_prior->pivot) : 0);
     return 1 / (1 + exp(fmin(fmax(0.5 * evidence - odds, -40), 40)));
 }
 
@@ -42,12 +43,12 @@ rx_likelihood rx_likelihood_of(double value, double variance, double centre, dou
     return (rx_likelihood){(value * all - centre * prior) / own, own};
 }
 
-double rx_prior_agreement(const rx_tile_prior *usual, const rx_likelihood *radius, double flux)
+double rx_prior_agreement(const rx_tile_prior *tile_prior, const rx_likelihood *radius, double flux)
 {
     if (!(radius->precision > 0))
         return 0;
-    const double variance = usual->radius.width * usual->radius.width + 1 / radius->precision;
-    const double off = radius->mean - rx_prior_scaling_mean(usual, &usual->radius, flux);
+    const double variance = tile_prior->radius.width * tile_prior->radius.width + 1 / radius->precision;
+    const double off = radius->mean - rx_prior_scaling_mean(tile_prior, &tile_prior->radius, flux);
     return -off * off / variance - log(variance);
 }
 
@@ -63,15 +64,17 @@ static int counts(const rx_prior_sample *one)
 }
 
 /* Under that prior. No law of radii makes a galaxy of what none describes better than a point. */
-static double is_point(const rx_prior_sample *one, const rx_tile_prior *usual)
+static double is_point(const rx_prior_sample *one, const rx_tile_prior *tile_prior)
 {
-    const double now = one->evidence - one->agreement + rx_prior_agreement(usual, &one->radius, one->flux);
-    return rx_prior_point(usual, one->flux, fmin(now, fmax(one->evidence, 0)));
+    const double now =
+        one->evidence - one->agreement + rx_prior_agreement(tile_prior, &one->radius, one->flux);
+    return rx_prior_point(tile_prior, one->flux, fmin(now, fmax(one->evidence, 0)));
 }
 
 /* One step for one law: what each source is under it, and the law of these. */
-static void learn_law(const rx_prior_sample *cases, const double *star, int n, const rx_tile_prior *usual,
-                      int of_nu, const rx_prior_scaling *start, rx_prior_scaling *law)
+static void learn_law(const rx_prior_sample *cases, const double *star, int n,
+                      const rx_tile_prior *tile_prior, int of_nu, const rx_prior_scaling *start,
+                      rx_prior_scaling *law)
 {
     const double square = law->width * law->width, sloped = of_nu ? 0 : 1;
     double w1 = ALREADY / square, wu = 0, wuu = 1 / (SIZE_SLOPE_WIDTH * SIZE_SLOPE_WIDTH),
@@ -81,7 +84,7 @@ static void learn_law(const rx_prior_sample *cases, const double *star, int n, c
         if (!counts(&cases[i]) || !(word->precision > 0))
             continue;
         const double w = (1 - star[i]) / (square + 1 / word->precision);
-        const double u = sloped * (log(cases[i].flux) - usual->pivot);
+        const double u = sloped * (log(cases[i].flux) - tile_prior->pivot);
         w1 += w;
         wu += w * u;
         wuu += w * u * u;
@@ -96,7 +99,7 @@ static void learn_law(const rx_prior_sample *cases, const double *star, int n, c
         const rx_likelihood *word = of_nu ? &cases[i].nu : &cases[i].radius;
         if (!counts(&cases[i]) || !(word->precision > 0))
             continue;
-        const double u = sloped * (log(cases[i].flux) - usual->pivot);
+        const double u = sloped * (log(cases[i].flux) - tile_prior->pivot);
         const double share = square / (square + 1 / word->precision);
         const double off = share * (word->mean - law->mean - law->slope * u);
         sum += (1 - star[i]) * (share / word->precision + off * off);
@@ -106,15 +109,15 @@ static void learn_law(const rx_prior_sample *cases, const double *star, int n, c
 }
 
 /* A step of Fisher's scoring, by one at most: far from the maximum the information is next to nothing. */
-static void learn_odds(const rx_prior_sample *cases, const double *star, int n, rx_tile_prior *usual)
+static void learn_odds(const rx_prior_sample *cases, const double *star, int n, rx_tile_prior *tile_prior)
 {
-    double *odds = usual->odds, half = 1 / (1 + exp(-odds[0]));
+    double *odds = tile_prior->odds, half = 1 / (1 + exp(-odds[0]));
     double g0 = 1 - 2 * half, g1 = (ODDS_SLOPE - odds[1]) / (ODDS_SLOPE_WIDTH * ODDS_SLOPE_WIDTH);
     double h00 = 2 * half * (1 - half), h01 = 0, h11 = 1 / (ODDS_SLOPE_WIDTH * ODDS_SLOPE_WIDTH);
     for (int i = 0; i < n; i++) {
         if (!counts(&cases[i]))
             continue;
-        const double u = log(cases[i].flux) - usual->pivot, p = 1 / (1 + exp(-odds[0] - odds[1] * u));
+        const double u = log(cases[i].flux) - tile_prior->pivot, p = 1 / (1 + exp(-odds[0] - odds[1] * u));
         const double rest = star[i] - p, w = p * (1 - p);
         g0 += rest;
         g1 += rest * u;
@@ -129,7 +132,7 @@ static void learn_odds(const rx_prior_sample *cases, const double *star, int n, 
     odds[1] += scale * by[1];
 }
 
-rx_status rx_tile_prior_fit(const rx_prior_sample *cases, int n, double fwhm, rx_tile_prior *usual,
+rx_status rx_tile_prior_fit(const rx_prior_sample *cases, int n, double fwhm, rx_tile_prior *tile_prior,
                             rx_error *err)
 {
     const rx_tile_prior start = rx_tile_prior_start(fwhm);
@@ -143,15 +146,15 @@ rx_status rx_tile_prior_fit(const rx_prior_sample *cases, int n, double fwhm, rx
     if (clear < LEAST)
         return RX_OK;
     RX_TRY(RX_MAKE(star, (size_t)n, err));
-    usual->odds[0] += usual->odds[1] * (sum / clear - usual->pivot);
-    usual->radius.mean += usual->radius.slope * (sum / clear - usual->pivot);
-    usual->pivot = sum / clear;
+    tile_prior->odds[0] += tile_prior->odds[1] * (sum / clear - tile_prior->pivot);
+    tile_prior->radius.mean += tile_prior->radius.slope * (sum / clear - tile_prior->pivot);
+    tile_prior->pivot = sum / clear;
     for (int step = 0; step < STEPS; step++) {
         for (int i = 0; i < n; i++)
-            star[i] = is_point(&cases[i], usual);
-        learn_law(cases, star, n, usual, 0, &start.radius, &usual->radius);
-        learn_law(cases, star, n, usual, 1, &start.nu, &usual->nu);
-        learn_odds(cases, star, n, usual);
+            star[i] = is_point(&cases[i], tile_prior);
+        learn_law(cases, star, n, tile_prior, 0, &start.radius, &tile_prior->radius);
+        learn_law(cases, star, n, tile_prior, 1, &start.nu, &tile_prior->nu);
+        learn_odds(cases, star, n, tile_prior);
     }
     free(star);
     return RX_OK;

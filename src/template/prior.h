@@ -39,17 +39,17 @@ int rx_prior_is_clear(double snr);
 /* Expectation maximisation (Dempster, Laird and Rubin 1977, J. R. Stat. Soc. B 39, 1) over all sources of S/N below 150, each by what its
  * pixels say. Before them stand one point and one other source, slopes of ln odds 0.5 +- 0.5 and of ln radius 0.275 +- 0.1, and for
  * the laws of radius and nu five sources. Unchanged with less than 20 sources of S/N 15 to 150. Errors: RX_SYSTEM. */
-rx_status rx_tile_prior_fit(const rx_prior_sample *cases, int n, double fwhm, rx_tile_prior *usual,
+rx_status rx_tile_prior_fit(const rx_prior_sample *cases, int n, double fwhm, rx_tile_prior *tile_prior,
                             rx_error *err);
 
 /* Centre of a law for a source of that flux. */
-double rx_prior_scaling_mean(const rx_tile_prior *usual, const rx_prior_scaling *law, double flux);
+double rx_prior_scaling_mean(const rx_tile_prior *tile_prior, const rx_prior_scaling *law, double flux);
 
 /* 2 ln of the likelihood of ln radius, averaged over its law. */
-double rx_prior_agreement(const rx_tile_prior *usual, const rx_likelihood *radius, double flux);
+double rx_prior_agreement(const rx_tile_prior *tile_prior, const rx_likelihood *radius, double flux);
 
 /* Probability of a point of that flux. */
-double rx_prior_point(const rx_tile_prior *usual, double flux, double evidence);
+double rx_prior_point(const rx_tile_prior *tile_prior, double flux, double evidence);
 
 /* Of a fitted value and its variance under a prior. */
 rx_likelihood rx_likelihood_of(double value, double variance, double centre, double width);

@@ -101,23 +101,23 @@ static double widest(const job *j)
 static void fit_profile(const job *j, double flux, rx_fit *fit)
 {
     const rx_spergel *last = &j->before->profile;
-    const rx_tile_prior *usual = j->par->usual;
+    const rx_tile_prior *tile_prior = j->par->tile_prior;
     *fit = (rx_fit){.n = RX_FIT_ALL};
     set_position(j, 0.5 * j->before->guess, fit);
     fit->p[RX_FIT_RADIUS] = last->radius > 0 ? log(last->radius) : log(fmax(j->before->guess, 0.3));
     fit->p[RX_FIT_G1] = last->g1;
     fit->p[RX_FIT_G2] = last->g2;
     fit->p[RX_FIT_NU] = log1p(last->radius > 0 ? last->nu : EXPONENTIAL);
-    fit->prior[RX_FIT_RADIUS] = rx_prior_scaling_mean(usual, &usual->radius, flux);
-    fit->width[RX_FIT_RADIUS] = usual->radius.width;
+    fit->prior[RX_FIT_RADIUS] = rx_prior_scaling_mean(tile_prior, &tile_prior->radius, flux);
+    fit->width[RX_FIT_RADIUS] = tile_prior->radius.width;
     fit->low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
     fit->high[RX_FIT_RADIUS] = log(fmin(widest(j), 0.25 * j->size->n));
     fit->width[RX_FIT_G1] = fit->width[RX_FIT_G2] = G_WIDTH;
     fit->high[RX_FIT_G1] = G_MOST;
     fit->low[RX_FIT_G1] = fit->low[RX_FIT_G2] = -G_MOST;
     fit->high[RX_FIT_G2] = G_MOST;
-    fit->prior[RX_FIT_NU] = usual->nu.mean;
-    fit->width[RX_FIT_NU] = usual->nu.width;
+    fit->prior[RX_FIT_NU] = tile_prior->nu.mean;
+    fit->width[RX_FIT_NU] = tile_prior->nu.width;
     fit->low[RX_FIT_NU] = log1p(RX_SPERGEL_MIN);
     fit->high[RX_FIT_NU] = log1p(RX_SPERGEL_MAX);
     rx_fit_run(fit, j->size, &j->patch);
@@ -209,8 +209,8 @@ static void take_profile(const job *j, const rx_fit *point, const extended *e, r
     after->evidence = e->evidence;
     after->size = e->size;
     after->slope = e->slope;
-    after->agreement = rx_prior_agreement(j->par->usual, &e->size, after->as_point);
-    after->star = rx_prior_point(j->par->usual, after->as_point, e->evidence);
+    after->agreement = rx_prior_agreement(j->par->tile_prior, &e->size, after->as_point);
+    after->star = rx_prior_point(j->par->tile_prior, after->as_point, e->evidence);
     if (after->star > 1 - SURE)
         return;
     const double p = after->star < SURE ? 0 : after->star, q = 1 - p;
@@ -288,14 +288,14 @@ static disk try_disk(const job *j, const rx_fit *point, double radius)
                   tt > 0 && free > 0 && slope > 0 ? slope * slope / free : 0};
 }
 
-/* Where the pixels say next to nothing of a shape: disks of the usual radius, and sqrt(3) widths of its prior smaller and larger, the
+/* Where the pixels say next to nothing of a shape: disks of the radius that the prior expects, and sqrt(3) widths of it smaller and larger, the
  * nodes of Gauss-Hermite's rule of degree 5. 0: the fit of a profile is worth its time. */
 static int take_disks(const job *j, const rx_fit *point, rx_fit_source *after)
 {
     static const double shares[3] = {1.0 / 6, 2.0 / 3, 1.0 / 6}, apart = 1.7320508075688772;
-    const rx_tile_prior *usual = j->par->usual;
-    const double f = point->p[RX_FIT_FLUX], width = usual->radius.width;
-    const double centre = rx_prior_scaling_mean(usual, &usual->radius, f);
+    const rx_tile_prior *tile_prior = j->par->tile_prior;
+    const double f = point->p[RX_FIT_FLUX], width = tile_prior->radius.width;
+    const double centre = rx_prior_scaling_mean(tile_prior, &tile_prior->radius, f);
     const double most = log(fmin(widest(j), 0.25 * j->size->n));
     disk at[3];
     double weight[3], sum = 0, mean = 0, square = 0;

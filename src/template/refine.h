@@ -21,7 +21,7 @@
 
 typedef struct rx_refine_params {
     int extended, substructure;
-    const rx_tile_prior *usual;
+    const rx_tile_prior *tile_prior;
     int frozen; /* positions and profiles stay, only the footprint is made */
 } rx_refine_params;
 

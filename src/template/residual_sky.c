@@ -3,7 +3,6 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 #include "base/simd.h"
@@ -201,24 +200,6 @@ rx_status rx_residual_sky_rescale(rx_fit_image *canvas, const rx_residual_sky *w
     return RX_OK;
 }
 
-static const double PSF_RADIUS = 1.5; /* FWHM: holds 0.996 of the sum of P^2 of a Moffat of beta 2.5 */
-
-/* The middle of the PSF of the tile's centre. */
-static rx_status cut_psf(const rx_fit_image *image, const rx_psf *psf, rx_structure_view *view,
-                         float **values, rx_error *err)
-{
-    const int half = psf->size / 2, wanted = (int)ceil(PSF_RADIUS * psf->fwhm), side = psf->size;
-    view->half = wanted < half ? wanted : half;
-    RX_TRY(RX_MAKE(*values, (size_t)side * (size_t)side, err));
-    rx_psf_at(psf, 0.5 * image->width, 0.5 * image->height, *values);
-    const int kept = 2 * view->half + 1, off = half - view->half;
-    for (int y = 0; y < kept; y++)
-        memmove(*values + y * kept, *values + (y + off) * side + off, (size_t)kept * sizeof **values);
-    view->values = *values;
-    view->noise = rx_noise_factor(image->correlation, *values, kept, kept);
-    return RX_OK;
-}
-
 /* rest = data - model, as it was before the level was taken off, and weight, of all pixels; weight 0 in the crowd. */
 static rx_status copy_rest(rx_fit_image *image, const rx_crowding *crowd, const rx_sky_mesh *level,
                            float *rest, float *weight, rx_error *err)
@@ -260,9 +241,11 @@ rx_status rx_residual_sky_structure(rx_fit_image *image, const rx_psf *psf, cons
     rx_structure found = {0};
     float *values = NULL, *rest = NULL, *weight = NULL;
     rx_status status = RX_OK;
-    RX_TRY_EXIT(cut_psf(image, psf, &view, &values, err));
+    RX_TRY_EXIT(rx_structure_point(psf, &view, &values, err));
+    const int side = 2 * view.half + 1;
+    view.noise = rx_noise_factor(image->correlation, values, side, side);
     *power = 0;
-    for (int i = 0; i < (2 * view.half + 1) * (2 * view.half + 1); i++)
+    for (int i = 0; i < side * side; i++)
         *power += (double)values[i] * (double)values[i];
     RX_TRY_EXIT(RX_MAKE(rest, n, err));
     RX_TRY_EXIT(RX_MAKE(weight, n, err));

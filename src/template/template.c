@@ -52,15 +52,15 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
-    double *covariances;    /* of the last fit, [members][members] group after group; NULL: not asked for */
-    size_t *place;          /* [groups] where a group begins there */
-    rx_tile_prior usual;    /* among clear sources */
-    double sky;             /* taken off the level so far, mean */
-    double point_power;     /* sum P^2 of the PSF */
-    rx_structure structure; /* of the sky, as points see it; empty: not known yet */
-    rx_crowding crowd;      /* known after the first fit */
-    int passes, nadded;     /* so far */
-    double (*gone)[2];      /* [ngone] where what was added did not hold */
+    double *covariances;      /* of the last fit, [members][members] group after group; NULL: not asked for */
+    size_t *place;            /* [groups] where a group begins there */
+    rx_tile_prior tile_prior; /* among clear sources */
+    double sky;               /* taken off the level so far, mean */
+    double point_power;       /* sum P^2 of the PSF */
+    rx_structure structure;   /* of the sky, as points see it; empty: not known yet */
+    rx_crowding crowd;        /* known after the first fit */
+    int passes, nadded;       /* so far */
+    double (*gone)[2];        /* [ngone] where what was added did not hold */
     int ngone;
 } work;
 
@@ -117,8 +117,10 @@ static rx_status draw(work *w, rx_error *err)
 
 static rx_refine_params refine_params(const work *w, int frozen, int substructure)
 {
-    return (rx_refine_params){
-        .extended = w->par->extended, .substructure = substructure, .usual = &w->usual, .frozen = frozen};
+    return (rx_refine_params){.extended = w->par->extended,
+                              .substructure = substructure,
+                              .tile_prior = &w->tile_prior,
+                              .frozen = frozen};
 }
 
 static rx_refine_view refine_view(const work *w)
@@ -156,7 +158,7 @@ static rx_status refine_one(void *user, int i, int thread, rx_error *err)
     return rx_refine(&r->par, &r->view, r->w->lenses[thread], &r->w->subjects[i], &r->after[i], err);
 }
 
-static rx_status learn_usual(work *w, rx_error *err)
+static rx_status learn_prior(work *w, rx_error *err)
 {
     const int n = w->input->sources->n;
     rx_prior_sample *cases = RX_NEW(rx_prior_sample, n);
@@ -172,7 +174,7 @@ static rx_status learn_usual(work *w, rx_error *err)
                                      .nu = s->slope};
     }
     const rx_status status =
-        rx_tile_prior_fit(cases, n, fmax(w->input->image.psf->fwhm, 1.0), &w->usual, err);
+        rx_tile_prior_fit(cases, n, fmax(w->input->image.psf->fwhm, 1.0), &w->tile_prior, err);
     free(cases);
     return status;
 }
@@ -208,7 +210,7 @@ exit:
     free(r.after);
     free(windows);
     if (status == RX_OK && w->par->extended && !frozen)
-        status = learn_usual(w, err);
+        status = learn_prior(w, err);
     return status == RX_OK ? draw(w, err) : status;
 }
 
@@ -927,7 +929,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->passes = w->passes;
     dst->modelled = w->n;
     dst->least = (double)w->canvas.floor;
-    dst->star_odds = exp(w->usual.odds[0]);
+    dst->star_odds = exp(w->tile_prior.odds[0]);
     rx_window *windows = RX_NEW(rx_window, w->n);
     if (windows == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *windows);
@@ -961,7 +963,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     rx_tphot *tphot = RX_NEW(rx_tphot, 1);
     if (tphot == NULL)
         return rx_error_memory(err, sizeof *tphot);
-    w.usual = rx_tile_prior_start(fmax(input->image.psf->fwhm, 1.0));
+    w.tile_prior = rx_tile_prior_start(fmax(input->image.psf->fwhm, 1.0));
     status = open_work(&w, err);
     if (status == RX_OK)
         status = fit_everything(&w, err);

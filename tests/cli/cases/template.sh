@@ -78,10 +78,10 @@ if [ "$active" = 1 ]; then
     list_files >../before
     "$program" tile.fits -RESTORE_TYPE NONE -PSF_TYPE AUTO -PSF_MINSNR 1e6 -PARAMETERS_NAME my.param \
         -CATALOG_TYPE ASCII -CATALOG_NAME test.cat -TEMPLATE_COVAR_NAME c.cat -INVENTED_TYPE DROP \
-        -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL -CHECKIMAGE_NAME r.fits >../out 2>../told
+        -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL -CHECKIMAGE_NAME r.fits >../out 2>../said
     echo $? >../code
     {
-        grep -q 'warning: tile.fits.0.: the PSF is not known, so no templates are fitted' ../told || echo 'no warning'
+        grep -q 'warning: tile.fits.0.: the PSF is not known, so no templates are fitted' ../said || echo 'no warning'
         [ "$(awk '$3 == "nan" && $4 == "nan" && $6 == "nan" && $7 == 0 && $8 == 4' test.cat | wc -l)" = 16 ] || cat test.cat
         [ "$(wc -l <c.cat)" = 0 ] || echo 'covariances of nothing'
     } >../err
@@ -95,10 +95,10 @@ printf '%s\n' NUMBER FLUX_TEMPLATE FLUX_PSF MAG_PSF XPSF_IMAGE ALPHAPSF_J2000 CH
     SPHEROID_REFF_IMAGE SPHEROID_SERSICN SPHEROID_ASPECT_IMAGE SPHEROID_THETA_IMAGE MAG_DISK >my.param
 if [ "$active" = 1 ]; then
     list_files >../before
-    "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat >../out 2>../told
+    "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat >../out 2>../said
     echo $? >../code
     {
-        grep -q 'columns of SExtractor that are not offered here are left out: MAG_DISK$' ../told || cat ../told
+        grep -q 'columns of SExtractor that are not offered here are left out: MAG_DISK$' ../said || cat ../said
         [ "$(awk '$1 <= 16 && $3 > 0.95 * $2 && $3 < 1.05 * $2 && $8^2 < 25 * $9^2 && $10 == $2 && $11 > 0.9 * $2 && $13 > 0' test.cat | wc -l)" = 16 ] || cat test.cat
     } >../err
     leaves test.cat
