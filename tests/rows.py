@@ -80,12 +80,12 @@ def spread(v):
 def restoration():
     for (scene, condition, run, quantity), cell in cells.items():
         mean("mean", cell, values("scene", scene, condition, run, quantity))
-        if run != "RL":
+        if run not in ("RL", "RL_SSIM"):
             continue
         tried = {}  # what RL is tuned to is the best of the scenes that are not in the test
         for row in rows["tuning", scene, condition, ""]:
             if float(row["niter"]) > 0 and float(row["threshold"]) < 0:
-                tried.setdefault(row["number"], []).append((float(row[quantity]), row["niter"]))
+                tried.setdefault(row["number"], []).append((float(row["ssim" if run == "RL_SSIM" else "psnr"]), row["niter"]))
         best = max(tried.values(), key=lambda some: sum(value for value, _ in some))
         assert cell["setting"].startswith(f"RL_NITER {best[0][1]},"), (cell, best)
     for box in lines("boxes"):

@@ -230,7 +230,7 @@ struct rx_lab {
     double precision[RX_PRECISIONS_MAX];
     char about[600];
     const rx_unit_values *values; /* of all units; not owned */
-    rx_lab_tuned (*tuned)[2];     /* RESTORATION: [nconditions][nruns], for PSNR and for SSIM; owned */
+    rx_lab_tuned *tuned;          /* RESTORATION: [nconditions][nruns]; owned */
     double fwhm_trained[2];       /* of the network's model, without one of the keyword */
     double level_trained[2];      /* noise levels (nn/noise_level.h) of the model's fields; 0, 0 = no model */
 };

@@ -4,7 +4,8 @@
  * galaxy images of the paper: it is moved to the middle and drawn so large that it fills the scene, at its
  * own surface brightness; all others stay as they are, small and fainter than the main one.
  *
- * Tuned are iterations, filter and threshold per bin, in the method's own favour, on scenes that are not in the test. */
+ * A run has one image of a scene, and all qualities are measured on it. Tuned are iterations, filter and threshold per bin, in the
+ * method's own favour, on scenes that are not in the test: for PSNR, and of RL_SSIM for SSIM. */
 #include "lab/restoration.h"
 
 #include <math.h>
@@ -32,8 +33,8 @@ static const double OTHERS = 0.5;
 enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
 
 /* How a run is tuned; none: its restorer as it is. Those of SMOOTHED are filters of the blurred image, of RL iterations and
- * filters, of the flat ones thresholds, too, below which all is sky. */
-enum { UNTUNED, SMOOTHED, RL, RL_FLAT, NET_FLAT };
+ * filters, of the flat ones thresholds, too, below which all is sky. RL_SSIM has the candidates of RL. */
+enum { UNTUNED, SMOOTHED, RL, RL_SSIM, RL_FLAT, NET_FLAT };
 
 /* One scene: planes [side][side], 0 = sky. */
 typedef struct trial {
@@ -76,9 +77,12 @@ static rx_status add_runs(rx_lab *lab, rx_error *err)
         if (none && lab->tunes)
             RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "SMOOTHED", .tuned = 1, .method = SMOOTHED},
                                   err));
-        if (rl)
-            RX_TRY(rx_lab_add_run(lab, "RL", (rx_lab_run){.name = "RL_FLAT", .tuned = 1, .method = RL_FLAT},
-                                  err));
+        if (rl) {
+            const rx_lab_run ssim = {.name = "RL_SSIM", .tuned = 1, .method = RL_SSIM},
+                             flat = {.name = "RL_FLAT", .tuned = 1, .method = RL_FLAT};
+            RX_TRY(rx_lab_add_run(lab, "RL", ssim, err));
+            RX_TRY(rx_lab_add_run(lab, "RL", flat, err));
+        }
         if (net && lab->tunes)
             RX_TRY(rx_lab_add_run(lab, "NET",
                                   (rx_lab_run){.name = "NET_FLAT", .tuned = 1, .method = NET_FLAT}, err));
@@ -363,21 +367,21 @@ static tuning get_tuning(const rx_lab *lab, double fwhm, long candidate)
     return t;
 }
 
-/* The candidate of a run of the highest mean over the tuning scenes of a bin; metric 0: PSNR, 1: SSIM. done:
- * values of all units. */
-static long choose(const rx_lab *lab, int bin, const rx_lab_run *run, int metric, const rx_unit_values *done)
+/* The candidate of a run of the highest mean over the tuning scenes of a bin. done: values of all units. */
+static long choose(const rx_lab *lab, int bin, const rx_lab_run *run, const rx_unit_values *done)
 {
+    const int by_ssim = run->method == RL_SSIM, method = by_ssim ? RL : run->method;
     long without, best = -1;
     double highest = 0;
     const long n = count_candidates(lab, &without);
     for (long c = 0; c < n; c++) {
         double sum = 0;
-        if (get_tuning(lab, 1.0, c).method != run->method)
+        if (get_tuning(lab, 1.0, c).method != method)
             continue;
         for (long u = 0; u < lab->nunits; u++)
             if (lab->unit[u].condition == bin && lab->scene[lab->unit[u].scene].id == RX_SCENE_TUNING) {
                 const rx_lab_table table = rx_lab_unit_table(lab, &done[u], RX_RESTORATION_TUNING);
-                sum += c < table.n ? rx_lab_own(&table, c)[RX_TUNING_PSNR + metric] : NAN;
+                sum += c < table.n ? rx_lab_own(&table, c)[by_ssim ? RX_TUNING_SSIM : RX_TUNING_PSNR] : NAN;
             }
         if (best < 0 || sum > highest) {
             best = c;
@@ -416,10 +420,12 @@ static rx_status apply(const rx_lab *lab, double sigma, const tuning *what, cons
     return RX_OK;
 }
 
-static rx_status measure(const trial *t, const float *plane, double *dst, rx_error *err)
+/* RX_SCORE_PSNR and what follows. */
+static rx_status measure(const trial *t, const float *plane, double dst[RX_RESTORATION_SCORE_WIDTH],
+                         rx_error *err)
 {
-    dst[0] = rx_reference_psnr(t->reference, plane);
-    return rx_reference_ssim(t->reference, plane, &dst[1], err);
+    dst[RX_SCORE_PSNR] = rx_reference_psnr(t->reference, plane);
+    return rx_reference_ssim(t->reference, plane, &dst[RX_SCORE_SSIM], err);
 }
 
 /* Every candidate that is somebody's. */
@@ -438,6 +444,7 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
         row[RX_TUNING_NITER] = one.niter;
         row[RX_TUNING_FILTER] = one.filter;
         row[RX_TUNING_THRESHOLD] = one.threshold;
+        double scores[RX_RESTORATION_SCORE_WIDTH] = {NAN, NAN};
         row[RX_TUNING_PSNR] = row[RX_TUNING_SSIM] = NAN;
         if (one.method == UNTUNED && c != without)
             continue;
@@ -450,7 +457,9 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
         if (status == RX_OK)
             status = apply(lab, t->sigma, &one, restored, plane, err);
         if (status == RX_OK)
-            status = measure(t, plane, &row[RX_TUNING_PSNR], err);
+            status = measure(t, plane, scores, err);
+        row[RX_TUNING_PSNR] = scores[RX_SCORE_PSNR];
+        row[RX_TUNING_SSIM] = scores[RX_SCORE_SSIM];
     }
     free(restored);
     return status;
@@ -465,13 +474,13 @@ typedef struct memory {
     float *plane;
 } memory;
 
-/* A run's picture of a scene with the settings tuned for a metric. */
-static rx_status picture(const rx_lab *lab, const trial *t, const rx_lab_run *run, int metric, memory *last,
-                         float *plane, rx_error *err)
+/* A run's picture of a scene. */
+static rx_status picture(const rx_lab *lab, const trial *t, const rx_lab_run *run, memory *last, float *plane,
+                         rx_error *err)
 {
     tuning one = {.threshold = -1.0};
     if (run->tuned)
-        one = get_tuning(lab, t->fwhm, choose(lab, t->bin, run, metric, t->done));
+        one = get_tuning(lab, t->fwhm, choose(lab, t->bin, run, t->done));
     if (last->restorer != run->restorer || last->niter != one.niter) {
         last->restorer = NULL;
         if (run->method == SMOOTHED)
@@ -497,17 +506,10 @@ static rx_status score(const rx_lab *lab, const trial *t, rx_lab_table *scene, r
         row[RX_SCENE_SIGMA] = t->sigma;
         row[RX_SCENE_LEVEL] = t->level;
     }
-    for (int i = 0; status == RX_OK && i < 2 * lab->nruns; i++) {
-        const int metric = i / lab->nruns, m = i % lab->nruns, tuned = lab->run[m].tuned;
-        double values[2];
-        if (metric == 1 && !tuned)
-            continue; /* both were measured on the same picture */
-        status = picture(lab, t, &lab->run[m], metric, &last, planes + n, err);
+    for (int m = 0; status == RX_OK && m < lab->nruns; m++) {
+        status = picture(lab, t, &lab->run[m], &last, planes + n, err);
         if (status == RX_OK)
-            status = measure(t, planes + n, values, err);
-        for (int k = 0; k < 2 && status == RX_OK; k++)
-            if (k == metric || !tuned)
-                rx_lab_each(scene, 0, m)[k] = values[k];
+            status = measure(t, planes + n, rx_lab_each(scene, 0, m), err);
     }
     free(planes);
     return status;
@@ -528,7 +530,7 @@ rx_status rx_restoration_example(const rx_lab *lab, int bin, rx_restoration_show
     for (int m = 0; status == RX_OK && m < lab->nruns; m++) {
         if (strcmp(lab->run[m].name, "BLURRED") == 0)
             continue;
-        status = picture(lab, &t, &lab->run[m], 0, &(memory){.plane = planes}, planes + n, err);
+        status = picture(lab, &t, &lab->run[m], &(memory){.plane = planes}, planes + n, err);
         if (status == RX_OK)
             show(user, lab->run[m].name, planes + n);
     }
@@ -563,12 +565,12 @@ static rx_status describe(rx_lab *lab, rx_error *err)
     lab->tuned = rx_alloc(n, sizeof *lab->tuned);
     if (lab->tuned == NULL)
         return rx_error_memory(err, n * sizeof *lab->tuned);
-    for (size_t i = 0; i < 2 * n; i++) {
-        const int metric = (int)(i % 2), run = (int)(i / 2) % lab->nruns, bin = (int)(i / 2) / lab->nruns;
-        rx_lab_tuned *dst = &lab->tuned[i / 2][metric];
+    for (size_t i = 0; i < n; i++) {
+        const int run = (int)i % lab->nruns, bin = (int)i / lab->nruns;
+        rx_lab_tuned *dst = &lab->tuned[i];
         if (!lab->run[run].tuned)
             continue;
-        const long chosen = choose(lab, bin, &lab->run[run], metric, lab->values);
+        const long chosen = choose(lab, bin, &lab->run[run], lab->values);
         dst->at_end = is_at_end(lab, chosen);
         snprintf(dst->setting, sizeof dst->setting, "%s%s", get_tuning(lab, 1.0, chosen).text,
                  dst->at_end ? " (at an end of what was tried)" : "");

@@ -18,8 +18,10 @@ enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
     X(RX_SCENE_SIGMA, "sigma", "", "of the noise, as drawn")                                                 \
     X(RX_SCENE_LEVEL, "level", "", "noise level on the scale of models")
 #define RX_RESTORATION_SCORE_COLUMNS(X)                                                                      \
-    X(RX_SCORE_PSNR, "psnr", "dB", "with the settings for PSNR")                                             \
-    X(RX_SCORE_SSIM, "ssim", "", "with the settings for SSIM")
+    X(RX_SCORE_PSNR, "psnr", "dB", "")                                                                       \
+    X(RX_SCORE_SSIM, "ssim", "", "K1 = K2 = 0.001, as the paper (quality/image_metrics.h; so is the rest)")  \
+    X(RX_SCORE_SSIM_WANG, "ssim_wang", "", "K1 = 0.01, K2 = 0.03")                                           \
+    X(RX_SCORE_SSIM_OBJECT, "ssim_object", "", "on the pixels of the object")
 
 /* A candidate of the tuning. */
 #define RX_RESTORATION_TUNING_COLUMNS(X)                                                                     \

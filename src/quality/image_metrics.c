@@ -9,6 +9,9 @@
 
 enum { RADIUS = 5, WINDOW = 2 * RADIUS + 1 };
 static const double WINDOW_SIGMA = 1.5;
+static const double OBJECT_LIGHT =
+    0.9; /* of the reference: its brightest pixels with so much are the object */
+static const double K_PAPER[] = {0.001, 0.001}, K_WANG[] = {0.01, 0.03}; /* K1, K2 */
 
 static double mean_square(int width, int height, const float *image, const float *reference)
 {
@@ -30,7 +33,8 @@ static double mean_square(int width, int height, const float *image, const float
 struct rx_image_reference {
     int width, height;
     const float *pixels; /* not owned */
-    double high, c;      /* C1 = C2 */
+    double high, range;
+    float object;  /* the faintest pixel of the object */
     double centre; /* taken off all values, so that a high background does not eat the digits of variances */
     double weight[WINDOW];
     double *mean, *variance; /* of the windows, [height - 2 RADIUS][width - 2 RADIUS] */
@@ -88,10 +92,33 @@ static double *new_room(const rx_image_reference *r, size_t planes)
     return RX_NEW(double, (size_t)r->width + (size_t)r->height * columns_of(r) + planes * windows_of(r));
 }
 
+static int brightest_first(const void *one, const void *other)
+{
+    const float a = *(const float *)one, b = *(const float *)other;
+    return (a < b) - (a > b);
+}
+
+/* The value down to which the brightest of n pixels hold OBJECT_LIGHT of their sum. */
+static rx_status find_object(size_t n, const float *pixels, float *dst, rx_error *err)
+{
+    float *sorted = RX_NEW(float, n);
+    double all = 0, light = 0;
+    if (sorted == NULL)
+        return rx_error_memory(err, n * sizeof *sorted);
+    for (size_t i = 0; i < n; i++)
+        all += sorted[i] = pixels[i];
+    qsort(sorted, n, sizeof *sorted, brightest_first);
+    size_t last = 0;
+    for (light = sorted[0]; last + 1 < n && light < OBJECT_LIGHT * all; light += sorted[last])
+        last++;
+    *dst = sorted[last];
+    free(sorted);
+    return RX_OK;
+}
+
 rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_image_reference **dst,
                                  rx_error *err)
 {
-    static const double k = 0.001; /* the paper's K1 = K2 */
     double low = INFINITY, high = -INFINITY, sum = 0;
     *dst = NULL;
     if (width < WINDOW || height < WINDOW)
@@ -105,6 +132,8 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
     if (!(range > 0) || !isfinite(range))
         return rx_error_set(err, RX_INPUT,
                             "SSIM needs a reference with contrast, its values go from %g to %g", low, high);
+    float object = 0;
+    RX_TRY(find_object((size_t)width * (size_t)height, pixels, &object, err));
     rx_image_reference *r = RX_NEW(rx_image_reference, 1);
     if (r == NULL)
         return rx_error_memory(err, sizeof *r);
@@ -112,7 +141,8 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
                               .height = height,
                               .pixels = pixels,
                               .high = high,
-                              .c = (k * range) * (k * range),
+                              .range = range,
+                              .object = object,
                               .centre = 0.5 * (low + high)};
     r->mean = RX_NEW(double, windows_of(r));
     r->variance = RX_NEW(double, windows_of(r));
@@ -146,12 +176,27 @@ double rx_reference_psnr(const rx_image_reference *reference, const float *image
     return mse > 0 ? 20 * log10(reference->high) - 10 * log10(mse) : mse == 0 ? INFINITY : NAN;
 }
 
-rx_status rx_reference_ssim(const rx_image_reference *r, const float *image, double *dst, rx_error *err)
+/* Moments of one window of image and reference, the centre taken off the means. */
+typedef struct window {
+    double image, reference, image_variance, reference_variance, covariance;
+} window;
+
+static double similarity(const rx_image_reference *r, const double k[2], const window *w)
+{
+    const double c1 = k[0] * r->range * k[0] * r->range, c2 = k[1] * r->range * k[1] * r->range,
+                 ma = w->image + r->centre, mb = w->reference + r->centre;
+    return (2 * ma * mb + c1) * (2 * w->covariance + c2) /
+           ((ma * ma + mb * mb + c1) * (w->image_variance + w->reference_variance + c2));
+}
+
+rx_status rx_reference_ssim(const rx_image_reference *r, const float *image, double dst[RX_SSIM_KINDS],
+                            rx_error *err)
 {
     const size_t columns = columns_of(r), windows = windows_of(r);
-    const double centre = r->centre, c = r->c;
-    double total = 0, *room = new_room(r, 3);
-    *dst = NAN;
+    double total[RX_SSIM_KINDS] = {0}, *room = new_room(r, 3);
+    size_t inside = 0;
+    for (int k = 0; k < RX_SSIM_KINDS; k++)
+        dst[k] = NAN;
     if (room == NULL)
         return rx_error_memory(err, 3 * windows * sizeof *room);
     double *mean = room + r->width + (size_t)r->height * columns, *square = mean + windows,
@@ -159,16 +204,24 @@ rx_status rx_reference_ssim(const rx_image_reference *r, const float *image, dou
     take_means(r, image, NULL, room, mean);
     take_means(r, image, image, room, square);
     take_means(r, image, r->pixels, room, product);
-    for (size_t first = 0; first < windows; first += columns) {
-        double sum = 0; /* sums of rows keep the rounding of large images small */
+    for (size_t first = 0, y = RADIUS; first < windows; first += columns, y++) {
+        double sum[RX_SSIM_KINDS] = {0}; /* sums of rows keep the rounding of large images small */
         for (size_t i = first; i < first + columns; i++) {
-            const double ua = mean[i], ub = r->mean[i], ma = ua + centre, mb = ub + centre;
-            const double va = square[i] - ua * ua, vb = r->variance[i], cov = product[i] - ua * ub;
-            sum += (2 * ma * mb + c) * (2 * cov + c) / ((ma * ma + mb * mb + c) * (va + vb + c));
+            const double ua = mean[i], ub = r->mean[i];
+            const window w = {ua, ub, square[i] - ua * ua, r->variance[i], product[i] - ua * ub};
+            const double paper = similarity(r, K_PAPER, &w);
+            sum[RX_SSIM_PAPER] += paper;
+            sum[RX_SSIM_WANG] += similarity(r, K_WANG, &w);
+            if (r->pixels[y * (size_t)r->width + RADIUS + i - first] >= r->object) {
+                sum[RX_SSIM_OBJECT] += paper;
+                inside++;
+            }
         }
-        total += sum;
+        for (int k = 0; k < RX_SSIM_KINDS; k++)
+            total[k] += sum[k];
     }
-    *dst = total / (double)windows;
+    for (int k = 0; k < RX_SSIM_KINDS; k++)
+        dst[k] = total[k] / (double)(k == RX_SSIM_OBJECT ? inside : windows);
     free(room);
     return RX_OK;
 }

@@ -412,13 +412,14 @@ static void scenes_are_what_bins_say(void **state)
     free_rows(&b);
 }
 
-/* The settings of a method are those of the highest mean over the scenes of the tuning, and said to lie at an end of what
- * was tried; NET_FLAT is NET with a threshold alone. */
+/* The settings of a method are those of the highest mean PSNR over the scenes of the tuning, of RL_SSIM the highest mean SSIM, and
+ * said to lie at an end of what was tried; NET_FLAT is NET with a threshold alone. */
 static void tuning_takes_the_best(void **state)
 {
     static const char *const pairs[] = {
         SMALL, "RESTORE_TYPE", "NONE,RL,NET", "STAGE.NET_MODEL", "./small.fits", NULL};
-    static const char *const tuned[] = {"SMOOTHED", "RL", "RL_FLAT", "NET_FLAT"};
+    enum { METHODS = 5, OTHER = METHODS };
+    static const char *const tuned[METHODS] = {"SMOOTHED", "RL", "RL_FLAT", "NET_FLAT", "RL_SSIM"};
     rows r, cells;
     rx_model *model = small_model(RX_MODE_BLIND, 1);
     (void)state;
@@ -428,20 +429,21 @@ static void tuning_takes_the_best(void **state)
     read_rows("tuning", "cells.ecsv", &cells);
     for (long i = 0; i < cells.n; i++) {
         int method = 0;
-        while (method < 4 && strcmp(words(&cells, i, "run"), tuned[method]) != 0)
+        while (method < METHODS && strcmp(words(&cells, i, "run"), tuned[method]) != 0)
             method++;
-        if (method == 4) {
+        if (method == OTHER) {
             assert_string_equal(words(&cells, i, "setting"), "");
             continue;
         }
         enum { MOST = 200 };
-        double sum[MOST] = {0}, best[4] = {-1, -1, -1, -1};
+        double sum[MOST] = {0}, best = -1;
         long chosen = -1, last = 0;
+        const int by_ssim = method == 4, candidates_of = by_ssim ? 1 : method;
         for (long k = 0; k < r.n; k++)
             if (is_of(&r, k, "tuning", "") && strcmp(words(&r, k, "scene"), words(&cells, i, "scene")) == 0 &&
                 strcmp(words(&r, k, "condition"), words(&cells, i, "condition")) == 0) {
                 const long candidate = (long)number(&r, k, "number");
-                sum[candidate] += number(&r, k, words(&cells, i, "quantity"));
+                sum[candidate] += number(&r, k, by_ssim ? "ssim" : "psnr");
                 last = candidate > last ? candidate : last;
             }
         for (long k = 0; k < r.n; k++) {
@@ -449,9 +451,9 @@ static void tuning_takes_the_best(void **state)
             if (!is_of(&r, k, "tuning", "") || isnan(sum[candidate]))
                 continue;
             const int net = candidate > last - 6, cut = number(&r, k, "threshold") >= 0;
-            const int of = net ? (cut ? 3 : 4) : number(&r, k, "niter") > 0 ? 1 + cut : cut ? 4 : 0;
-            if (of == method && sum[candidate] > best[of]) {
-                best[of] = sum[candidate];
+            const int of = net ? (cut ? 3 : OTHER) : number(&r, k, "niter") > 0 ? 1 + cut : cut ? OTHER : 0;
+            if (of == candidates_of && sum[candidate] > best) {
+                best = sum[candidate];
                 chosen = k;
             }
         }
@@ -461,7 +463,7 @@ static void tuning_takes_the_best(void **state)
         else if (method > 0)
             snprintf(setting, sizeof setting, "RL_NITER %g, ", number(&r, chosen, "niter"));
         assert_int_equal(strncmp(words(&cells, i, "setting"), setting, strlen(setting)), 0);
-        if (method == 1 || method == 2) /* of two numbers of iterations both are ends */
+        if (method != 0 && method != 3) /* of two numbers of iterations both are ends */
             assert_non_null(strstr(words(&cells, i, "setting"), "(at an end of what was tried)"));
     }
     free_rows(&r);

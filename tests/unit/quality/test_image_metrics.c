@@ -24,13 +24,13 @@ static void fill(int width, int height, int kind, float *image, float *reference
 static double ssim_of(int width, int height, const float *image, const float *reference, double *psnr)
 {
     rx_image_reference *prepared = NULL;
-    double ssim = 0;
+    double ssim[RX_SSIM_KINDS];
     assert_int_equal(rx_image_reference_new(width, height, reference, &prepared, NULL), RX_OK);
-    assert_int_equal(rx_reference_ssim(prepared, image, &ssim, NULL), RX_OK);
+    assert_int_equal(rx_reference_ssim(prepared, image, ssim, NULL), RX_OK);
     if (psnr != NULL)
         *psnr = rx_reference_psnr(prepared, image);
     rx_image_reference_free(prepared);
-    return ssim;
+    return ssim[RX_SSIM_PAPER];
 }
 
 /* skimage.metrics.structural_similarity(ref, img, gaussian_weights=True, sigma=1.5,
@@ -56,6 +56,29 @@ static void as_skimage(void **state)
         assert_near(ssim_of(w, h, image, reference, &psnr), expected[i].ssim, 1e-11);
         assert_near(psnr, expected[i].psnr, 1e-11);
     }
+}
+
+/* structural_similarity as above with K1=.01, K2=.03, and with full=True the mean of its map, .001 and .001, over the pixels at least 5
+ * from the border that are among the brightest with 90 % of the light: ref = 255 exp(-((xx - 30)^2 + (yy - 34)^2) / 2 / 6^2) rounded to
+ * whole numbers, img = ref + (31xx + 17yy) % 23 - 11. */
+static void other_kinds_as_skimage(void **state)
+{
+    float image[MOST * MOST], reference[MOST * MOST];
+    double ssim[RX_SSIM_KINDS];
+    rx_image_reference *prepared = NULL;
+    (void)state;
+    for (int y = 0; y < MOST; y++)
+        for (int x = 0; x < MOST; x++) {
+            const double r2 = (x - 30) * (x - 30) + (y - 34) * (y - 34);
+            reference[y * MOST + x] = (float)floor(255 * exp(-r2 / 72) + 0.5);
+            image[y * MOST + x] = reference[y * MOST + x] + (float)((31 * x + 17 * y) % 23 - 11);
+        }
+    assert_int_equal(rx_image_reference_new(MOST, MOST, reference, &prepared, NULL), RX_OK);
+    assert_int_equal(rx_reference_ssim(prepared, image, ssim, NULL), RX_OK);
+    assert_near(ssim[RX_SSIM_PAPER], 0.2937098985472912, 1e-11);
+    assert_near(ssim[RX_SSIM_WANG], 0.6749541999268605, 1e-11);
+    assert_near(ssim[RX_SSIM_OBJECT], 0.9601999652578084, 1e-11);
+    rx_image_reference_free(prepared);
 }
 
 /* One window on a high level, where sums of squares lose their digits, by deviations from the mean. */
@@ -119,6 +142,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(as_skimage),
+        cmocka_unit_test(other_kinds_as_skimage),
         cmocka_unit_test(one_window_by_hand),
         cmocka_unit_test(what_cannot_be_measured),
     };
