@@ -21,6 +21,8 @@ void rx_tile_free(rx_tile *tile)
         free(tile->pixels);
     free(tile->mask);
     free(tile->weight);
+    free(tile->restored);
+    free(tile->restored_noise);
     free(tile->cards);
     if (tile->wcs != NULL)
         tile->wcs_free(tile->wcs);

@@ -19,6 +19,8 @@ rx_image rx_tile_image(const rx_tile *tile)
                       .with_sky = 1,
                       .weight = tile->weight,
                       .weight_type = tile->weight_type,
+                      .restored = tile->restored,
+                      .restored_noise = tile->restored_noise,
                       .nflagmaps = tile->nflagmaps,
                       .flagmaps = tile->flagmaps,
                       .gain = tile->gain,

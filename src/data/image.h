@@ -44,6 +44,7 @@ typedef struct rx_image {
     const rx_noise_correlation *correlation; /* of the noise; NULL: independent pixels */
     const float *weight;                     /* [height][width] as WEIGHT_IMAGE has it; NULL: none */
     rx_weight_type weight_type;
+    const float *restored, *restored_noise; /* [height][width] RESTORE_TYPE FILE (data/tile.h); NULL: none */
     int nflagmaps;
     uint32_t *const *flagmaps; /* [nflagmaps] planes [height][width] */
     double gain;               /* e-/ADU; 0: no photon noise */

@@ -22,6 +22,7 @@
     RESTORER(RL,       rx_rl_run,       RX_TRAIT_PSF,      RL,       "Richardson-Lucy with the given PSF")            \
     RESTORER(RL_BLIND, rx_rl_blind_run, RX_TRAIT_PSF,      RL_BLIND, "Richardson-Lucy that improves the PSF as well") \
     RESTORER(NET,      rx_network_run,  RX_NETWORK_TRAITS, NET,      "a trained network")                             \
+    RESTORER(FILE,     rx_file_run,     0,                 RL,       "pixels that were restored elsewhere")            \
     RESTORER(AUTO,     rx_auto_run,     RX_TRAIT_PSF,      NET,      "the one of NONE, RL and NET that finds most injected sources")
 
 /* How many there are, and their names as the words of a keyword, NULL behind them. */

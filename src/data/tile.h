@@ -53,6 +53,8 @@ typedef struct rx_tile {
     uint8_t *mask; /* [height][width], RX_MASK_ bits; always there */
     float *weight; /* [height][width] as in the file, or NULL */
     rx_weight_type weight_type;
+    float *restored;       /* [height][width] as RESTORED_NAME has it, 0 where the mask hides; or NULL */
+    float *restored_noise; /* [height][width] sigma of its pixels, or NULL */
     int nflagmaps;
     uint32_t **flagmaps; /* nflagmaps planes [height][width] (FLAG_IMAGE) */
     double gain;         /* e-/ADU; 0 = infinite (no photon noise of sources) */

@@ -13,8 +13,9 @@ typedef struct rx_tile_params {
     const char *weight_name; /* WEIGHT_IMAGE or NULL */
     rx_weight_type weight_type;
     int own_maps; /* variance and mask that stand beside the image in a file of Rubin's kind, as WEIGHT_TYPE is not set */
-    double weight_threshold; /* NAN = SExtractor's default for the type */
-    int nflags;              /* FLAG_IMAGE list */
+    double weight_threshold;                         /* NAN = SExtractor's default for the type */
+    const char *restored_name, *restored_noise_name; /* RESTORED_NAME, RESTORED_NOISE; NULL or "": none */
+    int nflags;                                      /* FLAG_IMAGE list */
     const char *flag_names[8];
     double gain; /* GAIN and GAIN_KEY; the header key wins, as in SExtractor */
     const char *gain_key;

@@ -233,6 +233,34 @@ rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx
     return RX_OK;
 }
 
+/* A plane of what was restored elsewhere. Where the tile has data it has to have some, too, and a noise above 0. */
+static rx_status add_restored(const char *what, const char *name, const rx_tile_place *place, bool noise,
+                              const rx_tile *tile, float **dst, rx_error *err)
+{
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    companion map;
+    if (name == NULL || name[0] == '\0')
+        return RX_OK;
+    rx_status status = open_companion(what, name, place, &map, err);
+    if (status == RX_OK)
+        status = RX_MAKE(*dst, n, err);
+    if (status == RX_OK)
+        status = rx_fits_read_pixels(&map.source, &map.part, *dst, err);
+    for (size_t i = 0; status == RX_OK && i < n; i++) {
+        const float value = (*dst)[i];
+        if ((tile->mask[i] & (RX_MASK_BAD | RX_MASK_WEIGHT)) != 0)
+            (*dst)[i] = isfinite(value) ? value : 0.0f;
+        else if (!isfinite(value) || (noise && !(value > 0.0f)))
+            status = rx_error_at(err, RX_INPUT, map.name.path, map.hdu, 0,
+                                 "the %s is %g in pixel (%ld,%ld), where the tile has data; give %s", what,
+                                 (double)value, map.part.first[0] + (long)(i % (size_t)tile->width),
+                                 map.part.first[1] + (long)(i / (size_t)tile->width),
+                                 noise ? "a number above 0 there" : "a number there");
+    }
+    rx_fits_done(&map.source);
+    return status;
+}
+
 /* Flags are integers of up to 32 bits, as IMAFLAGS_ISO is, which a double holds; compressed images cannot be
  * read as LONGLONG. Negative ones keep their bit pattern, where the map has no more bits than that. Floats will do that are
  * integers, as a mask is that went through arithmetic. */
@@ -385,5 +413,8 @@ rx_status rx_tile_add_maps(const rx_tile_params *par, const rx_tile_place *place
     RX_TRY(add_weight(par, place, tile, err));
     if (par->own_maps)
         RX_TRY(add_own_maps(par, place, log, tile, err));
+    RX_TRY(add_restored("restored image", par->restored_name, place, false, tile, &tile->restored, err));
+    RX_TRY(add_restored("noise of the restored image", par->restored_noise_name, place, true, tile,
+                        &tile->restored_noise, err));
     return add_flags(par, place, tile, err);
 }

@@ -14,7 +14,8 @@ typedef struct rx_tile_place {
     rx_fits_section part; /* that is read */
 } rx_tile_place;
 
-/* Fill tile->weight, tile->weight_type, tile->flagmaps and RX_MASK_WEIGHT from WEIGHT_IMAGE and the FLAG_IMAGE list. With
+/* Fill tile->weight, tile->weight_type, tile->flagmaps and RX_MASK_WEIGHT from WEIGHT_IMAGE and the FLAG_IMAGE list, and
+ * tile->restored and its noise from RESTORED_NAME and RESTORED_NOISE. With
  * par->own_maps and both a MASK and a VARIANCE beside the image the variance becomes the weight map, and what the mask's
  * header calls BAD, CR, NO_DATA (no data) or SAT (saturated) joins tile->mask. */
 rx_status rx_tile_add_maps(const rx_tile_params *par, const rx_tile_place *place, rx_log *log, rx_tile *tile,

@@ -68,9 +68,10 @@ static rx_status stage_options(rx_lab *lab, rx_log *log, rx_error *err)
     const rx_words *words = &lab->config->restore_type;
     rx_text restorers = {0};
     for (int i = 0; i < words->n; i++)
-        if (strcmp(words->v[i], "AUTO") == 0)
+        if (strcmp(words->v[i], "AUTO") == 0 || strcmp(words->v[i], "FILE") == 0)
             return rx_error_set(err, RX_USAGE,
-                                "RESTORE_TYPE AUTO is for single tiles; name the restorers that compete");
+                                "RESTORE_TYPE %s is for single tiles; name the restorers that compete",
+                                words->v[i]);
     for (int i = 0; i < words->n; i++)
         rx_text_printf(&restorers, "%s%s", i > 0 ? "," : "", words->v[i]);
     rx_status status = restorers.failed || restorers.data == NULL

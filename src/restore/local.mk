@@ -1,5 +1,6 @@
 librextract_la_SOURCES += src/restore/restore.c
 librextract_la_SOURCES += src/restore/none.c src/restore/runs.h
+librextract_la_SOURCES += src/restore/file.c
 librextract_la_SOURCES += src/restore/richardson_lucy.c src/restore/richardson_lucy.h
 librextract_la_SOURCES += src/restore/rl_blind.c src/restore/rl_blind.h
 librextract_la_SOURCES += src/restore/blur.c src/restore/blur.h

@@ -27,6 +27,8 @@ typedef struct rx_restore_params {
     rx_out_of_domain out_of_domain; /* obeyed by the pipeline (pipeline/domain.h), not by the restorer */
     int fallback;                   /* RESTORE_FALLBACK, likewise: another restorer may do the tile */
     int mask_saturated;             /* likewise: saturated pixels of its image are hidden */
+    double file_fwhm;               /* FILE: FWHM (pixels) of its PSF, a Gaussian; 0: file_psf */
+    const char *file_psf;           /* FILE: file of its PSF */
     int keep_reblurred;             /* fill rx_restored.reblurred (check-image RESIDUAL) */
     int keep_support;               /* and .support (check-image SUPPORT) */
     int nthreads;

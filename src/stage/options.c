@@ -233,6 +233,38 @@ static rx_status template_options(rx_options *dst, rx_error *err)
     return RX_OK;
 }
 
+/* RESTORE_TYPE FILE: one image with its PSF, which nothing can be injected into. */
+static rx_status file_options(const rx_config *cfg, rx_options *dst, rx_error *err)
+{
+    rx_restore_params *par = &dst->pipeline.restore;
+    bool wanted = false;
+    char *end = NULL;
+    for (int i = 0; i < dst->nrestorers; i++)
+        wanted |= strcmp(dst->restorers[i]->name, "FILE") == 0;
+    if (!wanted) {
+        dst->tile[0].restored_name = dst->tile[0].restored_noise_name = NULL;
+        return RX_OK;
+    }
+    if (cfg->restored_name[0] == '\0')
+        return rx_error_set(err, RX_USAGE,
+                            "RESTORE_TYPE FILE needs the restored pixels; name their file by RESTORED_NAME");
+    if (dst->check.self_check)
+        return rx_error_set(
+            err, RX_USAGE,
+            "SELF_CHECK injects objects, which FILE would have to restore; leave out one of the two");
+    par->file_fwhm = strtod(cfg->restored_psf, &end);
+    if (*end != '\0' || cfg->restored_psf[0] == '\0') {
+        par->file_fwhm = 0;
+        par->file_psf = cfg->restored_psf;
+    }
+    if (par->file_fwhm < 0 || (par->file_fwhm == 0 && (par->file_psf == NULL || par->file_psf[0] == '\0')))
+        return rx_error_set(
+            err, RX_USAGE,
+            "RESTORE_TYPE FILE needs the PSF of the restored pixels; give RESTORED_PSF its FWHM in "
+            "pixels, or the file of its image");
+    return RX_OK;
+}
+
 static rx_status position_options(const rx_config *cfg, rx_options *dst, rx_error *err)
 {
     dst->positions_name = cfg->positions_name;
@@ -394,6 +426,7 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     RX_TRY_EXIT(checkimage_options(cfg, log, options, err));
     RX_TRY_EXIT(assoc_options(cfg, options, err));
     RX_TRY_EXIT(reference_options(cfg, options, err));
+    RX_TRY_EXIT(file_options(cfg, options, err));
     RX_TRY_EXIT(position_options(cfg, options, err));
     RX_TRY_EXIT(template_options(options, err));
     *dst = options;

@@ -123,6 +123,9 @@ rx_status rx_record_inputs(rx_record *record, const rx_config *config, const rx_
         if (role == 0 || options->tile[1].weight_name != options->tile[0].weight_name)
             take(&r, "WEIGHT_IMAGE", options->tile[role].weight_name);
     }
+    take(&r, "RESTORED_NAME", options->tile[0].restored_name);
+    take(&r, "RESTORED_PSF", options->pipeline.restore.file_psf);
+    take(&r, "RESTORED_NOISE", options->tile[0].restored_noise_name);
     for (int i = 0; i < options->tile[0].nflags; i++)
         take(&r, "FLAG_IMAGE", options->tile[0].flag_names[i]);
     take(&r, "PARAMETERS_NAME", config->parameters_name);
