@@ -331,6 +331,38 @@ else
     skip "injection into an SDSS frame" "the real data are absent"
 fi
 
+# --- a list of objects ---
+
+cat >list.txt <<'END'
+# X_IMAGE Y_IMAGE MAG FLUX_RADIUS SERSIC_N ELONGATION THETA_IMAGE
+40 50 16 0 0 1 0
+100.25 120.5 15 6 4 2 30
+170 70 15 6 1 1.5 -40
+9000 70 15 6 1 1.5 -40
+END
+run() { "$simulate" -IMAGE_SIZE 200 -PSF_FWHM 3 -NOISE_TYPE NONE -SKY_LEVEL 0 -MAG_ZEROPOINT 25 "$@" >list.log 2>&1; }
+run -CATALOG_NAME list.txt -IMAGE_NAME listed.fits -TRUTH_NAME listed_truth.fits &&
+    run -CATALOG_NAME listed_truth.fits -IMAGE_NAME again.fits -TRUTH_NAME again_truth.fits
+result "a list of objects, and the truth that comes of it as a list" $? list.log
+theory "objects of a list lie where it says, as bright and as large, and those of a truth catalogue are the same to the bit" <<'END'
+a, t = image('listed.fits'), table('listed_truth.fits')
+assert len(t) == 3 and [name.strip() for name in t['TYPE']] == ['STAR', 'GALAXY', 'GALAXY']
+assert np.all(a == image('again.fits'))
+y, x = np.indices(a.shape)
+for X, Y, mag, radius in ((40, 50, 16, 0), (170, 70, 15, 6)):
+    r = np.hypot(x + 1 - X, y + 1 - Y)
+    near = a * (r < 30)
+    flux = 10 ** (-0.4 * (mag - 25))
+    assert abs(near.sum() / flux - 1) < 0.02, near.sum()
+    assert np.hypot((near * (x + 1)).sum() / near.sum() - X, (near * (y + 1)).sum() / near.sum() - Y) < 0.02
+v = a[49:90, 149:190] # the exponential disk: its axes and angle by second moments, the PSF taken off
+y, x = np.indices(v.shape) - 20.0
+f = v.sum()
+xx, yy, xy = ((v * p).sum() / f - q for p, q in ((x * x, 2), (y * y, 2), (x * y, 0)))
+angle = np.degrees(0.5 * np.arctan2(2 * xy, xx - yy))
+assert abs(angle + 40) < 1, angle
+END
+
 # --- bad input ---
 
 # refused TITLE CODE TEXT ARGUMENT...: ends with CODE, says TEXT, leaves nothing behind.
@@ -355,6 +387,12 @@ refused "templates that are not there" 3 nowhere -TEMPLATE_NAME nowhere -TEMPLAT
 refused "a coadd through a PSF of the image's pixels" 2 PSF_TYPE -COADD_TYPE DRIZZLE -PSF_TYPE FILE -PSF_NAME p.fits
 refused "a coadd of a real tile" 2 COADD_TYPE -COADD_TYPE LANCZOS -INJECT_IMAGE ../field.fits
 refused "pixels far finer than those of the frames" 2 COADD_SCALE -COADD_TYPE DRIZZLE -COADD_SCALE 0.2
+printf '# X_IMAGE Y_IMAGE MAG ELONGATION\n1 1 16 0.5\n' >flat.list
+refused "a listed object that cannot be" 3 'flat.list: row 1: ELONGATION is 0.5; give 1 to 20' -CATALOG_NAME ../flat.list
+printf '# X_IMAGE Y_IMAGE SIZE\n1 1 16\n' >dark.list
+refused "a list that says not how bright" 3 'give it MAG or FLUX' -CATALOG_NAME ../dark.list
+printf '# A B MAG\n1 1 16\n' >lost.list
+refused "a list that says not where" 3 'X_IMAGE and Y_IMAGE' -CATALOG_NAME ../lost.list
 refused "magnitudes the wrong way round" 2 STAR_MAG -STAR_MAG 22,14
 
 finish

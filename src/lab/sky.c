@@ -10,6 +10,7 @@
 #include "data/psf.h"
 #include "io/tile.h"
 #include "num/convolve.h"
+#include "stage/listed_objects.h"
 #include "stage/open.h"
 
 double rx_lab_beyond(const rx_lab_sky *sky, double x, double y)
@@ -142,6 +143,8 @@ rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log 
     if (status == RX_OK)
         status = rx_simulation_from_config(own, log, &dst->simulation, err);
     rx_simulate_config_free(own);
+    if (status == RX_OK && sim->catalog_name[0] != '\0')
+        status = rx_listed_objects(sim->catalog_name, NULL, dst->simulation, err);
     RX_TRY(status);
     dst->simulation->nthreads = 1;
     dst->width = dst->simulation->scene.width;

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "base/interrupt.h"
 #include "base/memory.h"
@@ -523,6 +524,11 @@ rx_status rx_scene_make(const rx_scene_params *par, const rx_templates *template
     places places = {0};
     *dst = NULL;
     rx_status status = RX_OK;
+    if (par->listed != NULL) {
+        RX_TRY(rx_scene_new(par->width, par->height, par->nlisted, dst, err));
+        memcpy((*dst)->objects, par->listed, (size_t)par->nlisted * sizeof *par->listed);
+        return RX_OK;
+    }
     RX_TRY(check_population(&par->stars, par->zeropoint, "stars", err));
     RX_TRY(check_population(&par->galaxies, par->zeropoint, "galaxies", err));
     RX_TRY(check_population(&par->templates, par->zeropoint, "templates", err));

@@ -100,6 +100,9 @@ typedef struct rx_scene_params {
     double least_distance; /* between any two objects, pixels; 0 = none asked */
     /* where an object may lie: NULL = anywhere, else [height][width], 0 = forbidden, as is all outside */
     const unsigned char *allowed;
+    const rx_object
+        *listed; /* [nlisted] these are the scene, whatever the populations say; NULL: drawn from them */
+    long nlisted;
     uint64_t seed, stream; /* stream: number of the scene in a series */
 } rx_scene_params;
 

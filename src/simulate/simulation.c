@@ -189,6 +189,7 @@ void rx_simulation_free(rx_simulation *simulation)
     rx_optics_free(simulation->optics);
     rx_optics_free(simulation->target);
     free(simulation->allowed);
+    free(simulation->listed);
     free(simulation);
 }
 

@@ -40,6 +40,7 @@ typedef struct rx_simulation {
     double alpha, delta;     /* deg, centre of the simulated tile */
     int nthreads;
     int without_sharp;      /* 1: rx_simulation_make() leaves the sharp reference out; from_config sets 0 */
+    rx_object *listed;      /* owned; of scene: read from a list, or NULL */
     unsigned char *allowed; /* owned: where objects may lie on a real tile; NULL = anywhere */
 } rx_simulation;
 

@@ -20,6 +20,7 @@
 #include "restore/restore.h"
 #include "simulate/inject.h"
 #include "simulate/truth.h"
+#include "stage/listed_objects.h"
 #include "stage/open.h"
 #include "stage/provenance.h"
 
@@ -101,12 +102,15 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
                                          .with_optics = 1};
     RX_TRY(rx_simulation_build(config, &ground, log, &simulation, err));
     simulation->nthreads = options->pipeline.nthreads;
+    rx_status status = config->catalog_name[0] != '\0'
+                           ? rx_listed_objects(config->catalog_name, tile->wcs, simulation, err)
+                           : RX_OK;
     simulation->noise.type = RX_NOISE_NONE;
     simulation->noise.sky = simulation->noise.sigma = 0.0;
     simulation->noise.gain = gain_of(config, tile, log);
     simulation->noise.saturation = tile->saturation;
-    rx_status status =
-        allow(config, options, field, simulation->optics->fwhm, log, &simulation->allowed, err);
+    if (status == RX_OK)
+        status = allow(config, options, field, simulation->optics->fwhm, log, &simulation->allowed, err);
     if (status == RX_OK)
         *dst = simulation;
     else
@@ -436,6 +440,8 @@ static rx_status run_field(job *job, rx_error *err)
     RX_TRY_EXIT(rx_simulation_from_config(job->config, job->log, &simulation, err));
     simulation->nthreads = rx_threads_had(job->config->nthreads, job->log);
     simulation->without_sharp = job->sharp.writer == NULL;
+    if (job->config->catalog_name[0] != '\0')
+        RX_TRY_EXIT(rx_listed_objects(job->config->catalog_name, NULL, simulation, err));
     RX_TRY_EXIT(rx_simulation_make(simulation, simulation->scene.stream, &simulated, err));
     RX_TRY_EXIT(rx_simulation_tile(simulation, &simulated, job->image.name, &tile, err));
     RX_TRY_EXIT(make_facts(simulation, &simulated, NULL, &facts, err));
