@@ -6,6 +6,7 @@
     psf.py real FOLDER             real tiles: FOLDER/real.json and pictures
     psf.py small FOLDER [SEED]     small and empty tiles: FOLDER/small.json
     psf.py few FOLDER [SEED[,SEED...]]  tiles of few stars, and of a stated FWHM: FOLDER/few.json
+    psf.py grid FOLDER [SEED[,SEED...] [TILE[;TILE...]]]  FWHM 1.3 to 14 with 3 to 1000 stars, and hard tiles: FOLDER/grid.json
     psf.py page FOLDER             FOLDER/psf.md from the json files that are there
 
 RX_PROGRAM names rextract (default: build/rextract, else rextract in the root), RX_SHARED_DATA the folder of real tiles.
@@ -705,6 +706,109 @@ def few(out, seeds="1"):
     (Path(out) / "few.json").write_text(json.dumps(rows, default=plain) + "\n")
 
 
+# --- the stated error
+
+# name: FWHM, bright stars, galaxies per Mpixel, how the PSF varies
+GRID = {f"FWHM {f}, {n} stars": (f, n, 0, "CONSTANT") for f in (1.3, 2.5, 4.0, 8.0, 14.0) for n in (3, 10, 30, 100, 1000)
+        if n * f < 3000} | {
+    "crowd": (3.0, 800, 0, "CONSTANT"), "varying, 40 stars": (3.0, 40, 0, "QUADRATIC"),
+    "varying, 200 stars": (3.0, 200, 0, "QUADRATIC"), "galaxies, 10 stars": (3.0, 10, 1000, "CONSTANT"),
+    "galaxies, 40 stars": (3.0, 40, 1000, "LINEAR"), "hit, 3 stars": (4.0, 3, 0, "CONSTANT"),
+    "saturated, 10 stars": (4.0, 10, 0, "CONSTANT")}
+
+
+def grid_tile(folder, name, seed):
+    """Bright stars have S/N from 30 to what saturates, N(> F) ~ F^-0.6, one in 144 FWHM^2, or in what 1024 pixels leave; as many are
+    fainter. The crowd has 8000 per Mpixel of S/N above 5 in all. Tiles that lie there are not drawn again."""
+    fwhm, n, galaxies, varies = GRID[name]
+    side = int(np.clip(12 * fwhm * np.sqrt(n), max(192, 40 * fwhm), 1024)) if name != "crowd" else 512
+    number_of = list(GRID).index(name)
+    rng = np.random.default_rng([seed, number_of, 49])
+    truth = Truth(KINDS[(seed + number_of) % len(KINDS)], fwhm, 0.1, varies, side)
+    middle = truth.stamp(side / 2, side / 2, int(4 * fwhm + 2))
+    floor, top = psf_truth.SIGMA / np.sqrt((middle**2).sum()), 0.85 * (SATURATION - psf_truth.SKY) / middle.max()
+    faint = n * (1 if name != "crowd" else 2)
+
+    def fluxes(low, high, m):
+        return low * (1 - rng.random(m) * (1 - (high / low)**-0.6))**(-1 / 0.6)
+    margin = min(3 * fwhm, 0.1 * side)
+    x, y = np.hstack([rng.uniform(margin, side - 1 - margin, (2, n)), rng.uniform(0, side - 1, (2, faint))])
+    flux = np.hstack([fluxes(30 * floor, top, n), fluxes(5 * floor, 30 * floor, faint)])
+    if name.startswith("saturated"):
+        x, y = np.hstack([[x, y], rng.uniform(0, side - 1, (2, 10))])
+        flux = np.hstack([flux, rng.uniform(1.5, 10, 10) * top])
+    if (folder / "tile.fits").exists():
+        return truth
+    light = psf_truth.draw(truth, x, y, flux)
+    if galaxies:
+        size = int(6 * fwhm)
+        stamp = truth.stamp(side / 2, side / 2, size)
+        fits.writeto(folder / "middle.fits", (stamp / stamp.sum()).astype(np.float32), overwrite=True)
+        call(folder, find("rextract-simulate"), *keywords(
+            IMAGE_SIZE=side, SEED=seed, PSF_TYPE="FILE", PSF_NAME="middle.fits", NOISE_TYPE="NONE", SKY_LEVEL=0, STAR_COUNT=0,
+            GALAXY_COUNT=galaxies, GALAXY_MAG="13,19", MAG_ZEROPOINT=ZEROPOINT, IMAGE_NAME="galaxies.fits", TRUTH_NAME=""))
+        light = light + np.maximum(fits.getdata(folder / "galaxies.fits"), 0)
+    if name.startswith("hit"):  # of a particle
+        light[side // 3, side // 4:side // 4 + 2] += 20000
+    fits.writeto(folder / "tile.part", psf_truth.expose(light, rng), overwrite=True)
+    (folder / "tile.part").rename(folder / "tile.fits")
+    return truth
+
+
+def grid(out, seeds="1", names=""):
+    """What the measured PSF does to the fluxes of bright stars, against what RXPSFERR says of it."""
+    ledger.claim("psf grid", out, seeds.split(","))
+    file = Path(out) / "grid.json"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    rows = json.loads(file.read_text()) if file.exists() else []
+    for seed in map(int, seeds.split(",")):
+        for name in [n for n in GRID if any(w in n for w in names.split(";"))]:
+            folder = Path(os.environ.get("RX_TILES", out)) / f"seed-{seed}" / re.sub("[ ,.]+", "-", name)
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / "out.param").write_text((COLUMNS if name == "crowd" else "NUMBER X_IMAGE Y_IMAGE").replace(" ", "\n") + "\n")
+            rows = [a for a in rows if (a["tile"], a["seed"]) != (name, seed)]
+            truth = grid_tile(folder, name, seed)
+            row = {"tile": name, "seed": seed, "kind": truth.kind}
+            try:
+                model, facts = measure(folder, truth, "AUTO")
+            except (RuntimeError, OSError) as error:
+                rows.append(row | {"failed": str(error)})
+                continue
+            cards = facts["cards"]
+            row |= {"how": cards.get("RXPSFHOW"), "stated": cards.get("RXPSFERR"), "largest": cards.get("RXPSFERX"),
+                    "seconds": facts["seconds"], "said": facts["said"], "line": facts["line"]}
+            places = places_of(truth.side, truth.side)[:PLACES**2:7]
+            off = []
+            for place in places if truth.varies != "CONSTANT" else places[:1]:
+                m, t = psf_truth.common(model.stamp(*place), truth.stamp(*place, int(np.ceil(10 * truth.fwhm))))
+                off.append(float((m * t).sum() / (m * m).sum() - 1))
+            row |= {"off": off}
+            rows.append(row)
+            file.write_text(json.dumps(rows, indent=1, default=plain) + "\n")
+            print(f"{name:24s} {truth.kind:12s} {row['how'] or '-':12s} flux {100 * np.mean(off):+6.2f} % rms {100 * np.std(off):5.2f} "
+                  f"stated {100 * (row['stated'] or 0):5.2f} {row['seconds']:.2f} s", flush=True)
+    print("\n".join(grid_page(rows, out)))
+
+
+def grid_page(rows, _):
+    lines = []
+    for name in [*GRID, "all"]:
+        mine = [a for a in rows if (a["tile"] == name or name == "all") and a.get("stated")]
+        failed = sum("failed" in a or not a.get("stated") for a in rows if a["tile"] == name or name == "all")
+        if not mine:
+            continue
+        off = np.array([np.sqrt(np.mean(np.square(a["off"]))) * np.sign(np.mean(a["off"])) for a in mine])
+        stated = np.array([a["stated"] for a in mine])
+        lines.append(f"| {name} | {len(mine)} | {failed} | {100 * off.mean():+.2f} | {100 * np.sqrt((off**2).mean()):.2f} | "
+                     f"{100 * np.median(abs(off)):.2f} | {100 * np.sqrt((stated**2).mean()):.2f} | {np.sqrt(((off / stated)**2).mean()):.2f} | "
+                     f"{width(off / stated):.2f} | {np.mean([a['seconds'] for a in mine]):.2f} |")
+    return ["## The stated error", "",
+            f"Seeds {', '.join(sorted({str(a['seed']) for a in rows}, key=int))}, whose true PSFs are {', '.join(KINDS)} in turn. off: flux that a fit of "
+            "the measured PSF finds of a star without noise, less the true one; stated: RXPSFERR; no PSF: tiles where no star gave one.", "",
+            *table(["tile", "tiles", "no PSF", "off (%), mean", "rms", "median size", "stated, rms", "rms of off / stated", "robust",
+                    "CPU s"], lines)]
+
+
 # --- the page
 
 def held(a):
@@ -830,14 +934,14 @@ def few_page(rows, _):
 def page(out):
     out = Path(out)
     text = ["# The PSF that is measured on a tile", "", *__doc__[__doc__.index("What the columns"):].splitlines(), ""]
-    for name, write in (("truth", truth_page), ("real", real_page), ("small", small_page), ("few", few_page)):
+    for name, write in (("truth", truth_page), ("real", real_page), ("small", small_page), ("few", few_page), ("grid", grid_page)):
         if (out / f"{name}.json").exists():
             text += write(json.loads((out / f"{name}.json").read_text()), out)
     (out / "psf.md").write_text("\n".join(text).rstrip() + "\n")
 
 
 if __name__ == "__main__":
-    programs = {"truth": truth, "real": real, "small": small, "few": few, "page": page}
+    programs = {"truth": truth, "real": real, "small": small, "few": few, "grid": grid, "page": page}
     if len(sys.argv) < 3 or sys.argv[1] not in programs:
         sys.exit(__doc__)
     programs[sys.argv[1]](*sys.argv[2:])
