@@ -30,7 +30,7 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
 /* Of crowded pixels, all of whose residual is searched down to 3.2 sigma: most sources near that are added, few listed. Real, power
  * and the scale of the peaks are the maximum of the Poisson likelihood of the counts from 3.4 to 7 sigma and their priors. Each source that is fitted
  * takes flux and position from the noise, three of its degrees of freedom, one of which is in each 4 pi w^2 pixels, so the scale
- * is 1 - 12 pi w^2 n / pixels, at least 0.1, within exp(0.2) (with it P is within 0.05 in validation/results/preal); power -2 +- 2, as
+ * is 1 - 12 pi w^2 n / pixels, at least 0.1, within exp(0.2); power -2 +- 2, as
  * neighbours hide faint sources. */
 rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwhm);
 

@@ -287,7 +287,7 @@ rx_status rx_two_odds(const rx_refine_params *par, const rx_refine_view *view, r
               y = rx_min_int(rx_max_int(cy, 0), view->canvas->height - 1);
     const double faint = FAINT * sqrt((double)rx_fit_image_variance(view->canvas, x, y)) / source->flux;
     RX_TRY(rx_template_otf_at(
-        otf, rx_template_otf_side(otf, fmax(FAR * source->profile.radius, reach(view)), faint), source->x,
+        otf, rx_template_otf_side(otf, fmax(FAR * source->profile.radius, reach(view)), faint, 0), source->x,
         source->y, &j.size, err));
     RX_TRY(rx_patch_cut(view->canvas, cx, cy, rx_min_int(half, j.size->n / 2 - reach(view) - 2), j.size->n,
                         &j.patch, err));
