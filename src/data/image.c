@@ -1,8 +1,10 @@
 /* Views of what others own. */
 #include "data/image.h"
 
+#include <math.h>
 #include <stdlib.h>
 
+#include "base/simd.h"
 #include "data/restored.h"
 #include "data/unit.h"
 
@@ -65,6 +67,31 @@ void rx_image_above_sky(const rx_image *image, int nthreads, float *dst)
                 dst[at + (size_t)i] =
                     rx_image_hides(image, at + (size_t)i) ? 0.0f : image->pixels[at + (size_t)i] - level[i];
         }
+}
+
+RX_SIMD void rx_image_in_sigmas(const rx_image *image, int x, int y, int n, float *z)
+{
+    float level_room[RX_MAP_PIECE] = {0}, sigma_room[RX_MAP_PIECE];
+    const rx_map sky = rx_image_sky(image);
+    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
+    const float *pixels = image->pixels + at, *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
+    const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x, n, level_room) : level_room;
+    uint8_t bits = 0;
+    /* one choice in a loop, or it does not become vectors; inf - inf is none */
+#pragma omp simd
+    for (int i = 0; i < n; i++) {
+        const float value = pixels[i] - level[i], known = sigma[i] > 0.0f ? sigma[i] : NAN;
+        z[i] = value / known + (value - value);
+    }
+    if (image->mask == NULL)
+        return;
+    const uint8_t *mask = image->mask + at;
+#pragma omp simd reduction(| : bits)
+    for (int i = 0; i < n; i++)
+        bits |= mask[i];
+    for (int i = 0; (bits & image->hide) != 0 && i < n; i++)
+        if (mask[i] & image->hide)
+            z[i] = NAN;
 }
 
 int rx_image_in_unit(const rx_image *image, rx_image_scaled *dst)

@@ -80,6 +80,9 @@ void rx_image_scaled_clear(rx_image_scaled *scaled);
 /* dst[height][width]: the pixels above the sky's level; 0 where hidden. */
 void rx_image_above_sky(const rx_image *image, int nthreads, float *dst);
 
+/* (pixel - sky) / sigma of n pixels from (x, y) on, RX_MAP_PIECE at most; NAN where there is none. */
+void rx_image_in_sigmas(const rx_image *image, int x, int y, int n, float *z);
+
 /* What is still to be taken off the pixels: the level, or nothing where that is done. */
 static inline rx_map rx_image_sky(const rx_image *image)
 {

@@ -27,14 +27,10 @@ static const double LIGHT = 0.3, ERRORS = 5.0;  /* sigmas of a pixel; errors of 
 static const float CLIP = 1.5F;                 /* sigmas */
 static const double CLIPPED = 0.87;             /* change of a mean clipped there with one of the median */
 static const double FALL = 1.5;                 /* power of the distance */
-static const double SHARPER = 1.2, SHARP = 6.0; /* times R, and errors */
-static const double LEAST_FWHM = 2.5; /* pixels: below, R depends on where in its pixel a star stands */
 static const double STRIPED = 0.2, LARGE = 0.02; /* sigmas; share of boxes */
 static const double COARSE = 1.3, CUT = 0.02;    /* sigmas; share of the pixels */
 static const float NEAR = -3, LONE = -10;        /* z of the lowest value, and of what is none */
 enum { LEAST_CUT = 10 };                         /* pixels */
-
-static const int steps[RX_ANOMALIES_STEPS][2] = {{1, 0}, {0, 1}, {1, 1}, {1, -1}};
 
 /* Of what is looked at of a row: the smallest step from one pixel to the next, but 0 (HUGE_VAL: none); the lowest value that is no
  * lone one, its z, how many pixels have it and how many there are. */
@@ -53,32 +49,6 @@ typedef struct work {
     values *values;            /* of the rows */
     double *median, *highest;  /* [ny][nx] of boxes */
 } work;
-
-/* z of n pixels from (x, y) on, RX_MAP_PIECE at most; NAN where there is none. */
-RX_SIMD static void read_piece(const rx_image *image, int x, int y, int n, float *restrict z)
-{
-    float level_room[RX_MAP_PIECE] = {0}, sigma_room[RX_MAP_PIECE];
-    const rx_map sky = rx_image_sky(image);
-    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
-    const float *pixels = image->pixels + at, *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
-    const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x, n, level_room) : level_room;
-    uint8_t bits = 0;
-    /* one choice in a loop, or it does not become vectors; inf - inf is none */
-#pragma omp simd
-    for (int i = 0; i < n; i++) {
-        const float value = pixels[i] - level[i], known = sigma[i] > 0.0f ? sigma[i] : NAN;
-        z[i] = value / known + (value - value);
-    }
-    if (image->mask == NULL)
-        return;
-    const uint8_t *mask = image->mask + at;
-#pragma omp simd reduction(| : bits)
-    for (int i = 0; i < n; i++)
-        bits |= mask[i];
-    for (int i = 0; (bits & image->hide) != 0 && i < n; i++)
-        if (mask[i] & image->hide)
-            z[i] = NAN;
-}
 
 /* Of long rows and columns pieces suffice, evenly spread: is pixel i of n one of them, and how many are? */
 static bool is_sampled(int i, int n)
@@ -144,7 +114,7 @@ static void measure_row(const work *w, int y, double *room)
         const int count = rx_min_int(PIECE, width - x);
         if (!is_sampled(x, width))
             continue;
-        read_piece(w->image, x, y, count, z);
+        rx_image_in_sigmas(w->image, x, y, count, z);
         n += keep_known(z, count, room + n);
         look_at_values(w->image->pixels + (size_t)y * (size_t)width + x, z, count, &w->values[y]);
     }
@@ -160,7 +130,7 @@ static void measure_columns(const work *w, int x0, double *values)
         float z[PIECE];
         if (!is_sampled(y, height))
             continue;
-        read_piece(w->image, x0, y, across, z);
+        rx_image_in_sigmas(w->image, x0, y, across, z);
         for (int i = 0; i < across; i++)
             count[i] += keep_known(z + i, 1, values + (size_t)i * (size_t)height + count[i]);
     }
@@ -179,7 +149,7 @@ typedef struct band {
 static void read_rows(const rx_image *image, int first, band *dst)
 {
     for (int y = first; y < dst->up; y += 2)
-        read_piece(image, dst->x0, dst->y0 + y, dst->across, dst->z[y]);
+        rx_image_in_sigmas(image, dst->x0, dst->y0 + y, dst->across, dst->z[y]);
 }
 
 /* Sum over the known values of every second row, clipped, and their number, of each box. */
@@ -368,29 +338,6 @@ static rx_status find_light(const work *w, int nthreads, rx_anomalies *dst, rx_e
     return RX_OK;
 }
 
-/* R of the PSF at nine places of the tile. */
-static rx_status measure_ratios(const rx_image *image, rx_anomalies *dst, rx_error *err)
-{
-    const rx_psf *psf = image->psf;
-    if (psf == NULL || psf->size < 3 || !(psf->fwhm >= LEAST_FWHM))
-        return RX_OK;
-    float *stamp;
-    RX_TRY(RX_MAKE(stamp, (size_t)psf->size * (size_t)psf->size, err));
-    for (int place = 0; place < 9; place++) {
-        rx_psf_at(psf, 0.5 * (place % 3) * (image->width - 1), 0.5 * (place / 3) * (image->height - 1),
-                  stamp);
-        const float *centre = stamp + (psf->size / 2) * (psf->size + 1);
-        for (int s = 0; s < RX_ANOMALIES_STEPS; s++) {
-            const int step = steps[s][1] * psf->size + steps[s][0];
-            const double beside = 0.5 * ((double)centre[step] + (double)centre[-step]);
-            /* without light beside it any pixel may stand alone */
-            dst->ratio[s] = fmax(dst->ratio[s], beside > 0.0 ? (double)centre[0] / beside : HUGE_VAL);
-        }
-    }
-    free(stamp);
-    return RX_OK;
-}
-
 rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads, rx_anomalies *dst,
                                rx_error *err)
 {
@@ -413,7 +360,6 @@ rx_status rx_anomalies_measure(const rx_image *image, double wide, int nthreads,
     RX_TRY_EXIT(RX_MAKE(w.median, boxes, err));
     RX_TRY_EXIT(RX_MAKE(w.highest, boxes, err));
     RX_TRY_EXIT(RX_MAKE(numbers, room * (size_t)threads, err));
-    RX_TRY_EXIT(measure_ratios(image, dst, err));
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (int t = 0; t < threads; t++) {
         for (int y = t; y < height; y += threads)
@@ -450,49 +396,13 @@ int rx_anomalies_lit_at(const rx_anomalies *anomalies, const rx_image *image, in
 {
     float z = 0.0f;
     if (anomalies->lit != NULL)
-        read_piece(image, x, y, 1, &z);
+        rx_image_in_sigmas(image, x, y, 1, &z);
     if (anomalies->lit == NULL || (double)z > FAINT)
         return 0;
     for (int v = rx_max_int(y / BOX - 1, 0); v <= rx_min_int(y / BOX + 1, anomalies->ny - 1); v++)
         for (int u = rx_max_int(x / BOX - 1, 0); u <= rx_min_int(x / BOX + 1, anomalies->nx - 1); u++)
             if (anomalies->lit[(size_t)v * (size_t)anomalies->nx + (size_t)u])
                 return 1;
-    return 0;
-}
-
-enum { AROUND = 2, PATCH = 2 * AROUND + 1 }; /* a pixel, those that touch it, and their neighbours */
-
-/* The pixel at *middle alone, which is not at the border. */
-static bool is_sharp(const rx_anomalies *anomalies, const float *middle, double photons)
-{
-    const double z = (double)*middle;
-    for (int s = 0; s < RX_ANOMALIES_STEPS; s++) {
-        const int step = steps[s][1] * PATCH + steps[s][0];
-        const double most = SHARPER * anomalies->ratio[s];
-        const double beside = 0.5 * ((double)middle[-step] + (double)middle[step]);
-        if (most > 0.0 && z - most * beside > SHARP * sqrt(1.0 + 0.5 * most * most + photons))
-            return true;
-    }
-    return false;
-}
-
-int rx_anomalies_sharp_at(const rx_anomalies *anomalies, const rx_image *image, int x, int y)
-{
-    const int left = rx_max_int(x - AROUND, 0), right = rx_min_int(x + AROUND, image->width - 1),
-              low = rx_max_int(y - AROUND, 0), high = rx_min_int(y + AROUND, image->height - 1);
-    float z[PATCH][PATCH];
-    for (int v = low; v <= high; v++)
-        read_piece(image, left, v, right - left + 1, &z[v - low][0]);
-    for (int v = rx_max_int(y - 1, low + 1); v <= rx_min_int(y + 1, high - 1); v++)
-        for (int u = rx_max_int(x - 1, left + 1); u <= rx_min_int(x + 1, right - 1); u++) {
-            const float *middle = &z[v - low][u - left];
-            if (!((double)*middle > SHARP))
-                continue;
-            const double sigma = (double)rx_map_at(&image->noise, u, v);
-            if (is_sharp(anomalies, middle,
-                         image->gain > 0.0 ? (double)*middle / (sigma * image->gain) : 0.0))
-                return 1;
-        }
     return 0;
 }
 

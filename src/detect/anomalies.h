@@ -18,13 +18,7 @@
  * Cut: the share of the pixels that have the lowest value, where it is not more than 3 sigma below the sky; noise leaves hardly one
  * there. Where values below it were cut off, as by numbers without a sign or by a square root, or photons are few, noise is not what
  * its width says. Lone values, more than 10 sigma below the sky, are no part of it: dead pixels, small holes.
- *
- * Sharp pixels: the PSF p puts light on either side of any pixel, so that for every sum of sources, points or not,
- *
- *   z(i) <= R (z(i - k) + z(i + k)) / 2,     R = p(0) / ((p(k) + p(-k)) / 2), its largest on the tile
- *
- * for steps k in x, y and along the diagonals, where pixels sample the PSF (a FWHM of 2.5 pixels). Beyond 1.2 R, and by 6 errors of the noise and the photons, it came to the
- * detector another way: a cosmic ray, a hot pixel or column. */
+ */
 #ifndef RX_DETECT_ANOMALIES_H
 #define RX_DETECT_ANOMALIES_H
 
@@ -34,14 +28,13 @@
 
 RX_BEGIN_DECLS
 
-enum { RX_ANOMALIES_BOX = 16, RX_ANOMALIES_STEPS = 4 };
+enum { RX_ANOMALIES_BOX = 16 };
 
 typedef struct rx_anomalies {
     double rows, columns; /* rms of their offsets beyond the noise, sigmas; NAN: too few of them */
     int nx, ny;
     unsigned char *lit; /* [ny][nx], owned; not 0: light that is no source's */
     double light;       /* share of such boxes among those with a quarter of their pixels; NAN without any */
-    double ratio[RX_ANOMALIES_STEPS]; /* R; 0: no PSF that is sampled is known */
     double step;                      /* between pixel values, ADU; 0: all alike */
     double cut;                       /* share of the lowest value */
 } rx_anomalies;
@@ -53,9 +46,6 @@ void rx_anomalies_free(rx_anomalies *anomalies); /* content only */
 
 /* Is a faint source with its peak at that pixel of the same image on or beside such light? */
 int rx_anomalies_lit_at(const rx_anomalies *anomalies, const rx_image *image, int x, int y);
-
-/* Is that pixel, or one that touches it, sharper than the PSF? */
-int rx_anomalies_sharp_at(const rx_anomalies *anomalies, const rx_image *image, int x, int y);
 
 /* So much of it that results are in doubt: offsets above 0.2 sigma, light on a fiftieth of the tile. */
 int rx_anomalies_is_striped(const rx_anomalies *anomalies);

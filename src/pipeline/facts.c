@@ -109,7 +109,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     rx_fact_warned(facts, RX_FACT_COLS, rx_anomalies_is_striped(anomalies));
     rx_fact_number(facts, RX_FACT_LIGHT, anomalies->light);
     rx_fact_warned(facts, RX_FACT_LIGHT, rx_anomalies_is_lit(anomalies));
-    if (anomalies->ratio[0] > 0.0)
+    if (result->detect->psf != NULL)
         rx_fact_number(facts, RX_FACT_SHARP, rx_result_sharp(result));
     rx_fact_warned(facts, RX_FACT_SHARP, rx_result_is_sharp(rx_result_sharp(result), result->sources->n));
     rx_fact_number(facts, RX_FACT_LAWS, result->photometry.law.scale);

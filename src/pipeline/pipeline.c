@@ -10,6 +10,7 @@
 #include "base/memory.h"
 #include "data/gaps.h"
 #include "detect/filter.h"
+#include "fit/artefacts.h"
 #include "pipeline/proposals.h"
 #include "pipeline/saturated.h"
 #include "restore/noise_map.h"
@@ -383,14 +384,42 @@ static rx_status rank_added(const work *w, rx_error *err)
     return RX_OK;
 }
 
+/* Hits and lines among the sources, in the untouched pixels; P_REAL is what they leave. */
+static rx_status find_artefacts(work *w, rx_error *err)
+{
+    rx_result *result = w->result;
+    rx_sources *sources = result->sources;
+    const rx_image observed = rx_field_restorable(w->detect);
+    rx_artefact *list;
+    RX_TRY(RX_MAKE(list, (size_t)sources->n, err));
+    for (int i = 0; i < sources->n; i++) {
+        list[i].x = sources->list[i].xpeak;
+        list[i].y = sources->list[i].ypeak;
+        list[i].at[0] = isfinite(sources->list[i].fit.x) ? sources->list[i].fit.x : sources->list[i].x;
+        list[i].at[1] = isfinite(sources->list[i].fit.y) ? sources->list[i].fit.y : sources->list[i].y;
+    }
+    rx_status status = rx_artefacts_find(&observed, w->params->nthreads, sources->n, list, err);
+    for (int i = 0; i < sources->n; i++) {
+        rx_source_template *fit = &sources->list[i].fit;
+        fit->hit = list[i].hit;
+        fit->line = list[i].line;
+        fit->above = list[i].above;
+    }
+    free(list);
+    if (status == RX_OK && result->templates.tphot != NULL)
+        status = rx_template_fit_judge(&w->params->templates, &result->templates, sources, err);
+    return status;
+}
+
 static rx_status fit_templates(work *w, rx_error *err)
 {
     rx_result *result = w->result;
-    if (!w->params->templates.wanted)
-        return RX_OK;
-    RX_TRY(rx_template_fit_run(w->params, (rx_fields){w->detect, w->measure}, result->restored,
-                               result->sources, w->log, &result->templates, err));
-    return rank_added(w, err);
+    if (w->params->templates.wanted) {
+        RX_TRY(rx_template_fit_run(w->params, (rx_fields){w->detect, w->measure}, result->restored,
+                                   result->sources, w->log, &result->templates, err));
+        RX_TRY(rank_added(w, err));
+    }
+    return find_artefacts(w, err);
 }
 
 /* Fluxes come from the restored image (of the measurement tile in dual-image mode) or from untouched pixels.
@@ -489,12 +518,11 @@ static void mark_sources(const work *w)
     const int know_dark = net && domain->model->dark > 0.0;
     for (int i = 0; i < result->sources->n; i++) {
         rx_source *s = &result->sources->list[i];
-        const int sharp = rx_anomalies_sharp_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak);
+        const int sharp = s->fit.hit > 0.5, lit = rx_anomalies_lit_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak),
+                  on_line = s->fit.line > 0.5 && s->fit.above < 0.5;
         s->fit.restore |=
             all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
-            (sharp ? RX_RESTORE_SHARP : 0) |
-            (rx_anomalies_lit_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak) ? RX_RESTORE_LIGHT
-                                                                                       : 0);
+            (sharp ? RX_RESTORE_SHARP : 0) | (lit || on_line ? RX_RESTORE_LIGHT : 0);
         result->sharp += sharp;
         if (!net || s->untouched)
             continue;

@@ -150,6 +150,7 @@ static rx_source_template fit_of(const rx_tphot *tphot, int entry)
                                 .chi2 = t->chi2,
                                 .evidence = t->evidence,
                                 .preal = NAN,
+                                .above = 1,
                                 .injected = {NAN, NAN},
                                 .blend = t->blend,
                                 .x = t->x,
@@ -173,6 +174,7 @@ static const rx_source_template NO_FIT = {.flux = NAN,
                                           .chi2 = NAN,
                                           .evidence = NAN,
                                           .preal = NAN,
+                                          .above = 1,
                                           .injected = {NAN, NAN},
                                           .blend = NAN,
                                           .x = NAN,
@@ -313,8 +315,10 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
             t->restore |= RX_RESTORE_UNTESTED;
             t->preal = NAN;
         } else {
-            t->preal = rx_preal_of(&fit->preal, t->evidence);
-            if (rx_preal_doubtful(&fit->preal, t->evidence))
+            const double beyond = t->evidence * t->above * t->above;
+            t->preal = (1 - t->hit) * ((1 - t->line) * rx_preal_of(&fit->preal, t->evidence) +
+                                       t->line * rx_preal_of(&fit->preal, beyond));
+            if (t->preal < 0.5)
                 t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
         }
         keep[i] = !rx_source_is_spurious(&sources->list[i]);

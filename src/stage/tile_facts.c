@@ -145,7 +145,7 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run 
                                         .false_per_mpixel = blank->realisations > 0 ? blank->rate.value : NAN,
                                         .raised = blank->raised,
                                         .unexplained = runs[i].unexplained},
-                              .sharp = field->anomalies.ratio[0] > 0.0 ? runs[i].sharp : NAN,
+                              .sharp = field->psf != NULL ? runs[i].sharp : NAN,
                               .lit = share_of(runs[i].sources, RX_RESTORE_LIGHT)};
         snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
         snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
