@@ -36,7 +36,7 @@ typedef struct rx_source_template {
     double chi2;               /* reduced, of the source's own pixels */
     double evidence;           /* that it is no piece of a neighbour: rise of chi2 without it */
     double preal;              /* probability that it is there (pipeline/preal.h) */
-    double hit, line, above;   /* fit/artefacts.h */
+    double hit, line, off_line; /* fit/artefacts.h */
     double injected[2];        /* error of flux from injected objects, 68 and 95 % (check/conformal.h); NAN */
     double blend;              /* largest |coefficient of covariance| with a neighbour, 0 alone */
     double x, y;               /* 0-based pixels, of the fit */

@@ -15,7 +15,7 @@
 enum {
     PLACES = 3,    /* of the PSF on the tile, along each axis */
     PIXELS = 3,    /* of a hit */
-    NEIGHBOURS = 4, MOST = NEIGHBOURS + 2,
+    MOST = 9,      /* points and a level on a patch */
     ANGLES = 48,   /* half a FWHM apart where a line ends */
     DIRECTIONS = 8, /* of tracks */
     ALONG = 8,     /* places on either side, */
@@ -44,8 +44,6 @@ typedef struct work {
     int nthreads;
     double fwhm; /* pixels, at least 2 */
     shapes stars;
-    const rx_artefact *list;
-    int *order, *first_in_row; /* of list by rows */
     float *matched;       /* [height][width], m; NAN where half of it is hidden */
     double spread[BINS]; /* f */
 } work;
@@ -100,7 +98,7 @@ static rx_status make_shapes(const rx_image *image, shapes *s, rx_error *err)
     s->reach = rx_max_int(1, (int)lround(psf->fwhm / 2));
     s->half = 2 * s->reach + 1;
     s->step = STEP * fmax(psf->fwhm, 2);
-    s->across = 2 * (int)ceil(s->reach / s->step) + 1;
+    s->across = 2 * (int)ceil(s->half / s->step) + 1;
     const size_t samples = (size_t)s->side * (size_t)s->side;
     RX_TRY(RX_MAKE(s->samples, PLACES * PLACES * samples, err));
     RX_TRY(RX_MAKE(s->values, PLACES * PLACES * count(s) * area(s), err));
@@ -117,64 +115,88 @@ static rx_status make_shapes(const rx_image *image, shapes *s, rx_error *err)
 /* Pixels of a patch, or means of its rows in some direction, with what fits them: [n] each. */
 typedef struct cells {
     int n; /* the brightest one is the middle */
-    float *z, *weight, *fits[MOST]; /* fits: the star, a level, neighbours */
+    float *z, *weight, *fits[MOST]; /* fits: a level, points */
     int nfits;
+    unsigned own; /* bits of those points that are within reach */
 } cells;
 
-RX_SIMD static double product(const float *restrict weight, const float *restrict a, const float *restrict b, int n)
+/* Sums of weight a b and weight b b. */
+RX_SIMD static void sums(const float *restrict weight, const float *restrict a, const float *restrict b, int n, double *ab, double *bb)
 {
-    float sum = 0;
-#pragma omp simd reduction(+ : sum)
-    for (int i = 0; i < n; i++)
-        sum += weight[i] * a[i] * b[i];
-    return (double)sum;
-}
-
-/* chi2 that the fits from `first` on take of z, least squares by Cholesky; what is next to a sum of those before is left out. */
-static double taken(const cells *c, int first)
-{
-    double factor[MOST][MOST], along[MOST], all = 0;
-    int n = 0;
-    for (int k = c->nfits - 1; k >= first; k--) { /* the star last */
-        const float *fit = c->fits[k];
-        double own = product(c->weight, fit, fit, c->n), light = product(c->weight, fit, c->z, c->n);
-        const double alone = own;
-        for (int j = 0; j < n; j++) {
-            factor[n][j] = product(c->weight, fit, c->fits[c->nfits - 1 - j], c->n);
-            for (int i = 0; i < j; i++)
-                factor[n][j] -= factor[n][i] * factor[j][i];
-            factor[n][j] /= factor[j][j];
-            own -= factor[n][j] * factor[n][j];
-            light -= factor[n][j] * along[j];
-        }
-        const int is_left_out = !(own > 1e-4 * alone);
-        factor[n][n] = is_left_out ? 1 : sqrt(own);
-        along[n] = is_left_out ? 0 : light / factor[n][n];
-        if (is_left_out)
-            for (int j = 0; j < n; j++)
-                factor[n][j] = 0;
-        if (k == 0 && along[n] < 0)
-            along[n] = 0;
-        all += along[n] * along[n];
-        n++;
+    float one = 0, two = 0;
+#pragma omp simd reduction(+ : one, two)
+    for (int i = 0; i < n; i++) {
+        const float w = weight[i] * b[i];
+        one += w * a[i];
+        two += w * b[i];
     }
-    return all;
+    *ab = (double)one;
+    *bb = (double)two;
 }
 
-/* The largest of ln L(hit) - ln L(star) where one to three cells, the middle and the brightest of its neighbours, may have any
- * value. The weights of these are 0 afterwards. */
+/* What chi2 the fits but those of the bits `without` take of z, least squares with points that are not negative. height: [MOST], theirs. */
+static double chi2_taken(const cells *c, unsigned without, double *height)
+{
+    double normal[MOST][MOST], right[MOST], unused, all;
+    for (int k = 0; k < c->nfits; k++) {
+        for (int j = 0; j < k; j++) {
+            sums(c->weight, c->fits[j], c->fits[k], c->n, &normal[k][j], &unused);
+            normal[j][k] = normal[k][j];
+        }
+        sums(c->weight, c->z, c->fits[k], c->n, &right[k], &normal[k][k]);
+    }
+    for (;;) {
+        double factor[MOST][MOST], along[MOST];
+        int in[MOST], n = 0, lowest = 0;
+        for (int k = 0; k < c->nfits; k++) {
+            height[k] = 0;
+            if (without >> k & 1)
+                continue;
+            double own = normal[k][k], light = right[k];
+            for (int j = 0; j < n; j++) {
+                factor[n][j] = normal[k][in[j]];
+                for (int i = 0; i < j; i++)
+                    factor[n][j] -= factor[n][i] * factor[j][i];
+                factor[n][j] /= factor[j][j];
+                own -= factor[n][j] * factor[n][j];
+                light -= factor[n][j] * along[j];
+            }
+            if (!(own > 1e-3 * normal[k][k])) /* next to a sum of the others */
+                continue;
+            factor[n][n] = sqrt(own);
+            along[n] = light / factor[n][n];
+            in[n++] = k;
+        }
+        all = 0;
+        for (int j = n - 1; j >= 0; j--) {
+            double value = along[j];
+            all += along[j] * along[j];
+            for (int i = j + 1; i < n; i++)
+                value -= factor[i][j] * height[in[i]];
+            height[in[j]] = value / factor[j][j];
+            if (in[j] > 0 && height[in[j]] < 0 && (lowest == 0 || height[in[j]] < height[lowest]))
+                lowest = in[j];
+        }
+        if (lowest == 0)
+            return all;
+        without |= 1u << lowest;
+    }
+}
+
+/* The largest of ln L(hit and points beyond reach) - ln L(points) where one to three cells, the middle and the brightest of its
+ * neighbours, may have any value. The weights of these are 0 afterwards. */
 static double hit_odds(cells *c, const int *beside, int nbeside)
 {
     const int middle = c->n / 2;
-    double best = -HUGE_VAL, kept = 0; /* kept: chi2 that the hit's cells take */
+    double best = -HUGE_VAL, kept = 0, height[MOST]; /* kept: chi2 that the hit's cells take */
     if (!(c->weight[middle] > 0) || !(c->z[middle] > 0))
-        return -HUGE_VAL;
-    const double star = taken(c, 0), height = (double)c->z[middle] * sqrt((double)c->weight[middle]),
-                 other = log((double)nbeside) + fmax(log(height / sqrt(2 * M_PI)), 0);
+        return best;
+    const double points = chi2_taken(c, 0, height), size = (double)c->z[middle] * sqrt((double)c->weight[middle]),
+                 other = log((double)nbeside) + fmax(log(size / sqrt(2 * M_PI)), 0);
     for (int k = 0, at = middle; k < PIXELS && at >= 0; k++) {
         kept += (double)(c->weight[at] * c->z[at] * c->z[at]);
         c->weight[at] = 0;
-        best = fmax(best, (kept + taken(c, 1) - star) / 2 - k * other);
+        best = fmax(best, (kept + chi2_taken(c, c->own, height) - points) / 2 - k * other);
         at = -1;
         for (int i = 0; i < nbeside; i++)
             if (c->z[middle + beside[i]] > 0 && c->weight[middle + beside[i]] > 0 && (at < 0 || c->z[middle + beside[i]] > c->z[at]))
@@ -190,6 +212,7 @@ static void collapse(const cells *c, int side, double angle, cells *dst)
     const double dx = -sin(angle), dy = cos(angle);
     dst->n = side;
     dst->nfits = c->nfits;
+    dst->own = c->own;
     memset(dst->weight, 0, (size_t)side * sizeof *dst->weight);
     memset(dst->z, 0, (size_t)side * sizeof *dst->z);
     for (int k = 0; k < c->nfits; k++)
@@ -243,57 +266,67 @@ static double top_between(const double *gain, int place, int n, int next)
     return bend < 0 ? fmin(fmax(0.5 * (gain[-next] - gain[next]) / bend, -0.5), 0.5) : 0;
 }
 
-/* The brightest neighbours as the patch around (x, y) sees them become fits. */
-static void add_neighbours(const work *w, const rx_artefact *source, int place, int x, int y, cells *c)
+/* Points are added one by one where what is left has most of one, until that is no more than noise. room: [2][n]. */
+static void fit_points(const shapes *s, int place, double photons, double wrong, cells *c, float *room, double *gains)
 {
-    const shapes *s = &w->stars;
-    const double far = s->half + w->fwhm;
-    const rx_artefact *chosen[NEIGHBOURS];
-    double seen[NEIGHBOURS];
-    int n = 0;
-    for (int row = rx_max_int(y - (int)far, 0); row <= rx_min_int(y + (int)far, w->image->height - 1); row++)
-        for (int k = w->first_in_row[row]; k < w->first_in_row[row + 1]; k++) {
-            const rx_artefact *other = &w->list[w->order[k]];
-            const double distance = hypot(other->x - x, other->y - y);
-            float z = 0;
-            if (other == source || distance > far || (other->x == source->x && other->y == source->y) || distance < 1)
-                continue;
-            rx_image_in_sigmas(w->image, other->x, other->y, 1, &z);
-            const double light = (double)z * exp(-distance * distance / (w->fwhm * w->fwhm));
-            if (!(light > 0))
-                continue;
-            int at = n < NEIGHBOURS ? n++ : NEIGHBOURS;
-            for (; at > 0 && seen[at - 1] < light; at--)
-                if (at < NEIGHBOURS) {
-                    seen[at] = seen[at - 1];
-                    chosen[at] = chosen[at - 1];
-                }
-            if (at < NEIGHBOURS) {
-                seen[at] = light;
-                chosen[at] = other;
+    const size_t n = (size_t)c->n, shapes_n = count(s);
+    float *left = room, *model = room + n, *seen = c->weight;
+    const float *shape = s->values + (size_t)place * shapes_n * n;
+    const double least = 2 * log((double)shapes_n) + 6; /* chi2 of a peak of noise in so many places; three numbers, by Akaike */
+    for (;;) {
+        double height[MOST], most = 0;
+        int best = 0;
+        chi2_taken(c, 0, height);
+        for (size_t i = 0; i < n; i++)
+            model[i] = 0;
+        for (int k = 1; k < c->nfits; k++)
+            for (size_t i = 0; i < n; i++)
+                model[i] += (float)height[k] * c->fits[k][i];
+        for (size_t i = 0; i < n; i++) {
+            const double light = fmax((double)model[i], 0);
+            left[i] = c->z[i] - model[i] - (float)height[0];
+            if (seen[i] > 0)
+                c->weight[i] = (float)(1 / (1 + photons * light + wrong * wrong * light * light));
+        }
+        if (c->nfits == MOST)
+            return;
+        for (size_t k = 0; k < shapes_n; k++) {
+            double light, power;
+            sums(c->weight, left, shape + k * n, c->n, &light, &power);
+            gains[k] = light > 0 && power > 0 ? light * light / power : 0;
+            if (gains[k] > most) {
+                most = gains[k];
+                best = (int)k;
             }
         }
-    for (int k = 0; k < n; k++)
-        sample(s, place, chosen[k]->at[0] - x, chosen[k]->at[1] - y, c->fits[c->nfits++]);
+        if (!(most > (c->own == 0 ? 0 : least)))
+            return;
+        const int column = best % s->across, line = best / s->across;
+        const double dx = s->step * (column - s->across / 2 + top_between(gains + best, column, s->across, 1)),
+                     dy = s->step * (line - s->across / 2 + top_between(gains + best, line, s->across, s->across));
+        if (hypot(dx, dy) < s->reach + 0.5)
+            c->own |= 1u << c->nfits;
+        sample(s, place, dx, dy, c->fits[c->nfits++]);
+    }
 }
 
 /* room: [ROOM][area]; gains: [across^2]. */
-enum { ROOM = 2 * (MOST + 2) };
+enum { ROOM = 2 * (MOST + 2) + 2 };
 static double hit_or_star(const work *w, const rx_artefact *source, float *room, double *gains)
 {
     const rx_image *image = w->image;
     const shapes *s = &w->stars;
     const size_t n = area(s);
     const int side = 2 * s->half + 1;
-    cells c = {.n = (int)n, .z = room, .weight = room + n, .nfits = 2}, row = {.z = room + 2 * n, .weight = room + 3 * n};
+    cells c = {.n = (int)n, .z = room, .weight = room + n, .nfits = 1}, row = {.z = room + 2 * n, .weight = room + 3 * n};
+    double best = -HUGE_VAL;
     for (int k = 0; k < MOST; k++) {
         c.fits[k] = room + (size_t)(4 + k) * n;
         row.fits[k] = room + (size_t)(4 + MOST + k) * n;
     }
     int x = source->x, y = source->y;
-    const double peak = (double)brightest_near(w, &x, &y);
-    if (!(peak > 0))
-        return -HUGE_VAL;
+    if (!(brightest_near(w, &x, &y) > 0))
+        return best;
     for (size_t i = 0; i < n; i++)
         c.z[i] = NAN;
     const int left = rx_max_int(x - s->half, 0), right = rx_min_int(x + s->half, image->width - 1);
@@ -302,32 +335,13 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
     for (size_t i = 0; i < n; i++) {
         c.weight[i] = c.z[i] == c.z[i] ? 1.0f : 0.0f;
         c.z[i] = c.weight[i] > 0 ? c.z[i] : 0.0f;
-        c.fits[1][i] = 1;
+        c.fits[0][i] = 1;
     }
-    const int place = y * PLACES / image->height * PLACES + x * PLACES / image->width, n_shapes = s->across * s->across;
-    float *shape = s->values + (size_t)place * count(s) * n, *own = c.fits[0];
-    int star = 0;
-    add_neighbours(w, source, place, x, y, &c);
-    for (int k = 0; k < n_shapes; k++) {
-        c.fits[0] = shape + (size_t)k * n;
-        gains[k] = taken(&c, 0);
-        star = gains[k] > gains[star] ? k : star;
-    }
-    c.fits[0] = own;
-    const int column = star % s->across, line = star / s->across;
-    sample(s, place, s->step * (column - s->across / 2 + top_between(gains + star, column, s->across, 1)),
-           s->step * (line - s->across / 2 + top_between(gains + star, line, s->across, s->across)), own);
-    /* what a star with that brightest pixel has of photons, and by what the PSF may be wrong */
-    const double sigma = (double)rx_map_at(&image->noise, x, y), top = fmax((double)own[n / 2], 1e-9),
-                 photons = image->gain > 0 ? peak / (sigma * image->gain) : 0,
-                 wrong = peak * fmax(image->psf->quality.residual, LEAST_WRONG);
-    for (size_t i = 0; i < n; i++) {
-        const double share = fmax((double)own[i], 0) / top;
-        c.weight[i] /= (float)(1 + photons * share + wrong * wrong * share * share);
-    }
+    const double sigma = (double)rx_map_at(&image->noise, x, y);
+    fit_points(s, y * PLACES / image->height * PLACES + x * PLACES / image->width, image->gain > 0 ? 1 / (sigma * image->gain) : 0,
+               fmax(image->psf->quality.residual, LEAST_WRONG), &c, room + (size_t)(4 + 2 * MOST) * n, gains);
     const int around[] = {-1, 1, -side, side, -side - 1, -side + 1, side - 1, side + 1};
     const double across = 2 * s->reach + 1;
-    double best = -HUGE_VAL;
     for (int k = 0; k < DIRECTIONS; k++) {
         collapse(&c, side, M_PI * k / DIRECTIONS, &row);
         best = fmax(best, hit_odds(&row, around, 2) - log(across * DIRECTIONS));
@@ -471,7 +485,7 @@ static int by_value(const void *a, const void *b)
 
 enum { HEIGHTS = sizeof heights / sizeof *heights };
 
-/* ln L(line) - ln L(none) of the best line; source->above for it. odds: [BINS][HEIGHTS]. */
+/* ln L(line) - ln L(none) of the best line; source->off_line for it. odds: [BINS][HEIGHTS]. */
 static double line_or_none(const work *w, const double (*odds)[HEIGHTS], rx_artefact *source)
 {
     double best = -HUGE_VAL;
@@ -496,24 +510,9 @@ static double line_or_none(const work *w, const double (*odds)[HEIGHTS], rx_arte
         qsort(on, (size_t)known, sizeof *on, by_value);
         const double level = (double)on[known / 2], own = (double)matched_at(w, source->x, source->y);
         best = most;
-        source->above = own > 0 ? fmin(fmax(1 - level / own, 0), 1) : 1;
+        source->off_line = own > 0 ? fmin(fmax(1 - level / own, 0), 1) : 1;
     }
     return best - log((double)ANGLES * HEIGHTS);
-}
-
-static rx_status sort_rows(work *w, int n, rx_error *err)
-{
-    const int height = w->image->height;
-    RX_TRY(RX_MAKE(w->order, (size_t)n, err));
-    RX_TRY(RX_MAKE(w->first_in_row, (size_t)height + 2, err));
-    int *first = w->first_in_row;
-    for (int i = 0; i < n; i++)
-        first[w->list[i].y + 2]++;
-    for (int y = 0; y < height; y++)
-        first[y + 2] += first[y + 1];
-    for (int i = 0; i < n; i++)
-        w->order[first[w->list[i].y + 1]++] = i;
-    return RX_OK;
 }
 
 /* odds[n] become probabilities. */
@@ -532,21 +531,20 @@ static void share_out(double *odds, int n)
 
 rx_status rx_artefacts_find(const rx_image *image, int nthreads, int n, rx_artefact *list, rx_error *err)
 {
-    work w = {.image = image, .nthreads = nthreads, .list = list};
+    work w = {.image = image, .nthreads = nthreads};
     const int threads = rx_max_int(nthreads, 1);
     double odds[BINS][HEIGHTS], *of = NULL, *gains = NULL;
     float *room = NULL;
     rx_status status = RX_OK;
     for (int i = 0; i < n; i++) {
         list[i].hit = list[i].line = 0;
-        list[i].above = 1;
+        list[i].off_line = 1;
     }
     if (n == 0 || image->psf == NULL || !(image->psf->fwhm > 0))
         return RX_OK;
     w.fwhm = fmax(image->psf->fwhm, 2);
     RX_TRY_EXIT(make_shapes(image, &w.stars, err));
     RX_TRY_EXIT(match(&w, err));
-    RX_TRY_EXIT(sort_rows(&w, n, err));
     measure_spread(&w);
     for (int k = 0; k < BINS; k++)
         for (int h = 0; h < HEIGHTS; h++)
@@ -570,8 +568,6 @@ exit:
     free(w.stars.values);
     free(w.stars.samples);
     free(gains);
-    free(w.order);
-    free(w.first_in_row);
     free(w.matched);
     free(of);
     free(room);

@@ -28,10 +28,9 @@
 #include "data/image.h"
 
 typedef struct rx_artefact {
-    int x, y;          /* given: the brightest pixel of the source, */
-    double at[2];      /* and its place as a neighbour, pixels from 0 */
-    double hit, line;  /* probabilities */
-    double above;      /* share of its height beyond the line's; 1 without one */
+    int x, y;         /* given: the brightest pixel of the source */
+    double hit, line; /* probabilities */
+    double off_line;  /* share of its height beyond a line's; 1 without one */
 } rx_artefact;
 
 /* Of image->pixels with its sky, noise, mask and PSF; without a PSF nothing is found. The same bytes for any nthreads. Errors: RX_SYSTEM. */

@@ -395,15 +395,13 @@ static rx_status find_artefacts(work *w, rx_error *err)
     for (int i = 0; i < sources->n; i++) {
         list[i].x = sources->list[i].xpeak;
         list[i].y = sources->list[i].ypeak;
-        list[i].at[0] = isfinite(sources->list[i].fit.x) ? sources->list[i].fit.x : sources->list[i].x;
-        list[i].at[1] = isfinite(sources->list[i].fit.y) ? sources->list[i].fit.y : sources->list[i].y;
     }
     rx_status status = rx_artefacts_find(&observed, w->params->nthreads, sources->n, list, err);
     for (int i = 0; i < sources->n; i++) {
         rx_source_template *fit = &sources->list[i].fit;
         fit->hit = list[i].hit;
         fit->line = list[i].line;
-        fit->above = list[i].above;
+        fit->off_line = list[i].off_line;
     }
     free(list);
     if (status == RX_OK && result->templates.tphot != NULL)
@@ -519,7 +517,7 @@ static void mark_sources(const work *w)
     for (int i = 0; i < result->sources->n; i++) {
         rx_source *s = &result->sources->list[i];
         const int sharp = s->fit.hit > 0.5, lit = rx_anomalies_lit_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak),
-                  on_line = s->fit.line > 0.5 && s->fit.above < 0.5;
+                  on_line = s->fit.line > 0.5 && s->fit.off_line < 0.5;
         s->fit.restore |=
             all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
             (sharp ? RX_RESTORE_SHARP : 0) | (lit || on_line ? RX_RESTORE_LIGHT : 0);

@@ -150,7 +150,7 @@ static rx_source_template fit_of(const rx_tphot *tphot, int entry)
                                 .chi2 = t->chi2,
                                 .evidence = t->evidence,
                                 .preal = NAN,
-                                .above = 1,
+                                .off_line = 1,
                                 .injected = {NAN, NAN},
                                 .blend = t->blend,
                                 .x = t->x,
@@ -174,7 +174,7 @@ static const rx_source_template NO_FIT = {.flux = NAN,
                                           .chi2 = NAN,
                                           .evidence = NAN,
                                           .preal = NAN,
-                                          .above = 1,
+                                          .off_line = 1,
                                           .injected = {NAN, NAN},
                                           .blend = NAN,
                                           .x = NAN,
@@ -315,9 +315,9 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
             t->restore |= RX_RESTORE_UNTESTED;
             t->preal = NAN;
         } else {
-            const double beyond = t->evidence * t->above * t->above;
-            t->preal = (1 - t->hit) * ((1 - t->line) * rx_preal_of(&fit->preal, t->evidence) +
-                                       t->line * rx_preal_of(&fit->preal, beyond));
+            t->preal = (1 - t->hit) *
+                       ((1 - t->line) * rx_preal_of(&fit->preal, t->evidence) +
+                        t->line * rx_preal_of(&fit->preal, t->evidence * t->off_line * t->off_line));
             if (t->preal < 0.5)
                 t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
         }
