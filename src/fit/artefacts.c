@@ -19,7 +19,7 @@ enum {
     ANGLES = 48,   /* half a FWHM apart where a line ends */
     DIRECTIONS = 8, /* of tracks */
     ALONG = 8,     /* places on either side, */
-    BINS = 128,    /* of c */
+    BINS = 256,    /* of c */
     ORDER = 3,     /* of Lanczos interpolation */
     ROUNDS = 20    /* of EM: shares change by less than a hundredth */
 };
@@ -27,8 +27,9 @@ enum {
 static const double STEP = 0.15; /* FWHM, between places of a star: a parabola is good to a hundredth pixel there */
 static const double FIRST = 2.5, NEXT = 1.25, BESIDE = 3; /* FWHM: of places on a line */
 static const double LEAST_WRONG = 0.02;               /* of the PSF, share of its peak */
-static const double BIN = 0.125, LOWEST = -8;       /* sigmas of c */
-static const int heights[] = {8, 12, 16, 24, 32, 48}; /* bins */
+static const double ELSE = 0.1;                       /* of the places on a line or none: a star is there, of any height */
+static const double BIN = 0.25, LOWEST = -8;       /* sigmas of c */
+static const int heights[] = {4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 248}; /* bins */
 
 /* The PSF at one of its places, moved within the brightest pixel's surroundings. */
 typedef struct shapes {
@@ -191,12 +192,19 @@ static double hit_odds(cells *c, const int *beside, int nbeside)
     double best = -HUGE_VAL, kept = 0, height[MOST]; /* kept: chi2 that the hit's cells take */
     if (!(c->weight[middle] > 0) || !(c->z[middle] > 0))
         return best;
+    double all = 0;
+    int free_cells = -c->nfits;
+    for (int i = 0; i < c->n; i++) {
+        all += (double)(c->weight[i] * c->z[i] * c->z[i]);
+        free_cells += c->weight[i] > 0;
+    }
     const double points = chi2_taken(c, 0, height), size = (double)c->z[middle] * sqrt((double)c->weight[middle]),
                  other = log((double)nbeside) + fmax(log(size / sqrt(2 * M_PI)), 0);
     for (int k = 0, at = middle; k < PIXELS && at >= 0; k++) {
         kept += (double)(c->weight[at] * c->z[at] * c->z[at]);
         c->weight[at] = 0;
-        best = fmax(best, (kept + chi2_taken(c, c->own, height) - points) / 2 - k * other);
+        const double with = kept + chi2_taken(c, c->own, height), reduced = (all - with) / rx_max_int(free_cells - k - 1, 1);
+        best = fmax(best, (with - points) / (2 * fmax(reduced, 1)) - k * other);
         at = -1;
         for (int i = 0; i < nbeside; i++)
             if (c->z[middle + beside[i]] > 0 && c->weight[middle + beside[i]] > 0 && (at < 0 || c->z[middle + beside[i]] > c->z[at]))
@@ -325,7 +333,7 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
         row.fits[k] = room + (size_t)(4 + MOST + k) * n;
     }
     int x = source->x, y = source->y;
-    if (!(brightest_near(w, &x, &y) > 0))
+    if (image->psf->quality.sharper > 0 || !(brightest_near(w, &x, &y) > 0))
         return best;
     for (size_t i = 0; i < n; i++)
         c.z[i] = NAN;
@@ -339,7 +347,7 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
     }
     const double sigma = (double)rx_map_at(&image->noise, x, y);
     fit_points(s, y * PLACES / image->height * PLACES + x * PLACES / image->width, image->gain > 0 ? 1 / (sigma * image->gain) : 0,
-               fmax(image->psf->quality.residual, LEAST_WRONG), &c, room + (size_t)(4 + 2 * MOST) * n, gains);
+               fmax(fmax(image->psf->quality.residual, rx_psf_flux_error(image->psf, x, y)), LEAST_WRONG), &c, room + (size_t)(4 + 2 * MOST) * n, gains);
     const int around[] = {-1, 1, -side, side, -side - 1, -side + 1, side - 1, side + 1};
     const double across = 2 * s->reach + 1;
     for (int k = 0; k < DIRECTIONS; k++) {
@@ -466,15 +474,18 @@ static void measure_spread(work *w)
         w->spread[k] /= all;
 }
 
-/* ln(f(c - b) / f(c)) of a bin; of the highest one all that is above. */
+/* ln(mean f(c - b) / f(c)) of a bin, b from one height to the next; of the highest bin all that is above. */
 static double line_odds(const work *w, int bin, int height)
 {
     double with = 0;
-    if (bin < BINS - 1)
-        return log(bin >= height ? w->spread[bin - height] / w->spread[bin] : w->spread[0] / w->spread[bin]);
-    for (int k = BINS - 1 - height; k < BINS; k++)
-        with += w->spread[k];
-    return log(with / w->spread[bin]);
+    for (int shift = heights[height]; shift < heights[height + 1]; shift++) {
+        if (bin < BINS - 1)
+            with += w->spread[rx_max_int(bin - shift, 0)];
+        for (int k = BINS - 1 - shift; bin == BINS - 1 && k < BINS; k++)
+            with += w->spread[k];
+    }
+    with /= heights[height + 1] - heights[height];
+    return log(((1 - ELSE) * with + ELSE / BINS) / ((1 - ELSE) * w->spread[bin] + ELSE / BINS));
 }
 
 static int by_value(const void *a, const void *b)
@@ -483,7 +494,7 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-enum { HEIGHTS = sizeof heights / sizeof *heights };
+enum { HEIGHTS = sizeof heights / sizeof *heights - 1 };
 
 /* ln L(line) - ln L(none) of the best line; source->off_line for it. odds: [BINS][HEIGHTS]. */
 static double line_or_none(const work *w, const double (*odds)[HEIGHTS], rx_artefact *source)
@@ -533,7 +544,7 @@ rx_status rx_artefacts_find(const rx_image *image, int nthreads, int n, rx_artef
 {
     work w = {.image = image, .nthreads = nthreads};
     const int threads = rx_max_int(nthreads, 1);
-    double odds[BINS][HEIGHTS], *of = NULL, *gains = NULL;
+    double(*odds)[HEIGHTS] = NULL, *of = NULL, *gains = NULL;
     float *room = NULL;
     rx_status status = RX_OK;
     for (int i = 0; i < n; i++) {
@@ -545,10 +556,11 @@ rx_status rx_artefacts_find(const rx_image *image, int nthreads, int n, rx_artef
     w.fwhm = fmax(image->psf->fwhm, 2);
     RX_TRY_EXIT(make_shapes(image, &w.stars, err));
     RX_TRY_EXIT(match(&w, err));
+    RX_TRY_EXIT(RX_MAKE(odds, BINS, err));
     measure_spread(&w);
     for (int k = 0; k < BINS; k++)
         for (int h = 0; h < HEIGHTS; h++)
-            odds[k][h] = line_odds(&w, k, heights[h]);
+            odds[k][h] = line_odds(&w, k, h);
     RX_TRY_EXIT(RX_MAKE(of, 2 * (size_t)n, err));
     RX_TRY_EXIT(RX_MAKE(room, ROOM * area(&w.stars) * (size_t)threads, err));
     RX_TRY_EXIT(RX_MAKE(gains, count(&w.stars) * (size_t)threads, err));
@@ -568,6 +580,7 @@ exit:
     free(w.stars.values);
     free(w.stars.samples);
     free(gains);
+    free(odds);
     free(w.matched);
     free(of);
     free(room);
