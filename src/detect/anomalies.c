@@ -21,12 +21,12 @@ enum {
     LEAST_LINES = 20 /* rows or columns with a scatter */
 };
 
-static const double ENOUGH = 0.25;              /* of the pixels of a row, column or box */
-static const double FAINT = 8.0;                /* sigmas of the brightest pixel */
-static const double LIGHT = 0.3, ERRORS = 5.0;  /* sigmas of a pixel; errors of the median */
-static const float CLIP = 1.5F;                 /* sigmas */
-static const double CLIPPED = 0.87;             /* change of a mean clipped there with one of the median */
-static const double FALL = 1.5;                 /* power of the distance */
+static const double ENOUGH = 0.25;               /* of the pixels of a row, column or box */
+static const double FAINT = 8.0;                 /* sigmas of the brightest pixel */
+static const double LIGHT = 0.3, ERRORS = 5.0;   /* sigmas of a pixel; errors of the median */
+static const float CLIP = 1.5F;                  /* sigmas */
+static const double CLIPPED = 0.87;              /* change of a mean clipped there with one of the median */
+static const double FALL = 1.5;                  /* power of the distance */
 static const double STRIPED = 0.2, LARGE = 0.02; /* sigmas; share of boxes */
 static const double COARSE = 1.3, CUT = 0.02;    /* sigmas; share of the pixels */
 static const float NEAR = -3, LONE = -10;        /* z of the lowest value, and of what is none */

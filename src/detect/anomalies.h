@@ -35,8 +35,8 @@ typedef struct rx_anomalies {
     int nx, ny;
     unsigned char *lit; /* [ny][nx], owned; not 0: light that is no source's */
     double light;       /* share of such boxes among those with a quarter of their pixels; NAN without any */
-    double step;                      /* between pixel values, ADU; 0: all alike */
-    double cut;                       /* share of the lowest value */
+    double step;        /* between pixel values, ADU; 0: all alike */
+    double cut;         /* share of the lowest value */
 } rx_anomalies;
 
 /* Of image->pixels with its sky, noise, mask and PSF. wide: f. The same bytes for any nthreads. Errors: RX_SYSTEM. */

@@ -13,22 +13,24 @@
 #include "psf/resample.h"
 
 enum {
-    PLACES = 3,    /* of the PSF on the tile, along each axis */
-    PIXELS = 3,    /* of a hit */
-    MOST = 9,      /* points and a level on a patch */
-    ANGLES = 48,   /* half a FWHM apart where a line ends */
+    PLACES = 3,     /* of the PSF on the tile, along each axis */
+    PIXELS = 3,     /* of a hit */
+    LEAST_FREE = 8, /* cells by which a reduced chi2 is known to a half */
+    MOST = 9,       /* points and a level on a patch */
+    ANGLES = 48,    /* half a FWHM apart where a line ends */
     DIRECTIONS = 8, /* of tracks */
-    ALONG = 8,     /* places on either side, */
-    BINS = 256,    /* of c */
-    ORDER = 3,     /* of Lanczos interpolation */
-    ROUNDS = 20    /* of EM: shares change by less than a hundredth */
+    ALONG = 8,      /* places on either side, */
+    BINS = 256,     /* of c */
+    ORDER = 3,      /* of Lanczos interpolation */
+    ROUNDS = 20     /* of EM: shares change by less than a hundredth */
 };
 
-static const double STEP = 0.15; /* FWHM, between places of a star: a parabola is good to a hundredth pixel there */
+static const double STEP =
+    0.15; /* FWHM, between places of a star: a parabola is good to a hundredth pixel there */
 static const double FIRST = 2.5, NEXT = 1.25, BESIDE = 3; /* FWHM: of places on a line */
-static const double LEAST_WRONG = 0.02;               /* of the PSF, share of its peak */
-static const double ELSE = 0.1;                       /* of the places on a line or none: a star is there, of any height */
-static const double BIN = 0.25, LOWEST = -8;       /* sigmas of c */
+static const double LEAST_WRONG = 0.02;                   /* of the PSF, share of its peak */
+static const double ELSE = 0.1; /* of the places on a line or none: a star is there, of any height */
+static const double BIN = 0.25, LOWEST = -8;                                       /* sigmas of c */
 static const int heights[] = {4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 248}; /* bins */
 
 /* The PSF at one of its places, moved within the brightest pixel's surroundings. */
@@ -45,7 +47,7 @@ typedef struct work {
     int nthreads;
     double fwhm; /* pixels, at least 2 */
     shapes stars;
-    float *matched;       /* [height][width], m; NAN where half of it is hidden */
+    float *matched;      /* [height][width], m; NAN where half of it is hidden */
     double spread[BINS]; /* f */
 } work;
 
@@ -105,9 +107,11 @@ static rx_status make_shapes(const rx_image *image, shapes *s, rx_error *err)
     RX_TRY(RX_MAKE(s->values, PLACES * PLACES * count(s) * area(s), err));
     for (int place = 0; place < PLACES * PLACES; place++) {
         rx_psf_fine_at(psf, (place % PLACES + 0.5) / PLACES * image->width,
-                       ((double)(place / PLACES) + 0.5) / PLACES * image->height, s->samples + (size_t)place * samples);
+                       ((double)(place / PLACES) + 0.5) / PLACES * image->height,
+                       s->samples + (size_t)place * samples);
         for (int k = 0; k < s->across * s->across; k++)
-            sample(s, place, s->step * (k % s->across - s->across / 2), s->step * ((double)(k / s->across) - s->across / 2),
+            sample(s, place, s->step * (k % s->across - s->across / 2),
+                   s->step * ((double)(k / s->across) - s->across / 2),
                    s->values + ((size_t)place * count(s) + (size_t)k) * area(s));
     }
     return RX_OK;
@@ -115,14 +119,15 @@ static rx_status make_shapes(const rx_image *image, shapes *s, rx_error *err)
 
 /* Pixels of a patch, or means of its rows in some direction, with what fits them: [n] each. */
 typedef struct cells {
-    int n; /* the brightest one is the middle */
+    int n;                          /* the brightest one is the middle */
     float *z, *weight, *fits[MOST]; /* fits: a level, points */
     int nfits;
     unsigned own; /* bits of those points that are within reach */
 } cells;
 
 /* Sums of weight a b and weight b b. */
-RX_SIMD static void sums(const float *restrict weight, const float *restrict a, const float *restrict b, int n, double *ab, double *bb)
+RX_SIMD static void sums(const float *restrict weight, const float *restrict a, const float *restrict b,
+                         int n, double *ab, double *bb)
 {
     float one = 0, two = 0;
 #pragma omp simd reduction(+ : one, two)
@@ -198,16 +203,19 @@ static double hit_odds(cells *c, const int *beside, int nbeside)
         all += (double)(c->weight[i] * c->z[i] * c->z[i]);
         free_cells += c->weight[i] > 0;
     }
-    const double points = chi2_taken(c, 0, height), size = (double)c->z[middle] * sqrt((double)c->weight[middle]),
+    const double points = chi2_taken(c, 0, height),
+                 size = (double)c->z[middle] * sqrt((double)c->weight[middle]),
                  other = log((double)nbeside) + fmax(log(size / sqrt(2 * M_PI)), 0);
     for (int k = 0, at = middle; k < PIXELS && at >= 0; k++) {
         kept += (double)(c->weight[at] * c->z[at] * c->z[at]);
         c->weight[at] = 0;
-        const double with = kept + chi2_taken(c, c->own, height), reduced = (all - with) / rx_max_int(free_cells - k - 1, 1);
+        const double with = kept + chi2_taken(c, c->own, height),
+                     reduced = free_cells - k > LEAST_FREE ? (all - with) / (free_cells - k - 1) : 1;
         best = fmax(best, (with - points) / (2 * fmax(reduced, 1)) - k * other);
         at = -1;
         for (int i = 0; i < nbeside; i++)
-            if (c->z[middle + beside[i]] > 0 && c->weight[middle + beside[i]] > 0 && (at < 0 || c->z[middle + beside[i]] > c->z[at]))
+            if (c->z[middle + beside[i]] > 0 && c->weight[middle + beside[i]] > 0 &&
+                (at < 0 || c->z[middle + beside[i]] > c->z[at]))
                 at = middle + beside[i];
     }
     return best;
@@ -250,10 +258,12 @@ static float brightest_near(const work *w, int *x, int *y)
     float most = 0;
     for (int v = rx_max_int(y0 - reach, 0); v <= rx_min_int(y0 + reach, image->height - 1); v++) {
         float row[RX_MAP_PIECE];
-        const int left = rx_max_int(x0 - reach, 0), n = rx_min_int(rx_min_int(x0 + reach, image->width - 1) - left + 1, RX_MAP_PIECE);
+        const int left = rx_max_int(x0 - reach, 0),
+                  n = rx_min_int(rx_min_int(x0 + reach, image->width - 1) - left + 1, RX_MAP_PIECE);
         rx_image_in_sigmas(image, left, v, n, row);
         for (int i = 0; i < n; i++) {
-            if (image->mask != NULL && (image->mask[(size_t)v * (size_t)image->width + (size_t)(left + i)] & RX_MASK_SATURATED))
+            if (image->mask != NULL &&
+                (image->mask[(size_t)v * (size_t)image->width + (size_t)(left + i)] & RX_MASK_SATURATED))
                 return 0;
             if (row[i] > most) {
                 most = row[i];
@@ -275,12 +285,14 @@ static double top_between(const double *gain, int place, int n, int next)
 }
 
 /* Points are added one by one where what is left has most of one, until that is no more than noise. room: [2][n]. */
-static void fit_points(const shapes *s, int place, double photons, double wrong, cells *c, float *room, double *gains)
+static void fit_points(const shapes *s, int place, double photons, double wrong, cells *c, float *room,
+                       double *gains)
 {
     const size_t n = (size_t)c->n, shapes_n = count(s);
     float *left = room, *model = room + n, *seen = c->weight;
     const float *shape = s->values + (size_t)place * shapes_n * n;
-    const double least = 2 * log((double)shapes_n) + 6; /* chi2 of a peak of noise in so many places; three numbers, by Akaike */
+    const double least = 2 * log((double)shapes_n) +
+                         6; /* chi2 of a peak of noise in so many places; three numbers, by Akaike */
     for (;;) {
         double height[MOST], most = 0;
         int best = 0;
@@ -310,8 +322,10 @@ static void fit_points(const shapes *s, int place, double photons, double wrong,
         if (!(most > (c->own == 0 ? 0 : least)))
             return;
         const int column = best % s->across, line = best / s->across;
-        const double dx = s->step * (column - s->across / 2 + top_between(gains + best, column, s->across, 1)),
-                     dy = s->step * (line - s->across / 2 + top_between(gains + best, line, s->across, s->across));
+        const double dx =
+                         s->step * (column - s->across / 2 + top_between(gains + best, column, s->across, 1)),
+                     dy = s->step *
+                          (line - s->across / 2 + top_between(gains + best, line, s->across, s->across));
         if (hypot(dx, dy) < s->reach + 0.5)
             c->own |= 1u << c->nfits;
         sample(s, place, dx, dy, c->fits[c->nfits++]);
@@ -326,7 +340,8 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
     const shapes *s = &w->stars;
     const size_t n = area(s);
     const int side = 2 * s->half + 1;
-    cells c = {.n = (int)n, .z = room, .weight = room + n, .nfits = 1}, row = {.z = room + 2 * n, .weight = room + 3 * n};
+    cells c = {.n = (int)n, .z = room, .weight = room + n, .nfits = 1},
+          row = {.z = room + 2 * n, .weight = room + 3 * n};
     double best = -HUGE_VAL;
     for (int k = 0; k < MOST; k++) {
         c.fits[k] = room + (size_t)(4 + k) * n;
@@ -339,15 +354,18 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
         c.z[i] = NAN;
     const int left = rx_max_int(x - s->half, 0), right = rx_min_int(x + s->half, image->width - 1);
     for (int v = rx_max_int(y - s->half, 0); v <= rx_min_int(y + s->half, image->height - 1); v++)
-        rx_image_in_sigmas(image, left, v, right - left + 1, c.z + (v - y + s->half) * side + left - x + s->half);
+        rx_image_in_sigmas(image, left, v, right - left + 1,
+                           c.z + (v - y + s->half) * side + left - x + s->half);
     for (size_t i = 0; i < n; i++) {
         c.weight[i] = c.z[i] == c.z[i] ? 1.0f : 0.0f;
         c.z[i] = c.weight[i] > 0 ? c.z[i] : 0.0f;
         c.fits[0][i] = 1;
     }
     const double sigma = (double)rx_map_at(&image->noise, x, y);
-    fit_points(s, y * PLACES / image->height * PLACES + x * PLACES / image->width, image->gain > 0 ? 1 / (sigma * image->gain) : 0,
-               fmax(fmax(image->psf->quality.residual, rx_psf_flux_error(image->psf, x, y)), LEAST_WRONG), &c, room + (size_t)(4 + 2 * MOST) * n, gains);
+    fit_points(s, y * PLACES / image->height * PLACES + x * PLACES / image->width,
+               image->gain > 0 ? 1 / (sigma * image->gain) : 0,
+               fmax(fmax(image->psf->quality.residual, rx_psf_flux_error(image->psf, x, y)), LEAST_WRONG), &c,
+               room + (size_t)(4 + 2 * MOST) * n, gains);
     const int around[] = {-1, 1, -side, side, -side - 1, -side + 1, side - 1, side + 1};
     const double across = 2 * s->reach + 1;
     for (int k = 0; k < DIRECTIONS; k++) {
@@ -375,7 +393,8 @@ static void blur_row(const float *kernel, int half, const float *src, int n, int
 static rx_status match(work *w, rx_error *err)
 {
     const rx_image *image = w->image;
-    const int width = image->width, height = image->height, half = (int)ceil(1.3 * w->fwhm), threads = rx_max_int(w->nthreads, 1);
+    const int width = image->width, height = image->height, half = (int)ceil(1.3 * w->fwhm),
+              threads = rx_max_int(w->nthreads, 1);
     const double sigma = w->fwhm / RX_FWHM_SIGMA;
     const size_t row = (size_t)width, n = row * (size_t)height;
     float *kernel = NULL, *rows = NULL, *noise = NULL, *room = NULL;
@@ -445,7 +464,8 @@ static int contrast(const work *w, double x, double y, double dx, double dy, flo
 {
     const double beside = BESIDE * w->fwhm;
     *own = matched_at(w, x, y);
-    const float one = matched_at(w, x - beside * dy, y + beside * dx), other = matched_at(w, x + beside * dy, y - beside * dx);
+    const float one = matched_at(w, x - beside * dy, y + beside * dx),
+                other = matched_at(w, x + beside * dy, y - beside * dx);
     const double c = (double)(*own - (one > other ? one : other));
     if (isnan(*own) || isnan(one) || isnan(other))
         return -1;
@@ -479,8 +499,10 @@ static double line_odds(const work *w, int bin, int height)
 {
     double with = 0;
     for (int shift = heights[height]; shift < heights[height + 1]; shift++) {
-        if (bin < BINS - 1)
+        if (bin == 0 || (bin < BINS - 1 && bin > shift))
             with += w->spread[rx_max_int(bin - shift, 0)];
+        else if (bin < BINS - 1) /* somewhere below the lowest bin */
+            with += w->spread[0] / BINS;
         for (int k = BINS - 1 - shift; bin == BINS - 1 && k < BINS; k++)
             with += w->spread[k];
     }
@@ -567,7 +589,8 @@ rx_status rx_artefacts_find(const rx_image *image, int nthreads, int n, rx_artef
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (int t = 0; t < threads; t++)
         for (int i = t; i < n; i += threads) {
-            of[i] = hit_or_star(&w, &list[i], room + ROOM * area(&w.stars) * (size_t)t, gains + count(&w.stars) * (size_t)t);
+            of[i] = hit_or_star(&w, &list[i], room + ROOM * area(&w.stars) * (size_t)t,
+                                gains + count(&w.stars) * (size_t)t);
             of[n + i] = line_or_none(&w, (const double(*)[HEIGHTS])odds, &list[i]);
         }
     share_out(of, n);

@@ -516,11 +516,11 @@ static void mark_sources(const work *w)
     const int know_dark = net && domain->model->dark > 0.0;
     for (int i = 0; i < result->sources->n; i++) {
         rx_source *s = &result->sources->list[i];
-        const int sharp = s->fit.hit > 0.5, lit = rx_anomalies_lit_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak),
+        const int sharp = s->fit.hit > 0.5,
+                  lit = rx_anomalies_lit_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak),
                   on_line = s->fit.line > 0.5 && s->fit.off_line < 0.5;
-        s->fit.restore |=
-            all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
-            (sharp ? RX_RESTORE_SHARP : 0) | (lit || on_line ? RX_RESTORE_LIGHT : 0);
+        s->fit.restore |= all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
+                          (sharp ? RX_RESTORE_SHARP : 0) | (lit || on_line ? RX_RESTORE_LIGHT : 0);
         result->sharp += sharp;
         if (!net || s->untouched)
             continue;

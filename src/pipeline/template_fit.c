@@ -315,9 +315,9 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
             t->restore |= RX_RESTORE_UNTESTED;
             t->preal = NAN;
         } else {
-            t->preal = (1 - t->hit) *
-                       ((1 - t->line) * rx_preal_of(&fit->preal, t->evidence) +
-                        t->line * rx_preal_of(&fit->preal, t->evidence * t->off_line * t->off_line));
+            t->preal =
+                (1 - t->hit) * ((1 - t->line) * rx_preal_of(&fit->preal, t->evidence) +
+                                t->line * rx_preal_of(&fit->preal, t->evidence * t->off_line * t->off_line));
             if (t->preal < 0.5)
                 t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
         }

@@ -206,9 +206,12 @@ static void test_nothing_to_see(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_an_ordinary_sky), cmocka_unit_test(test_rows_and_columns),
-        cmocka_unit_test(test_light),           cmocka_unit_test(test_steps),
-        cmocka_unit_test(test_cut),             cmocka_unit_test(test_nothing_to_see),
+        cmocka_unit_test(test_an_ordinary_sky),
+        cmocka_unit_test(test_rows_and_columns),
+        cmocka_unit_test(test_light),
+        cmocka_unit_test(test_steps),
+        cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_nothing_to_see),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
