@@ -29,6 +29,7 @@ static const double STEP =
     0.15; /* FWHM, between places of a star: a parabola is good to a hundredth pixel there */
 static const double FIRST = 2.5, NEXT = 1.25, BESIDE = 3; /* FWHM: of places on a line */
 static const double LEAST_WRONG = 0.02;                   /* of the PSF, share of its peak */
+static const double ROWS = 1.5; /* FWHM over rows of a track: those of a star are more */
 static const double ELSE = 0.1; /* of the places on a line or none: a star is there, of any height */
 static const double BIN = 0.25, LOWEST = -8;                                       /* sigmas of c */
 static const int heights[] = {4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 248}; /* bins */
@@ -191,7 +192,7 @@ static double chi2_taken(const cells *c, unsigned without, double *height)
 
 /* The largest of ln L(hit and points beyond reach) - ln L(points) where one to three cells, the middle and the brightest of its
  * neighbours, may have any value. The weights of these are 0 afterwards. */
-static double hit_odds(cells *c, const int *beside, int nbeside)
+static double hit_odds(cells *c, const int *beside, int nbeside, int pixels)
 {
     const int middle = c->n / 2;
     double best = -HUGE_VAL, kept = 0, height[MOST]; /* kept: chi2 that the hit's cells take */
@@ -206,7 +207,7 @@ static double hit_odds(cells *c, const int *beside, int nbeside)
     const double points = chi2_taken(c, 0, height),
                  size = (double)c->z[middle] * sqrt((double)c->weight[middle]),
                  other = log((double)nbeside) + fmax(log(size / sqrt(2 * M_PI)), 0);
-    for (int k = 0, at = middle; k < PIXELS && at >= 0; k++) {
+    for (int k = 0, at = middle; k < pixels && at >= 0; k++) {
         kept += (double)(c->weight[at] * c->z[at] * c->z[at]);
         c->weight[at] = 0;
         const double with = kept + chi2_taken(c, c->own, height),
@@ -342,6 +343,7 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
     const int side = 2 * s->half + 1;
     cells c = {.n = (int)n, .z = room, .weight = room + n, .nfits = 1},
           row = {.z = room + 2 * n, .weight = room + 3 * n};
+    const int rows = rx_min_int(rx_max_int((int)(w->fwhm / ROWS), 1), PIXELS);
     double best = -HUGE_VAL;
     for (int k = 0; k < MOST; k++) {
         c.fits[k] = room + (size_t)(4 + k) * n;
@@ -370,9 +372,9 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
     const double across = 2 * s->reach + 1;
     for (int k = 0; k < DIRECTIONS; k++) {
         collapse(&c, side, M_PI * k / DIRECTIONS, &row);
-        best = fmax(best, hit_odds(&row, around, 2) - log(across * DIRECTIONS));
+        best = fmax(best, hit_odds(&row, around, 2, rows) - log(across * DIRECTIONS));
     }
-    return fmax(best, hit_odds(&c, around, 8) - 2 * log(across));
+    return fmax(best, hit_odds(&c, around, 8, PIXELS) - 2 * log(across));
 }
 
 /* dst += a row of pixels, behind a Gaussian: values, and their squared noise. */
