@@ -29,7 +29,8 @@ static const double STEP =
     0.15; /* FWHM, between places of a star: a parabola is good to a hundredth pixel there */
 static const double FIRST = 2.5, NEXT = 1.25, BESIDE = 3; /* FWHM: of places on a line */
 static const double LEAST_WRONG = 0.02;                   /* of the PSF, share of its peak */
-static const double ROWS = 1.5; /* FWHM over rows of a track: those of a star are more */
+static const double ROWS =
+    1.5; /* FWHM over rows of a track, where it has two or more: thin galaxies are as narrow where it has one */
 static const double ELSE = 0.1; /* of the places on a line or none: a star is there, of any height */
 static const double BIN = 0.25, LOWEST = -8;                                       /* sigmas of c */
 static const int heights[] = {4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 248}; /* bins */
@@ -370,7 +371,7 @@ static double hit_or_star(const work *w, const rx_artefact *source, float *room,
                room + (size_t)(4 + 2 * MOST) * n, gains);
     const int around[] = {-1, 1, -side, side, -side - 1, -side + 1, side - 1, side + 1};
     const double across = 2 * s->reach + 1;
-    for (int k = 0; k < DIRECTIONS; k++) {
+    for (int k = 0; k < DIRECTIONS && w->fwhm >= 2 * ROWS; k++) {
         collapse(&c, side, M_PI * k / DIRECTIONS, &row);
         best = fmax(best, hit_odds(&row, around, 2, rows) - log(across * DIRECTIONS));
     }

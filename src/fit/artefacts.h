@@ -4,7 +4,7 @@
  * Hit or star, on the pixels around the brightest one within half a FWHM:
  *
  *   points  z = a + sum_k b_k P(x - x_k)   b_k >= 0; as many as the pixels call for, one by one where most is left, 8 at most
- *   hit     the same without points within half a FWHM, but that pixel and up to two of its 8 neighbours may have any value; or the same
+ *   hit     the same without points within half a FWHM, but that pixel and up to two of its 8 neighbours may have any value; or, from a FWHM of 3 pixels on, the same
  *           of the means of rows in one of 8 directions, for tracks that are no wider than their pixels
  *   ln L(hit) - ln L(points) = (chi2(points) - chi2(hit)) / 2 - ln N - (k - 1) (ln 8 + ln(z_max / sqrt(2 pi)))
  *
