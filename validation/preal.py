@@ -27,7 +27,7 @@ from astropy.io import fits
 from scipy.spatial import cKDTree
 
 import ledger
-from crowded import SKY, ZERO, MODEL, cell, run, unit
+from crowded import SKY, ZERO, MODEL, run, unit
 
 CELLS = ["300-2.5G", "300-4G", "300-6G", "2000-4", "2000-4T", "8000-4"]
 EDGES = (0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0001)
@@ -47,19 +47,21 @@ def checks(name, mode):
 
 
 def kind(name):
-    density, fwhm, _, mixed = cell(name.rstrip("T"))
-    return density, fwhm, mixed, 5.0 if name.endswith("T") else 2.0, 512 if density > 1000 else 1024
+    """Per Mpixel, FWHM, share of galaxies, least S/N, side, frames of which it is a coadd."""
+    density, rest = name.split("-")
+    share = 0.2 * ("G" in rest) + 2 / 3 * ("H" in rest)
+    return int(density), float(rest.rstrip("GHTC")), share, 5.0 if "T" in rest else 2.0, 512 if int(density) > 1000 else 1024, 4 if "C" in rest else 1
 
 
 def make(folder, name, seed):
-    density, fwhm, mixed, faint, side = kind(name)
+    density, fwhm, share, faint, side, frames = kind(name)
     density *= (5 / faint)**0.9
     low, high = (f"{ZERO - 2.5 * np.log10(s * unit(fwhm)):.4f}" for s in (3000, faint))
-    galaxies = 0.2 * density * mixed
+    galaxies = share * density
     run(folder, "SIMULATE", "-IMAGE_SIZE", str(side), "-SEED", str(seed), "-MAG_ZEROPOINT", str(ZERO), "-PSF_FWHM", str(fwhm),
         "-STAR_COUNT", str(density - galaxies), "-STAR_MAG", f"{low},{high}", "-STAR_SLOPE", "0.36",
         "-GALAXY_COUNT", str(galaxies), "-GALAXY_MAG", f"{low},{high}", "-GALAXY_SLOPE", "0.36", "-GAIN", "1", "-READ_NOISE", "0.01",
-        "-NOISE_TYPE", "CCD", "-SKY_LEVEL", str(SKY))
+        "-NOISE_TYPE", "CCD", "-SKY_LEVEL", str(SKY), *(["-COADD_TYPE", "LANCZOS", "-COADD_FRAMES", str(frames)] if frames > 1 else []))
 
 
 def extract(folder, name, by, mode):
@@ -76,7 +78,7 @@ def extract(folder, name, by, mode):
     with fits.open(f"{folder}/{catalog}") as hdus:
         t = {c.name: np.array(hdus[1].data[c.name], float) for c in hdus[1].columns}
     t["true_snr"], t["true_flux"], t["light"] = match(folder, name, t)
-    _, fwhm, _, _, side = kind(name)
+    fwhm, side = kind(name)[1], kind(name)[4]
     inside = np.minimum.reduce([t[k] - (0.5 + fwhm) for k in COLUMNS[:2]] + [side + 0.5 - fwhm - t[k] for k in COLUMNS[:2]]) > 0
     return {k: v[inside] for k, v in t.items()}
 
@@ -88,7 +90,7 @@ def gather(folder, cells, seeds, by, mode):
 
 def match(folder, name, t):
     """Of every detection true S/N and flux, NAN where it is not matched, and the share of its flux that is true light."""
-    _, fwhm, _, _, _ = kind(name)
+    fwhm = kind(name)[1]
     with fits.open(f"{folder}/sim_truth.fits") as hdus:
         truth = hdus[1].data
         at, true = np.column_stack([truth["X_IMAGE"], truth["Y_IMAGE"]]), np.array(truth["MAG"], float)

@@ -333,7 +333,7 @@ static rx_status fit_preal(const rx_pipeline_params *params, const rx_blankcheck
             add_evidence(tphot->list[i].evidence, tphot->list[i].snr, &own, evidence);
     for (int i = 0; i < check->nfitted; i++)
         add_evidence(check->fitted[i][0], check->fitted[i][1], &noise, of_noise);
-    rx_preal_fit(&tile->templates.preal, &own, &noise);
+    rx_preal_fit(&tile->templates.preal[0], &own, &noise);
     free(evidence);
     return RX_OK;
 }
@@ -347,7 +347,8 @@ rx_status rx_blankcheck_preal(const rx_pipeline_params *params, rx_blankcheck *c
     if (!rx_blankcheck_is_crowd(tile))
         RX_TRY(fit_preal(params, check, tile, err));
     for (int i = 0; params->templates.drop && i < check->nfitted; i++)
-        check->false_detections += !rx_preal_doubtful(&tile->templates.preal, check->fitted[i][0]);
+        check->false_detections +=
+            !rx_preal_doubtful(&tile->templates.preal[rx_blankcheck_is_crowd(tile)], check->fitted[i][0]);
     set_rate(check);
     return rx_template_fit_judge(&params->templates, &tile->templates, tile->sources, err);
 }

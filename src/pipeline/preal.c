@@ -2,34 +2,115 @@
 #include "pipeline/preal.h"
 
 #include <math.h>
+#include <stddef.h>
 
-static const double LEAST = 2.5;           /* sigmas */
-static const double BRIGHT = 6.0;          /* of noise none is found above, */
-static const double PRIOR = 1.0;           /* but no sky is without sources: that many more */
-static const double NEAR = 4.5, FAR = 7.0; /* sigmas: whether counts go on; most peaks of noise are below */
-static const double PIVOT = 25.0;          /* evidence at which the slope changes nothing */
+static const double LEAST = 2.5;  /* sigmas */
+static const double BRIGHT = 6.0; /* of noise none is found above, */
+static const double PRIOR = 1.0;  /* but no sky is without sources: that many more */
+static const double LAW = -2.0, LAW_WIDTH = 2.0, LEAST_LAW = -3.5; /* of real ones; P rises from LEAST on */
+static const double SCALE_SIGMA = 0.2, LEAST_SCALE = 0.1;          /* of peaks of noise in a crowd */
+/* Sigmas in a crowd: 0.2 above the least S/N of what is added, where all of that is held, to where none is noise. */
+static const double NEAR = 3.4, FAR = 7.0;
+enum { BINS = 72 };
+static const double PIVOT = 25.0; /* evidence that slopes and powers refer to */
 static const double SHIFT_SIGMA = 1.0, SLOPE_SIGMA = 0.5;
 static const double LEAST_SLOPE = -0.25; /* P rises from LEAST on */
 
 rx_preal rx_preal_default(const double *evidence, int n, double pixels, double fwhm)
 {
     const double w = fmax(fwhm, 1.0) / 2.3548;
-    rx_preal preal = {.bright = PRIOR, .peaks = 1.0 / (pow(2.0 * acos(-1.0), 1.5) * 2.0 * w * w)};
+    rx_preal preal = {.power = LAW, .peaks = 1.0 / (pow(2.0 * acos(-1.0), 1.5) * 2.0 * w * w)};
+    int bright = 0;
     for (int i = 0; i < n; i++)
-        preal.bright += evidence[i] > BRIGHT * BRIGHT;
-    preal.bright /= fmax(pixels, 1.0);
+        bright += evidence[i] > BRIGHT * BRIGHT;
+    preal.real = (PRIOR + bright) * BRIGHT / (PIVOT * fmax(pixels, 1.0));
     return preal;
 }
 
-void rx_preal_complete(rx_preal *preal, const double *evidence, int n, double pixels)
+/* Counts by s, and what is expected of them under ln scale, ln real and power: ln likelihood with priors, its gradient, and the Fisher
+ * information, upper triangle by rows. */
+typedef struct crowd_counts {
+    double found[BINS], noise[BINS]; /* noise: peaks at a scale of 1 */
+    double scale;                    /* ln of what is expected */
+} crowd_counts;
+
+static void add_counts(const crowd_counts *c, const double law[3], double sums[10])
 {
-    const double noise =
-        preal->peaks * (NEAR * exp(-0.5 * NEAR * NEAR) - FAR * exp(-0.5 * FAR * FAR)) * pixels;
-    double found = 0.0;
+    const double off = (law[0] - c->scale) / SCALE_SIGMA, steep = (law[2] - LAW) / LAW_WIDTH,
+                 step = (FAR - NEAR) / BINS;
+    for (int k = 0; k < 10; k++)
+        sums[k] = 0;
+    for (int i = 0; i < BINS; i++) {
+        const double u = log((NEAR + (i + 0.5) * step) / sqrt(PIVOT));
+        const double noise = exp(law[0]) * c->noise[i], real = exp(law[1] + law[2] * u) * step;
+        const double all = noise + real, by[3] = {noise, real, real * u}, rest = c->found[i] / all - 1;
+        sums[0] += c->found[i] * log(all) - all;
+        for (int j = 0, at = 4; j < 3; j++) {
+            sums[1 + j] += rest * by[j];
+            for (int k = j; k < 3; k++)
+                sums[at++] += by[j] * by[k] / all;
+        }
+    }
+    sums[0] -= 0.5 * (off * off + steep * steep);
+    sums[1] -= off / SCALE_SIGMA;
+    sums[3] -= steep / LAW_WIDTH;
+    sums[4] += 1 / (SCALE_SIGMA * SCALE_SIGMA);
+    sums[9] += 1 / (LAW_WIDTH * LAW_WIDTH);
+}
+
+/* by = information^-1 gradient. */
+static void scoring_step(const double sums[10], double by[3])
+{
+    const double a = sums[4], b = sums[5], c = sums[6], d = sums[7], e = sums[8], f = sums[9];
+    const double inverse[6] = {d * f - e * e, c * e - b * f, b * e - c * d,
+                               a * f - c * c, b * c - a * e, a * d - b * b};
+    const double det = a * inverse[0] + b * inverse[1] + c * inverse[2], *g = sums + 1;
+    by[0] = (inverse[0] * g[0] + inverse[1] * g[1] + inverse[2] * g[2]) / det;
+    by[1] = (inverse[1] * g[0] + inverse[3] * g[1] + inverse[4] * g[2]) / det;
+    by[2] = (inverse[2] * g[0] + inverse[4] * g[1] + inverse[5] * g[2]) / det;
+}
+
+rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwhm)
+{
+    enum { STEPS = 100 };
+    const double w = fmax(fwhm, 1.0) / 2.3548, step = (FAR - NEAR) / BINS;
+    rx_preal preal = rx_preal_default(NULL, 0, pixels, fwhm);
+    crowd_counts c = {.scale = log(fmax(1 - 12 * acos(-1.0) * w * w * n / fmax(pixels, 1.0), LEAST_SCALE))};
+    double all = PRIOR, law[3] = {c.scale, 0, LAW}, now[10], next[10], by[3], there[3];
+    for (int i = 0; i < BINS; i++) {
+        const double s = NEAR + (i + 0.5) * step;
+        c.noise[i] = preal.peaks * (s * s - 1) * exp(-0.5 * s * s) * step * pixels;
+    }
     for (int i = 0; i < n; i++)
-        found += evidence[i] > NEAR * NEAR && evidence[i] < FAR * FAR;
-    const double law = BRIGHT * (1.0 / NEAR - 1.0 / FAR); /* share of those above BRIGHT */
-    preal->bright = fmin(preal->bright, (PRIOR + fmax(found - noise, 0.0) / law) / fmax(pixels, 1.0));
+        if (evidence[i] >= NEAR * NEAR && evidence[i] < FAR * FAR) {
+            const int bin = (int)((sqrt(evidence[i]) - NEAR) / step);
+            c.found[bin < BINS ? bin : BINS - 1]++;
+            all++;
+        }
+    law[1] = log(all / (FAR - NEAR));
+    add_counts(&c, law, now);
+    for (int k = 0; k < STEPS; k++) { /* Fisher's scoring, halved until it leads up */
+        int halvings = 0;
+        scoring_step(now, by);
+        do {
+            for (int j = 0; j < 3; j++) {
+                there[j] = law[j] + by[j];
+                by[j] *= 0.5;
+            }
+            there[2] = fmax(there[2], LEAST_LAW);
+            add_counts(&c, there, next);
+        } while (!(next[0] >= now[0]) && ++halvings < 30);
+        if (!(next[0] > now[0] + 1e-10))
+            break;
+        for (int j = 0; j < 3; j++)
+            law[j] = there[j];
+        for (int j = 0; j < 10; j++)
+            now[j] = next[j];
+    }
+    preal.peaks *= exp(law[0]);
+    preal.real = exp(law[1]) / fmax(pixels, 1.0);
+    preal.power = law[2];
+    return preal;
 }
 
 double rx_preal_of(const rx_preal *preal, double evidence)
@@ -38,9 +119,9 @@ double rx_preal_of(const rx_preal *preal, double evidence)
         return isnan(evidence) ? NAN : 0.0;
     /* ln(R / F); below LEAST F is that of the noise at a given place, no longer of its peaks. */
     const double e = fmin(fmax(evidence, LEAST * LEAST), 1e6);
-    const double log_odds = log(preal->bright * BRIGHT / (preal->peaks * e * (e - 1.0))) + 0.5 * e +
-                            preal->shift + 0.5 * preal->slope * (e - PIVOT) +
-                            0.5 * fmin(evidence - LEAST * LEAST, 0.0);
+    const double log_odds = log(preal->real / (preal->peaks * (e - 1.0))) +
+                            0.5 * preal->power * log(e / PIVOT) + 0.5 * e + preal->shift +
+                            0.5 * preal->slope * (e - PIVOT) + 0.5 * fmin(evidence - LEAST * LEAST, 0.0);
     return 1.0 / (1.0 + exp(-log_odds));
 }
 

@@ -1,14 +1,14 @@
 /* P_REAL: how probable it is that a source is there, from its evidence (template/template.h).
  *
  *   P = R / (R + F)   densities of sources, of peaks of noise, at the significance s = sqrt(evidence), in the tile
- *   R(s) = bright * 6 / s^2                              counts N(>s) ~ 1/s, through those above 6 sigma
+ *   R(s) = real (s / 5)^power                            counts N(>s) ~ 1/s, power -2, through those above 6 sigma
  *   F(s) = (s^2 - 1) exp(-s^2 / 2) / ((2 pi)^1.5 2 w^2)  w = FWHM / 2.355
  *
  * F: maxima above s of white noise behind its matched Gaussian filter are s exp(-s^2 / 2) / ((2 pi)^1.5 2 w^2) a
  * pixel (Adler 1981, The Geometry of Random Fields, ch. 6, for the correlation exp(-r^2 / 4 w^2)). Which of them a
  * list holds does not matter: detection takes from both alike. Below s = 2.5 the value of 2.5 holds. Where
  * realisations of the tile's own noise were fitted, too, ln(R / F) gets shift + slope (s^2 - 25) / 2 from them.
- * Rising in the evidence always. */
+ * In a crowd the list itself says real, power and the scale of F. Rising in the evidence always. */
 #ifndef RX_PIPELINE_PREAL_H
 #define RX_PIPELINE_PREAL_H
 
@@ -18,7 +18,7 @@ RX_BEGIN_DECLS
 
 /* How probable sources are, by their evidence. */
 typedef struct rx_preal {
-    double bright;       /* sources above 6 sigma a pixel */
+    double real, power;  /* sources at 5 sigma a pixel and sigma, and how they go on */
     double peaks;        /* of noise: F(s) / ((s^2 - 1) exp(-s^2 / 2)) a pixel */
     double shift, slope; /* of ln(R / F), as realisations of the tile's noise say; 0 */
     int tile;            /* there were such */
@@ -27,10 +27,12 @@ typedef struct rx_preal {
 /* Of a tile with that many usable pixels; evidence[n] of its sources, NAN where there is none. */
 rx_preal rx_preal_default(const double *evidence, int n, double pixels, double fwhm);
 
-/* Of a list that is complete from 4.5 sigma on, as in crowds, where all of the residual is searched: counts that have fallen by
- * there do not go on, and `bright` becomes what those from 4.5 to 7 sigma say, without as many peaks of noise, where
- * that is less. */
-void rx_preal_complete(rx_preal *preal, const double *evidence, int n, double pixels);
+/* Of crowded pixels, all of whose residual is searched down to 3.2 sigma: most sources near that are added, few listed. Real, power
+ * and the scale of the peaks are the maximum of the Poisson likelihood of the counts from 3.4 to 7 sigma and their priors. Each source that is fitted
+ * takes flux and position from the noise, three of its degrees of freedom, one of which is in each 4 pi w^2 pixels, so the scale
+ * is 1 - 12 pi w^2 n / pixels, at least 0.1, within exp(0.2) (with it P is within 0.05 in validation/results/preal); power -2 +- 2, as
+ * neighbours hide faint sources. */
+rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwhm);
 
 /* NAN for NAN. */
 double rx_preal_of(const rx_preal *preal, double evidence);

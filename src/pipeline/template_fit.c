@@ -23,9 +23,6 @@ static const double CROWD_ERROR = 0.01, NEIGHBOUR_ERROR = 0.003;
 /* Residuals above that many times a noise that is only a floor say that there is none to test sources against. */
 static const double UNTESTABLE = 5.0, TWICE = 2.0;
 
-/* Share of the tile, from which on its sources are those of a crowd. */
-static const double CROWDED = 0.5;
-
 /* What one call works on. */
 typedef struct work {
     const rx_pipeline_params *params;
@@ -284,15 +281,18 @@ static rx_status tell_tile(const work *w, rx_error *err)
     rx_template_fit *dst = w->dst;
     const rx_tphot *tphot = dst->tphot;
     double *evidence;
+    int ncrowded = 0;
     RX_TRY(RX_MAKE(evidence, (size_t)tphot->n, err));
-    for (int i = 0; i < tphot->n; i++)
-        evidence[i] = tphot->list[i].evidence;
     dst->added = tphot->n - tphot->nlisted;
     dst->chi2 = tphot->visible > 0 ? tphot->chi2 / tphot->visible : NAN;
     dst->fwhm = psf_of(w, w->on.measure)->fwhm;
-    dst->preal = rx_preal_default(evidence, tphot->n, tphot->visible, dst->fwhm);
-    if (tphot->crowded > CROWDED)
-        rx_preal_complete(&dst->preal, evidence, tphot->n, tphot->visible);
+    for (int i = 0; i < tphot->n; i++)
+        if (tphot->list[i].crowded)
+            evidence[ncrowded++] = tphot->list[i].evidence;
+    dst->preal[1] = rx_preal_crowd(evidence, ncrowded, tphot->crowded * tphot->visible, dst->fwhm);
+    for (int i = 0; i < tphot->n; i++)
+        evidence[i] = tphot->list[i].evidence;
+    dst->preal[0] = rx_preal_default(evidence, tphot->n, tphot->visible, dst->fwhm);
     free(evidence);
     return RX_OK;
 }
@@ -313,8 +313,9 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
             t->restore |= RX_RESTORE_UNTESTED;
             t->preal = NAN;
         } else {
-            t->preal = rx_preal_of(&fit->preal, t->evidence);
-            if (rx_preal_doubtful(&fit->preal, t->evidence))
+            const rx_preal *preal = &fit->preal[fit->tphot->list[t->entry].crowded];
+            t->preal = rx_preal_of(preal, t->evidence);
+            if (rx_preal_doubtful(preal, t->evidence))
                 t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
         }
         keep[i] = !rx_source_is_spurious(&sources->list[i]);

@@ -23,7 +23,7 @@ typedef struct rx_template_fit {
     double per_mpixel; /* invented per 10^6 usable pixels */
     double chi2;       /* reduced, of the residual over usable pixels: noise of sky and photons */
     double fwhm;       /* of the PSF that was fitted, pixels */
-    rx_preal preal;
+    rx_preal preal[2]; /* where it is not crowded, where it is */
     rx_sources *
         forced; /* owned; a row for each listed position, in their order, `fit` filled; NULL: there is no list */
     int unknown_noise; /* pixels have next to none, and models do not explain them to that: no source can be tested */
@@ -37,7 +37,7 @@ typedef struct rx_template_fit {
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
                               rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err);
 
-/* preal and the marks of FLAGS_RESTORE of every source anew as fit->preal says, and those that are marked removed
+/* P_REAL and the marks of FLAGS_RESTORE of every source anew as fit->preal says, and those that are marked removed
  * where the options say so. A source is marked where it is more probably not there than there: SHRED where a
  * neighbour takes more than half of its S/N squared, else INVENTED. Errors: RX_SYSTEM. */
 rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,

@@ -55,33 +55,40 @@ static void the_curve_is_the_ratio_of_two_densities(void **state)
     assert_true(rx_preal_of(&empty, 36) > 0.9);
 }
 
-/* Of counts N(>s) = 300 * 6 / s without an end, or with one at 6 sigma, and of as many peaks of noise as the tile has. */
-static void counts_that_end_do_not_go_on(void **state)
+/* Of a crowd: peaks of half of the noise, and counts that go on as 1 / s^2, or as s, and how far P is off between 3.4 and 5 sigma. */
+static void a_crowd_says_how_its_counts_go_on(void **state)
 {
     (void)state;
-    enum { ROOM = 1000 };
-    double evidence[ROOM];
-    rx_preal preal[2];
-    for (int end = 0; end < 2; end++) {
+    enum { ROOM = 40000 };
+    static double evidence[ROOM];
+    for (int rising = 0; rising < 2; rising++) {
+        const double power = rising ? 1 : -2, area = 10 * AREA, real = 1e-4, step = 1e-4;
         int n = 0;
-        for (int k = 1; k <= 400; k++) {
-            const double s = 6.0 * 300 / k;
-            if (!end || s > 6)
+        double sum = 0.5, worst = 0, by_law = 0;
+        for (double s = 3.2; s < 12; s += step)
+            for (sum += (real * pow(s / 5, power) + 0.8 * noise_peaks(s)) * area * step; sum >= 1; sum--)
                 evidence[n++] = s * s;
+        assert_between(n, 100, ROOM);
+        const rx_preal preal = rx_preal_crowd(evidence, n, area, FWHM),
+                       law = rx_preal_default(evidence, n, area, FWHM);
+        for (double s = 3.4; s < 5; s += 0.1) {
+            const double there = real * pow(s / 5, power), truth = there / (there + 0.8 * noise_peaks(s));
+            worst = fmax(worst, fabs(rx_preal_of(&preal, s * s) - truth));
+            by_law = fmax(by_law, fabs(rx_preal_of(&law, s * s) - truth));
         }
-        double peaks = 0.5;
-        for (double s = 4.0; s < 7; s += 0.001)
-            for (peaks += noise_peaks(s) * AREA * 0.001; peaks >= 1; peaks--)
-                evidence[n++] = s * s;
-        preal[end] = rx_preal_default(evidence, n, AREA, FWHM);
-        const double law = preal[end].bright;
-        rx_preal_complete(&preal[end], evidence, n, AREA);
-        print_message("bright per Mpixel %.1f, of it %.1f\n", law * 1e6, preal[end].bright * 1e6);
-        assert_between(law * 1e6, 299, 302);
+        print_message("power %g: %g, off by %.3f, default %.3f\n", power, preal.power, worst, by_law);
+        assert_near(preal.power, power, 0.25);
+        assert_true(worst < 0.03);
+        assert_true(!rising || by_law > 0.3);
+        for (double e = 6.25, last = 0; e < 100; e += 0.25) { /* never falls */
+            assert_true(rx_preal_of(&preal, e) >= last);
+            last = rx_preal_of(&preal, e);
+        }
     }
-    assert_near(preal[0].bright * 1e6, 300, 10);
-    assert_between(preal[1].bright * 1e6, 80, 220); /* those from 6 to 7 sigma are there */
-    assert_true(rx_preal_limit(&preal[1]) > rx_preal_limit(&preal[0]));
+    const rx_preal empty = rx_preal_crowd(NULL, 0, AREA, FWHM);
+    assert_between(rx_preal_of(&empty, 25), 0, 1);
+    const rx_preal nowhere = rx_preal_crowd(NULL, 0, 0, FWHM);
+    assert_between(rx_preal_of(&nowhere, 25), 0, 1);
 }
 
 /* n(s) = density(s) * detected(s) sources between 2.8 and 12 sigma, evenly by their own distribution. */
@@ -180,7 +187,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_curve_is_the_ratio_of_two_densities),
-        cmocka_unit_test(counts_that_end_do_not_go_on),
+        cmocka_unit_test(a_crowd_says_how_its_counts_go_on),
         cmocka_unit_test(noise_of_the_tile_sets_it_right),
         cmocka_unit_test(little_noise_says_little),
         cmocka_unit_test(pieces_owe_their_light),
