@@ -41,6 +41,7 @@ typedef struct rx_source_template {
     double x, y;               /* 0-based pixels, of the fit */
     double alpha, delta;       /* deg, J2000 */
     double star;               /* probability of a point, 0..1 */
+    double two;                /* probability that it is two sources, 0..1 */
     double radius;             /* half-light radius before the PSF, pixels; 0 of a point */
     double ratio, theta;       /* axis ratio b/a, radians */
     int group;                 /* from 1; 0: no fit */

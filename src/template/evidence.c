@@ -60,6 +60,12 @@ static double without_own_photons(const rx_fit_image *c, const rx_fit_source *s)
     return with > 0 ? without / with : 1;
 }
 
+double rx_evidence_lumps(const rx_fit_source *source, double fwhm)
+{
+    const double r2 = source->profile.radius * source->profile.radius;
+    return source->kind == RX_TPHOT_POINT ? 0 : LUMPS * r2 / (r2 + fwhm * fwhm);
+}
+
 /* What the rival leaves of it. */
 static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
                               const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
@@ -70,11 +76,7 @@ static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view 
     RX_TRY(rx_refine_alone(par, view, lens, other, &subjects[rival->one], &rise, err));
     if (!isfinite(rise))
         return RX_OK;
-    /* arms and knots of a galaxy that is resolved */
-    const double r2 = other->profile.radius * other->profile.radius, fwhm = view->fwhm;
-    const double rough =
-        other->kind == RX_TPHOT_POINT ? 0 : LUMPS * (1 - other->point) * r2 / (r2 + fwhm * fwhm);
-    const double lumps = rough * rival->light;
+    const double lumps = (1 - other->point) * rx_evidence_lumps(other, view->fwhm) * rival->light;
     *evidence = 1 / (1 / fmin(*evidence, fmax(rise, 1e-3)) + lumps * lumps);
     return RX_OK;
 }

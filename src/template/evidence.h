@@ -18,6 +18,9 @@ typedef struct rx_fit_neighbour {
 rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_joint_member *members,
                                        const int *member, int n, int i);
 
+/* What arms and knots of its profile amount to, in its fluxes: 0.3 r^2 / (r^2 + FWHM^2), r its half-light radius; 0 of a point. */
+double rx_evidence_lumps(const rx_fit_source *source, double fwhm);
+
 /* Source rival->one, whose footprint is shown, and rx_refine_alone_window() of its rival where it has one. Whether
  * it is there its own photons cannot say. Without a brighter neighbour that reaches over it (0.3 of its flux under its template, or coefficient of covariance
  * 0.2)

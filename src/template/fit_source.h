@@ -34,6 +34,7 @@ typedef struct rx_fit_source {
                              too high by that / 2 * fluxerr^2 / flux */
     double structure;     /* variance that the structure of the sky adds to the flux, ADU^2 */
     double presence;      /* what rx_tphot_source.evidence will be */
+    double two;           /* probability that it is two sources; NAN: not known */
     int flags;
     int added;         /* number among those that were added; -1: listed */
     int moved;         /* since its footprint was made */

@@ -49,6 +49,7 @@ static void keep_shape(const rx_tphot_source *from, rx_fit_source *subject)
         subject->profile =
             (rx_spergel){from->radius, g * cos(2 * from->angle), g * sin(2 * from->angle), from->index, NULL};
     subject->star = from->star;
+    subject->two = from->two;
     subject->point = from->point;
     subject->shape_error = from->shape_error;
     subject->lift = from->lift;
@@ -67,6 +68,7 @@ void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *inpu
                                    .y = s->y,
                                    .profile = {.nu = 0.5},
                                    .star = 1,
+                                   .two = NAN,
                                    .point = 1,
                                    .shape_error = 1,
                                    .lift = 1,
@@ -100,6 +102,7 @@ rx_fit_source rx_fit_source_added(double x, double y, int added)
                            .y0 = y,
                            .profile = {.nu = 0.5},
                            .star = 1,
+                           .two = NAN,
                            .point = 1,
                            .shape_error = 1,
                            .lift = 1,
@@ -156,6 +159,7 @@ void rx_fit_source_result(const rx_fit_image *canvas, const int32_t *segments, c
     dst->fluxerr = hypot(error * s->shape_error, sqrt(s->structure));
     dst->snr = dst->flux / dst->fluxerr;
     dst->star = s->star;
+    dst->two = s->two;
     dst->point = s->point;
     dst->chi2_gain = s->chi2_gain;
     dst->radius = s->kind != RX_TPHOT_POINT ? s->profile.radius : 0;

@@ -18,6 +18,7 @@ librextract_la_SOURCES += \
 	src/template/substructure.c src/template/substructure.h \
 	src/template/template.c \
 	src/template/tphot.c \
+	src/template/two.c src/template/two.h \
 	src/template/windows.c src/template/windows.h \
 	src/template/residual_sky.c src/template/residual_sky.h \
 	src/template/unseen.c src/template/unseen.h \

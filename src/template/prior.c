@@ -28,11 +28,15 @@ double rx_prior_scaling_mean(const rx_tile_prior *tile_prior, const rx_prior_sca
     return law->mean + (flux > 0 && law->slope != 0 ? law->slope * (log(flux) - tile_prior->pivot) : 0);
 }
 
+double rx_prior_log_odds(const rx_tile_prior *tile_prior, double flux, double evidence)
+{
+    return tile_prior->odds[0] + (flux > 0 ? tile_prior->odds[1] * (log(flux) - tile_prior->pivot) : 0) -
+           0.5 * evidence;
+}
+
 double rx_prior_point(const rx_tile_prior *tile_prior, double flux, double evidence)
 {
-    const double odds =
-        tile_prior->odds[0] + (flux > 0 ? tile_prior->odds[1] * (log(flux) - tile_prior->pivot) : 0);
-    return 1 / (1 + exp(fmin(fmax(0.5 * evidence - odds, -40), 40)));
+    return 1 / (1 + exp(fmin(fmax(-rx_prior_log_odds(tile_prior, flux, evidence), -40), 40)));
 }
 
 rx_likelihood rx_likelihood_of(double value, double variance, double centre, double width)

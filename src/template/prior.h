@@ -48,7 +48,8 @@ double rx_prior_scaling_mean(const rx_tile_prior *tile_prior, const rx_prior_sca
 /* 2 ln of the likelihood of ln radius, averaged over its law. */
 double rx_prior_agreement(const rx_tile_prior *tile_prior, const rx_likelihood *radius, double flux);
 
-/* Probability of a point of that flux. */
+/* Probability of a point of that flux, and ln of its odds. */
+double rx_prior_log_odds(const rx_tile_prior *tile_prior, double flux, double evidence);
 double rx_prior_point(const rx_tile_prior *tile_prior, double flux, double evidence);
 
 /* Of a fitted value and its variance under a prior. */

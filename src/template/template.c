@@ -23,6 +23,7 @@
 #include "template/template_chi2.h"
 #include "template/template_otf.h"
 #include "template/tphot.h"
+#include "template/two.h"
 #include "template/unseen.h"
 #include "template/windows.h"
 
@@ -741,6 +742,7 @@ typedef struct weighing {
     rx_refine_params par;
     rx_refine_view view;
     rx_fit_neighbour *rivals; /* [n] */
+    rx_two_counts counts;
 } weighing;
 
 /* Variance that the structure of the sky adds to its flux. What it does to a level counts by the width of a template, squared,
@@ -762,35 +764,65 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
     work *w = g->w;
     rx_fit_source *s = &w->subjects[i];
     s->structure = structure_of(w, s);
-    return rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i], &s->presence,
-                          err);
+    RX_TRY(
+        rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i], &s->presence, err));
+    return w->input->shapes != NULL
+               ? RX_OK
+               : rx_two_odds(&g->view, w->lenses[thread], &w->tile_prior, &g->counts, s, err);
+}
+
+static rx_status count_sources(weighing *g, rx_error *err)
+{
+    const work *w = g->w;
+    double *flux, *error;
+    RX_TRY(RX_MAKE(flux, 2 * (size_t)w->n, err));
+    error = flux + w->n;
+    for (int i = 0; i < w->n; i++) {
+        flux[i] = w->members[i].flux;
+        error[i] = sqrt(w->members[i].variance);
+    }
+    const rx_status status = rx_two_counts_make(
+        flux, error, w->n, (double)w->canvas.width * (double)w->canvas.height, &g->counts, err);
+    free(flux);
+    return status;
+}
+
+static rx_window around(rx_window a, rx_window b)
+{
+    if (a.x1 <= a.x0 || a.y1 <= a.y0 || b.x1 <= b.x0 || b.y1 <= b.y0)
+        return a.x1 <= a.x0 || a.y1 <= a.y0 ? b : a;
+    return (rx_window){rx_min_int(a.x0, b.x0), rx_min_int(a.y0, b.y0), rx_max_int(a.x1, b.x1),
+                       rx_max_int(a.y1, b.y1)};
 }
 
 /* Evidence of every source; long groups are no one thread's. */
 static rx_status weigh_evidence(work *w, rx_error *err)
 {
-    weighing g = {w, refine_params(w, 0, 0), refine_view(w), RX_NEW(rx_fit_neighbour, w->n)};
+    weighing g = {.w = w,
+                  .par = refine_params(w, 0, 0),
+                  .view = refine_view(w),
+                  .rivals = RX_NEW(rx_fit_neighbour, w->n)};
     rx_window *windows = RX_NEW(rx_window, w->n);
     rx_status status = RX_OK;
     if (g.rivals == NULL || windows == NULL) {
         status = rx_error_memory(err, (size_t)w->n * (sizeof *g.rivals + sizeof *windows));
         goto exit;
     }
+    RX_TRY_EXIT(count_sources(&g, err));
 #pragma omp parallel for schedule(dynamic, 8) num_threads(w->nthreads)
     for (int k = 0; k < w->n; k++) {
         const int group = w->blends.group[w->blends.member[k]], i = w->blends.member[k];
         const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
         g.rivals[i] = rx_evidence_neighbour(w->subjects, w->members, w->blends.member + first, m, k - first);
-        windows[i] = rx_footprint_window(&w->subjects[i].footprint);
-        if (g.rivals[i].other >= 0) {
-            const rx_window all =
-                rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other], &w->subjects[i]);
-            windows[i] = (rx_window){rx_min_int(windows[i].x0, all.x0), rx_min_int(windows[i].y0, all.y0),
-                                     rx_max_int(windows[i].x1, all.x1), rx_max_int(windows[i].y1, all.y1)};
-        }
+        windows[i] =
+            around(rx_footprint_window(&w->subjects[i].footprint), rx_two_window(&g.view, &w->subjects[i]));
+        if (g.rivals[i].other >= 0)
+            windows[i] = around(windows[i], rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other],
+                                                                   &w->subjects[i]));
     }
     status = rx_windows_run(&w->canvas, windows, w->n, 0, weigh_one, &g, err);
 exit:
+    rx_two_counts_clear(&g.counts);
     free(g.rivals);
     free(windows);
     return status;

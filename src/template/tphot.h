@@ -54,6 +54,7 @@ typedef struct rx_tphot_source {
     int npixels;          /* behind chi2 */
     double blend;         /* largest |coefficient| of covariance with a neighbour, 0 when alone */
     double star;          /* probability, 0 extended .. 1 point */
+    double two;           /* probability that it is two sources (two.h); NAN: not known */
     double point;         /* share of the light that is fitted as a point; 1 for POINT */
     double chi2_gain;     /* chi2 of the point minus that of the best profile; 0 where no profile was tried */
     double radius, ratio, angle, index; /* profile: half-light radius (geometric mean of both axes, pixels),
