@@ -1,9 +1,10 @@
 #!/usr/bin/python3
-"""Is P_REAL a probability, and do the errors that injections measure hold?
+"""Are P_REAL, CLASS_TEMPLATE and P_BLEND probabilities, and do the errors that injections measure hold?
 
     preal.py FOLDER [SEED[,SEED...] [CELL[,CELL...]]]     seeds: 1,2; cells: all
 
-A cell is DENSITY-FWHM as in crowded.py, with G where a fifth of the objects are galaxies and T where none is fainter than S/N 5:
+A cell is DENSITY-FWHM as in crowded.py, with G where a fifth of the objects are galaxies, H where two thirds are, T where none is fainter
+than S/N 5, and C where it is a coadd of four resampled frames, whose noise is correlated:
 DENSITY objects of S/N 5 to 3000 per Mpixel, N(> S) ~ S^-0.9, and, but for T, the fainter ones of the same law down to S/N 2. Tiles
 have 1024 x 1024 pixels, 512 x 512 in crowds, and a sky of 100 photons; the PSF is measured on the tile. REXTRACT, SIMULATE and
 RX_MODEL as in crowded.py, RX_PROGRAMS the restorers (NONE,RL,NET), RX_COVERED those whose errors are looked at (NONE), RX_COVERED_CELLS on
@@ -13,7 +14,8 @@ Every tile is worked on without a check (RXPREAL DEFAULT) and, but for crowds, w
 (TILE). A detection is matched where a true object lies within half a FWHM, each object once, brightest detections first, the object
 that is nearest in position and magnitude as in crowded.py. It is real where it is matched or where half of its flux and more is, under
 its template, that of true objects which no brighter detection has: two faint stars seen as one, a star of S/N 2 to 3 that noise has
-moved. Those nearer to the border than one FWHM are left out: the truth holds no stars beyond it. Intervals are Wilson's at 95 %; off:
+moved. It is a star where that is what it is matched to, and two where an object that no detection is matched to, at least half as bright as the one
+that it is matched to, lies within one FWHM. Those nearer to the border than one FWHM are left out: the truth holds no stars beyond it. Intervals are Wilson's at 95 %; off:
 how far the mean P_REAL lies outside the interval, in bins of 40 and more. Marked: share of the real ones, by true S/N, of P_REAL below 0.5. Errors: 1000 objects are injected, a tenth of the
 tile's density at once; share of matched fluxes of P_REAL above 0.5 within the errors named, by measured S/N.
 """
@@ -30,10 +32,13 @@ import ledger
 from crowded import SKY, ZERO, MODEL, run, unit
 
 CELLS = ["300-2.5G", "300-4G", "300-6G", "2000-4", "2000-4T", "8000-4"]
+BINS = (0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 0.9, 0.98, 1.0001)
+SNR_BINS = (0, 5, 7, 10, 15, 20, 50, 1e9)
+ADDED = 8  # FLAGS_RESTORE
 EDGES = (0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0001)
 PLENTY = 40  # detections of a bin that is judged
 COLUMNS = ("XTEMPLATE_IMAGE", "YTEMPLATE_IMAGE", "MAG_TEMPLATE", "FLUX_TEMPLATE", "FLUXERR_TEMPLATE", "SNR_TEMPLATE",
-           "EVIDENCE_TEMPLATE", "P_REAL", "FLAGS_RESTORE")
+           "EVIDENCE_TEMPLATE", "P_REAL", "CLASS_TEMPLATE", "P_BLEND", "FLAGS_RESTORE")
 INJECTED = ("MAGERR_INJECTED", "MAGERR95_INJECTED")
 COVERED = os.environ.get("RX_COVERED_CELLS", "300-4G,2000-4,8000-4").split(",")
 
@@ -77,7 +82,7 @@ def extract(folder, name, by, mode):
             str(ZERO), "-SATUR_LEVEL", "1e9", *checks(name, mode))
     with fits.open(f"{folder}/{catalog}") as hdus:
         t = {c.name: np.array(hdus[1].data[c.name], float) for c in hdus[1].columns}
-    t["true_snr"], t["true_flux"], t["light"] = match(folder, name, t)
+    t.update(match(folder, name, t))
     fwhm, side = kind(name)[1], kind(name)[4]
     inside = np.minimum.reduce([t[k] - (0.5 + fwhm) for k in COLUMNS[:2]] + [side + 0.5 - fwhm - t[k] for k in COLUMNS[:2]]) > 0
     return {k: v[inside] for k, v in t.items()}
@@ -89,13 +94,16 @@ def gather(folder, cells, seeds, by, mode):
 
 
 def match(folder, name, t):
-    """Of every detection true S/N and flux, NAN where it is not matched, and the share of its flux that is true light."""
+    """Of every detection true S/N and flux, NAN where it is not matched, the share of its flux that is true light, whether what it is matched
+    to is a star, and the flux of the brightest object that is not matched within one FWHM."""
     fwhm = kind(name)[1]
     with fits.open(f"{folder}/sim_truth.fits") as hdus:
         truth = hdus[1].data
         at, true = np.column_stack([truth["X_IMAGE"], truth["Y_IMAGE"]]), np.array(truth["MAG"], float)
+        stars = np.char.strip(np.array(truth["TYPE"], str)) == "STAR"
     xy, mag = np.column_stack([t["XTEMPLATE_IMAGE"], t["YTEMPLATE_IMAGE"]]), np.nan_to_num(t["MAG_TEMPLATE"], nan=40)
     tree, used, flux = cKDTree(at), np.zeros(len(at), bool), np.full(len(mag), np.nan)
+    star, second = np.zeros(len(mag), bool), np.zeros(len(mag))
     left, light = 10**(-0.4 * (true - ZERO)), np.zeros(len(mag))  # of every object what no detection has yet
     for k in np.argsort(-np.nan_to_num(t["SNR_TEMPLATE"], nan=-9), kind="stable"):
         if not np.isfinite(xy[k]).all():
@@ -112,8 +120,10 @@ def match(folder, name, t):
         free = [j for j in tree.query_ball_point(xy[k], 0.5 * fwhm) if not used[j]]
         if free:
             j = min(free, key=lambda j: np.sum((at[j] - xy[k])**2) + ((true[j] - mag[k]) / 0.5)**2)
-            used[j], flux[k] = True, 10**(-0.4 * (true[j] - ZERO))
-    return flux / unit(fwhm), flux, light
+            used[j], flux[k], star[k] = True, 10**(-0.4 * (true[j] - ZERO)), stars[j]
+    for k in np.flatnonzero(np.isfinite(flux)):
+        second[k] = max((10**(-0.4 * (true[j] - ZERO)) for j in tree.query_ball_point(xy[k], fwhm) if not used[j]), default=0)
+    return {"true_snr": flux / unit(fwhm), "true_flux": flux, "light": light, "star": star, "second": second}
 
 
 def wilson(share, n, z=1.96):
@@ -130,6 +140,51 @@ def reliability(p, real, matched):
             share = float(real[inside].mean())
             low, high = wilson(share, n)
             rows.append({"n": n, "p": p[inside].mean(), "real": share, "low": low, "high": high, "matched": float(matched[inside].mean())})
+    return rows
+
+
+def shares(p, true, by, edges):
+    """Mean probability, share and its interval, in bins of `by`."""
+    rows = []
+    for a, b in zip(edges, edges[1:]):
+        inside = (by >= a) & (by < b)
+        n = int(inside.sum())
+        if n:
+            share = float(true[inside].mean())
+            low, high = wilson(share, n)
+            rows.append({"from": a, "n": n, "p": float(p[inside].mean()), "true": share, "low": low, "high": high})
+    return rows
+
+
+def posterior(t):
+    """P_REAL of listed and of added sources, CLASS_TEMPLATE and P_BLEND of those that are matched, in bins of themselves and of S/N."""
+    matched, added = np.isfinite(t["true_snr"]), (t["FLAGS_RESTORE"].astype(int) & ADDED) > 0
+    real, known = matched | (t["light"] >= 0.5), np.isfinite(t["P_REAL"])
+    two = t["second"] >= 0.5 * np.nan_to_num(t["true_flux"], nan=np.inf)
+    cases = (("P_REAL", "listed", real, known & ~added), ("P_REAL", "added", real, known & added),
+             ("CLASS_TEMPLATE", "matched", t["star"], matched), ("P_BLEND", "matched", two, matched & np.isfinite(t["P_BLEND"])))
+    rows = []
+    for column, part, true, use in cases:
+        for by, edges in (column, BINS), ("SNR_TEMPLATE", SNR_BINS):
+            bins = shares(t[column][use], true[use], t[by][use], edges)
+            some = [b for b in bins if b["n"] >= PLENTY]
+            rows.append({"column": column, "part": part, "by": by, "bins": bins,
+                         "off": max((abs(b["true"] - b["p"]) for b in some), default=0.0),
+                         "beyond": max((max(0.0, b["low"] - b["p"], b["p"] - b["high"]) for b in some), default=0.0)})
+    return rows
+
+
+def pulls(t):
+    """By true S/N and kind: median and width of (measured - true) / FLUXERR_TEMPLATE, and the median of measured / true - 1."""
+    rows = []
+    for kinds, which in ("stars", t["star"] > 0), ("galaxies", t["star"] == 0):
+        for a, b in ((5, 7), (7, 10), (10, 20), (20, 50)):
+            inside = which & (t["true_snr"] >= a) & (t["true_snr"] < b)
+            if inside.sum() >= PLENTY / 2:
+                pull = ((t["FLUX_TEMPLATE"] - t["true_flux"]) / t["FLUXERR_TEMPLATE"])[inside]
+                low, middle, high = np.percentile(pull, (15.87, 50, 84.13))
+                rows.append({"kind": kinds, "from": a, "to": b, "n": int(inside.sum()), "pull": middle, "width": (high - low) / 2,
+                             "bias": float(np.median((t["FLUX_TEMPLATE"] / t["true_flux"])[inside]) - 1)})
     return rows
 
 
@@ -156,8 +211,9 @@ def coverage(t, flux):
 
 def group(names):
     """What is pooled."""
-    result = {"isolated": [c for c in names if c.startswith("300")]}
-    result.update({c: [c] for c in names if not c.startswith("300")})
+    alone = [c for c in names if c.startswith("300") and c.endswith("G")]
+    result = {"isolated": alone}
+    result.update({c: [c] for c in names if c not in alone})
     return {k: v for k, v in result.items() if v}
 
 
@@ -178,6 +234,21 @@ def page(result):
              "| | | RXPREAL | S/N 5 to 7 | above 5 | false, all | false, unmarked |", "| --- | --- | --- | --- | --- | --- | --- |"]
     for r in result["reliability"]:
         text.append(f"| {r['cell']} | {r['by']} | {r['mode']} | {r['marked_5_7']:.4f} | {r['marked_5']:.4f} | {r['false']:.0f} | {r['kept']:.0f} |")
+    text += ["", f"## Posteriors: probability: share (sources), by bins of the probability and of S/N; off: largest deviation, outside the intervals, "
+             f"of bins of {PLENTY} and more", "", "| | | column | of | off by itself | off by S/N | by itself | by S/N |",
+             "| --- | --- | --- | --- | --- | --- | --- | --- |"]
+    for r in result["posterior"]:
+        for one, other in zip(r["rows"][::2], r["rows"][1::2]):
+            cells = [", ".join(f"{b['p']:.2f}: {b['true']:.2f} ({b['n']})" for b in x["bins"]) for x in (one, other)]
+            offs = [f"{x['off']:.2f}, {x['beyond']:.2f}" for x in (one, other)]
+            text.append(f"| {r['cell']} | {r['by']} | {one['column']} | {one['part']} | {offs[0]} | {offs[1]} | {cells[0]} | {cells[1]} |")
+    text += ["", "## Pulls of FLUX_TEMPLATE by true S/N: median, width; bias (sources)", "", "| | | of | S/N 5 to 7 | 7 to 10 | 10 to 20 | 20 to 50 |",
+             "| --- | --- | --- |" + " --- |" * 4]
+    for r in result["posterior"]:
+        for kinds in ("stars", "galaxies"):
+            found = {x["from"]: f"{x['pull']:.2f}, {x['width']:.2f}; {x['bias']:.3f} ({x['n']})" for x in r["pulls"] if x["kind"] == kinds}
+            if found:
+                text.append(f"| {r['cell']} | {r['by']} | {kinds} | " + " | ".join(found.get(a, "") for a in (5, 7, 10, 20)) + " |")
     text += ["", "## Fluxes within one FLUXERR_TEMPLATE; within the 68 % and the 95 % error of injections (matched detections; of these with such an error)",
              "", "| | | S/N 3 to 5 | 5 to 10 | 10 to 20 | 20 to 80 | 3 to 80 |", "| --- | --- |" + " --- |" * 5]
     for r in result["coverage"]:
@@ -191,7 +262,7 @@ def main():
     folder, seeds = os.path.abspath(sys.argv[1]), [int(s) for s in (sys.argv[2:3] or ["1,2"])[0].split(",")]
     names = sys.argv[3].split(",") if len(sys.argv) > 3 else CELLS
     ledger.claim("preal", folder, seeds)
-    result = {"seeds": seeds, "reliability": [], "coverage": []}
+    result = {"seeds": seeds, "reliability": [], "posterior": [], "coverage": []}
     for title, cells in group(names).items():
         area = sum(kind(name)[4]**2 / 1e6 for name in cells) * len(seeds)
         for by in os.environ.get("RX_PROGRAMS", "NONE,RL,NET").split(","):
@@ -207,6 +278,8 @@ def main():
                      "off": deviation, "beyond": beyond,
                      "marked_5_7": float(marked[(snr >= 5) & (snr < 7)].mean()), "marked_5": float(marked[snr >= 5].mean()),
                      "false": float((~real).sum() / area), "kept": float((~real & ~marked).sum() / area)})
+                if mode == "DEFAULT":
+                    result["posterior"].append({"cell": title, "by": by, "rows": posterior(t), "pulls": pulls(t)})
                 print(title, by, mode, flush=True)
     for name in (c for c in COVERED if c in names):
         for by in filter(None, os.environ.get("RX_COVERED", "NONE").split(",")):
@@ -214,7 +287,7 @@ def main():
             result["coverage"].append({"cell": name, "by": by, "rows": coverage(t, t["true_flux"])})
             print(name, by, "INJECTED", flush=True)
     with open(f"{folder}/preal.json", "w") as file:
-        json.dump(result, file, indent=1)
+        json.dump(result, file, indent=1, default=float)
         file.write("\n")
     with open(f"{folder}/preal.md", "w") as file:
         file.write(page(result))

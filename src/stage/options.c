@@ -228,7 +228,8 @@ static rx_status template_options(rx_options *dst, rx_error *err)
                   rx_columns_mention(dst->columns, "TEMPLATE") ||
                   rx_columns_mention(dst->columns, "_MODEL") ||
                   rx_columns_requested(dst->columns, "FLAGS_RESTORE", NULL) ||
-                  rx_columns_requested(dst->columns, "P_REAL", NULL);
+                  rx_columns_requested(dst->columns, "P_REAL", NULL) ||
+                  rx_columns_requested(dst->columns, "P_BLEND", NULL);
     par->par.keep_model |= par->wanted && dst->tile_page;
     return RX_OK;
 }

@@ -766,9 +766,8 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
     s->structure = structure_of(w, s);
     RX_TRY(
         rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i], &s->presence, err));
-    return w->input->shapes != NULL
-               ? RX_OK
-               : rx_two_odds(&g->view, w->lenses[thread], &w->tile_prior, &g->counts, s, err);
+    return w->input->shapes != NULL ? RX_OK
+                                    : rx_two_odds(&g->par, &g->view, w->lenses[thread], &g->counts, s, err);
 }
 
 static rx_status count_sources(weighing *g, rx_error *err)

@@ -6,11 +6,16 @@
 
 #include "base/memory.h"
 #include "template/evidence.h"
+#include "template/fit.h"
 #include "template/patch.h"
 
 static const double CLEAR = 6.0; /* S/N: no noise is above */
 static const double LEAST = 0.5; /* times the flux of the other */
 static const double PRIOR = 1.0; /* no sky is without sources: that many more */
+static const double ROUGH =
+    2.0; /* variance over that of the noise: unseen sources, and first order in the shift */
+static const double CLEAR_GAIN =
+    5.0; /* ln of a likelihood ratio: above, two points and a profile are compared by fits of both */
 static const double NONE = 1e-6; /* of a template's power: what is left of it is rounding */
 /* Places along a FWHM: a template half as far as that is the same within 1 %. */
 enum { ALONG = 4, BASE = 6, BINS = 3 };
@@ -42,7 +47,7 @@ rx_status rx_two_counts_make(const double *flux, const double *error, int n, dou
             sum += log(error[i]);
         }
     qsort(counts->flux, (size_t)counts->n, sizeof *counts->flux, descending);
-    counts->least = counts->n > 0 ? CLEAR * exp(sum / counts->n) : 0;
+    counts->least = CLEAR * exp(counts->n > 0 ? sum / counts->n : 0);
     return RX_OK;
 }
 
@@ -64,7 +69,7 @@ static double density(const rx_two_counts *c, double flux)
         else
             end = middle;
     }
-    return (first + PRIOR) / c->pixels * (flux > 0 ? at / flux : 1);
+    return flux > 0 ? (first * at + PRIOR * c->least) / (c->pixels * flux) : 0;
 }
 
 static int reach(const rx_refine_view *view)
@@ -155,11 +160,11 @@ static double log_sum(double a, double b)
 static double chance(const rx_two_counts *c, double total, double share, double low, double high)
 {
     const double more = 1 + share * 0.5 * (low + high);
-    return (density(c, low * total / more) - density(c, high * total / more)) * more;
+    return (density(c, low * total / more) - density(c, high * total / more)) * more * more;
 }
 
 /* ln; plane 0 is the template. */
-static double odds_beside(const job *j, int nbase, double total, double lumps, double *room)
+static double odds_beside(const job *j, int nbase, double total, double lumps, double *room, double best[3])
 {
     const rx_patch *p = &j->patch;
     const size_t side = (size_t)p->side, pixels = side * side,
@@ -200,7 +205,14 @@ static double odds_beside(const job *j, int nbase, double total, double lumps, d
             const double share = fmax(product(j, other, j->base) / size, 0),
                          power = orthogonal(j, count, other), left = product(j, other, other);
             const double found = left > NONE * power ? product(j, other, rest) / left : 0,
-                         variance = 1 / fmax(left, NONE * power) + lumps * lumps * total * total;
+                         variance = ROUGH / fmax(left, NONE * power) + lumps * lumps * total * total;
+            const double at = fmin(fmax(found, LEAST * total), total),
+                         gain = (at * found - 0.5 * at * at) / variance;
+            if (gain > best[0]) {
+                best[0] = gain;
+                best[1] = dx;
+                best[2] = dy;
+            }
             for (int b = 0; b < BINS; b++) {
                 const double low = LEAST + (1 - LEAST) * b / BINS,
                              high = LEAST + (1 - LEAST) * (b + 1) / BINS;
@@ -211,7 +223,22 @@ static double odds_beside(const job *j, int nbase, double total, double lumps, d
     return sum;
 }
 
-rx_status rx_two_odds(const rx_refine_view *view, rx_template_otf *otf, const rx_tile_prior *tile_prior,
+/* Two points fitted to the pixels: half of the chi2 that they gain over one, 0 where they are none of that kind. */
+static double gain_of_pair(const job *j, double dx, double dy, const double best[3])
+{
+    rx_fit point = {.n = RX_FIT_POINT, .p = {0, dx, dy}, .iterations = 12};
+    double pair[2][3];
+    rx_fit_run(&point, j->size, &j->patch);
+    const double chi2 = rx_fit_pair(&point, (double[2]){0.5 * best[1], 0.5 * best[2]}, 1.5 * j->view->fwhm,
+                                    -HUGE_VAL, j->size, &j->patch, pair);
+    const double fainter = fmin(pair[0][0], pair[1][0]), brighter = fmax(pair[0][0], pair[1][0]);
+    const double apart = hypot(pair[0][1] - pair[1][1], pair[0][2] - pair[1][2]);
+    return isfinite(chi2) && fainter >= LEAST * brighter && apart < 2 * j->view->fwhm
+               ? fmax(0.5 * (point.chi2 - chi2), 0)
+               : 0;
+}
+
+rx_status rx_two_odds(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                       const rx_two_counts *counts, rx_fit_source *source, rx_error *err)
 {
     job j = {.view = view, .counts = counts};
@@ -235,18 +262,24 @@ rx_status rx_two_odds(const rx_refine_view *view, rx_template_otf *otf, const rx
     }
     j.base = room + 2 * pixels;
     rx_template_domain_render(j.size, NULL, dx, dy, NULL, 1);
-    of_points = odds_beside(&j, 3, source->as_point > 0 ? source->as_point : source->flux, 0, room);
+    double best[3] = {0};
+    of_points = odds_beside(&j, 3, source->as_point > 0 ? source->as_point : source->flux, 0, room, best);
+    if (profile && best[0] > CLEAR_GAIN) {
+        of_points += gain_of_pair(&j, dx, dy, best) - best[0];
+    }
     if (profile) {
         rx_template_domain_render(j.size, &source->profile, dx, dy, NULL, 1);
-        of_profiles =
-            odds_beside(&j, BASE, source->lift * source->flux, rx_evidence_lumps(source, view->fwhm), room);
+        of_profiles = odds_beside(&j, BASE, source->lift * source->flux,
+                                  rx_evidence_lumps(source, view->fwhm), room, (double[3]){0});
     }
     free(room);
     rx_patch_clear(&j.patch);
-    /* ln of what each hypothesis has for it, in units of that for one point */
-    const double galaxy = isnan(source->evidence)
-                              ? -HUGE_VAL
-                              : -rx_prior_log_odds(tile_prior, source->as_point, source->evidence);
+    /* ln of what each hypothesis has for it, in units of that for one point. Of what is added no profile is tried: as many are extended
+     * as of others of that flux. */
+    const double evidence =
+        isnan(source->evidence) && source->added >= 0 && par->extended ? 0 : source->evidence;
+    const double galaxy =
+        isnan(evidence) ? -HUGE_VAL : -rx_prior_log_odds(par->tile_prior, source->as_point, evidence);
     const double twos = log_sum(of_points, of_profiles + galaxy), all = log_sum(log_sum(0, galaxy), twos);
     source->two = exp(twos - all);
     source->star = exp(log_sum(0, of_points) - all);

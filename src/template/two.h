@@ -29,7 +29,7 @@ rx_window rx_two_window(const rx_refine_view *view, const rx_fit_source *source)
  * n(f): density of sources of that flux on the tile, of a pair that is one source of flux F; f' +- e: flux of the template at d in a linear
  * fit beside the template and its derivatives by position, and by size and ellipticity where it is a profile, whose arms and knots add to
  * e (evidence.h). Errors: RX_SYSTEM. */
-rx_status rx_two_odds(const rx_refine_view *view, rx_template_otf *otf, const rx_tile_prior *tile_prior,
+rx_status rx_two_odds(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                       const rx_two_counts *counts, rx_fit_source *source, rx_error *err);
 
 #endif

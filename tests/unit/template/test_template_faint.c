@@ -202,10 +202,49 @@ static void test_share_of_stars(void **state)
     field_close(&f);
 }
 
+/* Stars on a grid, every fifth of them two of half of the flux, 0.6 FWHM apart, and disks, which are no pairs. */
+static void test_two(void **state)
+{
+    (void)state;
+    enum { SIDE = 10, CELL = 40, ALL = SIDE * SIDE };
+    field f;
+    field_open(&f, CELL * SIDE, CELL * SIDE, 4, 1, ALL);
+    for (int i = 0; i < ALL; i++) {
+        const double x = i % SIDE * CELL + 20.3, y = (double)(i / SIDE) * CELL + 19.8,
+                     off = i % 5 == 0 ? 1.2 : 0, flux = 2000.0 / (1 + (i * 7) % 13);
+        if (i % 5 == 1)
+            field_disk(&f, x, y, flux, 3, 0.7, 0.3);
+        else {
+            field_star(&f, x - off, y, 0.5 * flux);
+            field_star(&f, x + off, y, 0.5 * flux);
+        }
+        field_list(&f, x, y, 6, 2, 2, 0);
+    }
+    field_noise(&f, 11);
+    field_restore_none(&f);
+    rx_tphot *t = fit(&f);
+    double mean[3] = {0};
+    for (int i = 0; i < ALL; i++) {
+        const rx_tphot_source *s = &t->list[i];
+        assert_between(s->two, 0, 1);
+        assert_between(s->star, 0, 1);
+        mean[i % 5 < 2 ? i % 5 : 2] += s->two / (ALL / 5 * (i % 5 < 2 ? 1 : 3));
+    }
+    print_message("P_BLEND of pairs %.4f, disks %.4f, stars %.4f\n", mean[0], mean[1], mean[2]);
+    assert_true(mean[0] > 5 * mean[1]);
+    assert_true(mean[0] > 30 * mean[2]);
+    assert_true(mean[2] < 0.01);
+    rx_tphot_free(t);
+    field_close(&f);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_evidence), cmocka_unit_test(test_structure), cmocka_unit_test(test_own_photons),
-        cmocka_unit_test(test_share_of_stars), cmocka_unit_test(test_beside_cosmic_ray)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_two),
+                                       cmocka_unit_test(test_evidence),
+                                       cmocka_unit_test(test_structure),
+                                       cmocka_unit_test(test_own_photons),
+                                       cmocka_unit_test(test_share_of_stars),
+                                       cmocka_unit_test(test_beside_cosmic_ray)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
