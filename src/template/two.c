@@ -5,6 +5,8 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
+#include "base/simd.h"
 #include "template/evidence.h"
 #include "template/fit.h"
 #include "template/patch.h"
@@ -16,7 +18,9 @@ static const double ROUGH =
     2.0; /* variance over that of the noise: unseen sources, and first order in the shift */
 static const double CLEAR_GAIN =
     5.0; /* ln of a likelihood ratio: above, two points and a profile are compared by fits of both */
-static const double NONE = 1e-6; /* of a template's power: what is left of it is rounding */
+static const double FAR = 2.0;    /* half-light radii that the domain holds around a profile */
+static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out */
+static const double NONE = 1e-6;  /* of a template's power: what is left of it is rounding */
 /* Places along a FWHM: a template half as far as that is the same within 1 %. */
 enum { ALONG = 4, BASE = 6, BINS = 3 };
 
@@ -79,7 +83,7 @@ static int reach(const rx_refine_view *view)
 
 static int half_of(const rx_refine_view *view, const rx_fit_source *source)
 {
-    return (int)ceil(2.0 * view->fwhm + fmin(2.0 * source->profile.radius, 2.0 * view->fwhm)) + 1;
+    return (int)ceil(1.5 * view->fwhm + fmin(source->profile.radius, view->fwhm)) + 1;
 }
 
 rx_window rx_two_window(const rx_refine_view *view, const rx_fit_source *source)
@@ -91,7 +95,7 @@ rx_window rx_two_window(const rx_refine_view *view, const rx_fit_source *source)
                        y + half < c->height ? y + half + 1 : c->height};
 }
 
-static double product(const job *j, const double *a, const double *b)
+RX_SIMD static double product(const job *j, const double *a, const double *b)
 {
     const size_t pixels = (size_t)j->patch.side * (size_t)j->patch.side;
     double sum = 0;
@@ -101,8 +105,17 @@ static double product(const job *j, const double *a, const double *b)
     return sum;
 }
 
+RX_SIMD static double dot(const double *a, const double *b, size_t n)
+{
+    double sum = 0;
+#pragma omp simd reduction(+ : sum)
+    for (size_t k = 0; k < n; k++)
+        sum += a[k] * b[k];
+    return sum;
+}
+
 /* column less what the first `count` have of it; its power before that. */
-static double orthogonal(const job *j, int count, double *column)
+RX_SIMD static double orthogonal(const job *j, int count, double *column)
 {
     const size_t pixels = (size_t)j->patch.side * (size_t)j->patch.side;
     const double power = product(j, column, column);
@@ -137,14 +150,28 @@ static void fill_base(const job *j)
     }
 }
 
-/* ln of the mean of exp((2 f f' - f^2) / (2 e^2)) over low < f < high, to a fifth. */
-static double log_mean_ratio(double found, double variance, double low, double high)
+/* A sum of terms far apart: sum exp(scale). */
+typedef struct scaled {
+    double sum, scale;
+} scaled;
+
+static void add(scaled *s, double factor, double exponent)
+{
+    if (exponent > s->scale) {
+        s->sum *= exp(s->scale - exponent);
+        s->scale = exponent;
+    }
+    s->sum += factor * exp(exponent - s->scale);
+}
+
+/* number times the mean of exp((2 f f' - f^2) / (2 e^2)) over low < f < high, to a fifth. */
+static void add_mean_ratio(scaled *s, double number, double found, double variance, double low, double high)
 {
     const double width = high - low, at = fmin(fmax(found, low), high);
     const double steep = fabs(found - at) / variance * width, wide = sqrt(2 * M_PI * variance) / width;
     const double side = steep > 1e-3 ? -expm1(-steep) / steep : 1;
-    return (at * found - 0.5 * at * at) / variance +
-           log(fmin(side, fmin(found == at ? wide : 0.5 * wide, 1)));
+    add(s, number * fmin(side, fmin(found == at ? wide : 0.5 * wide, 1)),
+        (at * found - 0.5 * at * at) / variance);
 }
 
 /* ln(exp(a) + exp(b)) */
@@ -170,7 +197,7 @@ static double odds_beside(const job *j, int nbase, double total, double lumps, d
     const size_t side = (size_t)p->side, pixels = side * side,
                  stride = (size_t)rx_fft_stride_real(j->size->fft);
     const int most = reach(j->view), step = most > ALONG ? most / ALONG : 1;
-    double sum = -HUGE_VAL;
+    scaled sum = {0, 0};
     int count = 0;
     fill_base(j);
     const double size =
@@ -187,11 +214,16 @@ static double odds_beside(const job *j, int nbase, double total, double lumps, d
         count++;
     }
     if (count == 0)
-        return sum;
+        return -HUGE_VAL;
     for (size_t k = 0; k < pixels; k++)
         room[k] = p->data[k];
     double *rest = room, *other = room + pixels;
     orthogonal(j, count, rest);
+    for (int i = 0; i < count; i++)
+        for (size_t k = 0; k < pixels; k++)
+            j->base[(size_t)i * pixels + k] *= p->weight[k];
+    for (size_t k = 0; k < pixels; k++)
+        rest[k] *= p->weight[k];
     for (int dy = -most / step * step; dy <= most; dy += step)
         for (int dx = -most / step * step; dx <= most; dx += step) {
             if (dx * dx + dy * dy > j->view->fwhm * j->view->fwhm)
@@ -202,9 +234,12 @@ static double odds_beside(const job *j, int nbase, double total, double lumps, d
                 for (size_t u = 0; u < side; u++)
                     other[v * side + u] = t[u];
             }
-            const double share = fmax(product(j, other, j->base) / size, 0),
-                         power = orthogonal(j, count, other), left = product(j, other, other);
-            const double found = left > NONE * power ? product(j, other, rest) / left : 0,
+            const double power = product(j, other, other), first = dot(j->base, other, pixels);
+            double left = power - first * first;
+            for (int i = 1; i < count; i++)
+                left -= pow(dot(j->base + (size_t)i * pixels, other, pixels), 2);
+            const double share = fmax(first / size, 0),
+                         found = left > NONE * power ? dot(rest, other, pixels) / left : 0,
                          variance = ROUGH / fmax(left, NONE * power) + lumps * lumps * total * total;
             const double at = fmin(fmax(found, LEAST * total), total),
                          gain = (at * found - 0.5 * at * at) / variance;
@@ -217,10 +252,10 @@ static double odds_beside(const job *j, int nbase, double total, double lumps, d
                 const double low = LEAST + (1 - LEAST) * b / BINS,
                              high = LEAST + (1 - LEAST) * (b + 1) / BINS;
                 const double number = chance(j->counts, total, share, low, high) * step * step;
-                sum = log_sum(sum, log(number) + log_mean_ratio(found, variance, low * total, high * total));
+                add_mean_ratio(&sum, number, found, variance, low * total, high * total);
             }
         }
-    return sum;
+    return log(sum.sum) + sum.scale;
 }
 
 /* Two points fitted to the pixels: half of the chi2 that they gain over one, 0 where they are none of that kind. */
@@ -248,9 +283,16 @@ rx_status rx_two_odds(const rx_refine_params *par, const rx_refine_view *view, r
     source->two = NAN;
     if (!(source->flux > 0))
         return RX_OK;
-    RX_TRY(rx_template_otf_at(otf, rx_template_otf_side(otf, half + reach(view) + 2, 0), source->x, source->y,
-                              &j.size, err));
-    RX_TRY(rx_patch_cut(view->canvas, cx, cy, half, j.size->n, &j.patch, err));
+    const int x = rx_min_int(rx_max_int(cx, 0), view->canvas->width - 1),
+              y = rx_min_int(rx_max_int(cy, 0), view->canvas->height - 1);
+    const double faint = FAINT * sqrt((double)rx_fit_image_variance(view->canvas, x, y)) / source->flux;
+    RX_TRY(rx_template_otf_at(
+        otf, rx_template_otf_side(otf, fmax(FAR * source->profile.radius, reach(view)), faint), source->x,
+        source->y, &j.size, err));
+    RX_TRY(rx_patch_cut(view->canvas, cx, cy, rx_min_int(half, j.size->n / 2 - reach(view) - 2), j.size->n,
+                        &j.patch, err));
+    j.size->first = j.patch.corner - reach(view) - 1;
+    j.size->last = j.patch.corner + j.patch.side + reach(view) + 1;
     rx_patch_add(&j.patch, &source->footprint, source->flux);
     rx_patch_dim(&j.patch, source->grain);
     const size_t pixels = (size_t)j.patch.side * (size_t)j.patch.side;
