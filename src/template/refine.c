@@ -177,17 +177,15 @@ static double misfit(double nu)
     return 0.008 + 0.065 * fmax(-nu, 0);
 }
 
-/* What structure of the sky leaves of a gain in chi2 by such a profile: it adds to the variance of a flux by as much as the
- * profile is wider than a point, squared. */
-static double amid_structure(const job *j, double gain, double radius)
+double rx_refine_amid_structure(const rx_refine_view *view, int cx, int cy, double gain, double radius)
 {
-    const rx_fit_image *c = j->view->canvas;
-    const double wider = 1 + 4 * radius * radius / (j->view->fwhm * j->view->fwhm);
-    if (j->view->structure == NULL)
+    const rx_fit_image *c = view->canvas;
+    const double wider = 1 + 4 * radius * radius / (view->fwhm * view->fwhm);
+    if (view->structure == NULL)
         return gain;
-    const int x = rx_min_int(rx_max_int(j->cx, 0), c->width - 1),
-              y = rx_min_int(rx_max_int(j->cy, 0), c->height - 1);
-    return gain / (1 + rx_sky_mesh_at(j->view->structure, x, y) * wider);
+    const int x = rx_min_int(rx_max_int(cx, 0), c->width - 1),
+              y = rx_min_int(rx_max_int(cy, 0), c->height - 1);
+    return gain / (1 + rx_sky_mesh_at(view->structure, x, y) * wider);
 }
 
 /* What is known of a source if it is extended. */
@@ -240,8 +238,8 @@ static void take_fit(const job *j, const rx_fit *point, const rx_fit *profile, r
                   .size = say(profile, RX_FIT_RADIUS),
                   .slope = say(profile, RX_FIT_NU)};
     after->chi2_gain = point->chi2 - profile->chi2;
-    e.evidence =
-        amid_structure(j, after->chi2_gain, e.profile.radius) - occam(point, profile) + e.mean.evidence;
+    e.evidence = rx_refine_amid_structure(j->view, j->cx, j->cy, after->chi2_gain, e.profile.radius) -
+                 occam(point, profile) + e.mean.evidence;
     take_profile(j, point, &e, after);
     if (after->kind == RX_TPHOT_PROFILE && at_end(profile))
         after->flags |= RX_TPHOT_POSITION;

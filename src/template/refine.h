@@ -45,4 +45,8 @@ rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *vie
                           const rx_fit_source *subject, const rx_fit_source *other, double *rise,
                           rx_error *err);
 
+/* What structure of the sky leaves of a gain in chi2 by such a profile: it adds to the variance of a flux by as much as the
+ * profile is wider than a point, squared. */
+double rx_refine_amid_structure(const rx_refine_view *view, int cx, int cy, double gain, double radius);
+
 #endif

@@ -268,7 +268,7 @@ static double gain_of_pair(const job *j, double dx, double dy, const double best
                                     -HUGE_VAL, j->size, &j->patch, pair);
     const double fainter = fmin(pair[0][0], pair[1][0]), brighter = fmax(pair[0][0], pair[1][0]);
     const double apart = hypot(pair[0][1] - pair[1][1], pair[0][2] - pair[1][2]);
-    return isfinite(chi2) && fainter >= LEAST * brighter && apart < 2 * j->view->fwhm
+    return isfinite(chi2) && fainter >= LEAST * brighter && apart <= j->view->fwhm
                ? fmax(0.5 * (point.chi2 - chi2), 0)
                : 0;
 }
@@ -307,7 +307,9 @@ rx_status rx_two_odds(const rx_refine_params *par, const rx_refine_view *view, r
     double best[3] = {0};
     of_points = odds_beside(&j, 3, source->as_point > 0 ? source->as_point : source->flux, 0, room, best);
     if (profile && best[0] > CLEAR_GAIN) {
-        of_points += gain_of_pair(&j, dx, dy, best) - best[0];
+        of_points +=
+            rx_refine_amid_structure(view, cx, cy, gain_of_pair(&j, dx, dy, best), source->profile.radius) -
+            best[0];
     }
     if (profile) {
         rx_template_domain_render(j.size, &source->profile, dx, dy, NULL, 1);
