@@ -86,12 +86,9 @@ static rx_status decline(const work *w, rx_error *err)
     const rx_restorer *kind = net->kind;
     rx_restore_params par = w->params->restore;
     rx_domain domain;
-    const char *unknown = w->field->psf == NULL                                     ? "PSF"
-                          : rx_fields_noise_hidden((rx_fields){w->field, w->field}) ? "noise"
-                                                                                    : NULL;
-    for (int i = RL; i < RX_CHOICE_CANDIDATES && unknown != NULL; i++)
-        snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the %s is not known", unknown);
-    if (unknown != NULL)
+    for (int i = RL; i < RX_CHOICE_CANDIDATES && w->field->psf == NULL; i++)
+        snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the PSF is not known");
+    if (w->field->psf == NULL)
         return RX_OK;
     par.out_of_domain = RX_DOMAIN_RL;
     RX_TRY(rx_domain_obey(&par, w->field, NULL, &kind, &domain, err));
@@ -157,7 +154,9 @@ static void judge(const rx_result *result, rx_choice_candidate *c)
         snprintf(c->out, sizeof c->out,
                  "its flux scale is off: restored/untouched %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f", flux->wide,
                  flux->wide_error, flux->automatic, flux->automatic_error);
-    else if (rx_residual_is_large(result->residual.share))
+    else if (rx_residual_is_large(result->residual.share) && result->residual.cause == RX_MISFIT_NOISE)
+        snprintf(c->out, sizeof c->out, "the noise is not known");
+    else if (rx_residual_is_large(result->residual.share) && (c->kind->traits & RX_TRAIT_INVENTS) != 0)
         snprintf(c->out, sizeof c->out, "the restored image does not explain %.0f %% of the pixels",
                  100.0 * result->residual.share);
     else if (rx_result_is_dark(result))

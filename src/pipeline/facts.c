@@ -24,7 +24,6 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_fact_number(facts, RX_FACT_TPSKY, fit->tphot->sky);
     rx_fact_number(facts, RX_FACT_TPODDS, fit->tphot->star_odds);
     rx_fact_number(facts, RX_FACT_TPCHI2, fit->chi2);
-    rx_fact_flag(facts, RX_FACT_TPOK, !rx_template_fit_is_off(fit));
     rx_fact_text(facts, RX_FACT_PREAL, fit->preal.tile ? "TILE" : "DEFAULT");
     rx_fact_number(facts, RX_FACT_PRLIM, rx_preal_limit(&fit->preal));
     rx_fact_number(facts, RX_FACT_INV, fit->invented);
@@ -45,7 +44,10 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     if (restored->iterations > 0)
         rx_fact_number(facts, RX_FACT_ITER, restored->iterations);
     rx_fact_number(facts, RX_FACT_CHI2, restored->chi2);
-    rx_fact_number(facts, RX_FACT_UNEX, result->residual.share);
+    rx_fact_number(facts, RX_FACT_MODEL, result->residual.share);
+    if (result->residual.cause != RX_MISFIT_NONE)
+        rx_fact_text(facts, RX_FACT_MISFIT, rx_misfit_name(result->residual.cause));
+    rx_fact_warned(facts, RX_FACT_MISFIT, rx_residual_is_large(result->residual.share));
     rx_fact_number(facts, RX_FACT_DARK, result->residual.dark);
     rx_fact_warned(facts, RX_FACT_DARK, rx_result_is_dark(result));
     if (field->no_data > 0)
@@ -97,19 +99,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     rx_fact_warned(facts, RX_FACT_NWIDE, rx_noise_is_structure(noise));
     if (noise->origin == RX_NOISE_MEASURED)
         rx_fact_flag(facts, RX_FACT_NOISOK, !rx_noise_is_structure(noise));
-    const rx_anomalies *anomalies = &field->anomalies;
-    rx_fact_number(facts, RX_FACT_STEP, anomalies->step);
-    rx_fact_warned(facts, RX_FACT_STEP, rx_anomalies_is_coarse(anomalies, field->plain->global_sigma));
-    rx_fact_number(facts, RX_FACT_CUT, anomalies->cut);
-    rx_fact_warned(facts, RX_FACT_CUT, rx_anomalies_is_cut(anomalies));
-    rx_fact_flag(facts, RX_FACT_PIXOK, !rx_fields_noise_hidden((rx_fields){field, result->measure}));
-    rx_fact_number(facts, RX_FACT_ROWS, anomalies->rows);
-    rx_fact_number(facts, RX_FACT_COLS, anomalies->columns);
-    rx_fact_warned(facts, RX_FACT_ROWS, rx_anomalies_is_striped(anomalies));
-    rx_fact_warned(facts, RX_FACT_COLS, rx_anomalies_is_striped(anomalies));
-    rx_fact_number(facts, RX_FACT_LIGHT, anomalies->light);
-    rx_fact_warned(facts, RX_FACT_LIGHT, rx_anomalies_is_lit(anomalies));
-    if (anomalies->ratio[0] > 0.0)
+    if (field->anomalies.ratio[0] > 0.0)
         rx_fact_number(facts, RX_FACT_SHARP, rx_result_sharp(result));
     rx_fact_warned(facts, RX_FACT_SHARP, rx_result_is_sharp(rx_result_sharp(result), result->sources->n));
     rx_fact_number(facts, RX_FACT_LAWS, result->photometry.law.scale);

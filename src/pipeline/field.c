@@ -34,7 +34,6 @@ void rx_field_free(rx_field *field)
     if (field->restored != field->plain)
         rx_background_free(field->restored);
     rx_background_free(field->plain);
-    rx_anomalies_free(&field->anomalies);
     rx_psf_free(field->psf);
     rx_tile_free(field->tile);
     rx_record_free(&field->inputs);

@@ -70,10 +70,6 @@ rx_image rx_field_effective(const rx_field *field);
 /* MEASURED, WHITE, FILE or UNKNOWN: where the correlation of its noise comes from. */
 const char *rx_field_noise_origin(const rx_field *field);
 
-/* Is the noise of either hidden: by steps between pixel values or by a cut, or because there is none? What is known of it is
- * wrong then. */
-int rx_fields_noise_hidden(rx_fields fields);
-
 void rx_field_free(rx_field *field);
 
 RX_END_DECLS

@@ -145,17 +145,6 @@ void rx_field_noise_log(const rx_field *field, rx_log *log)
         power[0][3], power[0][4], power[1][0], power[1][1], power[1][2], power[1][3], power[1][4]);
 }
 
-static int hides_noise(const rx_field *field)
-{
-    return field->plain->constant || rx_anomalies_is_cut(&field->anomalies) ||
-           rx_anomalies_is_coarse(&field->anomalies, field->plain->global_sigma);
-}
-
-int rx_fields_noise_hidden(rx_fields fields)
-{
-    return hides_noise(fields.detect) || hides_noise(fields.measure);
-}
-
 /* A gain in another unit than the pixels' claims photon noise that is not there, or none. */
 rx_status rx_field_gain_check(rx_field *field, rx_log *log, rx_error *err)
 {

@@ -66,8 +66,8 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
         }
     }
     *plain = (kind->traits & RX_TRAIT_PLAIN) != 0;
-    par.keep_reblurred |=
-        w->params->judge_residual && field == w->detect && (kind->traits & RX_TRAIT_INVENTS) != 0;
+    par.keep_reblurred |= w->params->judge_residual && !w->params->templates.wanted && field == w->detect &&
+                          (kind->traits & RX_TRAIT_INVENTS) != 0;
     if (kind != w->kind)
         image = rx_field_restorable(field);
     if (*plain)
@@ -91,16 +91,6 @@ static rx_status restore_image(work *w, rx_error *err)
     rx_result *result = w->result;
     RX_TRY(restore(w, w->detect, &result->plain, &result->domain, &result->restored, err));
     w->hide = hidden_bits(w->params, result->plain);
-    rx_restored *restored = result->restored;
-    if (!w->params->judge_residual || restored->reblurred == NULL ||
-        (rx_restorer_find(restored->name)->traits & RX_TRAIT_INVENTS) == 0)
-        return RX_OK;
-    const rx_image image = rx_field_restorable(w->detect);
-    RX_TRY(rx_residual_flag(&image, restored, w->params->nthreads, &result->residual, err));
-    if (!w->params->restore.keep_reblurred) {
-        free(restored->reblurred);
-        restored->reblurred = NULL;
-    }
     return RX_OK;
 }
 
@@ -386,10 +376,12 @@ static rx_status rank_added(const work *w, rx_error *err)
 static rx_status fit_templates(work *w, rx_error *err)
 {
     rx_result *result = w->result;
-    if (!w->params->templates.wanted)
+    rx_pipeline_params par = *w->params;
+    if (!par.templates.wanted)
         return RX_OK;
-    RX_TRY(rx_template_fit_run(w->params, (rx_fields){w->detect, w->measure}, result->restored,
-                               result->sources, w->log, &result->templates, err));
+    par.templates.par.keep_model |= par.judge_residual;
+    RX_TRY(rx_template_fit_run(&par, (rx_fields){w->detect, w->measure}, result->restored, result->sources,
+                               w->log, &result->templates, err));
     return rank_added(w, err);
 }
 
@@ -473,6 +465,44 @@ static rx_status same_grid(const rx_image *detect, const rx_image *measure, rx_e
                        measure->width, measure->height, detect->width, detect->height);
 }
 
+/* Where the model is wrong: that of the templates, else that of an image which may be invented, else the sky between the
+ * sources. What was kept for it alone is freed. */
+static rx_status find_misfits(const work *w, rx_error *err)
+{
+    rx_result *result = w->result;
+    rx_restored *restored = result->restored;
+    rx_tphot *tphot = result->templates.tphot;
+    if (!w->params->judge_residual)
+        return RX_OK;
+    const bool invents = (rx_restorer_find(restored->name)->traits & RX_TRAIT_INVENTS) != 0,
+               fitted = tphot != NULL && tphot->residual != NULL,
+               imaged = !fitted && invents && restored->reblurred != NULL;
+    const rx_field *field = imaged ? w->detect : w->measure;
+    const rx_image image = rx_field_restorable(field);
+    const rx_psf *psf = restored->blur != NULL ? restored->blur : field->psf;
+    RX_TRY(rx_residual_measure(&(rx_residual_input){.image = &image,
+                                                    .residual = fitted ? tphot->residual : NULL,
+                                                    .light = fitted   ? tphot->model
+                                                             : imaged ? restored->reblurred
+                                                                      : NULL,
+                                                    .segments = imaged ? NULL : result->sources->segments,
+                                                    .fwhm = psf != NULL ? psf->fwhm : 0.0,
+                                                    .nthreads = w->params->nthreads},
+                               &result->residual, err));
+    if (!invents)
+        result->residual.dark = NAN;
+    if (fitted && !w->params->templates.par.keep_model) {
+        free(tphot->model);
+        free(tphot->residual);
+        tphot->model = tphot->residual = NULL;
+    }
+    if (imaged && !w->params->restore.keep_reblurred) {
+        free(restored->reblurred);
+        restored->reblurred = NULL;
+    }
+    return RX_OK;
+}
+
 /* What FLAGS_RESTORE says of the image that each source is on, and of the place. */
 static void mark_sources(const work *w)
 {
@@ -483,18 +513,14 @@ static void mark_sources(const work *w)
     const int net = (rx_restorer_find(result->restored->name)->traits & RX_TRAIT_TRAINED) != 0,
               outside = net && domain->place == RX_DOMAIN_OUTSIDE,
               all = (result->by != NULL ? RX_RESTORE_OTHER : 0) | (outside ? RX_RESTORE_OUTSIDE : 0) |
-                    (rx_noise_is_structure(&w->detect->noise) ? RX_RESTORE_STRUCTURE : 0) |
-                    (rx_fields_noise_hidden((rx_fields){w->detect, w->measure}) ? RX_RESTORE_HIDDEN : 0);
+                    (rx_noise_is_structure(&w->detect->noise) ? RX_RESTORE_STRUCTURE : 0);
     const double brightest = net ? rx_model_peak(domain->model) : HUGE_VAL;
     const int know_dark = net && domain->model->dark > 0.0;
     for (int i = 0; i < result->sources->n; i++) {
         rx_source *s = &result->sources->list[i];
         const int sharp = rx_anomalies_sharp_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak);
-        s->fit.restore |=
-            all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
-            (sharp ? RX_RESTORE_SHARP : 0) |
-            (rx_anomalies_lit_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak) ? RX_RESTORE_LIGHT
-                                                                                       : 0);
+        s->fit.restore |= all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
+                          (sharp ? RX_RESTORE_SHARP : 0);
         result->sharp += sharp;
         if (!net || s->untouched)
             continue;
@@ -545,7 +571,7 @@ rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *
             status = steps[step].run(&w, err);
         rx_lap_add(&last, &laps[step]);
     }
-    if (status == RX_OK)
+    if (status == RX_OK && (status = find_misfits(&w, err)) == RX_OK)
         mark_sources(&w);
     rx_lap_add(&last, &laps[MEASURE]);
     if (status == RX_OK) {

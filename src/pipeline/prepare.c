@@ -35,9 +35,8 @@ static rx_status measure_background(const rx_pipeline_params *params, int role, 
                           input->name, input->hdu, 0);
 }
 
-static void say_anomalies(const rx_field *field, rx_log *log)
+static void warn_without_noise(const rx_field *field, rx_log *log)
 {
-    const rx_anomalies *a = &field->anomalies;
     const rx_image *image = &field->image;
     if (field->plain->constant && !rx_field_has_pixels(field))
         rx_log_warning(log,
@@ -46,34 +45,9 @@ static void say_anomalies(const rx_field *field, rx_log *log)
     else if (field->plain->constant)
         rx_log_warning(log,
                        "%s[%d]: it has no noise that could be measured (a map, rounded numbers?): sigma is "
-                       "taken for 1, thresholds and errors mean nothing, every source has "
-                       "FLAGS_RESTORE 1024; give the noise (WEIGHT_TYPE MAP_RMS)",
+                       "taken for 1, thresholds and errors mean nothing; give the noise (WEIGHT_TYPE "
+                       "MAP_RMS)",
                        image->name, image->hdu);
-    else if (rx_anomalies_is_coarse(a, field->plain->global_sigma))
-        rx_log_warning(log,
-                       "%s[%d]: its pixel values have steps of %.3g ADU, what is taken for its noise is %.3g "
-                       "(RXSTEP, RXSIGMA): rounded numbers, or no image of a sky (a map of noise, of "
-                       "segments?); thresholds and errors are wrong, every source has FLAGS_RESTORE 1024; "
-                       "give the tile as it was before it was rounded",
-                       image->name, image->hdu, a->step, field->plain->global_sigma);
-    if (rx_anomalies_is_cut(a))
-        rx_log_warning(log,
-                       "%s[%d]: %.0f %% of its pixels have its lowest value (RXCUT): what was below it is "
-                       "cut off, or photons are few, so that sky, noise, thresholds and errors are wrong; "
-                       "every source has FLAGS_RESTORE 1024; give the tile with values below its sky",
-                       image->name, image->hdu, 100.0 * a->cut);
-    if (rx_anomalies_is_striped(a))
-        rx_log_warning(log,
-                       "%s[%d]: its rows are offset by %.2g sigma of a pixel, its columns by %.2g (RXROWS, "
-                       "RXCOLS): faint sources may be false; subtract each one's overscan or median",
-                       image->name, image->hdu, a->rows, a->columns);
-    if (rx_anomalies_is_lit(a))
-        rx_log_warning(
-            log,
-            "%s[%d]: %.0f %% of it holds light that is no source's and that the sky's mesh does not "
-            "follow (RXLIGHT): filaments, a ghost; faint sources there have FLAGS_RESTORE 512; a "
-            "smaller BACK_SIZE may follow it",
-            image->name, image->hdu, 100.0 * a->light);
 }
 
 /* Both backgrounds. */
@@ -166,14 +140,13 @@ rx_status rx_field_begin(const rx_pipeline_params *params, int what, rx_field *f
     return status;
 }
 
-rx_status rx_field_end(const rx_pipeline_params *params, rx_field *field, rx_log *log, rx_error *err)
+rx_status rx_field_end(rx_field *field, rx_log *log, rx_error *err)
 {
     const rx_image restorable = rx_field_restorable(field);
     rx_lap last = rx_lap_now();
     rx_field_noise_log(field, log);
-    RX_TRY(rx_anomalies_measure(&restorable, rx_noise_factor_wide(&field->noise), params->nthreads,
-                                &field->anomalies, err));
+    RX_TRY(rx_anomalies_measure(&restorable, &field->anomalies, err));
     rx_lap_add(&last, &field->background_lap);
-    say_anomalies(field, log);
+    warn_without_noise(field, log);
     return RX_OK;
 }

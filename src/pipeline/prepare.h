@@ -14,6 +14,6 @@ rx_status rx_field_begin(const rx_pipeline_params *params, int what, rx_field *f
                          rx_noise_correlation *noise, rx_log *log, rx_error *err);
 
 /* The anomalies, and what the log says of them and of the noise. */
-rx_status rx_field_end(const rx_pipeline_params *params, rx_field *field, rx_log *log, rx_error *err);
+rx_status rx_field_end(rx_field *field, rx_log *log, rx_error *err);
 
 #endif

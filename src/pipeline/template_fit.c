@@ -21,7 +21,7 @@ static const double CROWD_SNR = 3.2;
 static const double CROWD_ERROR = 0.01, NEIGHBOUR_ERROR = 0.003;
 
 /* Residuals above that many times a noise that is only a floor say that there is none to test sources against. */
-static const double UNTESTABLE = 5.0, TWICE = 2.0;
+static const double UNTESTABLE = 5.0;
 
 /* Share of the tile, from which on its sources are those of a crowd. */
 static const double CROWDED = 0.5;
@@ -388,23 +388,12 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
             "%s[%d]: templates leave %.3g times that noise, so fluxes may be far off and no source can be "
             "tested: P_REAL is not known, FLAGS_RESTORE 4",
             measured.name, measured.hdu, sqrt(dst->chi2));
-    else if (rx_template_fit_is_off(dst) && isfinite(dst->chi2))
-        rx_log_warning(
-            log,
-            "%s[%d]: templates leave %.3g times the noise (RXTPOK F): is its PSF right, are cosmic "
-            "rays, trails and saturated stars masked?",
-            measured.name, measured.hdu, sqrt(dst->chi2));
     status = rx_template_fit_judge(&params->templates, dst, sources, err);
 exit:
     rx_template_extra_clear(&w.extra);
     if (status != RX_OK)
         rx_template_fit_free(dst);
     return status;
-}
-
-int rx_template_fit_is_off(const rx_template_fit *fit)
-{
-    return !(fit->chi2 <= TWICE * TWICE); /* of no pixel nothing is known */
 }
 
 void rx_template_fit_free(rx_template_fit *fit)

@@ -42,8 +42,6 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
  * neighbour takes more than half of its S/N squared, else INVENTED. Errors: RX_SYSTEM. */
 rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,
                                 rx_error *err);
-int rx_template_fit_is_off(
-    const rx_template_fit *fit);                 /* is the residual more than twice the noise, or unknown? */
 void rx_template_fit_free(rx_template_fit *fit); /* content only */
 
 RX_END_DECLS

@@ -14,8 +14,7 @@
 
 /* What makes a remark; docs/qa.md has them in words. */
 static const double ELONGATED = 0.15, SPREAD = 0.2, WIDER = 0.03, WIDTH_LOW = 0.9, WIDTH_HIGH = 1.15,
-                    MASKED = 0.1, SATURATED = 0.01, SLOPE = 3.0, TAIL = 20, CHI2_LOW = 0.8, CHI2_HIGH = 1.3,
-                    CHI2_SHARE = 0.1, GROWTH = 0.01, SCATTER = 0.06;
+                    MASKED = 0.1, SATURATED = 0.01, SLOPE = 3.0, TAIL = 20, GROWTH = 0.01, SCATTER = 0.06;
 
 void rx_tile_cells_free(rx_tile_cells *cells)
 {
@@ -67,35 +66,6 @@ static rx_status quantiles(const rx_tile_cells *cells, int n, const double *q, d
         dst[i] = m > 0 ? rx_quantile(copy, m, q[i]) : NAN;
     free(copy);
     return RX_OK;
-}
-
-rx_status rx_tile_chi2_make(const rx_image *image, const rx_tile_model *of, rx_tile_chi2 *dst, rx_error *err)
-{
-    const rx_map sky = rx_image_sky(image), noise = image->noise;
-    const int modelled = of->model != NULL || of->residual != NULL;
-    dst->of = of->of;
-    dst->fits_noise = of->model != NULL && of->residual == NULL;
-    RX_TRY(begin(image, &dst->cells, err));
-    for (int y = 0; y < image->height; y++)
-        for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
-            const int n = rx_map_piece(x, image->width);
-            float room[2][RX_MAP_PIECE];
-            const float *level = rx_map_row(&sky, y, x, n, room[0]),
-                        *sigma = rx_map_row(&noise, y, x, n, room[1]);
-            for (int i = 0; i < n; i++) {
-                const size_t k = (size_t)y * (size_t)image->width + (size_t)(x + i);
-                if (rx_image_hides(image, k) || !(sigma[i] > 0) || (!modelled && of->segments[k] != 0) ||
-                    (image->mask != NULL && (image->mask[k] & RX_MASK_SATURATED) != 0))
-                    continue;
-                const double model = of->model != NULL ? of->model[k] : 0.0;
-                const double d = of->residual != NULL ? (double)of->residual[k]
-                                                      : (double)image->pixels[k] - (double)level[i] - model;
-                const double photons = image->gain > 0 && model > 0 ? model / image->gain : 0;
-                count(&dst->cells, x + i, y, d * d / ((double)sigma[i] * (double)sigma[i] + photons));
-            }
-        }
-    finish(&dst->cells);
-    return quantiles(&dst->cells, 1, (const double[]){0.5}, &dst->middle, err);
 }
 
 /* --- shapes --- */
@@ -448,10 +418,6 @@ static void judge_noise(rx_tile_quality *q)
                "Pixels without sources scatter by %.2f times what the noise map says: errors and thresholds "
                "are off by as much.",
                q->width);
-    if (q->about->hidden)
-        remark(q, "values", 1,
-               "Pixel values hide the noise, by their steps or where they are cut off, or there is none: "
-               "thresholds and errors are wrong, every source has FLAGS_RESTORE 1024.");
     if (noise != NULL && rx_noise_is_structure(noise))
         remark(q, "structure", 1,
                "Noise of sums is %.1f times that of independent pixels, more than resampling explains: "
@@ -470,26 +436,11 @@ static void judge_noise(rx_tile_quality *q)
                "The sky varies by %.3g ADU over the tile (5 to 95 %% of it), %.1f times the noise: flat "
                "field, moon, nebula?",
                q->sky_range, q->sky_range / q->noise_median);
-    if (q->about->striped)
-        remark(q, "rows", 1,
-               "Rows are offset by %.2g sigma of a pixel, columns by %.2g: faint sources may be false.",
-               q->about->rows, q->about->columns);
-    if (q->about->lit)
-        remark(q, "light", 1,
-               "%.0f %% of the tile hold light that is no source's and that the sky does not follow: "
-               "filaments, a ghost? Faint sources there have FLAGS_RESTORE 512.",
-               100 * q->about->light);
     if (q->masked > MASKED)
         remark(q, "masked", 0, "%.0f %% of the pixels are not used.", 100 * q->masked);
     if (q->saturated > SATURATED)
         remark(q, "saturated", 0, "%.1f %% of the pixels are saturated: is SATUR_LEVEL right?",
                100 * q->saturated);
-}
-
-double rx_tile_chi2_middle(const rx_tile_about *about, int run)
-{
-    const rx_tile_restored *r = &about->runs[run];
-    return r->chi2.cells.nx > 0 && !(r->about->by != NULL && r->plain && run > 0) ? r->chi2.middle : NAN;
 }
 
 static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
@@ -515,10 +466,12 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
         remark(q, "flux", 1,
                "%s: the flux scale is off, restored over original %.4f +- %.4f%s (%ld isolated sources).",
                about->name, about->flux.wide, about->flux.wide_error, automatic, about->flux.n);
-    if (run->unexplained)
-        remark(q, "unexplained", 1,
-               "%s: the restored image does not explain the pixels of much of the tile (RXUNEX).",
-               about->name);
+    if (run->misfit != NULL)
+        remark(q, "model", 1,
+               "%s: the model does not explain %.0f %% of the tile, most likely because of %s. Sources there "
+               "have "
+               "FLAGS_RESTORE 32.",
+               about->name, 100 * run->unexplained, run->misfit);
     if (run->many_sharp)
         remark(q, "sharp", 1,
                "%s: %.0f %% of the sources are sharper than the PSF: cosmic rays, hot pixels? They have "
@@ -526,18 +479,6 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
                about->name, 100 * run->sharp);
     if (run->outside[0] != '\0' && (run == q->about->runs || strcmp(run->outside, run[-1].outside) != 0))
         remark(q, "outside", 0, "%s was not made for this tile: %s.", about->name, run->outside);
-    const rx_tile_cells *cells = &run->chi2.cells;
-    const double median = rx_tile_chi2_middle(q->about, (int)(run - q->about->runs));
-    double known = 0, high = 0;
-    if (isnan(median))
-        return;
-    for (int k = 0; k < cells->nx * cells->ny; k++) {
-        known += isfinite(cells->value[k]);
-        high += cells->value[k] > 2;
-    }
-    if ((median < CHI2_LOW && !run->chi2.fits_noise) || median > CHI2_HIGH || high > CHI2_SHARE * known)
-        remark(q, "chi2", 0, "%s: residual chi2 (%s) is %.3g in the middle, above 2 in %.0f %% of the cells.",
-               about->name, run->chi2.of, median, 100 * high / known);
 }
 
 rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst, rx_error *err)

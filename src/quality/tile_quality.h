@@ -24,21 +24,6 @@ typedef struct rx_tile_cells {
 
 enum { RX_TILE_CELLS = 48, RX_TILE_GRID = 9, RX_TILE_STARS = 400, RX_TILE_PULLS = 61, RX_TILE_MAGS = 60 };
 
-/* What a fit left of the pixels: mean of (pixel - sky - model)^2 / (noise^2 + photons of the model). */
-typedef struct rx_tile_chi2 {
-    const char *of; /* what was taken off, in words */
-    int fits_noise; /* that follows the noise, as a restored image does: below 1 is no fault */
-    rx_tile_cells cells;
-    double middle; /* median of the cells */
-} rx_tile_chi2;
-
-/* residual: pixels - sky - model, or NULL: made here. Without a model pixels of segments do not count. */
-typedef struct rx_tile_model {
-    const char *of;
-    const float *model, *residual; /* ADU */
-    const int32_t *segments;
-} rx_tile_model;
-rx_status rx_tile_chi2_make(const rx_image *image, const rx_tile_model *of, rx_tile_chi2 *dst, rx_error *err);
 void rx_tile_cells_free(rx_tile_cells *cells); /* content only */
 
 /* C of above, 0 where it could not be measured. */
@@ -56,9 +41,10 @@ typedef struct rx_tile_restored {
     const rx_qa_run *about; /* its list may be empty */
     const rx_sources *sources;
     const rx_restored *restored;
-    rx_tile_chi2 chi2;   /* nx 0: none */
+    rx_tile_cells pull;  /* width of what the model leaves, in errors of a point source; nx 0: not known */
+    double unexplained;  /* share of cells; NAN: not known */
+    const char *misfit;  /* why, in words, where that is much; else NULL */
     int plain;           /* nothing was restored */
-    int unexplained;     /* a large part of the tile is not */
     const char *outside; /* what the restorer was not made for, "" nothing */
     double sharp;        /* share of the sources sharper than the PSF (RXSHARP) */
     int many_sharp;      /* too many of them */
@@ -70,9 +56,6 @@ typedef struct rx_tile_about {
     int nruns;
     const rx_tile_restored *runs;
     uint64_t seed; /* of the random sources */
-    /* of detect/anomalies.h, and whether that is much; hidden: rx_fields_noise_hidden() */
-    double rows, columns, light;
-    int striped, lit, hidden;
 } rx_tile_about;
 
 typedef struct rx_tile_remark {
@@ -110,10 +93,6 @@ void rx_tile_quality_free(rx_tile_quality *quality); /* NULL is fine */
 
 /* Magnitude of a point source of S/N 5 at the image's global noise. */
 double rx_tile_depth(const rx_image *image);
-
-/* Median of the cells of that run's residual chi2, NAN where it is not judged: there is none, or after a fallback nothing
- * was restored, which the first run says of the same pixels. */
-double rx_tile_chi2_middle(const rx_tile_about *about, int run);
 
 double rx_tile_mag(const rx_image *image, double flux); /* NAN of a flux that is not positive */
 

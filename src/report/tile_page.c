@@ -23,7 +23,7 @@ static double scale_of(const rx_image *image)
 /* --- figures --- */
 
 enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 600, FEW_DOTS = 60, HOVER = 150 };
-static const double CHI2_MOST = 5;
+static const double PULL_MOST = 3;
 
 /* From 1 to 99 % of the values, with some extent. */
 static void reach(const double *values, size_t n, double *low, double *high)
@@ -386,16 +386,17 @@ static void add_figures(rx_figures *dst, const rx_tile_quality *q)
                     "noise [ADU]", INFINITY});
     for (int i = 0; i < about->nruns; i++) {
         char id[RX_FIGURE_ID], title[80], reading[240];
-        if (about->runs[i].chi2.cells.nx == 0 || is_repeated(about, i))
+        const rx_tile_restored *run = &about->runs[i];
+        if (run->pull.nx == 0)
             continue;
-        snprintf(id, sizeof id, "tile-chi2-%d", i);
-        snprintf(title, sizeof title, "%s: residual chi2", about->runs[i].about->name);
+        snprintf(id, sizeof id, "tile-model-%d", i);
+        snprintf(title, sizeof title, "%s: what the model leaves", run->about->name);
         snprintf(reading, sizeof reading,
-                 "Mean square of (pixels - %s) / noise, 1 where all is explained. Bright where a PSF, a sky "
-                 "or a noise map is wrong, and at bright stars; 5 and above is one colour.",
-                 about->runs[i].chi2.of);
-        draw_map(dst, q, &about->runs[i].chi2.cells,
-                 &(map){id, title, reading, "chi2 of a pixel", CHI2_MOST});
+                 "Width of fluxes of point sources fitted to empty places, in their errors: 1 where the "
+                 "noise is all "
+                 "there is. %.0f %% of the cells are not explained; %g and above is one colour.",
+                 100 * run->unexplained, PULL_MOST);
+        draw_map(dst, q, &run->pull, &(map){id, title, reading, "width [errors]", PULL_MOST});
     }
     pulls(dst, q);
     correlation(dst, q);
@@ -425,8 +426,7 @@ RX_COLUMNS(RUNS, RX_TEXT("run", NULL, "restorer"), RX_TEXT("taken", "restorer th
            RX_NUMBER("turnover", 2, "mag", "MAG_AUTO where counts are highest"),
            RX_MEASURED("slope", 2, "dex/mag", "of counts, up to 0.5 mag before"),
            RX_MEASURED("flux_scale", 4, "", "restored over original flux of isolated sources"),
-           RX_NUMBER("chi2", 2, "", "median of residual chi2 over cells"),
-           RX_TEXT("chi2_of", "what was taken off the pixels for it"),
+           RX_NUMBER("not_explained", 1, "%", "share of cells that the model does not explain"),
            RX_ESTIMATE("false_per_mpixel", 1, "",
                        "false detections on noise (BLANK_CHECK), with its interval at 95 %"));
 
@@ -563,7 +563,7 @@ static void add_runs(rx_report *report, const rx_tile_quality *q)
             rx_cell_measured(counts.slope, counts.slope_error),
             rx_cell_measured(run->about->flux.n > 0 ? run->about->flux.wide : NAN,
                              run->about->flux.wide_error),
-            rx_tile_chi2_middle(q->about, i), run->chi2.of,
+            100.0 * run->unexplained,
             rx_cell_estimate(run->about->blank.n > 0 ? run->about->blank.rate
                                                      : (rx_estimate){.value = NAN, .low = NAN, .high = NAN}));
     }

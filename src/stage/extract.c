@@ -115,16 +115,13 @@ static void describe_outside(const rx_result *result, rx_run *run)
     const rx_noise_correlation *noise = &result->detect->noise;
     const bool trained = run->by != NULL || run->domain.place != RX_DOMAIN_OUTSIDE;
     char structure[80] = "", dark[80] = "";
-    const char *hidden = rx_fields_noise_hidden((rx_fields){result->detect, result->measure})
-                             ? "noise that pixel values hide, "
-                             : "";
     if (rx_noise_is_structure(noise))
         snprintf(structure, sizeof structure, "noise %.1f times as wide as that of independent pixels, ",
                  rx_noise_factor_wide(noise));
     if (run->is_dark)
-        snprintf(dark, sizeof dark, "%.0f %% of it below the sky, ", 100.0 * run->dark);
-    const int length = snprintf(run->outside, sizeof run->outside, "%s%s%s%s%s",
-                                trained ? "" : run->domain.why, trained ? "" : ", ", structure, hidden, dark);
+        snprintf(dark, sizeof dark, "%.0f %% of it below the sky, ", 100.0 * result->residual.dark);
+    const int length = snprintf(run->outside, sizeof run->outside, "%s%s%s%s", trained ? "" : run->domain.why,
+                                trained ? "" : ", ", structure, dark);
     if (length >= 2 && length < (int)sizeof run->outside)
         run->outside[length - 2] = '\0'; /* the last comma */
 }
@@ -241,26 +238,6 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     return status;
 }
 
-/* By the best model of the pixels that there is. */
-static rx_status measure_chi2(rx_run *run, const work *w, rx_error *err)
-{
-    const rx_tphot *tphot = w->result.templates.tphot;
-    const float *reblurred = w->result.restored->reblurred;
-    const int fitted = tphot != NULL && tphot->residual != NULL;
-    const rx_image image = fitted              ? rx_field_restorable(w->measure)
-                           : reblurred != NULL ? rx_field_restorable(w->detect)
-                                               : rx_field_observed(w->detect);
-    return rx_tile_chi2_make(&image,
-                             &(rx_tile_model){.of = fitted ? "templates"
-                                                    : reblurred != NULL
-                                                        ? "restored image under its PSF"
-                                                        : "sky, without the pixels of sources",
-                                              .model = fitted ? tphot->model : reblurred,
-                                              .residual = fitted ? tphot->residual : NULL,
-                                              .segments = w->result.sources->segments},
-                             &run->chi2, err);
-}
-
 /* Plain ASCII catalogues hold no facts. */
 static int has_headers(const rx_options *options, const rx_run *run)
 {
@@ -323,8 +300,6 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->by = w.result.by;
     memcpy(run->why, w.result.why, sizeof run->why);
     run->flux = w.result.photometry.check;
-    run->unexplained = w.result.residual.share;
-    run->dark = w.result.residual.dark;
     run->is_dark = rx_result_is_dark(&w.result);
     run->sharp = rx_result_sharp(&w.result);
     run->many_sharp = rx_result_is_sharp(run->sharp, sources->n);
@@ -344,6 +319,8 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     account_templates(run, &w, log);
     tell_sources(run, &w, log);
     rx_result_facts(&w.result, &facts);
+    run->misfit = w.result.residual;
+    w.result.residual = (rx_residual){0};
     if (w.headers)
         rx_fact_text(&facts, RX_FACT_INSUM, rx_tile_checksum(detect->tile));
     rx_domain_facts(&w.result.domain, &facts);
@@ -352,8 +329,6 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_facts_of_header(&facts, options->all_facts, &shown);
     RX_TRY_EXIT(shown.failed ? rx_error_memory(err, 0) : add_table(run, &w, &shown, err));
     RX_TRY_EXIT(write_images(run, &w, in->record, &shown, in->products, log, err));
-    if (options->tile_page)
-        RX_TRY_EXIT(measure_chi2(run, &w, err));
     if (in->kept != NULL) {
         *in->kept = w.result;
         *in->facts = facts;
@@ -391,12 +366,13 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
     if (used > 0)
         rx_log_warning(log, "%s[%d]: the flux scale is off: %s", tile->name, tile->hdu, text);
     for (int i = 0; i < n; i++)
-        if (rx_residual_is_large(runs[i].unexplained))
+        if (rx_residual_is_large(runs[i].misfit.share))
             rx_log_warning(
                 log,
-                "%s[%d]: %s: the restored image does not explain the pixels of %.0f %% of the tile "
-                "(RXUNEX; sources there have FLAGS_RESTORE 32): is its PSF right, its sky?",
-                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].unexplained);
+                "%s[%d]: %s: the model does not explain %.0f %% of the tile, least about (%.0f, %.0f) "
+                "(RXMODEL; sources there have FLAGS_RESTORE 32), most likely because of %s",
+                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.share, runs[i].misfit.x + 1.0,
+                runs[i].misfit.y + 1.0, rx_misfit_text(runs[i].misfit.cause));
     for (int i = 0; i < n; i++)
         if (runs[i].is_dark)
             rx_log_warning(
@@ -405,7 +381,7 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
                 "was "
                 "not trained for (RXDARK; sources there have FLAGS_RESTORE 64): is its sky right, are there "
                 "dark clouds?",
-                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].dark);
+                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.dark);
     for (int i = 0; i < n; i++)
         if (runs[i].many_sharp)
             rx_log_warning(log,
@@ -424,7 +400,7 @@ void rx_run_forget(rx_run *run)
     rx_sources_free(run->sources);
     rx_check_results_free(&run->checks);
     rx_record_free(&run->facts);
-    rx_tile_cells_free(&run->chi2.cells);
+    rx_residual_free(&run->misfit);
     run->restored = NULL;
     run->sources = NULL;
     run->tally = NULL;

@@ -49,14 +49,13 @@ typedef struct rx_run {
     char why[240];              /* or why AUTO took what it did */
     char label[48];             /* of log lines: "NET", "NET (done by RL)", "AUTO (done by NET)" */
     rx_fluxcheck flux;
-    double unexplained, dark; /* as of rx_residual; NAN where they are not known */
-    bool is_dark;             /* rx_result_is_dark() */
-    double sharp;             /* rx_result_sharp() */
-    int many_sharp;           /* rx_result_is_sharp() */
-    char outside[400];        /* what the restorer was not made for on this tile, "" nothing */
-    rx_tile_chi2 chi2;        /* of the tile's page; nx 0: none */
-    double seconds;           /* of all of rx_run_extract() */
-    rx_record facts;          /* of the current extension (data/facts.def) */
+    rx_residual misfit;
+    bool is_dark;       /* rx_result_is_dark() */
+    double sharp;       /* rx_result_sharp() */
+    int many_sharp;     /* rx_result_is_sharp() */
+    char outside[400];  /* what the restorer was not made for on this tile, "" nothing */
+    double seconds;     /* of all of rx_run_extract() */
+    rx_record facts;    /* of the current extension (data/facts.def) */
     char account[2048]; /* settings, what was found of the fluxes and by checks: one line for the report */
 } rx_run;
 

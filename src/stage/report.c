@@ -204,31 +204,29 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
     rx_qa_run abouts[RX_MAX_RUNS];
     rx_qa_promise promises[RX_MAX_RUNS];
     const char *(*pairs)[2] = NULL;
-    const rx_anomalies *anomalies = &in->fields.detect->anomalies;
     rx_tile_about about = {.name = in->fields.detect->tile->name,
                            .image = rx_field_observed(in->fields.detect),
                            .nruns = options->nrestorers,
                            .runs = runs,
-                           .seed = options->pipeline.seed,
-                           .rows = anomalies->rows,
-                           .columns = anomalies->columns,
-                           .light = anomalies->light,
-                           .striped = rx_anomalies_is_striped(anomalies),
-                           .lit = rx_anomalies_is_lit(anomalies),
-                           .hidden = rx_fields_noise_hidden(in->fields)};
+                           .seed = options->pipeline.seed};
     about.image.zeropoint = in->fields.measure->image.zeropoint;
     for (int i = 0; i < options->nrestorers; i++) {
         const rx_run *run = &in->runs[i];
         abouts[i] = about_run(run, &promises[i]);
-        runs[i] = (rx_tile_restored){.about = &abouts[i],
-                                     .sources = run->sources,
-                                     .restored = run->restored,
-                                     .chi2 = run->chi2,
-                                     .plain = run->restored->blur == NULL,
-                                     .unexplained = rx_residual_is_large(run->unexplained),
-                                     .outside = run->outside,
-                                     .sharp = run->sharp,
-                                     .many_sharp = run->many_sharp};
+        runs[i] = (rx_tile_restored){
+            .about = &abouts[i],
+            .sources = run->sources,
+            .restored = run->restored,
+            .pull = {.nx = run->misfit.nx,
+                     .ny = run->misfit.ny,
+                     .side = (about.image.width + run->misfit.nx - 1) / run->misfit.nx,
+                     .value = run->misfit.pull},
+            .unexplained = run->misfit.share,
+            .misfit = rx_residual_is_large(run->misfit.share) ? rx_misfit_text(run->misfit.cause) : NULL,
+            .plain = run->restored->blur == NULL,
+            .outside = run->outside,
+            .sharp = run->sharp,
+            .many_sharp = run->many_sharp};
     }
     RX_TRY(rx_record_list(in->record, &pairs, err));
     const rx_tile_page page = {&about, in->record->n, (const char *const(*)[2])pairs};
@@ -240,9 +238,6 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
     rx_tile_page_facts found = {0};
     const rx_status status = rx_tile_page_write(&page, &files, &found, err);
     if (status == RX_OK && facts != NULL) {
-        for (int i = 0; i < about.nruns; i++)
-            facts->run[i].chi2 = rx_tile_chi2_middle(&about, i);
-        facts->state.chi2 = facts->run[about.nruns - 1].chi2;
         facts->state.wrong = found.wrong;
         facts->state.look = found.look;
         snprintf(facts->page, sizeof facts->page, "%s/tile.html", files.shown);

@@ -31,7 +31,8 @@ static const rx_column IMAGES[] = {
     FIELD("Flux_Scale", "", "phot.flux;arith.ratio", "restored over original flux of isolated sources",
           DOUBLE, 0),
     FIELD("Flux_Scale_Error", "", "stat.error;phot.flux;arith.ratio", "1 sigma of it", DOUBLE, 0),
-    FIELD("Chi2", "", "stat.fit.chi2;stat.mean", "residual, of the tile's page (QA_TYPE TILE)", DOUBLE, 0),
+    FIELD("Not_Explained", "", "stat.fit.goodness", "share of cells that the model does not explain", DOUBLE,
+          0),
     FIELD("PSF_Stars", "", "meta.number;instr.det.psf", "stars that made the PSF", INT32, 0),
 };
 enum { NIMAGES = sizeof IMAGES / sizeof *IMAGES };
@@ -79,7 +80,7 @@ static rx_status images_table(const rx_tile_facts *facts, rx_table **dst, rx_err
                                  {e->state.saturated, NULL},
                                  {measured ? run->flux.wide : NAN, NULL},
                                  {measured ? run->flux.wide_error : NAN, NULL},
-                                 {run->chi2, NULL},
+                                 {run->guard.unexplained, NULL},
                                  {e->psf.stars, NULL}};
             for (int c = 0; c < NIMAGES; c++)
                 put(*dst, c, rows, values[c].number, values[c].text);

@@ -82,21 +82,8 @@ static rx_tile_state state_of(const rx_field *field)
                            .factor = rx_noise_factor_wide(&field->noise),
                            .masked = (double)masked / (double)n,
                            .saturated = (double)saturated / (double)n,
-                           .rows = field->anomalies.rows,
-                           .columns = field->anomalies.columns,
-                           .light = field->anomalies.light,
-                           .chi2 = NAN,
                            .wrong = -1,
                            .look = -1};
-}
-
-/* Share of the sources with that bit of FLAGS_RESTORE. */
-static double share_of(const rx_sources *sources, int bit)
-{
-    int n = 0;
-    for (int i = 0; i < sources->n; i++)
-        n += (sources->list[i].fit.restore & bit) != 0;
-    return n > 0 ? (double)n / (double)sources->n : 0.0;
 }
 
 void rx_tile_facts_cards(rx_extension_facts *facts, const rx_tile *tile, int n, const char *const *names)
@@ -140,13 +127,11 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run 
         const rx_blankcheck *blank = &runs[i].checks.blank;
         *run = (rx_run_facts){.sources = (long)runs[i].sources->n,
                               .flux = runs[i].flux,
-                              .chi2 = NAN,
-                              .guard = {.known = blank->realisations > 0 || isfinite(runs[i].unexplained),
+                              .guard = {.known = blank->realisations > 0 || isfinite(runs[i].misfit.share),
                                         .false_per_mpixel = blank->realisations > 0 ? blank->rate.value : NAN,
                                         .raised = blank->raised,
-                                        .unexplained = runs[i].unexplained},
-                              .sharp = field->anomalies.ratio[0] > 0.0 ? runs[i].sharp : NAN,
-                              .lit = share_of(runs[i].sources, RX_RESTORE_LIGHT)};
+                                        .unexplained = runs[i].misfit.share},
+                              .sharp = field->anomalies.ratio[0] > 0.0 ? runs[i].sharp : NAN};
         snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
         snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
         snprintf(run->why, sizeof run->why, "%s", runs[i].why);

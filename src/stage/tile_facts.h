@@ -15,7 +15,7 @@ typedef struct rx_run_guard {
     int known;
     double false_per_mpixel; /* on this tile's noise (BLANK_CHECK); NAN: not known */
     double raised;           /* what DETECT_THRESH was multiplied by for it */
-    double unexplained;      /* share of cells that the restored image does not explain; NAN: not known */
+    double unexplained;      /* share of cells that the model does not explain (RXMODEL); NAN: not known */
 } rx_run_guard;
 
 /* One restorer. */
@@ -26,11 +26,10 @@ typedef struct rx_run_facts {
     char taken[16];    /* that AUTO took, `why` it did where none did it instead; "" AUTO was not asked for */
     char outside[400]; /* what the restorer was not made for, "" nothing */
     rx_fluxcheck flux; /* n = 0: not measured */
-    double chi2;       /* residual, of the tile's page; NAN without it, or not judged; not in records */
     rx_run_guard guard;
-    double sharp, lit; /* shares of the sources with FLAGS_RESTORE 256 (RXSHARP) and 512; NAN: not known */
-    rx_record facts;   /* of data/facts.def; owned */
-    rx_tally *tally;   /* against the reference catalogue; NULL without one */
+    double sharp;    /* share of the sources with FLAGS_RESTORE 256 (RXSHARP); NAN: not known */
+    rx_record facts; /* of data/facts.def; owned */
+    rx_tally *tally; /* against the reference catalogue; NULL without one */
 } rx_run_facts;
 
 /* How its PSF came about, and what reserved stars say of it. */
@@ -52,8 +51,6 @@ typedef struct rx_tile_state {
     double factor;      /* noise of wide sums over that of independent pixels */
     double masked;      /* share of pixels that are not used */
     double saturated;
-    double rows, columns, light; /* RXROWS, RXCOLS, RXLIGHT (detect/anomalies.h); NAN: not known */
-    double chi2;     /* of the page's last restorer (QA_TYPE TILE); NAN without it, or where not judged */
     int wrong, look; /* its remarks; -1 without it */
 } rx_tile_state;
 

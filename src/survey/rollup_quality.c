@@ -128,7 +128,6 @@ void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *bef
 {
     const rx_run_facts *f = row->facts;
     const rx_tile_state *state = &row->image->state;
-    const rx_anomalies anomalies = {.rows = state->rows, .columns = state->columns, .light = state->light};
     if (f->by[0] != '\0')
         rx_text_printf(rx_rollup_note(dst, before, f->name), "done by %s, %s", f->by, f->why);
     if (f->outside[0] != '\0')
@@ -138,21 +137,13 @@ void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *bef
                        "the flux scale is off: %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f", f->flux.wide,
                        f->flux.wide_error, f->flux.automatic, f->flux.automatic_error);
     if (f->guard.known && rx_residual_is_large(f->guard.unexplained))
-        rx_text_printf(rx_rollup_note(dst, before, f->name),
-                       "%.0f %% of the tile are not explained by the restored image",
+        rx_text_printf(rx_rollup_note(dst, before, f->name), "the model does not explain %.0f %% of the tile",
                        100.0 * f->guard.unexplained);
     if (rx_result_is_sharp(f->sharp, f->sources))
         rx_text_printf(rx_rollup_note(dst, before, f->name),
                        "%.0f %% of the sources are sharper than the PSF", 100.0 * f->sharp);
     if (f != row->image->run)
         return;
-    if (rx_anomalies_is_striped(&anomalies))
-        rx_text_printf(rx_rollup_note(dst, before, ""),
-                       "rows are offset by %.2g sigma of a pixel, columns by %.2g", anomalies.rows,
-                       anomalies.columns);
-    if (rx_anomalies_is_lit(&anomalies))
-        rx_text_printf(rx_rollup_note(dst, before, ""), "%.0f %% of the tile hold light of no source",
-                       100.0 * anomalies.light);
     if (state->wrong > 0)
         rx_text_printf(rx_rollup_note(dst, before, ""), "its page has %d marked Wrong", state->wrong);
 }

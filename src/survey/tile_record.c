@@ -37,7 +37,6 @@ typedef enum line_name {
     STATUS,
     EXTENSION,
     STATE,
-    ANOMALIES,
     CARD,
     PAGE,
     PSF,
@@ -75,9 +74,8 @@ static const line lines[NLINES] = {
                                  E_REAL(alpha), E_REAL(delta), E_REAL(fwhm), E_REAL(sky), E_REAL(noise),
                                  OF_E(INT, verdict, RX_VERDICT_NONE, RX_VERDICT_INSUFFICIENT)}},
     [STATE] = {"STATE", {OF_E(FLAG, known, 0, 0), E_REAL(state.ellipticity), E_REAL(state.depth), E_REAL(state.factor),
-                         E_REAL(state.masked), E_REAL(state.saturated), E_REAL(state.chi2),
+                         E_REAL(state.masked), E_REAL(state.saturated),
                          OF_E(INT, state.wrong, -1, INT_MAX), OF_E(INT, state.look, -1, INT_MAX)}},
-    [ANOMALIES] = {"ANOMALIES", {E_REAL(state.rows), E_REAL(state.columns), E_REAL(state.light)}},
     [CARD] = {"CARD", {FIELD(TEXT, rx_tile_card, name, 0, 0), FIELD(EXACT, rx_tile_card, value, 0, 0)}},
     [PAGE] = {"PAGE", {OF_E(TEXT, page, 0, 0)}},
     [PSF] = {"PSF", {OF_E(NAME, psf.how, 0, 0), OF_E(INT, psf.stars, 0, INT_MAX), OF_E(INT, psf.reserved, 0, INT_MAX),
@@ -96,7 +94,7 @@ static const line lines[NLINES] = {
                        R_REAL(flux.automatic), R_REAL(flux.automatic_error)}},
     [GUARD] = {"GUARD", {OF_R(FLAG, guard.known, 0, 0), R_REAL(guard.false_per_mpixel), R_REAL(guard.raised),
                          R_REAL(guard.unexplained)}},
-    [SHARES] = {"SHARES", {R_REAL(sharp), R_REAL(lit)}},
+    [SHARES] = {"SHARES", {R_REAL(sharp)}},
 };
 /* clang-format on */
 
@@ -195,7 +193,7 @@ void rx_tile_record_print(rx_text *dst, const rx_tile_record *record)
     add_lines(dst, TILE, STATUS, record);
     for (int k = 0; k < record->facts.n; k++) {
         const rx_extension_facts *e = &record->facts.extension[k];
-        add_lines(dst, EXTENSION, ANOMALIES, e);
+        add_lines(dst, EXTENSION, STATE, e);
         for (int i = 0; i < e->ncards; i++)
             add_line(dst, CARD, -1, &e->card[i]);
         add_lines(dst, PAGE, STARS, e);
@@ -321,7 +319,7 @@ static rx_status begin_record(reader *r)
 
 static rx_status begin_extension(reader *r)
 {
-    static const rx_tile_state unknown = {NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, -1, -1};
+    static const rx_tile_state unknown = {NAN, NAN, NAN, NAN, NAN, -1, -1};
     rx_tile_facts *facts = &r->record.facts;
     RX_TRY(RX_GROW(facts->extension, (size_t)facts->n + 1, r->err));
     r->e = &facts->extension[facts->n++];
@@ -337,7 +335,7 @@ static rx_status begin_run(reader *r)
 {
     RX_TRY(RX_GROW(r->e->run, (size_t)r->e->nruns + 1, r->err));
     r->run = &r->e->run[r->e->nruns++];
-    *r->run = (rx_run_facts){.sharp = NAN, .lit = NAN};
+    *r->run = (rx_run_facts){.sharp = NAN};
     return take_items(r, RUN, 1, r->run);
 }
 
@@ -360,7 +358,7 @@ static rx_status read_fields(reader *r, line_name name)
                          (name == RUN && r->e->nruns == RX_MAX_RUNS))
         return refuse(r, why);
     if ((name == PSF && r->e->psf.how[0] != '\0') || (name == STARS && r->e->psf.how[0] == '\0') ||
-        (name == RHO && r->e->psf.rho.n == 0) || (name == ANOMALIES && !r->e->known))
+        (name == RHO && r->e->psf.rho.n == 0))
         return refuse(r, why);
     if (name == CARD)
         return take_items(r, name, 1, &r->e->card[r->e->ncards++]);

@@ -8,8 +8,7 @@
  *   VERSION "0.1.0"
  *   STATUS 0 ""                       exit status, and the error in a line
  *   EXTENSION hdu width height alpha delta fwhm sky noise verdict      alpha, delta: deg J2000; nan = unknown
- *   STATE ellipticity depth factor masked saturated chi2 wrong look    stage/tile_facts.h; chi2 and remarks of QA_TYPE TILE
- *   ANOMALIES rows columns light       RXROWS, RXCOLS, RXLIGHT; only where one is known
+ *   STATE ellipticity depth factor masked saturated wrong look    stage/tile_facts.h; remarks of QA_TYPE TILE
  *   CARD "AIRMASS" 1.23               of RECORD_CARDS; those that the header has
  *   PAGE "night/m31_qa/tile.html"     of the tile; only where there is one
  *   PSF "PIXELS" stars reserved error growth residual dT de1 de2 errors    RXPSFHOW ...; only where known
@@ -21,7 +20,7 @@
  *   OUTSIDE "FWHM ..."                what of the tile the restorer was not made for; only then
  *   FLUX n diameter wide error auto error    restored over untouched fluxes (pipeline/fluxcheck.h); only where measured
  *   GUARD false raised unexplained    per Mpixel of the tile's noise, factor of DETECT_THRESH, share of cells; only where known
- *   SHARES sharp lit                  of the sources with FLAGS_RESTORE 256 and 512; only where known
+ *   SHARES sharp                      of the sources with FLAGS_RESTORE 256; only where known
  *   FACT RXTPGRP "12"                 of data/facts.def, as a header has it (HEADER_FACTS ALL)
  *   BIN k references found detections right step:count ...             quality/tally.h; bins that count
  *   END                                                                nothing are left out

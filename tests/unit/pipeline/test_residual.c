@@ -1,4 +1,4 @@
-/* Cells of a residual that is known. */
+/* Cells of residuals whose cause is known. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -13,9 +13,11 @@
 #include "base/random.h"
 #include "pipeline/residual.h"
 
-enum { W = 200, H = 150, N = W * H }; /* 4 x 3 cells, those at the border 8 and 22 pixels wide */
+enum { W = 270, H = 200, N = W * H, NX = 4, NY = 3 }; /* cells of 67 or 68 x 66 or 67 pixels */
+static const double FWHM = 3.2;
 
-static float pixels[N], sigma[N], level[N], model[N];
+static float pixels[N], sigma[N], level[N], light[N], residual[N];
+static int32_t segments[N];
 static uint8_t mask[N];
 
 /* Noise of 2 on a sky of 10. */
@@ -24,13 +26,16 @@ static rx_image make(void)
     for (int i = 0; i < N; i++) {
         sigma[i] = 2.0f;
         level[i] = 10.0f;
-        model[i] = 0.0f;
-        mask[i] = 0;
         pixels[i] = 10.0f + 2.0f * (float)rx_random_normal(3, 1, (uint64_t)i);
     }
+    memset(light, 0, sizeof light);
+    memset(segments, 0, sizeof segments);
+    memset(mask, 0, sizeof mask);
     return (rx_image){.width = W,
                       .height = H,
                       .pixels = pixels,
+                      .mask = mask,
+                      .hide = RX_MASK_BAD,
                       .with_sky = 1,
                       .level = rx_map_plane(level, W),
                       .noise = rx_map_plane(sigma, W)};
@@ -43,75 +48,57 @@ static void add(float *plane, int x0, int y0, int side, float value)
             plane[y * W + x] += value;
 }
 
-static rx_residual judge(const rx_image *image, int nthreads)
+static rx_residual judge(const rx_residual_input *input)
 {
-    const rx_restored restored = {.width = W, .height = H, .reblurred = model, .mask = mask};
-    rx_residual residual;
-    assert_int_equal(rx_residual_flag(image, &restored, nthreads, &residual, NULL), RX_OK);
-    return residual;
+    rx_residual one, many;
+    rx_residual_input of = *input;
+    of.nthreads = 1;
+    assert_int_equal(rx_residual_measure(&of, &one, NULL), RX_OK);
+    of.nthreads = 5;
+    assert_int_equal(rx_residual_measure(&of, &many, NULL), RX_OK);
+    assert_memory_equal(one.cell, many.cell, (size_t)(one.nx * one.ny));
+    assert_memory_equal(one.pull, many.pull, (size_t)(one.nx * one.ny) * sizeof *one.pull);
+    rx_residual_free(&many);
+    return one;
 }
 
-static void test_what_is_explained(void **state)
+/* Between the sources. */
+static rx_residual judge_sky(const rx_image *image)
+{
+    return judge(&(rx_residual_input){.image = image, .segments = segments, .fwhm = FWHM});
+}
+
+static double mean_pull(const rx_residual *r)
+{
+    double sum = 0;
+    for (int k = 0; k < r->nx * r->ny; k++)
+        sum += r->pull[k];
+    return sum / (r->nx * r->ny);
+}
+
+static void test_noise(void **state)
 {
     (void)state;
     const rx_image image = make();
-    rx_residual r = judge(&image, 1);
-    assert_int_equal(r.nx, 4);
-    assert_int_equal(r.ny, 3);
-    assert_int_equal(r.cells, 9); /* the last column has too few pixels, the last row enough */
-    assert_int_equal(r.unexplained, 0);
+    rx_residual r = judge_sky(&image);
+    assert_int_equal(r.nx, NX);
+    assert_int_equal(r.ny, NY);
+    assert_near(mean_pull(&r), 1, 0.04);
     assert_near(r.share, 0, 0);
     assert_near(r.dark, 0, 0);
-    assert_false(rx_residual_is_dark(r.dark));
-    assert_false(rx_residual_is_large(r.share));
+    assert_int_equal(r.cause, RX_MISFIT_NONE);
     rx_residual_free(&r);
-    /* light that the model has is explained; a star too bright for any PSF is not asked */
-    add(pixels, 70, 70, 30, 40.0f);
-    add(model, 70, 70, 30, 40.0f);
-    add(pixels, 20, 20, 10, 1500.0f);
-    add(model, 20, 20, 10, 1000.0f);
-    r = judge(&image, 1);
-    assert_int_equal(r.unexplained, 0);
+    /* a source's own light does not count, nor that next to it */
+    add(pixels, 20, 20, 12, 50.0f);
+    for (int y = 22; y < 30; y++)
+        for (int x = 22; x < 30; x++)
+            segments[y * W + x] = 1;
+    r = judge_sky(&image);
+    assert_near(r.share, 0, 0);
     rx_residual_free(&r);
-    /* but a model that is bright where the pixels are not is made up */
-    add(model, 140, 75, 10, 1000.0f);
-    r = judge(&image, 1);
-    assert_int_equal(r.unexplained, 1);
-    assert_int_equal(rx_residual_at(&r, 145, 80), 1);
-    rx_residual_free(&r);
-}
-
-static void test_what_is_not(void **state)
-{
-    (void)state;
-    const rx_image image = make();
-    add(pixels, 0, 0, 64, -0.8f);             /* 0.4 sigma below the sky, and the model is flat there */
-    add(pixels, 128, 64, 64, 0.4f);           /* 0.2 above */
-    add(pixels, 64 + 20, 64 + 20, 10, 30.0f); /* a source that is gone */
-    rx_residual r = judge(&image, 1), many = judge(&image, 5);
-    assert_int_equal(r.unexplained, 2);
-    assert_near(r.share, 2.0 / 9.0, 1e-12);
-    assert_true(rx_residual_is_large(r.share));
-    assert_int_equal(rx_residual_at(&r, 3, 60), 1);
-    assert_int_equal(rx_residual_at(&r, 63.4, 63.4), 1);
-    assert_int_equal(rx_residual_at(&r, 63.6, 30), 0);
-    assert_int_equal(rx_residual_at(&r, 70, 70), 1);
-    assert_int_equal(rx_residual_at(&r, 140, 70), 0);
-    assert_int_equal(rx_residual_at(&r, -3, 70), 0);
-    assert_int_equal(rx_residual_dark_at(&r, 3, 60), 1);
-    assert_int_equal(rx_residual_dark_at(&r, 63.4, 63.4), 1);
-    assert_int_equal(rx_residual_dark_at(&r, 63.6, 30), 0);
-    assert_int_equal(rx_residual_dark_at(&r, 70, 70), 0);
-    assert_true(rx_residual_is_dark(r.dark));
-    assert_near(r.dark, 4.0 / 34.0, 1e-12); /* 6 x 5 boxes, and 4 of 8 x 32 pixels at the right */
-    assert_memory_equal(r.cell, many.cell, 12);
-    assert_near(many.dark, r.dark, 0);
-    rx_residual_free(&r);
-    rx_residual_free(&many);
     /* masked pixels say nothing */
-    memset(mask, 1, sizeof mask);
-    r = judge(&image, 1);
-    assert_int_equal(r.cells, 0);
+    memset(mask, RX_MASK_BAD, sizeof mask);
+    r = judge_sky(&image);
     assert_true(isnan(r.share));
     assert_true(isnan(r.dark));
     assert_false(rx_residual_is_large(r.share));
@@ -121,21 +108,179 @@ static void test_what_is_not(void **state)
     assert_int_equal(rx_residual_at(&none, 5, 5), 0);
 }
 
+/* Rows offset by a sigma of a pixel: a Gaussian of width s leaves 1 / (2 sqrt(pi) s) of the noise of independent rows, its
+ * square of that of independent pixels. */
+static void test_rows(void **state)
+{
+    (void)state;
+    const double a = 0.6, s = FWHM / (2.0 * sqrt(2.0 * log(2.0)));
+    for (int columns = 0; columns < 2; columns++) {
+        const rx_image image = make();
+        for (int i = 0; i < N; i++)
+            pixels[i] += (float)(2.0 * a * rx_random_normal(9, 1, (uint64_t)(columns ? i % W : i / W)));
+        rx_residual r = judge_sky(&image);
+        assert_near(mean_pull(&r), sqrt(1.0 + a * a * 2.0 * sqrt(M_PI) * s), 0.25);
+        assert_true(r.share > 0.9);
+        assert_true(rx_residual_is_large(r.share));
+        assert_int_equal(r.cause, RX_MISFIT_DETECTOR);
+        rx_residual_free(&r);
+    }
+}
+
+/* Waves of half a sigma and 25 pixels, the same in all directions; in two cells alone. */
+static void test_structure(void **state)
+{
+    (void)state;
+    const rx_image image = make();
+    const double s = FWHM / (2.0 * sqrt(2.0 * log(2.0))), k = 2.0 * M_PI / 25.0;
+    for (int y = 0; y < 66; y++)
+        for (int x = 0; x < 135; x++)
+            pixels[y * W + x] += (float)(1.2 * (cos(k * x) + cos(k * y)));
+    rx_residual r = judge_sky(&image);
+    assert_near(r.share, 2.0 / 12.0, 1e-12);
+    assert_int_equal(r.cause, RX_MISFIT_SKY);
+    /* the filter leaves exp(-k^2 s^2 / 2) of a wave */
+    const double left = 0.6 * exp(-0.5 * k * k * s * s) * 2.0 * sqrt(M_PI) * s;
+    assert_near(r.pull[0], sqrt(1.0 + left * left), 0.25);
+    assert_int_equal(rx_residual_at(&r, 3, 60), 1);
+    assert_int_equal(rx_residual_at(&r, 134.4, 65.4), 1);
+    assert_int_equal(rx_residual_at(&r, 134.6, 30), 0);
+    assert_int_equal(rx_residual_at(&r, 30, 65.6), 0);
+    assert_int_equal(rx_residual_at(&r, -3, 30), 0);
+    assert_true(r.x < 135 && r.y < 66);
+    assert_near(r.pull[NX * NY - 1], 1, 0.25);
+    rx_residual_free(&r);
+}
+
+static void test_values(void **state)
+{
+    (void)state;
+    enum { ROUNDED, CUT, LOUD, QUIET, KINDS };
+    for (int kind = 0; kind < KINDS; kind++) {
+        const rx_image image = make();
+        for (int i = 0; i < N; i++)
+            pixels[i] = kind == ROUNDED ? 6.0f * roundf(pixels[i] / 6.0f) - 2.0f /* 10 is a value */
+                        : kind == CUT   ? fmaxf(pixels[i], 10.0f)
+                        : kind == LOUD  ? 10.0f + 1.5f * (pixels[i] - 10.0f)
+                                        : 10.0f + 0.7f * (pixels[i] - 10.0f);
+        rx_residual r = judge_sky(&image);
+        assert_near(r.share, 1, 0);
+        assert_int_equal(r.cause, RX_MISFIT_NOISE);
+        rx_residual_free(&r);
+    }
+}
+
+/* Noise that is smoothed, and known to be. */
+static void test_correlated_noise(void **state)
+{
+    (void)state;
+    const float kernel[9] = {1, 2, 1, 2, 4, 2, 1, 2, 1};
+    rx_image image = make();
+    for (int y = 1; y < H - 1; y++)
+        for (int x = 1; x < W - 1; x++) {
+            double sum = 0;
+            for (int k = 0; k < 9; k++)
+                sum += kernel[k] * rx_random_normal(3, 1, (uint64_t)((y + k / 3 - 1) * W + x + k % 3 - 1));
+            pixels[y * W + x] = 10.0f + (float)(2.0 * sum / 6.0); /* the root of the sum of squares */
+        }
+    const rx_noise_correlation known = rx_noise_of_kernel(kernel, 3, 3);
+    for (int told = 0; told < 2; told++) {
+        image.correlation = told ? &known : NULL;
+        rx_residual r = judge_sky(&image);
+        assert_near(mean_pull(&r), told ? 1.0 : rx_noise_factor(&known, kernel, 3, 3) + 0.25,
+                    told ? 0.06 : 0.25);
+        assert_int_equal(r.share > 0.5, !told);
+        rx_residual_free(&r);
+    }
+}
+
+/* Stars whose PSF is taken for too wide: fluxes by least squares are 2 q / (1 + q) of the true ones for Gaussians, q the ratio of
+ * areas. */
+static void test_psf(void **state)
+{
+    (void)state;
+    static const double wider[] = {1.0, 1.01, 1.06, 0.92, 1.15};
+    const double s = FWHM / (2.0 * sqrt(2.0 * log(2.0)));
+    for (int k = 0; k < 5; k++) {
+        const rx_image image = make();
+        const double q = wider[k] * wider[k], bias = 2.0 * q / (1.0 + q) - 1.0, flux = 600.0;
+        for (int y = 12; y < H - 10; y += 22)
+            for (int x = 12; x < W - 10; x += 22)
+                for (int j = -10; j <= 10; j++)
+                    for (int i = -10; i <= 10; i++) {
+                        const double r2 = i * i + j * j;
+                        const int at = (y + j) * W + x + i;
+                        pixels[at] += (float)(flux * exp(-0.5 * r2 / (s * s)) / (2.0 * M_PI * s * s));
+                        light[at] += (float)(flux * (1.0 + bias) * exp(-0.5 * r2 / (s * s * q)) /
+                                             (2.0 * M_PI * s * s * q));
+                        segments[at] = r2 < 9 ? 1 : segments[at];
+                    }
+        for (int i = 0; i < N; i++)
+            residual[i] = pixels[i] - 10.0f - light[i];
+        rx_residual r = judge(&(rx_residual_input){
+            .image = &image, .residual = residual, .light = light, .segments = segments, .fwhm = FWHM});
+        assert_int_equal(rx_residual_is_large(r.share), fabs(bias) > 0.045);
+        assert_int_equal(r.cause == RX_MISFIT_PSF, fabs(bias) > 0.045);
+        rx_residual_free(&r);
+    }
+}
+
+/* A crowd leaves no sky: nothing is known without a model of it, and with one what that leaves. */
+static void test_crowd(void **state)
+{
+    (void)state;
+    const rx_image image = make();
+    for (int i = 0; i < N; i++) {
+        segments[i] = 1;
+        light[i] = (float)(20.0 + 10.0 * cos(0.2 * (i % W)) * cos(0.2 * (i / W)));
+        pixels[i] += light[i];
+        residual[i] = pixels[i] - 10.0f - light[i];
+    }
+    rx_residual r = judge_sky(&image);
+    assert_true(isnan(r.share));
+    rx_residual_free(&r);
+    const rx_residual_input fitted = {
+        .image = &image, .residual = residual, .light = light, .segments = segments, .fwhm = FWHM};
+    r = judge(&fitted);
+    assert_near(r.share, 0, 0);
+    rx_residual_free(&r);
+    for (int i = 0; i < N; i++)
+        residual[i] += 0.04f * light[i];
+    r = judge(&fitted);
+    assert_near(r.share, 1, 0);
+    assert_int_equal(r.cause, RX_MISFIT_CROWD);
+    rx_residual_free(&r);
+}
+
 /* Photons of what the model has are noise, too: gain 0.1 makes sigma 20 of 40 ADU. */
 static void test_photons(void **state)
 {
     (void)state;
     rx_image image = make();
     for (int i = 0; i < N; i++) {
-        model[i] = 40.0f;
+        light[i] = 40.0f;
         pixels[i] += 40.0f + 20.0f * (float)rx_random_normal(4, 1, (uint64_t)i);
     }
-    rx_residual r = judge(&image, 1);
-    assert_int_equal(r.unexplained, r.cells);
-    rx_residual_free(&r);
-    image.gain = 0.1;
-    r = judge(&image, 1);
-    assert_int_equal(r.unexplained, 0);
+    for (int told = 0; told < 2; told++) {
+        image.gain = told ? 0.1 : 0.0;
+        rx_residual r = judge(&(rx_residual_input){.image = &image, .light = light, .fwhm = FWHM});
+        assert_near(r.share, told ? 0 : 1, 0);
+        rx_residual_free(&r);
+    }
+}
+
+static void test_dark(void **state)
+{
+    (void)state;
+    const rx_image image = make();
+    add(pixels, 0, 0, 66, -0.8f); /* 0.4 sigma below the sky, in a cell of 67 x 66 pixels */
+    rx_residual r = judge_sky(&image);
+    assert_near(r.dark, 4.0 / 48.0, 1e-12);
+    assert_true(rx_residual_is_dark(r.dark));
+    assert_int_equal(rx_residual_dark_at(&r, 3, 60), 1);
+    assert_int_equal(rx_residual_dark_at(&r, 66.4, 65.4), 1);
+    assert_int_equal(rx_residual_dark_at(&r, 66.6, 30), 0);
+    assert_int_equal(rx_residual_dark_at(&r, 70, 70), 0);
     rx_residual_free(&r);
 }
 
@@ -147,18 +292,19 @@ static void test_of_any_unit(void **state)
         const float unit = k == 0 ? 1e-30f : 1e25f;
         rx_image image = make();
         image.gain = 2.0 / (double)unit;
-        add(model, 20, 20, 30, 500.0f);
+        add(light, 20, 20, 16, 500.0f);
         for (int i = 0; i < N; i++) {
-            model[i] *= unit;
+            light[i] *= unit;
             sigma[i] *= unit;
             level[i] *= unit;
-            pixels[i] = pixels[i] * unit + model[i];
+            pixels[i] = pixels[i] * unit + light[i];
         }
-        rx_residual r = judge(&image, 1);
-        assert_near(r.share, 0.0, 0.0);
+        const rx_residual_input input = {.image = &image, .light = light, .fwhm = FWHM};
+        rx_residual r = judge(&input);
+        assert_near(r.share, 0, 0);
         rx_residual_free(&r);
-        add(pixels, 70, 70, 50, 5.0f * unit);
-        r = judge(&image, 1);
+        add(pixels, 70, 70, 60, 2.0f * unit);
+        r = judge(&input);
         assert_int_equal(rx_residual_at(&r, 90, 90), 1);
         rx_residual_free(&r);
     }
@@ -167,9 +313,15 @@ static void test_of_any_unit(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_what_is_explained),
-        cmocka_unit_test(test_what_is_not),
+        cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_rows),
+        cmocka_unit_test(test_structure),
+        cmocka_unit_test(test_values),
+        cmocka_unit_test(test_correlated_noise),
+        cmocka_unit_test(test_psf),
+        cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_photons),
+        cmocka_unit_test(test_dark),
         cmocka_unit_test(test_of_any_unit),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
