@@ -74,7 +74,7 @@ MORE = [
     Departure("good", "large galaxies", "", {"GALAXY_COUNT": 120, "GALAXY_MAG": "14,21", "GALAXY_SCALE": 3}),
     Departure("good", "shallow", "", {"NOISE_SIGMA": 0.2}),
     Departure("good", "photons known", "", CCD, run={"GAIN": 905}),
-    Departure("good", "x30, wide", "", {STARS: 6000, "PSF_FWHM": 4.5, **CROWD}),
+    Departure("good", "x30 wide", "", {STARS: 6000, "PSF_FWHM": 4.5, **CROWD}),
     Departure("bad", "bowls", "", post=bowls),
     Departure("bad", "amplifiers", "", post=amplifiers),
     Departure("bad", "cirrus", "", post=clouds(60, 5)),
@@ -102,7 +102,7 @@ def measure(run, known, width, side):
     found &= np.isfinite(got) & (error > 0) & (snr > 10) & (snr < 200)
     flags, false = run.table["FLAGS_RESTORE"], ~tiles.near(run.positions, at, reach) & robustness.inside(run.positions, side)
     in_doubt, out = (flags & DOUBT) > 0, {}
-    for name, these, hidden in ("all", np.ones(len(flags), bool), flags & robustness.MARKS), ("doubt", in_doubt, flags & robustness.MARKS & ~DOUBT):
+    for name, these, hidden in ("all", np.ones(len(flags), bool), flags & (robustness.MARKS | DOUBT)), ("doubt", in_doubt, flags & robustness.MARKS & ~DOUBT):
         use = found & these[which]
         out[name] = {"sources": int(these.sum()), "false": int((false & these & (hidden == 0)).sum()),
                      "ratio": (got / flux - 1)[use & (snr > 20)].tolist(), "pulls": ((got - flux) / error)[use & (snr < 100)].tolist()}

@@ -36,7 +36,7 @@ import tiles
 from tiles import RESTORERS, near
 
 SKY, SIGMA, FWHM, SIDE, EDGE = 0.87, 0.031, 3.28, 768, 8
-MARKS = 1 | 2 | 4 | 16 | 32 | 64 | 128 | 256 | 512 | 1024  # FLAGS_RESTORE: all but ADDED, which is no doubt
+MARKS = 1 | 2 | 4 | 16 | 32 | 64 | 128 | 256  # FLAGS_RESTORE: all but ADDED, which is no doubt
 # name: limit, and why there
 LIMITS = {
     "recall": (0.9, "nine of ten that stand ten times above the noise"),
@@ -49,19 +49,14 @@ SAID = {
     "RXREST": lambda card, cards: card != cards["RXASKED"],
     "RXNETIN": lambda card, cards: card in ("F", False),
     "RXNOISOK": lambda card, cards: card in ("F", False),
-    "RXPIXOK": lambda card, cards: card in ("F", False),
     "RXNEVEN": lambda card, cards: card in ("F", False),
     "RXFLXOK": lambda card, cards: card in ("F", False),
-    "RXTPOK": lambda card, cards: card in ("F", False),
     "RXPSFHOW": lambda card, cards: card == "UNKNOWN",
     "RXPSFMAX": lambda card, cards: True,
     "RXPSFLIM": lambda card, cards: True,
     "RXPSFERX": lambda card, cards: card > LIMITS["bias"][0],  # fluxes may be off by as much
-    "RXUNEX": lambda card, cards: card > 0.1,  # from there on the log warns, too
-    "RXDARK": lambda card, cards: card > 0.02,  # likewise
-    "RXROWS": lambda card, cards: card > 0.2,  # likewise, and the next three
-    "RXCOLS": lambda card, cards: card > 0.2,
-    "RXLIGHT": lambda card, cards: card > 0.02,
+    "RXMODEL": lambda card, cards: card > 0.1,  # from there on the log warns, too
+    "RXDARK": lambda card, cards: card > 0.02,  # likewise, and the next
     "RXSHARP": lambda card, cards: card > 0.02,
     "RXUNSEEN": lambda card, cards: card > 1,  # unseen neighbours are more than half of the errors
 }

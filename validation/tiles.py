@@ -25,7 +25,7 @@ TOP = Path(__file__).resolve().parent.parent
 RESTORERS = ("NONE", "RL", "NET")
 MARKS = 1 | 2  # FLAGS_RESTORE of src/data/sources.h: invented, shred
 FLAGS = {1: "invented", 2: "shred", 4: "untested", 8: "added", 16: "other", 32: "unexplained", 64: "outside", 128: "structure",
-         256: "sharp", 512: "light"}
+         256: "sharp"}
 COLUMNS = ("NUMBER X_IMAGE Y_IMAGE FLUX_AUTO FLUXERR_AUTO FWHM_IMAGE FLAGS FLAGS_RESTORE SNR_TEMPLATE CHI2_TEMPLATE "
            "FLUX_TEMPLATE FLUXERR_TEMPLATE")
 

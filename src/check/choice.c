@@ -86,9 +86,10 @@ static rx_status decline(const work *w, rx_error *err)
     const rx_restorer *kind = net->kind;
     rx_restore_params par = w->params->restore;
     rx_domain domain;
-    for (int i = RL; i < RX_CHOICE_CANDIDATES && w->field->psf == NULL; i++)
-        snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the PSF is not known");
-    if (w->field->psf == NULL)
+    const char *unknown = w->field->psf == NULL ? "PSF" : w->field->plain->constant ? "noise" : NULL;
+    for (int i = RL; i < RX_CHOICE_CANDIDATES && unknown != NULL; i++)
+        snprintf(w->choice->of[i].out, sizeof w->choice->of[i].out, "the %s is not known", unknown);
+    if (unknown != NULL)
         return RX_OK;
     par.out_of_domain = RX_DOMAIN_RL;
     RX_TRY(rx_domain_obey(&par, w->field, NULL, &kind, &domain, err));
