@@ -445,7 +445,7 @@ static const char *const misfits[RX_MISFITS][2] = {
          "its noise: rounded or cut-off values, or a map that is wrong; give the tile as it was before, or "
          "its noise (WEIGHT_TYPE MAP_RMS)"},
     [RX_MISFIT_PSF] =
-        {"PSF", "its PSF, which is too wide or too narrow; let the tile's stars give it (PSF_TYPE AUTO)"},
+        {"PSF", "its PSF, which is too wide or too narrow; that of the tile's own stars may do"},
     [RX_MISFIT_DETECTOR] =
         {"DETECTOR",
          "its detector: offset rows, columns or amplifiers; subtract each one's overscan or median"},
