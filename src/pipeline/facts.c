@@ -47,7 +47,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     rx_fact_number(facts, RX_FACT_MODEL, result->residual.share);
     if (result->residual.cause != RX_MISFIT_NONE)
         rx_fact_text(facts, RX_FACT_MISFIT, rx_misfit_name(result->residual.cause));
-    rx_fact_warned(facts, RX_FACT_MISFIT, rx_residual_is_large(result->residual.share));
+    rx_fact_warned(facts, RX_FACT_MISFIT, result->residual.cause != RX_MISFIT_NONE);
     rx_fact_number(facts, RX_FACT_DARK, result->residual.dark);
     rx_fact_warned(facts, RX_FACT_DARK, rx_result_is_dark(result));
     if (field->no_data > 0)
@@ -101,7 +101,6 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
         rx_fact_flag(facts, RX_FACT_NOISOK, !rx_noise_is_structure(noise));
     if (field->anomalies.ratio[0] > 0.0)
         rx_fact_number(facts, RX_FACT_SHARP, rx_result_sharp(result));
-    rx_fact_warned(facts, RX_FACT_SHARP, rx_result_is_sharp(rx_result_sharp(result), result->sources->n));
     rx_fact_number(facts, RX_FACT_LAWS, result->photometry.law.scale);
     rx_fact_number(facts, RX_FACT_LAWP, result->photometry.law.power);
     rx_fact_number(facts, RX_FACT_LAWN, result->photometry.law.apertures);

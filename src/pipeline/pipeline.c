@@ -480,15 +480,17 @@ static rx_status find_misfits(const work *w, rx_error *err)
     const rx_field *field = imaged ? w->detect : w->measure;
     const rx_image image = rx_field_restorable(field);
     const rx_psf *psf = restored->blur != NULL ? restored->blur : field->psf;
-    RX_TRY(rx_residual_measure(&(rx_residual_input){.image = &image,
-                                                    .residual = fitted ? tphot->residual : NULL,
-                                                    .light = fitted   ? tphot->model
-                                                             : imaged ? restored->reblurred
-                                                                      : NULL,
-                                                    .segments = imaged ? NULL : result->sources->segments,
-                                                    .fwhm = psf != NULL ? psf->fwhm : 0.0,
-                                                    .nthreads = w->params->nthreads},
-                               &result->residual, err));
+    RX_TRY(rx_residual_measure(
+        &(rx_residual_input){.image = &image,
+                             .residual = fitted ? tphot->residual : NULL,
+                             .light = fitted   ? tphot->model
+                                      : imaged ? restored->reblurred
+                                               : NULL,
+                             .sources = result->sources,
+                             .fwhm = psf != NULL ? psf->fwhm : 0.0,
+                             .psf_error = fitted && psf != NULL ? rx_psf_flux_error_mean(psf) : 0.0,
+                             .nthreads = w->params->nthreads},
+        &result->residual, err));
     if (!invents)
         result->residual.dark = NAN;
     if (fitted && !w->params->templates.par.keep_model) {
@@ -536,12 +538,6 @@ static void mark_sources(const work *w)
 double rx_result_sharp(const rx_result *result)
 {
     return result->sharp > 0 ? (double)result->sharp / (double)result->sources->n : 0.0;
-}
-
-int rx_result_is_sharp(double share, long n)
-{
-    static const double LARGE = 0.02;
-    return share > LARGE && share * (double)n > 2.5;
 }
 
 bool rx_result_is_dark(const rx_result *result)

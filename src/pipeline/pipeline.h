@@ -79,10 +79,8 @@ int rx_pipeline_psf(const rx_pipeline_params *params, const rx_restorer *kind);
 rx_status rx_field_extract(const rx_pipeline_params *params, const rx_restorer *kind, const rx_field *detect,
                            const rx_field *measure, rx_log *log, rx_result *dst, rx_error *err);
 
-/* Share of the sources with RX_RESTORE_SHARP, 0 without any; and is it so large, and of more than two of n sources, that
- * cosmic rays are to be masked? */
+/* Share of the sources with RX_RESTORE_SHARP, 0 without any. */
 double rx_result_sharp(const rx_result *result);
-int rx_result_is_sharp(double share, long n);
 
 /* So many boxes of what a network restored lie below the sky that it is no chance, and it was not trained for dark structure. */
 bool rx_result_is_dark(const rx_result *result);

@@ -1,71 +1,57 @@
-/* Cells of the residual. */
+/* Cells of the residual, and stars on it. */
 #include "pipeline/residual.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "data/flags.h"
 #include "num/convolve.h"
 #include "num/maximum_filter.h"
 #include "num/stats.h"
 
-enum { CELL = 64 }; /* pixels: the mesh of the sky, which follows what is wider */
-static const double BEAMS =
-    16.0; /* FWHM: 113 independent places, so that chance makes a width of 1.3 in 1 of 1000 */
-static const double ANY_FWHM = 3.0;                 /* pixels: where no PSF is known, that of many surveys */
-static const double QUARTILE = 0.6745;              /* median of |t| of a normal distribution */
-static const double PULL = 1.3;                     /* errors that are 0.77 of the true ones */
-static const double BIAS = 0.03, BIAS_ERROR = 0.01; /* of fluxes by the PSF; of more error nothing is said */
-static const double LIGHT_ERROR =
-    0.02; /* of light: so that a star of 1000 sigma does not outweigh twenty of 50 */
-static const double
-    HIT = 5.0,
-    SHARE = 0.2; /* sigmas, and share of the light, beyond which d is of no PSF but a cosmic ray */
-static const double ALONG =
-    2.0; /* mean square of sums over rows over that of columns, or the other way round: clouds, hollows, rings have 1.15 at most, edges 3 */
-static const double ENOUGH = 0.5; /* of a cell's pixels */
-static const double
-    FAINT = 3.0,
-    WIDE =
-        5.0; /* sigmas of a segment's mean; FWHM^2 of its area: a star of such a mean has 2.6 above 1 sigma; at 3 FWHM 8 is called wrong */
-static const double LARGE =
-    0.1; /* share of cells: 0 to 0.06 on good skies, 0.13 and more on bad ones (validation/alarms.py) */
-static const double BELOW = 0.3, DARK = 0.02; /* sigmas; share of quarters */
+enum { CELL = 64 };                        /* pixels: the mesh of the sky, which follows what is wider */
+static const double BEAMS = 16.0;          /* FWHM: 113 independent places */
+static const double ANY_FWHM = 3.0;        /* pixels: where no PSF is known, that of many surveys */
+static const double QUARTILE = 0.6745;     /* median of |t| of a normal distribution */
+static const double LOW = 0.8, HIGH = 1.3; /* true errors over those that are stated */
+static const double BIAS = 0.02;           /* of fluxes: what the flux check allows, too */
+static const double HIDDEN = 0.1;          /* share of the pixels: completeness is below 0.9 */
+static const double ERRORS = 2.0;          /* of b, and of fluxes by the PSF: 0.95 are within */
+static const double FAINT = 20.0, BRIGHT = 100.0; /* S/N of stars: above, what is left is the PSF's */
+static const double POINT = 0.5;                  /* probability of a star */
+enum { LEAST_STARS = 5 };                         /* for a scatter */
+static const double REACH = 1.5;                  /* FWHM around a star, where its light is */
+static const double DOUBT = 0.1;                  /* of light that is not known: fit/structure.h */
+static const double ENOUGH = 0.5;                 /* of a cell's pixels */
+static const double BELOW = 0.3, DARK = 0.02;     /* sigmas; share of quarters */
+static const double LARGE = 0.5;                  /* share of cells: the one in the middle is not explained */
 
-/* A cell with what the filter reaches around it, the pixels of the cell by itself being x[0] <= x < x[1], y[0] <= y < y[1]. */
+/* A cell with what the filter reaches around it, the pixels of the cell by itself being x[0] <= x < x[1], y[0] <= y < y[1]; or a star. */
 typedef struct window {
     int x0, y0, width, height, x[2], y[2];
     float *d, *light, *weight; /* over sigma; weight: 1 over 1 + photons of the light */
-    float *t, *wide, *scratch;
-    uint8_t *hidden; /* 1: not seen, 2: of a source, or near one */
+    float *t, *wide, *scratch; /* wide: of the pixels above the sky, or light blurred more */
+    uint8_t *hidden;
     double *values;
 } window;
 
-/* What is found of one cell. */
-typedef struct found {
-    rx_misfit kind;
-    double along[2]; /* mean squares of sums of rows and of columns, per pixel */
-    int quarters;    /* with pixels enough to be dark */
-} found;
-
 typedef struct work {
     const rx_residual_input *of;
-    double fwhm, factor,
-        noise; /* factor: of the noise of G * u over that of independent pixels, which is noise / factor */
-    int margin, grow;
+    double fwhm, square, noise; /* sum of squares of G along a line; of G * u */
+    int margin, grow, reach;    /* pixels: around a cell, a source that no model has, a star */
     rx_residual *dst;
-    found *found;        /* [ny][nx] */
-    unsigned char *wide; /* of segments: wide and faint */
+    double *width; /* [ny][nx] of u */
+    double *bias;  /* of sources; NAN: no star */
 } work;
 
 static rx_status open_window(const work *w, window *dst, rx_error *err)
 {
     const rx_residual *r = w->dst;
-    const size_t side = (size_t)(rx_max_int(r->width / r->nx, r->height / r->ny) + 1 + 2 * w->margin),
-                 n = side * side;
+    const int cell = rx_max_int((r->width + r->nx - 1) / r->nx, (r->height + r->ny - 1) / r->ny);
+    const size_t side = (size_t)(rx_max_int(cell, 2 * w->reach + 1) + 1 + 2 * w->margin), n = side * side;
     *dst = (window){0};
     RX_TRY(RX_MAKE(dst->d, 6 * n, err));
     dst->light = dst->d + n;
@@ -77,13 +63,10 @@ static rx_status open_window(const work *w, window *dst, rx_error *err)
     return RX_MAKE(dst->values, n, err);
 }
 
-/* Around cell k. */
-static void place_window(const work *w, int k, window *v)
+/* Around the pixels from x[0], y[0] to before x[1], y[1]. */
+static void place_window(const work *w, const int x[2], const int y[2], window *v)
 {
     const rx_residual *r = w->dst;
-    const long cx = k % r->nx, cy = k / r->nx;
-    const int x[2] = {(int)(cx * r->width / r->nx), (int)((cx + 1) * r->width / r->nx)},
-              y[2] = {(int)(cy * r->height / r->ny), (int)((cy + 1) * r->height / r->ny)};
     v->x0 = rx_max_int(x[0] - w->margin, 0);
     v->y0 = rx_max_int(y[0] - w->margin, 0);
     v->width = rx_min_int(x[1] + w->margin, r->width) - v->x0;
@@ -94,8 +77,7 @@ static void place_window(const work *w, int k, window *v)
     }
 }
 
-/* n pixels from (x, y) of the window on: what is left of them, what is seen, and, in t, 1 where a source is; in wide the pixels themselves,
- * above the sky. */
+/* n pixels from (x, y) of the window on: what is left of them; in wide the pixels themselves, above the sky; in t 1 where a source hides it. */
 static void read_pixels(const work *w, const window *v, int x, int y, int n)
 {
     const rx_residual_input *of = w->of;
@@ -112,69 +94,56 @@ static void read_pixels(const work *w, const window *v, int x, int y, int n)
                           (image->mask == NULL || (image->mask[k] & RX_MASK_SATURATED) == 0);
         const double s = seen ? (double)sigma[i] : 1.0,
                      height = seen ? ((double)image->pixels[k] - (double)level[i]) / s : 0.0,
-                     light = seen && of->light != NULL ? (double)of->light[k] / s : 0.0;
-        const int32_t segment = of->segments != NULL ? of->segments[k] : 0;
-        const double left = !seen || w->wide[segment] ? height
-                            : of->residual != NULL    ? (double)of->residual[k] / s
-                                                      : height - light;
-        v->hidden[to] = !seen;
+                     light = seen && of->light != NULL ? fmax((double)of->light[k] / s, 0.0) : 0.0,
+                     left = seen && of->residual != NULL ? (double)of->residual[k] / s : height - light,
+                     weight = seen ? 1.0 / (1.0 + photon * light / s) : 0.0;
         v->d[to] = (float)left;
-        v->light[to] = (float)fmax(light, 0.0);
-        v->weight[to] = seen ? (float)(1.0 / (1.0 + fmax(photon * light / s, 0.0))) : 0.0f;
+        v->light[to] = (float)light;
+        v->weight[to] = (float)weight;
         v->wide[to] = (float)height;
-        v->t[to] = segment != 0 && !w->wide[segment] ? 1.0f : 0.0f;
+        v->hidden[to] = !seen || weight * DOUBT * DOUBT * light * light > 1.0;
+        v->t[to] =
+            of->light == NULL && of->sources->segments != NULL && of->sources->segments[k] != 0 ? 1.0f : 0.0f;
     }
 }
 
-/* Which quarters of cell k are dark; how many of its pixels are seen. */
-static double look_at_quarters(const work *w, int k, const window *v)
+static void read_window(const work *w, const window *v)
+{
+    for (int y = 0; y < v->height; y++)
+        for (int x = 0; x < v->width; x += RX_MAP_PIECE)
+            read_pixels(w, v, x, y, rx_min_int(RX_MAP_PIECE, v->width - x));
+}
+
+/* Pixels within so many of a source that no model has do not count. */
+static void close_sources(const window *v, int grow)
+{
+    rx_maximum_filter(v->t, v->width, v->height, grow, 1, v->scratch, v->wide);
+    for (int i = 0; i < v->width * v->height; i++)
+        v->hidden[i] |= v->wide[i] > 0.0f;
+}
+
+/* Which quarters of cell k are dark. */
+static void look_at_quarters(const work *w, int k, const window *v)
 {
     const double quarter = 0.25 * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0]);
     double height[4] = {0}, seen[4] = {0};
+    int quarters = 0;
     for (int y = v->y[0]; y < v->y[1]; y++)
         for (int x = v->x[0]; x < v->x[1]; x++) {
             const int at = y * v->width + x,
                       q = (2 * x >= v->x[0] + v->x[1]) + 2 * (2 * y >= v->y[0] + v->y[1]);
             height[q] += (double)v->wide[at];
-            seen[q] += v->hidden[at] == 0;
+            seen[q] += v->weight[at] > 0.0f;
         }
     for (int q = 0; q < 4; q++)
         if (seen[q] >= ENOUGH * quarter) {
-            w->found[k].quarters++;
+            quarters++;
             w->dst->cell[k] |= (unsigned char)((height[q] < -BELOW * seen[q]) << (q + 1));
         }
-    return seen[0] + seen[1] + seen[2] + seen[3];
+    w->dst->cell[k] |= (unsigned char)(quarters << 5);
 }
 
-/* Does the PSF make fluxes wrong by more than is allowed? */
-static rx_status test_psf(const work *w, const window *v, bool *dst, rx_error *err)
-{
-    double de = 0.0, ee = 0.0, el = 0.0, ll = 0.0;
-    *dst = false;
-    memcpy(v->wide, v->light, (size_t)(v->width * v->height) * sizeof *v->wide);
-    RX_TRY(rx_gauss_masked(v->width, v->height, 0.5 * w->fwhm, NULL, 1, v->wide, err));
-    for (int y = v->y[0]; y < v->y[1]; y++)
-        for (int x = v->x[0]; x < v->x[1]; x++) {
-            const int k = y * v->width + x;
-            const double d = (double)v->d[k], l = (double)v->light[k], e = (double)v->wide[k] - l,
-                         weight =
-                             (double)v->weight[k] / (1.0 + (double)v->weight[k] * pow(LIGHT_ERROR * l, 2.0));
-            if (fabs(d) > HIT + SHARE * fmax(l, (double)v->wide[k]))
-                continue;
-            de += weight * d * e;
-            ee += weight * e * e;
-            el += weight * e * l;
-            ll += weight * l * l;
-        }
-    const double own = ll > 0.0 ? ee - el * el / ll : 0.0; /* of e, at right angles to l */
-    if (!(own > 0.0))
-        return RX_OK;
-    const double bias = fabs(de / own * el / ll), error = w->factor * fabs(el / ll) / sqrt(own);
-    *dst = error < BIAS_ERROR && bias > BIAS + 3.0 * error;
-    return RX_OK;
-}
-
-/* Of t where nothing hides it. */
+/* Of t where nothing hides it; NAN: in too few pixels. */
 static double width_of(const window *v)
 {
     size_t n = 0;
@@ -182,111 +151,77 @@ static double width_of(const window *v)
         for (int x = v->x[0]; x < v->x[1]; x++)
             if (v->hidden[y * v->width + x] == 0)
                 v->values[n++] = fabs((double)v->t[y * v->width + x]);
-    return rx_median(v->values, n) / QUARTILE;
+    return (double)n >= ENOUGH * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0])
+               ? rx_median(v->values, n) / QUARTILE
+               : NAN;
 }
 
-/* Mean squares of the sums of t over rows and over columns, per pixel. */
-static void sum_lines(const window *v, double dst[2])
+/* The mean of t along each line is taken off. */
+static void level_lines(const window *v, int lines, int step, int length, int along)
 {
-    for (int columns = 0; columns < 2; columns++) {
-        const int *line = columns ? v->x : v->y, *along = columns ? v->y : v->x;
-        const int step = columns ? v->width : 1, from = columns ? 1 : v->width;
-        double square = 0.0;
-        for (int i = line[0]; i < line[1]; i++) {
-            double sum = 0.0;
-            int n = 0;
-            for (int j = along[0]; j < along[1]; j++) {
-                const int k = i * from + j * step;
-                sum += v->hidden[k] == 0 ? (double)v->t[k] : 0.0;
-                n += v->hidden[k] == 0;
-            }
-            square += n > 0 ? sum * sum / n : 0.0;
+    for (int i = 0; i < lines; i++) {
+        double sum = 0.0;
+        int n = 0;
+        for (int j = 0; j < length; j++) {
+            const int k = i * step + j * along;
+            sum += v->hidden[k] == 0 ? (double)v->t[k] : 0.0;
+            n += v->hidden[k] == 0;
         }
-        dst[columns] = square / (line[1] - line[0]);
+        for (int j = 0; j < length && n > 0; j++)
+            v->t[i * step + j * along] -= (float)(sum / n);
     }
-}
-
-/* Pixels within so many of a source do not count; below 0 all do. How many are left. */
-static double close_sources(const window *v, int grow)
-{
-    double open = 0.0;
-    if (grow >= 0)
-        rx_maximum_filter(v->t, v->width, v->height, grow, 1, v->scratch, v->wide);
-    for (int i = 0; i < v->width * v->height; i++)
-        v->hidden[i] = (v->hidden[i] & 1) | (grow >= 0 && v->wide[i] > 0.0f ? 2 : 0);
-    for (int y = v->y[0]; y < v->y[1]; y++)
-        for (int x = v->x[0]; x < v->x[1]; x++)
-            open += v->hidden[y * v->width + x] == 0;
-    return open;
 }
 
 static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
 {
-    found *dst = &w->found[k];
-    bool wrong = false;
-    place_window(w, k, v);
-    const double enough = ENOUGH * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0]);
-    for (int y = 0; y < v->height; y++)
-        for (int x = 0; x < v->width; x += RX_MAP_PIECE)
-            read_pixels(w, v, x, y, rx_min_int(RX_MAP_PIECE, v->width - x));
-    w->dst->pull[k] = NAN;
-    if (look_at_quarters(w, k, v) < enough)
-        return RX_OK;
-    const bool sky = close_sources(v, w->grow) >= enough && w->of->segments != NULL,
-               modelled = w->of->light != NULL;
-    if (!sky && close_sources(v, modelled ? -1 : 0) == 0.0)
-        return RX_OK;
-    if (w->of->residual != NULL)
-        RX_TRY(test_psf(w, v, &wrong, err));
+    rx_residual *r = w->dst;
+    const long cx = k % r->nx, cy = k / r->nx;
+    place_window(w, (const int[2]){(int)(cx * r->width / r->nx), (int)((cx + 1) * r->width / r->nx)},
+                 (const int[2]){(int)(cy * r->height / r->ny), (int)((cy + 1) * r->height / r->ny)}, v);
+    read_window(w, v);
+    look_at_quarters(w, k, v);
+    if (w->of->light == NULL)
+        close_sources(v, w->grow);
     for (int i = 0; i < v->width * v->height; i++)
         v->t[i] = v->d[i] * sqrtf(v->weight[i]);
-    const double u = width_of(v);
-    if (!sky && !modelled && u > 1.0 / PULL)
-        return RX_OK;
-    sum_lines(v, dst->along);
+    w->width[k] = width_of(v);
+    level_lines(v, v->height, v->width, v->width, 1);
+    level_lines(v, v->width, 1, v->height, v->width);
     RX_TRY(rx_gauss_masked(v->width, v->height, w->fwhm, v->hidden, 1, v->t, err));
-    const double t = w->dst->pull[k] = width_of(v) / w->noise;
-    if (u > PULL || (!(modelled && !sky) && fmin(t, u) < 1.0 / PULL))
-        dst->kind = RX_MISFIT_NOISE;
-    else if (t > PULL)
-        dst->kind = sky || w->of->residual == NULL ? RX_MISFIT_SKY : RX_MISFIT_CROWD;
-    else if (wrong)
-        dst->kind = RX_MISFIT_PSF;
+    /* what lines have taken: a mode along each axis, which the filter passes whole */
+    const double left = (1.0 - 1.0 / (w->square * v->width)) * (1.0 - 1.0 / (w->square * v->height));
+    r->pull[k] = width_of(v) / (w->noise * sqrt(fmax(left, 0.5)));
     return RX_OK;
 }
 
-/* Segments that are faint, and wider than stars and most galaxies, are light that detection has cut into sources. */
-static rx_status find_wide(work *w, rx_error *err)
+/* b of source i, NAN where it is no star that serves. */
+static rx_status look_at_star(const work *w, int i, window *v, rx_error *err)
 {
-    const rx_residual_input *of = w->of;
-    const rx_image *image = of->image;
-    const rx_map sky = rx_image_sky(image);
-    const size_t n = (size_t)image->width * (size_t)image->height;
-    double *area = NULL, *sum = NULL;
-    int32_t last = 0;
-    rx_status status = RX_OK;
-    for (size_t k = 0; k < n && of->segments != NULL; k++)
-        last = of->segments[k] > last ? of->segments[k] : last;
-    RX_TRY_EXIT(RX_MAKE(w->wide, (size_t)last + 1, err));
-    RX_TRY_EXIT(RX_MAKE(area, (size_t)last + 1, err));
-    RX_TRY_EXIT(RX_MAKE(sum, (size_t)last + 1, err));
-    for (size_t k = 0; k < n && last > 0; k++) {
-        const int32_t segment = of->segments[k];
-        const int x = (int)(k % (size_t)image->width), y = (int)(k / (size_t)image->width);
-        if (segment == 0)
-            continue;
-        area[segment]++;
-        sum[segment] += rx_image_hides(image, k)
-                            ? (double)INFINITY
-                            : ((double)image->pixels[k] - (double)rx_map_at(&sky, x, y)) /
-                                  (double)rx_map_at(&image->noise, x, y);
-    }
-    for (int32_t i = 1; i <= last; i++)
-        w->wide[i] = sum[i] < FAINT * area[i] && area[i] > WIDE * w->fwhm * w->fwhm;
-exit:
-    free(area);
-    free(sum);
-    return status;
+    const rx_source_template *fit = &w->of->sources->list[i].fit;
+    const int x = (int)lround(fit->x), y = (int)lround(fit->y), r = w->reach;
+    double de = 0.0, ee = 0.0, el = 0.0, ll = 0.0;
+    w->bias[i] = NAN;
+    if (!(fit->star > POINT && fit->snr > FAINT && fit->snr < BRIGHT) || fit->flags != 0 || x < r || y < r ||
+        x >= w->dst->width - r || y >= w->dst->height - r)
+        return RX_OK;
+    place_window(w, (const int[2]){x - r, x + r + 1}, (const int[2]){y - r, y + r + 1}, v);
+    read_window(w, v);
+    memcpy(v->wide, v->light, (size_t)(v->width * v->height) * sizeof *v->wide);
+    RX_TRY(rx_gauss_masked(v->width, v->height, 0.5 * w->fwhm, NULL, 1, v->wide, err));
+    for (int py = v->y[0]; py < v->y[1]; py++)
+        for (int px = v->x[0]; px < v->x[1]; px++) {
+            const int k = py * v->width + px;
+            const double weight = (double)v->weight[k], d = (double)v->d[k], l = (double)v->light[k],
+                         e = (double)v->wide[k] - l;
+            de += weight * d * e;
+            ee += weight * e * e;
+            el += weight * e * l;
+            ll += weight * l * l;
+        }
+    const double own = ll > 0.0 ? ee - el * el / ll : 0.0; /* of e, at right angles to l */
+    if (own > 0.0)
+        w->bias[i] = de / own * el / ll;
+    return RX_OK;
 }
 
 /* The noise of G * u, of independent pixels of 1 and of the tile's correlation. */
@@ -303,9 +238,9 @@ static rx_status measure_filter(work *w, rx_error *err)
         stamp[i] = line[i % side] * line[i / side];
     for (int i = 0; i < side; i++)
         square += (double)line[i] * (double)line[i];
-    w->factor = rx_noise_factor(w->of->image->correlation, stamp, side, side);
-    w->noise = w->factor * square;
-    w->grow = (int)ceil(w->fwhm);
+    w->square = square;
+    w->noise = rx_noise_factor(w->of->image->correlation, stamp, side, side) * square;
+    w->grow = w->of->light == NULL ? (int)ceil(w->fwhm) : 0;
     w->margin = radius + w->grow;
 exit:
     free(line);
@@ -313,46 +248,75 @@ exit:
     return status;
 }
 
-static void sum_up(const work *w)
+/* The median of those of n values that are known, NAN without any; how many, in the front of room. */
+static double middle_of(const double *values, int n, double *room, int *known)
+{
+    *known = 0;
+    for (int i = 0; i < n; i++)
+        if (!isnan(values[i]))
+            room[(*known)++] = values[i];
+    return rx_median(room, (size_t)*known);
+}
+
+/* Share of the pixels that belong to saturated stars. */
+static double saturated_share(const work *w)
+{
+    const rx_sources *sources = w->of->sources;
+    double pixels = 0.0;
+    for (int i = 0; i < sources->n; i++)
+        pixels += (sources->list[i].flags & RX_FLAG_SATURATED) != 0 ? sources->list[i].npix : 0;
+    return pixels / w->dst->width / w->dst->height;
+}
+
+static bool is_wrong(double width)
+{
+    return width > HIGH || width < LOW;
+}
+
+static void sum_up(const work *w, double *room)
 {
     rx_residual *r = w->dst;
-    long cells = 0, quarters = 0, dark = 0, of[RX_MISFITS] = {0};
-    double sums[2] = {0}, worst = 0.0;
-    for (int k = 0; k < r->nx * r->ny; k++) {
-        const found *f = &w->found[k];
-        const double off = fabs(log(r->pull[k]));
-        quarters += f->quarters;
+    const int n = r->nx * r->ny;
+    long wrong = 0, quarters = 0, dark = 0;
+    int cells, stars;
+    for (int k = 0; k < n; k++) {
+        quarters += r->cell[k] >> 5;
         for (int q = 1; q <= 4; q++)
             dark += r->cell[k] >> q & 1;
-        if (isnan(r->pull[k]))
-            continue;
-        cells++;
-        of[f->kind]++;
-        r->cell[k] |= f->kind != RX_MISFIT_NONE;
-        for (int i = 0; i < 2; i++)
-            sums[i] += f->kind == RX_MISFIT_SKY ? f->along[i] : 0.0;
-        if (f->kind == RX_MISFIT_NONE || off < worst)
-            continue;
-        worst = off;
-        r->x = (k % r->nx + 0.5) * r->width / r->nx;
-        r->y = (k / r->nx + 0.5) * r->height / r->ny;
+        r->cell[k] |= is_wrong(r->pull[k]) || is_wrong(w->width[k]);
+        wrong += r->cell[k] & 1;
     }
-    r->share = cells > 0 ? (double)(cells - of[RX_MISFIT_NONE]) / (double)cells : NAN;
     r->dark = quarters > 0 ? (double)dark / (double)quarters : NAN;
-    if (fmax(sums[0], sums[1]) > ALONG * fmin(sums[0], sums[1])) {
-        of[RX_MISFIT_DETECTOR] = of[RX_MISFIT_SKY];
-        of[RX_MISFIT_SKY] = 0;
-    }
-    of[RX_MISFIT_NONE] = 0;
-    for (int i = 1; i < RX_MISFITS; i++)
-        r->cause = of[i] > of[r->cause] ? (rx_misfit)i : r->cause;
+    const double u = middle_of(w->width, n, room, &cells), t = middle_of(r->pull, n, room, &cells),
+                 b = middle_of(w->bias, w->bias != NULL ? w->of->sources->n : 0, room, &stars),
+                 error = stars >= LEAST_STARS ? 1.2533 * rx_sigma_mad(room, (size_t)stars, NULL) / sqrt(stars)
+                                              : HUGE_VAL,
+                 hidden = saturated_share(w);
+    r->share = cells > 0 ? (double)wrong / cells : NAN;
+    const struct {
+        rx_misfit cause;
+        bool wrong;
+        double by;
+    } all[] = {{RX_MISFIT_NOISE, is_wrong(u), u},
+               {RX_MISFIT_NOISE, t < LOW, t},
+               {RX_MISFIT_PSF, fabs(b) > BIAS + ERRORS * error, b},
+               {RX_MISFIT_PSF, ERRORS * w->of->psf_error > BIAS, w->of->psf_error},
+               {RX_MISFIT_SKY, t > HIGH, t},
+               {RX_MISFIT_SATURATED, hidden > HIDDEN, hidden}};
+    for (size_t i = 0; i < sizeof all / sizeof *all && r->cause == RX_MISFIT_NONE; i++)
+        if (all[i].wrong) {
+            r->cause = all[i].cause;
+            r->by = all[i].by;
+        }
 }
 
 rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, rx_error *err)
 {
     const rx_image *image = input->image;
     work w = {.of = input, .fwhm = input->fwhm > 0.0 ? input->fwhm : ANY_FWHM, .dst = dst};
-    const int side = rx_max_int(CELL, (int)ceil(BEAMS * w.fwhm));
+    const int side = rx_max_int(CELL, (int)ceil(BEAMS * w.fwhm)),
+              stars = input->residual != NULL && input->fwhm > 0.0 ? input->sources->n : 0;
+    double *room = NULL;
     rx_status status = RX_OK;
     *dst = (rx_residual){.nx = rx_max_int(image->width / side, 1),
                          .ny = rx_max_int(image->height / side, 1),
@@ -361,20 +325,23 @@ rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, 
                          .share = NAN,
                          .dark = NAN};
     const int n = dst->nx * dst->ny;
+    w.reach = (int)ceil(REACH * w.fwhm);
     RX_TRY_EXIT(RX_MAKE(dst->cell, (size_t)n, err));
     RX_TRY_EXIT(RX_MAKE(dst->pull, (size_t)n, err));
-    RX_TRY_EXIT(RX_MAKE(w.found, (size_t)n, err));
+    RX_TRY_EXIT(RX_MAKE(w.width, (size_t)n, err));
+    RX_TRY_EXIT(RX_MAKE(room, (size_t)rx_max_int(n, stars), err));
+    if (stars > 0)
+        RX_TRY_EXIT(RX_MAKE(w.bias, (size_t)stars, err));
     RX_TRY_EXIT(measure_filter(&w, err));
-    RX_TRY_EXIT(find_wide(&w, err));
 #pragma omp parallel num_threads(rx_max_int(input->nthreads, 1))
     {
         rx_error local = rx_error_part(NULL);
         window v;
         rx_status mine = open_window(&w, &v, &local);
 #pragma omp for schedule(dynamic)
-        for (int k = 0; k < n; k++)
+        for (int k = 0; k < n + stars; k++)
             if (mine == RX_OK)
-                mine = look_at_cell(&w, k, &v, &local);
+                mine = k < n ? look_at_cell(&w, k, &v, &local) : look_at_star(&w, k - n, &v, &local);
         free(v.d);
         free(v.hidden);
         free(v.values);
@@ -385,10 +352,11 @@ rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, 
         }
     }
     if (status == RX_OK)
-        sum_up(&w);
+        sum_up(&w, room);
 exit:
-    free(w.found);
-    free(w.wide);
+    free(w.width);
+    free(w.bias);
+    free(room);
     if (status != RX_OK)
         rx_residual_free(dst);
     return status;
@@ -438,21 +406,20 @@ int rx_residual_is_dark(double dark)
     return dark > DARK;
 }
 
-static const char *const misfits[RX_MISFITS][2] = {
-    [RX_MISFIT_NONE] = {"NONE", "nothing"},
+static const char *const misfits[RX_MISFITS][3] = {
+    [RX_MISFIT_NONE] = {"NONE", "", ""},
     [RX_MISFIT_NOISE] =
-        {"NOISE",
-         "its noise: rounded or cut-off values, or a map that is wrong; give the tile as it was before, or "
-         "its noise (WEIGHT_TYPE MAP_RMS)"},
-    [RX_MISFIT_PSF] =
-        {"PSF", "its PSF, which is too wide or too narrow; that of the tile's own stars may do"},
-    [RX_MISFIT_DETECTOR] =
-        {"DETECTOR",
-         "its detector: offset rows, columns or amplifiers; subtract each one's overscan or median"},
-    [RX_MISFIT_SKY] =
-        {"SKY",
-         "its sky: filaments, ghosts or hollows that the mesh does not follow; a smaller BACK_SIZE may"},
-    [RX_MISFIT_CROWD] = {"CROWD", "its crowd, in which not all sources are resolved"}};
+        {"NOISE", "pixels scatter by other than its noise, times",
+         "are values rounded or cut off, is a map wrong? give the tile as it was before, or its noise "
+         "(WEIGHT_TYPE MAP_RMS)"},
+    [RX_MISFIT_PSF] = {"PSF", "its PSF makes fluxes wrong, or may, by a share of",
+                       "let its stars give it (PSF_TYPE AUTO), or give a better one (PSF_NAME)"},
+    [RX_MISFIT_SKY] = {"SKY",
+                       "light that is no source's, and that the sky's mesh does not follow, makes fluxes at "
+                       "empty places scatter by more than the noise, times",
+                       "faint sources may be pieces of it; a smaller BACK_SIZE may help"},
+    [RX_MISFIT_SATURATED] = {"SATURATED", "saturated stars cover a share of",
+                             "what is behind them is not found"}};
 
 const char *rx_misfit_name(rx_misfit cause)
 {
@@ -462,4 +429,9 @@ const char *rx_misfit_name(rx_misfit cause)
 const char *rx_misfit_text(rx_misfit cause)
 {
     return misfits[cause][1];
+}
+
+const char *rx_misfit_remedy(rx_misfit cause)
+{
+    return misfits[cause][2];
 }

@@ -1,42 +1,47 @@
-/* Where the model of a tile is wrong: what it leaves of the pixels, by cells, against what the noise would.
+/* Where the model of a tile is wrong: what it leaves of the pixels against what the noise would, as what it does to results.
  *
- *   d = pixels - sky - light,     u = d / sqrt(sigma^2 + light / gain),     t = (G * u) / noise of G * u
+ *   d = pixels - sky - light,     u = d / sqrt(v),  v = sigma^2 + light / gain,     t = (G * u) / noise of G * u
  *
- * light is that of the fitted templates, or of a network's image through its PSF; where neither is known pixels within a FWHM of a
- * source do not count. G is a Gaussian as wide as the PSF, and its noise that of the tile's correlation, so that t is the pull, in errors,
- * of a point source fitted to an empty place. Cells are of 64 pixels, or 16 FWHM where that is more, about 110 independent places;
- * their width of t, median |t| / 0.6745, is 1 to a tenth where the noise is all there is. A cell is not explained where
+ * light is that of the fitted templates, or of a network's image through its PSF; where neither is known pixels of sources do not
+ * count. G is a Gaussian as wide as the PSF, and its noise that of the tile's correlation, so that t is, in errors, the flux of a point
+ * fitted to an empty place; means along rows and columns are taken off before, as they look like no source. Pixels where a tenth of
+ * the light is above the noise do not count. Cells are of 64 pixels, or 16 FWHM where that is more: some 110 independent places, so that
+ * a width, median |.| / 0.6745, is known to a tenth. A cell is not explained where the width of t or u is beyond LOW and HIGH.
  *
- *   the width of t is above 1.3       errors of faint sources are too small there: structure of the sky, a trace of the detector
- *   that of u is, or either is below 1 / 1.3       the noise is not what it is taken for: rounded, cut off
- *   b, with 3 errors, is above 0.03   the PSF is not right: b = fluxes of stars through it over the true ones - 1,
- *                                     a = sum w d e / (sum w e^2 - (sum w e l)^2 / sum w l^2),   b = a sum w e l / sum w l^2,
- *                                     l the light of the templates, e = l blurred more - l, which is how d looks where the PSF is
- *                                     too wide or too narrow: d is at right angles to l, as fluxes are fitted
+ * Of the tile two numbers say what that does to results:
  *
- * Where sources leave less than half of a cell, t is of all its pixels, if they are modelled, and what it leaves less of than noise is no
- * fault: the fits follow it; else only noise that is too quiet between them is found. Where rows, columns or an edge along them are
- * offset, sums along one of these scatter more than along the other.
+ *   the median over cells of both widths.   Where that of t is HIGH, sources of 5 sigma are of 3.8, and by the density of peaks of a
+ *                   Gaussian field (nu exp(-nu^2 / 2) / ((2 pi)^(3/2) 2 s^2) a pixel, s the sigma of G) 38 per Mpixel are none at FWHM 3.3
+ *   b, of stars     what the PSF makes their fluxes too high by. Their light in truth is that of the model, l, plus a e, e = l blurred
+ *                   by half a FWHM more - l, so that a fit takes it for 1 + b times as much and leaves d at right angles to l:
+ *                   a = sum w d e / (sum w e^2 - (sum w e l)^2 / sum w l^2),     b = a sum w e l / sum w l^2,     w = 1 / v,
+ *                   of points of S/N 20 to 100: the median, with its error
+ *
+ * The tile is not explained, and its header says why, where one of them is beyond what results may be: LOW and HIGH, and BIAS, by two
+ * errors of b; or where two errors of fluxes by the PSF (RXPSFERR) are above BIAS, or a tenth of the tile, and with it of its sources, is covered by stars that are saturated.
  *
  * Dark quarters of cells are those whose own pixels lie 0.3 sigma below the sky: lanes of dust, or a mesh that bright light has
  * lifted, where a network that knows no sky below its mesh cannot be right. */
 #ifndef RX_PIPELINE_RESIDUAL_H
 #define RX_PIPELINE_RESIDUAL_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/error.h"
 #include "base/extern.h"
 #include "data/image.h"
+#include "data/sources.h"
 
 RX_BEGIN_DECLS
 
 typedef struct rx_residual_input {
-    const rx_image *image;   /* with sky, noise, its correlation, and masks */
-    const float *residual;   /* [height][width] ADU: d of fitted templates; NULL: pixels - sky - light */
-    const float *light;      /* [height][width] ADU; NULL: none is known */
-    const int32_t *segments; /* of the sources; NULL: all of the pixels are modelled */
-    double fwhm;             /* of the PSF, pixels; not above 0: not known */
+    const rx_image *image;     /* with sky, noise, its correlation, and masks */
+    const float *residual;     /* [height][width] ADU: d of fitted templates; NULL: pixels - sky - light */
+    const float *light;        /* [height][width] ADU; NULL: none is known */
+    const rx_sources *sources; /* with segments, and with fits where residual is given */
+    double fwhm;               /* of the PSF, pixels; not above 0: not known */
+    double psf_error;          /* of fluxes, relative; 0: not known */
     int nthreads;
 } rx_residual_input;
 
@@ -44,21 +49,21 @@ typedef enum rx_misfit {
     RX_MISFIT_NONE,
     RX_MISFIT_NOISE,
     RX_MISFIT_PSF,
-    RX_MISFIT_DETECTOR,
     RX_MISFIT_SKY,
-    RX_MISFIT_CROWD,
+    RX_MISFIT_SATURATED,
     RX_MISFITS
 } rx_misfit;
 
 typedef struct rx_residual {
     int nx, ny, width, height; /* cells; pixels; 0: nothing is known */
     unsigned char
-        *cell;    /* [ny][nx] bits: 1 not explained; 2, 4, 8, 16 its quarters (x fastest) are dark; owned */
-    double *pull; /* [ny][nx] width of t; NAN: too few pixels; owned */
-    double share; /* of the cells that are known: not explained; NAN where none is */
-    double dark;  /* share of quarters; NAN where none is known */
-    rx_misfit cause; /* of most cells that are not explained */
-    double x, y;     /* middle of the one whose pull is farthest from 1 */
+        *cell;       /* [ny][nx] bits: 1 not explained; 2, 4, 8, 16 its quarters (x fastest) are dark; from 32
+                    on how many of them are known; owned */
+    double *pull;    /* [ny][nx] width of t; NAN: too few pixels; owned */
+    double share;    /* of the cells that are known: not explained; NAN where none is */
+    double dark;     /* share of quarters; NAN where none is known */
+    rx_misfit cause; /* of what makes results of the tile wrong; NONE: they are right */
+    double by;       /* how much: a width, a share of fluxes, or of the pixels */
 } rx_residual;
 
 /* The same bytes for any nthreads. Errors: RX_SYSTEM. */
@@ -69,12 +74,13 @@ void rx_residual_free(rx_residual *residual); /* content only */
 int rx_residual_at(const rx_residual *residual, double x, double y);
 int rx_residual_dark_at(const rx_residual *residual, double x, double y);
 
-/* So many are not explained that the tile as a whole is in doubt. */
+/* The cell in the middle is not explained. */
 int rx_residual_is_large(double share);
 
-/* The cause as RXMISFIT has it; in words, and what may help. */
+/* The cause as RXMISFIT has it; what it does, `by` to follow, and what may help. */
 const char *rx_misfit_name(rx_misfit cause);
 const char *rx_misfit_text(rx_misfit cause);
+const char *rx_misfit_remedy(rx_misfit cause);
 
 /* So many quarters lie below the sky that it is no chance: noise alone gives 1e-3 of them at the widest correlation. */
 int rx_residual_is_dark(double dark);

@@ -467,16 +467,7 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
                "%s: the flux scale is off, restored over original %.4f +- %.4f%s (%ld isolated sources).",
                about->name, about->flux.wide, about->flux.wide_error, automatic, about->flux.n);
     if (run->misfit != NULL)
-        remark(q, "model", 1,
-               "%s: the model does not explain %.0f %% of the tile, most likely because of %s. Sources there "
-               "have "
-               "FLAGS_RESTORE 32.",
-               about->name, 100 * run->unexplained, run->misfit);
-    if (run->many_sharp)
-        remark(q, "sharp", 1,
-               "%s: %.0f %% of the sources are sharper than the PSF: cosmic rays, hot pixels? They have "
-               "FLAGS_RESTORE 256.",
-               about->name, 100 * run->sharp);
+        remark(q, "model", 1, "%s: %s %.2g.", about->name, run->misfit, run->by);
     if (run->outside[0] != '\0' && (run == q->about->runs || strcmp(run->outside, run[-1].outside) != 0))
         remark(q, "outside", 0, "%s was not made for this tile: %s.", about->name, run->outside);
 }

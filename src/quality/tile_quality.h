@@ -43,11 +43,10 @@ typedef struct rx_tile_restored {
     const rx_restored *restored;
     rx_tile_cells pull;  /* width of what the model leaves, in errors of a point source; nx 0: not known */
     double unexplained;  /* share of cells; NAN: not known */
-    const char *misfit;  /* why, in words, where that is much; else NULL */
+    const char *misfit;  /* what makes results of the tile wrong, in words, with `by` behind; NULL: nothing */
+    double by;           /* a number */
     int plain;           /* nothing was restored */
     const char *outside; /* what the restorer was not made for, "" nothing */
-    double sharp;        /* share of the sources sharper than the PSF (RXSHARP) */
-    int many_sharp;      /* too many of them */
 } rx_tile_restored;
 
 typedef struct rx_tile_about {

@@ -302,7 +302,6 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->flux = w.result.photometry.check;
     run->is_dark = rx_result_is_dark(&w.result);
     run->sharp = rx_result_sharp(&w.result);
-    run->many_sharp = rx_result_is_sharp(run->sharp, sources->n);
     describe_outside(&w.result, run);
     const char *did = run->by != NULL ? run->by : run->choice.taken != NULL ? w.kind->name : NULL;
     snprintf(run->label, sizeof run->label, did != NULL ? "%s (done by %s)" : "%s", run->kind->name, did);
@@ -366,13 +365,10 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
     if (used > 0)
         rx_log_warning(log, "%s[%d]: the flux scale is off: %s", tile->name, tile->hdu, text);
     for (int i = 0; i < n; i++)
-        if (rx_residual_is_large(runs[i].misfit.share))
-            rx_log_warning(
-                log,
-                "%s[%d]: %s: the model does not explain %.0f %% of the tile, least about (%.0f, %.0f) "
-                "(RXMODEL; sources there have FLAGS_RESTORE 32), most likely because of %s",
-                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.share, runs[i].misfit.x + 1.0,
-                runs[i].misfit.y + 1.0, rx_misfit_text(runs[i].misfit.cause));
+        if (runs[i].misfit.cause != RX_MISFIT_NONE)
+            rx_log_warning(log, "%s[%d]: %s: %s %.2g (RXMISFIT %s); %s", tile->name, tile->hdu, runs[i].label,
+                           rx_misfit_text(runs[i].misfit.cause), runs[i].misfit.by,
+                           rx_misfit_name(runs[i].misfit.cause), rx_misfit_remedy(runs[i].misfit.cause));
     for (int i = 0; i < n; i++)
         if (runs[i].is_dark)
             rx_log_warning(
@@ -382,12 +378,6 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
                 "not trained for (RXDARK; sources there have FLAGS_RESTORE 64): is its sky right, are there "
                 "dark clouds?",
                 tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.dark);
-    for (int i = 0; i < n; i++)
-        if (runs[i].many_sharp)
-            rx_log_warning(log,
-                           "%s[%d]: %s: %.0f %% of the sources are sharper than the PSF (RXSHARP; they have "
-                           "FLAGS_RESTORE 256): are cosmic rays, hot pixels and bad columns masked?",
-                           tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].sharp);
     for (int i = 0; i < n; i++)
         if (runs[i].by != NULL)
             rx_log_warning(log, "%s[%d]: %s: done by %s, %s", tile->name, tile->hdu, runs[i].kind->name,

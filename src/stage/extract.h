@@ -52,7 +52,6 @@ typedef struct rx_run {
     rx_residual misfit;
     bool is_dark;       /* rx_result_is_dark() */
     double sharp;       /* rx_result_sharp() */
-    int many_sharp;     /* rx_result_is_sharp() */
     char outside[400];  /* what the restorer was not made for on this tile, "" nothing */
     double seconds;     /* of all of rx_run_extract() */
     rx_record facts;    /* of the current extension (data/facts.def) */

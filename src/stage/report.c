@@ -222,11 +222,10 @@ static rx_status describe(const rx_report_input *in, const char *folder, rx_exte
                      .side = (about.image.width + run->misfit.nx - 1) / run->misfit.nx,
                      .value = run->misfit.pull},
             .unexplained = run->misfit.share,
-            .misfit = rx_residual_is_large(run->misfit.share) ? rx_misfit_text(run->misfit.cause) : NULL,
+            .misfit = run->misfit.cause != RX_MISFIT_NONE ? rx_misfit_text(run->misfit.cause) : NULL,
+            .by = run->misfit.by,
             .plain = run->restored->blur == NULL,
-            .outside = run->outside,
-            .sharp = run->sharp,
-            .many_sharp = run->many_sharp};
+            .outside = run->outside};
     }
     RX_TRY(rx_record_list(in->record, &pairs, err));
     const rx_tile_page page = {&about, in->record->n, (const char *const(*)[2])pairs};

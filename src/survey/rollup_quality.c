@@ -139,9 +139,6 @@ void rx_rollup_row_notes(rx_text *dst, const rx_rollup_row *row, const char *bef
     if (f->guard.known && rx_residual_is_large(f->guard.unexplained))
         rx_text_printf(rx_rollup_note(dst, before, f->name), "the model does not explain %.0f %% of the tile",
                        100.0 * f->guard.unexplained);
-    if (rx_result_is_sharp(f->sharp, f->sources))
-        rx_text_printf(rx_rollup_note(dst, before, f->name),
-                       "%.0f %% of the sources are sharper than the PSF", 100.0 * f->sharp);
     if (f != row->image->run)
         return;
     if (state->wrong > 0)
