@@ -188,7 +188,6 @@ def make_inputs(folder):
           (half, data[: len(data) // 2]))
     draw = random.Random(1)
     noise = [1000 + draw.gauss(0, 5) for _ in sky]
-    write("ridge.fits", image([p + 7 * math.exp(-0.5 * ((i % side - i // side) / 14) ** 2) for i, p in enumerate(noise)], side, side, **tile))
 
     def objects(*placed):  # of (x, y, FWHM, peak)
         pixels = list(noise)

@@ -408,16 +408,14 @@ int rx_residual_is_dark(double dark)
 
 static const char *const misfits[RX_MISFITS][3] = {
     [RX_MISFIT_NONE] = {"NONE", "", ""},
-    [RX_MISFIT_NOISE] =
-        {"NOISE", "pixels scatter by other than its noise, times",
-         "are values rounded or cut off, is a map wrong? give the tile as it was before, or its noise "
-         "(WEIGHT_TYPE MAP_RMS)"},
+    [RX_MISFIT_NOISE] = {"NOISE", "pixels scatter by other than its noise, times",
+                         "are values rounded or cut off, is a map wrong?"},
     [RX_MISFIT_PSF] = {"PSF", "its PSF makes fluxes wrong, or may, by a share of",
-                       "let its stars give it (PSF_TYPE AUTO), or give a better one (PSF_NAME)"},
+                       "is that of its own stars better?"},
     [RX_MISFIT_SKY] = {"SKY",
                        "light that is no source's, and that the sky's mesh does not follow, makes fluxes at "
                        "empty places scatter by more than the noise, times",
-                       "faint sources may be pieces of it; a smaller BACK_SIZE may help"},
+                       "are faint sources pieces of it?"},
     [RX_MISFIT_SATURATED] = {"SATURATED", "saturated stars cover a share of",
                              "what is behind them is not found"}};
 
