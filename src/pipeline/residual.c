@@ -12,22 +12,22 @@
 #include "num/maximum_filter.h"
 #include "num/stats.h"
 
-enum { CELL = 64 };                        /* pixels: the mesh of the sky, which follows what is wider */
-static const double BEAMS = 16.0;          /* FWHM: 113 independent places */
-static const double ANY_FWHM = 3.0;        /* pixels: where no PSF is known, that of many surveys */
-static const double QUARTILE = 0.6745;     /* median of |t| of a normal distribution */
-static const double LOW = 0.8, HIGH = 1.3; /* true errors over those that are stated */
-static const double BIAS = 0.02;           /* of fluxes: what the flux check allows, too */
-static const double HIDDEN = 0.1;          /* share of the pixels: completeness is below 0.9 */
-static const double ERRORS = 2.0;          /* of b, and of fluxes by the PSF: 0.95 are within */
-static const double FAINT = 20.0, BRIGHT = 100.0; /* S/N of stars: above, what is left is the PSF's */
-static const double POINT = 0.5;                  /* probability of a star */
-enum { LEAST_STARS = 5 };                         /* for a scatter */
-static const double REACH = 1.5;                  /* FWHM around a star, where its light is */
-static const double DOUBT = 0.1;                  /* of light that is not known: fit/structure.h */
-static const double ENOUGH = 0.5;                 /* of a cell's pixels */
-static const double BELOW = 0.3, DARK = 0.02;     /* sigmas; share of quarters */
-static const double LARGE = 0.5;                  /* share of cells: the one in the middle is not explained */
+enum { CELL = 64 };                           /* pixels: the mesh of the sky, which follows what is wider */
+static const double BEAMS = 16.0;             /* FWHM: 113 independent places */
+static const double ANY_FWHM = 3.0;           /* pixels: where no PSF is known, that of many surveys */
+static const double QUARTILE = 0.6745;        /* median of |t| of a normal distribution */
+static const double LOW = 0.8, HIGH = 1.3;    /* true errors over those that are stated */
+static const double BIAS = 0.02;              /* of fluxes: what the flux check allows, too */
+static const double HIDDEN = 0.1;             /* share of the pixels: completeness is below 0.9 */
+static const double ERRORS = 2.0;             /* of b, and of fluxes by the PSF: 0.95 are within */
+static const double FAINT = 20.0;             /* S/N of stars */
+static const double POINT = 0.5;              /* probability of a star */
+enum { LEAST_STARS = 5 };                     /* for a scatter */
+static const double REACH = 1.5;              /* FWHM around a star, where its light is */
+static const double DOUBT = 0.1;              /* of light that is not known: fit/structure.h */
+static const double ENOUGH = 0.5;             /* of a cell's pixels */
+static const double BELOW = 0.3, DARK = 0.02; /* sigmas; share of quarters */
+static const double LARGE = 0.5;              /* share of cells: the one in the middle is not explained */
 
 /* A cell with what the filter reaches around it, the pixels of the cell by itself being x[0] <= x < x[1], y[0] <= y < y[1]; or a star. */
 typedef struct window {
@@ -201,7 +201,7 @@ static rx_status look_at_star(const work *w, int i, window *v, rx_error *err)
     const int x = (int)lround(fit->x), y = (int)lround(fit->y), r = w->reach;
     double de = 0.0, ee = 0.0, el = 0.0, ll = 0.0;
     w->bias[i] = NAN;
-    if (!(fit->star > POINT && fit->snr > FAINT && fit->snr < BRIGHT) || fit->flags != 0 || x < r || y < r ||
+    if (!(fit->star > POINT && fit->snr > FAINT) || fit->flags != 0 || x < r || y < r ||
         x >= w->dst->width - r || y >= w->dst->height - r)
         return RX_OK;
     place_window(w, (const int[2]){x - r, x + r + 1}, (const int[2]){y - r, y + r + 1}, v);

@@ -15,7 +15,7 @@
  *   b, of stars     what the PSF makes their fluxes too high by. Their light in truth is that of the model, l, plus a e, e = l blurred
  *                   by half a FWHM more - l, so that a fit takes it for 1 + b times as much and leaves d at right angles to l:
  *                   a = sum w d e / (sum w e^2 - (sum w e l)^2 / sum w l^2),     b = a sum w e l / sum w l^2,     w = 1 / v,
- *                   of points of S/N 20 to 100: the median, with its error
+ *                   of points of S/N above 20: the median, with its error
  *
  * The tile is not explained, and its header says why, where one of them is beyond what results may be: LOW and HIGH, and BIAS, by two
  * errors of b; or where two errors of fluxes by the PSF (RXPSFERR) are above BIAS, or a tenth of the tile, and with it of its sources, is covered by stars that are saturated.
