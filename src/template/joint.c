@@ -361,7 +361,7 @@ static double variance_alone(const equations *e, size_t i)
     return e->noise != NULL ? fmax(e->noise[e->n * e->n + i] / power, LEAST) / power : 1 / power;
 }
 
-static void store(const equations *e, int singular, rx_joint_member *m, int n, double *background,
+static void store(const equations *e, int singular, int errors, rx_joint_member *m, int n, double *background,
                   double *covariance)
 {
     *background = e->n > e->ncolumns ? e->x[e->ncolumns] : 0;
@@ -370,10 +370,12 @@ static void store(const equations *e, int singular, rx_joint_member *m, int n, d
     for (size_t i = 0; i < e->nflux; i++) {
         rx_joint_member *one = &m[e->columns[i].member];
         one->flux = e->x[i];
+        one->flags |= (e->held[i] ? RX_TPHOT_BOUND : 0) | (singular ? RX_TPHOT_SINGULAR : 0);
+        if (!errors)
+            continue;
         /* of a flux held at 0: what its template alone would have */
         one->variance = e->held[i] ? variance_alone(e, i) : e->covariance[i * e->n + i];
         one->alone = variance_alone(e, i);
-        one->flags |= (e->held[i] ? RX_TPHOT_BOUND : 0) | (singular ? RX_TPHOT_SINGULAR : 0);
         one->blend = largest_coefficient(e, i);
         for (size_t j = 0; covariance != NULL && j < e->nflux; j++)
             covariance[(size_t)e->columns[i].member * (size_t)n + (size_t)e->columns[j].member] =
@@ -401,13 +403,14 @@ rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, i
     if (status == RX_OK && e.n > 0)
         status = fill(par, canvas, n, members, &e, err);
     if (status == RX_OK && e.n > 0)
-        status = par->non_negative ? rx_normal_nonnegative(&(rx_normal_bounded){e.n, e.a, e.b, e.bounded},
-                                                           e.x, e.covariance, e.held, &singular, err)
-                                   : rx_normal_solve(e.a, e.b, e.n, e.x, e.covariance, &singular, err);
-    if (status == RX_OK && e.n > 0 && canvas->correlation != NULL)
+        status = par->non_negative
+                     ? rx_normal_nonnegative(&(rx_normal_bounded){e.n, e.a, e.b, e.bounded}, e.x,
+                                             e.covariance, e.held, &singular, err)
+                     : rx_normal_solve(e.a, e.b, e.n, e.x, par->errors ? e.covariance : NULL, &singular, err);
+    if (status == RX_OK && e.n > 0 && par->errors && canvas->correlation != NULL)
         status = correlate(par, canvas, n, members, &e, err);
     if (status == RX_OK)
-        store(&e, singular, members, n, background, covariance);
+        store(&e, singular, par->errors, members, n, background, covariance);
     clear(&e);
     return status;
 }

@@ -8,6 +8,7 @@
 typedef struct rx_joint_params {
     double background_sigma; /* of the prior, in sigmas of a pixel; 0: none fitted */
     int non_negative;
+    int errors;   /* variances, covariances and blends are asked for, not only fluxes and shifts */
     int nthreads; /* for the equations of one group; < 1 counts as 1 */
 } rx_joint_params;
 
@@ -20,7 +21,8 @@ typedef struct rx_joint_member {
      * width 0: it stays. Asked for where neighbours overlap: what a wrong position of one leaves is light
      * that the others take. */
     double shift_width, shift_centre[2];
-    double flux;     /* NAN without data */
+    double flux; /* NAN without data */
+    /* NAN where params.errors is 0: */
     double variance; /* ADU^2, positions free where they were */
     double alone;    /* variance if nothing else were free, ADU^2 */
     double blend;    /* largest |coefficient| with another member's flux */

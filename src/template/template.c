@@ -52,6 +52,7 @@ typedef struct work {
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
+    int errors;               /* of fluxes are asked for in this fit */
     double *covariances;      /* of the last fit, [members][members] group after group; NULL: not asked for */
     size_t *place;            /* [groups] where a group begins there */
     rx_tile_prior tile_prior; /* among clear sources */
@@ -285,10 +286,10 @@ static double within_light(const work *w, const rx_fit_source *s, double flux, i
 static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
 {
     const double fwhm = fmax(w->input->image.psf->fwhm, 1.0);
-    const rx_joint_params par = {w->par->background_sigma, w->par->non_negative, nthreads};
+    const rx_joint_params par = {w->par->background_sigma, w->par->non_negative, w->errors, nthreads};
     const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
     const int movable = m > 1 && w->par->rounds > 0;
-    double *covariance = w->covariances != NULL ? w->covariances + w->place[group] : NULL;
+    double *covariance = w->errors && w->covariances != NULL ? w->covariances + w->place[group] : NULL;
     rx_joint_member *members = RX_NEW(rx_joint_member, m);
     if (members == NULL)
         return rx_error_memory(err, (size_t)m * sizeof *members);
@@ -377,8 +378,9 @@ static rx_status fit_torn_groups(work *w, rx_window *windows, rx_error *err)
 }
 
 /* Whole groups against the model of all others, then those with cut links, then the model anew. */
-static rx_status fit_groups(work *w, rx_error *err)
+static rx_status fit_groups(work *w, int errors, rx_error *err)
 {
+    w->errors = errors;
     rx_window *windows = RX_NEW(rx_window, w->blends.ngroups);
     if (windows == NULL)
         return rx_error_memory(err, (size_t)w->blends.ngroups * sizeof *windows);
@@ -412,42 +414,28 @@ static rx_status shift(work *w, rx_error *err)
     return moved ? refine(w, 0, 1, 1, w->substructure, err) : RX_OK;
 }
 
-static rx_status fit_all(work *w, rx_error *err)
-{
-    rx_status status = regroup(w, err);
-    if (status == RX_OK)
-        status = fit_groups(w, err);
-    int cut = 0;
-    for (int i = 0; i < w->n && status == RX_OK; i++)
-        cut |= w->blends.cut[i];
-    for (int i = 0; i < SHIFTS && status == RX_OK && w->blends.largest > 1; i++) {
-        status = shift(w, err);
-        if (status == RX_OK)
-            status = fit_groups(w, err);
-    }
-    /* across cut links groups take turns: once more with what is known now */
-    if (status == RX_OK && cut)
-        status = fit_groups(w, err);
-    return status;
-}
-
-/* The sky between the models, in a crowd that of all pixels and its noise, and all fluxes on it. */
+/* Fluxes and positions in turn, then the sky between the models, in a crowd that of all pixels and its noise, and all fluxes on it. */
 static rx_status fit_on_sky(work *w, rx_error *err)
 {
     const rx_residual_sky between = {.segments = w->input->sources->segments, .cell = w->par->sky_cell};
     const rx_residual_sky crowd = {.crowd = &w->crowd, .cell = CROWD_CELL};
     double mean = 0;
-    RX_TRY(fit_all(w, err));
-    if (w->par->sky_cell <= 0)
-        return RX_OK;
-    RX_TRY(rx_residual_sky_subtract(&w->canvas, &between, &mean, err));
-    w->sky += mean;
-    if (w->crowd.n > 0) {
-        RX_TRY(rx_residual_sky_subtract(&w->canvas, &crowd, &mean, err));
-        RX_TRY(rx_residual_sky_rescale(&w->canvas, &crowd, err));
-        w->sky += mean;
+    RX_TRY(regroup(w, err));
+    RX_TRY(fit_groups(w, 0, err));
+    for (int i = 0; i < SHIFTS && w->blends.largest > 1; i++) {
+        RX_TRY(shift(w, err));
+        RX_TRY(fit_groups(w, 0, err));
     }
-    return fit_groups(w, err);
+    if (w->par->sky_cell > 0) {
+        RX_TRY(rx_residual_sky_subtract(&w->canvas, &between, &mean, err));
+        w->sky += mean;
+        if (w->crowd.n > 0) {
+            RX_TRY(rx_residual_sky_subtract(&w->canvas, &crowd, &mean, err));
+            RX_TRY(rx_residual_sky_rescale(&w->canvas, &crowd, err));
+            w->sky += mean;
+        }
+    }
+    return fit_groups(w, 1, err);
 }
 
 static rx_status add_points(work *w, const double (*at)[2], int count, rx_error *err)
@@ -636,7 +624,7 @@ static rx_status look_again(work *w, rx_error *err)
         } else if (
             movable(w)) { /* in a crowd's passes fluxes that are roughly right do for positions and shapes */
             RX_TRY(regroup(w, err));
-            RX_TRY(fit_groups(w, err));
+            RX_TRY(fit_groups(w, 0, err));
         }
         if (movable(w))
             RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
@@ -681,7 +669,7 @@ static rx_status follow_structure(work *w, rx_error *err)
                                                  w->crowd.cells != NULL ? &w->crowd : &early, &w->structure,
                                                  &w->point_power, err);
     rx_crowding_clear(&early);
-    return status == RX_OK ? fit_groups(w, err) : status;
+    return status == RX_OK ? fit_groups(w, 1, err) : status;
 }
 
 /* In a crowd pairs are no profiles, and sky and noise are those of the residual; elsewhere what has been learnt is for all by now. */
