@@ -645,14 +645,27 @@ static void describe_crowd(const work *w, rx_crowd_source *sources)
     }
 }
 
-static rx_status look_for_crowd(work *w, rx_crowding *crowd, rx_error *err)
+static rx_status find_crowd(work *w, rx_error *err)
 {
     rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
     if (sources == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *sources);
     describe_crowd(w, sources);
+    rx_crowding_clear(&w->crowd);
     const rx_status status = rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
-                                              w->par->crowding, crowd, err);
+                                              w->par->crowding, &w->crowd, err);
+    free(sources);
+    return status;
+}
+
+/* Where what a crowd shows are extended sources, it is none. */
+static rx_status spare_crowd(work *w, rx_error *err)
+{
+    rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
+    if (sources == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *sources);
+    describe_crowd(w, sources);
+    const rx_status status = rx_crowding_spare(sources, w->n, &w->crowd, err);
     free(sources);
     return status;
 }
@@ -660,67 +673,45 @@ static rx_status look_for_crowd(work *w, rx_crowding *crowd, rx_error *err)
 /* What structure the sky has now is followed as far as it can be. Not in crowds: there it is stars that no model has yet. */
 static rx_status follow_structure(work *w, rx_error *err)
 {
-    rx_crowding early = {0};
-    if (w->par->sky_cell <= 0)
+    const int everywhere = w->crowd.n == w->crowd.nx * w->crowd.ny;
+    if (w->par->sky_cell <= 0 || (everywhere && w->structure.level.nx == 0))
         return RX_OK;
-    if (w->crowd.cells == NULL)
-        RX_TRY(look_for_crowd(w, &early, err));
-    rx_status status = rx_residual_sky_structure(&w->canvas, w->input->image.psf,
-                                                 w->crowd.cells != NULL ? &w->crowd : &early, &w->structure,
-                                                 &w->point_power, err);
-    rx_crowding_clear(&early);
-    return status == RX_OK ? fit_groups(w, 1, err) : status;
+    RX_TRY(rx_residual_sky_structure(&w->canvas, w->input->image.psf, &w->crowd, &w->structure,
+                                     &w->point_power, err));
+    return fit_groups(w, 1, err);
 }
 
-/* In a crowd pairs are no profiles, and sky and noise are those of the residual; elsewhere what has been learnt is for all by now. */
-static rx_status find_crowd(work *w, rx_error *err)
-{
-    rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
-    if (sources == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof *sources);
-    rx_status status;
-    describe_crowd(w, sources);
-    RX_TRY_EXIT(rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
-                                 w->par->crowding, &w->crowd, err));
-    if (movable(w))
-        RX_TRY_EXIT(refine(w, 0, 0, 0, w->substructure, err));
-    if (w->crowd.n > 0 && w->par->crowding == RX_CROWDING_AUTO) {
-        describe_crowd(w, sources);
-        RX_TRY_EXIT(rx_crowding_spare(sources, w->n, &w->crowd, err));
-    }
-    if (w->crowd.n > 0 || movable(w))
-        RX_TRY_EXIT(fit_on_sky(w, err));
-exit:
-    free(sources);
-    return status;
-}
-
+/* In a crowd shapes of before are of no use: pairs are no profiles there, and neighbours are to come. */
 static rx_status fit_everything(work *w, rx_error *err)
 {
-    rx_status status = refine(w, 0, 1, 0, 0, err);
-    if (status == RX_OK)
-        status = add_points(w, w->input->extra, w->input->nextra, err);
-    if (status == RX_OK)
-        status = fit_on_sky(w, err);
     const int frozen = w->frozen;
     /* frozen shapes still take up their restored pixels, once the fluxes are known */
     const int rounds = frozen ? w->substructure != 0 : w->par->rounds;
-    for (int i = 0; i < rounds && status == RX_OK; i++) {
-        status = refine(w, 0, frozen, 0, w->substructure, err);
-        if (status == RX_OK)
-            status = fit_on_sky(w, err);
-        if (status == RX_OK)
-            status = follow_structure(w, err);
+    RX_TRY(refine(w, 0, 1, 0, 0, err));
+    RX_TRY(add_points(w, w->input->extra, w->input->nextra, err));
+    RX_TRY(fit_on_sky(w, err));
+    for (int i = 0; i < rounds && w->crowd.n == 0; i++) {
+        RX_TRY(refine(w, 0, frozen, 0, w->substructure, err));
+        RX_TRY(fit_on_sky(w, err));
+        RX_TRY(find_crowd(w, err));
     }
+    if (rounds == 0)
+        RX_TRY(find_crowd(w, err));
+    else
+        RX_TRY(follow_structure(w, err));
     w->passes = 1;
-    if (status == RX_OK)
-        status = find_crowd(w, err);
-    if (status == RX_OK && w->input->more != NULL && w->par->passes > 1)
-        status = look_again(w, err);
+    if (movable(w))
+        RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
+    if (w->crowd.n > 0 && w->par->crowding == RX_CROWDING_AUTO)
+        RX_TRY(spare_crowd(w, err));
+    if (w->crowd.n > 0 || movable(w))
+        RX_TRY(fit_on_sky(w, err));
+    if (w->input->more != NULL && w->par->passes > 1)
+        RX_TRY(look_again(w, err));
     /* weights follow the photons of the model that has just been found, and in a crowd some have gone */
-    if (status == RX_OK && (w->canvas.gain > 0 || w->canvas.psf_error > 0 || w->crowd.n > 0))
-        status = fit_on_sky(w, err);
-    return status == RX_OK ? follow_structure(w, err) : status;
+    if (w->canvas.gain > 0 || w->canvas.psf_error > 0 || w->crowd.n > 0)
+        RX_TRY(fit_on_sky(w, err));
+    return follow_structure(w, err);
 }
 
 /* What all sources are weighed with. */
