@@ -245,36 +245,46 @@ static double promise(const rx_fit *fit, const double *a, const double *b)
     return sum;
 }
 
-/* Steps until nothing more is to be had; returns whether plane 0 holds the template of fit->p. */
+/* Steps until nothing more is to be had; returns whether plane 0 holds the template of fit->p. Derivatives by the shape take four
+ * planes more: those of before serve as long as steps gain what they promise, and are made anew before it ends. */
 static int descend(rx_fit *fit, rx_template_domain *size, const rx_patch *patch, double *a, double *b)
 {
     /* of chi2: a last step of a tenth of a sigma is followed by a far smaller one; one of a thirtieth is not
      * worth a rendering; after one of a third no new derivatives are */
-    static const double enough = 0.01, nothing = 0.001, little = 0.1;
+    static const double enough = 0.01, nothing = 0.001, little = 0.1, kept = 0.5;
     double damping = 1e-3;
-    int current = 1;
+    int current = 1, old = 0;
     for (int i = 0; i < fit->iterations; i++) {
         const double hope = promise(fit, a, b);
         rx_fit before = *fit;
-        if (!(hope > nothing) || !step(fit, a, b, damping))
-            break;
-        render(fit, size, hope > little);
-        fit->chi2 = chi2_of(fit, size, patch);
-        current = fit->chi2 <= before.chi2;
-        if (!current) {
-            const int last = before.chi2 + enough > fit->chi2;
-            *fit = before;
-            damping = damping * 10;
-            if (last || damping > 1e6)
-                break;
+        double gain = 0;
+        if (hope > nothing && step(fit, a, b, damping)) {
+            render(fit, size, 0);
+            fit->chi2 = chi2_of(fit, size, patch);
+            gain = before.chi2 - fit->chi2;
+            current = gain >= 0;
+            if (!current)
+                *fit = before;
+            old = old || (current && hope > little && fit->n == RX_FIT_ALL);
+        }
+        const int last = fabs(gain) < enough;
+        if (old && (last || gain < kept * hope)) {
+            render(fit, size, 1);
+            normal(fit, size, patch, a, b);
+            current = 1;
+            old = 0;
             continue;
         }
-        if (!(hope > little))
+        if (last || !(hope > little) || damping > 1e5)
             break;
+        if (current)
+            normal(fit, size, patch, a, b);
+        damping = current ? fmax(damping * 0.1, 1e-9) : damping * 10;
+    }
+    if (old) {
+        render(fit, size, 1);
         normal(fit, size, patch, a, b);
-        damping = fmax(damping * 0.1, 1e-9);
-        if (before.chi2 - fit->chi2 < enough)
-            break;
+        current = 1;
     }
     return current;
 }
