@@ -62,7 +62,7 @@ static rx_status open_job(const run *r, rx_template_otf *otf, int i, double radi
     const int x = (int)fmin(fmax(s->x, 0), image->width - 1), y = (int)fmin(fmax(s->y, 0), image->height - 1);
     const double noise = FAINT * sqrt((double)rx_fit_image_variance(image, x, y));
     const int n = rx_template_otf_side(otf, fmax(FAR * radius, fmin(2 * FAR * radius, ROOM)),
-                                       s->flux > 0 ? noise / s->flux : 0);
+                                       s->flux > 0 ? noise / s->flux : 0, half_of(r, radius));
     RX_TRY(rx_template_otf_at(otf, n, s->x, s->y, &j->size, err));
     RX_TRY(rx_patch_cut(image, j->cx, j->cy, half_of(r, radius), n, &j->patch, err));
     rx_patch_add(&j->patch, &s->footprint, s->flux);

@@ -409,16 +409,17 @@ static void choose(const job *j, rx_fit_source *after)
         take_fit(j, &point, &profile, after);
 }
 
-/* Side of the domain of a source. Light below a tenth of what its footprint will be cropped at needs no part of the PSF; where restored
+/* Side of the domain of a source, of which half pixels to all sides are looked at, all for 0. Light below a tenth of what its footprint will be cropped at needs no part of the PSF; where restored
  * pixels are blurred to the tile's PSF, all of that is needed. */
 static int side_of(const rx_refine_params *par, const rx_refine_view *view, const rx_template_otf *lens,
-                   const rx_fit_source *s, double reach)
+                   const rx_fit_source *s, double reach, int half)
 {
     const rx_fit_image *canvas = view->canvas;
     const int x = s->x < 0 ? 0 : s->x > canvas->width - 1 ? canvas->width - 1 : (int)s->x;
     const int y = s->y < 0 ? 0 : s->y > canvas->height - 1 ? canvas->height - 1 : (int)s->y;
     const double noise = FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
-    return rx_template_otf_side(lens, reach, par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux);
+    return rx_template_otf_side(lens, reach, par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux,
+                                half);
 }
 
 /* Light below that is not worth a pixel. */
@@ -552,7 +553,7 @@ rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *vi
                            const rx_template_otf *lens, const rx_fit_source *subject)
 {
     const double radius = radius_of(par, subject);
-    const int half = half_of(view, radius), domain = side_of(par, view, lens, subject, FAR * radius) / 2;
+    const int half = half_of(view, radius), domain = side_of(par, view, lens, subject, FAR * radius, 0) / 2;
     if (!looks(par))
         return (rx_window){0, 0, 0, 0};
     return window_around(view->canvas, subject, par->substructure && domain > half ? domain : half);
@@ -585,12 +586,17 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     after->footprint = (rx_footprint){0};
     after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
     const double radius = radius_of(par, subject);
-    rx_status status = rx_template_otf_at(lens, side_of(par, view, lens, subject, FAR * radius), subject->x,
-                                          subject->y, &j.size, err);
+    const int half = half_of(view, radius), all = side_of(par, view, lens, subject, FAR * radius, 0),
+              part = side_of(par, view, lens, subject, FAR * radius, half);
+    rx_status status =
+        rx_template_otf_at(lens, par->frozen ? all : part, subject->x, subject->y, &j.size, err);
     if (status == RX_OK && looks(par))
-        status = cut_patch(&j, half_of(view, radius), subject->grain, err);
-    if (status == RX_OK && !par->frozen)
+        status = cut_patch(&j, half, subject->grain, err);
+    if (status == RX_OK && !par->frozen) {
         choose(&j, after);
+        j.patch.corner += all / 2 - part / 2;
+        status = rx_template_otf_at(lens, all, subject->x, subject->y, &j.size, err);
+    }
     if (status == RX_OK)
         status = finish(&j, after, err);
     rx_patch_clear(&j.patch);
@@ -621,11 +627,9 @@ rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *vie
     const double radius = fmax(subject->guess, subject->profile.radius);
     const int half = half_alone(view, subject, other);
     *rise = 0;
-    rx_status status =
-        rx_template_otf_at(lens,
-                           side_of(par, view, lens, subject->flux > other->flux ? subject : other,
-                                   fmax(FAR * radius, half - view->fwhm)),
-                           subject->x, subject->y, &j.size, err);
+    rx_status status = rx_template_otf_at(
+        lens, side_of(par, view, lens, subject->flux > other->flux ? subject : other, FAR * radius, half),
+        subject->x, subject->y, &j.size, err);
     if (status == RX_OK)
         status = cut_patch(&j, half, other->grain, err);
     if (status != RX_OK)

@@ -946,7 +946,7 @@ rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, 
     status = open_work(&w, err);
     if (status == RX_OK)
         status = fit_everything(&w, err);
-    if (status == RX_OK && (input->shapes == NULL || w.frozen))
+    if (status == RX_OK && (input->shapes == NULL || w.frozen) && !(par->isolate > 0))
         status = weigh_evidence(&w, err);
     if (status == RX_OK)
         status = store(&w, tphot, err);

@@ -141,15 +141,19 @@ static int part_above(const rx_template_otf *lens, double level)
     return half < psf->size / 2 ? 2 * half + 1 : psf->size;
 }
 
-int rx_template_otf_side(const rx_template_otf *lens, double reach, double level)
+int rx_template_otf_side(const rx_template_otf *lens, double reach, double level, int half)
 {
     /* those whose transforms take least time: of small prime factors, 2 above all, and n/2 + 1 not far below a multiple of the
      * columns that num/fft.c takes at once */
     static const int sides[] = {32,  40,  44,  48,  56,  64,  72,  80,  96,
                                 120, 144, 160, 192, 240, 256, 320, 400, 512};
     const int whole = lens->tile->size > lens->image->size ? lens->tile->size : lens->image->size;
-    const int need =
-        (level > 0 ? part_above(lens, level) : whole) + MARGIN + 2 * (int)ceil(fmin(reach, 200.0));
+    const int part = level > 0 ? part_above(lens, level) : whole, far = (int)ceil(fmin(reach, 200.0));
+    int need = part + MARGIN + 2 * far;
+    if (half >
+        0) /* light that is as far away as it reaches may come back at the other end, where nobody looks */
+        need = rx_min_int(need, rx_max_int(half + far + MARGIN + rx_min_int(half + far, part / 2 + 1),
+                                           2 * (half + MARGIN)));
     for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
         if (sides[i] >= need)
             return sides[i];
@@ -263,7 +267,7 @@ static rx_status make_points(rx_template_otf *lens, rx_error *err)
 {
     const int whole = lens->tile->size <= WIDEST;
     const int side = (whole ? lens->tile->size : WIDEST) + 2; /* so far a shift of half a pixel reaches */
-    const int n = whole ? rx_template_otf_side(lens, 0, 0) : rx_fft_good_size(2 * side);
+    const int n = whole ? rx_template_otf_side(lens, 0, 0, 0) : rx_fft_good_size(2 * side);
     const size_t room = (size_t)NODES * NODES * (size_t)side * (size_t)side;
     rx_template_domain *size;
     RX_TRY(rx_template_otf_at(lens, n, 0, 0, &size, err));

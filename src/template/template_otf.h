@@ -37,8 +37,9 @@ rx_status rx_template_otf_new(const rx_psf *tile, const rx_psf *image, rx_templa
 void rx_template_otf_free(rx_template_otf *lens); /* NULL is fine */
 
 /* Side of the domain for light that reaches `reach` pixels from the source before it is blurred. level: of the PSF only the part
- * around its middle that is above it is needed, and what fits into the domain is taken, not normalised anew; 0: all of it. */
-int rx_template_otf_side(const rx_template_otf *lens, double reach, double level);
+ * around its middle that is above it is needed, and what fits into the domain is taken, not normalised anew; 0: all of it. half: only
+ * so many pixels to all sides of the middle have to be right; 0: all that has light. */
+int rx_template_otf_side(const rx_template_otf *lens, double reach, double level, int half);
 
 /* The domain of side n (from rx_template_otf_side()) with the PSF at tile position (x, y); valid until
  * the next call; all rows will be rendered. Errors: RX_SYSTEM. */

@@ -60,10 +60,10 @@ static void test_rendering(void **state)
     rx_template_otf *lens = NULL;
     rx_template_domain *size = NULL;
     assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_side(lens, 5, 0), 40); /* 25 + 4 + 2 * 5 = 39 */
-    assert_int_equal(rx_template_otf_side(lens, 5.1, 0), 44);
-    assert_int_equal(rx_template_otf_side(lens, 13, 0), 56);
-    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13, 0), 0, 0, &size, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_side(lens, 5, 0, 0), 40); /* 25 + 4 + 2 * 5 = 39 */
+    assert_int_equal(rx_template_otf_side(lens, 5.1, 0, 0), 44);
+    assert_int_equal(rx_template_otf_side(lens, 13, 0, 0), 56);
+    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13, 0, 0), 0, 0, &size, NULL), RX_OK);
     const int n = size->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     for (int point = 0; point < 2; point++) {
@@ -157,7 +157,7 @@ static void test_narrow_star(void **state)
             const double dx = -0.45 + 0.3 * (k % 3), dy = 0.4 - 0.35 * (k / 3);
             const rx_spergel dot = {0.01, 0.0, 0.0, 0.5, NULL};
             rx_template_domain *size = NULL;
-            assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0, 0), 0, 0, &size, NULL),
+            assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0, 0, 0), 0, 0, &size, NULL),
                              RX_OK);
             rx_template_domain_render(size, way == 1 ? &dot : NULL, dx, dy, NULL, 1);
             const int stride = rx_fft_stride_real(size->fft), middle = size->n / 2;
