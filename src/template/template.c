@@ -645,27 +645,21 @@ static void describe_crowd(const work *w, rx_crowd_source *sources)
     }
 }
 
-static rx_status find_crowd(work *w, rx_error *err)
+/* spare: what has been found is none where it shows extended sources. */
+static rx_status find_crowd(work *w, int spare, rx_error *err)
 {
     rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
+    rx_status status = RX_OK;
     if (sources == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *sources);
     describe_crowd(w, sources);
-    rx_crowding_clear(&w->crowd);
-    const rx_status status = rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
-                                              w->par->crowding, &w->crowd, err);
-    free(sources);
-    return status;
-}
-
-/* Where what a crowd shows are extended sources, it is none. */
-static rx_status spare_crowd(work *w, rx_error *err)
-{
-    rx_crowd_source *sources = RX_NEW(rx_crowd_source, w->n);
-    if (sources == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof *sources);
-    describe_crowd(w, sources);
-    const rx_status status = rx_crowding_spare(sources, w->n, &w->crowd, err);
+    if (spare) {
+        status = rx_crowding_spare(sources, w->n, &w->crowd, err);
+    } else {
+        rx_crowding_clear(&w->crowd);
+        status = rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
+                                  w->par->crowding, &w->crowd, err);
+    }
     free(sources);
     return status;
 }
@@ -693,17 +687,17 @@ static rx_status fit_everything(work *w, rx_error *err)
     for (int i = 0; i < rounds && w->crowd.n == 0; i++) {
         RX_TRY(refine(w, 0, frozen, 0, w->substructure, err));
         RX_TRY(fit_on_sky(w, err));
-        RX_TRY(find_crowd(w, err));
+        RX_TRY(find_crowd(w, 0, err));
     }
     if (rounds == 0)
-        RX_TRY(find_crowd(w, err));
+        RX_TRY(find_crowd(w, 0, err));
     else
         RX_TRY(follow_structure(w, err));
     w->passes = 1;
     if (movable(w))
         RX_TRY(refine(w, 0, 0, 0, w->substructure, err));
     if (w->crowd.n > 0 && w->par->crowding == RX_CROWDING_AUTO)
-        RX_TRY(spare_crowd(w, err));
+        RX_TRY(find_crowd(w, 1, err));
     if (w->crowd.n > 0 || movable(w))
         RX_TRY(fit_on_sky(w, err));
     if (w->input->more != NULL && w->par->passes > 1)

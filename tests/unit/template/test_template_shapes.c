@@ -63,7 +63,8 @@ static void test_rendering(void **state)
     assert_int_equal(rx_template_otf_side(lens, 5, 0, 0), 40); /* 25 + 4 + 2 * 5 = 39 */
     assert_int_equal(rx_template_otf_side(lens, 5.1, 0, 0), 44);
     assert_int_equal(rx_template_otf_side(lens, 13, 0, 0), 56);
-    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13, 0, 0), 0, 0, &size, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13, 0, 0), 0, 0, &size, NULL),
+                     RX_OK);
     const int n = size->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     for (int point = 0; point < 2; point++) {
@@ -157,8 +158,8 @@ static void test_narrow_star(void **state)
             const double dx = -0.45 + 0.3 * (k % 3), dy = 0.4 - 0.35 * (k / 3);
             const rx_spergel dot = {0.01, 0.0, 0.0, 0.5, NULL};
             rx_template_domain *size = NULL;
-            assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0, 0, 0), 0, 0, &size, NULL),
-                             RX_OK);
+            assert_int_equal(
+                rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0, 0, 0), 0, 0, &size, NULL), RX_OK);
             rx_template_domain_render(size, way == 1 ? &dot : NULL, dx, dy, NULL, 1);
             const int stride = rx_fft_stride_real(size->fft), middle = size->n / 2;
             for (int j = -12; j <= 12; j++)
@@ -176,9 +177,44 @@ static void test_narrow_star(void **state)
     rx_psf_free(psf);
 }
 
+/* A domain for a patch is smaller, and the same on the patch. */
+static void test_domain_of_patch(void **state)
+{
+    (void)state;
+    enum { HALF = 14 };
+    const rx_spergel shape = {2.5, 0.3, 0.2, 0.5, NULL};
+    rx_psf *psf = NULL;
+    rx_template_otf *lens = NULL;
+    rx_template_domain *size = NULL;
+    float patch[(2 * HALF + 1) * (2 * HALF + 1)];
+    double worst = 0.0;
+    assert_int_equal(rx_psf_moffat(4.0, 4.765, 1.0, 0.0, 41, &psf, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
+    const int sides[2] = {rx_template_otf_side(lens, 10, 0, 0), rx_template_otf_side(lens, 10, 0, HALF)};
+    assert_int_equal(sides[0], 72);                              /* 41 + 4 + 2 * 10 = 65 */
+    assert_int_equal(sides[1], 56);                              /* 14 + 10 + 4 + 21 = 49 */
+    assert_int_equal(rx_template_otf_side(lens, 10, 0, 40), 72); /* never larger */
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(rx_template_otf_at(lens, sides[k], 0, 0, &size, NULL), RX_OK);
+        rx_template_domain_render(size, &shape, 0.3, -0.4, NULL, 1);
+        const int stride = rx_fft_stride_real(size->fft), low = size->n / 2 - HALF;
+        for (int i = 0; i < (2 * HALF + 1) * (2 * HALF + 1); i++) {
+            const float value =
+                size->plane[0][(low + i / (2 * HALF + 1)) * stride + low + i % (2 * HALF + 1)];
+            worst = k == 1 ? fmax(worst, fabs((double)(value - patch[i]))) : 0.0;
+            patch[i] = value;
+        }
+    }
+    const double peak = (double)patch[HALF * (2 * HALF + 1) + HALF];
+    assert_near(worst / peak, 0.0, 1e-5);
+    rx_template_otf_free(lens);
+    rx_psf_free(psf);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_rendering), cmocka_unit_test(test_spergel),
-                                       cmocka_unit_test(test_narrow_star)};
+                                       cmocka_unit_test(test_narrow_star),
+                                       cmocka_unit_test(test_domain_of_patch)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
