@@ -426,6 +426,8 @@ static rx_status fit_on_sky(work *w, rx_error *err)
         RX_TRY(shift(w, err));
         RX_TRY(fit_groups(w, 0, err));
     }
+    if (w->blends.ntorn > 0) /* across cut links groups take turns: once more with what is known now */
+        RX_TRY(fit_groups(w, 0, err));
     if (w->par->sky_cell > 0) {
         RX_TRY(rx_residual_sky_subtract(&w->canvas, &between, &mean, err));
         w->sky += mean;

@@ -39,7 +39,7 @@ typedef struct rx_tphot_params {
     int point_fits, sersic_fits; /* fill those of rx_tphot_source; the latter with the former */
     double
         isolate; /* pixels: the model kept is without points of S/N above 20 that have none brighter within that radius, so that
-                       pixels - model shows these as if they were alone, and evidence, which such a model is not asked for, is not weighed; 0: of all */
+                       pixels - model shows these as if they were alone, and evidence, which is not asked for, is not weighed; 0: of all */
     size_t shown; /* pixels of the image that are worked on at a time, more where a group reaches farther:
                        32 bytes each; the result does not depend on it */
     int nthreads; /* < 1 counts as 1; the result does not depend on it */
