@@ -163,9 +163,6 @@ def make_inputs(folder):
     side = 200
     sky = struct.unpack(f">{side * side}f", content[start : start + 4 * side * side])
     tile = {"MAGZERO": 25, "GAIN": 5}
-    write("rounded.fits", image([30 * round(p / 30) for p in sky], side, side, **tile))
-    write("cut.fits", image([max(p, 998) for p in sky], side, side, **tile))
-    write("striped.fits", image([p + (10 if (i // side * 7) % 5 < 2 else -10) for i, p in enumerate(sky)], side, side, **tile))
     write("deep.fits", image([-3000 if i % 1777 == 0 else p for i, p in enumerate(sky)], side, side, **tile))
     write("deep_w.fits", image([0 if i % 1777 == 0 else 1 for i in range(side * side)], side, side))
     write("plateau.fits", image([min(p, 1400) for p in sky], side, side, **tile))

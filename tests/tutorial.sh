@@ -96,7 +96,7 @@ for page in "$top"/docs/*.md; do
 done
 expected=' adding-a-restorer'
 [ -z "$why" ] || expected=''
-[ "${pages-}" = "$expected from-sextractor train tutorial" ]
+[ "${pages-}" = "$expected compare from-sextractor train tutorial" ]
 result 'all pages with commands were found' $?
 made=$build
 

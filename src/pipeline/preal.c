@@ -32,6 +32,8 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
 typedef struct crowd_counts {
     double found[BINS], noise[BINS]; /* noise: peaks at a scale of 1 */
     double scale;                    /* ln of what is expected */
+    double
+        amount; /* of real ones, as those above 6 sigma have it: exp(ln real), with the weight of PRIOR sources */
 } crowd_counts;
 
 static void add_counts(const crowd_counts *c, const double law[3], double sums[10])
@@ -51,7 +53,10 @@ static void add_counts(const crowd_counts *c, const double law[3], double sums[1
                 sums[at++] += by[j] * by[k] / all;
         }
     }
-    sums[0] -= 0.5 * (off * off + steep * steep);
+    const double more = exp(law[1]) / c->amount;
+    sums[0] += PRIOR * (law[1] - more) - 0.5 * (off * off + steep * steep);
+    sums[2] += PRIOR * (1 - more);
+    sums[7] += PRIOR * more;
     sums[1] -= off / SCALE_SIGMA;
     sums[3] -= steep / LAW_WIDTH;
     sums[4] += 1 / (SCALE_SIGMA * SCALE_SIGMA);
@@ -74,8 +79,9 @@ rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwh
 {
     enum { STEPS = 100 };
     const double w = fmax(fwhm, 1.0) / 2.3548, step = (FAR - NEAR) / BINS;
-    rx_preal preal = rx_preal_default(NULL, 0, pixels, fwhm);
-    crowd_counts c = {.scale = log(fmax(1 - 12 * acos(-1.0) * w * w * n / fmax(pixels, 1.0), LEAST_SCALE))};
+    rx_preal preal = rx_preal_default(evidence, n, pixels, fwhm);
+    crowd_counts c = {.scale = log(fmax(1 - 12 * acos(-1.0) * w * w * n / fmax(pixels, 1.0), LEAST_SCALE)),
+                      .amount = preal.real * fmax(pixels, 1.0)};
     double all = PRIOR, law[3] = {c.scale, 0, LAW}, now[10], next[10], by[3], there[3];
     for (int i = 0; i < BINS; i++) {
         const double s = NEAR + (i + 0.5) * step;

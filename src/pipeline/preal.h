@@ -31,7 +31,7 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
  * and the scale of the peaks are the maximum of the Poisson likelihood of the counts from 3.4 to 7 sigma and their priors. Each source that is fitted
  * takes flux and position from the noise, three of its degrees of freedom, one of which is in each 4 pi w^2 pixels, so the scale
  * is 1 - 12 pi w^2 n / pixels, at least 0.1, within exp(0.2); power -2 +- 2, as
- * neighbours hide faint sources. */
+ * neighbours hide faint sources; and real has that of rx_preal_default() with the weight of one source (a gamma distribution). */
 rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwhm);
 
 /* NAN for NAN. */

@@ -7,7 +7,6 @@
 
 #include "base/memory.h"
 #include "base/min_max.h"
-#include "data/flags.h"
 #include "num/convolve.h"
 #include "num/maximum_filter.h"
 #include "num/stats.h"
@@ -18,7 +17,6 @@ static const double ANY_FWHM = 3.0;           /* pixels: where no PSF is known, 
 static const double QUARTILE = 0.6745;        /* median of |t| of a normal distribution */
 static const double LOW = 0.8, HIGH = 1.3;    /* true errors over those that are stated */
 static const double BIAS = 0.02;              /* of fluxes: what the flux check allows, too */
-static const double HIDDEN = 0.1;             /* share of the pixels: completeness is below 0.9 */
 static const double ERRORS = 2.0;             /* of b, and of fluxes by the PSF: 0.95 are within */
 static const double FAINT = 20.0;             /* S/N of stars */
 static const double POINT = 0.5;              /* probability of a star */
@@ -258,16 +256,6 @@ static double middle_of(const double *values, int n, double *room, int *known)
     return rx_median(room, (size_t)*known);
 }
 
-/* Share of the pixels that belong to saturated stars. */
-static double saturated_share(const work *w)
-{
-    const rx_sources *sources = w->of->sources;
-    double pixels = 0.0;
-    for (int i = 0; i < sources->n; i++)
-        pixels += (sources->list[i].flags & RX_FLAG_SATURATED) != 0 ? sources->list[i].npix : 0;
-    return pixels / w->dst->width / w->dst->height;
-}
-
 static bool is_wrong(double width)
 {
     return width > HIGH || width < LOW;
@@ -290,8 +278,7 @@ static void sum_up(const work *w, double *room)
     const double u = middle_of(w->width, n, room, &cells), t = middle_of(r->pull, n, room, &cells),
                  b = middle_of(w->bias, w->bias != NULL ? w->of->sources->n : 0, room, &stars),
                  error = stars >= LEAST_STARS ? 1.2533 * rx_sigma_mad(room, (size_t)stars, NULL) / sqrt(stars)
-                                              : HUGE_VAL,
-                 hidden = saturated_share(w);
+                                              : HUGE_VAL;
     r->share = cells > 0 ? (double)wrong / cells : NAN;
     const struct {
         rx_misfit cause;
@@ -301,8 +288,7 @@ static void sum_up(const work *w, double *room)
                {RX_MISFIT_NOISE, t < LOW, t},
                {RX_MISFIT_PSF, fabs(b) > BIAS + ERRORS * error, b},
                {RX_MISFIT_PSF, ERRORS * w->of->psf_error > BIAS, w->of->psf_error},
-               {RX_MISFIT_SKY, t > HIGH, t},
-               {RX_MISFIT_SATURATED, hidden > HIDDEN, hidden}};
+               {RX_MISFIT_SKY, t > HIGH, t}};
     for (size_t i = 0; i < sizeof all / sizeof *all && r->cause == RX_MISFIT_NONE; i++)
         if (all[i].wrong) {
             r->cause = all[i].cause;
@@ -415,9 +401,7 @@ static const char *const misfits[RX_MISFITS][3] = {
     [RX_MISFIT_SKY] = {"SKY",
                        "light that is no source's, and that the sky's mesh does not follow, makes fluxes at "
                        "empty places scatter by more than the noise, times",
-                       "are faint sources pieces of it?"},
-    [RX_MISFIT_SATURATED] = {"SATURATED", "saturated stars cover a share of",
-                             "what is behind them is not found"}};
+                       "are faint sources pieces of it?"}};
 
 const char *rx_misfit_name(rx_misfit cause)
 {

@@ -18,7 +18,7 @@
  *                   of points of S/N above 20: the median, with its error
  *
  * The tile is not explained, and its header says why, where one of them is beyond what results may be: LOW and HIGH, and BIAS, by two
- * errors of b; or where two errors of fluxes by the PSF (RXPSFERR) are above BIAS, or a tenth of the tile, and with it of its sources, is covered by stars that are saturated.
+ * errors of b; or where two errors of fluxes by the PSF (RXPSFERR) are above BIAS.
  *
  * Dark quarters of cells are those whose own pixels lie 0.3 sigma below the sky: lanes of dust, or a mesh that bright light has
  * lifted, where a network that knows no sky below its mesh cannot be right. */
@@ -50,7 +50,6 @@ typedef enum rx_misfit {
     RX_MISFIT_NOISE,
     RX_MISFIT_PSF,
     RX_MISFIT_SKY,
-    RX_MISFIT_SATURATED,
     RX_MISFITS
 } rx_misfit;
 
@@ -63,7 +62,7 @@ typedef struct rx_residual {
     double share;    /* of the cells that are known: not explained; NAN where none is */
     double dark;     /* share of quarters; NAN where none is known */
     rx_misfit cause; /* of what makes results of the tile wrong; NONE: they are right */
-    double by;       /* how much: a width, a share of fluxes, or of the pixels */
+    double by;       /* how much: a width, or a share of fluxes */
 } rx_residual;
 
 /* The same bytes for any nthreads. Errors: RX_SYSTEM. */

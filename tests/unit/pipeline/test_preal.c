@@ -85,6 +85,14 @@ static void a_crowd_says_how_its_counts_go_on(void **state)
             last = rx_preal_of(&preal, e);
         }
     }
+    /* bright stars alone, none near the limit: they are there, and a peak of the least S/N of what is added is most probably none */
+    double bright[16];
+    for (int i = 0; i < 16; i++)
+        bright[i] = 1e5 * (i + 1);
+    const rx_preal few = rx_preal_crowd(bright, 16, 96 * 96, FWHM);
+    assert_true(rx_preal_of(&few, 1e5) > 0.999);
+    assert_true(rx_preal_of(&few, 49) > 0.999);
+    assert_true(rx_preal_of(&few, 3.2 * 3.2) < 0.5);
     const rx_preal empty = rx_preal_crowd(NULL, 0, AREA, FWHM);
     assert_between(rx_preal_of(&empty, 25), 0, 1);
     const rx_preal nowhere = rx_preal_crowd(NULL, 0, 0, FWHM);

@@ -259,20 +259,6 @@ static void test_psf(void **state)
     }
 }
 
-/* Saturated stars that cover a tenth of the tile, and less. */
-static void test_saturated(void **state)
-{
-    (void)state;
-    for (int k = 0; k < 2; k++) {
-        const rx_image image = make();
-        sources.n = 1;
-        stars[0] = (rx_source){.flags = RX_FLAG_SATURATED, .npix = k == 0 ? N / 9 : N / 11};
-        rx_residual r = judge_sky(&image);
-        assert_int_equal(r.cause, k == 0 ? RX_MISFIT_SATURATED : RX_MISFIT_NONE);
-        rx_residual_free(&r);
-    }
-}
-
 /* A crowd leaves no sky: nothing is known without a model of it, and with one what that leaves. */
 static void test_crowd(void **state)
 {
@@ -368,7 +354,6 @@ int main(void)
         cmocka_unit_test(test_values),
         cmocka_unit_test(test_correlated_noise),
         cmocka_unit_test(test_psf),
-        cmocka_unit_test(test_saturated),
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_photons),
         cmocka_unit_test(test_dark),
