@@ -349,6 +349,20 @@ exit:
     return status;
 }
 
+/* One line of the runs that a model fails for the same reason, each with its number. */
+static void warn_of_misfit(const rx_run *runs, int n, rx_misfit cause, const rx_tile *tile, rx_log *log)
+{
+    char text[RX_MAX_RUNS * 64] = "";
+    size_t used = 0;
+    for (int i = 0; i < n; i++)
+        if (runs[i].misfit.cause == cause && used < sizeof text)
+            used += (size_t)snprintf(text + used, sizeof text - used, "%s%.2g (%s)", used > 0 ? ", " : "",
+                                     runs[i].misfit.by, runs[i].label);
+    if (used > 0)
+        rx_log_warning(log, "%s[%d]: %s %s (RXMISFIT %s); %s", tile->name, tile->hdu, rx_misfit_text(cause),
+                       text, rx_misfit_name(cause), rx_misfit_remedy(cause));
+}
+
 void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
 {
     char text[RX_MAX_RUNS * 128] = "";
@@ -364,11 +378,8 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
     }
     if (used > 0)
         rx_log_warning(log, "%s[%d]: the flux scale is off: %s", tile->name, tile->hdu, text);
-    for (int i = 0; i < n; i++)
-        if (runs[i].misfit.cause != RX_MISFIT_NONE)
-            rx_log_warning(log, "%s[%d]: %s: %s %.2g (RXMISFIT %s); %s", tile->name, tile->hdu, runs[i].label,
-                           rx_misfit_text(runs[i].misfit.cause), runs[i].misfit.by,
-                           rx_misfit_name(runs[i].misfit.cause), rx_misfit_remedy(runs[i].misfit.cause));
+    for (int cause = RX_MISFIT_NONE + 1; cause < RX_MISFITS; cause++)
+        warn_of_misfit(runs, n, (rx_misfit)cause, tile, log);
     for (int i = 0; i < n; i++)
         if (runs[i].is_dark)
             rx_log_warning(

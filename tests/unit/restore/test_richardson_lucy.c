@@ -43,7 +43,7 @@ static void table(void **state)
     (void)state;
     int n = 0;
     const rx_restorer *list = rx_restorers(&n);
-    assert_int_equal(n, 5);
+    assert_int_equal(n, 6);
     for (int i = 0; i < n; i++) {
         assert_ptr_equal(rx_restorer_find(list[i].name), &list[i]);
         assert_true(strlen(list[i].help) > 10);
