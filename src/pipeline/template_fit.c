@@ -127,8 +127,11 @@ static rx_status fit(work *w, const rx_sources *sources, rx_error *err)
     measure.input.extra = (const double(*)[2])at;
     measure.input.nextra = shapes->n - shapes->nlisted;
     RX_TRY_EXIT(run(&w->params->templates.par, &measure, &w->dst->tphot, err));
-    for (int i = shapes->nlisted; i < shapes->n; i++)
+    for (int i = shapes->nlisted; i < shapes->n; i++) {
         w->dst->tphot->list[i].added = shapes->list[i].added;
+        w->dst->tphot->list[i].star = shapes->list[i].star;
+        w->dst->tphot->list[i].two = shapes->list[i].two;
+    }
 exit:
     close_fitted(&detect);
     close_fitted(&measure);

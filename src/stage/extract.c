@@ -349,18 +349,21 @@ exit:
     return status;
 }
 
-/* One line of the runs that a model fails for the same reason, each with its number. */
+/* One line of the runs that a model fails for the same reason, with the number of the first. */
 static void warn_of_misfit(const rx_run *runs, int n, rx_misfit cause, const rx_tile *tile, rx_log *log)
 {
-    char text[RX_MAX_RUNS * 64] = "";
+    char names[RX_MAX_RUNS * 16] = "";
+    double by = 0;
     size_t used = 0;
     for (int i = 0; i < n; i++)
-        if (runs[i].misfit.cause == cause && used < sizeof text)
-            used += (size_t)snprintf(text + used, sizeof text - used, "%s%.2g (%s)", used > 0 ? ", " : "",
-                                     runs[i].misfit.by, runs[i].label);
+        if (runs[i].misfit.cause == cause && used < sizeof names) {
+            by = used == 0 ? runs[i].misfit.by : by;
+            used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", used > 0 ? ", " : "",
+                                     runs[i].kind->name);
+        }
     if (used > 0)
-        rx_log_warning(log, "%s[%d]: %s %s (RXMISFIT %s); %s", tile->name, tile->hdu, rx_misfit_text(cause),
-                       text, rx_misfit_name(cause), rx_misfit_remedy(cause));
+        rx_log_warning(log, "%s[%d]: %s %.2g (%s; RXMISFIT %s): %s", tile->name, tile->hdu,
+                       rx_misfit_text(cause), by, names, rx_misfit_name(cause), rx_misfit_remedy(cause));
 }
 
 void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)

@@ -58,6 +58,9 @@ static void every_restorer_of_the_table_is_a_word(void **state)
         assert_int_equal(rx_settings_set(&config->settings, "NET_MODEL", path, NULL, NULL), RX_OK);
         assert_int_equal(rx_settings_set(&config->settings, "RESTORE_TYPE", kinds[i].name, NULL, NULL),
                          RX_OK);
+        assert_int_equal(rx_settings_set(&config->settings, "RESTORED_NAME", path, NULL, NULL),
+                         RX_OK); /* FILE */
+        assert_int_equal(rx_settings_set(&config->settings, "RESTORED_PSF", "2", NULL, NULL), RX_OK);
         assert_int_equal(rx_options_from_config(config, NULL, &options, NULL), RX_OK);
         assert_int_equal(options->nrestorers, 1);
         assert_ptr_equal(options->restorers[0], &kinds[i]);

@@ -156,12 +156,12 @@ static void whose_work_and_flux_scale(void **state)
                                "RUN AUTO 61 0\nTOOK NONE \"no other\"\nEND\n"
                                "TILE b.fits b\nVERSION 1\nSTATUS 0 \"\"\nEXTENSION 0 9 9 10 20 3 0 1 0\n"
                                "RUN RL 95 0\nFLUX 50 10 1.05 0.005 0.95 0.001\nRUN NET 61 0\nOUTSIDE \"noise "
-                               "factor 3.2 is above 3\"\nGUARD 9.5 1.25 0.25\nEND\n";
+                               "factor 3.2 is above 3\"\nGUARD 9.5 1.25 0.75\nEND\n";
     static const char *const junit[] = {
         "name=\"a.fits\"><system-out>HDU 0: NET: done by RL, FWHM 1.5 is &lt;2</system-out></testcase>",
         "HDU 0: RL: the flux scale is off: 1.0500 +- 0.0050, FLUX_AUTO 0.950",
-        "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; HDU 0: NET: 25 % of the tile are "
-        "not explained by the restored image; HDU 0: NET: DETECT_THRESH was raised 1.25 times",
+        "HDU 0: NET: not made for this tile: noise factor 3.2 is above 3; HDU 0: NET: the model does not "
+        "explain 75 % of the tile; HDU 0: NET: DETECT_THRESH was raised 1.25 times",
         NULL};
     static const char *const json[] = {
         "\"fine\": 0,", "\"stand_out\": 2,",
