@@ -349,6 +349,15 @@ exit:
     return status;
 }
 
+/* It was done by a restorer that has a run of its own, whose line says the same. */
+static bool is_repeated(const rx_run *runs, int n, int i)
+{
+    bool repeated = false;
+    for (int j = 0; j < n && runs[i].by != NULL; j++)
+        repeated |= strcmp(runs[j].kind->name, runs[i].by) == 0;
+    return repeated;
+}
+
 /* One line of the runs that a model fails for the same reason, with the number of the first. */
 static void warn_of_misfit(const rx_run *runs, int n, rx_misfit cause, const rx_tile *tile, rx_log *log)
 {
@@ -356,7 +365,7 @@ static void warn_of_misfit(const rx_run *runs, int n, rx_misfit cause, const rx_
     double by = 0;
     size_t used = 0;
     for (int i = 0; i < n; i++)
-        if (runs[i].misfit.cause == cause && used < sizeof names) {
+        if (runs[i].misfit.cause == cause && !is_repeated(runs, n, i) && used < sizeof names) {
             by = used == 0 ? runs[i].misfit.by : by;
             used += (size_t)snprintf(names + used, sizeof names - used, "%s%s", used > 0 ? ", " : "",
                                      runs[i].kind->name);
@@ -372,7 +381,7 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
     size_t used = 0;
     for (int i = 0; i < n; i++) {
         const rx_fluxcheck *check = &runs[i].flux;
-        if (!rx_fluxcheck_is_off(check) || used >= sizeof text)
+        if (!rx_fluxcheck_is_off(check) || is_repeated(runs, n, i) || used >= sizeof text)
             continue;
         used += (size_t)snprintf(text + used, sizeof text - used,
                                  "%s%s: restored/untouched %.4f +- %.4f, FLUX_AUTO %.3f +- %.3f",
