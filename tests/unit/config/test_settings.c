@@ -408,7 +408,8 @@ static void keywords_set_in_vain_warn(void **state)
          "t: warning: CHECKIMAGE_NAME a.fits has no effect without CHECKIMAGE_TYPE\n"},
         {rx_keytable_rextract, "QA_NAME qa;QA_TYPE TILE;MATCH_RADIUS 3;SELF_CHECK Y", NULL},
         {rx_keytable_rextract, "DETECT_NOISE INPUT;RESTORE_TYPE NONE",
-         "t: warning: DETECT_NOISE INPUT has no effect without RESTORE_TYPE RL, RL_BLIND, NET, FILE or AUTO\n"},
+         "t: warning: DETECT_NOISE INPUT has no effect without RESTORE_TYPE RL, RL_BLIND, NET, FILE or "
+         "AUTO\n"},
         {rx_keytable_rextract, "FILTER_NAME a.conv;FILTER N",
          "t: warning: FILTER_NAME a.conv has no effect without FILTER Y\n"},
         {rx_keytable_rextract, "PHOT_APERTURES 3;ASSOC_NAME a.list;STARNNW_NAME a.nnw",
