@@ -15,4 +15,4 @@ script_tests += tests/promises.sh tests/soak.sh tests/cli/bench.sh tests/train.s
 dist_noinst_DATA += tests/cli/cases/config.sh tests/cli/cases/input.sh tests/cli/cases/output.sh tests/cli/cases/overwrite.sh tests/cli/cases/record.sh \
 	tests/cli/cases/selfcheck.sh tests/cli/cases/simulate.sh tests/cli/cases/system.sh tests/cli/cases/train.sh tests/cli/cases/usage.sh \
 	tests/cli/cases/validate.sh
-dist_noinst_DATA += tests/cli/cases/network.sh tests/cli/cases/template.sh tests/cli/cases/hostile.sh tests/cli/cases/psf.sh tests/cli/cases/list.sh
+dist_noinst_DATA += tests/cli/cases/network.sh tests/cli/cases/template.sh tests/cli/cases/hostile.sh tests/cli/cases/psf.sh tests/cli/cases/restored.sh tests/cli/cases/list.sh
