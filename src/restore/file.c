@@ -11,23 +11,6 @@
 #include "restore/runs.h"
 #include "restore/stamp.h"
 
-enum { PIECE = 1024 }; /* pixels of a row at a time */
-
-/* dst = the given pixels less `share` times the sky, 0 under the mask. */
-static void take_pixels(const rx_image *image, const uint8_t *mask, float share, float *dst)
-{
-    for (int y = 0; y < image->height; y++)
-        for (int x = 0; x < image->width; x += PIECE) {
-            float room[PIECE];
-            const int count = image->width - x < PIECE ? image->width - x : PIECE;
-            const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
-            const float *level = rx_map_row(&image->level, y, x, count, room);
-            for (int i = 0; i < count; i++)
-                dst[k + (size_t)i] =
-                    mask[k + (size_t)i] != 0 ? 0 : image->restored[k + (size_t)i] - share * level[i];
-        }
-}
-
 static double median_of(size_t n, const float *pixels, const uint8_t *mask, double *room)
 {
     size_t used = 0;
@@ -66,12 +49,17 @@ rx_status rx_file_run(const rx_restore_params *par, const rx_image *image, rx_lo
         RX_TRY_EXIT(rx_error_memory(err, n * sizeof *room));
     RX_TRY_EXIT(make_psf(par, image, log, &restored->psf, err));
     rx_prepared_mask(image, par->nthreads, restored->mask);
-    take_pixels(image, restored->mask, 1, restored->pixels);
+    rx_image given = *image; /* as if it held the sky, then as if it did not */
+    given.pixels = image->restored;
+    given.with_sky = 1;
+    rx_image_above_sky(&given, par->nthreads, restored->pixels);
     const double below = median_of(n, restored->pixels, restored->mask, room);
-    take_pixels(image, restored->mask, 0, restored->pixels);
+    given.with_sky = 0;
+    rx_image_above_sky(&given, par->nthreads, restored->pixels);
     const int with_sky = fabs(below) < fabs(median_of(n, restored->pixels, restored->mask, room));
+    given.with_sky = with_sky;
     if (with_sky)
-        take_pixels(image, restored->mask, 1, restored->pixels);
+        rx_image_above_sky(&given, par->nthreads, restored->pixels);
     if (image->restored_noise != NULL)
         restored->noise = rx_map_plane(image->restored_noise, image->width);
     snprintf(restored->settings, sizeof restored->settings, "PSF of FWHM %.2f pixels, sky %s, noise %s",

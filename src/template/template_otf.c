@@ -151,7 +151,7 @@ int rx_template_otf_side(const rx_template_otf *lens, double reach, double level
     const int part = level > 0 ? part_above(lens, level) : whole, far = (int)ceil(fmin(reach, 200.0));
     int need = part + MARGIN + 2 * far;
     if (half >
-        0) /* light that is as far away as it reaches may come back at the other end, where nobody looks */
+        0) /* light that is as far away as it reaches may come back at the other end, beyond the pixels that are read */
         need = rx_min_int(need, rx_max_int(half + far + MARGIN + rx_min_int(half + far, part / 2 + 1),
                                            2 * (half + MARGIN)));
     for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)

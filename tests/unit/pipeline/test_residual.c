@@ -52,7 +52,7 @@ static void add(float *plane, int x0, int y0, int side, float value)
             plane[y * W + x] += value;
 }
 
-static rx_residual judge(const rx_residual_input *input)
+static rx_residual measure(const rx_residual_input *input)
 {
     rx_residual one, many;
     rx_residual_input of = *input;
@@ -67,9 +67,9 @@ static rx_residual judge(const rx_residual_input *input)
 }
 
 /* Between the sources. */
-static rx_residual judge_sky(const rx_image *image)
+static rx_residual measure_sky(const rx_image *image)
 {
-    return judge(&(rx_residual_input){.image = image, .sources = &sources, .fwhm = FWHM});
+    return measure(&(rx_residual_input){.image = image, .sources = &sources, .fwhm = FWHM});
 }
 
 static double mean_pull(const rx_residual *r)
@@ -84,7 +84,7 @@ static void test_noise(void **state)
 {
     (void)state;
     const rx_image image = make();
-    rx_residual r = judge_sky(&image);
+    rx_residual r = measure_sky(&image);
     assert_int_equal(r.nx, NX);
     assert_int_equal(r.ny, NY);
     assert_near(mean_pull(&r), 1, 0.04);
@@ -97,12 +97,12 @@ static void test_noise(void **state)
     for (int y = 22; y < 30; y++)
         for (int x = 22; x < 30; x++)
             segments[y * W + x] = 1;
-    r = judge_sky(&image);
+    r = measure_sky(&image);
     assert_near(r.share, 0, 0);
     rx_residual_free(&r);
     /* masked pixels say nothing */
     memset(mask, RX_MASK_BAD, sizeof mask);
-    r = judge_sky(&image);
+    r = measure_sky(&image);
     assert_true(isnan(r.share));
     assert_true(isnan(r.dark));
     assert_false(rx_residual_is_large(r.share));
@@ -120,7 +120,7 @@ static void test_rows(void **state)
         const rx_image image = make();
         for (int i = 0; i < N; i++)
             pixels[i] += (float)(1.2 * rx_random_normal(9, 1, (uint64_t)(columns ? i % W : i / W)));
-        rx_residual r = judge_sky(&image);
+        rx_residual r = measure_sky(&image);
         assert_near(mean_pull(&r), 1, 0.05);
         assert_int_equal(r.cause, RX_MISFIT_NONE);
         rx_residual_free(&r);
@@ -142,7 +142,7 @@ static void test_structure(void **state)
     for (int y = 0; y < 66; y++)
         for (int x = 0; x < 135; x++)
             pixels[y * W + x] += wave(x, y);
-    rx_residual r = judge_sky(&image);
+    rx_residual r = measure_sky(&image);
     assert_near(r.share, 2.0 / 12.0, 1e-12);
     assert_int_equal(r.cause, RX_MISFIT_NONE);
     /* the filter leaves exp(-k^2 s^2 / 2) of a wave */
@@ -158,7 +158,7 @@ static void test_structure(void **state)
     for (int y = 0; y < H; y++)
         for (int x = 0; x < W; x++)
             pixels[y * W + x] += x < 135 && y < 66 ? 0.0f : wave(x, y);
-    r = judge_sky(&image);
+    r = measure_sky(&image);
     assert_true(rx_residual_is_large(r.share));
     assert_int_equal(r.cause, RX_MISFIT_SKY);
     rx_residual_free(&r);
@@ -175,7 +175,7 @@ static void test_values(void **state)
                         : kind == CUT   ? fmaxf(pixels[i], 10.0f)
                         : kind == LOUD  ? 10.0f + 1.5f * (pixels[i] - 10.0f)
                                         : 10.0f + 0.7f * (pixels[i] - 10.0f);
-        rx_residual r = judge_sky(&image);
+        rx_residual r = measure_sky(&image);
         assert_near(r.share, 1, 0);
         assert_int_equal(r.cause, RX_MISFIT_NOISE);
         rx_residual_free(&r);
@@ -196,12 +196,12 @@ static void test_correlated_noise(void **state)
             pixels[y * W + x] = 10.0f + (float)(2.0 * sum / 6.0); /* the root of the sum of squares */
         }
     const rx_noise_correlation known = rx_noise_of_kernel(kernel, 3, 3);
-    for (int told = 0; told < 2; told++) {
-        image.correlation = told ? &known : NULL;
-        rx_residual r = judge_sky(&image);
-        assert_near(mean_pull(&r), told ? 1.0 : rx_noise_factor(&known, kernel, 3, 3) + 0.25,
-                    told ? 0.06 : 0.25);
-        assert_int_equal(r.share > 0.5, !told);
+    for (int given = 0; given < 2; given++) {
+        image.correlation = given ? &known : NULL;
+        rx_residual r = measure_sky(&image);
+        assert_near(mean_pull(&r), given ? 1.0 : rx_noise_factor(&known, kernel, 3, 3) + 0.25,
+                    given ? 0.06 : 0.25);
+        assert_int_equal(r.share > 0.5, !given);
         rx_residual_free(&r);
     }
 }
@@ -231,14 +231,14 @@ static double add_stars(double wider)
     return bias;
 }
 
-static rx_residual judge_stars(const rx_image *image, double psf_error)
+static rx_residual measure_stars(const rx_image *image, double psf_error)
 {
-    return judge(&(rx_residual_input){.image = image,
-                                      .residual = residual,
-                                      .light = light,
-                                      .sources = &sources,
-                                      .psf_error = psf_error,
-                                      .fwhm = FWHM});
+    return measure(&(rx_residual_input){.image = image,
+                                        .residual = residual,
+                                        .light = light,
+                                        .sources = &sources,
+                                        .psf_error = psf_error,
+                                        .fwhm = FWHM});
 }
 
 static void test_psf(void **state)
@@ -248,12 +248,12 @@ static void test_psf(void **state)
     for (int k = 0; k < 5; k++) {
         const rx_image image = make();
         const double bias = add_stars(wider[k]);
-        rx_residual r = judge_stars(&image, 0);
+        rx_residual r = measure_stars(&image, 0);
         assert_int_equal(r.cause, fabs(bias) > 0.04 ? RX_MISFIT_PSF : RX_MISFIT_NONE);
         if (r.cause == RX_MISFIT_PSF)
             assert_near(r.by / bias, 1, 0.25);
         rx_residual_free(&r);
-        r = judge_stars(&image, 0.03);
+        r = measure_stars(&image, 0.03);
         assert_int_equal(r.cause, RX_MISFIT_PSF);
         rx_residual_free(&r);
     }
@@ -270,17 +270,17 @@ static void test_crowd(void **state)
         pixels[i] += light[i];
         residual[i] = pixels[i] - 10.0f - light[i];
     }
-    rx_residual r = judge_sky(&image);
+    rx_residual r = measure_sky(&image);
     assert_true(isnan(r.share));
     rx_residual_free(&r);
     const rx_residual_input fitted = {
         .image = &image, .residual = residual, .light = light, .sources = &sources, .fwhm = FWHM};
-    r = judge(&fitted);
+    r = measure(&fitted);
     assert_near(r.share, 0, 0);
     rx_residual_free(&r);
     for (int i = 0; i < N; i++)
         residual[i] += 0.3f * (light[i] - 10.0f);
-    r = judge(&fitted);
+    r = measure(&fitted);
     assert_near(r.share, 1, 0);
     assert_int_equal(r.cause, RX_MISFIT_SKY);
     rx_residual_free(&r);
@@ -295,11 +295,11 @@ static void test_photons(void **state)
         light[i] = 18.0f;
         pixels[i] += 18.0f + 20.0f * (float)rx_random_normal(4, 1, (uint64_t)i);
     }
-    for (int told = 0; told < 2; told++) {
-        image.gain = told ? 0.045 : 0.0;
+    for (int given = 0; given < 2; given++) {
+        image.gain = given ? 0.045 : 0.0;
         rx_residual r =
-            judge(&(rx_residual_input){.image = &image, .light = light, .sources = &sources, .fwhm = FWHM});
-        assert_near(r.share, told ? 0 : 1, 0);
+            measure(&(rx_residual_input){.image = &image, .light = light, .sources = &sources, .fwhm = FWHM});
+        assert_near(r.share, given ? 0 : 1, 0);
         rx_residual_free(&r);
     }
 }
@@ -309,7 +309,7 @@ static void test_dark(void **state)
     (void)state;
     const rx_image image = make();
     add(pixels, 0, 0, 66, -0.8f); /* 0.4 sigma below the sky, in a cell of 67 x 66 pixels */
-    rx_residual r = judge_sky(&image);
+    rx_residual r = measure_sky(&image);
     assert_near(r.dark, 4.0 / 48.0, 1e-12);
     assert_true(rx_residual_is_dark(r.dark));
     assert_int_equal(rx_residual_dark_at(&r, 3, 60), 1);
@@ -335,11 +335,11 @@ static void test_of_any_unit(void **state)
             pixels[i] = pixels[i] * unit + light[i];
         }
         const rx_residual_input input = {.image = &image, .light = light, .sources = &sources, .fwhm = FWHM};
-        rx_residual r = judge(&input);
+        rx_residual r = measure(&input);
         assert_near(r.share, 0, 0);
         rx_residual_free(&r);
         add(pixels, 70, 70, 60, 2.0f * unit);
-        r = judge(&input);
+        r = measure(&input);
         assert_int_equal(rx_residual_at(&r, 90, 90), 1);
         rx_residual_free(&r);
     }
