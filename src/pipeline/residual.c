@@ -396,7 +396,7 @@ static const char *const misfits[RX_MISFITS][3] = {
     [RX_MISFIT_NONE] = {"NONE", "", ""},
     [RX_MISFIT_NOISE] = {"NOISE", "pixels scatter by other than its noise, times",
                          "are values rounded or cut off, is a map wrong?"},
-    [RX_MISFIT_PSF] = {"PSF", "its PSF may put fluxes off by a share of", "RXPSFERR is its error"},
+    [RX_MISFIT_PSF] = {"PSF", "its PSF may put fluxes off by a share of", "RXPSFERR holds it"},
     [RX_MISFIT_SKY] = {"SKY",
                        "light that is no source's, and that the sky's mesh does not follow, makes fluxes at "
                        "empty places scatter by more than the noise, times",

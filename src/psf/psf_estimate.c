@@ -718,13 +718,11 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
     const double level = *limit * (search->par->unit > 0.0 ? search->par->unit : 1.0);
     rx_log_warning(
         log,
-        "PSF_TYPE AUTO: %d sources whose peaks reach %.4g ADU are flattened, as by soft saturation or on a "
-        "photographic plate, "
-        "and their fluxes are too low: "
-        "the PSF %s; give SATUR_LEVEL %.4g and, where the header has SATUR_KEY, a SATUR_KEY that it "
-        "lacks to have them flagged",
+        "PSF_TYPE AUTO: %d sources with peaks above %.4g ADU are flattened (soft saturation, a photographic "
+        "plate) and their fluxes too low: "
+        "the PSF %s; give SATUR_LEVEL %.4g, and a SATUR_KEY that the header lacks, to have them flagged",
         flattened, level,
-        without ? "is made without them, and does not fit them"
+        without ? "leaves them out"
                 : "may be too wide: without them there are too few stars for it",
         level);
     return RX_OK;
