@@ -29,7 +29,7 @@ enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
     X(RX_TUNING_FILTER, "filter", "pixel", "FWHM of the Gaussian")                                           \
     X(RX_TUNING_THRESHOLD, "threshold", "", "in sigmas of the noise: what is below is sky; negative: none")  \
     X(RX_TUNING_PSNR, "psnr", "dB", "on one scene")                                                          \
-    X(RX_TUNING_SSIM, "ssim", "", "on one scene")
+    X(RX_TUNING_SSIM, "ssim", "", "on one scene; of RL only")
 
 enum { RX_RESTORATION_SCENE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCENE_WIDTH };
 enum { RX_RESTORATION_SCORE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCORE_WIDTH };
