@@ -34,20 +34,6 @@ static bool has_found(const rx_qa_numbers *q, int run, long reference)
     return q->evaluation[run].truth_role[reference] == RX_ROLE_MATCHED;
 }
 
-static void compare_runs(rx_qa_numbers *q)
-{
-    for (int i = 0; i < q->input->nruns; i++)
-        for (int j = i + 1; j < q->input->nruns; j++) {
-            rx_qa_comparison *c = &q->comparison[q->ncomparisons++];
-            *c = (rx_qa_comparison){.first = i, .second = j};
-            for (long k = 0; k < q->input->truth.n; k++) {
-                c->only_first += has_found(q, i, k) && !has_found(q, j, k);
-                c->only_second += has_found(q, j, k) && !has_found(q, i, k);
-            }
-            c->p = rx_mcnemar(c->only_first, c->only_second);
-        }
-}
-
 /* A deeper list is not judged by sources that the others do not hold. */
 static void compare_errors(rx_qa_numbers *q)
 {
@@ -146,14 +132,12 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     dst->binned = rx_arena_take(&dst->memory, runs * (size_t)dst->bins.n, sizeof *dst->binned);
     dst->common = RX_TAKE(&dst->memory, double, runs);
     dst->result = RX_TAKE(&dst->memory, rx_gate_result, (size_t)gates * (runs + 1));
-    dst->comparison = RX_TAKE(&dst->memory, rx_qa_comparison, runs * runs);
-    if (!dst->evaluation || !dst->whole || !dst->binned || !dst->common || !dst->result || !dst->comparison)
+    if (!dst->evaluation || !dst->whole || !dst->binned || !dst->common || !dst->result)
         return rx_error_memory(err, 0);
     for (int run = 0; run < input->nruns && status == RX_OK; run++)
         status = measure_run(dst, run, err);
     if (status != RX_OK)
         return status;
-    compare_runs(dst);
     compare_errors(dst);
     if (input->psf.psf != NULL && input->psf.psf->judged != NULL)
         dst->npsf_bins = psf_bins(&input->psf, dst->psf_bin);

@@ -102,11 +102,6 @@ RX_COLUMNS(GATES, RX_COUNT("line", "of the gates file"), RX_TEXT("gate", ""), RX
            RX_NUMBER("limit_high", -4, "", ""), RX_NUMBER("level", -4, "", "of the interval"),
            RX_ESTIMATE("measured", -4, "", ""), RX_MARKED("verdict", ""));
 
-RX_COLUMNS(COMPARISONS, RX_TEXT("first", ""), RX_TEXT("second", ""),
-           RX_COUNT("found_by_first_only", "references", "found by the first only"),
-           RX_COUNT("found_by_second_only", "references", "found by the second only"),
-           RX_P("mcnemar_p", "two-sided, McNemar's exact test", "p"));
-
 RX_COLUMNS(PSF, RX_TEXT("how", "how it came about", "RXPSFHOW"),
            RX_MEASURED("fwhm", 3, "pix", "at the centre", "FWHM"),
            RX_NUMBER("stars", 0, "", "that it was fitted to"),
@@ -175,7 +170,7 @@ RX_COLUMNS(BRIEF_GATES, RX_COUNT("line", "", "gate line"), RX_TEXT("gate", ""), 
 typedef struct page {
     const rx_qa_numbers *q;
     rx_report *report;
-    rx_report_table *runs, *models, *bins, *flags, *gates, *comparisons;
+    rx_report_table *runs, *models, *bins, *flags, *gates;
     rx_report_table *psf, *psf_bins; /* NULL: there is no PSF, no star that judges it */
     char (*stem)[STEM];              /* [nruns] of the names of each run's files; NULL without memory */
     rx_report_column run_column[NRUNS + RX_METRIC_COUNT], bin_column[NBINS + RX_METRIC_COUNT];
@@ -397,17 +392,6 @@ static void add_gates(page *p)
     }
 }
 
-static void add_comparisons(page *p)
-{
-    const rx_qa_numbers *q = p->q;
-    p->comparisons = RX_REPORT_TABLE(p->report, "comparisons", COMPARISONS, RX_REPORT_IN_JSON);
-    for (int i = 0; i < q->ncomparisons; i++) {
-        const rx_qa_comparison *c = &q->comparison[i];
-        rx_report_put(p->comparisons, q->input->runs[c->first].name, q->input->runs[c->second].name,
-                      c->only_first, c->only_second, rx_cell_p(c->p, log(c->p)));
-    }
-}
-
 /* The PSF of the tile, what stars say of it by magnitude, and the stars. */
 static void add_psf(page *p)
 {
@@ -483,7 +467,6 @@ static void add_tables(page *p)
     add_facts(p->report, p->q);
     add_runs(p);
     add_gates(p);
-    add_comparisons(p);
     if (p->q->input->psf.psf != NULL)
         add_psf(p);
 }
@@ -644,11 +627,6 @@ static const struct section {
      "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the measure. Off: "
      "the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO so much above it; "
      "FLUX_AUTO below it is the light that it leaves out."},
-    {{"duel", "Restorers on the same references", offsetof(page, comparisons), 0, NULL, NULL},
-     {NULL},
-     "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both found "
-     "sources equally well. With several pairs multiply p by their number. A run that detects more finds "
-     "more: read it together with precision."},
     {{"models", "What the model promises here", offsetof(page, models), 1, NULL, NULL},
      {NULL},
      "Promised: what the model did on its test images of this seeing and noise. Here: as in the summary; "

@@ -79,51 +79,6 @@ static void gamma_inverses_as_scipy(void **state)
     assert_true(isnan(rx_gamma_q_inverse(-1, 0.5)));
 }
 
-/* ln p = ln I_x(v/2, 1/2), x = v/(v+t^2), as a power series in mpmath at 60 digits. */
-static void student_p_in_many_digits(void **state)
-{
-    static const double expected[][3] = {
-        {1e-8, 3, -7.3510519659762098e-9}, {0.5, 1, -0.34979471750208644},
-        {1.7, 78, -2.373914625850177},     {2.5, 1.3, -1.6436113950995584},
-        {12, 30.5, -28.452235601005626},   {1.96, 10000, -2.9952619795229062},
-        {-4, 7, -5.2610382776476045},      {110.96, 138, -313.33974363902833},
-        {60, 250, -344.75016622032378},    {1e5, 138, -1251.4944406090157},
-        {1e160, 2, -736.82722975809462},   {1e200, 500, -228708.19087020054},
-    };
-    (void)state;
-    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
-        double ln_p, p = rx_student_p(expected[i][0], expected[i][1], &ln_p);
-        assert_close(ln_p, expected[i][2], 1e-13);
-        assert_near(p, exp(ln_p), 0);
-    }
-    double million;
-    rx_student_p(2.5, 1e6, &million);
-    assert_near(million, -4.388488306206958, 1e-10);
-}
-
-static void student_p_at_the_ends(void **state)
-{
-    double ln_p;
-    (void)state;
-    assert_near(rx_student_p(0, 5, &ln_p), 1, 0);
-    assert_near(ln_p, 0, 0);
-    assert_near(rx_student_p(-INFINITY, 5, &ln_p), 0, 0);
-    assert_true(ln_p == -INFINITY);
-    assert_true(isnan(rx_student_p(NAN, 5, &ln_p)));
-    assert_true(isnan(ln_p));
-    assert_true(isnan(rx_student_p(1, 0, NULL)));
-    for (double dof = 1; dof < 2000; dof *= 3) {
-        double before = 1;
-        for (double t = 0.01; t < 1e4; t *= 1.07) { /* no step where the method changes */
-            double p = rx_student_p(t, dof, NULL);
-            assert_true(p < before || p == 0);
-            before = p;
-        }
-        for (double p = 0.9; p > 1e-12; p *= 0.1)
-            assert_close(rx_student_p(rx_student_quantile(p, dof), dof, NULL), p, 1e-12);
-    }
-}
-
 /* By scipy.special.betaincinv: scipy.stats.t.isf is off by 2e-11. */
 static void student_quantile_as_scipy(void **state)
 {
@@ -134,7 +89,6 @@ static void student_quantile_as_scipy(void **state)
     (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
         assert_close(rx_student_quantile(expected[i][0], expected[i][1]), expected[i][2], 1e-11);
-    assert_near(rx_student_quantile(1, 3), 0, 1e-15);
     assert_true(rx_student_quantile(0, 3) == INFINITY);
     assert_true(isnan(rx_student_quantile(0.5, 0)));
 }
@@ -171,8 +125,6 @@ int main(void)
                                        cmocka_unit_test(beta_inverse_as_scipy),
                                        cmocka_unit_test(gamma_as_scipy),
                                        cmocka_unit_test(gamma_inverses_as_scipy),
-                                       cmocka_unit_test(student_p_in_many_digits),
-                                       cmocka_unit_test(student_p_at_the_ends),
                                        cmocka_unit_test(student_quantile_as_scipy),
                                        cmocka_unit_test(lambert_by_its_definition),
                                        cmocka_unit_test(polynomials_are_integrated_exactly)};
