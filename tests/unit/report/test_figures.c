@@ -87,7 +87,6 @@ static void figures_are_drawn(void **state)
 {
     static rx_figures first, second;
     char folder[512];
-    (void)state;
     if (!works("gnuplot --version >/dev/null 2>&1")) {
         print_message("gnuplot is absent: figures not drawn\n");
         skip();
@@ -131,7 +130,6 @@ static void figures_that_cannot_be(void **state)
     static rx_figures f;
     char folder[512];
     rx_error err = RX_ERROR_NONE;
-    (void)state;
     new_folder(folder);
     add_all(&f);
     assert_int_equal(draw(&f, "no-such-gnuplot", folder, "the report", &err), RX_OK);

@@ -378,7 +378,6 @@ static void brief_of_two(double shift, rx_text *brief)
 
 static void errors_are_compared_on_common_sources(void **state)
 {
-    (void)state;
     const char *const names[] = {"SHORT", "DEEP"};
     const double own[] = {10.0, 52.5}, common[] = {10.0, 5.0};
     rx_text brief = {0};

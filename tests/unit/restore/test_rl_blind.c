@@ -53,7 +53,6 @@ static double seen(double fwhm)
 
 static void finds_the_psf(void **state)
 {
-    (void)state;
     static const double start[] = {2.6, TRUE_FWHM, 4.4};
     sky s;
     field(&s);
@@ -80,7 +79,6 @@ static void finds_the_psf(void **state)
 /* Positions do not drift with the PSF that is found. */
 static void keeps_positions(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, W, H);
     for (int i = 0; i < 42; i++)
@@ -111,7 +109,6 @@ static void keeps_positions(void **state)
 /* Without stars there is nothing to learn from: the PSF that was given is used. */
 static void lets_well_alone(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, W, H);
     sky_star(&s, 100, 100, 15, 1e5);
@@ -133,7 +130,6 @@ static void lets_well_alone(void **state)
 /* The sources that hold the PSF: stars, no galaxies, cosmic rays or masked ones. */
 static void chooses_stars(void **state)
 {
-    (void)state;
     sky s;
     field(&s);
     s.tile.mask[22 * W + 20] = RX_MASK_BAD; /* the first star */
@@ -175,7 +171,6 @@ static void chooses_stars(void **state)
 /* What a large tile asks for row by row is what a small one keeps. */
 static void makes_again_what_it_does_not_keep(void **state)
 {
-    (void)state;
     sky s;
     field(&s);
     for (int k = 0; k < W * H; k++)
