@@ -88,13 +88,6 @@ def restoration():
                 tried.setdefault(row["number"], []).append((float(row["ssim" if run == "RL_SSIM" else "psnr"]), row["niter"]))
         best = max(tried.values(), key=lambda some: sum(value for value, _ in some))
         assert cell["setting"].startswith(f"RL_NITER {best[0][1]},"), (cell, best)
-    for box in lines("boxes"):
-        v = values("scene", box["scene"], box["condition"], box["run"], box["quantity"])
-        q1, median, q3 = np.percentile(v, (25, 50, 75))
-        inside = v[(v >= q1 - 1.5 * (q3 - q1)) & (v <= q3 + 1.5 * (q3 - q1))]
-        for key, value in {"q1": q1, "median": median, "q3": q3, "low": min(inside.min(), q1), "high": max(inside.max(), q3),
-                           "outliers": len(v) - len(inside)}.items():
-            same(key, box[key], value)
 
 
 def photometry():

@@ -30,7 +30,7 @@ static const double FILL_LOW = 0.07, FILL_HIGH = 0.15, PLACE = 0.08;
 static const double OTHERS = 0.5;
 
 /* What random numbers are for. */
-enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
+enum { DRAW_SCENE = 1, DRAW_QUANTITIES, DRAW_NOISE };
 
 /* How a run is tuned; none: its restorer as it is. Those of SMOOTHED are filters of the blurred image, of RL iterations and
  * filters, of the flat ones thresholds, too, below which all is sky. RL_SSIM has the candidates of RL. */

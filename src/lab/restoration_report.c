@@ -11,7 +11,6 @@
 
 enum { TEST = 1 }; /* of the scenes of a bin; 0: those that methods are tuned on */
 enum { PSNR, SSIM, SSIM_WANG, SSIM_OBJECT, QUALITIES };
-static const double LEVEL = 0.95;
 static const char *const AXES[] = {"FWHM (pixels)", "noise sigma (peak 255)"}, *const UPPER[] = {
                                                                                    "PSNR", "SSIM",
                                                                                    "SSIM of Wang et al.",
@@ -85,11 +84,11 @@ static rx_status measure_bin(results *r, int c, rx_error *err)
             n += isfinite(r->work[n]) != 0;
         }
         rx_five_numbers *box = &r->box[q][c * lab->nruns + run];
-        *box = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, 0, 0, NAN};
+        *box = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, NAN, 0};
         if (n > 0)
             RX_TRY(rx_five_numbers_of(n, r->work, box, err));
         *rx_lab_group_at(&r->group, q, c, run) =
-            (rx_finding){rx_mean_estimate(n, r->work, LEVEL), lab->tuned[b * lab->nruns + run].setting};
+            (rx_finding){rx_mean_estimate(n, r->work, RX_LEVEL), lab->tuned[b * lab->nruns + run].setting};
     }
     return RX_OK;
 }
@@ -203,15 +202,9 @@ RX_COLUMNS(BINS, RX_TEXT("scene", "binned quantity"), RX_TEXT("condition", "midd
            RX_COUNT("inside_training", "1: seeing and median noise level are inside the training"),
            RX_COUNT("fainter_than_fields", "1: that level is above those of all whole fields of it"));
 
-RX_COLUMNS(BOXES, RX_TEXT("scene", ""), RX_TEXT("condition", ""), RX_TEXT("run", ""), RX_TEXT("quantity", ""),
-           RX_NUMBER("low", 3, "", "last value within 1.5 box lengths"), RX_NUMBER("q1", 3, "", "quartile"),
-           RX_NUMBER("median", 3, "", ""), RX_NUMBER("q3", 3, "", "quartile"), RX_NUMBER("high", 3, "", ""),
-           RX_COUNT("outliers", ""));
-
 static void add_bins(rx_report *report, const results by[2])
 {
-    rx_report_table *bins = RX_REPORT_TABLE(report, "bins", BINS, RX_REPORT_EVERYWHERE),
-                    *boxes = RX_REPORT_TABLE(report, "boxes", BOXES, RX_REPORT_IN_FILE);
+    rx_report_table *bins = RX_REPORT_TABLE(report, "bins", BINS, RX_REPORT_EVERYWHERE);
     for (const results *r = by; r < by + 2; r++)
         for (int c = 0; c < r->group.nconditions; c++) {
             const rx_lab_group *g = &r->group;
@@ -220,12 +213,6 @@ static void add_bins(rx_report *report, const results by[2])
             rx_report_put(bins, g->name, g->condition[c], drawn->low, drawn->high, drawn->other_low,
                           drawn->other_high, scenes_of(r->lab, r->first + c)->n, own->level.low,
                           own->level.median, own->level.high, own->inside, own->fainter);
-            for (int i = 0; i < QUALITIES * g->ncolumns; i++) {
-                const int q = i / g->ncolumns, k = i % g->ncolumns;
-                const rx_five_numbers *box = &r->box[q][c * g->ncolumns + k];
-                rx_report_put(boxes, g->name, g->condition[c], g->column[k], QUALITY[q].name, box->low,
-                              box->q1, box->median, box->q3, box->high, box->outliers);
-            }
         }
     rx_report_section(report, "bins", "Bins, and where the network's training lies");
     rx_report_show(report, bins,

@@ -9,22 +9,20 @@
 #include "base/interrupt.h"
 #include "quality/tally.h"
 
-static const double LEVEL = 0.95;
-
 static rx_status measure_run(rx_qa_numbers *q, int run, rx_error *err)
 {
     const rx_resampling by = q->par->by;
     rx_evaluation *e = &q->evaluation[run];
     rx_status status = rx_interrupt_check(err);
     if (status == RX_OK)
-        status = rx_evaluate(q->par, q->input, run, &q->bins, q->level, e, err);
+        status = rx_evaluate(q->par, q->input, run, &q->bins, RX_LEVEL, e, err);
     if (status == RX_OK && q->input->runs[run].tally != NULL)
         status = rx_tally_evaluation(q->input->runs[run].tally, e, err);
     if (status == RX_OK)
-        status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, q->level, by, RX_METRIC_COUNT,
+        status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, RX_LEVEL, by, RX_METRIC_COUNT,
                                     q->whole[run], err);
     for (int b = 0; b < q->bins.n && status == RX_OK; b++)
-        status = rx_metrics_measure(e, (rx_mag_range){0, q->bins.edge[b], q->bins.edge[b + 1]}, q->level, by,
+        status = rx_metrics_measure(e, (rx_mag_range){0, q->bins.edge[b], q->bins.edge[b + 1]}, RX_LEVEL, by,
                                     RX_METRIC_COUNT, q->binned[run * q->bins.n + b], err);
     return status;
 }
@@ -124,7 +122,7 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
 {
     const size_t runs = (size_t)input->nruns;
     const long gates = par->gates != NULL ? par->gates->n : 0;
-    *dst = (rx_qa_numbers){.par = par, .input = input, .level = LEVEL};
+    *dst = (rx_qa_numbers){.par = par, .input = input};
     rx_status status = RX_OK;
     RX_TRY(rx_evaluate_bins(par, input, &dst->bins, err));
     dst->evaluation = RX_TAKE(&dst->memory, rx_evaluation, runs);

@@ -27,7 +27,6 @@ typedef struct rx_qa_psf_bin {
 typedef struct rx_qa_numbers {
     const rx_qa_params *par;
     const rx_qa_input *input;
-    double level; /* of all intervals but those of gates */
     rx_bins bins;
     rx_evaluation *evaluation;              /* [nruns] */
     rx_estimate (*whole)[RX_METRIC_COUNT];  /* [nruns] */

@@ -146,10 +146,8 @@ rx_status rx_five_numbers_of(long n, const double *values, rx_five_numbers *dst,
     dst->low = dst->q1; /* a quartile between two values may have none within its reach */
     dst->high = dst->q3;
     for (long i = 0; i < n; i++) {
-        if (sorted[i] < dst->q1 - reach || sorted[i] > dst->q3 + reach) {
-            dst->outliers++;
+        if (sorted[i] < dst->q1 - reach || sorted[i] > dst->q3 + reach)
             continue;
-        }
         dst->low = fmin(dst->low, sorted[i]);
         dst->high = fmax(dst->high, sorted[i]);
     }

@@ -25,7 +25,10 @@ typedef struct rx_estimate {
     long n; /* sources behind it */
 } rx_estimate;
 
-/* k of n with the Clopper-Pearson interval at `level` (0.95). n = 0: NAN in [0, 1]. */
+/* Of an interval where no other is asked for. */
+#define RX_LEVEL 0.95
+
+/* k of n with the Clopper-Pearson interval at `level`. n = 0: NAN in [0, 1]. */
 rx_estimate rx_binomial_interval(long k, long n, double level);
 
 /* The rate of count events in `extent` of whatever it is, two-sided at `level`, n the count; and its one-sided upper
@@ -45,8 +48,8 @@ rx_estimate rx_mean_estimate(long n, const double *values, double level);
  * of the box (Tukey 1977). Values are finite. Errors: RX_USAGE n < 1, RX_SYSTEM memory. */
 typedef struct rx_five_numbers {
     double low, q1, median, q3, high;
-    long n, outliers;
     double mean;
+    long n;
 } rx_five_numbers;
 rx_status rx_five_numbers_of(long n, const double *values, rx_five_numbers *dst, rx_error *err);
 

@@ -188,6 +188,12 @@ static rx_cell known_to(bool is, double value, double error)
     return rx_cell_measured(is ? value : NAN, is ? error : NAN);
 }
 
+/* The restorer that did it. */
+static const char *done_by(const rx_qa_run *run)
+{
+    return run->by != NULL ? run->by : run->taken != NULL ? run->taken : run->name;
+}
+
 /* name: of its matches, its curve, its regions. */
 static void add_run(page *p, int run, char (*name)[STEM + 16])
 {
@@ -197,10 +203,10 @@ static void add_run(page *p, int run, char (*name)[STEM + 16])
     const rx_estimate none = {NAN, NAN, NAN, 0};
     rx_cell row[NRUNS + RX_METRIC_COUNT];
     memcpy(row,
-           RX_ROW(r->name, rx_qa_done_by(r), r->by != NULL || r->taken != NULL ? r->why : NULL, r->settings,
-                  r->psf, r->law_scale, r->law_power, e->pull_in_flux ? "flux" : "magnitude", name[0],
-                  name[1], name[2], e->references, e->references_ignored, e->detections,
-                  e->detections_ignored, e->matched, e->chance, p->q->ncommon, p->q->common[run],
+           RX_ROW(r->name, done_by(r), r->by != NULL || r->taken != NULL ? r->why : NULL, r->settings, r->psf,
+                  r->law_scale, r->law_power, e->pull_in_flux ? "flux" : "magnitude", name[0], name[1],
+                  name[2], e->references, e->references_ignored, e->detections, e->detections_ignored,
+                  e->matched, e->chance, p->q->ncommon, p->q->common[run],
                   known(r->tested, (double)e->made_up), known(r->tested, (double)e->made_up_matched),
                   known(r->tested, r->made_up_per_mpixel),
                   known(r->tested, rx_evaluation_precision_without(e)), known(checked, r->blank.n)),
@@ -316,12 +322,11 @@ static void add_flags(page *p, int run)
         if (with == 0)
             continue;
         const long left = e->matched - matched;
-        const double level = p->q->level;
         rx_report_put(p->flags, e->run->name, flag[f].column, flag[f].bit, flag[f].name, flag[f].meaning,
-                      with, matched, rx_binomial_interval(e->matched, e->references, level),
-                      rx_binomial_interval(left, e->references, level),
-                      rx_binomial_interval(e->matched, e->detections, level),
-                      rx_binomial_interval(left, e->detections - with, level));
+                      with, matched, rx_binomial_interval(e->matched, e->references, RX_LEVEL),
+                      rx_binomial_interval(left, e->references, RX_LEVEL),
+                      rx_binomial_interval(e->matched, e->detections, RX_LEVEL),
+                      rx_binomial_interval(left, e->detections - with, RX_LEVEL));
     }
 }
 
@@ -455,7 +460,7 @@ static void add_facts(rx_report *report, const rx_qa_numbers *q)
     rx_report_fact_number(report, "match_radius_pixels", q->par->match_radius);
     fact_above_0(report, "match_radius_arcsec", q->par->match_radius_arcsec);
     rx_report_fact(report, "score", q->input->score_name);
-    rx_report_fact_number(report, "interval_level", q->level);
+    rx_report_fact_number(report, "interval_level", RX_LEVEL);
     rx_report_fact(report, "intervals",
                    "shares: Clopper-Pearson; medians and sigma_MAD: order statistics; means, ap and "
                    "completeness magnitudes: bootstrap; null: not bounded or not known");
@@ -547,7 +552,7 @@ static void show_summary(page *p)
     const char *columns[3 + RX_METRIC_COUNT] = {"run"};
     int n = 1;
     for (int run = 0; run < p->q->input->nruns && n == 1; run++)
-        if (rx_qa_done_by(&p->q->input->runs[run]) != p->q->input->runs[run].name)
+        if (done_by(&p->q->input->runs[run]) != p->q->input->runs[run].name)
             columns[n++] = "done_by";
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
         if (m == RX_METRIC_MAGERR &&
@@ -684,7 +689,7 @@ static void show_reading(page *p)
         "intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap intervals (%d "
         "draws, none for fewer than %d sources). An infinite end: too few sources, or the limit lies beyond "
         "the reference. Means, such as MagErr, follow single gross mismatches; medians and sigma_MAD do not.",
-        100 * p->q->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
+        100 * RX_LEVEL, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_report_paragraph(p->report, html);
     rx_report_paragraph(
         p->report,

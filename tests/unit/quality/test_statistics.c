@@ -23,7 +23,6 @@ static void shares_as_scipy(void **state)
         {123456, 200000, 0.9, 0.615488555549, 0.619068933722},
         {3, 7, 0.5, 0.253073975774, 0.621151559358},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         rx_estimate e = rx_binomial_interval(expected[i].k, expected[i].n, expected[i].level);
         assert_near(e.value, (double)expected[i].k / (double)expected[i].n, 1e-15);
@@ -40,7 +39,6 @@ static void shares_as_scipy(void **state)
 /* The promise of the exact intervals: never below their level, summed over all outcomes. */
 static void intervals_cover(void **state)
 {
-    (void)state;
     for (int n = 1; n <= 40; n += 13)
         for (double p = 0.05; p < 1; p += 0.1) {
             double covered = 0, probability = pow(1 - p, n);
@@ -79,7 +77,6 @@ static void poisson_as_scipy(void **state)
         {12345, 0.99, 12060.6831323998, 12634.0850241564, 12605.9561543197},
         {1000000, 0.95, 998040.983340294, 1001961.91194543, 1001646.42276762},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         rx_estimate e = rx_poisson_rate(expected[i].count, 2, expected[i].level);
         assert_near(2 * e.value, (double)expected[i].count, 0);
@@ -102,7 +99,6 @@ static void medians(void **state)
                     {25, 0.99, 6}, {100, 0.95, 40}, {100, 0.99, 37}, {1001, 0.95, 470}, {1001, 0.99, 460}};
     double values[MOST], few[] = {9, 1, 4, 2, 8, 3, 7, 2, 5, 1};
     rx_estimate median, sigma;
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         const long n = expected[i].n, rank = expected[i].rank;
         for (long k = 0; k < n; k++)
@@ -145,7 +141,6 @@ static void mean_as_scipy(void **state)
                  {2, 0, -18.08493589707683, 11.63850732564825},
                  {400, 1, 0.2095360164354734, 1.301178269278812}};
     double a[MOST], b[MOST];
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         fill_a(i == 2 ? 1000 : cases[i].n, cases[i].shift, a);
         fill_b(i == 1 ? 3 : cases[i].n, b);
@@ -170,7 +165,6 @@ static void box_as_matplotlib(void **state)
     static const double far[] = {1, 2, 2.5, 3, 3.5, 4, 50, -40};
     double a[70];
     rx_five_numbers box;
-    (void)state;
     fill_a(70, 0, a);
     for (long k = 0; k < 70; k++)
         a[k] *= a[k];
@@ -181,12 +175,10 @@ static void box_as_matplotlib(void **state)
     assert_near(box.q3, 111.005102040816, 1e-12);
     assert_near(box.high, 204.081632653061, 1e-12);
     assert_near(box.mean, 67.4644314868805, 1e-12);
-    assert_int_equal(box.outliers, 0);
     assert_int_equal(rx_five_numbers_of(8, far, &box, NULL), RX_OK);
     assert_near(box.low, 1, 0);
     assert_near(box.high, 4, 0);
     assert_near(box.q1, 1.75, 1e-15);
-    assert_int_equal(box.outliers, 2);
 }
 
 static double weighted_mean(const void *data, const uint32_t *counts)
@@ -203,7 +195,6 @@ static void bootstrap_of_a_mean(void **state)
 {
     double values[500], mean = 0, square = 0;
     rx_estimate e = {0};
-    (void)state;
     for (int i = 0; i < 500; i++) {
         values[i] = rx_random_normal(4, 0, (uint64_t)i);
         mean += values[i] / 500;

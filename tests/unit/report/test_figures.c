@@ -17,7 +17,7 @@ static void add_boxes(rx_figures *f, const char *id, int groups, int filled, rx_
     rx_five_numbers box[GROUPS * METHODS] = {0};
     for (int i = 0; i < groups * METHODS && filled; i++)
         if (i != 4)
-            box[i] = (rx_five_numbers){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 70, 0, 3.5 + i};
+            box[i] = (rx_five_numbers){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 3.5 + i, 70};
     rx_figure_add(f, id, "Boxes", "reading", kind);
     rx_plot_boxes(f, &(rx_axes){.xlabel = "FWHM's [pixels]", .ylabel = "PSNR [dB]"},
                   &(rx_boxes){groups, METHODS, names, methods, colors, box});
