@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """The paper's Figures 5 to 9 as they come out here: PNG files for docs/paper.md, and all of them as pages of one PDF.
 
-    figures.py boxes                  of the committed restoration campaigns (Figure 5)
-    figures.py examples REPORT NAME   scenes inside and beyond the training, from a restoration campaign's report.html (Figures 6, 7)
+    figures.py boxes CAMPAIGN NAME    PSNR and SSIM by FWHM and noise, of a restoration campaign's folder (Figure 5)
+    figures.py examples CAMPAIGN NAME scenes inside and beyond the training, from its report.html (Figures 6, 7)
     figures.py pairs DATA FOLDER      galaxies of SDSS, restored, beside the deeper KiDS (Figure 8); FOLDER is worked in
     figures.py stars                  MagErr, recall and precision of the committed photometry campaigns (Figure 9)
     figures.py pdf                    docs/paper-figures.pdf of what the others made
@@ -46,35 +46,34 @@ def save(figure, name):
 
 # --- Figure 5
 
-def boxes():
-    for name in ("restoration-blind", "restoration"):
-        rows = ecsv(RESULTS / name / "boxes.ecsv")
-        figure, axes = plt.subplots(3, 2, figsize=(13, 10), gridspec_kw={"width_ratios": (13, 24)})
-        for column, scene in enumerate(("FWHM", "noise")):
-            for axis, (quantity, label) in zip(axes[:, column], (("psnr", "PSNR (dB)"), ("ssim", "SSIM"), ("ssim_object", "SSIM on the object"))):
-                bins = list(dict.fromkeys(row["condition"] for row in rows if row["scene"] == scene))
-                for k, run in enumerate(("RL_SSIM", "RL", "NET")):
-                    some = {row["condition"]: row for row in rows if (row["scene"], row["run"], row["quantity"]) == (scene, run, quantity)}
-                    stats = [{"whislo": float(r["low"]), "q1": float(r["q1"]), "med": float(r["median"]), "q3": float(r["q3"]),
-                              "whishi": float(r["high"])} for r in (some[b] for b in bins)]
-                    axis.bxp(stats, positions=[float(b) + 0.27 * (k - 1) for b in bins], widths=0.24, showfliers=False, patch_artist=True,
-                             boxprops={"facecolor": COLOUR[run], "lw": 0.4}, medianprops={"color": "k", "lw": 0.8},
-                             whiskerprops={"lw": 0.5}, capprops={"lw": 0.5}, manage_ticks=False)
-                axis.set_xticks([float(b) for b in bins], bins, fontsize=8)
-                axis.set_ylabel(label)
-                axis.set_xlabel("FWHM (pixels)" if scene == "FWHM" else "noise (the brightest pixel is 255)")
-        axes[0, 1].legend(handles=[plt.Rectangle((0, 0), 1, 1, color=COLOUR[run]) for run in ("RL_SSIM", "RL", "NET")],
-                          labels=["RL tuned for SSIM", "RL tuned for PSNR", "network"], fontsize=9)
-        model = re.search(r"model (\S+),", json.loads((RESULTS / name / "summary.json").read_text(encoding="utf-8"))["about"])[1]
-        figure.suptitle(f"{model}: all test scenes of a bin, quartiles and what lies within 1.5 of their distance")
-        figure.tight_layout()
-        save(figure, f"boxes-{model}")
+def boxes(folder, name):
+    values, runs = {}, ("RL_SSIM", "RL", "NET")
+    for row in ecsv(Path(folder) / "rows.ecsv"):
+        if row["table"] == "scene" and row["run"] in runs:
+            for quantity in ("psnr", "ssim", "ssim_object"):
+                values.setdefault((row["scene"], quantity, row["run"], row["condition"]), []).append(float(row[quantity]))
+    figure, axes = plt.subplots(3, 2, figsize=(13, 10), gridspec_kw={"width_ratios": (13, 24)})
+    for column, scene in enumerate(("FWHM", "noise")):
+        bins = list(dict.fromkeys(key[3] for key in values if key[0] == scene))
+        for axis, (quantity, label) in zip(axes[:, column], (("psnr", "PSNR (dB)"), ("ssim", "SSIM"), ("ssim_object", "SSIM on the object"))):
+            for k, run in enumerate(runs):
+                axis.boxplot([values[scene, quantity, run, b] for b in bins], positions=[float(b) + 0.27 * (k - 1) for b in bins], widths=0.24,
+                             showfliers=False, patch_artist=True, boxprops={"facecolor": COLOUR[run], "lw": 0.4},
+                             medianprops={"color": "k", "lw": 0.8}, whiskerprops={"lw": 0.5}, capprops={"lw": 0.5}, manage_ticks=False)
+            axis.set_xticks([float(b) for b in bins], bins, fontsize=8)
+            axis.set_ylabel(label)
+            axis.set_xlabel("FWHM (pixels)" if scene == "FWHM" else "noise (the brightest pixel is 255)")
+    axes[0, 1].legend(handles=[plt.Rectangle((0, 0), 1, 1, color=COLOUR[run]) for run in runs],
+                      labels=["RL tuned for SSIM", "RL tuned for PSNR", "network"], fontsize=9)
+    figure.suptitle(f"{name}: all test scenes of a bin, quartiles and what lies within 1.5 of their distance")
+    figure.tight_layout()
+    save(figure, f"boxes-{name}")
 
 
 # --- Figures 6 and 7
 
-def examples(report, name):
-    text = Path(report).read_text(encoding="utf-8")
+def examples(folder, name):
+    text = (Path(folder) / "report.html").read_text(encoding="utf-8")
     shown = {}
     for picture, caption in re.findall(r"data:image/png;base64,([A-Za-z0-9+/=]+)(?:(?!data:image/png).)*?<figcaption>([A-Z_]+)</figcaption>", text, re.S):
         shown.setdefault(caption, []).append(plt.imread(io.BytesIO(base64.b64decode(picture))))
@@ -202,7 +201,7 @@ def pdf():
 
 
 if __name__ == "__main__":
-    jobs = {"boxes": 0, "examples": 2, "pairs": 2, "stars": 0, "pdf": 0}
+    jobs = {"boxes": 2, "examples": 2, "pairs": 2, "stars": 0, "pdf": 0}
     if len(sys.argv) < 2 or jobs.get(sys.argv[1]) != len(sys.argv) - 2:
         sys.exit(__doc__)
     globals()[sys.argv[1]](*sys.argv[2:])
