@@ -17,7 +17,7 @@
 #include "io/fits_file.h"
 #include "io/guard/guard.h"
 
-enum { ROOM = 8192, CARD = 80, BLOCK = 2880 };
+enum { ROOM = 8192 };
 
 uint32_t rx_fits_sum_bytes(uint32_t sum, const void *bytes, size_t n)
 {
@@ -224,25 +224,25 @@ static rx_status damaged(const verifier *v, const char *what, rx_error *err)
 /* *n: 0 at the end of the file, else a whole block. */
 static rx_status read_block(const verifier *v, int64_t place, unsigned char *block, ssize_t *n, rx_error *err)
 {
-    *n = rx_input_read(v->file, block, BLOCK, place);
+    *n = rx_input_read(v->file, block, RX_FITS_BLOCK, place);
     if (*n < 0)
         return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0, "cannot be read: %s", strerror(errno));
-    if (*n != 0 && *n != BLOCK)
+    if (*n != 0 && *n != RX_FITS_BLOCK)
         return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0,
-                           "is cut off: its size is no multiple of %d bytes; fetch it again", BLOCK);
+                           "is cut off: its size is no multiple of %d bytes; fetch it again", RX_FITS_BLOCK);
     return RX_OK;
 }
 
 /* `sum` goes on over the blocks from .. to - 1 of the file. */
 static rx_status sum_blocks(const verifier *v, int64_t from, int64_t to, uint32_t *sum, rx_error *err)
 {
-    unsigned char block[BLOCK];
-    for (ssize_t n; from < to; from += BLOCK) {
+    unsigned char block[RX_FITS_BLOCK];
+    for (ssize_t n; from < to; from += RX_FITS_BLOCK) {
         RX_TRY(read_block(v, from, block, &n, err));
         if (n == 0)
             return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0,
                                "is cut off: %" PRId64 " bytes are missing; fetch it again", to - from);
-        *sum = rx_fits_sum_bytes(*sum, block, BLOCK);
+        *sum = rx_fits_sum_bytes(*sum, block, RX_FITS_BLOCK);
     }
     return RX_OK;
 }
@@ -251,7 +251,7 @@ static rx_status sum_blocks(const verifier *v, int64_t from, int64_t to, uint32_
 static rx_status read_header(const verifier *v, int64_t *place, rx_fits_header *dst, bool *more,
                              rx_error *err)
 {
-    unsigned char block[BLOCK];
+    unsigned char block[RX_FITS_BLOCK];
     ssize_t n;
     bool whole;
     RX_TRY(read_block(v, *place, block, &n, err));
@@ -284,7 +284,7 @@ static rx_status verify_hdu(const verifier *v, int64_t *place, rx_fits_header *h
     RX_TRY(sum_blocks(v, from, *place, &data, err));
     uint32_t sum = data;
     RX_TRY(sum_blocks(v, begin, from, &sum, err));
-    const long n = (long)(header->cards.length / CARD);
+    const long n = (long)(header->cards.length / RX_CARD);
     const bool has_checksum = rx_cards_text(header->cards.data, n, "CHECKSUM", checksum, sizeof checksum);
     if (!rx_cards_text(header->cards.data, n, "DATASUM", datasum, sizeof datasum) || !has_checksum)
         return rx_error_at(

@@ -12,7 +12,6 @@
 #include "io/cards.h"
 #include "io/fits_file.h"
 
-enum { BLOCK_BYTES = 1 << 22 };
 #define MOST_PIXELS 268435456.0 /* of a cube: 1 GiB */
 
 /* --- images --- */
@@ -213,12 +212,12 @@ typedef struct plan {
 
 /* Where a table's header has what is said of each column, found in one pass: cfitsio looks for each from card to card,
  * which is quadratic where headers are long. */
-enum { TNULL, TDIM, TTYPE, TUNIT, TUCD, TCOMM, STEMS, MOST_COLUMNS = 999 };
+enum { TNULL, TDIM, TTYPE, TUNIT, TUCD, TCOMM, STEMS };
 static const char *const stems[STEMS] = {"TNULL", "TDIM", "TTYPE", "TUNIT", "TUCD", "TCOMM"};
 
 typedef struct heading {
     const rx_table *table;
-    int32_t card[STEMS][MOST_COLUMNS + 1]; /* index from 1 of the first of its kind; 0: none */
+    int32_t card[STEMS][RX_FITS_FIELDS + 1]; /* index from 1 of the first of its kind; 0: none */
 } heading;
 
 static void find_cards(const rx_table *table, heading *dst)
@@ -234,7 +233,7 @@ static void find_cards(const rx_table *table, heading *dst)
                 continue;
             for (; c < card + 8 && isdigit((unsigned char)*c); c++)
                 number = 10 * number + *c - '0';
-            if (c + strspn(c, " ") >= card + 8 && number <= MOST_COLUMNS && dst->card[s][number] == 0)
+            if (c + strspn(c, " ") >= card + 8 && number <= RX_FITS_FIELDS && dst->card[s][number] == 0)
                 dst->card[s][number] = (int32_t)i + 1;
         }
     }
@@ -422,7 +421,7 @@ static rx_status read_rows(const rx_fits_source *source, const plan *plans, rx_t
         if (column->data == NULL)
             return rx_error_memory(err, (size_t)table->nrows * (size_t)bytes);
     }
-    long block = BLOCK_BYTES / row_bytes + 1;
+    long block = RX_FITS_ROWS / row_bytes + 1;
     for (long first = 1; first <= table->nrows && !failed; first += block)
         for (int i = 0; i < table->ncolumns && !failed; i++) {
             long rows = table->nrows - first + 1 < block ? table->nrows - first + 1 : block;

@@ -15,8 +15,6 @@
 #include "io/fits_digest.h"
 #include "io/fits_file.h"
 
-enum { CARD = 80, BLOCK_BYTES = 1 << 22 };
-
 struct rx_fits_writer {
     fitsfile *file;
     char *path, *shown;
@@ -114,9 +112,9 @@ static void write_cards(fitsfile *file, const char *cards, size_t n, int filter,
 {
     int skipped = 0; /* CONTINUE follows what its first card did */
     for (size_t i = 0; cards != NULL && i < n && *failed == 0; i++) {
-        char card[CARD + 1];
-        memcpy(card, cards + i * CARD, CARD);
-        card[CARD] = '\0';
+        char card[RX_CARD + 1];
+        memcpy(card, cards + i * RX_CARD, RX_CARD);
+        card[RX_CARD] = '\0';
         if (strncmp(card, "END     ", 8) == 0)
             continue;
         if (strncmp(card, "CONTINUE", 8) != 0)
@@ -145,7 +143,7 @@ static void declare_long_strings(fitsfile *file, int *failed)
 static void write_extra(fitsfile *file, const rx_text *extra, int *failed)
 {
     if (extra != NULL)
-        write_cards(file, extra->data, extra->length / CARD, 0, failed);
+        write_cards(file, extra->data, extra->length / RX_CARD, 0, failed);
     declare_long_strings(file, failed);
 }
 
@@ -329,7 +327,7 @@ static rx_status write_rows(rx_fits_writer *writer, const rx_table *table, int *
     long row_bytes = 1;
     for (int i = 0; i < table->ncolumns; i++)
         row_bytes += rx_column_elements(&table->columns[i]) * rx_column_element_size(&table->columns[i]);
-    long block = BLOCK_BYTES / row_bytes + 1;
+    long block = RX_FITS_ROWS / row_bytes + 1;
     for (long first = 0; first < table->nrows && *failed == 0; first += block) {
         long rows = table->nrows - first < block ? table->nrows - first : block;
         for (int i = 0; i < table->ncolumns; i++) {
@@ -398,19 +396,19 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
                               rx_error *err)
 {
     int failed = 0;
-    char form[40], end[CARD + 1], *type = "Field Header Card", *forms = form;
+    char form[40], end[RX_CARD + 1], *type = "Field Header Card", *forms = form;
     rx_text text = {0};
     if (table->cards != NULL)
-        rx_text_add_bytes(&text, table->cards, (size_t)table->ncards * CARD);
+        rx_text_add_bytes(&text, table->cards, (size_t)table->ncards * RX_CARD);
     if (extra != NULL && extra->length > 0)
         rx_text_add_bytes(&text, extra->data, extra->length);
     snprintf(end, sizeof end, "%-80s", "END");
-    rx_text_add_bytes(&text, end, CARD);
+    rx_text_add_bytes(&text, end, RX_CARD);
     if (text.failed) {
         rx_text_free(&text);
         return rx_error_memory(err, text.length);
     }
-    LONGLONG axes[2] = {CARD, (LONGLONG)(text.length / CARD)};
+    LONGLONG axes[2] = {RX_CARD, (LONGLONG)(text.length / RX_CARD)};
     snprintf(form, sizeof form, "%zuA", text.length);
     fits_clear_errmsg();
     need_primary(writer, &failed);

@@ -5,10 +5,11 @@
 #include <stdbool.h>
 
 #include "base/log.h"
+#include "io/cards.h"
 #include "io/fits_file.h"
 
 /* An HDU with its EXTNAME and EXTVER, "" and 0 without; those of a compressed image are its own. */
-enum { RX_EXTNAME = 72 };
+enum { RX_EXTNAME = RX_CARD - RX_CARD_KEY };
 typedef struct rx_image_hdu {
     int hdu;
     char name[RX_EXTNAME];

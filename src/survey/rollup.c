@@ -190,7 +190,7 @@ static double below(const rx_estimate *own, const rx_estimate *all)
 /* The same of a median, whose error is 1.25 sigma / sqrt(n) for normal errors. */
 static double beside(const rx_rollup_cell *own, const rx_rollup_cell *all)
 {
-    const double error = 1.2533 * fmax(own->scatter, all->scatter) / sqrt((double)own->pairs);
+    const double error = RX_MEDIAN_ERROR * fmax(own->scatter, all->scatter) / sqrt((double)own->pairs);
     return own->pairs > 2 && isfinite(own->bias) && isfinite(all->bias) && isfinite(error)
                ? fabs(own->bias - all->bias) / fmax(error, LEAST_ERROR)
                : 0;

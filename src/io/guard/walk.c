@@ -8,8 +8,9 @@
 #include <unistd.h>
 
 #include "base/input.h"
+#include "io/cards.h"
 
-enum { CARD = 80, BLOCK = 2880, MAX_BLOCKS = 4096 };
+enum { MAX_BLOCKS = 4096 };
 
 static const char END[] = "END                                     "
                           "                                        ";
@@ -21,9 +22,9 @@ static bool is_key(const char *card, const char *key)
 
 static int64_t number(const char *card)
 {
-    char text[CARD - 9];
-    memcpy(text, card + 10, CARD - 10);
-    text[CARD - 10] = '\0';
+    char text[RX_CARD - 9];
+    memcpy(text, card + 10, RX_CARD - 10);
+    text[RX_CARD - 10] = '\0';
     return strtoll(text, NULL, 10);
 }
 
@@ -72,9 +73,9 @@ int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
     if (size == 0 || product < 0 || l->pcount < 0 || l->gcount < 0 ||
         __builtin_add_overflow(product, l->pcount, &bytes) ||
         __builtin_mul_overflow(bytes, l->gcount, &bytes) || __builtin_mul_overflow(bytes, size, &bytes) ||
-        bytes > INT64_MAX - BLOCK)
+        bytes > INT64_MAX - RX_FITS_BLOCK)
         return -1;
-    return (bytes + BLOCK - 1) / BLOCK * BLOCK;
+    return (bytes + RX_FITS_BLOCK - 1) / RX_FITS_BLOCK * RX_FITS_BLOCK;
 }
 
 /* Where blocks are read: a descriptor, or a file that cfitsio has open. */
@@ -87,9 +88,9 @@ typedef struct source {
 /* EINVAL: no file has such a place. */
 static bool read_plain(source *s, LONGLONG place, char *block)
 {
-    const ssize_t n = rx_input_read(s->plain, block, BLOCK, place);
+    const ssize_t n = rx_input_read(s->plain, block, RX_FITS_BLOCK, place);
     s->unreadable = n < 0 && errno != EINVAL && errno != EOVERFLOW;
-    return n == BLOCK;
+    return n == RX_FITS_BLOCK;
 }
 
 static bool read_block(source *s, LONGLONG place, char *block)
@@ -98,7 +99,7 @@ static bool read_block(source *s, LONGLONG place, char *block)
     if (s->open == NULL)
         return read_plain(s, place, block);
     ffmbyt(s->open, place, REPORT_EOF, &failed);
-    ffgbyt(s->open, BLOCK, block, &failed);
+    ffgbyt(s->open, RX_FITS_BLOCK, block, &failed);
     s->unreadable = rx_fits_is_unreadable(failed);
     return failed == 0;
 }
@@ -107,11 +108,11 @@ static bool read_block(source *s, LONGLONG place, char *block)
  * the end of the file. Only memory fails. */
 static rx_status read_header(source *s, LONGLONG *place, rx_fits_header *dst, bool *whole, rx_error *err)
 {
-    char block[BLOCK];
+    char block[RX_FITS_BLOCK];
     dst->cards.length = 0;
     dst->fault[0] = '\0';
     dst->is_rebuilt = *whole = false;
-    for (int b = 0; !*whole; b++, *place += BLOCK) {
+    for (int b = 0; !*whole; b++, *place += RX_FITS_BLOCK) {
         if (!read_block(s, *place, block) ||
             (b == 0 && strncmp(block, "SIMPLE  ", 8) != 0 && strncmp(block, "XTENSION", 8) != 0))
             break;
@@ -120,12 +121,12 @@ static rx_status read_header(source *s, LONGLONG *place, rx_fits_header *dst, bo
                      "its header has no END within %d blocks; the file is damaged", MAX_BLOCKS);
             return RX_OK;
         }
-        for (int i = 0; i < BLOCK && !*whole; i += CARD) {
+        for (int i = 0; i < RX_FITS_BLOCK && !*whole; i += RX_CARD) {
             *whole = rx_fits_is_end(block + i);
             if (*whole)
-                dst->is_rebuilt = strncmp(block + i, END, CARD) != 0;
+                dst->is_rebuilt = strncmp(block + i, END, RX_CARD) != 0;
             else
-                rx_text_add_bytes(&dst->cards, block + i, CARD);
+                rx_text_add_bytes(&dst->cards, block + i, RX_CARD);
         }
     }
     if (dst->cards.failed)
@@ -151,7 +152,7 @@ static rx_status write_header(int file, LONGLONG place, rx_fits_header *header, 
                               rx_error *err)
 {
     if (whole)
-        rx_text_add_bytes(&header->cards, END, CARD);
+        rx_text_add_bytes(&header->cards, END, RX_CARD);
     if (header->cards.failed)
         return rx_error_memory(err, header->cards.length);
     if (pwrite(file, header->cards.data, header->cards.length, (off_t)place) != (ssize_t)header->cards.length)
@@ -198,16 +199,16 @@ int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place)
     source s = {.plain = file};
     rx_fits_header header = {0};
     int64_t enough = 0;
-    for (LONGLONG at = *place; at <= INT64_MAX - BLOCK;) {
+    for (LONGLONG at = *place; at <= INT64_MAX - RX_FITS_BLOCK;) {
         bool whole = false;
-        if (at + BLOCK > size) {
-            enough = at + BLOCK;
+        if (at + RX_FITS_BLOCK > size) {
+            enough = at + RX_FITS_BLOCK;
             break;
         }
         if (read_header(&s, &at, &header, &whole, NULL) != RX_OK)
             break;
-        if (!whole && at + BLOCK > size) {
-            enough = at + BLOCK;
+        if (!whole && at + RX_FITS_BLOCK > size) {
+            enough = at + RX_FITS_BLOCK;
             break;
         }
         const int64_t bytes = rx_fits_layout_bytes(&header.layout);
