@@ -1,6 +1,5 @@
 librextract_la_SOURCES += \
 	src/io/cards.c src/io/cards.h \
-	src/io/claim.c src/io/claim.h \
 	src/io/fits_digest.c src/io/fits_digest.h \
 	src/io/fits_file.c src/io/fits_file.h \
 	src/io/fits_read.c \
