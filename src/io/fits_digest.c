@@ -1,21 +1,11 @@
-/* Data units as a file has them, from memory and from files. */
+/* Data units as a file has them, from memory, and what a file has against its sums. */
 #include "io/fits_digest.h"
 
 #include <endian.h>
-#include <errno.h>
-#include <fcntl.h>
-#include <inttypes.h>
 #include <stdbool.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-#include <fitsio2.h> /* ffgbyt() */
-
-#include "base/input.h"
-#include "io/cards.h"
 #include "io/fits_file.h"
-#include "io/guard/guard.h"
 
 enum { ROOM = 8192 };
 
@@ -145,175 +135,59 @@ uint32_t rx_fits_digest_table(const rx_table *table, char dst[RX_HASH_TEXT])
     return end(&u, dst);
 }
 
-/* Where the data of the current HDU begin, and how many bytes they have without the heap. */
-static rx_status find_data(const rx_fits_source *source, LONGLONG *from, LONGLONG *bytes, rx_error *err)
-{
-    rx_fits_shape shape;
-    LONGLONG header, last;
-    int failed = 0;
-    bool absurd = false;
-    RX_TRY(rx_fits_shape_of(source, &shape, err));
-    fits_get_hduaddrll(source->file, &header, from, &last, &failed);
-    if (!shape.is_image || shape.is_compressed) {
-        shape = (rx_fits_shape){.naxis = 2, .bitpix = 8};
-        fits_read_key(source->file, TLONGLONG, "NAXIS1", &shape.axes[0], NULL, &failed);
-        fits_read_key(source->file, TLONGLONG, "NAXIS2", &shape.axes[1], NULL, &failed);
-    }
-    *bytes = shape.naxis > 0 ? abs(shape.bitpix) / 8 : 0;
-    for (int i = 0; i < shape.naxis && i < RX_FITS_AXES; i++)
-        absurd |= shape.axes[i] < 0 || __builtin_mul_overflow(*bytes, shape.axes[i], bytes);
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read");
-    if (absurd || *bytes > last - *from)
-        return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
-                           "is cut off or its header claims too much");
-    return RX_OK;
-}
-
-rx_status rx_fits_digest_hdu(const char *path, int hdu, char dst[RX_HASH_TEXT], rx_error *err)
-{
-    uint8_t room[ROOM];
-    rx_fits_source source = {0};
-    LONGLONG from = 0, left = 0;
-    int failed = 0;
-    rx_hash sum;
-    rx_status status;
-    rx_hash_begin(&sum);
-    RX_TRY_EXIT(rx_fits_open(path, &source, err));
-    RX_TRY_EXIT(rx_fits_goto(&source, hdu, err));
-    RX_TRY_EXIT(find_data(&source, &from, &left, err));
-    if (left > 0)
-        ffmbyt(source.file, from, REPORT_EOF, &failed);
-    for (LONGLONG some; left > 0 && !failed; left -= some) {
-        some = left < ROOM ? left : ROOM;
-        ffgbyt(source.file, some, room, &failed);
-        rx_hash_add(&sum, room, failed ? 0 : (size_t)some);
-    }
-    if (failed)
-        status = rx_fits_failed(err, RX_INPUT, path, hdu, failed, "cannot be read to its end");
-    rx_hash_text(&sum, dst);
-exit:
-    rx_fits_done(&source);
-    return status;
-}
-
-rx_status rx_fits_hdus(const char *path, int *n, rx_error *err)
-{
-    rx_fits_source source = {0};
-    *n = 0;
-    rx_status status = rx_fits_open(path, &source, err);
-    if (status == RX_OK)
-        status = rx_fits_count(&source, n, NULL, err);
-    rx_fits_done(&source);
-    return status;
-}
-
 /* --- is a file as it was written? --- */
 
-typedef struct verifier {
-    const char *path;
-    int file, hdu;
-} verifier;
-
-static rx_status damaged(const verifier *v, const char *what, rx_error *err)
+static rx_status damaged(const rx_fits_source *source, const char *what, rx_error *err)
 {
-    return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0,
+    return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
                        "%s: the file is damaged or was edited; fetch or make it again", what);
 }
 
-/* *n: 0 at the end of the file, else a whole block. */
-static rx_status read_block(const verifier *v, int64_t place, unsigned char *block, ssize_t *n, rx_error *err)
+/* Where it is; *end: where the next HDU would begin. */
+static rx_status verify_hdu(const rx_fits_source *source, LONGLONG *end, rx_error *err)
 {
-    *n = rx_input_read(v->file, block, RX_FITS_BLOCK, place);
-    if (*n < 0)
-        return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0, "cannot be read: %s", strerror(errno));
-    if (*n != 0 && *n != RX_FITS_BLOCK)
-        return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0,
-                           "is cut off: its size is no multiple of %d bytes; fetch it again", RX_FITS_BLOCK);
-    return RX_OK;
-}
-
-/* `sum` goes on over the blocks from .. to - 1 of the file. */
-static rx_status sum_blocks(const verifier *v, int64_t from, int64_t to, uint32_t *sum, rx_error *err)
-{
-    unsigned char block[RX_FITS_BLOCK];
-    for (ssize_t n; from < to; from += RX_FITS_BLOCK) {
-        RX_TRY(read_block(v, from, block, &n, err));
-        if (n == 0)
-            return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0,
-                               "is cut off: %" PRId64 " bytes are missing; fetch it again", to - from);
-        *sum = rx_fits_sum_bytes(*sum, block, RX_FITS_BLOCK);
-    }
-    return RX_OK;
-}
-
-/* *place moves behind the header; *more 0: there is no further HDU. */
-static rx_status read_header(const verifier *v, int64_t *place, rx_fits_header *dst, bool *more,
-                             rx_error *err)
-{
-    unsigned char block[RX_FITS_BLOCK];
-    ssize_t n;
-    bool whole;
-    RX_TRY(read_block(v, *place, block, &n, err));
-    *more = n > 0;
-    if (!*more)
-        return RX_OK;
-    if (memcmp(block, v->hdu == 0 ? "SIMPLE  = " : "XTENSION= ", 10) != 0)
-        return damaged(v,
-                       v->hdu == 0 ? "is not plain FITS (unpack it if it is compressed)"
-                                   : "no HDU begins where this one should",
-                       err);
-    RX_TRY(rx_fits_walk_header(v->file, place, dst, &whole, err));
-    if (dst->fault[0] != '\0')
-        return rx_error_at(err, RX_INPUT, v->path, v->hdu, 0, "%s", dst->fault);
-    return whole ? RX_OK : damaged(v, "the header has no END", err);
-}
-
-static rx_status verify_hdu(const verifier *v, int64_t *place, rx_fits_header *header, bool *more,
-                            rx_error *err)
-{
-    const int64_t begin = *place;
-    uint32_t data = 0;
-    char datasum[24], checksum[24], *end;
-    RX_TRY(read_header(v, place, header, more, err));
-    if (!*more)
-        return RX_OK;
-    const int64_t from = *place, bytes = rx_fits_layout_bytes(&header->layout);
-    if (bytes < 0 || __builtin_add_overflow(from, bytes, place))
-        return damaged(v, "the size of its data makes no sense", err);
-    RX_TRY(sum_blocks(v, from, *place, &data, err));
-    uint32_t sum = data;
-    RX_TRY(sum_blocks(v, begin, from, &sum, err));
-    const long n = (long)(header->cards.length / RX_CARD);
-    const bool has_checksum = rx_cards_text(header->cards.data, n, "CHECKSUM", checksum, sizeof checksum);
-    if (!rx_cards_text(header->cards.data, n, "DATASUM", datasum, sizeof datasum) || !has_checksum)
+    rx_fits_shape shape;
+    int data = 0, all = 0, failed = 0;
+    RX_TRY(rx_fits_shape_of(source, &shape, err));
+    if (!shape.is_image || shape.naxis > 0)
+        RX_TRY(rx_fits_check_size(source, &shape, err));
+    fits_get_hduaddrll(source->file, NULL, NULL, end, &failed);
+    if (fits_verify_chksum(source->file, &data, &all, &failed))
+        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read to its end");
+    if (data == 0 || all == 0)
         return rx_error_at(
-            err, RX_INPUT, v->path, v->hdu, 0,
+            err, RX_INPUT, source->path, source->hdu, 0,
             "has no %s, so that it cannot be checked whether it is whole; fetch or make it again",
-            has_checksum ? "DATASUM" : "CHECKSUM");
-    if (strtoull(datasum, &end, 10) != data || *end != '\0')
-        return damaged(v, "DATASUM does not fit the data", err);
-    return sum == UINT32_MAX ? RX_OK : damaged(v, "CHECKSUM does not fit the HDU", err);
+            all == 0 ? "CHECKSUM" : "DATASUM");
+    return data < 0  ? damaged(source, "DATASUM does not fit the data", err)
+           : all < 0 ? damaged(source, "CHECKSUM does not fit the HDU", err)
+                     : RX_OK;
 }
 
 rx_status rx_fits_verify(const char *path, int nhdus, rx_error *err)
 {
-    rx_status status = RX_OK;
-    rx_fits_header header = {0};
-    int64_t place = 0;
-    verifier v = {.path = path, .file = open(path, O_RDONLY | O_CLOEXEC)};
-    if (v.file < 0)
-        return rx_error_file(err, path, "cannot be opened");
-    for (bool more = true; more && status == RX_OK; v.hdu += more && status == RX_OK)
-        status = verify_hdu(&v, &place, &header, &more, err);
-    close(v.file);
-    rx_text_free(&header.cards);
-    if (status == RX_OK && nhdus > 0 && v.hdu != nhdus)
+    rx_fits_source source = {0};
+    LONGLONG end = 0;
+    int n = 0, broken = 0;
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_open(path, &source, err));
+    if (source.bytes > 0)
+        RX_TRY_EXIT(
+            damaged(&source, "is not plain FITS in whole blocks (unpack it if it is compressed)", err));
+    RX_TRY_EXIT(rx_fits_count(&source, &n, &broken, err));
+    for (int hdu = 0; hdu < n; hdu++) {
+        RX_TRY_EXIT(rx_fits_goto(&source, hdu, err));
+        RX_TRY_EXIT(verify_hdu(&source, &end, err));
+    }
+    source.hdu = n;
+    if (broken || end != source.file->Fptr->filesize)
+        RX_TRY_EXIT(damaged(&source, "no HDU begins where this one should", err));
+    if (nhdus > 0 && n != nhdus)
         status = rx_error_at(err, RX_INPUT, path, -1, 0,
                              "has %d HDUs, %d were written: the file is cut off or was edited; fetch or make "
                              "it again",
-                             v.hdu, nhdus);
-    if (status == RX_OK && v.hdu == 0)
-        status = rx_error_at(err, RX_INPUT, path, -1, 0, "is an empty file; fetch it again");
+                             n, nhdus);
+exit:
+    rx_fits_done(&source);
     return status;
 }

@@ -1,5 +1,5 @@
 /* Data units as they stand in a FITS file, without what fills their last block: digests (base/hash.h) of what is about to
- * be written and of what a file holds, and its DATASUM (FITS 4.0, 4.4.2.7 and appendix J), the one's complement sum of the
+ * be written, and its DATASUM (FITS 4.0, 4.4.2.7 and appendix J), the one's complement sum of the
  * 32-bit words. That comes from memory, as cfitsio forms it from what it reads back, so that a write that failed unnoticed
  * would get a sum that fits. */
 #ifndef RX_IO_FITS_DIGEST_H
@@ -23,17 +23,9 @@ uint32_t rx_fits_sum_bytes(uint32_t sum, const void *bytes, size_t n);
 /* Characters of a text cell in the file: the terminating zero does not go there. */
 long rx_fits_text_length(const rx_column *column);
 
-/* Of HDU number hdu (from 0) of a file. `path` is a plain file name. Errors: RX_INPUT (no FITS file, no such
- * HDU, its data cut off), RX_SYSTEM. */
-rx_status rx_fits_digest_hdu(const char *path, int hdu, char dst[RX_HASH_TEXT], rx_error *err);
-
-/* How many HDUs a file has. Errors: RX_INPUT. */
-rx_status rx_fits_hdus(const char *path, int *n, rx_error *err);
-
 /* For files that are only good as a whole, such as models: nothing is missing, nothing has changed since they were written.
  * Every HDU has CHECKSUM and DATASUM and both are right, the HDUs fill the file to its last byte, and there are `nhdus` of
- * them (0: as many as there are). From the bytes alone, before cfitsio trusts a header: a single changed byte anywhere is
- * found. Errors: RX_INPUT, with the HDU; RX_SYSTEM. */
+ * them (0: as many as there are): a single changed byte anywhere is found. Errors: RX_INPUT, with the HDU; RX_SYSTEM. */
 rx_status rx_fits_verify(const char *path, int nhdus, rx_error *err);
 
 #endif

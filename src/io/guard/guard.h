@@ -46,10 +46,6 @@ rx_status rx_fits_header_rebuild(rx_fits_header *header, rx_error *err);
 
 /* --- walk.c: from header to header through a file, before cfitsio goes there --- */
 
-/* Reads the header at *place, as cfitsio may see it, and moves that behind it. *whole: it is one, with END before the end
- * of the file. */
-rx_status rx_fits_walk_header(int file, int64_t *place, rx_fits_header *dst, bool *whole, rx_error *err);
-
 /* RX_INPUT when cfitsio must not see a header of the file. `mend`: those that had to be rebuilt are written back;
  * otherwise *odd says whether there are any, and cfitsio must get a copy in memory that has gone through here. A
  * header that makes no sense ends the walk, and cfitsio says what is wrong.

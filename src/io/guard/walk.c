@@ -160,16 +160,6 @@ static rx_status write_header(int file, LONGLONG place, rx_fits_header *header, 
     return RX_OK;
 }
 
-rx_status rx_fits_walk_header(int file, int64_t *place, rx_fits_header *dst, bool *whole, rx_error *err)
-{
-    source s = {.plain = file};
-    LONGLONG at = *place;
-    const rx_status status = read_header(&s, &at, dst, whole, err);
-    rx_text_tame(dst->fault); /* it may quote a damaged card */
-    *place = at;
-    return status;
-}
-
 rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_error *err)
 {
     source s = {.plain = file};
