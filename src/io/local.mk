@@ -12,7 +12,7 @@ librextract_la_SOURCES += \
 	src/io/tile_list.c src/io/tile_list.h \
 	src/io/tile_maps.c src/io/tile_maps.h \
 	src/io/wcs.c \
-	src/io/guard/guard.h src/io/guard/header.c src/io/guard/hcompress.c src/io/guard/tiles.c src/io/guard/unpack.c src/io/guard/walk.c src/io/guard/wcs.c src/io/guard/wcs.h
+	src/io/guard/guard.h src/io/guard/header.c src/io/guard/tiles.c src/io/guard/unpack.c src/io/guard/walk.c src/io/guard/wcs.c src/io/guard/wcs.h
 librextract_la_SOURCES += src/io/fits_read.h src/io/fits_write.h src/io/output.h
 
 rx_iodir = $(pkgincludedir)/io

@@ -79,12 +79,4 @@ rx_status rx_fits_unpack(const char *path, int to, int64_t *size, rx_error *err)
 rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, int naxis, const LONGLONG *axes,
                               rx_error *err);
 
-/* --- hcompress.c: streams that are cut off, behind which cfitsio reads on --- */
-
-/* Walks through a stream (R. L. White 1992, Proc. NASA Space and Earth Science Data Compression Workshop;
- * FITS 4.0, 10.4.4) as its reader would, without making the pixels. *used: bytes that a reader takes from it,
- * 0 where it is cut off, has other than `pixels` pixels, or is no such stream. RX_SYSTEM without memory. */
-rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pixels, size_t *used,
-                            rx_error *err);
-
 #endif
