@@ -15,25 +15,12 @@
 
 /* --- header.c: headers as cfitsio may see them --- */
 
-/* What decides where the next header begins (FITS standard 4.0, section 4.4.1). */
-typedef struct rx_fits_layout {
-    int64_t bitpix, naxis, product, pcount, gcount;
-    bool is_empty, is_grouped; /* NAXIS1 is 0; which does not count with random groups */
-} rx_fits_layout;
-
-/* Begin a header; take one of its cards (80 characters, none is END); bytes of the data behind it, in whole
- * blocks of 2880, -1 when they make no sense. */
-rx_fits_layout rx_fits_layout_begin(void);
-void rx_fits_layout_card(rx_fits_layout *layout, const char *card);
-int64_t rx_fits_layout_bytes(const rx_fits_layout *layout);
-
 /* Does cfitsio end a header with the card? "END / of it" is one for it, too. */
 bool rx_fits_is_end(const char *card);
 
 typedef struct rx_fits_header {
     rx_text cards;   /* without END */
     bool is_rebuilt; /* some are no longer those of the file */
-    rx_fits_layout layout;
     char fault[240]; /* why cfitsio must not see it; "": it may */
 } rx_fits_header;
 
@@ -45,6 +32,9 @@ typedef struct rx_fits_header {
 rx_status rx_fits_header_rebuild(rx_fits_header *header, rx_error *err);
 
 /* --- walk.c: from header to header through a file, before cfitsio goes there --- */
+
+/* Bytes of the data behind a header of n cards (without END), in whole blocks; -1 when they make no sense. */
+int64_t rx_fits_data_bytes(const char *cards, size_t n);
 
 /* RX_INPUT when cfitsio must not see a header of the file. `mend`: those that had to be rebuilt are written back;
  * otherwise *odd says whether there are any, and cfitsio must get a copy in memory that has gone through here. A

@@ -425,7 +425,6 @@ rx_status rx_fits_header_rebuild(rx_fits_header *h, rx_error *err)
     int where = take_first(h);
     if (where == TABLE && is_compressed(h))
         where |= COMPRESSED;
-    h->layout = rx_fits_layout_begin();
     for (size_t i = 1; i < h->cards.length / RX_CARD && h->fault[0] == '\0'; i++) {
         seen s;
         int number = 0;
@@ -435,7 +434,6 @@ rx_status rx_fits_header_rebuild(rx_fits_header *h, rx_error *err)
             set_fault(h, "a value is longer than any of its kind; the header is damaged");
         else if (r >= 0 && (rules[r].where & where) != 0)
             take(h, i, &s, r, number, at);
-        rx_fits_layout_card(&h->layout, h->cards.data + i * RX_CARD);
     }
     if (h->fault[0] == '\0' && where != IMAGE)
         check_table(h, at);

@@ -28,13 +28,14 @@ static int64_t number(const char *card)
     return strtoll(text, NULL, 10);
 }
 
-rx_fits_layout rx_fits_layout_begin(void)
-{
-    return (rx_fits_layout){.product = 1, .gcount = 1};
-}
+/* What decides where the next header begins (FITS standard 4.0, section 4.4.1). */
+typedef struct layout {
+    int64_t bitpix, naxis, product, pcount, gcount;
+    bool is_empty, is_grouped; /* NAXIS1 is 0; which does not count with random groups */
+} layout;
 
 /* The length of an axis that NAXIS counts; others may be left over. */
-static void take_axis(rx_fits_layout *dst, const char *card)
+static void take_axis(layout *dst, const char *card)
 {
     const long axis = strtol(card + 5, NULL, 10);
     const int64_t length = number(card);
@@ -44,38 +45,41 @@ static void take_axis(rx_fits_layout *dst, const char *card)
         dst->product = -1;
 }
 
-void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
+int64_t rx_fits_data_bytes(const char *cards, size_t n)
 {
-    if (is_key(card, "BITPIX  "))
-        dst->bitpix = number(card);
-    else if (is_key(card, "NAXIS   "))
-        dst->naxis = number(card);
-    else if (is_key(card, "PCOUNT  "))
-        dst->pcount = number(card);
-    else if (is_key(card, "GCOUNT  "))
-        dst->gcount = number(card);
-    else if (is_key(card, "GROUPS  "))
-        dst->is_grouped = memchr(card + 10, 'T', 20) != NULL;
-    else if (is_key(card, "NAXIS"))
-        take_axis(dst, card);
-}
-
-int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
-{
+    layout l = {.product = 1, .gcount = 1};
     int64_t bytes, size = 0;
-    if (l->naxis == 0)
+    for (const char *card = cards; card < cards + n * RX_CARD; card += RX_CARD)
+        if (is_key(card, "BITPIX  "))
+            l.bitpix = number(card);
+        else if (is_key(card, "NAXIS   "))
+            l.naxis = number(card);
+        else if (is_key(card, "PCOUNT  "))
+            l.pcount = number(card);
+        else if (is_key(card, "GCOUNT  "))
+            l.gcount = number(card);
+        else if (is_key(card, "GROUPS  "))
+            l.is_grouped = memchr(card + 10, 'T', 20) != NULL;
+        else if (is_key(card, "NAXIS"))
+            take_axis(&l, card);
+    if (l.naxis == 0)
         return 0;
-    if (l->bitpix == 8 || l->bitpix == 16)
-        size = l->bitpix / 8;
-    else if (l->bitpix == 32 || l->bitpix == -32 || l->bitpix == 64 || l->bitpix == -64)
-        size = labs((long)l->bitpix) / 8;
-    const int64_t product = l->is_empty && !l->is_grouped ? 0 : l->product;
-    if (size == 0 || product < 0 || l->pcount < 0 || l->gcount < 0 ||
-        __builtin_add_overflow(product, l->pcount, &bytes) ||
-        __builtin_mul_overflow(bytes, l->gcount, &bytes) || __builtin_mul_overflow(bytes, size, &bytes) ||
+    if (l.bitpix == 8 || l.bitpix == 16 || l.bitpix == 32 || l.bitpix == 64 || l.bitpix == -32 ||
+        l.bitpix == -64)
+        size = labs((long)l.bitpix) / 8;
+    const int64_t product = l.is_empty && !l.is_grouped ? 0 : l.product;
+    if (size == 0 || product < 0 || l.pcount < 0 || l.gcount < 0 ||
+        __builtin_add_overflow(product, l.pcount, &bytes) ||
+        __builtin_mul_overflow(bytes, l.gcount, &bytes) || __builtin_mul_overflow(bytes, size, &bytes) ||
         bytes > INT64_MAX - RX_FITS_BLOCK)
         return -1;
     return (bytes + RX_FITS_BLOCK - 1) / RX_FITS_BLOCK * RX_FITS_BLOCK;
+}
+
+/* Of the data behind a header. */
+static int64_t bytes_behind(const rx_fits_header *header)
+{
+    return rx_fits_data_bytes(header->cards.data, header->cards.length / RX_CARD);
 }
 
 /* Where blocks are read: a descriptor, or a file that cfitsio has open. */
@@ -175,7 +179,7 @@ rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_erro
         *odd |= header.is_rebuilt;
         if (header.is_rebuilt && mend)
             RX_TRY_EXIT(write_header(file, begin, &header, whole, path, err));
-        const int64_t bytes = rx_fits_layout_bytes(&header.layout);
+        const int64_t bytes = bytes_behind(&header);
         if (bytes < 0 || __builtin_add_overflow(place, bytes, &place))
             break;
     }
@@ -201,7 +205,7 @@ int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place)
             enough = at + RX_FITS_BLOCK;
             break;
         }
-        const int64_t bytes = rx_fits_layout_bytes(&header.layout);
+        const int64_t bytes = bytes_behind(&header);
         if (!whole || header.fault[0] != '\0' || bytes < 0 || __builtin_add_overflow(at, bytes, &at))
             break;
         *place = at;
