@@ -72,9 +72,6 @@ void rx_columns_clip(rx_column_list *list, const char *name, int available, cons
 /* All columns as a .param file, `#NAME comment [unit]` (`-dp`). */
 void rx_columns_dump(rx_text *dst);
 
-/* The same as a list in roff, for rextract.conf(5). */
-void rx_columns_man(rx_text *dst);
-
 /* Table of the chosen columns of sources measured on `image`. Magnitudes from its zero point (99 for non-positive
  * flux, as SExtractor). Free with rx_table_free(). Errors: RX_SYSTEM. */
 rx_status rx_catalog_table(const rx_column_list *list, const rx_image *image, const rx_sources *sources,
