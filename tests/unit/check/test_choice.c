@@ -19,52 +19,6 @@
 
 enum { SIDE = 300 };
 
-/* --- windows --- */
-
-static void windows_are_of_a_mpixel_whatever_the_tile(void **state)
-{
-    (void)state;
-    static const int sizes[][3] = {
-        {4096, 4096, 4}, {1024, 1024, 1}, {300, 200, 1}, {1025, 1024, 4}, {300, 8000, 4}};
-    for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
-        rx_replica_part part[RX_CHOICE_WINDOWS];
-        rx_tile tile = {.width = sizes[k][0], .height = sizes[k][1]};
-        long area = 0;
-        tile.mask = calloc((size_t)tile.width, (size_t)tile.height);
-        assert_non_null(tile.mask);
-        const int n = rx_choice_windows(&tile, part);
-        assert_int_equal(n, sizes[k][2]);
-        for (int i = 0; i < n; i++) {
-            area += (long)part[i].width * part[i].height;
-            assert_in_range(part[i].x, 0, tile.width - part[i].width);
-            assert_in_range(part[i].y, 0, tile.height - part[i].height);
-            for (int j = 0; j < i; j++) {
-                const int beside = abs(part[i].x - part[j].x), above = abs(part[i].y - part[j].y);
-                assert_true(beside >= part[j].width || above >= part[j].height);
-            }
-        }
-        assert_in_range(area, 1, 1024 * 1024);
-        free(tile.mask);
-    }
-}
-
-static void windows_avoid_what_is_masked(void **state)
-{
-    (void)state;
-    rx_replica_part part[RX_CHOICE_WINDOWS];
-    rx_tile tile = {.width = 2400, .height = 2400};
-    tile.mask = calloc(2400, 2400);
-    assert_non_null(tile.mask);
-    for (size_t i = 0; i < 2400 * 800; i++)
-        tile.mask[i] = RX_MASK_BAD;
-    assert_int_equal(rx_choice_windows(&tile, part), 4);
-    assert_int_equal(part[0].y, 1200 - RX_CHOICE_SIDE);
-    assert_int_equal(part[2].y, 1200 + (1200 - RX_CHOICE_SIDE) / 2);
-    free(tile.mask);
-}
-
-/* --- choices --- */
-
 enum { AS_IT_IS, NO_PSF, MASKED, NO_NOISE };
 
 static rx_choice choose(const setting *settings, int how, const char *threads)
@@ -220,8 +174,6 @@ static void facts_say_all_of_it(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(windows_are_of_a_mpixel_whatever_the_tile),
-        cmocka_unit_test(windows_avoid_what_is_masked),
         cmocka_unit_test(the_better_one_wins),
         cmocka_unit_test(without_noise_nothing_is_restored),
         cmocka_unit_test(threads_change_nothing),
