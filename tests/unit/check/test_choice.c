@@ -77,23 +77,6 @@ static void without_noise_nothing_is_restored(void **state)
     }
 }
 
-static void threads_change_nothing(void **state)
-{
-    (void)state;
-    static const setting few[] = {{"SELF_CHECK_COUNT", "20"},
-                                  {"FILTER", "N"},
-                                  {"DETECT_MINAREA", "3"},
-                                  {"RL_NITER", "20"},
-                                  {NULL, NULL}};
-    const rx_choice one = choose(few, AS_IT_IS, "1"), four = choose(few, AS_IT_IS, "4");
-    assert_int_equal(one.injected, 20);
-    assert_string_equal(one.why, four.why);
-    for (int i = 0; i < 2; i++) {
-        assert_memory_equal(&one.of[i].bias, &four.of[i].bias, sizeof one.of[i].bias);
-        assert_memory_equal(&one.of[i].scatter, &four.of[i].scatter, sizeof one.of[i].scatter);
-    }
-}
-
 /* What Richardson-Lucy makes of noise in 60 plain iterations is worse than the noise; a tie is NONE's as well. */
 static void a_worse_one_leaves_none(void **state)
 {
@@ -123,16 +106,6 @@ static void a_flux_scale_that_is_off_is_a_veto(void **state)
     assert_non_null(strstr(c.of[1].out, "flux scale"));
     assert_non_null(strstr(c.why, "flux scale"));
     assert_int_equal(c.of[1].tried, 0);
-}
-
-static void without_a_psf_it_is_none(void **state)
-{
-    (void)state;
-    const rx_choice c = choose(unfiltered, NO_PSF, "1");
-    assert_string_equal(c.taken->name, "NONE");
-    assert_string_equal(c.why, "the PSF is not known");
-    assert_int_equal(c.injected, 0);
-    assert_int_equal(c.of[0].tried + c.of[1].tried + c.of[2].tried, 0);
 }
 
 static void without_room_it_is_none(void **state)
@@ -174,14 +147,9 @@ static void facts_say_all_of_it(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_better_one_wins),
-        cmocka_unit_test(without_noise_nothing_is_restored),
-        cmocka_unit_test(threads_change_nothing),
-        cmocka_unit_test(a_worse_one_leaves_none),
-        cmocka_unit_test(a_flux_scale_that_is_off_is_a_veto),
-        cmocka_unit_test(without_a_psf_it_is_none),
-        cmocka_unit_test(without_room_it_is_none),
-        cmocka_unit_test(facts_say_all_of_it),
+        cmocka_unit_test(the_better_one_wins),     cmocka_unit_test(without_noise_nothing_is_restored),
+        cmocka_unit_test(a_worse_one_leaves_none), cmocka_unit_test(a_flux_scale_that_is_off_is_a_veto),
+        cmocka_unit_test(without_room_it_is_none), cmocka_unit_test(facts_say_all_of_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

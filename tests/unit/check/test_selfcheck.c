@@ -417,7 +417,7 @@ static void test_share_that_noise_did_not_make(void **state)
         segments[i] = 1 + i % 280;
     rx_restored restored = {.width = WIDE, .height = WIDE, .mask = mask};
     rx_sources sources = {.n = 280, .segments = segments};
-    const rx_result result = {.restored = &restored, .sources = &sources};
+    rx_result result = {.restored = &restored, .sources = &sources};
     rx_blankcheck check = {.realisations = 1, .rate = {.value = 100, .low = 80, .high = 120, .n = 100}};
     bench_open(&b, NULL);
     assert_int_equal(rx_blankcheck_judge(&b.options->pipeline, &result, &check, NULL), RX_OK);
@@ -676,124 +676,6 @@ static void test_unknown_psf_is_said(void **state)
     free(pixels);
 }
 
-/* --- in a run --- */
-
-static rx_status run_stage(const char *image, const setting *settings, rx_error *err)
-{
-    rx_config *config = NULL;
-    FILE *columns = fopen("columns.param", "w");
-    assert_non_null(columns);
-    assert_true(fputs("NUMBER\nX_IMAGE\nY_IMAGE\nMAG_AUTO\nFLAGS\n", columns) >= 0);
-    assert_int_equal(fclose(columns), 0);
-    assert_int_equal(rx_config_new(&config, NULL), RX_OK);
-    static const setting common[] = {{"PARAMETERS_NAME", "columns.param"},
-                                     {"CATALOG_TYPE", "FITS_LDAC"},
-                                     {"PSF_TYPE", "MOFFAT"},
-                                     {"PSF_FWHM", "3.5"},
-                                     {"RL_NITER", "5"},
-                                     {"QA_FIGURES", "N"},
-                                     {"RESTORE_TYPE", "NONE,RL"},
-                                     {"SELF_CHECK_COUNT", "60"},
-                                     {"SELF_CHECK_DENSITY", "200"},
-                                     {"SELF_CHECK_GALAXIES", "0.5"},
-                                     {NULL, NULL}};
-    for (const setting *s = common; s->name != NULL; s++)
-        assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
-    for (const setting *s = settings; s->name != NULL; s++)
-        assert_int_equal(rx_settings_set(&config->settings, s->name, s->value, NULL, NULL), RX_OK);
-    rx_status status = rx_stage_run(config, image, stdout, NULL, NULL, err);
-    rx_config_free(config);
-    return status;
-}
-
-/* How often a header keyword stands in a file. */
-static int occurrences(const char *path, const char *keyword)
-{
-    size_t length;
-    int n = 0;
-    char *data = file_bytes(path, &length), *end = data + length;
-    for (char *p = data; (p = memmem(p, (size_t)(end - p), keyword, strlen(keyword))) != NULL; p++)
-        n++;
-    free(data);
-    return n;
-}
-
-static void expect_same(const char *a, const char *b)
-{
-    size_t na, nb;
-    char *first = file_bytes(a, &na), *second = file_bytes(b, &nb);
-    if (na != nb || memcmp(first, second, na) != 0)
-        fail_msg("%s and %s differ", a, b);
-    free(first);
-    free(second);
-}
-
-static void write_two_extensions(const char *path)
-{
-    rx_fits_writer *writer = NULL;
-    assert_int_equal(rx_fits_create(path, path, &writer, NULL), RX_OK);
-    for (uint64_t seed = 1; seed <= 2; seed++) {
-        scene s;
-        scene_make(&s, 300, 300, 15, seed);
-        assert_int_equal(rx_fits_image(writer,
-                                       &(rx_fits_plane){.extname = seed == 1 ? "ONE" : "TWO",
-                                                        .width = 300,
-                                                        .height = 300,
-                                                        .floats = s.pixels},
-                                       NULL, NULL),
-                         RX_OK);
-        scene_free(&s);
-    }
-    assert_int_equal(rx_fits_close(writer, NULL), RX_OK);
-}
-
-/* Every extension and restorer has its numbers and its report; any number of threads gives the same bytes. */
-static void test_extensions_and_threads(void **state)
-{
-    (void)state;
-    static const setting one[] = {
-        {"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},    {"NTHREADS", "1"}, {"SELF_CHECK_NAME", "check"},
-        {"CATALOG_NAME", "one.cat"}, {"HEADER_FACTS", "ALL"}, {NULL, NULL}};
-    static const setting three[] = {
-        {"SELF_CHECK", "Y"},         {"BLANK_CHECK", "1"},    {"NTHREADS", "3"}, {"SELF_CHECK_NAME", "check"},
-        {"CATALOG_NAME", "one.cat"}, {"HEADER_FACTS", "ALL"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    write_two_extensions("two.fits");
-    if (run_stage("two.fits", one, &err) != RX_OK)
-        fail_msg("%s: %s", err.where, err.text);
-    static const char *const catalogs[] = {"one_NONE.cat", "one_RL.cat"};
-    static const char *const facts[] = {"RXSCN   =", "RXSC50  =", "RXSCNEW =", "RXSCAP  =", "RXBLKU  ="};
-    for (int c = 0; c < 2; c++)
-        for (int k = 0; k < 5; k++)
-            assert_int_equal(occurrences(catalogs[c], facts[k]), 4); /* in both headers of each extension */
-    static const char *const files[] = {"check_1/summary.json", "check_2/summary.json",
-                                        "check_2/report.html",  "check_1/matches_RL.ecsv",
-                                        "one_NONE.cat",         "one_RL.cat"};
-    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        char kept[64];
-        snprintf(kept, sizeof kept, "kept%zu", i);
-        assert_int_equal(rename(files[i], kept), 0);
-    }
-    assert_int_equal(run_stage("two.fits", three, NULL), RX_OK);
-    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
-        char kept[64];
-        snprintf(kept, sizeof kept, "kept%zu", i);
-        expect_same(files[i], kept);
-    }
-}
-
-static void test_two_images_are_refused(void **state)
-{
-    (void)state;
-    static const setting settings[] = {{"SELF_CHECK", "Y"}, {"CATALOG_NAME", "dual.cat"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    struct stat unused;
-    write_two_extensions("two.fits");
-    assert_int_equal(run_stage("two.fits,two.fits", settings, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "SELF_CHECK"));
-    assert_int_not_equal(stat("dual_NONE.cat", &unused), 0);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -810,8 +692,6 @@ int main(void)
         cmocka_unit_test(test_part_of_a_tile),
         cmocka_unit_test(test_empty_tile),
         cmocka_unit_test(test_unknown_psf_is_said),
-        cmocka_unit_test_setup_teardown(test_extensions_and_threads, enter_scratch, leave_scratch),
-        cmocka_unit_test_setup_teardown(test_two_images_are_refused, enter_scratch, leave_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -161,19 +161,6 @@ static void keywords_become_values(void **state)
     rx_simulation_free(s);
 }
 
-static void psf_needs_what_it_is_made_from(void **state)
-{
-    (void)state;
-    static const setting automatic[] = {{"PSF_TYPE", "AUTO"}, {NULL, NULL}};
-    static const setting file[] = {{"PSF_TYPE", "FILE"}, {"PSF_NAME", "none.fits"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    assert_int_equal(run(automatic, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "INJECT_IMAGE"));
-    assert_int_equal(run(file, &err), RX_INPUT);
-    assert_non_null(strstr(err.where, "none.fits"));
-    assert_int_equal(files_here(0), 0);
-}
-
 /* --- fields in memory --- */
 
 /* Exposed = clean + sky + noise of the width asked for; the sharp image holds the same light. */
@@ -350,21 +337,6 @@ static void truth(void **state)
     }
 }
 
-/* Whole or not at all. */
-static void nothing_is_left(void **state)
-{
-    (void)state;
-    static const setting no_folder[] = {
-        {"IMAGE_NAME", "a.fits"}, {"TRUTH_NAME", "/proc/such/truth.fits"}, {NULL, NULL}};
-    static const setting no_tile[] = {{"IMAGE_NAME", "a.fits"}, {"INJECT_IMAGE", "no.fits"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    assert_int_not_equal(run(no_folder, &err), RX_OK);
-    assert_non_null(strstr(err.where, "/proc/such"));
-    assert_int_equal(run(no_tile, &err), RX_INPUT);
-    assert_non_null(strstr(err.where, "no.fits"));
-    assert_int_equal(files_here(0), 0);
-}
-
 /* --- injection --- */
 
 static const setting tile_settings[] = {{"IMAGE_NAME", "tile.fits"}, {"SEED", "77"},
@@ -491,20 +463,6 @@ static void settings_of_a_tile(void **state)
     rx_config_free(config);
 }
 
-static void no_stars_no_psf(void **state)
-{
-    (void)state;
-    static const setting empty[] = {
-        {"IMAGE_NAME", "tile.fits"}, {"STAR_COUNT", "0"}, {"GALAXY_COUNT", "0"}, {NULL, NULL}};
-    static const setting settings[] = {
-        {"IMAGE_NAME", "out.fits"}, {"INJECT_IMAGE", "tile.fits"}, {"PSF_TYPE", "AUTO"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    expect_run(empty);
-    assert_int_equal(run(settings, &err), RX_INPUT);
-    assert_non_null(strstr(err.text, "PSF_FWHM"));
-    assert_int_equal(access("out.fits", F_OK), -1);
-}
-
 /* Every image of a file gets objects of its own; values that its images took from the primary header stay
  * known. */
 static void several_images(void **state)
@@ -607,12 +565,9 @@ int main(void)
 {
 #define HERE(test) cmocka_unit_test_setup_teardown(test, enter_scratch, leave_scratch)
     const struct CMUnitTest tests[] = {
-        HERE(keywords_become_values), HERE(psf_needs_what_it_is_made_from),
-        HERE(noise_and_light),        HERE(series),
-        HERE(file_and_memory),        HERE(truth),
-        HERE(nothing_is_left),        HERE(adds_known_flux),
-        HERE(settings_of_a_tile),     HERE(no_stars_no_psf),
-        HERE(several_images),         cmocka_unit_test(noise_of_a_real_frame),
+        HERE(keywords_become_values), HERE(noise_and_light), HERE(series),
+        HERE(file_and_memory),        HERE(truth),           HERE(adds_known_flux),
+        HERE(settings_of_a_tile),     HERE(several_images),  cmocka_unit_test(noise_of_a_real_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
