@@ -116,7 +116,7 @@ int rx_catalog_has_record(rx_catalog_type type);
 int rx_catalog_parts(rx_catalog_type type, int n);
 
 /* The digest of the rows of a part as the file will hold them: the data unit of its table in FITS
- * (io/fits_digest.h), lines of text elsewhere. Errors: RX_SYSTEM. */
+ * (io/fits_write.h), lines of text elsewhere. Errors: RX_SYSTEM. */
 rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n, int part,
                             char dst[RX_HASH_TEXT], rx_error *err);
 

@@ -6,7 +6,6 @@
 #include "catalog/catalog.h"
 #include "catalog/cell.h"
 #include "catalog/writers.h"
-#include "io/fits_digest.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 

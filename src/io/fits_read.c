@@ -552,6 +552,63 @@ rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *nca
     return status;
 }
 
+/* --- is a file as it was written? --- */
+
+static rx_status damaged(const rx_fits_source *source, const char *what, rx_error *err)
+{
+    return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
+                       "%s: the file is damaged or was edited; fetch or make it again", what);
+}
+
+/* Where it is; *end: where the next HDU would begin. */
+static rx_status verify_hdu(const rx_fits_source *source, LONGLONG *end, rx_error *err)
+{
+    rx_fits_shape shape;
+    int data = 0, all = 0, failed = 0;
+    RX_TRY(rx_fits_shape_of(source, &shape, err));
+    if (!shape.is_image || shape.naxis > 0)
+        RX_TRY(rx_fits_check_size(source, &shape, err));
+    fits_get_hduaddrll(source->file, NULL, NULL, end, &failed);
+    if (fits_verify_chksum(source->file, &data, &all, &failed))
+        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read to its end");
+    if (data == 0 || all == 0)
+        return rx_error_at(
+            err, RX_INPUT, source->path, source->hdu, 0,
+            "has no %s, so that it cannot be checked whether it is whole; fetch or make it again",
+            all == 0 ? "CHECKSUM" : "DATASUM");
+    return data < 0  ? damaged(source, "DATASUM does not fit the data", err)
+           : all < 0 ? damaged(source, "CHECKSUM does not fit the HDU", err)
+                     : RX_OK;
+}
+
+rx_status rx_fits_verify(const char *path, int nhdus, rx_error *err)
+{
+    rx_fits_source source = {0};
+    LONGLONG end = 0;
+    int n = 0, broken = 0;
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_open(path, &source, err));
+    if (source.bytes > 0)
+        RX_TRY_EXIT(
+            damaged(&source, "is not plain FITS in whole blocks (unpack it if it is compressed)", err));
+    RX_TRY_EXIT(rx_fits_count(&source, &n, &broken, err));
+    for (int hdu = 0; hdu < n; hdu++) {
+        RX_TRY_EXIT(rx_fits_goto(&source, hdu, err));
+        RX_TRY_EXIT(verify_hdu(&source, &end, err));
+    }
+    source.hdu = n;
+    if (broken || end != source.file->Fptr->filesize)
+        RX_TRY_EXIT(damaged(&source, "no HDU begins where this one should", err));
+    if (nhdus > 0 && n != nhdus)
+        status = rx_error_at(err, RX_INPUT, path, -1, 0,
+                             "has %d HDUs, %d were written: the file is cut off or was edited; fetch or make "
+                             "it again",
+                             n, nhdus);
+exit:
+    rx_fits_done(&source);
+    return status;
+}
+
 void rx_fits_library(char *dst, size_t size)
 {
     snprintf(dst, size, "%d.%d.%d", CFITSIO_MAJOR, CFITSIO_MINOR, CFITSIO_MICRO);

@@ -10,7 +10,7 @@
 
 #include <fitsio.h>
 
-#include "io/fits_digest.h"
+#include "io/fits_write.h"
 #include "io/guard/guard.h"
 
 enum { BLOCK = 2880, CARD = 80, FILES = 2 };

@@ -6,7 +6,6 @@
 #include <math.h>
 
 #include "base/memory.h"
-#include "io/fits_digest.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 
