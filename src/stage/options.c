@@ -129,13 +129,18 @@ static rx_status kernel_options(const rx_config *cfg, rx_options *dst, rx_error 
     RX_TRY(noise_options(cfg, dst, err));
     if (!cfg->filter)
         return RX_OK;
-    RX_TRY(is_built_in(cfg->filter_name, "default.conv")
-               ? rx_kernel_default(&dst->kernel, err)
-               : rx_kernel_read(cfg->filter_name, &dst->kernel, err));
-    dst->pipeline.detect.filter = dst->kernel->values;
-    dst->pipeline.detect.filter_width = dst->kernel->width;
-    dst->pipeline.detect.filter_height = dst->kernel->height;
-    dst->pipeline.detect.filter_normalise = dst->kernel->normalise;
+    rx_detect_params *detect = &dst->pipeline.detect;
+    if (is_built_in(cfg->filter_name, "default.conv")) {
+        detect->filter = rx_kernel_built_in;
+        detect->filter_width = detect->filter_height = 3;
+        detect->filter_normalise = true;
+        return RX_OK;
+    }
+    RX_TRY(rx_kernel_read(cfg->filter_name, &dst->kernel, err));
+    detect->filter = dst->kernel->values;
+    detect->filter_width = dst->kernel->width;
+    detect->filter_height = dst->kernel->height;
+    detect->filter_normalise = dst->kernel->normalise;
     return RX_OK;
 }
 

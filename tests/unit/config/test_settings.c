@@ -21,7 +21,7 @@ static rx_config *defaults(void)
 static rx_campaign_config *campaign(void)
 {
     rx_campaign_config *config = NULL;
-    assert_int_equal(rx_campaign_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_settings_new(rx_keytable_validate(), (rx_settings **)&config, NULL), RX_OK);
     return config;
 }
 
@@ -193,7 +193,7 @@ static void command_line_values_are_strict(void **state)
     rx_campaign_config *campaigns = campaign();
     assert_int_equal(rx_settings_set(&campaigns->settings, "SIM.SEED", "x", NULL, &err), RX_USAGE);
     assert_string_equal(err.text, "-SIM.SEED: 'x' is not a number");
-    rx_campaign_config_free(campaigns);
+    rx_settings_free(&campaigns->settings);
 }
 
 /* Everything logged while the configuration of `text` is checked. */
@@ -265,7 +265,7 @@ static void prefixed_names_reach_the_parts(void **state)
     assert_int_equal(rx_settings_was_set(&c->settings, "SIM.SEED"), RX_FROM_FILE);
     assert_int_equal(rx_settings_was_set(&c->settings, "STAGE.GAIN"), RX_FROM_DEFAULT);
     assert_int_equal(rx_settings_was_set((const rx_settings *)c->stage, "SEED"), RX_FROM_FILE);
-    rx_campaign_config_free(c);
+    rx_settings_free(&c->settings);
 }
 
 /* One setting after the other, "KEYWORD value;KEYWORD value", then the checks. */
@@ -555,7 +555,7 @@ static void relations_of_parts_name_their_line(void **state)
     assert_int_equal(rx_settings_check(&c->settings, &err), RX_USAGE);
     assert_int_equal(err.line, 2);
     assert_string_equal(err.text, "SIM.GALAXY_MAG: 3 is above 2; give <from>,<to>");
-    rx_campaign_config_free(c);
+    rx_settings_free(&c->settings);
 }
 
 static void copies_are_equal_and_independent(void **state)
@@ -588,7 +588,7 @@ static void copies_are_equal_and_independent(void **state)
     assert_string_equal(err.text, "-STAGE.SEED: 'x' is not a number");
     rx_config_free(stage);
     rx_settings_free(copy);
-    rx_campaign_config_free(c);
+    rx_settings_free(&c->settings);
     rx_text_free(&before);
     rx_text_free(&after);
     rx_text_free(&source);

@@ -25,7 +25,7 @@ static rx_status run(const char *folder, const char *const *pairs, rx_error *err
     rx_campaign_config *config = NULL;
     char journal[64];
     snprintf(journal, sizeof journal, "%s.journal", folder);
-    assert_int_equal(rx_campaign_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_settings_new(rx_keytable_validate(), (rx_settings **)&config, NULL), RX_OK);
     const char *const always[] = {"OUTPUT_NAME", folder, "JOURNAL_NAME", journal, "QA_FIGURES", "N", NULL};
     for (int i = 0; i < 2; i++)
         for (const char *const *pair = i ? pairs : always; *pair != NULL; pair += 2)
@@ -34,7 +34,7 @@ static rx_status run(const char *folder, const char *const *pairs, rx_error *err
     rx_status status = rx_settings_check(&config->settings, err);
     if (status == RX_OK)
         status = rx_campaign_run(config, NULL, err);
-    rx_campaign_config_free(config);
+    rx_settings_free(&config->settings);
     return status;
 }
 
