@@ -62,8 +62,10 @@ static const char *not_fits(const unsigned char *head, size_t n)
         return "is an empty file; fetch it again";
     if (n >= sizeof lfs - 1 && memcmp(head, lfs, sizeof lfs - 1) == 0)
         return "is a Git LFS pointer, not the data; run 'git lfs pull'";
-    if (n >= 2 && head[0] == 0x1f && (head[1] == 0x8b || head[1] == 0x9d))
-        return NULL; /* gzip, compress */
+    if (n >= 2 && head[0] == 0x1f && head[1] == 0x8b)
+        return NULL; /* gzip */
+    if (n >= 2 && head[0] == 0x1f && head[1] == 0x9d)
+        return "is packed by compress; unpack it with gunzip";
     if (n >= 4 && memcmp(head, "BZh", 3) == 0)
         return NULL;
     if (n >= 4 && memcmp(head, "PK\3\4", 4) == 0)

@@ -54,7 +54,7 @@ int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place);
  * block that it could not read as if it had. */
 bool rx_fits_is_unreadable(int failed);
 
-/* --- unpack.c: files packed with gzip, bzip2 or compress, or plain --- */
+/* --- unpack.c: files packed with gzip or bzip2, or plain --- */
 
 /* Writes to the empty file `to`, and counts in *size, the bytes that the headers of the file announce;
  * what it unpacks to beyond them, which may be gigabytes out of kilobytes, is left where it is. Errors:
