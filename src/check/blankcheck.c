@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "io/tile.h"
@@ -22,7 +23,6 @@ enum {
     SEVERAL = 3        /* false detections: a peak or two of a small window say little */
 };
 
-static const double LEVEL = 0.95;
 static const double RAISED_STEP = 1.05, RAISED_MOST = 10.0;
 static const uint64_t NOISE =
     UINT64_C(0x424c4b0000000000); /* stream of random numbers, one per realisation */
@@ -164,8 +164,8 @@ static rx_pipeline_params counting(const rx_pipeline_params *params)
 
 static void set_rate(rx_blankcheck *dst)
 {
-    dst->rate = rx_poisson_rate(dst->false_detections, dst->mpixels, LEVEL);
-    dst->upper = rx_poisson_upper(dst->false_detections, dst->mpixels, LEVEL);
+    dst->rate = rx_poisson_rate(dst->false_detections, dst->mpixels, RX_LEVEL);
+    dst->upper = rx_poisson_upper(dst->false_detections, dst->mpixels, RX_LEVEL);
 }
 
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "check/blankcheck.h"
@@ -23,7 +24,7 @@ enum { SIDE = 512, WINDOWS = 4 };    /* a Mpixel at most */
 enum { COUNT = 500 };                /* objects in all, or SELF_CHECK_COUNT where that is less */
 static const double DENSITY = 500.0; /* of them at once, per Mpixel: so a Mpixel is gone through once */
 static const double ERRORS = 2.0;    /* that a score must be ahead */
-static const double MOST_BIAS = 0.05, LEVEL = 0.95;
+static const double MOST_BIAS = 0.05;
 static const double BRIGHT = 0.75; /* S/N 10 is so many magnitudes brighter than the limit at S/N 5 */
 
 enum { NONE, RL, NET };
@@ -295,7 +296,7 @@ static void decide(work *w)
     for (int i = NONE; i < RX_CHOICE_CANDIDATES; i++) {
         rx_choice_candidate *c = &choice->of[i];
         c->tried = choice->injected > 0 && c->out[0] == '\0';
-        rx_robust_estimates(w->of[i].dmag, w->of[i].ndmag, LEVEL, &c->bias, &c->scatter);
+        rx_robust_estimates(w->of[i].dmag, w->of[i].ndmag, RX_LEVEL, &c->bias, &c->scatter);
         if (i == NONE || !c->tried || !choice->of[NONE].tried)
             continue;
         veto_bias(&choice->of[NONE], c);

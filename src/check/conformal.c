@@ -4,12 +4,14 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/constants.h"
+
 enum {
     PLENTY = 200, /* cases of a group where there are several, */
     ENOUGH = 60   /* and of the blended ones, for a group of their own */
 };
 static const double BLENDED = 0.1;
-static const double LEVELS[] = {0.682689, 0.95};
+static const double LEVELS[] = {0.682689, RX_LEVEL};
 
 static int by_snr(const void *a, const void *b)
 {

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "check/quality.h"
@@ -342,7 +343,6 @@ exit:
 
 /* --- completeness and bias --- */
 
-static const double LEVEL = 0.95;
 static const double CLEAR = 1.5; /* S/N 20 is so many magnitudes brighter than the limit at S/N 5 */
 
 void rx_selfcheck_input(const rx_selfcheck_plan *plan, const rx_selfcheck *check, const char *name,
@@ -439,10 +439,10 @@ static rx_status biases(const rx_selfcheck_plan *plan, const rx_evaluation *e, r
     RX_TRY(RX_MAKE(values, 4 * n, err));
     deviations found = {.total = values, .wide = values + n, .gained = values + 2 * n, .sky = values + 3 * n};
     rx_status status = find_deviations(plan, check, e, &found, err);
-    rx_robust_estimates(found.total, found.ntotal, LEVEL, &check->bias, &check->scatter);
-    rx_robust_estimates(found.wide, found.nwide, LEVEL, &check->wide_bias, &unused);
-    rx_robust_estimates(found.gained, found.nwide, LEVEL, &check->aperture_bias, &unused);
-    rx_robust_estimates(found.sky, found.nwide, LEVEL, &check->sky, &unused);
+    rx_robust_estimates(found.total, found.ntotal, RX_LEVEL, &check->bias, &check->scatter);
+    rx_robust_estimates(found.wide, found.nwide, RX_LEVEL, &check->wide_bias, &unused);
+    rx_robust_estimates(found.gained, found.nwide, RX_LEVEL, &check->aperture_bias, &unused);
+    rx_robust_estimates(found.sky, found.nwide, RX_LEVEL, &check->sky, &unused);
     free(values);
     return status;
 }
@@ -472,7 +472,7 @@ static rx_status measure_one(const rx_evaluation *e, rx_metric metric, rx_resamp
                              rx_error *err)
 {
     rx_estimate all[RX_METRIC_COUNT];
-    rx_status status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, LEVEL, by, metric, all, err);
+    rx_status status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, RX_LEVEL, by, metric, all, err);
     if (status == RX_OK)
         *dst = all[metric];
     return status;
@@ -489,7 +489,7 @@ static rx_status measure(const rx_selfcheck_plan *plan, rx_selfcheck *check, rx_
     rx_selfcheck_input(plan, check, "self check", &input, &run);
     rx_status status = RX_OK;
     RX_TRY(rx_evaluate_bins(&par, &input, &bins, err));
-    RX_TRY(rx_evaluate(&par, &input, 0, &bins, LEVEL, &e, err));
+    RX_TRY(rx_evaluate(&par, &input, 0, &bins, RX_LEVEL, &e, err));
     check->injected = e.references;
     check->found = e.matched;
     RX_TRY_EXIT(measure_one(&e, RX_METRIC_MAG50, par.by, &check->mag50, err));

@@ -13,13 +13,12 @@
 #include "base/memory.h"
 #include "io/output.h"
 
-static const double LEVEL = 0.95;
 static const double LEAST_ERROR = 0.001; /* mag: a bias below this never makes a tile bad */
 
 static rx_rollup_cell cell_of(const rx_tally_bin *bin)
 {
-    rx_rollup_cell cell = {.recall = rx_binomial_interval(bin->found, bin->references, LEVEL),
-                           .precision = rx_binomial_interval(bin->right, bin->detections, LEVEL)};
+    rx_rollup_cell cell = {.recall = rx_binomial_interval(bin->found, bin->references, RX_LEVEL),
+                           .precision = rx_binomial_interval(bin->right, bin->detections, RX_LEVEL)};
     rx_tally_errors(bin, &cell.pairs, &cell.bias, &cell.scatter);
     return cell;
 }
