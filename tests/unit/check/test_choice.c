@@ -1,10 +1,4 @@
 /* Which restorer AUTO takes, on tiles where one of them must win. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -53,7 +47,6 @@ static const setting unfiltered[] = {
 
 static void the_better_one_wins(void **state)
 {
-    (void)state;
     const rx_choice c = choose(unfiltered, AS_IT_IS, "1");
     assert_string_equal(c.taken->name, "RL");
     assert_int_equal(c.injected, 300);
@@ -68,7 +61,6 @@ static void the_better_one_wins(void **state)
 /* What is right for a noise that is not known cannot be tried on it. */
 static void without_noise_nothing_is_restored(void **state)
 {
-    (void)state;
     const rx_choice c = choose(unfiltered, NO_NOISE, "1");
     assert_string_equal(c.taken->name, "NONE");
     for (int i = 1; i < RX_CHOICE_CANDIDATES; i++) {
@@ -80,7 +72,6 @@ static void without_noise_nothing_is_restored(void **state)
 /* What Richardson-Lucy makes of noise in 60 plain iterations is worse than the noise; a tie is NONE's as well. */
 static void a_worse_one_leaves_none(void **state)
 {
-    (void)state;
     static const setting noisy[] = {{"RL_NITER", "60"},
                                     {"RL_ACCELERATE", "N"},
                                     {"RL_DENOISE", "0"},
@@ -98,7 +89,6 @@ static void a_worse_one_leaves_none(void **state)
 /* With a PSF a fifth too wide its fluxes are not those of the pixels, however much it finds. */
 static void a_flux_scale_that_is_off_is_a_veto(void **state)
 {
-    (void)state;
     static const setting wide[] = {{"FILTER", "N"},     {"DETECT_MINAREA", "3"},     {"RL_NITER", "20"},
                                    {"PSF_FWHM", "4.2"}, {"SELF_CHECK_COUNT", "100"}, {NULL, NULL}};
     const rx_choice c = choose(wide, AS_IT_IS, "1");
@@ -110,7 +100,6 @@ static void a_flux_scale_that_is_off_is_a_veto(void **state)
 
 static void without_room_it_is_none(void **state)
 {
-    (void)state;
     const rx_choice c = choose(unfiltered, MASKED, "1");
     assert_string_equal(c.taken->name, "NONE");
     assert_int_equal(c.injected, 0);
@@ -119,7 +108,6 @@ static void without_room_it_is_none(void **state)
 
 static void facts_say_all_of_it(void **state)
 {
-    (void)state;
     rx_record facts = {0};
     rx_choice c = {.why = "so"};
     rx_choice_facts(&c, &facts);

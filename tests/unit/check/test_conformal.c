@@ -1,10 +1,4 @@
 /* Errors from injected objects: ranks, groups, weights, what is too little, and what they cover. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -35,7 +29,6 @@ static void steps(rx_conformal_case *cases, int n)
 
 static void the_score_is_the_right_one_of_n(void **state)
 {
-    (void)state;
     static const int counts[] = {1, 2, 3, 18, 19, 20, 100, 199};
     rx_conformal_case cases[200];
     double factor[2];
@@ -69,7 +62,6 @@ static void the_score_is_the_right_one_of_n(void **state)
 
 static void groups_are_of_like_snr_and_blending(void **state)
 {
-    (void)state;
     rx_conformal_case *cases = malloc(800 * sizeof *cases);
     double factor[2];
     assert_non_null(cases);
@@ -95,7 +87,6 @@ static void groups_are_of_like_snr_and_blending(void **state)
 
 static void faint_ones_weigh_more(void **state)
 {
-    (void)state;
     rx_conformal_case cases[101];
     double factor[2];
     steps(cases, 101);
@@ -111,7 +102,6 @@ static void faint_ones_weigh_more(void **state)
  * the other half is. */
 static void intervals_hold_what_they_say(void **state)
 {
-    (void)state;
     rx_conformal_case *cases = malloc(2 * MOST * sizeof *cases);
     assert_non_null(cases);
     for (int i = 0; i < 2 * MOST; i++) {

@@ -1,10 +1,4 @@
 /* Self check and blank check against what is known of simulated tiles. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -181,13 +175,11 @@ static void check_completeness(const char *kind_name)
 
 static void test_completeness_is_true_none(void **state)
 {
-    (void)state;
     check_completeness("NONE");
 }
 
 static void test_completeness_is_true_rl(void **state)
 {
-    (void)state;
     check_completeness("RL");
 }
 
@@ -258,7 +250,6 @@ static void plan_of(double share, double scale, const char *asked, double *galax
 
 static void test_galaxies_are_those_of_the_tile(void **state)
 {
-    (void)state;
     double galaxies, scale;
     long resolved;
     for (int k = 0; k < 3; k++) {
@@ -325,7 +316,6 @@ static void run_checks(const setting *settings, const float *pixels, const char 
 /* Blends of a crowd look like galaxies: none are injected there, unless they are asked for. */
 static void test_crowd_has_no_galaxies(void **state)
 {
-    (void)state;
     static const struct {
         const char *crowding, *asked;
         double low, high;
@@ -357,7 +347,6 @@ static void test_crowd_has_no_galaxies(void **state)
  * that of fresh noise tiles within 4 sigmas. A low threshold makes many. */
 static void test_pure_noise(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"SELF_CHECK", "Y"},           {"SELF_CHECK_COUNT", "200"},
                                        {"SELF_CHECK_DENSITY", "300"}, {"BLANK_CHECK", "6"},
                                        {"DETECT_THRESH", "1.0"},      {"ANALYSIS_THRESH", "1.0"},
@@ -405,7 +394,6 @@ static void test_pure_noise(void **state)
 /* 1000 x 1000 pixels, a tenth masked, a fifth of sources: 100 false ones per Mpixel are 70 of 280. */
 static void test_share_that_noise_did_not_make(void **state)
 {
-    (void)state;
     enum { WIDE = 1000 };
     bench b;
     uint8_t *mask = calloc(WIDE * WIDE, 1);
@@ -442,7 +430,6 @@ static void test_share_that_noise_did_not_make(void **state)
 /* No false detection in A Mpixels: below -ln(0.05) / A at 95 %. */
 static void test_upper_limit_of_nothing(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"BLANK_CHECK", "2"}, {"DETECT_THRESH", "8"}, {NULL, NULL}};
     float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
     rx_check_results results;
@@ -459,7 +446,6 @@ static void test_upper_limit_of_nothing(void **state)
 /* A galaxy much larger than a background mesh bends the map of the sky; blank tiles hold none of it. */
 static void test_blank_below_a_large_galaxy(void **state)
 {
-    (void)state;
     static const setting settings[] = {{NULL, NULL}};
     const double sigma = 5.0, peak = 100.0, width = 55.0, middle = 0.5 * SIDE;
     float *pixels = malloc(SIDE * SIDE * sizeof *pixels), *rms = malloc(SIDE * SIDE * sizeof *rms);
@@ -508,7 +494,6 @@ static void test_blank_below_a_large_galaxy(void **state)
  * rises until a window holds no more than it may, and the tile then holds about as many. */
 static void test_guard_raises_the_threshold(void **state)
 {
-    (void)state;
     static const setting settings[] = {
         {"NOISE_CORRELATION", "WHITE"}, {"DETECT_THRESH", "1.0"}, {"DETECT_MINAREA", "4"}, {NULL, NULL}};
     const rx_restorer *none = rx_restorer_find("NONE");
@@ -574,7 +559,6 @@ static void test_guard_raises_the_threshold(void **state)
 /* The network alone is guarded, and not where BLANK_CHECK is 0. */
 static void test_whom_the_guard_is_for(void **state)
 {
-    (void)state;
     static const setting settings[] = {{NULL, NULL}};
     float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
     rx_blankcheck check;
@@ -603,7 +587,6 @@ static void test_whom_the_guard_is_for(void **state)
 /* A part of a tile is that part, and the PSF of a blank one that of the place. */
 static void test_part_of_a_tile(void **state)
 {
-    (void)state;
     static const setting settings[] = {{NULL, NULL}};
     const rx_replica_part part = {.x = 30, .y = 50, .width = 120, .height = 90};
     float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
@@ -640,7 +623,6 @@ static void test_part_of_a_tile(void **state)
 /* A slope has no noise to speak of, a constant tile no data; the checks come to an end. */
 static void test_empty_tile(void **state)
 {
-    (void)state;
     static const setting settings[] = {
         {"SELF_CHECK", "Y"}, {"SELF_CHECK_COUNT", "40"}, {"BLANK_CHECK", "1"}, {NULL, NULL}};
     float *pixels = malloc(SIDE * SIDE * sizeof *pixels);
@@ -659,7 +641,6 @@ static void test_empty_tile(void **state)
 
 static void test_unknown_psf_is_said(void **state)
 {
-    (void)state;
     static const setting settings[] = {
         {"SELF_CHECK", "Y"}, {"PSF_TYPE", "AUTO"}, {"PSF_FWHM", "0"}, {NULL, NULL}};
     float *pixels = malloc(SIDE * SIDE * sizeof *pixels);

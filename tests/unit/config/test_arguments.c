@@ -1,11 +1,4 @@
 /* The command line, and lists of tiles. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "../near.h"
 #include "../scratch.h"
 #include "config/arguments.h"

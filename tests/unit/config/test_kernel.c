@@ -1,11 +1,5 @@
 /* Detection filters from .conv files. */
 #include <dirent.h>
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 
 #include "../scratch.h"
 #include "config/kernel.h"
@@ -84,7 +78,6 @@ static void too_large_and_absent(void **state)
 /* config/default.conv and the built-in kernel are the same. */
 static void built_in_equals_the_file(void **state)
 {
-    (void)state;
     char path[1024];
     rx_kernel *a = NULL;
     const char *root = getenv("srcdir");
@@ -100,7 +93,6 @@ static void built_in_equals_the_file(void **state)
 /* The filters that come with SExtractor. */
 static void filters_of_sextractor_are_read(void **state)
 {
-    (void)state;
     const char *folder = "/usr/share/source-extractor";
     char path[1024];
     int n = 0;

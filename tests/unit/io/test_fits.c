@@ -466,7 +466,6 @@ static void test_column_types(void **state)
 
 static void test_cards(void **state)
 {
-    (void)state;
     rx_text t = {0};
     char long_text[201], back[300];
     double value = 0;

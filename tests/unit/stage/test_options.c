@@ -1,10 +1,4 @@
 /* From keywords to params: what depends on more than a row of keys.def, and what SExtractor leaves implicit. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -47,7 +41,6 @@ static void make_model(void)
 
 static void every_restorer_of_the_table_is_a_word(void **state)
 {
-    (void)state;
     int n;
     const rx_restorer *kinds = rx_restorers(&n);
     make_model();
@@ -75,7 +68,6 @@ static void every_restorer_of_the_table_is_a_word(void **state)
 
 static void a_model_is_looked_for_here_and_among_installed_data(void **state)
 {
-    (void)state;
     rx_config *config = NULL;
     rx_options *options = NULL;
     rx_error err = RX_ERROR_NONE;
@@ -120,7 +112,6 @@ static void an_installed_model_comes_first(void **state)
 /* A training that has not ended writes such a model: it is not taken by default. */
 static void an_unfinished_model_must_be_named(void **state)
 {
-    (void)state;
     static const char by_default[] = "psfnet.fits";
     rx_error err = RX_ERROR_NONE;
     rx_model *model = NULL;
@@ -145,7 +136,6 @@ static void an_unfinished_model_must_be_named(void **state)
 
 static void short_lists_repeat_their_last_item(void **state)
 {
-    (void)state;
     rx_options *options = options_with("BACK_SIZE", "48");
     assert_int_equal(options->pipeline.background[0].mesh_width, 48);
     assert_int_equal(options->pipeline.background[0].mesh_height, 48);
@@ -159,7 +149,6 @@ static void short_lists_repeat_their_last_item(void **state)
 /* DETECT_THRESH 22.5,25: 22.5 mag/arcsec2 at zero point 25 is 10 ADU/arcsec2, a pixel being 1 arcsec2. */
 static void surface_brightness_becomes_adu(void **state)
 {
-    (void)state;
     rx_options *options = options_with("DETECT_THRESH", "22.5,25");
     assert_true(options->pipeline.detect.absolute);
     assert_near(options->pipeline.detect.threshold, 10.0, 1e-9);
@@ -168,7 +157,6 @@ static void surface_brightness_becomes_adu(void **state)
 
 static void an_unset_pixel_scale_is_unknown(void **state)
 {
-    (void)state;
     rx_options *options = options_with(NULL, NULL);
     assert_near(options->pipeline.stated_scale, 0.0, 0.0);
     rx_options_free(options);

@@ -1,10 +1,4 @@
 /* The simulator's job: settings, fields in memory and in files, injection into tiles. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <dirent.h>
 #include <math.h>
 #include <stdio.h>
@@ -134,7 +128,6 @@ static double value(const rx_table *table, const char *column, long row)
 
 static void keywords_become_values(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"PSF_FWHM", "2.5"},     {"PAIR_DISTANCE", "0.6,1.2"},
                                        {"LEAST_DISTANCE", "3"}, {"NOISE_TYPE", "CCD"},
                                        {"GAIN", "2"},           {"SATUR_LEVEL", "12345.678"},
@@ -166,7 +159,6 @@ static void keywords_become_values(void **state)
 /* Exposed = clean + sky + noise of the width asked for; the sharp image holds the same light. */
 static void noise_and_light(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"SKY_LEVEL", "500"}, {"NOISE_SIGMA", "8"}, {NULL, NULL}};
     rx_simulation *s = simulation_of(settings);
     rx_simulated field = make(s, 0);
@@ -201,7 +193,6 @@ static void assert_same_field(const rx_simulated *a, const rx_simulated *b)
  * the sharp reference; another one is different in every respect. */
 static void series(void **state)
 {
-    (void)state;
     static const setting settings[] = {
         {"NOISE_TYPE", "CCD"},  {"GAIN", "2"},         {"SATUR_LEVEL", "1400"}, {"BAD_COLUMNS", "0.02"},
         {"COSMIC_RAYS", "300"}, {"CLUSTERING", "0.3"}, {"PAIR_SHARE", "0.3"},   {NULL, NULL}};
@@ -240,7 +231,6 @@ static void series(void **state)
 /* The tile in memory is the one that the stage reads from the file. */
 static void file_and_memory(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"NOISE_TYPE", "CCD"},     {"GAIN", "2.5"},
                                        {"SATUR_LEVEL", "1400.1"}, {"BAD_COLUMNS", "0.02"},
                                        {"COSMIC_RAYS", "300"},    {"MAG_ZEROPOINT", "26"},
@@ -301,7 +291,6 @@ static void file_and_memory(void **state)
  * them. */
 static void truth(void **state)
 {
-    (void)state;
     static const char *const types[] = {"ASCII_HEAD", "ASCII_VOTABLE", "FITS_1.0", "FITS_LDAC"};
     for (size_t k = 0; k < sizeof types / sizeof *types; k++) {
         const setting settings[] = {
@@ -348,7 +337,6 @@ static const setting tile_settings[] = {{"IMAGE_NAME", "tile.fits"}, {"SEED", "7
 /* Flux that the truth tells = flux by which the tile grew; header and holes of the tile stay. */
 static void adds_known_flux(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"IMAGE_NAME", "out.fits"},
                                        {"INJECT_IMAGE", "tile.fits"},
                                        {"STAR_COUNT", "300"},
@@ -411,7 +399,6 @@ static void open_field(const char *name, rx_config **config, rx_options **option
 /* PSF, gain and saturation are the tile's, the zero point what was set by hand, AWAY keeps its distance. */
 static void settings_of_a_tile(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"INJECT_IMAGE", "tile.fits"},
                                        {"PSF_TYPE", "AUTO"},
                                        {"INJECT_PLACE", "AWAY"},
@@ -467,7 +454,6 @@ static void settings_of_a_tile(void **state)
  * known. */
 static void several_images(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"IMAGE_NAME", "out.fits"},
                                        {"INJECT_IMAGE", "two.fits"},
                                        {"TRUTH_NAME", "truth.fits"},
@@ -518,7 +504,6 @@ static void several_images(void **state)
  * all lags. */
 static void noise_of_a_real_frame(void **state)
 {
-    (void)state;
     const char *folder = getenv("RX_SHARED_DATA");
     char name[4096];
     rx_config *config = NULL;

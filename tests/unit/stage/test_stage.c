@@ -1,10 +1,4 @@
 /* The whole stage on a small simulated tile: masks, threads, empty tiles, dual images, gates. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <dirent.h>
 #include <math.h>
 #include <stdio.h>
@@ -165,7 +159,6 @@ static void fill_hidden(scene *s, uint64_t seed)
 
 static void values_under_the_mask_reach_nothing(void **state)
 {
-    (void)state;
     for (int turn = 0; turn < 2; turn++) {
         scene s;
         scene_make(&s, 200, 220, 60, 5);
@@ -207,7 +200,6 @@ static void assert_forced(const rx_table *a, const rx_table *b, double scale)
 
 static void the_second_image_is_measured(void **state)
 {
-    (void)state;
     scene s;
     scene_make(&s, 200, 200, 40, 8);
     scene_write("detect.fits", s.pixels, s.width, s.height);
@@ -255,7 +247,6 @@ static void assert_images(const char *path, const char *other, double factor)
 /* Which image a check-image shows is as in SExtractor: the first seven the measurement image. */
 static void check_images_of_two_images(void **state)
 {
-    (void)state;
     enum { MEASURED = 7, OBJECTS = 5, KINDS = 11 };
     static const char kinds[] =
         "BACKGROUND,-BACKGROUND,MINIBACKGROUND,MINIBACK_RMS,IDENTICAL,OBJECTS,-OBJECTS,"
@@ -296,7 +287,6 @@ static void check_images_of_two_images(void **state)
 /* The filter of CONV NONORM is not divided by its sum, as in SExtractor. */
 static void a_filter_that_is_not_normalised(void **state)
 {
-    (void)state;
     scene s;
     setting list[] = {{"RESTORE_TYPE", "NONE"},
                       {"FILTER_NAME", "a.conv"},
@@ -378,7 +368,6 @@ static void check_template_images(const scene *s, int with_sky)
 
 static void template_images_add_up(void **state)
 {
-    (void)state;
     scene s;
     scene_make(&s, 200, 220, 40, 12);
     for (int y = 21; y < 31; y++)
@@ -404,7 +393,6 @@ static void template_images_add_up(void **state)
 /* Two images in one file: each has its own templates, groups and covariances. */
 static void every_image_of_a_file_is_fitted(void **state)
 {
-    (void)state;
     scene s[2];
     rx_fits_writer *writer = NULL;
     const setting settings[] = {{"RESTORE_TYPE", "NONE"}, {"CATALOG_TYPE", "FITS_LDAC"},        {"GAIN", "2"},
