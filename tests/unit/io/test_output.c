@@ -394,6 +394,25 @@ static void test_links(void **state)
     }
 }
 
+static void test_failing_commit(void **state)
+{
+    rx_outputs *outputs = NULL;
+    const char *a = NULL, *b = NULL;
+    rx_error err = RX_ERROR_NONE;
+    assert_int_equal(rx_outputs_new(&outputs, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "p"), &a, NULL), RX_OK);
+    assert_int_equal(rx_outputs_file(outputs, in(state, "q"), &b, NULL), RX_OK);
+    write_text(a, "p");
+    assert_int_equal(rx_outputs_commit(outputs, &err), RX_SYSTEM); /* q was never written */
+    write_text(b, "q");
+    assert_int_equal(mkdir(in(state, "p"), 0777), 0); /* in the way since */
+    assert_int_equal(rx_outputs_commit(outputs, &err), RX_SYSTEM);
+    assert_non_null(strstr(err.where, "p"));
+    rx_outputs_free(outputs);
+    assert_int_equal(access(in(state, "q"), F_OK), -1);
+    assert_int_equal(rmdir(in(state, "p")), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -402,6 +421,7 @@ int main(void)
         cmocka_unit_test(test_modes),        cmocka_unit_test(test_planted),
         cmocka_unit_test(test_leftovers),    cmocka_unit_test(test_two_at_once),
         cmocka_unit_test(test_taken_number), cmocka_unit_test(test_aside),
-        cmocka_unit_test(test_links)};
+        cmocka_unit_test(test_links),        cmocka_unit_test(test_failing_commit),
+    };
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, remove_scratch);
 }

@@ -417,6 +417,8 @@ static void test_line_lists(void **state)
     }
 }
 
+#define HCOMPRESS "ZCMPTYPE= 'HCOMPRESS_1'\nZVAL1   = 1\nZVAL2   = 0\nZBITPIX = 16\n"
+
 /* Cut off anywhere, from its last byte to within its own header. */
 static void test_hcompress_streams(void **state)
 {
@@ -429,8 +431,7 @@ static void test_hcompress_streams(void **state)
     assert_int_equal(failed, 0);
     for (uint32_t cut = 0; cut < (uint32_t)length; cut += 1 + cut / 4) {
         const uint32_t cells[4] = {(uint32_t)length - cut, 0, 0, 0};
-        put_tile(in(state, "h.fits.fz"), "ZCMPTYPE= 'HCOMPRESS_1'\nZVAL1   = 1\nZVAL2   = 0\nZBITPIX = 16\n",
-                 BYTES SECOND, cells, stream, (size_t)length);
+        put_tile(in(state, "h.fits.fz"), HCOMPRESS, BYTES SECOND, cells, stream, (size_t)length);
         if (cut > 0) {
             check_refused(&PLAIN, in(state, "h.fits.fz"), "damaged");
             continue;
@@ -438,6 +439,17 @@ static void test_hcompress_streams(void **state)
         rx_tile *tile = read_tile(&PLAIN, in(state, "h.fits.fz"), 1, 1);
         for (int i = 0; i < 100; i++)
             assert_true(tile->pixels[i] == (float)(13 * i % 31));
+        rx_tile_free(tile);
+    }
+    for (uint32_t bit = 8 * 22; bit < 8 * (uint32_t)length;
+         bit += 3) { /* flipped behind its header: read, or refused */
+        const uint32_t cells[4] = {(uint32_t)length, 0, 0, 0};
+        rx_tile *tile = NULL;
+        stream[bit / 8] ^= (char)(1 << bit % 8);
+        put_tile(in(state, "h.fits.fz"), HCOMPRESS, BYTES SECOND, cells, stream, (size_t)length);
+        stream[bit / 8] ^= (char)(1 << bit % 8);
+        const rx_status status = rx_tile_read(&PLAIN, in(state, "h.fits.fz"), 1, 1, NULL, &tile, NULL);
+        assert_int_equal(status, tile == NULL ? RX_INPUT : RX_OK);
         rx_tile_free(tile);
     }
 }
