@@ -14,6 +14,6 @@ librextract_la_SOURCES += \
 librextract_la_SOURCES += src/io/fits_read.h src/io/fits_write.h src/io/output.h
 
 rx_iodir = $(pkgincludedir)/io
-rx_io_HEADERS = src/io/tile.h src/io/wcs.h
+rx_io_HEADERS = src/io/tile.h src/io/wcs.h src/io/wcs_notes.h
 installed_headers += $(rx_io_HEADERS)
 #include "io/guard/guard.h"

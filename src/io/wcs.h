@@ -6,21 +6,11 @@
 
 #include "base/error.h"
 #include "base/extern.h"
-#include "base/text.h"
+#include "io/wcs_notes.h"
 
 RX_BEGIN_DECLS
 
 typedef struct rx_wcs rx_wcs;
-
-/* What was found out while the world coordinates of a header were read. */
-typedef struct rx_wcs_notes {
-    rx_text
-        warnings; /* contradictions, and how they were resolved; why a header that means the sky gives none */
-    rx_text details; /* what was ignored or repaired */
-    rx_text why;     /* there are no world coordinates, celestial or linear ones */
-} rx_wcs_notes;
-
-void rx_wcs_notes_free(rx_wcs_notes *notes);
 
 /* From header cards (80 characters each). *dst stays NULL, status RX_OK, when the header has no celestial
  * coordinates, or none that can be read as a whole. What is to be said of them is appended to notes (may be NULL). */

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "io/wcs.h"
+#include "io/wcs_notes.h"
 
 /* Change cards in place, of which the first RX_WCS_OWN are blank, for cards of our own; what was changed in a way that users
  * should know goes to the notes. false: there are no world coordinates, notes->why says for what reason. */
