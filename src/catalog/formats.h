@@ -20,7 +20,7 @@ rx_status rx_ascii_read(const char *path, rx_table **dst, rx_error *err);
  * cells become DOUBLE with NAN; arrays of variable length become text. */
 rx_status rx_votable_read(const char *path, int index, rx_table **dst, rx_error *err);
 
-/* --- written by rx_catalog_write(), told by rx_catalog_digest() --- */
+/* --- written by rx_catalog_write(), summed by rx_catalog_digest() --- */
 
 /* What stands before, among and behind the rows of a catalogue; NULL: nothing. Functions add to a text. */
 typedef struct rx_text_format {
