@@ -47,12 +47,6 @@ grep -q '<title>Validation: .*, sharp</title>' campaign/report.html && ! grep -q
 result 'a campaign has a title of its own, and no praise for nothing' $? campaign/report.html
 grep -n '<figure\|<h2' campaign/report.html | grep -m 2 'figure\|claims\|goals' | head -n 1 | grep -q '<figure' || ! command -v gnuplot >/dev/null
 result 'its figures come before its claims' $? campaign/report.html
-if command -v gnuplot >/dev/null; then
-    grep -q '<title>NONE: reference magnitude [0-9.]*, recall [0-9.]* \[[0-9.]*, [0-9.]*\]</title>' qa/report.html &&
-        grep -q '<title>x [0-9]*, y [0-9]*: FWHM ' qa/tile.html
-    result 'points say their numbers' $? qa/report.html
-fi
-
 # break WORDS SED: without what WORDS name
 break_page() {
     sed "$2" qa/tile.html >broken.html

@@ -88,28 +88,6 @@ def restoration():
                 tried.setdefault(row["number"], []).append((float(row["ssim" if run == "RL_SSIM" else "psnr"]), row["niter"]))
         best = max(tried.values(), key=lambda some: sum(value for value, _ in some))
         assert cell["setting"].startswith(f"RL_NITER {best[0][1]},"), (cell, best)
-    for box in lines("boxes"):
-        v = values("scene", box["scene"], box["condition"], box["run"], box["quantity"])
-        q1, median, q3 = np.percentile(v, (25, 50, 75))
-        inside = v[(v >= q1 - 1.5 * (q3 - q1)) & (v <= q3 + 1.5 * (q3 - q1))]
-        for key, value in {"q1": q1, "median": median, "q3": q3, "low": min(inside.min(), q1), "high": max(inside.max(), q3),
-                           "outliers": len(v) - len(inside)}.items():
-            same(key, box[key], value)
-    names = {key[2] for key in cells}
-    pair = next(pair for pair in (("NET", "RL"), ("RL", "SMOOTHED"), ("RL", "BLURRED")) if set(pair) <= names)
-    # of the paper's 30 columns two do not fit: the first and the last one of Table 3
-    assert len(summary["paper"]) == 30
-    assert [(one["table"], one["bin"]) for one in summary["paper"] if not one["fits"]] == [(3, 2), (3, 25)]
-    for one in summary["paper"]:
-        same("paper", one["p_from_t"], 2 * stats.t.sf(one["paper_t"], one["dof"]), 1e-6)
-        assert one["fits"] == (0.95 < one["paper_p"] / one["p_from_t"] < 1.05), one
-        x, y = (values("scene", one["scene"], f"{one['bin']:g}", run, one["quantity"]) for run in pair)
-        assert (one["t"] is None) == (len(x) == 0), one
-        if len(x):
-            two, own = stats.ttest_ind(x, y), stats.ttest_rel(x, y)
-            same("t", one["t"], two.statistic)
-            same("p", one["p"], two.pvalue, 1e-4)
-            same("paired t", one["paired_t"], own.statistic)
 
 
 def photometry():

@@ -7,6 +7,5 @@
 #define RX_MEDIAN_ERROR 1.2533            /* error of a median over that of a mean: sqrt(pi / 2) */
 #define RX_DEGREE 0.017453292519943295769 /* in radians */
 #define RX_MAG_ERROR 1.0857362 /* error of a magnitude over the relative one of the flux: 2.5 / ln 10 */
-#define RX_LEVEL 0.95          /* of intervals */
 
 #endif

@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/constants.h"
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "io/tile.h"

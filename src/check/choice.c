@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/constants.h"
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "check/blankcheck.h"
@@ -19,6 +18,7 @@
 #include "pipeline/pipeline.h"
 #include "pipeline/residual.h"
 #include "quality/evaluate.h"
+#include "quality/statistics.h"
 
 enum { SIDE = 512, WINDOWS = 4 };    /* a Mpixel at most */
 enum { COUNT = 500 };                /* objects in all, or SELF_CHECK_COUNT where that is less */

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/constants.h"
+#include "quality/statistics.h"
 
 enum {
     PLENTY = 200, /* cases of a group where there are several, */

@@ -6,7 +6,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/constants.h"
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "check/quality.h"
@@ -16,6 +15,7 @@
 #include "quality/evaluate.h"
 #include "quality/match.h"
 #include "quality/metrics.h"
+#include "quality/statistics.h"
 #include "simulate/inject.h"
 #include "simulate/render.h"
 #include "simulate/scene.h"

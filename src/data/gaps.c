@@ -11,7 +11,6 @@
 
 static const double WIDEST = 1.0, WIDEST_HOLE = 1.5; /* FWHM */
 static const double WIDEST_CORE = 3.4;               /* FWHM */
-static const double UNKNOWN_FWHM = 5.0;              /* pixels */
 enum { MOST = 127 };                                 /* pixels; steps are kept in bytes */
 
 /* A row, a column and both diagonals. */
@@ -76,7 +75,7 @@ rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, 
                        rx_error *err)
 {
     const plane p = {mask, width, height};
-    const double star = fmin(fwhm > 0.0 ? fwhm : UNKNOWN_FWHM, MOST / WIDEST_HOLE), widest = WIDEST * star;
+    const double star = fmin(fwhm > 0.0 ? fwhm : RX_UNKNOWN_FWHM, MOST / WIDEST_HOLE), widest = WIDEST * star;
     rx_gaps gaps = {.width = width, .fwhm = star};
     size_t room = 0;
     rx_status status = RX_OK;
@@ -146,7 +145,7 @@ static ends ends_of(const rx_image *image, size_t at, int axis, int before, int 
 size_t rx_gaps_mark_cores(const rx_image *image, double fwhm, uint8_t *mask)
 {
     const plane p = {mask, image->width, image->height};
-    const double star = fmin(fwhm > 0.0 ? fwhm : UNKNOWN_FWHM, MOST / WIDEST_HOLE);
+    const double star = fmin(fwhm > 0.0 ? fwhm : RX_UNKNOWN_FWHM, MOST / WIDEST_HOLE);
     const int far = (int)ceil(star), widest = rx_min_int((int)(WIDEST_CORE * star), MOST);
     size_t n = 0;
     for (int y = 0; y < p.height; y++)

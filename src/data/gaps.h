@@ -20,6 +20,8 @@
 
 struct rx_image;
 
+#define RX_UNKNOWN_FWHM 5.0 /* pixels, of a PSF that is not known: the middle of common seeing */
+
 typedef struct rx_gap {
     int at;                /* the pixel */
     uint8_t axis;          /* along which it is filled */
@@ -34,8 +36,7 @@ typedef struct rx_gaps {
     rx_gap *list; /* by their places */
 } rx_gaps;
 
-/* Those of mask[height][width], 0 being good, for a PSF of that FWHM, pixels; 0: not known, 5 pixels, the middle of
- * common seeing. cut: pixels of RX_MASK_CUT are in gaps of any width, 0: in none. NULL: there are none. Free with
+/* Those of mask[height][width], 0 being good, for a PSF of that FWHM, pixels; 0: not known. cut: pixels of RX_MASK_CUT are in gaps of any width, 0: in none. NULL: there are none. Free with
  * rx_gaps_free(). Errors: RX_SYSTEM. */
 rx_status rx_gaps_find(const uint8_t *mask, int width, int height, double fwhm, int cut, rx_gaps **dst,
                        rx_error *err);

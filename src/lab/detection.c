@@ -17,7 +17,7 @@ static const double PAIRS_APART = 8.0, INSIDE = 6.0, ALIKE_MAG = 0.5;
 static const double EXTENDED = 9.06; /* 4 pi / (2 ln 2): r_e^2 of a Gaussian to 1 / sum of its squares */
 
 /* What random numbers are for. */
-enum { DRAW_SCENE = 1, DRAW_NOISE = 2, DRAW_PAIRS = 3 };
+enum { DRAW_SCENE = 1, DRAW_NOISE, DRAW_PAIRS };
 
 static const rx_lab_scene SCENES[] = {
     {RX_SCENE_STARS, 0, 0, "STARS",

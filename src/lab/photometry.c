@@ -31,7 +31,7 @@ static const double GALAXY_REACH = 2.0;
 static const double MPIXEL = 1024.0 * 1024.0; /* STARS_PER_TILE */
 
 /* What random numbers are for. */
-enum { DRAW_SKY = 1, DRAW_STARS = 2, DRAW_NOISE = 3, DRAW_BLANK = 4 };
+enum { DRAW_SKY = 1, DRAW_STARS, DRAW_NOISE, DRAW_BLANK };
 
 /* --- open --- */
 

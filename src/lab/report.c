@@ -11,8 +11,6 @@
 #include "report/figure.h"
 #include "report/formats.h"
 
-static const double LEVEL = 0.95; /* of all intervals */
-
 RX_COLUMNS(CELLS, RX_TEXT("scene", "what was on the tiles"),
            RX_TEXT("condition", "seeing, magnitude, or what restorers were given wrong"),
            RX_TEXT("run", "restorer or method"), RX_TEXT("quantity", "what was measured"),
@@ -241,7 +239,7 @@ static rx_report *begin(const rx_lab *lab, const char *command)
     rx_report_fact(r, "title", lab->kind->title);
     rx_report_fact(r, "command", command);
     rx_report_fact(r, "seed", seed);
-    rx_report_fact_number(r, "interval_level", LEVEL);
+    rx_report_fact_number(r, "interval_level", RX_LEVEL);
     rx_report_fact(r, "about", lab->about[0] != '\0' ? lab->about : NULL);
     if (lab->about[0] != '\0')
         rx_report_sentence(r, lab->about);

@@ -30,7 +30,7 @@ static const double FILL_LOW = 0.07, FILL_HIGH = 0.15, PLACE = 0.08;
 static const double OTHERS = 0.5;
 
 /* What random numbers are for. */
-enum { DRAW_SCENE = 1, DRAW_QUANTITIES = 2, DRAW_NOISE = 3 };
+enum { DRAW_SCENE = 1, DRAW_QUANTITIES, DRAW_NOISE };
 
 /* How a run is tuned; none: its restorer as it is. Those of SMOOTHED are filters of the blurred image, of RL iterations and
  * filters, of the flat ones thresholds, too, below which all is sky. RL_SSIM has the candidates of RL. */
@@ -408,6 +408,13 @@ static int is_at_end(const rx_lab *lab, long candidate)
     return (t.niter > 0 && (!lower || !higher)) || t.threshold >= THRESHOLDS[NTHRESHOLDS - 1] || !wider;
 }
 
+/* Below the candidate's threshold all is sky. */
+static void flatten(size_t n, double sigma, const tuning *what, float *plane)
+{
+    for (size_t i = 0; i < n && what->threshold >= 0; i++)
+        plane[i] = plane[i] < what->threshold * sigma ? 0.0f : plane[i];
+}
+
 /* plane = filtered and cut as the candidate says, from what so many iterations gave. */
 static rx_status apply(const rx_lab *lab, double sigma, const tuning *what, const float *restored,
                        float *plane, rx_error *err)
@@ -415,8 +422,7 @@ static rx_status apply(const rx_lab *lab, double sigma, const tuning *what, cons
     const int side = lab->config->scene_side;
     memcpy(plane, restored, pixels_of(lab) * sizeof *plane);
     RX_TRY(rx_gauss_masked(side, side, what->filter, NULL, 1, plane, err));
-    for (size_t i = 0; i < pixels_of(lab) && what->threshold >= 0; i++)
-        plane[i] = plane[i] < what->threshold * sigma ? 0.0f : plane[i];
+    flatten(pixels_of(lab), sigma, what, plane);
     return RX_OK;
 }
 
@@ -444,7 +450,6 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
         row[RX_TUNING_NITER] = one.niter;
         row[RX_TUNING_FILTER] = one.filter;
         row[RX_TUNING_THRESHOLD] = one.threshold;
-        double scores[RX_RESTORATION_SCORE_WIDTH] = {NAN, NAN};
         row[RX_TUNING_PSNR] = row[RX_TUNING_SSIM] = NAN;
         if (one.method == UNTUNED && c != without)
             continue;
@@ -454,12 +459,16 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
             status = restore(lab, t, network_of(lab), 0, restored, err);
         else if (c % of_image == 0)
             status = restore(lab, t, rx_restorer_find("RL"), one.niter, restored, err);
-        if (status == RX_OK)
+        if (c % NTHRESHOLDS > 0) /* of the plane before, whose threshold is lower */
+            flatten(n, t->sigma, &one, plane);
+        else if (status == RX_OK)
             status = apply(lab, t->sigma, &one, restored, plane, err);
         if (status == RX_OK)
-            status = measure(t, plane, scores, err);
-        row[RX_TUNING_PSNR] = scores[RX_SCORE_PSNR];
-        row[RX_TUNING_SSIM] = scores[RX_SCORE_SSIM];
+            row[RX_TUNING_PSNR] = rx_reference_psnr(t->reference, plane);
+        double ssim[RX_SSIM_KINDS] = {NAN};
+        if (status == RX_OK && one.method == RL) /* by which RL_SSIM is chosen */
+            status = rx_reference_ssim(t->reference, plane, ssim, err);
+        row[RX_TUNING_SSIM] = ssim[RX_SSIM_PAPER];
     }
     free(restored);
     return status;

@@ -1,5 +1,5 @@
 /* The restoration campaign: scenes of galaxies, blurred and noisy, through every method, and how near each
- * comes to the sharp scene. The paper's box plots and Tables 1 to 4.
+ * comes to the sharp scene. The paper's box plots (Jia et al. 2023, MNRAS 527, 6581, Figure 5).
  *
  * A bin is 1 wide in FWHM (pixels) or in sigma of the noise, on the paper's scale, on which the brightest pixel of the
  * sharp scene is SCENE_PEAK; the other quantity is uniform over its training range. Of every scene the noise level of
@@ -29,7 +29,7 @@ enum { RX_RESTORATION_SCENE, RX_RESTORATION_TUNING, RX_RESTORATION_TABLES };
     X(RX_TUNING_FILTER, "filter", "pixel", "FWHM of the Gaussian")                                           \
     X(RX_TUNING_THRESHOLD, "threshold", "", "in sigmas of the noise: what is below is sky; negative: none")  \
     X(RX_TUNING_PSNR, "psnr", "dB", "on one scene")                                                          \
-    X(RX_TUNING_SSIM, "ssim", "", "on one scene")
+    X(RX_TUNING_SSIM, "ssim", "", "on one scene; of RL only")
 
 enum { RX_RESTORATION_SCENE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCENE_WIDTH };
 enum { RX_RESTORATION_SCORE_COLUMNS(RX_LAB_ID) RX_RESTORATION_SCORE_WIDTH };

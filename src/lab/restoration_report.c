@@ -7,12 +7,10 @@
 #include "base/memory.h"
 #include "lab/report.h"
 #include "lab/restoration.h"
-#include "num/special.h"
 #include "quality/statistics.h"
 
 enum { TEST = 1 }; /* of the scenes of a bin; 0: those that methods are tuned on */
 enum { PSNR, SSIM, SSIM_WANG, SSIM_OBJECT, QUALITIES };
-static const double LEVEL = 0.95;
 static const char *const AXES[] = {"FWHM (pixels)", "noise sigma (peak 255)"}, *const UPPER[] = {
                                                                                    "PSNR", "SSIM",
                                                                                    "SSIM of Wang et al.",
@@ -39,7 +37,7 @@ typedef struct results {
     int first;
     bin *bin;                        /* [nconditions]; this and what follows is owned */
     rx_five_numbers *box[QUALITIES]; /* [nconditions][nruns] */
-    double *work[2];                 /* a value for each scene of a bin */
+    double *work;                    /* a value for each scene of a bin */
 } results;
 
 static double centre(const rx_lab *lab, int b)
@@ -58,18 +56,6 @@ static const rx_lab_table *scenes_of(const rx_lab *lab, int b)
     return &rx_lab_tables_of(lab, b, TEST)[RX_RESTORATION_SCENE];
 }
 
-/* A quality of two runs on the scenes where both have one. */
-static long gather(const rx_lab_table *scene, int quality, const int run[2], double *const v[2])
-{
-    long n = 0;
-    for (long i = 0; i < scene->n; i++) {
-        for (int k = 0; k < 2; k++)
-            v[k][n] = rx_lab_each(scene, i, run[k])[RX_SCORE_PSNR + quality];
-        n += isfinite(v[0][n]) && isfinite(v[1][n]);
-    }
-    return n;
-}
-
 /* Condition c of the group. */
 static rx_status measure_bin(results *r, int c, rx_error *err)
 {
@@ -84,21 +70,25 @@ static rx_status measure_bin(results *r, int c, rx_error *err)
     r->group.condition[c] = own->name;
     snprintf(own->name, sizeof own->name, "%g", r->group.place[c]);
     for (long i = 0; i < scene->n; i++)
-        r->work[0][i] = rx_lab_own(scene, i)[RX_SCENE_LEVEL];
-    RX_TRY(rx_five_numbers_of(scene->n, r->work[0], &own->level, err));
+        r->work[i] = rx_lab_own(scene, i)[RX_SCENE_LEVEL];
+    RX_TRY(rx_five_numbers_of(scene->n, r->work, &own->level, err));
     own->inside = trained[1] > trained[0] && fwhm >= trained[0] && fwhm <= trained[1] &&
                   !(own->level.median < lab->level_trained[0]);
     own->fainter = lab->level_trained[1] > 0.0 && own->level.median > lab->level_trained[1];
     snprintf(own->label, sizeof own->label, "%s%s", own->name, !own->inside || own->fainter ? "+" : "");
     for (int i = 0; i < QUALITIES * lab->nruns; i++) {
         const int q = i / lab->nruns, run = i % lab->nruns;
-        const long n = gather(scene, q, (int[]){run, run}, r->work);
+        long n = 0;
+        for (long i = 0; i < scene->n; i++) {
+            r->work[n] = rx_lab_each(scene, i, run)[RX_SCORE_PSNR + q];
+            n += isfinite(r->work[n]) != 0;
+        }
         rx_five_numbers *box = &r->box[q][c * lab->nruns + run];
-        *box = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, 0, 0, NAN};
+        *box = (rx_five_numbers){NAN, NAN, NAN, NAN, NAN, NAN, 0};
         if (n > 0)
-            RX_TRY(rx_five_numbers_of(n, r->work[0], box, err));
+            RX_TRY(rx_five_numbers_of(n, r->work, box, err));
         *rx_lab_group_at(&r->group, q, c, run) =
-            (rx_finding){rx_mean_estimate(n, r->work[0], LEVEL), lab->tuned[b * lab->nruns + run].setting};
+            (rx_finding){rx_mean_estimate(n, r->work, RX_LEVEL), lab->tuned[b * lab->nruns + run].setting};
     }
     return RX_OK;
 }
@@ -120,8 +110,7 @@ static rx_status measure(const rx_lab *lab, int by_sigma, results *r, rx_error *
     memcpy(r->group.quantity, QUALITY, sizeof QUALITY);
     RX_TRY(rx_lab_group_open(&r->group, lab, n, err));
     RX_TRY(RX_MAKE(r->bin, (size_t)n, err));
-    for (int i = 0; i < 2; i++)
-        RX_TRY(RX_MAKE(r->work[i], room, err));
+    RX_TRY(RX_MAKE(r->work, room, err));
     for (int i = 0; i < QUALITIES; i++)
         RX_TRY(RX_MAKE(r->box[i], (size_t)n * (size_t)lab->nruns, err));
     for (int c = 0; c < n; c++)
@@ -135,52 +124,7 @@ static void forget(results *r)
     free(r->bin);
     for (int i = 0; i < QUALITIES; i++)
         free(r->box[i]);
-    for (int i = 0; i < 2; i++)
-        free(r->work[i]);
-}
-
-/* --- the paper --- */
-
-enum { PAPER_TABLES = 4, PAPER_COLUMNS = 8 };
-
-/* Jia, Lv, Ning, Song, Li, Ji, Cui, Li 2023, "Image restoration with point spread function regularization and active learning",
- * MNRAS 527, 6581 (arXiv:2311.00186), Tables 1 to 4: two-sample t of SSIM or PSNR, of its own network ("NET" here) and
- * Richardson-Lucy with a Gaussian filter ("RL"). The degrees of freedom are not printed; these are the ones that give the
- * printed p of 28 of the 30 columns: 138 = 2 x 70 - 2 and 78 = 2 x 40 - 2. */
-typedef struct paper_table {
-    int by_sigma, quality;
-    double dof;
-    int n;
-    double bin[PAPER_COLUMNS];                 /* FWHM in pixels, or noise sigma on the 0..255 scale */
-    double t[PAPER_COLUMNS], p[PAPER_COLUMNS]; /* as printed */
-} paper_table;
-
-/* clang-format off */
-static const paper_table PAPER[PAPER_TABLES] = {
-    {0, SSIM, 138, 7, {2, 4, 6, 8, 10, 12, 14},
-     {17.97, 20.46, 17.57, 20.27, 20.76, 18.79, 24.56},
-     {5.96e-38, 1.23e-43, 5.08e-37, 3.40e-43, 2.72e-44, 7.41e-40, 3.21e-52}},
-    {0, PSNR, 138, 7, {2, 4, 6, 8, 10, 12, 14},
-     {49.69, 73.94, 56.31, 75.21, 76.49, 68.05, 110.96},
-     {6.02e-90, 6.82e-113, 4.29e-97, 6.88e-114, 7.09e-115, 4.77e-108, 8.31e-137}},
-    {1, SSIM, 78, 8, {2, 9, 12, 15, 18, 21, 23, 25},
-     {1.70, 17.81, 26.46, 32.40, 32.12, 40.43, 40.60, 43.98},
-     {4.88e-02, 3.25e-29, 1.05e-40, 5.35e-47, 1.00e-46, 4.40e-54, 3.24e-54, 1.63e-54}},
-    {1, PSNR, 78, 8, {2, 9, 12, 15, 18, 21, 23, 25},
-     {6.66, 34.76, 42.52, 39.62, 43.38, 50.09, 47.96, 59.78},
-     {3.52e-09, 3.11e-49, 1.02e-55, 1.98e-53, 2.27e-56, 4.52e-61, 1.19e-59, 6.52e-67}}};
-/* clang-format on */
-
-/* Whether the printed p of a column follows from its t (two-sided, the table's dof) within what rounding t to 0.01 and p to
- * three digits allows; *p = the p that follows, *ln_p its logarithm. */
-static int column_fits(const paper_table *table, int column, double *p, double *ln_p)
-{
-    const double digits = log1p(0.005), printed = log(table->p[column]); /* 1.00 may stand for 1.005 */
-    double most, least;
-    *p = rx_student_p(table->t[column], table->dof, ln_p);
-    rx_student_p(table->t[column] - 0.005, table->dof, &most);
-    rx_student_p(table->t[column] + 0.005, table->dof, &least);
-    return printed >= least - digits && printed <= most + digits;
+    free(r->work);
 }
 
 /* --- figures --- */
@@ -258,23 +202,9 @@ RX_COLUMNS(BINS, RX_TEXT("scene", "binned quantity"), RX_TEXT("condition", "midd
            RX_COUNT("inside_training", "1: seeing and median noise level are inside the training"),
            RX_COUNT("fainter_than_fields", "1: that level is above those of all whole fields of it"));
 
-RX_COLUMNS(BOXES, RX_TEXT("scene", ""), RX_TEXT("condition", ""), RX_TEXT("run", ""), RX_TEXT("quantity", ""),
-           RX_NUMBER("low", 3, "", "last value within 1.5 box lengths"), RX_NUMBER("q1", 3, "", "quartile"),
-           RX_NUMBER("median", 3, "", ""), RX_NUMBER("q3", 3, "", "quartile"), RX_NUMBER("high", 3, "", ""),
-           RX_COUNT("outliers", ""));
-
-RX_COLUMNS(COLUMNS, RX_COUNT("table", "of the paper"), RX_TEXT("scene", ""), RX_TEXT("quantity", ""),
-           RX_NUMBER("bin", 0, "", ""), RX_NUMBER("dof", 0, "", "degrees of freedom that give its p"),
-           RX_NUMBER("paper_t", 2, "", "printed: its network against Richardson-Lucy"),
-           RX_P("paper_p", "printed"), RX_P("p_from_t", "that follows from the printed t"),
-           RX_COUNT("fits", "1: within what rounding allows"),
-           RX_NUMBER("t", 2, "", "here, two samples as in the paper"), RX_P("p", "here"),
-           RX_NUMBER("paired_t", 2, "", "here, on the same scenes: the fitting test"));
-
 static void add_bins(rx_report *report, const results by[2])
 {
-    rx_report_table *bins = RX_REPORT_TABLE(report, "bins", BINS, RX_REPORT_EVERYWHERE),
-                    *boxes = RX_REPORT_TABLE(report, "boxes", BOXES, RX_REPORT_IN_FILE);
+    rx_report_table *bins = RX_REPORT_TABLE(report, "bins", BINS, RX_REPORT_EVERYWHERE);
     for (const results *r = by; r < by + 2; r++)
         for (int c = 0; c < r->group.nconditions; c++) {
             const rx_lab_group *g = &r->group;
@@ -283,69 +213,11 @@ static void add_bins(rx_report *report, const results by[2])
             rx_report_put(bins, g->name, g->condition[c], drawn->low, drawn->high, drawn->other_low,
                           drawn->other_high, scenes_of(r->lab, r->first + c)->n, own->level.low,
                           own->level.median, own->level.high, own->inside, own->fainter);
-            for (int i = 0; i < QUALITIES * g->ncolumns; i++) {
-                const int q = i / g->ncolumns, k = i % g->ncolumns;
-                const rx_five_numbers *box = &r->box[q][c * g->ncolumns + k];
-                rx_report_put(boxes, g->name, g->condition[c], g->column[k], QUALITY[q].name, box->low,
-                              box->q1, box->median, box->q3, box->high, box->outliers);
-            }
         }
     rx_report_section(report, "bins", "Bins, and where the network's training lies");
     rx_report_show(report, bins,
                    RX_VIEW(.note = "Models know noise on a scale of their own, the noise level: 255 times "
                                    "the noise over what the brightest 0.1 % of the blurred scene exceed."));
-}
-
-/* Both tests of two runs in the bin of a printed column; NAN where there is no such bin. */
-static rx_status test_column(const results *r, const paper_table *table, int column, const int run[2],
-                             rx_test *two, rx_test *paired, rx_error *err)
-{
-    *two = *paired = (rx_test){NAN, NAN, NAN, NAN};
-    for (int c = 0; c < r->group.nconditions && run[0] >= 0 && run[1] >= 0; c++) {
-        if (fabs(centre(r->lab, r->first + c) - table->bin[column]) > 0.25)
-            continue;
-        const long n = gather(scenes_of(r->lab, r->first + c), table->quality, run, r->work);
-        if (n < 2)
-            return RX_OK;
-        RX_TRY(rx_test_two_sample(n, r->work[0], n, r->work[1], two, err));
-        return rx_test_paired(n, r->work[0], r->work[1], paired, err);
-    }
-    return RX_OK;
-}
-
-/* The printed numbers of the paper beside ours: of NET and RL, or of RL and what is filtered or not restored. */
-static rx_status add_paper(rx_report *report, const results by[2], rx_error *err)
-{
-    static const char *const pairs[][2] = {{"NET", "RL"}, {"RL", "SMOOTHED"}, {"RL", "BLURRED"}};
-    rx_report_table *t = RX_REPORT_TABLE(report, "paper", COLUMNS, RX_REPORT_IN_JSON);
-    const rx_lab *lab = by->lab;
-    int run[2] = {-1, -1};
-    char words[128];
-    for (size_t i = 0; i < sizeof pairs / sizeof *pairs && (run[0] < 0 || run[1] < 0); i++)
-        for (int k = 0; k < 2; k++) {
-            run[k] = lab->nruns - 1;
-            while (run[k] >= 0 && strcmp(lab->run[run[k]].name, pairs[i][k]) != 0)
-                run[k]--;
-        }
-    for (const paper_table *table = PAPER; table < PAPER + PAPER_TABLES; table++)
-        for (int k = 0; k < table->n; k++) {
-            rx_test two, paired;
-            double p, ln_p;
-            const int fits = column_fits(table, k, &p, &ln_p);
-            RX_TRY(test_column(&by[table->by_sigma], table, k, run, &two, &paired, err));
-            rx_report_put(t, table - PAPER + 1, table->by_sigma ? "noise" : "FWHM",
-                          QUALITY[table->quality].name, table->bin[k], table->dof, table->t[k],
-                          rx_cell_p(table->p[k], log(table->p[k])), rx_cell_p(p, ln_p), fits, two.statistic,
-                          rx_cell_p(two.p, two.ln_p), paired.statistic);
-        }
-    rx_report_section(report, "paper", "Beside the paper's Tables 1 to 4");
-    if (run[0] >= 0 && run[1] >= 0) {
-        snprintf(words, sizeof words, "The paper's columns are NET against RL, ours %s against %s.",
-                 lab->run[run[0]].name, lab->run[run[1]].name);
-        rx_report_sentence(report, words);
-    }
-    rx_report_show(report, t, RX_VIEW(.from = 0));
-    return RX_OK;
 }
 
 const char rx_restoration_reading[] =
@@ -360,9 +232,8 @@ const char rx_restoration_reading[] =
     "sigma 1.5, K1 = K2 = 0.001 as in the paper: there the noise of empty sky outweighs the object. With K1 "
     "= "
     "0.01 and K2 = 0.03 as Wang et al. have them the sky counts less, and on the pixels of the object, the "
-    "brightest with 90 % of its light, it does not count at all. The two-sample test is the paper's (Jia et "
-    "al. 2023, MNRAS 527, 6581); "
-    "the paired one, on the same scenes, fits. Pictures: the middle of the first scene of a bin, asinh(p / 6 "
+    "brightest with 90 % of its light, it does not count at all. Pictures: the middle of the first scene of "
+    "a bin, asinh(p / 6 "
     "%) of the peak from &minus;6 to 70 % of it.";
 
 /* Facts of the head, and how many choices of tuning lie at an end of what was tried. */
@@ -417,7 +288,6 @@ rx_status rx_restoration_report(rx_lab_page *page, rx_error *err)
         rx_report_place(page->report, id);
     }
     add_bins(page->report, by);
-    status = add_paper(page->report, by, err);
 exit:
     forget(&by[0]);
     forget(&by[1]);

@@ -15,8 +15,6 @@
 
 #define ALL HUGE_VAL
 
-static const double LEVEL = 0.95;
-
 /* --- quantities --- */
 
 typedef enum statistic {
@@ -211,8 +209,8 @@ static rx_estimate measure_values(const rx_lab_table *object, int run, const rx_
         n += isfinite(work[n]) != 0;
     }
     if (q->statistic == MEAN)
-        return rx_mean_estimate(n, work, LEVEL);
-    rx_robust_estimates(work, n, LEVEL, &median, &width);
+        return rx_mean_estimate(n, work, RX_LEVEL);
+    rx_robust_estimates(work, n, RX_LEVEL, &median, &width);
     return q->statistic == MEDIAN ? median : width;
 }
 
@@ -226,7 +224,7 @@ static rx_estimate measure_share(const rx_lab_table *object, int run, const rx_q
         found +=
             counts && rx_lab_each(object, i, run)[RX_FOUND_SCORE] >= score; /* NAN is below every score */
     }
-    return rx_binomial_interval(found, n, LEVEL);
+    return rx_binomial_interval(found, n, RX_LEVEL);
 }
 
 /* All quantities of a list of one scene, entry c of the group. */
@@ -248,16 +246,16 @@ static rx_status measure_list(const rx_lab_group *g, int c, const list *l, const
         const int whole = q->cut == WHOLE || l->lab->nprecisions == 0;
         rx_estimate *dst = &rx_lab_group_at(g, i, c, l->run)->value;
         if (q->statistic == AP)
-            status =
-                rx_pr_interval(pr, object->n, LEVEL, (rx_resampling){.seed = seed, .nthreads = 1}, dst, err);
+            status = rx_pr_interval(pr, object->n, RX_LEVEL, (rx_resampling){.seed = seed, .nthreads = 1},
+                                    dst, err);
         else if (q->statistic == SHARE)
             *dst = measure_share(object, l->run, q, whole ? -ALL : cuts[q->cut].score);
         else if (q->statistic == PRECISION)
-            *dst = rx_binomial_interval(all.matched, all.detections, LEVEL);
+            *dst = rx_binomial_interval(all.matched, all.detections, RX_LEVEL);
         else if (q->statistic == RATE)
-            *dst = rx_poisson_rate(all.detections - all.matched, mpixels, LEVEL);
+            *dst = rx_poisson_rate(all.detections - all.matched, mpixels, RX_LEVEL);
         else if (q->statistic == CROWDED)
-            *dst = rx_binomial_interval(crowded, all.matched, LEVEL);
+            *dst = rx_binomial_interval(crowded, all.matched, RX_LEVEL);
         else
             *dst = measure_values(object, l->run, q, work);
     }
@@ -334,35 +332,21 @@ RX_COLUMNS(CUTS, RX_TEXT("scene", "field"), RX_TEXT("run", "restorer"),
            RX_ESTIMATE("precision", 4, "", "over all sets of the field"),
            RX_ESTIMATE("recall", 3, "", "over all sets of the field"));
 
-RX_COLUMNS(PR, RX_TEXT("scene", "field"), RX_TEXT("condition", "magnitude of the stars"),
-           RX_TEXT("run", "restorer"), RX_NUMBER("score", 2, "", "S/N of the detection"),
-           RX_NUMBER("recall", 4, "", "of the stars with this score or a higher one"),
-           RX_NUMBER("precision", 4, "", "the same"));
-
 /* Precision over recall of one magnitude, thinned. */
-static rx_status add_curves(rx_lab_page *page, const rx_lab_group *g, int field, int scene,
-                            rx_report_table *t, rx_error *err)
+static rx_status draw_curves(rx_lab_page *page, const rx_lab_group *g, int field, int scene, rx_error *err)
 {
     static const rx_axes axes = {"recall", "precision", 0, 1.02, 0, 1.02, false, false};
-    const rx_lab *lab = page->lab;
-    const int drawn = field < FIELDS_WITH_CURVES && scene >= lab->nscenes - CURVES;
     rx_curves c = {0};
     char id[RX_FIGURE_ID], title[96];
     rx_status status = RX_OK;
-    for (int run = 0; run < lab->nruns && status == RX_OK; run++) {
+    for (int run = 0; run < page->lab->nruns && status == RX_OK; run++) {
         rx_pr pr = {0};
         long objects;
-        status = make_curve(&(list){lab, field, scene, scene, run}, &objects, &pr, err);
-        if (drawn)
-            rx_curves_add(&c, RX_CURVE_LINE, rx_method_color(g->column[run]), g->column[run]);
+        status = make_curve(&(list){page->lab, field, scene, scene, run}, &objects, &pr, err);
+        rx_curves_add(&c, RX_CURVE_LINE, rx_method_color(g->column[run]), g->column[run]);
         for (long j = 0; j < pr.n; j++)
-            if (j % (pr.n / POINTS_MAX + 1) == 0 || j + 1 == pr.n) {
-                const rx_pr_point *p = &pr.point[j];
-                rx_report_put(t, g->name, g->condition[scene], g->column[run], p->score, p->recall,
-                              p->precision);
-                if (drawn)
-                    rx_curves_put(&c, p->recall, p->precision, NAN, NAN);
-            }
+            if (j % (pr.n / POINTS_MAX + 1) == 0 || j + 1 == pr.n)
+                rx_curves_put(&c, pr.point[j].recall, pr.point[j].precision, NAN, NAN);
         rx_pr_free(&pr);
     }
     snprintf(id, sizeof id, "field%d-curve%d", field, scene);
@@ -373,7 +357,7 @@ static rx_status add_curves(rx_lab_page *page, const rx_lab_group *g, int field,
 
 /* A field: its sets, its curves, its thresholds over all magnitudes together. */
 static rx_status add_field(rx_lab_page *page, const rx_lab_group *g, int field, const cut *cuts,
-                           rx_report_table *const tables[3], rx_error *err)
+                           rx_report_table *const tables[2], rx_error *err)
 {
     const rx_lab *lab = page->lab;
     const rx_lab_sky *sky = &lab->sky[field];
@@ -382,7 +366,8 @@ static rx_status add_field(rx_lab_page *page, const rx_lab_group *g, int field, 
         rx_report_put(tables[0], g->name, g->condition[k], lab->scene[k].mag,
                       sum_of(tile, RX_TILE_SNR) / (double)tile->n, tile->n, table[RX_SOURCES_OBJECT].n,
                       sum_of(tile, RX_TILE_MPIXELS), sky->about);
-        RX_TRY(add_curves(page, g, field, k, tables[2], err));
+        if (field < FIELDS_WITH_CURVES && k >= lab->nscenes - CURVES)
+            RX_TRY(draw_curves(page, g, field, k, err));
     }
     for (int p = -1; p < lab->nprecisions; p++)
         for (int run = 0; run < lab->nruns; run++) {
@@ -392,8 +377,8 @@ static rx_status add_field(rx_lab_page *page, const rx_lab_group *g, int field, 
             RX_TRY(make_curve(&(list){lab, field, 0, lab->nscenes - 1, run}, &objects, &pr, err));
             const rx_pr_point at = count_from(&pr, c->score);
             rx_report_put(tables[1], g->name, g->column[run], p < 0 ? NAN : lab->precision[p], c->score,
-                          c->whole_list, rx_binomial_interval(at.matched, at.detections, LEVEL),
-                          rx_binomial_interval(at.matched, objects, LEVEL));
+                          c->whole_list, rx_binomial_interval(at.matched, at.detections, RX_LEVEL),
+                          rx_binomial_interval(at.matched, objects, RX_LEVEL));
             rx_pr_free(&pr);
         }
     return RX_OK;
@@ -452,7 +437,7 @@ rx_status rx_sources_report(rx_lab_page *page, rx_error *err)
 {
     const rx_lab *lab = page->lab;
     const int fields = lab->scene[0].id == RX_SCENE_MAGNITUDE, n = fields ? lab->nconditions : lab->nscenes;
-    rx_report_table *tables[3] = {NULL};
+    rx_report_table *tables[2] = {NULL};
     rx_lab_group *groups = RX_NEW(rx_lab_group, (size_t)n);
     cut *cuts = RX_NEW(cut, (size_t)lab->nruns * (size_t)lab->nprecisions + 1);
     rx_status status =
@@ -461,7 +446,6 @@ rx_status rx_sources_report(rx_lab_page *page, rx_error *err)
     if (fields) {
         tables[0] = RX_REPORT_TABLE(page->report, "sets", SETS, RX_REPORT_EVERYWHERE);
         tables[1] = RX_REPORT_TABLE(page->report, "cuts", CUTS, RX_REPORT_EVERYWHERE);
-        tables[2] = RX_REPORT_TABLE(page->report, "curves", PR, RX_REPORT_IN_FILE);
     }
     for (int g = 0; g < n && status == RX_OK; g++)
         status = open_group(&groups[g], lab, fields, g, err);

@@ -4,7 +4,6 @@
 #include <gsl/gsl_errno.h>
 #include <gsl/gsl_integration.h>
 #include <gsl/gsl_sf_gamma.h>
-#include <gsl/gsl_sf_hyperg.h>
 #include <gsl/gsl_sf_lambert.h>
 #include <math.h>
 #include <stdbool.h>
@@ -49,35 +48,11 @@ void rx_gamma_log_complex(double re, double im, double *ln_size, double *angle)
     *angle = turn.val;
 }
 
-/* With x = dof / (dof + t^2), p = I_x(dof/2, 1/2): DLMF 8.17 and Abramowitz & Stegun 26.7.1; 1 - x is
- * t^2 / (dof + t^2), never a difference. Where p underflows, its logarithm is that of
- * x^a (1-x)^b / (a B(a, b)) 2F1(a + b, 1; a + 1; x), DLMF 8.17.8. */
-double rx_student_p(double t, double dof, double *ln_p)
-{
-    const double a = 0.5 * dof, b = 0.5, least = 1e-250;
-    double unused, *ln = ln_p != NULL ? ln_p : &unused;
-    *ln = NAN;
-    if (isnan(t) || !(dof > 0) || isinf(dof))
-        return NAN;
-    *ln = t == 0 ? 0 : -INFINITY;
-    if (t == 0 || isinf(t))
-        return t == 0 ? 1 : 0;
-    double ratio = fabs(t) / sqrt(dof); /* t^2 / dof may overflow, its logarithm not */
-    double ln_x = ratio < 1e100 ? -log1p(ratio * ratio) : -2 * log(ratio);
-    double ln_y = 2 * log(ratio) + ln_x, x = exp(ln_x), y = exp(ln_y), p = rx_beta_inc(a, b, x);
-    if (p > 0.5)
-        *ln = log1p(-rx_beta_inc(b, a, y));
-    else if (p > least)
-        *ln = log(p);
-    else
-        *ln = a * ln_x + b * ln_y - gsl_sf_lnbeta(a, b) + log(gsl_sf_hyperg_2F1(a + b, 1, a + 1, x) / a);
-    return exp(*ln);
-}
-
+/* p of Student's t, two-sided: DLMF 8.17 and Abramowitz & Stegun 26.7.1. */
 static double student_p(double dof, double unused, double t)
 {
     (void)unused;
-    return rx_student_p(t, dof, NULL);
+    return rx_beta_inc(0.5 * dof, 0.5, dof / (dof + t * t));
 }
 
 static double gamma_p(double a, double unused, double x)

@@ -26,10 +26,7 @@ void rx_gamma_log_complex(double re, double im, double *ln_size, double *angle);
 /* Principal branch of Lambert's function: w >= -1 with w e^w = x, x >= -1/e. */
 double rx_lambert_w(double x);
 
-/* p of Student's t, two-sided, and its logarithm (may be NULL), which does not underflow: for the numbers that
- * papers print. NAN when t is NAN or dof not positive. */
-double rx_student_p(double t, double dof, double *ln_p);
-/* t with rx_student_p(t, dof) = p, positive, for p in 0..1: half width of intervals in standard errors. */
+/* t > 0 that Student's t exceeds, either way, with probability p, 0 <= p < 1: half width of intervals in standard errors. */
 double rx_student_quantile(double p, double dof);
 
 /* The n >= 1 places and weights of Gauss and Legendre's rule on -1..1, which is exact for polynomials of degree 2 n - 1.

@@ -43,6 +43,9 @@ typedef struct work {
     rx_residual *dst;
     double *width; /* [ny][nx] of u */
     double *bias;  /* of sources; NAN: no star */
+    double second; /* variance of a second difference of independent pixels of 1 */
+    double (*grain)
+        [2]; /* of sources: chi2 of second differences where photons of the star rule, and of how many */
 } work;
 
 static rx_status open_window(const work *w, window *dst, rx_error *err)
@@ -192,7 +195,28 @@ static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
     return RX_OK;
 }
 
-/* b of source i, NAN where it is no star that serves. */
+/* Of the window's pixels where light has as many photons as the sky, along x: chi2 of second differences, which hardly see what is
+ * wrong with the PSF, and of how many; three of them the fit has taken. */
+static void look_at_grain(const work *w, const window *v, double dst[2])
+{
+    double chi2 = 0.0;
+    int n = 0;
+    for (int py = v->y[0]; py < v->y[1]; py++)
+        for (int px = rx_max_int(v->x[0], 1); px < rx_min_int(v->x[1], v->width - 1); px++) {
+            const int k = py * v->width + px;
+            const double at = (double)v->weight[k], before = (double)v->weight[k - 1],
+                         after = (double)v->weight[k + 1];
+            if (!(at > 0.0 && at <= 0.5 && before > 0.0 && after > 0.0))
+                continue;
+            const double h = (double)v->d[k] - 0.5 * ((double)v->d[k - 1] + (double)v->d[k + 1]);
+            chi2 += h * h / (w->second * (4.0 / at + 1.0 / before + 1.0 / after) / 6.0);
+            n++;
+        }
+    dst[0] = n > 3 ? chi2 : 0.0;
+    dst[1] = rx_max_int(n - 3, 0);
+}
+
+/* b of source i, NAN where it is no star that serves, and its grain. */
 static rx_status look_at_star(const work *w, int i, window *v, rx_error *err)
 {
     const rx_source_template *fit = &w->of->sources->list[i].fit;
@@ -204,6 +228,7 @@ static rx_status look_at_star(const work *w, int i, window *v, rx_error *err)
         return RX_OK;
     place_window(w, (const int[2]){x - r, x + r + 1}, (const int[2]){y - r, y + r + 1}, v);
     read_window(w, v);
+    look_at_grain(w, v, w->grain[i]);
     memcpy(v->wide, v->light, (size_t)(v->width * v->height) * sizeof *v->wide);
     RX_TRY(rx_gauss_masked(v->width, v->height, 0.5 * w->fwhm, NULL, 1, v->wide, err));
     for (int py = v->y[0]; py < v->y[1]; py++)
@@ -236,6 +261,9 @@ static rx_status measure_filter(work *w, rx_error *err)
         stamp[i] = line[i % side] * line[i / side];
     for (int i = 0; i < side; i++)
         square += (double)line[i] * (double)line[i];
+    float second[3] = {-0.5f, 1.0f, -0.5f};
+    const double factor = rx_noise_factor(w->of->image->correlation, second, 3, 1);
+    w->second = 1.5 * factor * factor;
     w->square = square;
     w->noise = rx_noise_factor(w->of->image->correlation, stamp, side, side) * square;
     w->grow = w->of->light == NULL ? (int)ceil(w->fwhm) : 0;
@@ -279,6 +307,13 @@ static void sum_up(const work *w, double *room)
                  b = middle_of(w->bias, w->bias != NULL ? w->of->sources->n : 0, room, &stars),
                  error = stars >= LEAST_STARS ? 1.2533 * rx_sigma_mad(room, (size_t)stars, NULL) / sqrt(stars)
                                               : HUGE_VAL;
+    double chi2 = 0.0, count = 0.0;
+    for (int i = 0; w->bias != NULL && i < w->of->sources->n; i++) {
+        chi2 += w->grain[i][0];
+        count += w->grain[i][1];
+    }
+    /* neighbouring differences have pixels in common: chi2 scatters by 4, not 2, for each */
+    const double grain = count > 0.0 ? chi2 / count : NAN;
     r->share = cells > 0 ? (double)wrong / cells : NAN;
     const struct {
         rx_misfit cause;
@@ -286,6 +321,7 @@ static void sum_up(const work *w, double *room)
         double by;
     } all[] = {{RX_MISFIT_NOISE, is_wrong(u), u},
                {RX_MISFIT_NOISE, t < LOW, t},
+               {RX_MISFIT_NOISE, grain * (1.0 + ERRORS * sqrt(4.0 / count)) < LOW * LOW, sqrt(grain)},
                {RX_MISFIT_PSF, fabs(b) > BIAS + ERRORS * error, b},
                {RX_MISFIT_PSF, ERRORS * w->of->psf_error > BIAS, w->of->psf_error},
                {RX_MISFIT_SKY, t > HIGH, t}};
@@ -318,6 +354,8 @@ rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, 
     RX_TRY_EXIT(RX_MAKE(room, (size_t)rx_max_int(n, stars), err));
     if (stars > 0)
         RX_TRY_EXIT(RX_MAKE(w.bias, (size_t)stars, err));
+    if (stars > 0)
+        RX_TRY_EXIT(RX_MAKE(w.grain, (size_t)stars, err));
     RX_TRY_EXIT(measure_filter(&w, err));
 #pragma omp parallel num_threads(rx_max_int(input->nthreads, 1))
     {
@@ -342,6 +380,7 @@ rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, 
 exit:
     free(w.width);
     free(w.bias);
+    free(w.grain);
     free(room);
     if (status != RX_OK)
         rx_residual_free(dst);
@@ -395,7 +434,7 @@ int rx_residual_is_dark(double dark)
 static const char *const misfits[RX_MISFITS][3] = {
     [RX_MISFIT_NONE] = {"NONE", "", ""},
     [RX_MISFIT_NOISE] = {"NOISE", "pixels scatter by other than its noise, times",
-                         "are values rounded or cut off, is a map wrong?"},
+                         "are values rounded or cut off, is a map or GAIN wrong?"},
     [RX_MISFIT_PSF] = {"PSF", "its PSF may put fluxes off by a share of", "RXPSFERR holds it"},
     [RX_MISFIT_SKY] = {"SKY",
                        "light that is no source's, and that the sky's mesh does not follow, makes fluxes at "

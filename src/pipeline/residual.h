@@ -8,7 +8,7 @@
  * the light is above the noise do not count. Cells are of 64 pixels, or 16 FWHM where that is more: some 110 independent places, so that
  * a width, median |.| / 0.6745, is known to a tenth. A cell is not explained where the width of t or u is beyond LOW and HIGH.
  *
- * Of the tile two numbers say what that does to results:
+ * Of the tile three numbers say what that does to results:
  *
  *   the median over cells of both widths.   Where that of t is HIGH, sources of 5 sigma are of 3.8, and by the density of peaks of a
  *                   Gaussian field (nu exp(-nu^2 / 2) / ((2 pi)^(3/2) 2 s^2) a pixel, s the sigma of G) 38 per Mpixel are none at FWHM 3.3
@@ -17,8 +17,11 @@
  *                   a = sum w d e / (sum w e^2 - (sum w e l)^2 / sum w l^2),     b = a sum w e l / sum w l^2,     w = 1 / v,
  *                   of points of S/N above 20: the median, with its error
  *
+ *   h, of stars   second differences of d along a row, over what sky and photons of the light make of them, where the photons are more:
+ *                   the mean of h^2, which an error of the PSF can only raise, is below LOW^2 where GAIN is too low
+ *
  * The tile is not explained, and its header says why, where one of them is beyond what results may be: LOW and HIGH, and BIAS, by two
- * errors of b; or where two errors of fluxes by the PSF (RXPSFERR) are above BIAS.
+ * errors of b and of h^2; or where two errors of fluxes by the PSF (RXPSFERR) are above BIAS.
  *
  * Dark quarters of cells are those whose own pixels lie 0.3 sigma below the sky: lanes of dust, or a mesh that bright light has
  * lifted, where a network that knows no sky below its mesh cannot be right. */

@@ -13,7 +13,7 @@
 enum { MAX_WORDS = 7 };
 static const char *const operators[] = {">=", ">", "<=", "<", "in"};
 static const char *const verdicts[] = {"NONE", "PASS", "FAIL", "INSUFFICIENT"};
-static const double DEFAULT_LEVEL = 0.95, LEVEL_LOW = 0.5, LEVEL_HIGH = 0.995;
+static const double LEVEL_LOW = 0.5, LEVEL_HIGH = 0.995;
 
 const char *rx_verdict_name(rx_verdict verdict)
 {
@@ -165,7 +165,7 @@ static rx_status add_line(rx_gates *gates, const char *path, long number, char *
         return status;
     }
     rx_gate *gate = &gates->gate[gates->n++];
-    *gate = (rx_gate){.line = number, .level = DEFAULT_LEVEL, .text = text.data};
+    *gate = (rx_gate){.line = number, .level = RX_LEVEL, .text = text.data};
     return text.failed ? rx_error_memory(err, 0) : read_gate(path, nwords, word, gate, err);
 }
 

@@ -81,12 +81,6 @@ typedef struct rx_qa_run { /* one restorer */
     double law_scale, law_power;  /* noise law of the flux errors, 1 and 0.5 = independent pixels */
 } rx_qa_run;
 
-/* The restorer that did it. */
-static inline const char *rx_qa_done_by(const rx_qa_run *run)
-{
-    return run->by != NULL ? run->by : run->taken != NULL ? run->taken : run->name;
-}
-
 /* Small pictures of the same sky for the page: row-major floats, background subtracted. All are shown
  * with the stretch of the first one. */
 typedef struct rx_qa_picture {

@@ -9,22 +9,20 @@
 #include "base/interrupt.h"
 #include "quality/tally.h"
 
-static const double LEVEL = 0.95;
-
 static rx_status measure_run(rx_qa_numbers *q, int run, rx_error *err)
 {
     const rx_resampling by = q->par->by;
     rx_evaluation *e = &q->evaluation[run];
     rx_status status = rx_interrupt_check(err);
     if (status == RX_OK)
-        status = rx_evaluate(q->par, q->input, run, &q->bins, q->level, e, err);
+        status = rx_evaluate(q->par, q->input, run, &q->bins, RX_LEVEL, e, err);
     if (status == RX_OK && q->input->runs[run].tally != NULL)
         status = rx_tally_evaluation(q->input->runs[run].tally, e, err);
     if (status == RX_OK)
-        status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, q->level, by, RX_METRIC_COUNT,
+        status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, RX_LEVEL, by, RX_METRIC_COUNT,
                                     q->whole[run], err);
     for (int b = 0; b < q->bins.n && status == RX_OK; b++)
-        status = rx_metrics_measure(e, (rx_mag_range){0, q->bins.edge[b], q->bins.edge[b + 1]}, q->level, by,
+        status = rx_metrics_measure(e, (rx_mag_range){0, q->bins.edge[b], q->bins.edge[b + 1]}, RX_LEVEL, by,
                                     RX_METRIC_COUNT, q->binned[run * q->bins.n + b], err);
     return status;
 }
@@ -32,20 +30,6 @@ static rx_status measure_run(rx_qa_numbers *q, int run, rx_error *err)
 static bool has_found(const rx_qa_numbers *q, int run, long reference)
 {
     return q->evaluation[run].truth_role[reference] == RX_ROLE_MATCHED;
-}
-
-static void compare_runs(rx_qa_numbers *q)
-{
-    for (int i = 0; i < q->input->nruns; i++)
-        for (int j = i + 1; j < q->input->nruns; j++) {
-            rx_qa_comparison *c = &q->comparison[q->ncomparisons++];
-            *c = (rx_qa_comparison){.first = i, .second = j};
-            for (long k = 0; k < q->input->truth.n; k++) {
-                c->only_first += has_found(q, i, k) && !has_found(q, j, k);
-                c->only_second += has_found(q, j, k) && !has_found(q, i, k);
-            }
-            c->p = rx_mcnemar(c->only_first, c->only_second);
-        }
 }
 
 /* A deeper list is not judged by sources that the others do not hold. */
@@ -138,7 +122,7 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
 {
     const size_t runs = (size_t)input->nruns;
     const long gates = par->gates != NULL ? par->gates->n : 0;
-    *dst = (rx_qa_numbers){.par = par, .input = input, .level = LEVEL};
+    *dst = (rx_qa_numbers){.par = par, .input = input};
     rx_status status = RX_OK;
     RX_TRY(rx_evaluate_bins(par, input, &dst->bins, err));
     dst->evaluation = RX_TAKE(&dst->memory, rx_evaluation, runs);
@@ -146,14 +130,12 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     dst->binned = rx_arena_take(&dst->memory, runs * (size_t)dst->bins.n, sizeof *dst->binned);
     dst->common = RX_TAKE(&dst->memory, double, runs);
     dst->result = RX_TAKE(&dst->memory, rx_gate_result, (size_t)gates * (runs + 1));
-    dst->comparison = RX_TAKE(&dst->memory, rx_qa_comparison, runs * runs);
-    if (!dst->evaluation || !dst->whole || !dst->binned || !dst->common || !dst->result || !dst->comparison)
+    if (!dst->evaluation || !dst->whole || !dst->binned || !dst->common || !dst->result)
         return rx_error_memory(err, 0);
     for (int run = 0; run < input->nruns && status == RX_OK; run++)
         status = measure_run(dst, run, err);
     if (status != RX_OK)
         return status;
-    compare_runs(dst);
     compare_errors(dst);
     if (input->psf.psf != NULL && input->psf.psf->judged != NULL)
         dst->npsf_bins = psf_bins(&input->psf, dst->psf_bin);

@@ -1,5 +1,5 @@
-/* All numbers of a tile's QA report: every run measured over all magnitudes and by magnitude, gates judged, runs
- * compared with each other. */
+/* All numbers of a tile's QA report: every run measured over all magnitudes and by magnitude, gates judged, and the errors of all
+ * runs on the same references. */
 #ifndef RX_QUALITY_QA_NUMBERS_H
 #define RX_QUALITY_QA_NUMBERS_H
 
@@ -16,13 +16,6 @@ typedef struct rx_gate_result {
     rx_verdict verdict;
 } rx_gate_result;
 
-/* Two runs on the same references. */
-typedef struct rx_qa_comparison {
-    int first, second;
-    long only_first, only_second; /* references that only this one found */
-    double p;                     /* McNemar's exact test */
-} rx_qa_comparison;
-
 /* Means over stars of one range of magnitude, a whole number of half magnitudes wide: rx_psf_star.off and 1 sigma, NAN of
  * a single star. */
 enum { RX_QA_PSF_BINS = 12 };
@@ -34,7 +27,6 @@ typedef struct rx_qa_psf_bin {
 typedef struct rx_qa_numbers {
     const rx_qa_params *par;
     const rx_qa_input *input;
-    double level; /* of all intervals but those of gates */
     rx_bins bins;
     rx_evaluation *evaluation;              /* [nruns] */
     rx_estimate (*whole)[RX_METRIC_COUNT];  /* [nruns] */
@@ -43,8 +35,6 @@ typedef struct rx_qa_numbers {
     long ncommon;   /* so many */
     long nresults;
     rx_gate_result *result;
-    int ncomparisons;
-    rx_qa_comparison *comparison;
     rx_verdict verdict;
     int npsf_bins; /* 0: no star judges the PSF */
     rx_qa_psf_bin psf_bin[RX_QA_PSF_BINS];

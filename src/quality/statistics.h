@@ -6,10 +6,7 @@
  *
  * Counts: exact intervals of a Poisson mean (Garwood 1936, Biometrika 28, 437). Accuracy 1e-11 relative up to 1e6.
  *
- * Student's t: p-values are two-sided and hold their relative accuracy down to the smallest double, ln_p far beyond:
- * against 60-digit arithmetic 3e-13 for up to 10^4 degrees of freedom, 4e-11 for 10^6. A spread at the level of rounding,
- * 4 eps times the largest value, counts as none: t is then +-infinity with p = 0, or 0 with p = 1 when there is no
- * difference either. Errors of the tests: RX_USAGE (too few values), RX_INPUT (a value that is not finite).
+ * Means: Student's t. A spread at the level of rounding, 4 eps times the largest value, counts as none.
  *
  * Bootstrap (Efron 1979, Ann. Statist. 7, 1): draws with replacement from counter-based random numbers, so that a
  * replicate depends on nothing but seed, stream and its own number. Percentile intervals, which are too narrow for few
@@ -28,10 +25,11 @@ typedef struct rx_estimate {
     long n; /* sources behind it */
 } rx_estimate;
 
-/* k of n with the Clopper-Pearson interval at `level` (0.95). n = 0: NAN in [0, 1]. */
+/* Of an interval where no other is asked for. */
+#define RX_LEVEL 0.95
+
+/* k of n with the Clopper-Pearson interval at `level`. n = 0: NAN in [0, 1]. */
 rx_estimate rx_binomial_interval(long k, long n, double level);
-/* Two-sided p of McNemar's exact test: b and c, pairs in which only the one or only the other succeeded. */
-double rx_mcnemar(long b, long c);
 
 /* The rate of count events in `extent` of whatever it is, two-sided at `level`, n the count; and its one-sided upper
  * limit. */
@@ -43,25 +41,15 @@ double rx_poisson_upper(long count, double extent, double level);
  * Normal samples of 6 to 200: the 95 % intervals hold the truth in 95 to 98 % of cases (4000 trials each). */
 void rx_robust_estimates(double *values, long n, double level, rx_estimate *median, rx_estimate *sigma);
 
-typedef struct rx_test {
-    double statistic, dof;
-    double p; /* 0 when below the smallest double, then see ln_p */
-    double ln_p;
-} rx_test;
-
-/* Student's two-sample t with pooled variance, as the paper's tables (dof = na + nb - 2); na, nb >= 2. */
-rx_status rx_test_two_sample(long na, const double *a, long nb, const double *b, rx_test *dst, rx_error *err);
-/* Student's t of a[i] - b[i]; n >= 2. */
-rx_status rx_test_paired(long n, const double *a, const double *b, rx_test *dst, rx_error *err);
 /* The mean of n finite values with its t interval, whose ends are not known for n < 2; n = 0: all NAN. */
 rx_estimate rx_mean_estimate(long n, const double *values, double level);
 
 /* Box plot: quartiles (linear interpolation, as numpy's default), whiskers at the last value within 1.5 IQR
- * of the box (Tukey 1977). Errors: RX_USAGE n < 1, RX_INPUT a value that is not finite, RX_SYSTEM memory. */
+ * of the box (Tukey 1977). Values are finite. Errors: RX_USAGE n < 1, RX_SYSTEM memory. */
 typedef struct rx_five_numbers {
     double low, q1, median, q3, high;
-    long n, outliers;
     double mean;
+    long n;
 } rx_five_numbers;
 rx_status rx_five_numbers_of(long n, const double *values, rx_five_numbers *dst, rx_error *err);
 

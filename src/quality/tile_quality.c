@@ -16,7 +16,7 @@
 static const double ELONGATED = 0.15, SPREAD = 0.2, WIDER = 0.03, WIDTH_LOW = 0.9, WIDTH_HIGH = 1.15,
                     MASKED = 0.1, SATURATED = 0.01, SLOPE = 3.0, TAIL = 20, GROWTH = 0.01, SCATTER = 0.06;
 
-void rx_tile_cells_free(rx_tile_cells *cells)
+static void cells_free(rx_tile_cells *cells)
 {
     free(cells->value);
     *cells = (rx_tile_cells){0};
@@ -517,8 +517,8 @@ void rx_tile_quality_free(rx_tile_quality *q)
 {
     if (q == NULL)
         return;
-    rx_tile_cells_free(&q->sky);
-    rx_tile_cells_free(&q->noise);
+    cells_free(&q->sky);
+    cells_free(&q->noise);
     free(q);
 }
 

@@ -24,8 +24,6 @@ typedef struct rx_tile_cells {
 
 enum { RX_TILE_CELLS = 48, RX_TILE_GRID = 9, RX_TILE_STARS = 400, RX_TILE_PULLS = 61, RX_TILE_MAGS = 60 };
 
-void rx_tile_cells_free(rx_tile_cells *cells); /* content only */
-
 /* C of above, 0 where it could not be measured. */
 typedef struct rx_tile_ellipse {
     double fwhm, ellipticity, theta; /* pixels, 1 - b/a, rad from x */

@@ -1,7 +1,6 @@
 librextract_la_SOURCES += \
 	src/report/figure.c src/report/figure.h \
 	src/report/formats.c src/report/formats.h \
-	src/report/gnuplot.c src/report/gnuplot.h \
 	src/report/plot.c \
 	src/report/qa_figures.c \
 	src/report/qa_page.c src/report/qa_page.h \

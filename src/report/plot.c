@@ -8,7 +8,7 @@
 #include "report/figure.h"
 #include "report/formats.h"
 
-enum { MAX_POINTS = 2000, MAX_HOVER = 150, LONG_LABELS = 72 };
+enum { MAX_POINTS = 2000, LONG_LABELS = 72 };
 
 static int style_of(int color)
 {
@@ -115,34 +115,6 @@ static void curve_command(rx_text *dst, const rx_curve *c, int k)
     plot_title(dst, c->name);
 }
 
-/* Words that neither gnuplot nor a page takes for anything else. */
-static void plain_words(char *dst, size_t size, const char *text)
-{
-    size_t n = 0;
-    for (const char *c = text != NULL ? text : ""; *c != '\0' && n + 1 < size; c++)
-        if ((*c >= '0' && *c <= '9') || (*c >= 'A' && *c <= 'Z') || (*c >= 'a' && *c <= 'z') ||
-            strchr(" _-+./()[]^", *c) != NULL)
-            dst[n++] = *c;
-    dst[n] = '\0';
-}
-
-/* What the mouse shows at a point: "NONE: magnitude 17.25, recall 0.84 [0.8, 0.88]". */
-static void hover(rx_text *dst, const rx_axes *axes, const rx_curve *c, int k)
-{
-    char name[64], x[64], y[64];
-    if (c->n > MAX_HOVER || c->color < 0 || c->kind == RX_CURVE_LINE || c->kind == RX_CURVE_STEPS ||
-        c->kind == RX_CURVE_DOTS)
-        return;
-    plain_words(name, sizeof name, c->name);
-    plain_words(x, sizeof x, axes->xlabel);
-    plain_words(y, sizeof y, axes->ylabel);
-    rx_text_printf(dst, ", $d%d using 1:2:(sprintf('%s%s%s %%.4g, %s %%.4g", k, name,
-                   name[0] != '\0' ? ": " : "", x, y);
-    rx_text_add(dst, has_ends(c) ? " [%.4g, %.4g]', $1, $2, $3, $4))" : "', $1, $2))");
-    rx_text_printf(dst, " with labels hypertext point pt 7 ps 0.9 lc rgb color(%d, 0) notitle",
-                   style_of(c->color));
-}
-
 /* Leave the axes as other figures expect them. */
 static void plot_end(rx_text *dst, const rx_axes *axes)
 {
@@ -182,8 +154,6 @@ void rx_curves_figure(rx_figures *dst, const char *id, const char *title, const 
         rx_text_add(script, "plot NaN notitle"); /* never seen: keeps the command whole without curves */
         for (int k = 0; k < c->n; k++)
             curve_command(script, &c->curve[k], k);
-        for (int k = 0; k < c->n; k++)
-            hover(script, &ranged, &c->curve[k], k);
         plot_end(script, &ranged);
         rx_text_add(script, c->equal ? "set size noratio\n" : "");
     }

@@ -102,11 +102,6 @@ RX_COLUMNS(GATES, RX_COUNT("line", "of the gates file"), RX_TEXT("gate", ""), RX
            RX_NUMBER("limit_high", -4, "", ""), RX_NUMBER("level", -4, "", "of the interval"),
            RX_ESTIMATE("measured", -4, "", ""), RX_MARKED("verdict", ""));
 
-RX_COLUMNS(COMPARISONS, RX_TEXT("first", ""), RX_TEXT("second", ""),
-           RX_COUNT("found_by_first_only", "references", "found by the first only"),
-           RX_COUNT("found_by_second_only", "references", "found by the second only"),
-           RX_P("mcnemar_p", "two-sided, McNemar's exact test", "p"));
-
 RX_COLUMNS(PSF, RX_TEXT("how", "how it came about", "RXPSFHOW"),
            RX_MEASURED("fwhm", 3, "pix", "at the centre", "FWHM"),
            RX_NUMBER("stars", 0, "", "that it was fitted to"),
@@ -175,7 +170,7 @@ RX_COLUMNS(BRIEF_GATES, RX_COUNT("line", "", "gate line"), RX_TEXT("gate", ""), 
 typedef struct page {
     const rx_qa_numbers *q;
     rx_report *report;
-    rx_report_table *runs, *models, *bins, *flags, *gates, *comparisons;
+    rx_report_table *runs, *models, *bins, *flags, *gates;
     rx_report_table *psf, *psf_bins; /* NULL: there is no PSF, no star that judges it */
     char (*stem)[STEM];              /* [nruns] of the names of each run's files; NULL without memory */
     rx_report_column run_column[NRUNS + RX_METRIC_COUNT], bin_column[NBINS + RX_METRIC_COUNT];
@@ -193,6 +188,12 @@ static rx_cell known_to(bool is, double value, double error)
     return rx_cell_measured(is ? value : NAN, is ? error : NAN);
 }
 
+/* The restorer that did it. */
+static const char *done_by(const rx_qa_run *run)
+{
+    return run->by != NULL ? run->by : run->taken != NULL ? run->taken : run->name;
+}
+
 /* name: of its matches, its curve, its regions. */
 static void add_run(page *p, int run, char (*name)[STEM + 16])
 {
@@ -202,10 +203,10 @@ static void add_run(page *p, int run, char (*name)[STEM + 16])
     const rx_estimate none = {NAN, NAN, NAN, 0};
     rx_cell row[NRUNS + RX_METRIC_COUNT];
     memcpy(row,
-           RX_ROW(r->name, rx_qa_done_by(r), r->by != NULL || r->taken != NULL ? r->why : NULL, r->settings,
-                  r->psf, r->law_scale, r->law_power, e->pull_in_flux ? "flux" : "magnitude", name[0],
-                  name[1], name[2], e->references, e->references_ignored, e->detections,
-                  e->detections_ignored, e->matched, e->chance, p->q->ncommon, p->q->common[run],
+           RX_ROW(r->name, done_by(r), r->by != NULL || r->taken != NULL ? r->why : NULL, r->settings, r->psf,
+                  r->law_scale, r->law_power, e->pull_in_flux ? "flux" : "magnitude", name[0], name[1],
+                  name[2], e->references, e->references_ignored, e->detections, e->detections_ignored,
+                  e->matched, e->chance, p->q->ncommon, p->q->common[run],
                   known(r->tested, (double)e->made_up), known(r->tested, (double)e->made_up_matched),
                   known(r->tested, r->made_up_per_mpixel),
                   known(r->tested, rx_evaluation_precision_without(e)), known(checked, r->blank.n)),
@@ -321,12 +322,11 @@ static void add_flags(page *p, int run)
         if (with == 0)
             continue;
         const long left = e->matched - matched;
-        const double level = p->q->level;
         rx_report_put(p->flags, e->run->name, flag[f].column, flag[f].bit, flag[f].name, flag[f].meaning,
-                      with, matched, rx_binomial_interval(e->matched, e->references, level),
-                      rx_binomial_interval(left, e->references, level),
-                      rx_binomial_interval(e->matched, e->detections, level),
-                      rx_binomial_interval(left, e->detections - with, level));
+                      with, matched, rx_binomial_interval(e->matched, e->references, RX_LEVEL),
+                      rx_binomial_interval(left, e->references, RX_LEVEL),
+                      rx_binomial_interval(e->matched, e->detections, RX_LEVEL),
+                      rx_binomial_interval(left, e->detections - with, RX_LEVEL));
     }
 }
 
@@ -397,17 +397,6 @@ static void add_gates(page *p)
     }
 }
 
-static void add_comparisons(page *p)
-{
-    const rx_qa_numbers *q = p->q;
-    p->comparisons = RX_REPORT_TABLE(p->report, "comparisons", COMPARISONS, RX_REPORT_IN_JSON);
-    for (int i = 0; i < q->ncomparisons; i++) {
-        const rx_qa_comparison *c = &q->comparison[i];
-        rx_report_put(p->comparisons, q->input->runs[c->first].name, q->input->runs[c->second].name,
-                      c->only_first, c->only_second, rx_cell_p(c->p, log(c->p)));
-    }
-}
-
 /* The PSF of the tile, what stars say of it by magnitude, and the stars. */
 static void add_psf(page *p)
 {
@@ -471,7 +460,7 @@ static void add_facts(rx_report *report, const rx_qa_numbers *q)
     rx_report_fact_number(report, "match_radius_pixels", q->par->match_radius);
     fact_above_0(report, "match_radius_arcsec", q->par->match_radius_arcsec);
     rx_report_fact(report, "score", q->input->score_name);
-    rx_report_fact_number(report, "interval_level", q->level);
+    rx_report_fact_number(report, "interval_level", RX_LEVEL);
     rx_report_fact(report, "intervals",
                    "shares: Clopper-Pearson; medians and sigma_MAD: order statistics; means, ap and "
                    "completeness magnitudes: bootstrap; null: not bounded or not known");
@@ -483,7 +472,6 @@ static void add_tables(page *p)
     add_facts(p->report, p->q);
     add_runs(p);
     add_gates(p);
-    add_comparisons(p);
     if (p->q->input->psf.psf != NULL)
         add_psf(p);
 }
@@ -564,7 +552,7 @@ static void show_summary(page *p)
     const char *columns[3 + RX_METRIC_COUNT] = {"run"};
     int n = 1;
     for (int run = 0; run < p->q->input->nruns && n == 1; run++)
-        if (rx_qa_done_by(&p->q->input->runs[run]) != p->q->input->runs[run].name)
+        if (done_by(&p->q->input->runs[run]) != p->q->input->runs[run].name)
             columns[n++] = "done_by";
     for (int m = 0; m < RX_METRIC_COUNT; m++) {
         if (m == RX_METRIC_MAGERR &&
@@ -644,11 +632,6 @@ static const struct section {
      "Medians with 1 &sigma;. No reference is needed: the tile's own original pixels are the measure. Off: "
      "the ratio in the aperture is more than 1 % and 5 &sigma; from 1, or FLUX_AUTO so much above it; "
      "FLUX_AUTO below it is the light that it leaves out."},
-    {{"duel", "Restorers on the same references", offsetof(page, comparisons), 0, NULL, NULL},
-     {NULL},
-     "McNemar's exact test on recall: p is the probability of a difference at least as uneven if both found "
-     "sources equally well. With several pairs multiply p by their number. A run that detects more finds "
-     "more: read it together with precision."},
     {{"models", "What the model promises here", offsetof(page, models), 1, NULL, NULL},
      {NULL},
      "Promised: what the model did on its test images of this seeing and noise. Here: as in the summary; "
@@ -706,7 +689,7 @@ static void show_reading(page *p)
         "intervals from order statistics, MagErr, ap and the completeness magnitudes bootstrap intervals (%d "
         "draws, none for fewer than %d sources). An infinite end: too few sources, or the limit lies beyond "
         "the reference. Means, such as MagErr, follow single gross mismatches; medians and sigma_MAD do not.",
-        100 * p->q->level, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
+        100 * RX_LEVEL, RX_BOOTSTRAP_ROUNDS, RX_BOOTSTRAP_FEWEST);
     rx_report_paragraph(p->report, html);
     rx_report_paragraph(
         p->report,

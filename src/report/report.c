@@ -39,7 +39,7 @@ static const char STYLE[] =
     "figure svg{display:block;width:100%;height:auto;fill:none;stroke:currentColor;"
     "font:13px Helvetica,Arial,sans-serif}figure text{fill:currentColor;stroke:none}"
     "figure image{image-rendering:pixelated}svg .gridline{stroke:var(--grid)}"
-    "svg .h{opacity:0;pointer-events:all}svg .h:hover{opacity:1}figcaption b{display:block;color:var(--ink)}"
+    "figcaption b{display:block;color:var(--ink)}"
     "figcaption{color:var(--soft);font-size:.9em}.PASS{color:var(--good)}.FAIL{color:var(--bad)}"
     ".INSUFFICIENT{color:var(--open)}b.v{font-size:1.2em}.w{overflow-x:auto}"
     "@media print{body{max-width:none;padding:0;font-size:10pt}nav,.skip{display:none}.w{overflow:visible}"

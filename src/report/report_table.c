@@ -18,7 +18,7 @@ static bool is_words(rx_report_kind kind)
 
 static int slots_of(rx_report_kind kind)
 {
-    return kind == RX_REPORT_ESTIMATE ? 4 : kind == RX_REPORT_P || kind == RX_REPORT_MEASURED ? 2 : 1;
+    return kind == RX_REPORT_ESTIMATE ? 4 : kind == RX_REPORT_MEASURED ? 2 : 1;
 }
 
 /* --- rows --- */
@@ -204,27 +204,6 @@ static void html_estimate(rx_text *dst, const rx_estimate *e, int digits)
     rx_text_printf(dst, "] n=%ld</small>", e->n);
 }
 
-/* A p-value, 2 digits: 0.031, 5.2 x 10^-38; mantissa and exponent from the logarithm, as p may be below the smallest
- * double. */
-static void html_p(rx_text *dst, double p, double ln_p)
-{
-    if (isnan(p) || isnan(ln_p)) {
-        rx_text_add(dst, "&ndash;");
-    } else if (p >= 0.001) {
-        rx_text_printf(dst, "%.2g", p);
-    } else if (isinf(ln_p)) { /* where no more is known than that p vanished */
-        rx_text_add(dst, "&lt;10<sup>&minus;307</sup>");
-    } else {
-        double decades = ln_p / M_LN10, exponent = floor(decades);
-        double mantissa = round(pow(10, decades - exponent) * 10) / 10;
-        if (mantissa >= 10) {
-            mantissa /= 10;
-            exponent += 1;
-        }
-        rx_text_printf(dst, "%.1f&middot;10<sup>&minus;%.0f</sup>", mantissa, -exponent);
-    }
-}
-
 static void html_cell(rx_text *dst, const rx_report_table *t, int column, long row, int digits)
 {
     const rx_report_kind kind = t->columns[column].kind;
@@ -244,8 +223,6 @@ static void html_cell(rx_text *dst, const rx_report_table *t, int column, long r
     } else if (kind == RX_REPORT_ESTIMATE) {
         const rx_estimate e = estimate_of(slot);
         html_estimate(dst, &e, digits);
-    } else if (kind == RX_REPORT_P) {
-        html_p(dst, slot[0].number, slot[1].number);
     } else {
         html_number(dst, slot->number, digits);
         if (kind == RX_REPORT_MEASURED && isfinite(slot[0].number) && isfinite(slot[1].number)) {
@@ -520,12 +497,6 @@ void rx_report_table_brief(rx_text *dst, const rx_report_table *t, const rx_repo
 
 /* --- files --- */
 
-/* What the second number of a measured value and of a p-value is called. */
-static void name_second(char dst[PLAIN], const rx_report_column *c)
-{
-    snprintf(dst, PLAIN, c->kind == RX_REPORT_P ? "ln_%s" : "%s_error", c->name);
-}
-
 void rx_report_table_json(rx_json *j, const rx_report_table *t)
 {
     rx_json_array(j, t->name, false);
@@ -549,8 +520,8 @@ void rx_report_table_json(rx_json *j, const rx_report_table *t)
             } else {
                 rx_json_number(j, c->name, slot->number);
             }
-            if (c->kind == RX_REPORT_P || c->kind == RX_REPORT_MEASURED) {
-                name_second(second, c);
+            if (c->kind == RX_REPORT_MEASURED) {
+                snprintf(second, PLAIN, "%s_error", c->name);
                 rx_json_number(j, second, slot[1].number);
             }
         }
@@ -568,9 +539,9 @@ static void ecsv_column(rx_ecsv *file, const rx_report_column *c, int part)
     char name[PLAIN];
     const char *help = part > 0 ? meanings[part] : c->help != NULL ? c->help : "";
     snprintf(name, PLAIN, "%s%s", c->name, ends[part]);
-    if (part > 0 && c->kind != RX_REPORT_ESTIMATE) {
-        name_second(name, c);
-        help = c->kind == RX_REPORT_P ? "its natural logarithm" : "1 sigma";
+    if (part > 0 && c->kind == RX_REPORT_MEASURED) {
+        snprintf(name, PLAIN, "%s_error", c->name);
+        help = "1 sigma";
     }
     rx_ecsv_column(file, name,
                    is_words(c->kind)                         ? RX_ECSV_TEXT

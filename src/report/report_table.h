@@ -7,7 +7,7 @@
 #include "report/formats.h"
 #include "report/table.h"
 
-/* Of an estimate there are four numbers, of a measured value and of a p-value two. */
+/* Of an estimate there are four numbers, of a measured value two. */
 typedef union rx_report_slot {
     double number;
     char *words; /* owned, never NULL */

@@ -20,7 +20,6 @@ typedef enum rx_report_kind {
     RX_REPORT_NUMBER,
     RX_REPORT_ESTIMATE, /* files: <name>, <name>_low, <name>_high, <name>_n; JSON: an object of the four */
     RX_REPORT_MEASURED, /* value and 1 sigma; files: <name> and <name>_error */
-    RX_REPORT_P,        /* a p-value; files: <name> and its natural logarithm ln_<name> */
     RX_REPORT_VERDICT,  /* words in colour: RX_MARK_... or the word before a space or comma */
     RX_REPORT_FILE      /* words: a file beside the page, which has a link to it */
 } rx_report_kind;
@@ -42,13 +41,12 @@ typedef struct rx_report_column {
 #define RX_MARKED(name, ...) RX_COLUMN(RX_REPORT_VERDICT, name, 0, "", __VA_ARGS__, NULL, NULL)
 #define RX_LINK(name, ...) RX_COLUMN(RX_REPORT_FILE, name, 0, "", __VA_ARGS__, NULL, NULL)
 #define RX_COUNT(name, ...) RX_COLUMN(RX_REPORT_COUNT, name, 0, "", __VA_ARGS__, NULL, NULL)
-#define RX_P(name, ...) RX_COLUMN(RX_REPORT_P, name, 0, "", __VA_ARGS__, NULL, NULL)
 #define RX_NUMBER(name, digits, unit, ...) RX_COLUMN(RX_REPORT_NUMBER, name, digits, unit, __VA_ARGS__, NULL, NULL)
 #define RX_ESTIMATE(name, digits, unit, ...) RX_COLUMN(RX_REPORT_ESTIMATE, name, digits, unit, __VA_ARGS__, NULL, NULL)
 #define RX_MEASURED(name, digits, unit, ...) RX_COLUMN(RX_REPORT_MEASURED, name, digits, unit, __VA_ARGS__, NULL, NULL)
 /* clang-format on */
 
-/* One cell: words, or numbers: value and low are that of RX_REPORT_MEASURED and its error, and p and ln p. */
+/* One cell: words, or numbers: value and low are that of RX_REPORT_MEASURED and its error. */
 typedef struct rx_cell {
     const char *words;
     rx_estimate estimate;
@@ -79,12 +77,6 @@ static inline rx_cell rx_cell_measured(double value, double error)
     return (rx_cell){.estimate = {.value = value, .low = error}};
 }
 
-/* ln_p serves where p is below the smallest double. */
-static inline rx_cell rx_cell_p(double p, double ln_p)
-{
-    return rx_cell_measured(p, ln_p);
-}
-
 static inline rx_cell rx_cell_itself(rx_cell cell)
 {
     return cell;
@@ -95,7 +87,7 @@ typedef struct rx_report_table rx_report_table;
 enum { RX_REPORT_IN_JSON = 1, RX_REPORT_IN_FILE = 2, RX_REPORT_EVERYWHERE = 3 };
 
 void rx_report_row(rx_report_table *table, const rx_cell *values); /* [ncolumns] */
-/* rx_report_put(table, words, number, count, estimate, rx_cell_p(p, ln_p) ...): a row of what each column takes, 24 at
+/* rx_report_put(table, words, number, count, estimate, rx_cell_measured(value, error) ...): a row of what each column takes, 24 at
  * the most. */
 #define RX_CELL(v)                                                                                           \
     _Generic((v),                                                                                            \

@@ -22,7 +22,7 @@ static double scale_of(const rx_image *image)
 
 /* --- figures --- */
 
-enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 600, FEW_DOTS = 60, HOVER = 150 };
+enum { PANEL = 72, GAP = 2, LEAST_HALF = 14, MOST_HALF = 128, LOCUS_DOTS = 600, FEW_DOTS = 60 };
 static const double PULL_MOST = 3;
 
 /* From 1 to 99 % of the values, with some extent. */
@@ -94,14 +94,9 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
     const double length = 10.0 / part * fmax(image->width, image->height);
     const rx_axes axes = axes_of(image->width, image->height);
     const char *size = stars ? "0.9" : "1.6";
-    char reading[400], hover[320];
+    char reading[400];
     double *values = RX_NEW(double, 5 * (size_t)n), *v = values;
     dst->script.failed |= values == NULL;
-    snprintf(hover, sizeof hover,
-             ", $data using 1:2:(sprintf('x %%.0f, y %%.0f: FWHM %%.3g pixels, 1 - b/a %%.3f, major axis "
-             "%%.0f deg from x', $1, $2, $3, sqrt($4*$4+$5*$5)*%.9g, 180/pi*atan2($5, $4 + 1e-30))) with "
-             "labels hypertext point pt 7 ps 0.9 notitle",
-             2 / length); /* gnuplot has no atan2(0, 0) */
     snprintf(reading, sizeof reading,
              "%s Colour: FWHM, as in the other map; whiskers: along the major axis, 1 - b/a = 0.1 is as long "
              "as 1/%d of the longer side.",
@@ -126,8 +121,8 @@ static void draw_whiskers(rx_figures *dst, const rx_tile_quality *q, int stars, 
     rx_text_printf(&dst->script,
                    "$data using 1:2:3 with points pt %d ps %s palette notitle, $data using 1:2 with points "
                    "pt %d ps %s lw 0.7 lc rgb '#808080' notitle, $data using ($1-$4):($2-$5):(2*$4):(2*$5) "
-                   "with vectors nohead lc rgb '#404040' lw 1.6 notitle%s",
-                   stars ? 7 : 5, size, stars ? 6 : 4, size, n <= HOVER ? hover : "");
+                   "with vectors nohead lc rgb '#404040' lw 1.6 notitle",
+                   stars ? 7 : 5, size, stars ? 6 : 4, size);
     rx_plot_coloured_end(dst);
     free(values);
 }

@@ -28,6 +28,8 @@
 #include "data/psf.h"
 #include "num/fft.h"
 
+#define RX_SUPPORT_FLOOR 1e-5f /* rounding of the transforms */
+
 /* The operator's terms on one cyclic domain. */
 typedef struct rx_blur_kernel {
     int width, height;                                  /* of the tile */

@@ -6,7 +6,6 @@ librextract_la_SOURCES += src/restore/rl_blind.c src/restore/rl_blind.h
 librextract_la_SOURCES += src/restore/blur.c src/restore/blur.h
 librextract_la_SOURCES += src/restore/prepared.c src/restore/prepared.h
 librextract_la_SOURCES += src/restore/stamp.c src/restore/stamp.h
-librextract_la_SOURCES += src/restore/points.c src/restore/points.h
 librextract_la_SOURCES += src/restore/noise_map.c src/restore/noise_map.h
 librextract_la_SOURCES += src/restore/network.c src/restore/network.h
 librextract_la_SOURCES += src/restore/network_blocks.c src/restore/network_blocks.h

@@ -22,7 +22,6 @@
 /* Of the FFTs, output pixels: not NET_BLOCK, so that this changes no bit. Large domains have little halo;
  * those of small tiles are half as wide: threads can share them, and caches hold them. */
 enum { DOMAIN_SIDE = 1024, LARGE_TILE = 2048 };
-static const double UNKNOWN_FWHM = 5; /* pixels, of an unknown PSF: middle of common seeing */
 /* of a pixel's value: 250,000 electrons, about what a pixel of a detector holds at most */
 static const double FULL_WELL_NOISE = 1.0 / 500;
 /* sigmas, with a PSF; what FFTs round may tip over the rounding of a bfloat16 in an INFORMED model, which is
@@ -170,8 +169,9 @@ static rx_status reblur(network *n, rx_error *err)
         return rx_network_optics_reblur(n->optics, n->v, n->input.x, &(rx_blocks_progress){n->log, 0.9, 0.95},
                                         err);
     memcpy(n->input.x, n->v, area * sizeof *n->v);
-    return rx_gauss_masked(image->width, image->height, sqrt(UNKNOWN_FWHM * UNKNOWN_FWHM - target * target),
-                           NULL, n->nthreads, n->input.x, err);
+    return rx_gauss_masked(image->width, image->height,
+                           sqrt(RX_UNKNOWN_FWHM * RX_UNKNOWN_FWHM - target * target), NULL, n->nthreads,
+                           n->input.x, err);
 }
 
 /* v becomes the restored tile, what the data have at low frequency and v has not is added. Where the data were is the
@@ -228,7 +228,7 @@ static rx_status make_support(network *n, int wanted, rx_error *err)
         return rx_error_memory(err, (size_t)n->image->width * (size_t)n->image->height * sizeof(float));
     if (n->optics != NULL)
         return rx_network_optics_support(n->optics, restored->mask, restored->support, &progress, err);
-    rx_psf *psf = rx_stamp_gauss(UNKNOWN_FWHM);
+    rx_psf *psf = rx_stamp_gauss(RX_UNKNOWN_FWHM);
     rx_network_optics *optics = NULL;
     if (psf == NULL)
         return rx_error_memory(err, 0);
@@ -245,7 +245,8 @@ static rx_status make_support(network *n, int wanted, rx_error *err)
 
 static rx_status restore_planes(network *n, int extras, rx_error *err)
 {
-    const double fwhm = n->image->psf != NULL && n->image->psf->fwhm > 0 ? n->image->psf->fwhm : UNKNOWN_FWHM;
+    const double fwhm =
+        n->image->psf != NULL && n->image->psf->fwhm > 0 ? n->image->psf->fwhm : RX_UNKNOWN_FWHM;
     rx_restored *restored = n->restored;
     rx_status status = rx_network_scale(n->image, restored->mask, n->nthreads, &n->input.scale, err);
     if (status == RX_OK)
@@ -416,12 +417,11 @@ static rx_status restore(const network *plan, int side, int domain, int shift, i
 /* Largest difference between two restorations, in sigmas of the pixels (network.h). */
 static double largest_difference(const rx_map *noise, const rx_restored *a, const rx_restored *b)
 {
-    enum { PIECE = 1024 }; /* pixels of a row at a time */
-    float room[PIECE];
+    float room[RX_MAP_PIECE];
     double most = 0;
     for (int y = 0; y < a->height; y++)
-        for (int x = 0; x < a->width; x += PIECE) {
-            const int n = a->width - x < PIECE ? a->width - x : PIECE;
+        for (int x = 0; x < a->width; x += RX_MAP_PIECE) {
+            const int n = rx_map_piece(x, a->width);
             const float *sigma = rx_map_row(noise, y, x, n, room);
             const size_t k = (size_t)y * (size_t)a->width + (size_t)x;
             const float *p = a->pixels + k, *q = b->pixels + k;

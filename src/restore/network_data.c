@@ -11,32 +11,16 @@
 #include "data/gaps.h"
 #include "data/map.h"
 #include "num/convolve.h"
+#include "restore/prepared.h"
 
 enum { CELL = 16 };
 static const double SMOOTHING = 32; /* sigma, pixels */
-static const float LARGEST =
-    1e7f; /* far above any signal-to-noise; single precision holds the sky beside it */
-static const double NOISELESS = 1e-3; /* noise of a tile without any, share of its peak */
 static const float FAR_WEIGHT = 0.01f;
 static const double FILL_MIN = 4, FILL_MAX = 24; /* FWHM of the near fill, pixels */
 
 static int usable(float sigma)
 {
     return isfinite(sigma) && sigma > 0;
-}
-
-/* Stands in for the noise of a tile without any. */
-static double noiseless(const rx_image *image, const uint8_t *mask)
-{
-    const rx_map level = rx_image_sky(image);
-    double peak = 0;
-    for (int y = 0; y < image->height; y++)
-        for (int x = 0; x < image->width; x++) {
-            const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
-            if (mask[k] == 0)
-                peak = fmax(peak, fabs((double)image->pixels[k] - rx_map_at(&level, x, y)));
-        }
-    return peak > 0 ? NOISELESS * peak : 1;
 }
 
 /* Logarithms of the noise of n pixels, part of a row of a cell. */
@@ -90,7 +74,7 @@ rx_status rx_network_scale(const rx_image *image, const uint8_t *mask, int nthre
         sum += c.sum[k];
         count += c.weight[k];
     }
-    const double mean = count > 0 ? sum / count : log(noiseless(image, mask));
+    const double mean = count > 0 ? sum / count : log(rx_prepared_noiseless(image, mask));
     status = rx_cells_smooth(&c, SMOOTHING, mean, nthreads, dst, NULL, err);
     for (size_t k = 0; k < (size_t)c.nx * (size_t)c.ny && status == RX_OK; k++)
         dst->value[k] = expf(dst->value[k]);
@@ -105,7 +89,8 @@ RX_SIMD static void to_units(int n, const float *restrict pixels, const float *r
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         const float value = (pixels[i] - level[i]) / unit[i];
-        const float low = value > -LARGEST ? value : -LARGEST, cut = low < LARGEST ? low : LARGEST;
+        const float low = value > -RX_PREPARED_LARGEST ? value : -RX_PREPARED_LARGEST,
+                    cut = low < RX_PREPARED_LARGEST ? low : RX_PREPARED_LARGEST;
         x[i] = mask[i] != 0 ? 0 : cut;
     }
 }

@@ -13,8 +13,6 @@
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
-static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
-
 struct rx_network_optics_work {
     rx_blur_domain domain;
     float *a, *b;    /* real planes */
@@ -454,7 +452,7 @@ static void write_support(void *user, int y, float *line)
     float *dst = t->dst + in_tile(t, y, from);
     for (int i = 0; i < n; i++) {
         const float share = 1 - line[from + i];
-        dst[i] = share < SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
+        dst[i] = share < RX_SUPPORT_FLOOR ? 0 : share > 1 ? 1 : share;
     }
 }
 

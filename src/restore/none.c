@@ -6,8 +6,6 @@
 #include "restore/prepared.h"
 #include "restore/runs.h"
 
-enum { PIECE = 1024 }; /* pixels of a row at a time */
-
 static void subtract(int n, const float *restrict pixels, const float *restrict level,
                      const uint8_t *restrict mask, float *restrict dst)
 {
@@ -43,9 +41,9 @@ rx_status rx_none_run(const rx_restore_params *par, const rx_image *image, rx_lo
     const rx_map level = rx_image_sky(image);
 #pragma omp parallel for schedule(static) num_threads(par->nthreads > 0 ? par->nthreads : 1)
     for (int y = 0; y < image->height; y++)
-        for (int x = 0; x < image->width; x += PIECE) {
-            float room[PIECE];
-            const int count = image->width - x < PIECE ? image->width - x : PIECE;
+        for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
+            float room[RX_MAP_PIECE];
+            const int count = rx_map_piece(x, image->width);
             const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
             subtract(count, image->pixels + k, rx_map_row(&level, y, x, count, room), restored->mask + k,
                      restored->pixels + k);

@@ -10,9 +10,7 @@
 #include "data/map.h"
 #include "num/stats.h"
 
-enum { SAMPLE = 65536, PIECE = 1024 /* pixels of a row at a time */ };
-static const float LARGEST =
-    1e7f; /* far above any signal-to-noise; single precision holds the sky beside it */
+enum { SAMPLE = 65536 };
 static const double SIGMA_HIGH = 3;   /* pedestal from at most that many median sigmas */
 static const double SIGMA_LOW = 1e-3; /* smallest sigma believed, medians */
 static const double NOISELESS = 1e-3; /* sigma of a tile without noise, share of its peak */
@@ -40,9 +38,9 @@ size_t rx_prepared_mask(const rx_image *image, int nthreads, uint8_t *mask)
     size_t hidden = 0;
 #pragma omp parallel for schedule(static) num_threads(nthreads > 0 ? nthreads : 1) reduction(+ : hidden)
     for (int y = 0; y < image->height; y++)
-        for (int x = 0; x < image->width; x += PIECE) {
-            float room[PIECE];
-            const int n = image->width - x < PIECE ? image->width - x : PIECE;
+        for (int x = 0; x < image->width; x += RX_MAP_PIECE) {
+            float room[RX_MAP_PIECE];
+            const int n = rx_map_piece(x, image->width);
             const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
             hidden += mask_piece(image->mask != NULL ? image->mask + k : NULL, image->hide, image->pixels + k,
                                  rx_map_row(&level, y, x, n, room), n, mask + k);
@@ -63,7 +61,7 @@ typedef struct sample {
 
 static void sample_row(const rx_prepared *prepared, int y, int x, int n, sample *dst)
 {
-    float room[PIECE];
+    float room[RX_MAP_PIECE];
     const uint8_t *mask = prepared->mask + (size_t)y * (size_t)prepared->width + (size_t)x;
     const float *sigma = rx_map_row(&prepared->image.noise, y, x, n, room);
     for (int i = 0; i < n; i++)
@@ -71,21 +69,17 @@ static void sample_row(const rx_prepared *prepared, int y, int x, int n, sample 
             dst->values[dst->count++] = sigma[i];
 }
 
-/* Largest |value| on good pixels, ADU. */
-static double largest_value(const rx_prepared *prepared)
+double rx_prepared_noiseless(const rx_image *image, const uint8_t *mask)
 {
+    const rx_map level = rx_image_sky(image);
     double peak = 0;
-    for (int y = 0; y < prepared->height; y++)
-        for (int x = 0; x < prepared->width; x += PIECE) {
-            float room[PIECE];
-            const int n = prepared->width - x < PIECE ? prepared->width - x : PIECE;
-            const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
-            const float *level = rx_map_row(&prepared->level, y, x, n, room);
-            for (int i = 0; i < n; i++)
-                if (prepared->mask[k + (size_t)i] == 0)
-                    peak = fmax(peak, fabs((double)prepared->image.pixels[k + (size_t)i] - level[i]));
+    for (int y = 0; y < image->height; y++)
+        for (int x = 0; x < image->width; x++) {
+            const size_t k = (size_t)y * (size_t)image->width + (size_t)x;
+            if (mask[k] == 0)
+                peak = fmax(peak, fabs((double)image->pixels[k] - rx_map_at(&level, x, y)));
         }
-    return peak;
+    return peak > 0 ? NOISELESS * peak : 1;
 }
 
 /* Median and 98 % quantile of sigma over good pixels (an even sample of them), ADU; the
@@ -97,15 +91,13 @@ static rx_status measure_sigma(const rx_prepared *prepared, double *median, doub
     if (s.values == NULL)
         return rx_error_memory(err, SAMPLE * sizeof *s.values);
     for (int y = 0; y < prepared->height; y++)
-        for (int x = 0; x < width; x += PIECE)
-            sample_row(prepared, y, x, width - x < PIECE ? width - x : PIECE, &s);
+        for (int x = 0; x < width; x += RX_MAP_PIECE)
+            sample_row(prepared, y, x, rx_map_piece(x, width), &s);
     *median = rx_median(s.values, s.count);
     *high = rx_quantile(s.values, s.count, 0.98);
     free(s.values);
-    if (s.count == 0) {
-        const double peak = largest_value(prepared);
-        *median = *high = peak > 0 ? NOISELESS * peak : 1;
-    }
+    if (s.count == 0)
+        *median = *high = rx_prepared_noiseless(&prepared->image, prepared->mask);
     return RX_OK;
 }
 
@@ -115,7 +107,7 @@ RX_SIMD static void make_data(int n, const float *restrict pixels, const float *
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         const double value = ((double)pixels[i] - level[i]) / pedestal + 1;
-        const float cut = value > LARGEST ? LARGEST : (float)value;
+        const float cut = value > RX_PREPARED_LARGEST ? RX_PREPARED_LARGEST : (float)value;
         dst[i] = (mask[i] != 0) | (value < 0) ? 0 : cut;
     }
 }
@@ -188,9 +180,9 @@ static void set_planes(rx_prepared *prepared, float *data, float *weight)
     float peak = 0;
 #pragma omp parallel for schedule(static) num_threads(prepared->nthreads) reduction(max : peak)
     for (int y = 0; y < prepared->height; y++)
-        for (int x = 0; x < prepared->width; x += PIECE) {
-            float room[PIECE];
-            const int n = prepared->width - x < PIECE ? prepared->width - x : PIECE;
+        for (int x = 0; x < prepared->width; x += RX_MAP_PIECE) {
+            float room[RX_MAP_PIECE];
+            const int n = rx_map_piece(x, prepared->width);
             const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
             const float *values = rx_prepared_data(prepared, y, x, n, data != NULL ? data + k : room);
             const float most = largest(n, values);

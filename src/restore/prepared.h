@@ -26,6 +26,7 @@
 #include "restore/restore.h"
 
 #define RX_PREPARED_KEPT ((size_t)1 << 26)
+#define RX_PREPARED_LARGEST 1e7f /* far above any signal-to-noise; single precision holds the sky beside it */
 
 typedef struct rx_prepared {
     int width, height, nthreads;
@@ -45,6 +46,9 @@ typedef struct rx_prepared {
 /* The bits by which the image hides pixels, into mask[height][width], zeroed before; a difference to the sky
  * that is not finite is bad as well. Returns the number of good pixels. */
 size_t rx_prepared_mask(const rx_image *image, int nthreads, uint8_t *mask);
+
+/* Stands in for the noise of a tile without any, ADU; mask[height][width]: 0 = good. */
+double rx_prepared_noiseless(const rx_image *image, const uint8_t *mask);
 
 /* Errors: RX_SYSTEM without memory. */
 rx_status rx_prepared_new(const rx_restore_params *par, const rx_image *image, rx_prepared **dst,

@@ -15,13 +15,10 @@
 #include "num/convolve.h"
 #include "restore/stamp.h"
 
-enum { PIECE = 512 }; /* pixels of a row at a time */
-
 /* In units of the pedestal, the sky being 1. */
-static const float MODEL_FLOOR = 0.05f;   /* a model below it (negative PSF wings) is no divisor */
-static const float OBJECT_FLOOR = 1e-4f;  /* f stays positive, or it could not come back */
-static const float NORM_FLOOR = 1e-3f;    /* K^T W below it: nothing is known there */
-static const float SUPPORT_FLOOR = 1e-5f; /* rounding of the transforms */
+static const float MODEL_FLOOR = 0.05f;  /* a model below it (negative PSF wings) is no divisor */
+static const float OBJECT_FLOOR = 1e-4f; /* f stays positive, or it could not come back */
+static const float NORM_FLOOR = 1e-3f;   /* K^T W below it: nothing is known there */
 /* A single pixel that held all flux of a star of the tile's peak is (peak of d) / (peak of the PSF); a
  * star with a masked core may be brighter. */
 static const double BOUND = 1e4;
@@ -148,7 +145,7 @@ void rx_rl_model(rx_rl *rl)
 static double add_chi2(const rx_rl *rl, int y, int x, int n, double sum)
 {
     const rx_prepared *prepared = rl->prepared;
-    float room[PIECE], variance[PIECE];
+    float room[RX_MAP_PIECE], variance[RX_MAP_PIECE];
     const size_t k = (size_t)y * (size_t)prepared->width + (size_t)x;
     const float *data = rx_prepared_data(prepared, y, x, n, room), *model = model_at(rl, y, x);
     const float photon = (float)prepared->photon;
@@ -174,8 +171,8 @@ double rx_rl_chi2(rx_rl *rl)
 #pragma omp parallel for schedule(static) num_threads(prepared->nthreads)
         for (int y = from; y < to; y++) {
             double sum = 0;
-            for (int x = 0; x < width; x += PIECE)
-                sum = add_chi2(rl, y, x, width - x < PIECE ? width - x : PIECE, sum);
+            for (int x = 0; x < width; x += RX_MAP_PIECE)
+                sum = add_chi2(rl, y, x, rx_map_piece(x, width), sum);
             rl->rows[y] = sum;
         }
     }
@@ -201,9 +198,9 @@ RX_SIMD static void plain_residual(const float *restrict data, const float *rest
 void rx_rl_residual(const rx_rl *rl, int y, int x, int n, float *dst)
 {
     const rx_prepared *prepared = rl->prepared;
-    for (int end = x + n; x < end; x += PIECE, dst += PIECE) {
-        float data_room[PIECE], weight_room[PIECE];
-        const int count = end - x < PIECE ? end - x : PIECE;
+    for (int end = x + n; x < end; x += RX_MAP_PIECE, dst += RX_MAP_PIECE) {
+        float data_room[RX_MAP_PIECE], weight_room[RX_MAP_PIECE];
+        const int count = rx_map_piece(x, end);
         const float *data = rx_prepared_data(prepared, y, x, count, data_room),
                     *weight = rx_prepared_weight(prepared, y, x, count, weight_room),
                     *model = model_at(rl, y, x);
@@ -286,9 +283,9 @@ static void write_support(void *user, int y, int x, int n, const float *line)
     for (int i = 0; i < n && y >= 0 && y < height; i++) {
         const float lost = 1 - line[i];
         if (x + i >= 0 && x + i < width)
-            s->support[(size_t)y * (size_t)width + (size_t)(x + i)] = lost < SUPPORT_FLOOR ? 0
-                                                                      : lost > 1           ? 1
-                                                                                           : lost;
+            s->support[(size_t)y * (size_t)width + (size_t)(x + i)] = lost < RX_SUPPORT_FLOOR ? 0
+                                                                      : lost > 1              ? 1
+                                                                                              : lost;
     }
 }
 
@@ -395,9 +392,9 @@ exit:
 /* Into a mask of zeros: where nothing is masked it stays untouched and takes no memory. */
 static void copy_mask(const uint8_t *src, size_t n, uint8_t *dst)
 {
-    static const uint8_t clear[PIECE];
-    for (size_t k = 0; k < n; k += PIECE) {
-        const size_t count = n - k < PIECE ? n - k : PIECE;
+    static const uint8_t clear[RX_MAP_PIECE];
+    for (size_t k = 0; k < n; k += RX_MAP_PIECE) {
+        const size_t count = n - k < RX_MAP_PIECE ? n - k : RX_MAP_PIECE;
         if (memcmp(src + k, clear, count) != 0)
             memcpy(dst + k, src + k, count);
     }

@@ -9,7 +9,7 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "num/convolve.h"
-#include "restore/points.h"
+#include "num/stats.h"
 #include "restore/richardson_lucy.h"
 #include "restore/stamp.h"
 
@@ -19,6 +19,197 @@ static const float SHARE_FLOOR = 1e-6f; /* of the largest: fewer data behind a P
 
 enum { FEWEST_POINTS = 3 };
 enum { CYCLES = 5, NITER = 10 }; /* of PSF and image updates; iterations of each update */
+
+/* --- point-like sources of the present image: what separates image and PSF ---
+ *
+ * A peak is the highest f within 2 pixels, stands 10 sigma above the sky in the data, has no masked
+ * pixel within the radius R = max(2, FWHM) and none of a tenth of its height as neighbour within 2 R. Its
+ * flux, centroid and mean square radius are those of f - 1 in the disk of radius R. Point-like are the peaks
+ * no larger than 1.3 times the 20 % quantile of radius^2 (galaxies are larger, and a tile in which four
+ * fifths of the isolated bright sources are resolved still gives its stars). */
+
+typedef struct point_like {
+    int x, y;      /* peak, tile pixels */
+    double cx, cy; /* centroid, tile pixels */
+    double flux;   /* units of the pedestal */
+    double square; /* mean square radius, pixels^2 */
+} point_like;
+
+static const double PEAK_SIGMA = 10;
+static const double NEIGHBOUR = 0.1;
+static const double SIZE_QUANTILE = 0.2, SIZE_RATIO = 1.3;
+static const double SHARPEST = 0.6;
+enum { PEAK_RADIUS = 2, POINTS_MAX = 300 };
+
+static float object_at(const rx_rl *rl, int x, int y)
+{
+    return rl->object[rx_blur_row(rl->blur, y) + (size_t)x];
+}
+
+/* Highest within the square of PEAK_RADIUS; of equals the first one. */
+static int is_peak(const rx_rl *rl, int x, int y)
+{
+    const float f = object_at(rl, x, y);
+    for (int j = -PEAK_RADIUS; j <= PEAK_RADIUS; j++)
+        for (int i = -PEAK_RADIUS; i <= PEAK_RADIUS; i++) {
+            const float other = object_at(rl, x + i, y + j);
+            const int before = j < 0 || (j == 0 && i < 0);
+            if (before ? other >= f : other > f)
+                return 0;
+        }
+    return 1;
+}
+
+/* No masked pixel within r, nothing comparable between the peak's own square and 2 r. */
+static int is_isolated(const rx_rl *rl, int x, int y, int r)
+{
+    const double height = object_at(rl, x, y) - 1;
+    for (int j = -2 * r; j <= 2 * r; j++)
+        for (int i = -2 * r; i <= 2 * r; i++) {
+            const int d2 = i * i + j * j;
+            if (d2 <= r * r && rl->prepared->mask[(size_t)(y + j) * rl->prepared->width + (x + i)] != 0)
+                return 0;
+            if (d2 <= r * r || d2 > 4 * r * r)
+                continue;
+            if (object_at(rl, x + i, y + j) - 1 > NEIGHBOUR * height)
+                return 0;
+        }
+    return 1;
+}
+
+/* Mean of the eight neighbours above the sky in the data, in units of the peak. */
+static double data_bluntness(const rx_prepared *prepared, int x, int y)
+{
+    double sum = 0, peak = 0;
+    for (int j = -1; j <= 1; j++) {
+        float room[3];
+        const float *data = rx_prepared_data(prepared, y + j, x - 1, 3, room);
+        for (int i = 0; i < 3; i++) {
+            const double v = data[i] - 1.0;
+            if (i == 1 && j == 0)
+                peak = v;
+            else
+                sum += v;
+        }
+    }
+    return sum / 8 / peak;
+}
+
+/* Mean of the eight neighbours of a stamp's centre over the centre. */
+static double bluntness_of(const float *stamp, int size)
+{
+    double sum = 0;
+    for (int j = -1; j <= 1 && size > 1; j++)
+        for (int i = -1; i <= 1; i++)
+            if (i != 0 || j != 0)
+                sum += stamp[(size / 2 + j) * size + size / 2 + i];
+    return sum / 8 / stamp[size / 2 * size + size / 2];
+}
+
+static point_like measure_point(const rx_rl *rl, int x, int y, int r)
+{
+    double sum = 0, sx = 0, sy = 0, ss = 0;
+    for (int j = -r; j <= r; j++)
+        for (int i = -r; i <= r; i++) {
+            if (i * i + j * j > r * r)
+                continue;
+            const double v = object_at(rl, x + i, y + j) - 1.0;
+            sum += v;
+            sx += v * i;
+            sy += v * j;
+            ss += v * (i * i + j * j);
+        }
+    const double dx = sx / sum, dy = sy / sum;
+    return (point_like){x, y, x + dx, y + dy, sum, ss / sum - dx * dx - dy * dy};
+}
+
+/* Brighter first; then by position, so that the order is one. */
+static int brighter(const void *a, const void *b)
+{
+    const point_like *p = a, *q = b;
+    if (p->flux != q->flux)
+        return p->flux < q->flux ? 1 : -1;
+    return p->y != q->y ? (p->y > q->y) - (p->y < q->y) : (p->x > q->x) - (p->x < q->x);
+}
+
+/* Those no larger than the smallest fifth of them, nearly; returns how many. */
+static rx_status keep_points(point_like *list, size_t count, point_like *points, int *n, rx_error *err)
+{
+    *n = 0;
+    if (count == 0)
+        return RX_OK;
+    double *squares;
+    RX_TRY(RX_MAKE(squares, count, err));
+    for (size_t i = 0; i < count; i++)
+        squares[i] = list[i].square;
+    const double limit = SIZE_RATIO * rx_quantile(squares, count, SIZE_QUANTILE);
+    free(squares);
+    qsort(list, count, sizeof *list, brighter);
+    for (size_t i = 0; i < count && *n < POINTS_MAX; i++)
+        if (list[i].square <= limit)
+            points[(*n)++] = list[i];
+    return RX_OK;
+}
+
+typedef struct finder {
+    const rx_rl *rl;
+    int radius; /* of the disk */
+    double bluntness;
+    point_like *list;
+    size_t count, room;
+} finder;
+
+static rx_status add_point(finder *f, const point_like *point, rx_error *err)
+{
+    if (f->count == f->room) {
+        f->room = f->room > 0 ? 2 * f->room : 256;
+        RX_TRY(RX_GROW(f->list, f->room, err));
+    }
+    f->list[f->count++] = *point;
+    return RX_OK;
+}
+
+/* Those of n pixels from (x, y) on. */
+static rx_status find_in_piece(finder *f, int y, int x, int n, rx_error *err)
+{
+    const rx_rl *rl = f->rl;
+    const int r = f->radius;
+    const rx_prepared *prepared = rl->prepared;
+    const float level = (float)(1 + PEAK_SIGMA * prepared->sigma);
+    float room[RX_MAP_PIECE];
+    const float *data = rx_prepared_data(prepared, y, x, n, room);
+    rx_status status = RX_OK;
+    for (int i = 0; i < n && status == RX_OK; i++) {
+        const int at = x + i;
+        if (!(data[i] > level) || !(object_at(rl, at, y) > level) || !is_peak(rl, at, y) ||
+            !is_isolated(rl, at, y, r) || !(data_bluntness(prepared, at, y) > SHARPEST * f->bluntness))
+            continue;
+        const point_like point = measure_point(rl, at, y, r);
+        if (point.flux > 0 && fabs(point.cx - at) <= 1 && fabs(point.cy - y) <= 1)
+            status = add_point(f, &point, err);
+    }
+    return status;
+}
+
+/* At most POINTS_MAX, the brightest, into points[]; *n of them, and the disk's radius.
+ * fwhm and bluntness: of the PSF as it is known. */
+static rx_status find_points(const rx_rl *rl, double fwhm, double bluntness, point_like *points, int *n,
+                             int *radius, rx_error *err)
+{
+    const rx_prepared *prepared = rl->prepared;
+    const int r = *radius = (int)fmax(PEAK_RADIUS, ceil(fwhm)), end = prepared->width - 2 * r;
+    finder f = {.rl = rl, .radius = r, .bluntness = bluntness};
+    rx_status status = RX_OK;
+    for (int y = 2 * r; y < prepared->height - 2 * r && status == RX_OK; y++)
+        for (int x = 2 * r; x < end && status == RX_OK; x += RX_MAP_PIECE)
+            status = find_in_piece(&f, y, x, rx_map_piece(x, end), err);
+    if (status == RX_OK)
+        status = keep_points(f.list, f.count, points, n, err);
+    free(f.list);
+    return status;
+}
+
+/* --- the PSF --- */
 
 typedef struct rx_seeker {
     const rx_prepared *prepared;
@@ -100,7 +291,7 @@ static rx_status seeker_start(rx_seeker *seeker, const rx_restore_params *par, c
         return rx_error_set(err, RX_INPUT, "the PSF at the tile's centre is not positive; give another one");
     RX_TRY(rx_stamp_psf(psf->type, seeker->stamp, psf->size, &seeker->psf, err));
     seeker->start_fwhm = seeker->psf->fwhm;
-    seeker->bluntness = rx_points_bluntness(seeker->stamp, psf->size);
+    seeker->bluntness = bluntness_of(seeker->stamp, psf->size);
     rx_stamp_centroid(seeker->stamp, psf->size, seeker->start_fwhm, &seeker->x, &seeker->y);
     RX_TRY(
         rx_blur_new(seeker->psf, prepared->width, prepared->height, prepared->nthreads, &seeker->blur, err));
@@ -153,7 +344,7 @@ static void transform_points(rx_seeker *seeker)
 
 /* The flux of a point onto the pixels around its centroid, by cubic convolution: sum, centroid and width
  * are kept. */
-static void put_point(const rx_seeker *seeker, const rx_point *point)
+static void put_point(const rx_seeker *seeker, const point_like *point)
 {
     const int ix = (int)floor(point->cx), iy = (int)floor(point->cy);
     double wx[4], wy[4];
@@ -167,7 +358,7 @@ static void put_point(const rx_seeker *seeker, const rx_point *point)
 }
 
 /* Its disk in the rest of the image becomes sky. */
-static void take_out(const rx_seeker *seeker, const rx_point *point, int radius, float *rest)
+static void take_out(const rx_seeker *seeker, const point_like *point, int radius, float *rest)
 {
     for (int j = -radius; j <= radius; j++)
         for (int i = -radius; i <= radius; i++)
@@ -180,10 +371,9 @@ static rx_status split(rx_seeker *seeker, int *n, rx_error *err)
 {
     const rx_prepared *prepared = seeker->prepared;
     const size_t size = rx_blur_sky_size(seeker->blur) * sizeof(float);
-    rx_point found[RX_POINTS_MAX];
+    point_like found[POINTS_MAX];
     int radius = 0;
-    rx_status status =
-        rx_points_find(seeker->rl, seeker->psf->fwhm, seeker->bluntness, found, n, &radius, err);
+    rx_status status = find_points(seeker->rl, seeker->psf->fwhm, seeker->bluntness, found, n, &radius, err);
     if (status != RX_OK || *n < FEWEST_POINTS)
         return status;
     memcpy(seeker->points, seeker->rl->object, size);

@@ -9,7 +9,7 @@
  * Taken literally, with s the whole image, the cycles run away: an image that has not converged is
  * too broad, so the PSF gets too narrow, from the true one too (3.6 pixels become 2.5 in five
  * cycles). So s is what is known to be unresolved, the isolated bright point-like sources
- * (points.h), each gathered into one point at its centroid, and b = K (f - s) the rest, sky and neighbours,
+ * each gathered into one point at its centroid, and b = K (f - s) the rest, sky and neighbours,
  * held; each cycle makes the image anew with the PSF it has. That finds 3.57 pixels from 2.7, 3.6
  * or 5.1 on a simulated field of stars of 3.59 (defaults). Tiles with fewer than three such sources keep the
  * given PSF, with a warning; so does one whose PSF degenerates (not finite, FWHM below 1 pixel or

@@ -10,7 +10,6 @@
 #include "base/random.h"
 #include "simulate/sersic.h"
 
-#define PI 3.14159265358979323846
 /* Independent sets of numbers of one (seed, stream). */
 typedef enum draw_set {
     STARS,
@@ -20,7 +19,7 @@ typedef enum draw_set {
     PLACES /* + the set of the population: its positions */
 } draw_set;
 
-#define RADIAN (PI / 180.0)
+#define RADIAN (M_PI / 180.0)
 
 enum { SLOTS = 64 };
 
@@ -126,7 +125,7 @@ static double joint_within(const rx_sersic *inner, const rx_sersic *outer, doubl
     enum { DIRECTIONS = 12 };
     double sum = 0.0;
     for (int i = 0; i < DIRECTIONS; i++) {
-        double angle = 0.5 * PI * (i + 0.5) / DIRECTIONS;
+        double angle = 0.5 * M_PI * (i + 0.5) / DIRECTIONS;
         double edge = radius / hypot(cos(angle), sin(angle) / squeeze);
         sum += rx_sersic_within(inner, edge / bulge) / DIRECTIONS;
     }
@@ -170,7 +169,7 @@ static void add_arms(const rx_scene_params *par, long number, rx_object *dst)
     dst->arms = which < 0.6 ? 2 : which < 0.8 ? 3 : 4;
     dst->arm_pitch = RADIAN * (10.0 + 25.0 * pitch[0]) * (pitch[1] < 0.5 ? -1.0 : 1.0);
     dst->arm_contrast = 0.3 + 0.5 * contrast[0];
-    dst->arm_phase = 2.0 * PI * contrast[1];
+    dst->arm_phase = 2.0 * M_PI * contrast[1];
     draw_two(par, GALAXIES, number, DRAW_BAR, bar);
     draw_two(par, GALAXIES, number, DRAW_BAR_SHARE, share);
     if (bar[0] < 1.0 / 3.0) {
@@ -188,7 +187,7 @@ static void make_galaxy(const rx_scene_params *par, long number, rx_object *dst)
     dst->radius = rx_population_radius(dst->mag, draw_normal(par, set, number, DRAW_SIZE)) *
                   par->galaxy_scale / par->pixel_scale;
     dst->ratio = by_deciles(ratio_deciles, draw(par, set, number, DRAW_RATIO));
-    dst->angle = PI * (draw(par, set, number, DRAW_ANGLE) - 0.5);
+    dst->angle = M_PI * (draw(par, set, number, DRAW_ANGLE) - 0.5);
     double n = by_deciles(index_deciles, draw(par, set, number, DRAW_INDEX));
     if (par->galaxy_kind == RX_GALAXY_SPIRAL)
         n = fmin(n, 2.49);
@@ -237,7 +236,7 @@ static void make_template(const rx_scene_params *par, const rx_templates *templa
     dst->radius = source->radius * dst->stretch / sqrt(source->ratio);
     dst->ratio = source->ratio;
     /* the template is flipped (x to -x), then turned until its major axis lies at `angle` */
-    dst->angle = 2.0 * PI * (turn[0] - 0.5);
+    dst->angle = 2.0 * M_PI * (turn[0] - 0.5);
 }
 
 #define MOST_OBJECTS 1e8
@@ -410,7 +409,7 @@ static void clump_place(const places *places, int set, long trial, double *x, do
     long clump = (long)(draw(places->par, set, trial, DRAW_CLUMP) * (double)places->nclumps);
     draw_two(places->par, CLUMPS, clump, 0, centre);
     draw_two(places->par, set, trial, DRAW_SCATTER, scatter);
-    double distance = CLUMP_SIGMA * sqrt(-2.0 * log(scatter[0])), angle = 2.0 * PI * scatter[1];
+    double distance = CLUMP_SIGMA * sqrt(-2.0 * log(scatter[0])), angle = 2.0 * M_PI * scatter[1];
     *x = places->low_x + centre[0] * places->range_x + distance * cos(angle);
     *y = places->low_y + centre[1] * places->range_y + distance * sin(angle);
 }
@@ -445,8 +444,8 @@ static int places_beside(const places *places, long number, long primary, double
         double at[2];
         draw_two(par, PLACES + STARS, number * TRIALS + k, DRAW_BESIDE, at);
         double distance = par->pair_low + at[0] * (par->pair_high - par->pair_low);
-        *x = places->objects[primary].x + distance * cos(2.0 * PI * at[1]);
-        *y = places->objects[primary].y + distance * sin(2.0 * PI * at[1]);
+        *x = places->objects[primary].x + distance * cos(2.0 * M_PI * at[1]);
+        *y = places->objects[primary].y + distance * sin(2.0 * M_PI * at[1]);
         if (is_allowed(places, *x, *y) && !is_crowded(places, *x, *y, primary))
             return 1;
     }

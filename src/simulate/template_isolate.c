@@ -9,7 +9,6 @@
 #include "num/convolve.h"
 #include "num/stats.h"
 
-#define PI 3.14159265358979323846
 #define FINE 3.0 /* FWHM of the two smoothed images, pixels */
 #define WIDE 6.0
 #define EDGE 2.5 /* sigma of the wide one: where the object ends */

@@ -8,8 +8,6 @@
 
 #include "base/memory.h"
 
-#define DEGREE (180.0 / 3.14159265358979323846)
-
 typedef enum truth_column {
     TRUTH_NUMBER,
     TRUTH_X,
@@ -84,7 +82,7 @@ static void numbers_of(const rx_object *o, long number, rx_wcs *wcs, double dst[
     dst[TRUTH_MAG] = o->mag;
     dst[TRUTH_RADIUS] = o->radius;
     dst[TRUTH_ELONGATION] = 1.0 / ratio_of(o);
-    dst[TRUTH_THETA] = o->type == RX_OBJECT_STAR ? 0.0 : remainder(o->angle * DEGREE, 180.0);
+    dst[TRUTH_THETA] = o->type == RX_OBJECT_STAR ? 0.0 : remainder(o->angle * (180.0 / M_PI), 180.0);
     dst[TRUTH_BULGE] = galaxy ? o->bulge_share : 0.0;
     dst[TRUTH_SERSIC] = !galaxy ? 0.0 : o->bulge_share > 0.0 ? o->bulge_n : 1.0;
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "nn/front.h"
 #include "num/convolve.h"
@@ -16,7 +17,7 @@ enum {
     REACH = 3   /* of the neighbourhood */
 };
 /* sigma 1.5 pixels: a single pixel's noise does not set weights, a faint star of any seeing does */
-static const double FWHM = 1.5 * 2.3548200450309493;
+static const double FWHM = 1.5 * RX_FWHM_SIGMA;
 
 /* dst[k] += factor * src[k]. */
 static void add_line(const float *restrict src, float factor, int n, float *restrict dst)

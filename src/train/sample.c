@@ -6,7 +6,7 @@
 
 #include "base/memory.h"
 
-enum { PLANES = 4, KERNEL = RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL, ALIGN = 64, TURNS = 8 };
+enum { PLANES = 4, KERNEL = RX_SAMPLE_KERNEL * RX_SAMPLE_KERNEL, ALIGN = 64 };
 
 static size_t padded(size_t bytes)
 {
@@ -67,8 +67,9 @@ rx_status rx_sample_turn(rx_sample *sample, int turn, rx_error *err)
     const int side = sample->side;
     const size_t n = (size_t)side * (size_t)side;
     float *planes[PLANES] = {sample->x, sample->w, sample->y, sample->blurred};
-    if (turn < 0 || turn >= TURNS)
-        return rx_error_set(err, RX_USAGE, "turn %d of a square: there are %d, from 0", turn, (int)TURNS);
+    if (turn < 0 || turn >= RX_SAMPLE_TURNS)
+        return rx_error_set(err, RX_USAGE, "turn %d of a square: there are %d, from 0", turn,
+                            (int)RX_SAMPLE_TURNS);
     if (turn == 0)
         return RX_OK;
     float *copy;

@@ -10,7 +10,8 @@
 
 #include "base/error.h"
 
-enum { RX_SAMPLE_KERNEL = 63, RX_SAMPLE_STARS = 64 }; /* side of the stamp of K', stars listed at most */
+/* Side of the stamp of K', stars listed at most, turns of a square. */
+enum { RX_SAMPLE_KERNEL = 63, RX_SAMPLE_STARS = 64, RX_SAMPLE_TURNS = 8 };
 
 typedef enum rx_sample_set { RX_SET_TRAIN, RX_SET_TEST } rx_sample_set;
 

@@ -24,7 +24,7 @@
 
 /* What is drawn for a sample: its slot; for a field beyond what sky_field.c draws: the turn of each place. */
 enum { DRAW_SIGMA, DRAW_PHOTON, DRAW_X, DRAW_Y, DRAW_SKY, DRAW_NOISE, DRAW_GIVEN };
-enum { DRAW_TURN = 1024, TURNS = 8 };
+enum { DRAW_TURN = 1024 };
 
 enum { STAR_MARGIN = 8 };           /* listed stars keep this distance from the patch's border */
 static const double FARTHEST = 3.0; /* errors are cut at so many sigma */
@@ -504,8 +504,9 @@ static rx_status develop(draft *d, rx_sample *dst, rx_error *err)
     cut(b->x, stride, frame, frame, side, 1.0, dst->w);
     rx_random_stream turns = {seed_of(&s->par, dst->id) ^ FIELD_SEED, rx_samples_field(&s->par, dst->id)};
     const uint64_t place = dst->id.index % (uint32_t)places(&s->par);
-    const int first = (int)rx_random_between(turns, DRAW_TURN + place, 0.0, TURNS);
-    return rx_sample_turn(dst, (int)((uint32_t)first + dst->id.epoch % (uint32_t)s->par.uses) % TURNS, err);
+    const int first = (int)rx_random_between(turns, DRAW_TURN + place, 0.0, RX_SAMPLE_TURNS);
+    return rx_sample_turn(
+        dst, (int)((uint32_t)first + dst->id.epoch % (uint32_t)s->par.uses) % RX_SAMPLE_TURNS, err);
 }
 
 /* The samples of one field, ids[n]. */

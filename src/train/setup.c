@@ -8,7 +8,7 @@
 #include "nn/psfnet.h"
 
 /* Streams of the seed's random numbers that the networks start from. */
-enum { STREAM_RESTORE = 0x7e570001, STREAM_PSF = 0x7e570002, STREAM_SECOND = 0x7e570003 };
+enum { STREAM_RESTORE = 0x7e570001, STREAM_PSF, STREAM_SECOND };
 /* Ends of residual blocks and the last layer start small: the network begins close to doing nothing. */
 static const double DAMPED = 0.3, LAST = 0.1;
 

@@ -1,4 +1,4 @@
-/* cmocka, and what its header wants before it. It hands every test a state, which few need. */
+/* cmocka, and what its header wants before it. */
 #ifndef TESTS_UNIT_UNIT_H
 #define TESTS_UNIT_UNIT_H
 
@@ -8,7 +8,5 @@
 #include <stdint.h>
 
 #include <cmocka.h>
-
-#pragma GCC diagnostic ignored "-Wunused-parameter"
 
 #endif

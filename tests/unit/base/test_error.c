@@ -7,7 +7,6 @@
 
 static void format_names_file_hdu_and_line(void **state)
 {
-    (void)state;
     char line[256];
     rx_error err = RX_ERROR_NONE;
     rx_error_at(&err, RX_INPUT, "tile\n.fits", 0, 0, "has 3 axes"); /* the primary HDU is named too */
@@ -23,7 +22,6 @@ static void format_names_file_hdu_and_line(void **state)
 
 static void long_names_and_short_buffers_end_early(void **state)
 {
-    (void)state;
     char name[2 * RX_ERROR_WHERE], line[16], none[1] = {'x'};
     memset(name, 'a', sizeof name - 1);
     name[sizeof name - 1] = '\0';
@@ -39,14 +37,12 @@ static void long_names_and_short_buffers_end_early(void **state)
 
 static bool never(void *user)
 {
-    (void)user;
     return false;
 }
 
 /* Whatever is said, and by whom: who may stop the call stays who it was. */
 static void the_stop_stays_the_callers(void **state)
 {
-    (void)state;
     int mine = 0, other = 0;
     rx_error err = RX_ERROR_NONE;
     assert_null(err.stop);
@@ -79,7 +75,6 @@ static void the_stop_stays_the_callers(void **state)
 
 static void an_error_without_a_file_is_of_the_one_at_work(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_error_where(&err, RX_OK, "a.fits", 1, 0), RX_OK);
     assert_string_equal(err.where, "");

@@ -28,7 +28,6 @@ static char *long_text(void)
 
 static void what_xxh128sum_prints(void **state)
 {
-    (void)state;
     static const char zeros[241];
     char *text = long_text();
     expect("", 0, 1, "99aa06d3014798d86001c324468d497f");
@@ -45,7 +44,6 @@ static void what_xxh128sum_prints(void **state)
 
 static void files(void **state)
 {
-    (void)state;
     char path[512], digest[RX_HASH_TEXT];
     int there = 1;
     char *text = long_text();

@@ -9,7 +9,6 @@
 
 static void nothing_pending_is_fine(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_interrupt_block();
     assert_false(rx_interrupt_pending());
@@ -44,7 +43,6 @@ static void signal_ends_child_on_delivery_only(int number)
 static void signals_wait_for_delivery(void **state)
 {
     static const int numbers[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2, SIGALRM, SIGXCPU};
-    (void)state;
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
         signal_ends_child_on_delivery_only(numbers[i]);
 }
@@ -56,7 +54,6 @@ static bool at_the_third(void *user)
 
 static void the_caller_may_stop_a_call(void **state)
 {
-    (void)state;
     int asked = 0;
     rx_error err = RX_ERROR_NONE;
     err.stop = at_the_third;

@@ -9,7 +9,6 @@
 /* On a terminal the line comes with a share and an estimate, and goes. */
 static void progress_shows_share_and_time_left(void **state)
 {
-    (void)state;
     char text[512];
     FILE *stream = tmpfile();
     assert_non_null(stream);
@@ -37,7 +36,6 @@ static void progress_shows_share_and_time_left(void **state)
 /* At NORMAL no line is longer than 160 characters, and no word is lost; at FULL a message is a line. */
 static void long_lines_are_folded(void **state)
 {
-    (void)state;
     char message[600] = "", text[1200], line[1200];
     for (int i = 0; i < 59; i++)
         strcat(message, i == 58 ? "last" : "word0word ");
@@ -104,7 +102,6 @@ static int tile_lines(rx_verbosity level, int warnings, int infos, int files, ch
 /* Ten, one of them left to the caller: warnings and the last line stay, information gives way, and that is told. */
 static void a_tile_has_ten_lines(void **state)
 {
-    (void)state;
     char text[8192];
     assert_int_equal(tile_lines(RX_QUIET, 3, 8, 4, text, sizeof text), 0);
     assert_int_equal(tile_lines(RX_FULL, 3, 8, 4, text, sizeof text), 1 + 1 + 8 + 3 + 1);
@@ -149,7 +146,6 @@ static void a_tile_has_ten_lines(void **state)
 /* Each image of a file has lines of its own, and no tile those of the one before. */
 static void lines_are_counted_anew(void **state)
 {
-    (void)state;
     FILE *stream = tmpfile();
     assert_non_null(stream);
     rx_log log;
@@ -219,7 +215,6 @@ static void say_to(rx_log *log)
 /* All of it comes at once, as it is, each message whole. */
 static void a_caller_hears_and_sees(void **state)
 {
-    (void)state;
     static const int kinds[] = {RX_LOG_INFO, RX_LOG_INFO, RX_LOG_DETAIL, RX_LOG_WARNING, RX_LOG_INFO};
     heard h = {0};
     rx_log log;
@@ -246,7 +241,6 @@ static void a_caller_hears_and_sees(void **state)
 /* Parts of a job, each of which goes from 0 to 1, or twice so, or not to its end, are one that rises. */
 static void shares_are_of_the_whole(void **state)
 {
-    (void)state;
     static const double seen[] = {0, 0.3, 0.3, 0.6, 0.6, 0.8, 1, 0, 0.2};
     heard h = {0};
     rx_log log;
@@ -269,7 +263,6 @@ static void shares_are_of_the_whole(void **state)
 /* What asks for warnings gets them whatever is shown, and nothing else. */
 static void warnings_are_kept_when_quiet(void **state)
 {
-    (void)state;
     static const rx_verbosity levels[] = {RX_QUIET, RX_NORMAL, RX_FULL};
     for (int calls = 0; calls < 2; calls++)
         for (int i = 0; i < 3; i++) {

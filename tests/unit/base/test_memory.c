@@ -8,7 +8,6 @@
 
 static void memory_is_zeroed_and_aligned(void **state)
 {
-    (void)state;
     for (size_t n = 1; n < 200; n += 7) {
         unsigned char *p = rx_alloc(n, 3);
         assert_non_null(p);
@@ -22,7 +21,6 @@ static void memory_is_zeroed_and_aligned(void **state)
 
 static void products_that_overflow_give_null(void **state)
 {
-    (void)state;
     volatile size_t huge = SIZE_MAX;
     assert_null(rx_alloc(huge / 2, 3));
     assert_null(rx_alloc(huge, 1)); /* would wrap when rounded up to the alignment */
@@ -32,7 +30,6 @@ static void products_that_overflow_give_null(void **state)
 
 static void regrow_keeps_the_content(void **state)
 {
-    (void)state;
     int *p = rx_regrow(NULL, 4, sizeof *p);
     assert_non_null(p);
     for (int i = 0; i < 4; i++)
@@ -55,7 +52,6 @@ static int count_of(const unsigned char *p, size_t from, size_t to, int value)
 /* Linux gives zeros for pages that were given back; what lies around them stays. */
 static void what_is_spent_is_given_back(void **state)
 {
-    (void)state;
     enum { SIZE = 1 << 20, FROM = 1000, TO = SIZE - 3000, PAGE = 1 << 16 };
     unsigned char *p = rx_alloc(SIZE, 1);
     assert_non_null(p);
@@ -69,7 +65,6 @@ static void what_is_spent_is_given_back(void **state)
 
 static void less_than_a_page_stays(void **state)
 {
-    (void)state;
     enum { SIZE = 1 << 20, PAGE = 1 << 16 };
     unsigned char *p = rx_alloc(SIZE, 1);
     assert_non_null(p);

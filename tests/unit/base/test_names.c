@@ -13,7 +13,6 @@ static void check_tag(const char *path, const char *tag, const char *expected)
 
 static void tags_go_before_the_extension(void **state)
 {
-    (void)state;
     check_tag("night.d/field.cat", "RL", "night.d/field_RL.cat");
     check_tag("night.d/field", "RL", "night.d/field_RL");
     check_tag("field.fits.gz", "RL", "field.fits_RL.gz");
@@ -37,7 +36,6 @@ static void check_split(const char *images, const char *first, const char *secon
 
 static void commas_in_brackets_do_not_split(void **state)
 {
-    (void)state;
     check_split("a.fits", "a.fits", NULL);
     check_split("a.fits,b.fits", "a.fits", "b.fits");
     check_split("a.fits[1][1:5,2:6]", "a.fits[1][1:5,2:6]", NULL);
@@ -53,7 +51,6 @@ static void check_stem(const char *image, const char *stem)
 
 static void a_tile_has_a_name(void **state)
 {
-    (void)state;
     check_stem("night/a.fits", "a");
     check_stem("a.fits.fz[1]", "a");
     check_stem("A.FIT.GZ", "A");
@@ -76,7 +73,6 @@ static void check_real(const char *path, const char *folder, const char *name)
 
 static void names_of_one_file_are_one(void **state)
 {
-    (void)state;
     char here[512], link[600], path[1200], dangling[600];
     new_folder(here);
     char *folder = realpath(here, NULL); /* /tmp may be a link */

@@ -14,7 +14,6 @@ static void check_block(uint64_t seed, uint64_t stream, uint64_t counter, const 
 
 static void philox_gives_the_known_answers(void **state)
 {
-    (void)state;
     check_block(0, 0, 0, (const uint32_t[]){0x6627e8d5, 0xe169c58d, 0xbc57ac4c, 0x9b00dbd8});
     check_block(UINT64_MAX, UINT64_MAX, UINT64_MAX,
                 (const uint32_t[]){0x408f276d, 0x41c83b0e, 0xa20bc7c6, 0x6d5451fd});
@@ -26,7 +25,6 @@ static void philox_gives_the_known_answers(void **state)
 /* The first four moments, each within 5 of its own standard errors. */
 static void uniform_has_its_moments(void **state)
 {
-    (void)state;
     enum { N = 200000 };
     double s1 = 0, s2 = 0, s4 = 0;
     for (uint64_t i = 0; i < N; i++) {
@@ -48,7 +46,6 @@ static void two_at_once_are_independent(void **state)
 {
     enum { N = 100000 };
     double sum = 0.0, product = 0.0;
-    (void)state;
     for (uint64_t i = 0; i < N; i++) {
         double both[2];
         rx_random_two(7, 1, i, both);
@@ -64,7 +61,6 @@ static void two_at_once_are_independent(void **state)
 
 static void normal_has_its_moments_and_tails(void **state)
 {
-    (void)state;
     enum { N = 200000 };
     double s1 = 0, s2 = 0, s3 = 0, s4 = 0, beyond = 0;
     for (uint64_t i = 0; i < N; i++) {

@@ -5,7 +5,6 @@
 
 static void text_grows(void **state)
 {
-    (void)state;
     rx_text text = {0};
     for (int i = 0; i < 1000; i++)
         rx_text_printf(&text, "%04d,", i);
@@ -69,7 +68,6 @@ static void bad_files_are_refused(void **state)
 
 static void the_nearest_word_is_found(void **state)
 {
-    (void)state;
     static const char *const words[] = {"DETECT_THRESH", "DETECT_MINAREA", "ANALYSIS_THRESH", "GAIN",
                                         "GAIN_KEY"};
     enum { N = sizeof words / sizeof *words };
@@ -87,7 +85,6 @@ static void the_nearest_word_is_found(void **state)
 
 static void lines_from_outside_are_tamed(void **state)
 {
-    (void)state;
     char line[] = "a\tb\n\033[2J\x7f \x9b"
                   "31m \xc2\x9b"
                   "31m \xc3\xa9 \xe2\x82\xac \xf0\x9f\x94\xad \xc0\xaf \xed\xa0\x80 \xe2\x82";
@@ -109,7 +106,6 @@ static void expect(const char *text, const char *printable)
 
 static void text_becomes_printable_and_comes_back(void **state)
 {
-    (void)state;
     expect("", "");
     expect("a b  c,d=\"e'f\"&g", "a b  c,d=\"e'f\"&g");
     expect("100%", "100%25");
@@ -135,7 +131,6 @@ static void text_becomes_printable_and_comes_back(void **state)
 
 static void what_is_no_escape_is_refused(void **state)
 {
-    (void)state;
     char bad[][8] = {"%", "a%4", "%zz", "%4z", "%00"};
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++)
         assert_int_equal(rx_printable_read(bad[i]), 0);

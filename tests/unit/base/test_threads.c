@@ -47,7 +47,6 @@ static void test_quota_of_cgroups(void **state)
 
 static void test_never_thousands(void **state)
 {
-    (void)state;
     const int processors = omp_get_num_procs();
     const int before = omp_get_max_threads();
     omp_set_num_threads(5000); /* as OMP_NUM_THREADS does */

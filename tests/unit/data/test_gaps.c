@@ -32,7 +32,6 @@ static size_t count(const uint8_t *mask, double fwhm, int saturated)
 /* Rows and columns up to the FWHM, holes up to 1.5 of it; of what reaches the border corners at the most. */
 static void test_widths(void **state)
 {
-    (void)state;
     static const struct {
         int x, y, width, height;
         double fwhm;
@@ -52,7 +51,6 @@ static void test_widths(void **state)
 
 static void test_trails_and_wide_masks(void **state)
 {
-    (void)state;
     uint8_t mask[W * H] = {0};
     for (int i = 5; i < 45; i++)
         mask[i * W + i] = mask[i * W + i + 1] = RX_MASK_WEIGHT;
@@ -68,7 +66,6 @@ static void test_trails_and_wide_masks(void **state)
 /* On the straight line of the shortest way across; the mask opens and closes. */
 static void test_filling(void **state)
 {
-    (void)state;
     uint8_t mask[W * H] = {0}, before[W * H];
     float plane[W * H], noise[W * H];
     rx_gaps *gaps = NULL;

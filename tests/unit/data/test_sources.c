@@ -71,7 +71,6 @@ static void check(const unsigned char *keep, const int32_t *map)
 
 static void planes_follow_the_list(void **state)
 {
-    (void)state;
     static const unsigned char all[N] = {1, 1, 1, 1, 1}, none[N] = {0}, some[N] = {0, 1, 0, 1, 1},
                                first[N] = {1, 0, 0, 0, 0};
     static const int32_t map_all[] = {0, 1, 3, 4, 5, 0, 0, 5, 4, 3, 1, -1};
@@ -86,7 +85,6 @@ static void planes_follow_the_list(void **state)
 
 static void a_list_alone_and_an_empty_one(void **state)
 {
-    (void)state;
     static const unsigned char keep[N] = {0, 1, 0, 0, 1};
     rx_sources *s = five(0);
     assert_int_equal(rx_sources_select(s, keep, NULL), RX_OK);
@@ -102,7 +100,6 @@ static void a_list_alone_and_an_empty_one(void **state)
 
 static void what_counts_as_made_up(void **state)
 {
-    (void)state;
     static const struct {
         int flags, made_up;
     } cases[] = {{0, 0},

@@ -13,7 +13,6 @@
 
 static void cells_have_their_elements(void **state)
 {
-    (void)state;
     rx_column scalar = {.type = RX_CELL_FLOAT};
     rx_column vector = {.type = RX_CELL_DOUBLE, .ndim = 1, .dim = {5, 9}};
     rx_column image = {.type = RX_CELL_INT16, .ndim = 2, .dim = {35, 21}};
@@ -29,7 +28,6 @@ static void cells_have_their_elements(void **state)
 
 static void names_are_found_whatever_their_case(void **state)
 {
-    (void)state;
     rx_table *table = rx_table_new(3);
     assert_non_null(table);
     assert_int_equal(table->ncolumns, 3);
@@ -49,7 +47,6 @@ static void names_are_found_whatever_their_case(void **state)
 /* Element 1 of row 2 in a column of two elements, for every numeric type. */
 static void values_come_as_doubles(void **state)
 {
-    (void)state;
     int16_t i16[] = {0, 0, 0, 0, 0, -7};
     int32_t i32[] = {0, 0, 0, 0, 0, -70000};
     int64_t i64[] = {0, 0, 0, 0, 0, -7000000000};

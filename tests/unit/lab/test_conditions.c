@@ -12,7 +12,6 @@ static void the_given_psf(void **state)
         {"SEEING", "4,4.4"}, {"PSF_ERROR", "0.1"}, {"SIM.IMAGE_SIZE", "128"}};
     rx_campaign_config *config = NULL;
     rx_lab *lab = NULL;
-    (void)state;
     assert_int_equal(rx_settings_new(rx_keytable_validate(), (rx_settings **)&config, NULL), RX_OK);
     for (int i = 0; i < 3; i++)
         assert_int_equal(rx_settings_set(&config->settings, pairs[i][0], pairs[i][1], NULL, NULL), RX_OK);
@@ -43,7 +42,6 @@ static void the_given_sky_and_noise(void **state)
     rx_background back[2], flat = {.width = 2, .height = 1};
     rx_field shared = {.plain = &back[0], .restored = &back[0]},
              apart = {.plain = &back[0], .restored = &back[1]}, both = {.plain = &flat, .restored = &flat};
-    (void)state;
     for (int i = 0; i < 2; i++)
         back[i] = (rx_background){.width = 2,
                                   .height = 1,

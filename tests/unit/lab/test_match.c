@@ -52,7 +52,6 @@ static void stars_among_what_is_known(void **state)
     const unsigned char outcome[DETECTIONS] = {RX_IS_RIGHT,   RX_IS_FALSE,   RX_IS_NEITHER,
                                                RX_IS_RIGHT,   RX_IS_NEITHER, RX_IS_FALSE,
                                                RX_IS_NEITHER, RX_IS_FALSE,   RX_IS_FALSE};
-    (void)state;
     check(&(rx_lab_objects){.n = OBJECTS, .list = list}, &(rx_match_list){DETECTIONS, x, y, NULL}, found,
           outcome);
 }
@@ -65,7 +64,6 @@ static void others_take_what_is_left(void **state)
     const unsigned char use[] = {1, 1, 1, 1, 0};
     const long found[] = {1, -1, -1}; /* of 11.0 and 9 the second is not in use */
     const unsigned char outcome[] = {RX_IS_NEITHER, RX_IS_RIGHT, RX_IS_NEITHER, RX_IS_FALSE, RX_IS_NEITHER};
-    (void)state;
     check(&(rx_lab_objects){.n = 3, .list = list}, &(rx_match_list){5, x, y, use}, found, outcome);
 }
 
@@ -74,7 +72,6 @@ static void blends_are_resolved(void **state)
 {
     rx_lab_object list[] = {{.x = 50, .y = 20}, {.x = 53, .y = 20, .reach = 1, .role = RX_RIVAL}};
     const double x[2] = {50.2, 52.9}, y[2] = {20, 20};
-    (void)state;
     check(&(rx_lab_objects){.n = 2, .list = list}, &(rx_match_list){2, x, y, NULL}, (const long[]){0, -1},
           (const unsigned char[]){RX_IS_RIGHT, RX_IS_NEITHER});
 }
@@ -84,7 +81,6 @@ static void covered_pixels_are_known(void **state)
 {
     const double x[3] = {3.4, 3.6, -7}, y[3] = {2, 2, 2};
     unsigned char covered[32] = {[2 * 8 + 3] = 1};
-    (void)state;
     check(&(rx_lab_objects){.width = 8, .height = 4, .covered = covered}, &(rx_match_list){3, x, y, NULL},
           NULL, (const unsigned char[]){RX_IS_NEITHER, RX_IS_FALSE, RX_IS_FALSE});
 }
@@ -94,7 +90,6 @@ static void nothing_found(void **state)
     rx_lab_object one = {.x = 5, .y = 5};
     const rx_lab_objects objects = {.n = 1, .list = &one};
     rx_matches m;
-    (void)state;
     check(&objects, &(rx_match_list){0, NULL, NULL, NULL}, (const long[]){-1}, NULL);
     assert_int_equal(rx_lab_match(&objects, &(rx_match_list){0, NULL, NULL, NULL}, -1.0, &m, NULL), RX_USAGE);
 }

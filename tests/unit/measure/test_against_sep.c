@@ -46,7 +46,6 @@ static void agree_on_isolated_sources(void **state)
                                              "XWIN_IMAGE"};
     field f = field_new(SIDE, SIDE, 1.0, 7);
     outcome found[KINDS] = {{0}};
-    (void)state;
     for (int i = 0; i < SIDE / STEP; i++)
         for (int j = 0; j < SIDE / STEP; j++) {
             const double u = rx_random_uniform(7, 2, (uint64_t)(100 * i + j)),
@@ -135,7 +134,6 @@ static void neighbours_are_mirrored(void **state)
     field f = field_new(300, 300, 0.0, 1);
     double sum, error, area;
     short flag;
-    (void)state;
     field_add(&f, X, Y, 2, 2, FLUX);
     field_add(&f, X + 8, Y, 2, 2, FLUX);
     rx_detect_params detect = field_params();

@@ -43,7 +43,6 @@ static rx_sources *detect_and_measure(const field *f, const rx_measure_params *p
 /* Pixels with their sky give what those above it give, to the bit, and hidden ones nothing. */
 static void takes_the_sky_off(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 1.0, 3);
     field_add(&f, 80.0, 60.0, 3.0, 3.0, 100000.0);
     field_add(&f, 95.0, 60.0, 3.0, 3.0, 30000.0);
@@ -86,7 +85,6 @@ static void takes_the_sky_off(void **state)
 
 static void hides_neighbours(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 0.0, 1);
     field_add(&f, 70.0, 60.0, 3.0, 3.0, 50000.0);
     field_add(&f, 88.0, 60.0, 3.0, 3.0, 50000.0);
@@ -109,7 +107,6 @@ static void hides_neighbours(void **state)
 
 static void same_for_any_threads_and_masked_values(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 1.0, 3);
     field_crowd(&f, 120, 1500.0, 4);
     for (size_t i = 0; i < f.n; i++)
@@ -141,7 +138,6 @@ static void same_for_any_threads_and_masked_values(void **state)
 
 static void flags_what_is_wrong(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 0.0, 1);
     field_add(&f, 3.0, 60.0, 2.0, 2.0, 20000.0);
     field_add(&f, 80.0, 60.0, 2.0, 2.0, 20000.0);
@@ -160,7 +156,6 @@ static void flags_what_is_wrong(void **state)
 /* Dual-image mode: the ellipses of AUTO and PETRO come from the detection image. */
 static void takes_radii_from_the_detection_image(void **state)
 {
-    (void)state;
     field wide = field_new(W, H, 0.0, 1), narrow = field_new(W, H, 0.0, 1);
     field_add(&wide, 80.3, 60.6, 4.0, 4.0, 100000.0);
     field_add(&narrow, 80.3, 60.6, 1.5, 1.5, 50000.0);
@@ -183,7 +178,6 @@ static void takes_radii_from_the_detection_image(void **state)
 
 static void combines_flag_maps(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 0.0, 1);
     f.pixels[50 * W + 50] = f.pixels[50 * W + 51] = f.pixels[51 * W + 50] = 10.0f;
     f.pixels[51 * W + 51] = f.pixels[52 * W + 50] = 10.0f;
@@ -225,7 +219,6 @@ static void combines_flag_maps(void **state)
 
 static void no_source_is_fine(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 0.0, 1);
     rx_measure_params par = params();
     par.vignet_width = par.vignet_height = 5;

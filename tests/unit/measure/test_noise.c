@@ -81,7 +81,6 @@ static double exact_sigma(double radius, const double *kernel)
 /* sigma^2 of independent pixels goes with the area: 40 pixels more add 40. */
 static void widened_law_has_the_noise_of_the_wider_area(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 1.0, 1);
     const rx_noise_law law = fit(&f);
     rx_noise_law wide = law;
@@ -103,7 +102,6 @@ static void widened_law_has_the_noise_of_the_wider_area(void **state)
 /* Without any apertures: from the kernel that white noise was smoothed with. */
 static void law_of_a_correlation_has_the_exact_sums(void **state)
 {
-    (void)state;
     double kernel[225], power = 0.0;
     float given[225];
     field f = field_new(W, H, 1.0, 2);
@@ -135,7 +133,6 @@ static void law_of_a_correlation_has_the_exact_sums(void **state)
 
 static void no_free_sky_no_law(void **state)
 {
-    (void)state;
     field f = field_new(W, H, 1.0, 3);
     for (size_t i = 0; i < f.n; i++)
         f.mask[i] = i % 4 == 0;
@@ -237,7 +234,6 @@ static double pull_width(double (*rows)[3], int n, double *median)
 
 static void pulls_have_unit_width_after_restoration(void **state)
 {
-    (void)state;
     static double auto_flux[STARS * FIELDS][3], aper_flux[STARS * FIELDS][3];
     rx_psf *psf = NULL;
     int n = 0;

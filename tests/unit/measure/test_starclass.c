@@ -8,7 +8,6 @@ static char path[512];
 
 static void evaluates_by_hand(void **state)
 {
-    (void)state;
     new_file(path, "NNW\n# a comment 1 2 3\n3 10 2 1\n"
                    "0 0 0 0 0 0 0 0 0 0.5\n"
                    "1 1 1 1 1 1 1 1 1 2\n"
@@ -34,7 +33,6 @@ static void evaluates_by_hand(void **state)
 /* Every area and the peak have a weight of their own here; the seeing has none. */
 static void weighs_areas_and_peak(void **state)
 {
-    (void)state;
     const double weight[] = {0.3, -0.2, 0.7, 0.11, -0.5, 0.23, 0.9, -0.13, 0.41, 0.0};
     char text[512];
     int length = snprintf(text, sizeof text, "NNW\n2 10 1\n0 0 0 0 0 0 0 0 0 0\n1 1 1 1 1 1 1 1 1 1\n");
@@ -57,7 +55,6 @@ static void weighs_areas_and_peak(void **state)
 
 static void refuses_what_is_no_network(void **state)
 {
-    (void)state;
     const char *bad[] = {"",
                          "NET\n3 10 2 1",
                          "NNW\n3 9 2 1\n",

@@ -137,7 +137,6 @@ static double ellipse_radius(const rx_source *s, int x, int y)
 
 static void apertures_are_sums_of_shares(void **state)
 {
-    (void)state;
     scene t;
     open_scene(&t);
     for (int weight_gain = 0; weight_gain < 2; weight_gain++) {
@@ -220,7 +219,6 @@ static int petrosian_step(const scene *t)
 /* The ring of one step is set a little above and a little below a fifth of its disc. */
 static void petrosian_radius_follows_the_ring(void **state)
 {
-    (void)state;
     scene t;
     open_scene(&t);
     const int at = petrosian_step(&t) - 1;
@@ -250,7 +248,6 @@ static void petrosian_radius_follows_the_ring(void **state)
 
 static void kron_and_petrosian_radii_are_moments_and_rings(void **state)
 {
-    (void)state;
     scene t;
     open_scene(&t);
     assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
@@ -304,7 +301,6 @@ static double growth_radius(const scene *t, double wanted)
 
 static void radii_and_window_follow_from_the_growth_curve(void **state)
 {
-    (void)state;
     scene t;
     open_scene(&t);
     assert_int_equal(rx_measure_run(&t.par, &t.image, NULL, NULL, t.sources, NULL), RX_OK);
@@ -376,7 +372,6 @@ static void radii_and_window_follow_from_the_growth_curve(void **state)
 /* Where the window holds no light the isophotal numbers stand in its place. */
 static void a_dark_window_leaves_the_isophotal_numbers(void **state)
 {
-    (void)state;
     scene t;
     open_scene(&t);
     for (size_t k = 0; k < t.f.n; k++)
@@ -402,7 +397,6 @@ static void a_dark_window_leaves_the_isophotal_numbers(void **state)
 
 static void isophotal_numbers_are_sums_over_the_segment(void **state)
 {
-    (void)state;
     scene t;
     open_scene(&t);
     t.par.analysis_threshold = 8.0;
@@ -457,7 +451,6 @@ static void isophotal_numbers_are_sums_over_the_segment(void **state)
  * that is absolute: a network that looks at nothing else says which. */
 static void class_star_takes_the_threshold_of_the_image(void **state)
 {
-    (void)state;
     char path[512];
     new_file(path, "NNW\n2 10 1\n0 0 0 0 0 0 0 0 0 0\n1 1 1 1 1 1 1 1 1 1\n"
                    "0 1 0 0 0 0 0 0 0 0 0\n0\n1\n");
@@ -482,7 +475,6 @@ static void class_star_takes_the_threshold_of_the_image(void **state)
 /* Background, local sky, cut-out, and what all rows share. */
 static void what_stands_beside_the_sums(void **state)
 {
-    (void)state;
     scene t;
     open_scene(&t);
     float *level = RX_NEW(float, t.f.n);
@@ -524,7 +516,6 @@ static void what_stands_beside_the_sums(void **state)
 /* The points of the noise law are widths of apertures thrown by the seed, in sigmas of their pixels. */
 static void noise_law_is_the_width_of_the_apertures_thrown(void **state)
 {
-    (void)state;
     enum { SIDE = 256, COUNT = 400, WHICH = 3 };
     const double radius = 2.5;
     const uint64_t seed = 11;
@@ -576,7 +567,6 @@ static void noise_law_is_the_width_of_the_apertures_thrown(void **state)
  *   10**c, p, math.sqrt(statistics.mean((y - c - p * x)**2 for x, y in zip(a, r))) */
 static void power_law_is_a_least_squares_line(void **state)
 {
-    (void)state;
     rx_noise_law law = {.apertures = 400, .nradii = 4, .area = {2, 8, 32, 128}, .ratio = {3, 8, 15, 40}};
     rx_noise_law_widen(&law, 0.0);
     assert_near(law.ratio[1], 8.0, 1e-12);

@@ -64,7 +64,6 @@ static double left_over(const float *relative, const float *psf)
 /* The table of nn/deblur.h: each figure there is an upper limit, and no idle one. */
 static void relative_psf_of_moffats(void **state)
 {
-    (void)state;
     static const struct {
         double fwhm, left[2], lobe;
     } table[] = {{2, {0.0138, 0.0121}, 0.053},    {2.25, {0.0087, 0.0071}, 0.0117},
@@ -93,7 +92,6 @@ static void relative_psf_of_moffats(void **state)
 /* Elliptical and off centre: not mirrored, not moved; and sum 1. */
 static void relative_psf_keeps_its_place(void **state)
 {
-    (void)state;
     float *psf = moffat(4, 3.5, 0.7, 1.3, -0.6, SIZE), *relative = RX_NEW(float, SIZE *SIZE);
     assert_int_equal(rx_deblur_relative(psf, SIZE, TARGET, SIZE, 1, relative, NULL), RX_OK);
     assert_true(left_over(relative, psf) < 0.003);
@@ -118,7 +116,6 @@ static double share_outside(const float *relative, int size, int radius)
 
 static void size_holds_all_but_a_thousandth(void **state)
 {
-    (void)state;
     for (double fwhm = 2; fwhm <= 4; fwhm += 1) {
         float *psf = moffat(fwhm, 4, 1, 0, 0, SIZE), *relative = RX_NEW(float, 95 * 95);
         int size = 0;
@@ -184,7 +181,6 @@ for y, x in ((0, 0), (0, 47), (1, 47), (2, 45), (35, 3), (20, 24)): print("{%d, 
 x]))' */
 static void tikhonov_against_numpy(void **state)
 {
-    (void)state;
     static const struct {
         int y, x;
         double value;
@@ -231,7 +227,6 @@ static double beyond_reach(rx_bench *b, double *sum)
 
 static void tikhonov_reach_and_flux(void **state)
 {
-    (void)state;
     static const double most[] = {1e-4, 1e-4, 4e-4, 1e-3}; /* FWHM 2, 4, 6, 8 */
     rx_bench b = bench_new(256, 256);
     for (int f = 0; f < 4; f++)
@@ -253,7 +248,6 @@ static void tikhonov_reach_and_flux(void **state)
 
 static void what_cannot_be_is_said(void **state)
 {
-    (void)state;
     float psf[9] = {0, 0, 0, 0, 1, 0, 0, 0, 0}, out[9];
     rx_error err = RX_ERROR_NONE;
     int size;

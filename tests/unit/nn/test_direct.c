@@ -229,7 +229,6 @@ static void check(rx_conv_shape s, int fine, int winograd)
 /* 8 bits of precision, ties to even, and back. */
 static void bfloat16(void **state)
 {
-    (void)state;
     static const float values[] = {1, 1 + 1 / 256.0f, 1 + 3 / 256.0f, 1.0039f, -2.5f, 3e38f, 0};
     static const float rounded[] = {1, 1, 1 + 4 / 256.0f, 1, -2.5f, 0, 0};
     float src[8], back[8] = {0}, row[8];
@@ -256,7 +255,6 @@ static const rx_real reals[] = {RX_REAL_F32, RX_REAL_BF16};
 /* Each step through the words of a pixel, with one vector of outputs, two and more. */
 static void wide(void **state)
 {
-    (void)state;
     static const int words[] = {6, 8, 12, 16, 32, 64}, outs[] = {16, 32, 12, 24};
     for (size_t w = 0; w < sizeof words / sizeof words[0]; w++)
         for (int k = 0; k < 32; k++) {
@@ -277,7 +275,6 @@ static void wide(void **state)
 
 static void winograd(void **state)
 {
-    (void)state;
     static const int ins[] = {2, 3, 12, 16, 18, 32, 48, 64}, outs[] = {16, 32, 12, 24};
     for (size_t i = 0; i < sizeof ins / sizeof ins[0]; i++)
         for (int k = 0; k < 8; k++) {
@@ -294,7 +291,6 @@ static void winograd(void **state)
 
 static void fine(void **state)
 {
-    (void)state;
     for (int in = 8; in <= 64; in += 8)
         for (int k = 0; k < 4; k++)
             check((rx_conv_shape){.in = in,
@@ -309,7 +305,6 @@ static void fine(void **state)
 /* The bits of the plain layer, away from the border. */
 static void up2(void **state)
 {
-    (void)state;
     for (int k = 0; k < 8; k++) {
         const rx_real real = reals[k % 2];
         const int channels = k / 2 % 2 == 0 ? 16 : 32, relu = k / 4;
@@ -340,7 +335,6 @@ static void up2(void **state)
 /* Any number of inputs and outputs. */
 static void odd_shapes(void **state)
 {
-    (void)state;
     for (int k = 0; k < 96; k++) {
         const rx_conv_shape s = {.in = 1 + 2 * (k % 4),
                                  .out = 1 + 3 * (k % 14),
@@ -357,7 +351,6 @@ static void odd_shapes(void **state)
 /* The gradient by the weights, from a plane with a border, against its definition and the plain kernel's. */
 static void gradients(void **state)
 {
-    (void)state;
     for (int k = 0; k < 60; k++) {
         const int kernel = 1 + 2 * (k % 3), stride = 1 + k / 3 % 2, in = 1 + 5 * (k % 7),
                   out = 1 + 3 * (k % 13);
@@ -407,7 +400,6 @@ static int lanes_of(rx_conv_shape s)
 /* Those of which outputs need the fewest vectors, of two the narrower; each kind that this machine has was tried above. */
 static void which_kernel(void **state)
 {
-    (void)state;
     rx_conv_shape s = {.height = 6, .in = 16, .out = 16, .kernel = 3, .stride = 1};
     const int widest = lanes_of(s);
     print_message("this machine: %s; tried with 1, 4, 8, 16 lanes: %d, %d, %d, %d shapes\n", rx_direct_name(),

@@ -70,7 +70,6 @@ static void write_to(const rx_model *model)
 /* What is read makes the same file again, and the digest sees every parameter. */
 static void test_round_trip(void **state)
 {
-    (void)state;
     for (int nets = 1; nets <= 3; nets++) {
         rx_model *model = make_model(nets), *back = NULL;
         char digest[RX_MODEL_DIGEST];
@@ -137,7 +136,6 @@ static void write_fits(const rx_text *cards, rx_table *const *tables, int ntable
 
 static void test_foreign(void **state)
 {
-    (void)state;
     float pixels[64 * 64] = {0};
     rx_fits_writer *writer = NULL;
     unlink("m.fits");
@@ -165,7 +163,6 @@ typedef struct parts {
 
 static parts take_apart(void **state)
 {
-    (void)state;
     static const char *const names[] = {"RESTORE_NODES", "RESTORE_PARAMS", "PSF_NODES",
                                         "PSF_PARAMS",    "DICTIONARY",     "PROVENANCE"};
     parts p = {.n = 6};
@@ -304,7 +301,6 @@ static void test_wrong_network(void **state)
 /* A model cannot be written that cannot be read. */
 static void test_write_refuses(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_model *model = make_model(1);
     model->front.mode = RX_MODE_BLIND;
@@ -319,7 +315,6 @@ static void test_write_refuses(void **state)
 /* Every byte counts: one changed anywhere, or the file ended anywhere, is told. */
 static void test_damage(void **state)
 {
-    (void)state;
     rx_model *model = make_model(2);
     size_t n = 0;
     write_to(model);
@@ -356,7 +351,6 @@ static void test_damage(void **state)
 
 static void test_describe(void **state)
 {
-    (void)state;
     rx_model *model = make_model(2);
     rx_text text = {0};
     rx_model_describe(model, &text);
@@ -386,7 +380,6 @@ static void test_describe(void **state)
 
 static void test_find(void **state)
 {
-    (void)state;
     rx_model *model = make_model(1);
     char why[200];
     const struct {
@@ -419,7 +412,6 @@ static void test_find(void **state)
 /* Against the quantile of GSL, and where the answer is known. */
 static void test_noise_level(void **state)
 {
-    (void)state;
     for (size_t n = 1; n < 30000; n = n * 5 / 2 + 1) {
         float *v = RX_NEW(float, n);
         double *w = RX_NEW(double, n);
@@ -466,7 +458,6 @@ static void test_noise_level(void **state)
 
 static void test_what_was_trained(void **state)
 {
-    (void)state;
     rx_model *model = make_model(1), *back = NULL;
     assert_near(rx_model_peak(model), 40 * 255, 0);
     assert_near(rx_model_factor(model), 3, 0);

@@ -42,7 +42,6 @@ static void refuse(const rx_node *nodes, int n, const char *text)
 
 static void test_refused(void **state)
 {
-    (void)state;
     rx_node in = input(4);
     refuse((rx_node[]){in}, 1, "2 to 64");
     refuse((rx_node[]){conv(0, 1, 3, 1), in}, 2, "node 0 (CONV)");
@@ -86,7 +85,6 @@ static rx_net *make(const rx_node *nodes, int n)
 
 static void test_layout(void **state)
 {
-    (void)state;
     rx_node nodes[] = {input(3),
                        other(RX_OP_UNSHUFFLE, 0, 12, 0),
                        conv(1, 5, 3, 1),
@@ -129,7 +127,6 @@ static void test_layout(void **state)
 
 static void test_first_values(void **state)
 {
-    (void)state;
     rx_node nodes[] = {input(16),
                        plus(conv(0, 32, 3, 1), -1, 1),
                        conv(1, 32, 3, 2),
@@ -192,7 +189,6 @@ static void check_halo(const rx_node *nodes, int n, int expected)
 
 static void test_halo(void **state)
 {
-    (void)state;
     check_halo((rx_node[]){input(1), conv(0, 1, 5, 1)}, 2, 2);
     check_halo((rx_node[]){input(1), conv(0, 2, 3, 1), plus(conv(1, 2, 7, 1), 1, 1)}, 3, 4);
     check_halo((rx_node[]){input(1), conv(0, 2, 3, 2), other(RX_OP_UP2, 1, 2, 0)}, 3, 4);
@@ -252,7 +248,6 @@ static rx_net *make_psfnet(const rx_psfnet_shape *shape, int inputs)
  * run as 3x3 kernels of four times the channels. */
 static void test_cost(void **state)
 {
-    (void)state;
     /* trunk 12 convolutions 32 to 32 at 1/16 of the pixels, half-resolution residual 2 of 16 to 16 at 1/4 */
     const double trunk = 12 * 9216. / 16, residual = 2 * 2304 / 4.;
     const double stem[] = {12 * 16 * 9 / 4. + 16 * 32 * 9 / 16.,
@@ -279,7 +274,6 @@ static void test_cost(void **state)
 
 static void test_refused_shapes(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_net *net = NULL;
     struct {

@@ -210,7 +210,6 @@ static void check_case_of(int weighted)
 
 static void step_and_gradients(void **state)
 {
-    (void)state;
     check_case_of(0);
     check_case_of(1);
 }

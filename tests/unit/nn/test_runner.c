@@ -142,7 +142,6 @@ enum { CHANNELS = sizeof channels / sizeof channels[0] };
 
 static void test_conv(void **state)
 {
-    (void)state;
     for (int a = 0; a < CHANNELS; a++)
         for (int b = 0; b < CHANNELS; b++)
             for (int k = 1; k <= 7; k += 2)
@@ -156,7 +155,6 @@ static void test_conv(void **state)
 
 static void test_transposed(void **state)
 {
-    (void)state;
     for (int a = 0; a < CHANNELS; a++)
         for (int b = 0; b < CHANNELS; b++)
             for (int k = 2; k <= 6; k += 2) {
@@ -171,7 +169,6 @@ static void test_transposed(void **state)
 
 static void test_upconv(void **state)
 {
-    (void)state;
     for (int a = 0; a < CHANNELS; a++)
         for (int b = 0; b < CHANNELS; b++)
             for (int relu = 0; relu < 2; relu++) {
@@ -189,7 +186,6 @@ static void test_upconv(void **state)
  * into the kernel itself of a transposed one. */
 static void test_orientation(void **state)
 {
-    (void)state;
     rx_node nodes[] = {node(RX_OP_INPUT, 0, 1, 0, 0), node(RX_OP_CONV, 0, 1, 3, 1)};
     rx_net *net = make(nodes, 2, 1);
     for (int k = 0; k < 9; k++)
@@ -292,7 +288,6 @@ static int random_graph(uint64_t seed, rx_node *nodes)
 
 static void test_random_graphs(void **state)
 {
-    (void)state;
     int most = 0;
     for (uint64_t seed = 0; seed < 60; seed++) {
         rx_node nodes[RX_NET_NODES];
@@ -306,7 +301,6 @@ static void test_random_graphs(void **state)
 
 static void test_refused(void **state)
 {
-    (void)state;
     rx_node nodes[] = {node(RX_OP_INPUT, 0, 3, 0, 0), node(RX_OP_CONV, 0, 8, 3, 2),
                        node(RX_OP_CONV, 1, 8, 3, 2)};
     rx_net *net = make(nodes, 3, 1);

@@ -149,7 +149,6 @@ static void both_precisions(rx_net *net)
 /* Channels that fill vectors, and such that do not. */
 static void values_of_a_runner(void **state)
 {
-    (void)state;
     static const int shapes[][3] = {{8, 3, 3}, {16, 5, 3}, {6, 7, 5}, {5, 3, 3}, {3, 1, 1}};
     for (size_t k = 0; k < sizeof shapes / sizeof shapes[0]; k++)
         for (int s = 0; s < STEMS; s++)
@@ -160,7 +159,6 @@ static void values_of_a_runner(void **state)
 /* Operations to twice the size with all that may follow them, which a PSF-NET has not. */
 static void other_graphs(void **state)
 {
-    (void)state;
     enum { N = 6 };
     static const rx_op ops[] = {RX_OP_TRANSPOSED, RX_OP_UPCONV, RX_OP_SHUFFLE, RX_OP_UP2};
     for (size_t k = 0; k < 4; k++)
@@ -188,7 +186,6 @@ static void other_graphs(void **state)
 
 static void what_it_costs(void **state)
 {
-    (void)state;
     rx_net *net = make(0, 0, 8, 3, 3);
     field f = field_new(net, RX_F32);
     rx_stream_cost cost[RX_NET_NODES] = {{0, 0}};
@@ -217,7 +214,6 @@ static void what_it_costs(void **state)
 
 static void refusals(void **state)
 {
-    (void)state;
     rx_net *net = make(0, 0, 8, 3, 3);
     rx_stream *s = NULL;
     rx_error err = RX_ERROR_NONE;

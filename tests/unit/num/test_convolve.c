@@ -28,7 +28,6 @@ static double direct(const float *stamp, const float *src, int x, int y, int sig
 
 static void against_direct_sum(void **state)
 {
-    (void)state;
     rx_fft *fft = NULL;
     assert_int_equal(rx_fft_new(W, H, 2, &fft, NULL), RX_OK);
     const int stride = rx_fft_stride_real(fft);
@@ -54,7 +53,6 @@ static void against_direct_sum(void **state)
 
 static void weights(void **state)
 {
-    (void)state;
     static const double fwhm[] = {0.3, 1.0, 2.5, 7.0};
     for (int i = 0; i < 4; i++) {
         float g[64];
@@ -92,7 +90,6 @@ static double normalised(const float *f, const uint8_t *mask, const float *g, in
 
 static void gauss_masked(void **state)
 {
-    (void)state;
     float f[G_W * G_H], a[G_W * G_H], b[G_W * G_H], g[64];
     uint8_t mask[G_W * G_H];
     const int r = rx_gauss_radius(2.0);
@@ -115,7 +112,6 @@ static void gauss_masked(void **state)
  */
 static void gauss_has_no_bands(void **state)
 {
-    (void)state;
     enum { TALL = 900, WIDE = 5 };
     static const double fwhm[] = {4, 150}; /* radius below and above the height of a band */
     float *image = malloc(TALL * WIDE * sizeof *image), g[700];
@@ -140,7 +136,6 @@ static void gauss_has_no_bands(void **state)
 
 static void gauss_keeps_flux_and_constants(void **state)
 {
-    (void)state;
     float f[G_W * G_H] = {0}, c[G_W * G_H];
     f[18 * G_W + 20] = 1000;
     assert_int_equal(rx_gauss_masked(G_W, G_H, 3.0, NULL, 1, f, NULL), RX_OK);

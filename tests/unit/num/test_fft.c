@@ -19,7 +19,6 @@ static void fill(const rx_fft *fft, float *plane)
 
 static void good_sizes(void **state)
 {
-    (void)state;
     assert_int_equal(rx_fft_good_size(1), 2);
     assert_int_equal(rx_fft_good_size(11), 12);
     assert_int_equal(rx_fft_good_size(13), 14);
@@ -75,7 +74,6 @@ static void check_against_sum(int width, int height)
 
 static void direct_sum(void **state)
 {
-    (void)state;
     static const int sizes[][2] = {{1, 1},   {2, 2},   {1, 9},   {9, 1},   {5, 7},  {13, 11},
                                    {16, 16}, {18, 35}, {21, 30}, {42, 24}, {17, 8}, {50, 31}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
@@ -85,7 +83,6 @@ static void direct_sum(void **state)
 /* The low columns of a transform are those of the whole. */
 static void low_columns(void **state)
 {
-    (void)state;
     static const int columns[] = {1, 8, 9, 40, 76, 1000};
     rx_fft *fft = NULL;
     assert_int_equal(rx_fft_new(150, 42, 2, &fft, NULL), RX_OK);
@@ -107,7 +104,6 @@ static void low_columns(void **state)
 /* Same bytes for 1, 2, 3 and 5 threads, there and back. */
 static void threads(void **state)
 {
-    (void)state;
     float *first_half = NULL, *first_back = NULL;
     static const int counts[] = {1, 2, 3, 5};
     for (int i = 0; i < 4; i++) {
@@ -164,7 +160,6 @@ static void write_row(void *user, int y, float *line)
 /* Row by row the same bytes as plane by plane. */
 static void by_rows(void **state)
 {
-    (void)state;
     rx_fft *fft = NULL;
     assert_int_equal(rx_fft_new(ROWS_WIDTH, ROWS_HEIGHT, 2, &fft, NULL), RX_OK);
     const size_t stride = (size_t)rx_fft_stride_real(fft), size = rx_fft_complex_size(fft) * sizeof(float);
@@ -199,7 +194,6 @@ static void by_rows(void **state)
 
 static void refuses(void **state)
 {
-    (void)state;
     rx_fft *fft = NULL;
     rx_error err = RX_ERROR_NONE;
     assert_int_equal(rx_fft_new(0, 5, 1, &fft, &err), RX_INPUT);

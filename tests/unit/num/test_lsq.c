@@ -13,7 +13,6 @@ static const double misra_x[14] = {77.6,  114.9, 141.1, 190.8, 239.9, 289.0, 332
 
 static int misra(void *user, const double *p, double *residuals, double *jacobian)
 {
-    (void)user;
     for (int i = 0; i < 14; i++) {
         double e = exp(-p[1] * misra_x[i]);
         residuals[i] = p[0] * (1.0 - e) - misra_y[i];
@@ -25,7 +24,6 @@ static int misra(void *user, const double *p, double *residuals, double *jacobia
 
 static void test_misra1a(void **state)
 {
-    (void)state;
     double p[2] = {500.0, 0.0001}, errors[2];
     rx_lsq_result result;
     const rx_lsq_problem problem = {
@@ -43,8 +41,6 @@ static void test_misra1a(void **state)
 
 static int refuses(void *user, const double *p, double *residuals, double *jacobian)
 {
-    (void)user;
-    (void)jacobian;
     residuals[0] = residuals[1] = p[0];
     return 1;
 }
@@ -52,7 +48,6 @@ static int refuses(void *user, const double *p, double *residuals, double *jacob
 /* Two parameters of which one does nothing: a best fit, an infinite error, no abort. */
 static int blind(void *user, const double *p, double *residuals, double *jacobian)
 {
-    (void)user;
     for (int i = 0; i < 4; i++) {
         residuals[i] = p[0] - i;
         jacobian[2 * i] = 1.0;
@@ -63,7 +58,6 @@ static int blind(void *user, const double *p, double *residuals, double *jacobia
 
 static void test_failures(void **state)
 {
-    (void)state;
     double p[2] = {1.0, 1.0}, errors[2];
     rx_lsq_result result;
     rx_lsq_problem problem = {

@@ -32,7 +32,6 @@ static void make(problem *p, uint64_t seed)
 /* A x = b, and A times the covariance is one. */
 static void test_solve(void **state)
 {
-    (void)state;
     problem p;
     double x[COLUMNS], c[COLUMNS * COLUMNS];
     int singular = 1;
@@ -96,7 +95,6 @@ static double brute(const problem *p, double *best_x)
 
 static void test_nonnegative(void **state)
 {
-    (void)state;
     const int bounded[COLUMNS] = {1, 1, 1, 1, 0};
     int singular, held[COLUMNS], total = 0;
     for (uint64_t seed = 1; seed < 60; seed++) {
@@ -120,7 +118,6 @@ static void test_nonnegative(void **state)
 
 static void test_singular(void **state)
 {
-    (void)state;
     /* two equal columns: any split of 3 is as good; the ridge halves it */
     const double a[4] = {2, 2, 2, 2}, b[2] = {6, 6}, zero[4] = {1, 0, 0, 0}, bad[2] = {1, NAN};
     double x[2];

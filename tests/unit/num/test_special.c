@@ -12,7 +12,6 @@ static void beta_as_scipy(void **state)
         {0.5, 0.5, 0.9, 0.79516723530087},
         {1000, 1, 0.999, 0.36769542477132},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         const double *e = expected[i];
         assert_near(rx_beta_inc(e[0], e[1], e[2]), e[3], 1e-11);
@@ -32,7 +31,6 @@ static void beta_inverse_as_scipy(void **state)
         {5e5, 500001, 0.995, 0.5012874121957559}, {999999, 2, 0.025, 0.999994428369345},
         {1, 1e6, 0.84, 1.832579784752123e-06},    {0.5, 0.5, 0.1, 0.0244717418524232},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         const double *e = expected[i];
         assert_near(rx_beta_inverse(e[0], e[1], e[2]), e[3], 1e-12);
@@ -46,7 +44,6 @@ static void beta_inverse_as_scipy(void **state)
 /* scipy.special.gammainc(a, x) on both sides of x = a + 1. */
 static void gamma_as_scipy(void **state)
 {
-    (void)state;
     const double cases[][3] = {{1, 0.1, 0.09516258196404},   {2, 2.5, 0.71270250481635},
                                {2, 3.5, 0.86411177459957},   {8, 7.669, 0.4999639336683},
                                {8, 20, 0.99922140991749},    {0.6, 0.3, 0.48758310878069},
@@ -69,7 +66,6 @@ static void gamma_inverses_as_scipy(void **state)
         {1000, 0.005, 920.4240461633592, 1083.332150195779},
         {1e6, 0.025, 998040.9833402939, 1001960.91096545},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         const double *e = expected[i];
         assert_close(rx_gamma_p_inverse(e[0], e[1]), e[2], 1e-12);
@@ -79,51 +75,6 @@ static void gamma_inverses_as_scipy(void **state)
     assert_true(isnan(rx_gamma_q_inverse(-1, 0.5)));
 }
 
-/* ln p = ln I_x(v/2, 1/2), x = v/(v+t^2), as a power series in mpmath at 60 digits. */
-static void student_p_in_many_digits(void **state)
-{
-    static const double expected[][3] = {
-        {1e-8, 3, -7.3510519659762098e-9}, {0.5, 1, -0.34979471750208644},
-        {1.7, 78, -2.373914625850177},     {2.5, 1.3, -1.6436113950995584},
-        {12, 30.5, -28.452235601005626},   {1.96, 10000, -2.9952619795229062},
-        {-4, 7, -5.2610382776476045},      {110.96, 138, -313.33974363902833},
-        {60, 250, -344.75016622032378},    {1e5, 138, -1251.4944406090157},
-        {1e160, 2, -736.82722975809462},   {1e200, 500, -228708.19087020054},
-    };
-    (void)state;
-    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
-        double ln_p, p = rx_student_p(expected[i][0], expected[i][1], &ln_p);
-        assert_close(ln_p, expected[i][2], 1e-13);
-        assert_near(p, exp(ln_p), 0);
-    }
-    double million;
-    rx_student_p(2.5, 1e6, &million);
-    assert_near(million, -4.388488306206958, 1e-10);
-}
-
-static void student_p_at_the_ends(void **state)
-{
-    double ln_p;
-    (void)state;
-    assert_near(rx_student_p(0, 5, &ln_p), 1, 0);
-    assert_near(ln_p, 0, 0);
-    assert_near(rx_student_p(-INFINITY, 5, &ln_p), 0, 0);
-    assert_true(ln_p == -INFINITY);
-    assert_true(isnan(rx_student_p(NAN, 5, &ln_p)));
-    assert_true(isnan(ln_p));
-    assert_true(isnan(rx_student_p(1, 0, NULL)));
-    for (double dof = 1; dof < 2000; dof *= 3) {
-        double before = 1;
-        for (double t = 0.01; t < 1e4; t *= 1.07) { /* no step where the method changes */
-            double p = rx_student_p(t, dof, NULL);
-            assert_true(p < before || p == 0);
-            before = p;
-        }
-        for (double p = 0.9; p > 1e-12; p *= 0.1)
-            assert_close(rx_student_p(rx_student_quantile(p, dof), dof, NULL), p, 1e-12);
-    }
-}
-
 /* By scipy.special.betaincinv: scipy.stats.t.isf is off by 2e-11. */
 static void student_quantile_as_scipy(void **state)
 {
@@ -131,10 +82,8 @@ static void student_quantile_as_scipy(void **state)
         {0.3173, 1, 1.8374094294905463}, {0.05, 5, 2.5705818356363155}, {0.05, 99, 1.9842169515864156},
         {1e-12, 2, 999999.99999925},     {1e-3, 1e6, 3.2905364612486},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
         assert_close(rx_student_quantile(expected[i][0], expected[i][1]), expected[i][2], 1e-11);
-    assert_near(rx_student_quantile(1, 3), 0, 1e-15);
     assert_true(rx_student_quantile(0, 3) == INFINITY);
     assert_true(isnan(rx_student_quantile(0.5, 0)));
 }
@@ -142,7 +91,6 @@ static void student_quantile_as_scipy(void **state)
 /* By its definition, and scipy.special.lambertw(-0.2). */
 static void lambert_by_its_definition(void **state)
 {
-    (void)state;
     for (double w = -0.99; w < 20; w += 0.37)
         assert_near(rx_lambert_w(w * exp(w)), w, 1e-12 * fmax(1, fabs(w)) / (1 + w));
     assert_close(rx_lambert_w(-0.2), -0.25917110181907377, 1e-14);
@@ -152,7 +100,6 @@ static void lambert_by_its_definition(void **state)
 
 static void polynomials_are_integrated_exactly(void **state)
 {
-    (void)state;
     for (int n = 1; n <= 9; n++) {
         double places[9], weights[9];
         assert_int_equal(rx_gauss_legendre(n, places, weights, NULL), RX_OK);
@@ -171,8 +118,6 @@ int main(void)
                                        cmocka_unit_test(beta_inverse_as_scipy),
                                        cmocka_unit_test(gamma_as_scipy),
                                        cmocka_unit_test(gamma_inverses_as_scipy),
-                                       cmocka_unit_test(student_p_in_many_digits),
-                                       cmocka_unit_test(student_p_at_the_ends),
                                        cmocka_unit_test(student_quantile_as_scipy),
                                        cmocka_unit_test(lambert_by_its_definition),
                                        cmocka_unit_test(polynomials_are_integrated_exactly)};

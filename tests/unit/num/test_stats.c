@@ -18,7 +18,6 @@ enum { MOST = 1202 };
 /* Every length up to 200 and some beyond, with many ties, against a sorted copy. */
 static void test_against_sorting(void **state)
 {
-    (void)state;
     for (size_t n = 1; n <= MOST; n += n < 200 ? 1 : 167)
         for (int kind = 0; kind < 4; kind++) {
             double v[MOST], sorted[MOST], scratch[MOST];
@@ -49,7 +48,6 @@ static void test_against_sorting(void **state)
 /* numpy.quantile(v, q) and 1.4826 * median(|v - median(v)|) of these ten numbers. */
 static void test_numpy_values(void **state)
 {
-    (void)state;
     const double v[10] = {2.5, -1.0, 7.25, 3.0, 100.0, 0.5, 4.75, -2.0, 3.5, 6.0};
     const double q[4] = {0.1, 0.25, 0.683, 0.9}, want[4] = {-1.1, 1.0, 4.93375, 16.525};
     double scratch[10], median;
@@ -65,7 +63,6 @@ static void test_numpy_values(void **state)
 /* Meaningless, but an answer. */
 static void test_nan_ends(void **state)
 {
-    (void)state;
     double values[3000];
     for (int first = 0; first < 3000; first += 97) {
         for (int i = 0; i < 3000; i++)

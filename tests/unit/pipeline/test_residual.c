@@ -259,6 +259,28 @@ static void test_psf(void **state)
     }
 }
 
+/* Stars scatter by their photons: a gain that is too low promises more of that than there is. */
+static void test_gain(void **state)
+{
+    (void)state;
+    rx_image image = make();
+    add_stars(1.0);
+    for (int i = 0; i < N; i++) {
+        const float noise = sqrtf(light[i] / 0.5f) * (float)rx_random_normal(5, 1, (uint64_t)i);
+        pixels[i] += noise;
+        residual[i] += noise;
+    }
+    image.gain = 0.5;
+    rx_residual r = measure_stars(&image, 0);
+    assert_int_equal(r.cause, RX_MISFIT_NONE);
+    rx_residual_free(&r);
+    image.gain = 0.1;
+    r = measure_stars(&image, 0);
+    assert_int_equal(r.cause, RX_MISFIT_NOISE);
+    assert_near(r.by, 0.58, 0.1); /* of photons alone, the root of 0.2; with the sky's as many 0.77 */
+    rx_residual_free(&r);
+}
+
 /* A crowd leaves no sky: nothing is known without a model of it, and with one what that leaves. */
 static void test_crowd(void **state)
 {
@@ -354,6 +376,7 @@ int main(void)
         cmocka_unit_test(test_values),
         cmocka_unit_test(test_correlated_noise),
         cmocka_unit_test(test_psf),
+        cmocka_unit_test(test_gain),
         cmocka_unit_test(test_crowd),
         cmocka_unit_test(test_photons),
         cmocka_unit_test(test_dark),

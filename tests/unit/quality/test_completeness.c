@@ -42,7 +42,6 @@ static void interpolates(void **state)
 {
     const double mag[] = {18.5, 19.5, 20.5, 21.5, 22.5};
     const int total[] = {10, 10, 10, 10, 10}, falls[] = {10, 8, 6, 2, 0}, dips[] = {10, 4, 8, 2, 0};
-    (void)state;
     assert_near(of_counts(5, mag, falls, total, 0.5).value, 20.5 + 0.1 / 0.4, 1e-9);
     assert_near(of_counts(5, mag, falls, total, 0.9).value, 18.5 + 0.1 / 0.2, 1e-9);
     /* a rise is levelled: 0.4 and 0.8 are 0.6 twice */
@@ -59,7 +58,6 @@ static void holds_the_truth(void **state)
     static double mag[1000];
     static unsigned char found[1000];
     const double truth = 0.12 * log(0.985 / 0.9 - 1); /* 0.985 / (1 + exp(m / 0.12)) = 0.9 */
-    (void)state;
     for (size_t s = 0; s < sizeof sizes / sizeof *sizes; s++) {
         double sum = 0, inside = 0;
         for (uint64_t round = 0; round < ROUNDS; round++) {
@@ -84,7 +82,6 @@ static void open_interval(void **state)
     double mag[100];
     unsigned char found[100];
     rx_estimate e;
-    (void)state;
     for (int i = 0; i < 100; i++) {
         mag[i] = 18 + 0.05 * i;
         found[i] = 1;

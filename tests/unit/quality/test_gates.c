@@ -22,7 +22,6 @@ static rx_status read_text(const char *content, rx_gates **gates, rx_error *err)
 static void grammar(void **state)
 {
     rx_gates *gates = NULL;
-    (void)state;
     assert_int_equal(read_text("# comment\n\n  Recall 18:20.5 >= 0.9 0.99 RL # why\r\nbias_mag all in "
                                "-0.02:0.02\nmag50 ALL > 21.5 0.9\nmagerr 17:18 <= 5\npull_width all < 1.1",
                                &gates, NULL),
@@ -77,7 +76,6 @@ static void malformed(void **state)
         {"# only a comment\n", 0, "holds no gate"},
     };
     rx_gates *none = NULL;
-    (void)state;
     assert_int_equal(rx_gates_read("/nowhere/x.qa", &none, NULL), RX_USAGE);
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         rx_gates *gates = NULL;
@@ -103,7 +101,6 @@ static rx_verdict judge(rx_gate_operator op, double value, double value_high, do
 
 static void verdicts(void **state)
 {
-    (void)state;
     assert_int_equal(judge(RX_GATE_GE, 0.9, 0, 0.9, 0.95), RX_VERDICT_PASS);
     assert_int_equal(judge(RX_GATE_GT, 0.9, 0, 0.9, 0.95), RX_VERDICT_INSUFFICIENT);
     assert_int_equal(judge(RX_GATE_GE, 0.9, 0, 0.89, 0.95), RX_VERDICT_INSUFFICIENT);
@@ -132,7 +129,6 @@ static void shipped_file(void **state)
     rx_gates *gates = NULL;
     char *content = NULL;
     const char *root = getenv("srcdir") != NULL ? getenv("srcdir") : ".";
-    (void)state;
     snprintf(path, sizeof path, "%s/config/default.qa", root);
     assert_int_equal(rx_gates_read(path, &gates, NULL), RX_OK);
     assert_true(gates->n >= 3);

@@ -49,7 +49,6 @@ static void as_skimage(void **state)
     };
     float image[MOST * MOST], reference[MOST * MOST];
     double psnr;
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         int w = expected[i].width, h = expected[i].height;
         fill(w, h, expected[i].kind, image, reference);
@@ -66,7 +65,6 @@ static void other_kinds_as_skimage(void **state)
     float image[MOST * MOST], reference[MOST * MOST];
     double ssim[RX_SSIM_KINDS];
     rx_image_reference *prepared = NULL;
-    (void)state;
     for (int y = 0; y < MOST; y++)
         for (int x = 0; x < MOST; x++) {
             const double r2 = (x - 30) * (x - 30) + (y - 34) * (y - 34);
@@ -86,7 +84,6 @@ static void one_window_by_hand(void **state)
 {
     float a[121], b[121];
     double low = INFINITY, high = -INFINITY, w = 0, m[2] = {0}, v[3] = {0};
-    (void)state;
     for (int i = 0; i < 121; i++) {
         b[i] = 1e5f + (float)((i * 37) % 101);
         a[i] = b[i] + (float)((i * 53) % 23);
@@ -116,7 +113,6 @@ static void what_cannot_be_measured(void **state)
     double psnr;
     rx_error err = RX_ERROR_NONE;
     rx_image_reference *prepared = NULL;
-    (void)state;
     fill(16, 16, 0, image, reference);
     assert_int_equal(rx_image_reference_new(10, 16, reference, &prepared, &err), RX_USAGE);
     assert_non_null(strstr(err.text, "11 x 11 pixels or more, not 10 x 16"));

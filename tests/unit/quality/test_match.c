@@ -53,7 +53,6 @@ static void as_brute_force(void **state)
                                       {40, 1, 1},  {5, 0, 100},  {5000, 0, 0.01}};
     double ax[N], ay[N], bx[N], by[N];
     long got_a[N], got_b[N], want_a[N], want_b[N];
-    (void)state;
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         long na = c == 4 ? 60 : N / 2, nb = c == 4 ? 50 : N - 77;
         scatter(2 * c, na, cases[c][0], cases[c][1], ax, ay);
@@ -71,7 +70,6 @@ static void unusable_sources_never_match(void **state)
     double ax[] = {0, NAN, 5, 1e300}, ay[] = {0, 0, 5, 0}, bx[] = {0, 0, 5, INFINITY}, by[] = {0, 0, 5, 0};
     unsigned char use[] = {0, 1, 1, 1};
     long a_to_b[4], b_to_a[4];
-    (void)state;
     assert_int_equal(rx_match(&(rx_match_list){4, ax, ay, NULL}, &(rx_match_list){4, bx, by, use}, 1, a_to_b,
                               b_to_a, NULL),
                      RX_OK);
@@ -87,7 +85,6 @@ static void radius_is_inclusive(void **state)
 {
     double ax = 0, bx = 3, by = 4, zero = 0;
     long a_to_b, b_to_a;
-    (void)state;
     rx_match_list a = {1, &ax, &zero, NULL}, b = {1, &bx, &by, NULL};
     assert_int_equal(rx_match(&a, &b, 5, &a_to_b, &b_to_a, NULL), RX_OK);
     assert_int_equal(a_to_b, 0);
@@ -104,7 +101,6 @@ static void what_cannot_match(void **state)
     static long a[MANY], b[MANY];
     rx_error err = RX_ERROR_NONE;
     const rx_match_list none = {0, NULL, NULL, NULL}, one = {1, x, y, NULL}, many = {MANY, x, y, NULL};
-    (void)state;
     scatter(1, MANY, 10, 0, x, y);
     a[0] = b[0] = 7;
     assert_int_equal(rx_match(&none, &one, 1, NULL, b, NULL), RX_OK);

@@ -240,7 +240,6 @@ static void zero_point_is_told_not_hidden(void **state)
     double x[N], y[N], mag[N], shifted[N];
     rx_estimate m[RX_METRIC_COUNT];
     rx_evaluation e;
-    (void)state;
     for (int i = 0; i < N; i++) {
         x[i] = 5 + 10 * (i % 10);
         y[i] = 5 + 10 * (i / 10); /* five rows */
@@ -266,7 +265,6 @@ static void chance_matches(void **state)
     enum { N = 2000 };
     static double x[2][N], y[2][N], mag[N];
     rx_evaluation e;
-    (void)state;
     for (int i = 0; i < N; i++)
         for (int k = 0; k < 2; k++) {
             x[k][i] = 500 * rx_random_uniform(8, (uint64_t)k, (uint64_t)(2 * i));
@@ -322,7 +320,6 @@ static void curve_by_hand(void **state)
     const double precision[] = {1, 2 / 3.0, 3 / 4.0, 3 / 5.0, 5 / 8.0, 5 / 9.0, 6 / 10.0};
     rx_estimate e;
     rx_pr pr;
-    (void)state;
     assert_int_equal(rx_pr_make(10, score, matched, 9, &pr, NULL), RX_OK);
     assert_int_equal(pr.n, 7);
     for (int i = 0; i < 7; i++) {
@@ -345,7 +342,6 @@ static void ends_of_a_curve(void **state)
     const double score[] = {NAN, -1e9};
     const unsigned char matched[] = {0, 1};
     rx_pr pr;
-    (void)state;
     assert_int_equal(rx_pr_make(2, score, matched, 1, &pr, NULL), RX_OK);
     assert_near(pr.ap.value, 1, 1e-15);
     rx_pr_free(&pr);
@@ -366,7 +362,6 @@ static rx_psf_star star_of(double mag, double size)
  * magnitudes, stand in ranges of 1: mean and its error by hand; one without a flux is in none. */
 static void runs_on_the_same_references(void **state)
 {
-    (void)state;
     double x[] = {50, 150, 250, 350}, y[] = {50, 50, 50, 50}, mag[] = {18, 19, 20, 21}, measured[2][4];
     const double ratio[2][4] = {{1.1, 1.1, 0, 0}, {1.0, 1.1, 2.0, 2.0}};
     rx_qa_run runs[2] = {{.name = "SHORT"}, {.name = "DEEP"}};
@@ -394,10 +389,6 @@ static void runs_on_the_same_references(void **state)
     assert_near(q.common[0], 10, 1e-9);
     assert_near(q.common[1], 5, 1e-9);
     assert_near(q.whole[1][RX_METRIC_MAGERR].value, 52.5, 1e-9);
-    assert_int_equal(q.ncomparisons, 1);
-    assert_int_equal(q.comparison[0].only_first, 0);
-    assert_int_equal(q.comparison[0].only_second, 2);
-    assert_near(q.comparison[0].p, 0.5, 1e-12);
     assert_int_equal(q.verdict, RX_VERDICT_NONE);
     assert_int_equal(q.npsf_bins, 2);
     assert_near(q.psf_bin[0].mag, 14.5, 1e-12);

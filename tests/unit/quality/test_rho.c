@@ -39,7 +39,6 @@ static void test_one_image(void **state)
     const rx_rho *images[1] = {&rho};
     rx_rho_bin bins[RX_RHO_BINS];
     rx_error err = {0};
-    (void)state;
     make_stars(150.0, 0.01, 3, stars);
     assert_int_equal(rx_rho_units(0.01234), 123);
     assert_int_equal(rx_rho_units(7.0), 5000);
@@ -75,7 +74,6 @@ static void test_pairs_of_images(void **state)
     const rx_rho *images[3] = {&rho[0], &rho[1], &rho[2]}, *turned[3] = {&rho[2], &rho[0], &rho[1]};
     rx_rho_bin bins[RX_RHO_BINS], again[RX_RHO_BINS];
     rx_error err = {0};
-    (void)state;
     make_stars(150.0, 0.02, 1, a);
     make_stars(151.0, 0.02, 2, b);
     make_stars(150.01, 0.0, 3, c);

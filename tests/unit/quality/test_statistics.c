@@ -23,7 +23,6 @@ static void shares_as_scipy(void **state)
         {123456, 200000, 0.9, 0.615488555549, 0.619068933722},
         {3, 7, 0.5, 0.253073975774, 0.621151559358},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         rx_estimate e = rx_binomial_interval(expected[i].k, expected[i].n, expected[i].level);
         assert_near(e.value, (double)expected[i].k / (double)expected[i].n, 1e-15);
@@ -35,16 +34,11 @@ static void shares_as_scipy(void **state)
     assert_true(isnan(nothing.value));
     assert_near(nothing.low, 0, 0);
     assert_near(nothing.high, 1, 0);
-    assert_near(rx_mcnemar(3, 10), 0.09228515625, 1e-12); /* binomtest */
-    assert_near(rx_mcnemar(140, 100), 0.0116640923177, 1e-10);
-    assert_near(rx_mcnemar(7, 7), 1, 0);
-    assert_near(rx_mcnemar(0, 0), 1, 0);
 }
 
 /* The promise of the exact intervals: never below their level, summed over all outcomes. */
 static void intervals_cover(void **state)
 {
-    (void)state;
     for (int n = 1; n <= 40; n += 13)
         for (double p = 0.05; p < 1; p += 0.1) {
             double covered = 0, probability = pow(1 - p, n);
@@ -83,7 +77,6 @@ static void poisson_as_scipy(void **state)
         {12345, 0.99, 12060.6831323998, 12634.0850241564, 12605.9561543197},
         {1000000, 0.95, 998040.983340294, 1001961.91194543, 1001646.42276762},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         rx_estimate e = rx_poisson_rate(expected[i].count, 2, expected[i].level);
         assert_near(2 * e.value, (double)expected[i].count, 0);
@@ -106,7 +99,6 @@ static void medians(void **state)
                     {25, 0.99, 6}, {100, 0.95, 40}, {100, 0.99, 37}, {1001, 0.95, 470}, {1001, 0.99, 460}};
     double values[MOST], few[] = {9, 1, 4, 2, 8, 3, 7, 2, 5, 1};
     rx_estimate median, sigma;
-    (void)state;
     for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
         const long n = expected[i].n, rank = expected[i].rank;
         for (long k = 0; k < n; k++)
@@ -139,98 +131,30 @@ static void fill_b(long n, double *dst)
         dst[i] = (double)((i * 53 + 29) % 103) / 8 + (double)(i % 3);
 }
 
-/* scipy.stats.ttest_ind(x, y) and ttest_rel(...).confidence_interval(), x = a(na) + shift: t, p; t, p, interval. */
-static const struct {
-    long na, nb;
-    double shift, pooled[2], paired[4];
-} T_CASES[] = {
-    {70,
-     70,
-     3,
-     {4.08809123165831, 7.348489199006372e-05},
-     {4.436179861195808, 3.379627208433953e-05, 1.522452784193601, 4.01071048111252}},
-    {2,
-     3,
-     0,
-     {-0.7812082025920788, 0.4916598288925362},
-     {-2.755725190839695, 0.221609631696756, -18.08493589707683, 11.63850732564825}},
-    {1000,
-     400,
-     1,
-     {3.105628313953485, 0.001936920971448557},
-     {2.720629806044562, 0.006800809758190594, 0.2095360164354734, 1.301178269278812}},
-};
-
-static void check_t(const rx_test *test, double t, double p, double dof)
+/* scipy.stats.ttest_rel(x, y).confidence_interval(), x = a(n) + shift: t intervals of the means of differences. */
+static void mean_as_scipy(void **state)
 {
-    assert_close(test->statistic, t, 1e-12);
-    assert_close(test->p, p, 1e-12);
-    assert_close(test->ln_p, log(p), 1e-11);
-    assert_close(test->dof, dof, 1e-12);
-}
-
-static void t_tests_as_scipy(void **state)
-{
+    static const struct {
+        long n;
+        double shift, low, high;
+    } cases[] = {{70, 3, 1.522452784193601, 4.01071048111252},
+                 {2, 0, -18.08493589707683, 11.63850732564825},
+                 {400, 1, 0.2095360164354734, 1.301178269278812}};
     double a[MOST], b[MOST];
-    (void)state;
-    for (size_t i = 0; i < sizeof T_CASES / sizeof *T_CASES; i++) {
-        const long na = T_CASES[i].na, nb = T_CASES[i].nb, n = na < nb ? na : nb;
-        const double *pooled = T_CASES[i].pooled, *paired = T_CASES[i].paired;
-        rx_test test;
-        fill_a(na, T_CASES[i].shift, a);
-        fill_b(nb, b);
-        assert_int_equal(rx_test_two_sample(na, a, nb, b, &test, NULL), RX_OK);
-        check_t(&test, pooled[0], pooled[1], (double)(na + nb - 2));
-        assert_int_equal(rx_test_paired(n, a, b, &test, NULL), RX_OK);
-        check_t(&test, paired[0], paired[1], (double)(n - 1));
-        for (long k = 0; k < n; k++)
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        fill_a(i == 2 ? 1000 : cases[i].n, cases[i].shift, a);
+        fill_b(i == 1 ? 3 : cases[i].n, b);
+        for (long k = 0; k < cases[i].n; k++)
             a[k] -= b[k];
-        const rx_estimate mean = rx_mean_estimate(n, a, 0.95);
-        assert_near(mean.low, paired[2], 1e-8);
-        assert_near(mean.high, paired[3], 1e-8);
-        assert_int_equal(mean.n, n);
+        const rx_estimate mean = rx_mean_estimate(cases[i].n, a, 0.95);
+        assert_near(mean.low, cases[i].low, 1e-8);
+        assert_near(mean.high, cases[i].high, 1e-8);
+        assert_int_equal(mean.n, cases[i].n);
     }
-}
-
-/* Differences that agree but for rounding have no spread; where there is none either t is 0. */
-static void samples_without_spread(void **state)
-{
-    double a[20], b[20];
-    rx_test test;
-    (void)state;
-    for (int i = 0; i < 20; i++) {
-        b[i] = 0.3 * i;
-        a[i] = b[i] + 0.1;
-    }
-    assert_int_equal(rx_test_paired(20, a, b, &test, NULL), RX_OK);
-    assert_true(isinf(test.statistic));
-    assert_true(test.p == 0);
-    assert_true(isinf(test.ln_p));
-    assert_int_equal(rx_test_paired(20, b, b, &test, NULL), RX_OK);
-    assert_near(test.statistic, 0, 0);
-    assert_near(test.p, 1, 0);
-    for (int i = 0; i < 20; i++) {
-        a[i] = 0.1;
-        b[i] = 0.7;
-    }
-    assert_int_equal(rx_test_two_sample(20, a, 15, b, &test, NULL), RX_OK);
-    assert_true(isinf(test.statistic));
-    assert_true(test.statistic < 0);
-}
-
-static void samples_that_do_not_do(void **state)
-{
-    double a[3] = {1, 2, 3}, b[3] = {4, NAN, 6};
-    rx_test test;
-    rx_five_numbers box;
-    rx_error err = RX_ERROR_NONE;
-    (void)state;
-    assert_int_equal(rx_test_two_sample(1, a, 3, a, &test, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "2 values or more, it has 1"));
-    assert_int_equal(rx_test_paired(1, a, a, &test, &err), RX_USAGE);
-    assert_int_equal(rx_five_numbers_of(0, a, &box, &err), RX_USAGE);
-    assert_int_equal(rx_test_paired(3, a, b, &test, &err), RX_INPUT);
-    assert_non_null(strstr(err.text, "value 2 of a sample is not finite"));
+    for (long k = 0; k < 20; k++) /* values that agree but for rounding have no spread */
+        a[k] = 0.1;
+    const rx_estimate even = rx_mean_estimate(20, a, 0.95);
+    assert_near(even.high - even.low, 0, 0);
     assert_true(isnan(rx_mean_estimate(0, a, 0.95).value));
     assert_true(isnan(rx_mean_estimate(1, a, 0.95).low));
 }
@@ -241,7 +165,6 @@ static void box_as_matplotlib(void **state)
     static const double far[] = {1, 2, 2.5, 3, 3.5, 4, 50, -40};
     double a[70];
     rx_five_numbers box;
-    (void)state;
     fill_a(70, 0, a);
     for (long k = 0; k < 70; k++)
         a[k] *= a[k];
@@ -252,12 +175,10 @@ static void box_as_matplotlib(void **state)
     assert_near(box.q3, 111.005102040816, 1e-12);
     assert_near(box.high, 204.081632653061, 1e-12);
     assert_near(box.mean, 67.4644314868805, 1e-12);
-    assert_int_equal(box.outliers, 0);
     assert_int_equal(rx_five_numbers_of(8, far, &box, NULL), RX_OK);
     assert_near(box.low, 1, 0);
     assert_near(box.high, 4, 0);
     assert_near(box.q1, 1.75, 1e-15);
-    assert_int_equal(box.outliers, 2);
 }
 
 static double weighted_mean(const void *data, const uint32_t *counts)
@@ -274,7 +195,6 @@ static void bootstrap_of_a_mean(void **state)
 {
     double values[500], mean = 0, square = 0;
     rx_estimate e = {0};
-    (void)state;
     for (int i = 0; i < 500; i++) {
         values[i] = rx_random_normal(4, 0, (uint64_t)i);
         mean += values[i] / 500;
@@ -290,10 +210,9 @@ static void bootstrap_of_a_mean(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(shares_as_scipy),        cmocka_unit_test(intervals_cover),
-        cmocka_unit_test(poisson_as_scipy),       cmocka_unit_test(medians),
-        cmocka_unit_test(t_tests_as_scipy),       cmocka_unit_test(samples_without_spread),
-        cmocka_unit_test(samples_that_do_not_do), cmocka_unit_test(box_as_matplotlib),
+        cmocka_unit_test(shares_as_scipy),     cmocka_unit_test(intervals_cover),
+        cmocka_unit_test(poisson_as_scipy),    cmocka_unit_test(medians),
+        cmocka_unit_test(mean_as_scipy),       cmocka_unit_test(box_as_matplotlib),
         cmocka_unit_test(bootstrap_of_a_mean),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

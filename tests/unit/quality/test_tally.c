@@ -48,7 +48,6 @@ static void medians_are_those_of_all(void **state)
     static const struct {
         double bias, sigma, off; /* off: steps of the histogram are wider farther out */
     } cases[] = {{0.013, 0.1, 0.0015}, {-0.2, 0.004, 0.0015}, {2.2, 0.02, 0.05}, {-24.97, 0.03, 0.5}};
-    (void)state;
     for (int c = 0; c < 4; c++) {
         made *m = make(20.2, cases[c].bias, cases[c].sigma, (uint64_t)c);
         rx_tally tally = {0};
@@ -76,7 +75,6 @@ static void sums_do_not_depend_on_order(void **state)
 {
     rx_tally part[3] = {0}, forth = {0}, back = {0};
     long references = 0;
-    (void)state;
     for (int i = 0; i < 3; i++) {
         made *m = make(18.0 + i, 0.01 * i, 0.1, (uint64_t)(10 + i));
         assert_int_equal(rx_tally_evaluation(&part[i], &m->e, NULL), RX_OK);
@@ -102,7 +100,6 @@ static void sums_do_not_depend_on_order(void **state)
 
 static void ends_of_the_grid_and_the_histogram(void **state)
 {
-    (void)state;
     made *m = make(-99, 60, 0.01, 3);
     rx_tally tally = {0};
     long n;

@@ -19,7 +19,6 @@ static void html(void **state)
         {"\xF4\x90\x80\x80", FFFD FFFD FFFD FFFD}, /* beyond U+10FFFF */
         {"x\xE2\x82", "x" FFFD FFFD},              /* cut off at the end */
     };
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         rx_text text = {0};
         rx_text_add(&text, "");
@@ -35,7 +34,6 @@ static void quoted(void **state)
     rx_text text = {0};
     rx_json json = rx_json_on(&text);
     rx_ecsv table = {.text = &text};
-    (void)state;
     rx_json_string(&json, NULL, "a\"b\\c\td\xC2\x85 \xE2\x80\xA8 \xE2\x80\xA9");
     rx_ecsv_text(&table, "a\"b,c\\\xC2\x85 \xE2\x80\xA8 \xE2\x80\xA9");
     assert_string_equal(text.data, "\"a\\\"b\\\\c" FFFD "d\\u0085 \\u2028 \\u2029\"\"a\"\"b,c\\" FFFD " " FFFD
@@ -46,7 +44,6 @@ static void quoted(void **state)
 static void reduced(void **state)
 {
     char dst[12];
-    (void)state;
     rx_escape_stem(dst, sizeof dst, "../R L'\xC3");
     assert_string_equal(dst, "___R_L__");
     rx_escape_stem(dst, sizeof dst, "");

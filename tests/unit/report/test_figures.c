@@ -17,7 +17,7 @@ static void add_boxes(rx_figures *f, const char *id, int groups, int filled, rx_
     rx_five_numbers box[GROUPS * METHODS] = {0};
     for (int i = 0; i < groups * METHODS && filled; i++)
         if (i != 4)
-            box[i] = (rx_five_numbers){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 70, 0, 3.5 + i};
+            box[i] = (rx_five_numbers){1 + i, 2 + i, 3 + i, 4 + i, 6 + i, 3.5 + i, 70};
     rx_figure_add(f, id, "Boxes", "reading", kind);
     rx_plot_boxes(f, &(rx_axes){.xlabel = "FWHM's [pixels]", .ylabel = "PSNR [dB]"},
                   &(rx_boxes){groups, METHODS, names, methods, colors, box});
@@ -87,7 +87,6 @@ static void figures_are_drawn(void **state)
 {
     static rx_figures first, second;
     char folder[512];
-    (void)state;
     if (!works("gnuplot --version >/dev/null 2>&1")) {
         print_message("gnuplot is absent: figures not drawn\n");
         skip();
@@ -117,9 +116,6 @@ static void figures_are_drawn(void **state)
     assert_non_null(strstr(first.figure[0].svg, "FWHM's [pixels]"));
     assert_non_null(strstr(first.figure[0].svg, "PSNR [dB]"));
     assert_null(strstr(first.figure[0].svg, "filtered'")); /* names are made plain */
-    assert_non_null(
-        strstr(first.figure[4].svg, "<g class=\"h\"><title>its: x 0.5, y 0.6065 [0.3033, 1]</title>"));
-    assert_null(strstr(first.figure[6].svg, "class=\"h\"")); /* of many points none */
     assert_non_null(strstr(first.figure[7].svg, "#0072B2"));
     size_t dots = 0; /* thinned: 2000 of the 5000 at most, and the last one */
     for (const char *c = first.figure[6].svg; (c = strstr(c, "h0")) != NULL; c++)
@@ -134,7 +130,6 @@ static void figures_that_cannot_be(void **state)
     static rx_figures f;
     char folder[512];
     rx_error err = RX_ERROR_NONE;
-    (void)state;
     new_folder(folder);
     add_all(&f);
     assert_int_equal(draw(&f, "no-such-gnuplot", folder, "the report", &err), RX_OK);

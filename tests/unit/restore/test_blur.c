@@ -99,7 +99,6 @@ static void check_operator(const rx_psf *psf, int varies)
 
 static void varying_is_exact(void **state)
 {
-    (void)state;
     rx_psf *psf = quadratic();
     check_operator(psf, 1);
     rx_psf_free(psf);
@@ -107,7 +106,6 @@ static void varying_is_exact(void **state)
 
 static void constant_is_exact(void **state)
 {
-    (void)state;
     rx_psf *psf = quadratic();
     psf->nbasis = 1;
     check_operator(psf, 0);
@@ -123,7 +121,6 @@ static void constant_is_exact(void **state)
  * and the next nothing jumps (blocks of one PSF each would). */
 static void no_seams(void **state)
 {
-    (void)state;
     enum { LONG = 200 };
     rx_psf *psf = sky_psf_varying(3, 0.3, LONG);
     const int size = psf->size, r = size / 2;
@@ -157,7 +154,6 @@ static void no_seams(void **state)
 /* A constant PSF in many blocks, against the defining sum: borders, corners and seams alike. */
 static void blocks_are_exact(void **state)
 {
-    (void)state;
     enum { WIDE = 1300, HIGH = 300 };
     rx_psf *psf = quadratic();
     rx_blur *blur = NULL;
@@ -211,7 +207,6 @@ static void check_threads(const rx_psf *psf, int width, int height)
 
 static void threads(void **state)
 {
-    (void)state;
     rx_psf *psf = quadratic();
     for (psf->nbasis = 6; psf->nbasis > 0; psf->nbasis -= 5) {
         check_threads(psf, W, H);
@@ -231,7 +226,6 @@ static void refuse(const rx_psf *psf, int width, int height, const char *text)
 
 static void refuses(void **state)
 {
-    (void)state;
     rx_psf *psf = quadratic();
     refuse(NULL, W, H, "no PSF");
     refuse(psf, 6, H, "larger than the tile");

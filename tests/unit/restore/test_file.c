@@ -39,7 +39,6 @@ static rx_restored *run(sky *s, float sky_given, int with_noise, double fwhm)
 static void sky_is_off_once(void **state)
 {
     static const float skies[][2] = {{0, 0}, {100, 0}, {3, 3}, {97, -3}};
-    (void)state;
     for (size_t i = 0; i < sizeof skies / sizeof *skies; i++) {
         sky s;
         rx_restored *restored = run(&s, skies[i][0], 0, 2);
@@ -58,7 +57,6 @@ static void noise_and_psf_are_those_given(void **state)
     sky s;
     float room[SIDE];
     rx_restored *restored = run(&s, 0, 1, 3);
-    (void)state;
     const float *row = rx_map_row(&restored->noise, 11, 0, SIDE, room);
     for (int x = 0; x < SIDE; x++)
         assert_true(row[x] == noise[11 * SIDE + x]);
@@ -75,7 +73,6 @@ static void without_pixels_it_says_so(void **state)
     sky s;
     rx_error err = RX_ERROR_NONE;
     rx_restored *restored = NULL;
-    (void)state;
     sky_new(&s, SIDE, SIDE);
     s.par.file_fwhm = 2;
     const rx_image image = sky_image(&s, NULL);

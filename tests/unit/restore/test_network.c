@@ -97,7 +97,6 @@ static void blind_knows_no_blocks(void **state)
 {
     static const int sides[] = {512, 32, 72, 100};
     sky s;
-    (void)state;
     make_scene(&s, WIDTH, HEIGHT, 3);
     rx_model *model = small_model(RX_MODE_BLIND, 1);
     s.par.model = model;
@@ -124,7 +123,6 @@ static void blind_knows_no_blocks(void **state)
 /* With the step, whose quotients amplify what FFTs round, and without; stars of S/N 10,000. */
 static void informed_hardly_knows_blocks(void **state)
 {
-    (void)state;
     for (int kind = 0; kind < 6; kind++) {
         const int varying = kind % 2, step = kind / 2 > 0, stages = 1 + kind / 4;
         sky s;
@@ -163,7 +161,6 @@ static rx_model *model_of(int kind)
 
 static void threads_change_no_bit(void **state)
 {
-    (void)state;
     for (int kind = 0; kind < 4; kind++) {
         sky s;
         make_scene(&s, WIDTH, HEIGHT, 3);
@@ -187,7 +184,6 @@ static void threads_change_no_bit(void **state)
 /* Whatever lies under the mask, not a bit of any output changes. */
 static void masked_values_reach_nothing(void **state)
 {
-    (void)state;
     for (int kind = 0; kind < 4; kind++) {
         sky s;
         make_scene(&s, WIDTH, HEIGHT, 3);
@@ -212,7 +208,6 @@ static void masked_values_reach_nothing(void **state)
 static void tiles_of_any_shape(void **state)
 {
     static const int shapes[][2] = {{1, 1}, {1, 90}, {90, 1}, {3, 2}, {63, 65}, {7, 130}};
-    (void)state;
     for (int i = 0; i < 6; i++)
         for (int kind = 0; kind < 4; kind++) {
             const int width = shapes[i][0], height = shapes[i][1];
@@ -233,7 +228,6 @@ static void tiles_of_any_shape(void **state)
 
 static void nothing_good(void **state)
 {
-    (void)state;
     for (int kind = 0; kind < 2; kind++) {
         sky s;
         make_scene(&s, 80, 70, 3);
@@ -264,7 +258,6 @@ static void network_without_weights(void **state)
 {
     const double flux = 5e4, x = 100.3, y = 80.8;
     sky s;
-    (void)state;
     sky_new(&s, WIDTH, HEIGHT);
     sky_star(&s, x, y, 4, flux);
     for (int k = 0; k < WIDTH * HEIGHT; k++)
@@ -309,7 +302,6 @@ static void network_without_weights(void **state)
 static void units_do_not_matter(void **state)
 {
     sky s;
-    (void)state;
     make_scene(&s, WIDTH, HEIGHT, 3);
     rx_model *model = small_model(RX_MODE_INFORMED, 1);
     rx_psf *psf = rx_stamp_gauss(4);
@@ -339,7 +331,6 @@ static void refusals(void **state)
     sky s;
     rx_restored *r = NULL;
     rx_error err = RX_ERROR_NONE;
-    (void)state;
     make_scene(&s, 80, 70, 3);
     rx_psf *psf = rx_stamp_gauss(4);
     const rx_image image = sky_image(&s, psf), unknown = sky_image(&s, NULL);
@@ -363,7 +354,6 @@ static void who_must_have_a_psf(void **state)
 {
     const rx_restorer *net = rx_restorer_find("NET");
     rx_restore_params par = {0};
-    (void)state;
     rx_model *blind = small_model(RX_MODE_BLIND, 0), *informed = small_model(RX_MODE_INFORMED, 0);
     assert_true((net->traits & RX_TRAIT_PSF) != 0);
     assert_true(rx_restorer_must_have_psf(net, &par));
@@ -380,7 +370,6 @@ static void who_must_have_a_psf(void **state)
 static void half_precision(void **state)
 {
     sky s;
-    (void)state;
     if (!rx_direct_has_bf16()) {
         print_message("this processor has no bfloat16: not tried\n");
         skip();
@@ -424,7 +413,6 @@ static void half_precision(void **state)
 /* Cells of 16 pixels, bilinear between their centres, held beyond the outer ones; in any pieces. */
 static void coarse_maps_are_bilinear(void **state)
 {
-    (void)state;
     enum { NX = 4, NY = 3, CELL = 16 };
     float value[NX * NY], row[NX * CELL], piece[7];
     const rx_coarse coarse = {CELL, NX, NY, value};

@@ -78,7 +78,6 @@ static double peak_alone(int height)
 
 static void memory_is_that_of_the_restored_planes(void **state)
 {
-    (void)state;
 #if defined __SANITIZE_ADDRESS__ || defined __SANITIZE_THREAD__
     print_message("the sanitizer's memory is not ours: not measured\n");
     skip();

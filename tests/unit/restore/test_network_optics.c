@@ -89,7 +89,6 @@ static void tikhonov_is_that_of_the_whole(void **state)
 {
     enum { MARGIN = 100 };
     static const double widths[] = {2.5, 4, 7};
-    (void)state;
     for (int i = 0; i < 3; i++) {
         bench *b = bench_new(widths[i], 0);
         rx_fft *fft = whole(MARGIN);
@@ -115,7 +114,6 @@ static void tikhonov_is_that_of_the_whole(void **state)
 static void step_is_the_trained_one(void **state)
 {
     enum { MARGIN = 60 };
-    (void)state;
     for (int masked = 0; masked < 2; masked++) {
         bench *b = bench_new(4, 0);
         rx_fft *fft = whole(MARGIN);
@@ -184,7 +182,6 @@ static float *adjoint_of(const rx_blur *blur, const float *tile)
 /* The formula of nn/rl_step.h, for PSFs that vary too. */
 static void step_by_its_formula(void **state)
 {
-    (void)state;
     const double p = 1.5;
     for (int k = 0; k < 6; k++) { /* no pixel masked, one, many */
         bench *b = bench_new(4, k % 2 ? -0.3 : 0);
@@ -233,7 +230,6 @@ static void step_by_its_formula(void **state)
 /* K' f of a sky of stars of the target's width is what the tile's varying PSF makes of points. */
 static void reblurred_by_a_varying_psf(void **state)
 {
-    (void)state;
     bench *b = bench_new(4, 0.2);
     rx_blur *blur = NULL;
     rx_psf *target = rx_stamp_gauss(2);
@@ -266,7 +262,6 @@ static void reblurred_by_a_varying_psf(void **state)
 /* A star of which the network has lost a fifth gets it back. */
 static void step_returns_lost_flux(void **state)
 {
-    (void)state;
     sky s;
     bench *b = bench_new(4, 0);
     sky_new(&s, WIDTH, HEIGHT);
@@ -289,7 +284,6 @@ static void step_returns_lost_flux(void **state)
 
 static void blocks_cover_the_tile(void **state)
 {
-    (void)state;
     for (int width = 1; width < 300; width += 7)
         for (int side = 8; side < 200; side += 36)
             for (int shift = 0; shift < 500; shift = 2 * shift + 8) {

@@ -30,7 +30,6 @@ static double bump(double x, double y, double radius)
  * pixels, a star of 300 sigmas between them. At the border G has one side only. */
 static void faint_structure_comes_back(void **state)
 {
-    (void)state;
     for (int kind = 0; kind < 5; kind++) {
         const int informed = kind > 1, noiseless = kind % 2, known = kind != 0;
         sky s;
@@ -122,7 +121,6 @@ static double spread(const rx_coarse *sky, double level, double *most)
 /* Waves of a tenth of the noise are not shown, from a fifth on all is, half of what lies between. */
 static void waves_are_not_shown(void **state)
 {
-    (void)state;
     for (int sign = -1; sign <= 1; sign += 2) {
         const float f = (float)sign;
         assert_near(rx_front_shown(0.1f * f), 0, 1e-6);
@@ -137,7 +135,6 @@ static void waves_are_not_shown(void **state)
  * not. Of an empty sky hardly more than the wide mean is there. */
 static void the_sky_and_not_the_stars(void **state)
 {
-    (void)state;
     bench *b = bench_new(3);
     rx_coarse sky;
     assert_int_equal(rx_network_sky(&b->input, b->m, 4, 2, &sky, NULL), RX_OK);
@@ -182,7 +179,6 @@ static void the_sky_and_not_the_stars(void **state)
  * radii is that of the data but for what G spreads, and far from it the sky is empty. */
 static void outskirts_come_back(void **state)
 {
-    (void)state;
     for (int explained = 0; explained < 2; explained++) {
         bench *b = bench_new(3), *empty = bench_new(3);
         rx_coarse sky, without;
@@ -223,7 +219,6 @@ static void outskirts_come_back(void **state)
 /* The value under the mask is nothing, and the sky beside it is not less for it. */
 static void masked_pixels_have_no_weight(void **state)
 {
-    (void)state;
     bench *b = bench_new(3);
     rx_coarse clean, dirty;
     for (int k = 0; k < SIDE * SIDE; k++) {

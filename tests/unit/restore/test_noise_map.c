@@ -40,7 +40,6 @@ static float *map_of(void)
 
 static int make_sky(void **unused)
 {
-    (void)unused;
     for (int i = 0; i < SIDE * SIDE; i++) {
         level[i] = 100;
         pixels[i] = 100;
@@ -52,7 +51,6 @@ static int make_sky(void **unused)
 
 static void test_sky_and_plateau(void **unused)
 {
-    (void)unused;
     for (int y = 0; y < SIDE; y++)
         for (int x = 0; x < SIDE / 2; x++)
             pixels[y * SIDE + x] = 100 + 2 * 200; /* 200 sigmas */
@@ -70,7 +68,6 @@ static void test_sky_and_plateau(void **unused)
  *               print(w(0)**2, w(0) * w(3))"  ->  0.068182 0.0099159 */
 static void test_point(void **unused)
 {
-    (void)unused;
     pixels[32 * SIDE + 32] = 100 + 2 * 1000;
     float *map = map_of();
     assert_near(map[32 * SIDE + 32], 2 * sqrt(1 + pow(0.1 * 68.182, 2)), 0.005);
@@ -113,7 +110,6 @@ static void check_definition(int masked)
 
 static void test_definition(void **unused)
 {
-    (void)unused;
     check_definition(0); /* one pixel hidden */
     check_definition(1);
 }
@@ -121,7 +117,6 @@ static void test_definition(void **unused)
 /* What is hidden reaches nothing, whatever it holds. */
 static void test_mask(void **unused)
 {
-    (void)unused;
     pixels[32 * SIDE + 32] = 1e30f;
     mask[32 * SIDE + 32] = RX_MASK_SATURATED;
     float *map = map_of();
@@ -133,7 +128,6 @@ static void test_mask(void **unused)
 /* A piece is the same to the bit wherever it begins and ends, masked pixels in it or not. */
 static void test_pieces(void **unused)
 {
-    (void)unused;
     enum { LONG = 700, HIGH = 130 };
     static float data[LONG * HIGH], piece[60 * 40];
     static uint8_t hidden[LONG * HIGH];

@@ -40,7 +40,6 @@ static void same_bytes(const sky *s, const rx_restored *a, const rx_restored *b)
 
 static void table(void **state)
 {
-    (void)state;
     int n = 0;
     const rx_restorer *list = rx_restorers(&n);
     assert_int_equal(n, 6);
@@ -55,7 +54,6 @@ static void table(void **state)
 
 static void none(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, 20, 10);
     s.hide = RX_HIDE_PLAIN;
@@ -116,7 +114,6 @@ static void plain_adjoint(const float *stamp, double r[EQ_H][EQ_W], double c[EQ_
 
 static void follows_its_equations(void **state)
 {
-    (void)state;
     static double d[EQ_H][EQ_W], w[EQ_H][EQ_W], sky_var[EQ_H][EQ_W], good[EQ_H][EQ_W], m[EQ_H][EQ_W],
         r[EQ_H][EQ_W];
     static double f[EQ_SH][EQ_SW], c[EQ_SH][EQ_SW], norm[EQ_SH][EQ_SW], seen[EQ_SH][EQ_SW];
@@ -182,7 +179,6 @@ static void follows_its_equations(void **state)
 
 static void keeps_flux(void **state)
 {
-    (void)state;
     static const double gain[] = {0, 1, 30}, denoise[] = {0, 2};
     const double flux = 4500;
     rx_psf *psf = rx_stamp_gauss(3);
@@ -210,7 +206,6 @@ static void keeps_flux(void **state)
 
 static void keeps_sky(void **state)
 {
-    (void)state;
     static const double gain[] = {0, 1, 100};
     rx_psf *psf = rx_stamp_gauss(3.5);
     for (int g = 0; g < 3; g++) {
@@ -232,7 +227,6 @@ static void keeps_sky(void **state)
  * a mask leave no rings there. */
 static void no_ringing(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, 90, 80);
     for (int k = 0; k < 90 * 80; k++)
@@ -311,7 +305,6 @@ static void crowded(sky *s, uint64_t seed_of_masked)
 
 static void mask_is_blind(void **state)
 {
-    (void)state;
     rx_psf *constant = rx_stamp_gauss(3.2), *varying = sky_psf_varying(3.2, 0.1, 128);
     static const char *kinds[] = {"RL", "RL", "RL_BLIND"};
     for (int i = 0; i < 3; i++) {
@@ -332,7 +325,6 @@ static void mask_is_blind(void **state)
 
 static void threads(void **state)
 {
-    (void)state;
     rx_psf *constant = rx_stamp_gauss(3.2), *varying = sky_psf_varying(3.2, 0.1, 128);
     static const char *kinds[] = {"RL", "RL", "RL_BLIND"};
     for (int i = 0; i < 3; i++) {
@@ -357,7 +349,6 @@ static void threads(void **state)
  * where the mask is not. */
 static void saturated_core(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, 81, 81);
     sky_star(&s, 40.2, 39.7, 4, 1e6);
@@ -392,7 +383,6 @@ static void saturated_core(void **state)
 /* Stars as a varying PSF shows them come out alike; with the PSF of the centre they do not. */
 static void varying_psf(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, 160, 60);
     rx_psf *psf = sky_psf_varying(3.5, 0.25, 160), *centre = rx_stamp_gauss(3.5);
@@ -422,7 +412,6 @@ static void varying_psf(void **state)
 
 static void sharpens(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, 100, 60);
     sky_star(&s, 25, 30, 4, 20000);
@@ -479,14 +468,12 @@ static void check_discrepancy(int accelerate)
 
 static void stops_at_discrepancy(void **state)
 {
-    (void)state;
     check_discrepancy(0);
     check_discrepancy(1);
 }
 
 static void hopeless_tiles(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, 40, 30);
     memset(s.tile.mask, RX_MASK_BAD, 40 * 30);
@@ -529,7 +516,6 @@ static void hopeless_tiles(void **state)
  * negative wings, many iterations: always finite (run() looks at each pixel) and bounded. */
 static void never_runs_away(void **state)
 {
-    (void)state;
     sky s;
     sky_new(&s, 64, 64);
     rx_psf *psf = rx_stamp_gauss(3);
@@ -566,7 +552,6 @@ static void never_runs_away(void **state)
 /* Units do not matter: a tile in 1e-25 of them gives the same, scaled. */
 static void any_unit(void **state)
 {
-    (void)state;
     sky a, b;
     crowded(&a, 0);
     crowded(&b, 0);
@@ -591,7 +576,6 @@ static void any_unit(void **state)
 /* A model that is made by strips, as that of a large tile is, against one that is kept: the same bytes. */
 static void strips(void **state)
 {
-    (void)state;
     enum { WIDE = 100, HIGH = 6000, STEPS = 3 };
     sky s;
     sky_new(&s, WIDE, HIGH);

@@ -49,7 +49,6 @@ static double share(const sky *s, const rx_psf *psf, double x, double y, double 
  * faint or bright, whatever the gain, and so it does a PSF radius away from a border. */
 static void isolated(void **state)
 {
-    (void)state;
     static const double flux[] = {450, 4500, 450000}, gain[] = {0, 2, 1000};
     rx_psf *psf = rx_stamp_gauss(FWHM);
     const double margin = psf->size / 2 + 5;
@@ -71,7 +70,6 @@ static void isolated(void **state)
 /* The same with the wings of a Moffat. */
 static void wings(void **state)
 {
-    (void)state;
     sky s;
     rx_psf *psf = NULL;
     assert_int_equal(rx_psf_moffat(3.3, 3, 0.9, 0.5, 61, &psf, NULL), RX_OK);
@@ -86,7 +84,6 @@ static void wings(void **state)
 /* In noise: the mean over realisations of restored minus input flux is 0 within its error. */
 static void in_noise(void **state)
 {
-    (void)state;
     enum { N = 40 };
     static const double flux[] = {200, 4500}, most[] = {0.012, 8e-4};
     rx_psf *psf = rx_stamp_gauss(FWHM);
@@ -115,7 +112,6 @@ static void in_noise(void **state)
 /* The level of an empty sky, in sigmas. */
 static void empty_sky(void **state)
 {
-    (void)state;
     rx_psf *psf = rx_stamp_gauss(FWHM);
     sky s;
     shipped(&s, 400, 400);
@@ -134,7 +130,6 @@ static void empty_sky(void **state)
  * the true flux, and that `support` tells it. */
 static void at_the_edge(void **state)
 {
-    (void)state;
     static const struct {
         double border, limit; /* pixels from the border; |restored / true - 1| at most */
     } borders[] = {{5.3, 0.01}, {3, 0.03}, {1.5, 0.1}};
@@ -171,7 +166,6 @@ static void at_the_edge(void **state)
  * out, cut at the pedestal. */
 static void smallest(void **state)
 {
-    (void)state;
     static const int sizes[][2] = {{1, 1}, {1, 17}, {17, 1}, {2, 2}};
     static const float shift[] = {0, -50, 5000};
     static const char *const kinds[] = {"RL", "RL_BLIND"};
@@ -215,7 +209,6 @@ static void make_extreme(sky *s, enum extreme kind, int side)
 /* Gains, noise maps and PSFs that make no sense still give the star, and nothing that was not there. */
 static void extremes(void **state)
 {
-    (void)state;
     rx_psf *psf = rx_stamp_gauss(FWHM);
     for (int kind = 0; kind < EXTREMES; kind++)
         for (int how = 0; how < 2; how++) {

@@ -21,7 +21,6 @@ static double fwhm_of(const float *stamp, int size, double *ellipticity)
 
 static void widths(void **state)
 {
-    (void)state;
     static const double fwhm[] = {2.0, 2.7, 3.5, 6.0, 11.0};
     for (int i = 0; i < 5; i++) {
         rx_psf *psf = rx_stamp_gauss(fwhm[i]);
@@ -39,7 +38,6 @@ static void widths(void **state)
  * enough for the places to be counted without the stamp. */
 static void the_area_above_half_the_height(void **state)
 {
-    (void)state;
     float round[61 * 61], flat[61 * 61];
     double ellipticity = 0, n = 0;
     for (int k = 0; k < 61 * 61; k++) {
@@ -59,7 +57,6 @@ static void the_area_above_half_the_height(void **state)
 /* The same of an ellipse that lies askew, and its axes from the moments of those places. */
 static void the_axes_of_the_area(void **state)
 {
-    (void)state;
     enum { SIDE = 61, CENTRE = SIDE / 2 };
     const double major = 12, minor = 6, cosine = cos(0.4), sine = sin(0.4);
     float tilted[SIDE * SIDE];
@@ -87,7 +84,6 @@ static void the_axes_of_the_area(void **state)
 /* A stamp has one width however it is turned, the area in a corner and other stars two pixels away. */
 static void turned_stamps(void **state)
 {
-    (void)state;
     enum { SIDE = 9, LAST = SIDE - 1 };
     double first = 0, flat = 0;
     for (int peak = 0; peak < 3; peak++)
@@ -120,7 +116,6 @@ static void turned_stamps(void **state)
 
 static void odd_shapes(void **state)
 {
-    (void)state;
     float flat[25] = {0}, ellipse[31 * 31];
     assert_true(isnan(fwhm_of(flat, 5, NULL)));
     flat[12] = 1;
@@ -137,7 +132,6 @@ static void odd_shapes(void **state)
 
 static void moves(void **state)
 {
-    (void)state;
     float stamp[25 * 25], work[25 * 25];
     for (int k = 0; k < 25 * 25; k++)
         stamp[k] = (float)(pixel_gauss(k % 25 - 12 - 0.3, 4) * pixel_gauss(k / 25 - 12 + 0.2, 4));
@@ -154,7 +148,6 @@ static void moves(void **state)
 /* Keys' cubic convolution (a = -1/2), the weighted centroid by its definition, and a shift by both. */
 static void shifts_by_cubic_convolution(void **state)
 {
-    (void)state;
     enum { SIDE = 21, CENTRE = SIDE / 2 };
     float stamp[SIDE * SIDE], moved[SIDE * SIDE], work[SIDE * SIDE];
     double w[4], wx[4], wy[4], sum = 0, sx = 0, sy = 0, dx = 0, dy = 0;
@@ -194,7 +187,6 @@ static void shifts_by_cubic_convolution(void **state)
 /* All pixels of a small stamp count, its corners too. */
 static void the_centroid_sees_all_pixels(void **state)
 {
-    (void)state;
     for (int lit = 0; lit < 9; lit++) {
         float stamp[9];
         double dx = 0, dy = 0, sum = 0, sx = 0, sy = 0;
@@ -213,7 +205,6 @@ static void the_centroid_sees_all_pixels(void **state)
 
 static void evaluates_and_copies(void **state)
 {
-    (void)state;
     rx_psf *psf = sky_psf_varying(3, 0.2, 101), *copy = rx_psf_copy(psf);
     const int n = psf->size * psf->size;
     float *stamp = calloc((size_t)n, sizeof(float));

@@ -76,7 +76,6 @@ static double measure(const float *image, double *x, double *y)
 
 static void a_lone_star_keeps_flux_and_place(void **state)
 {
-    (void)state;
     const rx_coadd_params *kinds[] = {&DRIZZLE, &LANCZOS};
     rx_scene *scene = scene_of(SIDE, 1);
     for (int kind = 0; kind < 2; kind++)
@@ -96,7 +95,6 @@ static void a_lone_star_keeps_flux_and_place(void **state)
 /* A galaxy in frame pixels is as large on the coadd as it would be on one exposure: half-light radii agree. */
 static void galaxies_keep_flux_and_size(void **state)
 {
-    (void)state;
     rx_scene *scene = scene_of(SIDE, 1);
     scene->objects[0] = (rx_object){.type = RX_OBJECT_GALAXY,
                                     .x = 34.3,
@@ -128,7 +126,6 @@ static void galaxies_keep_flux_and_size(void **state)
 /* Radius where ln of the profile along x, a parabola through three pixels, has fallen by ln 2. */
 static void the_width_of_a_star_is_foretold(void **state)
 {
-    (void)state;
     rx_coadd_params par = DRIZZLE;
     rx_scene *scene = scene_of(SIDE, 1);
     scene->objects[0] = (rx_object){.type = RX_OBJECT_STAR, .x = 35, .y = 35, .flux = 1e4};
@@ -188,7 +185,6 @@ static double shared(double drop, int lag)
 
 static void drizzled_noise_has_the_correlation_of_the_drops(void **state)
 {
-    (void)state;
     const rx_noise_params noise = {
         .type = RX_NOISE_GAUSS, .sky = 100, .sigma = 10, .gain = 2, .saturation = 1e4, .seed = 3};
     static const double drops[] = {0.8, 0.5};
@@ -229,7 +225,6 @@ static void drizzled_noise_has_the_correlation_of_the_drops(void **state)
 /* Variance of image * root of weight, of the fifths of the pixels by weight, over some skies. */
 static void uneven_weights_are_the_variance(void **state)
 {
-    (void)state;
     enum { PARTS = 5, SKIES = 6, SIDE_OF_SKY = 200, PIXELS = SIDE_OF_SKY * SIDE_OF_SKY };
     rx_coadd_params par = LANCZOS;
     double steepest = 1.0;
@@ -268,7 +263,6 @@ static void uneven_weights_are_the_variance(void **state)
 
 static void defects_of_frames_do_not_show(void **state)
 {
-    (void)state;
     const rx_noise_params noise = {.type = RX_NOISE_CCD,
                                    .sky = 500,
                                    .gain = 2,

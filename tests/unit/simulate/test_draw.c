@@ -30,7 +30,6 @@ static const double profiles[][5] = {
 
 static void test_profiles(void **state)
 {
-    (void)state;
     for (size_t i = 0; i < sizeof profiles / sizeof *profiles; i++) {
         const double *want = profiles[i];
         rx_sersic got;
@@ -109,7 +108,6 @@ static double worst_flux(double n, double radius, double ratio)
 
 static void test_flux(void **state)
 {
-    (void)state;
     const double indices[] = {0.5, 1.0, 2.0, 4.0}, ratios[] = {1.0, 0.5, 0.15},
                  radii[] = {0.1, 0.3, 1.0, 3.0, 10.0};
     for (int i = 0; i < 4; i++)
@@ -151,7 +149,6 @@ static double brute_force(const rx_object *o, const double *profile, double x, d
 
 static void test_cells(void **state)
 {
-    (void)state;
     const double cases[][3] = {{4, 3.0, 0.6}, {4, 0.4, 0.3}, {1, 2.0, 0.5}, {0.5, 3.0, 0.9}, {2.5, 1.0, 1.0}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
         const double *profile = profiles[0];
@@ -217,7 +214,6 @@ static moments measure(const rx_fine_grid *grid, double along)
 
 static void test_shape(void **state)
 {
-    (void)state;
     const double cases[][4] = {
         {1, 4.0, 0.5, 0.6}, {1, 4.0, 0.8, -1.2}, {4, 3.0, 0.4, 1.5}, {0.5, 5.0, 0.3, 0.1}};
     for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
@@ -238,7 +234,6 @@ static void test_shape(void **state)
 /* Bulge and disk together: what each is alone. */
 static void test_components_add(void **state)
 {
-    (void)state;
     rx_fine_grid both = make_grid(201), single = make_grid(201);
     rx_object o = disk(3.0, 0.6, 0.5), bulge = spheroid(2.5, 0.8, 0.8, 0.5), rest = o;
     o.bulge_share = 0.3;
@@ -284,7 +279,6 @@ static void harmonic(const rx_fine_grid *grid, int m, double radius, double *amp
  * m ln(R / r) / tan(pitch). */
 static void test_arms(void **state)
 {
-    (void)state;
     for (int m = 2; m <= 4; m++) {
         rx_object o = disk(18.0, 1.0, 0.0);
         rx_fine_grid plain = make_grid(700), grid = make_grid(700);
@@ -311,7 +305,6 @@ static void test_arms(void **state)
 
 static void test_bar(void **state)
 {
-    (void)state;
     rx_object o = disk(5.0, 1.0, 0.0);
     rx_fine_grid plain = make_grid(221), grid = make_grid(221);
     assert_int_equal(rx_galaxy_draw(&o, &plain, NULL), RX_OK);
@@ -342,7 +335,6 @@ static void test_bar(void **state)
 /* Anything a scene may ask for, and more: no cell below 0, the flux kept. */
 static void test_extremes(void **state)
 {
-    (void)state;
     rx_fine_grid grid = make_grid(401);
     rx_object o = disk(3.0, 0.05, 1.0);
     o.bulge_share = 0.2;
@@ -362,7 +354,6 @@ static void test_extremes(void **state)
 /* The square of rx_object_reach holds everything, a smaller one does not. */
 static void test_reach(void **state)
 {
-    (void)state;
     rx_object objects[] = {disk(3.0, 0.4, 0.3), spheroid(4.0, 2.0, 0.6, 0.9), spheroid(0.5, 4.0, 1.0, 0.0)};
     for (int k = 0; k < 3; k++) {
         double reach = rx_object_reach(&objects[k], NULL), inside = 0.0, outer = 0.0;
@@ -434,7 +425,6 @@ static double trace_of(const rx_template *t)
 /* Flux, centroid, angle and size at any stretch, turn and flip. */
 static void test_draw(void **state)
 {
-    (void)state;
     rx_template t = synthetic();
     const double stretches[] = {0.03, 0.1, 0.2, 0.33, 0.7, 2.5};
     for (int k = 0; k < 6; k++)
@@ -477,7 +467,6 @@ static void test_draw(void **state)
 /* Turned by half a circle the image is upside down; flipped at its own axis' mirror it is mirrored. */
 static void test_draw_symmetry(void **state)
 {
-    (void)state;
     enum { N = 101 };
     rx_template t = synthetic();
     rx_object o = {.type = RX_OBJECT_TEMPLATE, .flux = 1.0, .stretch = 0.3, .angle = 0.7};
@@ -503,7 +492,6 @@ static void test_draw_symmetry(void **state)
 /* A flat template stays flat: no holes between pixels at any stretch, no beat of cells and pixels. */
 static void test_draw_flat(void **state)
 {
-    (void)state;
     rx_template t = {.width = 200, .height = 200, .x = 99.5, .y = 99.5, .ratio = 1.0, .pixel_scale = 0.03};
     t.pixels = calloc(200 * 200, sizeof(float));
     for (int i = 0; i < 200 * 200; i++)
@@ -524,7 +512,6 @@ static void test_draw_flat(void **state)
 /* One pixel drawn is the spline: variance 1/3 pixel^2, as rx_template_blur() says. */
 static void test_blur(void **state)
 {
-    (void)state;
     rx_template t = {.width = 1, .height = 1, .ratio = 1.0, .pixel_scale = 0.05};
     float one = 1.0f;
     t.pixels = &one;
@@ -544,7 +531,6 @@ static void test_blur(void **state)
 
 static void test_clipped(void **state)
 {
-    (void)state;
     enum { N = 120, X = 40, Y = 55, PART = 30 };
     rx_template t = synthetic();
     rx_object o = {.type = RX_OBJECT_TEMPLATE, .flux = 100.0, .stretch = 0.4, .angle = 0.7, .x = -2.0},

@@ -57,7 +57,6 @@ static double total(const float *pixels)
 /* Without gain the pixels grow by just the rendered scene. */
 static void adds_the_scene(void **state)
 {
-    (void)state;
     rx_scene *scene = make_scene(1e5);
     rx_optics *optics = make_optics();
     const rx_optics *through = optics;
@@ -84,7 +83,6 @@ static void adds_the_scene(void **state)
 /* Over many realisations: mean = the light, variance = light / gain, pixels independent. */
 static void photon_noise(void **state)
 {
-    (void)state;
     enum { REALISATIONS = 400 };
     const double gain = 2.5;
     rx_scene *scene = make_scene(2000.0);
@@ -124,7 +122,6 @@ static void photon_noise(void **state)
  * variance is the share of it that the kernel leaves, and neighbours go together as the tile's noise does. */
 static void photon_noise_of_a_resampled_tile(void **state)
 {
-    (void)state;
     enum { REALISATIONS = 400 };
     static const float kernel[4] = {0.25f, 0.25f, 0.25f, 0.25f};
     const rx_noise_correlation noise = rx_noise_of_kernel(kernel, 2, 2);
@@ -162,7 +159,6 @@ static void photon_noise_of_a_resampled_tile(void **state)
 
 static void stops_at_saturation(void **state)
 {
-    (void)state;
     rx_scene *scene = make_scene(1e5);
     rx_optics *optics = make_optics();
     float *pixels = RX_NEW(float, N);
@@ -206,7 +202,6 @@ static tile *make_tile(void)
 
 static void away_by_brute_force(void **state)
 {
-    (void)state;
     static const double distances[] = {0.0, 1.0, 1.5, 3.7, 5.0, 12.25, 1000.0};
     tile *t = make_tile();
     for (size_t k = 0; k < sizeof distances / sizeof *distances; k++) {

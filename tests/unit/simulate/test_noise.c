@@ -17,7 +17,6 @@ static int by_value(const void *a, const void *b)
 /* Number i: radius and angle from its words, in double precision. */
 static void test_normals_are_box_muller(void **state)
 {
-    (void)state;
     enum { N = 40000 };
     float *z = malloc(sizeof *z * N);
     rx_noise_normals(9, 8, 0, N, z);
@@ -36,7 +35,6 @@ static void test_normals_are_box_muller(void **state)
 
 static void test_normal_moments(void **state)
 {
-    (void)state;
     const long n = 1 << 22;
     float *z = malloc(sizeof *z * (size_t)n);
     double m1 = 0.0, m2 = 0.0, m3 = 0.0, m4 = 0.0, next = 0.0, second = 0.0, row = 0.0, squares = 0.0;
@@ -82,7 +80,6 @@ static void test_normal_moments(void **state)
 /* Any part of the row of numbers is that part of it; other seeds and streams are other numbers. */
 static void test_normals_are_numbered(void **state)
 {
-    (void)state;
     enum { N = 5000 };
     float all[N], part[N];
     rx_noise_normals(4, 5, 0, N, all);
@@ -108,7 +105,6 @@ static void test_normals_are_numbered(void **state)
 
 static void test_poisson(void **state)
 {
-    (void)state;
     const double means[] = {0.1, 1.0, 3.7, 9.99, 10.0, 10.5, 33.3, 100.0, 1234.5, 1e5};
     enum { N = 200000, BINS = 60 };
     for (int m = 0; m < 10; m++) {
@@ -189,7 +185,6 @@ static void mean_and_variance(const float *pixels, double *mean, double *varianc
 /* Variance: photons (sky + light) / gain, and the read noise. */
 static void test_ccd_exposure(void **state)
 {
-    (void)state;
     const double cases[][3] = {{2.0, 5.0, 300.0}, {0.5, 0.0, 20.0}, {10.0, 3.0, 0.2}};
     for (int c = 0; c < 3; c++) {
         rx_noise_params par = {.type = RX_NOISE_CCD,
@@ -211,7 +206,6 @@ static void test_ccd_exposure(void **state)
 
 static void test_saturation(void **state)
 {
-    (void)state;
     rx_noise_params par = {
         .type = RX_NOISE_GAUSS, .sky = 100.0, .sigma = 10.0, .saturation = 110.0, .seed = 2};
     exposure e = expose(&par, 0.0f, 1);
@@ -228,7 +222,6 @@ static void test_saturation(void **state)
 
 static void test_dead_columns(void **state)
 {
-    (void)state;
     rx_noise_params par = {.type = RX_NOISE_CCD,
                            .sky = 100.0,
                            .gain = 1.0,
@@ -251,7 +244,6 @@ static void test_dead_columns(void **state)
 /* A dark exposure: what is there is cosmic rays. */
 static void test_cosmic_rays(void **state)
 {
-    (void)state;
     const double gain = 2.0, rate = 500.0;
     rx_noise_params par = {
         .type = RX_NOISE_CCD, .gain = gain, .saturation = HUGE_VAL, .cosmic_rays = rate, .seed = 4};
@@ -274,7 +266,6 @@ static void test_cosmic_rays(void **state)
 /* Charge is where the track is: in sum, in its centre of gravity, and in no other pixel. */
 static void test_one_track(void **state)
 {
-    (void)state;
     const double tracks[][4] = {{10.2, 11.4, 7.3, 4.1},   {10.0, 10.0, 0.0, 0.0}, {20.6, 5.3, -9.9, 0.0},
                                 {15.5, 20.5, -3.0, -8.0}, {8.3, 8.4, 0.1, 12.5},  {5.0, 5.0, 10.0, 10.0}};
     for (int t = 0; t < 6; t++) {
@@ -307,7 +298,6 @@ static void test_one_track(void **state)
 /* Lengths and angles of many: P(length > l) = 1 / (1 + (l / depth)^2)^2. */
 static void test_track_distribution(void **state)
 {
-    (void)state;
     enum { N = 20000 };
     const double lengths[] = {0.5, 1.0, 2.0, 5.0, 20.0};
     long longer[5] = {0};

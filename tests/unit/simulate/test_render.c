@@ -79,7 +79,6 @@ static double cell(const rx_optics *optics, int image, int dx, int dy)
 /* Near the centre, in the wings and at the corner: within 1e-6 of the peak. */
 static void test_cells_are_integrals(void **state)
 {
-    (void)state;
     const theory cases[] = {{2.0, 4.765, 1.0, 0.0}, {4.0, 2.5, 1.0, 0.0},  {14.0, 4.765, 1.0, 0.0},
                             {1.0, 3.0, 1.0, 0.0},   {3.0, 2.5, 0.6, 0.7},  {0.5, 4.765, 1.0, 0.0},
                             {6.0, 1.5, 0.8, -1.1},  {2.0, 1000., 1.0, 0.0}};
@@ -102,7 +101,6 @@ static void test_cells_are_integrals(void **state)
  */
 static void test_missing_flux(void **state)
 {
-    (void)state;
     const double fwhms[] = {0.7, 2.0, 4.0, 8.0, 14.0, 60.0}, betas[] = {1.3, 2.0, 2.5, 4.765, 50.0};
     for (int f = 0; f < 6; f++)
         for (int b = 0; b < 5; b++) {
@@ -135,7 +133,6 @@ static double varying_cell(const rx_optics *o, double x, double y, int dx, int d
  * within 0.1 %. */
 static void test_variation(void **state)
 {
-    (void)state;
     const struct {
         theory t;
         double variation;
@@ -182,7 +179,6 @@ static void test_variation(void **state)
 /* A constant Moffat on pixels is the one that the PSF module makes. */
 static void test_on_pixels_is_the_psf(void **state)
 {
-    (void)state;
     const theory cases[] = {{2.0, 4.765, 1.0, 0.0}, {5.0, 2.5, 0.7, 0.4}, {14.0, 3.0, 1.0, 0.0}};
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
         rx_error err = RX_ERROR_NONE;
@@ -210,7 +206,6 @@ static void test_on_pixels_is_the_psf(void **state)
 /* A PSF that varies goes through the optics unharmed. */
 static void test_psf_there_and_back(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_psf *psf = rx_psf_new(RX_PSF_PSFEX, 9, 3), *back;
     rx_optics *o;
@@ -252,7 +247,6 @@ static void test_psf_there_and_back(void **state)
 
 static void test_bad_values(void **state)
 {
-    (void)state;
     const double cases[][5] = {{0.2, 3, 1, 0, 0},  {300, 3, 1, 0, 0}, {4, 1.0, 1, 0, 0},
                                {4, 3, 0.01, 0, 0}, {4, 3, 1.5, 0, 0}, {4, 3, 1, INFINITY, 0},
                                {4, 3, 1, 0, -0.9}, {4, 3, 1, 0, 3},   {NAN, 3, 1, 0, 0}};
@@ -337,7 +331,6 @@ static double draw(int seed, int k)
  * the flux that fit the differences best are the errors of centroid and flux. */
 static void test_pixels_of_a_star(void **state)
 {
-    (void)state;
     const double fwhms[] = {1.0, 2.0, 4.0, 8.0, 14.0}, betas[] = {4.765, 2.5};
     for (int c = 0; c < 10; c++) {
         theory t = {fwhms[c / 2], betas[c % 2], c == 5 ? 0.7 : 1.0, c == 5 ? 0.6 : 0.0};
@@ -407,7 +400,6 @@ static double worst_difference(const float *a, const float *b, long n, double *p
 /* Blocks of any size, oblong tiles, constant and varying optics: the same image to rounding. */
 static void test_blocks_add_up(void **state)
 {
-    (void)state;
     const int blocks[] = {57, 100, 160}, width = 260, height = 190;
     for (int varying = 0; varying < 2; varying++) {
         field f;
@@ -432,7 +424,6 @@ static void test_blocks_add_up(void **state)
 /* Two images at once, each as if it had been alone. */
 static void test_together(void **state)
 {
-    (void)state;
     enum { WIDE = 310, HIGH = 207, N = WIDE * HIGH };
     static float together[2][N], alone[N];
     float *images[2] = {together[0], together[1]};
@@ -454,7 +445,6 @@ static void test_together(void **state)
 /* A disk through a Gaussian: flux, centre and second moments add. */
 static void test_moments_of_a_galaxy(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_optics *o;
     field f;
@@ -493,7 +483,6 @@ static void test_moments_of_a_galaxy(void **state)
 /* A star looks as through constant optics of the FWHM of its place. */
 static void test_varying_star(void **state)
 {
-    (void)state;
     const int width = 220, height = 160;
     const double places[][2] = {{109.5, 79.5}, {20.3, 30.7}, {200.2, 12.9}, {60.6, 140.1}};
     theory t = {3.0, 4.765, 1.0, 0.0};
@@ -522,7 +511,6 @@ static void test_varying_star(void **state)
  * interpolation, off the tile's border as on it. */
 static void test_psfex_model(void **state)
 {
-    (void)state;
     const char *shared = getenv("RX_SHARED_DATA");
     char name[4096];
     snprintf(name, sizeof name, "%s/psfex/c4d_140818_002108_ooi_z_v1.ext27.psf",

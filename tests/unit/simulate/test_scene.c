@@ -63,7 +63,6 @@ static void assert_same(const rx_object *a, const rx_object *b, long n)
 
 static void test_counts(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.stars.count = 20000.0;
     par.galaxies.count = 0.0;
@@ -101,7 +100,6 @@ static void test_counts(void **state)
 
 static void test_independent(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.clustering = 0.4;
     rx_scene *few = make(&par, NULL), *again = make(&par, NULL);
@@ -136,7 +134,6 @@ static void test_independent(void **state)
 
 static void test_galaxies(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.stars.count = 0.0;
     par.galaxies = (rx_population){20000.0, 20.0, 20.0, 0.4};
@@ -209,7 +206,6 @@ static void test_galaxies(void **state)
  * share 0.05 1.16, 0.1 1.36, 0.15 1.59, 0.2 1.85, 0.3 2.43. */
 static void test_bulge_share(void **state)
 {
-    (void)state;
     const double want[][2] = {{0.05, 1.16}, {0.1, 1.36}, {0.15, 1.59}, {0.2, 1.85}, {0.3, 2.43}};
     rx_scene_params par = plain();
     par.galaxy_kind = RX_GALAXY_SPIRAL;
@@ -257,7 +253,6 @@ static double value_of(const rx_table *table, const char *column, long row)
 /* Model radii of the coadd's galaxies lie around the relation, r 17 to 21.5. */
 static void test_sizes_of_sdss(void **state)
 {
-    (void)state;
     rx_table *table = real_table("sdss/94-1-12/stripe82_coadd_catalog.fit");
     if (table == NULL) {
         print_message("the coadd catalogue is absent: skipped\n");
@@ -306,7 +301,6 @@ static double two_samples(double *a, long na, double *b, long nb)
 
 static void test_shapes_of_cosmos(void **state)
 {
-    (void)state;
     const char *folder = getenv("RX_SHARED_DATA");
     char path[2048], line[1024];
     snprintf(path, sizeof path, "%s/templates/cosmos_sersics_sample_N300_cleaned.asc",
@@ -353,7 +347,6 @@ static void test_shapes_of_cosmos(void **state)
 
 static void test_template_sizes(void **state)
 {
-    (void)state;
     rx_template list[2] = {{.name = "a",
                             .width = 9,
                             .height = 9,
@@ -417,7 +410,6 @@ static void check_refused(rx_scene_params par, const char *word)
 
 static void test_refused(void **state)
 {
-    (void)state;
     rx_scene_params par;
 #define REFUSED(change, word)                                                                                \
     par = plain();                                                                                           \
@@ -439,7 +431,6 @@ static void test_refused(void **state)
 
 static void test_uniform_places(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.galaxies.count = 0.0;
     par.stars.count = 10000.0;
@@ -464,7 +455,6 @@ static void test_uniform_places(void **state)
  * K(r) = pi r^2 + 65536 (1 - exp(-r^2 / 1600)). */
 static void test_clumps(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.width = par.height = 1024;
     par.stars.count = 300.0;
@@ -491,7 +481,6 @@ static void test_clumps(void **state)
 
 static void test_pairs(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.stars.count = 5000.0;
     par.galaxies.count = 0.0;
@@ -526,7 +515,6 @@ static void test_pairs(void **state)
 
 static void test_least_distance(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.clustering = 0.5;
     par.least_distance = 12.0;
@@ -559,7 +547,6 @@ static void test_least_distance(void **state)
 /* Distances that the field is no multiple of, small and large against it, on both axes. */
 static void test_any_least_distance(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     par.stars.count = 400.0;
     par.galaxies.count = 0.0;
@@ -581,7 +568,6 @@ static void test_any_least_distance(void **state)
 
 static void test_allowed(void **state)
 {
-    (void)state;
     rx_scene_params par = plain();
     unsigned char *map = calloc((size_t)par.width * (size_t)par.height, 1);
     for (int y = 100; y < 140; y++)

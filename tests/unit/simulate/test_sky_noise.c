@@ -42,7 +42,6 @@ static rx_noise_correlation measure_drawn(const rx_noise_correlation *noise)
 
 static void realisations(void **state)
 {
-    (void)state;
     rx_noise_correlation noise = rx_noise_of_kernel(KERNEL, 3, 3);
     grow();
     noise.scale = 1.5;
@@ -61,7 +60,6 @@ static void realisations(void **state)
 /* Opposite edges do not know each other, nor do the members of a series. */
 static void no_wrap_no_repetition(void **state)
 {
-    (void)state;
     const rx_noise_correlation noise = rx_noise_of_kernel(KERNEL, 3, 3);
     double edges = 0.0, members = 0.0, power = 0.0, squares = 0.0;
     for (int i = 0; i < N; i++)
@@ -88,7 +86,6 @@ static void no_wrap_no_repetition(void **state)
  * stays. */
 static void impossible_correlation(void **state)
 {
-    (void)state;
     rx_noise_correlation noise = rx_noise_white(RX_NOISE_MEASURED);
     grow();
     noise.correlated = 1;
@@ -102,7 +99,6 @@ static void impossible_correlation(void **state)
 
 static void threads_and_holes(void **state)
 {
-    (void)state;
     rx_noise_correlation noise = rx_noise_of_kernel(KERNEL, 3, 3);
     grow();
     sigma[5] = sigma[W * 7 + 3] = 0.0f;

@@ -165,7 +165,6 @@ static void test_isolate_no_light(void **state)
                                 ".......-1.-.";
     float pixels[144];
     rx_template t = {0};
-    (void)state;
     for (int i = 0; i < 144; i++)
         pixels[i] = image[i] == '-' ? NAN : image[i] == '1' ? 1.0f : 0.0f;
     assert_int_equal(rx_template_isolate(pixels, NULL, 12, 12, NAN, &t, NULL), RX_OK);
@@ -174,7 +173,6 @@ static void test_isolate_no_light(void **state)
 /* Position: what is in the middle of the crop is where the object was. */
 static void test_isolate(void **state)
 {
-    (void)state;
     static float pixels[SIDE * SIDE];
     static unsigned char mask[SIDE * SIDE];
     rx_template t = {0};
@@ -333,7 +331,6 @@ static void test_cosmos(void **state)
 {
     const char *data = real_data();
     char path[2048];
-    (void)state;
     if (data == NULL) {
         skip();
         return;

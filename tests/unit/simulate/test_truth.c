@@ -62,7 +62,6 @@ static const char *text(const rx_table *table, const char *name, long row)
 
 static void test_columns(void **state)
 {
-    (void)state;
     rx_scene *scene = make_scene();
     rx_table *table = NULL;
     assert_int_equal(rx_truth_table(scene, NULL, 0, &table, NULL), RX_OK);
@@ -100,7 +99,6 @@ static void test_columns(void **state)
 /* astropy.wcs of the same cards, all_pix2world(x, y, 0). */
 static void test_sky(void **state)
 {
-    (void)state;
     const char *const lines[] = {"CTYPE1  = 'RA---TAN'", "CTYPE2  = 'DEC--TAN'", "CRVAL1  = 150.0",
                                  "CRVAL2  = 2.2",        "CRPIX1  = 50.5",       "CRPIX2  = 40.5",
                                  "CD1_1   = -1.1E-4",    "CD1_2   = 0.0",        "CD2_1   = 0.0",

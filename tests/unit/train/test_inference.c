@@ -178,7 +178,6 @@ static void compare(uint32_t bin, rx_mode mode, int steps, int stages, double to
 
 static void test_same_as_trained(void **state)
 {
-    (void)state;
     for (uint32_t bin = 0; bin < 5; bin++) {
         compare(bin, RX_MODE_BLIND, 0, 1, 1e-4);
         compare(bin, RX_MODE_INFORMED, 0, 1, bin < 4 ? 5e-4 : 1e-2);

@@ -41,7 +41,6 @@ static void stars_are_found_and_measured(void **state)
 {
     rx_star_check check;
     rx_sample *sample = new_sample();
-    (void)state;
     list_star(sample, 20.3, 20.7, 400, 50); /* 3 % too bright */
     list_star(sample, 44.0, 20.5, 300, 40); /* two pixels away: not the same star */
     list_star(sample, 20.0, 45.0, 100, 15); /* too near to the next one to be measured */
@@ -74,7 +73,6 @@ static void a_blend_is_found_once(void **state)
 {
     rx_star_check check;
     rx_sample *sample = new_sample();
-    (void)state;
     list_star(sample, 30.2, 30.0, 100, 20);
     list_star(sample, 31.0, 30.0, 200, 40);
     assert_int_equal(rx_star_check_run(sample, sample->y, MARGIN, 2, &check, NULL), RX_OK);
@@ -97,7 +95,6 @@ static void peaks_are_found_within_their_radius(void **state)
     static const float fractions[] = {0, 0.4996f, 0.5f, 0.8f};
     static float restored[SIDE * SIDE];
     rx_sample *sample = new_sample();
-    (void)state;
     list_star(sample, 30, 30, 0, 10);
     for (int k = 0; k < 16; k++)
         for (int y = 27; y < 35; y++)
@@ -155,7 +152,6 @@ static void samples_are_clipped(void **state)
     rx_model *model = rx_model_new();
     double norm[SAMPLES], clip;
     float *alone[SAMPLES], *clipped[2];
-    (void)state;
     model->restore = small_net(3, 1);
     model->psf = small_net(RX_PSF_CHANNELS, 1);
     rx_net_initialise(model->restore, 1, 1, 0.3, 0.1);

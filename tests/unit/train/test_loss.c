@@ -72,7 +72,6 @@ static void check_weights(float corner)
 
 static void weights_by_definition(void **state)
 {
-    (void)state;
     check_weights(90);
     check_weights(1e8f); /* shows the outermost weights of the Gaussian */
 }
@@ -106,7 +105,6 @@ static double pixels_term(const double *out, const rx_pixels_case *c)
 
 static void squares_of_pixels(void **state)
 {
-    (void)state;
     enum { SIDE = 16, MARGIN = 3 };
     static float out[SIDE * SIDE], truth[SIDE * SIDE], weight[SIDE * SIDE], gradient[SIDE * SIDE];
     static const char *const name[] = {"linear", "plain", "stretched"};
@@ -158,7 +156,6 @@ static double light_term(const double *out, const rx_pixels_case *c)
 
 static void squares_of_light(void **state)
 {
-    (void)state;
     enum { SIDE = 26, MARGIN = 3 };
     static float out[SIDE * SIDE], truth[SIDE * SIDE], weight[SIDE * SIDE], gradient[SIDE * SIDE],
         work[2 * SIDE * SIDE];
@@ -195,7 +192,6 @@ for side, margin in ((20, 3), (15, 3), (16, 0), (9, 4)):
     print("{%d, %d, %.9f, %.9f}," % (side, margin, (w*abs(D)**2).mean(), g[-1, 0]))' */
 static void frequencies_against_numpy(void **state)
 {
-    (void)state;
     static const struct {
         int side, margin;
         double value, gradient; /* by the first pixel of the window's last row: weights stay as they are */
@@ -222,7 +218,6 @@ static void frequencies_against_numpy(void **state)
 
 static void equal_images(void **state)
 {
-    (void)state;
     enum { SIDE = 12 };
     float out[SIDE * SIDE], truth[SIDE * SIDE], gradient[SIDE * SIDE] = {0};
     rx_ffl *ffl = NULL;

@@ -11,7 +11,6 @@ enum { P = 64, N = P * P };
 /* (x - v) / sqrt(1 + q v) in classes of v: mean 0, width 1, neighbours independent. */
 static void test_noise(void **state)
 {
-    (void)state;
     enum { CLASSES = 4, IMAGES = 40 };
     const double limit[CLASSES + 1] = {0.0, 0.1, 2.0, 20.0, 1e9}, photon = 0.05;
     double n[CLASSES] = {0.0}, sum[CLASSES] = {0.0}, square[CLASSES] = {0.0}, neighbours = 0.0, pairs = 0.0;
@@ -49,7 +48,6 @@ static void test_noise(void **state)
 /* A blank sky: its level and its width show the errors of what is told. */
 static void test_errors_told(void **state)
 {
-    (void)state;
     enum { IMAGES = 240 };
     double sky = 0.0, noise = 0.0, width = 0.0, least = 9.0;
     samples_test t = samples_test_open(1.0, 15.0);
@@ -123,7 +121,6 @@ static int check_star(const rx_sample *s, int k, double target)
 
 static void test_stars(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(1.0, 15.0);
     t.config->star_count = 250.0;
     t.config->star_mag.v[1] = 16.0;
@@ -154,7 +151,6 @@ static void test_stars(void **state)
 /* A kernel has to be turned as the planes are: blurring, then turning, is turning, then blurring. */
 static void test_turned_kernel_blurs_the_same(void **state)
 {
-    (void)state;
     enum { SIDE = 20 };
     for (int turn = 0; turn < 8; turn++) {
         rx_sample *s;
@@ -223,7 +219,6 @@ static samples_test with_everything(void)
 /* One by one or all of an epoch together, on one thread or three. */
 static void test_any_order_any_thread(void **state)
 {
-    (void)state;
     enum { EPOCHS = 3, IMAGES = 12 };
     samples_test t = with_everything();
     rx_sample *alone = samples_test_new(P), *together[IMAGES];
@@ -250,7 +245,6 @@ static void test_any_order_any_thread(void **state)
  * elsewhere (one place per field), turned and with other noise. Then comes another field, in place of it. */
 static void test_uses(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(5.0, 5.0001);
     t.par.field_side = P;
     t.par.uses = 4;
@@ -285,7 +279,6 @@ static void test_uses(void **state)
 
 static void test_streams_differ(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(1.0, 15.0), other = t;
     rx_samples *train = samples_test_make(&t);
     other.par.seed++;
@@ -317,7 +310,6 @@ static void test_streams_differ(void **state)
 
 static void test_usage(void **state)
 {
-    (void)state;
     samples_test good = samples_test_open(1.0, 15.0), wide = good;
     rx_samples *scenes = NULL;
     rx_error err = RX_ERROR_NONE;

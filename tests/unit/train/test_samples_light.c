@@ -102,7 +102,6 @@ static void filter_field(const samples_test *t, const rx_sky_field *field, float
 /* At sigma 0.001 there is hardly any noise. */
 static void test_cut_from_a_field(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(0.001, 0.00101);
     t.par.sky.nebulae = 0.3;
     rx_samples *scenes = samples_test_make(&t);
@@ -133,7 +132,6 @@ static void test_cut_from_a_field(void **state)
  * bounded by the brightest pixel. */
 static void test_level(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(1.0, 15.0);
     int exact = 0, bounded = 0, more = 0;
     for (uint32_t bin = 0; bin < 25; bin++) {
@@ -171,7 +169,6 @@ static void test_level(void **state)
  * default model (validation/training/psfnet.train), what the network sees of them. nn/noise_level.h has these numbers. */
 static void test_patches_are_fainter_than_fields(void **state)
 {
-    (void)state;
     enum { SIDE = 128, SAMPLES = 200 };
     samples_test t = samples_test_open(12.1, 15.0);
     t.par.side = SIDE;
@@ -222,7 +219,6 @@ static double check_kernel(const rx_sample *s)
 
 static void test_relative_psf(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(1.0, 15.0);
     t.par.side = t.par.field_side = 128;
     rx_samples *scenes = samples_test_make(&t);
@@ -244,7 +240,6 @@ static void test_relative_psf(void **state)
  * holds of a halo; and its core has the less light. */
 static void test_halos(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(1.0, 15.0), with;
     t.par.side = t.par.field_side = 128;
     with = t;

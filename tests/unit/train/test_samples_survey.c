@@ -23,7 +23,6 @@ static double correlation(rx_resampler kind, double size, int lag)
 
 static void test_kernels(void **state)
 {
-    (void)state;
     for (double d = 0.0; d <= 1.0; d += 0.25) {
         assert_near(correlation(RX_RESAMPLER_LINEAR, d, 1), d * (1.0 - d) / (d * d + (1.0 - d) * (1.0 - d)),
                     1e-12);
@@ -100,7 +99,6 @@ static void noise_widths(const samples_test *t, double *pixel, double *matched, 
 
 static void test_effective_noise(void **state)
 {
-    (void)state;
     double pixel, matched, expected;
     samples_test t = open_blank();
     noise_widths(&t, &pixel, &matched, &expected);
@@ -162,7 +160,6 @@ static void watch_share(const rx_sample *plain, const rx_sample *s, double *sums
 /* The largest noise factor of a training, against noise made by kernels in pixels. */
 static void test_factor(void **state)
 {
-    (void)state;
     enum { K = 17, PSF = 33 };
     const double fwhm = 6.0, wide = 3.0;
     float kernel[K * K], psf[PSF * PSF];
@@ -189,7 +186,6 @@ static void test_factor(void **state)
 
 static void test_shares(void **state)
 {
-    (void)state;
     enum { IMAGES = 100 };
     const samples_test blank = open_blank();
     for (int which = 0; which < 8; which++) {
@@ -232,7 +228,6 @@ static void watch_uneven(const rx_sample *plain, const rx_sample *s, double *sum
 
 static void test_uneven(void **state)
 {
-    (void)state;
     samples_test t = samples_test_open(1.0, 15.0);
     double sums[4] = {0.0};
     t.par.survey.uneven = 1.0;
@@ -265,7 +260,6 @@ static void watch_light(const rx_sample *plain, const rx_sample *s, double *sums
 
 static void test_dark_sky_and_waves(void **state)
 {
-    (void)state;
     const samples_test blank = open_blank();
     for (int dark = 0; dark < 2; dark++) {
         samples_test t = blank;
@@ -299,7 +293,6 @@ static void watch_defects(const rx_sample *plain, const rx_sample *s, double *su
 
 static void test_defects(void **state)
 {
-    (void)state;
     samples_test t = open_blank();
     double sums[4] = {0.0};
     t.par.survey.defects = 1.0;

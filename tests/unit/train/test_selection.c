@@ -19,7 +19,6 @@ static rx_selection begin(int nfwhm, int nsigma, int total, int active)
 
 static void test_equation(void **state)
 {
-    (void)state;
     rx_selection s = begin(2, 2, 110, 1);
     for (int b = 0; b < 4; b++) {
         assert_int_equal(s.train[b], 50);
@@ -43,7 +42,6 @@ static void test_equation(void **state)
 
 static void test_bins_without_a_mean_keep_their_list(void **state)
 {
-    (void)state;
     rx_selection s = begin(3, 1, 50, 1);
     rx_selection_update(&s, (const double[]){1.0, 4.0, 2.0}, (const long[]){1, 1, 1});
     rx_selection_update(&s, (const double[]){NAN, 0.0, 3.0}, (const long[]){2, 0, 3});
@@ -66,7 +64,6 @@ static void test_bins_without_a_mean_keep_their_list(void **state)
 
 static void test_uniform(void **state)
 {
-    (void)state;
     rx_selection s = begin(2, 1, 41, 0);
     rx_selection_update(&s, (const double[]){1.0, 9.0}, (const long[]){1, 1});
     assert_true(s.list[0] != s.list[1]); /* the dictionary is kept, it is only not obeyed */
@@ -78,7 +75,6 @@ static void test_uniform(void **state)
 
 static void test_order(void **state)
 {
-    (void)state;
     rx_selection s = begin(3, 2, 60, 1);
     rx_selection_update(&s, (const double[]){1, 2, 3, 4, 5, 0}, (const long[]){1, 1, 1, 1, 1, 1});
     rx_pick *order, *again, *next, *other;
@@ -107,7 +103,6 @@ static void test_order(void **state)
 
 static void test_errors(void **state)
 {
-    (void)state;
     rx_selection s;
     const double turned[2] = {8.0, 2.0}, negative[2] = {-1.0, 2.0}, nan[2] = {NAN, 2.0};
     assert_int_equal(rx_selection_begin((const int[]){0, 5}, FWHM, SIGMA, 40, 1, &s, NULL), RX_USAGE);
@@ -126,7 +121,6 @@ static void bins_follow_from_their_images(void **state)
     rx_history history = {.nbins = 2};
     rx_model *model = rx_model_new();
     rx_test_image images[40] = {{0}};
-    (void)state;
     assert_non_null(model);
     assert_int_equal(rx_selection_begin((const int[]){2, 1}, fwhm, sigma, 30, 1, &selection, NULL), RX_OK);
     assert_int_equal(selection.train[0], 10);
@@ -191,7 +185,6 @@ static void settings_as_text(void **state)
     rx_text record = {0}, all = {0}, none = {0};
     rx_train_config *config = make_config(pairs), *defaults = make_config(NULL);
     rx_model *model = NULL;
-    (void)state;
     assert_int_equal(rx_setup_text(config, RX_SETUP_RECORD, &record, NULL), RX_OK);
     assert_string_equal(record.data, "EPOCHS 7\nSIM.STAR_COUNT 5\n");
     assert_int_equal(rx_setup_text(config, RX_SETUP_ALL, &all, NULL), RX_OK);

@@ -215,7 +215,6 @@ static void adam_as_published(void **state)
     };
     float weights[3] = {0.5f, -1, 3}, mean[3] = {0}, square[3] = {0};
     rx_train_state s = {.n = 3, .weights = weights, .mean = mean, .square = square};
-    (void)state;
     for (int t = 0; t < 3; t++) {
         rx_train_state_step(&s, gradients[t], 0.01 * (t + 1));
         for (int i = 0; i < 3; i++)

@@ -225,7 +225,6 @@ static void check_gradient(rx_mode mode, int rl_steps, int stages, rx_step_param
 /* A chain of steps: each one's gradient through those after it. */
 static void gradients(void **state)
 {
-    (void)state;
     check_gradient(RX_MODE_BLIND, 0, 1, all_terms);
     check_gradient(RX_MODE_INFORMED, 0, 1, all_terms);
     check_gradient(RX_MODE_INFORMED, 1, 1, all_terms);
@@ -235,7 +234,6 @@ static void gradients(void **state)
 /* The first stage's through the second, where it is base, plane of its own, and taken from the data. */
 static void gradients_of_two_stages(void **state)
 {
-    (void)state;
     check_gradient(RX_MODE_INFORMED, 0, 2, all_terms);
     check_gradient(RX_MODE_INFORMED, 1, 2, all_terms);
 }
@@ -296,7 +294,6 @@ static void near(const char *what, double expected, double found)
 /* Networks that say nothing: RESTORE is the Tikhonov copy, PSF changes nothing. */
 static void values_of_silent_networks(void **state)
 {
-    (void)state;
     rx_model *model = small_model(RX_MODE_INFORMED, 0);
     rx_sample *s = small_sample();
     rx_step *step = NULL;
@@ -347,7 +344,6 @@ static void blur(const rx_sample *s, const float *y, float *dst)
 /* A faint star beside a bright one beyond the border: the steps do not feed one from the other. */
 static void light_from_beyond_is_no_data(void **state)
 {
-    (void)state;
     enum { WING = 16 * SIDE + 7 }; /* of the faint star, towards the bright one */
     rx_model *model = small_model(RX_MODE_INFORMED, 2);
     rx_sample *s = small_sample();
@@ -383,7 +379,6 @@ static void light_from_beyond_is_no_data(void **state)
 /* The same bytes after another sample; gradients are added; values do not depend on whether they are wanted. */
 static void runs_repeat(void **state)
 {
-    (void)state;
     rx_bench b;
     rx_step_values one, two;
     bench_new(&b, RX_MODE_INFORMED, 1, 1, &all_terms);
@@ -409,7 +404,6 @@ static void runs_repeat(void **state)
 /* What has no weight is neither computed nor needed: no PSF network, or no RESTORE(x). */
 static void terms_without_weight(void **state)
 {
-    (void)state;
     rx_model *model = small_model(RX_MODE_INFORMED, 1);
     rx_sample *sample = small_sample();
     rx_step *step = NULL;
@@ -440,7 +434,6 @@ static void terms_without_weight(void **state)
 
 static void what_cannot_be_is_said(void **state)
 {
-    (void)state;
     rx_model *model = small_model(RX_MODE_INFORMED, 1);
     rx_sample *sample = small_sample();
     rx_step_params par = all_terms;
