@@ -10,7 +10,7 @@
 
 #include "base/memory.h"
 #include "base/text.h"
-#include "catalog/readers.h"
+#include "catalog/formats.h"
 
 /* A cell: `length` bytes at `text`, quotes stripped. */
 typedef struct token {

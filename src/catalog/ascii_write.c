@@ -4,8 +4,7 @@
 #include <string.h>
 
 #include "base/text.h"
-#include "catalog/cell.h"
-#include "catalog/writers.h"
+#include "catalog/formats.h"
 #include "data/flags.h"
 
 /* `#   5 FLUX_APER              description          [unit]`; a vector takes as many numbers as

@@ -72,9 +72,6 @@ void rx_columns_clip(rx_column_list *list, const char *name, int available, cons
 /* All columns as a .param file, `#NAME comment [unit]` (`-dp`). */
 void rx_columns_dump(rx_text *dst);
 
-/* The same as a list in roff, for rextract.conf(5). */
-void rx_columns_man(rx_text *dst);
-
 /* Table of the chosen columns of sources measured on `image`. Magnitudes from its zero point (99 for non-positive
  * flux, as SExtractor). Free with rx_table_free(). Errors: RX_SYSTEM. */
 rx_status rx_catalog_table(const rx_column_list *list, const rx_image *image, const rx_sources *sources,
@@ -119,7 +116,7 @@ int rx_catalog_has_record(rx_catalog_type type);
 int rx_catalog_parts(rx_catalog_type type, int n);
 
 /* The digest of the rows of a part as the file will hold them: the data unit of its table in FITS
- * (io/fits_digest.h), lines of text elsewhere. Errors: RX_SYSTEM. */
+ * (io/fits_write.h), lines of text elsewhere. Errors: RX_SYSTEM. */
 rx_status rx_catalog_digest(rx_catalog_type type, rx_table *const *tables, int n, int part,
                             char dst[RX_HASH_TEXT], rx_error *err);
 

@@ -6,8 +6,7 @@
 #include "base/input.h"
 #include "base/text.h"
 #include "catalog/catalog.h"
-#include "catalog/cell.h"
-#include "catalog/readers.h"
+#include "catalog/formats.h"
 #include "io/fits_read.h"
 
 typedef enum kind { KIND_FITS, KIND_XML, KIND_TEXT } kind;

@@ -4,9 +4,7 @@
 #include <string.h>
 
 #include "catalog/catalog.h"
-#include "catalog/cell.h"
-#include "catalog/writers.h"
-#include "io/fits_digest.h"
+#include "catalog/formats.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 

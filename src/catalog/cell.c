@@ -1,5 +1,5 @@
 /* One cell as text. */
-#include "catalog/cell.h"
+#include "catalog/formats.h"
 
 #include <math.h>
 #include <stdbool.h>

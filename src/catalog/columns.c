@@ -6,9 +6,12 @@
 #include <string.h>
 #include <strings.h>
 
-static const double DEGREES = 57.295779513082320877; /* per radian */
+#include "base/constants.h"
+#include "catalog/assoc.h"
 
-enum { VIGNET_LIMIT = 1024, ASSOC_LIMIT = 256 };
+enum { VIGNET_LIMIT = 1024 };
+
+#define DEGREES (1 / RX_DEGREE) /* per radian */
 
 /* Second moments of a light distribution or of an error, in one frame. */
 typedef struct moments {
@@ -224,6 +227,6 @@ int rx_column_limit(const rx_column_def *def)
     if (strcmp(def->name, "FLUX_RADIUS") == 0)
         return RX_MAX_RADII;
     if (strcmp(def->name, "VECTOR_ASSOC") == 0)
-        return ASSOC_LIMIT;
+        return RX_ASSOC_COLUMNS;
     return strstr(def->name, "IMAFLAGS") != NULL ? RX_MAX_FLAGMAPS : RX_MAX_APERTURES;
 }

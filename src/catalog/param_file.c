@@ -279,35 +279,3 @@ void rx_columns_dump(rx_text *dst)
         rx_text_add(dst, "\n");
     }
 }
-
-/* Text that roff takes literally. */
-static void add_roff(rx_text *dst, const char *text)
-{
-    for (; *text != '\0'; text++) {
-        if (*text == '-')
-            rx_text_add(dst, "\\-");
-        else if (*text == '\\')
-            rx_text_add(dst, "\\e");
-        else
-            rx_text_add_bytes(dst, text, 1);
-    }
-}
-
-void rx_columns_man(rx_text *dst)
-{
-    int n;
-    const rx_column_def *defs = rx_column_defs(&n);
-    for (int i = 0; i < n; i++) {
-        rx_text_printf(dst, ".TP\n.B %s%s\n", defs[i].name,
-                       defs[i].naxis == 2   ? "(w,h)"
-                       : defs[i].naxis == 1 ? "(n)"
-                                            : "");
-        add_roff(dst, defs[i].description);
-        if (defs[i].unit[0] != '\0') {
-            rx_text_add(dst, " [");
-            add_roff(dst, defs[i].unit);
-            rx_text_add(dst, "]");
-        }
-        rx_text_add(dst, "\n");
-    }
-}

@@ -12,7 +12,7 @@
 #include "base/input.h"
 #include "base/memory.h"
 #include "base/text.h"
-#include "catalog/readers.h"
+#include "catalog/formats.h"
 
 enum { CHUNK = 65536, CELL_BYTES = 1 << 20 };
 static const int64_t NO_INTEGER = INT64_MIN; /* a null cell until the column's type is settled */

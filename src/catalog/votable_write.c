@@ -2,8 +2,7 @@
 #include <string.h>
 
 #include "base/text.h"
-#include "catalog/cell.h"
-#include "catalog/writers.h"
+#include "catalog/formats.h"
 
 /* Text and attribute values; what is not printable ASCII (datatype char) becomes '?'. */
 static void add_xml(rx_text *dst, const char *text)

@@ -22,7 +22,6 @@ enum {
     SEVERAL = 3        /* false detections: a peak or two of a small window say little */
 };
 
-static const double LEVEL = 0.95;
 static const double RAISED_STEP = 1.05, RAISED_MOST = 10.0;
 static const uint64_t NOISE =
     UINT64_C(0x424c4b0000000000); /* stream of random numbers, one per realisation */
@@ -164,8 +163,8 @@ static rx_pipeline_params counting(const rx_pipeline_params *params)
 
 static void set_rate(rx_blankcheck *dst)
 {
-    dst->rate = rx_poisson_rate(dst->false_detections, dst->mpixels, LEVEL);
-    dst->upper = rx_poisson_upper(dst->false_detections, dst->mpixels, LEVEL);
+    dst->rate = rx_poisson_rate(dst->false_detections, dst->mpixels, RX_LEVEL);
+    dst->upper = rx_poisson_upper(dst->false_detections, dst->mpixels, RX_LEVEL);
 }
 
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,
@@ -292,24 +291,6 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
     return RX_OK;
 }
 
-/* 1 - false / n within 0..1. */
-static double share(double rate, double sky, long n)
-{
-    return fmin(fmax(1.0 - rate * sky / (double)n, 0.0), 1.0);
-}
-
-void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check)
-{
-    const long n = tile->sources->n;
-    check->sky = searched(params, tile, 1);
-    check->real = (rx_estimate){.value = NAN, .low = NAN, .high = NAN};
-    if (n > 0 && check->realisations > 0)
-        check->real = (rx_estimate){.value = share(check->rate.value, check->sky, n),
-                                    .low = share(check->rate.high, check->sky, n),
-                                    .high = share(check->rate.low, check->sky, n),
-                                    .n = n};
-}
-
 /* Of what was fitted, but for pieces of it. */
 static void add_evidence(double evidence, double snr, rx_preal_sample *dst, double *room)
 {
@@ -338,8 +319,8 @@ static rx_status fit_preal(const rx_pipeline_params *params, const rx_blankcheck
     return RX_OK;
 }
 
-rx_status rx_blankcheck_preal(const rx_pipeline_params *params, rx_blankcheck *check, rx_result *tile,
-                              rx_error *err)
+static rx_status judge_templates(const rx_pipeline_params *params, rx_blankcheck *check, rx_result *tile,
+                                 rx_error *err)
 {
     const rx_tphot *tphot = tile->templates.tphot;
     if (tphot == NULL || check->realisations == 0 || check->quick)
@@ -351,6 +332,27 @@ rx_status rx_blankcheck_preal(const rx_pipeline_params *params, rx_blankcheck *c
             !rx_preal_doubtful(&tile->templates.preal[rx_blankcheck_is_crowd(tile)], check->fitted[i][0]);
     set_rate(check);
     return rx_template_fit_judge(&params->templates, &tile->templates, tile->sources, err);
+}
+
+/* 1 - false / n within 0..1. */
+static double share(double rate, double sky, long n)
+{
+    return fmin(fmax(1.0 - rate * sky / (double)n, 0.0), 1.0);
+}
+
+rx_status rx_blankcheck_judge(const rx_pipeline_params *params, rx_result *tile, rx_blankcheck *check,
+                              rx_error *err)
+{
+    RX_TRY(judge_templates(params, check, tile, err));
+    const long n = tile->sources->n; /* some may have been dropped */
+    check->sky = searched(params, tile, 1);
+    check->real = (rx_estimate){.value = NAN, .low = NAN, .high = NAN};
+    if (n > 0 && check->realisations > 0)
+        check->real = (rx_estimate){.value = share(check->rate.value, check->sky, n),
+                                    .low = share(check->rate.high, check->sky, n),
+                                    .high = share(check->rate.low, check->sky, n),
+                                    .n = n};
+    return RX_OK;
 }
 
 void rx_blankcheck_free(rx_blankcheck *check)

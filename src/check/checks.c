@@ -8,7 +8,6 @@
 
 #include "base/memory.h"
 #include "check/quality.h"
-#include "check/selfcheck_numbers.h"
 #include "data/facts.h"
 #include "report/qa_page.h"
 
@@ -233,16 +232,14 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
     }
     if (status != RX_OK || dst->blank.realisations == 0)
         return status;
-    RX_TRY(rx_blankcheck_preal(params, &dst->blank, tile, err));
-    rx_blankcheck_judge(params, tile, &dst->blank);
-    return RX_OK;
+    return rx_blankcheck_judge(params, tile, &dst->blank, err);
 }
 
 void rx_checks_apply(const rx_check_results *results, rx_result *tile)
 {
     for (int i = 0; i < tile->sources->n; i++) {
         rx_source_template *fit = &tile->sources->list[i].fit;
-        rx_conformal_at(results->self.errors, fit->flux / fit->fluxerr, fit->blend, fit->injected);
+        rx_conformal_at(&results->self.errors, fit->flux / fit->fluxerr, fit->blend, fit->injected);
         for (int level = 0; level < RX_CONFORMAL_LEVELS; level++)
             fit->injected[level] *= fit->fluxerr;
     }
@@ -281,9 +278,9 @@ static void selfcheck_facts(const rx_checks *checks, const rx_selfcheck *self, r
     estimate_facts(facts, RX_FACT_SCBIA, &self->bias);
     estimate_facts(facts, RX_FACT_SCSCA, &self->scatter);
     estimate_facts(facts, RX_FACT_SCWID, &self->wide_bias);
-    if (self->errors != NULL) {
-        rx_fact_number(facts, RX_FACT_SCERN, rx_conformal_cases(self->errors));
-        rx_fact_number(facts, RX_FACT_SCERG, rx_conformal_groups(self->errors));
+    if (plan->params.templates.wanted) {
+        rx_fact_number(facts, RX_FACT_SCERN, self->errors.n);
+        rx_fact_number(facts, RX_FACT_SCERG, self->errors.places[0].n + self->errors.places[1].n);
     }
     estimate_facts(facts, RX_FACT_SCSKY, &self->sky);
     estimate_facts(facts, RX_FACT_SCAP, &self->aperture_bias);

@@ -18,11 +18,13 @@
 #include "pipeline/pipeline.h"
 #include "pipeline/residual.h"
 #include "quality/evaluate.h"
+#include "quality/statistics.h"
 
+enum { SIDE = 512, WINDOWS = 4 };    /* a Mpixel at most */
 enum { COUNT = 500 };                /* objects in all, or SELF_CHECK_COUNT where that is less */
 static const double DENSITY = 500.0; /* of them at once, per Mpixel: so a Mpixel is gone through once */
 static const double ERRORS = 2.0;    /* that a score must be ahead */
-static const double MOST_BIAS = 0.05, LEVEL = 0.95;
+static const double MOST_BIAS = 0.05;
 static const double BRIGHT = 0.75; /* S/N 10 is so many magnitudes brighter than the limit at S/N 5 */
 
 enum { NONE, RL, NET };
@@ -46,22 +48,23 @@ typedef struct work {
     char skipped[200]; /* why nothing could be injected into a window */
 } work;
 
-int rx_choice_windows(const rx_tile *tile, rx_replica_part dst[RX_CHOICE_WINDOWS])
+/* The windows of a tile, one of which is all of it where it is small; returns how many. */
+static int place_windows(const rx_tile *tile, rx_replica_part dst[WINDOWS])
 {
-    const long most = (long)RX_CHOICE_WINDOWS * RX_CHOICE_SIDE * RX_CHOICE_SIDE;
+    const long most = (long)WINDOWS * SIDE * SIDE;
     const int halves[2] = {tile->width / 2, tile->height / 2};
     dst[0] = (rx_replica_part){.width = tile->width, .height = tile->height};
     if ((long)tile->width * tile->height <= most)
         return 1;
-    for (int k = 0; k < RX_CHOICE_WINDOWS; k++) {
+    for (int k = 0; k < WINDOWS; k++) {
         const int right = k % 2, upper = k / 2;
         const rx_replica_part quarter = {.x = right ? halves[0] : 0,
                                          .y = upper ? halves[1] : 0,
                                          .width = right ? tile->width - halves[0] : halves[0],
                                          .height = upper ? tile->height - halves[1] : halves[1]};
-        dst[k] = rx_replica_window(tile, &quarter, RX_CHOICE_SIDE);
+        dst[k] = rx_replica_window(tile, &quarter, SIDE);
     }
-    return RX_CHOICE_WINDOWS;
+    return WINDOWS;
 }
 
 /* The caller's, with what the choice needs measured and no more: templates are not fitted. */
@@ -293,7 +296,7 @@ static void decide(work *w)
     for (int i = NONE; i < RX_CHOICE_CANDIDATES; i++) {
         rx_choice_candidate *c = &choice->of[i];
         c->tried = choice->injected > 0 && c->out[0] == '\0';
-        rx_robust_estimates(w->of[i].dmag, w->of[i].ndmag, LEVEL, &c->bias, &c->scatter);
+        rx_robust_estimates(w->of[i].dmag, w->of[i].ndmag, RX_LEVEL, &c->bias, &c->scatter);
         if (i == NONE || !c->tried || !choice->of[NONE].tried)
             continue;
         veto_bias(&choice->of[NONE], c);
@@ -308,11 +311,11 @@ rx_status rx_choice_make(const rx_pipeline_params *params, const rx_check_params
                          rx_log *log, rx_choice *dst, rx_error *err)
 {
     static const char *const names[] = {"NONE", "RL", "NET"};
-    rx_replica_part windows[RX_CHOICE_WINDOWS];
+    rx_replica_part windows[WINDOWS];
     rx_check_params own = *par;
     work w = {.params = params, .par = par, .field = field, .choice = dst};
     rx_status status = RX_OK;
-    const int n = rx_choice_windows(field->tile, windows);
+    const int n = place_windows(field->tile, windows);
     own.count = ((par->count < COUNT ? par->count : COUNT) + n - 1) / n;
     own.density = DENSITY;
     own.templates = 0;

@@ -21,14 +21,13 @@
 #include "base/error.h"
 #include "base/log.h"
 #include "check/params.h"
-#include "check/replica.h"
 #include "data/record.h"
 #include "pipeline/field.h"
 #include "pipeline/params.h"
 #include "quality/statistics.h"
 #include "restore/restore.h"
 
-enum { RX_CHOICE_CANDIDATES = 3, RX_CHOICE_SIDE = 512, RX_CHOICE_WINDOWS = 4 };
+enum { RX_CHOICE_CANDIDATES = 3 };
 
 typedef struct rx_choice_candidate {
     const rx_restorer *kind;
@@ -47,9 +46,6 @@ typedef struct rx_choice {
     double mpixels; /* of the tile that were tried */
     rx_choice_candidate of[RX_CHOICE_CANDIDATES];
 } rx_choice;
-
-/* The windows of a tile, one of which is all of it where it is small; returns how many. */
-int rx_choice_windows(const rx_tile *tile, rx_replica_part dst[RX_CHOICE_WINDOWS]);
 
 /* The same for any number of threads. A candidate that fails is out, and without any the choice is NONE. Errors:
  * RX_SYSTEM, RX_INTERRUPTED. */

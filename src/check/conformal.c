@@ -4,32 +4,14 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "base/memory.h"
+#include "quality/statistics.h"
 
 enum {
     PLENTY = 200, /* cases of a group where there are several, */
-    ENOUGH = 60,  /* and of the blended ones, for a group of their own */
-    MOST = 8      /* groups of isolated ones, of blended ones */
+    ENOUGH = 60   /* and of the blended ones, for a group of their own */
 };
 static const double BLENDED = 0.1;
-static const double LEVELS[] = {0.682689, 0.95};
-
-typedef struct group {
-    double below; /* S/N */
-    double factor[RX_CONFORMAL_LEVELS];
-} group;
-
-/* Groups by S/N of one kind of places. */
-typedef struct place {
-    int n;
-    group groups[MOST];
-} place;
-
-struct rx_conformal {
-    long n;
-    int split;       /* are blended ones by themselves? */
-    place places[2]; /* isolated or all; blended */
-};
+static const double LEVELS[] = {0.682689, RX_LEVEL};
 
 static int by_snr(const void *a, const void *b)
 {
@@ -44,7 +26,7 @@ static int by_score(const void *a, const void *b)
 }
 
 /* Reorders. */
-static void fill_group(rx_conformal_case *cases, long n, group *dst)
+static void fill_group(rx_conformal_case *cases, long n, rx_conformal_group *dst)
 {
     double all = 0.0;
     qsort(cases, (size_t)n, sizeof *cases, by_score);
@@ -62,74 +44,46 @@ static void fill_group(rx_conformal_case *cases, long n, group *dst)
     }
 }
 
-/* As many cases in each group; the last one ends at the brightest. */
-static void fill_place(rx_conformal_case *cases, long n, place *dst)
+/* As many cases in each group; the last one ends at the brightest. Returns how many groups. */
+static int fill_place(rx_conformal_case *cases, long n, rx_conformal_group *groups)
 {
-    const long groups = n / PLENTY < 1 ? (n > 0) : n / PLENTY > MOST ? MOST : n / PLENTY;
+    const long k = n / PLENTY < 1                     ? (n > 0)
+                   : n / PLENTY > RX_CONFORMAL_GROUPS ? RX_CONFORMAL_GROUPS
+                                                      : n / PLENTY;
     qsort(cases, (size_t)n, sizeof *cases, by_snr);
-    for (long k = 0; k < groups; k++)
-        dst->groups[k].below = cases[(k + 1) * n / groups - 1].snr;
-    for (long k = 0; k < groups; k++)
-        fill_group(cases + k * n / groups, (k + 1) * n / groups - k * n / groups, &dst->groups[k]);
-    dst->n = (int)groups;
+    for (long i = 0; i < k; i++) {
+        const long from = i * n / k, to = (i + 1) * n / k;
+        groups[i].below = cases[to - 1].snr;
+        fill_group(cases + from, to - from, &groups[i]);
+    }
+    return (int)k;
 }
 
-rx_status rx_conformal_new(const rx_conformal_case *cases, long n, rx_conformal **dst, rx_error *err)
+void rx_conformal_fit(rx_conformal_case *cases, long n, rx_conformal *dst)
 {
-    rx_conformal *conformal = RX_NEW(rx_conformal, 1);
-    rx_conformal_case *own = RX_NEW(rx_conformal_case, (size_t)n);
-    if (conformal == NULL || own == NULL) {
-        free(conformal);
-        free(own);
-        return rx_error_memory(err, (size_t)n * sizeof *own);
-    }
-    /* isolated ones from the front, blended ones from the back */
-    long front = 0, back = n;
+    long alone = 0, good = 0; /* isolated ones come first */
     for (long i = 0; i < n; i++) {
-        const rx_conformal_case *c = &cases[i];
-        if (!isfinite(c->snr + c->blend + c->score) || !(c->weight > 0.0))
+        const rx_conformal_case c = cases[i];
+        if (!isfinite(c.snr + c.blend + c.score) || !(c.weight > 0.0))
             continue;
-        if (c->blend < BLENDED)
-            own[front++] = *c;
-        else
-            own[--back] = *c;
+        cases[good++] = c.blend < BLENDED ? cases[alone] : c;
+        if (c.blend < BLENDED)
+            cases[alone++] = c;
     }
-    conformal->split = front >= ENOUGH && n - back >= ENOUGH;
-    if (conformal->split) {
-        fill_place(own + back, n - back, &conformal->places[1]);
-    } else {
-        for (long i = back; i < n; i++)
-            own[front++] = own[i];
-    }
-    fill_place(own, front, &conformal->places[0]);
-    conformal->n = conformal->split ? front + n - back : front;
-    free(own);
-    *dst = conformal;
-    return RX_OK;
-}
-
-void rx_conformal_free(rx_conformal *conformal)
-{
-    free(conformal);
+    *dst = (rx_conformal){.n = good, .split = alone >= ENOUGH && good - alone >= ENOUGH};
+    if (dst->split)
+        dst->places[1].n = fill_place(cases + alone, good - alone, dst->places[1].groups);
+    dst->places[0].n = fill_place(cases, dst->split ? alone : good, dst->places[0].groups);
 }
 
 void rx_conformal_at(const rx_conformal *conformal, double snr, double blend,
                      double factor[RX_CONFORMAL_LEVELS])
 {
-    const place *p = conformal != NULL ? &conformal->places[conformal->split && blend >= BLENDED] : NULL;
+    const int place = conformal->split && blend >= BLENDED, n = conformal->places[place].n;
+    const rx_conformal_group *groups = conformal->places[place].groups;
     int k = 0;
-    while (p != NULL && k < p->n && !(snr <= p->groups[k].below))
+    while (k < n && !(snr <= groups[k].below))
         k++;
     for (int level = 0; level < RX_CONFORMAL_LEVELS; level++)
-        factor[level] = p != NULL && k < p->n ? p->groups[k].factor[level] : NAN;
-}
-
-long rx_conformal_cases(const rx_conformal *conformal)
-{
-    return conformal->n;
-}
-
-int rx_conformal_groups(const rx_conformal *conformal)
-{
-    return conformal->places[0].n + conformal->places[1].n;
+        factor[level] = k < n ? groups[k].factor[level] : NAN;
 }

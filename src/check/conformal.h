@@ -10,9 +10,8 @@
 #ifndef RX_CHECK_CONFORMAL_H
 #define RX_CHECK_CONFORMAL_H
 
-#include "base/error.h"
-
 enum { RX_CONFORMAL_LEVELS = 2 }; /* 0.6827, as one sigma of a normal distribution, and 0.95 */
+enum { RX_CONFORMAL_GROUPS = 8 }; /* at most of isolated ones, of blended ones */
 
 /* An injected object that was found. */
 typedef struct rx_conformal_case {
@@ -21,18 +20,27 @@ typedef struct rx_conformal_case {
     double weight;
 } rx_conformal_case;
 
-typedef struct rx_conformal rx_conformal;
+typedef struct rx_conformal_group {
+    double below; /* S/N */
+    double factor[RX_CONFORMAL_LEVELS];
+} rx_conformal_group;
 
-/* Cases with a number that is not finite are left out. *dst is freed with rx_conformal_free(). Errors: RX_SYSTEM. */
-rx_status rx_conformal_new(const rx_conformal_case *cases, long n, rx_conformal **dst, rx_error *err);
-void rx_conformal_free(rx_conformal *conformal); /* NULL is fine */
+/* {0}: nothing was injected. */
+typedef struct rx_conformal {
+    long n;    /* cases behind it */
+    int split; /* are blended ones by themselves? */
+    struct {
+        int n;
+        rx_conformal_group groups[RX_CONFORMAL_GROUPS];
+    } places[2]; /* isolated or all; blended */
+} rx_conformal;
+
+/* Cases with a number that is not finite are left out; the rest are put into another order. */
+void rx_conformal_fit(rx_conformal_case *cases, long n, rx_conformal *dst);
 
 /* factor[]: what the error of a source is to be multiplied by, NAN where the group is too small to say, or nothing so
- * bright was injected. conformal NULL: NAN. */
+ * bright was injected. */
 void rx_conformal_at(const rx_conformal *conformal, double snr, double blend,
                      double factor[RX_CONFORMAL_LEVELS]);
-
-long rx_conformal_cases(const rx_conformal *conformal); /* behind it */
-int rx_conformal_groups(const rx_conformal *conformal);
 
 #endif

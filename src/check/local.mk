@@ -7,5 +7,4 @@ librextract_la_SOURCES += \
 	src/check/quality.c src/check/quality.h \
 	src/check/replica.c src/check/replica.h \
 	src/check/selfcheck.c src/check/selfcheck.h \
-	src/check/selfcheck_numbers.c src/check/selfcheck_numbers.h \
 	src/check/selfcheck_plan.c src/check/selfcheck_plan.h

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "io/wcs.h"
 
@@ -49,7 +50,7 @@ rx_status rx_quality_list(const rx_quality_params *par, const rx_tile *tile, con
         dst->flux[i] = flux;
         dst->flux_error[i] = error;
         dst->mag[i] = flux > 0.0 ? tile->zeropoint - 2.5 * log10(flux) : NAN;
-        dst->mag_error[i] = flux > 0.0 ? 1.0857362 * error / flux : NAN;
+        dst->mag_error[i] = flux > 0.0 ? RX_MAG_ERROR * error / flux : NAN;
         dst->score[i] = s->detection_snr;
         dst->flags[i] = s->flags;
         dst->restore[i] = s->fit.restore;

@@ -24,16 +24,9 @@ rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kin
                            rx_log *log, rx_selfcheck *dst, rx_error *err);
 void rx_selfcheck_free(rx_selfcheck *check);
 
-/* What distinguishes new detections of a tile with injected objects from those that were there before. */
-typedef struct rx_sift {
-    const rx_sources *before, *after;
-    const rx_image *image; /* after the injection, with its sky */
-    const float *injected; /* pixels after - before */
-    double radius;         /* of a match, pixels */
-} rx_sift;
-
-/* new_one[after->n]: 1 for the detections of `after` that count as new (rule above), 2 for those that have a
- * counterpart all the same. */
-rx_status rx_selfcheck_sift(const rx_sift *in, unsigned char *new_one, rx_error *err);
+/* The lists as quality/ takes them: truth, one run of that name; nothing is copied. */
+void rx_selfcheck_input(const rx_selfcheck_plan *plan, const rx_selfcheck *check, const char *name,
+                        rx_qa_input *input, rx_qa_run *run);
+rx_qa_params rx_selfcheck_qa(const rx_selfcheck_plan *plan);
 
 #endif

@@ -66,7 +66,7 @@ typedef struct rx_selfcheck {
     unsigned char *is_galaxy;     /* [truth.n] */
     long *partner;                /* [truth.n] in found_list; -1: not found */
     rx_selfcheck_found *measured; /* [found_list.n] */
-    rx_conformal *errors;         /* of template fluxes; NULL where templates were not fitted */
+    rx_conformal errors;          /* of template fluxes, where templates were fitted */
     rx_psf *psf;                  /* of the image that fluxes are measured on */
     rx_qa_picture picture;        /* middle of the first round, restored; pixels owned */
 } rx_selfcheck;

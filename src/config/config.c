@@ -26,7 +26,6 @@
 
 NEW_AND_FREE(rx_config, rx_keytable_rextract)
 NEW_AND_FREE(rx_simulate_config, rx_keytable_simulate)
-NEW_AND_FREE(rx_campaign_config, rx_keytable_validate)
 NEW_AND_FREE(rx_train_config, rx_keytable_train)
 COPY(rx_config)
 COPY(rx_simulate_config)

@@ -47,14 +47,12 @@ typedef struct rx_survey_config { /* rextract-survey */
 /* With all defaults. */
 rx_status rx_config_new(rx_config **dst, rx_error *err);
 rx_status rx_simulate_config_new(rx_simulate_config **dst, rx_error *err);
-rx_status rx_campaign_config_new(rx_campaign_config **dst, rx_error *err);
 rx_status rx_train_config_new(rx_train_config **dst, rx_error *err);
 rx_status rx_config_copy(const rx_config *src, rx_config **dst, rx_error *err);
 rx_status rx_simulate_config_copy(const rx_simulate_config *src, rx_simulate_config **dst, rx_error *err);
 /* NULL is fine. */
 void rx_config_free(rx_config *config);
 void rx_simulate_config_free(rx_simulate_config *config);
-void rx_campaign_config_free(rx_campaign_config *config);
 void rx_train_config_free(rx_train_config *config);
 
 /* SHARD "k/n" as numbers, 1 <= k <= n. Errors: RX_USAGE (anything else). */

@@ -90,22 +90,6 @@ rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err)
 
 const float rx_kernel_built_in[9] = {1, 2, 1, 2, 4, 2, 1, 2, 1};
 
-rx_status rx_kernel_default(rx_kernel **dst, rx_error *err)
-{
-    rx_kernel *kernel;
-    RX_TRY(RX_MAKE(kernel, 1, err));
-    const rx_status status = RX_MAKE(kernel->values, 9, err);
-    if (status != RX_OK) {
-        free(kernel);
-        return status;
-    }
-    memcpy(kernel->values, rx_kernel_built_in, sizeof rx_kernel_built_in);
-    kernel->width = kernel->height = 3;
-    kernel->normalise = true;
-    *dst = kernel;
-    return RX_OK;
-}
-
 void rx_kernel_free(rx_kernel *kernel)
 {
     if (kernel == NULL)

@@ -20,7 +20,6 @@ rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err);
 
 /* The 3 x 3 pyramid 1 2 1 / 2 4 2 / 1 2 1, normalised: what config/default.conv holds. */
 extern const float rx_kernel_built_in[9];
-rx_status rx_kernel_default(rx_kernel **dst, rx_error *err);
 
 void rx_kernel_free(rx_kernel *kernel); /* NULL is fine */
 

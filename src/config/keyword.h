@@ -163,11 +163,4 @@ const char *rx_keyword_idle(const rx_settings *settings, int row);
  * (rx_file_search). What is not found keeps its name: its reader refuses it. */
 rx_status rx_settings_find_files(rx_settings *settings, rx_log *log, rx_error *err);
 
-/* rx_keytable.check. */
-rx_status rx_config_relations(const rx_settings *settings, rx_error *err);
-rx_status rx_simulate_relations(const rx_settings *settings, rx_error *err);
-rx_status rx_campaign_relations(const rx_settings *settings, rx_error *err);
-rx_status rx_train_relations(const rx_settings *settings, rx_error *err);
-rx_status rx_survey_relations(const rx_settings *settings, rx_error *err);
-
 #endif

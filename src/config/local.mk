@@ -8,7 +8,6 @@ librextract_la_SOURCES += \
 	src/config/keytables.c \
 	src/config/keyword.c src/config/keyword.h src/config/values.h \
 	src/config/overwrite.c src/config/overwrite.h \
-	src/config/relations.c \
 	src/config/settings.c \
 	src/config/settings_dump.c \
 	src/config/tiles.c src/config/tiles.h \

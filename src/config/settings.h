@@ -76,10 +76,4 @@ void rx_settings_dump(rx_text *dst, const rx_keytable *table, const rx_settings 
 /* Names of the keywords that have an effect, by section, for -h. */
 void rx_settings_help(rx_text *dst, const rx_keytable *table);
 
-/* The table as roff (man macros). */
-void rx_settings_man(rx_text *dst, const rx_keytable *table);
-
-/* The keywords that have an effect, each with its legal words, as a branch of the shell's completion. */
-void rx_settings_completion(rx_text *dst, const rx_keytable *table);
-
 #endif

@@ -1,5 +1,4 @@
-/* The keyword table as text for people: a configuration file, and the section of the manual page. */
-#include <math.h>
+/* The keyword table as text for people: a configuration file, and the names for -h. */
 #include <stdio.h>
 #include <string.h>
 
@@ -37,16 +36,6 @@ static void add_comment(rx_text *dst, size_t line, const char *text)
         text += word + strspn(text + word, " ");
     }
     rx_text_add(dst, "\n");
-}
-
-/* "A, B or C" of the legal words. */
-static void add_words(rx_text *dst, const char *const *words, const char *dash)
-{
-    for (size_t i = 0; words[i] != NULL; i++) {
-        const char *joint = i == 0 ? "" : words[i + 1] != NULL ? ", " : " or ";
-        const char *word = words[i];
-        rx_text_printf(dst, "%s%s%s", joint, word[0] == '-' ? dash : "", word + (word[0] == '-'));
-    }
 }
 
 static void dump_section(rx_text *dst, const char *prefix, const char *title)
@@ -93,7 +82,12 @@ static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *
     rx_text_printf(&help, "%s%s", key->help, roles[key->role]);
     if (key->words != NULL) {
         rx_text_add(&help, " [");
-        add_words(&help, key->words, "-");
+        for (size_t i = 0; key->words[i] != NULL; i++)
+            rx_text_printf(&help, "%s%s",
+                           i == 0                      ? ""
+                           : key->words[i + 1] != NULL ? ", "
+                                                       : " or ",
+                           key->words[i]);
         rx_text_add(&help, "]");
     } else if (is_bool(key)) {
         rx_text_add(&help, " [Y or N]");
@@ -163,64 +157,4 @@ void rx_settings_help(rx_text *dst, const rx_keytable *table)
     for (int row = 0; row < table->nrows; row++)
         if (table->rows[row].kind == RX_KIND_SECTION)
             help_section(dst, table, row);
-}
-
-/* What values are legal, as sentences. */
-static void man_range(rx_text *dst, const rx_keyword *key)
-{
-    if (key->words != NULL) {
-        rx_text_add(dst, "One of ");
-        add_words(dst, key->words, "\\-");
-        rx_text_add(dst, ".\n");
-    } else if (key->high > key->low) {
-        rx_text_printf(dst, "From %s%.10g to %.10g.\n", key->low < 0 ? "\\-" : "", fabs(key->low), key->high);
-    }
-    if (key->nmax > key->nmin && key->nmax > 1)
-        rx_text_printf(dst, "A list of %d to %d.\n", key->nmin, key->nmax);
-    else if (key->nmax > 1)
-        rx_text_printf(dst, "A list of %d.\n", key->nmax);
-}
-
-void rx_settings_man(rx_text *dst, const rx_keytable *table)
-{
-    static const char *const kinds[] = {
-        [RX_KIND_STRING] = "text",  [RX_KIND_STRINGS] = "text", [RX_KIND_INT] = "integer",
-        [RX_KIND_INTS] = "integer", [RX_KIND_REAL] = "number",  [RX_KIND_REALS] = "number",
-        [RX_KIND_BOOL] = "Y|N",     [RX_KIND_BOOLS] = "Y|N",    [RX_KIND_WORD] = "word",
-        [RX_KIND_WORDS] = "word"};
-    static const char *const status[] = {
-        [RX_STATUS_SEX] = "",
-        [RX_STATUS_OURS] = "Own keyword.\n",
-        [RX_STATUS_IGNORED] = "Accepted, without effect here: a warning when it is not at its default.\n",
-        [RX_STATUS_INERT] = "Accepted, without effect here.\n"};
-    for (int row = 0; row < table->nrows; row++) {
-        const rx_keyword *key = &table->rows[row];
-        if (key->kind == RX_KIND_SECTION) {
-            rx_text_printf(dst, ".SS %s\n", key->name);
-            continue;
-        }
-        rx_text_printf(dst, ".TP\n.BR %s \" \\fI%s\\fP (%s)\"\n%s.\n", key->name, kinds[key->kind],
-                       key->initial[0] == '\0' ? "empty" : key->initial, key->help);
-        man_range(dst, key);
-        if (key->needs != NULL)
-            rx_text_printf(dst, "Needs %s.\n", key->needs);
-        if (table == rx_keytable_rextract()) /* SExtractor's are among its keywords */
-            rx_text_add(dst, status[key->status]);
-    }
-}
-
-void rx_settings_completion(rx_text *dst, const rx_keytable *table)
-{
-    rx_text_printf(dst, "    %s)\n        keys='", table->program);
-    for (int row = 0; row < table->nrows; row++) {
-        const rx_keyword *key = &table->rows[row];
-        if (key->kind == RX_KIND_SECTION || !has_effect(key))
-            continue;
-        rx_text_printf(dst, " %s:", key->name);
-        if (is_bool(key))
-            rx_text_add(dst, "Y,N");
-        for (size_t i = 0; key->words != NULL && key->words[i] != NULL; i++)
-            rx_text_printf(dst, "%s%s", i > 0 ? "," : "", key->words[i]);
-    }
-    rx_text_add(dst, "' ;;\n");
 }

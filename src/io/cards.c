@@ -12,27 +12,26 @@
 #include "base/point.h"
 #include "base/text.h"
 
-enum { CARD = 80, KEY = 8, MAX_VALUE = 68 };
-
 /* --- finding --- */
 
 /* Where the value of a card begins (after "= "), NULL when it has none or is another key's. */
 static const char *value_of(const char *card, const char *key)
 {
     size_t length = strlen(key);
-    if (length <= KEY && strncasecmp(card, key, length) == 0) {
+    if (length <= RX_CARD_KEY && strncasecmp(card, key, length) == 0) {
         size_t i = length;
-        while (i < KEY && card[i] == ' ')
+        while (i < RX_CARD_KEY && card[i] == ' ')
             i++;
-        if (i == KEY && card[KEY] == '=')
-            return card + KEY + 1;
+        if (i == RX_CARD_KEY && card[RX_CARD_KEY] == '=')
+            return card + RX_CARD_KEY + 1;
     }
-    if (length > MAX_VALUE || strncmp(card, "HIERARCH ", 9) != 0 || strncasecmp(card + 9, key, length) != 0)
+    if (length > RX_CARD_TEXT || strncmp(card, "HIERARCH ", 9) != 0 ||
+        strncasecmp(card + 9, key, length) != 0)
         return NULL;
     const char *c = card + 9 + length;
-    while (c < card + CARD && *c == ' ')
+    while (c < card + RX_CARD && *c == ' ')
         c++;
-    return c < card + CARD && *c == '=' ? c + 1 : NULL;
+    return c < card + RX_CARD && *c == '=' ? c + 1 : NULL;
 }
 
 long rx_cards_find(const char *cards, size_t ncards, const char *key)
@@ -40,7 +39,7 @@ long rx_cards_find(const char *cards, size_t ncards, const char *key)
     if (key == NULL || key[0] == '\0')
         return -1;
     for (size_t i = 0; cards != NULL && i < ncards; i++)
-        if (value_of(cards + i * CARD, key) != NULL)
+        if (value_of(cards + i * RX_CARD, key) != NULL)
             return (long)i;
     return -1;
 }
@@ -82,7 +81,7 @@ int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, in
     long i = ncards > 0 ? rx_cards_find(cards, (size_t)ncards, key) : -1;
     if (i < 0 || size <= 0)
         return 0;
-    const char *card = cards + i * CARD, *end = card + CARD, *c = value_of(card, key);
+    const char *card = cards + i * RX_CARD, *end = card + RX_CARD, *c = value_of(card, key);
     while (c < end && *c == ' ')
         c++;
     size_t used = 0, capacity = (size_t)size;
@@ -96,13 +95,13 @@ int rx_cards_text(const char *cards, long ncards, const char *key, char *dst, in
         return used > 0;
     }
     int more = add_quoted(c, end, dst, capacity, &used);
-    for (i++; more && i < ncards && strncmp(cards + i * CARD, "CONTINUE  ", 10) == 0; i++) {
-        card = cards + i * CARD;
-        const char *quote = memchr(card, '\'', CARD);
+    for (i++; more && i < ncards && strncmp(cards + i * RX_CARD, "CONTINUE  ", 10) == 0; i++) {
+        card = cards + i * RX_CARD;
+        const char *quote = memchr(card, '\'', RX_CARD);
         if (quote == NULL)
             break;
         dst[--used] = '\0';
-        more = add_quoted(quote, card + CARD, dst, capacity, &used);
+        more = add_quoted(quote, card + RX_CARD, dst, capacity, &used);
     }
     return 1;
 }
@@ -128,7 +127,7 @@ const char *rx_card_number_end(const char *c, const char *end)
 /* The number that `text` begins with; *end behind it and its blanks. 0: there is none, or none that is finite. */
 static int leading_number(const char *text, const char **end, double *value)
 {
-    char number[CARD];
+    char number[RX_CARD];
     text += strspn(text, " ");
     *end = rx_card_number_end(text, text + strlen(text));
     if (*end == NULL)
@@ -152,7 +151,7 @@ int rx_cards_number(const char *cards, long ncards, const char *key, double *val
 
 int rx_cards_quantity(const char *cards, long ncards, const char *key, const char *unit, double *value)
 {
-    char text[CARD + 1], spelling[RX_UNIT_TEXT], expected[RX_UNIT_TEXT];
+    char text[RX_CARD + 1], spelling[RX_UNIT_TEXT], expected[RX_UNIT_TEXT];
     const char *end;
     double number;
     const long i = ncards > 0 ? rx_cards_find(cards, (size_t)ncards, key) : -1;
@@ -162,10 +161,10 @@ int rx_cards_quantity(const char *cards, long ncards, const char *key, const cha
     if (*end != '\0' && unit == NULL)
         return 0;
     if (*end != '\0') {
-        const char *c = value_of(cards + i * CARD, key);
+        const char *c = value_of(cards + i * RX_CARD, key);
         c += strspn(c, " ");
         if (*c != '\'') { /* the slash of a unit is not that of the comment, which follows a blank */
-            snprintf(text, sizeof text, "%.*s", (int)(cards + (i + 1) * CARD - c), c);
+            snprintf(text, sizeof text, "%.*s", (int)(cards + (i + 1) * RX_CARD - c), c);
             char *comment = strstr(text, " /");
             if (comment != NULL)
                 *comment = '\0';
@@ -183,7 +182,7 @@ int rx_cards_quantity(const char *cards, long ncards, const char *key, const cha
 int rx_cards_comment(const char *cards, long ncards, const char *key, char *dst, int size)
 {
     const long i = ncards > 0 ? rx_cards_find(cards, (size_t)ncards, key) : -1;
-    const char *end = cards + (i + 1) * CARD, *c = i >= 0 ? value_of(cards + i * CARD, key) : NULL;
+    const char *end = cards + (i + 1) * RX_CARD, *c = i >= 0 ? value_of(cards + i * RX_CARD, key) : NULL;
     dst[0] = '\0';
     while (c != NULL && c < end && *c != '/')
         c++;
@@ -267,16 +266,16 @@ void rx_unit_spelling(const char *text, char dst[RX_UNIT_TEXT])
 /* One card of exactly 80 characters; what is not printable ASCII becomes '?'. */
 static void add_card(rx_text *dst, const char *text)
 {
-    char card[CARD];
+    char card[RX_CARD];
     size_t length = strlen(text);
-    for (size_t i = 0; i < CARD; i++) {
+    for (size_t i = 0; i < RX_CARD; i++) {
         char c = i < length ? text[i] : ' ';
         card[i] = c >= 0x20 && c <= 0x7e ? c : '?';
     }
-    rx_text_add_bytes(dst, card, CARD);
+    rx_text_add_bytes(dst, card, RX_CARD);
 }
 
-/* "KEY     = " or "HIERARCH some key = "; returns its length. */
+/* "RX_CARD_KEY     = " or "HIERARCH some key = "; returns its length. */
 static int key_part(char *dst, size_t size, const char *key)
 {
     char upper[60];
@@ -288,8 +287,8 @@ static int key_part(char *dst, size_t size, const char *key)
             simple = 0;
     }
     upper[n] = '\0';
-    return simple && n <= KEY ? snprintf(dst, size, "%-8s= ", upper)
-                              : snprintf(dst, size, "HIERARCH %s = ", upper);
+    return simple && n <= RX_CARD_KEY ? snprintf(dst, size, "%-8s= ", upper)
+                                      : snprintf(dst, size, "HIERARCH %s = ", upper);
 }
 
 static void add_value(rx_text *dst, const char *key, const char *value, const char *comment)
@@ -333,7 +332,7 @@ void rx_card_text(rx_text *dst, const char *key, const char *value, const char *
     int n = key_part(text, sizeof text, key);
     const char *c = value != NULL ? value : "";
     do {
-        int room = CARD - n - 2, used = 0, total = 0;
+        int room = RX_CARD - n - 2, used = 0, total = 0;
         for (const char *p = c; *p != '\0'; p++)
             total += *p == '\'' ? 2 : 1;
         int last = total <= room;
@@ -363,9 +362,9 @@ void rx_card_text(rx_text *dst, const char *key, const char *value, const char *
 /* `line` is printable and ends in neither a blank nor '&'. */
 static void add_history(rx_text *dst, const char *line)
 {
-    enum { ROOM = CARD - KEY };
+    enum { ROOM = RX_CARD - RX_CARD_KEY };
     size_t left = strlen(line);
-    char text[CARD + 1];
+    char text[RX_CARD + 1];
     while (left > ROOM) {
         size_t n = ROOM - 1;
         for (size_t i = n; i > n / 2; i--)
@@ -387,10 +386,10 @@ static void add_history(rx_text *dst, const char *line)
 /* Put a new number into the card, its comment kept. */
 static void replace_number(char *card, const char *key, double value, int integer)
 {
-    char comment[CARD + 1] = "";
-    const char *slash = memchr(card, '/', CARD);
+    char comment[RX_CARD + 1] = "";
+    const char *slash = memchr(card, '/', RX_CARD);
     if (slash != NULL) {
-        size_t n = (size_t)(card + CARD - slash) - 1;
+        size_t n = (size_t)(card + RX_CARD - slash) - 1;
         memcpy(comment, slash + 1, n);
         comment[n] = '\0';
     }
@@ -401,17 +400,17 @@ static void replace_number(char *card, const char *key, double value, int intege
     else
         rx_card_number(&text, key, value, start);
     if (!text.failed)
-        memcpy(card, text.data, CARD);
+        memcpy(card, text.data, RX_CARD);
     rx_text_free(&text);
 }
 
 void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long size[2])
 {
     for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD, key[KEY + 1];
+        char *card = cards + i * RX_CARD, key[RX_CARD_KEY + 1];
         double value;
-        memcpy(key, card, KEY);
-        key[KEY] = '\0';
+        memcpy(key, card, RX_CARD_KEY);
+        key[RX_CARD_KEY] = '\0';
         key[strcspn(key, " ")] = '\0';
         int axis = -1;
         if (strncmp(key, "CRPIX", 5) == 0 && (key[6] == '\0' || isupper((unsigned char)key[6])))
@@ -433,10 +432,10 @@ bool rx_card_is(const char *card, const char *key)
 {
     const size_t length = strcspn(key, "#");
     size_t end = length;
-    while (key[length] == '#' && end < KEY && isdigit((unsigned char)card[end]))
+    while (key[length] == '#' && end < RX_CARD_KEY && isdigit((unsigned char)card[end]))
         end++;
     return strncmp(card, key, length) == 0 && (key[length] == '\0' || end > length) &&
-           strspn(card + end, " ") + end >= KEY;
+           strspn(card + end, " ") + end >= RX_CARD_KEY;
 }
 
 int rx_card_is_useful(const char *card)
@@ -450,10 +449,10 @@ int rx_card_is_useful(const char *card)
         "FZALGOR",  "FZTILE",   "FZQMETHD", "FZQVALUE", "FZDTHRSD", "FZINT2F",  "NAXIS#",   "ZNAXIS#",
         "ZTILE#",   "ZNAME#",   "ZVAL#",    "TTYPE#",   "TFORM#",   "TUNIT#",   "TSCAL#",   "TZERO#",
         "TNULL#",   "TDISP#",   "TDIM#",    "TBCOL#",   "TCOMM#",   "ZFORM#",   "ZCTYP#"};
-    static const char blank[CARD - KEY + 1] =
+    static const char blank[RX_CARD - RX_CARD_KEY + 1] =
         "                                                                        ";
-    if (strncmp(card, "        ", KEY) == 0) /* only spaces a header out, unless it says something */
-        return memcmp(card + KEY, blank, CARD - KEY) != 0;
+    if (strncmp(card, "        ", RX_CARD_KEY) == 0) /* only spaces a header out, unless it says something */
+        return memcmp(card + RX_CARD_KEY, blank, RX_CARD - RX_CARD_KEY) != 0;
     for (size_t i = 0; i < sizeof dropped / sizeof dropped[0]; i++)
         if (rx_card_is(card, dropped[i]))
             return 0;
@@ -466,32 +465,32 @@ void rx_cards_drop_illegal(rx_text *cards, rx_text *names)
     static const char legal[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
     size_t kept = 0;
     bool dropping = false; /* CONTINUE follows what its first card did */
-    for (size_t i = 0; i < cards->length / CARD; i++) {
-        const char *card = cards->data + i * CARD;
+    for (size_t i = 0; i < cards->length / RX_CARD; i++) {
+        const char *card = cards->data + i * RX_CARD;
         const size_t n = strspn(card, legal);
-        if (strncmp(card, "CONTINUE", KEY) != 0) {
-            dropping = n < KEY && n + strspn(card + n, " ") < KEY;
+        if (strncmp(card, "CONTINUE", RX_CARD_KEY) != 0) {
+            dropping = n < RX_CARD_KEY && n + strspn(card + n, " ") < RX_CARD_KEY;
             if (dropping)
-                rx_text_printf(names, "%s'%.*s'", names->length > 0 ? ", " : "", KEY, card);
+                rx_text_printf(names, "%s'%.*s'", names->length > 0 ? ", " : "", RX_CARD_KEY, card);
         }
         if (!dropping)
-            memmove(cards->data + CARD * kept++, card, CARD);
+            memmove(cards->data + RX_CARD * kept++, card, RX_CARD);
     }
-    cards->length = kept * CARD;
+    cards->length = kept * RX_CARD;
 }
 
 typedef struct keyword {
-    char text[CARD + 1];
+    char text[RX_CARD + 1];
 } keyword;
 
 /* "" without one. */
 static keyword keyword_of(const char *card)
 {
     keyword key = {""};
-    memcpy(key.text, card, KEY);
+    memcpy(key.text, card, RX_CARD_KEY);
     key.text[strcspn(key.text, " ")] = '\0';
     if (strcmp(key.text, "HIERARCH") == 0) {
-        const char *equals = memchr(card, '=', CARD);
+        const char *equals = memchr(card, '=', RX_CARD);
         size_t n = equals != NULL && equals > card + 9 ? (size_t)(equals - card) - 9 : 0;
         memcpy(key.text, card + 9, n);
         while (n > 0 && key.text[n - 1] == ' ')
@@ -508,7 +507,7 @@ static int compare_keywords(const void *a, const void *b)
 
 void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
 {
-    const size_t ncards = cards->length / CARD;
+    const size_t ncards = cards->length / RX_CARD;
     keyword *own = RX_NEW(keyword, ncards + 1); /* sorted: a header may have 1e5 cards */
     size_t nown = 0;
     bool skipped = false; /* CONTINUE follows what its first card did */
@@ -517,19 +516,19 @@ void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
         return;
     }
     for (size_t i = 0; i < ncards; i++) {
-        own[nown] = keyword_of(cards->data + i * CARD);
-        nown += value_of(cards->data + i * CARD, own[nown].text) != NULL;
+        own[nown] = keyword_of(cards->data + i * RX_CARD);
+        nown += value_of(cards->data + i * RX_CARD, own[nown].text) != NULL;
     }
     qsort(own, nown, sizeof *own, compare_keywords);
     for (size_t i = 0; i < nparent && !cards->failed; i++) {
-        const char *card = parent + i * CARD;
+        const char *card = parent + i * RX_CARD;
         const keyword key = keyword_of(card);
         if (strcmp(key.text, "CONTINUE") != 0)
             skipped = !rx_card_is_useful(card) || key.text[0] == '\0' || strcmp(key.text, "COMMENT") == 0 ||
                       strcmp(key.text, "HISTORY") == 0 ||
                       bsearch(&key, own, nown, sizeof *own, compare_keywords) != NULL;
         if (!skipped)
-            rx_text_add_bytes(cards, card, CARD);
+            rx_text_add_bytes(cards, card, RX_CARD);
     }
     free(own);
 }
@@ -573,13 +572,14 @@ static int next_history(const char *cards, long ncards, long *card, rx_text *lin
 {
     int more = 1;
     line->length = 0;
-    while (*card < ncards && strncmp(cards + *card * CARD, "HISTORY ", KEY) != 0)
+    while (*card < ncards && strncmp(cards + *card * RX_CARD, "HISTORY ", RX_CARD_KEY) != 0)
         ++*card;
     if (*card == ncards)
         return 0;
-    for (; more && *card < ncards && strncmp(cards + *card * CARD, "HISTORY ", KEY) == 0; ++*card) {
-        const char *text = cards + *card * CARD + KEY;
-        size_t n = CARD - KEY;
+    for (; more && *card < ncards && strncmp(cards + *card * RX_CARD, "HISTORY ", RX_CARD_KEY) == 0;
+         ++*card) {
+        const char *text = cards + *card * RX_CARD + RX_CARD_KEY;
+        size_t n = RX_CARD - RX_CARD_KEY;
         while (n > 0 && text[n - 1] == ' ')
             n--;
         more = n > 0 && text[n - 1] == '&';

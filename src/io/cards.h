@@ -8,6 +8,16 @@
 #include "base/text.h"
 #include "data/record.h"
 
+/* Characters of a card, of its keyword, of a text in it (between "= '" and "'"); bytes of a block of a file; columns that
+ * a table can have. */
+enum {
+    RX_CARD = 80,
+    RX_CARD_KEY = 8,
+    RX_CARD_TEXT = RX_CARD - RX_CARD_KEY - 4,
+    RX_FITS_BLOCK = 2880,
+    RX_FITS_FIELDS = 999
+};
+
 /* --- reading --- */
 
 /* Index of the first card of that key, -1 when absent. */

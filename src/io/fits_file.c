@@ -25,7 +25,7 @@
 
 /* CACHED_PIXELS: what is read is still in the cache when its bytes are swapped and its values looked at.
  * MOST_OF_TILE: pixels of a compressed tile, whose bytes cfitsio counts in an int. */
-enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, BLOCK = 2880, MOST_OF_TILE = 1 << 28 };
+enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, MOST_OF_TILE = 1 << 28 };
 
 rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
                          const char *what)
@@ -62,8 +62,10 @@ static const char *not_fits(const unsigned char *head, size_t n)
         return "is an empty file; fetch it again";
     if (n >= sizeof lfs - 1 && memcmp(head, lfs, sizeof lfs - 1) == 0)
         return "is a Git LFS pointer, not the data; run 'git lfs pull'";
-    if (n >= 2 && head[0] == 0x1f && (head[1] == 0x8b || head[1] == 0x9d))
-        return NULL; /* gzip, compress */
+    if (n >= 2 && head[0] == 0x1f && head[1] == 0x8b)
+        return NULL; /* gzip */
+    if (n >= 2 && head[0] == 0x1f && head[1] == 0x9d)
+        return "is packed by compress; unpack it with gunzip";
     if (n >= 4 && memcmp(head, "BZh", 3) == 0)
         return NULL;
     if (n >= 4 && memcmp(head, "PK\3\4", 4) == 0)
@@ -101,7 +103,7 @@ static rx_status check_file(const char *path, bool *is_held, rx_error *err)
     fclose(file);
     if (failed)
         return rx_error_at(err, RX_INPUT, path, -1, 0, "cannot be read");
-    *is_held = memcmp(head, "SIMPLE", 6) != 0 || info.st_size % BLOCK != 0;
+    *is_held = memcmp(head, "SIMPLE", 6) != 0 || info.st_size % RX_FITS_BLOCK != 0;
     const char *why = not_fits(head, n);
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
 }
@@ -186,7 +188,7 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
 
 size_t rx_fits_held(const rx_fits_source *source)
 {
-    return ((size_t)source->bytes + BLOCK - 1) / BLOCK * BLOCK;
+    return ((size_t)source->bytes + RX_FITS_BLOCK - 1) / RX_FITS_BLOCK * RX_FITS_BLOCK;
 }
 
 void rx_fits_done(rx_fits_source *source)

@@ -18,6 +18,10 @@
 /* A rectangle of pixels as FITS counts them, from 1, inclusive; plane: the places on the third axis and those after
  * it, in a name 0 where it gives none. */
 enum { RX_FITS_AXES = 9 };
+
+/* Bytes of a table that are read or written at a time. */
+enum { RX_FITS_ROWS = 1 << 22 };
+
 typedef struct rx_fits_section {
     long first[2], last[2], plane[RX_FITS_AXES - 2];
 } rx_fits_section;

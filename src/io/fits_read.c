@@ -12,7 +12,6 @@
 #include "io/cards.h"
 #include "io/fits_file.h"
 
-enum { BLOCK_BYTES = 1 << 22 };
 #define MOST_PIXELS 268435456.0 /* of a cube: 1 GiB */
 
 /* --- images --- */
@@ -213,12 +212,12 @@ typedef struct plan {
 
 /* Where a table's header has what is said of each column, found in one pass: cfitsio looks for each from card to card,
  * which is quadratic where headers are long. */
-enum { TNULL, TDIM, TTYPE, TUNIT, TUCD, TCOMM, STEMS, MOST_COLUMNS = 999 };
+enum { TNULL, TDIM, TTYPE, TUNIT, TUCD, TCOMM, STEMS };
 static const char *const stems[STEMS] = {"TNULL", "TDIM", "TTYPE", "TUNIT", "TUCD", "TCOMM"};
 
 typedef struct heading {
     const rx_table *table;
-    int32_t card[STEMS][MOST_COLUMNS + 1]; /* index from 1 of the first of its kind; 0: none */
+    int32_t card[STEMS][RX_FITS_FIELDS + 1]; /* index from 1 of the first of its kind; 0: none */
 } heading;
 
 static void find_cards(const rx_table *table, heading *dst)
@@ -234,7 +233,7 @@ static void find_cards(const rx_table *table, heading *dst)
                 continue;
             for (; c < card + 8 && isdigit((unsigned char)*c); c++)
                 number = 10 * number + *c - '0';
-            if (c + strspn(c, " ") >= card + 8 && number <= MOST_COLUMNS && dst->card[s][number] == 0)
+            if (c + strspn(c, " ") >= card + 8 && number <= RX_FITS_FIELDS && dst->card[s][number] == 0)
                 dst->card[s][number] = (int32_t)i + 1;
         }
     }
@@ -422,7 +421,7 @@ static rx_status read_rows(const rx_fits_source *source, const plan *plans, rx_t
         if (column->data == NULL)
             return rx_error_memory(err, (size_t)table->nrows * (size_t)bytes);
     }
-    long block = BLOCK_BYTES / row_bytes + 1;
+    long block = RX_FITS_ROWS / row_bytes + 1;
     for (long first = 1; first <= table->nrows && !failed; first += block)
         for (int i = 0; i < table->ncolumns && !failed; i++) {
             long rows = table->nrows - first + 1 < block ? table->nrows - first + 1 : block;
@@ -549,6 +548,63 @@ rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *nca
     if (status == RX_OK)
         status = rx_fits_read_cards(&source, cards, &n, err);
     *ncards = (long)n;
+    rx_fits_done(&source);
+    return status;
+}
+
+/* --- is a file as it was written? --- */
+
+static rx_status damaged(const rx_fits_source *source, const char *what, rx_error *err)
+{
+    return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
+                       "%s: the file is damaged or was edited; fetch or make it again", what);
+}
+
+/* Where it is; *end: where the next HDU would begin. */
+static rx_status verify_hdu(const rx_fits_source *source, LONGLONG *end, rx_error *err)
+{
+    rx_fits_shape shape;
+    int data = 0, all = 0, failed = 0;
+    RX_TRY(rx_fits_shape_of(source, &shape, err));
+    if (!shape.is_image || shape.naxis > 0)
+        RX_TRY(rx_fits_check_size(source, &shape, err));
+    fits_get_hduaddrll(source->file, NULL, NULL, end, &failed);
+    if (fits_verify_chksum(source->file, &data, &all, &failed))
+        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read to its end");
+    if (data == 0 || all == 0)
+        return rx_error_at(
+            err, RX_INPUT, source->path, source->hdu, 0,
+            "has no %s, so that it cannot be checked whether it is whole; fetch or make it again",
+            all == 0 ? "CHECKSUM" : "DATASUM");
+    return data < 0  ? damaged(source, "DATASUM does not fit the data", err)
+           : all < 0 ? damaged(source, "CHECKSUM does not fit the HDU", err)
+                     : RX_OK;
+}
+
+rx_status rx_fits_verify(const char *path, int nhdus, rx_error *err)
+{
+    rx_fits_source source = {0};
+    LONGLONG end = 0;
+    int n = 0, broken = 0;
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_open(path, &source, err));
+    if (source.bytes > 0)
+        RX_TRY_EXIT(
+            damaged(&source, "is not plain FITS in whole blocks (unpack it if it is compressed)", err));
+    RX_TRY_EXIT(rx_fits_count(&source, &n, &broken, err));
+    for (int hdu = 0; hdu < n; hdu++) {
+        RX_TRY_EXIT(rx_fits_goto(&source, hdu, err));
+        RX_TRY_EXIT(verify_hdu(&source, &end, err));
+    }
+    source.hdu = n;
+    if (broken || end != source.file->Fptr->filesize)
+        RX_TRY_EXIT(damaged(&source, "no HDU begins where this one should", err));
+    if (nhdus > 0 && n != nhdus)
+        status = rx_error_at(err, RX_INPUT, path, -1, 0,
+                             "has %d HDUs, %d were written: the file is cut off or was edited; fetch or make "
+                             "it again",
+                             n, nhdus);
+exit:
     rx_fits_done(&source);
     return status;
 }

@@ -38,6 +38,11 @@ rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **d
  * file name. */
 rx_status rx_fits_read_header(const char *path, int hdu, char **cards, long *ncards, rx_error *err);
 
+/* For files that are only good as a whole, such as models: nothing is missing, nothing has changed since they were written.
+ * Every HDU has CHECKSUM and DATASUM and both are right, the HDUs fill the file to its last byte, and there are `nhdus` of
+ * them (0: as many as there are): a single changed byte anywhere is found. Errors: RX_INPUT, with the HDU; RX_SYSTEM. */
+rx_status rx_fits_verify(const char *path, int nhdus, rx_error *err);
+
 /* Version of the library (cfitsio). */
 void rx_fits_library(char *dst, size_t size);
 

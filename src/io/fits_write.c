@@ -1,8 +1,8 @@
 /* Writing images and tables as FITS. */
 #include "io/fits_write.h"
 
+#include <endian.h>
 #include <fitsio.h>
-
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -12,10 +12,8 @@
 
 #include "base/memory.h"
 #include "io/cards.h"
-#include "io/fits_digest.h"
 #include "io/fits_file.h"
-
-enum { CARD = 80, BLOCK_BYTES = 1 << 22 };
+#include "io/fits_read.h"
 
 struct rx_fits_writer {
     fitsfile *file;
@@ -108,15 +106,149 @@ rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err)
     return status;
 }
 
+/* --- sums ---
+ *
+ * DATASUM (FITS 4.0, 4.4.2.7 and appendix J), the one's complement sum of the 32-bit words, comes from memory, as cfitsio forms
+ * it from what it reads back, so that a write that failed unnoticed would get a sum that fits. */
+
+enum { ROOM = 8192 };
+
+uint32_t rx_fits_sum_bytes(uint32_t sum, const void *bytes, size_t n)
+{
+    const unsigned char *byte = bytes;
+    uint64_t total = sum;
+    size_t i = 0;
+    for (; i + 4 <= n; i += 4) {
+        uint32_t word;
+        memcpy(&word, byte + i, sizeof word);
+        total += be32toh(word);
+    }
+    for (unsigned shift = 24; i < n; i++, shift -= 8)
+        total += (uint32_t)byte[i] << shift;
+    while (total >> 32 != 0)
+        total = (total & 0xffffffff) + (total >> 32);
+    return (uint32_t)total;
+}
+
+/* The bytes of a data unit, one after the other, through a room of whole words. */
+typedef struct unit {
+    uint8_t room[ROOM];
+    size_t used;
+    uint32_t sum;
+    bool is_hashed;
+    rx_hash hash;
+} unit;
+
+static void begin(unit *u, const char *dst)
+{
+    u->used = u->sum = 0;
+    u->is_hashed = dst != NULL;
+    rx_hash_begin(&u->hash);
+}
+
+/* The last bytes stay that are no whole word, unless they are the end. */
+static void flush(unit *u, bool at_end)
+{
+    const size_t rest = at_end ? 0 : u->used % 4, n = u->used - rest;
+    u->sum = rx_fits_sum_bytes(u->sum, u->room, n);
+    if (u->is_hashed)
+        rx_hash_add(&u->hash, u->room, n);
+    memmove(u->room, u->room + n, rest);
+    u->used = rest;
+}
+
+static uint32_t end(unit *u, char *dst)
+{
+    flush(u, true);
+    if (dst != NULL)
+        rx_hash_text(&u->hash, dst);
+    return u->sum;
+}
+
+/* n numbers of `size` bytes, the most significant one first. */
+static void add_numbers(unit *u, const void *numbers, size_t n, size_t size)
+{
+    for (const uint8_t *from = numbers; n > 0;) {
+        if (ROOM - u->used < size)
+            flush(u, false);
+        const size_t room = (ROOM - u->used) / size, some = n < room ? n : room;
+        uint8_t *to = u->room + u->used;
+        for (size_t i = 0; i < some && size == 2; i++) {
+            uint16_t number;
+            memcpy(&number, from + 2 * i, sizeof number);
+            number = htobe16(number);
+            memcpy(to + 2 * i, &number, sizeof number);
+        }
+        for (size_t i = 0; i < some && size == 4; i++) {
+            uint32_t number;
+            memcpy(&number, from + 4 * i, sizeof number);
+            number = htobe32(number);
+            memcpy(to + 4 * i, &number, sizeof number);
+        }
+        for (size_t i = 0; i < some && size == 8; i++) {
+            uint64_t number;
+            memcpy(&number, from + 8 * i, sizeof number);
+            number = htobe64(number);
+            memcpy(to + 8 * i, &number, sizeof number);
+        }
+        u->used += some * size;
+        from += some * size;
+        n -= some;
+    }
+}
+
+/* A text is filled up with blanks. */
+static void add_text(unit *u, const char *text, size_t width)
+{
+    bool over = false;
+    for (size_t i = 0; i < width; i++) {
+        if (u->used == ROOM)
+            flush(u, false);
+        over = over || text[i] == '\0';
+        u->room[u->used++] = (uint8_t)(over ? ' ' : text[i]);
+    }
+}
+
+uint32_t rx_fits_digest_pixels(const void *pixels, size_t n, char dst[RX_HASH_TEXT])
+{
+    unit u;
+    begin(&u, dst);
+    add_numbers(&u, pixels, n, 4);
+    return end(&u, dst);
+}
+
+/* Characters of a text cell in the file: the terminating zero does not go there. */
+static long text_length(const rx_column *column)
+{
+    return column->text_width > 1 ? column->text_width - 1 : 1;
+}
+
+uint32_t rx_fits_digest_table(const rx_table *table, char dst[RX_HASH_TEXT])
+{
+    unit u;
+    begin(&u, dst);
+    for (long row = 0; row < table->nrows; row++)
+        for (int i = 0; i < table->ncolumns; i++) {
+            const rx_column *column = &table->columns[i];
+            const long n = rx_column_elements(column), size = rx_column_element_size(column);
+            const char *cell = (const char *)column->data + row * n * size;
+            if (column->type != RX_CELL_TEXT)
+                add_numbers(&u, cell, (size_t)n, (size_t)size);
+            for (long e = 0; column->type == RX_CELL_TEXT && e < n; e++)
+                add_text(&u, cell + e * size, (size_t)text_length(column));
+        }
+    return end(&u, dst);
+}
+
 /* --- headers --- */
 
 static void write_cards(fitsfile *file, const char *cards, size_t n, int filter, int *failed)
 {
     int skipped = 0; /* CONTINUE follows what its first card did */
     for (size_t i = 0; cards != NULL && i < n && *failed == 0; i++) {
-        char card[CARD + 1];
-        memcpy(card, cards + i * CARD, CARD);
-        card[CARD] = '\0';
+        char card[RX_CARD + 1];
+        memcpy(card, cards + i * RX_CARD, RX_CARD);
+        card[RX_CARD] = '\0';
         if (strncmp(card, "END     ", 8) == 0)
             continue;
         if (strncmp(card, "CONTINUE", 8) != 0)
@@ -145,7 +277,7 @@ static void declare_long_strings(fitsfile *file, int *failed)
 static void write_extra(fitsfile *file, const rx_text *extra, int *failed)
 {
     if (extra != NULL)
-        write_cards(file, extra->data, extra->length / CARD, 0, failed);
+        write_cards(file, extra->data, extra->length / RX_CARD, 0, failed);
     declare_long_strings(file, failed);
 }
 
@@ -254,7 +386,7 @@ static void column_form(const rx_column *column, char *dst, size_t size)
     static const char letter[] = "IJKED";
     long n = rx_column_elements(column);
     if (column->type == RX_CELL_TEXT)
-        snprintf(dst, size, "%ldA%ld", n * rx_fits_text_length(column), rx_fits_text_length(column));
+        snprintf(dst, size, "%ldA%ld", n * text_length(column), text_length(column));
     else
         snprintf(dst, size, "%ld%c", n, letter[column->type]);
 }
@@ -287,7 +419,7 @@ static void write_column_keys(fitsfile *file, int number, const rx_column *colum
         LONGLONG axes[3];
         int n = 0;
         if (column->type == RX_CELL_TEXT)
-            axes[n++] = rx_fits_text_length(column);
+            axes[n++] = text_length(column);
         for (int i = 0; i < column->ndim; i++)
             axes[n++] = column->dim[i];
         fits_write_tdimll(file, number, n, axes, failed);
@@ -329,7 +461,7 @@ static rx_status write_rows(rx_fits_writer *writer, const rx_table *table, int *
     long row_bytes = 1;
     for (int i = 0; i < table->ncolumns; i++)
         row_bytes += rx_column_elements(&table->columns[i]) * rx_column_element_size(&table->columns[i]);
-    long block = BLOCK_BYTES / row_bytes + 1;
+    long block = RX_FITS_ROWS / row_bytes + 1;
     for (long first = 0; first < table->nrows && *failed == 0; first += block) {
         long rows = table->nrows - first < block ? table->nrows - first : block;
         for (int i = 0; i < table->ncolumns; i++) {
@@ -398,19 +530,19 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
                               rx_error *err)
 {
     int failed = 0;
-    char form[40], end[CARD + 1], *type = "Field Header Card", *forms = form;
+    char form[40], end[RX_CARD + 1], *type = "Field Header Card", *forms = form;
     rx_text text = {0};
     if (table->cards != NULL)
-        rx_text_add_bytes(&text, table->cards, (size_t)table->ncards * CARD);
+        rx_text_add_bytes(&text, table->cards, (size_t)table->ncards * RX_CARD);
     if (extra != NULL && extra->length > 0)
         rx_text_add_bytes(&text, extra->data, extra->length);
     snprintf(end, sizeof end, "%-80s", "END");
-    rx_text_add_bytes(&text, end, CARD);
+    rx_text_add_bytes(&text, end, RX_CARD);
     if (text.failed) {
         rx_text_free(&text);
         return rx_error_memory(err, text.length);
     }
-    LONGLONG axes[2] = {CARD, (LONGLONG)(text.length / CARD)};
+    LONGLONG axes[2] = {RX_CARD, (LONGLONG)(text.length / RX_CARD)};
     snprintf(form, sizeof form, "%zuA", text.length);
     fits_clear_errmsg();
     need_primary(writer, &failed);

@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "base/error.h"
+#include "base/hash.h"
 #include "data/table.h"
 #include "data/tile.h"
 #include "io/cards.h"
@@ -44,6 +45,14 @@ rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const rx_
 /* FITS_LDAC: the LDAC_IMHEAD table holding table->cards and `extra`, then LDAC_OBJECTS whose
  * header holds `extra` too. One pair for each image of a multi-extension file. */
 rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err);
+
+/* DATASUM of n pixels of 4 bytes, float or int32, as rx_fits_image() writes them, and of a table as rx_fits_table() does, without
+ * what fills its last block; their digest (base/hash.h) to dst, unless that is NULL. */
+uint32_t rx_fits_digest_pixels(const void *pixels, size_t n, char dst[RX_HASH_TEXT]);
+uint32_t rx_fits_digest_table(const rx_table *table, char dst[RX_HASH_TEXT]);
+
+/* `sum` of what came before, whole words of it, goes on over these bytes as they stand in the file. */
+uint32_t rx_fits_sum_bytes(uint32_t sum, const void *bytes, size_t n);
 
 /* Close with checksums; the writer is freed in any case (NULL is fine for abort). */
 rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err);

@@ -8,11 +8,9 @@
 
 #include "io/cards.h"
 
-enum { CARD = 80 };
-
 static long count(const rx_text *cards)
 {
-    return (long)(cards->length / CARD);
+    return (long)(cards->length / RX_CARD);
 }
 
 /* The number of that card; a value that is none, or a second card with another number, is warned of. */
@@ -20,7 +18,7 @@ static bool read_card(const rx_header *header, const rx_text *cards, const char 
                       double *value)
 {
     const long n = count(cards), i = rx_cards_find(cards->data, (size_t)n, key);
-    char text[CARD];
+    char text[RX_CARD];
     double other;
     if (i < 0)
         return false;
@@ -33,7 +31,7 @@ static bool read_card(const rx_header *header, const rx_text *cards, const char 
                            header->hdu, key);
         return false;
     }
-    if (rx_cards_quantity(cards->data + (i + 1) * CARD, n - i - 1, key, unit, &other) && other != *value)
+    if (rx_cards_quantity(cards->data + (i + 1) * RX_CARD, n - i - 1, key, unit, &other) && other != *value)
         rx_log_warning(header->log,
                        "%s[%d]: %s is there twice, %g and %g; the first is taken, as SExtractor does",
                        header->name, header->hdu, key, *value, other);
@@ -47,7 +45,7 @@ static bool number_by_prefix(const rx_text *cards, const char *key, const char *
 {
     size_t length = strlen(key);
     for (long i = 0; i < count(cards); i++) {
-        const char *card = cards->data + i * CARD;
+        const char *card = cards->data + i * RX_CARD;
         if (length >= 8 || strncmp(card, key, length) != 0 || strncmp(card + 8, "= ", 2) != 0)
             continue;
         memcpy(found, card, 8);
@@ -205,9 +203,9 @@ static void check_gain(const rx_header *header, const rx_tile *tile, const char 
 
 void rx_header_hints(const rx_header *header, const rx_tile *tile, const char *gain_key, bool gain_found)
 {
-    char text[CARD] = "", unit[RX_UNIT_TEXT];
-    if (!rx_cards_text(header->cards->data, count(header->cards), "BUNIT", text, CARD))
-        rx_cards_text(header->parent->data, count(header->parent), "BUNIT", text, CARD);
+    char text[RX_CARD] = "", unit[RX_UNIT_TEXT];
+    if (!rx_cards_text(header->cards->data, count(header->cards), "BUNIT", text, RX_CARD))
+        rx_cards_text(header->parent->data, count(header->parent), "BUNIT", text, RX_CARD);
     rx_unit_spelling(text, unit);
     if (tile->zeropoint == 0)
         hint_zeropoint(header, tile->exptime, text, unit);

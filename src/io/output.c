@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -18,8 +19,132 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "base/text.h"
-#include "io/claim.h"
 #include "io/folders.h"
+
+/* Behind the last slash. */
+static const char *name_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash != NULL ? slash + 1 : path;
+}
+
+static int is_there(const char *path)
+{
+    struct stat info;
+    return lstat(path, &info) == 0;
+}
+
+/* --- locks ---
+ *
+ * An output is written in the folder ".NAME.rx-NUMBER.tmp" beside its place, and as long as the process that writes it lives,
+ * that process holds a lock (flock) on the empty file ".NAME.rx-NUMBER.lock": what a killed one has left can be distinguished
+ * from the work of another process, and removed. The kernel drops the lock with the process, so that neither process numbers
+ * nor names of machines have to be trusted. Where the file system has no locks, no process gets one, and nothing is ever
+ * removed; where locks do not reach other machines (NFS with local_lock), two machines must not write the same output at
+ * once. */
+static const char LOCK[] = ".lock", TEMP[] = ".tmp", ASIDE[] = ".tmp.old";
+
+/* Is the open file or folder still the one of this name, and ours? */
+static int is_named(int file, const char *name)
+{
+    struct stat held, found;
+    return fstat(file, &held) == 0 && lstat(name, &found) == 0 &&
+           (S_ISREG(held.st_mode) || S_ISDIR(held.st_mode)) && held.st_dev == found.st_dev &&
+           held.st_ino == found.st_ino && held.st_uid == geteuid();
+}
+
+/* Hold the lock of what has just been made: between that and flock() another process may take it for an abandoned one and
+ * remove it; then it is closed, and 0. */
+static int is_held(int file, const char *name)
+{
+    const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
+    if (locked ? is_named(file, name) : errno != EWOULDBLOCK)
+        return 1;
+    close(file);
+    return 0;
+}
+
+/* Make `lock` and hold its lock. Returns the descriptor, or -1 with errno: EEXIST when another has it. */
+static int take_lock(const char *lock)
+{
+    for (int tries = 0; tries < 100; tries++) {
+        const int file = open(lock, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+        if (file < 0 || is_held(file, lock))
+            return file;
+    }
+    errno = EBUSY;
+    return -1;
+}
+
+static void drop_lock(int claim, const char *lock)
+{
+    unlink(lock); /* while it is held: no other process can have made another of this name */
+    close(claim);
+}
+
+/* What the dead owner of a lock has left; stem: full name up to the ending. True when nothing is left of it.
+ */
+static int remove_left(const char *path, const char *stem)
+{
+    char aside[PATH_MAX + sizeof ASIDE], temporary[PATH_MAX + sizeof TEMP];
+    snprintf(aside, sizeof aside, "%s%s", stem, ASIDE);
+    snprintf(temporary, sizeof temporary, "%s%s", stem, TEMP);
+    if (is_there(aside)) {
+        if (is_there(path))
+            rx_output_remove(aside);
+        else
+            (void)rename(aside, path);
+    }
+    rx_output_remove(temporary);
+    return !is_there(aside) && !is_there(temporary);
+}
+
+static void sweep_lock(const char *path, char *lock)
+{
+    char *ending = lock + strlen(lock) - strlen(LOCK);
+    const int file = open(lock, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (file < 0)
+        return;
+    if (flock(file, LOCK_EX | LOCK_NB) == 0 && is_named(file, lock)) {
+        *ending = '\0';
+        const int removed = remove_left(path, lock);
+        *ending = LOCK[0];
+        if (removed)
+            unlink(lock);
+    }
+    close(file);
+}
+
+/* Does `name` read STEM.rx-digits.lock? */
+static int is_lock(const char *name, const char *stem)
+{
+    static const char process[] = ".rx-";
+    const size_t n = strlen(stem);
+    if (strncmp(name, stem, n) != 0 || strncmp(name + n, process, strlen(process)) != 0)
+        return 0;
+    const char *number = name + n + strlen(process);
+    const size_t digits = strspn(number, "0123456789");
+    return digits > 0 && strcmp(number + digits, LOCK) == 0;
+}
+
+/* Remove the temporaries of `path` whose processes are dead, with their locks; only what belongs to the user of this process.
+ * `stem` is the common part of their names, up to ".rx-". A folder that stepped aside as ".NAME.rx-NUMBER.tmp.old" for one
+ * that never came goes back to `path`. Failures are ignored. */
+static void sweep(const char *path, const char *stem)
+{
+    char found[PATH_MAX];
+    const char *name = name_of(stem);
+    const int n = (int)(name - stem);
+    if (snprintf(found, sizeof found, "%.*s", n, stem) >= (int)sizeof found)
+        return;
+    DIR *dir = opendir(n > 0 ? found : ".");
+    for (struct dirent *entry; dir != NULL && (entry = readdir(dir)) != NULL;)
+        if (is_lock(entry->d_name, name) &&
+            snprintf(found, sizeof found, "%.*s%s", n, stem, entry->d_name) < (int)sizeof found)
+            sweep_lock(path, found);
+    if (dir != NULL)
+        closedir(dir);
+}
 
 /* --- the marker ---
  *
@@ -239,13 +364,6 @@ RX_PRINTF(1, 2) static char *format(const char *how, ...)
     return made;
 }
 
-/* Behind the last slash. */
-static const char *name_of(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash != NULL ? slash + 1 : path;
-}
-
 /* What is at the target already decides the kind; errors for what cannot be replaced. */
 static rx_status inspect(output *out, int want_folder, rx_error *err)
 {
@@ -295,11 +413,10 @@ static rx_status place(output *out, rx_folders *made, rx_error *err)
 /* A lock stays, without its holder, while something is left to be swept. */
 static void forget(output *out)
 {
-    struct stat info;
-    if (out->claim >= 0 && lstat(out->room, &info) == 0)
+    if (out->claim >= 0 && is_there(out->room))
         close(out->claim);
     else if (out->claim >= 0)
-        rx_claim_drop(out->claim, out->lock);
+        drop_lock(out->claim, out->lock);
     free(out->path);
     free(out->shown);
     free(out->stem);
@@ -311,14 +428,14 @@ static void forget(output *out)
 /* Hold the lock of a number, with its room; -1 and errno where either is taken. */
 static int take(output *out)
 {
-    const int held = rx_claim_take(out->lock);
+    const int held = take_lock(out->lock);
     if (held < 0)
         return -1;
     rx_output_remove(out->room); /* whose lock somebody has removed */
     if (mkdir(out->room, 0700) == 0)
         return held;
     const int reason = errno;
-    rx_claim_drop(held, out->lock);
+    drop_lock(held, out->lock);
     errno = reason;
     return -1;
 }
@@ -328,7 +445,7 @@ static int take(output *out)
 static rx_status claim(output *out, rx_folders *made, rx_error *err)
 {
     const long first = (long)getpid(), tries = 1000;
-    rx_claim_sweep(out->path, out->stem);
+    sweep(out->path, out->stem);
     for (long number = first; out->claim < 0 && number < first + tries; number++) {
         free(out->room);
         free(out->lock);
@@ -364,12 +481,6 @@ static rx_status note_folder(output *out, rx_error *err)
     out->device = info.st_dev;
     out->folder = info.st_ino;
     return RX_OK;
-}
-
-static int is_there(const char *path)
-{
-    struct stat info;
-    return lstat(path, &info) == 0;
 }
 
 /* Once it is claimed: what a killed run has moved aside is back then. Files are made by their writers. */

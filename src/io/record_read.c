@@ -1,6 +1,7 @@
 /* The record of a run, read back. */
 #include "io/record_read.h"
 
+#include <fitsio2.h> /* ffgbyt() */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,8 +11,7 @@
 #include "base/lines.h"
 #include "base/text.h"
 #include "io/cards.h"
-#include "io/fits_digest.h"
-#include "io/fits_read.h"
+#include "io/fits_file.h"
 
 /* The records of all parts of a file, one after the other. */
 typedef struct reading {
@@ -86,29 +86,74 @@ static rx_status end_part(reading *r, const char *digest, rx_error *err)
     return r->record->failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
+/* The digest of the data of the HDU where it is, as the file has them, without the heap. */
+static rx_status digest_data(const rx_fits_source *source, char dst[RX_HASH_TEXT], rx_error *err)
+{
+    unsigned char room[8192];
+    rx_fits_shape shape;
+    LONGLONG from = 0, left = 1;
+    int failed = 0;
+    rx_hash sum;
+    RX_TRY(rx_fits_shape_of(source, &shape, err));
+    if (!shape.is_image || shape.is_compressed) {
+        shape = (rx_fits_shape){.naxis = 2, .bitpix = 8};
+        fits_read_key(source->file, TLONGLONG, "NAXIS1", &shape.axes[0], NULL, &failed);
+        fits_read_key(source->file, TLONGLONG, "NAXIS2", &shape.axes[1], NULL, &failed);
+    }
+    if (shape.naxis > 0)
+        RX_TRY(rx_fits_check_size(source, &shape, err));
+    left = shape.naxis > 0 ? abs(shape.bitpix) / 8 : 0;
+    for (int i = 0; i < shape.naxis && i < RX_FITS_AXES; i++)
+        left *= shape.axes[i];
+    fits_get_hduaddrll(source->file, NULL, &from, NULL, &failed);
+    rx_hash_begin(&sum);
+    if (left > 0)
+        ffmbyt(source->file, from, REPORT_EOF, &failed);
+    for (LONGLONG some; left > 0 && !failed; left -= some) {
+        some = left < (LONGLONG)sizeof room ? left : (LONGLONG)sizeof room;
+        ffgbyt(source->file, some, room, &failed);
+        rx_hash_add(&sum, room, failed ? 0 : (size_t)some);
+    }
+    rx_hash_text(&sum, dst);
+    return failed
+               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read to its end")
+               : RX_OK;
+}
+
+static rx_status read_hdu(reading *r, const rx_fits_source *source, char version[72], rx_error *err)
+{
+    char *cards = NULL, digest[RX_HASH_TEXT] = "";
+    size_t ncards = 0;
+    RX_TRY(rx_fits_read_cards(source, &cards, &ncards, err));
+    if (version[0] == '\0')
+        rx_cards_text(cards, (long)ncards, "RXVERS", version, 72);
+    const rx_status status = rx_cards_history(cards, (long)ncards, take_line, r, err);
+    free(cards);
+    RX_TRY(status);
+    if (r->complete)
+        RX_TRY(digest_data(source, digest, err));
+    return end_part(r, digest, err);
+}
+
 static rx_status read_fits(reading *r, rx_error *err)
 {
+    rx_fits_source source = {0};
     int n = 0;
-    char version[72] = "", digest[RX_HASH_TEXT] = "";
-    RX_TRY(rx_fits_hdus(r->path, &n, err));
+    char version[72] = "";
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_open(r->path, &source, err));
+    RX_TRY_EXIT(rx_fits_count(&source, &n, NULL, err));
     for (int hdu = 0; hdu < n; hdu++) {
-        char *cards = NULL;
-        long ncards = 0;
-        RX_TRY(rx_fits_read_header(r->path, hdu, &cards, &ncards, err));
-        if (version[0] == '\0')
-            rx_cards_text(cards, ncards, "RXVERS", version, sizeof version);
-        rx_status status = rx_cards_history(cards, ncards, take_line, r, err);
-        free(cards);
-        RX_TRY(status);
-        if (r->complete)
-            RX_TRY(rx_fits_digest_hdu(r->path, hdu, digest, err));
-        RX_TRY(end_part(r, digest, err));
+        RX_TRY_EXIT(rx_fits_goto(&source, hdu, err));
+        RX_TRY_EXIT(read_hdu(r, &source, version, err));
     }
     if (r->record->n == 0 && version[0] != '\0')
-        return rx_error_at(
+        status = rx_error_at(
             err, RX_INPUT, r->path, -1, 0,
             "was written by Rextract %.20s without a record of the run; nothing can be repeated", version);
-    return RX_OK;
+exit:
+    rx_fits_done(&source);
+    return status;
 }
 
 /* Without a record it may be anything, and its other reader says what is wrong with it. */

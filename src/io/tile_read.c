@@ -17,7 +17,6 @@
 #include "io/cards.h"
 #include "io/fits_file.h"
 #include "io/header_numbers.h"
-#include "io/tile_list.h"
 #include "io/tile_maps.h"
 #include "io/wcs.h"
 

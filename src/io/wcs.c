@@ -12,11 +12,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "io/cards.h"
 #include "io/guard/wcs.h"
 
-enum { CHUNK = 64, CARD = 80 };
+enum { CHUNK = 64 };
 
 /* --- celestial frames ---
  *
@@ -36,8 +37,7 @@ typedef struct sky_frame {
     double matrix[3][3]; /* to J2000; rotation */
 } sky_frame;
 
-static const double DEGREE = 0.017453292519943295769;
-static const double ARCSEC = 0.017453292519943295769 / 3600;
+static const double ARCSEC = RX_DEGREE / 3600;
 
 /* E-terms of aberration at B1950 in radians (Explanatory Supplement 1992, 3.59). */
 static const double ETERMS[3] = {-1.62557e-6, -0.31919e-6, -0.13843e-6};
@@ -109,10 +109,10 @@ static void from_b1950(double equinox, double dst[3][3])
 static void from_pole(double lon, double lat, double node, double dst[3][3])
 {
     double a[3][3], b[3][3];
-    rotation(2, lon * DEGREE, a);
-    rotation(1, (90 - lat) * DEGREE, b);
+    rotation(2, lon * RX_DEGREE, a);
+    rotation(1, (90 - lat) * RX_DEGREE, b);
     multiply(b, a, a);
-    rotation(2, (180 - node) * DEGREE, b);
+    rotation(2, (180 - node) * RX_DEGREE, b);
     multiply(b, a, dst); /* target to frame */
     transpose(dst);
 }
@@ -167,19 +167,19 @@ static sky_frame frame_of(const char *type, const char *radesys, double equinox)
 
 static void to_vector(double lon, double lat, double v[3])
 {
-    v[0] = cos(lat * DEGREE) * cos(lon * DEGREE);
-    v[1] = cos(lat * DEGREE) * sin(lon * DEGREE);
-    v[2] = sin(lat * DEGREE);
+    v[0] = cos(lat * RX_DEGREE) * cos(lon * RX_DEGREE);
+    v[1] = cos(lat * RX_DEGREE) * sin(lon * RX_DEGREE);
+    v[2] = sin(lat * RX_DEGREE);
 }
 
 static void from_vector(const double v[3], double *lon, double *lat)
 {
-    *lon = atan2(v[1], v[0]) / DEGREE;
+    *lon = atan2(v[1], v[0]) / RX_DEGREE;
     if (*lon < 0)
         *lon += 360;
     if (*lon >= 360)
         *lon -= 360;
-    *lat = atan2(v[2], hypot(v[0], v[1])) / DEGREE;
+    *lat = atan2(v[2], hypot(v[0], v[1])) / RX_DEGREE;
 }
 
 static void normalise(double v[3])
@@ -379,9 +379,9 @@ rx_status rx_wcs_from_cards(const char *cards, size_t ncards, int width, int hei
     if (cards == NULL || ncards == 0)
         return RX_OK;
     char *copy;
-    RX_TRY(RX_MAKE(copy, (ncards + RX_WCS_OWN) * CARD + 1, err));
-    memset(copy, ' ', RX_WCS_OWN * CARD);
-    memcpy(copy + RX_WCS_OWN * CARD, cards, ncards * CARD);
+    RX_TRY(RX_MAKE(copy, (ncards + RX_WCS_OWN) * RX_CARD + 1, err));
+    memset(copy, ' ', RX_WCS_OWN * RX_CARD);
+    memcpy(copy + RX_WCS_OWN * RX_CARD, cards, ncards * RX_CARD);
     const rx_status status =
         make(copy, ncards + RX_WCS_OWN, (int[2]){width, height}, dst, notes != NULL ? notes : &own, err);
     if (status != RX_OK) {
@@ -474,9 +474,9 @@ void rx_wcs_to_sky(rx_wcs *wcs, int n, const double *x, const double *y, double 
 /* Angle between two directions, deg. */
 static double separation(double lon1, double lat1, double lon2, double lat2)
 {
-    double a = sin((lat2 - lat1) / 2 * DEGREE), b = sin((lon2 - lon1) / 2 * DEGREE);
-    double h = a * a + cos(lat1 * DEGREE) * cos(lat2 * DEGREE) * b * b;
-    return 2 * asin(sqrt(h < 1 ? h : 1)) / DEGREE;
+    double a = sin((lat2 - lat1) / 2 * RX_DEGREE), b = sin((lon2 - lon1) / 2 * RX_DEGREE);
+    double h = a * a + cos(lat1 * RX_DEGREE) * cos(lat2 * RX_DEGREE) * b * b;
+    return 2 * asin(sqrt(h < 1 ? h : 1)) / RX_DEGREE;
 }
 
 /* Far from the image a polynomial may lead back into it: what does not return to the same
@@ -520,15 +520,15 @@ void rx_wcs_matrix(rx_wcs *wcs, double x, double y, double m[4])
 {
     double px[5] = {x, x + 0.5, x - 0.5, x, x}, py[5] = {y, y, y, y + 0.5, y - 0.5}, lon[5], lat[5], v[5][3];
     rx_wcs_to_native(wcs, 5, px, py, lon, lat);
-    double sa = sin(lon[0] * DEGREE), ca = cos(lon[0] * DEGREE), sd = sin(lat[0] * DEGREE),
-           cd = cos(lat[0] * DEGREE);
+    double sa = sin(lon[0] * RX_DEGREE), ca = cos(lon[0] * RX_DEGREE), sd = sin(lat[0] * RX_DEGREE),
+           cd = cos(lat[0] * RX_DEGREE);
     double east[3] = {-sa, ca, 0}, north[3] = {-sd * ca, -sd * sa, cd};
     for (int i = 1; i < 5; i++)
         to_vector(lon[i], lat[i], v[i]);
     memset(m, 0, 4 * sizeof *m);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 2; j++) {
-            double step = (v[1 + 2 * j][i] - v[2 + 2 * j][i]) / DEGREE;
+            double step = (v[1 + 2 * j][i] - v[2 + 2 * j][i]) / RX_DEGREE;
             m[j] += east[i] * step;
             m[2 + j] += north[i] * step;
         }

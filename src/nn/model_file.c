@@ -8,7 +8,6 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "io/fits_digest.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 #include "nn/model.h"

@@ -9,7 +9,6 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "data/map.h"
-#include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "pipeline/field.h"
 #include "psf/psf_psfex.h"

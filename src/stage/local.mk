@@ -5,7 +5,6 @@ librextract_la_SOURCES += \
 	src/stage/extract.c src/stage/extract.h \
 	src/stage/job.c \
 	src/stage/listed_objects.c src/stage/listed_objects.h \
-	src/stage/machine.c src/stage/machine.h \
 	src/stage/open.c src/stage/open.h \
 	src/stage/options.c src/stage/options.h \
 	src/stage/pipeline.c src/stage/pipeline.h \

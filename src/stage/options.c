@@ -46,11 +46,11 @@ void rx_options_model_path(const char *name, const char *installed, rx_text *dst
     rx_text_add(dst, name);
 }
 
-rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err)
+/* The network's model. One whose training has not ended is taken with a warning where NET_MODEL was set. Errors: RX_INPUT
+ * (such a model where it was not), RX_SYSTEM. */
+static rx_status read_model(rx_options *options, rx_log *log, rx_error *err)
 {
     rx_text path = {0};
-    if (options->model != NULL)
-        return RX_OK;
     rx_options_model_path(options->model_name, RX_DATA_FOLDER, &path);
     const int bare = strchr(options->model_name, '/') == NULL;
     rx_status status = RX_OK;
@@ -129,13 +129,18 @@ static rx_status kernel_options(const rx_config *cfg, rx_options *dst, rx_error 
     RX_TRY(noise_options(cfg, dst, err));
     if (!cfg->filter)
         return RX_OK;
-    RX_TRY(is_built_in(cfg->filter_name, "default.conv")
-               ? rx_kernel_default(&dst->kernel, err)
-               : rx_kernel_read(cfg->filter_name, &dst->kernel, err));
-    dst->pipeline.detect.filter = dst->kernel->values;
-    dst->pipeline.detect.filter_width = dst->kernel->width;
-    dst->pipeline.detect.filter_height = dst->kernel->height;
-    dst->pipeline.detect.filter_normalise = dst->kernel->normalise;
+    rx_detect_params *detect = &dst->pipeline.detect;
+    if (is_built_in(cfg->filter_name, "default.conv")) {
+        detect->filter = rx_kernel_built_in;
+        detect->filter_width = detect->filter_height = 3;
+        detect->filter_normalise = true;
+        return RX_OK;
+    }
+    RX_TRY(rx_kernel_read(cfg->filter_name, &dst->kernel, err));
+    detect->filter = dst->kernel->values;
+    detect->filter_width = dst->kernel->width;
+    detect->filter_height = dst->kernel->height;
+    detect->filter_normalise = dst->kernel->normalise;
     return RX_OK;
 }
 
@@ -417,7 +422,7 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     rx_status status;
     RX_TRY_EXIT(kernel_options(cfg, options, err));
     if (wants_network(options))
-        RX_TRY_EXIT(rx_options_need_model(options, log, err));
+        RX_TRY_EXIT(read_model(options, log, err));
     options->columns_built_in = columns == NULL && is_built_in(cfg->parameters_name, "default.param");
     if (columns == NULL)
         RX_TRY_EXIT(rx_options_columns(cfg, log, &options->columns, err));

@@ -65,12 +65,6 @@ rx_status rx_options_columns(const rx_config *config, rx_log *log, rx_column_lis
 /* For the keywords that are given in vain where the catalogue has these columns; NULL: where it has any. */
 rx_idle rx_options_idle(const rx_column_list *columns);
 
-/* Read the network's model (NET_MODEL) unless that has been done: for campaigns, which choose restorers
- * themselves; rx_options_from_config() has done it where RESTORE_TYPE has NET. Where it is looked for:
- * rx_options_model_path(). A model whose training has not ended is taken with a warning where
- * NET_MODEL was set. Errors: RX_INPUT (such a model where it was not), RX_SYSTEM. */
-rx_status rx_options_need_model(rx_options *options, rx_log *log, rx_error *err);
-
 /* Where the model of that name lies. A name with a slash is a path. One without is that of an installed model
  * where there is one, else of a file in the current folder, so that what a training leaves there is not taken
  * for the installed model by default; a NET_MODEL that was set and is here has got its ./ from the configuration. `installed`: the folder of installed data, RX_DATA_FOLDER. */

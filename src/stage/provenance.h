@@ -5,7 +5,7 @@
  *
  *   RECORD      version of this list, and the digests' algorithm
  *   VERSION     of rextract
- *   MACHINE     class of machines (stage/machine.h)
+ *   MACHINE     class of machines
  *   IMAGE       image, or two, as on the command line
  *   (keywords)  each with its value as a configuration file has it
  *   SET         keywords that were set, whatever to; the others are defaults

@@ -9,6 +9,7 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "catalog/catalog.h"
 #include "io/header_numbers.h"
@@ -239,11 +240,11 @@ static void read_row(const rx_reference_params *par, const rx_table *table, cons
     double value = rx_column_value(&table->columns[column->value], row, 0);
     double error = column->error >= 0 ? rx_column_value(&table->columns[column->error], row, 0) : NAN;
     if (column->over_error)
-        error = error > 0.0 ? 1.0857362 / error : NAN;
+        error = error > 0.0 ? RX_MAG_ERROR / error : NAN;
     if (column->flux) {
         double reference_zeropoint = isfinite(par->flux_zeropoint) ? par->flux_zeropoint : zeropoint;
         dst->mag[i] = value > 0.0 ? reference_zeropoint - 2.5 * log10(value) : NAN;
-        dst->mag_error[i] = value > 0.0 ? 1.0857362 * error / value : NAN;
+        dst->mag_error[i] = value > 0.0 ? RX_MAG_ERROR * error / value : NAN;
     } else {
         dst->mag[i] = value > -90.0 && value < 90.0 ? value : NAN;
         dst->mag_error[i] = error;
@@ -255,7 +256,7 @@ static void read_row(const rx_reference_params *par, const rx_table *table, cons
         dst->mag[i] = known ? dst->mag[i] + par->colour_term * (first - second) : NAN;
     }
     dst->flux[i] = pow(10.0, 0.4 * (zeropoint - dst->mag[i]));
-    dst->flux_error[i] = dst->flux[i] * dst->mag_error[i] / 1.0857362;
+    dst->flux_error[i] = dst->flux[i] * dst->mag_error[i] / RX_MAG_ERROR;
 }
 
 /* Where a star stands `years` later: along the tangent at its place, without parallax and radial velocity (The Hipparcos

@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "data/record.h"
+#include "io/cards.h"
 #include "pipeline/field.h"
 #include "quality/qa.h"
 #include "quality/rho.h"
@@ -55,7 +56,7 @@ typedef struct rx_tile_state {
 } rx_tile_state;
 
 /* Cards of RECORD_CARDS that the header has. */
-enum { RX_RECORD_CARDS = 8, RX_CARD_NAME = 72 };
+enum { RX_RECORD_CARDS = 8, RX_CARD_NAME = RX_CARD - RX_CARD_KEY };
 typedef struct rx_tile_card {
     char name[RX_CARD_NAME];
     double value;

@@ -13,13 +13,12 @@
 #include "base/memory.h"
 #include "io/output.h"
 
-static const double LEVEL = 0.95;
 static const double LEAST_ERROR = 0.001; /* mag: a bias below this never makes a tile bad */
 
 static rx_rollup_cell cell_of(const rx_tally_bin *bin)
 {
-    rx_rollup_cell cell = {.recall = rx_binomial_interval(bin->found, bin->references, LEVEL),
-                           .precision = rx_binomial_interval(bin->right, bin->detections, LEVEL)};
+    rx_rollup_cell cell = {.recall = rx_binomial_interval(bin->found, bin->references, RX_LEVEL),
+                           .precision = rx_binomial_interval(bin->right, bin->detections, RX_LEVEL)};
     rx_tally_errors(bin, &cell.pairs, &cell.bias, &cell.scatter);
     return cell;
 }
@@ -190,7 +189,7 @@ static double below(const rx_estimate *own, const rx_estimate *all)
 /* The same of a median, whose error is 1.25 sigma / sqrt(n) for normal errors. */
 static double beside(const rx_rollup_cell *own, const rx_rollup_cell *all)
 {
-    const double error = 1.2533 * fmax(own->scatter, all->scatter) / sqrt((double)own->pairs);
+    const double error = RX_MEDIAN_ERROR * fmax(own->scatter, all->scatter) / sqrt((double)own->pairs);
     return own->pairs > 2 && isfinite(own->bias) && isfinite(all->bias) && isfinite(error)
                ? fabs(own->bias - all->bias) / fmax(error, LEAST_ERROR)
                : 0;

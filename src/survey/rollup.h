@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "base/arena.h"
+#include "base/constants.h"
 #include "base/error.h"
 #include "base/hash.h"
 #include "base/log.h"

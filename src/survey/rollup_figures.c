@@ -156,7 +156,8 @@ static void add_curves(rx_figures *dst, const rx_rollup *r, int what, rx_axes *a
         rx_curves_add(&c, RX_CURVE_BARS, rx_method_color(run->name), run->name);
         for (int b = run->first; b <= run->last; b++) {
             const rx_rollup_cell *cell = &run->bin[b];
-            const double error = cell->pairs > 0 ? 1.2533 * cell->scatter / sqrt((double)cell->pairs) : NAN;
+            const double error =
+                cell->pairs > 0 ? RX_MEDIAN_ERROR * cell->scatter / sqrt((double)cell->pairs) : NAN;
             const rx_estimate e =
                 what == BIAS ? (rx_estimate){cell->bias, cell->bias - error, cell->bias + error, cell->pairs}
                 : what == RECALL ? cell->recall

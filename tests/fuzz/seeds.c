@@ -13,7 +13,6 @@
 #include "catalog/columns.h"
 #include "config/keyword.h"
 #include "fuzz.h"
-#include "io/fits_digest.h"
 #include "io/fits_write.h"
 #include "nn/psfnet.h"
 #include "quality/metrics.h"

@@ -2,13 +2,9 @@
 #ifndef TESTS_UNIT_NEAR_H
 #define TESTS_UNIT_NEAR_H
 
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
+
+#include "unit.h"
 
 #define assert_near(value, expected, tolerance)                                                              \
     do {                                                                                                     \

@@ -15,25 +15,12 @@
 
 /* --- header.c: headers as cfitsio may see them --- */
 
-/* What decides where the next header begins (FITS standard 4.0, section 4.4.1). */
-typedef struct rx_fits_layout {
-    int64_t bitpix, naxis, product, pcount, gcount;
-    bool is_empty, is_grouped; /* NAXIS1 is 0; which does not count with random groups */
-} rx_fits_layout;
-
-/* Begin a header; take one of its cards (80 characters, none is END); bytes of the data behind it, in whole
- * blocks of 2880, -1 when they make no sense. */
-rx_fits_layout rx_fits_layout_begin(void);
-void rx_fits_layout_card(rx_fits_layout *layout, const char *card);
-int64_t rx_fits_layout_bytes(const rx_fits_layout *layout);
-
 /* Does cfitsio end a header with the card? "END / of it" is one for it, too. */
 bool rx_fits_is_end(const char *card);
 
 typedef struct rx_fits_header {
     rx_text cards;   /* without END */
     bool is_rebuilt; /* some are no longer those of the file */
-    rx_fits_layout layout;
     char fault[240]; /* why cfitsio must not see it; "": it may */
 } rx_fits_header;
 
@@ -46,9 +33,8 @@ rx_status rx_fits_header_rebuild(rx_fits_header *header, rx_error *err);
 
 /* --- walk.c: from header to header through a file, before cfitsio goes there --- */
 
-/* Reads the header at *place, as cfitsio may see it, and moves that behind it. *whole: it is one, with END before the end
- * of the file. */
-rx_status rx_fits_walk_header(int file, int64_t *place, rx_fits_header *dst, bool *whole, rx_error *err);
+/* Bytes of the data behind a header of n cards (without END), in whole blocks; -1 when they make no sense. */
+int64_t rx_fits_data_bytes(const char *cards, size_t n);
 
 /* RX_INPUT when cfitsio must not see a header of the file. `mend`: those that had to be rebuilt are written back;
  * otherwise *odd says whether there are any, and cfitsio must get a copy in memory that has gone through here. A
@@ -68,7 +54,7 @@ int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place);
  * block that it could not read as if it had. */
 bool rx_fits_is_unreadable(int failed);
 
-/* --- unpack.c: files packed with gzip, bzip2 or compress, or plain --- */
+/* --- unpack.c: files packed with gzip or bzip2, or plain --- */
 
 /* Writes to the empty file `to`, and counts in *size, the bytes that the headers of the file announce;
  * what it unpacks to beyond them, which may be gigabytes out of kilobytes, is left where it is. Errors:
@@ -82,13 +68,5 @@ rx_status rx_fits_unpack(const char *path, int to, int64_t *size, rx_error *err)
  * stream too. RX_INPUT otherwise. */
 rx_status rx_fits_check_tiles(fitsfile *file, const char *path, int hdu, int naxis, const LONGLONG *axes,
                               rx_error *err);
-
-/* --- hcompress.c: streams that are cut off, behind which cfitsio reads on --- */
-
-/* Walks through a stream (R. L. White 1992, Proc. NASA Space and Earth Science Data Compression Workshop;
- * FITS 4.0, 10.4.4) as its reader would, without making the pixels. *used: bytes that a reader takes from it,
- * 0 where it is cut off, has other than `pixels` pixels, or is no such stream. RX_SYSTEM without memory. */
-rx_status rx_hcompress_walk(const unsigned char *data, size_t length, int64_t pixels, size_t *used,
-                            rx_error *err);
 
 #endif

@@ -12,18 +12,8 @@
 #include "base/memory.h"
 #include "io/cards.h"
 
-/* LONGEST: values of whole numbers that cfitsio's messages have room for;
- * LONGEST_TEXT, LONGEST_QUOTED: texts that its columns, and its values, have. */
-enum {
-    CARD = 80,
-    KEY = 8,
-    TABLE_CARDS = 8,
-    MOST_DIGITS = 18,
-    MOST_FIELDS = 999,
-    LONGEST = 24,
-    LONGEST_TEXT = 68,
-    LONGEST_QUOTED = 70
-};
+/* MOST_DIGITS: of a whole number that an int64 holds; LONGEST: values of such that cfitsio's messages have room for. */
+enum { MOST_DIGITS = 18, LONGEST = 24 };
 
 typedef enum kind { WHOLE, NUMBER, LOGICAL, TEXT } kind;
 enum { IMAGE = 1, TABLE = 2, COMPRESSED = 4 };
@@ -71,7 +61,7 @@ static const struct rule {
     {"ZSCALE", NUMBER, COMPRESSED, false},
     {"ZZERO", NUMBER, COMPRESSED, false},
 };
-enum { RULES = sizeof rules / sizeof *rules, NUMBERS = MOST_FIELDS + 1 };
+enum { RULES = sizeof rules / sizeof *rules, NUMBERS = RX_FITS_FIELDS + 1 };
 
 static void set_fault(rx_fits_header *header, const char *format, ...)
 {
@@ -86,26 +76,26 @@ static void set_fault(rx_fits_header *header, const char *format, ...)
 /* A card as C sees it. `name`: the keyword that cfitsio finds, in capitals; `value`: where it takes the value
  * from, blanks skipped; NULL: there is none. */
 typedef struct seen {
-    char text[CARD + 1], name[CARD + 1];
+    char text[RX_CARD + 1], name[RX_CARD + 1];
     const char *value;
     bool is_end;
 } seen;
 
 static void look(const char *card, seen *dst)
 {
-    memcpy(dst->text, card, CARD);
-    dst->text[CARD] = '\0';
+    memcpy(dst->text, card, RX_CARD);
+    dst->text[RX_CARD] = '\0';
     const char *equals = strchr(dst->text, '='), *name = dst->text;
     size_t n = strcspn(name, " =");
-    if (strncmp(name, "HIERARCH ", KEY + 1) == 0 && equals != NULL) {
-        name += KEY + 1 + strspn(name + KEY + 1, " ");
+    if (strncmp(name, "HIERARCH ", RX_CARD_KEY + 1) == 0 && equals != NULL) {
+        name += RX_CARD_KEY + 1 + strspn(name + RX_CARD_KEY + 1, " ");
         for (n = (size_t)(equals - name); n > 0 && name[n - 1] == ' ';)
             n--;
-    } else if (strncmp(name, "COMMENT ", KEY) == 0 || strncmp(name, "HISTORY ", KEY) == 0 ||
-               strncmp(name, "CONTINUE", KEY) == 0 || strncmp(name, "        ", KEY) == 0) {
+    } else if (strncmp(name, "COMMENT ", RX_CARD_KEY) == 0 || strncmp(name, "HISTORY ", RX_CARD_KEY) == 0 ||
+               strncmp(name, "CONTINUE", RX_CARD_KEY) == 0 || strncmp(name, "        ", RX_CARD_KEY) == 0) {
         equals = NULL;
-    } else if (strlen(name) > KEY && strncmp(name + KEY, "= ", 2) == 0) {
-        equals = name + KEY;
+    } else if (strlen(name) > RX_CARD_KEY && strncmp(name + RX_CARD_KEY, "= ", 2) == 0) {
+        equals = name + RX_CARD_KEY;
     }
     dst->is_end = n == 3 && strncmp(name, "END", 3) == 0;
     for (size_t i = 0; i < n; i++)
@@ -118,8 +108,9 @@ static void look(const char *card, seen *dst)
 static bool is_plain(const seen *s)
 {
     const size_t n = strlen(s->name);
-    return n <= KEY && strncmp(s->text, "HIERARCH", KEY) != 0 && strcspn(s->text, " =") == n &&
-           n + strspn(s->text + n, " ") == KEY && s->text[KEY] == '=';
+    return n <= RX_CARD_KEY && strncmp(s->text, "HIERARCH", RX_CARD_KEY) != 0 &&
+           strcspn(s->text, " =") == n && n + strspn(s->text + n, " ") == RX_CARD_KEY &&
+           s->text[RX_CARD_KEY] == '=';
 }
 
 /* Does cfitsio take what stands behind the name of a column's keyword for its number? "TFORM01" it does. */
@@ -189,7 +180,7 @@ static bool is_whole(const char *c, const char *end)
 
 /* The value that a keyword of that kind has, into dst; false: it is no such value. A number in quotes is one, a
  * word without them a text: cfitsio takes them so. An exponent it knows by the capital alone. */
-static bool read_value(kind kind, token t, char dst[CARD + 2])
+static bool read_value(kind kind, token t, char dst[RX_CARD + 2])
 {
     const char *quote = "";
     if (kind == NUMBER && t.is_quoted && !t.is_open) {
@@ -200,7 +191,7 @@ static bool read_value(kind kind, token t, char dst[CARD + 2])
     } else if (kind == TEXT && !t.is_quoted) {
         quote = "'";
     }
-    snprintf(dst, CARD + 2, "%s%.*s%s", quote, (int)(t.end - t.begin), t.begin, quote);
+    snprintf(dst, RX_CARD + 2, "%s%.*s%s", quote, (int)(t.end - t.begin), t.begin, quote);
     for (char *c = dst; kind == NUMBER && *c != '\0'; c++)
         *c = *c == 'e' ? 'E' : *c == 'd' ? 'D' : *c;
     if (kind == TEXT) {
@@ -220,22 +211,22 @@ static bool is_written(const seen *s, const char *value)
     const size_t n = strlen(s->name), length = strlen(value);
     const char *rest = s->value + length;
     rest += strncmp(s->value, value, length) == 0 ? strspn(rest, " ") : 0;
-    return strncmp(s->text, s->name, n) == 0 && strncmp(s->text + KEY, "= ", 2) == 0 &&
+    return strncmp(s->text, s->name, n) == 0 && strncmp(s->text + RX_CARD_KEY, "= ", 2) == 0 &&
            strncmp(s->value, value, length) == 0 && (*rest == '/' || *rest == '\0');
 }
 
 /* The card anew, the comment behind `rest` with it as far as there is room. false: the value has none. */
 static bool write_card(char *card, const char *name, const char *value, const char *rest)
 {
-    char text[3 * CARD];
+    char text[3 * RX_CARD];
     rest += strspn(rest, " /");
     int n = snprintf(text, sizeof text, *value == '\'' ? "%-8s= %-20s" : "%-8s= %20s", name, value);
-    if (n > CARD)
+    if (n > RX_CARD)
         return false;
     n += snprintf(text + n, sizeof text - (size_t)n, "%s%s", *rest != '\0' ? " / " : "", rest);
-    for (; n < CARD; n++)
+    for (; n < RX_CARD; n++)
         text[n] = ' ';
-    memcpy(card, text, CARD);
+    memcpy(card, text, RX_CARD);
     return true;
 }
 
@@ -250,7 +241,7 @@ static token value_of(const rx_fits_header *h, const int *place, seen *s)
     static const char none[] = "";
     if (*place == 0)
         return token_of(none);
-    look(h->cards.data + (size_t)(*place - 1) * CARD, s);
+    look(h->cards.data + (size_t)(*place - 1) * RX_CARD, s);
     return token_of(s->value != NULL ? s->value : none);
 }
 
@@ -283,14 +274,14 @@ static bool is_too_long(const seen *s, bool is_table)
     while (end > s->value && end[-1] == ' ')
         end--;
     const ptrdiff_t length = end - s->value;
-    return (is_count && length > LONGEST) || (t.is_quoted && length > LONGEST_QUOTED) ||
-           (is_table && !t.is_quoted && length > LONGEST_TEXT);
+    return (is_count && length > LONGEST) || (t.is_quoted && length > RX_CARD_TEXT + 2) ||
+           (is_table && !t.is_quoted && length > RX_CARD_TEXT);
 }
 
 /* Card i, which cfitsio takes for keyword `number` of a rule. */
 static void take(rx_fits_header *h, size_t i, const seen *s, int r, int number, places *at)
 {
-    char *card = h->cards.data + i * CARD, value[CARD + 2];
+    char *card = h->cards.data + i * RX_CARD, value[RX_CARD + 2];
     const bool optional = rules[r].is_optional;
     if (number < 0 || (!is_plain(s) && !(optional && s->value == NULL))) {
         size_t length = strnlen(s->text, 40);
@@ -303,7 +294,7 @@ static void take(rx_fits_header *h, size_t i, const seen *s, int r, int number, 
     }
     int *place = &(*at)[r][number];
     if (*place > 0 && strncmp(s->text, s->name, strlen(s->name)) != 0) {
-        memset(card, ' ', CARD); /* small letters make no keyword beside one */
+        memset(card, ' ', RX_CARD); /* small letters make no keyword beside one */
         h->is_rebuilt = true;
         return;
     }
@@ -349,9 +340,9 @@ static bool is_table_type(const char *text)
 static int take_first(rx_fits_header *h)
 {
     seen s;
-    char value[CARD + 2];
+    char value[RX_CARD + 2];
     look(h->cards.data, &s);
-    if (strncmp(s.text, "XTENSION", KEY) != 0)
+    if (strncmp(s.text, "XTENSION", RX_CARD_KEY) != 0)
         return IMAGE;
     const token t = s.value != NULL ? token_of(s.value) : (token){0};
     if (!is_plain(&s) || !t.is_quoted || !read_value(TEXT, t, value)) {
@@ -369,8 +360,8 @@ static int take_first(rx_fits_header *h)
 static bool is_compressed(const rx_fits_header *h)
 {
     seen s;
-    for (size_t i = 1; i < h->cards.length / CARD; i++) {
-        look(h->cards.data + i * CARD, &s);
+    for (size_t i = 1; i < h->cards.length / RX_CARD; i++) {
+        look(h->cards.data + i * RX_CARD, &s);
         if (strcmp(s.name, "ZIMAGE") == 0 && s.value != NULL && s.value[0] == 'T')
             return true;
     }
@@ -400,13 +391,14 @@ static void check_table(rx_fits_header *h, places *at)
 {
     static const char *const order[] = {"XTENSION", "BITPIX", "NAXIS",  "NAXIS1",
                                         "NAXIS2",   "PCOUNT", "GCOUNT", "TFIELDS"};
+    enum { ALL = sizeof order / sizeof *order };
     seen s = {0};
-    bool is_right = h->cards.length / CARD >= TABLE_CARDS;
-    for (size_t i = 1; i < TABLE_CARDS && is_right; i++) {
-        look(h->cards.data + i * CARD, &s);
+    bool is_right = h->cards.length / RX_CARD >= ALL;
+    for (size_t i = 1; i < ALL && is_right; i++) {
+        look(h->cards.data + i * RX_CARD, &s);
         is_right = strcmp(s.name, order[i]) == 0 && strchr("+-", s.value[0]) == NULL;
     }
-    if (!is_right || strtoll(value_of(h, &(*at)[row("TFIELDS")][0], &s).begin, NULL, 10) > MOST_FIELDS)
+    if (!is_right || strtoll(value_of(h, &(*at)[row("TFIELDS")][0], &s).begin, NULL, 10) > RX_FITS_FIELDS)
         set_fault(h, "the table does not begin with XTENSION, BITPIX, NAXIS, NAXIS1, NAXIS2, PCOUNT, GCOUNT, "
                      "TFIELDS (999 at most); the header is damaged");
 }
@@ -433,17 +425,15 @@ rx_status rx_fits_header_rebuild(rx_fits_header *h, rx_error *err)
     int where = take_first(h);
     if (where == TABLE && is_compressed(h))
         where |= COMPRESSED;
-    h->layout = rx_fits_layout_begin();
-    for (size_t i = 1; i < h->cards.length / CARD && h->fault[0] == '\0'; i++) {
+    for (size_t i = 1; i < h->cards.length / RX_CARD && h->fault[0] == '\0'; i++) {
         seen s;
         int number = 0;
-        look(h->cards.data + i * CARD, &s);
+        look(h->cards.data + i * RX_CARD, &s);
         const int r = rule_of(s.name, &number);
         if (is_too_long(&s, where != IMAGE))
             set_fault(h, "a value is longer than any of its kind; the header is damaged");
         else if (r >= 0 && (rules[r].where & where) != 0)
             take(h, i, &s, r, number, at);
-        rx_fits_layout_card(&h->layout, h->cards.data + i * CARD);
     }
     if (h->fault[0] == '\0' && where != IMAGE)
         check_table(h, at);

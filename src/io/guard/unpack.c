@@ -1,4 +1,4 @@
-/* Files packed with gzip, bzip2 or compress, and plain ones. */
+/* Files packed with gzip or bzip2, and plain ones. */
 #include "io/guard/guard.h"
 
 #include <errno.h>
@@ -28,25 +28,10 @@ static rx_status ask_memory(int64_t bytes, rx_error *err)
 /* Why nothing more comes: the end of what was packed, or a fault. */
 typedef enum ending { GOES_ON, AT_END, CUT_OFF, DAMAGED, UNREADABLE, NO_MEMORY } ending;
 
-/* LZW as compress(1) writes it (Welch 1984, IEEE Computer 17, 6, 8): codes of 9 to `most` bits, the lowest bit first,
- * that come in groups of eight. What a group still holds when the length of codes changes is no code. */
-enum { FIRST_BITS = 9, MOST_BITS = 16, CODES = 1 << MOST_BITS, CLEAR = 256, NO_CODE = -1 };
-
-typedef struct lzw {
-    int most, bits, next, last; /* next: code to be defined; last: the code before, NO_CODE behind a CLEAR */
-    bool clears;                /* CLEAR makes the table empty, and is no text */
-    unsigned char group[MOST_BITS + 2], first; /* two more, as a code is read out of three bytes */
-    int group_bits, at;
-    int waiting; /* bytes of stack, the next one on top */
-    uint16_t prefix[CODES];
-    unsigned char suffix[CODES], stack[CODES];
-} lzw;
-
 typedef struct packed {
     int (*read)(struct packed *p, char *dst, int size); /* bytes; fewer at the end, which `ending` says */
     FILE *file;
     gzFile gzip;
-    lzw *lzw;
 #if RX_HAVE_BZIP2
     bz_stream bzip2;
     bool has_bzip2;
@@ -54,94 +39,6 @@ typedef struct packed {
 #endif
     ending ending;
 } packed;
-
-/* --- compress --- */
-
-static ending lzw_begin(packed *p)
-{
-    unsigned char head[3];
-    if (fread(head, 1, sizeof head, p->file) != sizeof head)
-        return CUT_OFF;
-    p->lzw = RX_NEW(lzw, 1);
-    if (p->lzw == NULL)
-        return NO_MEMORY;
-    lzw *l = p->lzw;
-    l->most = head[2] & 0x1f;
-    l->clears = (head[2] & 0x80) != 0;
-    l->bits = FIRST_BITS;
-    l->next = l->clears ? CLEAR + 1 : CLEAR;
-    l->last = NO_CODE;
-    for (int i = 0; i < CLEAR; i++)
-        l->suffix[i] = (unsigned char)i;
-    return l->most >= FIRST_BITS && l->most <= MOST_BITS ? GOES_ON : DAMAGED;
-}
-
-/* The next code; NO_CODE at the end. */
-static int lzw_code(packed *p)
-{
-    lzw *l = p->lzw;
-    if (l->bits < l->most && l->next == 1 << l->bits) {
-        l->bits++;
-        l->group_bits = 0;
-    }
-    if (l->at + l->bits > l->group_bits) {
-        l->group_bits = 8 * (int)fread(l->group, 1, (size_t)l->bits, p->file);
-        l->at = 0;
-        if (l->bits > l->group_bits) {
-            p->ending = ferror(p->file) ? UNREADABLE : AT_END;
-            return NO_CODE;
-        }
-    }
-    const unsigned char *byte = l->group + l->at / 8;
-    const int code = (byte[0] | byte[1] << 8 | byte[2] << 16) >> l->at % 8 & ((1 << l->bits) - 1);
-    l->at += l->bits;
-    return code;
-}
-
-/* The text of one code onto the stack. */
-static void lzw_take(packed *p)
-{
-    lzw *l = p->lzw;
-    const int code = lzw_code(p);
-    if (code == NO_CODE)
-        return;
-    if (code == CLEAR && l->clears) {
-        l->bits = FIRST_BITS;
-        l->group_bits = 0;
-        l->next = CLEAR + 1;
-        l->last = NO_CODE;
-        return;
-    }
-    const bool undefined = code >= l->next; /* the one that is defined now, by its own first byte */
-    if (code > l->next || (l->last == NO_CODE && code >= CLEAR)) {
-        p->ending = DAMAGED;
-        return;
-    }
-    if (undefined)
-        l->stack[l->waiting++] = l->first;
-    int c = undefined ? l->last : code;
-    for (; c >= CLEAR; c = l->prefix[c]) /* each prefix is a smaller code: the stack holds them all */
-        l->stack[l->waiting++] = l->suffix[c];
-    l->first = l->suffix[c];
-    l->stack[l->waiting++] = l->first;
-    if (l->last != NO_CODE && l->next < 1 << l->most) {
-        l->prefix[l->next] = (uint16_t)l->last;
-        l->suffix[l->next++] = l->first;
-    }
-    l->last = code;
-}
-
-static int lzw_read(packed *p, char *dst, int size)
-{
-    int n = 0;
-    while (n < size && p->ending == GOES_ON) {
-        if (p->lzw->waiting == 0)
-            lzw_take(p);
-        while (n < size && p->lzw->waiting > 0)
-            dst[n++] = (char)p->lzw->stack[--p->lzw->waiting];
-    }
-    return n;
-}
 
 /* --- bzip2 --- */
 
@@ -222,9 +119,6 @@ static rx_status begin(packed *p, const char *path, rx_error *err)
                            "is packed by bzip2, whose library this program was built without; unpack it with "
                            "bunzip2");
 #endif
-    } else if (head[1] == 0x9d) {
-        p->read = lzw_read;
-        p->ending = lzw_begin(p);
     } else {
         p->read = gzip_read;
         p->gzip = gzopen(path, "rb");
@@ -243,7 +137,6 @@ static void end(packed *p)
     bzip2_end(p);
     free(p->input);
 #endif
-    free(p->lzw);
     if (p->gzip != NULL)
         gzclose(p->gzip);
     if (p->file != NULL)

@@ -8,8 +8,9 @@
 #include <unistd.h>
 
 #include "base/input.h"
+#include "io/cards.h"
 
-enum { CARD = 80, BLOCK = 2880, MAX_BLOCKS = 4096 };
+enum { MAX_BLOCKS = 4096 };
 
 static const char END[] = "END                                     "
                           "                                        ";
@@ -21,19 +22,20 @@ static bool is_key(const char *card, const char *key)
 
 static int64_t number(const char *card)
 {
-    char text[CARD - 9];
-    memcpy(text, card + 10, CARD - 10);
-    text[CARD - 10] = '\0';
+    char text[RX_CARD - 9];
+    memcpy(text, card + 10, RX_CARD - 10);
+    text[RX_CARD - 10] = '\0';
     return strtoll(text, NULL, 10);
 }
 
-rx_fits_layout rx_fits_layout_begin(void)
-{
-    return (rx_fits_layout){.product = 1, .gcount = 1};
-}
+/* What decides where the next header begins (FITS standard 4.0, section 4.4.1). */
+typedef struct layout {
+    int64_t bitpix, naxis, product, pcount, gcount;
+    bool is_empty, is_grouped; /* NAXIS1 is 0; which does not count with random groups */
+} layout;
 
 /* The length of an axis that NAXIS counts; others may be left over. */
-static void take_axis(rx_fits_layout *dst, const char *card)
+static void take_axis(layout *dst, const char *card)
 {
     const long axis = strtol(card + 5, NULL, 10);
     const int64_t length = number(card);
@@ -43,38 +45,41 @@ static void take_axis(rx_fits_layout *dst, const char *card)
         dst->product = -1;
 }
 
-void rx_fits_layout_card(rx_fits_layout *dst, const char *card)
+int64_t rx_fits_data_bytes(const char *cards, size_t n)
 {
-    if (is_key(card, "BITPIX  "))
-        dst->bitpix = number(card);
-    else if (is_key(card, "NAXIS   "))
-        dst->naxis = number(card);
-    else if (is_key(card, "PCOUNT  "))
-        dst->pcount = number(card);
-    else if (is_key(card, "GCOUNT  "))
-        dst->gcount = number(card);
-    else if (is_key(card, "GROUPS  "))
-        dst->is_grouped = memchr(card + 10, 'T', 20) != NULL;
-    else if (is_key(card, "NAXIS"))
-        take_axis(dst, card);
+    layout l = {.product = 1, .gcount = 1};
+    int64_t bytes, size = 0;
+    for (const char *card = cards; card < cards + n * RX_CARD; card += RX_CARD)
+        if (is_key(card, "BITPIX  "))
+            l.bitpix = number(card);
+        else if (is_key(card, "NAXIS   "))
+            l.naxis = number(card);
+        else if (is_key(card, "PCOUNT  "))
+            l.pcount = number(card);
+        else if (is_key(card, "GCOUNT  "))
+            l.gcount = number(card);
+        else if (is_key(card, "GROUPS  "))
+            l.is_grouped = memchr(card + 10, 'T', 20) != NULL;
+        else if (is_key(card, "NAXIS"))
+            take_axis(&l, card);
+    if (l.naxis == 0)
+        return 0;
+    if (l.bitpix == 8 || l.bitpix == 16 || l.bitpix == 32 || l.bitpix == 64 || l.bitpix == -32 ||
+        l.bitpix == -64)
+        size = labs((long)l.bitpix) / 8;
+    const int64_t product = l.is_empty && !l.is_grouped ? 0 : l.product;
+    if (size == 0 || product < 0 || l.pcount < 0 || l.gcount < 0 ||
+        __builtin_add_overflow(product, l.pcount, &bytes) ||
+        __builtin_mul_overflow(bytes, l.gcount, &bytes) || __builtin_mul_overflow(bytes, size, &bytes) ||
+        bytes > INT64_MAX - RX_FITS_BLOCK)
+        return -1;
+    return (bytes + RX_FITS_BLOCK - 1) / RX_FITS_BLOCK * RX_FITS_BLOCK;
 }
 
-int64_t rx_fits_layout_bytes(const rx_fits_layout *l)
+/* Of the data behind a header. */
+static int64_t bytes_behind(const rx_fits_header *header)
 {
-    int64_t bytes, size = 0;
-    if (l->naxis == 0)
-        return 0;
-    if (l->bitpix == 8 || l->bitpix == 16)
-        size = l->bitpix / 8;
-    else if (l->bitpix == 32 || l->bitpix == -32 || l->bitpix == 64 || l->bitpix == -64)
-        size = labs((long)l->bitpix) / 8;
-    const int64_t product = l->is_empty && !l->is_grouped ? 0 : l->product;
-    if (size == 0 || product < 0 || l->pcount < 0 || l->gcount < 0 ||
-        __builtin_add_overflow(product, l->pcount, &bytes) ||
-        __builtin_mul_overflow(bytes, l->gcount, &bytes) || __builtin_mul_overflow(bytes, size, &bytes) ||
-        bytes > INT64_MAX - BLOCK)
-        return -1;
-    return (bytes + BLOCK - 1) / BLOCK * BLOCK;
+    return rx_fits_data_bytes(header->cards.data, header->cards.length / RX_CARD);
 }
 
 /* Where blocks are read: a descriptor, or a file that cfitsio has open. */
@@ -87,9 +92,9 @@ typedef struct source {
 /* EINVAL: no file has such a place. */
 static bool read_plain(source *s, LONGLONG place, char *block)
 {
-    const ssize_t n = rx_input_read(s->plain, block, BLOCK, place);
+    const ssize_t n = rx_input_read(s->plain, block, RX_FITS_BLOCK, place);
     s->unreadable = n < 0 && errno != EINVAL && errno != EOVERFLOW;
-    return n == BLOCK;
+    return n == RX_FITS_BLOCK;
 }
 
 static bool read_block(source *s, LONGLONG place, char *block)
@@ -98,7 +103,7 @@ static bool read_block(source *s, LONGLONG place, char *block)
     if (s->open == NULL)
         return read_plain(s, place, block);
     ffmbyt(s->open, place, REPORT_EOF, &failed);
-    ffgbyt(s->open, BLOCK, block, &failed);
+    ffgbyt(s->open, RX_FITS_BLOCK, block, &failed);
     s->unreadable = rx_fits_is_unreadable(failed);
     return failed == 0;
 }
@@ -107,11 +112,11 @@ static bool read_block(source *s, LONGLONG place, char *block)
  * the end of the file. Only memory fails. */
 static rx_status read_header(source *s, LONGLONG *place, rx_fits_header *dst, bool *whole, rx_error *err)
 {
-    char block[BLOCK];
+    char block[RX_FITS_BLOCK];
     dst->cards.length = 0;
     dst->fault[0] = '\0';
     dst->is_rebuilt = *whole = false;
-    for (int b = 0; !*whole; b++, *place += BLOCK) {
+    for (int b = 0; !*whole; b++, *place += RX_FITS_BLOCK) {
         if (!read_block(s, *place, block) ||
             (b == 0 && strncmp(block, "SIMPLE  ", 8) != 0 && strncmp(block, "XTENSION", 8) != 0))
             break;
@@ -120,12 +125,12 @@ static rx_status read_header(source *s, LONGLONG *place, rx_fits_header *dst, bo
                      "its header has no END within %d blocks; the file is damaged", MAX_BLOCKS);
             return RX_OK;
         }
-        for (int i = 0; i < BLOCK && !*whole; i += CARD) {
+        for (int i = 0; i < RX_FITS_BLOCK && !*whole; i += RX_CARD) {
             *whole = rx_fits_is_end(block + i);
             if (*whole)
-                dst->is_rebuilt = strncmp(block + i, END, CARD) != 0;
+                dst->is_rebuilt = strncmp(block + i, END, RX_CARD) != 0;
             else
-                rx_text_add_bytes(&dst->cards, block + i, CARD);
+                rx_text_add_bytes(&dst->cards, block + i, RX_CARD);
         }
     }
     if (dst->cards.failed)
@@ -151,22 +156,12 @@ static rx_status write_header(int file, LONGLONG place, rx_fits_header *header, 
                               rx_error *err)
 {
     if (whole)
-        rx_text_add_bytes(&header->cards, END, CARD);
+        rx_text_add_bytes(&header->cards, END, RX_CARD);
     if (header->cards.failed)
         return rx_error_memory(err, header->cards.length);
     if (pwrite(file, header->cards.data, header->cards.length, (off_t)place) != (ssize_t)header->cards.length)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
     return RX_OK;
-}
-
-rx_status rx_fits_walk_header(int file, int64_t *place, rx_fits_header *dst, bool *whole, rx_error *err)
-{
-    source s = {.plain = file};
-    LONGLONG at = *place;
-    const rx_status status = read_header(&s, &at, dst, whole, err);
-    rx_text_tame(dst->fault); /* it may quote a damaged card */
-    *place = at;
-    return status;
 }
 
 rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_error *err)
@@ -184,7 +179,7 @@ rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_erro
         *odd |= header.is_rebuilt;
         if (header.is_rebuilt && mend)
             RX_TRY_EXIT(write_header(file, begin, &header, whole, path, err));
-        const int64_t bytes = rx_fits_layout_bytes(&header.layout);
+        const int64_t bytes = bytes_behind(&header);
         if (bytes < 0 || __builtin_add_overflow(place, bytes, &place))
             break;
     }
@@ -198,19 +193,19 @@ int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place)
     source s = {.plain = file};
     rx_fits_header header = {0};
     int64_t enough = 0;
-    for (LONGLONG at = *place; at <= INT64_MAX - BLOCK;) {
+    for (LONGLONG at = *place; at <= INT64_MAX - RX_FITS_BLOCK;) {
         bool whole = false;
-        if (at + BLOCK > size) {
-            enough = at + BLOCK;
+        if (at + RX_FITS_BLOCK > size) {
+            enough = at + RX_FITS_BLOCK;
             break;
         }
         if (read_header(&s, &at, &header, &whole, NULL) != RX_OK)
             break;
-        if (!whole && at + BLOCK > size) {
-            enough = at + BLOCK;
+        if (!whole && at + RX_FITS_BLOCK > size) {
+            enough = at + RX_FITS_BLOCK;
             break;
         }
-        const int64_t bytes = rx_fits_layout_bytes(&header.layout);
+        const int64_t bytes = bytes_behind(&header);
         if (!whole || header.fault[0] != '\0' || bytes < 0 || __builtin_add_overflow(at, bytes, &at))
             break;
         *place = at;

@@ -8,13 +8,10 @@
 #include <string.h>
 #include <strings.h>
 
+#include "base/constants.h"
 #include "base/point.h"
 #include "base/text.h"
 #include "io/cards.h"
-
-enum { CARD = 80 };
-
-static const double DEGREE = 0.017453292519943295769;
 
 void rx_wcs_note(rx_text *note, const char *text)
 {
@@ -46,7 +43,7 @@ static void set_text(char *card, const char *key, const char *value)
     rx_text text = {0};
     rx_card_text(&text, key, value, "");
     if (!text.failed)
-        memcpy(card, text.data, CARD);
+        memcpy(card, text.data, RX_CARD);
     rx_text_free(&text);
 }
 
@@ -54,10 +51,10 @@ static void set_text(char *card, const char *key, const char *value)
 static void repair_exponents(char *cards, size_t ncards)
 {
     for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD;
+        char *card = cards + i * RX_CARD;
         if (strncmp(card + 8, "= ", 2) != 0)
             continue;
-        for (int j = 11; j < CARD && card[j] != '\'' && card[j] != '/'; j++)
+        for (int j = 11; j < RX_CARD && card[j] != '\'' && card[j] != '/'; j++)
             if ((card[j] == 'D' || card[j] == 'd') &&
                 (isdigit((unsigned char)card[j - 1]) || card[j - 1] == '.'))
                 card[j] = 'E';
@@ -68,7 +65,7 @@ static void repair_exponents(char *cards, size_t ncards)
  * (FITS 4.0, section 8.2). -1: it is none. */
 static int axes_of(const char *card)
 {
-    const char *c = card + 9, *end = card + CARD;
+    const char *c = card + 9, *end = card + RX_CARD;
     int axes = 0, digits = 0;
     while (c < end && *c == ' ')
         c++;
@@ -79,13 +76,13 @@ static int axes_of(const char *card)
 
 /* wcslib 7.12 makes arrays of WCSAXES x WCSAXES numbers, or of NAXIS x NAXIS, whatever they say, and multiplies as
  * int; and it takes for granted that SIP, the solution of a plate and WAT come with two axes. An image has two: so
- * says the first card, which is free for that, unless NAXIS says more. */
+ * says a card of our own, unless NAXIS says more. */
 static void set_axes(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
-    char first[CARD + 1];
+    char first[RX_CARD + 1];
     int axes = 2;
     for (size_t i = 1; i < ncards; i++) {
-        char *card = cards + i * CARD;
+        char *card = cards + i * RX_CARD;
         const int wcsaxes = strncmp(card, "WCSAXES", 7) == 0;
         if (card[8] != '=' || (!wcsaxes && strncmp(card, "NAXIS   ", 8) != 0))
             continue;
@@ -96,10 +93,10 @@ static void set_axes(char *cards, size_t ncards, rx_wcs_notes *notes)
         if (!wcsaxes && n > axes)
             axes = n;
         if (n < 0 || !wcsaxes)
-            memset(card, ' ', CARD);
+            memset(card, ' ', RX_CARD);
     }
-    snprintf(first, sizeof first, "NAXIS   = %20d%*s", axes, CARD - 30, "");
-    memcpy(cards, first, CARD);
+    snprintf(first, sizeof first, "NAXIS   = %20d%*s", axes, RX_CARD - 30, "");
+    memcpy(cards + RX_WCS_NAXIS * RX_CARD, first, RX_CARD);
 }
 
 /* Order or coefficient of SIP. */
@@ -148,7 +145,7 @@ static int is_long_type(const char *card)
 {
     enum { LONGEST = 8 };
     static const char word[] = "type";
-    const char *c = memchr(card, '\'', CARD), *end = c != NULL ? memrchr(card, '\'', CARD) : NULL;
+    const char *c = memchr(card, '\'', RX_CARD), *end = c != NULL ? memrchr(card, '\'', RX_CARD) : NULL;
     if (strncmp(card, "WAT", 3) != 0 || c == end)
         return 0;
     for (c++; c < end;) {
@@ -176,7 +173,7 @@ static int is_long_type(const char *card)
 static int is_whole_card(const char *card)
 {
     static const char allowed[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
-    const char *c = card, *end = card + CARD;
+    const char *c = card, *end = card + RX_CARD;
     /* wcslib takes these for numbers, whatever they are */
     const bool number = is_sip(card) || (is_plate(card) && strncmp(card, "PLTDECSN", 8) != 0 &&
                                          strncmp(card, "PLATEID", 7) != 0);
@@ -221,14 +218,14 @@ static void keep_whole_wats(char *cards, size_t ncards)
         char seen[1000] = {0};
         int highest = 0, n = 0;
         for (size_t k = 0; k < ncards; k++) {
-            const int number = wat_number(cards + k * CARD, i);
+            const int number = wat_number(cards + k * RX_CARD, i);
             n += number > 0 && !seen[number];
             seen[number] = 1;
             highest = number > highest ? number : highest;
         }
         for (size_t k = 0; k < ncards && n < highest; k++)
-            if (wat_number(cards + k * CARD, i) > 0)
-                memset(cards + k * CARD, ' ', CARD);
+            if (wat_number(cards + k * RX_CARD, i) > 0)
+                memset(cards + k * RX_CARD, ' ', RX_CARD);
     }
 }
 
@@ -239,12 +236,12 @@ static void keep_whole_wats(char *cards, size_t ncards)
 static void keep_whole_cards(char *cards, size_t ncards)
 {
     for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD;
-        for (int j = 0; j < CARD; j++)
+        char *card = cards + i * RX_CARD;
+        for (int j = 0; j < RX_CARD; j++)
             if (card[j] < ' ' || card[j] > '~')
                 card[j] = '?';
         if (!is_whole_card(card))
-            memset(card, ' ', CARD);
+            memset(card, ' ', RX_CARD);
     }
     keep_whole_wats(cards, ncards);
 }
@@ -252,15 +249,15 @@ static void keep_whole_cards(char *cards, size_t ncards)
 static void drop(char *cards, size_t ncards, int (*is_one)(const char *card))
 {
     for (size_t i = 0; i < ncards; i++)
-        if (is_one(cards + i * CARD))
-            memset(cards + i * CARD, ' ', CARD);
+        if (is_one(cards + i * RX_CARD))
+            memset(cards + i * RX_CARD, ' ', RX_CARD);
 }
 
 static int count(const char *cards, size_t ncards, int (*is_one)(const char *card))
 {
     int n = 0;
     for (size_t i = 0; i < ncards; i++)
-        n += is_one(cards + i * CARD) != 0;
+        n += is_one(cards + i * RX_CARD) != 0;
     return n;
 }
 
@@ -274,7 +271,7 @@ static int has_plate(const char *cards, size_t ncards)
 {
     int seen[PLATE_CARDS] = {0}, n = 0;
     for (size_t i = 0; i < ncards; i++) {
-        const int k = plate_card(cards + i * CARD);
+        const int k = plate_card(cards + i * RX_CARD);
         if (k < 0 || k >= PLATE_CARDS)
             continue;
         n += ++seen[k] == 1;
@@ -297,16 +294,15 @@ static const char *next_number(const char *c, const char *end, double *value)
 /* The texts of WATi_001 ... as wcslib puts them together: to the first of fewer than 68 characters. */
 static void join_wats(const char *cards, size_t ncards, char i, rx_text *dst)
 {
-    enum { FULL = 68 };
-    size_t before = FULL;
-    for (int n = 1; n < 1000 && before == FULL; n++) {
-        char key[20], value[CARD];
+    size_t before = RX_CARD_TEXT;
+    for (int n = 1; n < 1000 && before == RX_CARD_TEXT; n++) {
+        char key[20], value[RX_CARD];
         snprintf(key, sizeof key, "WAT%c_%03d", i, n);
         before = dst->length;
         const long k = rx_cards_find(cards, ncards, key);
         if (k < 0)
             break;
-        const char *begin = memchr(cards + k * CARD, '\'', CARD), *end = cards + (k + 1) * CARD;
+        const char *begin = memchr(cards + k * RX_CARD, '\'', RX_CARD), *end = cards + (k + 1) * RX_CARD;
         end = begin != NULL ? rx_card_text_end(begin, end) : NULL;
         if (end == NULL)
             break;
@@ -365,17 +361,17 @@ static int has_wat(const char *cards, size_t ncards)
 
 /* What wcslib 7.12 makes of the cards depends on how they stand: the sign of the declination is one where blanks
  * follow it, and PLATEID, whose place has 56 bytes and is read without one, ends the solution where it stands behind
- * it. The second card is free for that. */
+ * it. */
 static void set_plate(char *cards, size_t ncards)
 {
-    char sign[CARD];
+    char sign[RX_CARD];
     const long i = rx_cards_find(cards, ncards, "PLTDECSN");
     rx_cards_text(cards, (long)ncards, "PLTDECSN", sign, sizeof sign);
-    set_text(cards + i * CARD, "PLTDECSN", strcmp(sign, "-") == 0 ? "-" : "+");
+    set_text(cards + i * RX_CARD, "PLTDECSN", strcmp(sign, "-") == 0 ? "-" : "+");
     for (size_t k = 0; k < ncards; k++)
-        if (strncmp(cards + k * CARD, "PLATEID", 7) == 0)
-            memset(cards + k * CARD, ' ', CARD);
-    set_text(cards + CARD, "PLATEID", "");
+        if (strncmp(cards + k * RX_CARD, "PLATEID", 7) == 0)
+            memset(cards + k * RX_CARD, ' ', RX_CARD);
+    set_text(cards + RX_WCS_PLATEID * RX_CARD, "PLATEID", "");
 }
 
 /* wcslib 7.12 knows one distortion at a time, that of the last card of any; of another one half is left, and of
@@ -417,7 +413,7 @@ static bool drop_distortions(char *cards, size_t ncards, rx_wcs_notes *notes)
 {
     int dropped = 0;
     for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD, key[9], kind[32];
+        char *card = cards + i * RX_CARD, key[9], kind[32];
         if (!is_distortion(card))
             continue;
         snprintf(key, sizeof key, "%.*s", (int)strcspn(card, " ="), card);
@@ -426,7 +422,7 @@ static bool drop_distortions(char *cards, size_t ncards, rx_wcs_notes *notes)
             rx_wcs_note(&notes->why, "distortions by CPDIS or CQDIS other than LOOKUP are not known here");
             return false;
         }
-        memset(card, ' ', CARD);
+        memset(card, ' ', RX_CARD);
         dropped = 1;
     }
     if (dropped)
@@ -481,7 +477,7 @@ static bool read_number(const char *card, const char *key, double *value)
 
 static void name_card(rx_text *names, const char *card, const char *key)
 {
-    char text[CARD];
+    char text[RX_CARD];
     rx_text_printf(names, "%s%s", names->length > 0 ? ", " : "", key);
     if (rx_cards_text(card, 1, key, text, sizeof text))
         rx_text_printf(names, " = '%s'", text);
@@ -494,7 +490,7 @@ static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_t
 {
     rx_text twice = {0}, absent = {0};
     for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * CARD, key[9], text[CARD], other[CARD];
+        char *card = cards + i * RX_CARD, key[9], text[RX_CARD], other[RX_CARD];
         double value;
         key_of(card, key);
         const bool number = is_number_key(key);
@@ -502,10 +498,10 @@ static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_t
             continue;
         const long first = rx_cards_find(cards, ncards, key);
         if (first >= 0 && (size_t)first < i) {
-            rx_cards_text(cards + first * CARD, 1, key, text, sizeof text);
+            rx_cards_text(cards + first * RX_CARD, 1, key, text, sizeof text);
             if (rx_cards_text(card, 1, key, other, sizeof other) && strcmp(text, other) != 0)
                 name_card(&twice, card, key);
-            memset(card, ' ', CARD);
+            memset(card, ' ', RX_CARD);
             continue;
         }
         if (!number) { /* a type without quotes */
@@ -525,8 +521,8 @@ static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_t
         rx_text plain = {0};
         if (!is_whole_card(card) || card[9 + strspn(card + 9, " ")] == '\'')
             rx_card_number(&plain, key, value, "");
-        if (plain.length == CARD)
-            memcpy(card, plain.data, CARD);
+        if (plain.length == RX_CARD)
+            memcpy(card, plain.data, RX_CARD);
         rx_text_free(&plain);
     }
     if (twice.length > 0) {
@@ -573,9 +569,9 @@ static bool read_matrix(const char *cards, size_t ncards, int kind, double m[4])
     for (int k = 0; k < 2; k++)
         there = rx_cards_number(cards, (long)ncards, k == 0 ? "CDELT1" : "CDELT2", &step[k]) || there;
     if (!pc && rx_cards_number(cards, (long)ncards, "CROTA2", &rotation)) {
-        m[0] = m[3] = cos(rotation * DEGREE);
-        m[1] = -sin(rotation * DEGREE) * step[1] / step[0];
-        m[2] = sin(rotation * DEGREE) * step[0] / step[1];
+        m[0] = m[3] = cos(rotation * RX_DEGREE);
+        m[1] = -sin(rotation * RX_DEGREE) * step[1] / step[0];
+        m[2] = sin(rotation * RX_DEGREE) * step[0] / step[1];
     }
     for (int k = 0; k < 4; k++)
         m[k] *= step[k / 2];
@@ -595,7 +591,7 @@ static bool settle_matrix(char *cards, size_t ncards, rx_wcs_notes *notes)
         const long k = rx_cards_find(cards, ncards, turning[i]);
         turned = turned || k >= 0;
         if (k >= 0)
-            memset(cards + k * CARD, ' ', CARD);
+            memset(cards + k * RX_CARD, ' ', RX_CARD);
     }
     rx_cards_number(cards, (long)ncards, "CDELT1", &one[0]);
     rx_cards_number(cards, (long)ncards, "CDELT2", &one[1]);
@@ -649,7 +645,7 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
         suffix += strlen(ctype[i]) >= 12 && strncmp(ctype[i] + 8, "-SIP", 4) == 0;
     }
     for (size_t i = 0; i < ncards; i++) {
-        int m = pv_number(cards + i * CARD, &axis);
+        int m = pv_number(cards + i * RX_CARD, &axis);
         high += m > 4;
         pv2 += m >= 0 && axis == 2;
     }
@@ -670,7 +666,7 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
         const char *key = i == 0 ? "CTYPE1" : "CTYPE2";
         const long k = rx_cards_find(cards, ncards, key);
         if (k >= 0)
-            set_text(cards + k * CARD, key, value);
+            set_text(cards + k * RX_CARD, key, value);
     }
     if (!sip && (high > 0 || pv2 > 0))
         rx_wcs_note(&notes->details, "TAN with PV coefficients is read as TPV");
@@ -683,7 +679,6 @@ static void repair_distortion(char *cards, size_t ncards, rx_wcs_notes *notes)
 /* TPV takes a PVi_1 that is not there for 1, all others for 0; wcslib 7.12 takes 0, so that a whole axis is one place. */
 static void complete_tpv(char *cards, size_t ncards)
 {
-    enum { FREE = 2 }; /* of the first cards */
     for (int axis = 1; axis <= 2; axis++) {
         const char *key = axis == 1 ? "PV1_1" : "PV2_1";
         char ctype[32];
@@ -693,7 +688,7 @@ static void complete_tpv(char *cards, size_t ncards)
             continue;
         rx_card_number(&one, key, 1.0, "");
         if (!one.failed)
-            memcpy(cards + (FREE + axis - 1) * CARD, one.data, CARD);
+            memcpy(cards + (axis == 1 ? RX_WCS_PV1 : RX_WCS_PV2) * RX_CARD, one.data, RX_CARD);
         rx_text_free(&one);
     }
 }

@@ -8,9 +8,9 @@
 
 #include "io/wcs_notes.h"
 
-/* Change cards in place, of which the first RX_WCS_OWN are free; what was changed in a way that users should know
- * goes to the notes. false: there are no world coordinates, notes->why says for what reason. */
-enum { RX_WCS_OWN = 4 };
+/* Change cards in place, of which the first RX_WCS_OWN are blank, for cards of our own; what was changed in a way that users
+ * should know goes to the notes. false: there are no world coordinates, notes->why says for what reason. */
+enum { RX_WCS_NAXIS, RX_WCS_PLATEID, RX_WCS_PV1, RX_WCS_PV2, RX_WCS_OWN };
 bool rx_wcs_guard(char *cards, size_t ncards, rx_wcs_notes *notes);
 
 /* How many of the first two axes have a type of the sky. */

@@ -22,17 +22,6 @@ make_fits tile tile.fits
 printf 'DETECT_MINAREA many\n' >default.sex
 expect 2 "^rextract: default\.sex:1: DETECT_MINAREA: 'many' is not a number$" tile.fits
 
-begin 'configuration with a keyword without value'
-make_fits tile tile.fits
-printf 'CATALOG_NAME # none\n' >my.sex
-expect 2 '^rextract: my\.sex:1: CATALOG_NAME: has no value' tile.fits -c my.sex
-
-begin 'configuration with an unset variable'
-make_fits tile tile.fits
-# shellcheck disable=SC2016 # for the program to expand
-printf 'CATALOG_NAME $RX_NOT_SET_AT_ALL/a.cat\n' >my.sex
-expect 2 '^rextract: my\.sex:1: environment variable RX_NOT_SET_AT_ALL is not set' tile.fits -c my.sex
-
 begin 'configuration that is binary'
 make_fits tile tile.fits
 printf 'CATALOG_NAME a\000b\n' >my.sex
@@ -55,34 +44,9 @@ begin 'a file that a column needs is asked for before the image is'
 printf 'NUMBER\nCLASS_STAR\n' >my.param
 expect 2 '^rextract: absent\.nnw: .*STARNNW_NAME or leave out CLASS_STAR' absent.fits $none -PARAMETERS_NAME my.param -STARNNW_NAME absent.nnw
 
-begin 'column file without columns'
-make_fits tile tile.fits
-printf '# NUMBER\n' >my.param
-expect 2 '^rextract: my\.param: chooses no column' tile.fits $none -PARAMETERS_NAME my.param
-
-begin 'column file with a bad dimension'
-make_fits tile tile.fits
-printf 'VIGNET(5,x)\n' >my.param
-expect 2 '^rextract: my\.param:1: bad dimension of VIGNET' tile.fits $none -PARAMETERS_NAME my.param
-
 begin 'filter that is not there'
 make_fits tile tile.fits
 expect 2 '^rextract: absent\.conv: cannot be opened' tile.fits $none -FILTER_NAME absent.conv
-
-begin 'filter without head'
-make_fits tile tile.fits
-printf '1 2 1\n2 4 2\n1 2 1\n' >my.conv
-expect 2 '^rextract: my\.conv:1: .*CONV NORM' tile.fits $none -FILTER_NAME my.conv
-
-begin 'filter with a ragged row'
-make_fits tile tile.fits
-printf 'CONV NORM\n1 2 1\n2 4\n1 2 1\n' >my.conv
-expect 2 '^rextract: my\.conv:3: this row has 2 numbers' tile.fits $none -FILTER_NAME my.conv
-
-begin 'filter with a word'
-make_fits tile tile.fits
-printf 'CONV NORM\n1 two 1\n' >my.conv
-expect 2 "^rextract: my\.conv:2: 'two' is not a number" tile.fits $none -FILTER_NAME my.conv
 
 begin 'filter of zeros'
 make_fits tile tile.fits
@@ -99,18 +63,6 @@ make_fits tile tile.fits
 make_fits table ref.fits
 printf 'recal all >= 0.9\n' >my.qa
 expect 2 "^rextract: my\.qa:1: unknown metric 'recal'; did you mean 'recall'" tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES my.qa
-
-begin 'gates with a bad operator'
-make_fits tile tile.fits
-make_fits table ref.fits
-printf '\nrecall all => 0.9\n' >my.qa
-expect 2 "^rextract: my\.qa:2: operator '=>'" tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES my.qa
-
-begin 'gates with a share above 1'
-make_fits tile tile.fits
-make_fits table ref.fits
-printf 'recall all >= 90\n' >my.qa
-expect 2 '^rextract: my\.qa:1: recall is a share' tile.fits $none -REFERENCE_NAME ref.fits -QA_GATES my.qa
 
 begin 'the dump of -d as it is, in a folder without the files that it names'
 make_fits tile tile.fits

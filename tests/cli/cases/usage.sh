@@ -81,25 +81,9 @@ begin 'unknown keyword'
 make_fits tile tile.fits
 expect 2 "^rextract: unknown keyword '-DETECT_TRESH'; did you mean -DETECT_THRESH\?$" tile.fits -DETECT_TRESH 3
 
-begin 'keyword like no other'
-make_fits tile tile.fits
-expect 2 "unknown keyword '-QWERTYUIOP'" tile.fits -QWERTYUIOP 3
-
 begin 'number that is none'
 make_fits tile tile.fits
 expect 2 "^rextract: -DETECT_MINAREA: 'five' is not a number$" tile.fits -DETECT_MINAREA five
-
-begin 'number out of range'
-make_fits tile tile.fits
-expect 2 '^rextract: -DETECT_MINAREA: 0 is out of range, give 1 to' tile.fits -DETECT_MINAREA 0
-
-begin 'word that is none'
-make_fits tile tile.fits
-expect 2 "unknown word 'FITS_LADC' \(did you mean FITS_LDAC\?\); give one of" tile.fits -CATALOG_TYPE FITS_LADC
-
-begin 'too many items'
-make_fits tile tile.fits
-expect 2 'PHOT_AUTOPARAMS: has 3 items, takes at most 2' tile.fits -PHOT_AUTOPARAMS 2.5,3.5,4.5
 
 begin 'restorer twice'
 make_fits tile tile.fits

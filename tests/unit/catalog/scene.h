@@ -3,17 +3,10 @@
 #define RX_TESTS_CATALOG_SCENE_H
 
 #include <math.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-#include <setjmp.h>
-
-#include <cmocka.h>
 
 #include "../scratch.h"
 #include "base/memory.h"

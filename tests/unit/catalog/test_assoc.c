@@ -44,7 +44,6 @@ static void first_source(rx_assoc_type type, int number, double id, double mag)
 
 static void every_type_combines_its_way(void **state)
 {
-    (void)state;
     double w1 = pow(10, -8), w2 = pow(10, -8.8);
     first_source(RX_ASSOC_NEAREST, 2, 2, 22);
     first_source(RX_ASSOC_FIRST, 1, 2, 22);
@@ -58,7 +57,6 @@ static void every_type_combines_its_way(void **state)
 
 static void selection_renumbers_everything(void **state)
 {
-    (void)state;
     for (int matched = 0; matched < 2; matched++) {
         rx_assoc *list = read_list(list_text);
         rx_sources *sources = scene_sources(3);
@@ -93,7 +91,6 @@ static void selection_renumbers_everything(void **state)
 
 static void all_columns_when_none_is_named(void **state)
 {
-    (void)state;
     rx_assoc *list = read_list(list_text);
     rx_sources *sources = scene_sources(1);
     rx_assoc_params par = params(RX_ASSOC_NEAREST);
@@ -111,7 +108,6 @@ static void all_columns_when_none_is_named(void **state)
 
 static void what_cannot_work_is_said(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_assoc *list = read_list(list_text), *none = NULL;
     rx_sources *sources = scene_sources(1);
@@ -133,7 +129,6 @@ static void what_cannot_work_is_said(void **state)
 
 static void empty_lists_and_empty_catalogues(void **state)
 {
-    (void)state;
     rx_assoc *empty = read_list("# x y mag id\n"), *list = read_list(list_text);
     rx_sources *sources = scene_sources(2), *nothing = scene_sources(0);
     rx_assoc_params par = params(RX_ASSOC_SUM);

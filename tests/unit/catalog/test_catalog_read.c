@@ -19,7 +19,6 @@ static rx_table *good(const char *text)
 
 static void head_of_sextractor(void **state)
 {
-    (void)state;
     rx_table *t =
         good("#   1 NUMBER                 Running object number\n"
              "#   2 FLUX_APER              Flux vector [of sorts]                   [count]\n"
@@ -40,7 +39,6 @@ static void head_of_sextractor(void **state)
 
 static void names_from_a_comment_or_a_first_line(void **state)
 {
-    (void)state;
     static const char *const texts[] = {"# made by hand\n# x y mag\n1 2 20.5\n3 4 21\n",
                                         "x,y,mag\n1,2,20.5\n3,4,21\n", "#x, y, mag\n1, 2, 20.5\n3, 4, 21\n",
                                         "x y mag\n1 2 20.5\n3 4 21",
@@ -61,7 +59,6 @@ static void names_from_a_comment_or_a_first_line(void **state)
 /* A comment behind the line of names does not make a row of it, which had no room. */
 static void a_comment_behind_the_names_changes_nothing(void **state)
 {
-    (void)state;
     rx_table *t = good("name,a rather long name of a column\n# 1 NUMBER or not\nb c,1\n");
     assert_int_equal(t->nrows, 1);
     assert_int_equal(t->ncolumns, 2);
@@ -72,7 +69,6 @@ static void a_comment_behind_the_names_changes_nothing(void **state)
 
 static void cells_of_text_and_nothing(void **state)
 {
-    (void)state;
     rx_table *t = good("id,name,mag,n\n1,\"M 31, the nebula\",3.4,\n2,,--,7\n");
     assert_int_equal(t->columns[1].type, RX_CELL_TEXT);
     assert_string_equal((char *)t->columns[1].data, "M 31, the nebula");
@@ -85,7 +81,6 @@ static void cells_of_text_and_nothing(void **state)
 
 static void large_identifiers_keep_their_digits(void **state)
 {
-    (void)state;
     rx_table *t = good("# objid\n1237678617402605705\n");
     assert_int_equal(((int64_t *)t->columns[0].data)[0], 1237678617402605705LL);
     rx_table_free(t);
@@ -100,7 +95,6 @@ static void large_identifiers_keep_their_digits(void **state)
 
 static void votables_of_others(void **state)
 {
-    (void)state;
     rx_table *t = good(VOTABLE(
         "<v:FIELD name='id' datatype='long'><v:VALUES null='-1'/></v:FIELD>"
         "<v:FIELD name='ra' datatype='double' unit='deg' ucd='pos.eq.ra'><v:DESCRIPTION>a &amp; "
@@ -146,7 +140,6 @@ static const char BINARY2[] =
 
 static void binary_streams(void **state)
 {
-    (void)state;
     for (int nulls = 0; nulls < 2; nulls++) {
         rx_table *t = good(nulls ? BINARY2 : BINARY);
         assert_int_equal(t->nrows, 2);
@@ -177,7 +170,6 @@ static void binary_streams(void **state)
 /* Every stream that ends early is refused, or ends with a row. */
 static void binary_streams_cut_short(void **state)
 {
-    (void)state;
     const size_t begin = (size_t)(strstr(BINARY2, "\nAAAR") - BINARY2) + 1,
                  end = (size_t)(strstr(BINARY2, "==") - BINARY2);
     for (size_t cut = begin; cut < end; cut++) {
@@ -195,7 +187,6 @@ static void binary_streams_cut_short(void **state)
 
 static void many_rows_of_a_votable(void **state)
 {
-    (void)state;
     rx_text text = {0};
     rx_text_add(&text, "<VOTABLE><TABLE><FIELD name='other' datatype='int'/></TABLE><TABLE><FIELD name='n' "
                        "datatype='int'/><FIELD name='s' datatype='char' arraysize='*'/><DATA><TABLEDATA>");
@@ -213,7 +204,6 @@ static void many_rows_of_a_votable(void **state)
 
 static void what_is_no_catalogue(void **state)
 {
-    (void)state;
     static const struct {
         const char *text, *says;
         long line;

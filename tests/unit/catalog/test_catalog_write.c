@@ -61,7 +61,6 @@ static void end(scene *s)
 
 static void ascii_head_is_laid_out_as_sextractors(void **state)
 {
-    (void)state;
     scene s;
     begin(&s, 1, 2);
     assert_int_equal(write_all(RX_CATALOG_ASCII_HEAD, "out.cat", s.tables, 2, NULL), RX_OK);
@@ -93,7 +92,6 @@ static void ascii_head_is_laid_out_as_sextractors(void **state)
 
 static void skycat_has_its_frame(void **state)
 {
-    (void)state;
     scene s;
     begin(&s, 2, 0);
     assert_int_equal(write_all(RX_CATALOG_ASCII_SKYCAT, "out.cat", s.tables, 1, NULL), RX_OK);
@@ -125,7 +123,6 @@ static void same_numbers(const rx_table *a, const rx_table *b, double tolerance)
 
 static void what_is_written_reads_back(void **state)
 {
-    (void)state;
     static const struct {
         rx_catalog_type type;
         double tolerance;
@@ -151,7 +148,6 @@ static void what_is_written_reads_back(void **state)
 
 static void no_source_is_a_catalogue_too(void **state)
 {
-    (void)state;
     for (int type = RX_CATALOG_ASCII; type <= RX_CATALOG_FITS_LDAC; type++) {
         scene s;
         struct stat info;

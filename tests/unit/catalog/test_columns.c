@@ -6,7 +6,6 @@
 
 static void every_column_is_sound(void **state)
 {
-    (void)state;
     int n;
     const rx_column_def *defs = rx_column_defs(&n);
     static const char *const units[] = {"",    "count",  "mag",       "pixel",       "pixel**2",
@@ -38,7 +37,6 @@ static rx_status read_param(const char *text, rx_log *log, rx_column_list **list
 
 static void param_files_as_users_have_them(void **state)
 {
-    (void)state;
     rx_column_list *list = NULL;
     int dim[2];
     assert_int_equal(
@@ -67,7 +65,6 @@ static void param_files_as_users_have_them(void **state)
 
 static void warnings_are_said_once(void **state)
 {
-    (void)state;
     char shown[2048] = "";
     rx_log log;
     rx_column_list *list = NULL;
@@ -92,7 +89,6 @@ static void warnings_are_said_once(void **state)
 
 static void bad_param_files(void **state)
 {
-    (void)state;
     static const struct {
         const char *text, *says;
         long line;
@@ -133,7 +129,6 @@ static void bad_param_files(void **state)
 
 static void default_columns_are_those_of_the_file(void **state)
 {
-    (void)state;
     char path[1024];
     const char *root = getenv("srcdir");
     rx_column_list *built = NULL, *file = NULL;
@@ -149,7 +144,6 @@ static void default_columns_are_those_of_the_file(void **state)
 
 static void values_leave_in_catalogue_conventions(void **state)
 {
-    (void)state;
     rx_sources *sources = scene_sources(2);
     sources->list[1].flux_auto = -3;
     sources->list[1].flags = RX_FLAG_CROWDED;
@@ -194,7 +188,6 @@ static void values_leave_in_catalogue_conventions(void **state)
 /* As scipy.stats.truncnorm has them: the 95 % quantiles of a Gaussian that is cut off below 0. */
 static void upper_limits_of_fluxes_that_are_not_negative(void **state)
 {
-    (void)state;
     static const double flux[] = {-120, -30, 0, 20, 80, NAN, -1e30},
                         limit[] = {2.454685215939456, 8.171724833937013, 19.59963984540055, 36.55984356713827,
                                    96.44853626951472};
@@ -219,7 +212,6 @@ static void upper_limits_of_fluxes_that_are_not_negative(void **state)
 /* A source of an SDSS frame as source-extractor 2.25 has it; the matrix is the frame's CD matrix. */
 static void world_shapes_as_in_sextractor(void **state)
 {
-    (void)state;
     rx_sources *sources = scene_sources(1);
     rx_source *s = &sources->list[0];
     s->x2 = 6.8081199830e-01, s->y2 = 4.9320764884e-01, s->xy = -2.7193280914e-03;
@@ -255,7 +247,6 @@ static void world_shapes_as_in_sextractor(void **state)
 
 static void vignets_are_cut_around_their_centre(void **state)
 {
-    (void)state;
     rx_sources *sources = scene_sources(2);
     sources->vignet_width = 5, sources->vignet_height = 3;
     sources->vignets = RX_NEW(float, 2 * 15);

@@ -1,10 +1,4 @@
 /* Which restorer AUTO takes, on tiles where one of them must win. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,52 +12,6 @@
 #include "stage/pipeline.h"
 
 enum { SIDE = 300 };
-
-/* --- windows --- */
-
-static void windows_are_of_a_mpixel_whatever_the_tile(void **state)
-{
-    (void)state;
-    static const int sizes[][3] = {
-        {4096, 4096, 4}, {1024, 1024, 1}, {300, 200, 1}, {1025, 1024, 4}, {300, 8000, 4}};
-    for (size_t k = 0; k < sizeof sizes / sizeof *sizes; k++) {
-        rx_replica_part part[RX_CHOICE_WINDOWS];
-        rx_tile tile = {.width = sizes[k][0], .height = sizes[k][1]};
-        long area = 0;
-        tile.mask = calloc((size_t)tile.width, (size_t)tile.height);
-        assert_non_null(tile.mask);
-        const int n = rx_choice_windows(&tile, part);
-        assert_int_equal(n, sizes[k][2]);
-        for (int i = 0; i < n; i++) {
-            area += (long)part[i].width * part[i].height;
-            assert_in_range(part[i].x, 0, tile.width - part[i].width);
-            assert_in_range(part[i].y, 0, tile.height - part[i].height);
-            for (int j = 0; j < i; j++) {
-                const int beside = abs(part[i].x - part[j].x), above = abs(part[i].y - part[j].y);
-                assert_true(beside >= part[j].width || above >= part[j].height);
-            }
-        }
-        assert_in_range(area, 1, 1024 * 1024);
-        free(tile.mask);
-    }
-}
-
-static void windows_avoid_what_is_masked(void **state)
-{
-    (void)state;
-    rx_replica_part part[RX_CHOICE_WINDOWS];
-    rx_tile tile = {.width = 2400, .height = 2400};
-    tile.mask = calloc(2400, 2400);
-    assert_non_null(tile.mask);
-    for (size_t i = 0; i < 2400 * 800; i++)
-        tile.mask[i] = RX_MASK_BAD;
-    assert_int_equal(rx_choice_windows(&tile, part), 4);
-    assert_int_equal(part[0].y, 1200 - RX_CHOICE_SIDE);
-    assert_int_equal(part[2].y, 1200 + (1200 - RX_CHOICE_SIDE) / 2);
-    free(tile.mask);
-}
-
-/* --- choices --- */
 
 enum { AS_IT_IS, NO_PSF, MASKED, NO_NOISE };
 
@@ -99,7 +47,6 @@ static const setting unfiltered[] = {
 
 static void the_better_one_wins(void **state)
 {
-    (void)state;
     const rx_choice c = choose(unfiltered, AS_IT_IS, "1");
     assert_string_equal(c.taken->name, "RL");
     assert_int_equal(c.injected, 300);
@@ -114,7 +61,6 @@ static void the_better_one_wins(void **state)
 /* What is right for a noise that is not known cannot be tried on it. */
 static void without_noise_nothing_is_restored(void **state)
 {
-    (void)state;
     const rx_choice c = choose(unfiltered, NO_NOISE, "1");
     assert_string_equal(c.taken->name, "NONE");
     for (int i = 1; i < RX_CHOICE_CANDIDATES; i++) {
@@ -123,27 +69,9 @@ static void without_noise_nothing_is_restored(void **state)
     }
 }
 
-static void threads_change_nothing(void **state)
-{
-    (void)state;
-    static const setting few[] = {{"SELF_CHECK_COUNT", "20"},
-                                  {"FILTER", "N"},
-                                  {"DETECT_MINAREA", "3"},
-                                  {"RL_NITER", "20"},
-                                  {NULL, NULL}};
-    const rx_choice one = choose(few, AS_IT_IS, "1"), four = choose(few, AS_IT_IS, "4");
-    assert_int_equal(one.injected, 20);
-    assert_string_equal(one.why, four.why);
-    for (int i = 0; i < 2; i++) {
-        assert_memory_equal(&one.of[i].bias, &four.of[i].bias, sizeof one.of[i].bias);
-        assert_memory_equal(&one.of[i].scatter, &four.of[i].scatter, sizeof one.of[i].scatter);
-    }
-}
-
 /* What Richardson-Lucy makes of noise in 60 plain iterations is worse than the noise; a tie is NONE's as well. */
 static void a_worse_one_leaves_none(void **state)
 {
-    (void)state;
     static const setting noisy[] = {{"RL_NITER", "60"},
                                     {"RL_ACCELERATE", "N"},
                                     {"RL_DENOISE", "0"},
@@ -161,7 +89,6 @@ static void a_worse_one_leaves_none(void **state)
 /* With a PSF a fifth too wide its fluxes are not those of the pixels, however much it finds. */
 static void a_flux_scale_that_is_off_is_a_veto(void **state)
 {
-    (void)state;
     static const setting wide[] = {{"FILTER", "N"},     {"DETECT_MINAREA", "3"},     {"RL_NITER", "20"},
                                    {"PSF_FWHM", "4.2"}, {"SELF_CHECK_COUNT", "100"}, {NULL, NULL}};
     const rx_choice c = choose(wide, AS_IT_IS, "1");
@@ -171,19 +98,8 @@ static void a_flux_scale_that_is_off_is_a_veto(void **state)
     assert_int_equal(c.of[1].tried, 0);
 }
 
-static void without_a_psf_it_is_none(void **state)
-{
-    (void)state;
-    const rx_choice c = choose(unfiltered, NO_PSF, "1");
-    assert_string_equal(c.taken->name, "NONE");
-    assert_string_equal(c.why, "the PSF is not known");
-    assert_int_equal(c.injected, 0);
-    assert_int_equal(c.of[0].tried + c.of[1].tried + c.of[2].tried, 0);
-}
-
 static void without_room_it_is_none(void **state)
 {
-    (void)state;
     const rx_choice c = choose(unfiltered, MASKED, "1");
     assert_string_equal(c.taken->name, "NONE");
     assert_int_equal(c.injected, 0);
@@ -192,7 +108,6 @@ static void without_room_it_is_none(void **state)
 
 static void facts_say_all_of_it(void **state)
 {
-    (void)state;
     rx_record facts = {0};
     rx_choice c = {.why = "so"};
     rx_choice_facts(&c, &facts);
@@ -220,16 +135,9 @@ static void facts_say_all_of_it(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(windows_are_of_a_mpixel_whatever_the_tile),
-        cmocka_unit_test(windows_avoid_what_is_masked),
-        cmocka_unit_test(the_better_one_wins),
-        cmocka_unit_test(without_noise_nothing_is_restored),
-        cmocka_unit_test(threads_change_nothing),
-        cmocka_unit_test(a_worse_one_leaves_none),
-        cmocka_unit_test(a_flux_scale_that_is_off_is_a_veto),
-        cmocka_unit_test(without_a_psf_it_is_none),
-        cmocka_unit_test(without_room_it_is_none),
-        cmocka_unit_test(facts_say_all_of_it),
+        cmocka_unit_test(the_better_one_wins),     cmocka_unit_test(without_noise_nothing_is_restored),
+        cmocka_unit_test(a_worse_one_leaves_none), cmocka_unit_test(a_flux_scale_that_is_off_is_a_veto),
+        cmocka_unit_test(without_room_it_is_none), cmocka_unit_test(facts_say_all_of_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,10 +1,4 @@
 /* Errors from injected objects: ranks, groups, weights, what is too little, and what they cover. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -14,11 +8,16 @@
 
 enum { MOST = 4000 };
 
-static rx_conformal *of(const rx_conformal_case *cases, long n)
+static rx_conformal of(rx_conformal_case *cases, long n)
 {
-    rx_conformal *conformal = NULL;
-    assert_int_equal(rx_conformal_new(cases, n, &conformal, NULL), RX_OK);
+    rx_conformal conformal;
+    rx_conformal_fit(cases, n, &conformal);
     return conformal;
+}
+
+static int groups(const rx_conformal *conformal)
+{
+    return conformal->places[0].n + conformal->places[1].n;
 }
 
 /* Scores 1 .. n, the brighter the smaller, at S/N up to n. */
@@ -30,17 +29,16 @@ static void steps(rx_conformal_case *cases, int n)
 
 static void the_score_is_the_right_one_of_n(void **state)
 {
-    (void)state;
     static const int counts[] = {1, 2, 3, 18, 19, 20, 100, 199};
     rx_conformal_case cases[200];
     double factor[2];
     for (size_t k = 0; k < sizeof counts / sizeof *counts; k++) {
         const int n = counts[k];
         steps(cases, n);
-        rx_conformal *conformal = of(cases, n);
-        assert_int_equal(rx_conformal_cases(conformal), n);
-        assert_int_equal(rx_conformal_groups(conformal), 1);
-        rx_conformal_at(conformal, 0.5, 0, factor);
+        const rx_conformal conformal = of(cases, n);
+        assert_int_equal(conformal.n, n);
+        assert_int_equal(groups(&conformal), 1);
+        rx_conformal_at(&conformal, 0.5, 0, factor);
         static const double levels[] = {0.682689, 0.95};
         for (int level = 0; level < 2; level++) {
             const double rank = ceil((n + 1) * levels[level]);
@@ -49,69 +47,61 @@ static void the_score_is_the_right_one_of_n(void **state)
             else
                 assert_true(isnan(factor[level]));
         }
-        rx_conformal_at(conformal, n + 0.1, 0, factor); /* brighter than all */
+        rx_conformal_at(&conformal, n + 0.1, 0, factor); /* brighter than all */
         assert_true(isnan(factor[0]));
-        rx_conformal_free(conformal);
     }
-    rx_conformal_at(NULL, 5, 0, factor);
+    rx_conformal_at(&(rx_conformal){0}, 5, 0, factor);
     assert_true(isnan(factor[0]));
     cases[0].score = NAN;
     cases[1].weight = 0;
-    rx_conformal *none = of(cases, 2);
-    assert_int_equal(rx_conformal_cases(none), 0);
-    rx_conformal_at(none, 1, 0, factor);
+    const rx_conformal none = of(cases, 2);
+    assert_int_equal(none.n, 0);
+    rx_conformal_at(&none, 1, 0, factor);
     assert_true(isnan(factor[0]));
-    rx_conformal_free(none);
 }
 
 static void groups_are_of_like_snr_and_blending(void **state)
 {
-    (void)state;
     rx_conformal_case *cases = malloc(800 * sizeof *cases);
     double factor[2];
     assert_non_null(cases);
     steps(cases, 800);
     for (int i = 0; i < 800; i += 2)
         cases[i].blend = 0.5, cases[i].score += 10000;
-    rx_conformal *conformal = of(cases, 800);
-    assert_int_equal(rx_conformal_groups(conformal), 4);
-    rx_conformal_at(conformal, 400, 0.09, factor); /* scores 799, 797 .. 401 */
+    rx_conformal conformal = of(cases, 800);
+    assert_int_equal(groups(&conformal), 4);
+    rx_conformal_at(&conformal, 400, 0.09, factor); /* scores 799, 797 .. 401 */
     assert_near(factor[0], 401 + 2 * (ceil(201 * 0.682689) - 1), 1e-12);
-    rx_conformal_at(conformal, 401, 0.09, factor); /* 399 .. 1 */
+    rx_conformal_at(&conformal, 401, 0.09, factor); /* 399 .. 1 */
     assert_near(factor[0], 1 + 2 * (ceil(201 * 0.682689) - 1), 1e-12);
-    rx_conformal_at(conformal, 10, 0.1, factor); /* 10800 .. 10402 */
+    rx_conformal_at(&conformal, 10, 0.1, factor); /* 10800 .. 10402 */
     assert_near(factor[1], 10402 + 2 * (ceil(201 * 0.95) - 1), 1e-12);
-    rx_conformal_free(conformal);
     for (int i = 0; i < 800; i++)
         cases[i].blend = i < 59 ? 0.5 : 0; /* too few for themselves */
     conformal = of(cases, 800);
-    assert_int_equal(rx_conformal_groups(conformal), 4);
-    rx_conformal_at(conformal, 3, 0.5, factor);
+    assert_int_equal(groups(&conformal), 4);
+    rx_conformal_at(&conformal, 3, 0.5, factor);
     assert_true(factor[0] > 10000);
-    rx_conformal_free(conformal);
     free(cases);
 }
 
 static void faint_ones_weigh_more(void **state)
 {
-    (void)state;
     rx_conformal_case cases[101];
     double factor[2];
     steps(cases, 101);
     for (int i = 0; i < 101; i++)
         cases[i].weight = cases[i].score > 91 ? 100 : 1; /* ten of 1000 in all and 91 */
-    rx_conformal *conformal = of(cases, 101);
-    rx_conformal_at(conformal, 1, 0, factor);
+    const rx_conformal conformal = of(cases, 101);
+    rx_conformal_at(&conformal, 1, 0, factor);
     const double mean = 1091 / 101.0;
     assert_near(factor[0], 91 + ceil((0.682689 * (1091 + mean) - 91) / 100), 1e-12);
-    rx_conformal_free(conformal);
 }
 
 /* Errors that are three times too small and of long tails, in the tile as among the injected: half that are injected say what
  * the other half is. */
 static void intervals_hold_what_they_say(void **state)
 {
-    (void)state;
     rx_conformal_case *cases = malloc(2 * MOST * sizeof *cases);
     assert_non_null(cases);
     for (int i = 0; i < 2 * MOST; i++) {
@@ -123,12 +113,12 @@ static void intervals_hold_what_they_say(void **state)
                                                 (1 + 10 / snr),
                                        .weight = 1 / snr};
     }
-    rx_conformal *conformal = of(cases, MOST);
+    const rx_conformal conformal = of(cases, MOST);
     double inside[2] = {0, 0};
     int n = 0;
     for (int i = MOST; i < 2 * MOST; i++) {
         double factor[2];
-        rx_conformal_at(conformal, cases[i].snr, cases[i].blend, factor);
+        rx_conformal_at(&conformal, cases[i].snr, cases[i].blend, factor);
         if (isnan(factor[1]))
             continue;
         n++;
@@ -138,7 +128,6 @@ static void intervals_hold_what_they_say(void **state)
     assert_true(n > 0.99 * MOST);
     assert_near(inside[0] / n, 0.6827, 0.02);
     assert_near(inside[1] / n, 0.95, 0.01);
-    rx_conformal_free(conformal);
     free(cases);
 }
 

@@ -1,11 +1,4 @@
 /* The command line, and lists of tiles. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "../near.h"
 #include "../scratch.h"
 #include "config/arguments.h"
@@ -47,36 +40,6 @@ static rx_log quiet(FILE *stream)
     rx_log log;
     rx_log_init(&log, "t", stream, RX_QUIET);
     return log;
-}
-
-static void actions_are_told_apart(void **state)
-{
-    static const struct {
-        const char *line;
-        rx_action action;
-    } cases[] = {
-        {"rextract", RX_ACTION_NONE},
-        {"rextract-train -INFO model.fits", RX_ACTION_INFO},
-        {"rextract-train -EPOCHS 3 -info model.fits", RX_ACTION_INFO},
-        {"rextract -FLAGS 19", RX_ACTION_FLAGS},
-        {"rextract -flags", RX_ACTION_FLAGS},
-        {"rextract-validate HELP", RX_ACTION_HELP},
-        {"rextract a.fits -h", RX_ACTION_HELP},
-        {"rextract-simulate", RX_ACTION_NONE},
-        {"rextract-simulate -SEED 3 -dd", RX_ACTION_DUMP_ALL},
-        {"rextract-simulate -v", RX_ACTION_VERSION},
-        {"rextract-validate", RX_ACTION_NONE},
-        {"rextract-validate -dd", RX_ACTION_DUMP_ALL},
-    };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        rx_error err;
-        rx_arguments arguments;
-        rx_log log = quiet(stderr);
-        assert_int_equal(read_line(state, cases[i].line, &arguments, &log, &err), RX_OK);
-        assert_int_equal(arguments.action, cases[i].action);
-        assert_null(arguments.settings);
-        rx_arguments_free(&arguments);
-    }
 }
 
 static void images_and_keywords_come_in_any_order(void **state)
@@ -270,7 +233,6 @@ static void the_same_tile_may_be_read_twice(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        IN_FOLDER(actions_are_told_apart),
         IN_FOLDER(images_and_keywords_come_in_any_order),
         IN_FOLDER(files_are_found_and_overridden),
         IN_FOLDER(campaign_files_are_named_either_way),

@@ -1,15 +1,10 @@
 /* The keyword tables themselves: every row is sound, and the structs hold what the rows say. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
-#include <cmocka.h>
-
+#include "../unit.h"
 #include "config/config_fields.h"
 #include "config/keyword.h"
 
@@ -26,7 +21,6 @@ static const rx_keytable *table_of(int i)
 static void names_are_unique_and_fit_a_dump(void **state)
 {
     static const int least[TABLES] = {100, 40, 20, 40, 5};
-    (void)state;
     for (int t = 0; t < TABLES; t++) {
         const rx_keytable *table = table_of(t);
         int keys = 0;
@@ -48,7 +42,6 @@ static void names_are_unique_and_fit_a_dump(void **state)
 
 static void every_row_has_help_in_one_line(void **state)
 {
-    (void)state;
     for (int t = 0; t < TABLES; t++)
         for (int row = 0; row < table_of(t)->nrows; row++) {
             const rx_keyword *key = &table_of(t)->rows[row];
@@ -92,7 +85,6 @@ static void check_needs(const rx_keytable *table, const rx_keyword *key)
 
 static void needs_are_conditions_on_the_table(void **state)
 {
-    (void)state;
     int n = 0;
     for (int t = 0; t < TABLES; t++)
         for (int row = 0; row < table_of(t)->nrows; row++) {
@@ -126,7 +118,6 @@ static void check_row(const rx_keyword *key)
 
 static void ranges_words_and_counts_are_sound(void **state)
 {
-    (void)state;
     for (int t = 0; t < TABLES; t++)
         for (int row = 0; row < table_of(t)->nrows; row++)
             if (table_of(t)->rows[row].kind != RX_KIND_SECTION)
@@ -136,7 +127,6 @@ static void ranges_words_and_counts_are_sound(void **state)
 /* Against SExtractor 2.25's own numbers, written down here once more. */
 static void defaults_are_those_of_sextractor(void **state)
 {
-    (void)state;
     rx_config *c = NULL;
     assert_int_equal(rx_config_new(&c, NULL), RX_OK);
     assert_string_equal(c->catalog_name, "test.cat");

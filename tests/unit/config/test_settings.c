@@ -1,11 +1,4 @@
 /* Settings of all programs: files and command lines read, parts under prefixes, relations, keywords given in vain, copies, dumps. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
-
 #include "../scratch.h"
 #include "config/config_fields.h"
 #include "config/idle.h"
@@ -21,7 +14,7 @@ static rx_config *defaults(void)
 static rx_campaign_config *campaign(void)
 {
     rx_campaign_config *config = NULL;
-    assert_int_equal(rx_campaign_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_settings_new(rx_keytable_validate(), (rx_settings **)&config, NULL), RX_OK);
     return config;
 }
 
@@ -176,7 +169,6 @@ static void bad_lines_say_where_and_what(void **state)
 
 static void command_line_values_are_strict(void **state)
 {
-    (void)state;
     rx_error err = RX_ERROR_NONE;
     rx_config *c = defaults();
     assert_int_equal(rx_settings_set(&c->settings, "DETECT_MINAREA", "5 6", NULL, &err), RX_USAGE);
@@ -193,7 +185,7 @@ static void command_line_values_are_strict(void **state)
     rx_campaign_config *campaigns = campaign();
     assert_int_equal(rx_settings_set(&campaigns->settings, "SIM.SEED", "x", NULL, &err), RX_USAGE);
     assert_string_equal(err.text, "-SIM.SEED: 'x' is not a number");
-    rx_campaign_config_free(campaigns);
+    rx_settings_free(&campaigns->settings);
 }
 
 /* Everything logged while the configuration of `text` is checked. */
@@ -265,7 +257,7 @@ static void prefixed_names_reach_the_parts(void **state)
     assert_int_equal(rx_settings_was_set(&c->settings, "SIM.SEED"), RX_FROM_FILE);
     assert_int_equal(rx_settings_was_set(&c->settings, "STAGE.GAIN"), RX_FROM_DEFAULT);
     assert_int_equal(rx_settings_was_set((const rx_settings *)c->stage, "SEED"), RX_FROM_FILE);
-    rx_campaign_config_free(c);
+    rx_settings_free(&c->settings);
 }
 
 /* One setting after the other, "KEYWORD value;KEYWORD value", then the checks. */
@@ -320,7 +312,6 @@ static void simulations_are_checked(void **state)
         {"TEMPLATE_COUNT 5;TEMPLATE_NAME cosmos", NULL},
         {"SHARP_NAME NONE;TRUTH_NAME NONE;FLAG_NAME NONE", NULL},
     };
-    (void)state;
     check_relations(rx_keytable_simulate(), sizeof cases / sizeof cases[0], cases);
 }
 
@@ -348,7 +339,6 @@ static void campaigns_are_checked(void **state)
         {"SIM.PSF_TYPE PSFEX;CAMPAIGN_TYPE RESTORATION", "-SIM.PSF_TYPE: PSFEX has no FWHM"},
         {"STAGE.CHECKIMAGE_TYPE RESTORED,OBJECTS", "-STAGE.CHECKIMAGE_NAME: names 1 file(s)"},
     };
-    (void)state;
     check_relations(rx_keytable_validate(), sizeof cases / sizeof cases[0], cases);
 }
 
@@ -366,7 +356,6 @@ static void trainings_are_checked(void **state)
         {"SIM.INJECT_IMAGE a.fits", "-SIM.INJECT_IMAGE: has no place in a training"},
         {"SIM.STAR_COUNT 0;SIM.GALAXY_COUNT 0", "-SIM.STAR_COUNT: there are no stars, galaxies or templates"},
     };
-    (void)state;
     check_relations(rx_keytable_train(), sizeof cases / sizeof cases[0], cases);
 }
 
@@ -381,7 +370,6 @@ static void tiles_are_checked(void **state)
         {"REFERENCE_COLUMNS x,y", "-REFERENCE_COLUMNS: has 2 item(s)"},
         {"CHECKIMAGE_TYPE RESTORED,NONE;CHECKIMAGE_NAME a.fits;QA_GATES a.qa;REFERENCE_NAME r.fits", NULL},
     };
-    (void)state;
     check_relations(rx_keytable_rextract(), sizeof cases / sizeof cases[0], cases);
 }
 
@@ -434,7 +422,6 @@ static void keywords_set_in_vain_warn(void **state)
         {rx_keytable_train, "LOSS_TYPE PLAIN;LOSS_FLOOR 3",
          "t: warning: LOSS_FLOOR 3 has no effect without LOSS_TYPE LINEAR"},
     };
-    (void)state;
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         char said[512] = "", more[512] = "";
         rx_error err;
@@ -526,7 +513,6 @@ static void keywords_of_a_psf_that_is_not_made(void **state)
     static const char *const needs[][2] = {{"RESTORE_TYPE", "NONE,RL"}, {"FILTER_TYPE", "AUTO"},
                                            {"SELF_CHECK", "Y"},         {"QA_TYPE", "TILE"},
                                            {"CHECKIMAGE_TYPE", "PSF"},  {"TEMPLATE_COVAR_NAME", "c.fits"}};
-    (void)state;
     for (size_t k = 0; k <= sizeof needs / sizeof *needs; k++) {
         rx_settings *settings = NULL;
         rx_idle idle = {.has_column = only_x_image};
@@ -555,7 +541,7 @@ static void relations_of_parts_name_their_line(void **state)
     assert_int_equal(rx_settings_check(&c->settings, &err), RX_USAGE);
     assert_int_equal(err.line, 2);
     assert_string_equal(err.text, "SIM.GALAXY_MAG: 3 is above 2; give <from>,<to>");
-    rx_campaign_config_free(c);
+    rx_settings_free(&c->settings);
 }
 
 static void copies_are_equal_and_independent(void **state)
@@ -588,7 +574,7 @@ static void copies_are_equal_and_independent(void **state)
     assert_string_equal(err.text, "-STAGE.SEED: 'x' is not a number");
     rx_config_free(stage);
     rx_settings_free(copy);
-    rx_campaign_config_free(c);
+    rx_settings_free(&c->settings);
     rx_text_free(&before);
     rx_text_free(&after);
     rx_text_free(&source);
@@ -640,7 +626,6 @@ static void dumps_read_back(void **state)
 /* config/default.sex is what -d prints. */
 static void committed_default_is_the_dump(void **state)
 {
-    (void)state;
     char path[1024], *file = NULL;
     rx_text text = {0};
     const char *root = getenv("srcdir");

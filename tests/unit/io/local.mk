@@ -11,5 +11,3 @@ check_PROGRAMS += tests/unit/io/test_output
 tests_unit_io_test_output_SOURCES = tests/unit/io/test_output.c
 check_PROGRAMS += tests/unit/io/test_fits
 tests_unit_io_test_fits_SOURCES = tests/unit/io/test_fits.c
-check_PROGRAMS += tests/unit/io/test_hcompress
-tests_unit_io_test_hcompress_SOURCES = tests/unit/io/test_hcompress.c tests/unit/io/io_test.h

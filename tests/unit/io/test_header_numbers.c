@@ -39,7 +39,6 @@ static int count_of(const char *text, const char *word)
 
 static void test_units(void **state)
 {
-    (void)state;
     static const char *const units[][2] = {{"e-/ADU", "e/adu"},
                                            {"e/DN", "e/adu"},
                                            {"electrons per count", "e/adu"},

@@ -394,7 +394,6 @@ static void test_links(void **state)
     }
 }
 
-/* One that cannot be renamed: the rest of the transaction goes away. */
 static void test_failing_commit(void **state)
 {
     rx_outputs *outputs = NULL;
@@ -422,6 +421,7 @@ int main(void)
         cmocka_unit_test(test_modes),        cmocka_unit_test(test_planted),
         cmocka_unit_test(test_leftovers),    cmocka_unit_test(test_two_at_once),
         cmocka_unit_test(test_taken_number), cmocka_unit_test(test_aside),
-        cmocka_unit_test(test_links),        cmocka_unit_test(test_failing_commit)};
+        cmocka_unit_test(test_links),        cmocka_unit_test(test_failing_commit),
+    };
     return cmocka_run_group_tests_name("outputs", tests, make_scratch, remove_scratch);
 }

@@ -170,27 +170,6 @@ static void test_inherit(void **state)
     rx_text_free(&file);
 }
 
-/* Two headers of 30,000 cards: each compared with each other takes 9 s of a CPU. */
-static void test_inherit_much(void **state)
-{
-    enum { N = 30000 };
-    rx_text parent = {0}, cards = {0};
-    for (int i = 0; i < N; i++) {
-        rx_text_printf(&parent, i % 2 ? "HIERARCH KEY %-6d = %-58d" : "K%-7d= %-70d", i, i);
-        rx_text_printf(&cards, i % 2 ? "HIERARCH Key %-6d = %-58d" : "K%-7d= %-70d", i + N / 2, i);
-    }
-    const clock_t start = clock();
-    rx_cards_inherit(&cards, parent.data, N);
-    const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
-    (void)state;
-    assert_false(cards.failed);
-    assert_int_equal(cards.length / 80, N + N / 2);
-    assert_int_equal(strncmp(cards.data + N * 80, parent.data, (size_t)N / 2 * 80), 0);
-    assert_true(seconds < 3);
-    rx_text_free(&parent);
-    rx_text_free(&cards);
-}
-
 /* --- compressed files, many HDUs, names --- */
 
 static void test_compressed(void **state)
@@ -877,7 +856,6 @@ int main(void)
                                        cmocka_unit_test(test_no_numbers),
                                        cmocka_unit_test(test_units),
                                        cmocka_unit_test(test_inherit),
-                                       cmocka_unit_test(test_inherit_much),
                                        cmocka_unit_test(test_compressed),
                                        cmocka_unit_test(test_names),
                                        cmocka_unit_test(test_bad_names),

@@ -70,7 +70,6 @@ static void check_real(const char *folder, const struct expected *e)
 
 static void test_real_headers(void **state)
 {
-    (void)state;
     const char *folder = real_data();
     if (folder == NULL)
         skip();
@@ -81,7 +80,6 @@ static void test_real_headers(void **state)
 /* A section of a tile shows the same sky. */
 static void test_sections(void **state)
 {
-    (void)state;
     static const char *const files[] = {"wcs/tpv.fits.gz", "wcs/sipsample.fits", "wcs/tnx.fits",
                                         "fields/M6707HH.fits", "fields/spitzer_example_image.fits"};
     const char *folder = real_data();
@@ -147,7 +145,6 @@ static void check_against(rx_wcs *wcs, void (*model)(double, double, double *, d
 
 static void test_tan(void **state)
 {
-    (void)state;
     char note[256];
     double m[4];
     rx_wcs *wcs = from_lines(TAN_HEADER("TAN"), 1000, 800, note);
@@ -198,7 +195,6 @@ static void sip(double x, double y, double *xi, double *eta)
 /* A type that only looks like one is no silent want of coordinates. */
 static void test_types_of_another_spelling(void **state)
 {
-    (void)state;
     static const char *const headers[] = {
         "CTYPE1  = 'ra---tan'\nCTYPE2  = 'dec--tan'\n" CENTRE PIXEL MATRIX,
         "CTYPE1  = ' RA---TAN'\nCTYPE2  = ' DEC--TAN'\n" CENTRE PIXEL MATRIX,
@@ -214,7 +210,6 @@ static void test_types_of_another_spelling(void **state)
 /* A frame that is none is warned of, and takes no position away. */
 static void test_unknown_frame(void **state)
 {
-    (void)state;
     static const char *const frames[] = {"ICRS", "FK5", "J2000"};
     double x = 10, y = 20, alpha[3], delta[3];
     for (int i = 0; i < 3; i++) {
@@ -233,7 +228,6 @@ static void test_unknown_frame(void **state)
 /* The same sky, however it is written; what contradicts it is warned of, and what only repeats it is not. */
 static void test_numbers(void **state)
 {
-    (void)state;
     static const struct {
         const char *lines, *said;
         int warns;
@@ -298,7 +292,6 @@ static void test_numbers(void **state)
 /* Half of a solution gives no positions, and says what is missing. */
 static void test_half_read(void **state)
 {
-    (void)state;
     static const struct {
         const char *lines, *said;
     } cases[] = {
@@ -340,7 +333,6 @@ static void test_half_read(void **state)
 /* A place far away must not fold back into the image by its polynomial. */
 static void test_far_away(void **state)
 {
-    (void)state;
     char note[256];
     rx_wcs *wcs = from_lines(TAN_HEADER("TPV") PV_CARDS, 1000, 800, note);
     double ra[4] = {330.25, 151.25, 150.25, 149.0}, dec[4] = {-2.5, 2.5, 3.9, 80}, x[4], y[4];
@@ -379,7 +371,6 @@ static void check_frame(const char *lon_type, const char *lat_type, const char *
 
 static void test_frames(void **state)
 {
-    (void)state;
     check_frame("RA---TAN", "DEC--TAN", "", 45, -60, 45, -60);
     check_frame("RA---TAN", "DEC--TAN", "RADESYS = 'FK5'\nEQUINOX = 2000.0", 45, -60, 45, -60);
     check_frame("RA---TAN", "DEC--TAN", "EQUINOX = 1991.25", 45, -60, 45.05245331, -59.96556779);
@@ -395,7 +386,6 @@ static void test_frames(void **state)
  * against astropy within its slightly different precession. */
 static void test_frames_loosely(void **state)
 {
-    (void)state;
     char note[256];
     double x = 49.5, y = 49.5, ra, dec;
     rx_wcs *wcs =
@@ -421,7 +411,6 @@ static void test_frames_loosely(void **state)
 
 static void test_unusable(void **state)
 {
-    (void)state;
     static const char *const headers[] = {
         "NAXIS   = 2\nEXPTIME = 3.0",
         "CTYPE1  = 'LINEAR'\nCTYPE2  = 'LINEAR'\nCRVAL1  = 1.0\nCRVAL2  = 1.0",
@@ -449,7 +438,6 @@ static void test_unusable(void **state)
 /* Cards that wcslib does not survive; without them the header is as good as it was. */
 static void test_hostile_cards(void **state)
 {
-    (void)state;
     static const char *const cards[] = {
         "WAT1_001= 'wtype=tan lngcor = and no quote at the end of the card",
         "WAT1_000= 'wtype=tnx axtype=ra lngcor = \"3. 4. 4. 2. -0.1 0.1\"'",
@@ -500,7 +488,6 @@ static void test_hostile_cards(void **state)
  * halves change nothing; what could have been a solution is said to be ignored. */
 static void test_halves_of_distortions(void **state)
 {
-    (void)state;
     static const struct {
         const char *cards, *note;
     } cases[] = {
@@ -544,7 +531,6 @@ static void test_halves_of_distortions(void **state)
 /* The solution of a plate is used when every card of it is there, PLATEID behind it or not. */
 static void test_plate(void **state)
 {
-    (void)state;
     static const char *const cards[] = {
         "CNPIX1  = 6000",  "CNPIX2  = 7000", "PPO3    = 177500", "PPO6    = 177500", "XPIXELSZ= 25.0",
         "YPIXELSZ= 25.0",  "PLTRAH  = 10",   "PLTRAM  = 20",     "PLTRAS  = 3.5",    "PLTDECSN= '-'",
@@ -581,7 +567,6 @@ static void test_plate(void **state)
 
 static void test_linear(void **state)
 {
-    (void)state;
     rx_text cards = {0};
     double map[6];
     cards_from("CRVAL1  = 10.0\nCRVAL2  = 20.0\nCRPIX1  = 3.0\nCRPIX2  = 1.0\nCDELT1  = 0.5\nCDELT2  = 2.0",
@@ -620,7 +605,6 @@ static void *convert_all(void *user)
 
 static void test_shared_by_threads(void **state)
 {
-    (void)state;
     static double x[SHARED], y[SHARED], alpha[SHARED], delta[SHARED];
     char note[256];
     pthread_t threads[2];

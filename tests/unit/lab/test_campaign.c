@@ -26,14 +26,14 @@ static rx_status run(const char *folder, const char *settings, rx_error *err)
     char text[2048], *rest = NULL;
     snprintf(text, sizeof text, "OUTPUT_NAME %s JOURNAL_NAME %s.journal QA_FIGURES N %s", folder, folder,
              settings);
-    assert_int_equal(rx_campaign_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_settings_new(rx_keytable_validate(), (rx_settings **)&config, NULL), RX_OK);
     for (char *name = strtok_r(text, " ", &rest); name != NULL; name = strtok_r(NULL, " ", &rest))
         if (rx_settings_set(&config->settings, name, strtok_r(NULL, " ", &rest), NULL, err) != RX_OK)
             fail_msg("%s: %s", name, err->text);
     rx_status status = rx_settings_check(&config->settings, err);
     if (status == RX_OK)
         status = rx_campaign_run(config, NULL, err);
-    rx_campaign_config_free(config);
+    rx_settings_free(&config->settings);
     return status;
 }
 

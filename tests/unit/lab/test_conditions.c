@@ -12,7 +12,7 @@ static void the_given_psf(void **state)
         {"SEEING", "4,4.4"}, {"PSF_ERROR", "0.1"}, {"SIM.IMAGE_SIZE", "128"}};
     rx_campaign_config *config = NULL;
     rx_lab *lab = NULL;
-    assert_int_equal(rx_campaign_config_new(&config, NULL), RX_OK);
+    assert_int_equal(rx_settings_new(rx_keytable_validate(), (rx_settings **)&config, NULL), RX_OK);
     for (int i = 0; i < 3; i++)
         assert_int_equal(rx_settings_set(&config->settings, pairs[i][0], pairs[i][1], NULL, NULL), RX_OK);
     assert_int_equal(rx_lab_open(&rx_kind_detection, config, 1, NULL, &lab, NULL), RX_OK);
@@ -25,7 +25,7 @@ static void the_given_psf(void **state)
     for (int i = 0; i < wide->given->size * wide->given->size; i++)
         assert_near(wide->given->basis[i], expected->given->basis[i], 1e-7);
     rx_lab_close(lab);
-    rx_campaign_config_free(config);
+    rx_settings_free(&config->settings);
 }
 
 static void check_sky(const rx_background *sky, int x, double level, double noise)

@@ -10,7 +10,6 @@
 #include "../small_net.h"
 #include "base/memory.h"
 #include "base/random.h"
-#include "io/fits_digest.h"
 #include "io/fits_read.h"
 #include "io/fits_write.h"
 #include "nn/model.h"

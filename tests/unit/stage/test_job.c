@@ -1,10 +1,4 @@
 /* The job on arrays gives what it gives on the file; files by the same keywords; what is refused. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -93,7 +87,6 @@ static void assert_same_table(const rx_table *a, const rx_table *b)
 
 static void arrays_give_the_catalogue_of_the_file(void **state)
 {
-    (void)state;
     static const rx_job_setting more[] = {
         {"CATALOG_NAME", "out.cat"}, {"CATALOG_TYPE", "FITS_1.0"}, {"PARAMETERS_NAME", "columns.param"}};
     rx_job_setting room[NSETTINGS + MORE];
@@ -127,7 +120,6 @@ static void arrays_give_the_catalogue_of_the_file(void **state)
 
 static void bad_pixels_and_masks_hide(void **state)
 {
-    (void)state;
     rx_job_setting room[NSETTINGS + MORE];
     const rx_job job = job_with(room, NULL, 0);
     rx_error err = RX_ERROR_NONE;
@@ -168,7 +160,6 @@ static void bad_pixels_and_masks_hide(void **state)
 
 static void weights_count_as_those_of_a_file(void **state)
 {
-    (void)state;
     static const rx_job_setting mapped[] = {{"WEIGHT_TYPE", "MAP_WEIGHT"}};
     rx_job_setting room[NSETTINGS + MORE];
     rx_error err = RX_ERROR_NONE;
@@ -195,7 +186,6 @@ static void weights_count_as_those_of_a_file(void **state)
 
 static void a_psf_by_itself_and_again(void **state)
 {
-    (void)state;
     rx_job_setting room[NSETTINGS + MORE];
     rx_job job = job_with(room, NULL, 0);
     rx_error err = RX_ERROR_NONE;
@@ -225,7 +215,6 @@ static void a_psf_by_itself_and_again(void **state)
 
 static void a_self_check_lists_what_it_injected(void **state)
 {
-    (void)state;
     static const rx_job_setting checked[] = {{"SELF_CHECK", "Y"}};
     rx_job_setting room[NSETTINGS + MORE];
     const rx_job job = job_with(room, checked, 1);
@@ -259,7 +248,6 @@ static void a_self_check_lists_what_it_injected(void **state)
 
 static void what_is_for_files_is_refused(void **state)
 {
-    (void)state;
     static const struct {
         rx_job_setting setting;
         const char *said;
@@ -302,7 +290,6 @@ static void what_is_for_files_is_refused(void **state)
 /* Each bit of a column once, and those that other headers name by number. */
 static void every_flag_has_a_name(void **state)
 {
-    (void)state;
     static const int fitted[] = {RX_TPHOT_GROUP_CUT, RX_TPHOT_BORDER,  RX_TPHOT_MASKED,   RX_TPHOT_BOUND,
                                  RX_TPHOT_SINGULAR,  RX_TPHOT_NO_DATA, RX_TPHOT_POSITION, RX_TPHOT_EXTRA};
     int n, k = 0;

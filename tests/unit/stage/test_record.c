@@ -22,7 +22,6 @@ static const char *find(const rx_record *record, const char *name)
 
 static void the_run_is_recorded_without_threads(void **state)
 {
-    (void)state;
     rx_config *config = NULL;
     rx_record record = {0};
     assert_int_equal(rx_config_new(&config, NULL), RX_OK);
@@ -62,7 +61,6 @@ static rx_status compare_line(void *user, const char *line, rx_error *err)
 /* Whatever stands in a value: headers give it back to the byte. */
 static void history_is_lossless(void **state)
 {
-    (void)state;
     rx_record record = {0};
     rx_text cards = {0};
     char value[400];
@@ -87,7 +85,6 @@ static void history_is_lossless(void **state)
 
 static void cards_are_whole(void **state)
 {
-    (void)state;
     rx_record record = {0};
     rx_text cards = {0};
     rx_record_add(&record, "RXPSF", "PSF of the input", "%s", "a Moffat");

@@ -1,10 +1,4 @@
 /* Reference catalogues: which columns are taken, pixel counting, magnitudes and fluxes. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,7 +35,6 @@ static rx_tile plain_tile(void)
 
 static void known_names_are_found_and_counted_from_zero(void **state)
 {
-    (void)state;
     const double rows[] = {11.0, 21.0, 20.0, 0.02, 5.0, 900.0, 21.0, 0.1, 7.0, 8.0, 99.0, 99.0};
     rx_table *table =
         table_of(4, (const char *const[]){"X_IMAGE", "Y_IMAGE", "MAG_AUTO", "MAGERR_AUTO"}, 3, rows);
@@ -65,7 +58,6 @@ static void known_names_are_found_and_counted_from_zero(void **state)
 
 static void fluxes_become_magnitudes(void **state)
 {
-    (void)state;
     const double rows[] = {11.0, 21.0, 100.0};
     rx_table *table = table_of(3, (const char *const[]){"px", "py", "r_psfFlux"}, 1, rows);
     const char *const columns[] = {"px", "py", "r_psfFlux"};
@@ -97,7 +89,6 @@ static void expect_error(rx_reference_params par, const char *const *names, rx_s
 
 static void what_is_missing_is_named(void **state)
 {
-    (void)state;
     const char *const columns[] = {"X_IMAGE", "Y_IMAGE", "MAGNITUDE"};
     rx_reference_params named = {.name = "ref", .ncolumns = 3, .columns = columns};
     const char *const degrees[] = {"RA", "DEC", "MAG"};
@@ -132,7 +123,6 @@ static rx_tile sky_tile(double ra, double dec, const char *more, rx_text *cards)
 /* Where astropy's SkyCoord.apply_space_motion() takes them from 2016.0 to MJD 60311.25, of a star at 1 pc. */
 static void gaia_moves_to_the_epoch_of_the_tile(void **state)
 {
-    (void)state;
     static const double rows[][8] = {{30.0, 85.0, 10000.0, -5000.0, 2016.0, 15.0, 100.0, 14.5},
                                      {0.001, -30.0, -3000.0, 800.0, 2016.0, 15.0, 100.0, 14.5}};
     static const double there[][2] = {{30.2544709694, 84.9888368648}, {359.9933001587, -29.9982215419}};
@@ -179,7 +169,6 @@ static void count_warnings(void *user, rx_log_kind kind, const char *text)
 /* The band of the tile's filter, of REFERENCE_BAND, or the survey's first; colour terms; other names that are alike. */
 static void surveys_are_known_by_their_columns(void **state)
 {
-    (void)state;
     static const struct {
         const char *band, *filter, *names[6];
         double mag; /* NAN: refused */
@@ -231,7 +220,6 @@ static void surveys_are_known_by_their_columns(void **state)
 
 static void colours_shift_magnitudes(void **state)
 {
-    (void)state;
     const double rows[] = {150.0, 2.0, 20.0, 20.5, 0.01, 0.02, 150.01, 2.01, 19.0, -999.0, 0.01, -999.0};
     const char *const names[] = {"raMean",      "decMean",        "rMeanPSFMag",
                                  "gMeanPSFMag", "rMeanPSFMagErr", "gMeanPSFMagErr"};

@@ -1,10 +1,4 @@
 /* The simulator's job: settings, fields in memory and in files, injection into tiles. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <dirent.h>
 #include <math.h>
 #include <stdio.h>
@@ -134,7 +128,6 @@ static double value(const rx_table *table, const char *column, long row)
 
 static void keywords_become_values(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"PSF_FWHM", "2.5"},     {"PAIR_DISTANCE", "0.6,1.2"},
                                        {"LEAST_DISTANCE", "3"}, {"NOISE_TYPE", "CCD"},
                                        {"GAIN", "2"},           {"SATUR_LEVEL", "12345.678"},
@@ -161,25 +154,11 @@ static void keywords_become_values(void **state)
     rx_simulation_free(s);
 }
 
-static void psf_needs_what_it_is_made_from(void **state)
-{
-    (void)state;
-    static const setting automatic[] = {{"PSF_TYPE", "AUTO"}, {NULL, NULL}};
-    static const setting file[] = {{"PSF_TYPE", "FILE"}, {"PSF_NAME", "none.fits"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    assert_int_equal(run(automatic, &err), RX_USAGE);
-    assert_non_null(strstr(err.text, "INJECT_IMAGE"));
-    assert_int_equal(run(file, &err), RX_INPUT);
-    assert_non_null(strstr(err.where, "none.fits"));
-    assert_int_equal(files_here(0), 0);
-}
-
 /* --- fields in memory --- */
 
 /* Exposed = clean + sky + noise of the width asked for; the sharp image holds the same light. */
 static void noise_and_light(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"SKY_LEVEL", "500"}, {"NOISE_SIGMA", "8"}, {NULL, NULL}};
     rx_simulation *s = simulation_of(settings);
     rx_simulated field = make(s, 0);
@@ -214,7 +193,6 @@ static void assert_same_field(const rx_simulated *a, const rx_simulated *b)
  * the sharp reference; another one is different in every respect. */
 static void series(void **state)
 {
-    (void)state;
     static const setting settings[] = {
         {"NOISE_TYPE", "CCD"},  {"GAIN", "2"},         {"SATUR_LEVEL", "1400"}, {"BAD_COLUMNS", "0.02"},
         {"COSMIC_RAYS", "300"}, {"CLUSTERING", "0.3"}, {"PAIR_SHARE", "0.3"},   {NULL, NULL}};
@@ -253,7 +231,6 @@ static void series(void **state)
 /* The tile in memory is the one that the stage reads from the file. */
 static void file_and_memory(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"NOISE_TYPE", "CCD"},     {"GAIN", "2.5"},
                                        {"SATUR_LEVEL", "1400.1"}, {"BAD_COLUMNS", "0.02"},
                                        {"COSMIC_RAYS", "300"},    {"MAG_ZEROPOINT", "26"},
@@ -314,7 +291,6 @@ static void file_and_memory(void **state)
  * them. */
 static void truth(void **state)
 {
-    (void)state;
     static const char *const types[] = {"ASCII_HEAD", "ASCII_VOTABLE", "FITS_1.0", "FITS_LDAC"};
     for (size_t k = 0; k < sizeof types / sizeof *types; k++) {
         const setting settings[] = {
@@ -350,21 +326,6 @@ static void truth(void **state)
     }
 }
 
-/* Whole or not at all. */
-static void nothing_is_left(void **state)
-{
-    (void)state;
-    static const setting no_folder[] = {
-        {"IMAGE_NAME", "a.fits"}, {"TRUTH_NAME", "/proc/such/truth.fits"}, {NULL, NULL}};
-    static const setting no_tile[] = {{"IMAGE_NAME", "a.fits"}, {"INJECT_IMAGE", "no.fits"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    assert_int_not_equal(run(no_folder, &err), RX_OK);
-    assert_non_null(strstr(err.where, "/proc/such"));
-    assert_int_equal(run(no_tile, &err), RX_INPUT);
-    assert_non_null(strstr(err.where, "no.fits"));
-    assert_int_equal(files_here(0), 0);
-}
-
 /* --- injection --- */
 
 static const setting tile_settings[] = {{"IMAGE_NAME", "tile.fits"}, {"SEED", "77"},
@@ -376,7 +337,6 @@ static const setting tile_settings[] = {{"IMAGE_NAME", "tile.fits"}, {"SEED", "7
 /* Flux that the truth tells = flux by which the tile grew; header and holes of the tile stay. */
 static void adds_known_flux(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"IMAGE_NAME", "out.fits"},
                                        {"INJECT_IMAGE", "tile.fits"},
                                        {"STAR_COUNT", "300"},
@@ -439,7 +399,6 @@ static void open_field(const char *name, rx_config **config, rx_options **option
 /* PSF, gain and saturation are the tile's, the zero point what was set by hand, AWAY keeps its distance. */
 static void settings_of_a_tile(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"INJECT_IMAGE", "tile.fits"},
                                        {"PSF_TYPE", "AUTO"},
                                        {"INJECT_PLACE", "AWAY"},
@@ -491,25 +450,10 @@ static void settings_of_a_tile(void **state)
     rx_config_free(config);
 }
 
-static void no_stars_no_psf(void **state)
-{
-    (void)state;
-    static const setting empty[] = {
-        {"IMAGE_NAME", "tile.fits"}, {"STAR_COUNT", "0"}, {"GALAXY_COUNT", "0"}, {NULL, NULL}};
-    static const setting settings[] = {
-        {"IMAGE_NAME", "out.fits"}, {"INJECT_IMAGE", "tile.fits"}, {"PSF_TYPE", "AUTO"}, {NULL, NULL}};
-    rx_error err = RX_ERROR_NONE;
-    expect_run(empty);
-    assert_int_equal(run(settings, &err), RX_INPUT);
-    assert_non_null(strstr(err.text, "PSF_FWHM"));
-    assert_int_equal(access("out.fits", F_OK), -1);
-}
-
 /* Every image of a file gets objects of its own; values that its images took from the primary header stay
  * known. */
 static void several_images(void **state)
 {
-    (void)state;
     static const setting settings[] = {{"IMAGE_NAME", "out.fits"},
                                        {"INJECT_IMAGE", "two.fits"},
                                        {"TRUTH_NAME", "truth.fits"},
@@ -560,7 +504,6 @@ static void several_images(void **state)
  * all lags. */
 static void noise_of_a_real_frame(void **state)
 {
-    (void)state;
     const char *folder = getenv("RX_SHARED_DATA");
     char name[4096];
     rx_config *config = NULL;
@@ -607,12 +550,9 @@ int main(void)
 {
 #define HERE(test) cmocka_unit_test_setup_teardown(test, enter_scratch, leave_scratch)
     const struct CMUnitTest tests[] = {
-        HERE(keywords_become_values), HERE(psf_needs_what_it_is_made_from),
-        HERE(noise_and_light),        HERE(series),
-        HERE(file_and_memory),        HERE(truth),
-        HERE(nothing_is_left),        HERE(adds_known_flux),
-        HERE(settings_of_a_tile),     HERE(no_stars_no_psf),
-        HERE(several_images),         cmocka_unit_test(noise_of_a_real_frame),
+        HERE(keywords_become_values), HERE(noise_and_light), HERE(series),
+        HERE(file_and_memory),        HERE(truth),           HERE(adds_known_flux),
+        HERE(settings_of_a_tile),     HERE(several_images),  cmocka_unit_test(noise_of_a_real_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,10 +1,4 @@
 /* The whole stage on a small simulated tile: masks, threads, empty tiles, dual images, gates. */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
-
-#include <cmocka.h>
 #include <dirent.h>
 #include <math.h>
 #include <stdio.h>
@@ -72,16 +66,6 @@ static void expect_run(const char *image, const setting *settings)
     rx_error err = RX_ERROR_NONE;
     if (run_stage(image, settings, &err) != RX_OK)
         fail_msg("%s: %s", err.where, err.text);
-}
-
-static void assert_same_file(const char *a, const char *b)
-{
-    size_t na, nb;
-    char *first = file_bytes(a, &na), *second = file_bytes(b, &nb);
-    if (na != nb || memcmp(first, second, na) != 0)
-        fail_msg("%s and %s differ", a, b);
-    free(first);
-    free(second);
 }
 
 /* What stands for the bytes of the input: its digest, the digests and checksums of what tells it. */
@@ -175,7 +159,6 @@ static void fill_hidden(scene *s, uint64_t seed)
 
 static void values_under_the_mask_reach_nothing(void **state)
 {
-    (void)state;
     for (int turn = 0; turn < 2; turn++) {
         scene s;
         scene_make(&s, 200, 220, 60, 5);
@@ -189,55 +172,6 @@ static void values_under_the_mask_reach_nothing(void **state)
             keep();
     }
     compare_with_kept(assert_same_but_digests);
-}
-
-static void threads_change_no_byte(void **state)
-{
-    (void)state;
-    scene s;
-    scene_make(&s, 200, 220, 60, 6);
-    fill_hidden(&s, 1);
-    scene_write("tile.fits", s.pixels, s.width, s.height);
-    scene_write("weight.fits", s.weights, s.width, s.height);
-    scene_write_truth("truth.fits", &s);
-    scene_free(&s);
-    setting settings[sizeof everything / sizeof everything[0] + 1];
-    memcpy(settings + 1, everything, sizeof everything);
-    settings[0] = (setting){"NTHREADS", "1"};
-    expect_run("tile.fits", settings);
-    keep();
-    settings[0].value = "3";
-    expect_run("tile.fits", settings);
-    compare_with_kept(assert_same_file);
-}
-
-static long rows_of(const char *path)
-{
-    rx_table *table = NULL;
-    rx_error err = RX_ERROR_NONE;
-    if (rx_catalog_read(path, 0, &table, &err) != RX_OK)
-        fail_msg("%s: %s", path, err.text);
-    long rows = table->nrows;
-    rx_table_free(table);
-    return rows;
-}
-
-static void an_empty_tile_gives_a_catalogue_without_rows(void **state)
-{
-    (void)state;
-    static const char *const types[] = {"ASCII_HEAD", "FITS_1.0", "FITS_LDAC", "ASCII_VOTABLE"};
-    scene s;
-    scene_make(&s, 150, 140, 0, 7);
-    scene_write("tile.fits", s.pixels, s.width, s.height);
-    scene_free(&s);
-    for (size_t i = 0; i < sizeof types / sizeof types[0]; i++) {
-        const setting settings[] = {{"RESTORE_TYPE", "NONE,RL"}, {"CATALOG_TYPE", types[i]},
-                                    {"DETECT_THRESH", "6"},      {"ANALYSIS_THRESH", "6"},
-                                    {"PSF_TYPE", "AUTO"},        {NULL, NULL}};
-        expect_run("tile.fits", settings);
-        assert_int_equal(rows_of("out_NONE.cat"), 0);
-        assert_int_equal(rows_of("out_RL.cat"), 0);
-    }
 }
 
 static double value(const rx_table *table, const char *name, long row)
@@ -266,7 +200,6 @@ static void assert_forced(const rx_table *a, const rx_table *b, double scale)
 
 static void the_second_image_is_measured(void **state)
 {
-    (void)state;
     scene s;
     scene_make(&s, 200, 200, 40, 8);
     scene_write("detect.fits", s.pixels, s.width, s.height);
@@ -314,7 +247,6 @@ static void assert_images(const char *path, const char *other, double factor)
 /* Which image a check-image shows is as in SExtractor: the first seven the measurement image. */
 static void check_images_of_two_images(void **state)
 {
-    (void)state;
     enum { MEASURED = 7, OBJECTS = 5, KINDS = 11 };
     static const char kinds[] =
         "BACKGROUND,-BACKGROUND,MINIBACKGROUND,MINIBACK_RMS,IDENTICAL,OBJECTS,-OBJECTS,"
@@ -355,7 +287,6 @@ static void check_images_of_two_images(void **state)
 /* The filter of CONV NONORM is not divided by its sum, as in SExtractor. */
 static void a_filter_that_is_not_normalised(void **state)
 {
-    (void)state;
     scene s;
     setting list[] = {{"RESTORE_TYPE", "NONE"},
                       {"FILTER_NAME", "a.conv"},
@@ -437,7 +368,6 @@ static void check_template_images(const scene *s, int with_sky)
 
 static void template_images_add_up(void **state)
 {
-    (void)state;
     scene s;
     scene_make(&s, 200, 220, 40, 12);
     for (int y = 21; y < 31; y++)
@@ -463,7 +393,6 @@ static void template_images_add_up(void **state)
 /* Two images in one file: each has its own templates, groups and covariances. */
 static void every_image_of_a_file_is_fitted(void **state)
 {
-    (void)state;
     scene s[2];
     rx_fits_writer *writer = NULL;
     const setting settings[] = {{"RESTORE_TYPE", "NONE"}, {"CATALOG_TYPE", "FITS_LDAC"},        {"GAIN", "2"},
@@ -513,69 +442,15 @@ static void every_image_of_a_file_is_fitted(void **state)
     }
 }
 
-static void gates_decide_the_status(void **state)
-{
-    (void)state;
-    scene s;
-    scene_make(&s, 300, 300, 80, 9);
-    scene_write("tile.fits", s.pixels, s.width, s.height);
-    scene_write_truth("truth.fits", &s);
-    scene_free(&s);
-    const setting settings[] = {{"RESTORE_TYPE", "NONE"},
-                                {"REFERENCE_NAME", "truth.fits"},
-                                {"QA_NAME", "qa"},
-                                {"QA_GATES", "gates.qa"},
-                                {NULL, NULL}};
-    write_text("gates.qa", "recall all >= 0.2 0.95\n");
-    assert_int_equal(run_stage("tile.fits", settings, NULL), RX_OK);
-    write_text("gates.qa", "recall all <= 0.2 0.95\nrecall all >= 0.2 0.95\n");
-    assert_int_equal(run_stage("tile.fits", settings, NULL), RX_GATE_FAIL);
-    assert_int_equal(access("qa/report.html", R_OK), 0);
-}
-
-static void a_failed_run_leaves_the_old_outputs(void **state)
-{
-    (void)state;
-    scene s;
-    scene_make(&s, 120, 120, 10, 10);
-    scene_write("tile.fits", s.pixels, s.width, s.height);
-    scene_write("small.fits", s.pixels, s.width, s.height - 1);
-    scene_free(&s);
-    const setting good[] = {{"RESTORE_TYPE", "NONE"}, {NULL, NULL}};
-    const setting bad[] = {{"RESTORE_TYPE", "NONE"},
-                           {"WEIGHT_TYPE", "MAP_WEIGHT"},
-                           {"WEIGHT_IMAGE", "small.fits"},
-                           {NULL, NULL}};
-    expect_run("tile.fits", good);
-    size_t before, after;
-    char *old = file_bytes("out.cat", &before);
-    assert_int_equal(run_stage("tile.fits", bad, NULL), RX_INPUT);
-    char *new = file_bytes("out.cat", &after);
-    assert_int_equal(before, after);
-    assert_memory_equal(old, new, before);
-    free(old);
-    free(new);
-    DIR *dir = opendir(".");
-    assert_non_null(dir);
-    for (struct dirent *entry; (entry = readdir(dir)) != NULL;)
-        assert_null(strstr(entry->d_name, ".tmp"));
-    closedir(dir);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(values_under_the_mask_reach_nothing, enter_scratch, leave_scratch),
-        cmocka_unit_test_setup_teardown(threads_change_no_byte, enter_scratch, leave_scratch),
-        cmocka_unit_test_setup_teardown(an_empty_tile_gives_a_catalogue_without_rows, enter_scratch,
-                                        leave_scratch),
         cmocka_unit_test_setup_teardown(the_second_image_is_measured, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(check_images_of_two_images, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(a_filter_that_is_not_normalised, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(template_images_add_up, enter_scratch, leave_scratch),
         cmocka_unit_test_setup_teardown(every_image_of_a_file_is_fitted, enter_scratch, leave_scratch),
-        cmocka_unit_test_setup_teardown(gates_decide_the_status, enter_scratch, leave_scratch),
-        cmocka_unit_test_setup_teardown(a_failed_run_leaves_the_old_outputs, enter_scratch, leave_scratch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -39,7 +39,6 @@ static void sums_and_comparisons(void **state)
                                        "a &lt;gate&gt; &amp; FAILED", NULL};
     static const char *const tiles[] = {"{name: 'off', ", /* else YAML takes it for false */
                                         ",nan,0,1,0,nan,0,1,0,0,nan,nan\n", NULL};
-    (void)state;
     write_text("tiles.list", "e.fits\na.fits\nx/b.fits\nd.fits\n");
     assert_int_equal(roll_up(three_tiles, keywords, NULL), RX_OK);
     holds("junit.xml", junit);
@@ -79,7 +78,6 @@ static void a_bias_counts_by_its_error(void **state)
                                "RL 10 1\nBIN 96 10 10 10 10 "
                                "254:5 264:5\nEND\n";
     double bias, scatter;
-    (void)state;
     assert_int_equal(roll_up(text, NULL, NULL), RX_OK);
     char *rows = slurp("survey", "tiles.ecsv"), *row = strstr(rows, "\n\"b\",\"b.fits\","),
          *next = strstr(rows, "\n\"a\",\"a.fits\",");
@@ -103,7 +101,6 @@ static void a_range_of_magnitudes(void **state)
     static const char *const one[] = {"\"sources\": 240, \"recall\": {\"value\": 0.766666667,", NULL};
     static const char *const none[] = {"\"sources\": 240, \"recall\": {\"value\": 0,", "\"n\": 10}",
                                        "\"pairs\": 0,", NULL};
-    (void)state;
     assert_int_equal(roll_up(three_tiles, keywords, NULL), RX_OK);
     holds("summary.json", one);
     assert_int_equal(roll_up(three_tiles, faint, NULL), RX_OK);
@@ -131,7 +128,6 @@ static void psfs(void **state)
         {"\n32,64,50,", ",55,4.18181818e-07,", NULL}, /* 2300 and 800 of 55 pairs */
         {"1 of 3 images", "STATED", NULL}};
     char *texts[2][4] = {{NULL}};
-    (void)state;
     for (int order = 0; order < 2; order++) {
         char text[2000];
         snprintf(text, sizeof text, "%s%s%s", order ? c : a, b, order ? a : c);
@@ -185,7 +181,6 @@ static void whose_work_and_flux_scale(void **state)
     /* the one that is off comes first */
     static const char *const tiles[] = {"scatter_mag\n\"b\",\"b.fits\",0,\"RL\",", ",1.05,0.005,\"off\",",
                                         ",\"noise factor 3.2 is above 3\",", NULL};
-    (void)state;
     assert_int_equal(roll_up(text, NULL, NULL), RX_OK);
     holds("junit.xml", junit);
     holds("summary.json", json);
@@ -209,7 +204,6 @@ static void records_are_sorted_and_merged(void **state)
         "\"all_tiles\": 3,", "\"runs\": [\n    {\"run\": \"RL\", \"images\": 1,", "\"sources\": 5,", NULL};
     rx_text records = {0}, sorted = {0};
     rx_error err = RX_ERROR_NONE;
-    (void)state;
     add_record(&records, "n/b.fits", "b", 0, "NONE");
     add_record(&records, "n/a.fits", "a", 3, "RL");
     add_record(&records, "m/b.fits", "b", 0, "NET");
@@ -243,7 +237,6 @@ static void many_tiles(void **state)
     static const char *const keywords[] = {"QA_FIGURES", "Y", NULL};
     rx_text records = {0};
     long lines = 0;
-    (void)state;
     for (int i = 0; i < MANY; i++)
         rx_text_printf(&records,
                        "TILE t%d t%d\nVERSION 1\nSTATUS %d \"\"\nEXTENSION 0 9 9 %d %d 3 0 1 0\nRUN RL 9 "

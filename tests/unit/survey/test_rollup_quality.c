@@ -77,7 +77,6 @@ static void bad_tiles_stand_first_among_thousands(void **state)
     rx_text records = {0};
     char *text, *lines[MOST];
     int seen = 0;
-    (void)state;
     make_records(&records, N, BAD);
     const int n = outliers_of(&records, &text, lines, MOST);
     for (int bad = 0; bad < BAD; bad++) {
@@ -102,7 +101,6 @@ static void good_tiles_show_trends_alone(void **state)
     char *text, *lines[1];
     double rho = 0, sigmas = 0;
     int n = 0;
-    (void)state;
     for (int i = 0; i < 300; i++)
         add_record(&records, i, -1);
     assert_int_equal(outliers_of(&records, &text, lines, 1), 0);
@@ -143,7 +141,6 @@ static int count_wide(double times)
 /* docs/qa.md: 1 + 6 x 0.18 */
 static void a_wide_tile_is_named_from_six_sigma_on(void **state)
 {
-    (void)state;
     assert_int_equal(count_wide(2.06), 0);
     assert_int_equal(count_wide(2.10), 1);
 }
@@ -168,7 +165,6 @@ static void check_last(const char *last, const char *reason)
 
 static void misfits_stand_out(void **state)
 {
-    (void)state;
     check_last("0.09\nSHARES 0", "share not explained 0.09");
     check_last("0.6\nSHARES 0", "the model does not explain 60 % of the tile");
 }
