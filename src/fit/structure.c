@@ -102,9 +102,8 @@ static size_t gather(const work *w, const span *s, const float *p, double a, dou
 /* The median and the square of the distance to the quantile of one sigma below, at least 1. */
 static double width_below(double *values, size_t n, double *middle)
 {
-    rx_sort(values, n);
-    *middle = values[n / 2];
-    const double below = values[(size_t)(SIGMA_BELOW * (double)n)];
+    *middle = rx_median(values, n);
+    const double below = rx_quantile(values, n, SIGMA_BELOW);
     return fmax((*middle - below) * (*middle - below), 1.0);
 }
 
