@@ -287,7 +287,8 @@ static disk try_disk(const job *j, const rx_fit *point, double radius)
 }
 
 /* Where the pixels say next to nothing of a shape: disks of the radius that the prior expects, and sqrt(3) widths of it smaller and larger, the
- * nodes of Gauss-Hermite's rule of degree 5. 0: the fit of a profile is worth its time. */
+ * nodes of Gauss-Hermite's rule of degree 5. In a crowd what gains no more than the odds of pairs is one (is_pair()): of 592 such fits
+ * of 8000-4 and 361 of 20000-4G (validation/crowded.py, seed 301) 98 % ended so. 0: the fit of a profile is worth its time. */
 static int take_disks(const job *j, const rx_fit *point, rx_fit_source *after)
 {
     static const double shares[3] = {1.0 / 6, 2.0 / 3, 1.0 / 6}, apart = 1.7320508075688772;
@@ -301,8 +302,12 @@ static int take_disks(const job *j, const rx_fit *point, rx_fit_source *after)
     j->size->plane[0] = j->size->plane[1];
     j->size->plane[1] = swap;
     at[1] = try_disk(j, point, exp(fmin(centre, most)));
-    if (at[1].gain >= WORTH)
-        return 0;
+    if (at[1].gain >= WORTH) {
+        const int paired = rx_crowding_at(j->view->crowd, j->cx, j->cy) &&
+                           at[1].gain < WORTH + rx_crowding_pair_odds(j->view->crowd, j->cx, j->cy);
+        after->evidence = paired ? -HUGE_VAL : after->evidence;
+        return paired;
+    }
     at[0] = try_disk(j, point, exp(fmin(centre - apart * width, most)));
     at[2] = try_disk(j, point, exp(fmin(centre + apart * width, most)));
     for (int k = 0; k < 3; k++)
