@@ -122,11 +122,11 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
     if (par.detect.filter_auto) /* this PSF cannot decide */
         rx_proposals_without_psf(&par.detect);
     par.templates.drop = 0;
-    par.templates.par.covariance = par.templates.par.point_fits = 0;
+    /* Points describe galaxies and blends well enough to take them off the stars beside them. */
+    par.templates.par.extended = par.templates.par.covariance = par.templates.par.point_fits = 0;
     par.templates.par.keep_model = 1;
     par.templates.par.isolate = ALONE * psf->fwhm;
-    if (par.templates.par.passes > PASSES)
-        par.templates.par.passes = PASSES;
+    par.templates.par.passes = rx_min_int(par.templates.par.passes, PASSES);
     par.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
     par.measure.vignet_width = par.measure.vignet_height = 0;
     RX_TRY(rx_psf_squares(&field->image, psf->fwhm, &mask, &step, err));
