@@ -1,5 +1,4 @@
 librextract_la_SOURCES += \
-	src/detect/anomalies.c \
 	src/detect/batches.c src/detect/batches.h \
 	src/detect/background.c \
 	src/detect/clean.c src/detect/clean.h \
@@ -19,5 +18,5 @@ librextract_la_SOURCES += \
 	src/detect/libsep.h
 
 rx_detectdir = $(pkgincludedir)/detect
-rx_detect_HEADERS = src/detect/anomalies.h src/detect/background.h src/detect/detect.h src/detect/params.h
+rx_detect_HEADERS = src/detect/background.h src/detect/detect.h src/detect/params.h
 installed_headers += $(rx_detect_HEADERS)

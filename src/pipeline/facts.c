@@ -99,7 +99,7 @@ void rx_result_facts(const rx_result *result, rx_record *facts)
     rx_fact_warned(facts, RX_FACT_NWIDE, rx_noise_is_structure(noise));
     if (noise->origin == RX_NOISE_MEASURED)
         rx_fact_flag(facts, RX_FACT_NOISOK, !rx_noise_is_structure(noise));
-    if (field->anomalies.ratio[0] > 0.0)
+    if (field->psf != NULL)
         rx_fact_number(facts, RX_FACT_SHARP, rx_result_sharp(result));
     rx_fact_number(facts, RX_FACT_LAWS, result->photometry.law.scale);
     rx_fact_number(facts, RX_FACT_LAWP, result->photometry.law.power);

@@ -8,7 +8,6 @@
 #include "data/image.h"
 #include "data/record.h"
 #include "data/sources.h"
-#include "detect/anomalies.h"
 #include "pipeline/params.h"
 
 RX_BEGIN_DECLS
@@ -24,7 +23,6 @@ typedef struct rx_field {
     double model_noise, model_factor;
     rx_noise_correlation noise; /* of its pixels */
     double noise_factor;     /* of the PSF's matched filter, rx_noise_factor(); without a PSF of wide sums */
-    rx_anomalies anomalies;  /* of rx_field_restorable() */
     rx_scaled_map effective; /* room for noise_factor times the noise of `restored` */
     /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
     double psf_bound;

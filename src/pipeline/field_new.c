@@ -53,7 +53,7 @@ static rx_status prepare(const rx_pipeline_params *params, int what, rx_field *f
         RX_TRY_EXIT(measure_between(params, what, &noise, field, log, err));
         rx_lap_add(&last, &field->psf_lap);
     }
-    RX_TRY_EXIT(rx_field_end(field, log, err));
+    rx_field_end(field, log);
     *dst = field;
     field = NULL;
 exit:

@@ -10,6 +10,7 @@
 #include "base/memory.h"
 #include "data/gaps.h"
 #include "detect/filter.h"
+#include "fit/hits.h"
 #include "pipeline/proposals.h"
 #include "pipeline/saturated.h"
 #include "restore/noise_map.h"
@@ -377,8 +378,9 @@ static rx_status fit_templates(work *w, rx_error *err)
 {
     rx_result *result = w->result;
     rx_pipeline_params par = *w->params;
+    const rx_image observed = rx_field_restorable(w->detect);
     if (!par.templates.wanted)
-        return RX_OK;
+        return rx_hits_mark(&observed, par.nthreads, result->sources, err);
     par.templates.par.keep_model |= par.judge_residual;
     RX_TRY(rx_template_fit_run(&par, (rx_fields){w->detect, w->measure}, result->restored, result->sources,
                                w->log, &result->templates, err));
@@ -510,7 +512,7 @@ static void mark_sources(const work *w)
 {
     rx_result *result = w->result;
     const rx_domain *domain = &result->domain;
-    const rx_image image = rx_field_effective(w->detect), observed = rx_field_restorable(w->detect);
+    const rx_image image = rx_field_effective(w->detect);
     const rx_map sky = rx_image_sky(&image);
     const int net = (rx_restorer_find(result->restored->name)->traits & RX_TRAIT_TRAINED) != 0,
               outside = net && domain->place == RX_DOMAIN_OUTSIDE,
@@ -520,10 +522,8 @@ static void mark_sources(const work *w)
     const int know_dark = net && domain->model->dark > 0.0;
     for (int i = 0; i < result->sources->n; i++) {
         rx_source *s = &result->sources->list[i];
-        const int sharp = rx_anomalies_sharp_at(&w->detect->anomalies, &observed, s->xpeak, s->ypeak);
-        s->fit.restore |= all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0) |
-                          (sharp ? RX_RESTORE_SHARP : 0);
-        result->sharp += sharp;
+        s->fit.restore |= all | (rx_residual_at(&result->residual, s->x, s->y) ? RX_RESTORE_UNEXPLAINED : 0);
+        result->sharp += (s->fit.restore & RX_RESTORE_SHARP) != 0;
         if (!net || s->untouched)
             continue;
         const size_t at = (size_t)s->ypeak * (size_t)image.width + (size_t)s->xpeak;

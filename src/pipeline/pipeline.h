@@ -71,8 +71,8 @@ int rx_pipeline_psf(const rx_pipeline_params *params, const rx_restorer *kind);
  * source is marked RX_RESTORE_OTHER, and the log has a detail of it; without restore.fallback it is RX_NOT_RESTORED.
  * Sources in cells that the network does not explain are marked RX_RESTORE_UNEXPLAINED; those whose brightest pixel
  * is brighter, or whose sky is darker than in its training, and all of a tile outside of it, RX_RESTORE_OUTSIDE; all
- * of a tile whose noise is more correlated than resampling explains RX_RESTORE_STRUCTURE, and what detect/anomalies.h
- * finds RX_RESTORE_SHARP and RX_RESTORE_LIGHT, whatever restored it. The
+ * of a tile whose noise is more correlated than resampling explains RX_RESTORE_STRUCTURE, and what fit/hits.h
+ * finds RX_RESTORE_SHARP, whatever restored it. The
  * fields must live as long as the result. May run in several threads at the same time, on params and fields that stay
  * as they are meanwhile, each with a log of its own: the same result as alone. Errors: RX_INPUT (two sizes),
  * RX_NOT_RESTORED, those of the parts, RX_INTERRUPTED. Free with rx_result_free(); nothing is left after an error. */

@@ -140,13 +140,10 @@ rx_status rx_field_begin(const rx_pipeline_params *params, int what, rx_field *f
     return status;
 }
 
-rx_status rx_field_end(rx_field *field, rx_log *log, rx_error *err)
+void rx_field_end(rx_field *field, rx_log *log)
 {
-    const rx_image restorable = rx_field_restorable(field);
     rx_lap last = rx_lap_now();
     rx_field_noise_log(field, log);
-    RX_TRY(rx_anomalies_measure(&restorable, &field->anomalies, err));
     rx_lap_add(&last, &field->background_lap);
     warn_without_noise(field, log);
-    return RX_OK;
 }

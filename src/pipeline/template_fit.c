@@ -2,11 +2,13 @@
 #include "pipeline/template_fit.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "base/memory.h"
 #include "data/unit.h"
+#include "fit/hits.h"
 #include "pipeline/positions.h"
 #include "pipeline/preal.h"
 #include "pipeline/template_extra.h"
@@ -281,24 +283,30 @@ exit:
     return status;
 }
 
-/* How well the models explain the image. */
-static rx_status tell_tile(const work *w, rx_error *err)
+static bool is_hit(const rx_sources *sources, int i)
+{
+    return i < sources->n && (sources->list[i].fit.restore & RX_RESTORE_SHARP) != 0;
+}
+
+/* How well the models explain the image; what is a hit says nothing of sources. */
+static rx_status tell_tile(const work *w, const rx_sources *sources, rx_error *err)
 {
     rx_template_fit *dst = w->dst;
     const rx_tphot *tphot = dst->tphot;
     double *evidence;
-    int ncrowded = 0;
+    int ncrowded = 0, n = 0;
     RX_TRY(RX_MAKE(evidence, (size_t)tphot->n, err));
     dst->added = tphot->n - tphot->nlisted;
     dst->chi2 = tphot->visible > 0 ? tphot->chi2 / tphot->visible : NAN;
     dst->fwhm = psf_of(w, w->on.measure)->fwhm;
     for (int i = 0; i < tphot->n; i++)
-        if (tphot->list[i].crowded)
+        if (tphot->list[i].crowded && !is_hit(sources, i))
             evidence[ncrowded++] = tphot->list[i].evidence;
     dst->preal[1] = rx_preal_crowd(evidence, ncrowded, tphot->crowded * tphot->visible, dst->fwhm);
     for (int i = 0; i < tphot->n; i++)
-        evidence[i] = tphot->list[i].evidence;
-    dst->preal[0] = rx_preal_default(evidence, tphot->n, tphot->visible, dst->fwhm);
+        if (!is_hit(sources, i))
+            evidence[n++] = tphot->list[i].evidence;
+    dst->preal[0] = rx_preal_default(evidence, n, tphot->visible, dst->fwhm);
     free(evidence);
     return RX_OK;
 }
@@ -386,7 +394,9 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
         sources->list[i].point_fit = dst->tphot->list[i].point_fit;
         sources->list[i].sersic_fit = dst->tphot->list[i].sersic_fit;
     }
-    RX_TRY_EXIT(tell_tile(&w, err));
+        const rx_image observed = rx_field_restorable(detect);
+    RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, sources, err));
+    RX_TRY_EXIT(tell_tile(&w, sources, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);
     if (dst->unknown_noise)

@@ -131,7 +131,7 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run 
                                         .false_per_mpixel = blank->realisations > 0 ? blank->rate.value : NAN,
                                         .raised = blank->raised,
                                         .unexplained = runs[i].misfit.share},
-                              .sharp = field->anomalies.ratio[0] > 0.0 ? runs[i].sharp : NAN};
+                              .sharp = field->psf != NULL ? runs[i].sharp : NAN};
         snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
         snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
         snprintf(run->why, sizeof run->why, "%s", runs[i].why);

@@ -6,8 +6,6 @@ tests_unit_detect_test_detect_SOURCES = tests/unit/detect/test_detect.c tests/un
 check_PROGRAMS += tests/unit/detect/test_no_data
 tests_unit_detect_test_no_data_SOURCES = tests/unit/detect/test_no_data.c
 
-check_PROGRAMS += tests/unit/detect/test_anomalies
-tests_unit_detect_test_anomalies_SOURCES = tests/unit/detect/test_anomalies.c
 
 check_PROGRAMS += tests/unit/detect/test_saturation
 tests_unit_detect_test_saturation_SOURCES = tests/unit/detect/test_saturation.c
