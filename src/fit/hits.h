@@ -7,7 +7,8 @@
  *
  *   -2 ln L = chi2 + costs, least squares with a level, no source negative
  *
- * Each is found by what gains most, for as long as it gains more than it costs, by the logarithms of priors:
+ * Each is found by what gains most, for as long as it gains more than it costs, by the logarithms of priors; what of the light does
+ * not fit then is placed again, one source after the other:
  *
  *   a further source    -2 ln(n N) + 2 ln(z_max / sqrt(2 pi))      n sources a pixel of the tile, N pixels within half a FWHM
  *   a pixel beside      2 ln 8 + 2 ln(z ln(z_max) / sqrt(2 pi))    one of 8 neighbours, as probable in any octave of heights up to z_max
