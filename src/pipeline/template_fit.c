@@ -394,7 +394,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
         sources->list[i].point_fit = dst->tphot->list[i].point_fit;
         sources->list[i].sersic_fit = dst->tphot->list[i].sersic_fit;
     }
-        const rx_image observed = rx_field_restorable(detect);
+    const rx_image observed = rx_field_restorable(detect);
     RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, sources, err));
     RX_TRY_EXIT(tell_tile(&w, sources, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
