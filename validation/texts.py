@@ -969,8 +969,7 @@ def against_time():
 
 
 # Networks by the campaign that judges their restorations; the paper's kind first.
-NETWORKS = {"restoration-blind": "psfnet-blind", "restoration": "psfnet", "restoration-paper-informed": "psfnet-paper-informed",
-            "restoration-paper": "psfnet-paper", "restoration-fast": "psfnet-fast", "restoration-real": "psfnet, real galaxies"}
+NETWORKS = {"restoration-blind": "psfnet-blind", "restoration": "psfnet"}
 LISTS = ("photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 

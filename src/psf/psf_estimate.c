@@ -722,9 +722,7 @@ static rx_status leave_out_flattened(rx_star_search *search, int needed, int eno
         "plate) and their fluxes too low: "
         "the PSF %s; give SATUR_LEVEL %.4g, and a SATUR_KEY that the header lacks, to have them flagged",
         flattened, level,
-        without ? "leaves them out"
-                : "may be too wide: without them there are too few stars for it",
-        level);
+        without ? "leaves them out" : "may be too wide: without them there are too few stars for it", level);
     return RX_OK;
 }
 
