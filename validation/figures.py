@@ -5,7 +5,7 @@
     figures.py examples CAMPAIGN NAME scenes inside and beyond the training, from its report.html (Figures 6, 7)
     figures.py pairs DATA FOLDER      galaxies of SDSS, restored, beside the deeper KiDS (Figure 8); FOLDER is worked in
     figures.py stars                  MagErr, recall and precision of the committed photometry campaigns (Figure 9)
-    figures.py pdf                    docs/paper-figures.pdf of what the others made
+    figures.py pdf FILE               one PDF of what the others made
 
 They are written to validation/results/figures. REXTRACT names the program (build/rextract). Needs astropy, scipy and matplotlib.
 """
@@ -187,8 +187,8 @@ def stars():
     save(figure, "stars")
 
 
-def pdf():
-    with PdfPages(TOP / "docs/paper-figures.pdf", metadata={"CreationDate": None, "Title": "Figures of docs/paper.md"}) as pages:
+def pdf(path):
+    with PdfPages(path, metadata={"CreationDate": None, "Title": "Figures of docs/paper.md"}) as pages:
         for path in sorted(FIGURES.glob("*.png")):
             image = plt.imread(path)
             figure = plt.figure(figsize=(11.7, 11.7 * image.shape[0] / image.shape[1] + 0.4))
@@ -201,7 +201,7 @@ def pdf():
 
 
 if __name__ == "__main__":
-    jobs = {"boxes": 2, "examples": 2, "pairs": 2, "stars": 0, "pdf": 0}
+    jobs = {"boxes": 2, "examples": 2, "pairs": 2, "stars": 0, "pdf": 1}
     if len(sys.argv) < 2 or jobs.get(sys.argv[1]) != len(sys.argv) - 2:
         sys.exit(__doc__)
     globals()[sys.argv[1]](*sys.argv[2:])
