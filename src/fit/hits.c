@@ -14,6 +14,7 @@
 enum {
     PLACES = 3,     /* of the PSF on the tile, along each axis */
     LEAST_FREE = 8, /* pixels by which a reduced chi2 is known to a half */
+    LARGEST = 16,   /* pixels from the middle of a patch: light that is wider than that is a slope there */
     MOST = 20,      /* sources and a level on a patch, of some six beams */
     TURNS = 64,     /* in which sources or pixels are added */
     WIDE = 3,       /* pixels: of a track that lies between two rows, with what diffuses */
@@ -145,7 +146,7 @@ static rx_status make_shapes(const rx_image *image, shapes *s, rx_error *err)
     s->side = rx_psf_fine_side(psf);
     s->fine = rx_psf_fine(psf);
     s->reach = rx_max_int(1, (int)lround(s->fwhm / 2));
-    s->half = 2 * s->reach + 1;
+    s->half = rx_min_int(2 * s->reach + 1, LARGEST);
     s->step = STEP * s->fwhm;
     s->across = 2 * (int)ceil(s->half / s->step) + 1;
     const size_t samples = (size_t)s->side * (size_t)s->side;

@@ -1,5 +1,5 @@
 /* Which sources are hits of cosmic rays and hot pixels: light that did not come through the PSF. Three hypotheses for the pixels
- * z = (d - sky) / sigma of 5 half FWHM around the brightest pixel of each source:
+ * z = (d - sky) / sigma of 5 half FWHM, and of 33 pixels at most, around the brightest pixel of each source:
  *
  *   light   a point, or an exponential galaxy of any size, elongation and direction, behind the PSF; further points; hits elsewhere
  *   hit     pixels of any value, that one and others, each beside one of them or elsewhere; points farther away than a FWHM

@@ -97,9 +97,9 @@ rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err)
     if (fits_close_file(writer->file, &failed))
         status = broken(writer, failed, err);
     else if (rx_fits_verify(writer->path, writer->hdus, &trouble) != RX_OK)
-        status =
-            rx_error_at(err, RX_SYSTEM, writer->shown, trouble.hdu, 0,
-                        "cannot be written, perhaps the disk is full: read back, the file %s", trouble.text);
+        /* what cfitsio says of it would name the temporary file */
+        status = rx_error_at(err, RX_SYSTEM, writer->shown, trouble.hdu, 0,
+                             "cannot be written, perhaps the disk is full: read back, the file is damaged");
     if (status != RX_OK)
         unlink(writer->path);
     forget(writer);
