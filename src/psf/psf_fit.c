@@ -4,12 +4,10 @@
  *   weight = 1 / (sigma^2 + flux P / gain + (E flux P)^2)
  *
  * All sources take a step against the same residual (as a Jacobi iteration does), so neighbours are subtracted and the
- * order does not matter. For the model, with fluxes and positions held,
- *   chi2 = sum weight (data - flux P)^2
- * is minimised over c = prior + sum_q a_q D_q + tau G y by preconditioned conjugate gradients: D_q, the profile's
- * derivatives by its size and ellipse; G, a Gaussian half as wide as the PSF (what differs from the profile is no finer);
- * tau, how much a coefficient may depart from the profile, follows it and falls to 0 at the edge of the core. The prior
- * of a and y is |a / MODE|^2 + |y|^2. */
+ * order does not matter. The model is the profile, stretched as the stars' variation says, plus departures: Gaussians over the core times
+ * Legendre polynomials of the place, whose coefficients are N(0, lambda^2). With flux, place and sky of each star marginalised the
+ * stars are linear in them, so that posterior and evidence are closed; lambda and degree are those of the largest evidence.
+ */
 #include "psf/psf_fit.h"
 
 #include <math.h>
@@ -23,7 +21,7 @@
 #include "num/special.h"
 #include "num/stats.h"
 
-enum { STARS_A_BLOCK = 16, POINTS_A_BLOCK = 256 };
+enum { POINTS_A_BLOCK = 256 };
 /* Of a pixel of the model, relative, where a saturated star is fitted: its core is steep there. */
 static const double SATURATED_ERROR = 0.05;
 
@@ -354,74 +352,212 @@ rx_status rx_psf_job_step(rx_psf_job *job, int with_positions, rx_error *err)
     return rx_psf_job_subtract(job, err);
 }
 
-/* ---- the model ---- */
+/* ---- departures from the profile ---- */
 
-/* Normal equations of the stars [n] for all terms. `by`: what the stars' stamps are made from: MATRIX, the model
- * `planes` ([nterms][side][side]) through weights; RIGHT, data minus the model; ROWS, sums of the rows of the matrix
- * (cubic B-splines sum to 1). */
-enum { MATRIX, RIGHT, ROWS };
+/* A Gaussian of the core at (x, y) pixels off the middle, narrow = 1 / (2 sigma^2), of height tau times its coefficient. */
+typedef struct blob {
+    double x, y, narrow, reach2, tau;
+} blob;
 
-typedef struct system_of {
-    const rx_psf_job *job;
-    const rx_psf_model *model;
-    const int *stars;
-    int n, nblocks, nterms; /* nterms: of the first ones, which are solved for */
-    float *blocks;          /* [nblocks][nterms][side][side] */
-    float *room;            /* of the threads */
-    size_t room_size;
-} system_of;
+enum { MOST_BLOBS = 160, PIXEL_TERMS = 6, BLOCKS = 8, STAR = 4 };
+/* Distances of blobs: in FWHM, and as a share of their distance from the middle: what differs from a profile is no finer than the
+ * light that makes it. */
+static const double FINEST = 0.45, COARSER = 0.3, WIDTH = 0.6;
+/* 1 sigma of a departure with lambda 1: a share of the profile, and of its peak. */
+static const double DEPARTS = 0.2, EVERYWHERE = 5e-4;
 
-RX_SIMD static void add_scaled(const float *src, float factor, size_t n, float *dst)
+static double taper_at(const rx_psf_model *model, double r)
 {
-#pragma omp simd
-    for (size_t i = 0; i < n; i++)
-        dst[i] += factor * src[i];
+    const double t = fmin(fmax((1.0 - r / model->half) / 0.2, 0.0), 1.0);
+    return t * t * (3.0 - 2.0 * t);
 }
 
-static void add_star(const system_of *s, const rx_psf_point *p, const float *planes, int what, float *to,
-                     float *room)
+static int place_blobs(const rx_psf_job *job, blob *dst)
 {
-    const rx_psf_model *model = s->model;
-    const size_t n = nodes_of(model), pixels = stamp_size(model);
-    double terms[RX_PSF_TERMS];
-    float *stamp = room + n, *spread = stamp + pixels, *work = spread + n;
+    const rx_psf_model *model = &job->model;
+    int n = 0;
+    double next = 0.0,
+           peak = job->values[(size_t)model->middle * (size_t)model->side + (size_t)model->middle];
+    for (double r = 0.0, apart; r < 0.95 * model->half; r += next) {
+        apart = fmax(FINEST * job->fwhm, COARSER * r);
+        const int m = r > 0.0 ? (int)ceil(2.0 * M_PI * r / apart) : 1;
+        next = apart;
+        for (int k = 0; k < m && n < MOST_BLOBS; k++) {
+            const double angle = 2.0 * M_PI * (k + 0.5 * (n % 2)) / m, x = r * cos(angle), y = r * sin(angle),
+                         sigma = WIDTH * apart;
+            const int i = model->middle + (int)lround(x * model->m),
+                      j = model->middle + (int)lround(y * model->m);
+            const double own = fmax(job->values[(size_t)j * (size_t)model->side + (size_t)i], 0.0);
+            dst[n++] = (blob){x, y, 0.5 / (sigma * sigma), 12.25 * sigma * sigma,
+                              taper_at(model, r) * (DEPARTS * own + EVERYWHERE * peak)};
+        }
+    }
+    return n;
+}
+
+static double blob_at(const blob *b, double x, double y)
+{
+    const double r2 = (x - b->x) * (x - b->x) + (y - b->y) * (y - b->y);
+    return r2 < b->reach2 ? b->tau * exp(-b->narrow * r2) : 0.0;
+}
+
+/* Normal equations of departures, fluxes, places and skies of stars marginalised: a [K T][K T] (lower triangle), b [K T], K blobs
+ * of T terms, all blobs of a term together. */
+typedef struct departures {
+    int nblobs, nterms;
+    blob list[MOST_BLOBS];
+    double *a, *b;
+    double by_flux[MOST_BLOBS]; /* d ln flux of a point source that the profile is fitted to */
+} departures;
+
+/* One star's part of the equations, for one term: g [K][K], r [K]; c [K][STAR]: work. */
+static void look_at_star(const rx_psf_model *model, const departures *d, const rx_psf_point *p, double *g,
+                         double *r, double (*c)[STAR], float *room)
+{
+    const int half = model->half, side = 2 * half + 1, n = d->nblobs;
     const double dx = p->x - lround(p->x), dy = p->y - lround(p->y);
-    const float flux = (float)p->flux;
-    rx_psf_model_terms(model, p->x, p->y, terms);
-    if (what != ROWS) {
-        const int all = what == RIGHT ? model->nterms : s->nterms;
-        rx_psf_model_mix(model, planes, terms, all, room);
-        rx_psf_model_stamp(model, room, dx, dy, model->half, &(rx_psf_stamp){stamp, NULL, NULL, work});
+    const size_t pixels = stamp_size(model);
+    float *value = room + nodes_of(model), *gx = value + pixels, *gy = gx + pixels;
+    double nn[STAR][STAR] = {{0}}, nr[STAR] = {0}, fit[STAR];
+    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), dx, dy, half,
+                       &(rx_psf_stamp){value, gx, gy, gy + pixels});
+    memset(g, 0, sizeof(double) * (size_t)n * (size_t)n);
+    memset(r, 0, sizeof(double) * (size_t)n);
+    memset(c, 0, sizeof *c * (size_t)n);
+    for (int j = -half; j <= half; j++)
+        for (int i = -half; i <= half; i++) {
+            const size_t k = (size_t)(j + half) * (size_t)side + (size_t)(i + half);
+            const double w = p->member * (double)p->weight[k],
+                         off = (double)p->data[k] - p->flux * (double)value[k],
+                         own[STAR] = {(double)value[k], p->flux * (double)gx[k], p->flux * (double)gy[k],
+                                      1.0};
+            double at[MOST_BLOBS];
+            int which[MOST_BLOBS], m = 0;
+            if (!(w > 0.0))
+                continue;
+            for (int q = 0; q < n; q++) {
+                const double b = blob_at(&d->list[q], i - dx, j - dy);
+                which[m] = q;
+                at[m] = p->flux * b;
+                m += b > 0.0;
+            }
+            for (int u = 0; u < STAR; u++) {
+                nr[u] += w * off * own[u];
+                for (int v = 0; v <= u; v++)
+                    nn[u][v] += w * own[u] * own[v];
+            }
+            for (int u = 0; u < m; u++) {
+                const double wu = w * at[u];
+                r[which[u]] += wu * off;
+                for (int v = 0; v < STAR; v++)
+                    c[which[u]][v] += wu * own[v];
+                for (int v = 0; v <= u; v++)
+                    g[which[u] * n + which[v]] += wu * at[v];
+            }
+        }
+    nn[3][3] += 1.0 / (p->sky_error * p->sky_error);
+    if (!rx_cholesky(nn[0], STAR, STAR)) {
+        memset(g, 0, sizeof(double) * (size_t)n * (size_t)n);
+        memset(r, 0, sizeof(double) * (size_t)n);
+        return;
     }
-    for (size_t i = 0; i < pixels; i++) {
-        const float w = p->weight[i] * flux;
-        stamp[i] = what == MATRIX  ? w * flux * stamp[i]
-                   : what == RIGHT ? w * (p->data[i] - flux * stamp[i])
-                                   : w * flux;
+    for (int u = 0; u < n; u++) {
+        memcpy(fit, c[u], sizeof fit);
+        rx_cholesky_solve(nn[0], STAR, STAR, fit);
+        for (int v = 0; v < STAR; v++)
+            r[u] -= fit[v] * nr[v];
+        for (int l = 0; l <= u; l++)
+            g[u * n + l] -= fit[0] * c[l][0] + fit[1] * c[l][1] + fit[2] * c[l][2] + fit[3] * c[l][3];
     }
-    memset(spread, 0, n * sizeof *spread);
-    rx_psf_model_spread(model, stamp, dx, dy, spread, work);
-    for (int k = 0; k < s->nterms; k++)
-        add_scaled(spread, (float)(what == ROWS ? terms[k] * terms[k] : terms[k]), n, to + (size_t)k * n);
 }
 
-/* dst [nterms][side][side]: fixed blocks of stars, summed in their order. */
-static void add_stars(const system_of *s, const float *planes, int what, double *dst)
+static rx_status open_departures(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
+                                 departures *d, rx_error *err)
 {
-    const size_t all = nodes_of(s->model) * (size_t)s->nterms;
-    memset(s->blocks, 0, (size_t)s->nblocks * all * sizeof(float));
-#pragma omp parallel for schedule(dynamic, 1) num_threads(s->job->nthreads)
-    for (int b = 0; b < s->nblocks; b++)
-        for (int i = b * STARS_A_BLOCK; i < s->n && i < (b + 1) * STARS_A_BLOCK; i++)
-            add_star(s, &s->job->points[s->stars[i]], planes, what, s->blocks + (size_t)b * all,
-                     s->room + (size_t)omp_get_thread_num() * s->room_size);
-#pragma omp parallel for schedule(static) num_threads(s->job->nthreads)
-    for (size_t i = 0; i < all; i++) {
-        double sum = 0.0;
-        for (int b = 0; b < s->nblocks; b++)
-            sum += (double)s->blocks[(size_t)b * all + i];
-        dst[i] = sum;
+    d->nblobs = place_blobs(job, d->list);
+    d->nterms = job->variation.nterms < PIXEL_TERMS ? job->variation.nterms : PIXEL_TERMS;
+    const int k = d->nblobs, all = k * d->nterms;
+    const size_t square = (size_t)all * (size_t)all, one = (size_t)all + square;
+    const size_t work = (size_t)k * (size_t)k + (size_t)k * (1 + STAR);
+    double *blocks = d->a = RX_NEW(double, BLOCKS *(one + work));
+    if (blocks == NULL)
+        return rx_error_memory(err, BLOCKS * one * sizeof(double));
+    d->b = d->a + square;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(job->nthreads)
+    for (int block = 0; block < BLOCKS; block++) { /* in an order that threads do not change */
+        double *a = blocks + (size_t)block * one, *b = a + square,
+               *g = blocks + BLOCKS * one + (size_t)block * work, *r = g + (size_t)k * (size_t)k,
+               terms[RX_PSF_TERMS];
+        for (int i = block; i < n; i += BLOCKS) {
+            const rx_psf_point *p = &job->points[stars[i]];
+            look_at_star(model, d, p, g, r, (double(*)[STAR])(r + k), rx_psf_job_room(job));
+            rx_psf_model_terms(model, p->x, p->y, terms);
+            for (int s = 0; s < d->nterms; s++)
+                for (int t = 0; t <= s; t++)
+                    for (int u = 0; u < k; u++) {
+                        double *row = a + (size_t)(s * k + u) * (size_t)all + (size_t)(t * k);
+                        const double factor = terms[s] * terms[t];
+                        for (int v = 0; v <= u; v++)
+                            row[v] += factor * g[u * k + v];
+                        for (int v = u + 1; v < k && t < s; v++)
+                            row[v] += factor * g[v * k + u];
+                    }
+            for (int s = 0; s < d->nterms; s++)
+                for (int u = 0; u < k; u++)
+                    b[s * k + u] += terms[s] * r[u];
+        }
     }
+    for (int block = 1; block < BLOCKS; block++)
+        for (size_t i = 0; i < one; i++)
+            blocks[i] += blocks[(size_t)block * one + i];
+    double square_of = 0.0;
+    const rx_psf_model *m = model;
+    for (int j = -m->half; j <= m->half; j++)
+        for (int i = -m->half; i <= m->half; i++) {
+            const double own = job->values[(size_t)(m->middle + j * m->m) * (size_t)m->side +
+                                           (size_t)(m->middle + i * m->m)];
+            square_of += own * own;
+        }
+    for (int q = 0; q < k; q++) {
+        double sum = 0.0, product = 0.0;
+        for (int j = -m->half; j <= m->half; j++)
+            for (int i = -m->half; i <= m->half; i++) {
+                const double at = blob_at(&d->list[q], i, j);
+                sum += at;
+                product += at * job->values[(size_t)(m->middle + j * m->m) * (size_t)m->side +
+                                            (size_t)(m->middle + i * m->m)];
+            }
+        d->by_flux[q] = product / square_of - sum;
+    }
+    return RX_OK;
+}
+
+/* Coefficients y [nterms K] are N(0, lambda^2): their mean, the logarithm of the evidence, the relative variance of fluxes. factor
+ * [nterms K]^2: work. */
+static double try_departures(const departures *d, int nterms, double lambda, double *factor, double *y,
+                             double *variance)
+{
+    const int n = d->nblobs * nterms, all = d->nblobs * d->nterms;
+    double evidence = 0.0, *h = y + n;
+    for (int i = 0; i < n; i++) {
+        for (int j = 0; j <= i; j++)
+            factor[(size_t)i * (size_t)n + (size_t)j] =
+                lambda * lambda * d->a[(size_t)i * (size_t)all + (size_t)j];
+        factor[(size_t)i * (size_t)n + (size_t)i] += 1.0;
+        y[i] = lambda * d->b[i];
+        h[i] = i < d->nblobs ? d->by_flux[i] * lambda : 0.0;
+    }
+    if (!rx_cholesky(factor, n, n))
+        return -HUGE_VAL;
+    rx_cholesky_solve(factor, n, n, y);
+    rx_cholesky_solve(factor, n, n, h);
+    *variance = 0.0;
+    for (int i = 0; i < n; i++) {
+        evidence += 0.5 * y[i] * lambda * d->b[i] - log(factor[(size_t)i * (size_t)n + (size_t)i]);
+        *variance += i < d->nblobs ? h[i] * d->by_flux[i] * lambda : 0.0;
+        y[i] *= lambda;
+    }
+    return evidence;
 }
 
 /* What the stars' fluxes and positions could take up is taken out of the departures of a term [side][side]: its sum, and
@@ -449,166 +585,6 @@ static void remove_shift(const rx_psf_job *job, const rx_psf_model *model, doubl
             plane[k] -= along[0] / norm[0] * (double)(p[1] - p[-1]) +
                         along[1] / norm[1] * (double)(p[side] - p[-side]) + sum / whole * (double)p[0];
         }
-}
-
-static rx_status open_system(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
-                             system_of *s, rx_error *err)
-{
-    const size_t all = nodes_of(model) * (size_t)job->variation.nterms;
-    *s = (system_of){.job = job, .model = model, .stars = stars, .n = n, .nterms = job->variation.nterms};
-    s->nblocks = (n + STARS_A_BLOCK - 1) / STARS_A_BLOCK;
-    s->room_size = 2 * nodes_of(model) + stamp_size(model) + rx_psf_model_work(model);
-    s->blocks = RX_NEW(float, (size_t)s->nblocks *all);
-    s->room = RX_NEW(float, (size_t)job->nthreads * s->room_size);
-    return s->blocks != NULL && s->room != NULL
-               ? RX_OK
-               : rx_error_memory(err, (size_t)s->nblocks * all * sizeof(float));
-}
-
-static double dot(const double *a, const double *b, size_t n)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < n; i++)
-        sum += a[i] * b[i];
-    return sum;
-}
-
-enum { ITERATIONS = 14, MODES = 3, BLUR = 64 };
-static const double MODE = 0.3; /* relative size, ellipticity */
-
-/* From what is solved for to coefficients: for each term MODES numbers, then nodes. */
-typedef struct basis {
-    int side, nterms, blur; /* blur: taps of the Gaussian on either side */
-    size_t plane, length;   /* of a term: nodes; unknowns */
-    double *modes;          /* [MODES][side][side] */
-    double *taper;          /* [side][side] 1 in the core, 0 at its edge */
-    double *tau[2];         /* of the constant term, of the others */
-    double weights[BLUR + 1];
-    double *line; /* work [side][side] */
-} basis;
-
-static void free_basis(basis *b)
-{
-    free(b->modes);
-    *b = (basis){.side = 0};
-}
-
-static rx_status open_basis(const rx_psf_job *job, const rx_psf_model *model, int pixels, basis *b,
-                            rx_error *err)
-{
-    static const double constant[RX_PSF_FREEDOMS] = {0.0, 0.25, 1.0, 1.0},
-                        others[RX_PSF_FREEDOMS] = {0.0, 0.0, 0.0, 0.3};
-    const int side = model->side, middle = model->middle;
-    const size_t n = nodes_of(model);
-    *b = (basis){.side = side, .nterms = job->variation.nterms, .plane = n, .length = n + MODES};
-    b->modes = RX_NEW(double, (MODES + 4) * n);
-    if (b->modes == NULL)
-        return rx_error_memory(err, (MODES + 4) * n * sizeof(double));
-    b->taper = b->modes + MODES * n;
-    b->tau[0] = b->taper + n;
-    b->tau[1] = b->tau[0] + n;
-    b->line = b->tau[1] + n;
-    double peak = 0.0, squares = 0.0;
-    for (size_t k = 0; k < n; k++)
-        peak = fmax(peak, job->values[k]);
-    for (int j = 0; j < side; j++)
-        for (int i = 0; i < side; i++) {
-            const size_t k = (size_t)j * (size_t)side + (size_t)i;
-            const int x = i - middle, y = j - middle;
-            const double r = hypot(x, y) / model->m / model->half, t = fmin(fmax((1.0 - r) / 0.2, 0.0), 1.0);
-            const double taper = t * t * (3.0 - 2.0 * t), own = (double)job->prior[k];
-            b->taper[k] = taper;
-            b->tau[0][k] = constant[pixels] * taper * (0.2 * fmax(own, 0.0) + 0.0005 * peak);
-            b->tau[1][k] = others[pixels] * taper * (0.2 * fmax(own, 0.0) + 0.0005 * peak);
-            if (i == 0 || j == 0 || i == side - 1 || j == side - 1)
-                continue;
-            const double px = 0.5 * (double)(job->prior[k + 1] - job->prior[k - 1]),
-                         py = 0.5 * (double)(job->prior[k + (size_t)side] - job->prior[k - (size_t)side]);
-            b->modes[k] = -MODE * taper * (x * px + y * py + 2.0 * own);
-            b->modes[n + k] = -MODE * taper * 0.5 * (x * px - y * py);
-            b->modes[2 * n + k] = -MODE * taper * 0.5 * (x * py + y * px);
-        }
-    const double sigma = 0.5 * job->fwhm * model->m / 2.3548;
-    b->blur = (int)fmin(ceil(3.0 * sigma), BLUR);
-    for (int i = 0; i <= b->blur; i++) {
-        b->weights[i] = exp(-0.5 * i * i / (sigma * sigma));
-        squares += (i > 0 ? 2.0 : 1.0) * b->weights[i] * b->weights[i];
-    }
-    for (int i = 0; i <= b->blur; i++)
-        b->weights[i] /= sqrt(squares);
-    return RX_OK;
-}
-
-/* plane = G plane; G is its own adjoint. */
-static void blur(const basis *b, double *plane)
-{
-    const int n = b->side;
-    for (int axis = 0; axis < 2; axis++) {
-        const int along = axis == 0 ? 1 : n;
-        memset(b->line, 0, b->plane * sizeof(double));
-        for (int t = -b->blur; t <= b->blur; t++) {
-            const double w = b->weights[abs(t)];
-            for (int j = 0; j < n; j++) {
-                const int i0 = axis == 0 && t < 0 ? -t : 0, i1 = axis == 0 && t > 0 ? n - t : n;
-                if (axis == 1 && (j + t < 0 || j + t >= n))
-                    continue;
-                double *to = b->line + (size_t)j * (size_t)n;
-                const double *from = plane + (ptrdiff_t)j * n + (ptrdiff_t)t * along;
-#pragma omp simd
-                for (int i = i0; i < i1; i++)
-                    to[i] += w * from[i];
-            }
-        }
-        memcpy(plane, b->line, b->plane * sizeof(double));
-    }
-}
-
-/* planes [nterms][side][side] of the unknowns. */
-static void to_planes(const basis *b, const double *unknowns, double *planes)
-{
-    for (int k = 0; k < b->nterms; k++) {
-        const double *u = unknowns + (size_t)k * b->length, *tau = b->tau[k > 0];
-        double *plane = planes + (size_t)k * b->plane;
-        memcpy(plane, u + MODES, b->plane * sizeof(double));
-        blur(b, plane);
-        for (size_t i = 0; i < b->plane; i++)
-            plane[i] *= tau[i];
-        for (int q = 0; q < MODES; q++)
-            for (size_t i = 0; i < b->plane; i++)
-                plane[i] += u[q] * b->modes[(size_t)q * b->plane + i];
-    }
-}
-
-/* The adjoint; planes are lost. */
-static void to_unknowns(const basis *b, double *planes, double *unknowns)
-{
-    for (int k = 0; k < b->nterms; k++) {
-        double *u = unknowns + (size_t)k * b->length, *plane = planes + (size_t)k * b->plane;
-        const double *tau = b->tau[k > 0];
-        for (int q = 0; q < MODES; q++)
-            u[q] = dot(plane, b->modes + (size_t)q * b->plane, b->plane);
-        for (size_t i = 0; i < b->plane; i++)
-            plane[i] *= tau[i];
-        blur(b, plane);
-        memcpy(u + MODES, plane, b->plane * sizeof(double));
-    }
-}
-
-/* 1 + how much the stars know of each unknown, roughly. */
-static void condition(const basis *b, const double *rows, double *dst)
-{
-    for (int k = 0; k < b->nterms; k++) {
-        const double *row = rows + (size_t)k * b->plane, *tau = b->tau[k > 0];
-        double *d = dst + (size_t)k * b->length;
-        for (int q = 0; q < MODES; q++) {
-            const double *mode = b->modes + (size_t)q * b->plane;
-            d[q] = 1.0;
-            for (size_t i = 0; i < b->plane; i++)
-                d[q] += row[i] * mode[i] * mode[i];
-        }
-        for (size_t i = 0; i < b->plane; i++)
-            d[MODES + i] = 1.0 + tau[i] * tau[i] * row[i];
-    }
 }
 
 /* The model becomes the profile as the stars' variation stretches it, projected on the polynomials of twice its degree (up to
@@ -667,83 +643,71 @@ static rx_status stretch(const rx_psf_job *job, const double *taper, rx_psf_mode
     return RX_OK;
 }
 
-/* y [terms solved for][length]: what the stars want added to the model. planes, coefficients: [..][side][side] work. */
-static rx_status descend(const system_of *s, const basis *b, double *y, double *planes, float *coefficients,
-                         rx_error *err)
+rx_status rx_psf_job_solve(rx_psf_job *job, const int *stars, int n, rx_log *log, rx_error *err)
 {
-    const size_t all = b->plane * (size_t)s->nterms, m = b->length * (size_t)s->nterms;
-    double *v = RX_NEW(double, 5 * m), *r = v, *z = v + m, *p = v + 2 * m, *ap = v + 3 * m, *d = v + 4 * m;
-    if (v == NULL)
-        return rx_error_memory(err, 5 * m * sizeof(double));
-    memset(y, 0, m * sizeof *y);
-    add_stars(s, NULL, ROWS, planes);
-    condition(b, planes, d);
-    add_stars(s, s->model->c, RIGHT, planes);
-    to_unknowns(b, planes, r);
-    for (size_t i = 0; i < m; i++)
-        p[i] = z[i] = r[i] / d[i];
-    double rho = dot(r, z, m);
-    const double enough = 1e-5 * rho;
-    for (int it = 0; it < ITERATIONS && rho > enough; it++) {
-        to_planes(b, p, planes);
-        for (size_t i = 0; i < all; i++)
-            coefficients[i] = (float)planes[i];
-        add_stars(s, coefficients, MATRIX, planes);
-        to_unknowns(b, planes, ap);
-        for (size_t i = 0; i < m; i++)
-            ap[i] += p[i];
-        const double alpha = rho / dot(p, ap, m), before = rho;
-        for (size_t i = 0; i < m; i++) {
-            y[i] += alpha * p[i];
-            r[i] -= alpha * ap[i];
-            z[i] = r[i] / d[i];
-        }
-        rho = dot(r, z, m);
-        for (size_t i = 0; i < m; i++)
-            p[i] = z[i] + rho / before * p[i];
-    }
-    free(v);
-    return RX_OK;
-}
-
-rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, int pixels, rx_psf_model *model,
-                           rx_error *err)
-{
-    const size_t plane = nodes_of(model), all = plane * (size_t)job->variation.nterms;
+    static const double lambdas[] = {0.03, 0.1, 0.3, 1.0, 3.0};
+    rx_psf_model *model = &job->model;
+    const size_t plane = nodes_of(model);
+    departures d = {.nblobs = 0};
+    double *taper = RX_NEW(double, 2 * plane), *own = taper + plane, *y = NULL, most = 0.0, variance = 0.0,
+           mean = 0.0, chances = 1.0;
+    int degree = -1, nterms = 0;
+    rx_status status = RX_OK;
     model->degree = 0;
     model->nterms = 1;
     memset(model->c, 0, RX_PSF_TERMS * plane * sizeof(float));
     memcpy(model->c, job->prior, plane * sizeof(float));
+    job->core_error = 0.0;
+    if (taper == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 2 * plane * sizeof(double)));
+    for (int k = 0; k < (int)plane; k++)
+        taper[k] = taper_at(model, hypot(k % model->side - model->middle, k / model->side - model->middle) /
+                                       model->m);
     if (n == 0)
-        return RX_OK;
-    system_of s = {.n = 0};
-    basis b = {.side = 0};
-    float *coefficients = RX_NEW(float, all);
-    double *planes = RX_NEW(double, all), *y = NULL;
-    rx_status status =
-        coefficients == NULL || planes == NULL ? rx_error_memory(err, all * sizeof(double)) : RX_OK;
-    if (status == RX_OK)
-        status = open_basis(job, model, pixels, &b, err);
-    if (status == RX_OK)
-        status = stretch(job, b.taper, model, err);
-    if (status == RX_OK)
-        status = open_system(job, model, stars, n, &s, err);
-    if (status == RX_OK && (y = RX_NEW(double, b.length *(size_t)s.nterms)) == NULL)
-        status = rx_error_memory(err, all * sizeof(double));
-    if (status == RX_OK)
-        status = descend(&s, &b, y, planes, coefficients, err);
-    if (status == RX_OK) {
-        to_planes(&b, y, planes);
-        for (int k = 0; k < s.nterms; k++)
-            remove_shift(job, model, planes + (size_t)k * plane);
-        for (size_t i = 0; i < all; i++)
-            model->c[i] += (float)planes[i];
+        goto exit;
+    RX_TRY_EXIT(stretch(job, taper, model, err));
+    RX_TRY_EXIT(open_departures(job, model, stars, n, &d, err));
+    const size_t all = (size_t)(d.nblobs * d.nterms);
+    y = RX_NEW(double, 4 * all + all * all);
+    if (y == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, all * all * sizeof(double)));
+    for (int tried = 0; (tried + 1) * (tried + 2) / 2 <= d.nterms && tried <= degree + 1; tried++)
+        for (size_t k = 0; k < sizeof lambdas / sizeof *lambdas; k++) {
+            const int terms = (tried + 1) * (tried + 2) / 2;
+            const double evidence = try_departures(&d, terms, lambdas[k], y + 4 * all, y, &variance) - tried;
+            rx_log_detail(
+                log, "PSF_TYPE AUTO: departures of degree %d, lambda %g: ln evidence %+.1f, fluxes +- %.5f",
+                tried, lambdas[k], evidence, sqrt(fmax(variance, 0.0)));
+            if (evidence > most) {
+                mean *= exp(most - evidence);
+                chances *= exp(most - evidence);
+                most = evidence;
+                degree = tried;
+                nterms = terms;
+                memcpy(y + 2 * all, y, (size_t)(d.nblobs * terms) * sizeof *y);
+            }
+            mean += exp(evidence - most) * variance;
+            chances += exp(evidence - most);
+        }
+    job->core_error = sqrt(fmax(mean / chances, 0.0));
+    for (int t = 0; t < nterms; t++) {
+        const double *c = y + 2 * all + (size_t)t * (size_t)d.nblobs;
+        for (int k = 0; k < (int)plane; k++) {
+            const double x = (k % model->side - model->middle) / (double)model->m,
+                         v = (k / model->side - model->middle) / (double)model->m;
+            own[k] = 0.0;
+            for (int q = 0; q < d.nblobs; q++)
+                own[k] += c[q] * blob_at(&d.list[q], x, v);
+            own[k] *= taper[k];
+        }
+        rx_psf_model_interpolate(model, own);
+        remove_shift(job, model, own);
+        for (size_t k = 0; k < plane; k++)
+            model->c[(size_t)t * plane + k] += (float)own[k];
     }
-    free(s.blocks);
-    free(s.room);
-    free_basis(&b);
-    free(coefficients);
-    free(planes);
+exit:
+    free(taper);
+    free(d.a);
     free(y);
     return status;
 }
@@ -807,41 +771,5 @@ rx_status rx_psf_job_measure_error(rx_psf_job *job, rx_error *err)
     if (m > 0)
         job->model_error = rx_median(errors, (size_t)m);
     free(stars);
-    return RX_OK;
-}
-
-static double chi2_of(const rx_psf_model *model, const rx_psf_point *p, float *room)
-{
-    const size_t pixels = stamp_size(model);
-    float *value = room + nodes_of(model), *gx = value + pixels, *gy = gx + pixels;
-    double a[4][4] = {{0}}, b[4] = {0}, chi2 = 0.0, along = 0.0;
-    rx_psf_model_stamp(model, nodes_at(model, p->x, p->y, room), p->x - lround(p->x), p->y - lround(p->y),
-                       model->half, &(rx_psf_stamp){value, gx, gy, gy + pixels});
-    for (size_t k = 0; k < pixels; k++) {
-        const double w = (double)p->weight[k], off = (double)p->data[k] - p->flux * (double)value[k];
-        const double g[3] = {(double)value[k], (double)gx[k], (double)gy[k]};
-        for (int u = 0; u < 3; u++) {
-            b[u] += w * off * g[u];
-            for (int v = 0; v <= u; v++)
-                a[u][v] += w * g[u] * g[v];
-        }
-        chi2 += w * off * off;
-    }
-    const double right[3] = {b[0], b[1], b[2]};
-    if (rx_cholesky(a[0], 3, 4)) {
-        rx_cholesky_solve(a[0], 3, 4, b);
-        for (int u = 0; u < 3; u++)
-            along += b[u] * right[u];
-    }
-    return chi2 - along;
-}
-
-rx_status rx_psf_job_chi2(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
-                          double *chi2, rx_error *err)
-{
-    (void)err;
-#pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
-    for (int i = 0; i < n; i++)
-        chi2[i] = chi2_of(model, &job->points[stars[i]], rx_psf_job_room(job));
     return RX_OK;
 }

@@ -2,6 +2,7 @@
 #ifndef RX_PSF_FIT_H
 #define RX_PSF_FIT_H
 
+#include "base/log.h"
 #include "data/image.h"
 #include "data/psf.h"
 #include "data/sources.h"
@@ -18,9 +19,8 @@ typedef struct rx_psf_point {
     double damping;       /* of a step: less than 1 where neighbours' steps add up */
     int star;             /* the PSF is measured from it, or judged by it */
     int reserved;         /* judged only */
-    int wider;            /* than stars are: a star of a bad corner, or a galaxy */
-    int together;         /* wider than most, as those around it are: of a bad corner */
-    int kept;             /* 0: does not look like the others */
+    double member;        /* probability that it is a star */
+    int kept;             /* it is a star more likely than not */
     int ringed;           /* all light as far as its sky's ring is subtracted */
     double saturated;     /* radius (pixels) of its core that is of no use; 0: unsaturated */
     double unlike;        /* of a saturated one: share of its pixels that no star would have */
@@ -31,11 +31,10 @@ typedef struct rx_psf_point {
 /* How size and ellipse of the stars vary over the tile (psf_stretch.h): each of s, g1, g2 is a polynomial of the position,
  * sum_k c_k L_k(X, Y). */
 typedef struct rx_psf_variation {
-    int degree, nterms, with_wider; /* wider ones are stars of a bad corner */
+    int degree, nterms;
     double c[RX_PSF_STRETCH][RX_PSF_TERMS];
-    /* 1 sigma of s at X, Y = -1, -0.5, ..: of its polynomial, and what stars around say that it misses */
-    double error[RX_PSF_CELLS][RX_PSF_CELLS];
-    double missed, missed_at[2]; /* the largest significant one, its place in pixels */
+    double shared; /* 1 sigma by which stretches of stars differ beyond their noise and the polynomial */
+    double error[RX_PSF_CELLS][RX_PSF_CELLS]; /* 1 sigma of s at X, Y = -1, -0.5, .. */
 } rx_psf_variation;
 
 /* Exponentials that are part of the wing as rings may hide them: sum_k amount_k exp(-r / wide_k), r in pixels. */
@@ -54,6 +53,7 @@ typedef struct rx_psf_job {
     double most; /* radius that the PSF may have, pixels */
     rx_psf_variation variation;
     double model_error; /* E: of a pixel of the model, relative, 1 sigma */
+    double core_error;  /* of fluxes, relative, 1 sigma: the posterior of the core */
     int n;
     rx_psf_point *points; /* [n] */
     float *rest;          /* [height][width] pixels minus all points as they were when subtracted last */
@@ -89,18 +89,10 @@ rx_status rx_psf_job_step(rx_psf_job *job, int with_positions, rx_error *err);
 /* model_error: the median of what the cores of the brightest stars that are kept find most likely. */
 rx_status rx_psf_job_measure_error(rx_psf_job *job, rx_error *err);
 
-/* How far pixels may depart from the stretched profile: not at all, in the constant term a little or more, in all terms. */
-enum { RX_PSF_STIFF, RX_PSF_FIRM, RX_PSF_LOOSE, RX_PSF_LOOSE_ALL, RX_PSF_FREEDOMS };
-
-/* The model's coefficients from those stars [n]. */
-rx_status rx_psf_job_solve(const rx_psf_job *job, const int *stars, int n, int pixels, rx_psf_model *model,
-                           rx_error *err);
+/* The model from those stars [n], and core_error. */
+rx_status rx_psf_job_solve(rx_psf_job *job, const int *stars, int n, rx_log *log, rx_error *err);
 
 /* Radius (pixels) of the round star that has the profile's value at (x, y): along its ellipse in the core, round outside. */
 double rx_psf_job_radius(const rx_psf_job *job, double x, double y);
-
-/* chi2 of a star's data against a model, flux and position fitted anew. */
-rx_status rx_psf_job_chi2(const rx_psf_job *job, const rx_psf_model *model, const int *stars, int n,
-                          double *chi2, rx_error *err);
 
 #endif

@@ -19,7 +19,6 @@
 #include "base/interrupt.h"
 #include "base/memory.h"
 #include "base/random.h"
-#include "num/special.h"
 #include "num/stats.h"
 #include "psf/psf_fit.h"
 #include "psf/psf_rings.h"
@@ -28,23 +27,16 @@
 
 enum {
     MOST_STARS = 600,
-    CHOSEN_BY = 160,
     LEAST_STARS = 8,
     LEAST_FITTED = 4,
     FEW = 10,
-    FOLDS = 3,
     PASSES = 5,
-    CHOICE = 2,
-    WIDER = 2,
     MOST_RINGED =
         200 /* stars, and a third as many saturated ones: some three times as many as rings are looked at around */
 };
-static const double MOST_GAIN = 5.0; /* chi2 of a star that counts for more as its logarithm only */
-static const double WIDEST = 20.0;   /* FWHM, pixels, of a core of pixels */
-static const double RESERVED = 0.2;  /* share of the stars */
-static const double LOCUS = 0.22;    /* half-width in ln(half-light radius): blends are wider */
-static const double FLOORS[4] = {0.03, 0.03, 0.03,
-                                 0.7};  /* of the scatter of size, ellipse, ln chi2, of four sigmas */
+static const double WIDEST = 20.0;      /* FWHM, pixels, of a core of pixels */
+static const double RESERVED = 0.2;     /* share of the stars */
+static const double LOCUS = 0.22;       /* half-width in ln(half-light radius): blends are wider */
 static const double POINT = 1.35;       /* wider than a star by this: masked, not subtracted */
 static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
@@ -54,7 +46,7 @@ static const double BEYOND = 1e-3;   /* light that may be left out */
 static const double SATURATES = 0.9; /* of the level that saturates: pixels from there on are none */
 static const double LEAST_TERM =
     2e-4; /* light that a term of the polynomial moves at most where it is left out */
-static const uint64_t SEED = 20, RESERVE = 1, FOLD = 2;
+static const uint64_t SEED = 20, RESERVE = 1;
 
 /* ---- points ---- */
 
@@ -207,7 +199,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
         goto exit;
     }
     for (int i = 0; i < stars->n; i++) {
-        star[stars->list[i].source] = i < near ? 1 : WIDER;
+        star[stars->list[i].source] = 1;
         ringed[stars->list[i].source] = i < MOST_RINGED;
     }
     const double flat = SATURATES * fmin(image->saturation, stars->limit); /* HUGE_VAL: not known */
@@ -235,11 +227,11 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
                             .y = s->y,
                             .flux = core > 0.0 ? 0.0 : s->peak / peak,
                             .damping = 1.0,
-                            .star = star[i] != 0,
+                            .star = star[i],
                             .ringed = ringed[i],
                             .saturated = core};
-        p->wider = star[i] == WIDER;
-        p->kept = star[i] == 1;
+        p->kept = star[i];
+        p->member = 1.0;
         p->sky = p->sky_guess = (double)rx_map_at(&sky, (int)lround(s->x), (int)lround(s->y));
         p->sky_error = MESH_ERROR * fmax(image->global_noise, 1e-30);
         if (!p->star)
@@ -250,7 +242,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
             status = rx_error_memory(err, 0);
             goto exit;
         }
-        p->reserved = near >= 10 && !p->wider && rx_random_uniform(SEED, RESERVE, (uint64_t)i) < RESERVED;
+        p->reserved = near >= 10 && rx_random_uniform(SEED, RESERVE, (uint64_t)i) < RESERVED;
     }
     for (size_t k = 0; k < pixels; k++) {
         const int32_t owner = sources->segments != NULL ? sources->segments[k] : 0;
@@ -338,164 +330,6 @@ static int list_stars(const rx_psf_job *job, int reserved, int *dst)
         if (job->points[i].kept && job->points[i].reserved == reserved)
             dst[n++] = i;
     return n;
-}
-
-/* Marks stars that are wider than most by that many sigmas, [n] of shapes, as more of the seven around them are than chance
- * explains (binomial): the PSF is wider there, where galaxies and blends lie everywhere. */
-static void find_together(rx_psf_job *job, const rx_star_shape *shapes, double sigmas, double *values,
-                          rx_ranked *near)
-{
-    enum { AROUND = 7 };
-    static const double chance = 1e-3;
-    double centre, all = 0.0, wider = 0.0;
-    size_t m = 0;
-    for (int i = 0; i < job->n; i++)
-        if (job->points[i].kept && isfinite(shapes[i].off[0]))
-            values[m++] = shapes[i].off[0];
-    if (m <= AROUND)
-        return;
-    const double sigma = fmax(rx_sigma_mad(values, m, &centre), FLOORS[0] / 4.0);
-    for (int i = 0; i < job->n; i++) {
-        values[i] = NAN;
-        if (!job->points[i].kept || !isfinite(shapes[i].off[0]))
-            continue;
-        values[i] = shapes[i].off[0] - centre > sigmas * hypot(sigma, 0.5 * shapes[i].error);
-        all += 1.0;
-        wider += values[i];
-    }
-    for (int i = 0; i < job->n; i++) {
-        rx_psf_point *p = &job->points[i];
-        int n = 0, same = 0;
-        for (int j = 0; j < job->n && values[i] > 0.0; j++)
-            if (j != i && !isnan(values[j]))
-                near[n++] = (rx_ranked){hypot(job->points[j].x - p->x, job->points[j].y - p->y), j};
-        if (n < AROUND)
-            continue;
-        rx_rank(near, (size_t)n);
-        for (int k = 0; k < AROUND; k++)
-            same += values[near[k].index] > 0.0;
-        if (same > 0 && rx_beta_inc(same, AROUND - same + 1.0, wider / all) < chance)
-            p->together = 1;
-    }
-}
-
-/* Leaves out stars whose width, shape or chi2 differs from those of the others by that many robust sigmas, but for those
- * that are wider together: these are excused of all three, and for good, as a corner that the model has begun to follow is
- * less wide and not yet round (taken back each pass, or excused of width alone, one corner of six was lost: fluxes 0.30 mag). */
-static rx_status reject(rx_psf_job *job, double sigmas, rx_error *err)
-{
-    rx_star_shape *shapes = rx_alloc((size_t)job->n + 1, sizeof *shapes);
-    double *values = RX_NEW(double, (size_t)job->n + 1);
-    rx_ranked *near = RX_NEW(rx_ranked, (size_t)job->n + 1);
-    if (shapes == NULL || values == NULL || near == NULL) {
-        free(shapes);
-        free(values);
-        free(near);
-        return rx_error_memory(err, 0);
-    }
-    for (int i = 0; i < job->n; i++) /* who did not suit the last model may suit this one */
-        job->points[i].kept = job->points[i].star && job->points[i].chi2 < HUGE_VAL &&
-                              (!job->points[i].wider || job->variation.with_wider);
-    rx_psf_shapes(job, shapes);
-    find_together(job, shapes, sigmas, values, near);
-    for (int round = 0; round < 3; round++)
-        for (int which = 0; which < 4; which++) {
-            size_t m = 0;
-            for (int i = 0; i < job->n; i++)
-                if (job->points[i].kept && (which == 3 || isfinite(shapes[i].off[which])))
-                    values[m++] = which == 3 ? log(job->points[i].chi2 + 0.1) : shapes[i].off[which];
-            if (m < 6)
-                break;
-            double centre;
-            const double sigma = fmax(rx_sigma_mad(values, m, &centre), FLOORS[which] / 4.0);
-            for (int i = 0; i < job->n; i++) {
-                rx_psf_point *p = &job->points[i];
-                const double off = (which == 3 ? log(p->chi2 + 0.1) : shapes[i].off[which]) - centre;
-                const double limit = sigmas * hypot(sigma, which == 3 ? 0.0 : 0.5 * shapes[i].error);
-                if (p->kept && (!isfinite(off) || (!p->together && (which == 3 ? off : fabs(off)) > limit)))
-                    p->kept = 0;
-            }
-        }
-    free(shapes);
-    free(values);
-    free(near);
-    return RX_OK;
-}
-
-/* chi2 of each of the stars against the model of the other folds. */
-static rx_status held_out(const rx_psf_job *job, const int *stars, int n, int pixels, double *chi2,
-                          rx_error *err)
-{
-    rx_psf_model model = {.m = 0};
-    int *part = RX_NEW(int, 2 * (size_t)n + 1);
-    double *values = RX_NEW(double, (size_t)n + 1);
-    rx_status status = part == NULL || values == NULL ? rx_error_memory(err, 0)
-                                                      : rx_psf_model_copy(&job->model, &model, err);
-    for (int fold = 0; fold < FOLDS && status == RX_OK; fold++) {
-        int fitted = 0, out = 0, *away = part + n;
-        for (int i = 0; i < n; i++) {
-            const int mine =
-                (int)(FOLDS * rx_random_uniform(SEED, FOLD, (uint64_t)job->points[stars[i]].source));
-            if (mine == fold)
-                away[out++] = stars[i];
-            else
-                part[fitted++] = stars[i];
-        }
-        status = rx_psf_job_solve(job, part, fitted, pixels, &model, err);
-        if (status == RX_OK)
-            status = rx_psf_job_chi2(job, &model, away, out, values, err);
-        for (int i = 0, k = 0; i < n; i++)
-            if (k < out && stars[i] == away[k])
-                chi2[i] = values[k++];
-    }
-    rx_psf_model_free(&model);
-    free(part);
-    free(values);
-    return status;
-}
-
-/* Pixels are freer where stars that were held out, the brightest, fit better by more than the scatter of that from star to
- * star. */
-static rx_status choose_pixels(const rx_psf_job *job, const int *stars, int n, int *best, rx_log *log,
-                               rx_error *err)
-{
-    const int m = n < CHOSEN_BY ? n : CHOSEN_BY;
-    double *least = RX_NEW(double, 2 * (size_t)m + 1), *chi2 = least + m;
-    rx_ranked *order = RX_NEW(rx_ranked, (size_t)n + 1);
-    int *some = RX_NEW(int, (size_t)m + 1);
-    rx_status status = least == NULL || some == NULL || order == NULL ? rx_error_memory(err, 0) : RX_OK;
-    for (int i = 0; i < n && status == RX_OK; i++)
-        order[i] = (rx_ranked){job->points[stars[i]].flux, stars[i]};
-    if (status == RX_OK)
-        rx_rank_falling(order, (size_t)n);
-    for (int i = 0; i < m && status == RX_OK; i++)
-        some[i] = order[i].index;
-    *best = RX_PSF_STIFF;
-    for (int next = RX_PSF_STIFF; next < RX_PSF_FREEDOMS && status == RX_OK; next++) {
-        if (next == RX_PSF_LOOSE_ALL && job->variation.degree == 0)
-            break;
-        status = held_out(job, some, m, next, chi2, err);
-        double mean = 0.0, square = 0.0;
-        for (int i = 0; i < m && next > RX_PSF_STIFF; i++) {
-            const double gain =
-                MOST_GAIN * asinh((least[i] - chi2[i]) / MOST_GAIN); /* no star decides alone */
-            mean += gain / m;
-            square += gain * gain / m;
-        }
-        const double error = sqrt(fmax(square - mean * mean, 0.0) / m);
-        if (next > RX_PSF_STIFF)
-            rx_log_detail(log,
-                          "PSF_TYPE AUTO: pixels %d: stars held out fit better by %.3g +- %.2g than with %d",
-                          next, mean, error, *best);
-        if (status == RX_OK && (next == RX_PSF_STIFF || mean > error)) {
-            *best = next;
-            memcpy(least, chi2, (size_t)m * sizeof *least);
-        }
-    }
-    free(least);
-    free(some);
-    free(order);
-    return status;
 }
 
 /* ---- the result ---- */
@@ -649,14 +483,8 @@ static rx_status describe(const rx_psf_job *job, const rx_psf *moffat, int candi
 }
 
 /* What users should know before they use its fluxes. */
-static void warn(const rx_psf_quality *q, const rx_psf_variation *v, rx_log *log)
+static void warn(const rx_psf_quality *q, rx_log *log)
 {
-    if (fabs(v->missed) > 0.02)
-        rx_log_warning(log,
-                       "PSF_TYPE AUTO: around (%.0f, %.0f) stars are %.1f %% %s than the PSF, whose "
-                       "degree over the tile is %d; errors of fluxes there hold it",
-                       v->missed_at[0] + 1.0, v->missed_at[1] + 1.0, 100.0 * fabs(v->missed),
-                       v->missed > 0.0 ? "wider" : "narrower", v->degree);
     if (fabs(q->growth) > 0.01)
         rx_log_warning(log,
                        "PSF_TYPE AUTO: within %.1f pixels stars have %.1f %% %s light than the PSF; fluxes "
@@ -746,22 +574,17 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         status = rx_psf_job_subtract(&job, err);
     if (status == RX_OK)
         status = steps(&job, 3, err);
-    int pixels = RX_PSF_STIFF;
     for (int pass = 0; pass < PASSES && status == RX_OK; pass++) {
         status = rx_interrupt_check(err);
         if (status == RX_OK)
-            status = reject(&job, pass == 0 ? 12.0 : pass == 1 ? 6.0 : 4.0, err);
+            status = rx_psf_vary(&job, par->max_degree, log, err);
         if (status == RX_OK)
             status = rx_psf_wings(&job, BEYOND, &wing, log, err);
         if (status == RX_OK)
             status = normalise(&job, wing.radius, err);
-        if (status == RX_OK)
-            status = rx_psf_vary(&job, par->max_degree, log, err);
         n = list_stars(&job, 0, fitted);
-        if (status == RX_OK && pass == CHOICE)
-            status = choose_pixels(&job, fitted, n, &pixels, log, err);
         if (status == RX_OK)
-            status = rx_psf_job_solve(&job, fitted, n, pixels, &job.model, err);
+            status = rx_psf_job_solve(&job, fitted, n, log, err);
         if (status == RX_OK)
             status = rx_psf_job_subtract(&job, err);
         if (status == RX_OK)
@@ -790,7 +613,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     if (status == RX_OK)
         status = describe(&job, moffat, near, *dst, err);
     if (status == RX_OK) {
-        warn(&(*dst)->quality, &job.variation, log);
+        warn(&(*dst)->quality, log);
         /* the first stars were sharper than those that suit one another in the end */
         if (moffat->quality.sharper == 0 && moffat->fwhm < 0.9 * (*dst)->fwhm)
             rx_stars_set_sharper(moffat->nstars, moffat->fwhm / (*dst)->fwhm, &(*dst)->quality, log);

@@ -1,4 +1,10 @@
-/* Stretches of single stars, and the polynomial over the tile that stars which were held out like best. */
+/* Which candidates are stars, and how their size and ellipse vary over the tile: one mixture.
+ *
+ * A star's stretch a_q (psf_profile.h) is normally distributed about the polynomial t . c_q, t the Legendre terms of its place, with the
+ * variance of its pixels and one that stars share; its ln chi2 about a mean. Of galaxies, blends and hits they are anything that can be
+ * measured, evenly. Coefficients of degree d are N(0, tau_d^2). Members, coefficients and the variances follow from each other (EM,
+ * mean field); the degree is the one of the largest evidence (the lower bound of that), and what other degrees would say, by their
+ * evidence, is part of the errors. */
 #include "psf/psf_stretch.h"
 
 #include <math.h>
@@ -7,24 +13,28 @@
 #include <string.h>
 
 #include "base/memory.h"
-#include "base/random.h"
 #include "num/normal.h"
 #include "num/stats.h"
 
-enum { UNKNOWNS = RX_PSF_STRETCH + 3, FOLDS = 8, NEAR = 5 };
-static const double MOST = 0.6;        /* of a stretch */
-static const double OUTLIER = 3.0;     /* sigmas from which a star's weight falls */
-static const double MOST_GAIN = 10.0;  /* chi2 of a star that counts for more as its logarithm only */
-static const double MOST_ERROR = 0.05; /* of s, of a star that says how wrong the polynomial is */
-static const double FREE = 1.0,        /* 1 sigma of coefficients */
-    HELD = 0.1;                        /* of small terms, over the square of their degree */
-static const uint64_t SEED = 20, FOLD = 2;
+enum {
+    UNKNOWNS = RX_PSF_STRETCH + 3,
+    CHI2 = RX_PSF_STRETCH,
+    SAID = RX_PSF_STRETCH + 1,
+    ROUNDS = 2,
+    STEPS = 16
+};
+static const double MOST = 0.6; /* of a stretch that can be measured */
+static const double SPAN = 7.0; /* of ln chi2 of what is no star: e^7 is what pixels of full wells allow */
+/* 1 sigma by which stretches of stars differ beyond their noise and the polynomial: it is tried from the first value down, each a share of
+ * the one before. */
+static const double APART = 0.3, CLOSER = 0.7;
 
 /* ---- single stars ---- */
 
 typedef struct star {
-    double value[RX_PSF_STRETCH], variance[RX_PSF_STRETCH], terms[RX_PSF_TERMS];
-    int fold, known, fitted, wider;
+    double value[SAID], variance[SAID], terms[RX_PSF_TERMS];
+    double member; /* probability that it is a star */
+    int known, fitted;
 } star;
 
 /* Flux, place and stretch of a star by Gauss and Newton's steps, on the pixels within two FWHM. */
@@ -72,248 +82,252 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
         dst->value[q] = a[q];
         dst->variance[q] = unit[3 + q];
     }
+    dst->value[CHI2] = log(p->chi2 + 0.1);
     dst->known = fabs(a[0]) < MOST && fabs(a[1]) < MOST && fabs(a[2]) < MOST;
 }
 
 /* ---- the tile ---- */
 
-typedef struct stars_of {
+typedef struct mixture {
     star *list;
-    int n;
-    double prior[RX_PSF_TERMS]; /* 1 sigma of coefficients */
-    double *weights;            /* [n] of outliers less than 1 */
-    double *normal, *first;     /* work [TERMS][TERMS], [TERMS] */
-} stars_of;
+    int n, degree, nterms;
+    double c[RX_PSF_STRETCH][RX_PSF_TERMS],
+        *factor[RX_PSF_STRETCH];    /* factor [nterms][nterms] of the precision of c */
+    double tau2[RX_PSF_DEGREE + 1]; /* variance of coefficients by degree */
+    double shared[SAID], level,
+        share; /* variances, those of stretches alike; mean ln chi2; of candidates that are stars */
+    double evidence;
+} mixture;
 
-static double at_star(const star *s, const double *c, int nterms)
+static int degree_of(int term)
+{
+    return (int)((sqrt(8.0 * term + 1.0) - 1.0) / 2.0);
+}
+
+static double polynomial(const double *terms, const double *c, int nterms)
 {
     double sum = 0.0;
     for (int k = 0; k < nterms; k++)
-        sum += c[k] * s->terms[k];
+        sum += c[k] * terms[k];
     return sum;
 }
 
-/* c [nterms] of the stars outside the fold (-1: of all), which leave their factor in work; 0: they do not say. */
-static int fit(const stars_of *s, int q, int nterms, int fold, double *c)
+/* Variance of the polynomial q at a place. */
+static double spread(const mixture *m, int q, const double *terms)
 {
-    memset(s->normal, 0, sizeof(double) * (size_t)nterms * (size_t)nterms);
-    memset(c, 0, sizeof(double) * (size_t)nterms);
-    for (int i = 0; i < s->n; i++) {
-        const star *t = &s->list[i];
-        const double w = t->known && t->fitted && t->fold != fold ? s->weights[i] / t->variance[q] : 0.0;
-        for (int k = 0; k < nterms && w > 0.0; k++) {
-            c[k] += w * t->terms[k] * t->value[q];
-            for (int l = 0; l <= k; l++)
-                s->normal[k * nterms + l] += w * t->terms[k] * t->terms[l];
-        }
+    double x[RX_PSF_TERMS], sum = 0.0;
+    for (int i = 0; i < m->nterms; i++) { /* L x = terms */
+        x[i] = terms[i];
+        for (int k = 0; k < i; k++)
+            x[i] -= m->factor[q][i * m->nterms + k] * x[k];
+        x[i] /= m->factor[q][i * m->nterms + i];
+        sum += x[i] * x[i];
     }
-    for (int k = 0; k < nterms; k++)
-        s->normal[k * nterms + k] += 1.0 / (s->prior[k] * s->prior[k]);
-    if (!rx_cholesky(s->normal, nterms, nterms))
-        return 0;
-    rx_cholesky_solve(s->normal, nterms, nterms, c);
-    return 1;
+    return sum;
 }
 
-static void set_prior(stars_of *s, int held)
+/* Coefficients from the members; 0: they do not follow. */
+static int solve(mixture *m)
 {
-    int px[RX_PSF_TERMS], py[RX_PSF_TERMS];
-    const int n = rx_psf_model_powers(RX_PSF_DEGREE, px, py);
-    for (int k = 0; k < n; k++)
-        s->prior[k] = held && k > 0 ? HELD / ((px[k] + py[k]) * (px[k] + py[k])) : FREE;
-}
-
-/* Fits all three; stars far off lose weight. */
-static int fit_all(const stars_of *s, int nterms, double c[RX_PSF_STRETCH][RX_PSF_TERMS])
-{
-    for (int i = 0; i < s->n; i++)
-        s->weights[i] = 1.0;
-    for (int round = 0; round < 4; round++) {
-        for (int q = RX_PSF_STRETCH - 1; q >= 0; q--) /* the factor of s stays */
-            if (!fit(s, q, nterms, -1, c[q]))
-                return 0;
-        for (int i = 0; i < s->n && round < 3; i++) {
-            double worst = 0.0;
-            for (int q = 0; q < RX_PSF_STRETCH; q++)
-                worst = fmax(worst, fabs(s->list[i].value[q] - at_star(&s->list[i], c[q], nterms)) /
-                                        sqrt(s->list[i].variance[q]));
-            s->weights[i] = fmin(1.0, OUTLIER / worst);
-        }
-    }
-    return 1;
-}
-
-/* What stars that were held out leave: chi2 [n], those far off compressed. */
-static void hold_out(const stars_of *s, int nterms, double c[RX_PSF_STRETCH][RX_PSF_TERMS], double *chi2)
-{
-    for (int fold = 0; fold < FOLDS; fold++) {
-        int known = 1;
-        for (int q = 0; q < RX_PSF_STRETCH && known; q++)
-            known = fit(s, q, nterms, fold, c[q]);
-        for (int i = 0; i < s->n; i++) {
-            const star *t = &s->list[i];
-            double sum = 0.0;
-            for (int q = 0; q < RX_PSF_STRETCH && t->known; q++)
-                sum += pow(t->value[q] - at_star(t, c[q], nterms), 2.0) / t->variance[q];
-            if (t->fold == fold)
-                chi2[i] = known ? sum : HUGE_VAL;
-        }
-    }
-}
-
-static int by_first(const void *a, const void *b)
-{
-    const double *x = a, *y = b;
-    return x[0] != y[0] ? (x[0] > y[0]) - (x[0] < y[0]) : (x[1] > y[1]) - (x[1] < y[1]);
-}
-
-/* Errors of s in cells. Where most of the stars around a place, those that do not suit the others among them, differ from
- * the polynomial by more than their noise, that is as wrong as they say. work [3 n]. */
-static void judge(const rx_psf_job *job, const stars_of *s, double (*work)[2], rx_psf_variation *v)
-{
-    double scatter = 0.0, all = 0.0, *off = work[s->n];
-    for (int i = 0; i < s->n; i++)
-        if (s->list[i].known && s->list[i].fitted) {
-            const double r = s->list[i].value[0] - at_star(&s->list[i], v->c[0], v->nterms);
-            scatter += fmin(r * r / s->list[i].variance[0], OUTLIER * OUTLIER);
-            all += 1.0;
-        }
-    scatter = fmax(scatter / fmax(all - v->nterms, 1.0), 1.0);
-    for (int cell = 0; cell < RX_PSF_CELLS * RX_PSF_CELLS; cell++) {
-        const double at[2] = {2.0 * (cell % RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0,
-                              2.0 * (cell / RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0};
-        double terms[RX_PSF_TERMS], half[RX_PSF_TERMS], variance = 0.0, square = 0.0;
-        const double x = job->model.x0 + at[0] * job->model.xs, y = job->model.y0 + at[1] * job->model.ys;
-        rx_psf_model model = job->model;
-        model.degree = v->degree;
-        model.nterms = v->nterms;
-        rx_psf_model_terms(&model, x, y, terms);
-        memcpy(half, terms, sizeof half);
-        rx_cholesky_solve(s->normal, v->nterms, v->nterms, half);
-        for (int k = 0; k < v->nterms; k++)
-            variance += terms[k] * half[k];
-        int n = 0, near;
-        for (int i = 0; i < s->n; i++)
-            if (s->list[i].known && (!s->list[i].wider || v->with_wider) &&
-                s->list[i].variance[0] < MOST_ERROR * MOST_ERROR) {
-                work[n][0] = hypot(s->list[i].terms[1] - at[0], s->list[i].terms[2] - at[1]);
-                work[n++][1] = i;
+    const int n = m->nterms;
+    for (int q = 0; q < RX_PSF_STRETCH; q++) {
+        double *a = m->factor[q], *c = m->c[q];
+        memset(a, 0, sizeof(double) * (size_t)n * (size_t)n);
+        memset(c, 0, sizeof m->c[q]);
+        for (int i = 0; i < m->n; i++) {
+            const star *s = &m->list[i];
+            const double w = s->known && s->fitted ? s->member / (s->variance[q] + m->shared[q]) : 0.0;
+            for (int k = 0; k < n && w > 0.0; k++) {
+                c[k] += w * s->terms[k] * s->value[q];
+                for (int l = 0; l <= k; l++)
+                    a[k * n + l] += w * s->terms[k] * s->terms[l];
             }
-        qsort(work, (size_t)n, sizeof *work, by_first);
-        for (near = 0; near < n && (near < NEAR || near < n / 30); near++) {
-            const star *t = &s->list[(int)work[near][1]];
-            off[near] = t->value[0] - at_star(t, v->c[0], v->nterms);
-            square += t->variance[0];
         }
-        double median = 0.0;
-        const double sigma = near > 0 ? rx_sigma_mad(off, (size_t)near, &median) : 0.0,
-                     noise = near > 0 ? 1.6 * fmax(sigma * sigma, square / near) / near : 0.0;
-        v->error[cell / RX_PSF_CELLS][cell % RX_PSF_CELLS] =
-            sqrt(scatter * variance + fmax(median * median - noise, 0.0));
-        if (near >= NEAR && median * median > 9.0 * noise && fabs(median) > fabs(v->missed)) {
-            v->missed = median;
-            v->missed_at[0] = x;
-            v->missed_at[1] = y;
+        for (int k = 0; k < n; k++)
+            a[k * n + k] += 1.0 / m->tau2[degree_of(k)];
+        if (!rx_cholesky(a, n, n))
+            return 0;
+        rx_cholesky_solve(a, n, n, c);
+    }
+    return 1;
+}
+
+/* Variances of coefficients by degree; returns what the evidence loses by these: the divergence of the posterior from the prior. */
+static double learn_prior(mixture *m)
+{
+    const int n = m->nterms;
+    double loss = 0.0, sum[RX_PSF_DEGREE + 1] = {0.0}, known[RX_PSF_DEGREE + 1] = {0.0};
+    for (int q = 0; q < RX_PSF_STRETCH; q++)
+        for (int k = 0; k < n; k++) {
+            double unit[RX_PSF_TERMS] = {0.0};
+            unit[k] = 1.0;
+            const int d = degree_of(k);
+            const double variance = spread(m, q, unit), square = m->c[q][k] * m->c[q][k];
+            sum[d] += square;
+            known[d] += 1.0 - variance / m->tau2[d];
+            loss += 0.5 * ((square + variance) / m->tau2[d] - 1.0 + log(m->tau2[d])) +
+                    log(m->factor[q][k * n + k]);
         }
+    for (int d = 1; d <= m->degree; d++) /* MacKay 1992, Neural Computation 4, 415 */
+        m->tau2[d] = fmin(fmax(sum[d] / fmax(known[d], 1e-3), 1e-8), 1.0);
+    return loss;
+}
+
+/* Members, and what they share; the evidence. */
+static void learn_members(mixture *m)
+{
+    const double other = -RX_PSF_STRETCH * log(2.0 * MOST) - log(SPAN), loss = learn_prior(m);
+    double sum = 0.0, level = 0.0, members = 0.0, all = 0.0;
+    m->evidence = -loss - m->degree; /* each degree is e times rarer than the one below */
+    for (int i = 0; i < m->n; i++) {
+        star *s = &m->list[i];
+        double of_star = 0.0, square[SAID];
+        s->member = 0.0;
+        if (!s->known)
+            continue;
+        for (int q = 0; q < SAID; q++) {
+            const double off =
+                             s->value[q] - (q == CHI2 ? m->level : polynomial(s->terms, m->c[q], m->nterms)),
+                         variance = s->variance[q] + m->shared[q];
+            square[q] = q == CHI2 ? (off > 0.0 ? off * off : 0.0) : off * off + spread(m, q, s->terms);
+            of_star -= 0.5 * (square[q] / variance + log(2.0 * M_PI * variance));
+        }
+        const double a = log(m->share) + of_star, b = log(1.0 - m->share) + other, most = fmax(a, b),
+                     together = most + log(exp(a - most) + exp(b - most));
+        s->member = exp(a - together);
+        if (!s->fitted)
+            continue;
+        m->evidence += together;
+        all += 1.0;
+        members += s->member;
+        level += s->member * s->value[CHI2];
+        sum += s->member * square[CHI2];
+    }
+    if (!(members > 0.0))
+        return;
+    m->share = fmin(fmax(members / all, 0.01), 0.99);
+    m->level = level / members;
+    m->shared[CHI2] = fmax(2.0 * sum / members, 0.01); /* half of the stars are above the mean */
+}
+
+enum { CELLS = RX_PSF_CELLS * RX_PSF_CELLS, STATES = (RX_PSF_DEGREE + 1) * STEPS };
+
+/* What was tried: of each degree and each width that stars share. */
+typedef struct trials {
+    int n;
+    double evidence[STATES], most, size[STATES][CELLS], variance[STATES][CELLS]; /* of s in cells */
+    double *member;                                                              /* [stars] of the best one */
+} trials;
+
+static void keep(const mixture *m, const rx_psf_model *model, trials *t, rx_psf_variation *best)
+{
+    double terms[RX_PSF_TERMS];
+    t->evidence[t->n] = m->evidence;
+    for (int cell = 0; cell < CELLS; cell++) {
+        rx_psf_model_terms(
+            model, model->x0 + (2.0 * (cell % RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0) * model->xs,
+            model->y0 + (2.0 * (cell / RX_PSF_CELLS) / (RX_PSF_CELLS - 1) - 1.0) * model->ys, terms);
+        t->size[t->n][cell] = polynomial(terms, m->c[0], m->nterms);
+        t->variance[t->n][cell] = spread(m, 0, terms);
+    }
+    t->n++;
+    if (!(m->evidence > t->most))
+        return;
+    t->most = m->evidence;
+    *best = (rx_psf_variation){.degree = m->degree, .nterms = m->nterms, .shared = sqrt(m->shared[0])};
+    memcpy(best->c, m->c, sizeof best->c);
+    for (int i = 0; i < m->n; i++)
+        t->member[i] = m->list[i].member;
+}
+
+/* One degree, from the largest width that stars may share down: a bad corner is one of stars at first. */
+static void try_degree(mixture *m, int degree, const rx_psf_model *model, trials *t, rx_psf_variation *best)
+{
+    m->degree = degree;
+    m->nterms = (degree + 1) * (degree + 2) / 2;
+    m->level = 0.0;
+    m->share = 0.9;
+    m->shared[CHI2] = 1.0;
+    for (int d = 0; d <= degree; d++)
+        m->tau2[d] = d == 0 ? 1.0 : APART * APART / (d * d);
+    for (int i = 0; i < m->n; i++)
+        m->list[i].member = 1.0;
+    for (int step = 0; step < STEPS; step++) {
+        for (int q = 0; q < RX_PSF_STRETCH; q++)
+            m->shared[q] = pow(APART * pow(CLOSER, step), 2.0);
+        for (int round = 0; round < ROUNDS; round++) {
+            if (!solve(m))
+                return;
+            learn_members(m);
+        }
+        keep(m, model, t, best);
     }
 }
 
 rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
 {
-    const int room = job->n + 1;
-    stars_of s = {.n = 0};
-    rx_psf_variation best = {.nterms = 1}, next = best;
-    double *least = RX_NEW(double, 2 * (size_t)room), *chi2 = least + room;
-    double(*work)[2] = rx_alloc(2 * (size_t)room, sizeof *work);
-    int *stars = RX_NEW(int, room);
-    s.list = RX_NEW(star, room);
-    s.weights = RX_NEW(double, room);
-    s.normal = RX_NEW(double, RX_PSF_TERMS *RX_PSF_TERMS);
-    rx_status status = RX_OK;
-    if (least == NULL || work == NULL || stars == NULL || s.list == NULL || s.weights == NULL ||
-        s.normal == NULL) {
-        status = rx_error_memory(err, (size_t)room * sizeof *s.list);
-        goto exit;
-    }
+    rx_psf_variation best = {.nterms = 1};
     rx_psf_model model = job->model;
+    mixture m = {.n = 0};
+    trials *t = RX_NEW(trials, 1);
+    int *stars = RX_NEW(int, (size_t)job->n + 1), n = 0;
+    star *list = m.list = RX_NEW(star, (size_t)job->n + 1);
+    double *room = RX_NEW(double, RX_PSF_STRETCH *RX_PSF_TERMS *RX_PSF_TERMS + (size_t)job->n);
+    rx_status status = RX_OK;
+    if (t == NULL || stars == NULL || list == NULL || room == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)job->n * sizeof *list));
+    for (int q = 0; q < RX_PSF_STRETCH; q++)
+        m.factor[q] = room + (size_t)q * RX_PSF_TERMS * RX_PSF_TERMS;
+    t->member = room + (size_t)RX_PSF_STRETCH * RX_PSF_TERMS * RX_PSF_TERMS;
+    t->most = -HUGE_VAL;
     model.degree = RX_PSF_DEGREE;
     model.nterms = RX_PSF_TERMS;
-    int n = 0, wider = 0, together = 0;
-    for (int i = 0; i < job->n; i++) {
-        const rx_psf_point *p = &job->points[i];
-        if (!p->star || p->reserved || !(p->chi2 < HUGE_VAL))
-            continue;
-        wider += p->wider;
-        together += p->together;
-        s.list[s.n].wider = p->wider;
-        s.list[s.n].fitted = p->kept && !p->wider;
-        n += p->kept && !p->wider;
-        stars[s.n++] = i;
-    }
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].star)
+            stars[m.n++] = i;
 #pragma omp parallel for schedule(dynamic, 4) num_threads(job->nthreads)
-    for (int i = 0; i < s.n; i++) {
+    for (int i = 0; i < m.n; i++) {
         const rx_psf_point *p = &job->points[stars[i]];
-        rx_psf_model_terms(&model, p->x, p->y, s.list[i].terms);
-        s.list[i].fold = (int)(FOLDS * rx_random_uniform(SEED, FOLD, (uint64_t)p->source));
-        measure(job, p, &s.list[i]);
+        rx_psf_model_terms(&model, p->x, p->y, list[i].terms);
+        list[i].fitted = !p->reserved;
+        if (p->chi2 < HUGE_VAL)
+            measure(job, p, &list[i]);
     }
-    int best_held = 0;
-    /* at last small terms of the highest degree, which follow a bad corner's few stars, without and with those that are wider than
-     * stars elsewhere; where stars are wider together they need not be better by an error */
-    for (int trial = 0; trial <= highest + (wider > 0 ? 2 : 1); trial++) {
-        const int held = trial > highest, with_wider = trial > highest + 1, degree = held ? highest : trial;
-        next = (rx_psf_variation){
-            .degree = degree, .nterms = (degree + 1) * (degree + 2) / 2, .with_wider = with_wider};
-        set_prior(&s, held);
-        for (int i = 0; i < s.n; i++)
-            if (s.list[i].wider)
-                s.list[i].fitted = with_wider && (!job->variation.with_wider || job->points[stars[i]].kept);
-        if ((held && degree == 0) || (with_wider && best.degree == 0) ||
-            (!held && degree > best.degree + 2) || n < (held ? 1 : 2) * next.nterms + 2 ||
-            !fit_all(&s, next.nterms, next.c))
-            continue;
-        rx_psf_variation part = next;
-        hold_out(&s, next.nterms, part.c, chi2);
-        double mean = 0.0, square = 0.0, count = 0.0, others = 0.0;
-        for (int i = 0; i < s.n && degree > 0; i++) {
-            if (!s.list[i].fitted)
-                continue;
-            const double gain = MOST_GAIN * (asinh(least[i] / MOST_GAIN) - asinh(chi2[i] / MOST_GAIN));
-            mean += gain;
-            square += gain * gain;
-            others += s.list[i].wider ? 0.0 : gain;
-            count += 1.0;
-        }
-        mean /= fmax(count, 1.0);
-        const double error = sqrt(fmax(square / fmax(count, 1.0) - mean * mean, 0.0) / fmax(count, 1.0));
-        if (degree > 0)
-            rx_log_detail(log,
-                          "PSF_TYPE AUTO: degree %d%s%s: stars held out are predicted better by %.3g +- %.2g "
-                          "than with %d",
-                          degree, held ? ", small terms" : "", with_wider ? ", wider stars" : "", mean, error,
-                          best.degree);
-        if (degree == 0 ||
-            (mean > (held && !with_wider && together > 0 ? 0.0 : error) && (!with_wider || others > 0.0))) {
-            best = next;
-            best_held = held;
-            memcpy(least, chi2, (size_t)s.n * sizeof *least);
-        }
+    for (int i = 0; i < m.n; i++)
+        n += list[i].known && list[i].fitted;
+    for (int d = 0; d <= highest && d <= best.degree + 2 && (d + 1) * (d + 2) / 2 <= n; d++) {
+        const int before = t->n;
+        double most = -HUGE_VAL;
+        try_degree(&m, d, &model, t, &best);
+        for (int k = before; k < t->n; k++)
+            most = fmax(most, t->evidence[k]);
+        rx_log_detail(log, "PSF_TYPE AUTO: degree %d: ln evidence %.1f", d, most);
     }
-    for (int i = 0; i < s.n; i++)
-        if (s.list[i].wider) {
-            rx_psf_point *p = &job->points[stars[i]];
-            s.list[i].fitted = p->kept = best.with_wider && (!job->variation.with_wider || p->kept);
+    n = 0;
+    for (int i = 0; i < m.n; i++) {
+        rx_psf_point *p = &job->points[stars[i]];
+        p->member = t->member[i];
+        p->kept = list[i].known && p->member > 0.5;
+        n += p->kept;
+    }
+    rx_log_detail(log, "PSF_TYPE AUTO: degree %d, %d of %d candidates are stars, which differ by %.4f",
+                  best.degree, n, m.n, best.shared);
+    for (int cell = 0; cell < CELLS && t->n > 0; cell++) {
+        double sum = 0.0, square = 0.0, at = 0.0;
+        for (int k = 0; k < t->n; k++)
+            at = t->evidence[k] == t->most ? t->size[k][cell] : at;
+        for (int k = 0; k < t->n; k++) {
+            const double chance = exp(t->evidence[k] - t->most), off = t->size[k][cell] - at;
+            sum += chance;
+            square += chance * (t->variance[k][cell] + off * off);
         }
-    set_prior(&s, best_held);
-    if (fit_all(&s, best.nterms, best.c))
-        judge(job, &s, work, &best);
+        best.error[cell / RX_PSF_CELLS][cell % RX_PSF_CELLS] = sqrt(square / sum);
+    }
     job->variation = best;
 exit:
-    free(least);
-    free(work);
+    free(t);
     free(stars);
-    free(s.list);
-    free(s.weights);
-    free(s.normal);
+    free(list);
+    free(room);
     return status;
 }

@@ -9,10 +9,7 @@
 #include "base/log.h"
 #include "psf/psf_fit.h"
 
-/* job->variation from the stars that are kept and not reserved, of that degree at most: a higher one is taken where stars that were
- * held out are predicted better, by more than the scatter of that from star to star. The last ones tried have terms that are small
- * unless stars insist: of few stars, they alone can follow a bad corner. Points that are wider are kept where, besides, the other stars
- * are predicted better with them. */
+/* Which candidates are members and kept, and job->variation from those that are not reserved, of that degree at most. */
 rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err);
 
 #endif
