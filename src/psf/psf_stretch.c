@@ -20,7 +20,7 @@ enum {
     UNKNOWNS = RX_PSF_STRETCH + 3,
     CHI2 = RX_PSF_STRETCH,
     SAID = RX_PSF_STRETCH + 1,
-    ROUNDS = 2,
+    ROUNDS = 3,
     STEPS = 16
 };
 static const double MOST = 0.6; /* of a stretch that can be measured */
@@ -44,11 +44,13 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
     const int half = model->half, n = 2 * half + 1, reach = (int)fmin(half, ceil(2.0 * job->fwhm)),
               m = model->m;
     double flux = p->flux, dx = p->x - lround(p->x), dy = p->y - lround(p->y), a[RX_PSF_STRETCH] = {0};
-    double normal[UNKNOWNS * UNKNOWNS], b[UNKNOWNS];
+    double normal[UNKNOWNS * UNKNOWNS], b[UNKNOWNS], chi2 = 0.0;
+    int count = 0;
     dst->known = 0;
     for (int step = 0; step < 4; step++) {
         memset(normal, 0, sizeof normal);
         memset(b, 0, sizeof b);
+        chi2 = count = 0;
         for (int j = -reach; j <= reach; j++)
             for (int i = -reach; i <= reach; i++) {
                 const size_t k = (size_t)(j + half) * (size_t)n + (size_t)(i + half);
@@ -60,6 +62,8 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
                 for (int u = 1; u < UNKNOWNS; u++)
                     g[u] = flux * by[u - 1] * (u < 3 ? -m : 1);
                 const double off = (double)p->data[k] - flux * g[0];
+                chi2 += w * off * off;
+                count++;
                 for (int u = 0; u < UNKNOWNS; u++) {
                     b[u] += w * off * g[u];
                     for (int v = 0; v <= u; v++)
@@ -82,7 +86,7 @@ static void measure(const rx_psf_job *job, const rx_psf_point *p, star *dst)
         dst->value[q] = a[q];
         dst->variance[q] = unit[3 + q];
     }
-    dst->value[CHI2] = log(p->chi2 + 0.1);
+    dst->value[CHI2] = log(chi2 / fmax(count - UNKNOWNS, 1.0) + 0.1);
     dst->known = fabs(a[0]) < MOST && fabs(a[1]) < MOST && fabs(a[2]) < MOST;
 }
 
@@ -248,13 +252,13 @@ static void try_degree(mixture *m, int degree, const rx_psf_model *model, trials
     m->level = 0.0;
     m->share = 0.9;
     m->shared[CHI2] = 1.0;
-    for (int d = 0; d <= degree; d++)
-        m->tau2[d] = d == 0 ? 1.0 : APART * APART / (d * d);
     for (int i = 0; i < m->n; i++)
         m->list[i].member = 1.0;
     for (int step = 0; step < STEPS; step++) {
         for (int q = 0; q < RX_PSF_STRETCH; q++)
             m->shared[q] = pow(APART * pow(CLOSER, step), 2.0);
+        for (int d = 0; d <= degree; d++)
+            m->tau2[d] = d == 0 ? 1.0 : APART * APART / (d * d);
         for (int round = 0; round < ROUNDS; round++) {
             if (!solve(m))
                 return;
@@ -295,7 +299,7 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
     }
     for (int i = 0; i < m.n; i++)
         n += list[i].known && list[i].fitted;
-    for (int d = 0; d <= highest && d <= best.degree + 2 && (d + 1) * (d + 2) / 2 <= n; d++) {
+    for (int d = 0; d <= highest && (d + 1) * (d + 2) / 2 <= n; d++) {
         const int before = t->n;
         double most = -HUGE_VAL;
         try_degree(&m, d, &model, t, &best);
