@@ -31,7 +31,7 @@ typedef struct fitted_star {
     double *noise;           /* [n] sky noise of each pixel */
     rx_moffat_fit fit;
     double fwhm, chi2; /* chi2 per degree of freedom */
-    int kept;          /* -1: not by the present fit */
+    int kept;
 } fitted_star;
 
 typedef struct scene {
@@ -261,13 +261,13 @@ static int joint_model(void *user, const double *parameters, double *residuals, 
     int failed = 0;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(task->nthreads) reduction(| : failed)
     for (int s = 0; s < task->n; s++)
-        if (task->stars[s].kept > 0)
+        if (task->stars[s].kept)
             failed |= !joint_star(&task->stars[s], &profile, residuals + task->first[s],
                                   jacobian + task->first[s] * RX_MOFFAT_SHAPE);
     return failed;
 }
 
-static rx_status fit_joint(const fitted_star *stars, int n, int nthreads, int steps, joint_fit *fit,
+static rx_status fit_joint(const fitted_star *stars, int n, int nthreads, joint_fit *fit,
                            rx_error *err)
 {
     joint_task task = {.stars = stars,
@@ -280,11 +280,11 @@ static rx_status fit_joint(const fitted_star *stars, int n, int nthreads, int st
     rx_lsq_problem problem = {.nparameters = RX_MOFFAT_SHAPE,
                               .model = joint_model,
                               .user = &task,
-                              .max_iterations = steps,
+                              .max_iterations = 30,
                               .tolerance = 1e-5};
     for (int i = 0; i < n; i++) {
         task.first[i] = task.prior;
-        task.prior += stars[i].kept > 0 ? (size_t)stars[i].pixels.n : 0;
+        task.prior += stars[i].kept ? (size_t)stars[i].pixels.n : 0;
     }
     problem.nresiduals = task.prior + RX_MOFFAT_SHAPE;
     const rx_status status = rx_lsq_fit(&problem, fit->shape, fit->error, NULL, err);
@@ -342,35 +342,6 @@ static double flux_off(const double used[RX_MOFFAT_SHAPE], const double other[RX
             product += p * q;
         }
     return product / square * sum[0] / sum[1] - 1.0;
-}
-
-/* 1 sigma of fluxes, relative, from that of the shape: how they change without each of eight groups of stars, or each star
- * where there are fewer (Kott 2001, J. Official Stat. 17, 521); 0 of many stars, where it is small beside NOT_MOFFAT. */
-static rx_status jackknife(fitted_star *stars, int n, int nthreads, const joint_fit *all, double *error,
-                           rx_error *err)
-{
-    enum { GROUPS = 8, MANY = 16, STEPS = 2 }; /* from the shape of all, which is near */
-    const int kept = count_kept(stars, n), groups = kept < GROUPS ? kept : GROUPS;
-    double sum = 0.0, squares = 0.0;
-    rx_status status = RX_OK;
-    *error = 0.0;
-    if (kept > MANY)
-        return RX_OK;
-    for (int group = 0; group < groups && status == RX_OK; group++) {
-        joint_fit part = *all;
-        for (int pass = 0; pass < 2; pass++) { /* out, and in again */
-            for (int i = 0, k = 0; i < n; i++)
-                if (stars[i].kept != 0 && k++ % groups == group)
-                    stars[i].kept = -stars[i].kept;
-            if (pass == 0)
-                status = fit_joint(stars, n, nthreads, STEPS, &part, err);
-        }
-        const double off = flux_off(all->shape, part.shape);
-        sum += off;
-        squares += off * off;
-    }
-    *error = sqrt(fmax(squares - sum * sum / groups, 0.0) * (groups - 1) / groups);
-    return status;
 }
 
 /* What SEEING_FWHM needs in pixels. */
@@ -784,7 +755,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
                            best.kept, best.kept == 1 ? "star has" : "like stars have", fwhm_of(&best),
                            few ? ": is it this tile's?" /* few stars are believed less, by the caller */
                                : ", which is taken; give PSF_TYPE MOFFAT to have PSF_FWHM");
-        status = fit_joint(best.stars, best.list.n, par->nthreads, 30, &best.fit, err);
+        status = fit_joint(best.stars, best.list.n, par->nthreads, &best.fit, err);
     }
     const int listed = par->stars_file != NULL && par->stars_file[0] != '\0';
     if (status == RX_OK && few && !listed && are_galaxies(&best)) {
@@ -816,9 +787,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         narrower[0] -= spread_of(&best);
         (*dst)->quality.flux_error = hypot(FEW_STARS, flux_off(best.fit.shape, narrower));
     } else if (status == RX_OK) {
-        status =
-            jackknife(best.stars, best.list.n, par->nthreads, &best.fit, &(*dst)->quality.flux_error, err);
-        (*dst)->quality.flux_error = hypot((*dst)->quality.flux_error, NOT_MOFFAT);
+        (*dst)->quality.flux_error = NOT_MOFFAT;
     }
     if (status == RX_OK && sharper > 0)
         rx_stars_set_sharper(sharper, sharpness / best.radius, &(*dst)->quality, log);

@@ -532,19 +532,21 @@ static rx_status open_departures(const rx_psf_job *job, const rx_psf_model *mode
     return RX_OK;
 }
 
-/* Coefficients y [nterms K] are N(0, lambda^2): their mean, the logarithm of the evidence, the relative variance of fluxes. factor
- * [nterms K]^2: work. */
+/* Coefficients y [nterms K] are N(0, lambda^2), those that vary with the place N(0, (VARIES lambda)^2): their mean, the logarithm of the
+ * evidence, the relative variance of fluxes. factor [nterms K]^2: work. */
 static double try_departures(const departures *d, int nterms, double lambda, double *factor, double *y,
                              double *variance)
 {
+    static const double VARIES = 0.3;
     const int n = d->nblobs * nterms, all = d->nblobs * d->nterms;
     double evidence = 0.0, *h = y + n;
     for (int i = 0; i < n; i++) {
+        const double own = i < d->nblobs ? lambda : VARIES * lambda;
         for (int j = 0; j <= i; j++)
-            factor[(size_t)i * (size_t)n + (size_t)j] =
-                lambda * lambda * d->a[(size_t)i * (size_t)all + (size_t)j];
+            factor[(size_t)i * (size_t)n + (size_t)j] = own * (j < d->nblobs ? lambda : VARIES * lambda) *
+                                                        d->a[(size_t)i * (size_t)all + (size_t)j];
         factor[(size_t)i * (size_t)n + (size_t)i] += 1.0;
-        y[i] = lambda * d->b[i];
+        y[i] = own * d->b[i];
         h[i] = i < d->nblobs ? d->by_flux[i] * lambda : 0.0;
     }
     if (!rx_cholesky(factor, n, n))
@@ -553,9 +555,10 @@ static double try_departures(const departures *d, int nterms, double lambda, dou
     rx_cholesky_solve(factor, n, n, h);
     *variance = 0.0;
     for (int i = 0; i < n; i++) {
-        evidence += 0.5 * y[i] * lambda * d->b[i] - log(factor[(size_t)i * (size_t)n + (size_t)i]);
+        const double own = i < d->nblobs ? lambda : VARIES * lambda;
+        evidence += 0.5 * y[i] * own * d->b[i] - log(factor[(size_t)i * (size_t)n + (size_t)i]);
         *variance += i < d->nblobs ? h[i] * d->by_flux[i] * lambda : 0.0;
-        y[i] *= lambda;
+        y[i] *= own;
     }
     return evidence;
 }

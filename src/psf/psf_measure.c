@@ -27,9 +27,8 @@
 
 enum {
     MOST_STARS = 600,
-    LEAST_STARS = 8,
+    LEAST_STARS = 5,
     LEAST_FITTED = 4,
-    FEW = 10,
     PASSES = 5,
     MOST_RINGED =
         200 /* stars, and a third as many saturated ones: some three times as many as rings are looked at around */
@@ -40,8 +39,6 @@ static const double LOCUS = 0.22;       /* half-width in ln(half-light radius): 
 static const double POINT = 1.35;       /* wider than a star by this: masked, not subtracted */
 static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
-/* Of fluxes, relative, where fewer than FEW are fitted: rms of small tiles, validation/results/psf (few stars). */
-static const double FEW_ERROR = 0.03;
 static const double BEYOND = 1e-3;   /* light that may be left out */
 static const double SATURATES = 0.9; /* of the level that saturates: pixels from there on are none */
 static const double LEAST_TERM =
@@ -607,8 +604,6 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         rx_psf_quality *q = &(*dst)->quality;
         q->how = RX_PSF_BY_PIXELS;
         status = rx_psf_judge(&job, &wing, *dst, err);
-        if (n < FEW) /* that judge themselves */
-            q->flux_error = hypot(q->flux_error, FEW_ERROR);
     }
     if (status == RX_OK)
         status = describe(&job, moffat, near, *dst, err);

@@ -735,26 +735,6 @@ static double flux_by_size(const rx_psf_job *job)
     return product / square;
 }
 
-/* Light of a star's data beyond its model within 2 FWHM, share of its flux, and the noise of that. */
-static void core_excess(const rx_psf_job *job, const rx_psf_point *p, double dst[2])
-{
-    const int half = job->model.half, n = 2 * half + 1, reach = (int)fmin(half, ceil(2.0 * job->fwhm));
-    double noise = 0.0;
-    dst[0] = 0.0;
-    for (int j = -reach; j <= reach; j++)
-        for (int i = -reach; i <= reach; i++) {
-            const float weight = p->weight[(size_t)(j + half) * (size_t)n + (size_t)(i + half)];
-            const int x = (int)lround(p->x) + i, y = (int)lround(p->y) + j;
-            if (i * i + j * j > reach * reach || !(weight > 0.0F) || x < 0 || y < 0 ||
-                x >= job->image->width || y >= job->image->height)
-                continue;
-            dst[0] += (double)job->rest[(size_t)y * (size_t)job->image->width + (size_t)x] - p->sky;
-            noise += 1.0 / (double)weight;
-        }
-    dst[0] /= p->flux;
-    dst[1] = sqrt(noise) / p->flux;
-}
-
 /* Stars of the growth curve: reserved ones, or all where there are fewer than three. */
 static int list_judges(const rx_psf_job *job, rx_ranked *list)
 {
@@ -837,16 +817,6 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
             weighted_mean((const double(*)[2])values, m, values + 2 * n,
                           which == 0 ? quality->trace : quality->shape[which - 1]);
     }
-    /* how much the fitted flux differs from the light: reserved stars, all where there are few */
-    size_t m = 0;
-    double(*excess)[2] = (double(*)[2])values, scale[2] = {0.0}, more = 0.0;
-    for (int i = 0; i < job->n; i++)
-        if (job->points[i].kept && (job->points[i].reserved || quality->reserved < 5) &&
-            job->points[i].flux > 0.0)
-            core_excess(job, &job->points[i], excess[m++]);
-    if (m > 0)
-        weighted_mean((const double(*)[2])excess, m, values + 2 * n, scale);
-    scale[0] = fmax(fabs(scale[0]), scale[1]);
     const int judges = list_judges(job, stars);
     rx_psf_model_stamp(&job->model, job->model.c, 0.0, 0.0, job->model.half,
                        &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
@@ -872,8 +842,6 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
             break;
         judged->growth[judged->nradii++] =
             (rx_psf_growth){.radius = r.edge[j + 1], .stars = light + within, .psf = light, .error = error};
-        if (error < 0.01 && fabs(within) > 2.0 * error)
-            more = fmax(more, fabs(within));
         if (error < 0.01 && fabs(within) > fabs(quality->growth)) {
             quality->growth = within;
             quality->growth_error = error;
@@ -883,7 +851,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
     quality->radius = wing->radius;
     quality->beyond = wing->beyond;
     quality->hidden = wing->hidden;
-    quality->flux_error = hypot(wing->error, fmax(scale[0], more));
+    quality->flux_error = hypot(wing->error, job->core_error);
     const double by_size = flux_by_size(job);
     for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
         quality->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS] =
