@@ -63,8 +63,6 @@ typedef struct rx_psf_quality {
     double growth_error;  /* of it, 1 sigma */
     double residual;      /* stacked stars - PSF, largest within a FWHM, share of the peak */
     int neighbours;       /* sources that the joint fit of a crowd took off around its stars; 0: not done */
-    int sharper;          /* sources that crowd at a smaller size than the stars; 0: none */
-    double sharpness;     /* their half-light radius over that of the stars */
     double limit;         /* ADU: stars with such pixels are flattened, and left out; 0: none */
 } rx_psf_quality;
 

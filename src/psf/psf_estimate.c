@@ -738,10 +738,6 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
         status = too_few(par, image, most, ladder ? par->min_stars : needed, err);
     if (status == RX_OK)
         status = leave_out_flattened(&search, few ? 0 : needed, enough, &best, log, &limit, err);
-    int sharper = 0;
-    double sharpness = 1.0;
-    if (status == RX_OK)
-        status = rx_stars_sharper(&search, best.radius, &sharper, &sharpness, err);
     if (status == RX_OK) {
         tell_stars(best.stars, best.list.n, log);
         if (best.scatter > ALIKE_SCATTER)
@@ -789,8 +785,6 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     } else if (status == RX_OK) {
         (*dst)->quality.flux_error = NOT_MOFFAT;
     }
-    if (status == RX_OK && sharper > 0)
-        rx_stars_set_sharper(sharper, sharpness / best.radius, &(*dst)->quality, log);
     if (status == RX_OK && found != NULL) {
         memcpy(found->shape, best.fit.shape, sizeof found->shape);
         found->radius = best.radius;

@@ -31,10 +31,6 @@ void rx_psf_facts(const rx_psf *psf, rx_record *facts)
         rx_fact_number(facts, RX_FACT_PSFNST, psf->nstars);
     if (q->neighbours > 0)
         rx_fact_number(facts, RX_FACT_PSFNBR, q->neighbours);
-    if (q->sharper > 0) {
-        rx_fact_number(facts, RX_FACT_PSFSHN, q->sharper);
-        rx_fact_number(facts, RX_FACT_PSFSHR, q->sharpness);
-    }
     if (q->limit > 0.0)
         rx_fact_number(facts, RX_FACT_PSFLIM, q->limit);
     if (!(q->radius > 0.0))

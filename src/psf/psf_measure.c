@@ -8,7 +8,7 @@
  *    background mesh has eaten; saturated stars, scaled by the rings just outside their cores, carry them farther
  *    out; beyond the ring where they vanish in the noise they are extrapolated.
  * 4. The core: splines on nodes finer than the pixel (psf_fit.c), held to Moffat and wings, varying over the tile with
- *    a polynomial of the degree that stars which were held out like best.
+ *    a polynomial of the degree of the largest evidence (psf_stretch.c), which says as well who is a star.
  * 5. A fifth of the stars is never fitted: what they say of the model (psf_rings.c) goes into headers.
  */
 #include <math.h>
@@ -35,8 +35,7 @@ enum {
 };
 static const double WIDEST = 20.0;      /* FWHM, pixels, of a core of pixels */
 static const double RESERVED = 0.2;     /* share of the stars */
-static const double LOCUS = 0.22;       /* half-width in ln(half-light radius): blends are wider */
-static const double POINT = 1.35;       /* wider than a star by this: masked, not subtracted */
+static const double POINT = 1.35;       /* in size, of what may be a star; what is wider is masked, not subtracted */
 static const double MESH_ERROR = 0.1;   /* of a sky mesh, sigmas of a pixel */
 static const double MODEL_ERROR = 0.01; /* of a pixel of the first model, relative */
 static const double BEYOND = 1e-3;   /* light that may be left out */
@@ -122,29 +121,19 @@ static rx_status leave_out_far(rx_psf_job *job, rx_error *err)
     return RX_OK;
 }
 
-/* Candidates of the locus, *n of them, brightest first, then wider ones, which may be stars of a bad corner or galaxies:
- * at most MOST_STARS. */
+/* Candidates of about that size, the brightest MOST_STARS: some may be galaxies, or the stars where galaxies were taken for them. */
 static rx_status choose_stars(const rx_psf_params *par, const rx_psf_job *job, double radius,
-                              rx_star_list *dst, int *n, rx_error *err)
+                              rx_star_list *dst, rx_error *err)
 {
     const rx_star_search search = {.par = par, .image = job->image, .sources = job->sources, .level = 1};
     RX_TRY(rx_stars_candidates(&search, dst, err));
     RX_TRY(rx_stars_flattened(&search, radius, dst, err)); /* the caller frees dst */
-    int near = 0, all;
+    int n = 0;
     for (int i = 0; i < dst->n; i++)
-        if (fabs(log(dst->list[i].radius / radius)) < LOCUS) {
-            const rx_candidate star = dst->list[i];
-            dst->list[i] = dst->list[near];
-            dst->list[near++] = star;
-        }
-    all = near;
-    for (int i = near; i < dst->n; i++)
-        if (dst->list[i].radius > radius && dst->list[i].radius < POINT * radius)
-            dst->list[all++] = dst->list[i];
-    rx_candidates_sort(dst->list, near);
-    rx_candidates_sort(dst->list + near, all - near);
-    *n = near < MOST_STARS ? near : MOST_STARS;
-    dst->n = all < MOST_STARS ? all : MOST_STARS;
+        if (fabs(log(dst->list[i].radius / radius)) < log(POINT))
+            dst->list[n++] = dst->list[i];
+    rx_candidates_sort(dst->list, n);
+    dst->n = n < MOST_STARS ? n : MOST_STARS;
     return RX_OK;
 }
 
@@ -175,7 +164,7 @@ static double saturated_core(const rx_image *image, const rx_source *s, double l
 }
 
 /* Points and the plane of what is used. */
-static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, double radius, rx_error *err)
+static rx_status gather(rx_psf_job *job, const rx_star_list *stars, double radius, rx_error *err)
 {
     const rx_image *image = job->image;
     const rx_sources *sources = job->sources;
@@ -239,7 +228,7 @@ static rx_status gather(rx_psf_job *job, const rx_star_list *stars, int near, do
             status = rx_error_memory(err, 0);
             goto exit;
         }
-        p->reserved = near >= 10 && rx_random_uniform(SEED, RESERVE, (uint64_t)i) < RESERVED;
+        p->reserved = stars->n >= 10 && rx_random_uniform(SEED, RESERVE, (uint64_t)i) < RESERVED;
     }
     for (size_t k = 0; k < pixels; k++) {
         const int32_t owner = sources->segments != NULL ? sources->segments[k] : 0;
@@ -542,16 +531,16 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     rx_star_list stars = {.n = 0};
     rx_psf_job job = {
         .image = image, .sources = sources, .model_error = MODEL_ERROR, .variation = {.nterms = 1}};
-    int *fitted = NULL, near = 0, n = 0;
+    int *fitted = NULL, n = 0;
     *dst = NULL;
     RX_TRY(rx_psf_fit_moffat(par, image, sources, log, &found, &moffat, err));
     job.fwhm = hypot(moffat->fwhm, 0.8); /* of the star on pixels */
     rx_status status = open_job(par, moffat, &job, err);
     if (status == RX_OK)
-        status = choose_stars(par, &job, found.radius, &stars, &near, err);
+        status = choose_stars(par, &job, found.radius, &stars, err);
     if (status != RX_OK)
         goto exit;
-    if (moffat->fwhm > WIDEST || near < LEAST_STARS || moffat->quality.how != RX_PSF_BY_MOFFAT) {
+    if (moffat->fwhm > WIDEST || stars.n < LEAST_STARS || moffat->quality.how != RX_PSF_BY_MOFFAT) {
         *dst = moffat;
         moffat = NULL;
         goto exit;
@@ -562,7 +551,7 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     status = normalise(&job, wing.radius, err);
     if (status == RX_OK) {
         memcpy(job.model.c, job.prior, sizeof(float) * (size_t)job.model.side * (size_t)job.model.side);
-        status = gather(&job, &stars, near, found.radius, err);
+        status = gather(&job, &stars, found.radius, err);
     }
     fitted = RX_NEW(int, (size_t)job.n + 1);
     if (status == RX_OK && fitted == NULL)
@@ -606,15 +595,9 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
         status = rx_psf_judge(&job, &wing, *dst, err);
     }
     if (status == RX_OK)
-        status = describe(&job, moffat, near, *dst, err);
-    if (status == RX_OK) {
+        status = describe(&job, moffat, stars.n, *dst, err);
+    if (status == RX_OK)
         warn(&(*dst)->quality, log);
-        /* the first stars were sharper than those that suit one another in the end */
-        if (moffat->quality.sharper == 0 && moffat->fwhm < 0.9 * (*dst)->fwhm)
-            rx_stars_set_sharper(moffat->nstars, moffat->fwhm / (*dst)->fwhm, &(*dst)->quality, log);
-        else if (moffat->quality.sharper > 0) /* the warning was given */
-            rx_stars_set_sharper(moffat->quality.sharper, moffat->quality.sharpness, &(*dst)->quality, NULL);
-    }
 exit:
     rx_psf_free(moffat);
     rx_star_list_free(&stars);

@@ -34,21 +34,6 @@ void rx_psf_model_free(rx_psf_model *model)
     *model = (rx_psf_model){.m = 0};
 }
 
-rx_status rx_psf_model_copy(const rx_psf_model *model, rx_psf_model *dst, rx_error *err)
-{
-    const size_t nodes = RX_PSF_TERMS * (size_t)model->side * (size_t)model->side;
-    *dst = *model;
-    dst->c = RX_NEW(float, nodes);
-    dst->wing = RX_NEW(float, (size_t)model->nwing);
-    if (dst->c == NULL || dst->wing == NULL) {
-        rx_psf_model_free(dst);
-        return rx_error_memory(err, nodes * sizeof(float));
-    }
-    memcpy(dst->c, model->c, nodes * sizeof(float));
-    memcpy(dst->wing, model->wing, (size_t)model->nwing * sizeof(float));
-    return RX_OK;
-}
-
 /* Lower degrees come first. */
 int rx_psf_model_powers(int degree, int px[RX_PSF_TERMS], int py[RX_PSF_TERMS])
 {
@@ -151,29 +136,6 @@ RX_SIMD void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, d
             to_y[i] = y.slope[0] * v[i] + y.slope[1] * v[i + n] + y.slope[2] * v[i + 2 * n] +
                       y.slope[3] * v[i + 3 * n];
         }
-    }
-}
-
-RX_SIMD void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy,
-                                 float *nodes, float *work)
-{
-    const int m = model->m, n = 2 * model->half + 1, rows = m * (n - 1) + 4;
-    const taps x = taps_of(model, dx, model->half), y = taps_of(model, dy, model->half);
-    memset(work, 0, (size_t)rows * (size_t)n * sizeof *work);
-    for (int j = 0; j < n; j++)
-        for (int k = 0; k < 4; k++) {
-            const float *from = stamp + (size_t)j * (size_t)n, weight = y.weight[k];
-            float *to = work + (size_t)(m * j + k) * (size_t)n;
-#pragma omp simd
-            for (int i = 0; i < n; i++)
-                to[i] += weight * from[i];
-        }
-    for (int j = 0; j < rows; j++) {
-        float *line = nodes + (size_t)(y.first + j) * (size_t)model->side + x.first;
-        const float *value = work + (size_t)j * (size_t)n;
-        for (int i = 0; i < n; i++, line += m)
-            for (int k = 0; k < 4; k++)
-                line[k] += x.weight[k] * value[i];
     }
 }
 

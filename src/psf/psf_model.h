@@ -31,7 +31,6 @@ typedef struct rx_psf_model {
 rx_status rx_psf_model_new(int m, int half, int reach, int width, int height, rx_psf_model *dst,
                            rx_error *err);
 void rx_psf_model_free(rx_psf_model *model);
-rx_status rx_psf_model_copy(const rx_psf_model *model, rx_psf_model *dst, rx_error *err);
 
 /* Powers px, py of the Legendre polynomials of the terms of a degree; returns how many terms. */
 int rx_psf_model_powers(int degree, int px[RX_PSF_TERMS], int py[RX_PSF_TERMS]);
@@ -50,10 +49,6 @@ typedef struct rx_psf_stamp {
 void rx_psf_model_stamp(const rx_psf_model *model, const float *nodes, double dx, double dy, int half,
                         const rx_psf_stamp *dst);
 size_t rx_psf_model_work(const rx_psf_model *model);
-
-/* The adjoint: nodes += what the stamp is made from. */
-void rx_psf_model_spread(const rx_psf_model *model, const float *stamp, double dx, double dy, float *nodes,
-                         float *work);
 
 float rx_psf_model_wing(const rx_psf_model *model, double r);
 

@@ -260,83 +260,123 @@ static double model_mean(const rx_psf_job *job, const float *stamp, double from,
     return n > 0 ? sum / n : (double)rx_psf_model_wing(model, 0.5 * (from + to));
 }
 
-/* Light that falls as a law from ring `from` on: exp(line[0] + line[1] x), x = r (power 0) or ln r (power 1). */
+/* Light that falls from ring `from` on as one of many laws, exponentials and then powers: their amplitudes at that ring, each as likely as it
+ * suits the rings. */
+enum { SLOPES = 60, LAWS = 2 * SLOPES };
+
 typedef struct tail {
-    int from, power;
-    double line[2], chi2;
-    double
-        error; /* of the light from there on, relative: of amplitude, and as other laws suit the rings nearly as well */
-    double sky; /* what the rings are too high by */
+    int from;
+    double start, end; /* radius of that ring, and of the last that stands out */
+    double amplitude[LAWS], chi2, light; /* chi2: of the best; light: from there on, over 2 pi */
+    double error; /* of that, relative: of the amplitudes, and as laws differ */
+    double sky;   /* what the rings are too high by */
 } tail;
 
-/* Slope, amplitude and the error of the skies that suit the rings from .. n - 1 best, those in the noise as well: the skies
- * of all stars may be off by three errors of the outermost ring, which over the area of a wing is much light. No slope is
- * flatter than that of light that ends. */
-static tail fit_tail(const double *r, const ring *w, int n, int from, int last)
+/* No slope is flatter than that of light that ends. */
+static double slope_of(const tail *t, int law)
 {
-    enum { SLOPES = 60 };
-    double chi2s[2 * SLOPES], lights[2 * SLOPES], all = 0.0, square = 0.0, light = 0.0;
-    tail best = {.from = from, .chi2 = HUGE_VAL};
-    const double least = 1e-9; /* of a ring's error: images without noise */
-    const double held = 1.0 / (9.0 * w[n - 1].error * w[n - 1].error + least * least);
-    for (int power = 0; power < 2; power++)
-        for (int k = 0; k < SLOPES; k++) {
-            const double slope = power ? -3.0 - 0.1 * k : -(0.5 + 0.15 * k) / r[last];
-            double ab = 0.0, aa = 0.0, bb = 0.0, a = 0.0, b = 0.0, one = held;
-            for (int j = from; j < n; j++) {
-                if (!(w[j].error < HUGE_VAL))
-                    continue;
-                const double model = exp(slope * (power ? log(r[j] / r[from]) : r[j] - r[from]));
-                const double error = hypot(w[j].error + least, j <= last ? 0.015 * w[j].mean : 0.0),
-                             weight = 1.0 / (error * error);
-                ab += weight * model * w[j].mean;
-                aa += weight * model * model;
-                bb += weight * w[j].mean * w[j].mean;
-                a += weight * model;
-                b += weight * w[j].mean;
-                one += weight;
-            }
-            const double amplitude = (ab - a * b / one) / (aa - a * a / one), sky = (b - a * amplitude) / one;
-            const double chi2 = bb - amplitude * ab - sky * b, end = r[n - 1] / r[from];
-            const int law = power * SLOPES + k;
-            lights[law] = power
-                              ? amplitude * r[from] * r[from] * (1.0 - pow(end, slope + 2.0)) / (-slope - 2.0)
-                              : amplitude * (1.0 - r[from] * slope) / (slope * slope);
-            chi2s[law] = amplitude > 0.0 ? chi2 : HUGE_VAL;
-            if (amplitude > 0.0 && chi2 < best.chi2) {
-                best.chi2 = chi2;
-                best.power = power;
-                best.sky = sky;
-                best.error = 1.0 / (sqrt(aa - a * a / one) * amplitude);
-                light = lights[law];
-                best.line[1] = slope;
-                best.line[0] = log(amplitude) - slope * (power ? log(r[from]) : r[from]);
-            }
-        }
-    for (int law = 0; law < 2 * SLOPES && light > 0.0; law++) {
-        const double weight = exp(-0.5 * (chi2s[law] - best.chi2));
-        all += weight;
-        square += weight > 0.0 ? weight * pow(lights[law] / light - 1.0, 2.0) : 0.0;
-    }
-    best.error = hypot(best.error, all > 0.0 ? sqrt(square / all) : 0.0);
-    return best;
+    return law < SLOPES ? -(0.5 + 0.15 * law) / t->end : -3.0 - 0.1 * (law - SLOPES);
 }
 
-/* From the innermost ring outside `inner` from which one law suits all; at the latest from the last few clear ones. */
+static double law_at(const tail *t, int law, double r)
+{
+    return exp(slope_of(t, law) * (law < SLOPES ? r - t->start : log(r / t->start)));
+}
+
+static double tail_at(const tail *t, double r)
+{
+    double sum = 0.0;
+    for (int law = 0; law < LAWS; law++)
+        sum += t->amplitude[law] > 0.0 ? t->amplitude[law] * law_at(t, law, r) : 0.0;
+    return sum;
+}
+
+/* Amplitudes and the error of the skies that suit the rings from .. n - 1, those in the noise as well: the skies
+ * of all stars may be off by three errors of the outermost ring, which over the area of a wing is much light. */
+static tail fit_tail(const double *r, const ring *w, int n, int from, int last)
+{
+    double chi2s[LAWS], lights[LAWS], errors[LAWS], skies[LAWS], all = 0.0, square = 0.0;
+    tail t = {.from = from, .start = r[from], .end = r[last], .chi2 = HUGE_VAL};
+    const double least = 1e-9; /* of a ring's error: images without noise */
+    const double held = 1.0 / (9.0 * w[n - 1].error * w[n - 1].error + least * least);
+    for (int law = 0; law < LAWS; law++) {
+        const double slope = slope_of(&t, law), end = r[n - 1] / r[from];
+        double ab = 0.0, aa = 0.0, bb = 0.0, a = 0.0, b = 0.0, one = held;
+        for (int j = from; j < n; j++) {
+            if (!(w[j].error < HUGE_VAL))
+                continue;
+            const double model = law_at(&t, law, r[j]),
+                         error = hypot(w[j].error + least, j <= last ? 0.015 * w[j].mean : 0.0),
+                         weight = 1.0 / (error * error);
+            ab += weight * model * w[j].mean;
+            aa += weight * model * model;
+            bb += weight * w[j].mean * w[j].mean;
+            a += weight * model;
+            b += weight * w[j].mean;
+            one += weight;
+        }
+        const double known = aa - a * a / one, amplitude = (ab - a * b / one) / known;
+        skies[law] = (b - a * amplitude) / one;
+        chi2s[law] = amplitude > 0.0 ? bb - amplitude * ab - skies[law] * b : HUGE_VAL;
+        errors[law] = 1.0 / (sqrt(known) * amplitude);
+        lights[law] = amplitude * (law < SLOPES ? (1.0 - r[from] * slope) / (slope * slope)
+                                                : r[from] * r[from] * (1.0 - pow(end, slope + 2.0)) / (-slope - 2.0));
+        t.amplitude[law] = amplitude;
+        t.chi2 = fmin(t.chi2, chi2s[law]);
+    }
+    for (int law = 0; law < LAWS && t.chi2 < HUGE_VAL; law++)
+        all += exp(-0.5 * (chi2s[law] - t.chi2));
+    for (int law = 0; law < LAWS; law++) {
+        const double share = all > 0.0 ? exp(-0.5 * (chi2s[law] - t.chi2)) / all : 0.0;
+        t.amplitude[law] *= share;
+        if (!(share > 0.0))
+            continue;
+        t.sky += share * skies[law];
+        t.light += share * lights[law];
+        square += share * lights[law] * lights[law] * (1.0 + errors[law] * errors[law]);
+    }
+    t.error = t.light > 0.0 ? sqrt(fmax(square - t.light * t.light, 0.0)) / t.light : 0.0;
+    return t;
+}
+
+/* The ring outside `inner` from which one law suits all: that of the largest evidence, where a ring inside is anything within FREE of its
+ * mean. Light is off as well by what other rings say, by their evidence. */
 static tail choose_tail(const double *r, const ring *w, int n, int last, double inner)
 {
-    int from = 0;
+    static const double FREE = 0.3;
+    int from = 0, first;
     int latest = last >= 8 ? last - 5 : last >= 5 ? last - 3 : last - 2;
     while (latest > 1 && w[latest].mean < JOINED * w[latest].error)
         latest--;
     while (from < latest && r[from] < inner)
         from++;
-    for (;; from++) {
+    tail best = {.chi2 = HUGE_VAL};
+    double evidence[RINGS + 1], light[RINGS + 1], most = -HUGE_VAL, all = 0.0, square = 0.0, inside = 0.0, sky = 0.0,
+           chosen = 0.0, occam = 0.0;
+    for (first = from; from <= latest; from++) {
         const tail t = fit_tail(r, w, n, from, last);
-        const double freedom = n - from - 2;
-        if (from >= latest || t.chi2 < freedom + sqrt(2.0 * freedom))
-            return t;
+        if (from > first) { /* the ring before is free */
+            const double area = 0.5 * (r[from] * r[from] - r[from - 1] * r[from - 1]),
+                         error = hypot(w[from - 1].error, 0.015 * w[from - 1].mean);
+            inside += 0.5 * (w[from - 1].mean + w[from].mean) * area;
+            sky += area;
+            occam += log(fmin(sqrt(2.0 * M_PI) * error / (FREE * fabs(w[from - 1].mean) + 1e-30), 1.0));
+        }
+        evidence[from] = occam - 0.5 * t.chi2;
+        light[from] = inside - sky * t.sky + t.light;
+        if (evidence[from] > most) {
+            most = evidence[from];
+            best = t;
+            chosen = light[from];
+        }
     }
+    for (from = first; from <= latest; from++) {
+        all += exp(evidence[from] - most);
+        square += exp(evidence[from] - most) * pow(light[from] - chosen, 2.0);
+    }
+    if (best.light > 0.0)
+        best.error = hypot(best.error, sqrt(square / all) / best.light);
+    return best;
 }
 
 typedef struct {
@@ -441,7 +481,7 @@ static void fill_wing(rx_psf_model *model, const double *r, const ring *w, const
     for (int i = 0; i < model->nwing; i++) {
         const double at = i * RX_PSF_WING_STEP, x = fmin(fmax(at, r[0]), r[t->from]);
         if (at > r[t->from]) {
-            model->wing[i] = (float)exp(t->line[0] + t->line[1] * (t->power ? log(at) : at));
+            model->wing[i] = (float)tail_at(t, at);
             continue;
         }
         int j = 0;
@@ -606,7 +646,8 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
     const int suits = t.chi2 < HUGE_VAL && t.from > 0;
     double light, error;
     if (suits) {
-        slope = t.power ? t.line[1] : t.line[1] * (model->nwing - 2) * RX_PSF_WING_STEP;
+        const double end = (model->nwing - 2) * RX_PSF_WING_STEP;
+        slope = (tail_at(&t, end) / tail_at(&t, 0.99 * end) - 1.0) / 0.01;
         for (int j = 0; j < n; j++) {
             w[j].mean -= t.sky;
             departure[j].mean -= t.sky;
@@ -638,13 +679,10 @@ rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *
     dst->hidden = error;
     dst->error = sqrt(uncertain + error * error);
     rx_log_detail(log,
-                  "PSF wings: %d bright stars, %d of %d saturated, rings clear to %.1f px, %s %.3g from %.1f "
+                  "PSF wings: %d bright stars, %d of %d saturated, rings clear to %.1f px, power %.3g at the end, from %.1f "
                   "px on, hidden %.2g +- %.2g; all but %.2g of the light within %.0f px, +- %.2g",
                   of.few, of.scaled, of.n - of.few, last >= 0 ? of.centre[last] : 0.0,
-                  !suits    ? "none"
-                  : t.power ? "power"
-                            : "exponential",
-                  t.line[1], suits ? of.centre[t.from] : 0.0, light, error, dst->beyond, dst->radius,
+                  slope, suits ? of.centre[t.from] : 0.0, light, error, dst->beyond, dst->radius,
                   dst->error);
 exit:
     free(of.stars);
@@ -654,7 +692,14 @@ exit:
     return status;
 }
 
-static rx_star_shape shape_of(const rx_psf_job *job, const rx_psf_point *p, float *room)
+/* Of a star, data - model under a round Gaussian of the PSF's width: [0] (T_data - T_model) / T_model, T = xx + yy; [1]
+ * e1 = (xx - yy) / T; [2] e2 = 2 xy / T; all times 2, which undoes what the weight takes off (exact for a Gaussian as
+ * wide as it). error: 1 sigma of each from the pixels' noise. */
+typedef struct star_shape {
+    double off[3], error;
+} star_shape;
+
+static star_shape shape_of(const rx_psf_job *job, const rx_psf_point *p, float *room)
 {
     const rx_psf_model *model = &job->model;
     const int half = model->half, n = 2 * half + 1, reach = (int)fmin(half, ceil(2.0 * job->fwhm));
@@ -682,14 +727,15 @@ static rx_star_shape shape_of(const rx_psf_job *job, const rx_psf_point *p, floa
         }
     const double t = model_sum[1] + model_sum[2],
                  d = (data_sum[1] + data_sum[2]) / data_sum[0] * model_sum[0];
-    return (rx_star_shape){.off = {2.0 * (d - t) / t,
+    return (star_shape){.off = {2.0 * (d - t) / t,
                                    2.0 * ((data_sum[1] - data_sum[2]) / (data_sum[1] + data_sum[2]) -
                                           (model_sum[1] - model_sum[2]) / t),
                                    4.0 * (data_sum[3] / (data_sum[1] + data_sum[2]) - model_sum[3] / t)},
                            .error = 2.0 * sqrt(noise) / fabs(t)};
 }
 
-void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes)
+/* shapes [job->n], of stars that are kept. */
+static void shapes_of(const rx_psf_job *job, star_shape *shapes)
 {
 #pragma omp parallel for schedule(dynamic, 8) num_threads(job->nthreads)
     for (int s = 0; s < job->n; s++)
@@ -733,6 +779,26 @@ static double flux_by_size(const rx_psf_job *job)
             square += p * p;
         }
     return product / square;
+}
+
+/* Light of a star's data beyond its model within 2 FWHM, share of its flux, and the noise of that. */
+static void core_excess(const rx_psf_job *job, const rx_psf_point *p, double dst[2])
+{
+    const int half = job->model.half, n = 2 * half + 1, reach = (int)fmin(half, ceil(2.0 * job->fwhm));
+    double noise = 0.0;
+    dst[0] = 0.0;
+    for (int j = -reach; j <= reach; j++)
+        for (int i = -reach; i <= reach; i++) {
+            const float weight = p->weight[(size_t)(j + half) * (size_t)n + (size_t)(i + half)];
+            const int x = (int)lround(p->x) + i, y = (int)lround(p->y) + j;
+            if (i * i + j * j > reach * reach || !(weight > 0.0F) || x < 0 || y < 0 ||
+                x >= job->image->width || y >= job->image->height)
+                continue;
+            dst[0] += (double)job->rest[(size_t)y * (size_t)job->image->width + (size_t)x] - p->sky;
+            noise += 1.0 / (double)weight;
+        }
+    dst[0] /= p->flux;
+    dst[1] = sqrt(noise) / p->flux;
 }
 
 /* Stars of the growth curve: reserved ones, or all where there are fewer than three. */
@@ -783,7 +849,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
     judged->residual = RX_NEW(float, (size_t)judged->side *(size_t)judged->side);
     const rings r = rings_of(job);
     const size_t area = area_of(&r), n = (size_t)job->n + 1;
-    rx_star_shape *shapes = RX_NEW(rx_star_shape, n);
+    star_shape *shapes = RX_NEW(star_shape, n);
     rx_ranked *stars = RX_NEW(rx_ranked, n);
     ring *around = RX_NEW(ring, (size_t)BRIGHT * (size_t)(r.n + 1));
     double *values = RX_NEW(double, 4 * n + (size_t)job->nthreads * area), level[RINGS + 1];
@@ -794,10 +860,10 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
         status = rx_error_memory(err, area * sizeof(double));
         goto exit;
     }
-    rx_psf_shapes(job, shapes);
+    shapes_of(job, shapes);
     for (int i = 0; i < job->n; i++) {
         const rx_psf_point *p = &job->points[i];
-        const rx_star_shape *s = &shapes[i];
+        const star_shape *s = &shapes[i];
         if (p->kept && p->reserved && isfinite(s->off[0]) && isfinite(s->off[1]) && isfinite(s->off[2]))
             judged->star[judged->nstars++] = (rx_psf_star){.x = p->x,
                                                            .y = p->y,
@@ -817,6 +883,16 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
             weighted_mean((const double(*)[2])values, m, values + 2 * n,
                           which == 0 ? quality->trace : quality->shape[which - 1]);
     }
+    /* how much the fitted flux differs from the light: reserved stars, all where there are few */
+    size_t m = 0;
+    double(*excess)[2] = (double(*)[2])values, scale[2] = {0.0}, more = 0.0;
+    for (int i = 0; i < job->n; i++)
+        if (job->points[i].kept && (job->points[i].reserved || quality->reserved < 5) &&
+            job->points[i].flux > 0.0)
+            core_excess(job, &job->points[i], excess[m++]);
+    if (m > 0)
+        weighted_mean((const double(*)[2])excess, m, values + 2 * n, scale);
+    scale[0] = fmax(fabs(scale[0]), scale[1]);
     const int judges = list_judges(job, stars);
     rx_psf_model_stamp(&job->model, job->model.c, 0.0, 0.0, job->model.half,
                        &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
@@ -842,6 +918,8 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
             break;
         judged->growth[judged->nradii++] =
             (rx_psf_growth){.radius = r.edge[j + 1], .stars = light + within, .psf = light, .error = error};
+        if (error < 0.01 && fabs(within) > 2.0 * error)
+            more = fmax(more, fabs(within));
         if (error < 0.01 && fabs(within) > fabs(quality->growth)) {
             quality->growth = within;
             quality->growth_error = error;
@@ -851,7 +929,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
     quality->radius = wing->radius;
     quality->beyond = wing->beyond;
     quality->hidden = wing->hidden;
-    quality->flux_error = hypot(wing->error, job->core_error);
+    quality->flux_error = hypot(hypot(wing->error, job->core_error), fmax(scale[0], more));
     const double by_size = flux_by_size(job);
     for (int i = 0; i < RX_PSF_CELLS * RX_PSF_CELLS; i++)
         quality->flux_errors[i / RX_PSF_CELLS][i % RX_PSF_CELLS] =

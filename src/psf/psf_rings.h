@@ -1,20 +1,10 @@
-/* What PSF_TYPE AUTO measures of the residuals of stars: rings around bright ones, moments. Internal to psf/. */
+/* What PSF_TYPE AUTO measures of the residuals of stars: rings around bright ones. Internal to psf/. */
 #ifndef RX_PSF_RINGS_H
 #define RX_PSF_RINGS_H
 
 #include "base/log.h"
 #include "psf/psf.h"
 #include "psf/psf_fit.h"
-
-/* Of a star, data - model under a round Gaussian of the PSF's width: [0] (T_data - T_model) / T_model, T = xx + yy; [1]
- * e1 = (xx - yy) / T; [2] e2 = 2 xy / T; all times 2, which undoes what the weight takes off (exact for a Gaussian as
- * wide as it). error: 1 sigma of each from the pixels' noise. */
-typedef struct rx_star_shape {
-    double off[3], error;
-} rx_star_shape;
-
-/* shapes [job->n], of stars that are kept. */
-void rx_psf_shapes(const rx_psf_job *job, rx_star_shape *shapes);
 
 typedef struct rx_psf_wing {
     double radius, beyond; /* pixels within which all but `least` of the light lies, and what lies outside */

@@ -250,61 +250,6 @@ rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candid
     return RX_OK;
 }
 
-rx_status rx_stars_sharper(const rx_star_search *search, double radius, int *n, double *sharper,
-                           rx_error *err)
-{
-    static const double bright = 50.0, smoothing = 0.03, apart = 0.1, sigmas = 4.0, fainter = 0.1;
-    const int stars = (int)((log(radius) - grid_low) / (grid_high - grid_low) * (GRID - 1));
-    const rx_star_search all = {
-        .par = search->par, .image = search->image, .sources = search->sources, .level = 1};
-    rx_star_list candidates;
-    double density[GRID] = {0.0}, flux[2] = {0.0, 0.0};
-    *n = 0;
-    RX_TRY(rx_stars_candidates(&all, &candidates, err));
-    for (int i = 0; i < candidates.n; i++)
-        for (int g = 0; g < GRID && candidates.list[i].snr > bright; g++) {
-            const double d = (log(candidates.list[i].radius) - grid_position(g)) / smoothing;
-            density[g] += exp(-0.5 * d * d);
-        }
-    int top = 0, valley;
-    for (int g = 0; g <= stars && g < GRID && grid_position(g) < log(radius) - apart; g++)
-        if (is_top(density, g) && density[g] > density[top])
-            top = g;
-    valley = top;
-    for (int g = top; g <= stars && g < GRID; g++)
-        valley = density[g] < density[valley] ? g : valley;
-    const double centre = grid_position(top);
-    if (density[top] - density[valley] > sigmas * sqrt(density[valley] + 1.0))
-        for (int i = 0; i < candidates.n; i++) {
-            const rx_candidate *c = &candidates.list[i];
-            const double at = log(c->radius), light = search->sources->list[c->source].flux_auto;
-            if (c->snr > bright && fabs(at - centre) < 2.0 * smoothing) {
-                flux[0] = fmax(flux[0], light);
-                *n += 1;
-            } else if (fabs(at - log(radius)) < 2.0 * smoothing) {
-                flux[1] = fmax(flux[1], light);
-            }
-        }
-    if (flux[0] < fainter * flux[1]) /* specks, which stars outshine */
-        *n = 0;
-    *sharper = exp(centre);
-    rx_star_list_free(&candidates);
-    return RX_OK;
-}
-
-void rx_stars_set_sharper(int n, double ratio, rx_psf_quality *dst, rx_log *log)
-{
-    dst->sharper = n;
-    dst->sharpness = ratio;
-    dst->flux_error = hypot(dst->flux_error, 0.5 * (1.0 - ratio)); /* as likely as not */
-    rx_log_warning(
-        log,
-        "PSF_TYPE AUTO: %d sources crowd at %.2f of the size of those that were taken for stars: if they "
-        "are the stars, these are compact galaxies and fluxes may be off by %.0f %%, half of which is "
-        "part of their errors; give PSF_STARS_NAME, a list of stars, or PSF_FWHM",
-        n, ratio, 100.0 * (1.0 - ratio));
-}
-
 /* Copy those within the locus: around the median of what lies around the top (once: repeated, the
  * window would walk into the galaxies where they outnumber the stars). */
 static rx_status take_locus(const rx_star_list *candidates, double *radius, rx_star_list *dst, rx_error *err)

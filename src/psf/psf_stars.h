@@ -55,14 +55,6 @@ rx_status rx_stars_flattened(const rx_star_search *search, double radius, rx_sta
 rx_status rx_stars_loci(const rx_star_search *search, const rx_star_list *candidates,
                         double radii[RX_LOCI_MAX], int *n, rx_error *err);
 
-/* Candidates that crowd at a smaller radius than that of the stars, apart from them by fewer in between: *n of them, at
- * *sharper (pixels). 0: none, as of noise. */
-rx_status rx_stars_sharper(const rx_star_search *search, double radius, int *n, double *sharper,
-                           rx_error *err);
-
-/* Into the quality, errors and the log: n sources of that size over the stars'. */
-void rx_stars_set_sharper(int n, double ratio, rx_psf_quality *dst, rx_log *log);
-
 /* Isolated candidates of that half-light radius, by falling S/N, at most RX_STARS_MAX. *radius becomes their
  * median. */
 rx_status rx_stars_near(const rx_star_search *search, const rx_star_list *candidates, double *radius,
