@@ -969,7 +969,7 @@ def against_time():
 
 
 # Networks by the campaign that judges their restorations; the paper's kind first.
-NETWORKS = {"restoration-blind": "psfnet-blind", "restoration": "psfnet"}
+NETWORKS = {"restoration-blind": "psfnet-blind", "restoration": "psfnet", "restoration-paper-informed": "psfnet-paper-informed"}
 LISTS = ("photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 
