@@ -166,7 +166,7 @@ def five():
     return table(["what", "result", "more"], [
         ["Depth on a real SDSS frame: sources of a much deeper catalogue that are found",
          f"at equal precision, {100 * precision:.0f} %: {recall[0]} % on the frame as observed, {recall[1]} % with RL, {recall[2]} % with NET: the right filter "
-         "finds what restoration does, but where sources blend (the catalogue itself is incomplete below r = 23)",
+         "finds what restoration does, except where sources blend (the catalogue itself is incomplete below r = 23)",
          "[an SDSS frame](docs/validation.md#an-sdss-frame)"],
         ["Lists of simulated stars, FWHM 6 pixels: average precision (1: all found, none false)",
          f"{ap[0]} unrestored, with a filter as wide as the PSF; decided by the original pixels {ap[1]} unrestored, {ap[2]} with RL, {ap[3]} with NET",
@@ -968,13 +968,13 @@ def against_time():
     return table(["FWHM", "network", "s per Mpixel", "average precision (RL in that time, RL at its best)", "PSNR in dB (the same)"], rows)
 
 
-# Networks by the campaign that judges their restorations; the paper's kind first.
+# Networks by the campaign of their restorations; the paper's kind first.
 NETWORKS = {"restoration-blind": "psfnet-blind", "restoration": "psfnet", "restoration-paper-informed": "psfnet-paper-informed"}
 LISTS = ("photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 
 def claims_of(campaigns):
-    """The paper's claims that these judge, in its order: of each its row, and the verdicts by campaign."""
+    """The paper's claims that these test, in its order: of each its row, and the verdicts by campaign."""
     rows, verdicts = {}, {}
     for name in campaigns:
         for row in rows_of(name, "claims"):

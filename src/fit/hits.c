@@ -12,7 +12,7 @@
 #include "psf/resample.h"
 
 enum {
-    PLACES = 3,     /* of the PSF on the tile, along each axis */
+    PLACES = 3,     /* of a PSF that varies, along each axis */
     LEAST_FREE = 8, /* pixels by which a reduced chi2 is known to a half */
     LARGEST = 16,   /* pixels from the middle of a patch: light that is wider than that is a slope there */
     MOST = 20,      /* sources and a level on a patch, of some six beams */
@@ -37,12 +37,13 @@ static const double APART = 0.3;                          /* FWHM, between place
 
 /* The PSF at one of its places, moved within the brightest pixel's surroundings. */
 typedef struct shapes {
+    int places;              /* of the PSF on the tile, along each axis */
     int reach, half, across; /* pixels; places along an axis */
     double fwhm;             /* pixels, at least 2 */
     double step;             /* pixels, between these */
-    float *values;           /* [PLACES^2][across^2 + GALAXIES][(2 half + 1)^2] */
+    float *values;           /* [places^2][across^2 + GALAXIES][(2 half + 1)^2] */
     int side, fine;
-    float *samples; /* [PLACES^2][side][side], fine of them a pixel */
+    float *samples; /* [places^2][side][side], fine of them a pixel */
 } shapes;
 
 /* The pixels around the brightest one of a source, which is their middle, and what explains them. */
@@ -110,32 +111,38 @@ static void place_of(const shapes *s, size_t k, double *dx, double *dy)
     *dy = s->step * ((double)((int)k / s->across) - s->across / 2);
 }
 
-/* Exponential profiles behind the PSF, as sums of points: what follows the points of a place. */
-static void make_galaxies(const shapes *s, float *values)
+RX_SIMD static void add(float *restrict dst, float times, const float *restrict values, size_t n)
 {
-    const size_t n = area(s);
-    float *dst = values + count(s) * n;
-    for (int g = 0; g < GALAXIES; g++, dst += n) {
+    for (size_t i = 0; i < n; i++)
+        dst[i] += times * values[i];
+}
+
+/* Exponential profiles behind the PSF, as sums of points: what follows the points of a place. */
+static void make_galaxies(const shapes *s)
+{
+    const size_t n = area(s), all = all_count(s) * n;
+    for (int g = 0; g < GALAXIES; g++) {
         const int offset = g % (OFFSETS * OFFSETS), kind = g / (OFFSETS * OFFSETS) % KINDS;
         const double radius = RADII[g / (OFFSETS * OFFSETS * KINDS)] * s->fwhm,
-                     ratio = RATIOS[(kind + ANGLES - 1) / ANGLES], angle = M_PI * kind / ANGLES,
-                     x0 = APART * s->fwhm * (offset % OFFSETS - OFFSETS / 2),
+                     ratio = RATIOS[(kind + ANGLES - 1) / ANGLES], c = cos(M_PI * kind / ANGLES),
+                     d = sin(M_PI * kind / ANGLES), x0 = APART * s->fwhm * (offset % OFFSETS - OFFSETS / 2),
                      y0 = APART * s->fwhm * ((double)(offset / OFFSETS) - OFFSETS / 2);
+        float *const first = s->values + (count(s) + (size_t)g) * n;
         double sum = 0;
         for (size_t k = 0; k < count(s); k++) {
             double dx, dy;
             place_of(s, k, &dx, &dy);
             dx -= x0;
             dy -= y0;
-            const double along = dx * cos(angle) + dy * sin(angle),
-                         beside = (dy * cos(angle) - dx * sin(angle)) / ratio,
-                         light = exp(-1.678 * hypot(along, beside) / radius);
+            const double along = dx * c + dy * d, beside = (dy * c - dx * d) / ratio,
+                         light = exp(-1.678 * sqrt(along * along + beside * beside) / radius);
             sum += light;
-            for (size_t i = 0; i < n; i++)
-                dst[i] += (float)light * values[k * n + i];
+            for (int place = 0; place < s->places * s->places; place++)
+                add(first + (size_t)place * all, (float)light, s->values + (size_t)place * all + k * n, n);
         }
-        for (size_t i = 0; i < n; i++)
-            dst[i] /= (float)sum;
+        for (int place = 0; place < s->places * s->places; place++)
+            for (size_t i = 0; i < n; i++)
+                first[(size_t)place * all + i] /= (float)sum;
     }
 }
 
@@ -150,20 +157,21 @@ static rx_status make_shapes(const rx_image *image, shapes *s, rx_error *err)
     s->step = STEP * s->fwhm;
     s->across = 2 * (int)ceil(s->half / s->step) + 1;
     const size_t samples = (size_t)s->side * (size_t)s->side;
-    RX_TRY(RX_MAKE(s->samples, PLACES * PLACES * samples, err));
-    RX_TRY(RX_MAKE(s->values, PLACES * PLACES * all_count(s) * area(s), err));
-    for (int place = 0; place < PLACES * PLACES; place++) {
-        float *values = s->values + (size_t)place * all_count(s) * area(s);
-        rx_psf_fine_at(psf, (place % PLACES + 0.5) / PLACES * image->width,
-                       ((double)(place / PLACES) + 0.5) / PLACES * image->height,
+    s->places = psf->nbasis > 1 ? PLACES : 1;
+    const int places = s->places * s->places;
+    RX_TRY(RX_MAKE(s->samples, (size_t)places * samples, err));
+    RX_TRY(RX_MAKE(s->values, (size_t)places * all_count(s) * area(s), err));
+    for (int place = 0; place < places; place++) {
+        rx_psf_fine_at(psf, (place % s->places + 0.5) / s->places * image->width,
+                       ((double)(place / s->places) + 0.5) / s->places * image->height,
                        s->samples + (size_t)place * samples);
         for (size_t k = 0; k < count(s); k++) {
             double dx, dy;
             place_of(s, k, &dx, &dy);
-            sample(s, place, dx, dy, values + k * area(s));
+            sample(s, place, dx, dy, s->values + ((size_t)place * all_count(s) + k) * area(s));
         }
-        make_galaxies(s, values);
     }
+    make_galaxies(s);
     return RX_OK;
 }
 
@@ -421,7 +429,7 @@ static void cut(const rx_image *image, const shapes *s, int x, int y, patch *p)
     const int left = rx_max_int(x - s->half, 0), right = rx_min_int(x + s->half, image->width - 1);
     p->side = 2 * s->half + 1;
     p->n = p->side * p->side;
-    p->place = y * PLACES / image->height * PLACES + x * PLACES / image->width;
+    p->place = y * s->places / image->height * s->places + x * s->places / image->width;
     p->photons = image->gain > 0 ? 1 / (sigma * image->gain) : 0;
     p->wrong = fmax(fmax(image->psf->quality.residual, rx_psf_flux_error(image->psf, x, y)), LEAST_WRONG);
     p->nfits = 1;

@@ -352,10 +352,10 @@ rx_status rx_residual_measure(const rx_residual_input *input, rx_residual *dst, 
     RX_TRY_EXIT(RX_MAKE(dst->pull, (size_t)n, err));
     RX_TRY_EXIT(RX_MAKE(w.width, (size_t)n, err));
     RX_TRY_EXIT(RX_MAKE(room, (size_t)rx_max_int(n, stars), err));
-    if (stars > 0)
+    if (stars > 0) {
         RX_TRY_EXIT(RX_MAKE(w.bias, (size_t)stars, err));
-    if (stars > 0)
         RX_TRY_EXIT(RX_MAKE(w.grain, (size_t)stars, err));
+    }
     RX_TRY_EXIT(measure_filter(&w, err));
 #pragma omp parallel num_threads(rx_max_int(input->nthreads, 1))
     {

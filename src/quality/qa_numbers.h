@@ -1,4 +1,4 @@
-/* All numbers of a tile's QA report: every run measured over all magnitudes and by magnitude, gates judged, and the errors of all
+/* All numbers of a tile's QA report: every run measured over all magnitudes and by magnitude, gates applied, and the errors of all
  * runs on the same references. */
 #ifndef RX_QUALITY_QA_NUMBERS_H
 #define RX_QUALITY_QA_NUMBERS_H
