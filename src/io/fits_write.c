@@ -96,7 +96,9 @@ rx_status rx_fits_close(rx_fits_writer *writer, rx_error *err)
     /* the last headers are written while closing, where cfitsio does not look at every result */
     if (fits_close_file(writer->file, &failed))
         status = broken(writer, failed, err);
-    else if (rx_fits_verify(writer->path, writer->hdus, &trouble) != RX_OK)
+    else if ((status = rx_fits_verify(writer->path, writer->hdus, &trouble)) == RX_SYSTEM)
+        rx_error_at(err, RX_SYSTEM, writer->shown, -1, 0, "cannot be read back: %s", trouble.text);
+    else if (status != RX_OK)
         /* what cfitsio says of it would name the temporary file */
         status = rx_error_at(err, RX_SYSTEM, writer->shown, trouble.hdu, 0,
                              "cannot be written, perhaps the disk is full: read back, the file is damaged");
