@@ -78,7 +78,7 @@ def extract(folder, name, by, mode):
         with open(f"{folder}/p.param", "w") as file:
             file.write("\n".join(COLUMNS + (INJECTED if mode == "INJECTED" else ())) + "\n")
         run(folder, "REXTRACT", "sim.fits", "-RESTORE_TYPE", by, "-NET_MODEL", MODEL, "-CATALOG_TYPE", "FITS_1.0", "-HEADER_FACTS", "ALL", "-CATALOG_NAME",
-            catalog, "-PARAMETERS_NAME", "p.param", "-FILTER_NAME", f"{os.path.dirname(MODEL)}/default.conv", "-MAG_ZEROPOINT",
+            catalog, "-PARAMETERS_NAME", "p.param", "-MAG_ZEROPOINT",
             str(ZERO), "-SATUR_LEVEL", "1e9", *checks(name, mode))
     with fits.open(f"{folder}/{catalog}") as hdus:
         t = {c.name: np.array(hdus[1].data[c.name], float) for c in hdus[1].columns}

@@ -7,10 +7,10 @@
 
 #include "base/interrupt.h"
 #include "base/memory.h"
+#include "fit/preal.h"
 #include "io/tile.h"
 #include "pipeline/domain.h"
 #include "pipeline/field_noise.h"
-#include "pipeline/preal.h"
 #include "quality/statistics.h"
 #include "simulate/inject.h"
 #include "simulate/sky_noise.h"

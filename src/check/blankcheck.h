@@ -78,7 +78,7 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
 rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kind, const rx_field *field,
                               double most, rx_blankcheck *dst, rx_error *err);
 
-/* Of `tile`, that restorer on the untouched tile: P_REAL and the marks by what was fitted to its noise (pipeline/preal.h); as
+/* Of `tile`, that restorer on the untouched tile: P_REAL and the marks by what was fitted to its noise (fit/preal.h); as
  * they were where nothing was, and in a crowd, where the light of others hides peaks that an empty sky shows. Pieces of
  * neighbours, which noise has none of, are left out of the comparison. With INVENTED_TYPE DROP what is marked is dropped, and
  * of what was fitted to noise the rest are the false detections. Then check->sky and ->real from the rate. Errors:

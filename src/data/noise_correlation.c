@@ -67,7 +67,8 @@ static faint_light fit_light(const rx_noise_correlation *noise, double (*light)[
     for (int dy = -REACH; dy <= REACH; dy++)
         for (int dx = -REACH; dx <= REACH; dx++) {
             const double one = light[dy + REACH][dx + REACH], at = noise->measured[dy + REACH][dx + REACH];
-            if (dx * dx + dy * dy < from * from)
+            /* in its rows and columns the ringing of Lanczos and cubic kernels reaches farther */
+            if (dx * dx + dy * dy < from * from || (from > 1.0 && (dx == 0 || dy == 0)))
                 continue;
             n++;
             l += one;
@@ -97,7 +98,7 @@ static double take_off(double (*light)[SIDE], const faint_light *of, rx_noise_co
             *at = (noise->measured[dy + REACH][dx + REACH] - one) / left;
             if (abs(dx) <= 1 && abs(dy) <= 1)
                 largest = fmax(largest, fabs(*at));
-            if (fabs(*at) < 3.0 * noise->error)
+            if ((abs(dx) > RX_NOISE_NEAR || abs(dy) > RX_NOISE_NEAR) && fabs(*at) < 3.0 * noise->error)
                 *at = 0.0;
         }
     return largest;

@@ -54,7 +54,7 @@ rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int heig
 /* On a crowded tile a part of the correlation measured is light: that of sources too faint to be found, correlated as
  * the PSF is. Its share, and a constant for the sky subtracted with it, are fitted to the measured correlation at all
  * lags; where they leave nothing at the nearest 8, pixels are independent. Else they are fitted at lags of 3 pixels
- * and more, as noise has short lags, and subtracted as far as the rest sums up to no less than independent pixels do.
+ * and more, not along rows and columns, as noise has short lags, and subtracted as far as the rest sums up to no less than independent pixels do.
  * A share below 5 of its errors counts as none, one above 0.85 as smoothed noise. But smoothing that looks like this leaves a
  * pixel a tenth of its noise or less: where `photons`, the variance of the sky's over the one measured (0: not known), is
  * below 0.15 even so, read noise would have 50 times theirs, and all but the photons may be light. psf[height][width]. Returns

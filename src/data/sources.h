@@ -35,7 +35,7 @@ typedef struct rx_source_template {
     double flux, fluxerr, snr; /* ADU, of the whole template */
     double chi2;               /* reduced, of the source's own pixels */
     double evidence;           /* that it is no piece of a neighbour: rise of chi2 without it */
-    double preal;              /* probability that it is there (pipeline/preal.h) */
+    double preal;              /* probability that it is there (fit/preal.h) */
     double injected[2];        /* error of flux from injected objects, 68 and 95 % (check/conformal.h); NAN */
     double blend;              /* largest |coefficient of covariance| with a neighbour, 0 alone */
     double x, y;               /* 0-based pixels, of the fit */

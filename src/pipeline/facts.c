@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "data/facts.h"
+#include "fit/preal.h"
 #include "pipeline/pipeline.h"
-#include "pipeline/preal.h"
 
 static void describe_templates(const rx_template_fit *fit, rx_record *facts)
 {

@@ -11,7 +11,6 @@ librextract_la_SOURCES += \
 	src/pipeline/photometry.c src/pipeline/photometry.h \
 	src/pipeline/pipeline.c src/pipeline/pipeline.h \
 	src/pipeline/positions.c src/pipeline/positions.h \
-	src/pipeline/preal.c \
 	src/pipeline/proposals.c src/pipeline/proposals.h \
 	src/pipeline/prepare.c src/pipeline/prepare.h \
 	src/pipeline/psf_source.c src/pipeline/psf_source.h \
@@ -22,5 +21,5 @@ librextract_la_SOURCES += \
 
 rx_pipelinedir = $(pkgincludedir)/pipeline
 rx_pipeline_HEADERS = src/pipeline/domain.h src/pipeline/field.h src/pipeline/fluxcheck.h src/pipeline/params.h \
-	src/pipeline/photometry.h src/pipeline/pipeline.h src/pipeline/preal.h src/pipeline/residual.h src/pipeline/template_fit.h
+	src/pipeline/photometry.h src/pipeline/pipeline.h src/pipeline/residual.h src/pipeline/template_fit.h
 installed_headers += $(rx_pipeline_HEADERS)

@@ -9,8 +9,8 @@
 #include "base/memory.h"
 #include "data/unit.h"
 #include "fit/hits.h"
+#include "fit/preal.h"
 #include "pipeline/positions.h"
-#include "pipeline/preal.h"
 #include "pipeline/template_extra.h"
 
 /* In a crowd sources down to that S/N are added: each that is left out is light that its neighbours take, and among so many

@@ -8,9 +8,9 @@
 #include "base/log.h"
 #include "data/restored.h"
 #include "data/sources.h"
+#include "fit/preal.h"
 #include "pipeline/field.h"
 #include "pipeline/params.h"
-#include "pipeline/preal.h"
 
 RX_BEGIN_DECLS
 

@@ -100,7 +100,7 @@ static void test_bilinear_shifts(void **state)
             assert_near(noise.at[MID - 1][MID], one, 0.02);
             assert_near(noise.at[MID + 1][MID - 1], one * one, 0.02);
             assert_near(noise.at[MID][MID + 4], 0, 0.01);
-            assert_near(rx_noise_factor_wide(&noise), 1 + 2 * one, 0.04);
+            assert_near(rx_noise_factor_wide(&noise), 1 + 2 * one, stars > 0 ? 0.05 : 0.02); /* their wings */
             for (int q = 0; q < RX_NOISE_QUADRANTS; q++) {
                 assert_near(rx_noise_quadrant_factor(&noise, q), 1 + 2 * one, 0.15);
                 assert_near((noise.quadrant[q] - pow(1 + 2 * one, 2)) / noise.quadrant_error[q], 0, 4);
@@ -334,7 +334,42 @@ static void test_most_is_light(void **state)
     print_message("factor %.3f of %.3f\n", rx_noise_factor(&mixed, psf, SIZE, SIZE),
                   rx_noise_factor(&noise, psf, SIZE, SIZE));
     assert_true(rx_noise_factor_wide(&mixed) >= 1.0);
-    assert_close(rx_noise_factor(&mixed, psf, SIZE, SIZE), rx_noise_factor(&noise, psf, SIZE, SIZE), 0.08);
+    assert_close(rx_noise_factor(&mixed, psf, SIZE, SIZE), rx_noise_factor(&noise, psf, SIZE, SIZE), 0.1);
+}
+
+/* Images that Lanczos kernels have shifted by all parts of a pixel: their noise rings to 5 pixels along rows and columns, and of that
+ * nothing is taken for the light, 5 % of the variance, that is beside it. */
+static void test_ringing_is_no_light(void **state)
+{
+    (void)state;
+    enum { TAPS = 6, SHIFTS = 8, SIZE = 41 };
+    double along[MID + 1] = {0};
+    float psf[SIZE * SIZE];
+    for (int k = 0; k < SHIFTS; k++) {
+        double tap[TAPS + MID] = {0}, sum = 0;
+        for (int i = 0; i < TAPS; i++) {
+            const double x = M_PI * (i - 2 - (k + 0.5) / SHIFTS);
+            sum += tap[i] = sin(x) / x * sin(x / 3) / (x / 3);
+        }
+        for (int d = 0; d <= MID; d++)
+            for (int i = 0; i < TAPS; i++)
+                along[d] += tap[i] * tap[i + d] / (sum * sum);
+    }
+    for (int i = 0; i < SIZE * SIZE; i++)
+        psf[i] = (float)exp(-(pow(i % SIZE - 20, 2) + pow(i / SIZE - 20, 2)) / (2 * 1.7 * 1.7));
+    rx_noise_correlation noise = rx_noise_white(RX_NOISE_MEASURED);
+    noise.correlated = 1;
+    noise.error = 0.0052; /* of a tile of 256 x 256 */
+    for (int dy = -MID; dy <= MID; dy++)
+        for (int dx = -MID; dx <= MID; dx++) {
+            noise.at[MID + dy][MID + dx] = along[abs(dx)] * along[abs(dy)] / (along[0] * along[0]);
+            noise.measured[MID + dy][MID + dx] =
+                0.95 * noise.at[MID + dy][MID + dx] + 0.05 * exp(-(dx * dx + dy * dy) / (4 * 1.7 * 1.7));
+        }
+    const double factor = rx_noise_factor(&noise, psf, SIZE, SIZE);
+    assert_near(noise.at[MID][MID + 3], 0.02, 0.01);
+    assert_near(rx_noise_without_light(&noise, psf, SIZE, SIZE, 0), 0.05, 0.004);
+    assert_near(rx_noise_factor(&noise, psf, SIZE, SIZE), factor, 0.02);
 }
 
 /* The core of a cluster, where all but 0.07 of the variance is light, and the PSF is known to 3 %: so much the photons of the sky say. Without them, or
@@ -524,6 +559,7 @@ int main(void)
         cmocka_unit_test(test_faint_light_is_no_noise),
         cmocka_unit_test(test_crowds_are_no_noise),
         cmocka_unit_test(test_most_is_light),
+        cmocka_unit_test(test_ringing_is_no_light),
         cmocka_unit_test(test_photons_bound_light),
         cmocka_unit_test(test_sources_that_are_known),
         cmocka_unit_test(test_resampled_images),

@@ -1,25 +1,36 @@
 /* How probable it is that a source is there. */
-#include "pipeline/preal.h"
+#include "fit/preal.h"
 
 #include <math.h>
 #include <stddef.h>
+#include <string.h>
 
 static const double LEAST = 2.5;  /* sigmas */
 static const double BRIGHT = 6.0; /* of noise none is found above, */
 static const double PRIOR = 1.0;  /* but no sky is without sources: that many more */
 static const double LAW = -2.0, LAW_WIDTH = 2.0, LEAST_LAW = -3.5; /* of real ones; P rises from LEAST on */
 static const double SCALE_SIGMA = 0.2, LEAST_SCALE = 0.1;          /* of peaks of noise in a crowd */
-/* Sigmas in a crowd: 0.2 above the least S/N of what is added, where all of that is held, to where none is noise. */
+/* Sigmas in a crowd: 0.2 above the least S/N of what is added, where most of that is held, to where none is noise. */
 static const double NEAR = 3.4, FAR = 7.0;
 enum { BINS = 72 };
+/* True S/N where the counts of a crowd may end: of as many values each is as probable as the others together are, but the first. */
+static const double FIRST_END = 2.0, NEXT_END = 0.25;
+enum { ENDS = 15 };
 static const double PIVOT = 25.0; /* evidence that slopes and powers refer to */
 static const double SHIFT_SIGMA = 1.0, SLOPE_SIGMA = 0.5;
 static const double LEAST_SLOPE = -0.25; /* P rises from LEAST on */
 
+/* Of sources brighter than `end`, whose S/N errors of 1 blur. */
+static double share_above(double s, double end)
+{
+    return 0.5 * erfc((end - s) * M_SQRT1_2);
+}
+
 rx_preal rx_preal_default(const double *evidence, int n, double pixels, double fwhm)
 {
     const double w = fmax(fwhm, 1.0) / 2.3548;
-    rx_preal preal = {.power = LAW, .peaks = 1.0 / (pow(2.0 * acos(-1.0), 1.5) * 2.0 * w * w)};
+    rx_preal preal = {
+        .power = LAW, .end = -HUGE_VAL, .peaks = 1.0 / (pow(2.0 * acos(-1.0), 1.5) * 2.0 * w * w)};
     int bright = 0;
     for (int i = 0; i < n; i++)
         bright += evidence[i] > BRIGHT * BRIGHT;
@@ -31,6 +42,7 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
  * information, upper triangle by rows. */
 typedef struct crowd_counts {
     double found[BINS], noise[BINS]; /* noise: peaks at a scale of 1 */
+    double above[BINS];              /* share of real ones that the end of the counts leaves */
     double scale;                    /* ln of what is expected */
     double
         amount; /* of real ones, as those above 6 sigma have it: exp(ln real), with the weight of PRIOR sources */
@@ -44,7 +56,7 @@ static void add_counts(const crowd_counts *c, const double law[3], double sums[1
         sums[k] = 0;
     for (int i = 0; i < BINS; i++) {
         const double u = log((NEAR + (i + 0.5) * step) / sqrt(PIVOT));
-        const double noise = exp(law[0]) * c->noise[i], real = exp(law[1] + law[2] * u) * step;
+        const double noise = exp(law[0]) * c->noise[i], real = exp(law[1] + law[2] * u) * c->above[i] * step;
         const double all = noise + real, by[3] = {noise, real, real * u}, rest = c->found[i] / all - 1;
         sums[0] += c->found[i] * log(all) - all;
         for (int j = 0, at = 4; j < 3; j++) {
@@ -75,14 +87,40 @@ static void scoring_step(const double sums[10], double by[3])
     by[2] = (inverse[2] * g[0] + inverse[4] * g[1] + inverse[5] * g[2]) / det;
 }
 
-rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwhm)
+/* The maximum from `law` on; its ln. */
+static double climb(const crowd_counts *c, double law[3])
 {
     enum { STEPS = 100 };
+    double now[10], next[10], by[3], there[3];
+    add_counts(c, law, now);
+    for (int k = 0; k < STEPS; k++) { /* Fisher's scoring, halved until it leads up */
+        int halvings = 0;
+        scoring_step(now, by);
+        do {
+            for (int j = 0; j < 3; j++) {
+                there[j] = law[j] + by[j];
+                by[j] *= 0.5;
+            }
+            there[2] = fmax(there[2], LEAST_LAW);
+            add_counts(c, there, next);
+        } while (!(next[0] >= now[0]) && ++halvings < 30);
+        if (!(next[0] > now[0] + 1e-10))
+            break;
+        for (int j = 0; j < 3; j++)
+            law[j] = there[j];
+        for (int j = 0; j < 10; j++)
+            now[j] = next[j];
+    }
+    return now[0];
+}
+
+rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwhm)
+{
     const double w = fmax(fwhm, 1.0) / 2.3548, step = (FAR - NEAR) / BINS;
     rx_preal preal = rx_preal_default(evidence, n, pixels, fwhm);
     crowd_counts c = {.scale = log(fmax(1 - 12 * acos(-1.0) * w * w * n / fmax(pixels, 1.0), LEAST_SCALE)),
                       .amount = preal.real * fmax(pixels, 1.0)};
-    double all = PRIOR, law[3] = {c.scale, 0, LAW}, now[10], next[10], by[3], there[3];
+    double all = PRIOR, most = -HUGE_VAL, best[3] = {0};
     for (int i = 0; i < BINS; i++) {
         const double s = NEAR + (i + 0.5) * step;
         c.noise[i] = preal.peaks * (s * s - 1) * exp(-0.5 * s * s) * step * pixels;
@@ -93,29 +131,21 @@ rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwh
             c.found[bin < BINS ? bin : BINS - 1]++;
             all++;
         }
-    law[1] = log(all / (FAR - NEAR));
-    add_counts(&c, law, now);
-    for (int k = 0; k < STEPS; k++) { /* Fisher's scoring, halved until it leads up */
-        int halvings = 0;
-        scoring_step(now, by);
-        do {
-            for (int j = 0; j < 3; j++) {
-                there[j] = law[j] + by[j];
-                by[j] *= 0.5;
-            }
-            there[2] = fmax(there[2], LEAST_LAW);
-            add_counts(&c, there, next);
-        } while (!(next[0] >= now[0]) && ++halvings < 30);
-        if (!(next[0] > now[0] + 1e-10))
-            break;
-        for (int j = 0; j < 3; j++)
-            law[j] = there[j];
-        for (int j = 0; j < 10; j++)
-            now[j] = next[j];
+    for (int k = 0; k < ENDS; k++) {
+        const double end = FIRST_END + k * NEXT_END;
+        double law[3] = {c.scale, log(all / (FAR - NEAR)), LAW};
+        for (int i = 0; i < BINS; i++)
+            c.above[i] = k > 0 ? share_above(NEAR + (i + 0.5) * step, end) : 1;
+        const double ln = climb(&c, law) - (k > 0 ? log(ENDS - 1) : 0);
+        if (ln > most) {
+            most = ln;
+            memcpy(best, law, sizeof best);
+            preal.end = k > 0 ? end : -HUGE_VAL;
+        }
     }
-    preal.peaks *= exp(law[0]);
-    preal.real = exp(law[1]) / fmax(pixels, 1.0);
-    preal.power = law[2];
+    preal.peaks *= exp(best[0]);
+    preal.real = exp(best[1]) / fmax(pixels, 1.0);
+    preal.power = best[2];
     return preal;
 }
 
@@ -126,8 +156,9 @@ double rx_preal_of(const rx_preal *preal, double evidence)
     /* ln(R / F); below LEAST F is that of the noise at a given place, no longer of its peaks. */
     const double e = fmin(fmax(evidence, LEAST * LEAST), 1e6);
     const double log_odds = log(preal->real / (preal->peaks * (e - 1.0))) +
-                            0.5 * preal->power * log(e / PIVOT) + 0.5 * e + preal->shift +
-                            0.5 * preal->slope * (e - PIVOT) + 0.5 * fmin(evidence - LEAST * LEAST, 0.0);
+                            0.5 * preal->power * log(e / PIVOT) + log(share_above(sqrt(e), preal->end)) +
+                            0.5 * e + preal->shift + 0.5 * preal->slope * (e - PIVOT) +
+                            0.5 * fmin(evidence - LEAST * LEAST, 0.0);
     return 1.0 / (1.0 + exp(-log_odds));
 }
 

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 
 #include "../near.h"
-#include "pipeline/preal.h"
+#include "fit/preal.h"
 
 enum { BRIGHT = 400 };
 static const double AREA = 1e6, FWHM = 4.0;
@@ -85,6 +85,22 @@ static void a_crowd_says_how_its_counts_go_on(void **state)
             last = rx_preal_of(&preal, e);
         }
     }
+    /* no source is fainter than 4.5 sigma, and errors blur that */
+    int n = 0;
+    double sum = 0.5, worst = 0;
+    for (double s = 3.2; s < 12; s += 1e-4)
+        for (sum +=
+             (1e-4 * pow(s / 5, -2) * 0.5 * erfc((4.5 - s) * M_SQRT1_2) + 0.8 * noise_peaks(s)) * AREA * 1e-3;
+             sum >= 1; sum--)
+            evidence[n++] = s * s;
+    const rx_preal cut = rx_preal_crowd(evidence, n, 10 * AREA, FWHM);
+    for (double s = 3.4; s < 5; s += 0.1) {
+        const double there = 1e-4 * pow(s / 5, -2) * 0.5 * erfc((4.5 - s) * M_SQRT1_2);
+        worst = fmax(worst, fabs(rx_preal_of(&cut, s * s) - there / (there + 0.8 * noise_peaks(s))));
+    }
+    print_message("an end at 4.5: %g, off by %.3f\n", cut.end, worst);
+    assert_near(cut.end, 4.5, 0.5);
+    assert_true(worst < 0.05);
     /* bright stars alone, none near the limit: they are there, and a peak of the least S/N of what is added is most probably none */
     double bright[16];
     for (int i = 0; i < 16; i++)

@@ -9,8 +9,8 @@
  * list holds does not matter: detection takes from both alike. Below s = 2.5 the value of 2.5 holds. Where
  * realisations of the tile's own noise were fitted, too, ln(R / F) gets shift + slope (s^2 - 25) / 2 from them.
  * In a crowd the list itself says real, power and the scale of F. Rising in the evidence always. */
-#ifndef RX_PIPELINE_PREAL_H
-#define RX_PIPELINE_PREAL_H
+#ifndef RX_FIT_PREAL_H
+#define RX_FIT_PREAL_H
 
 #include "base/extern.h"
 
@@ -19,6 +19,7 @@ RX_BEGIN_DECLS
 /* How probable sources are, by their evidence. */
 typedef struct rx_preal {
     double real, power;  /* sources at 5 sigma a pixel and sigma, and how they go on */
+    double end;          /* S/N of the faintest of them; -HUGE_VAL: not seen */
     double peaks;        /* of noise: F(s) / ((s^2 - 1) exp(-s^2 / 2)) a pixel */
     double shift, slope; /* of ln(R / F), as realisations of the tile's noise say; 0 */
     int tile;            /* there were such */
@@ -31,7 +32,8 @@ rx_preal rx_preal_default(const double *evidence, int n, double pixels, double f
  * and the scale of the peaks are the maximum of the Poisson likelihood of the counts from 3.4 to 7 sigma and their priors. Each source that is fitted
  * takes flux and position from the noise, three of its degrees of freedom, one of which is in each 4 pi w^2 pixels, so the scale
  * is 1 - 12 pi w^2 n / pixels, at least 0.1, within exp(0.2); power -2 +- 2, as
- * neighbours hide faint sources; and real has that of rx_preal_default() with the weight of one source (a gamma distribution). */
+ * neighbours hide faint sources; and real has that of rx_preal_default() with the weight of one source (a gamma distribution).
+ * R(s) has the factor (1 + erf((s - end) / sqrt 2)) / 2 where the counts say that no source is fainter than S/N end. */
 rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwhm);
 
 /* NAN for NAN. */
