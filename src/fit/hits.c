@@ -515,16 +515,17 @@ static void share_out(double *odds, int n)
         odds[i] = 1 / (1 + exp(-odds[i]) * (1 - share) / share);
 }
 
-rx_status rx_hits_mark(const rx_image *image, int nthreads, rx_sources *sources, rx_error *err)
+rx_status rx_hits_mark(const rx_image *image, int nthreads, int first, rx_sources *sources, rx_error *err)
 {
-    const int threads = rx_max_int(nthreads, 1), n = sources->n;
-    const double density = n / ((double)image->width * image->height);
+    const int threads = rx_max_int(nthreads, 1), n = sources->n - first;
+    rx_source *const list = sources->list + first;
+    const double density = sources->n / ((double)image->width * image->height);
     shapes s = {0};
     double *odds = NULL, *gains = NULL;
     float *room = NULL;
     unsigned char *freed = NULL;
     rx_status status = RX_OK;
-    if (n == 0 || image->psf == NULL || !(image->psf->fwhm > 0) || image->psf->quality.sharper > 0)
+    if (n <= 0 || image->psf == NULL || !(image->psf->fwhm > 0) || image->psf->quality.sharper > 0)
         return RX_OK;
     RX_TRY_EXIT(make_shapes(image, &s, err));
     RX_TRY_EXIT(RX_MAKE(odds, (size_t)n, err));
@@ -542,11 +543,11 @@ rx_status rx_hits_mark(const rx_image *image, int nthreads, rx_sources *sources,
         for (int k = 0; k < MOST; k++)
             p.fits[k] = own + (size_t)(k + 3) * area(&s);
         for (int i = t; i < n; i += threads)
-            odds[i] = hit_odds(image, &s, density, &sources->list[i], &p);
+            odds[i] = hit_odds(image, &s, density, &list[i], &p);
     }
     share_out(odds, n);
     for (int i = 0; i < n; i++)
-        sources->list[i].fit.restore |= odds[i] > 0.5 ? RX_RESTORE_SHARP : 0;
+        list[i].fit.restore |= odds[i] > 0.5 ? RX_RESTORE_SHARP : 0;
 exit:
     free(s.values);
     free(s.samples);

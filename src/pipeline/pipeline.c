@@ -380,7 +380,7 @@ static rx_status fit_templates(work *w, rx_error *err)
     rx_pipeline_params par = *w->params;
     const rx_image observed = rx_field_restorable(w->detect);
     if (!par.templates.wanted)
-        return rx_hits_mark(&observed, par.nthreads, result->sources, err);
+        return rx_hits_mark(&observed, par.nthreads, 0, result->sources, err);
     par.templates.par.keep_model |= par.judge_residual;
     RX_TRY(rx_template_fit_run(&par, (rx_fields){w->detect, w->measure}, result->restored, result->sources,
                                w->log, &result->templates, err));

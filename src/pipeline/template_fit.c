@@ -379,6 +379,9 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                             .sources = sources,
                             .nthreads = params->nthreads,
                             .log = log};
+    const rx_image observed = rx_field_restorable(detect);
+    const int listed = sources->n;
+    RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, 0, sources, err));
     status = rx_error_where(err, fit(&w, sources, err), measured.name, measured.hdu, 0);
     const int noiseless = status == RX_OK && dst->tphot->least > measured.global_noise;
     if (noiseless)
@@ -390,12 +393,13 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     RX_TRY_EXIT(status);
     RX_TRY_EXIT(rx_template_extra_append(&w.extra, dst->tphot, sources, err));
     for (int i = 0; i < sources->n; i++) {
+        const int hit = sources->list[i].fit.restore & RX_RESTORE_SHARP;
         sources->list[i].fit = fit_of(dst->tphot, i);
+        sources->list[i].fit.restore |= hit;
         sources->list[i].point_fit = dst->tphot->list[i].point_fit;
         sources->list[i].sersic_fit = dst->tphot->list[i].sersic_fit;
     }
-    const rx_image observed = rx_field_restorable(detect);
-    RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, sources, err));
+    RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, listed, sources, err));
     RX_TRY_EXIT(tell_tile(&w, sources, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);

@@ -43,7 +43,7 @@ double rx_crowding_pair_odds(const rx_crowding *crowd, int x, int y)
 /* What is in a cell. */
 typedef struct tally {
     double seen, covered; /* pixels */
-    double sources, points, others;
+    double sources, hits, points, others;
     double light[2]; /* of points, extended */
 } tally;
 
@@ -55,7 +55,8 @@ static void count_sources(const rx_crowd_source *sources, int n, const rx_crowdi
         if (x < 0 || y < 0 || x >= crowd->width || y >= crowd->height)
             continue;
         tally *cell = &cells[cell_of(crowd, x, y)];
-        cell->sources++;
+        cell->sources += !s->hit;
+        cell->hits += s->hit;
         if (s->star >= 0) {
             cell->points += s->star;
             cell->others += 1 - s->star;
@@ -92,6 +93,7 @@ static tally around(const tally *cells, const rx_crowding *crowd, int x, int y)
             sum.seen += one->seen;
             sum.covered += one->covered;
             sum.sources += one->sources;
+            sum.hits += one->hits;
             sum.points += one->points;
             sum.others += one->others;
             for (int j = 0; j < 2; j++)
@@ -109,7 +111,8 @@ static double chance_odds(double density, double fwhm)
 
 static int is_crowded(const tally *sum, double fwhm)
 {
-    return sum->covered > COVERED * sum->seen && sum->sources * fwhm * fwhm * BEAMS > sum->seen;
+    return sum->covered * sum->sources > COVERED * sum->seen * (sum->sources + sum->hits) &&
+           sum->sources * fwhm * fwhm * BEAMS > sum->seen;
 }
 
 /* 2 ln of the odds that what looks extended is two stars: what exceeds several times what chance makes of the points is taken for

@@ -18,11 +18,12 @@ typedef struct rx_crowd_source {
     double x, y;     /* pixels */
     double star;     /* probability of a point; negative where it is too faint, or too bright, to say */
     double light[2]; /* as a point, extended */
+    int hit;         /* it is none */
 } rx_crowd_source;
 
 /* A cell of about 64 pixels is crowded where, in it and the eight around it, models are brighter than the noise of a pixel
  * on more than a twentieth of the visible pixels, and sources are more than one in 70 areas of FWHM^2: a galaxy covers a cell,
- * too, and is no crowd. What looks extended there is most often two stars. A star has another one within 1.5 FWHM with the odds
+ * too, and is no crowd. Of hits neither the number nor their share of the pixels counts. What looks extended there is most often two stars. A star has another one within 1.5 FWHM with the odds
  * e^x - 1, x the stars expected there; what looks extended beyond four times that is taken for galaxies. (validation/crowded.py cells,
  * seed 601, seven fields of stars that are not too dense to say: 0.9 to 2.9 times; 2000-4G, a fifth galaxies: 2.8; 700 stars and 700
  * galaxies per Mpixel, the crowded tile of the benchmark: 16. With a PSF that is 5 % too narrow stars count as galaxies.) Where more

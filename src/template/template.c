@@ -640,11 +640,14 @@ static rx_status look_again(work *w, rx_error *err)
 
 static void describe_crowd(const work *w, rx_crowd_source *sources)
 {
+    const rx_sources *listed = w->input->sources;
     for (int i = 0; i < w->n; i++) {
         const rx_fit_source *s = &w->subjects[i];
         const int clear = rx_prior_is_clear(s->flux / sqrt(w->members[i].variance));
         sources[i] = (rx_crowd_source){
-            s->x, s->y, clear ? s->star : -1, {s->point * s->flux, (1 - s->point) * s->flux}};
+            s->x, s->y, clear ? s->star : -1, {s->point * s->flux, (1 - s->point) * s->flux}, 0};
+        if (i < listed->n && (listed->list[i].fit.restore & RX_RESTORE_SHARP) != 0)
+            sources[i] = (rx_crowd_source){s->x, s->y, -1, {0}, 1};
     }
 }
 

@@ -106,8 +106,8 @@ static int find(const rx_image *image)
         list[i].fit.restore = RX_RESTORE_ADDED;
     memcpy(other, list, sizeof other);
     rx_sources one = {.n = ALL, .list = list}, five = {.n = ALL, .list = other};
-    assert_int_equal(rx_hits_mark(image, 1, &one, NULL), RX_OK);
-    assert_int_equal(rx_hits_mark(image, 5, &five, NULL), RX_OK);
+    assert_int_equal(rx_hits_mark(image, 1, 0, &one, NULL), RX_OK);
+    assert_int_equal(rx_hits_mark(image, 5, 0, &five, NULL), RX_OK);
     for (int i = 0; i < ALL; i++) {
         assert_int_equal(other[i].fit.restore, list[i].fit.restore);
         assert_int_equal(list[i].fit.restore & ~RX_RESTORE_SHARP, RX_RESTORE_ADDED);
@@ -150,7 +150,7 @@ static void test_nothing_is_known(void **state)
     psf->quality.sharper = 0;
     memset(mask, 1, sizeof mask);
     assert_int_equal(find(&image), 0);
-    assert_int_equal(rx_hits_mark(&image, 1, &(rx_sources){.n = 0}, NULL), RX_OK);
+    assert_int_equal(rx_hits_mark(&image, 1, 0, &(rx_sources){.n = 0}, NULL), RX_OK);
     image.width = 3; /* smaller than a PSF */
     image.height = 2;
     image.mask = NULL;
