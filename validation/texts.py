@@ -969,7 +969,8 @@ def against_time():
 
 
 # Networks by the campaign of their restorations; the paper's kind first.
-NETWORKS = {"restoration-blind": "psfnet-blind", "restoration": "psfnet", "restoration-paper-informed": "psfnet-paper-informed"}
+NETWORKS = {"restoration-blind": "psfnet-blind", "restoration-paper": "psfnet-paper", "restoration-paper-informed": "psfnet-paper-informed",
+            "restoration": "psfnet", "restoration-fast": "psfnet-fast", "restoration-real": "psfnet, galaxies of COSMOS"}
 LISTS = ("photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 
