@@ -5,6 +5,7 @@
     figures.py examples CAMPAIGN NAME scenes inside and beyond the training, from its report.html (Figures 6, 7)
     figures.py pairs DATA FOLDER      galaxies of SDSS, restored, beside the deeper KiDS (Figure 8); FOLDER is worked in
     figures.py stars                  MagErr, recall and precision of the committed photometry campaigns (Figure 9)
+    figures.py curves CAMPAIGN        precision and recall of the lists by seeing, of a campaign FLUXES (its rows.ecsv)
     figures.py pdf FILE               one PDF of what the others made
 
 They are written to validation/results/figures. REXTRACT names the program (build/rextract). Needs astropy, scipy and matplotlib.
@@ -187,6 +188,27 @@ def stars():
     save(figure, "stars")
 
 
+def curves(folder):
+    rows = ecsv(Path(folder) / "rows.ecsv")
+    figure, axes = plt.subplots(2, 3, figsize=(14, 8), sharex=True, sharey=True)
+    for axis, scene in zip(axes.flat, sorted({r["scene"] for r in rows}, key=lambda s: float(s.split()[1]))):
+        for run in ("NONE", "RL", "NET"):
+            of = [r for r in rows if (r["scene"], r["run"]) == (scene, run)]
+            stars = [r for r in of if r["table"] == "object"]
+            found = [(float(r["score"]), 1) for r in stars if r["score"] not in ("", "nan")]
+            every = sorted(found + [(float(r["score"]), 0) for r in of if r["table"] == "false"], reverse=True)
+            right = np.cumsum([one[1] for one in every])
+            axis.plot(right / len(stars), right / np.arange(1, len(every) + 1), color=COLOUR[run], lw=1, label=run)
+        axis.set(xlim=(0.6, 1), ylim=(0.6, 1.005), title=scene)
+    for axis in axes[1]:
+        axis.set_xlabel("recall, stars of magnitude 17 to 23")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("precision")
+    axes[0, 0].legend(fontsize=8)
+    figure.tight_layout()
+    save(figure, "curves")
+
+
 def pdf(path):
     with PdfPages(path, metadata={"CreationDate": None, "Title": "Figures of docs/paper.md"}) as pages:
         for path in sorted(FIGURES.glob("*.png")):
@@ -201,7 +223,7 @@ def pdf(path):
 
 
 if __name__ == "__main__":
-    jobs = {"boxes": 2, "examples": 2, "pairs": 2, "stars": 0, "pdf": 1}
+    jobs = {"boxes": 2, "examples": 2, "pairs": 2, "stars": 0, "curves": 1, "pdf": 1}
     if len(sys.argv) < 2 or jobs.get(sys.argv[1]) != len(sys.argv) - 2:
         sys.exit(__doc__)
     globals()[sys.argv[1]](*sys.argv[2:])
