@@ -31,7 +31,7 @@ quality   io num psf
 report    quality io num psf
 train     report nn simulate par quality config io num psf
 pipeline  nn psf restore detect measure template fit num
-check     report pipeline simulate quality restore measure num io
+check     report pipeline simulate quality restore measure fit num io
 stage     report check pipeline io num nn psf restore detect measure template catalog quality simulate config
 survey    report stage pipeline par quality catalog io config num
 lab       stage check pipeline simulate report quality restore catalog config io nn num psf
