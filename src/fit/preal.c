@@ -13,7 +13,7 @@ static const double SCALE_SIGMA = 0.2, LEAST_SCALE = 0.1;          /* of peaks o
 /* Sigmas in a crowd: 0.2 above the least S/N of what is added, where most of that is held, to where none is noise. */
 static const double NEAR = 3.4, FAR = 7.0;
 enum { BINS = 72 };
-/* True S/N where the counts of a crowd may end: of as many values each is as probable as the others together are, but the first. */
+/* True S/N at which the counts of a crowd may end, 14 of them; that they do not, the first case, is as probable as all these. */
 static const double FIRST_END = 2.0, NEXT_END = 0.25;
 enum { ENDS = 15 };
 static const double PIVOT = 25.0; /* evidence that slopes and powers refer to */
