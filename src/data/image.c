@@ -1,8 +1,10 @@
 /* Views of what others own. */
 #include "data/image.h"
 
+#include <math.h>
 #include <stdlib.h>
 
+#include "base/simd.h"
 #include "data/restored.h"
 #include "data/unit.h"
 
@@ -50,6 +52,20 @@ rx_image rx_restored_image(const rx_restored *restored, const rx_image *input)
     dst.with_sky = 0;
     dst.psf = restored->psf;
     return dst;
+}
+
+RX_SIMD void rx_image_sigmas(const rx_image *image, int x, int y, int n, float *restrict z)
+{
+    float level_room[RX_MAP_PIECE] = {0}, sigma_room[RX_MAP_PIECE];
+    const rx_map sky = rx_image_sky(image);
+    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
+    const float *pixels = image->pixels + at, *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
+    const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x, n, level_room) : level_room;
+    for (int i = 0; i < n; i++) {
+        const float value = pixels[i] - level[i];
+        z[i] = sigma[i] > 0.0f && isfinite(value) && !rx_image_hides(image, at + (size_t)i) ? value / sigma[i]
+                                                                                            : NAN;
+    }
 }
 
 void rx_image_above_sky(const rx_image *image, int nthreads, float *dst)

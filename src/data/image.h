@@ -81,6 +81,9 @@ void rx_image_scaled_clear(rx_image_scaled *scaled);
 /* dst[height][width]: the pixels above the sky's level; 0 where hidden. */
 void rx_image_above_sky(const rx_image *image, int nthreads, float *dst);
 
+/* z[n] = (pixel - sky) / sigma from (x, y) on, n at most RX_MAP_PIECE; NAN where hidden or not known. */
+void rx_image_sigmas(const rx_image *image, int x, int y, int n, float *z);
+
 /* What is still to be taken off the pixels: the level, or nothing where that is done. */
 static inline rx_map rx_image_sky(const rx_image *image)
 {

@@ -17,6 +17,12 @@ int rx_source_is_spurious(const rx_source *source)
     return (source->fit.restore & (RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED)) != 0;
 }
 
+void rx_source_doubt(rx_source *source, double artefact)
+{
+    source->fit.artefact = fmax(source->fit.artefact, artefact);
+    source->fit.restore |= source->fit.artefact > 0.5 ? RX_RESTORE_SHARP : 0;
+}
+
 void rx_source_without_fits(rx_source_point *point, rx_source_sersic *sersic)
 {
     *point = (rx_source_point){NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN, NAN};

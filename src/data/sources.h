@@ -35,7 +35,8 @@ typedef struct rx_source_template {
     double flux, fluxerr, snr; /* ADU, of the whole template */
     double chi2;               /* reduced, of the source's own pixels */
     double evidence;           /* that it is no piece of a neighbour: rise of chi2 without it */
-    double preal;              /* probability that it is there (fit/preal.h) */
+    double preal;              /* probability that it is there (fit/preal.h), and no artefact */
+    double artefact;           /* probability of that: a hit (fit/hits.h), a place on a line (fit/lines.h) */
     double injected[2];        /* error of flux from injected objects, 68 and 95 % (check/conformal.h); NAN */
     double blend;              /* largest |coefficient of covariance| with a neighbour, 0 alone */
     double x, y;               /* 0-based pixels, of the fit */
@@ -157,6 +158,9 @@ int rx_spurious_are_many(long marked, long all);
 
 /* 1: a mark of FLAGS_RESTORE says that the source is spurious, not significant in the untouched pixels. */
 int rx_source_is_spurious(const rx_source *source);
+
+/* It is an artefact with that probability, or the one it had if that is higher; RX_RESTORE_SHARP above 0.5. */
+void rx_source_doubt(rx_source *source, double artefact);
 
 /* Keep the sources with keep[i] != 0: list, vignets, assoc rows and segmentation map in step; numbers and
  * segments are given anew from 1, the segments of those that go become sky. Errors: RX_SYSTEM. */

@@ -383,21 +383,6 @@ static double explain(const shapes *s, patch *p, scene kind, const costs *costs)
     return chi2 + p->paid;
 }
 
-/* z of n pixels from (x, y) on, RX_MAP_PIECE at most; NAN where there is none. */
-RX_SIMD static void read_piece(const rx_image *image, int x, int y, int n, float *restrict z)
-{
-    float level_room[RX_MAP_PIECE] = {0}, sigma_room[RX_MAP_PIECE];
-    const rx_map sky = rx_image_sky(image);
-    const size_t at = (size_t)y * (size_t)image->width + (size_t)x;
-    const float *pixels = image->pixels + at, *sigma = rx_map_row(&image->noise, y, x, n, sigma_room);
-    const float *level = rx_map_given(&sky) ? rx_map_row(&sky, y, x, n, level_room) : level_room;
-    for (int i = 0; i < n; i++) {
-        const float value = pixels[i] - level[i];
-        z[i] = sigma[i] > 0.0f && isfinite(value) && !rx_image_hides(image, at + (size_t)i) ? value / sigma[i]
-                                                                                            : NAN;
-    }
-}
-
 /* The brightest pixel around, *x and *y; 0: none is above the sky, or one is saturated. */
 static float brightest_near(const rx_image *image, int reach, int *x, int *y)
 {
@@ -407,7 +392,7 @@ static float brightest_near(const rx_image *image, int reach, int *x, int *y)
         float row[RX_MAP_PIECE];
         const int left = rx_max_int(x0 - reach, 0),
                   n = rx_min_int(rx_min_int(x0 + reach, image->width - 1) - left + 1, RX_MAP_PIECE);
-        read_piece(image, left, v, n, row);
+        rx_image_sigmas(image, left, v, n, row);
         for (int i = 0; i < n; i++) {
             if (image->mask != NULL &&
                 (image->mask[(size_t)v * (size_t)image->width + (size_t)(left + i)] & RX_MASK_SATURATED))
@@ -438,7 +423,7 @@ static void cut(const rx_image *image, const shapes *s, int x, int y, patch *p)
     for (int i = 0; i < p->n; i++)
         p->z[i] = NAN;
     for (int v = rx_max_int(y - s->half, 0); v <= rx_min_int(y + s->half, image->height - 1); v++)
-        read_piece(image, left, v, right - left + 1, p->z + (v - y + s->half) * p->side + left - x + s->half);
+        rx_image_sigmas(image, left, v, right - left + 1, p->z + (v - y + s->half) * p->side + left - x + s->half);
     for (int i = 0; i < p->n; i++) {
         const bool known = p->z[i] == p->z[i];
         p->weight[i] = known ? 1.0f : 0.0f;
@@ -547,7 +532,7 @@ rx_status rx_hits_mark(const rx_image *image, int nthreads, int first, rx_source
     }
     share_out(odds, n);
     for (int i = 0; i < n; i++)
-        list[i].fit.restore |= odds[i] > 0.5 ? RX_RESTORE_SHARP : 0;
+        rx_source_doubt(&list[i], odds[i]);
 exit:
     free(s.values);
     free(s.samples);

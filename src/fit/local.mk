@@ -1,5 +1,6 @@
 librextract_la_SOURCES += \
 	src/fit/hits.c src/fit/hits.h \
+	src/fit/lines.c src/fit/lines.h \
 	src/fit/preal.c \
 	src/fit/significance.c src/fit/significance.h \
 	src/fit/sky_mesh.c src/fit/sky_mesh.h \

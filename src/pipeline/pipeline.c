@@ -11,6 +11,7 @@
 #include "data/gaps.h"
 #include "detect/filter.h"
 #include "fit/hits.h"
+#include "fit/lines.h"
 #include "pipeline/proposals.h"
 #include "pipeline/saturated.h"
 #include "restore/noise_map.h"
@@ -379,8 +380,10 @@ static rx_status fit_templates(work *w, rx_error *err)
     rx_result *result = w->result;
     rx_pipeline_params par = *w->params;
     const rx_image observed = rx_field_restorable(w->detect);
-    if (!par.templates.wanted)
-        return rx_hits_mark(&observed, par.nthreads, 0, result->sources, err);
+    if (!par.templates.wanted) {
+        RX_TRY(rx_hits_mark(&observed, par.nthreads, 0, result->sources, err));
+        return rx_lines_mark(&observed, par.nthreads, result->sources, err);
+    }
     par.templates.par.keep_model |= par.judge_residual;
     RX_TRY(rx_template_fit_run(&par, (rx_fields){w->detect, w->measure}, result->restored, result->sources,
                                w->log, &result->templates, err));

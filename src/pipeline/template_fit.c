@@ -9,6 +9,7 @@
 #include "base/memory.h"
 #include "data/unit.h"
 #include "fit/hits.h"
+#include "fit/lines.h"
 #include "fit/preal.h"
 #include "pipeline/positions.h"
 #include "pipeline/template_extra.h"
@@ -283,12 +284,12 @@ exit:
     return status;
 }
 
-static bool is_hit(const rx_sources *sources, int i)
+static bool is_artefact(const rx_sources *sources, int i)
 {
     return i < sources->n && (sources->list[i].fit.restore & RX_RESTORE_SHARP) != 0;
 }
 
-/* How well the models explain the image; what is a hit says nothing of sources. */
+/* How well the models explain the image; what is an artefact says nothing of sources. */
 static rx_status tell_tile(const work *w, const rx_sources *sources, rx_error *err)
 {
     rx_template_fit *dst = w->dst;
@@ -300,11 +301,11 @@ static rx_status tell_tile(const work *w, const rx_sources *sources, rx_error *e
     dst->chi2 = tphot->visible > 0 ? tphot->chi2 / tphot->visible : NAN;
     dst->fwhm = psf_of(w, w->on.measure)->fwhm;
     for (int i = 0; i < tphot->n; i++)
-        if (tphot->list[i].crowded && !is_hit(sources, i))
+        if (tphot->list[i].crowded && !is_artefact(sources, i))
             evidence[ncrowded++] = tphot->list[i].evidence;
     dst->preal[1] = rx_preal_crowd(evidence, ncrowded, tphot->crowded * tphot->visible, dst->fwhm);
     for (int i = 0; i < tphot->n; i++)
-        if (!is_hit(sources, i))
+        if (!is_artefact(sources, i))
             evidence[n++] = tphot->list[i].evidence;
     dst->preal[0] = rx_preal_default(evidence, n, tphot->visible, dst->fwhm);
     free(evidence);
@@ -328,7 +329,7 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
             t->preal = NAN;
         } else {
             const rx_preal *preal = &fit->preal[fit->tphot->list[t->entry].crowded];
-            t->preal = rx_preal_of(preal, t->evidence);
+            t->preal = rx_preal_of(preal, t->evidence) * (1 - t->artefact);
             if (rx_preal_doubtful(preal, t->evidence))
                 t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
         }
@@ -382,6 +383,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     const rx_image observed = rx_field_restorable(detect);
     const int listed = sources->n;
     RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, 0, sources, err));
+    RX_TRY_EXIT(rx_lines_mark(&observed, params->nthreads, sources, err));
     status = rx_error_where(err, fit(&w, sources, err), measured.name, measured.hdu, 0);
     const int noiseless = status == RX_OK && dst->tphot->least > measured.global_noise;
     if (noiseless)
@@ -393,13 +395,14 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
     RX_TRY_EXIT(status);
     RX_TRY_EXIT(rx_template_extra_append(&w.extra, dst->tphot, sources, err));
     for (int i = 0; i < sources->n; i++) {
-        const int hit = sources->list[i].fit.restore & RX_RESTORE_SHARP;
+        const double artefact = sources->list[i].fit.artefact;
         sources->list[i].fit = fit_of(dst->tphot, i);
-        sources->list[i].fit.restore |= hit;
+        rx_source_doubt(&sources->list[i], artefact);
         sources->list[i].point_fit = dst->tphot->list[i].point_fit;
         sources->list[i].sersic_fit = dst->tphot->list[i].sersic_fit;
     }
     RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, listed, sources, err));
+    RX_TRY_EXIT(rx_lines_mark(&observed, params->nthreads, sources, err));
     RX_TRY_EXIT(tell_tile(&w, sources, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);

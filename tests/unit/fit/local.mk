@@ -1,5 +1,7 @@
 check_PROGRAMS += tests/unit/fit/test_hits
 tests_unit_fit_test_hits_SOURCES = tests/unit/fit/test_hits.c
+check_PROGRAMS += tests/unit/fit/test_lines
+tests_unit_fit_test_lines_SOURCES = tests/unit/fit/test_lines.c
 check_PROGRAMS += tests/unit/fit/test_significance
 tests_unit_fit_test_significance_SOURCES = tests/unit/fit/test_significance.c
 check_PROGRAMS += tests/unit/fit/test_structure

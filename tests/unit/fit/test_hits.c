@@ -103,7 +103,7 @@ static int find(const rx_image *image)
 {
     int found = 0;
     for (int i = 0; i < ALL; i++)
-        list[i].fit.restore = RX_RESTORE_ADDED;
+        list[i].fit = (rx_source_template){.restore = RX_RESTORE_ADDED};
     memcpy(other, list, sizeof other);
     rx_sources one = {.n = ALL, .list = list}, five = {.n = ALL, .list = other};
     assert_int_equal(rx_hits_mark(image, 1, 0, &one, NULL), RX_OK);
