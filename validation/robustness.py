@@ -19,7 +19,7 @@ cells is judged by what LIMITS says, on objects that have no neighbour of 0.3 of
 A cell is off where one of them is beyond its limit by more than two standard errors. It has warned where its own header or
 catalogue says so: SAID, or FLAGS_RESTORE of MARKS for half of the sources, and the sky without a departure does not. Off without a
 warning is a silent failure; the log does not count. A warning is right where a value is beyond its limit at all, false sources that are
-marked for their place alone among them. Into OUTPUT: summary.json.
+marked for their place alone among them; that half of the sources are marked is right where these are false, too. Into OUTPUT: summary.json.
 """
 import json
 import sys
@@ -274,9 +274,9 @@ def measure(run, known, reach, side):
     at, flux, snr, star, judged = known
     table = run.table
     marked = (table["FLAGS_RESTORE"] & MARKS) > 0
-    false = ~near(run.positions, at, reach) & inside(run.positions, side) & ~marked
-    unheeded = near(run.positions, at, reach) | ~inside(run.positions, side) | ((table["FLAGS_RESTORE"] & MARKS & ~WORDS) > 0)
-    out = {"sources": len(table), "marked": int(marked.sum()), "false": int(false.sum()), "bare": int((~unheeded).sum())}
+    untrue = ~near(run.positions, at, reach) & inside(run.positions, side)
+    false, bare = untrue & ~marked, untrue & ((table["FLAGS_RESTORE"] & MARKS & ~WORDS) == 0)
+    out = {"sources": len(table), "marked": int(marked.sum()), **{k: int(v.sum()) for k, v in (("untrue", untrue), ("false", false), ("bare", bare))}}
     deep = judged & (snr > 10)
     out["found"] = near(at[deep], run.positions, reach).tolist()
     distance, which = (cKDTree(run.positions).query(at, distance_upper_bound=reach) if len(table) else
@@ -299,7 +299,7 @@ def judge(parts, mpixel):
     """Values with their errors, and which are off."""
     pool = {k: sum((p[k] for p in parts), type(parts[0][k])()) for k in parts[0]}
     found, ratio, pulls = (np.array(pool[k]) for k in ("found", "ratio", "pulls"))
-    cell = {"sources": pool["sources"], "marked": pool["marked"], "false": pool["false"] / mpixel, "bare": pool["bare"] / mpixel, "n": len(found), "stars": len(ratio)}
+    cell = {"sources": pool["sources"], "marked": pool["marked"], "false": pool["false"] / mpixel, "bare": pool["bare"] / mpixel, "untrue": pool["untrue"] / mpixel, "n": len(found), "stars": len(ratio)}
     cell["recall"] = float(found.mean()) if len(found) else None
     cell["bias"] = float(np.median(ratio)) if len(ratio) > 4 else None
     cell["pull"] = float(spread(pulls)) if len(pulls) > 9 else None
@@ -351,7 +351,8 @@ def main(output, seed, names):
             usual.setdefault(r, cell["said"])
             cell["log"] = sorted({w[:110] for run in runs[r] for w in run.said if "has no effect" not in w and (r + ": " in w or not any(o + ": " in w for o in RESTORERS))})
             cell["silent"] = bool(cell["off"]) and not cell["said"]
-            cell["right"] = bool(cell["beyond"]) if cell["said"] else None
+            marks = "FLAGS_RESTORE" in cell["said"] and cell["untrue"] * mpixel > max(LIMITS["false"][0] * mpixel, 0.02 * cell["sources"])
+            cell["right"] = bool(cell["beyond"]) or marks if cell["said"] else None
             cards = runs[r][0].cards()
             cell["cards"] = {k: cards[k] for k in (*SAID, "RXMODEL", "RXPSFERR", "RXNFACT", "RXCROWD") if k in cards}
             cells.append(cell)

@@ -38,8 +38,8 @@ typedef struct window {
 
 typedef struct work {
     const rx_residual_input *of;
-    double fwhm, square, noise; /* sum of squares of G along a line; of G * u */
-    int margin, grow, reach;    /* pixels: around a cell, a source that no model has, a star */
+    double fwhm, noise;      /* of G * u */
+    int margin, grow, reach; /* pixels: around a cell, a source that no model has, a star */
     rx_residual *dst;
     double *width; /* [ny][nx] of u */
     double *bias;  /* of sources; NAN: no star */
@@ -157,22 +157,6 @@ static double width_of(const window *v)
                : NAN;
 }
 
-/* The mean of t along each line is taken off. */
-static void level_lines(const window *v, int lines, int step, int length, int along)
-{
-    for (int i = 0; i < lines; i++) {
-        double sum = 0.0;
-        int n = 0;
-        for (int j = 0; j < length; j++) {
-            const int k = i * step + j * along;
-            sum += v->hidden[k] == 0 ? (double)v->t[k] : 0.0;
-            n += v->hidden[k] == 0;
-        }
-        for (int j = 0; j < length && n > 0; j++)
-            v->t[i * step + j * along] -= (float)(sum / n);
-    }
-}
-
 static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
 {
     rx_residual *r = w->dst;
@@ -186,12 +170,8 @@ static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)
     for (int i = 0; i < v->width * v->height; i++)
         v->t[i] = v->d[i] * sqrtf(v->weight[i]);
     w->width[k] = width_of(v);
-    level_lines(v, v->height, v->width, v->width, 1);
-    level_lines(v, v->width, 1, v->height, v->width);
     RX_TRY(rx_gauss_masked(v->width, v->height, w->fwhm, v->hidden, 1, v->t, err));
-    /* what lines have taken: a mode along each axis, which the filter passes whole */
-    const double left = (1.0 - 1.0 / (w->square * v->width)) * (1.0 - 1.0 / (w->square * v->height));
-    r->pull[k] = width_of(v) / (w->noise * sqrt(fmax(left, 0.5)));
+    r->pull[k] = width_of(v) / w->noise;
     return RX_OK;
 }
 
@@ -264,7 +244,6 @@ static rx_status measure_filter(work *w, rx_error *err)
     float second[3] = {-0.5f, 1.0f, -0.5f};
     const double factor = rx_noise_factor(w->of->image->correlation, second, 3, 1);
     w->second = 1.5 * factor * factor;
-    w->square = square;
     w->noise = rx_noise_factor(w->of->image->correlation, stamp, side, side) * square;
     w->grow = w->of->light == NULL ? (int)ceil(w->fwhm) : 0;
     w->margin = radius + w->grow;

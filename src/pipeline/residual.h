@@ -4,9 +4,8 @@
  *
  * light is that of the fitted templates, or of a network's image through its PSF; where neither is known pixels of sources do not
  * count. G is a Gaussian as wide as the PSF, and its noise that of the tile's correlation, so that t is, in errors, the flux of a point
- * fitted to an empty place; means along rows and columns are taken off before, as they look like no source. Pixels where a tenth of
- * the light is above the noise do not count. Cells are of 64 pixels, or 16 FWHM where that is more: some 110 independent places, so that
- * a width, median |.| / 0.6745, is known to a tenth. A cell is not explained where the width of t or u is beyond LOW and HIGH.
+ * fitted to an empty place. Pixels where a tenth of the light is above the noise do not count. Cells are of 64 pixels, or 16 FWHM where
+ * that is more: some 110 independent places, so that a width, median |.| / 0.6745, is known to a tenth. A cell is not explained where the width of t or u is beyond LOW and HIGH.
  *
  * Of the tile three numbers say what that does to results:
  *
