@@ -351,7 +351,7 @@ def main(output, seed, names):
             usual.setdefault(r, cell["said"])
             cell["log"] = sorted({w[:110] for run in runs[r] for w in run.said if "has no effect" not in w and (r + ": " in w or not any(o + ": " in w for o in RESTORERS))})
             cell["silent"] = bool(cell["off"]) and not cell["said"]
-            marks = "FLAGS_RESTORE" in cell["said"] and cell["untrue"] * mpixel > max(LIMITS["false"][0] * mpixel, 0.02 * cell["sources"])
+            marks = bool("FLAGS_RESTORE" in cell["said"] and cell["untrue"] * mpixel > max(LIMITS["false"][0] * mpixel, 0.02 * cell["sources"]))
             cell["right"] = bool(cell["beyond"]) or marks if cell["said"] else None
             cards = runs[r][0].cards()
             cell["cards"] = {k: cards[k] for k in (*SAID, "RXMODEL", "RXPSFERR", "RXNFACT", "RXCROWD") if k in cards}
