@@ -32,23 +32,24 @@ enum {
 
 /* Template photometry (template/template.h) of a source. */
 typedef struct rx_source_template {
-    double flux, fluxerr, snr; /* ADU, of the whole template */
-    double chi2;               /* reduced, of the source's own pixels */
-    double evidence;           /* that it is no piece of a neighbour: rise of chi2 without it */
-    double preal;              /* probability that it is there (fit/preal.h), and no artefact */
-    double artefact;           /* probability of that: a hit (fit/hits.h), a place on a line (fit/lines.h) */
-    double injected[2];        /* error of flux from injected objects, 68 and 95 % (check/conformal.h); NAN */
-    double blend;              /* largest |coefficient of covariance| with a neighbour, 0 alone */
-    double x, y;               /* 0-based pixels, of the fit */
-    double alpha, delta;       /* deg, J2000 */
-    double star;               /* probability of a point, 0..1 */
-    double two;                /* probability that it is two sources, 0..1 */
-    double radius;             /* half-light radius before the PSF, pixels; 0 of a point */
-    double ratio, theta;       /* axis ratio b/a, radians */
-    int group;                 /* from 1; 0: no fit */
-    int entry;                 /* of rx_tphot.list, from 0 */
-    int flags;                 /* FLAGS_TEMPLATE, RX_TPHOT_ */
-    int restore;               /* FLAGS_RESTORE */
+    double flux, fluxerr; /* ADU, of the whole template */
+    double snr;           /* of the flux in the noise of its pixels alone, as sources are selected by */
+    double chi2;          /* reduced, of the source's own pixels */
+    double evidence;      /* that it is no piece of a neighbour: rise of chi2 without it */
+    double preal;         /* probability that it is there (fit/preal.h), and no artefact */
+    double artefact;      /* probability of that: a hit (fit/hits.h), a place on a line (fit/lines.h) */
+    double injected[2];   /* error of flux from injected objects, 68 and 95 % (check/conformal.h); NAN */
+    double blend;         /* largest |coefficient of covariance| with a neighbour, 0 alone */
+    double x, y;          /* 0-based pixels, of the fit */
+    double alpha, delta;  /* deg, J2000 */
+    double star;          /* probability of a point, 0..1 */
+    double two;           /* probability that it is two sources, 0..1 */
+    double radius;        /* half-light radius before the PSF, pixels; 0 of a point */
+    double ratio, theta;  /* axis ratio b/a, radians */
+    int group;            /* from 1; 0: no fit */
+    int entry;            /* of rx_tphot.list, from 0 */
+    int flags;            /* FLAGS_TEMPLATE, RX_TPHOT_ */
+    int restore;          /* FLAGS_RESTORE */
 } rx_source_template;
 
 /* The same source as a point and as Sersic's profile (template/models.h): NAN where not asked for or not fitted. */
