@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/constants.h"
 #include "base/memory.h"
 #include "base/min_max.h"
 #include "num/convolve.h"
@@ -263,22 +264,31 @@ static double middle_of(const double *values, int n, double *room, int *known)
     return rx_median(room, (size_t)*known);
 }
 
-static bool is_wrong(double width)
+static bool is_wrong(double width, double low)
 {
-    return width > HIGH || width < LOW;
+    return width > HIGH || width < low;
+}
+
+/* LOW of t: of 4 pi s^2 pixels, which G makes one place of, each fitted source has taken three freedoms. */
+static double least_width(const work *w)
+{
+    const double s = w->fwhm / RX_FWHM_SIGMA,
+                 places = w->dst->width * (double)w->dst->height / (4.0 * M_PI * s * s);
+    return w->bias == NULL ? LOW : LOW * sqrt(fmax(1.0 - 3.0 * w->of->sources->n / places, 0.0));
 }
 
 static void sum_up(const work *w, double *room)
 {
     rx_residual *r = w->dst;
     const int n = r->nx * r->ny;
+    const double low = least_width(w);
     long wrong = 0, quarters = 0, dark = 0;
     int cells, stars;
     for (int k = 0; k < n; k++) {
         quarters += r->cell[k] >> 5;
         for (int q = 1; q <= 4; q++)
             dark += r->cell[k] >> q & 1;
-        r->cell[k] |= is_wrong(r->pull[k]) || is_wrong(w->width[k]);
+        r->cell[k] |= is_wrong(r->pull[k], low) || is_wrong(w->width[k], LOW);
         wrong += r->cell[k] & 1;
     }
     r->dark = quarters > 0 ? (double)dark / (double)quarters : NAN;
@@ -298,8 +308,8 @@ static void sum_up(const work *w, double *room)
         rx_misfit cause;
         bool wrong;
         double by;
-    } all[] = {{RX_MISFIT_NOISE, is_wrong(u), u},
-               {RX_MISFIT_NOISE, t < LOW, t},
+    } all[] = {{RX_MISFIT_NOISE, is_wrong(u, LOW), u},
+               {RX_MISFIT_NOISE, t < low, t},
                {RX_MISFIT_NOISE, grain * (1.0 + ERRORS * sqrt(4.0 / count)) < LOW * LOW, sqrt(grain)},
                {RX_MISFIT_PSF, fabs(b) > BIAS + ERRORS * error, b},
                {RX_MISFIT_PSF, ERRORS * w->of->psf_error > BIAS, w->of->psf_error},

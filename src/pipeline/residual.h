@@ -5,7 +5,9 @@
  * light is that of the fitted templates, or of a network's image through its PSF; where neither is known pixels of sources do not
  * count. G is a Gaussian as wide as the PSF, and its noise that of the tile's correlation, so that t is, in errors, the flux of a point
  * fitted to an empty place. Pixels where a tenth of the light is above the noise do not count. Cells are of 64 pixels, or 16 FWHM where
- * that is more: some 110 independent places, so that a width, median |.| / 0.6745, is known to a tenth. A cell is not explained where the width of t or u is beyond LOW and HIGH.
+ * that is more: some 110 independent places, so that a width, median |.| / 0.6745, is known to a tenth. A cell is not explained where
+ * the width of t or u is beyond LOW and HIGH; LOW of t is less where many sources are fitted, as each takes three of the freedoms of the
+ * places (in a crowd of 8,000 stars per Mpixel, FWHM 4, t has a width of .8).
  *
  * Of the tile three numbers say what that does to results:
  *
