@@ -1043,6 +1043,28 @@ def beside_rl(model, name):
             paragraph(f"""Below RL in PSNR {won_by('RL', 'psnr')}, in the paper's SSIM {won_by('RL', 'ssim')}, on the object {won_by('RL', 'ssim_object')}."""))
 
 
+# t of the paper's Tables 1 to 4, and the quantile of Student's t that makes errors of the intervals of bins of 70 and 40 scenes
+PRINTED = {("Table 1: SSIM by FWHM", "FWHM", "ssim"): {2: 17.97, 4: 20.46, 6: 17.57, 8: 20.27, 10: 20.76, 12: 18.79, 14: 24.56},
+           ("Table 2: PSNR by FWHM", "FWHM", "psnr"): {2: 49.69, 4: 73.94, 6: 56.31, 8: 75.21, 10: 76.49, 12: 68.05, 14: 110.96},
+           ("Table 3: SSIM by noise", "noise", "ssim"): {2: 1.70, 9: 17.81, 12: 26.46, 15: 32.40, 18: 32.12, 21: 40.43, 23: 40.60, 25: 43.98},
+           ("Table 4: PSNR by noise", "noise", "psnr"): {2: 6.66, 9: 34.76, 12: 42.52, 15: 39.62, 18: 43.38, 21: 50.09, 23: 47.96, 25: 59.78}}
+STUDENT = {70: 1.994945, 40: 2.022691}
+
+
+def paper_tables():
+    """t of two samples, NET against RL, as the paper prints it."""
+    def t_of(name, scene, quantity, condition):
+        net, rl = (one(rows_of(name, "cells"), scene=scene, condition=str(condition), run=run, quantity=quantity) for run in ("NET", "RL"))
+        errors = [(float(row["value_high"]) - float(row["value_low"])) / 2 / STUDENT[int(row["value_n"])] for row in (net, rl)]
+        return (float(net["value"]) - float(rl["value"])) / sum(error ** 2 for error in errors) ** 0.5
+    lines = []
+    for (title, scene, quantity), printed in PRINTED.items():
+        rows = [["the paper", *(f"{value:.2f}" for value in printed.values())]]
+        rows += [[NETWORKS[name], *(f"{t_of(name, scene, quantity, bin):.2f}" for bin in printed)] for name in ("restoration-blind", "restoration-paper", "restoration")]
+        lines.append(table([title, *map(str, printed)], rows))
+    return "\n".join(lines)
+
+
 def paper_speed():
     def shares(size):
         rows = {row["key"]: row for row in json.loads(text_of(f"validation/results/bench/{size}/bench.json"))["rows"]}
@@ -1067,7 +1089,7 @@ def paper_speed():
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
     templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
-    sdss_coadd, preal, speed, amdahl, cores, against_time, paper, paper_lists, paper_networks, paper_speed)}
+    sdss_coadd, preal, speed, amdahl, cores, against_time, paper, paper_lists, paper_networks, paper_tables, paper_speed)}
 
 
 # --- check and write
