@@ -26,14 +26,20 @@ static const double MOST_NOISE = 5; /* sigmas: higher peaks than sources are are
 static const double STANDS_OUT =
     5.4; /* sigmas, which one of 120 directions of 1,000 sources passes with a probability of .01 */
 
+/* Pixels from a source. */
+typedef struct place {
+    int x, y;
+} place;
+
 typedef struct work {
     const rx_image *image;
-    double fwhm;   /* pixels */
-    int reach;     /* pixels */
-    float *filter; /* [2 reach + 1] a Gaussian; [2 reach + 1] its squares */
-    double power;  /* sum of these */
-    double noise;  /* of lambda, where pixels are independent 1 */
-    float *lambda; /* [height][width] NAN: not known */
+    double fwhm;         /* pixels */
+    int reach;           /* pixels */
+    float *filter;       /* [2 reach + 1] a Gaussian; [2 reach + 1] its squares */
+    double power;        /* sum of these */
+    double noise;        /* of lambda, where pixels are independent 1 */
+    float *lambda;       /* [height][width] NAN: not known */
+    place (*to)[PLACES]; /* [2 ANGLES] along directions of a full turn, the nearest first */
 } work;
 
 /* dst[n] = sum_k filter[k] src[k next ...] */
@@ -101,6 +107,7 @@ static rx_status open_work(const rx_image *image, int threads, work *w, rx_error
     rx_status status = RX_OK;
     RX_TRY_EXIT(RX_MAKE(w->filter, 2 * (size_t)taps, err));
     RX_TRY_EXIT(RX_MAKE(w->lambda, width * height, err));
+    RX_TRY_EXIT(RX_MAKE(w->to, 2 * (size_t)ANGLES, err));
     RX_TRY_EXIT(RX_MAKE(profile, (size_t)taps * (size_t)taps, err));
     RX_TRY_EXIT(RX_MAKE(room, each * (size_t)threads, err));
     for (int i = 0; i < taps; i++) {
@@ -108,6 +115,12 @@ static rx_status open_work(const rx_image *image, int threads, work *w, rx_error
         w->filter[taps + i] = w->filter[i] * w->filter[i];
         w->power += (double)w->filter[taps + i];
     }
+    for (int a = 0; a < 2 * ANGLES; a++)
+        for (int k = 0; k < PLACES; k++) {
+            const double at = (NEAREST + k * BETWEEN) * w->fwhm;
+            w->to[a][k] = (place){(int)floor(at * cos(M_PI * a / ANGLES) + 0.5),
+                                  (int)floor(at * sin(M_PI * a / ANGLES) + 0.5)};
+        }
     for (int i = 0; i < taps * taps; i++)
         profile[i] = w->filter[i % taps] * w->filter[i / taps];
     w->noise = rx_noise_factor(image->correlation, profile, taps, taps);
@@ -121,12 +134,11 @@ exit:
     return status;
 }
 
-static double lambda_at(const work *w, double x, double y)
+static double lambda_at(const work *w, int x, int y)
 {
-    const int u = (int)floor(x + 0.5), v = (int)floor(y + 0.5);
-    return u < 0 || v < 0 || u >= w->image->width || v >= w->image->height
+    return x < 0 || y < 0 || x >= w->image->width || y >= w->image->height
                ? NAN
-               : (double)w->lambda[(size_t)v * (size_t)w->image->width + (size_t)u];
+               : (double)w->lambda[(size_t)y * (size_t)w->image->width + (size_t)x];
 }
 
 typedef struct level {
@@ -148,13 +160,13 @@ static level lower(level a, level b)
     return (level){fmin(a.height, b.height), a.even && b.even};
 }
 
-/* What is known to one side of (x, y), the nearest first; how many. */
-static size_t to_one_side(const work *w, int x, int y, double angle, double values[PLACES])
+/* What is known in that direction from (x, y), the nearest first; how many. */
+static size_t look_along(const work *w, int x, int y, int direction, double values[PLACES])
 {
     size_t n = 0;
     for (int k = 0; k < PLACES; k++) {
-        const double at = (NEAREST + k * BETWEEN) * w->fwhm,
-                     value = lambda_at(w, x + at * cos(angle), y + at * sin(angle));
+        const place *to = &w->to[direction][k];
+        const double value = lambda_at(w, x + to->x, y + to->y);
         if (value == value)
             values[n++] = value;
     }
@@ -162,10 +174,10 @@ static size_t to_one_side(const work *w, int x, int y, double angle, double valu
 }
 
 /* The lower level of two sides, or where the tile ends to one side, of two halves of the other one. */
-static level level_along(const work *w, int x, int y, double angle)
+static level level_along(const work *w, int x, int y, int direction)
 {
     double one[PLACES], other[PLACES];
-    const size_t n = to_one_side(w, x, y, angle, one), m = to_one_side(w, x, y, angle + M_PI, other);
+    const size_t n = look_along(w, x, y, direction, one), m = look_along(w, x, y, direction + ANGLES, other);
     if (n >= LEAST && m >= LEAST)
         return lower(level_of(one, n), level_of(other, m));
     double *const known = n > m ? one : other;
@@ -191,13 +203,13 @@ static double peaks_for_one(const work *w, double t, double density)
                  : HUGE_VAL;
 }
 
-/* Do at least as many places to one side reach that height as do on a line? */
-static int reaches(const work *w, int x, int y, double angle, double height)
+/* Do as many places in that direction reach that height as do on a line? */
+static int reaches(const work *w, int x, int y, int direction, double height)
 {
     int lower = 0;
     for (int k = 0; k < PLACES && lower <= PLACES / 4 + 1; k++) {
-        const double at = (NEAREST + k * BETWEEN) * w->fwhm;
-        lower += lambda_at(w, x + at * cos(angle), y + at * sin(angle)) < height - QUARTER;
+        const place *to = &w->to[direction][k];
+        lower += lambda_at(w, x + to->x, y + to->y) < height - QUARTER;
     }
     return lower <= PLACES / 4 + 1;
 }
@@ -206,7 +218,7 @@ static int reaches(const work *w, int x, int y, double angle, double height)
 static int is_possible(const work *w, int x, int y, double height)
 {
     for (int a = 0; a < ANGLES; a++)
-        if (reaches(w, x, y, M_PI * a / ANGLES, height) && reaches(w, x, y, M_PI * a / ANGLES + M_PI, height))
+        if (reaches(w, x, y, a, height) && reaches(w, x, y, a + ANGLES, height))
             return 1;
     return 0;
 }
@@ -230,7 +242,7 @@ static double on_line(const work *w, double density, const rx_source *source)
     if (!is_possible(w, x, y, own - MOST_NOISE * sqrt(1 + photons * fmax(own, 0))))
         return 0;
     for (int a = 0; a < ANGLES; a++) {
-        const level one = level_along(w, x, y, M_PI * a / ANGLES);
+        const level one = level_along(w, x, y, a);
         if (isnan(one.height))
             continue;
         along[n++] = one.height;
@@ -259,5 +271,6 @@ rx_status rx_lines_mark(const rx_image *image, int nthreads, rx_sources *sources
 exit:
     free(w.filter);
     free(w.lambda);
+    free(w.to);
     return status;
 }
