@@ -90,6 +90,32 @@ static rx_status show_seconds(void *user, const rx_tphot_search *look, double (*
     return RX_OK;
 }
 
+/* A grid of stars half of whose pixels are light is a crowd; where most of what lies on it are artefacts there is none. */
+static void test_artefacts_are_no_crowd(void **state)
+{
+    (void)state;
+    for (int artefacts = 0; artefacts < 2; artefacts++) {
+        field f;
+        rx_tphot_params par = rx_tphot_defaults();
+        rx_tphot *t = NULL;
+        field_open(&f, 240, 240, 4, 1, 400);
+        field_noise(&f, 3);
+        for (int i = 0; i < 400; i++) {
+            const double x = 6 + 12 * (i % 20) + 0.3 * (i % 3), y = 6.0 + 12 * (double)(i / 20);
+            field_star(&f, x, y, 1500);
+            field_list(&f, x, y, 5, 1.7, 1.7, 0);
+            f.sources->list[i].fit.restore = artefacts && i % 37 != 0 ? RX_RESTORE_SHARP : 0;
+        }
+        field_restore_none(&f);
+        const rx_tphot_input input = field_input(&f);
+        par.crowding = RX_CROWDING_AUTO;
+        assert_int_equal(rx_tphot_run(&par, &input, &t, NULL), RX_OK);
+        assert_near(t->crowded, !artefacts, 1e-12);
+        rx_tphot_free(t);
+        field_close(&f);
+    }
+}
+
 /* Where it is not crowded: a pair 0.8 FWHM apart is two points, a star, a galaxy and a pair too near to be split are what they
  * were, the latter marked by its class; with CROWDING N all are, and so is a tile without pairs, to the byte. */
 static void test_clear_pair(void **state)
@@ -303,7 +329,8 @@ static void test_unseen(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_passes), cmocka_unit_test(test_least_noise),
-                                       cmocka_unit_test(test_unseen), cmocka_unit_test(test_clear_pair)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_passes), cmocka_unit_test(test_artefacts_are_no_crowd),
+        cmocka_unit_test(test_least_noise), cmocka_unit_test(test_unseen), cmocka_unit_test(test_clear_pair)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
