@@ -797,7 +797,7 @@ def robustness():
 
     rows = [[f"{a['kind']}: {a['departure']}", a["what"], *(value(one(cells, departure=a["departure"], restorer=r)) for r in
              ("NONE", "RL", "NET"))] for a in cells[::3]]
-    return (paragraph(f"""**{len(silent)} silent failures** among {len(cells)} cells (goal 0); {found["off"]} cells are off a limit, the
+    return (paragraph(f"""**{len(silent)} silent failure{"s" * (found["silent"] != 1)}** among {len(cells)} cells (goal 0); {found["off"]} cells are off a limit, the
         others of these say so themselves. {sum(c["right"] for c in said)} of {len(said)} words are right (goal 0.7). Seed {found["seed"]}.""") + "\n" +
             "".join(item(f"{name}: {limit[0]:g}, {limit[1]}.") for name, limit in limits.items()) + "\n" +
             "Each cell: recall / false per Mpixel / bias of templates in % / width of their pulls.\n\n" +
