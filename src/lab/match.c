@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "base/arena.h"
 #include "base/memory.h"
 
 void rx_matches_free(rx_matches *m)
@@ -30,16 +31,14 @@ rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double r
                        rx_error *err)
 {
     const size_t n = (size_t)o->n, m = (size_t)d->n;
-    double *x = RX_NEW(double, 2 * n), *y = x + n;
-    unsigned char *use = RX_NEW(unsigned char, n + m), *left = use + n;
-    long *partner = RX_NEW(long, n + m), *excuse = partner + n;
-    rx_status status = RX_OK;
-    long *taken = RX_NEW(long, m);
+    rx_arena memory = {0};
+    double *x = RX_TAKE(&memory, double, 2 * n), *y = x + n;
+    unsigned char *use = RX_TAKE(&memory, unsigned char, n + m), *left = use + n;
+    long *partner = RX_TAKE(&memory, long, n + 2 * m), *excuse = partner + n, *taken = excuse + m;
+    rx_status status;
     *dst = (rx_matches){RX_NEW(long, n), RX_NEW(unsigned char, m)};
-    if (!x || !use || !partner || !dst->found || !taken || !dst->outcome) {
-        status = rx_error_memory(err, (4 * n + 2 * m) * sizeof(double));
-        goto exit;
-    }
+    if (!x || !use || !partner || !dst->found || !dst->outcome)
+        RX_TRY_EXIT(rx_error_memory(err, (4 * n + 2 * m) * sizeof(double)));
     for (size_t i = 0; i < n; i++) {
         x[i] = o->list[i].x;
         y[i] = o->list[i].y;
@@ -63,10 +62,7 @@ rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double r
         if (o->list[i].role != RX_LISTED)
             dst->found[i] = -1;
 exit:
-    free(x);
-    free(use);
-    free(partner);
-    free(taken);
+    rx_arena_free(&memory);
     if (status != RX_OK)
         rx_matches_free(dst);
     return status;

@@ -33,14 +33,12 @@ static rx_status measure_psf(rx_lab_sky *sky, rx_error *err)
 {
     const size_t n = (size_t)sky->psf->size * (size_t)sky->psf->size;
     const int radius = rx_gauss_radius(sky->fwhm), side = 2 * radius + 1;
-    float *stamp = RX_NEW(float, n), *line = RX_NEW(float, (size_t)side);
+    float *stamp = NULL, *line = NULL;
+    rx_status status;
     sky->side = side;
-    sky->kernel = RX_NEW(float, (size_t)side *(size_t)side);
-    rx_status status = RX_OK;
-    if (stamp == NULL || line == NULL || sky->kernel == NULL) {
-        status = rx_error_memory(err, (n + (size_t)side) * sizeof *stamp);
-        goto exit;
-    }
+    RX_TRY_EXIT(RX_MAKE(stamp, n, err));
+    RX_TRY_EXIT(RX_MAKE(line, (size_t)side, err));
+    RX_TRY_EXIT(RX_MAKE(sky->kernel, (size_t)side * (size_t)side, err));
     rx_psf_at(sky->psf, 0.5 * (sky->width - 1), 0.5 * (sky->height - 1), stamp);
     for (size_t i = 0; i < n; i++)
         sky->power += (double)stamp[i] * (double)stamp[i];
@@ -117,14 +115,14 @@ void rx_condition_apply(const rx_condition *c, rx_field *field)
 
 /* --- skies --- */
 
-/* A further one; NULL without memory. */
-static rx_lab_sky *add_sky(rx_lab *lab, rx_error *err)
+/* A further one. */
+static rx_status add_sky(rx_lab *lab, rx_lab_sky **dst, rx_error *err)
 {
-    if (RX_GROW(lab->sky, (size_t)lab->nskies + 1, err) != RX_OK)
-        return NULL;
-    lab->sky[lab->nskies] = (rx_lab_sky){0};
-    lab->nconditions = lab->nskies + 1;
-    return &lab->sky[lab->nskies++];
+    RX_TRY(RX_GROW(lab->sky, (size_t)lab->nskies + 1, err));
+    *dst = &lab->sky[lab->nskies++];
+    **dst = (rx_lab_sky){0};
+    lab->nconditions = lab->nskies;
+    return RX_OK;
 }
 
 rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log *log, rx_lab_sky **sky,
@@ -133,25 +131,24 @@ rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log 
     const rx_simulate_config *sim = lab->config->sim;
     rx_simulate_config *own = NULL;
     char text[40];
-    rx_lab_sky *dst = *sky = add_sky(lab, err);
-    if (dst == NULL)
-        return RX_SYSTEM;
+    rx_status status;
+    RX_TRY(add_sky(lab, sky, err));
+    rx_lab_sky *dst = *sky;
     snprintf(text, sizeof text, "%.17g", value);
-    rx_status status = rx_simulate_config_copy(sim, &own, err);
-    if (status == RX_OK && keyword != NULL)
-        status = rx_settings_set(&own->settings, keyword, text, log, err);
-    if (status == RX_OK)
-        status = rx_simulation_from_config(own, log, &dst->simulation, err);
-    rx_simulate_config_free(own);
-    if (status == RX_OK && sim->catalog_name[0] != '\0')
-        status = rx_listed_objects(sim->catalog_name, NULL, dst->simulation, err);
-    RX_TRY(status);
+    RX_TRY_EXIT(rx_simulate_config_copy(sim, &own, err));
+    if (keyword != NULL)
+        RX_TRY_EXIT(rx_settings_set(&own->settings, keyword, text, log, err));
+    RX_TRY_EXIT(rx_simulation_from_config(own, log, &dst->simulation, err));
+    if (sim->catalog_name[0] != '\0')
+        RX_TRY_EXIT(rx_listed_objects(sim->catalog_name, NULL, dst->simulation, err));
     dst->simulation->nthreads = 1;
     dst->width = dst->simulation->scene.width;
     dst->height = dst->simulation->scene.height;
     dst->fwhm = dst->simulation->optics->fwhm;
     dst->sigma = sky_noise(&dst->simulation->noise);
-    return RX_OK;
+exit:
+    rx_simulate_config_free(own);
+    return status;
 }
 
 /* One of that condition. */
@@ -202,9 +199,8 @@ rx_status rx_lab_sky_read(rx_lab *lab, rx_log *log, rx_lab_sky **sky, rx_error *
 {
     const rx_campaign_config *config = lab->config;
     int *hdus = NULL, n = 0;
-    rx_lab_sky *dst = *sky = add_sky(lab, err);
-    if (dst == NULL)
-        return RX_SYSTEM;
+    RX_TRY(add_sky(lab, sky, err));
+    rx_lab_sky *dst = *sky;
     rx_status status = rx_tile_list(config->tile_name, log, &hdus, &n, err);
     if (status == RX_OK)
         status = rx_field_open(lab->options, RX_FIELD_PSF, &(rx_image_place){config->tile_name, hdus[0], 1},
