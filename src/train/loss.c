@@ -172,17 +172,6 @@ void rx_ffl_free(rx_ffl *ffl)
     free(ffl);
 }
 
-static void load(rx_ffl *ffl, const float *out, const float *truth)
-{
-    const size_t stride = (size_t)rx_fft_stride_real(ffl->fft);
-    for (int y = 0; y < ffl->inner; y++) {
-        const size_t row = (size_t)(y + ffl->margin) * (size_t)ffl->side + (size_t)ffl->margin;
-        for (int x = 0; x < ffl->inner; x++)
-            ffl->plane[(size_t)y * stride + (size_t)x] =
-                rx_stretch(out[row + (size_t)x]) - rx_stretch(truth[row + (size_t)x]);
-    }
-}
-
 /* With Z = inner D, the unnormalised transform: the largest |Z|, and the sum of |Z|^3 over the whole plane:
  * columns u and width - u are complex conjugates of each other, of which the half spectrum holds one. */
 static void measure(const rx_ffl *ffl, double *most, double *cubes)
@@ -218,8 +207,13 @@ void rx_ffl_add(rx_ffl *ffl, const float *out, const float *truth, double scale,
                 float *gradient)
 {
     const double pixels = (double)ffl->inner * ffl->inner;
+    const size_t stride = (size_t)rx_fft_stride_real(ffl->fft);
     double most, cubes;
-    load(ffl, out, truth);
+    for (int y = 0; y < ffl->inner; y++)
+        for (int x = 0; x < ffl->inner; x++) {
+            const size_t k = (size_t)(y + ffl->margin) * (size_t)ffl->side + (size_t)(x + ffl->margin);
+            ffl->plane[(size_t)y * stride + (size_t)x] = rx_stretch(out[k]) - rx_stretch(truth[k]);
+        }
     rx_fft_forward(ffl->fft, ffl->plane, ffl->spectrum);
     measure(ffl, &most, &cubes);
     if (!(most > 0)) { /* equal images: 0, or all frequencies not a number: that is passed on */
@@ -236,7 +230,6 @@ void rx_ffl_add(rx_ffl *ffl, const float *out, const float *truth, double scale,
     for (int y = 0; y < ffl->inner; y++)
         for (int x = 0; x < ffl->inner; x++) {
             const size_t k = (size_t)(y + ffl->margin) * (size_t)ffl->side + (size_t)(x + ffl->margin);
-            gradient[k] += ffl->plane[(size_t)y * (size_t)rx_fft_stride_real(ffl->fft) + (size_t)x] *
-                           rx_stretch_slope(out[k]);
+            gradient[k] += ffl->plane[(size_t)y * stride + (size_t)x] * rx_stretch_slope(out[k]);
         }
 }

@@ -101,18 +101,6 @@ void rx_selection_bin(const rx_selection *selection, int bin, double fwhm[2], do
     cell(selection->sigma, selection->nsigma, bin / selection->nfwhm, sigma);
 }
 
-/* Fisher and Yates; the products of 52-bit uniforms with n are even to 1e-11 for any n here. */
-static void shuffle(uint64_t seed, uint32_t epoch, rx_pick *order, long n)
-{
-    for (long i = n - 1; i > 0; i--) {
-        double uniform = rx_random_uniform(seed ^ SHUFFLE_SEED, epoch, (uint64_t)i);
-        long j = (long)(uniform * (double)(i + 1));
-        rx_pick held = order[i];
-        order[i] = order[j];
-        order[j] = held;
-    }
-}
-
 rx_status rx_selection_order(const rx_selection *selection, uint64_t seed, uint32_t epoch, rx_pick **order,
                              long *n, rx_error *err)
 {
@@ -126,7 +114,14 @@ rx_status rx_selection_order(const rx_selection *selection, uint64_t seed, uint3
     for (int b = 0; b < selection->nbins; b++)
         for (int i = 0; i < selection->train[b]; i++)
             list[at++] = (rx_pick){.bin = (uint32_t)b, .index = (uint32_t)i};
-    shuffle(seed, epoch, list, total);
+    /* Fisher and Yates; the products of 52-bit uniforms with n are even to 1e-11 for any n here */
+    for (long i = total - 1; i > 0; i--) {
+        const double uniform = rx_random_uniform(seed ^ SHUFFLE_SEED, epoch, (uint64_t)i);
+        const long j = (long)(uniform * (double)(i + 1));
+        const rx_pick held = list[i];
+        list[i] = list[j];
+        list[j] = held;
+    }
     *order = list;
     *n = total;
     return RX_OK;

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/record.h"
 #include "report/report.h"
 
 #define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
@@ -139,37 +140,6 @@ static void add_verdict(rx_report *report, const rx_model *model, const rx_histo
                       sentence);
 }
 
-typedef const char *pair[2];
-
-/* "KEYWORD value" lines; `copy` is cut into the words. */
-static pair *split(char *copy, int *n)
-{
-    int capacity = 1;
-    for (const char *c = copy; *c != '\0'; c++)
-        capacity += *c == '\n';
-    pair *pairs = rx_alloc((size_t)capacity, sizeof *pairs);
-    *n = 0;
-    for (char *line = copy; pairs != NULL && *line != '\0';) {
-        char *end = line + strcspn(line, "\n"), *next = *end != '\0' ? end + 1 : end;
-        *end = '\0';
-        char *value = line + strcspn(line, " ");
-        if (*value != '\0')
-            *value++ = '\0';
-        pairs[*n][0] = line;
-        pairs[(*n)++][1] = value;
-        line = next;
-    }
-    return pairs;
-}
-
-/* The words of -INFO, but for their first line: the digest is that of the file. */
-static void add_model(rx_report *report, const char *words)
-{
-    const char *line = words + strcspn(words, "\n");
-    rx_report_section(report, "model", "Model");
-    rx_report_lines(report, *line != '\0' ? line + 1 : line);
-}
-
 rx_status rx_train_page_write(const rx_train_page *page, const char *folder, const char *shown, rx_error *err)
 {
     static const char *const columns[] = {"epoch",      "patches", "loss", "test_loss", "input_loss",
@@ -181,15 +151,22 @@ rx_status rx_train_page_write(const rx_train_page *page, const char *folder, con
     const rx_history *h = page->history;
     rx_report *report = rx_report_new("Training: ", page->model->name);
     rx_text words = {0};
-    char *settings = rx_strdup(page->settings);
-    pair *pairs = NULL;
-    int npairs = 0;
-    rx_status status = RX_OK;
-    if (settings != NULL)
-        pairs = split(settings, &npairs);
-    rx_model_describe(page->model, &words);
-    if (report == NULL || pairs == NULL || words.failed)
+    char *settings = rx_strdup(page->settings), *rest = NULL;
+    rx_record record = {0};
+    const char *(*pairs)[2] = NULL;
+    rx_status status;
+    if (report == NULL || settings == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
+    for (char *line = strtok_r(settings, "\n", &rest); line != NULL; line = strtok_r(NULL, "\n", &rest)) {
+        char *value = line + strcspn(line, " ");
+        if (*value != '\0')
+            *value++ = '\0';
+        rx_record_add(&record, line, "", "%s", value);
+    }
+    rx_model_describe(page->model, &words);
+    if (words.failed || record.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(rx_record_list(&record, &pairs, err));
     rx_report_fact(report, "format", "rextract training 1");
     rx_report_fact(report, "model", page->model->name);
     rx_report_fact_number(report, "best_epoch", (double)page->model->best);
@@ -210,12 +187,16 @@ rx_status rx_train_page_write(const rx_train_page *page, const char *folder, con
     rx_report_section(report, "dictionary", "Dictionary of the last epoch");
     rx_report_show(report, add_dictionary(report, h, page->selection),
                    RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = COUNT(bins), .columns = bins));
-    add_model(report, words.data);
-    rx_report_record(report, npairs, (const char *const(*)[2])pairs);
+    /* the words of -INFO, but for their first line: the digest is that of the file */
+    const char *line = words.data + strcspn(words.data, "\n");
+    rx_report_section(report, "model", "Model");
+    rx_report_lines(report, *line != '\0' ? line + 1 : line);
+    rx_report_record(report, record.n, (const char *const(*)[2])pairs);
     status = rx_report_write(report, &files, NULL, err);
 exit:
     rx_report_free(report);
     rx_text_free(&words);
+    rx_record_free(&record);
     free(pairs);
     free(settings);
     return status;

@@ -3,7 +3,7 @@
 #define RX_TRAIN_TRAIN_PAGE_H
 
 #include "nn/model.h"
-#include "train/history.h"
+#include "train/state.h"
 
 typedef struct rx_train_page {
     const rx_history *history;     /* one epoch at least */
