@@ -85,11 +85,8 @@ static rx_status pairs_add(pairs *dst, double distance2, long a, long b, rx_erro
                             "more than %d pairs lie within the match radius; give a smaller MATCH_RADIUS",
                             MAX_PAIRS);
     if (dst->n == dst->capacity) {
-        size_t capacity = dst->capacity > 0 ? 2 * dst->capacity : 1024;
-        pair *list = rx_regrow(dst->list, capacity, sizeof *list);
-        if (list == NULL)
-            return rx_error_memory(err, capacity * sizeof *list);
-        dst->list = list;
+        const size_t capacity = dst->capacity > 0 ? 2 * dst->capacity : 1024;
+        RX_TRY(RX_GROW(dst->list, capacity, err));
         dst->capacity = capacity;
     }
     dst->list[dst->n++] = (pair){distance2, a, b};
@@ -110,9 +107,7 @@ static rx_status pairs_of(const rx_match_list *a, long i, const rx_match_list *b
             double dx = b->x[j] - a->x[i], dy = b->y[j] - a->y[i];
             if (dx * dx + dy * dy > radius * radius)
                 continue;
-            rx_status status = pairs_add(dst, dx * dx + dy * dy, i, j, err);
-            if (status != RX_OK)
-                return status;
+            RX_TRY(pairs_add(dst, dx * dx + dy * dy, i, j, err));
         }
     return RX_OK;
 }
