@@ -136,17 +136,6 @@ static size_t box_cells(const struct box *b)
     return (size_t)b->width * (size_t)b->height;
 }
 
-static rx_status measure_objects(renderer *r, rx_error *err)
-{
-    const rx_scene *scene = r->scene;
-    RX_TRY(RX_MAKE(r->reach, (size_t)scene->n, err));
-    RX_TRY(RX_MAKE(r->box, (size_t)scene->n, err));
-#pragma omp parallel for schedule(static) num_threads(r->nthreads)
-    for (long k = 0; k < scene->n; k++)
-        r->reach[k] = rx_object_reach(&scene->objects[k], scene->templates) * r->cells;
-    return RX_OK;
-}
-
 /* 0 when nothing of it is inside. */
 static int find_box(const renderer *d, long k, long column, long row, const rx_fine_grid *grid,
                     struct box *dst)
@@ -435,6 +424,7 @@ static rx_status open_path(renderer *r, optical_path *l, rx_error *err)
 
 static rx_status open_renderer(renderer *r, rx_error *err)
 {
+    const rx_scene *scene = r->scene;
     int varying = 0;
     RX_TRY(rx_fft_new(r->cells * r->width, r->cells * r->height, r->nthreads, &r->fine, err));
     RX_TRY(rx_fft_new(r->width, r->height, r->nthreads, &r->native, err));
@@ -453,7 +443,12 @@ static rx_status open_renderer(renderer *r, rx_error *err)
     if (r->kernel == NULL || r->grid == NULL || r->spectrum == NULL || r->pixels == NULL ||
         (varying && r->weighted == NULL))
         return rx_error_memory(err, 0);
-    return measure_objects(r, err);
+    RX_TRY(RX_MAKE(r->reach, (size_t)scene->n, err));
+    RX_TRY(RX_MAKE(r->box, (size_t)scene->n, err));
+#pragma omp parallel for schedule(static) num_threads(r->nthreads)
+    for (long k = 0; k < scene->n; k++)
+        r->reach[k] = rx_object_reach(&scene->objects[k], scene->templates) * r->cells;
+    return RX_OK;
 }
 
 /* --- one block --- */

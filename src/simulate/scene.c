@@ -106,14 +106,6 @@ static void set_flux(const rx_scene_params *par, double mag, rx_object *dst)
     dst->flux = pow(10.0, -0.4 * (mag - par->zeropoint));
 }
 
-/* --- stars --- */
-
-static void make_star(const rx_scene_params *par, long number, rx_object *dst)
-{
-    *dst = (rx_object){.type = RX_OBJECT_STAR, .ratio = 1.0};
-    set_flux(par, population_mag(&par->stars, draw(par, STARS, number, DRAW_MAG)), dst);
-}
-
 /* --- galaxies --- */
 
 /* Share of the light of bulge and disk within the ellipse of major axis `radius` (disk radii) and the disk's
@@ -357,18 +349,6 @@ static void square_of(const places *places, double x, double y, int *column, int
     *row = (int)fmin(fmax(j, 0.0), places->rows - 1);
 }
 
-/* objects[index] has its position now. */
-static void places_take(places *places, long index)
-{
-    int column, row;
-    if (places->first == NULL)
-        return;
-    square_of(places, places->objects[index].x, places->objects[index].y, &column, &row);
-    long *first = &places->first[(size_t)row * (size_t)places->columns + (size_t)column];
-    places->next[index] = *first;
-    *first = index;
-}
-
 /* 1 when an object other than `except` is nearer than least_distance. Squares are at least that wide. */
 static int is_crowded(const places *places, double x, double y, long except)
 {
@@ -463,11 +443,16 @@ static long count_of(const rx_scene_params *par, const rx_population *population
 /* objects[n] is made; its place is looked for. */
 static int settle(rx_scene *scene, places *places, int found)
 {
-    if (!found) {
-        scene->left_out++;
-        return 0;
-    }
-    places_take(places, scene->n++);
+    const long index = scene->n;
+    int column, row;
+    scene->n += found;
+    scene->left_out += !found;
+    if (!found || places->first == NULL)
+        return found;
+    square_of(places, scene->objects[index].x, scene->objects[index].y, &column, &row);
+    long *first = &places->first[(size_t)row * (size_t)places->columns + (size_t)column];
+    places->next[index] = *first;
+    *first = index;
     return 1;
 }
 
@@ -483,7 +468,8 @@ static rx_status add_stars(const rx_scene_params *par, long count, rx_scene *sce
     for (long i = 0; i < count; i++) {
         rx_object *star = &scene->objects[scene->n];
         RX_TRY(may_go_on(i, err));
-        make_star(par, i, star);
+        *star = (rx_object){.type = RX_OBJECT_STAR, .ratio = 1.0};
+        set_flux(par, population_mag(&par->stars, draw(par, STARS, i, DRAW_MAG)), star);
         if (!settle(scene, places, places_find(places, STARS, i, &star->x, &star->y)))
             continue;
         if (!(draw(par, STARS, i, DRAW_PAIR) < par->pair_share))
@@ -491,8 +477,7 @@ static rx_status add_stars(const rx_scene_params *par, long count, rx_scene *sce
         long primary = scene->n - 1;
         rx_object *other = &scene->objects[scene->n];
         *other = *star;
-        other->mag += draw(par, STARS, i, DRAW_COMPANION_MAG) - 0.5;
-        other->flux = pow(10.0, -0.4 * (other->mag - par->zeropoint));
+        set_flux(par, star->mag + (draw(par, STARS, i, DRAW_COMPANION_MAG) - 0.5), other);
         settle(scene, places, places_beside(places, i, primary, &other->x, &other->y));
     }
     return RX_OK;

@@ -93,21 +93,17 @@ static int brighter_first(const void *a, const void *b)
 /* Stars of one more scene into the field's list. */
 static rx_status list_stars(const rx_scene *scene, rx_sky_field *dst, rx_error *err)
 {
-    size_t room = (size_t)(dst->nstars + scene->n);
-    double(*stars)[3] = rx_regrow(dst->stars, room, sizeof *stars);
-    if (stars == NULL)
-        return rx_error_memory(err, room * sizeof *stars);
-    dst->stars = stars;
+    RX_TRY(RX_GROW(dst->stars, (size_t)(dst->nstars + scene->n), err));
     for (long i = 0; i < scene->n; i++) {
         const rx_object *o = &scene->objects[i];
         if (o->type != RX_OBJECT_STAR)
             continue;
-        double *star = stars[dst->nstars++];
+        double *star = dst->stars[dst->nstars++];
         star[0] = o->x;
         star[1] = o->y;
         star[2] = o->flux;
     }
-    qsort(stars, (size_t)dst->nstars, sizeof *stars, brighter_first);
+    qsort(dst->stars, (size_t)dst->nstars, sizeof *dst->stars, brighter_first);
     return RX_OK;
 }
 
@@ -158,9 +154,8 @@ static rx_status make_nebulae(const rx_sky_field *field, rx_random_stream key, r
 static rx_status set_level(rx_sky_field *field, rx_error *err)
 {
     const size_t n = (size_t)field->side * (size_t)field->side;
-    float *light = RX_NEW(float, n);
-    if (light == NULL)
-        return rx_error_memory(err, n * sizeof *light);
+    float *light;
+    RX_TRY(RX_MAKE(light, n, err));
     memcpy(light, field->blurred, n * sizeof *light);
     field->level = rx_brightness(light, n, 0);
     free(light);
@@ -188,17 +183,16 @@ static rx_status render(const sky_ground *sky, const rx_scene *scene, const two_
         float *images[2] = {field->blurred, field->sharp};
         RX_TRY(rx_render(scene, 2, both, images, 1, err));
     } else {
-        float *core = RX_NEW(float, 2 * n), *halo = core + n;
-        if (core == NULL)
-            return rx_error_memory(err, 2 * n * sizeof *core);
+        float *core, *halo;
+        RX_TRY(RX_MAKE(core, 2 * n, err));
+        halo = core + n;
         const rx_optics *all[3] = {optics->core, optics->halo, sky->simulation->target};
         float *images[3] = {core, halo, field->sharp};
         const rx_status status = rx_render(scene, 3, all, images, 1, err);
         for (size_t i = 0; i < n; i++)
             field->blurred[i] += (float)(1.0 - field->halo) * core[i] + (float)field->halo * halo[i];
         free(core);
-        if (status != RX_OK)
-            return status;
+        RX_TRY(status);
     }
     cut_negative(n, field->blurred);
     cut_negative(n, field->sharp);

@@ -115,11 +115,11 @@ static rx_status psf_fwhm(const char *name, rx_log *log, double *dst, rx_error *
     int width = 0, height = 0, size = 0;
     double fwhm = 0.0, ellipticity;
     rx_error error = rx_error_part(err);
-    rx_status status = rx_fits_read_image(name, &pixels, &width, &height, &error);
-    if (status == RX_OK)
-        status = cut_psf(pixels, width, height, &stamp, &size, &error);
-    if (status == RX_OK)
-        status = rx_psf_shape(stamp, size, &fwhm, &ellipticity, NULL, &error);
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_read_image(name, &pixels, &width, &height, &error));
+    RX_TRY_EXIT(cut_psf(pixels, width, height, &stamp, &size, &error));
+    status = rx_psf_shape(stamp, size, &fwhm, &ellipticity, NULL, &error);
+exit:
     free(stamp);
     free(pixels);
     *dst = status == RX_OK && fwhm > 0.0 ? sqrt(fwhm * fwhm + PIXEL_FWHM2) : 0.0;
