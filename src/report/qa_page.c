@@ -467,15 +467,6 @@ static void add_facts(rx_report *report, const rx_qa_numbers *q)
     rx_report_fact(report, "seed", seed);
 }
 
-static void add_tables(page *p)
-{
-    add_facts(p->report, p->q);
-    add_runs(p);
-    add_gates(p);
-    if (p->q->input->psf.psf != NULL)
-        add_psf(p);
-}
-
 /* --- the page --- */
 
 /* The gates and, in a sentence, what was found; then whatever makes the numbers mean something else. */
@@ -773,7 +764,11 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
         "pull_from", "matches",  "curve", "regions"};
     const rx_qa_input *input = p->q->input;
     rx_report *report = p->report;
-    add_tables(p);
+    add_facts(report, p->q);
+    add_runs(p);
+    add_gates(p);
+    if (input->psf.psf != NULL)
+        add_psf(p);
     add_verdicts(p);
     add_brief(p, !rx_log_is_short(files->log));
     if (files->figures)

@@ -612,16 +612,6 @@ static void add_flags(rx_report *report, const rx_tile_quality *q)
         rx_report_paragraph(report, "No source has any.");
 }
 
-static void add_stars(rx_report *report, const rx_tile_quality *q)
-{
-    rx_report_table *t = RX_REPORT_TABLE(report, "tile_stars", STARS, RX_REPORT_IN_FILE);
-    for (int i = 0; i < q->nstars; i++) {
-        const rx_tile_point *p = &q->star[i];
-        rx_report_put(t, p->x + 1, p->y + 1, p->shape.fwhm, p->shape.ellipticity, p->shape.theta * 180 / M_PI,
-                      p->psf.fwhm, p->psf.ellipticity, p->psf.theta * 180 / M_PI);
-    }
-}
-
 /* A section of the figures whose names begin so; false and nothing where there are none. */
 static bool place(rx_report *report, const char *id, const char *title, const char *prefix)
 {
@@ -665,7 +655,11 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
     add_numbers(report, q);
     add_runs(report, q);
     add_flags(report, q);
-    add_stars(report, q);
+    rx_report_table *stars = RX_REPORT_TABLE(report, "tile_stars", STARS, RX_REPORT_IN_FILE);
+    for (const rx_tile_point *p = q->star; p < q->star + q->nstars; p++)
+        rx_report_put(stars, p->x + 1, p->y + 1, p->shape.fwhm, p->shape.ellipticity,
+                      p->shape.theta * 180 / M_PI, p->psf.fwhm, p->psf.ellipticity,
+                      p->psf.theta * 180 / M_PI);
     if (page->nrecord > 0) {
         rx_report_section(report, "record", "What made this page");
         rx_report_record(report, page->nrecord, page->record);
