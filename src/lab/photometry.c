@@ -9,7 +9,7 @@
  * that, no one can distinguish faint sources from peaks of the noise. So every tile comes with a blank one, a realisation of
  * the tile's own noise without any source, whose detections are all false.
  *
- * Stars are listed, known objects at least as bright their rivals, and all known ones have a reach (match.h). */
+ * Stars are listed, known objects at least as bright their rivals, and all known ones have a reach (sources.h). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -133,15 +133,6 @@ static size_t pixels_of(const rx_lab *lab)
     return (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
 }
 
-/* Number of a scene: the same whatever the number of scenes per bin. */
-static uint64_t stream_of(const rx_lab *lab, const rx_lab_unit *unit)
-{
-    const rx_lab_bin *bin = &lab->bin[unit->condition];
-    const uint64_t which = (uint64_t)lround(8.0 * bin->low) << 1 | (uint64_t)bin->by_sigma;
-    return which << 40 | (uint64_t)(lab->scene[unit->scene].id == RX_SCENE_TUNING) << 36 |
-           (uint64_t)unit->number;
-}
-
 static double brightness(const rx_object *object, double least_radius)
 {
     const double radius = fmax(object->radius, least_radius);
@@ -243,7 +234,11 @@ static rx_status make_trial(const rx_lab *lab, const rx_lab_unit *unit, const rx
 {
     const int side = lab->config->scene_side;
     const rx_lab_bin *bin = &lab->bin[unit->condition];
-    const uint64_t stream = stream_of(lab, unit), seed = rx_lab_seed(lab, DRAW_QUANTITIES);
+    /* number of the scene: the same whatever the number of scenes per bin */
+    const uint64_t which = (uint64_t)lround(8.0 * bin->low) << 1 | (uint64_t)bin->by_sigma,
+                   tunes = lab->scene[unit->scene].id == RX_SCENE_TUNING,
+                   stream = which << 40 | tunes << 36 | (uint64_t)unit->number,
+                   seed = rx_lab_seed(lab, DRAW_QUANTITIES);
     const double u = rx_random_uniform(seed, stream, 0), v = rx_random_uniform(seed, stream, 1);
     const double binned = bin->low + (bin->high - bin->low) * u,
                  other = bin->other_low + (bin->other_high - bin->other_low) * v;
@@ -426,10 +421,12 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
     long without;
     const long candidates = count_candidates(lab, &without),
                of_image = NTHRESHOLDS * (lab->config->tune_filter.n + 1);
-    float *restored = RX_NEW(float, 2 * n), *plane = restored + n;
-    rx_status status = restored == NULL ? rx_error_memory(err, 2 * n * sizeof(float))
-                                        : rx_lab_rows_add(table, candidates, &row, err);
-    for (long c = 0; status == RX_OK && c < candidates; c++, row += RX_RESTORATION_TUNING_WIDTH) {
+    float *restored, *plane;
+    rx_status status;
+    RX_TRY(RX_MAKE(restored, 2 * n, err));
+    plane = restored + n;
+    RX_TRY_EXIT(rx_lab_rows_add(table, candidates, &row, err));
+    for (long c = 0; c < candidates; c++, row += RX_RESTORATION_TUNING_WIDTH) {
         const tuning one = get_tuning(lab, t->fwhm, c);
         row[RX_TUNING_NITER] = one.niter;
         row[RX_TUNING_FILTER] = one.filter;
@@ -440,20 +437,20 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
         if (c == 0)
             memcpy(restored, t->image, n * sizeof *restored);
         else if (c == without)
-            status = restore(lab, t, network_of(lab), 0, restored, err);
+            RX_TRY_EXIT(restore(lab, t, network_of(lab), 0, restored, err));
         else if (c % of_image == 0)
-            status = restore(lab, t, rx_restorer_find("RL"), one.niter, restored, err);
+            RX_TRY_EXIT(restore(lab, t, rx_restorer_find("RL"), one.niter, restored, err));
         if (c % NTHRESHOLDS > 0) /* of the plane before, whose threshold is lower */
             flatten(n, t->sigma, &one, plane);
-        else if (status == RX_OK)
-            status = apply(lab, t->sigma, &one, restored, plane, err);
-        if (status == RX_OK)
-            row[RX_TUNING_PSNR] = rx_reference_psnr(t->reference, plane);
+        else
+            RX_TRY_EXIT(apply(lab, t->sigma, &one, restored, plane, err));
+        row[RX_TUNING_PSNR] = rx_reference_psnr(t->reference, plane);
         double ssim[RX_SSIM_KINDS] = {NAN};
-        if (status == RX_OK && one.method == RL) /* by which RL_SSIM is chosen */
-            status = rx_reference_ssim(t->reference, plane, ssim, err);
+        if (one.method == RL) /* by which RL_SSIM is chosen */
+            RX_TRY_EXIT(rx_reference_ssim(t->reference, plane, ssim, err));
         row[RX_TUNING_SSIM] = ssim[RX_SSIM_PAPER];
     }
+exit:
     free(restored);
     return status;
 }

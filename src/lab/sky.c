@@ -18,16 +18,6 @@ double rx_lab_beyond(const rx_lab_sky *sky, double x, double y)
     return hypot(fmax(fmax(-x, x - (sky->width - 1)), 0), fmax(fmax(-y, y - (sky->height - 1)), 0));
 }
 
-/* Noise of a sky pixel, ADU. */
-static double sky_noise(const rx_noise_params *noise)
-{
-    if (noise->type == RX_NOISE_GAUSS)
-        return noise->sigma;
-    return noise->type == RX_NOISE_CCD
-               ? sqrt(noise->sky * noise->gain + noise->read_noise * noise->read_noise) / noise->gain
-               : 0;
-}
-
 /* At the centre of the tile; and a Gaussian as wide as the PSF. */
 static rx_status measure_psf(rx_lab_sky *sky, rx_error *err)
 {
@@ -145,7 +135,11 @@ rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log 
     dst->width = dst->simulation->scene.width;
     dst->height = dst->simulation->scene.height;
     dst->fwhm = dst->simulation->optics->fwhm;
-    dst->sigma = sky_noise(&dst->simulation->noise);
+    const rx_noise_params *noise = &dst->simulation->noise;
+    if (noise->type == RX_NOISE_GAUSS)
+        dst->sigma = noise->sigma;
+    else if (noise->type == RX_NOISE_CCD)
+        dst->sigma = sqrt(noise->sky * noise->gain + noise->read_noise * noise->read_noise) / noise->gain;
 exit:
     rx_simulate_config_free(own);
     return status;
