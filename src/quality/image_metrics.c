@@ -136,10 +136,12 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
                               .range = range,
                               .object = object,
                               .centre = 0.5 * (low + high)};
-    r->mean = RX_NEW(double, windows_of(r));
-    r->variance = RX_NEW(double, windows_of(r));
     double *room = new_room(r, 0);
-    const bool complete = r->mean != NULL && r->variance != NULL && room != NULL;
+    rx_status status = RX_OK;
+    if (room == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(RX_MAKE(r->mean, windows_of(r), err));
+    RX_TRY_EXIT(RX_MAKE(r->variance, windows_of(r), err));
     for (int i = 0; i < WINDOW; i++) {
         const double u = (i - RADIUS) / WINDOW_SIGMA;
         r->weight[i] = exp(-0.5 * u * u);
@@ -147,17 +149,16 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
     }
     for (int i = 0; i < WINDOW; i++)
         r->weight[i] /= sum;
-    if (complete) {
-        take_means(r, pixels, NULL, room, r->mean);
-        take_means(r, pixels, pixels, room, r->variance);
-        for (size_t i = 0; i < windows_of(r); i++)
-            r->variance[i] -= r->mean[i] * r->mean[i];
-        *dst = r;
-    } else {
-        rx_image_reference_free(r);
-    }
+    take_means(r, pixels, NULL, room, r->mean);
+    take_means(r, pixels, pixels, room, r->variance);
+    for (size_t i = 0; i < windows_of(r); i++)
+        r->variance[i] -= r->mean[i] * r->mean[i];
+    *dst = r;
+    r = NULL;
+exit:
     free(room);
-    return complete ? RX_OK : rx_error_memory(err, 0);
+    rx_image_reference_free(r);
+    return status;
 }
 
 double rx_reference_psnr(const rx_image_reference *reference, const float *image)

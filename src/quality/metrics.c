@@ -295,11 +295,10 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
     const rx_evaluation *e = r->e;
     long n = 0;
     rx_estimate sigma;
-    rx_status status = RX_OK;
     if (wanted(r, RX_METRIC_MAG50))
-        status = measure_depth(r, 0.5, &out[RX_METRIC_MAG50], err);
-    if (status == RX_OK && wanted(r, RX_METRIC_MAG90))
-        status = measure_depth(r, 0.9, &out[RX_METRIC_MAG90], err);
+        RX_TRY(measure_depth(r, 0.5, &out[RX_METRIC_MAG50], err));
+    if (wanted(r, RX_METRIC_MAG90))
+        RX_TRY(measure_depth(r, 0.9, &out[RX_METRIC_MAG90], err));
     out[RX_METRIC_AP] = e->pr.ap;
     out[RX_METRIC_ZP_OFFSET] = e->offset;
     const rx_qa_flux *flux = &e->run->flux;
@@ -313,39 +312,38 @@ static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
         out[RX_METRIC_PSF_DE2] = by_error(r, q->shape[1][0], q->shape[1][1], q->reserved);
         out[RX_METRIC_PSF_GROWTH] = by_error(r, q->growth, q->growth_error, q->reserved);
     }
-    if (status != RX_OK || r->level == e->level)
-        return status;
+    if (r->level == e->level)
+        return RX_OK;
     for (long j = 0; j < e->run->list.n; j++)
         if (e->bright[j])
             r->scratch[n++] = e->dmag[j];
     rx_robust_estimates(r->scratch, n, r->level, &out[RX_METRIC_ZP_OFFSET], &sigma);
-    if (wanted(r, RX_METRIC_AP))
-        status = rx_pr_interval(&e->pr, e->references, r->level, r->by, &out[RX_METRIC_AP], err);
-    return status;
+    return wanted(r, RX_METRIC_AP)
+               ? rx_pr_interval(&e->pr, e->references, r->level, r->by, &out[RX_METRIC_AP], err)
+               : RX_OK;
 }
 
 rx_status rx_metrics_measure(const rx_evaluation *evaluation, rx_mag_range mags, double level,
                              rx_resampling by, rx_metric only, rx_estimate *estimate, rx_error *err)
 {
-    rx_status status = RX_OK;
+    rx_status status;
     range r = {evaluation, mags, level, by, only, NULL};
-    r.scratch = RX_NEW(double, (size_t)evaluation->run->list.n);
-    if (r.scratch == NULL)
-        return rx_error_memory(err, 0);
+    RX_TRY(RX_MAKE(r.scratch, (size_t)evaluation->run->list.n, err));
     for (int i = 0; i < RX_METRIC_COUNT; i++)
         estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
     measure_shares(&r, estimate);
     measure_robust(&r, estimate);
     if (wanted(&r, RX_METRIC_MAGERR))
-        status = measure_magerr(&r, 1, &estimate[RX_METRIC_MAGERR], err);
-    double factor = pow(10, 0.4 * evaluation->offset.value);
-    if (status == RX_OK && wanted(&r, RX_METRIC_MAGERR_SHIFTED))
-        status = measure_magerr(&r, factor, &estimate[RX_METRIC_MAGERR_SHIFTED], err);
-    if (status == RX_OK && mags.whole)
-        status = measure_whole(&r, estimate, err);
+        RX_TRY_EXIT(measure_magerr(&r, 1, &estimate[RX_METRIC_MAGERR], err));
+    const double factor = pow(10, 0.4 * evaluation->offset.value);
+    if (wanted(&r, RX_METRIC_MAGERR_SHIFTED))
+        RX_TRY_EXIT(measure_magerr(&r, factor, &estimate[RX_METRIC_MAGERR_SHIFTED], err));
+    if (mags.whole)
+        RX_TRY_EXIT(measure_whole(&r, estimate, err));
     for (int i = 0; i < RX_METRIC_COUNT; i++)
         if (!wanted(&r, (rx_metric)i))
             estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
+exit:
     free(r.scratch);
     return status;
 }

@@ -29,13 +29,6 @@ static double steps_of(double dmag)
     return copysign(n, dmag);
 }
 
-static int bin_of_error(double dmag)
-{
-    if (dmag < -END)
-        return 0;
-    return dmag >= END ? RX_TALLY_STEPS - 1 : 1 + RX_TALLY_SIDE + (int)floor(steps_of(dmag));
-}
-
 static rx_status make_room(rx_tally_bin *bin, rx_error *err)
 {
     return bin->dmag != NULL ? RX_OK : RX_MAKE(bin->dmag, RX_TALLY_STEPS, err);
@@ -60,7 +53,9 @@ rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *e
             continue;
         bin = bin_of(dst, e->truth_mag[e->origin[j]]);
         RX_TRY(make_room(bin, err));
-        bin->dmag[bin_of_error(e->dmag[j])]++;
+        bin->dmag[e->dmag[j] < -END   ? 0
+                  : e->dmag[j] >= END ? RX_TALLY_STEPS - 1
+                                      : 1 + RX_TALLY_SIDE + (int)floor(steps_of(e->dmag[j]))]++;
     }
     return RX_OK;
 }
