@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "num/stats.h"
 
 /* --- stars --- */
 
@@ -70,28 +71,20 @@ static int inside(const float *star, int side, double margin)
            star[1] <= side - 1 - margin;
 }
 
-static int by_snr(const void *a, const void *b)
-{
-    const float *const *p = a, *const *q = b;
-    if ((*p)[3] != (*q)[3])
-        return (*p)[3] > (*q)[3] ? -1 : 1;
-    return *p < *q ? -1 : *p > *q;
-}
-
 rx_status rx_star_check_run(const rx_sample *sample, const float *restored, int margin, double target_fwhm,
                             rx_star_check *dst, rx_error *err)
 {
     const int side = sample->side;
     const double radius = APERTURE * target_fwhm;
-    const float *order[RX_SAMPLE_STARS];
+    rx_ranked order[RX_SAMPLE_STARS]; /* by S/N */
     char *taken;
     *dst = (rx_star_check){0};
     RX_TRY(RX_MAKE(taken, (size_t)side * (size_t)side, err));
     for (int i = 0; i < sample->nstars; i++)
-        order[i] = sample->star[i];
-    qsort(order, (size_t)sample->nstars, sizeof *order, by_snr);
+        order[i] = (rx_ranked){(double)sample->star[i][3], i};
+    rx_rank_falling(order, (size_t)sample->nstars);
     for (int i = 0; i < sample->nstars; i++) {
-        const float *star = order[i];
+        const float *star = sample->star[order[i].index];
         if (star[3] > FOUND_SNR && inside(star, side, margin)) {
             dst->stars += 1;
             dst->found += find(restored, side, star, taken);

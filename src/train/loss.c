@@ -27,17 +27,6 @@ static void add_line(const float *restrict src, float factor, int n, float *rest
         dst[k] += factor * src[k];
 }
 
-/* share[n]: sum of the weights that lie inside a line of n pixels. */
-static void inside_shares(const float *gauss, int n, float *share)
-{
-    for (int x = 0; x < n; x++) {
-        const int first = x < RADIUS ? -x : -RADIUS, last = x + RADIUS >= n ? n - 1 - x : RADIUS;
-        share[x] = 0;
-        for (int i = first; i <= last; i++)
-            share[x] += gauss[i + RADIUS];
-    }
-}
-
 /* dst = Gauss * src, nothing being outside the patch, or normalised inside it by share[side], which is overwritten (NULL: not);
  * other[side^2] is scratch. Whole lines are added at a time, which is what makes it quick. */
 static void smooth(const float *src, int side, float *other, float *share, float *dst)
@@ -45,8 +34,11 @@ static void smooth(const float *src, int side, float *other, float *share, float
     const size_t n = (size_t)side;
     float gauss[2 * RADIUS + 1];
     rx_gauss_weights(FWHM, RADIUS, gauss);
-    if (share != NULL)
-        inside_shares(gauss, side, share);
+    for (int x = 0; share != NULL && x < side; x++) { /* sum of the weights that lie inside a line */
+        share[x] = 0;
+        for (int i = -RADIUS; i <= RADIUS; i++)
+            share[x] += x + i >= 0 && x + i < side ? gauss[i + RADIUS] : 0;
+    }
     for (size_t y = 0; y < n; y++) {
         float *line = other + y * n;
         memset(line, 0, n * sizeof *line);

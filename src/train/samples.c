@@ -589,13 +589,6 @@ typedef struct job {
     long at;
 } job;
 
-/* The rank that needs the image at a position. */
-static int user_of(const rx_samples *s, long at)
-{
-    const long within = (at < s->n ? at : at - s->n) % s->par.batch;
-    return (int)(within * rx_par_processes() / s->par.batch);
-}
-
 /* Images, by set, bin and index. */
 static int compare_jobs(const void *a, const void *b)
 {
@@ -642,7 +635,8 @@ static rx_status hand_over(rx_samples *s, const job *jobs, long from, rx_error *
 {
     const int side = s->par.side;
     for (long at = from; at < s->all; at++) {
-        const int maker = owner_of(s, jobs[at].id), user = user_of(s, at);
+        const long within = (at < s->n ? at : at - s->n) % s->par.batch;
+        const int maker = owner_of(s, jobs[at].id), user = (int)(within * rx_par_processes() / s->par.batch);
         if (maker == user)
             continue;
         if (rx_par_rank() == maker) {

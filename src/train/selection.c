@@ -26,9 +26,12 @@ static void count(rx_selection *selection)
     }
 }
 
-static int is_range(const double range[2])
+static rx_status check_range(const char *what, const double range[2], rx_error *err)
 {
-    return isfinite(range[0]) && isfinite(range[1]) && range[0] < range[1] && range[0] > 0.0;
+    return isfinite(range[0]) && isfinite(range[1]) && range[0] < range[1] && range[0] > 0.0
+               ? RX_OK
+               : rx_error_set(err, RX_USAGE, "%s from %g to %g: the smaller comes first, above 0", what,
+                              range[0], range[1]);
 }
 
 rx_status rx_selection_begin(const int bins[2], const double fwhm[2], const double sigma[2], int total,
@@ -41,12 +44,8 @@ rx_status rx_selection_begin(const int bins[2], const double fwhm[2], const doub
     if (total < LEAST_TOTAL)
         return rx_error_set(err, RX_USAGE, "%d images per bin: at least %d, as %d of them are for the test",
                             total, (int)LEAST_TOTAL, (int)RX_TEST_LEAST);
-    if (!is_range(fwhm))
-        return rx_error_set(err, RX_USAGE, "FWHM from %g to %g: the smaller comes first, above 0", fwhm[0],
-                            fwhm[1]);
-    if (!is_range(sigma))
-        return rx_error_set(err, RX_USAGE, "noise from %g to %g: the smaller comes first, above 0", sigma[0],
-                            sigma[1]);
+    RX_TRY(check_range("FWHM", fwhm, err));
+    RX_TRY(check_range("noise", sigma, err));
     *dst = (rx_selection){.nfwhm = nfwhm,
                           .nsigma = nsigma,
                           .nbins = nfwhm * nsigma,

@@ -43,16 +43,6 @@ static rx_front front_of(const rx_train_config *config)
     };
 }
 
-/* File name without folders and extension: a model says nothing of the machine that made it. */
-static void name_of(const rx_train_config *config, char *dst, size_t size)
-{
-    const char *slash = strrchr(config->model_name, '/');
-    const char *name = slash != NULL ? slash + 1 : config->model_name;
-    const char *dot = strrchr(name, '.');
-    const int length = dot != NULL && dot != name ? (int)(dot - name) : (int)strlen(name);
-    snprintf(dst, size, "%.*s", length, name);
-}
-
 static rx_status make_net(const rx_psfnet_shape *shape, int inputs, uint64_t seed, uint64_t stream,
                           rx_net **dst, rx_error *err)
 {
@@ -144,7 +134,11 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
     model->front = front_of(config);
     model->seed = (uint64_t)config->seed;
     model->dark = config->dark_sky;
-    name_of(config, model->name, sizeof model->name);
+    /* file name without folders and extension: a model says nothing of the machine that made it */
+    const char *slash = strrchr(config->model_name, '/'),
+               *name = slash != NULL ? slash + 1 : config->model_name, *dot = strrchr(name, '.');
+    const int length = dot != NULL && dot != name ? (int)(dot - name) : (int)strlen(name);
+    snprintf(model->name, sizeof model->name, "%.*s", length, name);
     RX_TRY_EXIT(make_net(&shape, rx_front_channels(model->front.mode), model->seed, STREAM_RESTORE,
                          &model->restore, err));
     if (config->stages == 2 && model->front.mode == RX_MODE_INFORMED)

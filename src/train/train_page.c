@@ -140,39 +140,40 @@ static void add_verdict(rx_report *report, const rx_model *model, const rx_histo
                       sentence);
 }
 
-rx_status rx_train_page_write(const rx_train_page *page, const char *folder, const char *shown, rx_error *err)
+rx_status rx_train_page_write(const rx_train_state *state, const rx_model *model, const char *settings,
+                              int figures, const char *folder, const char *shown, rx_error *err)
 {
     static const char *const columns[] = {"epoch",      "patches", "loss", "test_loss", "input_loss",
                                           "validation", "recall",  "bias", "scatter"},
                              *const bins[] = {"fwhm_low", "fwhm_high", "sigma_low", "sigma_high", "loss",
                                               "list",     "recall",    "bias",      "scatter"};
     const rx_report_files files = {
-        .folder = folder, .shown = shown, .figures = page->figures, .page = "training.html"};
-    const rx_history *h = page->history;
-    rx_report *report = rx_report_new("Training: ", page->model->name);
+        .folder = folder, .shown = shown, .figures = figures, .page = "training.html"};
+    const rx_history *h = &state->history;
+    rx_report *report = rx_report_new("Training: ", model->name);
     rx_text words = {0};
-    char *settings = rx_strdup(page->settings), *rest = NULL;
+    char *copy = rx_strdup(settings), *rest = NULL;
     rx_record record = {0};
     const char *(*pairs)[2] = NULL;
     rx_status status;
-    if (report == NULL || settings == NULL)
+    if (report == NULL || copy == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
-    for (char *line = strtok_r(settings, "\n", &rest); line != NULL; line = strtok_r(NULL, "\n", &rest)) {
+    for (char *line = strtok_r(copy, "\n", &rest); line != NULL; line = strtok_r(NULL, "\n", &rest)) {
         char *value = line + strcspn(line, " ");
         if (*value != '\0')
             *value++ = '\0';
         rx_record_add(&record, line, "", "%s", value);
     }
-    rx_model_describe(page->model, &words);
+    rx_model_describe(model, &words);
     if (words.failed || record.failed)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     RX_TRY_EXIT(rx_record_list(&record, &pairs, err));
     rx_report_fact(report, "format", "rextract training 1");
-    rx_report_fact(report, "model", page->model->name);
-    rx_report_fact_number(report, "best_epoch", (double)page->model->best);
-    rx_report_fact(report, "ended", page->model->ended ? "yes" : "no");
-    add_verdict(report, page->model, h);
-    if (page->figures) {
+    rx_report_fact(report, "model", model->name);
+    rx_report_fact_number(report, "best_epoch", (double)model->best);
+    rx_report_fact(report, "ended", model->ended ? "yes" : "no");
+    add_verdict(report, model, h);
+    if (figures) {
         for (int i = 0; i < COUNT(CHARTS); i++)
             draw_chart(rx_report_figures_of(report), h, &CHARTS[i]);
         rx_report_section(report, "curves", "Curves");
@@ -185,7 +186,7 @@ rx_status rx_train_page_write(const rx_train_page *page, const char *folder, con
     rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
                            "dictionary.ecsv.");
     rx_report_section(report, "dictionary", "Dictionary of the last epoch");
-    rx_report_show(report, add_dictionary(report, h, page->selection),
+    rx_report_show(report, add_dictionary(report, h, &state->selection),
                    RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = COUNT(bins), .columns = bins));
     /* the words of -INFO, but for their first line: the digest is that of the file */
     const char *line = words.data + strcspn(words.data, "\n");
@@ -198,6 +199,6 @@ exit:
     rx_text_free(&words);
     rx_record_free(&record);
     free(pairs);
-    free(settings);
+    free(copy);
     return status;
 }
