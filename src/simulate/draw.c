@@ -282,9 +282,8 @@ rx_status rx_galaxy_draw(const rx_object *object, rx_fine_grid *grid, rx_error *
     double bar = o->bar_radius > 0.0 ? fmin(o->bar_share, 1.0 - o->bulge_share) : 0.0,
            disk = 1.0 - o->bulge_share - bar;
     rx_sersic profile;
-    component *c = RX_NEW(component, 1); /* its tables are larger than what a stack should bear */
-    if (c == NULL)
-        return rx_error_memory(err, sizeof *c);
+    component *c; /* its tables are larger than what a stack should bear */
+    RX_TRY(RX_MAKE(c, 1, err));
     c->x = (o->x - grid->x0) / grid->step;
     c->y = (o->y - grid->y0) / grid->step;
     c->arms = 0;

@@ -59,18 +59,12 @@ exit:
 static void column_distances(int width, int height, const unsigned char *bad, int far, int *rows)
 {
     for (int x = 0; x < width; x++) {
-        int last = far;
-        for (int y = 0; y < height; y++) {
-            size_t i = (size_t)y * (size_t)width + (size_t)x;
-            last = bad[i] ? 0 : last < far ? last + 1 : far;
-            rows[i] = last;
-        }
-        last = far;
-        for (int y = height - 1; y >= 0; y--) {
-            size_t i = (size_t)y * (size_t)width + (size_t)x;
-            last = bad[i] ? 0 : last < far ? last + 1 : far;
-            rows[i] = last < rows[i] ? last : rows[i];
-        }
+        for (int up = 1; up >= 0; up--)
+            for (int k = 0, last = far; k < height; k++) {
+                const size_t i = (size_t)(up ? k : height - 1 - k) * (size_t)width + (size_t)x;
+                last = bad[i] ? 0 : last < far ? last + 1 : far;
+                rows[i] = up || last < rows[i] ? last : rows[i];
+            }
     }
 }
 

@@ -111,8 +111,8 @@ static rx_status make_bright_stars(const rx_sky_field *field, rx_random_stream k
                                    rx_error *err)
 {
     int n = 1 + (int)rx_random_between(key, DRAW_BRIGHTS, 0.0, BRIGHT_MOST);
-    rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
-    for (int i = 0; i < n && status == RX_OK; i++) {
+    RX_TRY(rx_scene_new(field->side, field->side, n, dst, err));
+    for (int i = 0; i < n; i++) {
         const uint64_t slot = DRAW_STAR + (uint64_t)i * STAR_SLOTS;
         double peak = field->level * rx_random_log_between(key, slot + 2, 2.0, RX_NOISE_LEVEL_PEAK);
         (*dst)->objects[i] = (rx_object){.type = RX_OBJECT_STAR,
@@ -121,15 +121,15 @@ static rx_status make_bright_stars(const rx_sky_field *field, rx_random_stream k
                                          .y = rx_random_between(key, slot + 1, 0.0, field->side - 1.0),
                                          .flux = peak / field->peak};
     }
-    return status;
+    return RX_OK;
 }
 
 /* Gaussians (Sersic index 1/2): the brightness in the centre is flux ln 2 / (pi r^2 b/a). */
 static rx_status make_nebulae(const rx_sky_field *field, rx_random_stream key, rx_scene **dst, rx_error *err)
 {
     int n = 1 + (int)rx_random_between(key, DRAW_NEBULAE, 0.0, NEBULAE_MOST);
-    rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
-    for (int i = 0; i < n && status == RX_OK; i++) {
+    RX_TRY(rx_scene_new(field->side, field->side, n, dst, err));
+    for (int i = 0; i < n; i++) {
         const uint64_t slot = DRAW_NEBULA + (uint64_t)i * NEBULA_SLOTS;
         double radius = rx_random_log_between(key, slot, 12.0, 80.0);
         double ratio = rx_random_between(key, slot + 1, 0.3, 1.0);
@@ -146,7 +146,7 @@ static rx_status make_nebulae(const rx_sky_field *field, rx_random_stream key, r
                                          .bulge_radius = radius,
                                          .bulge_ratio = ratio};
     }
-    return status;
+    return RX_OK;
 }
 
 /* --- pixels --- */

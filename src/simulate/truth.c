@@ -59,17 +59,12 @@ static const rx_column COLUMNS[TRUTH_COLUMNS] = {
 
 /* --- one cell --- */
 
-static double ratio_of(const rx_object *object)
-{
-    double ratio = object->type == RX_OBJECT_STAR ? 1.0 : object->ratio;
-    if (object->type == RX_OBJECT_GALAXY && object->bulge_share >= 1.0)
-        ratio = object->bulge_ratio;
-    return ratio > 0.0 ? ratio : 1.0;
-}
-
 static void numbers_of(const rx_object *o, long number, rx_wcs *wcs, double dst[TRUTH_COLUMNS])
 {
     const int galaxy = o->type == RX_OBJECT_GALAXY;
+    const double ratio = o->type == RX_OBJECT_STAR         ? 1.0
+                         : galaxy && o->bulge_share >= 1.0 ? o->bulge_ratio
+                                                           : o->ratio;
     dst[TRUTH_NUMBER] = (double)number;
     dst[TRUTH_X] = o->x + 1.0;
     dst[TRUTH_Y] = o->y + 1.0;
@@ -78,7 +73,7 @@ static void numbers_of(const rx_object *o, long number, rx_wcs *wcs, double dst[
     dst[TRUTH_FLUX] = o->flux;
     dst[TRUTH_MAG] = o->mag;
     dst[TRUTH_RADIUS] = o->radius;
-    dst[TRUTH_ELONGATION] = 1.0 / ratio_of(o);
+    dst[TRUTH_ELONGATION] = 1.0 / (ratio > 0.0 ? ratio : 1.0);
     dst[TRUTH_THETA] = o->type == RX_OBJECT_STAR ? 0.0 : remainder(o->angle * (180.0 / M_PI), 180.0);
     dst[TRUTH_BULGE] = galaxy ? o->bulge_share : 0.0;
     dst[TRUTH_SERSIC] = !galaxy ? 0.0 : o->bulge_share > 0.0 ? o->bulge_n : 1.0;
