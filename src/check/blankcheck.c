@@ -170,15 +170,14 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
         own.templates.par.crowding = rx_blankcheck_is_crowd(in->tile) ? RX_CROWDING_YES : RX_CROWDING_NO;
     *dst = (rx_blankcheck){.raised = 1.0, .correlated = in->noise->correlated};
     rx_log_progress_begin(log);
-    for (int i = 0; i < in->realisations && status == RX_OK; i++) {
-        status = rx_interrupt_check(err);
-        if (status == RX_OK)
-            status = run_one(&own, in, i, params->templates.drop, dst, err);
+    for (int i = 0; i < in->realisations; i++) {
+        RX_TRY_EXIT(rx_interrupt_check(err));
+        RX_TRY_EXIT(run_one(&own, in, i, params->templates.drop, dst, err));
         rx_log_progress(log, "blank check", (double)(i + 1) / in->realisations);
     }
+    set_rate(dst);
+exit:
     rx_log_progress_end(log);
-    if (status == RX_OK)
-        set_rate(dst);
     return status;
 }
 

@@ -137,16 +137,16 @@ static rx_status open_window(const work *w, const rx_replica_part *part, rx_fiel
     const rx_field *field = w->field;
     rx_tile *tile = NULL;
     rx_psf *psf = rx_replica_psf(field->psf, part);
-    rx_status status = psf == NULL ? rx_error_memory(err, 0) : rx_replica_new(field->tile, part, &tile, err);
-    if (status == RX_OK) {
-        tile->pixel_scale = rx_quality_scale(field->tile);
-        status = rx_field_prepare(w->params, RX_FIELD_DETECTED, tile, psf, NULL, dst, err);
-    }
+    rx_status status;
+    if (psf == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(rx_replica_new(field->tile, part, &tile, err));
+    tile->pixel_scale = rx_quality_scale(field->tile);
+    RX_TRY_EXIT(rx_field_prepare(w->params, RX_FIELD_DETECTED, tile, psf, NULL, dst, err));
+    (*dst)->model_noise = w->model_noise; /* restored as the tile is */
+    (*dst)->model_factor = field->noise_factor;
+exit:
     rx_psf_free(psf);
-    if (status == RX_OK) { /* restored as the tile is */
-        (*dst)->model_noise = w->model_noise;
-        (*dst)->model_factor = field->noise_factor;
-    }
     return status;
 }
 

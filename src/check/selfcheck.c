@@ -303,15 +303,13 @@ static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kin
     RX_TRY_EXIT(inject(plan, round, dst->truth.n, &in, err));
     RX_TRY_EXIT(rx_field_extract(&plan->params, kind, in.field, NULL, NULL, &result, err));
     *injected = in.scene->n;
-    status = keep_round(plan, before, &in, &result, shift, dst, err);
-    if (status == RX_OK && round == 0)
-        status = rx_quality_picture(kind->name, tile->width, tile->height, result.restored->pixels,
-                                    plan->field->plain->global_sigma, &dst->picture, err);
-    if (status == RX_OK && round == 0 && !untouched(plan, &result)) {
-        dst->psf = rx_psf_copy(result.restored->psf);
-        if (dst->psf == NULL)
-            status = rx_error_memory(err, 0);
-    }
+    RX_TRY_EXIT(keep_round(plan, before, &in, &result, shift, dst, err));
+    if (round > 0)
+        goto exit;
+    RX_TRY_EXIT(rx_quality_picture(kind->name, tile->width, tile->height, result.restored->pixels,
+                                   plan->field->plain->global_sigma, &dst->picture, err));
+    if (!untouched(plan, &result) && (dst->psf = rx_psf_copy(result.restored->psf)) == NULL)
+        status = rx_error_memory(err, 0);
 exit:
     rx_result_free(&result);
     rx_scene_free(in.scene);

@@ -62,15 +62,13 @@ static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
     const rx_tile *tile = plan->field->tile;
     size_t n = (size_t)tile->width * (size_t)tile->height, good = 0;
     RX_TRY(RX_MAKE(plan->allowed, n, err));
-    rx_status status =
-        rx_inject_allowed(tile->width, tile->height, NULL, tile->mask, 0.0, plan->allowed, err);
-    for (size_t i = 0; i < n && status == RX_OK; i++)
+    RX_TRY(rx_inject_allowed(tile->width, tile->height, NULL, tile->mask, 0.0, plan->allowed, err));
+    for (size_t i = 0; i < n; i++)
         good += plan->allowed[i] != 0;
-    if (status == RX_OK && good == 0)
-        status = rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
-                             "self check: no pixel is left to put an object on; leave out SELF_CHECK");
     plan->per_round = (long)ceil(plan->par->density * (double)n / 1e6);
-    return status;
+    return good > 0 ? RX_OK
+                    : rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                                  "self check: no pixel is left to put an object on; leave out SELF_CHECK");
 }
 
 double rx_selfcheck_enclosed(const rx_psf *psf, double x, double y, double diameter, float *stamp)
