@@ -836,17 +836,17 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
         .folder = folder, .shown = shown, .figures = par->figures, .gnuplot = par->gnuplot, .log = par->log};
     rx_qa_numbers numbers;
     page p = {.q = &numbers, .report = rx_report_new("QA report: ", input->tile)};
-    rx_status status = rx_qa_numbers_make(par, input, &numbers, err);
-    if (status == RX_OK && p.report == NULL)
-        status = rx_error_memory(err, 0);
-    if (status == RX_OK) {
-        warn(&numbers, par->log);
-        status = write_page(&p, &files, brief, err);
-    }
-    for (int run = 0; run < input->nruns && status == RX_OK; run++)
-        status = write_regions(&numbers, run, p.stem[run], &files, err);
-    if (status == RX_OK && verdict != NULL)
+    rx_status status;
+    RX_TRY_EXIT(rx_qa_numbers_make(par, input, &numbers, err));
+    if (p.report == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    warn(&numbers, par->log);
+    RX_TRY_EXIT(write_page(&p, &files, brief, err));
+    for (int run = 0; run < input->nruns; run++)
+        RX_TRY_EXIT(write_regions(&numbers, run, p.stem[run], &files, err));
+    if (verdict != NULL)
         *verdict = numbers.verdict;
+exit:
     free(p.stem);
     rx_report_free(p.report);
     rx_qa_numbers_free(&numbers);

@@ -630,15 +630,13 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
 {
     rx_tile_quality *q = NULL;
     rx_report_files own = *files;
-    rx_report *report = NULL;
+    rx_status status;
     own.page = "tile.html";
     own.summary = "tile.json";
     RX_TRY(rx_tile_quality_make(page->about, &q, err));
-    report = rx_report_new("Tile: ", page->about->name);
-    if (report == NULL) {
-        rx_tile_quality_free(q);
-        return rx_error_memory(err, 0);
-    }
+    rx_report *report = rx_report_new("Tile: ", page->about->name);
+    if (report == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     rx_report_fact(report, "format", "rextract tile 1");
     rx_report_fact(report, "tile", page->about->name);
     add_verdict(report, q);
@@ -664,12 +662,13 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
         rx_report_section(report, "record", "What made this page");
         rx_report_record(report, page->nrecord, page->record);
     }
-    const rx_status status = rx_report_write(report, &own, NULL, err);
+    status = rx_report_write(report, &own, NULL, err);
     *found = (rx_tile_page_facts){0};
     for (int i = 0; i < q->nremarks; i++) {
         found->wrong += q->remark[i].bad;
         found->look += !q->remark[i].bad;
     }
+exit:
     rx_report_free(report);
     rx_tile_quality_free(q);
     return status;
