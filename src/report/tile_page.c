@@ -409,8 +409,6 @@ static void add_figures(rx_figures *dst, const rx_tile_quality *q)
 
 /* --- tables --- */
 
-#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
-
 RX_COLUMNS(NUMBERS, RX_TEXT("quantity", NULL), RX_NUMBER("value", -4, "", ""), RX_TEXT("unit", NULL),
            RX_TEXT("what", NULL, "what it is"));
 
@@ -533,7 +531,7 @@ static void add_numbers(rx_report *report, const rx_tile_quality *q)
         {"gain", image->gain > 0 ? image->gain : NAN, "e-/ADU", "none: errors have no photons of sources"},
     };
     rx_report_table *t = RX_REPORT_TABLE(report, "numbers", NUMBERS, RX_REPORT_IN_JSON);
-    for (int i = 0; i < COUNT(rows); i++)
+    for (int i = 0; i < RX_LENGTH(rows); i++)
         if (isfinite(rows[i].value))
             rx_report_put(t, rows[i].name, rows[i].value, rows[i].unit, rows[i].what);
     rx_report_section(report, "numbers", "Numbers");

@@ -11,8 +11,6 @@
 #include "data/record.h"
 #include "report/report.h"
 
-#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
-
 enum { EPOCHS_SHOWN = 50 };
 
 static const char RECALL[] = "of test stars of S/N above 5",
@@ -111,7 +109,7 @@ static void draw_chart(rx_figures *dst, const rx_history *h, const chart *what)
 {
     rx_axes axes = {.xlabel = "epoch", .ylabel = what->title, .x1 = (double)h->n};
     rx_curves c = {0};
-    for (int k = 0; k < COUNT(what->curve) && what->curve[k].name != NULL; k++) {
+    for (int k = 0; k < RX_LENGTH(what->curve) && what->curve[k].name != NULL; k++) {
         rx_curves_add(&c, RX_CURVE_JOINED, k, what->curve[k].name);
         for (int e = 0; e < h->n; e++) {
             const double y = *(const double *)((const char *)&h->epoch[e] + what->curve[k].offset);
@@ -174,7 +172,7 @@ rx_status rx_train_page_write(const rx_train_state *state, const rx_model *model
     rx_report_fact(report, "ended", model->ended ? "yes" : "no");
     add_verdict(report, model, h);
     if (figures) {
-        for (int i = 0; i < COUNT(CHARTS); i++)
+        for (int i = 0; i < RX_LENGTH(CHARTS); i++)
             draw_chart(rx_report_figures_of(report), h, &CHARTS[i]);
         rx_report_section(report, "curves", "Curves");
         rx_report_place(report, "curve-");
@@ -182,12 +180,12 @@ rx_status rx_train_page_write(const rx_train_state *state, const rx_model *model
     rx_report_section(report, "epochs", "Epochs");
     rx_report_show(report, add_log(report, h),
                    RX_VIEW(.from = h->n > EPOCHS_SHOWN ? h->n - EPOCHS_SHOWN : 0, .to = h->n,
-                           .ncolumns = COUNT(columns), .columns = columns));
+                           .ncolumns = RX_LENGTH(columns), .columns = columns));
     rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
                            "dictionary.ecsv.");
     rx_report_section(report, "dictionary", "Dictionary of the last epoch");
     rx_report_show(report, add_dictionary(report, h, &state->selection),
-                   RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = COUNT(bins), .columns = bins));
+                   RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = RX_LENGTH(bins), .columns = bins));
     /* the words of -INFO, but for their first line: the digest is that of the file */
     const char *line = words.data + strcspn(words.data, "\n");
     rx_report_section(report, "model", "Model");
