@@ -44,18 +44,6 @@ exit:
 
 /* --- conditions --- */
 
-/* "FWHM 4, sky +0.3 sigma"; "" without a FWHM and an error. */
-static void name_condition(double fwhm, const rx_condition *c, char *dst, size_t size)
-{
-    static const char *const formats[] = {"PSF %+g %%", "sky %+g sigma", "noise %+g %%"};
-    dst[0] = '\0';
-    if (fwhm > 0)
-        snprintf(dst, size, "FWHM %g%s", fwhm, c->error != 0.0 ? ", " : "");
-    const size_t used = strlen(dst);
-    if (c->error != 0.0)
-        snprintf(dst + used, size - used, formats[c->of], (c->of == RX_GIVEN_SKY ? 1 : 100) * c->error);
-}
-
 static double psf_error_of(const rx_condition *c)
 {
     return c->of == RX_GIVEN_PSF ? c->error : 0;
@@ -145,10 +133,11 @@ exit:
     return status;
 }
 
-/* One of that condition. */
+/* One of that condition, by name "FWHM 4, sky +0.3 sigma". */
 static rx_status simulate(rx_lab *lab, rx_condition condition, int find, rx_log *log, rx_error *err)
 {
     const rx_simulate_config *sim = lab->config->sim;
+    static const char *const formats[] = {"PSF %+g %%", "sky %+g sigma", "noise %+g %%"};
     const char *width = condition.fwhm > 0 ? "PSF_FWHM" : NULL;
     rx_lab_sky *dst;
     if (find && psf_error_of(&condition) != 0.0)
@@ -162,10 +151,15 @@ static rx_status simulate(rx_lab *lab, rx_condition condition, int find, rx_log 
                             sim->psf_type);
     RX_TRY(rx_lab_sky_add(lab, width, condition.fwhm, log, &dst, err));
     dst->condition = condition;
-    name_condition(width != NULL || !lab->kind->by_width ? condition.fwhm : dst->fwhm, &condition, dst->name,
-                   sizeof dst->name);
-    if (dst->name[0] == '\0')
+    const double fwhm = width != NULL || !lab->kind->by_width ? condition.fwhm : dst->fwhm;
+    int used = 0;
+    if (fwhm > 0)
+        used = snprintf(dst->name, sizeof dst->name, "FWHM %g%s", fwhm, condition.error != 0.0 ? ", " : "");
+    else if (condition.error == 0.0)
         snprintf(dst->name, sizeof dst->name, "simulated");
+    if (condition.error != 0.0)
+        snprintf(dst->name + used, sizeof dst->name - (size_t)used, formats[condition.of],
+                 (condition.of == RX_GIVEN_SKY ? 1 : 100) * condition.error);
     RX_TRY(rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err));
     RX_TRY(measure_psf(dst, err));
     return find ? RX_OK : make_psf(&condition, sim, dst->simulation, &dst->given, err);

@@ -256,15 +256,6 @@ static rx_status get_field(const rx_samples *s, long nkept, rx_sample_id id, kep
                              err);
 }
 
-/* For the next epoch, if that has the same fields and there is room. */
-static bool keep_field(rx_samples *s, rx_sample_id id, const kept_field *field)
-{
-    if (id.epoch == RX_EPOCH_VALIDATION || era_of(&s->par, id.epoch + 1) != field->era || s->nkept == s->room)
-        return false;
-    s->kept[s->nkept++] = *field;
-    return true;
-}
-
 /* --- samples --- */
 
 static void choose_place(const rx_samples *s, rx_sample_id id, draft *d)
@@ -567,7 +558,12 @@ rx_status rx_samples_make(rx_samples *s, const rx_sample_id *ids, long n, rx_sam
                 bool kept = false;
                 for (long i = 0; i < nkept; i++)
                     kept |= s->kept[i].number == field.number;
-                if (!kept && (made != RX_OK || !keep_field(s, *run, &field)))
+                /* kept for the next epoch, if that has the same fields and there is room */
+                const bool again =
+                    run->epoch != RX_EPOCH_VALIDATION && era_of(&s->par, run->epoch + 1) == field.era;
+                if (!kept && made == RX_OK && again && s->nkept < s->room)
+                    s->kept[s->nkept++] = field;
+                else if (!kept)
                     rx_sky_field_clear(&field.sky);
                 if (made != RX_OK && r < first) {
                     first = r;
