@@ -114,17 +114,6 @@ int rx_blankcheck_is_crowd(const rx_result *tile)
     return tile->templates.tphot != NULL && tile->templates.tphot->crowded > 0.5;
 }
 
-static rx_status keep_fitted(const rx_tphot *tphot, rx_blankcheck *dst, rx_error *err)
-{
-    const size_t n = (size_t)dst->nfitted + (size_t)tphot->n;
-    RX_TRY(RX_GROW(dst->fitted, n, err));
-    for (int i = 0; i < tphot->n; i++, dst->nfitted++) {
-        dst->fitted[dst->nfitted][0] = tphot->list[i].evidence;
-        dst->fitted[dst->nfitted][1] = tphot->list[i].snr;
-    }
-    return RX_OK;
-}
-
 static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input *in, int number, int drop,
                          rx_blankcheck *dst, rx_error *err)
 {
@@ -132,15 +121,19 @@ static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input 
     rx_result result = {0};
     RX_TRY(rx_blankcheck_field(params, in->field, in->noise, NULL,
                                (rx_random_stream){params->seed, NOISE + (uint64_t)number}, &blank, err));
-    rx_status status = rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err);
-    if (status == RX_OK) {
-        const rx_tphot *tphot = result.templates.tphot;
-        dst->mpixels += searched(params, &result, 0);
-        dst->false_detections += tphot == NULL ? result.sources->n : drop ? 0 : tphot->nlisted;
-        dst->realisations++;
-        if (tphot != NULL)
-            status = keep_fitted(tphot, dst, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err));
+    const rx_tphot *tphot = result.templates.tphot;
+    dst->mpixels += searched(params, &result, 0);
+    dst->false_detections += tphot == NULL ? result.sources->n : drop ? 0 : tphot->nlisted;
+    dst->realisations++;
+    if (tphot != NULL)
+        RX_TRY_EXIT(RX_GROW(dst->fitted, (size_t)dst->nfitted + (size_t)tphot->n, err));
+    for (int i = 0; tphot != NULL && i < tphot->n; i++, dst->nfitted++) {
+        dst->fitted[dst->nfitted][0] = tphot->list[i].evidence;
+        dst->fitted[dst->nfitted][1] = tphot->list[i].snr;
     }
+exit:
     rx_result_free(&result);
     rx_field_free(blank);
     return status;
@@ -177,15 +170,14 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
         own.templates.par.crowding = rx_blankcheck_is_crowd(in->tile) ? RX_CROWDING_YES : RX_CROWDING_NO;
     *dst = (rx_blankcheck){.raised = 1.0, .correlated = in->noise->correlated};
     rx_log_progress_begin(log);
-    for (int i = 0; i < in->realisations && status == RX_OK; i++) {
-        status = rx_interrupt_check(err);
-        if (status == RX_OK)
-            status = run_one(&own, in, i, params->templates.drop, dst, err);
+    for (int i = 0; i < in->realisations; i++) {
+        RX_TRY_EXIT(rx_interrupt_check(err));
+        RX_TRY_EXIT(run_one(&own, in, i, params->templates.drop, dst, err));
         rx_log_progress(log, "blank check", (double)(i + 1) / in->realisations);
     }
+    set_rate(dst);
+exit:
     rx_log_progress_end(log);
-    if (status == RX_OK)
-        set_rate(dst);
     return status;
 }
 
@@ -303,9 +295,9 @@ static rx_status fit_preal(const rx_pipeline_params *params, const rx_blankcheck
 {
     const rx_tphot *tphot = tile->templates.tphot;
     const size_t n = (size_t)tphot->n + (size_t)check->nfitted;
-    double *evidence = RX_NEW(double, n), *of_noise = evidence + tphot->n;
-    if (evidence == NULL)
-        return rx_error_memory(err, n * sizeof *evidence);
+    double *evidence;
+    RX_TRY(RX_MAKE(evidence, n, err));
+    double *of_noise = evidence + tphot->n;
     rx_preal_sample own = {.evidence = evidence,
                            .pixels = (1.0 - tphot->crowded) * searched(params, tile, 1) * 1e6},
                     noise = {.evidence = of_noise, .pixels = check->mpixels * 1e6};

@@ -101,15 +101,16 @@ rx_status rx_checks_new(const rx_pipeline_params *params, const rx_check_params 
     checks->params = params;
     checks->par = par;
     checks->field = field;
-    rx_status status = rx_checks_sources(params, par->self_check, field, &checks->sources, err);
-    if (status == RX_OK && par->self_check)
-        status = prepare_selfcheck(checks, log, err);
-    if (status == RX_OK && par->blank_check > 0)
-        status = prepare_blankcheck(checks, log, err);
-    if (status == RX_OK)
-        *dst = checks;
-    else
-        rx_checks_free(checks);
+    rx_status status;
+    RX_TRY_EXIT(rx_checks_sources(params, par->self_check, field, &checks->sources, err));
+    if (par->self_check)
+        RX_TRY_EXIT(prepare_selfcheck(checks, log, err));
+    if (par->blank_check > 0)
+        RX_TRY_EXIT(prepare_blankcheck(checks, log, err));
+    *dst = checks;
+    return RX_OK;
+exit:
+    rx_checks_free(checks);
     return status;
 }
 

@@ -137,16 +137,16 @@ static rx_status open_window(const work *w, const rx_replica_part *part, rx_fiel
     const rx_field *field = w->field;
     rx_tile *tile = NULL;
     rx_psf *psf = rx_replica_psf(field->psf, part);
-    rx_status status = psf == NULL ? rx_error_memory(err, 0) : rx_replica_new(field->tile, part, &tile, err);
-    if (status == RX_OK) {
-        tile->pixel_scale = rx_quality_scale(field->tile);
-        status = rx_field_prepare(w->params, RX_FIELD_DETECTED, tile, psf, NULL, dst, err);
-    }
+    rx_status status;
+    if (psf == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(rx_replica_new(field->tile, part, &tile, err));
+    tile->pixel_scale = rx_quality_scale(field->tile);
+    RX_TRY_EXIT(rx_field_prepare(w->params, RX_FIELD_DETECTED, tile, psf, NULL, dst, err));
+    (*dst)->model_noise = w->model_noise; /* restored as the tile is */
+    (*dst)->model_factor = field->noise_factor;
+exit:
     rx_psf_free(psf);
-    if (status == RX_OK) { /* restored as the tile is */
-        (*dst)->model_noise = w->model_noise;
-        (*dst)->model_factor = field->noise_factor;
-    }
     return status;
 }
 
@@ -198,11 +198,11 @@ static rx_status try_one(work *w, int i, const rx_selfcheck_plan *plan, long *in
     RX_TRY(rx_field_extract(&w->of[i].params, c->kind, plan->field, NULL, NULL, &before, err));
     if (before.by == NULL && !before.plain)
         judge(&before, c);
-    rx_status status = rx_selfcheck_run(&own, c->kind, &before, NULL, &check, err);
-    if (status == RX_OK)
-        status = keep(plan, &check, w->choice->injected, &w->of[i], c, err);
-    if (status == RX_OK)
-        *injected = check.truth.n;
+    rx_status status;
+    RX_TRY_EXIT(rx_selfcheck_run(&own, c->kind, &before, NULL, &check, err));
+    RX_TRY_EXIT(keep(plan, &check, w->choice->injected, &w->of[i], c, err));
+    *injected = check.truth.n;
+exit:
     rx_selfcheck_free(&check);
     rx_result_free(&before);
     return status;
@@ -256,16 +256,6 @@ static double ahead(const work *w, int a, int b)
            sqrt(fmax(1.0, (double)differ));
 }
 
-static void veto_bias(const rx_choice_candidate *none, rx_choice_candidate *c)
-{
-    const rx_estimate *b = &c->bias;
-    const double most = fabs(none->bias.value) + MOST_BIAS;
-    if (b->low > most || b->high < -most)
-        snprintf(c->out, sizeof c->out,
-                 "its magnitudes are off by %.3f mag (%.3f..%.3f), those of NONE by %.3f", b->value, b->low,
-                 b->high, none->bias.value);
-}
-
 /* "NONE 640 (12 spurious), RL out, ..." */
 static void explain(rx_choice *choice, const char *skipped)
 {
@@ -292,6 +282,7 @@ static void explain(rx_choice *choice, const char *skipped)
 static void decide(work *w)
 {
     rx_choice *choice = w->choice;
+    const rx_estimate *of_none = &choice->of[NONE].bias;
     int best = NONE;
     for (int i = NONE; i < RX_CHOICE_CANDIDATES; i++) {
         rx_choice_candidate *c = &choice->of[i];
@@ -299,7 +290,11 @@ static void decide(work *w)
         rx_robust_estimates(w->of[i].dmag, w->of[i].ndmag, RX_LEVEL, &c->bias, &c->scatter);
         if (i == NONE || !c->tried || !choice->of[NONE].tried)
             continue;
-        veto_bias(&choice->of[NONE], c);
+        const double most = fabs(of_none->value) + MOST_BIAS;
+        if (c->bias.low > most || c->bias.high < -most)
+            snprintf(c->out, sizeof c->out,
+                     "its magnitudes are off by %.3f mag (%.3f..%.3f), those of NONE by %.3f", c->bias.value,
+                     c->bias.low, c->bias.high, of_none->value);
         if (c->out[0] == '\0' && ahead(w, i, best) > ERRORS)
             best = i;
     }

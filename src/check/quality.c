@@ -9,40 +9,20 @@
 #include "base/memory.h"
 #include "io/wcs.h"
 
-static void flux_of(const rx_source *s, int kind, double *flux, double *error)
-{
-    switch (kind) {
-    case RX_QUALITY_APER:
-        *flux = s->flux_aper[0], *error = s->fluxerr_aper[0];
-        break;
-    case RX_QUALITY_ISO:
-        *flux = s->flux_iso, *error = s->fluxerr_iso;
-        break;
-    case RX_QUALITY_ISOCOR:
-        *flux = s->flux_isocor, *error = s->fluxerr_isocor;
-        break;
-    case RX_QUALITY_PETRO:
-        *flux = s->flux_petro, *error = s->fluxerr_petro;
-        break;
-    case RX_QUALITY_WIN:
-        *flux = s->flux_win, *error = s->fluxerr_win;
-        break;
-    case RX_QUALITY_TEMPLATE:
-        *flux = s->fit.flux, *error = s->fit.fluxerr;
-        break;
-    default:
-        *flux = s->flux_auto, *error = s->fluxerr_auto;
-    }
-}
-
 rx_status rx_quality_list(const rx_quality_params *par, const rx_tile *tile, const rx_sources *sources,
                           rx_qa_list *dst, rx_error *err)
 {
     RX_TRY(rx_qa_list_new(dst, sources->n, 1, err));
     for (long i = 0; i < sources->n; i++) {
         const rx_source *s = &sources->list[i];
-        double flux, error;
-        flux_of(s, par->flux, &flux, &error);
+        const double fluxes[][2] = {[RX_QUALITY_AUTO] = {s->flux_auto, s->fluxerr_auto},
+                                    [RX_QUALITY_APER] = {s->flux_aper[0], s->fluxerr_aper[0]},
+                                    [RX_QUALITY_ISO] = {s->flux_iso, s->fluxerr_iso},
+                                    [RX_QUALITY_ISOCOR] = {s->flux_isocor, s->fluxerr_isocor},
+                                    [RX_QUALITY_PETRO] = {s->flux_petro, s->fluxerr_petro},
+                                    [RX_QUALITY_WIN] = {s->flux_win, s->fluxerr_win},
+                                    [RX_QUALITY_TEMPLATE] = {s->fit.flux, s->fit.fluxerr}};
+        const double flux = fluxes[par->flux][0], error = fluxes[par->flux][1];
         dst->x[i] = s->x;
         dst->y[i] = s->y;
         dst->alpha[i] = s->alpha_j2000;

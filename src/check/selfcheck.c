@@ -31,19 +31,13 @@ typedef struct injection {
     float *clean; /* the same without photon noise and saturation */
 } injection;
 
-/* Whole numbers of both kinds, with the share asked for in the sum of all rounds. */
-static double round_half(double value)
-{
-    return floor(value + 0.5);
-}
-
-/* n objects, or fewer where there is no room. */
+/* n objects, or fewer where there is no room: whole numbers of both kinds, with the share asked for in the sum of all rounds. */
 static rx_status make_scene(const rx_selfcheck_plan *plan, int round, long done, long n, rx_scene **dst,
                             rx_error *err)
 {
     const rx_tile *tile = plan->field->tile;
     const double share = plan->galaxies;
-    double galaxies = round_half(share * (double)(done + n)) - round_half(share * (double)done);
+    const double galaxies = floor(share * (double)(done + n) + 0.5) - floor(share * (double)done + 0.5);
     rx_population population = {.mag_low = plan->mag_low, .mag_high = plan->mag_high};
     rx_scene_params par = {.width = tile->width,
                            .height = tile->height,
@@ -158,22 +152,11 @@ static rx_status grow(rx_qa_list *list, rx_selfcheck_found **measured, long n, r
 {
     double **columns[] = {&list->x,    &list->y,          &list->mag,  &list->mag_error,
                           &list->flux, &list->flux_error, &list->score};
-    const size_t used = measured != NULL ? 7 : 6;
-    for (size_t i = 0; i < used; i++) {
-        double *grown = rx_regrow(*columns[i], (size_t)n, sizeof(double));
-        if (grown == NULL)
-            return rx_error_memory(err, (size_t)n * sizeof(double));
-        *columns[i] = grown;
-    }
+    for (size_t i = 0; i < (measured != NULL ? 7 : 6); i++)
+        RX_TRY(RX_GROW(*columns[i], (size_t)n, err));
     if (measured != NULL) {
-        int *flags = rx_regrow(list->flags, (size_t)n, sizeof(int));
-        if (flags != NULL)
-            list->flags = flags;
-        rx_selfcheck_found *grown = rx_regrow(*measured, (size_t)n, sizeof *grown);
-        if (grown != NULL)
-            *measured = grown;
-        if (flags == NULL || grown == NULL)
-            return rx_error_memory(err, (size_t)n * sizeof *grown);
+        RX_TRY(RX_GROW(list->flags, (size_t)n, err));
+        RX_TRY(RX_GROW(*measured, (size_t)n, err));
     }
     list->n = n;
     return RX_OK;
@@ -183,14 +166,11 @@ static rx_status grow(rx_qa_list *list, rx_selfcheck_found **measured, long n, r
 static rx_status keep_truth(const rx_scene *scene, double shift, rx_selfcheck *dst, rx_error *err)
 {
     long first = dst->truth.n;
-    rx_status status = grow(&dst->truth, NULL, first + scene->n, err);
-    unsigned char *kinds = rx_regrow(dst->is_galaxy, (size_t)(first + scene->n), 1);
-    if (kinds == NULL)
-        return status == RX_OK ? rx_error_memory(err, (size_t)(first + scene->n)) : status;
-    dst->is_galaxy = kinds;
-    for (long i = 0; i < scene->n && status == RX_OK; i++) {
+    RX_TRY(grow(&dst->truth, NULL, first + scene->n, err));
+    RX_TRY(RX_GROW(dst->is_galaxy, (size_t)(first + scene->n), err));
+    for (long i = 0; i < scene->n; i++) {
         const rx_object *object = &scene->objects[i];
-        kinds[first + i] = object->type == RX_OBJECT_GALAXY;
+        dst->is_galaxy[first + i] = object->type == RX_OBJECT_GALAXY;
         dst->truth.x[first + i] = object->x + shift;
         dst->truth.y[first + i] = object->y;
         dst->truth.mag[first + i] = object->mag;
@@ -198,7 +178,7 @@ static rx_status keep_truth(const rx_scene *scene, double shift, rx_selfcheck *d
         dst->truth.mag_error[first + i] = 0.0;
         dst->truth.flux_error[first + i] = 0.0;
     }
-    return status;
+    return RX_OK;
 }
 
 /* Are fluxes those of untouched pixels? */
@@ -323,15 +303,13 @@ static rx_status run_round(const rx_selfcheck_plan *plan, const rx_restorer *kin
     RX_TRY_EXIT(inject(plan, round, dst->truth.n, &in, err));
     RX_TRY_EXIT(rx_field_extract(&plan->params, kind, in.field, NULL, NULL, &result, err));
     *injected = in.scene->n;
-    status = keep_round(plan, before, &in, &result, shift, dst, err);
-    if (status == RX_OK && round == 0)
-        status = rx_quality_picture(kind->name, tile->width, tile->height, result.restored->pixels,
-                                    plan->field->plain->global_sigma, &dst->picture, err);
-    if (status == RX_OK && round == 0 && !untouched(plan, &result)) {
-        dst->psf = rx_psf_copy(result.restored->psf);
-        if (dst->psf == NULL)
-            status = rx_error_memory(err, 0);
-    }
+    RX_TRY_EXIT(keep_round(plan, before, &in, &result, shift, dst, err));
+    if (round > 0)
+        goto exit;
+    RX_TRY_EXIT(rx_quality_picture(kind->name, tile->width, tile->height, result.restored->pixels,
+                                   plan->field->plain->global_sigma, &dst->picture, err));
+    if (!untouched(plan, &result) && (dst->psf = rx_psf_copy(result.restored->psf)) == NULL)
+        status = rx_error_memory(err, 0);
 exit:
     rx_result_free(&result);
     rx_scene_free(in.scene);
@@ -472,10 +450,9 @@ static rx_status measure_one(const rx_evaluation *e, rx_metric metric, rx_resamp
                              rx_error *err)
 {
     rx_estimate all[RX_METRIC_COUNT];
-    rx_status status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, RX_LEVEL, by, metric, all, err);
-    if (status == RX_OK)
-        *dst = all[metric];
-    return status;
+    RX_TRY(rx_metrics_measure(e, (rx_mag_range){.whole = 1}, RX_LEVEL, by, metric, all, err));
+    *dst = all[metric];
+    return RX_OK;
 }
 
 /* The numbers of `check` from its lists. */
@@ -510,7 +487,7 @@ rx_status rx_selfcheck_run(const rx_selfcheck_plan *plan, const rx_restorer *kin
 {
     const rx_tile *tile = plan->field->tile;
     rx_status status = RX_OK;
-    *dst = (rx_selfcheck){.before = before->sources->n, .galaxies = plan->galaxies, .height = tile->height};
+    *dst = (rx_selfcheck){.galaxies = plan->galaxies, .height = tile->height};
     dst->pitch = tile->width + 2 * (int)ceil(plan->match_radius) + 2; /* no pair across rounds */
     rx_log_progress_begin(log);
     while (status == RX_OK && dst->truth.n < plan->count && dst->rounds < INT_MAX / dst->pitch - 1) {

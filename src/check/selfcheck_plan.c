@@ -39,18 +39,6 @@ static void own_params(const rx_pipeline_params *params, const rx_check_params *
     dst->templates.wanted = check->templates;
 }
 
-/* Nothing but the wide aperture. */
-static void aperture_params(const rx_pipeline_params *params, double diameter, rx_pipeline_params *dst)
-{
-    rx_measure_params *par = &dst->measure;
-    *dst = *params;
-    dst->templates.wanted = 0;
-    par->skip = RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
-    par->naper = 1;
-    par->aperture_diameter[0] = diameter;
-    dst->calibrate_none = dst->calibrate_restored = 0;
-}
-
 static void choose_magnitudes(rx_selfcheck_plan *plan)
 {
     const rx_tile *tile = plan->field->tile;
@@ -74,15 +62,13 @@ static rx_status choose_places(rx_selfcheck_plan *plan, rx_error *err)
     const rx_tile *tile = plan->field->tile;
     size_t n = (size_t)tile->width * (size_t)tile->height, good = 0;
     RX_TRY(RX_MAKE(plan->allowed, n, err));
-    rx_status status =
-        rx_inject_allowed(tile->width, tile->height, NULL, tile->mask, 0.0, plan->allowed, err);
-    for (size_t i = 0; i < n && status == RX_OK; i++)
+    RX_TRY(rx_inject_allowed(tile->width, tile->height, NULL, tile->mask, 0.0, plan->allowed, err));
+    for (size_t i = 0; i < n; i++)
         good += plan->allowed[i] != 0;
-    if (status == RX_OK && good == 0)
-        status = rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
-                             "self check: no pixel is left to put an object on; leave out SELF_CHECK");
     plan->per_round = (long)ceil(plan->par->density * (double)n / 1e6);
-    return status;
+    return good > 0 ? RX_OK
+                    : rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
+                                  "self check: no pixel is left to put an object on; leave out SELF_CHECK");
 }
 
 double rx_selfcheck_enclosed(const rx_psf *psf, double x, double y, double diameter, float *stamp)
@@ -141,11 +127,11 @@ static rx_status choose_galaxies(const rx_sources *sources, rx_selfcheck_plan *p
     static const double MAJOR = 1.39;
     const double zeropoint = plan->field->tile->zeropoint;
     double point = 0.0, all = 0.0, galaxies = 0.0;
-    rx_status status = psf_radius(plan->field, &point, err);
-    double *size = RX_NEW(double, 2 * (size_t)sources->n), *limit = size != NULL ? size + sources->n : NULL;
-    if (status == RX_OK && size == NULL)
-        status = rx_error_memory(err, 2 * (size_t)sources->n * sizeof(double));
-    for (int i = 0; i < sources->n && status == RX_OK && sources->nradii > 0; i++) {
+    double *size, *limit;
+    RX_TRY(psf_radius(plan->field, &point, err));
+    RX_TRY(RX_MAKE(size, 2 * (size_t)sources->n, err));
+    limit = size + sources->n;
+    for (int i = 0; i < sources->n && sources->nradii > 0; i++) {
         const rx_source *s = &sources->list[i];
         const double radius = s->flux_radius[0], mag = zeropoint - 2.5 * log10(s->flux_auto);
         if ((s->flags & ~1) != 0 || !(radius > 0.0) || !(mag < faintest) ||
@@ -160,10 +146,11 @@ static rx_status choose_galaxies(const rx_sources *sources, rx_selfcheck_plan *p
     }
     plan->galaxy_scale = 1.0;
     plan->galaxies = fmax(0.0, plan->par->galaxies);
-    if (status == RX_OK && plan->resolved < FEWEST)
+    if (plan->resolved < FEWEST) {
         plan->resolved = 0;
-    if (status != RX_OK || plan->resolved == 0)
-        goto exit;
+        free(size);
+        return RX_OK;
+    }
     double low = size[0], high = size[0], median = 0.0;
     for (long i = 0; i < plan->resolved; i++) {
         low = fmin(low, size[i] - 5.0);
@@ -185,9 +172,8 @@ static rx_status choose_galaxies(const rx_sources *sources, rx_selfcheck_plan *p
     plan->galaxy_scale = MAJOR * exp(median);
     if (plan->par->galaxies < 0.0)
         plan->galaxies = fmin(galaxies / all, 1.0);
-exit:
     free(size);
-    return status;
+    return RX_OK;
 }
 
 rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check_params *par,
@@ -206,7 +192,12 @@ rx_status rx_selfcheck_plan_new(const rx_pipeline_params *params, const rx_check
     if (!(plan->pixel_scale > 0.0))
         plan->pixel_scale = 1.0;
     own_params(params, par, plan->diameter, &plan->params);
-    aperture_params(&plan->params, plan->diameter, &plan->apertures);
+    plan->apertures = plan->params;
+    plan->apertures.templates.wanted = 0;
+    plan->apertures.measure.skip = RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    plan->apertures.measure.naper = 1;
+    plan->apertures.measure.aperture_diameter[0] = plan->diameter;
+    plan->apertures.calibrate_none = plan->apertures.calibrate_restored = 0;
     rx_status status;
     RX_TRY_EXIT(rx_quality_radius(&par->quality, field->tile, &plan->match_radius, err));
     choose_magnitudes(plan);

@@ -46,7 +46,6 @@ typedef struct rx_selfcheck_found {
 /* Completeness and bias of one restorer on this tile. Intervals at 95 %. */
 typedef struct rx_selfcheck {
     long injected, found;
-    long before;                /* sources of the un-injected run */
     double galaxies;            /* share of the injected */
     rx_estimate mag90, mag50;   /* magnitude of 90 and 50 % completeness */
     rx_estimate injected_share; /* of detections that are new after the injection: share that was injected */

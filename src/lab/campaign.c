@@ -41,11 +41,6 @@ static int shard_of(const job *j, long unit)
     return (int)((j->kind->in_turns ? j->lab->unit[unit].condition : unit) % j->n) + 1;
 }
 
-static int phase_of(const job *j, long unit)
-{
-    return j->kind->in_turns && j->lab->unit[unit].scene > 0;
-}
-
 /* Units of shard k that have no values, and all of them. */
 static long count_missing(const job *j, int k, long *all)
 {
@@ -143,7 +138,8 @@ static rx_status work(job *j, rx_error *err)
     for (int phase = 0; phase < 2 && j->status == RX_OK; phase++) {
         long n = 0;
         for (long u = 0; u < j->lab->nunits; u++)
-            if (shard_of(j, u) == j->k && phase_of(j, u) == phase && j->values[u].v == NULL)
+            if (shard_of(j, u) == j->k && (j->kind->in_turns && j->lab->unit[u].scene > 0) == phase &&
+                j->values[u].v == NULL)
                 units[n++] = u;
         run_units(j, n, units);
     }

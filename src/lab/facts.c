@@ -31,16 +31,6 @@ static const char *bare(const char *name, int *kept)
     return keyword;
 }
 
-static int names_file(const char *name)
-{
-    static const char *const ends[] = {"_NAME", "_IMAGE", "_CONFIG", "_MODEL"};
-    const size_t length = strlen(name);
-    int is = 0;
-    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
-        is |= length > strlen(ends[i]) && strcmp(name + length - strlen(ends[i]), ends[i]) == 0;
-    return is;
-}
-
 /* A fact for each file in a list of names apart by commas; [hdu] after a name belongs to the fact. */
 static void add_files(rx_text *facts, const char *name, const char *value)
 {
@@ -67,12 +57,16 @@ static void add_files(rx_text *facts, const char *name, const char *value)
 
 static void visit_fact(void *user, const char *name, const char *value, const char *help)
 {
+    static const char *const ends[] = {"_NAME", "_IMAGE", "_CONFIG", "_MODEL"}; /* of those that name files */
     (void)help;
-    int kept;
+    int kept, is_file = 0;
     const char *keyword = bare(name, &kept);
+    const size_t length = strlen(keyword);
     if (!kept || among(REPORTING, keyword))
         return;
-    if (names_file(keyword))
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
+        is_file |= length > strlen(ends[i]) && strcmp(keyword + length - strlen(ends[i]), ends[i]) == 0;
+    if (is_file)
         add_files(user, name, value);
     else
         rx_journal_fact(user, name, value);

@@ -52,17 +52,6 @@ void rx_journal_fact(rx_text *facts, const char *name, const char *value)
     rx_text_add(facts, "\n");
 }
 
-static rx_status make_header(const rx_text *facts, rx_text *dst, char digest[RX_HASH_TEXT], rx_error *err)
-{
-    rx_text_add(dst, MAGIC);
-    rx_text_add(dst, facts->data != NULL ? facts->data : "");
-    if (facts->failed || dst->failed)
-        return rx_error_memory(err, dst->length);
-    rx_journal_digest("", dst->data, dst->length, digest);
-    rx_text_printf(dst, "* %s\n", digest);
-    return dst->failed ? rx_error_memory(err, dst->length) : RX_OK;
-}
-
 /* Names the setting that differs. */
 static rx_status other_settings(const char *path, const char *old, const char *now, rx_error *err)
 {
@@ -326,8 +315,15 @@ rx_status rx_journal_open(const char *path, const rx_text *facts, long nunits, r
     RX_TRY(RX_MAKE(journal, 1, err));
     journal->file = -1;
     journal->path = rx_strdup(path);
-    RX_TRY_EXIT(journal->path == NULL ? rx_error_memory(err, strlen(path))
-                                      : make_header(facts, &header, journal->digest, err));
+    if (journal->path == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, strlen(path)));
+    rx_text_add(&header, MAGIC);
+    rx_text_add(&header, facts->data != NULL ? facts->data : "");
+    if (!header.failed)
+        rx_journal_digest("", header.data, header.length, journal->digest);
+    rx_text_printf(&header, "* %s\n", journal->digest);
+    if (facts->failed || header.failed)
+        RX_TRY_EXIT(rx_error_memory(err, header.length));
     const reading r = {path, &header, journal->digest, nunits, values};
     if (dst != NULL) {
         RX_TRY_EXIT(rx_name_trusted(path, err));

@@ -67,27 +67,25 @@ static rx_status stage_options(rx_lab *lab, rx_log *log, rx_error *err)
 {
     const rx_words *words = &lab->config->restore_type;
     rx_text restorers = {0};
-    for (int i = 0; i < words->n; i++)
+    rx_status status;
+    for (int i = 0; i < words->n; i++) {
         if (strcmp(words->v[i], "AUTO") == 0 || strcmp(words->v[i], "FILE") == 0)
-            return rx_error_set(err, RX_USAGE,
-                                "RESTORE_TYPE %s is for single tiles; name the restorers that compete",
-                                words->v[i]);
-    for (int i = 0; i < words->n; i++)
+            RX_TRY_EXIT(rx_error_set(err, RX_USAGE,
+                                     "RESTORE_TYPE %s is for single tiles; name the restorers that compete",
+                                     words->v[i]));
         rx_text_printf(&restorers, "%s%s", i > 0 ? "," : "", words->v[i]);
-    rx_status status = restorers.failed || restorers.data == NULL
-                           ? rx_error_memory(err, 0)
-                           : rx_config_copy(lab->config->stage, &lab->stage, err);
-    if (status == RX_OK)
-        status = rx_settings_set(&lab->stage->settings, "RESTORE_TYPE", restorers.data, log, err);
-    if (status == RX_OK)
-        status = rx_options_from_config(lab->stage, log, &lab->options, err);
-    rx_text_free(&restorers);
-    if (status != RX_OK)
-        return status;
+    }
+    if (restorers.failed || restorers.data == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(rx_config_copy(lab->config->stage, &lab->stage, err));
+    RX_TRY_EXIT(rx_settings_set(&lab->stage->settings, "RESTORE_TYPE", restorers.data, log, err));
+    RX_TRY_EXIT(rx_options_from_config(lab->stage, log, &lab->options, err));
     rx_pipeline_params *params = &lab->options->pipeline;
     params->nthreads = params->restore.nthreads = params->measure.nthreads = 1;
     params->detect.nthreads = params->templates.par.nthreads = 1;
-    return RX_OK;
+exit:
+    rx_text_free(&restorers);
+    return status;
 }
 
 rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config, int nthreads, rx_log *log,
@@ -101,15 +99,14 @@ rx_status rx_lab_open(const rx_lab_kind *kind, const rx_campaign_config *config,
     lab->ntiles = rx_lab_size(lab, &config->scene_tiles);
     for (int i = 0; i < config->precisions.n && i < RX_PRECISIONS_MAX; i++)
         lab->precision[lab->nprecisions++] = config->precisions.v[i];
-    rx_status status = stage_options(lab, log, err);
-    if (status == RX_OK)
-        status = kind->open(lab, log, err);
-    if (status == RX_OK)
-        status = list_units(lab, err);
-    if (status == RX_OK)
-        *dst = lab;
-    else
-        rx_lab_close(lab);
+    rx_status status;
+    RX_TRY_EXIT(stage_options(lab, log, err));
+    RX_TRY_EXIT(kind->open(lab, log, err));
+    RX_TRY_EXIT(list_units(lab, err));
+    *dst = lab;
+    return RX_OK;
+exit:
+    rx_lab_close(lab);
     return status;
 }
 
@@ -193,10 +190,7 @@ rx_status rx_lab_rows_add(rx_lab_table *t, long n, double **first, rx_error *err
     const size_t width = (size_t)t->width;
     if (t->v == NULL || t->n + n > t->capacity) {
         const long capacity = t->n + n > 2 * t->capacity ? t->n + n : 2 * t->capacity;
-        double *v = rx_regrow(t->v, (size_t)capacity * width + 1, sizeof *v);
-        if (v == NULL)
-            return rx_error_memory(err, (size_t)capacity * width * sizeof *v);
-        t->v = v;
+        RX_TRY(RX_GROW(t->v, (size_t)capacity * width + 1, err));
         t->capacity = capacity;
     }
     *first = t->v + t->n * t->width;
@@ -255,9 +249,7 @@ rx_status rx_lab_collect(rx_lab *lab, const rx_unit_values *all, rx_error *err)
 {
     const int nsets = lab->nconditions * lab->nscenes;
     lab->values = all;
-    lab->set = rx_alloc((size_t)nsets + 1, sizeof *lab->set);
-    if (lab->set == NULL)
-        return rx_error_memory(err, (size_t)nsets * sizeof *lab->set);
+    RX_TRY(RX_MAKE(lab->set, (size_t)nsets + 1, err));
     for (int k = 0; k < nsets * lab->kind->ntables; k++)
         lab->set[k / lab->kind->ntables][k % lab->kind->ntables] = new_table(lab, k % lab->kind->ntables);
     for (long u = 0; u < lab->nunits; u++)

@@ -118,9 +118,8 @@ typedef enum rx_truth_role { RX_LISTED, RX_RIVAL, RX_OTHER } rx_truth_role;
 /* One object that is really there. Pixels from 0, ADU. */
 typedef struct rx_lab_object {
     double x, y, flux;
-    double radius; /* half-light, round, before the PSF; 0 of a star */
-    double snr;    /* in a matched filter on the bare sky: lab.h */
-    double reach;  /* 0: none */
+    double snr;   /* in a matched filter on the bare sky: lab.h */
+    double reach; /* 0: none */
     rx_truth_role role;
 } rx_lab_object;
 

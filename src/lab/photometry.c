@@ -9,7 +9,7 @@
  * that, no one can distinguish faint sources from peaks of the noise. So every tile comes with a blank one, a realisation of
  * the tile's own noise without any source, whose detections are all false.
  *
- * Stars are listed, known objects at least as bright their rivals, and all known ones have a reach (match.h). */
+ * Stars are listed, known objects at least as bright their rivals, and all known ones have a reach (sources.h). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -131,13 +131,9 @@ static rx_status know_objects(const rx_lab *lab, const rx_lab_sky *sky, const rx
 {
     const long nothers = others != NULL ? others->n : sky->known.n;
     double radius = 0;
-    dst->objects = (rx_lab_objects){.n = stars->n + nothers,
-                                    .list = RX_NEW(rx_lab_object, (size_t)(stars->n + nothers)),
-                                    .width = sky->width,
-                                    .height = sky->height,
-                                    .covered = sky->covered};
-    if (dst->objects.list == NULL)
-        return rx_error_memory(err, (size_t)dst->objects.n * sizeof *dst->objects.list);
+    dst->objects = (rx_lab_objects){
+        .n = stars->n + nothers, .width = sky->width, .height = sky->height, .covered = sky->covered};
+    RX_TRY(RX_MAKE(dst->objects.list, (size_t)dst->objects.n, err));
     rx_lab_object *object = dst->objects.list;
     for (long i = 0; i < stars->n; i++)
         *object++ = (rx_lab_object){.x = stars->objects[i].x,
@@ -181,24 +177,16 @@ static rx_status injected_tile(const rx_lab *lab, const rx_lab_sky *sky, const r
 {
     const rx_tile *src = sky->field->tile;
     const double gain = src->gain > 0 ? src->gain : lab->config->sim->gain;
-    rx_status status = rx_replica_new(src, NULL, tile, err);
-    if (status == RX_OK)
-        status = rx_inject(stars, sky->optics,
-                           &(rx_inject_params){.gain = gain,
-                                               .saturation = src->saturation,
-                                               .noise = &sky->noise,
-                                               .seed = rx_lab_seed(lab, DRAW_NOISE),
-                                               .stream = number},
-                           1, (*tile)->pixels, err);
-    if (status == RX_OK)
-        rx_replica_settle(*tile);
-    return status;
-}
-
-/* Those of one magnitude and tile are drawn alike in every field. */
-static uint64_t number_of(const rx_lab *lab, const rx_lab_unit *unit)
-{
-    return (uint64_t)lab->scene[unit->scene].number << 32 | (uint64_t)unit->number;
+    RX_TRY(rx_replica_new(src, NULL, tile, err));
+    RX_TRY(rx_inject(stars, sky->optics,
+                     &(rx_inject_params){.gain = gain,
+                                         .saturation = src->saturation,
+                                         .noise = &sky->noise,
+                                         .seed = rx_lab_seed(lab, DRAW_NOISE),
+                                         .stream = number},
+                     1, (*tile)->pixels, err));
+    rx_replica_settle(*tile);
+    return RX_OK;
 }
 
 static rx_status make_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_tile *dst, rx_error *err)
@@ -207,7 +195,8 @@ static rx_status make_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_ti
     const double mag = lab->scene[unit->scene].mag;
     const double zeropoint =
         sky->field != NULL ? sky->field->tile->zeropoint : sky->simulation->scene.zeropoint;
-    const uint64_t number = number_of(lab, unit);
+    /* those of one magnitude and tile are drawn alike in every field */
+    const uint64_t number = (uint64_t)lab->scene[unit->scene].number << 32 | (uint64_t)unit->number;
     const rx_pipeline_params *par = &lab->options->pipeline;
     rx_scene *stars = NULL, *others = NULL;
     rx_tile *tile = NULL;

@@ -27,12 +27,9 @@ rx_status rx_lab_group_open(rx_lab_group *g, const rx_lab *lab, int nconditions,
     for (int k = 0; k < lab->nruns; k++)
         g->column[k] = lab->run[k].name;
     const size_t n = (size_t)nconditions, findings = (size_t)g->nquantities * n * (size_t)g->ncolumns;
-    g->condition = rx_alloc(n, sizeof *g->condition);
-    g->place = RX_NEW(double, n);
-    g->finding = RX_NEW(rx_finding, findings);
-    return g->condition != NULL && g->place != NULL && g->finding != NULL
-               ? RX_OK
-               : rx_error_memory(err, findings * sizeof *g->finding);
+    RX_TRY(RX_MAKE(g->condition, n, err));
+    RX_TRY(RX_MAKE(g->place, n, err));
+    return RX_MAKE(g->finding, findings, err);
 }
 
 void rx_lab_group_free(rx_lab_group *g)
@@ -132,7 +129,7 @@ void rx_lab_group_show(rx_lab_page *page, const rx_lab_group *g, const char *id,
  * table alone. */
 typedef struct columns {
     int n;
-    const rx_lab_column *list[64];
+    rx_lab_column list[64];
 } columns;
 
 static int find_column(const char *name, int n, const rx_lab_column *list)
@@ -145,14 +142,10 @@ static int find_column(const char *name, int n, const rx_lab_column *list)
 
 static void add_columns(columns *dst, int n, const rx_lab_column *list)
 {
-    for (int i = 0; i < n; i++) {
-        int k = 0;
-        while (k < dst->n && strcmp(dst->list[k]->name, list[i].name) != 0)
-            k++;
-        if (k == dst->n && strcmp(list[i].name, RX_LAB_RUN) != 0 &&
-            k < (int)(sizeof dst->list / sizeof *dst->list))
-            dst->list[dst->n++] = &list[i];
-    }
+    for (int i = 0; i < n; i++)
+        if (find_column(list[i].name, dst->n, dst->list) == dst->n && strcmp(list[i].name, RX_LAB_RUN) != 0 &&
+            dst->n < (int)(sizeof dst->list / sizeof *dst->list))
+            dst->list[dst->n++] = list[i];
 }
 
 /* A row for each run, or one where the table is of no run, or of the one that it names. */
@@ -173,8 +166,8 @@ static void put_row(rx_ecsv *out, const rx_lab *lab, const rx_lab_table *table, 
                           : of == schema->nown ? ""
                                                : lab->run[(int)own[of]].name);
         for (int c = 0; c < all->n; c++) {
-            const int a = find_column(all->list[c]->name, schema->nown, schema->own),
-                      b = find_column(all->list[c]->name, schema->neach, schema->each);
+            const int a = find_column(all->list[c].name, schema->nown, schema->own),
+                      b = find_column(all->list[c].name, schema->neach, schema->each);
             if (a < schema->nown || b < schema->neach)
                 rx_ecsv_number(out, a < schema->nown ? own[a] : each[b]);
             else
@@ -201,7 +194,7 @@ static rx_status write_rows(const rx_lab *lab, const char *folder, rx_error *err
         add_columns(&all, lab->kind->tables[t].neach, lab->kind->tables[t].each);
     }
     for (int c = 0; c < all.n; c++)
-        rx_ecsv_column(&out, all.list[c]->name, RX_ECSV_FLOAT, all.list[c]->unit, all.list[c]->help);
+        rx_ecsv_column(&out, all.list[c].name, RX_ECSV_FLOAT, all.list[c].unit, all.list[c].help);
     rx_ecsv_columns_end(&out);
     for (long u = 0; u < lab->nunits; u++) {
         char names[2][96];

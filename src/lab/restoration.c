@@ -133,15 +133,6 @@ static size_t pixels_of(const rx_lab *lab)
     return (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
 }
 
-/* Number of a scene: the same whatever the number of scenes per bin. */
-static uint64_t stream_of(const rx_lab *lab, const rx_lab_unit *unit)
-{
-    const rx_lab_bin *bin = &lab->bin[unit->condition];
-    const uint64_t which = (uint64_t)lround(8.0 * bin->low) << 1 | (uint64_t)bin->by_sigma;
-    return which << 40 | (uint64_t)(lab->scene[unit->scene].id == RX_SCENE_TUNING) << 36 |
-           (uint64_t)unit->number;
-}
-
 static double brightness(const rx_object *object, double least_radius)
 {
     const double radius = fmax(object->radius, least_radius);
@@ -196,23 +187,20 @@ static rx_status known_psf(const rx_lab *lab, const rx_optics *optics, rx_psf **
 static rx_status expose(const rx_lab *lab, uint64_t stream, const rx_scene *scene, trial *dst, rx_error *err)
 {
     const rx_simulate_config *sim = lab->config->sim;
-    const size_t n = (size_t)lab->config->scene_side * (size_t)lab->config->scene_side;
+    const int side = lab->config->scene_side;
+    const size_t n = pixels_of(lab);
+    const rx_moffat_profile profile = {.fwhm = dst->fwhm,
+                                       .beta = sim->psf_beta,
+                                       .ratio = sim->psf_ratio,
+                                       .angle = sim->psf_angle * M_PI / 180.0};
     rx_optics *optics = NULL;
-    float *noise = RX_NEW(float, n);
-    rx_status status = noise == NULL
-                           ? rx_error_memory(err, n * sizeof *noise)
-                           : rx_optics_moffat(&(rx_moffat_profile){.fwhm = dst->fwhm,
-                                                                   .beta = sim->psf_beta,
-                                                                   .ratio = sim->psf_ratio,
-                                                                   .angle = sim->psf_angle * M_PI / 180.0},
-                                              lab->config->scene_side, lab->config->scene_side, &optics, err);
-    if (status == RX_OK)
-        status = rx_render(scene, 2, (const rx_optics *const[]){optics, lab->sky[0].simulation->target},
-                           (float *const[]){dst->image, dst->sharp}, 1, err);
-    if (status == RX_OK)
-        status = known_psf(lab, optics, &dst->psf, err);
-    if (status != RX_OK)
-        goto exit;
+    float *noise = NULL;
+    rx_status status;
+    RX_TRY_EXIT(RX_MAKE(noise, n, err));
+    RX_TRY_EXIT(rx_optics_moffat(&profile, side, side, &optics, err));
+    RX_TRY_EXIT(rx_render(scene, 2, (const rx_optics *const[]){optics, lab->sky[0].simulation->target},
+                          (float *const[]){dst->image, dst->sharp}, 1, err));
+    RX_TRY_EXIT(known_psf(lab, optics, &dst->psf, err));
     double peak = 0;
     for (size_t i = 0; i < n; i++)
         peak = fmax(peak, dst->sharp[i]);
@@ -245,9 +233,12 @@ static rx_status make_trial(const rx_lab *lab, const rx_lab_unit *unit, const rx
                             trial *dst, rx_error *err)
 {
     const int side = lab->config->scene_side;
-    const size_t n = (size_t)side * (size_t)side;
     const rx_lab_bin *bin = &lab->bin[unit->condition];
-    const uint64_t stream = stream_of(lab, unit), seed = rx_lab_seed(lab, DRAW_QUANTITIES);
+    /* number of the scene: the same whatever the number of scenes per bin */
+    const uint64_t which = (uint64_t)lround(8.0 * bin->low) << 1 | (uint64_t)bin->by_sigma,
+                   tunes = lab->scene[unit->scene].id == RX_SCENE_TUNING,
+                   stream = which << 40 | tunes << 36 | (uint64_t)unit->number,
+                   seed = rx_lab_seed(lab, DRAW_QUANTITIES);
     const double u = rx_random_uniform(seed, stream, 0), v = rx_random_uniform(seed, stream, 1);
     const double binned = bin->low + (bin->high - bin->low) * u,
                  other = bin->other_low + (bin->other_high - bin->other_low) * v;
@@ -258,18 +249,15 @@ static rx_status make_trial(const rx_lab *lab, const rx_lab_unit *unit, const rx
     *dst = (trial){.bin = unit->condition,
                    .done = done,
                    .fwhm = bin->by_sigma ? other : binned,
-                   .sigma = bin->by_sigma ? binned : other,
-                   .image = RX_NEW(float, n),
-                   .sharp = RX_NEW(float, n)};
-    rx_status status = dst->image == NULL || dst->sharp == NULL
-                           ? rx_error_memory(err, 2 * n * sizeof(float))
-                           : rx_scene_make(&par, lab->sky[0].simulation->templates, &scene, err);
-    if (status == RX_OK) {
-        compose(lab, par.seed, stream, scene);
-        status = expose(lab, stream, scene, dst, err);
-    }
-    if (status == RX_OK)
-        status = rx_image_reference_new(side, side, dst->sharp, &dst->reference, err);
+                   .sigma = bin->by_sigma ? binned : other};
+    rx_status status;
+    RX_TRY_EXIT(RX_MAKE(dst->image, pixels_of(lab), err));
+    RX_TRY_EXIT(RX_MAKE(dst->sharp, pixels_of(lab), err));
+    RX_TRY_EXIT(rx_scene_make(&par, lab->sky[0].simulation->templates, &scene, err));
+    compose(lab, par.seed, stream, scene);
+    RX_TRY_EXIT(expose(lab, stream, scene, dst, err));
+    status = rx_image_reference_new(side, side, dst->sharp, &dst->reference, err);
+exit:
     rx_scene_free(scene);
     if (status != RX_OK)
         free_trial(dst);
@@ -299,8 +287,7 @@ static rx_status restore(const rx_lab *lab, const trial *t, const rx_restorer *r
                             .psf = t->psf};
     rx_status status = restorer->run(&par, &image, NULL, &restored, err);
     if (status == RX_OK)
-        memcpy(dst, restored->pixels,
-               (size_t)lab->config->scene_side * (size_t)lab->config->scene_side * sizeof *dst);
+        memcpy(dst, restored->pixels, pixels_of(lab) * sizeof *dst);
     rx_restored_free(restored);
     return status;
 }
@@ -426,14 +413,6 @@ static rx_status apply(const rx_lab *lab, double sigma, const tuning *what, cons
     return RX_OK;
 }
 
-/* RX_SCORE_PSNR and what follows. */
-static rx_status measure(const trial *t, const float *plane, double dst[RX_RESTORATION_SCORE_WIDTH],
-                         rx_error *err)
-{
-    dst[RX_SCORE_PSNR] = rx_reference_psnr(t->reference, plane);
-    return rx_reference_ssim(t->reference, plane, &dst[RX_SCORE_SSIM], err);
-}
-
 /* Every candidate that is somebody's. */
 static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx_error *err)
 {
@@ -442,10 +421,12 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
     long without;
     const long candidates = count_candidates(lab, &without),
                of_image = NTHRESHOLDS * (lab->config->tune_filter.n + 1);
-    float *restored = RX_NEW(float, 2 * n), *plane = restored + n;
-    rx_status status = restored == NULL ? rx_error_memory(err, 2 * n * sizeof(float))
-                                        : rx_lab_rows_add(table, candidates, &row, err);
-    for (long c = 0; status == RX_OK && c < candidates; c++, row += RX_RESTORATION_TUNING_WIDTH) {
+    float *restored, *plane;
+    rx_status status;
+    RX_TRY(RX_MAKE(restored, 2 * n, err));
+    plane = restored + n;
+    RX_TRY_EXIT(rx_lab_rows_add(table, candidates, &row, err));
+    for (long c = 0; c < candidates; c++, row += RX_RESTORATION_TUNING_WIDTH) {
         const tuning one = get_tuning(lab, t->fwhm, c);
         row[RX_TUNING_NITER] = one.niter;
         row[RX_TUNING_FILTER] = one.filter;
@@ -456,20 +437,20 @@ static rx_status tune(const rx_lab *lab, const trial *t, rx_lab_table *table, rx
         if (c == 0)
             memcpy(restored, t->image, n * sizeof *restored);
         else if (c == without)
-            status = restore(lab, t, network_of(lab), 0, restored, err);
+            RX_TRY_EXIT(restore(lab, t, network_of(lab), 0, restored, err));
         else if (c % of_image == 0)
-            status = restore(lab, t, rx_restorer_find("RL"), one.niter, restored, err);
+            RX_TRY_EXIT(restore(lab, t, rx_restorer_find("RL"), one.niter, restored, err));
         if (c % NTHRESHOLDS > 0) /* of the plane before, whose threshold is lower */
             flatten(n, t->sigma, &one, plane);
-        else if (status == RX_OK)
-            status = apply(lab, t->sigma, &one, restored, plane, err);
-        if (status == RX_OK)
-            row[RX_TUNING_PSNR] = rx_reference_psnr(t->reference, plane);
+        else
+            RX_TRY_EXIT(apply(lab, t->sigma, &one, restored, plane, err));
+        row[RX_TUNING_PSNR] = rx_reference_psnr(t->reference, plane);
         double ssim[RX_SSIM_KINDS] = {NAN};
-        if (status == RX_OK && one.method == RL) /* by which RL_SSIM is chosen */
-            status = rx_reference_ssim(t->reference, plane, ssim, err);
+        if (one.method == RL) /* by which RL_SSIM is chosen */
+            RX_TRY_EXIT(rx_reference_ssim(t->reference, plane, ssim, err));
         row[RX_TUNING_SSIM] = ssim[RX_SSIM_PAPER];
     }
+exit:
     free(restored);
     return status;
 }
@@ -506,20 +487,21 @@ static rx_status score(const rx_lab *lab, const trial *t, rx_lab_table *scene, r
 {
     const size_t n = pixels_of(lab);
     double *row = NULL;
-    float *planes = RX_NEW(float, 2 * n);
+    float *planes;
+    rx_status status;
+    RX_TRY(RX_MAKE(planes, 2 * n, err));
     memory last = {.plane = planes};
-    rx_status status =
-        planes == NULL ? rx_error_memory(err, 2 * n * sizeof *planes) : rx_lab_rows_add(scene, 1, &row, err);
-    if (status == RX_OK) {
-        row[RX_SCENE_FWHM] = t->fwhm;
-        row[RX_SCENE_SIGMA] = t->sigma;
-        row[RX_SCENE_LEVEL] = t->level;
+    RX_TRY_EXIT(rx_lab_rows_add(scene, 1, &row, err));
+    row[RX_SCENE_FWHM] = t->fwhm;
+    row[RX_SCENE_SIGMA] = t->sigma;
+    row[RX_SCENE_LEVEL] = t->level;
+    for (int m = 0; m < lab->nruns; m++) {
+        double *scores = rx_lab_each(scene, 0, m); /* RX_SCORE_PSNR and what follows */
+        RX_TRY_EXIT(picture(lab, t, &lab->run[m], &last, planes + n, err));
+        scores[RX_SCORE_PSNR] = rx_reference_psnr(t->reference, planes + n);
+        RX_TRY_EXIT(rx_reference_ssim(t->reference, planes + n, &scores[RX_SCORE_SSIM], err));
     }
-    for (int m = 0; status == RX_OK && m < lab->nruns; m++) {
-        status = picture(lab, t, &lab->run[m], &last, planes + n, err);
-        if (status == RX_OK)
-            status = measure(t, planes + n, rx_lab_each(scene, 0, m), err);
-    }
+exit:
     free(planes);
     return status;
 }
@@ -571,9 +553,7 @@ static rx_status describe(rx_lab *lab, rx_error *err)
     const rx_model *model = lab->options->model;
     const int known = model != NULL && model->bins != NULL;
     char templates[48] = "";
-    lab->tuned = rx_alloc(n, sizeof *lab->tuned);
-    if (lab->tuned == NULL)
-        return rx_error_memory(err, n * sizeof *lab->tuned);
+    RX_TRY(RX_MAKE(lab->tuned, n, err));
     for (size_t i = 0; i < n; i++) {
         const int run = (int)i % lab->nruns, bin = (int)i / lab->nruns;
         rx_lab_tuned *dst = &lab->tuned[i];

@@ -18,29 +18,17 @@ double rx_lab_beyond(const rx_lab_sky *sky, double x, double y)
     return hypot(fmax(fmax(-x, x - (sky->width - 1)), 0), fmax(fmax(-y, y - (sky->height - 1)), 0));
 }
 
-/* Noise of a sky pixel, ADU. */
-static double sky_noise(const rx_noise_params *noise)
-{
-    if (noise->type == RX_NOISE_GAUSS)
-        return noise->sigma;
-    return noise->type == RX_NOISE_CCD
-               ? sqrt(noise->sky * noise->gain + noise->read_noise * noise->read_noise) / noise->gain
-               : 0;
-}
-
 /* At the centre of the tile; and a Gaussian as wide as the PSF. */
 static rx_status measure_psf(rx_lab_sky *sky, rx_error *err)
 {
     const size_t n = (size_t)sky->psf->size * (size_t)sky->psf->size;
     const int radius = rx_gauss_radius(sky->fwhm), side = 2 * radius + 1;
-    float *stamp = RX_NEW(float, n), *line = RX_NEW(float, (size_t)side);
+    float *stamp = NULL, *line = NULL;
+    rx_status status;
     sky->side = side;
-    sky->kernel = RX_NEW(float, (size_t)side *(size_t)side);
-    rx_status status = RX_OK;
-    if (stamp == NULL || line == NULL || sky->kernel == NULL) {
-        status = rx_error_memory(err, (n + (size_t)side) * sizeof *stamp);
-        goto exit;
-    }
+    RX_TRY_EXIT(RX_MAKE(stamp, n, err));
+    RX_TRY_EXIT(RX_MAKE(line, (size_t)side, err));
+    RX_TRY_EXIT(RX_MAKE(sky->kernel, (size_t)side * (size_t)side, err));
     rx_psf_at(sky->psf, 0.5 * (sky->width - 1), 0.5 * (sky->height - 1), stamp);
     for (size_t i = 0; i < n; i++)
         sky->power += (double)stamp[i] * (double)stamp[i];
@@ -55,18 +43,6 @@ exit:
 }
 
 /* --- conditions --- */
-
-/* "FWHM 4, sky +0.3 sigma"; "" without a FWHM and an error. */
-static void name_condition(double fwhm, const rx_condition *c, char *dst, size_t size)
-{
-    static const char *const formats[] = {"PSF %+g %%", "sky %+g sigma", "noise %+g %%"};
-    dst[0] = '\0';
-    if (fwhm > 0)
-        snprintf(dst, size, "FWHM %g%s", fwhm, c->error != 0.0 ? ", " : "");
-    const size_t used = strlen(dst);
-    if (c->error != 0.0)
-        snprintf(dst + used, size - used, formats[c->of], (c->of == RX_GIVEN_SKY ? 1 : 100) * c->error);
-}
 
 static double psf_error_of(const rx_condition *c)
 {
@@ -117,14 +93,14 @@ void rx_condition_apply(const rx_condition *c, rx_field *field)
 
 /* --- skies --- */
 
-/* A further one; NULL without memory. */
-static rx_lab_sky *add_sky(rx_lab *lab, rx_error *err)
+/* A further one. */
+static rx_status add_sky(rx_lab *lab, rx_lab_sky **dst, rx_error *err)
 {
-    if (RX_GROW(lab->sky, (size_t)lab->nskies + 1, err) != RX_OK)
-        return NULL;
-    lab->sky[lab->nskies] = (rx_lab_sky){0};
-    lab->nconditions = lab->nskies + 1;
-    return &lab->sky[lab->nskies++];
+    RX_TRY(RX_GROW(lab->sky, (size_t)lab->nskies + 1, err));
+    *dst = &lab->sky[lab->nskies++];
+    **dst = (rx_lab_sky){0};
+    lab->nconditions = lab->nskies;
+    return RX_OK;
 }
 
 rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log *log, rx_lab_sky **sky,
@@ -133,31 +109,35 @@ rx_status rx_lab_sky_add(rx_lab *lab, const char *keyword, double value, rx_log 
     const rx_simulate_config *sim = lab->config->sim;
     rx_simulate_config *own = NULL;
     char text[40];
-    rx_lab_sky *dst = *sky = add_sky(lab, err);
-    if (dst == NULL)
-        return RX_SYSTEM;
+    rx_status status;
+    RX_TRY(add_sky(lab, sky, err));
+    rx_lab_sky *dst = *sky;
     snprintf(text, sizeof text, "%.17g", value);
-    rx_status status = rx_simulate_config_copy(sim, &own, err);
-    if (status == RX_OK && keyword != NULL)
-        status = rx_settings_set(&own->settings, keyword, text, log, err);
-    if (status == RX_OK)
-        status = rx_simulation_from_config(own, log, &dst->simulation, err);
-    rx_simulate_config_free(own);
-    if (status == RX_OK && sim->catalog_name[0] != '\0')
-        status = rx_listed_objects(sim->catalog_name, NULL, dst->simulation, err);
-    RX_TRY(status);
+    RX_TRY_EXIT(rx_simulate_config_copy(sim, &own, err));
+    if (keyword != NULL)
+        RX_TRY_EXIT(rx_settings_set(&own->settings, keyword, text, log, err));
+    RX_TRY_EXIT(rx_simulation_from_config(own, log, &dst->simulation, err));
+    if (sim->catalog_name[0] != '\0')
+        RX_TRY_EXIT(rx_listed_objects(sim->catalog_name, NULL, dst->simulation, err));
     dst->simulation->nthreads = 1;
     dst->width = dst->simulation->scene.width;
     dst->height = dst->simulation->scene.height;
     dst->fwhm = dst->simulation->optics->fwhm;
-    dst->sigma = sky_noise(&dst->simulation->noise);
-    return RX_OK;
+    const rx_noise_params *noise = &dst->simulation->noise;
+    if (noise->type == RX_NOISE_GAUSS)
+        dst->sigma = noise->sigma;
+    else if (noise->type == RX_NOISE_CCD)
+        dst->sigma = sqrt(noise->sky * noise->gain + noise->read_noise * noise->read_noise) / noise->gain;
+exit:
+    rx_simulate_config_free(own);
+    return status;
 }
 
-/* One of that condition. */
+/* One of that condition, by name "FWHM 4, sky +0.3 sigma". */
 static rx_status simulate(rx_lab *lab, rx_condition condition, int find, rx_log *log, rx_error *err)
 {
     const rx_simulate_config *sim = lab->config->sim;
+    static const char *const formats[] = {"PSF %+g %%", "sky %+g sigma", "noise %+g %%"};
     const char *width = condition.fwhm > 0 ? "PSF_FWHM" : NULL;
     rx_lab_sky *dst;
     if (find && psf_error_of(&condition) != 0.0)
@@ -171,10 +151,15 @@ static rx_status simulate(rx_lab *lab, rx_condition condition, int find, rx_log 
                             sim->psf_type);
     RX_TRY(rx_lab_sky_add(lab, width, condition.fwhm, log, &dst, err));
     dst->condition = condition;
-    name_condition(width != NULL || !lab->kind->by_width ? condition.fwhm : dst->fwhm, &condition, dst->name,
-                   sizeof dst->name);
-    if (dst->name[0] == '\0')
+    const double fwhm = width != NULL || !lab->kind->by_width ? condition.fwhm : dst->fwhm;
+    int used = 0;
+    if (fwhm > 0)
+        used = snprintf(dst->name, sizeof dst->name, "FWHM %g%s", fwhm, condition.error != 0.0 ? ", " : "");
+    else if (condition.error == 0.0)
         snprintf(dst->name, sizeof dst->name, "simulated");
+    if (condition.error != 0.0)
+        snprintf(dst->name + used, sizeof dst->name - (size_t)used, formats[condition.of],
+                 (condition.of == RX_GIVEN_SKY ? 1 : 100) * condition.error);
     RX_TRY(rx_optics_on_pixels(dst->simulation->optics, &dst->psf, err));
     RX_TRY(measure_psf(dst, err));
     return find ? RX_OK : make_psf(&condition, sim, dst->simulation, &dst->given, err);
@@ -202,9 +187,8 @@ rx_status rx_lab_sky_read(rx_lab *lab, rx_log *log, rx_lab_sky **sky, rx_error *
 {
     const rx_campaign_config *config = lab->config;
     int *hdus = NULL, n = 0;
-    rx_lab_sky *dst = *sky = add_sky(lab, err);
-    if (dst == NULL)
-        return RX_SYSTEM;
+    RX_TRY(add_sky(lab, sky, err));
+    rx_lab_sky *dst = *sky;
     rx_status status = rx_tile_list(config->tile_name, log, &hdus, &n, err);
     if (status == RX_OK)
         status = rx_field_open(lab->options, RX_FIELD_PSF, &(rx_image_place){config->tile_name, hdus[0], 1},

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "base/arena.h"
 #include "base/memory.h"
 #include "check/quality.h"
 #include "pipeline/pipeline.h"
@@ -60,34 +61,86 @@ rx_status rx_lab_expose(const rx_lab_sky *sky, uint64_t seed, uint64_t stream, r
     const size_t n = (size_t)scene->width * (size_t)scene->height;
     rx_simulated simulated = {.width = scene->width, .height = scene->height, .scene = scene};
     rx_noise_params noise = sky->simulation->noise;
+    rx_status status;
     simulated.noise = noise;
-    simulated.image = RX_NEW(float, n);
-    simulated.defects = RX_NEW(uint8_t, n);
     noise.seed = seed;
     noise.stream = stream;
-    rx_status status = simulated.image == NULL || simulated.defects == NULL
-                           ? rx_error_memory(err, n * sizeof(float))
-                           : rx_render(scene, 1, optics, &simulated.image, 1, err);
-    if (status == RX_OK) {
-        rx_noise_expose(&noise, simulated.width, simulated.height, simulated.image, simulated.defects, 1);
-        /* world coordinates: not every version of wcslib reads headers in several threads */
+    RX_TRY_EXIT(RX_MAKE(simulated.image, n, err));
+    RX_TRY_EXIT(RX_MAKE(simulated.defects, n, err));
+    RX_TRY_EXIT(rx_render(scene, 1, optics, &simulated.image, 1, err));
+    rx_noise_expose(&noise, simulated.width, simulated.height, simulated.image, simulated.defects, 1);
+    /* world coordinates: not every version of wcslib reads headers in several threads */
 #pragma omp critical(rx_campaign_tile)
-        status = rx_simulation_tile(sky->simulation, &simulated, "simulated", tile, err);
-    }
+    status = rx_simulation_tile(sky->simulation, &simulated, "simulated", tile, err);
+exit:
     rx_simulated_free(&simulated);
     return status;
 }
 
-/* --- rows --- */
+/* --- right, false, and neither --- */
 
-static double searched(const rx_tile *tile)
+void rx_matches_free(rx_matches *m)
 {
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    size_t good = 0;
-    for (size_t i = 0; i < n; i++)
-        good += (tile->mask[i] & RX_HIDE_PLAIN) == 0;
-    return 1e-6 * (double)good;
+    free(m->found);
+    free(m->outcome);
+    *m = (rx_matches){0};
 }
+
+/* Does what was there before explain a detection. */
+static int explained(const rx_lab_objects *o, double x, double y)
+{
+    const double px = floor(x + 0.5), py = floor(y + 0.5);
+    if (o->covered != NULL && px >= 0 && py >= 0 && px < o->width && py < o->height &&
+        o->covered[(size_t)py * (size_t)o->width + (size_t)px])
+        return 1;
+    for (long i = 0; i < o->n; i++)
+        if (o->list[i].reach > 0 && hypot(x - o->list[i].x, y - o->list[i].y) <= o->list[i].reach)
+            return 1;
+    return 0;
+}
+
+rx_status rx_lab_match(const rx_lab_objects *o, const rx_match_list *d, double radius, rx_matches *dst,
+                       rx_error *err)
+{
+    const size_t n = (size_t)o->n, m = (size_t)d->n;
+    rx_arena memory = {0};
+    double *x = RX_TAKE(&memory, double, 2 * n), *y = x + n;
+    unsigned char *use = RX_TAKE(&memory, unsigned char, n + m), *left = use + n;
+    long *partner = RX_TAKE(&memory, long, n + 2 * m), *excuse = partner + n, *taken = excuse + m;
+    rx_status status;
+    *dst = (rx_matches){RX_NEW(long, n), RX_NEW(unsigned char, m)};
+    if (!x || !use || !partner || !dst->found || !dst->outcome)
+        RX_TRY_EXIT(rx_error_memory(err, (4 * n + 2 * m) * sizeof(double)));
+    for (size_t i = 0; i < n; i++) {
+        x[i] = o->list[i].x;
+        y[i] = o->list[i].y;
+        use[i] = o->list[i].role != RX_OTHER;
+    }
+    RX_TRY_EXIT(rx_match(&(rx_match_list){o->n, x, y, use}, d, radius, dst->found, taken, err));
+    for (size_t k = 0; k < m; k++)
+        left[k] = (d->use == NULL || d->use[k]) && taken[k] < 0;
+    for (size_t i = 0; i < n; i++)
+        use[i] = o->list[i].role == RX_OTHER && !(o->list[i].reach > 0);
+    RX_TRY_EXIT(rx_match(&(rx_match_list){o->n, x, y, use}, &(rx_match_list){d->n, d->x, d->y, left}, radius,
+                         partner, excuse, err));
+    for (size_t k = 0; k < m; k++) {
+        const long i = taken[k];
+        if (left[k])
+            dst->outcome[k] = excuse[k] >= 0 || explained(o, d->x[k], d->y[k]) ? RX_IS_NEITHER : RX_IS_FALSE;
+        else
+            dst->outcome[k] = i >= 0 && o->list[i].role == RX_LISTED ? RX_IS_RIGHT : RX_IS_NEITHER;
+    }
+    for (size_t i = 0; i < n; i++)
+        if (o->list[i].role != RX_LISTED)
+            dst->found[i] = -1;
+exit:
+    rx_arena_free(&memory);
+    if (status != RX_OK)
+        rx_matches_free(dst);
+    return status;
+}
+
+/* --- rows --- */
 
 static double separation(const search *s, long pair)
 {
@@ -101,9 +154,13 @@ static rx_status add_objects(const search *s, rx_error *err)
     const rx_lab_objects *o = &s->tile.objects;
     const rx_field *field = s->tile.field;
     const int stars = s->lab->scene[0].id == RX_SCENE_MAGNITUDE && o->n > 0 && o->list[0].role == RX_LISTED;
+    const size_t n = (size_t)field->tile->width * (size_t)field->tile->height;
+    size_t good = 0;
     double *row;
     RX_TRY(rx_lab_rows_add(&s->table[RX_SOURCES_TILE], 1, &row, err));
-    row[RX_TILE_MPIXELS] = searched(field->tile);
+    for (size_t i = 0; i < n; i++)
+        good += (field->tile->mask[i] & RX_HIDE_PLAIN) == 0;
+    row[RX_TILE_MPIXELS] = 1e-6 * (double)good;
     row[RX_TILE_SNR] = stars ? o->list[0].flux * sqrt(s->sky->power) / field->plain->global_sigma : 0;
     for (long i = 0; i < o->n; i++) {
         if (s->pairs ? i % 2 == 0 : o->list[i].role != RX_LISTED)
@@ -176,18 +233,18 @@ static rx_status add_run(search *s, const rx_options *options, const rx_sources 
 {
     const rx_quality_params *par = &options->check.quality;
     rx_qa_list noise = {0};
-    rx_status status = rx_quality_list(par, s->tile.field->tile, sources, &s->list, err);
-    if (status == RX_OK)
-        status = rx_lab_match(&s->tile.objects, &(rx_match_list){s->list.n, s->list.x, s->list.y, NULL},
-                              s->radius, &s->matches, err);
-    if (status == RX_OK) {
-        fill_objects(s);
-        status = s->pairs ? RX_OK : add_false(s, &s->list, s->matches.outcome, err);
-    }
-    if (status == RX_OK && blank != NULL)
-        status = rx_quality_list(par, s->tile.blank->tile, blank, &noise, err);
-    if (status == RX_OK && blank != NULL)
+    rx_status status;
+    RX_TRY_EXIT(rx_quality_list(par, s->tile.field->tile, sources, &s->list, err));
+    RX_TRY_EXIT(rx_lab_match(&s->tile.objects, &(rx_match_list){s->list.n, s->list.x, s->list.y, NULL},
+                             s->radius, &s->matches, err));
+    fill_objects(s);
+    if (!s->pairs)
+        RX_TRY_EXIT(add_false(s, &s->list, s->matches.outcome, err));
+    if (blank != NULL) {
+        RX_TRY_EXIT(rx_quality_list(par, s->tile.blank->tile, blank, &noise, err));
         status = add_false(s, &noise, NULL, err);
+    }
+exit:
     rx_matches_free(&s->matches);
     rx_qa_list_free(&noise);
     rx_qa_list_free(&s->list);

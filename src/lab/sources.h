@@ -44,7 +44,7 @@ enum { RX_SOURCES_FALSE_COLUMNS(RX_LAB_ID) RX_SOURCES_FALSE_WIDTH };
 
 extern const rx_lab_schema rx_sources_tables[RX_SOURCES_TABLES];
 
-/* --- matching: match.c --- */
+/* --- matching --- */
 
 /* Which detections of a tile are right, which are false, and which are neither.
  *

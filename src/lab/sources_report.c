@@ -126,11 +126,13 @@ static rx_status make_curve(const list *l, long *objects, rx_pr *dst, rx_error *
     long n = 0;
     for (int s = l->first; s <= l->last; s++)
         room += (size_t)(table_of(l, s, RX_SOURCES_OBJECT)->n + table_of(l, s, RX_SOURCES_FALSE)->n);
-    double *score = RX_NEW(double, room);
-    unsigned char *right = RX_NEW(unsigned char, room);
-    rx_status status = score == NULL || right == NULL ? rx_error_memory(err, room * sizeof *score) : RX_OK;
+    double *score = NULL;
+    unsigned char *right = NULL;
+    rx_status status;
     *objects = 0;
-    for (int s = l->first; s <= l->last && status == RX_OK; s++) {
+    RX_TRY_EXIT(RX_MAKE(score, room, err));
+    RX_TRY_EXIT(RX_MAKE(right, room, err));
+    for (int s = l->first; s <= l->last; s++) {
         const rx_lab_table *object = table_of(l, s, RX_SOURCES_OBJECT),
                            *wrong = table_of(l, s, RX_SOURCES_FALSE);
         if (l->lab->scene[s].id == RX_SCENE_PAIRS)
@@ -145,8 +147,8 @@ static rx_status make_curve(const list *l, long *objects, rx_pr *dst, rx_error *
                 score[n++] = rx_lab_own(wrong, i)[RX_FALSE_SCORE];
             }
     }
-    if (status == RX_OK)
-        status = rx_pr_make(n, score, right, *objects, dst, err);
+    status = rx_pr_make(n, score, right, *objects, dst, err);
+exit:
     free(score);
     free(right);
     return status;
@@ -438,24 +440,25 @@ rx_status rx_sources_report(rx_lab_page *page, rx_error *err)
     const rx_lab *lab = page->lab;
     const int fields = lab->scene[0].id == RX_SCENE_MAGNITUDE, n = fields ? lab->nconditions : lab->nscenes;
     rx_report_table *tables[2] = {NULL};
-    rx_lab_group *groups = RX_NEW(rx_lab_group, (size_t)n);
-    cut *cuts = RX_NEW(cut, (size_t)lab->nruns * (size_t)lab->nprecisions + 1);
-    rx_status status =
-        groups == NULL || cuts == NULL ? rx_error_memory(err, (size_t)n * sizeof *groups) : RX_OK;
+    rx_lab_group *groups = NULL;
+    cut *cuts = NULL;
+    rx_status status;
+    RX_TRY_EXIT(RX_MAKE(groups, (size_t)n, err));
+    RX_TRY_EXIT(RX_MAKE(cuts, (size_t)lab->nruns * (size_t)lab->nprecisions + 1, err));
     rx_report_fact_numbers(page->report, "precisions", lab->nprecisions, lab->precision);
     if (fields) {
         tables[0] = RX_REPORT_TABLE(page->report, "sets", SETS, RX_REPORT_EVERYWHERE);
         tables[1] = RX_REPORT_TABLE(page->report, "cuts", CUTS, RX_REPORT_EVERYWHERE);
     }
-    for (int g = 0; g < n && status == RX_OK; g++)
-        status = open_group(&groups[g], lab, fields, g, err);
-    for (int c = 0; c < lab->nconditions && status == RX_OK; c++) {
-        status =
-            measure_condition(&groups[fields ? c : 0], c, fields, (uint64_t)lab->config->seed, cuts, err);
-        if (status == RX_OK && fields)
-            status = add_field(page, &groups[c], c, cuts, tables, err);
+    for (int g = 0; g < n; g++)
+        RX_TRY_EXIT(open_group(&groups[g], lab, fields, g, err));
+    for (int c = 0; c < lab->nconditions; c++) {
+        RX_TRY_EXIT(
+            measure_condition(&groups[fields ? c : 0], c, fields, (uint64_t)lab->config->seed, cuts, err));
+        if (fields)
+            RX_TRY_EXIT(add_field(page, &groups[c], c, cuts, tables, err));
     }
-    for (int g = 0; g < n && status == RX_OK; g++) {
+    for (int g = 0; g < n; g++) {
         char id[32];
         snprintf(id, sizeof id, fields ? "field%d" : "scene%d", g);
         rx_lab_group_show(page, &groups[g], id, groups[g].name, g < FIELDS_DRAWN,
@@ -466,6 +469,7 @@ rx_status rx_sources_report(rx_lab_page *page, rx_error *err)
         rx_report_show(page->report, tables[1], RX_VIEW(.in_brief = 1));
         rx_report_show(page->report, tables[0], RX_VIEW(.from = 0));
     }
+exit:
     for (int g = 0; g < n && groups != NULL; g++)
         rx_lab_group_free(&groups[g]);
     free(groups);

@@ -40,20 +40,15 @@ static rx_status check(int code, const char *what, rx_error *err)
     return rx_error_set(err, RX_SYSTEM, "MPI cannot %s: %.400s", what, text);
 }
 
-/* A launcher says so in the environment; without one MPI_Init() is neither needed nor always possible. */
-static bool launched(void)
-{
-    const char *const signs[] = {"PMI_RANK", "PMI_FD", "PMI_PORT", "PMIX_RANK"};
-    for (size_t i = 0; i < sizeof signs / sizeof signs[0]; i++)
-        if (getenv(signs[i]))
-            return true;
-    return false;
-}
-
 rx_status rx_par_begin(int *argc, char ***argv, rx_error *err)
 {
+    /* a launcher says so in the environment; without one MPI_Init() is neither needed nor always possible */
+    static const char *const signs[] = {"PMI_RANK", "PMI_FD", "PMI_PORT", "PMIX_RANK"};
+    bool launched = false;
     int level = 0;
-    if (!launched())
+    for (size_t i = 0; i < sizeof signs / sizeof signs[0]; i++)
+        launched |= getenv(signs[i]) != NULL;
+    if (!launched)
         return RX_OK;
     rx_interrupt_block(); /* threads that MPI starts would take signals otherwise */
     RX_TRY(check(MPI_Init_thread(argc, argv, MPI_THREAD_FUNNELED, &level), "begin (MPI_Init_thread)", err));
@@ -256,20 +251,17 @@ rx_status rx_par_agree(rx_status status, rx_error *err)
     if (status != RX_OK && err != NULL)
         rx_error_take(&own, err);
     own.status = status;
-    if (rx_par_rank() > 0) {
+    if (rx_par_rank() > 0)
         RX_TRY(rx_par_send(0, &own, sizeof own, err));
-        RX_TRY(rx_par_receive(0, &first, sizeof first, NULL, err));
-        return rx_error_take(err, &first);
-    }
-    rx_error_take(&first, &own);
-    for (int from = 1; from < rx_par_processes(); from++) {
+    else
+        rx_error_take(&first, &own);
+    for (int from = 1; rx_par_rank() == 0 && from < rx_par_processes(); from++) {
         if (rx_par_receive(from, &own, sizeof own, NULL, &own) != RX_OK && own.status == RX_OK)
             own.status = RX_SYSTEM;
         if (first.status == RX_OK)
             rx_error_take(&first, &own);
     }
-    for (int to = 1; to < rx_par_processes(); to++)
-        RX_TRY(rx_par_send(to, &first, sizeof first, err));
+    RX_TRY(broadcast(0, &first, sizeof first, err));
     return rx_error_take(err, &first);
 }
 

@@ -275,9 +275,8 @@ static rx_status find_offset(rx_evaluation *e, rx_error *err)
     const rx_qa_list *list = &e->run->list;
     rx_estimate sigma;
     long n = 0;
-    double *values = RX_NEW(double, (size_t)list->n);
-    if (values == NULL)
-        return rx_error_memory(err, (size_t)list->n * sizeof *values);
+    double *values;
+    RX_TRY(RX_MAKE(values, (size_t)list->n, err));
     for (long j = 0; j < list->n; j++) {
         int clean = list->flags == NULL || list->flags[j] < FLAG_SATURATED_OR_WORSE;
         int bright = list->mag_error == NULL || list->mag_error[j] <= BRIGHT_MAG_ERROR;
@@ -294,18 +293,19 @@ static rx_status find_curve(rx_evaluation *e, rx_resampling by, rx_error *err)
 {
     const rx_qa_list *list = &e->run->list;
     long n = 0;
-    double *score = RX_NEW(double, (size_t)list->n);
-    unsigned char *matched = RX_NEW(unsigned char, (size_t)list->n);
-    rx_status status = score == NULL || matched == NULL ? rx_error_memory(err, 0) : RX_OK;
-    for (long j = 0; j < list->n && status == RX_OK; j++)
+    double *score = NULL;
+    unsigned char *matched = NULL;
+    rx_status status;
+    RX_TRY_EXIT(RX_MAKE(score, (size_t)list->n, err));
+    RX_TRY_EXIT(RX_MAKE(matched, (size_t)list->n, err));
+    for (long j = 0; j < list->n; j++)
         if (e->run_role[j] != RX_ROLE_IGNORED) {
             score[n] = list->score != NULL ? list->score[j] : -e->run_mag[j];
             matched[n++] = e->run_role[j] == RX_ROLE_MATCHED;
         }
-    if (status == RX_OK)
-        status = rx_pr_make(n, score, matched, e->references, &e->pr, err);
-    if (status == RX_OK)
-        status = rx_pr_interval(&e->pr, e->references, e->level, by, &e->pr.ap, err);
+    RX_TRY_EXIT(rx_pr_make(n, score, matched, e->references, &e->pr, err));
+    status = rx_pr_interval(&e->pr, e->references, e->level, by, &e->pr.ap, err);
+exit:
     free(score);
     free(matched);
     return status;
@@ -315,16 +315,14 @@ rx_status rx_evaluate(const rx_qa_params *par, const rx_qa_input *input, int run
                       double level, rx_evaluation *dst, rx_error *err)
 {
     *dst = (rx_evaluation){.input = input, .run = &input->runs[run], .bins = *bins, .level = level};
-    rx_status status = allocate(dst, err);
-    if (status == RX_OK)
-        status = find_roles(dst, par->match_radius, err);
-    if (status == RX_OK) {
-        count_roles(dst);
-        find_differences(dst);
-        status = find_offset(dst, err);
-    }
-    if (status == RX_OK)
-        status = find_curve(dst, par->by, err);
+    rx_status status;
+    RX_TRY_EXIT(allocate(dst, err));
+    RX_TRY_EXIT(find_roles(dst, par->match_radius, err));
+    count_roles(dst);
+    find_differences(dst);
+    RX_TRY_EXIT(find_offset(dst, err));
+    status = find_curve(dst, par->by, err);
+exit:
     if (status != RX_OK)
         rx_evaluation_free(dst);
     return status;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "num/stats.h"
 
 enum { RADIUS = 5, WINDOW = 2 * RADIUS + 1 };
 static const double WINDOW_SIGMA = 1.5;
@@ -92,26 +93,18 @@ static double *new_room(const rx_image_reference *r, size_t planes)
     return RX_NEW(double, (size_t)r->width + (size_t)r->height * columns_of(r) + planes * windows_of(r));
 }
 
-static int brightest_first(const void *one, const void *other)
-{
-    const float a = *(const float *)one, b = *(const float *)other;
-    return (a < b) - (a > b);
-}
-
 /* The value down to which the brightest of n pixels hold OBJECT_LIGHT of their sum. */
 static rx_status find_object(size_t n, const float *pixels, float *dst, rx_error *err)
 {
-    float *sorted = RX_NEW(float, n);
-    double all = 0, light = 0;
-    if (sorted == NULL)
-        return rx_error_memory(err, n * sizeof *sorted);
+    double *sorted, all = 0, light;
+    RX_TRY(RX_MAKE(sorted, n, err));
     for (size_t i = 0; i < n; i++)
-        all += sorted[i] = pixels[i];
-    qsort(sorted, n, sizeof *sorted, brightest_first);
-    size_t last = 0;
-    for (light = sorted[0]; last + 1 < n && light < OBJECT_LIGHT * all; light += sorted[last])
-        last++;
-    *dst = sorted[last];
+        all += sorted[i] = (double)pixels[i];
+    rx_sort(sorted, n);
+    size_t last = n - 1;
+    for (light = sorted[last]; last > 0 && light < OBJECT_LIGHT * all; light += sorted[last])
+        last--;
+    *dst = (float)sorted[last];
     free(sorted);
     return RX_OK;
 }
@@ -134,9 +127,8 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
                             "SSIM needs a reference with contrast, its values go from %g to %g", low, high);
     float object = 0;
     RX_TRY(find_object((size_t)width * (size_t)height, pixels, &object, err));
-    rx_image_reference *r = RX_NEW(rx_image_reference, 1);
-    if (r == NULL)
-        return rx_error_memory(err, sizeof *r);
+    rx_image_reference *r;
+    RX_TRY(RX_MAKE(r, 1, err));
     *r = (rx_image_reference){.width = width,
                               .height = height,
                               .pixels = pixels,
@@ -144,10 +136,12 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
                               .range = range,
                               .object = object,
                               .centre = 0.5 * (low + high)};
-    r->mean = RX_NEW(double, windows_of(r));
-    r->variance = RX_NEW(double, windows_of(r));
     double *room = new_room(r, 0);
-    const bool complete = r->mean != NULL && r->variance != NULL && room != NULL;
+    rx_status status = RX_OK;
+    if (room == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(RX_MAKE(r->mean, windows_of(r), err));
+    RX_TRY_EXIT(RX_MAKE(r->variance, windows_of(r), err));
     for (int i = 0; i < WINDOW; i++) {
         const double u = (i - RADIUS) / WINDOW_SIGMA;
         r->weight[i] = exp(-0.5 * u * u);
@@ -155,17 +149,16 @@ rx_status rx_image_reference_new(int width, int height, const float *pixels, rx_
     }
     for (int i = 0; i < WINDOW; i++)
         r->weight[i] /= sum;
-    if (complete) {
-        take_means(r, pixels, NULL, room, r->mean);
-        take_means(r, pixels, pixels, room, r->variance);
-        for (size_t i = 0; i < windows_of(r); i++)
-            r->variance[i] -= r->mean[i] * r->mean[i];
-        *dst = r;
-    } else {
-        rx_image_reference_free(r);
-    }
+    take_means(r, pixels, NULL, room, r->mean);
+    take_means(r, pixels, pixels, room, r->variance);
+    for (size_t i = 0; i < windows_of(r); i++)
+        r->variance[i] -= r->mean[i] * r->mean[i];
+    *dst = r;
+    r = NULL;
+exit:
     free(room);
-    return complete ? RX_OK : rx_error_memory(err, 0);
+    rx_image_reference_free(r);
+    return status;
 }
 
 double rx_reference_psnr(const rx_image_reference *reference, const float *image)

@@ -62,10 +62,8 @@ static rx_status grid_make(const rx_match_list *list, double radius, grid *g, rx
     g->cell = fmax(radius, extent / MAX_CELLS);
     g->nx = (long)fmin(floor((high[0] > low[0] ? high[0] - low[0] : 0) / g->cell), MAX_CELLS) + 1;
     g->ny = (long)fmin(floor((high[1] > low[1] ? high[1] - low[1] : 0) / g->cell), MAX_CELLS) + 1;
-    g->first = RX_NEW(long, (size_t)(g->nx * g->ny) + 2);
-    g->order = RX_NEW(long, (size_t)list->n);
-    if (g->first == NULL || g->order == NULL)
-        return rx_error_memory(err, 0);
+    RX_TRY(RX_MAKE(g->first, (size_t)(g->nx * g->ny) + 2, err));
+    RX_TRY(RX_MAKE(g->order, (size_t)list->n, err));
     /* counting sort: counts two places on, running sums, then each filling moves its cell's start */
     for (long i = 0; i < list->n; i++)
         if (usable(list, i))
@@ -85,11 +83,8 @@ static rx_status pairs_add(pairs *dst, double distance2, long a, long b, rx_erro
                             "more than %d pairs lie within the match radius; give a smaller MATCH_RADIUS",
                             MAX_PAIRS);
     if (dst->n == dst->capacity) {
-        size_t capacity = dst->capacity > 0 ? 2 * dst->capacity : 1024;
-        pair *list = rx_regrow(dst->list, capacity, sizeof *list);
-        if (list == NULL)
-            return rx_error_memory(err, capacity * sizeof *list);
-        dst->list = list;
+        const size_t capacity = dst->capacity > 0 ? 2 * dst->capacity : 1024;
+        RX_TRY(RX_GROW(dst->list, capacity, err));
         dst->capacity = capacity;
     }
     dst->list[dst->n++] = (pair){distance2, a, b};
@@ -110,9 +105,7 @@ static rx_status pairs_of(const rx_match_list *a, long i, const rx_match_list *b
             double dx = b->x[j] - a->x[i], dy = b->y[j] - a->y[i];
             if (dx * dx + dy * dy > radius * radius)
                 continue;
-            rx_status status = pairs_add(dst, dx * dx + dy * dy, i, j, err);
-            if (status != RX_OK)
-                return status;
+            RX_TRY(pairs_add(dst, dx * dx + dy * dy, i, j, err));
         }
     return RX_OK;
 }
@@ -139,12 +132,11 @@ rx_status rx_match(const rx_match_list *a, const rx_match_list *b, double radius
         a_to_b[i] = -1;
     for (long j = 0; j < b->n; j++)
         b_to_a[j] = -1;
-    rx_status status = grid_make(b, radius, &g, err);
-    for (long i = 0; i < a->n && status == RX_OK; i++)
+    rx_status status;
+    RX_TRY_EXIT(grid_make(b, radius, &g, err));
+    for (long i = 0; i < a->n; i++)
         if (usable(a, i))
-            status = pairs_of(a, i, b, &g, radius, &found, err);
-    if (status != RX_OK)
-        goto exit;
+            RX_TRY_EXIT(pairs_of(a, i, b, &g, radius, &found, err));
     if (found.n > 1)
         qsort(found.list, found.n, sizeof *found.list, by_distance);
     for (size_t k = 0; k < found.n; k++) {

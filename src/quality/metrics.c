@@ -145,12 +145,6 @@ typedef struct fine_counts {
     double mag[FINE], found[FINE], total[FINE]; /* sums */
 } fine_counts;
 
-static unsigned char fine_bin(const fine_counts *c, double mag)
-{
-    const int i = (int)((mag - c->low) / c->width);
-    return (unsigned char)(i < 0 ? 0 : i >= FINE ? FINE - 1 : i);
-}
-
 static void count_reference(fine_counts *c, int i, double mag, int found, double times)
 {
     c->mag[i] += times * mag;
@@ -268,7 +262,7 @@ static rx_status measure_depth(const range *r, double share, rx_estimate *dst, r
         if (e->truth_role[i] == RX_ROLE_IGNORED || !(mag >= low && mag < high))
             continue;
         in.mag[in.n] = mag;
-        in.bin[in.n] = fine_bin(&c, mag);
+        in.bin[in.n] = (unsigned char)fmin((mag - low) / in.width, FINE - 1);
         in.found[in.n] = e->truth_role[i] == RX_ROLE_MATCHED;
         count_reference(&c, in.bin[in.n], mag, in.found[in.n], 1.0);
         in.n++;
@@ -288,70 +282,68 @@ exit:
 
 /* --- all of them --- */
 
+/* By Student's t, from 1 sigma. */
+static rx_estimate by_error(const range *r, double value, double error, long n)
+{
+    const double half = rx_student_quantile(1 - r->level, (double)n - 1.0) * error;
+    return (rx_estimate){value, value - half, value + half, n};
+}
+
 /* Metrics that exist for everything only; the evaluation holds two of them at its own level. */
 static rx_status measure_whole(const range *r, rx_estimate *out, rx_error *err)
 {
     const rx_evaluation *e = r->e;
     long n = 0;
     rx_estimate sigma;
-    rx_status status = RX_OK;
     if (wanted(r, RX_METRIC_MAG50))
-        status = measure_depth(r, 0.5, &out[RX_METRIC_MAG50], err);
-    if (status == RX_OK && wanted(r, RX_METRIC_MAG90))
-        status = measure_depth(r, 0.9, &out[RX_METRIC_MAG90], err);
+        RX_TRY(measure_depth(r, 0.5, &out[RX_METRIC_MAG50], err));
+    if (wanted(r, RX_METRIC_MAG90))
+        RX_TRY(measure_depth(r, 0.9, &out[RX_METRIC_MAG90], err));
     out[RX_METRIC_AP] = e->pr.ap;
     out[RX_METRIC_ZP_OFFSET] = e->offset;
     const rx_qa_flux *flux = &e->run->flux;
-    if (flux->n > 1) {
-        const double half = rx_student_quantile(1 - r->level, (double)(flux->n - 1)) * flux->wide_error;
-        out[RX_METRIC_FLUX_SCALE] = (rx_estimate){flux->wide, flux->wide - half, flux->wide + half, flux->n};
-    }
+    if (flux->n > 1)
+        out[RX_METRIC_FLUX_SCALE] = by_error(r, flux->wide, flux->wide_error, flux->n);
     const rx_psf *psf = e->input->psf.psf;
     if (psf != NULL && psf->quality.reserved > 1) {
         const rx_psf_quality *q = &psf->quality;
-        const double found[][2] = {{q->trace[0], q->trace[1]},
-                                   {q->shape[0][0], q->shape[0][1]},
-                                   {q->shape[1][0], q->shape[1][1]},
-                                   {q->growth, q->growth_error}};
-        for (int k = 0; k < 4; k++) {
-            const double half = rx_student_quantile(1 - r->level, q->reserved - 1.0) * found[k][1];
-            out[RX_METRIC_PSF_DT + k] =
-                (rx_estimate){found[k][0], found[k][0] - half, found[k][0] + half, q->reserved};
-        }
+        out[RX_METRIC_PSF_DT] = by_error(r, q->trace[0], q->trace[1], q->reserved);
+        out[RX_METRIC_PSF_DE1] = by_error(r, q->shape[0][0], q->shape[0][1], q->reserved);
+        out[RX_METRIC_PSF_DE2] = by_error(r, q->shape[1][0], q->shape[1][1], q->reserved);
+        out[RX_METRIC_PSF_GROWTH] = by_error(r, q->growth, q->growth_error, q->reserved);
     }
-    if (status != RX_OK || r->level == e->level)
-        return status;
+    if (r->level == e->level)
+        return RX_OK;
     for (long j = 0; j < e->run->list.n; j++)
         if (e->bright[j])
             r->scratch[n++] = e->dmag[j];
     rx_robust_estimates(r->scratch, n, r->level, &out[RX_METRIC_ZP_OFFSET], &sigma);
-    if (wanted(r, RX_METRIC_AP))
-        status = rx_pr_interval(&e->pr, e->references, r->level, r->by, &out[RX_METRIC_AP], err);
-    return status;
+    return wanted(r, RX_METRIC_AP)
+               ? rx_pr_interval(&e->pr, e->references, r->level, r->by, &out[RX_METRIC_AP], err)
+               : RX_OK;
 }
 
 rx_status rx_metrics_measure(const rx_evaluation *evaluation, rx_mag_range mags, double level,
                              rx_resampling by, rx_metric only, rx_estimate *estimate, rx_error *err)
 {
-    rx_status status = RX_OK;
+    rx_status status;
     range r = {evaluation, mags, level, by, only, NULL};
-    r.scratch = RX_NEW(double, (size_t)evaluation->run->list.n);
-    if (r.scratch == NULL)
-        return rx_error_memory(err, 0);
+    RX_TRY(RX_MAKE(r.scratch, (size_t)evaluation->run->list.n, err));
     for (int i = 0; i < RX_METRIC_COUNT; i++)
         estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
     measure_shares(&r, estimate);
     measure_robust(&r, estimate);
     if (wanted(&r, RX_METRIC_MAGERR))
-        status = measure_magerr(&r, 1, &estimate[RX_METRIC_MAGERR], err);
-    double factor = pow(10, 0.4 * evaluation->offset.value);
-    if (status == RX_OK && wanted(&r, RX_METRIC_MAGERR_SHIFTED))
-        status = measure_magerr(&r, factor, &estimate[RX_METRIC_MAGERR_SHIFTED], err);
-    if (status == RX_OK && mags.whole)
-        status = measure_whole(&r, estimate, err);
+        RX_TRY_EXIT(measure_magerr(&r, 1, &estimate[RX_METRIC_MAGERR], err));
+    const double factor = pow(10, 0.4 * evaluation->offset.value);
+    if (wanted(&r, RX_METRIC_MAGERR_SHIFTED))
+        RX_TRY_EXIT(measure_magerr(&r, factor, &estimate[RX_METRIC_MAGERR_SHIFTED], err));
+    if (mags.whole)
+        RX_TRY_EXIT(measure_whole(&r, estimate, err));
     for (int i = 0; i < RX_METRIC_COUNT; i++)
         if (!wanted(&r, (rx_metric)i))
             estimate[i] = (rx_estimate){NAN, -INFINITY, INFINITY, 0};
+exit:
     free(r.scratch);
     return status;
 }

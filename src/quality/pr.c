@@ -5,30 +5,21 @@
 #include <stdlib.h>
 
 #include "base/memory.h"
+#include "num/stats.h"
 #include "quality/statistics.h"
 
-typedef struct ranked {
-    double score;
-    int matched;
-} ranked;
-
-static int by_falling_score(const void *left, const void *right)
-{
-    double l = ((const ranked *)left)->score, r = ((const ranked *)right)->score;
-    return (l < r) - (l > r);
-}
-
 /* One point for each group of equal score. */
-static void fill_points(const ranked *list, long n, long references, rx_pr *dst)
+static void fill_points(const rx_ranked *list, const unsigned char *is_matched, long n, long references,
+                        rx_pr *dst)
 {
     long matched = 0;
     double before = 0, ap = 0;
     for (long i = 0; i < n; i++) {
-        matched += list[i].matched;
-        if (i + 1 < n && list[i + 1].score == list[i].score)
+        matched += is_matched[list[i].index] != 0;
+        if (i + 1 < n && list[i + 1].value == list[i].value)
             continue;
         rx_pr_point *p = &dst->point[dst->n++];
-        *p = (rx_pr_point){.score = list[i].score, .detections = i + 1, .matched = matched};
+        *p = (rx_pr_point){.score = list[i].value, .detections = i + 1, .matched = matched};
         p->precision = (double)matched / (double)(i + 1);
         p->recall = references > 0 ? (double)matched / (double)references : NAN;
         ap += (p->recall - before) * p->precision;
@@ -41,19 +32,17 @@ rx_status rx_pr_make(long n, const double *score, const unsigned char *matched, 
                      rx_error *err)
 {
     *dst = (rx_pr){0};
-    ranked *list = RX_NEW(ranked, (size_t)n);
-    dst->point = RX_NEW(rx_pr_point, (size_t)n);
-    if (list == NULL || dst->point == NULL) {
-        free(list);
-        rx_pr_free(dst);
-        return rx_error_memory(err, (size_t)n * sizeof *list);
-    }
-    for (long i = 0; i < n; i++)
-        list[i] = (ranked){isnan(score[i]) ? -INFINITY : score[i], matched[i] != 0};
-    qsort(list, (size_t)n, sizeof *list, by_falling_score);
-    fill_points(list, n, references, dst);
+    rx_ranked *list = NULL;
+    rx_status status;
+    RX_TRY_EXIT(RX_MAKE(list, (size_t)n, err));
+    RX_TRY_EXIT(RX_MAKE(dst->point, (size_t)n, err));
+    for (int i = 0; i < n; i++)
+        list[i] = (rx_ranked){isnan(score[i]) ? -INFINITY : score[i], i};
+    rx_rank_falling(list, (size_t)n);
+    fill_points(list, matched, n, references, dst);
+exit:
     free(list);
-    return RX_OK;
+    return status;
 }
 
 void rx_pr_free(rx_pr *pr)

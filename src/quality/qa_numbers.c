@@ -13,23 +13,16 @@ static rx_status measure_run(rx_qa_numbers *q, int run, rx_error *err)
 {
     const rx_resampling by = q->par->by;
     rx_evaluation *e = &q->evaluation[run];
-    rx_status status = rx_interrupt_check(err);
-    if (status == RX_OK)
-        status = rx_evaluate(q->par, q->input, run, &q->bins, RX_LEVEL, e, err);
-    if (status == RX_OK && q->input->runs[run].tally != NULL)
-        status = rx_tally_evaluation(q->input->runs[run].tally, e, err);
-    if (status == RX_OK)
-        status = rx_metrics_measure(e, (rx_mag_range){.whole = 1}, RX_LEVEL, by, RX_METRIC_COUNT,
-                                    q->whole[run], err);
-    for (int b = 0; b < q->bins.n && status == RX_OK; b++)
-        status = rx_metrics_measure(e, (rx_mag_range){0, q->bins.edge[b], q->bins.edge[b + 1]}, RX_LEVEL, by,
-                                    RX_METRIC_COUNT, q->binned[run * q->bins.n + b], err);
-    return status;
-}
-
-static bool has_found(const rx_qa_numbers *q, int run, long reference)
-{
-    return q->evaluation[run].truth_role[reference] == RX_ROLE_MATCHED;
+    RX_TRY(rx_interrupt_check(err));
+    RX_TRY(rx_evaluate(q->par, q->input, run, &q->bins, RX_LEVEL, e, err));
+    if (q->input->runs[run].tally != NULL)
+        RX_TRY(rx_tally_evaluation(q->input->runs[run].tally, e, err));
+    RX_TRY(
+        rx_metrics_measure(e, (rx_mag_range){.whole = 1}, RX_LEVEL, by, RX_METRIC_COUNT, q->whole[run], err));
+    for (int b = 0; b < q->bins.n; b++)
+        RX_TRY(rx_metrics_measure(e, (rx_mag_range){0, q->bins.edge[b], q->bins.edge[b + 1]}, RX_LEVEL, by,
+                                  RX_METRIC_COUNT, q->binned[run * q->bins.n + b], err));
+    return RX_OK;
 }
 
 /* A deeper list is not judged by sources that the others do not hold. */
@@ -40,7 +33,8 @@ static void compare_errors(rx_qa_numbers *q)
         bool common = true;
         for (int run = 0; run < n && common; run++) {
             const rx_evaluation *e = &q->evaluation[run];
-            common = has_found(q, run, i) && e->partner[i] >= 0 && isfinite(e->ratio[e->partner[i]]);
+            common = e->truth_role[i] == RX_ROLE_MATCHED && e->partner[i] >= 0 &&
+                     isfinite(e->ratio[e->partner[i]]);
         }
         for (int run = 0; run < n && common; run++) {
             const rx_evaluation *e = &q->evaluation[run];
@@ -55,15 +49,12 @@ static void compare_errors(rx_qa_numbers *q)
 static rx_status judge_gate(rx_qa_numbers *q, const rx_gate *gate, rx_error *err)
 {
     rx_estimate estimates[RX_METRIC_COUNT];
-    rx_status status = RX_OK;
     const long before = q->nresults;
     for (int run = 0; run < q->input->nruns; run++) {
         if (strcmp(gate->run, "*") != 0 && strcasecmp(gate->run, q->input->runs[run].name) != 0)
             continue;
-        status = rx_metrics_measure(&q->evaluation[run], (rx_mag_range){gate->whole, gate->low, gate->high},
-                                    gate->level, q->par->by, gate->metric, estimates, err);
-        if (status != RX_OK)
-            return status;
+        RX_TRY(rx_metrics_measure(&q->evaluation[run], (rx_mag_range){gate->whole, gate->low, gate->high},
+                                  gate->level, q->par->by, gate->metric, estimates, err));
         rx_gate_result *result = &q->result[q->nresults++];
         *result = (rx_gate_result){.gate = gate, .run = run, .estimate = estimates[gate->metric]};
         result->verdict = rx_gate_judge(gate, &result->estimate);
@@ -71,7 +62,7 @@ static rx_status judge_gate(rx_qa_numbers *q, const rx_gate *gate, rx_error *err
     if (q->nresults == before)
         q->result[q->nresults++] = (rx_gate_result){
             .gate = gate, .run = -1, .estimate = {NAN, NAN, NAN, 0}, .verdict = RX_VERDICT_INSUFFICIENT};
-    return status;
+    return RX_OK;
 }
 
 double rx_qa_star_mag(const rx_qa_psf *psf, const rx_psf_star *star)
@@ -123,7 +114,6 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     const size_t runs = (size_t)input->nruns;
     const long gates = par->gates != NULL ? par->gates->n : 0;
     *dst = (rx_qa_numbers){.par = par, .input = input};
-    rx_status status = RX_OK;
     RX_TRY(rx_evaluate_bins(par, input, &dst->bins, err));
     dst->evaluation = RX_TAKE(&dst->memory, rx_evaluation, runs);
     dst->whole = rx_arena_take(&dst->memory, runs, sizeof *dst->whole);
@@ -132,18 +122,16 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     dst->result = RX_TAKE(&dst->memory, rx_gate_result, (size_t)gates * (runs + 1));
     if (!dst->evaluation || !dst->whole || !dst->binned || !dst->common || !dst->result)
         return rx_error_memory(err, 0);
-    for (int run = 0; run < input->nruns && status == RX_OK; run++)
-        status = measure_run(dst, run, err);
-    if (status != RX_OK)
-        return status;
+    for (int run = 0; run < input->nruns; run++)
+        RX_TRY(measure_run(dst, run, err));
     compare_errors(dst);
     if (input->psf.psf != NULL && input->psf.psf->judged != NULL)
         dst->npsf_bins = psf_bins(&input->psf, dst->psf_bin);
-    for (long i = 0; i < gates && status == RX_OK; i++)
-        status = judge_gate(dst, &par->gates->gate[i], err);
+    for (long i = 0; i < gates; i++)
+        RX_TRY(judge_gate(dst, &par->gates->gate[i], err));
     for (long i = 0; i < dst->nresults; i++)
         dst->verdict = rx_verdict_worse(dst->verdict, dst->result[i].verdict);
-    return status;
+    return RX_OK;
 }
 
 void rx_qa_numbers_free(rx_qa_numbers *q)

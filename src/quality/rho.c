@@ -98,9 +98,8 @@ rx_status rx_rho_all(int n, const rx_rho *const *images, rx_rho_bin dst[RX_RHO_B
     const double farthest = cos(deg * most) - 1e-12; /* of directions, beyond the last bin */
     sums all[RX_RHO_BINS];
     rx_status status = RX_OK;
-    placed *sorted = RX_NEW(placed, (size_t)(n > 0 ? n : 1));
-    if (sorted == NULL)
-        return rx_error_memory(err, (size_t)n * sizeof *sorted);
+    placed *sorted;
+    RX_TRY(RX_MAKE(sorted, (size_t)n, err));
     for (int i = 0; i < n; i++) {
         const double alpha = deg * images[i]->alpha, delta = deg * images[i]->delta;
         sorted[i] = (placed){images[i], {cos(delta) * cos(alpha), cos(delta) * sin(alpha), sin(delta)}};

@@ -16,14 +16,6 @@
 
 /* --- counts --- */
 
-/* P(X <= k) for X ~ Binomial(n, p). */
-static double binomial_below(long k, long n, double p)
-{
-    if (k < 0)
-        return 0;
-    return k >= n ? 1 : rx_beta_inc((double)(n - k), (double)k + 1, 1 - p);
-}
-
 rx_estimate rx_binomial_interval(long k, long n, double level)
 {
     double tail = 0.5 * (1 - level);
@@ -62,10 +54,11 @@ double rx_poisson_upper(long count, double extent, double level)
 static long median_rank(long n, double level)
 {
     double tail = 0.5 * (1 - level);
-    long low = 0, high = (n + 1) / 2; /* P(X <= rank - 1) <= tail holds at low, not beyond high */
+    /* P(X <= rank - 1) <= tail of X ~ Binomial(n, 1/2) holds at low, not beyond high */
+    long low = 0, high = (n + 1) / 2;
     while (low < high) {
         long middle = low + (high - low + 1) / 2;
-        if (binomial_below(middle - 1, n, 0.5) <= tail)
+        if (rx_beta_inc((double)(n - middle + 1), (double)middle, 0.5) <= tail)
             low = middle;
         else
             high = middle - 1;
@@ -181,13 +174,11 @@ rx_status rx_bootstrap_interval(rx_resampling by, long n, rx_statistic statistic
     const int threads = by.nthreads < 1 ? 1 : by.nthreads;
     rx_status status = RX_OK;
     double replicate[RX_BOOTSTRAP_ROUNDS];
-    uint32_t *counts = RX_NEW(uint32_t, (size_t)n * (size_t)threads);
-    if (counts == NULL)
-        return rx_error_memory(err, (size_t)n * (size_t)threads * sizeof *counts);
+    uint32_t *counts;
+    RX_TRY(RX_MAKE(counts, (size_t)n * (size_t)threads, err));
     for (int begin = 0; begin < RX_BOOTSTRAP_ROUNDS; begin += TOGETHER) {
         const int end = begin + TOGETHER < RX_BOOTSTRAP_ROUNDS ? begin + TOGETHER : RX_BOOTSTRAP_ROUNDS;
-        if ((status = rx_interrupt_check(err)) != RX_OK)
-            goto exit;
+        RX_TRY_EXIT(rx_interrupt_check(err));
 #pragma omp parallel for schedule(static) num_threads(threads)
         for (int round = begin; round < end; round++) {
             uint32_t *own = counts + (size_t)omp_get_thread_num() * (size_t)n;

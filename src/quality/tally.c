@@ -29,23 +29,13 @@ static double steps_of(double dmag)
     return copysign(n, dmag);
 }
 
-static int bin_of_error(double dmag)
-{
-    if (dmag < -END)
-        return 0;
-    return dmag >= END ? RX_TALLY_STEPS - 1 : 1 + RX_TALLY_SIDE + (int)floor(steps_of(dmag));
-}
-
 static rx_status make_room(rx_tally_bin *bin, rx_error *err)
 {
-    if (bin->dmag == NULL)
-        bin->dmag = RX_NEW(uint32_t, RX_TALLY_STEPS);
-    return bin->dmag != NULL ? RX_OK : rx_error_memory(err, RX_TALLY_STEPS * sizeof(uint32_t));
+    return bin->dmag != NULL ? RX_OK : RX_MAKE(bin->dmag, RX_TALLY_STEPS, err);
 }
 
 rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *err)
 {
-    rx_status status = RX_OK;
     for (long i = 0; i < e->input->truth.n; i++) {
         if (e->truth_role[i] == RX_ROLE_IGNORED || !isfinite(e->truth_mag[i]))
             continue;
@@ -53,7 +43,7 @@ rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *e
         bin->references++;
         bin->found += e->truth_role[i] == RX_ROLE_MATCHED;
     }
-    for (long j = 0; j < e->run->list.n && status == RX_OK; j++) {
+    for (long j = 0; j < e->run->list.n; j++) {
         if (e->run_role[j] == RX_ROLE_IGNORED || !isfinite(e->run_mag[j]))
             continue;
         rx_tally_bin *bin = bin_of(dst, e->run_mag[j]);
@@ -62,11 +52,12 @@ rx_status rx_tally_evaluation(rx_tally *dst, const rx_evaluation *e, rx_error *e
         if (e->run_role[j] != RX_ROLE_MATCHED || !isfinite(e->dmag[j]))
             continue;
         bin = bin_of(dst, e->truth_mag[e->origin[j]]);
-        status = make_room(bin, err);
-        if (status == RX_OK)
-            bin->dmag[bin_of_error(e->dmag[j])]++;
+        RX_TRY(make_room(bin, err));
+        bin->dmag[e->dmag[j] < -END   ? 0
+                  : e->dmag[j] >= END ? RX_TALLY_STEPS - 1
+                                      : 1 + RX_TALLY_SIDE + (int)floor(steps_of(e->dmag[j]))]++;
     }
-    return status;
+    return RX_OK;
 }
 
 rx_status rx_tally_add_bin(rx_tally_bin *dst, const rx_tally_bin *src, rx_error *err)
@@ -77,18 +68,17 @@ rx_status rx_tally_add_bin(rx_tally_bin *dst, const rx_tally_bin *src, rx_error 
     dst->right += src->right;
     if (src->dmag == NULL)
         return RX_OK;
-    rx_status status = make_room(dst, err);
-    for (int k = 0; status == RX_OK && k < RX_TALLY_STEPS; k++)
+    RX_TRY(make_room(dst, err));
+    for (int k = 0; k < RX_TALLY_STEPS; k++)
         dst->dmag[k] += src->dmag[k];
-    return status;
+    return RX_OK;
 }
 
 rx_status rx_tally_add(rx_tally *dst, const rx_tally *src, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int b = 0; b < RX_TALLY_BINS && status == RX_OK; b++)
-        status = rx_tally_add_bin(&dst->bin[b], &src->bin[b], err);
-    return status;
+    for (int b = 0; b < RX_TALLY_BINS; b++)
+        RX_TRY(rx_tally_add_bin(&dst->bin[b], &src->bin[b], err));
+    return RX_OK;
 }
 
 void rx_tally_free(rx_tally *tally)

@@ -16,12 +16,6 @@
 static const double ELONGATED = 0.15, SPREAD = 0.2, WIDER = 0.03, WIDTH_LOW = 0.9, WIDTH_HIGH = 1.15,
                     MASKED = 0.1, SATURATED = 0.01, SLOPE = 3.0, TAIL = 20, GROWTH = 0.01, SCATTER = 0.06;
 
-static void cells_free(rx_tile_cells *cells)
-{
-    free(cells->value);
-    *cells = (rx_tile_cells){0};
-}
-
 static size_t cells_of(const rx_tile_cells *cells)
 {
     return (size_t)cells->nx * (size_t)cells->ny;
@@ -474,51 +468,46 @@ static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
 
 rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst, rx_error *err)
 {
-    rx_tile_quality *q = *dst = RX_NEW(rx_tile_quality, 1);
     const rx_psf *psf = about->image.psf;
-    if (q == NULL)
-        return rx_error_memory(err, sizeof *q);
+    float *stamp = NULL, *room = NULL;
+    rx_tile_quality *q;
+    rx_status status;
+    RX_TRY(RX_MAKE(q, 1, err));
     q->about = about;
     q->fwhm = q->ellipticity = q->wider = q->wider_error = q->half_light = NAN;
     q->fwhm_low = INFINITY;
     q->fwhm_high = -INFINITY;
     q->depth = rx_tile_depth(&about->image);
     q->noise_factor = rx_noise_factor_wide(about->image.correlation);
-    rx_status status = measure_pixels(q, err);
-    if (status == RX_OK && psf != NULL) {
+    RX_TRY_EXIT(measure_pixels(q, err));
+    if (psf != NULL) {
         const size_t reach = (size_t)ceil(4 * psf->fwhm / RX_FWHM_SIGMA) + 2;
-        float *stamp = RX_NEW(float, (size_t)psf->size *(size_t)psf->size);
-        float *room = RX_NEW(float, (2 * reach + 1) * (2 * reach + 1));
-        if (stamp == NULL || room == NULL)
-            status = rx_error_memory(err, 0);
-        else {
-            rx_psf_at(psf, 0.5 * about->image.width, 0.5 * about->image.height, stamp);
-            status = half_light(stamp, psf->size, &q->half_light, err);
-            shape_grid(q, stamp);
-            if (status == RX_OK)
-                status = measure_stars(q, stamp, room, err);
-        }
-        free(room);
-        free(stamp);
-    }
-    if (status != RX_OK) {
-        rx_tile_quality_free(q);
-        *dst = NULL;
-        return status;
+        RX_TRY_EXIT(RX_MAKE(stamp, (size_t)psf->size * (size_t)psf->size, err));
+        RX_TRY_EXIT(RX_MAKE(room, (2 * reach + 1) * (2 * reach + 1), err));
+        rx_psf_at(psf, 0.5 * about->image.width, 0.5 * about->image.height, stamp);
+        RX_TRY_EXIT(half_light(stamp, psf->size, &q->half_light, err));
+        shape_grid(q, stamp);
+        RX_TRY_EXIT(measure_stars(q, stamp, room, err));
     }
     judge_psf(q);
     judge_noise(q);
     for (int i = 0; i < about->nruns; i++)
         judge_run(q, &about->runs[i]);
-    return RX_OK;
+    *dst = q;
+    q = NULL;
+exit:
+    free(room);
+    free(stamp);
+    rx_tile_quality_free(q);
+    return status;
 }
 
 void rx_tile_quality_free(rx_tile_quality *q)
 {
     if (q == NULL)
         return;
-    cells_free(&q->sky);
-    cells_free(&q->noise);
+    free(q->sky.value);
+    free(q->noise.value);
     free(q);
 }
 

@@ -73,6 +73,7 @@ void rx_figures_begin(rx_figures *dst)
 
 /* --- gnuplot: the one other program that is started --- */
 
+#define SCRIPT "figures.gp"
 /* PATIENCE: seconds for the figures of a report, which take about one. */
 enum { MOST_WORDS = 1 << 20, PATIENCE = 600 };
 
@@ -93,24 +94,24 @@ static char **clean_environment(char *locale)
     return copy;
 }
 
-/* The parent blocks the signals that end it, to clean up after itself; the child must not inherit that.
+/* Start `program -d figures.gp` inside `folder`. No shell; nothing read, what it prints goes to gnuplot.log in that folder.
+ * The parent blocks the signals that end it, to clean up after itself; the child must not inherit that.
  * What is ignored (nohup) stays ignored, but for SIGPIPE. 0 or an error number. */
-static int spawn(pid_t *child, const char *program, const char *folder, const char *script)
+static int spawn(pid_t *child, const char *program, const char *folder)
 {
     posix_spawn_file_actions_t actions;
     posix_spawnattr_t attributes;
     sigset_t none, pipe;
-    char options[] = "-d", locale[] = "LC_ALL=C";
-    char *name = rx_strdup(program), *file = rx_strdup(script), **environment = clean_environment(locale);
-    char *arguments[] = {name, options, file, NULL};
+    char options[] = "-d", script[] = SCRIPT, locale[] = "LC_ALL=C";
+    char *name = rx_strdup(program), **environment = clean_environment(locale);
+    char *arguments[] = {name, options, script, NULL};
     sigemptyset(&none);
     sigemptyset(&pipe);
     sigaddset(&pipe, SIGPIPE);
     posix_spawn_file_actions_init(&actions); /* as the next one it only sets fields */
     posix_spawnattr_init(&attributes);
-    int failed = name != NULL && file != NULL && environment != NULL
-                     ? posix_spawn_file_actions_addchdir_np(&actions, folder)
-                     : ENOMEM;
+    int failed =
+        name != NULL && environment != NULL ? posix_spawn_file_actions_addchdir_np(&actions, folder) : ENOMEM;
     if (failed == 0)
         failed = posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
     if (failed == 0)
@@ -127,7 +128,6 @@ static int spawn(pid_t *child, const char *program, const char *folder, const ch
     posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
     free(name);
-    free(file);
     free(environment);
     return failed;
 }
@@ -152,66 +152,35 @@ static void last_words(const char *folder, char *dst, size_t size)
     rx_text_free(&path);
 }
 
-/* Start `program -d script` inside `folder`. No shell; no signal blocked; nothing read, what it prints goes to gnuplot.log in
- * that folder. Returns the process, to be waited for, or 0 and the reason, one line, in note. */
-static pid_t start_gnuplot(const char *program, const char *folder, const char *script, char *note,
-                           size_t size)
-{
-    pid_t child;
-    /* a path with a folder in it is meant from here, not from where the child works */
-    char *absolute = strchr(program, '/') != NULL ? realpath(program, NULL) : NULL;
-    int failed = spawn(&child, absolute != NULL ? absolute : program, folder, script);
-    free(absolute);
-    if (failed == 0)
-        return child;
-    snprintf(note, size, "%s cannot be started (%s); install gnuplot", program, strerror(failed));
-    return 0;
-}
-
-/* Wait for its end, but no longer than until a signal asks us to end, or PATIENCE. 0, or what waitpid said.
- * The pauses grow from 1 to 20 ms: short against a figure, nothing against the processor. */
-static int await(pid_t child, int *state, int *impatient)
+/* Wait for its end. Returns 1 when it ended well, else 0 and the reason. One that hangs is killed after 10 minutes, or when a
+ * signal asks this process to end. The pauses grow from 1 to 20 ms: short against a figure, nothing against the processor. */
+static int wait_gnuplot(pid_t child, const char *program, const char *folder, char *note, size_t size)
 {
     struct timespec pause = {.tv_nsec = 1000000}, begin, now;
-    *impatient = 0;
+    int state = 0, impatient = 0;
+    char words[160];
     clock_gettime(CLOCK_MONOTONIC, &begin);
-    for (;;) {
-        const pid_t ended = waitpid(child, state, *impatient ? 0 : WNOHANG);
-        if (ended == child)
+    for (pid_t ended; (ended = waitpid(child, &state, impatient ? 0 : WNOHANG)) != child;) {
+        if (ended < 0 && errno != EINTR) {
+            snprintf(note, size, "%s got lost: %s", program, strerror(errno));
             return 0;
-        if (ended < 0 && errno != EINTR)
-            return errno;
+        }
         clock_gettime(CLOCK_MONOTONIC, &now);
-        if (!*impatient && (now.tv_sec - begin.tv_sec > PATIENCE || rx_interrupt_pending())) {
-            *impatient = 1;
+        if (!impatient && (now.tv_sec - begin.tv_sec > PATIENCE || rx_interrupt_pending())) {
+            impatient = 1;
             kill(child, SIGKILL);
         }
         nanosleep(&pause, NULL);
         pause.tv_nsec = pause.tv_nsec < 20000000 ? pause.tv_nsec + 1000000 : pause.tv_nsec;
     }
-}
-
-/* Wait for its end. Returns 1 when it ended well, else 0 and the reason. One that hangs is killed after 10 minutes, or when a
- * signal asks this process to end. */
-static int wait_gnuplot(pid_t child, const char *program, const char *folder, char *note, size_t size)
-{
-    int state = 0, impatient;
-    const int lost = await(child, &state, &impatient);
-    if (lost != 0) {
-        snprintf(note, size, "%s got lost: %s", program, strerror(lost));
-        return 0;
-    }
+    if (WIFEXITED(state) && WEXITSTATUS(state) == 0)
+        return 1;
     if (impatient && WIFSIGNALED(state)) {
         snprintf(note, size, "%s was ended: it had not finished after %d seconds, or the run was interrupted",
                  program, PATIENCE);
-        return 0;
-    }
-    if (WIFEXITED(state) && WEXITSTATUS(state) == 0)
-        return 1;
-    if (WIFSIGNALED(state))
+    } else if (WIFSIGNALED(state)) {
         snprintf(note, size, "%s was ended by signal %d", program, WTERMSIG(state));
-    else {
-        char words[160];
+    } else {
         last_words(folder, words, sizeof words);
         snprintf(note, size, "%s failed with exit code %d%s", program, WEXITSTATUS(state), words);
     }
@@ -454,24 +423,34 @@ rx_status rx_figures_start(rx_figures *dst, const char *program, const char *fol
                            rx_error *err)
 {
     rx_text work = {0}, path = {0};
+    rx_status status;
     rx_text_printf(&work, "%s/.figures-XXXXXX", folder);
-    rx_status status = work.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (status == RX_OK && mkdtemp(work.data) == NULL)
-        status =
-            rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s", strerror(errno));
-    if (status != RX_OK) {
-        rx_text_free(&work);
-        return status;
-    }
+    if (work.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    if (mkdtemp(work.data) == NULL)
+        RX_TRY_EXIT(rx_error_at(err, RX_SYSTEM, shown, -1, 0, "cannot be written (its figures): %s",
+                                strerror(errno)));
     dst->work = work.data;
+    work = (rx_text){0};
     dst->program = program != NULL && program[0] != '\0' ? program : "gnuplot";
-    rx_text_printf(&path, "%s/figures.gp", dst->work);
+    rx_text_printf(&path, "%s/" SCRIPT, dst->work);
     status = path.failed ? rx_error_memory(err, 0) : rx_text_write_file(&dst->script, path.data, shown, err);
-    rx_text_free(&path);
-    if (status == RX_OK)
-        dst->gnuplot = start_gnuplot(dst->program, dst->work, "figures.gp", dst->note, sizeof dst->note);
+    if (status == RX_OK) {
+        /* a path with a folder in it is meant from here, not from where the child works */
+        char *absolute = strchr(dst->program, '/') != NULL ? realpath(dst->program, NULL) : NULL;
+        pid_t child = 0;
+        const int failed = spawn(&child, absolute != NULL ? absolute : dst->program, dst->work);
+        dst->gnuplot = failed == 0 ? child : 0;
+        if (failed != 0)
+            snprintf(dst->note, sizeof dst->note, "%s cannot be started (%s); install gnuplot", dst->program,
+                     strerror(failed));
+        free(absolute);
+    }
     if (dst->gnuplot == 0)
         remove_work(dst);
+exit:
+    rx_text_free(&work);
+    rx_text_free(&path);
     return status;
 }
 

@@ -30,16 +30,14 @@ static void plot_title(rx_text *script, const char *name)
 
 void rx_curves_add(rx_curves *c, rx_curve_kind kind, int color, const char *name)
 {
-    rx_curve *grown = rx_regrow(c->curve, (size_t)c->n + 1, sizeof *grown);
-    if (grown == NULL) {
+    if (RX_GROW(c->curve, (size_t)c->n + 1, NULL) != RX_OK) {
         c->failed = true;
         return;
     }
-    c->curve = grown;
-    rx_curve *curve = &grown[c->n++];
+    rx_curve *curve = &c->curve[c->n++];
     *curve = (rx_curve){.name = name, .kind = kind, .color = color};
     for (int k = 0; k + 1 < c->n && name != NULL; k++)
-        curve->dashed |= color >= 0 && grown[k].color == color && grown[k].name != NULL;
+        curve->dashed |= color >= 0 && c->curve[k].color == color && c->curve[k].name != NULL;
 }
 
 void rx_curves_put(rx_curves *c, double x, double y, double low, double high)
@@ -49,12 +47,10 @@ void rx_curves_put(rx_curves *c, double x, double y, double low, double high)
         return;
     if (last->n == last->room) {
         const long room = last->room > 0 ? 2 * last->room : 32;
-        double(*grown)[4] = rx_regrow(last->point, (size_t)room, sizeof *grown);
-        if (grown == NULL) {
+        if (RX_GROW(last->point, (size_t)room, NULL) != RX_OK) {
             c->failed = true;
             return;
         }
-        last->point = grown;
         last->room = room;
     }
     memcpy(last->point[last->n++], (const double[]){x, y, low, high}, sizeof *last->point);
@@ -66,11 +62,6 @@ void rx_curves_reference(rx_curves *c, double x0, double y0, double x1, double y
     rx_curves_add(c, RX_CURVE_LINE, -1, NULL);
     rx_curves_put(c, x0, y0, NAN, NAN);
     rx_curves_put(c, x1, y1, NAN, NAN);
-}
-
-static bool has_ends(const rx_curve *c)
-{
-    return c->kind == RX_CURVE_BARS || c->kind == RX_CURVE_BAND;
 }
 
 /* $d<k>: x, y and, where the kind has them, low and high: cut to the plot, both the value when one is not finite. */
@@ -86,7 +77,7 @@ static void curve_block(rx_text *dst, const rx_axes *axes, const rx_curve *c, in
             continue;
         rx_plot_value(dst, v[0]);
         rx_plot_value(dst, v[1]);
-        if (has_ends(c)) {
+        if (c->kind == RX_CURVE_BARS || c->kind == RX_CURVE_BAND) {
             rx_plot_value(dst, bounded ? fmax(v[2], axes->y0) : v[1]);
             rx_plot_value(dst, bounded ? fmin(v[3], axes->y1) : v[1]);
         }

@@ -16,8 +16,6 @@
 #include "report/formats.h"
 #include "report/report.h"
 
-#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
-
 static const double SUSPICIOUS = 0.5; /* mag: a zero point on another scale */
 static const double SENSELESS = 1e4;  /* percent: an error of which the digits mean nothing */
 static const double WRONG = 0.01;     /* of a curve of growth */
@@ -66,7 +64,7 @@ RX_COLUMNS(
 RX_COLUMNS(BINS, RX_TEXT("run", "restorer"),
            RX_NUMBER("mag_low", -4, "mag", "bin, inclusive; nan in both: all magnitudes", "from"),
            RX_NUMBER("mag_high", -4, "mag", "bin, exclusive", "to"));
-enum { STEM = 48, NRUNS = COUNT(RUNS), NBINS = COUNT(BINS) }; /* beside those of the metrics */
+enum { STEM = 48, NRUNS = RX_LENGTH(RUNS), NBINS = RX_LENGTH(BINS) }; /* beside those of the metrics */
 
 RX_COLUMNS(MODELS, RX_TEXT("run", "restorer", ""), RX_TEXT("model", "name"), RX_TEXT("digest", "of its file"),
            RX_TEXT("outside", "what this tile has that its training had not: then nothing is promised"),
@@ -467,15 +465,6 @@ static void add_facts(rx_report *report, const rx_qa_numbers *q)
     rx_report_fact(report, "seed", seed);
 }
 
-static void add_tables(page *p)
-{
-    add_facts(p->report, p->q);
-    add_runs(p);
-    add_gates(p);
-    if (p->q->input->psf.psf != NULL)
-        add_psf(p);
-}
-
 /* --- the page --- */
 
 /* The gates and, in a sentence, what was found; then whatever makes the numbers mean something else. */
@@ -667,7 +656,7 @@ static void show_bins(page *p)
         RX_METRIC_PULL_MEDIAN, RX_METRIC_PULL_WIDTH};
     rx_report_section(p->report, "bins", "Tables by magnitude");
     rx_report_fold(p->report, "Recall, precision, errors of magnitudes, fluxes and positions");
-    for (int i = 0; i < COUNT(shown); i++) {
+    for (int i = 0; i < RX_LENGTH(shown); i++) {
         const rx_report_column column = p->run_column[NRUNS + shown[i]];
         rx_report_show(p->report, p->bins,
                        RX_VIEW(.from = p->q->input->nruns, .title = column.name, .unit = column.unit,
@@ -773,7 +762,11 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
         "pull_from", "matches",  "curve", "regions"};
     const rx_qa_input *input = p->q->input;
     rx_report *report = p->report;
-    add_tables(p);
+    add_facts(report, p->q);
+    add_runs(p);
+    add_gates(p);
+    if (input->psf.psf != NULL)
+        add_psf(p);
     add_verdicts(p);
     add_brief(p, !rx_log_is_short(files->log));
     if (files->figures)
@@ -786,12 +779,12 @@ static rx_status write_page(page *p, const rx_report_files *files, rx_text *brie
             report, "Pictures: the middle of the tile, one grey scale for all: asinh(p / 2&sigma;), &sigma; "
                     "of the first picture, black at &minus;2&sigma;, white where 99.8 % of it is darker.");
     show_summary(p);
-    for (int i = 0; i < COUNT(SECTIONS); i++)
+    for (int i = 0; i < RX_LENGTH(SECTIONS); i++)
         show_section(p, &SECTIONS[i]);
     show_bins(p);
     show_reading(p);
     rx_report_section(report, "restorers", "Restorers");
-    show_runs(p, COUNT(settings), settings);
+    show_runs(p, RX_LENGTH(settings), settings);
     if (input->nrecord > 0) {
         rx_report_section(report, "record", "What made this report");
         rx_report_record(report, input->nrecord, input->record);
@@ -841,17 +834,17 @@ rx_status rx_qa_report(const rx_qa_params *par, const rx_qa_input *input, const 
         .folder = folder, .shown = shown, .figures = par->figures, .gnuplot = par->gnuplot, .log = par->log};
     rx_qa_numbers numbers;
     page p = {.q = &numbers, .report = rx_report_new("QA report: ", input->tile)};
-    rx_status status = rx_qa_numbers_make(par, input, &numbers, err);
-    if (status == RX_OK && p.report == NULL)
-        status = rx_error_memory(err, 0);
-    if (status == RX_OK) {
-        warn(&numbers, par->log);
-        status = write_page(&p, &files, brief, err);
-    }
-    for (int run = 0; run < input->nruns && status == RX_OK; run++)
-        status = write_regions(&numbers, run, p.stem[run], &files, err);
-    if (status == RX_OK && verdict != NULL)
+    rx_status status;
+    RX_TRY_EXIT(rx_qa_numbers_make(par, input, &numbers, err));
+    if (p.report == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    warn(&numbers, par->log);
+    RX_TRY_EXIT(write_page(&p, &files, brief, err));
+    for (int run = 0; run < input->nruns; run++)
+        RX_TRY_EXIT(write_regions(&numbers, run, p.stem[run], &files, err));
+    if (verdict != NULL)
         *verdict = numbers.verdict;
+exit:
     free(p.stem);
     rx_report_free(p.report);
     rx_qa_numbers_free(&numbers);

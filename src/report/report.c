@@ -243,15 +243,18 @@ void rx_report_show(rx_report *r, const rx_report_table *table, const rx_report_
 {
     if (table == NULL || table->failed)
         return;
+    rx_report_view shown = *view;
+    if (shown.to == 0)
+        shown.to = table->nrows;
     if (view->in_brief != 0)
-        rx_report_table_brief(&r->brief, table, view);
+        rx_report_table_brief(&r->brief, table, &shown);
     if (view->in_brief == RX_BRIEF_ALONE)
         return;
     if (view->title != NULL)
         rx_report_heading(r, view->title, view->unit);
     if (view->note != NULL)
         rx_report_html_named(&r->body, "<p class=\"r\">", view->note, NULL, "</p>\n");
-    rx_report_table_html(&r->body, table, view);
+    rx_report_table_html(&r->body, table, &shown);
 }
 
 /* --- files --- */
@@ -259,14 +262,12 @@ void rx_report_show(rx_report *r, const rx_report_table *table, const rx_report_
 rx_status rx_report_file(const char *folder, const char *shown, const char *name, rx_text *text,
                          rx_error *err)
 {
-    rx_status status = RX_OK;
     rx_text path = {0}, shown_path = {0};
     rx_text_printf(&path, "%s/%s", folder, name);
     rx_text_printf(&shown_path, "%s/%s", shown, name);
-    if (path.failed || shown_path.failed)
-        status = rx_error_memory(err, 0);
-    else
-        status = rx_text_write_file(text, path.data, shown_path.data, err);
+    const rx_status status = path.failed || shown_path.failed
+                                 ? rx_error_memory(err, 0)
+                                 : rx_text_write_file(text, path.data, shown_path.data, err);
     rx_text_free(&path);
     rx_text_free(&shown_path);
     rx_text_free(text);
@@ -340,26 +341,22 @@ static void write_html(rx_text *dst, const rx_report *r)
 
 static rx_status write_tables(const rx_report *r, const rx_report_files *files, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int i = 0; i < r->ntables && status == RX_OK; i++) {
+    for (int i = 0; i < r->ntables; i++) {
         char name[96];
         rx_text text = {0};
         if (!(r->table[i].where & RX_REPORT_IN_FILE))
             continue;
-        status = rx_interrupt_check(err);
-        if (status != RX_OK)
-            break;
+        RX_TRY(rx_interrupt_check(err));
         snprintf(name, sizeof name, "%.*s.ecsv", (int)sizeof name - 6, r->table[i].name);
         rx_report_table_ecsv(&text, &r->table[i], &r->ecsv);
-        status = rx_report_file(files->folder, files->shown, name, &text, err);
+        RX_TRY(rx_report_file(files->folder, files->shown, name, &text, err));
     }
-    return status;
+    return RX_OK;
 }
 
 rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *brief, rx_error *err)
 {
     rx_text text = {0};
-    rx_status status = RX_OK;
     bool failed = r->failed || r->figures.script.failed || r->head.failed || r->links.failed ||
                   r->body.failed || r->brief.failed || r->meta.failed || r->summary.failed;
     for (int i = 0; i < r->ntables; i++)
@@ -368,27 +365,22 @@ rx_status rx_report_write(rx_report *r, const rx_report_files *files, rx_text *b
         return rx_error_memory(err, sizeof *r);
     const bool draws = files->figures && r->figures.n > 0;
     if (draws)
-        status = rx_figures_start(&r->figures, files->gnuplot, files->folder, files->shown, err);
+        RX_TRY(rx_figures_start(&r->figures, files->gnuplot, files->folder, files->shown, err));
     else if (!files->figures)
         snprintf(r->figures.note, sizeof r->figures.note, "figures were not asked for");
-    if (status == RX_OK) { /* while gnuplot draws */
-        finish_json(r);
-        status = rx_report_file(files->folder, files->shown,
-                                files->summary != NULL ? files->summary : "summary.json", &r->summary, err);
-    }
-    if (status == RX_OK)
-        status = write_tables(r, files, err);
-    if (status == RX_OK && draws)
-        status = rx_figures_finish(&r->figures, err);
-    if (status != RX_OK)
-        return status;
+    finish_json(r); /* while gnuplot draws */
+    RX_TRY(rx_report_file(files->folder, files->shown,
+                          files->summary != NULL ? files->summary : "summary.json", &r->summary, err));
+    RX_TRY(write_tables(r, files, err));
+    if (draws)
+        RX_TRY(rx_figures_finish(&r->figures, err));
     if (draws && r->figures.note[0] != '\0')
         rx_log_warning(files->log, "report without figures: %s", r->figures.note);
     rx_text_free(&r->figures.script);
     write_html(&text, r);
-    status = rx_report_file(files->folder, files->shown, files->page != NULL ? files->page : "report.html",
-                            &text, err);
-    if (status == RX_OK && brief != NULL && r->brief.data != NULL)
+    RX_TRY(rx_report_file(files->folder, files->shown, files->page != NULL ? files->page : "report.html",
+                          &text, err));
+    if (brief != NULL && r->brief.data != NULL)
         rx_text_add(brief, r->brief.data);
-    return status;
+    return RX_OK;
 }

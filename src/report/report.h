@@ -58,7 +58,7 @@ void rx_report_record(rx_report *report, int n, const char *const (*pairs)[2]);
 
 /* Columns and their words must live as long as the report. `where`: summary.json, <name>.ecsv, or both. */
 #define RX_REPORT_TABLE(report, name, columns, where)                                                        \
-    rx_report_table_add(report, name, (int)(sizeof(columns) / sizeof *(columns)), columns, where)
+    rx_report_table_add(report, name, RX_LENGTH(columns), columns, where)
 rx_report_table *rx_report_table_add(rx_report *report, const char *name, int ncolumns,
                                      const rx_report_column *columns, int where);
 

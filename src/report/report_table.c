@@ -53,12 +53,10 @@ void rx_report_row(rx_report_table *t, const rx_cell *values)
         return;
     if (t->nrows == t->room) {
         const long room = t->room > 0 ? 2 * t->room : 16;
-        rx_report_slot *grown = rx_regrow(t->slot, (size_t)room * (size_t)t->nslots, sizeof *grown);
-        if (grown == NULL) {
+        if (RX_GROW(t->slot, (size_t)room * (size_t)t->nslots, NULL) != RX_OK) {
             t->failed = true;
             return;
         }
-        t->slot = grown;
         t->room = room;
     }
     rx_report_slot *slot = t->slot + t->nslots * t->nrows++;
@@ -406,32 +404,22 @@ static void html_pivot(rx_text *dst, const rx_report_table *t, const rx_report_v
     rx_text_add(dst, "</tr>\n");
 }
 
-/* The same view with the end of its rows. */
-static rx_report_view view_of(const rx_report_table *t, const rx_report_view *v)
+void rx_report_table_html(rx_text *dst, const rx_report_table *t, const rx_report_view *v)
 {
-    rx_report_view view = *v;
-    if (view.to == 0)
-        view.to = t->nrows;
-    return view;
-}
-
-void rx_report_table_html(rx_text *dst, const rx_report_table *t, const rx_report_view *view)
-{
-    const rx_report_view v = view_of(t, view);
     const bool in_file = t->where & RX_REPORT_IN_FILE;
     pivot p;
     rx_text_add(dst, "<div class=\"w\" tabindex=\"0\"><table>\n");
-    const bool is_pivot = pivot_of(t, &v, &p);
+    const bool is_pivot = pivot_of(t, v, &p);
     if (is_pivot)
-        html_pivot(dst, t, &v, &p);
-    else if (v.turned)
-        html_turned(dst, t, &v);
+        html_pivot(dst, t, v, &p);
+    else if (v->turned)
+        html_turned(dst, t, v);
     else
-        html_rows(dst, t, &v);
+        html_rows(dst, t, v);
     rx_text_add(dst, "</table></div>\n");
-    if (!is_pivot && v.most > 0 && v.to - v.from > v.most)
-        rx_text_printf(dst, "<p class=\"r\">%ld of %ld rows. All are in %s%s.</p>\n", v.most, v.to - v.from,
-                       in_file ? t->name : "summary", in_file ? ".ecsv" : ".json");
+    if (!is_pivot && v->most > 0 && v->to - v->from > v->most)
+        rx_text_printf(dst, "<p class=\"r\">%ld of %ld rows. All are in %s%s.</p>\n", v->most,
+                       v->to - v->from, in_file ? t->name : "summary", in_file ? ".ecsv" : ".json");
 }
 
 static void brief_pivot(rx_text *dst, const rx_report_table *t, const rx_report_view *v, const pivot *p)
@@ -485,14 +473,13 @@ static void brief_rows(rx_text *dst, const rx_report_table *t, const rx_report_v
     free(columns);
 }
 
-void rx_report_table_brief(rx_text *dst, const rx_report_table *t, const rx_report_view *view)
+void rx_report_table_brief(rx_text *dst, const rx_report_table *t, const rx_report_view *v)
 {
-    const rx_report_view v = view_of(t, view);
     pivot p;
-    if (pivot_of(t, &v, &p))
-        brief_pivot(dst, t, &v, &p);
+    if (pivot_of(t, v, &p))
+        brief_pivot(dst, t, v, &p);
     else
-        brief_rows(dst, t, &v);
+        brief_rows(dst, t, v);
 }
 
 /* --- files --- */

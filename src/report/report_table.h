@@ -29,6 +29,7 @@ void rx_report_table_make(rx_report_table *dst, const char *name, int ncolumns,
                           const rx_report_column *columns, int where);
 void rx_report_table_clear(rx_report_table *table); /* content only */
 
+/* Rows of the view from `from` to `to` - 1. */
 void rx_report_table_html(rx_text *dst, const rx_report_table *table, const rx_report_view *view);
 void rx_report_table_brief(rx_text *dst, const rx_report_table *table, const rx_report_view *view);
 void rx_report_table_json(rx_json *json,

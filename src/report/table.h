@@ -32,6 +32,8 @@ typedef struct rx_report_column {
     const char *heading;     /* of the page; NULL: the name */
 } rx_report_column;
 
+#define RX_LENGTH(array) ((int)(sizeof(array) / sizeof *(array)))
+
 /* RX_COLUMNS(BINS, RX_TEXT("scene", "binned quantity"), RX_NUMBER("low", 2, "pix", ""), ...): the columns of a table. A
  * heading may follow the help. */
 #define RX_COLUMNS(table, ...) static const rx_report_column table[] = {__VA_ARGS__}

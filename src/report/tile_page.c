@@ -409,8 +409,6 @@ static void add_figures(rx_figures *dst, const rx_tile_quality *q)
 
 /* --- tables --- */
 
-#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
-
 RX_COLUMNS(NUMBERS, RX_TEXT("quantity", NULL), RX_NUMBER("value", -4, "", ""), RX_TEXT("unit", NULL),
            RX_TEXT("what", NULL, "what it is"));
 
@@ -533,7 +531,7 @@ static void add_numbers(rx_report *report, const rx_tile_quality *q)
         {"gain", image->gain > 0 ? image->gain : NAN, "e-/ADU", "none: errors have no photons of sources"},
     };
     rx_report_table *t = RX_REPORT_TABLE(report, "numbers", NUMBERS, RX_REPORT_IN_JSON);
-    for (int i = 0; i < COUNT(rows); i++)
+    for (int i = 0; i < RX_LENGTH(rows); i++)
         if (isfinite(rows[i].value))
             rx_report_put(t, rows[i].name, rows[i].value, rows[i].unit, rows[i].what);
     rx_report_section(report, "numbers", "Numbers");
@@ -612,16 +610,6 @@ static void add_flags(rx_report *report, const rx_tile_quality *q)
         rx_report_paragraph(report, "No source has any.");
 }
 
-static void add_stars(rx_report *report, const rx_tile_quality *q)
-{
-    rx_report_table *t = RX_REPORT_TABLE(report, "tile_stars", STARS, RX_REPORT_IN_FILE);
-    for (int i = 0; i < q->nstars; i++) {
-        const rx_tile_point *p = &q->star[i];
-        rx_report_put(t, p->x + 1, p->y + 1, p->shape.fwhm, p->shape.ellipticity, p->shape.theta * 180 / M_PI,
-                      p->psf.fwhm, p->psf.ellipticity, p->psf.theta * 180 / M_PI);
-    }
-}
-
 /* A section of the figures whose names begin so; false and nothing where there are none. */
 static bool place(rx_report *report, const char *id, const char *title, const char *prefix)
 {
@@ -640,15 +628,13 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
 {
     rx_tile_quality *q = NULL;
     rx_report_files own = *files;
-    rx_report *report = NULL;
+    rx_status status;
     own.page = "tile.html";
     own.summary = "tile.json";
     RX_TRY(rx_tile_quality_make(page->about, &q, err));
-    report = rx_report_new("Tile: ", page->about->name);
-    if (report == NULL) {
-        rx_tile_quality_free(q);
-        return rx_error_memory(err, 0);
-    }
+    rx_report *report = rx_report_new("Tile: ", page->about->name);
+    if (report == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     rx_report_fact(report, "format", "rextract tile 1");
     rx_report_fact(report, "tile", page->about->name);
     add_verdict(report, q);
@@ -665,17 +651,22 @@ rx_status rx_tile_page_write(const rx_tile_page *page, const rx_report_files *fi
     add_numbers(report, q);
     add_runs(report, q);
     add_flags(report, q);
-    add_stars(report, q);
+    rx_report_table *stars = RX_REPORT_TABLE(report, "tile_stars", STARS, RX_REPORT_IN_FILE);
+    for (const rx_tile_point *p = q->star; p < q->star + q->nstars; p++)
+        rx_report_put(stars, p->x + 1, p->y + 1, p->shape.fwhm, p->shape.ellipticity,
+                      p->shape.theta * 180 / M_PI, p->psf.fwhm, p->psf.ellipticity,
+                      p->psf.theta * 180 / M_PI);
     if (page->nrecord > 0) {
         rx_report_section(report, "record", "What made this page");
         rx_report_record(report, page->nrecord, page->record);
     }
-    const rx_status status = rx_report_write(report, &own, NULL, err);
+    status = rx_report_write(report, &own, NULL, err);
     *found = (rx_tile_page_facts){0};
     for (int i = 0; i < q->nremarks; i++) {
         found->wrong += q->remark[i].bad;
         found->look += !q->remark[i].bad;
     }
+exit:
     rx_report_free(report);
     rx_tile_quality_free(q);
     return status;

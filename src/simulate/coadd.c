@@ -301,8 +301,7 @@ static rx_status measure_noise(const making *m, const sums *src, rx_coadd *dst, 
         shares += f.weight * f.weight / f.depth;
         close_frame(&f);
         free(seen);
-        if (status != RX_OK)
-            return status;
+        RX_TRY(status);
     }
     dst->noise = *m->noise;
     dst->noise.sky *= area;

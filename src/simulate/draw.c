@@ -29,8 +29,6 @@
 #include "simulate/render.h"
 #include "simulate/sersic.h"
 
-#define PI 3.14159265358979323846
-
 enum {
     OCTAVES = 32,
     MANTISSA_BITS = 6,
@@ -151,7 +149,7 @@ static void set_split(component *c, double flux, double power, double steepness)
     for (int i = TABLE - 2; i >= 0 && c->split == 0.0; i -= PER_OCTAVE / 4) {
         double t = (double)table_t(i), slope = 2.0 * power * steepness * pow(t, power);
         double value = (double)c->value[i] / (flux * outline_area(c));
-        error = 0.5 * (c->a + c->c) / 24.0 * 2.0 * PI * value * slope;
+        error = 0.5 * (c->a + c->c) / 24.0 * 2.0 * M_PI * value * slope;
         if (error > ERROR && t <= most)
             c->split = t;
     }
@@ -211,7 +209,7 @@ static void fill_arms(component *c, const rx_object *o, double cut)
 
 static void fill_bar(component *c, double flux)
 {
-    double centre = 3.0 / PI * flux * outline_area(c);
+    double centre = 3.0 / M_PI * flux * outline_area(c);
     for (int i = 0; i < TABLE; i++) {
         double t = i < TABLE - 2 ? (double)table_t(i) : 1.0;
         c->value[i] = (float)(centre * (1.0 - t) * (1.0 - t));
@@ -284,9 +282,8 @@ rx_status rx_galaxy_draw(const rx_object *object, rx_fine_grid *grid, rx_error *
     double bar = o->bar_radius > 0.0 ? fmin(o->bar_share, 1.0 - o->bulge_share) : 0.0,
            disk = 1.0 - o->bulge_share - bar;
     rx_sersic profile;
-    component *c = RX_NEW(component, 1); /* its tables are larger than what a stack should bear */
-    if (c == NULL)
-        return rx_error_memory(err, sizeof *c);
+    component *c; /* its tables are larger than what a stack should bear */
+    RX_TRY(RX_MAKE(c, 1, err));
     c->x = (o->x - grid->x0) / grid->step;
     c->y = (o->y - grid->y0) / grid->step;
     c->arms = 0;
@@ -446,20 +443,15 @@ static double outline_reach(double radius, double ratio, double angle)
     return radius * fmax(x, y);
 }
 
-static double template_reach(const rx_object *o, const rx_template *source)
-{
-    double x = fmax(source->x, source->width - 1 - source->x),
-           y = fmax(source->y, source->height - 1 - source->y);
-    return o->stretch * hypot(x + 2.0, y + 2.0); /* however it is turned */
-}
-
 double rx_object_reach(const rx_object *object, const rx_templates *templates)
 {
     const rx_object *o = object;
     rx_sersic profile;
     double reach = 0.0;
-    if (o->type == RX_OBJECT_TEMPLATE && templates != NULL)
-        return template_reach(o, &templates->list[o->template_index]);
+    if (o->type == RX_OBJECT_TEMPLATE && templates != NULL) { /* however it is turned */
+        const rx_template *source = &templates->list[o->template_index];
+        return o->stretch * hypot(half_side(source->x, source->width), half_side(source->y, source->height));
+    }
     if (o->type != RX_OBJECT_GALAXY)
         return 0.0;
     if (o->bulge_share > 0.0) {

@@ -26,11 +26,11 @@ rx_status rx_inject(const rx_scene *scene, const rx_optics *optics, const rx_inj
     const int threads = nthreads > 1 ? nthreads : 1;
     const int together = par->gain > 0.0 && par->noise != NULL && par->noise->correlated;
     rx_status status = RX_OK;
-    float *light = RX_NEW(float, (size_t)n), *noise = together ? RX_NEW(float, (size_t)n) : NULL;
-    if (light == NULL || (together && noise == NULL))
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * sizeof(float)));
+    float *light = NULL, *noise = NULL;
+    RX_TRY_EXIT(RX_MAKE(light, (size_t)n, err));
     RX_TRY_EXIT(rx_render(scene, 1, &optics, &light, nthreads, err));
     if (together) {
+        RX_TRY_EXIT(RX_MAKE(noise, (size_t)n, err));
 #pragma omp parallel for num_threads(threads) schedule(static)
         for (long i = 0; i < n; i++)
             noise[i] = collect(light[i], par->gain, par->seed, par->stream, (size_t)i) - light[i];
@@ -59,18 +59,12 @@ exit:
 static void column_distances(int width, int height, const unsigned char *bad, int far, int *rows)
 {
     for (int x = 0; x < width; x++) {
-        int last = far;
-        for (int y = 0; y < height; y++) {
-            size_t i = (size_t)y * (size_t)width + (size_t)x;
-            last = bad[i] ? 0 : last < far ? last + 1 : far;
-            rows[i] = last;
-        }
-        last = far;
-        for (int y = height - 1; y >= 0; y--) {
-            size_t i = (size_t)y * (size_t)width + (size_t)x;
-            last = bad[i] ? 0 : last < far ? last + 1 : far;
-            rows[i] = last < rows[i] ? last : rows[i];
-        }
+        for (int up = 1; up >= 0; up--)
+            for (int k = 0, last = far; k < height; k++) {
+                const size_t i = (size_t)(up ? k : height - 1 - k) * (size_t)width + (size_t)x;
+                last = bad[i] ? 0 : last < far ? last + 1 : far;
+                rows[i] = up || last < rows[i] ? last : rows[i];
+            }
     }
 }
 

@@ -246,16 +246,6 @@ static void add_cosmic_rays(const rx_noise_params *p, int width, int height, flo
     }
 }
 
-static void saturate(float most, size_t n, float *pixels, uint8_t *defects)
-{
-    for (size_t i = 0; i < n; i++)
-        if (pixels[i] >= most) {
-            pixels[i] = most;
-            if (defects != NULL)
-                defects[i] |= RX_DEFECT_SATURATED;
-        }
-}
-
 static void kill_columns(const rx_noise_params *p, int width, int height, float *pixels, uint8_t *defects)
 {
     for (int x = 0; x < width; x++) {
@@ -273,6 +263,7 @@ void rx_noise_expose(const rx_noise_params *par, int width, int height, float *p
                      int nthreads)
 {
     const size_t n = (size_t)width * (size_t)height;
+    const float most = (float)par->saturation;
     if (nthreads < 1)
         nthreads = 1;
 #pragma omp parallel for schedule(static) num_threads(nthreads)
@@ -281,9 +272,12 @@ void rx_noise_expose(const rx_noise_params *par, int width, int height, float *p
     if (par->type == RX_NOISE_CCD && par->cosmic_rays > 0.0)
         add_cosmic_rays(par, width, height, pixels, defects);
 #pragma omp parallel for schedule(static) num_threads(nthreads)
-    for (size_t first = 0; first < n; first += CHUNK)
-        saturate((float)par->saturation, n - first < CHUNK ? n - first : CHUNK, pixels + first,
-                 defects != NULL ? defects + first : NULL);
+    for (size_t i = 0; i < n; i++)
+        if (pixels[i] >= most) {
+            pixels[i] = most;
+            if (defects != NULL)
+                defects[i] |= RX_DEFECT_SATURATED;
+        }
     if (par->type == RX_NOISE_CCD && par->bad_columns > 0.0)
         kill_columns(par, width, height, pixels, defects);
 }

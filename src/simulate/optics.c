@@ -338,19 +338,6 @@ static rx_status choose_ladder(const moffat *m, ladder *l, rx_error *err)
 
 /* --- stamps --- */
 
-static int half_pixels(const moffat *m)
-{
-    double share = m->widest * 0.5 * rx_moffat_radius_flux(m->beta, MISSING);
-    return (int)ceil(fmin(fmax(share, 2.0), fmin(MOST_PIXELS, MOST_FWHM * m->widest)));
-}
-
-/* As rx_psf_moffat() cuts. */
-static int cut_half(const moffat *m)
-{
-    double radius = fmin(rx_moffat_radius_flux(m->beta, 1e-3), rx_moffat_radius_level(m->beta, 1e-5));
-    return (int)fmin(fmax(ceil(0.5 * m->widest * radius), 2.0), fmax(127.0, 2.0 * m->widest));
-}
-
 /* stamp [size][size] = the profile of that FWHM and flux 1 on cells; what is symmetric is computed once. */
 static void fill_stamp(const moffat *m, double fwhm, int cells, int size, double *stamp)
 {
@@ -438,7 +425,12 @@ rx_status rx_optics_moffat(const rx_moffat_profile *profile, int width, int heig
     RX_TRY(choose_ladder(&m, &l, err));
     m.narrowest = fmin(fwhm, fwhm_at(&m, 1.0)) * sqrt(ratio);
     m.widest = fmax(fwhm, fwhm_at(&m, 1.0)) / sqrt(ratio);
-    int cells = optics_sampling(moffat_spectrum, &m), half = half_pixels(&m), cut = cut_half(&m);
+    const double share = m.widest * 0.5 * rx_moffat_radius_flux(m.beta, MISSING);
+    const int half = (int)ceil(fmin(fmax(share, 2.0), fmin(MOST_PIXELS, MOST_FWHM * m.widest)));
+    /* as rx_psf_moffat() cuts */
+    const double radius = fmin(rx_moffat_radius_flux(m.beta, 1e-3), rx_moffat_radius_level(m.beta, 1e-5));
+    const int cut = (int)fmin(fmax(ceil(0.5 * m.widest * radius), 2.0), fmax(127.0, 2.0 * m.widest));
+    const int cells = optics_sampling(moffat_spectrum, &m);
     RX_TRY(new_optics(cells, 2 * cells * half + 1, l.degree + 1, &optics, err));
     optics->grid = optics_grid(moffat_spectrum, &m);
     optics->type = RX_PSF_MOFFAT;

@@ -136,17 +136,6 @@ static size_t box_cells(const struct box *b)
     return (size_t)b->width * (size_t)b->height;
 }
 
-static rx_status measure_objects(renderer *r, rx_error *err)
-{
-    const rx_scene *scene = r->scene;
-    RX_TRY(RX_MAKE(r->reach, (size_t)scene->n, err));
-    RX_TRY(RX_MAKE(r->box, (size_t)scene->n, err));
-#pragma omp parallel for schedule(static) num_threads(r->nthreads)
-    for (long k = 0; k < scene->n; k++)
-        r->reach[k] = rx_object_reach(&scene->objects[k], scene->templates) * r->cells;
-    return RX_OK;
-}
-
 /* 0 when nothing of it is inside. */
 static int find_box(const renderer *d, long k, long column, long row, const rx_fine_grid *grid,
                     struct box *dst)
@@ -422,27 +411,24 @@ static void close_renderer(renderer *r)
     rx_fft_free(r->native);
 }
 
-static rx_status open_path(renderer *r, optical_path *l, rx_error *err)
-{
-    const int cells = l->optics->oversampling, columns = spectrum_columns(r, l);
-    RX_TRY(rx_fft_new(cells * r->width, cells * r->height, r->nthreads, &l->fft, err));
-    RX_TRY(RX_MAKE(l->planes, (size_t)l->optics->nbasis, err));
-    l->scratch = rx_fft_complex(l->fft);
-    l->half = rx_fft_complex(r->native);
-    r->columns = columns > r->columns ? columns : r->columns;
-    return l->scratch == NULL || l->half == NULL ? rx_error_memory(err, 0) : RX_OK;
-}
-
 static rx_status open_renderer(renderer *r, rx_error *err)
 {
+    const rx_scene *scene = r->scene;
     int varying = 0;
     RX_TRY(rx_fft_new(r->cells * r->width, r->cells * r->height, r->nthreads, &r->fine, err));
     RX_TRY(rx_fft_new(r->width, r->height, r->nthreads, &r->native, err));
     r->left = r->nx * r->ny > 1 ? KEEP_BYTES : 0; /* they are asked for again and again */
-    for (int i = 0; i < r->n; i++) {
-        RX_TRY(open_path(r, &r->optical_path[i], err));
-        for (int b = 0; b < r->optical_path[i].optics->nbasis; b++)
-            varying |= !is_constant(r->optical_path[i].optics, b);
+    for (optical_path *l = r->optical_path; l < r->optical_path + r->n; l++) {
+        const int cells = l->optics->oversampling, columns = spectrum_columns(r, l);
+        RX_TRY(rx_fft_new(cells * r->width, cells * r->height, r->nthreads, &l->fft, err));
+        RX_TRY(RX_MAKE(l->planes, (size_t)l->optics->nbasis, err));
+        l->scratch = rx_fft_complex(l->fft);
+        l->half = rx_fft_complex(r->native);
+        if (l->scratch == NULL || l->half == NULL)
+            return rx_error_memory(err, 0);
+        r->columns = columns > r->columns ? columns : r->columns;
+        for (int b = 0; b < l->optics->nbasis; b++)
+            varying |= !is_constant(l->optics, b);
     }
     r->kernel = make_star_kernel();
     r->grid = rx_fft_real(r->fine);
@@ -453,7 +439,12 @@ static rx_status open_renderer(renderer *r, rx_error *err)
     if (r->kernel == NULL || r->grid == NULL || r->spectrum == NULL || r->pixels == NULL ||
         (varying && r->weighted == NULL))
         return rx_error_memory(err, 0);
-    return measure_objects(r, err);
+    RX_TRY(RX_MAKE(r->reach, (size_t)scene->n, err));
+    RX_TRY(RX_MAKE(r->box, (size_t)scene->n, err));
+#pragma omp parallel for schedule(static) num_threads(r->nthreads)
+    for (long k = 0; k < scene->n; k++)
+        r->reach[k] = rx_object_reach(&scene->objects[k], scene->templates) * r->cells;
+    return RX_OK;
 }
 
 /* --- one block --- */

@@ -106,14 +106,6 @@ static void set_flux(const rx_scene_params *par, double mag, rx_object *dst)
     dst->flux = pow(10.0, -0.4 * (mag - par->zeropoint));
 }
 
-/* --- stars --- */
-
-static void make_star(const rx_scene_params *par, long number, rx_object *dst)
-{
-    *dst = (rx_object){.type = RX_OBJECT_STAR, .ratio = 1.0};
-    set_flux(par, population_mag(&par->stars, draw(par, STARS, number, DRAW_MAG)), dst);
-}
-
 /* --- galaxies --- */
 
 /* Share of the light of bulge and disk within the ellipse of major axis `radius` (disk radii) and the disk's
@@ -357,18 +349,6 @@ static void square_of(const places *places, double x, double y, int *column, int
     *row = (int)fmin(fmax(j, 0.0), places->rows - 1);
 }
 
-/* objects[index] has its position now. */
-static void places_take(places *places, long index)
-{
-    int column, row;
-    if (places->first == NULL)
-        return;
-    square_of(places, places->objects[index].x, places->objects[index].y, &column, &row);
-    long *first = &places->first[(size_t)row * (size_t)places->columns + (size_t)column];
-    places->next[index] = *first;
-    *first = index;
-}
-
 /* 1 when an object other than `except` is nearer than least_distance. Squares are at least that wide. */
 static int is_crowded(const places *places, double x, double y, long except)
 {
@@ -414,8 +394,9 @@ static void clump_place(const places *places, int set, long trial, double *x, do
     *y = places->low_y + centre[1] * places->range_y + distance * sin(angle);
 }
 
-/* A place for object `number` of the population `set`; 0 when none was found in many trials. */
-static int places_find(const places *places, int set, long number, double *x, double *y)
+/* A place for object `number` of the population `set`, beside objects[primary] where that is not -1; 0 when none was found in
+ * many trials. */
+static int places_find(const places *places, int set, long number, long primary, double *x, double *y)
 {
     const rx_scene_params *par = places->par;
     int own = PLACES + set;
@@ -423,29 +404,18 @@ static int places_find(const places *places, int set, long number, double *x, do
     for (int k = 0; k < TRIALS; k++) {
         double at[2];
         long trial = number * TRIALS + k;
-        if (clumped)
+        if (primary >= 0) {
+            draw_two(par, own, trial, DRAW_BESIDE, at);
+            double distance = par->pair_low + at[0] * (par->pair_high - par->pair_low);
+            *x = places->objects[primary].x + distance * cos(2.0 * M_PI * at[1]);
+            *y = places->objects[primary].y + distance * sin(2.0 * M_PI * at[1]);
+        } else if (clumped) {
             clump_place(places, own, trial, x, y);
-        else {
+        } else {
             draw_two(par, own, trial, DRAW_PLACE, at);
             *x = places->low_x + at[0] * places->range_x;
             *y = places->low_y + at[1] * places->range_y;
         }
-        if (is_allowed(places, *x, *y) && !is_crowded(places, *x, *y, -1))
-            return 1;
-    }
-    return 0;
-}
-
-/* A place for the companion of star `number`, which is objects[primary]. */
-static int places_beside(const places *places, long number, long primary, double *x, double *y)
-{
-    const rx_scene_params *par = places->par;
-    for (int k = 0; k < TRIALS; k++) {
-        double at[2];
-        draw_two(par, PLACES + STARS, number * TRIALS + k, DRAW_BESIDE, at);
-        double distance = par->pair_low + at[0] * (par->pair_high - par->pair_low);
-        *x = places->objects[primary].x + distance * cos(2.0 * M_PI * at[1]);
-        *y = places->objects[primary].y + distance * sin(2.0 * M_PI * at[1]);
         if (is_allowed(places, *x, *y) && !is_crowded(places, *x, *y, primary))
             return 1;
     }
@@ -463,11 +433,16 @@ static long count_of(const rx_scene_params *par, const rx_population *population
 /* objects[n] is made; its place is looked for. */
 static int settle(rx_scene *scene, places *places, int found)
 {
-    if (!found) {
-        scene->left_out++;
-        return 0;
-    }
-    places_take(places, scene->n++);
+    const long index = scene->n;
+    int column, row;
+    scene->n += found;
+    scene->left_out += !found;
+    if (!found || places->first == NULL)
+        return found;
+    square_of(places, scene->objects[index].x, scene->objects[index].y, &column, &row);
+    long *first = &places->first[(size_t)row * (size_t)places->columns + (size_t)column];
+    places->next[index] = *first;
+    *first = index;
     return 1;
 }
 
@@ -483,17 +458,17 @@ static rx_status add_stars(const rx_scene_params *par, long count, rx_scene *sce
     for (long i = 0; i < count; i++) {
         rx_object *star = &scene->objects[scene->n];
         RX_TRY(may_go_on(i, err));
-        make_star(par, i, star);
-        if (!settle(scene, places, places_find(places, STARS, i, &star->x, &star->y)))
+        *star = (rx_object){.type = RX_OBJECT_STAR, .ratio = 1.0};
+        set_flux(par, population_mag(&par->stars, draw(par, STARS, i, DRAW_MAG)), star);
+        if (!settle(scene, places, places_find(places, STARS, i, -1, &star->x, &star->y)))
             continue;
         if (!(draw(par, STARS, i, DRAW_PAIR) < par->pair_share))
             continue;
         long primary = scene->n - 1;
         rx_object *other = &scene->objects[scene->n];
         *other = *star;
-        other->mag += draw(par, STARS, i, DRAW_COMPANION_MAG) - 0.5;
-        other->flux = pow(10.0, -0.4 * (other->mag - par->zeropoint));
-        settle(scene, places, places_beside(places, i, primary, &other->x, &other->y));
+        set_flux(par, star->mag + (draw(par, STARS, i, DRAW_COMPANION_MAG) - 0.5), other);
+        settle(scene, places, places_find(places, STARS, i, primary, &other->x, &other->y));
     }
     return RX_OK;
 }
@@ -510,7 +485,7 @@ static rx_status add_extended(const rx_scene_params *par, const rx_templates *te
             make_galaxy(par, i, object);
         else
             make_template(par, templates, i, object, &scene->shrunk);
-        if (!settle(scene, places, places_find(places, set, i, &object->x, &object->y)))
+        if (!settle(scene, places, places_find(places, set, i, -1, &object->x, &object->y)))
             scene->shrunk = before;
     }
     return RX_OK;

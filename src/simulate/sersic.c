@@ -5,7 +5,6 @@
 
 #include "num/special.h"
 
-#define PI 3.14159265358979323846
 #define FARTHEST 10.0 /* truncation, half-light radii */
 #define BEYOND 1e-3   /* share of the flux that may lie beyond the truncation where it is nearer */
 
@@ -49,7 +48,7 @@ void rx_sersic_set(double n, rx_sersic *dst)
     double t = pow(dst->truncation, 1.0 / n);
     dst->b = half_light(a, t, whole);
     double within = rx_gamma_p(a, dst->b * t);
-    dst->centre = exp(a * log(dst->b) - rx_gamma_log(a)) / (2.0 * PI * n * within);
+    dst->centre = exp(a * log(dst->b) - rx_gamma_log(a)) / (2.0 * M_PI * n * within);
 }
 
 double rx_sersic_within(const rx_sersic *profile, double radius)

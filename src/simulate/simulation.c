@@ -44,26 +44,20 @@ static rx_coadd_params coadd_params(const rx_simulate_config *config)
 
 /* --- PSF --- */
 
-/* Stated in pixels of the image, made for those that see the sky. */
-static rx_status moffat(const rx_simulate_config *config, const rx_simulation_ground *ground, rx_optics **dst,
-                        rx_error *err)
-{
-    const rx_coadd_params coadd = coadd_params(config);
-    const double scale = coadd.type != RX_COADD_NONE ? coadd.scale : 1.0;
-    return rx_optics_moffat(
-        &(rx_moffat_profile){config->psf_fwhm * scale, config->psf_beta, config->psf_ratio,
-                             config->psf_angle * M_PI / 180.0, config->psf_variation},
-        (int)lround(ground->width * scale), (int)lround(ground->height * scale), dst, err);
-}
-
 static rx_status make_optics(const rx_simulate_config *config, const rx_simulation_ground *ground,
                              rx_log *log, rx_optics **dst, rx_error *err)
 {
     const rx_psf_params par = {.file = config->psf_name, .extension = ground->extension};
     const int given = is(config->psf_type, "AUTO");
     rx_psf *psf = NULL;
-    if (is(config->psf_type, "MOFFAT"))
-        return moffat(config, ground, dst, err);
+    if (is(config->psf_type, "MOFFAT")) { /* stated in pixels of the image, made for those that see the sky */
+        const rx_coadd_params coadd = coadd_params(config);
+        const double scale = coadd.type != RX_COADD_NONE ? coadd.scale : 1.0;
+        return rx_optics_moffat(
+            &(rx_moffat_profile){config->psf_fwhm * scale, config->psf_beta, config->psf_ratio,
+                                 config->psf_angle * M_PI / 180.0, config->psf_variation},
+            (int)lround(ground->width * scale), (int)lround(ground->height * scale), dst, err);
+    }
     if (given && ground->psf == NULL)
         return rx_error_set(err, RX_USAGE, "PSF_TYPE AUTO is measured on a real tile; give INJECT_IMAGE");
     if (!given)
@@ -212,15 +206,6 @@ static rx_scene_params rx_simulation_scene(const rx_simulation *simulation, uint
     return par;
 }
 
-/* Dead columns have no weight. */
-static void even_weight(const rx_simulated *simulated, size_t n)
-{
-    const double sigma = simulated->sigma;
-    const float weight = sigma > 0.0 ? (float)(1.0 / (sigma * sigma)) : 1.0f;
-    for (size_t i = 0; i < n; i++)
-        simulated->weight[i] = simulated->defects[i] & RX_DEFECT_COLUMN ? 0.0f : weight;
-}
-
 static rx_status expose(const rx_simulation *simulation, uint64_t stream, rx_simulated *dst, rx_error *err)
 {
     const size_t n = (size_t)dst->width * (size_t)dst->height;
@@ -231,7 +216,9 @@ static rx_status expose(const rx_simulation *simulation, uint64_t stream, rx_sim
     if (simulation->coadd.type == RX_COADD_NONE) {
         memcpy(dst->image, dst->clean, n * sizeof(float));
         rx_noise_expose(&noise, dst->width, dst->height, dst->image, dst->defects, simulation->nthreads);
-        even_weight(dst, n);
+        const float weight = dst->sigma > 0.0 ? (float)(1.0 / (dst->sigma * dst->sigma)) : 1.0f;
+        for (size_t i = 0; i < n; i++) /* dead columns have none */
+            dst->weight[i] = dst->defects[i] & RX_DEFECT_COLUMN ? 0.0f : weight;
         return RX_OK;
     }
     rx_coadd coadd = {.image = dst->image, .weight = dst->weight, .defects = dst->defects};

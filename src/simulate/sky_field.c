@@ -93,21 +93,17 @@ static int brighter_first(const void *a, const void *b)
 /* Stars of one more scene into the field's list. */
 static rx_status list_stars(const rx_scene *scene, rx_sky_field *dst, rx_error *err)
 {
-    size_t room = (size_t)(dst->nstars + scene->n);
-    double(*stars)[3] = rx_regrow(dst->stars, room, sizeof *stars);
-    if (stars == NULL)
-        return rx_error_memory(err, room * sizeof *stars);
-    dst->stars = stars;
+    RX_TRY(RX_GROW(dst->stars, (size_t)(dst->nstars + scene->n), err));
     for (long i = 0; i < scene->n; i++) {
         const rx_object *o = &scene->objects[i];
         if (o->type != RX_OBJECT_STAR)
             continue;
-        double *star = stars[dst->nstars++];
+        double *star = dst->stars[dst->nstars++];
         star[0] = o->x;
         star[1] = o->y;
         star[2] = o->flux;
     }
-    qsort(stars, (size_t)dst->nstars, sizeof *stars, brighter_first);
+    qsort(dst->stars, (size_t)dst->nstars, sizeof *dst->stars, brighter_first);
     return RX_OK;
 }
 
@@ -115,8 +111,8 @@ static rx_status make_bright_stars(const rx_sky_field *field, rx_random_stream k
                                    rx_error *err)
 {
     int n = 1 + (int)rx_random_between(key, DRAW_BRIGHTS, 0.0, BRIGHT_MOST);
-    rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
-    for (int i = 0; i < n && status == RX_OK; i++) {
+    RX_TRY(rx_scene_new(field->side, field->side, n, dst, err));
+    for (int i = 0; i < n; i++) {
         const uint64_t slot = DRAW_STAR + (uint64_t)i * STAR_SLOTS;
         double peak = field->level * rx_random_log_between(key, slot + 2, 2.0, RX_NOISE_LEVEL_PEAK);
         (*dst)->objects[i] = (rx_object){.type = RX_OBJECT_STAR,
@@ -125,15 +121,15 @@ static rx_status make_bright_stars(const rx_sky_field *field, rx_random_stream k
                                          .y = rx_random_between(key, slot + 1, 0.0, field->side - 1.0),
                                          .flux = peak / field->peak};
     }
-    return status;
+    return RX_OK;
 }
 
 /* Gaussians (Sersic index 1/2): the brightness in the centre is flux ln 2 / (pi r^2 b/a). */
 static rx_status make_nebulae(const rx_sky_field *field, rx_random_stream key, rx_scene **dst, rx_error *err)
 {
     int n = 1 + (int)rx_random_between(key, DRAW_NEBULAE, 0.0, NEBULAE_MOST);
-    rx_status status = rx_scene_new(field->side, field->side, n, dst, err);
-    for (int i = 0; i < n && status == RX_OK; i++) {
+    RX_TRY(rx_scene_new(field->side, field->side, n, dst, err));
+    for (int i = 0; i < n; i++) {
         const uint64_t slot = DRAW_NEBULA + (uint64_t)i * NEBULA_SLOTS;
         double radius = rx_random_log_between(key, slot, 12.0, 80.0);
         double ratio = rx_random_between(key, slot + 1, 0.3, 1.0);
@@ -150,7 +146,7 @@ static rx_status make_nebulae(const rx_sky_field *field, rx_random_stream key, r
                                          .bulge_radius = radius,
                                          .bulge_ratio = ratio};
     }
-    return status;
+    return RX_OK;
 }
 
 /* --- pixels --- */
@@ -158,9 +154,8 @@ static rx_status make_nebulae(const rx_sky_field *field, rx_random_stream key, r
 static rx_status set_level(rx_sky_field *field, rx_error *err)
 {
     const size_t n = (size_t)field->side * (size_t)field->side;
-    float *light = RX_NEW(float, n);
-    if (light == NULL)
-        return rx_error_memory(err, n * sizeof *light);
+    float *light;
+    RX_TRY(RX_MAKE(light, n, err));
     memcpy(light, field->blurred, n * sizeof *light);
     field->level = rx_brightness(light, n, 0);
     free(light);
@@ -188,17 +183,16 @@ static rx_status render(const sky_ground *sky, const rx_scene *scene, const two_
         float *images[2] = {field->blurred, field->sharp};
         RX_TRY(rx_render(scene, 2, both, images, 1, err));
     } else {
-        float *core = RX_NEW(float, 2 * n), *halo = core + n;
-        if (core == NULL)
-            return rx_error_memory(err, 2 * n * sizeof *core);
+        float *core, *halo;
+        RX_TRY(RX_MAKE(core, 2 * n, err));
+        halo = core + n;
         const rx_optics *all[3] = {optics->core, optics->halo, sky->simulation->target};
         float *images[3] = {core, halo, field->sharp};
         const rx_status status = rx_render(scene, 3, all, images, 1, err);
         for (size_t i = 0; i < n; i++)
             field->blurred[i] += (float)(1.0 - field->halo) * core[i] + (float)field->halo * halo[i];
         free(core);
-        if (status != RX_OK)
-            return status;
+        RX_TRY(status);
     }
     cut_negative(n, field->blurred);
     cut_negative(n, field->sharp);

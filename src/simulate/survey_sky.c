@@ -62,11 +62,6 @@ static int number(rx_random_stream key, uint64_t slot, int first, int last)
     return first + (int)rx_random_between(key, slot, 0.0, last - first + 1);
 }
 
-static double sign(rx_random_stream key, uint64_t slot)
-{
-    return happens(key, slot, 0.5) ? -1.0 : 1.0;
-}
-
 /* --- drawing --- */
 
 /* By a Gaussian, as far as RX_NOISE_REACH. */
@@ -226,7 +221,8 @@ double rx_survey_light(const rx_survey *s, double x, double y)
 /* From its first row to its last one, or a part that begins or ends inside. */
 static void add_column(const rx_survey *s, uint64_t slot, float *pixels)
 {
-    const double height = sign(s->key, slot) * rx_random_log_between(s->key, slot + 1, COLUMN[0], COLUMN[1]);
+    const double height = (happens(s->key, slot, 0.5) ? -1.0 : 1.0) *
+                          rx_random_log_between(s->key, slot + 1, COLUMN[0], COLUMN[1]);
     const int x = (s->window - s->side) / 2 + number(s->key, slot + 2, 0, s->side - 1);
     const int half = happens(s->key, slot + 3, 0.5), from = number(s->key, slot + 4, 0, s->window - 1);
     for (int y = half ? from : 0; y < s->window; y++)

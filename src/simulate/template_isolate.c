@@ -28,14 +28,6 @@ typedef struct workshop {
     double sigma, fine_sigma, wide_sigma;
 } workshop;
 
-static void close_workshop(workshop *w)
-{
-    free(w->raw);
-    free(w->bad);
-    free(w->stack);
-    free(w->scratch);
-}
-
 static rx_status open_workshop(const float *pixels, const unsigned char *mask, int width, int height,
                                workshop *w, rx_error *err)
 {
@@ -240,14 +232,14 @@ rx_status rx_template_isolate(const float *pixels, const unsigned char *mask, in
                               double sky, rx_template *dst, rx_error *err)
 {
     workshop w;
-    rx_status status = open_workshop(pixels, mask, width, height, &w, err);
-    if (status == RX_OK)
-        status = measure_noise(&w, sky, err);
-    if (status != RX_OK || flood(&w, brightest(&w)) <= LEAST_PIXELS)
+    rx_status status;
+    RX_TRY_EXIT(open_workshop(pixels, mask, width, height, &w, err));
+    RX_TRY_EXIT(measure_noise(&w, sky, err));
+    if (flood(&w, brightest(&w)) <= LEAST_PIXELS)
         goto exit;
     add_seam(&w);
-    status = crop(&w, dst, err);
-    if (status == RX_OK && dst->pixels != NULL) {
+    RX_TRY_EXIT(crop(&w, dst, err));
+    if (dst->pixels != NULL) {
         measure_shape(dst);
         status = measure_radius(dst, err);
     }
@@ -256,6 +248,9 @@ exit:
         free(dst->pixels);
         dst->pixels = NULL;
     }
-    close_workshop(&w);
+    free(w.raw);
+    free(w.bad);
+    free(w.stack);
+    free(w.scratch);
     return status;
 }

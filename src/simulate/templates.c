@@ -30,12 +30,6 @@ typedef struct reading {
 
 /* --- names --- */
 
-static int ends_with(const char *text, const char *end)
-{
-    size_t n = strlen(text), m = strlen(end);
-    return n >= m && strcmp(text + n - m, end) == 0;
-}
-
 static const char *base_name(const char *path)
 {
     const char *slash = strrchr(path, '/');
@@ -46,16 +40,13 @@ static const char *base_name(const char *path)
 static size_t stem_length(const char *path)
 {
     static const char *const ends[] = {".fits", ".fit", ".fits.gz", ".fit.gz", ".fits.fz"};
-    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++)
-        if (ends_with(path, ends[i]))
-            return strlen(path) - strlen(ends[i]);
+    const size_t n = strlen(path);
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+        const size_t m = strlen(ends[i]);
+        if (n >= m && strcmp(path + n - m, ends[i]) == 0)
+            return n - m;
+    }
     return 0;
-}
-
-static int is_psf(const char *path)
-{
-    size_t n = stem_length(path);
-    return n >= 4 && strncmp(path + n - 4, "_psf", 4) == 0;
 }
 
 static int is_file(const char *path)
@@ -115,11 +106,11 @@ static rx_status psf_fwhm(const char *name, rx_log *log, double *dst, rx_error *
     int width = 0, height = 0, size = 0;
     double fwhm = 0.0, ellipticity;
     rx_error error = rx_error_part(err);
-    rx_status status = rx_fits_read_image(name, &pixels, &width, &height, &error);
-    if (status == RX_OK)
-        status = cut_psf(pixels, width, height, &stamp, &size, &error);
-    if (status == RX_OK)
-        status = rx_psf_shape(stamp, size, &fwhm, &ellipticity, NULL, &error);
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_read_image(name, &pixels, &width, &height, &error));
+    RX_TRY_EXIT(cut_psf(pixels, width, height, &stamp, &size, &error));
+    status = rx_psf_shape(stamp, size, &fwhm, &ellipticity, NULL, &error);
+exit:
     free(stamp);
     free(pixels);
     *dst = status == RX_OK && fwhm > 0.0 ? sqrt(fwhm * fwhm + PIXEL_FWHM2) : 0.0;
@@ -131,7 +122,7 @@ static rx_status psf_fwhm(const char *name, rx_log *log, double *dst, rx_error *
     return RX_OK;
 }
 
-/* *source joins the list, or is freed when there is nothing in it or too little. */
+/* *source joins the list, or is freed when there is nothing in it or too little; after an error it is still the caller's. */
 static rx_status keep(reading *to, rx_template *source, rx_error *err)
 {
     if (source->pixels == NULL || !(source->snr >= to->min_snr)) {
@@ -140,11 +131,7 @@ static rx_status keep(reading *to, rx_template *source, rx_error *err)
         free(source->pixels);
         return RX_OK;
     }
-    const rx_status status = RX_GROW(to->all->list, (size_t)to->all->n + 1, err);
-    if (status != RX_OK) {
-        free(source->pixels);
-        return status;
-    }
+    RX_TRY(RX_GROW(to->all->list, (size_t)to->all->n + 1, err));
     to->all->list[to->all->n++] = *source;
     return RX_OK;
 }
@@ -160,13 +147,15 @@ static rx_status add_image(reading *to, const char *path, int hdu, double sky, d
     RX_TRY(rx_tile_read(&par, path, hdu, 1, NULL, &tile, err));
     source.pixel_scale = tile->pixel_scale > 0.0 ? tile->pixel_scale : to->pixel_scale;
     snprintf(source.name, sizeof source.name, "%.64s[%d]", base_name(path), hdu);
-    rx_status status =
-        rx_template_isolate(tile->pixels, tile->mask, tile->width, tile->height, sky, &source, err);
-    if (status == RX_OK && source.pixels != NULL && psf[0] != '\0' && source.snr >= to->min_snr)
-        status = psf_fwhm(psf, to->log, &source.fwhm, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_template_isolate(tile->pixels, tile->mask, tile->width, tile->height, sky, &source, err));
+    if (source.pixels != NULL && psf[0] != '\0' && source.snr >= to->min_snr)
+        RX_TRY_EXIT(psf_fwhm(psf, to->log, &source.fwhm, err));
     source.fwhm *= source.pixel_scale;
-    if (status == RX_OK)
-        status = keep(to, &source, err);
+    status = keep(to, &source, err);
+exit:
+    if (status != RX_OK)
+        free(source.pixels);
     rx_tile_free(tile);
     return status;
 }
@@ -254,9 +243,8 @@ static rx_status add_catalogue(reading *to, const char *path, const rx_table *ta
 static rx_status add_any(reading *to, const char *path, rx_error *err)
 {
     rx_table *table = NULL;
-    rx_status status = open_catalogue(path, &table, err);
-    if (status == RX_OK)
-        status = table != NULL ? add_catalogue(to, path, table, err) : add_file(to, path, err);
+    RX_TRY(open_catalogue(path, &table, err));
+    const rx_status status = table != NULL ? add_catalogue(to, path, table, err) : add_file(to, path, err);
     rx_table_free(table);
     return status;
 }
@@ -291,7 +279,8 @@ static rx_status add_folder(reading *to, const char *folder, rx_error *err)
         status = add_catalogue(to, path, table, err);
     for (int i = 0; status == RX_OK && table == NULL && i < n; i++) {
         snprintf(path, NAME, "%.700s/%.255s", folder, entries[i]->d_name);
-        if (!is_psf(path))
+        const size_t stem = stem_length(path);
+        if (stem < 4 || strncmp(path + stem - 4, "_psf", 4) != 0)
             status = add_file(to, path, err);
     }
     rx_table_free(table);

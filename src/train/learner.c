@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "num/stats.h"
 
 /* --- stars --- */
 
@@ -70,28 +71,20 @@ static int inside(const float *star, int side, double margin)
            star[1] <= side - 1 - margin;
 }
 
-static int by_snr(const void *a, const void *b)
-{
-    const float *const *p = a, *const *q = b;
-    if ((*p)[3] != (*q)[3])
-        return (*p)[3] > (*q)[3] ? -1 : 1;
-    return *p < *q ? -1 : *p > *q;
-}
-
 rx_status rx_star_check_run(const rx_sample *sample, const float *restored, int margin, double target_fwhm,
                             rx_star_check *dst, rx_error *err)
 {
     const int side = sample->side;
     const double radius = APERTURE * target_fwhm;
-    const float *order[RX_SAMPLE_STARS];
+    rx_ranked order[RX_SAMPLE_STARS]; /* by S/N */
     char *taken;
     *dst = (rx_star_check){0};
     RX_TRY(RX_MAKE(taken, (size_t)side * (size_t)side, err));
     for (int i = 0; i < sample->nstars; i++)
-        order[i] = sample->star[i];
-    qsort(order, (size_t)sample->nstars, sizeof *order, by_snr);
+        order[i] = (rx_ranked){(double)sample->star[i][3], i};
+    rx_rank_falling(order, (size_t)sample->nstars);
     for (int i = 0; i < sample->nstars; i++) {
-        const float *star = order[i];
+        const float *star = sample->star[order[i].index];
         if (star[3] > FOUND_SNR && inside(star, side, margin)) {
             dst->stars += 1;
             dst->found += find(restored, side, star, taken);
@@ -123,27 +116,23 @@ struct rx_learner {
     bench *bench; /* [nthreads] */
 };
 
-/* Steps are made one by one: FFTW's planner is not for several threads. */
-static rx_status open_bench(const rx_learner *l, bench *b, rx_error *err)
-{
-    const rx_step_params test = {
-        .kind = l->par.kind, .idt_restore = 1, .floor = l->par.floor, .margin = l->par.margin};
-    RX_TRY(rx_step_new(l->model, &l->par, l->side, &b->step, err));
-    RX_TRY(rx_step_new(l->model, &test, l->side, &b->test, err));
-    return RX_MAKE(b->planes, 3 * (size_t)l->side * (size_t)l->side, err);
-}
-
 rx_status rx_learner_new(const rx_model *model, const rx_step_params *par, int side, int most, int nthreads,
                          rx_learner **dst, rx_error *err)
 {
+    const rx_step_params test = {
+        .kind = par->kind, .idt_restore = 1, .floor = par->floor, .margin = par->margin};
     rx_learner *l;
     rx_status status;
     RX_TRY(RX_MAKE(l, 1, err));
     *l = (rx_learner){.model = model, .par = *par, .side = side, .nthreads = nthreads};
     l->n = rx_model_params(model);
     RX_TRY_EXIT(RX_MAKE(l->bench, (size_t)nthreads, err));
-    for (int t = 0; t < nthreads; t++)
-        RX_TRY_EXIT(open_bench(l, &l->bench[t], err));
+    for (bench *b = l->bench; b < l->bench + nthreads; b++) {
+        /* one by one: FFTW's planner is not for several threads */
+        RX_TRY_EXIT(rx_step_new(model, &l->par, side, &b->step, err));
+        RX_TRY_EXIT(rx_step_new(model, &test, side, &b->test, err));
+        RX_TRY_EXIT(RX_MAKE(b->planes, 3 * (size_t)side * (size_t)side, err));
+    }
     RX_TRY_EXIT(RX_MAKE(l->each, (size_t)most * (size_t)l->n, err));
     *dst = l;
     return RX_OK;

@@ -4,7 +4,6 @@ librextract_train_la_SOURCES += src/train/selection.c src/train/selection.h
 librextract_train_la_SOURCES += src/train/loss.c src/train/loss.h
 librextract_train_la_SOURCES += src/train/step.c src/train/step.h
 librextract_train_la_SOURCES += src/train/learner.c src/train/learner.h
-librextract_train_la_SOURCES += src/train/history.c src/train/history.h
 librextract_train_la_SOURCES += src/train/state.c src/train/state.h
 librextract_train_la_SOURCES += src/train/setup.c src/train/setup.h
 librextract_train_la_SOURCES += src/train/trainer.c src/train/trainer.h

@@ -27,17 +27,6 @@ static void add_line(const float *restrict src, float factor, int n, float *rest
         dst[k] += factor * src[k];
 }
 
-/* share[n]: sum of the weights that lie inside a line of n pixels. */
-static void inside_shares(const float *gauss, int n, float *share)
-{
-    for (int x = 0; x < n; x++) {
-        const int first = x < RADIUS ? -x : -RADIUS, last = x + RADIUS >= n ? n - 1 - x : RADIUS;
-        share[x] = 0;
-        for (int i = first; i <= last; i++)
-            share[x] += gauss[i + RADIUS];
-    }
-}
-
 /* dst = Gauss * src, nothing being outside the patch, or normalised inside it by share[side], which is overwritten (NULL: not);
  * other[side^2] is scratch. Whole lines are added at a time, which is what makes it quick. */
 static void smooth(const float *src, int side, float *other, float *share, float *dst)
@@ -45,8 +34,11 @@ static void smooth(const float *src, int side, float *other, float *share, float
     const size_t n = (size_t)side;
     float gauss[2 * RADIUS + 1];
     rx_gauss_weights(FWHM, RADIUS, gauss);
-    if (share != NULL)
-        inside_shares(gauss, side, share);
+    for (int x = 0; share != NULL && x < side; x++) { /* sum of the weights that lie inside a line */
+        share[x] = 0;
+        for (int i = -RADIUS; i <= RADIUS; i++)
+            share[x] += x + i >= 0 && x + i < side ? gauss[i + RADIUS] : 0;
+    }
     for (size_t y = 0; y < n; y++) {
         float *line = other + y * n;
         memset(line, 0, n * sizeof *line);
@@ -172,17 +164,6 @@ void rx_ffl_free(rx_ffl *ffl)
     free(ffl);
 }
 
-static void load(rx_ffl *ffl, const float *out, const float *truth)
-{
-    const size_t stride = (size_t)rx_fft_stride_real(ffl->fft);
-    for (int y = 0; y < ffl->inner; y++) {
-        const size_t row = (size_t)(y + ffl->margin) * (size_t)ffl->side + (size_t)ffl->margin;
-        for (int x = 0; x < ffl->inner; x++)
-            ffl->plane[(size_t)y * stride + (size_t)x] =
-                rx_stretch(out[row + (size_t)x]) - rx_stretch(truth[row + (size_t)x]);
-    }
-}
-
 /* With Z = inner D, the unnormalised transform: the largest |Z|, and the sum of |Z|^3 over the whole plane:
  * columns u and width - u are complex conjugates of each other, of which the half spectrum holds one. */
 static void measure(const rx_ffl *ffl, double *most, double *cubes)
@@ -218,8 +199,13 @@ void rx_ffl_add(rx_ffl *ffl, const float *out, const float *truth, double scale,
                 float *gradient)
 {
     const double pixels = (double)ffl->inner * ffl->inner;
+    const size_t stride = (size_t)rx_fft_stride_real(ffl->fft);
     double most, cubes;
-    load(ffl, out, truth);
+    for (int y = 0; y < ffl->inner; y++)
+        for (int x = 0; x < ffl->inner; x++) {
+            const size_t k = (size_t)(y + ffl->margin) * (size_t)ffl->side + (size_t)(x + ffl->margin);
+            ffl->plane[(size_t)y * stride + (size_t)x] = rx_stretch(out[k]) - rx_stretch(truth[k]);
+        }
     rx_fft_forward(ffl->fft, ffl->plane, ffl->spectrum);
     measure(ffl, &most, &cubes);
     if (!(most > 0)) { /* equal images: 0, or all frequencies not a number: that is passed on */
@@ -236,7 +222,6 @@ void rx_ffl_add(rx_ffl *ffl, const float *out, const float *truth, double scale,
     for (int y = 0; y < ffl->inner; y++)
         for (int x = 0; x < ffl->inner; x++) {
             const size_t k = (size_t)(y + ffl->margin) * (size_t)ffl->side + (size_t)(x + ffl->margin);
-            gradient[k] += ffl->plane[(size_t)y * (size_t)rx_fft_stride_real(ffl->fft) + (size_t)x] *
-                           rx_stretch_slope(out[k]);
+            gradient[k] += ffl->plane[(size_t)y * stride + (size_t)x] * rx_stretch_slope(out[k]);
         }
 }

@@ -36,18 +36,10 @@ void rx_sample_attach(rx_sample *sample)
 
 rx_status rx_sample_new(int side, rx_sample **dst, rx_error *err)
 {
-    const size_t bytes = rx_sample_bytes(side);
-    *dst = rx_alloc(1, bytes);
-    if (*dst == NULL)
-        return rx_error_memory(err, bytes);
+    RX_TRY(rx_make(dst, 1, rx_sample_bytes(side), err));
     (*dst)->side = side;
     rx_sample_attach(*dst);
     return RX_OK;
-}
-
-void rx_sample_free(rx_sample *sample)
-{
-    free(sample);
 }
 
 /* Bit 2 exchanges the axes, then bits 0 and 1 turn them around. */

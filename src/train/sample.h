@@ -41,11 +41,11 @@ typedef struct rx_sample {
 } rx_sample;
 
 /* One allocation of rx_sample_bytes(side): header, then planes; a sample travels between ranks as these bytes
- * (same machine type); rx_sample_attach() sets the pointers again after it has arrived. Errors: RX_SYSTEM. */
+ * (same machine type); rx_sample_attach() sets the pointers again after it has arrived. Free it with free(). Errors:
+ * RX_SYSTEM. */
 rx_status rx_sample_new(int side, rx_sample **dst, rx_error *err);
 size_t rx_sample_bytes(int side);
 void rx_sample_attach(rx_sample *sample);
-void rx_sample_free(rx_sample *sample);
 
 /* One of the eight turns and flips of the square (0 = none), of all planes, kernel and star positions. */
 rx_status rx_sample_turn(rx_sample *sample, int turn, rx_error *err);

@@ -108,12 +108,6 @@ uint64_t rx_samples_field(const rx_samples_params *par, rx_sample_id id)
     return hash(seed_of(par, id) ^ FIELD_SEED, stream_of(id), era << 32 | number);
 }
 
-static rx_random_stream sample_key(const rx_samples_params *par, rx_sample_id id)
-{
-    uint64_t seed = seed_of(par, id) ^ SAMPLE_SEED;
-    return (rx_random_stream){seed, hash(seed, stream_of(id), (uint64_t)id.epoch << 32 | id.index)};
-}
-
 /* Fields of all bins are dealt out like cards, along the diagonal of the grid, so that no rank gets all the wide PSFs,
  * and from another one on whenever the fields change. */
 static int owner_of(const rx_samples *s, rx_sample_id id)
@@ -183,16 +177,6 @@ static rx_status open_bench(const rx_samples *s, bench *b, rx_error *err)
     return RX_OK;
 }
 
-static void close_bench(bench *b)
-{
-    free(b->x);
-    free(b->half);
-    free(b->spectrum);
-    free(b->filter);
-    free(b->normal);
-    rx_fft_free(b->fft);
-}
-
 /* Pixels on a side of a field with its frame. */
 static int field_side(const rx_samples *s)
 {
@@ -226,7 +210,7 @@ exit:
 static void drop_images(rx_samples *s)
 {
     for (long at = 0; at < s->all && s->image != NULL; at++)
-        rx_sample_free(s->image[at]);
+        free(s->image[at]);
     free(s->image);
     s->image = NULL;
     s->n = s->all = 0;
@@ -240,26 +224,20 @@ void rx_samples_free(rx_samples *s)
     for (long i = 0; i < s->nkept; i++)
         rx_sky_field_clear(&s->kept[i].sky);
     free(s->kept);
-    for (int t = 0; t < s->nthreads && s->benches != NULL; t++)
-        close_bench(&s->benches[t]);
+    for (bench *b = s->benches; b != NULL && b < s->benches + s->nthreads; b++) {
+        free(b->x);
+        free(b->half);
+        free(b->spectrum);
+        free(b->filter);
+        free(b->normal);
+        rx_fft_free(b->fft);
+    }
     free(s->benches);
     rx_simulation_free(s->simulation);
     free(s);
 }
 
 /* --- fields --- */
-
-/* Epochs only rise: fields of those that are over serve no more. */
-static void drop_past(rx_samples *s, uint32_t era)
-{
-    long n = 0;
-    for (long i = 0; i < s->nkept; i++)
-        if (s->kept[i].era < era)
-            rx_sky_field_clear(&s->kept[i].sky);
-        else
-            s->kept[n++] = s->kept[i];
-    s->nkept = n;
-}
 
 /* *dst is one of those kept, or is made; then it is to be cleared or kept. */
 static rx_status get_field(const rx_samples *s, long nkept, rx_sample_id id, kept_field *dst, rx_error *err)
@@ -276,15 +254,6 @@ static rx_status get_field(const rx_samples *s, long nkept, rx_sample_id id, kep
     return rx_sky_field_make(s->simulation, &s->par.sky, fwhm,
                              (rx_random_stream){seed_of(&s->par, id) ^ FIELD_SEED, dst->number}, &dst->sky,
                              err);
-}
-
-/* For the next epoch, if that has the same fields and there is room. */
-static bool keep_field(rx_samples *s, rx_sample_id id, const kept_field *field)
-{
-    if (id.epoch == RX_EPOCH_VALIDATION || era_of(&s->par, id.epoch + 1) != field->era || s->nkept == s->room)
-        return false;
-    s->kept[s->nkept++] = *field;
-    return true;
 }
 
 /* --- samples --- */
@@ -516,7 +485,9 @@ static rx_status make_run(const rx_samples *s, const bench *b, const rx_sky_fiel
     for (long i = 0; i < n; i++) {
         RX_TRY(rx_interrupt_check(err));
         RX_TRY(rx_sample_new(s->par.side, &samples[i], err));
-        draft d = {.of = s, .bench = b, .field = field, .key = sample_key(&s->par, ids[i])};
+        const uint64_t seed = seed_of(&s->par, ids[i]) ^ SAMPLE_SEED,
+                       stream = hash(seed, stream_of(ids[i]), (uint64_t)ids[i].epoch << 32 | ids[i].index);
+        draft d = {.of = s, .bench = b, .field = field, .key = {seed, stream}};
         samples[i]->id = ids[i];
         choose_place(s, ids[i], &d);
         RX_TRY(develop(&d, samples[i], err));
@@ -547,9 +518,15 @@ static rx_status prepare_room(rx_samples *s, uint32_t epoch, long runs, rx_error
 {
     const size_t bytes = 2 * sizeof(float) * (size_t)field_side(s) * (size_t)field_side(s);
     const long most = (long)(RX_SAMPLES_MEMORY / bytes);
+    long n = 0;
     if (epoch == RX_EPOCH_VALIDATION)
         return RX_OK;
-    drop_past(s, era_of(&s->par, epoch));
+    for (long i = 0; i < s->nkept; i++) /* epochs only rise: fields of those that are over serve no more */
+        if (s->kept[i].era < era_of(&s->par, epoch))
+            rx_sky_field_clear(&s->kept[i].sky);
+        else
+            s->kept[n++] = s->kept[i];
+    s->nkept = n;
     s->room = s->nkept + runs < most ? s->nkept + runs : most;
     return RX_GROW(s->kept, (size_t)s->room + 1, err);
 }
@@ -581,7 +558,12 @@ rx_status rx_samples_make(rx_samples *s, const rx_sample_id *ids, long n, rx_sam
                 bool kept = false;
                 for (long i = 0; i < nkept; i++)
                     kept |= s->kept[i].number == field.number;
-                if (!kept && (made != RX_OK || !keep_field(s, *run, &field)))
+                /* kept for the next epoch, if that has the same fields and there is room */
+                const bool again =
+                    run->epoch != RX_EPOCH_VALIDATION && era_of(&s->par, run->epoch + 1) == field.era;
+                if (!kept && made == RX_OK && again && s->nkept < s->room)
+                    s->kept[s->nkept++] = field;
+                else if (!kept)
                     rx_sky_field_clear(&field.sky);
                 if (made != RX_OK && r < first) {
                     first = r;
@@ -603,13 +585,6 @@ typedef struct job {
     long at;
 } job;
 
-/* The rank that needs the image at a position. */
-static int user_of(const rx_samples *s, long at)
-{
-    const long within = (at < s->n ? at : at - s->n) % s->par.batch;
-    return (int)(within * rx_par_processes() / s->par.batch);
-}
-
 /* Images, by set, bin and index. */
 static int compare_jobs(const void *a, const void *b)
 {
@@ -619,17 +594,6 @@ static int compare_jobs(const void *a, const void *b)
     if (p->bin != q->bin)
         return p->bin < q->bin ? -1 : 1;
     return (p->index > q->index) - (p->index < q->index);
-}
-
-/* jobs[all] in the order of positions. */
-static void list_jobs(const rx_selection *selection, uint32_t epoch, const rx_pick *order, long n, job *jobs)
-{
-    long at = 0;
-    for (; at < n; at++)
-        jobs[at] = (job){{epoch, RX_SET_TRAIN, order[at].bin, order[at].index}, at};
-    for (int bin = 0; bin < selection->nbins; bin++)
-        for (int i = 0; i < selection->test[bin]; i++, at++)
-            jobs[at] = (job){{epoch, RX_SET_TEST, (uint32_t)bin, (uint32_t)i}, at};
 }
 
 /* This rank's share; images of one field are made together. */
@@ -667,12 +631,13 @@ static rx_status hand_over(rx_samples *s, const job *jobs, long from, rx_error *
 {
     const int side = s->par.side;
     for (long at = from; at < s->all; at++) {
-        const int maker = owner_of(s, jobs[at].id), user = user_of(s, at);
+        const long within = (at < s->n ? at : at - s->n) % s->par.batch;
+        const int maker = owner_of(s, jobs[at].id), user = (int)(within * rx_par_processes() / s->par.batch);
         if (maker == user)
             continue;
         if (rx_par_rank() == maker) {
             RX_TRY(rx_par_send(user, s->image[at], rx_sample_bytes(side), err));
-            rx_sample_free(s->image[at]);
+            free(s->image[at]);
             s->image[at] = NULL;
         } else if (rx_par_rank() == user) {
             RX_TRY(rx_sample_new(side, &s->image[at], err));
@@ -686,7 +651,8 @@ static rx_status hand_over(rx_samples *s, const job *jobs, long from, rx_error *
 rx_status rx_samples_epoch(rx_samples *s, uint32_t epoch, const rx_selection *selection, const rx_pick *order,
                            long n, long from, rx_error *err)
 {
-    job *jobs = NULL;
+    job *jobs = NULL; /* [all] in the order of positions */
+    long at = 0;
     rx_status status;
     drop_images(s);
     s->all = s->n = n;
@@ -694,7 +660,11 @@ rx_status rx_samples_epoch(rx_samples *s, uint32_t epoch, const rx_selection *se
         s->all += selection->test[bin];
     RX_TRY_EXIT(RX_MAKE(s->image, (size_t)s->all, err));
     RX_TRY_EXIT(RX_MAKE(jobs, (size_t)s->all, err));
-    list_jobs(selection, epoch, order, n, jobs);
+    for (; at < n; at++)
+        jobs[at] = (job){{epoch, RX_SET_TRAIN, order[at].bin, order[at].index}, at};
+    for (int bin = 0; bin < selection->nbins; bin++)
+        for (int i = 0; i < selection->test[bin]; i++, at++)
+            jobs[at] = (job){{epoch, RX_SET_TEST, (uint32_t)bin, (uint32_t)i}, at};
     status = make_share(s, jobs, from, err);
 exit:
     status = rx_par_agree(status, err);

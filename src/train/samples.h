@@ -85,7 +85,7 @@ uint64_t rx_samples_field(const rx_samples_params *par, rx_sample_id id);
  * `from` are not made. Images that were not taken before are dropped. Errors: those of rx_samples_make() on any rank. */
 rx_status rx_samples_epoch(rx_samples *samples, uint32_t epoch, const rx_selection *selection,
                            const rx_pick *order, long n, long from, rx_error *err);
-/* The image at a position, once; NULL where it is another rank's. Free with rx_sample_free(). */
+/* The image at a position, once; NULL where it is another rank's. Free with free(). */
 rx_sample *rx_samples_take(rx_samples *samples, long at);
 /* Images that this rank has made for epochs so far, and the seconds that it took. */
 void rx_samples_made(const rx_samples *samples, long *images, double *seconds);

@@ -26,9 +26,12 @@ static void count(rx_selection *selection)
     }
 }
 
-static int is_range(const double range[2])
+static rx_status check_range(const char *what, const double range[2], rx_error *err)
 {
-    return isfinite(range[0]) && isfinite(range[1]) && range[0] < range[1] && range[0] > 0.0;
+    return isfinite(range[0]) && isfinite(range[1]) && range[0] < range[1] && range[0] > 0.0
+               ? RX_OK
+               : rx_error_set(err, RX_USAGE, "%s from %g to %g: the smaller comes first, above 0", what,
+                              range[0], range[1]);
 }
 
 rx_status rx_selection_begin(const int bins[2], const double fwhm[2], const double sigma[2], int total,
@@ -41,12 +44,8 @@ rx_status rx_selection_begin(const int bins[2], const double fwhm[2], const doub
     if (total < LEAST_TOTAL)
         return rx_error_set(err, RX_USAGE, "%d images per bin: at least %d, as %d of them are for the test",
                             total, (int)LEAST_TOTAL, (int)RX_TEST_LEAST);
-    if (!is_range(fwhm))
-        return rx_error_set(err, RX_USAGE, "FWHM from %g to %g: the smaller comes first, above 0", fwhm[0],
-                            fwhm[1]);
-    if (!is_range(sigma))
-        return rx_error_set(err, RX_USAGE, "noise from %g to %g: the smaller comes first, above 0", sigma[0],
-                            sigma[1]);
+    RX_TRY(check_range("FWHM", fwhm, err));
+    RX_TRY(check_range("noise", sigma, err));
     *dst = (rx_selection){.nfwhm = nfwhm,
                           .nsigma = nsigma,
                           .nbins = nfwhm * nsigma,
@@ -101,18 +100,6 @@ void rx_selection_bin(const rx_selection *selection, int bin, double fwhm[2], do
     cell(selection->sigma, selection->nsigma, bin / selection->nfwhm, sigma);
 }
 
-/* Fisher and Yates; the products of 52-bit uniforms with n are even to 1e-11 for any n here. */
-static void shuffle(uint64_t seed, uint32_t epoch, rx_pick *order, long n)
-{
-    for (long i = n - 1; i > 0; i--) {
-        double uniform = rx_random_uniform(seed ^ SHUFFLE_SEED, epoch, (uint64_t)i);
-        long j = (long)(uniform * (double)(i + 1));
-        rx_pick held = order[i];
-        order[i] = order[j];
-        order[j] = held;
-    }
-}
-
 rx_status rx_selection_order(const rx_selection *selection, uint64_t seed, uint32_t epoch, rx_pick **order,
                              long *n, rx_error *err)
 {
@@ -126,7 +113,14 @@ rx_status rx_selection_order(const rx_selection *selection, uint64_t seed, uint3
     for (int b = 0; b < selection->nbins; b++)
         for (int i = 0; i < selection->train[b]; i++)
             list[at++] = (rx_pick){.bin = (uint32_t)b, .index = (uint32_t)i};
-    shuffle(seed, epoch, list, total);
+    /* Fisher and Yates; the products of 52-bit uniforms with n are even to 1e-11 for any n here */
+    for (long i = total - 1; i > 0; i--) {
+        const double uniform = rx_random_uniform(seed ^ SHUFFLE_SEED, epoch, (uint64_t)i);
+        const long j = (long)(uniform * (double)(i + 1));
+        const rx_pick held = list[i];
+        list[i] = list[j];
+        list[j] = held;
+    }
     *order = list;
     *n = total;
     return RX_OK;

@@ -17,31 +17,23 @@ static int is(const char *word, const char *other)
     return strcmp(word, other) == 0;
 }
 
-static rx_mode mode_of(const rx_train_config *config)
-{
-    return is(config->mode, "BLIND") ? RX_MODE_BLIND : RX_MODE_INFORMED;
-}
-
 static rx_psfnet_shape shape_of(const rx_train_config *config)
 {
-    rx_psfnet_shape shape = {
+    return (rx_psfnet_shape){
         .stem = is(config->stem, "CONV") ? RX_STEM_CONV : RX_STEM_UNSHUFFLE,
-        .decoder = RX_DECODER_BILINEAR,
+        .decoder = is(config->decoder, "TRANSPOSED") ? RX_DECODER_TRANSPOSED
+                   : is(config->decoder, "SUBPIXEL") ? RX_DECODER_SUBPIXEL
+                                                     : RX_DECODER_BILINEAR,
         .width = config->width,
         .blocks = config->blocks,
         .stem_kernel = config->kernels.v[0],
         .kernel = config->kernels.v[1],
     };
-    if (is(config->decoder, "TRANSPOSED"))
-        shape.decoder = RX_DECODER_TRANSPOSED;
-    else if (is(config->decoder, "SUBPIXEL"))
-        shape.decoder = RX_DECODER_SUBPIXEL;
-    return shape;
 }
 
 static rx_front front_of(const rx_train_config *config)
 {
-    const rx_mode mode = mode_of(config);
+    const rx_mode mode = is(config->mode, "BLIND") ? RX_MODE_BLIND : RX_MODE_INFORMED;
     return (rx_front){
         .mode = mode,
         .target_fwhm = config->target_fwhm,
@@ -51,23 +43,12 @@ static rx_front front_of(const rx_train_config *config)
     };
 }
 
-/* File name without folders and extension: a model says nothing of the machine that made it. */
-static void name_of(const rx_train_config *config, char *dst, size_t size)
-{
-    const char *slash = strrchr(config->model_name, '/');
-    const char *name = slash != NULL ? slash + 1 : config->model_name;
-    const char *dot = strrchr(name, '.');
-    const int length = dot != NULL && dot != name ? (int)(dot - name) : (int)strlen(name);
-    snprintf(dst, size, "%.*s", length, name);
-}
-
 static rx_status make_net(const rx_psfnet_shape *shape, int inputs, uint64_t seed, uint64_t stream,
                           rx_net **dst, rx_error *err)
 {
-    rx_status status = rx_psfnet_new(shape, inputs, dst, err);
-    if (status == RX_OK)
-        rx_net_initialise(*dst, seed, stream, DAMPED, LAST);
-    return status;
+    RX_TRY(rx_psfnet_new(shape, inputs, dst, err));
+    rx_net_initialise(*dst, seed, stream, DAMPED, LAST);
+    return RX_OK;
 }
 
 static rx_survey_params survey_of(const rx_train_config *config)
@@ -99,43 +80,37 @@ static int same_networks(const rx_net *a, const rx_net *b)
     return 1;
 }
 
-static rx_status check_first(const char *path, const rx_model *first, const rx_model *model, rx_error *err)
-{
-    rx_net *from[RX_MODEL_NETS], *to[RX_MODEL_NETS];
-    if (first->front.mode != model->front.mode)
-        return rx_error_at(err, RX_USAGE, path, -1, 0,
-                           "a model of MODE %s cannot begin a training of MODE %s",
-                           rx_mode_name(first->front.mode), rx_mode_name(model->front.mode));
-    if (first->front.target_fwhm != model->front.target_fwhm)
-        return rx_error_at(err, RX_USAGE, path, -1, 0,
-                           "its output has a FWHM of %g pixels, TARGET_FWHM is %g; make them the same",
-                           first->front.target_fwhm, model->front.target_fwhm);
-    if (first->second != NULL && model->second == NULL)
-        return rx_error_at(err, RX_USAGE, path, -1, 0,
-                           "its network has two stages, made for each other; set STAGES 2");
-    rx_model_nets(first, from);
-    rx_model_nets(model, to);
-    for (int k = 0; k < RX_MODEL_NETS; k++)
-        if (from[k] != NULL && to[k] != NULL && !same_networks(from[k], to[k]))
-            return rx_error_at(
-                err, RX_USAGE, path, -1, 0,
-                "its network has another shape; set WIDTH, BLOCKS, STEM, DECODER and KERNELS as "
-                "rextract-train -INFO shows them");
-    return RX_OK;
-}
-
 /* Networks of an earlier training. */
 static rx_status begin_with(const char *path, rx_model *model, rx_error *err)
 {
     rx_net *from[RX_MODEL_NETS], *to[RX_MODEL_NETS];
     rx_model *first = NULL;
+    rx_status status;
     RX_TRY(rx_model_read(path, &first, err));
-    const rx_status status = check_first(path, first, model, err);
+    if (first->front.mode != model->front.mode)
+        RX_TRY_EXIT(rx_error_at(err, RX_USAGE, path, -1, 0,
+                                "a model of MODE %s cannot begin a training of MODE %s",
+                                rx_mode_name(first->front.mode), rx_mode_name(model->front.mode)));
+    if (first->front.target_fwhm != model->front.target_fwhm)
+        RX_TRY_EXIT(rx_error_at(err, RX_USAGE, path, -1, 0,
+                                "its output has a FWHM of %g pixels, TARGET_FWHM is %g; make them the same",
+                                first->front.target_fwhm, model->front.target_fwhm));
+    if (first->second != NULL && model->second == NULL)
+        RX_TRY_EXIT(rx_error_at(err, RX_USAGE, path, -1, 0,
+                                "its network has two stages, made for each other; set STAGES 2"));
     rx_model_nets(first, from);
     rx_model_nets(model, to);
-    for (int k = 0; k < RX_MODEL_NETS && status == RX_OK; k++)
-        if (from[k] != NULL && to[k] != NULL)
-            memcpy(to[k]->params, from[k]->params, (size_t)from[k]->nparams * sizeof *to[k]->params);
+    for (int k = 0; k < RX_MODEL_NETS; k++) {
+        if (from[k] == NULL || to[k] == NULL)
+            continue;
+        if (!same_networks(from[k], to[k]))
+            RX_TRY_EXIT(
+                rx_error_at(err, RX_USAGE, path, -1, 0,
+                            "its network has another shape; set WIDTH, BLOCKS, STEM, DECODER and KERNELS as "
+                            "rextract-train -INFO shows them"));
+        memcpy(to[k]->params, from[k]->params, (size_t)from[k]->nparams * sizeof *to[k]->params);
+    }
+exit:
     rx_model_free(first);
     return status;
 }
@@ -159,7 +134,11 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
     model->front = front_of(config);
     model->seed = (uint64_t)config->seed;
     model->dark = config->dark_sky;
-    name_of(config, model->name, sizeof model->name);
+    /* file name without folders and extension: a model says nothing of the machine that made it */
+    const char *slash = strrchr(config->model_name, '/'),
+               *name = slash != NULL ? slash + 1 : config->model_name, *dot = strrchr(name, '.');
+    const int length = dot != NULL && dot != name ? (int)(dot - name) : (int)strlen(name);
+    snprintf(model->name, sizeof model->name, "%.*s", length, name);
     RX_TRY_EXIT(make_net(&shape, rx_front_channels(model->front.mode), model->seed, STREAM_RESTORE,
                          &model->restore, err));
     if (config->stages == 2 && model->front.mode == RX_MODE_INFORMED)
@@ -181,8 +160,10 @@ exit:
 
 rx_step_params rx_setup_step(const rx_train_config *config)
 {
-    rx_step_params par = {
-        .kind = RX_LOSS_LINEAR,
+    return (rx_step_params){
+        .kind = is(config->loss_type, "PLAIN")       ? RX_LOSS_PLAIN
+                : is(config->loss_type, "STRETCHED") ? RX_LOSS_STRETCHED
+                                                     : RX_LOSS_LINEAR,
         .idt_restore = config->loss_idt,
         .idt_psf = config->loss_idt_psf,
         .rec_restore = config->loss_rec,
@@ -193,17 +174,6 @@ rx_step_params rx_setup_step(const rx_train_config *config)
         .margin = config->patch_margin,
         .clip = config->clip_image,
     };
-    if (is(config->loss_type, "PLAIN"))
-        par.kind = RX_LOSS_PLAIN;
-    else if (is(config->loss_type, "STRETCHED"))
-        par.kind = RX_LOSS_STRETCHED;
-    return par;
-}
-
-rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, rx_error *err)
-{
-    return rx_selection_begin(config->grid.v, config->fwhm_range.v, config->sigma_range.v, config->bin_images,
-                              is(config->selection, "ACTIVE"), dst, err);
 }
 
 rx_samples_params rx_setup_samples(const rx_train_config *config)
@@ -279,15 +249,12 @@ rx_status rx_setup_text(const rx_train_config *config, rx_setup_lines which, rx_
     rx_train_config *defaults = NULL;
     lines l = {.which = which, .dst = dst};
     rx_text_add(dst, "");
-    rx_status status = rx_train_config_new(&defaults, err);
-    if (status == RX_OK) {
-        rx_settings_visit(&defaults->settings, false, add_normal, &l.normal);
-        l.next = l.normal.data;
-        rx_settings_visit(&config->settings, false, add_line, &l);
-        if (l.normal.failed || dst->failed)
-            status = rx_error_memory(err, 0);
-    }
+    RX_TRY(rx_train_config_new(&defaults, err));
+    rx_settings_visit(&defaults->settings, false, add_normal, &l.normal);
+    l.next = l.normal.data;
+    rx_settings_visit(&config->settings, false, add_line, &l);
+    const bool failed = l.normal.failed || dst->failed;
     rx_text_free(&l.normal);
     rx_train_config_free(defaults);
-    return status;
+    return failed ? rx_error_memory(err, 0) : RX_OK;
 }

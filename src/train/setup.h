@@ -17,9 +17,6 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
 
 rx_step_params rx_setup_step(const rx_train_config *config);
 
-/* Bins and counts of the first epoch. */
-rx_status rx_setup_selection(const rx_train_config *config, rx_selection *dst, rx_error *err);
-
 rx_samples_params rx_setup_samples(const rx_train_config *config);
 
 /* "KEYWORD value" lines. RECORD: what decides the bytes of the model and is not at its default, for the model

@@ -8,9 +8,8 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "data/record.h"
 #include "report/report.h"
-
-#define COUNT(array) ((int)(sizeof(array) / sizeof *(array)))
 
 enum { EPOCHS_SHOWN = 50 };
 
@@ -110,7 +109,7 @@ static void draw_chart(rx_figures *dst, const rx_history *h, const chart *what)
 {
     rx_axes axes = {.xlabel = "epoch", .ylabel = what->title, .x1 = (double)h->n};
     rx_curves c = {0};
-    for (int k = 0; k < COUNT(what->curve) && what->curve[k].name != NULL; k++) {
+    for (int k = 0; k < RX_LENGTH(what->curve) && what->curve[k].name != NULL; k++) {
         rx_curves_add(&c, RX_CURVE_JOINED, k, what->curve[k].name);
         for (int e = 0; e < h->n; e++) {
             const double y = *(const double *)((const char *)&h->epoch[e] + what->curve[k].offset);
@@ -139,64 +138,41 @@ static void add_verdict(rx_report *report, const rx_model *model, const rx_histo
                       sentence);
 }
 
-typedef const char *pair[2];
-
-/* "KEYWORD value" lines; `copy` is cut into the words. */
-static pair *split(char *copy, int *n)
-{
-    int capacity = 1;
-    for (const char *c = copy; *c != '\0'; c++)
-        capacity += *c == '\n';
-    pair *pairs = rx_alloc((size_t)capacity, sizeof *pairs);
-    *n = 0;
-    for (char *line = copy; pairs != NULL && *line != '\0';) {
-        char *end = line + strcspn(line, "\n"), *next = *end != '\0' ? end + 1 : end;
-        *end = '\0';
-        char *value = line + strcspn(line, " ");
-        if (*value != '\0')
-            *value++ = '\0';
-        pairs[*n][0] = line;
-        pairs[(*n)++][1] = value;
-        line = next;
-    }
-    return pairs;
-}
-
-/* The words of -INFO, but for their first line: the digest is that of the file. */
-static void add_model(rx_report *report, const char *words)
-{
-    const char *line = words + strcspn(words, "\n");
-    rx_report_section(report, "model", "Model");
-    rx_report_lines(report, *line != '\0' ? line + 1 : line);
-}
-
-rx_status rx_train_page_write(const rx_train_page *page, const char *folder, const char *shown, rx_error *err)
+rx_status rx_train_page_write(const rx_train_state *state, const rx_model *model, const char *settings,
+                              int figures, const char *folder, const char *shown, rx_error *err)
 {
     static const char *const columns[] = {"epoch",      "patches", "loss", "test_loss", "input_loss",
                                           "validation", "recall",  "bias", "scatter"},
                              *const bins[] = {"fwhm_low", "fwhm_high", "sigma_low", "sigma_high", "loss",
                                               "list",     "recall",    "bias",      "scatter"};
     const rx_report_files files = {
-        .folder = folder, .shown = shown, .figures = page->figures, .page = "training.html"};
-    const rx_history *h = page->history;
-    rx_report *report = rx_report_new("Training: ", page->model->name);
+        .folder = folder, .shown = shown, .figures = figures, .page = "training.html"};
+    const rx_history *h = &state->history;
+    rx_report *report = rx_report_new("Training: ", model->name);
     rx_text words = {0};
-    char *settings = rx_strdup(page->settings);
-    pair *pairs = NULL;
-    int npairs = 0;
-    rx_status status = RX_OK;
-    if (settings != NULL)
-        pairs = split(settings, &npairs);
-    rx_model_describe(page->model, &words);
-    if (report == NULL || pairs == NULL || words.failed)
+    char *copy = rx_strdup(settings), *rest = NULL;
+    rx_record record = {0};
+    const char *(*pairs)[2] = NULL;
+    rx_status status;
+    if (report == NULL || copy == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
+    for (char *line = strtok_r(copy, "\n", &rest); line != NULL; line = strtok_r(NULL, "\n", &rest)) {
+        char *value = line + strcspn(line, " ");
+        if (*value != '\0')
+            *value++ = '\0';
+        rx_record_add(&record, line, "", "%s", value);
+    }
+    rx_model_describe(model, &words);
+    if (words.failed || record.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    RX_TRY_EXIT(rx_record_list(&record, &pairs, err));
     rx_report_fact(report, "format", "rextract training 1");
-    rx_report_fact(report, "model", page->model->name);
-    rx_report_fact_number(report, "best_epoch", (double)page->model->best);
-    rx_report_fact(report, "ended", page->model->ended ? "yes" : "no");
-    add_verdict(report, page->model, h);
-    if (page->figures) {
-        for (int i = 0; i < COUNT(CHARTS); i++)
+    rx_report_fact(report, "model", model->name);
+    rx_report_fact_number(report, "best_epoch", (double)model->best);
+    rx_report_fact(report, "ended", model->ended ? "yes" : "no");
+    add_verdict(report, model, h);
+    if (figures) {
+        for (int i = 0; i < RX_LENGTH(CHARTS); i++)
             draw_chart(rx_report_figures_of(report), h, &CHARTS[i]);
         rx_report_section(report, "curves", "Curves");
         rx_report_place(report, "curve-");
@@ -204,19 +180,23 @@ rx_status rx_train_page_write(const rx_train_page *page, const char *folder, con
     rx_report_section(report, "epochs", "Epochs");
     rx_report_show(report, add_log(report, h),
                    RX_VIEW(.from = h->n > EPOCHS_SHOWN ? h->n - EPOCHS_SHOWN : 0, .to = h->n,
-                           .ncolumns = COUNT(columns), .columns = columns));
+                           .ncolumns = RX_LENGTH(columns), .columns = columns));
     rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
                            "dictionary.ecsv.");
     rx_report_section(report, "dictionary", "Dictionary of the last epoch");
-    rx_report_show(report, add_dictionary(report, h, page->selection),
-                   RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = COUNT(bins), .columns = bins));
-    add_model(report, words.data);
-    rx_report_record(report, npairs, (const char *const(*)[2])pairs);
+    rx_report_show(report, add_dictionary(report, h, &state->selection),
+                   RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = RX_LENGTH(bins), .columns = bins));
+    /* the words of -INFO, but for their first line: the digest is that of the file */
+    const char *line = words.data + strcspn(words.data, "\n");
+    rx_report_section(report, "model", "Model");
+    rx_report_lines(report, *line != '\0' ? line + 1 : line);
+    rx_report_record(report, record.n, (const char *const(*)[2])pairs);
     status = rx_report_write(report, &files, NULL, err);
 exit:
     rx_report_free(report);
     rx_text_free(&words);
+    rx_record_free(&record);
     free(pairs);
-    free(settings);
+    free(copy);
     return status;
 }

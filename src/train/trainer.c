@@ -62,18 +62,14 @@ static int take_samples(job *j, long from, long to, long *first)
 static void free_samples(job *j, int n)
 {
     for (int i = 0; i < n; i++)
-        rx_sample_free(j->sample[i]);
+        free(j->sample[i]);
 }
 
 static void add_values(rx_step_values *sum, const rx_step_values *v, double scale)
 {
-    sum->total += scale * v->total;
-    sum->idt_restore += scale * v->idt_restore;
-    sum->idt_psf += scale * v->idt_psf;
-    sum->rec_restore += scale * v->rec_restore;
-    sum->rec_psf += scale * v->rec_psf;
-    sum->light += scale * v->light;
-    sum->ffl += scale * v->ffl;
+    double *to = (double *)sum;
+    for (int k = 0; k < (int)STEP_NUMBERS; k++)
+        to[k] += scale * ((const double *)v)[k];
 }
 
 /* Is the loss of a batch what one would expect? Divergence changes nothing in the weights. */
@@ -100,7 +96,7 @@ static double schedule(const rx_train_config *config, double progress)
         return 0;
     if (progress < warmup)
         return progress / warmup;
-    return 0.5 * (1 + cos(3.14159265358979323846 * (progress - warmup) / (1 - warmup)));
+    return 0.5 * (1 + cos(M_PI * (progress - warmup) / (1 - warmup)));
 }
 
 /* Clipped gradients into the weights. */
@@ -169,15 +165,6 @@ static double progress_of(const job *j, long n)
 {
     const double within = n > 0 ? (double)j->now->at / (double)n : 0;
     return ((double)j->now->epoch + within) / j->config->epochs;
-}
-
-static void show_progress(const job *j, long n)
-{
-    char what[96];
-    const double left = 1 - j->begun_at, done = left > 0 ? (progress_of(j, n) - j->begun_at) / left : 1;
-    snprintf(what, sizeof what, "epoch %ld of %d, loss %.4g", j->now->epoch + 1, j->config->epochs,
-             j->now->usual);
-    rx_log_progress(j->log, what, done);
 }
 
 /* All test images of the epoch, those of other ranks included. */
@@ -296,11 +283,6 @@ static rx_status write_outputs(const job *j, const rx_train_state *now, rx_error
 {
     const rx_train_config *config = j->config;
     const rx_train_state *s = j->kept;
-    const rx_train_page page = {.history = &s->history,
-                                .selection = &s->selection,
-                                .model = j->model,
-                                .settings = j->settings.data,
-                                .figures = config->qa_figures};
     const char *model, *checkpoint, *folder;
     rx_outputs *outputs = NULL;
     rx_status status;
@@ -313,7 +295,8 @@ static rx_status write_outputs(const job *j, const rx_train_state *now, rx_error
     RX_TRY_EXIT(rx_checkpoint_write(checkpoint, config->checkpoint_name, j->settings.data, s, now, err));
     if (now == NULL) {
         RX_TRY_EXIT(rx_outputs_folder(outputs, config->output_name, &folder, err));
-        RX_TRY_EXIT(rx_train_page_write(&page, folder, config->output_name, err));
+        RX_TRY_EXIT(rx_train_page_write(s, j->model, j->settings.data, config->qa_figures, folder,
+                                        config->output_name, err));
     }
     status = rx_outputs_commit(outputs, err);
 exit:
@@ -355,16 +338,6 @@ static void report_epoch(const job *j, double seconds, double making, long image
                   100 * making / seconds);
 }
 
-/* What steps and images have cost so far, on this rank. */
-static void report_costs(const job *j)
-{
-    long images;
-    double seconds;
-    rx_samples_made(j->samples, &images, &seconds);
-    rx_log_detail(j->log, "steps: %.2f s for %ld images; making images: %.2f s for %ld images", j->learning,
-                  j->learnt, seconds, images);
-}
-
 /* Back to the last end of an epoch, with half the rate. */
 static rx_status go_back(job *j, rx_error *err)
 {
@@ -386,16 +359,6 @@ static rx_status go_back(job *j, rx_error *err)
     return RX_OK;
 }
 
-static rx_status train_images(job *j, long n, rx_error *err)
-{
-    while (j->now->at < n && !j->has_diverged) {
-        RX_TRY(run_batch(j, n, err));
-        show_progress(j, n);
-        RX_TRY(rx_par_agree(rx_interrupt_check(err), err));
-    }
-    return RX_OK;
-}
-
 /* The epoch in `now`, from where it stands to its end, or to where the loss diverges. */
 static rx_status run_epoch(job *j, rx_error *err)
 {
@@ -411,7 +374,14 @@ static rx_status run_epoch(job *j, rx_error *err)
     RX_TRY_EXIT(
         rx_selection_order(&s->selection, (uint64_t)j->config->seed, (uint32_t)s->epoch, &order, &n, err));
     RX_TRY_EXIT(rx_samples_epoch(j->samples, (uint32_t)s->epoch, &s->selection, order, n, s->at, err));
-    RX_TRY_EXIT(train_images(j, n, err));
+    while (s->at < n && !j->has_diverged) {
+        const double left = 1 - j->begun_at;
+        char what[96];
+        RX_TRY_EXIT(run_batch(j, n, err));
+        snprintf(what, sizeof what, "epoch %ld of %d, loss %.4g", s->epoch + 1, j->config->epochs, s->usual);
+        rx_log_progress(j->log, what, left > 0 ? (progress_of(j, n) - j->begun_at) / left : 1);
+        RX_TRY_EXIT(rx_par_agree(rx_interrupt_check(err), err));
+    }
     if (j->has_diverged)
         goto exit;
     for (int b = 0; b < s->selection.nbins; b++)
@@ -423,7 +393,8 @@ static rx_status run_epoch(job *j, rx_error *err)
     RX_TRY_EXIT(save(j, err));
     rx_samples_made(j->samples, &made, &making);
     report_epoch(j, rx_seconds() - begun, making - making_before, n - at + ntest);
-    report_costs(j);
+    rx_log_detail(j->log, "steps: %.2f s for %ld images; making images: %.2f s for %ld images", j->learning,
+                  j->learnt, making, made); /* so far, on this rank */
 exit:
     free(order);
     free(images);
@@ -479,10 +450,10 @@ static rx_status train(job *j, rx_error *err)
 static rx_status find_state(job *j, rx_error *err)
 {
     int found = 0, within = 0;
-    rx_status status = rx_checkpoint_read(j->config->checkpoint_name, j->settings.data, j->kept, j->now,
-                                          &found, &within, err);
-    if (status != RX_OK || !found)
-        return status;
+    RX_TRY(rx_checkpoint_read(j->config->checkpoint_name, j->settings.data, j->kept, j->now, &found, &within,
+                              err));
+    if (!found)
+        return RX_OK;
     if (within)
         rx_log_info(j->log, "%s: goes on in epoch %ld, after %ld training images of it",
                     j->config->checkpoint_name, j->now->epoch + 1, j->now->at);
@@ -515,8 +486,27 @@ static rx_status prepare(job *j, int nthreads, rx_error *err)
     return RX_OK;
 }
 
-static void clean_up(job *j)
+rx_status rx_train_run(const rx_train_config *config, rx_log *log, rx_error *err)
 {
+    const rx_samples_params par = rx_setup_samples(config);
+    const int active = strcmp(config->selection, "ACTIVE") == 0;
+    rx_status status;
+    job *j;
+    RX_TRY(RX_MAKE(j, 1, err));
+    j->config = config;
+    j->log = rx_par_rank() == 0 ? log : NULL;
+    const int nthreads = rx_threads_had(config->nthreads, j->log);
+    RX_TRY_EXIT(rx_selection_begin(config->grid.v, config->fwhm_range.v, config->sigma_range.v,
+                                   config->bin_images, active, &j->grid, err));
+    RX_TRY_EXIT(rx_par_agree(prepare(j, nthreads, err), err));
+    if (is_over(j)) {
+        status = save(j, err); /* what a kill between two files may have kept from being written */
+        goto exit;
+    }
+    RX_TRY_EXIT(
+        rx_par_agree(rx_samples_new(&par, &j->grid, config->sim, nthreads, j->log, &j->samples, err), err));
+    status = train(j, err);
+exit:
     rx_samples_free(j->samples);
     rx_learner_free(j->learner);
     rx_train_state_free(j->kept);
@@ -524,34 +514,11 @@ static void clean_up(job *j)
     rx_model_free(j->model);
     rx_text_free(&j->settings);
     for (long i = 0; i < j->nvalidation && j->validation != NULL; i++)
-        rx_sample_free(j->validation[i]);
+        free(j->validation[i]);
     free(j->validation);
     free(j->gradient);
     free(j->sample);
     free(j->values);
-}
-
-static rx_status run(job *j, rx_error *err)
-{
-    const rx_samples_params par = rx_setup_samples(j->config);
-    const int nthreads = rx_threads_had(j->config->nthreads, j->log);
-    RX_TRY(rx_setup_selection(j->config, &j->grid, err));
-    RX_TRY(rx_par_agree(prepare(j, nthreads, err), err));
-    if (is_over(j))
-        return save(j, err); /* what a kill between two files may have kept from being written */
-    RX_TRY(rx_par_agree(rx_samples_new(&par, &j->grid, j->config->sim, nthreads, j->log, &j->samples, err),
-                        err));
-    return train(j, err);
-}
-
-rx_status rx_train_run(const rx_train_config *config, rx_log *log, rx_error *err)
-{
-    job *j;
-    RX_TRY(RX_MAKE(j, 1, err));
-    j->config = config;
-    j->log = rx_par_rank() == 0 ? log : NULL;
-    const rx_status status = run(j, err);
-    clean_up(j);
     free(j);
     return status;
 }

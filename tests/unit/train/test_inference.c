@@ -172,7 +172,7 @@ static void compare(uint32_t bin, rx_mode mode, int steps, int stages, double to
     compare_stars(s, margin, r->pixels, &image.check, 2e-3);
     rx_restored_free(r);
     free(trained);
-    rx_sample_free(s);
+    free(s);
     rx_model_free(model);
 }
 

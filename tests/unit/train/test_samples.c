@@ -40,7 +40,7 @@ static void test_noise(void **state)
         assert_true(fabs(square[c] / n[c] - 1.0) < 5.0 * sqrt(2.0 / n[c]));
     }
     assert_true(fabs(neighbours / pairs) < 5.0 / sqrt(pairs));
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
@@ -78,7 +78,7 @@ static void test_errors_told(void **state)
     assert_true(fabs(sqrt(noise) / 0.2 - 1.0) < tolerance);
     assert_true(fabs(sqrt(width) / 0.05 - 1.0) < tolerance);
     assert_true(least < 0.005);
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
@@ -141,7 +141,7 @@ static void test_stars(void **state)
         }
     }
     assert_true(checked > 10);
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
@@ -174,7 +174,7 @@ static void test_turned_kernel_blurs_the_same(void **state)
                                     s->kernel[(RX_SAMPLE_KERNEL / 2 + j) * RX_SAMPLE_KERNEL +
                                               RX_SAMPLE_KERNEL / 2 + i]);
             }
-        rx_sample_free(s);
+        free(s);
     }
 }
 
@@ -232,10 +232,10 @@ static void test_any_order_any_thread(void **state)
         for (int i = IMAGES - 1; i >= 0; i--) {
             samples_test_sample(one, id[i], alone);
             assert_same(alone, together[i]);
-            rx_sample_free(together[i]);
+            free(together[i]);
         }
     }
-    rx_sample_free(alone);
+    free(alone);
     rx_samples_free(one);
     rx_samples_free(three);
     rx_simulate_config_free(t.config);
@@ -270,9 +270,9 @@ static void test_uses(void **state)
         }
         assert_int_equal(alike, epoch < 4 ? 1 : 0);
     }
-    rx_sample_free(first);
-    rx_sample_free(s);
-    rx_sample_free(turned);
+    free(first);
+    free(s);
+    free(turned);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
@@ -302,7 +302,7 @@ static void test_streams_differ(void **state)
     assert_true(s[0]->true_fwhm != s[2]->true_fwhm);
     assert_true(s[0]->true_fwhm == s[3]->true_fwhm);
     for (int i = 0; i < 4; i++)
-        rx_sample_free(s[i]);
+        free(s[i]);
     rx_samples_free(train);
     rx_samples_free(reseeded);
     rx_simulate_config_free(t.config);

@@ -65,7 +65,7 @@ static void turn_back(const rx_sky_field *field, double scale, rx_sample *s)
     assert_true(found);
     memcpy(s, copy, rx_sample_bytes(P));
     rx_sample_attach(s);
-    rx_sample_free(copy);
+    free(copy);
 }
 
 /* plane [side][side] = Tikhonov copy of the field's light, mirrored at its borders onto twice the size: what
@@ -123,7 +123,7 @@ static void test_cut_from_a_field(void **state)
         free(filtered);
         rx_sky_field_clear(&field);
     }
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
@@ -192,7 +192,7 @@ static void test_patches_are_fainter_than_fields(void **state)
     print_message("of %d patches %d are above a noise level of 15, %d above 130\n", SAMPLES, fainter, empty);
     assert_true(fainter > 2 * SAMPLES / 5);
     assert_true(empty > SAMPLES / 20);
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
@@ -231,7 +231,7 @@ static void test_relative_psf(void **state)
         /* nn/deblur.h: 1.4 % at 2 pixels, 0.5 % at 2.5, 0.2 % at 3 */
         assert_true(off < (s->true_fwhm < 2.5f ? 0.02 : s->true_fwhm < 3.2f ? 5e-3 : 2e-3));
     }
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }
@@ -263,7 +263,7 @@ static void test_halos(void **state)
         rx_sky_field_clear(&plain);
         rx_sky_field_clear(&field);
     }
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
     rx_simulate_config_free(t.config);
 }

@@ -93,7 +93,7 @@ static void noise_widths(const samples_test *t, double *pixel, double *matched, 
     *pixel = sqrt(squares);
     *matched = sqrt(filtered / places);
     *expected = sqrt(*expected);
-    rx_sample_free(s);
+    free(s);
     rx_samples_free(scenes);
 }
 
@@ -135,8 +135,8 @@ static void compare(const samples_test *with, int images, watcher *watch, double
         samples_test_sample(both[1], id, s);
         watch(plain, s, sums);
     }
-    rx_sample_free(plain);
-    rx_sample_free(s);
+    free(plain);
+    free(s);
     rx_samples_free(both[0]);
     rx_samples_free(both[1]);
 }

@@ -4,8 +4,8 @@
 
 #include "../near.h"
 #include "base/random.h"
-#include "train/history.h"
 #include "train/setup.h"
+#include "train/state.h"
 
 static const double FWHM[2] = {2.0, 8.0}, SIGMA[2] = {1.0, 15.0};
 

@@ -115,7 +115,7 @@ static void bench_new(rx_bench *b, rx_mode mode, int rl_steps, int stages, const
 static void bench_free(rx_bench *b)
 {
     rx_step_free(b->step);
-    rx_sample_free(b->sample);
+    free(b->sample);
     rx_model_free(b->model);
     free(b->gradient);
 }
@@ -323,7 +323,7 @@ static void values_of_silent_networks(void **state)
              0.4 * v.ffl,
          v.total);
     rx_step_free(step);
-    rx_sample_free(s);
+    free(s);
     rx_model_free(model);
 }
 
@@ -372,7 +372,7 @@ static void light_from_beyond_is_no_data(void **state)
     assert_true(fabsf(restored[0] / s->y[WING] - 1) < 0.3f);
     assert_true(restored[1] > 10 * s->y[WING]);
     rx_step_free(step);
-    rx_sample_free(s);
+    free(s);
     rx_model_free(model);
 }
 
@@ -397,7 +397,7 @@ static void runs_repeat(void **state)
     for (long i = 0; i < n; i++)
         assert_true(fabsf(again[i] - 2 * b.gradient[i]) <= 1e-4f * fabsf(again[i]) + 1e-4f);
     free(again);
-    rx_sample_free(turned);
+    free(turned);
     bench_free(&b);
 }
 
@@ -428,7 +428,7 @@ static void terms_without_weight(void **state)
     assert_true(v.idt_restore > 0);
     assert_true(v.total == v.idt_restore);
     rx_step_free(step);
-    rx_sample_free(sample);
+    free(sample);
     rx_model_free(model);
 }
 
@@ -452,7 +452,7 @@ static void what_cannot_be_is_said(void **state)
     assert_int_equal(rx_step_run(step, sample, NULL, &v, &err), RX_INPUT);
     sample->side = SIDE;
     rx_step_free(step);
-    rx_sample_free(sample);
+    free(sample);
     rx_model_free(model);
 }
 
