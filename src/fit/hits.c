@@ -423,7 +423,8 @@ static void cut(const rx_image *image, const shapes *s, int x, int y, patch *p)
     for (int i = 0; i < p->n; i++)
         p->z[i] = NAN;
     for (int v = rx_max_int(y - s->half, 0); v <= rx_min_int(y + s->half, image->height - 1); v++)
-        rx_image_sigmas(image, left, v, right - left + 1, p->z + (v - y + s->half) * p->side + left - x + s->half);
+        rx_image_sigmas(image, left, v, right - left + 1,
+                        p->z + (v - y + s->half) * p->side + left - x + s->half);
     for (int i = 0; i < p->n; i++) {
         const bool known = p->z[i] == p->z[i];
         p->weight[i] = known ? 1.0f : 0.0f;
