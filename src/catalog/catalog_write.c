@@ -118,7 +118,6 @@ static void add_epoch(rx_text *dst, const rx_table *table)
 /* What made one table: its own facts first, then the record of the run. */
 static rx_status table_cards(const rx_catalog *catalog, const rx_table *table, rx_text *cards, rx_error *err)
 {
-    const rx_record_pair *record = catalog->record;
     cards->length = 0;
     if (catalog->type == RX_CATALOG_FITS_LDAC) /* it holds the image's header as a whole */
         add_ldac_keys(table, cards);
@@ -126,9 +125,7 @@ static rx_status table_cards(const rx_catalog *catalog, const rx_table *table, r
         add_epoch(cards, table);
     if (table->facts != NULL)
         rx_text_add_bytes(cards, table->facts, (size_t)table->nfacts * 80);
-    for (int i = 0; i < catalog->npairs; i++)
-        rx_card_record(cards, record[i].name, record[i].value != NULL ? record[i].value : "",
-                       record[i].comment != NULL ? record[i].comment : "");
+    rx_record_cards(catalog->record, cards);
     return cards->failed ? rx_error_memory(err, cards->capacity) : RX_OK;
 }
 

@@ -145,23 +145,26 @@ static void begin_table(rx_text *dst, const rx_catalog *catalog, int i)
     rx_text_add(dst, "  <DATA><TABLEDATA>\n");
 }
 
-/* Line i of the record: READ, READ2, READ3, for no name of a PARAM may come twice; text that XML could not
+/* The lines of a record: READ, READ2, READ3, for no name of a PARAM may come twice; text that XML could not
  * hold is escaped as it is in other formats. */
-static void add_record(rx_text *dst, const rx_record_pair *record, int i)
+static void add_record(rx_text *dst, const rx_record *record)
 {
-    char name[80], number[12] = "";
-    rx_text value = {0};
-    int count = 1;
-    for (int k = 0; k < i; k++)
-        count += strcmp(record[k].name, record[i].name) == 0;
-    if (count > 1)
-        snprintf(number, sizeof number, "%d", count);
-    snprintf(name, sizeof name, "%s%s", record[i].name, number);
-    rx_printable_add(&value, record[i].value != NULL ? record[i].value : "");
-    dst->failed |= value.failed;
-    if (!value.failed)
-        add_param(dst, name, value.data, record[i].comment);
-    rx_text_free(&value);
+    for (int i = 0; i < record->n; i++) {
+        char *const *pair = record->pairs[i];
+        char name[80], number[12] = "";
+        rx_text value = {0};
+        int count = 1;
+        for (int k = 0; k < i; k++)
+            count += strcmp(record->pairs[k][0], pair[0]) == 0;
+        if (count > 1)
+            snprintf(number, sizeof number, "%d", count);
+        snprintf(name, sizeof name, "%s%s", pair[0], number);
+        rx_printable_add(&value, pair[1]);
+        dst->failed |= value.failed;
+        if (!value.failed)
+            add_param(dst, name, value.data, pair[2]);
+        rx_text_free(&value);
+    }
 }
 
 static void begin_file(rx_text *dst, const rx_catalog *catalog)
@@ -170,8 +173,7 @@ static void begin_file(rx_text *dst, const rx_catalog *catalog)
                      "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
                      "<RESOURCE type=\"results\">\n"
                      " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
-    for (int i = 0; i < catalog->npairs; i++)
-        add_record(dst, catalog->record, i);
+    add_record(dst, catalog->record);
     rx_text_add(dst, " <COOSYS ID=\"J2000\" equinox=\"J2000\" epoch=\"J2000\" system=\"ICRS\"/>\n");
 }
 
@@ -232,8 +234,7 @@ rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error 
         rx_text_add(dst, "   </TABLEDATA></DATA>\n  </TABLE>\n");
     }
     rx_text_add(dst, " </RESOURCE>\n <RESOURCE ID=\"Config\" name=\"Config\">\n");
-    for (int i = 0; i < run->nkeywords; i++)
-        add_record(dst, run->keywords, i);
+    add_record(dst, run->keywords);
     rx_text_add(dst, " </RESOURCE>\n</RESOURCE>\n</VOTABLE>\n");
     return dst->failed ? rx_error_memory(err, 0) : RX_OK;
 }

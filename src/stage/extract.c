@@ -477,17 +477,10 @@ static rx_status write_tables(rx_catalog catalog, const char *name, const rx_rec
                               rx_error *err)
 {
     rx_record whole = {0};
-    rx_record_pair *pairs = NULL;
-    rx_status status;
-    RX_TRY_EXIT(rx_record_of(record, products, name, &whole, err));
-    RX_TRY_EXIT(RX_MAKE(pairs, (size_t)whole.n, err));
-    for (int i = 0; i < whole.n; i++)
-        pairs[i] = (rx_record_pair){whole.pairs[i][0], whole.pairs[i][1], whole.pairs[i][2]};
-    catalog.npairs = whole.n;
-    catalog.record = pairs;
-    status = rx_catalog_write(&catalog, name, temporary, standard_out, err);
-exit:
-    free(pairs);
+    catalog.record = &whole;
+    rx_status status = rx_record_of(record, products, name, &whole, err);
+    if (status == RX_OK)
+        status = rx_catalog_write(&catalog, name, temporary, standard_out, err);
     rx_record_free(&whole);
     return status;
 }

@@ -391,21 +391,13 @@ static rx_catalog_type truth_type(const char *word)
 
 static rx_status write_truth(const job *job, rx_error *err)
 {
-    const rx_record *record = &job->record;
     if (job->truth_temporary == NULL)
         return RX_OK;
-    rx_record_pair *pairs;
-    RX_TRY(RX_MAKE(pairs, (size_t)record->n, err));
-    for (int i = 0; i < record->n; i++)
-        pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
     const rx_catalog catalog = {.type = truth_type(job->config->truth_type),
                                 .n = job->ntables,
                                 .tables = job->tables,
-                                .npairs = record->n,
-                                .record = pairs};
-    rx_status status = rx_catalog_write(&catalog, job->config->truth_name, job->truth_temporary, NULL, err);
-    free(pairs);
-    return status;
+                                .record = &job->record};
+    return rx_catalog_write(&catalog, job->config->truth_name, job->truth_temporary, NULL, err);
 }
 
 static rx_status close_image(image_file *file, rx_error *err)
