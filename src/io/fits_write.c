@@ -364,24 +364,8 @@ rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error
     return failed ? broken(writer, failed, err) : RX_OK;
 }
 
-static int cell_type(rx_cell_type type)
-{
-    switch (type) {
-    case RX_CELL_INT16:
-        return TSHORT;
-    case RX_CELL_INT32:
-        return TINT;
-    case RX_CELL_INT64:
-        return TLONGLONG;
-    case RX_CELL_FLOAT:
-        return TFLOAT;
-    case RX_CELL_DOUBLE:
-        return TDOUBLE;
-    case RX_CELL_TEXT:
-        break;
-    }
-    return TSTRING;
-}
+/* By rx_cell_type. */
+static const int cell_types[] = {TSHORT, TINT, TLONGLONG, TFLOAT, TDOUBLE, TSTRING};
 
 static void column_form(const rx_column *column, char *dst, size_t size)
 {
@@ -473,7 +457,7 @@ static rx_status write_rows(rx_fits_writer *writer, const rx_table *table, int *
             if (column->type == RX_CELL_TEXT)
                 status = write_text_block(writer->file, i + 1, column, first, rows, failed, err);
             else
-                fits_write_col(writer->file, cell_type(column->type), i + 1, first + 1, 1, rows * n,
+                fits_write_col(writer->file, cell_types[column->type], i + 1, first + 1, 1, rows * n,
                                (char *)column->data + first * n * size, failed);
             if (status != RX_OK)
                 return status;
