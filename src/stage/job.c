@@ -142,7 +142,7 @@ static rx_status extract(const rx_options *options, rx_log *log, rx_job_result *
                                                       .facts = &dst->facts},
                                log, err));
     rx_runs_warn(&run, 1, dst->detect->tile, log);
-    dst->table = run.tables[0];
+    dst->table = run.file[RX_RUN_CATALOG].tables[0];
     run.ntables = 0;
     if (run.checks.self.injected > 0)
         status = list_injected(&run.checks.self, &dst->injected, err);

@@ -227,10 +227,9 @@ static rx_status run_all(job *job, rx_error *err)
     for (int i = 0; i < n; i++)
         RX_TRY_EXIT(run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err));
     for (int i = 0; i < options->nrestorers; i++)
-        RX_TRY_EXIT(rx_run_digest(&job->runs[i], options, &job->products, err));
+        RX_TRY_EXIT(rx_run_digest(&job->runs[i], &job->products, err));
     for (int i = 0; i < options->nrestorers; i++)
-        RX_TRY_EXIT(
-            rx_run_close(&job->runs[i], options, &job->record, &job->products, job->standard_out, err));
+        RX_TRY_EXIT(rx_run_close(&job->runs[i], &job->record, &job->products, job->standard_out, err));
     if (job->xml != NULL)
         RX_TRY_EXIT(
             rx_run_xml(&(rx_run_xml_input){options, &job->record, job->facts, job->detect, &job->warnings},
