@@ -151,53 +151,52 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     rx_checks *checks = NULL;
     const int templates = options->pipeline.templates.wanted;
     const int asked = psf_needed(options), need_psf = (asked & RX_FIELD_PSF) != 0;
+    int done = 0;
+    rx_status status;
     rx_log_step(job->log, need_psf ? "reading, sky, noise, PSF" : "reading, sky, noise");
-    rx_status status =
-        rx_field_open(options, asked, &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
-    if (status == RX_OK && job->measure != NULL) {
+    RX_TRY_EXIT(rx_field_open(options, asked, &(rx_image_place){job->detect, hdu, extension}, job->log,
+                              &detect, err));
+    if (job->measure != NULL) {
         const int what = templates || (need_psf && !options->pipeline.measure_original) ? RX_FIELD_PSF : 0;
-        status =
-            rx_field_open(options, RX_FIELD_MEASURED | what,
-                          &(rx_image_place){job->measure, measure_hdu, extension}, job->log, &measure, err);
-        if (status == RX_OK)
-            rx_log_info(job->log, "two images: sources are detected on %s[%d] and measured on %s[%d]",
-                        detect->tile->name, detect->tile->hdu, measure->tile->name, measure->tile->hdu);
+        RX_TRY_EXIT(rx_field_open(options, RX_FIELD_MEASURED | what,
+                                  &(rx_image_place){job->measure, measure_hdu, extension}, job->log, &measure,
+                                  err));
+        rx_log_info(job->log, "two images: sources are detected on %s[%d] and measured on %s[%d]",
+                    detect->tile->name, detect->tile->hdu, measure->tile->name, measure->tile->hdu);
     }
-    if (status == RX_OK && job->reference != NULL)
-        status = rx_reference_check(&options->reference, job->reference,
-                                    measure != NULL ? measure->tile : detect->tile, err);
-    if (status == RX_OK)
-        status = rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err);
-    if (status == RX_OK)
-        status = record_inputs(job, detect, measure, err);
+    const rx_fields fields = {detect, measure != NULL ? measure : detect};
+    if (job->reference != NULL)
+        RX_TRY_EXIT(rx_reference_check(&options->reference, job->reference, fields.measure->tile, err));
+    RX_TRY_EXIT(rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err));
+    RX_TRY_EXIT(record_inputs(job, detect, measure, err));
     const rx_extraction_input work = {.options = options,
                                       .detect = detect,
                                       .measure = measure,
                                       .checks = checks,
                                       .record = &job->record,
                                       .products = &job->products};
-    int done = 0;
     while (done < options->nrestorers && status == RX_OK) {
         status = rx_run_extract(&job->runs[done], &work, job->log, err);
         done += status == RX_OK;
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
-    rx_runs_warn(job->runs, done, detect != NULL ? detect->tile : NULL, job->log);
+    rx_runs_warn(job->runs, done, detect->tile, job->log);
+    if (status != RX_OK)
+        goto exit;
     const rx_report_input about = {.options = options,
-                                   .fields = {detect, measure != NULL ? measure : detect},
+                                   .fields = fields,
                                    .reference = job->reference,
                                    .runs = job->runs,
                                    .extension = nextensions > 1 ? extension : 0,
                                    .record = &job->record,
                                    .outputs = job->outputs,
                                    .log = job->log};
-    if (status == RX_OK && (job->reference != NULL || options->tile_page))
+    if (job->reference != NULL || options->tile_page)
         rx_log_step(job->log, "report");
-    if (status == RX_OK)
-        status = report(job, &about, err);
-    if (status == RX_OK)
-        status = rx_report_checks(&about, checks, err);
+    RX_TRY_EXIT(report(job, &about, err));
+    status = rx_report_checks(&about, checks, err);
+exit:
     for (int i = 0; i < options->nrestorers; i++)
         rx_run_forget(&job->runs[i]);
     if (extension < nextensions)
@@ -266,24 +265,17 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     rx_text *const others = log != NULL ? log->warnings : NULL;
     if (log != NULL && config->write_xml)
         log->warnings = &j->warnings;
-    rx_status status = rx_options_from_config(config, log, &options, err);
-    if (status != RX_OK) {
-        if (log != NULL)
-            log->warnings = others;
-        rx_text_free(&j->warnings);
-        free(j);
-        return status;
-    }
+    rx_status status;
+    RX_TRY_EXIT(rx_options_from_config(config, log, &options, err));
     j->options = options;
     rx_record_run(&j->record, config, image);
     if (j->record.failed || !rx_name_split_images(image, &j->detect, &j->measure))
         RX_TRY_EXIT(rx_error_memory(err, 0));
-    if (j->measure != NULL && (options->check.self_check || options->check.blank_check > 0)) {
-        status = rx_error_set(err, RX_USAGE,
-                              "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
-                              "the checks");
-        goto exit;
-    }
+    if (j->measure != NULL && (options->check.self_check || options->check.blank_check > 0))
+        RX_TRY_EXIT(
+            rx_error_set(err, RX_USAGE,
+                         "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
+                         "the checks"));
     RX_TRY_EXIT(rx_outputs_new(&j->outputs, err));
     RX_TRY_EXIT(run_all(j, err));
     rx_outputs_log(j->outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
@@ -293,7 +285,7 @@ exit:
     if (log != NULL)
         log->warnings = others;
     rx_text_free(&j->warnings);
-    for (int i = 0; i < options->nrestorers; i++)
+    for (int i = 0; options != NULL && i < options->nrestorers; i++)
         rx_run_free(&j->runs[i]);
     rx_outputs_free(j->outputs);
     rx_table_free(j->reference);
