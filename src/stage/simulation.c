@@ -120,18 +120,14 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
 
 /* --- the job --- */
 
-/* One image file among the outputs; writer NULL where it is not wanted. */
-typedef struct image_file {
-    const char *name;
-    rx_fits_writer *writer;
-} image_file;
+enum { IMAGE, SHARP, FLAGS, WEIGHT, NFILES };
 
 typedef struct job {
     const rx_simulate_config *config;
     rx_log *log;
     rx_outputs *outputs;
-    image_file image, sharp, flags, weight;
-    const char *truth_temporary; /* NULL without truth catalogue */
+    rx_fits_writer *file[NFILES]; /* NULL where it is not wanted */
+    const char *truth_temporary;  /* NULL without truth catalogue */
     int ntables;
     rx_table **tables; /* truth, one of each image */
     rx_record record;  /* of the whole run */
@@ -263,35 +259,32 @@ static rx_status make_facts(const rx_simulation *simulation, const rx_simulated 
 
 /* --- outputs --- */
 
-static rx_status open_image(job *job, const char *name, image_file *file, rx_error *err)
-{
-    const char *temporary;
-    if (name[0] == '\0')
-        return RX_OK;
-    file->name = name;
-    rx_status status = rx_outputs_file(job->outputs, name, &temporary, err);
-    return status == RX_OK ? rx_fits_create(temporary, name, &file->writer, err) : status;
-}
-
 static rx_status open_outputs(job *job, rx_error *err)
 {
     const rx_simulate_config *config = job->config;
+    const char *const names[NFILES] = {config->image_name, config->sharp_name, config->flag_name,
+                                       config->weight_name};
+    const char *temporary;
     RX_TRY(rx_outputs_new(&job->outputs, err));
-    RX_TRY(open_image(job, config->image_name, &job->image, err));
-    RX_TRY(open_image(job, config->sharp_name, &job->sharp, err));
-    RX_TRY(open_image(job, config->flag_name, &job->flags, err));
-    RX_TRY(open_image(job, config->weight_name, &job->weight, err));
+    for (int k = 0; k < NFILES; k++) {
+        if (names[k][0] == '\0')
+            continue;
+        RX_TRY(rx_outputs_file(job->outputs, names[k], &temporary, err));
+        RX_TRY(rx_fits_create(temporary, names[k], &job->file[k], err));
+    }
     if (config->truth_name[0] != '\0')
         RX_TRY(rx_outputs_file(job->outputs, config->truth_name, &job->truth_temporary, err));
     return RX_OK;
 }
 
-static rx_status write_plane(const image_file *file, const float *pixels, const rx_tile *tile,
-                             const rx_text *extra, rx_error *err)
+/* Floats or integers of the shape of the tile. */
+static rx_status write_plane(rx_fits_writer *writer, const float *floats, const int32_t *integers,
+                             const rx_tile *tile, const rx_text *extra, rx_error *err)
 {
     rx_fits_plane plane = rx_fits_plane_of(tile);
-    plane.floats = pixels;
-    return rx_fits_image(file->writer, &plane, extra, err);
+    plane.floats = floats;
+    plane.integers = integers;
+    return rx_fits_image(writer, &plane, extra, err);
 }
 
 /* Masked pixels of a file that were no numbers are none again. */
@@ -303,7 +296,7 @@ static rx_status write_image(const job *job, const field_data *data, const rx_te
     RX_TRY(RX_MAKE(pixels, n, err));
     for (size_t i = 0; i < n; i++)
         pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
-    rx_status status = write_plane(&job->image, pixels, tile, extra, err);
+    rx_status status = write_plane(job->file[IMAGE], pixels, NULL, tile, extra, err);
     free(pixels);
     return status;
 }
@@ -316,9 +309,7 @@ static rx_status write_flags(const job *job, const field_data *data, const rx_te
     RX_TRY(RX_MAKE(flags, n, err));
     for (size_t i = 0; i < n; i++)
         flags[i] = data->defects[i];
-    rx_fits_plane plane = rx_fits_plane_of(tile);
-    plane.integers = flags;
-    rx_status status = rx_fits_image(job->flags.writer, &plane, extra, err);
+    rx_status status = write_plane(job->file[FLAGS], NULL, flags, tile, extra, err);
     free(flags);
     return status;
 }
@@ -326,24 +317,22 @@ static rx_status write_flags(const job *job, const field_data *data, const rx_te
 static rx_status add_truth(job *job, const field_data *data, rx_error *err)
 {
     rx_table *table = NULL;
+    rx_text facts = {0};
     RX_TRY(RX_GROW(job->tables, (size_t)job->ntables + 1, err));
     RX_TRY(rx_truth_table(data->scene, data->tile->wcs, 0, &table, err));
     job->tables[job->ntables++] = table;
-    rx_text facts = {0}, cards = {0};
     rx_text_add_bytes(&facts, data->facts->data, data->facts->length);
-    rx_text_add_bytes(&cards, data->tile->cards, data->tile->ncards * 80);
     table->facts = facts.data;
-    table->nfacts = (long)(facts.length / 80);
-    table->cards = cards.data;
-    table->ncards = (long)(cards.length / 80);
-    return facts.failed || cards.failed ? rx_error_memory(err, 0) : RX_OK;
+    table->nfacts = (long)(facts.length / RX_CARD);
+    return facts.failed ? rx_error_memory(err, 0)
+                        : rx_table_copy_cards(table, data->tile->cards, data->tile->ncards, err);
 }
 
 static void tell(const job *job, const field_data *data)
 {
     const rx_scene *scene = data->scene;
     rx_log_info(job->log, "%s: %d x %d pixels, %ld stars, %ld galaxies, %ld template galaxies; %s%s",
-                job->image.name, data->tile->width, data->tile->height, count(scene, RX_OBJECT_STAR),
+                job->config->image_name, data->tile->width, data->tile->height, count(scene, RX_OBJECT_STAR),
                 count(scene, RX_OBJECT_GALAXY), count(scene, RX_OBJECT_TEMPLATE),
                 data->simulation->optics->description,
                 data->simulation->coadd.type != RX_COADD_NONE ? " (of the frames, in their pixels)" : "");
@@ -351,9 +340,9 @@ static void tell(const job *job, const field_data *data)
         rx_log_info(job->log,
                     "%s: %ld template galaxies are smaller than their magnitude asks for, or their own PSF "
                     "would show",
-                    job->image.name, scene->shrunk);
+                    job->config->image_name, scene->shrunk);
     if (scene->left_out > 0)
-        rx_log_warning(job->log, "%s: %ld objects found no place and are left out", job->image.name,
+        rx_log_warning(job->log, "%s: %ld objects found no place and are left out", job->config->image_name,
                        scene->left_out);
 }
 
@@ -367,11 +356,11 @@ static rx_status write_field(job *job, const field_data *data, rx_error *err)
     if (extra.failed)
         RX_TRY_EXIT(rx_error_memory(err, extra.length));
     RX_TRY_EXIT(write_image(job, data, &extra, err));
-    if (job->sharp.writer != NULL)
-        RX_TRY_EXIT(write_plane(&job->sharp, data->sharp, tile, &extra, err));
-    if (job->weight.writer != NULL)
-        RX_TRY_EXIT(write_plane(&job->weight, data->weight, tile, &extra, err));
-    if (job->flags.writer != NULL)
+    if (job->file[SHARP] != NULL)
+        RX_TRY_EXIT(write_plane(job->file[SHARP], data->sharp, NULL, tile, &extra, err));
+    if (job->file[WEIGHT] != NULL)
+        RX_TRY_EXIT(write_plane(job->file[WEIGHT], data->weight, NULL, tile, &extra, err));
+    if (job->file[FLAGS] != NULL)
         RX_TRY_EXIT(write_flags(job, data, &extra, err));
     if (job->truth_temporary != NULL)
         RX_TRY_EXIT(add_truth(job, data, err));
@@ -400,19 +389,13 @@ static rx_status write_truth(const job *job, rx_error *err)
     return rx_catalog_write(&catalog, job->config->truth_name, job->truth_temporary, NULL, err);
 }
 
-static rx_status close_image(image_file *file, rx_error *err)
-{
-    rx_fits_writer *writer = file->writer;
-    file->writer = NULL;
-    return writer != NULL ? rx_fits_close(writer, err) : RX_OK;
-}
-
 static rx_status finish(job *job, rx_error *err)
 {
-    RX_TRY(close_image(&job->image, err));
-    RX_TRY(close_image(&job->sharp, err));
-    RX_TRY(close_image(&job->flags, err));
-    RX_TRY(close_image(&job->weight, err));
+    for (int k = 0; k < NFILES; k++) {
+        rx_fits_writer *writer = job->file[k];
+        job->file[k] = NULL;
+        RX_TRY(rx_fits_close(writer, err));
+    }
     RX_TRY(write_truth(job, err));
     RX_TRY(rx_interrupt_check(err));
     RX_TRY(rx_outputs_commit(job->outputs, err));
@@ -431,11 +414,11 @@ static rx_status run_field(job *job, rx_error *err)
     rx_status status;
     RX_TRY_EXIT(rx_simulation_from_config(job->config, job->log, &simulation, err));
     simulation->nthreads = rx_threads_had(job->config->nthreads, job->log);
-    simulation->without_sharp = job->sharp.writer == NULL;
+    simulation->without_sharp = job->file[SHARP] == NULL;
     if (job->config->catalog_name[0] != '\0')
         RX_TRY_EXIT(rx_listed_objects(job->config->catalog_name, NULL, simulation, err));
     RX_TRY_EXIT(rx_simulation_make(simulation, simulation->scene.stream, &simulated, err));
-    RX_TRY_EXIT(rx_simulation_tile(simulation, &simulated, job->image.name, &tile, err));
+    RX_TRY_EXIT(rx_simulation_tile(simulation, &simulated, job->config->image_name, &tile, err));
     RX_TRY_EXIT(make_facts(simulation, &simulated, NULL, &facts, err));
     field_data data = {.simulation = simulation,
                        .scene = simulated.scene,
@@ -521,7 +504,7 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
     simulation->scene.stream += (uint64_t)(extension - 1) << 32;
     rx_tile_checksum(field->tile); /* is of the pixels as they are before the objects come */
     RX_TRY_EXIT(rx_simulation_inject(simulation, simulation->scene.stream, field->tile->pixels,
-                                     job->sharp.writer != NULL ? sharp : NULL, &scene, err));
+                                     job->file[SHARP] != NULL ? sharp : NULL, &scene, err));
     RX_TRY_EXIT(make_facts(simulation, &(rx_simulated){.scene = scene, .noise = simulation->noise}, field,
                            &facts, err));
     RX_TRY_EXIT(complete_cards(options, simulation, field->tile, err));
@@ -597,10 +580,8 @@ rx_status rx_simulation_run(const rx_simulate_config *config, rx_log *log, rx_er
     RX_TRY_EXIT(config->inject_image[0] != '\0' ? run_injection(&job, err) : run_field(&job, err));
     status = finish(&job, err);
 exit:
-    rx_fits_abort(job.image.writer);
-    rx_fits_abort(job.sharp.writer);
-    rx_fits_abort(job.flags.writer);
-    rx_fits_abort(job.weight.writer);
+    for (int k = 0; k < NFILES; k++)
+        rx_fits_abort(job.file[k]);
     for (int i = 0; i < job.ntables; i++)
         rx_table_free(job.tables[i]);
     free(job.tables);
