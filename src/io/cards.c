@@ -386,19 +386,13 @@ static void add_history(rx_text *dst, const char *line)
 /* Put a new number into the card, its comment kept. */
 static void replace_number(char *card, const char *key, double value, int integer)
 {
-    char comment[RX_CARD + 1] = "";
-    const char *slash = memchr(card, '/', RX_CARD);
-    if (slash != NULL) {
-        size_t n = (size_t)(card + RX_CARD - slash) - 1;
-        memcpy(comment, slash + 1, n);
-        comment[n] = '\0';
-    }
+    char comment[RX_CARD + 1];
     rx_text text = {0};
-    const char *start = comment + strspn(comment, " ");
+    (void)rx_cards_comment(card, 1, key, comment, sizeof comment);
     if (integer)
-        rx_card_integer(&text, key, (long)value, start);
+        rx_card_integer(&text, key, (long)value, comment);
     else
-        rx_card_number(&text, key, value, start);
+        rx_card_number(&text, key, value, comment);
     if (!text.failed)
         memcpy(card, text.data, RX_CARD);
     rx_text_free(&text);
@@ -460,9 +454,11 @@ int rx_card_is_useful(const char *card)
            strncmp(card, "COMMENT   and Astrophysics', volume 376, page 359", 49) != 0;
 }
 
+/* Of a keyword. */
+static const char legal[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
+
 void rx_cards_drop_illegal(rx_text *cards, rx_text *names)
 {
-    static const char legal[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
     size_t kept = 0;
     bool dropping = false; /* CONTINUE follows what its first card did */
     for (size_t i = 0; i < cards->length / RX_CARD; i++) {
@@ -533,17 +529,11 @@ void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
     free(own);
 }
 
-/* Up to 8 of A-Z 0-9 - _, and marked as ours: GAIN or SEED of the configuration must not look like the
- * tile's own keywords. */
-static bool is_record_keyword(const char *name)
-{
-    size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_");
-    return strncmp(name, "RX", 2) == 0 && n <= 8 && name[n] == '\0';
-}
-
 void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment)
 {
-    if (is_record_keyword(name)) {
+    /* marked as ours: GAIN or SEED of the configuration must not look like the tile's own keywords */
+    const size_t length = strspn(name, legal);
+    if (strncmp(name, "RX", 2) == 0 && length <= RX_CARD_KEY && name[length] == '\0') {
         char *end;
         double number = rx_point_number(value, &end);
         /* longer ones are digests, whatever their digits */

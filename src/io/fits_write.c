@@ -10,6 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/arena.h"
 #include "base/memory.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
@@ -471,9 +472,10 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
 {
     int failed = 0, n = table->ncolumns;
     rx_status status = RX_OK;
-    char **names = RX_NEW(char *, (size_t)n), **forms = RX_NEW(char *, (size_t)n),
-         **units = RX_NEW(char *, (size_t)n);
-    char(*form)[40] = rx_alloc((size_t)n, sizeof *form);
+    rx_arena arena = {0};
+    char **names = RX_TAKE(&arena, char *, (size_t)n), **forms = RX_TAKE(&arena, char *, (size_t)n),
+         **units = RX_TAKE(&arena, char *, (size_t)n);
+    char(*form)[40] = rx_arena_take(&arena, (size_t)n, sizeof *form);
     if (names == NULL || forms == NULL || units == NULL || form == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < n; i++) {
@@ -496,10 +498,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     if (failed)
         status = broken(writer, failed, err);
 exit:
-    free(names);
-    free(forms);
-    free(units);
-    free(form);
+    rx_arena_free(&arena);
     return status;
 }
 

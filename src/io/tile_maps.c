@@ -451,6 +451,22 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     return RX_OK;
 }
 
+/* Its pixels as floats; *map, closed, is where they come from. */
+static rx_status read_companion(const char *what, const char *name, const rx_tile_place *place,
+                                companion *map, float **dst, rx_error *err)
+{
+    const rx_fits_section *part = &place->part;
+    rx_status status = open_companion(what, name, place, map, err);
+    if (status == RX_OK)
+        status = RX_MAKE(
+            *dst, (size_t)(part->last[0] - part->first[0] + 1) * (size_t)(part->last[1] - part->first[1] + 1),
+            err);
+    if (status == RX_OK)
+        status = rx_fits_read_pixels(&map->source, &map->part, *dst, err);
+    rx_fits_done(&map->source);
+    return status;
+}
+
 /* An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
  * least one has none. */
 static void rms_of_ivar(double threshold, rx_tile *tile)
@@ -506,16 +522,9 @@ static rx_status add_weight(const rx_tile_params *par, const rx_tile_place *plac
         return RX_OK;
     if (par->weight_name == NULL || par->weight_name[0] == '\0')
         return rx_error_set(err, RX_USAGE, "WEIGHT_TYPE asks for a map; give WEIGHT_IMAGE");
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    rx_status status = open_companion("weight map", par->weight_name, place, &map, err);
-    if (status == RX_OK)
-        status = RX_MAKE(tile->weight, n, err);
-    if (status == RX_OK)
-        status = rx_fits_read_pixels(&map.source, &map.part, tile->weight, err);
-    if (status == RX_OK)
-        mask_by_weight(par, tile);
-    rx_fits_done(&map.source);
-    return status;
+    RX_TRY(read_companion("weight map", par->weight_name, place, &map, &tile->weight, err));
+    mask_by_weight(par, tile);
+    return RX_OK;
 }
 
 rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx_tile *tile, rx_error *err)
@@ -544,24 +553,19 @@ static rx_status add_restored(const char *what, const char *name, const rx_tile_
     companion map;
     if (name == NULL || name[0] == '\0')
         return RX_OK;
-    rx_status status = open_companion(what, name, place, &map, err);
-    if (status == RX_OK)
-        status = RX_MAKE(*dst, n, err);
-    if (status == RX_OK)
-        status = rx_fits_read_pixels(&map.source, &map.part, *dst, err);
-    for (size_t i = 0; status == RX_OK && i < n; i++) {
+    RX_TRY(read_companion(what, name, place, &map, dst, err));
+    for (size_t i = 0; i < n; i++) {
         const float value = (*dst)[i];
         if ((tile->mask[i] & (RX_MASK_BAD | RX_MASK_WEIGHT)) != 0)
             (*dst)[i] = isfinite(value) ? value : 0.0f;
         else if (!isfinite(value) || (noise && !(value > 0.0f)))
-            status = rx_error_at(err, RX_INPUT, map.name.path, map.hdu, 0,
-                                 "the %s is %g in pixel (%ld,%ld), where the tile has data; give %s", what,
-                                 (double)value, map.part.first[0] + (long)(i % (size_t)tile->width),
-                                 map.part.first[1] + (long)(i / (size_t)tile->width),
-                                 noise ? "a number above 0 there" : "a number there");
+            return rx_error_at(err, RX_INPUT, map.name.path, map.hdu, 0,
+                               "the %s is %g in pixel (%ld,%ld), where the tile has data; give %s", what,
+                               (double)value, map.part.first[0] + (long)(i % (size_t)tile->width),
+                               map.part.first[1] + (long)(i / (size_t)tile->width),
+                               noise ? "a number above 0 there" : "a number there");
     }
-    rx_fits_done(&map.source);
-    return status;
+    return RX_OK;
 }
 
 /* Flags are integers of up to 32 bits, as IMAFLAGS_ISO is, which a double holds; compressed images cannot be
@@ -571,34 +575,29 @@ static rx_status read_flags(const companion *map, uint32_t *dst, rx_error *err)
 {
     const double least = map->shape.bitpix > 32 ? 0 : INT32_MIN;
     const long *first = map->part.first, *last = map->part.last;
-    rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+    const double null = 0;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
-    int failed = 0, anynul = 0;
-    double null = 0, *row = RX_NEW(double, width);
-    if (row == NULL)
-        return rx_error_memory(err, width * sizeof *row);
-    for (size_t y = 0; y < height && !failed; y++) {
-        rx_fits_rows(&map->part, y, 1, low, high);
-        fits_read_subset(map->source.file, TDOUBLE, low, high, step, &null, row, &anynul, &failed);
-        for (size_t x = 0; x < width && !failed; x++) {
+    rx_status status = RX_OK;
+    double *row;
+    RX_TRY(RX_MAKE(row, width, err));
+    for (size_t y = 0; y < height; y++) {
+        RX_TRY_EXIT(rx_fits_read_rows(&map->source, &map->part, y, 1, &null, row, err));
+        for (size_t x = 0; x < width; x++) {
             const double flags = row[x];
             const bool whole = flags == floor(flags);
-            if (!whole || flags < least || flags > UINT32_MAX) {
-                free(row);
-                return rx_error_at(
+            if (!whole || flags < least || flags > UINT32_MAX)
+                RX_TRY_EXIT(rx_error_at(
                     err, RX_INPUT, map->name.path, map->hdu, 0,
                     whole ? "the flags %.0f of pixel (%ld,%ld) have bits beyond the 32 that "
                             "IMAFLAGS_ISO holds; give a map of 32 bits"
                           : "the flags %g of pixel (%ld,%ld) are no integer; give a map of integers",
-                    flags, first[0] + (long)x, first[1] + (long)y);
-            }
+                    flags, first[0] + (long)x, first[1] + (long)y));
             dst[y * width + x] = (uint32_t)(int64_t)flags;
         }
     }
+exit:
     free(row);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, map->name.path, map->hdu, failed, "the pixels cannot be read")
-               : RX_OK;
+    return status;
 }
 
 static rx_status add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,

@@ -165,29 +165,28 @@ static void drop_illegal(rx_text *cards, const char *name, int hdu, rx_log *log)
     rx_text_free(&illegal);
 }
 
+/* Those of the HDU where it is. */
+static rx_status add_cards(const rx_fits_source *source, rx_text *dst, rx_error *err)
+{
+    char *block;
+    size_t n;
+    RX_TRY(rx_fits_read_cards(source, &block, &n, err));
+    rx_text_add_bytes(dst, block, n * RX_CARD);
+    free(block);
+    return RX_OK;
+}
+
 /* Cards of the HDU, those of the primary header it inherits, and the section's coordinates. */
 static rx_status read_header(rx_fits_source *source, const rx_tile_place *place, rx_log *log, rx_text *cards,
                              rx_text *parent, rx_error *err)
 {
-    char *block = NULL, inherit[8] = "";
-    size_t n = 0;
-    rx_status status = RX_OK;
-    RX_TRY(rx_fits_read_cards(source, &block, &n, err));
-    rx_text_add_bytes(cards, block, n * 80);
-    free(block);
-    block = NULL;
+    char inherit[8] = "";
+    RX_TRY(add_cards(source, cards, err));
     if (place->hdu > 0) {
-        status = rx_fits_goto(source, 0, err);
-        if (status == RX_OK)
-            status = rx_fits_read_cards(source, &block, &n, err);
-        if (status == RX_OK)
-            status = rx_fits_goto(source, place->hdu, err);
-        if (status == RX_OK)
-            rx_text_add_bytes(parent, block, n * 80);
-        free(block);
+        RX_TRY(rx_fits_goto(source, 0, err));
+        RX_TRY(add_cards(source, parent, err));
+        RX_TRY(rx_fits_goto(source, place->hdu, err));
     }
-    if (status != RX_OK)
-        return status;
     rx_cards_text(cards->data, (long)(cards->length / 80), "INHERIT", inherit, sizeof inherit);
     if (inherit[0] == 'T' && parent->data != NULL)
         rx_cards_inherit(cards, parent->data, parent->length / 80);
