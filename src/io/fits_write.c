@@ -368,16 +368,6 @@ rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error
 /* By rx_cell_type. */
 static const int cell_types[] = {TSHORT, TINT, TLONGLONG, TFLOAT, TDOUBLE, TSTRING};
 
-static void column_form(const rx_column *column, char *dst, size_t size)
-{
-    static const char letter[] = "IJKED";
-    long n = rx_column_elements(column);
-    if (column->type == RX_CELL_TEXT)
-        snprintf(dst, size, "%ldA%ld", n * text_length(column), text_length(column));
-    else
-        snprintf(dst, size, "%ld%c", n, letter[column->type]);
-}
-
 /* FITS display format from a printf one: %11.4f is F11.4, %-8d is I8. Nothing for what has none. */
 static void write_display(fitsfile *file, int number, const rx_column *column, int *failed)
 {
@@ -479,10 +469,15 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     if (names == NULL || forms == NULL || units == NULL || form == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < n; i++) {
-        names[i] = table->columns[i].name;
-        units[i] = table->columns[i].unit;
+        rx_column *column = &table->columns[i];
+        const long elements = rx_column_elements(column), width = text_length(column);
+        names[i] = column->name;
+        units[i] = column->unit;
         forms[i] = form[i];
-        column_form(&table->columns[i], form[i], sizeof form[i]);
+        if (column->type == RX_CELL_TEXT)
+            snprintf(form[i], sizeof form[i], "%ldA%ld", elements * width, width);
+        else
+            snprintf(form[i], sizeof form[i], "%ld%c", elements, "IJKED"[column->type]);
     }
     fits_clear_errmsg();
     need_primary(writer, &failed);

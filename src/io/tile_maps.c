@@ -467,35 +467,28 @@ static rx_status read_companion(const char *what, const char *name, const rx_til
     return status;
 }
 
-/* An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
- * least one has none. */
-static void rms_of_ivar(double threshold, rx_tile *tile)
-{
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    const float limit = threshold > 0.0 ? (float)threshold : 0.0f; /* 0 where it is not given, too */
-    for (size_t i = 0; i < n; i++)
-        tile->weight[i] = tile->weight[i] > limit ? 1.0f / sqrtf(tile->weight[i]) : NAN;
-    tile->weight_type = RX_WEIGHT_MAP_RMS;
-}
-
 /* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
- * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0. */
+ * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0.
+ * An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
+ * least one has none. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height;
     int given = isfinite(par->weight_threshold);
+    const float least = given && par->weight_threshold > 0 ? (float)par->weight_threshold : 0.f;
     if (tile->weight_type == RX_WEIGHT_MAP_WEIGHT) {
-        float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : 0.f;
         for (size_t i = 0; i < n; i++) {
             if (!isfinite(tile->weight[i]))
                 tile->weight[i] = 0.f;
-            if (tile->weight[i] <= limit)
+            if (tile->weight[i] <= least)
                 tile->mask[i] |= RX_MASK_WEIGHT;
         }
         return;
     }
     if (tile->weight_type == RX_WEIGHT_MAP_IVAR) {
-        rms_of_ivar(par->weight_threshold, tile);
+        for (size_t i = 0; i < n; i++)
+            tile->weight[i] = tile->weight[i] > least ? 1.0f / sqrtf(tile->weight[i]) : NAN;
+        tile->weight_type = RX_WEIGHT_MAP_RMS;
         given = 0;
     }
     const double noise_of_pixels = rx_unit_of_pixels(tile->pixels, tile->width, tile->height),
@@ -633,15 +626,6 @@ static uint32_t bits_of(const char *cards, size_t n, const char *const *names, s
     return bits;
 }
 
-/* A mask whose header names no bits marks by 1 what is bad where it holds 0 and 1 alone; else its bits may say anything. */
-static bool is_yes_or_no(const uint32_t *flags, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (flags[i] > 1)
-            return false;
-    return true;
-}
-
 /* What the mask says joins tile->mask; *said: of which bits, "" where it is left out. */
 static rx_status add_mask(const char *name, const rx_tile_place *place, rx_log *log, rx_tile *tile,
                           const char **said, rx_error *err)
@@ -659,7 +643,10 @@ static rx_status add_mask(const char *name, const rx_tile_place *place, rx_log *
     RX_TRY_EXIT(rx_fits_read_cards(&map.source, &cards, &ncards, err));
     uint32_t bad = bits_of(cards, ncards, no_data, sizeof no_data / sizeof *no_data);
     const uint32_t full = bits_of(cards, ncards, saturated, 1);
-    const bool named = (bad | full) != 0, simple = !named && is_yes_or_no(flags, n);
+    const bool named = (bad | full) != 0;
+    bool simple = !named; /* 0 and 1 alone: 1 is bad; else bits without names may say anything */
+    for (size_t i = 0; simple && i < n; i++)
+        simple = flags[i] <= 1;
     bad |= simple ? 1 : 0;
     for (size_t i = 0; i < n; i++)
         tile->mask[i] |=

@@ -113,14 +113,6 @@ static bool is_plain(const seen *s)
            s->text[RX_CARD_KEY] == '=';
 }
 
-/* Does cfitsio take what stands behind the name of a column's keyword for its number? "TFORM01" it does. */
-static bool is_loose_number(const char *rest)
-{
-    char *end;
-    (void)strtol(rest, &end, 10);
-    return end != rest && (*end == '\0' || *end == ' ');
-}
-
 /* Row of `rules` that the name belongs to, -1: none. *number: 0 for a name without one; -1: it is a name for
  * cfitsio alone. */
 static int rule_of(const char *name, int *number)
@@ -136,9 +128,11 @@ static int rule_of(const char *name, int *number)
             *number = atoi(rest);
             return r;
         }
+        char *end; /* cfitsio takes TFORM01 for a column's, too */
+        (void)strtol(rest, &end, 10);
+        const bool is_loose = end != rest && (*end == '\0' || *end == ' ');
         *number = is_numbered || rest[0] != '\0' ? -1 : 0;
-        if (*number == 0 ||
-            (is_column && (is_numbered ? is_loose_number(rest) : strcmp(rules[r].name, "THEAP") == 0)))
+        if (*number == 0 || (is_column && (is_numbered ? is_loose : strcmp(rules[r].name, "THEAP") == 0)))
             return r;
     }
     return -1;
@@ -165,17 +159,10 @@ static token token_of(const char *value)
     return t;
 }
 
-static const char *skip_digits(const char *c, const char *end)
-{
-    while (c < end && *c >= '0' && *c <= '9')
-        c++;
-    return c;
-}
-
 static bool is_whole(const char *c, const char *end)
 {
     c += c < end && (*c == '+' || *c == '-');
-    return c < end && end - c <= MOST_DIGITS && skip_digits(c, end) == end;
+    return c < end && end - c <= MOST_DIGITS && strspn(c, "0123456789") >= (size_t)(end - c);
 }
 
 /* The value that a keyword of that kind has, into dst; false: it is no such value. A number in quotes is one, a
@@ -278,6 +265,16 @@ static bool is_too_long(const seen *s, bool is_table)
            (is_table && !t.is_quoted && length > RX_CARD_TEXT);
 }
 
+/* The card anew where it is not as it would be written. */
+static void rewrite(rx_fits_header *h, char *card, const seen *s, const char *value, const char *rest)
+{
+    if (is_written(s, value))
+        return;
+    h->is_rebuilt = true;
+    if (!write_card(card, s->name, value, rest))
+        set_fault(h, "%s is longer than a card; the header is damaged", s->name);
+}
+
 /* Card i, which cfitsio takes for keyword `number` of a rule. */
 static void take(rx_fits_header *h, size_t i, const seen *s, int r, int number, places *at)
 {
@@ -312,11 +309,8 @@ static void take(rx_fits_header *h, size_t i, const seen *s, int r, int number, 
                                              : "no number");
         return;
     }
-    if (is_read && !is_written(s, value)) {
-        h->is_rebuilt = true;
-        if (!write_card(card, s->name, value, t.end))
-            set_fault(h, "%s is longer than a card; the header is damaged", s->name);
-    }
+    if (is_read)
+        rewrite(h, card, s, value, t.end);
     if (*place == 0)
         *place = (int)i + 1;
     else if (!is_same(h, *place, (int)i + 1))
@@ -349,11 +343,7 @@ static int take_first(rx_fits_header *h)
         set_fault(h, "XTENSION is no text in quotes; the header is damaged");
         return IMAGE;
     }
-    if (!is_written(&s, value)) {
-        h->is_rebuilt = true;
-        if (!write_card(h->cards.data, s.name, value, t.end))
-            set_fault(h, "XTENSION is longer than a card; the header is damaged");
-    }
+    rewrite(h, h->cards.data, &s, value, t.end);
     return is_table_type(value) ? TABLE : IMAGE;
 }
 
