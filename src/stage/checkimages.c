@@ -85,15 +85,6 @@ static void paint_measured(const rx_checkimage_data *data, picture *dst)
             measured_hidden(data, i) ? 0.0f : data->result->measure->image.pixels[i] - dst->pixels[i];
 }
 
-static float measured_at(const rx_checkimage_data *data, int x, int y)
-{
-    const rx_restored *image = measured_image(data);
-    const rx_map level = rx_background_level(measured_sky(data));
-    const size_t i = (size_t)y * (size_t)level.width + (size_t)x;
-    return image != NULL ? image->pixels[i]
-                         : data->result->measure->image.pixels[i] - rx_map_at(&level, x, y);
-}
-
 static void paint_identical(const rx_checkimage_data *data, picture *dst)
 {
     const rx_tile *tile = data->result->measure->tile;
@@ -234,6 +225,8 @@ typedef struct ellipse {
 static void draw_ellipse(const rx_checkimage_data *data, picture *dst, const ellipse *e, float value)
 {
     const int steps = 16 + (int)(8.0 * e->a);
+    const rx_restored *image = measured_image(data);
+    const rx_map level = rx_background_level(measured_sky(data));
     if (!(e->a > 0.0) || !(e->b > 0.0) || e->a > 1e5)
         return;
     for (int k = 0; k < steps; k++) {
@@ -242,7 +235,10 @@ static void draw_ellipse(const rx_checkimage_data *data, picture *dst, const ell
         const int py = (int)lround(e->y + u * sin(e->theta) + v * cos(e->theta));
         const size_t k = (size_t)py * (size_t)dst->width + (size_t)px;
         if (px >= 0 && px < dst->width && py >= 0 && py < dst->height && !measured_hidden(data, k))
-            dst->pixels[k] = measured_at(data, px, py) + value;
+            dst->pixels[k] =
+                (image != NULL ? image->pixels[k]
+                               : data->result->measure->image.pixels[k] - rx_map_at(&level, px, py)) +
+                value;
     }
 }
 

@@ -21,7 +21,6 @@
 typedef struct work {
     const rx_options *options;
     const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
-    int headers;                      /* some output has a header that facts go into */
     const rx_restorer *kind;          /* the run's, or what AUTO took */
     rx_pipeline_params params;        /* the options', DETECT_THRESH as the guard left it */
     rx_result result;
@@ -251,7 +250,7 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     return status;
 }
 
-/* Plain ASCII catalogues hold no facts. */
+/* Has some output a header that facts go into? Plain ASCII catalogues hold none. */
 static int has_headers(const rx_options *options, const rx_run *run)
 {
     const rx_catalog_type type = options->catalog_type;
@@ -282,7 +281,6 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     work w = {.options = options,
               .detect = detect,
               .measure = measure != NULL ? measure : detect,
-              .headers = has_headers(options, run),
               .params = options->pipeline};
     rx_record facts = {0}, shown = {0};
     const double begun = rx_seconds();
@@ -333,7 +331,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_result_facts(&w.result, &facts);
     run->misfit = w.result.residual;
     w.result.residual = (rx_residual){0};
-    if (w.headers)
+    if (has_headers(options, run))
         rx_fact_text(&facts, RX_FACT_INSUM, rx_tile_checksum(detect->tile));
     rx_domain_facts(&w.result.domain, &facts);
     rx_choice_facts(&run->choice, &facts);

@@ -81,12 +81,6 @@ static int find_first(const rx_table *table, const char *const *names, size_t n)
     return -1;
 }
 
-static int looks_like_sky(const char *name)
-{
-    return strncasecmp(name, "ALPHA", 5) == 0 || strncasecmp(name, "RA", 2) == 0 ||
-           strstr(name, "_ra") != NULL;
-}
-
 static rx_status choose_named(const rx_reference_params *par, const rx_table *table, chosen *dst,
                               rx_error *err)
 {
@@ -101,7 +95,8 @@ static rx_status choose_named(const rx_reference_params *par, const rx_table *ta
                                "the reference has no column '%s'; name existing ones in REFERENCE_COLUMNS",
                                par->columns[i]);
     }
-    dst->sky = looks_like_sky(par->columns[0]);
+    dst->sky = strncasecmp(par->columns[0], "ALPHA", 5) == 0 || strncasecmp(par->columns[0], "RA", 2) == 0 ||
+               strstr(par->columns[0], "_ra") != NULL;
     return RX_OK;
 }
 

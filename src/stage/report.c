@@ -13,15 +13,6 @@
 #include "stage/domain_facts.h"
 #include "stage/reference.h"
 
-static rx_status match_options(const rx_options *options, const rx_tile *tile, rx_qa_params *dst,
-                               rx_error *err)
-{
-    *dst = options->qa;
-    dst->match_radius_arcsec =
-        options->check.quality.match_arcsec ? options->check.quality.match_radius : 0.0;
-    return rx_quality_radius(&options->check.quality, tile, &dst->match_radius, err);
-}
-
 /* All of a run but its sources. */
 static rx_qa_run about_run(const rx_run *run, rx_qa_promise *promise)
 {
@@ -118,7 +109,8 @@ static rx_status compare(const rx_report_input *in, const char *folder, rx_verdi
     rx_qa_run qa_runs[RX_MAX_RUNS] = {0};
     rx_qa_promise promises[RX_MAX_RUNS];
     rx_qa_picture pictures[RX_MAX_RUNS] = {0};
-    rx_qa_params par;
+    const rx_quality_params *quality = &options->check.quality;
+    rx_qa_params par = options->qa;
     rx_verdict found = RX_VERDICT_NONE;
     const char *(*pairs)[2] = NULL;
     double scale = rx_quality_scale(tile);
@@ -140,7 +132,8 @@ static rx_status compare(const rx_report_input *in, const char *folder, rx_verdi
     rx_reference_note note = {0};
     size_t n = (size_t)tile->width * (size_t)tile->height;
     rx_status status;
-    RX_TRY_EXIT(match_options(options, tile, &par, err));
+    par.match_radius_arcsec = quality->match_arcsec ? quality->match_radius : 0.0;
+    RX_TRY_EXIT(rx_quality_radius(quality, tile, &par.match_radius, err));
     RX_TRY_EXIT(
         rx_reference_list(&options->reference, in->reference, tile, in->log, &input.truth, &note, err));
     input.reference = note.shown.data;

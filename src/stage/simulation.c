@@ -75,23 +75,17 @@ exit:
     return status;
 }
 
-/* A PSF that was only stated would pass for the tile's own. */
-static rx_status check_measured(const rx_field *field, rx_error *err)
-{
-    if (field->psf != NULL && field->psf->type == RX_PSF_AUTO)
-        return RX_OK;
-    return rx_error_at(
-        err, RX_INPUT, field->tile->name, field->tile->hdu, 0,
-        "too few stars to measure the PSF; give -PSF_TYPE MOFFAT -PSF_FWHM <pixels>, or a PSF file");
-}
-
 rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_options *options,
                                  const rx_field *field, rx_log *log, rx_simulation **dst, rx_error *err)
 {
     const rx_tile *tile = field->tile;
     const int automatic = strcmp(config->psf_type, "AUTO") == 0;
     rx_simulation *simulation = NULL;
-    RX_TRY(automatic ? check_measured(field, err) : RX_OK);
+    /* a PSF that was only stated would pass for the tile's own */
+    if (automatic && (field->psf == NULL || field->psf->type != RX_PSF_AUTO))
+        return rx_error_at(
+            err, RX_INPUT, tile->name, tile->hdu, 0,
+            "too few stars to measure the PSF; give -PSF_TYPE MOFFAT -PSF_FWHM <pixels>, or a PSF file");
     const rx_simulation_ground ground = {.width = tile->width,
                                          .height = tile->height,
                                          .extension = tile->extension,
@@ -150,16 +144,6 @@ static void add_keyword(void *user, const char *name, const char *value, const c
 {
     if (strcmp(name, "NTHREADS") != 0 && strcmp(name, "VERBOSE_TYPE") != 0)
         rx_record_add(user, name, help, "%s", value);
-}
-
-static rx_status record_run(job *job, rx_error *err)
-{
-    rx_record *record = &job->record;
-    rx_record_add(record, "PROGRAM", "made by", "rextract-simulate");
-    rx_record_add(record, "RXVERS", "version of rextract", "%s", RX_VERSION);
-    if (!rx_settings_visit(&job->config->settings, false, add_keyword, record) || record->failed)
-        return rx_error_memory(err, 0);
-    return RX_OK;
 }
 
 static long count(const rx_scene *scene, rx_object_type type)
@@ -248,13 +232,11 @@ static rx_status make_facts(const rx_simulation *simulation, const rx_simulated 
 {
     rx_record facts = {0};
     describe(simulation, simulated, field, &facts);
-    rx_status status = facts.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (status == RX_OK) {
+    const bool failed = facts.failed;
+    if (!failed)
         rx_record_cards(&facts, cards);
-        status = cards->failed ? rx_error_memory(err, cards->length) : RX_OK;
-    }
     rx_record_free(&facts);
-    return status;
+    return failed || cards->failed ? rx_error_memory(err, cards->length) : RX_OK;
 }
 
 /* --- outputs --- */
@@ -438,17 +420,8 @@ exit:
 
 /* --- injection --- */
 
-/* The tile's cards without what an earlier run of ours said of its own pixels. */
-static void copy_cards(const rx_tile *tile, rx_text *cards)
-{
-    for (size_t i = 0; i < tile->ncards; i++) {
-        const char *card = tile->cards + i * 80;
-        if (strncmp(card, "RX", 2) != 0 && strncmp(card, "PROGRAM ", 8) != 0)
-            rx_text_add_bytes(cards, card, 80);
-    }
-}
-
-/* What the tile's reader took from elsewhere (primary header, configuration) goes with the pixels. */
+/* What an earlier run of ours said of its own pixels goes; what the tile's reader took from elsewhere (primary header, configuration) goes with
+ * the pixels. */
 static rx_status complete_cards(const rx_options *options, const rx_simulation *simulation, rx_tile *tile,
                                 rx_error *err)
 {
@@ -456,7 +429,9 @@ static rx_status complete_cards(const rx_options *options, const rx_simulation *
     rx_text cards = {0};
     const long n = (long)tile->ncards;
     double value;
-    copy_cards(tile, &cards);
+    for (const char *card = tile->cards; card < tile->cards + tile->ncards * RX_CARD; card += RX_CARD)
+        if (strncmp(card, "RX", 2) != 0 && strncmp(card, "PROGRAM ", 8) != 0)
+            rx_text_add_bytes(&cards, card, RX_CARD);
     if (par->gain_key[0] != '\0' && !rx_cards_number(tile->cards, n, par->gain_key, &value))
         rx_card_number(&cards, par->gain_key, simulation->noise.gain, "e-/ADU, 0 = infinite");
     if (par->saturation_key[0] != '\0' && isfinite(tile->saturation) &&
@@ -470,16 +445,6 @@ static rx_status complete_cards(const rx_options *options, const rx_simulation *
     tile->cards = cards.data;
     tile->ncards = cards.length / 80;
     return RX_OK;
-}
-
-/* Pixels that the added light brought to the saturation level, as the flag map has them. */
-static void mark_saturated(const rx_tile *tile, uint8_t *defects)
-{
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    for (size_t i = 0; i < n; i++)
-        defects[i] = !(tile->mask[i] & RX_MASK_BAD) && (double)tile->pixels[i] >= tile->saturation
-                         ? RX_DEFECT_SATURATED
-                         : 0;
 }
 
 static rx_status inject_image(job *job, const rx_options *options, int hdu, int extension, rx_error *err)
@@ -508,7 +473,10 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
     RX_TRY_EXIT(make_facts(simulation, &(rx_simulated){.scene = scene, .noise = simulation->noise}, field,
                            &facts, err));
     RX_TRY_EXIT(complete_cards(options, simulation, field->tile, err));
-    mark_saturated(field->tile, defects);
+    for (size_t i = 0; i < n; i++) /* what the added light brought to the saturation level */
+        if (!(field->tile->mask[i] & RX_MASK_BAD) &&
+            (double)field->tile->pixels[i] >= field->tile->saturation)
+            defects[i] = RX_DEFECT_SATURATED;
     field_data data = {.simulation = simulation,
                        .scene = scene,
                        .tile = field->tile,
@@ -575,7 +543,10 @@ rx_status rx_simulation_run(const rx_simulate_config *config, rx_log *log, rx_er
 {
     job job = {.config = config, .log = log};
     rx_status status;
-    RX_TRY_EXIT(record_run(&job, err));
+    rx_record_add(&job.record, "PROGRAM", "made by", "rextract-simulate");
+    rx_record_add(&job.record, "RXVERS", "version of rextract", "%s", RX_VERSION);
+    if (!rx_settings_visit(&config->settings, false, add_keyword, &job.record) || job.record.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     RX_TRY_EXIT(open_outputs(&job, err));
     RX_TRY_EXIT(config->inject_image[0] != '\0' ? run_injection(&job, err) : run_field(&job, err));
     status = finish(&job, err);

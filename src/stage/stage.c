@@ -47,15 +47,6 @@ typedef struct job {
     rx_text warnings;     /* of the run, for it */
 } job;
 
-/* Bits of rx_field_open() that say what PSF the run needs. */
-static int psf_needed(const rx_options *options)
-{
-    int what = options->check.self_check || options->write_psf || options->tile_page ? RX_FIELD_PSF : 0;
-    for (int i = 0; i < options->nrestorers; i++)
-        what |= rx_pipeline_psf(&options->pipeline, options->restorers[i]);
-    return what;
-}
-
 /* Open the outputs first: an unwritable folder is reported before the work, not after it. */
 static rx_status open_runs(job *job, int nextensions, rx_error *err)
 {
@@ -150,7 +141,10 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     rx_field *detect = NULL, *measure = NULL;
     rx_checks *checks = NULL;
     const int templates = options->pipeline.templates.wanted;
-    const int asked = psf_needed(options), need_psf = (asked & RX_FIELD_PSF) != 0;
+    int asked = options->check.self_check || options->write_psf || options->tile_page ? RX_FIELD_PSF : 0;
+    for (int i = 0; i < options->nrestorers; i++)
+        asked |= rx_pipeline_psf(&options->pipeline, options->restorers[i]);
+    const int need_psf = (asked & RX_FIELD_PSF) != 0;
     int done = 0;
     rx_status status;
     rx_log_step(job->log, need_psf ? "reading, sky, noise, PSF" : "reading, sky, noise");
@@ -241,16 +235,6 @@ exit:
     return status;
 }
 
-static rx_status verdict_status(rx_verdict verdict, const char *folder, rx_error *err)
-{
-    if (verdict == RX_VERDICT_FAIL)
-        return rx_error_set(err, RX_GATE_FAIL, "a quality gate FAILED; see %s/report.html", folder);
-    if (verdict == RX_VERDICT_INSUFFICIENT)
-        return rx_error_set(err, RX_GATE_INSUFFICIENT,
-                            "too few sources to decide every quality gate; see %s/report.html", folder);
-    return RX_OK;
-}
-
 rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standard_out, rx_log *log,
                        rx_tile_facts *facts, rx_error *err)
 {
@@ -280,7 +264,13 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     RX_TRY_EXIT(run_all(j, err));
     rx_outputs_log(j->outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
     RX_TRY_EXIT(rx_repeat_compare(&config->settings, &j->record, &j->products, log, err));
-    status = verdict_status(j->verdict, options->qa_name, err);
+    if (j->verdict == RX_VERDICT_FAIL)
+        status =
+            rx_error_set(err, RX_GATE_FAIL, "a quality gate FAILED; see %s/report.html", options->qa_name);
+    else if (j->verdict == RX_VERDICT_INSUFFICIENT)
+        status = rx_error_set(err, RX_GATE_INSUFFICIENT,
+                              "too few sources to decide every quality gate; see %s/report.html",
+                              options->qa_name);
 exit:
     if (log != NULL)
         log->warnings = others;

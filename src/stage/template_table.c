@@ -36,16 +36,6 @@ static const rx_column columns[NCOLUMNS] = {
                      .description = "The same over both errors"},
 };
 
-static void put(rx_table *table, long row, int extension, const rx_source *a, const rx_source *b,
-                double covariance)
-{
-    ((int32_t *)table->columns[EXTENSION].data)[row] = extension;
-    ((int32_t *)table->columns[FIRST].data)[row] = a->number;
-    ((int32_t *)table->columns[SECOND].data)[row] = b->number;
-    ((double *)table->columns[COVARIANCE].data)[row] = covariance;
-    ((double *)table->columns[CORRELATION].data)[row] = covariance / (a->fit.fluxerr * b->fit.fluxerr);
-}
-
 rx_status rx_template_table(const rx_tphot *tphot, const rx_sources *sources, int extension, rx_table **dst,
                             rx_error *err)
 {
@@ -63,8 +53,14 @@ rx_status rx_template_table(const rx_tphot *tphot, const rx_sources *sources, in
     RX_TRY_EXIT(rx_table_make("COVARIANCES", columns, NCOLUMNS, nrows, &table, err));
     for (int i = 0; i < npairs; i++) {
         const rx_source *a = by_entry[tphot->pairs[i].i], *b = by_entry[tphot->pairs[i].j];
-        if (a != NULL && b != NULL)
-            put(table, row++, extension, a, b, tphot->pairs[i].covariance);
+        const double covariance = tphot->pairs[i].covariance;
+        if (a == NULL || b == NULL)
+            continue;
+        ((int32_t *)table->columns[EXTENSION].data)[row] = extension;
+        ((int32_t *)table->columns[FIRST].data)[row] = a->number;
+        ((int32_t *)table->columns[SECOND].data)[row] = b->number;
+        ((double *)table->columns[COVARIANCE].data)[row] = covariance;
+        ((double *)table->columns[CORRELATION].data)[row++] = covariance / (a->fit.fluxerr * b->fit.fluxerr);
     }
     *dst = table;
 exit:
