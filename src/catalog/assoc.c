@@ -163,15 +163,6 @@ static void copy(const matcher *m, long row, double *dst)
         dst[i] = value_of(m->list, row, m->data[i]);
 }
 
-/* dst += weight * values, or their fluxes. */
-static void add(const matcher *m, long row, double weight, double *dst)
-{
-    for (int i = 0; i < m->ndata; i++) {
-        const double value = value_of(m->list, row, m->data[i]);
-        dst[i] += m->type == RX_ASSOC_MAG_SUM ? flux_of(value) : weight * value;
-    }
-}
-
 /* First entry whose y is above the limit. */
 static long first_above(const matcher *m, double y)
 {
@@ -212,7 +203,10 @@ static int match_one(const matcher *m, double x, double y, double *dst)
                 copy(m, e->row, dst);
             best = rank < best ? rank : best;
         } else {
-            add(m, e->row, weight, dst);
+            for (int k = 0; k < m->ndata; k++) {
+                const double value = value_of(m->list, e->row, m->data[k]);
+                dst[k] += m->type == RX_ASSOC_MAG_SUM ? flux_of(value) : weight * value;
+            }
             sum += weight;
         }
     }

@@ -73,18 +73,6 @@ static const rx_keyword survey_rows[] = {
 #include "config/survey.def"
 };
 #undef struct_of_table
-#undef KEY
-#undef SECTION
-#undef HELP
-#undef SECOND
-#undef NEEDS
-#undef PIPELINE
-#undef BACKGROUNDS
-#undef STAGE
-#undef TILES
-#undef W
-#undef STAGE_WORDS
-#undef PIPELINE_WORDS
 /* clang-format on */
 
 /* --- relations --- */

@@ -159,8 +159,4 @@ bool rx_keyword_counts(const rx_settings *settings, int row);
 /* In a part of other settings: why the keyword has no effect there, "in a campaign"; else NULL. */
 const char *rx_keyword_idle(const rx_settings *settings, int row);
 
-/* The names of input files become those of the files that are meant: thresholds of a survey's file; then what is looked for
- * (rx_file_search). What is not found keeps its name: its reader refuses it. */
-rx_status rx_settings_find_files(rx_settings *settings, rx_log *log, rx_error *err);
-
 #endif
