@@ -350,13 +350,6 @@ static void write_primary(rx_fits_writer *writer, const rx_text *extra, int *fai
     writer->hdus++;
 }
 
-/* An empty primary HDU, where an extension comes first. */
-static void need_primary(rx_fits_writer *writer, int *failed)
-{
-    if (writer->hdus == 0)
-        write_primary(writer, NULL, failed);
-}
-
 rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error *err)
 {
     int failed = 0;
@@ -480,7 +473,8 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
             snprintf(form[i], sizeof form[i], "%ld%c", elements, "IJKED"[column->type]);
     }
     fits_clear_errmsg();
-    need_primary(writer, &failed);
+    if (writer->hdus == 0) /* an extension cannot come first */
+        write_primary(writer, NULL, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, table->nrows, n, names, forms, units, NULL, &failed);
     write_extname(writer->file, extname, &failed);
     for (int i = 0; i < n; i++)
@@ -525,7 +519,8 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     LONGLONG axes[2] = {RX_CARD, (LONGLONG)(text.length / RX_CARD)};
     snprintf(form, sizeof form, "%zuA", text.length);
     fits_clear_errmsg();
-    need_primary(writer, &failed);
+    if (writer->hdus == 0) /* an extension cannot come first */
+        write_primary(writer, NULL, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, 1, 1, &type, &forms, NULL, NULL, &failed);
     write_extname(writer->file, "LDAC_IMHEAD", &failed);
     fits_write_tdimll(writer->file, 1, 2, axes, &failed);

@@ -4,6 +4,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <ftw.h>
 #include <limits.h>
 #include <poll.h>
 #include <stdarg.h>
@@ -483,18 +484,6 @@ static rx_status note_folder(output *out, rx_error *err)
     return RX_OK;
 }
 
-/* Once it is claimed: what a killed run has moved aside is back then. Files are made by their writers. */
-static rx_status make_temporary(output *out, rx_error *err)
-{
-    if (out->kind != OUTPUT_FOLDER)
-        return RX_OK;
-    if (is_there(out->path))
-        RX_TRY(check_marker(out->path, out->shown, err));
-    if (mkdir(out->temporary, 0777) != 0)
-        return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be made: %s", strerror(errno));
-    return RX_OK;
-}
-
 static rx_status reserve(rx_outputs *outputs, const char *path, int folder, const char **temporary,
                          rx_error *err)
 {
@@ -518,8 +507,11 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
             status =
                 rx_error_at(err, RX_USAGE, path, -1, 0, "is asked for twice; give every output its own name");
     }
-    if (status == RX_OK)
-        status = make_temporary(out, err);
+    /* once it is claimed: what a killed run has moved aside is back then; files are made by their writers */
+    if (status == RX_OK && out->kind == OUTPUT_FOLDER && is_there(out->path))
+        status = check_marker(out->path, out->shown, err);
+    if (status == RX_OK && out->kind == OUTPUT_FOLDER && mkdir(out->temporary, 0777) != 0)
+        status = rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be made: %s", strerror(errno));
     if (status != RX_OK) {
         if (out->claim >= 0)
             rx_output_remove(out->room);
@@ -551,34 +543,16 @@ const char *rx_outputs_shown(const rx_outputs *outputs, const char *temporary)
 
 /* --- commit --- */
 
-/* To the disk: a full disk may only show now. Folders: their files one by one. */
-static int sync_tree(const char *path)
+/* One file of a tree to the disk: a full disk may only show now. */
+static int sync_file(const char *path, const struct stat *info, int type, struct FTW *place)
 {
-    struct stat info;
-    if (lstat(path, &info) != 0)
-        return -1;
-    if (S_ISDIR(info.st_mode)) {
-        int failed = 0;
-        DIR *dir = opendir(path);
-        if (dir == NULL)
-            return -1;
-        for (struct dirent *entry; failed == 0 && (entry = readdir(dir)) != NULL;) {
-            if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
-                continue;
-            char *inner = format("%s/%s", path, entry->d_name);
-            failed = inner == NULL || sync_tree(inner) != 0;
-            free(inner);
-        }
-        closedir(dir);
-        return failed ? -1 : 0;
-    }
-    if (!S_ISREG(info.st_mode))
-        return 0;
-    int file = open(path, O_RDONLY);
+    (void)place;
+    if (type != FTW_F || !S_ISREG(info->st_mode))
+        return type == FTW_DNR || type == FTW_NS ? -1 : 0; /* a folder that cannot be read */
+    const int file = open(path, O_RDONLY);
     if (file < 0)
         return -1;
-    int failed = fsync(file);
-    int reason = errno;
+    const int failed = fsync(file), reason = errno;
     close(file);
     errno = reason;
     return failed;
@@ -685,7 +659,8 @@ static rx_status complete(const output *out, rx_error *err)
 {
     if (out->kind == OUTPUT_FOLDER)
         RX_TRY(write_marker(out->temporary, out->shown, err));
-    if (sync_tree(out->temporary) != 0 || (out->mode != 0 && chmod(out->temporary, out->mode) != 0))
+    if (nftw(out->temporary, sync_file, 16, FTW_PHYS) != 0 ||
+        (out->mode != 0 && chmod(out->temporary, out->mode) != 0))
         return cannot_be_written(out, err);
     return out->kind == OUTPUT_FOLDER && is_there(out->path) ? check_marker(out->path, out->shown, err)
                                                              : RX_OK;

@@ -172,31 +172,28 @@ static rx_status read_name(rx_fits_source *source, rx_image_hdu *dst, rx_error *
     return RX_OK;
 }
 
-/* The one that is selected. */
-static rx_status list_one(rx_fits_source *source, const rx_fits_name *name, rx_image_list *dst, rx_error *err)
-{
-    rx_fits_shape shape;
-    dst->n = 1;
-    RX_TRY(rx_fits_goto_name(source, name, err));
-    dst->list->hdu = source->hdu;
-    RX_TRY(rx_fits_shape_of(source, &shape, err));
-    return rx_image_check(name->path, source->hdu, &shape, &name->section, err);
-}
-
 /* The 2-D images that a name selects, or planes of cubes by its section, maps as well; dst->list to be freed. No such image:
  * RX_INPUT; HDUs that are skipped are named in the log. */
 static rx_status images_of(const rx_fits_name *name, rx_log *log, rx_image_list *dst, rx_error *err)
 {
+    const bool selected = rx_fits_name_selects(name);
     rx_fits_source source = {0};
+    rx_fits_shape shape;
     int count = 1, broken = 0;
     rx_status status;
     *dst = (rx_image_list){0};
     RX_TRY_EXIT(rx_fits_open(name->path, &source, err));
-    if (!rx_fits_name_selects(name))
+    if (!selected)
         RX_TRY_EXIT(rx_fits_count(&source, &count, &broken, err));
     RX_TRY_EXIT(RX_MAKE(dst->list, (size_t)count, err));
-    status = rx_fits_name_selects(name) ? list_one(&source, name, dst, err)
-                                        : list_all(&source, name, log, count, dst, err);
+    if (selected) {
+        dst->n = 1;
+        RX_TRY_EXIT(rx_fits_goto_name(&source, name, err));
+        dst->list->hdu = source.hdu;
+        RX_TRY_EXIT(rx_fits_shape_of(&source, &shape, err));
+        RX_TRY_EXIT(rx_image_check(name->path, source.hdu, &shape, &name->section, err));
+    } else
+        status = list_all(&source, name, log, count, dst, err);
     if (status == RX_INPUT && broken)
         status = rx_error_at(err, RX_INPUT, name->path, count, 0,
                              "this HDU cannot be read, and none before it holds a 2-D image; the file is "

@@ -138,18 +138,6 @@ static rx_status mask_pixels(rx_tile *tile, int nthreads, rx_log *log, size_t *b
     return RX_OK;
 }
 
-static rx_status read_pixels(const rx_fits_source *source, const rx_tile_place *place, int nthreads,
-                             rx_log *log, rx_tile *tile, rx_error *err)
-{
-    size_t n = (size_t)tile->width * (size_t)tile->height, bad;
-    tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, nthreads);
-    tile->mask = RX_NEW(uint8_t, n);
-    if (tile->pixels == NULL || tile->mask == NULL)
-        return rx_error_memory(err, n * sizeof(float));
-    RX_TRY(rx_fits_read_pixels(source, &place->part, tile->pixels, err));
-    return mask_pixels(tile, nthreads, log, &bad, err);
-}
-
 /* --- header --- */
 
 /* What no output could hold. */
@@ -267,6 +255,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     rx_fits_source source = {0};
     rx_text cards = {0}, parent = {0};
     rx_tile_place place = {.name = &parsed, .hdu = hdu, .extension = extension};
+    size_t bad;
     *dst = NULL;
     rx_tile *tile = RX_NEW(rx_tile, 1);
     rx_status status;
@@ -279,7 +268,13 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    RX_TRY_EXIT(read_pixels(&source, &place, par->nthreads, log, tile, err));
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, par->nthreads);
+    tile->mask = RX_NEW(uint8_t, n);
+    if (tile->pixels == NULL || tile->mask == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
+    RX_TRY_EXIT(rx_fits_read_pixels(&source, &place.part, tile->pixels, err));
+    RX_TRY_EXIT(mask_pixels(tile, par->nthreads, log, &bad, err));
     RX_TRY_EXIT(take_wcs(par, log, tile, err));
     RX_TRY_EXIT(rx_tile_add_maps(par, &place, log, tile, err));
     *dst = tile;

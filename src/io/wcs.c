@@ -194,18 +194,6 @@ static void apply(const sky_frame *frame, const double src[3], double dst[3])
     normalise(dst);
 }
 
-static void frame_to_j2000(const sky_frame *frame, double lon, double lat, double *alpha, double *delta)
-{
-    double v[3], w[3];
-    if (!frame->known) {
-        *alpha = *delta = NAN;
-        return;
-    }
-    to_vector(lon, lat, v);
-    apply(frame, v, w);
-    from_vector(w, alpha, delta);
-}
-
 /* The E-terms have no closed inverse: fixed-point steps, each gains five digits or more. */
 static void frame_from_j2000(const sky_frame *frame, double alpha, double delta, double *lon, double *lat)
 {
@@ -447,9 +435,12 @@ void rx_wcs_native_to_j2000(const rx_wcs *wcs, int n, const double *alpha, const
                             double *alpha_j2000, double *delta_j2000)
 {
     for (int i = 0; i < n; i++) {
-        double ra = NAN, dec = NAN;
-        if (isfinite(alpha[i]) && isfinite(delta[i]))
-            frame_to_j2000(&wcs->frame, alpha[i], delta[i], &ra, &dec);
+        double ra = NAN, dec = NAN, v[3], w[3];
+        if (wcs->frame.known && isfinite(alpha[i]) && isfinite(delta[i])) {
+            to_vector(alpha[i], delta[i], v);
+            apply(&wcs->frame, v, w);
+            from_vector(w, &ra, &dec);
+        }
         alpha_j2000[i] = ra;
         delta_j2000[i] = dec;
     }

@@ -232,14 +232,6 @@ static token value_of(const rx_fits_header *h, const int *place, seen *s)
     return token_of(s->value != NULL ? s->value : none);
 }
 
-/* Do two cards have the same value? */
-static bool is_same(const rx_fits_header *h, int first, int second)
-{
-    seen one, other;
-    const token a = value_of(h, &first, &one), b = value_of(h, &second, &other);
-    return a.end - a.begin == b.end - b.begin && memcmp(a.begin, b.begin, (size_t)(a.end - a.begin)) == 0;
-}
-
 /* Is a value longer than cfitsio has room for: what it takes for a number, a text of a column, any text? */
 static bool is_too_long(const seen *s, bool is_table)
 {
@@ -311,9 +303,12 @@ static void take(rx_fits_header *h, size_t i, const seen *s, int r, int number, 
     }
     if (is_read)
         rewrite(h, card, s, value, t.end);
+    const int own = (int)i + 1;
     if (*place == 0)
-        *place = (int)i + 1;
-    else if (!is_same(h, *place, (int)i + 1))
+        *place = own;
+    seen one, other;
+    const token a = value_of(h, place, &one), b = value_of(h, &own, &other);
+    if (a.end - a.begin != b.end - b.begin || memcmp(a.begin, b.begin, (size_t)(a.end - a.begin)) != 0)
         set_fault(h, "%s is there twice, and not the same; take one of the two out", s->name);
 }
 
