@@ -91,13 +91,8 @@ typedef struct rx_votable_param {
     const char *name, *datatype;           /* "char", "int", "double" */
     const char *unit, *ucd, *value, *help; /* NULL: none */
 } rx_votable_param;
-typedef struct rx_votable_run {
-    int nparams, ntables;
-    const rx_votable_param *params;
-    rx_table *const *tables;   /* by name */
-    const rx_record *keywords; /* of the configuration, and what was read */
-} rx_votable_run;
-rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error *err);
+rx_status rx_votable_run_text(const rx_votable_param *params, int nparams, rx_table *const *tables,
+                              int ntables, const rx_record *keywords, rx_text *dst, rx_error *err);
 
 /* Write one catalogue file: to `temporary`, which errors call `path`, the name that it will have in the end; or as text
  * to standard_out when temporary is NULL (CATALOG_NAME STDOUT; a FITS type is then RX_USAGE). RX_CATALOG_NONE

@@ -188,17 +188,18 @@ const rx_text_format *rx_votable_format(void)
 
 /* --- facts of a run --- */
 
-rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error *err)
+rx_status rx_votable_run_text(const rx_votable_param *params, int nparams, rx_table *const *tables,
+                              int ntables, const rx_record *keywords, rx_text *dst, rx_error *err)
 {
     rx_text_add(dst, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
                      "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
                      "<RESOURCE ID=\"Rextract\" name=\"Rextract\">\n"
                      " <DESCRIPTION>Facts and warnings of a Rextract run</DESCRIPTION>\n"
                      " <RESOURCE ID=\"MetaData\" name=\"MetaData\">\n");
-    for (int i = 0; i < run->nparams; i++)
-        add_param(dst, "   ", &run->params[i]);
-    for (int i = 0; i < run->ntables; i++) {
-        const rx_table *table = run->tables[i];
+    for (int i = 0; i < nparams; i++)
+        add_param(dst, "   ", &params[i]);
+    for (int i = 0; i < ntables; i++) {
+        const rx_table *table = tables[i];
         rx_text_printf(dst, "  <TABLE ID=\"%s\" name=\"%s\" nrows=\"%ld\">\n", table->name, table->name,
                        table->nrows);
         for (int k = 0; k < table->ncolumns; k++)
@@ -209,7 +210,7 @@ rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error 
         rx_text_add(dst, "   </TABLEDATA></DATA>\n  </TABLE>\n");
     }
     rx_text_add(dst, " </RESOURCE>\n <RESOURCE ID=\"Config\" name=\"Config\">\n");
-    add_record(dst, run->keywords);
+    add_record(dst, keywords);
     rx_text_add(dst, " </RESOURCE>\n</RESOURCE>\n</VOTABLE>\n");
     return dst->failed ? rx_error_memory(err, 0) : RX_OK;
 }

@@ -35,6 +35,20 @@ static int is_there(const char *path)
     return lstat(path, &info) == 0;
 }
 
+RX_PRINTF(1, 2) static char *format(const char *how, ...)
+{
+    va_list args, again;
+    va_start(args, how);
+    va_copy(again, args);
+    const int n = vsnprintf(NULL, 0, how, args);
+    char *made = n < 0 ? NULL : rx_regrow(NULL, (size_t)n + 1, 1);
+    if (made != NULL)
+        vsnprintf(made, (size_t)n + 1, how, again);
+    va_end(again);
+    va_end(args);
+    return made;
+}
+
 /* --- locks ---
  *
  * An output is written in the folder ".NAME.rx-NUMBER.tmp" beside its place, and as long as the process that writes it lives,
@@ -200,19 +214,18 @@ static rx_status list(listing *l, const char *inner, rx_error *err);
 
 static rx_status list_entry(listing *l, const char *inner, const char *entry, rx_error *err)
 {
-    rx_text name = {0}, path = {0};
     int is_folder = 0;
     if (strcmp(entry, ".") == 0 || strcmp(entry, "..") == 0 ||
         (inner[0] == '\0' && strcmp(entry, MARKER) == 0))
         return RX_OK;
-    rx_text_printf(&name, "%s%s%s", inner, inner[0] != '\0' ? "/" : "", entry);
-    rx_text_printf(&path, "%s/%s", l->folder, name.failed ? "" : name.data);
-    rx_status status = name.failed || path.failed ? rx_error_memory(err, 0)
-                                                  : add_line(l, path.data, name.data, &is_folder, err);
+    char *path = format("%s/%s%s%s", l->folder, inner, inner[0] != '\0' ? "/" : "", entry);
+    if (path == NULL)
+        return rx_error_memory(err, 0);
+    const char *name = path + strlen(l->folder) + 1;
+    rx_status status = add_line(l, path, name, &is_folder, err);
     if (status == RX_OK && is_folder && l->odd.length == 0)
-        status = list(l, name.data, err);
-    rx_text_free(&name);
-    rx_text_free(&path);
+        status = list(l, name, err);
+    free(path);
     return status;
 }
 
@@ -220,20 +233,19 @@ static rx_status list_entry(listing *l, const char *inner, const char *entry, rx
 static rx_status list(listing *l, const char *inner, rx_error *err)
 {
     struct dirent **entries = NULL;
-    rx_text path = {0};
-    rx_text_printf(&path, "%s/%s", l->folder, inner);
-    const int n = path.failed ? -1 : scandir(path.data, &entries, NULL, by_name);
+    char *path = format("%s/%s", l->folder, inner);
+    if (path == NULL)
+        return rx_error_memory(err, 0);
+    const int n = scandir(path, &entries, NULL, by_name);
     rx_status status =
-        path.failed ? rx_error_memory(err, 0)
-        : n < 0     ? rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be read: %s", strerror(errno))
-                    : RX_OK;
+        n < 0 ? rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be read: %s", strerror(errno)) : RX_OK;
     for (int i = 0; i < n; i++) {
         if (status == RX_OK && l->odd.length == 0)
             status = list_entry(l, inner, entries[i]->d_name, err);
         free(entries[i]);
     }
     free(entries);
-    rx_text_free(&path);
+    free(path);
     return status;
 }
 
@@ -253,14 +265,13 @@ static rx_status of_folder(rx_status status, rx_error *trouble, const char *show
 static rx_status write_marker(const char *folder, const char *shown, rx_error *err)
 {
     listing l = {.folder = folder};
-    rx_text path = {0};
+    char *path = format("%s/%s", folder, MARKER);
     rx_error trouble = rx_error_part(err);
     rx_text_add(&l.lines, HEAD);
-    rx_text_printf(&path, "%s/%s", folder, MARKER);
-    rx_status status = path.failed ? rx_error_memory(&trouble, 0) : list(&l, "", &trouble);
+    rx_status status = path == NULL ? rx_error_memory(&trouble, 0) : list(&l, "", &trouble);
     if (status == RX_OK)
-        status = rx_text_write_file(&l.lines, path.data, shown, &trouble);
-    rx_text_free(&path);
+        status = rx_text_write_file(&l.lines, path, shown, &trouble);
+    free(path);
     rx_text_free(&l.lines);
     rx_text_free(&l.odd);
     return of_folder(status, &trouble, shown, err);
@@ -269,20 +280,17 @@ static rx_status write_marker(const char *folder, const char *shown, rx_error *e
 /* The marker's text; an empty one where there is none that a run of this version wrote. */
 static rx_status read_marker(const char *folder, char **text, int *there, rx_error *err)
 {
-    rx_text path = {0};
+    char *path = format("%s/%s", folder, MARKER);
     struct stat info;
     *text = NULL;
-    rx_text_printf(&path, "%s/%s", folder, MARKER);
-    rx_status status = path.failed ? rx_error_memory(err, 0) : RX_OK;
-    *there = status == RX_OK && lstat(path.data, &info) == 0;
-    if (*there && S_ISREG(info.st_mode) &&
-        rx_text_read_file(path.data, MOST_BYTES, text, NULL, NULL) == RX_OK &&
+    if (path == NULL)
+        return rx_error_memory(err, 0);
+    *there = lstat(path, &info) == 0;
+    if (*there && S_ISREG(info.st_mode) && rx_text_read_file(path, MOST_BYTES, text, NULL, NULL) == RX_OK &&
         strncmp(*text, HEAD, sizeof HEAD - 1) != 0)
         (*text)[0] = '\0';
-    if (status == RX_OK && *text == NULL && (*text = rx_strdup("")) == NULL)
-        status = rx_error_memory(err, 1);
-    rx_text_free(&path);
-    return status;
+    free(path);
+    return *text != NULL || (*text = rx_strdup("")) != NULL ? RX_OK : rx_error_memory(err, 1);
 }
 
 /* RX_OK where the folder is empty, or each file and folder in it is one that its marker lists, unchanged; files that
@@ -349,20 +357,6 @@ rx_status rx_outputs_new(rx_outputs **dst, rx_error *err)
 {
     *dst = RX_NEW(rx_outputs, 1);
     return *dst != NULL ? RX_OK : rx_error_memory(err, sizeof **dst);
-}
-
-RX_PRINTF(1, 2) static char *format(const char *how, ...)
-{
-    va_list args, again;
-    va_start(args, how);
-    va_copy(again, args);
-    const int n = vsnprintf(NULL, 0, how, args);
-    char *made = n < 0 ? NULL : rx_regrow(NULL, (size_t)n + 1, 1);
-    if (made != NULL)
-        vsnprintf(made, (size_t)n + 1, how, again);
-    va_end(again);
-    va_end(args);
-    return made;
 }
 
 /* What is at the target already decides the kind; errors for what cannot be replaced. */

@@ -257,13 +257,16 @@ static void drop_maps(rx_image_list *images)
 }
 
 /* The log names the maps that are left out, each kind once, and the keywords that read one that is not taken by default. */
-static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *all, int first_image,
-                          rx_error *err)
+static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *all, rx_error *err)
 {
     rx_text maps = {0};
-    int taken = -1, mask, variance;
+    int taken = -1, mask, variance, first = 0;
     bool plain = true; /* names of maps alone, which one WEIGHT_IMAGE can give */
-    rx_images_own_maps(all, first_image, &mask, &variance);
+    while (first < all->n && map_of(all->list[first].name) >= 0)
+        first++;
+    if (first == all->n)
+        return RX_OK; /* where all are maps none is left out */
+    rx_images_own_maps(all, all->list[first].hdu, &mask, &variance);
     for (int i = 0; i < NMAPS; i++)
         for (int k = 0, there = 0; k < all->n; k++) {
             if (map_of(all->list[k].name) != i)
@@ -279,7 +282,7 @@ static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *al
     if (status == RX_OK && plain && taken >= 0 && mask < 0)
         rx_log_hint(log, "%s: %s: maps, not measured; WEIGHT_TYPE %s with WEIGHT_IMAGE '%s[%s]' reads one",
                     path, maps.data, MAPS[taken].type, path, MAPS[taken].name);
-    else if (status == RX_OK)
+    else if (status == RX_OK && maps.length > 0)
         rx_log_hint(log, "%s: %s: maps, not measured", path, maps.data);
     rx_text_free(&maps);
     return status;
@@ -288,25 +291,20 @@ static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *al
 rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
 {
     rx_fits_name parsed;
-    rx_image_list all = {0}, images = {0};
+    rx_image_list all = {0};
     rx_status status;
     *n = 0;
     *hdus = NULL;
     RX_TRY(rx_fits_name_parse(name, &parsed, err));
     RX_TRY_EXIT(images_of(&parsed, log, &all, err));
-    RX_TRY_EXIT(RX_MAKE(images.list, (size_t)all.n, err));
-    memcpy(images.list, all.list, (size_t)all.n * sizeof *all.list);
-    images.n = all.n;
-    drop_maps(&images);
-    if (images.n < all.n)
-        RX_TRY_EXIT(log_maps(parsed.path, log, &all, images.list->hdu, err));
-    RX_TRY_EXIT(RX_MAKE(*hdus, (size_t)images.n, err));
-    for (int i = 0; i < images.n; i++)
-        (*hdus)[i] = images.list[i].hdu;
-    *n = images.n;
+    RX_TRY_EXIT(log_maps(parsed.path, log, &all, err));
+    drop_maps(&all);
+    RX_TRY_EXIT(RX_MAKE(*hdus, (size_t)all.n, err));
+    for (int i = 0; i < all.n; i++)
+        (*hdus)[i] = all.list[i].hdu;
+    *n = all.n;
 exit:
     free(all.list);
-    free(images.list);
     return status;
 }
 

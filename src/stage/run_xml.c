@@ -117,23 +117,19 @@ rx_status rx_run_xml(const rx_run_xml_input *in, const char *temporary, const ch
         {"Detect_Thresh", "double", NULL, "stat.snr;obs.image", thresh,
          "DETECT_THRESH in sigmas, or ADU where THRESH_TYPE says so"},
     };
-    const int n = sizeof params / sizeof *params;
     rx_table *tables[2] = {NULL, NULL};
     rx_text text = {0};
+    rx_status status;
     snprintf(images, sizeof images, "%d", in->facts->n);
     snprintf(thresh, sizeof thresh, "%.9g", in->options->pipeline.detect.threshold);
-    rx_status status = images_table(in->facts, &tables[0], err);
-    if (status == RX_OK)
-        status = warnings_table(in->warnings, &tables[1], err);
-    if (status == RX_OK)
-        status = rx_votable_run_text(
-            &(rx_votable_run){
-                .nparams = n, .ntables = 2, .params = params, .tables = tables, .keywords = in->record},
-            &text, err);
-    if (status == RX_OK)
-        status = rx_text_write_file(&text, temporary, shown, err);
+    RX_TRY_EXIT(images_table(in->facts, &tables[0], err));
+    RX_TRY_EXIT(warnings_table(in->warnings, &tables[1], err));
+    RX_TRY_EXIT(
+        rx_votable_run_text(params, sizeof params / sizeof *params, tables, 2, in->record, &text, err));
+    status = rx_text_write_file(&text, temporary, shown, err);
+exit:
     rx_text_free(&text);
-    for (int i = 0; i < 2; i++)
-        rx_table_free(tables[i]);
+    rx_table_free(tables[0]);
+    rx_table_free(tables[1]);
     return status;
 }

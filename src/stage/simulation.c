@@ -360,17 +360,6 @@ static rx_catalog_type truth_type(const char *word)
                                                 : RX_CATALOG_FITS_1_0;
 }
 
-static rx_status write_truth(const job *job, rx_error *err)
-{
-    if (job->truth_temporary == NULL)
-        return RX_OK;
-    const rx_catalog catalog = {.type = truth_type(job->config->truth_type),
-                                .n = job->ntables,
-                                .tables = job->tables,
-                                .record = &job->record};
-    return rx_catalog_write(&catalog, job->config->truth_name, job->truth_temporary, NULL, err);
-}
-
 static rx_status finish(job *job, rx_error *err)
 {
     for (int k = 0; k < NFILES; k++) {
@@ -378,7 +367,12 @@ static rx_status finish(job *job, rx_error *err)
         job->file[k] = NULL;
         RX_TRY(rx_fits_close(writer, err));
     }
-    RX_TRY(write_truth(job, err));
+    const rx_catalog truth = {.type = truth_type(job->config->truth_type),
+                              .n = job->ntables,
+                              .tables = job->tables,
+                              .record = &job->record};
+    if (job->truth_temporary != NULL)
+        RX_TRY(rx_catalog_write(&truth, job->config->truth_name, job->truth_temporary, NULL, err));
     RX_TRY(rx_interrupt_check(err));
     RX_TRY(rx_outputs_commit(job->outputs, err));
     rx_outputs_log(job->outputs, NULL, job->log);

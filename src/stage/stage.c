@@ -103,35 +103,34 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
     return status;
 }
 
-/* Is there an output that says what was read, or must it be compared? */
-static int is_recorded(const rx_config *config, const rx_options *options)
-{
-    return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
-           options->covariance_name[0] != '\0' || options->positions != NULL ||
-           options->reference.name != NULL || options->tile_page || options->check.self_check ||
-           options->write_psf || config->write_xml || config->settings.repeated.n > 0;
-}
-
 /* After the first image was read, which finds what is wrong with a file sooner than its digest; and the files that only
  * the stars of this image, or their lack, made inputs. */
 static rx_status record_inputs(job *job, const rx_field *detect, const rx_field *measure, rx_error *err)
 {
     const rx_field *fields[] = {detect, measure};
-    const int recorded = is_recorded(job->config, job->options), first = !job->inputs_recorded;
+    const rx_config *config = job->config;
+    const rx_options *options = job->options;
+    /* is there an output that says what was read, or must it be compared? */
+    const bool recorded = rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
+                          options->covariance_name[0] != '\0' || options->positions != NULL ||
+                          options->reference.name != NULL || options->tile_page ||
+                          options->check.self_check || options->write_psf || config->write_xml ||
+                          config->settings.repeated.n > 0,
+               first = !job->inputs_recorded;
     if (recorded && first)
-        RX_TRY(rx_record_inputs(&job->record, job->config, job->options, job->detect, job->measure, err));
+        RX_TRY(rx_record_inputs(&job->record, config, options, job->detect, job->measure, err));
     job->inputs_recorded = 1;
     for (int role = 0; role < 2; role++) {
         const rx_record *read = fields[role] != NULL ? &fields[role]->inputs : NULL;
         if (read != NULL && read->failed)
             return rx_error_memory(err, 0);
         for (int i = 0; read != NULL && i < read->n; i++) {
-            RX_TRY(rx_settings_check_read(&job->config->settings, read->pairs[i][1], err));
+            RX_TRY(rx_settings_check_read(&config->settings, read->pairs[i][1], err));
             if (recorded)
                 RX_TRY(rx_record_file(&job->record, read->pairs[i][0], read->pairs[i][1], err));
         }
     }
-    return first ? rx_repeat_check(&job->config->settings, &job->record, job->log, err) : RX_OK;
+    return first ? rx_repeat_check(&config->settings, &job->record, job->log, err) : RX_OK;
 }
 
 static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions,
