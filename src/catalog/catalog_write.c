@@ -1,5 +1,4 @@
 /* Writing a catalogue: the right writer, whole files or none. */
-#include <ctype.h>
 #include <errno.h>
 #include <string.h>
 

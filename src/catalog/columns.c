@@ -7,9 +7,6 @@
 #include <strings.h>
 
 #include "base/constants.h"
-#include "catalog/assoc.h"
-
-enum { VIGNET_LIMIT = 1024 };
 
 #define DEGREES (1 / RX_DEGREE) /* per radian */
 
@@ -218,15 +215,4 @@ int rx_column_index(const char *name)
         if (strcasecmp(columns[i].name, name) == 0)
             return (int)i;
     return -1;
-}
-
-int rx_column_limit(const rx_column_def *def)
-{
-    if (def->naxis == 2)
-        return VIGNET_LIMIT;
-    if (strcmp(def->name, "FLUX_RADIUS") == 0)
-        return RX_MAX_RADII;
-    if (strcmp(def->name, "VECTOR_ASSOC") == 0)
-        return RX_ASSOC_COLUMNS;
-    return strstr(def->name, "IMAFLAGS") != NULL ? RX_MAX_FLAGMAPS : RX_MAX_APERTURES;
 }

@@ -150,9 +150,6 @@ void rx_keyword_clear(rx_settings *settings, int row);
 rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_error *err, const char *format,
                              ...) RX_PRINTF(4, 5);
 
-/* Is `name` in a list that ends with NULL? */
-bool rx_keyword_among(const char *const *names, const char *name);
-
 /* Is what the row needs there (NEEDS), whatever the columns? A run opens the files of no other. */
 bool rx_keyword_counts(const rx_settings *settings, int row);
 

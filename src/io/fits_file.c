@@ -323,10 +323,9 @@ rx_status rx_fits_goto(rx_fits_source *source, int hdu, rx_error *err)
     source->hdu = hdu;
     if (fits_movabs_hdu(source->file, hdu + 1, NULL, &failed) == END_OF_FILE) {
         fits_clear_errmsg();
-        rx_status status = rx_fits_count(source, &count, NULL, err);
-        return status != RX_OK ? status
-                               : rx_error_at(err, RX_INPUT, path, hdu, 0,
-                                             "there is no such HDU; the file has %d, counted from 0", count);
+        RX_TRY(rx_fits_count(source, &count, NULL, err));
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "there is no such HDU; the file has %d, counted from 0", count);
     }
     if (failed)
         return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
@@ -482,13 +481,13 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *
             err, RX_INPUT, source->path, source->hdu, 0,
             "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
             there);
-    rx_status status = shape->is_image ? check_scale(source, shape, err) : RX_OK;
-    if (!shape->is_compressed || status != RX_OK)
-        return status;
-    status = check_compressed(source, shape, (LONGLONG)bytes, err);
-    return status == RX_OK ? rx_fits_check_tiles(file, source->path, source->hdu,
-                                                 rx_min_int(shape->naxis, RX_FITS_AXES), shape->axes, err)
-                           : status;
+    if (shape->is_image)
+        RX_TRY(check_scale(source, shape, err));
+    if (!shape->is_compressed)
+        return RX_OK;
+    RX_TRY(check_compressed(source, shape, (LONGLONG)bytes, err));
+    return rx_fits_check_tiles(file, source->path, source->hdu, rx_min_int(shape->naxis, RX_FITS_AXES),
+                               shape->axes, err);
 }
 
 rx_fits_section rx_fits_part(const rx_fits_name *name, const rx_fits_shape *shape)

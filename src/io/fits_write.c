@@ -3,7 +3,6 @@
 
 #include <endian.h>
 #include <fitsio.h>
-#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -336,24 +336,18 @@ rx_status rx_checkimages_open(int n, const char *const *types, const char *const
     rx_checkimages *images = RX_NEW(rx_checkimages, 1);
     if (images == NULL || (images->list = RX_NEW(checkimage, (size_t)n)) == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
-    for (int i = 0; i < n && status == RX_OK; i++) {
+    for (int i = 0; i < n; i++) {
         const char *temporary;
-        if (strcmp(types[i], "NONE") == 0)
-            continue;
-        checkimage *image = &images->list[images->n];
+        checkimage *image = &images->list[images->n++];
         image->type = types[i];
         image->name = rx_name_with_tag(names[i], tag);
         if (image->name == NULL)
             RX_TRY_EXIT(rx_error_memory(err, 0));
-        images->n++;
-        status = rx_outputs_file(outputs, image->name, &temporary, err);
-        if (status == RX_OK)
-            status = rx_fits_create(temporary, image->name, &image->writer, err);
+        RX_TRY_EXIT(rx_outputs_file(outputs, image->name, &temporary, err));
+        RX_TRY_EXIT(rx_fits_create(temporary, image->name, &image->writer, err));
     }
-    if (status == RX_OK) {
-        *dst = images;
-        images = NULL;
-    }
+    *dst = images;
+    images = NULL;
 exit:
     rx_checkimages_free(images);
     return status;

@@ -59,12 +59,7 @@ static rx_status make_options(const rx_job *job, rx_log *log, rx_job_result *dst
     if (job->ncolumns > 0)
         RX_TRY(rx_columns_of(job->columns, job->ncolumns, &columns, err));
     RX_TRY(rx_options_with_columns(dst->config, columns, log, &dst->options, err));
-    rx_idle idle = rx_options_idle(dst->options->columns);
-    const rx_status status = rx_idle_add(&idle, &dst->config->settings, err);
-    if (status == RX_OK)
-        rx_idle_warn(&idle, log);
-    rx_idle_free(&idle);
-    return status;
+    return rx_settings_warn_idle(&dst->config->settings, rx_options_idle(dst->options->columns), log, err);
 }
 
 /* Pixels from arrays to sky, noise and, where `what` says so, PSF. */

@@ -3,11 +3,9 @@
 
 #include <gnu/libc-version.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/memory.h"
 #include "base/text.h"
 #include "detect/sep_extract.h"
 #include "io/fits_read.h"

@@ -5,12 +5,10 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/constants.h"
-#include "base/memory.h"
 #include "catalog/catalog.h"
 #include "io/header_numbers.h"
 #include "io/wcs.h"
