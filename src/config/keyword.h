@@ -90,7 +90,8 @@ struct rx_keytable {
         const char *where;       /* "in a campaign" */
     } part[RX_PARTS];
 
-    /* Relations between keywords. */
+    /* Relations between keywords: values that follow from others, NULL: none; and what contradicts. */
+    rx_status (*settle)(rx_settings *settings, rx_error *err);
     rx_status (*check)(const rx_settings *settings, rx_error *err);
 };
 

@@ -8,7 +8,6 @@
 
 #include "base/lines.h"
 #include "base/memory.h"
-#include "config/config_fields.h"
 #include "config/keyword.h"
 #include "config/tokens.h"
 #include "io/record_read.h"
@@ -337,36 +336,6 @@ static bool there(const rx_text *path)
     return !path->failed && access(path->data, F_OK) == 0;
 }
 
-static rx_status take_way(rx_settings *settings, const char *key, char *value, rx_error *err)
-{
-    const int row = rx_keyword_find(settings->table, key);
-    return settings->origin[row] == RX_FROM_DEFAULT
-               ? rx_keyword_assign(settings, row, &value, 1, (rx_place){0}, NULL, err)
-               : RX_OK;
-}
-
-/* A survey's file that does without restoration means SExtractor's thresholds, filter and sky where it does not name its own; and
- * who names a filter, or a threshold, means sigmas of a pixel behind SExtractor's. */
-static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
-{
-    static const char *const sextractors[] = {"FILTER", "FILTER_NAME", "DETECT_THRESH", "THRESH_TYPE"};
-    const rx_config *config = (const rx_config *)settings;
-    bool conv = false;
-    if (settings->repeated.n > 0)
-        return RX_OK;
-    if (settings->file != NULL && config->restore_type.n == 1 &&
-        strcmp(config->restore_type.v[0], "NONE") == 0) {
-        RX_TRY(take_way(settings, "THRESH_TYPE", "RELATIVE", err));
-        RX_TRY(take_way(settings, "BACK_PASSES", "1", err));
-        conv = true;
-    }
-    for (size_t i = 0; i < sizeof sextractors / sizeof *sextractors; i++)
-        conv |= settings->origin[rx_keyword_find(settings->table, sextractors[i])] != RX_FROM_DEFAULT;
-    if (conv)
-        RX_TRY(take_way(settings, "FILTER_TYPE", "CONV", err));
-    return strcmp(config->filter_type, "CONV") == 0 ? take_way(settings, "DETECT_THRESH", "1.5", err) : RX_OK;
-}
-
 /* The file that the row means, where that is not as given, into *path; nothing where it is, or where it is nowhere. */
 static void look_for(const rx_settings *settings, const rx_keyword *key, const char *name, rx_text *path)
 {
@@ -389,17 +358,17 @@ static void look_for(const rx_settings *settings, const rx_keyword *key, const c
     }
 }
 
-/* Thresholds of a survey's file; then the names of input files become those of the files that are meant (rx_file_search). What
+/* Values that follow from others; then the names of input files become those of the files that are meant (rx_file_search). What
  * is not found keeps its name: its reader refuses it. */
 static rx_status find_files(rx_settings *settings, rx_log *log, rx_error *err)
 {
     rx_status status = RX_OK;
     rx_text said = {0}; /* in one line of the log */
-    if (settings->table == rx_keytable_rextract())
-        RX_TRY(take_survey_ways(settings, err));
+    if (settings->table->settle != NULL)
+        RX_TRY(settings->table->settle(settings, err));
     for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
-        if (settings->part[i]->table == rx_keytable_rextract())
-            RX_TRY(take_survey_ways(settings->part[i], err));
+        if (settings->part[i]->table->settle != NULL)
+            RX_TRY(settings->part[i]->table->settle(settings->part[i], err));
     for (int row = 0; row < settings->table->nrows && status == RX_OK; row++) {
         const rx_keyword *key = &settings->table->rows[row];
         rx_text path = {0};
