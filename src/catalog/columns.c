@@ -145,19 +145,10 @@ static double best_error(const rx_source *s)
     return (s->flags & RX_FLAG_CROWDED) ? s->fluxerr_isocor : s->fluxerr_auto;
 }
 
-static double aper_flux(const rx_source *s, const rx_cell_place *c, long i)
+/* Element i of those that were measured. */
+static double at(const double *values, int n, long i)
 {
-    return i < c->sources->naper ? s->flux_aper[i] : NAN;
-}
-
-static double aper_error(const rx_source *s, const rx_cell_place *c, long i)
-{
-    return i < c->sources->naper ? s->fluxerr_aper[i] : NAN;
-}
-
-static double radius_at(const rx_source *s, const rx_cell_place *c, long i)
-{
-    return i < c->sources->nradii ? s->flux_radius[i] : NAN;
+    return i < n ? values[i] : NAN;
 }
 
 /* All 32 bits kept: what is above 2^31 comes back as a negative cell. */

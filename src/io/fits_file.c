@@ -112,32 +112,30 @@ static rx_status check_file(const char *path, bool *is_held, rx_error *err)
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
 }
 
-/* The file comes into one in memory, its last block filled up with zeros and its headers as cfitsio may see them. cfitsio has memory of its own kind,
- * but forgets there that it could not read a header, and takes the last HDU to be as long as its header says.
- */
-static rx_status hold(const char *path, int to, rx_fits_source *dst, rx_error *err)
+/* The file comes into one in memory, its last block filled up with zeros and its headers as cfitsio may see them. cfitsio
+ * has memory of its own kind, but forgets there that it could not read a header, and takes the last HDU to be as long as its
+ * header says. */
+static rx_status open_held(const char *path, rx_fits_source *dst, rx_error *err)
 {
     char begin[9] = "", literal[40];
     bool odd;
-    RX_TRY(rx_fits_unpack(path, to, &dst->bytes, err));
+    rx_status status;
+    const int to = memfd_create("rextract", MFD_CLOEXEC);
+    if (to < 0)
+        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
+    RX_TRY_EXIT(rx_fits_unpack(path, to, &dst->bytes, err));
     if (rx_input_read(to, begin, sizeof begin, 0) != sizeof begin ||
         memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
-        return rx_error_at(err, RX_INPUT, path, -1, 0,
-                           "is not a packed FITS file: what is in it does not begin with SIMPLE");
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
+                                "is not a packed FITS file: what is in it does not begin with SIMPLE"));
     if (ftruncate(to, (off_t)rx_fits_held(dst)) != 0)
-        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    RX_TRY(rx_fits_walk(to, true, path, &odd, err));
+        RX_TRY_EXIT(
+            rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno)));
+    RX_TRY_EXIT(rx_fits_walk(to, true, path, &odd, err));
     snprintf(literal, sizeof literal, "/proc/self/fd/%d", to);
-    return open_literal(literal, path, dst, err);
-}
-
-static rx_status open_held(const char *path, rx_fits_source *dst, rx_error *err)
-{
-    const int memory = memfd_create("rextract", MFD_CLOEXEC);
-    if (memory < 0)
-        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    rx_status status = hold(path, memory, dst, err);
-    close(memory); /* cfitsio has it open */
+    status = open_literal(literal, path, dst, err);
+exit:
+    close(to); /* cfitsio has it open */
     return status;
 }
 

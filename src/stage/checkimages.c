@@ -457,11 +457,8 @@ rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data 
 rx_status rx_checkimages_close(rx_checkimages *images, rx_error *err)
 {
     rx_status status = RX_OK;
-    for (int i = 0; i < images->n; i++) {
-        if (status == RX_OK)
-            status = rx_fits_close(images->list[i].writer, err);
-        else
-            rx_fits_abort(images->list[i].writer);
+    for (int i = 0; i < images->n && status == RX_OK; i++) {
+        status = rx_fits_close(images->list[i].writer, err);
         images->list[i].writer = NULL;
     }
     rx_checkimages_free(images);

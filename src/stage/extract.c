@@ -145,21 +145,6 @@ static void tell_sources(const rx_run *run, const work *w, rx_log *log)
                 marked, fluxes);
 }
 
-static rx_status write_images(const rx_run *run, const work *w, const rx_record *record,
-                              const rx_record *facts, rx_record *products, rx_log *log, rx_error *err)
-{
-    if (run->images == NULL)
-        return RX_OK;
-    rx_checkimage_data data = {.result = &w->result,
-                               .mesh_width = w->options->pipeline.background[0].mesh_width,
-                               .mesh_height = w->options->pipeline.background[0].mesh_height,
-                               .facts = facts,
-                               .record = record,
-                               .products = products,
-                               .log = log};
-    return rx_checkimages_write(run->images, &data, err);
-}
-
 /* The cards, which are freed where they failed, become those of the table's facts. */
 static rx_status take_facts(rx_table *table, rx_text *cards, rx_error *err)
 {
@@ -338,7 +323,16 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     rx_facts_of_header(&facts, options->all_facts, &shown);
     RX_TRY_EXIT(shown.failed ? rx_error_memory(err, 0) : add_table(run, &w, &shown, err));
-    RX_TRY_EXIT(write_images(run, &w, in->record, &shown, in->products, log, err));
+    const rx_background_params *background = &options->pipeline.background[0];
+    const rx_checkimage_data images = {.result = &w.result,
+                                       .mesh_width = background->mesh_width,
+                                       .mesh_height = background->mesh_height,
+                                       .facts = &shown,
+                                       .record = in->record,
+                                       .products = in->products,
+                                       .log = log};
+    if (run->images != NULL)
+        RX_TRY_EXIT(rx_checkimages_write(run->images, &images, err));
     if (in->kept != NULL) {
         *in->kept = w.result;
         *in->facts = facts;

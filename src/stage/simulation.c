@@ -39,15 +39,6 @@ static double zeropoint_of(const rx_simulate_config *config, const rx_tile *tile
     return config->mag_zeropoint;
 }
 
-static double gain_of(const rx_simulate_config *config, const rx_tile *tile, rx_log *log)
-{
-    double gain = tile->gain > 0.0 ? tile->gain : config->gain;
-    if (!(gain > 0.0))
-        rx_log_warning(log, "%s[%d]: no gain is known; the added light brings no photon noise (give GAIN)",
-                       tile->name, tile->hdu);
-    return gain;
-}
-
 /* Masks of AWAY are all bits; a source AMONG others can also lie on saturated pixels. */
 static rx_status allow(const rx_simulate_config *config, const rx_options *options, const rx_field *field,
                        double fwhm, rx_log *log, unsigned char **dst, rx_error *err)
@@ -101,7 +92,10 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
                            : RX_OK;
     simulation->noise.type = RX_NOISE_NONE;
     simulation->noise.sky = simulation->noise.sigma = 0.0;
-    simulation->noise.gain = gain_of(config, tile, log);
+    simulation->noise.gain = tile->gain > 0.0 ? tile->gain : config->gain;
+    if (!(simulation->noise.gain > 0.0))
+        rx_log_warning(log, "%s[%d]: no gain is known; the added light brings no photon noise (give GAIN)",
+                       tile->name, tile->hdu);
     simulation->noise.saturation = tile->saturation;
     if (status == RX_OK)
         status = allow(config, options, field, simulation->optics->fwhm, log, &simulation->allowed, err);
