@@ -135,17 +135,16 @@ static rx_status write_fits(const rx_catalog *catalog, const char *path, const c
     rx_fits_writer *writer = NULL;
     rx_point_locale locale;
     RX_TRY(rx_point_locale_begin(&locale, err));
-    rx_status status = rx_fits_create(temporary, path, &writer, err);
-    for (int i = 0; i < catalog->n && status == RX_OK; i++) {
-        status = table_cards(catalog, tables[i], &cards, err);
-        if (status == RX_OK)
-            status = catalog->type == RX_CATALOG_FITS_LDAC ? rx_fits_ldac(writer, tables[i], &cards, err)
-                                                           : rx_fits_table(writer, tables[i], &cards, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_create(temporary, path, &writer, err));
+    for (int i = 0; i < catalog->n; i++) {
+        RX_TRY_EXIT(table_cards(catalog, tables[i], &cards, err));
+        RX_TRY_EXIT(catalog->type == RX_CATALOG_FITS_LDAC ? rx_fits_ldac(writer, tables[i], &cards, err)
+                                                          : rx_fits_table(writer, tables[i], &cards, err));
     }
-    if (status == RX_OK) {
-        status = rx_fits_close(writer, err);
-        writer = NULL;
-    }
+    status = rx_fits_close(writer, err);
+    writer = NULL;
+exit:
     rx_fits_abort(writer);
     rx_text_free(&cards);
     rx_point_locale_end(&locale);

@@ -121,25 +121,13 @@ static rx_status find(rx_settings *settings, const char *name, rx_place place, t
     return RX_OK;
 }
 
-/* Does the file give the value that the keyword has anyway? *value: what it was. */
-static rx_status repeats(const target *at, const rx_text *value, bool *dst, rx_error *err)
-{
-    rx_text now = {0};
-    rx_keyword_print(&now, at->owner, at->row, true);
-    const bool failed = now.failed || value->failed;
-    *dst = !failed && at->owner->origin[at->row] <= RX_FROM_DUMP && strcmp(now.data, value->data) == 0;
-    rx_text_free(&now);
-    return failed ? rx_error_memory(err, 0) : RX_OK;
-}
-
 /* One line of a file: nothing, or a keyword and its values; the names of those that are gone are added to *old. */
 static rx_status read_line(rx_settings *settings, const char *line, rx_place place, rx_text *old, rx_log *log,
                            rx_error *err)
 {
     rx_tokens items = {0};
-    rx_text before = {0};
+    rx_text before = {0}, now = {0};
     target at;
-    bool same = false;
     rx_status status = rx_tokens_read(line, &items, err);
     if (status == RX_USAGE)
         status = rx_error_where(err, status, place.file, -1, place.line);
@@ -153,10 +141,15 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
     }
     rx_keyword_print(&before, at.owner, at.row, true);
     RX_TRY_EXIT(rx_keyword_assign(at.owner, at.row, items.v + 1, items.n - 1, place, log, err));
-    RX_TRY_EXIT(repeats(&at, &before, &same, err));
-    at.owner->origin[at.row] = same ? RX_FROM_DUMP : RX_FROM_FILE;
+    rx_keyword_print(&now, at.owner, at.row, true);
+    if (before.failed || now.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    /* does the file give the value that the keyword has anyway? */
+    rx_origin *origin = &at.owner->origin[at.row];
+    *origin = *origin <= RX_FROM_DUMP && strcmp(now.data, before.data) == 0 ? RX_FROM_DUMP : RX_FROM_FILE;
     at.owner->line[at.row] = place.line;
 exit:
+    rx_text_free(&now);
     rx_text_free(&before);
     rx_tokens_free(&items);
     return status;
@@ -170,10 +163,9 @@ static rx_status keep_name(rx_settings *settings, const char *path, rx_error *er
         return rx_error_memory(err, strlen(path));
     free(settings->file);
     settings->file = name;
-    rx_status status = RX_OK;
-    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
-        status = keep_name(settings->part[i], path, err);
-    return status;
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        RX_TRY(keep_name(settings->part[i], path, err));
+    return RX_OK;
 }
 
 static rx_status read_file(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
@@ -262,10 +254,9 @@ rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log,
 
 rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int row = 0; row < settings->table->nrows && status == RX_OK; row++)
-        status = rx_keyword_replace(settings, row, "{tile}", tile, err);
-    return status;
+    for (int row = 0; row < settings->table->nrows; row++)
+        RX_TRY(rx_keyword_replace(settings, row, "{tile}", tile, err));
+    return RX_OK;
 }
 
 rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)

@@ -383,19 +383,18 @@ static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
     rx_table *table = NULL;
-    rx_status status = rx_psf_psfex_table(psf, &table, &cards, err);
+    rx_status status;
     if (psf == NULL)
         rx_log_warning(
             data->log,
             "%s[%d]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it, as psfex writes it, and "
             "cannot be read as a PSF; give PSF_FWHM or a PSF file",
             tile->name, tile->hdu);
-    if (status == RX_OK) {
-        rx_fits_digest_table(table, digest);
-        status = make_cards(image, data, digest, &cards, err);
-    }
-    if (status == RX_OK)
-        status = rx_fits_table(image->writer, table, &cards, err);
+    RX_TRY_EXIT(rx_psf_psfex_table(psf, &table, &cards, err));
+    rx_fits_digest_table(table, digest);
+    RX_TRY_EXIT(make_cards(image, data, digest, &cards, err));
+    status = rx_fits_table(image->writer, table, &cards, err);
+exit:
     rx_text_free(&cards);
     rx_table_free(table);
     return status;

@@ -41,15 +41,14 @@ static rx_status refuse_files(const rx_config *config, rx_error *err)
 
 static rx_status configure(const rx_job *job, rx_log *log, rx_config **dst, rx_error *err)
 {
-    rx_status status = RX_OK;
     RX_TRY(rx_config_new(dst, err));
+    rx_settings *settings = &(*dst)->settings;
     if (job->config != NULL)
-        status = rx_settings_read(&(*dst)->settings, job->config, log, err);
-    for (int i = 0; i < job->nsettings && status == RX_OK; i++)
-        status = rx_settings_set(&(*dst)->settings, job->settings[i].name, job->settings[i].value, log, err);
-    if (status == RX_OK)
-        status = rx_settings_complete(&(*dst)->settings, log, err);
-    return status == RX_OK ? refuse_files(*dst, err) : status;
+        RX_TRY(rx_settings_read(settings, job->config, log, err));
+    for (int i = 0; i < job->nsettings; i++)
+        RX_TRY(rx_settings_set(settings, job->settings[i].name, job->settings[i].value, log, err));
+    RX_TRY(rx_settings_complete(settings, log, err));
+    return refuse_files(*dst, err);
 }
 
 static rx_status make_options(const rx_job *job, rx_log *log, rx_job_result *dst, rx_error *err)

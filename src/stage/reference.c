@@ -125,16 +125,6 @@ static bool take_band(const char *bands, int number, const char *text, char dst[
     return false;
 }
 
-/* The survey that the columns show; NULL: none. */
-static const survey *find_survey(const rx_reference_params *par, const rx_table *table)
-{
-    for (size_t i = 0; i < COUNT(surveys) && par->ncolumns == 0; i++)
-        if (rx_table_find(table, surveys[i].x) >= 0 && rx_table_find(table, surveys[i].y) >= 0 &&
-            rx_table_find(table, surveys[i].mark) >= 0)
-            return &surveys[i];
-    return NULL;
-}
-
 /* Columns of a survey: the band of REFERENCE_BAND, that of the tile's filter, or the survey's first one that is there. */
 static rx_status choose_survey(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                                chosen *dst, rx_error *err)
@@ -191,8 +181,13 @@ static rx_status choose_colour(const rx_reference_params *par, const rx_table *t
 static rx_status choose_columns(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                                 chosen *dst, rx_error *err)
 {
-    /* without celestial coordinates pixels may stand beside those of a survey */
-    *dst = (chosen){.survey = tile->wcs != NULL ? find_survey(par, table) : NULL};
+    *dst = (chosen){0};
+    /* the survey that the columns show; without celestial coordinates pixels may stand beside */
+    for (const survey *s = surveys; s < surveys + COUNT(surveys) && par->ncolumns == 0 && tile->wcs != NULL;
+         s++)
+        if (dst->survey == NULL && rx_table_find(table, s->x) >= 0 && rx_table_find(table, s->y) >= 0 &&
+            rx_table_find(table, s->mark) >= 0)
+            dst->survey = s;
     for (int i = 0; i < NCOLUMNS; i++)
         dst->of[i] = -1;
     if (par->ncolumns > 0) {

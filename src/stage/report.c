@@ -218,12 +218,10 @@ rx_status rx_stage_report(const rx_report_input *in, rx_extension_facts *facts, 
                           rx_text *brief, rx_error *err)
 {
     const char *folder = NULL;
-    rx_status status = open_folder(in->options->qa_name, in->extension, in->outputs, &folder, err);
-    if (status == RX_OK && in->reference != NULL)
-        status = compare(in, folder, verdict, brief, err);
-    if (status == RX_OK && in->options->tile_page)
-        status = describe(in, folder, facts, err);
-    return status;
+    RX_TRY(open_folder(in->options->qa_name, in->extension, in->outputs, &folder, err));
+    if (in->reference != NULL)
+        RX_TRY(compare(in, folder, verdict, brief, err));
+    return in->options->tile_page ? describe(in, folder, facts, err) : RX_OK;
 }
 
 rx_status rx_report_checks(const rx_report_input *in, const rx_checks *checks, rx_error *err)

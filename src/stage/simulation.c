@@ -511,16 +511,15 @@ static rx_status run_injection(job *job, rx_error *err)
     int *hdus = NULL, n = 0;
     rx_config *stage = NULL;
     rx_options *options = NULL;
-    rx_status status = read_stage_config(job, &stage, err);
-    if (status == RX_OK)
-        status = rx_options_from_config(stage, job->log, &options, err);
-    if (status == RX_OK)
-        status = rx_tile_list(job->config->inject_image, job->log, &hdus, &n, err);
-    for (int i = 0; i < n && status == RX_OK; i++) {
-        status = inject_image(job, options, hdus[i], i + 1, err);
-        if (status == RX_OK)
-            status = rx_interrupt_check(err);
+    rx_status status;
+    RX_TRY_EXIT(read_stage_config(job, &stage, err));
+    RX_TRY_EXIT(rx_options_from_config(stage, job->log, &options, err));
+    RX_TRY_EXIT(rx_tile_list(job->config->inject_image, job->log, &hdus, &n, err));
+    for (int i = 0; i < n; i++) {
+        RX_TRY_EXIT(inject_image(job, options, hdus[i], i + 1, err));
+        RX_TRY_EXIT(rx_interrupt_check(err));
     }
+exit:
     free(hdus);
     rx_options_free(options);
     rx_config_free(stage);

@@ -51,15 +51,14 @@ typedef struct job {
 static rx_status open_runs(job *job, int nextensions, rx_error *err)
 {
     const rx_options *options = job->options;
-    rx_status status = RX_OK;
-    for (int i = 1; i <= nextensions && status == RX_OK; i++)
-        status = rx_report_try(job->config, options, job->image, nextensions > 1 ? i : 0, err);
-    if (status == RX_OK && job->config->write_xml && job->facts != NULL)
-        status = rx_outputs_file(job->outputs, job->config->xml_name, &job->xml, err);
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
-                             job->outputs, err);
-    return status;
+    for (int i = 1; i <= nextensions; i++)
+        RX_TRY(rx_report_try(job->config, options, job->image, nextensions > 1 ? i : 0, err));
+    if (job->config->write_xml && job->facts != NULL)
+        RX_TRY(rx_outputs_file(job->outputs, job->config->xml_name, &job->xml, err));
+    for (int i = 0; i < options->nrestorers; i++)
+        RX_TRY(rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
+                           job->outputs, err));
+    return RX_OK;
 }
 
 /* The short table of the report, a line at a time; a gate that passed may stay away. */
