@@ -104,10 +104,9 @@ static void skycat_row(rx_text *dst, const rx_table *table, long row)
 static void add_record(rx_text *dst, const rx_catalog *catalog)
 {
     add_facts(dst, catalog->tables, catalog->n);
-    for (int i = 0; i < catalog->npairs && catalog->n > 0; i++) {
-        const rx_record_pair *pair = &catalog->record[i];
-        rx_text_printf(dst, "# %s = ", pair->name);
-        rx_printable_add(dst, pair->value != NULL ? pair->value : "");
+    for (int i = 0; i < catalog->record->n && catalog->n > 0; i++) {
+        rx_text_printf(dst, "# %s = ", catalog->record->pairs[i][0]);
+        rx_printable_add(dst, catalog->record->pairs[i][1]);
         rx_text_add(dst, "\n");
     }
 }

@@ -163,15 +163,6 @@ static void copy(const matcher *m, long row, double *dst)
         dst[i] = value_of(m->list, row, m->data[i]);
 }
 
-/* dst += weight * values, or their fluxes. */
-static void add(const matcher *m, long row, double weight, double *dst)
-{
-    for (int i = 0; i < m->ndata; i++) {
-        const double value = value_of(m->list, row, m->data[i]);
-        dst[i] += m->type == RX_ASSOC_MAG_SUM ? flux_of(value) : weight * value;
-    }
-}
-
 /* First entry whose y is above the limit. */
 static long first_above(const matcher *m, double y)
 {
@@ -212,7 +203,10 @@ static int match_one(const matcher *m, double x, double y, double *dst)
                 copy(m, e->row, dst);
             best = rank < best ? rank : best;
         } else {
-            add(m, e->row, weight, dst);
+            for (int k = 0; k < m->ndata; k++) {
+                const double value = value_of(m->list, e->row, m->data[k]);
+                dst[k] += m->type == RX_ASSOC_MAG_SUM ? flux_of(value) : weight * value;
+            }
             sum += weight;
         }
     }
@@ -230,22 +224,12 @@ static int match_one(const matcher *m, double x, double y, double *dst)
     return count;
 }
 
-static rx_status select_sources(const matcher *m, rx_sources *sources, rx_error *err)
-{
-    unsigned char *keep;
-    RX_TRY(RX_MAKE(keep, (size_t)sources->n, err));
-    for (int i = 0; i < sources->n; i++)
-        keep[i] = (sources->list[i].number_assoc > 0) == (m->par->select == RX_ASSOC_MATCHED);
-    const rx_status status = rx_sources_select(sources, keep, err);
-    free(keep);
-    return status;
-}
-
 rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struct rx_wcs *wcs, rx_log *log,
                          rx_sources *sources, rx_error *err)
 {
     matcher m = {.par = par, .list = list};
     double *values = NULL;
+    unsigned char *keep = NULL;
     rx_status status;
     RX_TRY_EXIT(prepare(&m, wcs, log, err));
     RX_TRY_EXIT(RX_MAKE(values, (size_t)sources->n * (size_t)m.ndata, err));
@@ -259,9 +243,14 @@ rx_status rx_assoc_match(const rx_assoc_params *par, const rx_assoc *list, struc
     values = NULL;
     for (int i = 0; i < sources->n; i++)
         sources->list[i].vector_assoc = sources->assoc + (size_t)i * (size_t)m.ndata;
-    if (par->select != RX_ASSOC_ALL)
-        status = select_sources(&m, sources, err);
+    if (par->select == RX_ASSOC_ALL)
+        goto exit;
+    RX_TRY_EXIT(RX_MAKE(keep, (size_t)sources->n, err));
+    for (int i = 0; i < sources->n; i++)
+        keep[i] = (sources->list[i].number_assoc > 0) == (par->select == RX_ASSOC_MATCHED);
+    status = rx_sources_select(sources, keep, err);
 exit:
+    free(keep);
     free(values);
     free(m.entries);
     return status;

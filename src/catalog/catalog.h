@@ -12,6 +12,7 @@
 #include "base/log.h"
 #include "base/text.h"
 #include "data/image.h"
+#include "data/record.h"
 #include "data/sources.h"
 #include "data/table.h"
 
@@ -77,18 +78,12 @@ void rx_columns_dump(rx_text *dst);
 rx_status rx_catalog_table(const rx_column_list *list, const rx_image *image, const rx_sources *sources,
                            rx_table **dst, rx_error *err);
 
-typedef struct rx_record_pair {
-    const char *name;
-    const char *value;
-    const char *comment;
-} rx_record_pair;
-
 /* What one catalogue file holds; it owns nothing. */
 typedef struct rx_catalog {
     rx_catalog_type type;
-    int n, npairs;
-    rx_table *const *tables;      /* [n] one per extension */
-    const rx_record_pair *record; /* [npairs] what made it: program, version, configuration */
+    int n;
+    rx_table *const *tables; /* [n] one per extension */
+    const rx_record *record; /* what made it: program, version, configuration */
 } rx_catalog;
 
 /* The facts of a run as SExtractor's WRITE_XML has them: PARAMs of the program, of each image a row, warnings, keywords. */
@@ -96,13 +91,8 @@ typedef struct rx_votable_param {
     const char *name, *datatype;           /* "char", "int", "double" */
     const char *unit, *ucd, *value, *help; /* NULL: none */
 } rx_votable_param;
-typedef struct rx_votable_run {
-    int nparams, ntables, nkeywords;
-    const rx_votable_param *params;
-    rx_table *const *tables;        /* by name */
-    const rx_record_pair *keywords; /* of the configuration, and what was read */
-} rx_votable_run;
-rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error *err);
+rx_status rx_votable_run_text(const rx_votable_param *params, int nparams, rx_table *const *tables,
+                              int ntables, const rx_record *keywords, rx_text *dst, rx_error *err);
 
 /* Write one catalogue file: to `temporary`, which errors call `path`, the name that it will have in the end; or as text
  * to standard_out when temporary is NULL (CATALOG_NAME STDOUT; a FITS type is then RX_USAGE). RX_CATALOG_NONE

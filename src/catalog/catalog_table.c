@@ -2,7 +2,6 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "base/memory.h"
 #include "catalog/catalog.h"
@@ -76,13 +75,11 @@ rx_status rx_catalog_table(const rx_column_list *list, const rx_image *image, co
     table->name = rx_strdup("OBJECTS");
     if (table->name == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
-    for (int i = 0; i < list->n && status == RX_OK; i++) {
+    for (int i = 0; i < list->n; i++) {
         const rx_column_choice *choice = &list->choice[i];
         describe(&table->columns[i], &defs[choice->index], choice->dim);
-        status = fill(&table->columns[i], choice, &defs[choice->index], image, sources, err);
+        RX_TRY_EXIT(fill(&table->columns[i], choice, &defs[choice->index], image, sources, err));
     }
-    if (status != RX_OK)
-        goto exit;
     *dst = table;
     table = NULL;
 exit:

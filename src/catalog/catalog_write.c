@@ -1,5 +1,4 @@
 /* Writing a catalogue: the right writer, whole files or none. */
-#include <ctype.h>
 #include <errno.h>
 #include <string.h>
 
@@ -118,7 +117,6 @@ static void add_epoch(rx_text *dst, const rx_table *table)
 /* What made one table: its own facts first, then the record of the run. */
 static rx_status table_cards(const rx_catalog *catalog, const rx_table *table, rx_text *cards, rx_error *err)
 {
-    const rx_record_pair *record = catalog->record;
     cards->length = 0;
     if (catalog->type == RX_CATALOG_FITS_LDAC) /* it holds the image's header as a whole */
         add_ldac_keys(table, cards);
@@ -126,9 +124,7 @@ static rx_status table_cards(const rx_catalog *catalog, const rx_table *table, r
         add_epoch(cards, table);
     if (table->facts != NULL)
         rx_text_add_bytes(cards, table->facts, (size_t)table->nfacts * 80);
-    for (int i = 0; i < catalog->npairs; i++)
-        rx_card_record(cards, record[i].name, record[i].value != NULL ? record[i].value : "",
-                       record[i].comment != NULL ? record[i].comment : "");
+    rx_record_cards(catalog->record, cards);
     return cards->failed ? rx_error_memory(err, cards->capacity) : RX_OK;
 }
 
@@ -139,17 +135,16 @@ static rx_status write_fits(const rx_catalog *catalog, const char *path, const c
     rx_fits_writer *writer = NULL;
     rx_point_locale locale;
     RX_TRY(rx_point_locale_begin(&locale, err));
-    rx_status status = rx_fits_create(temporary, path, &writer, err);
-    for (int i = 0; i < catalog->n && status == RX_OK; i++) {
-        status = table_cards(catalog, tables[i], &cards, err);
-        if (status == RX_OK)
-            status = catalog->type == RX_CATALOG_FITS_LDAC ? rx_fits_ldac(writer, tables[i], &cards, err)
-                                                           : rx_fits_table(writer, tables[i], &cards, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_create(temporary, path, &writer, err));
+    for (int i = 0; i < catalog->n; i++) {
+        RX_TRY_EXIT(table_cards(catalog, tables[i], &cards, err));
+        RX_TRY_EXIT(catalog->type == RX_CATALOG_FITS_LDAC ? rx_fits_ldac(writer, tables[i], &cards, err)
+                                                          : rx_fits_table(writer, tables[i], &cards, err));
     }
-    if (status == RX_OK) {
-        status = rx_fits_close(writer, err);
-        writer = NULL;
-    }
+    status = rx_fits_close(writer, err);
+    writer = NULL;
+exit:
     rx_fits_abort(writer);
     rx_text_free(&cards);
     rx_point_locale_end(&locale);

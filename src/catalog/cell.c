@@ -77,8 +77,10 @@ static long long integer_value(const rx_column *column, long i)
     return ((const int64_t *)column->data)[i];
 }
 
-static void print_text(rx_text *dst, const char *text, bool quote)
+static void print_text(rx_text *dst, const rx_column *column, long i, bool quotes)
 {
+    const char *text = (const char *)column->data + i * column->text_width;
+    const bool quote = quotes && (*text == '\0' || strpbrk(text, " \t\r\n,#\"") != NULL);
     if (quote)
         rx_text_add(dst, "\"");
     for (; *text != '\0'; text++) {
@@ -90,17 +92,11 @@ static void print_text(rx_text *dst, const char *text, bool quote)
         rx_text_add(dst, "\"");
 }
 
-static const char *text_value(const rx_column *column, long i)
-{
-    return (const char *)column->data + i * column->text_width;
-}
-
 void rx_cell_format(rx_text *dst, const rx_column *column, long row, long element)
 {
     long i = row * rx_column_elements(column) + element;
     if (column->type == RX_CELL_TEXT) {
-        const char *text = text_value(column, i);
-        print_text(dst, text, *text == '\0' || strpbrk(text, " \t\r\n,#\"") != NULL);
+        print_text(dst, column, i, true);
     } else if (is_integer(column->type)) {
         const format f = parse_format(column);
         long long value = integer_value(column, i);
@@ -116,28 +112,20 @@ void rx_cell_exact(rx_text *dst, const rx_column *column, long row, long element
 {
     char shown[40];
     long i = row * rx_column_elements(column) + element;
-    if (column->type == RX_CELL_TEXT) {
-        print_text(dst, text_value(column, i), false);
-        return;
-    }
-    if (is_integer(column->type)) {
+    const double value = rx_column_value(column, row, element);
+    const bool single = column->type == RX_CELL_FLOAT;
+    if (column->type == RX_CELL_TEXT)
+        print_text(dst, column, i, false);
+    else if (is_integer(column->type))
         rx_text_printf(dst, "%lld", integer_value(column, i));
-        return;
+    else if (!isfinite(value))
+        rx_text_add(dst, isnan(value) ? "NaN" : value > 0 ? "+Inf" : "-Inf");
+    else {
+        for (int digits = single ? 6 : 15; digits <= (single ? 9 : 17); digits++) {
+            snprintf(shown, sizeof shown, "%.*g", digits, value);
+            if (single ? strtof(shown, NULL) == (float)value : strtod(shown, NULL) == value)
+                break;
+        }
+        rx_text_add(dst, shown);
     }
-    double value = rx_column_value(column, row, element);
-    if (isnan(value)) {
-        rx_text_add(dst, "NaN");
-        return;
-    }
-    if (isinf(value)) {
-        rx_text_add(dst, value > 0 ? "+Inf" : "-Inf");
-        return;
-    }
-    bool single = column->type == RX_CELL_FLOAT;
-    for (int digits = single ? 6 : 15; digits <= (single ? 9 : 17); digits++) {
-        snprintf(shown, sizeof shown, "%.*g", digits, value);
-        if (single ? strtof(shown, NULL) == (float)value : strtod(shown, NULL) == value)
-            break;
-    }
-    rx_text_add(dst, shown);
 }

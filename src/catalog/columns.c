@@ -7,9 +7,6 @@
 #include <strings.h>
 
 #include "base/constants.h"
-#include "catalog/assoc.h"
-
-enum { VIGNET_LIMIT = 1024 };
 
 #define DEGREES (1 / RX_DEGREE) /* per radian */
 
@@ -148,19 +145,10 @@ static double best_error(const rx_source *s)
     return (s->flags & RX_FLAG_CROWDED) ? s->fluxerr_isocor : s->fluxerr_auto;
 }
 
-static double aper_flux(const rx_source *s, const rx_cell_place *c, long i)
+/* Element i of those that were measured. */
+static double at(const double *values, int n, long i)
 {
-    return i < c->sources->naper ? s->flux_aper[i] : NAN;
-}
-
-static double aper_error(const rx_source *s, const rx_cell_place *c, long i)
-{
-    return i < c->sources->naper ? s->fluxerr_aper[i] : NAN;
-}
-
-static double radius_at(const rx_source *s, const rx_cell_place *c, long i)
-{
-    return i < c->sources->nradii ? s->flux_radius[i] : NAN;
+    return i < n ? values[i] : NAN;
 }
 
 /* All 32 bits kept: what is above 2^31 comes back as a negative cell. */
@@ -218,15 +206,4 @@ int rx_column_index(const char *name)
         if (strcasecmp(columns[i].name, name) == 0)
             return (int)i;
     return -1;
-}
-
-int rx_column_limit(const rx_column_def *def)
-{
-    if (def->naxis == 2)
-        return VIGNET_LIMIT;
-    if (strcmp(def->name, "FLUX_RADIUS") == 0)
-        return RX_MAX_RADII;
-    if (strcmp(def->name, "VECTOR_ASSOC") == 0)
-        return RX_ASSOC_COLUMNS;
-    return strstr(def->name, "IMAFLAGS") != NULL ? RX_MAX_FLAGMAPS : RX_MAX_APERTURES;
 }

@@ -29,7 +29,4 @@ const rx_column_def *rx_column_defs(int *n);
 /* Row of a column by name, case ignored; -1 when there is none. */
 int rx_column_index(const char *name);
 
-/* Most elements of a vector, or of each side of an image, that a .param file may ask of a column. */
-int rx_column_limit(const rx_column_def *def);
-
 #endif

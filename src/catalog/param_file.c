@@ -7,10 +7,11 @@
 
 #include "base/lines.h"
 #include "base/memory.h"
+#include "catalog/assoc.h"
 #include "catalog/catalog.h"
 #include "catalog/columns.h"
 
-enum { NAMES_SHOWN = 12 };
+enum { NAMES_SHOWN = 12, VIGNET_LIMIT = 1024 };
 
 /* Names met in the file that deserve one common warning. */
 typedef struct names {
@@ -57,6 +58,18 @@ static rx_status unknown_name(const char *path, long line, const char *name, rx_
     return rx_error_at(err, RX_USAGE, path, -1, line, "unknown column '%.60s'; -dp lists all columns", name);
 }
 
+/* Most elements of a vector, or of each side of an image, that may be asked of a column. */
+static int limit_of(const rx_column_def *def)
+{
+    if (def->naxis == 2)
+        return VIGNET_LIMIT;
+    if (strcmp(def->name, "FLUX_RADIUS") == 0)
+        return RX_MAX_RADII;
+    if (strcmp(def->name, "VECTOR_ASSOC") == 0)
+        return RX_ASSOC_COLUMNS;
+    return strstr(def->name, "IMAFLAGS") != NULL ? RX_MAX_FLAGMAPS : RX_MAX_APERTURES;
+}
+
 /* `(5)`, `[35,35]`, `{2}` right behind the name or, as SExtractor also takes it, ` 5`. Further
  * words of the line (the description that -dp prints) mean nothing. */
 static rx_status parse_dimensions(const char *path, long line, const char *text, const rx_column_def *def,
@@ -69,7 +82,7 @@ static rx_status parse_dimensions(const char *path, long line, const char *text,
                            text);
     if (def->naxis == 0)
         return RX_OK;
-    int count = 0, limit = rx_column_limit(def);
+    int count = 0, limit = limit_of(def);
     dim[0] = 1;
     dim[1] = def->naxis == 2;
     text += strspn(text, " \t");

@@ -22,6 +22,23 @@ static void add_xml(rx_text *dst, const char *text)
     }
 }
 
+/* Nothing where the value is empty. */
+static void add_attribute(rx_text *dst, const char *name, const char *value)
+{
+    if (value == NULL || value[0] == '\0')
+        return;
+    rx_text_printf(dst, " %s=\"", name);
+    add_xml(dst, value);
+    rx_text_add(dst, "\"");
+}
+
+static void add_description(rx_text *dst, const char *text)
+{
+    rx_text_add(dst, "<DESCRIPTION>");
+    add_xml(dst, text);
+    rx_text_add(dst, "</DESCRIPTION>");
+}
+
 /* FITS spells "mag * arcsec**(-2)", VOUnits "mag.arcsec**-2". */
 static void add_unit(rx_text *dst, const char *unit)
 {
@@ -36,55 +53,28 @@ static void add_unit(rx_text *dst, const char *unit)
         }
     }
     shown[n] = '\0';
-    add_xml(dst, shown);
-}
-
-static const char *datatype(rx_cell_type type)
-{
-    switch (type) {
-    case RX_CELL_INT16:
-        return "short";
-    case RX_CELL_INT32:
-        return "int";
-    case RX_CELL_INT64:
-        return "long";
-    case RX_CELL_FLOAT:
-        return "float";
-    case RX_CELL_DOUBLE:
-        return "double";
-    case RX_CELL_TEXT:
-        break;
-    }
-    return "char";
+    add_attribute(dst, "unit", shown);
 }
 
 static void add_field(rx_text *dst, const rx_column *column)
 {
-    rx_text_add(dst, "  <FIELD name=\"");
-    add_xml(dst, column->name);
-    rx_text_printf(dst, "\" datatype=\"%s\"", datatype(column->type));
+    static const char *const datatypes[] = {
+        [RX_CELL_INT16] = "short", [RX_CELL_INT32] = "int",     [RX_CELL_INT64] = "long",
+        [RX_CELL_FLOAT] = "float", [RX_CELL_DOUBLE] = "double", [RX_CELL_TEXT] = "char"};
+    rx_text_add(dst, "  <FIELD");
+    add_attribute(dst, "name", column->name);
+    add_attribute(dst, "datatype", datatypes[column->type]);
     if (column->type == RX_CELL_TEXT)
         rx_text_add(dst, " arraysize=\"*\"");
     else if (column->ndim == 1)
         rx_text_printf(dst, " arraysize=\"%d\"", column->dim[0]);
     else if (column->ndim == 2)
         rx_text_printf(dst, " arraysize=\"%dx%d\"", column->dim[0], column->dim[1]);
-    if (column->unit[0] != '\0') {
-        rx_text_add(dst, " unit=\"");
-        add_unit(dst, column->unit);
-        rx_text_add(dst, "\"");
-    }
-    if (column->ucd[0] != '\0') {
-        rx_text_add(dst, " ucd=\"");
-        add_xml(dst, column->ucd);
-        rx_text_add(dst, "\"");
-    }
+    add_unit(dst, column->unit);
+    add_attribute(dst, "ucd", column->ucd);
     rx_text_add(dst, ">");
-    if (column->description[0] != '\0') {
-        rx_text_add(dst, "<DESCRIPTION>");
-        add_xml(dst, column->description);
-        rx_text_add(dst, "</DESCRIPTION>");
-    }
+    if (column->description[0] != '\0')
+        add_description(dst, column->description);
     rx_text_add(dst, "</FIELD>\n");
 }
 
@@ -114,20 +104,29 @@ static void add_row(rx_text *dst, const rx_table *table, long row)
     rx_text_add(dst, "</TR>\n");
 }
 
-static void add_param(rx_text *dst, const char *name, const char *value, const char *comment)
+static void add_param(rx_text *dst, const char *indent, const rx_votable_param *p)
 {
-    rx_text_add(dst, "  <PARAM name=\"");
-    add_xml(dst, name);
-    rx_text_add(dst, "\" datatype=\"char\" arraysize=\"*\" value=\"");
-    add_xml(dst, value != NULL ? value : "");
-    rx_text_add(dst, "\"");
-    if (comment != NULL && comment[0] != '\0') {
-        rx_text_add(dst, "><DESCRIPTION>");
-        add_xml(dst, comment);
-        rx_text_add(dst, "</DESCRIPTION></PARAM>\n");
-    } else {
-        rx_text_add(dst, "/>\n");
+    rx_text_printf(dst, "%s<PARAM", indent);
+    add_attribute(dst, "name", p->name);
+    add_attribute(dst, "datatype", p->datatype);
+    add_attribute(dst, "arraysize", strcmp(p->datatype, "char") == 0 ? "*" : NULL);
+    add_attribute(dst, "unit", p->unit);
+    add_attribute(dst, "ucd", p->ucd);
+    rx_text_add(dst, " value=\"");
+    add_xml(dst, p->value);
+    if (p->help == NULL || p->help[0] == '\0') {
+        rx_text_add(dst, "\"/>\n");
+        return;
     }
+    rx_text_add(dst, "\">");
+    add_description(dst, p->help);
+    rx_text_add(dst, "</PARAM>\n");
+}
+
+static void add_words(rx_text *dst, const char *name, const char *value, const char *comment)
+{
+    add_param(dst, "  ",
+              &(rx_votable_param){.name = name, .datatype = "char", .value = value, .help = comment});
 }
 
 static void begin_table(rx_text *dst, const rx_catalog *catalog, int i)
@@ -139,29 +138,32 @@ static void begin_table(rx_text *dst, const rx_catalog *catalog, int i)
     char name[9], value[512];
     for (long k = 0; table->facts != NULL && k < table->nfacts; k++)
         if (rx_table_fact(table, k, name, value))
-            add_param(dst, name, value, NULL);
+            add_words(dst, name, value, NULL);
     for (int k = 0; k < table->ncolumns; k++)
         add_field(dst, &table->columns[k]);
     rx_text_add(dst, "  <DATA><TABLEDATA>\n");
 }
 
-/* Line i of the record: READ, READ2, READ3, for no name of a PARAM may come twice; text that XML could not
+/* The lines of a record: READ, READ2, READ3, for no name of a PARAM may come twice; text that XML could not
  * hold is escaped as it is in other formats. */
-static void add_record(rx_text *dst, const rx_record_pair *record, int i)
+static void add_record(rx_text *dst, const rx_record *record)
 {
-    char name[80], number[12] = "";
-    rx_text value = {0};
-    int count = 1;
-    for (int k = 0; k < i; k++)
-        count += strcmp(record[k].name, record[i].name) == 0;
-    if (count > 1)
-        snprintf(number, sizeof number, "%d", count);
-    snprintf(name, sizeof name, "%s%s", record[i].name, number);
-    rx_printable_add(&value, record[i].value != NULL ? record[i].value : "");
-    dst->failed |= value.failed;
-    if (!value.failed)
-        add_param(dst, name, value.data, record[i].comment);
-    rx_text_free(&value);
+    for (int i = 0; i < record->n; i++) {
+        char *const *pair = record->pairs[i];
+        char name[80], number[12] = "";
+        rx_text value = {0};
+        int count = 1;
+        for (int k = 0; k < i; k++)
+            count += strcmp(record->pairs[k][0], pair[0]) == 0;
+        if (count > 1)
+            snprintf(number, sizeof number, "%d", count);
+        snprintf(name, sizeof name, "%s%s", pair[0], number);
+        rx_printable_add(&value, pair[1]);
+        dst->failed |= value.failed;
+        if (!value.failed)
+            add_words(dst, name, value.data, pair[2]);
+        rx_text_free(&value);
+    }
 }
 
 static void begin_file(rx_text *dst, const rx_catalog *catalog)
@@ -170,8 +172,7 @@ static void begin_file(rx_text *dst, const rx_catalog *catalog)
                      "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
                      "<RESOURCE type=\"results\">\n"
                      " <DESCRIPTION>Sources of a Rextract run, one table for each image</DESCRIPTION>\n");
-    for (int i = 0; i < catalog->npairs; i++)
-        add_record(dst, catalog->record, i);
+    add_record(dst, catalog->record);
     rx_text_add(dst, " <COOSYS ID=\"J2000\" equinox=\"J2000\" epoch=\"J2000\" system=\"ICRS\"/>\n");
 }
 
@@ -187,41 +188,18 @@ const rx_text_format *rx_votable_format(void)
 
 /* --- facts of a run --- */
 
-static void add_attribute(rx_text *dst, const char *name, const char *value)
-{
-    if (value == NULL || value[0] == '\0')
-        return;
-    rx_text_printf(dst, " %s=\"", name);
-    add_xml(dst, value);
-    rx_text_add(dst, "\"");
-}
-
-static void add_typed(rx_text *dst, const rx_votable_param *p)
-{
-    rx_text_add(dst, "   <PARAM");
-    add_attribute(dst, "name", p->name);
-    add_attribute(dst, "datatype", p->datatype);
-    add_attribute(dst, "arraysize", strcmp(p->datatype, "char") == 0 ? "*" : NULL);
-    add_attribute(dst, "unit", p->unit);
-    add_attribute(dst, "ucd", p->ucd);
-    rx_text_add(dst, " value=\"");
-    add_xml(dst, p->value);
-    rx_text_add(dst, "\"><DESCRIPTION>");
-    add_xml(dst, p->help);
-    rx_text_add(dst, "</DESCRIPTION></PARAM>\n");
-}
-
-rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error *err)
+rx_status rx_votable_run_text(const rx_votable_param *params, int nparams, rx_table *const *tables,
+                              int ntables, const rx_record *keywords, rx_text *dst, rx_error *err)
 {
     rx_text_add(dst, "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
                      "<VOTABLE version=\"1.4\" xmlns=\"http://www.ivoa.net/xml/VOTable/v1.3\">\n"
                      "<RESOURCE ID=\"Rextract\" name=\"Rextract\">\n"
                      " <DESCRIPTION>Facts and warnings of a Rextract run</DESCRIPTION>\n"
                      " <RESOURCE ID=\"MetaData\" name=\"MetaData\">\n");
-    for (int i = 0; i < run->nparams; i++)
-        add_typed(dst, &run->params[i]);
-    for (int i = 0; i < run->ntables; i++) {
-        const rx_table *table = run->tables[i];
+    for (int i = 0; i < nparams; i++)
+        add_param(dst, "   ", &params[i]);
+    for (int i = 0; i < ntables; i++) {
+        const rx_table *table = tables[i];
         rx_text_printf(dst, "  <TABLE ID=\"%s\" name=\"%s\" nrows=\"%ld\">\n", table->name, table->name,
                        table->nrows);
         for (int k = 0; k < table->ncolumns; k++)
@@ -232,8 +210,7 @@ rx_status rx_votable_run_text(const rx_votable_run *run, rx_text *dst, rx_error 
         rx_text_add(dst, "   </TABLEDATA></DATA>\n  </TABLE>\n");
     }
     rx_text_add(dst, " </RESOURCE>\n <RESOURCE ID=\"Config\" name=\"Config\">\n");
-    for (int i = 0; i < run->nkeywords; i++)
-        add_record(dst, run->keywords, i);
+    add_record(dst, keywords);
     rx_text_add(dst, " </RESOURCE>\n</RESOURCE>\n</VOTABLE>\n");
     return dst->failed ? rx_error_memory(err, 0) : RX_OK;
 }

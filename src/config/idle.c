@@ -197,9 +197,8 @@ void rx_idle_free(rx_idle *idle)
     *idle = (rx_idle){.has_column = idle->has_column, .columns = idle->columns};
 }
 
-rx_status rx_settings_warn_idle(const rx_settings *settings, rx_log *log, rx_error *err)
+rx_status rx_settings_warn_idle(const rx_settings *settings, rx_idle idle, rx_log *log, rx_error *err)
 {
-    rx_idle idle = {0};
     const rx_status status = rx_idle_add(&idle, settings, err);
     if (status == RX_OK)
         rx_idle_warn(&idle, log);

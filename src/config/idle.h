@@ -25,7 +25,7 @@ rx_status rx_idle_add(rx_idle *idle, const rx_settings *settings, rx_error *err)
 void rx_idle_warn(rx_idle *idle, rx_log *log);
 void rx_idle_free(rx_idle *idle);
 
-/* All of this for a program whose keywords do not depend on columns. */
-rx_status rx_settings_warn_idle(const rx_settings *settings, rx_log *log, rx_error *err);
+/* All of this for one struct of settings; idle: with the columns, {0} for a program whose keywords do not depend on them. */
+rx_status rx_settings_warn_idle(const rx_settings *settings, rx_idle idle, rx_log *log, rx_error *err);
 
 #endif

@@ -52,17 +52,6 @@ static rx_status read_row(const char *path, long number, char *line, rx_kernel *
     return RX_OK;
 }
 
-static rx_status check(const char *path, const rx_kernel *kernel, rx_error *err)
-{
-    const int n = kernel->width * kernel->height;
-    int i = 0;
-    while (i < n && kernel->values[i] == 0.0f)
-        i++;
-    return i < n ? RX_OK
-                 : rx_error_at(err, RX_USAGE, path, -1, 0,
-                               n == 0 ? "the filter holds no numbers" : "the filter is zero everywhere");
-}
-
 rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err)
 {
     rx_lines lines = {0};
@@ -77,8 +66,13 @@ rx_status rx_kernel_read(const char *path, rx_kernel **dst, rx_error *err)
     while (status == RX_OK && (status = rx_lines_next(&lines, &line, err)) == RX_OK && line != NULL)
         status = read_row(path, lines.number, line, kernel, err);
     rx_lines_close(&lines);
-    if (status == RX_OK)
-        status = check(path, kernel, err);
+    const int n = kernel->width * kernel->height;
+    int zeros = 0;
+    while (zeros < n && kernel->values[zeros] == 0.0f)
+        zeros++;
+    if (status == RX_OK && zeros == n)
+        status = rx_error_at(err, RX_USAGE, path, -1, 0,
+                             n == 0 ? "the filter holds no numbers" : "the filter is zero everywhere");
     if (status == RX_OK)
         *dst = kernel;
     else

@@ -73,18 +73,6 @@ static const rx_keyword survey_rows[] = {
 #include "config/survey.def"
 };
 #undef struct_of_table
-#undef KEY
-#undef SECTION
-#undef HELP
-#undef SECOND
-#undef NEEDS
-#undef PIPELINE
-#undef BACKGROUNDS
-#undef STAGE
-#undef TILES
-#undef W
-#undef STAGE_WORDS
-#undef PIPELINE_WORDS
 /* clang-format on */
 
 /* --- relations --- */
@@ -133,6 +121,35 @@ static rx_status check_config(const rx_settings *settings, rx_error *err)
     if (config->self_check_mag.n == 1)
         return REFUSE(SELF_CHECK_MAG, "has 1 item, needs <from>,<to>, or none");
     return RX_OK;
+}
+
+static rx_status take_way(rx_settings *settings, const char *key, char *value, rx_error *err)
+{
+    const int row = rx_keyword_find(settings->table, key);
+    return settings->origin[row] == RX_FROM_DEFAULT
+               ? rx_keyword_assign(settings, row, &value, 1, (rx_place){0}, NULL, err)
+               : RX_OK;
+}
+
+/* A survey's file that does without restoration means SExtractor's thresholds, filter and sky where it does not name its own; and
+ * who names a filter, or a threshold, means sigmas of a pixel behind SExtractor's. */
+static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
+{
+    static const char *const sextractors[] = {"FILTER", "FILTER_NAME", "DETECT_THRESH", "THRESH_TYPE"};
+    const rx_config *config = (const rx_config *)settings;
+    bool conv = false;
+    if (settings->repeated.n > 0)
+        return RX_OK;
+    if (settings->file != NULL && config->restore_type.n == 1 && is(config->restore_type.v[0], "NONE")) {
+        RX_TRY(take_way(settings, "THRESH_TYPE", "RELATIVE", err));
+        RX_TRY(take_way(settings, "BACK_PASSES", "1", err));
+        conv = true;
+    }
+    for (size_t i = 0; i < sizeof sextractors / sizeof *sextractors; i++)
+        conv |= settings->origin[rx_keyword_find(settings->table, sextractors[i])] != RX_FROM_DEFAULT;
+    if (conv)
+        RX_TRY(take_way(settings, "FILTER_TYPE", "CONV", err));
+    return is(config->filter_type, "CONV") ? take_way(settings, "DETECT_THRESH", "1.5", err) : RX_OK;
 }
 
 /* --- rextract-simulate --- */
@@ -309,6 +326,7 @@ const rx_keytable *rx_keytable_rextract(void)
                                       .size = sizeof(rx_config),
                                       .plain = RX_PLAIN_IMAGES,
                                       .default_file = "default.sex",
+                                      .settle = take_survey_ways,
                                       .check = check_config};
     return &table;
 }

@@ -39,7 +39,8 @@ static const rx_gone *gone_row(const rx_keytable *table, const char *name, const
     return NULL;
 }
 
-bool rx_keyword_among(const char *const *names, const char *name)
+/* Is `name` in a list that ends with NULL? */
+static bool is_among(const char *const *names, const char *name)
 {
     for (; *names != NULL; names++)
         if (strcmp(*names, name) == 0)
@@ -64,7 +65,7 @@ const char *rx_keyword_idle(const rx_settings *settings, int row)
 {
     const rx_keyword *key = &settings->table->rows[row];
     return settings->idle != NULL && (key->role == RX_FILE_WRITES || key->role == RX_FILE_FOLDER ||
-                                      rx_keyword_among(settings->idle, key->name))
+                                      is_among(settings->idle, key->name))
                ? settings->where
                : NULL;
 }
@@ -277,8 +278,7 @@ static rx_status read_word(const target *at, const char *item, const char **dst,
     if (gone != NULL)
         return refuse(at, err, "%s is no longer offered; %s", gone->value, gone->instead);
     static const char *const tables[] = {"CSV", "ECSV", "TSV", "PARQUET", "HDF5"};
-    for (size_t i = 0;
-         rx_keyword_among(at->key->words, "ASCII_VOTABLE") && i < sizeof tables / sizeof *tables; i++)
+    for (size_t i = 0; is_among(at->key->words, "ASCII_VOTABLE") && i < sizeof tables / sizeof *tables; i++)
         if (strcasecmp(item, tables[i]) == 0)
             return refuse(
                 at, err,

@@ -90,7 +90,8 @@ struct rx_keytable {
         const char *where;       /* "in a campaign" */
     } part[RX_PARTS];
 
-    /* Relations between keywords. */
+    /* Relations between keywords: values that follow from others, NULL: none; and what contradicts. */
+    rx_status (*settle)(rx_settings *settings, rx_error *err);
     rx_status (*check)(const rx_settings *settings, rx_error *err);
 };
 
@@ -150,17 +151,10 @@ void rx_keyword_clear(rx_settings *settings, int row);
 rx_status rx_settings_refuse(const rx_settings *settings, const char *name, rx_error *err, const char *format,
                              ...) RX_PRINTF(4, 5);
 
-/* Is `name` in a list that ends with NULL? */
-bool rx_keyword_among(const char *const *names, const char *name);
-
 /* Is what the row needs there (NEEDS), whatever the columns? A run opens the files of no other. */
 bool rx_keyword_counts(const rx_settings *settings, int row);
 
 /* In a part of other settings: why the keyword has no effect there, "in a campaign"; else NULL. */
 const char *rx_keyword_idle(const rx_settings *settings, int row);
-
-/* The names of input files become those of the files that are meant: thresholds of a survey's file; then what is looked for
- * (rx_file_search). What is not found keeps its name: its reader refuses it. */
-rx_status rx_settings_find_files(rx_settings *settings, rx_log *log, rx_error *err);
 
 #endif

@@ -2,7 +2,6 @@ librextract_la_SOURCES += \
 	src/config/arguments.c \
 	src/config/config.c \
 	src/config/fill.c src/config/fill.h src/config/fill_rows.h \
-	src/config/find_files.c \
 	src/config/idle.c src/config/idle.h \
 	src/config/kernel.c \
 	src/config/keytables.c \

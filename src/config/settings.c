@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/lines.h"
 #include "base/memory.h"
@@ -120,25 +121,13 @@ static rx_status find(rx_settings *settings, const char *name, rx_place place, t
     return RX_OK;
 }
 
-/* Does the file give the value that the keyword has anyway? *value: what it was. */
-static rx_status repeats(const target *at, const rx_text *value, bool *dst, rx_error *err)
-{
-    rx_text now = {0};
-    rx_keyword_print(&now, at->owner, at->row, true);
-    const bool failed = now.failed || value->failed;
-    *dst = !failed && at->owner->origin[at->row] <= RX_FROM_DUMP && strcmp(now.data, value->data) == 0;
-    rx_text_free(&now);
-    return failed ? rx_error_memory(err, 0) : RX_OK;
-}
-
 /* One line of a file: nothing, or a keyword and its values; the names of those that are gone are added to *old. */
 static rx_status read_line(rx_settings *settings, const char *line, rx_place place, rx_text *old, rx_log *log,
                            rx_error *err)
 {
     rx_tokens items = {0};
-    rx_text before = {0};
+    rx_text before = {0}, now = {0};
     target at;
-    bool same = false;
     rx_status status = rx_tokens_read(line, &items, err);
     if (status == RX_USAGE)
         status = rx_error_where(err, status, place.file, -1, place.line);
@@ -152,10 +141,15 @@ static rx_status read_line(rx_settings *settings, const char *line, rx_place pla
     }
     rx_keyword_print(&before, at.owner, at.row, true);
     RX_TRY_EXIT(rx_keyword_assign(at.owner, at.row, items.v + 1, items.n - 1, place, log, err));
-    RX_TRY_EXIT(repeats(&at, &before, &same, err));
-    at.owner->origin[at.row] = same ? RX_FROM_DUMP : RX_FROM_FILE;
+    rx_keyword_print(&now, at.owner, at.row, true);
+    if (before.failed || now.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
+    /* does the file give the value that the keyword has anyway? */
+    rx_origin *origin = &at.owner->origin[at.row];
+    *origin = *origin <= RX_FROM_DUMP && strcmp(now.data, before.data) == 0 ? RX_FROM_DUMP : RX_FROM_FILE;
     at.owner->line[at.row] = place.line;
 exit:
+    rx_text_free(&now);
     rx_text_free(&before);
     rx_tokens_free(&items);
     return status;
@@ -169,10 +163,9 @@ static rx_status keep_name(rx_settings *settings, const char *path, rx_error *er
         return rx_error_memory(err, strlen(path));
     free(settings->file);
     settings->file = name;
-    rx_status status = RX_OK;
-    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL && status == RX_OK; i++)
-        status = keep_name(settings->part[i], path, err);
-    return status;
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        RX_TRY(keep_name(settings->part[i], path, err));
+    return RX_OK;
 }
 
 static rx_status read_file(rx_settings *settings, const char *path, rx_log *log, rx_error *err)
@@ -261,10 +254,9 @@ rx_status rx_settings_read(rx_settings *settings, const char *path, rx_log *log,
 
 rx_status rx_settings_name_tile(rx_settings *settings, const char *tile, rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int row = 0; row < settings->table->nrows && status == RX_OK; row++)
-        status = rx_keyword_replace(settings, row, "{tile}", tile, err);
-    return status;
+    for (int row = 0; row < settings->table->nrows; row++)
+        RX_TRY(rx_keyword_replace(settings, row, "{tile}", tile, err));
+    return RX_OK;
 }
 
 rx_origin rx_settings_was_set(const rx_settings *settings, const char *name)
@@ -328,8 +320,78 @@ rx_status rx_settings_check(const rx_settings *settings, rx_error *err)
     return RX_OK;
 }
 
+/* --- where the files that a configuration names are --- */
+
+static bool there(const rx_text *path)
+{
+    return !path->failed && access(path->data, F_OK) == 0;
+}
+
+/* The file that the row means, where that is not as given, into *path; nothing where it is, or where it is nowhere. */
+static void look_for(const rx_settings *settings, const rx_keyword *key, const char *name, rx_text *path)
+{
+    const char *slash = settings->file != NULL ? strrchr(settings->file, '/') : NULL;
+    const bool bare = strchr(name, '/') == NULL; /* its reader takes an installed file of that name first */
+    rx_text_add(path, name);
+    if (there(path)) {
+        rx_text_free(path);
+        if (key->search == RX_SEARCH_INSTALLED && bare)
+            rx_text_printf(path, "./%s", name);
+        return;
+    }
+    if (name[0] != '/' && slash != NULL) {
+        rx_text_free(path);
+        rx_text_printf(path, "%.*s/%s", (int)(slash - settings->file), settings->file, name);
+    }
+    if (!there(path) && bare) {
+        rx_text_free(path);
+        rx_text_printf(path, "%s/%s", RX_DATA_FOLDER, name);
+    }
+}
+
+/* Values that follow from others; then the names of input files become those of the files that are meant (rx_file_search). What
+ * is not found keeps its name: its reader refuses it. */
+static rx_status find_files(rx_settings *settings, rx_log *log, rx_error *err)
+{
+    rx_status status = RX_OK;
+    rx_text said = {0}; /* in one line of the log */
+    if (settings->table->settle != NULL)
+        RX_TRY(settings->table->settle(settings, err));
+    for (int i = 0; i < RX_PARTS && settings->part[i] != NULL; i++)
+        if (settings->part[i]->table->settle != NULL)
+            RX_TRY(settings->part[i]->table->settle(settings->part[i], err));
+    for (int row = 0; row < settings->table->nrows && status == RX_OK; row++) {
+        const rx_keyword *key = &settings->table->rows[row];
+        rx_text path = {0};
+        if (key->search == RX_SEARCH_NONE || settings->origin[row] == RX_FROM_DEFAULT ||
+            !rx_keyword_counts(settings, row))
+            continue;
+        const char *name = *(char *const *)((const char *)settings + key->offset);
+        if (name[0] == '\0')
+            continue;
+        look_for(settings, key, name, &path);
+        const char *joint = said.length > 0 ? "; " : "";
+        if (path.failed)
+            status = rx_error_memory(err, 0);
+        else if (path.data != NULL && there(&path)) {
+            char *found = path.data;
+            rx_text_printf(&said, "%s%s %s is %s", joint, key->name, name, found);
+            status = rx_keyword_assign(settings, row, &found, 1, (rx_place){0}, NULL, err);
+        } else if (path.data != NULL && key->search == RX_SEARCH_BUILT_IN && strcmp(name, key->initial) == 0)
+            rx_text_printf(&said, "%s%s %s is found nowhere: the built-in one is used", joint, key->name,
+                           name);
+        rx_text_free(&path);
+    }
+    if (said.failed && status == RX_OK)
+        status = rx_error_memory(err, 0);
+    else if (said.length > 0)
+        rx_log_info(log, "%s", said.data);
+    rx_text_free(&said);
+    return status;
+}
+
 rx_status rx_settings_complete(rx_settings *settings, rx_log *log, rx_error *err)
 {
-    RX_TRY(rx_settings_find_files(settings, log, err));
+    RX_TRY(find_files(settings, log, err));
     return rx_settings_check(settings, err);
 }

@@ -56,11 +56,6 @@ static bool has_effect(const rx_keyword *key)
     return key->status == RX_STATUS_SEX || key->status == RX_STATUS_OURS;
 }
 
-static bool is_bool(const rx_keyword *key)
-{
-    return key->kind == RX_KIND_BOOL || key->kind == RX_KIND_BOOLS;
-}
-
 /* One keyword of the table; settings NULL: with its default. */
 static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *settings, const char *prefix,
                      int row)
@@ -89,7 +84,7 @@ static void dump_key(rx_text *dst, const rx_keytable *table, const rx_settings *
                                                        : " or ",
                            key->words[i]);
         rx_text_add(&help, "]");
-    } else if (is_bool(key)) {
+    } else if (key->kind == RX_KIND_BOOL || key->kind == RX_KIND_BOOLS) {
         rx_text_add(&help, " [Y or N]");
     }
     if (!has_effect(key))

@@ -8,7 +8,6 @@
 #include <string.h>
 #include <strings.h>
 
-#include "base/memory.h"
 #include "base/point.h"
 #include "base/text.h"
 
@@ -381,52 +380,7 @@ static void add_history(rx_text *dst, const char *line)
     add_card(dst, text);
 }
 
-/* --- changing and choosing --- */
-
-/* Put a new number into the card, its comment kept. */
-static void replace_number(char *card, const char *key, double value, int integer)
-{
-    char comment[RX_CARD + 1] = "";
-    const char *slash = memchr(card, '/', RX_CARD);
-    if (slash != NULL) {
-        size_t n = (size_t)(card + RX_CARD - slash) - 1;
-        memcpy(comment, slash + 1, n);
-        comment[n] = '\0';
-    }
-    rx_text text = {0};
-    const char *start = comment + strspn(comment, " ");
-    if (integer)
-        rx_card_integer(&text, key, (long)value, start);
-    else
-        rx_card_number(&text, key, value, start);
-    if (!text.failed)
-        memcpy(card, text.data, RX_CARD);
-    rx_text_free(&text);
-}
-
-void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long size[2])
-{
-    for (size_t i = 0; i < ncards; i++) {
-        char *card = cards + i * RX_CARD, key[RX_CARD_KEY + 1];
-        double value;
-        memcpy(key, card, RX_CARD_KEY);
-        key[RX_CARD_KEY] = '\0';
-        key[strcspn(key, " ")] = '\0';
-        int axis = -1;
-        if (strncmp(key, "CRPIX", 5) == 0 && (key[6] == '\0' || isupper((unsigned char)key[6])))
-            axis = key[5] - '1';
-        else if (strncmp(key, "LTV", 3) == 0 && key[4] == '\0')
-            axis = key[3] - '1';
-        else if (strncmp(key, "NAXIS", 5) == 0 && key[5] != '\0' && key[6] == '\0' && key[5] >= '1' &&
-                 key[5] <= '2')
-            replace_number(card, key, (double)size[key[5] - '1'], 1);
-        else if (strncmp(key, "CNPIX", 5) == 0 && key[6] == '\0' && (key[5] == '1' || key[5] == '2') &&
-                 rx_cards_number(card, 1, key, &value)) /* DSS plates: corner on the plate */
-            replace_number(card, key, value + (double)(first[key[5] - '1'] - 1), 1);
-        if ((axis == 0 || axis == 1) && rx_cards_quantity(card, 1, key, "pix", &value))
-            replace_number(card, key, value - (double)(first[axis] - 1), 0);
-    }
-}
+/* --- choosing --- */
 
 bool rx_card_is(const char *card, const char *key)
 {
@@ -460,90 +414,11 @@ int rx_card_is_useful(const char *card)
            strncmp(card, "COMMENT   and Astrophysics', volume 376, page 359", 49) != 0;
 }
 
-void rx_cards_drop_illegal(rx_text *cards, rx_text *names)
-{
-    static const char legal[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_";
-    size_t kept = 0;
-    bool dropping = false; /* CONTINUE follows what its first card did */
-    for (size_t i = 0; i < cards->length / RX_CARD; i++) {
-        const char *card = cards->data + i * RX_CARD;
-        const size_t n = strspn(card, legal);
-        if (strncmp(card, "CONTINUE", RX_CARD_KEY) != 0) {
-            dropping = n < RX_CARD_KEY && n + strspn(card + n, " ") < RX_CARD_KEY;
-            if (dropping)
-                rx_text_printf(names, "%s'%.*s'", names->length > 0 ? ", " : "", RX_CARD_KEY, card);
-        }
-        if (!dropping)
-            memmove(cards->data + RX_CARD * kept++, card, RX_CARD);
-    }
-    cards->length = kept * RX_CARD;
-}
-
-typedef struct keyword {
-    char text[RX_CARD + 1];
-} keyword;
-
-/* "" without one. */
-static keyword keyword_of(const char *card)
-{
-    keyword key = {""};
-    memcpy(key.text, card, RX_CARD_KEY);
-    key.text[strcspn(key.text, " ")] = '\0';
-    if (strcmp(key.text, "HIERARCH") == 0) {
-        const char *equals = memchr(card, '=', RX_CARD);
-        size_t n = equals != NULL && equals > card + 9 ? (size_t)(equals - card) - 9 : 0;
-        memcpy(key.text, card + 9, n);
-        while (n > 0 && key.text[n - 1] == ' ')
-            n--;
-        key.text[n] = '\0';
-    }
-    return key;
-}
-
-static int compare_keywords(const void *a, const void *b)
-{
-    return strcasecmp(((const keyword *)a)->text, ((const keyword *)b)->text);
-}
-
-void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent)
-{
-    const size_t ncards = cards->length / RX_CARD;
-    keyword *own = RX_NEW(keyword, ncards + 1); /* sorted: a header may have 1e5 cards */
-    size_t nown = 0;
-    bool skipped = false; /* CONTINUE follows what its first card did */
-    if (own == NULL) {
-        cards->failed = true;
-        return;
-    }
-    for (size_t i = 0; i < ncards; i++) {
-        own[nown] = keyword_of(cards->data + i * RX_CARD);
-        nown += value_of(cards->data + i * RX_CARD, own[nown].text) != NULL;
-    }
-    qsort(own, nown, sizeof *own, compare_keywords);
-    for (size_t i = 0; i < nparent && !cards->failed; i++) {
-        const char *card = parent + i * RX_CARD;
-        const keyword key = keyword_of(card);
-        if (strcmp(key.text, "CONTINUE") != 0)
-            skipped = !rx_card_is_useful(card) || key.text[0] == '\0' || strcmp(key.text, "COMMENT") == 0 ||
-                      strcmp(key.text, "HISTORY") == 0 ||
-                      bsearch(&key, own, nown, sizeof *own, compare_keywords) != NULL;
-        if (!skipped)
-            rx_text_add_bytes(cards, card, RX_CARD);
-    }
-    free(own);
-}
-
-/* Up to 8 of A-Z 0-9 - _, and marked as ours: GAIN or SEED of the configuration must not look like the
- * tile's own keywords. */
-static bool is_record_keyword(const char *name)
-{
-    size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_");
-    return strncmp(name, "RX", 2) == 0 && n <= 8 && name[n] == '\0';
-}
-
 void rx_card_record(rx_text *dst, const char *name, const char *value, const char *comment)
 {
-    if (is_record_keyword(name)) {
+    /* marked as ours: GAIN or SEED of the configuration must not look like the tile's own keywords */
+    const size_t length = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_");
+    if (strncmp(name, "RX", 2) == 0 && length <= RX_CARD_KEY && name[length] == '\0') {
         char *end;
         double number = rx_point_number(value, &end);
         /* longer ones are digests, whatever their digits */

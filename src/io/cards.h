@@ -65,11 +65,7 @@ void rx_card_record(rx_text *dst, const char *name, const char *value, const cha
 /* All entries of a record, a line each. */
 void rx_record_cards(const rx_record *record, rx_text *cards);
 
-/* --- changing and choosing --- */
-
-/* Header of an image after a section of it was cut out: CRPIXj (all versions) and LTVj move
- * by the section's first pixel (from 1), NAXISj become its size. In place. */
-void rx_cards_cut(char *cards, size_t ncards, const long first[2], const long size[2]);
+/* --- choosing --- */
 
 /* Is it the card of that key, or of one of its numbered kin where the key ends in '#'? */
 bool rx_card_is(const char *card, const char *key);
@@ -77,12 +73,5 @@ bool rx_card_is(const char *card, const char *key);
 /* 1 when a card of an input's header may go into another file's header: not structural,
  * not about scaling, compression, table columns or checksums. */
 int rx_card_is_useful(const char *card);
-
-/* Take out the cards whose keywords the standard does not allow, which no output could hold; their names, in
- * quotes, are appended to `names`. */
-void rx_cards_drop_illegal(rx_text *cards, rx_text *names);
-
-/* Append those cards of `parent` (a primary header) that `cards` lacks: what INHERIT = T asks for. */
-void rx_cards_inherit(rx_text *cards, const char *parent, size_t nparent);
 
 #endif

@@ -44,9 +44,13 @@ rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hd
                        last[0] != '\0' ? ")" : "");
 }
 
-/* cfitsio could not make out the first header. */
-static rx_status no_header(const char *path, int failed, rx_error *err)
+/* By the name that cfitsio has to be given. */
+static rx_status open_literal(const char *literal, const char *path, rx_fits_source *dst, rx_error *err)
 {
+    int failed = 0;
+    if (fits_open_diskfile(&dst->file, literal, READONLY, &failed) == 0)
+        return RX_OK;
+    dst->file = NULL; /* cfitsio could not make out the first header */
     if (failed != END_OF_FILE && failed != NO_END)
         return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
     fits_clear_errmsg();
@@ -108,37 +112,30 @@ static rx_status check_file(const char *path, bool *is_held, rx_error *err)
     return why != NULL ? rx_error_at(err, RX_INPUT, path, -1, 0, "%s", why) : RX_OK;
 }
 
-/* The file comes into one in memory, its last block filled up with zeros and its headers as cfitsio may see them. cfitsio has memory of its own kind,
- * but forgets there that it could not read a header, and takes the last HDU to be as long as its header says.
- */
-static rx_status hold(const char *path, int to, rx_fits_source *dst, rx_error *err)
-{
-    char begin[9] = "", literal[40];
-    int failed = 0;
-    bool odd;
-    RX_TRY(rx_fits_unpack(path, to, &dst->bytes, err));
-    if (rx_input_read(to, begin, sizeof begin, 0) != sizeof begin ||
-        memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
-        return rx_error_at(err, RX_INPUT, path, -1, 0,
-                           "is not a packed FITS file: what is in it does not begin with SIMPLE");
-    if (ftruncate(to, (off_t)rx_fits_held(dst)) != 0)
-        return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    RX_TRY(rx_fits_walk(to, true, path, &odd, err));
-    snprintf(literal, sizeof literal, "/proc/self/fd/%d", to);
-    if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
-        dst->file = NULL;
-        return no_header(path, failed, err);
-    }
-    return RX_OK;
-}
-
+/* The file comes into one in memory, its last block filled up with zeros and its headers as cfitsio may see them. cfitsio
+ * has memory of its own kind, but forgets there that it could not read a header, and takes the last HDU to be as long as its
+ * header says. */
 static rx_status open_held(const char *path, rx_fits_source *dst, rx_error *err)
 {
-    const int memory = memfd_create("rextract", MFD_CLOEXEC);
-    if (memory < 0)
+    char begin[9] = "", literal[40];
+    bool odd;
+    rx_status status;
+    const int to = memfd_create("rextract", MFD_CLOEXEC);
+    if (to < 0)
         return rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno));
-    rx_status status = hold(path, memory, dst, err);
-    close(memory); /* cfitsio has it open */
+    RX_TRY_EXIT(rx_fits_unpack(path, to, &dst->bytes, err));
+    if (rx_input_read(to, begin, sizeof begin, 0) != sizeof begin ||
+        memcmp(begin, "SIMPLE  =", sizeof begin) != 0)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
+                                "is not a packed FITS file: what is in it does not begin with SIMPLE"));
+    if (ftruncate(to, (off_t)rx_fits_held(dst)) != 0)
+        RX_TRY_EXIT(
+            rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be held in memory: %s", strerror(errno)));
+    RX_TRY_EXIT(rx_fits_walk(to, true, path, &odd, err));
+    snprintf(literal, sizeof literal, "/proc/self/fd/%d", to);
+    status = open_literal(literal, path, dst, err);
+exit:
+    close(to); /* cfitsio has it open */
     return status;
 }
 
@@ -150,7 +147,6 @@ void rx_fits_literal(const char *path, char dst[RX_FITS_LITERAL])
 static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err)
 {
     char literal[RX_FITS_LITERAL];
-    int failed = 0;
     bool odd = false;
     const int file = open(path, O_RDONLY | O_CLOEXEC);
     rx_status status = file >= 0 ? rx_fits_walk(file, false, path, &odd, err) : RX_OK; /* cfitsio says why */
@@ -161,11 +157,7 @@ static rx_status open_plain(const char *path, rx_fits_source *dst, rx_error *err
     if (odd)
         return open_held(path, dst, err);
     rx_fits_literal(path, literal);
-    if (fits_open_diskfile(&dst->file, literal, READONLY, &failed)) {
-        dst->file = NULL;
-        return no_header(path, failed, err);
-    }
-    return RX_OK;
+    return open_literal(literal, path, dst, err);
 }
 
 rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
@@ -329,10 +321,9 @@ rx_status rx_fits_goto(rx_fits_source *source, int hdu, rx_error *err)
     source->hdu = hdu;
     if (fits_movabs_hdu(source->file, hdu + 1, NULL, &failed) == END_OF_FILE) {
         fits_clear_errmsg();
-        rx_status status = rx_fits_count(source, &count, NULL, err);
-        return status != RX_OK ? status
-                               : rx_error_at(err, RX_INPUT, path, hdu, 0,
-                                             "there is no such HDU; the file has %d, counted from 0", count);
+        RX_TRY(rx_fits_count(source, &count, NULL, err));
+        return rx_error_at(err, RX_INPUT, path, hdu, 0,
+                           "there is no such HDU; the file has %d, counted from 0", count);
     }
     if (failed)
         return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
@@ -488,13 +479,13 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *
             err, RX_INPUT, source->path, source->hdu, 0,
             "is cut off: the header says %.0f bytes of data, the file has %.0f; fetch it again", bytes,
             there);
-    rx_status status = shape->is_image ? check_scale(source, shape, err) : RX_OK;
-    if (!shape->is_compressed || status != RX_OK)
-        return status;
-    status = check_compressed(source, shape, (LONGLONG)bytes, err);
-    return status == RX_OK ? rx_fits_check_tiles(file, source->path, source->hdu,
-                                                 rx_min_int(shape->naxis, RX_FITS_AXES), shape->axes, err)
-                           : status;
+    if (shape->is_image)
+        RX_TRY(check_scale(source, shape, err));
+    if (!shape->is_compressed)
+        return RX_OK;
+    RX_TRY(check_compressed(source, shape, (LONGLONG)bytes, err));
+    return rx_fits_check_tiles(file, source->path, source->hdu, rx_min_int(shape->naxis, RX_FITS_AXES),
+                               shape->axes, err);
 }
 
 rx_fits_section rx_fits_part(const rx_fits_name *name, const rx_fits_shape *shape)
@@ -510,17 +501,26 @@ rx_fits_section rx_fits_part(const rx_fits_name *name, const rx_fits_shape *shap
     return part;
 }
 
-void rx_fits_rows(const rx_fits_section *part, size_t row, size_t n, rx_fits_corner low, rx_fits_corner high)
-{
-    low[0] = part->first[0];
-    high[0] = part->last[0];
-    low[1] = part->first[1] + (long)row;
-    high[1] = low[1] + (long)n - 1;
-    for (int i = 2; i < RX_FITS_AXES; i++)
-        low[i] = high[i] = part->plane[i - 2];
-}
-
 /* --- reading --- */
+
+rx_status rx_fits_read_rows(const rx_fits_source *source, const rx_fits_section *part, size_t row, size_t n,
+                            const double *null, void *dst, rx_error *err)
+{
+    long low[RX_FITS_AXES] = {part->first[0], part->first[1] + (long)row},
+         high[RX_FITS_AXES] = {part->last[0], low[1] + (long)n - 1}, step[RX_FITS_AXES];
+    double none = null != NULL ? *null : 0;
+    int failed = 0, anynul = 0;
+    for (int i = 0; i < RX_FITS_AXES; i++) {
+        step[i] = 1;
+        if (i >= 2)
+            low[i] = high[i] = part->plane[i - 2];
+    }
+    fits_read_subset(source->file, null != NULL ? TDOUBLE : TFLOAT, low, high, step,
+                     null != NULL ? &none : NULL, dst, &anynul, &failed);
+    return failed
+               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the pixels cannot be read")
+               : RX_OK;
+}
 
 /* Are the pixels floats that need no arithmetic? */
 static int holds_floats(fitsfile *file)
@@ -562,18 +562,13 @@ static rx_status read_floats(const rx_fits_source *source, const rx_fits_section
 {
     float brightest = 0.0f;
     extent all = {0};
-    int failed = 0, anynul = 0;
     const long *first = part->first, *last = part->last;
     const size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     const size_t rows = CACHED_PIXELS / width + 1;
     for (size_t row = 0; row < height; row += rows) {
         const size_t n = height - row < rows ? height - row : rows;
         float *to = dst + row * width;
-        rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
-        rx_fits_rows(part, row, n, low, high);
-        if (fits_read_subset(source->file, TFLOAT, low, high, step, NULL, to, &anynul, &failed))
-            return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed,
-                                  "the pixels cannot be read");
+        RX_TRY(rx_fits_read_rows(source, part, row, n, NULL, to, err));
         unsigned tiny = 0, others = 0; /* of CACHED_PIXELS or a row */
 #pragma omp simd reduction(+ : tiny, others) reduction(max : brightest)
         for (size_t i = 0; i < n * width; i++) {
@@ -594,7 +589,6 @@ rx_status rx_fits_read_pixels(const rx_fits_source *source, const rx_fits_sectio
                               rx_error *err)
 {
     rx_status status = RX_OK;
-    int failed = 0, anynul = 0;
     const long *first = part->first, *last = part->last;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
     size_t rows = CHUNK_PIXELS / width + 1;
@@ -607,12 +601,8 @@ rx_status rx_fits_read_pixels(const rx_fits_source *source, const rx_fits_sectio
     fits_clear_errmsg();
     for (size_t row = 0; row < height; row += rows) {
         size_t n = height - row < rows ? height - row : rows;
-        double null = NAN;
-        rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
-        rx_fits_rows(part, row, n, low, high);
-        if (fits_read_subset(source->file, TDOUBLE, low, high, step, &null, buffer, &anynul, &failed))
-            RX_TRY_EXIT(rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed,
-                                       "the pixels cannot be read"));
+        const double null = NAN;
+        RX_TRY_EXIT(rx_fits_read_rows(source, part, row, n, &null, buffer, err));
         for (size_t i = 0; i < n * width; i++) {
             const double size = fabs(buffer[i]);
             all.tiny += size > 0.0 && size < (double)FLT_MIN;

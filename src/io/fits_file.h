@@ -91,9 +91,10 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *
 /* The part of an image of that shape, a line or more, that the name selects: its section, or all. */
 rx_fits_section rx_fits_part(const rx_fits_name *name, const rx_fits_shape *shape);
 
-/* Corners of n rows of a part from `row` (from 0) on, for cfitsio. */
-typedef long rx_fits_corner[RX_FITS_AXES];
-void rx_fits_rows(const rx_fits_section *part, size_t row, size_t n, rx_fits_corner low, rx_fits_corner high);
+/* n rows of a part of the current image HDU from `row` (from 0) on, as doubles, *null where there is no value, or with null
+ * NULL as floats, as they are. */
+rx_status rx_fits_read_rows(const rx_fits_source *source, const rx_fits_section *part, size_t row, size_t n,
+                            const double *null, void *dst, rx_error *err);
 
 /* Pixels of a part of the current image HDU: BLANK, NaN and infinity become NAN, what is too large for a float infinite. dst
  * is [height][width] of the part. Errors: RX_INPUT, also of an image whose values are too small for floats. */

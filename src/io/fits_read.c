@@ -188,18 +188,6 @@ static rx_status list_tables(rx_fits_source *source, const rx_fits_name *name, i
     return RX_OK;
 }
 
-static rx_status open_tables(const char *text, rx_fits_name *name, rx_fits_source *source, int **hdus, int *n,
-                             rx_error *err)
-{
-    *hdus = NULL;
-    RX_TRY(rx_fits_name_parse(text, name, err));
-    if (name->has_section)
-        RX_TRY(rx_error_at(err, RX_INPUT, text, -1, 0,
-                           "a section of a table cannot be read; name its HDU alone"));
-    RX_TRY(rx_fits_open(name->path, source, err));
-    return list_tables(source, name, hdus, n, err);
-}
-
 /* --- columns --- */
 
 /* How a column of the file is read: the type to ask cfitsio for. */
@@ -434,23 +422,13 @@ static rx_status read_rows(const rx_fits_source *source, const plan *plans, rx_t
 
 /* --- tables --- */
 
-static rx_status take_header(const rx_fits_source *source, rx_table *table, rx_error *err)
-{
-    char extname[FLEN_VALUE] = "";
-    size_t n = 0;
-    RX_TRY(rx_fits_read_cards(source, &table->cards, &n, err));
-    table->ncards = (long)n;
-    rx_cards_text(table->cards, table->ncards, "EXTNAME", extname, sizeof extname);
-    free(table->name);
-    table->name = rx_strdup(extname);
-    return table->name != NULL ? RX_OK : rx_error_memory(err, sizeof extname);
-}
-
 static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_error *err)
 {
     fitsfile *file = source->file;
     rx_fits_shape shape;
     int failed = 0, ncolumns = 0, kept = 0;
+    char extname[FLEN_VALUE] = "";
+    size_t ncards = 0;
     long rows = 0;
     rx_table *table = NULL;
     plan *plans = NULL;
@@ -471,7 +449,13 @@ static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_
     if (table == NULL || plans == NULL || columns == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     table->nrows = rows;
-    RX_TRY_EXIT(take_header(source, table, err));
+    RX_TRY_EXIT(rx_fits_read_cards(source, &table->cards, &ncards, err));
+    table->ncards = (long)ncards;
+    rx_cards_text(table->cards, table->ncards, "EXTNAME", extname, sizeof extname);
+    free(table->name);
+    table->name = rx_strdup(extname);
+    if (table->name == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, sizeof extname));
     find_cards(table, columns);
     for (int i = 1; i <= ncolumns && !failed; i++) {
         rx_column *column = &table->columns[kept];
@@ -484,11 +468,9 @@ static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_
     }
     table->ncolumns = kept;
     if (failed)
-        status = rx_fits_failed(err, RX_INPUT, source->path, hdu, failed, "its columns cannot be understood");
-    if (status == RX_OK)
-        status = read_rows(source, plans, table, err);
-    if (status != RX_OK)
-        goto exit;
+        RX_TRY_EXIT(
+            rx_fits_failed(err, RX_INPUT, source->path, hdu, failed, "its columns cannot be understood"));
+    RX_TRY_EXIT(read_rows(source, plans, table, err));
     *dst = table;
     table = NULL;
 exit:
@@ -504,13 +486,19 @@ rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_err
     rx_fits_source source = {0};
     int *hdus = NULL, n = 0;
     *dst = NULL;
-    rx_status status = open_tables(name, &parsed, &source, &hdus, &n, err);
-    if (status == RX_OK && (index < 0 || index >= n))
-        status = n == 0 ? rx_error_at(err, RX_INPUT, name, -1, 0, "holds no table")
-                        : rx_error_at(err, RX_INPUT, name, -1, 0, "holds %d tables, number %d was asked for",
-                                      n, index + 1);
-    if (status == RX_OK)
-        status = read_table(&source, hdus[index], dst, err);
+    rx_status status;
+    RX_TRY_EXIT(rx_fits_name_parse(name, &parsed, err));
+    if (parsed.has_section)
+        RX_TRY_EXIT(rx_error_at(err, RX_INPUT, name, -1, 0,
+                                "a section of a table cannot be read; name its HDU alone"));
+    RX_TRY_EXIT(rx_fits_open(parsed.path, &source, err));
+    RX_TRY_EXIT(list_tables(&source, &parsed, &hdus, &n, err));
+    if (index < 0 || index >= n)
+        RX_TRY_EXIT(n == 0 ? rx_error_at(err, RX_INPUT, name, -1, 0, "holds no table")
+                           : rx_error_at(err, RX_INPUT, name, -1, 0,
+                                         "holds %d tables, number %d was asked for", n, index + 1));
+    status = read_table(&source, hdus[index], dst, err);
+exit:
     rx_fits_done(&source);
     free(hdus);
     return status;
@@ -519,18 +507,14 @@ rx_status rx_fits_read_table(const char *name, int index, rx_table **dst, rx_err
 rx_status rx_fits_read_named(const char *path, const char *extname, rx_table **dst, int *hdu, rx_error *err)
 {
     rx_fits_source source = {0};
-    int failed = 0, number = 0;
-    char wanted[FLEN_VALUE];
+    rx_fits_name name = {.hdu = -1};
     *dst = NULL;
     *hdu = -1;
-    snprintf(wanted, sizeof wanted, "%s", extname);
+    snprintf(name.extname, sizeof name.extname, "%s", extname);
     rx_status status = RX_OK;
     RX_TRY(rx_fits_open(path, &source, err));
-    fits_movnam_hdu(source.file, ANY_HDU, wanted, 0, &failed);
-    fits_clear_errmsg();
-    if (!failed) {
-        fits_get_hdu_num(source.file, &number);
-        *hdu = number - 1;
+    if (rx_fits_goto_name(&source, &name, NULL) == RX_OK) {
+        *hdu = source.hdu;
         status = read_table(&source, *hdu, dst, err);
     }
     rx_fits_done(&source);

@@ -3,13 +3,13 @@
 
 #include <endian.h>
 #include <fitsio.h>
-#include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "base/arena.h"
 #include "base/memory.h"
 #include "io/cards.h"
 #include "io/fits_file.h"
@@ -349,13 +349,6 @@ static void write_primary(rx_fits_writer *writer, const rx_text *extra, int *fai
     writer->hdus++;
 }
 
-/* An empty primary HDU, where an extension comes first. */
-static void need_primary(rx_fits_writer *writer, int *failed)
-{
-    if (writer->hdus == 0)
-        write_primary(writer, NULL, failed);
-}
-
 rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error *err)
 {
     int failed = 0;
@@ -364,34 +357,8 @@ rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error
     return failed ? broken(writer, failed, err) : RX_OK;
 }
 
-static int cell_type(rx_cell_type type)
-{
-    switch (type) {
-    case RX_CELL_INT16:
-        return TSHORT;
-    case RX_CELL_INT32:
-        return TINT;
-    case RX_CELL_INT64:
-        return TLONGLONG;
-    case RX_CELL_FLOAT:
-        return TFLOAT;
-    case RX_CELL_DOUBLE:
-        return TDOUBLE;
-    case RX_CELL_TEXT:
-        break;
-    }
-    return TSTRING;
-}
-
-static void column_form(const rx_column *column, char *dst, size_t size)
-{
-    static const char letter[] = "IJKED";
-    long n = rx_column_elements(column);
-    if (column->type == RX_CELL_TEXT)
-        snprintf(dst, size, "%ldA%ld", n * text_length(column), text_length(column));
-    else
-        snprintf(dst, size, "%ld%c", n, letter[column->type]);
-}
+/* By rx_cell_type. */
+static const int cell_types[] = {TSHORT, TINT, TLONGLONG, TFLOAT, TDOUBLE, TSTRING};
 
 /* FITS display format from a printf one: %11.4f is F11.4, %-8d is I8. Nothing for what has none. */
 static void write_display(fitsfile *file, int number, const rx_column *column, int *failed)
@@ -473,7 +440,7 @@ static rx_status write_rows(rx_fits_writer *writer, const rx_table *table, int *
             if (column->type == RX_CELL_TEXT)
                 status = write_text_block(writer->file, i + 1, column, first, rows, failed, err);
             else
-                fits_write_col(writer->file, cell_type(column->type), i + 1, first + 1, 1, rows * n,
+                fits_write_col(writer->file, cell_types[column->type], i + 1, first + 1, 1, rows * n,
                                (char *)column->data + first * n * size, failed);
             if (status != RX_OK)
                 return status;
@@ -487,19 +454,26 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
 {
     int failed = 0, n = table->ncolumns;
     rx_status status = RX_OK;
-    char **names = RX_NEW(char *, (size_t)n), **forms = RX_NEW(char *, (size_t)n),
-         **units = RX_NEW(char *, (size_t)n);
-    char(*form)[40] = rx_alloc((size_t)n, sizeof *form);
+    rx_arena arena = {0};
+    char **names = RX_TAKE(&arena, char *, (size_t)n), **forms = RX_TAKE(&arena, char *, (size_t)n),
+         **units = RX_TAKE(&arena, char *, (size_t)n);
+    char(*form)[40] = rx_arena_take(&arena, (size_t)n, sizeof *form);
     if (names == NULL || forms == NULL || units == NULL || form == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
     for (int i = 0; i < n; i++) {
-        names[i] = table->columns[i].name;
-        units[i] = table->columns[i].unit;
+        rx_column *column = &table->columns[i];
+        const long elements = rx_column_elements(column), width = text_length(column);
+        names[i] = column->name;
+        units[i] = column->unit;
         forms[i] = form[i];
-        column_form(&table->columns[i], form[i], sizeof form[i]);
+        if (column->type == RX_CELL_TEXT)
+            snprintf(form[i], sizeof form[i], "%ldA%ld", elements * width, width);
+        else
+            snprintf(form[i], sizeof form[i], "%ld%c", elements, "IJKED"[column->type]);
     }
     fits_clear_errmsg();
-    need_primary(writer, &failed);
+    if (writer->hdus == 0) /* an extension cannot come first */
+        write_primary(writer, NULL, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, table->nrows, n, names, forms, units, NULL, &failed);
     write_extname(writer->file, extname, &failed);
     for (int i = 0; i < n; i++)
@@ -512,10 +486,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     if (failed)
         status = broken(writer, failed, err);
 exit:
-    free(names);
-    free(forms);
-    free(units);
-    free(form);
+    rx_arena_free(&arena);
     return status;
 }
 
@@ -547,7 +518,8 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     LONGLONG axes[2] = {RX_CARD, (LONGLONG)(text.length / RX_CARD)};
     snprintf(form, sizeof form, "%zuA", text.length);
     fits_clear_errmsg();
-    need_primary(writer, &failed);
+    if (writer->hdus == 0) /* an extension cannot come first */
+        write_primary(writer, NULL, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, 1, 1, &type, &forms, NULL, NULL, &failed);
     write_extname(writer->file, "LDAC_IMHEAD", &failed);
     fits_write_tdimll(writer->file, 1, 2, axes, &failed);

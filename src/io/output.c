@@ -4,6 +4,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <ftw.h>
 #include <limits.h>
 #include <poll.h>
 #include <stdarg.h>
@@ -21,17 +22,24 @@
 #include "base/text.h"
 #include "io/folders.h"
 
-/* Behind the last slash. */
-static const char *name_of(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash != NULL ? slash + 1 : path;
-}
-
 static int is_there(const char *path)
 {
     struct stat info;
     return lstat(path, &info) == 0;
+}
+
+RX_PRINTF(1, 2) static char *format(const char *how, ...)
+{
+    va_list args, again;
+    va_start(args, how);
+    va_copy(again, args);
+    const int n = vsnprintf(NULL, 0, how, args);
+    char *made = n < 0 ? NULL : rx_regrow(NULL, (size_t)n + 1, 1);
+    if (made != NULL)
+        vsnprintf(made, (size_t)n + 1, how, again);
+    va_end(again);
+    va_end(args);
+    return made;
 }
 
 /* --- locks ---
@@ -133,7 +141,7 @@ static int is_lock(const char *name, const char *stem)
 static void sweep(const char *path, const char *stem)
 {
     char found[PATH_MAX];
-    const char *name = name_of(stem);
+    const char *name = basename(stem);
     const int n = (int)(name - stem);
     if (snprintf(found, sizeof found, "%.*s", n, stem) >= (int)sizeof found)
         return;
@@ -199,19 +207,18 @@ static rx_status list(listing *l, const char *inner, rx_error *err);
 
 static rx_status list_entry(listing *l, const char *inner, const char *entry, rx_error *err)
 {
-    rx_text name = {0}, path = {0};
     int is_folder = 0;
     if (strcmp(entry, ".") == 0 || strcmp(entry, "..") == 0 ||
         (inner[0] == '\0' && strcmp(entry, MARKER) == 0))
         return RX_OK;
-    rx_text_printf(&name, "%s%s%s", inner, inner[0] != '\0' ? "/" : "", entry);
-    rx_text_printf(&path, "%s/%s", l->folder, name.failed ? "" : name.data);
-    rx_status status = name.failed || path.failed ? rx_error_memory(err, 0)
-                                                  : add_line(l, path.data, name.data, &is_folder, err);
+    char *path = format("%s/%s%s%s", l->folder, inner, inner[0] != '\0' ? "/" : "", entry);
+    if (path == NULL)
+        return rx_error_memory(err, 0);
+    const char *name = path + strlen(l->folder) + 1;
+    rx_status status = add_line(l, path, name, &is_folder, err);
     if (status == RX_OK && is_folder && l->odd.length == 0)
-        status = list(l, name.data, err);
-    rx_text_free(&name);
-    rx_text_free(&path);
+        status = list(l, name, err);
+    free(path);
     return status;
 }
 
@@ -219,20 +226,19 @@ static rx_status list_entry(listing *l, const char *inner, const char *entry, rx
 static rx_status list(listing *l, const char *inner, rx_error *err)
 {
     struct dirent **entries = NULL;
-    rx_text path = {0};
-    rx_text_printf(&path, "%s/%s", l->folder, inner);
-    const int n = path.failed ? -1 : scandir(path.data, &entries, NULL, by_name);
+    char *path = format("%s/%s", l->folder, inner);
+    if (path == NULL)
+        return rx_error_memory(err, 0);
+    const int n = scandir(path, &entries, NULL, by_name);
     rx_status status =
-        path.failed ? rx_error_memory(err, 0)
-        : n < 0     ? rx_error_at(err, RX_SYSTEM, path.data, -1, 0, "cannot be read: %s", strerror(errno))
-                    : RX_OK;
+        n < 0 ? rx_error_at(err, RX_SYSTEM, path, -1, 0, "cannot be read: %s", strerror(errno)) : RX_OK;
     for (int i = 0; i < n; i++) {
         if (status == RX_OK && l->odd.length == 0)
             status = list_entry(l, inner, entries[i]->d_name, err);
         free(entries[i]);
     }
     free(entries);
-    rx_text_free(&path);
+    free(path);
     return status;
 }
 
@@ -252,14 +258,13 @@ static rx_status of_folder(rx_status status, rx_error *trouble, const char *show
 static rx_status write_marker(const char *folder, const char *shown, rx_error *err)
 {
     listing l = {.folder = folder};
-    rx_text path = {0};
+    char *path = format("%s/%s", folder, MARKER);
     rx_error trouble = rx_error_part(err);
     rx_text_add(&l.lines, HEAD);
-    rx_text_printf(&path, "%s/%s", folder, MARKER);
-    rx_status status = path.failed ? rx_error_memory(&trouble, 0) : list(&l, "", &trouble);
+    rx_status status = path == NULL ? rx_error_memory(&trouble, 0) : list(&l, "", &trouble);
     if (status == RX_OK)
-        status = rx_text_write_file(&l.lines, path.data, shown, &trouble);
-    rx_text_free(&path);
+        status = rx_text_write_file(&l.lines, path, shown, &trouble);
+    free(path);
     rx_text_free(&l.lines);
     rx_text_free(&l.odd);
     return of_folder(status, &trouble, shown, err);
@@ -268,20 +273,17 @@ static rx_status write_marker(const char *folder, const char *shown, rx_error *e
 /* The marker's text; an empty one where there is none that a run of this version wrote. */
 static rx_status read_marker(const char *folder, char **text, int *there, rx_error *err)
 {
-    rx_text path = {0};
+    char *path = format("%s/%s", folder, MARKER);
     struct stat info;
     *text = NULL;
-    rx_text_printf(&path, "%s/%s", folder, MARKER);
-    rx_status status = path.failed ? rx_error_memory(err, 0) : RX_OK;
-    *there = status == RX_OK && lstat(path.data, &info) == 0;
-    if (*there && S_ISREG(info.st_mode) &&
-        rx_text_read_file(path.data, MOST_BYTES, text, NULL, NULL) == RX_OK &&
+    if (path == NULL)
+        return rx_error_memory(err, 0);
+    *there = lstat(path, &info) == 0;
+    if (*there && S_ISREG(info.st_mode) && rx_text_read_file(path, MOST_BYTES, text, NULL, NULL) == RX_OK &&
         strncmp(*text, HEAD, sizeof HEAD - 1) != 0)
         (*text)[0] = '\0';
-    if (status == RX_OK && *text == NULL && (*text = rx_strdup("")) == NULL)
-        status = rx_error_memory(err, 1);
-    rx_text_free(&path);
-    return status;
+    free(path);
+    return *text != NULL || (*text = rx_strdup("")) != NULL ? RX_OK : rx_error_memory(err, 1);
 }
 
 /* RX_OK where the folder is empty, or each file and folder in it is one that its marker lists, unchanged; files that
@@ -350,20 +352,6 @@ rx_status rx_outputs_new(rx_outputs **dst, rx_error *err)
     return *dst != NULL ? RX_OK : rx_error_memory(err, sizeof **dst);
 }
 
-RX_PRINTF(1, 2) static char *format(const char *how, ...)
-{
-    va_list args, again;
-    va_start(args, how);
-    va_copy(again, args);
-    const int n = vsnprintf(NULL, 0, how, args);
-    char *made = n < 0 ? NULL : rx_regrow(NULL, (size_t)n + 1, 1);
-    if (made != NULL)
-        vsnprintf(made, (size_t)n + 1, how, again);
-    va_end(again);
-    va_end(args);
-    return made;
-}
-
 /* What is at the target already decides the kind; errors for what cannot be replaced. */
 static rx_status inspect(output *out, int want_folder, rx_error *err)
 {
@@ -398,7 +386,7 @@ static rx_status place(output *out, rx_folders *made, rx_error *err)
     out->path = rx_name_real(out->shown);
     if (out->path == NULL)
         return rx_error_memory(err, length);
-    const char *name = name_of(out->path), *scratch = getenv("TMPDIR");
+    const char *name = basename(out->path), *scratch = getenv("TMPDIR");
     if (out->kind == OUTPUT_DEVICE)
         out->stem = format("%s/.%s", scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp", name);
     else
@@ -462,7 +450,7 @@ static rx_status claim(output *out, rx_folders *made, rx_error *err)
     if (out->claim < 0)
         return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be %s: %s",
                            out->kind == OUTPUT_FOLDER ? "made" : "written", strerror(errno));
-    out->temporary = format("%s/%s", out->room, name_of(out->path));
+    out->temporary = format("%s/%s", out->room, basename(out->path));
     return out->temporary != NULL ? RX_OK : rx_error_memory(err, strlen(out->room));
 }
 
@@ -470,7 +458,7 @@ static rx_status claim(output *out, rx_folders *made, rx_error *err)
 static rx_status note_folder(output *out, rx_error *err)
 {
     struct stat info;
-    char *folder = format("%.*s.", (int)(name_of(out->stem) - out->stem), out->stem);
+    char *folder = format("%.*s.", (int)(basename(out->stem) - out->stem), out->stem);
     if (folder == NULL)
         return rx_error_memory(err, strlen(out->stem));
     const int failed = stat(folder, &info) != 0;
@@ -480,18 +468,6 @@ static rx_status note_folder(output *out, rx_error *err)
                            strerror(errno));
     out->device = info.st_dev;
     out->folder = info.st_ino;
-    return RX_OK;
-}
-
-/* Once it is claimed: what a killed run has moved aside is back then. Files are made by their writers. */
-static rx_status make_temporary(output *out, rx_error *err)
-{
-    if (out->kind != OUTPUT_FOLDER)
-        return RX_OK;
-    if (is_there(out->path))
-        RX_TRY(check_marker(out->path, out->shown, err));
-    if (mkdir(out->temporary, 0777) != 0)
-        return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be made: %s", strerror(errno));
     return RX_OK;
 }
 
@@ -514,12 +490,15 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
         const output *other = &outputs->list[i];
         /* the stem's folder may be another than the path's (devices), its name is that of the output */
         if (other->device == out->device && other->folder == out->folder &&
-            strcmp(name_of(other->stem), name_of(out->stem)) == 0)
+            strcmp(basename(other->stem), basename(out->stem)) == 0)
             status =
                 rx_error_at(err, RX_USAGE, path, -1, 0, "is asked for twice; give every output its own name");
     }
-    if (status == RX_OK)
-        status = make_temporary(out, err);
+    /* once it is claimed: what a killed run has moved aside is back then; files are made by their writers */
+    if (status == RX_OK && out->kind == OUTPUT_FOLDER && is_there(out->path))
+        status = check_marker(out->path, out->shown, err);
+    if (status == RX_OK && out->kind == OUTPUT_FOLDER && mkdir(out->temporary, 0777) != 0)
+        status = rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be made: %s", strerror(errno));
     if (status != RX_OK) {
         if (out->claim >= 0)
             rx_output_remove(out->room);
@@ -551,34 +530,16 @@ const char *rx_outputs_shown(const rx_outputs *outputs, const char *temporary)
 
 /* --- commit --- */
 
-/* To the disk: a full disk may only show now. Folders: their files one by one. */
-static int sync_tree(const char *path)
+/* One file of a tree to the disk: a full disk may only show now. */
+static int sync_file(const char *path, const struct stat *info, int type, struct FTW *place)
 {
-    struct stat info;
-    if (lstat(path, &info) != 0)
-        return -1;
-    if (S_ISDIR(info.st_mode)) {
-        int failed = 0;
-        DIR *dir = opendir(path);
-        if (dir == NULL)
-            return -1;
-        for (struct dirent *entry; failed == 0 && (entry = readdir(dir)) != NULL;) {
-            if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
-                continue;
-            char *inner = format("%s/%s", path, entry->d_name);
-            failed = inner == NULL || sync_tree(inner) != 0;
-            free(inner);
-        }
-        closedir(dir);
-        return failed ? -1 : 0;
-    }
-    if (!S_ISREG(info.st_mode))
-        return 0;
-    int file = open(path, O_RDONLY);
+    (void)place;
+    if (type != FTW_F || !S_ISREG(info->st_mode))
+        return type == FTW_DNR || type == FTW_NS ? -1 : 0; /* a folder that cannot be read */
+    const int file = open(path, O_RDONLY);
     if (file < 0)
         return -1;
-    int failed = fsync(file);
-    int reason = errno;
+    const int failed = fsync(file), reason = errno;
     close(file);
     errno = reason;
     return failed;
@@ -685,7 +646,8 @@ static rx_status complete(const output *out, rx_error *err)
 {
     if (out->kind == OUTPUT_FOLDER)
         RX_TRY(write_marker(out->temporary, out->shown, err));
-    if (sync_tree(out->temporary) != 0 || (out->mode != 0 && chmod(out->temporary, out->mode) != 0))
+    if (nftw(out->temporary, sync_file, 16, FTW_PHYS) != 0 ||
+        (out->mode != 0 && chmod(out->temporary, out->mode) != 0))
         return cannot_be_written(out, err);
     return out->kind == OUTPUT_FOLDER && is_there(out->path) ? check_marker(out->path, out->shown, err)
                                                              : RX_OK;

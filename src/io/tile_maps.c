@@ -172,31 +172,28 @@ static rx_status read_name(rx_fits_source *source, rx_image_hdu *dst, rx_error *
     return RX_OK;
 }
 
-/* The one that is selected. */
-static rx_status list_one(rx_fits_source *source, const rx_fits_name *name, rx_image_list *dst, rx_error *err)
-{
-    rx_fits_shape shape;
-    dst->n = 1;
-    RX_TRY(rx_fits_goto_name(source, name, err));
-    dst->list->hdu = source->hdu;
-    RX_TRY(rx_fits_shape_of(source, &shape, err));
-    return rx_image_check(name->path, source->hdu, &shape, &name->section, err);
-}
-
 /* The 2-D images that a name selects, or planes of cubes by its section, maps as well; dst->list to be freed. No such image:
  * RX_INPUT; HDUs that are skipped are named in the log. */
 static rx_status images_of(const rx_fits_name *name, rx_log *log, rx_image_list *dst, rx_error *err)
 {
+    const bool selected = rx_fits_name_selects(name);
     rx_fits_source source = {0};
+    rx_fits_shape shape;
     int count = 1, broken = 0;
     rx_status status;
     *dst = (rx_image_list){0};
     RX_TRY_EXIT(rx_fits_open(name->path, &source, err));
-    if (!rx_fits_name_selects(name))
+    if (!selected)
         RX_TRY_EXIT(rx_fits_count(&source, &count, &broken, err));
     RX_TRY_EXIT(RX_MAKE(dst->list, (size_t)count, err));
-    status = rx_fits_name_selects(name) ? list_one(&source, name, dst, err)
-                                        : list_all(&source, name, log, count, dst, err);
+    if (selected) {
+        dst->n = 1;
+        RX_TRY_EXIT(rx_fits_goto_name(&source, name, err));
+        dst->list->hdu = source.hdu;
+        RX_TRY_EXIT(rx_fits_shape_of(&source, &shape, err));
+        RX_TRY_EXIT(rx_image_check(name->path, source.hdu, &shape, &name->section, err));
+    } else
+        status = list_all(&source, name, log, count, dst, err);
     if (status == RX_INPUT && broken)
         status = rx_error_at(err, RX_INPUT, name->path, count, 0,
                              "this HDU cannot be read, and none before it holds a 2-D image; the file is "
@@ -260,13 +257,16 @@ static void drop_maps(rx_image_list *images)
 }
 
 /* The log names the maps that are left out, each kind once, and the keywords that read one that is not taken by default. */
-static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *all, int first_image,
-                          rx_error *err)
+static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *all, rx_error *err)
 {
     rx_text maps = {0};
-    int taken = -1, mask, variance;
+    int taken = -1, mask, variance, first = 0;
     bool plain = true; /* names of maps alone, which one WEIGHT_IMAGE can give */
-    rx_images_own_maps(all, first_image, &mask, &variance);
+    while (first < all->n && map_of(all->list[first].name) >= 0)
+        first++;
+    if (first == all->n)
+        return RX_OK; /* where all are maps none is left out */
+    rx_images_own_maps(all, all->list[first].hdu, &mask, &variance);
     for (int i = 0; i < NMAPS; i++)
         for (int k = 0, there = 0; k < all->n; k++) {
             if (map_of(all->list[k].name) != i)
@@ -282,7 +282,7 @@ static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *al
     if (status == RX_OK && plain && taken >= 0 && mask < 0)
         rx_log_hint(log, "%s: %s: maps, not measured; WEIGHT_TYPE %s with WEIGHT_IMAGE '%s[%s]' reads one",
                     path, maps.data, MAPS[taken].type, path, MAPS[taken].name);
-    else if (status == RX_OK)
+    else if (status == RX_OK && maps.length > 0)
         rx_log_hint(log, "%s: %s: maps, not measured", path, maps.data);
     rx_text_free(&maps);
     return status;
@@ -291,25 +291,20 @@ static rx_status log_maps(const char *path, rx_log *log, const rx_image_list *al
 rx_status rx_tile_list(const char *name, rx_log *log, int **hdus, int *n, rx_error *err)
 {
     rx_fits_name parsed;
-    rx_image_list all = {0}, images = {0};
+    rx_image_list all = {0};
     rx_status status;
     *n = 0;
     *hdus = NULL;
     RX_TRY(rx_fits_name_parse(name, &parsed, err));
     RX_TRY_EXIT(images_of(&parsed, log, &all, err));
-    RX_TRY_EXIT(RX_MAKE(images.list, (size_t)all.n, err));
-    memcpy(images.list, all.list, (size_t)all.n * sizeof *all.list);
-    images.n = all.n;
-    drop_maps(&images);
-    if (images.n < all.n)
-        RX_TRY_EXIT(log_maps(parsed.path, log, &all, images.list->hdu, err));
-    RX_TRY_EXIT(RX_MAKE(*hdus, (size_t)images.n, err));
-    for (int i = 0; i < images.n; i++)
-        (*hdus)[i] = images.list[i].hdu;
-    *n = images.n;
+    RX_TRY_EXIT(log_maps(parsed.path, log, &all, err));
+    drop_maps(&all);
+    RX_TRY_EXIT(RX_MAKE(*hdus, (size_t)all.n, err));
+    for (int i = 0; i < all.n; i++)
+        (*hdus)[i] = all.list[i].hdu;
+    *n = all.n;
 exit:
     free(all.list);
-    free(images.list);
     return status;
 }
 
@@ -451,35 +446,44 @@ static rx_status open_companion(const char *what, const char *text, const rx_til
     return RX_OK;
 }
 
-/* An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
- * least one has none. */
-static void rms_of_ivar(double threshold, rx_tile *tile)
+/* Its pixels as floats; *map, closed, is where they come from. */
+static rx_status read_companion(const char *what, const char *name, const rx_tile_place *place,
+                                companion *map, float **dst, rx_error *err)
 {
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    const float limit = threshold > 0.0 ? (float)threshold : 0.0f; /* 0 where it is not given, too */
-    for (size_t i = 0; i < n; i++)
-        tile->weight[i] = tile->weight[i] > limit ? 1.0f / sqrtf(tile->weight[i]) : NAN;
-    tile->weight_type = RX_WEIGHT_MAP_RMS;
+    const rx_fits_section *part = &place->part;
+    rx_status status = open_companion(what, name, place, map, err);
+    if (status == RX_OK)
+        status = RX_MAKE(
+            *dst, (size_t)(part->last[0] - part->first[0] + 1) * (size_t)(part->last[1] - part->first[1] + 1),
+            err);
+    if (status == RX_OK)
+        status = rx_fits_read_pixels(&map->source, &map->part, *dst, err);
+    rx_fits_done(&map->source);
+    return status;
 }
 
 /* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
- * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0. */
+ * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0.
+ * An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
+ * least one has none. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height;
     int given = isfinite(par->weight_threshold);
+    const float least = given && par->weight_threshold > 0 ? (float)par->weight_threshold : 0.f;
     if (tile->weight_type == RX_WEIGHT_MAP_WEIGHT) {
-        float limit = given && par->weight_threshold > 0 ? (float)par->weight_threshold : 0.f;
         for (size_t i = 0; i < n; i++) {
             if (!isfinite(tile->weight[i]))
                 tile->weight[i] = 0.f;
-            if (tile->weight[i] <= limit)
+            if (tile->weight[i] <= least)
                 tile->mask[i] |= RX_MASK_WEIGHT;
         }
         return;
     }
     if (tile->weight_type == RX_WEIGHT_MAP_IVAR) {
-        rms_of_ivar(par->weight_threshold, tile);
+        for (size_t i = 0; i < n; i++)
+            tile->weight[i] = tile->weight[i] > least ? 1.0f / sqrtf(tile->weight[i]) : NAN;
+        tile->weight_type = RX_WEIGHT_MAP_RMS;
         given = 0;
     }
     const double noise_of_pixels = rx_unit_of_pixels(tile->pixels, tile->width, tile->height),
@@ -506,16 +510,9 @@ static rx_status add_weight(const rx_tile_params *par, const rx_tile_place *plac
         return RX_OK;
     if (par->weight_name == NULL || par->weight_name[0] == '\0')
         return rx_error_set(err, RX_USAGE, "WEIGHT_TYPE asks for a map; give WEIGHT_IMAGE");
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    rx_status status = open_companion("weight map", par->weight_name, place, &map, err);
-    if (status == RX_OK)
-        status = RX_MAKE(tile->weight, n, err);
-    if (status == RX_OK)
-        status = rx_fits_read_pixels(&map.source, &map.part, tile->weight, err);
-    if (status == RX_OK)
-        mask_by_weight(par, tile);
-    rx_fits_done(&map.source);
-    return status;
+    RX_TRY(read_companion("weight map", par->weight_name, place, &map, &tile->weight, err));
+    mask_by_weight(par, tile);
+    return RX_OK;
 }
 
 rx_status rx_tile_take_weight(const rx_tile_params *par, const float *weight, rx_tile *tile, rx_error *err)
@@ -544,24 +541,19 @@ static rx_status add_restored(const char *what, const char *name, const rx_tile_
     companion map;
     if (name == NULL || name[0] == '\0')
         return RX_OK;
-    rx_status status = open_companion(what, name, place, &map, err);
-    if (status == RX_OK)
-        status = RX_MAKE(*dst, n, err);
-    if (status == RX_OK)
-        status = rx_fits_read_pixels(&map.source, &map.part, *dst, err);
-    for (size_t i = 0; status == RX_OK && i < n; i++) {
+    RX_TRY(read_companion(what, name, place, &map, dst, err));
+    for (size_t i = 0; i < n; i++) {
         const float value = (*dst)[i];
         if ((tile->mask[i] & (RX_MASK_BAD | RX_MASK_WEIGHT)) != 0)
             (*dst)[i] = isfinite(value) ? value : 0.0f;
         else if (!isfinite(value) || (noise && !(value > 0.0f)))
-            status = rx_error_at(err, RX_INPUT, map.name.path, map.hdu, 0,
-                                 "the %s is %g in pixel (%ld,%ld), where the tile has data; give %s", what,
-                                 (double)value, map.part.first[0] + (long)(i % (size_t)tile->width),
-                                 map.part.first[1] + (long)(i / (size_t)tile->width),
-                                 noise ? "a number above 0 there" : "a number there");
+            return rx_error_at(err, RX_INPUT, map.name.path, map.hdu, 0,
+                               "the %s is %g in pixel (%ld,%ld), where the tile has data; give %s", what,
+                               (double)value, map.part.first[0] + (long)(i % (size_t)tile->width),
+                               map.part.first[1] + (long)(i / (size_t)tile->width),
+                               noise ? "a number above 0 there" : "a number there");
     }
-    rx_fits_done(&map.source);
-    return status;
+    return RX_OK;
 }
 
 /* Flags are integers of up to 32 bits, as IMAFLAGS_ISO is, which a double holds; compressed images cannot be
@@ -571,34 +563,29 @@ static rx_status read_flags(const companion *map, uint32_t *dst, rx_error *err)
 {
     const double least = map->shape.bitpix > 32 ? 0 : INT32_MIN;
     const long *first = map->part.first, *last = map->part.last;
-    rx_fits_corner low, high, step = {1, 1, 1, 1, 1, 1, 1, 1, 1};
+    const double null = 0;
     size_t width = (size_t)(last[0] - first[0] + 1), height = (size_t)(last[1] - first[1] + 1);
-    int failed = 0, anynul = 0;
-    double null = 0, *row = RX_NEW(double, width);
-    if (row == NULL)
-        return rx_error_memory(err, width * sizeof *row);
-    for (size_t y = 0; y < height && !failed; y++) {
-        rx_fits_rows(&map->part, y, 1, low, high);
-        fits_read_subset(map->source.file, TDOUBLE, low, high, step, &null, row, &anynul, &failed);
-        for (size_t x = 0; x < width && !failed; x++) {
+    rx_status status = RX_OK;
+    double *row;
+    RX_TRY(RX_MAKE(row, width, err));
+    for (size_t y = 0; y < height; y++) {
+        RX_TRY_EXIT(rx_fits_read_rows(&map->source, &map->part, y, 1, &null, row, err));
+        for (size_t x = 0; x < width; x++) {
             const double flags = row[x];
             const bool whole = flags == floor(flags);
-            if (!whole || flags < least || flags > UINT32_MAX) {
-                free(row);
-                return rx_error_at(
+            if (!whole || flags < least || flags > UINT32_MAX)
+                RX_TRY_EXIT(rx_error_at(
                     err, RX_INPUT, map->name.path, map->hdu, 0,
                     whole ? "the flags %.0f of pixel (%ld,%ld) have bits beyond the 32 that "
                             "IMAFLAGS_ISO holds; give a map of 32 bits"
                           : "the flags %g of pixel (%ld,%ld) are no integer; give a map of integers",
-                    flags, first[0] + (long)x, first[1] + (long)y);
-            }
+                    flags, first[0] + (long)x, first[1] + (long)y));
             dst[y * width + x] = (uint32_t)(int64_t)flags;
         }
     }
+exit:
     free(row);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, map->name.path, map->hdu, failed, "the pixels cannot be read")
-               : RX_OK;
+    return status;
 }
 
 static rx_status add_flags(const rx_tile_params *par, const rx_tile_place *place, rx_tile *tile,
@@ -634,15 +621,6 @@ static uint32_t bits_of(const char *cards, size_t n, const char *const *names, s
     return bits;
 }
 
-/* A mask whose header names no bits marks by 1 what is bad where it holds 0 and 1 alone; else its bits may say anything. */
-static bool is_yes_or_no(const uint32_t *flags, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (flags[i] > 1)
-            return false;
-    return true;
-}
-
 /* What the mask says joins tile->mask; *said: of which bits, "" where it is left out. */
 static rx_status add_mask(const char *name, const rx_tile_place *place, rx_log *log, rx_tile *tile,
                           const char **said, rx_error *err)
@@ -660,7 +638,10 @@ static rx_status add_mask(const char *name, const rx_tile_place *place, rx_log *
     RX_TRY_EXIT(rx_fits_read_cards(&map.source, &cards, &ncards, err));
     uint32_t bad = bits_of(cards, ncards, no_data, sizeof no_data / sizeof *no_data);
     const uint32_t full = bits_of(cards, ncards, saturated, 1);
-    const bool named = (bad | full) != 0, simple = !named && is_yes_or_no(flags, n);
+    const bool named = (bad | full) != 0;
+    bool simple = !named; /* 0 and 1 alone: 1 is bad; else bits without names may say anything */
+    for (size_t i = 0; simple && i < n; i++)
+        simple = flags[i] <= 1;
     bad |= simple ? 1 : 0;
     for (size_t i = 0; i < n; i++)
         tile->mask[i] |=

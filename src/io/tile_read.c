@@ -1,6 +1,7 @@
 /* Reading tiles: pixels, mask, header, and the numbers that header and keywords give. */
 #include "io/tile.h"
 
+#include <ctype.h>
 #include <limits.h>
 #include <math.h>
 #include <stdbool.h>
@@ -8,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "base/hash.h"
 #include "base/memory.h"
@@ -138,26 +140,27 @@ static rx_status mask_pixels(rx_tile *tile, int nthreads, rx_log *log, size_t *b
     return RX_OK;
 }
 
-static rx_status read_pixels(const rx_fits_source *source, const rx_tile_place *place, int nthreads,
-                             rx_log *log, rx_tile *tile, rx_error *err)
-{
-    size_t n = (size_t)tile->width * (size_t)tile->height, bad;
-    tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, nthreads);
-    tile->mask = RX_NEW(uint8_t, n);
-    if (tile->pixels == NULL || tile->mask == NULL)
-        return rx_error_memory(err, n * sizeof(float));
-    RX_TRY(rx_fits_read_pixels(source, &place->part, tile->pixels, err));
-    return mask_pixels(tile, nthreads, log, &bad, err);
-}
-
 /* --- header --- */
 
-/* What no output could hold. */
+/* Cards whose keywords the standard does not allow, which no output could hold, are left out. */
 static void drop_illegal(rx_text *cards, const char *name, int hdu, rx_log *log)
 {
     enum { SHOWN = 60 };
     rx_text illegal = {0};
-    rx_cards_drop_illegal(cards, &illegal);
+    size_t kept = 0;
+    bool dropping = false; /* CONTINUE follows what its first card did */
+    for (size_t i = 0; i < cards->length / RX_CARD; i++) {
+        const char *card = cards->data + i * RX_CARD;
+        const size_t n = strspn(card, "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_");
+        if (strncmp(card, "CONTINUE", RX_CARD_KEY) != 0) {
+            dropping = n < RX_CARD_KEY && n + strspn(card + n, " ") < RX_CARD_KEY;
+            if (dropping)
+                rx_text_printf(&illegal, "%s'%.*s'", illegal.length > 0 ? ", " : "", RX_CARD_KEY, card);
+        }
+        if (!dropping)
+            memmove(cards->data + RX_CARD * kept++, card, RX_CARD);
+    }
+    cards->length = kept * RX_CARD;
     if (illegal.length > 0)
         rx_log_warning(log,
                        "%s[%d]: header cards with keywords that FITS does not allow are left out: %.*s%s",
@@ -165,39 +168,134 @@ static void drop_illegal(rx_text *cards, const char *name, int hdu, rx_log *log)
     rx_text_free(&illegal);
 }
 
+typedef struct keyword {
+    char text[RX_CARD + 1];
+} keyword;
+
+/* "" without one. */
+static keyword keyword_of(const char *card)
+{
+    keyword key = {""};
+    memcpy(key.text, card, RX_CARD_KEY);
+    key.text[strcspn(key.text, " ")] = '\0';
+    if (strcmp(key.text, "HIERARCH") == 0) {
+        const char *equals = memchr(card, '=', RX_CARD);
+        size_t n = equals != NULL && equals > card + 9 ? (size_t)(equals - card) - 9 : 0;
+        memcpy(key.text, card + 9, n);
+        while (n > 0 && key.text[n - 1] == ' ')
+            n--;
+        key.text[n] = '\0';
+    }
+    return key;
+}
+
+static int compare_keywords(const void *a, const void *b)
+{
+    return strcasecmp(((const keyword *)a)->text, ((const keyword *)b)->text);
+}
+
+/* Append those cards of `parent` (a primary header) that `cards` lacks: what INHERIT = T asks for. */
+static void inherit_cards(rx_text *cards, const char *parent, size_t nparent)
+{
+    const size_t ncards = cards->length / RX_CARD;
+    keyword *own = RX_NEW(keyword, ncards + 1); /* sorted: a header may have 1e5 cards */
+    size_t nown = 0;
+    bool skipped = false; /* CONTINUE follows what its first card did */
+    if (own == NULL) {
+        cards->failed = true;
+        return;
+    }
+    for (size_t i = 0; i < ncards; i++) {
+        own[nown] = keyword_of(cards->data + i * RX_CARD);
+        nown += rx_cards_find(cards->data + i * RX_CARD, 1, own[nown].text) >= 0;
+    }
+    qsort(own, nown, sizeof *own, compare_keywords);
+    for (size_t i = 0; i < nparent && !cards->failed; i++) {
+        const char *card = parent + i * RX_CARD;
+        const keyword key = keyword_of(card);
+        if (strcmp(key.text, "CONTINUE") != 0)
+            skipped = !rx_card_is_useful(card) || key.text[0] == '\0' || strcmp(key.text, "COMMENT") == 0 ||
+                      strcmp(key.text, "HISTORY") == 0 ||
+                      bsearch(&key, own, nown, sizeof *own, compare_keywords) != NULL;
+        if (!skipped)
+            rx_text_add_bytes(cards, card, RX_CARD);
+    }
+    free(own);
+}
+
+/* Put a new number into the card, its comment kept. */
+static void replace_number(char *card, const char *key, double value, int integer)
+{
+    char comment[RX_CARD + 1];
+    rx_text text = {0};
+    (void)rx_cards_comment(card, 1, key, comment, sizeof comment);
+    if (integer)
+        rx_card_integer(&text, key, (long)value, comment);
+    else
+        rx_card_number(&text, key, value, comment);
+    if (!text.failed)
+        memcpy(card, text.data, RX_CARD);
+    rx_text_free(&text);
+}
+
+/* Header of an image after a section of it was cut out: CRPIXj (all versions) and LTVj move
+ * by the section's first pixel (from 1), NAXISj become its size. In place. */
+static void cut_cards(char *cards, size_t ncards, const long first[2], const long size[2])
+{
+    for (size_t i = 0; i < ncards; i++) {
+        char *card = cards + i * RX_CARD, key[RX_CARD_KEY + 1];
+        double value;
+        memcpy(key, card, RX_CARD_KEY);
+        key[RX_CARD_KEY] = '\0';
+        key[strcspn(key, " ")] = '\0';
+        int axis = -1;
+        if (strncmp(key, "CRPIX", 5) == 0 && (key[6] == '\0' || isupper((unsigned char)key[6])))
+            axis = key[5] - '1';
+        else if (strncmp(key, "LTV", 3) == 0 && key[4] == '\0')
+            axis = key[3] - '1';
+        else if (strncmp(key, "NAXIS", 5) == 0 && key[5] != '\0' && key[6] == '\0' && key[5] >= '1' &&
+                 key[5] <= '2')
+            replace_number(card, key, (double)size[key[5] - '1'], 1);
+        else if (strncmp(key, "CNPIX", 5) == 0 && key[6] == '\0' && (key[5] == '1' || key[5] == '2') &&
+                 rx_cards_number(card, 1, key, &value)) /* DSS plates: corner on the plate */
+            replace_number(card, key, value + (double)(first[key[5] - '1'] - 1), 1);
+        if ((axis == 0 || axis == 1) && rx_cards_quantity(card, 1, key, "pix", &value))
+            replace_number(card, key, value - (double)(first[axis] - 1), 0);
+    }
+}
+
+/* Those of the HDU where it is. */
+static rx_status add_cards(const rx_fits_source *source, rx_text *dst, rx_error *err)
+{
+    char *block;
+    size_t n;
+    RX_TRY(rx_fits_read_cards(source, &block, &n, err));
+    rx_text_add_bytes(dst, block, n * RX_CARD);
+    free(block);
+    return RX_OK;
+}
+
 /* Cards of the HDU, those of the primary header it inherits, and the section's coordinates. */
 static rx_status read_header(rx_fits_source *source, const rx_tile_place *place, rx_log *log, rx_text *cards,
                              rx_text *parent, rx_error *err)
 {
-    char *block = NULL, inherit[8] = "";
-    size_t n = 0;
-    rx_status status = RX_OK;
-    RX_TRY(rx_fits_read_cards(source, &block, &n, err));
-    rx_text_add_bytes(cards, block, n * 80);
-    free(block);
-    block = NULL;
+    char inherit[8] = "";
+    RX_TRY(add_cards(source, cards, err));
     if (place->hdu > 0) {
-        status = rx_fits_goto(source, 0, err);
-        if (status == RX_OK)
-            status = rx_fits_read_cards(source, &block, &n, err);
-        if (status == RX_OK)
-            status = rx_fits_goto(source, place->hdu, err);
-        if (status == RX_OK)
-            rx_text_add_bytes(parent, block, n * 80);
-        free(block);
+        RX_TRY(rx_fits_goto(source, 0, err));
+        RX_TRY(add_cards(source, parent, err));
+        RX_TRY(rx_fits_goto(source, place->hdu, err));
     }
-    if (status != RX_OK)
-        return status;
     rx_cards_text(cards->data, (long)(cards->length / 80), "INHERIT", inherit, sizeof inherit);
     if (inherit[0] == 'T' && parent->data != NULL)
-        rx_cards_inherit(cards, parent->data, parent->length / 80);
+        inherit_cards(cards, parent->data, parent->length / 80);
     drop_illegal(cards, place->name->path, place->hdu, log);
     if (cards->failed || parent->failed)
         return rx_error_memory(err, cards->length + parent->length);
     if (place->name->has_section) {
         long size[2] = {place->part.last[0] - place->part.first[0] + 1,
                         place->part.last[1] - place->part.first[1] + 1};
-        rx_cards_cut(cards->data, cards->length / 80, place->part.first, size);
+        cut_cards(cards->data, cards->length / 80, place->part.first, size);
     }
     return RX_OK;
 }
@@ -268,6 +366,7 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     rx_fits_source source = {0};
     rx_text cards = {0}, parent = {0};
     rx_tile_place place = {.name = &parsed, .hdu = hdu, .extension = extension};
+    size_t bad;
     *dst = NULL;
     rx_tile *tile = RX_NEW(rx_tile, 1);
     rx_status status;
@@ -280,7 +379,13 @@ rx_status rx_tile_read(const rx_tile_params *par, const char *name, int hdu, int
     tile->ncards = cards.length / 80;
     tile->cards = cards.data;
     cards = (rx_text){0};
-    RX_TRY_EXIT(read_pixels(&source, &place, par->nthreads, log, tile, err));
+    const size_t n = (size_t)tile->width * (size_t)tile->height;
+    tile->pixels = rx_alloc_filled(n, sizeof *tile->pixels, par->nthreads);
+    tile->mask = RX_NEW(uint8_t, n);
+    if (tile->pixels == NULL || tile->mask == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, n * sizeof(float)));
+    RX_TRY_EXIT(rx_fits_read_pixels(&source, &place.part, tile->pixels, err));
+    RX_TRY_EXIT(mask_pixels(tile, par->nthreads, log, &bad, err));
     RX_TRY_EXIT(take_wcs(par, log, tile, err));
     RX_TRY_EXIT(rx_tile_add_maps(par, &place, log, tile, err));
     *dst = tile;

@@ -73,35 +73,26 @@ static void rotation(int axis, double angle, double dst[3][3])
     dst[k][j] = -s;
 }
 
-/* R3(-z) R2(theta) R3(-zeta): the product of the precession angles. */
-static void precession(double zeta, double z, double theta, double dst[3][3])
+/* Angles of precession zeta, z and theta in arcsec, as polynomials of centuries without a constant, the highest first. From
+ * J2000 to the mean equator and equinox of a Julian year, IAU 1976; from B1950 to a Besselian year, Newcomb's angles for
+ * the start epoch 1950 (Kinoshita 1975). */
+static const double FROM_J2000[3][3] = {{0.017998, 0.30188, 2306.2181},
+                                        {0.018203, 1.09468, 2306.2181},
+                                        {-0.041833, -0.42665, 2004.3109}},
+                    FROM_B1950[3][3] = {
+                        {0.0179, 0.3022, 2304.948}, {0.0183, 1.0950, 2304.948}, {-0.0416, -0.4266, 2004.255}};
+
+/* R3(-z) R2(theta) R3(-zeta). */
+static void precession(const double angles[3][3], double years, double dst[3][3])
 {
-    double a[3][3], b[3][3];
-    rotation(2, -zeta, a);
-    rotation(1, theta, b);
+    double t = years / 100, angle[3], a[3][3], b[3][3];
+    for (int k = 0; k < 3; k++)
+        angle[k] = ((angles[k][0] * t + angles[k][1]) * t + angles[k][2]) * t * ARCSEC;
+    rotation(2, -angle[0], a);
+    rotation(1, angle[2], b);
     multiply(b, a, a);
-    rotation(2, -z, b);
+    rotation(2, -angle[1], b);
     multiply(b, a, dst);
-}
-
-/* From J2000 to the mean equator and equinox of a Julian year, IAU 1976. */
-static void from_j2000(double equinox, double dst[3][3])
-{
-    double t = (equinox - 2000) / 100;
-    double zeta = ((0.017998 * t + 0.30188) * t + 2306.2181) * t;
-    double z = ((0.018203 * t + 1.09468) * t + 2306.2181) * t;
-    double theta = ((-0.041833 * t - 0.42665) * t + 2004.3109) * t;
-    precession(zeta * ARCSEC, z * ARCSEC, theta * ARCSEC, dst);
-}
-
-/* From B1950 to a Besselian year, Newcomb's angles for the start epoch 1950 (Kinoshita 1975). */
-static void from_b1950(double equinox, double dst[3][3])
-{
-    double t = (equinox - 1950) / 100;
-    double zeta = ((0.0179 * t + 0.3022) * t + 2304.948) * t;
-    double z = ((0.0183 * t + 1.0950) * t + 2304.948) * t;
-    double theta = ((-0.0416 * t - 0.4266) * t + 2004.255) * t;
-    precession(zeta * ARCSEC, z * ARCSEC, theta * ARCSEC, dst);
 }
 
 /* From a frame whose pole lies at (lon, lat) of the target and whose origin of longitude is
@@ -137,20 +128,20 @@ static sky_frame frame_of(const char *type, const char *radesys, double equinox)
         frame.named |= strcmp(radesys, systems[i]) == 0;
     rotation(0, 0, frame.matrix);
     if (strncmp(type, "RA", 2) == 0 && fk4) {
-        from_b1950(equinox > 0 ? equinox : 1950, frame.matrix);
+        precession(FROM_B1950, equinox > 0 ? equinox - 1950 : 0, frame.matrix);
         transpose(frame.matrix);
         multiply(b1950_to_j2000, frame.matrix, frame.matrix);
         frame.eterms = strcmp(radesys, "FK4-NO-E") != 0;
     } else if (strncmp(type, "RA", 2) == 0) {
         if (!icrs && equinox > 0) {
-            from_j2000(equinox, frame.matrix);
+            precession(FROM_J2000, equinox - 2000, frame.matrix);
             transpose(frame.matrix);
         }
     } else if (strncmp(type, "GLON", 4) == 0) {
         galactic(frame.matrix);
     } else if (strncmp(type, "ELON", 4) == 0) {
         double year = equinox > 0 ? equinox : 2000, t = (year - 2000) / 100, tilt[3][3];
-        from_j2000(year, frame.matrix);
+        precession(FROM_J2000, year - 2000, frame.matrix);
         rotation(0, (84381.448 + ((0.001813 * t - 0.00059) * t - 46.8150) * t) * ARCSEC, tilt);
         multiply(tilt, frame.matrix, frame.matrix);
         transpose(frame.matrix);
@@ -201,18 +192,6 @@ static void apply(const sky_frame *frame, const double src[3], double dst[3])
     for (int i = 0; i < 3; i++)
         dst[i] = frame->matrix[i][0] * v[0] + frame->matrix[i][1] * v[1] + frame->matrix[i][2] * v[2];
     normalise(dst);
-}
-
-static void frame_to_j2000(const sky_frame *frame, double lon, double lat, double *alpha, double *delta)
-{
-    double v[3], w[3];
-    if (!frame->known) {
-        *alpha = *delta = NAN;
-        return;
-    }
-    to_vector(lon, lat, v);
-    apply(frame, v, w);
-    from_vector(w, alpha, delta);
 }
 
 /* The E-terms have no closed inverse: fixed-point steps, each gains five digits or more. */
@@ -456,9 +435,12 @@ void rx_wcs_native_to_j2000(const rx_wcs *wcs, int n, const double *alpha, const
                             double *alpha_j2000, double *delta_j2000)
 {
     for (int i = 0; i < n; i++) {
-        double ra = NAN, dec = NAN;
-        if (isfinite(alpha[i]) && isfinite(delta[i]))
-            frame_to_j2000(&wcs->frame, alpha[i], delta[i], &ra, &dec);
+        double ra = NAN, dec = NAN, v[3], w[3];
+        if (wcs->frame.known && isfinite(alpha[i]) && isfinite(delta[i])) {
+            to_vector(alpha[i], delta[i], v);
+            apply(&wcs->frame, v, w);
+            from_vector(w, &ra, &dec);
+        }
         alpha_j2000[i] = ra;
         delta_j2000[i] = dec;
     }

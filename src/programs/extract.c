@@ -40,7 +40,7 @@ static const char help[] =
     "10 a tile is not for the restorer that was asked for (RESTORE_FALLBACK N, OUT_OF_DOMAIN FAIL).\n"
     "More in rextract(1), the keywords in rextract.conf(5).\n";
 
-rx_status rx_program_extract_alone(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
+static rx_status run(const rx_settings *settings, const char *image, rx_log *log, rx_error *err)
 {
     if (((const rx_config *)settings)->plan)
         return rx_plan_run(settings, image, stdout, log, err);
@@ -54,5 +54,5 @@ rx_program rx_program_extract(void)
                         .help = help,
                         .table = rx_keytable_rextract(),
                         .columns = rx_columns_dump,
-                        .run = rx_program_extract_alone};
+                        .run = run};
 }

@@ -4,11 +4,7 @@
 
 #include "programs/program.h"
 
-/* A tile, a list or a plan, by one process. */
-rx_status rx_program_extract_alone(const rx_settings *settings, const char *image, rx_log *log,
-                                   rx_error *err);
-
-/* The program as one process does it. */
+/* The program as one process does it: .run takes a tile, a list or a plan. */
 rx_program rx_program_extract(void);
 
 #endif

@@ -113,7 +113,7 @@ int rx_program_main(const rx_program *program, int argc, char **argv)
         status = RX_USAGE;
     } else if (status == RX_OK && arguments.action == RX_ACTION_RUN) {
         if (program->columns == NULL) /* rextract looks at them first: survey/survey.c */
-            status = rx_settings_warn_idle(arguments.settings, &log, &err);
+            status = rx_settings_warn_idle(arguments.settings, (rx_idle){0}, &log, &err);
         if (status == RX_OK)
             status = program->run(arguments.settings, arguments.image, &log, &err);
     } else if (status == RX_OK) {

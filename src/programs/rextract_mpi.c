@@ -12,7 +12,7 @@ static rx_status run(const rx_settings *settings, const char *image, rx_log *log
     rx_settings *own = NULL;
     const int plan = ((const rx_config *)settings)->plan, first = rx_par_rank() == 0;
     if (rx_par_processes() == 1)
-        return rx_program_extract_alone(settings, image, log, err);
+        return rx_program_extract().run(settings, image, log, err);
     if (!first && (plan || image[0] != '@'))
         return RX_OK;
     if (!plan && image[0] != '@')
@@ -24,7 +24,7 @@ static rx_status run(const rx_settings *settings, const char *image, rx_log *log
     if (status == RX_OK && ((const rx_config *)own)->nthreads == 0)
         status = rx_settings_set(own, "NTHREADS", "1", log, err);
     if (status == RX_OK)
-        status = plan ? rx_program_extract_alone(own, image, log, err)
+        status = plan ? rx_program_extract().run(own, image, log, err)
                       : rx_survey_run_ranks(own, image + 1, stdout, log, err);
     rx_settings_free(own);
     return status;

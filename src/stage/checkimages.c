@@ -25,12 +25,13 @@ struct rx_checkimages {
     checkimage *list;
 };
 
-/* A painter fills dst[height*width] (or the smaller size it sets) for one extension. */
-typedef struct canvas {
-    float *pixels;
+/* Of one extension; a painter fills pixels[height*width], or the smaller size it sets. */
+typedef struct picture {
     int width, height;
-} canvas;
-typedef void (*painter)(const rx_checkimage_data *data, canvas *dst);
+    float *pixels;           /* or: */
+    const int32_t *integers; /* of the segmentation map */
+} picture;
+typedef void (*painter)(const rx_checkimage_data *data, picture *dst);
 
 static const rx_background *sky_of(const rx_checkimage_data *data)
 {
@@ -43,7 +44,7 @@ static int hidden(const rx_checkimage_data *data, size_t i)
     return data->result->restored->mask[i] != 0;
 }
 
-static size_t npixels(const canvas *c)
+static size_t npixels(const picture *c)
 {
     return (size_t)c->width * (size_t)c->height;
 }
@@ -70,7 +71,7 @@ static int measured_hidden(const rx_checkimage_data *data, size_t i)
 }
 
 /* Above the sky; hidden pixels of an image that was not restored are 0. */
-static void paint_measured(const rx_checkimage_data *data, canvas *dst)
+static void paint_measured(const rx_checkimage_data *data, picture *dst)
 {
     const rx_restored *image = measured_image(data);
     if (image != NULL) {
@@ -84,35 +85,26 @@ static void paint_measured(const rx_checkimage_data *data, canvas *dst)
             measured_hidden(data, i) ? 0.0f : data->result->measure->image.pixels[i] - dst->pixels[i];
 }
 
-static float measured_at(const rx_checkimage_data *data, int x, int y)
-{
-    const rx_restored *image = measured_image(data);
-    const rx_map level = rx_background_level(measured_sky(data));
-    const size_t i = (size_t)y * (size_t)level.width + (size_t)x;
-    return image != NULL ? image->pixels[i]
-                         : data->result->measure->image.pixels[i] - rx_map_at(&level, x, y);
-}
-
-static void paint_identical(const rx_checkimage_data *data, canvas *dst)
+static void paint_identical(const rx_checkimage_data *data, picture *dst)
 {
     const rx_tile *tile = data->result->measure->tile;
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
 }
 
-static void paint_background(const rx_checkimage_data *data, canvas *dst)
+static void paint_background(const rx_checkimage_data *data, picture *dst)
 {
     const rx_map level = rx_background_level(measured_sky(data));
     rx_map_fill(&level, dst->height, 1, dst->pixels);
 }
 
-static void paint_rms(const rx_checkimage_data *data, canvas *dst)
+static void paint_rms(const rx_checkimage_data *data, picture *dst)
 {
     const rx_map noise = rx_background_noise(sky_of(data));
     rx_map_fill(&noise, dst->height, 1, dst->pixels);
 }
 
-static void paint_restored(const rx_checkimage_data *data, canvas *dst)
+static void paint_restored(const rx_checkimage_data *data, picture *dst)
 {
     const rx_map level = rx_background_level(sky_of(data));
     rx_map_fill(&level, dst->height, 1, dst->pixels);
@@ -120,7 +112,7 @@ static void paint_restored(const rx_checkimage_data *data, canvas *dst)
         dst->pixels[i] = hidden(data, i) ? NAN : data->result->restored->pixels[i] + dst->pixels[i];
 }
 
-static void paint_subtracted(const rx_checkimage_data *data, canvas *dst)
+static void paint_subtracted(const rx_checkimage_data *data, picture *dst)
 {
     paint_measured(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
@@ -128,13 +120,13 @@ static void paint_subtracted(const rx_checkimage_data *data, canvas *dst)
             dst->pixels[i] = NAN;
 }
 
-static void paint_filtered(const rx_checkimage_data *data, canvas *dst)
+static void paint_filtered(const rx_checkimage_data *data, picture *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] = data->result->filtered_scale * data->result->filtered[i];
 }
 
-static void paint_objects(const rx_checkimage_data *data, canvas *dst)
+static void paint_objects(const rx_checkimage_data *data, picture *dst)
 {
     paint_measured(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
@@ -143,7 +135,7 @@ static void paint_objects(const rx_checkimage_data *data, canvas *dst)
 }
 
 /* Groups too small to be a source are blanked as well, as in SExtractor. */
-static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
+static void paint_no_objects(const rx_checkimage_data *data, picture *dst)
 {
     const rx_sources *sources = data->result->sources;
     paint_subtracted(data, dst);
@@ -155,7 +147,7 @@ static void paint_no_objects(const rx_checkimage_data *data, canvas *dst)
 }
 
 /* In sigmas: a restorer that explains the data leaves white noise of width 1. */
-static void paint_residual(const rx_checkimage_data *data, canvas *dst)
+static void paint_residual(const rx_checkimage_data *data, picture *dst)
 {
     const rx_map levels = rx_background_level(sky_of(data));
     const rx_map noise = rx_background_noise(sky_of(data));
@@ -175,7 +167,7 @@ static void paint_residual(const rx_checkimage_data *data, canvas *dst)
         }
 }
 
-static void paint_support(const rx_checkimage_data *data, canvas *dst)
+static void paint_support(const rx_checkimage_data *data, picture *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] = data->result->restored->support != NULL ? data->result->restored->support[i]
@@ -185,7 +177,7 @@ static void paint_support(const rx_checkimage_data *data, canvas *dst)
 
 /* dst = the noise of the sky where a pixel took part in the template fit, else not a number; without a fit
  * none did. */
-static void paint_fitted_noise(const rx_checkimage_data *data, canvas *dst)
+static void paint_fitted_noise(const rx_checkimage_data *data, picture *dst)
 {
     const rx_map noise = rx_background_noise(data->result->measure->restored);
     rx_map_fill(&noise, dst->height, 1, dst->pixels);
@@ -195,7 +187,7 @@ static void paint_fitted_noise(const rx_checkimage_data *data, canvas *dst)
             dst->pixels[i] = NAN;
 }
 
-static void paint_template_residual(const rx_checkimage_data *data, canvas *dst)
+static void paint_template_residual(const rx_checkimage_data *data, picture *dst)
 {
     paint_fitted_noise(data, dst);
     for (size_t i = 0; i < npixels(dst); i++)
@@ -203,7 +195,7 @@ static void paint_template_residual(const rx_checkimage_data *data, canvas *dst)
             dst->pixels[i] = data->result->templates.tphot->residual[i];
 }
 
-static void paint_template_model(const rx_checkimage_data *data, canvas *dst)
+static void paint_template_model(const rx_checkimage_data *data, picture *dst)
 {
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] =
@@ -211,7 +203,7 @@ static void paint_template_model(const rx_checkimage_data *data, canvas *dst)
 }
 
 /* In sigmas of sky and photons. */
-static void paint_template_chi(const rx_checkimage_data *data, canvas *dst)
+static void paint_template_chi(const rx_checkimage_data *data, picture *dst)
 {
     const double gain = data->result->measure->image.gain;
     paint_fitted_noise(data, dst);
@@ -230,9 +222,11 @@ typedef struct ellipse {
 } ellipse;
 
 /* Add `value` to the image along an ellipse. */
-static void draw_ellipse(const rx_checkimage_data *data, canvas *dst, const ellipse *e, float value)
+static void draw_ellipse(const rx_checkimage_data *data, picture *dst, const ellipse *e, float value)
 {
     const int steps = 16 + (int)(8.0 * e->a);
+    const rx_restored *image = measured_image(data);
+    const rx_map level = rx_background_level(measured_sky(data));
     if (!(e->a > 0.0) || !(e->b > 0.0) || e->a > 1e5)
         return;
     for (int k = 0; k < steps; k++) {
@@ -241,12 +235,15 @@ static void draw_ellipse(const rx_checkimage_data *data, canvas *dst, const elli
         const int py = (int)lround(e->y + u * sin(e->theta) + v * cos(e->theta));
         const size_t k = (size_t)py * (size_t)dst->width + (size_t)px;
         if (px >= 0 && px < dst->width && py >= 0 && py < dst->height && !measured_hidden(data, k))
-            dst->pixels[k] = measured_at(data, px, py) + value;
+            dst->pixels[k] =
+                (image != NULL ? image->pixels[k]
+                               : data->result->measure->image.pixels[k] - rx_map_at(&level, px, py)) +
+                value;
     }
 }
 
 /* The image without its background, and the limits of MAG_APER (circles) and MAG_AUTO (ellipses) on it. */
-static void paint_apertures(const rx_checkimage_data *data, canvas *dst)
+static void paint_apertures(const rx_checkimage_data *data, picture *dst)
 {
     static const double overlay = 30.0; /* sigmas */
     paint_subtracted(data, dst);
@@ -263,7 +260,7 @@ static void paint_apertures(const rx_checkimage_data *data, canvas *dst)
 }
 
 /* One pixel per background mesh, the value of the full map at the mesh centre. */
-static void paint_mesh(const rx_checkimage_data *data, const rx_map *map, canvas *dst)
+static void paint_mesh(const rx_checkimage_data *data, const rx_map *map, picture *dst)
 {
     int nx = (dst->width - 1) / data->mesh_width + 1, ny = (dst->height - 1) / data->mesh_height + 1;
     for (int j = 0; j < ny; j++) {
@@ -279,13 +276,13 @@ static void paint_mesh(const rx_checkimage_data *data, const rx_map *map, canvas
     dst->height = ny;
 }
 
-static void paint_miniback(const rx_checkimage_data *data, canvas *dst)
+static void paint_miniback(const rx_checkimage_data *data, picture *dst)
 {
     const rx_map level = rx_background_level(measured_sky(data));
     paint_mesh(data, &level, dst);
 }
 
-static void paint_miniback_rms(const rx_checkimage_data *data, canvas *dst)
+static void paint_miniback_rms(const rx_checkimage_data *data, picture *dst)
 {
     const rx_map noise = rx_background_noise(measured_sky(data));
     paint_mesh(data, &noise, dst);
@@ -316,12 +313,20 @@ static const struct {
     {"TEMPLATE_CHI", paint_template_chi, true},
 };
 
+enum { PAINTERS = sizeof painters / sizeof *painters };
+
+/* PAINTERS: none. */
+static int painter_of(const char *type)
+{
+    int k = 0;
+    while (k < PAINTERS && strcmp(painters[k].type, type) != 0)
+        k++;
+    return k;
+}
+
 int rx_checkimage_offered(const char *type)
 {
-    for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++)
-        if (strcmp(painters[k].type, type) == 0)
-            return 1;
-    return strcmp(type, "SEGMENTATION") == 0 || strcmp(type, "PSF") == 0;
+    return painter_of(type) < PAINTERS || strcmp(type, "SEGMENTATION") == 0 || strcmp(type, "PSF") == 0;
 }
 
 rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
@@ -331,24 +336,18 @@ rx_status rx_checkimages_open(int n, const char *const *types, const char *const
     rx_checkimages *images = RX_NEW(rx_checkimages, 1);
     if (images == NULL || (images->list = RX_NEW(checkimage, (size_t)n)) == NULL)
         RX_TRY_EXIT(rx_error_memory(err, 0));
-    for (int i = 0; i < n && status == RX_OK; i++) {
+    for (int i = 0; i < n; i++) {
         const char *temporary;
-        if (strcmp(types[i], "NONE") == 0)
-            continue;
-        checkimage *image = &images->list[images->n];
+        checkimage *image = &images->list[images->n++];
         image->type = types[i];
         image->name = rx_name_with_tag(names[i], tag);
         if (image->name == NULL)
             RX_TRY_EXIT(rx_error_memory(err, 0));
-        images->n++;
-        status = rx_outputs_file(outputs, image->name, &temporary, err);
-        if (status == RX_OK)
-            status = rx_fits_create(temporary, image->name, &image->writer, err);
+        RX_TRY_EXIT(rx_outputs_file(outputs, image->name, &temporary, err));
+        RX_TRY_EXIT(rx_fits_create(temporary, image->name, &image->writer, err));
     }
-    if (status == RX_OK) {
-        *dst = images;
-        images = NULL;
-    }
+    *dst = images;
+    images = NULL;
 exit:
     rx_checkimages_free(images);
     return status;
@@ -375,22 +374,6 @@ static rx_status make_cards(checkimage *image, const rx_checkimage_data *data, c
     return status;
 }
 
-static rx_status write_segments(checkimage *image, const rx_checkimage_data *data, rx_error *err)
-{
-    const rx_tile *tile = data->result->detect->tile;
-    const int32_t *segments = data->result->sources->segments;
-    rx_fits_plane plane = rx_fits_plane_of(tile);
-    plane.integers = segments;
-    char digest[RX_HASH_TEXT];
-    rx_text cards = {0};
-    rx_fits_digest_pixels(segments, (size_t)tile->width * (size_t)tile->height, digest);
-    rx_status status = make_cards(image, data, digest, &cards, err);
-    if (status == RX_OK)
-        status = rx_fits_image(image->writer, &plane, &cards, err);
-    rx_text_free(&cards);
-    return status;
-}
-
 /* The PSF that the restorer used or, where it used none, that of the tile, as PSFEx writes it. */
 static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx_error *err)
 {
@@ -400,26 +383,25 @@ static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
     rx_table *table = NULL;
-    rx_status status = rx_psf_psfex_table(psf, &table, &cards, err);
+    rx_status status;
     if (psf == NULL)
         rx_log_warning(
             data->log,
             "%s[%d]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it, as psfex writes it, and "
             "cannot be read as a PSF; give PSF_FWHM or a PSF file",
             tile->name, tile->hdu);
-    if (status == RX_OK) {
-        rx_fits_digest_table(table, digest);
-        status = make_cards(image, data, digest, &cards, err);
-    }
-    if (status == RX_OK)
-        status = rx_fits_table(image->writer, table, &cards, err);
+    RX_TRY_EXIT(rx_psf_psfex_table(psf, &table, &cards, err));
+    rx_fits_digest_table(table, digest);
+    RX_TRY_EXIT(make_cards(image, data, digest, &cards, err));
+    status = rx_fits_table(image->writer, table, &cards, err);
+exit:
     rx_text_free(&cards);
     rx_table_free(table);
     return status;
 }
 
-static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data, const rx_tile *tile,
-                              const canvas *src, rx_error *err)
+static rx_status write_picture(checkimage *image, const rx_checkimage_data *data, const rx_tile *tile,
+                               const picture *src, rx_error *err)
 {
     char digest[RX_HASH_TEXT];
     rx_text cards = {0};
@@ -429,7 +411,9 @@ static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data,
     plane.width = src->width;
     plane.height = src->height;
     plane.floats = src->pixels;
-    rx_fits_digest_pixels(src->pixels, npixels(src), digest);
+    plane.integers = src->integers;
+    rx_fits_digest_pixels(src->pixels != NULL ? (const void *)src->pixels : src->integers, npixels(src),
+                          digest);
     rx_status status = make_cards(image, data, digest, &cards, err);
     if (status == RX_OK)
         status = rx_fits_image(image->writer, &plane, &cards, err);
@@ -437,24 +421,22 @@ static rx_status write_canvas(checkimage *image, const rx_checkimage_data *data,
     return status;
 }
 
+/* Of a type that is offered. */
 static rx_status write_one(checkimage *image, const rx_checkimage_data *data, float *pixels, rx_error *err)
 {
-    if (strcmp(image->type, "SEGMENTATION") == 0)
-        return write_segments(image, data, err);
+    const rx_field *detect = data->result->detect;
+    const int k = painter_of(image->type);
+    picture dst = {.width = detect->tile->width, .height = detect->tile->height};
     if (strcmp(image->type, "PSF") == 0)
         return write_psf(image, data, err);
-    canvas dst = {.pixels = pixels,
-                  .width = data->result->detect->tile->width,
-                  .height = data->result->detect->tile->height};
-    for (size_t k = 0; k < sizeof painters / sizeof painters[0]; k++) {
-        if (strcmp(painters[k].type, image->type) == 0) {
-            painters[k].paint(data, &dst);
-            const rx_field *field = painters[k].measured ? data->result->measure : data->result->detect;
-            return write_canvas(image, data, field->tile, &dst, err);
-        }
+    if (k == PAINTERS) {
+        dst.integers = data->result->sources->segments;
+        return write_picture(image, data, detect->tile, &dst, err);
     }
-    return rx_error_set(err, RX_USAGE, "CHECKIMAGE_TYPE %s is not made by rextract; leave it out",
-                        image->type);
+    dst.pixels = pixels;
+    painters[k].paint(data, &dst);
+    return write_picture(image, data, painters[k].measured ? data->result->measure->tile : detect->tile, &dst,
+                         err);
 }
 
 rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data *data, rx_error *err)
@@ -474,11 +456,8 @@ rx_status rx_checkimages_write(rx_checkimages *images, const rx_checkimage_data 
 rx_status rx_checkimages_close(rx_checkimages *images, rx_error *err)
 {
     rx_status status = RX_OK;
-    for (int i = 0; i < images->n; i++) {
-        if (status == RX_OK)
-            status = rx_fits_close(images->list[i].writer, err);
-        else
-            rx_fits_abort(images->list[i].writer);
+    for (int i = 0; i < images->n && status == RX_OK; i++) {
+        status = rx_fits_close(images->list[i].writer, err);
         images->list[i].writer = NULL;
     }
     rx_checkimages_free(images);

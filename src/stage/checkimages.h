@@ -20,7 +20,7 @@ typedef struct rx_checkimage_data {
 } rx_checkimage_data;
 
 /* Open a file for each of n types under outputs; names get `tag` before their extension when it is
- * not NULL. Type NONE is skipped. Errors: RX_USAGE (names), RX_SYSTEM. */
+ * not NULL. Types are of those that are offered. Errors: RX_USAGE (names), RX_SYSTEM. */
 rx_status rx_checkimages_open(int n, const char *const *types, const char *const *names, const char *tag,
                               rx_outputs *outputs, rx_checkimages **dst, rx_error *err);
 

@@ -21,38 +21,42 @@
 typedef struct work {
     const rx_options *options;
     const rx_field *detect, *measure; /* measure: of the fluxes, the same as detect without dual-image mode */
-    int headers;                      /* some output has a header that facts go into */
     const rx_restorer *kind;          /* the run's, or what AUTO took */
     rx_pipeline_params params;        /* the options', DETECT_THRESH as the guard left it */
     rx_result result;
     rx_positions positions; /* of POSITIONS_NAME, on this image */
 } work;
 
+/* A table beside the catalogue has its format, where that makes sense. */
+static rx_catalog_type side_type(rx_catalog_type type)
+{
+    if (type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII_SKYCAT || type == RX_CATALOG_DS9)
+        return RX_CATALOG_ASCII_HEAD;
+    return type == RX_CATALOG_FITS_LDAC ? RX_CATALOG_FITS_1_0 : type;
+}
+
 rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer *kind, int tagged,
                       rx_outputs *outputs, rx_error *err)
 {
     const char *tag = tagged ? kind->name : NULL;
-    int to_file = options->catalog_type != RX_CATALOG_NONE && strcmp(options->catalog_name, "STDOUT") != 0;
+    const bool to_file =
+        options->catalog_type != RX_CATALOG_NONE && strcmp(options->catalog_name, "STDOUT") != 0;
     run->kind = kind;
-    run->catalog_name = rx_name_with_tag(options->catalog_name, tag);
-    if (run->catalog_name == NULL)
-        return rx_error_memory(err, 0);
-    rx_status status = RX_OK;
-    if (to_file)
-        status = rx_outputs_file(outputs, run->catalog_name, &run->catalog_temporary, err);
-    const char *const names[] = {options->covariance_name,
-                                 options->positions != NULL ? run->catalog_name : ""},
-                      *const tags[] = {tag, RX_FORCED_TAG};
-    for (int k = 0; k < RX_SIDE_TABLES && status == RX_OK; k++) {
-        rx_side_table *side = &run->side[k];
-        if (names[k][0] == '\0')
+    for (int k = 0; k < RX_RUN_FILES; k++) {
+        rx_table_file *file = &run->file[k];
+        const char *name = k == RX_RUN_CATALOG          ? options->catalog_name
+                           : k == RX_RUN_COVARIANCES    ? options->covariance_name
+                           : options->positions != NULL ? run->file[RX_RUN_CATALOG].name
+                                                        : "";
+        if (name[0] == '\0')
             continue;
-        side->name = rx_name_with_tag(names[k], tags[k]);
-        status = side->name == NULL ? rx_error_memory(err, 0)
-                                    : rx_outputs_file(outputs, side->name, &side->temporary, err);
+        file->type = k == RX_RUN_CATALOG ? options->catalog_type : side_type(options->catalog_type);
+        file->name = rx_name_with_tag(name, k == RX_RUN_POSITIONS ? RX_FORCED_TAG : tag);
+        if (file->name == NULL)
+            return rx_error_memory(err, 0);
+        if (k != RX_RUN_CATALOG || to_file)
+            RX_TRY(rx_outputs_file(outputs, file->name, &file->temporary, err));
     }
-    if (status != RX_OK)
-        return status;
     return rx_checkimages_open(options->nchecks, options->check_types, options->check_names, tag, outputs,
                                &run->images, err);
 }
@@ -141,19 +145,17 @@ static void tell_sources(const rx_run *run, const work *w, rx_log *log)
                 marked, fluxes);
 }
 
-static rx_status write_images(const rx_run *run, const work *w, const rx_record *record,
-                              const rx_record *facts, rx_record *products, rx_log *log, rx_error *err)
+/* The cards, which are freed where they failed, become those of the table's facts. */
+static rx_status take_facts(rx_table *table, rx_text *cards, rx_error *err)
 {
-    if (run->images == NULL)
-        return RX_OK;
-    rx_checkimage_data data = {.result = &w->result,
-                               .mesh_width = w->options->pipeline.background[0].mesh_width,
-                               .mesh_height = w->options->pipeline.background[0].mesh_height,
-                               .facts = facts,
-                               .record = record,
-                               .products = products,
-                               .log = log};
-    return rx_checkimages_write(run->images, &data, err);
+    if (cards->failed) {
+        rx_text_free(cards);
+        return rx_error_memory(err, 0);
+    }
+    free(table->facts);
+    table->facts = cards->data;
+    table->nfacts = (long)(cards->length / RX_CARD);
+    return RX_OK;
 }
 
 /* What fails is freed with the run. */
@@ -164,30 +166,25 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
     const rx_image *image = &w->measure->image;
     const rx_tile *tile = w->measure->tile;
     const int n = run->ntables;
-    rx_side_table *covariances = &run->side[RX_SIDE_COVARIANCES], *positions = &run->side[RX_SIDE_POSITIONS];
-    RX_TRY(RX_GROW(covariances->tables, (size_t)n + 1, err));
-    RX_TRY(RX_GROW(positions->tables, (size_t)n + 1, err));
-    RX_TRY(RX_GROW(run->tables, (size_t)n + 1, err));
-    covariances->tables[n] = positions->tables[n] = run->tables[n] = NULL;
-    run->ntables++;
-    if (covariances->name != NULL)
-        RX_TRY(rx_template_table(templates->tphot, w->result.sources, w->detect->tile->extension,
-                                 &covariances->tables[n], err));
-    if (positions->name != NULL)
-        RX_TRY(rx_position_list_table(w->options->positions, image, templates->forced, &positions->tables[n],
-                                      err));
-    RX_TRY(rx_catalog_table(w->options->columns, image, w->result.sources, &run->tables[n], err));
-    rx_table *table = run->tables[n];
-    if (tile->cards != NULL)
-        RX_TRY(rx_table_copy_cards(table, tile->cards, tile->ncards, err));
-    rx_record_cards(facts, &cards);
-    if (cards.failed) {
-        rx_text_free(&cards);
-        return rx_error_memory(err, 0);
+    rx_table **table[RX_RUN_FILES];
+    for (int k = RX_RUN_FILES - 1; k >= 0; k--)
+        RX_TRY(RX_GROW(run->file[k].tables, (size_t)n + 1, err));
+    for (int k = 0; k < RX_RUN_FILES; k++) {
+        table[k] = &run->file[k].tables[n];
+        *table[k] = NULL;
     }
-    table->facts = cards.data;
-    table->nfacts = (long)(cards.length / 80);
-    return RX_OK;
+    run->ntables++;
+    if (run->file[RX_RUN_COVARIANCES].name != NULL)
+        RX_TRY(rx_template_table(templates->tphot, w->result.sources, w->detect->tile->extension,
+                                 table[RX_RUN_COVARIANCES], err));
+    if (run->file[RX_RUN_POSITIONS].name != NULL)
+        RX_TRY(rx_position_list_table(w->options->positions, image, templates->forced,
+                                      table[RX_RUN_POSITIONS], err));
+    RX_TRY(rx_catalog_table(w->options->columns, image, w->result.sources, table[RX_RUN_CATALOG], err));
+    if (tile->cards != NULL)
+        RX_TRY(rx_table_copy_cards(*table[RX_RUN_CATALOG], tile->cards, tile->ncards, err));
+    rx_record_cards(facts, &cards);
+    return take_facts(*table[RX_RUN_CATALOG], &cards, err);
 }
 
 /* What the network's model says of this tile. */
@@ -238,13 +235,13 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     return status;
 }
 
-/* Plain ASCII catalogues hold no facts. */
+/* Has some output a header that facts go into? Plain ASCII catalogues hold none. */
 static int has_headers(const rx_options *options, const rx_run *run)
 {
     const rx_catalog_type type = options->catalog_type;
     const int ascii = type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII || type == RX_CATALOG_ASCII_HEAD ||
                       type == RX_CATALOG_ASCII_SKYCAT || type == RX_CATALOG_DS9;
-    return !ascii || options->nchecks > 0 || run->side[RX_SIDE_COVARIANCES].name != NULL;
+    return !ascii || options->nchecks > 0 || run->file[RX_RUN_COVARIANCES].name != NULL;
 }
 
 /* What AUTO stands for on this tile. */
@@ -269,7 +266,6 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     work w = {.options = options,
               .detect = detect,
               .measure = measure != NULL ? measure : detect,
-              .headers = has_headers(options, run),
               .params = options->pipeline};
     rx_record facts = {0}, shown = {0};
     const double begun = rx_seconds();
@@ -320,14 +316,23 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_result_facts(&w.result, &facts);
     run->misfit = w.result.residual;
     w.result.residual = (rx_residual){0};
-    if (w.headers)
+    if (has_headers(options, run))
         rx_fact_text(&facts, RX_FACT_INSUM, rx_tile_checksum(detect->tile));
     rx_domain_facts(&w.result.domain, &facts);
     rx_choice_facts(&run->choice, &facts);
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     rx_facts_of_header(&facts, options->all_facts, &shown);
     RX_TRY_EXIT(shown.failed ? rx_error_memory(err, 0) : add_table(run, &w, &shown, err));
-    RX_TRY_EXIT(write_images(run, &w, in->record, &shown, in->products, log, err));
+    const rx_background_params *background = &options->pipeline.background[0];
+    const rx_checkimage_data images = {.result = &w.result,
+                                       .mesh_width = background->mesh_width,
+                                       .mesh_height = background->mesh_height,
+                                       .facts = &shown,
+                                       .record = in->record,
+                                       .products = in->products,
+                                       .log = log};
+    if (run->images != NULL)
+        RX_TRY_EXIT(rx_checkimages_write(run->images, &images, err));
     if (in->kept != NULL) {
         *in->kept = w.result;
         *in->facts = facts;
@@ -419,109 +424,60 @@ void rx_run_forget(rx_run *run)
     run->tally = NULL;
 }
 
-/* A table beside the catalogue has its format, where that makes sense. */
-static rx_catalog_type side_type(rx_catalog_type type)
+/* One more card in the header of each table. */
+static rx_status digest_tables(const rx_table_file *file, int n, rx_record *products, rx_error *err)
 {
-    if (type == RX_CATALOG_NONE || type == RX_CATALOG_ASCII_SKYCAT || type == RX_CATALOG_DS9)
-        return RX_CATALOG_ASCII_HEAD;
-    return type == RX_CATALOG_FITS_LDAC ? RX_CATALOG_FITS_1_0 : type;
+    for (int part = 0; part < rx_catalog_parts(file->type, n) && n > 0; part++) {
+        char digest[RX_HASH_TEXT];
+        rx_table *table = file->tables[part];
+        rx_text cards = {0};
+        RX_TRY(rx_catalog_digest(file->type, file->tables, n, part, digest, err));
+        rx_record_product(products, digest, part + 1, file->name);
+        if (table->facts != NULL)
+            rx_text_add_bytes(&cards, table->facts, (size_t)table->nfacts * RX_CARD);
+        rx_card_text(&cards, "RXDIGEST", digest, "");
+        RX_TRY(take_facts(table, &cards, err));
+    }
+    return products->failed ? rx_error_memory(err, 0) : RX_OK;
 }
 
-/* One more card in the header of the table. */
-static rx_status add_digest_card(rx_table *table, const char *digest, rx_error *err)
+rx_status rx_run_digest(rx_run *run, rx_record *products, rx_error *err)
 {
-    rx_text cards = {0};
-    if (table->facts != NULL)
-        rx_text_add_bytes(&cards, table->facts, (size_t)table->nfacts * 80);
-    rx_card_text(&cards, "RXDIGEST", digest, "");
-    if (cards.failed) {
-        rx_text_free(&cards);
-        return rx_error_memory(err, 0);
-    }
-    free(table->facts);
-    table->facts = cards.data;
-    table->nfacts = (long)(cards.length / 80);
+    for (const rx_table_file *file = run->file; file < run->file + RX_RUN_FILES; file++)
+        if (file->name != NULL && file->type != RX_CATALOG_NONE)
+            RX_TRY(digest_tables(file, run->ntables, products, err));
     return RX_OK;
 }
 
-static rx_status digest_tables(rx_catalog_type type, rx_table **tables, int n, const char *name,
-                               rx_record *products, rx_error *err)
+rx_status rx_run_close(rx_run *run, const rx_record *record, const rx_record *products, FILE *standard_out,
+                       rx_error *err)
 {
     rx_status status = RX_OK;
-    for (int part = 0; part < rx_catalog_parts(type, n) && n > 0 && status == RX_OK; part++) {
-        char digest[RX_HASH_TEXT];
-        status = rx_catalog_digest(type, tables, n, part, digest, err);
-        if (status != RX_OK)
-            return status;
-        rx_record_product(products, digest, part + 1, name);
-        status = add_digest_card(tables[part], digest, err);
-    }
-    return status == RX_OK && products->failed ? rx_error_memory(err, 0) : status;
-}
-
-rx_status rx_run_digest(rx_run *run, const rx_options *options, rx_record *products, rx_error *err)
-{
-    const rx_catalog_type type = options->catalog_type;
-    rx_status status = RX_OK;
-    if (type != RX_CATALOG_NONE)
-        status = digest_tables(type, run->tables, run->ntables, run->catalog_name, products, err);
-    for (const rx_side_table *side = run->side; side < run->side + RX_SIDE_TABLES && status == RX_OK; side++)
-        if (side->name != NULL)
-            status = digest_tables(side_type(type), side->tables, run->ntables, side->name, products, err);
-    return status;
-}
-
-/* One file with the record of what made it. */
-static rx_status write_tables(rx_catalog catalog, const char *name, const rx_record *record,
-                              const rx_record *products, const char *temporary, FILE *standard_out,
-                              rx_error *err)
-{
-    rx_record whole = {0};
-    rx_record_pair *pairs = NULL;
-    rx_status status;
-    RX_TRY_EXIT(rx_record_of(record, products, name, &whole, err));
-    RX_TRY_EXIT(RX_MAKE(pairs, (size_t)whole.n, err));
-    for (int i = 0; i < whole.n; i++)
-        pairs[i] = (rx_record_pair){whole.pairs[i][0], whole.pairs[i][1], whole.pairs[i][2]};
-    catalog.npairs = whole.n;
-    catalog.record = pairs;
-    status = rx_catalog_write(&catalog, name, temporary, standard_out, err);
-exit:
-    free(pairs);
-    rx_record_free(&whole);
-    return status;
-}
-
-rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record,
-                       const rx_record *products, FILE *standard_out, rx_error *err)
-{
-    const rx_catalog_type type = options->catalog_type;
     rx_checkimages *images = run->images;
     run->images = NULL;
     RX_TRY(rx_checkimages_close(images, err));
-    RX_TRY(write_tables((rx_catalog){.type = type, .n = run->ntables, .tables = run->tables},
-                        run->catalog_name, record, products, run->catalog_temporary, standard_out, err));
-    for (const rx_side_table *side = run->side; side < run->side + RX_SIDE_TABLES; side++)
-        if (side->name != NULL)
-            RX_TRY(
-                write_tables((rx_catalog){.type = side_type(type), .n = run->ntables, .tables = side->tables},
-                             side->name, record, products, side->temporary, NULL, err));
-    return RX_OK;
+    for (const rx_table_file *file = run->file; file < run->file + RX_RUN_FILES && status == RX_OK; file++) {
+        rx_record whole = {0}; /* of what made the file */
+        const rx_catalog catalog = {file->type, run->ntables, file->tables, &whole};
+        if (file->name == NULL)
+            continue;
+        status = rx_record_of(record, products, file->name, &whole, err);
+        if (status == RX_OK)
+            status = rx_catalog_write(&catalog, file->name, file->temporary, standard_out, err);
+        rx_record_free(&whole);
+    }
+    return status;
 }
 
 void rx_run_free(rx_run *run)
 {
     rx_run_forget(run);
-    for (int i = 0; i < run->ntables; i++)
-        rx_table_free(run->tables[i]);
-    for (rx_side_table *side = run->side; side < run->side + RX_SIDE_TABLES; side++) {
+    for (rx_table_file *file = run->file; file < run->file + RX_RUN_FILES; file++) {
         for (int i = 0; i < run->ntables; i++)
-            rx_table_free(side->tables[i]);
-        free(side->tables);
-        free(side->name);
+            rx_table_free(file->tables[i]);
+        free(file->tables);
+        free(file->name);
     }
-    free(run->tables);
     rx_checkimages_free(run->images);
-    free(run->catalog_name);
     *run = (rx_run){0};
 }

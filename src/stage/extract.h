@@ -19,23 +19,21 @@
 #include "stage/options.h"
 #include "stage/provenance.h"
 
-/* Tables beside the catalogue, in files of their own: TEMPLATE_COVAR_NAME, and what is found at listed positions. */
-enum { RX_SIDE_COVARIANCES, RX_SIDE_POSITIONS, RX_SIDE_TABLES };
-typedef struct rx_side_table {
-    char *name; /* tagged like the catalogue; NULL: not wanted */
-    const char *temporary;
+/* Files of tables: the catalogue and, beside it, TEMPLATE_COVAR_NAME and what is found at listed positions. */
+enum { RX_RUN_CATALOG, RX_RUN_COVARIANCES, RX_RUN_POSITIONS, RX_RUN_FILES };
+typedef struct rx_table_file {
+    char *name;            /* with the restorer's name when there are several; NULL: not wanted */
+    const char *temporary; /* where it is written; NULL: standard output, or no catalogue */
+    rx_catalog_type type;
     rx_table **tables; /* [rx_run.ntables], NULL where they are not wanted */
-} rx_side_table;
+} rx_table_file;
 
 /* What one restorer makes in a run: open files, a table per extension, and the current extension. */
 typedef struct rx_run {
-    const rx_restorer *kind;            /* as asked for */
-    char *catalog_name;                 /* with the restorer's name when there are several */
-    const char *catalog_temporary;      /* where it is written; NULL: standard output, or no catalogue */
-    rx_side_table side[RX_SIDE_TABLES]; /* beside the catalogue */
+    const rx_restorer *kind; /* as asked for */
+    rx_table_file file[RX_RUN_FILES];
     rx_checkimages *images;
     int ntables;
-    rx_table **tables;
     /* current extension, until rx_run_forget() */
     rx_restored *restored;
     rx_sources *sources;
@@ -85,9 +83,9 @@ void rx_run_forget(rx_run *run);
 
 /* The digests of the rows of its catalogues, to `products` and into the tables' headers. Then, with those of
  * all restorers: write the catalogues and finish the check-images (still under temporary names). */
-rx_status rx_run_digest(rx_run *run, const rx_options *options, rx_record *products, rx_error *err);
-rx_status rx_run_close(rx_run *run, const rx_options *options, const rx_record *record,
-                       const rx_record *products, FILE *standard_out, rx_error *err);
+rx_status rx_run_digest(rx_run *run, rx_record *products, rx_error *err);
+rx_status rx_run_close(rx_run *run, const rx_record *record, const rx_record *products, FILE *standard_out,
+                       rx_error *err);
 void rx_run_free(rx_run *run);
 
 #endif

@@ -41,15 +41,14 @@ static rx_status refuse_files(const rx_config *config, rx_error *err)
 
 static rx_status configure(const rx_job *job, rx_log *log, rx_config **dst, rx_error *err)
 {
-    rx_status status = RX_OK;
     RX_TRY(rx_config_new(dst, err));
+    rx_settings *settings = &(*dst)->settings;
     if (job->config != NULL)
-        status = rx_settings_read(&(*dst)->settings, job->config, log, err);
-    for (int i = 0; i < job->nsettings && status == RX_OK; i++)
-        status = rx_settings_set(&(*dst)->settings, job->settings[i].name, job->settings[i].value, log, err);
-    if (status == RX_OK)
-        status = rx_settings_complete(&(*dst)->settings, log, err);
-    return status == RX_OK ? refuse_files(*dst, err) : status;
+        RX_TRY(rx_settings_read(settings, job->config, log, err));
+    for (int i = 0; i < job->nsettings; i++)
+        RX_TRY(rx_settings_set(settings, job->settings[i].name, job->settings[i].value, log, err));
+    RX_TRY(rx_settings_complete(settings, log, err));
+    return refuse_files(*dst, err);
 }
 
 static rx_status make_options(const rx_job *job, rx_log *log, rx_job_result *dst, rx_error *err)
@@ -59,12 +58,7 @@ static rx_status make_options(const rx_job *job, rx_log *log, rx_job_result *dst
     if (job->ncolumns > 0)
         RX_TRY(rx_columns_of(job->columns, job->ncolumns, &columns, err));
     RX_TRY(rx_options_with_columns(dst->config, columns, log, &dst->options, err));
-    rx_idle idle = rx_options_idle(dst->options->columns);
-    const rx_status status = rx_idle_add(&idle, &dst->config->settings, err);
-    if (status == RX_OK)
-        rx_idle_warn(&idle, log);
-    rx_idle_free(&idle);
-    return status;
+    return rx_settings_warn_idle(&dst->config->settings, rx_options_idle(dst->options->columns), log, err);
 }
 
 /* Pixels from arrays to sky, noise and, where `what` says so, PSF. */
@@ -142,7 +136,7 @@ static rx_status extract(const rx_options *options, rx_log *log, rx_job_result *
                                                       .facts = &dst->facts},
                                log, err));
     rx_runs_warn(&run, 1, dst->detect->tile, log);
-    dst->table = run.tables[0];
+    dst->table = run.file[RX_RUN_CATALOG].tables[0];
     run.ntables = 0;
     if (run.checks.self.injected > 0)
         status = list_injected(&run.checks.self, &dst->injected, err);

@@ -77,15 +77,9 @@ static rx_object object_of(const double value[NUMBERS], double zeropoint)
     return object;
 }
 
-/* Objects of the whole survey may be listed: those that are farther from the tile than its size are left out. */
-static bool is_near(const rx_object *object, const rx_scene_params *scene)
-{
-    return object->x > -scene->width && object->x < 2 * scene->width && object->y > -scene->height &&
-           object->y < 2 * scene->height;
-}
-
 rx_status rx_listed_objects(const char *path, rx_wcs *wcs, rx_simulation *simulation, rx_error *err)
 {
+    const rx_scene_params *scene = &simulation->scene;
     rx_table *list = NULL;
     long used = 0;
     bool sky = wcs != NULL;
@@ -105,7 +99,9 @@ rx_status rx_listed_objects(const char *path, rx_wcs *wcs, rx_simulation *simula
         object->y = y - 1;
         if (sky)
             rx_wcs_to_pixel(wcs, 1, &x, &y, &object->x, &object->y);
-        used += is_near(object, &simulation->scene);
+        /* objects of the whole survey may be listed: those farther away than the tile is large are left out */
+        used += object->x > -scene->width && object->x < 2 * scene->width && object->y > -scene->height &&
+                object->y < 2 * scene->height;
     }
     simulation->scene.listed = simulation->listed;
     simulation->scene.nlisted = used;

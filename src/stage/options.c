@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "base/memory.h"
@@ -80,15 +79,6 @@ exit:
     rx_text_free(&path);
     options->pipeline.restore.model = options->model;
     return status;
-}
-
-static int wants_network(const rx_options *options)
-{
-    for (int i = 0; i < options->nrestorers; i++)
-        if ((options->restorers[i]->traits & RX_TRAIT_TRAINED) != 0 ||
-            rx_restorer_is_auto(options->restorers[i]))
-            return 1;
-    return 0;
 }
 
 /* <threshold>,<zero-point> is a surface brightness in mag/arcsec2: an absolute threshold in ADU/pixel once
@@ -421,8 +411,10 @@ rx_status rx_options_with_columns(const rx_config *cfg, rx_column_list *columns,
     plain_options(cfg, log, options);
     rx_status status;
     RX_TRY_EXIT(kernel_options(cfg, options, err));
-    if (wants_network(options))
-        RX_TRY_EXIT(read_model(options, log, err));
+    for (int i = 0; i < options->nrestorers && options->model == NULL; i++)
+        if ((options->restorers[i]->traits & RX_TRAIT_TRAINED) != 0 ||
+            rx_restorer_is_auto(options->restorers[i]))
+            RX_TRY_EXIT(read_model(options, log, err));
     options->columns_built_in = columns == NULL && is_built_in(cfg->parameters_name, "default.param");
     if (columns == NULL)
         RX_TRY_EXIT(rx_options_columns(cfg, log, &options->columns, err));

@@ -3,11 +3,9 @@
 
 #include <gnu/libc-version.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
-#include "base/memory.h"
 #include "base/text.h"
 #include "detect/sep_extract.h"
 #include "io/fits_read.h"
@@ -16,9 +14,9 @@
 #include "num/fft.h"
 #include "num/lsq.h"
 
-#if defined(__x86_64__) || defined(__i386__)
 static void add_processor(rx_text *dst)
 {
+#if defined(__x86_64__) || defined(__i386__)
     rx_text_add(dst, "x86");
 #define ADD(name) rx_text_add(dst, __builtin_cpu_supports(name) ? " " name : "")
     ADD("sse4.2");
@@ -32,18 +30,12 @@ static void add_processor(rx_text *dst)
     ADD("avx512vnni");
     ADD("avx512bf16");
 #undef ADD
-}
 #elif defined(__aarch64__)
-static void add_processor(rx_text *dst)
-{
     rx_text_add(dst, "aarch64");
-}
 #else
-static void add_processor(rx_text *dst)
-{
     rx_text_add(dst, "another processor");
-}
 #endif
+}
 
 /* One line: the processor's instruction sets that kernels are chosen by, compiler, and versions of the libraries that compute
  * or read. Nothing that names the machine. */

@@ -5,12 +5,10 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 #include "base/constants.h"
-#include "base/memory.h"
 #include "catalog/catalog.h"
 #include "io/header_numbers.h"
 #include "io/wcs.h"
@@ -52,17 +50,24 @@ static const survey surveys[] = {
     {"DES", "MAG_AUTO_R", "RA", "DEC", "MAG_AUTO_%s", "MAGERR_AUTO_%s", "R,G,I,Z,Y", NO_MOTIONS},
 };
 
+/* COLOUR and the one behind it: magnitudes whose difference, times the colour term, is added. */
+enum { X, Y, VALUE, ERROR, MOTION_X, MOTION_Y, EPOCH, COLOUR, NCOLUMNS = COLOUR + 2 };
+
 typedef struct chosen {
-    int x, y, value, error; /* column indices, error -1 when there is none */
+    int of[NCOLUMNS]; /* indices of columns, -1: none */
     int sky, flux;
-    int over_error;         /* `error` is flux over error */
-    int motion_x, motion_y; /* -1: none */
-    int epoch;              /* -1: `year` */
-    double year;
-    int colour[2]; /* magnitudes whose difference, times the colour term, is added; -1: none */
+    int over_error; /* ERROR is flux over error */
+    double year;    /* without EPOCH */
     const survey *survey;
     char band[8];
 } chosen;
+
+/* NAN without such a column. */
+static double cell(const rx_table *table, const chosen *column, int which, long row)
+{
+    const int k = column->of[which];
+    return k >= 0 ? rx_column_value(&table->columns[k], row, 0) : NAN;
+}
 
 static int find_first(const rx_table *table, const char *const *names, size_t n)
 {
@@ -74,29 +79,22 @@ static int find_first(const rx_table *table, const char *const *names, size_t n)
     return -1;
 }
 
-static int looks_like_sky(const char *name)
-{
-    return strncasecmp(name, "ALPHA", 5) == 0 || strncasecmp(name, "RA", 2) == 0 ||
-           strstr(name, "_ra") != NULL;
-}
-
 static rx_status choose_named(const rx_reference_params *par, const rx_table *table, chosen *dst,
                               rx_error *err)
 {
-    int found[4] = {-1, -1, -1, -1};
     if (par->ncolumns < 3 || par->ncolumns > 4)
         return rx_error_set(err, RX_USAGE,
                             "REFERENCE_COLUMNS has %d names; give x, y, magnitude or flux[, error]",
                             par->ncolumns);
     for (int i = 0; i < par->ncolumns; i++) {
-        found[i] = rx_table_find(table, par->columns[i]);
-        if (found[i] < 0)
+        dst->of[i] = rx_table_find(table, par->columns[i]); /* X, Y, VALUE, ERROR */
+        if (dst->of[i] < 0)
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "the reference has no column '%s'; name existing ones in REFERENCE_COLUMNS",
                                par->columns[i]);
     }
-    dst->x = found[0], dst->y = found[1], dst->value = found[2], dst->error = found[3];
-    dst->sky = looks_like_sky(par->columns[0]);
+    dst->sky = strncasecmp(par->columns[0], "ALPHA", 5) == 0 || strncasecmp(par->columns[0], "RA", 2) == 0 ||
+               strstr(par->columns[0], "_ra") != NULL;
     return RX_OK;
 }
 
@@ -127,16 +125,6 @@ static bool take_band(const char *bands, int number, const char *text, char dst[
     return false;
 }
 
-/* The survey that the columns show; NULL: none. */
-static const survey *find_survey(const rx_reference_params *par, const rx_table *table)
-{
-    for (size_t i = 0; i < COUNT(surveys) && par->ncolumns == 0; i++)
-        if (rx_table_find(table, surveys[i].x) >= 0 && rx_table_find(table, surveys[i].y) >= 0 &&
-            rx_table_find(table, surveys[i].mark) >= 0)
-            return &surveys[i];
-    return NULL;
-}
-
 /* Columns of a survey: the band of REFERENCE_BAND, that of the tile's filter, or the survey's first one that is there. */
 static rx_status choose_survey(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                                chosen *dst, rx_error *err)
@@ -144,27 +132,27 @@ static rx_status choose_survey(const rx_reference_params *par, const rx_table *t
     const survey *s = dst->survey;
     rx_exposure exposure;
     rx_exposure_of(tile, &exposure);
-    dst->x = rx_table_find(table, s->x);
-    dst->y = rx_table_find(table, s->y);
+    dst->of[X] = rx_table_find(table, s->x);
+    dst->of[Y] = rx_table_find(table, s->y);
     dst->sky = 1;
     if (par->band != NULL && par->band[0] != '\0') {
         if (take_band(s->bands, -1, par->band, dst->band))
-            dst->value = find_band(table, s->mag, dst->band);
-        if (dst->value < 0)
+            dst->of[VALUE] = find_band(table, s->mag, dst->band);
+        if (dst->of[VALUE] < 0)
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "has no magnitudes of REFERENCE_BAND %s; %s has %s", par->band, s->title,
                                s->bands);
     } else if (take_band(s->bands, -1, exposure.filter, dst->band)) {
-        dst->value = find_band(table, s->mag, dst->band);
+        dst->of[VALUE] = find_band(table, s->mag, dst->band);
     }
-    for (int k = 0; dst->value < 0 && take_band(s->bands, k, NULL, dst->band); k++)
-        dst->value = find_band(table, s->mag, dst->band);
-    dst->error = s->error != NULL ? find_band(table, s->error, dst->band) : -1;
-    dst->over_error = dst->error >= 0 && strstr(s->error, "over_error") != NULL;
+    for (int k = 0; dst->of[VALUE] < 0 && take_band(s->bands, k, NULL, dst->band); k++)
+        dst->of[VALUE] = find_band(table, s->mag, dst->band);
+    dst->of[ERROR] = find_band(table, s->error, dst->band);
+    dst->over_error = dst->of[ERROR] >= 0 && strstr(s->error, "over_error") != NULL;
     if (s->motion_x != NULL) {
-        dst->motion_x = rx_table_find(table, s->motion_x);
-        dst->motion_y = rx_table_find(table, s->motion_y);
-        dst->epoch = s->epoch != NULL ? rx_table_find(table, s->epoch) : -1;
+        dst->of[MOTION_X] = rx_table_find(table, s->motion_x);
+        dst->of[MOTION_Y] = rx_table_find(table, s->motion_y);
+        dst->of[EPOCH] = s->epoch != NULL ? rx_table_find(table, s->epoch) : -1;
         dst->year = s->year;
     }
     return RX_OK;
@@ -178,10 +166,10 @@ static rx_status choose_colour(const rx_reference_params *par, const rx_table *t
         const char *word = par->colour[1 + i];
         char band[8];
         if (dst->survey != NULL && take_band(dst->survey->bands, -1, word, band))
-            dst->colour[i] = find_band(table, dst->survey->mag, band);
+            dst->of[COLOUR + i] = find_band(table, dst->survey->mag, band);
         else
-            dst->colour[i] = rx_table_find(table, word);
-        if (dst->colour[i] < 0)
+            dst->of[COLOUR + i] = rx_table_find(table, word);
+        if (dst->of[COLOUR + i] < 0)
             return rx_error_at(
                 err, RX_INPUT, par->name, -1, 0,
                 "has no magnitude '%s' for the colour; name a band or a column in REFERENCE_COLOR_TERM",
@@ -193,40 +181,35 @@ static rx_status choose_colour(const rx_reference_params *par, const rx_table *t
 static rx_status choose_columns(const rx_reference_params *par, const rx_table *table, const rx_tile *tile,
                                 chosen *dst, rx_error *err)
 {
-    *dst = (chosen){.x = -1,
-                    .y = -1,
-                    .value = -1,
-                    .error = -1,
-                    .motion_x = -1,
-                    .motion_y = -1,
-                    .epoch = -1,
-                    .colour = {-1, -1}};
-    dst->survey = tile->wcs != NULL ? find_survey(par, table) : NULL; /* else pixels may stand beside */
+    *dst = (chosen){0};
+    /* the survey that the columns show; without celestial coordinates pixels may stand beside */
+    for (const survey *s = surveys; s < surveys + COUNT(surveys) && par->ncolumns == 0 && tile->wcs != NULL;
+         s++)
+        if (dst->survey == NULL && rx_table_find(table, s->x) >= 0 && rx_table_find(table, s->y) >= 0 &&
+            rx_table_find(table, s->mark) >= 0)
+            dst->survey = s;
+    for (int i = 0; i < NCOLUMNS; i++)
+        dst->of[i] = -1;
     if (par->ncolumns > 0) {
         RX_TRY(choose_named(par, table, dst, err));
     } else if (dst->survey != NULL) {
         RX_TRY(choose_survey(par, table, tile, dst, err));
     } else {
-        dst->sky = tile->wcs != NULL && rx_catalog_find_positions(table, true, &dst->x, &dst->y);
-        if (!dst->sky && !rx_catalog_find_positions(table, false, &dst->x, &dst->y))
+        dst->sky = tile->wcs != NULL && rx_catalog_find_positions(table, true, &dst->of[X], &dst->of[Y]);
+        if (!dst->sky && !rx_catalog_find_positions(table, false, &dst->of[X], &dst->of[Y]))
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "no position columns were recognised; name them in REFERENCE_COLUMNS");
-        dst->value = find_first(table, value_names, COUNT(value_names));
-        dst->error = find_first(table, error_names, COUNT(error_names));
-        if (dst->value < 0)
+        dst->of[VALUE] = find_first(table, value_names, COUNT(value_names));
+        dst->of[ERROR] = find_first(table, error_names, COUNT(error_names));
+        if (dst->of[VALUE] < 0)
             return rx_error_at(err, RX_INPUT, par->name, -1, 0,
                                "no magnitude or flux column was recognised; name it in REFERENCE_COLUMNS");
     }
-    dst->flux = strcasestr(table->columns[dst->value].name, "FLUX") != NULL;
+    dst->flux = strcasestr(table->columns[dst->of[VALUE]].name, "FLUX") != NULL;
     RX_TRY(choose_colour(par, table, dst, err));
-    const int numbers[] = {dst->x,        dst->y,     dst->value,     dst->error,    dst->motion_x,
-                           dst->motion_y, dst->epoch, dst->colour[0], dst->colour[1]};
-    for (size_t i = 0; i < COUNT(numbers); i++)
-        if (numbers[i] >= 0) {
-            rx_status status = rx_catalog_need_numbers(par->name, table, numbers[i], err);
-            if (status != RX_OK)
-                return status;
-        }
+    for (int i = 0; i < NCOLUMNS; i++)
+        if (dst->of[i] >= 0)
+            RX_TRY(rx_catalog_need_numbers(par->name, table, dst->of[i], err));
     if (dst->sky && tile->wcs == NULL)
         return rx_error_at(err, RX_INPUT, tile->name, tile->hdu, 0,
                            "has no celestial coordinates, so the reference's sky positions cannot be used; "
@@ -234,11 +217,10 @@ static rx_status choose_columns(const rx_reference_params *par, const rx_table *
     return RX_OK;
 }
 
-static void read_row(const rx_reference_params *par, const rx_table *table, const chosen *column, long row,
-                     double zeropoint, rx_qa_list *dst, long i)
+static void read_row(const rx_reference_params *par, const rx_table *table, const chosen *column, long i,
+                     double zeropoint, rx_qa_list *dst)
 {
-    double value = rx_column_value(&table->columns[column->value], row, 0);
-    double error = column->error >= 0 ? rx_column_value(&table->columns[column->error], row, 0) : NAN;
+    double value = cell(table, column, VALUE, i), error = cell(table, column, ERROR, i);
     if (column->over_error)
         error = error > 0.0 ? RX_MAG_ERROR / error : NAN;
     if (column->flux) {
@@ -249,9 +231,8 @@ static void read_row(const rx_reference_params *par, const rx_table *table, cons
         dst->mag[i] = value > -90.0 && value < 90.0 ? value : NAN;
         dst->mag_error[i] = error;
     }
-    if (column->colour[0] >= 0) {
-        const double first = rx_column_value(&table->columns[column->colour[0]], row, 0);
-        const double second = rx_column_value(&table->columns[column->colour[1]], row, 0);
+    if (column->of[COLOUR] >= 0) {
+        const double first = cell(table, column, COLOUR, i), second = cell(table, column, COLOUR + 1, i);
         const bool known = fabs(first) < 90.0 && fabs(second) < 90.0;
         dst->mag[i] = known ? dst->mag[i] + par->colour_term * (first - second) : NAN;
     }
@@ -286,15 +267,12 @@ static double tile_year(const rx_tile *tile)
 static long apply_motions(const rx_table *table, const chosen *column, double year, rx_qa_list *dst)
 {
     long moved = 0;
-    for (long i = 0; i < table->nrows && column->motion_x >= 0 && column->motion_y >= 0 && isfinite(year);
-         i++) {
-        const double mx = rx_column_value(&table->columns[column->motion_x], i, 0);
-        const double my = rx_column_value(&table->columns[column->motion_y], i, 0);
-        const double epoch =
-            column->epoch >= 0 ? rx_column_value(&table->columns[column->epoch], i, 0) : column->year;
-        if (!(fabs(mx) < 1e5) || !(fabs(my) < 1e5) || !isfinite(epoch) || !isfinite(dst->alpha[i]))
+    for (long i = 0; i < table->nrows; i++) {
+        const double mx = cell(table, column, MOTION_X, i), my = cell(table, column, MOTION_Y, i);
+        const double years = year - (column->of[EPOCH] >= 0 ? cell(table, column, EPOCH, i) : column->year);
+        if (!(fabs(mx) < 1e5) || !(fabs(my) < 1e5) || !isfinite(years) || !isfinite(dst->alpha[i]))
             continue;
-        move(mx, my, year - epoch, &dst->alpha[i], &dst->delta[i]);
+        move(mx, my, years, &dst->alpha[i], &dst->delta[i]);
         moved++;
     }
     return moved;
@@ -303,8 +281,7 @@ static long apply_motions(const rx_table *table, const chosen *column, double ye
 static long read_positions(const rx_table *table, const chosen *column, const rx_tile *tile, rx_qa_list *dst)
 {
     for (long i = 0; i < table->nrows; i++) {
-        double first = rx_column_value(&table->columns[column->x], i, 0);
-        double second = rx_column_value(&table->columns[column->y], i, 0);
+        const double first = cell(table, column, X, i), second = cell(table, column, Y, i);
         dst->alpha[i] = column->sky ? first : NAN;
         dst->delta[i] = column->sky ? second : NAN;
         dst->x[i] = column->sky ? NAN : first - 1.0; /* FITS counts from 1 */
@@ -323,10 +300,11 @@ static void describe(const rx_reference_params *par, const rx_table *table, cons
                      const rx_tile *tile, rx_reference_note *note)
 {
     const double year = tile_year(tile);
-    const bool has_motions = column->motion_x >= 0 && column->motion_y >= 0;
+    const bool has_motions = column->of[MOTION_X] >= 0 && column->of[MOTION_Y] >= 0;
     rx_text_printf(&note->shown, "%s", par->name);
     if (column->survey != NULL)
-        rx_text_printf(&note->shown, ": %s, %s", column->survey->title, table->columns[column->value].name);
+        rx_text_printf(&note->shown, ": %s, %s", column->survey->title,
+                       table->columns[column->of[VALUE]].name);
     if (par->ncolour > 0)
         rx_text_printf(&note->shown, " %+g (%s - %s)", par->colour_term, par->colour[1], par->colour[2]);
     if (note->moved > 0)
@@ -341,20 +319,16 @@ static void describe(const rx_reference_params *par, const rx_table *table, cons
 static long compact(rx_qa_list *list, const rx_tile *tile)
 {
     const double margin = 10.0;
+    double *const columns[] = {list->x,   list->y,         list->alpha, list->delta,
+                               list->mag, list->mag_error, list->flux,  list->flux_error};
     long kept = 0;
     for (long i = 0; i < list->n; i++) {
         int inside = list->x[i] >= -margin && list->x[i] < tile->width + margin && list->y[i] >= -margin &&
                      list->y[i] < tile->height + margin;
         if (!inside)
             continue;
-        list->x[kept] = list->x[i];
-        list->y[kept] = list->y[i];
-        list->alpha[kept] = list->alpha[i];
-        list->delta[kept] = list->delta[i];
-        list->mag[kept] = list->mag[i];
-        list->mag_error[kept] = list->mag_error[i];
-        list->flux[kept] = list->flux[i];
-        list->flux_error[kept] = list->flux_error[i];
+        for (size_t k = 0; k < COUNT(columns); k++)
+            columns[k][kept] = columns[k][i];
         kept++;
     }
     return list->n = kept;
@@ -375,7 +349,7 @@ rx_status rx_reference_list(const rx_reference_params *par, const rx_table *tabl
     RX_TRY(rx_qa_list_new(dst, table->nrows, 0, err));
     note->moved = read_positions(table, &column, tile, dst);
     for (long i = 0; i < table->nrows; i++)
-        read_row(par, table, &column, i, tile->zeropoint, dst, i);
+        read_row(par, table, &column, i, tile->zeropoint, dst);
     long kept = compact(dst, tile);
     describe(par, table, &column, tile, note);
     if (note->shown.failed)
@@ -391,12 +365,12 @@ rx_status rx_reference_list(const rx_reference_params *par, const rx_table *tabl
                        "%s: the tile's filter is %s, its magnitudes are of %s; fluxes will look off; state "
                        "REFERENCE_BAND or REFERENCE_COLOR_TERM",
                        par->name, exposure.filter, column.band);
-    if (note->moved == 0 && column.motion_x >= 0)
+    if (note->moved == 0 && column.of[MOTION_X] >= 0)
         rx_log_warning(log, "%s: proper motions are not applied; matches of fast stars may be missed",
                        par->name);
     rx_log_detail(log, "%s: %ld of %ld reference sources on the tile (columns %s, %s, %s)", par->name, kept,
-                  table->nrows, table->columns[column.x].name, table->columns[column.y].name,
-                  table->columns[column.value].name);
+                  table->nrows, table->columns[column.of[X]].name, table->columns[column.of[Y]].name,
+                  table->columns[column.of[VALUE]].name);
     if (kept == 0)
         rx_log_warning(log, "%s: no reference source falls on the tile; are these the right coordinates?",
                        par->name);

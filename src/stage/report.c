@@ -13,15 +13,6 @@
 #include "stage/domain_facts.h"
 #include "stage/reference.h"
 
-static rx_status match_options(const rx_options *options, const rx_tile *tile, rx_qa_params *dst,
-                               rx_error *err)
-{
-    *dst = options->qa;
-    dst->match_radius_arcsec =
-        options->check.quality.match_arcsec ? options->check.quality.match_radius : 0.0;
-    return rx_quality_radius(&options->check.quality, tile, &dst->match_radius, err);
-}
-
 /* All of a run but its sources. */
 static rx_qa_run about_run(const rx_run *run, rx_qa_promise *promise)
 {
@@ -50,8 +41,7 @@ static rx_qa_run about_run(const rx_run *run, rx_qa_promise *promise)
 static rx_status collect_runs(const rx_report_input *in, rx_qa_promise *promises, rx_qa_run *dst,
                               rx_error *err)
 {
-    rx_status status = RX_OK;
-    for (int i = 0; i < in->options->nrestorers && status == RX_OK; i++) {
+    for (int i = 0; i < in->options->nrestorers; i++) {
         const rx_restored *restored = in->runs[i].restored;
         dst[i] = about_run(&in->runs[i], &promises[i]);
         dst[i].seconds = in->runs[i].seconds;
@@ -61,20 +51,10 @@ static rx_status collect_runs(const rx_report_input *in, rx_qa_promise *promises
         dst[i].made_up_per_mpixel = in->runs[i].invented_per_mpixel;
         dst[i].law_scale = in->runs[i].sources->law_scale;
         dst[i].law_power = in->runs[i].sources->law_power;
-        status = rx_quality_list(&in->options->check.quality, in->fields.measure->tile, in->runs[i].sources,
-                                 &dst[i].list, err);
+        RX_TRY(rx_quality_list(&in->options->check.quality, in->fields.measure->tile, in->runs[i].sources,
+                               &dst[i].list, err));
     }
-    return status;
-}
-
-static rx_status collect_pictures(const rx_report_input *in, rx_qa_picture *dst, rx_error *err)
-{
-    rx_status status = RX_OK;
-    for (int i = 0; i < in->options->nrestorers && status == RX_OK; i++)
-        status = rx_quality_picture(in->runs[i].kind->name, in->fields.detect->tile->width,
-                                    in->fields.detect->tile->height, in->runs[i].restored->pixels,
-                                    in->fields.detect->plain->global_sigma, &dst[i], err);
-    return status;
+    return RX_OK;
 }
 
 static char *folder_name(const char *wanted, int extension)
@@ -96,18 +76,6 @@ static rx_status open_folder(const char *wanted, int extension, rx_outputs *outp
     return status;
 }
 
-/* The name of an extension's folder is known only now. */
-static rx_status check_folder(const rx_config *config, const char *image, const char *key, const char *wanted,
-                              int extension, rx_error *err)
-{
-    char *name = folder_name(wanted, extension);
-    if (name == NULL)
-        return rx_error_memory(err, 0);
-    rx_status status = rx_settings_check_folder((const rx_settings *)config, image, key, name, err);
-    free(name);
-    return status;
-}
-
 rx_status rx_report_try(const rx_config *config, const rx_options *options, const char *image, int extension,
                         rx_error *err)
 {
@@ -120,10 +88,13 @@ rx_status rx_report_try(const rx_config *config, const rx_options *options, cons
     for (int i = 0; i < 2 && status == RX_OK; i++) {
         if (names[i][1][0] == '\0')
             continue;
-        if (extension > 0)
-            status = check_folder(config, image, names[i][0], names[i][1], extension, err);
+        char *name = folder_name(names[i][1], extension);
+        status = name == NULL ? rx_error_memory(err, 0) : RX_OK;
+        if (status == RX_OK && extension > 0) /* the name of an extension's folder is known only now */
+            status = rx_settings_check_folder((const rx_settings *)config, image, names[i][0], name, err);
         if (status == RX_OK)
-            status = open_folder(names[i][1], extension, outputs, &folder, err);
+            status = rx_outputs_folder(outputs, name, &folder, err);
+        free(name);
     }
     rx_outputs_free(outputs);
     return status;
@@ -138,7 +109,8 @@ static rx_status compare(const rx_report_input *in, const char *folder, rx_verdi
     rx_qa_run qa_runs[RX_MAX_RUNS] = {0};
     rx_qa_promise promises[RX_MAX_RUNS];
     rx_qa_picture pictures[RX_MAX_RUNS] = {0};
-    rx_qa_params par;
+    const rx_quality_params *quality = &options->check.quality;
+    rx_qa_params par = options->qa;
     rx_verdict found = RX_VERDICT_NONE;
     const char *(*pairs)[2] = NULL;
     double scale = rx_quality_scale(tile);
@@ -159,30 +131,27 @@ static rx_status compare(const rx_report_input *in, const char *folder, rx_verdi
     unsigned char *blind = NULL;
     rx_reference_note note = {0};
     size_t n = (size_t)tile->width * (size_t)tile->height;
-    rx_status status = match_options(options, tile, &par, err);
-    if (status == RX_OK)
-        status =
-            rx_reference_list(&options->reference, in->reference, tile, in->log, &input.truth, &note, err);
-    if (status == RX_OK)
-        input.reference = note.shown.data;
-    if (status == RX_OK && (blind = RX_NEW(unsigned char, n)) == NULL)
-        status = rx_error_memory(err, n);
-    for (size_t i = 0; i < n && blind != NULL; i++)
+    rx_status status;
+    par.match_radius_arcsec = quality->match_arcsec ? quality->match_radius : 0.0;
+    RX_TRY_EXIT(rx_quality_radius(quality, tile, &par.match_radius, err));
+    RX_TRY_EXIT(
+        rx_reference_list(&options->reference, in->reference, tile, in->log, &input.truth, &note, err));
+    input.reference = note.shown.data;
+    RX_TRY_EXIT(RX_MAKE(blind, n, err));
+    for (size_t i = 0; i < n; i++)
         blind[i] = (in->fields.detect->tile->mask[i] & RX_HIDE_PLAIN) != 0;
     input.mask = blind;
-    if (status == RX_OK)
-        status = collect_runs(in, promises, qa_runs, err);
-    if (status == RX_OK)
-        status = collect_pictures(in, pictures, err);
-    if (status == RX_OK)
-        status = rx_record_list(in->record, &pairs, err);
+    RX_TRY_EXIT(collect_runs(in, promises, qa_runs, err));
+    for (int i = 0; i < options->nrestorers; i++)
+        RX_TRY_EXIT(rx_quality_picture(in->runs[i].kind->name, in->fields.detect->tile->width,
+                                       in->fields.detect->tile->height, in->runs[i].restored->pixels,
+                                       in->fields.detect->plain->global_sigma, &pictures[i], err));
+    RX_TRY_EXIT(rx_record_list(in->record, &pairs, err));
     input.nrecord = in->record->n;
     input.record = (const char *const(*)[2])pairs;
-    if (status == RX_OK)
-        par.log = in->log;
-    if (status == RX_OK)
-        status =
-            rx_qa_report(&par, &input, folder, rx_outputs_shown(in->outputs, folder), &found, brief, err);
+    par.log = in->log;
+    status = rx_qa_report(&par, &input, folder, rx_outputs_shown(in->outputs, folder), &found, brief, err);
+exit:
     *verdict = rx_verdict_worse(*verdict, found);
     rx_qa_list_free(&input.truth);
     for (int i = 0; i < options->nrestorers; i++) {
@@ -249,12 +218,10 @@ rx_status rx_stage_report(const rx_report_input *in, rx_extension_facts *facts, 
                           rx_text *brief, rx_error *err)
 {
     const char *folder = NULL;
-    rx_status status = open_folder(in->options->qa_name, in->extension, in->outputs, &folder, err);
-    if (status == RX_OK && in->reference != NULL)
-        status = compare(in, folder, verdict, brief, err);
-    if (status == RX_OK && in->options->tile_page)
-        status = describe(in, folder, facts, err);
-    return status;
+    RX_TRY(open_folder(in->options->qa_name, in->extension, in->outputs, &folder, err));
+    if (in->reference != NULL)
+        RX_TRY(compare(in, folder, verdict, brief, err));
+    return in->options->tile_page ? describe(in, folder, facts, err) : RX_OK;
 }
 
 rx_status rx_report_checks(const rx_report_input *in, const rx_checks *checks, rx_error *err)

@@ -3,10 +3,8 @@
 
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "base/memory.h"
 #include "catalog/catalog.h"
 
 /* clang-format off */
@@ -117,31 +115,19 @@ rx_status rx_run_xml(const rx_run_xml_input *in, const char *temporary, const ch
         {"Detect_Thresh", "double", NULL, "stat.snr;obs.image", thresh,
          "DETECT_THRESH in sigmas, or ADU where THRESH_TYPE says so"},
     };
-    const int n = sizeof params / sizeof *params;
     rx_table *tables[2] = {NULL, NULL};
     rx_text text = {0};
+    rx_status status;
     snprintf(images, sizeof images, "%d", in->facts->n);
     snprintf(thresh, sizeof thresh, "%.9g", in->options->pipeline.detect.threshold);
-    rx_record_pair *pairs = RX_NEW(rx_record_pair, (size_t)in->record->n + 1);
-    rx_status status = pairs == NULL ? rx_error_memory(err, 0) : images_table(in->facts, &tables[0], err);
-    if (status == RX_OK)
-        status = warnings_table(in->warnings, &tables[1], err);
-    for (int i = 0; i < in->record->n && status == RX_OK; i++)
-        pairs[i] =
-            (rx_record_pair){in->record->pairs[i][0], in->record->pairs[i][1], in->record->pairs[i][2]};
-    if (status == RX_OK)
-        status = rx_votable_run_text(&(rx_votable_run){.nparams = n,
-                                                       .ntables = 2,
-                                                       .nkeywords = in->record->n,
-                                                       .params = params,
-                                                       .tables = tables,
-                                                       .keywords = pairs},
-                                     &text, err);
-    if (status == RX_OK)
-        status = rx_text_write_file(&text, temporary, shown, err);
+    RX_TRY_EXIT(images_table(in->facts, &tables[0], err));
+    RX_TRY_EXIT(warnings_table(in->warnings, &tables[1], err));
+    RX_TRY_EXIT(
+        rx_votable_run_text(params, sizeof params / sizeof *params, tables, 2, in->record, &text, err));
+    status = rx_text_write_file(&text, temporary, shown, err);
+exit:
     rx_text_free(&text);
-    free(pairs);
-    for (int i = 0; i < 2; i++)
-        rx_table_free(tables[i]);
+    rx_table_free(tables[0]);
+    rx_table_free(tables[1]);
     return status;
 }

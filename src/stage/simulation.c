@@ -39,15 +39,6 @@ static double zeropoint_of(const rx_simulate_config *config, const rx_tile *tile
     return config->mag_zeropoint;
 }
 
-static double gain_of(const rx_simulate_config *config, const rx_tile *tile, rx_log *log)
-{
-    double gain = tile->gain > 0.0 ? tile->gain : config->gain;
-    if (!(gain > 0.0))
-        rx_log_warning(log, "%s[%d]: no gain is known; the added light brings no photon noise (give GAIN)",
-                       tile->name, tile->hdu);
-    return gain;
-}
-
 /* Masks of AWAY are all bits; a source AMONG others can also lie on saturated pixels. */
 static rx_status allow(const rx_simulate_config *config, const rx_options *options, const rx_field *field,
                        double fwhm, rx_log *log, unsigned char **dst, rx_error *err)
@@ -75,23 +66,17 @@ exit:
     return status;
 }
 
-/* A PSF that was only stated would pass for the tile's own. */
-static rx_status check_measured(const rx_field *field, rx_error *err)
-{
-    if (field->psf != NULL && field->psf->type == RX_PSF_AUTO)
-        return RX_OK;
-    return rx_error_at(
-        err, RX_INPUT, field->tile->name, field->tile->hdu, 0,
-        "too few stars to measure the PSF; give -PSF_TYPE MOFFAT -PSF_FWHM <pixels>, or a PSF file");
-}
-
 rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_options *options,
                                  const rx_field *field, rx_log *log, rx_simulation **dst, rx_error *err)
 {
     const rx_tile *tile = field->tile;
     const int automatic = strcmp(config->psf_type, "AUTO") == 0;
     rx_simulation *simulation = NULL;
-    RX_TRY(automatic ? check_measured(field, err) : RX_OK);
+    /* a PSF that was only stated would pass for the tile's own */
+    if (automatic && (field->psf == NULL || field->psf->type != RX_PSF_AUTO))
+        return rx_error_at(
+            err, RX_INPUT, tile->name, tile->hdu, 0,
+            "too few stars to measure the PSF; give -PSF_TYPE MOFFAT -PSF_FWHM <pixels>, or a PSF file");
     const rx_simulation_ground ground = {.width = tile->width,
                                          .height = tile->height,
                                          .extension = tile->extension,
@@ -107,7 +92,10 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
                            : RX_OK;
     simulation->noise.type = RX_NOISE_NONE;
     simulation->noise.sky = simulation->noise.sigma = 0.0;
-    simulation->noise.gain = gain_of(config, tile, log);
+    simulation->noise.gain = tile->gain > 0.0 ? tile->gain : config->gain;
+    if (!(simulation->noise.gain > 0.0))
+        rx_log_warning(log, "%s[%d]: no gain is known; the added light brings no photon noise (give GAIN)",
+                       tile->name, tile->hdu);
     simulation->noise.saturation = tile->saturation;
     if (status == RX_OK)
         status = allow(config, options, field, simulation->optics->fwhm, log, &simulation->allowed, err);
@@ -120,18 +108,14 @@ rx_status rx_simulation_for_tile(const rx_simulate_config *config, const rx_opti
 
 /* --- the job --- */
 
-/* One image file among the outputs; writer NULL where it is not wanted. */
-typedef struct image_file {
-    const char *name;
-    rx_fits_writer *writer;
-} image_file;
+enum { IMAGE, SHARP, FLAGS, WEIGHT, NFILES };
 
 typedef struct job {
     const rx_simulate_config *config;
     rx_log *log;
     rx_outputs *outputs;
-    image_file image, sharp, flags, weight;
-    const char *truth_temporary; /* NULL without truth catalogue */
+    rx_fits_writer *file[NFILES]; /* NULL where it is not wanted */
+    const char *truth_temporary;  /* NULL without truth catalogue */
     int ntables;
     rx_table **tables; /* truth, one of each image */
     rx_record record;  /* of the whole run */
@@ -154,16 +138,6 @@ static void add_keyword(void *user, const char *name, const char *value, const c
 {
     if (strcmp(name, "NTHREADS") != 0 && strcmp(name, "VERBOSE_TYPE") != 0)
         rx_record_add(user, name, help, "%s", value);
-}
-
-static rx_status record_run(job *job, rx_error *err)
-{
-    rx_record *record = &job->record;
-    rx_record_add(record, "PROGRAM", "made by", "rextract-simulate");
-    rx_record_add(record, "RXVERS", "version of rextract", "%s", RX_VERSION);
-    if (!rx_settings_visit(&job->config->settings, false, add_keyword, record) || record->failed)
-        return rx_error_memory(err, 0);
-    return RX_OK;
 }
 
 static long count(const rx_scene *scene, rx_object_type type)
@@ -252,46 +226,41 @@ static rx_status make_facts(const rx_simulation *simulation, const rx_simulated 
 {
     rx_record facts = {0};
     describe(simulation, simulated, field, &facts);
-    rx_status status = facts.failed ? rx_error_memory(err, 0) : RX_OK;
-    if (status == RX_OK) {
+    const bool failed = facts.failed;
+    if (!failed)
         rx_record_cards(&facts, cards);
-        status = cards->failed ? rx_error_memory(err, cards->length) : RX_OK;
-    }
     rx_record_free(&facts);
-    return status;
+    return failed || cards->failed ? rx_error_memory(err, cards->length) : RX_OK;
 }
 
 /* --- outputs --- */
 
-static rx_status open_image(job *job, const char *name, image_file *file, rx_error *err)
-{
-    const char *temporary;
-    if (name[0] == '\0')
-        return RX_OK;
-    file->name = name;
-    rx_status status = rx_outputs_file(job->outputs, name, &temporary, err);
-    return status == RX_OK ? rx_fits_create(temporary, name, &file->writer, err) : status;
-}
-
 static rx_status open_outputs(job *job, rx_error *err)
 {
     const rx_simulate_config *config = job->config;
+    const char *const names[NFILES] = {config->image_name, config->sharp_name, config->flag_name,
+                                       config->weight_name};
+    const char *temporary;
     RX_TRY(rx_outputs_new(&job->outputs, err));
-    RX_TRY(open_image(job, config->image_name, &job->image, err));
-    RX_TRY(open_image(job, config->sharp_name, &job->sharp, err));
-    RX_TRY(open_image(job, config->flag_name, &job->flags, err));
-    RX_TRY(open_image(job, config->weight_name, &job->weight, err));
+    for (int k = 0; k < NFILES; k++) {
+        if (names[k][0] == '\0')
+            continue;
+        RX_TRY(rx_outputs_file(job->outputs, names[k], &temporary, err));
+        RX_TRY(rx_fits_create(temporary, names[k], &job->file[k], err));
+    }
     if (config->truth_name[0] != '\0')
         RX_TRY(rx_outputs_file(job->outputs, config->truth_name, &job->truth_temporary, err));
     return RX_OK;
 }
 
-static rx_status write_plane(const image_file *file, const float *pixels, const rx_tile *tile,
-                             const rx_text *extra, rx_error *err)
+/* Floats or integers of the shape of the tile. */
+static rx_status write_plane(rx_fits_writer *writer, const float *floats, const int32_t *integers,
+                             const rx_tile *tile, const rx_text *extra, rx_error *err)
 {
     rx_fits_plane plane = rx_fits_plane_of(tile);
-    plane.floats = pixels;
-    return rx_fits_image(file->writer, &plane, extra, err);
+    plane.floats = floats;
+    plane.integers = integers;
+    return rx_fits_image(writer, &plane, extra, err);
 }
 
 /* Masked pixels of a file that were no numbers are none again. */
@@ -303,7 +272,7 @@ static rx_status write_image(const job *job, const field_data *data, const rx_te
     RX_TRY(RX_MAKE(pixels, n, err));
     for (size_t i = 0; i < n; i++)
         pixels[i] = tile->mask[i] & RX_MASK_BAD ? NAN : tile->pixels[i];
-    rx_status status = write_plane(&job->image, pixels, tile, extra, err);
+    rx_status status = write_plane(job->file[IMAGE], pixels, NULL, tile, extra, err);
     free(pixels);
     return status;
 }
@@ -316,9 +285,7 @@ static rx_status write_flags(const job *job, const field_data *data, const rx_te
     RX_TRY(RX_MAKE(flags, n, err));
     for (size_t i = 0; i < n; i++)
         flags[i] = data->defects[i];
-    rx_fits_plane plane = rx_fits_plane_of(tile);
-    plane.integers = flags;
-    rx_status status = rx_fits_image(job->flags.writer, &plane, extra, err);
+    rx_status status = write_plane(job->file[FLAGS], NULL, flags, tile, extra, err);
     free(flags);
     return status;
 }
@@ -326,24 +293,22 @@ static rx_status write_flags(const job *job, const field_data *data, const rx_te
 static rx_status add_truth(job *job, const field_data *data, rx_error *err)
 {
     rx_table *table = NULL;
+    rx_text facts = {0};
     RX_TRY(RX_GROW(job->tables, (size_t)job->ntables + 1, err));
     RX_TRY(rx_truth_table(data->scene, data->tile->wcs, 0, &table, err));
     job->tables[job->ntables++] = table;
-    rx_text facts = {0}, cards = {0};
     rx_text_add_bytes(&facts, data->facts->data, data->facts->length);
-    rx_text_add_bytes(&cards, data->tile->cards, data->tile->ncards * 80);
     table->facts = facts.data;
-    table->nfacts = (long)(facts.length / 80);
-    table->cards = cards.data;
-    table->ncards = (long)(cards.length / 80);
-    return facts.failed || cards.failed ? rx_error_memory(err, 0) : RX_OK;
+    table->nfacts = (long)(facts.length / RX_CARD);
+    return facts.failed ? rx_error_memory(err, 0)
+                        : rx_table_copy_cards(table, data->tile->cards, data->tile->ncards, err);
 }
 
 static void tell(const job *job, const field_data *data)
 {
     const rx_scene *scene = data->scene;
     rx_log_info(job->log, "%s: %d x %d pixels, %ld stars, %ld galaxies, %ld template galaxies; %s%s",
-                job->image.name, data->tile->width, data->tile->height, count(scene, RX_OBJECT_STAR),
+                job->config->image_name, data->tile->width, data->tile->height, count(scene, RX_OBJECT_STAR),
                 count(scene, RX_OBJECT_GALAXY), count(scene, RX_OBJECT_TEMPLATE),
                 data->simulation->optics->description,
                 data->simulation->coadd.type != RX_COADD_NONE ? " (of the frames, in their pixels)" : "");
@@ -351,9 +316,9 @@ static void tell(const job *job, const field_data *data)
         rx_log_info(job->log,
                     "%s: %ld template galaxies are smaller than their magnitude asks for, or their own PSF "
                     "would show",
-                    job->image.name, scene->shrunk);
+                    job->config->image_name, scene->shrunk);
     if (scene->left_out > 0)
-        rx_log_warning(job->log, "%s: %ld objects found no place and are left out", job->image.name,
+        rx_log_warning(job->log, "%s: %ld objects found no place and are left out", job->config->image_name,
                        scene->left_out);
 }
 
@@ -367,11 +332,11 @@ static rx_status write_field(job *job, const field_data *data, rx_error *err)
     if (extra.failed)
         RX_TRY_EXIT(rx_error_memory(err, extra.length));
     RX_TRY_EXIT(write_image(job, data, &extra, err));
-    if (job->sharp.writer != NULL)
-        RX_TRY_EXIT(write_plane(&job->sharp, data->sharp, tile, &extra, err));
-    if (job->weight.writer != NULL)
-        RX_TRY_EXIT(write_plane(&job->weight, data->weight, tile, &extra, err));
-    if (job->flags.writer != NULL)
+    if (job->file[SHARP] != NULL)
+        RX_TRY_EXIT(write_plane(job->file[SHARP], data->sharp, NULL, tile, &extra, err));
+    if (job->file[WEIGHT] != NULL)
+        RX_TRY_EXIT(write_plane(job->file[WEIGHT], data->weight, NULL, tile, &extra, err));
+    if (job->file[FLAGS] != NULL)
         RX_TRY_EXIT(write_flags(job, data, &extra, err));
     if (job->truth_temporary != NULL)
         RX_TRY_EXIT(add_truth(job, data, err));
@@ -389,39 +354,19 @@ static rx_catalog_type truth_type(const char *word)
                                                 : RX_CATALOG_FITS_1_0;
 }
 
-static rx_status write_truth(const job *job, rx_error *err)
-{
-    const rx_record *record = &job->record;
-    if (job->truth_temporary == NULL)
-        return RX_OK;
-    rx_record_pair *pairs;
-    RX_TRY(RX_MAKE(pairs, (size_t)record->n, err));
-    for (int i = 0; i < record->n; i++)
-        pairs[i] = (rx_record_pair){record->pairs[i][0], record->pairs[i][1], record->pairs[i][2]};
-    const rx_catalog catalog = {.type = truth_type(job->config->truth_type),
-                                .n = job->ntables,
-                                .tables = job->tables,
-                                .npairs = record->n,
-                                .record = pairs};
-    rx_status status = rx_catalog_write(&catalog, job->config->truth_name, job->truth_temporary, NULL, err);
-    free(pairs);
-    return status;
-}
-
-static rx_status close_image(image_file *file, rx_error *err)
-{
-    rx_fits_writer *writer = file->writer;
-    file->writer = NULL;
-    return writer != NULL ? rx_fits_close(writer, err) : RX_OK;
-}
-
 static rx_status finish(job *job, rx_error *err)
 {
-    RX_TRY(close_image(&job->image, err));
-    RX_TRY(close_image(&job->sharp, err));
-    RX_TRY(close_image(&job->flags, err));
-    RX_TRY(close_image(&job->weight, err));
-    RX_TRY(write_truth(job, err));
+    for (int k = 0; k < NFILES; k++) {
+        rx_fits_writer *writer = job->file[k];
+        job->file[k] = NULL;
+        RX_TRY(rx_fits_close(writer, err));
+    }
+    const rx_catalog truth = {.type = truth_type(job->config->truth_type),
+                              .n = job->ntables,
+                              .tables = job->tables,
+                              .record = &job->record};
+    if (job->truth_temporary != NULL)
+        RX_TRY(rx_catalog_write(&truth, job->config->truth_name, job->truth_temporary, NULL, err));
     RX_TRY(rx_interrupt_check(err));
     RX_TRY(rx_outputs_commit(job->outputs, err));
     rx_outputs_log(job->outputs, NULL, job->log);
@@ -439,11 +384,11 @@ static rx_status run_field(job *job, rx_error *err)
     rx_status status;
     RX_TRY_EXIT(rx_simulation_from_config(job->config, job->log, &simulation, err));
     simulation->nthreads = rx_threads_had(job->config->nthreads, job->log);
-    simulation->without_sharp = job->sharp.writer == NULL;
+    simulation->without_sharp = job->file[SHARP] == NULL;
     if (job->config->catalog_name[0] != '\0')
         RX_TRY_EXIT(rx_listed_objects(job->config->catalog_name, NULL, simulation, err));
     RX_TRY_EXIT(rx_simulation_make(simulation, simulation->scene.stream, &simulated, err));
-    RX_TRY_EXIT(rx_simulation_tile(simulation, &simulated, job->image.name, &tile, err));
+    RX_TRY_EXIT(rx_simulation_tile(simulation, &simulated, job->config->image_name, &tile, err));
     RX_TRY_EXIT(make_facts(simulation, &simulated, NULL, &facts, err));
     field_data data = {.simulation = simulation,
                        .scene = simulated.scene,
@@ -463,17 +408,8 @@ exit:
 
 /* --- injection --- */
 
-/* The tile's cards without what an earlier run of ours said of its own pixels. */
-static void copy_cards(const rx_tile *tile, rx_text *cards)
-{
-    for (size_t i = 0; i < tile->ncards; i++) {
-        const char *card = tile->cards + i * 80;
-        if (strncmp(card, "RX", 2) != 0 && strncmp(card, "PROGRAM ", 8) != 0)
-            rx_text_add_bytes(cards, card, 80);
-    }
-}
-
-/* What the tile's reader took from elsewhere (primary header, configuration) goes with the pixels. */
+/* What an earlier run of ours said of its own pixels goes; what the tile's reader took from elsewhere (primary header, configuration) goes with
+ * the pixels. */
 static rx_status complete_cards(const rx_options *options, const rx_simulation *simulation, rx_tile *tile,
                                 rx_error *err)
 {
@@ -481,7 +417,9 @@ static rx_status complete_cards(const rx_options *options, const rx_simulation *
     rx_text cards = {0};
     const long n = (long)tile->ncards;
     double value;
-    copy_cards(tile, &cards);
+    for (const char *card = tile->cards; card < tile->cards + tile->ncards * RX_CARD; card += RX_CARD)
+        if (strncmp(card, "RX", 2) != 0 && strncmp(card, "PROGRAM ", 8) != 0)
+            rx_text_add_bytes(&cards, card, RX_CARD);
     if (par->gain_key[0] != '\0' && !rx_cards_number(tile->cards, n, par->gain_key, &value))
         rx_card_number(&cards, par->gain_key, simulation->noise.gain, "e-/ADU, 0 = infinite");
     if (par->saturation_key[0] != '\0' && isfinite(tile->saturation) &&
@@ -495,16 +433,6 @@ static rx_status complete_cards(const rx_options *options, const rx_simulation *
     tile->cards = cards.data;
     tile->ncards = cards.length / 80;
     return RX_OK;
-}
-
-/* Pixels that the added light brought to the saturation level, as the flag map has them. */
-static void mark_saturated(const rx_tile *tile, uint8_t *defects)
-{
-    const size_t n = (size_t)tile->width * (size_t)tile->height;
-    for (size_t i = 0; i < n; i++)
-        defects[i] = !(tile->mask[i] & RX_MASK_BAD) && (double)tile->pixels[i] >= tile->saturation
-                         ? RX_DEFECT_SATURATED
-                         : 0;
 }
 
 static rx_status inject_image(job *job, const rx_options *options, int hdu, int extension, rx_error *err)
@@ -529,11 +457,14 @@ static rx_status inject_image(job *job, const rx_options *options, int hdu, int 
     simulation->scene.stream += (uint64_t)(extension - 1) << 32;
     rx_tile_checksum(field->tile); /* is of the pixels as they are before the objects come */
     RX_TRY_EXIT(rx_simulation_inject(simulation, simulation->scene.stream, field->tile->pixels,
-                                     job->sharp.writer != NULL ? sharp : NULL, &scene, err));
+                                     job->file[SHARP] != NULL ? sharp : NULL, &scene, err));
     RX_TRY_EXIT(make_facts(simulation, &(rx_simulated){.scene = scene, .noise = simulation->noise}, field,
                            &facts, err));
     RX_TRY_EXIT(complete_cards(options, simulation, field->tile, err));
-    mark_saturated(field->tile, defects);
+    for (size_t i = 0; i < n; i++) /* what the added light brought to the saturation level */
+        if (!(field->tile->mask[i] & RX_MASK_BAD) &&
+            (double)field->tile->pixels[i] >= field->tile->saturation)
+            defects[i] = RX_DEFECT_SATURATED;
     field_data data = {.simulation = simulation,
                        .scene = scene,
                        .tile = field->tile,
@@ -580,16 +511,15 @@ static rx_status run_injection(job *job, rx_error *err)
     int *hdus = NULL, n = 0;
     rx_config *stage = NULL;
     rx_options *options = NULL;
-    rx_status status = read_stage_config(job, &stage, err);
-    if (status == RX_OK)
-        status = rx_options_from_config(stage, job->log, &options, err);
-    if (status == RX_OK)
-        status = rx_tile_list(job->config->inject_image, job->log, &hdus, &n, err);
-    for (int i = 0; i < n && status == RX_OK; i++) {
-        status = inject_image(job, options, hdus[i], i + 1, err);
-        if (status == RX_OK)
-            status = rx_interrupt_check(err);
+    rx_status status;
+    RX_TRY_EXIT(read_stage_config(job, &stage, err));
+    RX_TRY_EXIT(rx_options_from_config(stage, job->log, &options, err));
+    RX_TRY_EXIT(rx_tile_list(job->config->inject_image, job->log, &hdus, &n, err));
+    for (int i = 0; i < n; i++) {
+        RX_TRY_EXIT(inject_image(job, options, hdus[i], i + 1, err));
+        RX_TRY_EXIT(rx_interrupt_check(err));
     }
+exit:
     free(hdus);
     rx_options_free(options);
     rx_config_free(stage);
@@ -600,15 +530,16 @@ rx_status rx_simulation_run(const rx_simulate_config *config, rx_log *log, rx_er
 {
     job job = {.config = config, .log = log};
     rx_status status;
-    RX_TRY_EXIT(record_run(&job, err));
+    rx_record_add(&job.record, "PROGRAM", "made by", "rextract-simulate");
+    rx_record_add(&job.record, "RXVERS", "version of rextract", "%s", RX_VERSION);
+    if (!rx_settings_visit(&config->settings, false, add_keyword, &job.record) || job.record.failed)
+        RX_TRY_EXIT(rx_error_memory(err, 0));
     RX_TRY_EXIT(open_outputs(&job, err));
     RX_TRY_EXIT(config->inject_image[0] != '\0' ? run_injection(&job, err) : run_field(&job, err));
     status = finish(&job, err);
 exit:
-    rx_fits_abort(job.image.writer);
-    rx_fits_abort(job.sharp.writer);
-    rx_fits_abort(job.flags.writer);
-    rx_fits_abort(job.weight.writer);
+    for (int k = 0; k < NFILES; k++)
+        rx_fits_abort(job.file[k]);
     for (int i = 0; i < job.ntables; i++)
         rx_table_free(job.tables[i]);
     free(job.tables);

@@ -47,28 +47,18 @@ typedef struct job {
     rx_text warnings;     /* of the run, for it */
 } job;
 
-/* Bits of rx_field_open() that say what PSF the run needs. */
-static int psf_needed(const rx_options *options)
-{
-    int what = options->check.self_check || options->write_psf || options->tile_page ? RX_FIELD_PSF : 0;
-    for (int i = 0; i < options->nrestorers; i++)
-        what |= rx_pipeline_psf(&options->pipeline, options->restorers[i]);
-    return what;
-}
-
 /* Open the outputs first: an unwritable folder is reported before the work, not after it. */
 static rx_status open_runs(job *job, int nextensions, rx_error *err)
 {
     const rx_options *options = job->options;
-    rx_status status = RX_OK;
-    for (int i = 1; i <= nextensions && status == RX_OK; i++)
-        status = rx_report_try(job->config, options, job->image, nextensions > 1 ? i : 0, err);
-    if (status == RX_OK && job->config->write_xml && job->facts != NULL)
-        status = rx_outputs_file(job->outputs, job->config->xml_name, &job->xml, err);
-    for (int i = 0; i < options->nrestorers && status == RX_OK; i++)
-        status = rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
-                             job->outputs, err);
-    return status;
+    for (int i = 1; i <= nextensions; i++)
+        RX_TRY(rx_report_try(job->config, options, job->image, nextensions > 1 ? i : 0, err));
+    if (job->config->write_xml && job->facts != NULL)
+        RX_TRY(rx_outputs_file(job->outputs, job->config->xml_name, &job->xml, err));
+    for (int i = 0; i < options->nrestorers; i++)
+        RX_TRY(rx_run_open(&job->runs[i], options, options->restorers[i], options->nrestorers > 1,
+                           job->outputs, err));
+    return RX_OK;
 }
 
 /* The short table of the report, a line at a time; a gate that passed may stay away. */
@@ -112,35 +102,34 @@ static rx_status report(job *job, const rx_report_input *in, rx_error *err)
     return status;
 }
 
-/* Is there an output that says what was read, or must it be compared? */
-static int is_recorded(const rx_config *config, const rx_options *options)
-{
-    return rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
-           options->covariance_name[0] != '\0' || options->positions != NULL ||
-           options->reference.name != NULL || options->tile_page || options->check.self_check ||
-           options->write_psf || config->write_xml || config->settings.repeated.n > 0;
-}
-
 /* After the first image was read, which finds what is wrong with a file sooner than its digest; and the files that only
  * the stars of this image, or their lack, made inputs. */
 static rx_status record_inputs(job *job, const rx_field *detect, const rx_field *measure, rx_error *err)
 {
     const rx_field *fields[] = {detect, measure};
-    const int recorded = is_recorded(job->config, job->options), first = !job->inputs_recorded;
+    const rx_config *config = job->config;
+    const rx_options *options = job->options;
+    /* is there an output that says what was read, or must it be compared? */
+    const bool recorded = rx_catalog_has_record(options->catalog_type) || options->nchecks > 0 ||
+                          options->covariance_name[0] != '\0' || options->positions != NULL ||
+                          options->reference.name != NULL || options->tile_page ||
+                          options->check.self_check || options->write_psf || config->write_xml ||
+                          config->settings.repeated.n > 0,
+               first = !job->inputs_recorded;
     if (recorded && first)
-        RX_TRY(rx_record_inputs(&job->record, job->config, job->options, job->detect, job->measure, err));
+        RX_TRY(rx_record_inputs(&job->record, config, options, job->detect, job->measure, err));
     job->inputs_recorded = 1;
     for (int role = 0; role < 2; role++) {
         const rx_record *read = fields[role] != NULL ? &fields[role]->inputs : NULL;
         if (read != NULL && read->failed)
             return rx_error_memory(err, 0);
         for (int i = 0; read != NULL && i < read->n; i++) {
-            RX_TRY(rx_settings_check_read(&job->config->settings, read->pairs[i][1], err));
+            RX_TRY(rx_settings_check_read(&config->settings, read->pairs[i][1], err));
             if (recorded)
                 RX_TRY(rx_record_file(&job->record, read->pairs[i][0], read->pairs[i][1], err));
         }
     }
-    return first ? rx_repeat_check(&job->config->settings, &job->record, job->log, err) : RX_OK;
+    return first ? rx_repeat_check(&config->settings, &job->record, job->log, err) : RX_OK;
 }
 
 static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension, int nextensions,
@@ -150,54 +139,56 @@ static rx_status run_extension(job *job, int hdu, int measure_hdu, int extension
     rx_field *detect = NULL, *measure = NULL;
     rx_checks *checks = NULL;
     const int templates = options->pipeline.templates.wanted;
-    const int asked = psf_needed(options), need_psf = (asked & RX_FIELD_PSF) != 0;
+    int asked = options->check.self_check || options->write_psf || options->tile_page ? RX_FIELD_PSF : 0;
+    for (int i = 0; i < options->nrestorers; i++)
+        asked |= rx_pipeline_psf(&options->pipeline, options->restorers[i]);
+    const int need_psf = (asked & RX_FIELD_PSF) != 0;
+    int done = 0;
+    rx_status status;
     rx_log_step(job->log, need_psf ? "reading, sky, noise, PSF" : "reading, sky, noise");
-    rx_status status =
-        rx_field_open(options, asked, &(rx_image_place){job->detect, hdu, extension}, job->log, &detect, err);
-    if (status == RX_OK && job->measure != NULL) {
+    RX_TRY_EXIT(rx_field_open(options, asked, &(rx_image_place){job->detect, hdu, extension}, job->log,
+                              &detect, err));
+    if (job->measure != NULL) {
         const int what = templates || (need_psf && !options->pipeline.measure_original) ? RX_FIELD_PSF : 0;
-        status =
-            rx_field_open(options, RX_FIELD_MEASURED | what,
-                          &(rx_image_place){job->measure, measure_hdu, extension}, job->log, &measure, err);
-        if (status == RX_OK)
-            rx_log_info(job->log, "two images: sources are detected on %s[%d] and measured on %s[%d]",
-                        detect->tile->name, detect->tile->hdu, measure->tile->name, measure->tile->hdu);
+        RX_TRY_EXIT(rx_field_open(options, RX_FIELD_MEASURED | what,
+                                  &(rx_image_place){job->measure, measure_hdu, extension}, job->log, &measure,
+                                  err));
+        rx_log_info(job->log, "two images: sources are detected on %s[%d] and measured on %s[%d]",
+                    detect->tile->name, detect->tile->hdu, measure->tile->name, measure->tile->hdu);
     }
-    if (status == RX_OK && job->reference != NULL)
-        status = rx_reference_check(&options->reference, job->reference,
-                                    measure != NULL ? measure->tile : detect->tile, err);
-    if (status == RX_OK)
-        status = rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err);
-    if (status == RX_OK)
-        status = record_inputs(job, detect, measure, err);
+    const rx_fields fields = {detect, measure != NULL ? measure : detect};
+    if (job->reference != NULL)
+        RX_TRY_EXIT(rx_reference_check(&options->reference, job->reference, fields.measure->tile, err));
+    RX_TRY_EXIT(rx_checks_new(&options->pipeline, &options->check, detect, job->log, &checks, err));
+    RX_TRY_EXIT(record_inputs(job, detect, measure, err));
     const rx_extraction_input work = {.options = options,
                                       .detect = detect,
                                       .measure = measure,
                                       .checks = checks,
                                       .record = &job->record,
                                       .products = &job->products};
-    int done = 0;
     while (done < options->nrestorers && status == RX_OK) {
         status = rx_run_extract(&job->runs[done], &work, job->log, err);
         done += status == RX_OK;
         if (status == RX_OK)
             status = rx_interrupt_check(err);
     }
-    rx_runs_warn(job->runs, done, detect != NULL ? detect->tile : NULL, job->log);
+    rx_runs_warn(job->runs, done, detect->tile, job->log);
+    if (status != RX_OK)
+        goto exit;
     const rx_report_input about = {.options = options,
-                                   .fields = {detect, measure != NULL ? measure : detect},
+                                   .fields = fields,
                                    .reference = job->reference,
                                    .runs = job->runs,
                                    .extension = nextensions > 1 ? extension : 0,
                                    .record = &job->record,
                                    .outputs = job->outputs,
                                    .log = job->log};
-    if (status == RX_OK && (job->reference != NULL || options->tile_page))
+    if (job->reference != NULL || options->tile_page)
         rx_log_step(job->log, "report");
-    if (status == RX_OK)
-        status = report(job, &about, err);
-    if (status == RX_OK)
-        status = rx_report_checks(&about, checks, err);
+    RX_TRY_EXIT(report(job, &about, err));
+    status = rx_report_checks(&about, checks, err);
+exit:
     for (int i = 0; i < options->nrestorers; i++)
         rx_run_forget(&job->runs[i]);
     if (extension < nextensions)
@@ -227,10 +218,9 @@ static rx_status run_all(job *job, rx_error *err)
     for (int i = 0; i < n; i++)
         RX_TRY_EXIT(run_extension(job, hdus[i], measure_hdus != NULL ? measure_hdus[i] : 0, i + 1, n, err));
     for (int i = 0; i < options->nrestorers; i++)
-        RX_TRY_EXIT(rx_run_digest(&job->runs[i], options, &job->products, err));
+        RX_TRY_EXIT(rx_run_digest(&job->runs[i], &job->products, err));
     for (int i = 0; i < options->nrestorers; i++)
-        RX_TRY_EXIT(
-            rx_run_close(&job->runs[i], options, &job->record, &job->products, job->standard_out, err));
+        RX_TRY_EXIT(rx_run_close(&job->runs[i], &job->record, &job->products, job->standard_out, err));
     if (job->xml != NULL)
         RX_TRY_EXIT(
             rx_run_xml(&(rx_run_xml_input){options, &job->record, job->facts, job->detect, &job->warnings},
@@ -241,16 +231,6 @@ exit:
     free(hdus);
     free(measure_hdus);
     return status;
-}
-
-static rx_status verdict_status(rx_verdict verdict, const char *folder, rx_error *err)
-{
-    if (verdict == RX_VERDICT_FAIL)
-        return rx_error_set(err, RX_GATE_FAIL, "a quality gate FAILED; see %s/report.html", folder);
-    if (verdict == RX_VERDICT_INSUFFICIENT)
-        return rx_error_set(err, RX_GATE_INSUFFICIENT,
-                            "too few sources to decide every quality gate; see %s/report.html", folder);
-    return RX_OK;
 }
 
 rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standard_out, rx_log *log,
@@ -267,34 +247,33 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     rx_text *const others = log != NULL ? log->warnings : NULL;
     if (log != NULL && config->write_xml)
         log->warnings = &j->warnings;
-    rx_status status = rx_options_from_config(config, log, &options, err);
-    if (status != RX_OK) {
-        if (log != NULL)
-            log->warnings = others;
-        rx_text_free(&j->warnings);
-        free(j);
-        return status;
-    }
+    rx_status status;
+    RX_TRY_EXIT(rx_options_from_config(config, log, &options, err));
     j->options = options;
     rx_record_run(&j->record, config, image);
     if (j->record.failed || !rx_name_split_images(image, &j->detect, &j->measure))
         RX_TRY_EXIT(rx_error_memory(err, 0));
-    if (j->measure != NULL && (options->check.self_check || options->check.blank_check > 0)) {
-        status = rx_error_set(err, RX_USAGE,
-                              "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
-                              "the checks");
-        goto exit;
-    }
+    if (j->measure != NULL && (options->check.self_check || options->check.blank_check > 0))
+        RX_TRY_EXIT(
+            rx_error_set(err, RX_USAGE,
+                         "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
+                         "the checks"));
     RX_TRY_EXIT(rx_outputs_new(&j->outputs, err));
     RX_TRY_EXIT(run_all(j, err));
     rx_outputs_log(j->outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);
     RX_TRY_EXIT(rx_repeat_compare(&config->settings, &j->record, &j->products, log, err));
-    status = verdict_status(j->verdict, options->qa_name, err);
+    if (j->verdict == RX_VERDICT_FAIL)
+        status =
+            rx_error_set(err, RX_GATE_FAIL, "a quality gate FAILED; see %s/report.html", options->qa_name);
+    else if (j->verdict == RX_VERDICT_INSUFFICIENT)
+        status = rx_error_set(err, RX_GATE_INSUFFICIENT,
+                              "too few sources to decide every quality gate; see %s/report.html",
+                              options->qa_name);
 exit:
     if (log != NULL)
         log->warnings = others;
     rx_text_free(&j->warnings);
-    for (int i = 0; i < options->nrestorers; i++)
+    for (int i = 0; options != NULL && i < options->nrestorers; i++)
         rx_run_free(&j->runs[i]);
     rx_outputs_free(j->outputs);
     rx_table_free(j->reference);

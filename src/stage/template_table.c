@@ -36,45 +36,31 @@ static const rx_column columns[NCOLUMNS] = {
                      .description = "The same over both errors"},
 };
 
-static void put(rx_table *table, long row, int extension, const rx_source *a, const rx_source *b,
-                double covariance)
-{
-    ((int32_t *)table->columns[EXTENSION].data)[row] = extension;
-    ((int32_t *)table->columns[FIRST].data)[row] = a->number;
-    ((int32_t *)table->columns[SECOND].data)[row] = b->number;
-    ((double *)table->columns[COVARIANCE].data)[row] = covariance;
-    ((double *)table->columns[CORRELATION].data)[row] = covariance / (a->fit.fluxerr * b->fit.fluxerr);
-}
-
-/* by_entry[tphot->n]: sources that are still in the list, by their place in the fit. */
-static rx_status index_sources(const rx_tphot *tphot, const rx_sources *sources, const rx_source ***by_entry,
-                               rx_error *err)
-{
-    *by_entry = rx_alloc((size_t)tphot->n, sizeof **by_entry);
-    if (*by_entry == NULL)
-        return rx_error_memory(err, (size_t)tphot->n * sizeof **by_entry);
-    for (int i = 0; i < sources->n; i++)
-        (*by_entry)[sources->list[i].fit.entry] = &sources->list[i];
-    return RX_OK;
-}
-
 rx_status rx_template_table(const rx_tphot *tphot, const rx_sources *sources, int extension, rx_table **dst,
                             rx_error *err)
 {
     const int npairs = tphot != NULL ? tphot->npairs : 0;
-    const rx_source **by_entry = NULL;
+    const rx_source **by_entry = NULL; /* sources that are still in the list, by their place in the fit */
     rx_table *table = NULL;
     rx_status status = RX_OK;
     long nrows = 0, row = 0;
     if (tphot != NULL)
-        RX_TRY_EXIT(index_sources(tphot, sources, &by_entry, err));
+        RX_TRY_EXIT(RX_MAKE(by_entry, (size_t)tphot->n, err));
+    for (int i = 0; tphot != NULL && i < sources->n; i++)
+        by_entry[sources->list[i].fit.entry] = &sources->list[i];
     for (int i = 0; i < npairs; i++)
         nrows += by_entry[tphot->pairs[i].i] != NULL && by_entry[tphot->pairs[i].j] != NULL;
     RX_TRY_EXIT(rx_table_make("COVARIANCES", columns, NCOLUMNS, nrows, &table, err));
     for (int i = 0; i < npairs; i++) {
         const rx_source *a = by_entry[tphot->pairs[i].i], *b = by_entry[tphot->pairs[i].j];
-        if (a != NULL && b != NULL)
-            put(table, row++, extension, a, b, tphot->pairs[i].covariance);
+        const double covariance = tphot->pairs[i].covariance;
+        if (a == NULL || b == NULL)
+            continue;
+        ((int32_t *)table->columns[EXTENSION].data)[row] = extension;
+        ((int32_t *)table->columns[FIRST].data)[row] = a->number;
+        ((int32_t *)table->columns[SECOND].data)[row] = b->number;
+        ((double *)table->columns[COVARIANCE].data)[row] = covariance;
+        ((double *)table->columns[CORRELATION].data)[row++] = covariance / (a->fit.fluxerr * b->fit.fluxerr);
     }
     *dst = table;
 exit:

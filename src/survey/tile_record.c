@@ -239,13 +239,6 @@ static rx_status take_whole(const reader *r, const char *word, long low, long hi
     return *end == '\0' ? RX_OK : refuse(r, "a number is out of place");
 }
 
-/* Of a restorer or a PSF. */
-static bool is_name(const char *name, size_t size)
-{
-    const size_t n = strspn(name, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_");
-    return n > 0 && name[n] == '\0' && n < size;
-}
-
 /* A text is cut where it is longer than its field. */
 static rx_status take_item(const reader *r, const item *i, char *word, void *field)
 {
@@ -253,6 +246,7 @@ static rx_status take_item(const reader *r, const item *i, char *word, void *fie
     long value = 0;
     if (!rx_printable_read(word))
         return refuse(r, "a % has no two digits");
+    const size_t letters = strspn(word, "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_");
     switch (i->kind) {
     case REAL:
     case EXACT:
@@ -272,7 +266,7 @@ static rx_status take_item(const reader *r, const item *i, char *word, void *fie
         free(*(char **)field);
         return (*(char **)field = rx_strdup(word)) != NULL ? RX_OK : rx_error_memory(r->err, 0);
     default:
-        if (i->kind == NAME && !is_name(word, i->size))
+        if (i->kind == NAME && (letters == 0 || word[letters] != '\0' || letters >= i->size))
             return refuse(r, "a restorer or a PSF has no name");
         snprintf(field, i->size, "%s", word);
         return RX_OK;
@@ -331,14 +325,6 @@ static rx_status begin_extension(reader *r)
     return RX_OK;
 }
 
-static rx_status begin_run(reader *r)
-{
-    RX_TRY(RX_GROW(r->e->run, (size_t)r->e->nruns + 1, r->err));
-    r->run = &r->e->run[r->e->nruns++];
-    *r->run = (rx_run_facts){.sharp = NAN};
-    return take_items(r, RUN, 1, r->run);
-}
-
 /* A line may come where what it belongs to has begun. */
 static rx_status read_fields(reader *r, line_name name)
 {
@@ -362,8 +348,11 @@ static rx_status read_fields(reader *r, line_name name)
         return refuse(r, why);
     if (name == CARD)
         return take_items(r, name, 1, &r->e->card[r->e->ncards++]);
-    if (name == RUN)
-        return begin_run(r);
+    if (name == RUN) {
+        RX_TRY(RX_GROW(r->e->run, (size_t)r->e->nruns + 1, r->err));
+        r->run = &r->e->run[r->e->nruns++];
+        *r->run = (rx_run_facts){.sharp = NAN};
+    }
     if (name == RHO) {
         if (r->words.n < 2)
             return refuse(r, "a number is missing");

@@ -353,27 +353,20 @@ static void own_catalogues(const char *folder, const char *scratch)
     fuzz_require(rx_catalog_table(columns, &image, &sources, &table, NULL) == RX_OK &&
                      rx_table_copy_cards(table, tile.cards, tile.ncards, NULL) == RX_OK,
                  "a table can be made");
-    const rx_record_pair version = {"RXVERS", "0.1.0", "program"};
+    char *program[][3] = {{"RXVERS", "0.1.0", "program"}};
+    const rx_record version = {.n = 1, .pairs = program};
     rx_record record = {0};
     make_record(&record, table);
-    rx_record_pair *pairs = calloc((size_t)record.n, sizeof *pairs);
-    fuzz_require(pairs != NULL, "there is memory");
-    for (int i = 0; i < record.n; i++)
-        pairs[i] = (rx_record_pair){record.pairs[i][0], record.pairs[i][1], record.pairs[i][2]};
     for (int i = 0; i < 8; i++) {
         static const char *const texts[] = {"catalog", NULL}, *const repeated[] = {"repeated", NULL};
         const int k = i % 4;
         remove(scratch);
-        const rx_catalog catalog = {.type = types[k].type,
-                                    .n = 1,
-                                    .tables = &table,
-                                    .npairs = i < 4 ? 1 : record.n,
-                                    .record = i < 4 ? &version : pairs};
+        const rx_catalog catalog = {
+            .type = types[k].type, .n = 1, .tables = &table, .record = i < 4 ? &version : &record};
         fuzz_require(rx_catalog_write(&catalog, scratch, scratch, NULL, NULL) == RX_OK,
                      "a catalogue can be written");
         put_fits(folder, i >= 4 ? repeated : k < 2 ? TABLES : texts, types[k].name, scratch);
     }
-    free(pairs);
     rx_record_free(&record);
     rx_table_free(table);
     rx_columns_free(columns);

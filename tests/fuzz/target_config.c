@@ -49,7 +49,7 @@ void fuzz_config(const uint8_t *data, size_t size)
         fuzz_require(rx_settings_new(*table, &settings, &err) == RX_OK, "settings can be made");
         if (rx_settings_read(settings, path, NULL, &err) == RX_OK) {
             rx_settings_check(settings, &err);
-            rx_settings_warn_idle(settings, NULL, &err);
+            rx_settings_warn_idle(settings, (rx_idle){0}, NULL, &err);
             dump_and_read(*table, settings);
         }
         rx_settings_free(settings);

@@ -113,14 +113,6 @@ static bool is_plain(const seen *s)
            s->text[RX_CARD_KEY] == '=';
 }
 
-/* Does cfitsio take what stands behind the name of a column's keyword for its number? "TFORM01" it does. */
-static bool is_loose_number(const char *rest)
-{
-    char *end;
-    (void)strtol(rest, &end, 10);
-    return end != rest && (*end == '\0' || *end == ' ');
-}
-
 /* Row of `rules` that the name belongs to, -1: none. *number: 0 for a name without one; -1: it is a name for
  * cfitsio alone. */
 static int rule_of(const char *name, int *number)
@@ -136,9 +128,11 @@ static int rule_of(const char *name, int *number)
             *number = atoi(rest);
             return r;
         }
+        char *end; /* cfitsio takes TFORM01 for a column's, too */
+        (void)strtol(rest, &end, 10);
+        const bool is_loose = end != rest && (*end == '\0' || *end == ' ');
         *number = is_numbered || rest[0] != '\0' ? -1 : 0;
-        if (*number == 0 ||
-            (is_column && (is_numbered ? is_loose_number(rest) : strcmp(rules[r].name, "THEAP") == 0)))
+        if (*number == 0 || (is_column && (is_numbered ? is_loose : strcmp(rules[r].name, "THEAP") == 0)))
             return r;
     }
     return -1;
@@ -165,17 +159,10 @@ static token token_of(const char *value)
     return t;
 }
 
-static const char *skip_digits(const char *c, const char *end)
-{
-    while (c < end && *c >= '0' && *c <= '9')
-        c++;
-    return c;
-}
-
 static bool is_whole(const char *c, const char *end)
 {
     c += c < end && (*c == '+' || *c == '-');
-    return c < end && end - c <= MOST_DIGITS && skip_digits(c, end) == end;
+    return c < end && end - c <= MOST_DIGITS && strspn(c, "0123456789") >= (size_t)(end - c);
 }
 
 /* The value that a keyword of that kind has, into dst; false: it is no such value. A number in quotes is one, a
@@ -245,14 +232,6 @@ static token value_of(const rx_fits_header *h, const int *place, seen *s)
     return token_of(s->value != NULL ? s->value : none);
 }
 
-/* Do two cards have the same value? */
-static bool is_same(const rx_fits_header *h, int first, int second)
-{
-    seen one, other;
-    const token a = value_of(h, &first, &one), b = value_of(h, &second, &other);
-    return a.end - a.begin == b.end - b.begin && memcmp(a.begin, b.begin, (size_t)(a.end - a.begin)) == 0;
-}
-
 /* Is a value longer than cfitsio has room for: what it takes for a number, a text of a column, any text? */
 static bool is_too_long(const seen *s, bool is_table)
 {
@@ -276,6 +255,16 @@ static bool is_too_long(const seen *s, bool is_table)
     const ptrdiff_t length = end - s->value;
     return (is_count && length > LONGEST) || (t.is_quoted && length > RX_CARD_TEXT + 2) ||
            (is_table && !t.is_quoted && length > RX_CARD_TEXT);
+}
+
+/* The card anew where it is not as it would be written. */
+static void rewrite(rx_fits_header *h, char *card, const seen *s, const char *value, const char *rest)
+{
+    if (is_written(s, value))
+        return;
+    h->is_rebuilt = true;
+    if (!write_card(card, s->name, value, rest))
+        set_fault(h, "%s is longer than a card; the header is damaged", s->name);
 }
 
 /* Card i, which cfitsio takes for keyword `number` of a rule. */
@@ -312,14 +301,14 @@ static void take(rx_fits_header *h, size_t i, const seen *s, int r, int number, 
                                              : "no number");
         return;
     }
-    if (is_read && !is_written(s, value)) {
-        h->is_rebuilt = true;
-        if (!write_card(card, s->name, value, t.end))
-            set_fault(h, "%s is longer than a card; the header is damaged", s->name);
-    }
+    if (is_read)
+        rewrite(h, card, s, value, t.end);
+    const int own = (int)i + 1;
     if (*place == 0)
-        *place = (int)i + 1;
-    else if (!is_same(h, *place, (int)i + 1))
+        *place = own;
+    seen one, other;
+    const token a = value_of(h, place, &one), b = value_of(h, &own, &other);
+    if (a.end - a.begin != b.end - b.begin || memcmp(a.begin, b.begin, (size_t)(a.end - a.begin)) != 0)
         set_fault(h, "%s is there twice, and not the same; take one of the two out", s->name);
 }
 
@@ -349,11 +338,7 @@ static int take_first(rx_fits_header *h)
         set_fault(h, "XTENSION is no text in quotes; the header is damaged");
         return IMAGE;
     }
-    if (!is_written(&s, value)) {
-        h->is_rebuilt = true;
-        if (!write_card(h->cards.data, s.name, value, t.end))
-            set_fault(h, "XTENSION is longer than a card; the header is damaged");
-    }
+    rewrite(h, h->cards.data, &s, value, t.end);
     return is_table_type(value) ? TABLE : IMAGE;
 }
 

@@ -4,7 +4,6 @@
 #include <limits.h>
 #include <stdbool.h>
 #include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <zlib.h>
@@ -179,53 +178,37 @@ static bool take_tree(bits *s, quadrant *q)
     return word >= 0;
 }
 
-static bool take_direct(bits *s, quadrant *q)
+static bool take_plane(bits *s, quadrant *q)
 {
-    const size_t n = parts(q->nx, 2) * parts(q->ny, 2);
-    for (size_t k = 0; k < n; k++) {
+    enum { DIRECT = 0, TREE = 15 };
+    const int kind = take(s, 4);
+    if (kind != DIRECT && (kind != TREE || !take_tree(s, q)))
+        return false;
+    for (size_t k = 0; kind == DIRECT && k < parts(q->nx, 2) * parts(q->ny, 2); k++) {
         const int word = take(s, 4);
         if (word < 0)
             return false;
         q->words[k] = (unsigned char)word;
     }
-    return true;
-}
-
-static bool take_plane(bits *s, quadrant *q)
-{
-    enum { DIRECT = 0, TREE = 15 };
-    const int kind = take(s, 4);
-    if (kind != DIRECT && kind != TREE)
-        return false;
-    if (kind == DIRECT ? !take_direct(s, q) : !take_tree(s, q))
-        return false;
     for (size_t i = 0; i < q->nx; i++)
         for (size_t j = 0; j < q->ny; j++)
             q->filled[i * q->ny + j] |= is_filled(q->words, i, j, parts(q->ny, 2));
     return true;
 }
 
-/* *signs grows by the coefficients that are not zero. */
-static bool take_quadrant(bits *s, quadrant *q, unsigned planes, uint64_t *signs)
-{
-    memset(q->filled, 0, q->nx * q->ny);
-    for (unsigned plane = 0; plane < planes; plane++)
-        if (!take_plane(s, q))
-            return false;
-    for (size_t k = 0; k < q->nx * q->ny; k++)
-        *signs += q->filled[k];
-    return true;
-}
-
-/* Four quadrants, a word of zero, and from the next byte on a bit for each sign. */
+/* Four quadrants, a word of zero, and from the next byte on a bit for the sign of each coefficient that is not zero. */
 static bool take_all(bits *s, quadrant *q, size_t nx, size_t ny, const unsigned char planes[3])
 {
     uint64_t signs = 0;
     for (int k = 0; k < 4; k++) {
         q->nx = k / 2 == 0 ? parts(nx, 2) : nx / 2;
         q->ny = k % 2 == 0 ? parts(ny, 2) : ny / 2;
-        if (!take_quadrant(s, q, planes[(k + 1) / 2], &signs))
-            return false;
+        memset(q->filled, 0, q->nx * q->ny);
+        for (unsigned plane = 0; plane < planes[(k + 1) / 2]; plane++)
+            if (!take_plane(s, q))
+                return false;
+        for (size_t i = 0; i < q->nx * q->ny; i++)
+            signs += q->filled[i];
     }
     return take(s, 4) == 0 && skip(s, (8 - s->at % 8) % 8 + signs);
 }

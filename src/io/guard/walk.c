@@ -89,19 +89,14 @@ typedef struct source {
     bool unreadable; /* not the end of the file: the disk */
 } source;
 
-/* EINVAL: no file has such a place. */
-static bool read_plain(source *s, LONGLONG place, char *block)
-{
-    const ssize_t n = rx_input_read(s->plain, block, RX_FITS_BLOCK, place);
-    s->unreadable = n < 0 && errno != EINVAL && errno != EOVERFLOW;
-    return n == RX_FITS_BLOCK;
-}
-
 static bool read_block(source *s, LONGLONG place, char *block)
 {
     int failed = 0;
-    if (s->open == NULL)
-        return read_plain(s, place, block);
+    if (s->open == NULL) {
+        const ssize_t n = rx_input_read(s->plain, block, RX_FITS_BLOCK, place);
+        s->unreadable = n < 0 && errno != EINVAL && errno != EOVERFLOW; /* no file has such a place */
+        return n == RX_FITS_BLOCK;
+    }
     ffmbyt(s->open, place, REPORT_EOF, &failed);
     ffgbyt(s->open, RX_FITS_BLOCK, block, &failed);
     s->unreadable = rx_fits_is_unreadable(failed);

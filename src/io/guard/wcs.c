@@ -47,6 +47,16 @@ static void set_text(char *card, const char *key, const char *value)
     rx_text_free(&text);
 }
 
+/* The card becomes KEY = value. */
+static void set_number(char *card, const char *key, double value)
+{
+    rx_text text = {0};
+    rx_card_number(&text, key, value, "");
+    if (!text.failed)
+        memcpy(card, text.data, RX_CARD);
+    rx_text_free(&text);
+}
+
 /* wcslib 7.12 stops reading a number at the D of a Fortran exponent (1.0D-6 becomes 1.0). */
 static void repair_exponents(char *cards, size_t ncards)
 {
@@ -518,12 +528,8 @@ static void settle_numbers(char *cards, size_t ncards, rx_wcs_notes *notes, rx_t
                 continue;
             }
         }
-        rx_text plain = {0};
         if (!is_whole_card(card) || card[9 + strspn(card + 9, " ")] == '\'')
-            rx_card_number(&plain, key, value, "");
-        if (plain.length == RX_CARD)
-            memcpy(card, plain.data, RX_CARD);
-        rx_text_free(&plain);
+            set_number(card, key, value);
     }
     if (twice.length > 0) {
         rx_wcs_note(&notes->warnings, twice.data);
@@ -682,14 +688,10 @@ static void complete_tpv(char *cards, size_t ncards)
     for (int axis = 1; axis <= 2; axis++) {
         const char *key = axis == 1 ? "PV1_1" : "PV2_1";
         char ctype[32];
-        rx_text one = {0};
         rx_cards_text(cards, (long)ncards, axis == 1 ? "CTYPE1" : "CTYPE2", ctype, sizeof ctype);
         if (strlen(ctype) < 8 || strncmp(ctype + 5, "TPV", 3) != 0 || rx_cards_find(cards, ncards, key) >= 0)
             continue;
-        rx_card_number(&one, key, 1.0, "");
-        if (!one.failed)
-            memcpy(cards + (axis == 1 ? RX_WCS_PV1 : RX_WCS_PV2) * RX_CARD, one.data, RX_CARD);
-        rx_text_free(&one);
+        set_number(cards + (axis == 1 ? RX_WCS_PV1 : RX_WCS_PV2) * RX_CARD, key, 1.0);
     }
 }
 

@@ -11,16 +11,17 @@
 #include "io/output.h"
 #include "stage/pipeline.h"
 
-static const rx_record_pair record[] = {{"RXVERS", "Rextract <&> \"test\"", "program"},
-                                        {"DETECT_MINAREA", "5", "pixels above threshold"},
-                                        {"FILTER", "Y", NULL}};
+static char *pairs[][3] = {{"RXVERS", "Rextract <&> \"test\"", "program"},
+                           {"DETECT_MINAREA", "5", "pixels above threshold"},
+                           {"FILTER", "Y", ""}};
+static const rx_record record = {.n = 3, .pairs = pairs};
 
 static const char param[] =
     "NUMBER\nX_IMAGE\nALPHA_J2000\nDELTA_J2000\nFLUX_APER(3)\nMAG_AUTO\nFLAGS\nVIGNET(3,2)\n";
 
 static rx_catalog catalog_of(rx_catalog_type type, rx_table **tables, int n)
 {
-    return (rx_catalog){.type = type, .n = n, .tables = tables, .npairs = 3, .record = record};
+    return (rx_catalog){.type = type, .n = n, .tables = tables, .record = &record};
 }
 
 static rx_status write_all(rx_catalog_type type, const char *path, rx_table **tables, int n, rx_error *err)

@@ -75,7 +75,8 @@ static void check_needs(const rx_keytable *table, const rx_keyword *key)
         else if (!legal && column)
             legal = strcspn(word, "abcdefghijklmnopqrstuvwxyz") == n;
         else if (!legal && of != NULL && of->words != NULL)
-            legal = rx_keyword_among(of->words, word);
+            for (const char *const *known = of->words; *known != NULL; known++)
+                legal |= strcmp(*known, word) == 0;
         else if (!legal && of != NULL)
             legal = of->kind == RX_KIND_BOOL && strcmp(word, "Y") == 0;
         if (!legal || (row >= 0 && of == key))

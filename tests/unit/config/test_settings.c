@@ -203,7 +203,7 @@ static void logged(void **state, const char *text, rx_status expected, char *dst
     const rx_status status = rx_settings_check(&c->settings, err);
     assert_int_equal(status, expected);
     if (status == RX_OK)
-        assert_int_equal(rx_settings_warn_idle(&c->settings, &log, err), RX_OK);
+        assert_int_equal(rx_settings_warn_idle(&c->settings, (rx_idle){0}, &log, err), RX_OK);
     rewind(stream);
     size_t n = fread(dst, 1, size - 1, stream);
     dst[n] = '\0';
@@ -274,7 +274,7 @@ static rx_status check_line(rx_settings *settings, const char *line, rx_log *log
             fail_msg("'%s': %s", line, err->text);
     }
     RX_TRY(rx_settings_check(settings, err));
-    return rx_settings_warn_idle(settings, log, err);
+    return rx_settings_warn_idle(settings, (rx_idle){0}, log, err);
 }
 
 static void check_relations(const rx_keytable *table, size_t n, const char *const (*cases)[2])
