@@ -13,16 +13,13 @@
 enum {
     ANGLES = 120, /* at the far end half a FWHM from one to the next, the width of a point in lambda 1.4 */
     PLACES = 17,  /* along a direction to one side */
-    LEAST = 8,    /* of them are known */
     STRIP = 64    /* rows of lambda at a time */
 };
 
 static const double NEAREST = 3, BETWEEN = 1.5; /* FWHM: the first place, from one to the next */
-static const double QUARTER = 0.674,
-                    TENTH = 1.28; /* sigmas from a quarter and a tenth of a normal distribution to its mean */
+static const double TENTH = 1.28; /* sigmas from the lowest tenth of a normal distribution to its mean */
 static const double EVEN =
     0.7; /* of the quarter's level, that of the tenth: the same on a line, far lower in a crowd */
-static const double MOST_NOISE = 5; /* sigmas: higher peaks than sources are are lower */
 static const double STANDS_OUT =
     5.4; /* sigmas, which one of 120 directions of 1,000 sources passes with a probability of .01 */
 
@@ -149,9 +146,9 @@ typedef struct level {
 /* Of n places, as stars among them leave it. */
 static level level_of(double *values, size_t n)
 {
-    if (n < LEAST)
+    if (n < PLACES / 2)
         return (level){NAN, 0};
-    const double height = rx_quantile(values, n, 0.25) + QUARTER;
+    const double height = rx_quantile(values, n, 0.25) + 1 / RX_MAD_SIGMA;
     return (level){height, rx_quantile(values, n, 0.1) + TENTH > EVEN * height};
 }
 
@@ -178,11 +175,11 @@ static level level_along(const work *w, int x, int y, int direction)
 {
     double one[PLACES], other[PLACES];
     const size_t n = look_along(w, x, y, direction, one), m = look_along(w, x, y, direction + ANGLES, other);
-    if (n >= LEAST && m >= LEAST)
+    if (n >= PLACES / 2 && m >= PLACES / 2)
         return lower(level_of(one, n), level_of(other, m));
     double *const known = n > m ? one : other;
     const size_t half = (n > m ? n : m) / 2;
-    return half >= LEAST ? lower(level_of(known, half), level_of(known + half, half)) : (level){NAN, 0};
+    return half >= PLACES / 2 ? lower(level_of(known, half), level_of(known + half, half)) : (level){NAN, 0};
 }
 
 static double largest_near(const work *w, int x, int y)
@@ -209,7 +206,7 @@ static int reaches(const work *w, int x, int y, int direction, double height)
     int lower = 0;
     for (int k = 0; k < PLACES && lower <= PLACES / 4 + 1; k++) {
         const place *to = &w->to[direction][k];
-        lower += lambda_at(w, x + to->x, y + to->y) < height - QUARTER;
+        lower += lambda_at(w, x + to->x, y + to->y) < height - 1 / RX_MAD_SIGMA;
     }
     return lower <= PLACES / 4 + 1;
 }
@@ -239,7 +236,7 @@ static double on_line(const work *w, double density, const rx_source *source)
     size_t n = 0;
     if (source->fit.fluxerr > 0) /* without the light of its neighbours */
         own = fmin(own, source->fit.snr);
-    if (!is_possible(w, x, y, own - MOST_NOISE * sqrt(1 + photons * fmax(own, 0))))
+    if (!is_possible(w, x, y, own - STANDS_OUT * sqrt(1 + photons * fmax(own, 0))))
         return 0;
     for (int a = 0; a < ANGLES; a++) {
         const level one = level_along(w, x, y, a);

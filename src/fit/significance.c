@@ -17,8 +17,6 @@ enum {
     MOST_STEPS = 200, /* of conjugate gradients: a limit of time */
     ROUNDS = 2        /* of the sky's structure: what was taken for sources hides some in the first */
 };
-static const double LEAST_RADIUS =
-    1.5; /* FWHM, of a stamp: holds 0.996 of the sum of P^2 of a Moffat of beta 2.5, 1 - (1 + r^2 / alpha^2)^-4 */
 static const double CUT = 0.05;       /* sigma of a pixel: what lies beyond a stamp is fainter */
 static const double TOLERANCE = 1e-8; /* of the residual of A F = b, relative */
 static const double COUPLED =
@@ -272,7 +270,7 @@ static rx_status try_sizes(const equations *eq, int j, double significant, rx_er
 static rx_status make_stamps(equations *eq, double significant, rx_error *err)
 {
     const rx_psf *psf = eq->image->psf;
-    const int half = psf->size / 2, first = (int)ceil(LEAST_RADIUS * psf->fwhm),
+    const int half = psf->size / 2, first = (int)ceil(RX_PSF_RADIUS * psf->fwhm),
               least = first < half ? first : half;
     const size_t side = (size_t)rx_psf_fine_side(psf);
     double *profile = NULL;

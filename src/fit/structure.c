@@ -17,7 +17,6 @@ static const double NEAR = 1.2, FAR = 2.5; /* widths: what a point covers has fa
 static const double SIGMA_BELOW = 0.15865525393145707; /* share of a Gaussian below -1 */
 static const double LEAST =
     8.0; /* independent places of a cell that says anything: four for each of its two numbers */
-static const double PSF_RADIUS = 1.5; /* FWHM: holds 0.996 of the sum of P^2 of a Moffat of beta 2.5 */
 static const double SEEN =
     0.5; /* share of a template's power, or of the ring around, on pixels that are used */
 static const double CUT = 3.0; /* sigmas */
@@ -240,7 +239,7 @@ static void predict(const work *w)
 
 rx_status rx_structure_point(const rx_psf *psf, rx_structure_view *view, float **values, rx_error *err)
 {
-    const int side = psf->size, wanted = (int)ceil(PSF_RADIUS * psf->fwhm);
+    const int side = psf->size, wanted = (int)ceil(RX_PSF_RADIUS * psf->fwhm);
     view->half = rx_min_int(wanted, side / 2);
     RX_TRY(RX_MAKE(*values, (size_t)side * (size_t)side, err));
     rx_psf_at(psf, 0.5 * view->width, 0.5 * view->height, *values);

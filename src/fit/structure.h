@@ -21,6 +21,9 @@
 #include "data/psf.h"
 #include "fit/sky_mesh.h"
 
+/* FWHM: holds 0.996 of the sum of P^2 of a Moffat of beta 2.5, 1 - (1 + r^2 / alpha^2)^-4. */
+#define RX_PSF_RADIUS 1.5
+
 typedef struct rx_structure {
     rx_sky_mesh level;    /* share a p, ADU, on the mesh of the places */
     rx_sky_mesh variance; /* share S^2, over the variance that noise gives a flux of T */

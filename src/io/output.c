@@ -22,6 +22,13 @@
 #include "base/text.h"
 #include "io/folders.h"
 
+/* Behind the last slash. */
+static const char *name_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash != NULL ? slash + 1 : path;
+}
+
 static int is_there(const char *path)
 {
     struct stat info;
@@ -141,7 +148,7 @@ static int is_lock(const char *name, const char *stem)
 static void sweep(const char *path, const char *stem)
 {
     char found[PATH_MAX];
-    const char *name = basename(stem);
+    const char *name = name_of(stem);
     const int n = (int)(name - stem);
     if (snprintf(found, sizeof found, "%.*s", n, stem) >= (int)sizeof found)
         return;
@@ -386,7 +393,7 @@ static rx_status place(output *out, rx_folders *made, rx_error *err)
     out->path = rx_name_real(out->shown);
     if (out->path == NULL)
         return rx_error_memory(err, length);
-    const char *name = basename(out->path), *scratch = getenv("TMPDIR");
+    const char *name = name_of(out->path), *scratch = getenv("TMPDIR");
     if (out->kind == OUTPUT_DEVICE)
         out->stem = format("%s/.%s", scratch != NULL && scratch[0] != '\0' ? scratch : "/tmp", name);
     else
@@ -450,7 +457,7 @@ static rx_status claim(output *out, rx_folders *made, rx_error *err)
     if (out->claim < 0)
         return rx_error_at(err, RX_SYSTEM, out->shown, -1, 0, "cannot be %s: %s",
                            out->kind == OUTPUT_FOLDER ? "made" : "written", strerror(errno));
-    out->temporary = format("%s/%s", out->room, basename(out->path));
+    out->temporary = format("%s/%s", out->room, name_of(out->path));
     return out->temporary != NULL ? RX_OK : rx_error_memory(err, strlen(out->room));
 }
 
@@ -458,7 +465,7 @@ static rx_status claim(output *out, rx_folders *made, rx_error *err)
 static rx_status note_folder(output *out, rx_error *err)
 {
     struct stat info;
-    char *folder = format("%.*s.", (int)(basename(out->stem) - out->stem), out->stem);
+    char *folder = format("%.*s.", (int)(name_of(out->stem) - out->stem), out->stem);
     if (folder == NULL)
         return rx_error_memory(err, strlen(out->stem));
     const int failed = stat(folder, &info) != 0;
@@ -490,7 +497,7 @@ static rx_status reserve(rx_outputs *outputs, const char *path, int folder, cons
         const output *other = &outputs->list[i];
         /* the stem's folder may be another than the path's (devices), its name is that of the output */
         if (other->device == out->device && other->folder == out->folder &&
-            strcmp(basename(other->stem), basename(out->stem)) == 0)
+            strcmp(name_of(other->stem), name_of(out->stem)) == 0)
             status =
                 rx_error_at(err, RX_USAGE, path, -1, 0, "is asked for twice; give every output its own name");
     }

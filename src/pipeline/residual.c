@@ -15,7 +15,6 @@
 enum { CELL = 64 };                           /* pixels: the mesh of the sky, which follows what is wider */
 static const double BEAMS = 16.0;             /* FWHM: 113 independent places */
 static const double ANY_FWHM = 3.0;           /* pixels: where no PSF is known, that of many surveys */
-static const double QUARTILE = 0.6745;        /* median of |t| of a normal distribution */
 static const double LOW = 0.8, HIGH = 1.3;    /* true errors over those that are stated */
 static const double BIAS = 0.02;              /* of fluxes: what the flux check allows, too */
 static const double ERRORS = 2.0;             /* of b, and of fluxes by the PSF: 0.95 are within */
@@ -154,7 +153,7 @@ static double width_of(const window *v)
             if (v->hidden[y * v->width + x] == 0)
                 v->values[n++] = fabs((double)v->t[y * v->width + x]);
     return (double)n >= ENOUGH * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0])
-               ? rx_median(v->values, n) / QUARTILE
+               ? rx_median(v->values, n) * RX_MAD_SIGMA
                : NAN;
 }
 

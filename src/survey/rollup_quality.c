@@ -274,10 +274,15 @@ typedef struct point {
     double v[2], rank[2];
 } point;
 
-/* side: 0 the card, 1 the quantity. */
-static int by_side(const void *a, const void *b, void *side)
+static int by_card(const void *a, const void *b)
 {
-    const double x = ((const point *)a)->v[*(const int *)side], y = ((const point *)b)->v[*(const int *)side];
+    const double x = ((const point *)a)->v[0], y = ((const point *)b)->v[0];
+    return (x > y) - (x < y);
+}
+
+static int by_quantity(const void *a, const void *b)
+{
+    const double x = ((const point *)a)->v[1], y = ((const point *)b)->v[1];
     return (x > y) - (x < y);
 }
 
@@ -286,7 +291,7 @@ static double spearman(point *points, int n)
 {
     double xx = 0, yy = 0, xy = 0;
     for (int side = 1; side >= 0; side--) {
-        qsort_r(points, (size_t)n, sizeof *points, by_side, &side);
+        qsort(points, (size_t)n, sizeof *points, side ? by_quantity : by_card);
         for (int i = 0, end; i < n; i = end) {
             for (end = i; end < n && points[end].v[side] == points[i].v[side]; end++)
                 ;
@@ -392,7 +397,7 @@ rx_status rx_rollup_trends(const rx_rollup *r, rx_report *report, rx_report_tabl
                       QUANTITIES[one->quantity].name, one->n, one->rho, one->sigmas);
         if (i < TREND_FIGURES && fabs(one->sigmas) > CLEAR) {
             const int m = collect(r, one, points);
-            qsort_r(points, (size_t)m, sizeof *points, by_side, &(int){0});
+            qsort(points, (size_t)m, sizeof *points, by_card);
             draw_trend(rx_report_figures_of(report), r, one, i, m, points, room);
         }
     }

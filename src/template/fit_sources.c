@@ -6,7 +6,6 @@
 #include "base/constants.h"
 #include "template/patch.h"
 
-static const double HALF_LIGHT = 1.1774100225154747; /* of a Gaussian, in sigmas */
 static const double CUT = 1.3; /* what a segment's threshold cuts off an exponential's rms radius, roughly */
 static const double RESOLVED = 0.5; /* pixels: smaller guesses start as points */
 
@@ -15,7 +14,7 @@ static void guess_shape(const rx_source *s, double fwhm, rx_fit_source *subject)
 {
     const double blur = fwhm / RX_FWHM_SIGMA;
     const double a2 = fmax(s->a * s->a - blur * blur, 0), b2 = fmax(s->b * s->b - blur * blur, 0);
-    subject->guess = CUT * HALF_LIGHT * pow(a2 * b2, 0.25);
+    subject->guess = CUT * (RX_FWHM_SIGMA / 2) * pow(a2 * b2, 0.25);
     if (!isfinite(subject->guess) || !(subject->guess > RESOLVED))
         return;
     const double q = fmax(sqrt(b2 / a2), 0.3), g = (1 - q) / (1 + q);

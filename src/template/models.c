@@ -18,7 +18,6 @@ static const double INDEX_MEAN = 0.32, INDEX_WIDTH = 0.62;
 /* Of g1 and g2: twice the width among those galaxies, so that it takes 4 % of an ellipticity known to 0.1, and leaves what is not
  * resolved round. */
 static const double G_WIDTH = 0.5, G_MOST = 0.9; /* b/a 0.05 */
-static const double LEAST_RADIUS = 0.1;          /* pixels */
 /* Half-light radii that the domain holds around a profile; pixels up to which there is room for twice as many, which bring n = 4 at S/N 100
  * from 2 % too faint to 1.5 %, and cost little. */
 static const double FAR = 4.0, ROOM = 32.0;
@@ -225,7 +224,7 @@ static void fit_sersic(const job *j, int i, rx_source_sersic *dst)
     rx_fit fit = {.n = RX_FIT_ALL, .sersic = r->table};
     set_position(j, 0.75 + 0.3 * r->fwhm + 0.5 * j->source->guess, 0, &fit);
     fit.p[RX_FIT_RADIUS] = log(extended ? start->radius : 0.3 * r->fwhm);
-    fit.low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
+    fit.low[RX_FIT_RADIUS] = log(RX_REFINE_RADIUS);
     fit.high[RX_FIT_RADIUS] = log(0.25 * j->size->n);
     fit.p[RX_FIT_G1] = start->g1;
     fit.p[RX_FIT_G2] = start->g2;

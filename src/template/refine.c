@@ -10,9 +10,7 @@
 
 /* Priors and limits, as refine.h has them. */
 static const double EXPONENTIAL = 0.5, G_WIDTH = 0.25, G_MOST = 0.8;
-static const double LEAST_RADIUS = 0.1; /* pixels */
-static const double FAR = 4.0;          /* half-light radii that the domain holds around a profile */
-static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out of the footprint */
+static const double FAR = 4.0; /* half-light radii that the domain holds around a profile */
 static const double WORTH =
     1.0; /* chi2 that a round size gains before profiles are fitted: below, noise makes it of most points */
 static const double SURE = 0.02;  /* a probability below that is none */
@@ -110,7 +108,7 @@ static void fit_profile(const job *j, double flux, rx_fit *fit)
     fit->p[RX_FIT_NU] = log1p(last->radius > 0 ? last->nu : EXPONENTIAL);
     fit->prior[RX_FIT_RADIUS] = rx_prior_scaling_mean(tile_prior, &tile_prior->radius, flux);
     fit->width[RX_FIT_RADIUS] = tile_prior->radius.width;
-    fit->low[RX_FIT_RADIUS] = log(LEAST_RADIUS);
+    fit->low[RX_FIT_RADIUS] = log(RX_REFINE_RADIUS);
     fit->high[RX_FIT_RADIUS] = log(fmin(widest(j), 0.25 * j->size->n));
     fit->width[RX_FIT_G1] = fit->width[RX_FIT_G2] = G_WIDTH;
     fit->high[RX_FIT_G1] = G_MOST;
@@ -420,7 +418,7 @@ static int side_of(const rx_refine_params *par, const rx_refine_view *view, cons
     const rx_fit_image *canvas = view->canvas;
     const int x = s->x < 0 ? 0 : s->x > canvas->width - 1 ? canvas->width - 1 : (int)s->x;
     const int y = s->y < 0 ? 0 : s->y > canvas->height - 1 ? canvas->height - 1 : (int)s->y;
-    const double noise = FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
+    const double noise = RX_REFINE_FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
     return rx_template_otf_side(lens, reach, par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux,
                                 half);
 }
@@ -439,7 +437,7 @@ static double crop_level(const job *j, const rx_fit_source *after, const rx_temp
     const double peak = highest;
     const int x = after->x < 0 ? 0 : after->x > canvas->width - 1 ? canvas->width - 1 : (int)after->x;
     const int y = after->y < 0 ? 0 : after->y > canvas->height - 1 ? canvas->height - 1 : (int)after->y;
-    const double noise = FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
+    const double noise = RX_REFINE_FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
     const double level = after->flux > 0 && noise > 0 ? noise / after->flux : 0.01 * peak;
     return fmin(fmax(level, 1e-5 * peak), 0.01 * peak);
 }

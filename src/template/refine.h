@@ -19,6 +19,9 @@
 #include "base/error.h"
 #include "template/fit_source.h"
 
+#define RX_REFINE_FAINT 0.03 /* of a pixel's noise: fainter light is left out */
+#define RX_REFINE_RADIUS 0.1 /* pixels: the smallest half-light radius */
+
 typedef struct rx_refine_params {
     int extended, substructure;
     const rx_tile_prior *tile_prior;

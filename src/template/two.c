@@ -13,14 +13,12 @@
 
 static const double CLEAR = 6.0; /* S/N: no noise is above */
 static const double LEAST = 0.5; /* times the flux of the other */
-static const double PRIOR = 1.0; /* no sky is without sources: that many more */
 static const double ROUGH =
     2.0; /* variance over that of the noise: unseen sources, and first order in the shift */
 static const double CLEAR_GAIN =
     5.0; /* ln of a likelihood ratio: above, two points and a profile are compared by fits of both */
-static const double FAR = 2.0;    /* half-light radii that the domain holds around a profile */
-static const double FAINT = 0.03; /* of a pixel's noise: light below that is left out */
-static const double NONE = 1e-6;  /* of a template's power: what is left of it is rounding */
+static const double FAR = 2.0;   /* half-light radii that the domain holds around a profile */
+static const double NONE = 1e-6; /* of a template's power: what is left of it is rounding */
 /* Places along a FWHM: a template half as far as that is the same within 1 %. */
 enum { ALONG = 4, BASE = 6, BINS = 3 };
 
@@ -73,7 +71,8 @@ static double density(const rx_two_counts *c, double flux)
         else
             end = middle;
     }
-    return flux > 0 ? (first * at + PRIOR * c->least) / (c->pixels * flux) : 0;
+    /* no sky is without sources: one more */
+    return flux > 0 ? (first * at + c->least) / (c->pixels * flux) : 0;
 }
 
 static int reach(const rx_refine_view *view)
@@ -285,7 +284,8 @@ rx_status rx_two_odds(const rx_refine_params *par, const rx_refine_view *view, r
         return RX_OK;
     const int x = rx_min_int(rx_max_int(cx, 0), view->canvas->width - 1),
               y = rx_min_int(rx_max_int(cy, 0), view->canvas->height - 1);
-    const double faint = FAINT * sqrt((double)rx_fit_image_variance(view->canvas, x, y)) / source->flux;
+    const double faint =
+        RX_REFINE_FAINT * sqrt((double)rx_fit_image_variance(view->canvas, x, y)) / source->flux;
     RX_TRY(rx_template_otf_at(
         otf, rx_template_otf_side(otf, fmax(FAR * source->profile.radius, reach(view)), faint, 0), source->x,
         source->y, &j.size, err));

@@ -42,7 +42,7 @@ prints '^ +256  no flags of this column$'
 expect_exactly 0 '' -FLAGS flags=261
 
 begin 'all flags'
-prints '^ +256  SHARP +its peak'
+prints '^ +256  SHARP +no light of the sky'
 expect_exactly 0 '' -FLAGS
 
 begin 'an option of other programs'
