@@ -28,7 +28,7 @@
 #include "data/image.h"
 #include "data/sources.h"
 
-/* Sources from the one called `first` on whose peak is more probably a hit than not get RX_RESTORE_SHARP. Of image->pixels with its sky, noise, mask and PSF;
+/* Gives sources from the one called `first` on their probability of being hits (rx_source_doubt()). Of image->pixels with its sky, noise, mask and PSF;
  * without a PSF nothing is found, nor where stars may be sharper than the PSF is said to be (rx_psf_quality.sharper). The same
  * bytes for any nthreads. Errors: RX_SYSTEM. */
 rx_status rx_hits_mark(const rx_image *image, int nthreads, int first, rx_sources *sources, rx_error *err);

@@ -21,7 +21,7 @@ static const double TENTH = 1.28; /* sigmas from the lowest tenth of a normal di
 static const double EVEN =
     0.7; /* of the quarter's level, that of the tenth: the same on a line, far lower in a crowd */
 static const double STANDS_OUT =
-    5.4; /* sigmas, which one of 120 directions of 1,000 sources passes with a probability of .01 */
+    5.4; /* sigmas, which one of 120 directions of 1,000 sources passes with a probability of 0.004 */
 
 /* Pixels from a source. */
 typedef struct place {
