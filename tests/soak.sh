@@ -26,8 +26,7 @@ trap 'rm -rf "$scratch"' EXIT
 trap 'exit 2' INT TERM HUP
 cd "$scratch" || exit 2
 passed=0 failed=0 skipped=0
-# Blocks that sep loses keep the heap from shrinking: 2.0 to 2.3 MiB with templates after 60 tiles, 2.5 after 150.
-slack=3072 usual=60
+slack=2048 usual=60
 # freed memory waits in quarantine there, and shadows grow with it
 grep -q __asan_init "$program" && slack=400000 usual=24
 tiles=${RX_SOAK:-$usual}

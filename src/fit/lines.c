@@ -2,18 +2,18 @@
 #include "fit/lines.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 
 #include "base/constants.h"
 #include "base/memory.h"
 #include "base/min_max.h"
-#include "base/simd.h"
+#include "num/convolve.h"
 #include "num/stats.h"
 
 enum {
     ANGLES = 120, /* at the far end half a FWHM from one to the next, the width of a point in lambda 1.4 */
-    PLACES = 17,  /* along a direction to one side */
-    STRIP = 64    /* rows of lambda at a time */
+    PLACES = 17   /* along a direction to one side */
 };
 
 static const double NEAREST = 3, BETWEEN = 1.5; /* FWHM: the first place, from one to the next */
@@ -31,111 +31,66 @@ typedef struct place {
 typedef struct work {
     const rx_image *image;
     double fwhm;         /* pixels */
-    int reach;           /* pixels */
-    float *filter;       /* [2 reach + 1] a Gaussian; [2 reach + 1] its squares */
-    double power;        /* sum of these */
-    double noise;        /* of lambda, where pixels are independent 1 */
-    float *lambda;       /* [height][width] NAN: not known */
+    double noise;        /* of a place of lambda, sigmas of a pixel */
+    float *lambda;       /* [height][width] times noise */
+    uint8_t *hidden;     /* [height][width] */
     place (*to)[PLACES]; /* [2 ANGLES] along directions of a full turn, the nearest first */
 } work;
 
-/* dst[n] = sum_k filter[k] src[k next ...] */
-RX_SIMD static void smooth(const float *src, size_t next, const float *filter, int taps, int n,
-                           float *restrict dst)
+rx_status rx_lines_noise(const rx_noise_correlation *correlation, double fwhm, double *dst, rx_error *err)
 {
-    for (int i = 0; i < n; i++)
-        dst[i] = 0;
-    for (int k = 0; k < taps; k++)
-        for (int i = 0; i < n; i++)
-            dst[i] += filter[k] * src[(size_t)k * next + (size_t)i];
-}
-
-/* One row of z and of what is known of it, both smoothed along it. row[2][width + 2 reach]: 0 outside the tile. */
-static void smooth_row(const work *w, int y, float *row, float *z, float *known)
-{
-    const int width = w->image->width, r = w->reach, taps = 2 * r + 1, all = width + 2 * r;
-    for (int x = 0; x < width; x += RX_MAP_PIECE)
-        rx_image_sigmas(w->image, x, y, rx_min_int(width - x, RX_MAP_PIECE), row + r + x);
-    for (int x = 0; x < all; x++) {
-        const int is_known = x >= r && x < r + width && row[x] == row[x];
-        row[all + x] = is_known ? 1.0f : 0.0f;
-        row[x] = is_known ? row[x] : 0.0f;
-    }
-    smooth(row, 1, w->filter, taps, width, z);
-    smooth(row + all, 1, w->filter + taps, taps, width, known);
-}
-
-/* Rows of lambda from `first` on. room[(STRIP + 2 reach) 2 width + 2 (width + 2 reach) + 2 width] */
-static void fill_strip(const work *w, int first, float *room)
-{
-    const int width = w->image->width, height = w->image->height, r = w->reach, taps = 2 * r + 1;
-    const int rows = rx_min_int(STRIP, height - first), all = rows + 2 * r;
-    const size_t plane = (size_t)all * (size_t)width;
-    float *const known = room + plane, *const row = known + plane, *const of = row + 2 * (width + 2 * r);
-    for (int k = 0; k < all; k++) {
-        const int y = first - r + k;
-        float *z = room + (size_t)k * (size_t)width, *share = known + (size_t)k * (size_t)width;
-        if (y >= 0 && y < height)
-            smooth_row(w, y, row, z, share);
-        else
-            for (int x = 0; x < width; x++)
-                z[x] = share[x] = 0;
-    }
-    for (int k = 0; k < rows; k++) {
-        float *dst = w->lambda + (size_t)(first + k) * (size_t)width;
-        smooth(room + (size_t)k * (size_t)width, (size_t)width, w->filter, taps, width, dst);
-        smooth(known + (size_t)k * (size_t)width, (size_t)width, w->filter + taps, taps, width, of);
-        for (int x = 0; x < width; x++)
-            dst[x] = (double)of[x] > 0.5 * w->power * w->power
-                         ? (float)((double)dst[x] / (sqrt((double)of[x]) * w->noise))
-                         : NAN;
-    }
+    const int radius = rx_gauss_radius(fwhm), side = 2 * radius + 1;
+    float *line = NULL, *profile = NULL;
+    double square = 0;
+    rx_status status = RX_OK;
+    RX_TRY_EXIT(RX_MAKE(line, (size_t)side, err));
+    RX_TRY_EXIT(RX_MAKE(profile, (size_t)side * (size_t)side, err));
+    rx_gauss_weights(fwhm, radius, line);
+    for (int i = 0; i < side; i++)
+        square += (double)line[i] * (double)line[i];
+    for (int i = 0; i < side * side; i++)
+        profile[i] = line[i % side] * line[i / side];
+    *dst = square * rx_noise_factor(correlation, profile, side, side);
+exit:
+    free(line);
+    free(profile);
+    return status;
 }
 
 static rx_status open_work(const rx_image *image, int threads, work *w, rx_error *err)
 {
+    const int width = image->width, height = image->height;
+    const size_t n = (size_t)width * (size_t)height;
     w->image = image;
     w->fwhm = fmax(image->psf->fwhm, 1);
-    w->reach = (int)ceil(1.5 * w->fwhm);
-    const int taps = 2 * w->reach + 1;
-    const size_t width = (size_t)image->width, height = (size_t)image->height;
-    const size_t each = ((size_t)(STRIP + 2 * w->reach) + 2) * 2 * width + 4 * (size_t)w->reach;
-    float *room = NULL, *profile = NULL;
-    rx_status status = RX_OK;
-    RX_TRY_EXIT(RX_MAKE(w->filter, 2 * (size_t)taps, err));
-    RX_TRY_EXIT(RX_MAKE(w->lambda, width * height, err));
-    RX_TRY_EXIT(RX_MAKE(w->to, 2 * (size_t)ANGLES, err));
-    RX_TRY_EXIT(RX_MAKE(profile, (size_t)taps * (size_t)taps, err));
-    RX_TRY_EXIT(RX_MAKE(room, each * (size_t)threads, err));
-    for (int i = 0; i < taps; i++) {
-        w->filter[i] = (float)exp(-0.5 * pow((i - w->reach) * RX_FWHM_SIGMA / w->fwhm, 2));
-        w->filter[taps + i] = w->filter[i] * w->filter[i];
-        w->power += (double)w->filter[taps + i];
-    }
+    RX_TRY(RX_MAKE(w->lambda, n, err));
+    RX_TRY(RX_MAKE(w->hidden, n, err));
+    RX_TRY(RX_MAKE(w->to, 2 * (size_t)ANGLES, err));
+    RX_TRY(rx_lines_noise(image->correlation, w->fwhm, &w->noise, err));
     for (int a = 0; a < 2 * ANGLES; a++)
         for (int k = 0; k < PLACES; k++) {
             const double at = (NEAREST + k * BETWEEN) * w->fwhm;
             w->to[a][k] = (place){(int)floor(at * cos(M_PI * a / ANGLES) + 0.5),
                                   (int)floor(at * sin(M_PI * a / ANGLES) + 0.5)};
         }
-    for (int i = 0; i < taps * taps; i++)
-        profile[i] = w->filter[i % taps] * w->filter[i / taps];
-    w->noise = rx_noise_factor(image->correlation, profile, taps, taps);
 #pragma omp parallel for schedule(static) num_threads(threads)
-    for (int t = 0; t < threads; t++)
-        for (int y = t * STRIP; y < image->height; y += threads * STRIP)
-            fill_strip(w, y, room + each * (size_t)t);
-exit:
-    free(profile);
-    free(room);
-    return status;
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x += RX_MAP_PIECE) {
+            const size_t at = (size_t)y * (size_t)width + (size_t)x;
+            const int piece = rx_min_int(width - x, RX_MAP_PIECE);
+            rx_image_sigmas(image, x, y, piece, w->lambda + at);
+            for (int i = 0; i < piece; i++)
+                w->hidden[at + (size_t)i] = w->lambda[at + (size_t)i] != w->lambda[at + (size_t)i];
+        }
+    return rx_gauss_masked(width, height, w->fwhm, w->hidden, threads, w->lambda, err);
 }
 
 static double lambda_at(const work *w, int x, int y)
 {
-    return x < 0 || y < 0 || x >= w->image->width || y >= w->image->height
+    const size_t k = (size_t)y * (size_t)w->image->width + (size_t)x;
+    return x < 0 || y < 0 || x >= w->image->width || y >= w->image->height || w->hidden[k]
                ? NAN
-               : (double)w->lambda[(size_t)y * (size_t)w->image->width + (size_t)x];
+               : (double)w->lambda[k] / w->noise;
 }
 
 typedef struct level {
@@ -225,12 +180,9 @@ static double on_line(const work *w, double density, const rx_source *source)
 {
     const rx_image *image = w->image;
     const int x = source->xpeak, y = source->ypeak;
-    /* sky photons of a line's light, which is wider than the PSF, at a height of 1 */
+    /* of a line's light, sky photons, at a height of 1 */
     const double photons =
-        image->gain > 0
-            ? w->noise * RX_FWHM_SIGMA /
-                  (2 * sqrt(M_PI) * w->fwhm * image->gain * (double)rx_map_at(&image->noise, x, y))
-            : 0;
+        image->gain > 0 ? w->noise / (image->gain * (double)rx_map_at(&image->noise, x, y)) : 0;
     double along[ANGLES], median, own = largest_near(w, x, y);
     level line = {-HUGE_VAL, 0};
     size_t n = 0;
@@ -266,8 +218,8 @@ rx_status rx_lines_mark(const rx_image *image, int nthreads, rx_sources *sources
     for (int i = 0; i < sources->n; i++)
         rx_source_doubt(&sources->list[i], on_line(&w, density, &sources->list[i]));
 exit:
-    free(w.filter);
     free(w.lambda);
+    free(w.hidden);
     free(w.to);
     return status;
 }

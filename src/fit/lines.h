@@ -24,6 +24,9 @@
 #include "data/image.h"
 #include "data/sources.h"
 
+/* The noise of rx_gauss_masked() of that FWHM where pixels have a noise of 1 and that correlation. Errors: RX_SYSTEM. */
+rx_status rx_lines_noise(const rx_noise_correlation *correlation, double fwhm, double *dst, rx_error *err);
+
 /* Gives each source its probability of being on a line (rx_source_doubt()). Of image->pixels with its sky, noise, mask and
  * PSF, without which nothing is found. The same bytes for any nthreads. Errors: RX_SYSTEM. */
 rx_status rx_lines_mark(const rx_image *image, int nthreads, rx_sources *sources, rx_error *err);

@@ -8,6 +8,7 @@
 #include "base/constants.h"
 #include "base/memory.h"
 #include "base/min_max.h"
+#include "fit/lines.h"
 #include "num/convolve.h"
 #include "num/maximum_filter.h"
 #include "num/stats.h"
@@ -230,27 +231,12 @@ static rx_status look_at_star(const work *w, int i, window *v, rx_error *err)
 /* The noise of G * u, of independent pixels of 1 and of the tile's correlation. */
 static rx_status measure_filter(work *w, rx_error *err)
 {
-    const int radius = rx_gauss_radius(w->fwhm), side = 2 * radius + 1;
-    float *line, *stamp = NULL;
-    double square = 0.0;
-    rx_status status = RX_OK;
-    RX_TRY(RX_MAKE(line, (size_t)side, err));
-    RX_TRY_EXIT(RX_MAKE(stamp, (size_t)side * (size_t)side, err));
-    rx_gauss_weights(w->fwhm, radius, line);
-    for (int i = 0; i < side * side; i++)
-        stamp[i] = line[i % side] * line[i / side];
-    for (int i = 0; i < side; i++)
-        square += (double)line[i] * (double)line[i];
-    float second[3] = {-0.5f, 1.0f, -0.5f};
+    const float second[3] = {-0.5f, 1.0f, -0.5f};
     const double factor = rx_noise_factor(w->of->image->correlation, second, 3, 1);
     w->second = 1.5 * factor * factor;
-    w->noise = rx_noise_factor(w->of->image->correlation, stamp, side, side) * square;
     w->grow = w->of->light == NULL ? (int)ceil(w->fwhm) : 0;
-    w->margin = radius + w->grow;
-exit:
-    free(line);
-    free(stamp);
-    return status;
+    w->margin = rx_gauss_radius(w->fwhm) + w->grow;
+    return rx_lines_noise(w->of->image->correlation, w->fwhm, &w->noise, err);
 }
 
 /* The median of those of n values that are known, NAN without any; how many, in the front of room. */
