@@ -93,12 +93,18 @@ static int find(const rx_image *image)
     return found;
 }
 
-static void test_lines_among_sources(void **state)
+static rx_psf *new_psf(void)
 {
-    (void)state;
     rx_psf *psf = rx_psf_new(RX_PSF_GAUSS, 25, 1);
     assert_non_null(psf);
     psf->fwhm = FWHM;
+    return psf;
+}
+
+static void test_lines_among_sources(void **state)
+{
+    (void)state;
+    rx_psf *psf = new_psf();
     rx_image image = make(psf);
     find(&image);
     for (int i = 0; i < ALL; i++) {
@@ -117,16 +123,14 @@ static void test_lines_among_sources(void **state)
     /* the photons of a line are noise along it */
     memset(mask, 0, sizeof mask);
     image.gain = 1e-3;
-    assert_true(find(&image) >= FALSE_ONES);
+    assert_true(find(&image) > FALSE_ONES);
     rx_psf_free(psf);
 }
 
 static void test_a_fit_without_neighbours_counts(void **state)
 {
     (void)state;
-    rx_psf *psf = rx_psf_new(RX_PSF_GAUSS, 25, 1);
-    assert_non_null(psf);
-    psf->fwhm = FWHM;
+    rx_psf *psf = new_psf();
     rx_image image = make(psf);
     rx_sources one = {.n = ALL, .list = list};
     add_star(320, 160, 400); /* its light is on the column */
@@ -145,9 +149,7 @@ static void test_a_fit_without_neighbours_counts(void **state)
 static void test_nothing_is_known(void **state)
 {
     (void)state;
-    rx_psf *psf = rx_psf_new(RX_PSF_GAUSS, 25, 1);
-    assert_non_null(psf);
-    psf->fwhm = FWHM;
+    rx_psf *psf = new_psf();
     rx_image image = make(NULL);
     assert_int_equal(find(&image), 0);
     image.psf = psf;
