@@ -57,7 +57,7 @@ typedef struct patch {
     unsigned char *free; /* [n] not 0: a pixel of a hit, of any value */
     int nfits, nfree;
     double paid;   /* what they cost, chi2 */
-    double *gains; /* [across^2 + GALAXIES] room */
+    double *gains; /* [across^2] of points */
 } patch;
 
 static size_t area(const shapes *s)
@@ -277,23 +277,52 @@ static double top_between(const double *gain, int place, int n, int next)
 
 typedef enum scene { LIGHT, HIT, BOTH } scene;
 
-/* The best place for one more source, its gain in chi2. The first one of LIGHT may be a galaxy; HIT has none within a FWHM of the
- * middle, where that of BOTH is. */
+/* Gain in chi2 of one more source, shape k, at its best height. */
+static double gain_of(const shapes *s, const patch *p, size_t k)
+{
+    double light, power;
+    sums(p->weight, p->left, shapes_at(s, p->place) + k * area(s), p->n, &light, &power);
+    return light > 0 && power > 0 ? light * light / power : 0;
+}
+
+/* The best place for one more source among those that are `step` places apart, up to `far` of them from place `from`. HIT has none
+ * within a FWHM of the middle, where that of BOTH is. */
+static double best_place(const shapes *s, patch *p, scene kind, int from, int far, int step, int *best)
+{
+    const int x0 = from % s->across, y0 = from / s->across;
+    double most = 0;
+    for (int y = y0 - far; y <= y0 + far; y += step)
+        for (int x = x0 - far; x <= x0 + far; x += step) {
+            const size_t k = (size_t)(y * s->across + x);
+            double dx, dy;
+            if (x < 0 || y < 0 || x >= s->across || y >= s->across)
+                continue;
+            place_of(s, k, &dx, &dy);
+            if (kind != LIGHT && (hypot(dx, dy) < s->fwhm) != (kind == BOTH))
+                continue;
+            p->gains[k] = gain_of(s, p, k);
+            if (p->gains[k] > most) {
+                most = p->gains[k];
+                *best = (int)k;
+            }
+        }
+    return most;
+}
+
+/* The best source to add, its gain in chi2. The first one of LIGHT may be a galaxy. Places two steps apart are enough to see where a
+ * point is worth most; those around it say where between. */
 static double best_source(const shapes *s, patch *p, scene kind, int *best)
 {
-    const size_t n = (size_t)p->n, all = kind == LIGHT && p->nfits == 1 ? all_count(s) : count(s);
-    const float *shape = shapes_at(s, p->place);
-    double most = 0;
-    for (size_t k = 0; k < all; k++, shape += n) {
-        double light, power, dx, dy;
-        place_of(s, k, &dx, &dy);
-        p->gains[k] = 0;
-        if (kind != LIGHT && (hypot(dx, dy) < s->fwhm) != (kind == BOTH))
-            continue;
-        sums(p->weight, p->left, shape, p->n, &light, &power);
-        p->gains[k] = light > 0 && power > 0 ? light * light / power : 0;
-        if (p->gains[k] > most) {
-            most = p->gains[k];
+    const int middle = (int)count(s) / 2;
+    double most;
+    memset(p->gains, 0, count(s) * sizeof *p->gains);
+    if (best_place(s, p, kind, middle, s->across / 2 / 2 * 2, 2, best) <= 0)
+        *best = middle;
+    most = best_place(s, p, kind, *best, 2, 1, best);
+    for (size_t k = count(s); kind == LIGHT && p->nfits == 1 && k < all_count(s); k++) {
+        const double gain = gain_of(s, p, k);
+        if (gain > most) {
+            most = gain;
             *best = (int)k;
         }
     }
@@ -516,7 +545,7 @@ rx_status rx_hits_mark(const rx_image *image, int nthreads, int first, rx_source
     RX_TRY_EXIT(make_shapes(image, &s, err));
     RX_TRY_EXIT(RX_MAKE(odds, (size_t)n, err));
     RX_TRY_EXIT(RX_MAKE(room, (MOST + 3) * area(&s) * (size_t)threads, err));
-    RX_TRY_EXIT(RX_MAKE(gains, all_count(&s) * (size_t)threads, err));
+    RX_TRY_EXIT(RX_MAKE(gains, count(&s) * (size_t)threads, err));
     RX_TRY_EXIT(RX_MAKE(freed, area(&s) * (size_t)threads, err));
 #pragma omp parallel for schedule(static) num_threads(threads)
     for (int t = 0; t < threads; t++) {
@@ -524,7 +553,7 @@ rx_status rx_hits_mark(const rx_image *image, int nthreads, int first, rx_source
         patch p = {.z = own,
                    .weight = own + area(&s),
                    .left = own + 2 * area(&s),
-                   .gains = gains + all_count(&s) * (size_t)t,
+                   .gains = gains + count(&s) * (size_t)t,
                    .free = freed + area(&s) * (size_t)t};
         for (int k = 0; k < MOST; k++)
             p.fits[k] = own + (size_t)(k + 3) * area(&s);

@@ -16,7 +16,7 @@
 rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_field *field, rx_log *log,
                          rx_psf **dst, double *by, rx_error *err);
 
-/* *mask: the image's, with all hidden but every *step-th square of 64 FWHM in a row, which leaves 18 to 36, spread evenly; to be
+/* *mask: the image's, with all hidden but every *step-th square of 64 FWHM in a row, which leaves some 8 to 12, spread evenly; to be
  * freed. NULL where *step is 1. Errors: RX_SYSTEM. */
 rx_status rx_psf_squares(const rx_image *image, double fwhm, uint8_t **mask, int *step, rx_error *err);
 

@@ -381,9 +381,11 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
                             .nthreads = params->nthreads,
                             .log = log};
     const rx_image observed = rx_field_restorable(detect);
-    const int listed = sources->n;
+    const int listed = sources->n,
+              listable = !(params->templates.par.isolate > 0); /* or only taken off the stars of the PSF */
     RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, 0, sources, err));
-    RX_TRY_EXIT(rx_lines_mark(&observed, params->nthreads, sources, err));
+    if (listable)
+        RX_TRY_EXIT(rx_lines_mark(&observed, params->nthreads, sources, err));
     status = rx_error_where(err, fit(&w, sources, err), measured.name, measured.hdu, 0);
     const int noiseless = status == RX_OK && dst->tphot->least > measured.global_noise;
     if (noiseless)
@@ -401,8 +403,10 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
         sources->list[i].point_fit = dst->tphot->list[i].point_fit;
         sources->list[i].sersic_fit = dst->tphot->list[i].sersic_fit;
     }
-    RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, listed, sources, err));
-    RX_TRY_EXIT(rx_lines_mark(&observed, params->nthreads, sources, err));
+    if (listable) {
+        RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, listed, sources, err));
+        RX_TRY_EXIT(rx_lines_mark(&observed, params->nthreads, sources, err));
+    }
     RX_TRY_EXIT(tell_tile(&w, sources, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);

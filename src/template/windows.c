@@ -43,10 +43,11 @@ static int end_of_batch(const rx_window *windows, const int *order, int n, int f
     return n;
 }
 
-static rx_status take_one(rx_window_job turn, void *user, int i, int thread, rx_error *err)
+/* The k-th of a batch. To ask for signals takes longer than many a piece. */
+static rx_status take_one(rx_window_job turn, void *user, int k, const int *order, int thread, rx_error *err)
 {
-    const rx_status status = rx_interrupt_check(err);
-    return status == RX_OK ? turn(user, i, thread, err) : status;
+    const rx_status status = k % TOGETHER == 0 ? rx_interrupt_check(err) : RX_OK;
+    return status == RX_OK ? turn(user, order[k], thread, err) : status;
 }
 
 static rx_status take_batch(int nthreads, const int *order, int n, rx_window_job turn, void *user,
@@ -56,7 +57,7 @@ static rx_status take_batch(int nthreads, const int *order, int n, rx_window_job
 #pragma omp parallel for schedule(dynamic, TOGETHER) num_threads(nthreads)
     for (int k = 0; k < n; k++) {
         rx_error own = rx_error_part(omp_get_thread_num() == 0 ? err : NULL);
-        const rx_status status = take_one(turn, user, order[k], omp_get_thread_num(), &own);
+        const rx_status status = take_one(turn, user, k, order, omp_get_thread_num(), &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_windows_failure)
             {
@@ -90,7 +91,7 @@ rx_status rx_windows_run(rx_fit_image *canvas, const rx_window *windows, int n, 
         if (status == RX_OK && !in_order)
             status = take_batch(canvas->nthreads, own, m, turn, user, err);
         for (int i = 0; in_order && i < m && status == RX_OK; i++)
-            status = take_one(turn, user, own[i], 0, err);
+            status = take_one(turn, user, i, own, 0, err);
     }
 exit:
     free(order);
