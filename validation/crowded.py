@@ -81,8 +81,7 @@ def run(folder, name, *arguments):
 def extract(folder, image, restorer, name, *arguments):
     (Path(folder) / "c.param").write_text("\n".join(COLUMNS) + "\n")
     return run(folder, "REXTRACT", image, "-RESTORE_TYPE", restorer, "-NET_MODEL", MODEL, "-CATALOG_TYPE", "FITS_1.0", "-HEADER_FACTS", "ALL",
-               "-CATALOG_NAME", f"{name}.cat", "-PARAMETERS_NAME", "c.param", "-FILTER", "Y", "-FILTER_NAME",
-               TOP / "config/default.conv", "-MAG_ZEROPOINT", ZERO, "-BLANK_CHECK", "0", "-SATUR_LEVEL", "1e9", "-CHECKIMAGE_TYPE",
+               "-CATALOG_NAME", f"{name}.cat", "-PARAMETERS_NAME", "c.param", "-MAG_ZEROPOINT", ZERO, "-BLANK_CHECK", "0", "-SATUR_LEVEL", "1e9", "-CHECKIMAGE_TYPE",
                "TEMPLATE_RESIDUAL", "-CHECKIMAGE_NAME", f"{name}.res.fits", *arguments,
                *os.environ.get("RX_ARGUMENTS", "").split())
 
@@ -459,7 +458,7 @@ def goals(rows):
     return made
 
 
-def cells_page(rows, seed):
+def cells_page(rows, seed, peer):
     """One line a cell, NONE / NET / ALLSTAR in each column."""
     programs = ("NONE", "NET", "ALLSTAR")
 
@@ -470,6 +469,8 @@ def cells_page(rows, seed):
         return " / ".join("-" if by not in row else f"({row[by]['at95']:.3f})" if row[by]["precision"] >= 0.95 else f"{row[by]['at95']:.3f}"
                           for by in programs)
     text = [f"## Cells, seed {seed}: NONE / NET / ALLSTAR", ""]
+    if peer != seed:
+        text += [f"ALLSTAR's rows are of tiles of seed {peer}, drawn in the same way: other stars.", ""]
     made = goals(rows)
     text += columns(["goal", "NONE", "NET", "not held (NET)"],
                     [[g] + [f"{v[by]['held']} of {v[by]['of']}" for by in ("NONE", "NET")] + [" ".join(v["NET"]["not"])] for g, v in made.items()])
@@ -528,11 +529,14 @@ def large_page(v):
 
 
 def page(out, seed=None):
-    """What is there, beside what summary.json in FOLDER holds already."""
+    """What is there, beside what summary.json in FOLDER holds already; of another seed ALLSTAR's rows alone."""
     old = Path(out) / "summary.json"
     summary = json.loads(old.read_text()) if old.exists() else {}
     seed = int(seed or summary.get("seed", 201))
-    rows = summary.get("cells", {}) if summary.get("seed") == seed else {}
+    rows = summary.get("cells", {})
+    if summary.get("seed", seed) != seed:
+        rows = {name: {"ALLSTAR": row["ALLSTAR"]} for name, row in rows.items() if "ALLSTAR" in row}
+        summary.setdefault("allstar", summary["seed"])
     for name in CELLS:
         for by in ("NONE", "NET", "ALLSTAR"):
             file = Path(out) / f"{name}-{seed}" / f"{by}.json"
@@ -540,7 +544,7 @@ def page(out, seed=None):
                 rows.setdefault(name, {})[by] = json.loads(file.read_text())
     rows = dict(sorted(rows.items(), key=lambda r: cell(r[0])[0]))
     summary |= {"seed": seed, "cells": rows, "goals": goals(rows)}
-    text = ["# Crowded fields", "", *__doc__[__doc__.index("What the columns"):].splitlines(), "", *cells_page(rows, seed)]
+    text = ["# Crowded fields", "", *__doc__[__doc__.index("What the columns"):].splitlines(), "", *cells_page(rows, seed, summary.get("allstar", seed))]
     for name, write in (("pairs", pairs_page), ("real", real_page), ("coadd", coadd_page), ("large", large_page)):
         if (Path(out) / f"{name}.json").exists():
             summary[name] = json.loads((Path(out) / f"{name}.json").read_text())
