@@ -3,7 +3,7 @@
 #
 #   validation/training/run.sh MODEL [FOLDER [-KEYWORD VALUE ...]]
 #
-# MODEL: psfnet, psfnet-fast, psfnet-deep, psfnet-blind, psfnet-paper, psfnet-paper-informed. psfnet begins with psfnet-fast.fits,
+# MODEL: psfnet, psfnet-fast, psfnet-deep, psfnet-blind, psfnet-paper, psfnet-paper-informed, psfnet-paper-long. psfnet begins with psfnet-fast.fits,
 # that with psfnet-floor.fits, that with psfnet-skies.fits and that with psfnet-ideal.fits, psfnet-deep with psfnet-deep-ideal.fits,
 # psfnet-blind with psfnet-blind-fields.fits, each trained first where FOLDER has none. psfnet, psfnet-fast, psfnet-floor, psfnet-skies
 # and psfnet-deep want COSMOS galaxies: FOLDER/cosmos/train, else those of the data folder
@@ -19,7 +19,7 @@ top=$(cd "$here/../.." && pwd)
 program=${RX_TRAIN:-$top/build/rextract-train}
 name=${1:-} recipe=${1:-} keywords=()
 case $name in
-psfnet | psfnet-fast | psfnet-floor | psfnet-skies | psfnet-ideal | psfnet-blind | psfnet-blind-fields | psfnet-paper) ;;
+psfnet | psfnet-fast | psfnet-floor | psfnet-skies | psfnet-ideal | psfnet-blind | psfnet-blind-fields | psfnet-paper | psfnet-paper-long) ;;
 psfnet-deep) recipe=psfnet-skies keywords=(-BLOCKS 6 -RL_STEPS 2 -EPOCHS 168 -INIT_MODEL psfnet-deep-ideal.fits) ;;
 psfnet-deep-ideal) recipe=psfnet-ideal keywords=(-BLOCKS 6 -RL_STEPS 2) ;;
 psfnet-paper-informed) recipe=psfnet-paper keywords=(-MODE INFORMED) ;;
